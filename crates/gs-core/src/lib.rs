@@ -1,0 +1,31 @@
+//! Data and maths of Gaussian splats, shared by every crate of the workspace.
+//!
+//! Promises: [`Splats`] (structure of arrays of *stored* parameters), [`Camera`], spherical harmonics, covariances,
+//! activations, float images, and the traits [`DynamicScene`] and [`Rasterizer`] through which everything else meets.
+//!
+//! Deliberately absent: files, paths, GPU, command line, training.
+//!
+//! Conventions: quaternions are `wxyz`; world units are those of the scene; the camera frame is OpenCV's (x right,
+//! y down, z forward); pixel centres lie at half-integers (image centre = `width / 2`).
+
+pub mod activation;
+mod camera;
+mod covariance;
+mod image;
+pub mod quat;
+mod raster;
+mod real;
+mod scene;
+pub mod sh;
+mod splats;
+
+pub use camera::{Camera, CameraError, Intrinsics};
+pub use covariance::{covariance, rotation_matrix};
+pub use image::{Image, ImageError};
+pub use raster::{
+    GradientConvention, RasterError, Rasterizer, RenderGrads, RenderOutput, RenderParams,
+    UpstreamGrads,
+};
+pub use real::Real;
+pub use scene::{DynamicScene, SceneError, TimeRange};
+pub use splats::{Splats, SplatsError};

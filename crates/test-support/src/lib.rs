@@ -1,0 +1,13 @@
+//! Comparators that can fail, and readers of golden files. Development only.
+//!
+//! Works on plain slices: this crate knows none of our types, so any crate of the workspace may use it in its tests.
+
+pub mod compare;
+pub mod golden;
+
+use std::path::PathBuf;
+
+/// Path of `fixtures/<relative>` at the top of the workspace.
+pub fn fixture(relative: &str) -> PathBuf {
+    PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../fixtures").join(relative)
+}

@@ -1,0 +1,220 @@
+//! Exact nearest neighbours, ties by id.
+//!
+//! A balanced tree: every node halves its points at the median of its widest axis, so coincident
+//! points cost no depth. Nodes lie in preorder, the two subtrees of a node are equal in shape, and
+//! leaves are ranges of one array, so nothing but the split planes is stored.
+
+use rayon::prelude::*;
+
+use crate::points::distance_squared;
+
+/// One answer of a search.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Neighbor {
+    /// Squared distance from the query.
+    pub distance_squared: f64,
+    /// Index of the point in the slice the tree was built from.
+    pub id: u32,
+}
+
+impl Neighbor {
+    #[inline]
+    fn before(&self, other: &Self) -> bool {
+        self.distance_squared < other.distance_squared
+            || (self.distance_squared <= other.distance_squared && self.id < other.id)
+    }
+}
+
+/// A k-d tree over points `[N,D]`, immutable; queries may run on many threads.
+#[derive(Clone, Debug)]
+pub struct KdTree<const D: usize> {
+    /// Points in leaf order, each with its id.
+    points: Vec<([f64; D], u32)>,
+    splits: Vec<Split>,
+    /// Levels of inner nodes.
+    depth: u32,
+}
+
+#[derive(Clone, Copy, Debug, Default)]
+struct Split {
+    value: f64,
+    axis: u32,
+}
+
+/// Points a leaf holds at most.
+const LEAF: usize = 8;
+
+/// Subtrees below this many points are built on one thread.
+const PARALLEL_BUILD: usize = 8192;
+
+/// Queries handed to a thread at a time.
+const QUERY_BLOCK: usize = 512;
+
+impl<const D: usize> KdTree<D> {
+    /// Builds the tree in O(N log N). Coordinates must be finite for the answers to be meaningful.
+    ///
+    /// # Panics
+    /// If there are more points than 32-bit ids can name.
+    pub fn new(points: &[[f64; D]]) -> Self {
+        assert!(u32::try_from(points.len()).is_ok(), "{} points: ids are 32 bits", points.len());
+        let mut depth = 0;
+        while points.len() > LEAF << depth {
+            depth += 1;
+        }
+        let mut points: Vec<([f64; D], u32)> = points.iter().copied().zip(0..).collect();
+        let mut splits = vec![Split::default(); (1 << depth) - 1];
+        build(&mut points, &mut splits);
+        Self { points, splits, depth }
+    }
+
+    /// Number of points.
+    pub fn len(&self) -> usize {
+        self.points.len()
+    }
+
+    /// Whether the tree holds no point.
+    pub fn is_empty(&self) -> bool {
+        self.points.is_empty()
+    }
+
+    /// The `k` points nearest to `query` (all, if there are fewer), in ascending order of
+    /// (distance, id); `out` is cleared first. Ties at the last place go to the lowest ids.
+    pub fn nearest(&self, query: &[f64; D], k: usize, out: &mut Vec<Neighbor>) {
+        self.nearest_except(query, k, u32::MAX, out);
+    }
+
+    /// [`Self::nearest`] that does not see the point `except`.
+    pub(crate) fn nearest_except(
+        &self,
+        query: &[f64; D],
+        k: usize,
+        except: u32,
+        out: &mut Vec<Neighbor>,
+    ) {
+        out.clear();
+        if k == 0 {
+            return;
+        }
+        let mut search = Search { tree: self, query, k, except, best: out };
+        search.visit(0, self.depth, 0, self.points.len(), [0.0; D], 0.0);
+    }
+
+    /// Calls `each` with the id of every point of the tree and its `k` nearest others, and
+    /// collects what it returns by id. Runs in leaf order, so that queries share cache lines.
+    pub(crate) fn map_nearest<R: Send + Default + Clone>(
+        &self,
+        k: usize,
+        each: impl Fn(u32, &[Neighbor]) -> R + Sync,
+    ) -> Vec<R> {
+        let blocks: Vec<Vec<(u32, R)>> = self
+            .points
+            .par_chunks(QUERY_BLOCK)
+            .map(|block| {
+                let mut found = Vec::with_capacity(k + 1);
+                let query = |(point, id): &([f64; D], u32)| {
+                    self.nearest_except(point, k, *id, &mut found);
+                    (*id, each(*id, &found))
+                };
+                block.iter().map(query).collect()
+            })
+            .collect();
+        let mut by_id = vec![R::default(); self.points.len()];
+        for (id, value) in blocks.into_iter().flatten() {
+            by_id[id as usize] = value;
+        }
+        by_id
+    }
+}
+
+fn build<const D: usize>(points: &mut [([f64; D], u32)], splits: &mut [Split]) {
+    let Some((root, rest)) = splits.split_first_mut() else { return };
+    let axis = widest_axis(points);
+    let mid = points.len() / 2;
+    points.select_nth_unstable_by(mid, |a, b| a.0[axis].total_cmp(&b.0[axis]));
+    *root = Split { value: points[mid].0[axis], axis: axis as u32 };
+    let (low, high) = points.split_at_mut(mid);
+    let (left, right) = rest.split_at_mut(rest.len() / 2);
+    if low.len() < PARALLEL_BUILD {
+        build(low, left);
+        build(high, right);
+    } else {
+        rayon::join(|| build(low, left), || build(high, right));
+    }
+}
+
+fn widest_axis<const D: usize>(points: &[([f64; D], u32)]) -> usize {
+    let (mut low, mut high) = ([f64::INFINITY; D], [f64::NEG_INFINITY; D]);
+    for (p, _) in points {
+        for d in 0..D {
+            low[d] = low[d].min(p[d]);
+            high[d] = high[d].max(p[d]);
+        }
+    }
+    (0..D).fold(0, |best, d| if high[d] - low[d] > high[best] - low[best] { d } else { best })
+}
+
+struct Search<'a, const D: usize> {
+    tree: &'a KdTree<D>,
+    query: &'a [f64; D],
+    k: usize,
+    except: u32,
+    /// Best so far, ascending.
+    best: &'a mut Vec<Neighbor>,
+}
+
+impl<const D: usize> Search<'_, D> {
+    /// Visits the subtree at `node` with `depth` inner levels over `points[from..to]`. `offset` is
+    /// the vector from the query to the node's region, `bound` its squared length.
+    fn visit(
+        &mut self,
+        node: usize,
+        depth: u32,
+        from: usize,
+        to: usize,
+        offset: [f64; D],
+        bound: f64,
+    ) {
+        // A bound equal to the worst distance may still hide a lower id.
+        if self.best.len() == self.k && bound > self.best[self.k - 1].distance_squared {
+            return;
+        }
+        if depth == 0 {
+            self.scan(from, to);
+            return;
+        }
+        let Split { value, axis } = self.tree.splits[node];
+        let axis = axis as usize;
+        let mid = from + (to - from) / 2;
+        let (left, right) = (node + 1, node + (1 << (depth - 1)));
+        let gap = self.query[axis] - value;
+        let mut far_offset = offset;
+        far_offset[axis] = gap;
+        // Summed afresh and in the order of `distance_squared`, so that rounding can never push
+        // the bound of a region above the distance of a point in it.
+        let far_bound = far_offset.iter().fold(0.0, |sum, x| sum + x * x);
+        if gap < 0.0 {
+            self.visit(left, depth - 1, from, mid, offset, bound);
+            self.visit(right, depth - 1, mid, to, far_offset, far_bound);
+        } else {
+            self.visit(right, depth - 1, mid, to, offset, bound);
+            self.visit(left, depth - 1, from, mid, far_offset, far_bound);
+        }
+    }
+
+    fn scan(&mut self, from: usize, to: usize) {
+        for (point, id) in &self.tree.points[from..to] {
+            if *id == self.except {
+                continue;
+            }
+            let found = Neighbor { distance_squared: distance_squared(self.query, point), id: *id };
+            if self.best.len() == self.k {
+                if !found.before(&self.best[self.k - 1]) {
+                    continue;
+                }
+                self.best.pop();
+            }
+            let place = self.best.iter().rposition(|b| b.before(&found)).map_or(0, |i| i + 1);
+            self.best.insert(place, found);
+        }
+    }
+}

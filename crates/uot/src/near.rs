@@ -1,0 +1,178 @@
+//! Geometry of the near field: which pairs interact, and their Welsch weights, one 8×8 block at a time.
+#![expect(
+    clippy::inline_always,
+    reason = "vectorised bodies must be compiled inside the dispatched caller"
+)]
+
+use crate::simd::{LANES, Lane, dispatch, exp};
+use crate::tree::{PointTree, box_distances};
+
+/// Weights of one leaf of rows against one leaf of columns, `[row lane][column lane]`.
+pub(crate) type Block = [Lane; LANES];
+
+/// `(original row, weight)` of the near rows of each column of an edited leaf.
+pub(crate) type ColumnEntries = [Vec<(u32, f64)>; LANES];
+
+/// Additional exponent of a pair, by original ids.
+pub(crate) type Extra<'a> = Box<dyn Fn(usize, usize) -> f64 + Send + Sync + 'a>;
+
+/// Two sorted clouds and the width of the cost between them.
+pub(crate) struct NearField<'a> {
+    pub(crate) src: PointTree,
+    pub(crate) edit: PointTree,
+    /// `1/(2β²)`; the largest finite number when β = 0, so that only coincident points interact.
+    inverse: f64,
+    /// Pairs with a larger exponent `r²/(2β²) + extra` are far.
+    largest_exponent: f64,
+    extra: Option<Extra<'a>>,
+}
+
+impl std::fmt::Debug for NearField<'_> {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("NearField")
+            .field("rows", &self.src.len())
+            .field("cols", &self.edit.len())
+            .field("inverse", &self.inverse)
+            .field("largest_exponent", &self.largest_exponent)
+            .field("extra", &self.extra.is_some())
+            .finish()
+    }
+}
+
+impl<'a> NearField<'a> {
+    pub(crate) fn new(
+        src: PointTree,
+        edit: PointTree,
+        beta: f64,
+        cutoff: f64,
+        extra: Option<Extra<'a>>,
+    ) -> Self {
+        let largest_exponent = 0.5 * cutoff * cutoff;
+        Self { src, edit, inverse: inverse_width(beta), largest_exponent, extra }
+    }
+
+    /// Edited leaves that hold a point near one of this source leaf, ascending.
+    pub(crate) fn edit_leaves_near(&self, leaf_box: &[[f64; 2]], out: &mut Vec<u32>) {
+        self.leaves_near(&self.edit, leaf_box, out);
+    }
+
+    /// Source leaves that hold a point near one of this edited leaf, ascending.
+    pub(crate) fn src_leaves_near(&self, leaf_box: &[[f64; 2]], out: &mut Vec<u32>) {
+        self.leaves_near(&self.src, leaf_box, out);
+    }
+
+    fn leaves_near(&self, tree: &PointTree, leaf_box: &[[f64; 2]], out: &mut Vec<u32>) {
+        out.clear();
+        // the margin covers rounding of the box distance, so no pair that passes the exact test is lost
+        let limit = self.largest_exponent * (1.0 + 1e-9);
+        tree.walk(|id| {
+            let near = box_distances(leaf_box, tree.bounds(id)).0 * self.inverse <= limit;
+            let node = tree.node(id);
+            if near && node.num_leaves == 1 {
+                out.push(node.first_leaf);
+            }
+            near
+        });
+    }
+
+    /// Exponents `r²/(2β²) + extra` of a block, infinite for padding. True when any pair is within the cutoff: only
+    /// then does the block belong to the near field, with all its pairs (the far ones among them cost nothing more).
+    #[inline(always)]
+    pub(crate) fn exponents(&self, src_leaf: usize, edit_leaf: usize, out: &mut Block) -> bool {
+        *out = [[0.0; LANES]; LANES];
+        for axis in 0..self.src.dim() {
+            let x = self.src.axis(axis)[src_leaf];
+            let y = self.edit.axis(axis)[edit_leaf];
+            for i in 0..LANES {
+                for j in 0..LANES {
+                    let t = x[i] - y[j];
+                    out[i][j] = t.mul_add(t, out[i][j]);
+                }
+            }
+        }
+        if self.extra.is_some() {
+            self.scale_and_add_extra(src_leaf, edit_leaf, out);
+        }
+        let scale = if self.extra.is_some() { 1.0 } else { self.inverse };
+        let mut near = 0_u32;
+        for value in out.as_flattened_mut() {
+            let exponent = *value * scale;
+            // comparisons with the NaN of padding are false
+            near += u32::from(exponent <= self.largest_exponent);
+            *value = if exponent >= 0.0 { exponent } else { f64::INFINITY };
+        }
+        near > 0
+    }
+
+    fn scale_and_add_extra(&self, src_leaf: usize, edit_leaf: usize, out: &mut Block) {
+        let Some(extra) = &self.extra else { return };
+        // pairs this far are never asked about: their weight is zero in any case
+        let reach = 2.0 * self.largest_exponent;
+        for (i, row) in out.iter_mut().enumerate() {
+            for (j, value) in row.iter_mut().enumerate() {
+                let exponent = *value * self.inverse;
+                *value = if exponent <= reach {
+                    let row = self.src.order[src_leaf * LANES + i] as usize;
+                    let col = self.edit.order[edit_leaf * LANES + j] as usize;
+                    exponent + extra(row, col).max(0.0)
+                } else {
+                    f64::INFINITY
+                };
+            }
+        }
+    }
+
+    /// Fills `entries` with the near rows of the columns of one edited leaf, in the order of the source tree.
+    /// `leaves` is scratch.
+    pub(crate) fn column_entries(
+        &self,
+        edit_leaf: usize,
+        edit_box: &[[f64; 2]],
+        leaves: &mut Vec<u32>,
+        entries: &mut ColumnEntries,
+    ) {
+        self.src_leaves_near(edit_box, leaves);
+        entries.iter_mut().for_each(Vec::clear);
+        let mut block = [[0.0; LANES]; LANES];
+        for &src_leaf in leaves.iter() {
+            let near = dispatch(
+                #[inline(always)]
+                || {
+                    let near = self.exponents(src_leaf as usize, edit_leaf, &mut block);
+                    if near {
+                        for value in block.as_flattened_mut() {
+                            *value = exp(-*value);
+                        }
+                    }
+                    near
+                },
+            );
+            if near {
+                for (i, row) in block.iter().enumerate() {
+                    for (entry, &w) in entries.iter_mut().zip(row) {
+                        if w > 0.0 {
+                            entry.push((self.src.order[src_leaf as usize * LANES + i], w));
+                        }
+                    }
+                }
+            }
+        }
+    }
+
+    /// Near rows of one original column, in the order of the source tree.
+    pub(crate) fn column(&self, j: usize) -> Vec<(u32, f64)> {
+        let Some(position) = self.edit.order.iter().position(|&id| id as usize == j) else {
+            return Vec::new();
+        };
+        let leaf = position / LANES;
+        let node = self.edit.groups(1)[leaf];
+        let mut entries = ColumnEntries::default();
+        self.column_entries(leaf, self.edit.bounds(node), &mut Vec::new(), &mut entries);
+        std::mem::take(&mut entries[position % LANES])
+    }
+}
+
+/// `1/(2β²)`, saturated for β = 0 and for denormal β.
+pub(crate) fn inverse_width(beta: f64) -> f64 {
+    (0.5 / (beta * beta)).min(f64::MAX)
+}

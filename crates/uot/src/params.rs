@@ -1,0 +1,167 @@
+//! Parameters of the solver and of the Welsch cost.
+
+use crate::UotError;
+
+/// Reference measure of the entropy term.
+///
+/// For uniform marginals the three plans differ by one global factor only (with Λ = λ0+λ1+λ2):
+/// `P_entropy = (n·m)^(λ0/Λ) · P_kl` and `P_plogp = e^(−λ0/Λ) · P_entropy`. Correspondences and
+/// normalised columns are identical.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum EntropyReference {
+    /// `KL(P ‖ a bᵀ)`. The mass is at most 1 and does not depend on how finely the clouds are sampled.
+    #[default]
+    Kl,
+    /// `Σ (P ln P − P)`. Uniform marginals only.
+    Entropy,
+    /// `Σ P ln P`, the paper's Eq. 22 with its sign corrected. Uniform marginals only.
+    PLogP,
+}
+
+/// How the fixed-point sweeps are accelerated. Every choice converges to the same plan.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Acceleration {
+    /// Anderson for `lambda_ent >= 0.05`, over-relaxation below; changes over when one stalls.
+    #[default]
+    Auto,
+    /// Alternating sweeps as they are. Slowest, monotone.
+    Plain,
+    /// Over-relaxation with the factor that is optimal for the contraction bound.
+    OverRelaxed,
+    /// Anderson mixing of depth 8 with the closed-form translation.
+    Anderson,
+}
+
+/// Parameters of [`crate::Sinkhorn`]. Defaults are the paper's.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SinkhornParams {
+    /// λ0, weight of the entropy term, in cost units. Default 0.1 (supplement, Eq. 22).
+    pub lambda_ent: f64,
+    /// λ1, weight of the row (source) marginal, in cost units. Default 1.
+    pub lambda_a: f64,
+    /// λ2, weight of the column (edited) marginal, in cost units. Default 1.
+    pub lambda_b: f64,
+    /// Reference measure of the entropy term. Default [`EntropyReference::Kl`].
+    pub reference: EntropyReference,
+    /// Sweeps stop once no potential moves by `tol · lambda_ent` or more. Default 1e-9; 1e-5 is
+    /// enough for correspondences.
+    pub tol: f64,
+    /// Sweeps after which the solver gives up and reports `converged = false`. Default 20 000.
+    pub max_sweeps: usize,
+    /// Acceleration of the sweeps. Default [`Acceleration::Auto`].
+    pub acceleration: Acceleration,
+}
+
+impl Default for SinkhornParams {
+    fn default() -> Self {
+        Self {
+            lambda_ent: 0.1,
+            lambda_a: 1.0,
+            lambda_b: 1.0,
+            reference: EntropyReference::Kl,
+            tol: 1e-9,
+            max_sweeps: 20_000,
+            acceleration: Acceleration::Auto,
+        }
+    }
+}
+
+impl SinkhornParams {
+    pub(crate) fn validate(&self) -> Result<(), UotError> {
+        for (name, value) in [
+            ("lambda_ent", self.lambda_ent),
+            ("lambda_a", self.lambda_a),
+            ("lambda_b", self.lambda_b),
+        ] {
+            positive(name, value)?;
+        }
+        if !(self.tol >= 0.0 && self.tol.is_finite()) {
+            let expected = "a finite number, zero or above";
+            return Err(UotError::BadParam { name: "tol", value: self.tol, expected });
+        }
+        if self.max_sweeps == 0 {
+            let expected = "at least one sweep";
+            return Err(UotError::BadParam { name: "max_sweeps", value: 0.0, expected });
+        }
+        Ok(())
+    }
+}
+
+/// Width β of the Welsch cost.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Bandwidth {
+    /// `β = γ · d_med` with γ given here and `d_med` the median of all pair distances (Eq. 21).
+    MedianTimes(f64),
+    /// β itself, in the unit of the points.
+    Fixed(f64),
+}
+
+/// How the median pair distance is found.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum MedianMode {
+    /// Exact up to [`crate::MAX_EXACT_PAIRS`] pairs, above that sampled (4 million pairs, seed 0).
+    #[default]
+    Auto,
+    /// Exact whatever the size; O(n+m) memory.
+    Exact,
+    /// Median of `pairs` pairs drawn with replacement.
+    Sampled {
+        /// Pairs to draw, at least 1.
+        pairs: usize,
+        /// Seed of the generator.
+        seed: u64,
+    },
+}
+
+/// Number format of the stored near field.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Storage {
+    /// 8 bytes an entry.
+    #[default]
+    F64,
+    /// 4 bytes an entry; potentials good to 2e-5. Sums stay in f64.
+    F32,
+}
+
+/// Parameters of the structured Welsch problem.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct WelschParams {
+    /// Width of the cost. Default `MedianTimes(0.05)` (supplement, after Eq. 21).
+    pub bandwidth: Bandwidth,
+    /// Pairs farther than `cutoff · β` (or with `w < exp(−cutoff²/2)`) may be taken to cost exactly 1. Default 6:
+    /// potentials good to 2e-9. 4 is enough for correspondences, 8 equals the dense problem.
+    pub cutoff: f64,
+    /// How the median is found. Default [`MedianMode::Auto`].
+    pub median: MedianMode,
+    /// Number format of the near field. Default [`Storage::F64`].
+    pub storage: Storage,
+}
+
+impl Default for WelschParams {
+    fn default() -> Self {
+        Self {
+            bandwidth: Bandwidth::MedianTimes(0.05),
+            cutoff: 6.0,
+            median: MedianMode::Auto,
+            storage: Storage::F64,
+        }
+    }
+}
+
+impl WelschParams {
+    pub(crate) fn validate(&self) -> Result<(), UotError> {
+        match self.bandwidth {
+            Bandwidth::MedianTimes(gamma) => positive("gamma", gamma)?,
+            Bandwidth::Fixed(beta) => positive("beta", beta)?,
+        }
+        positive("cutoff", self.cutoff)
+    }
+}
+
+fn positive(name: &'static str, value: f64) -> Result<(), UotError> {
+    if value > 0.0 && value.is_finite() {
+        Ok(())
+    } else {
+        Err(UotError::BadParam { name, value, expected: "a finite number above zero" })
+    }
+}

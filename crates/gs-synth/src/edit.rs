@@ -1,0 +1,299 @@
+//! [`Edit`]: what a static editor does to the frame-1 splats, keeping the truth of where each result belongs.
+
+mod blocky;
+mod clothing;
+mod draft;
+mod graft;
+
+use crate::{
+    EditedFrame, SynthError, SynthScene,
+    math::{normal, normal3, rng, uniform},
+    paint::{luma, turn_hue},
+    part::{Kind, Part, Tag},
+    scene::Row,
+    truth,
+};
+pub(crate) use draft::Draft;
+use glam::{Quat, Vec3};
+use gs_core::{activation, quat, sh};
+use rand_pcg::Pcg64;
+
+/// Which splats an edit touches: those of some parts, inside an optional ball.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Region {
+    /// Body parts.
+    pub parts: Vec<Part>,
+    /// Centre and radius of a ball at frame 1, world units; `None` for everywhere.
+    pub ball: Option<([f32; 3], f32)>,
+}
+
+impl Region {
+    /// Everything of these parts.
+    pub fn parts(parts: &[Part]) -> Self {
+        Self { parts: parts.to_vec(), ball: None }
+    }
+
+    /// The whole figure, both objects and the sheet: whatever moves, floaters excepted.
+    pub fn moving() -> Self {
+        let mut parts = Part::FIGURE.to_vec();
+        parts.extend([Part::ObjectA, Part::ObjectB, Part::Cloth]);
+        Self { parts, ball: None }
+    }
+
+    /// Only within `radius` of `center` (frame-1 world).
+    #[must_use]
+    pub fn within(mut self, center: [f32; 3], radius: f32) -> Self {
+        self.ball = Some((center, radius));
+        self
+    }
+
+    fn contains(&self, part: Part, mean: [f32; 3]) -> bool {
+        let inside = self.ball.is_none_or(|(center, radius)| {
+            Vec3::from(center).distance_squared(Vec3::from(mean)) <= radius * radius
+        });
+        inside && self.parts.contains(&part)
+    }
+}
+
+/// New colours. The light baked into the old ones is kept.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Paint {
+    /// One colour (sRGB, 0–1), without texture.
+    Solid([f32; 3]),
+    /// One colour (sRGB, 0–1) times the texture's brightness.
+    Tint([f32; 3]),
+    /// Every hue turned by this angle, radians.
+    Hue(f32),
+    /// A quilted jacket with zip, collar and cuffs.
+    Jacket,
+}
+
+/// Geometry to add.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Graft {
+    /// Brimmed hat on the head.
+    Hat,
+    /// Two horns on the head.
+    Horns,
+    /// Two wings on the back, carried by the chest.
+    Wings,
+}
+
+/// One step of an editing session. Lengths are shares of the figure size.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Edit {
+    /// New colours, same geometry.
+    Recolour {
+        /// Where.
+        region: Region,
+        /// Which.
+        paint: Paint,
+    },
+    /// Surface splats move out along their normals and multiply.
+    Clothing {
+        /// Where.
+        region: Region,
+        /// Smallest and largest offset, figure sizes; folds run between the two. Collar and cuffs of a figure lie closer.
+        offset: [f32; 2],
+        /// Splats afterwards per splat before, at least 1; the additional ones are jittered clones.
+        copies: f32,
+        /// Position noise, figure sizes.
+        jitter: f32,
+        /// New colours, if any.
+        paint: Option<Paint>,
+    },
+    /// A share of the splats goes away, a share of the others becomes two smaller ones.
+    PruneSplit {
+        /// Where.
+        region: Region,
+        /// Share removed, 0–1.
+        prune: f32,
+        /// Share of the remaining that is split, 0–1.
+        split: f32,
+    },
+    /// New geometry appears.
+    Graft(Graft),
+    /// Body parts become boxes of their size; the neck stays. Only parts of the figure that are still there are re-modelled.
+    Blocky {
+        /// Parts of the figure to re-model.
+        parts: Vec<Part>,
+    },
+    /// Every splat of the region is disturbed a little, as by a few optimiser steps.
+    Drift {
+        /// Where.
+        region: Region,
+        /// Position noise, root mean square per axis, figure sizes.
+        position: f32,
+        /// Rotation noise, radians per axis.
+        angle_rad: f32,
+        /// Noise of the logarithms of the scales.
+        log_scale: f32,
+    },
+    /// The splats of the region go away.
+    Remove {
+        /// Where.
+        region: Region,
+    },
+    /// Rows change places.
+    Shuffle,
+}
+
+/// Applies `edits` in order to the frame-1 splats of `scene`.
+///
+/// Splats that no edit touches stay bit-identical. The truth has the source's rig without its noise.
+///
+/// # Errors
+/// If a parameter is out of range or an edit needs a figure the scene does not have.
+pub fn apply_edits(
+    scene: &SynthScene,
+    edits: &[Edit],
+    seed: u64,
+) -> Result<EditedFrame, SynthError> {
+    let mut draft = Draft::of(scene);
+    for (step, edit) in edits.iter().enumerate() {
+        edit.check()?;
+        let mut rng = rng(seed, 100 + step as u64);
+        match edit {
+            Edit::Recolour { region, paint } => {
+                let rows = draft.rows_in(region);
+                recolour(&mut draft, &rows, *paint);
+            }
+            Edit::Clothing { region, offset, copies, jitter, paint } => {
+                let size = scene.figure_size();
+                let wear = clothing::Wear {
+                    offset: offset.map(|share| share * size),
+                    copies: *copies,
+                    jitter: jitter * size,
+                };
+                let worn = clothing::dress(&mut draft, &scene.rig.posing(), region, wear, &mut rng);
+                if let Some(paint) = paint {
+                    recolour(&mut draft, &worn, *paint);
+                }
+            }
+            Edit::PruneSplit { region, prune, split } => {
+                prune_split(&mut draft, region, *prune, *split, &mut rng);
+            }
+            Edit::Graft(graft) => graft::attach(&mut draft, scene, *graft, &mut rng)?,
+            Edit::Blocky { parts } => blocky::remodel(&mut draft, scene, parts, &mut rng)?,
+            Edit::Drift { region, position, angle_rad, log_scale } => {
+                let noise = [position * scene.figure_size(), *angle_rad, *log_scale];
+                drift(&mut draft, region, noise, &mut rng);
+            }
+            Edit::Remove { region } => {
+                let gone = draft.mask_of(region);
+                draft.retain(|i| !gone[i]);
+            }
+            Edit::Shuffle => draft.shuffle(&mut rng),
+        }
+    }
+    Ok(truth::finish(scene, draft))
+}
+
+impl Edit {
+    fn check(&self) -> Result<(), SynthError> {
+        let share = |name, value: f32, max: f32, expected| {
+            if (0.0..=max).contains(&value) {
+                Ok(())
+            } else {
+                Err(SynthError::param(name, value, expected))
+            }
+        };
+        match self {
+            Self::Clothing { offset, copies, jitter, .. } => {
+                share("offset[0]", offset[0], 0.5, "0 to 0.5")?;
+                share("offset[1]", offset[1], 0.5, "0 to 0.5")?;
+                share("jitter", *jitter, 0.1, "0 to 0.1")?;
+                share("copies", copies - 1.0, 15.0, "1 to 16 copies")
+            }
+            Self::PruneSplit { prune, split, .. } => {
+                share("prune", *prune, 1.0, "0 to 1")?;
+                share("split", *split, 1.0, "0 to 1")
+            }
+            Self::Drift { position, angle_rad, log_scale, .. } => {
+                share("position", *position, 0.1, "0 to 0.1")?;
+                share("angle_rad", *angle_rad, 4.0, "0 to 4")?;
+                share("log_scale", *log_scale, 4.0, "0 to 4")
+            }
+            Self::Recolour { .. }
+            | Self::Graft(_)
+            | Self::Blocky { .. }
+            | Self::Remove { .. }
+            | Self::Shuffle => Ok(()),
+        }
+    }
+}
+
+/// Repaints the rows; their other SH coefficients stay.
+fn recolour(draft: &mut Draft, rows: &[usize], paint: Paint) {
+    let coeffs = draft.splats.sh_coeffs();
+    let albedo = |draft: &Draft, i: usize| {
+        let dc = Vec3::from(draft.splats.sh[i * coeffs]);
+        (dc * sh::C0 + 0.5) / draft.rows[i].shade.max(Vec3::splat(1e-3))
+    };
+    let brightness: f32 = rows.iter().map(|&i| luma(albedo(draft, i))).sum();
+    let mean = (brightness / rows.len().max(1) as f32).max(1e-3);
+    for &i in rows {
+        let old = albedo(draft, i);
+        let new = match paint {
+            Paint::Solid(rgb) => Vec3::from(rgb),
+            Paint::Tint(rgb) => Vec3::from(rgb) * (0.35 + 0.65 * luma(old) / mean),
+            Paint::Hue(angle_rad) => turn_hue(old, angle_rad),
+            Paint::Jacket => clothing::jacket(&draft.rows[i]),
+        };
+        let lit = (new * draft.rows[i].shade).clamp(Vec3::ZERO, Vec3::ONE);
+        draft.splats.sh[i * coeffs] = sh::dc_from_rgb(lit.into());
+        if draft.tags[i] == Tag::Unchanged {
+            draft.tags[i] = Tag::Recoloured;
+        }
+    }
+}
+
+fn drift(draft: &mut Draft, region: &Region, noise: [f32; 3], rng: &mut Pcg64) {
+    let [position, angle_rad, log_scale] = noise;
+    for i in draft.rows_in(region) {
+        let splats = &mut draft.splats;
+        splats.means[i] = (Vec3::from(splats.means[i]) + normal3(rng) * position).into();
+        let turn = Quat::from_scaled_axis(normal3(rng) * angle_rad);
+        splats.quats[i] = quat::mul(quat::from_glam(turn), splats.quats[i]);
+        for value in &mut splats.log_scales[i] {
+            *value += log_scale * normal(rng);
+        }
+        if matches!(draft.tags[i], Tag::Unchanged | Tag::Recoloured) {
+            draft.tags[i] = Tag::Drifted;
+        }
+    }
+}
+
+/// A split replaces a splat by two of 0.65 its size, displaced along its longest axis.
+fn prune_split(draft: &mut Draft, region: &Region, prune: f32, split: f32, rng: &mut Pcg64) {
+    let inside = draft.mask_of(region);
+    let gone: Vec<bool> =
+        inside.iter().map(|&is_inside| is_inside && uniform(rng, 0.0, 1.0) < prune).collect();
+    let parents: Vec<bool> = inside
+        .iter()
+        .zip(&gone)
+        .map(|(&is_inside, &is_gone)| uniform(rng, 0.0, 1.0) < split && is_inside && !is_gone)
+        .collect();
+    for i in (0..inside.len()).filter(|&i| parents[i]) {
+        let scale = draft.splats.scale(i);
+        let longest = (0..3).max_by(|&a, &b| scale[a].total_cmp(&scale[b])).unwrap_or(0);
+        let axis = quat::to_glam(draft.splats.rotation(i)) * Vec3::AXES[longest];
+        let step = axis * (scale[longest] * uniform(rng, 0.5, 0.8));
+        let child = draft.push_clone(i);
+        for (row, sign) in [(i, 1.0), (child, -1.0)] {
+            let splats = &mut draft.splats;
+            splats.means[row] = (Vec3::from(splats.means[row]) + sign * step).into();
+            for value in &mut splats.log_scales[row] {
+                *value += 0.65_f32.ln();
+            }
+            let opacity = (splats.opacity(row) * uniform(rng, 0.95, 1.0)).clamp(0.01, 0.99);
+            splats.opacity_logits[row] = activation::logit(opacity);
+            draft.tags[row] = Tag::SplitChild;
+        }
+    }
+    draft.retain(|i| i >= gone.len() || !gone[i]);
+}
+
+fn is_surface(row: &Row) -> bool {
+    matches!(row.kind, Kind::Surface | Kind::Outlier)
+}

@@ -1,0 +1,138 @@
+//! Grafts: hat, horns, wings.
+
+use super::{Draft, Graft};
+use crate::{
+    SynthError, SynthScene,
+    assemble::Dresser,
+    math::round_count,
+    paint::{Material, Spot, matt, rgb, ripple, shiny, stripes},
+    part::{Bone, Part, Tag},
+    rig::Attach,
+    sampler::{Body, scatter, weighted_area},
+    shape::{Ring, Shape, ring},
+};
+use glam::{Mat3, Vec3};
+use rand_pcg::Pcg64;
+
+/// Adds the graft with the chest's density of splats.
+pub(super) fn attach(
+    draft: &mut Draft,
+    scene: &SynthScene,
+    graft: Graft,
+    rng: &mut Pcg64,
+) -> Result<(), SynthError> {
+    let Some(model) = scene.rows.iter().find(|row| row.part == Part::Chest) else {
+        return Err(SynthError::NoFigure { edit: "a graft" });
+    };
+    let (bodies, tag) = match graft {
+        Graft::Hat => (hat(), Tag::Hat),
+        Graft::Horns => (vec![horn(1.0), horn(-1.0)], Tag::Horns),
+        Graft::Wings => (vec![wing(1.0), wing(-1.0)], Tag::Wings),
+    };
+    let spacing = 0.8 * model.spacing;
+    let count = round_count(weighted_area(&bodies) / (spacing * spacing)).max(8);
+    add(draft, scene, &bodies, count, tag, rng);
+    Ok(())
+}
+
+/// Appends `count` surface splats of `bodies`, new to the scene.
+pub(super) fn add(
+    draft: &mut Draft,
+    scene: &SynthScene,
+    bodies: &[Body],
+    count: usize,
+    tag: Tag,
+    rng: &mut Pcg64,
+) {
+    let posing = scene.rig.posing();
+    let dresser = Dresser::with_parts(&posing, true, false, scene.frame1.sh_degree);
+    for point in scatter(bodies, count, 0, rng) {
+        let row = dresser.push(&point, &mut draft.splats, rng);
+        draft.rows.push(row);
+        draft.tags.push(tag);
+        draft.source_rows.push(None);
+    }
+}
+
+fn hat() -> Vec<Body> {
+    let tilt = Mat3::from_rotation_x(-0.10) * Mat3::from_rotation_z(-0.05);
+    let at = |rings: &[Ring]| Shape::Lathe {
+        rings: rings.to_vec(),
+        basis: tilt,
+        origin: Vec3::new(0.0, 1.705, -0.005),
+    };
+    let round = |y: f32, radius: f32| ring(y, [0.0, 0.0], [radius * 0.95, radius * 1.05]);
+    let head = Attach::rigid(Bone::Head);
+    vec![
+        Body::new(
+            Part::Head,
+            at(&[
+                round(-0.002, 0.12),
+                round(-0.008, 0.19),
+                round(0.002, 0.236),
+                round(0.015, 0.250),
+                round(0.028, 0.238),
+                round(0.018, 0.19),
+                round(0.020, 0.13),
+            ]),
+            felt,
+        )
+        .denser(1.3)
+        .carried_by(head),
+        Body::new(
+            Part::Head,
+            at(&[
+                round(0.008, 0.143),
+                round(0.05, 0.141),
+                round(0.10, 0.136),
+                round(0.145, 0.124),
+                round(0.163, 0.100),
+                round(0.158, 0.05),
+                round(0.150, 0.0),
+            ]),
+            felt,
+        )
+        .carried_by(head),
+    ]
+}
+
+fn felt(spot: &Spot) -> Material {
+    let band = spot.rest.y > 1.738 && spot.rest.y < 1.775;
+    let on_crown = spot.rest.x.hypot(spot.rest.z) < 0.16;
+    if band && on_crown && spot.normal.y < 0.6 {
+        return shiny(rgb(0.93, 0.72, 0.27), 0.05);
+    }
+    matt(rgb(0.30, 0.21, 0.40) * (1.0 + 0.07 * ripple(spot.rest, 8.0)))
+}
+
+fn horn(side: f32) -> Body {
+    let at = |x: f32, y: f32, z: f32| Vec3::new(side * x, y, z);
+    Body::new(
+        Part::Head,
+        Shape::Horn {
+            curve: [at(0.072, 1.715, 0.02), at(0.24, 1.77, 0.01), at(0.175, 1.97, 0.07)],
+            radii: [0.038, 0.006],
+        },
+        |spot| {
+            let ridge = stripes(spot.uv[0], 0.09, 0.45, 0.15);
+            shiny(rgb(0.91, 0.86, 0.74) * (1.0 - 0.35 * spot.uv[0] - 0.15 * ridge), 0.08)
+        },
+    )
+    .denser(1.6)
+    .carried_by(Attach::rigid(Bone::Head))
+}
+
+fn wing(side: f32) -> Body {
+    Body::new(
+        Part::Chest,
+        Shape::Wing { root: Vec3::new(side * 0.045, 1.30, -0.13), side },
+        |spot| {
+            let [u, v] = spot.uv;
+            let quill = stripes(u * (1.0 + 0.4 * v), 0.085, 0.72, 0.18);
+            let tip = rgb(0.44, 0.56, 0.80);
+            let down = rgb(0.97, 0.96, 0.94);
+            shiny((down + (tip - down) * v) * (0.80 + 0.2 * quill), 0.04)
+        },
+    )
+    .carried_by(Attach::rigid(Bone::Chest))
+}

@@ -1,0 +1,49 @@
+//! [`SynthError`].
+
+use gs_core::SceneError;
+use thiserror::Error;
+
+/// Why a scene, an edit or a score could not be made.
+#[derive(Debug, Error)]
+pub enum SynthError {
+    /// A parameter is out of range.
+    #[error("gs-synth: `{name}` is {found}, expected {expected}")]
+    Param {
+        /// The parameter.
+        name: &'static str,
+        /// Its value.
+        found: String,
+        /// What is allowed.
+        expected: &'static str,
+    },
+    /// An edit needs a body part the scene does not have.
+    #[error("gs-synth: {edit} needs a figure, but this scene has none")]
+    NoFigure {
+        /// The edit.
+        edit: &'static str,
+    },
+    /// No such case.
+    #[error("gs-synth: no truth case is called `{0}`")]
+    UnknownCase(String),
+    /// The prediction has another number of splats than the truth.
+    #[error("gs-synth: the predicted scene has {found} splats, the truth has {expected}")]
+    Count {
+        /// Splats predicted.
+        found: usize,
+        /// Splats of the truth.
+        expected: usize,
+    },
+    /// A scene could not be evaluated.
+    #[error(transparent)]
+    Scene(#[from] SceneError),
+}
+
+impl SynthError {
+    pub(crate) fn param(
+        name: &'static str,
+        found: impl std::fmt::Display,
+        expected: &'static str,
+    ) -> Self {
+        Self::Param { name, found: found.to_string(), expected }
+    }
+}

@@ -1,0 +1,50 @@
+//! Seeded dynamic scenes, edits of their first frame, and the truth of both.
+//!
+//! Promises: [`demo`], a scene worth watching; [`apply_edits`], what an editor does to its first frame; [`Truth`], how every edited splat
+//! really moves; [`build`], cases made to break methods; [`motion_error`], the score. Everything is a function of its seed; at `t = 0`
+//! scenes and truths return their frame-1 splats bit for bit.
+//!
+//! Conventions: world units are about metres, y is up, a figure stands on y = 0 at the origin and faces +z (its left is +x); times run
+//! over `[0,1]` and frame 1 is `t = 0`; quaternions are `wxyz`; colours are sRGB values taken as they are.
+//!
+//! Deliberately absent: files, and every method under test.
+//!
+//! ```
+//! use gs_synth::{DemoParams, apply_edits, demo, demo_edits, motion_error};
+//!
+//! let scene = demo(&DemoParams { num_splats: 2_000, ..DemoParams::default() })?;
+//! let edited = apply_edits(&scene, &demo_edits(), 0)?;
+//! let perfect = motion_error(&edited.truth, &edited.truth, &[0.25, 0.5])?;
+//! assert_eq!(perfect.epe, 0.0);
+//! # Ok::<(), gs_synth::SynthError>(())
+//! ```
+
+mod assemble;
+mod cameras;
+mod cases;
+mod cloth;
+mod contact;
+mod dance;
+mod demo;
+mod edit;
+mod error;
+mod figure;
+mod math;
+mod metric;
+mod paint;
+mod part;
+mod rig;
+mod sampler;
+mod scene;
+mod shape;
+mod stage;
+mod truth;
+
+pub use cases::{TruthCase, TruthScene, build};
+pub use demo::{DemoParams, demo, demo_edits};
+pub use edit::{Edit, Graft, Paint, Region, apply_edits};
+pub use error::SynthError;
+pub use metric::{MotionError, motion_error, motion_error_of};
+pub use part::{Bone, Kind, Part, Tag};
+pub use scene::{Row, SynthScene};
+pub use truth::{EditedFrame, Truth};

@@ -1,0 +1,169 @@
+//! [`SynthScene`]: splats on a rig, exact at every time.
+
+use crate::{
+    part::{Bone, Kind, Part},
+    rig::{Attach, Rig},
+};
+use glam::{Quat, Vec3};
+use gs_core::{DynamicScene, SceneError, Splats, TimeRange, quat};
+use std::f32::consts::TAU;
+
+/// What is known about one splat of a synthetic scene. Diagnostics: never an input of a method under test.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Row {
+    /// What it belongs to.
+    pub part: Part,
+    /// Surface, interior, floater or outlier.
+    pub kind: Kind,
+    /// Position in the bind pose, world units.
+    pub rest: [f32; 3],
+    /// Outward unit normal at frame 1, world frame; for interior splats that of the nearest surface.
+    pub normal: [f32; 3],
+    /// Mean distance between splats of the same body, world units.
+    pub spacing: f32,
+    /// Baked light: colour = albedo × shade.
+    pub(crate) shade: Vec3,
+    pub(crate) attach: Attach,
+}
+
+impl Row {
+    /// The single bone with which the splat moves; `None` between two bones and on cloth.
+    pub fn rigid_bone(&self) -> Option<Bone> {
+        let is_rigid = self.attach.weight >= 1.0 && self.attach.bone != Bone::Cloth;
+        is_rigid.then_some(self.attach.bone)
+    }
+}
+
+/// A smooth deviation from the true motion, zero at frame 1, per splat; world units and radians.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Wobble {
+    pub(crate) sine: Vec3,
+    pub(crate) cosine: Vec3,
+    pub(crate) turn: Vec3,
+}
+
+/// A splat whose motion has little to do with its place.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Stray {
+    pub(crate) row: u32,
+    pub(crate) drift: Vec3,
+    pub(crate) swing: Vec3,
+}
+
+/// The box swept by what moves: what cameras frame. World units.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct View {
+    pub(crate) center: [f32; 3],
+    pub(crate) extent: f32,
+}
+
+/// A synthetic dynamic scene: frame-1 splats and the exact motion of each.
+///
+/// World units are about metres, y is up; a figure stands on y = 0 at the origin and faces +z. Times run over `[0,1]`; frame 1
+/// is `t = 0`, where the scene returns its frame-1 splats bit for bit. Colours and opacities do not change with time.
+#[derive(Debug, Clone, PartialEq)]
+pub struct SynthScene {
+    pub(crate) rig: Rig,
+    pub(crate) frame1: Splats,
+    pub(crate) rows: Vec<Row>,
+    /// Empty without trajectory noise.
+    pub(crate) wobbles: Vec<Wobble>,
+    pub(crate) strays: Vec<Stray>,
+    pub(crate) figure_size: f32,
+    pub(crate) view: View,
+}
+
+impl SynthScene {
+    /// The splats at `t = 0`.
+    pub fn frame1(&self) -> &Splats {
+        &self.frame1
+    }
+
+    /// What is known about each splat, `[N]`.
+    pub fn rows(&self) -> &[Row] {
+        &self.rows
+    }
+
+    /// Largest extent of what moves at frame 1, world units: the length unit of [`crate::motion_error`].
+    pub fn figure_size(&self) -> f32 {
+        self.figure_size
+    }
+
+    /// Which splats belong to something that moves, `[N]`. Floaters do.
+    pub fn moving_mask(&self) -> Vec<bool> {
+        self.rows.iter().map(|row| !Part::SCENERY.contains(&row.part)).collect()
+    }
+
+    /// The same splats with their true motion: without trajectory noise, outliers follow the surface they lie on. Floaters keep the only
+    /// motion they have.
+    #[must_use]
+    pub fn noise_free(&self) -> Self {
+        let strays = self.strays.iter().copied();
+        let is_floater = |stray: &Stray| self.rows[stray.row as usize].kind == Kind::Floater;
+        Self { wobbles: Vec::new(), strays: strays.filter(is_floater).collect(), ..self.clone() }
+    }
+
+    /// Means, quaternions and log-scales at `t`, without the other arrays.
+    fn move_into(&self, t: f32, out: &mut Splats) {
+        out.means.clone_from(&self.frame1.means);
+        out.quats.clone_from(&self.frame1.quats);
+        out.log_scales.clone_from(&self.frame1.log_scales);
+        if t == 0.0 {
+            return;
+        }
+        let frame = self.rig.motion(f64::from(t));
+        for (i, row) in self.rows.iter().enumerate() {
+            if !frame.is_still(row.attach) {
+                let moved = frame.splat(row.attach, out.means[i], out.quats[i], out.log_scales[i]);
+                out.means[i] = moved.mean;
+                out.quats[i] = moved.quat;
+                out.log_scales[i] = moved.log_scales;
+            }
+        }
+        let (sine, versine) = ((TAU * t).sin(), (1.0 - (2.0 * TAU * t).cos()) / 2.0);
+        for (i, wobble) in self.wobbles.iter().enumerate() {
+            let mean = Vec3::from(out.means[i]) + wobble.sine * sine + wobble.cosine * versine;
+            out.means[i] = mean.into();
+            let turn = Quat::from_scaled_axis(wobble.turn * sine);
+            out.quats[i] = quat::mul(quat::from_glam(turn), out.quats[i]);
+        }
+        for stray in &self.strays {
+            let mean = &mut out.means[stray.row as usize];
+            *mean = (Vec3::from(*mean) + stray.drift * t + stray.swing * (4.0 * t).sin()).into();
+        }
+    }
+
+    fn check_time(&self, t: f32) -> Result<(), SceneError> {
+        let range = self.time_range();
+        if range.contains(t) { Ok(()) } else { Err(SceneError::Time { t, range }) }
+    }
+}
+
+impl DynamicScene for SynthScene {
+    fn num_splats(&self) -> usize {
+        self.frame1.len()
+    }
+
+    fn sh_degree(&self) -> usize {
+        self.frame1.sh_degree
+    }
+
+    fn time_range(&self) -> TimeRange {
+        TimeRange::UNIT
+    }
+
+    fn at_into(&self, t: f32, out: &mut Splats) -> Result<(), SceneError> {
+        self.check_time(t)?;
+        self.move_into(t, out);
+        out.opacity_logits.clone_from(&self.frame1.opacity_logits);
+        out.sh.clone_from(&self.frame1.sh);
+        out.sh_degree = self.frame1.sh_degree;
+        Ok(())
+    }
+
+    fn geometry_into(&self, t: f32, out: &mut Splats) -> Result<(), SceneError> {
+        self.check_time(t)?;
+        self.move_into(t, out);
+        Ok(())
+    }
+}

@@ -1,0 +1,43 @@
+//! Deformation fields of dynamic Gaussian splats, evaluated at any time for all Gaussians at once.
+//!
+//! Promises: [`HexPlaneScene`] gives the numbers of the 4DGaussians reference implementation within single-precision
+//! rounding, for every combination of flags that implementation can evaluate; [`Trajectories`] interpolates tabulated
+//! frames and is exact at them; [`StaticScene`] never moves. All are [`gs_core::DynamicScene`]s, run on all cores, and
+//! give the same bits whatever the number of threads (not whatever the processor: vector width changes rounding).
+//!
+//! Deliberately absent: files (see `gs-io`), GPU, training.
+//!
+//! Conventions: arrays are those of [`gs_core::Splats`]: *stored* parameters (log-scales, logits, raw quaternions
+//! `wxyz`) in the world frame. Network time is dimensionless, 0 to 1 over the captured sequence.
+
+#![expect(
+    clippy::inline_always,
+    reason = "kernels must inline into the function that run-time dispatch compiles for the processor's vector instructions"
+)]
+
+mod error;
+mod evaluate;
+pub mod frames;
+mod hexplane;
+mod linear;
+mod mask;
+mod network;
+mod sampling;
+mod scene;
+mod static_scene;
+mod trace;
+mod trajectories;
+
+pub use error::FieldError;
+pub use hexplane::{HexPlane, PLANE_AXES, Plane};
+pub use linear::Linear;
+pub use mask::{EmptyVoxel, Mask};
+pub use network::{Component, Head, Heads, HexPlaneField, HexPlaneNetwork};
+pub use scene::{DEFAULT_CACHE_LIMIT, HexPlaneScene};
+pub use static_scene::StaticScene;
+pub use trace::Trace;
+pub use trajectories::{Trajectories, TrajectoryError};
+
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct ReadmeDoctests;

@@ -1,0 +1,172 @@
+//! [`Trajectories`]: a scene tabulated frame by frame, in memory.
+
+use crate::frames::{self, Position};
+use gs_core::{DynamicScene, SceneError, Splats, SplatsError, TimeRange};
+use thiserror::Error;
+
+/// Frames that do not make a scene.
+#[derive(Debug, Clone, PartialEq, Eq, Error)]
+pub enum TrajectoryError {
+    /// No frames.
+    #[error("trajectories: no frames, expected at least 1")]
+    Empty,
+    /// A frame has other rows than the first.
+    #[error(
+        "trajectories: frame {frame} has {found} splats of SH degree {found_degree}, expected {expected} of degree {expected_degree} as in frame 0"
+    )]
+    Rows {
+        /// Which frame.
+        frame: usize,
+        /// Its splats.
+        found: usize,
+        /// Its SH degree.
+        found_degree: usize,
+        /// Splats of frame 0.
+        expected: usize,
+        /// SH degree of frame 0.
+        expected_degree: usize,
+    },
+    /// The arrays of a frame disagree.
+    #[error("trajectories: frame {frame}: {source}")]
+    Splats {
+        /// Which frame.
+        frame: usize,
+        /// What is wrong.
+        source: SplatsError,
+    },
+}
+
+/// `n` frames with persistent rows at times `i/(n−1)`: exact at the frames (stored bits), linear between them (rotations by
+/// normalised linear interpolation). A single frame holds at every time.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Trajectories {
+    frames: Vec<Splats>,
+}
+
+impl Trajectories {
+    /// # Errors
+    /// If there are no frames, or they differ in rows or SH degree.
+    pub fn new(frames: Vec<Splats>) -> Result<Self, TrajectoryError> {
+        let first = frames.first().ok_or(TrajectoryError::Empty)?;
+        for (index, frame) in frames.iter().enumerate() {
+            frame
+                .check_shapes()
+                .map_err(|source| TrajectoryError::Splats { frame: index, source })?;
+            if (frame.len(), frame.sh_degree) != (first.len(), first.sh_degree) {
+                return Err(TrajectoryError::Rows {
+                    frame: index,
+                    found: frame.len(),
+                    found_degree: frame.sh_degree,
+                    expected: first.len(),
+                    expected_degree: first.sh_degree,
+                });
+            }
+        }
+        Ok(Self { frames })
+    }
+
+    /// The frames.
+    pub fn frames(&self) -> &[Splats] {
+        &self.frames
+    }
+
+    fn evaluate(&self, t: f32, geometry_only: bool, out: &mut Splats) -> Result<(), SceneError> {
+        let range = self.time_range();
+        if !range.contains(t) {
+            return Err(SceneError::Time { t, range });
+        }
+        match frames::position(t, self.frames.len()) {
+            Position::At(i) => frames::copy(&self.frames[i], geometry_only, out),
+            Position::Between(i, fraction) => {
+                frames::blend(&self.frames[i], &self.frames[i + 1], fraction, geometry_only, out);
+            }
+        }
+        Ok(())
+    }
+}
+
+impl DynamicScene for Trajectories {
+    fn num_splats(&self) -> usize {
+        self.frames[0].len()
+    }
+
+    fn sh_degree(&self) -> usize {
+        self.frames[0].sh_degree
+    }
+
+    fn time_range(&self) -> TimeRange {
+        TimeRange::UNIT
+    }
+
+    fn num_frames(&self) -> Option<usize> {
+        Some(self.frames.len())
+    }
+
+    fn at_into(&self, t: f32, out: &mut Splats) -> Result<(), SceneError> {
+        self.evaluate(t, false, out)
+    }
+
+    fn geometry_into(&self, t: f32, out: &mut Splats) -> Result<(), SceneError> {
+        self.evaluate(t, true, out)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn frame(x: f32, q: [f32; 4]) -> Splats {
+        Splats {
+            means: vec![[x, 0.0, 1.0]],
+            quats: vec![q],
+            log_scales: vec![[x; 3]],
+            opacity_logits: vec![x],
+            sh: vec![[x; 3]],
+            sh_degree: 0,
+        }
+    }
+
+    #[test]
+    fn exact_at_frames_and_linear_between() {
+        let half = std::f32::consts::FRAC_1_SQRT_2;
+        // The second quaternion has another length and sign: the same hemisphere must be taken.
+        let frames = vec![
+            frame(0.0, [2.0, 0.0, 0.0, 0.0]),
+            frame(1.0, [-half, 0.0, 0.0, -half]),
+            frame(3.0, [-half, 0.0, 0.0, -half]),
+        ];
+        let scene = Trajectories::new(frames.clone()).unwrap();
+        for (i, t) in scene.time_range().frames(3).into_iter().enumerate() {
+            assert_eq!(scene.at(t).unwrap(), frames[i], "frame {i}");
+        }
+        let between = scene.at(0.25).unwrap();
+        assert_eq!(between.means[0], [0.5, 0.0, 1.0], "linear");
+        let eighth = std::f32::consts::FRAC_PI_8;
+        assert!((between.quats[0][0] - eighth.cos()).abs() < 1e-6, "{:?}", between.quats[0]);
+        assert!((between.quats[0][3] - eighth.sin()).abs() < 1e-6, "{:?}", between.quats[0]);
+        assert_eq!(scene.at(0.75).unwrap().log_scales[0], [2.0; 3], "second interval");
+    }
+
+    #[test]
+    fn geometry_agrees_and_leaves_colour_alone() {
+        let q = [1.0, 0.0, 0.0, 0.0];
+        let scene = Trajectories::new(vec![frame(0.0, q), frame(1.0, q)]).unwrap();
+        let mut out = frame(9.0, q);
+        scene.geometry_into(0.25, &mut out).unwrap();
+        assert_eq!(out.means, scene.at(0.25).unwrap().means, "centres");
+        assert_eq!(out.sh, [[9.0; 3]], "untouched");
+    }
+
+    #[test]
+    fn bad_frames_and_times_are_refused() {
+        assert_eq!(Trajectories::new(Vec::new()), Err(TrajectoryError::Empty), "no frames");
+        let q = [1.0, 0.0, 0.0, 0.0];
+        let two = frame(0.0, q).select(&[0, 0]);
+        let error = Trajectories::new(vec![frame(0.0, q), two]).unwrap_err().to_string();
+        assert!(error.contains("frame 1 has 2 splats"), "{error}");
+        let scene = Trajectories::new(vec![frame(0.0, q)]).unwrap();
+        assert!(scene.at(1.5).is_err(), "outside");
+        assert!(scene.at(f32::NAN).is_err(), "NaN");
+        assert!(scene.at(0.3).is_ok(), "one frame holds at every time");
+    }
+}

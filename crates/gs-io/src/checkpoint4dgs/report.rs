@@ -1,0 +1,134 @@
+//! What was found in a model folder and what was decided.
+
+use super::flags::{FlagReport, Flags, Origin};
+use super::folder::Iteration;
+use super::network::{Shape, Tensors};
+use crate::repair::{RepairReport, Sanitized};
+use gs_deform::Component;
+use std::path::PathBuf;
+
+/// Stage of the training in which an iteration was saved.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Stage {
+    /// Before the deformation was trained: nothing moves.
+    Coarse,
+    /// With deformation.
+    Fine,
+}
+
+/// What a model folder holds, and where every decision comes from.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ModelReport {
+    /// Which iteration.
+    pub iteration: u64,
+    /// Its stage.
+    pub stage: Stage,
+    /// The PLY file read.
+    pub ply: PathBuf,
+    /// `N`, after dropping damaged rows.
+    pub num_splats: usize,
+    /// SH degree.
+    pub sh_degree: usize,
+    /// Damaged rows of the PLY.
+    pub repair: RepairReport,
+    /// Rows of the PLY that were kept, if any were dropped.
+    pub kept_rows: Option<Vec<usize>>,
+    /// Width `W` of the network; 0 without one.
+    pub width: usize,
+    /// Plane channels `C`.
+    pub channels: usize,
+    /// Resolution levels `L`.
+    pub levels: usize,
+    /// Layers of the trunk.
+    pub depth: usize,
+    /// Heads in use, names as in the checkpoint.
+    pub heads: Vec<&'static str>,
+    /// Which mask multiplies the stored parameters.
+    pub mask: &'static str,
+    /// Flags of the training run.
+    pub flags: Vec<FlagReport>,
+    /// Background of the training images, if `cfg_args` says so (the reference's default is white).
+    pub white_background: Option<bool>,
+    /// Heads whose weights never left their random initialisation (a hint, not a decision).
+    pub untrained_heads: Vec<&'static str>,
+    /// What the user should know.
+    pub warnings: Vec<String>,
+}
+
+impl ModelReport {
+    pub(super) fn new(iteration: &Iteration, ply: PathBuf, sanitized: &Sanitized) -> Self {
+        let mut warnings = Vec::new();
+        if sanitized.report.damaged() > 0 {
+            let action = if sanitized.kept.is_some() { "dropped" } else { "kept" };
+            warnings.push(format!(
+                "{}: {} of {} Gaussians are damaged ({} with NaN or infinite values, {} with a zero quaternion) and were {action}",
+                ply.display(),
+                sanitized.report.damaged(),
+                sanitized.report.rows,
+                sanitized.report.not_finite,
+                sanitized.report.zero_quaternion
+            ));
+        }
+        Self {
+            iteration: iteration.number,
+            stage: iteration.stage,
+            ply,
+            num_splats: sanitized.splats.len(),
+            sh_degree: sanitized.splats.sh_degree,
+            repair: sanitized.report,
+            kept_rows: sanitized.kept.clone(),
+            width: 0,
+            channels: 0,
+            levels: 0,
+            depth: 0,
+            heads: Vec::new(),
+            mask: "none",
+            flags: Vec::new(),
+            white_background: None,
+            untrained_heads: Vec::new(),
+            warnings,
+        }
+    }
+
+    /// Adds what is known of the network.
+    pub(super) fn describe(&mut self, shape: &Shape, flags: &Flags, tensors: &Tensors<'_>) {
+        (self.width, self.channels) = (shape.width, shape.channels);
+        (self.levels, self.depth) = (shape.levels, shape.depth);
+        self.mask = match (shape.has_static_mlp, shape.has_empty_voxel) {
+            (true, _) => "static_mlp",
+            (false, true) => "empty_voxel",
+            (false, false) => "none",
+        };
+        if !shape.has_sh_head {
+            self.warnings.push(
+                "the network has no SH head: a revision of autumn 2023, whose opacity and SH stay as stored"
+                    .to_owned(),
+            );
+        }
+        for component in Component::ALL {
+            let name = component.head_name();
+            let in_use = flags.deform[component as usize];
+            if in_use {
+                self.heads.push(name);
+            }
+            let decided_by_user = self
+                .flags
+                .get(component as usize)
+                .is_some_and(|flag| flag.origin == Origin::Override);
+            match tensors.looks_untrained(name, shape.width) {
+                Some(true) => {
+                    self.untrained_heads.push(name);
+                    if in_use {
+                        self.warnings.push(format!(
+                            "head {name} is switched on but its weights look untrained; if the scene looks wrong, switch it off"
+                        ));
+                    }
+                }
+                Some(false) if !in_use && !decided_by_user && shape.has_sh_head => self.warnings.push(format!(
+                    "head {name} is switched off but its weights look trained; if the scene looks wrong, switch it on"
+                )),
+                _ => {}
+            }
+        }
+    }
+}

@@ -1,0 +1,193 @@
+//! What a path is, from its names and first bytes alone.
+
+use crate::checkpoint4dgs::{self, Overrides};
+use crate::error::{IoError, list_names};
+use crate::ply::{self, PlyError};
+use crate::ply_sequence::{PlySequence, SequenceOptions, find_frames};
+use crate::repair::{self, Damage};
+use gs_core::DynamicScene;
+use gs_deform::StaticScene;
+use std::fmt::{self, Display};
+use std::path::Path;
+
+/// What a path holds.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum SceneKind {
+    /// A model folder of 4DGaussians.
+    Model4dgs,
+    /// A model folder of Swift4D.
+    Swift4d,
+    /// A folder of numbered PLY files.
+    PlySequence,
+    /// A 3DGS PLY file.
+    Ply,
+    /// A PLY file compressed by PlayCanvas tools.
+    CompressedPly,
+    /// A PLY file of something else; why it is no Gaussian scene.
+    OtherPly(String),
+    /// The output folder of an earlier run.
+    RunFolder,
+    /// Something else.
+    Unknown {
+        /// What was found there.
+        found: Vec<String>,
+    },
+}
+
+impl Display for SceneKind {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Model4dgs => f.write_str("4DGaussians model folder"),
+            Self::Swift4d => f.write_str("Swift4D model folder"),
+            Self::PlySequence => f.write_str("PLY sequence"),
+            Self::Ply => f.write_str("3D Gaussian PLY"),
+            Self::CompressedPly => f.write_str("PlayCanvas compressed PLY"),
+            Self::OtherPly(what) => f.write_str(what),
+            Self::RunFolder => f.write_str("run folder"),
+            Self::Unknown { found } if found.is_empty() => f.write_str("unknown: an empty folder"),
+            Self::Unknown { found } => {
+                write!(f, "unknown: found {}", found.join(", "))
+            }
+        }
+    }
+}
+
+/// Names shown of a folder that is nothing known.
+const SHOWN: usize = 8;
+
+/// Says what a path is. Reads names and headers, not the data.
+///
+/// # Errors
+/// If the path does not exist or cannot be read.
+pub fn detect(path: impl AsRef<Path>) -> Result<SceneKind, IoError> {
+    let path = path.as_ref();
+    let metadata = std::fs::metadata(path)
+        .map_err(|source| IoError::Read { path: path.to_owned(), source })?;
+    if metadata.is_dir() { detect_folder(path) } else { detect_file(path) }
+}
+
+fn detect_folder(path: &Path) -> Result<SceneKind, IoError> {
+    let names = list_names(path)?;
+    let has = |name: &str| names.iter().any(|found| found == name);
+    if has("c4d.toml") || has("scene.c4d") {
+        return Ok(SceneKind::RunFolder);
+    }
+    if checkpoint4dgs::has_in_iterations(path, "FDHash.pth") {
+        return Ok(SceneKind::Swift4d);
+    }
+    if checkpoint4dgs::looks_like_model(path) {
+        return Ok(SceneKind::Model4dgs);
+    }
+    // A folder with gaps in its numbers is still a sequence; opening it says what is missing.
+    if find_frames(&names).map_or(true, |found| found.frames.len() >= 2) {
+        return Ok(SceneKind::PlySequence);
+    }
+    let mut found: Vec<String> = names.iter().take(SHOWN).cloned().collect();
+    if names.len() > SHOWN {
+        found.push(format!("{} more", names.len() - SHOWN));
+    }
+    Ok(SceneKind::Unknown { found })
+}
+
+fn detect_file(path: &Path) -> Result<SceneKind, IoError> {
+    let read = ply::read_header_file(path);
+    match read.and_then(|header| header.gaussians().map_err(IoError::ply(path))) {
+        Ok(_) => Ok(SceneKind::Ply),
+        Err(IoError::Ply { source: PlyError::Compressed, .. }) => Ok(SceneKind::CompressedPly),
+        Err(IoError::Ply { source: PlyError::NotPly { found }, .. }) => {
+            Ok(SceneKind::Unknown { found: vec![format!("a file that starts with {found}")] })
+        }
+        Err(IoError::Ply { source, .. }) => Ok(SceneKind::OtherPly(source.to_string())),
+        Err(other) => Err(other),
+    }
+}
+
+/// How to open a scene of any kind.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct OpenOptions {
+    /// For 4DGaussians models.
+    pub overrides: Overrides,
+    /// For every kind.
+    pub damage: Damage,
+}
+
+/// A scene of any kind.
+#[derive(Debug)]
+pub struct Opened {
+    /// The scene.
+    pub scene: Box<dyn DynamicScene>,
+    /// What it was made from.
+    pub kind: SceneKind,
+    /// What was found, for model folders.
+    pub report: Option<checkpoint4dgs::ModelReport>,
+    /// What the user should know.
+    pub warnings: Vec<String>,
+}
+
+/// Opens a 4DGaussians model, a PLY sequence, or a single PLY (which never moves).
+///
+/// # Errors
+/// If the path is something else, or as the readers of its kind.
+pub fn open_scene(path: impl AsRef<Path>, options: &OpenOptions) -> Result<Opened, IoError> {
+    let path = path.as_ref();
+    let kind = detect(path)?;
+    let mut warnings = Vec::new();
+    let damaged = |report: repair::RepairReport| {
+        let action = if options.damage == Damage::Drop { "dropped" } else { "kept" };
+        (report.damaged() > 0).then(|| {
+            format!(
+                "{} of {} Gaussians are damaged (NaN, infinite or zero quaternion) and were {action}",
+                report.damaged(),
+                report.rows
+            )
+        })
+    };
+    let mut report = None;
+    let scene: Box<dyn DynamicScene> = match kind {
+        SceneKind::Model4dgs => {
+            let overrides = Overrides { damage: options.damage, ..options.overrides };
+            let model = checkpoint4dgs::open(path, &overrides)?;
+            warnings.clone_from(&model.report.warnings);
+            report = Some(model.report);
+            Box::new(model.scene)
+        }
+        SceneKind::PlySequence => {
+            let sequence_options =
+                SequenceOptions { damage: options.damage, ..SequenceOptions::default() };
+            let sequence = PlySequence::open(path, &sequence_options)?;
+            warnings.extend(damaged(sequence.repair()));
+            if !sequence.ignored().is_empty() {
+                warnings.push(format!(
+                    "{} other entries of the folder were ignored: {}",
+                    sequence.ignored().len(),
+                    sequence.ignored()[..sequence.ignored().len().min(SHOWN)].join(", ")
+                ));
+            }
+            Box::new(sequence)
+        }
+        SceneKind::Ply | SceneKind::CompressedPly | SceneKind::OtherPly(_) => {
+            let read = ply::read_file(path)?;
+            if !read.extra_columns.is_empty() {
+                warnings.push(format!("columns left out: {}", read.extra_columns.join(", ")));
+            }
+            let sanitized = repair::sanitize(read.splats, options.damage)
+                .map_err(|source| IoError::Damaged { path: path.to_owned(), source })?;
+            warnings.extend(damaged(sanitized.report));
+            let scene = StaticScene::new(sanitized.splats)
+                .map_err(|error| IoError::content(path, error.to_string()))?;
+            Box::new(scene)
+        }
+        SceneKind::Swift4d => {
+            return Err(IoError::content(path, "is a Swift4D model, which is not supported yet"));
+        }
+        SceneKind::RunFolder | SceneKind::Unknown { .. } => {
+            return Err(IoError::content(
+                path,
+                format!(
+                    "is not a scene ({kind}); expected a 4DGaussians model folder, a folder of numbered PLY files, or a Gaussian PLY"
+                ),
+            ));
+        }
+    };
+    Ok(Opened { scene, kind, report, warnings })
+}

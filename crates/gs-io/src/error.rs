@@ -1,0 +1,143 @@
+//! [`IoError`]: what went wrong with which file.
+
+use crate::cameras_json::CamerasError;
+use crate::cfg_args::CfgError;
+use crate::ply::PlyError;
+use crate::pth::PthError;
+use crate::repair::DamagedRows;
+use gs_deform::FieldError;
+use std::path::{Path, PathBuf};
+use thiserror::Error;
+
+/// A file or folder that cannot be read or written. Every variant names it.
+#[derive(Debug, Error)]
+pub enum IoError {
+    /// The operating system refused to read.
+    #[error("cannot read {}: {source}", path.display())]
+    Read {
+        /// Which file.
+        path: PathBuf,
+        /// Why.
+        source: std::io::Error,
+    },
+    /// The operating system refused to write.
+    #[error("cannot write {}: {source}", path.display())]
+    Write {
+        /// Which file.
+        path: PathBuf,
+        /// Why.
+        source: std::io::Error,
+    },
+    /// The output exists and may not be replaced.
+    #[error("{} already exists; choose another name or ask to overwrite it", path.display())]
+    Exists {
+        /// Which file or folder.
+        path: PathBuf,
+    },
+    /// The folder to replace holds something that is not ours to delete.
+    #[error(
+        "{} is not replaced because it holds `{entry}`, which was not written here; choose another folder or empty this one",
+        path.display()
+    )]
+    Foreign {
+        /// Which folder.
+        path: PathBuf,
+        /// First such entry.
+        entry: String,
+    },
+    /// A PLY file is malformed or not a Gaussian scene.
+    #[error("{}: {source}", path.display())]
+    Ply {
+        /// Which file.
+        path: PathBuf,
+        /// What is wrong.
+        source: PlyError,
+    },
+    /// A PyTorch archive is malformed.
+    #[error("{}: {source}", path.display())]
+    Pth {
+        /// Which file.
+        path: PathBuf,
+        /// What is wrong.
+        source: PthError,
+    },
+    /// A `cfg_args` file is malformed.
+    #[error("{}: {source}", path.display())]
+    Cfg {
+        /// Which file.
+        path: PathBuf,
+        /// What is wrong.
+        source: CfgError,
+    },
+    /// A camera file is malformed.
+    #[error("{}: {source}", path.display())]
+    Cameras {
+        /// Which file.
+        path: PathBuf,
+        /// What is wrong.
+        source: CamerasError,
+    },
+    /// The tensors of a file do not make a deformation field.
+    #[error("{}: {source}", path.display())]
+    Field {
+        /// Which file.
+        path: PathBuf,
+        /// What is wrong.
+        source: FieldError,
+    },
+    /// Damaged rows where none are allowed.
+    #[error("{}: {source}", path.display())]
+    Damaged {
+        /// Which file.
+        path: PathBuf,
+        /// How many of what.
+        source: DamagedRows,
+    },
+    /// A folder or archive does not have the content its kind needs.
+    #[error("{}: {what}", path.display())]
+    Content {
+        /// Which folder or file.
+        path: PathBuf,
+        /// What is missing or does not fit, and what to do.
+        what: String,
+    },
+    /// The scene that was being written could not be evaluated.
+    #[error("cannot write {}: {source}", path.display())]
+    Scene {
+        /// What was being written.
+        path: PathBuf,
+        /// What the scene says.
+        source: gs_core::SceneError,
+    },
+}
+
+impl IoError {
+    pub(crate) fn content(path: &Path, what: impl Into<String>) -> Self {
+        Self::Content { path: path.to_owned(), what: what.into() }
+    }
+
+    pub(crate) fn ply(path: &Path) -> impl FnOnce(PlyError) -> Self {
+        move |source| Self::Ply { path: path.to_owned(), source }
+    }
+
+    pub(crate) fn write(path: &Path) -> impl FnOnce(std::io::Error) -> Self {
+        move |source| Self::Write { path: path.to_owned(), source }
+    }
+}
+
+/// Reads a whole file.
+pub(crate) fn read_bytes(path: &Path) -> Result<Vec<u8>, IoError> {
+    std::fs::read(path).map_err(|source| IoError::Read { path: path.to_owned(), source })
+}
+
+/// Names of the entries of a folder, sorted.
+pub(crate) fn list_names(path: &Path) -> Result<Vec<String>, IoError> {
+    let failed = |source| IoError::Read { path: path.to_owned(), source };
+    let mut names = std::fs::read_dir(path)
+        .map_err(failed)?
+        .map(|entry| entry.map(|entry| entry.file_name().to_string_lossy().into_owned()))
+        .collect::<Result<Vec<_>, _>>()
+        .map_err(failed)?;
+    names.sort();
+    Ok(names)
+}

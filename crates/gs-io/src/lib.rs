@@ -1,0 +1,29 @@
+//! Gaussian-splat file formats in and out.
+//!
+//! Promises: 3DGS PLY files of every flavour ([`ply`]), sequences of them ([`ply_sequence`]), 4DGaussians model folders
+//! ([`checkpoint4dgs`]), `cameras.json` ([`cameras_json`]); [`detect()`] says what a path is. Readers survive any bytes:
+//! malformed input is an error that names the file, what was found and what to do, memory is bounded by a small multiple
+//! of the input, and nothing in a file is ever executed. Outputs are complete or absent ([`AtomicFile`], [`AtomicDir`]).
+//!
+//! Deliberately absent: algorithms, GPU, networks of the neural formats (see `gs-deform`).
+
+mod atomic;
+pub mod cameras_json;
+pub mod cfg_args;
+pub mod checkpoint4dgs;
+mod detect;
+mod error;
+pub mod ply;
+pub mod ply_sequence;
+pub mod pth;
+pub mod repair;
+mod zip;
+
+pub use atomic::{AtomicDir, AtomicFile, Existing};
+pub use detect::{OpenOptions, Opened, SceneKind, detect, open_scene};
+pub use error::IoError;
+pub use zip::ZipError;
+
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct ReadmeDoctests;

@@ -1,0 +1,77 @@
+//! What can be wrong with a PLY file.
+
+use thiserror::Error;
+
+/// A PLY file that is malformed or not a Gaussian scene.
+#[derive(Debug, Clone, PartialEq, Eq, Error)]
+pub enum PlyError {
+    /// The first line is not `ply`.
+    #[error("not a PLY file: it starts with {found}, expected the line `ply`")]
+    NotPly {
+        /// The first bytes, printable.
+        found: String,
+    },
+    /// The header breaks the rules of the format.
+    #[error("malformed PLY header: {0}")]
+    Header(String),
+    /// The data end early.
+    #[error(
+        "truncated PLY: element `{element}` needs {expected} {unit} after the header, found {found}; the file is incomplete, copy or export it again"
+    )]
+    Truncated {
+        /// Which element.
+        element: String,
+        /// Needed.
+        expected: u128,
+        /// Found.
+        found: u128,
+        /// `bytes` or `rows`.
+        unit: &'static str,
+    },
+    /// A value of an ascii file is not a number.
+    #[error("malformed PLY: row {row} of element `{element}` holds `{token}`, expected a number")]
+    Value {
+        /// Which element.
+        element: String,
+        /// Which row.
+        row: usize,
+        /// The text found.
+        token: String,
+    },
+    /// The vertices lack the columns of Gaussians.
+    #[error("not a 3D Gaussian PLY: it has no {} (it looks like {looks_like}); {next}", missing.join(", "))]
+    MissingColumns {
+        /// Columns that are missing.
+        missing: Vec<String>,
+        /// What the file seems to be.
+        looks_like: String,
+        /// What to do.
+        next: &'static str,
+    },
+    /// The number of SH columns fits no degree.
+    #[error(
+        "not a 3D Gaussian PLY: it has {found} f_rest columns, expected 0, 9, 24 or 45 (SH degree 0 to 3)"
+    )]
+    ShColumns {
+        /// Columns found.
+        found: usize,
+    },
+    /// No rows.
+    #[error(
+        "the PLY holds no Gaussians (element vertex 0); the export that wrote it removed everything"
+    )]
+    Empty,
+    /// Compressed by PlayCanvas tools.
+    #[error(
+        "PlayCanvas compressed PLY (first element `chunk`), which is not supported yet; convert it to a plain Gaussian PLY, for example by opening it in SuperSplat and exporting \"Splat PLY\""
+    )]
+    Compressed,
+    /// The requested column is missing.
+    #[error("the PLY has no numeric vertex column `{name}`; its columns are {}", found.join(", "))]
+    NoColumn {
+        /// The column asked for.
+        name: String,
+        /// Those there are.
+        found: Vec<String>,
+    },
+}

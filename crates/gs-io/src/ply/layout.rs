@@ -1,0 +1,186 @@
+//! Which columns of a PLY file hold which parameters of a Gaussian.
+
+use super::PlyError;
+use super::header::{Element, Header, PropertyKind};
+use gs_core::sh;
+
+/// A Gaussian scene as its header declares it.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Layout {
+    /// `N`.
+    pub num_splats: u64,
+    /// SH degree, from the number of `f_rest_*` columns.
+    pub sh_degree: usize,
+    /// Whether all of `nx`, `ny`, `nz` are there.
+    pub has_normals: bool,
+    /// Columns that are not part of the 3DGS layout.
+    pub extra_columns: Vec<String>,
+    /// Index of the element.
+    pub(crate) element: usize,
+    /// Property index of: x y z, dc, rest (channel-major), opacity, scale, rot.
+    pub(crate) columns: Vec<usize>,
+}
+
+/// Columns before the `f_rest_*`.
+pub(crate) const LEADING: [&str; 6] = ["x", "y", "z", "f_dc_0", "f_dc_1", "f_dc_2"];
+/// Columns after them.
+pub(crate) const TRAILING: [&str; 8] =
+    ["opacity", "scale_0", "scale_1", "scale_2", "rot_0", "rot_1", "rot_2", "rot_3"];
+/// Unused columns that 3DGS writes.
+pub(crate) const NORMALS: [&str; 3] = ["nx", "ny", "nz"];
+
+impl Header {
+    /// Finds the columns of a Gaussian scene.
+    ///
+    /// # Errors
+    /// If the file is something else, or has no rows.
+    pub fn gaussians(&self) -> Result<Layout, PlyError> {
+        let element = self.elements.iter().position(|element| element.name == "vertex");
+        let packed =
+            |element: &Element| element.properties.iter().any(|p| p.name == "packed_position");
+        if self.elements.first().is_some_and(|first| first.name == "chunk")
+            || element.is_some_and(|index| packed(&self.elements[index]))
+        {
+            return Err(PlyError::Compressed);
+        }
+        let names = |element: &Element| -> Vec<String> {
+            element.properties.iter().map(|property| property.name.clone()).collect()
+        };
+        let Some(element) = element else {
+            let found: Vec<&str> = self.elements.iter().map(|e| e.name.as_str()).collect();
+            return Err(PlyError::MissingColumns {
+                missing: vec!["element vertex".to_owned()],
+                looks_like: format!("a file with the elements {}", list_or_none(&found)),
+                next: NEXT,
+            });
+        };
+        let vertex = &self.elements[element];
+        let scalar = |name: &str| {
+            vertex.properties.iter().position(|property| {
+                property.name == name && matches!(property.kind, PropertyKind::Scalar(_))
+            })
+        };
+        let rest = names(vertex).iter().filter(|name| rest_index(name).is_some()).count();
+        let mut missing = Vec::new();
+        let mut columns = Vec::new();
+        let rest_names = (0..rest).map(|i| format!("f_rest_{i}"));
+        let wanted = LEADING
+            .iter()
+            .map(|&name| name.to_owned())
+            .chain(rest_names)
+            .chain(TRAILING.iter().map(|&name| name.to_owned()));
+        for name in wanted {
+            match scalar(&name) {
+                Some(index) => columns.push(index),
+                None => missing.push(name),
+            }
+        }
+        if !missing.is_empty() {
+            let looks_like = looks_like(&names(vertex));
+            return Err(PlyError::MissingColumns { missing, looks_like, next: NEXT });
+        }
+        let sh_degree = (rest % 3 == 0)
+            .then(|| sh::degree_of(rest / 3 + 1))
+            .flatten()
+            .ok_or(PlyError::ShColumns { found: rest })?;
+        if vertex.count == 0 {
+            return Err(PlyError::Empty);
+        }
+        let standard = |name: &str| {
+            LEADING.contains(&name)
+                || TRAILING.contains(&name)
+                || NORMALS.contains(&name)
+                || rest_index(name).is_some()
+        };
+        Ok(Layout {
+            num_splats: vertex.count,
+            sh_degree,
+            has_normals: NORMALS.iter().all(|name| scalar(name).is_some()),
+            extra_columns: names(vertex).into_iter().filter(|name| !standard(name)).collect(),
+            element,
+            columns,
+        })
+    }
+}
+
+const NEXT: &str = "export a \"Gaussian Splat PLY\" from your editor";
+
+fn rest_index(name: &str) -> Option<usize> {
+    name.strip_prefix("f_rest_")?.parse().ok()
+}
+
+fn list_or_none(names: &[&str]) -> String {
+    if names.is_empty() { "(none)".to_owned() } else { names.join(", ") }
+}
+
+/// What a vertex table without the Gaussian columns probably is.
+fn looks_like(names: &[String]) -> String {
+    let has = |name: &str| names.iter().any(|found| found == name);
+    let starts = |prefix: &str| names.iter().any(|found| found.starts_with(prefix));
+    let guess = if starts("f_anchor_feat") || starts("f_offset") {
+        "anchors of Scaffold-GS, whose Gaussians only its network can make"
+    } else if has("scale_1") && !has("scale_2") && has("rot_0") {
+        "2D Gaussian surfels (2DGS)"
+    } else if has("x") && has("red") && !has("rot_0") {
+        "a plain point cloud"
+    } else if has("x") && !has("rot_0") {
+        "a plain point cloud or mesh"
+    } else {
+        "another kind of Gaussians"
+    };
+    let shown: Vec<&str> = names.iter().map(String::as_str).take(12).collect();
+    let more = if names.len() > shown.len() { ", …" } else { "" };
+    format!("{guess} with {}{more}", list_or_none(&shown))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn layout(columns: &[&str], count: u64) -> Result<Layout, PlyError> {
+        use std::fmt::Write;
+        let mut text = format!("ply\nformat ascii 1.0\nelement vertex {count}\n");
+        for column in columns {
+            writeln!(text, "property float {column}").unwrap();
+        }
+        Header::parse(format!("{text}end_header\n").as_bytes()).unwrap().gaussians()
+    }
+
+    #[test]
+    fn any_order_and_extra_columns() {
+        let mut columns: Vec<&str> = TRAILING.iter().chain(&LEADING).copied().collect();
+        columns.insert(3, "label");
+        let found = layout(&columns, 5).unwrap();
+        assert_eq!((found.num_splats, found.sh_degree), (5, 0), "size");
+        assert_eq!(found.extra_columns, ["label"], "extra");
+        assert!(!found.has_normals, "normals are optional");
+    }
+
+    #[test]
+    fn other_kinds_of_files_are_named() {
+        let cases: [(&[&str], &str); 4] = [
+            (&["x", "y", "z", "red", "green", "blue"], "a plain point cloud with x, y, z, red"),
+            (&["x", "y", "z", "f_offset_0", "f_anchor_feat_0"], "Scaffold-GS"),
+            (&["x", "scale_0", "scale_1", "rot_0"], "2DGS"),
+            (&["rot_0", "y"], "another kind"),
+        ];
+        for (columns, needle) in cases {
+            let error = layout(columns, 1).unwrap_err().to_string();
+            assert!(error.contains(needle), "{error}");
+            assert!(error.contains("opacity"), "names what is missing: {error}");
+        }
+        let all: Vec<&str> = LEADING.iter().chain(&TRAILING).copied().collect();
+        assert_eq!(layout(&all, 0), Err(PlyError::Empty), "no rows");
+        let odd: Vec<&str> = all.iter().copied().chain(["f_rest_0", "f_rest_1"]).collect();
+        assert_eq!(layout(&odd, 1), Err(PlyError::ShColumns { found: 2 }), "odd count");
+        let gap: Vec<&str> = all.iter().copied().chain(["f_rest_7"]).collect();
+        assert!(matches!(layout(&gap, 1), Err(PlyError::MissingColumns { .. })), "gap");
+    }
+
+    #[test]
+    fn compressed_files_are_named() {
+        let text = "ply\nformat binary_little_endian 1.0\nelement chunk 1\nproperty float min_x\nelement vertex 1\nproperty uint packed_position\nend_header\n";
+        let header = Header::parse(text.as_bytes()).unwrap();
+        assert_eq!(header.gaussians(), Err(PlyError::Compressed), "chunk first");
+    }
+}

@@ -1,0 +1,186 @@
+//! 3DGS PLY files in.
+
+use super::header::{Element, Encoding, Header, PropertyKind, Scalar};
+use super::layout::Layout;
+use super::rows::Cursor;
+use super::{PlyError, PlySplats};
+use gs_core::{Splats, sh};
+use rayon::prelude::*;
+
+/// Rows one task converts.
+const CHUNK: usize = 4096;
+
+/// Reads a 3DGS PLY: any column order, any number types, any encoding, SH degree 0 to 3.
+///
+/// Values are kept as stored, quaternions unnormalised; see [`crate::repair`] for damaged rows.
+///
+/// # Errors
+/// Says what is wrong with the file or what it is instead. Memory is bounded by a small multiple of the file's size, whatever
+/// counts its header claims.
+pub fn read(bytes: &[u8]) -> Result<PlySplats, PlyError> {
+    let header = Header::parse(bytes)?;
+    let layout = header.gaussians()?;
+    let element = &header.elements[layout.element];
+    let mut cursor = Cursor::at_element(&header, bytes, layout.element)?;
+    let splats = match cursor.fixed_rows(element)? {
+        Some(rows) => read_fixed(rows, element, &layout, header.encoding),
+        None => read_general(&mut cursor, element, &layout)?,
+    };
+    Ok(PlySplats {
+        splats,
+        extra_columns: layout.extra_columns,
+        comments: header.comments,
+        has_normals: layout.has_normals,
+        encoding: header.encoding,
+    })
+}
+
+/// Reads one numeric column of the vertices, for example a label that an editor added.
+///
+/// # Errors
+/// If the file is malformed or has no such column.
+pub fn read_column(bytes: &[u8], name: &str) -> Result<Vec<f32>, PlyError> {
+    let header = Header::parse(bytes)?;
+    let found = header.elements.iter().enumerate().find(|(_, element)| element.name == "vertex");
+    let column = found.and_then(|(index, element)| {
+        let is_wanted =
+            |p: &super::Property| p.name == name && matches!(p.kind, PropertyKind::Scalar(_));
+        element.properties.iter().position(is_wanted).map(|column| (index, element, column))
+    });
+    let Some((index, element, column)) = column else {
+        let names = found.map_or(Vec::new(), |(_, element)| {
+            element.properties.iter().map(|property| property.name.clone()).collect()
+        });
+        return Err(PlyError::NoColumn { name: name.to_owned(), found: names });
+    };
+    let mut cursor = Cursor::at_element(&header, bytes, index)?;
+    cursor.check_fits(element)?;
+    let mut row = Vec::new();
+    (0..element.count)
+        .map(|i| cursor.read_row(element, i, &mut row).map(|()| single(row[column])))
+        .collect()
+}
+
+#[expect(clippy::cast_possible_truncation, reason = "Gaussians are single precision")]
+fn single(value: f64) -> f32 {
+    value as f32
+}
+
+/// Where a column lies in a fixed-width row.
+#[derive(Clone, Copy)]
+struct Column {
+    offset: usize,
+    scalar: Scalar,
+}
+
+fn read_fixed(rows: &[u8], element: &Element, layout: &Layout, encoding: Encoding) -> Splats {
+    let mut offset = 0;
+    let offsets: Vec<Column> = element
+        .properties
+        .iter()
+        .filter_map(|property| match property.kind {
+            PropertyKind::Scalar(scalar) => {
+                let column = Column { offset, scalar };
+                offset += scalar.size();
+                Some(column)
+            }
+            PropertyKind::List { .. } => None,
+        })
+        .collect();
+    let stride = offset;
+    let columns: Vec<Column> = layout.columns.iter().map(|&index| offsets[index]).collect();
+    let big_endian = encoding == Encoding::BigEndian;
+    let mut splats = zeroed(rows.len() / stride, layout.sh_degree);
+    let coeffs = splats.sh_coeffs();
+    splats
+        .means
+        .par_chunks_mut(CHUNK)
+        .zip(splats.quats.par_chunks_mut(CHUNK))
+        .zip(splats.log_scales.par_chunks_mut(CHUNK))
+        .zip(splats.opacity_logits.par_chunks_mut(CHUNK))
+        .zip(splats.sh.par_chunks_mut(CHUNK * coeffs))
+        .zip(rows.par_chunks(CHUNK * stride))
+        .for_each(|(((((means, quats), log_scales), logits), sh), rows)| {
+            for (i, row) in rows.chunks_exact(stride).enumerate() {
+                let value = |column: usize| {
+                    let Column { offset, scalar } = columns[column];
+                    if scalar == Scalar::F32 && !big_endian {
+                        let bytes = &row[offset..offset + 4];
+                        return f32::from_le_bytes([bytes[0], bytes[1], bytes[2], bytes[3]]);
+                    }
+                    single(scalar.read(&row[offset..], big_endian))
+                };
+                let out = Row {
+                    mean: &mut means[i],
+                    quat: &mut quats[i],
+                    log_scale: &mut log_scales[i],
+                    opacity_logit: &mut logits[i],
+                    sh: &mut sh[i * coeffs..(i + 1) * coeffs],
+                };
+                out.fill(value);
+            }
+        });
+    splats
+}
+
+fn read_general(
+    cursor: &mut Cursor<'_>,
+    element: &Element,
+    layout: &Layout,
+) -> Result<Splats, PlyError> {
+    cursor.check_fits(element)?;
+    let count = usize::try_from(element.count)
+        .map_err(|error| PlyError::Header(format!("{} rows: {error}", element.count)))?;
+    let mut splats = zeroed(count, layout.sh_degree);
+    let coeffs = splats.sh_coeffs();
+    let mut row = Vec::with_capacity(element.properties.len());
+    for i in 0..count {
+        cursor.read_row(element, i as u64, &mut row)?;
+        let out = Row {
+            mean: &mut splats.means[i],
+            quat: &mut splats.quats[i],
+            log_scale: &mut splats.log_scales[i],
+            opacity_logit: &mut splats.opacity_logits[i],
+            sh: &mut splats.sh[i * coeffs..(i + 1) * coeffs],
+        };
+        out.fill(|column| single(row[layout.columns[column]]));
+    }
+    Ok(splats)
+}
+
+fn zeroed(count: usize, sh_degree: usize) -> Splats {
+    Splats {
+        means: vec![[0.0; 3]; count],
+        quats: vec![[0.0; 4]; count],
+        log_scales: vec![[0.0; 3]; count],
+        opacity_logits: vec![0.0; count],
+        sh: vec![[0.0; 3]; count * sh::num_coeffs(sh_degree)],
+        sh_degree,
+    }
+}
+
+/// The places one row of the file goes to.
+struct Row<'a> {
+    mean: &'a mut [f32; 3],
+    quat: &'a mut [f32; 4],
+    log_scale: &'a mut [f32; 3],
+    opacity_logit: &'a mut f32,
+    sh: &'a mut [[f32; 3]],
+}
+
+impl Row<'_> {
+    /// `value(c)` is column `c` of the canonical order: x y z, dc, rest, opacity, scale, rot.
+    fn fill(self, value: impl Fn(usize) -> f32) {
+        let higher = self.sh.len() - 1;
+        let tail = 6 + 3 * higher;
+        *self.mean = std::array::from_fn(&value);
+        self.sh[0] = std::array::from_fn(|channel| value(3 + channel));
+        for k in 0..higher {
+            // Files are channel-major, memory is coefficient-major.
+            self.sh[1 + k] = std::array::from_fn(|channel| value(6 + channel * higher + k));
+        }
+        *self.opacity_logit = value(tail);
+        *self.log_scale = std::array::from_fn(|axis| value(tail + 1 + axis));
+        *self.quat = std::array::from_fn(|component| value(tail + 4 + component));
+    }
+}

@@ -1,0 +1,264 @@
+//! A folder of numbered PLY files, one per frame, as a scene; and the writers of such folders and zip archives.
+
+mod names;
+mod write;
+
+pub use write::{FolderWriter, ZipWriter, write_folder, write_zip};
+
+pub(crate) use names::find_frames;
+
+use crate::error::{IoError, list_names, read_bytes};
+use crate::ply::{self, Layout};
+use crate::repair::{self, Damage, DamagedRows, RepairReport};
+use gs_core::{DynamicScene, SceneError, Splats, TimeRange};
+use gs_deform::frames::{self, Position};
+use std::collections::VecDeque;
+use std::path::{Path, PathBuf};
+use std::sync::{Arc, Mutex, PoisonError};
+
+/// How to open a sequence.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct SequenceOptions {
+    /// Frames kept in memory, at least 2. Default 4: both neighbours of a time, for two readers.
+    pub cached_frames: usize,
+    /// What to do with damaged rows. [`Damage::Fail`] (default) and [`Damage::Keep`] read frames when they are needed;
+    /// [`Damage::Drop`] reads all files once on opening, since a row damaged in one frame must leave all of them.
+    pub damage: Damage,
+}
+
+impl Default for SequenceOptions {
+    fn default() -> Self {
+        Self { cached_frames: 4, damage: Damage::Fail }
+    }
+}
+
+/// `n ≥ 2` PLY files with the same rows, frame `i` at time `i/(n−1)`; between frames as [`gs_deform::Trajectories`]. Frames are
+/// read when needed and the last few kept.
+#[derive(Debug)]
+pub struct PlySequence {
+    paths: Vec<PathBuf>,
+    ignored: Vec<String>,
+    num_splats: usize,
+    sh_degree: usize,
+    damage: Damage,
+    /// Rows of the files that are kept, if damaged ones were dropped.
+    kept: Option<Vec<usize>>,
+    repair: RepairReport,
+    cached_frames: usize,
+    /// Most recently used last.
+    cache: Mutex<VecDeque<(usize, Arc<Splats>)>>,
+}
+
+impl PlySequence {
+    /// Opens a folder. Reads the headers of all frames and verifies that they have the same rows and SH degree.
+    ///
+    /// # Errors
+    /// If there are fewer than two frames, numbers are missing, or a file differs from the first; the file is named.
+    pub fn open(dir: impl AsRef<Path>, options: &SequenceOptions) -> Result<Self, IoError> {
+        let dir = dir.as_ref();
+        let found = find_frames(&list_names(dir)?).map_err(|what| IoError::content(dir, what))?;
+        if found.frames.len() < 2 {
+            return Err(IoError::content(
+                dir,
+                format!(
+                    "holds {} numbered PLY files, a sequence needs at least 2 (frame_00000.ply, frame_00001.ply, …)",
+                    found.frames.len()
+                ),
+            ));
+        }
+        let paths: Vec<PathBuf> = found.frames.iter().map(|name| dir.join(name)).collect();
+        let first = header_of(&paths[0])?;
+        for path in &paths[1..] {
+            let other = header_of(path)?;
+            if (other.num_splats, other.sh_degree) != (first.num_splats, first.sh_degree) {
+                return Err(IoError::content(
+                    path,
+                    format!(
+                        "holds {} Gaussians of SH degree {}, but {} holds {} of degree {}; rows must persist through a sequence",
+                        other.num_splats,
+                        other.sh_degree,
+                        found.frames[0],
+                        first.num_splats,
+                        first.sh_degree
+                    ),
+                ));
+            }
+        }
+        let num_splats = usize::try_from(first.num_splats).map_err(|error| {
+            IoError::content(&paths[0], format!("{} rows: {error}", first.num_splats))
+        })?;
+        let mut sequence = Self {
+            paths,
+            ignored: found.ignored,
+            num_splats,
+            sh_degree: first.sh_degree,
+            damage: options.damage,
+            kept: None,
+            repair: RepairReport { rows: num_splats, ..RepairReport::default() },
+            cached_frames: options.cached_frames.max(2),
+            cache: Mutex::new(VecDeque::new()),
+        };
+        if options.damage == Damage::Drop {
+            sequence.drop_damaged()?;
+        }
+        Ok(sequence)
+    }
+
+    /// Files in order of time.
+    pub fn paths(&self) -> &[PathBuf] {
+        &self.paths
+    }
+
+    /// Names of entries of the folder that are not frames.
+    pub fn ignored(&self) -> &[String] {
+        &self.ignored
+    }
+
+    /// Rows of the files that are kept, if damaged ones were dropped.
+    pub fn kept_rows(&self) -> Option<&[usize]> {
+        self.kept.as_deref()
+    }
+
+    /// Rows damaged in at least one frame, as far as they were looked for.
+    pub fn repair(&self) -> RepairReport {
+        self.repair
+    }
+
+    /// Finds rows that are damaged in any frame.
+    fn drop_damaged(&mut self) -> Result<(), IoError> {
+        let mut damaged = vec![false; self.num_splats];
+        let mut first = None;
+        for (index, path) in self.paths.iter().enumerate() {
+            let splats = self.read(index)?;
+            let (report, rows) = repair::survey(&splats);
+            for row in rows {
+                // A row counts once, by what is wrong with it in the first frame that shows it.
+                if !std::mem::replace(&mut damaged[row], true) {
+                    first.get_or_insert((path.clone(), row));
+                    if report.not_finite > 0 {
+                        self.repair.not_finite += 1;
+                    } else {
+                        self.repair.zero_quaternion += 1;
+                    }
+                }
+            }
+        }
+        let Some((path, row)) = first else { return Ok(()) };
+        let kept: Vec<usize> = (0..self.num_splats).filter(|&row| !damaged[row]).collect();
+        if kept.is_empty() {
+            let source = DamagedRows { report: self.repair, first: row };
+            return Err(IoError::Damaged { path, source });
+        }
+        self.num_splats = kept.len();
+        self.kept = Some(kept);
+        Ok(())
+    }
+
+    /// All rows of a frame.
+    fn read(&self, index: usize) -> Result<Splats, IoError> {
+        let path = &self.paths[index];
+        let splats = ply::read(&read_bytes(path)?).map_err(IoError::ply(path))?.splats;
+        let rows = self.repair.rows;
+        if (splats.len(), splats.sh_degree) != (rows, self.sh_degree) {
+            return Err(IoError::content(
+                path,
+                format!(
+                    "now holds {} Gaussians of SH degree {}, but had {rows} of degree {} when the sequence was opened",
+                    splats.len(),
+                    splats.sh_degree,
+                    self.sh_degree
+                ),
+            ));
+        }
+        Ok(splats)
+    }
+
+    /// The kept rows of a frame, from memory if it is among the last ones used.
+    ///
+    /// # Errors
+    /// If the file cannot be read, has changed, or holds damaged rows where none are allowed.
+    ///
+    /// # Panics
+    /// If there is no such frame.
+    pub fn frame(&self, index: usize) -> Result<Arc<Splats>, IoError> {
+        let lock = || self.cache.lock().unwrap_or_else(PoisonError::into_inner);
+        {
+            let mut cache = lock();
+            if let Some(at) = cache.iter().position(|(cached, _)| *cached == index)
+                && let Some(entry) = cache.remove(at)
+            {
+                let splats = Arc::clone(&entry.1);
+                cache.push_back(entry);
+                return Ok(splats);
+            }
+        }
+        // Read without the lock: other threads go on, at worst two read the same file.
+        let mut splats = self.read(index)?;
+        if self.damage == Damage::Fail {
+            splats = repair::sanitize(splats, Damage::Fail)
+                .map_err(|source| IoError::Damaged { path: self.paths[index].clone(), source })?
+                .splats;
+        }
+        if let Some(kept) = &self.kept {
+            splats = splats.select(kept);
+        }
+        let splats = Arc::new(splats);
+        let mut cache = lock();
+        cache.retain(|(cached, _)| *cached != index);
+        cache.push_back((index, Arc::clone(&splats)));
+        if cache.len() > self.cached_frames {
+            cache.pop_front();
+        }
+        Ok(splats)
+    }
+
+    fn evaluate(&self, t: f32, geometry_only: bool, out: &mut Splats) -> Result<(), SceneError> {
+        let range = self.time_range();
+        if !range.contains(t) {
+            return Err(SceneError::Time { t, range });
+        }
+        let frame = |index| {
+            self.frame(index).map_err(|error| SceneError::Source {
+                what: format!("frame {index} of the sequence"),
+                source: error.into(),
+            })
+        };
+        match frames::position(t, self.paths.len()) {
+            Position::At(i) => frames::copy(&*frame(i)?, geometry_only, out),
+            Position::Between(i, fraction) => {
+                frames::blend(&*frame(i)?, &*frame(i + 1)?, fraction, geometry_only, out);
+            }
+        }
+        Ok(())
+    }
+}
+
+fn header_of(path: &Path) -> Result<Layout, IoError> {
+    ply::read_header_file(path)?.gaussians().map_err(IoError::ply(path))
+}
+
+impl DynamicScene for PlySequence {
+    fn num_splats(&self) -> usize {
+        self.num_splats
+    }
+
+    fn sh_degree(&self) -> usize {
+        self.sh_degree
+    }
+
+    fn time_range(&self) -> TimeRange {
+        TimeRange::UNIT
+    }
+
+    fn num_frames(&self) -> Option<usize> {
+        Some(self.paths.len())
+    }
+
+    fn at_into(&self, t: f32, out: &mut Splats) -> Result<(), SceneError> {
+        self.evaluate(t, false, out)
+    }
+
+    fn geometry_into(&self, t: f32, out: &mut Splats) -> Result<(), SceneError> {
+        self.evaluate(t, true, out)
+    }
+}

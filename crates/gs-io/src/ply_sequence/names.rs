@@ -1,0 +1,96 @@
+//! Which files of a folder are frames, and in which order.
+
+use std::collections::BTreeMap;
+
+/// Frames of a folder in numeric order, and everything else in it.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub(crate) struct Found {
+    pub(crate) frames: Vec<String>,
+    pub(crate) ignored: Vec<String>,
+}
+
+/// Prefix and number of `<prefix><digits>.ply`.
+fn parse(name: &str) -> Option<(String, u64)> {
+    let (stem, extension) = name.rsplit_once('.')?;
+    if !extension.eq_ignore_ascii_case("ply") {
+        return None;
+    }
+    let prefix = stem.trim_end_matches(|c: char| c.is_ascii_digit());
+    let number = stem[prefix.len()..].parse().ok()?;
+    Some((prefix.to_lowercase(), number))
+}
+
+/// Picks the largest group of numbered PLY files with one prefix. Numbers may start anywhere and have any constant step.
+///
+/// # Errors
+/// If a number occurs twice or one is missing.
+pub(crate) fn find_frames(names: &[String]) -> Result<Found, String> {
+    let mut groups: BTreeMap<String, Vec<(u64, String)>> = BTreeMap::new();
+    let mut ignored = Vec::new();
+    for name in names {
+        match parse(name) {
+            Some((prefix, number)) => {
+                groups.entry(prefix).or_default().push((number, name.clone()));
+            }
+            None => ignored.push(name.clone()),
+        }
+    }
+    // Of groups of equal size the first in alphabetical order.
+    let largest = groups.values().map(Vec::len).max().unwrap_or(0);
+    let chosen = groups.iter().find(|(_, group)| group.len() == largest).map(|(p, _)| p.clone());
+    let mut frames = chosen.and_then(|prefix| groups.remove(&prefix)).unwrap_or_default();
+    ignored.extend(groups.into_values().flatten().map(|(_, name)| name));
+    ignored.sort();
+    frames.sort();
+    check_numbers(&frames)?;
+    Ok(Found { frames: frames.into_iter().map(|(_, name)| name).collect(), ignored })
+}
+
+fn check_numbers(frames: &[(u64, String)]) -> Result<(), String> {
+    let steps = || frames.windows(2).map(|pair| pair[1].0 - pair[0].0);
+    let Some(step) = steps().min() else { return Ok(()) };
+    for pair in frames.windows(2) {
+        let ((a, first), (b, second)) = (&pair[0], &pair[1]);
+        if a == b {
+            return Err(format!("has two files for frame {a}: {first} and {second}; keep one"));
+        }
+        if b - a != step {
+            return Err(format!(
+                "has no frame between {first} and {second}, although the others are {step} apart; copy the missing files or renumber"
+            ));
+        }
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn find(names: &[&str]) -> Result<Found, String> {
+        find_frames(&names.iter().map(|&name| name.to_owned()).collect::<Vec<_>>())
+    }
+
+    #[test]
+    fn order_is_numeric_and_the_rest_is_ignored() {
+        let found =
+            find(&["f10.ply", "f9.PLY", "F8.ply", "notes.txt", "other.ply", "g1.ply"]).unwrap();
+        assert_eq!(found.frames, ["F8.ply", "f9.PLY", "f10.ply"], "numeric");
+        assert_eq!(found.ignored, ["g1.ply", "notes.txt", "other.ply"], "reported");
+        assert_eq!(
+            find(&["a_0005.ply", "a_0000.ply", "a_0010.ply"]).unwrap().frames.len(),
+            3,
+            "step 5"
+        );
+        assert_eq!(find(&[]).unwrap(), Found::default(), "empty");
+    }
+
+    #[test]
+    fn gaps_and_doubles_are_named() {
+        let error = find(&["f0.ply", "f1.ply", "f3.ply"]).unwrap_err();
+        assert!(error.contains("f1.ply and f3.ply"), "{error}");
+        let error = find(&["f1.ply", "f01.ply", "f2.ply"]).unwrap_err();
+        assert!(error.contains("two files for frame 1"), "{error}");
+        assert!(find(&["f99999999999999999999.ply"]).unwrap().frames.is_empty(), "beyond u64");
+    }
+}

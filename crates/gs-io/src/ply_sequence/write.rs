@@ -1,0 +1,187 @@
+//! Sequences out, one frame in memory at a time.
+//!
+//! What every known player accepts: `frame_00000.ply` and so on from 0, nothing else beside them; in a zip archive, stored entries
+//! at the root with real sizes and checksums in their local headers, below the limits of zip64.
+
+use crate::atomic::{AtomicDir, AtomicFile, Existing};
+use crate::error::IoError;
+use crate::ply::{self, WriteOptions};
+use crate::zip::StoredWriter;
+use gs_core::{DynamicScene, Splats};
+use std::path::{Path, PathBuf};
+
+/// Name of frame `index`.
+fn frame_name(index: usize) -> String {
+    format!("frame_{index:05}.ply")
+}
+
+/// Names that a folder written here consists of.
+fn is_frame_name(name: &str) -> bool {
+    name.strip_prefix("frame_")
+        .and_then(|rest| rest.strip_suffix(".ply"))
+        .is_some_and(|digits| digits.len() >= 5 && digits.bytes().all(|b| b.is_ascii_digit()))
+}
+
+fn too_short(path: &Path, frames: usize) -> Result<(), IoError> {
+    if frames >= 2 {
+        return Ok(());
+    }
+    Err(IoError::content(
+        path,
+        format!("{frames} frames do not make a sequence; ask for at least 2, or for a single PLY"),
+    ))
+}
+
+/// Writes a folder of frames; it appears under its name only when finished.
+#[derive(Debug)]
+pub struct FolderWriter {
+    dir: AtomicDir,
+    path: PathBuf,
+    frames: usize,
+}
+
+impl FolderWriter {
+    /// Begins a folder.
+    ///
+    /// # Errors
+    /// If `dir` has content that may not be replaced (only folders of frames ever are), or cannot be made.
+    pub fn create(dir: impl AsRef<Path>, existing: Existing) -> Result<Self, IoError> {
+        let path = dir.as_ref().to_owned();
+        Ok(Self { dir: AtomicDir::create(&path, existing, is_frame_name)?, path, frames: 0 })
+    }
+
+    /// Adds a frame.
+    ///
+    /// # Errors
+    /// If it cannot be written.
+    pub fn push(&mut self, splats: &Splats, options: &WriteOptions) -> Result<(), IoError> {
+        let path = self.dir.path().join(frame_name(self.frames));
+        let failed = |source| IoError::Write { path: self.path.clone(), source };
+        let file = std::fs::File::create_new(&path).map_err(failed)?;
+        let mut file = std::io::BufWriter::with_capacity(1 << 20, file);
+        ply::write(splats, options, &mut file).map_err(failed)?;
+        std::io::Write::flush(&mut file).map_err(failed)?;
+        self.frames += 1;
+        Ok(())
+    }
+
+    /// Completes the folder.
+    ///
+    /// # Errors
+    /// If there are fewer than two frames, or the folder cannot be put in place.
+    pub fn finish(self) -> Result<(), IoError> {
+        too_short(&self.path, self.frames)?;
+        self.dir.commit()
+    }
+}
+
+/// Writes a zip archive of frames; it appears under its name only when finished.
+#[derive(Debug)]
+pub struct ZipWriter {
+    zip: StoredWriter<AtomicFile>,
+    path: PathBuf,
+    frames: usize,
+    buffer: Vec<u8>,
+}
+
+impl ZipWriter {
+    /// Begins an archive.
+    ///
+    /// # Errors
+    /// If `path` exists and may not be replaced, or cannot be made.
+    pub fn create(path: impl AsRef<Path>, existing: Existing) -> Result<Self, IoError> {
+        let path = path.as_ref().to_owned();
+        let zip = StoredWriter::new(AtomicFile::create(&path, existing)?);
+        Ok(Self { zip, path, frames: 0, buffer: Vec::new() })
+    }
+
+    /// Adds a frame.
+    ///
+    /// # Errors
+    /// If it cannot be written or the archive would grow beyond 4 GiB or 65 534 frames.
+    pub fn push(&mut self, splats: &Splats, options: &WriteOptions) -> Result<(), IoError> {
+        self.buffer.clear();
+        ply::write(splats, options, &mut self.buffer).map_err(IoError::write(&self.path))?;
+        self.zip.add(&frame_name(self.frames), &self.buffer).map_err(IoError::write(&self.path))?;
+        self.frames += 1;
+        Ok(())
+    }
+
+    /// Completes the archive.
+    ///
+    /// # Errors
+    /// If there are fewer than two frames, or the archive cannot be put in place.
+    pub fn finish(self) -> Result<(), IoError> {
+        too_short(&self.path, self.frames)?;
+        self.zip.finish().map_err(IoError::write(&self.path))?.commit()
+    }
+}
+
+/// Writes the scene at `times` as a folder of frames; `progress` hears the number of frames done.
+///
+/// # Errors
+/// As [`FolderWriter`]; also if the scene cannot be evaluated.
+pub fn write_folder(
+    dir: impl AsRef<Path>,
+    scene: &dyn DynamicScene,
+    times: &[f32],
+    options: &WriteOptions,
+    existing: Existing,
+    progress: &mut dyn FnMut(usize),
+) -> Result<(), IoError> {
+    let dir = dir.as_ref();
+    too_short(dir, times.len())?;
+    let mut writer = FolderWriter::create(dir, existing)?;
+    each_frame(dir, scene, times, progress, |splats| writer.push(splats, options))?;
+    writer.finish()
+}
+
+/// Writes the scene at `times` as a zip archive of frames; `progress` hears the number of frames done.
+///
+/// # Errors
+/// As [`ZipWriter`]; also if the scene cannot be evaluated.
+pub fn write_zip(
+    path: impl AsRef<Path>,
+    scene: &dyn DynamicScene,
+    times: &[f32],
+    options: &WriteOptions,
+    existing: Existing,
+    progress: &mut dyn FnMut(usize),
+) -> Result<(), IoError> {
+    let path = path.as_ref();
+    too_short(path, times.len())?;
+    let mut writer = ZipWriter::create(path, existing)?;
+    each_frame(path, scene, times, progress, |splats| writer.push(splats, options))?;
+    writer.finish()
+}
+
+fn each_frame(
+    path: &Path,
+    scene: &dyn DynamicScene,
+    times: &[f32],
+    progress: &mut dyn FnMut(usize),
+    mut push: impl FnMut(&Splats) -> Result<(), IoError>,
+) -> Result<(), IoError> {
+    let mut splats = Splats::default();
+    for (index, &t) in times.iter().enumerate() {
+        scene
+            .at_into(t, &mut splats)
+            .map_err(|source| IoError::Scene { path: path.to_owned(), source })?;
+        push(&splats)?;
+        progress(index + 1);
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_our_names_are_ours() {
+        assert!(is_frame_name(&frame_name(0)) && is_frame_name(&frame_name(123_456)), "ours");
+        for name in ["frame_1.ply", "frame_00000.txt", "scene.ply", "frame_0000x.ply", ""] {
+            assert!(!is_frame_name(name), "{name}");
+        }
+    }
+}

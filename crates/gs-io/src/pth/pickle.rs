@@ -1,0 +1,466 @@
+//! A pickle machine for checkpoints: data only.
+//!
+//! Containers live in an arena and values are small copies, so memory grows with the length of the pickle, sharing
+//! costs nothing, and nesting of any depth is harmless.
+
+use super::tensor::{Dtype, Tensor};
+use super::{PthError, Root};
+use std::collections::BTreeMap;
+
+/// Names a checkpoint may refer to.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Name {
+    OrderedDict,
+    RebuildTensor,
+    RebuildParameter,
+    Storage(Dtype),
+}
+
+#[derive(Debug, Clone, Copy)]
+enum Value<'a> {
+    None,
+    Bool,
+    Int(i64),
+    Float,
+    Text(&'a str),
+    Name(Name),
+    /// Index into the arena.
+    Node(usize),
+    Mark,
+}
+
+#[derive(Debug)]
+enum Node<'a> {
+    Tuple(Vec<Value<'a>>),
+    List,
+    Dict(Vec<(Value<'a>, Value<'a>)>),
+    Storage { dtype: Dtype, bytes: &'a [u8] },
+    Tensor(Tensor<'a>),
+}
+
+/// Looks up the bytes of a storage by its key.
+type Storages<'a, 'f> = &'f dyn Fn(&str) -> Option<&'a [u8]>;
+
+struct Machine<'a, 'f> {
+    bytes: &'a [u8],
+    at: usize,
+    stack: Vec<Value<'a>>,
+    arena: Vec<Node<'a>>,
+    memo: BTreeMap<u32, Value<'a>>,
+    storages: Storages<'a, 'f>,
+}
+
+/// Runs the pickle and takes the tensors from its result.
+pub(super) fn load<'a>(bytes: &'a [u8], storages: Storages<'a, '_>) -> Result<Root<'a>, PthError> {
+    let mut machine = Machine {
+        bytes,
+        at: 0,
+        stack: Vec::new(),
+        arena: Vec::new(),
+        memo: BTreeMap::new(),
+        storages,
+    };
+    while !machine.step()? {}
+    let root = machine.pop()?;
+    machine.root(root)
+}
+
+impl<'a> Machine<'a, '_> {
+    fn error(&self, what: impl Into<String>) -> PthError {
+        PthError::Pickle { at: self.at, what: what.into() }
+    }
+
+    fn take(&mut self, length: usize) -> Result<&'a [u8], PthError> {
+        let end = self.at.checked_add(length).filter(|&end| end <= self.bytes.len());
+        let end = end.ok_or_else(|| self.error("the pickle ends early"))?;
+        let taken = &self.bytes[self.at..end];
+        self.at = end;
+        Ok(taken)
+    }
+
+    fn byte(&mut self) -> Result<u8, PthError> {
+        Ok(self.take(1)?[0])
+    }
+
+    fn u32(&mut self) -> Result<u32, PthError> {
+        let raw = self.take(4)?;
+        Ok(u32::from_le_bytes([raw[0], raw[1], raw[2], raw[3]]))
+    }
+
+    fn text(&mut self, length: usize) -> Result<&'a str, PthError> {
+        let raw = self.take(length)?;
+        std::str::from_utf8(raw).map_err(|error| self.error(format!("text: {error}")))
+    }
+
+    /// A line of a GLOBAL.
+    fn line(&mut self) -> Result<&'a str, PthError> {
+        let length = self.bytes[self.at..].iter().take(256).position(|&byte| byte == b'\n');
+        let length = length.ok_or_else(|| self.error("a name without an end"))?;
+        let line = self.text(length)?;
+        self.at += 1;
+        Ok(line)
+    }
+
+    fn pop(&mut self) -> Result<Value<'a>, PthError> {
+        match self.stack.pop() {
+            Some(Value::Mark) | None => Err(self.error("a value is missing on the stack")),
+            Some(value) => Ok(value),
+        }
+    }
+
+    fn pop_to_mark(&mut self) -> Result<Vec<Value<'a>>, PthError> {
+        let mark = self.stack.iter().rposition(|value| matches!(value, Value::Mark));
+        let mark = mark.ok_or_else(|| self.error("a mark is missing on the stack"))?;
+        let values = self.stack.split_off(mark + 1);
+        self.stack.pop();
+        Ok(values)
+    }
+
+    fn push_node(&mut self, node: Node<'a>) {
+        self.arena.push(node);
+        self.stack.push(Value::Node(self.arena.len() - 1));
+    }
+
+    fn tuple(&self, value: Value<'a>) -> Result<&[Value<'a>], PthError> {
+        match value {
+            Value::Node(index) => match &self.arena[index] {
+                Node::Tuple(values) => Ok(values),
+                _ => Err(self.error("expected a tuple")),
+            },
+            _ => Err(self.error("expected a tuple")),
+        }
+    }
+
+    fn top_dict(&mut self) -> Result<&mut Vec<(Value<'a>, Value<'a>)>, PthError> {
+        let at = self.at;
+        if let Some(&Value::Node(index)) = self.stack.last()
+            && let Node::Dict(items) = &mut self.arena[index]
+        {
+            return Ok(items);
+        }
+        Err(PthError::Pickle { at, what: "expected a dictionary on the stack".to_owned() })
+    }
+
+    /// Top of the stack must be a list; its items are of no use to us.
+    fn top_list(&self) -> Result<(), PthError> {
+        match self.stack.last() {
+            Some(&Value::Node(index)) if matches!(self.arena[index], Node::List) => Ok(()),
+            _ => Err(self.error("expected a list on the stack")),
+        }
+    }
+
+    /// Executes one opcode; true after STOP.
+    fn step(&mut self) -> Result<bool, PthError> {
+        let opcode = self.byte()?;
+        match opcode {
+            0x80 => {
+                let protocol = self.byte()?;
+                if protocol > 5 {
+                    return Err(self.error(format!("unknown pickle protocol {protocol}")));
+                }
+            }
+            b'.' => return Ok(true),
+            b'(' => self.stack.push(Value::Mark),
+            b'N' => self.stack.push(Value::None),
+            0x88 | 0x89 => self.stack.push(Value::Bool),
+            b'K' => {
+                let value = self.byte()?;
+                self.stack.push(Value::Int(value.into()));
+            }
+            b'M' => {
+                let raw = self.take(2)?;
+                self.stack.push(Value::Int(u16::from_le_bytes([raw[0], raw[1]]).into()));
+            }
+            b'J' => {
+                let value = self.u32()?.cast_signed();
+                self.stack.push(Value::Int(value.into()));
+            }
+            0x8a => {
+                let length = usize::from(self.byte()?);
+                let raw = self.take(length)?;
+                let value = long(raw).ok_or_else(|| self.error("an integer beyond 64 bits"))?;
+                self.stack.push(Value::Int(value));
+            }
+            b'G' => {
+                self.take(8)?;
+                self.stack.push(Value::Float);
+            }
+            b'X' => {
+                let length = self.u32()? as usize;
+                let text = self.text(length)?;
+                self.stack.push(Value::Text(text));
+            }
+            b'c' => {
+                let (module, name) = (self.line()?, self.line()?);
+                let name = self.name(module, name)?;
+                self.stack.push(Value::Name(name));
+            }
+            b')' => self.push_node(Node::Tuple(Vec::new())),
+            b't' => {
+                let values = self.pop_to_mark()?;
+                self.push_node(Node::Tuple(values));
+            }
+            0x85..=0x87 => {
+                let mut values = Vec::new();
+                for _ in 0x84..opcode {
+                    values.push(self.pop()?);
+                }
+                values.reverse();
+                self.push_node(Node::Tuple(values));
+            }
+            b'}' => self.push_node(Node::Dict(Vec::new())),
+            b']' => self.push_node(Node::List),
+            b'a' => {
+                self.pop()?;
+                self.top_list()?;
+            }
+            b'e' => {
+                self.pop_to_mark()?;
+                self.top_list()?;
+            }
+            b's' => {
+                let (value, key) = (self.pop()?, self.pop()?);
+                self.top_dict()?.push((key, value));
+            }
+            b'u' => {
+                let values = self.pop_to_mark()?;
+                if values.len() % 2 == 1 {
+                    return Err(self.error("a key without a value"));
+                }
+                let items = self.top_dict()?;
+                items.extend(values.as_chunks::<2>().0.iter().map(|&[key, value]| (key, value)));
+            }
+            b'q' => {
+                let key = self.byte()?;
+                self.memoize(key.into())?;
+            }
+            b'r' => {
+                let key = self.u32()?;
+                self.memoize(key)?;
+            }
+            b'h' => {
+                let key = self.byte()?;
+                self.recall(key.into())?;
+            }
+            b'j' => {
+                let key = self.u32()?;
+                self.recall(key)?;
+            }
+            b'Q' => self.persistent()?,
+            b'R' => self.reduce()?,
+            b'b' => {
+                // The state of an ordered dictionary is module metadata; the dictionary stays as it is.
+                self.pop()?;
+                self.top_dict()?;
+            }
+            other => {
+                return Err(self.error(format!(
+                    "opcode 0x{other:02x}, which checkpoints do not use; refused"
+                )));
+            }
+        }
+        Ok(false)
+    }
+
+    fn memoize(&mut self, key: u32) -> Result<(), PthError> {
+        match self.stack.last() {
+            Some(Value::Mark) | None => Err(self.error("nothing to remember")),
+            Some(&value) => {
+                self.memo.insert(key, value);
+                Ok(())
+            }
+        }
+    }
+
+    fn recall(&mut self, key: u32) -> Result<(), PthError> {
+        let value = self.memo.get(&key).copied();
+        let value = value.ok_or_else(|| self.error(format!("unknown memo {key}")))?;
+        self.stack.push(value);
+        Ok(())
+    }
+
+    fn name(&self, module: &str, name: &str) -> Result<Name, PthError> {
+        match (module, name) {
+            ("collections", "OrderedDict") => Ok(Name::OrderedDict),
+            ("torch._utils", "_rebuild_tensor_v2") => Ok(Name::RebuildTensor),
+            ("torch._utils", "_rebuild_parameter") => Ok(Name::RebuildParameter),
+            ("torch", class) if let Some(dtype) = Dtype::from_storage(class) => {
+                Ok(Name::Storage(dtype))
+            }
+            _ => Err(self.error(format!(
+                "refers to `{module}.{name}`, which is not part of a tensor file; refused"
+            ))),
+        }
+    }
+
+    /// `('storage', class, key, device, count)` to the bytes of that storage; the device is of no interest.
+    fn persistent(&mut self) -> Result<(), PthError> {
+        let id = self.pop()?;
+        let &[
+            Value::Text("storage"),
+            Value::Name(Name::Storage(dtype)),
+            Value::Text(key),
+            _,
+            Value::Int(count),
+        ] = self.tuple(id)?
+        else {
+            return Err(self.error("a persistent id that is not a storage"));
+        };
+        let stored =
+            (self.storages)(key).ok_or_else(|| PthError::MissingEntry(format!("data/{key}")))?;
+        let length = usize::try_from(count).ok().and_then(|count| count.checked_mul(dtype.size()));
+        let bytes = length.and_then(|length| stored.get(..length)).ok_or_else(|| {
+            PthError::Tensor(format!(
+                "storage {key} should hold {count} elements of {} bytes, found {} bytes",
+                dtype.size(),
+                stored.len()
+            ))
+        })?;
+        self.push_node(Node::Storage { dtype, bytes });
+        Ok(())
+    }
+
+    fn reduce(&mut self) -> Result<(), PthError> {
+        let (arguments, callable) = (self.pop()?, self.pop()?);
+        let Value::Name(name) = callable else {
+            return Err(self.error("a call of something that has no name"));
+        };
+        let arguments = self.tuple(arguments)?;
+        match (name, arguments) {
+            (Name::OrderedDict, []) => {
+                self.push_node(Node::Dict(Vec::new()));
+                Ok(())
+            }
+            (Name::RebuildParameter, &[tensor, ..]) => {
+                self.stack.push(tensor);
+                Ok(())
+            }
+            (Name::RebuildTensor, &[storage, offset, shape, strides, ..]) => {
+                let tensor = self.tensor(storage, offset, shape, strides)?;
+                self.push_node(Node::Tensor(tensor));
+                Ok(())
+            }
+            _ => Err(self.error("a call with unexpected arguments")),
+        }
+    }
+
+    fn tensor(
+        &self,
+        storage: Value<'a>,
+        offset: Value<'a>,
+        shape: Value<'a>,
+        strides: Value<'a>,
+    ) -> Result<Tensor<'a>, PthError> {
+        let size = |value: &Value<'a>| match value {
+            Value::Int(value) => usize::try_from(*value)
+                .map_err(|error| self.error(format!("size or stride {value}: {error}"))),
+            _ => Err(self.error("a size that is not an integer")),
+        };
+        let sizes = |value| self.tuple(value)?.iter().map(size).collect::<Result<Vec<_>, _>>();
+        match storage {
+            Value::Node(index) if let Node::Storage { dtype, bytes } = self.arena[index] => {
+                Tensor::new(dtype, bytes, size(&offset)?, sizes(shape)?, sizes(strides)?)
+            }
+            _ => Err(self.error("a tensor without a storage")),
+        }
+    }
+
+    fn root(self, root: Value<'a>) -> Result<Root<'a>, PthError> {
+        let expected = "tensors by name, or a tensor";
+        let found = match root {
+            Value::Node(index) => match &self.arena[index] {
+                Node::Tensor(tensor) => return Ok(Root::Tensor(tensor.clone())),
+                Node::Dict(items) => {
+                    let tensors = items.iter().filter_map(|&(key, value)| match (key, value) {
+                        (Value::Text(key), Value::Node(index)) => match &self.arena[index] {
+                            Node::Tensor(tensor) => Some((key.to_owned(), tensor.clone())),
+                            _ => None,
+                        },
+                        _ => None,
+                    });
+                    return Ok(Root::StateDict(tensors.collect()));
+                }
+                Node::Tuple(values) => {
+                    format!("a tuple of {} (training checkpoints do)", values.len())
+                }
+                Node::List => "a list".to_owned(),
+                Node::Storage { .. } => "a bare storage".to_owned(),
+            },
+            _ => "a single value".to_owned(),
+        };
+        Err(PthError::Root { found, expected })
+    }
+}
+
+/// A little-endian two's-complement integer of up to eight bytes.
+fn long(raw: &[u8]) -> Option<i64> {
+    if raw.len() > 8 {
+        return None;
+    }
+    let negative = raw.last().is_some_and(|byte| byte & 0x80 != 0);
+    let mut bytes = [if negative { 0xff } else { 0 }; 8];
+    bytes[..raw.len()].copy_from_slice(raw);
+    Some(i64::from_le_bytes(bytes))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn run(pickle: &[u8]) -> Result<Root<'_>, PthError> {
+        load(pickle, &|_| None)
+    }
+
+    #[test]
+    fn nothing_is_executed() {
+        let error = run(b"cos\nsystem\n(X\x02\x00\x00\x00lstR.").unwrap_err().to_string();
+        assert!(error.contains("`os.system`") && error.contains("refused"), "{error}");
+        let error = run(b"\x80\x02i.").unwrap_err().to_string();
+        assert!(error.contains("opcode 0x69"), "{error}");
+    }
+
+    #[test]
+    fn stacks_and_memos_are_checked() {
+        for pickle in [
+            &b""[..],
+            b".",
+            b"R.",
+            b"t.",
+            b"(s.",
+            b"h\x07.",
+            b"q\x00.",
+            b"}(Nu.",
+            b"]N\x86R.",
+            b"NQ.",
+            b"X\xff\xff\xff\xffab.",
+            b"\x8a\x09123456789.",
+            b"(((.",
+            b"ctorch\nFloatStorage\n)R.",
+        ] {
+            assert!(run(pickle).is_err(), "{pickle:?}");
+        }
+    }
+
+    #[test]
+    fn sharing_and_depth_cost_nothing() {
+        // A tuple of itself twice, forty times over: 2⁴⁰ leaves if anything were copied.
+        let mut doubled = b"N\x85q\x00".to_vec();
+        for _ in 0..40 {
+            doubled.extend_from_slice(b"h\x00\x86q\x00");
+        }
+        doubled.push(b'.');
+        assert!(matches!(run(&doubled), Err(PthError::Root { .. })), "a tuple is no checkpoint");
+        let mut deep = b"N".to_vec();
+        deep.extend(std::iter::repeat_n(0x85, 200_000));
+        deep.push(b'.');
+        assert!(matches!(run(&deep), Err(PthError::Root { .. })), "no stack overflow");
+    }
+
+    #[test]
+    fn integers_of_any_length() {
+        assert_eq!(long(&[]), Some(0), "empty");
+        assert_eq!(long(&[0xff]), Some(-1), "negative");
+        assert_eq!(long(&[0xff, 0]), Some(255), "positive");
+        assert_eq!(long(&[0; 9]), None, "too long");
+    }
+}

@@ -1,0 +1,120 @@
+//! Readers survive any bytes: real files cut and overwritten at random, and rubbish, give a value or an error, never a panic.
+
+#![allow(clippy::unwrap_used, reason = "shared functions of tests fail by panicking, as tests do")]
+
+use gs_core::DynamicScene;
+use gs_io::checkpoint4dgs::{self, Overrides};
+use gs_io::{cameras_json, cfg_args, ply, pth};
+use proptest::prelude::*;
+use std::fs;
+use std::sync::LazyLock;
+use test_support::fixture;
+
+const ITERATION: &str = "deform4dgs/variants/apply_rotation/model/point_cloud/iteration_1";
+
+static PLY: LazyLock<Vec<u8>> = LazyLock::new(|| read(&format!("{ITERATION}/point_cloud.ply")));
+static PTH: LazyLock<Vec<u8>> = LazyLock::new(|| read(&format!("{ITERATION}/deformation.pth")));
+static TABLE: LazyLock<Vec<u8>> =
+    LazyLock::new(|| read(&format!("{ITERATION}/deformation_table.pth")));
+static CFG: LazyLock<Vec<u8>> =
+    LazyLock::new(|| read("deform4dgs/variants/apply_rotation/model/cfg_args"));
+const CAMERAS: &[u8] =
+    br#"[{"id": 0, "img_name": "r_0", "width": 800, "height": 600, "position": [1, 2, 3],
+ "rotation": [[1, 0, 0], [0, 1, 0], [0, 0, 1]], "fy": 1100.0, "fx": 1111.0, "time": 0.5}]"#;
+
+fn read(path: &str) -> Vec<u8> {
+    fs::read(fixture(path)).unwrap()
+}
+
+/// Cut somewhere, then some bytes overwritten: mostly near the start and the end, where the structure is.
+#[derive(Debug, Clone)]
+struct Damage {
+    keep: f64,
+    bytes: Vec<(bool, u16, u8)>,
+}
+
+fn damage() -> impl Strategy<Value = Damage> {
+    let keep = prop_oneof![3 => Just(1.0), 1 => 0.0..1.0_f64];
+    let byte = (any::<bool>(), 0..4000_u16, any::<u8>());
+    (keep, prop::collection::vec(byte, 0..6)).prop_map(|(keep, bytes)| Damage { keep, bytes })
+}
+
+#[expect(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "a fraction of a length"
+)]
+fn apply(original: &[u8], damage: &Damage) -> Vec<u8> {
+    let mut bytes = original[..(original.len() as f64 * damage.keep) as usize].to_vec();
+    for &(from_end, offset, value) in &damage.bytes {
+        let offset = usize::from(offset);
+        let at = if from_end { bytes.len().checked_sub(offset + 1) } else { Some(offset) };
+        if let Some(byte) = at.and_then(|at| bytes.get_mut(at)) {
+            *byte = value;
+        }
+    }
+    bytes
+}
+
+fn read_all(bytes: &[u8]) {
+    if let Ok(read) = ply::read(bytes) {
+        assert!(read.splats.check_shapes().is_ok(), "whatever is read is consistent");
+    }
+    let _ = ply::read_column(bytes, "x");
+    match pth::read(bytes) {
+        Ok(pth::Root::StateDict(tensors)) => {
+            let total: usize = tensors.iter().map(|(_, tensor)| tensor.to_f32s().len()).sum();
+            assert!(total <= bytes.len() * 200, "{total} values from {} bytes", bytes.len());
+        }
+        Ok(pth::Root::Tensor(tensor)) => {
+            assert!(tensor.to_f32s().len() <= bytes.len(), "no more values than bytes");
+        }
+        Err(_) => {}
+    }
+    let _ = cameras_json::parse(bytes);
+    let _ = cfg_args::parse(&String::from_utf8_lossy(bytes));
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 1000, failure_persistence: None, ..ProptestConfig::default() })]
+
+    #[test]
+    fn damaged_files(which in 0..5_usize, damage in damage()) {
+        let original: [&[u8]; 5] = [&PLY, &PTH, &TABLE, &CFG, CAMERAS];
+        read_all(&apply(original[which], &damage));
+    }
+
+    #[test]
+    fn rubbish(bytes in prop::collection::vec(any::<u8>(), 0..300)) {
+        read_all(&bytes);
+        read_all(&[b"ply\nformat ascii 1.0\n", &bytes[..]].concat());
+        read_all(&[b"PK\x03\x04", &bytes[..]].concat());
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 64, failure_persistence: None, ..ProptestConfig::default() })]
+
+    #[test]
+    fn damaged_model_folders(which in 0..3_usize, damage in damage()) {
+        let dir = tempfile::tempdir().unwrap();
+        let iteration = dir.path().join("point_cloud/iteration_1");
+        fs::create_dir_all(&iteration).unwrap();
+        let file = |index: usize, original: &[u8]| {
+            if index == which { apply(original, &damage) } else { original.to_vec() }
+        };
+        fs::write(iteration.join("point_cloud.ply"), file(0, &PLY)).unwrap();
+        fs::write(iteration.join("deformation.pth"), file(1, &PTH)).unwrap();
+        fs::write(dir.path().join("cfg_args"), file(2, &CFG)).unwrap();
+        match checkpoint4dgs::open(dir.path(), &Overrides::default()) {
+            Ok(model) => {
+                let splats = model.scene.at(0.4).unwrap();
+                prop_assert!(splats.check_shapes().is_ok(), "evaluates");
+            }
+            Err(error) => {
+                let shown = error.to_string();
+                prop_assert!(shown.contains(&*dir.path().to_string_lossy()), "names the file: {}", shown);
+            }
+        }
+    }
+}

@@ -1,76 +1,125 @@
 //! [`Rasterizer`]: prepare once, composite as often as colours change, differentiate.
 
-use crate::{Camera, CameraError, Image, Splats, SplatsError};
+use crate::{Camera, CameraError, Image, Real, Splats, SplatsError};
 use thiserror::Error;
 
-/// What a render needs besides splats and camera.
+/// What a render needs besides splats and camera. Nothing here concerns the prepared state.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct RenderParams {
-    /// Background colour, added to RGB only as `transmittance · background`.
-    pub background: [f32; 3],
-    /// Which derivative to compute (backward only).
+    /// Background colour, 0 to 1, added to RGB only, as `T_final · background`. Default black.
+    pub background: [f64; 3],
+    /// Whether to composite the splats' own colours (SH towards the camera). Default true; without it SH is not even read.
+    pub rgb: bool,
+    /// Whether to composite camera depth. Default true.
+    pub depth: bool,
+    /// Which derivative to compute (backward only). Default [`GradientConvention::Reference`].
     pub gradients: GradientConvention,
 }
 
 impl Default for RenderParams {
     fn default() -> Self {
-        Self { background: [0.0; 3], gradients: GradientConvention::Reference }
+        Self {
+            background: [0.0; 3],
+            rgb: true,
+            depth: true,
+            gradients: GradientConvention::Reference,
+        }
     }
 }
 
-/// Two conventions for the backward pass (`rasteriser.md` §6).
+/// Two conventions for the backward pass. They differ where opacity is capped at 0.99, where the guard band of the projection is active,
+/// and by a damping term of the covariance's inverse.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum GradientConvention {
     /// What the reference kernels compute; published training used it.
     #[default]
     Reference,
-    /// The true derivative with all discrete decisions frozen.
+    /// The true derivative with all discrete decisions (lists, order, skips, stops) frozen.
     Exact,
 }
 
-/// Images composited for one camera.
+/// Images composited for one camera: row-major, channels innermost. A plane that was not asked for is empty.
 #[derive(Debug, Clone, Default, PartialEq)]
-pub struct RenderOutput {
-    /// `Σ f α T + T_final·background`, `[H,W,3]`.
-    pub rgb: Image,
-    /// `1 − T_final`, `[H,W,1]`.
-    pub alpha: Image,
-    /// `Σ z α T`, camera depth, not divided by alpha, `[H,W,1]`.
-    pub depth: Image,
+pub struct RenderOutput<F = f32> {
+    /// `W`, columns.
+    pub width: usize,
+    /// `H`, rows.
+    pub height: usize,
+    /// `F`, the caller's channels per pixel.
+    pub num_features: usize,
+    /// `Σ f α T + T_final·background`, `[H,W,3]`; empty without [`RenderParams::rgb`].
+    pub rgb: Vec<F>,
+    /// `1 − T_final`, `[H,W]`.
+    pub alpha: Vec<F>,
+    /// `Σ z α T`, camera depth in world units, **not** divided by alpha, `[H,W]`; empty without [`RenderParams::depth`].
+    pub depth: Vec<F>,
     /// `Σ f α T` of the caller's channels, no background, `[H,W,F]`.
-    pub features: Image,
+    pub features: Vec<F>,
 }
 
-/// `∂L/∂output`, shapes of [`RenderOutput`]; an empty image means zero.
+impl<F: Real> RenderOutput<F> {
+    fn image_of(&self, values: &[F], channels: usize) -> Image {
+        let data: Vec<f32> = values.iter().map(|value| value.as_f32()).collect();
+        if data.is_empty() {
+            return Image::default();
+        }
+        Image { width: self.width, height: self.height, channels, data }
+    }
+
+    /// Copy of `rgb` as an image of 3 channels (an empty image if it was not asked for).
+    pub fn rgb_image(&self) -> Image {
+        self.image_of(&self.rgb, 3)
+    }
+
+    /// Copy of `alpha` as an image of 1 channel.
+    pub fn alpha_image(&self) -> Image {
+        self.image_of(&self.alpha, 1)
+    }
+
+    /// Copy of `depth` as an image of 1 channel (an empty image if it was not asked for).
+    pub fn depth_image(&self) -> Image {
+        self.image_of(&self.depth, 1)
+    }
+
+    /// Copy of `features` as an image of `num_features` channels (an empty image if there are none).
+    pub fn features_image(&self) -> Image {
+        self.image_of(&self.features, self.num_features)
+    }
+}
+
+/// `∂L/∂output`, planes as in [`RenderOutput`]. An empty plane means zero.
 #[derive(Debug, Clone, Default, PartialEq)]
-pub struct UpstreamGrads {
+pub struct UpstreamGrads<F = f32> {
     /// `[H,W,3]`.
-    pub v_rgb: Image,
-    /// `[H,W,1]`.
-    pub v_alpha: Image,
-    /// `[H,W,1]`.
-    pub v_depth: Image,
+    pub v_rgb: Vec<F>,
+    /// `[H,W]`.
+    pub v_alpha: Vec<F>,
+    /// `[H,W]`.
+    pub v_depth: Vec<F>,
     /// `[H,W,F]`.
-    pub v_features: Image,
+    pub v_features: Vec<F>,
 }
 
-/// `∂L/∂parameter` of the **stored** parameters (activations differentiated too), shapes of [`Splats`].
+/// `∂L/∂parameter` of the **stored** parameters (activations differentiated too), arrays as in [`Splats`].
+///
+/// Rows of splats that draw nothing are exactly zero. Arrays that a call does not compute are left empty.
 #[derive(Debug, Clone, Default, PartialEq)]
-pub struct RenderGrads {
+pub struct RenderGrads<F = f32> {
     /// `[N,3]`.
-    pub v_means: Vec<[f32; 3]>,
-    /// `[N,4]`, with respect to the raw quaternion.
-    pub v_quats: Vec<[f32; 4]>,
+    pub v_means: Vec<[F; 3]>,
+    /// `[N,4]`, with respect to the raw quaternion `wxyz`.
+    pub v_quats: Vec<[F; 4]>,
     /// `[N,3]`.
-    pub v_log_scales: Vec<[f32; 3]>,
+    pub v_log_scales: Vec<[F; 3]>,
     /// `[N]`.
-    pub v_opacity_logits: Vec<f32>,
+    pub v_opacity_logits: Vec<F>,
     /// `[N,K,3]`.
-    pub v_sh: Vec<[f32; 3]>,
+    pub v_sh: Vec<[F; 3]>,
     /// `[N,F]`, flat.
-    pub v_features: Vec<f32>,
-    /// With respect to the projected centre, per pixel, `[N,2]`.
-    pub v_means2d: Vec<[f32; 2]>,
+    pub v_features: Vec<F>,
+    /// With respect to the projected centre, per pixel, `[N,2]`. The densification statistic of 3DGS is the norm of this times
+    /// `(W/2, H/2)`.
+    pub v_means2d: Vec<[F; 2]>,
 }
 
 /// Why a rasteriser refused.
@@ -92,60 +141,134 @@ pub enum RasterError {
         /// Values needed.
         expected: usize,
     },
+    /// A backward pass without the forward pass it differentiates.
+    #[error("rasteriser: backward without a preceding forward on the same prepared state")]
+    NoForward,
     /// The device refused or ran out of memory.
     #[error("rasteriser: {0}")]
     Device(String),
 }
 
-/// A differentiable splat rasteriser with the semantics of `rasteriser.md`.
+/// A differentiable splat rasteriser: prepare (geometry, camera) → forward (colours, opacities, features) → backward.
 ///
-/// The prepared state holds what depends on geometry and camera alone (projection, depth order, tile lists) and is reusable for as long
-/// as neither changes.
-pub trait Rasterizer {
+/// The prepared state owns what depends on geometry and camera alone (projection, depth order, tile lists), the memory of every later
+/// stage, and what the last forward pass leaves for its backward pass; device buffers live there. It stays valid while `means`, `quats`,
+/// `log_scales` and the camera stay as they were: SH, opacities and features may change between forward passes without a new `prepare`,
+/// and the image is the same as if one had been made. (A splat whose opacity was NaN at `prepare` stays culled.)
+///
+/// The `_into` methods reuse the memory of their output argument; nothing is read back from a device but the planes asked for.
+pub trait Rasterizer<F: Real = f32> {
     /// Geometry seen by one camera, ready to composite.
     type Prepared;
 
     /// Projects, culls, sorts and bins.
     ///
     /// # Errors
-    /// If the camera or the splats are malformed, or the device fails.
-    fn prepare(&self, splats: &Splats, camera: &Camera) -> Result<Self::Prepared, RasterError>;
+    /// If the camera or the splats' shapes are malformed, or the device fails. Hostile values are no error: such splats are culled.
+    fn prepare(&self, splats: &Splats<F>, camera: &Camera) -> Result<Self::Prepared, RasterError>;
 
-    /// Composites the splats' own colours (SH towards the prepared camera) and `features` (`[N,F]`, flat).
+    /// [`Rasterizer::prepare`] in the memory of an earlier prepared state.
+    ///
+    /// # Errors
+    /// As [`Rasterizer::prepare`].
+    fn prepare_into(
+        &self,
+        splats: &Splats<F>,
+        camera: &Camera,
+        prepared: &mut Self::Prepared,
+    ) -> Result<(), RasterError>;
+
+    /// Composites the splats' colours and depth (as `params` asks) and `features` (`[N,F]`, flat; empty for none).
     ///
     /// # Errors
     /// If shapes disagree with the prepared state, or the device fails.
+    fn forward_into(
+        &self,
+        prepared: &mut Self::Prepared,
+        splats: &Splats<F>,
+        features: &[F],
+        params: &RenderParams,
+        output: &mut RenderOutput<F>,
+    ) -> Result<(), RasterError>;
+
+    /// Gradients of every parameter, of the **last forward pass** of `prepared`; pass the same `splats`, `features` and `params`.
+    ///
+    /// # Errors
+    /// If there was no forward pass, shapes disagree with it, or the device fails.
+    fn backward_into(
+        &self,
+        prepared: &mut Self::Prepared,
+        splats: &Splats<F>,
+        features: &[F],
+        params: &RenderParams,
+        upstream: &UpstreamGrads<F>,
+        grads: &mut RenderGrads<F>,
+    ) -> Result<(), RasterError>;
+
+    /// As [`Rasterizer::backward_into`] for SH and features alone, geometry and opacity held fixed: fills `v_sh` and `v_features` in one
+    /// front-to-back pass and leaves the other arrays empty. `v_alpha` and `v_depth` have no influence.
+    ///
+    /// With one feature and a pixel mask as `v_features`, `v_features` of the result is the mask's vote `Σ_p m_p α T` per splat.
+    ///
+    /// # Errors
+    /// As [`Rasterizer::backward_into`].
+    fn backward_colors_into(
+        &self,
+        prepared: &mut Self::Prepared,
+        splats: &Splats<F>,
+        features: &[F],
+        params: &RenderParams,
+        upstream: &UpstreamGrads<F>,
+        grads: &mut RenderGrads<F>,
+    ) -> Result<(), RasterError>;
+
+    /// [`Rasterizer::forward_into`], freshly allocated.
+    ///
+    /// # Errors
+    /// As [`Rasterizer::forward_into`].
     fn forward(
         &self,
-        prepared: &Self::Prepared,
-        splats: &Splats,
-        features: &[f32],
+        prepared: &mut Self::Prepared,
+        splats: &Splats<F>,
+        features: &[F],
         params: &RenderParams,
-    ) -> Result<RenderOutput, RasterError>;
+    ) -> Result<RenderOutput<F>, RasterError> {
+        let mut output = RenderOutput::default();
+        self.forward_into(prepared, splats, features, params, &mut output)?;
+        Ok(output)
+    }
 
-    /// Gradients of every parameter.
+    /// [`Rasterizer::backward_into`], freshly allocated.
     ///
     /// # Errors
-    /// As [`Rasterizer::forward`].
+    /// As [`Rasterizer::backward_into`].
     fn backward(
         &self,
-        prepared: &Self::Prepared,
-        splats: &Splats,
-        features: &[f32],
+        prepared: &mut Self::Prepared,
+        splats: &Splats<F>,
+        features: &[F],
         params: &RenderParams,
-        upstream: &UpstreamGrads,
-    ) -> Result<RenderGrads, RasterError>;
+        upstream: &UpstreamGrads<F>,
+    ) -> Result<RenderGrads<F>, RasterError> {
+        let mut grads = RenderGrads::default();
+        self.backward_into(prepared, splats, features, params, upstream, &mut grads)?;
+        Ok(grads)
+    }
 
-    /// Gradient of the colours and features alone, in a single pass over the prepared lists: fills `v_sh` and `v_features`.
+    /// [`Rasterizer::backward_colors_into`], freshly allocated.
     ///
     /// # Errors
-    /// As [`Rasterizer::forward`].
+    /// As [`Rasterizer::backward_colors_into`].
     fn backward_colors(
         &self,
-        prepared: &Self::Prepared,
-        splats: &Splats,
-        features: &[f32],
+        prepared: &mut Self::Prepared,
+        splats: &Splats<F>,
+        features: &[F],
         params: &RenderParams,
-        upstream: &UpstreamGrads,
-    ) -> Result<RenderGrads, RasterError>;
+        upstream: &UpstreamGrads<F>,
+    ) -> Result<RenderGrads<F>, RasterError> {
+        let mut grads = RenderGrads::default();
+        self.backward_colors_into(prepared, splats, features, params, upstream, &mut grads)?;
+        Ok(grads)
+    }
 }

@@ -1,25 +1,17 @@
-//! Real spherical harmonics up to degree 3, 3DGS constants and signs.
+//! Real spherical harmonics up to degree 3 and their derivative, 3DGS constants and signs.
+#![expect(clippy::inline_always, reason = "inlined into vectorised loops of the rasterisers")]
 
 use crate::Real;
 
 /// Highest degree with a basis here.
 pub const MAX_DEGREE: usize = 3;
 /// Degree-0 basis value: `rgb = 0.5 + C0·dc`.
-pub const C0: f32 = 0.282_094_79;
+pub const C0: f32 = 0.282_094_8;
 /// Magnitude of the degree-1 basis.
-pub const C1: f32 = 0.488_602_5;
-/// Degree-2 constants, 3DGS order.
-pub const C2: [f32; 5] = [1.092_548_4, -1.092_548_4, 0.315_391_57, -1.092_548_4, 0.546_274_2];
-/// Degree-3 constants, 3DGS order.
-pub const C3: [f32; 7] = [
-    -0.590_043_6,
-    2.890_611_4,
-    -0.457_045_8,
-    0.373_176_34,
-    -0.457_045_8,
-    1.445_305_7,
-    -0.590_043_6,
-];
+pub const C1: f32 = 0.488_602_52;
+// Magnitudes of the higher bases, rounded to single precision as the reference has them.
+const C2: [f32; 3] = [1.092_548_5, 0.315_391_57, 0.546_274_24];
+const C3: [f32; 5] = [0.590_043_6, 2.890_611_4, 0.457_045_8, 0.373_176_34, 1.445_305_7];
 
 /// `(degree + 1)²` coefficients per colour channel.
 pub const fn num_coeffs(degree: usize) -> usize {
@@ -31,43 +23,80 @@ pub fn degree_of(coeffs: usize) -> Option<usize> {
     (0..=MAX_DEGREE).find(|&degree| num_coeffs(degree) == coeffs)
 }
 
-/// Basis values `Y_k(d)`, `k < K`, for the unit direction `d` (camera centre to mean, world frame); zero above `degree`.
-pub fn basis<F: Real>(degree: usize, d: [F; 3]) -> [F; 16] {
-    let mut y = [F::zero(); 16];
-    y[0] = F::of(C0);
-    if degree == 0 {
-        return y;
+/// Basis values `Y_k(d)`, `k < 16`, at the unit direction `d` (camera centre to mean, world frame); zero above `degree`.
+#[inline(always)]
+pub fn basis<F: Real>(degree: usize, [x, y, z]: [F; 3]) -> [F; 16] {
+    let mut out = [F::zero(); 16];
+    out[0] = F::of(C0);
+    if degree >= 1 {
+        let c = F::of(C1);
+        out[1..4].copy_from_slice(&[-c * y, c * z, -c * x]);
     }
-    let [x, yy, z] = d;
-    let c1 = F::of(C1);
-    (y[1], y[2], y[3]) = (-c1 * yy, c1 * z, -c1 * x);
-    if degree == 1 {
-        return y;
+    let (xx, yy, zz) = (x * x, y * y, z * z);
+    let [two, three, four] = [2.0, 3.0, 4.0].map(F::of);
+    if degree >= 2 {
+        let [a, b, e] = C2.map(F::of);
+        out[4..9].copy_from_slice(&[
+            a * x * y,
+            -a * y * z,
+            b * (two * zz - xx - yy),
+            -a * x * z,
+            e * (xx - yy),
+        ]);
     }
-    let c2 = C2.map(F::of);
-    let (x2, y2, z2) = (x * x, yy * yy, z * z);
-    let two = F::of(2.0);
-    y[4] = c2[0] * x * yy;
-    y[5] = c2[1] * yy * z;
-    y[6] = c2[2] * (two * z2 - x2 - y2);
-    y[7] = c2[3] * x * z;
-    y[8] = c2[4] * (x2 - y2);
-    if degree == 2 {
-        return y;
+    if degree >= 3 {
+        let [k0, k1, k2, k3, k4] = C3.map(F::of);
+        out[9..16].copy_from_slice(&[
+            -k0 * y * (three * xx - yy),
+            k1 * x * y * z,
+            -k2 * y * (four * zz - xx - yy),
+            k3 * z * (two * zz - three * xx - three * yy),
+            -k2 * x * (four * zz - xx - yy),
+            k4 * z * (xx - yy),
+            -k0 * x * (xx - three * yy),
+        ]);
     }
-    let c3 = C3.map(F::of);
-    let (three, four) = (F::of(3.0), F::of(4.0));
-    y[9] = c3[0] * yy * (three * x2 - y2);
-    y[10] = c3[1] * x * yy * z;
-    y[11] = c3[2] * yy * (four * z2 - x2 - y2);
-    y[12] = c3[3] * z * (two * z2 - three * x2 - three * y2);
-    y[13] = c3[4] * x * (four * z2 - x2 - y2);
-    y[14] = c3[5] * z * (x2 - y2);
-    y[15] = c3[6] * x * (x2 - three * y2);
-    y
+    out
+}
+
+/// `∇Y_k(d)`, treating the components of `d` as independent.
+#[inline(always)]
+pub fn basis_gradient<F: Real>(degree: usize, [x, y, z]: [F; 3]) -> [[F; 3]; 16] {
+    let o = F::zero();
+    let mut out = [[o; 3]; 16];
+    if degree >= 1 {
+        let c = F::of(C1);
+        out[1..4].copy_from_slice(&[[o, -c, o], [o, o, c], [-c, o, o]]);
+    }
+    let [two, three, four, six, eight] = [2.0, 3.0, 4.0, 6.0, 8.0].map(F::of);
+    if degree >= 2 {
+        let [a, b, e] = C2.map(F::of);
+        out[4..9].copy_from_slice(&[
+            [a * y, a * x, o],
+            [o, -a * z, -a * y],
+            [-two * b * x, -two * b * y, four * b * z],
+            [-a * z, o, -a * x],
+            [two * e * x, -two * e * y, o],
+        ]);
+    }
+    if degree >= 3 {
+        let (xx, yy, zz) = (x * x, y * y, z * z);
+        let [k0, k1, k2, k3, k4] = C3.map(F::of);
+        out[9..16].copy_from_slice(&[
+            [-k0 * six * x * y, -k0 * (three * xx - three * yy), o],
+            [k1 * y * z, k1 * x * z, k1 * x * y],
+            [k2 * two * x * y, -k2 * (four * zz - xx - three * yy), -k2 * eight * y * z],
+            [-k3 * six * x * z, -k3 * six * y * z, k3 * (six * zz - three * xx - three * yy)],
+            [-k2 * (four * zz - three * xx - yy), k2 * two * x * y, -k2 * eight * x * z],
+            [k4 * two * x * z, -k4 * two * y * z, k4 * (xx - yy)],
+            [-k0 * (three * xx - three * yy), k0 * six * x * y, o],
+        ]);
+    }
+    out
 }
 
 /// `0.5 + Σ_k Y_k(d)·sh_k` **before** the clamp at 0 (`rasteriser.md` step 10), for `sh` of at least `num_coeffs(degree)` rows.
+#[inline(always)]
 pub fn color<F: Real>(degree: usize, sh: &[[F; 3]], direction: [F; 3]) -> [F; 3] {
     let y = basis(degree, direction);
     let mut rgb = [F::of(0.5); 3];
@@ -79,7 +108,7 @@ pub fn color<F: Real>(degree: usize, sh: &[[F; 3]], direction: [F; 3]) -> [F; 3]
     rgb
 }
 
-/// DC coefficient of a view-independent colour in [0,1] per channel.
+/// DC coefficient of a view-independent colour from 0 to 1 per channel.
 pub fn dc_from_rgb<F: Real>(rgb: [F; 3]) -> [F; 3] {
     rgb.map(|channel| (channel - F::of(0.5)) / F::of(C0))
 }
@@ -113,6 +142,24 @@ mod tests {
             for b in 0..16 {
                 let expected = if a == b { 1.0 } else { 0.0 };
                 assert!((gram[a][b] - expected).abs() < 2e-3, "{a},{b}: {}", gram[a][b]);
+            }
+        }
+    }
+
+    #[test]
+    fn gradient_is_the_derivative() {
+        let d = [0.48_f64, -0.6, 0.64];
+        let gradient = basis_gradient(3, d);
+        for axis in 0..3 {
+            let at = |step: f64| {
+                let mut moved = d;
+                moved[axis] += step;
+                basis(3, moved)
+            };
+            let (plus, minus) = (at(1e-5), at(-1e-5));
+            for k in 0..16 {
+                let difference = (plus[k] - minus[k]) / 2e-5;
+                assert!((gradient[k][axis] - difference).abs() < 1e-8, "Y{k}, axis {axis}");
             }
         }
     }

@@ -1,0 +1,273 @@
+//! The backward passes: every tile on its own, then sums per splat in a fixed order, then (`splat_grads`) each splat's chain rule.
+
+use crate::bins::{BLOCK, MACRO_TILES, Macro};
+use crate::forward::{check, passes, with_channels};
+use crate::lanes::{self, Lane};
+use crate::prepared::{Composited, Prepared};
+use crate::shade::{HEAD, Layout};
+use crate::splat_grads;
+use crate::tile::{Pass, Plane, TileState};
+use crate::tile_grad::{MOMENTS, Sums, TileUpstream, differentiate, differentiate_colors};
+use crate::view::{TILE, TILE_PIXELS, View, dot};
+use gs_core::{RasterError, RenderGrads, RenderParams, Splats, UpstreamGrads};
+use pulp::{Simd, WithSimd};
+use rayon::prelude::*;
+use std::ops::Range;
+
+/// Which parameters a backward pass differentiates.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Scope {
+    Everything,
+    Colors,
+}
+
+/// The tiles of one macro tile.
+struct DifferentiateMacro<'a, F> {
+    view: &'a View<F>,
+    layout: Layout,
+    stride: usize,
+    first_channel: usize,
+    channels: usize,
+    macro_id: usize,
+    owner: &'a Macro,
+    target: &'a mut Composited<F>,
+    upstream: &'a UpstreamGrads<F>,
+    params: &'a RenderParams,
+    scope: Scope,
+}
+
+impl<F: Lane> WithSimd for DifferentiateMacro<'_, F> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, s: S) {
+        with_channels!(self.channels, differentiate_macro::<S, F>(s, self));
+    }
+}
+
+#[inline(always)]
+fn differentiate_macro<S: Simd, F: Lane, const C: usize>(s: S, job: DifferentiateMacro<'_, F>) {
+    let DifferentiateMacro { view, layout, stride, first_channel, macro_id, target, .. } = job;
+    let (upstream, params) = (job.upstream, job.params);
+    let pass = Pass { records: &target.records, length: HEAD + stride, first_channel };
+    let mut sums = Sums { values: &mut target.sums, stride: MOMENTS + stride };
+    let mut v_channels = [Plane::<F>::zero(); C];
+    for tile in 0..MACRO_TILES {
+        let Some(first) = Prepared::tile_origin(view, macro_id, tile) else { continue };
+        let list = &job.owner.lists[tile];
+        if list.items.is_empty() {
+            continue;
+        }
+        let pixels = TilePixels { view, first };
+        for (c, plane) in v_channels.iter_mut().enumerate() {
+            pixels.load_channel(upstream, layout, first_channel + c, plane);
+        }
+        let origin = first.map(|x| F::from_double(x as f64));
+        match job.scope {
+            Scope::Everything => {
+                let stored = target.transmittance.as_chunks::<TILE_PIXELS>().0[tile];
+                let mut transmittance = Plane(stored);
+                for t in &mut transmittance.0 {
+                    *t = t.abs();
+                }
+                let mut behind = Plane::zero();
+                if first_channel == 0 {
+                    pixels.load_behind(upstream, params, layout, &transmittance, &mut behind);
+                }
+                let tile_upstream = TileUpstream {
+                    channels: &v_channels,
+                    transmittance: &mut transmittance,
+                    behind: &mut behind,
+                    stops: &target.stops.as_chunks::<TILE_PIXELS>().0[tile],
+                };
+                let convention = params.gradients;
+                differentiate::<S, F, C>(
+                    s,
+                    &pass,
+                    list,
+                    origin,
+                    tile_upstream,
+                    convention,
+                    &mut sums,
+                );
+            }
+            Scope::Colors => {
+                let mut state = TileState::<F, 0>::new(first, [view.width, view.height]);
+                let transmittance = &mut state.transmittance;
+                differentiate_colors::<S, F, C>(
+                    s,
+                    &pass,
+                    list,
+                    origin,
+                    &v_channels,
+                    transmittance,
+                    &mut sums,
+                );
+            }
+        }
+    }
+}
+
+/// The pixels of a tile that lie on the image.
+struct TilePixels<'a, F> {
+    view: &'a View<F>,
+    first: [usize; 2],
+}
+
+impl<F: Lane> TilePixels<'_, F> {
+    /// Calls `action(first pixel of the image, pixels of the tile)` for every row.
+    #[inline(always)]
+    fn visit(&self, mut action: impl FnMut(usize, Range<usize>)) {
+        let [x0, y0] = self.first;
+        let width = TILE.min(self.view.width - x0);
+        for row in 0..TILE.min(self.view.height - y0) {
+            action((y0 + row) * self.view.width + x0, row * TILE..row * TILE + width);
+        }
+    }
+
+    /// Upstream gradient of a channel; zero off the image and for padding.
+    #[inline(always)]
+    fn load_channel(
+        &self,
+        upstream: &UpstreamGrads<F>,
+        layout: Layout,
+        channel: usize,
+        plane: &mut Plane<F>,
+    ) {
+        plane.0.fill(F::zero());
+        let (source, step, offset) = if channel < layout.depth_at() {
+            (&upstream.v_rgb, 3, channel)
+        } else if channel < layout.features_at() {
+            (&upstream.v_depth, 1, 0)
+        } else if channel < layout.channels() {
+            (&upstream.v_features, layout.features, channel - layout.features_at())
+        } else {
+            return;
+        };
+        if !source.is_empty() {
+            self.visit(|pixel, row| {
+                let values = source[pixel * step + offset..].iter().step_by(step);
+                for (target, &value) in plane.0[row].iter_mut().zip(values) {
+                    *target = value;
+                }
+            });
+        }
+    }
+
+    /// `T_final · (background·g_rgb − g_alpha)`.
+    #[inline(always)]
+    fn load_behind(
+        &self,
+        upstream: &UpstreamGrads<F>,
+        params: &RenderParams,
+        layout: Layout,
+        transmittance: &Plane<F>,
+        behind: &mut Plane<F>,
+    ) {
+        if !upstream.v_alpha.is_empty() {
+            self.visit(|pixel, row| {
+                for (target, &value) in behind.0[row].iter_mut().zip(&upstream.v_alpha[pixel..]) {
+                    *target = -value;
+                }
+            });
+        }
+        if layout.rgb && !upstream.v_rgb.is_empty() {
+            let background = params.background.map(F::from_double);
+            self.visit(|pixel, row| {
+                let values = upstream.v_rgb[3 * pixel..].as_chunks::<3>().0;
+                for (target, &value) in behind.0[row].iter_mut().zip(values) {
+                    *target += dot(background, value);
+                }
+            });
+        }
+        for (behind, &t) in behind.0.iter_mut().zip(&transmittance.0) {
+            *behind *= t;
+        }
+    }
+}
+
+/// Verifies the upstream planes against the last forward pass.
+fn check_upstream<F: Lane>(
+    prepared: &Prepared<F>,
+    layout: Layout,
+    upstream: &UpstreamGrads<F>,
+) -> Result<(), RasterError> {
+    if !prepared.has_forward || prepared.shade.layout != layout {
+        return Err(RasterError::NoForward);
+    }
+    let pixels = prepared.view.width * prepared.view.height;
+    for (what, plane, expected) in [
+        ("v_rgb", &upstream.v_rgb, if layout.rgb { 3 * pixels } else { 0 }),
+        ("v_alpha", &upstream.v_alpha, pixels),
+        ("v_depth", &upstream.v_depth, if layout.depth { pixels } else { 0 }),
+        ("v_features", &upstream.v_features, layout.features * pixels),
+    ] {
+        if !plane.is_empty() && plane.len() != expected {
+            return Err(RasterError::Shape { what, found: plane.len(), expected });
+        }
+    }
+    Ok(())
+}
+
+pub(crate) fn backward<F: Lane>(
+    prepared: &mut Prepared<F>,
+    splats: &Splats<F>,
+    features: &[F],
+    params: &RenderParams,
+    upstream: &UpstreamGrads<F>,
+    scope: Scope,
+    grads: &mut RenderGrads<F>,
+) -> Result<(), RasterError> {
+    check(prepared, splats, features)?;
+    let layout = Layout::new(params, prepared.num_splats, features.len());
+    check_upstream(prepared, layout, upstream)?;
+    let stride = prepared.shade.stride;
+
+    let Prepared { view, macros, composited, .. } = &mut *prepared;
+    let arch = lanes::arch();
+    composited.par_iter_mut().zip(&*macros).enumerate().for_each(|(macro_id, (target, owner))| {
+        target.sums.clear();
+        target.sums.resize(owner.items.len() * (MOMENTS + stride), F::zero());
+        for (first_channel, channels) in passes(layout.channels()) {
+            let target = &mut *target;
+            arch.dispatch(DifferentiateMacro {
+                view,
+                layout,
+                stride,
+                first_channel,
+                channels,
+                macro_id,
+                owner,
+                target,
+                upstream,
+                params,
+                scope,
+            });
+        }
+    });
+    collect(prepared, MOMENTS + stride);
+    splat_grads::write(prepared, splats, params.gradients, scope, MOMENTS + stride, grads);
+    Ok(())
+}
+
+/// Sums the macro tiles' shares of every splat, macro tile by macro tile: the order does not depend on the threads.
+fn collect<F: Lane>(prepared: &mut Prepared<F>, stride: usize) {
+    let Prepared { sums, visible, blocks, macros, composited, .. } = prepared;
+    sums.clear();
+    sums.resize(visible.len() * stride, F::zero());
+    sums.par_chunks_mut(BLOCK * stride).zip(&*blocks).enumerate().for_each(
+        |(number, (run, block))| {
+            for (macro_id, (owner, composited)) in macros.iter().zip(&*composited).enumerate() {
+                let ranks = block.items_of(macro_id);
+                let first = owner.block_starts[number] as usize;
+                let shares = composited.sums[first * stride..].chunks_exact(stride);
+                for (&rank, share) in ranks.iter().zip(shares) {
+                    let start = (rank as usize - number * BLOCK) * stride;
+                    for (sum, &x) in run[start..start + stride].iter_mut().zip(share) {
+                        *sum += x;
+                    }
+                }
+            }
+        },
+    );
+}

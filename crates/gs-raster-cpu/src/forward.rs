@@ -1,0 +1,276 @@
+//! The forward pass: shade, composite every tile, assemble the images.
+
+use crate::bins::{MACRO, MACRO_TILES, Macro, macro_grid};
+use crate::lanes::{self, Lane};
+use crate::prepared::{Composited, Prepared};
+use crate::shade::{HEAD, Layout, Shade};
+use crate::tile::{self, Pass, TileState};
+use crate::view::{TILE, TILE_PIXELS, View};
+use gs_core::{RasterError, RenderOutput, RenderParams, Splats};
+use pulp::{Simd, WithSimd};
+use rayon::prelude::*;
+
+/// Most channels composited at once; more are done in several passes.
+const MAX_CHANNELS: usize = 8;
+
+/// Channel counts of the passes that together composite `channels` channels: kernels exist for 1, 3, 4, 6 and 8, the rest is padding.
+pub(crate) fn passes(channels: usize) -> impl Iterator<Item = (usize, usize)> {
+    (0..channels.max(1)).step_by(MAX_CHANNELS).map(move |first| {
+        let left = channels.saturating_sub(first);
+        (first, [1, 3, 4, 6].into_iter().find(|&size| left <= size).unwrap_or(MAX_CHANNELS))
+    })
+}
+
+/// Channels with padding.
+pub(crate) fn padded(channels: usize) -> usize {
+    passes(channels).map(|(_, size)| size).sum()
+}
+
+/// Calls `$function::<S, F, C>` with the constant `C` equal to `$channels`.
+macro_rules! with_channels {
+    ($channels:expr, $function:ident::<$simd:ty, $float:ty>($($argument:expr),* $(,)?)) => {
+        match $channels {
+            1 => $function::<$simd, $float, 1>($($argument),*),
+            3 => $function::<$simd, $float, 3>($($argument),*),
+            4 => $function::<$simd, $float, 4>($($argument),*),
+            6 => $function::<$simd, $float, 6>($($argument),*),
+            _ => $function::<$simd, $float, 8>($($argument),*),
+        }
+    };
+}
+pub(crate) use with_channels;
+
+/// Composites all tiles of one macro tile.
+struct CompositeMacro<'a, F> {
+    view: &'a View<F>,
+    stride: usize,
+    first_channel: usize,
+    channels: usize,
+    macro_id: usize,
+    owner: &'a Macro,
+    target: &'a mut Composited<F>,
+}
+
+impl<F: Lane> WithSimd for CompositeMacro<'_, F> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, s: S) {
+        with_channels!(self.channels, composite_macro::<S, F>(s, self));
+    }
+}
+
+#[inline(always)]
+fn composite_macro<S: Simd, F: Lane, const C: usize>(s: S, job: CompositeMacro<'_, F>) {
+    let CompositeMacro { view, stride, first_channel, macro_id, owner, target, .. } = job;
+    let pass = Pass { records: &target.records, length: HEAD + stride, first_channel };
+    for tile in 0..MACRO_TILES {
+        let Some(first) = Prepared::tile_origin(view, macro_id, tile) else { continue };
+        let mut state = TileState::<F, C>::new(first, [view.width, view.height]);
+        let origin = first.map(|x| F::from_double(x as f64));
+        let list = &owner.lists[tile];
+        let evaluated = tile::composite::<S, F, C>(s, &pass, list, origin, &mut state);
+        let first_plane = tile * stride + first_channel;
+        let planes = target.planes.as_chunks_mut::<TILE_PIXELS>().0;
+        for (target, plane) in planes[first_plane..first_plane + C].iter_mut().zip(&state.planes) {
+            *target = plane.0;
+        }
+        if first_channel == 0 {
+            target.evaluated += evaluated;
+            target.transmittance.as_chunks_mut::<TILE_PIXELS>().0[tile] = state.transmittance.0;
+            target.stops.as_chunks_mut::<TILE_PIXELS>().0[tile] = state.stops;
+        }
+    }
+}
+
+/// Verifies that `splats` and `features` fit the prepared state.
+pub(crate) fn check<F: Lane>(
+    prepared: &Prepared<F>,
+    splats: &Splats<F>,
+    features: &[F],
+) -> Result<(), RasterError> {
+    splats.check_shapes()?;
+    let shape = |what, found, expected| Err(RasterError::Shape { what, found, expected });
+    if splats.len() != prepared.num_splats {
+        return shape("splats", splats.len(), prepared.num_splats);
+    }
+    let rows = prepared.num_splats.max(1);
+    if !features.len().is_multiple_of(rows) || (prepared.num_splats == 0 && !features.is_empty()) {
+        let expected = features.len().div_ceil(rows) * prepared.num_splats;
+        return shape("features", features.len(), expected);
+    }
+    Ok(())
+}
+
+pub(crate) fn forward<F: Lane>(
+    prepared: &mut Prepared<F>,
+    splats: &Splats<F>,
+    features: &[F],
+    params: &RenderParams,
+    output: &mut RenderOutput<F>,
+) -> Result<(), RasterError> {
+    check(prepared, splats, features)?;
+    let layout = Layout::new(params, prepared.num_splats, features.len());
+    let stride = padded(layout.channels());
+    let covered = {
+        let Prepared { shade, visible, rank_of, view, .. } = prepared;
+        shade.fill((visible, rank_of), view, splats, features, layout, stride)
+    };
+    if !covered && prepared.culling == crate::Culling::Opacity {
+        for p in &mut prepared.visible {
+            p.opacity = splats.opacity(p.id as usize);
+            p.log_opacity = p.opacity.ln();
+        }
+        prepared.bin();
+    }
+
+    let Prepared { view, shade, macros, composited, .. } = &mut *prepared;
+    let arch = lanes::arch();
+    composited.resize_with(macros.len(), Composited::default);
+    composited.par_iter_mut().zip(&*macros).enumerate().for_each(|(macro_id, (target, owner))| {
+        target.resize(stride);
+        target.evaluated = 0;
+        target.records.clear();
+        for &rank in &owner.items {
+            let start = rank as usize * (HEAD + stride);
+            target.records.extend_from_slice(&shade.records[start..start + HEAD + stride]);
+        }
+        for (first_channel, channels) in passes(layout.channels()) {
+            let target = &mut *target;
+            arch.dispatch(CompositeMacro {
+                view,
+                stride,
+                first_channel,
+                channels,
+                macro_id,
+                owner,
+                target,
+            });
+        }
+    });
+    assemble(view, shade, composited, params, output);
+    prepared.has_forward = true;
+    Ok(())
+}
+
+/// Interleaves the planes of all tiles into row-major images.
+fn assemble<F: Lane>(
+    view: &View<F>,
+    shade: &Shade<F>,
+    composited: &[Composited<F>],
+    params: &RenderParams,
+    output: &mut RenderOutput<F>,
+) {
+    let layout = shade.layout;
+    let (width, height) = (view.width, view.height);
+    let pixels = width * height;
+    (output.width, output.height, output.num_features) = (width, height, layout.features);
+    output.rgb.resize(if layout.rgb { 3 * pixels } else { 0 }, F::zero());
+    output.alpha.resize(pixels, F::zero());
+    output.depth.resize(if layout.depth { pixels } else { 0 }, F::zero());
+    output.features.resize(layout.features * pixels, F::zero());
+
+    let background = params.background.map(F::from_double);
+    let macros_across = macro_grid(view.tiles)[0];
+    // A plane that was not asked for yields empty rows.
+    let row_lengths = [
+        if layout.rgb { 3 * width } else { 0 },
+        width,
+        if layout.depth { width } else { 0 },
+        layout.features * width,
+    ];
+    let mut planes =
+        [output.rgb.as_mut_slice(), &mut output.alpha, &mut output.depth, &mut output.features]
+            .map(Some);
+    rows_of(&mut planes, row_lengths, height, &|y, [rgb, alpha, depth, features]| {
+        for tx in 0..view.tiles[0] {
+            let ty = y / TILE;
+            let source = &composited[ty / MACRO * macros_across + tx / MACRO];
+            let tile = ty % MACRO * MACRO + tx % MACRO;
+            let (x0, row) = (tx * TILE, y % TILE * TILE);
+            let count = TILE.min(width - x0);
+            let plane = |channel: usize| {
+                let start = (tile * shade.stride + channel) * TILE_PIXELS + row;
+                &source.planes[start..start + count]
+            };
+            let transmittance =
+                &source.transmittance[tile * TILE_PIXELS + row..tile * TILE_PIXELS + row + count];
+            for (alpha, t) in alpha[x0..x0 + count].iter_mut().zip(transmittance) {
+                *alpha = F::one() - t.abs();
+            }
+            if layout.rgb {
+                let target = rgb[3 * x0..3 * (x0 + count)].as_chunks_mut::<3>().0;
+                let (r, g, b) = (plane(0), plane(1), plane(2));
+                for (i, pixel) in target.iter_mut().enumerate() {
+                    let t = transmittance[i].abs();
+                    *pixel = [
+                        r[i] + t * background[0],
+                        g[i] + t * background[1],
+                        b[i] + t * background[2],
+                    ];
+                }
+            }
+            if layout.depth {
+                depth[x0..x0 + count].copy_from_slice(plane(layout.depth_at()));
+            }
+            for feature in 0..layout.features {
+                let values = plane(layout.features_at() + feature);
+                let target = features[x0 * layout.features + feature..].iter_mut();
+                for (target, &value) in target.step_by(layout.features).zip(values) {
+                    *target = value;
+                }
+            }
+        }
+    });
+}
+
+/// Calls `action(y, rows)` for every image row, in parallel, with the row of each plane.
+fn rows_of<F: Lane>(
+    planes: &mut [Option<&mut [F]>; 4],
+    row_lengths: [usize; 4],
+    height: usize,
+    action: &(impl Fn(usize, [&mut [F]; 4]) + Sync),
+) {
+    split_rows(
+        planes.each_mut().map(|plane| plane.take().unwrap_or_default()),
+        row_lengths,
+        0..height,
+        action,
+    );
+}
+
+fn split_rows<F: Lane>(
+    planes: [&mut [F]; 4],
+    row_lengths: [usize; 4],
+    rows: std::ops::Range<usize>,
+    action: &(impl Fn(usize, [&mut [F]; 4]) + Sync),
+) {
+    if rows.len() <= TILE {
+        let mut rest = planes;
+        for y in rows {
+            let mut k = 0;
+            let heads = rest.each_mut().map(|plane| {
+                let (head, tail) = std::mem::take(plane).split_at_mut(row_lengths[k]);
+                *plane = tail;
+                k += 1;
+                head
+            });
+            action(y, heads);
+        }
+        return;
+    }
+    let middle = rows.start + rows.len() / 2;
+    let mut k = 0;
+    let mut lower = [const { None }; 4];
+    let upper = planes.map(|plane| {
+        let (head, tail) = plane.split_at_mut((middle - rows.start) * row_lengths[k]);
+        lower[k] = Some(tail);
+        k += 1;
+        head
+    });
+    let lower = lower.map(Option::unwrap_or_default);
+    rayon::join(
+        || split_rows(upper, row_lengths, rows.start..middle, action),
+        || split_rows(lower, row_lengths, middle..rows.end, action),
+    );
+}

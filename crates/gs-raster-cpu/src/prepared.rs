@@ -1,0 +1,219 @@
+//! [`Prepared`]: geometry seen by one camera, and the memory of every later stage.
+
+use crate::Culling;
+use crate::bins::{self, Block, MACRO, MACRO_TILES, Macro};
+use crate::lanes::wide;
+use crate::project::{Projected, project};
+use crate::shade::{DEAD, Shade};
+use crate::view::{TILE, TILE_PIXELS, View};
+use gs_core::{Camera, RasterError, Real, Splats};
+use rayon::prelude::*;
+
+/// Splats projected by one task.
+const CHUNK: usize = 1024;
+/// Rank of a culled splat.
+pub(crate) const CULLED: u32 = u32::MAX;
+
+/// Geometry seen by one camera, ready to composite: projected splats in depth order and the lists of every 16×16 tile.
+///
+/// Reusable while means, quaternions, log-scales and camera stay fixed. The lists leave out tiles that a splat does not reach with the
+/// opacity it has; when a later forward pass brings a larger opacity, they are made anew from the projection at hand (no projecting, no
+/// sorting), so the image is always that of a fresh [`Prepared`]. [`Culling::AnyOpacity`] makes lists that never need that.
+#[derive(Debug, Clone, Default)]
+pub struct Prepared<F> {
+    pub(crate) view: View<F>,
+    pub(crate) num_splats: usize,
+    pub(crate) sh_degree: usize,
+    pub(crate) culling: Culling,
+    /// Indexed by splat; rows of culled splats are stale.
+    projected: Vec<Projected<F>>,
+    chunk_keys: Vec<Vec<u64>>,
+    /// Depth bits, then index: unique, so an unstable sort is as good as a stable one.
+    keys: Vec<u64>,
+    /// In depth order; the position is the splat's rank.
+    pub(crate) visible: Vec<Projected<F>>,
+    /// Rank of every splat, or [`CULLED`].
+    pub(crate) rank_of: Vec<u32>,
+    pub(crate) blocks: Vec<Block>,
+    pub(crate) macros: Vec<Macro>,
+    pub(crate) shade: Shade<F>,
+    pub(crate) composited: Vec<Composited<F>>,
+    /// Whether `shade` and `composited` hold a forward pass of this geometry.
+    pub(crate) has_forward: bool,
+    /// Gradients of projected quantities, by rank.
+    pub(crate) sums: Vec<F>,
+}
+
+/// What compositing leaves of one macro tile, tile by tile; `sums` is written by the backward pass.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Composited<F> {
+    /// Records of the macro tile's items, side by side: its tiles share most of them.
+    pub records: Vec<F>,
+    /// `[tiles, channels, 256]`.
+    pub planes: Vec<F>,
+    /// `[tiles, 256]`, negative where the pixel stopped.
+    pub transmittance: Vec<F>,
+    /// `[tiles, 256]`, list index at which the pixel stopped.
+    pub stops: Vec<u32>,
+    /// `[items, moments and channels]`.
+    pub sums: Vec<F>,
+    /// Evaluated samples.
+    pub evaluated: u64,
+}
+
+impl<F: Real> Composited<F> {
+    pub(crate) fn resize(&mut self, channels: usize) {
+        self.planes.resize(MACRO_TILES * channels * TILE_PIXELS, F::zero());
+        self.transmittance.resize(MACRO_TILES * TILE_PIXELS, F::zero());
+        self.stops.resize(MACRO_TILES * TILE_PIXELS, 0);
+    }
+}
+
+impl<F: Real> Prepared<F> {
+    /// Projects, sorts and bins.
+    #[expect(clippy::cast_possible_truncation, reason = "the number of splats is checked first")]
+    pub(crate) fn update(
+        &mut self,
+        splats: &Splats<F>,
+        camera: &Camera,
+        culling: Culling,
+    ) -> Result<(), RasterError> {
+        camera.check()?;
+        splats.check_shapes()?;
+        let num_splats = splats.len();
+        if num_splats >= CULLED as usize {
+            return Err(RasterError::Device(format!(
+                "{num_splats} splats, expected fewer than {CULLED}"
+            )));
+        }
+        self.view = View::new(camera);
+        self.num_splats = num_splats;
+        self.sh_degree = splats.sh_degree;
+        self.culling = culling;
+        self.has_forward = false;
+
+        let view = &self.view;
+        self.projected.resize(num_splats, Projected::default());
+        self.chunk_keys.resize_with(num_splats.div_ceil(CHUNK), Vec::new);
+        self.projected.par_chunks_mut(CHUNK).zip(&mut self.chunk_keys).enumerate().for_each(
+            |(chunk, (rows, keys))| {
+                keys.clear();
+                wide(
+                    #[inline(always)]
+                    || {
+                        for (i, row) in rows.iter_mut().enumerate() {
+                            let id = chunk * CHUNK + i;
+                            if let Some(p) = project(view, splats, id) {
+                                let depth_bits = u64::from(p.depth.as_f32().to_bits());
+                                keys.push(depth_bits << 32 | id as u64);
+                                *row = p;
+                            }
+                        }
+                    },
+                );
+            },
+        );
+        self.keys.clear();
+        for keys in &self.chunk_keys {
+            self.keys.extend_from_slice(keys);
+        }
+        self.keys.par_sort_unstable();
+
+        let projected = &self.projected;
+        self.visible.resize(self.keys.len(), Projected::default());
+        self.visible
+            .par_iter_mut()
+            .zip(&self.keys)
+            .with_min_len(CHUNK)
+            .for_each(|(row, &key)| *row = projected[key as u32 as usize]);
+        self.rank_of.clear();
+        self.rank_of.resize(num_splats, CULLED);
+        for (rank, &key) in self.keys.iter().enumerate() {
+            self.rank_of[key as u32 as usize] = rank as u32;
+        }
+        self.bin();
+        Ok(())
+    }
+
+    /// Makes the lists for the opacities in `visible`.
+    pub(crate) fn bin(&mut self) {
+        bins::bin(&self.visible, &self.view, self.culling, &mut self.blocks, &mut self.macros);
+    }
+
+    /// Frees everything but the projection and the lists: what a cache of many prepared views should hold. The next forward pass
+    /// allocates again; a backward pass needs a forward pass first.
+    pub fn trim(&mut self) {
+        self.projected = Vec::new();
+        self.chunk_keys = Vec::new();
+        self.keys = Vec::new();
+        self.shade = Shade::default();
+        self.composited = Vec::new();
+        self.sums = Vec::new();
+        self.has_forward = false;
+    }
+
+    /// Image size `[W, H]`, pixels.
+    pub fn size(&self) -> [usize; 2] {
+        [self.view.width, self.view.height]
+    }
+
+    /// Number of splats given to `prepare`.
+    pub fn num_splats(&self) -> usize {
+        self.num_splats
+    }
+
+    /// Number of splats that were not culled.
+    pub fn num_visible(&self) -> usize {
+        self.visible.len()
+    }
+
+    /// Splat–tile pairs in the lists.
+    pub fn num_isects(&self) -> usize {
+        self.macros.iter().flat_map(|m| &m.lists).map(|list| list.items.len()).sum()
+    }
+
+    /// Splat–tile pairs of the 3σ rectangles alone, as the reference counts them.
+    pub fn num_rect_isects(&self) -> usize {
+        (0..self.num_splats)
+            .filter_map(|id| self.tile_rect(id))
+            .map(|[x0, y0, x1, y1]| usize::from(x1 - x0) * usize::from(y1 - y0))
+            .sum()
+    }
+
+    /// Pixel–splat samples that the last forward pass evaluated.
+    pub fn num_evaluated(&self) -> u64 {
+        self.composited.iter().map(|tile| tile.evaluated).sum()
+    }
+
+    /// 3σ radius of a splat in pixels; 0 if it is culled, or left out of the last forward pass because its colour, opacity or a feature
+    /// was not finite.
+    ///
+    /// # Panics
+    /// If `id` is out of range.
+    pub fn radius(&self, id: usize) -> u32 {
+        self.drawn(id).map_or(0, |p| p.radius)
+    }
+
+    /// Rectangle of 16-pixel tiles `x0, y0, x1, y1` (upper bounds exclusive) that a splat is clipped to; `None` where
+    /// [`Prepared::radius`] is 0.
+    ///
+    /// # Panics
+    /// If `id` is out of range.
+    pub fn tile_rect(&self, id: usize) -> Option<[u16; 4]> {
+        self.drawn(id).map(|p| p.rect)
+    }
+
+    fn drawn(&self, id: usize) -> Option<&Projected<F>> {
+        let rank = self.rank_of[id];
+        let dead = || self.has_forward && self.shade.flags[id] & DEAD != 0;
+        (rank != CULLED && !dead()).then(|| &self.visible[rank as usize])
+    }
+
+    /// First pixel of tile `tile` of macro tile `macro_id`; `None` if it lies off the image.
+    pub(crate) fn tile_origin(view: &View<F>, macro_id: usize, tile: usize) -> Option<[usize; 2]> {
+        let grid = bins::macro_grid(view.tiles);
+        let tx = macro_id % grid[0] * MACRO + tile % MACRO;
+        let ty = macro_id / grid[0] * MACRO + tile / MACRO;
+        (tx < view.tiles[0] && ty < view.tiles[1]).then_some([tx * TILE, ty * TILE])
+    }
+}

@@ -1,0 +1,92 @@
+//! [`View`]: a camera with everything the per-splat stages read, in the rasteriser's float type.
+
+use gs_core::{Camera, Real};
+
+/// Side of a tile, pixels. The image depends on it: the 3σ rectangle is clipped to tiles.
+pub(crate) const TILE: usize = 16;
+/// Pixels per tile.
+pub(crate) const TILE_PIXELS: usize = TILE * TILE;
+/// Splats at this camera depth or nearer are culled, world units.
+pub(crate) const NEAR: f32 = 0.2;
+/// Added to the diagonal of the projected covariance, pixels².
+pub(crate) const EPS_2D: f32 = 0.3;
+/// Cap of a sample's alpha.
+pub(crate) const MAX_ALPHA: f32 = 0.99;
+/// Samples fainter than this are skipped.
+pub(crate) const ALPHA_THRESHOLD: f32 = 1.0 / 255.0;
+/// A splat that would push the transmittance below this ends the pixel.
+pub(crate) const TRANSMITTANCE_THRESHOLD: f32 = 0.0001;
+/// Keeps the perspective divide finite.
+pub(crate) const EPS_DIVIDE: f32 = 1e-7;
+/// The guard band of the projection's derivative, in half fields of view.
+const GUARD_BAND: f32 = 1.3;
+
+#[derive(Debug, Clone, Default)]
+pub(crate) struct View<F> {
+    /// Rows of the world-to-camera matrix, translation last.
+    pub rows: [[F; 4]; 3],
+    /// Focal lengths, pixels.
+    pub focal: [F; 2],
+    /// Principal point relative to the image centre, pixels.
+    pub offset: [F; 2],
+    /// Centre of the image in pixel coordinates whose integers are pixel centres.
+    pub centre: [F; 2],
+    /// Guard band: largest |x/z| and |y/z| in the projection's derivative.
+    pub band: [F; 2],
+    /// Camera centre, world frame.
+    pub position: [F; 3],
+    pub width: usize,
+    pub height: usize,
+    /// Tiles across and down.
+    pub tiles: [usize; 2],
+}
+
+impl<F: Real> View<F> {
+    pub(crate) fn new(camera: &Camera) -> Self {
+        let cast = F::from_double;
+        let k = &camera.intrinsics;
+        let (w, h) = (f64::from(camera.width), f64::from(camera.height));
+        let band = camera.tan_half_fov().map(|tan| F::of(GUARD_BAND) * cast(tan));
+        let (width, height) = (camera.width as usize, camera.height as usize);
+        Self {
+            rows: [0, 1, 2].map(|i| camera.viewmat[i].map(cast)),
+            focal: [cast(k.fx), cast(k.fy)],
+            offset: [cast(k.cx - w / 2.0), cast(k.cy - h / 2.0)],
+            centre: [cast((w - 1.0) / 2.0), cast((h - 1.0) / 2.0)],
+            band,
+            position: camera.position().map(cast),
+            width,
+            height,
+            tiles: [width.div_ceil(TILE), height.div_ceil(TILE)],
+        }
+    }
+
+    /// World to camera.
+    #[inline(always)]
+    pub(crate) fn to_camera(&self, mean: [F; 3]) -> [F; 3] {
+        each(|i| {
+            let r = &self.rows[i];
+            r[0] * mean[0] + r[1] * mean[1] + r[2] * mean[2] + r[3]
+        })
+    }
+
+    /// Unit vector from the camera centre to `mean`, and the distance.
+    #[inline(always)]
+    pub(crate) fn direction(&self, mean: [F; 3]) -> ([F; 3], F) {
+        let d = each(|k| mean[k] - self.position[k]);
+        let length = dot(d, d).sqrt();
+        (each(|k| d[k] / length), length)
+    }
+}
+
+/// `[f(0), f(1), f(2)]`; unlike `array::map` certain to be inlined.
+#[inline(always)]
+pub(crate) fn each<T>(f: impl Fn(usize) -> T) -> [T; 3] {
+    [f(0), f(1), f(2)]
+}
+
+/// Inner product.
+#[inline(always)]
+pub(crate) fn dot<F: Real>(a: [F; 3], b: [F; 3]) -> F {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}

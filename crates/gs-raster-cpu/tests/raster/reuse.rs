@@ -1,0 +1,177 @@
+//! Proves that results do not depend on threads, on reused memory, on stale lists or on how tiles are culled: equality is bitwise.
+
+use crate::scenes::{Scene, random, upstream};
+use gs_core::{RasterError, Rasterizer, RenderGrads, RenderOutput, RenderParams, UpstreamGrads};
+use gs_raster_cpu::{CpuRasterizer, Culling, Prepared};
+
+const PARAMS: RenderParams = RenderParams {
+    background: [0.1, 0.2, 0.3],
+    rgb: true,
+    depth: true,
+    gradients: gs_core::GradientConvention::Reference,
+};
+
+fn run(
+    raster: CpuRasterizer,
+    prepared: &mut Prepared<f32>,
+    scene: &Scene<f32>,
+    up: &UpstreamGrads<f32>,
+) -> (RenderOutput, RenderGrads, RenderGrads) {
+    let Scene { splats, features, .. } = scene;
+    let out = raster.forward(prepared, splats, features, &PARAMS).unwrap();
+    let grads = raster.backward(prepared, splats, features, &PARAMS, up).unwrap();
+    let colors = raster.backward_colors(prepared, splats, features, &PARAMS, up).unwrap();
+    (out, grads, colors)
+}
+
+fn fresh(
+    raster: CpuRasterizer,
+    scene: &Scene<f32>,
+    up: &UpstreamGrads<f32>,
+) -> (RenderOutput, RenderGrads, RenderGrads) {
+    let mut prepared = raster.prepare(&scene.splats, &scene.camera).unwrap();
+    run(raster, &mut prepared, scene, up)
+}
+
+#[test]
+fn threads_do_not_matter() {
+    let scene = random(9000, 1, [210, 150], 41);
+    let up = upstream(210 * 150, 1, 4);
+    let results: Vec<_> = [1, 2, 3, 7]
+        .map(|threads| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            pool.install(|| fresh(CpuRasterizer::default(), &scene, &up))
+        })
+        .into();
+    for (i, result) in results.iter().enumerate() {
+        assert!(*result == results[0], "run {i} differs from the one with a single thread");
+    }
+}
+
+#[test]
+fn culling_does_not_change_the_image() {
+    let scene = random(700, 1, [130, 90], 42);
+    let up = upstream(130 * 90, 1, 4);
+    let with = |culling| fresh(CpuRasterizer { culling }, &scene, &up);
+    let (out, grads, colors) = with(Culling::Rectangle);
+    for culling in [Culling::Opacity, Culling::AnyOpacity] {
+        let (other, other_grads, other_colors) = with(culling);
+        assert!(out == other, "{culling:?}: image");
+        assert!(grads == other_grads && colors == other_colors, "{culling:?}: gradients");
+    }
+    let entries = |culling| {
+        let raster = CpuRasterizer { culling };
+        let prepared: Prepared<f32> = raster.prepare(&scene.splats, &scene.camera).unwrap();
+        assert!(prepared.num_isects() <= prepared.num_rect_isects(), "{culling:?}: more entries");
+        prepared.num_isects()
+    };
+    assert!(entries(Culling::Opacity) < entries(Culling::AnyOpacity), "opacity culls more");
+    assert!(entries(Culling::AnyOpacity) < entries(Culling::Rectangle), "the ellipse culls");
+}
+
+#[test]
+fn memory_is_reused_without_a_trace() {
+    let raster = CpuRasterizer::default();
+    let mut prepared = Prepared::default();
+    let (mut out, mut grads) = (RenderOutput::default(), RenderGrads::default());
+    for (count, size, num_features) in [
+        (900, [120, 80], 3),
+        (50, [33, 70], 0),
+        (0, [40, 20], 0),
+        (400, [150, 30], 6),
+        (900, [120, 80], 3),
+    ] {
+        let scene = random(count, num_features, size, 43);
+        let up =
+            upstream((size[0] * size[1]) as usize, if count == 0 { 0 } else { num_features }, 5);
+        let Scene { splats, features, camera } = &scene;
+        raster.prepare_into(splats, camera, &mut prepared).unwrap();
+        raster.forward_into(&mut prepared, splats, features, &PARAMS, &mut out).unwrap();
+        raster.backward_into(&mut prepared, splats, features, &PARAMS, &up, &mut grads).unwrap();
+        let (fresh_out, fresh_grads, _) = fresh(raster, &scene, &up);
+        assert!(out == fresh_out && grads == fresh_grads, "{count} splats, {size:?}");
+    }
+}
+
+/// Only geometry and camera are prepared: colours, features and opacities (up or down) may change afterwards.
+#[test]
+fn prepared_state_survives_new_colors_and_opacities() {
+    for culling in [Culling::Opacity, Culling::AnyOpacity, Culling::Rectangle] {
+        let raster = CpuRasterizer { culling };
+        let mut scene = random(600, 1, [100, 75], 44);
+        let up = upstream(100 * 75, 1, 6);
+        let mut prepared = raster.prepare(&scene.splats, &scene.camera).unwrap();
+        for (step, shift) in [0.0, 3.0, -5.0, 4.0].into_iter().enumerate() {
+            for logit in &mut scene.splats.opacity_logits {
+                *logit += shift;
+            }
+            scene.splats.sh.reverse();
+            scene.features.reverse();
+            let reused = run(raster, &mut prepared, &scene, &up);
+            assert!(reused == fresh(raster, &scene, &up), "{culling:?}, step {step}");
+            if step == 2 {
+                prepared.trim();
+            }
+        }
+    }
+}
+
+#[test]
+fn planes_that_are_not_asked_for_are_empty() {
+    let scene = random::<f32>(60, 2, [40, 30], 45);
+    let raster = CpuRasterizer::default();
+    let mut prepared = raster.prepare(&scene.splats, &scene.camera).unwrap();
+    let all = raster.forward(&mut prepared, &scene.splats, &scene.features, &PARAMS).unwrap();
+    let params = RenderParams { rgb: false, depth: false, ..PARAMS };
+    let some = raster.forward(&mut prepared, &scene.splats, &scene.features, &params).unwrap();
+    assert!(some.rgb.is_empty() && some.depth.is_empty(), "not asked for");
+    assert_eq!(some.features, all.features, "features do not depend on the other planes");
+    assert_eq!(some.alpha, all.alpha, "neither does alpha");
+    let none = raster.forward(&mut prepared, &scene.splats, &[], &params).unwrap();
+    assert_eq!(none.alpha, all.alpha, "alpha alone");
+    assert!(none.features.is_empty(), "no features");
+    let image = all.rgb_image();
+    assert_eq!((image.width, image.height, image.channels), (40, 30, 3), "as an image");
+}
+
+/// The backward pass of one channel is a mask's vote: `Σ m α T` per splat; over all splats and pixels it adds up to alpha.
+#[test]
+fn votes_add_up_to_alpha() {
+    let scene = random::<f32>(300, 0, [64, 48], 46);
+    let raster = CpuRasterizer::default();
+    let params = RenderParams { rgb: false, depth: false, ..PARAMS };
+    let mut prepared = raster.prepare(&scene.splats, &scene.camera).unwrap();
+    let feature = vec![0.0; 300];
+    let out = raster.forward(&mut prepared, &scene.splats, &feature, &params).unwrap();
+    let up = UpstreamGrads { v_features: vec![1.0; 64 * 48], ..UpstreamGrads::default() };
+    let votes =
+        raster.backward_colors(&mut prepared, &scene.splats, &feature, &params, &up).unwrap();
+    let (votes, alpha): (f32, f32) = (votes.v_features.iter().sum(), out.alpha.iter().sum());
+    assert!((votes - alpha).abs() < 1e-4 * alpha, "{votes} votes, {alpha} pixels covered");
+}
+
+#[test]
+fn misuse_is_an_error() {
+    let scene = random::<f32>(10, 1, [20, 20], 47);
+    let raster = CpuRasterizer::default();
+    let mut prepared = raster.prepare(&scene.splats, &scene.camera).unwrap();
+    let up = UpstreamGrads::default();
+    let Scene { splats, features, camera } = &scene;
+    let early = raster.backward(&mut prepared, splats, features, &PARAMS, &up);
+    assert!(matches!(early, Err(RasterError::NoForward)), "backward first: {early:?}");
+    let shape = raster.forward(&mut prepared, splats, &features[..7], &PARAMS);
+    assert!(matches!(shape, Err(RasterError::Shape { what: "features", .. })), "{shape:?}");
+    let other = random::<f32>(11, 1, [20, 20], 47);
+    let shape = raster.forward(&mut prepared, &other.splats, features, &PARAMS);
+    assert!(matches!(shape, Err(RasterError::Shape { what: "splats", .. })), "{shape:?}");
+    raster.forward(&mut prepared, splats, features, &PARAMS).unwrap();
+    let up = UpstreamGrads { v_rgb: vec![0.0; 5], ..UpstreamGrads::default() };
+    let shape = raster.backward(&mut prepared, splats, features, &PARAMS, &up);
+    assert!(matches!(shape, Err(RasterError::Shape { what: "v_rgb", .. })), "{shape:?}");
+    let mut blind = camera.clone();
+    blind.width = 0;
+    assert!(raster.prepare(splats, &blind).is_err(), "no columns");
+    let mut ragged = splats.clone();
+    ragged.quats.pop();
+    assert!(raster.prepare(&ragged, camera).is_err(), "ragged arrays");
+}

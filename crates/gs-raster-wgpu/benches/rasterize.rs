@@ -1,0 +1,145 @@
+//! Forward and backward passes at 1352×1014 on whatever adapter is there; its name is printed first. On a software adapter the scene is
+//! small. Compares the two backward passes with the forward pass, and prints the times of single passes where the adapter has timestamps.
+//!
+//! `C4D_BENCH_ADAPTER=<index>` picks an adapter; the default is hardware if there is any, else software.
+
+#![allow(
+    clippy::print_stdout,
+    clippy::unwrap_used,
+    reason = "a bench talks to people and stops at the first error"
+)]
+
+use criterion::{BenchmarkId, Criterion};
+use gs_core::{Camera, Rasterizer, RenderGrads, RenderOutput, RenderParams, Splats, UpstreamGrads};
+use gs_raster_wgpu::{AdapterChoice, AdapterKind, GpuContext, GpuOptions, WgpuRasterizer};
+use rand::{RngExt, SeedableRng};
+use rand_pcg::Pcg64Mcg;
+use std::collections::BTreeMap;
+use std::time::Duration;
+
+/// Clustered means in front of the camera, log-normal scales, degree-3 harmonics.
+fn scene(num: usize) -> Splats {
+    let mut rng = Pcg64Mcg::seed_from_u64(num as u64);
+    let mut splats = Splats::with_capacity(num, 3);
+    let centers: Vec<[f32; 3]> =
+        (0..64).map(|_| [0; 3].map(|_| rng.random_range(-1.5..1.5))).collect();
+    let mut bell = || (0..4).map(|_| rng.random_range(-0.5_f32..0.5)).sum::<f32>();
+    for i in 0..num {
+        let center = centers[i % centers.len()];
+        splats.means.push([0, 1, 2].map(|axis| center[axis] + 0.6 * bell()));
+        splats.quats.push([0; 4].map(|_| bell()));
+        splats.log_scales.push([0; 3].map(|_| -4.6 + 0.9 * bell()));
+        splats.opacity_logits.push(1.0 + 3.0 * bell());
+        splats.sh.push([0; 3].map(|_| 1.5 * bell()));
+        splats.sh.extend((1..16).map(|_| [0.1 * bell(), 0.1 * bell(), 0.1 * bell()]));
+    }
+    splats
+}
+
+fn context(timestamps: bool) -> Option<GpuContext> {
+    let options = GpuOptions { timestamps, ..GpuOptions::default() };
+    let make = |choice| GpuContext::with_options(choice, options);
+    let chosen = match std::env::var("C4D_BENCH_ADAPTER") {
+        Ok(index) => make(AdapterChoice::Index(index.parse().unwrap_or(usize::MAX))),
+        Err(_) => make(AdapterChoice::Auto).or_else(|_| make(AdapterChoice::Software)),
+    };
+    chosen.inspect_err(|error| println!("no bench: {error}")).ok()
+}
+
+/// Times of the kernels of one forward and one backward pass, summed by name.
+fn print_timings(splats: &Splats, camera: &Camera, upstream: &UpstreamGrads) {
+    let Some(context) = context(true) else { return };
+    if !context.adapter().timestamps {
+        println!("this adapter cannot time passes");
+        return;
+    }
+    let raster = WgpuRasterizer::new(context);
+    let params = RenderParams::default();
+    let Ok(mut prepared) = raster.prepare(splats, camera) else { return };
+    for what in ["forward, with preparation", "backward"] {
+        let done = if what == "backward" {
+            // Twice: the first compiles.
+            let mut run = || raster.backward(&mut prepared, splats, &[], &params, upstream);
+            run().and_then(|_| run()).map(|_| ())
+        } else {
+            let first = raster.forward_on_device(&mut prepared, splats, &[], &params);
+            let again = raster.prepare_into(splats, camera, &mut prepared);
+            first.and(again).and(raster.forward_on_device(&mut prepared, splats, &[], &params))
+        };
+        if let Err(error) = done {
+            println!("{what}: {error}");
+            return;
+        }
+        let mut sums: BTreeMap<&str, f64> = BTreeMap::new();
+        for timing in raster.timings(&prepared) {
+            *sums.entry(timing.name).or_default() += timing.nanoseconds * 1e-6;
+        }
+        println!("passes of {} splats, {what}, ms: {sums:.3?}", splats.len());
+    }
+}
+
+fn bench(criterion: &mut Criterion, context: &GpuContext) {
+    let hardware = context.adapter().kind == AdapterKind::Hardware;
+    let (sizes, width, height) = if hardware {
+        (vec![10_000, 100_000, 1_000_000], 1352, 1014)
+    } else {
+        (vec![10_000], 338, 254)
+    };
+    let raster = WgpuRasterizer::new(context.clone());
+    let camera = Camera::look_at([0.0, 0.0, -4.0], [0.0; 3], [0.0, 1.0, 0.0], 0.8, width, height);
+    let params = RenderParams { depth: false, ..RenderParams::default() };
+    for num in sizes {
+        let splats = scene(num);
+        let upstream = UpstreamGrads {
+            v_rgb: vec![1e-3; (3 * width * height) as usize],
+            ..UpstreamGrads::default()
+        };
+        print_timings(&splats, &camera, &upstream);
+        let mut group = criterion.benchmark_group(format!("{width}x{height}"));
+        group.sample_size(10).measurement_time(Duration::from_secs(3));
+        group.warm_up_time(Duration::from_secs(1));
+        let Ok(mut prepared) = raster.prepare(&splats, &camera) else { return };
+        let mut out = RenderOutput::default();
+        let mut grads = RenderGrads::default();
+        group.bench_function(BenchmarkId::new("prepare_and_forward", num), |bencher| {
+            bencher.iter(|| {
+                raster.prepare_into(&splats, &camera, &mut prepared).unwrap();
+                raster.forward_into(&mut prepared, &splats, &[], &params, &mut out).unwrap();
+            });
+        });
+        group.bench_function(BenchmarkId::new("forward_prepared", num), |bencher| {
+            bencher
+                .iter(|| raster.forward_on_device(&mut prepared, &splats, &[], &params).unwrap());
+        });
+        group.bench_function(BenchmarkId::new("backward", num), |bencher| {
+            bencher.iter(|| {
+                raster
+                    .backward_into(&mut prepared, &splats, &[], &params, &upstream, &mut grads)
+                    .unwrap();
+            });
+        });
+        group.bench_function(BenchmarkId::new("backward_colors", num), |bencher| {
+            bencher.iter(|| {
+                raster
+                    .backward_colors_into(
+                        &mut prepared,
+                        &splats,
+                        &[],
+                        &params,
+                        &upstream,
+                        &mut grads,
+                    )
+                    .unwrap();
+            });
+        });
+        group.finish();
+    }
+}
+
+fn main() {
+    let Some(context) = context(false) else { return };
+    println!("adapter: {}", context.adapter());
+    let mut criterion = Criterion::default().configure_from_args();
+    bench(&mut criterion, &context);
+    criterion.final_summary();
+}

@@ -1,0 +1,178 @@
+//! Structs that cross to the device, declared once with the table that a test compares with the shaders.
+
+/// Name, offset and size of a field, bytes.
+pub type Field = (&'static str, usize, usize);
+
+/// Where a struct's fields lie.
+pub trait GpuLayout {
+    /// Name of the struct, the same in WGSL.
+    const NAME: &'static str;
+    /// Bytes.
+    const SIZE: usize;
+    /// Name, offset and size of every field, bytes.
+    const FIELDS: &'static [Field];
+}
+
+/// Declares a plain struct and its [`GpuLayout`].
+macro_rules! gpu_struct {
+    ($(#[$meta:meta])* $name:ident { $($(#[$field_meta:meta])* $field:ident: $kind:ty,)* }) => {
+        $(#[$meta])*
+        #[repr(C)]
+        #[derive(Debug, Clone, Copy, Default, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
+        pub struct $name { $($(#[$field_meta])* pub $field: $kind,)* }
+
+        impl GpuLayout for $name {
+            const NAME: &'static str = stringify!($name);
+            const SIZE: usize = size_of::<Self>();
+            const FIELDS: &'static [Field] =
+                &[$((stringify!($field), std::mem::offset_of!($name, $field), size_of::<$kind>()),)*];
+        }
+    };
+}
+
+gpu_struct! {
+    /// Uniforms of a frame; see `shaders/shared/frame.wgsl`.
+    Frame {
+        /// First row of the world-to-camera matrix.
+        view0: [f32; 4],
+        /// Second row.
+        view1: [f32; 4],
+        /// Third row.
+        view2: [f32; 4],
+        /// Camera centre, world units.
+        camera_pos: [f32; 3],
+        /// Degree of the harmonics.
+        sh_degree: u32,
+        /// Background colour.
+        background: [f32; 3],
+        /// 1 for the true derivative, 0 for the reference's.
+        exact_gradients: u32,
+        /// Focal lengths, pixels.
+        focal: [f32; 2],
+        /// Principal point minus half the image, pixels.
+        center_offset: [f32; 2],
+        /// Guard band, tangents.
+        guard: [f32; 2],
+        /// Width and height, pixels.
+        img_size: [u32; 2],
+        /// Tiles per row and column.
+        tile_bounds: [u32; 2],
+        /// N.
+        num_splats: u32,
+        /// Room for (splat, tile) pairs.
+        max_isects: u32,
+        /// 1 if colour is composited.
+        rgb: u32,
+        /// 1 if depth is composited.
+        depth: u32,
+        /// F.
+        num_features: u32,
+        /// Values per row of the gradients of projected quantities.
+        grad_stride: u32,
+        /// First value of the alpha plane.
+        alpha_base: u32,
+        /// First value of the depth plane.
+        depth_base: u32,
+        /// First value of the feature plane.
+        features_base: u32,
+        /// First channel of this dispatch.
+        first_channel: u32,
+        /// First splat of this dispatch.
+        first_splat: u32,
+        /// Splats of this dispatch.
+        num_chunk_splats: u32,
+        /// First pair whose gradient is kept by this dispatch.
+        first_slot: u32,
+        /// Pairs whose gradients are kept by this dispatch.
+        num_slots: u32,
+    }
+}
+
+gpu_struct! {
+    /// Uniforms of a prefix sum.
+    Scan {
+        /// Values.
+        num_items: u32,
+        /// Unused.
+        pad0: u32,
+        /// Unused.
+        pad1: u32,
+        /// Unused.
+        pad2: u32,
+    }
+}
+
+gpu_struct! {
+    /// Uniforms of one digit of the radix sort.
+    Sort {
+        /// Lowest bit of the digit.
+        shift: u32,
+        /// Blocks of keys.
+        num_blocks: u32,
+        /// Where the number of items is.
+        count_index: u32,
+        /// Room for items.
+        max_items: u32,
+        /// 1 if the values are the positions.
+        iota: u32,
+        /// Unused.
+        pad0: u32,
+        /// Unused.
+        pad1: u32,
+        /// Unused.
+        pad2: u32,
+    }
+}
+
+gpu_struct! {
+    /// Channels of a splat in a pass of 4.
+    Color4 {
+        /// All of them.
+        a: [f32; 4],
+    }
+}
+
+gpu_struct! {
+    /// Channels of a splat in a pass of 8.
+    Color8 {
+        /// The first four.
+        a: [f32; 4],
+        /// The others.
+        b: [f32; 4],
+    }
+}
+
+/// Every struct that a uniform or storage binding of a shader may have: name, size, fields.
+pub const LAYOUTS: &[(&str, usize, &[Field])] = &[
+    (Frame::NAME, Frame::SIZE, Frame::FIELDS),
+    (Scan::NAME, Scan::SIZE, Scan::FIELDS),
+    (Sort::NAME, Sort::SIZE, Sort::FIELDS),
+    (Color4::NAME, Color4::SIZE, Color4::FIELDS),
+    (Color8::NAME, Color8::SIZE, Color8::FIELDS),
+];
+
+/// Invocations of a group of a pass over splats or pairs.
+pub const GROUP_SIZE: u32 = 256;
+/// Invocations of a group of a pass over tiles.
+pub const TILE_LANES: u32 = 64;
+/// Most groups along one dimension of a dispatch.
+pub const FOLD: u32 = 65_535;
+/// Side of a tile, pixels.
+pub const TILE_SIZE: u32 = 16;
+/// Values per block of the prefix sum.
+pub const SCAN_BLOCK: u32 = 1024;
+/// Keys per block of the sort.
+pub const SORT_BLOCK: u32 = 2048;
+/// Values of a digit of the sort.
+pub const RADIX: u32 = 256;
+
+/// Every constant that exists in Rust and in WGSL.
+pub const CONSTANTS: &[(&str, u32)] = &[
+    ("GROUP_SIZE", GROUP_SIZE),
+    ("TILE_LANES", TILE_LANES),
+    ("FOLD", FOLD),
+    ("TILE_SIZE", TILE_SIZE),
+    ("SCAN_BLOCK", SCAN_BLOCK),
+    ("SORT_BLOCK", SORT_BLOCK),
+    ("RADIX", RADIX),
+];

@@ -1,0 +1,36 @@
+//! Differentiable Gaussian-splat rasteriser in WGSL compute shaders, on any adapter that wgpu reaches.
+//!
+//! Promises: the image formation and the gradients of the reference kernels (3σ tile rectangle, 0.3 px² low-pass, alpha capped at 0.99,
+//! cut at 1/255, stopped at 1e-4; conventions `Reference` and `Exact`), within single precision, behind [`gs_core::Rasterizer`]. Core WGSL
+//! within WebGPU's default limits; subgroups, float atomics and larger limits are used where the adapter has them. Splats with values that
+//! are not finite draw nothing and have zero gradients. Running out of memory is an error, never an image of zeros.
+//!
+//! Determinism: images are the same from run to run. Gradients are too, with [`GpuOptions::deterministic`] or
+//! [`GpuOptions::portable`]; otherwise, with float atomics, the order in which tiles add to a splat varies, and with it the last bits.
+//!
+//! Deliberately absent: losses, optimisers, files, windows.
+
+pub mod kernels;
+pub mod layout;
+pub mod shaders;
+
+mod adapter;
+mod backward;
+mod buffers;
+mod commands;
+mod context;
+mod error;
+mod forward;
+mod plan;
+mod prepared;
+mod primitives;
+mod renderer;
+mod scan;
+mod sort;
+
+pub use adapter::{AdapterChoice, AdapterKind, AdapterSummary};
+pub use commands::PassTiming;
+pub use context::{GpuContext, GpuOptions};
+pub use error::GpuError;
+pub use prepared::GpuPrepared;
+pub use renderer::{Stages, WgpuRasterizer};

@@ -1,0 +1,137 @@
+//! Proves that images, radii, tile rectangles and pair counts are those of the golden cases, in every mode.
+
+#![allow(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
+
+mod common;
+
+use common::{CASES, Case, MODES, Mode, raster, widen};
+use gs_core::{Rasterizer, RenderOutput};
+
+/// Largest error on pixels whose decisions are clear, and on the others.
+fn errors(case: &Case, plane: &str, actual: &[f32]) -> (f64, f64) {
+    let expected = case.golden.f64s(&format!("out.{plane}"));
+    assert_eq!(actual.len(), expected.len(), "{} {plane}: length", case.name);
+    let ambiguous = case.golden.u8s("out.ambiguous");
+    let channels = expected.len() / ambiguous.len();
+    let mut worst = (0.0_f64, 0.0_f64);
+    for (i, (a, e)) in widen(actual).iter().zip(&expected).enumerate() {
+        let error = (a - e).abs();
+        let error = if error.is_nan() { f64::INFINITY } else { error };
+        if ambiguous[i / channels] == 0 {
+            worst.0 = worst.0.max(error);
+        } else {
+            worst.1 = worst.1.max(error);
+        }
+    }
+    worst
+}
+
+fn check_images(mode: Mode, case: &Case, out: &RenderOutput) {
+    let finite = case.features.iter().filter(|feature| feature.is_finite());
+    let largest = finite.fold(1.0_f64, |m, &feature| m.max(f64::from(feature.abs())));
+    for (plane, values, limit) in [
+        ("rgb", &out.rgb, 3e-5),
+        ("alpha", &out.alpha, 3e-5),
+        ("depth", &out.depth, 1e-4),
+        ("features", &out.features, 1e-4),
+    ] {
+        let (clean, ambiguous) = errors(case, plane, values);
+        if std::env::var_os("C4D_SHOW_ERRORS").is_some() {
+            eprintln!("{mode:?} {} {plane}: {clean:.2e}, borderline {ambiguous:.2e}", case.name);
+        }
+        assert!(clean <= limit, "{mode:?} {} {plane}: {clean:e} exceeds {limit:e}", case.name);
+        let limit = 0.02 * largest;
+        assert!(ambiguous <= limit, "{mode:?} {} {plane}, borderline: {ambiguous:e}", case.name);
+    }
+}
+
+fn render(mode: Mode, case: &Case) -> RenderOutput {
+    let raster = raster(mode);
+    let mut prepared = raster.prepare(&case.splats, &case.camera).unwrap();
+    raster.forward(&mut prepared, &case.splats, &case.features, &case.params).unwrap()
+}
+
+/// Worst seen on llvmpipe: rgb 3e-6, alpha 2e-6, depth and features 6e-6.
+#[test]
+fn images_match() {
+    for mode in MODES {
+        for name in CASES {
+            let case = Case::open(name);
+            check_images(mode, &case, &render(mode, &case));
+        }
+    }
+}
+
+#[test]
+fn radii_rectangles_and_pairs_match_exactly() {
+    for name in CASES {
+        let case = Case::open(name);
+        let raster = raster(Mode::Portable);
+        let mut prepared = raster.prepare(&case.splats, &case.camera).unwrap();
+        // Colours that are not finite are seen when they are used.
+        raster.forward(&mut prepared, &case.splats, &case.features, &case.params).unwrap();
+        let radii: Vec<i32> =
+            raster.radii(&mut prepared).unwrap().iter().map(|&r| r.cast_signed()).collect();
+        assert_eq!(radii, case.golden.i32s("out.radii"), "{name}: radii");
+        let stages = raster.stages(&mut prepared).unwrap();
+        let mut pairs = 0;
+        for (id, rect) in case.golden.i32s("out.tile_rect").as_chunks::<4>().0.iter().enumerate() {
+            if radii[id] > 0 {
+                let ours = stages.rects[id].map(u32::cast_signed);
+                assert_eq!(ours, *rect, "{name} splat {id}: tile rectangle");
+            }
+            let [x0, y0, x1, y1] = stages.rects[id];
+            pairs += ((x1 - x0) * (y1 - y0)) as usize;
+        }
+        assert_eq!(stages.num_rect_isects, pairs, "{name}: pairs");
+    }
+}
+
+/// Stage parity with the golden projection: means, conics, depth.
+#[test]
+fn projection_matches() {
+    for name in CASES {
+        let case = Case::open(name);
+        let raster = raster(Mode::Portable);
+        let mut prepared = raster.prepare(&case.splats, &case.camera).unwrap();
+        let stages = raster.stages(&mut prepared).unwrap();
+        let radii = case.golden.i32s("out.radii");
+        let means = case.golden.f64s("stage.means2d_px");
+        let conics = case.golden.f64s("stage.conic");
+        let depths = case.golden.f64s("stage.depth");
+        for (id, row) in stages.projected.iter().enumerate().filter(|(id, _)| radii[*id] > 0) {
+            let close = |what: &str, ours: f32, expected: f64, tolerance: f64| {
+                let error = (f64::from(ours) - expected).abs();
+                assert!(
+                    error <= tolerance,
+                    "{name} splat {id}: {what} is {ours}, expected {expected}"
+                );
+            };
+            for axis in 0..2 {
+                let expected = means[2 * id + axis];
+                // Coordinates are sums of terms as large as the image.
+                let size = expected.abs() + f64::from(case.camera.width);
+                close("mean", row[axis], expected, 1e-6 * size);
+            }
+            let [a, b, c] = [conics[3 * id], conics[3 * id + 1], conics[3 * id + 2]];
+            // A needle's determinant cancels: its conic is worse by that factor.
+            let condition = a * c / (a * c - b * b);
+            for (ours, expected) in [(row[2], a), (row[3], b), (row[4], c)] {
+                close("conic", ours, expected, 4e-6 * condition * (a + c));
+            }
+            close("depth", row[6], depths[id], 1e-6 + 1e-6 * depths[id]);
+        }
+    }
+}
+
+/// Negative control: a picture with one splat's opacity changed must be refused.
+#[test]
+fn a_wrong_picture_is_found() {
+    let mut case = Case::open("c1_random200");
+    for logit in &mut case.splats.opacity_logits[..20] {
+        *logit += 0.01;
+    }
+    let out = render(Mode::Portable, &case);
+    let (clean, _) = errors(&case, "rgb", &out.rgb);
+    assert!(clean > 3e-5, "a changed scene passes: {clean:e}");
+}

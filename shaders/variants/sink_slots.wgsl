@@ -1,0 +1,12 @@
+// Needs: shared/frame.wgsl, variants/backward
+// Where a tile's sum of an entry goes: to the entry's own slot, cleared beforehand. A later pass adds the slots of each splat in a
+// fixed order. Slots outside the part that is kept this time are dropped.
+
+@group(0) @binding(7) var<storage, read_write> slots: array<vec4f>;
+
+fn deliver(entry: vec2u, quad: u32, sum: vec4f) {
+    let slot = entry.y - frame.first_slot;
+    if entry.y >= frame.first_slot && slot < frame.num_slots {
+        slots[slot * ENTRY_QUADS + quad] = sum;
+    }
+}

@@ -1,0 +1,156 @@
+//! The motion of one blended row at one time (Eqs. 8, 23, 24, or their rigid counterparts).
+
+use crate::options::{Aggregation, PositionRule, RotationRule, ScaleRule};
+use crate::rigid::RigidFit;
+use gs_core::{Real, Splats, quat};
+
+/// Largest change of scale one blend may cause, as a factor: a source that vanishes at the edit frame has no ratio.
+const LN_MAX_SCALE_RATIO: f32 = 1.386_294_4;
+
+/// Geometry of one splat: mean, quaternion, log-scales.
+pub(crate) type Geometry = ([f32; 3], [f32; 4], [f32; 3]);
+
+/// Geometry at time t of the edited splat `edited` (geometry at the edit frame), which moves with `ids`.
+pub(crate) fn blend_geometry(
+    edited: Geometry,
+    (ids, weights): (&[u32], &[f32]),
+    source_1: &Splats,
+    source_t: &Splats,
+    how: Aggregation,
+) -> Geometry {
+    let (mean, rotation, log_scale) = edited;
+    let (fit, turn) = rigid_motion((ids, weights), source_1, source_t, how);
+    let new_mean = match how.position {
+        PositionRule::Rigid => fit.apply(turn, mean.map(f64::from)).map(f32::from_double),
+        PositionRule::Average => average_displacement((ids, weights), mean, source_1, source_t),
+    };
+    let new_rotation = match how.rotation {
+        RotationRule::Relative if quat::dot(rotation, rotation) == 0.0 => {
+            turn.map(f32::from_double)
+        }
+        RotationRule::Relative => quat::mul(turn.map(f32::from_double), rotation),
+        RotationRule::Additive => add_rotations((ids, weights), rotation, source_1, source_t),
+    };
+    (new_mean, new_rotation, blend_scale((ids, weights), log_scale, source_1, source_t, how.scale))
+}
+
+/// Rigid motion of a row's sources. Under [`PositionRule::Average`] the rotation is the mean of the sources' own.
+fn rigid_motion(
+    (ids, weights): (&[u32], &[f32]),
+    source_1: &Splats,
+    source_t: &Splats,
+    how: Aggregation,
+) -> (RigidFit, [f64; 4]) {
+    let point = |splats: &Splats, id: u32| splats.means[id as usize].map(f64::from);
+    let (mut from, mut to) = ([0.0; 3], [0.0; 3]);
+    for (&id, &weight) in ids.iter().zip(weights) {
+        let (x, y) = (point(source_1, id), point(source_t, id));
+        for axis in 0..3 {
+            from[axis] += f64::from(weight) * x[axis];
+            to[axis] += f64::from(weight) * y[axis];
+        }
+    }
+    let mut fit = RigidFit::about(from, to);
+    if how.position == PositionRule::Average && how.rotation == RotationRule::Additive {
+        return (fit, [1.0, 0.0, 0.0, 0.0]);
+    }
+    let own_rotations = how.rotation_prior > 0.0 || how.position == PositionRule::Average;
+    for (&id, &weight) in ids.iter().zip(weights) {
+        // The rotation is a property of the neighbourhood, the translation one of the nearest splats: a wider kernel.
+        let wide = f64::from(weight).sqrt();
+        if how.position == PositionRule::Rigid {
+            fit.add(wide, point(source_1, id), point(source_t, id));
+        }
+        if own_rotations {
+            fit.add_rotation(wide, relative_rotation(source_1, source_t, id as usize));
+        }
+    }
+    let prior = if how.position == PositionRule::Rigid { how.rotation_prior } else { 1.0 };
+    let turn = fit.rotation(f64::from(prior));
+    (fit, turn)
+}
+
+/// `q_t q_1⁻¹` of a source splat, unit; the identity if either quaternion is zero.
+pub(crate) fn relative_rotation(source_1: &Splats, source_t: &Splats, id: usize) -> [f64; 4] {
+    let q1 = quat::normalize(source_1.quats[id].map(f64::from));
+    let qt = quat::normalize(source_t.quats[id].map(f64::from));
+    let r = quat::mul(qt, quat::conjugate(q1));
+    if quat::dot(r, r) > 0.5 { r } else { [1.0, 0.0, 0.0, 0.0] }
+}
+
+/// Eq. 8 with given weights.
+fn average_displacement(
+    (ids, weights): (&[u32], &[f32]),
+    mean: [f32; 3],
+    source_1: &Splats,
+    source_t: &Splats,
+) -> [f32; 3] {
+    let mut moved = mean.map(f64::from);
+    for (&id, &weight) in ids.iter().zip(weights) {
+        let (x, y) = (source_1.means[id as usize], source_t.means[id as usize]);
+        for axis in 0..3 {
+            moved[axis] += f64::from(weight) * (f64::from(y[axis]) - f64::from(x[axis]));
+        }
+    }
+    moved.map(f32::from_double)
+}
+
+/// Eq. 23 as printed: unit quaternions, each Δq taken on its source's hemisphere.
+fn add_rotations(
+    (ids, weights): (&[u32], &[f32]),
+    rotation: [f32; 4],
+    source_1: &Splats,
+    source_t: &Splats,
+) -> [f32; 4] {
+    let unit = quat::normalize(rotation.map(f64::from));
+    let mut sum = unit;
+    for (&id, &weight) in ids.iter().zip(weights) {
+        let q1 = quat::normalize(source_1.quats[id as usize].map(f64::from));
+        let qt = quat::align(quat::normalize(source_t.quats[id as usize].map(f64::from)), q1);
+        for i in 0..4 {
+            sum[i] += f64::from(weight) * (qt[i] - q1[i]);
+        }
+    }
+    let length = quat::dot(sum, sum).sqrt();
+    // Differences that cancel the quaternion leave no direction: keep the edit's.
+    let sum = if length > 1e-9 { sum.map(|c| c / length) } else { unit };
+    sum.map(f32::from_double)
+}
+
+fn blend_scale(
+    (ids, weights): (&[u32], &[f32]),
+    log_scale: [f32; 3],
+    source_1: &Splats,
+    source_t: &Splats,
+    rule: ScaleRule,
+) -> [f32; 3] {
+    let mut sums = [0.0_f32; 3];
+    for (&id, &weight) in ids.iter().zip(weights) {
+        let (s1, st) = (source_1.log_scales[id as usize], source_t.log_scales[id as usize]);
+        for axis in 0..3 {
+            let ln = st[axis] - s1[axis];
+            let ln =
+                if ln.is_nan() { 0.0 } else { ln }.clamp(-LN_MAX_SCALE_RATIO, LN_MAX_SCALE_RATIO);
+            sums[axis] += weight * if rule == ScaleRule::PerAxis { ln.exp() } else { ln };
+        }
+    }
+    match rule {
+        ScaleRule::PerAxis => [0, 1, 2].map(|axis| log_scale[axis] + sums[axis].ln()),
+        ScaleRule::Isotropic => {
+            let ln = (sums[0] + sums[1] + sums[2]) / 3.0;
+            log_scale.map(|s| s + ln)
+        }
+    }
+}
+
+/// `Σ w (x_t − x_1)` of a stored appearance value; values that are no numbers change nothing.
+pub(crate) fn blend_change(
+    (ids, weights): (&[u32], &[f32]),
+    value: impl Fn(usize) -> (f32, f32),
+) -> f32 {
+    ids.iter().zip(weights).fold(0.0, |sum, (&id, &weight)| {
+        let (from, to) = value(id as usize);
+        let change = to - from;
+        if change.is_finite() { sum + weight * change } else { sum }
+    })
+}

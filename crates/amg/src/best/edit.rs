@@ -1,0 +1,101 @@
+//! The edited splats to be matched.
+
+use super::surface::thin_axis;
+use crate::identity::{Identity, IdentityMap};
+use crate::keyframes::KeyFrames;
+use anchors::KdTree;
+use gs_core::Splats;
+use rayon::prelude::*;
+use std::collections::HashMap;
+
+/// Edited splats in canonical order.
+#[derive(Debug)]
+pub(super) struct Edit {
+    pub(super) means: Vec<[f64; 3]>,
+    /// Thin axes times flatness, sign arbitrary.
+    pub(super) axes: Vec<[f64; 3]>,
+    /// Position in the source's `ids` of the one splat that shares the centre, or quaternion and scales, bit for bit: editors
+    /// that change one property keep the others.
+    pub(super) lineage: Vec<Option<u32>>,
+    /// Position in the source's `ids` of the splat this one *is*; such splats are evidence, not questions.
+    pub(super) exact: Vec<Option<u32>>,
+}
+
+impl Edit {
+    pub(super) fn of(
+        keys: &KeyFrames,
+        ids: &[usize],
+        edited: &Splats,
+        rows: &[usize],
+        identity: &IdentityMap,
+    ) -> Self {
+        let source = &keys.at_edit;
+        let mut point_of = vec![None; source.len()];
+        for (&id, point) in ids.iter().zip(0_u32..) {
+            point_of[id] = Some(point);
+        }
+        let exact = |&row: &usize| match identity.rows[row] {
+            Identity::Unchanged(id) | Identity::Recoloured(id) => point_of[id as usize],
+            Identity::Edited => None,
+        };
+        let centres = unique(ids.iter().map(|&i| centre_bits(source, i)));
+        let shapes = unique(ids.iter().map(|&i| shape_bits(source, i)));
+        let lineage = |&row: &usize| {
+            let by_centre = centres.get(&centre_bits(edited, row)).copied().flatten();
+            by_centre.or_else(|| shapes.get(&shape_bits(edited, row)).copied().flatten())
+        };
+        Self {
+            means: rows.iter().map(|&row| edited.means[row].map(f64::from)).collect(),
+            axes: rows.par_iter().with_min_len(256).map(|&row| thin_axis(edited, row)).collect(),
+            lineage: rows.iter().map(lineage).collect(),
+            exact: rows.iter().map(exact).collect(),
+        }
+    }
+
+    pub(super) fn len(&self) -> usize {
+        self.means.len()
+    }
+}
+
+/// Position of each key that occurs once; `None` for keys that occur more often and so prove nothing.
+fn unique<K: std::hash::Hash + Eq>(keys: impl Iterator<Item = K>) -> HashMap<K, Option<u32>> {
+    let mut map = HashMap::new();
+    for (key, i) in keys.zip(0_u32..) {
+        map.entry(key).and_modify(|found| *found = None).or_insert(Some(i));
+    }
+    map
+}
+
+fn centre_bits(splats: &Splats, i: usize) -> [u32; 3] {
+    splats.means[i].map(|c| (c + 0.0).to_bits())
+}
+
+fn shape_bits(splats: &Splats, i: usize) -> [u32; 7] {
+    let ([w, x, y, z], [a, b, c]) = (splats.quats[i], splats.log_scales[i]);
+    [w, x, y, z, a, b, c].map(|v| (v + 0.0).to_bits())
+}
+
+/// The open rows and those exact rows that have an open one within `reach`, none of them broken.
+pub(super) fn involved(
+    edited: &Splats,
+    open: &[usize],
+    identity: &IdentityMap,
+    reach: f64,
+) -> Vec<usize> {
+    let points: Vec<[f64; 3]> = open.iter().map(|&row| edited.means[row].map(f64::from)).collect();
+    let tree = KdTree::<3>::new(&points);
+    let mut rows: Vec<usize> = (0..edited.len())
+        .into_par_iter()
+        .with_min_len(256)
+        .map_init(Vec::new, |near, row| {
+            let near_enough = identity.rows[row] != Identity::Edited && {
+                tree.nearest(&edited.means[row].map(f64::from), 1, near);
+                near.first().is_some_and(|n| n.distance_squared.sqrt() <= reach)
+            };
+            near_enough.then_some(row)
+        })
+        .flatten()
+        .collect();
+    rows.extend_from_slice(open);
+    rows
+}

@@ -1,0 +1,69 @@
+//! Who is beside whom in the edit.
+
+use super::cloud::{nearest, spacing};
+use std::cmp::Reverse;
+use std::collections::BinaryHeap;
+
+/// Two neighbouring edited splats, lower first.
+pub(super) type Link = (u32, u32);
+
+/// Neighbours per splat.
+const NEIGHBORS: usize = 24;
+
+/// In large edits evidence is dense, and memory is not.
+const NEIGHBORS_IF_MANY: usize = 12;
+const MANY: usize = 10_000;
+
+/// Links longer than this many local spacings are gaps.
+const GAP: f64 = 4.0;
+
+/// Links of the edit, sorted, and local spacings.
+pub(super) fn links(means: &[[f64; 3]]) -> (Vec<Link>, Vec<f64>) {
+    let k = if means.len() > MANY { NEIGHBORS_IF_MANY } else { NEIGHBORS };
+    let near = nearest(means, k + 1);
+    let spacing = spacing(&near);
+    let mut links: Vec<Link> = Vec::with_capacity(means.len() * k);
+    for (i, near) in (0_u32..).zip(&near) {
+        for n in near {
+            let h = spacing[i as usize].max(spacing[n.id as usize]);
+            if n.id != i && n.distance_squared <= (GAP * h).powi(2) {
+                links.push((i.min(n.id), i.max(n.id)));
+            }
+        }
+    }
+    links.sort_unstable();
+    links.dedup();
+    (links, spacing)
+}
+
+/// For every splat, the seed that is nearest along the links; `None` where no link leads to one. Ties go to the lower seed.
+pub(super) fn nearest_seed(
+    means: &[[f64; 3]],
+    links: &[Link],
+    is_seed: impl Fn(usize) -> bool,
+) -> Vec<Option<u32>> {
+    let mut around: Vec<Vec<u32>> = vec![Vec::new(); means.len()];
+    for &(a, b) in links {
+        around[a as usize].push(b);
+        around[b as usize].push(a);
+    }
+    let mut owner: Vec<Option<u32>> = vec![None; means.len()];
+    // Lengths as bits: for finite non-negative numbers their order is that of the numbers.
+    let mut heap: BinaryHeap<Reverse<(u64, u32, u32)>> = (0_u32..)
+        .take(means.len())
+        .filter(|&i| is_seed(i as usize))
+        .map(|i| Reverse((0, i, i)))
+        .collect();
+    while let Some(Reverse((length, seed, i))) = heap.pop() {
+        if owner[i as usize].is_some() {
+            continue;
+        }
+        owner[i as usize] = Some(seed);
+        for &j in around[i as usize].iter().filter(|&&j| owner[j as usize].is_none()) {
+            let d = crate::rigid::sub(means[i as usize], means[j as usize]);
+            let next = f64::from_bits(length) + crate::rigid::norm(d);
+            heap.push(Reverse((next.to_bits(), seed, j)));
+        }
+    }
+    owner
+}

@@ -1,0 +1,144 @@
+//! The sources each edited splat finally moves with.
+
+use super::cells::{Cells, opacity_weight};
+use super::cloud::TINY;
+use super::edit::Edit;
+use super::modes::Choice;
+use super::motion::CellMotion;
+use crate::binding::index;
+use crate::keyframes::KeyFrames;
+use anchors::{KdTree, Neighbor};
+use gs_core::Real;
+
+/// Cells whose splats are considered: enough for a choice, few enough to stay near.
+const MIN_CELLS: usize = 8;
+const MAX_CELLS: usize = 24;
+
+/// Cells looked at for a splat far from all of them.
+const FAR_CELLS: usize = 256;
+
+/// Width of the weights, in cell spacings, and its growth with the squared distance of the nearest source.
+const KERNEL: f64 = 0.9;
+const KERNEL_GROWTH: f64 = 0.09;
+
+/// Finds supports.
+pub(super) struct Supports<'a> {
+    pub(super) keys: &'a KeyFrames,
+    pub(super) cells: &'a Cells,
+    pub(super) motion: &'a CellMotion,
+    pub(super) spacing: &'a [f64],
+    pub(super) tolerance: f32,
+    pub(super) sources_per_row: usize,
+}
+
+impl Supports<'_> {
+    /// Sources of the same motion around the splat, nearest first, and weights.
+    pub(super) fn near(
+        &self,
+        edit: &Edit,
+        e: usize,
+        choice: &Choice,
+        chosen: usize,
+        near: &[Neighbor],
+    ) -> Vec<(u32, f32)> {
+        let rep = choice[chosen].cell;
+        let x = edit.means[e];
+        let mut points: Vec<(f64, u32)> = Vec::new();
+        let mut first_of_cell: Vec<(f64, u32)> = Vec::new();
+        let at = x.map(Real::as_f32);
+        let same = |&cell: &u32| {
+            self.motion.disagreement(rep as usize, cell as usize, at) <= self.tolerance
+        };
+        let cells = near.iter().map(|n| n.id).filter(same);
+        for cell in cells.chain(std::iter::once(rep)) {
+            let start = points.len();
+            for &p in &self.cells.members[cell as usize] {
+                let d = crate::rigid::sub(self.cells.means[p as usize], x);
+                points.push((crate::rigid::dot(d, d), p));
+            }
+            first_of_cell
+                .extend(points[start..].iter().copied().min_by(|a, b| a.0.total_cmp(&b.0)));
+            if first_of_cell.len() >= MAX_CELLS
+                || (first_of_cell.len() >= MIN_CELLS && points.len() >= 4 * self.sources_per_row)
+            {
+                break;
+            }
+        }
+        let order = |a: &(f64, u32), b: &(f64, u32)| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1));
+        // `rep` is usually among `near`, too: some points come twice.
+        let needed = 2 * self.sources_per_row;
+        if points.len() > needed {
+            points.select_nth_unstable_by(needed, order);
+            points.truncate(needed);
+        }
+        points.sort_unstable_by(order);
+        points.dedup();
+        // Half of them as near as possible, for the translation; the other half spread out, for the rotation.
+        points.truncate(
+            self.sources_per_row
+                .div_ceil(2)
+                .max(self.sources_per_row.saturating_sub(first_of_cell.len())),
+        );
+        first_of_cell.retain(|p| !points.contains(p));
+        first_of_cell.sort_by(order);
+        first_of_cell.truncate(self.sources_per_row.saturating_sub(points.len()));
+        points.extend(first_of_cell);
+        let h = self.spacing[rep as usize];
+        let nearest = points[0].0;
+        let width = (KERNEL * h).powi(2) + KERNEL_GROWTH * nearest;
+        let width = width.max(TINY * TINY);
+        points
+            .iter()
+            .map(|&(squared, p)| {
+                let i = self.cells.ids[p as usize];
+                let kernel = (-0.5 * (squared - nearest) / width).exp();
+                (index(i), (kernel * opacity_weight(self.keys, i)).as_f32())
+            })
+            .filter(|(_, weight)| *weight > 1e-9)
+            .collect()
+    }
+
+    fn same_motion(&self, rep: u32, x: [f64; 3], near: &[Neighbor], tolerance: f32) -> Vec<u32> {
+        let at = x.map(Real::as_f32);
+        let mut same: Vec<u32> = near
+            .iter()
+            .map(|n| n.id)
+            .filter(|&c| self.motion.disagreement(rep as usize, c as usize, at) <= tolerance)
+            .collect();
+        if !same.contains(&rep) {
+            same.insert(0, rep);
+        }
+        same
+    }
+
+    /// Sources for a splat far from all of them that hangs on one which moves with `rep`: the wider the lever, the wider the
+    /// support, as far as it moves as one.
+    pub(super) fn far(
+        &self,
+        x: [f64; 3],
+        rep: u32,
+        tree: &KdTree<3>,
+        kept: &[usize],
+    ) -> Vec<(u32, f32)> {
+        let centre = self.cells.cloud.means[rep as usize];
+        let lever = crate::rigid::norm(crate::rigid::sub(x, centre));
+        let mut near = Vec::new();
+        tree.nearest(&centre, FAR_CELLS, &mut near);
+        let reach = 0.5 * lever;
+        near.retain(|n| n.distance_squared.sqrt() <= reach.max(2.0 * self.spacing[rep as usize]));
+        for n in &mut near {
+            n.id = index(kept[n.id as usize]);
+        }
+        let tolerance = (f64::from(self.tolerance) + 0.1 * lever).as_f32();
+        let same = self.same_motion(rep, x, &near, tolerance);
+        let step = same.len().div_ceil(self.sources_per_row).max(1);
+        same.iter()
+            .step_by(step)
+            .map(|&cell| {
+                let members = &self.cells.members[cell as usize];
+                let i = self.cells.ids[members[members.len() / 2] as usize];
+                (index(i), opacity_weight(self.keys, i).as_f32())
+            })
+            .collect()
+    }
+}

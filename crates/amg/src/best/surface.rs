@@ -1,0 +1,112 @@
+//! Oriented normals of splats, from their thin axes.
+
+use super::cloud::{Cloud, Companions, TINY, nearest};
+use gs_core::{Splats, quat};
+use rayon::prelude::*;
+
+/// Neighbours whose centre of mass says where the inside is, on two scales.
+const INSIDE: [usize; 2] = [24, 96];
+
+/// Rounds of mean-field annealing; the guess from mass fades from [`GUESS`] to a tenth of it meanwhile, so that the
+/// agreement of neighbours decides in the end.
+const ROUNDS: i32 = 40;
+const GUESS: f64 = 2.0;
+const BETA: [f64; 2] = [0.5, 4.0];
+
+/// Unit thin axis times flatness `1 − s₁/s₂` of the two smallest scales: 0 for a ball or needle, nearly 1 for a disc.
+pub(super) fn thin_axis(splats: &Splats, i: usize) -> [f64; 3] {
+    let scale = splats.scale(i).map(f64::from);
+    let mut order = [0, 1, 2];
+    order.sort_by(|&a, &b| scale[a].total_cmp(&scale[b]));
+    let (small, middle) = (scale[order[0]], scale[order[1]]);
+    let flatness = if middle > 0.0 && middle.is_finite() { 1.0 - small / middle } else { 0.0 };
+    let mut axis = [0.0; 3];
+    axis[order[0]] = flatness;
+    let q = quat::normalize(splats.quats[i].map(f64::from));
+    if quat::dot(q, q) < 0.5 { axis } else { quat::rotate(q, axis) }
+}
+
+/// How well `nj` is the mirror image of `ni` seen along `d`, times nearness: true of both ends of a smooth arc, of two
+/// faces that look at each other across a gap, and of both faces of a plate, if all normals point outwards.
+pub(super) fn mirror_coupling(ni: [f64; 3], nj: [f64; 3], d: [f64; 3], spacing: f64) -> f64 {
+    let inner = |a: [f64; 3], b: [f64; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+    let squared = inner(d, d);
+    if squared <= 0.0 {
+        return inner(ni, nj);
+    }
+    let along = inner(ni, d) / squared;
+    let mirrored = [0, 1, 2].map(|a| ni[a] - 2.0 * along * d[a]);
+    let reach = (2.0 * spacing).max(TINY);
+    inner(mirrored, nj) * (-0.5 * squared / (reach * reach)).exp()
+}
+
+/// Turns `axes` outwards. Only points that move as one speak to each other, so a limb that touches another part at the
+/// edit frame does not confuse it.
+pub(super) fn orient(cloud: &Cloud, companions: &Companions, axes: &mut [[f64; 3]]) {
+    let wide = nearest(&cloud.means, INSIDE[1] + 1);
+    let guess: Vec<f64> = wide
+        .par_iter()
+        .enumerate()
+        .with_min_len(64)
+        .map(|(i, near)| {
+            let agree: Vec<f64> =
+                near.iter().map(|n| cloud.companion(i, n.id as usize, companions.noise)).collect();
+            INSIDE.iter().map(|&count| outwardness(cloud, i, axes[i], near, &agree, count)).sum()
+        })
+        .collect();
+    let links: Vec<Vec<(u32, f64)>> = (0..cloud.len())
+        .into_par_iter()
+        .with_min_len(64)
+        .map(|i| {
+            let near = companions.near[i].iter().zip(&companions.agree[i]).skip(1);
+            near.map(|(n, agree)| {
+                let j = n.id as usize;
+                let d = [0, 1, 2].map(|a| cloud.means[j][a] - cloud.means[i][a]);
+                // Distance to the 6th neighbour.
+                let spacing =
+                    companions.spacing[i].min(companions.spacing[j]) * std::f64::consts::SQRT_2;
+                (n.id, agree * mirror_coupling(axes[i], axes[j], d, spacing))
+            })
+            .collect()
+        })
+        .collect();
+    let mut sign: Vec<f64> = guess.iter().map(|g| (GUESS * g).tanh()).collect();
+    for round in 0..ROUNDS {
+        let done = f64::from(round) / f64::from(ROUNDS);
+        let beta = BETA[0] * (BETA[1] / BETA[0]).powf(done);
+        let fade = GUESS * 0.1_f64.powf(done);
+        sign = (0..sign.len())
+            .into_par_iter()
+            .with_min_len(512)
+            .map(|i| {
+                let field: f64 = links[i].iter().map(|&(j, c)| c * sign[j as usize]).sum();
+                (beta * (field + fade * guess[i])).tanh()
+            })
+            .collect();
+    }
+    for (axis, sign) in axes.iter_mut().zip(&sign) {
+        if *sign < 0.0 {
+            *axis = axis.map(|c| -c);
+        }
+    }
+}
+
+/// How much mass lies behind the axis: a surface's neighbours, and what it encloses, lie on its inner side.
+fn outwardness(
+    cloud: &Cloud,
+    i: usize,
+    axis: [f64; 3],
+    near: &[anchors::Neighbor],
+    agree: &[f64],
+    count: usize,
+) -> f64 {
+    let near = &near[..near.len().min(count + 1)];
+    let reach = near.last().map_or(0.0, |n| n.distance_squared.sqrt());
+    let (mut pull, mut total) = (0.0, 0.0);
+    for (n, weight) in near.iter().zip(agree) {
+        let x = cloud.means[n.id as usize];
+        total += weight;
+        pull += weight * (0..3).map(|a| (x[a] - cloud.means[i][a]) * axis[a]).sum::<f64>();
+    }
+    if reach > 0.0 && total > 0.0 { -pull / (total * reach) } else { 0.0 }
+}

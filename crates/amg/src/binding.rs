@@ -1,0 +1,214 @@
+//! [`Binding`]: what an edited Gaussian's motion is made of, for every time at once.
+
+use crate::AmgError;
+use gs_core::Splats;
+
+/// How one edited splat moves.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[repr(u8)]
+pub enum RowKind {
+    /// It stays where the edit put it.
+    Static = 0,
+    /// It is a source splat, untouched: geometry, opacity and colour of that splat at every time, bit for bit.
+    Unchanged = 1,
+    /// It is a source splat with other colours or opacity: that splat's geometry bit for bit, the edit's appearance plus the
+    /// source's change of appearance.
+    Recoloured = 2,
+    /// Its motion is a weighted blend of the motion of its sources.
+    Blended = 3,
+    /// The deformation field is asked at its own position (baseline "w/o AMG").
+    Field = 4,
+}
+
+impl RowKind {
+    /// The kind stored as `code`, if there is one.
+    pub fn from_code(code: u8) -> Option<Self> {
+        [Self::Static, Self::Unchanged, Self::Recoloured, Self::Blended, Self::Field]
+            .into_iter()
+            .find(|kind| *kind as u8 == code)
+    }
+
+    /// The number under which files store it.
+    pub fn code(self) -> u8 {
+        self as u8
+    }
+
+    /// Whether geometry is copied from one source splat.
+    pub fn is_exact(self) -> bool {
+        matches!(self, Self::Unchanged | Self::Recoloured)
+    }
+}
+
+/// A sparse matrix: for each of `M` edited splats, ids of source splats and normalised weights. Independent of time.
+///
+/// Invariants, verified by [`Binding::from_parts`]: rows in order and complete; ids below `num_sources`; weights finite,
+/// not negative, summing to 1 within 1e-4 per non-empty row; exact rows have one entry, blended rows at least one, static
+/// and field rows none.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Binding {
+    offsets: Vec<u32>,
+    source_ids: Vec<u32>,
+    weights: Vec<f32>,
+    kinds: Vec<RowKind>,
+    num_sources: usize,
+}
+
+impl Binding {
+    /// A binding from its arrays: `offsets` `[M+1]`, `source_ids` and `weights` `[nnz]`, `kinds` `[M]`.
+    ///
+    /// # Errors
+    /// If an invariant of the type does not hold; the message names the row.
+    pub fn from_parts(
+        offsets: Vec<u32>,
+        source_ids: Vec<u32>,
+        weights: Vec<f32>,
+        kinds: Vec<RowKind>,
+        num_sources: usize,
+    ) -> Result<Self, AmgError> {
+        let binding = Self { offsets, source_ids, weights, kinds, num_sources };
+        match binding.fault() {
+            Some(what) => Err(AmgError::Binding { what }),
+            None => Ok(binding),
+        }
+    }
+
+    /// A binding from rows of `(kind, [(source id, weight)])`; weights are normalised here.
+    pub(crate) fn from_rows(rows: &[(RowKind, Vec<(u32, f32)>)], num_sources: usize) -> Self {
+        let nnz = rows.iter().map(|(_, entries)| entries.len()).sum();
+        let mut binding = Self {
+            offsets: Vec::with_capacity(rows.len() + 1),
+            source_ids: Vec::with_capacity(nnz),
+            weights: Vec::with_capacity(nnz),
+            kinds: Vec::with_capacity(rows.len()),
+            num_sources,
+        };
+        binding.offsets.push(0);
+        for (kind, entries) in rows {
+            let total: f32 = entries.iter().map(|entry| entry.1).sum();
+            binding.kinds.push(*kind);
+            binding.source_ids.extend(entries.iter().map(|entry| entry.0));
+            binding.weights.extend(entries.iter().map(|entry| entry.1 / total));
+            binding.offsets.push(index(binding.source_ids.len()));
+        }
+        binding
+    }
+
+    fn fault(&self) -> Option<String> {
+        let rows = self.kinds.len();
+        if self.offsets.len() != rows + 1 || self.offsets[0] != 0 {
+            return Some(format!(
+                "offsets has {} entries starting at {:?}, expected {} starting at 0",
+                self.offsets.len(),
+                self.offsets.first(),
+                rows + 1
+            ));
+        }
+        let nnz = self.source_ids.len();
+        if self.weights.len() != nnz || self.offsets[rows] as usize != nnz {
+            return Some(format!(
+                "{nnz} source ids, {} weights and a last offset of {}, expected the same number",
+                self.weights.len(),
+                self.offsets[rows]
+            ));
+        }
+        if let Some(row) = (0..rows).find(|&row| self.offsets[row] > self.offsets[row + 1]) {
+            return Some(format!("offsets decrease at row {row}"));
+        }
+        (0..rows).find_map(|row| self.row_fault(row))
+    }
+
+    fn row_fault(&self, row: usize) -> Option<String> {
+        let (ids, weights) = self.row(row);
+        let kind = self.kinds[row];
+        let entries_fit = match kind {
+            RowKind::Static | RowKind::Field => ids.is_empty(),
+            RowKind::Unchanged | RowKind::Recoloured => ids.len() == 1,
+            RowKind::Blended => !ids.is_empty(),
+        };
+        if !entries_fit {
+            return Some(format!("row {row} is {kind:?} but has {} sources", ids.len()));
+        }
+        if let Some(id) = ids.iter().find(|&&id| id as usize >= self.num_sources) {
+            return Some(format!(
+                "row {row} refers to source {id}, expected below {}",
+                self.num_sources
+            ));
+        }
+        let total: f32 = weights.iter().sum();
+        let proper = weights.iter().all(|w| *w >= 0.0) && (total - 1.0).abs() <= 1e-4;
+        (!ids.is_empty() && !proper)
+            .then(|| format!("weights of row {row} sum to {total}, expected 1 and none negative"))
+    }
+
+    /// `M`, the number of edited splats.
+    pub fn len(&self) -> usize {
+        self.kinds.len()
+    }
+
+    /// Whether there are no edited splats.
+    pub fn is_empty(&self) -> bool {
+        self.kinds.is_empty()
+    }
+
+    /// Number of source splats the ids refer to.
+    pub fn num_sources(&self) -> usize {
+        self.num_sources
+    }
+
+    /// Start of each row in [`Binding::source_ids`], and the end of the last, `[M+1]`.
+    pub fn offsets(&self) -> &[u32] {
+        &self.offsets
+    }
+
+    /// Source ids of all rows, `[nnz]`.
+    pub fn source_ids(&self) -> &[u32] {
+        &self.source_ids
+    }
+
+    /// Normalised weights, `[nnz]`.
+    pub fn weights(&self) -> &[f32] {
+        &self.weights
+    }
+
+    /// Kind of every row, `[M]`.
+    pub fn kinds(&self) -> &[RowKind] {
+        &self.kinds
+    }
+
+    /// Sources and weights of edited splat `row`.
+    ///
+    /// # Panics
+    /// If `row` is out of range.
+    pub fn row(&self, row: usize) -> (&[u32], &[f32]) {
+        let range = self.offsets[row] as usize..self.offsets[row + 1] as usize;
+        (&self.source_ids[range.clone()], &self.weights[range])
+    }
+
+    /// Number of rows of `kind`.
+    pub fn count(&self, kind: RowKind) -> usize {
+        self.kinds.iter().filter(|&&k| k == kind).count()
+    }
+
+    /// Verifies that this binding joins a source of `num_sources` splats to `edited`.
+    pub(crate) fn check(&self, num_sources: usize, edited: &Splats) -> Result<(), AmgError> {
+        let (rows, splats) = (self.len(), edited.len());
+        if self.num_sources != num_sources || rows != splats {
+            return Err(AmgError::Binding {
+                what: format!(
+                    "made for {} source and {rows} edited splats, found {num_sources} and {splats}",
+                    self.num_sources
+                ),
+            });
+        }
+        Ok(())
+    }
+}
+
+/// Row numbers are 32 bits wide in memory and in files.
+#[expect(
+    clippy::cast_possible_truncation,
+    reason = "clouds are checked to have fewer than 2^32 rows"
+)]
+pub(crate) fn index(i: usize) -> u32 {
+    i as u32
+}

@@ -1,0 +1,138 @@
+//! Which source splats move, and how large the thing that moves is.
+
+use crate::AmgError;
+use crate::keyframes::KeyFrames;
+use crate::options::{DynamicOverride, DynamicParams};
+
+/// The source, split into what moves and what does not.
+///
+/// In order of authority: the user's mask or box; the scene's own mask; motion. By motion, a splat is dynamic when its
+/// largest displacement over the key times exceeds a threshold. The threshold is the valley of the distribution of
+/// log-displacements between a still and a moving population (Otsu), accepted only when both hold at least 0.1 % of the splats
+/// the typical mover moves at least 8 times as far as the typical still splat, and the valley lies below 0.5 % of the
+/// scene's size: deformation networks make still splats tremble, but less than that. Without such a valley, every splat that moves more than 0.2 % of the
+/// scene's size is dynamic.
+#[derive(Debug, Clone, PartialEq)]
+pub struct DynamicSplit {
+    /// `[N]`.
+    pub dynamic: Vec<bool>,
+    /// Displacement from which a splat counted as moving, world units; 0 when a mask decided.
+    pub threshold: f64,
+    /// Largest edge of the box between the 1st and 99th percentile of the dynamic splats at the edit frame, world units.
+    pub figure_size: f64,
+}
+
+impl DynamicSplit {
+    pub(crate) fn of(
+        keys: &KeyFrames,
+        scene_mask: Option<&[bool]>,
+        params: &DynamicParams,
+    ) -> Result<Self, AmgError> {
+        let num = keys.at_edit.len();
+        let sized = |mask: &[bool]| {
+            if mask.len() == num {
+                Ok(mask.to_vec())
+            } else {
+                Err(AmgError::Mask { found: mask.len(), expected: num })
+            }
+        };
+        let (mut dynamic, threshold) = match (&params.override_with, scene_mask) {
+            (Some(DynamicOverride::Mask(mask)), _) => (sized(mask)?, 0.0),
+            (Some(DynamicOverride::Box { min, max }), _) => {
+                let inside = |mean: &[f32; 3]| {
+                    (0..3).all(|axis| (min[axis]..=max[axis]).contains(&mean[axis]))
+                };
+                (keys.at_edit.means.iter().map(inside).collect(), 0.0)
+            }
+            (None, Some(mask)) => (sized(mask)?, 0.0),
+            (None, None) => {
+                let amplitudes = amplitudes(keys);
+                let threshold = params.threshold.map_or_else(
+                    || automatic_threshold(&amplitudes, &keys.broken, extent(keys, |_| true)),
+                    f64::from,
+                );
+                (amplitudes.iter().map(|&a| a > threshold).collect(), threshold)
+            }
+        };
+        for (dynamic, broken) in dynamic.iter_mut().zip(&keys.broken) {
+            *dynamic &= !broken;
+        }
+        let figure_size = extent(keys, |i| dynamic[i]);
+        Ok(Self { dynamic, threshold, figure_size })
+    }
+}
+
+/// Largest displacement of each source over the key times.
+fn amplitudes(keys: &KeyFrames) -> Vec<f64> {
+    (0..keys.at_edit.len())
+        .map(|i| {
+            (0..keys.times.len()).fold(0.0_f64, |largest, k| {
+                let d = keys.displacement(k, i);
+                largest.max(d[0] * d[0] + d[1] * d[1] + d[2] * d[2])
+            })
+        })
+        .map(f64::sqrt)
+        .collect()
+}
+
+/// Largest edge of the box between the 1st and 99th percentile per axis: one floater does not change it.
+fn extent(keys: &KeyFrames, of: impl Fn(usize) -> bool) -> f64 {
+    let rows: Vec<usize> = (0..keys.at_edit.len()).filter(|&i| !keys.broken[i] && of(i)).collect();
+    if rows.is_empty() {
+        return 0.0;
+    }
+    (0..3).fold(0.0_f64, |largest, axis| {
+        let mut values: Vec<f32> = rows.iter().map(|&i| keys.at_edit.means[i][axis]).collect();
+        values.sort_unstable_by(f32::total_cmp);
+        let at = |share: f64| f64::from(values[quantile_index(values.len(), share)]);
+        largest.max(at(0.99) - at(0.01))
+    })
+}
+
+#[expect(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "a share of a length is a valid index"
+)]
+pub(crate) fn quantile_index(len: usize, share: f64) -> usize {
+    ((len - 1) as f64 * share).round() as usize
+}
+
+fn automatic_threshold(amplitudes: &[f64], broken: &[bool], size: f64) -> f64 {
+    const BINS: usize = 96;
+    const DECADES_BELOW: f64 = 6.0;
+    let fallback = 2e-3 * size;
+    if size <= 0.0 {
+        return 0.0;
+    }
+    // Bins over log10(amplitude / size) in [−6, 0]; whatever is below counts as exactly still.
+    let bin_of = |a: f64| {
+        let decade = (a / size).max(1e-12).log10().clamp(-DECADES_BELOW, -1e-9);
+        quantile_index(BINS, (decade + DECADES_BELOW) / DECADES_BELOW)
+    };
+    let mut histogram = [0.0_f64; BINS];
+    for (a, _) in amplitudes.iter().zip(broken).filter(|(_, broken)| !**broken) {
+        histogram[bin_of(*a)] += 1.0;
+    }
+    let total: f64 = histogram.iter().sum();
+    let sum: f64 = histogram.iter().enumerate().map(|(bin, n)| bin as f64 * n).sum();
+    let (mut below, mut sum_below, mut best) = (0.0, 0.0, (0.0, 0, 0.0));
+    for cut in 0..BINS - 1 {
+        below += histogram[cut];
+        sum_below += cut as f64 * histogram[cut];
+        let above = total - below;
+        if below < 1e-3 * total || above < 1e-3 * total {
+            continue;
+        }
+        let gap = (sum - sum_below) / above - sum_below / below;
+        let between = below * above * gap * gap;
+        if between > best.0 {
+            best = (between, cut, gap);
+        }
+    }
+    let ratio = 10.0_f64.powf(best.2 * DECADES_BELOW / (BINS - 1) as f64);
+    let valley = (best.1 as f64 + 0.5) / (BINS - 1) as f64;
+    let share = 10.0_f64.powf(DECADES_BELOW * (valley - 1.0));
+    // A valley further up separates slow movers from fast ones.
+    if best.0 == 0.0 || ratio < 8.0 || share > 5e-3 { fallback } else { share * size }
+}

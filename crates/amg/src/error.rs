@@ -1,0 +1,51 @@
+//! What can go wrong.
+
+use gs_core::{SceneError, SplatsError};
+use thiserror::Error;
+
+/// Why no motion could be found or evaluated. Numerical trouble is not an error: it is counted in [`crate::MotionReport`].
+#[derive(Debug, Error)]
+pub enum AmgError {
+    /// The source scene failed to evaluate.
+    #[error("amg: the source scene could not be evaluated")]
+    Source(#[from] SceneError),
+    /// Arrays of the edited splats, or of the source's splats, do not belong together.
+    #[error("amg: {which} splats are malformed")]
+    Shape {
+        /// "edited" or "source".
+        which: &'static str,
+        /// The array at fault.
+        #[source]
+        source: SplatsError,
+    },
+    /// An option has a value outside its range.
+    #[error("amg: option `{name}` is {found}, expected {expected}")]
+    Option {
+        /// Path of the field.
+        name: &'static str,
+        /// Its value.
+        found: String,
+        /// What it may be.
+        expected: &'static str,
+    },
+    /// A user mask, or the scene's own, does not have one entry per source splat.
+    #[error("amg: the dynamic mask has {found} entries, expected one per source splat, {expected}")]
+    Mask {
+        /// Its length.
+        found: usize,
+        /// Number of source splats.
+        expected: usize,
+    },
+    /// A binding's arrays contradict each other, the source scene or the edited splats.
+    #[error("amg: binding: {what}")]
+    Binding {
+        /// What, where, expected and found.
+        what: String,
+    },
+    /// Anchors could not be built.
+    #[error("amg: anchors could not be built")]
+    Anchors(#[from] anchors::AnchorError),
+    /// The transport problem was refused.
+    #[error("amg: transport could not be solved")]
+    Transport(#[from] uot::UotError),
+}

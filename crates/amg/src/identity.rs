@@ -1,0 +1,274 @@
+//! Which edited splats *are* source splats.
+
+use crate::AmgError;
+use crate::binding::index;
+use crate::options::IdentityParams;
+use anchors::{KdTree, Neighbor};
+use gs_core::{Real, Splats, covariance, quat};
+use rayon::prelude::*;
+use std::collections::HashMap;
+
+/// What one edited splat is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Identity {
+    /// Source splat with this id: all stored fields agree.
+    Unchanged(u32),
+    /// Source splat with this id: geometry agrees, opacity or colour does not.
+    Recoloured(u32),
+    /// No source splat.
+    Edited,
+}
+
+/// Which edited splats are source splats, by value and never by row.
+///
+/// First by bits (`−0` equals `0`), in the order: all fields, geometry. Rows with equal bits are paired in order, each
+/// source once as long as there are enough. Then, for rows still open, by tolerance against the nearest source splats:
+///
+/// * mean: 2e-6 of its largest coordinate (text PLY), or 1e-3 of the middle standard deviation;
+/// * shape: quaternions within 2e-3 rad whatever sign and norm, and scales within 1e-3; or, since editors reorder axes,
+///   sorted scales within 1e-3 and covariances within 5e-3;
+/// * opacity: 2e-3 after the sigmoid (editors clamp logits); colour: 1e-3 per SH coefficient, missing degrees being 0.
+///
+/// [`IdentityParams::tolerance`] scales all of them.
+#[derive(Debug, Clone, PartialEq)]
+pub struct IdentityMap {
+    /// One entry per edited splat, `[M]`.
+    pub rows: Vec<Identity>,
+    /// Source splats that no edited splat is, ascending.
+    pub vanished: Vec<u32>,
+    /// Number of [`Identity::Unchanged`] rows.
+    pub unchanged: usize,
+    /// Number of [`Identity::Recoloured`] rows.
+    pub recoloured: usize,
+    /// Number of [`Identity::Edited`] rows.
+    pub edited: usize,
+}
+
+/// Source splats looked at per open row in the tolerance pass.
+const CANDIDATES: usize = 4;
+
+impl IdentityMap {
+    /// Compares `edited` with `source`, both at the edit frame. With `params.enabled` off, every row is
+    /// [`Identity::Edited`].
+    ///
+    /// # Errors
+    /// If the arrays of either cloud do not belong together.
+    pub fn of(source: &Splats, edited: &Splats, params: &IdentityParams) -> Result<Self, AmgError> {
+        source.check_shapes().map_err(|source| AmgError::Shape { which: "source", source })?;
+        edited.check_shapes().map_err(|source| AmgError::Shape { which: "edited", source })?;
+        let mut rows = vec![Identity::Edited; edited.len()];
+        if params.enabled {
+            match_by_bits(source, edited, f64::from(params.tolerance), &mut rows);
+            if params.tolerance > 0.0 {
+                match_by_tolerance(source, edited, f64::from(params.tolerance), &mut rows);
+            }
+        }
+        Ok(Self::count(rows, source.len()))
+    }
+
+    fn count(rows: Vec<Identity>, num_sources: usize) -> Self {
+        let mut present = vec![false; num_sources];
+        let mut map = Self { rows, vanished: Vec::new(), unchanged: 0, recoloured: 0, edited: 0 };
+        for row in &map.rows {
+            match *row {
+                Identity::Unchanged(id) => {
+                    map.unchanged += 1;
+                    present[id as usize] = true;
+                }
+                Identity::Recoloured(id) => {
+                    map.recoloured += 1;
+                    present[id as usize] = true;
+                }
+                Identity::Edited => map.edited += 1,
+            }
+        }
+        map.vanished = (0..num_sources).filter(|&id| !present[id]).map(index).collect();
+        map
+    }
+}
+
+type GeometryKey = [u32; 10];
+
+/// Bits with one zero. NaN payloads are left alone: equal bits are equal values to a file.
+fn bits(value: f32) -> u32 {
+    if value == 0.0 { 0 } else { value.to_bits() }
+}
+
+fn geometry_key(splats: &Splats, i: usize) -> GeometryKey {
+    let mut key = [0; 10];
+    let values = splats.means[i].iter().chain(&splats.quats[i]).chain(&splats.log_scales[i]);
+    for (slot, value) in key.iter_mut().zip(values) {
+        *slot = bits(*value);
+    }
+    key
+}
+
+/// Hash of opacity and colour. Trailing zero coefficients do not count: a missing degree is one of zeros.
+fn appearance_hash(splats: &Splats, i: usize) -> u64 {
+    let sh = splats.sh_of(i);
+    let kept = sh.iter().rposition(|rgb| rgb.map(bits) != [0; 3]).map_or(0, |last| last + 1);
+    let values = sh[..kept].iter().flatten().chain(std::iter::once(&splats.opacity_logits[i]));
+    // FNV-1a over words.
+    values.fold(0xcbf2_9ce4_8422_2325, |hash, &value| {
+        (hash ^ u64::from(bits(value))).wrapping_mul(0x0000_0100_0000_01b3)
+    })
+}
+
+fn same_appearance_bits(source: &Splats, s: usize, edited: &Splats, e: usize) -> bool {
+    let padded = |splats: &Splats, i: usize, k: usize| {
+        splats.sh_of(i).get(k).map_or([0; 3], |rgb| rgb.map(bits))
+    };
+    bits(source.opacity_logits[s]) == bits(edited.opacity_logits[e])
+        && (0..source.sh_coeffs().max(edited.sh_coeffs()))
+            .all(|k| padded(source, s, k) == padded(edited, e, k))
+}
+
+/// Source splats that bits cannot tell apart, handed out in order; the last one as often as asked.
+#[derive(Default)]
+struct Pool {
+    ids: Vec<u32>,
+    next: usize,
+}
+
+impl Pool {
+    fn peek(&self) -> u32 {
+        self.ids[self.next.min(self.ids.len() - 1)]
+    }
+
+    fn take(&mut self) -> u32 {
+        let id = self.peek();
+        self.next += 1;
+        id
+    }
+}
+
+fn match_by_bits(source: &Splats, edited: &Splats, tolerance: f64, rows: &mut [Identity]) {
+    let keys_of = |splats: &Splats| -> Vec<(GeometryKey, u64)> {
+        (0..splats.len())
+            .into_par_iter()
+            .map(|i| (geometry_key(splats, i), appearance_hash(splats, i)))
+            .collect()
+    };
+    let (source_keys, edited_keys) = (keys_of(source), keys_of(edited));
+    // Whole splats first, so that of two coincident splats each edited row finds its own.
+    let mut used = vec![false; source.len()];
+    let mut whole: HashMap<(GeometryKey, u64), Pool> = HashMap::with_capacity(source.len());
+    for (id, key) in source_keys.iter().enumerate() {
+        whole.entry(*key).or_default().ids.push(index(id));
+    }
+    for (row, key) in edited_keys.iter().enumerate() {
+        if let Some(pool) = whole.get_mut(key)
+            && same_appearance_bits(source, pool.peek() as usize, edited, row)
+        {
+            let id = pool.take();
+            used[id as usize] = true;
+            rows[row] = Identity::Unchanged(id);
+        }
+    }
+    if rows.iter().all(|row| *row != Identity::Edited) {
+        return;
+    }
+    let mut geometry: HashMap<GeometryKey, Pool> = HashMap::with_capacity(source.len());
+    for unused in [true, false] {
+        for (id, key) in source_keys.iter().enumerate().filter(|(id, _)| used[*id] != unused) {
+            geometry.entry(key.0).or_default().ids.push(index(id));
+        }
+    }
+    for (row, key) in edited_keys.iter().enumerate() {
+        if rows[row] == Identity::Edited
+            && let Some(pool) = geometry.get_mut(&key.0)
+        {
+            let id = pool.take();
+            let same = appearance_within(source, id as usize, edited, row, tolerance);
+            rows[row] = if same { Identity::Unchanged(id) } else { Identity::Recoloured(id) };
+        }
+    }
+}
+
+fn match_by_tolerance(source: &Splats, edited: &Splats, tolerance: f64, rows: &mut [Identity]) {
+    let ids: Vec<u32> = (0..source.len()).filter(|&i| source.is_finite(i)).map(index).collect();
+    if ids.is_empty() || rows.iter().all(|row| *row != Identity::Edited) {
+        return;
+    }
+    let points: Vec<[f64; 3]> =
+        ids.iter().map(|&id| source.means[id as usize].map(f64::from)).collect();
+    let tree = KdTree::<3>::new(&points);
+    rows.par_iter_mut().enumerate().with_min_len(256).for_each_init(
+        Vec::new,
+        |near, (row, slot)| {
+            if *slot == Identity::Edited && edited.is_finite(row) {
+                tree.nearest(&edited.means[row].map(f64::from), CANDIDATES, near);
+                *slot = best_within(source, edited, row, near, &ids, tolerance);
+            }
+        },
+    );
+}
+
+fn best_within(
+    source: &Splats,
+    edited: &Splats,
+    row: usize,
+    near: &[Neighbor],
+    ids: &[u32],
+    tolerance: f64,
+) -> Identity {
+    let mut best = Identity::Edited;
+    for neighbor in near {
+        let id = ids[neighbor.id as usize];
+        if !geometry_within(source, id as usize, edited, row, tolerance) {
+            continue;
+        }
+        if appearance_within(source, id as usize, edited, row, tolerance) {
+            return Identity::Unchanged(id);
+        }
+        if best == Identity::Edited {
+            best = Identity::Recoloured(id);
+        }
+    }
+    best
+}
+
+fn geometry_within(source: &Splats, s: usize, edited: &Splats, e: usize, tolerance: f64) -> bool {
+    let (x, y) = (source.means[s].map(f64::from), edited.means[e].map(f64::from));
+    let (sx, sy) = (source.scale(s).map(f64::from), edited.scale(e).map(f64::from));
+    let sorted = |mut s: [f64; 3]| {
+        s.sort_by(f64::total_cmp);
+        s
+    };
+    let (sorted_x, sorted_y) = (sorted(sx), sorted(sy));
+    let largest = x.iter().fold(0.0_f64, |m, c| m.max(c.abs()));
+    let limit = tolerance * (2e-6 * largest).max(1e-3 * sorted_x[1]);
+    if (0..3).any(|axis| (x[axis] - y[axis]).abs() > limit) {
+        return false;
+    }
+    let close = |a: [f64; 3], b: [f64; 3]| {
+        (0..3).all(|i| (a[i] - b[i]).abs() <= tolerance * 1e-3 * a[i].max(b[i]))
+    };
+    if !close(sorted_x, sorted_y) {
+        return false;
+    }
+    let qx = quat::normalize(source.quats[s].map(f64::from));
+    let qy = quat::normalize(edited.quats[e].map(f64::from));
+    // 1 − |⟨q,q'⟩| = θ²/8.
+    let same_rotation = 1.0 - quat::dot(qx, qy).abs() <= 5e-7 * tolerance * tolerance;
+    if same_rotation && close(sx, sy) {
+        return true;
+    }
+    let (a, b) = (covariance(qx, sx), covariance(qy, sy));
+    let difference = (0..6).fold(0.0_f64, |m, i| m.max((a[i] - b[i]).abs()));
+    difference <= 5e-3 * tolerance * sorted_x[2] * sorted_x[2]
+}
+
+fn appearance_within(source: &Splats, s: usize, edited: &Splats, e: usize, tolerance: f64) -> bool {
+    let tolerance = tolerance.as_f32();
+    let near = |a: f32, b: f32, limit: f32| a == b || (a - b).abs() <= limit;
+    if !near(source.opacity(s), edited.opacity(e), 2e-3 * tolerance) {
+        return false;
+    }
+    let padded =
+        |splats: &Splats, i: usize, k: usize| splats.sh_of(i).get(k).copied().unwrap_or([0.0; 3]);
+    (0..source.sh_coeffs().max(edited.sh_coeffs())).all(|k| {
+        let (a, b) = (padded(source, s, k), padded(edited, e, k));
+        (0..3).all(|channel| near(a[channel], b[channel], 1e-3 * tolerance))
+    })
+}

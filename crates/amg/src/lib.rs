@@ -1,0 +1,37 @@
+//! Anchor-based motion guidance: carries an edited frame of a dynamic Gaussian scene along the scene's motion.
+//!
+//! Promises: [`propagate`] takes a source [`gs_core::DynamicScene`] and the edited splats of one of its frames and
+//! returns an [`EditedScene`], itself a `DynamicScene`, defined at every time of the source. What it finds is a
+//! [`Binding`]: per edited splat a few source splats and weights, independent of time. Edited splats that *are* source
+//! splats ([`IdentityMap`]) keep their motion bit for bit. Results do not depend on the order of rows or the number of threads.
+//!
+//! Deliberately absent: images, files, GPU, anything learned.
+
+mod aggregate;
+mod best;
+mod binding;
+mod dynamics;
+mod error;
+mod field;
+mod identity;
+mod keyframes;
+mod knn;
+mod options;
+mod paper;
+mod propagate;
+mod report;
+mod rigid;
+mod scene;
+
+pub use binding::{Binding, RowKind};
+pub use dynamics::DynamicSplit;
+pub use error::AmgError;
+pub use field::FieldAt;
+pub use identity::{Identity, IdentityMap};
+pub use options::{
+    Aggregation, BestParams, DynamicOverride, DynamicParams, IdentityParams, KnnParams,
+    MotionGuide, MotionOptions, PaperParams, PositionRule, Preset, RotationRule, ScaleRule,
+};
+pub use propagate::{Progress, Propagation, propagate};
+pub use report::{MotionReport, TransportReport};
+pub use scene::EditedScene;

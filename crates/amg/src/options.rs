@@ -1,0 +1,261 @@
+//! Everything a caller may choose.
+
+use crate::AmgError;
+use crate::field::FieldAt;
+use std::sync::Arc;
+
+/// Named sets of options.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Preset {
+    /// What measured best (the default).
+    Best,
+    /// The paper to the letter.
+    Paper,
+    /// The paper's baseline "KNN-Guide", k = 3.
+    Knn,
+}
+
+/// How correspondences between edited and source splats are found.
+#[derive(Debug, Clone)]
+pub enum MotionGuide {
+    /// Cells that move as one, oriented surfaces, offsets learned from the edit, agreement of neighbours.
+    Best(BestParams),
+    /// Anchors, Sinkhorn, nearest matched anchor (Eqs. 5–10, 21–24).
+    Paper(PaperParams),
+    /// Average over the nearest source splats ("KNN-Guide").
+    Knn(KnnParams),
+    /// The source's own deformation field, asked at the edited positions ("DeformNet-Guide", "w/o AMG").
+    Field(Arc<dyn FieldAt>),
+}
+
+/// Options of [`MotionGuide::Knn`].
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct KnnParams {
+    /// Source splats averaged. Default 3 (main paper, ablation).
+    pub k: usize,
+}
+
+impl Default for KnnParams {
+    fn default() -> Self {
+        Self { k: 3 }
+    }
+}
+
+/// Options of [`MotionGuide::Paper`]; `Default` is the paper.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PaperParams {
+    /// Neighbourhoods, cylinder and lines. Default: disjoint triples, global δ, 300 000 lines.
+    pub anchors: anchors::AnchorParams,
+    /// Welsch scale over the median anchor distance, β = γ·d_med (Eq. 21). Default 0.05.
+    pub gamma: f64,
+    /// λ0, λ1, λ2 of Eq. 22. Default 0.1, 1, 1.
+    pub lambdas: [f64; 3],
+}
+
+impl Default for PaperParams {
+    fn default() -> Self {
+        Self { anchors: anchors::AnchorParams::default(), gamma: 0.05, lambdas: [0.1, 1.0, 1.0] }
+    }
+}
+
+/// Options of [`MotionGuide::Best`].
+#[derive(Debug, Clone, PartialEq)]
+pub struct BestParams {
+    /// Sources per blended row, 1 to 64. Default 20.
+    pub sources_per_row: usize,
+}
+
+impl Default for BestParams {
+    fn default() -> Self {
+        Self { sources_per_row: 20 }
+    }
+}
+
+/// How the sources' motion becomes that of a blended row.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Aggregation {
+    /// Positions.
+    pub position: PositionRule,
+    /// Rotations.
+    pub rotation: RotationRule,
+    /// Scales.
+    pub scale: ScaleRule,
+    /// Whether blended rows follow their sources' change of opacity logit and SH since the edit frame, too.
+    pub appearance: bool,
+    /// Weight of the sources' own relative rotations in a local rigid motion, relative to their positions; 0 where the
+    /// scene does not model rotation. Default 0.3; [`crate::propagate`] lowers it when the source's rotations disagree
+    /// with its positions.
+    pub rotation_prior: f32,
+}
+
+/// Rule for positions.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum PositionRule {
+    /// Weighted mean of the displacements (Eq. 8).
+    Average,
+    /// The rigid motion that best explains how the row's sources move (weighted Kabsch), applied to the splat: a splat
+    /// 3 % off a limb that turns 80° needs the lever arm.
+    Rigid,
+}
+
+/// Rule for rotations.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum RotationRule {
+    /// `q + Σ w Δq` on the hemisphere of each source, renormalised (Eq. 23, as printed).
+    Additive,
+    /// The relative rotation, composed on the left.
+    Relative,
+}
+
+/// Rule for scales.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum ScaleRule {
+    /// Mean of `s_t / s_1` per stored axis (Eq. 24, as printed).
+    PerAxis,
+    /// Weighted geometric mean over sources and axes: stored axes of neighbours have no common order.
+    Isotropic,
+}
+
+impl Aggregation {
+    /// Eqs. 8, 23 and 24 as printed.
+    pub const PAPER: Self = Self {
+        position: PositionRule::Average,
+        rotation: RotationRule::Additive,
+        scale: ScaleRule::PerAxis,
+        appearance: false,
+        rotation_prior: 0.0,
+    };
+}
+
+impl Default for Aggregation {
+    fn default() -> Self {
+        Self {
+            position: PositionRule::Rigid,
+            rotation: RotationRule::Relative,
+            scale: ScaleRule::Isotropic,
+            appearance: true,
+            rotation_prior: 0.3,
+        }
+    }
+}
+
+/// Options of the identity map.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct IdentityParams {
+    /// Off: every edited splat is matched by the guide. Default on.
+    pub enabled: bool,
+    /// Factor on the rounding that is forgiven (see [`crate::IdentityMap`]); 0 admits equal values only. Default 1.
+    pub tolerance: f32,
+}
+
+impl Default for IdentityParams {
+    fn default() -> Self {
+        Self { enabled: true, tolerance: 1.0 }
+    }
+}
+
+/// Where the user says the moving object is.
+#[derive(Debug, Clone, PartialEq)]
+pub enum DynamicOverride {
+    /// One entry per source splat.
+    Mask(Vec<bool>),
+    /// Splats inside this box, world units at the edit frame, may move; all others count as static.
+    Box {
+        /// Lower corner.
+        min: [f32; 3],
+        /// Upper corner.
+        max: [f32; 3],
+    },
+}
+
+/// Options of the static/dynamic split.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct DynamicParams {
+    /// User's word, before the scene's own mask and before motion.
+    pub override_with: Option<DynamicOverride>,
+    /// Displacement over the key times from which a splat counts as moving, world units. `None` (default): found from
+    /// the distribution of displacements, see [`crate::DynamicSplit`].
+    pub threshold: Option<f32>,
+}
+
+/// All options of [`crate::propagate`].
+#[derive(Debug, Clone)]
+pub struct MotionOptions {
+    /// How correspondences are found.
+    pub guide: MotionGuide,
+    /// How they become motion.
+    pub aggregation: Aggregation,
+    /// Time of the frame that was edited. `None` (default): start of the source's time range.
+    pub edit_time: Option<f32>,
+    /// Number of times at which the source's motion is looked at, 1 to 64. Default 12.
+    pub num_key_times: usize,
+    /// Which edited splats are source splats.
+    pub identity: IdentityParams,
+    /// Which source splats move.
+    pub dynamics: DynamicParams,
+    /// Edited splats no nearer to a moving source than this share of the figure's size, and not joined by edited splats
+    /// to any that is, stay put. Default 0.25.
+    pub reach: f32,
+}
+
+impl MotionOptions {
+    /// The options of a preset.
+    pub fn preset(preset: Preset) -> Self {
+        let (guide, aggregation) = match preset {
+            Preset::Best => (MotionGuide::Best(BestParams::default()), Aggregation::default()),
+            Preset::Paper => (MotionGuide::Paper(PaperParams::default()), Aggregation::PAPER),
+            Preset::Knn => (MotionGuide::Knn(KnnParams::default()), Aggregation::PAPER),
+        };
+        Self {
+            guide,
+            aggregation,
+            edit_time: None,
+            num_key_times: 12,
+            identity: IdentityParams::default(),
+            dynamics: DynamicParams::default(),
+            reach: 0.25,
+        }
+    }
+
+    /// The baseline that asks `field` at the edited positions.
+    pub fn field(field: Arc<dyn FieldAt>) -> Self {
+        Self { guide: MotionGuide::Field(field), ..Self::preset(Preset::Paper) }
+    }
+
+    pub(crate) fn check(&self) -> Result<(), AmgError> {
+        let wrong = |name, found: String, expected| Err(AmgError::Option { name, found, expected });
+        if !(1..=64).contains(&self.num_key_times) {
+            return wrong("num_key_times", self.num_key_times.to_string(), "1 to 64");
+        }
+        if !(self.reach >= 0.0 && self.reach.is_finite()) {
+            return wrong("reach", self.reach.to_string(), "a finite share, at least 0");
+        }
+        let tolerance = self.identity.tolerance;
+        if !(tolerance >= 0.0 && tolerance.is_finite()) {
+            return wrong("identity.tolerance", tolerance.to_string(), "finite, at least 0");
+        }
+        if let Some(threshold) = self.dynamics.threshold
+            && (threshold.is_nan() || threshold < 0.0)
+        {
+            return wrong("dynamics.threshold", threshold.to_string(), "at least 0");
+        }
+        match &self.guide {
+            MotionGuide::Knn(params) if !(1..=64).contains(&params.k) => {
+                wrong("knn.k", params.k.to_string(), "1 to 64")
+            }
+            MotionGuide::Best(params) if !(1..=64).contains(&params.sources_per_row) => {
+                wrong("best.sources_per_row", params.sources_per_row.to_string(), "1 to 64")
+            }
+            MotionGuide::Paper(params) if !(params.gamma > 0.0 && params.gamma.is_finite()) => {
+                wrong("paper.gamma", params.gamma.to_string(), "finite, above 0")
+            }
+            _ => Ok(()),
+        }
+    }
+}
+
+impl Default for MotionOptions {
+    fn default() -> Self {
+        Self::preset(Preset::Best)
+    }
+}

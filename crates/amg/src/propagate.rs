@@ -1,0 +1,253 @@
+//! The whole stage: from a source scene and edited splats to a scene that moves.
+
+use crate::binding::{Binding, RowKind};
+use crate::dynamics::DynamicSplit;
+use crate::identity::{Identity, IdentityMap};
+use crate::keyframes::KeyFrames;
+use crate::options::{MotionGuide, MotionOptions};
+use crate::report::MotionReport;
+use crate::scene::EditedScene;
+use crate::{AmgError, knn};
+use anchors::KdTree;
+use gs_core::{DynamicScene, Real, Splats};
+use rayon::prelude::*;
+use std::sync::Arc;
+use std::time::Instant;
+
+/// Receives the name of the stage under way and how much of that stage is done, 0 to 1.
+pub type Progress<'a> = &'a (dyn Fn(&'static str, f32) + Sync);
+
+/// What [`propagate`] returns.
+#[derive(Debug)]
+pub struct Propagation {
+    /// The edit, moving. Its [`EditedScene::binding`] is all that needs to be stored.
+    pub scene: EditedScene,
+    /// Which edited splats are source splats.
+    pub identity: IdentityMap,
+    /// Which source splats move.
+    pub split: DynamicSplit,
+    /// Counts, convergence, timings, warnings.
+    pub report: MotionReport,
+}
+
+/// Finds the motion of `edited`, an edit of `source` at the edit time.
+///
+/// # Errors
+/// If the source cannot be evaluated, arrays do not belong together, or an option is out of range. Data that is merely odd
+/// (splats without numbers, nothing that moves, no overlap) is counted in the report and stays put.
+pub fn propagate(
+    source: Arc<dyn DynamicScene>,
+    edited: Arc<Splats>,
+    options: &MotionOptions,
+    progress: Progress<'_>,
+) -> Result<Propagation, AmgError> {
+    options.check()?;
+    edited.check_shapes().map_err(|source| AmgError::Shape { which: "edited", source })?;
+    let mut report = MotionReport { num_edited_splats: edited.len(), ..Default::default() };
+    let edit_time = options.edit_time.unwrap_or(source.time_range().start);
+
+    let clock = Instant::now();
+    let keys = KeyFrames::of(&*source, edit_time, options.num_key_times, &|done| {
+        progress("source", done);
+    })?;
+    report.timings.push(("source", clock.elapsed().as_secs_f64()));
+
+    let clock = Instant::now();
+    progress("identity", 0.0);
+    let identity = IdentityMap::of(&keys.at_edit, &edited, &options.identity)?;
+    let split = DynamicSplit::of(&keys, source.dynamic_mask(), &options.dynamics)?;
+    report.timings.push(("identity", clock.elapsed().as_secs_f64()));
+
+    report.num_dynamic = split.dynamic.iter().filter(|&&d| d).count();
+    let mut rows = exact_rows(&identity);
+    let work = Work::of(&keys, &split, &edited, &identity, options, &mut report);
+    let mut aggregation = options.aggregation;
+    for (&row, found) in work.open.iter().zip(work.bind(&mut aggregation, &mut report, progress)?) {
+        rows[row] = found;
+    }
+    let binding = Arc::new(Binding::from_rows(&rows, keys.at_edit.len()));
+    fill_report(&mut report, &keys, &identity, &split, &binding);
+    report.rotation_prior = aggregation.rotation_prior;
+
+    progress("done", 1.0);
+    let scene = match &options.guide {
+        MotionGuide::Field(field) => {
+            EditedScene::with_field(source, edited, edit_time, binding, Arc::clone(field))?
+        }
+        _ => EditedScene::new(source, edited, edit_time, binding, aggregation)?,
+    };
+    Ok(Propagation { scene, identity, split, report })
+}
+
+/// Sources and weights of one row, or why it stays put.
+pub(crate) type Row = (RowKind, Vec<(u32, f32)>);
+
+fn exact_rows(identity: &IdentityMap) -> Vec<Row> {
+    let row = |row: &Identity| match *row {
+        Identity::Unchanged(id) => (RowKind::Unchanged, vec![(id, 1.0)]),
+        Identity::Recoloured(id) => (RowKind::Recoloured, vec![(id, 1.0)]),
+        Identity::Edited => (RowKind::Static, Vec::new()),
+    };
+    identity.rows.iter().map(row).collect()
+}
+
+/// What a guide works on.
+pub(crate) struct Work<'a> {
+    pub(crate) keys: &'a KeyFrames,
+    pub(crate) split: &'a DynamicSplit,
+    pub(crate) edited: &'a Splats,
+    pub(crate) identity: &'a IdentityMap,
+    pub(crate) options: &'a MotionOptions,
+    /// Rows to be matched: edited, finite.
+    pub(crate) open: Vec<usize>,
+}
+
+impl<'a> Work<'a> {
+    fn of(
+        keys: &'a KeyFrames,
+        split: &'a DynamicSplit,
+        edited: &'a Splats,
+        identity: &'a IdentityMap,
+        options: &'a MotionOptions,
+        report: &mut MotionReport,
+    ) -> Self {
+        let finite = |row: usize| {
+            let all = |values: &[f32]| values.iter().all(|value| value.is_finite());
+            all(&edited.means[row]) && all(&edited.quats[row])
+        };
+        let (open, broken): (Vec<usize>, Vec<usize>) = (0..edited.len())
+            .filter(|&row| identity.rows[row] == Identity::Edited)
+            .partition(|&row| finite(row));
+        report.broken_rows = broken.len();
+        Self { keys, split, edited, identity, options, open }
+    }
+
+    /// One row per entry of `open`.
+    fn bind(
+        &self,
+        aggregation: &mut crate::Aggregation,
+        report: &mut MotionReport,
+        progress: Progress<'_>,
+    ) -> Result<Vec<Row>, AmgError> {
+        if self.open.is_empty() {
+            return Ok(Vec::new());
+        }
+        let clock = Instant::now();
+        let rows = match &self.options.guide {
+            MotionGuide::Knn(params) => {
+                let (movers, rows) = self.movers(report);
+                progress("nearest", 0.0);
+                let found = knn::bind(&self.keys.at_edit, &movers, self.edited, &rows, *params);
+                self.place(&rows, found)
+            }
+            MotionGuide::Paper(params) => {
+                let (movers, rows) = self.movers(report);
+                let found = crate::paper::bind(
+                    &self.keys.at_edit,
+                    &movers,
+                    self.edited,
+                    &rows,
+                    params,
+                    report,
+                    progress,
+                )?;
+                self.place(&rows, found)
+            }
+            MotionGuide::Best(params) => {
+                let (rows, trust) = crate::best::bind(self, params, report, progress);
+                aggregation.rotation_prior *= trust.as_f32();
+                rows
+            }
+            MotionGuide::Field(_) => vec![(RowKind::Field, Vec::new()); self.open.len()],
+        };
+        report.timings.push(("match", clock.elapsed().as_secs_f64()));
+        Ok(rows)
+    }
+
+    /// Sources that may be followed, and the open rows that may follow: those whose nearest source moves and is within
+    /// reach.
+    pub(crate) fn movers(&self, report: &mut MotionReport) -> (Vec<usize>, Vec<usize>) {
+        let usable: Vec<usize> =
+            (0..self.keys.at_edit.len()).filter(|&i| !self.keys.broken[i]).collect();
+        let movers: Vec<usize> =
+            usable.iter().copied().filter(|&i| self.split.dynamic[i]).collect();
+        if movers.is_empty() {
+            return (movers, Vec::new());
+        }
+        let points: Vec<[f64; 3]> =
+            usable.iter().map(|&i| self.keys.at_edit.means[i].map(f64::from)).collect();
+        let tree = KdTree::<3>::new(&points);
+        let reach = f64::from(self.options.reach) * self.split.figure_size;
+        let verdict: Vec<(bool, bool)> = self
+            .open
+            .par_iter()
+            .with_min_len(256)
+            .map_init(Vec::new, |near, &row| {
+                tree.nearest(&self.edited.means[row].map(f64::from), 1, near);
+                let near_enough = near[0].distance_squared.sqrt() <= reach;
+                (near_enough, self.split.dynamic[usable[near[0].id as usize]])
+            })
+            .collect();
+        report.out_of_reach = verdict.iter().filter(|(near_enough, _)| !near_enough).count();
+        let rows = self
+            .open
+            .iter()
+            .zip(&verdict)
+            .filter(|(_, verdict)| **verdict == (true, true))
+            .map(|(&row, _)| row)
+            .collect();
+        (movers, rows)
+    }
+
+    /// Rows found for a subset of `open`, the others static.
+    pub(crate) fn place(&self, rows: &[usize], found: Vec<Vec<(u32, f32)>>) -> Vec<Row> {
+        let mut by_row = rows.iter().zip(found).peekable();
+        self.open
+            .iter()
+            .map(|row| match by_row.next_if(|(found, _)| *found == row) {
+                Some((_, sources)) if !sources.is_empty() => (RowKind::Blended, sources),
+                _ => (RowKind::Static, Vec::new()),
+            })
+            .collect()
+    }
+}
+
+fn fill_report(
+    report: &mut MotionReport,
+    keys: &KeyFrames,
+    identity: &IdentityMap,
+    split: &DynamicSplit,
+    binding: &Binding,
+) {
+    report.num_sources = keys.at_edit.len();
+    report.num_broken_sources = keys.broken.iter().filter(|&&b| b).count();
+    report.dynamic_threshold = split.threshold;
+    report.figure_size = split.figure_size;
+    report.unchanged = identity.unchanged;
+    report.recoloured = identity.recoloured;
+    report.edited = identity.edited;
+    report.vanished = identity.vanished.len();
+    report.blended = binding.count(RowKind::Blended);
+    report.static_rows = binding.count(RowKind::Static);
+    report.field_rows = binding.count(RowKind::Field);
+    let mut warn = |count: usize, what: &str| {
+        if count > 0 {
+            report.warnings.push(format!("{count} {what}"));
+        }
+    };
+    warn(report.out_of_reach, "edited splats are beyond reach of the source and stay put");
+    warn(
+        report.broken_rows,
+        "edited splats hold values that are no numbers and are left as they are",
+    );
+    warn(
+        report.num_broken_sources,
+        "source splats hold values that are no numbers and are not followed",
+    );
+    if report.num_dynamic == 0 {
+        report.warnings.push("nothing in the source moves: all edited splats stay put".to_owned());
+    }
+    if report.edited > 0 && report.out_of_reach == report.edited {
+        report.warnings.push("the edit and the source do not overlap".to_owned());
+    }
+}

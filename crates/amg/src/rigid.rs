@@ -1,0 +1,202 @@
+//! The rotation that best turns one weighted point set into another.
+
+use gs_core::quat;
+
+/// Running sums of a weighted rigid fit `y ≈ R (x − x̄) + ȳ`.
+///
+/// Solved as the largest eigenvector of Davenport's 4×4 matrix: no sign cases, defined for any input, and rotations
+/// known beforehand enter as further terms of the same matrix.
+#[derive(Debug, Clone)]
+pub(crate) struct RigidFit {
+    from: [f64; 3],
+    to: [f64; 3],
+    cross: [[f64; 3]; 3],
+    spread: f64,
+    prior: [[f64; 4]; 4],
+    prior_weight: f64,
+}
+
+impl RigidFit {
+    /// A fit about the given centroids.
+    pub(crate) fn about(from: [f64; 3], to: [f64; 3]) -> Self {
+        Self {
+            from,
+            to,
+            cross: [[0.0; 3]; 3],
+            spread: 0.0,
+            prior: [[0.0; 4]; 4],
+            prior_weight: 0.0,
+        }
+    }
+
+    /// Adds a pair of points.
+    pub(crate) fn add(&mut self, weight: f64, x: [f64; 3], y: [f64; 3]) {
+        let (dx, dy) = (sub(x, self.from), sub(y, self.to));
+        for i in 0..3 {
+            for j in 0..3 {
+                self.cross[i][j] += weight * dx[i] * dy[j];
+            }
+        }
+        self.spread += weight * dot(dx, dx);
+    }
+
+    /// Adds a rotation the fit should resemble.
+    pub(crate) fn add_rotation(&mut self, weight: f64, r: [f64; 4]) {
+        for i in 0..4 {
+            for j in 0..4 {
+                self.prior[i][j] += weight * r[i] * r[j];
+            }
+        }
+        self.prior_weight += weight;
+    }
+
+    /// Unit quaternion `wxyz` of the best rotation; `prior` is the weight of the added rotations relative to the points.
+    /// Whatever the points leave open (coincident or collinear ones) is decided by the added rotations, then by turning
+    /// as little as possible.
+    pub(crate) fn rotation(&self, prior: f64) -> [f64; 4] {
+        let s = &self.cross;
+        let spread = if self.spread > 0.0 { self.spread } else { 1.0 };
+        let mut n = [[0.0; 4]; 4];
+        n[0][0] = s[0][0] + s[1][1] + s[2][2];
+        n[1][1] = s[0][0] - s[1][1] - s[2][2];
+        n[2][2] = s[1][1] - s[0][0] - s[2][2];
+        n[3][3] = s[2][2] - s[0][0] - s[1][1];
+        n[0][1] = s[1][2] - s[2][1];
+        n[0][2] = s[2][0] - s[0][2];
+        n[0][3] = s[0][1] - s[1][0];
+        n[1][2] = s[0][1] + s[1][0];
+        n[1][3] = s[2][0] + s[0][2];
+        n[2][3] = s[1][2] + s[2][1];
+        if self.prior_weight > 0.0 {
+            let scale = 4.0 * prior * spread / self.prior_weight;
+            for i in 0..4 {
+                for j in i..4 {
+                    n[i][j] += scale * self.prior[i][j];
+                }
+            }
+        }
+        n[0][0] += 1e-9 * spread;
+        for i in 0..4 {
+            for j in 0..i {
+                n[i][j] = n[j][i];
+            }
+        }
+        let q = largest_eigenvector(n);
+        if q[0] < 0.0 { q.map(|c| -c) } else { q }
+    }
+
+    /// Where the motion with rotation `r` takes `x`.
+    pub(crate) fn apply(&self, r: [f64; 4], x: [f64; 3]) -> [f64; 3] {
+        let turned = quat::rotate(r, sub(x, self.from));
+        [self.to[0] + turned[0], self.to[1] + turned[1], self.to[2] + turned[2]]
+    }
+}
+
+/// Unit eigenvector of the largest eigenvalue of a symmetric matrix, by cyclic Jacobi rotations.
+fn largest_eigenvector(mut a: [[f64; 4]; 4]) -> [f64; 4] {
+    let mut v = [[0.0; 4]; 4];
+    for (i, row) in v.iter_mut().enumerate() {
+        row[i] = 1.0;
+    }
+    let total: f64 = a.iter().flatten().map(|x| x * x).sum();
+    for _ in 0..12 {
+        let mut off = 0.0;
+        for i in 0..4 {
+            for j in i + 1..4 {
+                off += a[i][j] * a[i][j];
+            }
+        }
+        if off <= 1e-30 * total {
+            break;
+        }
+        for p in 0..4 {
+            for q in p + 1..4 {
+                jacobi_rotate(&mut a, &mut v, p, q);
+            }
+        }
+    }
+    let best = (1..4).fold(0, |best, i| if a[i][i] > a[best][best] { i } else { best });
+    quat::normalize([v[0][best], v[1][best], v[2][best], v[3][best]])
+}
+
+fn jacobi_rotate(a: &mut [[f64; 4]; 4], v: &mut [[f64; 4]; 4], p: usize, q: usize) {
+    if a[p][q] == 0.0 {
+        return;
+    }
+    let theta = (a[q][q] - a[p][p]) / (2.0 * a[p][q]);
+    let t = theta.signum() / (theta.abs() + theta.mul_add(theta, 1.0).sqrt());
+    let t = if theta == 0.0 { 1.0 } else { t };
+    let c = 1.0 / t.mul_add(t, 1.0).sqrt();
+    let s = t * c;
+    for row in a.iter_mut() {
+        (row[p], row[q]) = (c * row[p] - s * row[q], s * row[p] + c * row[q]);
+    }
+    for i in 0..4 {
+        (a[p][i], a[q][i]) = (c * a[p][i] - s * a[q][i], s * a[p][i] + c * a[q][i]);
+    }
+    for row in v.iter_mut() {
+        (row[p], row[q]) = (c * row[p] - s * row[q], s * row[p] + c * row[q]);
+    }
+}
+
+pub(crate) fn sub(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
+    [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
+}
+
+pub(crate) fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
+pub(crate) fn norm(a: [f64; 3]) -> f64 {
+    dot(a, a).sqrt()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn fit_of(points: &[[f64; 3]], r: [f64; 4]) -> RigidFit {
+        let n = points.len() as f64;
+        let mean = |of: &dyn Fn([f64; 3]) -> [f64; 3]| {
+            points.iter().fold([0.0; 3], |m, &p| {
+                let p = of(p);
+                [m[0] + p[0] / n, m[1] + p[1] / n, m[2] + p[2] / n]
+            })
+        };
+        let mut fit = RigidFit::about(mean(&|p| p), mean(&|p| quat::rotate(r, p)));
+        for &p in points {
+            fit.add(1.0, p, quat::rotate(r, p));
+        }
+        fit
+    }
+
+    #[test]
+    fn recovers_any_rotation_half_turns_included() {
+        let points = [[0.0, 0.0, 0.0], [1.0, 0.1, 0.0], [0.2, 2.0, 0.3], [0.1, -0.4, 1.0]];
+        for r in [
+            [1.0, 0.0, 0.0, 0.0],
+            [0.0, 1.0, 0.0, 0.0],
+            [0.0, 0.6, 0.8, 0.0],
+            quat::normalize([0.3, -0.5, 0.2, 0.9]),
+            quat::normalize([1e-9, 0.0, 1.0, 0.0]),
+        ] {
+            let found = fit_of(&points, r).rotation(0.0);
+            let agreement = quat::dot(found, r).abs();
+            assert!(1.0 - agreement < 1e-12, "{r:?} became {found:?}");
+        }
+    }
+
+    #[test]
+    fn open_cases_turn_as_little_as_possible() {
+        let still = fit_of(&[[1.0, 2.0, 3.0]], [1.0, 0.0, 0.0, 0.0]).rotation(0.0);
+        assert!((still[0] - 1.0).abs() < 1e-12, "one point: {still:?}");
+        let turn = quat::normalize([1.0, 0.0, 0.0, 0.5]);
+        let line = [[0.0; 3], [1.0, 0.0, 0.0], [2.0, 0.0, 0.0]];
+        let found = fit_of(&line, turn).rotation(0.0);
+        assert!(1.0 - quat::dot(found, turn).abs() < 1e-6, "a line: {found:?}");
+        let mut prior = fit_of(&[[1.0, 2.0, 3.0]], turn);
+        prior.add_rotation(1.0, turn);
+        let found = prior.rotation(0.3);
+        assert!(1.0 - quat::dot(found, turn).abs() < 1e-9, "the prior decides: {found:?}");
+    }
+}

@@ -1,0 +1,338 @@
+//! [`EditedScene`]: the edit, moving.
+
+use crate::AmgError;
+use crate::aggregate::{blend_change, blend_geometry};
+use crate::binding::{Binding, RowKind};
+use crate::field::FieldAt;
+use crate::keyframes::check_rows;
+use crate::options::Aggregation;
+use gs_core::{DynamicScene, SceneError, Splats, TimeRange};
+use rayon::prelude::*;
+use std::sync::{Arc, Mutex, PoisonError};
+
+/// Mean and rotation, and scales, of a row under way.
+type GeometryMut<'a> = ((&'a mut [f32; 3], &'a mut [f32; 4]), &'a mut [f32; 3]);
+
+/// Rows handed to a thread at a time.
+const BLOCK: usize = 1024;
+
+/// A dynamic scene whose frame `t1` is the edited splats, and which moves with its source.
+///
+/// * At `t1` it is the edited splats bit for bit.
+/// * At any other time the source is asked once; row kinds say what each row takes from it (see [`RowKind`]).
+/// * Rows are those of the edited splats; SH degree is theirs, too.
+#[derive(Debug)]
+pub struct EditedScene {
+    source: Arc<dyn DynamicScene>,
+    edited: Arc<Splats>,
+    binding: Arc<Binding>,
+    aggregation: Aggregation,
+    edit_time: f32,
+    source_1: Splats,
+    field: Option<FieldBase>,
+    dynamic: Option<Vec<bool>>,
+    scratch: Mutex<Vec<Splats>>,
+}
+
+#[derive(Debug)]
+struct FieldBase {
+    field: Arc<dyn FieldAt>,
+    at_edit: Splats,
+}
+
+impl EditedScene {
+    /// Joins `edited` (frame `edit_time`) to `source` by `binding`. Evaluates the source once.
+    ///
+    /// # Errors
+    /// If the source cannot be evaluated at `edit_time`, the edited splats are malformed, the binding was made for other
+    /// clouds, or it has [`RowKind::Field`] rows (see [`EditedScene::with_field`]).
+    pub fn new(
+        source: Arc<dyn DynamicScene>,
+        edited: Arc<Splats>,
+        edit_time: f32,
+        binding: Arc<Binding>,
+        aggregation: Aggregation,
+    ) -> Result<Self, AmgError> {
+        let scene = Self::assemble(source, edited, edit_time, binding, aggregation)?;
+        if scene.binding.count(RowKind::Field) > 0 {
+            return Err(AmgError::Binding {
+                what: "some rows ask a deformation field, but none was given".to_owned(),
+            });
+        }
+        Ok(scene)
+    }
+
+    /// As [`EditedScene::new`], with the field that [`RowKind::Field`] rows ask.
+    ///
+    /// # Errors
+    /// As [`EditedScene::new`], and if the field cannot be evaluated at `edit_time`.
+    pub fn with_field(
+        source: Arc<dyn DynamicScene>,
+        edited: Arc<Splats>,
+        edit_time: f32,
+        binding: Arc<Binding>,
+        field: Arc<dyn FieldAt>,
+    ) -> Result<Self, AmgError> {
+        let mut scene = Self::assemble(source, edited, edit_time, binding, Aggregation::PAPER)?;
+        let mut at_edit = Splats::default();
+        field.displace_into(&scene.edited, edit_time, &mut at_edit)?;
+        at_edit.check_shapes().map_err(|source| AmgError::Shape { which: "field's", source })?;
+        scene.field = Some(FieldBase { field, at_edit });
+        Ok(scene)
+    }
+
+    fn assemble(
+        source: Arc<dyn DynamicScene>,
+        edited: Arc<Splats>,
+        edit_time: f32,
+        binding: Arc<Binding>,
+        aggregation: Aggregation,
+    ) -> Result<Self, AmgError> {
+        edited.check_shapes().map_err(|source| AmgError::Shape { which: "edited", source })?;
+        let source_1 = source.at(edit_time)?;
+        source_1.check_shapes().map_err(|source| AmgError::Shape { which: "source", source })?;
+        binding.check(source_1.len(), &edited)?;
+        let dynamic = source.dynamic_mask().map(|mask| inherit_mask(mask, &binding));
+        Ok(Self {
+            source,
+            edited,
+            binding,
+            aggregation,
+            edit_time,
+            source_1,
+            field: None,
+            dynamic,
+            scratch: Mutex::new(Vec::new()),
+        })
+    }
+
+    /// The edited splats: this scene at [`EditedScene::edit_time`].
+    pub fn edited(&self) -> &Arc<Splats> {
+        &self.edited
+    }
+
+    /// The scene that was edited.
+    pub fn source(&self) -> &Arc<dyn DynamicScene> {
+        &self.source
+    }
+
+    /// What each row moves with.
+    pub fn binding(&self) -> &Arc<Binding> {
+        &self.binding
+    }
+
+    /// How it is blended.
+    pub fn aggregation(&self) -> &Aggregation {
+        &self.aggregation
+    }
+
+    /// Time of the edited frame.
+    pub fn edit_time(&self) -> f32 {
+        self.edit_time
+    }
+
+    fn borrow_scratch(&self) -> Splats {
+        self.scratch.lock().unwrap_or_else(PoisonError::into_inner).pop().unwrap_or_default()
+    }
+
+    fn return_scratch(&self, splats: Splats) {
+        self.scratch.lock().unwrap_or_else(PoisonError::into_inner).push(splats);
+    }
+
+    fn evaluate(&self, t: f32, appearance: bool, out: &mut Splats) -> Result<(), SceneError> {
+        let range = self.time_range();
+        if !range.contains(t) {
+            return Err(SceneError::Time { t, range });
+        }
+        self.copy_edited(appearance, out);
+        if t == self.edit_time {
+            return Ok(());
+        }
+        let mut source_t = self.borrow_scratch();
+        if appearance {
+            self.source.at_into(t, &mut source_t)?;
+        } else {
+            self.source.geometry_into(t, &mut source_t)?;
+        }
+        check_rows(&source_t, self.source_1.len())?;
+        if appearance {
+            source_t.check_shapes()?;
+        }
+        self.move_geometry(&source_t, out);
+        if appearance {
+            self.move_appearance(&source_t, out);
+        }
+        self.return_scratch(source_t);
+        self.add_field(t, appearance, out)
+    }
+
+    fn copy_edited(&self, appearance: bool, out: &mut Splats) {
+        let edited = &*self.edited;
+        out.means.clone_from(&edited.means);
+        out.quats.clone_from(&edited.quats);
+        out.log_scales.clone_from(&edited.log_scales);
+        if appearance {
+            out.opacity_logits.clone_from(&edited.opacity_logits);
+            out.sh.clone_from(&edited.sh);
+            out.sh_degree = edited.sh_degree;
+        }
+    }
+
+    fn move_geometry(&self, source_t: &Splats, out: &mut Splats) {
+        let kinds = self.binding.kinds();
+        let move_row = |(row, ((mean, rotation), log_scale)): (usize, GeometryMut<'_>)| {
+            let sources = self.binding.row(row);
+            match kinds[row] {
+                RowKind::Static | RowKind::Field => {}
+                RowKind::Unchanged | RowKind::Recoloured => {
+                    let id = sources.0[0] as usize;
+                    *mean = source_t.means[id];
+                    *rotation = source_t.quats[id];
+                    *log_scale = source_t.log_scales[id];
+                }
+                RowKind::Blended => {
+                    let edited = (*mean, *rotation, *log_scale);
+                    (*mean, *rotation, *log_scale) =
+                        blend_geometry(edited, sources, &self.source_1, source_t, self.aggregation);
+                }
+            }
+        };
+        out.means
+            .par_iter_mut()
+            .zip(&mut out.quats)
+            .zip(&mut out.log_scales)
+            .enumerate()
+            .with_min_len(BLOCK)
+            .for_each(move_row);
+    }
+
+    fn move_appearance(&self, source_t: &Splats, out: &mut Splats) {
+        let coeffs = out.sh_coeffs();
+        let source_coeffs = source_t.sh_coeffs();
+        let shared = coeffs.min(source_coeffs);
+        let source_1 = &self.source_1;
+        // Most formats give colours once for all times; then nothing below would change a bit.
+        let sh_moves = source_t.sh != source_1.sh;
+        let kinds = self.binding.kinds();
+        let move_row = |(row, (logit, sh)): (usize, (&mut f32, &mut [[f32; 3]]))| {
+            let sources = self.binding.row(row);
+            match kinds[row] {
+                RowKind::Static | RowKind::Field => return,
+                RowKind::Unchanged => {
+                    let id = sources.0[0] as usize;
+                    *logit = source_t.opacity_logits[id];
+                    sh[..shared].copy_from_slice(&source_t.sh_of(id)[..shared]);
+                    return;
+                }
+                RowKind::Blended if !self.aggregation.appearance => return,
+                RowKind::Recoloured | RowKind::Blended => {}
+            }
+            let change = blend_change(sources, |id| {
+                (source_1.opacity_logits[id], source_t.opacity_logits[id])
+            });
+            if change != 0.0 {
+                *logit += change;
+            }
+            if !sh_moves {
+                return;
+            }
+            for (k, rgb) in sh[..shared].iter_mut().enumerate() {
+                for channel in 0..3 {
+                    let change = blend_change(sources, |id| {
+                        let at = id * source_coeffs + k;
+                        (source_1.sh[at][channel], source_t.sh[at][channel])
+                    });
+                    if change != 0.0 {
+                        rgb[channel] += change;
+                    }
+                }
+            }
+        };
+        out.opacity_logits
+            .par_iter_mut()
+            .zip(out.sh.par_chunks_exact_mut(coeffs))
+            .enumerate()
+            .with_min_len(BLOCK)
+            .for_each(move_row);
+    }
+
+    /// Baseline "w/o AMG": stored parameters move by the difference of what the field says at `t` and at the edit frame.
+    fn add_field(&self, t: f32, appearance: bool, out: &mut Splats) -> Result<(), SceneError> {
+        let Some(base) = &self.field else { return Ok(()) };
+        let mut at_t = self.borrow_scratch();
+        base.field.displace_into(&self.edited, t, &mut at_t)?;
+        at_t.check_shapes()?;
+        let change = |to: f32, from: f32| {
+            let change = to - from;
+            if change.is_finite() { change } else { 0.0 }
+        };
+        for row in
+            (0..self.binding.len()).filter(|&row| self.binding.kinds()[row] == RowKind::Field)
+        {
+            for axis in 0..3 {
+                out.means[row][axis] +=
+                    change(at_t.means[row][axis], base.at_edit.means[row][axis]);
+                out.log_scales[row][axis] +=
+                    change(at_t.log_scales[row][axis], base.at_edit.log_scales[row][axis]);
+            }
+            for i in 0..4 {
+                out.quats[row][i] += change(at_t.quats[row][i], base.at_edit.quats[row][i]);
+            }
+            if appearance {
+                out.opacity_logits[row] +=
+                    change(at_t.opacity_logits[row], base.at_edit.opacity_logits[row]);
+                let coeffs = out.sh_coeffs();
+                for at in row * coeffs..(row + 1) * coeffs {
+                    for channel in 0..3 {
+                        out.sh[at][channel] +=
+                            change(at_t.sh[at][channel], base.at_edit.sh[at][channel]);
+                    }
+                }
+            }
+        }
+        self.return_scratch(at_t);
+        Ok(())
+    }
+}
+
+/// Exact rows move if their source does, other rows if the binding moves them.
+fn inherit_mask(mask: &[bool], binding: &Binding) -> Vec<bool> {
+    let row = |row: usize| match binding.kinds()[row] {
+        RowKind::Static => false,
+        RowKind::Unchanged | RowKind::Recoloured => {
+            mask.get(binding.row(row).0[0] as usize).copied().unwrap_or(true)
+        }
+        RowKind::Blended | RowKind::Field => true,
+    };
+    (0..binding.len()).map(row).collect()
+}
+
+impl DynamicScene for EditedScene {
+    fn num_splats(&self) -> usize {
+        self.edited.len()
+    }
+
+    fn sh_degree(&self) -> usize {
+        self.edited.sh_degree
+    }
+
+    fn time_range(&self) -> TimeRange {
+        self.source.time_range()
+    }
+
+    fn num_frames(&self) -> Option<usize> {
+        self.source.num_frames()
+    }
+
+    fn at_into(&self, t: f32, out: &mut Splats) -> Result<(), SceneError> {
+        self.evaluate(t, true, out)
+    }
+
+    fn geometry_into(&self, t: f32, out: &mut Splats) -> Result<(), SceneError> {
+        self.evaluate(t, false, out)
+    }
+
+    fn dynamic_mask(&self) -> Option<&[bool]> {
+        self.dynamic.as_deref()
+    }
+}

@@ -1,0 +1,280 @@
+//! What holds for any scene and any edit.
+#![allow(
+    clippy::unwrap_used,
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "helpers of tests may fail loudly; sizes and lengths are small"
+)]
+
+mod common;
+
+use amg::{Aggregation, MotionOptions, Preset, Propagation, RotationRule, propagate};
+use common::{Table, golden_edit, golden_source, score};
+use gs_core::{DynamicScene, Splats, quat};
+use proptest::prelude::*;
+use std::sync::Arc;
+
+fn run(source: &Table, edited: &Splats, options: &MotionOptions) -> Propagation {
+    propagate(Arc::new(source.clone()), Arc::new(edited.clone()), options, &|_, _| {}).unwrap()
+}
+
+fn moved(splats: &Splats, q: [f32; 4], shift: [f32; 3]) -> Splats {
+    let mut out = splats.clone();
+    for mean in &mut out.means {
+        let turned = quat::rotate(q, *mean);
+        *mean = [turned[0] + shift[0], turned[1] + shift[1], turned[2] + shift[2]];
+    }
+    for rotation in &mut out.quats {
+        *rotation = quat::mul(q, *rotation);
+    }
+    out
+}
+
+fn largest_gap(a: &[[f32; 3]], b: &[[f32; 3]]) -> f32 {
+    a.iter().flatten().zip(b.iter().flatten()).fold(0.0, |m, (x, y)| m.max((x - y).abs()))
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig {
+        cases: 8,
+        rng_seed: proptest::test_runner::RngSeed::Fixed(7),
+        ..ProptestConfig::default()
+    })]
+
+    /// Whatever is matched with whatever: if all sources share one rigid motion, so does every edited splat.
+    #[test]
+    fn one_rigid_motion_for_all_is_exact(
+        axis in prop::array::uniform3(-1.0_f32..1.0),
+        angle in 0.05_f32..3.1,
+        shift in prop::array::uniform3(-1.0_f32..1.0),
+        flip in any::<bool>(),
+    ) {
+        let rest = golden_source().0.frames.swap_remove(0);
+        let [x, y, z] = axis.map(|c| c * (0.5 * angle).sin());
+        let length = axis.iter().map(|c| c * c).sum::<f32>().sqrt();
+        prop_assume!(length > 0.1);
+        let q = [(0.5 * angle).cos(), x / length, y / length, z / length];
+        let mut there = moved(&rest, q, shift);
+        if flip {
+            there.quats.iter_mut().step_by(2).for_each(|q| *q = q.map(|c| -c));
+        }
+        let source = Table::new(vec![rest, there]);
+        let edit = golden_edit("graft").splats;
+        let found = run(&source, &edit, &MotionOptions::default());
+        let expected = moved(&edit, q, shift);
+        let at = found.scene.at(1.0).unwrap();
+        prop_assert!(largest_gap(&at.means, &expected.means) < 1e-5);
+        for (ours, theirs) in at.quats.iter().zip(&expected.quats) {
+            prop_assert!(quat::dot(quat::normalize(*ours), quat::normalize(*theirs)).abs() > 1.0 - 1e-5);
+        }
+    }
+}
+
+#[test]
+fn a_half_turn_is_a_half_turn() {
+    let rest = golden_source().0.frames.swap_remove(0);
+    let q = [0.0, 0.0, 1.0, 0.0];
+    let source = Table::new(vec![rest.clone(), moved(&rest, q, [0.0; 3])]);
+    let edit = golden_edit("drift").splats;
+    let found = run(&source, &edit, &MotionOptions::default());
+    let expected = moved(&edit, q, [0.0; 3]);
+    let gap = largest_gap(&found.scene.at(1.0).unwrap().means, &expected.means);
+    assert!(gap < 1e-5, "off by {gap}");
+}
+
+#[test]
+fn translation_only_moves_everything_alike_under_every_preset() {
+    let rest = golden_source().0.frames.swap_remove(0);
+    let source = Table::new(vec![rest.clone(), moved(&rest, quat::IDENTITY, [0.3, -0.2, 0.1])]);
+    let edit = golden_edit("all").splats;
+    let expected = moved(&edit, quat::IDENTITY, [0.3, -0.2, 0.1]);
+    for preset in [Preset::Best, Preset::Paper, Preset::Knn] {
+        let found = run(&source, &edit, &MotionOptions::preset(preset));
+        let gap = largest_gap(&found.scene.at(1.0).unwrap().means, &expected.means);
+        assert!(gap < 1e-5, "{preset:?} is off by {gap}");
+    }
+}
+
+/// A checkpoint that does not model rotation: its quaternions never change, and must not hold the motion back.
+#[test]
+fn rotations_that_are_not_modelled_are_not_believed() {
+    let (mut source, size) = golden_source();
+    let rest = source.frames[0].quats.clone();
+    for frame in &mut source.frames {
+        frame.quats.clone_from(&rest);
+    }
+    let edit = golden_edit("graft");
+    let found = run(&source, &edit.splats, &MotionOptions::default());
+    assert!(found.report.rotation_prior < 0.05, "{}", found.report.rotation_prior);
+    let error = score(&found.scene, &edit, size);
+    assert!(error.epe < 0.2 && error.rot < 4.0, "{error}");
+}
+
+#[test]
+fn the_order_of_rows_does_not_matter() {
+    let (source, _) = golden_source();
+    let edit = golden_edit("inflate").splats;
+    let plain = run(&source, &edit, &MotionOptions::default()).scene.at(1.0).unwrap();
+    let shuffle =
+        |n: usize, by: usize| -> Vec<usize> { (0..n).map(|i| (i * by + 5) % n).collect() };
+    let sources = shuffle(1500, 7);
+    let shuffled = Table::new(source.frames.iter().map(|frame| frame.select(&sources)).collect());
+    let rows = shuffle(edit.len(), 11);
+    let again = run(&shuffled, &edit.select(&rows), &MotionOptions::default());
+    let again = again.scene.at(1.0).unwrap();
+    let gap = largest_gap(&again.means, &plain.select(&rows).means);
+    assert!(gap <= 1e-5, "off by {gap}");
+}
+
+#[test]
+fn the_number_of_threads_does_not_matter() {
+    let (source, _) = golden_source();
+    let edit = golden_edit("all").splats;
+    for preset in [Preset::Best, Preset::Paper] {
+        let options = MotionOptions::preset(preset);
+        let on = |threads: usize| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            pool.install(|| {
+                let found = run(&source, &edit, &options);
+                (found.scene.binding().as_ref().clone(), found.scene.at(0.6).unwrap())
+            })
+        };
+        assert!(on(1) == on(3), "{preset:?}: bindings and frames, bit for bit");
+    }
+}
+
+/// A halo above the head, joined to nothing, follows the head; far away it stays.
+#[test]
+fn new_objects_follow_what_they_are_near() {
+    let (source, size) = golden_source();
+    let rest = &source.frames[0];
+    let top = (0..1500)
+        .filter(|&i| rest.means[i][2] < 1.84)
+        .max_by(|&a, &b| rest.means[a][2].total_cmp(&rest.means[b][2]))
+        .unwrap();
+    let halo = |height: f32| {
+        let mut edited = rest.clone();
+        for i in 0..40_u8 {
+            let angle = f32::from(i) * 0.157;
+            edited.push_from(rest, top);
+            let mean = edited.means.last_mut().unwrap();
+            mean[0] += 0.1 * angle.cos();
+            mean[1] += 0.1 * angle.sin();
+            mean[2] += height;
+        }
+        edited
+    };
+    let found = run(&source, &halo(0.1 * size as f32), &MotionOptions::default());
+    assert_eq!(found.report.blended, 40, "all of the halo moves: {:?}", found.report);
+    let at = found.scene.at(1.0).unwrap();
+    let head = source.frames[5].means[top];
+    for i in 1500..1540 {
+        let d: f32 = (0..3).map(|a| (at.means[i][a] - head[a]).powi(2)).sum::<f32>().sqrt();
+        assert!(d < 0.25 * size as f32, "splat {i} is {d} from the head");
+    }
+    let found = run(&source, &halo(3.0), &MotionOptions::default());
+    assert_eq!(found.report.out_of_reach, 40, "{:?}", found.report.warnings);
+    assert!(found.report.warnings.iter().any(|w| w.contains("beyond reach")), "said so");
+}
+
+#[test]
+fn a_still_background_stays_still() {
+    let (mut source, size) = golden_source();
+    let wall = golden_edit("drift").splats;
+    for (t, frame) in source.frames.iter_mut().enumerate() {
+        for i in 0..600 {
+            frame.push_from(&wall, i);
+            let mean = frame.means.last_mut().unwrap();
+            mean[1] += 1.5;
+            // Deformation networks make still splats tremble.
+            let tremble = 1e-3 * size * ((i * 13 + t * 7) as f64).sin() * t.min(1) as f64;
+            mean[0] += tremble as f32;
+        }
+    }
+    let mut edited = source.frames[0].clone();
+    for mean in &mut edited.means {
+        mean[2] += 0.001;
+    }
+    let found = run(&source, &edited, &MotionOptions::default());
+    assert!(found.split.dynamic[..1500].iter().all(|&d| d), "the figure moves");
+    assert!(found.split.dynamic[1500..].iter().all(|&d| !d), "the wall does not");
+    assert_eq!(found.report.static_rows, 600, "{:?}", found.report);
+    assert_eq!(found.scene.at(1.0).unwrap().means[1500..], edited.means[1500..], "not a bit");
+}
+
+#[test]
+fn degenerate_clouds_give_numbers() {
+    let (source, _) = golden_source();
+    let one = |ids: &[usize]| Table::new(source.frames.iter().map(|f| f.select(ids)).collect());
+    let line = {
+        let mut table = one(&(0..40).collect::<Vec<_>>());
+        for (t, frame) in table.frames.iter_mut().enumerate() {
+            for (i, mean) in frame.means.iter_mut().enumerate() {
+                *mean = [i as f32 * 0.1, t as f32 * 0.2, 0.0];
+            }
+        }
+        table
+    };
+    let hostile = {
+        let mut table = source.clone();
+        for frame in &mut table.frames {
+            frame.opacity_logits[..50].fill(f32::NEG_INFINITY);
+            frame.log_scales[50..100].fill([f32::NEG_INFINITY; 3]);
+            frame.quats[100..150].fill([0.0; 4]);
+        }
+        table.frames[3].means[200] = [f32::NAN; 3];
+        table
+    };
+    let still = Table::new(vec![source.frames[0].clone(); 3]);
+    let mut weird = golden_edit("drift").splats.select(&(0..60).collect::<Vec<_>>());
+    weird.opacity_logits[0] = f32::NEG_INFINITY;
+    weird.log_scales[1] = [f32::NEG_INFINITY; 3];
+    weird.quats[2] = [0.0; 4];
+    let relative = Aggregation { rotation: RotationRule::Relative, ..Aggregation::PAPER };
+    for (what, table) in [
+        ("one splat", one(&[3])),
+        ("two splats", one(&[3, 900])),
+        ("all coincident", one(&[3; 30])),
+        ("collinear", line),
+        ("hostile values", hostile),
+        ("static", still),
+        ("single frame", Table::new(vec![source.frames[0].clone()])),
+        ("empty", one(&[])),
+    ] {
+        for preset in [Preset::Best, Preset::Paper, Preset::Knn] {
+            let mut options = MotionOptions::preset(preset);
+            options.reach = 10.0;
+            for aggregation in [options.aggregation, relative] {
+                options.aggregation = aggregation;
+                let found = run(&table, &weird, &options);
+                let at = found.scene.at(1.0).unwrap();
+                let finite = at.means.iter().flatten().chain(at.quats.iter().flatten());
+                assert!(finite.into_iter().all(|v| v.is_finite()), "{what}, {preset:?}");
+                let unscaled = at.log_scales.iter().flatten().all(|v| !v.is_nan());
+                assert!(unscaled, "{what}, {preset:?}: scales");
+            }
+        }
+    }
+    let none = run(&source, &source.frames[0].select(&[]), &MotionOptions::default());
+    assert!(none.scene.at(1.0).unwrap().is_empty(), "an edit that removed everything");
+}
+
+#[test]
+fn broken_rows_are_left_alone_and_counted() {
+    let (source, _) = golden_source();
+    let mut edited = golden_edit("drift").splats;
+    edited.means[4][1] = f32::INFINITY;
+    let found = run(&source, &edited, &MotionOptions::default());
+    assert_eq!(found.report.broken_rows, 1, "one");
+    assert_eq!(found.scene.at(1.0).unwrap().means[4], edited.means[4], "as it was");
+}
+
+#[test]
+fn options_out_of_range_are_refused() {
+    let (source, _) = golden_source();
+    let edited = Arc::new(source.frames[0].clone());
+    let source: Arc<dyn DynamicScene> = Arc::new(source);
+    let options = MotionOptions { num_key_times: 0, ..MotionOptions::default() };
+    let error = propagate(source, edited, &options, &|_, _| {}).unwrap_err().to_string();
+    assert!(error.contains("num_key_times") && error.contains("1 to 64"), "{error}");
+}

@@ -1,0 +1,507 @@
+//! The command line.
+
+use crate::device::GpuChoice;
+use clap::{Args, Parser, Subcommand, ValueEnum};
+use std::path::PathBuf;
+
+const AFTER_HELP: &str = "\
+Exit codes: 0 done, 1 failed, 2 usage, 3 bad input file, 4 no such GPU, 6 finished with warnings under --strict, 130 interrupted.
+
+SCENE is a 4DGaussians model folder, a folder of numbered PLYs with persistent rows, or a RUN folder of `c4d propagate`.";
+
+/// Carry an edit of one frame of a dynamic Gaussian-splat scene through all of time.
+#[derive(Debug, Parser)]
+#[command(name = "c4d", version, after_help = AFTER_HELP)]
+pub(crate) struct Cli {
+    #[command(subcommand)]
+    pub(crate) command: Command,
+
+    #[command(flatten)]
+    pub(crate) global: Global,
+}
+
+/// Flags of every command.
+#[derive(Debug, Clone, Args)]
+pub(crate) struct Global {
+    /// Replace existing output (only output of c4d; anything else is never touched)
+    #[arg(short = 'w', long, global = true)]
+    pub(crate) overwrite: bool,
+    /// Say nothing but warnings and errors
+    #[arg(short, long, global = true)]
+    pub(crate) quiet: bool,
+    /// Say more
+    #[arg(short, long, global = true)]
+    pub(crate) verbose: bool,
+    /// No progress bars
+    #[arg(long, global = true)]
+    pub(crate) no_progress: bool,
+    /// Threads to use [default: all cores]
+    #[arg(long, global = true, value_name = "N")]
+    pub(crate) threads: Option<usize>,
+    /// Where to render: auto (a hardware GPU if there is one, else the CPU), cpu, or an adapter's number in `c4d doctor`
+    #[arg(short, long, global = true, default_value = "auto", value_name = "auto|cpu|N")]
+    pub(crate) gpu: GpuChoice,
+    /// Damaged rows fail, and a finish with warnings exits with code 6
+    #[arg(long, global = true)]
+    pub(crate) strict: bool,
+    /// 4DGS: use this iteration instead of the newest
+    #[arg(long, global = true, value_name = "N", help_heading = "4DGS models")]
+    pub(crate) iteration: Option<u64>,
+    /// 4DGS: override a flag of `cfg_args`, for example `no_dshs=true` (no_dx, no_ds, no_dr, no_do, no_dshs, apply_rotation, grid_pe)
+    #[arg(long = "set", global = true, value_name = "FLAG=VALUE", help_heading = "4DGS models")]
+    pub(crate) set: Vec<String>,
+}
+
+#[derive(Debug, Subcommand)]
+pub(crate) enum Command {
+    /// Say what a file or folder is, what is missing and what to do with it
+    Info(InfoArgs),
+    /// Check that this machine can run c4d, and how fast
+    Doctor(DoctorArgs),
+    /// Write the splats of one time as a PLY for any 3D editor, with cameras
+    Freeze(FreezeArgs),
+    /// Carry an edited PLY through all of time
+    Propagate(PropagateArgs),
+    /// Repair the colours that motion reveals in a run (c4d propagate does this too)
+    Refine(RefineArgs),
+    /// Render images or a video
+    Render(RenderArgs),
+    /// Write a PLY sequence that other tools open
+    Export(ExportArgs),
+    /// Make a synthetic scene, edit it, propagate the edit and render both: the whole job without any input
+    Demo(DemoArgs),
+    /// Measure methods against known truth
+    Bench {
+        #[command(subcommand)]
+        what: BenchCommand,
+    },
+}
+
+#[derive(Debug, Subcommand)]
+pub(crate) enum BenchCommand {
+    /// End-point error, rotation, jitter and rendered PSNR of every motion method on synthetic scenes
+    Motion(BenchMotionArgs),
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct BenchMotionArgs {
+    /// Cases [default: all]
+    #[arg(long, value_delimiter = ',', value_name = "NAME,…")]
+    pub(crate) cases: Vec<String>,
+    /// Scenes per case
+    #[arg(long, default_value_t = 3)]
+    pub(crate) seeds: u64,
+    /// Splats of each source scene
+    #[arg(long, default_value_t = 5000)]
+    pub(crate) size: usize,
+    /// Folder for motion.json and motion.md
+    #[arg(short, long)]
+    pub(crate) output: PathBuf,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct InfoArgs {
+    /// A scene folder, a run, or a splat file
+    pub(crate) path: PathBuf,
+    /// Machine-readable
+    #[arg(long)]
+    pub(crate) json: bool,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct DoctorArgs {
+    /// Machine-readable
+    #[arg(long)]
+    pub(crate) json: bool,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct FreezeArgs {
+    /// The dynamic scene
+    pub(crate) scene: PathBuf,
+    /// Time of the frame to edit
+    #[arg(long, default_value_t = 0.0, allow_negative_numbers = true)]
+    pub(crate) time: f32,
+    /// Folder to write `point_cloud.ply` and `cameras.json` into
+    #[arg(short, long)]
+    pub(crate) output: PathBuf,
+    /// Cameras to put beside the PLY (INRIA layout) [default: a rig around the scene]
+    #[arg(long, value_name = "FILE")]
+    pub(crate) cameras: Option<PathBuf>,
+    /// Keep SH up to this degree only
+    #[arg(long, value_name = "0-3")]
+    pub(crate) sh_degree: Option<usize>,
+    /// The world's upward direction, for the rig
+    #[arg(long, value_enum, allow_hyphen_values = true)]
+    pub(crate) up: Option<Up>,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct PropagateArgs {
+    /// The dynamic scene
+    pub(crate) scene: PathBuf,
+    /// The edited frame: a 3DGS PLY of any editor
+    #[arg(long, value_name = "PLY")]
+    pub(crate) edited: PathBuf,
+    /// Run folder to write
+    #[arg(short, long)]
+    pub(crate) output: PathBuf,
+    /// Time of the edited frame
+    #[arg(long, default_value_t = 0.0, allow_negative_numbers = true)]
+    pub(crate) time: f32,
+    /// Motion only: leave out the appearance refinement
+    #[arg(long)]
+    pub(crate) no_refine: bool,
+    /// `best` is what measured best, `paper` the paper to the letter
+    #[arg(long, value_enum, default_value_t = PresetArg::Best)]
+    pub(crate) preset: PresetArg,
+    /// Use a baseline instead of anchors and transport
+    #[arg(long, value_enum)]
+    pub(crate) baseline: Option<BaselineArg>,
+    /// `amg` keeps the exact motion of splats that were not edited; `amg-all` estimates all anew, as the paper does
+    #[arg(long, value_enum, default_value_t = MotionArg::Amg)]
+    pub(crate) motion: MotionArg,
+    /// Seed of everything random
+    #[arg(long, default_value_t = 0)]
+    pub(crate) seed: u64,
+    /// Go on although the edited file seems to belong to another scene
+    #[arg(long)]
+    pub(crate) allow_far: bool,
+    #[command(flatten)]
+    pub(crate) refine: RefineFlags,
+}
+
+/// Flags of the appearance refinement, in `c4d propagate` and `c4d refine`.
+#[derive(Debug, Clone, Args)]
+#[command(next_help_heading = "Appearance refinement")]
+pub(crate) struct RefineFlags {
+    /// Cameras to refine from (INRIA layout) [default: a rig around the scene]
+    #[arg(long, value_name = "FILE")]
+    pub(crate) refine_cameras: Option<PathBuf>,
+    /// Size of the images [default: that of the cameras, 640x480 for the rig]
+    #[arg(long, value_name = "WxH", value_parser = parse_size)]
+    pub(crate) refine_size: Option<(u32, u32)>,
+    /// The world's upward direction, for the rig
+    #[arg(long, value_enum, allow_hyphen_values = true)]
+    pub(crate) refine_up: Option<Up>,
+    /// Times to draw images from, evenly spaced
+    #[arg(long, default_value_t = 30, value_name = "N")]
+    pub(crate) refine_frames: usize,
+    /// Images to draw (view and time) [default: 240]
+    #[arg(long, value_name = "N")]
+    pub(crate) samples: Option<usize>,
+    /// Coverage of the artifact mask, 0.5 (broad) to 2
+    #[arg(long)]
+    pub(crate) epsilon: Option<f32>,
+    /// How frame 1 is carried to other frames [default: backward; paper with --preset paper]
+    #[arg(long, value_enum)]
+    pub(crate) warp: Option<WarpArg>,
+    /// Memory for images, MiB
+    #[arg(long, default_value_t = 2048, value_name = "MIB")]
+    pub(crate) memory: usize,
+    /// Write a preview image into the run every so many seconds
+    #[arg(long, value_name = "SECONDS")]
+    pub(crate) preview_every: Option<f64>,
+}
+
+impl Default for RefineFlags {
+    fn default() -> Self {
+        Self {
+            refine_cameras: None,
+            refine_size: None,
+            refine_up: None,
+            refine_frames: 30,
+            samples: None,
+            epsilon: None,
+            warp: None,
+            memory: 2048,
+            preview_every: None,
+        }
+    }
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct RefineArgs {
+    /// The run folder; its colours are replaced, its motion and the edit as given stay
+    pub(crate) run: PathBuf,
+    /// `best` is what measured best, `paper` the paper to the letter
+    #[arg(long, value_enum, default_value_t = PresetArg::Best)]
+    pub(crate) preset: PresetArg,
+    /// Go on from the checkpoint of an interrupted refinement with the same flags
+    #[arg(long)]
+    pub(crate) resume: bool,
+    #[command(flatten)]
+    pub(crate) flags: RefineFlags,
+}
+
+/// Forms of Eq. 13.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum WarpArg {
+    /// Fetched through flow at the pixels of frame t, with occlusion test
+    Backward,
+    /// As printed
+    Paper,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct RenderArgs {
+    /// The dynamic scene or run
+    pub(crate) scene: PathBuf,
+    /// A `cameras.json` (INRIA layout), or one of: front, orbit, spiral
+    #[arg(long, default_value = "front")]
+    pub(crate) cameras: String,
+    /// Only these views of a `cameras.json` (names or indices)
+    #[arg(long, value_delimiter = ',', value_name = "NAME,…")]
+    pub(crate) views: Vec<String>,
+    /// Times, comma-separated
+    #[arg(
+        long,
+        value_delimiter = ',',
+        value_name = "T,…",
+        conflicts_with = "frames",
+        allow_negative_numbers = true
+    )]
+    pub(crate) times: Vec<f32>,
+    /// Number of frames, evenly spaced over the whole clip [default: that of the sequence, else 60]
+    #[arg(long)]
+    pub(crate) frames: Option<usize>,
+    /// Image size [default: that of the cameras, else 960x720]
+    #[arg(long, value_name = "WxH", value_parser = parse_size)]
+    pub(crate) size: Option<(u32, u32)>,
+    /// What to render
+    #[arg(long, value_enum, value_delimiter = ',', default_value = "rgb")]
+    pub(crate) passes: Vec<Pass>,
+    /// File format [default: from the output's name, else png]
+    #[arg(long, value_enum)]
+    pub(crate) format: Option<Format>,
+    /// Folder (png, exr, npy) or file (mp4, sheet)
+    #[arg(short, long)]
+    pub(crate) output: PathBuf,
+    /// Frames per second of videos
+    #[arg(long, default_value_t = 30.0)]
+    pub(crate) fps: f64,
+    /// Runs only: the original on the left, the edit on the right
+    #[arg(long)]
+    pub(crate) side_by_side: bool,
+    /// Background colour [default: what the model was trained with, else black]
+    #[arg(long, value_name = "R,G,B", value_parser = parse_background)]
+    pub(crate) background: Option<[f32; 3]>,
+    /// The world's upward direction, for front, orbit and spiral
+    #[arg(long, value_enum, allow_hyphen_values = true)]
+    pub(crate) up: Option<Up>,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct ExportArgs {
+    /// The dynamic scene or run
+    pub(crate) scene: PathBuf,
+    /// What to write
+    #[arg(long, value_enum)]
+    pub(crate) to: ExportFormat,
+    /// Times, comma-separated
+    #[arg(
+        long,
+        value_delimiter = ',',
+        value_name = "T,…",
+        conflicts_with = "frames",
+        allow_negative_numbers = true
+    )]
+    pub(crate) times: Vec<f32>,
+    /// Number of frames, evenly spaced over the whole clip [default: that of the sequence, else 60]
+    #[arg(long)]
+    pub(crate) frames: Option<usize>,
+    /// Frames per second noted in the files (the format itself has none)
+    #[arg(long, default_value_t = 30.0)]
+    pub(crate) fps: f64,
+    /// Keep SH up to this degree only
+    #[arg(long, value_name = "0-3")]
+    pub(crate) sh_degree: Option<usize>,
+    /// Leave out the unused normals (12 bytes a splat; some readers need them)
+    #[arg(long)]
+    pub(crate) no_normals: bool,
+    /// Folder (ply-seq) or file (zip)
+    #[arg(short, long)]
+    pub(crate) output: PathBuf,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct DemoArgs {
+    /// Folder to write
+    #[arg(short, long, default_value = "c4d-demo")]
+    pub(crate) output: PathBuf,
+    /// Seed of scene and edit
+    #[arg(long, default_value_t = 7)]
+    pub(crate) seed: u64,
+    /// Number of splats of the source scene
+    #[arg(long, default_value_t = 30_000)]
+    pub(crate) splats: usize,
+    /// Frames of the videos
+    #[arg(long, default_value_t = 60)]
+    pub(crate) frames: usize,
+}
+
+/// Presets of the motion stage.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum PresetArg {
+    /// What measured best
+    Best,
+    /// The paper to the letter
+    Paper,
+}
+
+/// Baselines of the paper.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum BaselineArg {
+    /// Three nearest source splats
+    Knn,
+    /// The scene's own deformation network, evaluated on the edit
+    Deformnet,
+}
+
+/// Which splats get estimated motion.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum MotionArg {
+    /// Edited ones; the others keep theirs exactly
+    Amg,
+    /// All
+    AmgAll,
+}
+
+/// Images to render.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum Pass {
+    /// Colour
+    Rgb,
+    /// Coverage
+    Alpha,
+    /// Camera depth Σ zαT
+    Depth,
+    /// Motion since the edited frame, pixels (Eq. 12)
+    Flow,
+    /// Colour uncertainty since the edited frame (Eq. 16)
+    Uncertainty,
+    /// Artifact mask (Eq. 17)
+    Mask,
+}
+
+impl Pass {
+    /// Whether the pass compares a frame with the edited one.
+    pub(crate) fn is_relative(self) -> bool {
+        matches!(self, Self::Flow | Self::Uncertainty | Self::Mask)
+    }
+
+    /// Folder and file-name part.
+    pub(crate) fn name(self) -> &'static str {
+        match self {
+            Self::Rgb => "rgb",
+            Self::Alpha => "alpha",
+            Self::Depth => "depth",
+            Self::Flow => "flow",
+            Self::Uncertainty => "uncertainty",
+            Self::Mask => "mask",
+        }
+    }
+}
+
+/// Formats of renders.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum Format {
+    /// 8 bits; depth stretched over its range
+    Png,
+    /// 32-bit float
+    Exr,
+    /// NumPy array of 32-bit floats
+    Npy,
+    /// Middlebury flow
+    Flo,
+    /// H.264 video, built-in encoder
+    Mp4,
+    /// One PNG with up to twelve frames side by side
+    Sheet,
+}
+
+/// Formats of exports.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum ExportFormat {
+    /// A folder of frame_00000.ply …
+    PlySeq,
+    /// The same in one stored zip
+    Zip,
+}
+
+/// The world's upward direction.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum Up {
+    /// +x
+    X,
+    /// +y
+    Y,
+    /// +z
+    Z,
+    /// −x
+    #[value(name = "-x")]
+    NegX,
+    /// −y, the habit of captured scenes
+    #[value(name = "-y")]
+    NegY,
+    /// −z
+    #[value(name = "-z")]
+    NegZ,
+}
+
+impl Up {
+    /// Unit vector, world frame.
+    pub(crate) fn vector(self) -> [f64; 3] {
+        match self {
+            Self::X => [1.0, 0.0, 0.0],
+            Self::Y => [0.0, 1.0, 0.0],
+            Self::Z => [0.0, 0.0, 1.0],
+            Self::NegX => [-1.0, 0.0, 0.0],
+            Self::NegY => [0.0, -1.0, 0.0],
+            Self::NegZ => [0.0, 0.0, -1.0],
+        }
+    }
+}
+
+fn parse_size(text: &str) -> Result<(u32, u32), String> {
+    let side = |part: &str| {
+        part.trim().parse::<u32>().ok().filter(|&pixels| (1..=16_384).contains(&pixels))
+    };
+    text.split_once(['x', 'X', '×'])
+        .and_then(|(width, height)| Some((side(width)?, side(height)?)))
+        .ok_or_else(|| format!("`{text}` is no image size: expected WIDTHxHEIGHT, 1 to 16384 pixels each, as in 960x720"))
+}
+
+fn parse_background(text: &str) -> Result<[f32; 3], String> {
+    match text {
+        "black" => return Ok([0.0; 3]),
+        "white" => return Ok([1.0; 3]),
+        _ => {}
+    }
+    let channels: Vec<f32> = text.split(',').filter_map(|part| part.trim().parse().ok()).collect();
+    <[f32; 3]>::try_from(channels)
+        .ok()
+        .filter(|rgb| rgb.iter().all(|channel| (0.0..=1.0).contains(channel)))
+        .ok_or_else(|| {
+            format!("`{text}` is no colour: expected black, white or R,G,B with values from 0 to 1")
+        })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use clap::CommandFactory;
+
+    #[test]
+    fn command_line_is_consistent() {
+        Cli::command().debug_assert();
+    }
+
+    #[test]
+    fn sizes_and_colours() {
+        assert_eq!(parse_size("640x480"), Ok((640, 480)), "plain");
+        assert!(parse_size("0x480").is_err() && parse_size("640").is_err(), "nonsense");
+        assert_eq!(parse_background("1,0.5,0"), Ok([1.0, 0.5, 0.0]), "triple");
+        assert!(parse_background("1,2,3").is_err(), "out of range");
+    }
+}

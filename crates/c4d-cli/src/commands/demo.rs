@@ -1,0 +1,131 @@
+//! `c4d demo`: the whole job on a synthetic scene, without any input.
+
+use super::freeze::{existing, output_failure};
+use super::propagate::{self, Recorded};
+use super::render::{Shot, Views, write_sheet, write_video};
+use crate::args::{DemoArgs, Global, MotionArg, PresetArg, PropagateArgs, RefineFlags};
+use crate::console::Console;
+use crate::device::Device;
+use crate::failure::{Failure, Outcome};
+use crate::scene;
+use gs_core::{Camera, DynamicScene};
+use gs_io::ply::{self, WriteOptions};
+use gs_io::{AtomicDir, Existing, cameras_json, ply_sequence};
+use gs_synth::{EditedFrame, SynthScene};
+use std::path::Path;
+use std::time::Instant;
+
+/// Frames of the PLY sequence that serves as the source scene.
+const SOURCE_FRAMES: usize = 31;
+/// Size of each half of the video, pixels.
+const SIZE: (u32, u32) = (560, 640);
+/// Frames per second of the video.
+const FPS: f64 = 30.0;
+/// What this command writes; a folder holding anything else is never replaced.
+const SOURCE: &str = "source";
+const EDITED: &str = "edited.ply";
+const RUN: &str = "run";
+const CAMERAS: &str = "cameras.json";
+const VIDEO: &str = "before_after.mp4";
+const SHEET: &str = "contact_sheet.png";
+const OURS: [&str; 6] = [SOURCE, EDITED, RUN, CAMERAS, VIDEO, SHEET];
+
+pub(crate) fn run(args: &DemoArgs, global: &Global, console: &Console) -> Outcome {
+    if !(2..=10_000).contains(&args.frames) {
+        return Err(Failure::usage(format!("--frames {}: expected 2 to 10000", args.frames)));
+    }
+    let start = Instant::now();
+    let folder = AtomicDir::create(&args.output, existing(global), |name| OURS.contains(&name))
+        .map_err(|error| output_failure(&error))?;
+    let root = folder.path();
+    let params = gs_synth::DemoParams {
+        num_splats: args.splats,
+        seed: args.seed,
+        sh_degree: 0,
+        ..gs_synth::DemoParams::default()
+    };
+    let synthetic = gs_synth::demo(&params).map_err(Failure::usage)?;
+    let edit = gs_synth::apply_edits(&synthetic, &gs_synth::demo_edits(), args.seed)
+        .map_err(Failure::failed)?;
+    let cameras = synthetic.suggested_cameras(SIZE.0, SIZE.1);
+    write_inputs(root, &synthetic, &edit, &cameras, console)?;
+
+    let propagate_args = PropagateArgs {
+        scene: root.join(SOURCE),
+        edited: root.join(EDITED),
+        output: root.join(RUN),
+        time: 0.0,
+        no_refine: true,
+        preset: PresetArg::Best,
+        baseline: None,
+        motion: MotionArg::Amg,
+        seed: args.seed,
+        allow_far: false,
+        refine: RefineFlags::default(),
+    };
+    let recorded = Recorded { scene: args.output.join(SOURCE), edited: args.output.join(EDITED) };
+    let global = Global { overwrite: false, iteration: None, set: Vec::new(), ..global.clone() };
+    propagate::propagate(&propagate_args, &recorded, &global, console)?;
+
+    let opened = scene::open(&root.join(RUN), &global, console)?;
+    let times = opened.scene.time_range().frames(args.frames);
+    let error = gs_synth::motion_error(opened.scene.as_ref(), &edit.truth, &times)
+        .map_err(Failure::failed)?;
+    console.note(format!(
+        "true motion is known here: mean error {:.2} % of the figure's size over {} edited splats, 95th percentile {:.2} %",
+        error.epe, error.num_scored, error.p95
+    ));
+    let front: Vec<Camera> = cameras.into_iter().take(1).collect();
+    let shot = Shot {
+        scene: opened.scene.as_ref(),
+        edit_time: opened.edit_time,
+        original: opened.original.as_deref(),
+        times: &times,
+        views: &Views::Fixed(front),
+        background: [0.0; 3],
+        device: &Device::open(global.gpu)?,
+        console,
+    };
+    write_video(&root.join(VIDEO), Existing::Refuse, FPS, &shot)?;
+    write_sheet(&root.join(SHEET), Existing::Refuse, &shot)?;
+    folder.commit().map_err(|error| output_failure(&error))?;
+
+    console.note(format!(
+        "before (left) and after (right), made from scratch in {:.1} s:",
+        start.elapsed().as_secs_f64()
+    ));
+    for name in [VIDEO, SHEET, SOURCE, EDITED, RUN] {
+        console.result(args.output.join(name).display());
+    }
+    Ok(())
+}
+
+fn write_inputs(
+    root: &Path,
+    synthetic: &SynthScene,
+    edit: &EditedFrame,
+    cameras: &[Camera],
+    console: &Console,
+) -> Outcome {
+    let times = synthetic.time_range().frames(SOURCE_FRAMES);
+    let options = WriteOptions {
+        normals: false,
+        comments: scene::up_comment([0.0, 1.0, 0.0]).into_iter().collect(),
+        ..WriteOptions::default()
+    };
+    let mut progress = console.progress("source", SOURCE_FRAMES as u64);
+    ply_sequence::write_folder(
+        &root.join(SOURCE),
+        synthetic,
+        &times,
+        &options,
+        Existing::Refuse,
+        &mut |done| progress.set(done as u64),
+    )
+    .map_err(|error| output_failure(&error))?;
+    progress.finish();
+    ply::write_file(&root.join(EDITED), &edit.splats, &options, Existing::Refuse)
+        .map_err(|error| output_failure(&error))?;
+    cameras_json::write_file(&root.join(CAMERAS), cameras, Existing::Refuse)
+        .map_err(|error| output_failure(&error))
+}

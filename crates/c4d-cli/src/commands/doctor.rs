@@ -1,0 +1,128 @@
+//! `c4d doctor`: can this machine run c4d, and how fast.
+
+use crate::args::{DoctorArgs, Global};
+use crate::console::Console;
+use crate::device::{Device, GpuChoice};
+use crate::failure::{Failure, Outcome};
+use crate::renderer::Renderer;
+use crate::rig::DEFAULT_SIZE;
+use gs_raster_wgpu::{AdapterKind, AdapterSummary, GpuContext};
+use serde_json::json;
+use std::time::Instant;
+
+/// Splats of the test scene.
+const SPLATS: usize = 20_000;
+/// Frames timed.
+const FRAMES: usize = 5;
+
+pub(crate) fn run(args: &DoctorArgs, global: &Global, console: &Console) -> Outcome {
+    let adapters = GpuContext::adapters();
+    let device = Device::open(global.gpu)?;
+    let threads = rayon::current_num_threads();
+    let vector_units = vector_units();
+    let temp = std::env::temp_dir();
+    let writable = probe_write(&temp);
+    let speed = render_speed(&device)?;
+    if args.json {
+        let report = json!({
+            "version": env!("CARGO_PKG_VERSION"),
+            "debug_build": cfg!(debug_assertions),
+            "threads": threads,
+            "vector_units": vector_units,
+            "renderer": device.describe(),
+            "adapters": adapters.iter().map(|adapter| json!({
+                "index": adapter.index,
+                "name": adapter.name,
+                "backend": adapter.backend,
+                "driver": adapter.driver,
+                "hardware": adapter.kind == AdapterKind::Hardware,
+                "max_buffer_bytes": adapter.max_buffer_bytes,
+                "max_binding_bytes": adapter.max_binding_bytes,
+            })).collect::<Vec<_>>(),
+            "frames_per_second": speed,
+            "temp_writable": writable.is_ok(),
+        });
+        console.result(serde_json::to_string_pretty(&report).unwrap_or_default());
+    } else {
+        console.result(format!("c4d          {}", env!("CARGO_PKG_VERSION")));
+        if cfg!(debug_assertions) {
+            console.result("build        debug: some ten times slower than --release");
+        }
+        console.result(format!("threads      {threads}"));
+        console.result(format!("vector units {}", vector_units.join(", ")));
+        for adapter in &adapters {
+            console.result(format!("adapter      {adapter}"));
+        }
+        console.result(format!(
+            "renderer     {} ({})",
+            device.describe(),
+            reason(global.gpu, &device, &adapters)
+        ));
+        console.result(format!(
+            "speed        {speed:.1} frames/s ({SPLATS} splats, {}x{})",
+            DEFAULT_SIZE.0, DEFAULT_SIZE.1
+        ));
+        console.result(match &writable {
+            Ok(()) => format!("temporary    {} is writable", temp.display()),
+            Err(error) => format!("temporary    {} is not writable: {error}", temp.display()),
+        });
+    }
+    writable.map_err(|error| Failure::write(&temp, &error))
+}
+
+/// Why this device renders.
+fn reason(choice: GpuChoice, device: &Device, adapters: &[AdapterSummary]) -> &'static str {
+    match (choice, device) {
+        (GpuChoice::Cpu | GpuChoice::Index(_), _) => "as asked with --gpu",
+        (GpuChoice::Auto, Device::Gpu(_)) => "the best hardware adapter",
+        (GpuChoice::Auto, Device::Cpu) if adapters.is_empty() => "no adapter found: none is needed",
+        (GpuChoice::Auto, Device::Cpu) => {
+            "no usable hardware adapter; a software one is slower than the CPU rasteriser"
+        }
+    }
+}
+
+fn vector_units() -> Vec<&'static str> {
+    #[cfg(target_arch = "x86_64")]
+    {
+        let candidates = [
+            ("AVX-512", std::is_x86_feature_detected!("avx512f")),
+            ("AVX2", std::is_x86_feature_detected!("avx2")),
+            ("FMA", std::is_x86_feature_detected!("fma")),
+        ];
+        let found: Vec<_> =
+            candidates.into_iter().filter(|(_, has)| *has).map(|(name, _)| name).collect();
+        if found.is_empty() { vec!["SSE2"] } else { found }
+    }
+    #[cfg(not(target_arch = "x86_64"))]
+    {
+        vec![std::env::consts::ARCH]
+    }
+}
+
+fn probe_write(folder: &std::path::Path) -> std::io::Result<()> {
+    let path = folder.join(format!(".c4d-doctor-{}", std::process::id()));
+    std::fs::write(&path, b"c4d")?;
+    std::fs::remove_file(&path)
+}
+
+/// Frames per second on the demo's scene; also proves that rendering works, by the picture not being empty.
+fn render_speed(device: &Device) -> Outcome<f64> {
+    let params = gs_synth::DemoParams { num_splats: SPLATS, ..gs_synth::DemoParams::default() };
+    let scene = gs_synth::demo(&params).map_err(Failure::failed)?;
+    let camera = scene.front_camera(DEFAULT_SIZE.0, DEFAULT_SIZE.1);
+    let mut renderer = Renderer::new(device, [0.0; 3]);
+    renderer.seek(&scene, 0.0)?;
+    let covered = renderer.render(&camera)?.alpha.iter().filter(|alpha| **alpha > 0.5).count();
+    if covered < 1000 {
+        return Err(Failure::failed(format!(
+            "the renderer drew only {covered} pixels of the test scene"
+        )));
+    }
+    let start = Instant::now();
+    for frame in 0..FRAMES {
+        renderer.seek(&scene, frame as f32 / FRAMES as f32)?;
+        renderer.render(&camera)?;
+    }
+    Ok(FRAMES as f64 / start.elapsed().as_secs_f64())
+}

@@ -1,0 +1,85 @@
+//! `c4d freeze`: the frame to edit, as a PLY for any 3D editor, with cameras.
+
+use crate::args::{FreezeArgs, Global};
+use crate::console::Console;
+use crate::failure::{Failure, Outcome};
+use crate::frames;
+use crate::rig::{DEFAULT_SIZE, Rig};
+use crate::scene;
+use gs_core::Camera;
+use gs_io::ply::{self, WriteOptions};
+use gs_io::{AtomicDir, Existing, cameras_json};
+
+/// Cameras of the rig written beside the PLY.
+const RIG_CAMERAS: usize = 12;
+/// Files this command writes; a folder holding anything else is never replaced.
+const OURS: [&str; 2] = ["point_cloud.ply", "cameras.json"];
+
+pub(crate) fn run(args: &FreezeArgs, global: &Global, console: &Console) -> Outcome {
+    let opened = scene::open(&args.scene, global, console)?;
+    frames::check(opened.scene.time_range(), args.time, "--time")?;
+    check_sh_degree(args.sh_degree, opened.scene.sh_degree())?;
+    let splats = opened.scene.at(args.time).map_err(Failure::bad_input)?;
+    let (cameras, origin) = match &args.cameras {
+        Some(file) => {
+            let cameras =
+                cameras_json::read_file(file).map_err(|error| scene::bad_input(&error))?;
+            (cameras, format!("copied from {}", file.display()))
+        }
+        None => {
+            let up = args.up.map_or(opened.up, crate::args::Up::vector);
+            let rig = Rig::around(&splats, up);
+            let mut cameras = vec![rig.front(DEFAULT_SIZE)];
+            for (i, camera) in rig.orbit(RIG_CAMERAS, DEFAULT_SIZE).into_iter().enumerate() {
+                cameras.push(Camera { name: format!("orbit_{i:02}"), ..camera });
+            }
+            (cameras, "a rig around the scene: the files name no cameras".to_owned())
+        }
+    };
+    let output = &args.output;
+    let folder = AtomicDir::create(output, existing(global), |name| OURS.contains(&name))
+        .map_err(|error| output_failure(&error))?;
+    let options = WriteOptions {
+        comments: vec![format!("c4d_time {}", args.time)],
+        sh_degree: args.sh_degree,
+        ..WriteOptions::default()
+    };
+    ply::write_file(&folder.path().join(OURS[0]), &splats, &options, Existing::Refuse)
+        .map_err(|error| output_failure(&error))?;
+    cameras_json::write_file(&folder.path().join(OURS[1]), &cameras, Existing::Refuse)
+        .map_err(|error| output_failure(&error))?;
+    folder.commit().map_err(|error| output_failure(&error))?;
+    console.note(format!("{} cameras: {origin}", cameras.len()));
+    console.note(format!(
+        "edit {0}, then: c4d propagate {1} --edited EDITED.ply --time {2} -o RUN",
+        output.join(OURS[0]).display(),
+        args.scene.display(),
+        args.time
+    ));
+    console.result(format!("{} ({} splats)", output.join(OURS[0]).display(), splats.len()));
+    Ok(())
+}
+
+/// What happens to output that is already there.
+pub(crate) fn existing(global: &Global) -> Existing {
+    if global.overwrite { Existing::Replace } else { Existing::Refuse }
+}
+
+/// Failure to write output; refusing to overwrite is a matter of usage.
+pub(crate) fn output_failure(error: &gs_io::IoError) -> Failure {
+    let text = crate::failure::chain(error);
+    match error {
+        gs_io::IoError::Exists { .. } | gs_io::IoError::Foreign { .. } => Failure::usage(text),
+        _ => Failure::failed(text),
+    }
+}
+
+/// Refuses SH degrees that the scene does not have.
+pub(crate) fn check_sh_degree(asked: Option<usize>, available: usize) -> Outcome {
+    match asked {
+        Some(degree) if degree > available => Err(Failure::usage(format!(
+            "--sh-degree {degree}: the scene has SH degree {available}"
+        ))),
+        _ => Ok(()),
+    }
+}

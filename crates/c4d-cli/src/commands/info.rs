@@ -1,0 +1,135 @@
+//! `c4d info`: what a path is, what is missing, what to do with it.
+
+use crate::args::{Global, InfoArgs};
+use crate::console::Console;
+use crate::failure::{Failure, Outcome};
+use crate::scene::{self, Opened};
+use gs_core::Splats;
+use gs_io::SceneKind;
+use gs_io::repair::{self, Damage};
+use serde_json::{Value, json};
+use std::path::Path;
+
+pub(crate) fn run(args: &InfoArgs, global: &Global, console: &Console) -> Outcome {
+    let path = &args.path;
+    if !path.exists() {
+        return Err(Failure::bad_input(format!("{} does not exist", path.display())));
+    }
+    let kind = gs_io::detect(path).map_err(|error| scene::bad_input(&error))?;
+    let report = match kind {
+        SceneKind::Ply => splat_file(path)?,
+        SceneKind::Model4dgs | SceneKind::PlySequence | SceneKind::RunFolder => {
+            dynamic(&scene::open(path, global, console)?)?
+        }
+        other => {
+            return Err(Failure::bad_input(format!("{}: {other}", path.display())).next(
+                "c4d reads 4DGS model folders (point_cloud/iteration_N with point_cloud.ply and deformation.pth), folders of numbered 3DGS PLYs, 3DGS PLYs, and its own runs.",
+            ));
+        }
+    };
+    if args.json {
+        console.result(report.json());
+    } else {
+        console.result(report.text());
+    }
+    Ok(())
+}
+
+/// Facts in the order shown.
+struct Report {
+    lines: Vec<(String, Value)>,
+}
+
+impl Report {
+    fn new(path: &Path, kind: &SceneKind) -> Self {
+        let mut report = Self { lines: Vec::new() };
+        report.add("path", json!(path.display().to_string()));
+        report.add("kind", json!(kind.to_string()));
+        report
+    }
+
+    fn add(&mut self, name: &str, value: Value) {
+        self.lines.push((name.to_owned(), value));
+    }
+
+    fn json(&self) -> String {
+        let mut object = serde_json::Map::new();
+        for (name, value) in &self.lines {
+            // Facts of the same name (flags) become a list.
+            match object.get_mut(name) {
+                Some(Value::Array(list)) if name == "flag" => list.push(value.clone()),
+                Some(other) => *other = value.clone(),
+                None if name == "flag" => {
+                    object.insert(name.clone(), json!([value]));
+                }
+                None => {
+                    object.insert(name.clone(), value.clone());
+                }
+            }
+        }
+        serde_json::to_string_pretty(&Value::Object(object)).unwrap_or_default()
+    }
+
+    fn text(&self) -> String {
+        let line = |(name, value): &(String, Value)| {
+            let value = value.as_str().map_or_else(|| value.to_string(), str::to_owned);
+            format!("{name:<12} {value}")
+        };
+        self.lines.iter().map(line).collect::<Vec<_>>().join("\n")
+    }
+}
+
+fn splat_file(path: &Path) -> Outcome<Report> {
+    let ply = gs_io::ply::read_file(path).map_err(|error| scene::bad_input(&error))?;
+    let mut report = Report::new(path, &SceneKind::Ply);
+    report.add("encoding", json!(format!("{:?}", ply.encoding)));
+    report.add("normals", json!(ply.has_normals));
+    if !ply.extra_columns.is_empty() {
+        report.add("extra", json!(format!("{} (not used)", ply.extra_columns.join(", "))));
+    }
+    describe(&mut report, &ply.splats);
+    report.add(
+        "next",
+        json!("As an edited frame: c4d propagate SCENE --edited this.ply -o RUN. As a scene it does not move."),
+    );
+    Ok(report)
+}
+
+fn dynamic(opened: &Opened) -> Outcome<Report> {
+    let mut report = Report::new(&opened.path, &opened.kind);
+    for (name, value) in &opened.facts {
+        report.add(name, json!(value));
+    }
+    let range = opened.scene.time_range();
+    report.add("times", json!(format!("{} to {}", range.start, range.end)));
+    let splats = opened.scene.at(range.start).map_err(Failure::bad_input)?;
+    describe(&mut report, &splats);
+    report.add("up", json!(format!("{:?} (guessed; override with --up)", opened.up)));
+    report.add(
+        "next",
+        json!("c4d freeze SCENE -o DIR writes the frame to edit; c4d render SCENE -o clip.mp4 shows it."),
+    );
+    Ok(report)
+}
+
+fn describe(report: &mut Report, splats: &Splats) {
+    report.add("splats", json!(splats.len()));
+    report.add("sh_degree", json!(splats.sh_degree));
+    if let Some((min, max)) = splats.bounds() {
+        report.add("bounds", json!(format!("{min:.3?} to {max:.3?}")));
+    }
+    let damaged = match repair::sanitize(splats.clone(), Damage::Drop) {
+        Ok(sanitized) => sanitized.report,
+        Err(_) => return,
+    };
+    let rows = damaged.not_finite + damaged.zero_quaternion;
+    if rows > 0 {
+        report.add(
+            "damaged",
+            json!(format!(
+                "{rows} rows ({} not finite, {} with a zero quaternion): dropped on use, refused under --strict",
+                damaged.not_finite, damaged.zero_quaternion
+            )),
+        );
+    }
+}

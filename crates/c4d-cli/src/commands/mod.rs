@@ -1,0 +1,11 @@
+//! One module per command.
+
+pub(crate) mod bench;
+pub(crate) mod demo;
+pub(crate) mod doctor;
+pub(crate) mod export;
+pub(crate) mod freeze;
+pub(crate) mod info;
+pub(crate) mod propagate;
+pub(crate) mod refine;
+pub(crate) mod render;

@@ -1,0 +1,338 @@
+//! `c4d propagate`: carry an edited frame through all of time.
+
+use super::freeze::{existing, output_failure};
+use super::refine;
+use crate::args::{BaselineArg, Global, MotionArg, PresetArg, PropagateArgs};
+use crate::console::Console;
+use crate::failure::{Failure, Outcome, chain};
+use crate::field::NetworkField;
+use crate::frames;
+use crate::run_folder::{self, CONFIG, OURS, REPORT, RunConfig, SCENE, Stored};
+use crate::scene::{self, Opened};
+use amg::{IdentityMap, IdentityParams, MotionGuide, MotionOptions, MotionReport, Preset};
+use gs_core::Splats;
+use gs_io::AtomicDir;
+use gs_io::repair;
+use serde_json::{Value, json};
+use std::path::{Path, PathBuf};
+use std::sync::{Arc, Mutex};
+use std::time::Instant;
+
+/// An edited cloud whose middle lies further from the source's than this many source sizes is of another scene.
+const FAR: f64 = 3.0;
+/// Share of edited rows equal to canonical rows above which the edit was made on the wrong file.
+const CANONICAL_SHARE: f64 = 0.5;
+
+/// Paths to note in the run, where they differ from those read.
+pub(crate) struct Recorded {
+    pub(crate) scene: PathBuf,
+    pub(crate) edited: PathBuf,
+}
+
+pub(crate) fn run(args: &PropagateArgs, global: &Global, console: &Console) -> Outcome {
+    let recorded = Recorded { scene: args.scene.clone(), edited: args.edited.clone() };
+    propagate(args, &recorded, global, console)?;
+    if !args.no_refine {
+        console.note("motion is written; refining colours (c4d refine RUN --resume goes on after an interrupt)");
+        refine::refine(&args.output, &args.refine, args.preset, false, global, console)?;
+    }
+    console.note(format!(
+        "look at it: c4d render {0} --side-by-side -o clip.mp4; take it away: c4d export {0} --to ply-seq -o frames",
+        args.output.display()
+    ));
+    console.result(args.output.display());
+    Ok(())
+}
+
+pub(crate) fn propagate(
+    args: &PropagateArgs,
+    recorded: &Recorded,
+    global: &Global,
+    console: &Console,
+) -> Outcome {
+    let start = Instant::now();
+    let source = scene::open(&args.scene, global, console)?;
+    frames::check(source.scene.time_range(), args.time, "--time")?;
+    let options = options(args, &source)?;
+    let edited = read_edited(&args.edited, source.scene.sh_degree(), global, console)?;
+    let source_splats = source.scene.at(args.time).map_err(Failure::bad_input)?;
+    if !args.allow_far {
+        refuse_other_scene(args, &source_splats, &edited)?;
+        refuse_canonical(args, &source, &source_splats, &edited)?;
+    }
+    console.note(format!(
+        "source {} splats, edited {} splats, time {}",
+        source_splats.len(),
+        edited.len(),
+        args.time
+    ));
+    // Refuse existing output before the work, not after it.
+    let folder = AtomicDir::create(&args.output, existing(global), |name| OURS.contains(&name))
+        .map_err(|error| output_failure(&error))?;
+    let (edited, motion) = (Arc::new(edited), Instant::now());
+    let propagation = {
+        let stage = Mutex::new(None::<(&'static str, crate::console::Progress)>);
+        let progress = |name: &'static str, fraction: f32| {
+            let Ok(mut current) = stage.lock() else { return };
+            if current.as_ref().is_none_or(|(running, _)| *running != name)
+                && let Some((_, finished)) = current.replace((name, console.progress(name, 100)))
+            {
+                finished.finish();
+            }
+            #[expect(
+                clippy::cast_possible_truncation,
+                clippy::cast_sign_loss,
+                reason = "clamped to 0..=100"
+            )]
+            if let Some((_, bar)) = current.as_mut() {
+                bar.set((fraction.clamp(0.0, 1.0) * 100.0) as u64);
+            }
+        };
+        amg::propagate(source.scene.clone(), edited.clone(), &options, &progress).map_err(
+            |error| Failure::bad_input(format!("{}: {}", args.edited.display(), chain(&error))),
+        )?
+    };
+    let seconds = motion.elapsed().as_secs_f64();
+    report(&propagation.report, seconds, console);
+
+    let absolute = |path: &Path| std::path::absolute(path).map_err(Failure::failed);
+    let mut config = RunConfig {
+        version: env!("CARGO_PKG_VERSION").to_owned(),
+        source: absolute(&recorded.scene)?,
+        source_from_run: run_folder::relative(&absolute(&args.output)?, &absolute(&args.scene)?),
+        source_sha256: run_folder::fingerprint(&source.files)?,
+        edited: absolute(&recorded.edited)?,
+        edited_sha256: run_folder::fingerprint(std::slice::from_ref(&args.edited))?,
+        edit_time: args.time,
+        preset: format!("{:?}", args.preset).to_lowercase(),
+        baseline: args.baseline.map_or("none".to_owned(), |b| format!("{b:?}").to_lowercase()),
+        motion: if args.motion == MotionArg::Amg { "amg" } else { "amg-all" }.to_owned(),
+        seed: args.seed,
+        iteration: global.iteration,
+        set: global.set.clone(),
+        position: String::new(),
+        rotation: String::new(),
+        scale: String::new(),
+        appearance: false,
+        rotation_prior: 0.0,
+        refine: None,
+    };
+    config.set_aggregation(propagation.scene.aggregation());
+    let write = |name: &str, bytes: &[u8]| {
+        let path = folder.path().join(name);
+        std::fs::write(&path, bytes).map_err(|error| Failure::write(&path, &error))
+    };
+    let binding = propagation.scene.binding().as_ref().clone();
+    let stored = Stored { edited: edited.as_ref().clone(), binding, refined: None };
+    write(SCENE, &stored.serialize()?)?;
+    write(CONFIG, toml::to_string(&config).map_err(Failure::failed)?.as_bytes())?;
+    let json = report_json(&propagation.report, seconds);
+    write(REPORT, serde_json::to_string_pretty(&json).map_err(Failure::failed)?.as_bytes())?;
+    folder.commit().map_err(|error| output_failure(&error))?;
+    console.detail(format!("run written {:.2} s after the start", start.elapsed().as_secs_f64()));
+    Ok(())
+}
+
+fn options(args: &PropagateArgs, source: &Opened) -> Outcome<MotionOptions> {
+    let mut options = match (args.baseline, args.preset) {
+        (Some(BaselineArg::Knn), _) => MotionOptions::preset(Preset::Knn),
+        (Some(BaselineArg::Deformnet), _) => {
+            let network = source.network.clone().ok_or_else(|| {
+                Failure::usage(format!(
+                    "--baseline deformnet: {} ({}) has no deformation network",
+                    source.path.display(),
+                    source.kind
+                ))
+                .next("This baseline needs a 4DGS model; --baseline knn works on every scene.")
+            })?;
+            MotionOptions::field(Arc::new(NetworkField(network)))
+        }
+        (None, PresetArg::Paper) => MotionOptions::preset(Preset::Paper),
+        (None, PresetArg::Best) => MotionOptions::preset(Preset::Best),
+    };
+    options.edit_time = Some(args.time);
+    if let MotionGuide::Paper(params) = &mut options.guide {
+        params.anchors.seed = args.seed;
+    }
+    if args.motion == MotionArg::AmgAll {
+        options.identity.enabled = false;
+    }
+    Ok(options)
+}
+
+/// Reads the edited frame, repairs what can be repaired, and gives it the scene's SH degree.
+fn read_edited(
+    path: &Path,
+    sh_degree: usize,
+    global: &Global,
+    console: &Console,
+) -> Outcome<Splats> {
+    let ply = gs_io::ply::read_file(path).map_err(|error| scene::bad_input(&error))?;
+    if !ply.extra_columns.is_empty() {
+        console.note(format!(
+            "{}: columns not used: {}",
+            path.display(),
+            ply.extra_columns.join(", ")
+        ));
+    }
+    let sanitized = repair::sanitize(ply.splats, scene::damage(global)).map_err(|error| {
+        Failure::bad_input(format!("{}: {}", path.display(), chain(&error))).next(
+            if global.strict {
+                "Without --strict such rows are dropped and counted."
+            } else {
+                "Export the edited frame again; c4d info FILE says what is in it."
+            },
+        )
+    })?;
+    let damaged = &sanitized.report;
+    if sanitized.kept.is_some() {
+        console.warn(format!(
+            "{}: dropped {} of {} rows ({} not finite, {} with a zero quaternion)",
+            path.display(),
+            damaged.not_finite + damaged.zero_quaternion,
+            damaged.rows,
+            damaged.not_finite,
+            damaged.zero_quaternion
+        ));
+    }
+    let splats = sanitized.splats;
+    if splats.is_empty() {
+        return Err(Failure::bad_input(format!("{}: no usable splats", path.display()))
+            .next("Export the edited frame again; c4d info FILE says what is in it."));
+    }
+    if splats.sh_degree == sh_degree {
+        return Ok(splats);
+    }
+    let verb = if splats.sh_degree < sh_degree { "padded with zeros" } else { "cut" };
+    console.warn(format!(
+        "{}: SH degree {} {verb} to the scene's {sh_degree}",
+        path.display(),
+        splats.sh_degree
+    ));
+    Ok(splats.with_sh_degree(sh_degree))
+}
+
+/// An edited frame far from the source at that time is no edit of it.
+fn refuse_other_scene(args: &PropagateArgs, source: &Splats, edited: &Splats) -> Outcome {
+    let (Some(source_box), Some(edited_box)) = (robust_box(source), robust_box(edited)) else {
+        return Ok(());
+    };
+    let size = source_box.1.max(f64::MIN_POSITIVE);
+    let away = (0..3).map(|k| (source_box.0[k] - edited_box.0[k]).powi(2)).sum::<f64>().sqrt();
+    let ratio = edited_box.1 / size;
+    if away < FAR * size && (1.0 / 50.0..50.0).contains(&ratio) {
+        return Ok(());
+    }
+    Err(Failure::bad_input(format!(
+        "{} does not look like an edit of {} at time {}: its middle is {:.1} scene sizes away and it is {:.2} times as large",
+        args.edited.display(),
+        args.scene.display(),
+        args.time,
+        away / size,
+        ratio
+    ))
+    .next("Edit the PLY that c4d freeze writes, in the same coordinates; --allow-far goes on regardless."))
+}
+
+/// The PLY inside a 4DGS model is canonical, not a frame: an edit of it would move twice.
+fn refuse_canonical(
+    args: &PropagateArgs,
+    source: &Opened,
+    frame: &Splats,
+    edited: &Splats,
+) -> Outcome {
+    let Some(network) = &source.network else { return Ok(()) };
+    let share = |cloud: &Splats| -> Outcome<f64> {
+        let map = IdentityMap::of(cloud, edited, &IdentityParams::default())
+            .map_err(|error| Failure::bad_input(chain(&error)))?;
+        Ok((map.unchanged + map.recoloured) as f64 / edited.len().max(1) as f64)
+    };
+    if share(network.canonical())? < CANONICAL_SHARE || share(frame)? >= CANONICAL_SHARE {
+        return Ok(());
+    }
+    Err(Failure::bad_input(format!(
+        "{} is an edit of the model's own point_cloud.ply, which is canonical: no frame of the scene looks like it",
+        args.edited.display()
+    ))
+    .next(format!("Write the frame with c4d freeze {} -o DIR and edit DIR/point_cloud.ply.", args.scene.display())))
+}
+
+/// Median centre and the distance within which 90 % of the splats lie.
+fn robust_box(splats: &Splats) -> Option<([f64; 3], f64)> {
+    let finite: Vec<[f64; 3]> = splats
+        .means
+        .iter()
+        .filter(|mean| mean.iter().all(|value| value.is_finite()))
+        .map(|mean| mean.map(f64::from))
+        .collect();
+    if finite.is_empty() {
+        return None;
+    }
+    let rank = |mut values: Vec<f64>, share: usize| {
+        let at = (values.len() - 1) * share / 100;
+        *values.select_nth_unstable_by(at, f64::total_cmp).1
+    };
+    let centre = [0, 1, 2].map(|k| rank(finite.iter().map(|p| p[k]).collect(), 50));
+    let distance = |p: &[f64; 3]| (0..3).map(|k| (p[k] - centre[k]).powi(2)).sum::<f64>().sqrt();
+    Some((centre, rank(finite.iter().map(distance).collect(), 90)))
+}
+
+fn report(report: &MotionReport, seconds: f64, console: &Console) {
+    for warning in &report.warnings {
+        console.warn(warning);
+    }
+    console.note(format!(
+        "{} unchanged (exact), {} recoloured (exact motion), {} edited or new; {} source splats removed",
+        report.unchanged, report.recoloured, report.edited, report.vanished
+    ));
+    console.note(format!(
+        "motion of {} edited splats from {} moving source splats in {seconds:.2} s; {} stay put",
+        report.blended + report.field_rows,
+        report.num_dynamic,
+        report.static_rows
+    ));
+    for (stage, secs) in &report.timings {
+        console.detail(format!("  {stage}: {secs:.3} s"));
+    }
+}
+
+fn report_json(report: &MotionReport, seconds: f64) -> Value {
+    let timings: serde_json::Map<String, Value> =
+        report.timings.iter().map(|(stage, secs)| ((*stage).to_owned(), json!(secs))).collect();
+    json!({
+        "schema": 1,
+        "motion_seconds": seconds,
+        "timings": timings,
+        "source": {
+            "splats": report.num_sources,
+            "moving": report.num_dynamic,
+            "floaters": report.num_floaters,
+            "broken": report.num_broken_sources,
+            "dynamic_threshold": report.dynamic_threshold,
+            "figure_size": report.figure_size,
+            "parts": report.num_parts,
+        },
+        "edited": {
+            "splats": report.num_edited_splats,
+            "unchanged": report.unchanged,
+            "recoloured": report.recoloured,
+            "edited": report.edited,
+            "removed": report.vanished,
+            "blended": report.blended,
+            "static": report.static_rows,
+            "field": report.field_rows,
+            "out_of_reach": report.out_of_reach,
+            "broken": report.broken_rows,
+        },
+        "anchors": { "source": report.anchors[0], "edited": report.anchors[1], "unmatched": report.unmatched_anchors },
+        "transport": report.transport.as_ref().map(|transport| json!({
+            "converged": transport.converged,
+            "sweeps": transport.sweeps,
+            "residual": transport.residual,
+            "median_distance": transport.d_med,
+            "beta": transport.beta,
+            "total_mass": transport.total_mass,
+        })),
+        "warnings": report.warnings,
+    })
+}

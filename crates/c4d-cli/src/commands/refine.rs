@@ -1,0 +1,355 @@
+//! `c4d refine`: repair the colours that motion reveals (CUAR), in a run that `c4d propagate` wrote.
+
+use super::freeze::output_failure;
+use crate::args::{Global, PresetArg, RefineArgs, RefineFlags, Up, WarpArg};
+use crate::console::{Console, Progress};
+use crate::device::Device;
+use crate::failure::{Failure, Outcome, chain};
+use crate::renderer::side_by_side;
+use crate::rig::{Layout, Rig};
+use crate::run_folder::{
+    self, CONFIG, Loaded, PREVIEWS, REFINE_REPORT, REFINE_STATE, RefineConfig, RefinedRows, SCENE,
+};
+use crate::{images, scene};
+use amg::RowKind;
+use cuar::{CuarError, Observer, Preset, Preview, RefineOptions, Report, State, Views, WarpForm};
+use gs_core::Camera;
+use gs_io::{AtomicFile, Existing, cameras_json};
+use gs_raster_cpu::CpuRasterizer;
+use safetensors::{Dtype, SafeTensors, tensor::TensorView};
+use serde_json::{Value, json};
+use std::collections::{BTreeSet, HashMap};
+use std::io::Write;
+use std::path::{Path, PathBuf};
+
+/// Size of the rig's images, pixels.
+const RIG_SIZE: (u32, u32) = (640, 480);
+/// Cameras of the rig.
+const RIG_CAMERAS: usize = 10;
+/// Every so-manieth camera is held out of the refinement and only reported.
+const HELD_OUT_EVERY: usize = 5;
+/// Seconds between checkpoints.
+const CHECKPOINT_SECS: f64 = 20.0;
+
+pub(crate) fn run(args: &RefineArgs, global: &Global, console: &Console) -> Outcome {
+    refine(&args.run, &args.flags, args.preset, args.resume, global, console)?;
+    console.result(args.run.display());
+    Ok(())
+}
+
+/// Refines the run in place. Its motion, and the edited frame as it was given, stay.
+pub(crate) fn refine(
+    run: &Path,
+    flags: &RefineFlags,
+    preset: PresetArg,
+    resume: bool,
+    global: &Global,
+    console: &Console,
+) -> Outcome {
+    if !run.is_dir() {
+        return Err(Failure::bad_input(format!("{} is not a run folder", run.display()))
+            .next("Give the folder that c4d propagate wrote."));
+    }
+    let mut loaded = run_folder::load(run, global, console)?;
+    let edited: Vec<bool> =
+        loaded.stored.binding.kinds().iter().map(|kind| *kind != RowKind::Unchanged).collect();
+    if !edited.contains(&true) {
+        console.note("nothing was edited: there is nothing to refine");
+        return Ok(());
+    }
+    let scene = loaded.scene(run, false)?;
+    let (cameras, camera_source) = cameras(flags, &loaded, console)?;
+    let held_out: Vec<usize> = if cameras.len() >= HELD_OUT_EVERY {
+        (HELD_OUT_EVERY / 2..cameras.len()).step_by(HELD_OUT_EVERY).collect()
+    } else {
+        Vec::new()
+    };
+    let times = crate::frames::times(&scene, &[], Some(flags.refine_frames))?;
+    let views = Views { cameras: &cameras, times: &times, held_out: &held_out };
+    let options = options(flags, preset, &loaded);
+    let device = Device::open(global.gpu)?;
+    console.detail(format!("refining on {}", device.describe()));
+    let state = if resume { Some(read_state(&run.join(REFINE_STATE))?) } else { None };
+    let mut watch = Watch { run, console, progress: None, failure: None };
+    let resumed = state.as_ref();
+    let result = match &device {
+        Device::Cpu => cuar::refine(
+            &CpuRasterizer::default(),
+            &scene,
+            &edited,
+            &views,
+            &options,
+            resumed,
+            &mut watch,
+        ),
+        Device::Gpu(raster) => {
+            cuar::refine(raster, &scene, &edited, &views, &options, resumed, &mut watch)
+        }
+    };
+    let failure = watch.finish();
+    let refined = result.map_err(|error| match (failure, error) {
+        (Some(failure), CuarError::Cancelled { .. }) => failure,
+        (_, error) => Failure::failed(format!("{}: {}", run.display(), chain(&error))),
+    })?;
+    tell(&refined.report, &cameras, console);
+
+    loaded.config.refine = Some(RefineConfig {
+        preset: format!("{preset:?}").to_lowercase(),
+        warp: format!("{:?}", options.warp).to_lowercase(),
+        cameras: camera_source,
+        size: cameras.first().map_or([0; 2], |camera| [camera.width, camera.height]),
+        frames: times.len(),
+        samples: options.samples,
+        epsilon: options.epsilon,
+        seed: options.seed,
+        device: device.describe(),
+    });
+    let report = report_json(&refined.report, &cameras);
+    loaded.stored.refined = Some(RefinedRows {
+        rows: refined.rows,
+        sh: refined.sh,
+        opacity_logits: refined.opacity_logits,
+    });
+    replace(&run.join(SCENE), &loaded.stored.serialize()?)?;
+    replace(
+        &run.join(CONFIG),
+        toml::to_string(&loaded.config).map_err(Failure::failed)?.as_bytes(),
+    )?;
+    let report = serde_json::to_string_pretty(&report).map_err(Failure::failed)?;
+    replace(&run.join(REFINE_REPORT), report.as_bytes())?;
+    // The refinement is complete: its checkpoint is of no more use.
+    let _ = std::fs::remove_file(run.join(REFINE_STATE));
+    Ok(())
+}
+
+fn replace(path: &Path, bytes: &[u8]) -> Outcome {
+    let mut file =
+        AtomicFile::create(path, Existing::Replace).map_err(|error| output_failure(&error))?;
+    file.write_all(bytes).map_err(|error| Failure::write(path, &error))?;
+    file.commit().map_err(|error| output_failure(&error))
+}
+
+fn options(flags: &RefineFlags, preset: PresetArg, loaded: &Loaded) -> RefineOptions {
+    let mut options = RefineOptions::preset(match preset {
+        PresetArg::Best => Preset::Best,
+        PresetArg::Paper => Preset::Paper,
+    });
+    options.edit_time = Some(loaded.config.edit_time);
+    options.seed = loaded.config.seed;
+    options.background = loaded.source.background.map(f64::from);
+    options.preview_secs = flags.preview_every;
+    options.checkpoint_secs = Some(CHECKPOINT_SECS);
+    options.memory = flags.memory.saturating_mul(1 << 20);
+    if let Some(samples) = flags.samples {
+        options.samples = samples;
+    }
+    if let Some(epsilon) = flags.epsilon {
+        options.epsilon = epsilon;
+    }
+    match flags.warp {
+        Some(WarpArg::Backward) => options.warp = WarpForm::Backward,
+        Some(WarpArg::Paper) => options.warp = WarpForm::Paper,
+        None => {}
+    }
+    options
+}
+
+/// The cameras given, else a rig.
+fn cameras(
+    flags: &RefineFlags,
+    loaded: &Loaded,
+    console: &Console,
+) -> Outcome<(Vec<Camera>, String)> {
+    if let Some(file) = &flags.refine_cameras {
+        let cameras = cameras_json::read_file(file).map_err(|error| scene::bad_input(&error))?;
+        let cameras = match flags.refine_size {
+            Some((width, height)) => {
+                cameras.iter().map(|camera| camera.resized(width, height)).collect()
+            }
+            None => cameras,
+        };
+        return Ok((cameras, file.display().to_string()));
+    }
+    let source = &loaded.source;
+    let splats = source.scene.at(loaded.config.edit_time).map_err(Failure::bad_input)?;
+    let rig = Rig::around(&splats, flags.refine_up.map_or(source.up, Up::vector));
+    let size = flags.refine_size.unwrap_or(RIG_SIZE);
+    let (cameras, what) = match rig.layout {
+        Layout::Object => (rig.orbit(RIG_CAMERAS, size), "on a circle around the object"),
+        Layout::Forward => {
+            let mut cameras = vec![rig.front(size)];
+            cameras.extend(rig.spiral(RIG_CAMERAS - 1, size));
+            (cameras, "where a capture of this scene would have stood")
+        }
+    };
+    console.note(format!("no cameras given: {} views {what}", cameras.len()));
+    let name =
+        |(i, camera): (usize, Camera)| Camera { name: format!("{}_{i:02}", camera.name), ..camera };
+    Ok((cameras.into_iter().enumerate().map(name).collect(), "rig".to_owned()))
+}
+
+fn tell(report: &Report, cameras: &[Camera], console: &Console) {
+    for warning in &report.warnings {
+        console.warn(warning);
+    }
+    console.note(format!(
+        "refined {} of {} edited splats over {} images: loss {:.5} to {:.5}",
+        report.num_visible,
+        report.num_edited,
+        report.samples.len(),
+        report.loss_before,
+        report.loss_after
+    ));
+    if !report.held_out.is_empty() {
+        let names: BTreeSet<&str> =
+            report.held_out.iter().map(|at| cameras[at.view].name.as_str()).collect();
+        console.note(format!(
+            "held-out views ({}): loss {:.5} to {:.5}",
+            names.into_iter().collect::<Vec<_>>().join(", "),
+            report.held_out_before,
+            report.held_out_after
+        ));
+    }
+    for (part, secs) in &report.timings {
+        console.detail(format!("  {part}: {secs:.2} s"));
+    }
+}
+
+fn report_json(report: &Report, cameras: &[Camera]) -> Value {
+    let at = |list: &[cuar::ViewTime]| {
+        list.iter().map(|at| json!([cameras[at.view].name, at.time])).collect::<Vec<_>>()
+    };
+    let trace: Vec<Value> =
+        report.trace.iter().map(|point| json!([point.secs, point.step, point.loss])).collect();
+    let timings: serde_json::Map<String, Value> =
+        report.timings.iter().map(|(part, secs)| ((*part).to_owned(), json!(secs))).collect();
+    json!({
+        "schema": 1,
+        "edited": report.num_edited,
+        "visible": report.num_visible,
+        "loss": { "before": report.loss_before, "after": report.loss_after },
+        "held_out_loss": { "before": report.held_out_before, "after": report.held_out_after },
+        "masked_fraction": report.masked_fraction,
+        "known_fraction": report.known_fraction,
+        "images": at(&report.samples),
+        "held_out": at(&report.held_out),
+        "trace_secs_step_loss": trace,
+        "timings": timings,
+        "bytes": report.bytes,
+        "warnings": report.warnings,
+    })
+}
+
+/// Shows progress, writes checkpoints and previews. The first write that fails ends the refinement.
+struct Watch<'a> {
+    run: &'a Path,
+    console: &'a Console,
+    progress: Option<(&'static str, Progress)>,
+    failure: Option<Failure>,
+}
+
+impl Watch<'_> {
+    fn finish(self) -> Option<Failure> {
+        if let Some((_, progress)) = self.progress {
+            progress.finish();
+        }
+        self.failure
+    }
+
+    fn note_failure(&mut self, outcome: Outcome) {
+        if let Err(failure) = outcome {
+            self.failure.get_or_insert(failure);
+        }
+    }
+}
+
+impl Observer for Watch<'_> {
+    fn progress(&mut self, now: &cuar::Progress) {
+        if self.progress.as_ref().is_none_or(|(stage, _)| *stage != now.stage)
+            && let Some((_, finished)) = self
+                .progress
+                .replace((now.stage, self.console.progress(now.stage, now.total as u64)))
+        {
+            finished.finish();
+        }
+        if let Some((_, progress)) = &mut self.progress {
+            progress.set(now.done as u64);
+            if let Some(loss) = now.loss {
+                progress.message(format!("loss {loss:.5}"));
+            }
+        }
+    }
+
+    fn preview(&mut self, preview: &Preview) {
+        let folder = self.run.join(PREVIEWS);
+        let path = folder.join(format!("view_{:03}_t_{:.3}.png", preview.view, preview.time));
+        let image = side_by_side(&side_by_side(&preview.before, &preview.now), &preview.target);
+        let write = || -> Outcome {
+            std::fs::create_dir_all(&folder).map_err(|error| Failure::write(&folder, &error))?;
+            let mut file = AtomicFile::create(&path, Existing::Replace)
+                .map_err(|error| output_failure(&error))?;
+            images::write_png(&mut file, &path, &image)?;
+            file.commit().map_err(|error| output_failure(&error))
+        };
+        self.note_failure(write());
+    }
+
+    fn checkpoint(&mut self, state: &State) {
+        let outcome = write_state(&self.run.join(REFINE_STATE), state);
+        self.note_failure(outcome);
+    }
+
+    fn cancelled(&mut self) -> bool {
+        self.failure.is_some()
+    }
+}
+
+fn write_state(path: &Path, state: &State) -> Outcome {
+    let failed =
+        |error: safetensors::SafeTensorError| Failure::failed(format!("{REFINE_STATE}: {error}"));
+    let bytes: Vec<Vec<u8>> = state
+        .arrays
+        .iter()
+        .map(|(_, values)| values.iter().flat_map(|value| value.to_le_bytes()).collect())
+        .collect();
+    let mut views = Vec::with_capacity(bytes.len());
+    for ((name, values), bytes) in state.arrays.iter().zip(&bytes) {
+        views.push((
+            name.as_str(),
+            TensorView::new(Dtype::F32, vec![values.len()], bytes).map_err(failed)?,
+        ));
+    }
+    let metadata = HashMap::from([
+        ("fingerprint".to_owned(), state.fingerprint.to_string()),
+        ("step".to_owned(), state.step.to_string()),
+    ]);
+    replace(path, &safetensors::serialize(views, Some(metadata)).map_err(failed)?)
+}
+
+fn read_state(path: &PathBuf) -> Outcome<State> {
+    let bad = |what: String| {
+        Failure::bad_input(format!("{}: {what}", path.display()))
+            .next("Without --resume the refinement starts anew.")
+    };
+    let bytes = std::fs::read(path)
+        .map_err(|error| bad(format!("no checkpoint to resume from ({error})")))?;
+    let (_, header) = SafeTensors::read_metadata(&bytes).map_err(|error| bad(error.to_string()))?;
+    let metadata = header.metadata().clone().unwrap_or_default();
+    let number = |name: &str| {
+        metadata
+            .get(name)
+            .and_then(|text| text.parse().ok())
+            .ok_or_else(|| bad(format!("no {name}: not a checkpoint of c4d refine")))
+    };
+    let file = SafeTensors::deserialize(&bytes).map_err(|error| bad(error.to_string()))?;
+    let mut arrays: Vec<(String, Vec<f32>)> = file
+        .iter()
+        .map(|(name, view)| {
+            let values =
+                view.data().as_chunks::<4>().0.iter().map(|b| f32::from_le_bytes(*b)).collect();
+            (name.to_owned(), values)
+        })
+        .collect();
+    arrays.sort_by(|a, b| a.0.cmp(&b.0));
+    Ok(State { fingerprint: number("fingerprint")?, step: number("step")?, arrays })
+}

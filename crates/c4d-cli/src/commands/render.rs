@@ -1,0 +1,418 @@
+//! `c4d render`: images and videos of a scene or run.
+
+use super::freeze::{existing, output_failure};
+use crate::args::{Format, Global, Pass, RenderArgs};
+use crate::console::Console;
+use crate::device::Device;
+use crate::failure::{Failure, Outcome};
+use crate::passes::{self, PassImage};
+use crate::renderer::{self, Renderer};
+use crate::rig::{DEFAULT_SIZE, Rig};
+use crate::scene::{self, Opened};
+use crate::video::VideoWriter;
+use crate::{frames, images};
+use clap::ValueEnum;
+use gs_core::{Camera, DynamicScene, Image, RenderOutput, Splats};
+use gs_io::{AtomicDir, AtomicFile, Existing, cameras_json};
+use std::fs::File;
+use std::io::BufWriter;
+use std::path::{Path, PathBuf};
+
+/// Frames on a contact sheet.
+const SHEET_FRAMES: usize = 12;
+/// Widest contact sheet, pixels.
+const SHEET_WIDTH: usize = 2400;
+
+pub(crate) fn run(args: &RenderArgs, global: &Global, console: &Console) -> Outcome {
+    let opened = scene::open(&args.scene, global, console)?;
+    let times = frames::times(opened.scene.as_ref(), &args.times, args.frames)?;
+    if !(args.fps > 0.0 && args.fps <= 1000.0) {
+        return Err(Failure::usage(format!("--fps {}: expected 0 to 1000", args.fps)));
+    }
+    if args.side_by_side && opened.original.is_none() {
+        return Err(Failure::usage(
+            "--side-by-side compares a run with its source; this scene is not a run",
+        )
+        .next("Give the run folder that c4d propagate wrote."));
+    }
+    let format = args.format.unwrap_or_else(|| format_of(&args.output));
+    let views = views(args, &opened, times.len())?;
+    for camera in views.cameras() {
+        camera.check().map_err(Failure::bad_input)?;
+    }
+    if args.side_by_side && args.passes.iter().any(|pass| pass.is_relative()) {
+        return Err(Failure::usage("--side-by-side shows rgb, alpha or depth"));
+    }
+    let shot = Shot {
+        scene: opened.scene.as_ref(),
+        edit_time: opened.edit_time,
+        original: opened.original.as_deref().filter(|_| args.side_by_side),
+        times: &times,
+        views: &views,
+        background: args.background.unwrap_or(opened.background),
+        device: &Device::open(global.gpu)?,
+        console,
+    };
+    console.detail(format!("rendering on {}", shot.device.describe()));
+    match format {
+        Format::Mp4 => video(args, global, &shot),
+        Format::Sheet => sheet(args, global, &shot),
+        Format::Png | Format::Exr | Format::Npy | Format::Flo => {
+            stills(args, global, &shot, format)
+        }
+    }
+}
+
+/// What is rendered, from where, when.
+pub(crate) struct Shot<'a> {
+    pub(crate) scene: &'a dyn DynamicScene,
+    pub(crate) edit_time: f32,
+    pub(crate) original: Option<&'a dyn DynamicScene>,
+    pub(crate) times: &'a [f32],
+    pub(crate) views: &'a Views,
+    pub(crate) background: [f32; 3],
+    pub(crate) device: &'a Device,
+    pub(crate) console: &'a Console,
+}
+
+/// Cameras of a render.
+pub(crate) enum Views {
+    /// Every camera sees every time.
+    Fixed(Vec<Camera>),
+    /// Camera `i` sees time `i`.
+    Path(Vec<Camera>),
+}
+
+impl Views {
+    fn cameras(&self) -> &[Camera] {
+        match self {
+            Self::Fixed(cameras) | Self::Path(cameras) => cameras,
+        }
+    }
+
+    /// Cameras of frame `i`.
+    fn of_frame(&self, i: usize) -> &[Camera] {
+        match self {
+            Self::Fixed(cameras) => cameras,
+            Self::Path(cameras) => &cameras[i..=i],
+        }
+    }
+}
+
+fn format_of(output: &Path) -> Format {
+    match output.extension().and_then(|extension| extension.to_str()) {
+        Some("mp4") => Format::Mp4,
+        Some("png") => Format::Sheet,
+        _ => Format::Png,
+    }
+}
+
+fn views(args: &RenderArgs, opened: &Opened, frames: usize) -> Outcome<Views> {
+    let size = args.size.unwrap_or(DEFAULT_SIZE);
+    let rig = || -> Outcome<Rig> {
+        // The rig frames what was there before the edit, so that a run and its source are seen alike.
+        let scene = opened.original.as_ref().unwrap_or(&opened.scene);
+        let splats = scene.at(scene.time_range().start).map_err(Failure::bad_input)?;
+        Ok(Rig::around(&splats, args.up.map_or(opened.up, crate::args::Up::vector)))
+    };
+    match args.cameras.as_str() {
+        "front" => Ok(Views::Fixed(vec![rig()?.front(size)])),
+        "orbit" => Ok(Views::Path(rig()?.orbit(frames, size))),
+        "spiral" => Ok(Views::Path(rig()?.spiral(frames, size))),
+        file => {
+            let path = PathBuf::from(file);
+            if !path.exists() {
+                return Err(Failure::bad_input(format!("--cameras {file}: no such file"))
+                    .next("Give a cameras.json, or one of: front, orbit, spiral."));
+            }
+            let mut cameras =
+                cameras_json::read_file(&path).map_err(|error| scene::bad_input(&error))?;
+            if !args.views.is_empty() {
+                cameras = chosen(&cameras, &args.views, file)?;
+            }
+            if let Some((width, height)) = args.size {
+                cameras = cameras.iter().map(|camera| camera.resized(width, height)).collect();
+            }
+            Ok(Views::Fixed(cameras))
+        }
+    }
+}
+
+fn chosen(cameras: &[Camera], wanted: &[String], file: &str) -> Outcome<Vec<Camera>> {
+    wanted
+        .iter()
+        .map(|name| {
+            let by_name = cameras.iter().find(|camera| camera.name == *name);
+            let by_index = || name.parse::<usize>().ok().and_then(|index| cameras.get(index));
+            by_name.or_else(by_index).cloned().ok_or_else(|| {
+                let names: Vec<&str> =
+                    cameras.iter().map(|camera| camera.name.as_str()).take(12).collect();
+                Failure::usage(format!("--views {name}: no such view in {file}")).next(format!(
+                    "Views: {} (or indices 0 to {}).",
+                    names.join(", "),
+                    cameras.len() - 1
+                ))
+            })
+        })
+        .collect()
+}
+
+impl Shot<'_> {
+    /// Calls `sink` for every image, frames in order.
+    fn render(&self, mut sink: impl FnMut(&Exposure<'_>) -> Outcome) -> Outcome {
+        let mut edited = Renderer::new(self.device, self.background);
+        let mut original =
+            self.original.map(|scene| (scene, Renderer::new(self.device, self.background)));
+        let per_frame = self.views.of_frame(0).len() as u64;
+        let mut progress = self.console.progress("render", self.times.len() as u64 * per_frame);
+        for (frame, &t) in self.times.iter().enumerate() {
+            edited.seek(self.scene, t)?;
+            if let Some((scene, renderer)) = &mut original {
+                renderer.seek(*scene, t)?;
+            }
+            for camera in self.views.of_frame(frame) {
+                let original = match &mut original {
+                    Some((_, renderer)) => Some(renderer.render(camera)?),
+                    None => None,
+                };
+                let (output, splats) = edited.render_with_splats(camera)?;
+                sink(&Exposure { frame, camera, splats, output, original })?;
+                progress.step();
+            }
+        }
+        let elapsed = progress.finish();
+        self.console.detail(format!(
+            "{} frames in {:.1} s",
+            self.times.len(),
+            elapsed.as_secs_f64()
+        ));
+        Ok(())
+    }
+}
+
+/// One rendered image and what it shows.
+struct Exposure<'a> {
+    frame: usize,
+    camera: &'a Camera,
+    splats: &'a Splats,
+    output: &'a RenderOutput,
+    original: Option<&'a RenderOutput>,
+}
+
+impl Exposure<'_> {
+    /// The image of the pass, beside the original's if there is one.
+    fn image(&self, pass: Pass) -> Image {
+        let image = pass_image(pass, self.output);
+        match self.original {
+            Some(original) => renderer::side_by_side(&pass_image(pass, original), &image),
+            None => image,
+        }
+    }
+}
+
+fn pass_image(pass: Pass, output: &RenderOutput) -> Image {
+    match pass {
+        Pass::Alpha => output.alpha_image(),
+        Pass::Depth => output.depth_image(),
+        _ => output.rgb_image(),
+    }
+}
+
+/// Folder of one view and pass: a single view needs no level of its own.
+fn stills_folder(root: &Path, views: &Views, camera: &Camera, pass: Pass) -> PathBuf {
+    match views {
+        Views::Fixed(cameras) if cameras.len() > 1 => {
+            let index = cameras.iter().position(|other| std::ptr::eq(other, camera)).unwrap_or(0);
+            let safe: String = camera
+                .name
+                .chars()
+                .map(|c| if c.is_ascii_alphanumeric() || "-_.".contains(c) { c } else { '_' })
+                .collect();
+            root.join(format!("{index:03}_{safe}")).join(pass.name())
+        }
+        _ => root.join(pass.name()),
+    }
+}
+
+fn stills(args: &RenderArgs, global: &Global, shot: &Shot<'_>, format: Format) -> Outcome {
+    let ours = |name: &str| {
+        Pass::value_variants().iter().any(|pass| pass.name() == name)
+            || name.as_bytes().get(3) == Some(&b'_')
+                && name.as_bytes()[..3].iter().all(u8::is_ascii_digit)
+    };
+    if format == Format::Flo && args.passes != [Pass::Flow] {
+        return Err(Failure::usage("--format flo holds flow only").next("Add --passes flow."));
+    }
+    let folder = AtomicDir::create(&args.output, existing(global), ours)
+        .map_err(|error| output_failure(&error))?;
+    let mut depth_range = (f32::INFINITY, f32::NEG_INFINITY);
+    if format == Format::Png && args.passes.contains(&Pass::Depth) {
+        depth_range = depth_extent(shot)?;
+        shot.console.note(format!(
+            "depth is stretched: black is {}, white {}",
+            depth_range.0, depth_range.1
+        ));
+    }
+    let then = if args.passes.iter().any(|pass| pass.is_relative()) {
+        shot.scene.at(shot.edit_time).map_err(Failure::bad_input)?
+    } else {
+        Splats::default()
+    };
+    let mut count = 0;
+    shot.render(|exposure| {
+        for &pass in &args.passes {
+            let folder = stills_folder(folder.path(), shot.views, exposure.camera, pass);
+            std::fs::create_dir_all(&folder).map_err(|error| Failure::write(&folder, &error))?;
+            let path = |extension: &str| folder.join(format!("{:05}.{extension}", exposure.frame));
+            let image = if pass.is_relative() {
+                passes::render(pass, shot.device, exposure.splats, &then, exposure.camera)?
+            } else {
+                PassImage::Grey(exposure.image(pass))
+            };
+            match (image, format) {
+                (PassImage::Flow(flow), Format::Exr) => {
+                    let channels = ["forward.u", "forward.v", "A"];
+                    images::write_exr(&path("exr"), &passes::flow_with_coverage(&flow), &channels)?;
+                }
+                (PassImage::Flow(flow), Format::Npy) => {
+                    images::write_npy(&path("npy"), &passes::flow_image(&flow))?
+                }
+                (PassImage::Flow(flow), Format::Flo) => {
+                    let bytes =
+                        cuar::encode_flo(&passes::flow_image(&flow)).map_err(Failure::failed)?;
+                    let path = path("flo");
+                    std::fs::write(&path, bytes).map_err(|error| Failure::write(&path, &error))?;
+                }
+                (PassImage::Flow(flow), _) => {
+                    write_png(&path("png"), &cuar::flow_wheel(&passes::flow_image(&flow), None))?;
+                }
+                (PassImage::Grey(image), Format::Exr) => {
+                    images::write_exr(&path("exr"), &image, channels(pass))?
+                }
+                (PassImage::Grey(image), Format::Npy) => images::write_npy(&path("npy"), &image)?,
+                (PassImage::Grey(mut image), _) => {
+                    if pass == Pass::Depth {
+                        stretch(&mut image, depth_range);
+                    }
+                    write_png(&path("png"), &image)?;
+                }
+            }
+            count += 1;
+        }
+        Ok(())
+    })?;
+    folder.commit().map_err(|error| output_failure(&error))?;
+    shot.console.result(format!("{} ({count} images)", args.output.display()));
+    Ok(())
+}
+
+/// Names of the channels of an EXR.
+fn channels(pass: Pass) -> &'static [&'static str] {
+    match pass {
+        Pass::Alpha => &["A"],
+        Pass::Depth => &["Z"],
+        Pass::Uncertainty | Pass::Mask => &["Y"],
+        Pass::Rgb | Pass::Flow => &["R", "G", "B"],
+    }
+}
+
+/// Smallest and largest depth over the clip, so that one stretch fits all frames.
+fn depth_extent(shot: &Shot<'_>) -> Outcome<(f32, f32)> {
+    let mut range = (f32::INFINITY, f32::NEG_INFINITY);
+    shot.render(|exposure| {
+        for &z in &exposure.output.depth {
+            range = (range.0.min(z), range.1.max(z));
+        }
+        Ok(())
+    })?;
+    Ok(range)
+}
+
+fn stretch(image: &mut Image, (near, far): (f32, f32)) {
+    let span = (far - near).max(f32::MIN_POSITIVE);
+    for value in &mut image.data {
+        *value = (*value - near) / span;
+    }
+}
+
+fn write_png(path: &Path, image: &Image) -> Outcome {
+    let file = File::create(path).map_err(|error| Failure::write(path, &error))?;
+    images::write_png(BufWriter::new(file), path, image)
+}
+
+fn single_view(shot: &Shot<'_>, what: &str) -> Outcome {
+    if let Views::Fixed(cameras) = shot.views
+        && cameras.len() > 1
+    {
+        return Err(Failure::usage(format!(
+            "{what} shows one view, the cameras are {}",
+            cameras.len()
+        ))
+        .next("Choose one with --views NAME."));
+    }
+    Ok(())
+}
+
+fn rgb_only(args: &RenderArgs, what: &str) -> Outcome {
+    if args.passes == [Pass::Rgb] {
+        return Ok(());
+    }
+    Err(Failure::usage(format!("{what} shows colour only"))
+        .next("For other passes use --format png, exr or npy."))
+}
+
+fn video(args: &RenderArgs, global: &Global, shot: &Shot<'_>) -> Outcome {
+    single_view(shot, "a video")?;
+    rgb_only(args, "a video")?;
+    write_video(&args.output, existing(global), args.fps, shot)?;
+    shot.console.result(args.output.display());
+    Ok(())
+}
+
+/// Renders the shot into an MP4.
+pub(crate) fn write_video(path: &Path, existing: Existing, fps: f64, shot: &Shot<'_>) -> Outcome {
+    let mut file =
+        Some(AtomicFile::create(path, existing).map_err(|error| output_failure(&error))?);
+    let mut writer: Option<VideoWriter<AtomicFile>> = None;
+    shot.render(|exposure| {
+        let image = exposure.image(Pass::Rgb);
+        if let Some(file) = file.take() {
+            writer = Some(VideoWriter::new(file, path, image.width, image.height, fps)?);
+        }
+        writer.as_mut().map_or(Ok(()), |writer| writer.push(&image.to_bytes(), image.width))
+    })?;
+    let file = match writer {
+        Some(writer) => writer.finish()?,
+        None => return Err(Failure::usage("a video needs at least one frame")),
+    };
+    file.commit().map_err(|error| output_failure(&error))
+}
+
+fn sheet(args: &RenderArgs, global: &Global, shot: &Shot<'_>) -> Outcome {
+    single_view(shot, "a contact sheet")?;
+    rgb_only(args, "a contact sheet")?;
+    write_sheet(&args.output, existing(global), shot)?;
+    shot.console.result(args.output.display());
+    Ok(())
+}
+
+/// Renders up to [`SHEET_FRAMES`] evenly spaced frames of the shot onto one PNG.
+pub(crate) fn write_sheet(path: &Path, existing: Existing, shot: &Shot<'_>) -> Outcome {
+    let mut file = AtomicFile::create(path, existing).map_err(|error| output_failure(&error))?;
+    let count = shot.times.len();
+    let shown = count.min(SHEET_FRAMES);
+    let picks: Vec<usize> = (0..shown).map(|i| i * (count - 1) / (shown - 1).max(1)).collect();
+    let times: Vec<f32> = picks.iter().map(|&i| shot.times[i]).collect();
+    let views = match shot.views {
+        Views::Fixed(cameras) => Views::Fixed(cameras.clone()),
+        Views::Path(cameras) => Views::Path(picks.iter().map(|&i| cameras[i].clone()).collect()),
+    };
+    let mut cells = Vec::with_capacity(shown);
+    Shot { times: &times, views: &views, ..*shot }.render(|exposure| {
+        cells.push(exposure.image(Pass::Rgb));
+        Ok(())
+    })?;
+    let sheet = renderer::contact_sheet(&cells, SHEET_WIDTH);
+    images::write_png(&mut file, path, &sheet)?;
+    file.commit().map_err(|error| output_failure(&error))
+}

@@ -1,0 +1,91 @@
+//! Which rasteriser renders: the CPU's, or a GPU's through wgpu.
+
+use crate::failure::{Exit, Failure, Outcome};
+use gs_raster_wgpu::{AdapterChoice, AdapterKind, GpuContext, WgpuRasterizer};
+use std::str::FromStr;
+
+/// `--gpu`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub(crate) enum GpuChoice {
+    /// A hardware adapter if there is one, else the CPU.
+    #[default]
+    Auto,
+    /// The CPU.
+    Cpu,
+    /// The adapter with this number in `c4d doctor`, hardware or software.
+    Index(usize),
+}
+
+impl FromStr for GpuChoice {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        match text {
+            "auto" => Ok(Self::Auto),
+            "cpu" => Ok(Self::Cpu),
+            _ => text.parse().map(Self::Index).map_err(|_| {
+                format!("`{text}` is no device: expected auto, cpu or the number of an adapter that c4d doctor lists")
+            }),
+        }
+    }
+}
+
+/// The rasteriser chosen.
+#[derive(Debug, Clone)]
+pub(crate) enum Device {
+    /// No GPU needed.
+    Cpu,
+    /// Through wgpu.
+    Gpu(WgpuRasterizer),
+}
+
+impl Device {
+    /// Resolves the choice. Auto never fails: without a usable hardware adapter it is the CPU.
+    pub(crate) fn open(choice: GpuChoice) -> Outcome<Self> {
+        let adapter = match choice {
+            GpuChoice::Cpu => return Ok(Self::Cpu),
+            GpuChoice::Auto if !has_hardware() => return Ok(Self::Cpu),
+            GpuChoice::Auto => AdapterChoice::Auto,
+            GpuChoice::Index(index) => AdapterChoice::Index(index),
+        };
+        match GpuContext::new(adapter) {
+            Ok(context) => Ok(Self::Gpu(WgpuRasterizer::new(context))),
+            Err(_) if choice == GpuChoice::Auto => Ok(Self::Cpu),
+            Err(error) => {
+                Err(Failure { exit: Exit::NoGpu, what: crate::failure::chain(&error), next: None }
+                    .next("c4d doctor lists the adapters; --gpu cpu needs none."))
+            }
+        }
+    }
+
+    /// What it is, for messages.
+    pub(crate) fn describe(&self) -> String {
+        match self {
+            Self::Cpu => format!("CPU, {} threads", rayon::current_num_threads()),
+            Self::Gpu(raster) => raster.context().adapter().to_string(),
+        }
+    }
+}
+
+fn has_hardware() -> bool {
+    GpuContext::adapters().iter().any(|adapter| adapter.kind == AdapterKind::Hardware)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn choices_parse() {
+        assert_eq!("auto".parse(), Ok(GpuChoice::Auto), "auto");
+        assert_eq!("cpu".parse(), Ok(GpuChoice::Cpu), "cpu");
+        assert_eq!("3".parse(), Ok(GpuChoice::Index(3)), "number");
+        assert!("cuda".parse::<GpuChoice>().is_err(), "nothing else");
+    }
+
+    #[test]
+    fn cpu_always_opens() {
+        assert!(matches!(Device::open(GpuChoice::Cpu), Ok(Device::Cpu)), "cpu");
+        assert!(Device::open(GpuChoice::Auto).is_ok(), "auto falls back");
+    }
+}

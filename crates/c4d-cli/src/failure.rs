@@ -1,0 +1,90 @@
+//! [`Failure`]: what went wrong, where, and the next step; and the exit code that says so to scripts.
+
+use std::fmt;
+use std::path::Path;
+
+/// Exit codes of `c4d`, the same for every command.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Exit {
+    /// Anything without a code of its own.
+    Failed = 1,
+    /// The command line asks for something that does not exist or does not fit together.
+    Usage = 2,
+    /// An input file is missing, malformed or of another kind.
+    BadInput = 3,
+    /// No usable GPU where one was asked for.
+    NoGpu = 4,
+    /// Finished, but with warnings, under `--strict`.
+    Warnings = 6,
+    /// Stopped by the user.
+    Interrupted = 130,
+}
+
+/// An error as the user sees it.
+#[derive(Debug)]
+pub(crate) struct Failure {
+    /// Code for scripts.
+    pub(crate) exit: Exit,
+    /// What, where, expected against found.
+    pub(crate) what: String,
+    /// What to do next.
+    pub(crate) next: Option<String>,
+}
+
+/// Result of a command.
+pub(crate) type Outcome<T = ()> = Result<T, Failure>;
+
+impl Failure {
+    /// Exit code 1.
+    pub(crate) fn failed(what: impl fmt::Display) -> Self {
+        Self { exit: Exit::Failed, what: what.to_string(), next: None }
+    }
+
+    /// Exit code 2.
+    pub(crate) fn usage(what: impl fmt::Display) -> Self {
+        Self { exit: Exit::Usage, what: what.to_string(), next: None }
+    }
+
+    /// Exit code 3.
+    pub(crate) fn bad_input(what: impl fmt::Display) -> Self {
+        Self { exit: Exit::BadInput, what: what.to_string(), next: None }
+    }
+
+    /// Exit code 1 for a file that could not be written.
+    pub(crate) fn write(path: &Path, error: &dyn std::error::Error) -> Self {
+        Self::failed(format!("cannot write {}: {}", path.display(), chain(error)))
+            .next("Check that the folder exists, is writable and has room.")
+    }
+
+    /// Adds the next step.
+    #[must_use]
+    pub(crate) fn next(mut self, step: impl fmt::Display) -> Self {
+        self.next = Some(step.to_string());
+        self
+    }
+}
+
+impl fmt::Display for Failure {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}", self.what)?;
+        if let Some(next) = &self.next {
+            write!(f, "\n  next: {next}")?;
+        }
+        Ok(())
+    }
+}
+
+/// An error and its sources on one line, without repeating what a message already says.
+pub(crate) fn chain(error: &dyn std::error::Error) -> String {
+    let mut text = error.to_string();
+    let mut source = error.source();
+    while let Some(cause) = source {
+        let cause_text = cause.to_string();
+        if !text.contains(&cause_text) {
+            text.push_str(": ");
+            text.push_str(&cause_text);
+        }
+        source = cause.source();
+    }
+    text
+}

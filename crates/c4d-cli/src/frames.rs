@@ -1,0 +1,41 @@
+//! Which times a command works on.
+
+use crate::failure::{Failure, Outcome};
+use gs_core::{DynamicScene, TimeRange};
+
+/// Frames of a continuous scene when nobody says how many.
+pub(crate) const DEFAULT_FRAMES: usize = 60;
+/// More frames than this are a slip of the keyboard.
+const MAX_FRAMES: usize = 100_000;
+
+/// The times of `--times` or `--frames`, else every frame the scene was stored with, else [`DEFAULT_FRAMES`].
+pub(crate) fn times(
+    scene: &dyn DynamicScene,
+    times: &[f32],
+    frames: Option<usize>,
+) -> Outcome<Vec<f32>> {
+    let range = scene.time_range();
+    if !times.is_empty() {
+        for &t in times {
+            check(range, t, "--times")?;
+        }
+        return Ok(times.to_vec());
+    }
+    let count = frames.or(scene.num_frames()).unwrap_or(DEFAULT_FRAMES);
+    if count == 0 || count > MAX_FRAMES {
+        return Err(Failure::usage(format!("--frames {count}: expected 1 to {MAX_FRAMES}")));
+    }
+    Ok(range.frames(count))
+}
+
+/// Refuses a time outside the scene.
+pub(crate) fn check(range: TimeRange, t: f32, flag: &str) -> Outcome {
+    if range.contains(t) {
+        return Ok(());
+    }
+    Err(Failure::usage(format!(
+        "{flag} {t} lies outside the scene's times, {} to {}",
+        range.start, range.end
+    ))
+    .next("Times are normalised: 0 is the first frame, 1 the last. Frame i of n is at i/(n−1)."))
+}

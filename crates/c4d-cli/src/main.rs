@@ -1,0 +1,77 @@
+//! `c4d`: carry an edit of one frame of a dynamic Gaussian-splat scene through all of time.
+//!
+//! Commands, progress, run folders and messages. Deliberately absent: algorithms, which live in the crates below.
+
+mod args;
+mod commands;
+mod console;
+mod device;
+mod failure;
+mod field;
+mod frames;
+mod images;
+mod passes;
+mod renderer;
+mod rig;
+mod run_folder;
+mod scene;
+mod video;
+
+use args::{BenchCommand, Cli, Command};
+use clap::Parser;
+use console::Console;
+use failure::{Exit, Failure, Outcome};
+use std::process::ExitCode;
+
+fn main() -> ExitCode {
+    let cli = Cli::parse();
+    let global = &cli.global;
+    let console = Console::new(global.quiet, global.verbose, !global.no_progress);
+    // Best effort: without a handler an interrupt still ends the process, but may leave a hidden partial output.
+    let _ = ctrlc::set_handler(|| {
+        gs_io::remove_unfinished();
+        eprintln!("\ninterrupted; nothing partial is left");
+        std::process::exit(i32::from(Exit::Interrupted as u8));
+    });
+    match run(&cli, &console) {
+        Ok(()) if global.strict && console.warnings() > 0 => {
+            eprintln!("finished with {} warnings (--strict)", console.warnings());
+            ExitCode::from(Exit::Warnings as u8)
+        }
+        Ok(()) => ExitCode::SUCCESS,
+        Err(failure) => {
+            eprintln!("error: {failure}");
+            ExitCode::from(failure.exit as u8)
+        }
+    }
+}
+
+fn run(cli: &Cli, console: &Console) -> Outcome {
+    if let Some(threads) = cli.global.threads {
+        if threads == 0 {
+            return Err(Failure::usage("--threads 0: expected at least 1"));
+        }
+        rayon::ThreadPoolBuilder::new()
+            .num_threads(threads)
+            .build_global()
+            .map_err(|error| Failure::failed(format!("cannot start {threads} threads: {error}")))?;
+    }
+    if cfg!(debug_assertions) {
+        console
+            .detail("this is a debug build: expect it to be some ten times slower than --release");
+    }
+    let global = &cli.global;
+    match &cli.command {
+        Command::Info(args) => commands::info::run(args, global, console),
+        Command::Doctor(args) => commands::doctor::run(args, global, console),
+        Command::Freeze(args) => commands::freeze::run(args, global, console),
+        Command::Propagate(args) => commands::propagate::run(args, global, console),
+        Command::Refine(args) => commands::refine::run(args, global, console),
+        Command::Render(args) => commands::render::run(args, global, console),
+        Command::Export(args) => commands::export::run(args, global, console),
+        Command::Demo(args) => commands::demo::run(args, global, console),
+        Command::Bench { what: BenchCommand::Motion(args) } => {
+            commands::bench::motion(args, global, console)
+        }
+    }
+}

@@ -1,0 +1,71 @@
+//! Images of what happened since the edited frame: flow, colour uncertainty, artifact mask (Eqs. 11–17).
+
+use crate::args::Pass;
+use crate::device::Device;
+use crate::failure::{Failure, Outcome, chain};
+use cuar::Flow;
+use gs_core::{Camera, Image, Rasterizer, Splats};
+use gs_raster_cpu::CpuRasterizer;
+
+/// ε of Eq. 17 for the `mask` pass.
+const EPSILON: f32 = 1.0;
+/// Coverage below which a pixel has no flow.
+const MIN_COVERAGE: f32 = 0.5;
+
+/// The image of one pass.
+#[derive(Debug)]
+pub(crate) enum PassImage {
+    /// Motion from the edited frame to this one, carried by the pixels of this one.
+    Flow(Flow),
+    /// One channel in [0, 1].
+    Grey(Image),
+}
+
+/// Renders `pass` for splats `now`, which were `then` in the edited frame.
+pub(crate) fn render(
+    pass: Pass,
+    device: &Device,
+    now: &Splats,
+    then: &Splats,
+    camera: &Camera,
+) -> Outcome<PassImage> {
+    match device {
+        Device::Cpu => render_with(pass, &CpuRasterizer::default(), now, then, camera),
+        Device::Gpu(raster) => render_with(pass, raster, now, then, camera),
+    }
+    .map_err(|error| Failure::failed(chain(&error)))
+}
+
+fn render_with<R: Rasterizer>(
+    pass: Pass,
+    raster: &R,
+    now: &Splats,
+    then: &Splats,
+    camera: &Camera,
+) -> Result<PassImage, cuar::CuarError> {
+    if pass == Pass::Flow {
+        return Ok(PassImage::Flow(cuar::render_flow(raster, now, then, now, camera)?));
+    }
+    let uncertainty = cuar::render_uncertainty(raster, now, then, camera)?;
+    Ok(PassImage::Grey(match pass {
+        Pass::Mask => cuar::artifact_mask(&uncertainty, EPSILON, 0.0),
+        _ => uncertainty,
+    }))
+}
+
+/// Flow in pixels, coverage-normalised; NaN where nothing covers the pixel.
+pub(crate) fn flow_image(flow: &Flow) -> Image {
+    flow.normalized(MIN_COVERAGE)
+}
+
+/// Flow with its coverage: channels u, v, A.
+pub(crate) fn flow_with_coverage(flow: &Flow) -> Image {
+    let normalized = flow_image(flow);
+    let mut image = Image::zeros(normalized.width, normalized.height, 3);
+    for (i, pixel) in image.data.chunks_exact_mut(3).enumerate() {
+        pixel[0] = normalized.data[2 * i];
+        pixel[1] = normalized.data[2 * i + 1];
+        pixel[2] = flow.coverage.data[i];
+    }
+    image
+}

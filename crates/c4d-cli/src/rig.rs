@@ -1,0 +1,270 @@
+//! Where cameras come from when no data set gives them: a rig around (or before) the scene.
+//!
+//! 4DGS checkpoints hold no cameras. The rig is built from frame 1 alone: robust centre and size of the visible splats, and
+//! whether the scene surrounds its origin (an object: walk around it) or lies before it (a forward capture: stand where the
+//! cameras stood).
+
+use gs_core::{Camera, Splats};
+
+/// Image size when nobody says one.
+pub(crate) const DEFAULT_SIZE: (u32, u32) = (960, 720);
+
+/// How a rig looks at the scene.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Layout {
+    /// Around an object.
+    Object,
+    /// From the origin towards a scene that lies on one side of it.
+    Forward,
+}
+
+/// What the rig knows of the scene. World units.
+#[derive(Debug, Clone)]
+pub(crate) struct Rig {
+    /// Which of the two layouts.
+    pub(crate) layout: Layout,
+    centre: [f64; 3],
+    radius: f64,
+    up: [f64; 3],
+    forward: [f64; 3],
+    fov_y_rad: f64,
+}
+
+/// Share of the splats' weight that a forward scene keeps within [`FORWARD_CONE_COS`] of its axis.
+const FORWARD_SHARE: f64 = 0.97;
+/// Cosine of the half-angle of the cone before a forward capture, 75°.
+const FORWARD_CONE_COS: f64 = 0.258_819;
+/// A view direction closer than 15° to a coordinate axis is that axis: captures are aligned with their first camera.
+const SNAP_COS: f64 = 0.965_926;
+/// Vertical field of view around objects, radians (40°).
+const OBJECT_FOV_RAD: f64 = 0.698_132;
+
+impl Rig {
+    /// Looks at the splats of frame 1; `up` is the world's upward direction.
+    pub(crate) fn around(splats: &Splats, up: [f64; 3]) -> Self {
+        let points = weighted_points(splats);
+        let axis = |k: usize, share: f64| {
+            quantile(points.iter().map(|(p, w)| (p[k], *w)).collect(), share)
+        };
+        let centre = [0, 1, 2].map(|k| axis(k, 0.5));
+        let distances = points.iter().map(|(p, w)| (norm(sub(*p, centre)), *w)).collect();
+        let radius = quantile(distances, 0.9).max(1e-6);
+        let distance = norm(centre);
+        let towards = scaled(centre, 1.0 / distance.max(1e-12));
+        let total: f64 = points.iter().map(|(_, w)| w).sum();
+        let in_cone: f64 = points
+            .iter()
+            .filter(|(p, _)| dot(*p, towards) > FORWARD_CONE_COS * norm(*p))
+            .map(|(_, w)| w)
+            .sum();
+        let forward_capture = distance > 0.5 * radius && in_cone > FORWARD_SHARE * total;
+        if !forward_capture {
+            let layout = Layout::Object;
+            return Self {
+                layout,
+                centre,
+                radius,
+                up,
+                forward: towards,
+                fov_y_rad: OBJECT_FOV_RAD,
+            };
+        }
+        let forward = snap_to_axis(towards);
+        let angles = points
+            .iter()
+            .map(|(p, w)| ((dot(*p, forward) / norm(*p).max(1e-12)).clamp(-1.0, 1.0).acos(), *w))
+            .collect();
+        // Three quarters of the scene inside the image's height: a capture's borders are unseen by most of its cameras.
+        let fov_y_rad = (2.0 * quantile(angles, 0.75)).clamp(0.6, 1.2);
+        Self { layout: Layout::Forward, centre, radius, up, forward, fov_y_rad }
+    }
+
+    /// The still view: before the object, or where the capture's cameras stood.
+    pub(crate) fn front(&self, (width, height): (u32, u32)) -> Camera {
+        let mut camera = match self.layout {
+            Layout::Object => self.around_at(0.0, 0.2, (width, height)),
+            Layout::Forward => {
+                Camera::look_at([0.0; 3], self.forward, self.up, self.fov_y_rad, width, height)
+            }
+        };
+        "front".clone_into(&mut camera.name);
+        camera
+    }
+
+    /// One camera a frame on a full turn around an object; on a swing of ±12° for a forward capture, whose back nobody has seen.
+    pub(crate) fn orbit(&self, frames: usize, size: (u32, u32)) -> Vec<Camera> {
+        path(frames, "orbit", |phase| match self.layout {
+            Layout::Object => self.around_at(phase * std::f64::consts::TAU, 0.25, size),
+            Layout::Forward => {
+                let swing = 12.0_f64.to_radians() * (phase * std::f64::consts::TAU).sin();
+                let eye = rotated(scaled(self.centre, -1.0), self.up, swing);
+                let eye = [0, 1, 2].map(|k| self.centre[k] + eye[k]);
+                Camera::look_at(eye, self.centre, self.up, self.fov_y_rad, size.0, size.1)
+            }
+        })
+    }
+
+    /// One camera a frame on a small spiral before the scene.
+    pub(crate) fn spiral(&self, frames: usize, size: (u32, u32)) -> Vec<Camera> {
+        let front = self.front(size);
+        let (eye, target) = match self.layout {
+            Layout::Object => (front.position(), self.centre),
+            Layout::Forward => ([0.0; 3], scaled(self.forward, norm(self.centre))),
+        };
+        let reach = 0.06 * norm(sub(target, eye));
+        let v = front.viewmat;
+        path(frames, "spiral", |phase| {
+            let angle = 2.0 * std::f64::consts::TAU * phase;
+            let (x, y, z) = (angle.cos(), 0.6 * angle.sin(), 0.5 * (angle / 2.0).sin());
+            let moved =
+                [0, 1, 2].map(|k| eye[k] + reach * (x * v[0][k] + y * v[1][k] + z * v[2][k]));
+            Camera::look_at(moved, target, self.up, self.fov_y_rad, size.0, size.1)
+        })
+    }
+
+    fn around_at(
+        &self,
+        azimuth_rad: f64,
+        elevation_rad: f64,
+        (width, height): (u32, u32),
+    ) -> Camera {
+        let distance = 1.15 * self.radius / (self.fov_y_rad / 2.0).tan();
+        let front = perpendicular(self.up);
+        let level = rotated(front, self.up, azimuth_rad);
+        let (sin, cos) = elevation_rad.sin_cos();
+        let eye =
+            [0, 1, 2].map(|k| self.centre[k] + distance * (cos * level[k] + sin * self.up[k]));
+        Camera::look_at(eye, self.centre, self.up, self.fov_y_rad, width, height)
+    }
+}
+
+fn path(frames: usize, name: &str, camera_at: impl Fn(f64) -> Camera) -> Vec<Camera> {
+    (0..frames)
+        .map(|frame| {
+            let mut camera = camera_at(frame as f64 / frames.max(1) as f64);
+            name.clone_into(&mut camera.name);
+            camera
+        })
+        .collect()
+}
+
+/// Centres with their weight: opacity times the area of the two larger axes, so that haze and floaters count little.
+fn weighted_points(splats: &Splats) -> Vec<([f64; 3], f64)> {
+    (0..splats.len())
+        .filter(|&i| splats.is_finite(i))
+        .map(|i| {
+            let mut scale = splats.scale(i).map(f64::from);
+            scale.sort_by(f64::total_cmp);
+            let opacity = f64::from(splats.opacity(i));
+            (splats.means[i].map(f64::from), opacity * (scale[1] * scale[2]).sqrt())
+        })
+        .filter(|(_, weight)| weight.is_finite() && *weight > 0.0)
+        .collect()
+}
+
+/// Weighted quantile; 0 when there is nothing.
+fn quantile(mut values: Vec<(f64, f64)>, share: f64) -> f64 {
+    values.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let target = share * values.iter().map(|(_, weight)| weight).sum::<f64>();
+    let mut passed = 0.0;
+    for (value, weight) in &values {
+        passed += weight;
+        if passed >= target {
+            return *value;
+        }
+    }
+    values.last().map_or(0.0, |(value, _)| *value)
+}
+
+fn snap_to_axis(direction: [f64; 3]) -> [f64; 3] {
+    for k in 0..3 {
+        if direction[k].abs() > SNAP_COS {
+            let mut axis = [0.0; 3];
+            axis[k] = direction[k].signum();
+            return axis;
+        }
+    }
+    direction
+}
+
+/// A horizontal direction: from −z where up allows (towards the viewer in y-up and y-down worlds), else −y.
+fn perpendicular(up: [f64; 3]) -> [f64; 3] {
+    let candidate = if up[2].abs() < 0.9 { [0.0, 0.0, -1.0] } else { [0.0, -1.0, 0.0] };
+    let along = dot(candidate, up);
+    let level = [0, 1, 2].map(|k| candidate[k] - along * up[k]);
+    scaled(level, 1.0 / norm(level))
+}
+
+/// `v` turned about the unit `axis` (Rodrigues).
+fn rotated(v: [f64; 3], axis: [f64; 3], angle_rad: f64) -> [f64; 3] {
+    let (sin, cos) = angle_rad.sin_cos();
+    let cross = [
+        axis[1] * v[2] - axis[2] * v[1],
+        axis[2] * v[0] - axis[0] * v[2],
+        axis[0] * v[1] - axis[1] * v[0],
+    ];
+    let along = dot(axis, v) * (1.0 - cos);
+    [0, 1, 2].map(|k| v[k] * cos + cross[k] * sin + axis[k] * along)
+}
+
+fn sub(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
+    [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
+}
+
+fn scaled(a: [f64; 3], factor: f64) -> [f64; 3] {
+    a.map(|value| value * factor)
+}
+
+fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
+fn norm(a: [f64; 3]) -> f64 {
+    dot(a, a).sqrt()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn cloud(offset: [f32; 3]) -> Splats {
+        let mut splats = Splats::with_capacity(125, 0);
+        for i in 0_u8..125 {
+            let cell = [i % 5, (i / 5) % 5, i / 25].map(|c| f32::from(c) / 2.0 - 1.0);
+            splats.means.push([0, 1, 2].map(|k| cell[k] + offset[k]));
+            splats.quats.push(gs_core::quat::IDENTITY);
+            splats.log_scales.push([-3.0; 3]);
+            splats.opacity_logits.push(2.0);
+            splats.sh.push([0.0; 3]);
+        }
+        splats
+    }
+
+    #[test]
+    fn an_object_is_walked_around_and_always_in_view() {
+        let rig = Rig::around(&cloud([0.0; 3]), [0.0, 1.0, 0.0]);
+        assert_eq!(rig.layout, Layout::Object, "the origin is inside");
+        for camera in rig.orbit(7, (64, 48)) {
+            let centre = camera.project([0.0; 3]).unwrap();
+            assert!(
+                (centre[0] - 32.0).abs() < 1e-6 && (centre[1] - 24.0).abs() < 1e-6,
+                "{centre:?}"
+            );
+            let top = camera.project([0.0, 1.0, 0.0]).unwrap();
+            assert!(top[1] < 24.0 && top[1] > 0.0, "up is up and inside: {top:?}");
+        }
+    }
+
+    #[test]
+    fn a_forward_capture_is_seen_from_its_origin() {
+        let rig = Rig::around(&cloud([0.3, 0.2, 6.0]), [0.0, -1.0, 0.0]);
+        assert_eq!(rig.layout, Layout::Forward, "all before the origin");
+        let camera = rig.front((64, 48));
+        assert!(camera.position().iter().all(|v| v.abs() < 1e-9), "stands at the origin");
+        assert_eq!(camera.viewmat[2][..3], [0.0, 0.0, 1.0], "direction snapped to +z");
+        for camera in rig.orbit(8, (64, 48)).iter().chain(&rig.spiral(8, (64, 48))) {
+            assert!(camera.to_camera([0.3, 0.2, 6.0])[2] > 4.0, "never behind the scene");
+            assert!(camera.check().is_ok(), "a valid camera");
+        }
+    }
+}

@@ -1,0 +1,119 @@
+//! `c4d.toml`: the resolved configuration of a run.
+
+use amg::{Aggregation, PositionRule, RotationRule, ScaleRule};
+use serde::{Deserialize, Serialize};
+use std::path::PathBuf;
+
+/// The resolved configuration, `c4d.toml`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub(crate) struct RunConfig {
+    /// Version of c4d that wrote it.
+    pub(crate) version: String,
+    /// Source scene, absolute.
+    pub(crate) source: PathBuf,
+    /// Source scene as seen from the run folder; tried first, so that both may be moved together.
+    pub(crate) source_from_run: PathBuf,
+    /// Fingerprint of the source.
+    pub(crate) source_sha256: String,
+    /// Edited PLY as given.
+    pub(crate) edited: PathBuf,
+    /// Fingerprint of the edited PLY.
+    pub(crate) edited_sha256: String,
+    /// Time of the edited frame.
+    pub(crate) edit_time: f32,
+    /// `best` or `paper`.
+    pub(crate) preset: String,
+    /// `none`, `knn` or `deformnet`.
+    pub(crate) baseline: String,
+    /// `amg` or `amg-all`.
+    pub(crate) motion: String,
+    /// Seed of everything random.
+    pub(crate) seed: u64,
+    /// 4DGS: iteration asked for.
+    pub(crate) iteration: Option<u64>,
+    /// 4DGS: flags overridden.
+    pub(crate) set: Vec<String>,
+    /// Rule for positions of blended rows.
+    pub(crate) position: String,
+    /// Rule for rotations.
+    pub(crate) rotation: String,
+    /// Rule for scales.
+    pub(crate) scale: String,
+    /// Whether blended rows follow the source's change of opacity and colour.
+    pub(crate) appearance: bool,
+    /// Weight of the source's rotations in local rigid motions.
+    pub(crate) rotation_prior: f32,
+    /// Appearance refinement, if it was run.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(crate) refine: Option<RefineConfig>,
+}
+
+/// Options of the refinement stage.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub(crate) struct RefineConfig {
+    /// `best` or `paper`.
+    pub(crate) preset: String,
+    /// `backward` or `paper`.
+    pub(crate) warp: String,
+    /// Cameras: a file, or `rig`.
+    pub(crate) cameras: String,
+    /// Image size, pixels.
+    pub(crate) size: [u32; 2],
+    /// Candidate times.
+    pub(crate) frames: usize,
+    /// Images drawn.
+    pub(crate) samples: usize,
+    /// ε of Eq. 17.
+    pub(crate) epsilon: f32,
+    /// Seed of the draw.
+    pub(crate) seed: u64,
+    /// Device that rendered.
+    pub(crate) device: String,
+}
+
+impl RunConfig {
+    /// Records how blended rows are evaluated.
+    pub(crate) fn set_aggregation(&mut self, aggregation: &Aggregation) {
+        self.position = match aggregation.position {
+            PositionRule::Average => "average",
+            PositionRule::Rigid => "rigid",
+        }
+        .to_owned();
+        self.rotation = match aggregation.rotation {
+            RotationRule::Additive => "additive",
+            RotationRule::Relative => "relative",
+        }
+        .to_owned();
+        self.scale = match aggregation.scale {
+            ScaleRule::PerAxis => "per-axis",
+            ScaleRule::Isotropic => "isotropic",
+        }
+        .to_owned();
+        self.appearance = aggregation.appearance;
+        self.rotation_prior = aggregation.rotation_prior;
+    }
+
+    /// How blended rows are evaluated.
+    pub(crate) fn aggregation(&self) -> Result<Aggregation, String> {
+        let unknown = |name: &str, value: &str| Err(format!("{name} = \"{value}\" is not known"));
+        Ok(Aggregation {
+            position: match self.position.as_str() {
+                "average" => PositionRule::Average,
+                "rigid" => PositionRule::Rigid,
+                other => return unknown("position", other),
+            },
+            rotation: match self.rotation.as_str() {
+                "additive" => RotationRule::Additive,
+                "relative" => RotationRule::Relative,
+                other => return unknown("rotation", other),
+            },
+            scale: match self.scale.as_str() {
+                "per-axis" => ScaleRule::PerAxis,
+                "isotropic" => ScaleRule::Isotropic,
+                other => return unknown("scale", other),
+            },
+            appearance: self.appearance,
+            rotation_prior: self.rotation_prior,
+        })
+    }
+}

@@ -1,0 +1,261 @@
+//! `scene.c4d`: the edited frame, its binding to the source, and the refined colours, as safetensors.
+
+use super::SCENE;
+use crate::failure::{Failure, Outcome};
+use amg::{Binding, RowKind};
+use gs_core::Splats;
+use safetensors::{Dtype, SafeTensors, tensor::TensorView};
+use serde::{Deserialize, Serialize};
+use std::collections::HashMap;
+
+/// Version of the layout.
+const FORMAT: u32 = 1;
+/// Key of the [`Header`] in the metadata.
+const METADATA: &str = "c4d";
+
+/// What the tensors do not say, as JSON in the metadata.
+#[derive(Debug, Serialize, Deserialize)]
+struct Header {
+    format: u32,
+    num_sources: usize,
+}
+
+/// Colours of edited rows after refinement; the frame as it was given stays beside them.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub(crate) struct RefinedRows {
+    /// Rows, ascending.
+    pub(crate) rows: Vec<u32>,
+    /// `[rows,K,3]`.
+    pub(crate) sh: Vec<[f32; 3]>,
+    /// `[rows]`.
+    pub(crate) opacity_logits: Vec<f32>,
+}
+
+impl RefinedRows {
+    /// The frame with these rows in place.
+    pub(crate) fn apply(&self, edited: &Splats) -> Splats {
+        let (mut refined, coeffs) = (edited.clone(), edited.sh_coeffs());
+        for (i, &row) in self.rows.iter().enumerate() {
+            let row = row as usize;
+            refined.sh[row * coeffs..(row + 1) * coeffs]
+                .copy_from_slice(&self.sh[i * coeffs..(i + 1) * coeffs]);
+            refined.opacity_logits[row] = self.opacity_logits[i];
+        }
+        refined
+    }
+
+    fn fits(&self, edited: &Splats) -> bool {
+        let rows = self.rows.len();
+        self.rows.iter().all(|&row| (row as usize) < edited.len())
+            && self.sh.len() == rows * edited.sh_coeffs()
+            && self.opacity_logits.len() == rows
+    }
+}
+
+/// What a scene file holds.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Stored {
+    /// The edited frame as it was given.
+    pub(crate) edited: Splats,
+    /// Its binding to the source.
+    pub(crate) binding: Binding,
+    /// Refined colours.
+    pub(crate) refined: Option<RefinedRows>,
+}
+
+impl Stored {
+    /// The bytes of `scene.c4d`.
+    pub(crate) fn serialize(&self) -> Outcome<Vec<u8>> {
+        serialize(self)
+    }
+
+    /// Reads the bytes of `scene.c4d`; every count is checked, so a damaged file is an error and no more.
+    pub(crate) fn deserialize(bytes: &[u8]) -> Result<Self, String> {
+        deserialize(bytes)
+    }
+}
+
+fn serialize(stored: &Stored) -> Outcome<Vec<u8>> {
+    let Stored { edited, binding, refined } = stored;
+    let (rows, coeffs) = (edited.len(), edited.sh_coeffs());
+    let codes: Vec<u8> = binding.kinds().iter().map(|kind| kind.code()).collect();
+    let floats = |values: &'static str, shape: Vec<usize>, data: &[f32]| {
+        (values, Dtype::F32, shape, le_bytes(data, |value| value.to_le_bytes()))
+    };
+    let ints = |name: &'static str, data: &[u32]| {
+        (name, Dtype::U32, vec![data.len()], le_bytes(data, |value| value.to_le_bytes()))
+    };
+    let mut entries = vec![
+        floats("edited.means", vec![rows, 3], edited.means.as_flattened()),
+        floats("edited.quats", vec![rows, 4], edited.quats.as_flattened()),
+        floats("edited.log_scales", vec![rows, 3], edited.log_scales.as_flattened()),
+        floats("edited.opacity_logits", vec![rows], &edited.opacity_logits),
+        floats("edited.sh", vec![rows, coeffs, 3], edited.sh.as_flattened()),
+        ints("binding.offsets", binding.offsets()),
+        ints("binding.source_ids", binding.source_ids()),
+        floats("binding.weights", vec![binding.weights().len()], binding.weights()),
+        ("binding.kinds", Dtype::U8, vec![rows], codes),
+    ];
+    if let Some(refined) = refined {
+        let rows = refined.rows.len();
+        entries.push(ints("refined.rows", &refined.rows));
+        entries.push(floats("refined.sh", vec![rows, coeffs, 3], refined.sh.as_flattened()));
+        entries.push(floats("refined.opacity_logits", vec![rows], &refined.opacity_logits));
+    }
+    let failed = |error: safetensors::SafeTensorError| Failure::failed(format!("{SCENE}: {error}"));
+    let mut views = Vec::with_capacity(entries.len());
+    for (name, dtype, shape, bytes) in &entries {
+        views.push((*name, TensorView::new(*dtype, shape.clone(), bytes).map_err(failed)?));
+    }
+    // One entry only: the order of several is not reproducible.
+    let header = Header { format: FORMAT, num_sources: binding.num_sources() };
+    let header = serde_json::to_string(&header).map_err(Failure::failed)?;
+    let metadata = HashMap::from([(METADATA.to_owned(), header)]);
+    safetensors::serialize(views, Some(metadata)).map_err(failed)
+}
+
+fn le_bytes<T: Copy, const N: usize>(values: &[T], to_bytes: impl Fn(T) -> [u8; N]) -> Vec<u8> {
+    values.iter().flat_map(|&value| to_bytes(value)).collect()
+}
+
+fn deserialize(bytes: &[u8]) -> Result<Stored, String> {
+    let text = |error: safetensors::SafeTensorError| error.to_string();
+    let (_, header) = SafeTensors::read_metadata(bytes).map_err(text)?;
+    let metadata = header.metadata().as_ref().and_then(|entries| entries.get(METADATA));
+    let header: Header = metadata
+        .ok_or_else(|| format!("no `{METADATA}` entry: not a scene of c4d"))
+        .and_then(|text| serde_json::from_str(text).map_err(|error| error.to_string()))?;
+    if header.format != FORMAT {
+        return Err(format!("format {}, expected {FORMAT}", header.format));
+    }
+    let file = SafeTensors::deserialize(bytes).map_err(text)?;
+    let data = |name: &str, dtype: Dtype| -> Result<Vec<u8>, String> {
+        let view = file.tensor(name).map_err(|error| format!("{name}: {error}"))?;
+        if view.dtype() != dtype {
+            return Err(format!("{name} is {:?}, expected {dtype:?}", view.dtype()));
+        }
+        Ok(view.data().to_vec())
+    };
+    let floats = |name: &str| -> Result<Vec<f32>, String> {
+        Ok(data(name, Dtype::F32)?
+            .as_chunks::<4>()
+            .0
+            .iter()
+            .map(|b| f32::from_le_bytes(*b))
+            .collect())
+    };
+    let ints = |name: &str| -> Result<Vec<u32>, String> {
+        Ok(data(name, Dtype::U32)?
+            .as_chunks::<4>()
+            .0
+            .iter()
+            .map(|b| u32::from_le_bytes(*b))
+            .collect())
+    };
+    let means = floats("edited.means")?.as_chunks::<3>().0.to_vec();
+    let sh = floats("edited.sh")?.as_chunks::<3>().0.to_vec();
+    let coeffs = if means.is_empty() { 1 } else { sh.len() / means.len() };
+    let edited = Splats {
+        quats: floats("edited.quats")?.as_chunks::<4>().0.to_vec(),
+        log_scales: floats("edited.log_scales")?.as_chunks::<3>().0.to_vec(),
+        opacity_logits: floats("edited.opacity_logits")?,
+        sh_degree: gs_core::sh::degree_of(coeffs).ok_or(format!("{coeffs} SH coefficients"))?,
+        means,
+        sh,
+    };
+    edited.check_shapes().map_err(|error| error.to_string())?;
+    let kinds = data("binding.kinds", Dtype::U8)?
+        .iter()
+        .map(|&code| RowKind::from_code(code).ok_or(format!("row kind {code}")))
+        .collect::<Result<Vec<_>, _>>()?;
+    let binding = Binding::from_parts(
+        ints("binding.offsets")?,
+        ints("binding.source_ids")?,
+        floats("binding.weights")?,
+        kinds,
+        header.num_sources,
+    )
+    .map_err(|error| error.to_string())?;
+    if binding.len() != edited.len() {
+        return Err(format!("{} bound rows for {} splats", binding.len(), edited.len()));
+    }
+    let refined = if file.tensor("refined.rows").is_ok() {
+        let refined = RefinedRows {
+            rows: ints("refined.rows")?,
+            sh: floats("refined.sh")?.as_chunks::<3>().0.to_vec(),
+            opacity_logits: floats("refined.opacity_logits")?,
+        };
+        if !refined.fits(&edited) {
+            return Err("refined rows do not fit the edited splats".to_owned());
+        }
+        Some(refined)
+    } else {
+        None
+    };
+    Ok(Stored { edited, binding, refined })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn sample() -> Stored {
+        let edited = Splats {
+            means: vec![[1.0, 2.0, 3.0], [4.0, 5.0, 6.0]],
+            quats: vec![[1.0, 0.0, 0.0, 0.0]; 2],
+            log_scales: vec![[-1.0; 3]; 2],
+            opacity_logits: vec![0.5, 1.5],
+            sh: vec![[0.1; 3]; 8],
+            sh_degree: 1,
+        };
+        let kinds = vec![RowKind::Unchanged, RowKind::Blended];
+        let binding =
+            Binding::from_parts(vec![0, 1, 3], vec![4, 0, 2], vec![1.0, 0.25, 0.75], kinds, 5)
+                .unwrap();
+        let refined =
+            Some(RefinedRows { rows: vec![1], sh: vec![[0.7; 3]; 4], opacity_logits: vec![2.5] });
+        Stored { edited, binding, refined }
+    }
+
+    #[test]
+    fn scene_file_round_trips() {
+        let stored = sample();
+        assert_eq!(
+            Stored::deserialize(&stored.serialize().unwrap()),
+            Ok(stored.clone()),
+            "bit for bit"
+        );
+        let unrefined = Stored { refined: None, ..stored };
+        assert_eq!(
+            Stored::deserialize(&unrefined.serialize().unwrap()),
+            Ok(unrefined),
+            "without refinement"
+        );
+    }
+
+    #[test]
+    fn refined_rows_replace_colours_only() {
+        let stored = sample();
+        let refined = stored.refined.as_ref().unwrap().apply(&stored.edited);
+        assert_eq!(refined.sh_of(0), stored.edited.sh_of(0), "other rows stay");
+        assert_eq!(refined.sh_of(1), [[0.7; 3]; 4], "refined row");
+        assert_eq!(refined.means, stored.edited.means, "geometry stays");
+    }
+
+    #[test]
+    fn damaged_scene_files_are_errors() {
+        let bytes = sample().serialize().unwrap();
+        for cut in 0..bytes.len() {
+            assert!(Stored::deserialize(&bytes[..cut]).is_err(), "cut at {cut}");
+        }
+        for i in 0..bytes.len() {
+            let mut flipped = bytes.clone();
+            flipped[i] ^= 0x55;
+            // Values may change; nothing may panic, and what is accepted is consistent.
+            if let Ok(stored) = Stored::deserialize(&flipped) {
+                assert!(stored.edited.check_shapes().is_ok(), "byte {i}");
+                assert_eq!(stored.binding.len(), stored.edited.len(), "byte {i}");
+            }
+        }
+    }
+}

@@ -1,0 +1,233 @@
+//! Opening SCENE: a 4DGS model folder, a PLY sequence, or a run of ours.
+
+use crate::args::Global;
+use crate::console::Console;
+use crate::failure::{Failure, Outcome, chain};
+use crate::run_folder;
+use gs_core::DynamicScene;
+use gs_deform::HexPlaneScene;
+use gs_io::checkpoint4dgs::{self, ModelScene, Overrides};
+use gs_io::ply_sequence::{PlySequence, SequenceOptions};
+use gs_io::repair::Damage;
+use gs_io::{IoError, SceneKind};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+/// A scene ready to be asked for any time.
+#[derive(Debug)]
+pub(crate) struct Opened {
+    /// The scene itself.
+    pub(crate) scene: Arc<dyn DynamicScene>,
+    /// The scene's own deformation network with its canonical splats, where it has one.
+    pub(crate) network: Option<Arc<HexPlaneScene>>,
+    /// What the path is.
+    pub(crate) kind: SceneKind,
+    /// As given.
+    pub(crate) path: PathBuf,
+    /// The scene before the edit, for runs.
+    pub(crate) original: Option<Arc<dyn DynamicScene>>,
+    /// Time of the edited frame: a run's, else the start.
+    pub(crate) edit_time: f32,
+    /// The world's upward direction, as far as the files tell.
+    pub(crate) up: [f64; 3],
+    /// Background the model was trained with, else black.
+    pub(crate) background: [f32; 3],
+    /// Facts to show, name and value.
+    pub(crate) facts: Vec<(&'static str, String)>,
+    /// Files whose content decides what the scene is, for fingerprints.
+    pub(crate) files: Vec<PathBuf>,
+}
+
+/// Captured scenes: y points down.
+const UP_CAPTURED: [f64; 3] = [0.0, -1.0, 0.0];
+/// D-NeRF scenes: z points up.
+const UP_SYNTHETIC: [f64; 3] = [0.0, 0.0, 1.0];
+/// Channels of the planes of the published D-NeRF configurations, and of no other.
+const DNERF_CHANNELS: usize = 32;
+/// PLY comment in which our own sequences note the upward axis.
+pub(crate) const UP_COMMENT: &str = "c4d_up ";
+
+/// Converts a reader's error; its message names the file and the next step.
+pub(crate) fn bad_input(error: &IoError) -> Failure {
+    Failure::bad_input(chain(error))
+}
+
+/// What damaged rows do.
+pub(crate) fn damage(global: &Global) -> Damage {
+    if global.strict { Damage::Fail } else { Damage::Drop }
+}
+
+/// Opens a scene and reports what was found odd about it.
+pub(crate) fn open(path: &Path, global: &Global, console: &Console) -> Outcome<Opened> {
+    if !path.exists() {
+        return Err(Failure::bad_input(format!("{} does not exist", path.display()))
+            .next("SCENE is a 4DGS model folder, a folder of numbered PLYs, or a run folder."));
+    }
+    match gs_io::detect(path).map_err(|error| bad_input(&error))? {
+        SceneKind::Model4dgs => open_4dgs(path, global, console),
+        SceneKind::PlySequence => open_sequence(path, global, console),
+        SceneKind::RunFolder => run_folder::open(path, global, console),
+        SceneKind::Ply => Err(Failure::bad_input(format!(
+            "{} is a single PLY: it does not move",
+            path.display()
+        ))
+        .next("Give the dynamic scene here: a 4DGS model folder, a folder of numbered PLYs, or a run folder.")),
+        kind => {
+            let missing = match kind {
+                SceneKind::Swift4d => "a Swift4D model, which this version cannot read yet",
+                SceneKind::CompressedPly => "a compressed PLY, which this version cannot read yet",
+                _ => "not a scene",
+            };
+            Err(Failure::bad_input(format!("{} is {missing} ({kind})", path.display()))
+                .next("`c4d info PATH` says what was found. SCENE is a 4DGS model folder, a folder of numbered PLYs, or a run folder."))
+        }
+    }
+}
+
+/// `--set` and `--iteration` as overrides of a 4DGS model.
+pub(crate) fn overrides(global: &Global) -> Outcome<Overrides> {
+    let mut overrides =
+        Overrides { iteration: global.iteration, damage: damage(global), ..Overrides::default() };
+    for setting in &global.set {
+        let refuse = |what: &str| {
+            Failure::usage(format!("--set {setting}: {what}"))
+                .next("Flags: no_dx, no_ds, no_dr, no_do, no_dshs, apply_rotation (true or false) and grid_pe (a number).")
+        };
+        let (name, value) = setting.split_once('=').ok_or_else(|| refuse("expected FLAG=VALUE"))?;
+        if name == "grid_pe" {
+            overrides.grid_pe = Some(value.parse().map_err(|_| refuse("grid_pe is a number"))?);
+            continue;
+        }
+        let flag = match value {
+            "true" | "True" | "1" => true,
+            "false" | "False" | "0" => false,
+            _ => return Err(refuse("expected true or false")),
+        };
+        let slot = match name {
+            "no_dx" => &mut overrides.no_dx,
+            "no_ds" => &mut overrides.no_ds,
+            "no_dr" => &mut overrides.no_dr,
+            "no_do" => &mut overrides.no_do,
+            "no_dshs" => &mut overrides.no_dshs,
+            "apply_rotation" => &mut overrides.apply_rotation,
+            _ => return Err(refuse("no such flag")),
+        };
+        *slot = Some(flag);
+    }
+    Ok(overrides)
+}
+
+fn open_4dgs(path: &Path, global: &Global, console: &Console) -> Outcome<Opened> {
+    let model =
+        checkpoint4dgs::open(path, &overrides(global)?).map_err(|error| bad_input(&error))?;
+    let report = &model.report;
+    for warning in &report.warnings {
+        console.warn(format!("{}: {warning}", path.display()));
+    }
+    for hint in &report.untrained_heads {
+        console.detail(format!("hint: {hint}"));
+    }
+    let mut facts = vec![
+        ("iteration", report.iteration.to_string()),
+        ("stage", format!("{:?}", report.stage).to_lowercase()),
+        ("heads", report.heads.join(", ")),
+    ];
+    if report.width > 0 {
+        facts.push((
+            "network",
+            format!(
+                "width {}, {} levels × {} channels",
+                report.width, report.levels, report.channels
+            ),
+        ));
+    }
+    for flag in &report.flags {
+        facts.push(("flag", format!("{} = {} ({:?})", flag.name, flag.value, flag.origin)));
+    }
+    let repair = &report.repair;
+    let dropped = repair.not_finite + repair.zero_quaternion;
+    if dropped > 0 {
+        console.warn(format!(
+            "{}: dropped {dropped} of {} rows ({} not finite, {} with a zero quaternion)",
+            report.ply.display(),
+            repair.rows,
+            repair.not_finite,
+            repair.zero_quaternion
+        ));
+    }
+    let synthetic = report.channels == DNERF_CHANNELS;
+    let background = match report.white_background {
+        Some(true) => [1.0; 3],
+        _ => [0.0; 3],
+    };
+    let folder = report.ply.parent().unwrap_or(path);
+    let files = [report.ply.clone(), folder.join("deformation.pth"), path.join("cfg_args")]
+        .into_iter()
+        .filter(|file| file.is_file())
+        .collect();
+    let (scene, network): (Arc<dyn DynamicScene>, _) = match model.scene {
+        ModelScene::Deformed(scene) => {
+            let scene: Arc<HexPlaneScene> = Arc::from(scene);
+            (scene.clone(), Some(scene))
+        }
+        ModelScene::Static(scene) => (Arc::new(scene), None),
+    };
+    Ok(Opened {
+        edit_time: scene.time_range().start,
+        scene,
+        network,
+        kind: SceneKind::Model4dgs,
+        path: path.to_owned(),
+        original: None,
+        up: if synthetic { UP_SYNTHETIC } else { UP_CAPTURED },
+        background,
+        facts,
+        files,
+    })
+}
+
+fn open_sequence(path: &Path, global: &Global, console: &Console) -> Outcome<Opened> {
+    let options = SequenceOptions { damage: damage(global), ..SequenceOptions::default() };
+    let sequence = PlySequence::open(path, &options).map_err(|error| bad_input(&error))?;
+    if !sequence.ignored().is_empty() {
+        console.detail(format!("{}: ignored {}", path.display(), sequence.ignored().join(", ")));
+    }
+    let files = sequence.paths().to_vec();
+    let up = files.first().and_then(|first| up_of(first)).unwrap_or(UP_CAPTURED);
+    let facts = vec![("frames", files.len().to_string())];
+    Ok(Opened {
+        edit_time: sequence.time_range().start,
+        scene: Arc::new(sequence),
+        network: None,
+        kind: SceneKind::PlySequence,
+        path: path.to_owned(),
+        original: None,
+        up,
+        background: [0.0; 3],
+        facts,
+        files,
+    })
+}
+
+/// The upward axis that our own writer notes in a comment.
+fn up_of(ply: &Path) -> Option<[f64; 3]> {
+    use std::io::Read;
+    let mut head = vec![0; 16 * 1024];
+    let read = std::fs::File::open(ply).ok()?.read(&mut head).ok()?;
+    let text = String::from_utf8_lossy(&head[..read]).into_owned();
+    let line = text
+        .lines()
+        .take_while(|line| *line != "end_header")
+        .find_map(|line| line.strip_prefix("comment ")?.strip_prefix(UP_COMMENT))?;
+    let axis: crate::args::Up = clap::ValueEnum::from_str(line.trim(), true).ok()?;
+    Some(axis.vector())
+}
+
+/// The comment for a sequence whose world's up is `up`, when it is an axis.
+pub(crate) fn up_comment(up: [f64; 3]) -> Option<String> {
+    use crate::args::Up;
+    [(Up::X, "x"), (Up::Y, "y"), (Up::Z, "z"), (Up::NegX, "-x"), (Up::NegY, "-y"), (Up::NegZ, "-z")]
+        .into_iter()
+        .find(|(axis, _)| axis.vector() == up)
+        .map(|(_, name)| format!("{UP_COMMENT}{name}"))
+}

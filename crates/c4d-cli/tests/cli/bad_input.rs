@@ -1,0 +1,217 @@
+//! Wrong inputs: each ends in an error that names the file and the next step, with its exit code, and leaves nothing behind.
+
+use crate::support::{c4d, failure, fixture, listing, success};
+use gs_core::Splats;
+use gs_io::{Existing, ply};
+use std::fs;
+use std::path::{Path, PathBuf};
+
+struct Bench {
+    folder: tempfile::TempDir,
+}
+
+impl Bench {
+    fn new() -> Self {
+        Self { folder: tempfile::tempdir().unwrap() }
+    }
+
+    fn at(&self, name: &str) -> PathBuf {
+        self.folder.path().join(name)
+    }
+
+    /// Propagates `edited` over the fixture scene; expects failure and no output.
+    fn refuse(&self, edited: &Path, code: i32, expected: &[&str]) {
+        let (source, run) = (fixture("synth/source"), self.at("run"));
+        let mut command = c4d([
+            "propagate",
+            "--no-refine",
+            source.to_str().unwrap(),
+            "--edited",
+            edited.to_str().unwrap(),
+            "-o",
+            run.to_str().unwrap(),
+        ]);
+        let said = failure(&mut command, code);
+        for part in expected {
+            assert!(said.contains(part), "expected `{part}` in: {said}");
+        }
+        assert!(!run.exists(), "no output");
+        let left: Vec<String> = listing(self.folder.path())
+            .into_iter()
+            .filter(|name| name.contains("run/") || name.starts_with(".run"))
+            .collect();
+        assert!(left.is_empty(), "nothing partial left: {left:?}");
+    }
+
+    fn edited(&self, change: impl FnOnce(&mut Splats)) -> PathBuf {
+        let mut splats = ply::read_file(&fixture("synth/edited.ply")).unwrap().splats;
+        change(&mut splats);
+        let path = self.at("edited.ply");
+        ply::write_file(&path, &splats, &ply::WriteOptions::default(), Existing::Replace).unwrap();
+        path
+    }
+}
+
+#[test]
+fn edited_file_problems() {
+    let bench = Bench::new();
+    bench.refuse(&bench.at("absent.ply"), 3, &["absent.ply"]);
+
+    let bytes = fs::read(fixture("synth/edited.ply")).unwrap();
+    let truncated = bench.at("truncated.ply");
+    fs::write(&truncated, &bytes[..bytes.len() - 100]).unwrap();
+    bench.refuse(&truncated, 3, &["truncated.ply", "needs", "found"]);
+
+    let cloud = bench.at("cloud.ply");
+    fs::write(
+        &cloud,
+        "ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nproperty float y\nproperty float z\nproperty uchar red\nend_header\n0 0 0 9\n",
+    )
+    .unwrap();
+    bench.refuse(&cloud, 3, &["cloud.ply", "opacity", "point cloud"]);
+
+    let garbage = bench.at("garbage.ply");
+    fs::write(&garbage, [0x93, 0x4e, 0x55, 0x4d, 0x50, 0x59]).unwrap();
+    bench.refuse(&garbage, 3, &["garbage.ply"]);
+
+    let none = bench.edited(|splats| *splats = splats.select(&[]));
+    bench.refuse(&none, 3, &["edited.ply"]);
+
+    let all_nan = bench.edited(|splats| splats.means.fill([f32::NAN; 3]));
+    bench.refuse(&all_nan, 3, &["edited.ply", "damaged", "c4d info"]);
+
+    let far = bench.edited(|splats| {
+        for mean in &mut splats.means {
+            mean[0] += 1e4;
+        }
+    });
+    bench.refuse(&far, 3, &["edited.ply", "--allow-far", "c4d freeze"]);
+}
+
+#[test]
+fn damaged_rows_are_counted_or_refused() {
+    let bench = Bench::new();
+    let edited = bench.edited(|splats| {
+        splats.means[5][1] = f32::NAN;
+        splats.log_scales[9][0] = f32::INFINITY;
+        splats.quats[11] = [0.0; 4];
+    });
+    let (source, run) = (fixture("synth/source"), bench.at("run"));
+    let arguments = [
+        "propagate",
+        "--no-refine",
+        source.to_str().unwrap(),
+        "--edited",
+        edited.to_str().unwrap(),
+        "-o",
+        run.to_str().unwrap(),
+    ];
+    let said = failure(c4d(arguments).arg("--strict"), 3);
+    assert!(said.contains("edited.ply") && !run.exists(), "{said}");
+    let (_, said) = success(&mut c4d(arguments));
+    assert!(said.contains("dropped 3 of"), "counted: {said}");
+}
+
+#[test]
+fn scene_problems() {
+    let bench = Bench::new();
+    let out = bench.at("out");
+    let freeze = |scene: &Path, code: i32| {
+        let said = failure(
+            &mut c4d(["freeze", scene.to_str().unwrap(), "-o", out.to_str().unwrap()]),
+            code,
+        );
+        assert!(!out.exists(), "no output; said: {said}");
+        said
+    };
+    assert!(freeze(&bench.at("nowhere"), 3).contains("nowhere"), "names what is missing");
+    let said = freeze(&fixture("synth/edited.ply"), 3);
+    assert!(said.contains("does not move"), "{said}");
+    let empty = bench.at("empty");
+    fs::create_dir(&empty).unwrap();
+    assert!(freeze(&empty, 3).contains("empty"), "names the folder");
+
+    let model = bench.at("model");
+    copy_folder(&fixture("deform4dgs/dnerf_like/model"), &model);
+    let newest = model.join("point_cloud/iteration_20000/deformation.pth");
+    let good = fs::read(&newest).unwrap();
+    fs::remove_file(&newest).unwrap();
+    let said = freeze(&model, 3);
+    assert!(said.contains("deformation.pth"), "{said}");
+    fs::write(&newest, &good[..good.len() / 2]).unwrap();
+    let said = freeze(&model, 3);
+    assert!(said.contains("deformation.pth"), "{said}");
+    fs::write(&newest, b"cos\nsystem\n(S'true'\ntR.").unwrap();
+    let said = freeze(&model, 3);
+    assert!(said.contains("deformation.pth"), "{said}");
+}
+
+#[test]
+fn usage_problems() {
+    let bench = Bench::new();
+    let model = fixture("deform4dgs/dnerf_like/model");
+    let model = model.to_str().unwrap();
+    let out = bench.at("out");
+    let output = out.to_str().unwrap();
+    let said = failure(&mut c4d(["freeze", model, "--time", "1.5", "-o", output]), 2);
+    assert!(said.contains("0 to 1"), "{said}");
+    let said = failure(&mut c4d(["render", model, "--times", "-0.1", "-o", output]), 2);
+    assert!(said.contains("--times"), "{said}");
+    let said = failure(&mut c4d(["freeze", model, "--set", "no_dx=maybe", "-o", output]), 2);
+    assert!(said.contains("no_dx"), "{said}");
+    let said = failure(&mut c4d(["freeze", model, "--iteration", "5", "-o", output]), 3);
+    assert!(said.contains('5'), "{said}");
+    let source = fixture("synth/source");
+    let edited = fixture("synth/edited.ply");
+    let mut deformnet = c4d(["propagate", source.to_str().unwrap(), "--baseline", "deformnet"]);
+    let said = failure(deformnet.args(["--edited", edited.to_str().unwrap(), "-o", output]), 2);
+    assert!(said.contains("no deformation network"), "{said}");
+    let said = failure(&mut c4d(["render", model, "--side-by-side", "-o", output]), 2);
+    assert!(said.contains("not a run"), "{said}");
+    assert!(!out.exists(), "no output");
+}
+
+#[test]
+fn existing_and_foreign_output_is_kept() {
+    let bench = Bench::new();
+    let model = fixture("deform4dgs/dnerf_like/model");
+    let model = model.to_str().unwrap();
+    let out = bench.at("out");
+    let output = out.to_str().unwrap();
+    success(&mut c4d(["freeze", model, "-o", output]));
+    let said = failure(&mut c4d(["freeze", model, "-o", output]), 2);
+    assert!(said.contains("exists"), "{said}");
+    success(&mut c4d(["freeze", model, "-w", "-o", output]));
+    fs::write(out.join("thesis.tex"), "years of work").unwrap();
+    let said = failure(&mut c4d(["freeze", model, "-w", "-o", output]), 2);
+    assert!(said.contains("thesis.tex"), "{said}");
+    assert_eq!(listing(&out), ["cameras.json", "point_cloud.ply", "thesis.tex"], "all kept");
+    let file = bench.at("clip.mp4");
+    fs::write(&file, "somebody's film").unwrap();
+    let arguments =
+        ["render", model, "--size", "32x32", "--frames", "2", "-o", file.to_str().unwrap()];
+    failure(&mut c4d(arguments), 2);
+    assert_eq!(fs::read(&file).unwrap(), b"somebody's film", "kept");
+    let unwritable = c4d(["freeze", model, "-o", "/proc/c4d/out"]).output().unwrap();
+    assert_eq!(unwritable.status.code(), Some(1), "an unwritable place");
+}
+
+#[test]
+fn an_edit_of_the_canonical_file_is_refused() {
+    let bench = Bench::new();
+    let model = fixture("deform4dgs/dnerf_like/model");
+    let canonical = model.join("point_cloud/iteration_20000/point_cloud.ply");
+    let run = bench.at("run");
+    let mut command =
+        c4d(["propagate", model.to_str().unwrap(), "--edited", canonical.to_str().unwrap()]);
+    let said = failure(command.args(["-o", run.to_str().unwrap()]), 3);
+    assert!(said.contains("canonical") && said.contains("c4d freeze"), "{said}");
+}
+
+fn copy_folder(from: &Path, to: &Path) {
+    for name in listing(from) {
+        let target = to.join(&name);
+        fs::create_dir_all(target.parent().unwrap()).unwrap();
+        fs::copy(from.join(&name), target).unwrap();
+    }
+}

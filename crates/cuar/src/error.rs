@@ -1,0 +1,59 @@
+//! [`CuarError`].
+
+use gs_core::{CameraError, RasterError, SceneError, SplatsError};
+use thiserror::Error;
+
+/// Why a pass or the refinement could not be done.
+#[derive(Debug, Error)]
+pub enum CuarError {
+    /// An argument has another size than the others require.
+    #[error("refinement: `{what}` has {found} values, expected {expected}")]
+    Shape {
+        /// Name of the argument.
+        what: &'static str,
+        /// Values given.
+        found: usize,
+        /// Values needed.
+        expected: usize,
+    },
+    /// An option or input out of range.
+    #[error("refinement: {what}")]
+    Input {
+        /// What is wrong, with the value found and the values expected.
+        what: String,
+    },
+    /// The scene could not be evaluated.
+    #[error(transparent)]
+    Scene(#[from] SceneError),
+    /// The rasteriser refused.
+    #[error(transparent)]
+    Raster(#[from] RasterError),
+    /// A camera cannot see.
+    #[error(transparent)]
+    Camera(#[from] CameraError),
+    /// Arrays of splats disagree.
+    #[error(transparent)]
+    Splats(#[from] SplatsError),
+    /// A checkpoint belongs to other inputs or is damaged.
+    #[error("refinement checkpoint: {what}")]
+    State {
+        /// What does not fit.
+        what: String,
+    },
+    /// The observer asked to stop; its last checkpoint holds everything done.
+    #[error("refinement: cancelled at step {step}")]
+    Cancelled {
+        /// Steps done.
+        step: u64,
+    },
+}
+
+impl CuarError {
+    pub(crate) fn input(what: impl Into<String>) -> Self {
+        Self::Input { what: what.into() }
+    }
+
+    pub(crate) fn check(what: &'static str, found: usize, expected: usize) -> Result<(), Self> {
+        if found == expected { Ok(()) } else { Err(Self::Shape { what, found, expected }) }
+    }
+}

@@ -1,0 +1,171 @@
+//! Rendered optical flow (Eqs. 11–12).
+
+use crate::CuarError;
+use gs_core::{Camera, Image, Rasterizer, RenderParams, Splats};
+use rayon::prelude::*;
+
+/// Camera depth at or below which the rasteriser culls, world units.
+const NEAR: f64 = 0.2;
+
+/// Composited displacement of the surfaces seen at each pixel.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Flow {
+    /// `Σ f α T`, pixels, x right and y down, `[H,W,2]`. As the paper writes it: **not** divided by coverage, so it shrinks towards 0 where
+    /// splats cover a pixel in part.
+    pub flow: Image,
+    /// `Σ α T = 1 − T_final`, `[H,W,1]`.
+    pub coverage: Image,
+}
+
+impl Flow {
+    /// Flow divided by coverage, pixels, `[H,W,2]`; NaN where the coverage is below `min_coverage` (or zero).
+    pub fn normalized(&self, min_coverage: f32) -> Image {
+        let mut out = self.flow.clone();
+        for (flow, &alpha) in out.data.chunks_exact_mut(2).zip(&self.coverage.data) {
+            let known = alpha >= min_coverage && alpha > 0.0;
+            for value in flow {
+                *value = if known { *value / alpha } else { f32::NAN };
+            }
+        }
+        out
+    }
+}
+
+/// Eq. 11: `Proj(to.means) − Proj(from.means)` in pixels, `[N,2]`; `[0,0]` for splats that are not in front of the camera (z ≤ 0.2, or not
+/// finite) in both.
+///
+/// # Errors
+/// If the camera cannot see or the two differ in number.
+pub fn displacements(
+    from: &Splats,
+    to: &Splats,
+    camera: &Camera,
+) -> Result<Vec<[f32; 2]>, CuarError> {
+    camera.check()?;
+    CuarError::check("to", to.len(), from.len())?;
+    Ok(from
+        .means
+        .par_iter()
+        .zip(&to.means)
+        .with_min_len(1024)
+        .map(|(&a, &b)| displacement(camera, a, b).map_or([0.0; 2], |moved| moved.by))
+        .collect())
+}
+
+/// How one splat moves on screen.
+struct Displacement {
+    /// Pixels.
+    by: [f32; 2],
+}
+
+fn displacement(camera: &Camera, from: [f32; 3], to: [f32; 3]) -> Option<Displacement> {
+    let (from, depth_from) = project(camera, from)?;
+    let (to, depth_to) = project(camera, to)?;
+    if depth_from <= NEAR || depth_to <= NEAR {
+        return None;
+    }
+    #[expect(clippy::cast_possible_truncation, reason = "features are single precision")]
+    let moved = Displacement { by: [(to[0] - from[0]) as f32, (to[1] - from[1]) as f32] };
+    moved.by.iter().all(|value| value.is_finite()).then_some(moved)
+}
+
+/// Where a splat's part of a pixel lies at another time: `p ↦ shift + linear·p`, pixels.
+pub(crate) struct AffineMotion {
+    pub shift: [f32; 2],
+    pub linear: [f32; 4],
+    /// The splat's centre there, camera frame, world units.
+    pub place: [f32; 3],
+}
+
+/// Pulls [`AffineMotion::linear`] of splats thinner than this towards the identity, pixels².
+const AFFINE_EPS: f64 = 0.1;
+
+/// Motion of row `i` of `from` to `to`, first order in the distance from its centre: the splat's own axes turn and stretch. A pixel's point on
+/// the splat is the one expected under the Gaussian, so with `K = J·R·S` (2×3, axes in pixels) the linear part is `K_to K_fromᵀ (K_from
+/// K_fromᵀ)⁻¹`. Displacements of centres alone (Eq. 11) are wrong by the rotation times the splat's size.
+pub(crate) fn affine_motion(
+    camera: &Camera,
+    from: &Splats,
+    to: &Splats,
+    i: usize,
+) -> Option<AffineMotion> {
+    let (at, depth_from) = project(camera, from.means[i])?;
+    let place = camera.to_camera(to.means[i].map(f64::from));
+    let (there, depth) = project(camera, to.means[i])?;
+    if depth_from <= NEAR || depth <= NEAR {
+        return None;
+    }
+    let a = axes(camera, from, i);
+    let b = axes(camera, to, i);
+    let dot = |x: [f64; 3], y: [f64; 3]| x[0] * y[0] + x[1] * y[1] + x[2] * y[2];
+    let cross = [
+        dot(b[0], a[0]) + AFFINE_EPS,
+        dot(b[0], a[1]),
+        dot(b[1], a[0]),
+        dot(b[1], a[1]) + AFFINE_EPS,
+    ];
+    let (p, q, r) = (dot(a[0], a[0]) + AFFINE_EPS, dot(a[0], a[1]), dot(a[1], a[1]) + AFFINE_EPS);
+    let det = p * r - q * q;
+    let linear = [
+        (cross[0] * r - cross[1] * q) / det,
+        (cross[1] * p - cross[0] * q) / det,
+        (cross[2] * r - cross[3] * q) / det,
+        (cross[3] * p - cross[2] * q) / det,
+    ];
+    let shift = [
+        there[0] - linear[0] * at[0] - linear[1] * at[1],
+        there[1] - linear[2] * at[0] - linear[3] * at[1],
+    ];
+    #[expect(clippy::cast_possible_truncation, reason = "features are single precision")]
+    let motion = AffineMotion {
+        shift: shift.map(|x| x as f32),
+        linear: linear.map(|x| x as f32),
+        place: place.map(|x| x as f32),
+    };
+    let finite = motion.shift.iter().chain(&motion.linear).chain(&motion.place).all(|value| value.is_finite());
+    finite.then_some(motion)
+}
+
+/// The splat's axes (columns, one standard deviation long) on screen, pixels, 2×3.
+fn axes(camera: &Camera, splats: &Splats, i: usize) -> [[f64; 3]; 2] {
+    let rotation = gs_core::rotation_matrix(splats.rotation(i).map(f64::from));
+    let scale = splats.scale(i).map(f64::from);
+    let [x, y, z] = camera.to_camera(splats.means[i].map(f64::from));
+    let (k, v) = (&camera.intrinsics, &camera.viewmat);
+    let row = |focal: f64, slope: f64, view: [f64; 4]| {
+        let world = [0, 1, 2].map(|c| focal / z * (view[c] - slope * v[2][c]));
+        [0, 1, 2].map(|axis| {
+            scale[axis] * (0..3).map(|c| world[c] * rotation[c][axis]).sum::<f64>()
+        })
+    };
+    [row(k.fx, x / z, v[0]), row(k.fy, y / z, v[1])]
+}
+
+/// Pixels and camera depth.
+fn project(camera: &Camera, mean: [f32; 3]) -> Option<([f64; 2], f64)> {
+    let [x, y, z] = camera.to_camera(mean.map(f64::from));
+    let k = &camera.intrinsics;
+    (z > 0.0).then(|| ([k.fx * x / z + k.cx, k.fy * y / z + k.cy], z))
+}
+
+/// Eq. 12: the displacement `from → to`, composited with the geometry of `on`, the frame whose pixels carry the flow.
+///
+/// The paper's `F_{1→t}` on frame 1 is `render_flow(r, s1, s1, st, camera)`; the flow that fetches frame 1 into frame `t` without holes is
+/// `render_flow(r, st, st, s1, camera)`.
+///
+/// # Errors
+/// If shapes disagree, the camera cannot see, or the rasteriser fails.
+pub fn render_flow<R: Rasterizer>(
+    raster: &R,
+    on: &Splats,
+    from: &Splats,
+    to: &Splats,
+    camera: &Camera,
+) -> Result<Flow, CuarError> {
+    CuarError::check("from", from.len(), on.len())?;
+    let features = displacements(from, to, camera)?.concat();
+    let mut prepared = raster.prepare(on, camera)?;
+    let params = RenderParams { rgb: false, depth: false, ..RenderParams::default() };
+    let output = raster.forward(&mut prepared, on, &features, &params)?;
+    Ok(Flow { flow: output.features_image(), coverage: output.alpha_image() })
+}

@@ -1,0 +1,31 @@
+//! Colour-uncertainty-guided appearance refinement (CUAR) of dynamic Gaussian splats.
+mod adam;
+mod compact;
+mod descent;
+mod error;
+mod flow;
+mod flow_files;
+pub mod loss;
+mod options;
+mod plan;
+mod problem;
+mod refine;
+mod regression;
+mod sample;
+mod scene;
+mod state;
+mod uncertainty;
+mod warp;
+
+pub use adam::Adam;
+pub use error::CuarError;
+pub use flow::{Flow, displacements, render_flow};
+pub use flow_files::{decode_flo, encode_flo, flow_wheel};
+pub use options::{AdamParams, Preset, RefineOptions, RegressionParams, Solver};
+pub use plan::{ViewTime, Views};
+pub use problem::TracePoint;
+pub use refine::{Refined, Report, refine};
+pub use scene::OffsetScene;
+pub use state::{NoObserver, Observer, Preview, Progress, State};
+pub use uncertainty::{artifact_mask, color_uncertainty, render_uncertainty};
+pub use warp::{WarpForm, WarpParams};

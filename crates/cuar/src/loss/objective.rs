@@ -1,0 +1,183 @@
+//! The refinement objective of one image (Eqs. 18–20).
+
+use super::{Ssim, l1::sign};
+use gs_core::Real;
+
+/// Weights of Eqs. 18 and 20.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct LossWeights {
+    /// η, share of D-SSIM in the foreground loss. Default 0.2 (supplement).
+    pub eta: f64,
+    /// ζ, share of the background loss. Default 0.3 (supplement).
+    pub zeta: f64,
+}
+
+impl Default for LossWeights {
+    fn default() -> Self {
+        Self { eta: 0.2, zeta: 0.3 }
+    }
+}
+
+/// The losses of one image, means over the whole image.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct LossParts {
+    /// `mean M·|render − warp|`, first term of Eq. 18 without its weight.
+    pub fore_l1: f64,
+    /// `1 − SSIM(M·render, M·warp)`, second term of Eq. 18 without its weight.
+    pub fore_ssim: f64,
+    /// Eq. 19.
+    pub back_l1: f64,
+}
+
+impl LossParts {
+    /// Eq. 20.
+    pub fn total(&self, weights: LossWeights) -> f64 {
+        let fore = (1.0 - weights.eta) * self.fore_l1 + weights.eta * self.fore_ssim;
+        (1.0 - weights.zeta) * fore + weights.zeta * self.back_l1
+    }
+}
+
+/// What the render of one image is compared with. The image may be a crop; see [`Objective::new`].
+#[derive(Debug, Clone, Copy)]
+pub struct Targets<'a, F> {
+    /// Render before refinement, `[H,W,3]`.
+    pub original: &'a [F],
+    /// First frame warped here, `[H,W,3]`; read only where `fore > 0`.
+    pub warp: &'a [F],
+    /// M: 1 where `warp` supervises, else 0, `[H,W]`.
+    pub fore: &'a [F],
+    /// 1 − M: 1 where `original` supervises, else 0, `[H,W]`. Pixels with neither are free.
+    pub back: &'a [F],
+}
+
+/// How L1 is treated.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Shape {
+    /// `|r|`, derivative `sign r`.
+    Exact,
+    /// Derivative `r/√(r² + δ²)`, curvature `1/√(r² + δ²)` (iteratively reweighted least squares). Reported values stay `|r|`.
+    Smooth(f64),
+}
+
+/// Eqs. 18–20 with gradient and, for second-order solvers, curvature. Owns its work memory.
+#[derive(Debug, Clone)]
+pub struct Objective<F> {
+    weights: LossWeights,
+    norm: F,
+    ssim: Ssim<F>,
+    masked: [Vec<F>; 2],
+    v_masked: Vec<F>,
+    bent: Vec<F>,
+}
+
+impl<F: Real> Objective<F> {
+    /// For crops of `width × height` out of an image of `full_pixels` pixels (the crop itself, if it is none): values are means over the
+    /// full image, whose rest is taken to contribute nothing.
+    pub fn new(width: usize, height: usize, full_pixels: usize, weights: LossWeights) -> Self {
+        Self {
+            weights,
+            norm: F::from_double(1.0 / (3.0 * full_pixels.max(1) as f64)),
+            ssim: Ssim::new(width, height, 3),
+            masked: Default::default(),
+            v_masked: Vec::new(),
+            bent: Vec::new(),
+        }
+    }
+
+    /// Losses of `render` (`[H,W,3]`). Overwrites `v_render` (`[H,W,3]`) with the derivative of [`LossParts::total`], and with `curvature`
+    /// that (`[H,W]`) with a bound of its second derivative per pixel, mean over channels.
+    ///
+    /// # Panics
+    /// If a length does not fit the size given to [`Objective::new`].
+    pub fn evaluate(
+        &mut self,
+        render: &[F],
+        targets: &Targets<F>,
+        shape: Shape,
+        v_render: &mut Vec<F>,
+        curvature: Option<&mut Vec<F>>,
+    ) -> LossParts {
+        let [width, height, _] = self.ssim.size();
+        let pixels = width * height;
+        for (what, len, per_pixel) in [
+            ("render", render.len(), 3),
+            ("original", targets.original.len(), 3),
+            ("warp", targets.warp.len(), 3),
+            ("fore", targets.fore.len(), 1),
+            ("back", targets.back.len(), 1),
+        ] {
+            assert!(len == pixels * per_pixel, "{what}: {len} values, {width}×{height} pixels");
+        }
+        v_render.clear();
+        v_render.resize(pixels * 3, F::zero());
+        let LossWeights { eta, zeta } = self.weights;
+        let share = |x: f64| F::from_double(x);
+        let (fore_share, back_share) = (share((1.0 - zeta) * (1.0 - eta)), share(zeta));
+        let ssim_share = share((1.0 - zeta) * eta);
+
+        let bends = curvature.is_some();
+        self.bent.clear();
+        self.bent.resize(pixels * 3, F::zero());
+        let mut parts = LossParts::default();
+        if targets.fore.iter().any(|&m| m > F::zero()) {
+            let [x, y] = &mut self.masked;
+            mask_into(render, targets.fore, x);
+            mask_into(targets.warp, targets.fore, y);
+            self.v_masked.clear();
+            self.v_masked.resize(pixels * 3, F::zero());
+            let bent = bends.then_some(self.bent.as_mut_slice());
+            let loss = self.ssim.loss(x, y, self.norm, ssim_share, &mut self.v_masked, bent);
+            parts.fore_ssim = loss.as_f64();
+            for p in 0..pixels {
+                let m = targets.fore[p];
+                for k in p * 3..p * 3 + 3 {
+                    v_render[k] = m * self.v_masked[k];
+                    self.bent[k] = m * m * self.bent[k];
+                }
+            }
+        }
+        let mut norms = [F::zero(); 2];
+        let terms = [(targets.fore, targets.warp, fore_share), (targets.back, targets.original, back_share)];
+        for (sum, (weights, target, share)) in norms.iter_mut().zip(terms) {
+            let factor = self.norm * share;
+            let delta2 = match shape {
+                Shape::Exact => F::zero(),
+                Shape::Smooth(delta) => F::from_double(delta * delta),
+            };
+            for p in 0..pixels {
+                let m = weights[p];
+                if m <= F::zero() {
+                    continue;
+                }
+                for k in p * 3..p * 3 + 3 {
+                    let r = render[k] - target[k];
+                    *sum += m * r.abs();
+                    if shape == Shape::Exact {
+                        v_render[k] += factor * m * sign(r);
+                    } else {
+                        let weight = factor * m / (r * r + delta2).sqrt();
+                        v_render[k] += weight * r;
+                        self.bent[k] += weight;
+                    }
+                }
+            }
+        }
+        parts.fore_l1 = (norms[0] * self.norm).as_f64();
+        parts.back_l1 = (norms[1] * self.norm).as_f64();
+        if let Some(curvature) = curvature {
+            let third = F::from_double(1.0 / 3.0);
+            curvature.clear();
+            curvature.extend(self.bent.chunks_exact(3).map(|b| (b[0] + b[1] + b[2]) * third));
+        }
+        parts
+    }
+}
+
+fn mask_into<F: Real>(image: &[F], mask: &[F], out: &mut Vec<F>) {
+    out.clear();
+    out.reserve(image.len());
+    for (rgb, &m) in image.chunks_exact(3).zip(mask) {
+        // not a product: what lies outside the mask may be anything, even NaN
+        out.extend(rgb.iter().map(|&value| if m > F::zero() { m * value } else { F::zero() }));
+    }
+}

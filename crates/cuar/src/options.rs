@@ -1,0 +1,187 @@
+//! What can be chosen: [`RefineOptions`].
+
+use crate::{CuarError, WarpForm, WarpParams, loss::LossWeights};
+
+/// Ready-made [`RefineOptions`].
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Preset {
+    /// What measured best.
+    #[default]
+    Best,
+    /// The paper's formulas and constants: Adam, Eq. 13 as written, no floor under the mask.
+    Paper,
+}
+
+/// How the objective is minimised.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Solver {
+    /// Per splat, weighted least squares of the colours that the images ask for (see [`RegressionParams`]).
+    Regression(RegressionParams),
+    /// Adam, one image per step.
+    Adam(AdamParams),
+}
+
+/// The regression solver: majorise–minimise, incremental over images.
+///
+/// With geometry and opacity fixed a pixel is a sub-convex combination of splat colours, so the (reweighted) quadratic model of the objective
+/// separates over splats: every image asks every visible splat for one colour, with a weight. A splat's SH is the weighted least-squares fit of
+/// what all images ask. No step size; each image's request is renewed when the image is visited and all others keep their last one.
+#[derive(Debug, Clone, PartialEq)]
+pub struct RegressionParams {
+    /// Visits of every image. Default 6.
+    pub passes: usize,
+    /// How often per pass the splats are fitted anew (not in the first pass, which only gathers). Default 8.
+    pub fits_per_pass: usize,
+    /// Width δ of the smoothed L1, colour units. Default 0.01.
+    pub delta: f64,
+    /// Over-relaxation of the requested colours, in (0, 2). Default 1.5.
+    pub relaxation: f64,
+    /// Smoothness over directions: ridge on the refined coefficients of degree `l`, relative to the splat's total weight: `prior · l²` times the
+    /// share of images in which the splat's ξ exceeds the mask's threshold (and, on the change of DC, a thousandth of `prior`). Where no image tells, colours become those of the smoothest function through what the images
+    /// tell, rather than what an unsupervised fit left there. Default 0.003; 0 fits the images alone.
+    pub prior: f64,
+}
+
+impl Default for RegressionParams {
+    fn default() -> Self {
+        Self { passes: 6, fits_per_pass: 8, delta: 0.01, relaxation: 1.5, prior: 0.003 }
+    }
+}
+
+/// The Adam solver. The paper names neither optimiser nor rates; these are 3DGS's for SH.
+#[derive(Debug, Clone, PartialEq)]
+pub struct AdamParams {
+    /// Steps, one image each. Default 3000.
+    pub steps: usize,
+    /// Learning rate of the DC coefficients. Default 0.0025.
+    pub rate_dc: f32,
+    /// Learning rate of the other coefficients. Default 0.000125.
+    pub rate_rest: f32,
+    /// Learning rate of opacity logits, if they are refined. Default 0.01.
+    pub rate_opacity: f32,
+}
+
+impl Default for AdamParams {
+    fn default() -> Self {
+        Self { steps: 3000, rate_dc: 0.0025, rate_rest: 0.000_125, rate_opacity: 0.01 }
+    }
+}
+
+/// Everything about a refinement but its inputs.
+#[derive(Debug, Clone, PartialEq)]
+pub struct RefineOptions {
+    /// Time of the edited frame. Default `None`: the start of the scene.
+    pub edit_time: Option<f32>,
+    /// ε of Eq. 17, 0.5 to 2 in the paper (smaller: broader masks). Default 0.5.
+    pub epsilon: f32,
+    /// Uncertainty below which nothing is an artifact, whatever the mean. Default 0.02 (a colour change of 5 of 255, summed over channels);
+    /// 0 in the paper.
+    pub min_uncertainty: f32,
+    /// Form of Eq. 13.
+    pub warp: WarpForm,
+    /// Occlusion test of [`WarpForm::Backward`].
+    pub warp_params: WarpParams,
+    /// η and ζ.
+    pub weights: LossWeights,
+    /// Minimiser.
+    pub solver: Solver,
+    /// Whether opacity is refined too. Default false (the paper shares opacity over time and says no more). Needs [`Solver::Adam`].
+    pub opacity: bool,
+    /// Images (pairs of view and time) drawn. Default 240.
+    pub samples: usize,
+    /// Whether the edited frame itself, from every view, is among the images: it is to stay as it is. Default true; false in the paper.
+    pub keep_first_frame: bool,
+    /// Seed of the draw and of the order of steps. Default 0.
+    pub seed: u64,
+    /// Memory for images and prepared states, bytes. What does not fit is prepared again at every visit; should even the images not fit, fewer
+    /// are drawn. Default 2 GiB.
+    pub memory: usize,
+    /// Background of the renders. Default black.
+    pub background: [f64; 3],
+    /// Least seconds between two previews. Default `None`: no previews.
+    pub preview_secs: Option<f64>,
+    /// Least seconds between two checkpoints. Default `None`: none but that of a cancelled run.
+    pub checkpoint_secs: Option<f64>,
+}
+
+impl Default for RefineOptions {
+    fn default() -> Self {
+        Self {
+            edit_time: None,
+            epsilon: 0.5,
+            min_uncertainty: 0.02,
+            warp: WarpForm::Backward,
+            warp_params: WarpParams::default(),
+            weights: LossWeights::default(),
+            solver: Solver::Regression(RegressionParams::default()),
+            opacity: false,
+            samples: 240,
+            keep_first_frame: true,
+            seed: 0,
+            memory: 2 << 30,
+            background: [0.0; 3],
+            preview_secs: None,
+            checkpoint_secs: None,
+        }
+    }
+}
+
+impl RefineOptions {
+    /// A ready-made choice.
+    pub fn preset(preset: Preset) -> Self {
+        match preset {
+            Preset::Best => Self::default(),
+            Preset::Paper => Self {
+                min_uncertainty: 0.0,
+                warp: WarpForm::Paper,
+                warp_params: WarpParams { slack: None, ..WarpParams::default() },
+                solver: Solver::Adam(AdamParams::default()),
+                keep_first_frame: false,
+                ..Self::default()
+            },
+        }
+    }
+
+    pub(crate) fn check(&self) -> Result<(), CuarError> {
+        let within = |name: &str, value: f64, low: f64, high: f64| {
+            if value >= low && value <= high {
+                Ok(())
+            } else {
+                Err(CuarError::input(format!("`{name}` is {value}, expected {low} to {high}")))
+            }
+        };
+        within("epsilon", f64::from(self.epsilon), 0.0, 1e6)?;
+        within("min_uncertainty", f64::from(self.min_uncertainty), 0.0, 1.0)?;
+        within("eta", self.weights.eta, 0.0, 1.0)?;
+        within("zeta", self.weights.zeta, 0.0, 1.0)?;
+        within("min_coverage", f64::from(self.warp_params.min_coverage), 0.0, 1.0)?;
+        within("depth_tolerance", f64::from(self.warp_params.depth_tolerance), 0.0, 1e6)?;
+        within("spread_tolerance", f64::from(self.warp_params.spread_tolerance), 0.0, 1e6)?;
+        within("min_facing", f64::from(self.warp_params.min_facing), -1e6, 1e6)?;
+        within("samples", self.samples as f64, 1.0, 1e7)?;
+        for channel in self.background {
+            within("background", channel, 0.0, 1.0)?;
+        }
+        match &self.solver {
+            Solver::Regression(params) => {
+                within("passes", params.passes as f64, 0.0, 1e6)?;
+                within("fits_per_pass", params.fits_per_pass as f64, 1.0, 1e6)?;
+                within("delta", params.delta, 1e-6, 1.0)?;
+                within("relaxation", params.relaxation, 1e-3, 1.999)?;
+                within("prior", params.prior, 0.0, 1e6)?;
+                if self.opacity {
+                    return Err(CuarError::input(
+                        "opacity is refined by Adam only: the regression solver needs an image linear in what it fits",
+                    ));
+                }
+            }
+            Solver::Adam(params) => {
+                within("steps", params.steps as f64, 0.0, 1e9)?;
+                within("rate_dc", f64::from(params.rate_dc), 0.0, 1e3)?;
+                within("rate_rest", f64::from(params.rate_rest), 0.0, 1e3)?;
+                within("rate_opacity", f64::from(params.rate_opacity), 0.0, 1e3)?;
+            }
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,187 @@
+//! Which views are looked at when.
+
+use crate::CuarError;
+use gs_core::{Camera, TimeRange};
+
+/// Cameras and times to choose from.
+#[derive(Debug, Clone, Copy)]
+pub struct Views<'a> {
+    /// Every camera. One with a [`Camera::time`] looks at that time only (a frame of a monocular video); the others at every time.
+    pub cameras: &'a [Camera],
+    /// Candidate times of cameras without one.
+    pub times: &'a [f32],
+    /// Indices of cameras that never supervise; the report gives their loss before and after.
+    pub held_out: &'a [usize],
+}
+
+/// One image: a camera and a time.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ViewTime {
+    /// Index of the camera.
+    pub view: usize,
+    /// Scene time.
+    pub time: f32,
+}
+
+/// Small counter-based generator (SplitMix64): the draw must not change when a dependency does.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct SplitMix(pub u64);
+
+impl SplitMix {
+    pub(crate) fn next(&mut self) -> u64 {
+        self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
+        let mut z = self.0;
+        z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
+        z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
+        z ^ (z >> 31)
+    }
+
+    /// A random order of `0..len`.
+    pub(crate) fn order(&mut self, len: usize) -> Vec<usize> {
+        let mut order: Vec<usize> = (0..len).collect();
+        for i in (1..len).rev() {
+            let j = usize::try_from(self.next() % (i as u64 + 1)).unwrap_or(0);
+            order.swap(i, j);
+        }
+        order
+    }
+}
+
+/// Images that supervise and images that only report.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub(crate) struct Plan {
+    pub samples: Vec<ViewTime>,
+    pub held_out: Vec<ViewTime>,
+}
+
+/// Times at which each held-out view is looked at.
+const HELD_OUT_TIMES: usize = 4;
+
+impl Views<'_> {
+    pub(crate) fn check(&self, range: TimeRange) -> Result<(), CuarError> {
+        for camera in self.cameras {
+            camera.check()?;
+        }
+        if let Some(&view) = self.held_out.iter().find(|&&view| view >= self.cameras.len()) {
+            return Err(CuarError::input(format!(
+                "held-out view {view}, but there are {} cameras",
+                self.cameras.len()
+            )));
+        }
+        let own = self.cameras.iter().filter_map(|camera| camera.time);
+        if let Some(time) = own.chain(self.times.iter().copied()).find(|&time| !range.contains(time))
+        {
+            return Err(CuarError::input(format!(
+                "time {time}, expected {} to {}",
+                range.start, range.end
+            )));
+        }
+        Ok(())
+    }
+
+    /// Draws `count` images: every view and every stretch of time as evenly as the count allows.
+    pub(crate) fn draw(&self, count: usize, keep_first: Option<f32>, edit_time: f32, seed: u64) -> Plan {
+        let mut rng = SplitMix(seed);
+        let held = |view: usize| self.held_out.contains(&view);
+        let training: Vec<usize> = (0..self.cameras.len()).filter(|&view| !held(view)).collect();
+        let (fixed, free): (Vec<usize>, Vec<usize>) =
+            training.iter().partition(|&&view| self.cameras[view].time.is_some());
+        // the edited frame supervises itself at best
+        let mut times: Vec<f32> =
+            self.times.iter().copied().filter(|&time| time != edit_time).collect();
+        times.sort_by(f32::total_cmp);
+        times.dedup();
+
+        let mut samples = Vec::new();
+        let fixed_share = match (fixed.len(), free.len() * times.len()) {
+            (some, 0) => count.min(some),
+            (some, all) => (count * some / (some + all)).min(some),
+        };
+        let order = rng.order(fixed.len());
+        for &pick in &order[..fixed_share] {
+            let view = fixed[pick];
+            samples.extend(self.cameras[view].time.map(|time| ViewTime { view, time }));
+        }
+        let count = (count - fixed_share).min(free.len() * times.len());
+        if count >= free.len() * times.len() {
+            for &time in &times {
+                samples.extend(free.iter().map(|&view| ViewTime { view, time }));
+            }
+        } else {
+            let mut deck = Vec::new();
+            for k in 0..count {
+                let time = times[k * times.len() / count];
+                // a deck of views per round: no view waits longer than two rounds
+                if deck.is_empty() {
+                    deck = rng.order(free.len());
+                }
+                let fresh = |&pick: &usize| {
+                    !samples.contains(&ViewTime { view: free[pick], time })
+                };
+                let Some(at) = deck.iter().rposition(fresh) else { continue };
+                samples.push(ViewTime { view: free[deck.remove(at)], time });
+            }
+        }
+        if let Some(time) = keep_first {
+            samples.extend(free.iter().map(|&view| ViewTime { view, time }));
+        }
+        samples.sort_by(|a, b| a.time.total_cmp(&b.time).then(a.view.cmp(&b.view)));
+        samples.dedup();
+
+        let mut held_out = Vec::new();
+        for &view in self.held_out {
+            match self.cameras[view].time {
+                Some(time) => held_out.push(ViewTime { view, time }),
+                None => held_out.extend((0..HELD_OUT_TIMES.min(times.len())).map(|k| {
+                    // mid-stretch times
+                    let at = (2 * k + 1) * times.len() / (2 * HELD_OUT_TIMES.min(times.len()));
+                    ViewTime { view, time: times[at] }
+                })),
+            }
+        }
+        held_out.sort_by(|a, b| a.time.total_cmp(&b.time).then(a.view.cmp(&b.view)));
+        held_out.dedup();
+        Plan { samples, held_out }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn cameras(count: usize) -> Vec<Camera> {
+        vec![Camera::look_at([0.0; 3], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0], 0.8, 8, 8); count]
+    }
+
+    #[test]
+    fn draws_are_even_seeded_and_leave_out_what_is_held_out() {
+        let (cameras, times) = (cameras(10), TimeRange::UNIT.frames(31));
+        let views = Views { cameras: &cameras, times: &times, held_out: &[3, 7] };
+        let plan = views.draw(60, None, 0.0, 5);
+        assert_eq!(plan.samples.len(), 60, "as many as asked for");
+        assert_eq!(plan, views.draw(60, None, 0.0, 5), "seeded");
+        assert_ne!(plan, views.draw(60, None, 0.0, 6), "another seed");
+        for view in 0..10 {
+            let seen = plan.samples.iter().filter(|sample| sample.view == view).count();
+            let expected = if [3, 7].contains(&view) { 0..=0 } else { 6..=9 };
+            assert!(expected.contains(&seen), "view {view}: {seen}");
+        }
+        assert!(plan.samples.iter().all(|sample| sample.time > 0.0), "not the edited frame");
+        assert_eq!(plan.held_out.len(), 8, "reported");
+        let all = views.draw(10_000, Some(0.0), 0.0, 5);
+        assert_eq!(all.samples.len(), 8 * 31, "everything once");
+    }
+
+    #[test]
+    fn cameras_with_a_time_keep_to_it() {
+        let mut cameras = cameras(5);
+        for (camera, time) in cameras.iter_mut().zip([0.1, 0.3, 0.5, 0.7, 0.9]) {
+            camera.time = Some(time);
+        }
+        let views = Views { cameras: &cameras, times: &[], held_out: &[2] };
+        let plan = views.draw(100, Some(0.0), 0.0, 0);
+        assert_eq!(plan.samples.len(), 4, "one each");
+        assert!(plan.samples.iter().all(|s| cameras[s.view].time == Some(s.time)), "own time");
+        assert!(views.check(TimeRange { start: 0.0, end: 0.8 }).is_err(), "outside the scene");
+    }
+}

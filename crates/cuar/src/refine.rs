@@ -1,0 +1,355 @@
+//! The stage: [`refine`].
+
+use crate::{
+    CuarError, OffsetScene, RefineOptions, Solver, Views,
+    descent::Descent,
+    plan::ViewTime,
+    problem::{Deltas, Problem, TracePoint, Watch},
+    regression::Regression,
+    sample::{Builder, Counts, Sample, Work},
+    scene,
+    state::{Observer, State},
+    warp::FirstFrame,
+};
+use gs_core::{DynamicScene, Rasterizer, Splats};
+use std::time::Instant;
+
+/// What came out of a refinement.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Refined {
+    /// Rows that may have changed: the edited ones, ascending.
+    pub rows: Vec<u32>,
+    /// New SH of these rows at the edited frame, `[rows,K,3]`.
+    pub sh: Vec<[f32; 3]>,
+    /// New opacity logits of these rows at the edited frame, `[rows]`; the old bits unless opacity was refined.
+    pub opacity_logits: Vec<f32>,
+    /// Offset of SH, the same at every time, `[rows,K,3]`.
+    pub d_sh: Vec<[f32; 3]>,
+    /// Offset of the logits, the same at every time, `[rows]`.
+    pub d_logits: Vec<f32>,
+    /// What was done.
+    pub report: Report,
+}
+
+impl Refined {
+    /// Writes the refined rows into the splats of the edited frame.
+    ///
+    /// # Panics
+    /// If these are other splats than those refined.
+    pub fn apply(&self, first: &mut Splats) {
+        scene::add(first, &self.rows, &self.d_sh, &self.d_logits);
+    }
+
+    /// `scene` with the refined colours at every time.
+    pub fn scene<'a>(&'a self, scene: &'a dyn DynamicScene) -> OffsetScene<'a> {
+        OffsetScene::new(scene, &self.rows, &self.d_sh, &self.d_logits)
+    }
+}
+
+/// What was done, and how well. Losses are Eq. 20, means over images; pixels that no edited splat reaches contribute nothing to them.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Report {
+    /// Edited splats.
+    pub num_edited: usize,
+    /// Edited splats that some image shows.
+    pub num_visible: usize,
+    /// Images that supervised.
+    pub samples: Vec<ViewTime>,
+    /// Images that only reported.
+    pub held_out: Vec<ViewTime>,
+    /// Before refinement.
+    pub loss_before: f64,
+    /// After it.
+    pub loss_after: f64,
+    /// On held-out images, before; 0 if there are none.
+    pub held_out_before: f64,
+    /// On held-out images, after.
+    pub held_out_after: f64,
+    /// Share of the pixels reached by edited splats that the mask calls artifacts.
+    pub masked_fraction: f64,
+    /// Share of those whose surface is known from frame 1.
+    pub known_fraction: f64,
+    /// The loss over the run.
+    pub trace: Vec<TracePoint>,
+    /// Seconds per part of the work.
+    pub timings: Vec<(&'static str, f64)>,
+    /// Bytes of images and prepared states, as estimated for the budget.
+    pub bytes: usize,
+    /// Images whose prepared state was kept.
+    pub num_cached: usize,
+    /// What the user should know.
+    pub warnings: Vec<String>,
+}
+
+/// Refines the colours of the `edited` rows of `scene` (Eqs. 11–20): the edited frame, seen from each view, is warped to other times and
+/// supervises what looks uncertain there. One offset of SH per row, shared by all times. All other rows, and all geometry, stay as they are.
+///
+/// `resume` is a state that [`Observer::checkpoint`] got from a run with the same inputs; the result is then that of the uninterrupted run
+/// (bit-identical with a deterministic rasteriser).
+///
+/// # Errors
+/// If inputs disagree or are out of range, the scene or the rasteriser fails, the state is of another run, or the observer cancels.
+pub fn refine<R: Rasterizer>(
+    raster: &R,
+    scene: &dyn DynamicScene,
+    edited: &[bool],
+    views: &Views,
+    options: &RefineOptions,
+    resume: Option<&State>,
+    observer: &mut dyn Observer,
+) -> Result<Refined, CuarError> {
+    options.check()?;
+    let range = scene.time_range();
+    views.check(range)?;
+    let edit_time = options.edit_time.unwrap_or(range.start);
+    let first = scene.at(edit_time)?;
+    first.check_shapes()?;
+    CuarError::check("edited", edited.len(), first.len())?;
+    let (rows, row_of) = number(edited);
+    let mut report = Report { num_edited: rows.len(), ..Report::default() };
+
+    let begun = Instant::now();
+    let keep_first = options.keep_first_frame.then_some(edit_time);
+    let plan = views.draw(options.samples, keep_first, edit_time, options.seed);
+    let mut stage = Supervision {
+        scene,
+        views,
+        builder: Builder::new(raster, options, edited, &row_of, &first),
+        frames: vec![None; views.cameras.len()],
+    };
+    let total = plan.samples.len() + plan.held_out.len();
+    let mut watch = Watch::new(observer, options, "images", total, 0);
+    let samples = stage.build(&plan.samples, options.memory, 0, &mut watch, &mut report)?;
+    let Counts { pixels, masked, known } = stage.builder.counts;
+    report.masked_fraction = masked as f64 / pixels.max(1) as f64;
+    report.known_fraction = known as f64 / masked.max(1) as f64;
+    let share = |&[doubtful, seen]: &[u32; 2]| doubtful as f32 / seen.max(1) as f32;
+    let doubts = stage.builder.doubts.iter().map(share).collect();
+    let held_out =
+        stage.build(&plan.held_out, usize::MAX, plan.samples.len(), &mut watch, &mut report)?;
+    drop(stage);
+    report.samples = samples.iter().map(|sample| sample.at).collect();
+    report.held_out = held_out.iter().map(|sample| sample.at).collect();
+    if samples.is_empty() && !rows.is_empty() {
+        report.warnings.push("no image shows an edited splat: nothing was refined".to_owned());
+    }
+    if known == 0 {
+        report.warnings.push("no artifact was found: colours stay as they are".to_owned());
+    }
+    let images_secs = begun.elapsed().as_secs_f64();
+
+    let mut problem = Problem {
+        raster,
+        options,
+        cameras: views.cameras,
+        samples,
+        work: Work::default(),
+        num_rows: rows.len(),
+        sh_degree: first.sh_degree,
+        base_sh: rows.iter().flat_map(|&row| first.sh_of(row as usize)).copied().collect(),
+        doubts,
+        bytes: 0,
+        num_cached: 0,
+    };
+    let mut seen = vec![false; rows.len()];
+    for entry in problem.samples.iter().flat_map(|sample| &sample.entries) {
+        seen[entry.row as usize] = true;
+    }
+    report.num_visible = seen.iter().filter(|seen| **seen).count();
+    problem.cache()?;
+    let cache_secs = begun.elapsed().as_secs_f64() - images_secs;
+
+    let fingerprint = fingerprint(&first, &rows, &problem);
+    if let Some(state) = resume.filter(|state| state.fingerprint != fingerprint) {
+        return Err(CuarError::State {
+            what: format!(
+                "it belongs to other inputs or options (fingerprint {:016x}, expected {fingerprint:016x})",
+                state.fingerprint
+            ),
+        });
+    }
+    // without an artifact the offsets that minimise the loss are zero
+    let (d_sh, d_logits) = if known == 0 {
+        (vec![[0.0; 3]; rows.len() * problem.coeffs()], vec![0.0; rows.len()])
+    } else {
+        solve(&mut problem, options, resume, fingerprint, observer, &mut report.trace)?
+    };
+    let solve_secs = begun.elapsed().as_secs_f64() - images_secs - cache_secs;
+    let parts = ["prepare", "forward", "loss", "backward"];
+    report.timings = vec![("images", images_secs), ("cache", cache_secs), ("solve", solve_secs)];
+    report.timings.extend(parts.into_iter().zip(problem.work.secs));
+    report.bytes = problem.bytes;
+    report.num_cached = problem.num_cached;
+
+    let zero = (vec![[0.0; 3]; d_sh.len()], vec![0.0; d_logits.len()]);
+    let total = 2 * (problem.samples.len() + held_out.len());
+    let mut watch = Watch::new(observer, options, "report", total, 0);
+    let mut done = 0;
+    let mut loss_of = |problem: &mut Problem<R>, sh: &[[f32; 3]], logits: &[f32]| {
+        problem.loss(Deltas { sh, logits }, |_| {
+            done += 1;
+            watch.step(done, None);
+            watch.stop_if_cancelled()
+        })
+    };
+    report.loss_before = loss_of(&mut problem, &zero.0, &zero.1)?;
+    report.loss_after = loss_of(&mut problem, &d_sh, &d_logits)?;
+    problem.samples = held_out;
+    report.held_out_before = loss_of(&mut problem, &zero.0, &zero.1)?;
+    report.held_out_after = loss_of(&mut problem, &d_sh, &d_logits)?;
+
+    let (d_sh, d_logits) = if report.loss_after > report.loss_before {
+        report.warnings.push(format!(
+            "the loss rose from {:.6} to {:.6}: colours stay as they are",
+            report.loss_before, report.loss_after
+        ));
+        zero
+    } else {
+        (d_sh, d_logits)
+    };
+    let mut refined = Refined { rows, d_sh, d_logits, report, ..Refined::default() };
+    let mut changed = first;
+    refined.apply(&mut changed);
+    for &row in &refined.rows {
+        refined.sh.extend_from_slice(changed.sh_of(row as usize));
+        refined.opacity_logits.push(changed.opacity_logits[row as usize]);
+    }
+    Ok(refined)
+}
+
+fn solve<R: Rasterizer>(
+    problem: &mut Problem<R>,
+    options: &RefineOptions,
+    resume: Option<&State>,
+    fingerprint: u64,
+    observer: &mut dyn Observer,
+    trace: &mut Vec<TracePoint>,
+) -> Result<(Vec<[f32; 3]>, Vec<f32>), CuarError> {
+    let first = resume.map_or(0, |state| usize::try_from(state.step).unwrap_or(0));
+    match &options.solver {
+        Solver::Regression(params) => {
+            let mut run = match resume {
+                Some(state) => Regression::resume(problem, state)?,
+                None => Regression::new(problem),
+            };
+            let total = params.passes * problem.samples.len();
+            let mut watch = Watch::new(observer, options, "refine", total, first);
+            run.run(problem, params, fingerprint, &mut watch, trace)?;
+            Ok((run.d_sh, vec![0.0; problem.num_rows]))
+        }
+        Solver::Adam(params) => {
+            let mut run = match resume {
+                Some(state) => Descent::resume(problem, state)?,
+                None => Descent::new(problem),
+            };
+            let mut watch = Watch::new(observer, options, "refine", params.steps, first);
+            run.run(problem, params, fingerprint, &mut watch, trace)?;
+            Ok((run.d_sh, run.d_logits))
+        }
+    }
+}
+
+/// Makes the supervised images.
+struct Supervision<'a, R: Rasterizer> {
+    scene: &'a dyn DynamicScene,
+    views: &'a Views<'a>,
+    builder: Builder<'a, R>,
+    /// Frame 1 per view, made when first needed.
+    frames: Vec<Option<FirstFrame>>,
+}
+
+impl<R: Rasterizer> Supervision<'_, R> {
+    /// Images for `plan` (sorted by time), as many as `memory` holds.
+    fn build(
+        &mut self,
+        plan: &[ViewTime],
+        memory: usize,
+        done: usize,
+        watch: &mut Watch,
+        report: &mut Report,
+    ) -> Result<Vec<Sample<R::Prepared>>, CuarError> {
+        let mut plan = plan.to_vec();
+        let mut samples = Vec::with_capacity(plan.len());
+        let mut splats = Splats::default();
+        let mut at = None;
+        let mut next = 0;
+        while next < plan.len() {
+            let pick = plan[next];
+            if at != Some(pick.time) {
+                self.scene.at_into(pick.time, &mut splats)?;
+                CuarError::check("splats", splats.len(), self.builder.first.len())?;
+                at = Some(pick.time);
+            }
+            let camera = &self.views.cameras[pick.view];
+            let frame = match &mut self.frames[pick.view] {
+                Some(frame) => frame,
+                none => none.insert(self.builder.first_frame(camera)?),
+            };
+            samples.extend(self.builder.sample(pick, &splats, camera, frame)?);
+            next += 1;
+            // a few images tell how large they are
+            if next == 4.min(plan.len()) {
+                let bytes: usize = samples.iter().map(Sample::bytes).sum();
+                let each = (bytes / next).max(1);
+                let fit = (memory / each).max(next);
+                if fit < plan.len() {
+                    report.warnings.push(format!(
+                        "{fit} of {} images fit into the memory budget",
+                        plan.len()
+                    ));
+                    let rest = plan.split_off(next);
+                    let keep = fit - next;
+                    plan.extend((0..keep).map(|k| rest[k * rest.len() / keep]));
+                }
+            }
+            watch.step(done + next, None);
+            watch.stop_if_cancelled()?;
+        }
+        Ok(samples)
+    }
+}
+
+/// Edited rows, and for each splat its place among them.
+fn number(edited: &[bool]) -> (Vec<u32>, Vec<u32>) {
+    let mut rows = Vec::new();
+    let mut row_of = vec![u32::MAX; edited.len()];
+    for ((id, &edited), place) in (0_u32..).zip(edited).zip(&mut row_of) {
+        if edited {
+            #[expect(clippy::cast_possible_truncation, reason = "fewer than the 32-bit ids")]
+            let next = rows.len() as u32;
+            *place = next;
+            rows.push(id);
+        }
+    }
+    (rows, row_of)
+}
+
+/// FNV-1a over what a run depends on.
+fn fingerprint<R: Rasterizer>(first: &Splats, rows: &[u32], problem: &Problem<R>) -> u64 {
+    let mut hash = 0xcbf2_9ce4_8422_2325_u64;
+    let mut eat = |value: u64| {
+        for byte in value.to_le_bytes() {
+            hash = (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3);
+        }
+    };
+    let options = RefineOptions {
+        // these change how a run is watched, not what it computes
+        preview_secs: None,
+        checkpoint_secs: None,
+        memory: 0,
+        ..problem.options.clone()
+    };
+    for byte in format!("{options:?}").bytes() {
+        eat(u64::from(byte));
+    }
+    rows.iter().for_each(|&row| eat(u64::from(row)));
+    for value in first.sh.iter().flatten().chain(first.means.iter().flatten()) {
+        eat(u64::from(value.to_bits()));
+    }
+    for sample in &problem.samples {
+        eat(sample.at.view as u64);
+        eat(u64::from(sample.at.time.to_bits()));
+        eat(sample.entries.len() as u64);
+    }
+    hash
+}

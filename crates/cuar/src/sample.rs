@@ -1,0 +1,566 @@
+//! One supervised image: what it needs is made once ([`Builder`]), and then it is visited ([`Work::visit`]).
+
+use crate::{
+    CuarError, RefineOptions, WarpForm,
+    compact::{gather, needed_rows},
+    flow::{affine_motion, render_flow},
+    loss::{LossParts, Objective, Shape, Targets},
+    plan::ViewTime,
+    uncertainty::{direction, eye, threshold, xi},
+    warp::{FirstFrame, WARP_CHANNELS, fetch, push_forward, trace},
+};
+use gs_core::{
+    Camera, Rasterizer, RenderGrads, RenderOutput, RenderParams, Splats, UpstreamGrads, sh,
+};
+use rayon::prelude::*;
+
+/// Pixel bits of [`Sample::flags`].
+const FORE: u8 = 1;
+const BACK: u8 = 2;
+/// An edited splat shows here.
+const LIVE: u8 = 4;
+/// Half a window of SSIM: beyond this margin masked images are zero and contribute nothing.
+const MARGIN: usize = 5;
+
+/// Rectangle of the image, pixels.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub(crate) struct Crop {
+    pub x: usize,
+    pub y: usize,
+    pub width: usize,
+    pub height: usize,
+}
+
+/// An edited splat in an image.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Entry {
+    /// Row among the image's splats.
+    pub local: u32,
+    /// Row among the edited splats.
+    pub row: u32,
+    /// Unit vector from the camera, world frame.
+    pub towards: [f32; 3],
+    /// Colour before refinement, not clamped.
+    pub color: [f32; 3],
+}
+
+/// One supervised image.
+pub(crate) struct Sample<P> {
+    pub at: ViewTime,
+    pub crop: Crop,
+    /// Render before refinement, `[h,w,3]` of the crop.
+    pub original: Vec<f32>,
+    /// Warped frame 1, `[h,w,3]` of the crop; 0 where unknown.
+    pub warp: Vec<f32>,
+    flags: Vec<u8>,
+    /// Ascending by row.
+    pub entries: Vec<Entry>,
+    /// The splats needed, colours absent unless opacity is refined.
+    splats: Splats,
+    prepared: Option<P>,
+}
+
+impl<P> Sample<P> {
+    /// Bytes held, without the prepared state.
+    pub(crate) fn bytes(&self) -> usize {
+        self.crop.width * self.crop.height * (6 * 4 + 1)
+            + self.entries.len() * size_of::<Entry>()
+            + self.splats.len() * 44
+            + self.splats.sh.len() * 12
+    }
+
+    /// Bytes of a prepared state, roughly: per splat (projection, order, colours, lists) and per pixel (channels, transmittance).
+    pub(crate) fn prepared_bytes(&self, camera: &Camera) -> usize {
+        self.splats.len() * 400 + camera.width as usize * camera.height as usize * 28
+    }
+
+    pub(crate) fn set_prepared(&mut self, prepared: P) {
+        self.prepared = Some(prepared);
+    }
+
+    pub(crate) fn splats(&self) -> &Splats {
+        &self.splats
+    }
+
+    /// Foreground mask of the crop, 0 or 1, `[h,w]`.
+    pub(crate) fn fore(&self) -> Vec<f32> {
+        self.flags.iter().map(|&flags| f32::from(flags & FORE)).collect()
+    }
+}
+
+/// Shares over pixels, for the report.
+#[derive(Debug, Clone, Copy, Default)]
+pub(crate) struct Counts {
+    pub pixels: u64,
+    /// M.
+    pub masked: u64,
+    /// M where the warp is known.
+    pub known: u64,
+}
+
+/// Makes samples; owns the memory of full-scene passes.
+pub(crate) struct Builder<'a, R: Rasterizer> {
+    pub raster: &'a R,
+    pub options: &'a RefineOptions,
+    pub edited: &'a [bool],
+    /// Row among the edited splats, or `u32::MAX`.
+    pub row_of: &'a [u32],
+    pub first: &'a Splats,
+    prepared: Option<R::Prepared>,
+    output: RenderOutput,
+    pub counts: Counts,
+    /// Per edited splat: in how many images it exceeds the mask's threshold (Eq. 17 for one splat), and how many there are.
+    pub doubts: Vec<[u32; 2]>,
+}
+
+/// Channels composited to make a sample: those of the warp, ξ, and which splats are edited.
+const CHANNELS: usize = WARP_CHANNELS + 2;
+
+impl<'a, R: Rasterizer> Builder<'a, R> {
+    pub(crate) fn new(
+        raster: &'a R,
+        options: &'a RefineOptions,
+        edited: &'a [bool],
+        row_of: &'a [u32],
+        first: &'a Splats,
+    ) -> Self {
+        Self {
+            raster,
+            options,
+            edited,
+            row_of,
+            first,
+            prepared: None,
+            output: RenderOutput::default(),
+            counts: Counts::default(),
+            doubts: vec![[0; 2]; edited.iter().filter(|edited| **edited).count()],
+        }
+    }
+
+    fn prepare(&mut self, splats: &Splats, camera: &Camera) -> Result<(), CuarError> {
+        match &mut self.prepared {
+            Some(prepared) => self.raster.prepare_into(splats, camera, prepared)?,
+            None => self.prepared = Some(self.raster.prepare(splats, camera)?),
+        }
+        Ok(())
+    }
+
+    fn render(&mut self, splats: &Splats, features: &[f32], depth: bool) -> Result<(), CuarError> {
+        let params =
+            RenderParams { background: self.options.background, depth, ..RenderParams::default() };
+        if let Some(prepared) = &mut self.prepared {
+            self.raster.forward_into(prepared, splats, features, &params, &mut self.output)?;
+        }
+        Ok(())
+    }
+
+    /// The trusted render of frame 1.
+    pub(crate) fn first_frame(&mut self, camera: &Camera) -> Result<FirstFrame, CuarError> {
+        let first = self.first;
+        self.prepare(first, camera)?;
+        self.render(first, &[], true)?;
+        let min = self.options.warp_params.min_coverage;
+        let depth = self.output.depth.iter().zip(&self.output.alpha);
+        Ok(FirstFrame {
+            width: self.output.width,
+            height: self.output.height,
+            rgb: self.output.rgb.clone(),
+            depth: depth
+                .map(|(&z, &alpha)| if alpha >= min && alpha > 0.0 { z / alpha } else { f32::NAN })
+                .collect(),
+        })
+    }
+
+    /// The sample of `camera` at the time of `splats`; `None` where no edited splat shows.
+    pub(crate) fn sample(
+        &mut self,
+        at: ViewTime,
+        splats: &Splats,
+        camera: &Camera,
+        frame: &FirstFrame,
+    ) -> Result<Option<Sample<R::Prepared>>, CuarError> {
+        let features = self.features(splats, camera);
+        self.prepare(splats, camera)?;
+        self.render(splats, &features, false)?;
+        let (w, h) = (self.output.width, self.output.height);
+        let channel = |k: usize| -> Vec<f32> {
+            self.output.features.iter().skip(k).step_by(CHANNELS).copied().collect()
+        };
+        let uncertainty = channel(WARP_CHANNELS);
+        let threshold =
+            threshold(&uncertainty, self.options.epsilon, self.options.min_uncertainty);
+        let mask: Vec<bool> = uncertainty.iter().map(|&u| f64::from(u) > threshold).collect();
+        let live: Vec<bool> = channel(WARP_CHANNELS + 1).iter().map(|&e| e > 0.0).collect();
+        let Some(crop) = bounding(&live, w, h) else { return Ok(None) };
+
+        let (warp, known) = self.warp(splats, camera, frame)?;
+        let mut sample = Sample {
+            at,
+            crop,
+            original: Vec::with_capacity(crop.width * crop.height * 3),
+            warp: Vec::with_capacity(crop.width * crop.height * 3),
+            flags: Vec::with_capacity(crop.width * crop.height),
+            entries: Vec::new(),
+            splats: Splats::default(),
+            prepared: None,
+        };
+        for y in crop.y..crop.y + crop.height {
+            for p in y * w + crop.x..y * w + crop.x + crop.width {
+                sample.original.extend_from_slice(&self.output.rgb[p * 3..p * 3 + 3]);
+                let fore = live[p] && mask[p] && known[p] > 0.0;
+                let back = live[p] && !mask[p];
+                let rgb: &[f32] = if fore { &warp[p * 3..p * 3 + 3] } else { &[0.0; 3] };
+                sample.warp.extend_from_slice(rgb);
+                let bit = |on: bool, bit: u8| if on { bit } else { 0 };
+                sample.flags.push(bit(fore, FORE) | bit(back, BACK) | bit(live[p], LIVE));
+                self.counts.pixels += u64::from(live[p]);
+                self.counts.masked += u64::from(live[p] && mask[p]);
+                self.counts.known += u64::from(fore);
+            }
+        }
+        let rows = needed_rows(splats, self.edited, camera, &live, self.options.opacity);
+        // a splat whose colour is broken draws nothing in the full scene either
+        let drawn = |&row: &u32| splats.is_finite(row as usize);
+        let rows: Vec<u32> = rows.into_iter().filter(drawn).collect();
+        sample.splats = gather(splats, &rows, self.options.opacity);
+        let eye = eye(camera);
+        for (local, &id) in (0_u32..).zip(&rows) {
+            let row = self.row_of[id as usize];
+            let Some(towards) = direction(eye, splats.means[id as usize]) else { continue };
+            if row != u32::MAX {
+                let color = sh::color(splats.sh_degree, splats.sh_of(id as usize), towards);
+                sample.entries.push(Entry { local, row, towards, color });
+                let xi = features[id as usize * CHANNELS + WARP_CHANNELS];
+                let [doubtful, seen] = &mut self.doubts[row as usize];
+                *doubtful += u32::from(f64::from(xi) > threshold);
+                *seen += 1;
+            }
+        }
+        Ok(Some(sample))
+    }
+
+    fn features(&self, splats: &Splats, camera: &Camera) -> Vec<f32> {
+        let eye = eye(camera);
+        let mut features = vec![0.0_f32; splats.len() * CHANNELS];
+        features.par_chunks_mut(CHANNELS).with_min_len(1024).enumerate().for_each(|(i, out)| {
+            if let Some(back) = affine_motion(camera, splats, self.first, i) {
+                out[..2].copy_from_slice(&back.shift);
+                out[2..6].copy_from_slice(&back.linear);
+                out[6..9].copy_from_slice(&back.place);
+                out[9] = back.place.iter().map(|x| x * x).sum();
+            }
+            out[WARP_CHANNELS] = xi(splats, self.first, i, eye);
+            out[WARP_CHANNELS + 1] = f32::from(u8::from(self.edited[i]));
+            if !out.iter().all(|value| value.is_finite()) {
+                out.fill(0.0);
+            }
+        });
+        features
+    }
+
+    /// Frame 1 at this frame's pixels, `[H,W,3]`, and where it is known, `[H,W]`.
+    fn warp(
+        &self,
+        splats: &Splats,
+        camera: &Camera,
+        frame: &FirstFrame,
+    ) -> Result<(Vec<f32>, Vec<f32>), CuarError> {
+        let (w, h) = (self.output.width, self.output.height);
+        if self.options.warp == WarpForm::Paper {
+            let flow = render_flow(self.raster, self.first, self.first, splats, camera)?;
+            return Ok(push_forward(frame, &flow.flow));
+        }
+        let params = &self.options.warp_params;
+        let output = &self.output;
+        let mut rgb = vec![0.0; w * h * 3];
+        let mut known = vec![0.0; w * h];
+        rgb.par_chunks_mut(w * 3).zip(known.par_chunks_mut(w)).enumerate().for_each(
+            |(y, (rgb, known))| {
+                for x in 0..w {
+                    let p = y * w + x;
+                    let sums = &output.features[p * CHANNELS..];
+                    let found = trace(sums, output.alpha[p], (x, y), params)
+                        .and_then(|trace| fetch(frame, trace, &output.rgb[p * 3..p * 3 + 3], params));
+                    if let Some(color) = found {
+                        rgb[x * 3..x * 3 + 3].copy_from_slice(&color);
+                        known[x] = 1.0;
+                    }
+                }
+            },
+        );
+        Ok((rgb, known))
+    }
+}
+
+/// The rectangle around `live`, with [`MARGIN`].
+fn bounding(live: &[bool], w: usize, h: usize) -> Option<Crop> {
+    let (mut x0, mut x1, mut y0, mut y1) = (w, 0, h, 0);
+    for (p, _) in live.iter().enumerate().filter(|(_, live)| **live) {
+        let (x, y) = (p % w, p / w);
+        (x0, x1, y0, y1) = (x0.min(x), x1.max(x + 1), y0.min(y), y1.max(y + 1));
+    }
+    if x0 >= x1 {
+        return None;
+    }
+    let (x, y) = (x0.saturating_sub(MARGIN), y0.saturating_sub(MARGIN));
+    Some(Crop { x, y, width: (x1 + MARGIN).min(w) - x, height: (y1 + MARGIN).min(h) - y })
+}
+
+/// What a visit asks of the objective.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) enum Ask {
+    /// Its value.
+    Loss,
+    /// And its gradient with respect to splat colours.
+    Gradient,
+    /// And that of the smoothed L1 (width δ) with a bound of its second derivative.
+    Curvature(f64),
+    /// And its gradient with respect to SH and opacity logits of every splat of the sample.
+    Everything,
+}
+
+/// The offsets being refined, shared by all images.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Offsets<'a> {
+    /// `[E,K,3]`.
+    pub d_sh: &'a [[f32; 3]],
+    pub sh_degree: usize,
+    /// `[E]`.
+    pub d_logits: &'a [f32],
+}
+
+/// Channels of a visit: the change of colour, and the coverage by edited splats.
+const VISIT_CHANNELS: usize = 4;
+
+/// Memory of visits, shared by all samples.
+pub(crate) struct Work<P> {
+    prepared: Option<P>,
+    features: Vec<f32>,
+    output: RenderOutput,
+    upstream: UpstreamGrads,
+    grads: RenderGrads,
+    objective: Option<(Crop, Objective<f32>)>,
+    /// Crop's render, `[h,w,3]`.
+    pub render: Vec<f32>,
+    v_render: Vec<f32>,
+    curvature: Vec<f32>,
+    masks: [Vec<f32>; 2],
+    tuned: Splats,
+    /// Change of colour per entry before the clamp at 0.
+    pub changes: Vec<[f32; 3]>,
+    /// Per entry: gradient with respect to its (clamped) colour, and the curvature.
+    pub answers: Vec<[f32; 4]>,
+    /// Seconds in prepare, forward, loss, backward.
+    pub secs: [f64; 4],
+}
+
+impl<P> Default for Work<P> {
+    fn default() -> Self {
+        Self {
+            prepared: None,
+            features: Vec::new(),
+            output: RenderOutput::default(),
+            upstream: UpstreamGrads::default(),
+            grads: RenderGrads::default(),
+            objective: None,
+            render: Vec::new(),
+            v_render: Vec::new(),
+            curvature: Vec::new(),
+            masks: Default::default(),
+            tuned: Splats::default(),
+            changes: Vec::new(),
+            answers: Vec::new(),
+            secs: [0.0; 4],
+        }
+    }
+}
+
+impl<P> Work<P> {
+    /// Renders `sample` with `offsets` and compares; fills `changes`, `render` and, if asked, `answers` (or [`Work::grads`]).
+    pub(crate) fn visit<R: Rasterizer<Prepared = P>>(
+        &mut self,
+        raster: &R,
+        sample: &mut Sample<P>,
+        camera: &Camera,
+        offsets: Offsets,
+        options: &RefineOptions,
+        ask: Ask,
+    ) -> Result<LossParts, CuarError> {
+        let clock = std::time::Instant::now();
+        let mut laps = [0.0; 5];
+        let mut lap = |index: usize| laps[index] = clock.elapsed().as_secs_f64();
+        let Sample { splats, prepared, entries, crop, .. } = sample;
+        let prepared = if let Some(prepared) = prepared {
+            prepared
+        } else {
+            match &mut self.prepared {
+                Some(spare) => raster.prepare_into(splats, camera, spare)?,
+                spare => *spare = Some(raster.prepare(splats, camera)?),
+            }
+            let Some(spare) = &mut self.prepared else {
+                return Err(CuarError::input("no prepared state"));
+            };
+            spare
+        };
+        lap(0);
+
+        let full = [camera.width as usize, camera.height as usize];
+        change_colors(entries, offsets, &mut self.changes);
+        let params = RenderParams {
+            rgb: options.opacity,
+            depth: false,
+            background: options.background,
+            ..RenderParams::default()
+        };
+        let shown: &Splats = if options.opacity {
+            self.features.clear();
+            tune(splats, entries, offsets, &mut self.tuned);
+            &self.tuned
+        } else {
+            self.features.clear();
+            self.features.resize(splats.len() * VISIT_CHANNELS, 0.0);
+            for (entry, change) in entries.iter().zip(&self.changes) {
+                let out = &mut self.features[entry.local as usize * VISIT_CHANNELS..];
+                for channel in 0..3 {
+                    let before = entry.color[channel];
+                    out[channel] = (before + change[channel]).max(0.0) - before.max(0.0);
+                }
+                out[3] = 1.0;
+            }
+            splats
+        };
+        raster.forward_into(prepared, shown, &self.features, &params, &mut self.output)?;
+        lap(1);
+
+        self.render.clone_from(&sample.original);
+        let stride = if options.opacity { 3 } else { VISIT_CHANNELS };
+        let image = if options.opacity { &self.output.rgb } else { &self.output.features };
+        for (p, flags) in sample.flags.iter().enumerate() {
+            if flags & LIVE == 0 {
+                continue;
+            }
+            let q = (crop.y + p / crop.width) * full[0] + crop.x + p % crop.width;
+            for channel in 0..3 {
+                let value = image[q * stride + channel];
+                let out = &mut self.render[p * 3 + channel];
+                *out = if options.opacity { value } else { *out + value };
+            }
+        }
+        for (mask, bit) in self.masks.iter_mut().zip([FORE, BACK]) {
+            mask.clear();
+            mask.extend(sample.flags.iter().map(|flags| f32::from(u8::from(flags & bit != 0))));
+        }
+        if self.objective.as_ref().is_none_or(|(size, _)| {
+            (size.width, size.height) != (crop.width, crop.height)
+        }) {
+            let objective =
+                Objective::new(crop.width, crop.height, full[0] * full[1], options.weights);
+            self.objective = Some((*crop, objective));
+        }
+        let Some((_, objective)) = &mut self.objective else {
+            return Err(CuarError::input("no objective"));
+        };
+        let targets = Targets {
+            original: &sample.original,
+            warp: &sample.warp,
+            fore: &self.masks[0],
+            back: &self.masks[1],
+        };
+        let (shape, curvature) = match ask {
+            Ask::Curvature(delta) => (Shape::Smooth(delta), Some(&mut self.curvature)),
+            _ => (Shape::Exact, None),
+        };
+        let parts =
+            objective.evaluate(&self.render, &targets, shape, &mut self.v_render, curvature);
+        lap(2);
+
+        if ask != Ask::Loss {
+            let plane =
+                if options.opacity { &mut self.upstream.v_rgb } else { &mut self.upstream.v_features };
+            plane.clear();
+            plane.resize(full[0] * full[1] * stride, 0.0);
+            for (p, flags) in sample.flags.iter().enumerate() {
+                if flags & LIVE == 0 {
+                    continue;
+                }
+                let q = (crop.y + p / crop.width) * full[0] + crop.x + p % crop.width;
+                let out = &mut plane[q * stride..(q + 1) * stride];
+                out[..3].copy_from_slice(&self.v_render[p * 3..p * 3 + 3]);
+                if matches!(ask, Ask::Curvature(_)) {
+                    // (Σ w δ)² ≤ (Σ w)·Σ w δ²
+                    out[3] = self.curvature[p] * self.output.features[q * stride + 3];
+                }
+            }
+            if options.opacity {
+                raster.backward_into(
+                    prepared,
+                    shown,
+                    &self.features,
+                    &params,
+                    &self.upstream,
+                    &mut self.grads,
+                )?;
+            } else {
+                raster.backward_colors_into(
+                    prepared,
+                    shown,
+                    &self.features,
+                    &params,
+                    &self.upstream,
+                    &mut self.grads,
+                )?;
+                let v_features = &self.grads.v_features;
+                self.answers.clear();
+                self.answers.extend(entries.iter().map(|entry| {
+                    let at = entry.local as usize * VISIT_CHANNELS;
+                    [0, 1, 2, 3].map(|channel| v_features[at + channel])
+                }));
+            }
+        }
+        lap(3);
+        for (secs, k) in self.secs.iter_mut().zip(0..4) {
+            *secs += laps[k] - if k == 0 { 0.0 } else { laps[k - 1] };
+        }
+        Ok(parts)
+    }
+
+    /// Gradients of the last visit with [`Ask::Everything`].
+    pub(crate) fn grads(&self) -> &RenderGrads {
+        &self.grads
+    }
+}
+
+/// `Y(d)·Δ` per entry.
+fn change_colors(entries: &[Entry], offsets: Offsets, out: &mut Vec<[f32; 3]>) {
+    let coeffs = sh::num_coeffs(offsets.sh_degree);
+    entries
+        .par_iter()
+        .with_min_len(1024)
+        .map(|entry| {
+            let basis = sh::basis(offsets.sh_degree, entry.towards);
+            let d_sh = &offsets.d_sh[entry.row as usize * coeffs..][..coeffs];
+            let mut change = [0.0; 3];
+            for (value, coefficient) in basis.iter().zip(d_sh) {
+                for channel in 0..3 {
+                    change[channel] += value * coefficient[channel];
+                }
+            }
+            change
+        })
+        .collect_into_vec(out);
+}
+
+/// `splats` with the offsets added.
+fn tune(splats: &Splats, entries: &[Entry], offsets: Offsets, out: &mut Splats) {
+    out.clone_from(splats);
+    let coeffs = splats.sh_coeffs();
+    for entry in entries {
+        let (local, row) = (entry.local as usize, entry.row as usize);
+        out.opacity_logits[local] += offsets.d_logits[row];
+        for k in 0..coeffs {
+            for channel in 0..3 {
+                out.sh[local * coeffs + k][channel] += offsets.d_sh[row * coeffs + k][channel];
+            }
+        }
+    }
+}

@@ -1,0 +1,94 @@
+//! Checkpoints and the watching of a run.
+
+use crate::CuarError;
+use gs_core::Image;
+
+/// Everything a run needs to go on, as plain arrays.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct State {
+    /// Hash of the inputs and options; a state fits only the run it came from.
+    pub fingerprint: u64,
+    /// Steps done.
+    pub step: u64,
+    /// Named arrays.
+    pub arrays: Vec<(String, Vec<f32>)>,
+}
+
+impl State {
+    /// The named array, if it has `expected` values.
+    pub(crate) fn array(&self, name: &str, expected: usize) -> Result<&[f32], CuarError> {
+        let found = self.arrays.iter().find(|(key, _)| key == name);
+        match found {
+            Some((_, values)) if values.len() == expected => Ok(values),
+            Some((_, values)) => Err(CuarError::State {
+                what: format!("`{name}` has {} values, expected {expected}", values.len()),
+            }),
+            None => Err(CuarError::State { what: format!("`{name}` is missing") }),
+        }
+    }
+}
+
+/// How far a run is.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Progress {
+    /// `"images"` (making the supervision), `"refine"`, or `"report"`.
+    pub stage: &'static str,
+    /// Steps of the stage done.
+    pub done: usize,
+    /// Steps of the stage in all.
+    pub total: usize,
+    /// Eq. 20, mean over the images visited last; `None` before the first.
+    pub loss: Option<f64>,
+    /// Since the stage began.
+    pub elapsed_secs: f64,
+    /// To the end of the stage, at the pace so far.
+    pub eta_secs: Option<f64>,
+}
+
+/// One image as it stands, cropped to what edited splats reach.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Preview {
+    /// Index of the camera.
+    pub view: usize,
+    /// Scene time.
+    pub time: f32,
+    /// Column and row of the crop's first pixel.
+    pub origin: [usize; 2],
+    /// Render before refinement, `[h,w,3]`.
+    pub before: Image,
+    /// Render now, `[h,w,3]`.
+    pub now: Image,
+    /// Supervision, `[h,w,3]`; black where there is none.
+    pub target: Image,
+    /// Where `target` supervises, `[h,w,1]`.
+    pub mask: Image,
+}
+
+/// Watches a run. Every method may be left out.
+pub trait Observer {
+    /// Called after every image.
+    fn progress(&mut self, progress: &Progress) {
+        let _ = progress;
+    }
+
+    /// Called as often as the options say.
+    fn preview(&mut self, preview: &Preview) {
+        let _ = preview;
+    }
+
+    /// To be stored by the caller; called as often as the options say, and before a cancelled run returns.
+    fn checkpoint(&mut self, state: &State) {
+        let _ = state;
+    }
+
+    /// Asked after every image; `true` ends the run with [`CuarError::Cancelled`].
+    fn cancelled(&mut self) -> bool {
+        false
+    }
+}
+
+/// Watches nothing.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct NoObserver;
+
+impl Observer for NoObserver {}

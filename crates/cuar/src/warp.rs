@@ -1,0 +1,278 @@
+//! Fetching the first frame into frame `t` (Eq. 13).
+
+use gs_core::Image;
+
+/// How the first frame is brought to frame `t`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum WarpForm {
+    /// Every pixel of frame `t` looks up where its surface was in frame 1, through flow defined at frame `t`, divided by coverage; it is
+    /// supervised only if that surface was really visible there. No holes.
+    #[default]
+    Backward,
+    /// Eq. 13 as written: pixels of frame 1 pushed along the composited (not normalised) flow `F_{1→t}` of frame 1, without an occlusion
+    /// test. Where several land they are averaged; where none lands nothing is supervised.
+    Paper,
+}
+
+/// Tolerances of the occlusion test of [`WarpForm::Backward`].
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct WarpParams {
+    /// Pixels covered less than this, at `t` or in frame 1, have no defined surface. Default 0.5.
+    pub min_coverage: f32,
+    /// How far the surface may lie from the depth rendered in frame 1, relative to that depth. Default 0.01.
+    pub depth_tolerance: f32,
+    /// Largest standard deviation of the places in frame 1 composited at one pixel, relative to their depth: beyond it two surfaces mix.
+    /// Default 0.015.
+    pub spread_tolerance: f32,
+    /// Least determinant of the motion from frame `t` to frame 1 at a pixel: how many pixels of frame 1 one pixel of frame `t` came from. A side
+    /// turned away from the camera in frame 1 gives a negative one (its depth alone, on a thin limb, would not tell), a grazing view little.
+    /// Default 0.4.
+    pub min_facing: f32,
+    /// Pixels whose colour lies within the range of the 3×3 pixels of frame 1 around their source, widened by this much, agree with frame 1
+    /// and are asked to stay as they are: resampling must not teach textures to be blurred. `None` supervises every masked pixel, as the
+    /// paper does. Default 0.05.
+    pub slack: Option<f32>,
+}
+
+impl Default for WarpParams {
+    fn default() -> Self {
+        Self { min_coverage: 0.5, depth_tolerance: 0.01, spread_tolerance: 0.015, min_facing: 0.4, slack: Some(0.05) }
+    }
+}
+
+/// Frame 1 of one view.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct FirstFrame {
+    pub width: usize,
+    pub height: usize,
+    /// `[H,W,3]`.
+    pub rgb: Vec<f32>,
+    /// Depth divided by coverage, `[H,W]`; NaN where coverage is too small.
+    pub depth: Vec<f32>,
+}
+
+/// Channels of what [`trace`] reads at frame `t`: affine motion to frame 1 (shift 2, linear part 4), place there in the
+/// camera frame (3) and its square.
+pub(crate) const WARP_CHANNELS: usize = 10;
+
+/// Surface composited at one pixel of frame `t`, divided by coverage.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Trace {
+    /// Where it was in frame 1, pixels (centres at half-integers).
+    pub at: [f32; 2],
+    /// Its camera depth there.
+    pub depth: f32,
+}
+
+/// Undoes compositing: `sums` are the [`WARP_CHANNELS`] of one pixel, `alpha` its coverage, `(x, y)` its column and row.
+pub(crate) fn trace(
+    sums: &[f32],
+    alpha: f32,
+    (x, y): (usize, usize),
+    params: &WarpParams,
+) -> Option<Trace> {
+    if alpha.is_nan() || alpha < params.min_coverage || alpha <= 0.0 {
+        return None;
+    }
+    let (px, py) = (x as f32 + 0.5, y as f32 + 0.5);
+    let at = [sums[0] + sums[2] * px + sums[3] * py, sums[1] + sums[4] * px + sums[5] * py];
+    let [cx, cy, depth, square] = [6, 7, 8, 9].map(|k| sums[k] / alpha);
+    let variance = square - (cx * cx + cy * cy + depth * depth);
+    let limit = params.spread_tolerance * depth;
+    if variance.is_nan() || variance > limit * limit {
+        return None;
+    }
+    let facing = (sums[2] * sums[5] - sums[3] * sums[4]) / (alpha * alpha);
+    if facing.is_nan() || facing < params.min_facing {
+        return None;
+    }
+    Some(Trace { at: at.map(|value| value / alpha), depth })
+}
+
+/// Colour of frame 1 at `trace`, if the surface is what frame 1 shows there; or `shown`, the colour at frame `t`, if that agrees with it.
+pub(crate) fn fetch(
+    frame: &FirstFrame,
+    trace: Trace,
+    shown: &[f32],
+    params: &WarpParams,
+) -> Option<[f32; 3]> {
+    let [sx, sy] = trace.at.map(|s| s - 0.5);
+    let (w, h) = (frame.width, frame.height);
+    let (max_x, max_y) = (w.checked_sub(1)? as f32, h.checked_sub(1)? as f32);
+    if !(sx >= 0.0 && sy >= 0.0 && sx <= max_x && sy <= max_y) {
+        return None;
+    }
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        reason = "inside the image, checked above"
+    )]
+    let (x0, y0) = (sx as usize, sy as usize);
+    let (fx, fy) = (sx - x0 as f32, sy - y0 as f32);
+    let tolerance = params.depth_tolerance * trace.depth.abs();
+    let same = |x: usize, y: usize| {
+        let depth = frame.depth[y * w + x];
+        // NaN (nothing there) is not the same surface
+        (depth - trace.depth).abs() <= tolerance
+    };
+    let rgb = |x: usize, y: usize, channel: usize| frame.rgb[(y * w + x) * 3 + channel];
+    let (x1, y1) = ((x0 + 1).min(w - 1), (y0 + 1).min(h - 1));
+    let corners = [(x0, y0), (x1, y0), (x0, y1), (x1, y1)];
+    let weights = [(1.0 - fx) * (1.0 - fy), fx * (1.0 - fy), (1.0 - fx) * fy, fx * fy];
+    if corners.iter().zip(weights).any(|(&(x, y), weight)| weight > 0.0 && !same(x, y)) {
+        return None;
+    }
+    if let Some(slack) = params.slack {
+        let (cx, cy) = (if fx < 0.5 { x0 } else { x1 }, if fy < 0.5 { y0 } else { y1 });
+        let agrees = (0..3).all(|channel| {
+            let (mut low, mut high) = (f32::MAX, f32::MIN);
+            for y in cy.saturating_sub(1)..=(cy + 1).min(h - 1) {
+                for x in cx.saturating_sub(1)..=(cx + 1).min(w - 1) {
+                    if same(x, y) {
+                        low = low.min(rgb(x, y, channel));
+                        high = high.max(rgb(x, y, channel));
+                    }
+                }
+            }
+            (low - slack..=high + slack).contains(&shown[channel])
+        });
+        if agrees {
+            return Some([shown[0], shown[1], shown[2]]);
+        }
+    }
+    let wide = x0 >= 1
+        && y0 >= 1
+        && x0 + 2 < w
+        && y0 + 2 < h
+        && (y0 - 1..=y0 + 2).all(|y| (x0 - 1..=x0 + 2).all(|x| same(x, y)));
+    Some([0, 1, 2].map(|channel| {
+        let near = corners.map(|(x, y)| rgb(x, y, channel));
+        if wide {
+            // bilinear alone would teach every texture to be blurred
+            let row = |y: usize| {
+                catmull_rom(fx, [0, 1, 2, 3].map(|k| rgb(x0 + k - 1, y, channel)))
+            };
+            let sharp = catmull_rom(fy, [0, 1, 2, 3].map(|k| row(y0 + k - 1)));
+            let (low, high) = near.iter().fold((f32::MAX, f32::MIN), |(low, high), &value| {
+                (low.min(value), high.max(value))
+            });
+            sharp.clamp(low, high)
+        } else {
+            near.iter().zip(weights).map(|(value, weight)| value * weight).sum()
+        }
+    }))
+}
+
+fn catmull_rom(f: f32, [a, b, c, d]: [f32; 4]) -> f32 {
+    b + 0.5 * f * (c - a + f * (2.0 * a - 5.0 * b + 4.0 * c - d + f * (3.0 * (b - c) + d - a)))
+}
+
+/// [`WarpForm::Paper`]: colours `[H,W,3]` and validity `[H,W]` (0 or 1) at frame `t`, from the flow composited on frame 1.
+pub(crate) fn push_forward(frame: &FirstFrame, flow: &Image) -> (Vec<f32>, Vec<f32>) {
+    let (w, h) = (frame.width, frame.height);
+    let mut rgb = vec![0.0; w * h * 3];
+    let mut weight = vec![0.0; w * h];
+    for y in 0..h {
+        for x in 0..w {
+            let moved = flow.pixel(x, y);
+            let (tx, ty) = (x as f32 + moved[0], y as f32 + moved[1]);
+            let (floor_x, floor_y) = (tx.floor(), ty.floor());
+            for (dx, dy) in [(0.0, 0.0), (1.0, 0.0), (0.0, 1.0), (1.0, 1.0)] {
+                let (px, py) = (floor_x + dx, floor_y + dy);
+                let share = (1.0 - (tx - px).abs()) * (1.0 - (ty - py).abs());
+                let inside = px >= 0.0 && py >= 0.0 && px < w as f32 && py < h as f32;
+                if !inside || share.is_nan() || share <= 0.0 {
+                    continue;
+                }
+                #[expect(
+                    clippy::cast_possible_truncation,
+                    clippy::cast_sign_loss,
+                    reason = "inside the image, checked above"
+                )]
+                let target = py as usize * w + px as usize;
+                weight[target] += share;
+                for channel in 0..3 {
+                    rgb[target * 3 + channel] += share * frame.rgb[(y * w + x) * 3 + channel];
+                }
+            }
+        }
+    }
+    for (rgb, weight) in rgb.chunks_exact_mut(3).zip(&mut weight) {
+        // fainter than this a pixel is the rim of a hole
+        let known = *weight >= 0.25;
+        for value in rgb {
+            *value = if known { *value / *weight } else { 0.0 };
+        }
+        *weight = f32::from(u8::from(known));
+    }
+    (rgb, weight)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn ramp() -> FirstFrame {
+        let (width, height) = (12, 9);
+        let rgb = (0..width * height * 3)
+            .map(|k| {
+                let (x, y) = (k / 3 % width, k / 3 / width);
+                x as f32 * 0.05 + y as f32 * 0.01 + (k % 3) as f32 * 0.1
+            })
+            .collect();
+        FirstFrame { width, height, rgb, depth: vec![2.0; width * height] }
+    }
+
+    #[test]
+    fn fetch_interpolates_linear_images_exactly() {
+        let frame = ramp();
+        for at in [[5.3, 4.8], [0.6, 0.7], [11.5, 8.5]] {
+            let rgb =
+                fetch(&frame, Trace { at, depth: 2.01 }, &[9.0; 3], &WarpParams::default()).unwrap();
+            let expected = (at[0] - 0.5) * 0.05 + (at[1] - 0.5) * 0.01;
+            assert!((rgb[0] - expected).abs() < 1e-5, "{at:?}: {rgb:?} {expected}");
+        }
+    }
+
+    #[test]
+    fn what_was_hidden_is_not_fetched() {
+        let frame = ramp();
+        let params = WarpParams::default();
+        let fetch = |at, depth| fetch(&frame, Trace { at, depth }, &[9.0; 3], &params);
+        assert!(fetch([5.0, 5.0], 2.2).is_none(), "behind what frame 1 shows");
+        assert!(fetch([5.0, 5.0], 1.8).is_none(), "in front of what frame 1 shows");
+        assert!(fetch([-1.0, 5.0], 2.0).is_none(), "off the image");
+        assert!(fetch([f32::NAN, 5.0], 2.0).is_none(), "nowhere");
+        assert!(fetch([5.0, 5.0], f32::NAN).is_none(), "no depth");
+    }
+
+    #[test]
+    fn traces_are_divided_by_coverage() {
+        let params = WarpParams::default();
+        let whole = [2.0, 1.0, 1.0, 0.0, 0.0, 1.0, 0.0, 1.0, 2.0, 5.0];
+        let full = trace(&whole, 1.0, (3, 3), &params).unwrap();
+        assert_eq!(full.at, [5.5, 4.5], "moved");
+        let half = trace(&whole.map(|x| 0.5 * x), 0.5, (3, 3), &params).unwrap();
+        assert_eq!(half.at, full.at, "divided by coverage");
+        // half of it at (0, 1, 2), half at (0, 2, 2)
+        let mixed = [2.0, 1.0, 1.0, 0.0, 0.0, 1.0, 0.0, 1.5, 2.0, 6.5];
+        assert!(trace(&mixed, 1.0, (3, 3), &params).is_none(), "two surfaces");
+        let mut mirrored = whole;
+        mirrored[2] = -1.0;
+        assert!(trace(&mirrored, 1.0, (3, 3), &params).is_none(), "was turned away");
+        assert!(trace(&[0.0; WARP_CHANNELS], 0.2, (3, 3), &params).is_none(), "hardly covered");
+    }
+
+    #[test]
+    fn pushing_by_whole_pixels_shifts() {
+        let frame = ramp();
+        let mut flow = Image::zeros(12, 9, 2);
+        for uv in flow.data.chunks_exact_mut(2) {
+            uv.copy_from_slice(&[3.0, -2.0]);
+        }
+        let (rgb, valid) = push_forward(&frame, &flow);
+        let at = |x: usize, y: usize| (y * 12 + x) * 3;
+        assert!((rgb[at(5, 3)] - frame.rgb[at(2, 5)]).abs() < 1e-6, "moved right and up");
+        assert_eq!(valid[3 * 12 + 1], 0.0, "nothing came here");
+    }
+}

@@ -1,0 +1,216 @@
+//! The two solvers on one problem: descent, restart, threads, memory; and what the options refuse.
+
+mod common;
+
+use common::{Case, Flaws, case, render};
+use cuar::{
+    AdamParams, CuarError, NoObserver, Observer, Preview, Progress, RefineOptions, Refined,
+    RegressionParams, Solver, State, Views, WarpForm, refine,
+};
+use gs_core::{DynamicScene, TimeRange};
+use gs_raster_cpu::CpuRasterizer;
+use std::sync::OnceLock;
+
+fn small() -> &'static Case {
+    static CASE: OnceLock<Case> = OnceLock::new();
+    let flaws = Flaws { interior: true, unseen_sh: 1.5, noise: 0.0 };
+    CASE.get_or_init(|| case(3_000, 2, 4, (96, 72), flaws))
+}
+
+fn run(
+    options: &RefineOptions,
+    resume: Option<&State>,
+    observer: &mut dyn Observer,
+) -> Result<Refined, CuarError> {
+    let case = small();
+    let times = TimeRange::UNIT.frames(16);
+    let views = Views { cameras: &case.cameras, times: &times, held_out: &case.held_out };
+    refine(&CpuRasterizer::default(), &case.scene, &case.edited, &views, options, resume, observer)
+}
+
+fn regression(passes: usize) -> RefineOptions {
+    let solver = Solver::Regression(RegressionParams { passes, ..RegressionParams::default() });
+    RefineOptions { samples: 20, solver, ..RefineOptions::default() }
+}
+
+fn adam(steps: usize) -> RefineOptions {
+    let solver = Solver::Adam(AdamParams { steps, ..AdamParams::default() });
+    RefineOptions { samples: 20, solver, ..RefineOptions::default() }
+}
+
+#[test]
+fn regression_needs_fewer_visits_than_adam() {
+    let fast = run(&regression(4), None, &mut NoObserver).unwrap().report;
+    let visits = 4 * fast.samples.len();
+    let slow = run(&adam(visits), None, &mut NoObserver).unwrap().report;
+    assert_eq!(fast.loss_before, slow.loss_before, "the same problem");
+    assert!(slow.loss_after < slow.loss_before, "Adam descends: {slow:?}");
+    let gain = |loss: f64| fast.loss_before - loss;
+    assert!(gain(fast.loss_after) > 2.0 * gain(slow.loss_after), "{fast:?} {slow:?}");
+}
+
+/// Keeps every checkpoint; cancels after a number of progress reports.
+#[derive(Default)]
+struct Keeper {
+    states: Vec<State>,
+    left: Option<usize>,
+    previews: usize,
+    last: Option<Progress>,
+}
+
+impl Observer for Keeper {
+    fn progress(&mut self, progress: &Progress) {
+        assert!(progress.done <= progress.total, "{progress:?}");
+        if progress.stage == "refine" {
+            self.left = self.left.map(|left| left.saturating_sub(1));
+        }
+        self.last = Some(*progress);
+    }
+    fn preview(&mut self, preview: &Preview) {
+        assert_eq!(preview.now.data.len(), preview.before.data.len(), "same size");
+        self.previews += 1;
+    }
+    fn checkpoint(&mut self, state: &State) {
+        self.states.push(state.clone());
+    }
+    fn cancelled(&mut self) -> bool {
+        self.left == Some(0)
+    }
+}
+
+#[test]
+fn interrupted_runs_end_bit_identical() {
+    for options in [regression(3), adam(70)] {
+        let whole = run(&options, None, &mut NoObserver).unwrap();
+        let mut keeper = Keeper { left: Some(30), ..Keeper::default() };
+        let cut = run(&options, None, &mut keeper);
+        assert!(matches!(cut, Err(CuarError::Cancelled { .. })), "cancelled");
+        let state = keeper.states.last().expect("a checkpoint before cancelling");
+        let rest = run(&options, Some(state), &mut NoObserver).unwrap();
+        assert_eq!(rest.d_sh, whole.d_sh, "resumed at step {}", state.step);
+
+        let mut other = options.clone();
+        other.seed = 1;
+        let refused = run(&other, Some(state), &mut NoObserver);
+        assert!(matches!(refused, Err(CuarError::State { .. })), "another run's state");
+        let mut damaged = state.clone();
+        damaged.arrays[0].1.pop();
+        assert!(run(&options, Some(&damaged), &mut NoObserver).is_err(), "damaged state");
+    }
+}
+
+#[test]
+fn neither_threads_nor_memory_change_a_bit() {
+    let options = regression(2);
+    let on = |threads: usize, options: &RefineOptions| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        pool.install(|| run(options, None, &mut NoObserver).unwrap())
+    };
+    let one = on(1, &options);
+    assert_eq!(one.d_sh, on(3, &options).d_sh, "threads");
+    let kept = one.report.num_cached;
+    assert_eq!(kept, one.report.samples.len(), "everything fits");
+    // enough for the images but not for their prepared states
+    let tight = RefineOptions { memory: one.report.bytes / 3, ..options };
+    let tight = on(2, &tight);
+    assert!(tight.report.num_cached < kept, "{} kept", tight.report.num_cached);
+    if tight.report.samples == one.report.samples {
+        assert_eq!(one.d_sh, tight.d_sh, "memory");
+    }
+}
+
+#[test]
+fn observers_are_kept_informed() {
+    let options =
+        RefineOptions { preview_secs: Some(0.0), checkpoint_secs: Some(0.0), ..regression(2) };
+    let mut keeper = Keeper::default();
+    run(&options, None, &mut keeper).unwrap();
+    assert!(keeper.previews > 10, "{} previews", keeper.previews);
+    assert_eq!(keeper.states.len(), 2, "a checkpoint per pass");
+    let last = keeper.last.unwrap();
+    assert_eq!((last.stage, last.done), ("report", last.total), "{last:?}");
+}
+
+/// Compares every preview with a render of the whole scene under the colours of the step before.
+struct Oracle {
+    d_sh: Vec<f32>,
+    compared: usize,
+    worst: f32,
+}
+
+impl Observer for Oracle {
+    fn preview(&mut self, preview: &Preview) {
+        let case = small();
+        let mut scene = case.scene.clone();
+        let coeffs = scene.at(0.0).unwrap().sh_coeffs();
+        let rows = (0..case.edited.len()).filter(|&i| case.edited[i]);
+        for (row, d_sh) in rows.zip(self.d_sh.chunks_exact(coeffs * 3)) {
+            let own = scene.sh[row * coeffs..(row + 1) * coeffs].as_flattened_mut();
+            own.iter_mut().zip(d_sh).for_each(|(value, change)| *value += change);
+        }
+        let whole = render(&scene, preview.time, &case.cameras[preview.view]);
+        for y in 0..preview.now.height {
+            for x in 0..preview.now.width {
+                let there = whole.pixel(x + preview.origin[0], y + preview.origin[1]);
+                for (a, b) in preview.now.pixel(x, y).iter().zip(there) {
+                    self.worst = self.worst.max((a - b).abs());
+                }
+            }
+        }
+        self.compared += 1;
+    }
+    fn checkpoint(&mut self, state: &State) {
+        self.d_sh.clone_from(&state.arrays[0].1);
+    }
+}
+
+/// The image of the few splats that are kept is the image of the scene.
+#[test]
+fn leaving_out_what_does_not_matter_changes_no_image() {
+    let options =
+        RefineOptions { preview_secs: Some(0.0), checkpoint_secs: Some(0.0), ..adam(60) };
+    let mut oracle = Oracle { d_sh: Vec::new(), compared: 0, worst: 0.0 };
+    run(&options, None, &mut oracle).unwrap();
+    assert!(oracle.compared == 60, "{} images compared", oracle.compared);
+    // worst seen 3e-7
+    assert!(oracle.worst < 5e-6, "differs by {}", oracle.worst);
+}
+
+#[test]
+fn opacity_is_refined_on_request_by_adam() {
+    let options = RefineOptions { opacity: true, ..adam(200) };
+    let refined = run(&options, None, &mut NoObserver).unwrap();
+    assert!(refined.d_logits.iter().any(|d| *d != 0.0), "opacity moves");
+    assert!(refined.report.loss_after < refined.report.loss_before, "{:?}", refined.report);
+    let refused = run(&RefineOptions { opacity: true, ..regression(1) }, None, &mut NoObserver);
+    assert!(refused.unwrap_err().to_string().contains("Adam"), "says why");
+}
+
+#[test]
+fn the_papers_warp_works_too() {
+    let options = RefineOptions { warp: WarpForm::Paper, ..regression(2) };
+    let report = run(&options, None, &mut NoObserver).unwrap().report;
+    assert!(report.loss_after < report.loss_before, "{report:?}");
+}
+
+#[test]
+fn nothing_edited_and_bad_options() {
+    let case = small();
+    let times = TimeRange::UNIT.frames(4);
+    let views = Views { cameras: &case.cameras, times: &times, held_out: &[] };
+    let raster = CpuRasterizer::default();
+    let mut go = |edited: &[bool], options: &RefineOptions| {
+        refine(&raster, &case.scene, edited, &views, options, None, &mut NoObserver)
+    };
+    let none = go(&vec![false; case.edited.len()], &RefineOptions::default()).unwrap();
+    assert!(none.rows.is_empty() && none.sh.is_empty(), "nothing to do");
+    assert!(go(&[true; 3], &RefineOptions::default()).is_err(), "another scene's rows");
+    for broken in [
+        RefineOptions { epsilon: f32::NAN, ..RefineOptions::default() },
+        RefineOptions { samples: 0, ..RefineOptions::default() },
+        RefineOptions { edit_time: Some(7.0), ..RefineOptions::default() },
+        RefineOptions { background: [2.0; 3], ..RefineOptions::default() },
+    ] {
+        assert!(go(&case.edited, &broken).is_err(), "{broken:?}");
+    }
+}

@@ -4,6 +4,7 @@ use crate::error::{IoError, list_names};
 use std::fs::{self, File};
 use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
+use std::sync::Mutex;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 /// What to do when the output exists.
@@ -18,6 +19,36 @@ pub enum Existing {
 
 /// Makes temporary names of one process unique.
 static COUNTER: AtomicU64 = AtomicU64::new(0);
+
+/// Temporary files and folders of outputs that are neither committed nor dropped.
+static UNFINISHED: Mutex<Vec<PathBuf>> = Mutex::new(Vec::new());
+
+/// Removes what unfinished outputs of this process have written so far: for the handler of an interrupt, which ends the process
+/// without dropping them.
+pub fn remove_unfinished() {
+    let Ok(unfinished) = UNFINISHED.lock() else { return };
+    for path in unfinished.iter() {
+        // A thread that is still writing may add a file to a folder while it is being removed.
+        for _ in 0..100 {
+            let removed = if path.is_dir() { fs::remove_dir_all(path) } else { fs::remove_file(path) };
+            if removed.is_ok() || !path.exists() {
+                break;
+            }
+        }
+    }
+}
+
+fn register(path: &Path) {
+    if let Ok(mut unfinished) = UNFINISHED.lock() {
+        unfinished.push(path.to_owned());
+    }
+}
+
+fn unregister(path: &Path) {
+    if let Ok(mut unfinished) = UNFINISHED.lock() {
+        unfinished.retain(|other| other != path);
+    }
+}
 
 /// A hidden sibling of `path`: same file system, so the final rename is atomic.
 fn sibling(path: &Path, purpose: &str) -> Result<PathBuf, IoError> {
@@ -61,6 +92,7 @@ impl AtomicFile {
         refuse(&path, existing)?;
         make_parent(&path)?;
         let file = File::create_new(&temporary).map_err(IoError::write(&path))?;
+        register(&temporary);
         Ok(Self {
             path,
             temporary,
@@ -102,6 +134,7 @@ impl Write for AtomicFile {
 impl Drop for AtomicFile {
     fn drop(&mut self) {
         self.writer = None;
+        unregister(&self.temporary);
         // After a commit there is nothing under this name; otherwise a failed removal cannot be reported from here.
         let _ = fs::remove_file(&self.temporary);
     }
@@ -145,6 +178,7 @@ impl AtomicDir {
         folder.refuse()?;
         make_parent(&folder.path)?;
         fs::create_dir(&folder.temporary).map_err(IoError::write(&folder.path))?;
+        register(&folder.temporary);
         Ok(folder)
     }
 
@@ -195,6 +229,7 @@ impl AtomicDir {
 
 impl Drop for AtomicDir {
     fn drop(&mut self) {
+        unregister(&self.temporary);
         // After a commit there is nothing under this name; otherwise a failed removal cannot be reported from here.
         let _ = fs::remove_dir_all(&self.temporary);
     }

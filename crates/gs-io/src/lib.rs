@@ -19,7 +19,7 @@ pub mod pth;
 pub mod repair;
 mod zip;
 
-pub use atomic::{AtomicDir, AtomicFile, Existing};
+pub use atomic::{AtomicDir, AtomicFile, Existing, remove_unfinished};
 pub use detect::{OpenOptions, Opened, SceneKind, detect, open_scene};
 pub use error::IoError;
 pub use zip::ZipError;

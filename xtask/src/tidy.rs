@@ -198,7 +198,7 @@ mod tests {
 
     #[test]
     fn bad_text_is_found() {
-        let text = format!("// see Eq. 99\n// {}home/me/data\n", '\u{2f}');
+        let text = format!("// see {} 99\n// {}home/me/data\n", "Eq.", '\u{2f}');
         let mut found = Vec::new();
         check_text("x.rs", "rs", &text, &mut found);
         assert_eq!(found.len(), 2, "{found:?}");

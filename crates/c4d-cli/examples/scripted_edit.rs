@@ -101,7 +101,7 @@ fn paint(splats: &mut Splats, args: &Args, random: &mut Random) {
         *rest = [0.0; 3];
     }
     if args.inflate > 0.0 {
-        let middle = [0, 2].map(|k| (args.recolour[k] + args.recolour[k + 3]) / 2.0);
+        let middle = [0, 2].map(|k| f32::midpoint(args.recolour[k], args.recolour[k + 3]));
         let mean = &mut splats.means[last];
         let (dx, dz) = (mean[0] - middle[0], mean[2] - middle[1]);
         let norm = dx.hypot(dz).max(1e-6);
@@ -128,7 +128,7 @@ fn graft(splats: &mut Splats, block: &[f32]) -> usize {
         splats.quats.push(quat::IDENTITY);
         splats.log_scales.push([(0.6 * spacing).ln(); 3]);
         splats.opacity_logits.push(4.0);
-        let checker = if (steps[0] + steps[1] + steps[2]) % 2 == 0 { 0.9 } else { 0.7 };
+        let checker = if (steps[0] + steps[1] + steps[2]).is_multiple_of(2) { 0.9 } else { 0.7 };
         splats.sh.push(sh::dc_from_rgb([checker, 0.2, 0.15]));
         splats.sh.extend(std::iter::repeat_n([0.0; 3], splats.sh_coeffs() - 1));
         count += 1;

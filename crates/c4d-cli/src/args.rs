@@ -22,6 +22,10 @@ pub(crate) struct Cli {
 
 /// Flags of every command.
 #[derive(Debug, Clone, Args)]
+#[expect(
+    clippy::struct_excessive_bools,
+    reason = "flags of a command line are independent switches"
+)]
 pub(crate) struct Global {
     /// Replace existing output (only output of c4d; anything else is never touched)
     #[arg(short = 'w', long, global = true)]

@@ -25,6 +25,7 @@ impl Console {
     }
 
     /// A result, on standard output. A closed pipe is not an error.
+    #[expect(clippy::unused_self, reason = "where results go is the console's business")]
     pub(crate) fn result(&self, text: impl Display) {
         let _ = writeln!(std::io::stdout().lock(), "{text}");
     }

@@ -23,7 +23,7 @@ impl FromStr for GpuChoice {
         match text {
             "auto" => Ok(Self::Auto),
             "cpu" => Ok(Self::Cpu),
-            _ => text.parse().map(Self::Index).map_err(|_| {
+            _ => text.parse().map(Self::Index).map_err(|_not_a_number| {
                 format!("`{text}` is no device: expected auto, cpu or the number of an adapter that c4d doctor lists")
             }),
         }

@@ -17,8 +17,8 @@ pub(crate) struct Renderer {
 
 #[derive(Debug)]
 enum Engine {
-    Cpu(Stage<CpuRasterizer>),
-    Gpu(Stage<WgpuRasterizer>),
+    Cpu(Box<Stage<CpuRasterizer>>),
+    Gpu(Box<Stage<WgpuRasterizer>>),
 }
 
 #[derive(Debug)]
@@ -50,8 +50,12 @@ impl Renderer {
     /// Renders on this device over this background.
     pub(crate) fn new(device: &Device, background: [f32; 3]) -> Self {
         let engine = match device {
-            Device::Cpu => Engine::Cpu(Stage { raster: CpuRasterizer::default(), prepared: None }),
-            Device::Gpu(raster) => Engine::Gpu(Stage { raster: raster.clone(), prepared: None }),
+            Device::Cpu => {
+                Engine::Cpu(Box::new(Stage { raster: CpuRasterizer::default(), prepared: None }))
+            }
+            Device::Gpu(raster) => {
+                Engine::Gpu(Box::new(Stage { raster: raster.clone(), prepared: None }))
+            }
         };
         let params =
             RenderParams { background: background.map(f64::from), ..RenderParams::default() };

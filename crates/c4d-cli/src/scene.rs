@@ -95,7 +95,8 @@ pub(crate) fn overrides(global: &Global) -> Outcome<Overrides> {
         };
         let (name, value) = setting.split_once('=').ok_or_else(|| refuse("expected FLAG=VALUE"))?;
         if name == "grid_pe" {
-            overrides.grid_pe = Some(value.parse().map_err(|_| refuse("grid_pe is a number"))?);
+            overrides.grid_pe =
+                Some(value.parse().map_err(|_not_a_number| refuse("grid_pe is a number"))?);
             continue;
         }
         let flag = match value {

@@ -118,8 +118,8 @@ fn cases(names: &[String]) -> Outcome<Vec<TruthCase>> {
     names
         .iter()
         .map(|name| {
-            TruthCase::from_str(name).map_err(|_| {
-                Failure::usage(format!("--cases {name}: no such case"))
+            TruthCase::from_str(name).map_err(|error| {
+                Failure::usage(format!("--cases {name}: {error}"))
                     .next(format!("Cases: {}.", known.join(", ")))
             })
         })

@@ -115,7 +115,7 @@ fn write_inputs(
     };
     let mut progress = console.progress("source", SOURCE_FRAMES as u64);
     ply_sequence::write_folder(
-        &root.join(SOURCE),
+        root.join(SOURCE),
         synthetic,
         &times,
         &options,
@@ -124,8 +124,8 @@ fn write_inputs(
     )
     .map_err(|error| output_failure(&error))?;
     progress.finish();
-    ply::write_file(&root.join(EDITED), &edit.splats, &options, Existing::Refuse)
+    ply::write_file(root.join(EDITED), &edit.splats, &options, Existing::Refuse)
         .map_err(|error| output_failure(&error))?;
-    cameras_json::write_file(&root.join(CAMERAS), cameras, Existing::Refuse)
+    cameras_json::write_file(root.join(CAMERAS), cameras, Existing::Refuse)
         .map_err(|error| output_failure(&error))
 }

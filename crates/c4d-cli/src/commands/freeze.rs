@@ -20,21 +20,17 @@ pub(crate) fn run(args: &FreezeArgs, global: &Global, console: &Console) -> Outc
     frames::check(opened.scene.time_range(), args.time, "--time")?;
     check_sh_degree(args.sh_degree, opened.scene.sh_degree())?;
     let splats = opened.scene.at(args.time).map_err(Failure::bad_input)?;
-    let (cameras, origin) = match &args.cameras {
-        Some(file) => {
-            let cameras =
-                cameras_json::read_file(file).map_err(|error| scene::bad_input(&error))?;
-            (cameras, format!("copied from {}", file.display()))
+    let (cameras, origin) = if let Some(file) = &args.cameras {
+        let cameras = cameras_json::read_file(file).map_err(|error| scene::bad_input(&error))?;
+        (cameras, format!("copied from {}", file.display()))
+    } else {
+        let up = args.up.map_or(opened.up, crate::args::Up::vector);
+        let rig = Rig::around(&splats, up);
+        let mut cameras = vec![rig.front(DEFAULT_SIZE)];
+        for (i, camera) in rig.orbit(RIG_CAMERAS, DEFAULT_SIZE).into_iter().enumerate() {
+            cameras.push(Camera { name: format!("orbit_{i:02}"), ..camera });
         }
-        None => {
-            let up = args.up.map_or(opened.up, crate::args::Up::vector);
-            let rig = Rig::around(&splats, up);
-            let mut cameras = vec![rig.front(DEFAULT_SIZE)];
-            for (i, camera) in rig.orbit(RIG_CAMERAS, DEFAULT_SIZE).into_iter().enumerate() {
-                cameras.push(Camera { name: format!("orbit_{i:02}"), ..camera });
-            }
-            (cameras, "a rig around the scene: the files name no cameras".to_owned())
-        }
+        (cameras, "a rig around the scene: the files name no cameras".to_owned())
     };
     let output = &args.output;
     let folder = AtomicDir::create(output, existing(global), |name| OURS.contains(&name))
@@ -44,9 +40,9 @@ pub(crate) fn run(args: &FreezeArgs, global: &Global, console: &Console) -> Outc
         sh_degree: args.sh_degree,
         ..WriteOptions::default()
     };
-    ply::write_file(&folder.path().join(OURS[0]), &splats, &options, Existing::Refuse)
+    ply::write_file(folder.path().join(OURS[0]), &splats, &options, Existing::Refuse)
         .map_err(|error| output_failure(&error))?;
-    cameras_json::write_file(&folder.path().join(OURS[1]), &cameras, Existing::Refuse)
+    cameras_json::write_file(folder.path().join(OURS[1]), &cameras, Existing::Refuse)
         .map_err(|error| output_failure(&error))?;
     folder.commit().map_err(|error| output_failure(&error))?;
     console.note(format!("{} cameras: {origin}", cameras.len()));

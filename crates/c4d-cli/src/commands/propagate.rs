@@ -117,7 +117,7 @@ pub(crate) fn propagate(
         rotation_prior: 0.0,
         refine: None,
     };
-    config.set_aggregation(propagation.scene.aggregation());
+    config.set_aggregation(*propagation.scene.aggregation());
     let write = |name: &str, bytes: &[u8]| {
         let path = folder.path().join(name);
         std::fs::write(&path, bytes).map_err(|error| Failure::write(&path, &error))

@@ -275,7 +275,7 @@ fn stills(args: &RenderArgs, global: &Global, shot: &Shot<'_>, format: Format) -
                     images::write_exr(&path("exr"), &passes::flow_with_coverage(&flow), &channels)?;
                 }
                 (PassImage::Flow(flow), Format::Npy) => {
-                    images::write_npy(&path("npy"), &passes::flow_image(&flow))?
+                    images::write_npy(&path("npy"), &passes::flow_image(&flow))?;
                 }
                 (PassImage::Flow(flow), Format::Flo) => {
                     let bytes =
@@ -287,7 +287,7 @@ fn stills(args: &RenderArgs, global: &Global, shot: &Shot<'_>, format: Format) -
                     write_png(&path("png"), &cuar::flow_wheel(&passes::flow_image(&flow), None))?;
                 }
                 (PassImage::Grey(image), Format::Exr) => {
-                    images::write_exr(&path("exr"), &image, channels(pass))?
+                    images::write_exr(&path("exr"), &image, channels(pass))?;
                 }
                 (PassImage::Grey(image), Format::Npy) => images::write_npy(&path("npy"), &image)?,
                 (PassImage::Grey(mut image), _) => {

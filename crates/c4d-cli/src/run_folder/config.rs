@@ -73,22 +73,24 @@ pub(crate) struct RefineConfig {
 
 impl RunConfig {
     /// Records how blended rows are evaluated.
-    pub(crate) fn set_aggregation(&mut self, aggregation: &Aggregation) {
-        self.position = match aggregation.position {
-            PositionRule::Average => "average",
-            PositionRule::Rigid => "rigid",
-        }
-        .to_owned();
-        self.rotation = match aggregation.rotation {
-            RotationRule::Additive => "additive",
-            RotationRule::Relative => "relative",
-        }
-        .to_owned();
-        self.scale = match aggregation.scale {
-            ScaleRule::PerAxis => "per-axis",
-            ScaleRule::Isotropic => "isotropic",
-        }
-        .to_owned();
+    pub(crate) fn set_aggregation(&mut self, aggregation: Aggregation) {
+        let names = (
+            match aggregation.position {
+                PositionRule::Average => "average",
+                PositionRule::Rigid => "rigid",
+            },
+            match aggregation.rotation {
+                RotationRule::Additive => "additive",
+                RotationRule::Relative => "relative",
+            },
+            match aggregation.scale {
+                ScaleRule::PerAxis => "per-axis",
+                ScaleRule::Isotropic => "isotropic",
+            },
+        );
+        names.0.clone_into(&mut self.position);
+        names.1.clone_into(&mut self.rotation);
+        names.2.clone_into(&mut self.scale);
         self.appearance = aggregation.appearance;
         self.rotation_prior = aggregation.rotation_prior;
     }

@@ -2,6 +2,7 @@
 
 use crate::failure::{Failure, Outcome};
 use sha2::{Digest, Sha256};
+use std::fmt::Write;
 use std::io::Read;
 use std::path::PathBuf;
 
@@ -30,5 +31,10 @@ pub(crate) fn fingerprint(files: &[PathBuf]) -> Outcome<String> {
             }
         }
     }
-    Ok(hasher.finalize().iter().map(|byte| format!("{byte:02x}")).collect())
+    let mut text = String::new();
+    for byte in hasher.finalize() {
+        // Writing to a string cannot fail.
+        let _ = write!(text, "{byte:02x}");
+    }
+    Ok(text)
 }

@@ -80,10 +80,10 @@ fn serialize(stored: &Stored) -> Outcome<Vec<u8>> {
     let (rows, coeffs) = (edited.len(), edited.sh_coeffs());
     let codes: Vec<u8> = binding.kinds().iter().map(|kind| kind.code()).collect();
     let floats = |values: &'static str, shape: Vec<usize>, data: &[f32]| {
-        (values, Dtype::F32, shape, le_bytes(data, |value| value.to_le_bytes()))
+        (values, Dtype::F32, shape, le_bytes(data, f32::to_le_bytes))
     };
     let ints = |name: &'static str, data: &[u32]| {
-        (name, Dtype::U32, vec![data.len()], le_bytes(data, |value| value.to_le_bytes()))
+        (name, Dtype::U32, vec![data.len()], le_bytes(data, u32::to_le_bytes))
     };
     let mut entries = vec![
         floats("edited.means", vec![rows, 3], edited.means.as_flattened()),

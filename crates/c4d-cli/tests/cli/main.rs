@@ -1,5 +1,7 @@
 //! `c4d` as users run it: the main job end to end, and wrong inputs.
 
+#![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
+
 mod bad_input;
 mod main_job;
 mod support;

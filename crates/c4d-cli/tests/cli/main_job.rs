@@ -12,7 +12,7 @@ fn path(path: &Path) -> &str {
 fn frames(folder: &Path) -> Vec<Splats> {
     let mut names = listing(folder);
     names.retain(|name| Path::new(name).extension().is_some_and(|extension| extension == "ply"));
-    names.iter().map(|name| ply::read_file(&folder.join(name)).unwrap().splats).collect()
+    names.iter().map(|name| ply::read_file(folder.join(name)).unwrap().splats).collect()
 }
 
 /// Mean distance of the centres over the clouds' size.
@@ -100,7 +100,7 @@ fn model_4dgs_freezes_propagates_renders_exports() {
     for mean in edited.means.iter_mut().step_by(3) {
         mean[2] += 0.01;
     }
-    ply::write_file(&at("edited.ply"), &edited, &ply::WriteOptions::default(), Existing::Refuse)
+    ply::write_file(at("edited.ply"), &edited, &ply::WriteOptions::default(), Existing::Refuse)
         .unwrap();
     for (name, extra) in [
         ("run", vec![]),

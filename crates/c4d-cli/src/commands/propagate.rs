@@ -20,6 +20,8 @@ use std::time::Instant;
 
 /// An edited cloud whose middle lies further from the source's than this many source sizes is of another scene.
 const FAR: f64 = 3.0;
+/// An edited cloud this many times larger than the source, or smaller, is in other units.
+const LARGER: f64 = 50.0;
 /// Share of edited rows equal to canonical rows above which the edit was made on the wrong file.
 const CANONICAL_SHARE: f64 = 0.5;
 
@@ -220,7 +222,9 @@ fn refuse_other_scene(args: &PropagateArgs, source: &Splats, edited: &Splats) ->
     let size = source_box.1.max(f64::MIN_POSITIVE);
     let away = (0..3).map(|k| (source_box.0[k] - edited_box.0[k]).powi(2)).sum::<f64>().sqrt();
     let ratio = edited_box.1 / size;
-    if away < FAR * size && (1.0 / 50.0..50.0).contains(&ratio) {
+    // A small object that was cut out of a scene is an edit of it; as many splats in a tiny space are a scene in other units.
+    let shrunk = ratio < 1.0 / LARGER && edited.len() > source.len() / 10;
+    if away < FAR * size && ratio < LARGER && !shrunk {
         return Ok(());
     }
     Err(Failure::bad_input(format!(

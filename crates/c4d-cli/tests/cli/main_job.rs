@@ -55,6 +55,14 @@ fn edit_is_carried_and_exported() {
         let error = mean_error(found, expected);
         assert!(error < 0.0005, "frame {frame}: mean error {error} of the scene's size");
     }
+    // What is exported is what the scene says, re-read from disk.
+    let frozen = folder.path().join("frozen");
+    success(&mut c4d(["freeze", path(&run), "--time", "0.5", "-o", path(&frozen)]));
+    assert_eq!(
+        ply::read_file(frozen.join("point_cloud.ply")).unwrap().splats,
+        exported[1],
+        "frame at 0.5"
+    );
     // Negative control: without motion the same measure fails.
     let still = mean_error(&frame_1, &truth[1]);
     assert!(still > 0.003, "the scene moves: {still}");

@@ -33,6 +33,8 @@ fn the_default_is_far_ahead_of_the_nearest_neighbours() {
         ("clothing", 0.45),
         ("prune-split", 0.7),
         ("graft-hat", 0.6),
+        ("graft-horns", 0.9),
+        ("graft-wings", 0.2),
         ("blocky", 0.8),
         ("grazing-limb", 0.6),
         ("touch-and-part", 0.3),

@@ -23,6 +23,9 @@ use console::Console;
 use failure::{Exit, Failure, Outcome};
 use std::process::ExitCode;
 
+/// More threads than any machine has cores are a slip of the keyboard.
+const MAX_THREADS: usize = 1024;
+
 fn main() -> ExitCode {
     let cli = Cli::parse();
     let global = &cli.global;
@@ -48,8 +51,10 @@ fn main() -> ExitCode {
 
 fn run(cli: &Cli, console: &Console) -> Outcome {
     if let Some(threads) = cli.global.threads {
-        if threads == 0 {
-            return Err(Failure::usage("--threads 0: expected at least 1"));
+        if !(1..=MAX_THREADS).contains(&threads) {
+            return Err(Failure::usage(format!(
+                "--threads {threads}: expected 1 to {MAX_THREADS}"
+            )));
         }
         rayon::ThreadPoolBuilder::new()
             .num_threads(threads)

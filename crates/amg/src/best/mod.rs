@@ -6,11 +6,13 @@
 //! 4. How the edit displaced each part's surface is learned from all splats at once, and rates those motions.
 //! 5. Neighbours in the edit agree on motion and facing.
 //! 6. Splats that no cell explains hang on the nearest ones that some cell does.
-//! 7. Each takes a few sources of its motion; their weighted rigid motion is its own.
+//! 7. Large new pieces hang as a whole on what they are attached to.
+//! 8. Each takes a few sources of its motion; their weighted rigid motion is its own.
 
 mod cells;
 mod cloud;
 mod edit;
+mod graft;
 mod graph;
 mod modes;
 mod motion;
@@ -108,6 +110,19 @@ pub(crate) fn bind(
         })
     };
     let seeds = graph::nearest_seed(&edit.means, &links, explained);
+    let grafts = graft::Grafts {
+        cells: &cells,
+        motion: &motion,
+        edit: &edit,
+        near: &near,
+        choices: &choices,
+        chosen: &chosen,
+        links: &links,
+        spacing: &spacing,
+        figure_size: size,
+        reach,
+    };
+    let carriers = grafts.carriers(explained);
     let kept: Vec<usize> = (0..cells.cloud.len()).filter(|&i| !motion.floater[i]).collect();
     let points: Vec<[f64; 3]> = kept.iter().map(|&i| cells.cloud.means[i]).collect();
     let tree = KdTree::<3>::new(&points);
@@ -118,18 +133,19 @@ pub(crate) fn bind(
             if edit.exact[e].is_some() {
                 return ((RowKind::Static, Vec::new()), false);
             }
-            let sources = match seeds[e] {
-                Some(seed) if seed as usize == e => {
+            let sources = match (carriers[e], seeds[e]) {
+                (Some(carrier), _) => supports.far(edit.means[e], carrier, &tree, &kept),
+                (None, Some(seed)) if seed as usize == e => {
                     supports.near(&edit, e, &choices[e], chosen[e], &near[e])
                 }
-                Some(seed) => {
+                (None, Some(seed)) => {
                     let rep = choices[seed as usize][chosen[seed as usize]].cell;
                     supports.far(edit.means[e], rep, &tree, &kept)
                 }
-                None if within_reach(e) => {
+                (None, None) if within_reach(e) => {
                     supports.far(edit.means[e], choices[e][chosen[e]].cell, &tree, &kept)
                 }
-                None => return ((RowKind::Static, Vec::new()), true),
+                (None, None) => return ((RowKind::Static, Vec::new()), true),
             };
             let (mut moving, mut total) = (0.0, 0.0);
             for &(id, w) in &sources {

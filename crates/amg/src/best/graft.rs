@@ -1,0 +1,262 @@
+//! New geometry that stands out from the figure moves with what it is attached to.
+//!
+//! Wings that pass behind a swinging arm lie as near to it as to the back they grow from, over fewer splats. Splat by splat
+//! nothing tells the two apart; the whole piece does: it touches its carrier over the widest area. So each connected piece
+//! of new splats that reaches far from every source takes one motion, unless two parts hold it about equally well.
+
+use super::cells::Cells;
+use super::cloud::TINY;
+use super::edit::Edit;
+use super::graph::Link;
+use super::modes::Choice;
+use super::motion::CellMotion;
+use anchors::{KdTree, Neighbor};
+use gs_core::Real;
+use rayon::prelude::*;
+
+/// A splat this far from every source, as a share of the figure, is no surface of the source, however thick its clothes.
+const OUTSTANDING: f64 = 0.06;
+
+/// Fewer such splats are strays.
+const MIN_OUTSTANDING: usize = 8;
+
+/// Share of a graft's splats that are. Other new geometry lines the figure, and must bend with it.
+const MIN_SHARE: f64 = 1.0 / 3.0;
+
+/// A graft comes at least this near to the rest of the edit, as a share of the figure: what only hovers has no carrier.
+const TOUCHING: f64 = 0.03;
+
+/// A splat of a graft is this many times farther from its nearest source than another splat of the edit is: that one is the
+/// source's successor. At half of this, clones in swollen clothes pass for new.
+const SURPLUS: f64 = 3.0;
+
+/// Longest step inside a graft, in spacings.
+const STEP: f64 = 2.5;
+
+/// Width of a contact, share of the figure.
+const CONTACT: f64 = 0.01;
+
+/// Motions that differ by less than this share of the figure where a graft touches them carry it together.
+const CARRIER: f64 = 0.02;
+
+/// Splats of a graft whose own surroundings move like the carrier up to this share of the figure move with those: a seam
+/// stays closed on a soft body.
+const SEAM: f64 = 0.01;
+
+/// Cells asked whether they are the carrier.
+const CANDIDATES: usize = 256;
+
+/// How many times better than any other the carrier must hold the graft.
+const DOMINANT: f64 = 2.0;
+
+/// What is known when grafts are looked for.
+pub(super) struct Grafts<'a> {
+    pub(super) cells: &'a Cells,
+    pub(super) motion: &'a CellMotion,
+    pub(super) edit: &'a Edit,
+    pub(super) near: &'a [Vec<Neighbor>],
+    pub(super) choices: &'a [Choice],
+    pub(super) chosen: &'a [usize],
+    pub(super) links: &'a [Link],
+    pub(super) spacing: &'a [f64],
+    pub(super) figure_size: f64,
+    /// Grafts farther than this from everything stay where they are, world units.
+    pub(super) reach: f64,
+}
+
+/// A splat of a graft and what it is nearest to.
+#[derive(Debug, Clone, Copy)]
+struct Touch {
+    distance: f64,
+    /// The cell that splat moves with.
+    cell: u32,
+    splat: usize,
+}
+
+/// A cell that a graft touches.
+#[derive(Debug, Clone, Copy)]
+struct Contact {
+    cell: u32,
+    /// Splats of the graft there, each weighted by nearness.
+    area: f64,
+    /// The nearest of them.
+    splat: usize,
+}
+
+impl Grafts<'_> {
+    /// For every splat of a graft, the cell that carries it; `None` for all others and for those that the motion they have,
+    /// if it is `explained`, already makes part of the carrier.
+    pub(super) fn carriers(&self, explained: impl Fn(usize) -> bool) -> Vec<Option<u32>> {
+        let mut carriers = vec![None; self.edit.len()];
+        let far = OUTSTANDING * self.figure_size;
+        let stands_out =
+            |near: &&Vec<Neighbor>| near.first().is_some_and(|n| n.distance_squared > far * far);
+        if self.near.iter().filter(stands_out).count() < MIN_OUTSTANDING {
+            return carriers;
+        }
+        let pieces = self.pieces();
+        let mut inside = vec![false; self.edit.len()];
+        for &e in pieces.iter().flatten() {
+            inside[e] = true;
+        }
+        let holders: Vec<usize> =
+            (0..self.edit.len()).filter(|&e| !inside[e] && explained(e)).collect();
+        let points: Vec<[f64; 3]> = holders.iter().map(|&e| self.edit.means[e]).collect();
+        let tree = KdTree::<3>::new(&points);
+        for piece in pieces {
+            let touches = self.touches(&piece, &holders, &tree);
+            let Some(carrier) = self.carrier(&touches) else { continue };
+            for e in piece {
+                let part_of_it = explained(e) && {
+                    let cell = self.choices[e][self.chosen[e]].cell;
+                    self.differ(cell, carrier, e) <= SEAM * self.figure_size
+                };
+                carriers[e] = (!part_of_it).then_some(carrier);
+            }
+        }
+        carriers
+    }
+
+    /// How far the motions of two cells differ at splat `e`.
+    fn differ(&self, a: u32, b: u32, e: usize) -> f64 {
+        let at = self.edit.means[e].map(Real::as_f32);
+        f64::from(self.motion.disagreement(a as usize, b as usize, at))
+    }
+
+    /// What each splat of the piece is nearest to in the rest of the edit.
+    fn touches(&self, piece: &[usize], holders: &[usize], tree: &KdTree<3>) -> Vec<Touch> {
+        piece
+            .par_iter()
+            .with_min_len(256)
+            .map_init(Vec::new, |near, &splat| {
+                tree.nearest(&self.edit.means[splat], 1, near);
+                near.first().map(|n| {
+                    let holder = holders[n.id as usize];
+                    let cell = self.choices[holder][self.chosen[holder]].cell;
+                    Touch { distance: n.distance_squared.sqrt(), cell, splat }
+                })
+            })
+            .flatten()
+            .collect()
+    }
+
+    /// Per splat, its distance from the sources if it is new, and not in place of a source.
+    fn gaps(&self) -> Vec<Option<f64>> {
+        let far = OUTSTANDING * self.figure_size;
+        let usable = |&p: &usize| {
+            let cell = self.cells.cell_of[p];
+            cell != u32::MAX && !self.motion.floater[cell as usize]
+        };
+        let kept = (0..self.cells.means.len()).filter(usable);
+        let points: Vec<[f64; 3]> = kept.map(|p| self.cells.means[p]).collect();
+        let sources = KdTree::<3>::new(&points);
+        let edited = KdTree::<3>::new(&self.edit.means);
+        (0..self.edit.len())
+            .into_par_iter()
+            .with_min_len(256)
+            .map_init(Vec::new, |near, e| {
+                if self.edit.exact[e].is_some() || self.edit.lineage[e].is_some() {
+                    return None;
+                }
+                sources.nearest(&self.edit.means[e], 1, near);
+                let found = *near.first()?;
+                let gap = found.distance_squared.sqrt();
+                edited.nearest(&points[found.id as usize], 1, near);
+                let successor = near.first()?.distance_squared.sqrt();
+                (gap > far || gap > SURPLUS * successor).then_some(gap)
+            })
+            .collect()
+    }
+
+    /// Connected new splats, as far as they stand out.
+    fn pieces(&self) -> Vec<Vec<usize>> {
+        let gaps = self.gaps();
+        let far = OUTSTANDING * self.figure_size;
+        let is_new = |e: usize| gaps[e].is_some();
+        let mut around: Vec<Vec<u32>> = vec![Vec::new(); self.edit.len()];
+        for &(a, b) in self.links {
+            let (i, j) = (a as usize, b as usize);
+            let d = crate::rigid::sub(self.edit.means[i], self.edit.means[j]);
+            let step = STEP * self.spacing[i].max(self.spacing[j]);
+            if is_new(i) && is_new(j) && crate::rigid::norm(d) <= step {
+                around[i].push(b);
+                around[j].push(a);
+            }
+        }
+        let mut seen = vec![false; self.edit.len()];
+        let mut pieces = Vec::new();
+        for first in 0..self.edit.len() {
+            if seen[first] || !is_new(first) {
+                continue;
+            }
+            seen[first] = true;
+            let mut piece = vec![first];
+            let mut next = 0;
+            while next < piece.len() {
+                for &j in &around[piece[next]] {
+                    if !seen[j as usize] {
+                        seen[j as usize] = true;
+                        piece.push(j as usize);
+                    }
+                }
+                next += 1;
+            }
+            let outside = |&&e: &&usize| gaps[e].is_some_and(|gap| gap > far);
+            let outstanding = piece.iter().filter(outside).count();
+            if outstanding >= MIN_OUTSTANDING
+                && outstanding as f64 >= MIN_SHARE * piece.len() as f64
+            {
+                pieces.push(piece);
+            }
+        }
+        pieces
+    }
+
+    /// The cell whose motion holds the piece over the widest contact; none if another motion holds it nearly as well, or if
+    /// nothing is in touch.
+    fn carrier(&self, touches: &[Touch]) -> Option<u32> {
+        let width = CONTACT * self.figure_size;
+        let closest = touches.iter().map(|t| t.distance).reduce(f64::min)?;
+        if closest > self.reach.min(TOUCHING * self.figure_size) {
+            return None;
+        }
+        let mut contacts: Vec<Contact> = touches
+            .iter()
+            .map(|t| {
+                let gap = (t.distance.powi(2) - closest.powi(2)) / width.powi(2);
+                Contact { cell: t.cell, area: (-0.5 * gap).exp(), splat: t.splat }
+            })
+            .filter(|contact| contact.area > 1e-3)
+            .collect();
+        contacts.sort_by(|a, b| {
+            a.cell.cmp(&b.cell).then(b.area.total_cmp(&a.area)).then(a.splat.cmp(&b.splat))
+        });
+        contacts.dedup_by(|next, first| {
+            let same = next.cell == first.cell;
+            first.area += if same { next.area } else { 0.0 };
+            same
+        });
+        let (carrier, held) = self.strongest(&contacts)?;
+        contacts.retain(|c| self.differ(c.cell, carrier, c.splat) > CARRIER * self.figure_size);
+        let rival = self.strongest(&contacts).map_or(0.0, |(_, held)| held);
+        (held >= DOMINANT * rival).then_some(carrier)
+    }
+
+    /// The cell with whose motion the widest contacts agree, and how wide they are; the better they agree, the more they
+    /// count, so that it is a cell amidst a part, not at a joint.
+    fn strongest(&self, contacts: &[Contact]) -> Option<(u32, f64)> {
+        let tolerance = (CARRIER * self.figure_size).max(TINY);
+        contacts
+            .par_iter()
+            .step_by(contacts.len().div_ceil(CANDIDATES).max(1))
+            .map(|&Contact { cell, .. }| {
+                let agreement = |c: &Contact| {
+                    c.area * (1.0 - self.differ(c.cell, cell, c.splat) / tolerance).max(0.0)
+                };
+                (cell, contacts.iter().map(agreement).sum::<f64>())
+            })
+            .collect::<Vec<_>>()
+            .into_iter()
+            .reduce(|best, next| if next.1 > best.1 { next } else { best })
+    }
+}

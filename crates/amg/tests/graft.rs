@@ -1,0 +1,193 @@
+//! New geometry joined to a figure: it stays whole, and it moves with what holds it.
+#![allow(
+    clippy::unwrap_used,
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    clippy::cast_precision_loss,
+    reason = "helpers of tests may fail loudly; sizes and lengths are small"
+)]
+
+mod common;
+
+use amg::{MotionOptions, Preset, propagate};
+use common::Table;
+use gs_core::{DynamicScene, Splats, quat};
+use std::sync::Arc;
+
+const FRAMES: usize = 9;
+
+/// Distance of neighbouring splats.
+const SPACING: f32 = 0.03;
+
+/// Height of the figure.
+const HEIGHT: f32 = 1.4;
+
+/// Discs on the six faces of the box from `low` to `high`, on a grid that is a little irregular.
+fn cuboid(out: &mut Splats, low: [f32; 3], high: [f32; 3]) {
+    let half = std::f32::consts::FRAC_1_SQRT_2;
+    for axis in 0..3 {
+        let (u, v) = ((axis + 1) % 3, (axis + 2) % 3);
+        let count = |a: usize| ((high[a] - low[a]) / SPACING).round().max(1.0) as usize;
+        for (i, j, side) in
+            (0..count(u)).flat_map(|i| (0..count(v)).flat_map(move |j| [(i, j, low), (i, j, high)]))
+        {
+            let wobble = |n: usize| 0.25 * ((n * 37 + i * 11 + j * 17) % 13) as f32 / 13.0 - 0.125;
+            let at = |a: usize, k: usize| {
+                low[a] + (k as f32 + 0.5 + wobble(a)) * (high[a] - low[a]) / count(a) as f32
+            };
+            let mut mean = [0.0; 3];
+            (mean[axis], mean[u], mean[v]) = (side[axis], at(u, i), at(v, j));
+            out.means.push(mean);
+            // The disc's thin axis is its third one.
+            out.quats
+                .push([[half, 0.0, half, 0.0], [half, half, 0.0, 0.0], [1.0, 0.0, 0.0, 0.0]][axis]);
+            out.log_scales.push([0.012_f32.ln(), 0.012_f32.ln(), 0.002_f32.ln()]);
+            out.opacity_logits.push(2.0);
+            out.sh.push([0.0; 3]);
+        }
+    }
+}
+
+fn nothing() -> Splats {
+    Splats {
+        means: Vec::new(),
+        quats: Vec::new(),
+        log_scales: Vec::new(),
+        opacity_logits: Vec::new(),
+        sh: Vec::new(),
+        sh_degree: 0,
+    }
+}
+
+/// Turns everything about an axis through `pivot`.
+fn turn(splats: &mut Splats, axis: [f32; 3], angle: f32, pivot: [f32; 3]) {
+    let (sin, cos) = (0.5 * angle).sin_cos();
+    let q = [cos, sin * axis[0], sin * axis[1], sin * axis[2]];
+    for mean in &mut splats.means {
+        let turned = quat::rotate(q, [0, 1, 2].map(|a| mean[a] - pivot[a]));
+        *mean = [0, 1, 2].map(|a| turned[a] + pivot[a]);
+    }
+    for rotation in &mut splats.quats {
+        *rotation = quat::mul(q, *rotation);
+    }
+}
+
+fn beat(k: usize) -> f32 {
+    (std::f32::consts::TAU * k as f32 / (FRAMES - 1) as f32).sin()
+}
+
+/// Motion of the trunk.
+fn sway(splats: &mut Splats, k: usize) {
+    turn(splats, [0.0, 0.0, 1.0], 0.3 * beat(k), [0.0; 3]);
+    turn(splats, [0.0, 1.0, 0.0], 0.5 * beat(k), [0.0; 3]);
+}
+
+/// Motion of the arm: about its shoulder, then that of the trunk.
+fn swing(splats: &mut Splats, k: usize) {
+    turn(splats, [1.0, 0.0, 0.0], 0.9 * beat(k), [0.33, 1.35, 0.06]);
+    sway(splats, k);
+}
+
+/// A trunk that sways, and an arm beside it that swings about its shoulder, too.
+fn figure() -> Table {
+    let frame = |k: usize| {
+        let mut splats = nothing();
+        cuboid(&mut splats, [-0.25, 0.0, -0.12], [0.25, HEIGHT, 0.12]);
+        let mut arm = nothing();
+        cuboid(&mut arm, [0.27, 0.7, 0.0], [0.39, HEIGHT, 0.12]);
+        sway(&mut splats, k);
+        swing(&mut arm, k);
+        for i in 0..arm.len() {
+            splats.push_from(&arm, i);
+        }
+        splats
+    };
+    Table::new((0..FRAMES).map(frame).collect())
+}
+
+/// Positions of the splats of `graft`, added to `rest`, at every frame.
+fn carried(
+    source: &Table,
+    rest: &Splats,
+    graft: &Splats,
+    preset: Preset,
+) -> impl Iterator<Item = Vec<[f32; 3]>> {
+    let mut edited = rest.clone();
+    for i in 0..graft.len() {
+        edited.push_from(graft, i);
+    }
+    let options = MotionOptions::preset(preset);
+    let found =
+        propagate(Arc::new(source.clone()), Arc::new(edited), &options, &|_, _| {}).unwrap();
+    let first = rest.len();
+    (0..FRAMES).map(move |k| {
+        let mut at = found.scene.at(k as f32 / (FRAMES - 1) as f32).unwrap();
+        at.means.split_off(first)
+    })
+}
+
+/// Share of the figure's height by which splats of `graft` miss the motion that `truth` gives them, at worst over splats
+/// and times.
+fn worst(
+    carried: impl Iterator<Item = Vec<[f32; 3]>>,
+    graft: &Splats,
+    truth: impl Fn(&mut Splats, usize),
+    which: impl Fn([f32; 3]) -> bool,
+) -> f32 {
+    let mut worst = 0.0_f32;
+    for (k, means) in carried.enumerate() {
+        let mut expected = graft.clone();
+        truth(&mut expected, k);
+        for (i, mean) in means.iter().enumerate().filter(|(i, _)| which(graft.means[*i])) {
+            let d = [0, 1, 2].map(|a| mean[a] - expected.means[i][a]);
+            worst = worst.max(d.iter().map(|c| c * c).sum::<f32>().sqrt() / HEIGHT);
+        }
+    }
+    worst
+}
+
+/// `splats`, each moved by up to `size` in some direction.
+fn shaken(splats: &Splats, size: f32) -> Splats {
+    let mut out = splats.clone();
+    for (i, mean) in out.means.iter_mut().enumerate() {
+        for (a, c) in mean.iter_mut().enumerate() {
+            *c += size * (((i * 29 + a * 71) % 101) as f32 / 50.0 - 1.0);
+        }
+    }
+    out
+}
+
+/// A block on the trunk's front, one edge of which lies on the arm. Nearest neighbours tear it: the negative control.
+#[test]
+fn a_block_on_the_trunk_is_not_torn_by_an_arm_it_touches() {
+    let source = figure();
+    for depth in [0.10, 0.15, 0.30] {
+        let mut block = nothing();
+        cuboid(&mut block, [-0.20, 0.9, 0.13], [0.34, 1.25, 0.13 + depth]);
+        for rest in [source.frames[0].clone(), shaken(&source.frames[0], 0.003)] {
+            let [knn, best] = [Preset::Knn, Preset::Best].map(|preset| {
+                worst(carried(&source, &rest, &block, preset), &block, sway, |_| true)
+            });
+            assert!(knn > 0.2, "depth {depth}: {knn}");
+            assert!(best < 1e-3, "depth {depth}: {best}");
+        }
+    }
+}
+
+/// A block held by trunk and arm about equally is no graft of either: each end moves with what it lies on.
+#[test]
+fn a_block_that_two_parts_hold_equally_bends() {
+    let source = figure();
+    let rest = &source.frames[0];
+    let mut block = nothing();
+    cuboid(&mut block, [0.10, 0.9, 0.13], [0.39, 1.25, 0.28]);
+    let ends = [
+        worst(carried(&source, rest, &block, Preset::Best), &block, sway, |x| {
+            x[0] < 0.18 && x[2] < 0.14
+        }),
+        worst(carried(&source, rest, &block, Preset::Best), &block, swing, |x| {
+            x[0] > 0.33 && x[2] < 0.14
+        }),
+    ];
+    assert!(ends[0] < 0.01 && ends[1] < 0.01, "{ends:?}");
+}

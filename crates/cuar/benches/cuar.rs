@@ -1,5 +1,4 @@
 //! Costs of the loss, of making one supervised image, and of one visit.
-#![expect(missing_docs, reason = "criterion's macros make undocumented items")]
 
 use criterion::{Criterion, criterion_group, criterion_main};
 use cuar::loss::{LossWeights, Objective, Shape, Targets};

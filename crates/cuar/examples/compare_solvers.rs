@@ -20,12 +20,16 @@ fn main() -> Result<(), Box<dyn Error>> {
     let case = case(12_000, 3, 8, (320, 240), flaws);
     let times = TimeRange::UNIT.frames(31);
     let views = Views { cameras: &case.cameras, times: &times, held_out: &case.held_out };
-    let (eval, clip) = ([0.13, 0.37, 0.61, 0.83], [0.33, 0.35, 0.37, 0.39]);
+    let (eval, clip) = ([0.13, 0.37, 0.61, 0.83], [0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9]);
     let before = psnr(&case.scene, &case, &case.held_out, &eval);
     let shaky = flicker(&case.scene, &case, &case.held_out, &clip);
     let calm = flicker(&case.truth, &case, &case.held_out, &clip);
-    println!("before: PSNR inside {:.2}, outside {:.2}; flicker {shaky:.3} (truth {calm:.3})", before[0], before[1]);
+    println!(
+        "before: PSNR inside {:.2}, outside {:.2}; flicker {shaky:.3} (truth {calm:.3})",
+        before[0], before[1]
+    );
 
+    let usual = RegressionParams::default();
     let regression = |passes: usize, prior: f64| {
         Solver::Regression(RegressionParams { passes, prior, ..RegressionParams::default() })
     };
@@ -37,18 +41,43 @@ fn main() -> Result<(), Box<dyn Error>> {
     let best = WarpParams::default();
     let all = WarpParams { slack: None, ..best };
     let mut runs = Vec::new();
-    for passes in [2, 3, 6, 12] {
-        runs.push((format!("regression {passes} passes"), regression(passes, 0.003), WarpForm::Backward, best));
+    for passes in [2, 4, 8, 16] {
+        let name = format!("regression {passes} passes");
+        runs.push((name, regression(passes, usual.prior), WarpForm::Backward, best));
     }
-    for passes in [2, 6, 12] {
-        runs.push((format!("regression {passes} passes, no prior"), regression(passes, 0.0), WarpForm::Backward, best));
+    for prior in [0.003, 0.0003, 0.0001] {
+        let name = format!("regression 8 passes, prior {prior}");
+        runs.push((name, regression(8, prior), WarpForm::Backward, best));
+    }
+    for passes in [2, 4, 8] {
+        runs.push((
+            format!("regression {passes} passes, no prior"),
+            regression(passes, 0.0),
+            WarpForm::Backward,
+            best,
+        ));
     }
     for steps in [200, 1000, 3000] {
         runs.push((format!("Adam {steps} steps"), adam(steps, 1.0), WarpForm::Backward, best));
-        runs.push((format!("Adam {steps} steps, 10 × rate"), adam(steps, 10.0), WarpForm::Backward, best));
+        runs.push((
+            format!("Adam {steps} steps, 10 × rate"),
+            adam(steps, 10.0),
+            WarpForm::Backward,
+            best,
+        ));
     }
-    runs.push(("regression, no slack".to_owned(), regression(6, 0.003), WarpForm::Backward, all));
-    runs.push(("regression, paper warp".to_owned(), regression(6, 0.003), WarpForm::Paper, all));
+    runs.push((
+        "regression, no slack".to_owned(),
+        regression(8, usual.prior),
+        WarpForm::Backward,
+        all,
+    ));
+    runs.push((
+        "regression, paper warp".to_owned(),
+        regression(8, usual.prior),
+        WarpForm::Paper,
+        all,
+    ));
     runs.push(("Adam, paper warp".to_owned(), adam(3000, 1.0), WarpForm::Paper, all));
     for (name, solver, warp, warp_params) in runs {
         let options =

@@ -39,7 +39,13 @@ impl<F: Real> Adam<F> {
     ///
     /// # Panics
     /// If the lengths disagree.
-    pub fn step(&mut self, params: &mut [F], grads: &[F], rates: &[F], skip: impl Fn(usize) -> bool) {
+    pub fn step(
+        &mut self,
+        params: &mut [F],
+        grads: &[F],
+        rates: &[F],
+        skip: impl Fn(usize) -> bool,
+    ) {
         let len = self.m.len();
         assert!(
             params.len() == len && grads.len() == len && len.is_multiple_of(rates.len().max(1)),

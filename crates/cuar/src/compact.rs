@@ -87,7 +87,8 @@ pub(crate) fn needed_rows(
     };
     let mut last = vec![f64::NEG_INFINITY; live_tiles.len()];
     for (reach, _) in reaches.iter().zip(edited).filter(|(_, edited)| **edited) {
-        for (tile, reach) in reach.iter().flat_map(|reach| tiles_of(reach).map(move |t| (t, reach))) {
+        for (tile, reach) in reach.iter().flat_map(|reach| tiles_of(reach).map(move |t| (t, reach)))
+        {
             if live_tiles[tile] {
                 last[tile] = last[tile].max(reach.depth);
             }
@@ -96,9 +97,8 @@ pub(crate) fn needed_rows(
     let slack = 1.0 + 1e-5; // the rasteriser sorts single-precision depths
     let needed = |i: usize| {
         let Some(reach) = &reaches[i] else { return false };
-        tiles_of(reach).any(|tile| {
-            live_tiles[tile] && (all_depths || reach.depth <= last[tile] * slack)
-        })
+        tiles_of(reach)
+            .any(|tile| live_tiles[tile] && (all_depths || reach.depth <= last[tile] * slack))
     };
     #[expect(clippy::cast_possible_truncation, reason = "the rasteriser numbers splats in 32 bits")]
     (0..splats.len())

@@ -4,8 +4,8 @@ use crate::{
     Adam, AdamParams, CuarError,
     plan::SplitMix,
     problem::{Deltas, Problem, TracePoint, Watch},
-    sample::Ask,
     state::State,
+    visit::Ask,
 };
 use gs_core::{Rasterizer, sh};
 

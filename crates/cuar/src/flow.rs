@@ -122,7 +122,12 @@ pub(crate) fn affine_motion(
         linear: linear.map(|x| x as f32),
         place: place.map(|x| x as f32),
     };
-    let finite = motion.shift.iter().chain(&motion.linear).chain(&motion.place).all(|value| value.is_finite());
+    let finite = motion
+        .shift
+        .iter()
+        .chain(&motion.linear)
+        .chain(&motion.place)
+        .all(|value| value.is_finite());
     finite.then_some(motion)
 }
 
@@ -134,9 +139,8 @@ fn axes(camera: &Camera, splats: &Splats, i: usize) -> [[f64; 3]; 2] {
     let (k, v) = (&camera.intrinsics, &camera.viewmat);
     let row = |focal: f64, slope: f64, view: [f64; 4]| {
         let world = [0, 1, 2].map(|c| focal / z * (view[c] - slope * v[2][c]));
-        [0, 1, 2].map(|axis| {
-            scale[axis] * (0..3).map(|c| world[c] * rotation[c][axis]).sum::<f64>()
-        })
+        [0, 1, 2]
+            .map(|axis| scale[axis] * (0..3).map(|c| world[c] * rotation[c][axis]).sum::<f64>())
     };
     [row(k.fx, x / z, v[0]), row(k.fy, y / z, v[1])]
 }

@@ -92,7 +92,7 @@ fn wheel() -> [[f32; 3]; WHEEL_LEN] {
     colors
 }
 
-/// Picture of a flow `[H,W,2]`: `[H,W,3]` in [0,1]. Hue is the direction (Middlebury's wheel: red right, yellow down, cyan left, blue up),
+/// Picture of a flow `[H,W,2]`: `[H,W,3]`, values 0 to 1. Hue is the direction (Middlebury's wheel: red right, yellow down, cyan left, blue up),
 /// saturation the length relative to `max_px` (default: the largest finite length in the image); longer is darkened. Unknown (NaN) pixels
 /// are black. A flow of other than two channels gives an empty image.
 pub fn flow_wheel(flow: &Image, max_px: Option<f32>) -> Image {
@@ -114,7 +114,7 @@ pub fn flow_wheel(flow: &Image, max_px: Option<f32>) -> Image {
             continue;
         }
         let turn = (-uv[1]).atan2(-uv[0]) / std::f32::consts::PI;
-        let position = (turn + 1.0) / 2.0 * (WHEEL_LEN - 1) as f32;
+        let position = (turn + 1.0) * 0.5 * (WHEEL_LEN - 1) as f32;
         #[expect(
             clippy::cast_possible_truncation,
             clippy::cast_sign_loss,

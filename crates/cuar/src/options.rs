@@ -28,7 +28,7 @@ pub enum Solver {
 /// what all images ask. No step size; each image's request is renewed when the image is visited and all others keep their last one.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RegressionParams {
-    /// Visits of every image. Default 6.
+    /// Visits of every image. Default 8.
     pub passes: usize,
     /// How often per pass the splats are fitted anew (not in the first pass, which only gathers). Default 8.
     pub fits_per_pass: usize,
@@ -38,13 +38,13 @@ pub struct RegressionParams {
     pub relaxation: f64,
     /// Smoothness over directions: ridge on the refined coefficients of degree `l`, relative to the splat's total weight: `prior · l²` times the
     /// share of images in which the splat's ξ exceeds the mask's threshold (and, on the change of DC, a thousandth of `prior`). Where no image tells, colours become those of the smoothest function through what the images
-    /// tell, rather than what an unsupervised fit left there. Default 0.003; 0 fits the images alone.
+    /// tell, rather than what an unsupervised fit left there. Default 0.001; 0 fits the images alone.
     pub prior: f64,
 }
 
 impl Default for RegressionParams {
     fn default() -> Self {
-        Self { passes: 6, fits_per_pass: 8, delta: 0.01, relaxation: 1.5, prior: 0.003 }
+        Self { passes: 8, fits_per_pass: 8, delta: 0.01, relaxation: 1.5, prior: 0.001 }
     }
 }
 

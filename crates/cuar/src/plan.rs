@@ -69,7 +69,8 @@ impl Views<'_> {
             )));
         }
         let own = self.cameras.iter().filter_map(|camera| camera.time);
-        if let Some(time) = own.chain(self.times.iter().copied()).find(|&time| !range.contains(time))
+        if let Some(time) =
+            own.chain(self.times.iter().copied()).find(|&time| !range.contains(time))
         {
             return Err(CuarError::input(format!(
                 "time {time}, expected {} to {}",
@@ -80,7 +81,13 @@ impl Views<'_> {
     }
 
     /// Draws `count` images: every view and every stretch of time as evenly as the count allows.
-    pub(crate) fn draw(&self, count: usize, keep_first: Option<f32>, edit_time: f32, seed: u64) -> Plan {
+    pub(crate) fn draw(
+        &self,
+        count: usize,
+        keep_first: Option<f32>,
+        edit_time: f32,
+        seed: u64,
+    ) -> Plan {
         let mut rng = SplitMix(seed);
         let held = |view: usize| self.held_out.contains(&view);
         let training: Vec<usize> = (0..self.cameras.len()).filter(|&view| !held(view)).collect();
@@ -115,9 +122,7 @@ impl Views<'_> {
                 if deck.is_empty() {
                     deck = rng.order(free.len());
                 }
-                let fresh = |&pick: &usize| {
-                    !samples.contains(&ViewTime { view: free[pick], time })
-                };
+                let fresh = |&pick: &usize| !samples.contains(&ViewTime { view: free[pick], time });
                 let Some(at) = deck.iter().rposition(fresh) else { continue };
                 samples.push(ViewTime { view: free[deck.remove(at)], time });
             }

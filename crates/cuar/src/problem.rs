@@ -1,10 +1,11 @@
 //! All supervised images together.
 
 use crate::{
-    CuarError, RefineOptions,
+    CuarError, RefineOptions, Solver,
     loss::LossParts,
-    sample::{Ask, Crop, Offsets, Sample, Work},
+    sample::{Crop, Sample},
     state::{Observer, Preview, Progress, State},
+    visit::{Ask, Offsets, Work},
 };
 use gs_core::{Camera, Image, Rasterizer};
 use std::time::Instant;
@@ -45,7 +46,7 @@ impl<R: Rasterizer> Problem<'_, R> {
             if self.bytes + more > self.options.memory {
                 break;
             }
-            sample.set_prepared(self.raster.prepare(sample.splats(), camera)?);
+            sample.prepared = Some(self.raster.prepare(&sample.splats, camera)?);
             self.bytes += more;
             self.num_cached += 1;
         }
@@ -60,18 +61,24 @@ impl<R: Rasterizer> Problem<'_, R> {
         self.work.visit(self.raster, sample, camera, offsets, self.options, ask)
     }
 
-    /// Eq. 20, mean over the samples; 0 without any.
+    /// Eq. 20, mean over the samples (0 without any): as it is, and as the solver smooths it.
     pub(crate) fn loss(
         &mut self,
         d: Deltas,
         mut tick: impl FnMut(usize) -> Result<(), CuarError>,
-    ) -> Result<f64, CuarError> {
-        let mut sum = 0.0;
+    ) -> Result<[f64; 2], CuarError> {
+        let delta = match &self.options.solver {
+            Solver::Regression(params) => params.delta,
+            Solver::Adam(_) => 0.0,
+        };
+        let mut sums = [0.0; 2];
         for s in 0..self.samples.len() {
-            sum += self.visit(s, d, Ask::Loss)?.total(self.options.weights);
+            let parts = self.visit(s, d, Ask::Loss(delta))?;
+            sums[0] += parts.total(self.options.weights);
+            sums[1] += parts.shaped_total(self.options.weights);
             tick(s)?;
         }
-        Ok(sum / self.samples.len().max(1) as f64)
+        Ok(sums.map(|sum| sum / self.samples.len().max(1) as f64))
     }
 
     /// How the sample visited last looks.

@@ -1,14 +1,15 @@
 //! The stage: [`refine`].
 
 use crate::{
-    CuarError, OffsetScene, RefineOptions, Solver, Views,
+    CuarError, OffsetScene, RefineOptions, RegressionParams, Solver, Views,
     descent::Descent,
     plan::ViewTime,
     problem::{Deltas, Problem, TracePoint, Watch},
     regression::Regression,
-    sample::{Builder, Counts, Sample, Work},
+    sample::{Builder, Counts, Sample},
     scene,
     state::{Observer, State},
+    visit::Work,
     warp::FirstFrame,
 };
 use gs_core::{DynamicScene, Rasterizer, Splats};
@@ -168,9 +169,14 @@ pub fn refine<R: Rasterizer>(
             ),
         });
     }
+    let zero = Outcome {
+        d_sh: vec![[0.0; 3]; rows.len() * problem.coeffs()],
+        d_logits: vec![0.0; rows.len()],
+        regression: None,
+    };
     // without an artifact the offsets that minimise the loss are zero
-    let (d_sh, d_logits) = if known == 0 {
-        (vec![[0.0; 3]; rows.len() * problem.coeffs()], vec![0.0; rows.len()])
+    let outcome = if known == 0 {
+        zero.clone()
     } else {
         solve(&mut problem, options, resume, fingerprint, observer, &mut report.trace)?
     };
@@ -181,32 +187,26 @@ pub fn refine<R: Rasterizer>(
     report.bytes = problem.bytes;
     report.num_cached = problem.num_cached;
 
-    let zero = (vec![[0.0; 3]; d_sh.len()], vec![0.0; d_logits.len()]);
     let total = 2 * (problem.samples.len() + held_out.len());
     let mut watch = Watch::new(observer, options, "report", total, 0);
     let mut done = 0;
-    let mut loss_of = |problem: &mut Problem<R>, sh: &[[f32; 3]], logits: &[f32]| {
-        problem.loss(Deltas { sh, logits }, |_| {
-            done += 1;
+    let mut loss_of = |problem: &mut Problem<R>, outcome: &Outcome| {
+        problem.loss(Deltas { sh: &outcome.d_sh, logits: &outcome.d_logits }, |_| {
+            done = total.min(done + 1);
             watch.step(done, None);
             watch.stop_if_cancelled()
         })
     };
-    report.loss_before = loss_of(&mut problem, &zero.0, &zero.1)?;
-    report.loss_after = loss_of(&mut problem, &d_sh, &d_logits)?;
+    let before = loss_of(&mut problem, &zero)?;
+    let (outcome, after, note) =
+        accept(&mut problem, options, outcome, zero.clone(), before, &mut loss_of)?;
+    report.warnings.extend(note);
     problem.samples = held_out;
-    report.held_out_before = loss_of(&mut problem, &zero.0, &zero.1)?;
-    report.held_out_after = loss_of(&mut problem, &d_sh, &d_logits)?;
+    [report.held_out_before, _] = loss_of(&mut problem, &zero)?;
+    [report.held_out_after, _] = loss_of(&mut problem, &outcome)?;
+    (report.loss_before, report.loss_after) = (before[0], after[0]);
 
-    let (d_sh, d_logits) = if report.loss_after > report.loss_before {
-        report.warnings.push(format!(
-            "the loss rose from {:.6} to {:.6}: colours stay as they are",
-            report.loss_before, report.loss_after
-        ));
-        zero
-    } else {
-        (d_sh, d_logits)
-    };
+    let Outcome { d_sh, d_logits, .. } = outcome;
     let mut refined = Refined { rows, d_sh, d_logits, report, ..Refined::default() };
     let mut changed = first;
     refined.apply(&mut changed);
@@ -217,6 +217,53 @@ pub fn refine<R: Rasterizer>(
     Ok(refined)
 }
 
+/// What a solver found.
+#[derive(Clone, Default)]
+struct Outcome {
+    d_sh: Vec<[f32; 3]>,
+    d_logits: Vec<f32>,
+    /// The solver itself, if it can fit again.
+    regression: Option<Regression>,
+}
+
+/// The outcome if it lowers the loss, else the same fitted with less smoothness, else `zero`; its losses; and what the user should know.
+///
+/// The loss that decides is the one that the solver minimises: to exact L1 a change too small to see counts like any other.
+fn accept<R: Rasterizer>(
+    problem: &mut Problem<R>,
+    options: &RefineOptions,
+    outcome: Outcome,
+    zero: Outcome,
+    before: [f64; 2],
+    mut loss_of: impl FnMut(&mut Problem<R>, &Outcome) -> Result<[f64; 2], CuarError>,
+) -> Result<(Outcome, [f64; 2], Option<String>), CuarError> {
+    let after = loss_of(problem, &outcome)?;
+    if after[1] <= before[1] {
+        return Ok((outcome, after, None));
+    }
+    // where images attest to colours that are not smooth, smoothness was too dear
+    if let (Some(run), Solver::Regression(params)) = (&outcome.regression, &options.solver) {
+        for factor in [0.1, 0.01, 0.0] {
+            let params = RegressionParams { prior: factor * params.prior, ..params.clone() };
+            let d_sh = run.refit(problem, &params);
+            let other = Outcome { d_sh, d_logits: outcome.d_logits.clone(), regression: None };
+            let after = loss_of(problem, &other)?;
+            if after[1] <= before[1] {
+                let note = format!(
+                    "smoothness was lowered to {}, or the loss would have risen",
+                    params.prior
+                );
+                return Ok((other, after, Some(note)));
+            }
+        }
+    }
+    let note = format!(
+        "the loss rose from {:.3e} to {:.3e}: colours stay as they are",
+        before[1], after[1]
+    );
+    Ok((zero, before, Some(note)))
+}
+
 fn solve<R: Rasterizer>(
     problem: &mut Problem<R>,
     options: &RefineOptions,
@@ -224,7 +271,7 @@ fn solve<R: Rasterizer>(
     fingerprint: u64,
     observer: &mut dyn Observer,
     trace: &mut Vec<TracePoint>,
-) -> Result<(Vec<[f32; 3]>, Vec<f32>), CuarError> {
+) -> Result<Outcome, CuarError> {
     let first = resume.map_or(0, |state| usize::try_from(state.step).unwrap_or(0));
     match &options.solver {
         Solver::Regression(params) => {
@@ -235,7 +282,8 @@ fn solve<R: Rasterizer>(
             let total = params.passes * problem.samples.len();
             let mut watch = Watch::new(observer, options, "refine", total, first);
             run.run(problem, params, fingerprint, &mut watch, trace)?;
-            Ok((run.d_sh, vec![0.0; problem.num_rows]))
+            let (d_sh, d_logits) = (run.d_sh.clone(), vec![0.0; problem.num_rows]);
+            Ok(Outcome { d_sh, d_logits, regression: Some(run) })
         }
         Solver::Adam(params) => {
             let mut run = match resume {
@@ -244,7 +292,7 @@ fn solve<R: Rasterizer>(
             };
             let mut watch = Watch::new(observer, options, "refine", params.steps, first);
             run.run(problem, params, fingerprint, &mut watch, trace)?;
-            Ok((run.d_sh, run.d_logits))
+            Ok(Outcome { d_sh: run.d_sh, d_logits: run.d_logits, regression: None })
         }
     }
 }
@@ -293,10 +341,9 @@ impl<R: Rasterizer> Supervision<'_, R> {
                 let each = (bytes / next).max(1);
                 let fit = (memory / each).max(next);
                 if fit < plan.len() {
-                    report.warnings.push(format!(
-                        "{fit} of {} images fit into the memory budget",
-                        plan.len()
-                    ));
+                    report
+                        .warnings
+                        .push(format!("{fit} of {} images fit into the memory budget", plan.len()));
                     let rest = plan.split_off(next);
                     let keep = fit - next;
                     plan.extend((0..keep).map(|k| rest[k * rest.len() / keep]));
@@ -342,7 +389,9 @@ fn fingerprint<R: Rasterizer>(first: &Splats, rows: &[u32], problem: &Problem<R>
     for byte in format!("{options:?}").bytes() {
         eat(u64::from(byte));
     }
-    rows.iter().for_each(|&row| eat(u64::from(row)));
+    for &row in rows {
+        eat(u64::from(row));
+    }
     for value in first.sh.iter().flatten().chain(first.means.iter().flatten()) {
         eat(u64::from(value.to_bits()));
     }

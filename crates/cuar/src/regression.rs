@@ -4,8 +4,9 @@ use crate::{
     CuarError, RegressionParams,
     plan::SplitMix,
     problem::{Deltas, Problem, TracePoint, Watch},
-    sample::{Ask, Entry},
+    sample::Entry,
     state::State,
+    visit::Ask,
 };
 use gs_core::{Rasterizer, sh};
 use rayon::prelude::*;
@@ -31,8 +32,8 @@ impl Normals {
         Self { coeffs, gram, right: vec![0.0; rows * coeffs * 3] }
     }
 
-    /// Adds `sign` times the requests of one image. Entries are ascending by row, each row at most once.
-    fn add(&mut self, degree: usize, entries: &[Entry], requests: &[Request], sign: f64) {
+    /// Replaces what one image asks (`old`) by `new`. Entries are ascending by row, each row at most once.
+    fn update(&mut self, degree: usize, entries: &[Entry], old: &[Request], new: &[Request]) {
         let coeffs = self.coeffs;
         let triangle = coeffs * (coeffs + 1) / 2;
         let grams = self.gram.par_chunks_mut(CHUNK * triangle);
@@ -41,24 +42,28 @@ impl Normals {
             let first = chunk * CHUNK;
             let begin = entries.partition_point(|entry| (entry.row as usize) < first);
             let end = entries.partition_point(|entry| (entry.row as usize) < first + CHUNK);
-            for (entry, request) in entries[begin..end].iter().zip(&requests[begin..end]) {
-                let weight = sign * f64::from(request[3]);
-                if weight == 0.0 {
+            for k in begin..end {
+                let (entry, before, now) = (&entries[k], old[k], new[k]);
+                let [lost, gained] = [before[3], now[3]].map(f64::from);
+                if lost == 0.0 && gained == 0.0 {
                     continue;
                 }
                 let row = entry.row as usize - first;
                 let gram = &mut gram[row * triangle..(row + 1) * triangle];
                 let right = &mut right[row * coeffs * 3..(row + 1) * coeffs * 3];
                 let basis = sh::basis(degree, entry.towards.map(f64::from));
+                let pull = [0, 1, 2].map(|channel| {
+                    gained * f64::from(now[channel]) - lost * f64::from(before[channel])
+                });
                 let mut at = 0;
                 for i in 0..coeffs {
-                    let scaled = weight * basis[i];
+                    let scaled = (gained - lost) * basis[i];
                     for (sum, other) in gram[at..=at + i].iter_mut().zip(basis) {
                         *sum += scaled * other;
                     }
                     at += i + 1;
                     for channel in 0..3 {
-                        right[i * 3 + channel] += scaled * f64::from(request[channel]);
+                        right[i * 3 + channel] += basis[i] * pull[channel];
                     }
                 }
             }
@@ -66,7 +71,13 @@ impl Normals {
     }
 
     /// Solves for every row that anything is asked of; the others are left as they are.
-    fn solve(&self, params: &RegressionParams, base: &[[f32; 3]], doubts: &[f32], d_sh: &mut [[f32; 3]]) {
+    fn solve(
+        &self,
+        params: &RegressionParams,
+        base: &[[f32; 3]],
+        doubts: &[f32],
+        d_sh: &mut [[f32; 3]],
+    ) {
         let coeffs = self.coeffs;
         let triangle = coeffs * (coeffs + 1) / 2;
         d_sh.par_chunks_mut(coeffs).with_min_len(CHUNK).enumerate().for_each(|(row, out)| {
@@ -185,6 +196,7 @@ fn renew(
 }
 
 /// Where a run stands.
+#[derive(Clone)]
 pub(crate) struct Regression {
     pub d_sh: Vec<[f32; 3]>,
     requests: Vec<Vec<Request>>,
@@ -232,6 +244,27 @@ impl Regression {
         }
     }
 
+    /// Fits what was asked last with another smoothness.
+    pub(crate) fn refit<R: Rasterizer>(
+        &self,
+        problem: &Problem<R>,
+        params: &RegressionParams,
+    ) -> Vec<[f32; 3]> {
+        let mut d_sh = vec![[0.0; 3]; self.d_sh.len()];
+        let normals = self.normals(problem);
+        normals.solve(params, &problem.base_sh, &problem.doubts, &mut d_sh);
+        d_sh
+    }
+
+    fn normals<R: Rasterizer>(&self, problem: &Problem<R>) -> Normals {
+        let mut normals = Normals::new(problem.num_rows, problem.coeffs());
+        for (sample, requests) in problem.samples.iter().zip(&self.requests) {
+            let none = vec![[0.0; 4]; requests.len()];
+            normals.update(problem.sh_degree, &sample.entries, &none, requests);
+        }
+        normals
+    }
+
     /// Runs to the end of the last pass.
     pub(crate) fn run<R: Rasterizer>(
         &mut self,
@@ -242,7 +275,7 @@ impl Regression {
         trace: &mut Vec<TracePoint>,
     ) -> Result<(), CuarError> {
         let count = problem.samples.len();
-        let (degree, coeffs) = (problem.sh_degree, problem.coeffs());
+        let degree = problem.sh_degree;
         #[expect(clippy::cast_possible_truncation, reason = "requests are single precision")]
         let relaxation = params.relaxation as f32;
         let logits = vec![0.0; problem.num_rows];
@@ -251,11 +284,7 @@ impl Regression {
             let (pass, within) = (self.step / count, self.step % count);
             // sums are made anew once a pass: no drift, and a resumed run adds in the same order
             if within == 0 || normals.is_none() {
-                let mut fresh = Normals::new(problem.num_rows, coeffs);
-                for (sample, requests) in problem.samples.iter().zip(&self.requests) {
-                    fresh.add(degree, &sample.entries, requests, 1.0);
-                }
-                normals = Some(fresh);
+                normals = Some(self.normals(problem));
             }
             let Some(normals) = &mut normals else { break };
             let order = SplitMix(problem.options.seed ^ (pass as u64 + 1)).order(count);
@@ -263,11 +292,11 @@ impl Regression {
             let d = Deltas { sh: &self.d_sh, logits: &logits };
             let parts = problem.visit(s, d, Ask::Curvature(params.delta))?;
             let entries = &problem.samples[s].entries;
-            let requests = &mut self.requests[s];
-            normals.add(degree, entries, requests, -1.0);
+            let mut requests = self.requests[s].clone();
             let (changes, answers) = (&problem.work.changes, &problem.work.answers);
-            renew(entries, changes, answers, relaxation, requests);
-            normals.add(degree, entries, requests, 1.0);
+            renew(entries, changes, answers, relaxation, &mut requests);
+            normals.update(degree, entries, &self.requests[s], &requests);
+            self.requests[s] = requests;
             self.losses[s] = parts.total(problem.options.weights);
             self.step += 1;
 
@@ -309,7 +338,8 @@ mod tests {
             let towards = [(1.0 - z * z).sqrt() * cos, (1.0 - z * z).sqrt() * sin, z];
             let entry = Entry { local: 0, row: 1, towards, color: [0.0; 3] };
             let [r, g, b] = sh::color(degree, &truth, towards).map(|value| value - 0.5);
-            normals.add(degree, &[entry], &[[r, g, b, 0.5 + (k % 3) as f32]], 1.0);
+            let request = [r, g, b, 0.5 + (k % 3) as f32];
+            normals.update(degree, &[entry], &[[0.0; 4]], &[request]);
         }
         let mut d_sh = vec![[0.0; 3]; 2 * coeffs];
         let params = RegressionParams { prior: 0.0, ..RegressionParams::default() };

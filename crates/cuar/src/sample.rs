@@ -1,24 +1,22 @@
-//! One supervised image: what it needs is made once ([`Builder`]), and then it is visited ([`Work::visit`]).
+//! One supervised image, and how it is made ([`Builder`]).
 
 use crate::{
     CuarError, RefineOptions, WarpForm,
     compact::{gather, needed_rows},
     flow::{affine_motion, render_flow},
-    loss::{LossParts, Objective, Shape, Targets},
     plan::ViewTime,
     uncertainty::{direction, eye, threshold, xi},
     warp::{FirstFrame, WARP_CHANNELS, fetch, push_forward, trace},
 };
-use gs_core::{
-    Camera, Rasterizer, RenderGrads, RenderOutput, RenderParams, Splats, UpstreamGrads, sh,
-};
+use gs_core::{Camera, Rasterizer, RenderOutput, RenderParams, Splats, sh};
 use rayon::prelude::*;
 
-/// Pixel bits of [`Sample::flags`].
-const FORE: u8 = 1;
-const BACK: u8 = 2;
+/// Pixel bits of [`Sample::flags`]: the warp supervises here.
+pub(crate) const FORE: u8 = 1;
+/// The render before supervises here.
+pub(crate) const BACK: u8 = 2;
 /// An edited splat shows here.
-const LIVE: u8 = 4;
+pub(crate) const LIVE: u8 = 4;
 /// Half a window of SSIM: beyond this margin masked images are zero and contribute nothing.
 const MARGIN: usize = 5;
 
@@ -52,12 +50,12 @@ pub(crate) struct Sample<P> {
     pub original: Vec<f32>,
     /// Warped frame 1, `[h,w,3]` of the crop; 0 where unknown.
     pub warp: Vec<f32>,
-    flags: Vec<u8>,
+    pub flags: Vec<u8>,
     /// Ascending by row.
     pub entries: Vec<Entry>,
     /// The splats needed, colours absent unless opacity is refined.
-    splats: Splats,
-    prepared: Option<P>,
+    pub splats: Splats,
+    pub prepared: Option<P>,
 }
 
 impl<P> Sample<P> {
@@ -72,14 +70,6 @@ impl<P> Sample<P> {
     /// Bytes of a prepared state, roughly: per splat (projection, order, colours, lists) and per pixel (channels, transmittance).
     pub(crate) fn prepared_bytes(&self, camera: &Camera) -> usize {
         self.splats.len() * 400 + camera.width as usize * camera.height as usize * 28
-    }
-
-    pub(crate) fn set_prepared(&mut self, prepared: P) {
-        self.prepared = Some(prepared);
-    }
-
-    pub(crate) fn splats(&self) -> &Splats {
-        &self.splats
     }
 
     /// Foreground mask of the crop, 0 or 1, `[h,w]`.
@@ -187,8 +177,7 @@ impl<'a, R: Rasterizer> Builder<'a, R> {
             self.output.features.iter().skip(k).step_by(CHANNELS).copied().collect()
         };
         let uncertainty = channel(WARP_CHANNELS);
-        let threshold =
-            threshold(&uncertainty, self.options.epsilon, self.options.min_uncertainty);
+        let threshold = threshold(&uncertainty, self.options.epsilon, self.options.min_uncertainty);
         let mask: Vec<bool> = uncertainty.iter().map(|&u| f64::from(u) > threshold).collect();
         let live: Vec<bool> = channel(WARP_CHANNELS + 1).iter().map(|&e| e > 0.0).collect();
         let Some(crop) = bounding(&live, w, h) else { return Ok(None) };
@@ -279,8 +268,9 @@ impl<'a, R: Rasterizer> Builder<'a, R> {
                 for x in 0..w {
                     let p = y * w + x;
                     let sums = &output.features[p * CHANNELS..];
-                    let found = trace(sums, output.alpha[p], (x, y), params)
-                        .and_then(|trace| fetch(frame, trace, &output.rgb[p * 3..p * 3 + 3], params));
+                    let found = trace(sums, output.alpha[p], (x, y), params).and_then(|trace| {
+                        fetch(frame, trace, &output.rgb[p * 3..p * 3 + 3], params)
+                    });
                     if let Some(color) = found {
                         rgb[x * 3..x * 3 + 3].copy_from_slice(&color);
                         known[x] = 1.0;
@@ -304,263 +294,4 @@ fn bounding(live: &[bool], w: usize, h: usize) -> Option<Crop> {
     }
     let (x, y) = (x0.saturating_sub(MARGIN), y0.saturating_sub(MARGIN));
     Some(Crop { x, y, width: (x1 + MARGIN).min(w) - x, height: (y1 + MARGIN).min(h) - y })
-}
-
-/// What a visit asks of the objective.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) enum Ask {
-    /// Its value.
-    Loss,
-    /// And its gradient with respect to splat colours.
-    Gradient,
-    /// And that of the smoothed L1 (width δ) with a bound of its second derivative.
-    Curvature(f64),
-    /// And its gradient with respect to SH and opacity logits of every splat of the sample.
-    Everything,
-}
-
-/// The offsets being refined, shared by all images.
-#[derive(Debug, Clone, Copy)]
-pub(crate) struct Offsets<'a> {
-    /// `[E,K,3]`.
-    pub d_sh: &'a [[f32; 3]],
-    pub sh_degree: usize,
-    /// `[E]`.
-    pub d_logits: &'a [f32],
-}
-
-/// Channels of a visit: the change of colour, and the coverage by edited splats.
-const VISIT_CHANNELS: usize = 4;
-
-/// Memory of visits, shared by all samples.
-pub(crate) struct Work<P> {
-    prepared: Option<P>,
-    features: Vec<f32>,
-    output: RenderOutput,
-    upstream: UpstreamGrads,
-    grads: RenderGrads,
-    objective: Option<(Crop, Objective<f32>)>,
-    /// Crop's render, `[h,w,3]`.
-    pub render: Vec<f32>,
-    v_render: Vec<f32>,
-    curvature: Vec<f32>,
-    masks: [Vec<f32>; 2],
-    tuned: Splats,
-    /// Change of colour per entry before the clamp at 0.
-    pub changes: Vec<[f32; 3]>,
-    /// Per entry: gradient with respect to its (clamped) colour, and the curvature.
-    pub answers: Vec<[f32; 4]>,
-    /// Seconds in prepare, forward, loss, backward.
-    pub secs: [f64; 4],
-}
-
-impl<P> Default for Work<P> {
-    fn default() -> Self {
-        Self {
-            prepared: None,
-            features: Vec::new(),
-            output: RenderOutput::default(),
-            upstream: UpstreamGrads::default(),
-            grads: RenderGrads::default(),
-            objective: None,
-            render: Vec::new(),
-            v_render: Vec::new(),
-            curvature: Vec::new(),
-            masks: Default::default(),
-            tuned: Splats::default(),
-            changes: Vec::new(),
-            answers: Vec::new(),
-            secs: [0.0; 4],
-        }
-    }
-}
-
-impl<P> Work<P> {
-    /// Renders `sample` with `offsets` and compares; fills `changes`, `render` and, if asked, `answers` (or [`Work::grads`]).
-    pub(crate) fn visit<R: Rasterizer<Prepared = P>>(
-        &mut self,
-        raster: &R,
-        sample: &mut Sample<P>,
-        camera: &Camera,
-        offsets: Offsets,
-        options: &RefineOptions,
-        ask: Ask,
-    ) -> Result<LossParts, CuarError> {
-        let clock = std::time::Instant::now();
-        let mut laps = [0.0; 5];
-        let mut lap = |index: usize| laps[index] = clock.elapsed().as_secs_f64();
-        let Sample { splats, prepared, entries, crop, .. } = sample;
-        let prepared = if let Some(prepared) = prepared {
-            prepared
-        } else {
-            match &mut self.prepared {
-                Some(spare) => raster.prepare_into(splats, camera, spare)?,
-                spare => *spare = Some(raster.prepare(splats, camera)?),
-            }
-            let Some(spare) = &mut self.prepared else {
-                return Err(CuarError::input("no prepared state"));
-            };
-            spare
-        };
-        lap(0);
-
-        let full = [camera.width as usize, camera.height as usize];
-        change_colors(entries, offsets, &mut self.changes);
-        let params = RenderParams {
-            rgb: options.opacity,
-            depth: false,
-            background: options.background,
-            ..RenderParams::default()
-        };
-        let shown: &Splats = if options.opacity {
-            self.features.clear();
-            tune(splats, entries, offsets, &mut self.tuned);
-            &self.tuned
-        } else {
-            self.features.clear();
-            self.features.resize(splats.len() * VISIT_CHANNELS, 0.0);
-            for (entry, change) in entries.iter().zip(&self.changes) {
-                let out = &mut self.features[entry.local as usize * VISIT_CHANNELS..];
-                for channel in 0..3 {
-                    let before = entry.color[channel];
-                    out[channel] = (before + change[channel]).max(0.0) - before.max(0.0);
-                }
-                out[3] = 1.0;
-            }
-            splats
-        };
-        raster.forward_into(prepared, shown, &self.features, &params, &mut self.output)?;
-        lap(1);
-
-        self.render.clone_from(&sample.original);
-        let stride = if options.opacity { 3 } else { VISIT_CHANNELS };
-        let image = if options.opacity { &self.output.rgb } else { &self.output.features };
-        for (p, flags) in sample.flags.iter().enumerate() {
-            if flags & LIVE == 0 {
-                continue;
-            }
-            let q = (crop.y + p / crop.width) * full[0] + crop.x + p % crop.width;
-            for channel in 0..3 {
-                let value = image[q * stride + channel];
-                let out = &mut self.render[p * 3 + channel];
-                *out = if options.opacity { value } else { *out + value };
-            }
-        }
-        for (mask, bit) in self.masks.iter_mut().zip([FORE, BACK]) {
-            mask.clear();
-            mask.extend(sample.flags.iter().map(|flags| f32::from(u8::from(flags & bit != 0))));
-        }
-        if self.objective.as_ref().is_none_or(|(size, _)| {
-            (size.width, size.height) != (crop.width, crop.height)
-        }) {
-            let objective =
-                Objective::new(crop.width, crop.height, full[0] * full[1], options.weights);
-            self.objective = Some((*crop, objective));
-        }
-        let Some((_, objective)) = &mut self.objective else {
-            return Err(CuarError::input("no objective"));
-        };
-        let targets = Targets {
-            original: &sample.original,
-            warp: &sample.warp,
-            fore: &self.masks[0],
-            back: &self.masks[1],
-        };
-        let (shape, curvature) = match ask {
-            Ask::Curvature(delta) => (Shape::Smooth(delta), Some(&mut self.curvature)),
-            _ => (Shape::Exact, None),
-        };
-        let parts =
-            objective.evaluate(&self.render, &targets, shape, &mut self.v_render, curvature);
-        lap(2);
-
-        if ask != Ask::Loss {
-            let plane =
-                if options.opacity { &mut self.upstream.v_rgb } else { &mut self.upstream.v_features };
-            plane.clear();
-            plane.resize(full[0] * full[1] * stride, 0.0);
-            for (p, flags) in sample.flags.iter().enumerate() {
-                if flags & LIVE == 0 {
-                    continue;
-                }
-                let q = (crop.y + p / crop.width) * full[0] + crop.x + p % crop.width;
-                let out = &mut plane[q * stride..(q + 1) * stride];
-                out[..3].copy_from_slice(&self.v_render[p * 3..p * 3 + 3]);
-                if matches!(ask, Ask::Curvature(_)) {
-                    // (Σ w δ)² ≤ (Σ w)·Σ w δ²
-                    out[3] = self.curvature[p] * self.output.features[q * stride + 3];
-                }
-            }
-            if options.opacity {
-                raster.backward_into(
-                    prepared,
-                    shown,
-                    &self.features,
-                    &params,
-                    &self.upstream,
-                    &mut self.grads,
-                )?;
-            } else {
-                raster.backward_colors_into(
-                    prepared,
-                    shown,
-                    &self.features,
-                    &params,
-                    &self.upstream,
-                    &mut self.grads,
-                )?;
-                let v_features = &self.grads.v_features;
-                self.answers.clear();
-                self.answers.extend(entries.iter().map(|entry| {
-                    let at = entry.local as usize * VISIT_CHANNELS;
-                    [0, 1, 2, 3].map(|channel| v_features[at + channel])
-                }));
-            }
-        }
-        lap(3);
-        for (secs, k) in self.secs.iter_mut().zip(0..4) {
-            *secs += laps[k] - if k == 0 { 0.0 } else { laps[k - 1] };
-        }
-        Ok(parts)
-    }
-
-    /// Gradients of the last visit with [`Ask::Everything`].
-    pub(crate) fn grads(&self) -> &RenderGrads {
-        &self.grads
-    }
-}
-
-/// `Y(d)·Δ` per entry.
-fn change_colors(entries: &[Entry], offsets: Offsets, out: &mut Vec<[f32; 3]>) {
-    let coeffs = sh::num_coeffs(offsets.sh_degree);
-    entries
-        .par_iter()
-        .with_min_len(1024)
-        .map(|entry| {
-            let basis = sh::basis(offsets.sh_degree, entry.towards);
-            let d_sh = &offsets.d_sh[entry.row as usize * coeffs..][..coeffs];
-            let mut change = [0.0; 3];
-            for (value, coefficient) in basis.iter().zip(d_sh) {
-                for channel in 0..3 {
-                    change[channel] += value * coefficient[channel];
-                }
-            }
-            change
-        })
-        .collect_into_vec(out);
-}
-
-/// `splats` with the offsets added.
-fn tune(splats: &Splats, entries: &[Entry], offsets: Offsets, out: &mut Splats) {
-    out.clone_from(splats);
-    let coeffs = splats.sh_coeffs();
-    for entry in entries {
-        let (local, row) = (entry.local as usize, entry.row as usize);
-        out.opacity_logits[local] += offsets.d_logits[row];
-        for k in 0..coeffs {
-            for channel in 0..3 {
-                out.sh[local * coeffs + k][channel] += offsets.d_sh[row * coeffs + k][channel];
-            }
-        }
-    }
 }

@@ -46,11 +46,7 @@ pub fn color_uncertainty(
     at_1.check_shapes()?;
     CuarError::check("at_1", at_1.len(), at_t.len())?;
     let eye = eye(camera);
-    Ok((0..at_t.len())
-        .into_par_iter()
-        .with_min_len(1024)
-        .map(|i| xi(at_t, at_1, i, eye))
-        .collect())
+    Ok((0..at_t.len()).into_par_iter().with_min_len(1024).map(|i| xi(at_t, at_1, i, eye)).collect())
 }
 
 /// Eq. 16: `U = Σ ξ α T` with the geometry of `at_t`, `[H,W,1]`.

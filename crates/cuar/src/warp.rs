@@ -36,7 +36,13 @@ pub struct WarpParams {
 
 impl Default for WarpParams {
     fn default() -> Self {
-        Self { min_coverage: 0.5, depth_tolerance: 0.01, spread_tolerance: 0.015, min_facing: 0.4, slack: Some(0.05) }
+        Self {
+            min_coverage: 0.5,
+            depth_tolerance: 0.01,
+            spread_tolerance: 0.015,
+            min_facing: 0.4,
+            slack: Some(0.05),
+        }
     }
 }
 
@@ -149,9 +155,7 @@ pub(crate) fn fetch(
         let near = corners.map(|(x, y)| rgb(x, y, channel));
         if wide {
             // bilinear alone would teach every texture to be blurred
-            let row = |y: usize| {
-                catmull_rom(fx, [0, 1, 2, 3].map(|k| rgb(x0 + k - 1, y, channel)))
-            };
+            let row = |y: usize| catmull_rom(fx, [0, 1, 2, 3].map(|k| rgb(x0 + k - 1, y, channel)));
             let sharp = catmull_rom(fy, [0, 1, 2, 3].map(|k| row(y0 + k - 1)));
             let (low, high) = near.iter().fold((f32::MAX, f32::MIN), |(low, high), &value| {
                 (low.min(value), high.max(value))
@@ -227,8 +231,8 @@ mod tests {
     fn fetch_interpolates_linear_images_exactly() {
         let frame = ramp();
         for at in [[5.3, 4.8], [0.6, 0.7], [11.5, 8.5]] {
-            let rgb =
-                fetch(&frame, Trace { at, depth: 2.01 }, &[9.0; 3], &WarpParams::default()).unwrap();
+            let rgb = fetch(&frame, Trace { at, depth: 2.01 }, &[9.0; 3], &WarpParams::default())
+                .unwrap();
             let expected = (at[0] - 0.5) * 0.05 + (at[1] - 0.5) * 0.01;
             assert!((rgb[0] - expected).abs() < 1e-5, "{at:?}: {rgb:?} {expected}");
         }

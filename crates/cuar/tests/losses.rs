@@ -31,7 +31,8 @@ fn ssim_equals_scikit_image() {
     let table = fs::read_to_string(path).unwrap();
     let mut cases = 0;
     for line in table.lines().filter(|line| !line.starts_with('#') && !line.is_empty()) {
-        let fields: Vec<f64> = line.split_whitespace().map(|field| field.parse().unwrap()).collect();
+        let fields: Vec<f64> =
+            line.split_whitespace().map(|field| field.parse().unwrap()).collect();
         let [width, height, channels, seed, noise, expected] = fields[..] else {
             panic!("malformed line {line}")
         };
@@ -44,6 +45,7 @@ fn ssim_equals_scikit_image() {
         assert!((ours - expected).abs() < 1e-12, "{line}: {ours}");
         let zero = Ssim::new(w, h, c).value(&x, &y, SsimBorder::Zero);
         assert!((zero - expected).abs() > 1e-6 || noise == 0.0, "{line}: the border matters");
+        #[expect(clippy::cast_possible_truncation, reason = "single precision is the point")]
         let single = |values: &[f64]| values.iter().map(|&v| v as f32).collect::<Vec<f32>>();
         let ours = Ssim::<f32>::new(w, h, c).value(&single(&x), &single(&y), SsimBorder::Valid);
         assert!((f64::from(ours) - expected).abs() < 2e-5, "{line}: {ours} in single precision");
@@ -270,6 +272,24 @@ fn curvature_bounds_the_objective() {
         last = loss;
     }
     assert!(last < 0.3 * case.total(&case.render), "converges: {last}");
+}
+
+#[test]
+fn smooth_gradient_is_the_difference_quotient_of_the_smooth_value() {
+    let case = Case::new();
+    let shape = Shape::Smooth(0.05);
+    let value = |render: &[f64]| {
+        let parts =
+            case.objective().evaluate(render, &case.targets(), shape, &mut Vec::new(), None);
+        parts.shaped_total(LossWeights::default())
+    };
+    let mut gradient = Vec::new();
+    case.objective().evaluate(&case.render, &case.targets(), shape, &mut gradient, None);
+    let largest = gradient.iter().fold(0.0_f64, |a, g| a.max(g.abs()));
+    for k in (0..case.render.len()).step_by(5) {
+        let numeric = difference(&case.render, k, 1e-6, &mut |x| value(x));
+        assert!((gradient[k] - numeric).abs() < 1e-6 * largest, "{k}: {} {numeric}", gradient[k]);
+    }
 }
 
 /// The smooth gradient is that of `√(r² + δ²)`.

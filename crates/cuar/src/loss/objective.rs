@@ -27,6 +27,8 @@ pub struct LossParts {
     pub fore_ssim: f64,
     /// Eq. 19.
     pub back_l1: f64,
+    /// `fore_l1` and `back_l1` with the L1 of the [`Shape`] asked for: `√(r² + δ²) − δ` where that is smooth.
+    pub shaped_l1: [f64; 2],
 }
 
 impl LossParts {
@@ -34,6 +36,12 @@ impl LossParts {
     pub fn total(&self, weights: LossWeights) -> f64 {
         let fore = (1.0 - weights.eta) * self.fore_l1 + weights.eta * self.fore_ssim;
         (1.0 - weights.zeta) * fore + weights.zeta * self.back_l1
+    }
+
+    /// Eq. 20 with the L1 of the shape asked for: what the gradient is the gradient of.
+    pub fn shaped_total(&self, weights: LossWeights) -> f64 {
+        let [fore_l1, back_l1] = self.shaped_l1;
+        Self { fore_l1, back_l1, ..*self }.total(weights)
     }
 }
 
@@ -55,7 +63,7 @@ pub struct Targets<'a, F> {
 pub enum Shape {
     /// `|r|`, derivative `sign r`.
     Exact,
-    /// Derivative `r/√(r² + δ²)`, curvature `1/√(r² + δ²)` (iteratively reweighted least squares). Reported values stay `|r|`.
+    /// Derivative `r/√(r² + δ²)`, curvature `1/√(r² + δ²)` (iteratively reweighted least squares).
     Smooth(f64),
 }
 
@@ -136,14 +144,18 @@ impl<F: Real> Objective<F> {
                 }
             }
         }
-        let mut norms = [F::zero(); 2];
-        let terms = [(targets.fore, targets.warp, fore_share), (targets.back, targets.original, back_share)];
+        let mut norms = [[F::zero(); 2]; 2];
+        let terms = [
+            (targets.fore, targets.warp, fore_share),
+            (targets.back, targets.original, back_share),
+        ];
         for (sum, (weights, target, share)) in norms.iter_mut().zip(terms) {
             let factor = self.norm * share;
-            let delta2 = match shape {
+            let delta = match shape {
                 Shape::Exact => F::zero(),
-                Shape::Smooth(delta) => F::from_double(delta * delta),
+                Shape::Smooth(delta) => F::from_double(delta),
             };
+            let delta2 = delta * delta;
             for p in 0..pixels {
                 let m = weights[p];
                 if m <= F::zero() {
@@ -151,19 +163,24 @@ impl<F: Real> Objective<F> {
                 }
                 for k in p * 3..p * 3 + 3 {
                     let r = render[k] - target[k];
-                    *sum += m * r.abs();
+                    sum[0] += m * r.abs();
                     if shape == Shape::Exact {
                         v_render[k] += factor * m * sign(r);
                     } else {
-                        let weight = factor * m / (r * r + delta2).sqrt();
+                        let root = (r * r + delta2).sqrt();
+                        sum[1] += m * (root - delta);
+                        let weight = factor * m / root;
                         v_render[k] += weight * r;
                         self.bent[k] += weight;
                     }
                 }
             }
         }
-        parts.fore_l1 = (norms[0] * self.norm).as_f64();
-        parts.back_l1 = (norms[1] * self.norm).as_f64();
+        let [[fore, fore_shaped], [back, back_shaped]] =
+            norms.map(|sums| sums.map(|sum| (sum * self.norm).as_f64()));
+        (parts.fore_l1, parts.back_l1) = (fore, back);
+        parts.shaped_l1 =
+            if shape == Shape::Exact { [fore, back] } else { [fore_shaped, back_shaped] };
         if let Some(curvature) = curvature {
             let third = F::from_double(1.0 / 3.0);
             curvature.clear();

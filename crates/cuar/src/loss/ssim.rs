@@ -107,15 +107,16 @@ impl<F: Real> Ssim<F> {
         let factor = norm * scale;
         let bends = curvature.is_some();
         let mut unused = Vec::new();
-        let bent: &mut [F] = match curvature {
-            Some(bent) => bent,
-            None => {
-                unused.resize(row_len * height, F::zero());
-                &mut unused
-            }
+        let bent: &mut [F] = if let Some(bent) = curvature {
+            bent
+        } else {
+            unused.resize(row_len * height, F::zero());
+            &mut unused
         };
-        v_x.par_chunks_mut(row_len.max(1)).zip(bent.par_chunks_mut(row_len.max(1))).enumerate().for_each(
-            |(row, (v_x, bent))| {
+        v_x.par_chunks_mut(row_len.max(1))
+            .zip(bent.par_chunks_mut(row_len.max(1)))
+            .enumerate()
+            .for_each(|(row, (v_x, bent))| {
                 let [mean, square, cross, bend] = [0, 1, 2, 3].map(|plane| {
                     if plane < 3 || bends {
                         blur_row(taps, &planes[plane], row, row_len, height, c)
@@ -133,8 +134,7 @@ impl<F: Real> Ssim<F> {
                         bent[k] += factor * two * bend[k];
                     }
                 }
-            },
-        );
+            });
         norm * (F::from_double(self.map.len() as f64) - self.sum())
     }
 
@@ -217,6 +217,7 @@ fn rows_under<F: Real>(
 
 /// `out[k] = Σ_t taps[t] · padded[k + t·c]`.
 #[inline(always)]
+#[expect(clippy::inline_always, reason = "must be compiled for the dispatched vector unit")]
 fn blur_across<F: Real>(taps: &[F; TAPS], padded: &[F], c: usize, out: &mut [F]) {
     for (t, &tap) in taps.iter().enumerate() {
         for (out, &value) in out.iter_mut().zip(&padded[t * c..]) {

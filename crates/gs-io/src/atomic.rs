@@ -30,7 +30,8 @@ pub fn remove_unfinished() {
     for path in unfinished.iter() {
         // A thread that is still writing may add a file to a folder while it is being removed.
         for _ in 0..100 {
-            let removed = if path.is_dir() { fs::remove_dir_all(path) } else { fs::remove_file(path) };
+            let removed =
+                if path.is_dir() { fs::remove_dir_all(path) } else { fs::remove_file(path) };
             if removed.is_ok() || !path.exists() {
                 break;
             }

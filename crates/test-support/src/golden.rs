@@ -18,8 +18,8 @@ impl Golden {
     /// If the file is missing or not a safetensors file.
     pub fn open(path: impl AsRef<Path>) -> Self {
         let name = path.as_ref().display().to_string();
-        let bytes =
-            std::fs::read(&path).unwrap_or_else(|error| panic!("golden {name} is missing: {error}"));
+        let bytes = std::fs::read(&path)
+            .unwrap_or_else(|error| panic!("golden {name} is missing: {error}"));
         if let Err(error) = SafeTensors::deserialize(&bytes) {
             panic!("golden {name} is not a safetensors file: {error}");
         }
@@ -29,7 +29,8 @@ impl Golden {
     fn view(&self, tensor: &str) -> safetensors::tensor::TensorView<'_> {
         let file = SafeTensors::deserialize(&self.bytes)
             .unwrap_or_else(|error| panic!("golden {}: {error}", self.name));
-        file.tensor(tensor).unwrap_or_else(|error| panic!("golden {}: {tensor}: {error}", self.name))
+        file.tensor(tensor)
+            .unwrap_or_else(|error| panic!("golden {}: {tensor}: {error}", self.name))
     }
 
     fn typed(&self, tensor: &str, dtype: Dtype) -> safetensors::tensor::TensorView<'_> {

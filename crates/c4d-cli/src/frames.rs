@@ -28,6 +28,14 @@ pub(crate) fn times(
     Ok(range.frames(count))
 }
 
+/// Refuses a frame rate that no player has.
+pub(crate) fn check_fps(fps: f64) -> Outcome {
+    if fps > 0.0 && fps <= 1000.0 {
+        return Ok(());
+    }
+    Err(Failure::usage(format!("--fps {fps}: expected above 0, at most 1000")))
+}
+
 /// Refuses a time outside the scene.
 pub(crate) fn check(range: TimeRange, t: f32, flag: &str) -> Outcome {
     if range.contains(t) {

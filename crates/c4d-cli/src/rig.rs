@@ -4,7 +4,7 @@
 //! whether the scene surrounds its origin (an object: walk around it) or lies before it (a forward capture: stand where the
 //! cameras stood).
 
-use gs_core::{Camera, Splats};
+use gs_core::{Camera, DynamicScene, SceneError, Splats};
 
 /// Image size when nobody says one.
 pub(crate) const DEFAULT_SIZE: (u32, u32) = (960, 720);
@@ -30,6 +30,14 @@ pub(crate) struct Rig {
     fov_y_rad: f64,
 }
 
+/// Later times looked at to find what moves.
+const PROBED_TIMES: usize = 4;
+/// Displacement, as a share of the scene's radius, above which a splat moves.
+const MOVING_SHARE: f64 = 0.01;
+/// Fewer moving splats than this frame nothing.
+const MIN_MOVING: usize = 50;
+/// Room around the moving part.
+const MARGIN: f64 = 1.5;
 /// Share of the splats' weight that a forward scene keeps within [`FORWARD_CONE_COS`] of its axis.
 const FORWARD_SHARE: f64 = 0.97;
 /// Cosine of the half-angle of the cone before a forward capture, 75°.
@@ -40,7 +48,39 @@ const SNAP_COS: f64 = 0.965_926;
 const OBJECT_FOV_RAD: f64 = 0.698_132;
 
 impl Rig {
-    /// Looks at the splats of frame 1; `up` is the world's upward direction.
+    /// Looks at a scene: at what moves in it, when it surrounds its origin (backdrops and sky domes would drive the cameras
+    /// outside); at all of it, when it is a forward capture. `up` is the world's upward direction.
+    pub(crate) fn of_scene(scene: &dyn DynamicScene, up: [f64; 3]) -> Result<Self, SceneError> {
+        let range = scene.time_range();
+        let first = scene.at(range.start)?;
+        let whole = Self::around(&first, up);
+        if whole.layout == Layout::Forward {
+            return Ok(whole);
+        }
+        let mut moved = vec![0.0_f32; first.len()];
+        let mut later = Splats::default();
+        for &t in &range.frames(PROBED_TIMES + 1)[1..] {
+            scene.geometry_into(t, &mut later)?;
+            for (reach, (a, b)) in moved.iter_mut().zip(first.means.iter().zip(&later.means)) {
+                let step: f32 = (0..3).map(|k| (a[k] - b[k]).powi(2)).sum();
+                *reach = reach.max(step.sqrt());
+            }
+        }
+        #[expect(clippy::cast_possible_truncation, reason = "a length in scene units")]
+        let threshold = (MOVING_SHARE * whole.radius) as f32;
+        let moving: Vec<usize> = (0..first.len()).filter(|&i| moved[i] > threshold).collect();
+        if moving.len() < MIN_MOVING || moving.len() == first.len() {
+            return Ok(whole);
+        }
+        let mut around = Self::around(&first.select(&moving), up);
+        around.layout = Layout::Object;
+        around.fov_y_rad = OBJECT_FOV_RAD;
+        // Room for the motion itself and for what stands beside the figure.
+        around.radius = (MARGIN * around.radius).min(whole.radius);
+        Ok(around)
+    }
+
+    /// Looks at the splats of one frame.
     pub(crate) fn around(splats: &Splats, up: [f64; 3]) -> Self {
         let points = weighted_points(splats);
         let axis = |k: usize, share: f64| {
@@ -187,9 +227,16 @@ fn snap_to_axis(direction: [f64; 3]) -> [f64; 3] {
     direction
 }
 
-/// A horizontal direction: from −z where up allows (towards the viewer in y-up and y-down worlds), else −y.
+/// The side that faces the viewer: +z in y-up worlds (figures are modelled facing it), −z in y-down ones (where captures stand),
+/// −y in z-up ones.
 fn perpendicular(up: [f64; 3]) -> [f64; 3] {
-    let candidate = if up[2].abs() < 0.9 { [0.0, 0.0, -1.0] } else { [0.0, -1.0, 0.0] };
+    let candidate = if up[2].abs() > 0.9 {
+        [0.0, -1.0, 0.0]
+    } else if up[1] > 0.0 {
+        [0.0, 0.0, 1.0]
+    } else {
+        [0.0, 0.0, -1.0]
+    };
     let along = dot(candidate, up);
     let level = [0, 1, 2].map(|k| candidate[k] - along * up[k]);
     scaled(level, 1.0 / norm(level))
@@ -252,6 +299,23 @@ mod tests {
             );
             let top = camera.project([0.0, 1.0, 0.0]).unwrap();
             assert!(top[1] < 24.0 && top[1] > 0.0, "up is up and inside: {top:?}");
+        }
+    }
+
+    #[test]
+    fn a_figure_under_a_sky_dome_is_seen_from_inside() {
+        let params = gs_synth::DemoParams { num_splats: 3000, ..gs_synth::DemoParams::default() };
+        let scene = gs_synth::demo(&params).unwrap();
+        let rig = Rig::of_scene(&scene, [0.0, 1.0, 0.0]).unwrap();
+        let reach = |p: [f64; 3]| norm([p[0], 0.0, p[2]]);
+        let dome = scene.frame1().means.iter().map(|m| reach(m.map(f64::from))).fold(0.0, f64::max);
+        let size = f64::from(scene.figure_size());
+        for camera in std::iter::once(rig.front((64, 48))).chain(rig.orbit(8, (64, 48))) {
+            assert!(reach(camera.position()) < 0.8 * dome, "inside: {:?}", camera.position());
+            let head = camera.project([0.0, size, 0.0]).unwrap();
+            let feet = camera.project([0.0, 0.0, 0.0]).unwrap();
+            assert!(head[1] > 0.0 && feet[1] < 48.0, "the figure fits: {head:?} {feet:?}");
+            assert!(feet[1] - head[1] > 16.0, "and fills a third of the image: {head:?} {feet:?}");
         }
     }
 

@@ -34,6 +34,8 @@ pub(crate) struct Opened {
     pub(crate) background: [f32; 3],
     /// Facts to show, name and value.
     pub(crate) facts: Vec<(&'static str, String)>,
+    /// Folders the scene is read from, sources of runs included.
+    pub(crate) roots: Vec<PathBuf>,
     /// Files whose content decides what the scene is, for fingerprints.
     pub(crate) files: Vec<PathBuf>,
 }
@@ -47,9 +49,23 @@ const DNERF_CHANNELS: usize = 32;
 /// PLY comment in which our own sequences note the upward axis.
 pub(crate) const UP_COMMENT: &str = "c4d_up ";
 
-/// Converts a reader's error; its message names the file and the next step.
+/// Converts a reader's error; its message names the file and what was found.
 pub(crate) fn bad_input(error: &IoError) -> Failure {
-    Failure::bad_input(chain(error))
+    let failure = Failure::bad_input(chain(error));
+    match error {
+        IoError::Read { .. } => {
+            failure.next("Check the name, and that it is a file that can be read.")
+        }
+        IoError::Damaged { .. } => {
+            failure.next("Without --strict such rows are dropped and counted.")
+        }
+        IoError::Ply { .. } => {
+            failure.next("Export the splats again as a 3DGS PLY; c4d info FILE says what is in it.")
+        }
+        IoError::Cameras { .. } => failure
+            .next("Expected INRIA's layout: a list of position, rotation, fx, fy, width, height."),
+        _ => failure,
+    }
 }
 
 /// What damaged rows do.
@@ -57,8 +73,44 @@ pub(crate) fn damage(global: &Global) -> Damage {
     if global.strict { Damage::Fail } else { Damage::Drop }
 }
 
+/// Refuses an output that is, holds, or lies in one of the inputs: writing it would destroy them.
+pub(crate) fn refuse_overlap(output: &Path, inputs: &[PathBuf]) -> Outcome {
+    let Some(output_real) = real(output) else { return Ok(()) };
+    for input in inputs {
+        let Some(input_real) = real(input) else { continue };
+        if output_real.starts_with(&input_real) || input_real.starts_with(&output_real) {
+            return Err(Failure::usage(format!(
+                "the output {} and the input {} overlap",
+                output.display(),
+                input.display()
+            ))
+            .next("Choose another place for the output: inputs are never written to."));
+        }
+    }
+    Ok(())
+}
+
+/// The path with links resolved; of a path that does not exist yet, its nearest existing folder resolved.
+fn real(path: &Path) -> Option<PathBuf> {
+    let absolute = std::path::absolute(path).ok()?;
+    absolute.ancestors().find_map(|ancestor| {
+        let rest = absolute.strip_prefix(ancestor).ok()?;
+        Some(ancestor.canonicalize().ok()?.join(rest))
+    })
+}
+
 /// Opens a scene and reports what was found odd about it.
 pub(crate) fn open(path: &Path, global: &Global, console: &Console) -> Outcome<Opened> {
+    open_within(path, &[], global, console)
+}
+
+/// As [`open`], for the source of runs: `runs` are the run folders on the way, outermost first.
+pub(crate) fn open_within(
+    path: &Path,
+    runs: &[PathBuf],
+    global: &Global,
+    console: &Console,
+) -> Outcome<Opened> {
     if !path.exists() {
         return Err(Failure::bad_input(format!("{} does not exist", path.display()))
             .next("SCENE is a 4DGS model folder, a folder of numbered PLYs, or a run folder."));
@@ -66,7 +118,7 @@ pub(crate) fn open(path: &Path, global: &Global, console: &Console) -> Outcome<O
     match gs_io::detect(path).map_err(|error| bad_input(&error))? {
         SceneKind::Model4dgs => open_4dgs(path, global, console),
         SceneKind::PlySequence => open_sequence(path, global, console),
-        SceneKind::RunFolder => run_folder::open(path, global, console),
+        SceneKind::RunFolder => run_folder::open(path, runs, global, console),
         SceneKind::Ply => Err(Failure::bad_input(format!(
             "{} is a single PLY: it does not move",
             path.display()
@@ -145,17 +197,6 @@ fn open_4dgs(path: &Path, global: &Global, console: &Console) -> Outcome<Opened>
     for flag in &report.flags {
         facts.push(("flag", format!("{} = {} ({:?})", flag.name, flag.value, flag.origin)));
     }
-    let repair = &report.repair;
-    let dropped = repair.not_finite + repair.zero_quaternion;
-    if dropped > 0 {
-        console.warn(format!(
-            "{}: dropped {dropped} of {} rows ({} not finite, {} with a zero quaternion)",
-            report.ply.display(),
-            repair.rows,
-            repair.not_finite,
-            repair.zero_quaternion
-        ));
-    }
     let synthetic = report.channels == DNERF_CHANNELS;
     let background = match report.white_background {
         Some(true) => [1.0; 3],
@@ -179,6 +220,7 @@ fn open_4dgs(path: &Path, global: &Global, console: &Console) -> Outcome<Opened>
         network,
         kind: SceneKind::Model4dgs,
         path: path.to_owned(),
+        roots: vec![path.to_owned()],
         original: None,
         up: if synthetic { UP_SYNTHETIC } else { UP_CAPTURED },
         background,
@@ -193,6 +235,17 @@ fn open_sequence(path: &Path, global: &Global, console: &Console) -> Outcome<Ope
     if !sequence.ignored().is_empty() {
         console.detail(format!("{}: ignored {}", path.display(), sequence.ignored().join(", ")));
     }
+    let repair = sequence.repair();
+    let dropped = repair.not_finite + repair.zero_quaternion;
+    if dropped > 0 {
+        console.warn(format!(
+            "{}: dropped {dropped} of {} rows that are damaged in some frame ({} not finite, {} with a zero quaternion)",
+            path.display(),
+            repair.rows,
+            repair.not_finite,
+            repair.zero_quaternion
+        ));
+    }
     let files = sequence.paths().to_vec();
     let up = files.first().and_then(|first| up_of(first)).unwrap_or(UP_CAPTURED);
     let facts = vec![("frames", files.len().to_string())];
@@ -202,6 +255,7 @@ fn open_sequence(path: &Path, global: &Global, console: &Console) -> Outcome<Ope
         network: None,
         kind: SceneKind::PlySequence,
         path: path.to_owned(),
+        roots: vec![path.to_owned()],
         original: None,
         up,
         background: [0.0; 3],
@@ -224,8 +278,19 @@ fn up_of(ply: &Path) -> Option<[f64; 3]> {
     Some(axis.vector())
 }
 
-/// The comment for a sequence whose world's up is `up`, when it is an axis.
-pub(crate) fn up_comment(up: [f64; 3]) -> Option<String> {
+/// Comments for a sequence whose world's up is `up`, when it is an axis: ours, and the one that Brush reads where it has a word for it
+/// (there `y` means that −y is up).
+pub(crate) fn up_comments(up: [f64; 3]) -> Vec<String> {
+    let brush = match up {
+        [1.0, 0.0, 0.0] => Some("x"),
+        [0.0, -1.0, 0.0] => Some("y"),
+        [0.0, 0.0, -1.0] => Some("z"),
+        _ => None,
+    };
+    up_comment(up).into_iter().chain(brush.map(|axis| format!("Vertical axis: {axis}"))).collect()
+}
+
+fn up_comment(up: [f64; 3]) -> Option<String> {
     use crate::args::Up;
     [(Up::X, "x"), (Up::Y, "y"), (Up::Z, "z"), (Up::NegX, "-x"), (Up::NegY, "-y"), (Up::NegZ, "-z")]
         .into_iter()

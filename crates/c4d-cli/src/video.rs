@@ -13,6 +13,10 @@ use std::path::{Path, PathBuf};
 
 /// Quantiser range: constant quality at which splat renders show no visible loss.
 const QP: QpRange = QpRange::new(16, 20);
+/// Smallest side of the built-in encoder, pixels.
+const MIN_SIDE: usize = 16;
+/// Largest long and short side of the built-in encoder, pixels.
+const MAX_SIDES: (usize, usize) = (3840, 2160);
 /// Seconds between key frames, so that players can seek.
 const KEY_FRAME_SECS: f64 = 1.0;
 
@@ -42,10 +46,13 @@ impl<W: Write> VideoWriter<W> {
         fps: f64,
     ) -> Outcome<Self> {
         let (width, height) = even_size(width, height);
-        if width == 0 || height == 0 {
-            return Err(
-                Failure::usage("a video needs at least 2×2 pixels").next("Give a larger --size.")
-            );
+        let (long, short) = (width.max(height), width.min(height));
+        if short < MIN_SIDE || long > MAX_SIDES.0 || short > MAX_SIDES.1 {
+            return Err(Failure::usage(format!(
+                "a video of {width}×{height} pixels: the built-in encoder takes {MIN_SIDE} to {}×{}",
+                MAX_SIDES.0, MAX_SIDES.1
+            ))
+            .next("Give another --size (side by side doubles the width)."));
         }
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped")]
         let key_period = (fps * KEY_FRAME_SECS).clamp(1.0, 600.0) as u32;

@@ -26,15 +26,25 @@ static UNFINISHED: Mutex<Vec<PathBuf>> = Mutex::new(Vec::new());
 /// Removes what unfinished outputs of this process have written so far: for the handler of an interrupt, which ends the process
 /// without dropping them.
 pub fn remove_unfinished() {
+    const CHECKS: usize = 200;
+    const PAUSE: std::time::Duration = std::time::Duration::from_millis(2);
     let Ok(unfinished) = UNFINISHED.lock() else { return };
     for path in unfinished.iter() {
-        // A thread that is still writing may add a file to a folder while it is being removed.
-        for _ in 0..100 {
-            let removed =
-                if path.is_dir() { fs::remove_dir_all(path) } else { fs::remove_file(path) };
-            if removed.is_ok() || !path.exists() {
-                break;
+        // A thread that is still writing may put a file, or the folder itself, back while it is being removed: done when it
+        // has stayed away for a while.
+        let mut absent = 0;
+        for _ in 0..CHECKS {
+            if fs::symlink_metadata(path).is_err() {
+                absent += 1;
+                if absent > 10 {
+                    break;
+                }
+            } else {
+                absent = 0;
+                let _ =
+                    if path.is_dir() { fs::remove_dir_all(path) } else { fs::remove_file(path) };
             }
+            std::thread::sleep(PAUSE);
         }
     }
 }
@@ -88,7 +98,7 @@ impl AtomicFile {
     /// # Errors
     /// If `path` exists and may not be replaced, or the file cannot be made.
     pub fn create(path: impl AsRef<Path>, existing: Existing) -> Result<Self, IoError> {
-        let path = path.as_ref().to_owned();
+        let path: PathBuf = path.as_ref().components().collect();
         let temporary = sibling(&path, "partial")?;
         refuse(&path, existing)?;
         make_parent(&path)?;
@@ -173,7 +183,7 @@ impl AtomicDir {
         existing: Existing,
         is_ours: fn(&str) -> bool,
     ) -> Result<Self, IoError> {
-        let path = path.as_ref().to_owned();
+        let path: PathBuf = path.as_ref().components().collect();
         let temporary = sibling(&path, "partial")?;
         let folder = Self { path, temporary, existing, is_ours };
         folder.refuse()?;

@@ -35,7 +35,9 @@ struct Entry {
     id: Option<serde_json::Value>,
     #[serde(default)]
     img_name: String,
+    #[serde(serialize_with = "whole")]
     width: f64,
+    #[serde(serialize_with = "whole")]
     height: f64,
     position: [f64; 3],
     rotation: [[f64; 3]; 3],
@@ -47,6 +49,17 @@ struct Entry {
     cy: Option<f64>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     time: Option<f32>,
+}
+
+/// Writes a size as an integer: strict readers refuse `960.0`.
+#[expect(clippy::trivially_copy_pass_by_ref, reason = "serde's signature")]
+fn whole<S: serde::Serializer>(size: &f64, serializer: S) -> Result<S::Ok, S::Error> {
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        reason = "written from a u32"
+    )]
+    serializer.serialize_u32(*size as u32)
 }
 
 impl Entry {

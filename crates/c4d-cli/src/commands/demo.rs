@@ -110,7 +110,7 @@ fn write_inputs(
     let times = synthetic.time_range().frames(SOURCE_FRAMES);
     let options = WriteOptions {
         normals: false,
-        comments: scene::up_comment([0.0, 1.0, 0.0]).into_iter().collect(),
+        comments: scene::up_comments([0.0, 1.0, 0.0]),
         ..WriteOptions::default()
     };
     let mut progress = console.progress("source", SOURCE_FRAMES as u64);

@@ -10,6 +10,8 @@ use gs_core::Camera;
 use gs_io::ply::{self, WriteOptions};
 use gs_io::{AtomicDir, Existing, cameras_json};
 
+/// PLY comment in which the time of the frame is noted.
+pub(crate) const TIME_COMMENT: &str = "c4d_time ";
 /// Cameras of the rig written beside the PLY.
 const RIG_CAMERAS: usize = 12;
 /// Files this command writes; a folder holding anything else is never replaced.
@@ -25,7 +27,7 @@ pub(crate) fn run(args: &FreezeArgs, global: &Global, console: &Console) -> Outc
         (cameras, format!("copied from {}", file.display()))
     } else {
         let up = args.up.map_or(opened.up, crate::args::Up::vector);
-        let rig = Rig::around(&splats, up);
+        let rig = Rig::of_scene(opened.scene.as_ref(), up).map_err(Failure::bad_input)?;
         let mut cameras = vec![rig.front(DEFAULT_SIZE)];
         for (i, camera) in rig.orbit(RIG_CAMERAS, DEFAULT_SIZE).into_iter().enumerate() {
             cameras.push(Camera { name: format!("orbit_{i:02}"), ..camera });
@@ -33,10 +35,13 @@ pub(crate) fn run(args: &FreezeArgs, global: &Global, console: &Console) -> Outc
         (cameras, "a rig around the scene: the files name no cameras".to_owned())
     };
     let output = &args.output;
+    scene::refuse_overlap(output, &opened.roots)?;
     let folder = AtomicDir::create(output, existing(global), |name| OURS.contains(&name))
         .map_err(|error| output_failure(&error))?;
     let options = WriteOptions {
-        comments: vec![format!("c4d_time {}", args.time)],
+        comments: std::iter::once(format!("{TIME_COMMENT}{}", args.time))
+            .chain(scene::up_comments(opened.up))
+            .collect(),
         sh_degree: args.sh_degree,
         ..WriteOptions::default()
     };
@@ -63,9 +68,13 @@ pub(crate) fn existing(global: &Global) -> Existing {
 
 /// Failure to write output; refusing to overwrite is a matter of usage.
 pub(crate) fn output_failure(error: &gs_io::IoError) -> Failure {
+    use gs_io::IoError;
     let text = crate::failure::chain(error);
     match error {
-        gs_io::IoError::Exists { .. } | gs_io::IoError::Foreign { .. } => Failure::usage(text),
+        IoError::Exists { path } => Failure::usage(format!("{} already exists", path.display()))
+            .next("Choose another name; -w replaces what c4d wrote."),
+        IoError::Foreign { .. } | IoError::Content { .. } => Failure::usage(text),
+        IoError::Scene { source, .. } => Failure::bad_input(crate::failure::chain(source)),
         _ => Failure::failed(text),
     }
 }

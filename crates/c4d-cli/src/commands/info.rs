@@ -98,13 +98,16 @@ fn splat_file(path: &Path) -> Outcome<Report> {
 fn dynamic(opened: &Opened) -> Outcome<Report> {
     let mut report = Report::new(&opened.path, &opened.kind);
     for (name, value) in &opened.facts {
-        report.add(name, json!(value));
+        // Counts are numbers in JSON.
+        let number =
+            value.parse::<u64>().map_or_else(|_not_a_count| json!(value), |count| json!(count));
+        report.add(name, number);
     }
     let range = opened.scene.time_range();
-    report.add("times", json!(format!("{} to {}", range.start, range.end)));
+    report.add("times", json!([range.start, range.end]));
     let splats = opened.scene.at(range.start).map_err(Failure::bad_input)?;
     describe(&mut report, &splats);
-    report.add("up", json!(format!("{:?} (guessed; override with --up)", opened.up)));
+    report.add("up", json!(opened.up));
     report.add(
         "next",
         json!("c4d freeze SCENE -o DIR writes the frame to edit; c4d render SCENE -o clip.mp4 shows it."),
@@ -116,11 +119,14 @@ fn describe(report: &mut Report, splats: &Splats) {
     report.add("splats", json!(splats.len()));
     report.add("sh_degree", json!(splats.sh_degree));
     if let Some((min, max)) = splats.bounds() {
-        report.add("bounds", json!(format!("{min:.3?} to {max:.3?}")));
+        report.add("bounds", json!([min, max]));
     }
     let damaged = match repair::sanitize(splats.clone(), Damage::Drop) {
         Ok(sanitized) => sanitized.report,
-        Err(_) => return,
+        Err(all) => {
+            report.add("damaged", json!(all.to_string()));
+            return;
+        }
     };
     let rows = damaged.not_finite + damaged.zero_quaternion;
     if rows > 0 {

@@ -1,6 +1,6 @@
 //! `c4d propagate`: carry an edited frame through all of time.
 
-use super::freeze::{existing, output_failure};
+use super::freeze::{TIME_COMMENT, existing, output_failure};
 use super::refine;
 use crate::args::{BaselineArg, Global, MotionArg, PresetArg, PropagateArgs};
 use crate::console::Console;
@@ -9,7 +9,10 @@ use crate::field::NetworkField;
 use crate::frames;
 use crate::run_folder::{self, CONFIG, OURS, REPORT, RunConfig, SCENE, Stored};
 use crate::scene::{self, Opened};
-use amg::{IdentityMap, IdentityParams, MotionGuide, MotionOptions, MotionReport, Preset};
+use amg::{
+    Identity, IdentityMap, IdentityParams, MotionGuide, MotionOptions, MotionReport, Preset,
+    Propagation,
+};
 use gs_core::Splats;
 use gs_io::AtomicDir;
 use gs_io::repair;
@@ -54,9 +57,15 @@ pub(crate) fn propagate(
 ) -> Outcome {
     let start = Instant::now();
     let source = scene::open(&args.scene, global, console)?;
+    let mut inputs = source.roots.clone();
+    inputs.push(args.edited.clone());
+    scene::refuse_overlap(&args.output, &inputs)?;
+    if !args.no_refine {
+        refine::check(&args.refine, global)?;
+    }
     frames::check(source.scene.time_range(), args.time, "--time")?;
     let options = options(args, &source)?;
-    let edited = read_edited(&args.edited, source.scene.sh_degree(), global, console)?;
+    let edited = read_edited(&args.edited, args.time, source.scene.sh_degree(), global, console)?;
     let source_splats = source.scene.at(args.time).map_err(Failure::bad_input)?;
     if !args.allow_far {
         refuse_other_scene(args, &source_splats, &edited)?;
@@ -96,6 +105,7 @@ pub(crate) fn propagate(
     };
     let seconds = motion.elapsed().as_secs_f64();
     report(&propagation.report, seconds, console);
+    warn_if_still(args, &propagation, console);
 
     let absolute = |path: &Path| std::path::absolute(path).map_err(Failure::failed);
     let mut config = RunConfig {
@@ -165,11 +175,25 @@ fn options(args: &PropagateArgs, source: &Opened) -> Outcome<MotionOptions> {
 /// Reads the edited frame, repairs what can be repaired, and gives it the scene's SH degree.
 fn read_edited(
     path: &Path,
+    time: f32,
     sh_degree: usize,
     global: &Global,
     console: &Console,
 ) -> Outcome<Splats> {
     let ply = gs_io::ply::read_file(path).map_err(|error| scene::bad_input(&error))?;
+    let noted = ply
+        .comments
+        .iter()
+        .find_map(|comment| comment.strip_prefix(TIME_COMMENT)?.trim().parse::<f32>().ok());
+    if let Some(noted) = noted
+        && (noted - time).abs() > 1e-6
+    {
+        return Err(Failure::usage(format!(
+            "{} was frozen at time {noted}, not at --time {time}",
+            path.display()
+        ))
+        .next(format!("Run again with --time {noted}.")));
+    }
     if !ply.extra_columns.is_empty() {
         console.note(format!(
             "{}: columns not used: {}",
@@ -281,9 +305,39 @@ fn robust_box(splats: &Splats) -> Option<([f64; 3], f64)> {
     Some((centre, rank(finite.iter().map(distance).collect(), 90)))
 }
 
+/// Says so when an edit cannot move, or fits the frame it claims to be of nowhere.
+fn warn_if_still(args: &PropagateArgs, propagation: &Propagation, console: &Console) {
+    let report = &propagation.report;
+    let estimated = report.blended + report.field_rows;
+    let exact = propagation.identity.rows.iter().any(|row| match row {
+        Identity::Unchanged(source) | Identity::Recoloured(source) => {
+            propagation.split.dynamic[*source as usize]
+        }
+        Identity::Edited => false,
+    });
+    if report.num_dynamic > 0 && estimated == 0 && !exact {
+        console.warn(format!(
+            "{}: none of its splats is, or lies at, a moving splat of the scene: the result stands still",
+            args.edited.display()
+        ));
+    }
+    let kept = report.unchanged + report.recoloured;
+    if args.motion == MotionArg::Amg && kept * 100 < report.num_edited_splats {
+        console.warn(format!(
+            "{}: {kept} of {} splats are splats of the scene at time {}. If you did not restyle everything: is it of another time (--time) or another scene?",
+            args.edited.display(),
+            report.num_edited_splats,
+            args.time
+        ));
+    }
+}
+
 fn report(report: &MotionReport, seconds: f64, console: &Console) {
     for warning in &report.warnings {
         console.warn(warning);
+    }
+    if report.unchanged + report.recoloured + report.edited == 0 {
+        console.note("every splat's motion is estimated anew (--motion amg-all)");
     }
     console.note(format!(
         "{} unchanged (exact), {} recoloured (exact motion), {} edited or new; {} source splats removed",

@@ -37,6 +37,31 @@ pub(crate) fn run(args: &RefineArgs, global: &Global, console: &Console) -> Outc
     Ok(())
 }
 
+/// Checks the flags, cameras and device of a refinement before anything else is done.
+pub(crate) fn check(flags: &RefineFlags, global: &Global) -> Outcome {
+    let refuse = |what: String| Err(Failure::usage(what));
+    if !(1..=10_000).contains(&flags.refine_frames) {
+        return refuse(format!("--refine-frames {}: expected 1 to 10000", flags.refine_frames));
+    }
+    if flags.samples == Some(0) {
+        return refuse("--samples 0: expected at least 1".to_owned());
+    }
+    if let Some(epsilon) = flags.epsilon
+        && !(0.0..=10.0).contains(&epsilon)
+    {
+        return refuse(format!("--epsilon {epsilon}: expected 0.5 to 2, at most 10"));
+    }
+    if let Some(seconds) = flags.preview_every
+        && !(seconds >= 0.0 && seconds.is_finite())
+    {
+        return refuse(format!("--preview-every {seconds}: expected seconds"));
+    }
+    if let Some(file) = &flags.refine_cameras {
+        cameras_json::read_file(file).map_err(|error| scene::bad_input(&error))?;
+    }
+    Device::open(global.gpu).map(|_| ())
+}
+
 /// Refines the run in place. Its motion, and the edited frame as it was given, stay.
 pub(crate) fn refine(
     run: &Path,
@@ -46,6 +71,7 @@ pub(crate) fn refine(
     global: &Global,
     console: &Console,
 ) -> Outcome {
+    check(flags, global)?;
     if !run.is_dir() {
         return Err(Failure::bad_input(format!("{} is not a run folder", run.display()))
             .next("Give the folder that c4d propagate wrote."));
@@ -203,8 +229,8 @@ fn cameras(
         return Ok((cameras, file.display().to_string()));
     }
     let source = &loaded.source;
-    let splats = source.scene.at(loaded.config.edit_time).map_err(Failure::bad_input)?;
-    let rig = Rig::around(&splats, flags.refine_up.map_or(source.up, Up::vector));
+    let rig = Rig::of_scene(source.scene.as_ref(), flags.refine_up.map_or(source.up, Up::vector))
+        .map_err(Failure::bad_input)?;
     let size = flags.refine_size.unwrap_or(RIG_SIZE);
     let (cameras, what) = match rig.layout {
         Layout::Object => (rig.orbit(RIG_CAMERAS, size), "on a circle around the object"),

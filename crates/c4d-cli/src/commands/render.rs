@@ -26,16 +26,15 @@ const SHEET_WIDTH: usize = 2400;
 pub(crate) fn run(args: &RenderArgs, global: &Global, console: &Console) -> Outcome {
     let opened = scene::open(&args.scene, global, console)?;
     let times = frames::times(opened.scene.as_ref(), &args.times, args.frames)?;
-    if !(args.fps > 0.0 && args.fps <= 1000.0) {
-        return Err(Failure::usage(format!("--fps {}: expected 0 to 1000", args.fps)));
-    }
+    frames::check_fps(args.fps)?;
+    scene::refuse_overlap(&args.output, &opened.roots)?;
     if args.side_by_side && opened.original.is_none() {
         return Err(Failure::usage(
             "--side-by-side compares a run with its source; this scene is not a run",
         )
         .next("Give the run folder that c4d propagate wrote."));
     }
-    let format = args.format.unwrap_or_else(|| format_of(&args.output));
+    let format = args.format.map_or_else(|| format_of(&args.output), Ok)?;
     let views = views(args, &opened, times.len())?;
     for camera in views.cameras() {
         camera.check().map_err(Failure::bad_input)?;
@@ -99,11 +98,22 @@ impl Views {
     }
 }
 
-fn format_of(output: &Path) -> Format {
-    match output.extension().and_then(|extension| extension.to_str()) {
-        Some("mp4") => Format::Mp4,
-        Some("png") => Format::Sheet,
-        _ => Format::Png,
+/// The format that the output's name asks for: `.mp4` a video, `.png` a contact sheet, no extension a folder of PNGs.
+fn format_of(output: &Path) -> Outcome<Format> {
+    let extension = output.extension().and_then(|extension| extension.to_str());
+    match extension.map(str::to_ascii_lowercase).as_deref() {
+        Some("mp4") => Ok(Format::Mp4),
+        Some("png") => Ok(Format::Sheet),
+        Some(name @ ("exr" | "npy" | "flo")) => Err(Failure::usage(format!(
+            "{}: one {name} file holds one image, and a render has many",
+            output.display()
+        ))
+        .next(format!("Give a folder: --format {name} -o FOLDER."))),
+        Some(name @ ("mov" | "avi" | "mkv" | "webm" | "gif" | "webp" | "jpg" | "jpeg")) => {
+            Err(Failure::usage(format!("{name} is no format of c4d render"))
+                .next("Videos are .mp4; images go into a folder as png, exr, npy or flo."))
+        }
+        _ => Ok(Format::Png),
     }
 }
 
@@ -112,9 +122,14 @@ fn views(args: &RenderArgs, opened: &Opened, frames: usize) -> Outcome<Views> {
     let rig = || -> Outcome<Rig> {
         // The rig frames what was there before the edit, so that a run and its source are seen alike.
         let scene = opened.original.as_ref().unwrap_or(&opened.scene);
-        let splats = scene.at(scene.time_range().start).map_err(Failure::bad_input)?;
-        Ok(Rig::around(&splats, args.up.map_or(opened.up, crate::args::Up::vector)))
+        Rig::of_scene(scene.as_ref(), args.up.map_or(opened.up, crate::args::Up::vector))
+            .map_err(Failure::bad_input)
     };
+    let from_rig = ["front", "orbit", "spiral"].contains(&args.cameras.as_str());
+    if from_rig && !args.views.is_empty() {
+        return Err(Failure::usage("--views chooses among the cameras of a file")
+            .next("Add --cameras cameras.json."));
+    }
     match args.cameras.as_str() {
         "front" => Ok(Views::Fixed(vec![rig()?.front(size)])),
         "orbit" => Ok(Views::Path(rig()?.orbit(frames, size))),

@@ -52,6 +52,25 @@ pub(crate) struct Loaded {
 
 /// Reads a run and opens its source.
 pub(crate) fn load(path: &Path, global: &Global, console: &Console) -> Outcome<Loaded> {
+    load_within(path, &[], global, console)
+}
+
+fn load_within(
+    path: &Path,
+    runs: &[PathBuf],
+    global: &Global,
+    console: &Console,
+) -> Outcome<Loaded> {
+    let real = path.canonicalize().unwrap_or_else(|_| path.to_owned());
+    if runs.contains(&real) {
+        return Err(Failure::bad_input(format!("the run {} is its own source", path.display()))
+            .next(format!(
+                "Correct `source` in {}, or write the run anew with c4d propagate.",
+                path.join(CONFIG).display()
+            )));
+    }
+    let mut runs = runs.to_vec();
+    runs.push(real);
     let read = |name: &str| {
         let file = path.join(name);
         std::fs::read(&file).map_err(|error| {
@@ -67,7 +86,7 @@ pub(crate) fn load(path: &Path, global: &Global, console: &Console) -> Outcome<L
     let source_path = locate_source(path, &config)?;
     let source_global =
         Global { iteration: config.iteration, set: config.set.clone(), ..global.clone() };
-    let source = scene::open(&source_path, &source_global, console)?;
+    let source = scene::open_within(&source_path, &runs, &source_global, console)?;
     if fingerprint(&source.files)? != config.source_sha256 {
         console.warn(format!(
             "{} has changed since {} was made: its motion may no longer fit the edit. Run c4d propagate again.",
@@ -107,8 +126,13 @@ impl Loaded {
 }
 
 /// Opens a run as a scene: its source, the edited frame, and the binding between them.
-pub(crate) fn open(path: &Path, global: &Global, console: &Console) -> Outcome<Opened> {
-    let loaded = load(path, global, console)?;
+pub(crate) fn open(
+    path: &Path,
+    runs: &[PathBuf],
+    global: &Global,
+    console: &Console,
+) -> Outcome<Opened> {
+    let loaded = load_within(path, runs, global, console)?;
     let scene = loaded.scene(path, true)?;
     let Loaded { config, stored, source } = loaded;
     let count = |kind| stored.binding.count(kind);
@@ -136,7 +160,10 @@ pub(crate) fn open(path: &Path, global: &Global, console: &Console) -> Outcome<O
     ];
     let mut files = vec![path.join(SCENE)];
     files.extend(source.files);
+    let mut roots = vec![path.to_owned()];
+    roots.extend(source.roots);
     Ok(Opened {
+        roots,
         edit_time: config.edit_time,
         scene: Arc::new(scene),
         network: None,

@@ -197,6 +197,84 @@ fn existing_and_foreign_output_is_kept() {
 }
 
 #[test]
+fn inputs_are_never_written_to() {
+    let bench = Bench::new();
+    let sequence = bench.at("sequence");
+    copy_folder(&fixture("synth/source"), &sequence);
+    let edited = fixture("synth/edited.ply");
+    let path = |path: &Path| path.to_str().unwrap().to_owned();
+    let run = bench.at("run");
+    let propagate = |source: &Path, run: &Path| {
+        c4d([
+            "propagate",
+            "--no-refine",
+            "-w",
+            &path(source),
+            "--edited",
+            &path(&edited),
+            "-o",
+            &path(run),
+        ])
+    };
+    success(&mut propagate(&sequence, &run));
+    let before = listing(bench.folder.path());
+    for (source, output) in [
+        (&run, &run),
+        (&sequence, &sequence),
+        (&run, &sequence),
+        (&sequence, &sequence.join("run")),
+    ] {
+        let said = failure(&mut propagate(source, output), 2);
+        assert!(said.contains("overlap"), "{said}");
+    }
+    let export = ["export", "--to", "ply-seq", "--frames", "2", "-w"];
+    failure(c4d(export).args([&path(&sequence), "-o", &path(&sequence)]), 2);
+    failure(
+        c4d(["render", &path(&run), "-w", "--frames", "2", "-o", &path(&sequence)]).arg("-q"),
+        2,
+    );
+    assert_eq!(listing(bench.folder.path()), before, "nothing changed");
+    // A run whose configuration names itself as its source.
+    let config = run.join("c4d.toml");
+    let text = fs::read_to_string(&config).unwrap();
+    let named = text
+        .lines()
+        .map(
+            |line| {
+                if line.starts_with("source_from_run") { "source_from_run = \".\"" } else { line }
+            },
+        )
+        .collect::<Vec<_>>()
+        .join("\n");
+    fs::write(&config, named).unwrap();
+    let said = failure(&mut c4d(["info", &path(&run)]), 3);
+    assert!(said.contains("its own source"), "{said}");
+}
+
+#[test]
+fn a_frame_of_another_time_is_refused() {
+    let bench = Bench::new();
+    let model = fixture("deform4dgs/dnerf_like/model");
+    let (frozen, run) = (bench.at("frozen"), bench.at("run"));
+    let arguments =
+        ["freeze", model.to_str().unwrap(), "--time", "0.5", "-o", frozen.to_str().unwrap()];
+    success(&mut c4d(arguments));
+    let edited = frozen.join("point_cloud.ply");
+    let propagate = [
+        "propagate",
+        "--no-refine",
+        model.to_str().unwrap(),
+        "--edited",
+        edited.to_str().unwrap(),
+        "-o",
+        run.to_str().unwrap(),
+    ];
+    let said = failure(&mut c4d(propagate), 2);
+    assert!(said.contains("--time 0.5") && !run.exists(), "{said}");
+    success(c4d(propagate).args(["--time", "0.5"]));
+}
+
+#[test]
 fn an_edit_of_the_canonical_file_is_refused() {
     let bench = Bench::new();
     let model = fixture("deform4dgs/dnerf_like/model");

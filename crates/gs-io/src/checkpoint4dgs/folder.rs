@@ -13,6 +13,8 @@ pub(super) struct Iteration {
     pub(super) dir: PathBuf,
     pub(super) number: u64,
     pub(super) stage: Stage,
+    /// Newer iterations that hold no PLY.
+    pub(super) passed_over: Vec<String>,
 }
 
 /// `iteration_<n>` or `coarse_iteration_<n>`, digits only.
@@ -39,11 +41,11 @@ pub(super) fn find(dir: &Path, wanted: Option<u64>) -> Result<Iteration, IoError
             "is missing; expected a 4DGaussians model folder with point_cloud/iteration_<n>/ inside",
         ));
     }
-    let mut found: Vec<(Stage, u64, String)> = list_names(&saves)?
+    let named = list_names(&saves)?;
+    let (mut found, incomplete): (Vec<_>, Vec<_>) = named
         .into_iter()
         .filter_map(|name| parse_name(&name).map(|(stage, number)| (stage, number, name)))
-        .filter(|(_, _, name)| saves.join(name).join("point_cloud.ply").is_file())
-        .collect();
+        .partition(|(_, _, name)| saves.join(name).join("point_cloud.ply").is_file());
     // Fine beats coarse, then the higher number wins; equal numbers written differently by name.
     found.sort_by_key(|(stage, number, _)| (*stage == Stage::Fine, *number));
     let chosen = match wanted {
@@ -60,7 +62,20 @@ pub(super) fn find(dir: &Path, wanted: Option<u64>) -> Result<Iteration, IoError
         };
         return Err(IoError::content(&saves, what));
     };
-    Ok(Iteration { model: dir.to_owned(), dir: saves.join(name), number: *number, stage: *stage })
+    let passed_over = incomplete
+        .into_iter()
+        .filter(|(other_stage, other, _)| {
+            wanted.is_none() && *other_stage == Stage::Fine && other > number
+        })
+        .map(|(_, _, name)| name)
+        .collect();
+    Ok(Iteration {
+        model: dir.to_owned(),
+        dir: saves.join(name),
+        number: *number,
+        stage: *stage,
+        passed_over,
+    })
 }
 
 /// A path straight to an iteration's folder.
@@ -70,7 +85,7 @@ fn as_iteration(dir: &Path) -> Option<Iteration> {
         if dir.join("point_cloud.ply").is_file() { dir.canonicalize().ok()? } else { return None };
     let (stage, number) = parse_name(dir.file_name()?.to_str()?)?;
     let model = dir.parent()?.parent()?.to_owned();
-    Some(Iteration { model, dir, number, stage })
+    Some(Iteration { model, dir, number, stage, passed_over: Vec::new() })
 }
 
 /// Whether a folder looks like a model folder or one of its iterations, fine or coarse.
@@ -105,6 +120,7 @@ mod tests {
         fs::create_dir_all(saves.join("iteration_30000")).unwrap();
         let newest = find(dir.path(), None).unwrap();
         assert_eq!((newest.number, newest.stage), (20_000, Stage::Fine), "30000 has no PLY");
+        assert_eq!(newest.passed_over, ["iteration_30000"], "and is reported");
         assert_eq!(find(dir.path(), Some(7000)).unwrap().number, 7000, "asked for");
         let error = find(dir.path(), Some(1)).unwrap_err().to_string();
         assert!(error.contains("no iteration 1") && error.contains("iteration_7000"), "{error}");

@@ -91,6 +91,12 @@ pub fn open(dir: impl AsRef<Path>, overrides: &Overrides) -> Result<Model, IoErr
     let sanitized = repair::sanitize(ply::read_file(&ply_path)?.splats, overrides.damage)
         .map_err(|source| IoError::Damaged { path: ply_path.clone(), source })?;
     let mut report = ModelReport::new(&iteration, ply_path, &sanitized);
+    for name in &iteration.passed_over {
+        report.warnings.push(format!(
+            "{name} is newer but holds no point_cloud.ply: iteration {} is used instead",
+            iteration.number
+        ));
+    }
     let cfg = read_cfg(&iteration, &mut report)?;
     report.white_background =
         cfg.as_ref().and_then(|cfg| cfg.get("white_background")).and_then(cfg_args::Value::as_bool);
@@ -157,7 +163,7 @@ fn read_field(
     if !path.is_file() {
         return Err(IoError::content(
             &path,
-            "is missing, so the model cannot move; copy it from the machine that trained the model, or open point_cloud.ply alone as a static scene",
+            "is missing, so the model cannot move; copy it from the machine that trained the model, or ask for another iteration",
         ));
     }
     let bytes = read_bytes(&path)?;

@@ -37,7 +37,7 @@ const MOVING_SHARE: f64 = 0.01;
 /// Fewer moving splats than this frame nothing.
 const MIN_MOVING: usize = 50;
 /// Room around the moving part.
-const MARGIN: f64 = 1.5;
+const MARGIN: f64 = 1.8;
 /// Share of the splats' weight that a forward scene keeps within [`FORWARD_CONE_COS`] of its axis.
 const FORWARD_SHARE: f64 = 0.97;
 /// Cosine of the half-angle of the cone before a forward capture, 75°.

@@ -1,6 +1,6 @@
 //! Anchor-based motion guidance: carries an edited frame of a dynamic Gaussian scene along the scene's motion.
 //!
-//! Promises: [`propagate`] takes a source [`gs_core::DynamicScene`] and the edited splats of one of its frames and
+//! Promises: [`propagate()`] takes a source [`gs_core::DynamicScene`] and the edited splats of one of its frames and
 //! returns an [`EditedScene`], itself a `DynamicScene`, defined at every time of the source. What it finds is a
 //! [`Binding`]: per edited splat a few source splats and weights, independent of time. Edited splats that *are* source
 //! splats ([`IdentityMap`]) keep their motion bit for bit. Results do not depend on the order of rows or the number of threads.

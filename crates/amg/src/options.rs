@@ -83,7 +83,7 @@ pub struct Aggregation {
     /// Whether blended rows follow their sources' change of opacity logit and SH since the edit frame, too.
     pub appearance: bool,
     /// Weight of the sources' own relative rotations in a local rigid motion, relative to their positions; 0 where the
-    /// scene does not model rotation. Default 0.3; [`crate::propagate`] lowers it when the source's rotations disagree
+    /// scene does not model rotation. Default 0.3; [`crate::propagate()`] lowers it when the source's rotations disagree
     /// with its positions.
     pub rotation_prior: f32,
 }
@@ -178,7 +178,7 @@ pub struct DynamicParams {
     pub threshold: Option<f32>,
 }
 
-/// All options of [`crate::propagate`].
+/// All options of [`crate::propagate()`].
 #[derive(Debug, Clone)]
 pub struct MotionOptions {
     /// How correspondences are found.

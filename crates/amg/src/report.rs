@@ -1,6 +1,6 @@
 //! [`MotionReport`]: what was found, in numbers.
 
-/// What [`crate::propagate`] found. Plain values, for reports and run folders.
+/// What [`crate::propagate()`] found. Plain values, for reports and run folders.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct MotionReport {
     /// Source splats.

@@ -72,7 +72,7 @@ pub fn decode_flo(bytes: &[u8]) -> Result<Image, CuarError> {
 const WHEEL_STEPS: [usize; 6] = [15, 6, 4, 11, 13, 6];
 const WHEEL_LEN: usize = 55;
 
-/// The Middlebury wheel: `[55]` saturated colours in [0,1].
+/// The Middlebury wheel: `[55]` saturated colours from 0 to 1.
 fn wheel() -> [[f32; 3]; WHEEL_LEN] {
     // each segment moves one channel: (index, whether it rises)
     const MOVES: [(usize, bool); 6] =

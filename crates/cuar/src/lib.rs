@@ -1,7 +1,7 @@
 //! Colour-uncertainty-guided appearance refinement (CUAR) of dynamic Gaussian splats (Eqs. 11–20).
 //!
 //! An edited first frame is right where it is seen. Carried through time, some of its splats show colours that nothing ever supervised:
-//! interiors that motion reveals, view-dependent colour at angles no first-frame view had. [`refine`] finds such places by how much colour
+//! interiors that motion reveals, view-dependent colour at angles no first-frame view had. [`refine()`] finds such places by how much colour
 //! changes over time (uncertainty), fetches what the first frame shows of the same surface (flow, warp, occlusion test), and fits the SH of the
 //! edited splats to it, one offset shared by all times.
 //!

@@ -1,6 +1,6 @@
 //! Seeded dynamic scenes, edits of their first frame, and the truth of both.
 //!
-//! Promises: [`demo`], a scene worth watching; [`apply_edits`], what an editor does to its first frame; [`Truth`], how every edited splat
+//! Promises: [`demo()`], a scene worth watching; [`apply_edits`], what an editor does to its first frame; [`Truth`], how every edited splat
 //! really moves; [`build`], cases made to break methods; [`motion_error`], the score. Everything is a function of its seed; at `t = 0`
 //! scenes and truths return their frame-1 splats bit for bit.
 //!

@@ -36,6 +36,8 @@ const PROBED_TIMES: usize = 4;
 const MOVING_SHARE: f64 = 0.01;
 /// Fewer moving splats than this frame nothing.
 const MIN_MOVING: usize = 50;
+/// A scene this many times larger than what moves in it has a backdrop; a smaller one is framed whole.
+const BACKDROP: f64 = 3.0;
 /// Room around the moving part.
 const MARGIN: f64 = 1.8;
 /// Share of the splats' weight that a forward scene keeps within [`FORWARD_CONE_COS`] of its axis.
@@ -73,6 +75,9 @@ impl Rig {
             return Ok(whole);
         }
         let mut around = Self::around(&first.select(&moving), up);
+        if whole.radius < BACKDROP * around.radius {
+            return Ok(whole);
+        }
         around.layout = Layout::Object;
         around.fov_y_rad = OBJECT_FOV_RAD;
         // Room for the motion itself and for what stands beside the figure.

@@ -13,6 +13,7 @@ pub mod cfg_args;
 pub mod checkpoint4dgs;
 mod detect;
 mod error;
+mod losses;
 pub mod ply;
 pub mod ply_sequence;
 pub mod pth;
@@ -22,6 +23,7 @@ mod zip;
 pub use atomic::{AtomicDir, AtomicFile, Existing, remove_unfinished};
 pub use detect::{OpenOptions, Opened, SceneKind, detect, open_scene};
 pub use error::IoError;
+pub use losses::Losses;
 pub use zip::ZipError;
 
 #[cfg(doctest)]

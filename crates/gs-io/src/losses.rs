@@ -1,0 +1,63 @@
+//! [`Losses`]: what a written file does not keep of the scene, in sentences for people.
+
+use std::fmt::{self, Display};
+
+/// What a format could not keep, one sentence each; empty when nothing is lost. `Display` puts one sentence on each line.
+///
+/// A sentence says what is lost and, where it is a number, how much: "SH degree 3 becomes 0: colour no longer depends on
+/// the view", "positions are rounded to 1/8192 of a unit".
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct Losses(Vec<String>);
+
+impl Losses {
+    /// Nothing lost.
+    pub fn none() -> Self {
+        Self::default()
+    }
+
+    /// Adds a sentence, unless it is there already (every frame of a sequence reports its own).
+    pub fn push(&mut self, sentence: impl Into<String>) {
+        let sentence = sentence.into();
+        if !self.0.contains(&sentence) {
+            self.0.push(sentence);
+        }
+    }
+
+    /// Adds the sentences of `other` that are not there already.
+    pub fn merge(&mut self, other: Self) {
+        for sentence in other.0 {
+            self.push(sentence);
+        }
+    }
+
+    /// Whether nothing is lost.
+    pub fn is_empty(&self) -> bool {
+        self.0.is_empty()
+    }
+
+    /// The sentences, in the order they were added.
+    pub fn sentences(&self) -> &[String] {
+        &self.0
+    }
+}
+
+impl Display for Losses {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.0.join("\n"))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sentences_are_said_once() {
+        let mut losses = Losses::none();
+        assert!(losses.is_empty() && losses.to_string().is_empty(), "nothing to say");
+        losses.push("normals are zero");
+        losses.merge(losses.clone());
+        losses.push("colours are 8 bit");
+        assert_eq!(losses.to_string(), "normals are zero\ncolours are 8 bit", "in order, once");
+    }
+}

@@ -1,5 +1,7 @@
 //! Which edited splats *are* source splats.
 
+mod stored;
+
 use crate::AmgError;
 use crate::binding::index;
 use crate::options::IdentityParams;
@@ -30,6 +32,10 @@ pub enum Identity {
 /// * opacity: 2e-3 after the sigmoid (editors clamp logits); colour: 1e-3 per SH coefficient, missing degrees being 0.
 ///
 /// [`IdentityParams::tolerance`] scales all of them.
+///
+/// With [`IdentityParams::precision`], instead of by bits: a row is the source splat that agrees with it in every stored value
+/// within what the file format can tell apart, the nearest one of several; what the format does not hold, it cannot contradict. The tolerances
+/// above are for rows that remain.
 #[derive(Debug, Clone, PartialEq)]
 pub struct IdentityMap {
     /// One entry per edited splat, `[M]`.
@@ -58,12 +64,37 @@ impl IdentityMap {
         edited.check_shapes().map_err(|source| AmgError::Shape { which: "edited", source })?;
         let mut rows = vec![Identity::Edited; edited.len()];
         if params.enabled {
-            match_by_bits(source, edited, f64::from(params.tolerance), &mut rows);
+            if let Some(precision) = &params.precision {
+                stored::matches(source, edited, precision, &mut rows);
+            } else {
+                match_by_bits(source, edited, f64::from(params.tolerance), &mut rows);
+            }
             if params.tolerance > 0.0 {
                 match_by_tolerance(source, edited, f64::from(params.tolerance), &mut rows);
             }
         }
         Ok(Self::count(rows, source.len()))
+    }
+
+    /// `edited` with the source's own values wherever it is a source splat: all of them in unchanged rows, geometry in
+    /// recoloured ones. Harmonics that the edited splats have no room for are left out.
+    #[must_use]
+    pub fn restore(&self, source: &Splats, edited: &Splats) -> Splats {
+        let mut restored = edited.clone();
+        let coeffs = edited.sh_coeffs();
+        let shared = coeffs.min(source.sh_coeffs());
+        for (row, identity) in self.rows.iter().enumerate() {
+            let (Identity::Unchanged(id) | Identity::Recoloured(id)) = *identity else { continue };
+            let id = id as usize;
+            restored.means[row] = source.means[id];
+            restored.quats[row] = source.quats[id];
+            restored.log_scales[row] = source.log_scales[id];
+            if matches!(identity, Identity::Unchanged(_)) {
+                restored.opacity_logits[row] = source.opacity_logits[id];
+                restored.sh[row * coeffs..][..shared].copy_from_slice(&source.sh_of(id)[..shared]);
+            }
+        }
+        restored
     }
 
     fn count(rows: Vec<Identity>, num_sources: usize) -> Self {

@@ -2,6 +2,7 @@
 
 use crate::AmgError;
 use crate::field::FieldAt;
+use gs_core::Precision;
 use std::sync::Arc;
 
 /// Named sets of options.
@@ -140,17 +141,20 @@ impl Default for Aggregation {
 }
 
 /// Options of the identity map.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct IdentityParams {
     /// Off: every edited splat is matched by the guide. Default on.
     pub enabled: bool,
     /// Factor on the rounding that is forgiven (see [`crate::IdentityMap`]); 0 admits equal values only. Default 1.
     pub tolerance: f32,
+    /// How coarsely the edited splats were stored, when their file does not keep every value; see [`crate::IdentityMap`].
+    /// Rows that agree within it are source splats, whose own values [`crate::propagate()`] puts back. Default none.
+    pub precision: Option<Arc<Precision>>,
 }
 
 impl Default for IdentityParams {
     fn default() -> Self {
-        Self { enabled: true, tolerance: 1.0 }
+        Self { enabled: true, tolerance: 1.0, precision: None }
     }
 }
 

@@ -30,7 +30,8 @@ pub struct Propagation {
     pub report: MotionReport,
 }
 
-/// Finds the motion of `edited`, an edit of `source` at the edit time.
+/// Finds the motion of `edited`, an edit of `source` at the edit time. With [`crate::IdentityParams::precision`], the scene's
+/// [`EditedScene::edited`] differs from `edited`: splats of the source have their own values again.
 ///
 /// # Errors
 /// If the source cannot be evaluated, arrays do not belong together, or an option is out of range. Data that is merely odd
@@ -55,6 +56,11 @@ pub fn propagate(
     let clock = Instant::now();
     progress("identity", 0.0);
     let identity = IdentityMap::of(&keys.at_edit, &edited, &options.identity)?;
+    // What only the file format changed is put right, or those splats would jump at the edit time.
+    let edited = match &options.identity.precision {
+        Some(_) => Arc::new(identity.restore(&keys.at_edit, &edited)),
+        None => edited,
+    };
     let split = DynamicSplit::of(&keys, source.dynamic_mask(), &options.dynamics)?;
     report.timings.push(("identity", clock.elapsed().as_secs_f64()));
 

@@ -10,7 +10,8 @@ mod common;
 
 use amg::{Identity, IdentityMap, IdentityParams};
 use common::golden_source;
-use gs_core::Splats;
+use gs_core::{Precision, RowPrecision, Splats, quat};
+use std::sync::Arc;
 
 fn source() -> Splats {
     let mut splats = golden_source().0.frames.swap_remove(0).select(&(0..200).collect::<Vec<_>>());
@@ -138,4 +139,63 @@ fn switched_off_and_hostile_input() {
     edited.sh.pop();
     let error = IdentityMap::of(&source, &edited, &off).unwrap_err().to_string();
     assert!(error.contains("edited splats are malformed"), "{error}");
+}
+
+/// What a format with 8-bit colours and positions on a grid does.
+fn coarse(source: &Splats) -> (Splats, RowPrecision) {
+    let grid = |v: f32, step: f32| (v / step).round() * step;
+    let mut stored = source.with_sh_degree(0);
+    for i in 0..stored.len() {
+        stored.means[i] = stored.means[i].map(|v| grid(v, 2e-3));
+        stored.log_scales[i] = stored.log_scales[i].map(|v| grid(v, 0.0625).max(-5.0));
+        stored.quats[i] = quat::normalize(stored.quats[i]).map(|v| grid(v, 1.0 / 128.0));
+        stored.opacity_logits[i] =
+            gs_core::activation::logit(grid(source.opacity(i), 1.0 / 255.0).clamp(0.001, 0.999));
+        stored.sh[i] = stored.sh[i].map(|v| grid(v, 0.02).clamp(-1.0, 1.0));
+    }
+    let precision = RowPrecision {
+        means: [1e-3; 3],
+        rotation_rad: 0.0156,
+        log_scales: [0.032; 3],
+        log_scale_range: [-5.0, f32::INFINITY],
+        opacity: 2e-3,
+        sh_dc: [0.01; 3],
+        sh_dc_range: [-1.0, 1.0],
+        sh_rest: [f32::INFINITY; 3],
+        ..RowPrecision::EXACT
+    };
+    (stored, precision)
+}
+
+#[test]
+fn what_only_the_format_changed_is_unchanged() {
+    let source = source().with_sh_degree(1);
+    let (stored, precision) = coarse(&source);
+    let order: Vec<usize> = (0..200).map(|i| (i * 77 + 13) % 200).collect();
+    let mut edited = stored.select(&order);
+    let params = IdentityParams {
+        precision: Some(Arc::new(Precision::uniform(precision))),
+        ..IdentityParams::default()
+    };
+    let found = IdentityMap::of(&source, &edited, &params).unwrap();
+    for (row, &id) in order.iter().enumerate() {
+        assert_eq!(found.rows[row], Identity::Unchanged(id as u32), "row {row}");
+    }
+    // Negative control: without the precision none of it is recognised whole.
+    let strict = IdentityMap::of(&source, &edited, &IdentityParams::default()).unwrap();
+    assert!(strict.unchanged < 20, "{} are unchanged by value", strict.unchanged);
+
+    // Real edits are seen: a colour, a shift by more than the grid, a turn.
+    edited.sh[0][0] = source.sh_of(order[0])[0][0].clamp(-1.0, 0.9) + 0.05;
+    edited.means[1][2] += 5e-3;
+    edited.quats[2] = quat::mul(edited.quats[2], [0.995, 0.0998, 0.0, 0.0]);
+    let found = IdentityMap::of(&source, &edited, &params).unwrap();
+    assert_eq!(found.rows[0], Identity::Recoloured(order[0] as u32), "colour");
+    assert_eq!((found.rows[1], found.rows[2]), (Identity::Edited, Identity::Edited), "geometry");
+
+    let restored = found.restore(&source, &edited.with_sh_degree(1));
+    assert_eq!(restored.means[0], source.means[order[0]], "recoloured: geometry is the source's");
+    assert_eq!(restored.sh_of(0)[0], edited.sh[0], "recoloured: colour is the edit's");
+    assert_eq!(restored.means[1], edited.means[1], "edited: as given");
+    assert_eq!(restored.select(&[9]), source.select(&[order[9]]), "unchanged: all bits");
 }

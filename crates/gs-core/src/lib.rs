@@ -12,6 +12,7 @@ pub mod activation;
 mod camera;
 mod covariance;
 mod image;
+mod precision;
 pub mod quat;
 mod raster;
 mod real;
@@ -22,6 +23,7 @@ mod splats;
 pub use camera::{Camera, CameraError, Intrinsics};
 pub use covariance::{covariance, rotation_matrix};
 pub use image::{Image, ImageError};
+pub use precision::{Precision, RowPrecision};
 pub use raster::{
     GradientConvention, RasterError, Rasterizer, RenderGrads, RenderOutput, RenderParams,
     UpstreamGrads,

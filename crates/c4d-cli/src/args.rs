@@ -64,13 +64,13 @@ pub(crate) enum Command {
     Doctor(DoctorArgs),
     /// Write the splats of one time as a PLY for any 3D editor, with cameras
     Freeze(FreezeArgs),
-    /// Carry an edited PLY through all of time
+    /// Carry an edited frame through all of time
     Propagate(PropagateArgs),
     /// Repair the colours that motion reveals in a run (c4d propagate does this too)
     Refine(RefineArgs),
     /// Render images or a video
     Render(RenderArgs),
-    /// Write a PLY sequence that other tools open
+    /// Write frames that other tools open
     Export(ExportArgs),
     /// Make a synthetic scene, edit it, propagate the edit and render both: the whole job without any input
     Demo(DemoArgs),
@@ -144,8 +144,8 @@ pub(crate) struct FreezeArgs {
 pub(crate) struct PropagateArgs {
     /// The dynamic scene
     pub(crate) scene: PathBuf,
-    /// The edited frame: a 3DGS PLY of any editor
-    #[arg(long, value_name = "PLY")]
+    /// The edited frame: 3DGS PLY, compressed PLY, .splat, .spz or .sog of any editor, or the run folder of one
+    #[arg(long, value_name = "FILE")]
     pub(crate) edited: PathBuf,
     /// Run folder to write
     #[arg(short, long)]
@@ -302,6 +302,18 @@ pub(crate) struct ExportArgs {
     /// What to write
     #[arg(long, value_enum)]
     pub(crate) to: ExportFormat,
+    /// Time of the one frame of compressed-ply, spz and splat
+    #[arg(
+        long,
+        value_name = "T",
+        default_value_t = 0.0,
+        allow_negative_numbers = true,
+        conflicts_with_all = ["times", "frames"]
+    )]
+    pub(crate) time: f32,
+    /// Version of SPZ: 4, or 3 for older players
+    #[arg(long, value_name = "3|4", default_value_t = 4)]
+    pub(crate) spz_version: u32,
     /// Times, comma-separated
     #[arg(
         long,
@@ -323,7 +335,7 @@ pub(crate) struct ExportArgs {
     /// Leave out the unused normals (12 bytes a splat; some readers need them)
     #[arg(long)]
     pub(crate) no_normals: bool,
-    /// Folder (ply-seq) or file (zip)
+    /// Folder (ply-seq, compressed-seq) or file
     #[arg(short, long)]
     pub(crate) output: PathBuf,
 }
@@ -431,6 +443,21 @@ pub(crate) enum ExportFormat {
     PlySeq,
     /// The same in one stored zip
     Zip,
+    /// One frame as PlayCanvas compressed PLY
+    CompressedPly,
+    /// A folder of such frames, frame_00000.compressed.ply …
+    CompressedSeq,
+    /// One frame as SPZ
+    Spz,
+    /// One frame as .splat
+    Splat,
+}
+
+impl ExportFormat {
+    /// Whether it holds one frame.
+    pub(crate) fn is_snapshot(self) -> bool {
+        matches!(self, Self::CompressedPly | Self::Spz | Self::Splat)
+    }
 }
 
 /// The world's upward direction.

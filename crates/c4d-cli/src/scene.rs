@@ -40,6 +40,11 @@ pub(crate) struct Opened {
     pub(crate) files: Vec<PathBuf>,
 }
 
+/// What a scene may be.
+const SCENES: &str =
+    "SCENE is a 4DGS model folder, numbered frames in a folder or zip archive, or a run folder.";
+/// Share of the distance between unrelated rows above which the rows of a sequence do not persist.
+const MAX_DRIFT: f32 = 0.3;
 /// Captured scenes: y points down.
 const UP_CAPTURED: [f64; 3] = [0.0, -1.0, 0.0];
 /// D-NeRF scenes: z points up.
@@ -59,7 +64,7 @@ pub(crate) fn bad_input(error: &IoError) -> Failure {
         IoError::Damaged { .. } => {
             failure.next("Without --strict such rows are dropped and counted.")
         }
-        IoError::Ply { .. } => {
+        IoError::Ply { .. } | IoError::Frame { .. } => {
             failure.next("Export the splats again as a 3DGS PLY; c4d info FILE says what is in it.")
         }
         IoError::Cameras { .. } => failure
@@ -112,26 +117,24 @@ pub(crate) fn open_within(
     console: &Console,
 ) -> Outcome<Opened> {
     if !path.exists() {
-        return Err(Failure::bad_input(format!("{} does not exist", path.display()))
-            .next("SCENE is a 4DGS model folder, a folder of numbered PLYs, or a run folder."));
+        return Err(Failure::bad_input(format!("{} does not exist", path.display())).next(SCENES));
     }
     match gs_io::detect(path).map_err(|error| bad_input(&error))? {
         SceneKind::Model4dgs => open_4dgs(path, global, console),
         SceneKind::PlySequence => open_sequence(path, global, console),
         SceneKind::RunFolder => run_folder::open(path, runs, global, console),
-        SceneKind::Ply => Err(Failure::bad_input(format!(
-            "{} is a single PLY: it does not move",
+        kind if kind.is_frame() => Err(Failure::bad_input(format!(
+            "{} is a single frame ({kind}): it does not move",
             path.display()
         ))
-        .next("Give the dynamic scene here: a 4DGS model folder, a folder of numbered PLYs, or a run folder.")),
+        .next(format!("Give the dynamic scene here, the frame with --edited. {SCENES}"))),
         kind => {
             let missing = match kind {
                 SceneKind::Swift4d => "a Swift4D model, which this version cannot read yet",
-                SceneKind::CompressedPly => "a compressed PLY, which this version cannot read yet",
                 _ => "not a scene",
             };
             Err(Failure::bad_input(format!("{} is {missing} ({kind})", path.display()))
-                .next("`c4d info PATH` says what was found. SCENE is a 4DGS model folder, a folder of numbered PLYs, or a run folder."))
+                .next(format!("`c4d info PATH` says what was found. {SCENES}")))
         }
     }
 }
@@ -246,9 +249,17 @@ fn open_sequence(path: &Path, global: &Global, console: &Console) -> Outcome<Ope
             repair.zero_quaternion
         ));
     }
+    let drift = sequence.row_drift().map_err(|error| bad_input(&error))?;
+    if drift > MAX_DRIFT {
+        console.warn(format!(
+            "{}: rows hardly persist from frame to frame (they move {:.0} % of the distance of unrelated rows): frames that an editor or converter sorted anew make no scene",
+            path.display(),
+            100.0 * drift
+        ));
+    }
     let files = sequence.paths().to_vec();
     let up = files.first().and_then(|first| up_of(first)).unwrap_or(UP_CAPTURED);
-    let facts = vec![("frames", files.len().to_string())];
+    let facts = vec![("frames", sequence.num_frames().unwrap_or_default().to_string())];
     Ok(Opened {
         edit_time: sequence.time_range().start,
         scene: Arc::new(sequence),

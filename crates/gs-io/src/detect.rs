@@ -1,7 +1,9 @@
 //! What a path is, from its names and first bytes alone.
 
+use crate::archive::Archive;
 use crate::checkpoint4dgs::{self, Overrides};
 use crate::error::{IoError, list_names};
+use crate::frame::{self, Container};
 use crate::ply::{self, PlyError};
 use crate::ply_sequence::{PlySequence, SequenceOptions, find_frames};
 use crate::repair::{self, Damage};
@@ -17,12 +19,20 @@ pub enum SceneKind {
     Model4dgs,
     /// A model folder of Swift4D.
     Swift4d,
-    /// A folder of numbered PLY files.
+    /// Numbered frames in a folder or a zip archive.
     PlySequence,
     /// A 3DGS PLY file.
     Ply,
     /// A PLY file compressed by PlayCanvas tools.
     CompressedPly,
+    /// A `.splat` frame.
+    Splat,
+    /// An `.spz` frame.
+    Spz,
+    /// A `.sog` frame.
+    Sog,
+    /// A folder in which an editor left a frame.
+    EditorFolder,
     /// A PLY file of something else; why it is no Gaussian scene.
     OtherPly(String),
     /// The output folder of an earlier run.
@@ -42,6 +52,10 @@ impl Display for SceneKind {
             Self::PlySequence => f.write_str("PLY sequence"),
             Self::Ply => f.write_str("3D Gaussian PLY"),
             Self::CompressedPly => f.write_str("PlayCanvas compressed PLY"),
+            Self::Splat => f.write_str(".splat frame"),
+            Self::Spz => f.write_str("SPZ frame"),
+            Self::Sog => f.write_str("SOG frame"),
+            Self::EditorFolder => f.write_str("folder with one edited frame"),
             Self::OtherPly(what) => f.write_str(what),
             Self::RunFolder => f.write_str("run folder"),
             Self::Unknown { found } if found.is_empty() => f.write_str("unknown: an empty folder"),
@@ -49,6 +63,21 @@ impl Display for SceneKind {
                 write!(f, "unknown: found {}", found.join(", "))
             }
         }
+    }
+}
+
+impl SceneKind {
+    /// Whether it is one frame of Gaussians, which [`frame::read_file`] reads.
+    pub fn is_frame(&self) -> bool {
+        matches!(
+            self,
+            Self::Ply
+                | Self::CompressedPly
+                | Self::Splat
+                | Self::Spz
+                | Self::Sog
+                | Self::EditorFolder
+        )
     }
 }
 
@@ -82,6 +111,9 @@ fn detect_folder(path: &Path) -> Result<SceneKind, IoError> {
     if find_frames(&names).map_or(true, |found| found.frames.len() >= 2) {
         return Ok(SceneKind::PlySequence);
     }
+    if frame::still_of_folder(path).is_some() {
+        return Ok(SceneKind::EditorFolder);
+    }
     let mut found: Vec<String> = names.iter().take(SHOWN).cloned().collect();
     if names.len() > SHOWN {
         found.push(format!("{} more", names.len() - SHOWN));
@@ -89,17 +121,56 @@ fn detect_folder(path: &Path) -> Result<SceneKind, IoError> {
     Ok(SceneKind::Unknown { found })
 }
 
+/// Bytes of a file looked at where its first ones are no PLY header.
+const START: u64 = 16 << 10;
+
 fn detect_file(path: &Path) -> Result<SceneKind, IoError> {
+    let failed = |source| IoError::Read { path: path.to_owned(), source };
+    let file = std::fs::File::open(path).map_err(failed)?;
+    let mut start = Vec::new();
+    std::io::Read::read_to_end(&mut std::io::Read::take(file, START), &mut start)
+        .map_err(failed)?;
+    match frame::container(&start) {
+        Container::Ply => detect_ply(path),
+        Container::Spz => Ok(SceneKind::Spz),
+        Container::Splat => Ok(SceneKind::Splat),
+        Container::Zip => Ok(detect_zip(path)),
+        Container::Unknown => Ok(SceneKind::Unknown {
+            found: vec![format!("a file that starts with {}", frame::shown(&start))],
+        }),
+    }
+}
+
+fn detect_ply(path: &Path) -> Result<SceneKind, IoError> {
     let read = ply::read_header_file(path);
     match read.and_then(|header| header.gaussians().map_err(IoError::ply(path))) {
         Ok(_) => Ok(SceneKind::Ply),
         Err(IoError::Ply { source: PlyError::Compressed, .. }) => Ok(SceneKind::CompressedPly),
-        Err(IoError::Ply { source: PlyError::NotPly { found }, .. }) => {
-            Ok(SceneKind::Unknown { found: vec![format!("a file that starts with {found}")] })
-        }
         Err(IoError::Ply { source, .. }) => Ok(SceneKind::OtherPly(source.to_string())),
         Err(other) => Err(other),
     }
+}
+
+/// SOG, a sequence, or what else an archive holds.
+fn detect_zip(path: &Path) -> SceneKind {
+    let unknown = |what: String| SceneKind::Unknown { found: vec![what] };
+    let names = match archive_names(path) {
+        Ok(names) => names,
+        Err(what) => return unknown(format!("a damaged zip archive: {what}")),
+    };
+    if names.iter().any(|name| name == "meta.json" || name.ends_with("/meta.json")) {
+        return SceneKind::Sog;
+    }
+    if find_frames(&names).map_or(true, |found| found.frames.len() >= 2) {
+        return SceneKind::PlySequence;
+    }
+    let shown: Vec<&str> = names.iter().map(String::as_str).take(SHOWN).collect();
+    unknown(format!("a zip archive with {}", shown.join(", ")))
+}
+
+fn archive_names(path: &Path) -> Result<Vec<String>, String> {
+    let file = std::fs::File::open(path).map_err(|error| error.to_string())?;
+    Ok(Archive::open(std::io::BufReader::new(file))?.names().to_vec())
 }
 
 /// How to open a scene of any kind.
@@ -124,7 +195,7 @@ pub struct Opened {
     pub warnings: Vec<String>,
 }
 
-/// Opens a 4DGaussians model, a PLY sequence, or a single PLY (which never moves).
+/// Opens a 4DGaussians model, a sequence of frames, or a single frame of any format (which never moves).
 ///
 /// # Errors
 /// If the path is something else, or as the readers of its kind.
@@ -165,15 +236,20 @@ pub fn open_scene(path: impl AsRef<Path>, options: &OpenOptions) -> Result<Opene
             }
             Box::new(sequence)
         }
-        SceneKind::Ply | SceneKind::CompressedPly | SceneKind::OtherPly(_) => {
-            let read = ply::read_file(path)?;
-            if !read.extra_columns.is_empty() {
-                warnings.push(format!("columns left out: {}", read.extra_columns.join(", ")));
-            }
-            let sanitized = repair::sanitize(read.splats, options.damage)
+        SceneKind::Ply
+        | SceneKind::CompressedPly
+        | SceneKind::Splat
+        | SceneKind::Spz
+        | SceneKind::Sog
+        | SceneKind::EditorFolder
+        | SceneKind::OtherPly(_) => {
+            let read = frame::read_file(path)?;
+            warnings.extend(read.notes.iter().cloned());
+            let (frame, found) = read
+                .sanitize(options.damage)
                 .map_err(|source| IoError::Damaged { path: path.to_owned(), source })?;
-            warnings.extend(damaged(sanitized.report));
-            let scene = StaticScene::new(sanitized.splats)
+            warnings.extend(damaged(found));
+            let scene = StaticScene::new(frame.splats)
                 .map_err(|error| IoError::content(path, error.to_string()))?;
             Box::new(scene)
         }
@@ -184,7 +260,7 @@ pub fn open_scene(path: impl AsRef<Path>, options: &OpenOptions) -> Result<Opene
             return Err(IoError::content(
                 path,
                 format!(
-                    "is not a scene ({kind}); expected a 4DGaussians model folder, a folder of numbered PLY files, or a Gaussian PLY"
+                    "is not a scene ({kind}); expected a 4DGaussians model folder, numbered frames in a folder or zip archive, or one frame (PLY, .splat, .spz, .sog)"
                 ),
             ));
         }

@@ -2,6 +2,7 @@
 
 use crate::cameras_json::CamerasError;
 use crate::cfg_args::CfgError;
+use crate::frame::FrameError;
 use crate::ply::PlyError;
 use crate::pth::PthError;
 use crate::repair::DamagedRows;
@@ -52,6 +53,14 @@ pub enum IoError {
         path: PathBuf,
         /// What is wrong.
         source: PlyError,
+    },
+    /// A still frame is malformed or something else.
+    #[error("{}: {source}", path.display())]
+    Frame {
+        /// Which file.
+        path: PathBuf,
+        /// What is wrong.
+        source: FrameError,
     },
     /// A PyTorch archive is malformed.
     #[error("{}: {source}", path.display())]
@@ -118,6 +127,14 @@ impl IoError {
 
     pub(crate) fn ply(path: &Path) -> impl FnOnce(PlyError) -> Self {
         move |source| Self::Ply { path: path.to_owned(), source }
+    }
+
+    /// Errors of PLY files stay those of PLY files.
+    pub(crate) fn frame(path: &Path) -> impl FnOnce(FrameError) -> Self {
+        move |source| match source {
+            FrameError::Ply(source) => Self::Ply { path: path.to_owned(), source },
+            source => Self::Frame { path: path.to_owned(), source },
+        }
     }
 
     pub(crate) fn write(path: &Path) -> impl FnOnce(std::io::Error) -> Self {

@@ -1,23 +1,31 @@
 //! Gaussian-splat file formats in and out.
 //!
-//! Promises: 3DGS PLY files of every flavour ([`ply`]), sequences of them ([`ply_sequence`]), 4DGaussians model folders
-//! ([`checkpoint4dgs`]), `cameras.json` ([`cameras_json`]); [`detect()`] says what a path is. Readers survive any bytes:
+//! Promises: still frames of every common format ([`frame`]: 3DGS PLY, compressed PLY, `.splat`, `.spz`, `.sog`), sequences of them
+//! ([`ply_sequence`]), 4DGaussians model folders ([`checkpoint4dgs`]), `cameras.json` ([`cameras_json`]); [`detect()`] says what a path is. Readers survive any bytes:
 //! malformed input is an error that names the file, what was found and what to do, memory is bounded by a small multiple
 //! of the input, and nothing in a file is ever executed. Outputs are complete or absent ([`AtomicFile`], [`AtomicDir`]).
 //!
 //! Deliberately absent: algorithms, GPU, networks of the neural formats (see `gs-deform`).
 
+mod archive;
 mod atomic;
+mod bytes8;
 pub mod cameras_json;
 pub mod cfg_args;
 pub mod checkpoint4dgs;
+pub mod compressed_ply;
 mod detect;
 mod error;
+pub mod frame;
+mod inflate;
 mod losses;
 pub mod ply;
 pub mod ply_sequence;
 pub mod pth;
 pub mod repair;
+pub mod sog;
+pub mod splat_file;
+pub mod spz;
 mod zip;
 
 pub use atomic::{AtomicDir, AtomicFile, Existing, remove_unfinished};

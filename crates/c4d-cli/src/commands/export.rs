@@ -1,12 +1,14 @@
 //! `c4d export`: the scene as files that other tools open.
 
+mod snapshot;
+
 use super::freeze::{check_sh_degree, existing, output_failure};
 use crate::args::{ExportArgs, ExportFormat, Global};
 use crate::console::Console;
 use crate::failure::{Failure, Outcome};
 use crate::{frames, scene};
 use gs_io::ply::WriteOptions;
-use gs_io::ply_sequence;
+use gs_io::{Losses, compressed_ply, ply_sequence};
 
 /// Bytes of a plain zip: players that stream archives know no zip64.
 const ZIP_LIMIT: u64 = u32::MAX as u64;
@@ -15,10 +17,13 @@ const ZIP_ENTRY: u64 = 256;
 
 pub(crate) fn run(args: &ExportArgs, global: &Global, console: &Console) -> Outcome {
     let opened = scene::open(&args.scene, global, console)?;
+    if args.to.is_snapshot() {
+        return snapshot::write(args, &opened, global, console);
+    }
     let times = frames::times(opened.scene.as_ref(), &args.times, args.frames)?;
     if times.len() < 2 {
         return Err(Failure::usage("a sequence needs at least 2 frames")
-            .next("For one frame, use c4d freeze --time T."));
+            .next("For one frame: --to compressed-ply, spz or splat with --time T, or c4d freeze --time T."));
     }
     check_sh_degree(args.sh_degree, opened.scene.sh_degree())?;
     crate::frames::check_fps(args.fps)?;
@@ -44,24 +49,53 @@ pub(crate) fn run(args: &ExportArgs, global: &Global, console: &Console) -> Outc
     let mut progress = console.progress("export", times.len() as u64);
     let mut step = |done: usize| progress.set(done as u64);
     let (scene, output) = (opened.scene.as_ref(), &args.output);
-    match args.to {
-        ExportFormat::PlySeq => {
-            ply_sequence::write_folder(output, scene, &times, &options, existing(global), &mut step)
-        }
+    let written = match args.to {
         ExportFormat::Zip => {
             ply_sequence::write_zip(output, scene, &times, &options, existing(global), &mut step)
+                .map(|()| plain_losses(args, scene.sh_degree()))
         }
-    }
-    .map_err(|error| output_failure(&error))?;
+        ExportFormat::CompressedSeq => {
+            let options = compressed_ply::WriteOptions {
+                comments: options.comments,
+                sh_degree: args.sh_degree,
+                order: None,
+            };
+            let existing = existing(global);
+            ply_sequence::write_compressed_folder(
+                output, scene, &times, &options, existing, &mut step,
+            )
+        }
+        _ => {
+            ply_sequence::write_folder(output, scene, &times, &options, existing(global), &mut step)
+                .map(|()| plain_losses(args, scene.sh_degree()))
+        }
+    };
+    let mut losses = written.map_err(|error| output_failure(&error))?;
+    losses.push("the format has no frame rate: players assume 24 to 30");
     let elapsed = progress.finish();
-    let degree = args.sh_degree.unwrap_or(scene.sh_degree());
     console.note(format!(
-        "{} frames of {} splats in {:.1} s. 32-bit floats, SH degree {degree}{}; the format has no frame rate: players assume 24 to 30",
+        "{} frames of {} splats in {:.1} s",
         times.len(),
         scene.num_splats(),
         elapsed.as_secs_f64(),
-        if degree < scene.sh_degree() { format!(" of {}", scene.sh_degree()) } else { String::new() },
     ));
+    say(&losses, console);
     console.result(output.display());
     Ok(())
+}
+
+/// What a sequence of 32-bit floats loses.
+fn plain_losses(args: &ExportArgs, available: usize) -> Losses {
+    let mut losses = Losses::none();
+    if let Some(degree) = args.sh_degree.filter(|&degree| degree < available) {
+        losses.push(format!("SH degree {available} becomes {degree}"));
+    }
+    losses
+}
+
+/// Shows what was lost.
+fn say(losses: &Losses, console: &Console) {
+    for sentence in losses.sentences() {
+        console.note(format!("not kept: {sentence}"));
+    }
 }

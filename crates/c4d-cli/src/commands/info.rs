@@ -4,8 +4,9 @@ use crate::args::{Global, InfoArgs};
 use crate::console::Console;
 use crate::failure::{Failure, Outcome};
 use crate::scene::{self, Opened};
-use gs_core::Splats;
+use gs_core::{Precision, RowPrecision, Splats};
 use gs_io::SceneKind;
+use gs_io::frame::FrameFormat;
 use gs_io::repair::{self, Damage};
 use serde_json::{Value, json};
 use std::path::Path;
@@ -17,13 +18,13 @@ pub(crate) fn run(args: &InfoArgs, global: &Global, console: &Console) -> Outcom
     }
     let kind = gs_io::detect(path).map_err(|error| scene::bad_input(&error))?;
     let report = match kind {
-        SceneKind::Ply => splat_file(path)?,
+        ref kind if kind.is_frame() => frame(path, kind)?,
         SceneKind::Model4dgs | SceneKind::PlySequence | SceneKind::RunFolder => {
             dynamic(&scene::open(path, global, console)?)?
         }
         other => {
             return Err(Failure::bad_input(format!("{}: {other}", path.display())).next(
-                "c4d reads 4DGS model folders (point_cloud/iteration_N with point_cloud.ply and deformation.pth), folders of numbered 3DGS PLYs, 3DGS PLYs, and its own runs.",
+                "c4d reads 4DGS model folders (point_cloud/iteration_N with point_cloud.ply and deformation.pth), numbered frames in a folder or zip archive, single frames (PLY, compressed PLY, .splat, .spz, .sog), and its own runs.",
             ));
         }
     };
@@ -33,6 +34,11 @@ pub(crate) fn run(args: &InfoArgs, global: &Global, console: &Console) -> Outcom
         console.result(report.text());
     }
     Ok(())
+}
+
+/// Whether a report may hold several facts of this name.
+fn is_list(name: &str) -> bool {
+    matches!(name, "flag" | "note")
 }
 
 /// Facts in the order shown.
@@ -55,11 +61,11 @@ impl Report {
     fn json(&self) -> String {
         let mut object = serde_json::Map::new();
         for (name, value) in &self.lines {
-            // Facts of the same name (flags) become a list.
+            // Facts that may come several times become a list.
             match object.get_mut(name) {
-                Some(Value::Array(list)) if name == "flag" => list.push(value.clone()),
+                Some(Value::Array(list)) if is_list(name) => list.push(value.clone()),
                 Some(other) => *other = value.clone(),
-                None if name == "flag" => {
+                None if is_list(name) => {
                     object.insert(name.clone(), json!([value]));
                 }
                 None => {
@@ -79,20 +85,44 @@ impl Report {
     }
 }
 
-fn splat_file(path: &Path) -> Outcome<Report> {
-    let ply = gs_io::ply::read_file(path).map_err(|error| scene::bad_input(&error))?;
-    let mut report = Report::new(path, &SceneKind::Ply);
-    report.add("encoding", json!(format!("{:?}", ply.encoding)));
-    report.add("normals", json!(ply.has_normals));
-    if !ply.extra_columns.is_empty() {
-        report.add("extra", json!(format!("{} (not used)", ply.extra_columns.join(", "))));
+fn frame(path: &Path, kind: &SceneKind) -> Outcome<Report> {
+    let frame = gs_io::frame::read_file(path).map_err(|error| scene::bad_input(&error))?;
+    let mut report = Report::new(path, kind);
+    if let FrameFormat::Ply { encoding, normals } = frame.format {
+        report.add("encoding", json!(format!("{encoding:?}")));
+        report.add("normals", json!(normals));
+    } else {
+        report.add("format", json!(frame.format.to_string()));
     }
-    describe(&mut report, &ply.splats);
+    for note in &frame.notes {
+        report.add("note", json!(note));
+    }
+    if let Some(precision) = &frame.precision {
+        report.add("precision", json!(precision_of(precision, frame.splats.len())));
+    }
+    describe(&mut report, &frame.splats);
     report.add(
         "next",
-        json!("As an edited frame: c4d propagate SCENE --edited this.ply -o RUN. As a scene it does not move."),
+        json!(format!(
+            "As an edited frame: c4d propagate SCENE --edited {} -o RUN. As a scene it does not move.",
+            path.display()
+        )),
     );
     Ok(report)
+}
+
+/// How coarse the values of a frame are, at worst.
+fn precision_of(precision: &Precision, rows: usize) -> String {
+    let worst = |of: fn(&RowPrecision) -> f32| {
+        (0..rows).map(|row| of(precision.of(row))).fold(0.0_f32, f32::max)
+    };
+    let mean = worst(|row| row.means.into_iter().fold(0.0, f32::max));
+    let size = worst(|row| row.log_scales.into_iter().fold(0.0, f32::max));
+    let angle = worst(|row| row.rotation_rad).to_degrees();
+    format!(
+        "positions within {mean:.1e} units, sizes within {:.1} %, rotations within {angle:.1}°, opacities and colours of about 8 bits",
+        100.0 * size.exp_m1()
+    )
 }
 
 fn dynamic(opened: &Opened) -> Outcome<Report> {

@@ -13,9 +13,8 @@ use amg::{
     Identity, IdentityMap, IdentityParams, MotionGuide, MotionOptions, MotionReport, Preset,
     Propagation,
 };
-use gs_core::Splats;
+use gs_core::{Precision, Splats};
 use gs_io::AtomicDir;
-use gs_io::repair;
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex};
@@ -64,12 +63,14 @@ pub(crate) fn propagate(
         refine::check(&args.refine, global)?;
     }
     frames::check(source.scene.time_range(), args.time, "--time")?;
-    let options = options(args, &source)?;
-    let edited = read_edited(&args.edited, args.time, source.scene.sh_degree(), global, console)?;
+    let mut options = options(args, &source)?;
+    let (edited, precision) =
+        read_edited(&args.edited, args.time, source.scene.sh_degree(), global, console)?;
+    options.identity.precision = precision;
     let source_splats = source.scene.at(args.time).map_err(Failure::bad_input)?;
     if !args.allow_far {
         refuse_other_scene(args, &source_splats, &edited)?;
-        refuse_canonical(args, &source, &source_splats, &edited)?;
+        refuse_canonical(args, &options.identity, &source, &source_splats, &edited)?;
     }
     console.note(format!(
         "source {} splats, edited {} splats, time {}",
@@ -99,9 +100,9 @@ pub(crate) fn propagate(
                 bar.set((fraction.clamp(0.0, 1.0) * 100.0) as u64);
             }
         };
-        amg::propagate(source.scene.clone(), edited.clone(), &options, &progress).map_err(
-            |error| Failure::bad_input(format!("{}: {}", args.edited.display(), chain(&error))),
-        )?
+        amg::propagate(source.scene.clone(), edited, &options, &progress).map_err(|error| {
+            Failure::bad_input(format!("{}: {}", args.edited.display(), chain(&error)))
+        })?
     };
     let seconds = motion.elapsed().as_secs_f64();
     report(&propagation.report, seconds, console);
@@ -114,7 +115,7 @@ pub(crate) fn propagate(
         source_from_run: run_folder::relative(&absolute(&args.output)?, &absolute(&args.scene)?),
         source_sha256: run_folder::fingerprint(&source.files)?,
         edited: absolute(&recorded.edited)?,
-        edited_sha256: run_folder::fingerprint(std::slice::from_ref(&args.edited))?,
+        edited_sha256: run_folder::fingerprint(&[gs_io::frame::file_of(&args.edited)])?,
         edit_time: args.time,
         preset: format!("{:?}", args.preset).to_lowercase(),
         baseline: args.baseline.map_or("none".to_owned(), |b| format!("{b:?}").to_lowercase()),
@@ -135,7 +136,9 @@ pub(crate) fn propagate(
         std::fs::write(&path, bytes).map_err(|error| Failure::write(&path, &error))
     };
     let binding = propagation.scene.binding().as_ref().clone();
-    let stored = Stored { edited: edited.as_ref().clone(), binding, refined: None };
+    // What only the file format changed has its own values again.
+    let edited = propagation.scene.edited().as_ref().clone();
+    let stored = Stored { edited, binding, refined: None };
     write(SCENE, &stored.serialize()?)?;
     write(CONFIG, toml::to_string(&config).map_err(Failure::failed)?.as_bytes())?;
     let json = report_json(&propagation.report, seconds);
@@ -172,16 +175,16 @@ fn options(args: &PropagateArgs, source: &Opened) -> Outcome<MotionOptions> {
     Ok(options)
 }
 
-/// Reads the edited frame, repairs what can be repaired, and gives it the scene's SH degree.
+/// Reads the edited frame, repairs what can be repaired, and gives it the scene's SH degree; with how coarsely its format stores it.
 fn read_edited(
     path: &Path,
     time: f32,
     sh_degree: usize,
     global: &Global,
     console: &Console,
-) -> Outcome<Splats> {
-    let ply = gs_io::ply::read_file(path).map_err(|error| scene::bad_input(&error))?;
-    let noted = ply
+) -> Outcome<(Splats, Option<Arc<Precision>>)> {
+    let frame = gs_io::frame::read_file(path).map_err(|error| scene::bad_input(&error))?;
+    let noted = frame
         .comments
         .iter()
         .find_map(|comment| comment.strip_prefix(TIME_COMMENT)?.trim().parse::<f32>().ok());
@@ -194,14 +197,18 @@ fn read_edited(
         ))
         .next(format!("Run again with --time {noted}.")));
     }
-    if !ply.extra_columns.is_empty() {
+    for note in &frame.notes {
+        console.note(format!("{}: {note}", path.display()));
+    }
+    if frame.precision.is_some() {
         console.note(format!(
-            "{}: columns not used: {}",
+            "{} ({}) rounds its values: splats that agree with the scene within that get the scene's own values back",
             path.display(),
-            ply.extra_columns.join(", ")
+            frame.format
         ));
     }
-    let sanitized = repair::sanitize(ply.splats, scene::damage(global)).map_err(|error| {
+    let rows = frame.splats.len();
+    let (frame, damaged) = frame.sanitize(scene::damage(global)).map_err(|error| {
         Failure::bad_input(format!("{}: {}", path.display(), chain(&error))).next(
             if global.strict {
                 "Without --strict such rows are dropped and counted."
@@ -210,8 +217,7 @@ fn read_edited(
             },
         )
     })?;
-    let damaged = &sanitized.report;
-    if sanitized.kept.is_some() {
+    if frame.splats.len() < rows {
         console.warn(format!(
             "{}: dropped {} of {} rows ({} not finite, {} with a zero quaternion)",
             path.display(),
@@ -221,21 +227,22 @@ fn read_edited(
             damaged.zero_quaternion
         ));
     }
-    let splats = sanitized.splats;
+    let (splats, precision) = (frame.splats, frame.precision);
     if splats.is_empty() {
         return Err(Failure::bad_input(format!("{}: no usable splats", path.display()))
             .next("Export the edited frame again; c4d info FILE says what is in it."));
     }
     if splats.sh_degree == sh_degree {
-        return Ok(splats);
+        return Ok((splats, precision));
     }
     let verb = if splats.sh_degree < sh_degree { "padded with zeros" } else { "cut" };
     console.warn(format!(
-        "{}: SH degree {} {verb} to the scene's {sh_degree}",
+        "{}: SH degree {} {verb} to the scene's {sh_degree}{}",
         path.display(),
-        splats.sh_degree
+        splats.sh_degree,
+        if precision.is_some() { "; unchanged splats keep theirs" } else { "" }
     ));
-    Ok(splats.with_sh_degree(sh_degree))
+    Ok((splats.with_sh_degree(sh_degree), precision))
 }
 
 /// An edited frame far from the source at that time is no edit of it.
@@ -265,13 +272,15 @@ fn refuse_other_scene(args: &PropagateArgs, source: &Splats, edited: &Splats) ->
 /// The PLY inside a 4DGS model is canonical, not a frame: an edit of it would move twice.
 fn refuse_canonical(
     args: &PropagateArgs,
+    identity: &IdentityParams,
     source: &Opened,
     frame: &Splats,
     edited: &Splats,
 ) -> Outcome {
     let Some(network) = &source.network else { return Ok(()) };
     let share = |cloud: &Splats| -> Outcome<f64> {
-        let map = IdentityMap::of(cloud, edited, &IdentityParams::default())
+        let params = IdentityParams { enabled: true, ..identity.clone() };
+        let map = IdentityMap::of(cloud, edited, &params)
             .map_err(|error| Failure::bad_input(chain(&error)))?;
         Ok((map.unchanged + map.recoloured) as f64 / edited.len().max(1) as f64)
     };

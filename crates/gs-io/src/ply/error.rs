@@ -63,7 +63,7 @@ pub enum PlyError {
     Empty,
     /// Compressed by PlayCanvas tools.
     #[error(
-        "PlayCanvas compressed PLY (first element `chunk`), which is not supported yet; convert it to a plain Gaussian PLY, for example by opening it in SuperSplat and exporting \"Splat PLY\""
+        "PlayCanvas compressed PLY (first element `chunk`), expected a plain one here; convert it, for example by opening it in SuperSplat and exporting \"Splat PLY\""
     )]
     Compressed,
     /// The requested column is missing.

@@ -11,6 +11,7 @@ pub use error::PlyError;
 pub use header::{Element, Encoding, Header, Property, PropertyKind, Scalar};
 pub use layout::Layout;
 pub use read::{read, read_column};
+pub(crate) use rows::Cursor;
 pub use write::{WriteOptions, write};
 
 use crate::atomic::{AtomicFile, Existing};

@@ -1,17 +1,19 @@
-//! A folder of numbered PLY files, one per frame, as a scene; and the writers of such folders and zip archives.
+//! Numbered frames in a folder or zip archive, PLY or any other still format, as a scene; and the writers of such folders and archives.
 
 mod names;
+mod source;
 mod write;
 
-pub use write::{FolderWriter, ZipWriter, write_folder, write_zip};
+pub use write::{FolderWriter, ZipWriter, write_compressed_folder, write_folder, write_zip};
 
 pub(crate) use names::find_frames;
 
-use crate::error::{IoError, list_names, read_bytes};
-use crate::ply::{self, Layout};
+use crate::error::{IoError, list_names};
+use crate::frame;
 use crate::repair::{self, Damage, DamagedRows, RepairReport};
 use gs_core::{DynamicScene, SceneError, Splats, TimeRange};
 use gs_deform::frames::{self, Position};
+use source::Source;
 use std::collections::VecDeque;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -32,11 +34,11 @@ impl Default for SequenceOptions {
     }
 }
 
-/// `n ≥ 2` PLY files with the same rows, frame `i` at time `i/(n−1)`; between frames as [`gs_deform::Trajectories`]. Frames are
+/// `n ≥ 2` frames with the same rows, frame `i` at time `i/(n−1)`; between frames as [`gs_deform::Trajectories`]. Frames are
 /// read when needed and the last few kept.
 #[derive(Debug)]
 pub struct PlySequence {
-    paths: Vec<PathBuf>,
+    source: Source,
     ignored: Vec<String>,
     num_splats: usize,
     sh_degree: usize,
@@ -50,34 +52,35 @@ pub struct PlySequence {
 }
 
 impl PlySequence {
-    /// Opens a folder. Reads the headers of all frames and verifies that they have the same rows and SH degree.
+    /// Opens a folder or a zip archive. Reads the headers of all frames and verifies that they have the same rows and SH degree.
+    /// Nothing is unpacked to disk.
     ///
     /// # Errors
     /// If there are fewer than two frames, numbers are missing, or a file differs from the first; the file is named.
-    pub fn open(dir: impl AsRef<Path>, options: &SequenceOptions) -> Result<Self, IoError> {
-        let dir = dir.as_ref();
-        let found = find_frames(&list_names(dir)?).map_err(|what| IoError::content(dir, what))?;
-        if found.frames.len() < 2 {
+    pub fn open(path: impl AsRef<Path>, options: &SequenceOptions) -> Result<Self, IoError> {
+        let path = path.as_ref();
+        let (source, ignored) =
+            if path.is_dir() { Source::folder(path)? } else { Source::zip(path)? };
+        if source.len() < 2 {
             return Err(IoError::content(
-                dir,
+                path,
                 format!(
-                    "holds {} numbered PLY files, a sequence needs at least 2 (frame_00000.ply, frame_00001.ply, …)",
-                    found.frames.len()
+                    "holds {} numbered frames, a sequence needs at least 2 (frame_00000.ply, frame_00001.ply, …)",
+                    source.len()
                 ),
             ));
         }
-        let paths: Vec<PathBuf> = found.frames.iter().map(|name| dir.join(name)).collect();
-        let first = header_of(&paths[0])?;
-        for path in &paths[1..] {
-            let other = header_of(path)?;
+        let first = source.shape(0)?;
+        for index in 1..source.len() {
+            let other = source.shape(index)?;
             if (other.num_splats, other.sh_degree) != (first.num_splats, first.sh_degree) {
                 return Err(IoError::content(
-                    path,
+                    &source.label(index),
                     format!(
                         "holds {} Gaussians of SH degree {}, but {} holds {} of degree {}; rows must persist through a sequence",
                         other.num_splats,
                         other.sh_degree,
-                        found.frames[0],
+                        source.name(0),
                         first.num_splats,
                         first.sh_degree
                     ),
@@ -85,11 +88,11 @@ impl PlySequence {
             }
         }
         let num_splats = usize::try_from(first.num_splats).map_err(|error| {
-            IoError::content(&paths[0], format!("{} rows: {error}", first.num_splats))
+            IoError::content(&source.label(0), format!("{} rows: {error}", first.num_splats))
         })?;
         let mut sequence = Self {
-            paths,
-            ignored: found.ignored,
+            source,
+            ignored,
             num_splats,
             sh_degree: first.sh_degree,
             damage: options.damage,
@@ -104,9 +107,37 @@ impl PlySequence {
         Ok(sequence)
     }
 
-    /// Files in order of time.
+    /// Files that are read: the frames in order of time, or the archive.
     pub fn paths(&self) -> &[PathBuf] {
-        &self.paths
+        self.source.paths()
+    }
+
+    /// Shows that rows hardly persist: how far a row's centre moves from one frame to the next (median), over the distance of rows that
+    /// have nothing to do with each other. Far below 1 for a scene; near 1 where each frame was sorted anew. Reads two frames.
+    ///
+    /// # Errors
+    /// If one of them cannot be read.
+    pub fn row_drift(&self) -> Result<f32, IoError> {
+        let (first, second) = (self.frame(0)?, self.frame(1)?);
+        let distance = |a: [f32; 3], b: [f32; 3]| {
+            (0..3).map(|axis| (a[axis] - b[axis]).powi(2)).sum::<f32>().sqrt()
+        };
+        let median = |mut values: Vec<f32>| {
+            values.retain(|value| value.is_finite());
+            let middle = values.len() / 2;
+            if values.is_empty() {
+                0.0
+            } else {
+                *values.select_nth_unstable_by(middle, f32::total_cmp).1
+            }
+        };
+        let rows = self.num_splats;
+        let moved = median((0..rows).map(|i| distance(first.means[i], second.means[i])).collect());
+        // A stride that is prime to most lengths mixes rows well enough.
+        let other = |i: usize| (i * 7919 + rows / 2) % rows;
+        let apart = (0..rows).map(|i| distance(first.means[i], first.means[other(i)])).collect();
+        let apart = median(apart);
+        Ok(if apart > 0.0 { moved / apart } else { 0.0 })
     }
 
     /// Names of entries of the folder that are not frames.
@@ -128,13 +159,13 @@ impl PlySequence {
     fn drop_damaged(&mut self) -> Result<(), IoError> {
         let mut damaged = vec![false; self.num_splats];
         let mut first = None;
-        for (index, path) in self.paths.iter().enumerate() {
+        for index in 0..self.source.len() {
             let splats = self.read(index)?;
             let (report, rows) = repair::survey(&splats);
             for row in rows {
                 // A row counts once, by what is wrong with it in the first frame that shows it.
                 if !std::mem::replace(&mut damaged[row], true) {
-                    first.get_or_insert((path.clone(), row));
+                    first.get_or_insert_with(|| (self.source.label(index), row));
                     if report.not_finite > 0 {
                         self.repair.not_finite += 1;
                     } else {
@@ -156,12 +187,12 @@ impl PlySequence {
 
     /// All rows of a frame.
     fn read(&self, index: usize) -> Result<Splats, IoError> {
-        let path = &self.paths[index];
-        let splats = ply::read(&read_bytes(path)?).map_err(IoError::ply(path))?.splats;
+        let label = self.source.label(index);
+        let splats = frame::read(&self.source.read(index)?).map_err(IoError::frame(&label))?.splats;
         let rows = self.repair.rows;
         if (splats.len(), splats.sh_degree) != (rows, self.sh_degree) {
             return Err(IoError::content(
-                path,
+                &label,
                 format!(
                     "now holds {} Gaussians of SH degree {}, but had {rows} of degree {} when the sequence was opened",
                     splats.len(),
@@ -196,7 +227,7 @@ impl PlySequence {
         let mut splats = self.read(index)?;
         if self.damage == Damage::Fail {
             splats = repair::sanitize(splats, Damage::Fail)
-                .map_err(|source| IoError::Damaged { path: self.paths[index].clone(), source })?
+                .map_err(|source| IoError::Damaged { path: self.source.label(index), source })?
                 .splats;
         }
         if let Some(kept) = &self.kept {
@@ -223,7 +254,7 @@ impl PlySequence {
                 source: error.into(),
             })
         };
-        match frames::position(t, self.paths.len()) {
+        match frames::position(t, self.source.len()) {
             Position::At(i) => frames::copy(&*frame(i)?, geometry_only, out),
             Position::Between(i, fraction) => {
                 frames::blend(&*frame(i)?, &*frame(i + 1)?, fraction, geometry_only, out);
@@ -231,10 +262,6 @@ impl PlySequence {
         }
         Ok(())
     }
-}
-
-fn header_of(path: &Path) -> Result<Layout, IoError> {
-    ply::read_header_file(path)?.gaussians().map_err(IoError::ply(path))
 }
 
 impl DynamicScene for PlySequence {
@@ -251,7 +278,7 @@ impl DynamicScene for PlySequence {
     }
 
     fn num_frames(&self) -> Option<usize> {
-        Some(self.paths.len())
+        Some(self.source.len())
     }
 
     fn at_into(&self, t: f32, out: &mut Splats) -> Result<(), SceneError> {

@@ -9,18 +9,25 @@ pub(crate) struct Found {
     pub(crate) ignored: Vec<String>,
 }
 
-/// Prefix and number of `<prefix><digits>.ply`.
+/// Ends of the names of frames, lower case.
+const ENDINGS: [&str; 4] = [".compressed.ply", ".ply", ".splat", ".spz"];
+
+/// Prefix with ending, and number, of `<prefix><digits><ending>`. In archives the prefix has the folders, too.
 fn parse(name: &str) -> Option<(String, u64)> {
-    let (stem, extension) = name.rsplit_once('.')?;
-    if !extension.eq_ignore_ascii_case("ply") {
+    let lower = name.to_lowercase();
+    let file = lower.rsplit('/').next()?;
+    // What macOS puts beside every file of an archive.
+    if file.starts_with("._") || lower.starts_with("__macosx/") {
         return None;
     }
+    let ending = ENDINGS.into_iter().find(|ending| lower.ends_with(ending))?;
+    let stem = lower.strip_suffix(ending)?;
     let prefix = stem.trim_end_matches(|c: char| c.is_ascii_digit());
     let number = stem[prefix.len()..].parse().ok()?;
-    Some((prefix.to_lowercase(), number))
+    Some((format!("{prefix}*{ending}"), number))
 }
 
-/// Picks the largest group of numbered PLY files with one prefix. Numbers may start anywhere and have any constant step.
+/// Picks the largest group of numbered frames with one prefix and ending. Numbers may start anywhere and have any constant step.
 ///
 /// # Errors
 /// If a number occurs twice or one is missing.
@@ -82,6 +89,11 @@ mod tests {
             3,
             "step 5"
         );
+        let zipped =
+            ["a/", "a/f0.spz", "a/f1.spz", "__MACOSX/a/._f0.spz", "a/._f2.spz", "b/f2.spz"];
+        assert_eq!(find(&zipped).unwrap().frames, ["a/f0.spz", "a/f1.spz"], "in an archive");
+        let mixed = ["f0.ply", "f0.compressed.ply", "f1.compressed.ply", "f1.splat"];
+        assert_eq!(find(&mixed).unwrap().frames.len(), 2, "one format");
         assert_eq!(find(&[]).unwrap(), Found::default(), "empty");
     }
 

@@ -4,10 +4,14 @@
 //! at the root with real sizes and checksums in their local headers, below the limits of zip64.
 
 use crate::atomic::{AtomicDir, AtomicFile, Existing};
+use crate::compressed_ply;
 use crate::error::IoError;
+use crate::losses::Losses;
 use crate::ply::{self, WriteOptions};
 use crate::zip::StoredWriter;
 use gs_core::{DynamicScene, Splats};
+use std::fs::File;
+use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
 
 /// Name of frame `index`.
@@ -15,10 +19,16 @@ fn frame_name(index: usize) -> String {
     format!("frame_{index:05}.ply")
 }
 
+/// Name of frame `index` of a compressed sequence, as SuperSplat expects it.
+fn compressed_name(index: usize) -> String {
+    format!("frame_{index:05}.compressed.ply")
+}
+
 /// Names that a folder written here consists of.
 fn is_frame_name(name: &str) -> bool {
     name.strip_prefix("frame_")
         .and_then(|rest| rest.strip_suffix(".ply"))
+        .map(|rest| rest.strip_suffix(".compressed").unwrap_or(rest))
         .is_some_and(|digits| digits.len() >= 5 && digits.bytes().all(|b| b.is_ascii_digit()))
 }
 
@@ -55,14 +65,34 @@ impl FolderWriter {
     /// # Errors
     /// If it cannot be written.
     pub fn push(&mut self, splats: &Splats, options: &WriteOptions) -> Result<(), IoError> {
-        let path = self.dir.path().join(frame_name(self.frames));
+        self.add(&frame_name(self.frames), |file| ply::write(splats, options, file))
+    }
+
+    /// Adds a frame as compressed PLY and says what it does not keep. For rows that persist, every frame needs the same
+    /// [`compressed_ply::WriteOptions::order`].
+    ///
+    /// # Errors
+    /// If it cannot be written.
+    pub fn push_compressed(
+        &mut self,
+        splats: &Splats,
+        options: &compressed_ply::WriteOptions,
+    ) -> Result<Losses, IoError> {
+        self.add(&compressed_name(self.frames), |file| compressed_ply::write(splats, options, file))
+    }
+
+    fn add<T>(
+        &mut self,
+        name: &str,
+        write: impl FnOnce(&mut BufWriter<File>) -> io::Result<T>,
+    ) -> Result<T, IoError> {
         let failed = |source| IoError::Write { path: self.path.clone(), source };
-        let file = std::fs::File::create_new(&path).map_err(failed)?;
-        let mut file = std::io::BufWriter::with_capacity(1 << 20, file);
-        ply::write(splats, options, &mut file).map_err(failed)?;
-        std::io::Write::flush(&mut file).map_err(failed)?;
+        let file = File::create_new(self.dir.path().join(name)).map_err(failed)?;
+        let mut file = BufWriter::with_capacity(1 << 20, file);
+        let written = write(&mut file).map_err(failed)?;
+        file.flush().map_err(failed)?;
         self.frames += 1;
-        Ok(())
+        Ok(written)
     }
 
     /// Completes the folder.
@@ -136,6 +166,33 @@ pub fn write_folder(
     writer.finish()
 }
 
+/// Writes the scene at `times` as a folder of compressed frames and says what they do not keep; `progress` hears the number of frames
+/// done. Without [`compressed_ply::WriteOptions::order`], all frames have the order of the first one along a space-filling curve, so
+/// that rows persist.
+///
+/// # Errors
+/// As [`FolderWriter`]; also if the scene cannot be evaluated.
+pub fn write_compressed_folder(
+    dir: impl AsRef<Path>,
+    scene: &dyn DynamicScene,
+    times: &[f32],
+    options: &compressed_ply::WriteOptions,
+    existing: Existing,
+    progress: &mut dyn FnMut(usize),
+) -> Result<Losses, IoError> {
+    let dir = dir.as_ref();
+    too_short(dir, times.len())?;
+    let mut writer = FolderWriter::create(dir, existing)?;
+    let (mut options, mut losses) = (options.clone(), Losses::none());
+    each_frame(dir, scene, times, progress, |splats| {
+        options.order.get_or_insert_with(|| compressed_ply::morton_order(splats));
+        losses = writer.push_compressed(splats, &options)?;
+        Ok(())
+    })?;
+    writer.finish()?;
+    Ok(losses)
+}
+
 /// Writes the scene at `times` as a zip archive of frames; `progress` hears the number of frames done.
 ///
 /// # Errors
@@ -180,6 +237,7 @@ mod tests {
     #[test]
     fn only_our_names_are_ours() {
         assert!(is_frame_name(&frame_name(0)) && is_frame_name(&frame_name(123_456)), "ours");
+        assert!(is_frame_name(&compressed_name(7)), "ours, compressed");
         for name in ["frame_1.ply", "frame_00000.txt", "scene.ply", "frame_0000x.ply", ""] {
             assert!(!is_frame_name(name), "{name}");
         }

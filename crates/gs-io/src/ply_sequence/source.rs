@@ -1,0 +1,128 @@
+//! Where the frames of a sequence lie.
+
+use super::{find_frames, list_names};
+use crate::archive::Archive;
+use crate::error::{IoError, read_bytes};
+use crate::frame::{self, Shape};
+use std::fs::File;
+use std::io::{BufReader, Read};
+use std::path::{Path, PathBuf};
+use std::sync::{Mutex, PoisonError};
+
+/// Bytes that hold the header of nearly every frame, and those that hold every header.
+const STARTS: [u64; 2] = [16 << 10, 1 << 20];
+/// Bytes of a frame in an archive, at most.
+const MAX_FRAME: u64 = 16 << 30;
+
+/// Frames in order of time.
+#[derive(Debug)]
+pub(super) enum Source {
+    /// One file each.
+    Folder(Vec<PathBuf>),
+    /// Entries of a zip archive.
+    Zip { path: [PathBuf; 1], names: Vec<String>, archive: Mutex<Archive<BufReader<File>>> },
+}
+
+impl Source {
+    /// The frames of a folder, and the names of its other entries.
+    pub(super) fn folder(dir: &Path) -> Result<(Self, Vec<String>), IoError> {
+        let found = find_frames(&list_names(dir)?).map_err(|what| IoError::content(dir, what))?;
+        let paths = found.frames.iter().map(|name| dir.join(name)).collect();
+        Ok((Self::Folder(paths), found.ignored))
+    }
+
+    /// The frames of an archive, and the names of its other entries.
+    pub(super) fn zip(path: &Path) -> Result<(Self, Vec<String>), IoError> {
+        let file =
+            File::open(path).map_err(|source| IoError::Read { path: path.to_owned(), source })?;
+        let archive = Archive::open(BufReader::new(file)).map_err(|what| {
+            IoError::content(path, format!("is no readable zip archive: {what}"))
+        })?;
+        let found = find_frames(archive.names()).map_err(|what| IoError::content(path, what))?;
+        let mut ignored = found.ignored;
+        ignored.retain(|name| !name.ends_with('/'));
+        let archive = Mutex::new(archive);
+        Ok((Self::Zip { path: [path.to_owned()], names: found.frames, archive }, ignored))
+    }
+
+    pub(super) fn len(&self) -> usize {
+        match self {
+            Self::Folder(paths) => paths.len(),
+            Self::Zip { names, .. } => names.len(),
+        }
+    }
+
+    pub(super) fn paths(&self) -> &[PathBuf] {
+        match self {
+            Self::Folder(paths) => paths,
+            Self::Zip { path, .. } => path,
+        }
+    }
+
+    /// Name of a frame, for messages.
+    pub(super) fn name(&self, index: usize) -> String {
+        match self {
+            Self::Folder(paths) => {
+                paths[index].file_name().unwrap_or_default().to_string_lossy().into_owned()
+            }
+            Self::Zip { names, .. } => names[index].clone(),
+        }
+    }
+
+    /// Path of a frame, for messages; that of an entry goes through its archive.
+    pub(super) fn label(&self, index: usize) -> PathBuf {
+        match self {
+            Self::Folder(paths) => paths[index].clone(),
+            Self::Zip { path, names, .. } => path[0].join(&names[index]),
+        }
+    }
+
+    /// Size of a frame, from its header.
+    pub(super) fn shape(&self, index: usize) -> Result<Shape, IoError> {
+        let label = self.label(index);
+        let mut result = None;
+        for count in STARTS {
+            let (start, total) = self.start(index, count)?;
+            let shape = frame::shape(&start, total);
+            let whole = (start.len() as u64) < count;
+            if shape.is_ok() || whole {
+                return shape.map_err(IoError::frame(&label));
+            }
+            result = Some(shape);
+        }
+        result.map_or_else(
+            || Err(IoError::content(&label, "is empty")),
+            |shape| shape.map_err(IoError::frame(&label)),
+        )
+    }
+
+    fn start(&self, index: usize, count: u64) -> Result<(Vec<u8>, u64), IoError> {
+        match self {
+            Self::Folder(paths) => {
+                let failed = |source| IoError::Read { path: paths[index].clone(), source };
+                let file = File::open(&paths[index]).map_err(failed)?;
+                let total = file.metadata().map_err(failed)?.len();
+                let mut start = Vec::new();
+                file.take(count).read_to_end(&mut start).map_err(failed)?;
+                Ok((start, total))
+            }
+            Self::Zip { path, names, archive } => {
+                let mut archive = archive.lock().unwrap_or_else(PoisonError::into_inner);
+                archive.start(&names[index], count).map_err(|what| IoError::content(&path[0], what))
+            }
+        }
+    }
+
+    /// The bytes of a frame.
+    pub(super) fn read(&self, index: usize) -> Result<Vec<u8>, IoError> {
+        match self {
+            Self::Folder(paths) => read_bytes(&paths[index]),
+            Self::Zip { path, names, archive } => {
+                let mut archive = archive.lock().unwrap_or_else(PoisonError::into_inner);
+                archive
+                    .read(&names[index], MAX_FRAME)
+                    .map_err(|what| IoError::content(&path[0], what))
+            }
+        }
+    }
+}

@@ -1,0 +1,252 @@
+//! SPZ in.
+
+use super::quantize::{
+    FIRST_THREE_COMPONENT, MAX_FIXED, bucket, from_color, from_first_three, from_fixed,
+    from_harmonic, from_log_scale, from_smallest_three, smallest_three_component,
+};
+use super::{
+    COLOR_SCALE, FLIPS, FORMAT, HEADER, HEADER_4, LOG_SCALE_MIN, LOG_SCALE_STEPS, MARK, flip_point,
+    flip_quat,
+};
+use crate::bytes8::{ends_note, logit_of, smallest_three_rad};
+use crate::frame::{Frame, FrameError, FrameFormat, Shape};
+use crate::inflate;
+use gs_core::sh::{MAX_DEGREE, num_coeffs};
+use gs_core::{Precision, RowPrecision, Splats};
+use rayon::prelude::*;
+use std::sync::Arc;
+
+/// Rounding of other writers' arithmetic, in half steps.
+const SLACK: f32 = 1.1;
+/// Highest SH degree the format has.
+const FORMAT_DEGREE: usize = 4;
+
+#[derive(Debug, Clone, Copy)]
+struct Header {
+    version: u32,
+    num_splats: usize,
+    /// As in the file, up to 4.
+    degree: usize,
+    fractional_bits: u8,
+}
+
+impl Header {
+    fn parse(bytes: &[u8]) -> Result<Self, FrameError> {
+        if bytes.len() < HEADER || !bytes.starts_with(&MARK) {
+            return Err(FrameError::Truncated {
+                format: FORMAT,
+                part: "the header",
+                expected: HEADER as u128,
+                found: bytes.len() as u128,
+            });
+        }
+        let word = |at: usize| u32::from_le_bytes([0, 1, 2, 3].map(|i| bytes[at + i]));
+        let (version, num_splats) = (word(4), word(8));
+        if !(2..=4).contains(&version) {
+            return Err(FrameError::Version {
+                format: FORMAT,
+                found: version,
+                expected: "2, 3 or 4",
+                next: "export it again from a current tool, or as a Gaussian PLY",
+            });
+        }
+        let (degree, fractional_bits) = (usize::from(bytes[12]), bytes[13]);
+        if degree > FORMAT_DEGREE {
+            return Err(FrameError::damaged(
+                FORMAT,
+                format!("SH degree {degree}, expected 0 to 4"),
+            ));
+        }
+        if fractional_bits > 23 {
+            let what = format!("{fractional_bits} bits of fraction, expected at most 23");
+            return Err(FrameError::damaged(FORMAT, what));
+        }
+        if num_splats == 0 {
+            return Err(FrameError::Empty { format: FORMAT });
+        }
+        let num_splats = usize::try_from(num_splats).map_err(|error| {
+            FrameError::damaged(FORMAT, format!("{num_splats} splats: {error}"))
+        })?;
+        Ok(Self { version, num_splats, degree, fractional_bits })
+    }
+
+    /// Bytes a splat of centres, opacities, colours, scales, rotations, SH: the order of the data.
+    fn widths(&self) -> [usize; 6] {
+        [9, 1, 3, 3, if self.version == 2 { 3 } else { 4 }, 3 * (self.coeffs() - 1)]
+    }
+
+    fn coeffs(&self) -> usize {
+        (self.degree + 1) * (self.degree + 1)
+    }
+}
+
+/// Size of the frame, from its first bytes.
+pub(crate) fn shape(start: &[u8]) -> Result<Shape, FrameError> {
+    let header = if start.starts_with(&MARK) {
+        Header::parse(start)?
+    } else {
+        Header::parse(&inflate::gunzip_start(start, HEADER as u64))?
+    };
+    Ok(Shape {
+        format: FrameFormat::Spz(header.version),
+        num_splats: header.num_splats as u64,
+        sh_degree: header.degree.min(MAX_DEGREE),
+    })
+}
+
+/// Reads an SPZ frame, version 2, 3 or 4, and turns it to our frame of reference.
+///
+/// # Errors
+/// If it is something else, of another version, truncated, or unpacks to more than its size can account for.
+pub fn read(bytes: &[u8]) -> Result<Frame, FrameError> {
+    if bytes.starts_with(&MARK) {
+        let header = Header::parse(bytes)?;
+        if header.version < 4 {
+            let what = format!("version {} without gzip, expected a gzip stream", header.version);
+            return Err(FrameError::damaged(FORMAT, what));
+        }
+        let streams = streams_4(bytes, &header)?;
+        return Ok(decode(&header, &streams.each_ref().map(Vec::as_slice)));
+    }
+    let unpacked = inflate::gunzip(bytes).map_err(|what| FrameError::damaged(FORMAT, what))?;
+    let header = Header::parse(&unpacked)?;
+    let mut rest = &unpacked[HEADER..];
+    let mut parts: [&[u8]; 6] = [&[]; 6];
+    for (part, width) in parts.iter_mut().zip(header.widths()) {
+        let length = width as u128 * header.num_splats as u128;
+        let Some((found, after)) =
+            usize::try_from(length).ok().and_then(|length| rest.split_at_checked(length))
+        else {
+            return Err(FrameError::Truncated {
+                format: FORMAT,
+                part: "the data",
+                expected: length,
+                found: rest.len() as u128,
+            });
+        };
+        (*part, rest) = (found, after);
+    }
+    Ok(decode(&header, &parts))
+}
+
+/// The streams of version 4, unpacked; empty where the file has none.
+fn streams_4(bytes: &[u8], header: &Header) -> Result<[Vec<u8>; 6], FrameError> {
+    let truncated = |part, expected: u128| FrameError::Truncated {
+        format: FORMAT,
+        part,
+        expected,
+        found: bytes.len() as u128,
+    };
+    if bytes.len() < HEADER_4 {
+        return Err(truncated("the header", HEADER_4 as u128));
+    }
+    let count = usize::from(bytes[15]);
+    let table = u32::from_le_bytes([16, 17, 18, 19].map(|at: usize| bytes[at])) as usize;
+    let data = table.saturating_add(16 * count);
+    let entries = bytes.get(table..data).ok_or_else(|| truncated("the table", data as u128))?;
+    let mut rest = &bytes[data..];
+    let mut streams: [Vec<u8>; 6] = std::array::from_fn(|_| Vec::new());
+    let wanted = header.widths().map(|width| width as u64 * header.num_splats as u64);
+    let present = wanted.iter().filter(|&&length| length > 0).count();
+    if count < present {
+        let what = format!("{count} streams, expected {present}");
+        return Err(FrameError::damaged(FORMAT, what));
+    }
+    let mut entries = entries.as_chunks::<16>().0.iter();
+    for (stream, length) in streams.iter_mut().zip(wanted).filter(|(_, length)| *length > 0) {
+        let Some(entry) = entries.next() else { break };
+        let half = |at: usize| u64::from_le_bytes(std::array::from_fn(|i| entry[at + i]));
+        let (packed, unpacked) = (half(0), half(8));
+        if unpacked != length {
+            let what = format!("a stream of {unpacked} bytes, expected {length}");
+            return Err(FrameError::damaged(FORMAT, what));
+        }
+        let (source, after) = usize::try_from(packed)
+            .ok()
+            .and_then(|packed| rest.split_at_checked(packed))
+            .ok_or_else(|| truncated("a stream", u128::from(packed)))?;
+        *stream =
+            inflate::unzstd(source, length).map_err(|what| FrameError::damaged(FORMAT, what))?;
+        rest = after;
+    }
+    Ok(streams)
+}
+
+/// Everything in `parts`, whose lengths fit the header.
+fn decode(header: &Header, parts: &[&[u8]; 6]) -> Frame {
+    let [means, opacities, colors, scales, rotations, harmonics] = parts;
+    let degree = header.degree.min(MAX_DEGREE);
+    let bits = header.fractional_bits;
+    let mean = |bytes: &[u8; 9]| {
+        let axis = |i: usize| from_fixed([bytes[3 * i], bytes[3 * i + 1], bytes[3 * i + 2]], bits);
+        flip_point([axis(0), axis(1), axis(2)])
+    };
+    let wxyz = |[x, y, z, w]: [f32; 4]| flip_quat([w, x, y, z]);
+    let quats: Vec<[f32; 4]> = if header.version == 2 {
+        rotations.as_chunks::<3>().0.par_iter().map(|q| wxyz(from_first_three(*q))).collect()
+    } else {
+        rotations.as_chunks::<4>().0.par_iter().map(|q| wxyz(from_smallest_three(*q))).collect()
+    };
+    let (coeffs, stored) = (num_coeffs(degree), header.coeffs() - 1);
+    let mut sh = vec![[0.0; 3]; header.num_splats * coeffs];
+    sh.par_chunks_exact_mut(coeffs).enumerate().for_each(|(row, out)| {
+        out[0] = [0, 1, 2].map(|channel| from_color(colors[3 * row + channel]));
+        for k in 1..coeffs {
+            let at = 3 * (row * stored + k - 1);
+            out[k] = [0, 1, 2].map(|channel| FLIPS[k] * from_harmonic(harmonics[at + channel]));
+        }
+    });
+    let mut notes: Vec<String> = ends_note(opacities.iter().copied()).into_iter().collect();
+    if header.degree > degree {
+        notes.push(format!("SH degree {} was cut to {degree}", header.degree));
+    }
+    let precision = precision(header, degree, &quats);
+    Frame {
+        splats: Splats {
+            means: means.as_chunks::<9>().0.par_iter().map(mean).collect(),
+            log_scales: scales
+                .as_chunks::<3>()
+                .0
+                .par_iter()
+                .map(|s| s.map(from_log_scale))
+                .collect(),
+            opacity_logits: opacities.par_iter().map(|&byte| logit_of(byte)).collect(),
+            quats,
+            sh,
+            sh_degree: degree,
+        },
+        format: FrameFormat::Spz(header.version),
+        precision: Some(Arc::new(precision)),
+        notes,
+        comments: Vec::new(),
+    }
+}
+
+fn precision(header: &Header, degree: usize, quats: &[[f32; 4]]) -> Precision {
+    let held = |of: usize| {
+        let half = (bucket(of) / 2.0 + 0.5) / 128.0;
+        if of <= degree { SLACK * half } else { f32::INFINITY }
+    };
+    let unit = (1_u32 << header.fractional_bits) as f32;
+    let row = RowPrecision {
+        means: [(SLACK * 0.5 + 4.0 * f32::EPSILON * MAX_FIXED.sqrt()) / unit; 3],
+        rotation_rad: SLACK * smallest_three_rad(smallest_three_component()),
+        log_scales: [SLACK * 0.5 / LOG_SCALE_STEPS; 3],
+        log_scale_range: [LOG_SCALE_MIN, LOG_SCALE_MIN + 255.0 / LOG_SCALE_STEPS],
+        opacity: SLACK * 0.5 / 255.0,
+        sh_dc: [SLACK * 0.5 / 255.0 / COLOR_SCALE; 3],
+        sh_dc_range: [-0.5 / COLOR_SCALE, 0.5 / COLOR_SCALE],
+        sh_rest: [1, 2, 3].map(held),
+        sh_rest_range: [-1.0, 127.0 / 128.0],
+    };
+    if header.version != 2 {
+        return Precision::uniform(row);
+    }
+    // w comes from the other three: the smaller it is, the less is known of it.
+    let off = 3.0_f32.sqrt() * FIRST_THREE_COMPONENT;
+    let by_row = quats.iter().map(|q| {
+        let w_off = (off / q[0].max(f32::MIN_POSITIVE)).min((2.0 * off).sqrt());
+        RowPrecision { rotation_rad: SLACK * 2.0 * off.hypot(w_off), ..row }
+    });
+    Precision::by_chunk(by_row.collect(), 1)
+}

@@ -174,9 +174,9 @@ pub(crate) fn read_planes(
         }
         precision.push(RowPrecision {
             means: mean_off,
-            rotation_rad: 1.1 * smallest_three_rad(0.5 / 255.0 * std::f32::consts::SQRT_2),
+            rotation_rad: 1.1 * smallest_three_rad(std::f32::consts::SQRT_2 / 255.0),
             log_scales: [0, 1, 2].map(|axis| scale_book.off[usize::from(scale[axis])]),
-            opacity: 1.1 * 0.5 / 255.0,
+            opacity: 1.1 / 255.0,
             sh_dc: [r, g, b].map(|byte| color_book.off[usize::from(byte)]),
             // Palettes are fitted to the scene: how far a splat lies from its entry is not known.
             sh_rest: [f32::INFINITY; 3],
@@ -206,7 +206,8 @@ impl Means {
             let unit = f32::from(u16::from_le_bytes([low[axis], high[axis]])) / 65535.0;
             let log = self.mins[axis] + width * unit;
             mean[axis] = log.abs().exp_m1().copysign(log);
-            off[axis] = 1.1 * 0.5 * width.abs() / 65535.0 * (mean[axis].abs() + 1.0);
+            // A whole step: writers cut as often as they round.
+            off[axis] = 1.1 * width.abs() / 65535.0 * (mean[axis].abs() + 1.0);
         }
         (mean, off)
     }

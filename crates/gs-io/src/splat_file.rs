@@ -117,7 +117,7 @@ pub fn write(splats: &Splats, out: &mut impl Write) -> io::Result<Losses> {
         ));
     }
     losses.push(
-        "colour, opacity and rotation have 8 bits: ±1/510 of full scale, rotations within 1°",
+        "colour, opacity and rotation have 8 bits: ±1/510 of full scale, rotations within 2°",
     );
     let clipped = |dc: &f32| !(0.0..=1.0).contains(&channel_of(*dc));
     let coeffs = splats.sh_coeffs();

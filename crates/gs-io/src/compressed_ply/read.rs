@@ -11,6 +11,8 @@ use rayon::prelude::*;
 use std::sync::Arc;
 
 const FORMAT: &str = "compressed PLY";
+/// Width of a range below which PlayCanvas writes every value as its smallest.
+const FLAT: f32 = 1e-5;
 /// Rounding of other writers' arithmetic, in half steps.
 const SLACK: f32 = 1.1;
 
@@ -221,13 +223,14 @@ impl Range {
         })
     }
 
-    /// Half a step per axis, with what single precision adds.
+    /// Half a step per axis, with what single precision adds; all of a range that writers take for a single value.
     fn half_steps(&self, bits: [u32; 3]) -> [f32; 3] {
         std::array::from_fn(|axis| {
             let magnitude = self.min[axis].abs().max(self.max[axis].abs());
-            let step = SLACK * 0.5 * (self.max[axis] - self.min[axis]) / top(bits[axis])
-                + 4.0 * f32::EPSILON * magnitude;
-            if step.is_finite() { step } else { 0.0 }
+            let width = self.max[axis] - self.min[axis];
+            let step = if width < FLAT { width } else { SLACK * 0.5 * width / top(bits[axis]) };
+            let off = step + 4.0 * f32::EPSILON * magnitude;
+            if off.is_finite() { off } else { 0.0 }
         })
     }
 }

@@ -125,7 +125,8 @@ fn losses(splats: &Splats, degree: usize, bits: u8) -> Losses {
     if bits < FRACTIONAL_BITS {
         losses.push(format!("the scene reaches beyond ±2048 units: positions have {bits} bits of fraction instead of {FRACTIONAL_BITS}, which some players do not expect; scale the scene down if one shows it wrong"));
     }
-    losses.push("scales are within 3 %, rotations within 0.3°, colours and opacities have 8 bits");
+    losses
+        .push("scales are within 3.2 %, rotations within 0.3°, colours and opacities have 8 bits");
     if degree > 0 {
         losses.push("SH coefficients have 5 bits (degree 1) or 4 bits (above), clipped to ±1");
     }

@@ -135,9 +135,7 @@ fn detect_file(path: &Path) -> Result<SceneKind, IoError> {
         Container::Spz => Ok(SceneKind::Spz),
         Container::Splat => Ok(SceneKind::Splat),
         Container::Zip => Ok(detect_zip(path)),
-        Container::Unknown => Ok(SceneKind::Unknown {
-            found: vec![format!("a file that starts with {}", frame::shown(&start))],
-        }),
+        Container::Unknown => Ok(SceneKind::Unknown { found: vec![frame::shown(&start)] }),
     }
 }
 

@@ -15,6 +15,8 @@ use std::io::Cursor;
 use std::sync::Arc;
 
 const FORMAT: &str = "SOG";
+/// Gap between values of a codebook that still says how far from them the written values lay, in median gaps.
+const WIDEST_GAP: f32 = 8.0;
 /// Palette entries in a row of the plane of centroids.
 const PALETTE_ROW: usize = 64;
 /// Alpha of a quaternion whose largest component is w.
@@ -226,12 +228,17 @@ impl Book {
         })?;
         let mut sorted = values;
         sorted.sort_by(f32::total_cmp);
-        // What was written lies nearer to its value than to any other, so within the wider gap beside it.
+        // What was written lies nearer to its value than to any other, so within the wider gap beside it; beside a gap of
+        // unusual width, nearer still, or there would be a value in the gap.
+        let mut gaps: Vec<f32> = sorted.windows(2).map(|pair| pair[1] - pair[0]).collect();
+        gaps.retain(|gap| *gap > 0.0);
+        gaps.sort_by(f32::total_cmp);
+        let widest = gaps.get(gaps.len() / 2).map_or(0.0, |median| WIDEST_GAP * median);
         let gap = |value: f32| {
             let below = sorted.iter().rev().find(|&&other| other < value);
             let above = sorted.iter().find(|&&other| other > value);
             let gaps = [below, above].map(|other| other.map_or(0.0, |other| (other - value).abs()));
-            gaps[0].max(gaps[1])
+            gaps[0].max(gaps[1]).min(widest)
         };
         Ok(Self { values, off: values.map(gap) })
     }

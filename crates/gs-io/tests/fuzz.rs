@@ -4,7 +4,8 @@
 
 use gs_core::DynamicScene;
 use gs_io::checkpoint4dgs::{self, Overrides};
-use gs_io::{cameras_json, cfg_args, ply, pth};
+use gs_io::ply_sequence::{PlySequence, SequenceOptions};
+use gs_io::{cameras_json, cfg_args, detect, frame, ply, pth};
 use proptest::prelude::*;
 use std::fs;
 use std::sync::LazyLock;
@@ -61,6 +62,16 @@ fn read_all(bytes: &[u8]) {
         assert!(read.splats.check_shapes().is_ok(), "whatever is read is consistent");
     }
     let _ = ply::read_column(bytes, "x");
+    if let Ok(read) = frame::read(bytes) {
+        assert!(read.splats.check_shapes().is_ok(), "whatever is read is consistent");
+        let most = 64 * bytes.len().max(1 << 18);
+        assert!(read.splats.len() < most, "{} splats of {} bytes", read.splats.len(), bytes.len());
+        if let Some(precision) = &read.precision {
+            assert!(precision.of(read.splats.len() - 1).opacity > 0.0, "each row has one");
+        }
+        let _ = read.sanitize(gs_io::repair::Damage::Drop);
+    }
+    let _ = frame::shape(bytes, bytes.len() as u64);
     match pth::read(bytes) {
         Ok(pth::Root::StateDict(tensors)) => {
             let total: usize = tensors.iter().map(|(_, tensor)| tensor.to_f32s().len()).sum();
@@ -92,8 +103,60 @@ proptest! {
     }
 }
 
+const FRAMES: [&str; 5] =
+    ["frame.ply", "frame.compressed.ply", "frame_v3.spz", "frame_v4.spz", "frame.sog"];
+
+static STILLS: LazyLock<Vec<Vec<u8>>> =
+    LazyLock::new(|| FRAMES.iter().map(|name| read(&format!("frames/{name}"))).collect());
+
+/// An archive of two short frames.
+static ARCHIVE: LazyLock<Vec<u8>> = LazyLock::new(|| {
+    let mut zip = zip::ZipWriter::new(std::io::Cursor::new(Vec::new()));
+    for name in ["f0.splat", "f1.splat"] {
+        zip.start_file(name, zip::write::SimpleFileOptions::default()).unwrap();
+        let read = frame::read(&STILLS[0]).unwrap();
+        gs_io::splat_file::write(&read.splats, &mut zip).unwrap();
+    }
+    zip.finish().unwrap().into_inner()
+});
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 600, failure_persistence: None, ..ProptestConfig::default() })]
+
+    #[test]
+    fn damaged_frames(which in 0..FRAMES.len(), damage in damage()) {
+        read_all(&apply(&STILLS[which], &damage));
+    }
+
+    #[test]
+    fn rubbish_after_every_mark(which in 0..6_usize, bytes in prop::collection::vec(any::<u8>(), 0..200)) {
+        let marks: [&[u8]; 6] = [
+            b"NGSP\x04\0\0\0\x05\0\0\0\0\x0c\0\x05\x20\0\0\0",
+            b"\x1f\x8b\x08\0\0\0\0\0\0\0",
+            b"NGSP",
+            b"PK\x03\x04",
+            b"ply\nformat binary_little_endian 1.0\nelement chunk 1\n",
+            b"",
+        ];
+        read_all(&[marks[which], &bytes[..]].concat());
+    }
+}
+
 proptest! {
     #![proptest_config(ProptestConfig { cases: 64, failure_persistence: None, ..ProptestConfig::default() })]
+
+    #[test]
+    fn damaged_archives(damage in damage()) {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("clip.zip");
+        fs::write(&path, apply(&ARCHIVE, &damage)).unwrap();
+        let _ = detect(&path);
+        if let Ok(sequence) = PlySequence::open(&path, &SequenceOptions::default()) {
+            for frame in 0..sequence.num_frames().unwrap_or(0) {
+                let _ = sequence.frame(frame);
+            }
+        }
+    }
 
     #[test]
     fn damaged_model_folders(which in 0..3_usize, damage in damage()) {

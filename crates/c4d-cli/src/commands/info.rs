@@ -111,17 +111,24 @@ fn frame(path: &Path, kind: &SceneKind) -> Outcome<Report> {
     Ok(report)
 }
 
-/// How coarse the values of a frame are, at worst.
+/// How coarse the values of a frame are, at half of the rows.
 fn precision_of(precision: &Precision, rows: usize) -> String {
-    let worst = |of: fn(&RowPrecision) -> f32| {
-        (0..rows).map(|row| of(precision.of(row))).fold(0.0_f32, f32::max)
+    let median = |of: fn(&RowPrecision) -> f32| {
+        let mut values: Vec<f32> = (0..rows).map(|row| of(precision.of(row))).collect();
+        values.sort_by(f32::total_cmp);
+        values.get(rows / 2).copied().unwrap_or_default()
     };
-    let mean = worst(|row| row.means.into_iter().fold(0.0, f32::max));
-    let size = worst(|row| row.log_scales.into_iter().fold(0.0, f32::max));
-    let angle = worst(|row| row.rotation_rad).to_degrees();
+    let mean = median(|row| row.means.into_iter().fold(0.0, f32::max));
+    let size = median(|row| row.log_scales.into_iter().fold(0.0, f32::max));
+    let angle = median(|row| row.rotation_rad).to_degrees();
+    let places = if mean > 0.0 { format!("within {mean:.1e} units") } else { "exact".to_owned() };
+    let sizes = if size > 0.0 {
+        format!("within {:.1} %", 100.0 * size.exp_m1())
+    } else {
+        "exact".to_owned()
+    };
     format!(
-        "positions within {mean:.1e} units, sizes within {:.1} %, rotations within {angle:.1}°, opacities and colours of about 8 bits",
-        100.0 * size.exp_m1()
+        "median: positions {places}, sizes {sizes}, rotations within {angle:.1}°, opacities and colours of about 8 bits"
     )
 }
 

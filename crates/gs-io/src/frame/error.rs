@@ -11,10 +11,10 @@ pub enum FrameError {
     Ply(#[from] PlyError),
     /// None of the formats.
     #[error(
-        "not a splat file: it starts with {found}; expected a 3DGS PLY, a compressed PLY, .splat, .spz or .sog"
+        "not a splat file but {found}; expected a 3DGS PLY, a compressed PLY, .splat, .spz or .sog"
     )]
     Unknown {
-        /// The first bytes, printable.
+        /// What it is instead.
         found: String,
     },
     /// A version that is not read.

@@ -49,16 +49,20 @@ const OTHERS: [(&[u8], &str); 6] = [
     (b"\x93NUMPY", "a NumPy array"),
 ];
 
-/// The first bytes, printable, for a message; the name of the format where they tell it.
+/// What bytes of no frame are, for a message: a format by name, or what they start with.
 pub(crate) fn shown(bytes: &[u8]) -> String {
     if let Some((_, name)) = OTHERS.iter().find(|(mark, _)| bytes.starts_with(mark)) {
-        return format!("the mark of {name}");
+        return (*name).to_owned();
     }
     let found: String = String::from_utf8_lossy(&bytes[..bytes.len().min(12)])
         .chars()
         .map(|c| if c.is_control() { '·' } else { c })
         .collect();
-    if found.is_empty() { "no bytes".to_owned() } else { format!("`{found}`") }
+    if found.is_empty() {
+        "an empty file".to_owned()
+    } else {
+        format!("a file that starts with `{found}`")
+    }
 }
 
 /// Size of a frame, from its header.

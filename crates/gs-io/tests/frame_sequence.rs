@@ -1,0 +1,127 @@
+//! Sequences in archives and of other formats than plain PLY are the same scenes.
+
+#![allow(clippy::unwrap_used, reason = "shared functions of tests fail by panicking, as tests do")]
+
+use gs_core::{DynamicScene, Splats};
+use gs_io::ply_sequence::{self, PlySequence, SequenceOptions};
+use gs_io::{Existing, OpenOptions, SceneKind, compressed_ply, detect, open_scene, spz};
+use std::fs::{self, File};
+use std::io::Write;
+use std::path::Path;
+use test_support::fixture;
+use zip::write::SimpleFileOptions;
+
+fn source() -> PlySequence {
+    let folder = fixture("deform4dgs/variants/static_mlp_all_heads/gaussian_pertimestamp");
+    PlySequence::open(folder, &SequenceOptions::default()).unwrap()
+}
+
+fn zip_of(path: &Path, entries: &[(String, Vec<u8>)], method: zip::CompressionMethod) {
+    let mut zip = zip::ZipWriter::new(File::create(path).unwrap());
+    for (name, bytes) in entries {
+        zip.start_file(name, SimpleFileOptions::default().compression_method(method)).unwrap();
+        zip.write_all(bytes).unwrap();
+    }
+    zip.finish().unwrap();
+}
+
+fn entries() -> Vec<(String, Vec<u8>)> {
+    let frame = |(i, path)| (format!("clip/frame_{i}.ply"), fs::read(path).unwrap());
+    source().paths().iter().enumerate().map(frame).collect()
+}
+
+#[test]
+fn archives_are_the_scenes_inside() {
+    let dir = tempfile::tempdir().unwrap();
+    let mut entries = entries();
+    entries.push(("__MACOSX/clip/._frame_0.ply".to_owned(), b"rubbish".to_vec()));
+    entries.push(("notes.txt".to_owned(), b"mine".to_vec()));
+    for method in [zip::CompressionMethod::Stored, zip::CompressionMethod::Deflated] {
+        let path = dir.path().join(format!("{method:?}"));
+        zip_of(&path, &entries, method);
+        assert_eq!(detect(&path).unwrap(), SceneKind::PlySequence, "{method:?}");
+        let zipped = PlySequence::open(&path, &SequenceOptions::default()).unwrap();
+        assert_eq!(zipped.num_frames(), Some(6), "frames");
+        assert_eq!(zipped.ignored(), ["__MACOSX/clip/._frame_0.ply", "notes.txt"], "the rest");
+        for t in [0.0, 0.37, 1.0] {
+            assert_eq!(zipped.at(t).unwrap(), source().at(t).unwrap(), "{method:?} at {t}");
+        }
+    }
+    // What we write is read.
+    let path = dir.path().join("ours.zip");
+    let (times, options) = (source().time_range().frames(6), gs_io::ply::WriteOptions::default());
+    ply_sequence::write_zip(&path, &source(), &times, &options, Existing::Refuse, &mut |_| {})
+        .unwrap();
+    let opened = open_scene(&path, &OpenOptions::default()).unwrap();
+    assert_eq!(opened.scene.at(0.5).unwrap(), source().at(0.5).unwrap(), "our own archive");
+}
+
+#[test]
+fn broken_archives_are_named() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("clip.zip");
+    let mut entries = entries();
+    entries.remove(2);
+    zip_of(&path, &entries, zip::CompressionMethod::Stored);
+    let open = || PlySequence::open(&path, &SequenceOptions::default()).unwrap_err().to_string();
+    assert!(open().contains("frame_1.ply and clip/frame_3.ply"), "{}", open());
+    entries[1].1.truncate(2000);
+    entries.truncate(2);
+    zip_of(&path, &entries, zip::CompressionMethod::Stored);
+    let error = PlySequence::open(&path, &SequenceOptions::default()).and_then(|s| s.frame(1));
+    let error = error.unwrap_err().to_string();
+    assert!(error.contains("clip.zip") && error.contains("frame_1.ply"), "{error}");
+    entries[1].1 = vec![0; 40 << 20];
+    zip_of(&path, &entries, zip::CompressionMethod::Deflated);
+    assert!(
+        open().contains("frame_1.ply"),
+        "a bomb is opened no further than its start: {}",
+        open()
+    );
+    fs::write(&path, b"PK\x03\x04 and no more").unwrap();
+    assert!(matches!(detect(&path).unwrap(), SceneKind::Unknown { .. }), "damaged");
+    assert!(open().contains("no readable zip"), "{}", open());
+    zip_of(&path, &entries[..1], zip::CompressionMethod::Stored);
+    assert!(detect(&path).unwrap().to_string().contains("clip/frame_0.ply"), "says what is in it");
+}
+
+/// Largest difference of centres and logarithms of sizes.
+fn apart(a: &Splats, b: &Splats) -> f32 {
+    let pairs = a.means.iter().zip(&b.means).chain(a.log_scales.iter().zip(&b.log_scales));
+    pairs.flat_map(|(a, b)| (0..3).map(move |k| (a[k] - b[k]).abs())).fold(0.0, f32::max)
+}
+
+#[test]
+fn frames_of_other_formats_are_scenes_too() {
+    let dir = tempfile::tempdir().unwrap();
+    let (compressed, packed) = (dir.path().join("compressed"), dir.path().join("packed"));
+    let times = source().time_range().frames(6);
+    let options = compressed_ply::WriteOptions::default();
+    let write = ply_sequence::write_compressed_folder;
+    let losses =
+        write(&compressed, &source(), &times, &options, Existing::Refuse, &mut |_| {}).unwrap();
+    assert!(!losses.is_empty(), "says what is lost");
+    let read = PlySequence::open(&compressed, &SequenceOptions::default()).unwrap();
+    let order = compressed_ply::morton_order(&source().at(0.0).unwrap());
+    for t in [0.0, 0.5, 1.0] {
+        let truth = source().at(t).unwrap().select(&order);
+        assert!(apart(&read.at(t).unwrap(), &truth) < 0.01, "one order for all frames, at {t}");
+    }
+    assert!(read.row_drift().unwrap() < 0.3, "rows persist: {}", read.row_drift().unwrap());
+    // Replacing our own folder is allowed.
+    write(&compressed, &source(), &times, &options, Existing::Replace, &mut |_| {}).unwrap();
+
+    fs::create_dir(&packed).unwrap();
+    for (i, &t) in times.iter().enumerate() {
+        let mut file = File::create(packed.join(format!("f{i}.spz"))).unwrap();
+        let mut splats = source().at(t).unwrap();
+        if i == 1 {
+            splats = splats.select(&(0..splats.len()).rev().collect::<Vec<_>>());
+        }
+        spz::write(&splats, &spz::WriteOptions::default(), &mut file).unwrap();
+    }
+    let read = PlySequence::open(&packed, &SequenceOptions::default()).unwrap();
+    assert!(apart(&read.at(0.0).unwrap(), &source().at(0.0).unwrap()) < 0.05, "SPZ frames");
+    let drift = read.row_drift().unwrap();
+    assert!(drift > 0.3, "a frame that was sorted anew is noticed: {drift}");
+}

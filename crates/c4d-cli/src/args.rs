@@ -129,8 +129,8 @@ pub(crate) struct FreezeArgs {
     /// Folder to write `point_cloud.ply` and `cameras.json` into
     #[arg(short, long)]
     pub(crate) output: PathBuf,
-    /// Cameras to put beside the PLY (INRIA layout) [default: a rig around the scene]
-    #[arg(long, value_name = "FILE")]
+    /// Cameras to put beside the PLY, as `c4d render --cameras` [default: a rig around the scene]
+    #[arg(long, value_name = "PATH")]
     pub(crate) cameras: Option<PathBuf>,
     /// Keep SH up to this degree only
     #[arg(long, value_name = "0-3")]
@@ -179,8 +179,8 @@ pub(crate) struct PropagateArgs {
 #[derive(Debug, Clone, Args)]
 #[command(next_help_heading = "Appearance refinement")]
 pub(crate) struct RefineFlags {
-    /// Cameras to refine from (INRIA layout) [default: a rig around the scene]
-    #[arg(long, value_name = "FILE")]
+    /// Cameras to refine from, as `c4d render --cameras`; each is used at every time [default: a rig around the scene]
+    #[arg(long, value_name = "PATH")]
     pub(crate) refine_cameras: Option<PathBuf>,
     /// Size of the images [default: that of the cameras, 640x480 for the rig]
     #[arg(long, value_name = "WxH", value_parser = parse_size)]
@@ -251,13 +251,20 @@ pub(crate) enum WarpArg {
 pub(crate) struct RenderArgs {
     /// The dynamic scene or run
     pub(crate) scene: PathBuf,
-    /// A `cameras.json` (INRIA layout), or one of: front, orbit, spiral
-    #[arg(long, default_value = "front")]
+    /// front, orbit, spiral, or a file or folder with cameras: a data set (D-NeRF, HyperNeRF, DyNeRF, COLMAP, MeetRoom, multiple-view), a
+    /// `cameras.json`, or a model folder that has or names one
+    #[arg(long, default_value = "front", value_name = "PATH|front|orbit|spiral")]
     pub(crate) cameras: String,
-    /// Only these views of a `cameras.json` (names or indices)
+    /// Only these views of the cameras: names, cameras (cam00), or indices
     #[arg(long, value_delimiter = ',', value_name = "NAME,…")]
     pub(crate) views: Vec<String>,
-    /// Times, comma-separated
+    /// Which views of a data set [default: test, else all]
+    #[arg(long, value_enum)]
+    pub(crate) split: Option<SplitArg>,
+    /// How a data set's cameras are read [default: trained for 4DGS and Swift4D models and their runs, else stored]
+    #[arg(long, value_enum)]
+    pub(crate) cameras_as: Option<CamerasAs>,
+    /// Times, comma-separated [default: those of the cameras, if they have any, else as --frames]
     #[arg(
         long,
         value_delimiter = ',',
@@ -458,6 +465,30 @@ impl ExportFormat {
     pub(crate) fn is_snapshot(self) -> bool {
         matches!(self, Self::CompressedPly | Self::Spz | Self::Splat)
     }
+}
+
+/// Views of a data set.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum SplitArg {
+    /// Trained on
+    Train,
+    /// Held out
+    Test,
+    /// The third list of D-NeRF data sets
+    Val,
+    /// Every view
+    All,
+    /// The camera path of the reference's videos: a turn or a spiral
+    Path,
+}
+
+/// How the cameras of a data set are read.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum CamerasAs {
+    /// As 4DGaussians and Swift4D hand them to training
+    Trained,
+    /// As the files say: own principal points, full sizes, frame i of n at i/(n−1)
+    Stored,
 }
 
 /// The world's upward direction.

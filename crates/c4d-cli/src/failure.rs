@@ -20,6 +20,23 @@ pub(crate) enum Exit {
     Interrupted = 130,
 }
 
+/// What to do about output that cannot be written.
+pub(crate) const ROOM: &str = "Check that the folder exists, is writable and has room.";
+
+impl Exit {
+    /// The next step when the failure names none of its own.
+    fn next(self) -> &'static str {
+        match self {
+            Self::Usage => "c4d COMMAND --help lists the flags and what they take.",
+            Self::BadInput => "c4d info PATH says what a file or folder holds and what is missing.",
+            Self::NoGpu => "c4d doctor lists the adapters; --gpu cpu works everywhere.",
+            Self::Failed | Self::Warnings | Self::Interrupted => {
+                "c4d doctor checks this machine; -v says more on the way."
+            }
+        }
+    }
+}
+
 /// An error as the user sees it.
 #[derive(Debug)]
 pub(crate) struct Failure {
@@ -27,7 +44,7 @@ pub(crate) struct Failure {
     pub(crate) exit: Exit,
     /// What, where, expected against found.
     pub(crate) what: String,
-    /// What to do next.
+    /// What to do next; a general hint when there is none.
     pub(crate) next: Option<String>,
 }
 
@@ -52,8 +69,8 @@ impl Failure {
 
     /// Exit code 1 for a file that could not be written.
     pub(crate) fn write(path: &Path, error: &dyn std::error::Error) -> Self {
-        Self::failed(format!("cannot write {}: {}", path.display(), chain(error)))
-            .next("Check that the folder exists, is writable and has room.")
+        let path = gs_io::final_path(path);
+        Self::failed(format!("cannot write {}: {}", path.display(), chain(error))).next(ROOM)
     }
 
     /// Adds the next step.
@@ -66,11 +83,8 @@ impl Failure {
 
 impl fmt::Display for Failure {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{}", self.what)?;
-        if let Some(next) = &self.next {
-            write!(f, "\n  next: {next}")?;
-        }
-        Ok(())
+        let next = self.next.as_deref().unwrap_or(self.exit.next());
+        write!(f, "{}\n  next: {next}", self.what)
     }
 }
 

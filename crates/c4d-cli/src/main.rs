@@ -3,6 +3,7 @@
 //! Commands, progress, run folders and messages. Deliberately absent: algorithms, which live in the crates below.
 
 mod args;
+mod cameras;
 mod commands;
 mod console;
 mod device;

@@ -67,8 +67,9 @@ pub(crate) fn bad_input(error: &IoError) -> Failure {
         IoError::Ply { .. } | IoError::Frame { .. } => {
             failure.next("Export the splats again as a 3DGS PLY; c4d info FILE says what is in it.")
         }
-        IoError::Cameras { .. } => failure
-            .next("Expected INRIA's layout: a list of position, rotation, fx, fy, width, height."),
+        IoError::Cameras { .. } => failure.next(
+            "Write the file anew, or give other cameras: c4d info PATH says what a file or folder has.",
+        ),
         _ => failure,
     }
 }
@@ -128,6 +129,11 @@ pub(crate) fn open_within(
             path.display()
         ))
         .next(format!("Give the dynamic scene here, the frame with --edited. {SCENES}"))),
+        SceneKind::Cameras(format) => Err(Failure::bad_input(format!(
+            "{} holds cameras ({format}) and no splats",
+            path.display()
+        ))
+        .next("Give the model that was trained on it as SCENE, and this with --cameras.")),
         kind => {
             let missing = match kind {
                 SceneKind::Swift4d => "a Swift4D model, which this version cannot read yet",

@@ -73,6 +73,20 @@ fn sibling(path: &Path, purpose: &str) -> Result<PathBuf, IoError> {
     Ok(path.with_file_name(hidden))
 }
 
+/// The name under which an unfinished output of this process will appear, for messages: `out/frame.ply` of
+/// `.out.partial-123-0/frame.ply`.
+pub fn final_path(path: &Path) -> PathBuf {
+    let process = format!("-{}-", std::process::id());
+    let named = |part: &std::ffi::OsStr| -> Option<String> {
+        let (name, purpose) = part.to_str()?.strip_prefix('.')?.rsplit_once('.')?;
+        purpose.contains(&process).then(|| name.to_owned())
+    };
+    let part = |part: std::path::Component<'_>| {
+        named(part.as_os_str()).map_or_else(|| part.as_os_str().to_owned(), Into::into)
+    };
+    path.components().map(part).collect()
+}
+
 /// Makes the folder that `path` goes into.
 fn make_parent(path: &Path) -> Result<(), IoError> {
     match path.parent() {
@@ -307,6 +321,19 @@ mod tests {
             "{error}"
         );
         assert!(path.join("thesis.tex").exists(), "untouched");
+    }
+
+    #[test]
+    fn messages_name_the_output_not_its_temporary() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("out.v2");
+        let folder = AtomicDir::create(&path, Existing::Refuse, |_| true).unwrap();
+        let inside = folder.path().join("rgb/00000.png");
+        assert_ne!(inside, path.join("rgb/00000.png"), "written elsewhere");
+        assert_eq!(final_path(&inside), path.join("rgb/00000.png"), "named as it will be");
+        for plain in ["a/.hidden/b.c", "/x/y.z", "rel", "../up"] {
+            assert_eq!(final_path(Path::new(plain)), Path::new(plain), "left alone");
+        }
     }
 
     #[test]

@@ -4,31 +4,12 @@
 //! when absent the camera looks at every time). Unknown keys are ignored.
 
 use crate::atomic::{AtomicFile, Existing};
+use crate::cameras::{CamerasError, pixels};
 use crate::error::{IoError, read_bytes};
-use gs_core::{Camera, CameraError, Intrinsics};
+use gs_core::{Camera, Intrinsics};
 use serde::{Deserialize, Serialize};
 use std::io::Write;
 use std::path::Path;
-use thiserror::Error;
-
-/// A camera file that cannot be used.
-#[derive(Debug, Error)]
-pub enum CamerasError {
-    /// Not JSON, or not this schema.
-    #[error("not a cameras.json: {0}")]
-    Json(#[from] serde_json::Error),
-    /// A camera that cannot see.
-    #[error("entry {index}: {source}")]
-    Camera {
-        /// Position in the list.
-        index: usize,
-        /// What is wrong.
-        source: CameraError,
-    },
-    /// No cameras.
-    #[error("the list of cameras is empty, expected at least one")]
-    Empty,
-}
 
 #[derive(Debug, Serialize, Deserialize)]
 struct Entry {
@@ -65,17 +46,6 @@ fn whole<S: serde::Serializer>(size: &f64, serializer: S) -> Result<S::Ok, S::Er
 impl Entry {
     fn into_camera(self, index: usize) -> Result<Camera, CamerasError> {
         let name = if self.img_name.is_empty() { format!("{index}") } else { self.img_name };
-        // Sizes that are no pixel counts become 0, which the check below refuses by name.
-        let pixels = |size: f64| {
-            let whole = size.round();
-            #[expect(
-                clippy::cast_possible_truncation,
-                clippy::cast_sign_loss,
-                reason = "checked to be in range"
-            )]
-            let count = if (0.0..=f64::from(u32::MAX)).contains(&whole) { whole as u32 } else { 0 };
-            count
-        };
         let (r, p) = (self.rotation, self.position);
         // The inverse of a camera-to-world pose: rows of the result are columns of `rotation`.
         let row = |k: usize| {
@@ -91,6 +61,7 @@ impl Entry {
                 cx: self.cx.unwrap_or(self.width / 2.0),
                 cy: self.cy.unwrap_or(self.height / 2.0),
             },
+            // Sizes that are no pixel counts become 0, which the check below refuses by name.
             width: pixels(self.width),
             height: pixels(self.height),
             time: self.time,
@@ -123,7 +94,8 @@ impl Entry {
 /// # Errors
 /// If the text is not such a list, it is empty, or a camera is out of range.
 pub fn parse(bytes: &[u8]) -> Result<Vec<Camera>, CamerasError> {
-    let entries: Vec<Entry> = serde_json::from_slice(bytes)?;
+    let entries: Vec<Entry> =
+        serde_json::from_slice(bytes).map_err(CamerasError::json("cameras.json"))?;
     if entries.is_empty() {
         return Err(CamerasError::Empty);
     }
@@ -152,7 +124,7 @@ pub fn to_json(cameras: &[Camera]) -> Result<String, CamerasError> {
         .enumerate()
         .map(|(index, camera)| Entry::from_camera(index, camera))
         .collect();
-    Ok(serde_json::to_string_pretty(&entries)?)
+    serde_json::to_string_pretty(&entries).map_err(CamerasError::json("cameras.json"))
 }
 
 /// Writes a `cameras.json`.

@@ -1,6 +1,7 @@
 //! What a path is, from its names and first bytes alone.
 
 use crate::archive::Archive;
+use crate::cameras;
 use crate::checkpoint4dgs::{self, Overrides};
 use crate::error::{IoError, list_names};
 use crate::frame::{self, Container};
@@ -37,6 +38,8 @@ pub enum SceneKind {
     OtherPly(String),
     /// The output folder of an earlier run.
     RunFolder,
+    /// Cameras of a data set, without splats.
+    Cameras(cameras::Format),
     /// Something else.
     Unknown {
         /// What was found there.
@@ -58,6 +61,7 @@ impl Display for SceneKind {
             Self::EditorFolder => f.write_str("folder with one edited frame"),
             Self::OtherPly(what) => f.write_str(what),
             Self::RunFolder => f.write_str("run folder"),
+            Self::Cameras(format) => write!(f, "{format}"),
             Self::Unknown { found } if found.is_empty() => f.write_str("unknown: an empty folder"),
             Self::Unknown { found } => {
                 write!(f, "unknown: found {}", found.join(", "))
@@ -107,12 +111,18 @@ fn detect_folder(path: &Path) -> Result<SceneKind, IoError> {
     if checkpoint4dgs::looks_like_model(path) {
         return Ok(SceneKind::Model4dgs);
     }
+    if let Some(found) = cameras::data_set(path)? {
+        return Ok(SceneKind::Cameras(found.format));
+    }
     // A folder with gaps in its numbers is still a sequence; opening it says what is missing.
     if find_frames(&names).map_or(true, |found| found.frames.len() >= 2) {
         return Ok(SceneKind::PlySequence);
     }
     if frame::still_of_folder(path).is_some() {
         return Ok(SceneKind::EditorFolder);
+    }
+    if has("cameras.json") && !names.iter().any(|name| cameras::has_extension(name, "ply")) {
+        return Ok(SceneKind::Cameras(cameras::Format::CamerasJson));
     }
     let mut found: Vec<String> = names.iter().take(SHOWN).cloned().collect();
     if names.len() > SHOWN {
@@ -130,7 +140,14 @@ fn detect_file(path: &Path) -> Result<SceneKind, IoError> {
     let mut start = Vec::new();
     std::io::Read::read_to_end(&mut std::io::Read::take(file, START), &mut start)
         .map_err(failed)?;
-    match frame::container(&start) {
+    let container = frame::container(&start);
+    // Text and arrays can look like rows of a `.splat`. Malformed JSON is nothing known; opening it as cameras says where it breaks.
+    if matches!(container, Container::Splat | Container::Unknown)
+        && let Ok(Some(cameras)) = cameras::find(path)
+    {
+        return Ok(SceneKind::Cameras(cameras.format));
+    }
+    match container {
         Container::Ply => detect_ply(path),
         Container::Spz => Ok(SceneKind::Spz),
         Container::Splat => Ok(SceneKind::Splat),
@@ -254,7 +271,7 @@ pub fn open_scene(path: impl AsRef<Path>, options: &OpenOptions) -> Result<Opene
         SceneKind::Swift4d => {
             return Err(IoError::content(path, "is a Swift4D model, which is not supported yet"));
         }
-        SceneKind::RunFolder | SceneKind::Unknown { .. } => {
+        SceneKind::RunFolder | SceneKind::Cameras(_) | SceneKind::Unknown { .. } => {
             return Err(IoError::content(
                 path,
                 format!(

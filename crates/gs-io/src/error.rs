@@ -1,6 +1,6 @@
 //! [`IoError`]: what went wrong with which file.
 
-use crate::cameras_json::CamerasError;
+use crate::cameras::CamerasError;
 use crate::cfg_args::CfgError;
 use crate::frame::FrameError;
 use crate::ply::PlyError;
@@ -137,8 +137,12 @@ impl IoError {
         }
     }
 
+    pub(crate) fn cameras(path: &Path) -> impl FnOnce(CamerasError) -> Self {
+        move |source| Self::Cameras { path: path.to_owned(), source }
+    }
+
     pub(crate) fn write(path: &Path) -> impl FnOnce(std::io::Error) -> Self {
-        move |source| Self::Write { path: path.to_owned(), source }
+        move |source| Self::Write { path: crate::final_path(path), source }
     }
 }
 

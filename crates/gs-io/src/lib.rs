@@ -1,7 +1,7 @@
 //! Gaussian-splat file formats in and out.
 //!
 //! Promises: still frames of every common format ([`frame`]: 3DGS PLY, compressed PLY, `.splat`, `.spz`, `.sog`), sequences of them
-//! ([`ply_sequence`]), 4DGaussians model folders ([`checkpoint4dgs`]), `cameras.json` ([`cameras_json`]); [`detect()`] says what a path is. Readers survive any bytes:
+//! ([`ply_sequence`]), 4DGaussians model folders ([`checkpoint4dgs`]), cameras and times of data sets ([`cameras`], [`cameras_json`]); [`detect()`] says what a path is. Readers survive any bytes:
 //! malformed input is an error that names the file, what was found and what to do, memory is bounded by a small multiple
 //! of the input, and nothing in a file is ever executed. Outputs are complete or absent ([`AtomicFile`], [`AtomicDir`]).
 //!
@@ -10,6 +10,7 @@
 mod archive;
 mod atomic;
 mod bytes8;
+pub mod cameras;
 pub mod cameras_json;
 pub mod cfg_args;
 pub mod checkpoint4dgs;
@@ -28,7 +29,7 @@ pub mod splat_file;
 pub mod spz;
 mod zip;
 
-pub use atomic::{AtomicDir, AtomicFile, Existing, remove_unfinished};
+pub use atomic::{AtomicDir, AtomicFile, Existing, final_path, remove_unfinished};
 pub use detect::{OpenOptions, Opened, SceneKind, detect, open_scene};
 pub use error::IoError;
 pub use losses::Losses;

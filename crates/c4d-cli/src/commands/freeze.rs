@@ -2,10 +2,9 @@
 
 use crate::args::{FreezeArgs, Global};
 use crate::console::Console;
-use crate::failure::{Failure, Outcome};
-use crate::frames;
+use crate::failure::{Failure, Outcome, ROOM};
 use crate::rig::{DEFAULT_SIZE, Rig};
-use crate::scene;
+use crate::{cameras, frames, scene};
 use gs_core::Camera;
 use gs_io::ply::{self, WriteOptions};
 use gs_io::{AtomicDir, Existing, cameras_json};
@@ -23,8 +22,8 @@ pub(crate) fn run(args: &FreezeArgs, global: &Global, console: &Console) -> Outc
     check_sh_degree(args.sh_degree, opened.scene.sh_degree())?;
     let splats = opened.scene.at(args.time).map_err(Failure::bad_input)?;
     let (cameras, origin) = if let Some(file) = &args.cameras {
-        let cameras = cameras_json::read_file(file).map_err(|error| scene::bad_input(&error))?;
-        (cameras, format!("copied from {}", file.display()))
+        let set = cameras::open(file, cameras::reading(None, &opened), console)?;
+        (set.stations(), format!("copied from {}", file.display()))
     } else {
         let up = args.up.map_or(opened.up, crate::args::Up::vector);
         let rig = Rig::of_scene(opened.scene.as_ref(), up).map_err(Failure::bad_input)?;
@@ -75,6 +74,7 @@ pub(crate) fn output_failure(error: &gs_io::IoError) -> Failure {
             .next("Choose another name; -w replaces what c4d wrote."),
         IoError::Foreign { .. } | IoError::Content { .. } => Failure::usage(text),
         IoError::Scene { source, .. } => Failure::bad_input(crate::failure::chain(source)),
+        IoError::Write { .. } => Failure::failed(text).next(ROOM),
         _ => Failure::failed(text),
     }
 }

@@ -2,14 +2,20 @@
 
 use crate::args::{Global, InfoArgs};
 use crate::console::Console;
-use crate::failure::{Failure, Outcome};
+use crate::failure::{Failure, Outcome, chain};
 use crate::scene::{self, Opened};
 use gs_core::{Precision, RowPrecision, Splats};
 use gs_io::SceneKind;
+use gs_io::cameras::{self, Reading, Split};
 use gs_io::frame::FrameFormat;
 use gs_io::repair::{self, Damage};
 use serde_json::{Value, json};
 use std::path::Path;
+
+/// Image sizes shown.
+const SIZES: usize = 6;
+/// Entries of a folder looked at.
+const MAX_PARTS: usize = 64;
 
 pub(crate) fn run(args: &InfoArgs, global: &Global, console: &Console) -> Outcome {
     let path = &args.path;
@@ -22,9 +28,20 @@ pub(crate) fn run(args: &InfoArgs, global: &Global, console: &Console) -> Outcom
         SceneKind::Model4dgs | SceneKind::PlySequence | SceneKind::RunFolder => {
             dynamic(&scene::open(path, global, console)?)?
         }
+        SceneKind::Cameras(_) if path.is_dir() && path.join("cameras.json").is_file() => {
+            match parts(path) {
+                parts if parts.len() > 1 => folder(path, &parts),
+                _ => camera_set(path)?,
+            }
+        }
+        SceneKind::Cameras(_) => camera_set(path)?,
+        SceneKind::Unknown { .. } if path.is_dir() && !parts(path).is_empty() => {
+            folder(path, &parts(path))
+        }
+        SceneKind::Unknown { .. } if is_json(path) => camera_set(path)?,
         other => {
             return Err(Failure::bad_input(format!("{}: {other}", path.display())).next(
-                "c4d reads 4DGS model folders (point_cloud/iteration_N with point_cloud.ply and deformation.pth), numbered frames in a folder or zip archive, single frames (PLY, compressed PLY, .splat, .spz, .sog), and its own runs.",
+                "c4d reads 4DGS model folders (point_cloud/iteration_N with point_cloud.ply and deformation.pth), numbered frames in a folder or zip archive, single frames (PLY, compressed PLY, .splat, .spz, .sog), its own runs, and cameras of data sets.",
             ));
         }
     };
@@ -38,10 +55,11 @@ pub(crate) fn run(args: &InfoArgs, global: &Global, console: &Console) -> Outcom
 
 /// Whether a report may hold several facts of this name.
 fn is_list(name: &str) -> bool {
-    matches!(name, "flag" | "note")
+    matches!(name, "flag" | "note" | "holds")
 }
 
 /// Facts in the order shown.
+#[derive(Default)]
 struct Report {
     lines: Vec<(String, Value)>,
 }
@@ -132,6 +150,80 @@ fn precision_of(precision: &Precision, rows: usize) -> String {
     )
 }
 
+/// Cameras of a data set: how many, of which times and sizes, and what was assumed.
+fn camera_set(path: &Path) -> Outcome<Report> {
+    let set = cameras::open(path, Reading::Trained).map_err(|error| scene::bad_input(&error))?;
+    let mut report = Report::new(path, &SceneKind::Cameras(set.format));
+    if set.path != path {
+        report.add("data set", json!(set.path.display().to_string()));
+    }
+    report.add("views", json!(set.views.len()));
+    report.add("cameras", json!(set.stations().len()));
+    for (name, split) in [("train", Split::Train), ("test", Split::Test), ("val", Split::Val)] {
+        let count = set.split(split).count();
+        if count > 0 {
+            report.add(name, json!(count));
+        }
+    }
+    match set.times().as_slice() {
+        [] => report.add("times", json!("none: every camera looks at every time")),
+        [only] => report.add("times", json!([short(*only)])),
+        [first, .., last] => {
+            report.add("times", json!([short(*first), short(*last)]));
+            report.add("instants", json!(set.times().len()));
+        }
+    }
+    let sizes: Vec<String> = set.sizes().iter().map(|(w, h)| format!("{w}×{h}")).collect();
+    let more = sizes.len().saturating_sub(SIZES);
+    let more = if more > 0 { format!(" and {more} more") } else { String::new() };
+    report.add("sizes", json!(format!("{}{more}", sizes[..sizes.len().min(SIZES)].join(", "))));
+    if !set.video.is_empty() {
+        report.add("path", json!(format!("{} cameras (--split path)", set.video.len())));
+    }
+    for note in &set.notes {
+        report.add("note", json!(note));
+    }
+    report.add(
+        "next",
+        json!("c4d render SCENE --cameras this -o images, with the model trained on it; c4d refine RUN --refine-cameras this."),
+    );
+    Ok(report)
+}
+
+/// The double that prints as the single does.
+fn short(time: f32) -> f64 {
+    time.to_string().parse().unwrap_or(f64::from(time))
+}
+
+/// Whether a file seems to be JSON; a malformed one is opened to say where it breaks.
+fn is_json(path: &Path) -> bool {
+    path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("json"))
+}
+
+/// Entries of a folder that are something known.
+fn parts(path: &Path) -> Vec<(String, SceneKind)> {
+    let Ok(entries) = std::fs::read_dir(path) else { return Vec::new() };
+    let mut entries: Vec<_> = entries.flatten().map(|entry| entry.path()).collect();
+    entries.sort();
+    let known = |path: &std::path::PathBuf| {
+        let kind = gs_io::detect(path).ok()?;
+        let unknown = matches!(kind, SceneKind::Unknown { .. } | SceneKind::OtherPly(_));
+        (!unknown).then(|| (path.file_name().unwrap_or_default().to_string_lossy().into(), kind))
+    };
+    entries.iter().take(MAX_PARTS).filter_map(known).collect()
+}
+
+fn folder(path: &Path, parts: &[(String, SceneKind)]) -> Report {
+    let mut report = Report::default();
+    report.add("path", json!(path.display().to_string()));
+    report.add("kind", json!("folder of several things"));
+    for (name, kind) in parts {
+        report.add("holds", json!(format!("{name}: {kind}")));
+    }
+    report.add("next", json!("c4d info of one of them says more."));
+    report
+}
+
 fn dynamic(opened: &Opened) -> Outcome<Report> {
     let mut report = Report::new(&opened.path, &opened.kind);
     for (name, value) in &opened.facts {
@@ -145,11 +237,25 @@ fn dynamic(opened: &Opened) -> Outcome<Report> {
     let splats = opened.scene.at(range.start).map_err(Failure::bad_input)?;
     describe(&mut report, &splats);
     report.add("up", json!(opened.up));
+    if opened.kind == SceneKind::Model4dgs {
+        report.add("cameras", json!(cameras_of_model(&opened.path)));
+    }
     report.add(
         "next",
         json!("c4d freeze SCENE -o DIR writes the frame to edit; c4d render SCENE -o clip.mp4 shows it."),
     );
     Ok(report)
+}
+
+/// Where a model's cameras come from.
+fn cameras_of_model(path: &Path) -> String {
+    match cameras::find(path) {
+        Ok(Some(source)) => {
+            format!("{} in {} (--cameras this)", source.format, source.root.display())
+        }
+        Ok(None) => "none: a rig around the scene stands in".to_owned(),
+        Err(error) => format!("none, a rig stands in: {}", chain(&error)),
+    }
 }
 
 fn describe(report: &mut Report, splats: &Splats) {

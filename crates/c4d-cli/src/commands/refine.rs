@@ -14,7 +14,8 @@ use crate::{images, scene};
 use amg::RowKind;
 use cuar::{CuarError, Observer, Preset, Preview, RefineOptions, Report, State, Views, WarpForm};
 use gs_core::{Camera, DynamicScene};
-use gs_io::{AtomicFile, Existing, cameras_json};
+use gs_io::cameras::{Reading, Split};
+use gs_io::{AtomicFile, Existing};
 use gs_raster_cpu::CpuRasterizer;
 use safetensors::{Dtype, SafeTensors, tensor::TensorView};
 use serde_json::{Value, json};
@@ -26,6 +27,8 @@ use std::path::{Path, PathBuf};
 const RIG_SIZE: (u32, u32) = (640, 480);
 /// Cameras of the rig.
 const RIG_CAMERAS: usize = 10;
+/// Most cameras of a data set used: each is drawn at the edited time and at others.
+const MAX_CAMERAS: usize = 64;
 /// Every so-manieth camera is held out of the refinement and only reported.
 const HELD_OUT_EVERY: usize = 5;
 /// Seconds between checkpoints.
@@ -56,8 +59,8 @@ pub(crate) fn check(flags: &RefineFlags, global: &Global) -> Outcome {
     {
         return refuse(format!("--preview-every {seconds}: expected seconds"));
     }
-    if let Some(file) = &flags.refine_cameras {
-        cameras_json::read_file(file).map_err(|error| scene::bad_input(&error))?;
+    if let Some(path) = &flags.refine_cameras {
+        gs_io::cameras::open(path, Reading::Trained).map_err(|error| scene::bad_input(&error))?;
     }
     Device::open(global.gpu).map(|_| ())
 }
@@ -218,17 +221,22 @@ fn cameras(
     loaded: &Loaded,
     console: &Console,
 ) -> Outcome<(Vec<Camera>, String)> {
-    if let Some(file) = &flags.refine_cameras {
-        let cameras = cameras_json::read_file(file).map_err(|error| scene::bad_input(&error))?;
-        let cameras = match flags.refine_size {
-            Some((width, height)) => {
-                cameras.iter().map(|camera| camera.resized(width, height)).collect()
-            }
-            None => cameras,
-        };
-        return Ok((cameras, file.display().to_string()));
-    }
     let source = &loaded.source;
+    if let Some(path) = &flags.refine_cameras {
+        let set = crate::cameras::open(path, crate::cameras::reading(None, source), console)?;
+        // Held-out views stay out, and every camera sees every time: the scene itself is the ground truth.
+        let train = gs_io::cameras::stations(set.split(Split::Train));
+        let cameras = if train.is_empty() { set.stations() } else { train };
+        let count = cameras.len();
+        let mut cameras = crate::cameras::thinned(cameras, MAX_CAMERAS);
+        if count > cameras.len() {
+            console.note(format!("{} of {count} cameras are used, evenly", cameras.len()));
+        }
+        if let Some((width, height)) = flags.refine_size {
+            cameras = cameras.iter().map(|camera| camera.resized(width, height)).collect();
+        }
+        return Ok((cameras, path.display().to_string()));
+    }
     let rig = Rig::of_scene(source.scene.as_ref(), flags.refine_up.map_or(source.up, Up::vector))
         .map_err(Failure::bad_input)?;
     let size = flags.refine_size.unwrap_or(RIG_SIZE);

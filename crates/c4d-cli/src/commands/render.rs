@@ -1,7 +1,7 @@
 //! `c4d render`: images and videos of a scene or run.
 
 use super::freeze::{existing, output_failure};
-use crate::args::{Format, Global, Pass, RenderArgs};
+use crate::args::{Format, Global, Pass, RenderArgs, SplitArg};
 use crate::console::Console;
 use crate::device::Device;
 use crate::failure::{Failure, Outcome};
@@ -10,10 +10,10 @@ use crate::renderer::{self, Renderer};
 use crate::rig::{DEFAULT_SIZE, Rig};
 use crate::scene::{self, Opened};
 use crate::video::VideoWriter;
-use crate::{frames, images};
+use crate::{cameras, frames, images};
 use clap::ValueEnum;
 use gs_core::{Camera, DynamicScene, Image, RenderOutput, Splats};
-use gs_io::{AtomicDir, AtomicFile, Existing, cameras_json};
+use gs_io::{AtomicDir, AtomicFile, Existing};
 use std::fs::File;
 use std::io::BufWriter;
 use std::path::{Path, PathBuf};
@@ -25,7 +25,7 @@ const SHEET_WIDTH: usize = 2400;
 
 pub(crate) fn run(args: &RenderArgs, global: &Global, console: &Console) -> Outcome {
     let opened = scene::open(&args.scene, global, console)?;
-    let times = frames::times(opened.scene.as_ref(), &args.times, args.frames)?;
+    let mut times = frames::times(opened.scene.as_ref(), &args.times, args.frames)?;
     frames::check_fps(args.fps)?;
     scene::refuse_overlap(&args.output, &opened.roots)?;
     if args.side_by_side && opened.original.is_none() {
@@ -35,7 +35,7 @@ pub(crate) fn run(args: &RenderArgs, global: &Global, console: &Console) -> Outc
         .next("Give the run folder that c4d propagate wrote."));
     }
     let format = args.format.map_or_else(|| format_of(&args.output), Ok)?;
-    let views = views(args, &opened, times.len())?;
+    let views = views(args, &opened, &mut times, console)?;
     for camera in views.cameras() {
         camera.check().map_err(Failure::bad_input)?;
     }
@@ -117,7 +117,13 @@ fn format_of(output: &Path) -> Outcome<Format> {
     }
 }
 
-fn views(args: &RenderArgs, opened: &Opened, frames: usize) -> Outcome<Views> {
+/// The cameras asked for. `times` become those of the cameras, when they have any and nobody asks for others.
+fn views(
+    args: &RenderArgs,
+    opened: &Opened,
+    times: &mut Vec<f32>,
+    console: &Console,
+) -> Outcome<Views> {
     let size = args.size.unwrap_or(DEFAULT_SIZE);
     let rig = || -> Outcome<Rig> {
         // The rig frames what was there before the edit, so that a run and its source are seen alike.
@@ -126,50 +132,74 @@ fn views(args: &RenderArgs, opened: &Opened, frames: usize) -> Outcome<Views> {
             .map_err(Failure::bad_input)
     };
     let from_rig = ["front", "orbit", "spiral"].contains(&args.cameras.as_str());
-    if from_rig && !args.views.is_empty() {
-        return Err(Failure::usage("--views chooses among the cameras of a file")
-            .next("Add --cameras cameras.json."));
+    let chooses = !args.views.is_empty() || args.split.is_some() || args.cameras_as.is_some();
+    if from_rig && chooses {
+        return Err(Failure::usage(
+            "--views, --split and --cameras-as choose among the cameras of a file or data set",
+        )
+        .next("Add --cameras PATH."));
     }
     match args.cameras.as_str() {
         "front" => Ok(Views::Fixed(vec![rig()?.front(size)])),
-        "orbit" => Ok(Views::Path(rig()?.orbit(frames, size))),
-        "spiral" => Ok(Views::Path(rig()?.spiral(frames, size))),
-        file => {
-            let path = PathBuf::from(file);
-            if !path.exists() {
-                return Err(Failure::bad_input(format!("--cameras {file}: no such file"))
-                    .next("Give a cameras.json, or one of: front, orbit, spiral."));
-            }
-            let mut cameras =
-                cameras_json::read_file(&path).map_err(|error| scene::bad_input(&error))?;
-            if !args.views.is_empty() {
-                cameras = chosen(&cameras, &args.views, file)?;
-            }
-            if let Some((width, height)) = args.size {
-                cameras = cameras.iter().map(|camera| camera.resized(width, height)).collect();
-            }
-            Ok(Views::Fixed(cameras))
-        }
+        "orbit" => Ok(Views::Path(rig()?.orbit(times.len(), size))),
+        "spiral" => Ok(Views::Path(rig()?.spiral(times.len(), size))),
+        named => of_files(args, opened, named, times, console),
     }
 }
 
-fn chosen(cameras: &[Camera], wanted: &[String], file: &str) -> Outcome<Vec<Camera>> {
-    wanted
-        .iter()
-        .map(|name| {
-            let by_name = cameras.iter().find(|camera| camera.name == *name);
-            let by_index = || name.parse::<usize>().ok().and_then(|index| cameras.get(index));
-            by_name.or_else(by_index).cloned().ok_or_else(|| {
-                let names: Vec<&str> =
-                    cameras.iter().map(|camera| camera.name.as_str()).take(12).collect();
-                Failure::usage(format!("--views {name}: no such view in {file}")).next(format!(
-                    "Views: {} (or indices 0 to {}).",
-                    names.join(", "),
-                    cameras.len() - 1
-                ))
-            })
-        })
-        .collect()
+/// Cameras of a file or data set: each at its own time, or, when they have none or others are asked for, each at all times.
+fn of_files(
+    args: &RenderArgs,
+    opened: &Opened,
+    named: &str,
+    times: &mut Vec<f32>,
+    console: &Console,
+) -> Outcome<Views> {
+    let path = Path::new(named);
+    if !path.exists() {
+        return Err(Failure::bad_input(format!("--cameras {named}: no such file or folder"))
+            .next("Give a data set, a cameras.json, or one of: front, orbit, spiral."));
+    }
+    let set = cameras::open(path, cameras::reading(args.cameras_as, opened), console)?;
+    let mut chosen = if args.views.is_empty() {
+        cameras::of_split(&set, args.split)?
+    } else {
+        let among = cameras::of_split(&set, Some(args.split.unwrap_or(SplitArg::All)))?;
+        cameras::by_name(&among, &args.views, named)?
+    };
+    if args.views.is_empty() && chosen.len() < set.views.len() && args.split.is_none() {
+        console.note(format!(
+            "{} held-out views of {} (others: --split, --views)",
+            chosen.len(),
+            set.views.len()
+        ));
+    }
+    if let Some((width, height)) = args.size {
+        chosen = chosen.iter().map(|camera| camera.resized(width, height)).collect();
+    }
+    let told = !args.times.is_empty() || args.frames.is_some();
+    match cameras::own_times(&chosen).filter(|_| !told) {
+        Some(own) => {
+            let range = opened.scene.time_range();
+            let count = own.len();
+            chosen.retain(|camera| camera.time.is_some_and(|time| range.contains(time)));
+            if chosen.is_empty() {
+                frames::check(range, own[0], "the cameras' time")?;
+            }
+            if chosen.len() < count {
+                console.warn(format!(
+                    "{} of {count} views lie outside the scene's times, {} to {}, and are left out",
+                    count - chosen.len(),
+                    range.start,
+                    range.end
+                ));
+            }
+            *times = chosen.iter().filter_map(|camera| camera.time).collect();
+            Ok(Views::Path(chosen))
+        }
+        None if chosen.iter().all(|camera| camera.time.is_none()) => Ok(Views::Fixed(chosen)),
+        None => Ok(Views::Fixed(gs_io::cameras::stations(chosen.iter()))),
+    }
 }
 
 impl Shot<'_> {
@@ -364,6 +394,17 @@ fn single_view(shot: &Shot<'_>, what: &str) -> Outcome {
             cameras.len()
         ))
         .next("Choose one with --views NAME."));
+    }
+    let size = |camera: &Camera| (camera.width, camera.height);
+    let mut cameras = shot.views.cameras().iter().map(size);
+    if let Some(first) = cameras.next()
+        && let Some(other) = cameras.find(|other| *other != first)
+    {
+        return Err(Failure::usage(format!(
+            "{what} has one size, the cameras have {}×{} and {}×{}",
+            first.0, first.1, other.0, other.1
+        ))
+        .next("Add --size WxH."));
     }
     Ok(())
 }

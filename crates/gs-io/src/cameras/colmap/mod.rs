@@ -1,0 +1,184 @@
+//! COLMAP models, binary and text: world-to-camera quaternions and translations.
+//!
+//! Trained reading: views sorted by name, every eighth a test view; times by position in the file *before* sorting, over the number of
+//! images; centred principal points; field of view from COLMAP's image size. Stored reading: own principal points, no times.
+
+mod binary;
+mod lens_models;
+mod text;
+
+pub use binary::{parse_cameras_bin, parse_images_bin};
+pub use text::{parse_cameras_txt, parse_images_txt};
+
+use super::images::{Sizes, basename};
+use super::lens::{LeftOut, Lens};
+use super::pose::{self, Viewmat};
+use super::{CameraSet, CamerasError, Format, Reading, Split, View};
+use crate::error::{IoError, read_bytes};
+use gs_core::Camera;
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+/// A lens of a COLMAP model.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ColmapCamera {
+    /// Referred to by images.
+    pub id: u32,
+    /// COLMAP's name of the lens model.
+    pub model: &'static str,
+    /// Image columns, pixels.
+    pub width: u64,
+    /// Image rows, pixels.
+    pub height: u64,
+    /// In the order of the lens model.
+    pub params: Vec<f64>,
+}
+
+/// A registered image of a COLMAP model.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ColmapImage {
+    /// Its number.
+    pub id: u32,
+    /// Rotation world to camera, wxyz.
+    pub quat: [f64; 4],
+    /// Translation world to camera, world units.
+    pub translation: [f64; 3],
+    /// Its lens.
+    pub camera_id: u32,
+    /// File name, folders included.
+    pub name: String,
+}
+
+/// Every so many views of a sorted list, the first included, is a test view.
+const HOLD: usize = 8;
+
+/// A COLMAP model: lenses by id, and images in file order.
+#[derive(Debug)]
+pub(super) struct Model {
+    pub(super) lenses: BTreeMap<u32, Lens>,
+    pub(super) images: Vec<ColmapImage>,
+}
+
+impl Model {
+    /// Reads the model in this folder, binary if there is one.
+    pub(super) fn read(folder: &Path) -> Result<Self, IoError> {
+        let binary = ["cameras.bin", "images.bin"].map(|name| folder.join(name));
+        let text = ["cameras.txt", "images.txt"].map(|name| folder.join(name));
+        let (cameras, images);
+        if binary.iter().all(|file| file.is_file()) {
+            cameras = parsed(&binary[0], parse_cameras_bin)?;
+            images = parsed(&binary[1], parse_images_bin)?;
+        } else if text.iter().all(|file| file.is_file()) {
+            cameras = parsed(&text[0], |bytes| parse_cameras_txt(&String::from_utf8_lossy(bytes)))?;
+            images = parsed(&text[1], |bytes| parse_images_txt(&String::from_utf8_lossy(bytes)))?;
+        } else {
+            return Err(IoError::content(
+                folder,
+                "holds no whole COLMAP model; expected cameras.bin and images.bin, or cameras.txt and images.txt. Copy the missing file",
+            ));
+        }
+        let lenses = cameras
+            .iter()
+            .map(|camera| Ok((camera.id, camera.lens()?)))
+            .collect::<Result<_, CamerasError>>()
+            .map_err(IoError::cameras(folder))?;
+        Ok(Self { lenses, images })
+    }
+
+    /// Lens and pose of an image.
+    pub(super) fn view(&self, image: &ColmapImage) -> Result<(&Lens, Viewmat), CamerasError> {
+        let at = || format!("image {} (`{}`)", image.id, image.name);
+        let lens = self.lenses.get(&image.camera_id).ok_or_else(|| {
+            let known: Vec<String> = self.lenses.keys().take(8).map(u32::to_string).collect();
+            let expected = format!("one of the cameras {}", known.join(", "));
+            CamerasError::malformed(at(), expected, format!("camera {}", image.camera_id))
+        })?;
+        let pose = pose::from_quaternion(image.quat, image.translation).ok_or_else(|| {
+            CamerasError::malformed(at(), "a rotation", format!("{:?}", image.quat))
+        })?;
+        Ok((lens, pose))
+    }
+}
+
+fn parsed<T>(path: &Path, parse: impl Fn(&[u8]) -> Result<T, CamerasError>) -> Result<T, IoError> {
+    parse(&read_bytes(path)?).map_err(IoError::cameras(path))
+}
+
+/// The folder of the model below a data set, or of the data set that a model folder is.
+pub(super) fn model_folder(root: &Path) -> Option<PathBuf> {
+    ["sparse/0", "sparse", "colmap/sparse/0", "dense/sparse", "."]
+        .iter()
+        .map(|below| root.join(below))
+        .find(|folder| {
+            ["cameras.bin", "cameras.txt"].iter().any(|name| folder.join(name).is_file())
+        })
+}
+
+/// Reads the data set of a folder: `sparse/0` with the images in `images`.
+pub(super) fn open(root: &Path, reading: Reading) -> Result<CameraSet, IoError> {
+    let folder = model_folder(root)
+        .ok_or_else(|| IoError::content(root, "holds no COLMAP model (sparse/0/cameras.bin)"))?;
+    let model = Model::read(&folder)?;
+    let mut left_out = LeftOut::default();
+    let mut sizes = Sizes::default();
+    let count = model.images.len();
+    let mut views = Vec::with_capacity(count);
+    for (position, image) in model.images.iter().enumerate() {
+        let (lens, viewmat) = model.view(image).map_err(IoError::cameras(&folder))?;
+        left_out.distortion(&image.name, lens);
+        let base = basename(&image.name);
+        let (width, height) = sizes.of(&root.join("images").join(base)).unwrap_or((0, 0));
+        let mut lens = match (width, height) {
+            (0, _) | (_, 0) => *lens,
+            (width, height) => lens.resized(width.into(), height.into()),
+        };
+        if reading == Reading::Trained {
+            left_out.principal_point(&image.name, &lens);
+            lens = lens.centred();
+        }
+        let time = (reading == Reading::Trained).then(|| share(position, count));
+        views.push(View {
+            camera: lens.camera(viewmat, time, image.name.clone()),
+            split: Split::Train,
+        });
+    }
+    views.sort_by(|a, b| sort_key(&a.camera.name).cmp(sort_key(&b.camera.name)));
+    for view in views.iter_mut().step_by(HOLD) {
+        view.split = Split::Test;
+    }
+    let mut notes = left_out.notes();
+    notes.extend(sizes.note("COLMAP's sizes are used"));
+    if reading == Reading::Trained {
+        notes.push(format!(
+            "times are positions in the file of images over their number ({count}), as in training"
+        ));
+    }
+    Ok(CameraSet { format: Format::Colmap, path: root.to_owned(), views, video: Vec::new(), notes })
+}
+
+/// The reference sorts by the file's name up to its first dot.
+fn sort_key(name: &str) -> &str {
+    let base = basename(name);
+    base.split('.').next().unwrap_or(base)
+}
+
+/// `part / whole` as a time.
+pub(super) fn share(part: usize, whole: usize) -> f32 {
+    #[expect(clippy::cast_possible_truncation, reason = "a time")]
+    let share = (part as f64 / whole.max(1) as f64) as f32;
+    share
+}
+
+impl Lens {
+    /// A camera with this lens. Sizes that are no pixel counts become 0, which the check of cameras refuses by name.
+    pub(super) fn camera(&self, viewmat: Viewmat, time: Option<f32>, name: String) -> Camera {
+        Camera {
+            viewmat,
+            intrinsics: self.intrinsics,
+            width: super::images::pixels(self.width),
+            height: super::images::pixels(self.height),
+            time,
+            name,
+        }
+    }
+}

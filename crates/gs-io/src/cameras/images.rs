@@ -1,0 +1,67 @@
+//! Image sizes from image headers; nothing is decoded.
+
+use std::path::Path;
+
+/// Width and height of an image file, pixels; `None` when there is no such file or it is no PNG or JPEG.
+pub(super) fn image_size(path: &Path) -> Option<(u32, u32)> {
+    let reader = image::ImageReader::open(path).ok()?.with_guessed_format().ok()?;
+    reader.into_dimensions().ok()
+}
+
+/// Looks sizes up and counts what was there.
+#[derive(Debug, Default)]
+pub(super) struct Sizes {
+    found: usize,
+    missing: usize,
+}
+
+impl Sizes {
+    pub(super) fn of(&mut self, path: &Path) -> Option<(u32, u32)> {
+        let size = image_size(path);
+        *(if size.is_some() { &mut self.found } else { &mut self.missing }) += 1;
+        size
+    }
+
+    /// Says how many images are missing, and what was done instead.
+    pub(super) fn note(&self, instead: &str) -> Option<String> {
+        (self.missing > 0).then(|| {
+            format!(
+                "{} of {} images are not there: {instead}",
+                self.missing,
+                self.found + self.missing
+            )
+        })
+    }
+}
+
+/// A size of a file as a pixel count; 0, which no camera may have, when it is none.
+pub(crate) fn pixels(size: f64) -> u32 {
+    let whole = size.round();
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        reason = "checked to be in range"
+    )]
+    let count = if (0.0..=f64::from(u32::MAX)).contains(&whole) { whole as u32 } else { 0 };
+    count
+}
+
+/// Last part of a path written with either slash.
+pub(super) fn basename(name: &str) -> &str {
+    name.rsplit(['/', '\\']).next().unwrap_or(name)
+}
+
+/// A file's name without its last extension.
+pub(super) fn stem(name: &str) -> &str {
+    name.rsplit_once('.').map_or(name, |(stem, _)| stem)
+}
+
+/// Whether a name ends with this extension, in either case.
+pub(crate) fn has_extension(name: &str, extension: &str) -> bool {
+    name.rsplit_once('.').is_some_and(|(_, found)| found.eq_ignore_ascii_case(extension))
+}
+
+/// Whether a name is that of an image.
+pub(super) fn is_image(name: &str) -> bool {
+    ["png", "jpg", "jpeg"].iter().any(|extension| has_extension(name, extension))
+}

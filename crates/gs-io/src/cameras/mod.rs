@@ -1,0 +1,127 @@
+//! Cameras and times of data sets, of every layout that 4DGaussians, Swift4D and their kin train on.
+//!
+//! [`open`] detects what a file or folder is by its content and gives named views with split and normalised time, as
+//! [`gs_core::Camera`]s (world to camera, OpenCV's axes), and says what it assumed. [`Reading`] chooses between what training saw and
+//! what the files say.
+//!
+//! Images are never decoded; sizes come from the files or from image headers. Byte-level entry points (`parse…`) survive any bytes.
+
+pub mod colmap;
+mod error;
+mod images;
+mod lens;
+pub mod nerfies;
+mod npy;
+mod paths;
+mod pose;
+pub mod poses_bounds;
+mod rigs;
+mod set;
+mod source;
+pub mod transforms;
+
+pub use error::CamerasError;
+pub use set::{CameraSet, Reading, Split, View, stations};
+pub(crate) use source::data_set;
+pub use source::{Source, find};
+
+pub(crate) use images::{has_extension, pixels};
+
+use crate::cameras_json;
+use crate::error::IoError;
+use gs_core::Camera;
+use std::fmt::{self, Display};
+use std::path::Path;
+
+/// Layouts of camera files.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Format {
+    /// `cameras.json` of 3DGS.
+    CamerasJson,
+    /// `transforms_train.json` and its like.
+    Transforms,
+    /// `dataset.json`, `metadata.json`, `camera/`.
+    Nerfies,
+    /// `poses_bounds.npy`.
+    PosesBounds,
+    /// `sparse/0`.
+    Colmap,
+    /// `frame000000`, … with one COLMAP model.
+    FrameFolders,
+    /// `sparse_` and `cam01`, ….
+    MultiView,
+}
+
+impl Display for Format {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::CamerasJson => "cameras.json",
+            Self::Transforms => "D-NeRF/Blender cameras (transforms_*.json)",
+            Self::Nerfies => "HyperNeRF/Nerfies data set (dataset.json)",
+            Self::PosesBounds => "DyNeRF/LLFF cameras (poses_bounds.npy)",
+            Self::Colmap => "COLMAP model",
+            Self::FrameFolders => "MeetRoom/VRU data set (frame folders with a COLMAP model)",
+            Self::MultiView => "multiple-view data set (sparse_ and cam01, …)",
+        })
+    }
+}
+
+/// Reads the cameras of a file or folder: a data set, one of its camera files, or a model folder that has cameras or names its data
+/// set.
+///
+/// # Errors
+/// If nothing known is found there, a file is missing or malformed, or a camera cannot see.
+pub fn open(path: impl AsRef<Path>, reading: Reading) -> Result<CameraSet, IoError> {
+    let path = path.as_ref();
+    let source = find(path)?.ok_or_else(|| source::unknown(path))?;
+    let mut set = match source.format {
+        Format::CamerasJson => {
+            let cameras = cameras_json::read_file(&source.root)?;
+            CameraSet {
+                format: Format::CamerasJson,
+                path: source.root.clone(),
+                views: cameras.into_iter().map(unlisted).collect(),
+                video: Vec::new(),
+                notes: Vec::new(),
+            }
+        }
+        Format::Transforms => transforms::open(&source.root, source.file.as_deref(), reading)?,
+        Format::Nerfies => nerfies::open(&source.root, reading)?,
+        Format::PosesBounds => poses_bounds::open(&source.root, &source.poses_file(), reading)?,
+        Format::Colmap => colmap::open(&source.root, reading)?,
+        Format::FrameFolders => rigs::open_frame_folders(&source.root, reading)?,
+        Format::MultiView => rigs::open_multi_view(&source.root, reading)?,
+    };
+    set.check().map_err(IoError::cameras(&source.root))?;
+    if let Some(via) = source.via {
+        set.notes.insert(0, via);
+    }
+    Ok(set)
+}
+
+fn unlisted(camera: Camera) -> View {
+    View { camera, split: Split::None }
+}
+
+/// Cameras of one file's bytes, where a file alone is enough: `cameras.json`, `transforms_*.json` or `poses_bounds.npy`, by content.
+///
+/// # Errors
+/// If the bytes are none of these, are malformed, or a camera cannot see.
+pub fn from_slice(bytes: &[u8], reading: Reading) -> Result<Vec<Camera>, CamerasError> {
+    if npy::is_npy(bytes) {
+        return poses_bounds::cameras(&poses_bounds::parse(bytes)?, reading);
+    }
+    match bytes.trim_ascii_start().first() {
+        Some(b'[') => cameras_json::parse(bytes),
+        Some(b'{') => {
+            let file = transforms::parse(bytes)?;
+            let max_time = file.max_time();
+            file.cameras(reading, max_time)
+        }
+        _ => Err(CamerasError::malformed(
+            "the start",
+            "cameras.json, a transforms file or poses_bounds.npy",
+            "other bytes",
+        )),
+    }
+}

@@ -1,0 +1,216 @@
+//! `poses_bounds.npy` of LLFF and DyNeRF (Neural 3D Video): a row a camera, its pose, image size, focal length and depth range.
+//!
+//! Row i belongs to the i-th of the sorted videos `cam*.mp4`, or of the frame folders `cam*/images`; or, for photographs, to the i-th
+//! of the sorted `images`. Trained reading: half the stored size, half the first row's focal length for all, times over 300 whatever
+//! the length of the clip, the first camera held out.
+
+use super::colmap::share;
+use super::images::{has_extension, is_image, stem};
+use super::lens::Lens;
+use super::{CameraSet, CamerasError, Format, Reading, Split, View, npy, paths, pose};
+use crate::error::{IoError, list_names, read_bytes};
+use glam::DVec3;
+use gs_core::{Camera, Intrinsics};
+use std::path::Path;
+
+/// Name of the file.
+pub(super) const FILE: &str = "poses_bounds.npy";
+/// Numbers of a row: a 3×5 matrix, near and far.
+const COLUMNS: usize = 17;
+/// The reference divides the frame index by this, and reads no more frames a camera.
+const TRAINED_FRAMES: usize = 300;
+/// Every so many photographs are held out.
+const HOLD: usize = 8;
+
+/// A camera of the file. World units; pixels.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Row {
+    /// Camera's right, world frame.
+    pub right: DVec3,
+    /// Camera's up, world frame.
+    pub up: DVec3,
+    /// Away from what it sees, world frame.
+    pub back: DVec3,
+    /// Camera centre, world frame.
+    pub centre: DVec3,
+    /// Image rows.
+    pub height: f64,
+    /// Image columns.
+    pub width: f64,
+    /// Focal length of both axes.
+    pub focal: f64,
+    /// Smallest depth.
+    pub near: f64,
+    /// Largest depth.
+    pub far: f64,
+}
+
+/// Parses a `poses_bounds.npy`.
+///
+/// # Errors
+/// If it is not a NumPy array of shape `[cameras, 17]` of floating-point numbers, all finite.
+pub fn parse(bytes: &[u8]) -> Result<Vec<Row>, CamerasError> {
+    let rows = npy::rows(bytes, COLUMNS)?;
+    if rows.is_empty() {
+        return Err(CamerasError::Empty);
+    }
+    let row = |(index, v): (usize, &Vec<f64>)| {
+        if let Some(column) = v.iter().position(|value| !value.is_finite()) {
+            let at = format!("row {index}, column {column}");
+            return Err(CamerasError::malformed(at, "a finite number", v[column]));
+        }
+        // Columns of the 3×5 matrix: down, right, backward, centre, (height, width, focal).
+        let axis = |k: usize| DVec3::new(v[k], v[5 + k], v[10 + k]);
+        let [height, width, focal] = axis(4).to_array();
+        Ok(Row {
+            right: axis(1),
+            up: -axis(0),
+            back: axis(2),
+            centre: axis(3),
+            height,
+            width,
+            focal,
+            near: v[15],
+            far: v[16],
+        })
+    };
+    rows.iter().enumerate().map(row).collect()
+}
+
+impl Row {
+    fn viewmat(&self) -> pose::Viewmat {
+        pose::from_axes(self.right, -self.up, -self.back, self.centre)
+    }
+
+    /// Own size and focal length; in training half of the size, and of the first camera's focal length.
+    fn lens_of(&self, first: &Self, reading: Reading) -> Lens {
+        let (focal, scale) = match reading {
+            Reading::Trained => (first.focal, 0.5),
+            Reading::Stored => (self.focal, 1.0),
+        };
+        let (width, height) = (self.width * scale, self.height * scale);
+        let (fx, fy) = (focal * scale, focal * scale);
+        Lens::pinhole(Intrinsics { fx, fy, cx: width / 2.0, cy: height / 2.0 }, width, height)
+    }
+}
+
+/// A camera a row, named by number, without time.
+///
+/// # Errors
+/// If a camera cannot see.
+pub fn cameras(rows: &[Row], reading: Reading) -> Result<Vec<Camera>, CamerasError> {
+    let camera = |(index, row): (usize, &Row)| {
+        let lens = row.lens_of(&rows[0], reading);
+        let camera = lens.camera(row.viewmat(), None, format!("cam{index:02}"));
+        camera.check().map_err(|source| CamerasError::Camera { index, source })?;
+        Ok(camera)
+    };
+    rows.iter().enumerate().map(camera).collect()
+}
+
+/// Cameras of a DyNeRF folder with the names of their frames.
+struct Rig {
+    names: Vec<String>,
+    frames: Vec<Vec<String>>,
+}
+
+/// Videos, else folders of frames. `None` when there are neither.
+fn rig(root: &Path, names: &[String]) -> Option<Rig> {
+    let of_kind = |keep: &dyn Fn(&String) -> bool| -> Vec<String> {
+        names.iter().filter(|name| name.starts_with("cam") && keep(name)).cloned().collect()
+    };
+    let videos = of_kind(&|name| has_extension(name, "mp4"));
+    let cameras: Vec<String> = if videos.is_empty() {
+        of_kind(&|name| root.join(name).is_dir())
+    } else {
+        videos.iter().map(|name| stem(name).to_owned()).collect()
+    };
+    let frames = |camera: &String| {
+        let listed = list_names(&root.join(camera).join("images")).unwrap_or_default();
+        let frames = listed.into_iter().filter(|name| is_image(name));
+        frames.take(TRAINED_FRAMES).collect()
+    };
+    let frames = cameras.iter().map(frames).collect();
+    (!cameras.is_empty()).then_some(Rig { names: cameras, frames })
+}
+
+/// Reads the data set of a folder.
+pub(super) fn open(root: &Path, file: &str, reading: Reading) -> Result<CameraSet, IoError> {
+    let path = root.join(file);
+    let rows = parse(&read_bytes(&path)?).map_err(IoError::cameras(&path))?;
+    let names = list_names(root)?;
+    let trained = reading == Reading::Trained;
+    let lens = |row: &Row| row.lens_of(&rows[0], reading);
+    let mut notes = Vec::new();
+    if trained {
+        notes.push(format!(
+            "images are {}×{}, half the stored size, with the first camera's focal length, as in training",
+            rows[0].width / 2.0,
+            rows[0].height / 2.0
+        ));
+    }
+    let mut views = Vec::new();
+    let single = |row: &Row, name: String| lens(row).camera(row.viewmat(), None, name);
+    if let Some(rig) = rig(root, &names) {
+        if rig.names.len() != rows.len() {
+            return Err(IoError::content(
+                root,
+                format!(
+                    "has {} cameras (cam*.mp4 or cam*/images) but {file} has {} rows, one a camera; remove the videos that have no row, or get the file that belongs to them",
+                    rig.names.len(),
+                    rows.len()
+                ),
+            ));
+        }
+        let longest = rig.frames.iter().map(Vec::len).max().unwrap_or(0);
+        if longest == 0 {
+            notes.push(
+                "no frames are extracted (cam*/images): the cameras look at every time".to_owned(),
+            );
+        } else if trained {
+            notes.push(format!("times are frame indices over {TRAINED_FRAMES}, as in training"));
+        }
+        for (index, row) in rows.iter().enumerate() {
+            let split = if index == 0 { Split::Test } else { Split::Train };
+            let camera = single(row, rig.names[index].clone());
+            if longest == 0 {
+                views.push(View { camera, split });
+                continue;
+            }
+            for (frame, image) in rig.frames[index].iter().enumerate() {
+                let over = if trained { TRAINED_FRAMES } else { longest.max(2) - 1 };
+                let name = format!("{}/{}", camera.name, stem(image));
+                let time = Some(share(frame, over));
+                views.push(View { camera: Camera { name, time, ..camera.clone() }, split });
+            }
+        }
+    } else {
+        let mut photographs = list_names(&root.join("images")).unwrap_or_default();
+        photographs.retain(|name| is_image(name));
+        let matched = photographs.len() == rows.len();
+        notes.push(if matched {
+            "photographs, not videos: the cameras look at every time".to_owned()
+        } else {
+            format!(
+                "no videos or frames beside {file}: cameras are named by their row and look at every time"
+            )
+        });
+        for (index, row) in rows.iter().enumerate() {
+            let name = if matched { photographs[index].clone() } else { format!("cam{index:02}") };
+            let held_out = if matched { index % HOLD == 0 } else { index == 0 };
+            let split = if held_out { Split::Test } else { Split::Train };
+            views.push(View { camera: single(row, name), split });
+        }
+    }
+    let video = video(&rows, lens(&rows[0]));
+    Ok(CameraSet { format: Format::PosesBounds, path: root.to_owned(), views, video, notes })
+}
+
+/// The spiral of the reference's videos, with this lens.
+pub(super) fn video(rows: &[Row], lens: Lens) -> Vec<Camera> {
+    let spiral = paths::spiral(rows).into_iter().enumerate();
+    let camera = |(frame, viewmat)| {
+        lens.camera(viewmat, Some(share(frame, paths::SPIRAL_FRAMES)), format!("video/{frame:04}"))
+    };
+    spiral.map(camera).collect()
+}

@@ -1,0 +1,170 @@
+//! [`CameraSet`]: the views of a data set, by name, split and time.
+
+use super::pose::same_view;
+use super::{CamerasError, Format};
+use gs_core::Camera;
+use std::collections::{BTreeSet, HashMap};
+use std::path::PathBuf;
+
+/// Which part of a data set a view belongs to.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Split {
+    /// Trained on.
+    Train,
+    /// Held out.
+    Test,
+    /// Trained on, and evaluated on too (multi-view data sets).
+    TrainAndTest,
+    /// The third list of D-NeRF data sets.
+    Val,
+    /// In the data set and in none of its lists; or the data set has no lists.
+    None,
+}
+
+impl Split {
+    /// Whether views of this split are among those of `wanted`.
+    pub fn includes(self, wanted: Self) -> bool {
+        self == wanted || self == Self::TrainAndTest && matches!(wanted, Self::Train | Self::Test)
+    }
+}
+
+/// One image of a data set, as a camera.
+#[derive(Debug, Clone, PartialEq)]
+pub struct View {
+    /// World-to-camera pose with OpenCV's axes, pinhole, image size, normalised time if the data set tells one, and name.
+    pub camera: Camera,
+    /// Where it belongs.
+    pub split: Split,
+}
+
+/// How views are taken from the files.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Reading {
+    /// As the readers of 4DGaussians and Swift4D hand them to training, so that their models are seen as they were trained: their image
+    /// sizes, centred principal points, shared focal lengths, times over the data set's constant, and their sign slip in D-NeRF
+    /// translations.
+    #[default]
+    Trained,
+    /// As the files say: own focal lengths and principal points, full image sizes, and frame i of n at i/(n−1).
+    Stored,
+}
+
+/// The views of a data set.
+#[derive(Debug, Clone)]
+pub struct CameraSet {
+    /// What it was read from.
+    pub format: Format,
+    /// The file or folder that holds it.
+    pub path: PathBuf,
+    /// All views, in the order of the data set.
+    pub views: Vec<View>,
+    /// The camera path of the reference's videos, with times; empty for data sets without one.
+    pub video: Vec<Camera>,
+    /// What was assumed, left out or not found.
+    pub notes: Vec<String>,
+}
+
+impl CameraSet {
+    /// Cameras of one split, in order.
+    pub fn split(&self, wanted: Split) -> impl Iterator<Item = &Camera> {
+        self.views.iter().filter(move |view| view.split.includes(wanted)).map(|view| &view.camera)
+    }
+
+    /// The distinct cameras: views that differ in time only become one, without time, named by what their names share.
+    pub fn stations(&self) -> Vec<Camera> {
+        stations(self.views.iter().map(|view| &view.camera))
+    }
+
+    /// Distinct times, ascending; empty when the data set has none.
+    pub fn times(&self) -> Vec<f32> {
+        let mut times: Vec<f32> = self.views.iter().filter_map(|view| view.camera.time).collect();
+        times.sort_by(f32::total_cmp);
+        times.dedup();
+        times
+    }
+
+    /// Distinct image sizes, pixels.
+    pub fn sizes(&self) -> BTreeSet<(u32, u32)> {
+        self.views.iter().map(|view| (view.camera.width, view.camera.height)).collect()
+    }
+
+    /// Refuses an empty set and cameras that cannot see.
+    pub(super) fn check(&self) -> Result<(), CamerasError> {
+        if self.views.is_empty() {
+            return Err(CamerasError::Empty);
+        }
+        check_all(self.views.iter().map(|view| &view.camera).chain(&self.video))
+    }
+}
+
+/// Refuses cameras that cannot see, and times that are none.
+pub(super) fn check_all<'a>(cameras: impl Iterator<Item = &'a Camera>) -> Result<(), CamerasError> {
+    for (index, camera) in cameras.enumerate() {
+        camera.check().map_err(|source| CamerasError::Camera { index, source })?;
+        if let Some(time) = camera.time.filter(|time| !time.is_finite()) {
+            let at = format!("entry {index} (`{}`)", camera.name);
+            return Err(CamerasError::malformed(at, "a finite time", time));
+        }
+    }
+    Ok(())
+}
+
+/// Distinct cameras in order of appearance; see [`CameraSet::stations`].
+pub fn stations<'a>(cameras: impl Iterator<Item = &'a Camera>) -> Vec<Camera> {
+    let mut found: Vec<Camera> = Vec::new();
+    let mut by_pose: HashMap<[u64; 3], Vec<usize>> = HashMap::new();
+    for camera in cameras {
+        let key = [0, 1, 2].map(|i| camera.viewmat[i][3].to_bits());
+        let known = by_pose.entry(key).or_default();
+        if let Some(&index) = known.iter().find(|&&index| same_view(&found[index], camera)) {
+            // What the names share, if they share it: `cam00` of `cam00/0000` and `cam00/0001`.
+            let rig = |name: &str| name.rsplit_once('/').map(|(rig, _)| rig.len());
+            let name = &mut found[index].name;
+            if let (Some(end), Some(known_end)) = (rig(&camera.name), rig(name))
+                && camera.name[..end] == name[..known_end]
+            {
+                name.truncate(known_end);
+            }
+        } else {
+            known.push(found.len());
+            found.push(Camera { time: None, ..camera.clone() });
+        }
+    }
+    found
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn views_of_one_camera_are_one_station() {
+        let seen = |x: f64, name: &str, time: f32| {
+            let mut camera =
+                Camera::look_at([x, 0.0, -4.0], [0.0; 3], [0.0, 1.0, 0.0], 0.8, 64, 48);
+            name.clone_into(&mut camera.name);
+            camera.time = Some(time);
+            camera
+        };
+        let cameras = [
+            seen(0.0, "cam00/0000", 0.0),
+            seen(1.0, "cam01/0000", 0.0),
+            seen(0.0, "cam00/0001", 0.5),
+            seen(2.0, "alone/0007", 0.7),
+        ];
+        let found = stations(cameras.iter());
+        let names: Vec<&str> = found.iter().map(|camera| camera.name.as_str()).collect();
+        assert_eq!(names, ["cam00", "cam01/0000", "alone/0007"], "shared part of the name");
+        assert!(found.iter().all(|camera| camera.time.is_none()), "they look at every time");
+    }
+
+    #[test]
+    fn splits() {
+        assert!(Split::TrainAndTest.includes(Split::Train), "both");
+        assert!(Split::TrainAndTest.includes(Split::Test), "both");
+        assert!(
+            !Split::TrainAndTest.includes(Split::Val) && !Split::Val.includes(Split::Test),
+            "no"
+        );
+    }
+}

@@ -1,0 +1,185 @@
+//! Which camera files a path leads to.
+
+use super::{CamerasError, Format, colmap, npy, poses_bounds, rigs};
+use crate::cfg_args;
+use crate::error::{IoError, list_names, read_bytes};
+use serde::Deserialize;
+use serde::de::IgnoredAny;
+use std::fs::File;
+use std::io::Read;
+use std::path::{Path, PathBuf};
+
+/// Camera files that were found.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Source {
+    /// Their layout.
+    pub format: Format,
+    /// The folder of the data set; for `cameras.json` the file.
+    pub root: PathBuf,
+    /// The only file to read, when a file was named.
+    pub file: Option<String>,
+    /// How a model folder led here.
+    pub via: Option<String>,
+}
+
+impl Source {
+    fn new(format: Format, root: &Path) -> Self {
+        Self { format, root: root.to_owned(), file: None, via: None }
+    }
+
+    fn in_file(format: Format, path: &Path) -> Self {
+        let name = path.file_name().map(|name| name.to_string_lossy().into_owned());
+        Self { file: name, ..Self::new(format, parent(path)) }
+    }
+
+    /// The NumPy file of poses.
+    pub(super) fn poses_file(&self) -> String {
+        self.file.clone().unwrap_or_else(|| poses_bounds::FILE.to_owned())
+    }
+}
+
+fn parent(path: &Path) -> &Path {
+    match path.parent() {
+        Some(parent) if parent != Path::new("") => parent,
+        _ => Path::new("."),
+    }
+}
+
+/// Error for a path that holds no cameras.
+pub(super) fn unknown(path: &Path) -> IoError {
+    IoError::content(
+        path,
+        "holds no cameras; expected cameras.json, transforms_*.json, poses_bounds.npy, a COLMAP model (sparse/0), dataset.json with camera/, frame folders with sparse/0, sparse_ with cam01, …, or a model folder whose cfg_args names such a data set",
+    )
+}
+
+/// Looks at names and first bytes; `None` when there are no cameras.
+///
+/// # Errors
+/// If the path cannot be read, or is a model folder whose data set is not there.
+pub fn find(path: impl AsRef<Path>) -> Result<Option<Source>, IoError> {
+    let path = path.as_ref();
+    let metadata = std::fs::metadata(path)
+        .map_err(|source| IoError::Read { path: path.to_owned(), source })?;
+    if !metadata.is_dir() {
+        return in_file(path);
+    }
+    if let Some(found) = data_set(path)? {
+        return Ok(Some(found));
+    }
+    let own = path.join("cameras.json");
+    if own.is_file() {
+        return Ok(Some(Source::new(Format::CamerasJson, &own)));
+    }
+    of_model(path)
+}
+
+/// The data set of a folder, in the order in which the reference looks.
+pub(crate) fn data_set(root: &Path) -> Result<Option<Source>, IoError> {
+    let names = list_names(root)?;
+    let has = |name: &str| names.iter().any(|found| found == name);
+    let holds = |folder: &str| colmap::model_folder(&root.join(folder)).is_some();
+    let format = if names.iter().any(|name| rigs::frame_number(name) == Some(0)) {
+        Format::FrameFolders
+    } else if has("sparse") && colmap::model_folder(root).is_some() {
+        Format::Colmap
+    } else if names.iter().any(|name| is_transforms(name)) {
+        Format::Transforms
+    } else if has(poses_bounds::FILE) {
+        Format::PosesBounds
+    } else if has("dataset.json") && has("camera") {
+        Format::Nerfies
+    } else if has("sparse_") && holds("sparse_") {
+        Format::MultiView
+    } else if colmap::model_folder(root).is_some() {
+        return Ok(Some(Source::new(Format::Colmap, &above_model(root))));
+    } else {
+        return Ok(None);
+    };
+    Ok(Some(Source::new(format, root)))
+}
+
+fn is_transforms(name: &str) -> bool {
+    name == "transforms.json"
+        || ["train", "test", "val"].iter().any(|part| name == format!("transforms_{part}.json"))
+}
+
+/// The data set that a folder of COLMAP files belongs to: what `sparse/0` lies in, else the folder itself.
+fn above_model(folder: &Path) -> PathBuf {
+    let Ok(real) = folder.canonicalize() else { return folder.to_owned() };
+    let named = |path: &Path, name: &str| path.file_name().is_some_and(|found| found == name);
+    let sparse = if named(&real, "0") { real.parent() } else { Some(real.as_path()) };
+    match sparse {
+        Some(sparse) if named(sparse, "sparse") => parent(sparse).to_owned(),
+        _ => folder.to_owned(),
+    }
+}
+
+/// Keys that tell JSON files apart.
+#[derive(Deserialize)]
+struct Keys {
+    frames: Option<IgnoredAny>,
+    ids: Option<IgnoredAny>,
+}
+
+/// What a file is, by its first bytes; COLMAP's files, which have no mark, by name.
+fn in_file(path: &Path) -> Result<Option<Source>, IoError> {
+    let failed = |source| IoError::Read { path: path.to_owned(), source };
+    let mut head = Vec::new();
+    File::open(path).map_err(failed)?.take(4096).read_to_end(&mut head).map_err(failed)?;
+    let name = path.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
+    if npy::is_npy(&head) {
+        return Ok(Some(Source::in_file(Format::PosesBounds, path)));
+    }
+    if ["cameras.bin", "images.bin", "cameras.txt", "images.txt"].contains(&name.as_str()) {
+        return Ok(data_set(parent(path))?.filter(|found| found.format != Format::Transforms));
+    }
+    let is_text = head.iter().all(|byte| *byte >= b' ' || byte.is_ascii_whitespace());
+    match head.trim_ascii_start().first().filter(|_| is_text) {
+        Some(b'[') => Ok(Some(Source::new(Format::CamerasJson, path))),
+        Some(b'{') => {
+            let keys: Keys = serde_json::from_slice(&read_bytes(path)?)
+                .map_err(CamerasError::json("JSON file"))
+                .map_err(IoError::cameras(path))?;
+            Ok(if keys.frames.is_some() {
+                Some(Source::in_file(Format::Transforms, path))
+            } else if keys.ids.is_some() {
+                Some(Source::new(Format::Nerfies, parent(path)))
+            } else {
+                None
+            })
+        }
+        _ => Ok(None),
+    }
+}
+
+/// The data set that a model folder's `cfg_args` names, as given, beside the model, or above it.
+fn of_model(model: &Path) -> Result<Option<Source>, IoError> {
+    let Ok(bytes) = std::fs::read(model.join("cfg_args")) else { return Ok(None) };
+    let args = cfg_args::parse(&String::from_utf8_lossy(&bytes))
+        .map_err(|source| IoError::Cfg { path: model.join("cfg_args"), source })?;
+    let Some(named) = args.get("source_path").and_then(cfg_args::Value::as_str) else {
+        return Ok(None);
+    };
+    let real = model.canonicalize().unwrap_or_else(|_unreadable| model.to_owned());
+    let places = std::iter::once(PathBuf::new()).chain(real.ancestors().map(Path::to_owned));
+    for place in places {
+        let root = place.join(named);
+        if root.is_dir()
+            && let Some(found) = data_set(&root)?
+        {
+            let via = Some(format!(
+                "{} names the data set {}",
+                model.join("cfg_args").display(),
+                root.display()
+            ));
+            return Ok(Some(Source { via, ..found }));
+        }
+    }
+    Err(IoError::content(
+        model,
+        format!(
+            "is a model without cameras: its cfg_args names the data set `{named}`, which is not there; give the data set's folder or a cameras.json"
+        ),
+    ))
+}

@@ -1,0 +1,329 @@
+//! `transforms_*.json` of D-NeRF and Blender, and `transforms.json` of nerfstudio: camera-to-world matrices with OpenGL's axes.
+//!
+//! Trained reading: 800×800 images, the one field of view of each file, times over the largest of train and test, and a translation
+//! whose x keeps the sign it should lose (no difference for cameras that look at the origin, as D-NeRF's all do). Stored reading: own
+//! intrinsics and sizes, times over the same.
+
+use super::colmap::share;
+use super::images::{Sizes, is_image, pixels};
+use super::lens::{LeftOut, Lens};
+use super::set::check_all;
+use super::{CameraSet, CamerasError, Format, Reading, Split, View, paths, pose};
+use crate::error::{IoError, read_bytes};
+use gs_core::{Camera, Intrinsics};
+use serde::Deserialize;
+use std::path::Path;
+
+/// Image side of the reference's D-NeRF reader, pixels.
+const TRAINED_SIDE: f64 = 800.0;
+/// Files of a data set in the order of its splits.
+const FILES: [(&str, Split); 4] = [
+    ("transforms_train.json", Split::Train),
+    ("transforms_test.json", Split::Test),
+    ("transforms_val.json", Split::Val),
+    ("transforms.json", Split::None),
+];
+
+/// Intrinsics, of a file or of one of its frames. Pixels; angles in radians.
+#[derive(Debug, Clone, Default, Deserialize)]
+struct Optics {
+    camera_angle_x: Option<f64>,
+    camera_angle_y: Option<f64>,
+    camera_model: Option<String>,
+    fl_x: Option<f64>,
+    fl_y: Option<f64>,
+    cx: Option<f64>,
+    cy: Option<f64>,
+    w: Option<f64>,
+    h: Option<f64>,
+    k1: Option<f64>,
+    k2: Option<f64>,
+    k3: Option<f64>,
+    p1: Option<f64>,
+    p2: Option<f64>,
+}
+
+#[derive(Debug, Deserialize)]
+struct Frame {
+    file_path: String,
+    time: Option<f64>,
+    transform_matrix: Vec<Vec<f64>>,
+    #[serde(flatten)]
+    optics: Optics,
+}
+
+/// A `transforms` file.
+#[derive(Debug, Deserialize)]
+pub struct Transforms {
+    #[serde(flatten)]
+    optics: Optics,
+    frames: Vec<Frame>,
+}
+
+/// Parses a `transforms` file. Poses are checked when cameras are made of them.
+///
+/// # Errors
+/// If it is not JSON of this form, or a matrix is not 4×4 (or its first three rows).
+pub fn parse(bytes: &[u8]) -> Result<Transforms, CamerasError> {
+    let file: Transforms =
+        serde_json::from_slice(bytes).map_err(CamerasError::json("transforms file"))?;
+    for (index, frame) in file.frames.iter().enumerate() {
+        let rows = &frame.transform_matrix;
+        if !(3..=4).contains(&rows.len()) || rows.iter().any(|row| row.len() != 4) {
+            return Err(CamerasError::malformed(
+                format!("frame {index} (`{}`)", frame.file_path),
+                "a transform_matrix of 4×4 numbers",
+                format!("{} rows of {:?}", rows.len(), rows.first().map_or(0, Vec::len)),
+            ));
+        }
+    }
+    Ok(file)
+}
+
+impl Transforms {
+    /// Cameras of the file at their own times over `max_time`, without looking at images.
+    ///
+    /// # Errors
+    /// If a camera cannot see, or a frame has no focal length.
+    pub fn cameras(&self, reading: Reading, max_time: f64) -> Result<Vec<Camera>, CamerasError> {
+        let mut context = Context::new(reading, max_time);
+        let cameras: Vec<Camera> = (0..self.frames.len())
+            .map(|index| context.camera(self, index, None))
+            .collect::<Result<_, _>>()?;
+        check_all(cameras.iter())?;
+        Ok(cameras)
+    }
+
+    /// Largest time of the file; 0 when it has none.
+    pub fn max_time(&self) -> f64 {
+        self.frames.iter().filter_map(|frame| frame.time).fold(0.0, f64::max)
+    }
+
+    /// The field of view of the whole file, horizontal, radians.
+    fn fov_x_rad(&self) -> Option<f64> {
+        let optics = &self.optics;
+        let from_focal = || Some(2.0 * (optics.w? / (2.0 * optics.fl_x?)).atan());
+        optics.camera_angle_x.or_else(from_focal)
+    }
+}
+
+/// What cameras are made with, and what is noted on the way.
+struct Context {
+    reading: Reading,
+    max_time: f64,
+    left_out: LeftOut,
+    sizes: Sizes,
+    assumed_size: usize,
+    /// Largest change that the reference's sign slip makes, world units.
+    slip: f64,
+}
+
+impl Context {
+    fn new(reading: Reading, max_time: f64) -> Self {
+        Self {
+            reading,
+            max_time,
+            left_out: LeftOut::default(),
+            sizes: Sizes::default(),
+            assumed_size: 0,
+            slip: 0.0,
+        }
+    }
+
+    /// The camera of a frame; `root` is where its image may lie.
+    fn camera(
+        &mut self,
+        file: &Transforms,
+        index: usize,
+        root: Option<&Path>,
+    ) -> Result<Camera, CamerasError> {
+        let frame = &file.frames[index];
+        let at = || format!("frame {index} (`{}`)", frame.file_path);
+        let mut matrix = [[0.0; 4]; 3];
+        for (row, values) in matrix.iter_mut().zip(&frame.transform_matrix) {
+            row.copy_from_slice(values);
+        }
+        let mut viewmat = pose::from_opengl(&matrix);
+        let lens = match (self.reading, file.fov_x_rad()) {
+            (Reading::Trained, Some(fov)) => {
+                // The reference negates all three components where only y and z change sign with the axes.
+                viewmat[0][3] = -viewmat[0][3];
+                self.slip = self.slip.max(2.0 * viewmat[0][3].abs());
+                let focal = TRAINED_SIDE / (2.0 * (fov / 2.0).tan());
+                let (cx, cy) = (TRAINED_SIDE / 2.0, TRAINED_SIDE / 2.0);
+                let intrinsics = Intrinsics { fx: focal, fy: focal, cx, cy };
+                Lens::pinhole(intrinsics, TRAINED_SIDE, TRAINED_SIDE)
+            }
+            _ => self.stored_lens(file, frame, root).map_err(|missing| match missing {
+                Missing::Focal => {
+                    CamerasError::malformed(at(), "camera_angle_x or fl_x", "neither")
+                }
+                Missing::Pinhole(model) => CamerasError::Lens { camera: at(), model },
+            })?,
+        };
+        let time = frame.time.map(|time| {
+            #[expect(clippy::cast_possible_truncation, reason = "a time")]
+            let share = (time / if self.max_time > 0.0 { self.max_time } else { 1.0 }) as f32;
+            share
+        });
+        let name = frame.file_path.trim_start_matches("./").to_owned();
+        self.left_out.distortion(&name, &lens);
+        Ok(lens.camera(viewmat, time, name))
+    }
+
+    fn stored_lens(
+        &mut self,
+        file: &Transforms,
+        frame: &Frame,
+        root: Option<&Path>,
+    ) -> Result<Lens, Missing> {
+        let (own, shared) = (&frame.optics, &file.optics);
+        let value = |pick: fn(&Optics) -> Option<f64>| pick(own).or_else(|| pick(shared));
+        if let Some(model) = own.camera_model.as_ref().or(shared.camera_model.as_ref())
+            && !["OPENCV", "PINHOLE", "SIMPLE_PINHOLE", "SIMPLE_RADIAL", "RADIAL"]
+                .contains(&model.as_str())
+        {
+            return Err(Missing::Pinhole(model.clone()));
+        }
+        let image = || {
+            let mut path = root?.join(frame.file_path.trim_start_matches("./"));
+            if !is_image(&frame.file_path) {
+                path.as_mut_os_string().push(".png");
+            }
+            self.sizes.of(&path).map(|(width, height)| (f64::from(width), f64::from(height)))
+        };
+        let told = value(|o| o.w).zip(value(|o| o.h));
+        let (width, height) = told.or_else(image).unwrap_or_else(|| {
+            self.assumed_size += 1;
+            (TRAINED_SIDE, TRAINED_SIDE)
+        });
+        let from_angle = |side: f64| move |angle: f64| side / (2.0 * (angle / 2.0).tan());
+        let fx = value(|o| o.fl_x)
+            .or_else(|| value(|o| o.camera_angle_x).map(from_angle(width)))
+            .ok_or(Missing::Focal)?;
+        let fy = value(|o| o.fl_y)
+            .or_else(|| value(|o| o.camera_angle_y).map(from_angle(height)))
+            .unwrap_or(fx);
+        let cx = value(|o| o.cx).unwrap_or(width / 2.0);
+        let cy = value(|o| o.cy).unwrap_or(height / 2.0);
+        let number = |pick| value(pick).unwrap_or(0.0);
+        Ok(Lens {
+            radial: [number(|o| o.k1), number(|o| o.k2), number(|o| o.k3)],
+            tangential: [number(|o| o.p1), number(|o| o.p2)],
+            ..Lens::pinhole(Intrinsics { fx, fy, cx, cy }, width, height)
+        })
+    }
+
+    fn notes(self) -> Vec<String> {
+        let mut notes = self.left_out.notes();
+        if self.assumed_size > 0 {
+            notes.push(format!(
+                "{} views have no size in the files and no image: D-NeRF's 800×800 is assumed",
+                self.assumed_size
+            ));
+        }
+        if self.reading == Reading::Trained {
+            notes.push("images are 800×800, as in training".to_owned());
+        }
+        if self.slip > 1e-4 {
+            notes.push(format!(
+                "4DGaussians mistakes the sign of x in these cameras' translations (up to {:.3} world units here) and trains with that; so it is repeated",
+                self.slip
+            ));
+        }
+        notes
+    }
+}
+
+/// Why a stored lens cannot be made.
+enum Missing {
+    Focal,
+    Pinhole(String),
+}
+
+/// Reads the files of a folder, or one of them.
+pub(super) fn open(
+    root: &Path,
+    only: Option<&str>,
+    reading: Reading,
+) -> Result<CameraSet, IoError> {
+    let read = |name: &str| -> Result<Option<Transforms>, IoError> {
+        let path = root.join(name);
+        if !path.is_file() {
+            return Ok(None);
+        }
+        parse(&read_bytes(&path)?).map(Some).map_err(IoError::cameras(&path))
+    };
+    let train = read(FILES[0].0)?;
+    let test = read(FILES[1].0)?;
+    let trained_times = [&train, &test].into_iter().flatten().map(Transforms::max_time);
+    let mut max_time = trained_times.fold(0.0, f64::max);
+    let mut files = Vec::new();
+    if let Some(name) = only {
+        let known = FILES.iter().find(|(known, _)| *known == name);
+        let split = known.map_or(Split::None, |(_, split)| *split);
+        files.extend(read(name)?.map(|file| (name.to_owned(), file, split)));
+    } else {
+        let mut rest = [train, test].into_iter();
+        for (name, split) in FILES {
+            let file = match rest.next() {
+                Some(file) => file,
+                // A file for everything beside files for its parts would count views twice.
+                None if split == Split::None && !files.is_empty() => None,
+                None => read(name)?,
+            };
+            files.extend(file.map(|file| (name.to_owned(), file, split)));
+        }
+    }
+    if max_time <= 0.0 {
+        max_time = files.iter().map(|(_, file, _)| file.max_time()).fold(0.0, f64::max);
+    }
+    let mut context = Context::new(reading, max_time);
+    let mut views = Vec::new();
+    for (name, file, split) in &files {
+        // Only D-NeRF's own files are what the reference trains on.
+        context.reading = if *split == Split::None { Reading::Stored } else { reading };
+        for index in 0..file.frames.len() {
+            let camera = context
+                .camera(file, index, Some(root))
+                .map_err(IoError::cameras(&root.join(name)))?;
+            views.push(View { camera, split: *split });
+        }
+    }
+    let video = match files.iter().find(|(.., split)| *split == Split::Train) {
+        Some((_, file, _)) => file.fov_x_rad().map(turn).unwrap_or_default(),
+        None => Vec::new(),
+    };
+    let mut notes = context.notes();
+    if max_time > 0.0 && (max_time - 1.0).abs() > 1e-9 {
+        notes.push(format!("times are divided by the largest of train and test, {max_time}"));
+    }
+    Ok(CameraSet { format: Format::Transforms, path: root.to_owned(), views, video, notes })
+}
+
+/// The reference's 160 views on a circle around the origin, at 30° of elevation and radius 4.
+fn turn(fov_x_rad: f64) -> Vec<Camera> {
+    const FRAMES: usize = 160;
+    let focal = TRAINED_SIDE / (2.0 * (fov_x_rad / 2.0).tan());
+    (0..FRAMES)
+        .map(|frame| {
+            let azimuth_rad = (frame as f64 / FRAMES as f64)
+                .mul_add(std::f64::consts::TAU, -std::f64::consts::PI);
+            let viewmat =
+                pose::from_opengl(&paths::on_sphere(azimuth_rad, -30.0_f64.to_radians(), 4.0));
+            Camera {
+                viewmat,
+                intrinsics: Intrinsics {
+                    fx: focal,
+                    fy: focal,
+                    cx: TRAINED_SIDE / 2.0,
+                    cy: TRAINED_SIDE / 2.0,
+                },
+                width: pixels(TRAINED_SIDE),
+                height: pixels(TRAINED_SIDE),
+                time: Some(share(frame, FRAMES - 1)),
+                name: format!("video/{frame:04}"),
+            }
+        })
+        .collect()
+}

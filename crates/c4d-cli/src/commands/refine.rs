@@ -365,17 +365,18 @@ impl Observer for Watch<'_> {
 fn write_state(path: &Path, state: &State) -> Outcome {
     let failed =
         |error: safetensors::SafeTensorError| Failure::failed(format!("{REFINE_STATE}: {error}"));
-    let bytes: Vec<Vec<u8>> = state
-        .arrays
-        .iter()
-        .map(|(_, values)| values.iter().flat_map(|value| value.to_le_bytes()).collect())
-        .collect();
-    let mut views = Vec::with_capacity(bytes.len());
-    for ((name, values), bytes) in state.arrays.iter().zip(&bytes) {
-        views.push((
-            name.as_str(),
-            TensorView::new(Dtype::F32, vec![values.len()], bytes).map_err(failed)?,
-        ));
+    let singles = state.arrays.iter().map(|(name, values)| {
+        let bytes: Vec<u8> = values.iter().flat_map(|value| value.to_le_bytes()).collect();
+        (name, Dtype::F32, values.len(), bytes)
+    });
+    let doubles = state.doubles.iter().map(|(name, values)| {
+        let bytes: Vec<u8> = values.iter().flat_map(|value| value.to_le_bytes()).collect();
+        (name, Dtype::F64, values.len(), bytes)
+    });
+    let arrays: Vec<_> = singles.chain(doubles).collect();
+    let mut views = Vec::with_capacity(arrays.len());
+    for (name, dtype, len, bytes) in &arrays {
+        views.push((name.as_str(), TensorView::new(*dtype, vec![*len], bytes).map_err(failed)?));
     }
     let metadata = HashMap::from([
         ("fingerprint".to_owned(), state.fingerprint.to_string()),
@@ -400,14 +401,22 @@ fn read_state(path: &PathBuf) -> Outcome<State> {
             .ok_or_else(|| bad(format!("no {name}: not a checkpoint of c4d refine")))
     };
     let file = SafeTensors::deserialize(&bytes).map_err(|error| bad(error.to_string()))?;
-    let mut arrays: Vec<(String, Vec<f32>)> = file
-        .iter()
-        .map(|(name, view)| {
-            let values =
-                view.data().as_chunks::<4>().0.iter().map(|b| f32::from_le_bytes(*b)).collect();
-            (name.to_owned(), values)
-        })
-        .collect();
+    let (mut arrays, mut doubles) = (Vec::new(), Vec::new());
+    for (name, view) in file.iter() {
+        let (singles, pairs) = (view.data().as_chunks::<4>().0, view.data().as_chunks::<8>().0);
+        match view.dtype() {
+            Dtype::F32 => arrays.push((
+                name.to_owned(),
+                singles.iter().map(|bytes| f32::from_le_bytes(*bytes)).collect::<Vec<_>>(),
+            )),
+            Dtype::F64 => doubles.push((
+                name.to_owned(),
+                pairs.iter().map(|bytes| f64::from_le_bytes(*bytes)).collect::<Vec<_>>(),
+            )),
+            other => return Err(bad(format!("`{name}` is {other:?}, expected F32 or F64"))),
+        }
+    }
     arrays.sort_by(|a, b| a.0.cmp(&b.0));
-    Ok(State { fingerprint: number("fingerprint")?, step: number("step")?, arrays })
+    doubles.sort_by(|a, b| a.0.cmp(&b.0));
+    Ok(State { fingerprint: number("fingerprint")?, step: number("step")?, arrays, doubles })
 }

@@ -93,7 +93,7 @@ pub struct RefineOptions {
     pub opacity: bool,
     /// Images (pairs of view and time) drawn. Default 240.
     pub samples: usize,
-    /// Whether the edited frame itself, from every view, is among the images: it is to stay as it is. Default true; false in the paper.
+    /// Whether the edited frame itself, from every view (20 of those that have a time of their own), is among the images: it is to stay as it is. Default true; false in the paper.
     pub keep_first_frame: bool,
     /// Seed of the draw and of the order of steps. Default 0.
     pub seed: u64,

@@ -28,8 +28,6 @@ const RIG_SIZE: (u32, u32) = (640, 480);
 const RIG_CAMERAS: usize = 10;
 /// Every so-manieth camera is held out of the refinement and only reported.
 const HELD_OUT_EVERY: usize = 5;
-/// Seconds between checkpoints.
-const CHECKPOINT_SECS: f64 = 20.0;
 
 pub(crate) fn run(args: &RefineArgs, global: &Global, console: &Console) -> Outcome {
     refine(&args.run, &args.flags, args.preset, args.resume, global, console)?;
@@ -51,10 +49,14 @@ pub(crate) fn check(flags: &RefineFlags, global: &Global) -> Outcome {
     {
         return refuse(format!("--epsilon {epsilon}: expected 0.5 to 2, at most 10"));
     }
-    if let Some(seconds) = flags.preview_every
-        && !(seconds >= 0.0 && seconds.is_finite())
-    {
-        return refuse(format!("--preview-every {seconds}: expected seconds"));
+    let intervals = [
+        ("--preview-every", flags.preview_every),
+        ("--checkpoint-every", Some(flags.checkpoint_every)),
+    ];
+    for (name, seconds) in intervals {
+        if let Some(seconds) = seconds.filter(|secs| !(*secs >= 0.0 && secs.is_finite())) {
+            return refuse(format!("{name} {seconds}: expected seconds, 0 or more"));
+        }
     }
     if let Some(file) = &flags.refine_cameras {
         cameras_json::read_file(file).map_err(|error| scene::bad_input(&error))?;
@@ -196,7 +198,7 @@ fn options(flags: &RefineFlags, preset: PresetArg, loaded: &Loaded) -> RefineOpt
     options.seed = loaded.config.seed;
     options.background = loaded.source.background.map(f64::from);
     options.preview_secs = flags.preview_every;
-    options.checkpoint_secs = Some(CHECKPOINT_SECS);
+    options.checkpoint_secs = Some(flags.checkpoint_every);
     options.memory = flags.memory.saturating_mul(1 << 20);
     if let Some(samples) = flags.samples {
         options.samples = samples;

@@ -206,6 +206,9 @@ pub(crate) struct RefineFlags {
     /// Write a preview image into the run every so many seconds
     #[arg(long, value_name = "SECONDS")]
     pub(crate) preview_every: Option<f64>,
+    /// Save a checkpoint for --resume every so many seconds
+    #[arg(long, value_name = "SECONDS", default_value_t = 20.0)]
+    pub(crate) checkpoint_every: f64,
 }
 
 impl Default for RefineFlags {
@@ -220,6 +223,7 @@ impl Default for RefineFlags {
             warp: None,
             memory: 2048,
             preview_every: None,
+            checkpoint_every: 20.0,
         }
     }
 }

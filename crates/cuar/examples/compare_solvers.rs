@@ -45,7 +45,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         let name = format!("regression {passes} passes");
         runs.push((name, regression(passes, usual.prior), WarpForm::Backward, best));
     }
-    for prior in [0.003, 0.0003, 0.0001] {
+    for prior in [0.3, 0.003] {
         let name = format!("regression 8 passes, prior {prior}");
         runs.push((name, regression(8, prior), WarpForm::Backward, best));
     }

@@ -19,7 +19,7 @@ pub(crate) struct Descent {
 }
 
 impl Descent {
-    pub(crate) fn new<R: Rasterizer>(problem: &Problem<R>) -> Self {
+    pub(crate) fn new<R: Rasterizer<Prepared: Send> + Sync>(problem: &Problem<R>) -> Self {
         let len = problem.num_rows * problem.coeffs();
         let num_logits = if problem.options.opacity { problem.num_rows } else { 0 };
         Self {
@@ -31,7 +31,7 @@ impl Descent {
         }
     }
 
-    pub(crate) fn resume<R: Rasterizer>(
+    pub(crate) fn resume<R: Rasterizer<Prepared: Send> + Sync>(
         problem: &Problem<R>,
         state: &State,
     ) -> Result<Self, CuarError> {
@@ -59,11 +59,12 @@ impl Descent {
                 named("logits_m", &self.adam_logits.m),
                 named("logits_v", &self.adam_logits.v),
             ],
+            doubles: Vec::new(),
         }
     }
 
     /// Runs to the last step.
-    pub(crate) fn run<R: Rasterizer>(
+    pub(crate) fn run<R: Rasterizer<Prepared: Send> + Sync>(
         &mut self,
         problem: &mut Problem<R>,
         params: &AdamParams,
@@ -84,10 +85,10 @@ impl Descent {
             let (epoch, within) = (step / count, step % count);
             let s = SplitMix(problem.options.seed ^ (epoch as u64 + 1)).order(count)[within];
             let d = Deltas { sh: &self.d_sh, logits: &self.d_logits };
-            let parts = problem.visit(s, d, ask)?;
+            let parts = problem.visit(s..s + 1, d, ask)?.pop().unwrap_or_default();
             gradient.fill(0.0);
             v_logits.fill(0.0);
-            let (work, entries) = (&problem.work, &problem.samples[s].entries);
+            let (work, entries) = (&problem.lanes[0], &problem.samples[s].entries);
             for (k, entry) in entries.iter().enumerate() {
                 let (row, local) = (entry.row as usize, entry.local as usize);
                 let out = &mut gradient[row * coeffs * 3..(row + 1) * coeffs * 3];
@@ -119,7 +120,7 @@ impl Descent {
                 trace.push(TracePoint { secs: watch.elapsed(), step: self.adam.step, loss });
             }
             watch.step(step + 1, Some(loss));
-            watch.preview(|| problem.preview(s));
+            watch.preview(|| problem.preview(s, 0));
             watch.checkpoint(|| self.state(fingerprint))?;
         }
         Ok(())

@@ -48,6 +48,7 @@ mod regression;
 mod sample;
 mod scene;
 mod state;
+mod supervision;
 mod uncertainty;
 mod visit;
 mod warp;

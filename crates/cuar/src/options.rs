@@ -21,30 +21,34 @@ pub enum Solver {
     Adam(AdamParams),
 }
 
-/// The regression solver: majorise–minimise, incremental over images.
+/// The regression solver: majorise–minimise.
 ///
 /// With geometry and opacity fixed a pixel is a sub-convex combination of splat colours, so the (reweighted) quadratic model of the objective
 /// separates over splats: every image asks every visible splat for one colour, with a weight. A splat's SH is the weighted least-squares fit of
-/// what all images ask. No step size; each image's request is renewed when the image is visited and all others keep their last one.
+/// what all images ask, and of the colours that the edited frame shows of it from every view, which hold firmly. No step size.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RegressionParams {
-    /// Visits of every image. Default 8.
+    /// Most visits of every image; it ends earlier once a pass hardly gains. Default 8.
     pub passes: usize,
-    /// How often per pass the splats are fitted anew (not in the first pass, which only gathers). Default 8.
-    pub fits_per_pass: usize,
     /// Width δ of the smoothed L1, colour units. Default 0.01.
     pub delta: f64,
     /// Over-relaxation of the requested colours, in (0, 2). Default 1.5.
     pub relaxation: f64,
-    /// Smoothness over directions: ridge on the refined coefficients of degree `l`, relative to the splat's total weight: `prior · l²` times the
-    /// share of images in which the splat's ξ exceeds the mask's threshold (and, on the change of DC, a thousandth of `prior`). Where no image tells, colours become those of the smoothest function through what the images
-    /// tell, rather than what an unsupervised fit left there. Default 0.001; 0 fits the images alone.
+    /// How firmly a splat keeps the colours that the edited frame shows of it, relative to the weight that the background loss gives the same
+    /// pixels; less for splats that hardly show there. Colours there are right by definition, and pixels alone
+    /// let neighbours trade them. Default 1000; 0 treats the edited frame like any other image. Without effect unless the edited frame is
+    /// among the images.
+    pub hold: f64,
+    /// Smoothness over directions: ridge on the refined coefficients of degree `l`, relative to the weight of what images ask of the splat:
+    /// `prior · l²` times the share of images in which the splat's ξ exceeds the mask's threshold (and, on the change of DC, a thousandth of
+    /// `prior`). Where no image tells, colours become those of the smoothest function through what the images tell, rather than what an
+    /// unsupervised fit left there. Default 0.03; 0 fits the images alone.
     pub prior: f64,
 }
 
 impl Default for RegressionParams {
     fn default() -> Self {
-        Self { passes: 8, fits_per_pass: 8, delta: 0.01, relaxation: 1.5, prior: 0.001 }
+        Self { passes: 8, delta: 0.01, relaxation: 1.5, hold: 1000.0, prior: 0.03 }
     }
 }
 
@@ -89,7 +93,7 @@ pub struct RefineOptions {
     pub opacity: bool,
     /// Images (pairs of view and time) drawn. Default 240.
     pub samples: usize,
-    /// Whether the edited frame itself, from every view, is among the images: it is to stay as it is. Default true; false in the paper.
+    /// Whether the edited frame itself, from every view (20 of those that have a time of their own), is among the images: it is to stay as it is. Default true; false in the paper.
     pub keep_first_frame: bool,
     /// Seed of the draw and of the order of steps. Default 0.
     pub seed: u64,
@@ -165,7 +169,7 @@ impl RefineOptions {
         match &self.solver {
             Solver::Regression(params) => {
                 within("passes", params.passes as f64, 0.0, 1e6)?;
-                within("fits_per_pass", params.fits_per_pass as f64, 1.0, 1e6)?;
+                within("hold", params.hold, 0.0, 1e9)?;
                 within("delta", params.delta, 1e-6, 1.0)?;
                 within("relaxation", params.relaxation, 1e-3, 1.999)?;
                 within("prior", params.prior, 0.0, 1e6)?;

@@ -6,7 +6,8 @@ use gs_core::{Camera, TimeRange};
 /// Cameras and times to choose from.
 #[derive(Debug, Clone, Copy)]
 pub struct Views<'a> {
-    /// Every camera. One with a [`Camera::time`] looks at that time only (a frame of a monocular video); the others at every time.
+    /// Every camera. One with a [`Camera::time`] looks at that time (a frame of a monocular video) and at most at the edited frame besides; the
+    /// others at every time.
     pub cameras: &'a [Camera],
     /// Candidate times of cameras without one.
     pub times: &'a [f32],
@@ -56,6 +57,9 @@ pub(crate) struct Plan {
 
 /// Times at which each held-out view is looked at.
 const HELD_OUT_TIMES: usize = 4;
+
+/// Cameras with a time from which the edited frame is looked at, too.
+const FIRST_FRAMES: usize = 20;
 
 impl Views<'_> {
     pub(crate) fn check(&self, range: TimeRange) -> Result<(), CuarError> {
@@ -129,6 +133,9 @@ impl Views<'_> {
         }
         if let Some(time) = keep_first {
             samples.extend(free.iter().map(|&view| ViewTime { view, time }));
+            // frame 1 supervises fixed views, too; some of a video's many are enough to say what is to stay
+            let some = fixed_share.min(FIRST_FRAMES);
+            samples.extend(order[..some].iter().map(|&pick| ViewTime { view: fixed[pick], time }));
         }
         samples.sort_by(|a, b| a.time.total_cmp(&b.time).then(a.view.cmp(&b.view)));
         samples.dedup();
@@ -185,8 +192,10 @@ mod tests {
         }
         let views = Views { cameras: &cameras, times: &[], held_out: &[2] };
         let plan = views.draw(100, Some(0.0), 0.0, 0);
-        assert_eq!(plan.samples.len(), 4, "one each");
-        assert!(plan.samples.iter().all(|s| cameras[s.view].time == Some(s.time)), "own time");
+        let (first, own): (Vec<ViewTime>, Vec<ViewTime>) =
+            plan.samples.iter().partition(|s| s.time == 0.0);
+        assert_eq!((first.len(), own.len()), (4, 4), "the edited frame and their own");
+        assert!(own.iter().all(|s| cameras[s.view].time == Some(s.time)), "own time");
         assert!(views.check(TimeRange { start: 0.0, end: 0.8 }).is_err(), "outside the scene");
     }
 }

@@ -8,6 +8,8 @@ use crate::{
     visit::{Ask, Offsets, Work},
 };
 use gs_core::{Camera, Image, Rasterizer};
+use rayon::prelude::*;
+use std::ops::Range;
 use std::time::Instant;
 
 /// Images, their rasteriser and the shape of what is refined.
@@ -15,8 +17,12 @@ pub(crate) struct Problem<'a, R: Rasterizer> {
     pub raster: &'a R,
     pub options: &'a RefineOptions,
     pub cameras: &'a [Camera],
+    /// Those of the edited frame come last.
     pub samples: Vec<Sample<R::Prepared>>,
-    pub work: Work<R::Prepared>,
+    /// How many samples show the edited frame.
+    pub num_first: usize,
+    /// Memory of visits; as many samples are visited at once. Results do not depend on how many.
+    pub lanes: Vec<Work<R::Prepared>>,
     /// `E`, edited splats.
     pub num_rows: usize,
     pub sh_degree: usize,
@@ -30,7 +36,19 @@ pub(crate) struct Problem<'a, R: Rasterizer> {
     pub num_cached: usize,
 }
 
-impl<R: Rasterizer> Problem<'_, R> {
+/// Bytes of a [`Work`] per pixel, roughly.
+const LANE_BYTES: usize = 120;
+/// Most samples visited at once: within a visit, too, the work is shared among threads.
+const MAX_LANES: usize = 8;
+
+/// How many images of this many pixels are worked on at once, within a quarter of `memory`.
+pub(crate) fn num_lanes(cameras: &[Camera], memory: usize) -> usize {
+    let pixels = |camera: &Camera| camera.width as usize * camera.height as usize;
+    let each = cameras.iter().map(pixels).max().unwrap_or(0) * LANE_BYTES;
+    rayon::current_num_threads().min(memory / 4 / each.max(1)).clamp(1, MAX_LANES)
+}
+
+impl<R: Rasterizer<Prepared: Send> + Sync> Problem<'_, R> {
     /// `K`.
     pub(crate) fn coeffs(&self) -> usize {
         gs_core::sh::num_coeffs(self.sh_degree)
@@ -38,7 +56,10 @@ impl<R: Rasterizer> Problem<'_, R> {
 
     /// Prepares as many samples for good as the budget allows.
     pub(crate) fn cache(&mut self) -> Result<(), CuarError> {
+        let pixels = |camera: &Camera| camera.width as usize * camera.height as usize;
+        let largest = self.cameras.iter().map(pixels).max().unwrap_or(0);
         self.bytes = self.samples.iter().map(Sample::bytes).sum();
+        self.bytes += self.lanes.len() * largest * LANE_BYTES;
         self.num_cached = 0;
         for sample in &mut self.samples {
             let camera = &self.cameras[sample.at.view];
@@ -53,12 +74,27 @@ impl<R: Rasterizer> Problem<'_, R> {
         Ok(())
     }
 
-    /// Visits sample `s`.
-    pub(crate) fn visit(&mut self, s: usize, d: Deltas, ask: Ask) -> Result<LossParts, CuarError> {
+    /// Visits the samples `range`, at most as many as there are lanes, each in the lane of its place.
+    pub(crate) fn visit(
+        &mut self,
+        range: Range<usize>,
+        d: Deltas,
+        ask: Ask,
+    ) -> Result<Vec<LossParts>, CuarError> {
         let offsets = Offsets { d_sh: d.sh, sh_degree: self.sh_degree, d_logits: d.logits };
-        let sample = &mut self.samples[s];
-        let camera = &self.cameras[sample.at.view];
-        self.work.visit(self.raster, sample, camera, offsets, self.options, ask)
+        let Self { raster, options, cameras, samples, lanes, .. } = self;
+        let visit = |(sample, work): (&mut Sample<R::Prepared>, &mut Work<R::Prepared>)| {
+            work.visit(*raster, sample, &cameras[sample.at.view], offsets, options, ask)
+        };
+        samples[range].par_iter_mut().zip(lanes.par_iter_mut()).map(visit).collect()
+    }
+
+    /// The samples in groups that can be visited at once, from `first` on.
+    pub(crate) fn group(&self, first: usize) -> Range<usize> {
+        // those of the edited frame apart: other things are asked of them
+        let later = self.samples.len() - self.num_first;
+        let end = if first < later { later } else { self.samples.len() };
+        first..end.min(first + self.lanes.len())
     }
 
     /// Eq. 20, mean over the samples (0 without any): as it is, and as the solver smooths it.
@@ -72,17 +108,21 @@ impl<R: Rasterizer> Problem<'_, R> {
             Solver::Adam(_) => 0.0,
         };
         let mut sums = [0.0; 2];
-        for s in 0..self.samples.len() {
-            let parts = self.visit(s, d, Ask::Loss(delta))?;
-            sums[0] += parts.total(self.options.weights);
-            sums[1] += parts.shaped_total(self.options.weights);
-            tick(s)?;
+        let mut done = 0;
+        while done < self.samples.len() {
+            let group = self.group(done);
+            done = group.end;
+            for parts in self.visit(group, d, Ask::Loss(delta))? {
+                sums[0] += parts.total(self.options.weights);
+                sums[1] += parts.shaped_total(self.options.weights);
+            }
+            tick(done)?;
         }
         Ok(sums.map(|sum| sum / self.samples.len().max(1) as f64))
     }
 
-    /// How the sample visited last looks.
-    pub(crate) fn preview(&self, s: usize) -> Preview {
+    /// How sample `s` looked when `lane` visited it.
+    pub(crate) fn preview(&self, s: usize, lane: usize) -> Preview {
         let sample = &self.samples[s];
         let Crop { x, y, width, height } = sample.crop;
         let image = |data: &[f32], channels| Image { width, height, channels, data: data.to_vec() };
@@ -91,7 +131,7 @@ impl<R: Rasterizer> Problem<'_, R> {
             time: sample.at.time,
             origin: [x, y],
             before: image(&sample.original, 3),
-            now: image(&self.work.render, 3),
+            now: image(&self.lanes[lane].render, 3),
             target: image(&sample.warp, 3),
             mask: image(&sample.fore(), 1),
         }

@@ -4,13 +4,13 @@ use crate::{
     CuarError, OffsetScene, RefineOptions, RegressionParams, Solver, Views,
     descent::Descent,
     plan::ViewTime,
-    problem::{Deltas, Problem, TracePoint, Watch},
+    problem::{Deltas, Problem, TracePoint, Watch, num_lanes},
     regression::Regression,
-    sample::{Builder, Counts, Sample},
+    sample::{Counts, Sample, Source},
     scene,
     state::{Observer, State},
+    supervision::Supervision,
     visit::Work,
-    warp::FirstFrame,
 };
 use gs_core::{DynamicScene, Rasterizer, Splats};
 use std::time::Instant;
@@ -90,7 +90,7 @@ pub struct Report {
 ///
 /// # Errors
 /// If inputs disagree or are out of range, the scene or the rasteriser fails, the state is of another run, or the observer cancels.
-pub fn refine<R: Rasterizer>(
+pub fn refine<R: Rasterizer<Prepared: Send> + Sync>(
     raster: &R,
     scene: &dyn DynamicScene,
     edited: &[bool],
@@ -110,22 +110,19 @@ pub fn refine<R: Rasterizer>(
     let mut report = Report { num_edited: rows.len(), ..Report::default() };
 
     let begun = Instant::now();
+    let num_lanes = num_lanes(views.cameras, options.memory);
     let keep_first = options.keep_first_frame.then_some(edit_time);
     let plan = views.draw(options.samples, keep_first, edit_time, options.seed);
-    let mut stage = Supervision {
-        scene,
-        views,
-        builder: Builder::new(raster, options, edited, &row_of, &first),
-        frames: vec![None; views.cameras.len()],
-    };
+    let source = Source { raster, options, edited, row_of: &row_of, first: &first };
+    let mut stage = Supervision::new(scene, views, source, num_lanes);
     let total = plan.samples.len() + plan.held_out.len();
     let mut watch = Watch::new(observer, options, "images", total, 0);
-    let samples = stage.build(&plan.samples, options.memory, 0, &mut watch, &mut report)?;
-    let Counts { pixels, masked, known } = stage.builder.counts;
+    let mut samples = stage.build(&plan.samples, options.memory, 0, &mut watch, &mut report)?;
+    let Counts { pixels, masked, known } = stage.counts;
     report.masked_fraction = masked as f64 / pixels.max(1) as f64;
     report.known_fraction = known as f64 / masked.max(1) as f64;
     let share = |&[doubtful, seen]: &[u32; 2]| doubtful as f32 / seen.max(1) as f32;
-    let doubts = stage.builder.doubts.iter().map(share).collect();
+    let doubts = stage.doubts.iter().map(share).collect();
     let held_out =
         stage.build(&plan.held_out, usize::MAX, plan.samples.len(), &mut watch, &mut report)?;
     drop(stage);
@@ -139,12 +136,15 @@ pub fn refine<R: Rasterizer>(
     }
     let images_secs = begun.elapsed().as_secs_f64();
 
+    let is_first = |sample: &Sample<_>| sample.at.time == edit_time;
+    samples.sort_by_key(is_first);
     let mut problem = Problem {
         raster,
         options,
         cameras: views.cameras,
+        num_first: samples.iter().filter(|sample| is_first(sample)).count(),
         samples,
-        work: Work::default(),
+        lanes: (0..num_lanes).map(|_| Work::default()).collect(),
         num_rows: rows.len(),
         sh_degree: first.sh_degree,
         base_sh: rows.iter().flat_map(|&row| first.sh_of(row as usize)).copied().collect(),
@@ -172,6 +172,7 @@ pub fn refine<R: Rasterizer>(
     let zero = Outcome {
         d_sh: vec![[0.0; 3]; rows.len() * problem.coeffs()],
         d_logits: vec![0.0; rows.len()],
+        before: None,
         regression: None,
     };
     // without an artifact the offsets that minimise the loss are zero
@@ -183,24 +184,30 @@ pub fn refine<R: Rasterizer>(
     let solve_secs = begun.elapsed().as_secs_f64() - images_secs - cache_secs;
     let parts = ["prepare", "forward", "loss", "backward"];
     report.timings = vec![("images", images_secs), ("cache", cache_secs), ("solve", solve_secs)];
-    report.timings.extend(parts.into_iter().zip(problem.work.secs));
+    let of_lanes = |part: usize| problem.lanes.iter().map(|lane| lane.secs[part]).sum();
+    report.timings.extend(parts.into_iter().enumerate().map(|(k, part)| (part, of_lanes(k))));
     report.bytes = problem.bytes;
     report.num_cached = problem.num_cached;
 
-    let total = 2 * (problem.samples.len() + held_out.len());
+    let total = problem.samples.len() + 2 * held_out.len();
     let mut watch = Watch::new(observer, options, "report", total, 0);
-    let mut done = 0;
+    let mut reported = 0;
     let mut loss_of = |problem: &mut Problem<R>, outcome: &Outcome| {
-        problem.loss(Deltas { sh: &outcome.d_sh, logits: &outcome.d_logits }, |_| {
-            done = total.min(done + 1);
-            watch.step(done, None);
+        let begun = reported;
+        problem.loss(Deltas { sh: &outcome.d_sh, logits: &outcome.d_logits }, |done| {
+            reported = total.min(begun + done);
+            watch.step(reported, None);
             watch.stop_if_cancelled()
         })
     };
-    let before = loss_of(&mut problem, &zero)?;
+    let before = match outcome.before {
+        Some(before) => before,
+        None => loss_of(&mut problem, &zero)?,
+    };
     let (outcome, after, note) =
         accept(&mut problem, options, outcome, zero.clone(), before, &mut loss_of)?;
     report.warnings.extend(note);
+    problem.num_first = 0;
     problem.samples = held_out;
     [report.held_out_before, _] = loss_of(&mut problem, &zero)?;
     [report.held_out_after, _] = loss_of(&mut problem, &outcome)?;
@@ -222,6 +229,8 @@ pub fn refine<R: Rasterizer>(
 struct Outcome {
     d_sh: Vec<[f32; 3]>,
     d_logits: Vec<f32>,
+    /// The losses without offsets, if the solver saw them.
+    before: Option<[f64; 2]>,
     /// The solver itself, if it can fit again.
     regression: Option<Regression>,
 }
@@ -229,7 +238,7 @@ struct Outcome {
 /// The outcome if it lowers the loss, else the same fitted with less smoothness, else `zero`; its losses; and what the user should know.
 ///
 /// The loss that decides is the one that the solver minimises: to exact L1 a change too small to see counts like any other.
-fn accept<R: Rasterizer>(
+fn accept<R: Rasterizer<Prepared: Send> + Sync>(
     problem: &mut Problem<R>,
     options: &RefineOptions,
     outcome: Outcome,
@@ -246,7 +255,8 @@ fn accept<R: Rasterizer>(
         for factor in [0.1, 0.01, 0.0] {
             let params = RegressionParams { prior: factor * params.prior, ..params.clone() };
             let d_sh = run.refit(problem, &params);
-            let other = Outcome { d_sh, d_logits: outcome.d_logits.clone(), regression: None };
+            let d_logits = outcome.d_logits.clone();
+            let other = Outcome { d_sh, d_logits, ..Outcome::default() };
             let after = loss_of(problem, &other)?;
             if after[1] <= before[1] {
                 let note = format!(
@@ -264,7 +274,7 @@ fn accept<R: Rasterizer>(
     Ok((zero, before, Some(note)))
 }
 
-fn solve<R: Rasterizer>(
+fn solve<R: Rasterizer<Prepared: Send> + Sync>(
     problem: &mut Problem<R>,
     options: &RefineOptions,
     resume: Option<&State>,
@@ -283,7 +293,7 @@ fn solve<R: Rasterizer>(
             let mut watch = Watch::new(observer, options, "refine", total, first);
             run.run(problem, params, fingerprint, &mut watch, trace)?;
             let (d_sh, d_logits) = (run.d_sh.clone(), vec![0.0; problem.num_rows]);
-            Ok(Outcome { d_sh, d_logits, regression: Some(run) })
+            Ok(Outcome { d_sh, d_logits, before: Some(run.before), regression: Some(run) })
         }
         Solver::Adam(params) => {
             let mut run = match resume {
@@ -292,67 +302,9 @@ fn solve<R: Rasterizer>(
             };
             let mut watch = Watch::new(observer, options, "refine", params.steps, first);
             run.run(problem, params, fingerprint, &mut watch, trace)?;
-            Ok(Outcome { d_sh: run.d_sh, d_logits: run.d_logits, regression: None })
+            let Descent { d_sh, d_logits, .. } = run;
+            Ok(Outcome { d_sh, d_logits, ..Outcome::default() })
         }
-    }
-}
-
-/// Makes the supervised images.
-struct Supervision<'a, R: Rasterizer> {
-    scene: &'a dyn DynamicScene,
-    views: &'a Views<'a>,
-    builder: Builder<'a, R>,
-    /// Frame 1 per view, made when first needed.
-    frames: Vec<Option<FirstFrame>>,
-}
-
-impl<R: Rasterizer> Supervision<'_, R> {
-    /// Images for `plan` (sorted by time), as many as `memory` holds.
-    fn build(
-        &mut self,
-        plan: &[ViewTime],
-        memory: usize,
-        done: usize,
-        watch: &mut Watch,
-        report: &mut Report,
-    ) -> Result<Vec<Sample<R::Prepared>>, CuarError> {
-        let mut plan = plan.to_vec();
-        let mut samples = Vec::with_capacity(plan.len());
-        let mut splats = Splats::default();
-        let mut at = None;
-        let mut next = 0;
-        while next < plan.len() {
-            let pick = plan[next];
-            if at != Some(pick.time) {
-                self.scene.at_into(pick.time, &mut splats)?;
-                CuarError::check("splats", splats.len(), self.builder.first.len())?;
-                at = Some(pick.time);
-            }
-            let camera = &self.views.cameras[pick.view];
-            let frame = match &mut self.frames[pick.view] {
-                Some(frame) => frame,
-                none => none.insert(self.builder.first_frame(camera)?),
-            };
-            samples.extend(self.builder.sample(pick, &splats, camera, frame)?);
-            next += 1;
-            // a few images tell how large they are
-            if next == 4.min(plan.len()) {
-                let bytes: usize = samples.iter().map(Sample::bytes).sum();
-                let each = (bytes / next).max(1);
-                let fit = (memory / each).max(next);
-                if fit < plan.len() {
-                    report
-                        .warnings
-                        .push(format!("{fit} of {} images fit into the memory budget", plan.len()));
-                    let rest = plan.split_off(next);
-                    let keep = fit - next;
-                    plan.extend((0..keep).map(|k| rest[k * rest.len() / keep]));
-                }
-            }
-            watch.step(done + next, None);
-            watch.stop_if_cancelled()?;
-        }
-        Ok(samples)
     }
 }
 
@@ -372,7 +324,11 @@ fn number(edited: &[bool]) -> (Vec<u32>, Vec<u32>) {
 }
 
 /// FNV-1a over what a run depends on.
-fn fingerprint<R: Rasterizer>(first: &Splats, rows: &[u32], problem: &Problem<R>) -> u64 {
+fn fingerprint<R: Rasterizer<Prepared: Send> + Sync>(
+    first: &Splats,
+    rows: &[u32],
+    problem: &Problem<R>,
+) -> u64 {
     let mut hash = 0xcbf2_9ce4_8422_2325_u64;
     let mut eat = |value: u64| {
         for byte in value.to_le_bytes() {

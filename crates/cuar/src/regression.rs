@@ -2,7 +2,6 @@
 
 use crate::{
     CuarError, RegressionParams,
-    plan::SplitMix,
     problem::{Deltas, Problem, TracePoint, Watch},
     sample::Entry,
     state::State,
@@ -18,6 +17,7 @@ const CHUNK: usize = 512;
 type Request = [f32; 4];
 
 /// Normal equations of every splat's fit.
+#[derive(Clone)]
 struct Normals {
     coeffs: usize,
     /// `Σ w Y Yᵀ`, lower triangles, `[E, K(K+1)/2]`.
@@ -32,8 +32,13 @@ impl Normals {
         Self { coeffs, gram, right: vec![0.0; rows * coeffs * 3] }
     }
 
-    /// Replaces what one image asks (`old`) by `new`. Entries are ascending by row, each row at most once.
-    fn update(&mut self, degree: usize, entries: &[Entry], old: &[Request], new: &[Request]) {
+    fn clear(&mut self) {
+        self.gram.fill(0.0);
+        self.right.fill(0.0);
+    }
+
+    /// Adds what one image asks. Entries are ascending by row, each row at most once.
+    fn add(&mut self, degree: usize, entries: &[Entry], requests: &[Request]) {
         let coeffs = self.coeffs;
         let triangle = coeffs * (coeffs + 1) / 2;
         let grams = self.gram.par_chunks_mut(CHUNK * triangle);
@@ -42,40 +47,38 @@ impl Normals {
             let first = chunk * CHUNK;
             let begin = entries.partition_point(|entry| (entry.row as usize) < first);
             let end = entries.partition_point(|entry| (entry.row as usize) < first + CHUNK);
-            for k in begin..end {
-                let (entry, before, now) = (&entries[k], old[k], new[k]);
-                let [lost, gained] = [before[3], now[3]].map(f64::from);
-                if lost == 0.0 && gained == 0.0 {
+            for (entry, request) in entries[begin..end].iter().zip(&requests[begin..end]) {
+                let [red, green, blue, weight] = request.map(f64::from);
+                if weight == 0.0 {
                     continue;
                 }
                 let row = entry.row as usize - first;
                 let gram = &mut gram[row * triangle..(row + 1) * triangle];
                 let right = &mut right[row * coeffs * 3..(row + 1) * coeffs * 3];
                 let basis = sh::basis(degree, entry.towards.map(f64::from));
-                let pull = [0, 1, 2].map(|channel| {
-                    gained * f64::from(now[channel]) - lost * f64::from(before[channel])
-                });
                 let mut at = 0;
                 for i in 0..coeffs {
-                    let scaled = (gained - lost) * basis[i];
+                    let scaled = weight * basis[i];
                     for (sum, other) in gram[at..=at + i].iter_mut().zip(basis) {
                         *sum += scaled * other;
                     }
                     at += i + 1;
-                    for channel in 0..3 {
-                        right[i * 3 + channel] += basis[i] * pull[channel];
+                    for (channel, value) in [red, green, blue].into_iter().enumerate() {
+                        right[i * 3 + channel] += scaled * value;
                     }
                 }
             }
         });
     }
 
-    /// Solves for every row that anything is asked of; the others are left as they are.
+    /// Solves for every row that anything is asked of; the others are left as they are. `firm` is the part of each row's weight that is there
+    /// to hold it, and does not make the prior any stronger.
     fn solve(
         &self,
         params: &RegressionParams,
         base: &[[f32; 3]],
         doubts: &[f32],
+        firm: &[f64],
         d_sh: &mut [[f32; 3]],
     ) {
         let coeffs = self.coeffs;
@@ -87,12 +90,13 @@ impl Normals {
             if total.is_nan() || total <= 0.0 {
                 return;
             }
+            let asked = (total - firm[row]).max(0.0);
             let (mut ridge, mut right) = ([0.0; 16], [0.0; 48]);
             right[..coeffs * 3].copy_from_slice(&self.right[row * coeffs * 3..][..coeffs * 3]);
-            ridge[0] = total * (params.prior * 1e-3 + CONDITIONING);
+            ridge[0] = asked * params.prior * 1e-3 + total * CONDITIONING;
             for k in 1..coeffs {
                 let degree = k.isqrt() as f64;
-                let smooth = total * params.prior * degree * degree * f64::from(doubts[row]);
+                let smooth = asked * params.prior * degree * degree * f64::from(doubts[row]);
                 ridge[k] = smooth + total * CONDITIONING;
                 // it is the coefficients that are to be small, not their change
                 for channel in 0..3 {
@@ -163,22 +167,20 @@ fn cholesky_solve(
     x[..coeffs * 3].iter().all(|value| value.is_finite()).then_some(x)
 }
 
-/// Renews what the image just visited asks. `changes` are the splats' present colour changes, `answers` gradient and curvature.
-fn renew(
+/// What the image just visited asks. `changes` are the splats' present colour changes, `answers` gradient and curvature.
+fn requests(
     entries: &[Entry],
     changes: &[[f32; 3]],
     answers: &[[f32; 4]],
     relaxation: f32,
-    requests: &mut [Request],
-) {
-    for (k, request) in requests.iter_mut().enumerate() {
-        let ([red, green, blue, weight], change) = (answers[k], changes[k]);
+) -> Vec<Request> {
+    let ask = |((entry, change), &[red, green, blue, weight]): ((&Entry, &[f32; 3]), &[f32; 4])| {
         if weight.is_nan() || weight <= 0.0 {
-            *request = [0.0; 4];
-            continue;
+            return [0.0; 4];
         }
+        let mut request = [0.0, 0.0, 0.0, weight];
         for (channel, slope) in [red, green, blue].into_iter().enumerate() {
-            let color = entries[k].color[channel];
+            let color = entry.color[channel];
             request[channel] = if color + change[channel] >= 0.0 {
                 change[channel] - relaxation * slope / weight
             } else if slope < 0.0 {
@@ -188,30 +190,46 @@ fn renew(
                 change[channel]
             };
         }
-        request[3] = weight;
-        if !request.iter().all(|value| value.is_finite()) {
-            *request = [0.0; 4];
-        }
-    }
+        if request.iter().all(|value| value.is_finite()) { request } else { [0.0; 4] }
+    };
+    entries.iter().zip(changes).zip(answers).map(ask).collect()
 }
 
 /// Where a run stands.
 #[derive(Clone)]
 pub(crate) struct Regression {
     pub d_sh: Vec<[f32; 3]>,
-    requests: Vec<Vec<Request>>,
+    /// Mean losses without offsets, exact and smooth; known after the first pass.
+    pub before: [f64; 2],
+    /// Sums over the pass so far.
+    normals: Normals,
+    losses: [f64; 2],
+    /// Smooth loss of the pass before.
+    last: f64,
+    /// Weight of each entry in the samples of the edited frame: how firmly its colour there is held.
+    held: Vec<Vec<f32>>,
+    /// Largest weight that an image of another time gave each splat in the first pass, `[E]`.
+    peaks: Vec<f32>,
+    /// The part of each row's held weight that exceeds an ordinary request's, `[E]`.
+    firm: Vec<f64>,
     /// Visits done.
     step: usize,
-    losses: Vec<f64>,
 }
 
 impl Regression {
     pub(crate) fn new<R: Rasterizer>(problem: &Problem<R>) -> Self {
+        let coeffs = gs_core::sh::num_coeffs(problem.sh_degree);
+        let later = problem.samples.len() - problem.num_first;
         Self {
-            d_sh: vec![[0.0; 3]; problem.num_rows * problem.coeffs()],
-            requests: problem.samples.iter().map(|s| vec![[0.0; 4]; s.entries.len()]).collect(),
+            d_sh: vec![[0.0; 3]; problem.num_rows * coeffs],
+            before: [0.0; 2],
+            normals: Normals::new(problem.num_rows, coeffs),
+            losses: [0.0; 2],
+            last: f64::INFINITY,
+            held: problem.samples[later..].iter().map(|s| vec![0.0; s.entries.len()]).collect(),
+            peaks: vec![0.0; problem.num_rows],
+            firm: vec![0.0; problem.num_rows],
             step: 0,
-            losses: vec![f64::NAN; problem.samples.len()],
         }
     }
 
@@ -222,24 +240,42 @@ impl Regression {
         let mut own = Self::new(problem);
         let flat = state.array("d_sh", own.d_sh.len() * 3)?;
         own.d_sh = flat.as_chunks::<3>().0.to_vec();
-        let count: usize = own.requests.iter().map(Vec::len).sum();
-        let mut flat = state.array("requests", count * 4)?.as_chunks::<4>().0;
-        for requests in &mut own.requests {
-            let (head, tail) = flat.split_at(requests.len());
-            requests.copy_from_slice(head);
+        let mut flat = state.array("held", own.held.iter().map(Vec::len).sum())?;
+        for held in &mut own.held {
+            let (head, tail) = flat.split_at(held.len());
+            held.copy_from_slice(head);
             flat = tail;
         }
+        let Normals { gram, right, .. } = &mut own.normals;
+        *gram = state.double("gram", gram.len())?.to_vec();
+        *right = state.double("right", right.len())?.to_vec();
+        own.peaks = state.array("peaks", own.peaks.len())?.to_vec();
+        own.firm = state.double("firm", own.firm.len())?.to_vec();
+        let losses = state.double("losses", 5)?;
+        own.before.copy_from_slice(&losses[..2]);
+        own.losses.copy_from_slice(&losses[2..4]);
+        own.last = losses[4];
         own.step = usize::try_from(state.step).unwrap_or(usize::MAX);
         Ok(own)
     }
 
     fn state(&self, fingerprint: u64) -> State {
+        let named = |name: &str, values: Vec<f32>| (name.to_owned(), values);
+        let doubles = |name: &str, values: &[f64]| (name.to_owned(), values.to_vec());
+        let losses = [self.before.as_slice(), &self.losses, &[self.last]].concat();
         State {
             fingerprint,
             step: self.step as u64,
             arrays: vec![
-                ("d_sh".to_owned(), self.d_sh.concat()),
-                ("requests".to_owned(), self.requests.concat().concat()),
+                named("d_sh", self.d_sh.concat()),
+                named("held", self.held.concat()),
+                named("peaks", self.peaks.clone()),
+            ],
+            doubles: vec![
+                doubles("firm", &self.firm),
+                doubles("gram", &self.normals.gram),
+                doubles("right", &self.normals.right),
+                doubles("losses", &losses),
             ],
         }
     }
@@ -251,22 +287,12 @@ impl Regression {
         params: &RegressionParams,
     ) -> Vec<[f32; 3]> {
         let mut d_sh = vec![[0.0; 3]; self.d_sh.len()];
-        let normals = self.normals(problem);
-        normals.solve(params, &problem.base_sh, &problem.doubts, &mut d_sh);
+        self.normals.solve(params, &problem.base_sh, &problem.doubts, &self.firm, &mut d_sh);
         d_sh
     }
 
-    fn normals<R: Rasterizer>(&self, problem: &Problem<R>) -> Normals {
-        let mut normals = Normals::new(problem.num_rows, problem.coeffs());
-        for (sample, requests) in problem.samples.iter().zip(&self.requests) {
-            let none = vec![[0.0; 4]; requests.len()];
-            normals.update(problem.sh_degree, &sample.entries, &none, requests);
-        }
-        normals
-    }
-
-    /// Runs to the end of the last pass.
-    pub(crate) fn run<R: Rasterizer>(
+    /// Runs to the end of the last pass, or of the first that hardly gains.
+    pub(crate) fn run<R: Rasterizer<Prepared: Send> + Sync>(
         &mut self,
         problem: &mut Problem<R>,
         params: &RegressionParams,
@@ -275,51 +301,127 @@ impl Regression {
         trace: &mut Vec<TracePoint>,
     ) -> Result<(), CuarError> {
         let count = problem.samples.len();
-        let degree = problem.sh_degree;
-        #[expect(clippy::cast_possible_truncation, reason = "requests are single precision")]
-        let relaxation = params.relaxation as f32;
         let logits = vec![0.0; problem.num_rows];
-        let mut normals = None;
         while self.step < params.passes * count {
             let (pass, within) = (self.step / count, self.step % count);
-            // sums are made anew once a pass: no drift, and a resumed run adds in the same order
-            if within == 0 || normals.is_none() {
-                normals = Some(self.normals(problem));
+            if within == 0 {
+                self.normals.clear();
+                self.losses = [0.0; 2];
             }
-            let Some(normals) = &mut normals else { break };
-            let order = SplitMix(problem.options.seed ^ (pass as u64 + 1)).order(count);
-            let s = order[within];
+            let group = problem.group(within);
+            let first = within >= count - problem.num_first && params.hold > 0.0;
+            let ask = if first && pass > 0 {
+                Ask::Loss(params.delta)
+            } else {
+                Ask::Curvature(params.delta)
+            };
             let d = Deltas { sh: &self.d_sh, logits: &logits };
-            let parts = problem.visit(s, d, Ask::Curvature(params.delta))?;
-            let entries = &problem.samples[s].entries;
-            let mut requests = self.requests[s].clone();
-            let (changes, answers) = (&problem.work.changes, &problem.work.answers);
-            renew(entries, changes, answers, relaxation, &mut requests);
-            normals.update(degree, entries, &self.requests[s], &requests);
-            self.requests[s] = requests;
-            self.losses[s] = parts.total(problem.options.weights);
-            self.step += 1;
-
-            let pass_done = within + 1 == count;
-            let fit_every = count.div_ceil(params.fits_per_pass);
-            if pass_done || (pass > 0 && (within + 1) % fit_every == 0) {
-                normals.solve(params, &problem.base_sh, &problem.doubts, &mut self.d_sh);
+            for parts in problem.visit(group.clone(), d, ask)? {
+                self.losses[0] += parts.total(problem.options.weights);
+                self.losses[1] += parts.shaped_total(problem.options.weights);
             }
-            let known: Vec<f64> = self.losses.iter().copied().filter(|l| !l.is_nan()).collect();
-            let loss = known.iter().sum::<f64>() / known.len().max(1) as f64;
-            if pass_done {
-                trace.push(TracePoint { secs: watch.elapsed(), step: self.step as u64, loss });
+            if ask != Ask::Loss(params.delta) {
+                for (lane, s) in group.clone().enumerate() {
+                    self.listen(problem, params, s, lane, first);
+                }
             }
-            watch.step(self.step, Some(loss));
-            watch.preview(|| problem.preview(s));
-            // only here do the sums follow from the requests alone
-            if pass_done {
-                watch.checkpoint(|| self.state(fingerprint))?;
+            self.step += group.len();
+            let done = group.end as f64;
+            watch.step(self.step, Some(self.losses[0] / done));
+            watch.preview(|| problem.preview(group.start, 0));
+            if group.end == count {
+                let loss = self.losses.map(|sum| sum / done);
+                trace.push(TracePoint {
+                    secs: watch.elapsed(),
+                    step: self.step as u64,
+                    loss: loss[0],
+                });
+                if pass == 0 {
+                    self.before = loss;
+                    self.decide(problem, params);
+                }
+                self.fit(problem, params);
+                if loss[1] > (1.0 - ENOUGH) * self.last {
+                    self.step = params.passes * count;
+                }
+                self.last = loss[1];
             }
+            watch.checkpoint(|| self.state(fingerprint))?;
         }
         Ok(())
     }
+
+    /// Adds what sample `s` asks, visited in `lane`.
+    fn listen<R: Rasterizer>(
+        &mut self,
+        problem: &Problem<R>,
+        params: &RegressionParams,
+        s: usize,
+        lane: usize,
+        first: bool,
+    ) {
+        let entries = &problem.samples[s].entries;
+        let work = &problem.lanes[lane];
+        if first {
+            let later = problem.samples.len() - problem.num_first;
+            for (held, answer) in self.held[s - later].iter_mut().zip(&work.answers) {
+                *held = if answer[3].is_finite() { answer[3].max(0.0) } else { 0.0 };
+            }
+            return;
+        }
+        #[expect(clippy::cast_possible_truncation, reason = "requests are single precision")]
+        let relaxation = params.relaxation as f32;
+        let requests = requests(entries, &work.changes, &work.answers, relaxation);
+        self.normals.add(problem.sh_degree, entries, &requests);
+        if self.step < problem.samples.len() {
+            for (entry, request) in entries.iter().zip(&requests) {
+                let peak = &mut self.peaks[entry.row as usize];
+                *peak = peak.max(request[3]);
+            }
+        }
+    }
+
+    /// How firmly each splat is held: what frame 1 hardly shows of a splat says little about it.
+    fn decide<R: Rasterizer>(&mut self, problem: &Problem<R>, params: &RegressionParams) {
+        if params.hold <= 0.0 {
+            return;
+        }
+        let later = problem.samples.len() - problem.num_first;
+        #[expect(clippy::cast_possible_truncation, reason = "weights are single precision")]
+        let hold = params.hold as f32;
+        for (held, sample) in self.held.iter_mut().zip(&problem.samples[later..]) {
+            for (held, entry) in held.iter_mut().zip(&sample.entries) {
+                let row = entry.row as usize;
+                let peak = self.peaks[row].max(*held);
+                if peak > 0.0 {
+                    let weight = *held;
+                    *held *= hold * (weight / (SHOWN * peak)).min(1.0);
+                    self.firm[row] += f64::from((*held - weight).max(0.0));
+                }
+            }
+        }
+    }
+
+    /// Ends a pass: every splat's least-squares fit.
+    fn fit<R: Rasterizer>(&mut self, problem: &Problem<R>, params: &RegressionParams) {
+        let later = problem.samples.len() - problem.num_first;
+        if params.hold > 0.0 {
+            for (held, sample) in self.held.iter().zip(&problem.samples[later..]) {
+                let requests: Vec<Request> = held.iter().map(|&w| [0.0, 0.0, 0.0, w]).collect();
+                self.normals.add(problem.sh_degree, &sample.entries, &requests);
+            }
+        }
+        let (base, doubts) = (&problem.base_sh, &problem.doubts);
+        self.normals.solve(params, base, doubts, &self.firm, &mut self.d_sh);
+    }
 }
+
+/// Of the largest weight that any image gives a splat, the share from which on the edited frame is taken to show it. Splats hidden there shine
+/// through a little.
+const SHOWN: f32 = 0.025;
+
+/// A pass that lowers the loss by less than this share is the last.
+const ENOUGH: f64 = 0.005;
 
 #[cfg(test)]
 mod tests {
@@ -339,11 +441,11 @@ mod tests {
             let entry = Entry { local: 0, row: 1, towards, color: [0.0; 3] };
             let [r, g, b] = sh::color(degree, &truth, towards).map(|value| value - 0.5);
             let request = [r, g, b, 0.5 + (k % 3) as f32];
-            normals.update(degree, &[entry], &[[0.0; 4]], &[request]);
+            normals.add(degree, &[entry], &[request]);
         }
         let mut d_sh = vec![[0.0; 3]; 2 * coeffs];
         let params = RegressionParams { prior: 0.0, ..RegressionParams::default() };
-        normals.solve(&params, &vec![[0.0; 3]; 2 * coeffs], &[1.0; 2], &mut d_sh);
+        normals.solve(&params, &vec![[0.0; 3]; 2 * coeffs], &[1.0; 2], &[0.0; 2], &mut d_sh);
         for (ours, theirs) in d_sh[coeffs..].iter().zip(&truth) {
             for channel in 0..3 {
                 assert!((ours[channel] - theirs[channel]).abs() < 1e-3, "{ours:?} {theirs:?}");
@@ -356,8 +458,7 @@ mod tests {
     fn clamped_colours_can_come_back() {
         let entries =
             [Entry { local: 0, row: 0, towards: [0.0, 0.0, 1.0], color: [-0.5, -0.5, 0.5] }];
-        let mut requests = [[0.0; 4]];
-        renew(&entries, &[[0.0; 3]], &[[-1.0, 1.0, 1.0, 10.0]], 1.0, &mut requests);
+        let requests = requests(&entries, &[[0.0; 3]], &[[-1.0, 1.0, 1.0, 10.0]], 1.0);
         let expected = [0.6, 0.0, -0.1, 10.0]; // up from 0; stay; down
         for (ours, theirs) in requests[0].iter().zip(expected) {
             assert!((ours - theirs).abs() < 1e-6, "{requests:?}");

@@ -88,68 +88,69 @@ pub(crate) struct Counts {
     pub known: u64,
 }
 
-/// Makes samples; owns the memory of full-scene passes.
-pub(crate) struct Builder<'a, R: Rasterizer> {
+/// A sample, and what it tells about the whole.
+pub(crate) struct Made<P> {
+    pub sample: Sample<P>,
+    pub counts: Counts,
+    /// Per entry: whether its ξ exceeds the mask's threshold (Eq. 17 for one splat).
+    pub doubtful: Vec<bool>,
+}
+
+/// What samples are made from.
+pub(crate) struct Source<'a, R> {
     pub raster: &'a R,
     pub options: &'a RefineOptions,
     pub edited: &'a [bool],
     /// Row among the edited splats, or `u32::MAX`.
     pub row_of: &'a [u32],
     pub first: &'a Splats,
-    prepared: Option<R::Prepared>,
+}
+
+/// Makes samples one at a time; owns the memory of full-scene passes.
+pub(crate) struct Builder<P> {
+    prepared: Option<P>,
     output: RenderOutput,
-    pub counts: Counts,
-    /// Per edited splat: in how many images it exceeds the mask's threshold (Eq. 17 for one splat), and how many there are.
-    pub doubts: Vec<[u32; 2]>,
+}
+
+impl<P> Default for Builder<P> {
+    fn default() -> Self {
+        Self { prepared: None, output: RenderOutput::default() }
+    }
 }
 
 /// Channels composited to make a sample: those of the warp, ξ, and which splats are edited.
 const CHANNELS: usize = WARP_CHANNELS + 2;
 
-impl<'a, R: Rasterizer> Builder<'a, R> {
-    pub(crate) fn new(
-        raster: &'a R,
-        options: &'a RefineOptions,
-        edited: &'a [bool],
-        row_of: &'a [u32],
-        first: &'a Splats,
-    ) -> Self {
-        Self {
-            raster,
-            options,
-            edited,
-            row_of,
-            first,
-            prepared: None,
-            output: RenderOutput::default(),
-            counts: Counts::default(),
-            doubts: vec![[0; 2]; edited.iter().filter(|edited| **edited).count()],
-        }
-    }
-
-    fn prepare(&mut self, splats: &Splats, camera: &Camera) -> Result<(), CuarError> {
-        match &mut self.prepared {
-            Some(prepared) => self.raster.prepare_into(splats, camera, prepared)?,
-            None => self.prepared = Some(self.raster.prepare(splats, camera)?),
-        }
-        Ok(())
-    }
-
-    fn render(&mut self, splats: &Splats, features: &[f32], depth: bool) -> Result<(), CuarError> {
-        let params =
-            RenderParams { background: self.options.background, depth, ..RenderParams::default() };
-        if let Some(prepared) = &mut self.prepared {
-            self.raster.forward_into(prepared, splats, features, &params, &mut self.output)?;
-        }
+impl<P> Builder<P> {
+    fn render<R: Rasterizer<Prepared = P>>(
+        &mut self,
+        source: &Source<R>,
+        splats: &Splats,
+        camera: &Camera,
+        features: &[f32],
+        depth: bool,
+    ) -> Result<(), CuarError> {
+        let background = source.options.background;
+        let params = RenderParams { background, depth, ..RenderParams::default() };
+        let prepared = match &mut self.prepared {
+            Some(prepared) => {
+                source.raster.prepare_into(splats, camera, prepared)?;
+                prepared
+            }
+            none => none.insert(source.raster.prepare(splats, camera)?),
+        };
+        source.raster.forward_into(prepared, splats, features, &params, &mut self.output)?;
         Ok(())
     }
 
     /// The trusted render of frame 1.
-    pub(crate) fn first_frame(&mut self, camera: &Camera) -> Result<FirstFrame, CuarError> {
-        let first = self.first;
-        self.prepare(first, camera)?;
-        self.render(first, &[], true)?;
-        let min = self.options.warp_params.min_coverage;
+    pub(crate) fn first_frame<R: Rasterizer<Prepared = P>>(
+        &mut self,
+        source: &Source<R>,
+        camera: &Camera,
+    ) -> Result<FirstFrame, CuarError> {
+        self.render(source, source.first, camera, &[], true)?;
+        let min = source.options.warp_params.min_coverage;
         let depth = self.output.depth.iter().zip(&self.output.alpha);
         Ok(FirstFrame {
             width: self.output.width,
@@ -162,27 +163,29 @@ impl<'a, R: Rasterizer> Builder<'a, R> {
     }
 
     /// The sample of `camera` at the time of `splats`; `None` where no edited splat shows.
-    pub(crate) fn sample(
+    pub(crate) fn sample<R: Rasterizer<Prepared = P>>(
         &mut self,
+        source: &Source<R>,
         at: ViewTime,
         splats: &Splats,
         camera: &Camera,
         frame: &FirstFrame,
-    ) -> Result<Option<Sample<R::Prepared>>, CuarError> {
-        let features = self.features(splats, camera);
-        self.prepare(splats, camera)?;
-        self.render(splats, &features, false)?;
+    ) -> Result<Option<Made<P>>, CuarError> {
+        let options = source.options;
+        let features = source.features(splats, camera);
+        self.render(source, splats, camera, &features, false)?;
         let (w, h) = (self.output.width, self.output.height);
         let channel = |k: usize| -> Vec<f32> {
             self.output.features.iter().skip(k).step_by(CHANNELS).copied().collect()
         };
         let uncertainty = channel(WARP_CHANNELS);
-        let threshold = threshold(&uncertainty, self.options.epsilon, self.options.min_uncertainty);
+        let threshold = threshold(&uncertainty, options.epsilon, options.min_uncertainty);
         let mask: Vec<bool> = uncertainty.iter().map(|&u| f64::from(u) > threshold).collect();
         let live: Vec<bool> = channel(WARP_CHANNELS + 1).iter().map(|&e| e > 0.0).collect();
         let Some(crop) = bounding(&live, w, h) else { return Ok(None) };
 
-        let (warp, known) = self.warp(splats, camera, frame)?;
+        let (warp, known) = self.warp(source, splats, camera, frame)?;
+        let mut counts = Counts::default();
         let mut sample = Sample {
             at,
             crop,
@@ -202,64 +205,45 @@ impl<'a, R: Rasterizer> Builder<'a, R> {
                 sample.warp.extend_from_slice(rgb);
                 let bit = |on: bool, bit: u8| if on { bit } else { 0 };
                 sample.flags.push(bit(fore, FORE) | bit(back, BACK) | bit(live[p], LIVE));
-                self.counts.pixels += u64::from(live[p]);
-                self.counts.masked += u64::from(live[p] && mask[p]);
-                self.counts.known += u64::from(fore);
+                counts.pixels += u64::from(live[p]);
+                counts.masked += u64::from(live[p] && mask[p]);
+                counts.known += u64::from(fore);
             }
         }
-        let rows = needed_rows(splats, self.edited, camera, &live, self.options.opacity);
+        let rows = needed_rows(splats, source.edited, camera, &live, options.opacity);
         // a splat whose colour is broken draws nothing in the full scene either
         let drawn = |&row: &u32| splats.is_finite(row as usize);
         let rows: Vec<u32> = rows.into_iter().filter(drawn).collect();
-        sample.splats = gather(splats, &rows, self.options.opacity);
+        sample.splats = gather(splats, &rows, options.opacity);
         let eye = eye(camera);
+        let mut doubtful = Vec::new();
         for (local, &id) in (0_u32..).zip(&rows) {
-            let row = self.row_of[id as usize];
+            let row = source.row_of[id as usize];
             let Some(towards) = direction(eye, splats.means[id as usize]) else { continue };
             if row != u32::MAX {
                 let color = sh::color(splats.sh_degree, splats.sh_of(id as usize), towards);
                 sample.entries.push(Entry { local, row, towards, color });
                 let xi = features[id as usize * CHANNELS + WARP_CHANNELS];
-                let [doubtful, seen] = &mut self.doubts[row as usize];
-                *doubtful += u32::from(f64::from(xi) > threshold);
-                *seen += 1;
+                doubtful.push(f64::from(xi) > threshold);
             }
         }
-        Ok(Some(sample))
-    }
-
-    fn features(&self, splats: &Splats, camera: &Camera) -> Vec<f32> {
-        let eye = eye(camera);
-        let mut features = vec![0.0_f32; splats.len() * CHANNELS];
-        features.par_chunks_mut(CHANNELS).with_min_len(1024).enumerate().for_each(|(i, out)| {
-            if let Some(back) = affine_motion(camera, splats, self.first, i) {
-                out[..2].copy_from_slice(&back.shift);
-                out[2..6].copy_from_slice(&back.linear);
-                out[6..9].copy_from_slice(&back.place);
-                out[9] = back.place.iter().map(|x| x * x).sum();
-            }
-            out[WARP_CHANNELS] = xi(splats, self.first, i, eye);
-            out[WARP_CHANNELS + 1] = f32::from(u8::from(self.edited[i]));
-            if !out.iter().all(|value| value.is_finite()) {
-                out.fill(0.0);
-            }
-        });
-        features
+        Ok(Some(Made { sample, counts, doubtful }))
     }
 
     /// Frame 1 at this frame's pixels, `[H,W,3]`, and where it is known, `[H,W]`.
-    fn warp(
+    fn warp<R: Rasterizer<Prepared = P>>(
         &self,
+        source: &Source<R>,
         splats: &Splats,
         camera: &Camera,
         frame: &FirstFrame,
     ) -> Result<(Vec<f32>, Vec<f32>), CuarError> {
         let (w, h) = (self.output.width, self.output.height);
-        if self.options.warp == WarpForm::Paper {
-            let flow = render_flow(self.raster, self.first, self.first, splats, camera)?;
+        if source.options.warp == WarpForm::Paper {
+            let flow = render_flow(source.raster, source.first, source.first, splats, camera)?;
             return Ok(push_forward(frame, &flow.flow));
         }
-        let params = &self.options.warp_params;
+        let params = &source.options.warp_params;
         let output = &self.output;
         let mut rgb = vec![0.0; w * h * 3];
         let mut known = vec![0.0; w * h];
@@ -279,6 +263,27 @@ impl<'a, R: Rasterizer> Builder<'a, R> {
             },
         );
         Ok((rgb, known))
+    }
+}
+
+impl<R> Source<'_, R> {
+    fn features(&self, splats: &Splats, camera: &Camera) -> Vec<f32> {
+        let eye = eye(camera);
+        let mut features = vec![0.0_f32; splats.len() * CHANNELS];
+        features.par_chunks_mut(CHANNELS).with_min_len(1024).enumerate().for_each(|(i, out)| {
+            if let Some(back) = affine_motion(camera, splats, self.first, i) {
+                out[..2].copy_from_slice(&back.shift);
+                out[2..6].copy_from_slice(&back.linear);
+                out[6..9].copy_from_slice(&back.place);
+                out[9] = back.place.iter().map(|x| x * x).sum();
+            }
+            out[WARP_CHANNELS] = xi(splats, self.first, i, eye);
+            out[WARP_CHANNELS + 1] = f32::from(u8::from(self.edited[i]));
+            if !out.iter().all(|value| value.is_finite()) {
+                out.fill(0.0);
+            }
+        });
+        features
     }
 }
 

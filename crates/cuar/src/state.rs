@@ -12,19 +12,34 @@ pub struct State {
     pub step: u64,
     /// Named arrays.
     pub arrays: Vec<(String, Vec<f32>)>,
+    /// Named arrays in double precision.
+    pub doubles: Vec<(String, Vec<f64>)>,
 }
 
 impl State {
     /// The named array, if it has `expected` values.
     pub(crate) fn array(&self, name: &str, expected: usize) -> Result<&[f32], CuarError> {
-        let found = self.arrays.iter().find(|(key, _)| key == name);
-        match found {
-            Some((_, values)) if values.len() == expected => Ok(values),
-            Some((_, values)) => Err(CuarError::State {
-                what: format!("`{name}` has {} values, expected {expected}", values.len()),
-            }),
-            None => Err(CuarError::State { what: format!("`{name}` is missing") }),
-        }
+        find(&self.arrays, name, expected)
+    }
+
+    /// The named array in double precision, if it has `expected` values.
+    pub(crate) fn double(&self, name: &str, expected: usize) -> Result<&[f64], CuarError> {
+        find(&self.doubles, name, expected)
+    }
+}
+
+fn find<'a, T>(
+    arrays: &'a [(String, Vec<T>)],
+    name: &str,
+    expected: usize,
+) -> Result<&'a [T], CuarError> {
+    let found = arrays.iter().find(|(key, _)| key == name);
+    match found {
+        Some((_, values)) if values.len() == expected => Ok(values),
+        Some((_, values)) => Err(CuarError::State {
+            what: format!("`{name}` has {} values, expected {expected}", values.len()),
+        }),
+        None => Err(CuarError::State { what: format!("`{name}` is missing") }),
     }
 }
 
@@ -66,7 +81,7 @@ pub struct Preview {
 
 /// Watches a run. Every method may be left out.
 pub trait Observer {
-    /// Called after every image.
+    /// Called after every few images.
     fn progress(&mut self, progress: &Progress) {
         let _ = progress;
     }
@@ -81,7 +96,7 @@ pub trait Observer {
         let _ = state;
     }
 
-    /// Asked after every image; `true` ends the run with [`CuarError::Cancelled`].
+    /// Asked after every few images; `true` ends the run with [`CuarError::Cancelled`].
     fn cancelled(&mut self) -> bool {
         false
     }

@@ -28,6 +28,13 @@ fn run(
     refine(&CpuRasterizer::default(), &case.scene, &case.edited, &views, options, resume, observer)
 }
 
+/// The bare solver: nothing but the objective.
+fn unaided(passes: usize) -> RefineOptions {
+    let usual = RegressionParams::default();
+    let solver = Solver::Regression(RegressionParams { passes, hold: 0.0, prior: 0.0, ..usual });
+    RefineOptions { samples: 20, solver, ..RefineOptions::default() }
+}
+
 fn regression(passes: usize) -> RefineOptions {
     let solver = Solver::Regression(RegressionParams { passes, ..RegressionParams::default() });
     RefineOptions { samples: 20, solver, ..RefineOptions::default() }
@@ -40,8 +47,8 @@ fn adam(steps: usize) -> RefineOptions {
 
 #[test]
 fn regression_needs_fewer_visits_than_adam() {
-    let fast = run(&regression(4), None, &mut NoObserver).unwrap().report;
-    let visits = 4 * fast.samples.len();
+    let fast = run(&unaided(6), None, &mut NoObserver).unwrap().report;
+    let visits = 6 * fast.samples.len();
     let slow = run(&adam(visits), None, &mut NoObserver).unwrap().report;
     assert_eq!(fast.loss_before, slow.loss_before, "the same problem");
     assert!(slow.loss_after < slow.loss_before, "Adam descends: {slow:?}");
@@ -81,8 +88,20 @@ impl Observer for Keeper {
 #[test]
 fn interrupted_runs_end_bit_identical() {
     for options in [regression(3), adam(70)] {
-        let whole = run(&options, None, &mut NoObserver).unwrap();
-        let mut keeper = Keeper { left: Some(30), ..Keeper::default() };
+        let mut keeper = Keeper::default();
+        let often = RefineOptions { checkpoint_secs: Some(0.0), ..options.clone() };
+        let whole = run(&often, None, &mut keeper).unwrap();
+        let count = keeper.states.len();
+        assert!(count > 6, "{count} checkpoints: within passes, too");
+        // as if killed right after each of these, anywhere in a pass
+        for state in keeper.states.iter().step_by(1 + count / 7).chain(keeper.states.last()) {
+            let rest = run(&options, Some(state), &mut NoObserver).unwrap();
+            assert_eq!(rest.d_sh, whole.d_sh, "resumed at step {}", state.step);
+            assert_eq!(rest.report.loss_after, whole.report.loss_after, "same losses");
+            assert_eq!(rest.report.loss_before, whole.report.loss_before, "same losses");
+        }
+
+        let mut keeper = Keeper { left: Some(2), ..Keeper::default() };
         let cut = run(&options, None, &mut keeper);
         assert!(matches!(cut, Err(CuarError::Cancelled { .. })), "cancelled");
         let state = keeper.states.last().expect("a checkpoint before cancelling");
@@ -124,8 +143,8 @@ fn observers_are_kept_informed() {
         RefineOptions { preview_secs: Some(0.0), checkpoint_secs: Some(0.0), ..regression(2) };
     let mut keeper = Keeper::default();
     run(&options, None, &mut keeper).unwrap();
-    assert!(keeper.previews > 10, "{} previews", keeper.previews);
-    assert_eq!(keeper.states.len(), 2, "a checkpoint per pass");
+    assert!(keeper.previews > 5, "{} previews", keeper.previews);
+    assert!(keeper.states.len() > 5, "{} checkpoints", keeper.states.len());
     let last = keeper.last.unwrap();
     assert_eq!((last.stage, last.done), ("report", last.total), "{last:?}");
 }

@@ -4,9 +4,9 @@
 
 mod common;
 
-use common::{Case, Flaws, case, flicker, psnr, render};
+use common::{Case, Flaws, case, flicker, psnr, render, slide::Slide};
 use cuar::{NoObserver, RefineOptions, Refined, Views, refine};
-use gs_core::{Camera, DynamicScene, SceneError, Splats, TimeRange, sh};
+use gs_core::{DynamicScene, Image, TimeRange};
 use gs_raster_cpu::CpuRasterizer;
 
 const EVAL: [f32; 3] = [0.13, 0.37, 0.61];
@@ -30,7 +30,7 @@ fn wrong_colours_are_mended_at_held_out_views_and_times() {
     let scene = refined.scene(&case.scene);
     let before = psnr(&case.scene, &case, &case.held_out, &EVAL);
     let after = psnr(&scene, &case, &case.held_out, &EVAL);
-    assert!(after[0] > before[0] + 3.0, "inside the mask: {before:?} → {after:?} dB");
+    assert!(after[0] > before[0] + 5.0, "inside the mask: {before:?} → {after:?} dB");
     assert!(after[1] > before[1] - 0.05, "outside the mask: {before:?} → {after:?} dB");
 
     let clip: Vec<f32> = (1_u8..=9).map(|k| f32::from(k) * 0.1).collect();
@@ -39,7 +39,7 @@ fn wrong_colours_are_mended_at_held_out_views_and_times() {
     assert!(calm < 0.7 * shaky, "flicker {shaky} → {calm} levels, truth {ideal}");
     assert!(calm - ideal < 0.5 * (shaky - ideal), "excess: {shaky} → {calm}, truth {ideal}");
     let report = &refined.report;
-    assert!(report.loss_after < 0.7 * report.loss_before, "{report:?}");
+    assert!(report.loss_after < 0.8 * report.loss_before, "{report:?}");
     assert!(report.held_out_after < 0.8 * report.held_out_before, "{report:?}");
 
     let mut first = case.scene.at(0.0).unwrap();
@@ -75,79 +75,30 @@ fn a_scene_without_flaws_comes_back_unchanged() {
     }
 }
 
-/// A red board slides away from a green wall that it hid in frame 1; everything is edited.
-#[derive(Debug, Clone)]
-struct Slide {
-    splats: Splats,
-    board: usize,
-}
-
-impl Slide {
-    fn new() -> Self {
-        let mut splats = Splats::with_capacity(0, 1);
-        let mut add = |mean: [f32; 3], rgb: [f32; 3], tilt: f32| {
-            splats.means.push(mean);
-            splats.quats.push([1.0, 0.0, 0.0, 0.0]);
-            splats.log_scales.push([-2.6, -2.6, -5.0]);
-            splats.opacity_logits.push(4.0);
-            splats.sh.extend([sh::dc_from_rgb(rgb), [0.0; 3], [0.0; 3], [tilt, tilt, 0.0]]);
-        };
-        for k in 0..225 {
-            let at = |k: i32| (k - 7) as f32 * 0.08;
-            // the tilt makes the board's colour uncertain once it moves
-            add([0.6 * at(k % 15), 0.6 * at(k / 15), 3.0], [0.9, 0.1, 0.1], 0.6);
-        }
-        for k in 0..1225 {
-            let at = |k: i32| (k - 17) as f32 * 0.1;
-            add([at(k % 35), at(k / 35), 4.0], [0.1, 0.8, 0.1], 0.0);
-        }
-        Self { splats, board: 225 }
-    }
-}
-
-impl DynamicScene for Slide {
-    fn num_splats(&self) -> usize {
-        self.splats.len()
-    }
-    fn sh_degree(&self) -> usize {
-        1
-    }
-    fn time_range(&self) -> TimeRange {
-        TimeRange::UNIT
-    }
-    fn at_into(&self, t: f32, out: &mut Splats) -> Result<(), SceneError> {
-        out.clone_from(&self.splats);
-        for mean in &mut out.means[..self.board] {
-            mean[0] += 0.8 * t;
-        }
-        Ok(())
-    }
-}
-
 #[test]
 fn uncovered_background_is_not_painted_with_the_foreground() {
     let scene = Slide::new();
-    let cameras: Vec<Camera> = [-0.3, 0.0, 0.3]
-        .map(|x| Camera::look_at([x, 0.0, 0.0], [0.0, 0.0, 3.0], [0.0, -1.0, 0.0], 0.6, 128, 96))
-        .to_vec();
-    let times = TimeRange::UNIT.frames(9);
-    let views = Views { cameras: &cameras, times: &times, held_out: &[] };
-    let edited = vec![true; scene.num_splats()];
-    // ε = 0 and no floor: even the wall, which is certain, is masked wherever the board reaches
-    let options = RefineOptions { min_uncertainty: 0.0, epsilon: 0.0, ..RefineOptions::default() };
-    let raster = CpuRasterizer::default();
-    let refined =
-        refine(&raster, &scene, &edited, &views, &options, None, &mut NoObserver).unwrap();
-    let after = refined.scene(&scene);
-    let (before, now) = (render(&scene, 1.0, &cameras[1]), render(&after, 1.0, &cameras[1]));
-    let mut worst = 0.0_f32;
+    let [refined, untested] = [true, false].map(|tested| scene.refined(tested));
+    let camera = &Slide::cameras(128, 96)[1];
+    let (before, now) = (render(&scene, 1.0, camera), render(&refined.scene(&scene), 1.0, camera));
+    let control = render(&untested.scene(&scene), 1.0, camera);
+    // the board covered these pixels in frame 1 and has left them; before is the truth: the wall has no flaw
+    let (mut worst, mut painted) = (0.0_f32, 0.0_f32);
     for y in 40..56 {
         for x in 50..64 {
-            assert!(before.pixel(x, y)[1] > 0.6, "the wall, uncovered");
-            for channel in 0..3 {
-                worst = worst.max((now.pixel(x, y)[channel] - before.pixel(x, y)[channel]).abs());
-            }
+            let distance = |image: &Image, other: [f32; 3]| {
+                let own = image.pixel(x, y);
+                (0..3).map(|k| (own[k] - other[k]).powi(2)).sum::<f32>().sqrt()
+            };
+            let [red, green, blue] = [0, 1, 2].map(|k| before.pixel(x, y)[k]);
+            let (to_wall, to_board) =
+                (distance(&now, [red, green, blue]), distance(&now, Slide::BOARD));
+            assert!(to_wall < 0.02 * to_board, "({x}, {y}): wall {to_wall}, board {to_board}");
+            worst = worst.max(to_wall);
+            painted = painted.max(distance(&control, [red, green, blue]));
         }
     }
     assert!(worst < 0.02, "the uncovered wall changed by {worst}");
+    // negative control: without the occlusion test it is painted
+    assert!(painted > 0.2, "without occlusion test {painted}, with it {worst}");
 }

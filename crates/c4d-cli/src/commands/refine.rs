@@ -31,8 +31,6 @@ const RIG_CAMERAS: usize = 10;
 const MAX_CAMERAS: usize = 64;
 /// Every so-manieth camera is held out of the refinement and only reported.
 const HELD_OUT_EVERY: usize = 5;
-/// Seconds between checkpoints.
-const CHECKPOINT_SECS: f64 = 20.0;
 
 pub(crate) fn run(args: &RefineArgs, global: &Global, console: &Console) -> Outcome {
     refine(&args.run, &args.flags, args.preset, args.resume, global, console)?;
@@ -54,10 +52,14 @@ pub(crate) fn check(flags: &RefineFlags, global: &Global) -> Outcome {
     {
         return refuse(format!("--epsilon {epsilon}: expected 0.5 to 2, at most 10"));
     }
-    if let Some(seconds) = flags.preview_every
-        && !(seconds >= 0.0 && seconds.is_finite())
-    {
-        return refuse(format!("--preview-every {seconds}: expected seconds"));
+    let intervals = [
+        ("--preview-every", flags.preview_every),
+        ("--checkpoint-every", Some(flags.checkpoint_every)),
+    ];
+    for (name, seconds) in intervals {
+        if let Some(seconds) = seconds.filter(|secs| !(*secs >= 0.0 && secs.is_finite())) {
+            return refuse(format!("{name} {seconds}: expected seconds, 0 or more"));
+        }
     }
     if let Some(path) = &flags.refine_cameras {
         gs_io::cameras::open(path, Reading::Trained).map_err(|error| scene::bad_input(&error))?;
@@ -199,7 +201,7 @@ fn options(flags: &RefineFlags, preset: PresetArg, loaded: &Loaded) -> RefineOpt
     options.seed = loaded.config.seed;
     options.background = loaded.source.background.map(f64::from);
     options.preview_secs = flags.preview_every;
-    options.checkpoint_secs = Some(CHECKPOINT_SECS);
+    options.checkpoint_secs = Some(flags.checkpoint_every);
     options.memory = flags.memory.saturating_mul(1 << 20);
     if let Some(samples) = flags.samples {
         options.samples = samples;
@@ -373,17 +375,18 @@ impl Observer for Watch<'_> {
 fn write_state(path: &Path, state: &State) -> Outcome {
     let failed =
         |error: safetensors::SafeTensorError| Failure::failed(format!("{REFINE_STATE}: {error}"));
-    let bytes: Vec<Vec<u8>> = state
-        .arrays
-        .iter()
-        .map(|(_, values)| values.iter().flat_map(|value| value.to_le_bytes()).collect())
-        .collect();
-    let mut views = Vec::with_capacity(bytes.len());
-    for ((name, values), bytes) in state.arrays.iter().zip(&bytes) {
-        views.push((
-            name.as_str(),
-            TensorView::new(Dtype::F32, vec![values.len()], bytes).map_err(failed)?,
-        ));
+    let singles = state.arrays.iter().map(|(name, values)| {
+        let bytes: Vec<u8> = values.iter().flat_map(|value| value.to_le_bytes()).collect();
+        (name, Dtype::F32, values.len(), bytes)
+    });
+    let doubles = state.doubles.iter().map(|(name, values)| {
+        let bytes: Vec<u8> = values.iter().flat_map(|value| value.to_le_bytes()).collect();
+        (name, Dtype::F64, values.len(), bytes)
+    });
+    let arrays: Vec<_> = singles.chain(doubles).collect();
+    let mut views = Vec::with_capacity(arrays.len());
+    for (name, dtype, len, bytes) in &arrays {
+        views.push((name.as_str(), TensorView::new(*dtype, vec![*len], bytes).map_err(failed)?));
     }
     let metadata = HashMap::from([
         ("fingerprint".to_owned(), state.fingerprint.to_string()),
@@ -408,14 +411,22 @@ fn read_state(path: &PathBuf) -> Outcome<State> {
             .ok_or_else(|| bad(format!("no {name}: not a checkpoint of c4d refine")))
     };
     let file = SafeTensors::deserialize(&bytes).map_err(|error| bad(error.to_string()))?;
-    let mut arrays: Vec<(String, Vec<f32>)> = file
-        .iter()
-        .map(|(name, view)| {
-            let values =
-                view.data().as_chunks::<4>().0.iter().map(|b| f32::from_le_bytes(*b)).collect();
-            (name.to_owned(), values)
-        })
-        .collect();
+    let (mut arrays, mut doubles) = (Vec::new(), Vec::new());
+    for (name, view) in file.iter() {
+        let (singles, pairs) = (view.data().as_chunks::<4>().0, view.data().as_chunks::<8>().0);
+        match view.dtype() {
+            Dtype::F32 => arrays.push((
+                name.to_owned(),
+                singles.iter().map(|bytes| f32::from_le_bytes(*bytes)).collect::<Vec<_>>(),
+            )),
+            Dtype::F64 => doubles.push((
+                name.to_owned(),
+                pairs.iter().map(|bytes| f64::from_le_bytes(*bytes)).collect::<Vec<_>>(),
+            )),
+            other => return Err(bad(format!("`{name}` is {other:?}, expected F32 or F64"))),
+        }
+    }
     arrays.sort_by(|a, b| a.0.cmp(&b.0));
-    Ok(State { fingerprint: number("fingerprint")?, step: number("step")?, arrays })
+    doubles.sort_by(|a, b| a.0.cmp(&b.0));
+    Ok(State { fingerprint: number("fingerprint")?, step: number("step")?, arrays, doubles })
 }

@@ -201,23 +201,32 @@ fn model_4dgs_freezes_propagates_renders_exports() {
     assert_eq!(frames(&at("one")), frames(&at("two")), "an unedited run propagates to itself");
 }
 
+fn is_recoloured(mean: [f32; 3]) -> bool {
+    mean[2] > 0.0
+}
+
+/// Freezes `model`, recolours and stretches one half of it, and writes it to `edited`.
+fn recoloured(model: &Path, folder: &Path, edited: &Path) {
+    let frozen = folder.join("frozen");
+    success(&mut c4d(["freeze", path(model), "-o", path(&frozen)]));
+    let frozen = ply::read_file(frozen.join("point_cloud.ply")).unwrap().splats;
+    let mut splats = frozen.clone();
+    for i in (0..splats.len()).filter(|&i| is_recoloured(frozen.means[i])) {
+        splats.means[i][0] *= 1.02;
+        splats.sh[i * 16] = [1.0, -0.5, 0.2];
+        splats.sh[i * 16 + 1..(i + 1) * 16].fill([0.0; 3]);
+    }
+    ply::write_file(edited, &splats, &ply::WriteOptions::default(), Existing::Refuse).unwrap();
+}
+
 /// Colours of edited rows may change, nothing else; and `c4d refine` is the stage of `c4d propagate`.
 #[test]
 fn refinement_touches_edited_colours_only() {
     let folder = tempfile::tempdir().unwrap();
     let at = |name: &str| folder.path().join(name);
     let model = fixture("deform4dgs/dynerf_like/model");
-    success(&mut c4d(["freeze", path(&model), "-o", path(&at("frozen"))]));
-    let frozen = ply::read_file(at("frozen/point_cloud.ply")).unwrap().splats;
-    let mut splats = frozen.clone();
-    let is_edited = |i: usize| frozen.means[i][2] > 0.0;
-    for i in (0..splats.len()).filter(|&i| is_edited(i)) {
-        splats.means[i][0] *= 1.02;
-        splats.sh[i * 16] = [1.0, -0.5, 0.2];
-        splats.sh[i * 16 + 1..(i + 1) * 16].fill([0.0; 3]);
-    }
     let edited = at("edited.ply");
-    ply::write_file(&edited, &splats, &ply::WriteOptions::default(), Existing::Refuse).unwrap();
+    recoloured(&model, folder.path(), &edited);
     let refine = ["--refine-size", "96x72", "--refine-frames", "3", "--samples", "12"];
     let (plain, refined) = (at("plain"), at("refined"));
     let propagate = |run: &Path, extra: &[&str]| {
@@ -245,13 +254,14 @@ fn refinement_touches_edited_colours_only() {
             path(&out),
         ]));
     }
+    let first = ply::read_file(&edited).unwrap().splats;
     let mut changed = 0;
     for (before, after) in frames(&at("a")).iter().zip(&frames(&at("b"))) {
         assert_eq!(before.means, after.means, "motion stays");
         assert_eq!(before.opacity_logits, after.opacity_logits, "opacity stays");
         for i in 0..before.len() {
             let same = before.sh_of(i) == after.sh_of(i);
-            assert!(same || is_edited(i), "row {i} was not edited");
+            assert!(same || is_recoloured(first.means[i]), "row {i} was not edited");
             changed += usize::from(!same);
         }
     }
@@ -261,6 +271,50 @@ fn refinement_touches_edited_colours_only() {
     success(&mut c4d(arguments));
     let scene = |run: &Path| std::fs::read(run.join("scene.c4d")).unwrap();
     assert!(scene(&plain) == scene(&refined), "the same, bit for bit");
+}
+
+/// A refinement killed without warning, twice, ends as if it had not been.
+#[test]
+fn killed_refinement_resumes_to_the_same_bits() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    let model = fixture("deform4dgs/dynerf_like/model");
+    let edited = at("edited.ply");
+    recoloured(&model, folder.path(), &edited);
+    let refine = |run: &Path| -> Vec<String> {
+        let flags = ["--refine-size", "320x240", "--samples", "60", "--checkpoint-every", "0"];
+        ["refine", path(run)].into_iter().chain(flags).map(str::to_owned).collect()
+    };
+    for run in ["whole", "killed"] {
+        let run = at(run);
+        let arguments = ["propagate", path(&model), "--no-refine", "--edited", path(&edited)];
+        success(&mut c4d(arguments.into_iter().chain(["-o", path(&run)])));
+    }
+    success(&mut c4d(refine(&at("whole"))));
+    let run = at("killed");
+    let state = run.join("refine.state");
+    let plain = std::fs::read(run.join("scene.c4d")).unwrap();
+    let mut saved = Vec::new();
+    for resume in [None, Some("--resume".to_owned())] {
+        let mut child = std::process::Command::new(assert_cmd::cargo::cargo_bin!("c4d"))
+            .args(refine(&run).into_iter().chain(resume))
+            .stderr(std::process::Stdio::null())
+            .spawn()
+            .unwrap();
+        // until it has got further than before
+        while std::fs::read(&state).unwrap_or_default() == saved {
+            assert!(child.try_wait().unwrap().is_none(), "it ended before it could be killed");
+            std::thread::sleep(std::time::Duration::from_millis(2));
+        }
+        child.kill().unwrap();
+        child.wait().unwrap();
+        saved = std::fs::read(&state).unwrap();
+        assert!(std::fs::read(run.join("scene.c4d")).unwrap() == plain, "nothing half-written");
+    }
+    success(&mut c4d(refine(&run).into_iter().chain(["--resume".to_owned()])));
+    let scene = |run: &Path| std::fs::read(run.join("scene.c4d")).unwrap();
+    assert!(scene(&at("whole")) == scene(&run), "the same, bit for bit");
+    assert!(scene(&run) != plain, "refinement did something");
 }
 
 #[test]

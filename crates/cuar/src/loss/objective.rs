@@ -1,6 +1,6 @@
 //! The refinement objective of one image (Eqs. 18–20).
 
-use super::{Ssim, l1::sign};
+use super::{Ssim, l1::sign, ssim::RADIUS};
 use gs_core::Real;
 
 /// Weights of Eqs. 18 and 20.
@@ -70,11 +70,14 @@ pub enum Shape {
 /// Eqs. 18–20 with gradient and, for second-order solvers, curvature. Owns its work memory.
 #[derive(Debug, Clone)]
 pub struct Objective<F> {
+    width: usize,
+    height: usize,
     weights: LossWeights,
     norm: F,
     ssim: Ssim<F>,
     masked: [Vec<F>; 2],
     v_masked: Vec<F>,
+    bent_masked: Vec<F>,
     bent: Vec<F>,
 }
 
@@ -83,11 +86,14 @@ impl<F: Real> Objective<F> {
     /// full image, whose rest is taken to contribute nothing.
     pub fn new(width: usize, height: usize, full_pixels: usize, weights: LossWeights) -> Self {
         Self {
+            width,
+            height,
             weights,
             norm: F::from_double(1.0 / (3.0 * full_pixels.max(1) as f64)),
-            ssim: Ssim::new(width, height, 3),
+            ssim: Ssim::new(0, 0, 3),
             masked: Default::default(),
             v_masked: Vec::new(),
+            bent_masked: Vec::new(),
             bent: Vec::new(),
         }
     }
@@ -105,7 +111,7 @@ impl<F: Real> Objective<F> {
         v_render: &mut Vec<F>,
         curvature: Option<&mut Vec<F>>,
     ) -> LossParts {
-        let [width, height, _] = self.ssim.size();
+        let (width, height) = (self.width, self.height);
         let pixels = width * height;
         for (what, len, per_pixel) in [
             ("render", render.len(), 3),
@@ -127,20 +133,32 @@ impl<F: Real> Objective<F> {
         self.bent.clear();
         self.bent.resize(pixels * 3, F::zero());
         let mut parts = LossParts::default();
-        if targets.fore.iter().any(|&m| m > F::zero()) {
+        // beyond the windows that touch the mask both images are zero, their similarity 1
+        if let Some([x0, y0, x1, y1]) = around(targets.fore, width) {
+            let (x1, y1) = (x1.min(width), y1.min(height));
             let [x, y] = &mut self.masked;
-            mask_into(render, targets.fore, x);
-            mask_into(targets.warp, targets.fore, y);
-            self.v_masked.clear();
-            self.v_masked.resize(pixels * 3, F::zero());
-            let bent = bends.then_some(self.bent.as_mut_slice());
+            for (image, out) in [(render, x), (targets.warp, y)] {
+                out.clear();
+                for row in y0..y1 {
+                    let (from, to) = (row * width + x0, row * width + x1);
+                    mask_into(&image[from * 3..to * 3], &targets.fore[from..to], out);
+                }
+            }
+            let [x, y] = &self.masked;
+            for plane in [&mut self.v_masked, &mut self.bent_masked] {
+                plane.clear();
+                plane.resize(x.len(), F::zero());
+            }
+            self.ssim.resize(x1 - x0, y1 - y0);
+            let bent = bends.then_some(self.bent_masked.as_mut_slice());
             let loss = self.ssim.loss(x, y, self.norm, ssim_share, &mut self.v_masked, bent);
             parts.fore_ssim = loss.as_f64();
-            for p in 0..pixels {
+            let inside = (y0..y1).flat_map(|row| row * width + x0..row * width + x1);
+            for (q, p) in inside.enumerate() {
                 let m = targets.fore[p];
-                for k in p * 3..p * 3 + 3 {
-                    v_render[k] = m * self.v_masked[k];
-                    self.bent[k] = m * m * self.bent[k];
+                for channel in 0..3 {
+                    v_render[p * 3 + channel] = m * self.v_masked[q * 3 + channel];
+                    self.bent[p * 3 + channel] = m * m * self.bent_masked[q * 3 + channel];
                 }
             }
         }
@@ -190,11 +208,25 @@ impl<F: Real> Objective<F> {
     }
 }
 
+/// Appends `image · mask`.
 fn mask_into<F: Real>(image: &[F], mask: &[F], out: &mut Vec<F>) {
-    out.clear();
-    out.reserve(image.len());
     for (rgb, &m) in image.chunks_exact(3).zip(mask) {
         // not a product: what lies outside the mask may be anything, even NaN
         out.extend(rgb.iter().map(|&value| if m > F::zero() { m * value } else { F::zero() }));
     }
+}
+
+/// Rectangle `x0, y0, x1, y1` (upper bounds exclusive, not cut to the image) of all windows that touch `mask`; `None` if it is empty.
+fn around<F: Real>(mask: &[F], width: usize) -> Option<[usize; 4]> {
+    let mut bounds: Option<[usize; 4]> = None;
+    for (y, row) in mask.chunks(width.max(1)).enumerate() {
+        let on = |m: &F| *m > F::zero();
+        let (Some(left), Some(right)) = (row.iter().position(on), row.iter().rposition(on)) else {
+            continue;
+        };
+        let [x0, y0, x1, _] = bounds.unwrap_or([left, y, 0, 0]);
+        bounds = Some([x0.min(left), y0, x1.max(right + 1), y + 1]);
+    }
+    let [x0, y0, x1, y1] = bounds?;
+    Some([x0.saturating_sub(RADIUS), y0.saturating_sub(RADIUS), x1 + RADIUS, y1 + RADIUS])
 }

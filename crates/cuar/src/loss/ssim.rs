@@ -3,7 +3,8 @@
 use gs_core::Real;
 use rayon::prelude::*;
 
-const RADIUS: usize = 5;
+/// Half a window, pixels.
+pub(super) const RADIUS: usize = 5;
 const TAPS: usize = 2 * RADIUS + 1;
 const SIGMA: f64 = 1.5;
 const C1: f64 = 0.01 * 0.01;
@@ -49,6 +50,11 @@ impl<F: Real> Ssim<F> {
             map: Vec::new(),
             planes: Default::default(),
         }
+    }
+
+    /// Goes over to images of another size, in the same memory.
+    pub fn resize(&mut self, width: usize, height: usize) {
+        (self.width, self.height) = (width, height);
     }
 
     /// `[W, H, C]`.

@@ -7,6 +7,8 @@
     reason = "pixels inside the image, single-precision places"
 )]
 
+pub mod slide;
+
 use cuar::{artifact_mask, render_uncertainty};
 use gs_core::{
     Camera, DynamicScene, Image, Rasterizer, RenderParams, SceneError, Splats, TimeRange, sh,

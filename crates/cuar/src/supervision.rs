@@ -1,0 +1,158 @@
+//! Making the supervised images, several at a time ([`Supervision`]).
+
+use crate::{
+    CuarError, Report, Views,
+    plan::ViewTime,
+    problem::Watch,
+    sample::{Builder, Counts, Made, Sample, Source},
+    warp::FirstFrame,
+};
+use gs_core::{DynamicScene, Rasterizer, Splats};
+use rayon::prelude::*;
+
+/// Images after which their size is taken to be known.
+const PROBE: usize = 4;
+
+/// Makes the supervised images.
+pub(crate) struct Supervision<'a, R: Rasterizer> {
+    scene: &'a dyn DynamicScene,
+    views: &'a Views<'a>,
+    source: Source<'a, R>,
+    /// One per image made at once.
+    builders: Vec<Builder<R::Prepared>>,
+    /// The scene at the times being looked at.
+    moments: Vec<(f32, Splats)>,
+    /// Frame 1 per view, while it is needed.
+    frames: Vec<Option<FirstFrame>>,
+    pub counts: Counts,
+    /// Per edited splat: in how many images it exceeds the mask's threshold (Eq. 17 for one splat), and how many there are.
+    pub doubts: Vec<[u32; 2]>,
+}
+
+impl<'a, R: Rasterizer<Prepared: Send> + Sync> Supervision<'a, R> {
+    pub(crate) fn new(
+        scene: &'a dyn DynamicScene,
+        views: &'a Views<'a>,
+        source: Source<'a, R>,
+        lanes: usize,
+    ) -> Self {
+        Self {
+            scene,
+            views,
+            builders: (0..lanes).map(|_| Builder::default()).collect(),
+            moments: Vec::new(),
+            frames: vec![None; views.cameras.len()],
+            counts: Counts::default(),
+            doubts: vec![[0; 2]; source.edited.iter().filter(|edited| **edited).count()],
+            source,
+        }
+    }
+
+    /// Images for `plan` (sorted by time), as many as `memory` holds.
+    pub(crate) fn build(
+        &mut self,
+        plan: &[ViewTime],
+        memory: usize,
+        done: usize,
+        watch: &mut Watch,
+        report: &mut Report,
+    ) -> Result<Vec<Sample<R::Prepared>>, CuarError> {
+        let mut plan = plan.to_vec();
+        let mut samples = Vec::with_capacity(plan.len());
+        let mut next = 0;
+        while next < plan.len() {
+            let mut end = plan.len().min(next + self.builders.len());
+            if next < PROBE {
+                end = end.min(PROBE);
+            }
+            for made in self.make(&plan[next..end])?.into_iter().flatten() {
+                self.count(&made);
+                samples.push(made.sample);
+            }
+            for at in &plan[next..end] {
+                if !plan[end..].iter().any(|later| later.view == at.view) {
+                    self.frames[at.view] = None;
+                }
+            }
+            next = end;
+            if next == PROBE.min(plan.len()) {
+                let bytes: usize = samples.iter().map(Sample::bytes).sum();
+                let each = (bytes / next).max(1);
+                let fit = (memory / each).max(next);
+                if fit < plan.len() {
+                    report
+                        .warnings
+                        .push(format!("{fit} of {} images fit into the memory budget", plan.len()));
+                    let rest = plan.split_off(next);
+                    let keep = fit - next;
+                    plan.extend((0..keep).map(|k| rest[k * rest.len() / keep]));
+                }
+            }
+            watch.step(done + next, None);
+            watch.stop_if_cancelled()?;
+        }
+        Ok(samples)
+    }
+
+    fn count<P>(&mut self, made: &Made<P>) {
+        self.counts.pixels += made.counts.pixels;
+        self.counts.masked += made.counts.masked;
+        self.counts.known += made.counts.known;
+        for (entry, &doubtful) in made.sample.entries.iter().zip(&made.doubtful) {
+            let [doubts, seen] = &mut self.doubts[entry.row as usize];
+            *doubts += u32::from(doubtful);
+            *seen += 1;
+        }
+    }
+
+    /// The images `group`, at once; `None` where no edited splat shows.
+    fn make(&mut self, group: &[ViewTime]) -> Result<Vec<Option<Made<R::Prepared>>>, CuarError> {
+        self.evaluate(group)?;
+        let mut views: Vec<usize> = group.iter().map(|at| at.view).collect();
+        views.sort_unstable();
+        views.dedup();
+        views.retain(|&view| self.frames[view].is_none());
+        let (source, cameras) = (&self.source, self.views.cameras);
+        let frames: Vec<FirstFrame> = views
+            .par_iter()
+            .zip(self.builders.par_iter_mut())
+            .map(|(&view, builder)| builder.first_frame(source, &cameras[view]))
+            .collect::<Result<_, _>>()?;
+        for (view, frame) in views.into_iter().zip(frames) {
+            self.frames[view] = Some(frame);
+        }
+        let (moments, frames) = (&self.moments, &self.frames);
+        group
+            .par_iter()
+            .zip(self.builders.par_iter_mut())
+            .map(|(&at, builder)| {
+                let moment = moments.iter().find(|(time, _)| *time == at.time);
+                let (Some((_, splats)), Some(frame)) = (moment, &frames[at.view]) else {
+                    return Ok(None);
+                };
+                builder.sample(source, at, splats, &cameras[at.view], frame)
+            })
+            .collect()
+    }
+
+    /// Evaluates the scene at the times of `group`.
+    fn evaluate(&mut self, group: &[ViewTime]) -> Result<(), CuarError> {
+        let wanted = |time: f32| group.iter().any(|at| at.time == time);
+        for at in group {
+            if self.moments.iter().any(|(time, _)| *time == at.time) {
+                continue;
+            }
+            let spare = self.moments.iter().position(|(time, _)| !wanted(*time));
+            let place = spare.unwrap_or_else(|| {
+                self.moments.push((f32::NAN, Splats::default()));
+                self.moments.len() - 1
+            });
+            let (time, splats) = &mut self.moments[place];
+            *time = f32::NAN;
+            self.scene.at_into(at.time, splats)?;
+            CuarError::check("splats", splats.len(), self.source.first.len())?;
+            *time = at.time;
+        }
+        Ok(())
+    }
+}

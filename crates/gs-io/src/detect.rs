@@ -7,6 +7,7 @@ use crate::frame::{self, Container};
 use crate::ply::{self, PlyError};
 use crate::ply_sequence::{PlySequence, SequenceOptions, find_frames};
 use crate::repair::{self, Damage};
+use crate::splatv;
 use gs_core::DynamicScene;
 use gs_deform::StaticScene;
 use std::fmt::{self, Display};
@@ -35,6 +36,8 @@ pub enum SceneKind {
     EditorFolder,
     /// A PLY file of something else; why it is no Gaussian scene.
     OtherPly(String),
+    /// A `.splatv` file: splats that move along cubics of time.
+    Splatv,
     /// The output folder of an earlier run.
     RunFolder,
     /// Something else.
@@ -57,6 +60,7 @@ impl Display for SceneKind {
             Self::Sog => f.write_str("SOG frame"),
             Self::EditorFolder => f.write_str("folder with one edited frame"),
             Self::OtherPly(what) => f.write_str(what),
+            Self::Splatv => f.write_str("animated splats (.splatv)"),
             Self::RunFolder => f.write_str("run folder"),
             Self::Unknown { found } if found.is_empty() => f.write_str("unknown: an empty folder"),
             Self::Unknown { found } => {
@@ -130,6 +134,9 @@ fn detect_file(path: &Path) -> Result<SceneKind, IoError> {
     let mut start = Vec::new();
     std::io::Read::read_to_end(&mut std::io::Read::take(file, START), &mut start)
         .map_err(failed)?;
+    if start.starts_with(&splatv::MAGIC) {
+        return Ok(SceneKind::Splatv);
+    }
     match frame::container(&start) {
         Container::Ply => detect_ply(path),
         Container::Spz => Ok(SceneKind::Spz),
@@ -193,7 +200,7 @@ pub struct Opened {
     pub warnings: Vec<String>,
 }
 
-/// Opens a 4DGaussians model, a sequence of frames, or a single frame of any format (which never moves).
+/// Opens a 4DGaussians model, a sequence of frames, a `.splatv` file, or a single frame of any format (which never moves).
 ///
 /// # Errors
 /// If the path is something else, or as the readers of its kind.
@@ -233,6 +240,11 @@ pub fn open_scene(path: impl AsRef<Path>, options: &OpenOptions) -> Result<Opene
                 ));
             }
             Box::new(sequence)
+        }
+        SceneKind::Splatv => {
+            let read = splatv::open(path, options.damage)?;
+            warnings.extend(damaged(read.repair));
+            Box::new(read.scene)
         }
         SceneKind::Ply
         | SceneKind::CompressedPly

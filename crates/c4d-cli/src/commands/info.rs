@@ -19,9 +19,10 @@ pub(crate) fn run(args: &InfoArgs, global: &Global, console: &Console) -> Outcom
     let kind = gs_io::detect(path).map_err(|error| scene::bad_input(&error))?;
     let report = match kind {
         ref kind if kind.is_frame() => frame(path, kind)?,
-        SceneKind::Model4dgs | SceneKind::PlySequence | SceneKind::RunFolder => {
-            dynamic(&scene::open(path, global, console)?)?
-        }
+        SceneKind::Model4dgs
+        | SceneKind::PlySequence
+        | SceneKind::Splatv
+        | SceneKind::RunFolder => dynamic(&scene::open(path, global, console)?)?,
         other => {
             return Err(Failure::bad_input(format!("{}: {other}", path.display())).next(
                 "c4d reads 4DGS model folders (point_cloud/iteration_N with point_cloud.ply and deformation.pth), numbered frames in a folder or zip archive, single frames (PLY, compressed PLY, .splat, .spz, .sog), and its own runs.",

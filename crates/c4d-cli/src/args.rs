@@ -7,7 +7,7 @@ use std::path::PathBuf;
 const AFTER_HELP: &str = "\
 Exit codes: 0 done, 1 failed, 2 usage, 3 bad input file, 4 no such GPU, 6 finished with warnings under --strict, 130 interrupted.
 
-SCENE is a 4DGaussians model folder, a folder of numbered PLYs with persistent rows, or a RUN folder of `c4d propagate`.";
+SCENE is a 4DGaussians model folder, a folder of numbered PLYs with persistent rows, a .splatv file, or a RUN folder of `c4d propagate`.";
 
 /// Carry an edit of one frame of a dynamic Gaussian-splat scene through all of time.
 #[derive(Debug, Parser)]
@@ -289,7 +289,7 @@ pub(crate) struct RenderArgs {
     /// File format [default: from the output's name, else png]
     #[arg(long, value_enum)]
     pub(crate) format: Option<Format>,
-    /// Folder (png, exr, npy) or file (mp4, sheet)
+    /// Folder (png, exr, npy) or file (mp4, webp, gif, sheet)
     #[arg(short, long)]
     pub(crate) output: PathBuf,
     /// Frames per second of videos
@@ -346,6 +346,12 @@ pub(crate) struct ExportArgs {
     /// Leave out the unused normals (12 bytes a splat; some readers need them)
     #[arg(long)]
     pub(crate) no_normals: bool,
+    /// Largest error of positions as a share of the scene's size [default: splat4d 0.0002; splatv 0.005, of one splat in a hundred]
+    #[arg(long, value_name = "SHARE")]
+    pub(crate) tolerance: Option<f64>,
+    /// Write it although cubics miss the motion (splatv) or the text is huge (usda)
+    #[arg(long)]
+    pub(crate) force: bool,
     /// Folder (ply-seq, compressed-seq) or file
     #[arg(short, long)]
     pub(crate) output: PathBuf,
@@ -443,6 +449,10 @@ pub(crate) enum Format {
     Flo,
     /// H.264 video, built-in encoder
     Mp4,
+    /// Lossless animated WebP that loops
+    Webp,
+    /// Animated GIF that loops, 255 colours a frame
+    Gif,
     /// One PNG with up to twelve frames side by side
     Sheet,
 }
@@ -462,12 +472,23 @@ pub(crate) enum ExportFormat {
     Spz,
     /// One frame as .splat
     Splat,
+    /// One .splat4d: compressed, every error bounded, streams
+    Splat4d,
+    /// One OpenUSD text layer with time samples, exact
+    Usda,
+    /// One .splatv: a cubic for every splat, for short clips
+    Splatv,
 }
 
 impl ExportFormat {
     /// Whether it holds one frame.
     pub(crate) fn is_snapshot(self) -> bool {
         matches!(self, Self::CompressedPly | Self::Spz | Self::Splat)
+    }
+
+    /// Whether the whole clip goes into one file that `export_clip` writes.
+    pub(crate) fn is_clip(self) -> bool {
+        matches!(self, Self::Splat4d | Self::Usda | Self::Splatv)
     }
 }
 

@@ -1,4 +1,4 @@
-//! Opening SCENE: a 4DGS model folder, a PLY sequence, or a run of ours.
+//! Opening SCENE: a 4DGS model folder, a PLY sequence, a `.splatv` file, or a run of ours.
 
 use crate::args::Global;
 use crate::console::Console;
@@ -51,6 +51,8 @@ const UP_CAPTURED: [f64; 3] = [0.0, -1.0, 0.0];
 const UP_SYNTHETIC: [f64; 3] = [0.0, 0.0, 1.0];
 /// Channels of the planes of the published D-NeRF configurations, and of no other.
 const DNERF_CHANNELS: usize = 32;
+/// Splats of a `.splatv` that fade more slowly than this (the clip lasts 1) are there all the time.
+const ALWAYS_THERE: f32 = 10.0;
 /// PLY comment in which our own sequences note the upward axis.
 pub(crate) const UP_COMMENT: &str = "c4d_up ";
 
@@ -123,6 +125,7 @@ pub(crate) fn open_within(
     match gs_io::detect(path).map_err(|error| bad_input(&error))? {
         SceneKind::Model4dgs => open_4dgs(path, global, console),
         SceneKind::PlySequence => open_sequence(path, global, console),
+        SceneKind::Splatv => open_splatv(path, global, console),
         SceneKind::RunFolder => run_folder::open(path, runs, global, console),
         kind if kind.is_frame() => Err(Failure::bad_input(format!(
             "{} is a single frame ({kind}): it does not move",
@@ -278,6 +281,36 @@ fn open_sequence(path: &Path, global: &Global, console: &Console) -> Outcome<Ope
         background: [0.0; 3],
         facts,
         files,
+    })
+}
+
+fn open_splatv(path: &Path, global: &Global, console: &Console) -> Outcome<Opened> {
+    let read = gs_io::splatv::open(path, damage(global)).map_err(|error| bad_input(&error))?;
+    let dropped = read.repair.damaged();
+    if dropped > 0 {
+        console.warn(format!(
+            "{}: dropped {dropped} of {} damaged rows ({} not finite or without width, {} with a zero quaternion)",
+            path.display(),
+            read.repair.rows,
+            read.repair.not_finite,
+            read.repair.zero_quaternion
+        ));
+    }
+    let always = read.scene.motions().iter().filter(|motion| motion.width > ALWAYS_THERE).count();
+    let facts =
+        vec![("motion", "one cubic a splat".to_owned()), ("always there", always.to_string())];
+    Ok(Opened {
+        edit_time: read.scene.time_range().start,
+        scene: Arc::new(read.scene),
+        network: None,
+        kind: SceneKind::Splatv,
+        path: path.to_owned(),
+        roots: vec![path.to_owned()],
+        original: None,
+        up: UP_CAPTURED,
+        background: [0.0; 3],
+        facts,
+        files: vec![path.to_owned()],
     })
 }
 

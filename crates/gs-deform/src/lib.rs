@@ -2,7 +2,7 @@
 //!
 //! Promises: [`HexPlaneScene`] gives the numbers of the 4DGaussians reference implementation within single-precision
 //! rounding, for every combination of flags that implementation can evaluate; [`Trajectories`] interpolates tabulated
-//! frames and is exact at them; [`StaticScene`] never moves. All are [`gs_core::DynamicScene`]s, run on all cores, and
+//! frames and is exact at them; [`PolynomialScene`] moves every splat along its own cubic; [`StaticScene`] never moves. All are [`gs_core::DynamicScene`]s, run on all cores, and
 //! give the same bits whatever the number of threads (not whatever the processor: vector width changes rounding).
 //!
 //! Deliberately absent: files (see `gs-io`), GPU, training.
@@ -22,6 +22,7 @@ mod hexplane;
 mod linear;
 mod mask;
 mod network;
+mod polynomial;
 mod sampling;
 mod scene;
 mod static_scene;
@@ -33,6 +34,7 @@ pub use hexplane::{HexPlane, PLANE_AXES, Plane};
 pub use linear::Linear;
 pub use mask::{EmptyVoxel, Mask};
 pub use network::{Component, Head, Heads, HexPlaneField, HexPlaneNetwork};
+pub use polynomial::{Polynomial, PolynomialError, PolynomialScene};
 pub use scene::{DEFAULT_CACHE_LIMIT, HexPlaneScene};
 pub use static_scene::StaticScene;
 pub use trace::Trace;

@@ -8,6 +8,7 @@ use crate::frame::{self, Container};
 use crate::ply::{self, PlyError};
 use crate::ply_sequence::{PlySequence, SequenceOptions, find_frames};
 use crate::repair::{self, Damage};
+use crate::splatv;
 use gs_core::DynamicScene;
 use gs_deform::StaticScene;
 use std::fmt::{self, Display};
@@ -36,6 +37,8 @@ pub enum SceneKind {
     EditorFolder,
     /// A PLY file of something else; why it is no Gaussian scene.
     OtherPly(String),
+    /// A `.splatv` file: splats that move along cubics of time.
+    Splatv,
     /// The output folder of an earlier run.
     RunFolder,
     /// Cameras of a data set, without splats.
@@ -60,6 +63,7 @@ impl Display for SceneKind {
             Self::Sog => f.write_str("SOG frame"),
             Self::EditorFolder => f.write_str("folder with one edited frame"),
             Self::OtherPly(what) => f.write_str(what),
+            Self::Splatv => f.write_str("animated splats (.splatv)"),
             Self::RunFolder => f.write_str("run folder"),
             Self::Cameras(format) => write!(f, "{format}"),
             Self::Unknown { found } if found.is_empty() => f.write_str("unknown: an empty folder"),
@@ -140,6 +144,9 @@ fn detect_file(path: &Path) -> Result<SceneKind, IoError> {
     let mut start = Vec::new();
     std::io::Read::read_to_end(&mut std::io::Read::take(file, START), &mut start)
         .map_err(failed)?;
+    if start.starts_with(&splatv::MAGIC) {
+        return Ok(SceneKind::Splatv);
+    }
     let container = frame::container(&start);
     // Text and arrays can look like rows of a `.splat`. Malformed JSON is nothing known; opening it as cameras says where it breaks.
     if matches!(container, Container::Splat | Container::Unknown)
@@ -210,7 +217,7 @@ pub struct Opened {
     pub warnings: Vec<String>,
 }
 
-/// Opens a 4DGaussians model, a sequence of frames, or a single frame of any format (which never moves).
+/// Opens a 4DGaussians model, a sequence of frames, a `.splatv` file, or a single frame of any format (which never moves).
 ///
 /// # Errors
 /// If the path is something else, or as the readers of its kind.
@@ -250,6 +257,11 @@ pub fn open_scene(path: impl AsRef<Path>, options: &OpenOptions) -> Result<Opene
                 ));
             }
             Box::new(sequence)
+        }
+        SceneKind::Splatv => {
+            let read = splatv::open(path, options.damage)?;
+            warnings.extend(damaged(read.repair));
+            Box::new(read.scene)
         }
         SceneKind::Ply
         | SceneKind::CompressedPly

@@ -6,6 +6,7 @@ use crate::frame::FrameError;
 use crate::ply::PlyError;
 use crate::pth::PthError;
 use crate::repair::DamagedRows;
+use crate::splatv::SplatvError;
 use gs_deform::FieldError;
 use std::path::{Path, PathBuf};
 use thiserror::Error;
@@ -86,6 +87,14 @@ pub enum IoError {
         /// What is wrong.
         source: CamerasError,
     },
+    /// A `.splatv` file is malformed.
+    #[error("{}: {source}", path.display())]
+    Splatv {
+        /// Which file.
+        path: PathBuf,
+        /// What is wrong.
+        source: SplatvError,
+    },
     /// The tensors of a file do not make a deformation field.
     #[error("{}: {source}", path.display())]
     Field {
@@ -108,6 +117,14 @@ pub enum IoError {
         /// Which folder or file.
         path: PathBuf,
         /// What is missing or does not fit, and what to do.
+        what: String,
+    },
+    /// A clip is not written because the format does not suit it, unless asked to nevertheless.
+    #[error("cannot write {}: {what}", path.display())]
+    Unfit {
+        /// What was being written.
+        path: PathBuf,
+        /// Why.
         what: String,
     },
     /// The scene that was being written could not be evaluated.

@@ -1,7 +1,9 @@
 //! Gaussian-splat file formats in and out.
 //!
 //! Promises: still frames of every common format ([`frame`]: 3DGS PLY, compressed PLY, `.splat`, `.spz`, `.sog`), sequences of them
-//! ([`ply_sequence`]), 4DGaussians model folders ([`checkpoint4dgs`]), cameras and times of data sets ([`cameras`], [`cameras_json`]); [`detect()`] says what a path is. Readers survive any bytes:
+//! ([`ply_sequence`]), 4DGaussians model folders ([`checkpoint4dgs`]), `.splatv` in and out ([`splatv`]), clips out as `.splat4d`
+//! ([`splat4d`]) and OpenUSD ([`usda`]), each with what it does not keep ([`Losses`]), cameras and times of data sets ([`cameras`], [`cameras_json`]);
+//! [`detect()`] says what a path is. Readers survive any bytes:
 //! malformed input is an error that names the file, what was found and what to do, memory is bounded by a small multiple
 //! of the input, and nothing in a file is ever executed. Outputs are complete or absent ([`AtomicFile`], [`AtomicDir`]).
 //!
@@ -14,6 +16,7 @@ pub mod cameras;
 pub mod cameras_json;
 pub mod cfg_args;
 pub mod checkpoint4dgs;
+mod clip;
 pub mod compressed_ply;
 mod detect;
 mod error;
@@ -25,11 +28,15 @@ pub mod ply_sequence;
 pub mod pth;
 pub mod repair;
 pub mod sog;
+pub mod splat4d;
 pub mod splat_file;
+pub mod splatv;
 pub mod spz;
+pub mod usda;
 mod zip;
 
 pub use atomic::{AtomicDir, AtomicFile, Existing, final_path, remove_unfinished};
+pub use clip::Clip;
 pub use detect::{OpenOptions, Opened, SceneKind, detect, open_scene};
 pub use error::IoError;
 pub use losses::Losses;

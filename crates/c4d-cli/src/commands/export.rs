@@ -21,6 +21,9 @@ pub(crate) fn run(args: &ExportArgs, global: &Global, console: &Console) -> Outc
         return snapshot::write(args, &opened, global, console);
     }
     let times = frames::times(opened.scene.as_ref(), &args.times, args.frames)?;
+    if args.to.is_clip() {
+        return super::export_clip::run(args, &opened, &times, global, console);
+    }
     if times.len() < 2 {
         return Err(Failure::usage("a sequence needs at least 2 frames")
             .next("For one frame: --to compressed-ply, spz or splat with --time T, or c4d freeze --time T."));
@@ -94,7 +97,7 @@ fn plain_losses(args: &ExportArgs, available: usize) -> Losses {
 }
 
 /// Shows what was lost.
-fn say(losses: &Losses, console: &Console) {
+pub(crate) fn say(losses: &Losses, console: &Console) {
     for sentence in losses.sentences() {
         console.note(format!("not kept: {sentence}"));
     }

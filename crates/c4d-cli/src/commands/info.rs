@@ -25,9 +25,10 @@ pub(crate) fn run(args: &InfoArgs, global: &Global, console: &Console) -> Outcom
     let kind = gs_io::detect(path).map_err(|error| scene::bad_input(&error))?;
     let report = match kind {
         ref kind if kind.is_frame() => frame(path, kind)?,
-        SceneKind::Model4dgs | SceneKind::PlySequence | SceneKind::RunFolder => {
-            dynamic(&scene::open(path, global, console)?)?
-        }
+        SceneKind::Model4dgs
+        | SceneKind::PlySequence
+        | SceneKind::Splatv
+        | SceneKind::RunFolder => dynamic(&scene::open(path, global, console)?)?,
         SceneKind::Cameras(_) if path.is_dir() && path.join("cameras.json").is_file() => {
             match parts(path) {
                 parts if parts.len() > 1 => folder(path, &parts),

@@ -1,10 +1,12 @@
 //! `c4d render`: images and videos of a scene or run.
 
+use super::export::say;
 use super::freeze::{existing, output_failure};
 use crate::args::{Format, Global, Pass, RenderArgs, SplitArg};
 use crate::console::Console;
 use crate::device::Device;
 use crate::failure::{Failure, Outcome};
+use crate::loops::{GIF_MAX_FPS, GifWriter, LoopWriter, WebpWriter};
 use crate::passes::{self, PassImage};
 use crate::renderer::{self, Renderer};
 use crate::rig::{DEFAULT_SIZE, Rig};
@@ -13,7 +15,7 @@ use crate::video::VideoWriter;
 use crate::{cameras, frames, images};
 use clap::ValueEnum;
 use gs_core::{Camera, DynamicScene, Image, RenderOutput, Splats};
-use gs_io::{AtomicDir, AtomicFile, Existing};
+use gs_io::{AtomicDir, AtomicFile, Existing, Losses};
 use std::fs::File;
 use std::io::BufWriter;
 use std::path::{Path, PathBuf};
@@ -55,6 +57,7 @@ pub(crate) fn run(args: &RenderArgs, global: &Global, console: &Console) -> Outc
     console.detail(format!("rendering on {}", shot.device.describe()));
     match format {
         Format::Mp4 => video(args, global, &shot),
+        Format::Webp | Format::Gif => looping(args, global, &shot, format),
         Format::Sheet => sheet(args, global, &shot),
         Format::Png | Format::Exr | Format::Npy | Format::Flo => {
             stills(args, global, &shot, format)
@@ -103,15 +106,17 @@ fn format_of(output: &Path) -> Outcome<Format> {
     let extension = output.extension().and_then(|extension| extension.to_str());
     match extension.map(str::to_ascii_lowercase).as_deref() {
         Some("mp4") => Ok(Format::Mp4),
+        Some("webp") => Ok(Format::Webp),
+        Some("gif") => Ok(Format::Gif),
         Some("png") => Ok(Format::Sheet),
         Some(name @ ("exr" | "npy" | "flo")) => Err(Failure::usage(format!(
             "{}: one {name} file holds one image, and a render has many",
             output.display()
         ))
         .next(format!("Give a folder: --format {name} -o FOLDER."))),
-        Some(name @ ("mov" | "avi" | "mkv" | "webm" | "gif" | "webp" | "jpg" | "jpeg")) => {
+        Some(name @ ("mov" | "avi" | "mkv" | "webm" | "jpg" | "jpeg")) => {
             Err(Failure::usage(format!("{name} is no format of c4d render"))
-                .next("Videos are .mp4; images go into a folder as png, exr, npy or flo."))
+                .next("Videos are .mp4, loops .webp or .gif; images go into a folder as png, exr, npy or flo."))
         }
         _ => Ok(Format::Png),
     }
@@ -347,6 +352,7 @@ fn stills(args: &RenderArgs, global: &Global, shot: &Shot<'_>, format: Format) -
         Ok(())
     })?;
     folder.commit().map_err(|error| output_failure(&error))?;
+    say(&losses(format, args), shot.console);
     shot.console.result(format!("{} ({count} images)", args.output.display()));
     Ok(())
 }
@@ -421,6 +427,7 @@ fn video(args: &RenderArgs, global: &Global, shot: &Shot<'_>) -> Outcome {
     single_view(shot, "a video")?;
     rgb_only(args, "a video")?;
     write_video(&args.output, existing(global), args.fps, shot)?;
+    say(&losses(Format::Mp4, args), shot.console);
     shot.console.result(args.output.display());
     Ok(())
 }
@@ -444,10 +451,83 @@ pub(crate) fn write_video(path: &Path, existing: Existing, fps: f64, shot: &Shot
     file.commit().map_err(|error| output_failure(&error))
 }
 
+/// Renders the shot into an image that loops.
+fn looping(args: &RenderArgs, global: &Global, shot: &Shot<'_>, format: Format) -> Outcome {
+    single_view(shot, "a loop")?;
+    rgb_only(args, "a loop")?;
+    let path = &args.output;
+    let mut file =
+        Some(AtomicFile::create(path, existing(global)).map_err(|error| output_failure(&error))?);
+    let mut writer: Option<LoopWriter<AtomicFile>> = None;
+    shot.render(|exposure| {
+        let image = exposure.image(Pass::Rgb);
+        let (width, height) = (image.width, image.height);
+        if let Some(file) = file.take() {
+            writer = Some(match format {
+                Format::Gif => {
+                    LoopWriter::Gif(GifWriter::new(file, path, width, height, args.fps)?)
+                }
+                _ => LoopWriter::Webp(Box::new(WebpWriter::new(
+                    file, path, width, height, args.fps,
+                )?)),
+            });
+        }
+        writer.as_mut().map_or(Ok(()), |writer| writer.push(&image.to_bytes()))
+    })?;
+    let file = match writer {
+        Some(writer) => writer.finish()?,
+        None => return Err(Failure::usage("a loop needs at least one frame")),
+    };
+    file.commit().map_err(|error| output_failure(&error))?;
+    say(&losses(format, args), shot.console);
+    shot.console.result(path.display());
+    Ok(())
+}
+
+/// What a render's format does not keep.
+fn losses(format: Format, args: &RenderArgs) -> Losses {
+    let mut losses = Losses::none();
+    match format {
+        Format::Mp4 => {
+            losses.push("8 bits a channel, colour at half the resolution, slightly lossy (H.264, quantiser 16 to 20)");
+            losses.push("sides are even: an odd last column or row is cut");
+        }
+        Format::Gif => {
+            losses.push(
+                "255 colours a frame, dithered; changes of up to 3 of 255 steps are not drawn",
+            );
+            if args.fps > GIF_MAX_FPS {
+                losses.push(format!(
+                    "{} frames a second become {GIF_MAX_FPS}: browsers play no faster",
+                    args.fps
+                ));
+            } else {
+                losses.push("times are hundredths of a second");
+            }
+        }
+        Format::Webp => {
+            losses.push("8 bits a channel, else exact; times are thousandths of a second");
+        }
+        Format::Png => {
+            losses.push("8 bits a channel; values are cut to 0 … 1");
+            if args.passes.contains(&Pass::Depth) {
+                losses.push("depth is stretched over its range");
+            }
+            if args.passes.contains(&Pass::Flow) {
+                losses.push("flow is shown as colours");
+            }
+        }
+        Format::Sheet => losses.push("8 bits a channel, reduced in size, twelve frames at most"),
+        Format::Exr | Format::Npy | Format::Flo => {}
+    }
+    losses
+}
+
 fn sheet(args: &RenderArgs, global: &Global, shot: &Shot<'_>) -> Outcome {
     single_view(shot, "a contact sheet")?;
     rgb_only(args, "a contact sheet")?;
     write_sheet(&args.output, existing(global), shot)?;
+    say(&losses(Format::Sheet, args), shot.console);
     shot.console.result(args.output.display());
     Ok(())
 }

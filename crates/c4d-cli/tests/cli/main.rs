@@ -4,5 +4,6 @@
 
 mod bad_input;
 mod cameras;
+mod exports;
 mod main_job;
 mod support;

@@ -1,0 +1,144 @@
+//! `c4d export` of a whole clip into one file: `.splat4d`, OpenUSD, `.splatv`.
+
+use super::export::say;
+use super::freeze::{check_sh_degree, existing, output_failure};
+use crate::args::{ExportArgs, ExportFormat, Global};
+use crate::console::Console;
+use crate::failure::{Failure, Outcome};
+use crate::rig::{DEFAULT_SIZE, Rig};
+use crate::scene::{self, Opened};
+use gs_io::{Clip, IoError, Losses, splat4d, splatv, usda};
+
+pub(crate) fn run(
+    args: &ExportArgs,
+    opened: &Opened,
+    times: &[f32],
+    global: &Global,
+    console: &Console,
+) -> Outcome {
+    check(args, opened)?;
+    let clip = Clip { scene: opened.scene.as_ref(), times, fps: args.fps };
+    let (written, losses) = match args.to {
+        ExportFormat::Usda => write_usda(args, opened, &clip, global, console)?,
+        ExportFormat::Splatv => write_splatv(args, opened, &clip, global, console)?,
+        _ => write_splat4d(args, &clip, global, console)?,
+    };
+    let bytes = std::fs::metadata(&args.output).map_or(0, |metadata| metadata.len());
+    console.note(format!("{:.2} MB: {} frames, {written}", bytes as f64 / 1e6, times.len()));
+    say(&losses, console);
+    console.result(args.output.display());
+    Ok(())
+}
+
+fn check(args: &ExportArgs, opened: &Opened) -> Outcome {
+    check_sh_degree(args.sh_degree, opened.scene.sh_degree())?;
+    crate::frames::check_fps(args.fps)?;
+    scene::refuse_overlap(&args.output, &opened.roots)?;
+    let name = if args.to == ExportFormat::Splatv { "splatv" } else { "splat4d" };
+    if args.sh_degree.is_some_and(|degree| degree > 0) && args.to != ExportFormat::Usda {
+        return Err(Failure::usage(format!("--sh-degree: {name} holds degree 0 only"))
+            .next("Leave it out; --to usda or ply-seq keep view-dependent colour."));
+    }
+    if let Some(share) = args.tolerance {
+        if args.to == ExportFormat::Usda {
+            return Err(Failure::usage("--tolerance: usda is exact").next("Leave it out."));
+        }
+        if !(share > 0.0 && share <= 1.0) {
+            return Err(Failure::usage(format!(
+                "--tolerance {share}: expected above 0, at most 1"
+            )));
+        }
+    }
+    if args.force && args.to == ExportFormat::Splat4d {
+        return Err(Failure::usage("--force: splat4d never needs it").next("Leave it out."));
+    }
+    Ok(())
+}
+
+/// What was written, in words, and what was not.
+type Written = (String, Losses);
+
+fn write_splat4d(
+    args: &ExportArgs,
+    clip: &Clip<'_>,
+    global: &Global,
+    console: &Console,
+) -> Outcome<Written> {
+    let mut options = splat4d::Options::default();
+    options.tolerance = args.tolerance.unwrap_or(options.tolerance);
+    let mut progress = console.progress("export", (splat4d::PASSES * clip.times.len()) as u64);
+    let mut step = |done: usize| progress.set(done as u64);
+    let report = splat4d::write(&args.output, clip, &options, existing(global), &mut step)
+        .map_err(|error| failure(args.to, &error))?;
+    progress.finish();
+    let written = format!(
+        "{} splats of which {} move; at every splat and frame, coordinates are within {:.2e} scene units",
+        report.num_splats, report.moving, report.position_bound
+    );
+    Ok((written, report.losses))
+}
+
+fn write_usda(
+    args: &ExportArgs,
+    opened: &Opened,
+    clip: &Clip<'_>,
+    global: &Global,
+    console: &Console,
+) -> Outcome<Written> {
+    let options = usda::Options {
+        up: opened.up,
+        sh_degree: args.sh_degree,
+        size_limit: if args.force { u64::MAX } else { usda::SIZE_LIMIT },
+    };
+    let mut progress = console.progress("export", 1000);
+    let mut step = |done: usize, of: usize| progress.set((1000 * done / of) as u64);
+    let report = usda::write(&args.output, clip, &options, existing(global), &mut step)
+        .map_err(|error| failure(args.to, &error))?;
+    progress.finish();
+    let sampled = if report.sampled.is_empty() {
+        "nothing changes".to_owned()
+    } else {
+        format!("samples of {}", report.sampled.join(", "))
+    };
+    Ok((format!("{} splats, {sampled}", report.num_splats), report.losses))
+}
+
+fn write_splatv(
+    args: &ExportArgs,
+    opened: &Opened,
+    clip: &Clip<'_>,
+    global: &Global,
+    console: &Console,
+) -> Outcome<Written> {
+    let scene = opened.original.as_ref().unwrap_or(&opened.scene);
+    let rig = Rig::of_scene(scene.as_ref(), opened.up).map_err(Failure::bad_input)?;
+    let options = splatv::Options {
+        tolerance: args.tolerance.unwrap_or(splatv::DEFAULT_TOLERANCE),
+        force: args.force,
+        camera: rig.front(DEFAULT_SIZE),
+    };
+    let mut progress = console.progress("export", (splatv::PASSES * clip.times.len()) as u64);
+    let mut step = |done: usize| progress.set(done as u64);
+    let report = splatv::write(&args.output, clip, &options, existing(global), &mut step)
+        .map_err(|error| failure(args.to, &error))?;
+    progress.finish();
+    let (width, height) = DEFAULT_SIZE;
+    let written = format!(
+        "{} splats; pixels below are those of the front view at {width}×{height}",
+        report.num_splats
+    );
+    Ok((written, report.losses))
+}
+
+/// What to do when a format does not suit the clip.
+fn failure(to: ExportFormat, error: &IoError) -> Failure {
+    match error {
+        IoError::Unfit { .. } if to == ExportFormat::Splatv => Failure::usage(error).next(
+            "Take times close together, as in --times 0,0.01,0.02. --tolerance SHARE allows more, --force anything; --to splat4d keeps any motion.",
+        ),
+        IoError::Unfit { .. } => {
+            Failure::usage(error).next("Give --frames N with a smaller N, --sh-degree 0, or --force.")
+        }
+        _ => output_failure(error),
+    }
+}

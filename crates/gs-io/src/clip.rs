@@ -1,0 +1,183 @@
+//! [`Clip`]: what the writers of animated formats are given.
+
+use crate::error::IoError;
+use gs_core::{DynamicScene, Splats, quat};
+use std::path::Path;
+
+/// A scene at some times, one frame each.
+#[derive(Debug, Clone, Copy)]
+pub struct Clip<'a> {
+    /// The scene.
+    pub scene: &'a dyn DynamicScene,
+    /// Scene times of the frames, in the order played.
+    pub times: &'a [f32],
+    /// Frames per second.
+    pub fps: f64,
+}
+
+impl Clip<'_> {
+    /// Refuses what no format can hold.
+    ///
+    /// # Errors
+    /// If there are no frames or no splats, or the frame rate is not a positive number.
+    pub(crate) fn check(&self, path: &Path) -> Result<(), IoError> {
+        if self.times.is_empty() {
+            return Err(IoError::content(path, "no frames to write; ask for at least one"));
+        }
+        if self.scene.num_splats() == 0 {
+            return Err(IoError::content(
+                path,
+                "the scene has no splats: there is nothing to write",
+            ));
+        }
+        if !(self.fps.is_finite() && self.fps > 0.0) {
+            return Err(IoError::content(
+                path,
+                format!("{} frames per second; expected a positive number", self.fps),
+            ));
+        }
+        Ok(())
+    }
+
+    /// Calls `visit` with every frame in order; one frame is in memory at a time.
+    ///
+    /// # Errors
+    /// If the scene cannot be evaluated or is no longer what it was, or `visit` fails.
+    pub(crate) fn each_frame(
+        &self,
+        path: &Path,
+        mut visit: impl FnMut(usize, &Splats) -> Result<(), IoError>,
+    ) -> Result<(), IoError> {
+        let mut splats = Splats::default();
+        for (index, &t) in self.times.iter().enumerate() {
+            let failed = |source| IoError::Scene { path: path.to_owned(), source };
+            self.scene.at_into(t, &mut splats).map_err(failed)?;
+            splats.check_shapes().map_err(|error| failed(error.into()))?;
+            if splats.len() != self.scene.num_splats() {
+                return Err(IoError::content(
+                    path,
+                    format!(
+                        "frame {index} has {} splats, expected {} as the scene says",
+                        splats.len(),
+                        self.scene.num_splats()
+                    ),
+                ));
+            }
+            visit(index, &splats)?;
+        }
+        Ok(())
+    }
+}
+
+/// Rows that are usable (finite, with a rotation) in every frame seen.
+#[derive(Debug)]
+pub(crate) struct SoundRows(Vec<bool>);
+
+impl SoundRows {
+    pub(crate) fn new(num_splats: usize) -> Self {
+        Self(vec![true; num_splats])
+    }
+
+    pub(crate) fn see(&mut self, splats: &Splats) {
+        for (row, sound) in self.0.iter_mut().enumerate() {
+            *sound = *sound && splats.is_finite(row);
+        }
+    }
+
+    /// The usable rows in order.
+    ///
+    /// # Errors
+    /// If there are none.
+    pub(crate) fn rows(&self, path: &Path) -> Result<Vec<usize>, IoError> {
+        let rows: Vec<usize> = (0..self.0.len()).filter(|&row| self.0[row]).collect();
+        if rows.is_empty() {
+            return Err(IoError::content(
+                path,
+                "every splat is NaN, infinite or without rotation in some frame: there is nothing to write",
+            ));
+        }
+        Ok(rows)
+    }
+}
+
+/// Rotations as unit quaternions whose sign follows from frame to frame; the first frame's have `w ≥ 0`.
+#[derive(Debug, Default)]
+pub(crate) struct Hemispheres(Vec<[f32; 4]>);
+
+impl Hemispheres {
+    /// Goes on to the next frame.
+    pub(crate) fn follow(&mut self, splats: &Splats) {
+        self.0.resize(splats.len(), quat::IDENTITY);
+        for (held, &raw) in self.0.iter_mut().zip(&splats.quats) {
+            *held = quat::align(quat::normalize(raw), *held);
+        }
+    }
+
+    pub(crate) fn get(&self, row: usize) -> [f32; 4] {
+        self.0[row]
+    }
+}
+
+/// What the user should know about rows left out.
+pub(crate) fn dropped_sentence(dropped: usize, of: usize) -> Option<String> {
+    (dropped > 0).then(|| {
+        format!(
+            "{dropped} of {of} splats are left out: NaN, infinite or without rotation in some frame"
+        )
+    })
+}
+
+/// Size of a set of points: the diagonal of the box that holds the middle 98 % along each axis, world units. Points far away do not
+/// count, so that one floater does not decide.
+pub(crate) fn robust_size(points: &[[f32; 3]]) -> f64 {
+    const TAIL: f64 = 0.01;
+    let mut squared = 0.0_f64;
+    for axis in 0..3 {
+        let mut values: Vec<f32> =
+            points.iter().map(|point| point[axis]).filter(|value| value.is_finite()).collect();
+        if values.is_empty() {
+            return 0.0;
+        }
+        let last = values.len() - 1;
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "an index")]
+        let tail = ((last as f64 * TAIL).ceil() as usize).min(last / 4);
+        let low = *values.select_nth_unstable_by(tail, f32::total_cmp).1;
+        let high = *values.select_nth_unstable_by(last - tail, f32::total_cmp).1;
+        squared += (f64::from(high) - f64::from(low)).powi(2);
+    }
+    squared.sqrt()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn outliers_do_not_decide_the_size() {
+        let mut points: Vec<[f32; 3]> =
+            (0..1000_u16).map(|i| [f32::from(i) / 999.0, 0.0, 0.0]).collect();
+        points[500][0] = 1e9;
+        points[501][1] = f32::NAN;
+        let size = robust_size(&points);
+        assert!((0.97..1.0).contains(&size), "{size}");
+        assert_eq!(robust_size(&[]), 0.0, "nothing has no size");
+        assert_eq!(robust_size(&[[3.0; 3]]), 0.0, "a point has no size");
+    }
+
+    #[test]
+    fn signs_follow() {
+        let frame = |q| Splats {
+            means: vec![[0.0; 3]],
+            quats: vec![q],
+            log_scales: vec![[0.0; 3]],
+            opacity_logits: vec![0.0],
+            sh: vec![[0.0; 3]],
+            sh_degree: 0,
+        };
+        let mut hemispheres = Hemispheres::default();
+        hemispheres.follow(&frame([-0.6, 0.0, 0.8, 0.0]));
+        assert_eq!(hemispheres.get(0), [0.6, 0.0, -0.8, 0.0], "w ≥ 0 at first");
+        hemispheres.follow(&frame([0.1, 0.0, 1.0, 0.0]));
+        assert!(hemispheres.get(0)[2] < 0.0, "the sign nearest to the last");
+    }
+}

@@ -1,0 +1,93 @@
+//! The JSON header, which holds the absolute place of everything after it.
+
+use super::Options;
+use super::survey::Order;
+use super::value::{Attribute, Steps};
+use crate::clip::Clip;
+use serde_json::{Value, json};
+
+/// A compressed group of frames.
+#[derive(Debug)]
+pub(super) struct Chunk {
+    /// First frame.
+    pub(super) first: usize,
+    /// Last frame.
+    pub(super) last: usize,
+    pub(super) bytes: Vec<u8>,
+}
+
+/// What the header tells.
+#[derive(Debug)]
+pub(super) struct Header<'a> {
+    pub(super) clip: &'a Clip<'a>,
+    pub(super) options: &'a Options,
+    pub(super) steps: &'a Steps,
+    pub(super) order: &'a Order,
+    /// Box around all positions of all frames.
+    pub(super) aabb: [f32; 6],
+}
+
+impl Header<'_> {
+    /// Everything before the static section: magic, version, flags and the JSON, given the lengths of what follows.
+    pub(super) fn place(&self, fixed: usize, chunks: &[Chunk]) -> Vec<u8> {
+        const FRONT: usize = 12;
+        // The offsets' digits are part of the length they depend on; the length only grows from try to try, so this ends.
+        let mut length = 0;
+        loop {
+            let json = self.json(FRONT + length, fixed, chunks).to_string();
+            if json.len() == length {
+                let mut bytes = b"SP4D\x01\0\0\0".to_vec();
+                bytes.extend_from_slice(&u32::try_from(length).unwrap_or(u32::MAX).to_le_bytes());
+                bytes.extend_from_slice(json.as_bytes());
+                return bytes;
+            }
+            length = json.len();
+        }
+    }
+
+    /// `pos_m` is in scene units, whatever its name says; steps of whole numbers are whole numbers.
+    fn json(&self, start: usize, fixed: usize, chunks: &[Chunk]) -> Value {
+        let Self { clip, options, steps, order, aabb } = self;
+        let odd = |bound: u8| 2 * u32::from(bound) + 1;
+        let count = |attribute| order.dynamic_count(attribute);
+        let mut offset = start + fixed;
+        let gops: Vec<Value> = chunks
+            .iter()
+            .map(|chunk| {
+                let here = offset;
+                offset += chunk.bytes.len();
+                json!({
+                    "offset": here, "len": chunk.bytes.len(),
+                    "f0": chunk.first, "f1": chunk.last,
+                    "t0": chunk.first as f64 / clip.fps, "t1": chunk.last as f64 / clip.fps,
+                })
+            })
+            .collect();
+        let groups: Vec<Value> = order
+            .groups()
+            .into_iter()
+            .map(|(mask, count)| json!({ "mask": mask, "count": count }))
+            .collect();
+        json!({
+            "n": order.rows.len(), "t": clip.times.len(), "fps": clip.fps, "gop": options.gop,
+            "bounds": {
+                "pos_m": steps.bound(Attribute::Pos), "scale_rel": options.scale,
+                "rgb": options.rgb, "alpha": options.alpha, "rot": options.rot,
+            },
+            "steps": {
+                "pos": steps.moving(Attribute::Pos), "scale_log": steps.moving(Attribute::Scale),
+                "rgb": odd(options.rgb), "alpha": odd(options.alpha), "rot": odd(options.rot),
+                "base_pos": steps.fixed(Attribute::Pos), "base_scale_log": steps.fixed(Attribute::Scale),
+            },
+            "dyn": {
+                "pos": count(Attribute::Pos), "rot": count(Attribute::Rot), "rgb": count(Attribute::Rgb),
+                "alpha": count(Attribute::Alpha), "scale": count(Attribute::Scale),
+            },
+            "groups": groups,
+            "aabb": aabb,
+            "denoised": false,
+            "static_section": { "offset": start, "len": fixed },
+            "gops": gops,
+        })
+    }
+}

@@ -1,0 +1,147 @@
+//! Attributes of a splat as numbers on grids.
+
+use super::{Options, survey::Survey};
+use crate::clip::Hemispheres;
+use crate::error::IoError;
+use gs_core::{Splats, sh};
+use std::path::Path;
+
+/// What a splat has, numbered as in the file.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Attribute {
+    Pos = 0,
+    Rot = 1,
+    Rgb = 2,
+    Alpha = 3,
+    Scale = 4,
+}
+
+impl Attribute {
+    /// In the order of their numbers.
+    pub(super) const ALL: [Self; 5] = [Self::Pos, Self::Rot, Self::Rgb, Self::Alpha, Self::Scale];
+
+    pub(super) fn id(self) -> u8 {
+        self as u8
+    }
+
+    pub(super) fn channels(self) -> usize {
+        match self {
+            Self::Pos | Self::Rgb | Self::Scale => 3,
+            Self::Rot => 4,
+            Self::Alpha => 1,
+        }
+    }
+}
+
+/// The attribute's values in grid units' domain: world units; 128ths minus the file's offset; 255ths; log world units. Unused
+/// channels are 0. Exact in single precision.
+pub(super) fn values(
+    attribute: Attribute,
+    splats: &Splats,
+    hemispheres: &Hemispheres,
+    row: usize,
+) -> [f32; 4] {
+    let three = |[a, b, c]: [f32; 3]| [a, b, c, 0.0];
+    match attribute {
+        Attribute::Pos => three(splats.means[row]),
+        Attribute::Rot => {
+            hemispheres.get(row).map(|component| (component * 128.0).round().clamp(-128.0, 127.0))
+        }
+        Attribute::Rgb => {
+            let dc = splats.sh[row * splats.sh_coeffs()];
+            three(dc.map(|dc| byte(0.5 + sh::C0 * dc)))
+        }
+        Attribute::Alpha => [byte(splats.opacity(row)), 0.0, 0.0, 0.0],
+        Attribute::Scale => three(splats.log_scales[row]),
+    }
+}
+
+fn byte(value: f32) -> f32 {
+    (value * 255.0).round().clamp(0.0, 255.0)
+}
+
+/// Grid steps of changing values, and of what is stored once.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Steps {
+    bounds: [f64; 5],
+    moving: [f64; 5],
+    fixed: [f64; 5],
+}
+
+impl Steps {
+    pub(super) fn new(options: &Options, position_bound: f64) -> Self {
+        let [rot, rgb, alpha] = [options.rot, options.rgb, options.alpha].map(f64::from);
+        // A scene without extent has one position: any grid will do.
+        let pos = if position_bound > 0.0 { position_bound } else { f64::from(f32::MIN_POSITIVE) };
+        let scale = options.scale.ln_1p();
+        Self {
+            bounds: [pos, rot, rgb, alpha, scale],
+            moving: [2.0 * pos, 2.0 * rot + 1.0, 2.0 * rgb + 1.0, 2.0 * alpha + 1.0, 2.0 * scale],
+            fixed: [pos, 1.0, 1.0, 1.0, scale],
+        }
+    }
+
+    pub(super) fn bound(&self, attribute: Attribute) -> f64 {
+        self.bounds[attribute as usize]
+    }
+
+    pub(super) fn moving(&self, attribute: Attribute) -> f64 {
+        self.moving[attribute as usize]
+    }
+
+    pub(super) fn fixed(&self, attribute: Attribute) -> f64 {
+        self.fixed[attribute as usize]
+    }
+
+    /// The number of the grid point next to `value`.
+    #[expect(
+        clippy::cast_possible_truncation,
+        reason = "Steps::check_range has seen every value that is written"
+    )]
+    pub(super) fn bin(value: f32, step: f64) -> i32 {
+        (f64::from(value) / step).round() as i32
+    }
+
+    /// Refuses values whose grid points have no number that, and whose differences, fit 32 bits.
+    pub(super) fn check_range(
+        &self,
+        path: &Path,
+        survey: &Survey,
+        rows: &[usize],
+    ) -> Result<(), IoError> {
+        const LARGEST: f64 = (1 << 29) as f64;
+        for attribute in [Attribute::Pos, Attribute::Scale] {
+            let largest = survey.largest(attribute, rows);
+            if largest / self.fixed(attribute) > LARGEST {
+                return Err(IoError::content(
+                    path,
+                    format!(
+                        "a {} of {largest:.3e} is too far out for a grid of {:.3e}; remove that splat, or raise the tolerance",
+                        if attribute == Attribute::Pos { "coordinate" } else { "logarithmic size" },
+                        self.fixed(attribute)
+                    ),
+                ));
+            }
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn grid_points_are_within_their_bound() {
+        let options = Options { rgb: 4, rot: 1, ..Options::default() };
+        let steps = Steps::new(&options, 0.25);
+        for attribute in Attribute::ALL {
+            let (step, bound) = (steps.moving(attribute), steps.bound(attribute));
+            for i in -128..=255_i16 {
+                let value = f32::from(i);
+                let error = f64::from(value) - f64::from(Steps::bin(value, step)) * step;
+                assert!(error.abs() <= bound + 1e-9, "{attribute:?} {value}: off by {error}");
+            }
+        }
+    }
+}

@@ -1,0 +1,128 @@
+//! `.splatv` files as scenes.
+
+use super::MAGIC;
+use super::row::{BYTES, Row};
+use crate::error::{IoError, read_bytes};
+use crate::repair::{Damage, DamagedRows, RepairReport};
+use gs_core::Splats;
+use gs_deform::PolynomialScene;
+use serde::Deserialize;
+use std::path::Path;
+use thiserror::Error;
+
+/// Bytes that are no `.splatv` scene.
+#[derive(Debug, Error)]
+pub enum SplatvError {
+    /// Another kind of file.
+    #[error("is no .splatv: it does not begin with 0x674B")]
+    Magic,
+    /// The header is cut off or no JSON of this schema.
+    #[error("the header of this .splatv is damaged: {0}")]
+    Header(String),
+    /// The splats end in the middle of one.
+    #[error(
+        "ends in the middle of a splat: {found} bytes of splats, expected a multiple of {BYTES}; copy the file again"
+    )]
+    Truncated {
+        /// Bytes of splats.
+        found: usize,
+    },
+    /// No splats.
+    #[error("holds no splats")]
+    Empty,
+    /// Damaged rows where none are allowed.
+    #[error(transparent)]
+    Damaged(#[from] DamagedRows),
+}
+
+#[derive(Deserialize)]
+struct Part {
+    #[serde(rename = "type")]
+    kind: String,
+    size: u64,
+}
+
+/// A `.splatv` scene and what was found.
+#[derive(Debug)]
+pub struct Read {
+    /// The scene, times 0 to 1.
+    pub scene: PolynomialScene,
+    /// Damaged rows.
+    pub repair: RepairReport,
+}
+
+/// Reads a scene. Rows of zeros are padding. Sizes of zero become the smallest a half holds; opacities of 0 and 255 become
+/// 10⁻⁶ and 1 − 10⁻⁶, so that all stored parameters are finite.
+///
+/// # Errors
+/// If the bytes are no `.splatv`, hold no splats, or hold damaged rows and `damage` says to fail.
+pub fn read(bytes: &[u8], damage: Damage) -> Result<Read, SplatvError> {
+    let rest = bytes.strip_prefix(&MAGIC).ok_or(SplatvError::Magic)?;
+    let cut = || SplatvError::Header("it is cut off".to_owned());
+    let (length, rest) = rest.split_first_chunk::<4>().ok_or_else(cut)?;
+    let length = u32::from_le_bytes(*length) as usize;
+    let (header, payload) = rest.split_at_checked(length).ok_or_else(cut)?;
+    let parts: Vec<Part> =
+        serde_json::from_slice(header).map_err(|error| SplatvError::Header(error.to_string()))?;
+    let mut start = 0_usize;
+    let mut splats = None;
+    for part in parts {
+        let size = usize::try_from(part.size).unwrap_or(usize::MAX);
+        if part.kind == "splat" {
+            let from = payload.get(start..).unwrap_or_default();
+            // Files in the wild leave out the padding that the header counts.
+            splats = Some(&from[..from.len().min(size)]);
+            break;
+        }
+        start = start.saturating_add(size);
+    }
+    let data = splats.ok_or_else(|| SplatvError::Header("it lists no splats".to_owned()))?;
+    let (rows, odd) = data.as_chunks::<BYTES>();
+    if !odd.is_empty() {
+        return Err(SplatvError::Truncated { found: data.len() });
+    }
+
+    let mut repair = RepairReport::default();
+    let mut first_damaged = None;
+    let mut rest = Splats::with_capacity(rows.len(), 0);
+    let mut motions = Vec::with_capacity(rows.len());
+    for (index, bytes) in rows.iter().enumerate().filter(|(_, bytes)| **bytes != [0; BYTES]) {
+        let row = Row::from_bytes(bytes);
+        repair.rows += 1;
+        if let Some(zero_quaternion) = row.damage() {
+            first_damaged.get_or_insert(index);
+            repair.zero_quaternion += usize::from(zero_quaternion);
+            repair.not_finite += usize::from(!zero_quaternion);
+            if damage != Damage::Keep {
+                continue;
+            }
+        }
+        rest.means.push(row.mean);
+        rest.quats.push(row.quat);
+        rest.log_scales.push(row.log_scale());
+        rest.opacity_logits.push(row.opacity_logit());
+        rest.sh.push(row.sh_dc());
+        motions.push(row.motion);
+    }
+    if let Some(first) = first_damaged
+        && (damage == Damage::Fail || rest.is_empty())
+    {
+        return Err(DamagedRows { report: repair, first }.into());
+    }
+    if rest.is_empty() {
+        return Err(SplatvError::Empty);
+    }
+    let scene = PolynomialScene::new(rest, motions)
+        .map_err(|error| SplatvError::Header(error.to_string()))?;
+    Ok(Read { scene, repair })
+}
+
+/// Reads a file.
+///
+/// # Errors
+/// If it cannot be read, or as [`read`].
+pub fn open(path: impl AsRef<Path>, damage: Damage) -> Result<Read, IoError> {
+    let path = path.as_ref();
+    read(&read_bytes(path)?, damage)
+        .map_err(|source| IoError::Splatv { path: path.to_owned(), source })
+}

@@ -1,0 +1,422 @@
+//! OpenUSD text layers: one `ParticleField3DGaussianSplat` with time samples.
+//!
+//! Values are written so that they read back to the same bits; attributes that never change are written once. The splats keep the
+//! scene's own axes; a transform above them turns the scene's up to the stage's +y. Frame `i` is time code `i`.
+
+use crate::atomic::{AtomicFile, Existing};
+use crate::clip::{Clip, Hemispheres, SoundRows, dropped_sentence};
+use crate::error::IoError;
+use crate::losses::Losses;
+use gs_core::{Splats, sh};
+use rayon::prelude::*;
+use std::fmt::Write as _;
+use std::io::Write;
+use std::path::Path;
+
+/// Larger texts are refused by default: few tools open them.
+pub const SIZE_LIMIT: u64 = 1_000_000_000;
+
+/// Bytes a number takes with its punctuation, on average.
+const BYTES_PER_NUMBER: u64 = 12;
+
+/// How to write.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Options {
+    /// The scene's upward direction, world frame. Default +y, which needs no transform.
+    pub up: [f64; 3],
+    /// SH up to this degree; the scene's if `None`. Default `None`.
+    pub sh_degree: Option<usize>,
+    /// Refuse a text estimated above so many bytes. Default [`SIZE_LIMIT`].
+    pub size_limit: u64,
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        Self { up: [0.0, 1.0, 0.0], sh_degree: None, size_limit: SIZE_LIMIT }
+    }
+}
+
+/// What was written.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Report {
+    /// Splats written.
+    pub num_splats: usize,
+    /// Attributes with time samples.
+    pub sampled: Vec<&'static str>,
+    /// What the file does not keep.
+    pub losses: Losses,
+}
+
+/// What a splat has, as the schema names it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Attribute {
+    Positions,
+    Orientations,
+    Scales,
+    Opacities,
+    Radiance,
+}
+
+impl Attribute {
+    const ALL: [Self; 5] =
+        [Self::Positions, Self::Orientations, Self::Scales, Self::Opacities, Self::Radiance];
+
+    fn name(self) -> &'static str {
+        match self {
+            Self::Positions => "positions",
+            Self::Orientations => "orientations",
+            Self::Scales => "scales",
+            Self::Opacities => "opacities",
+            Self::Radiance => "radiance:sphericalHarmonicsCoefficients",
+        }
+    }
+
+    fn kind(self) -> &'static str {
+        match self {
+            Self::Positions => "point3f[]",
+            Self::Orientations => "quatf[]",
+            Self::Scales | Self::Radiance => "float3[]",
+            Self::Opacities => "float[]",
+        }
+    }
+
+    fn numbers(self, sh_degree: usize) -> u64 {
+        match self {
+            Self::Positions | Self::Scales => 3,
+            Self::Orientations => 4,
+            Self::Opacities => 1,
+            Self::Radiance => 3 * sh::num_coeffs(sh_degree) as u64,
+        }
+    }
+}
+
+/// Writes the clip. The scene is evaluated once per frame, and once more per frame and attribute that changes (or once, if it does
+/// not); `progress` hears the number of evaluations done and of all. Besides one frame and its text nothing is held in memory.
+///
+/// # Errors
+/// If there are no frames, splats or frames per second, the up direction has no length, the text would be larger than the limit,
+/// the scene cannot be evaluated, or the file cannot be written.
+pub fn write(
+    path: impl AsRef<Path>,
+    clip: &Clip<'_>,
+    options: &Options,
+    existing: Existing,
+    progress: &mut dyn FnMut(usize, usize),
+) -> Result<Report, IoError> {
+    let path = path.as_ref();
+    clip.check(path)?;
+    let turn = turn_to_y(options.up)
+        .ok_or_else(|| IoError::content(path, "the upward direction has no length"))?;
+    let mut file = AtomicFile::create(path, existing)?;
+    let degree = options.sh_degree.unwrap_or(clip.scene.sh_degree()).min(clip.scene.sh_degree());
+    let frames = clip.times.len();
+
+    let mut survey = Survey::new(clip.scene.num_splats());
+    clip.each_frame(path, |index, splats| {
+        survey.see(splats);
+        progress(index + 1, 6 * frames);
+        Ok(())
+    })?;
+    let rows = survey.sound.rows(path)?;
+    let sampled = |attribute: Attribute| survey.changes[attribute as usize];
+    let estimate: u64 = Attribute::ALL
+        .into_iter()
+        .map(|a| if sampled(a) { frames as u64 } else { 1 } * a.numbers(degree))
+        .sum::<u64>()
+        * rows.len() as u64
+        * BYTES_PER_NUMBER;
+    if estimate > options.size_limit {
+        let gigabytes = estimate as f64 / 1e9;
+        return Err(IoError::Unfit {
+            path: path.to_owned(),
+            what: format!("it would be a text of about {gigabytes:.1} GB, which few tools open"),
+        });
+    }
+
+    let failed = IoError::write;
+    file.write_all(head(clip, &turn, degree).as_bytes()).map_err(failed(path))?;
+    let mut text = String::new();
+    survey.write_extents(clip, &mut text);
+    file.write_all(text.as_bytes()).map_err(failed(path))?;
+    let passes: usize =
+        Attribute::ALL.into_iter().map(|a| if sampled(a) { frames } else { 1 }).sum();
+    let mut done = frames;
+    for attribute in Attribute::ALL {
+        let (kind, name) = (attribute.kind(), attribute.name());
+        let shown = if sampled(attribute) { clip.times } else { &clip.times[..1] };
+        let open = if sampled(attribute) {
+            format!("        {kind} {name}.timeSamples = {{\n")
+        } else {
+            format!("        {kind} {name} = ")
+        };
+        file.write_all(open.as_bytes()).map_err(failed(path))?;
+        let mut hemispheres = Hemispheres::default();
+        Clip { times: shown, ..*clip }.each_frame(path, |index, splats| {
+            if sampled(attribute) {
+                write!(file, "            {index}: ").map_err(failed(path))?;
+            }
+            hemispheres.follow(splats);
+            write_array(&mut file, attribute, splats, &hemispheres, &rows, degree)
+                .map_err(failed(path))?;
+            file.write_all(if sampled(attribute) { b",\n" } else { b"\n" })
+                .map_err(failed(path))?;
+            done += 1;
+            progress(done, frames + passes);
+            Ok(())
+        })?;
+        if sampled(attribute) {
+            file.write_all(b"        }\n").map_err(failed(path))?;
+        }
+    }
+    file.write_all(b"    }\n}\n").map_err(failed(path))?;
+    file.commit()?;
+    Ok(Report {
+        num_splats: rows.len(),
+        sampled: Attribute::ALL.into_iter().filter(|&a| sampled(a)).map(Attribute::name).collect(),
+        losses: losses(clip, degree, rows.len()),
+    })
+}
+
+fn losses(clip: &Clip<'_>, degree: usize, written: usize) -> Losses {
+    let mut losses = Losses::none();
+    let stored = clip.scene.sh_degree();
+    if degree < stored {
+        losses.push(format!("SH degree {stored} becomes {degree}"));
+    }
+    losses.push("colours stay as displayed (sRGB), while the schema means linear light: a renderer that converts shows them brighter");
+    if clip.times.len() > 1 {
+        losses.push("between frames, USD interpolates linearly");
+    }
+    if let Some(sentence) =
+        dropped_sentence(clip.scene.num_splats() - written, clip.scene.num_splats())
+    {
+        losses.push(sentence);
+    }
+    losses
+}
+
+/// Everything above the attributes that differ from splat to splat.
+fn head(clip: &Clip<'_>, turn: &[[f64; 3]; 3], degree: usize) -> String {
+    // USD multiplies row vectors: the rows of its matrix are the columns of the rotation.
+    let row = |k: usize| format!("({}, {}, {}, 0)", turn[0][k], turn[1][k], turn[2][k]);
+    format!(
+        r#"#usda 1.0
+(
+    defaultPrim = "World"
+    endTimeCode = {last}
+    framesPerSecond = {fps}
+    metersPerUnit = 1
+    startTimeCode = 0
+    timeCodesPerSecond = {fps}
+    upAxis = "Y"
+)
+
+def Xform "World"
+{{
+    matrix4d xformOp:transform = ( {x}, {y}, {z}, (0, 0, 0, 1) )
+    uniform token[] xformOpOrder = ["xformOp:transform"]
+
+    def ParticleField3DGaussianSplat "Splats" (
+        customData = {{
+            string colorSpace = "srgb_rec709_display"
+            string creator = "c4d"
+        }}
+    )
+    {{
+        uniform int radiance:sphericalHarmonicsDegree = {degree}
+"#,
+        last = clip.times.len() - 1,
+        fps = clip.fps,
+        x = row(0),
+        y = row(1),
+        z = row(2),
+    )
+}
+
+/// The shortest rotation that takes `up` to +y, rows first. Exact for axes.
+fn turn_to_y(up: [f64; 3]) -> Option<[[f64; 3]; 3]> {
+    let length = up.iter().map(|c| c * c).sum::<f64>().sqrt();
+    if !(length.is_finite() && length > 0.0) {
+        return None;
+    }
+    let [x, y, z] = up.map(|c| c / length);
+    if y < -1.0 + 1e-9 {
+        // Half a turn about x.
+        return Some([[1.0, 0.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, -1.0]]);
+    }
+    let k = 1.0 / (1.0 + y);
+    // `+ 0.0` turns −0 into 0.
+    Some(
+        [[1.0 - x * x * k, -x, -x * z * k], [x, y, z], [-x * z * k, -z, 1.0 - z * z * k]]
+            .map(|row| row.map(|c| c + 0.0)),
+    )
+}
+
+/// First look at the clip.
+struct Survey {
+    sound: SoundRows,
+    first: Splats,
+    changes: [bool; 5],
+    /// Box of each frame, three standard deviations around every usable splat.
+    extents: Vec<[[f32; 3]; 2]>,
+}
+
+impl Survey {
+    fn new(num_splats: usize) -> Self {
+        Self {
+            sound: SoundRows::new(num_splats),
+            first: Splats::default(),
+            changes: [false; 5],
+            extents: Vec::new(),
+        }
+    }
+
+    fn see(&mut self, splats: &Splats) {
+        self.sound.see(splats);
+        if self.extents.is_empty() {
+            self.first.clone_from(splats);
+        } else {
+            let first = &self.first;
+            let changed = [
+                first.means != splats.means,
+                first.quats != splats.quats,
+                first.log_scales != splats.log_scales,
+                first.opacity_logits != splats.opacity_logits,
+                first.sh != splats.sh,
+            ];
+            for (changes, changed) in self.changes.iter_mut().zip(changed) {
+                *changes |= changed;
+            }
+        }
+        let mut extent = [[f32::INFINITY; 3], [f32::NEG_INFINITY; 3]];
+        for row in (0..splats.len()).filter(|&row| splats.is_finite(row)) {
+            let reach = 3.0 * splats.scale(row).into_iter().fold(0.0, f32::max).min(f32::MAX / 3.0);
+            for (k, centre) in splats.means[row].into_iter().enumerate() {
+                extent[0][k] = extent[0][k].min(centre - reach).max(f32::MIN);
+                extent[1][k] = extent[1][k].max(centre + reach).min(f32::MAX);
+            }
+        }
+        self.extents.push(extent);
+    }
+
+    fn write_extents(&self, clip: &Clip<'_>, text: &mut String) {
+        let write = |text: &mut String, [min, max]: [[f32; 3]; 2]| {
+            text.push('[');
+            tuple(text, &min);
+            text.push_str(", ");
+            tuple(text, &max);
+            text.push(']');
+        };
+        if clip.times.len() == 1 || self.changes[..3] == [false; 3] {
+            text.push_str("        float3[] extent = ");
+            write(text, self.extents[0]);
+            text.push('\n');
+            return;
+        }
+        text.push_str("        float3[] extent.timeSamples = {\n");
+        for (index, &extent) in self.extents.iter().enumerate() {
+            let _ = write!(text, "            {index}: ");
+            write(text, extent);
+            text.push_str(",\n");
+        }
+        text.push_str("        }\n");
+    }
+}
+
+/// Writes one attribute of all rows, `[a, b, …]`.
+fn write_array(
+    file: &mut impl Write,
+    attribute: Attribute,
+    splats: &Splats,
+    hemispheres: &Hemispheres,
+    rows: &[usize],
+    degree: usize,
+) -> std::io::Result<()> {
+    const ROWS_PER_PIECE: usize = 4096;
+    let pieces: Vec<String> = rows
+        .par_chunks(ROWS_PER_PIECE)
+        .map(|rows| {
+            let mut text = String::new();
+            for &row in rows {
+                match attribute {
+                    Attribute::Positions => tuple(&mut text, &splats.means[row]),
+                    Attribute::Orientations => tuple(&mut text, &hemispheres.get(row)),
+                    Attribute::Scales => {
+                        tuple(&mut text, &splats.scale(row).map(|scale| scale.min(f32::MAX)));
+                    }
+                    Attribute::Opacities => number(&mut text, splats.opacity(row)),
+                    Attribute::Radiance => {
+                        let kept = &splats.sh_of(row)[..sh::num_coeffs(degree)];
+                        for (i, rgb) in kept.iter().enumerate() {
+                            if i > 0 {
+                                text.push(',');
+                            }
+                            tuple(&mut text, rgb);
+                        }
+                    }
+                }
+                text.push(',');
+            }
+            text
+        })
+        .collect();
+    file.write_all(b"[")?;
+    for (i, piece) in pieces.iter().enumerate() {
+        let last = i + 1 == pieces.len();
+        file.write_all(if last { &piece.as_bytes()[..piece.len() - 1] } else { piece.as_bytes() })?;
+    }
+    file.write_all(b"]")
+}
+
+fn tuple(text: &mut String, values: &[f32]) {
+    text.push('(');
+    for (i, &value) in values.iter().enumerate() {
+        if i > 0 {
+            text.push(',');
+        }
+        number(text, value);
+    }
+    text.push(')');
+}
+
+/// The shortest decimal that reads back to the same bits.
+fn number(text: &mut String, value: f32) {
+    let plain = value == 0.0 || (1e-4..1e9).contains(&value.abs());
+    // Writing to a string cannot fail.
+    let _ = if plain { write!(text, "{value}") } else { write!(text, "{value:e}") };
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn up_is_turned_to_y() {
+        for up in
+            [[0.0, 1.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, 2.0], [-1.0, 0.0, 0.0], [0.3, -0.5, 0.7]]
+        {
+            let turn = turn_to_y(up).unwrap();
+            let length = up.iter().map(|c| c * c).sum::<f64>().sqrt();
+            for (k, expected) in [0.0, length, 0.0].into_iter().enumerate() {
+                let turned: f64 = (0..3).map(|c| turn[k][c] * up[c]).sum();
+                assert!((turned - expected).abs() < 1e-12, "{up:?}: {turned}");
+            }
+            for (a, b) in [(0, 1), (0, 2), (1, 2)] {
+                let dot: f64 = (0..3).map(|c| turn[a][c] * turn[b][c]).sum();
+                assert!(dot.abs() < 1e-12, "a rotation");
+            }
+        }
+        assert_eq!(turn_to_y([0.0; 3]), None, "no direction");
+        assert_eq!(turn_to_y([f64::NAN; 3]), None, "NaN");
+    }
+
+    #[test]
+    fn numbers_read_back() {
+        for value in [0.0, -0.0, 1.0, 0.1, -3.402_823_5e38, 1e-45, 1.234_567_9e-5, 16_777_216.0] {
+            let mut text = String::new();
+            number(&mut text, value);
+            assert_eq!(text.parse::<f32>().unwrap().to_bits(), value.to_bits(), "{text}");
+            assert!(text.len() < 16, "{text}");
+        }
+    }
+}

@@ -15,6 +15,7 @@ const ARROWS: &[(&str, &[&str])] = &[
     ("gs-io", &["gs-core", "gs-deform"]),
     ("gs-raster-cpu", &["gs-core"]),
     ("gs-raster-wgpu", &["gs-core"]),
+    ("gs-train-wgpu", &["gs-core", "gs-raster-wgpu"]),
     ("cuar", &["gs-core"]),
     ("c4d-metrics", &["gs-core"]),
     ("gs-synth", &["gs-core"]),

@@ -11,7 +11,7 @@ use crate::{GpuContext, GpuError};
 use gs_core::{RasterError, RenderGrads, RenderParams, Splats, UpstreamGrads};
 
 /// Means, quaternions, log-scales, opacities, projected centres.
-const PARAMS: usize = 3 + 4 + 3 + 1 + 2;
+pub(crate) const PARAMS: usize = 3 + 4 + 3 + 1 + 2;
 /// Memory for gradients of pairs; with more pairs the tiles are walked several times.
 const MAX_SLOT_BYTES: u64 = 1 << 30;
 
@@ -46,12 +46,10 @@ pub(crate) fn run(
         return Err(RasterError::NoForward);
     }
     upload(context, prepared, request.upstream, channels)?;
-    ensure(context, prepared, forward)?;
     let mut commands = Commands::new(context);
-    let frame = render_frame(prepared.frame, channels, request.params, forward.sh_degree);
+    encode(context, prepared, &mut commands, request.params, forward, request.scope)?;
     let geometry = request.scope == Scope::Everything;
-    encode_tiles(context, prepared, &mut commands, frame, channels, geometry)?;
-    encode_splats(context, prepared, &mut commands, frame, forward, geometry)?;
+    encode_readback(context, prepared, &mut commands, forward, geometry)?;
     let stamps = commands.submit(&mut prepared.memory.commands, "backward pass")?;
     download(context, prepared, forward, geometry, grads)?;
     if !channels.rgb {
@@ -61,6 +59,22 @@ pub(crate) fn run(
     Ok(())
 }
 
+/// Appends the whole backward pass; gradients stay on the device.
+pub(crate) fn encode(
+    context: &GpuContext,
+    prepared: &mut GpuPrepared,
+    commands: &mut Commands<'_>,
+    params: &RenderParams,
+    forward: Forward,
+    scope: Scope,
+) -> Result<(), GpuError> {
+    ensure(context, prepared, forward)?;
+    let frame = render_frame(prepared.frame, forward.channels, params, forward.sh_degree);
+    let geometry = scope == Scope::Everything;
+    encode_tiles(context, prepared, commands, frame, forward.channels, geometry)?;
+    encode_splats(context, prepared, commands, frame, forward, geometry)
+}
+
 /// Verifies and uploads the upstream planes; an empty one is zero.
 fn upload(
     context: &GpuContext,
@@ -68,8 +82,7 @@ fn upload(
     upstream: &UpstreamGrads,
     channels: Channels,
 ) -> Result<(), RasterError> {
-    let pixels = prepared.frame.img_size.map(|side| side as usize).iter().product();
-    let lengths = channels.planes(pixels);
+    let lengths = channels.planes(prepared.num_pixels());
     let planes = [
         ("v_rgb", &upstream.v_rgb),
         ("v_alpha", &upstream.v_alpha),
@@ -104,18 +117,11 @@ fn ensure(
     let m = &mut prepared.memory;
     m.splat_grads.ensure(context, (4 * rows * channels.grad_stride()) as u64)?;
     m.v_params.ensure(context, (4 * rows * PARAMS) as u64)?;
-    m.v_params_staging.ensure(context, (4 * rows * PARAMS) as u64)?;
     m.v_features.ensure(context, (4 * rows * channels.num_features) as u64)?;
-    m.v_features_staging.ensure(context, (4 * rows * channels.num_features) as u64)?;
     let chunks = sh_chunks(context, rows, channels.rgb, forward.sh_degree);
     at_least(&mut m.v_sh, chunks.len(), || GrowBuffer::storage("gradients of harmonics"));
-    at_least(&mut m.v_sh_staging, chunks.len(), || {
-        GrowBuffer::staging("gradients of harmonics, for reading")
-    });
-    for (i, (_, rows)) in chunks.into_iter().enumerate() {
-        let bytes = sh_bytes(forward, rows);
-        m.v_sh[i].ensure(context, bytes)?;
-        m.v_sh_staging[i].ensure(context, bytes)?;
+    for (buffer, (_, rows)) in m.v_sh.iter_mut().zip(chunks) {
+        buffer.ensure(context, sh_bytes(forward, rows))?;
     }
     Ok(())
 }
@@ -188,7 +194,7 @@ fn encode_tiles(
     Ok(())
 }
 
-/// Gradients of the stored parameters, and their way to the host.
+/// Gradients of the stored parameters.
 fn encode_splats(
     context: &GpuContext,
     prepared: &GpuPrepared,
@@ -209,11 +215,7 @@ fn encode_splats(
         let means = m.means.get(context)?;
         let buffers = [means, sh, projected, splat_grads, v_sh, v_features, v_params];
         commands.dispatch(Kernel::ShadeBwd, &frame, &buffers, rows as u64, GROUP_SIZE)?;
-        let staging = m.v_sh_staging[i].get(context)?;
-        commands.copy((v_sh, 0), (staging, 0), sh_bytes(forward, rows));
     }
-    let bytes = (4 * rows * channels.num_features) as u64;
-    commands.copy((v_features, 0), (m.v_features_staging.get(context)?, 0), bytes);
     if geometry {
         let buffers = [
             m.means.get(context)?,
@@ -225,8 +227,35 @@ fn encode_splats(
             v_params,
         ];
         commands.dispatch(Kernel::ProjectBwd, &frame, &buffers, rows as u64, GROUP_SIZE)?;
+    }
+    Ok(())
+}
+
+/// The gradients' way to the host.
+fn encode_readback(
+    context: &GpuContext,
+    prepared: &mut GpuPrepared,
+    commands: &mut Commands<'_>,
+    forward: Forward,
+    geometry: bool,
+) -> Result<(), GpuError> {
+    let (rows, channels) = (prepared.num_splats, forward.channels);
+    let chunks = sh_chunks(context, rows, channels.rgb, forward.sh_degree);
+    let m = &mut prepared.memory;
+    at_least(&mut m.v_sh_staging, chunks.len(), || {
+        GrowBuffer::staging("gradients of harmonics, for reading")
+    });
+    for ((from, to), (_, rows)) in m.v_sh.iter().zip(&mut m.v_sh_staging).zip(chunks) {
+        let bytes = sh_bytes(forward, rows);
+        commands.copy((from.get(context)?, 0), (to.ensure(context, bytes)?, 0), bytes);
+    }
+    let bytes = (4 * rows * channels.num_features) as u64;
+    let to = m.v_features_staging.ensure(context, bytes)?;
+    commands.copy((m.v_features.get(context)?, 0), (to, 0), bytes);
+    if geometry {
         let bytes = (4 * rows * PARAMS) as u64;
-        commands.copy((v_params, 0), (m.v_params_staging.get(context)?, 0), bytes);
+        let to = m.v_params_staging.ensure(context, bytes)?;
+        commands.copy((m.v_params.get(context)?, 0), (to, 0), bytes);
     }
     Ok(())
 }

@@ -4,8 +4,10 @@ use crate::{GpuContext, GpuError};
 use wgpu::BufferUsages;
 
 /// A storage buffer, allocated at first use. Its contents are lost when it grows.
-#[derive(Debug)]
-pub(crate) struct GrowBuffer {
+///
+/// A clone shares the memory until one of the two grows.
+#[derive(Debug, Clone)]
+pub struct GrowBuffer {
     what: &'static str,
     usage: BufferUsages,
     buffer: Option<wgpu::Buffer>,
@@ -18,20 +20,20 @@ const FLUSH_BYTES: usize = 64 << 20;
 
 impl GrowBuffer {
     /// A storage buffer.
-    pub(crate) const fn storage(what: &'static str) -> Self {
+    pub const fn storage(what: &'static str) -> Self {
         let usage =
             BufferUsages::STORAGE.union(BufferUsages::COPY_DST).union(BufferUsages::COPY_SRC);
         Self { what, usage, buffer: None }
     }
 
     /// A uniform buffer.
-    pub(crate) const fn uniform(what: &'static str) -> Self {
+    pub const fn uniform(what: &'static str) -> Self {
         let usage = BufferUsages::UNIFORM.union(BufferUsages::COPY_DST);
         Self { what, usage, buffer: None }
     }
 
     /// A buffer that the CPU reads.
-    pub(crate) const fn staging(what: &'static str) -> Self {
+    pub const fn staging(what: &'static str) -> Self {
         let usage = BufferUsages::MAP_READ.union(BufferUsages::COPY_DST);
         Self { what, usage, buffer: None }
     }
@@ -40,11 +42,7 @@ impl GrowBuffer {
     ///
     /// # Errors
     /// If that exceeds a limit of the device or its memory.
-    pub(crate) fn ensure(
-        &mut self,
-        context: &GpuContext,
-        bytes: u64,
-    ) -> Result<&wgpu::Buffer, GpuError> {
+    pub fn ensure(&mut self, context: &GpuContext, bytes: u64) -> Result<&wgpu::Buffer, GpuError> {
         let bytes = bytes.max(LEAST_BYTES).next_multiple_of(LEAST_BYTES);
         if self.buffer.as_ref().is_none_or(|buffer| buffer.size() < bytes) {
             if self.usage.contains(BufferUsages::STORAGE) {
@@ -71,7 +69,7 @@ impl GrowBuffer {
     ///
     /// # Errors
     /// If no memory was ever asked for.
-    pub(crate) fn get(&self, context: &GpuContext) -> Result<&wgpu::Buffer, GpuError> {
+    pub fn get(&self, context: &GpuContext) -> Result<&wgpu::Buffer, GpuError> {
         self.buffer.as_ref().ok_or_else(|| context.failed("preparation", "buffer not allocated"))
     }
 
@@ -79,7 +77,7 @@ impl GrowBuffer {
     ///
     /// # Errors
     /// As [`GrowBuffer::ensure`].
-    pub(crate) fn upload<T: bytemuck::NoUninit>(
+    pub fn upload<T: bytemuck::NoUninit>(
         &mut self,
         context: &GpuContext,
         values: &[T],
@@ -92,7 +90,7 @@ impl GrowBuffer {
 }
 
 /// Uploads `bytes` to `offset`, in pieces.
-pub(crate) fn write(context: &GpuContext, buffer: &wgpu::Buffer, offset: u64, bytes: &[u8]) {
+pub fn write(context: &GpuContext, buffer: &wgpu::Buffer, offset: u64, bytes: &[u8]) {
     let mut at = offset;
     for piece in bytes.chunks(FLUSH_BYTES) {
         context.queue().write_buffer(buffer, at, piece);

@@ -1,7 +1,7 @@
 //! [`Commands`]: a frame as a list of dispatches, clears and copies, submitted at once.
 
 use crate::buffers::{GrowBuffer, write};
-use crate::kernels::{Access, Kernel};
+use crate::kernels::{Access, KernelDef};
 use crate::layout::FOLD;
 use crate::{GpuContext, GpuError};
 use std::sync::mpsc;
@@ -16,21 +16,41 @@ pub struct PassTiming {
 }
 
 enum Step {
-    Dispatch { kernel: Kernel, uniform: (u64, u64), buffers: Vec<wgpu::Buffer>, groups: [u32; 2] },
-    Clear { buffer: wgpu::Buffer, bytes: u64 },
-    Copy { from: wgpu::Buffer, offset: u64, to: wgpu::Buffer, to_offset: u64, bytes: u64 },
+    Dispatch {
+        kernel: &'static KernelDef,
+        uniform: (u64, u64),
+        buffers: Vec<wgpu::Buffer>,
+        groups: [u32; 2],
+    },
+    Clear {
+        buffer: wgpu::Buffer,
+        bytes: u64,
+    },
+    Copy {
+        from: wgpu::Buffer,
+        offset: u64,
+        to: wgpu::Buffer,
+        to_offset: u64,
+        bytes: u64,
+    },
 }
 
-/// Steps in the order in which they run.
-pub(crate) struct Commands<'a> {
+/// Steps in the order in which they run; nothing happens before [`Commands::submit`].
+pub struct Commands<'a> {
     context: &'a GpuContext,
     uniforms: Vec<u8>,
     steps: Vec<Step>,
 }
 
+impl std::fmt::Debug for Commands<'_> {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Commands").field("steps", &self.steps.len()).finish_non_exhaustive()
+    }
+}
+
 /// Uniform and timestamp buffers, kept across frames.
 #[derive(Debug)]
-pub(crate) struct CommandMemory {
+pub struct CommandMemory {
     uniforms: GrowBuffer,
     stamps: GrowBuffer,
 }
@@ -55,30 +75,34 @@ pub(crate) fn groups_for(items: u64, size: u32) -> Option<[u32; 2]> {
 }
 
 impl<'a> Commands<'a> {
-    pub(crate) fn new(context: &'a GpuContext) -> Self {
+    /// Nothing to do yet on `context`.
+    pub fn new(context: &'a GpuContext) -> Self {
         Self { context, uniforms: Vec::new(), steps: Vec::new() }
     }
 
     /// Runs `kernel` over `items` (invocations or, with `per_group` of them, whole groups); buffers in the order of its bindings.
-    pub(crate) fn dispatch<U: bytemuck::Pod>(
+    ///
+    /// # Errors
+    /// If there are more items than a dispatch can hold.
+    pub fn dispatch<U: bytemuck::Pod>(
         &mut self,
-        kernel: Kernel,
+        kernel: impl Into<&'static KernelDef>,
         uniform: &U,
         buffers: &[&wgpu::Buffer],
         items: u64,
         per_group: u32,
     ) -> Result<(), GpuError> {
-        let groups = groups_for(items, per_group).ok_or_else(|| {
-            self.context.failed(kernel.def().name, "too many items for a dispatch")
-        })?;
+        let kernel = kernel.into();
+        let groups = groups_for(items, per_group)
+            .ok_or_else(|| self.context.failed(kernel.name, "too many items for a dispatch"))?;
         self.dispatch_groups(kernel, uniform, buffers, groups);
         Ok(())
     }
 
     /// Runs `kernel` on a grid of groups.
-    pub(crate) fn dispatch_groups<U: bytemuck::Pod>(
+    pub fn dispatch_groups<U: bytemuck::Pod>(
         &mut self,
-        kernel: Kernel,
+        kernel: impl Into<&'static KernelDef>,
         uniform: &U,
         buffers: &[&wgpu::Buffer],
         groups: [u32; 2],
@@ -92,7 +116,7 @@ impl<'a> Commands<'a> {
         let bytes = bytemuck::bytes_of(uniform);
         self.uniforms.extend_from_slice(bytes);
         self.steps.push(Step::Dispatch {
-            kernel,
+            kernel: kernel.into(),
             uniform: (offset, bytes.len() as u64),
             buffers: buffers.iter().map(|&buffer| buffer.clone()).collect(),
             groups,
@@ -100,14 +124,14 @@ impl<'a> Commands<'a> {
     }
 
     /// Zeroes the first `bytes` of `buffer`.
-    pub(crate) fn clear(&mut self, buffer: &wgpu::Buffer, bytes: u64) {
+    pub fn clear(&mut self, buffer: &wgpu::Buffer, bytes: u64) {
         if bytes > 0 {
             self.steps.push(Step::Clear { buffer: buffer.clone(), bytes });
         }
     }
 
     /// Copies bytes between buffers.
-    pub(crate) fn copy(
+    pub fn copy(
         &mut self,
         (from, offset): (&wgpu::Buffer, u64),
         (to, to_offset): (&wgpu::Buffer, u64),
@@ -120,7 +144,10 @@ impl<'a> Commands<'a> {
     }
 
     /// Submits everything as one command buffer; `during` names it in errors. Returns where the timings will be.
-    pub(crate) fn submit(
+    ///
+    /// # Errors
+    /// If a kernel does not compile, memory is exhausted, or the driver refuses.
+    pub fn submit(
         self,
         memory: &mut CommandMemory,
         during: &'static str,
@@ -131,8 +158,8 @@ impl<'a> Commands<'a> {
         let mut names = Vec::new();
         for step in &self.steps {
             if let Step::Dispatch { kernel, .. } = step {
-                context.pipeline(*kernel)?;
-                names.push(kernel.def().name);
+                context.pipeline(kernel)?;
+                names.push(kernel.name);
             }
         }
         let queries = u32::try_from(2 * names.len()).unwrap_or(u32::MAX);
@@ -190,7 +217,7 @@ fn encode(
             }
             Step::Dispatch { kernel, uniform, buffers, groups } => {
                 // Compiled before encoding began.
-                let Ok(pipeline) = context.pipeline(*kernel) else { continue };
+                let Ok(pipeline) = context.pipeline(kernel) else { continue };
                 if query_set.is_some() {
                     open = None;
                 }
@@ -202,7 +229,7 @@ fn encode(
                             end_of_pass_write_index: Some(query + 1),
                         });
                     query += 2;
-                    let label = Some(kernel.def().name);
+                    let label = Some(kernel.name);
                     encoder
                         .begin_compute_pass(&wgpu::ComputePassDescriptor {
                             label,
@@ -210,7 +237,7 @@ fn encode(
                         })
                         .forget_lifetime()
                 });
-                let group = bind(context, *kernel, &pipeline.layout, uniforms, *uniform, buffers);
+                let group = bind(context, kernel, &pipeline.layout, uniforms, *uniform, buffers);
                 pass.set_pipeline(&pipeline.pipeline);
                 pass.set_bind_group(0, &group, &[]);
                 pass.dispatch_workgroups(groups[0], groups[1], 1);
@@ -221,7 +248,7 @@ fn encode(
 
 fn bind(
     context: &GpuContext,
-    kernel: Kernel,
+    kernel: &KernelDef,
     layout: &wgpu::BindGroupLayout,
     uniforms: &wgpu::Buffer,
     (offset, bytes): (u64, u64),
@@ -229,7 +256,7 @@ fn bind(
 ) -> wgpu::BindGroup {
     let mut buffers = buffers.iter();
     let mut entries = Vec::with_capacity(8);
-    for (binding, access) in (0_u32..).zip(kernel.def().bindings) {
+    for (binding, access) in (0_u32..).zip(kernel.bindings) {
         let resource = match access {
             Access::None => continue,
             Access::Uniform => wgpu::BindingResource::Buffer(wgpu::BufferBinding {
@@ -245,7 +272,7 @@ fn bind(
         entries.push(wgpu::BindGroupEntry { binding, resource });
     }
     context.device().create_bind_group(&wgpu::BindGroupDescriptor {
-        label: Some(kernel.def().name),
+        label: Some(kernel.name),
         layout,
         entries: &entries,
     })
@@ -253,14 +280,17 @@ fn bind(
 
 /// Timestamps of a submission, if it was timed.
 #[derive(Debug)]
-pub(crate) struct Stamps {
+pub struct Stamps {
     names: Vec<&'static str>,
     buffer: Option<wgpu::Buffer>,
 }
 
 impl Stamps {
     /// Waits for the submission and reads the timings; none without timestamps.
-    pub(crate) fn read(self, context: &GpuContext) -> Result<Vec<PassTiming>, GpuError> {
+    ///
+    /// # Errors
+    /// If the device fails.
+    pub fn read(self, context: &GpuContext) -> Result<Vec<PassTiming>, GpuError> {
         let (Some(buffer), Some(period)) = (self.buffer, context.timestamp_period()) else {
             return Ok(Vec::new());
         };
@@ -277,7 +307,10 @@ impl Stamps {
 }
 
 /// Waits for the device and copies the start of a staging buffer.
-pub(crate) fn read(
+///
+/// # Errors
+/// If the device fails.
+pub fn read(
     context: &GpuContext,
     buffer: &wgpu::Buffer,
     during: &'static str,

@@ -2,9 +2,10 @@
 
 use crate::GpuError;
 use crate::adapter::{AdapterChoice, AdapterSummary, choose};
-use crate::kernels::{Access, KERNELS, Kernel, KernelDef, Needs};
+use crate::kernels::{Access, KernelDef, Needs};
+use std::collections::HashMap;
 use std::fmt;
-use std::sync::{Arc, Mutex, OnceLock, PoisonError};
+use std::sync::{Arc, Mutex, PoisonError};
 
 /// How a device is used.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -33,7 +34,8 @@ struct Inner {
     max_binding_bytes: u64,
     max_buffer_bytes: u64,
     timestamp_period: Option<f32>,
-    pipelines: Vec<OnceLock<Pipeline>>,
+    /// By address of the kernel's definition: kernels of other crates are compiled here, too.
+    pipelines: Mutex<HashMap<usize, Arc<Pipeline>>>,
     /// What the driver reported outside every error scope.
     stray_error: Arc<Mutex<Option<String>>>,
 }
@@ -132,7 +134,7 @@ impl GpuContext {
                 timestamp_period: features
                     .contains(wgpu::Features::TIMESTAMP_QUERY)
                     .then(|| queue.get_timestamp_period()),
-                pipelines: (0..KERNELS.len()).map(|_| OnceLock::new()).collect(),
+                pipelines: Mutex::new(HashMap::new()),
                 adapter: summary,
                 device,
                 queue,
@@ -188,7 +190,8 @@ impl GpuContext {
         GpuError::Memory { what, bytes, adapter: self.inner.adapter.name.clone(), limit }
     }
 
-    pub(crate) fn failed(&self, during: &'static str, message: impl std::fmt::Display) -> GpuError {
+    /// The error of something that failed while `during`.
+    pub fn failed(&self, during: &'static str, message: impl std::fmt::Display) -> GpuError {
         let adapter = self.inner.adapter.name.clone();
         GpuError::Failed { adapter, during, message: message.to_string() }
     }
@@ -225,15 +228,16 @@ impl GpuContext {
     }
 
     /// The compiled kernel, compiling it at first use.
-    pub(crate) fn pipeline(&self, kernel: Kernel) -> Result<&Pipeline, GpuError> {
-        let slot = &self.inner.pipelines[kernel as usize];
-        if slot.get().is_none() {
-            let def = kernel.def();
-            let pipeline = self.guarded(def.name, || compile(&self.inner.device, def))?;
-            // Another thread may have been faster; both are the same.
-            let _ = slot.set(pipeline);
+    pub(crate) fn pipeline(&self, def: &'static KernelDef) -> Result<Arc<Pipeline>, GpuError> {
+        let key = std::ptr::from_ref(def).addr();
+        let known = || self.inner.pipelines.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(pipeline) = known().get(&key) {
+            return Ok(Arc::clone(pipeline));
         }
-        slot.get().ok_or_else(|| self.failed("compilation", kernel.def().name))
+        let pipeline = Arc::new(self.guarded(def.name, || compile(&self.inner.device, def))?);
+        // Another thread may have been faster; both are the same.
+        known().insert(key, Arc::clone(&pipeline));
+        Ok(pipeline)
     }
 }
 

@@ -62,10 +62,41 @@ pub(crate) fn upload_appearance(
     check(context, prepared, splats, features)?;
     prepared.forward = None;
     prepared.resident = None;
+    prepared.own_appearance();
     let channels = Channels::new(params, prepared.num_splats, features.len());
     upload(context, prepared, splats, features, channels)?;
     prepared.resident = Some(Forward { channels, sh_degree: splats.sh_degree });
     Ok(())
+}
+
+/// Verifies that the appearance on the device is what `params` asks for, and makes room for the planes.
+pub(crate) fn begin(
+    context: &GpuContext,
+    prepared: &mut GpuPrepared,
+    params: &RenderParams,
+) -> Result<Forward, RasterError> {
+    prepared.check_owner(context)?;
+    prepared.forward = None;
+    let forward = prepared.resident.ok_or(RasterError::NoForward)?;
+    if (forward.channels.rgb, forward.channels.depth) != (params.rgb, params.depth) {
+        return Err(RasterError::NoForward);
+    }
+    let bytes = image_bytes(prepared, forward.channels);
+    let passes = forward.channels.passes();
+    let pixels = prepared.num_pixels() as u64;
+    let m = &mut prepared.memory;
+    m.image.ensure(context, bytes)?;
+    m.pixel_states.ensure(context, 8 * pixels)?;
+    at_least(&mut m.colors, passes.len(), || GrowBuffer::storage("channels"));
+    for (buffer, (_, width)) in m.colors.iter_mut().zip(passes) {
+        buffer.ensure(context, (4 * width * prepared.num_splats) as u64)?;
+    }
+    Ok(forward)
+}
+
+/// Bytes of all planes.
+pub(crate) fn image_bytes(prepared: &GpuPrepared, channels: Channels) -> u64 {
+    4 * channels.planes(prepared.num_pixels()).iter().sum::<usize>() as u64
 }
 
 /// Shades and composites with the appearance on the device, and waits until the lists are known to be complete. The planes stay there;
@@ -76,29 +107,17 @@ pub(crate) fn composite(
     params: &RenderParams,
     readback: bool,
 ) -> Result<(), RasterError> {
-    prepared.check_owner(context)?;
-    prepared.forward = None;
-    let Some(Forward { channels, sh_degree }) = prepared.resident else {
-        return Err(RasterError::NoForward);
-    };
-    if (channels.rgb, channels.depth) != (params.rgb, params.depth) {
-        return Err(RasterError::NoForward);
-    }
-    let pixels = prepared.frame.img_size.map(|side| side as usize).iter().product();
-    let image_bytes = 4 * channels.planes(pixels).iter().sum::<usize>() as u64;
-    let m = &mut prepared.memory;
-    m.image.ensure(context, image_bytes)?;
-    m.pixel_states.ensure(context, 8 * pixels as u64)?;
+    let forward = begin(context, prepared, params)?;
+    let image_bytes = image_bytes(prepared, forward.channels);
     if readback {
-        m.image_staging.ensure(context, image_bytes)?;
+        prepared.memory.image_staging.ensure(context, image_bytes)?;
     }
     loop {
         let mut commands = Commands::new(context);
         if prepared.stale {
             prepared.encode_prepare(context, &mut commands)?;
         }
-        let frame = render_frame(prepared.frame, channels, params, sh_degree);
-        encode(context, prepared, &mut commands, frame, channels, sh_degree)?;
+        encode(context, prepared, &mut commands, params, forward)?;
         prepared.encode_counts(context, &mut commands)?;
         if readback {
             let m = &prepared.memory;
@@ -112,7 +131,7 @@ pub(crate) fn composite(
             break;
         }
     }
-    prepared.forward = Some(Forward { channels, sh_degree });
+    prepared.forward = Some(forward);
     Ok(())
 }
 
@@ -135,22 +154,18 @@ fn upload(
             if channels.rgb { &splats.sh[first * coeffs..(first + rows) * coeffs] } else { &[] };
         buffer.upload(context, values)?;
     }
-    let passes = channels.passes();
-    at_least(&mut m.colors, passes.len(), || GrowBuffer::storage("channels"));
-    for (buffer, (_, width)) in m.colors.iter_mut().zip(passes) {
-        buffer.ensure(context, (4 * width * num_splats) as u64)?;
-    }
     Ok(())
 }
 
-fn encode(
+/// Appends shade → rasterise.
+pub(crate) fn encode(
     context: &GpuContext,
     prepared: &GpuPrepared,
     commands: &mut Commands<'_>,
-    frame: Frame,
-    channels: Channels,
-    sh_degree: usize,
+    params: &RenderParams,
+    Forward { channels, sh_degree }: Forward,
 ) -> Result<(), GpuError> {
+    let frame = render_frame(prepared.frame, channels, params, sh_degree);
     let m = &prepared.memory;
     let projected = m.projected.get(context)?;
     let chunks = sh_chunks(context, prepared.num_splats, channels.rgb, sh_degree);

@@ -109,6 +109,12 @@ kernels! {
     Colors8SubgroupAtomic: COLORS_8_SUBGROUP_ATOMIC "main" [U R R R X R R W] 64 BOTH;
 }
 
+impl From<Kernel> for &'static KernelDef {
+    fn from(kernel: Kernel) -> Self {
+        kernel.def()
+    }
+}
+
 impl Kernel {
     /// The kernel's row of [`KERNELS`].
     pub fn def(self) -> &'static KernelDef {

@@ -13,7 +13,8 @@ pub trait GpuLayout {
     const FIELDS: &'static [Field];
 }
 
-/// Declares a plain struct and its [`GpuLayout`].
+/// Declares a plain struct and its [`GpuLayout`]; needs `bytemuck` with `derive`.
+#[macro_export]
 macro_rules! gpu_struct {
     ($(#[$meta:meta])* $name:ident { $($(#[$field_meta:meta])* $field:ident: $kind:ty,)* }) => {
         $(#[$meta])*
@@ -21,10 +22,10 @@ macro_rules! gpu_struct {
         #[derive(Debug, Clone, Copy, Default, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
         pub struct $name { $($(#[$field_meta])* pub $field: $kind,)* }
 
-        impl GpuLayout for $name {
+        impl $crate::layout::GpuLayout for $name {
             const NAME: &'static str = stringify!($name);
             const SIZE: usize = size_of::<Self>();
-            const FIELDS: &'static [Field] =
+            const FIELDS: &'static [$crate::layout::Field] =
                 &[$((stringify!($field), std::mem::offset_of!($name, $field), size_of::<$kind>()),)*];
         }
     };

@@ -10,6 +10,11 @@
 //!
 //! Deliberately absent: losses, optimisers, files, windows.
 
+/// Building blocks for passes of other crates on the same device: buffers that grow, and commands submitted together.
+pub mod device {
+    pub use crate::buffers::{GrowBuffer, write};
+    pub use crate::commands::{CommandMemory, Commands, Stamps, read};
+}
 pub mod kernels;
 pub mod layout;
 pub mod shaders;
@@ -25,6 +30,7 @@ mod plan;
 mod prepared;
 mod primitives;
 mod renderer;
+mod resident;
 mod scan;
 mod sort;
 
@@ -34,3 +40,4 @@ pub use context::{GpuContext, GpuOptions};
 pub use error::GpuError;
 pub use prepared::GpuPrepared;
 pub use renderer::{Stages, WgpuRasterizer};
+pub use resident::{Group, ParameterSlice};

@@ -34,6 +34,8 @@ pub struct GpuPrepared {
     pub(crate) forward: Option<Forward>,
     /// The appearance that is on the device.
     pub(crate) resident: Option<Forward>,
+    /// The buffers of the parameters are those of other views, too.
+    pub(crate) shared: bool,
     pub(crate) timings: Vec<PassTiming>,
     pub(crate) memory: Memory,
 }
@@ -135,6 +137,7 @@ impl GpuPrepared {
             num_isects: 0,
             forward: None,
             resident: None,
+            shared: false,
             timings: Vec::new(),
             memory: Memory::default(),
         }
@@ -146,6 +149,63 @@ impl GpuPrepared {
             return Ok(());
         }
         Err(context.failed("preparation", "the prepared state belongs to another device"))
+    }
+
+    /// Image size `[W, H]`, pixels.
+    pub fn size(&self) -> [u32; 2] {
+        self.frame.img_size
+    }
+
+    /// Number of splats given to `prepare`.
+    pub fn num_splats(&self) -> usize {
+        self.num_splats
+    }
+
+    /// Pixels of the image.
+    pub(crate) fn num_pixels(&self) -> usize {
+        self.frame.img_size.map(|side| side as usize).iter().product()
+    }
+
+    /// The same splats through another camera, in the same buffers: what changes one, changes both.
+    pub(crate) fn share(
+        &mut self,
+        context: &GpuContext,
+        camera: &Camera,
+    ) -> Result<Self, GpuError> {
+        let (own, mut other) = (&self.memory, Self::new(context.clone()));
+        let m = &mut other.memory;
+        m.means = own.means.clone();
+        m.quats = own.quats.clone();
+        m.log_scales = own.log_scales.clone();
+        m.opacity_logits = own.opacity_logits.clone();
+        m.sh.clone_from(&own.sh);
+        m.features = own.features.clone();
+        other.num_splats = self.num_splats;
+        other.resident = self.resident;
+        other.look(context, camera)?;
+        (self.shared, other.shared) = (true, true);
+        Ok(other)
+    }
+
+    /// Before an upload of appearance: other views keep what they look at.
+    pub(crate) fn own_appearance(&mut self) {
+        if self.shared {
+            let (m, fresh) = (&mut self.memory, Memory::default());
+            m.opacity_logits = fresh.opacity_logits;
+            m.sh = fresh.sh;
+            m.features = fresh.features;
+        }
+    }
+
+    /// Before an upload of geometry: other views keep what they look at.
+    fn own_geometry(&mut self) {
+        if self.shared {
+            let (m, fresh) = (&mut self.memory, Memory::default());
+            m.means = fresh.means;
+            m.quats = fresh.quats;
+            m.log_scales = fresh.log_scales;
+            m.opacity_logits = fresh.opacity_logits;
+        }
     }
 
     /// Uploads geometry; the lists follow with the next submission. After an error there are no splats.
@@ -167,6 +227,7 @@ impl GpuPrepared {
         }
         let resident = self.resident.filter(|_| self.num_splats == num_splats);
         self.forget();
+        self.own_geometry();
         let m = &mut self.memory;
         m.means.upload(context, &splats.means)?;
         m.quats.upload(context, &splats.quats)?;

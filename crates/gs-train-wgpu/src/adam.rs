@@ -1,0 +1,123 @@
+//! [`Adam`]: moments of one group of parameters, on the device.
+
+use crate::kernels::{ADAM, AdamStep, GROUP_SIZE};
+use gs_core::RasterError;
+use gs_raster_wgpu::device::{CommandMemory, Commands, GrowBuffer, read};
+use gs_raster_wgpu::{GpuContext, GpuError, ParameterSlice};
+
+/// Adam over rows of parameters, with a rate per column and rows that can be left out. Its conventions are those of `cuar::Adam`.
+#[derive(Debug)]
+pub struct Adam {
+    /// Decay of the first moment. Default 0.9.
+    pub beta1: f32,
+    /// Decay of the second moment. Default 0.999.
+    pub beta2: f32,
+    /// Added to the root of the second moment. Default 1e-15, as 3DGS trains.
+    pub epsilon: f32,
+    /// Steps done.
+    pub step: u32,
+    context: GpuContext,
+    rates: GrowBuffer,
+    columns: usize,
+    /// First and second moments of each slice of the group, and its number of values.
+    moments: Vec<([GrowBuffer; 2], u64)>,
+}
+
+impl Adam {
+    /// Zero moments; `rates` holds one learning rate per column.
+    ///
+    /// # Errors
+    /// If the device has too little memory.
+    pub fn new(context: &GpuContext, rates: &[f32]) -> Result<Self, GpuError> {
+        let mut own = Self {
+            beta1: 0.9,
+            beta2: 0.999,
+            epsilon: 1e-15,
+            step: 0,
+            context: context.clone(),
+            rates: GrowBuffer::storage("rates"),
+            columns: rates.len(),
+            moments: Vec::new(),
+        };
+        own.rates.upload(context, rates)?;
+        Ok(own)
+    }
+
+    /// Appends one step down the gradients of `slices`, the same at every call. `skip` holds a flag per splat: rows with one that is not 0
+    /// are left alone, bit for bit.
+    ///
+    /// # Errors
+    /// If a slice has another shape than in the step before, or the device has too little memory.
+    pub fn encode(
+        &mut self,
+        commands: &mut Commands<'_>,
+        slices: &[ParameterSlice<'_>],
+        skip: Option<&wgpu::Buffer>,
+    ) -> Result<(), RasterError> {
+        let context = &self.context;
+        let wrong = |what, found, expected| Err(RasterError::Shape { what, found, expected });
+        if self.moments.is_empty() {
+            for slice in slices {
+                let num_values = (slice.rows * slice.columns) as u64;
+                let mut moments = [(); 2].map(|()| GrowBuffer::storage("moments"));
+                for moment in &mut moments {
+                    moment.ensure(context, 4 * num_values)?;
+                }
+                self.moments.push((moments, num_values));
+            }
+        }
+        if self.moments.len() != slices.len() {
+            return wrong("parameter slices", slices.len(), self.moments.len());
+        }
+        self.step += 1;
+        let exponent = i32::try_from(self.step).unwrap_or(i32::MAX);
+        for (slice, (moments, num_values)) in slices.iter().zip(&self.moments) {
+            let found = slice.rows * slice.columns;
+            if found as u64 != *num_values || slice.columns != self.columns {
+                return wrong("parameters", found, usize::try_from(*num_values).unwrap_or(0));
+            }
+            let index = |value: usize| u32::try_from(value).unwrap_or(u32::MAX);
+            let uniform = AdamStep {
+                num_values: index(found),
+                columns: index(slice.columns),
+                first_grad: index(slice.first_grad),
+                first_row: index(slice.first_row),
+                skips: u32::from(skip.is_some()),
+                beta1: self.beta1,
+                beta2: self.beta2,
+                rest1: 1.0 - self.beta1,
+                rest2: 1.0 - self.beta2,
+                correct1: 1.0 - self.beta1.powi(exponent),
+                correct2: 1.0 - self.beta2.powi(exponent),
+                epsilon: self.epsilon,
+            };
+            let rates = self.rates.get(context)?;
+            let (m, v) = (moments[0].get(context)?, moments[1].get(context)?);
+            let buffers = [slice.grads, rates, skip.unwrap_or(rates), slice.values, m, v];
+            commands.dispatch(&ADAM, &uniform, &buffers, *num_values, GROUP_SIZE)?;
+        }
+        Ok(())
+    }
+
+    /// First and second moments, slices one after the other; empty before the first step. Waits for the device.
+    ///
+    /// # Errors
+    /// If the device fails.
+    pub fn moments(&self) -> Result<[Vec<f32>; 2], GpuError> {
+        let mut out = [Vec::new(), Vec::new()];
+        for (moments, num_values) in &self.moments {
+            for (moment, out) in moments.iter().zip(&mut out) {
+                let mut staging = GrowBuffer::staging("moments, for reading");
+                let staging = staging.ensure(&self.context, 4 * num_values)?;
+                let mut commands = Commands::new(&self.context);
+                commands.copy((moment.get(&self.context)?, 0), (staging, 0), 4 * num_values);
+                commands.submit(&mut CommandMemory::default(), "reading moments")?;
+                let mut values = vec![0.0_f32; usize::try_from(*num_values).unwrap_or(0)];
+                let bytes = bytemuck::cast_slice_mut(&mut values);
+                read(&self.context, staging, "reading moments", bytes)?;
+                out.extend_from_slice(&values);
+            }
+        }
+        Ok(out)
+    }
+}

@@ -1,0 +1,127 @@
+//! The kernels and the structs that cross to them; a test compares both with the shaders.
+
+use gs_raster_wgpu::gpu_struct;
+use gs_raster_wgpu::kernels::{Access, KernelDef, Needs};
+use gs_raster_wgpu::layout::{Field, GpuLayout};
+use gs_raster_wgpu::shaders::Source;
+
+gpu_struct! {
+    /// Uniforms of an image loss; see `shaders/train/image_loss.wgsl`.
+    ImageLoss {
+        /// Width and height, pixels.
+        img_size: [u32; 2],
+        /// C.
+        num_channels: u32,
+        /// Channel of this dispatch.
+        channel: u32,
+        /// First value of the image in its buffer.
+        x_base: u32,
+        /// First value of its gradient.
+        v_base: u32,
+        /// First sum that this dispatch leaves.
+        first_partial: u32,
+        /// Weight of the gradient.
+        factor: f32,
+    }
+}
+
+gpu_struct! {
+    /// Uniforms of `sum_partials`.
+    SumPartials {
+        /// Sums to add.
+        num_partials: u32,
+        /// Where to.
+        slot: u32,
+        /// Factor.
+        scale: f32,
+        /// Unused.
+        pad0: u32,
+    }
+}
+
+gpu_struct! {
+    /// Uniforms of a step of Adam; see `shaders/train/adam.wgsl`.
+    AdamStep {
+        /// Values.
+        num_values: u32,
+        /// Values per row.
+        columns: u32,
+        /// First value of the gradient in its buffer.
+        first_grad: u32,
+        /// Flag of the first row.
+        first_row: u32,
+        /// 1 if rows are left out.
+        skips: u32,
+        /// Decay of the first moment.
+        beta1: f32,
+        /// Decay of the second moment.
+        beta2: f32,
+        /// 1 − `beta1`.
+        rest1: f32,
+        /// 1 − `beta2`.
+        rest2: f32,
+        /// 1 − `beta1`^step.
+        correct1: f32,
+        /// 1 − `beta2`^step.
+        correct2: f32,
+        /// Added to the root of the second moment.
+        epsilon: f32,
+    }
+}
+
+/// Every struct that a binding of a shader may have: name, size, fields.
+pub const LAYOUTS: &[(&str, usize, &[Field])] = &[
+    (ImageLoss::NAME, ImageLoss::SIZE, ImageLoss::FIELDS),
+    (SumPartials::NAME, SumPartials::SIZE, SumPartials::FIELDS),
+    (AdamStep::NAME, AdamStep::SIZE, AdamStep::FIELDS),
+];
+
+/// Side of a block of windows, pixels.
+pub const BLOCK: u32 = 16;
+/// Invocations of a group.
+pub const GROUP_SIZE: u32 = gs_raster_wgpu::layout::GROUP_SIZE;
+
+/// Every constant that exists in Rust and in WGSL.
+pub const CONSTANTS: &[(&str, u32)] = &[("BLOCK", BLOCK), ("GROUP_SIZE", GROUP_SIZE)];
+
+macro_rules! part {
+    ($name:literal) => {
+        include_str!(concat!(env!("CARGO_MANIFEST_DIR"), "/../../shaders/", $name))
+    };
+}
+
+const U: Access = Access::Uniform;
+const R: Access = Access::Read;
+const W: Access = Access::Write;
+
+macro_rules! kernels {
+    ($($(#[$meta:meta])* $id:ident: $entry:literal [$($access:ident)*] = [$($name:literal),+];)+) => {
+        $($(#[$meta])* pub static $id: KernelDef = KernelDef {
+            name: $entry,
+            source: &Source {
+                parts: &[$(($name, part!($name))),+],
+                text: concat!($(part!($name)),+),
+            },
+            entry: $entry,
+            bindings: &[$($access),*],
+            workgroup_size: GROUP_SIZE,
+            needs: Needs { subgroups: false, float_atomics: false },
+        };)+
+
+        /// All kernels.
+        pub static KERNELS: &[&KernelDef] = &[$(&$id),+];
+    };
+}
+
+kernels! {
+    /// Masked L1 and its gradient.
+    MASKED_L1: "masked_l1" [U R R R W W] = ["shared/dispatch.wgsl", "train/image_loss.wgsl", "train/group_sum.wgsl", "train/masked_l1.wgsl"];
+    /// SSIM per window.
+    SSIM: "ssim" [U R R R W W] = ["shared/dispatch.wgsl", "train/image_loss.wgsl", "train/group_sum.wgsl", "train/window.wgsl", "train/ssim.wgsl"];
+    /// Gradient of SSIM.
+    SSIM_BWD: "ssim_bwd" [U R R R R W] = ["shared/dispatch.wgsl", "train/image_loss.wgsl", "train/window.wgsl", "train/ssim_bwd.wgsl"];
+    /// Sum of the groups' sums.
+    SUM_PARTIALS: "sum_partials" [U R W] = ["shared/dispatch.wgsl", "train/group_sum.wgsl", "train/sum_partials.wgsl"];
+    /// One step of Adam.
+    ADAM: "adam_step" [U R R R W W W] = ["shared/dispatch.wgsl", "train/adam.wgsl"];
+}

@@ -16,6 +16,19 @@ mod scene;
 
 const STAGES: [&str; 5] = ["roof", "prepare", "forward", "backward", "backward_colors"];
 
+/// Stages of a preparation, a forward and a backward pass.
+const SPLIT: [&str; 9] = [
+    "project",
+    "sort",
+    "bin",
+    "shade",
+    "composite",
+    "assemble",
+    "differentiate",
+    "collect",
+    "chain",
+];
+
 fn main() -> Result<(), gs_core::RasterError> {
     let only: Option<usize> = std::env::args().nth(1).and_then(|index| index.parse().ok());
     let cores = rayon::current_num_threads() as f64;
@@ -33,6 +46,7 @@ fn main() -> Result<(), gs_core::RasterError> {
         let (mut out, mut grads) = (RenderOutput::default(), RenderGrads::default());
         let mut prepared = raster.prepare(&splats, &camera)?;
         let mut best = [f64::INFINITY; 5];
+        let mut split = [f64::INFINITY; 9];
         for _ in 0..if count > 500_000 { 4 } else { 12 } {
             for (stage, best) in best.iter_mut().enumerate() {
                 let start = Instant::now();
@@ -58,6 +72,24 @@ fn main() -> Result<(), gs_core::RasterError> {
                     )?,
                 }
                 *best = best.min(start.elapsed().as_secs_f64());
+                if stage == 3 {
+                    // Before the colours-only pass overwrites some.
+                    let t = prepared.stage_times();
+                    let now = [
+                        t.project,
+                        t.sort,
+                        t.bin,
+                        t.shade,
+                        t.composite,
+                        t.assemble,
+                        t.differentiate,
+                        t.collect,
+                        t.chain,
+                    ];
+                    for (split, now) in split.iter_mut().zip(now) {
+                        *split = split.min(now);
+                    }
+                }
             }
         }
         let evaluated = prepared.num_evaluated() as f64;
@@ -78,6 +110,16 @@ fn main() -> Result<(), gs_core::RasterError> {
                 rate * 1e-9,
                 100.0 * rate / roof
             );
+        }
+        for (name, seconds) in SPLIT.iter().zip(split) {
+            let rate = evaluated / seconds / cores;
+            let loops = matches!(*name, "composite" | "differentiate");
+            let share = if loops {
+                format!("{:4.0} % of the roof", 100.0 * rate / roof)
+            } else {
+                String::new()
+            };
+            println!("    {name:14} {:8.2} ms  {share}", seconds * 1e3);
         }
     }
     Ok(())

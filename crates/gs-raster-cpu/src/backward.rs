@@ -8,11 +8,13 @@ use crate::shade::{HEAD, Layout};
 use crate::splat_grads;
 use crate::tile::{Pass, Plane, TileState};
 use crate::tile_grad::{MOMENTS, Sums, TileUpstream, differentiate, differentiate_colors};
+use crate::times::timed;
 use crate::view::{TILE, TILE_PIXELS, View, dot};
 use gs_core::{RasterError, RenderGrads, RenderParams, Splats, UpstreamGrads};
 use pulp::{Simd, WithSimd};
 use rayon::prelude::*;
 use std::ops::Range;
+use std::time::Instant;
 
 /// Which parameters a backward pass differentiates.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -223,6 +225,7 @@ pub(crate) fn backward<F: Lane>(
     check_upstream(prepared, layout, upstream)?;
     let stride = prepared.shade.stride;
 
+    let start = Instant::now();
     let Prepared { view, macros, composited, .. } = &mut *prepared;
     let arch = lanes::arch();
     composited.par_iter_mut().zip(&*macros).enumerate().for_each(|(macro_id, (target, owner))| {
@@ -245,8 +248,13 @@ pub(crate) fn backward<F: Lane>(
             });
         }
     });
-    collect(prepared, MOMENTS + stride);
-    splat_grads::write(prepared, splats, params.gradients, scope, MOMENTS + stride, grads);
+    let mut times = prepared.times;
+    times.differentiate = start.elapsed().as_secs_f64();
+    timed(&mut times.collect, || collect(prepared, MOMENTS + stride));
+    timed(&mut times.chain, || {
+        splat_grads::write(prepared, splats, params.gradients, scope, MOMENTS + stride, grads);
+    });
+    prepared.times = times;
     Ok(())
 }
 

@@ -5,10 +5,12 @@ use crate::lanes::{self, Lane};
 use crate::prepared::{Composited, Prepared};
 use crate::shade::{HEAD, Layout, Shade};
 use crate::tile::{self, Pass, TileState};
+use crate::times::timed;
 use crate::view::{TILE, TILE_PIXELS, View};
 use gs_core::{RasterError, RenderOutput, RenderParams, Splats};
 use pulp::{Simd, WithSimd};
 use rayon::prelude::*;
+use std::time::Instant;
 
 /// Most channels composited at once; more are done in several passes.
 const MAX_CHANNELS: usize = 8;
@@ -113,8 +115,10 @@ pub(crate) fn forward<F: Lane>(
     let layout = Layout::new(params, prepared.num_splats, features.len());
     let stride = padded(layout.channels());
     let covered = {
-        let Prepared { shade, visible, rank_of, view, .. } = prepared;
-        shade.fill((visible, rank_of), view, splats, features, layout, stride)
+        let Prepared { shade, visible, rank_of, view, times, .. } = prepared;
+        timed(&mut times.shade, || {
+            shade.fill((visible, rank_of), view, splats, features, layout, stride)
+        })
     };
     if !covered && prepared.culling == crate::Culling::Opacity {
         for p in &mut prepared.visible {
@@ -124,7 +128,8 @@ pub(crate) fn forward<F: Lane>(
         prepared.bin();
     }
 
-    let Prepared { view, shade, macros, composited, .. } = &mut *prepared;
+    let Prepared { view, shade, macros, composited, times, .. } = &mut *prepared;
+    let start = Instant::now();
     let arch = lanes::arch();
     composited.resize_with(macros.len(), Composited::default);
     composited.par_iter_mut().zip(&*macros).enumerate().for_each(|(macro_id, (target, owner))| {
@@ -148,7 +153,8 @@ pub(crate) fn forward<F: Lane>(
             });
         }
     });
-    assemble(view, shade, composited, params, output);
+    times.composite = start.elapsed().as_secs_f64();
+    timed(&mut times.assemble, || assemble(view, shade, composited, params, output));
     prepared.has_forward = true;
     Ok(())
 }

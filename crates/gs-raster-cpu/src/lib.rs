@@ -33,9 +33,11 @@ mod shade;
 mod splat_grads;
 mod tile;
 mod tile_grad;
+mod times;
 mod view;
 
 pub use prepared::Prepared;
+pub use times::StageTimes;
 
 use backward::Scope;
 use gs_core::{

@@ -5,6 +5,7 @@ use crate::bins::{self, Block, MACRO, MACRO_TILES, Macro};
 use crate::lanes::wide;
 use crate::project::{Projected, project};
 use crate::shade::{DEAD, Shade};
+use crate::times::{StageTimes, timed};
 use crate::view::{TILE, TILE_PIXELS, View};
 use gs_core::{Camera, RasterError, Real, Splats};
 use rayon::prelude::*;
@@ -42,6 +43,7 @@ pub struct Prepared<F> {
     pub(crate) has_forward: bool,
     /// Gradients of projected quantities, by rank.
     pub(crate) sums: Vec<F>,
+    pub(crate) times: StageTimes,
 }
 
 /// What compositing leaves of one macro tile, tile by tile; `sums` is written by the backward pass.
@@ -71,7 +73,6 @@ impl<F: Real> Composited<F> {
 
 impl<F: Real> Prepared<F> {
     /// Projects, sorts and bins.
-    #[expect(clippy::cast_possible_truncation, reason = "the number of splats is checked first")]
     pub(crate) fn update(
         &mut self,
         splats: &Splats<F>,
@@ -92,6 +93,16 @@ impl<F: Real> Prepared<F> {
         self.culling = culling;
         self.has_forward = false;
 
+        let mut times = self.times;
+        timed(&mut times.project, || self.project(splats));
+        timed(&mut times.sort, || self.sort());
+        self.times = times;
+        self.bin();
+        Ok(())
+    }
+
+    fn project(&mut self, splats: &Splats<F>) {
+        let num_splats = self.num_splats;
         let view = &self.view;
         self.projected.resize(num_splats, Projected::default());
         self.chunk_keys.resize_with(num_splats.div_ceil(CHUNK), Vec::new);
@@ -113,6 +124,11 @@ impl<F: Real> Prepared<F> {
                 );
             },
         );
+    }
+
+    /// By depth, ties by index.
+    #[expect(clippy::cast_possible_truncation, reason = "the number of splats was checked")]
+    fn sort(&mut self) {
         self.keys.clear();
         for keys in &self.chunk_keys {
             self.keys.extend_from_slice(keys);
@@ -127,17 +143,16 @@ impl<F: Real> Prepared<F> {
             .with_min_len(CHUNK)
             .for_each(|(row, &key)| *row = projected[key as u32 as usize]);
         self.rank_of.clear();
-        self.rank_of.resize(num_splats, CULLED);
+        self.rank_of.resize(self.num_splats, CULLED);
         for (rank, &key) in self.keys.iter().enumerate() {
             self.rank_of[key as u32 as usize] = rank as u32;
         }
-        self.bin();
-        Ok(())
     }
 
     /// Makes the lists for the opacities in `visible`.
     pub(crate) fn bin(&mut self) {
-        bins::bin(&self.visible, &self.view, self.culling, &mut self.blocks, &mut self.macros);
+        let Self { visible, view, culling, blocks, macros, times, .. } = self;
+        timed(&mut times.bin, || bins::bin(visible, view, *culling, blocks, macros));
     }
 
     /// Frees everything but the projection and the lists: what a cache of many prepared views should hold. The next forward pass
@@ -150,6 +165,11 @@ impl<F: Real> Prepared<F> {
         self.composited = Vec::new();
         self.sums = Vec::new();
         self.has_forward = false;
+    }
+
+    /// Where the last calls with this state spent their time.
+    pub fn stage_times(&self) -> StageTimes {
+        self.times
     }
 
     /// Image size `[W, H]`, pixels.

@@ -226,12 +226,14 @@ pub(crate) fn backward<F: Lane>(
     let stride = prepared.shade.stride;
 
     let start = Instant::now();
+    // Channels behind the last one with a gradient are zero: a render with depth costs nothing here if depth is not differentiated.
+    let used = layout.used(upstream);
     let Prepared { view, macros, composited, .. } = &mut *prepared;
     let arch = lanes::arch();
     composited.par_iter_mut().zip(&*macros).enumerate().for_each(|(macro_id, (target, owner))| {
         target.sums.clear();
         target.sums.resize(owner.items.len() * (MOMENTS + stride), F::zero());
-        for (first_channel, channels) in passes(layout.channels()) {
+        for (first_channel, channels) in passes(used) {
             let target = &mut *target;
             arch.dispatch(DifferentiateMacro {
                 view,

@@ -4,7 +4,7 @@ use crate::lanes::wide;
 use crate::prepared::CULLED;
 use crate::project::Projected;
 use crate::view::View;
-use gs_core::{Real, RenderParams, Splats, sh};
+use gs_core::{Real, RenderParams, Splats, UpstreamGrads, sh};
 use rayon::prelude::*;
 
 /// Splats shaded by one task.
@@ -32,6 +32,19 @@ impl Layout {
     /// First of the caller's channels.
     pub(crate) fn features_at(self) -> usize {
         self.depth_at() + usize::from(self.depth)
+    }
+
+    /// Channels up to the last one with an upstream gradient.
+    pub(crate) fn used<F>(self, upstream: &UpstreamGrads<F>) -> usize {
+        if !upstream.v_features.is_empty() {
+            self.channels()
+        } else if !upstream.v_depth.is_empty() {
+            self.features_at()
+        } else if !upstream.v_rgb.is_empty() {
+            self.depth_at()
+        } else {
+            0
+        }
     }
 
     /// Channels without padding.
@@ -86,9 +99,14 @@ impl<F: Real> Shade<F> {
                     #[inline(always)]
                     || {
                         let mut covered = true;
-                        for (record, p) in records.chunks_exact_mut(length).zip(visible) {
+                        // Fetched in one go: their cache misses overlap.
+                        let mut fetched = [[F::zero(); 4]; CHUNK];
+                        for (target, p) in fetched.iter_mut().zip(visible) {
+                            *target = shaded[p.id as usize];
+                        }
+                        let rows = records.chunks_exact_mut(length).zip(visible);
+                        for ((record, p), [r, g, b, opacity]) in rows.zip(fetched) {
                             let id = p.id as usize;
-                            let [r, g, b, opacity] = shaded[id];
                             covered &= opacity <= p.opacity;
                             record.fill(F::zero());
                             record[..HEAD].copy_from_slice(&exponent(p, opacity));

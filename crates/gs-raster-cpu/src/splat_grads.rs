@@ -46,44 +46,37 @@ pub(crate) fn write<F: Lane>(
             }
         });
     }
-    grads.v_sh.par_chunks_mut(CHUNK * coeffs).enumerate().for_each(|(chunk, targets)| {
-        wide(
-            #[inline(always)]
-            || {
-                let fetched = fetch(prepared, chunk, stride);
-                for (i, target) in targets.chunks_exact_mut(coeffs).enumerate() {
-                    let Some(sums) = fetched[i].as_ref().filter(|_| layout.rgb) else {
-                        target.fill([F::zero(); 3]);
-                        continue;
-                    };
-                    let (direction, _) = prepared.view.direction(splats.means[chunk * CHUNK + i]);
-                    let y = sh::basis(splats.sh_degree, direction);
-                    let v = sums.rgb;
-                    for (target, y) in target.iter_mut().zip(y) {
-                        *target = [y * v[0], y * v[1], y * v[2]];
-                    }
-                }
-            },
-        );
-    });
     if scope == Scope::Colors {
+        grads.v_sh.par_chunks_mut(CHUNK * coeffs).enumerate().for_each(|(chunk, rows)| {
+            wide(
+                #[inline(always)]
+                || {
+                    let fetched = fetch(prepared, chunk, stride);
+                    for (i, row) in rows.chunks_exact_mut(coeffs).enumerate() {
+                        write_sh(prepared, splats, chunk * CHUNK + i, fetched[i].as_ref(), row);
+                    }
+                },
+            );
+        });
         return;
     }
 
-    let RenderGrads { v_means, v_quats, v_log_scales, v_opacity_logits, v_means2d, .. } = grads;
+    let RenderGrads { v_means, v_quats, v_log_scales, v_opacity_logits, v_means2d, v_sh, .. } =
+        grads;
     v_means
         .par_chunks_mut(CHUNK)
         .zip(v_quats.par_chunks_mut(CHUNK))
         .zip(v_log_scales.par_chunks_mut(CHUNK))
         .zip(v_opacity_logits.par_chunks_mut(CHUNK))
         .zip(v_means2d.par_chunks_mut(CHUNK))
+        .zip(v_sh.par_chunks_mut(CHUNK * coeffs))
         .enumerate()
-        .for_each(|(chunk, ((((means, quats), log_scales), opacity_logits), means2d))| {
+        .for_each(|(chunk, (((((means, quats), log_scales), opacity_logits), means2d), rows))| {
             wide(
                 #[inline(always)]
                 || {
                     let fetched = fetch(prepared, chunk, stride);
-                    for i in 0..means.len() {
+                    for (i, row) in rows.chunks_exact_mut(coeffs).enumerate() {
                         let id = chunk * CHUNK + i;
                         let own = match &fetched[i] {
                             Some(sums) => splat_gradient(prepared, splats, id, sums, convention),
@@ -94,10 +87,30 @@ pub(crate) fn write<F: Lane>(
                         log_scales[i] = own.log_scale;
                         opacity_logits[i] = own.opacity_logit;
                         means2d[i] = own.mean2d;
+                        write_sh(prepared, splats, id, fetched[i].as_ref(), row);
                     }
                 },
             );
         });
+}
+
+/// Gradient of the harmonics of splat `id`.
+#[inline(always)]
+fn write_sh<F: Lane>(
+    prepared: &Prepared<F>,
+    splats: &Splats<F>,
+    id: usize,
+    sums: Option<&SplatSums<F>>,
+    row: &mut [[F; 3]],
+) {
+    let Some(SplatSums { rgb, .. }) = sums.filter(|_| prepared.shade.layout.rgb) else {
+        row.fill([F::zero(); 3]);
+        return;
+    };
+    let (direction, _) = prepared.view.direction(splats.means[id]);
+    for (target, y) in row.iter_mut().zip(sh::basis(splats.sh_degree, direction)) {
+        *target = [y * rgb[0], y * rgb[1], y * rgb[2]];
+    }
 }
 
 /// What the pixel stage says about one splat.

@@ -13,39 +13,61 @@ use std::ops::Range;
 /// Entries staged at once.
 pub(crate) const BATCH: usize = 32;
 /// Registers per row when a register holds one lane.
-const MAX_ROW: usize = TILE;
+pub(crate) const MAX_ROW: usize = TILE;
 
-/// A splat relative to one tile, ready for the lanes. Logarithms have base 2, the base of the exponential.
-#[derive(Debug, Clone, Copy)]
-pub(crate) struct Entry<F, const C: usize> {
+/// Splats relative to one tile, ready for the lanes, value by value. Logarithms have base 2, the base of the exponential.
+#[derive(Debug, Clone)]
+#[repr(align(64))]
+pub(crate) struct Batch<F, const C: usize> {
     /// Centre relative to the tile's first pixel.
-    pub x: F,
-    pub y: F,
+    pub x: [F; BATCH],
+    pub y: [F; BATCH],
     /// `log2 α = a dx² + b dx dy + c dy² + log2_opacity`.
-    pub a: F,
-    pub b: F,
-    pub c: F,
-    pub log2_opacity: F,
-    /// Pixel rows that can be reached, end exclusive.
-    pub rows: (usize, usize),
+    pub a: [F; BATCH],
+    pub b: [F; BATCH],
+    pub c: [F; BATCH],
+    pub log2_opacity: [F; BATCH],
+    pub channels: [[F; BATCH]; C],
+    /// First and last pixel row that can be reached.
+    pub rows: [(u8, u8); BATCH],
     /// Index into the macro tile's items.
-    pub item: usize,
-    pub channels: [F; C],
+    pub item: [u32; BATCH],
 }
 
-impl<F: Lane, const C: usize> Entry<F, C> {
-    pub(crate) const fn empty(zero: F) -> Self {
+impl<F: Lane, const C: usize> Batch<F, C> {
+    pub(crate) fn new() -> Self {
+        let zeros = [F::zero(); BATCH];
         Self {
-            x: zero,
-            y: zero,
-            a: zero,
-            b: zero,
-            c: zero,
-            log2_opacity: zero,
-            rows: (0, 0),
-            item: 0,
-            channels: [zero; C],
+            x: zeros,
+            y: zeros,
+            a: zeros,
+            b: zeros,
+            c: zeros,
+            log2_opacity: zeros,
+            channels: [zeros; C],
+            rows: [(0, 0); BATCH],
+            item: [0; BATCH],
         }
+    }
+
+    /// Rows of entry `e` that lie in `live`.
+    #[inline(always)]
+    pub(crate) fn rows_within(&self, e: usize, live: (usize, usize)) -> Range<usize> {
+        let (first, last) = self.rows[e];
+        usize::from(first).max(live.0)..(usize::from(last) + 1).min(live.1)
+    }
+
+    /// For every row, a bit per entry that can reach it.
+    #[inline(always)]
+    fn entries_of_rows(&self, count: usize) -> [u32; TILE] {
+        let mut rows = [0_u32; TILE];
+        for (e, &(first, last)) in self.rows[..count].iter().enumerate() {
+            // All rows, so that one vector holds them.
+            for (number, row) in (0_u8..).zip(&mut rows) {
+                *row |= u32::from(first <= number && number <= last) << e;
+            }
+        }
+        rows
     }
 }
 
@@ -68,24 +90,27 @@ impl<F: Lane> Pass<'_, F> {
         list: &TileList,
         origin: [F; 2],
         range: Range<usize>,
-        batch: &mut [Entry<F, C>; BATCH],
+        batch: &mut Batch<F, C>,
     ) -> usize {
         let first_channel = HEAD + self.first_channel;
         let count = range.len().min(BATCH);
-        for ((entry, &item), &rows) in
-            batch.iter_mut().zip(&list.items[range.clone()]).zip(&list.rows[range])
-        {
-            let item = item as usize;
-            let record = &self.records[item * self.length..(item + 1) * self.length];
-            entry.x = record[0] - origin[0];
-            entry.y = record[1] - origin[1];
-            entry.a = record[2];
-            entry.b = record[3];
-            entry.c = record[4];
-            entry.log2_opacity = record[5];
-            entry.item = item;
-            entry.rows = (usize::from(rows & 15), usize::from(rows >> 4) + 1);
-            entry.channels.copy_from_slice(&record[first_channel..first_channel + C]);
+        let range = range.start..range.start + count;
+        let entries = list.items[range.clone()].iter().zip(&list.rows[range]);
+        for (e, (&item, &rows)) in entries.enumerate().take(BATCH) {
+            let at = item as usize;
+            let record = &self.records[at * self.length..(at + 1) * self.length];
+            batch.x[e] = record[0] - origin[0];
+            batch.y[e] = record[1] - origin[1];
+            batch.a[e] = record[2];
+            batch.b[e] = record[3];
+            batch.c[e] = record[4];
+            batch.log2_opacity[e] = record[5];
+            batch.item[e] = item;
+            batch.rows[e] = (rows & 15, rows >> 4);
+            let channels = &record[first_channel..first_channel + C];
+            for (target, &channel) in batch.channels.iter_mut().zip(channels) {
+                target[e] = channel;
+            }
         }
         count
     }
@@ -231,8 +256,9 @@ pub(crate) fn live_rows<F: Lane>(transmittance: &[F]) -> (usize, usize) {
 }
 
 /// Composites one tile; returns the number of evaluated pixel–splat samples.
+///
+/// One register of pixels at a time takes all entries of a batch that reach its row: transmittance and sums stay in registers.
 #[inline(always)]
-#[expect(clippy::cast_possible_truncation, reason = "list indices are below 2^32")]
 pub(crate) fn composite<S: Simd, F: Lane, const C: usize>(
     s: S,
     pass: &Pass<'_, F>,
@@ -242,11 +268,13 @@ pub(crate) fn composite<S: Simd, F: Lane, const C: usize>(
 ) -> u64 {
     let tests = Tests::<S, F>::new(s);
     let columns = columns::<F>();
+    let numbers = numbers::<F>();
     let threshold = F::vsplat(s, F::of(TRANSMITTANCE_THRESHOLD));
     let (zero, one) = (F::vsplat(s, F::zero()), F::vsplat(s, F::one()));
+    let never = F::vsplat(s, F::infinity());
     let per_row = row_registers::<S, F>();
     let TileState { planes, transmittance, stops } = state;
-    let mut batch = [Entry::<F, C>::empty(F::zero()); BATCH];
+    let mut batch = Batch::<F, C>::new();
     let mut evaluated = 0;
 
     let mut start = 0;
@@ -256,52 +284,86 @@ pub(crate) fn composite<S: Simd, F: Lane, const C: usize>(
             break;
         }
         let count = pass.stage(list, origin, start..list.items.len(), &mut batch);
-        for (index, entry) in batch[..count].iter().enumerate() {
-            let rows = entry.rows.0.max(live.0)..entry.rows.1.min(live.1);
-            if rows.is_empty() {
+        let entries_of_rows = batch.entries_of_rows(count);
+        for row in live.0..live.1 {
+            let entries = entries_of_rows[row];
+            if entries == 0 {
                 continue;
             }
-            evaluated += (rows.len() * TILE) as u64;
-            let dx = offsets::<S, F>(s, entry.x, &columns);
-            let a = F::vsplat(s, entry.a);
-            let log2_opacity = F::vsplat(s, entry.log2_opacity);
-            let channels = entry.channels.map(|channel| F::vsplat(s, channel));
-            let mut flips = one;
-            let lanes = rows.start * per_row..rows.end * per_row;
-            // Slices of one known length each: the loop below needs no bounds checks.
-            let t_rows = transmittance.lanes_mut::<S>(&lanes);
-            let sums = planes.each_mut().map(|plane| plane.lanes_mut::<S>(&lanes));
-            for (row, &row_number) in columns[rows.clone()].iter().enumerate() {
-                let dy = entry.y - row_number;
-                let b_dy = F::vsplat(s, entry.b * dy);
-                let rest = F::vsplat(s, entry.c * dy * dy + entry.log2_opacity);
-                for k in 0..per_row {
-                    let at = row * per_row + k;
-                    let alpha = tests.alpha(dx[k], a, b_dy, rest, log2_opacity);
-                    let before = t_rows[at];
+            evaluated += u64::from(entries.count_ones()) * TILE as u64;
+            let (mut b_dy, mut rest) = ([F::zero(); BATCH], [F::zero(); BATCH]);
+            for e in 0..BATCH {
+                let dy = batch.y[e] - columns[row];
+                b_dy[e] = batch.b[e] * dy;
+                rest[e] = batch.c[e] * dy * dy + batch.log2_opacity[e];
+            }
+            for k in 0..per_row {
+                let lanes = row * per_row + k..row * per_row + k + 1;
+                let column = F::vectors::<S>(&columns)[k];
+                let own = transmittance.lanes_mut::<S>(&lanes);
+                let mut sums = planes.each_ref().map(|plane| plane.lanes::<S>(&lanes)[0]);
+                let first = own[0];
+                let (mut before, mut stop) = (first, never);
+                let mut left = entries;
+                while left != 0 {
+                    let e = left.trailing_zeros() as usize % BATCH;
+                    left &= left - 1;
+                    let dx = F::vsub(s, F::vsplat(s, batch.x[e]), column);
+                    let (a, b_dy) = (F::vsplat(s, batch.a[e]), F::vsplat(s, b_dy[e]));
+                    let log2_opacity = F::vsplat(s, batch.log2_opacity[e]);
+                    let rest = F::vsplat(s, rest[e]);
+                    let alpha = tests.alpha(dx, a, b_dy, rest, log2_opacity);
                     let after = F::vfnma(s, alpha.capped, before, before);
                     let goes_on = F::vle(s, threshold, after);
                     let draws = F::vand(s, alpha.passes, goes_on);
                     let weight = F::vselect(s, draws, F::vmul(s, alpha.capped, before), zero);
                     for c in 0..C {
-                        sums[c][at] = F::vfma(s, channels[c], weight, sums[c][at]);
+                        let channel = F::vsplat(s, batch.channels[c][e]);
+                        sums[c] = F::vfma(s, channel, weight, sums[c]);
                     }
+                    // Where a pixel stopped earlier, a later entry stops it again; the first one counts.
+                    let number = F::vselect(s, goes_on, never, F::vsplat(s, numbers[e]));
+                    stop = F::vselect(s, alpha.passes, F::vmin(s, stop, number), stop);
                     let next = F::vselect(s, goes_on, after, F::vnegative(s, before));
-                    let next = F::vselect(s, alpha.passes, next, before);
-                    flips = F::mark_flips(s, flips, before, next);
-                    t_rows[at] = next;
+                    before = F::vselect(s, alpha.passes, next, before);
                 }
-            }
-            if F::any_flip(s, flips) {
-                let pixels = rows.start * TILE..rows.end * TILE;
-                let number = (start + index) as u32;
-                for (stop, &t) in stops[pixels.clone()].iter_mut().zip(&transmittance.0[pixels]) {
-                    // Without a branch, so that it vectorises. Stopped pixels keep the smaller, earlier number.
-                    *stop = (*stop).min(if t < F::zero() { number } else { u32::MAX });
+                own[0] = before;
+                for (plane, sum) in planes.iter_mut().zip(sums) {
+                    plane.lanes_mut::<S>(&lanes)[0] = sum;
+                }
+                if F::any_flip(s, F::mark_flips(s, one, first, before)) {
+                    let mut ends = Plane::<F>::zero();
+                    ends.lanes_mut::<S>(&lanes)[0] = stop;
+                    let width = TILE / per_row;
+                    let pixels = lanes.start * width..lanes.end * width;
+                    for (stop, &end) in stops[pixels.clone()].iter_mut().zip(&ends.0[pixels]) {
+                        *stop = (*stop).min(stop_number(start, end));
+                    }
                 }
             }
         }
         start += count;
     }
     evaluated
+}
+
+/// List index of the entry `end` of the batch that begins at `start`; nothing for infinity.
+#[inline(always)]
+#[expect(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "below BATCH, and list indices are below 2^32"
+)]
+fn stop_number<F: Lane>(start: usize, end: F) -> u32 {
+    if end < F::infinity() { start as u32 + end.as_f32() as u32 } else { u32::MAX }
+}
+
+/// Numbers 0 to `BATCH` − 1.
+#[inline(always)]
+fn numbers<F: Lane>() -> [F; BATCH] {
+    let mut numbers = [F::zero(); BATCH];
+    for i in 1..BATCH {
+        numbers[i] = numbers[i - 1] + F::one();
+    }
+    numbers
 }

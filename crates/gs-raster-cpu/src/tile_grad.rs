@@ -6,7 +6,9 @@
 
 use crate::bins::TileList;
 use crate::lanes::Lane;
-use crate::tile::{BATCH, Entry, Pass, Plane, Tests, columns, live_rows, offsets, row_registers};
+use crate::tile::{
+    BATCH, Batch, MAX_ROW, Pass, Plane, Tests, columns, live_rows, offsets, row_registers,
+};
 use crate::view::{MAX_ALPHA, TRANSMITTANCE_THRESHOLD};
 use gs_core::GradientConvention;
 use pulp::Simd;
@@ -55,7 +57,7 @@ pub(crate) fn differentiate<S: Simd, F: Lane, const C: usize>(
     };
     let per_row = row_registers::<S, F>();
     let TileUpstream { channels: v_channels, transmittance, behind, stops } = upstream;
-    let mut batch = [Entry::<F, C>::empty(F::zero()); BATCH];
+    let mut batch = Batch::<F, C>::new();
     let mut ends = Plane::<F>::zero();
 
     let mut end = stops.iter().copied().max().map_or(0, |stop| stop as usize).min(list.items.len());
@@ -66,17 +68,18 @@ pub(crate) fn differentiate<S: Simd, F: Lane, const C: usize>(
             *end = small::<F>((stop as usize).saturating_sub(start).min(count));
         }
         let live = live_rows(&ends.0);
-        for (index, entry) in batch[..count].iter().enumerate().rev() {
-            let rows = entry.rows.0.max(live.0)..entry.rows.1.min(live.1);
+        for e in (0..count.min(BATCH)).rev() {
+            let rows = batch.rows_within(e, live);
             if rows.is_empty() {
                 continue;
             }
-            let dx = offsets::<S, F>(s, entry.x, &columns);
-            let a = F::vsplat(s, entry.a);
-            let log2_opacity = F::vsplat(s, entry.log2_opacity);
-            let index = F::vsplat(s, small::<F>(index));
-            let channels = entry.channels.map(|channel| F::vsplat(s, channel));
-            let mut moments = [zero; MOMENTS];
+            let dx = offsets::<S, F>(s, batch.x[e], &columns);
+            let a = F::vsplat(s, batch.a[e]);
+            let log2_opacity = F::vsplat(s, batch.log2_opacity[e]);
+            let index = F::vsplat(s, small::<F>(e));
+            let channels = batch.channels.each_ref().map(|values| F::vsplat(s, values[e]));
+            // Sums of γ, γ dy and γ dy² down the columns; dx is the same in every row and comes in afterwards.
+            let mut down = [[zero; 3]; MAX_ROW];
             let mut v_entry = [zero; C];
             let lanes = rows.start * per_row..rows.end * per_row;
             // Slices of one known length each: the loop below needs no bounds checks.
@@ -85,14 +88,13 @@ pub(crate) fn differentiate<S: Simd, F: Lane, const C: usize>(
             let ends = ends.lanes::<S>(&lanes);
             let v_rows = v_channels.each_ref().map(|plane| plane.lanes::<S>(&lanes));
             for (row, &row_number) in columns[rows].iter().enumerate() {
-                let dy = entry.y - row_number;
-                let b_dy = F::vsplat(s, entry.b * dy);
-                let rest = F::vsplat(s, entry.c * dy * dy + entry.log2_opacity);
+                let dy = batch.y[e] - row_number;
+                let b_dy = F::vsplat(s, batch.b[e] * dy);
+                let rest = F::vsplat(s, batch.c[e] * dy * dy + batch.log2_opacity[e]);
                 let dy = F::vsplat(s, dy);
                 for k in 0..per_row {
                     let at = row * per_row + k;
-                    let dx = dx[k];
-                    let alpha = tests.alpha(dx, a, b_dy, rest, log2_opacity);
+                    let alpha = tests.alpha(dx[k], a, b_dy, rest, log2_opacity);
                     let drawn = F::vand(s, alpha.passes, F::vlt(s, index, ends[at]));
                     let inverse = F::vdiv(s, one, F::vsub(s, one, alpha.capped));
                     let after = t_rows[at];
@@ -112,17 +114,27 @@ pub(crate) fn differentiate<S: Simd, F: Lane, const C: usize>(
 
                     let flows = F::vand(s, drawn, F::vle(s, alpha.raw, open));
                     let gamma = F::vselect(s, flows, F::vmul(s, alpha.raw, v_alpha), zero);
-                    let gamma_x = F::vmul(s, gamma, dx);
                     let gamma_y = F::vmul(s, gamma, dy);
-                    moments[0] = F::vadd(s, moments[0], gamma);
-                    moments[1] = F::vadd(s, moments[1], gamma_x);
-                    moments[2] = F::vadd(s, moments[2], gamma_y);
-                    moments[3] = F::vfma(s, gamma_x, dx, moments[3]);
-                    moments[4] = F::vfma(s, gamma_x, dy, moments[4]);
-                    moments[5] = F::vfma(s, gamma_y, dy, moments[5]);
+                    let [sum, sum_y, sum_yy] = down[k];
+                    down[k] = [
+                        F::vadd(s, sum, gamma),
+                        F::vadd(s, sum_y, gamma_y),
+                        F::vfma(s, gamma_y, dy, sum_yy),
+                    ];
                 }
             }
-            let target = &mut sums.values[entry.item * sums.stride..][..sums.stride];
+            let mut moments = [zero; MOMENTS];
+            for k in 0..per_row {
+                let [sum, sum_y, sum_yy] = down[k];
+                let sum_x = F::vmul(s, sum, dx[k]);
+                moments[0] = F::vadd(s, moments[0], sum);
+                moments[1] = F::vadd(s, moments[1], sum_x);
+                moments[2] = F::vadd(s, moments[2], sum_y);
+                moments[3] = F::vfma(s, sum_x, dx[k], moments[3]);
+                moments[4] = F::vfma(s, sum_y, dx[k], moments[4]);
+                moments[5] = F::vadd(s, moments[5], sum_yy);
+            }
+            let target = &mut sums.values[batch.item[e] as usize * sums.stride..][..sums.stride];
             for (target, moment) in target.iter_mut().zip(moments) {
                 *target += F::vsum(s, moment);
             }
@@ -150,7 +162,7 @@ pub(crate) fn differentiate_colors<S: Simd, F: Lane, const C: usize>(
     let zero = F::vsplat(s, F::zero());
     let threshold = F::vsplat(s, F::of(TRANSMITTANCE_THRESHOLD));
     let per_row = row_registers::<S, F>();
-    let mut batch = [Entry::<F, C>::empty(F::zero()); BATCH];
+    let mut batch = Batch::<F, C>::new();
     let mut start = 0;
     while start < list.items.len() {
         let live = live_rows(&transmittance.0);
@@ -158,22 +170,22 @@ pub(crate) fn differentiate_colors<S: Simd, F: Lane, const C: usize>(
             break;
         }
         let count = pass.stage(list, origin, start..list.items.len(), &mut batch);
-        for entry in &batch[..count] {
-            let rows = entry.rows.0.max(live.0)..entry.rows.1.min(live.1);
+        for e in 0..count.min(BATCH) {
+            let rows = batch.rows_within(e, live);
             if rows.is_empty() {
                 continue;
             }
-            let dx = offsets::<S, F>(s, entry.x, &columns);
-            let a = F::vsplat(s, entry.a);
-            let log2_opacity = F::vsplat(s, entry.log2_opacity);
+            let dx = offsets::<S, F>(s, batch.x[e], &columns);
+            let a = F::vsplat(s, batch.a[e]);
+            let log2_opacity = F::vsplat(s, batch.log2_opacity[e]);
             let mut v_entry = [zero; C];
             let lanes = rows.start * per_row..rows.end * per_row;
             let t_rows = transmittance.lanes_mut::<S>(&lanes);
             let v_rows = v_channels.each_ref().map(|plane| plane.lanes::<S>(&lanes));
             for (row, &row_number) in columns[rows].iter().enumerate() {
-                let dy = entry.y - row_number;
-                let b_dy = F::vsplat(s, entry.b * dy);
-                let rest = F::vsplat(s, entry.c * dy * dy + entry.log2_opacity);
+                let dy = batch.y[e] - row_number;
+                let b_dy = F::vsplat(s, batch.b[e] * dy);
+                let rest = F::vsplat(s, batch.c[e] * dy * dy + batch.log2_opacity[e]);
                 for k in 0..per_row {
                     let at = row * per_row + k;
                     let alpha = tests.alpha(dx[k], a, b_dy, rest, log2_opacity);
@@ -189,7 +201,7 @@ pub(crate) fn differentiate_colors<S: Simd, F: Lane, const C: usize>(
                     t_rows[at] = F::vselect(s, alpha.passes, next, before);
                 }
             }
-            let target = &mut sums.values[entry.item * sums.stride..][..sums.stride];
+            let target = &mut sums.values[batch.item[e] as usize * sums.stride..][..sums.stride];
             for (target, v) in target[MOMENTS + pass.first_channel..].iter_mut().zip(v_entry) {
                 *target += F::vsum(s, v);
             }

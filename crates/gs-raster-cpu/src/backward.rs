@@ -6,7 +6,7 @@ use crate::lanes::{self, Lane};
 use crate::prepared::{Composited, Prepared};
 use crate::shade::{HEAD, Layout};
 use crate::splat_grads;
-use crate::tile::{Pass, Plane, TileState};
+use crate::tile::{Pass, Plane, clear};
 use crate::tile_grad::{MOMENTS, Sums, TileUpstream, differentiate, differentiate_colors};
 use crate::times::timed;
 use crate::view::{TILE, TILE_PIXELS, View, dot};
@@ -94,15 +94,15 @@ fn differentiate_macro<S: Simd, F: Lane, const C: usize>(s: S, job: Differentiat
                 );
             }
             Scope::Colors => {
-                let mut state = TileState::<F, 0>::new(first, [view.width, view.height]);
-                let transmittance = &mut state.transmittance;
+                let mut transmittance = Plane::zero();
+                clear(&mut transmittance.0, first, [view.width, view.height]);
                 differentiate_colors::<S, F, C>(
                     s,
                     &pass,
                     list,
                     origin,
                     &v_channels,
-                    transmittance,
+                    &mut transmittance,
                     &mut sums,
                 );
             }

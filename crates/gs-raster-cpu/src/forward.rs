@@ -1,7 +1,7 @@
 //! The forward pass: shade, composite every tile, assemble the images.
 
 use crate::bins::{MACRO, MACRO_TILES, Macro, macro_grid};
-use crate::lanes::{self, Lane};
+use crate::lanes::{self, Lane, wide};
 use crate::prepared::{Composited, Prepared};
 use crate::shade::{HEAD, Layout, Shade};
 use crate::tile::{self, Pass, TileState};
@@ -68,19 +68,20 @@ fn composite_macro<S: Simd, F: Lane, const C: usize>(s: S, job: CompositeMacro<'
     let pass = Pass { records: &target.records, length: HEAD + stride, first_channel };
     for tile in 0..MACRO_TILES {
         let Some(first) = Prepared::tile_origin(view, macro_id, tile) else { continue };
-        let mut state = TileState::<F, C>::new(first, [view.width, view.height]);
-        let origin = first.map(|x| F::from_double(x as f64));
-        let list = &owner.lists[tile];
-        let evaluated = tile::composite::<S, F, C>(s, &pass, list, origin, &mut state);
         let first_plane = tile * stride + first_channel;
         let planes = target.planes.as_chunks_mut::<TILE_PIXELS>().0;
-        for (target, plane) in planes[first_plane..first_plane + C].iter_mut().zip(&state.planes) {
-            *target = plane.0;
-        }
+        let Some(planes) = planes[first_plane..].first_chunk_mut::<C>() else { continue };
+        let state = TileState {
+            planes,
+            transmittance: &mut target.transmittance.as_chunks_mut::<TILE_PIXELS>().0[tile],
+            stops: &mut target.stops.as_chunks_mut::<TILE_PIXELS>().0[tile],
+        };
+        let origin = first.map(|x| F::from_double(x as f64));
+        let list = &owner.lists[tile];
+        let size = [view.width, view.height];
+        let evaluated = tile::composite::<S, F, C>(s, &pass, list, (first, size), origin, state);
         if first_channel == 0 {
             target.evaluated += evaluated;
-            target.transmittance.as_chunks_mut::<TILE_PIXELS>().0[tile] = state.transmittance.0;
-            target.stops.as_chunks_mut::<TILE_PIXELS>().0[tile] = state.stops;
         }
     }
 }
@@ -189,44 +190,49 @@ fn assemble<F: Lane>(
         [output.rgb.as_mut_slice(), &mut output.alpha, &mut output.depth, &mut output.features]
             .map(Some);
     rows_of(&mut planes, row_lengths, height, &|y, [rgb, alpha, depth, features]| {
-        for tx in 0..view.tiles[0] {
-            let ty = y / TILE;
-            let source = &composited[ty / MACRO * macros_across + tx / MACRO];
-            let tile = ty % MACRO * MACRO + tx % MACRO;
-            let (x0, row) = (tx * TILE, y % TILE * TILE);
-            let count = TILE.min(width - x0);
-            let plane = |channel: usize| {
-                let start = (tile * shade.stride + channel) * TILE_PIXELS + row;
-                &source.planes[start..start + count]
-            };
-            let transmittance =
-                &source.transmittance[tile * TILE_PIXELS + row..tile * TILE_PIXELS + row + count];
-            for (alpha, t) in alpha[x0..x0 + count].iter_mut().zip(transmittance) {
-                *alpha = F::one() - t.abs();
-            }
-            if layout.rgb {
-                let target = rgb[3 * x0..3 * (x0 + count)].as_chunks_mut::<3>().0;
-                let (r, g, b) = (plane(0), plane(1), plane(2));
-                for (i, pixel) in target.iter_mut().enumerate() {
-                    let t = transmittance[i].abs();
-                    *pixel = [
-                        r[i] + t * background[0],
-                        g[i] + t * background[1],
-                        b[i] + t * background[2],
-                    ];
+        wide(
+            #[inline(always)]
+            || {
+                for tx in 0..view.tiles[0] {
+                    let ty = y / TILE;
+                    let source = &composited[ty / MACRO * macros_across + tx / MACRO];
+                    let tile = ty % MACRO * MACRO + tx % MACRO;
+                    let (x0, row) = (tx * TILE, y % TILE * TILE);
+                    let count = TILE.min(width - x0);
+                    let plane = |channel: usize| {
+                        let start = (tile * shade.stride + channel) * TILE_PIXELS + row;
+                        &source.planes[start..start + count]
+                    };
+                    let transmittance = &source.transmittance
+                        [tile * TILE_PIXELS + row..tile * TILE_PIXELS + row + count];
+                    for (alpha, t) in alpha[x0..x0 + count].iter_mut().zip(transmittance) {
+                        *alpha = F::one() - t.abs();
+                    }
+                    if layout.rgb {
+                        let target = rgb[3 * x0..3 * (x0 + count)].as_chunks_mut::<3>().0;
+                        let (r, g, b) = (plane(0), plane(1), plane(2));
+                        for (i, pixel) in target.iter_mut().enumerate() {
+                            let t = transmittance[i].abs();
+                            *pixel = [
+                                r[i] + t * background[0],
+                                g[i] + t * background[1],
+                                b[i] + t * background[2],
+                            ];
+                        }
+                    }
+                    if layout.depth {
+                        depth[x0..x0 + count].copy_from_slice(plane(layout.depth_at()));
+                    }
+                    for feature in 0..layout.features {
+                        let values = plane(layout.features_at() + feature);
+                        let target = features[x0 * layout.features + feature..].iter_mut();
+                        for (target, &value) in target.step_by(layout.features).zip(values) {
+                            *target = value;
+                        }
+                    }
                 }
-            }
-            if layout.depth {
-                depth[x0..x0 + count].copy_from_slice(plane(layout.depth_at()));
-            }
-            for feature in 0..layout.features {
-                let values = plane(layout.features_at() + feature);
-                let target = features[x0 * layout.features + feature..].iter_mut();
-                for (target, &value) in target.step_by(layout.features).zip(values) {
-                    *target = value;
-                }
-            }
-        }
+            },
+        );
     });
 }
 

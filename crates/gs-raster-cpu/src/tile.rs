@@ -215,33 +215,28 @@ pub(crate) fn offsets<S: Simd, F: Lane>(
     dx
 }
 
-/// What compositing leaves of one tile.
+/// What compositing leaves of one tile; whatever was there before is overwritten.
 #[derive(Debug)]
-pub(crate) struct TileState<F, const C: usize> {
+pub(crate) struct TileState<'a, F, const C: usize> {
     /// Sums of the channels.
-    pub planes: [Plane<F>; C],
-    /// Negative where the pixel stopped. Pixels off the image start as −1.
-    pub transmittance: Plane<F>,
+    pub planes: &'a mut [[F; TILE_PIXELS]; C],
+    /// Negative where the pixel stopped.
+    pub transmittance: &'a mut [F; TILE_PIXELS],
     /// List index at which the pixel stopped, `u32::MAX` if it did not.
-    pub stops: [u32; TILE_PIXELS],
+    pub stops: &'a mut [u32; TILE_PIXELS],
 }
 
-impl<F: Lane, const C: usize> TileState<F, C> {
-    /// Before the first splat, for the tile whose first pixel is `origin` in an image of `size`.
-    #[inline(always)]
-    pub(crate) fn new(origin: [usize; 2], size: [usize; 2]) -> Self {
-        let mut state = Self {
-            planes: [Plane::zero(); C],
-            transmittance: Plane([-F::one(); TILE_PIXELS]),
-            stops: [0; TILE_PIXELS],
-        };
-        let inside = [0, 1].map(|axis| (size[axis] - origin[axis]).min(TILE));
-        for row in 0..inside[1] {
-            let pixels = row * TILE..row * TILE + inside[0];
-            state.transmittance.0[pixels.clone()].fill(F::one());
-            state.stops[pixels].fill(u32::MAX);
-        }
-        state
+/// Transmittance before the first splat: 1 in the image, −1 off it, for the tile whose first pixel is `origin` in an image of `size`.
+#[inline(always)]
+pub(crate) fn clear<F: Lane>(
+    transmittance: &mut [F; TILE_PIXELS],
+    origin: [usize; 2],
+    size: [usize; 2],
+) {
+    transmittance.fill(-F::one());
+    let inside = [0, 1].map(|axis| (size[axis] - origin[axis]).min(TILE));
+    for row in 0..inside[1] {
+        transmittance[row * TILE..row * TILE + inside[0]].fill(F::one());
     }
 }
 
@@ -263,8 +258,9 @@ pub(crate) fn composite<S: Simd, F: Lane, const C: usize>(
     s: S,
     pass: &Pass<'_, F>,
     list: &TileList,
+    (first, size): ([usize; 2], [usize; 2]),
     origin: [F; 2],
-    state: &mut TileState<F, C>,
+    state: TileState<'_, F, C>,
 ) -> u64 {
     let tests = Tests::<S, F>::new(s);
     let columns = columns::<F>();
@@ -274,12 +270,17 @@ pub(crate) fn composite<S: Simd, F: Lane, const C: usize>(
     let never = F::vsplat(s, F::infinity());
     let per_row = row_registers::<S, F>();
     let TileState { planes, transmittance, stops } = state;
+    planes.as_flattened_mut().fill(F::zero());
+    clear(transmittance, first, size);
+    for (stop, &t) in stops.iter_mut().zip(transmittance.iter()) {
+        *stop = if t < F::zero() { 0 } else { u32::MAX };
+    }
     let mut batch = Batch::<F, C>::new();
     let mut evaluated = 0;
 
     let mut start = 0;
     while start < list.items.len() {
-        let live = live_rows(&transmittance.0);
+        let live = live_rows(transmittance);
         if live.0 >= live.1 {
             break;
         }
@@ -298,11 +299,10 @@ pub(crate) fn composite<S: Simd, F: Lane, const C: usize>(
                 rest[e] = batch.c[e] * dy * dy + batch.log2_opacity[e];
             }
             for k in 0..per_row {
-                let lanes = row * per_row + k..row * per_row + k + 1;
+                let at = row * per_row + k;
                 let column = F::vectors::<S>(&columns)[k];
-                let own = transmittance.lanes_mut::<S>(&lanes);
-                let mut sums = planes.each_ref().map(|plane| plane.lanes::<S>(&lanes)[0]);
-                let first = own[0];
+                let mut sums = planes.each_ref().map(|plane| F::vectors::<S>(plane)[at]);
+                let first = F::vectors::<S>(transmittance)[at];
                 let (mut before, mut stop) = (first, never);
                 let mut left = entries;
                 while left != 0 {
@@ -327,16 +327,15 @@ pub(crate) fn composite<S: Simd, F: Lane, const C: usize>(
                     let next = F::vselect(s, goes_on, after, F::vnegative(s, before));
                     before = F::vselect(s, alpha.passes, next, before);
                 }
-                own[0] = before;
+                F::vectors_mut::<S>(transmittance)[at] = before;
                 for (plane, sum) in planes.iter_mut().zip(sums) {
-                    plane.lanes_mut::<S>(&lanes)[0] = sum;
+                    F::vectors_mut::<S>(plane)[at] = sum;
                 }
                 if F::any_flip(s, F::mark_flips(s, one, first, before)) {
-                    let mut ends = Plane::<F>::zero();
-                    ends.lanes_mut::<S>(&lanes)[0] = stop;
+                    let mut ends = [F::zero(); TILE];
+                    F::vectors_mut::<S>(&mut ends)[0] = stop;
                     let width = TILE / per_row;
-                    let pixels = lanes.start * width..lanes.end * width;
-                    for (stop, &end) in stops[pixels.clone()].iter_mut().zip(&ends.0[pixels]) {
+                    for (stop, &end) in stops[at * width..(at + 1) * width].iter_mut().zip(&ends) {
                         *stop = (*stop).min(stop_number(start, end));
                     }
                 }

@@ -1,5 +1,7 @@
 //! From SH coefficients through the rasteriser to the whole loss (Eqs. 18–20), in double precision, against difference quotients.
 
+#![allow(clippy::unwrap_used, reason = "helpers of tests may")]
+
 use cuar::loss::{LossWeights, Objective, Shape, Targets};
 use gs_core::{Camera, Rasterizer, RenderParams, Splats, UpstreamGrads, sh};
 use gs_raster_cpu::CpuRasterizer;

@@ -25,7 +25,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let after = [&ours, &untested].map(|refined| render(&refined.scene(&scene), 1.0, camera));
     for (name, image) in ["with the occlusion test", "without"].into_iter().zip(&after) {
         let (mut wall, mut board, mut count) = (0.0, 0.0, 0.0);
-        for (x, y) in (40..56).flat_map(|y| (50..64).map(move |x| (x, y))) {
+        for (x, y) in (28..68).flat_map(|y| (46..74).map(move |x| (x, y))) {
             let distance = |other: &[f32]| {
                 let own = image.pixel(x, y).iter().zip(other);
                 own.map(|(a, b)| (a - b).powi(2)).sum::<f32>().sqrt()

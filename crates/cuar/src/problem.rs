@@ -152,7 +152,7 @@ pub struct TracePoint {
     pub secs: f64,
     /// Steps done.
     pub step: u64,
-    /// Eq. 20, mean over the last visit of every image (so a little behind the present).
+    /// Eq. 20, mean over the last visit of every image; of the regression solver, before the fit that ends the pass.
     pub loss: f64,
 }
 

@@ -212,6 +212,13 @@ pub fn refine<R: Rasterizer<Prepared: Send> + Sync>(
     [report.held_out_before, _] = loss_of(&mut problem, &zero)?;
     [report.held_out_after, _] = loss_of(&mut problem, &outcome)?;
     (report.loss_before, report.loss_after) = (before[0], after[0]);
+    // told, not undone: where nothing supervises, what was there before may be what is wrong
+    if report.held_out_after > report.held_out_before {
+        report.warnings.push(format!(
+            "from held-out views the loss rose from {:.3e} to {:.3e}: look at the result from there",
+            report.held_out_before, report.held_out_after
+        ));
+    }
 
     let Outcome { d_sh, d_logits, .. } = outcome;
     let mut refined = Refined { rows, d_sh, d_logits, report, ..Refined::default() };

@@ -52,7 +52,7 @@ pub struct Progress {
     pub done: usize,
     /// Steps of the stage in all.
     pub total: usize,
-    /// Eq. 20, mean over the images visited last; `None` before the first.
+    /// Eq. 20, mean over the images visited last (in this pass, by the regression solver); `None` before the first.
     pub loss: Option<f64>,
     /// Since the stage began.
     pub elapsed_secs: f64,

@@ -1,5 +1,7 @@
 //! From SH coefficients through the rasteriser to the whole loss (Eqs. 18–20), in double precision, against difference quotients.
 
+#![allow(clippy::unwrap_used, reason = "helpers of tests may")]
+
 use cuar::loss::{LossWeights, Objective, Shape, Targets};
 use gs_core::{Camera, Rasterizer, RenderParams, Splats, UpstreamGrads, sh};
 use gs_raster_cpu::CpuRasterizer;
@@ -46,8 +48,12 @@ impl Scene {
             let size = least + 0.1 * uniform(&mut random);
             *value += if uniform(&mut random) < 0.5 { -size } else { size };
         };
-        original.iter_mut().for_each(|value| push(value, 0.01));
-        warp.iter_mut().for_each(|value| push(value, 0.02));
+        for value in &mut original {
+            push(value, 0.01);
+        }
+        for value in &mut warp {
+            push(value, 0.02);
+        }
         let flag = |on: bool| f64::from(u8::from(on));
         let pixels = 0..SIZE.0 * SIZE.1;
         let fore = pixels.clone().map(|p| flag(p % SIZE.0 < 17 && p % 7 != 0)).collect();
@@ -102,7 +108,6 @@ fn colours_through_the_rasteriser_to_the_loss() {
                 worst = worst.max((grads.v_sh[k][channel] - numeric).abs());
             }
         }
-        // worst seen: see the assertion's own message when it fails
         assert!(worst < 1e-5 * largest, "{shape:?}: off by {:e} of the largest", worst / largest);
         // negative control: a gradient of something else is told apart
         let other = scene.loss(&image, Shape::Smooth(0.3), &mut upstream.v_rgb);

@@ -1,5 +1,6 @@
 //! What motion uncovers: a board slides away from a wall.
 
+use cuar::loss::LossWeights;
 use cuar::{NoObserver, RefineOptions, Refined, Views, WarpParams, refine};
 use gs_core::{Camera, DynamicScene, SceneError, Splats, TimeRange, sh};
 use gs_raster_cpu::CpuRasterizer;
@@ -39,6 +40,8 @@ impl Slide {
             min_uncertainty: 0.0,
             epsilon: 0.0,
             warp_params,
+            // the structural part is stiff in flat colours: without it what is wrong is painted within the usual passes
+            weights: LossWeights { eta: 0.0, ..LossWeights::default() },
             ..RefineOptions::default()
         };
         let (raster, edited) = (CpuRasterizer::default(), vec![true; self.num_splats()]);

@@ -108,10 +108,10 @@ fn info_names_frames_and_what_they_are_not() {
         failure(&mut c4d(["render", path(&fixture("frames/frame.sog")), "-o", "unwritten.png"]), 3);
     assert!(said.contains("does not move") && said.contains("--edited"), "{said}");
     let folder = tempfile::tempdir().unwrap();
-    let clip = folder.path().join("clip.splatv");
-    fs::write(&clip, b"Kg\0\0rest").unwrap();
+    let clip = folder.path().join("clip");
+    fs::write(&clip, b"SP4D and so on").unwrap();
     let said = failure(&mut c4d(["info", path(&clip)]), 3);
-    assert!(said.contains("a .splatv clip of splaTV"), "{said}");
+    assert!(said.contains("a .splat4d clip"), "{said}");
     let out = folder.path().join("a.spz");
     let said = failure(
         c4d(["export", path(&fixture("synth/source")), "--to", "spz", "-o", path(&out)])

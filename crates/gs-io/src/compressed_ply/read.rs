@@ -37,7 +37,7 @@ pub(crate) fn shape(header: &Header) -> Result<Shape, FrameError> {
     }
     let rest = element(header, "sh").map_or(0, |(_, sh)| sh.properties.len());
     let sh_degree =
-        (rest % 3 == 0).then(|| degree_of(rest / 3 + 1)).flatten().ok_or_else(|| {
+        rest.is_multiple_of(3).then(|| degree_of(rest / 3 + 1)).flatten().ok_or_else(|| {
             FrameError::damaged(FORMAT, format!("{rest} columns of `sh`, expected 9, 24 or 45"))
         })?;
     Ok(Shape { format: FrameFormat::CompressedPly, num_splats: vertex.count, sh_degree })
@@ -85,25 +85,27 @@ pub fn read(bytes: &[u8]) -> Result<Frame, FrameError> {
             (logit_of(rgba[3]), rgb.map(dc_of)),
         )
     };
-    let (means, (quats, (log_scales, (opacity_logits, dc)))): (
-        Vec<_>,
-        (Vec<_>, (Vec<_>, (Vec<_>, Vec<_>))),
-    ) = (0..rows)
-        .into_par_iter()
-        .map(|row| {
-            let (mean, quat, scale, appearance) = per_row(row);
-            (mean, (quat, (scale, appearance)))
-        })
-        .unzip();
-    let sh = match &harmonics {
-        None => dc,
-        Some(table) => interleave(&dc, table, sh_degree)?,
+    let mut splats = Splats {
+        means: vec![[0.0; 3]; rows],
+        quats: vec![[0.0; 4]; rows],
+        log_scales: vec![[0.0; 3]; rows],
+        opacity_logits: vec![0.0; rows],
+        sh: vec![[0.0; 3]; rows],
+        sh_degree,
     };
+    let geometry = splats.means.par_iter_mut().zip(&mut splats.quats).zip(&mut splats.log_scales);
+    let appearance = splats.opacity_logits.par_iter_mut().zip(&mut splats.sh);
+    geometry.zip(appearance).enumerate().for_each(|(row, (((mean, quat), scale), (logit, dc)))| {
+        (*mean, *quat, *scale, (*logit, *dc)) = per_row(row);
+    });
+    if let Some(table) = &harmonics {
+        splats.sh = interleave(&splats.sh, table, sh_degree)?;
+    }
     let alphas = (0..rows).map(|row| word(color, row).to_be_bytes()[3]);
     let precision = ranges.iter().map(|range| range.precision(sh_degree)).collect();
     Ok(Frame {
         notes: ends_note(alphas).into_iter().collect(),
-        splats: Splats { means, quats, log_scales, opacity_logits, sh, sh_degree },
+        splats,
         format: FrameFormat::CompressedPly,
         precision: Some(Arc::new(Precision::by_chunk(precision, CHUNK))),
         comments: header.comments,

@@ -4,6 +4,7 @@ use super::{find_frames, list_names};
 use crate::archive::Archive;
 use crate::error::{IoError, read_bytes};
 use crate::frame::{self, Shape};
+use crate::inflate;
 use std::fs::File;
 use std::io::{BufReader, Read};
 use std::path::{Path, PathBuf};
@@ -11,8 +12,6 @@ use std::sync::{Mutex, PoisonError};
 
 /// Bytes that hold the header of nearly every frame, and those that hold every header.
 const STARTS: [u64; 2] = [16 << 10, 1 << 20];
-/// Bytes of a frame in an archive, at most.
-const MAX_FRAME: u64 = 16 << 30;
 
 /// Frames in order of time.
 #[derive(Debug)]
@@ -20,7 +19,13 @@ pub(super) enum Source {
     /// One file each.
     Folder(Vec<PathBuf>),
     /// Entries of a zip archive.
-    Zip { path: [PathBuf; 1], names: Vec<String>, archive: Mutex<Archive<BufReader<File>>> },
+    Zip {
+        path: [PathBuf; 1],
+        names: Vec<String>,
+        archive: Mutex<Archive<BufReader<File>>>,
+        /// Bytes of a frame, at most.
+        limit: u64,
+    },
 }
 
 impl Source {
@@ -33,8 +38,10 @@ impl Source {
 
     /// The frames of an archive, and the names of its other entries.
     pub(super) fn zip(path: &Path) -> Result<(Self, Vec<String>), IoError> {
-        let file =
-            File::open(path).map_err(|source| IoError::Read { path: path.to_owned(), source })?;
+        let failed = |source| IoError::Read { path: path.to_owned(), source };
+        let file = File::open(path).map_err(failed)?;
+        let size = file.metadata().map_err(failed)?.len();
+        let limit = inflate::limit(usize::try_from(size).unwrap_or(usize::MAX));
         let archive = Archive::open(BufReader::new(file)).map_err(|what| {
             IoError::content(path, format!("is no readable zip archive: {what}"))
         })?;
@@ -42,7 +49,7 @@ impl Source {
         let mut ignored = found.ignored;
         ignored.retain(|name| !name.ends_with('/'));
         let archive = Mutex::new(archive);
-        Ok((Self::Zip { path: [path.to_owned()], names: found.frames, archive }, ignored))
+        Ok((Self::Zip { path: [path.to_owned()], names: found.frames, archive, limit }, ignored))
     }
 
     pub(super) fn len(&self) -> usize {
@@ -106,7 +113,7 @@ impl Source {
                 file.take(count).read_to_end(&mut start).map_err(failed)?;
                 Ok((start, total))
             }
-            Self::Zip { path, names, archive } => {
+            Self::Zip { path, names, archive, .. } => {
                 let mut archive = archive.lock().unwrap_or_else(PoisonError::into_inner);
                 archive.start(&names[index], count).map_err(|what| IoError::content(&path[0], what))
             }
@@ -117,11 +124,9 @@ impl Source {
     pub(super) fn read(&self, index: usize) -> Result<Vec<u8>, IoError> {
         match self {
             Self::Folder(paths) => read_bytes(&paths[index]),
-            Self::Zip { path, names, archive } => {
+            Self::Zip { path, names, archive, limit } => {
                 let mut archive = archive.lock().unwrap_or_else(PoisonError::into_inner);
-                archive
-                    .read(&names[index], MAX_FRAME)
-                    .map_err(|what| IoError::content(&path[0], what))
+                archive.read(&names[index], *limit).map_err(|what| IoError::content(&path[0], what))
             }
         }
     }

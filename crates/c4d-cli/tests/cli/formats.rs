@@ -1,0 +1,123 @@
+//! Edited frames in the formats that editors write: what only the format changed moves exactly as it did.
+
+use crate::support::{c4d, failure, fixture, listing, success};
+use gs_core::Splats;
+use gs_io::{frame, ply, spz};
+use std::fs::{self, File};
+use std::path::Path;
+
+fn path(path: &Path) -> &str {
+    path.to_str().unwrap()
+}
+
+fn propagate(source: &Path, edited: &Path, run: &Path) -> String {
+    let arguments = ["propagate", path(source), "--edited", path(edited), "-o", path(run)];
+    success(c4d(arguments).args(["--no-refine", "-w"])).1
+}
+
+fn exported(scene: &Path, out: &Path) -> Vec<Splats> {
+    success(&mut c4d(["export", path(scene), "--to", "ply-seq", "--frames", "3", "-o", path(out)]));
+    let frames = listing(out);
+    frames.iter().map(|name| ply::read_file(out.join(name)).unwrap().splats).collect()
+}
+
+fn sorted(splats: &Splats) -> Splats {
+    let mut order: Vec<usize> = (0..splats.len()).collect();
+    let key =
+        |&i: &usize| (splats.means[i].map(f32::to_bits), splats.log_scales[i].map(f32::to_bits));
+    order.sort_by_key(key);
+    splats.select(&order)
+}
+
+#[test]
+fn untouched_frames_of_lossy_formats_move_like_the_source() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    let source = fixture("synth/source");
+    let original = exported(&source, &at("original"));
+    for (format, file) in
+        [("compressed-ply", "a.compressed.ply"), ("spz", "a.spz"), ("splat", "a.splat")]
+    {
+        let edited = at(file);
+        let (_, said) =
+            success(&mut c4d(["export", path(&source), "--to", format, "-o", path(&edited)]));
+        assert!(said.contains("not kept: "), "{format} says what it loses: {said}");
+        let said = propagate(&source, &edited, &at("run"));
+        let expected = format!("{} unchanged (exact), 0 recoloured", original[0].len());
+        assert!(said.contains(&expected), "{format}: {said}");
+        let _ = fs::remove_dir_all(at("out"));
+        for (t, (found, truth)) in
+            exported(&at("run"), &at("out")).iter().zip(&original).enumerate()
+        {
+            // Rows of compressed PLY have another order; every value is the source's own, at the edit time, too.
+            assert_eq!(sorted(found), sorted(truth), "{format}, frame {t}: bit for bit");
+        }
+    }
+    // A run is a source again, and a zip of frames is one, too.
+    let run = at("run");
+    let again = at("again");
+    success(&mut c4d([
+        "export",
+        path(&run),
+        "--to",
+        "zip",
+        "--frames",
+        "3",
+        "-o",
+        path(&at("clip.zip")),
+    ]));
+    for scene in [&run, &at("clip.zip")] {
+        let said = propagate(scene, &at("a.splat"), &again);
+        assert!(
+            said.contains("0 recoloured (exact motion), 0 edited"),
+            "{}: {said}",
+            scene.display()
+        );
+    }
+}
+
+#[test]
+fn edits_in_lossy_formats_are_seen() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    let source = fixture("synth/source");
+    let mut edited = exported(&source, &at("original")).swap_remove(0);
+    let rows = edited.len();
+    for splat in 0..10 {
+        let first = splat * edited.sh_coeffs();
+        edited.sh[first] = edited.sh[first].map(|dc| if dc > 0.5 { dc - 0.6 } else { dc + 0.6 });
+    }
+    for splat in 10..30 {
+        edited.means[splat][1] += 0.05;
+    }
+    let file = at("edited.spz");
+    spz::write(&edited, &spz::WriteOptions::default(), &mut File::create(&file).unwrap()).unwrap();
+    let said = propagate(&source, &file, &at("run"));
+    let expected =
+        format!("{} unchanged (exact), 10 recoloured (exact motion), 20 edited or new", rows - 30);
+    assert!(said.contains(&expected), "{said}");
+}
+
+#[test]
+fn info_names_frames_and_what_they_are_not() {
+    let (text, _) = success(&mut c4d(["info", path(&fixture("frames/frame_v4.spz"))]));
+    assert!(text.contains("SPZ version 4") && text.contains("rotations within"), "{text}");
+    let (text, _) = success(&mut c4d(["info", path(&fixture("frames/frame.sog"))]));
+    assert!(text.contains("SOG") && text.contains("sh_degree    3"), "{text}");
+    let said =
+        failure(&mut c4d(["render", path(&fixture("frames/frame.sog")), "-o", "unwritten.png"]), 3);
+    assert!(said.contains("does not move") && said.contains("--edited"), "{said}");
+    let folder = tempfile::tempdir().unwrap();
+    let clip = folder.path().join("clip");
+    fs::write(&clip, b"SP4D and so on").unwrap();
+    let said = failure(&mut c4d(["info", path(&clip)]), 3);
+    assert!(said.contains("a .splat4d clip"), "{said}");
+    let out = folder.path().join("a.spz");
+    let said = failure(
+        c4d(["export", path(&fixture("synth/source")), "--to", "spz", "-o", path(&out)])
+            .args(["--spz-version", "2"]),
+        2,
+    );
+    assert!(said.contains("expected 3 or 4") && !out.exists(), "{said}");
+    assert!(frame::read_file(fixture("frames/frame.ply")).is_ok(), "the fixture is a frame");
+}

@@ -17,7 +17,7 @@ const ARROWS: &[(&str, &[&str])] = &[
     ("gs-raster-wgpu", &["gs-core"]),
     ("cuar", &["gs-core"]),
     ("c4d-metrics", &["gs-core"]),
-    ("gs-synth", &["gs-core"]),
+    ("gs-synth", &["gs-core", "gs-deform"]),
     ("amg", &["gs-core", "anchors", "uot"]),
     (
         "c4d-cli",

@@ -11,6 +11,7 @@
 
 mod cells;
 mod cloud;
+mod coverage;
 mod edit;
 mod graft;
 mod graph;

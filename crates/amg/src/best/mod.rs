@@ -115,7 +115,6 @@ pub(crate) fn bind(
         cells: &cells,
         motion: &motion,
         edit: &edit,
-        near: &near,
         choices: &choices,
         chosen: &chosen,
         links: &links,

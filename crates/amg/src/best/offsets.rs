@@ -82,10 +82,7 @@ pub(super) fn rate(
             .flat_map_iter(|choice| votes(companions, &field, choice))
             .collect();
         follow(&graph, &votes, start, stride as f64, &mut field);
-        let mut edited = vec![0.0; num];
-        for vote in &votes {
-            edited[vote[0] as usize] += vote[5] * stride as f64;
-        }
+        let edited = counted(&votes, num, stride as f64);
         coverage::update(&graph, &edited, &source, &mut field.pressure);
     }
     choices.par_iter_mut().with_min_len(64).for_each(|choice| {
@@ -163,7 +160,8 @@ fn cost(companions: &Companions, field: &Field, witness: &Witness) -> [f64; 2] {
     [base + kappa * (flat - aligned), base + kappa * (flat + aligned)]
 }
 
-/// What one splat says about the field: `[cell, weight, offset, offset², misalignment]` per mode.
+/// What one splat says about the field: `[cell, weight, offset, offset², misalignment, share]` per mode; shares
+/// of a splat sum to 1.
 fn votes(companions: &Companions, field: &Field, choice: &Choice) -> Vec<[f64; 6]> {
     let best: Vec<(&Witness, f64)> = choice
         .iter()
@@ -196,6 +194,20 @@ fn votes(companions: &Companions, field: &Field, choice: &Choice) -> Vec<[f64; 6
         })
         .filter(|vote| vote[5] > 1e-4)
         .collect()
+}
+
+/// Edited splats per cell.
+#[expect(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "cell numbers were widened by `votes`"
+)]
+fn counted(votes: &[[f64; 6]], cells: usize, scale: f64) -> Vec<f64> {
+    let mut edited = vec![0.0; cells];
+    for vote in votes {
+        edited[vote[0] as usize] += scale * vote[5];
+    }
+    edited
 }
 
 #[expect(

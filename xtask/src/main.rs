@@ -2,7 +2,9 @@
 
 mod doc_commands;
 mod fixtures;
+mod stability;
 mod tidy;
+mod truth_scenes;
 
 use clap::{Parser, Subcommand};
 use std::path::{Path, PathBuf};
@@ -26,6 +28,23 @@ enum Task {
     Tidy,
     /// Run every command of the `sh` blocks in README.md and docs/, in order, in a fresh folder
     DocCommands,
+    /// Draw how the paper's weights change its results, and print the numbers
+    Stability,
+    /// Write a scene with known motion: source, a deformation network trained on it, edit, truth, cameras
+    TruthScene {
+        /// Case, as in `c4d bench motion`
+        #[arg(long, default_value = "clothing")]
+        case: String,
+        /// Seed of everything random
+        #[arg(long, default_value_t = 0)]
+        seed: u64,
+        /// Source splats
+        #[arg(long, default_value_t = 5000)]
+        size: usize,
+        /// New folder
+        #[arg(short, long)]
+        output: PathBuf,
+    },
 }
 
 fn main() -> anyhow::Result<()> {
@@ -33,6 +52,10 @@ fn main() -> anyhow::Result<()> {
         Task::RegenerateFixtures { check } => fixtures::regenerate(check),
         Task::Tidy => tidy::run(),
         Task::DocCommands => doc_commands::run(),
+        Task::Stability => stability::run(),
+        Task::TruthScene { case, seed, size, output } => {
+            truth_scenes::write(&case, seed, size, &output)
+        }
     }
 }
 

@@ -18,7 +18,7 @@ const ARROWS: &[(&str, &[&str])] = &[
     ("gs-train-wgpu", &["gs-core", "gs-raster-wgpu"]),
     ("cuar", &["gs-core"]),
     ("c4d-metrics", &["gs-core"]),
-    ("gs-synth", &["gs-core"]),
+    ("gs-synth", &["gs-core", "gs-deform"]),
     ("amg", &["gs-core", "anchors", "uot"]),
     (
         "c4d-cli",

@@ -135,7 +135,7 @@ impl Default for Aggregation {
             rotation: RotationRule::Relative,
             scale: ScaleRule::Isotropic,
             appearance: true,
-            rotation_prior: 0.3,
+            rotation_prior: 3.0,
         }
     }
 }

@@ -191,3 +191,129 @@ fn a_block_that_two_parts_hold_equally_bends() {
     ];
     assert!(ends[0] < 0.01 && ends[1] < 0.01, "{ends:?}");
 }
+
+/// The arm of [`figure`] swings beside a trunk that stands still.
+fn swing_alone(splats: &mut Splats, k: usize) {
+    turn(splats, [1.0, 0.0, 0.0], 0.9 * beat(k), [0.33, 1.35, 0.06]);
+}
+
+fn still(_: &mut Splats, _: usize) {}
+
+fn standing() -> Table {
+    let frame = |k: usize| {
+        let mut splats = nothing();
+        cuboid(&mut splats, [-0.25, 0.0, -0.12], [0.25, HEIGHT, 0.12]);
+        let mut arm = nothing();
+        cuboid(&mut arm, [0.27, 0.7, 0.0], [0.39, HEIGHT, 0.12]);
+        swing_alone(&mut arm, k);
+        for i in 0..arm.len() {
+            splats.push_from(&arm, i);
+        }
+        splats
+    };
+    Table::new((0..FRAMES).map(frame).collect())
+}
+
+/// Parts that do not move carry what rests on them, too.
+#[test]
+fn a_block_on_a_still_trunk_is_not_torn_by_an_arm_it_touches() {
+    let source = standing();
+    for depth in [0.04, 0.10, 0.30] {
+        let mut block = nothing();
+        cuboid(&mut block, [-0.20, 0.9, 0.13], [0.34, 1.25, 0.13 + depth]);
+        for rest in [source.frames[0].clone(), shaken(&source.frames[0], 0.003)] {
+            let [knn, best] = [Preset::Knn, Preset::Best].map(|preset| {
+                worst(carried(&source, &rest, &block, preset), &block, still, |_| true)
+            });
+            assert!(knn > 0.2, "depth {depth}: {knn}");
+            assert!(best < 1e-3, "depth {depth}: {best}");
+        }
+    }
+}
+
+/// A stick thinner than any limb, held at the end of the arm, its other half beside the trunk.
+#[test]
+fn a_thin_stick_moves_with_the_hand_that_holds_it() {
+    for (name, source, truth) in [
+        ("swaying", figure(), swing as fn(&mut Splats, usize)),
+        ("standing", standing(), swing_alone as fn(&mut Splats, usize)),
+    ] {
+        for (low, high) in
+            [([0.31, 0.3, 0.125], [0.35, 1.0, 0.155]), ([0.30, 0.60, 0.125], [0.36, 1.3, 0.145])]
+        {
+            let mut stick = nothing();
+            cuboid(&mut stick, low, high);
+            for rest in [source.frames[0].clone(), shaken(&source.frames[0], 0.003)] {
+                let [knn, best] = [Preset::Knn, Preset::Best].map(|preset| {
+                    worst(carried(&source, &rest, &stick, preset), &stick, truth, |_| true)
+                });
+                assert!(knn > 0.2, "{name}, from {low:?}: {knn}");
+                assert!(best < 1e-3, "{name}, from {low:?}: {best}");
+            }
+        }
+    }
+}
+
+/// A ring that hovers over the trunk, joined to nothing.
+#[test]
+fn a_hovering_ring_moves_as_one_with_what_is_nearest() {
+    let source = figure();
+    for gap in [0.03, 0.06, 0.15] {
+        let mut ring = nothing();
+        for i in 0..120_u16 {
+            let (sin, cos) = (std::f32::consts::TAU * f32::from(i) / 120.0).sin_cos();
+            for d in [[0.0, 0.0], [0.02, 0.0], [0.0, 0.02]] {
+                let radius = 0.20 + d[0];
+                ring.means.push([radius * cos, HEIGHT + gap + d[1], radius * sin]);
+                ring.quats.push([1.0, 0.0, 0.0, 0.0]);
+                ring.log_scales.push([0.01_f32.ln(); 3]);
+                ring.opacity_logits.push(2.0);
+                ring.sh.push([0.0; 3]);
+            }
+        }
+        for rest in [source.frames[0].clone(), shaken(&source.frames[0], 0.003)] {
+            let [knn, best] = [Preset::Knn, Preset::Best]
+                .map(|preset| worst(carried(&source, &rest, &ring, preset), &ring, sway, |_| true));
+            assert!(knn > 0.03, "gap {gap}: {knn}");
+            assert!(best < 1e-3, "gap {gap}: {best}");
+        }
+    }
+}
+
+/// A sleeve over both halves of an arm that bends at the elbow is as thin as a stick, and no stick.
+#[test]
+fn a_sleeve_bends() {
+    let bend = |splats: &mut Splats, k: usize| {
+        turn(splats, [0.0, 0.0, 1.0], 0.9 * beat(k), [0.0, 0.7, 0.0]);
+    };
+    let frame = |k: usize| {
+        let (mut upper, mut lower) = (nothing(), nothing());
+        cuboid(&mut upper, [-0.08, 0.72, -0.08], [0.08, HEIGHT, 0.08]);
+        cuboid(&mut lower, [-0.08, 0.0, -0.08], [0.08, 0.68, 0.08]);
+        bend(&mut lower, k);
+        sway(&mut lower, k);
+        sway(&mut upper, k);
+        for i in 0..lower.len() {
+            upper.push_from(&lower, i);
+        }
+        upper
+    };
+    let source = Table::new((0..FRAMES).map(frame).collect());
+    let mut sleeve = nothing();
+    cuboid(&mut sleeve, [-0.11, 0.3, -0.11], [0.11, 1.1, 0.11]);
+    let rest = &source.frames[0];
+    let at = |truth: &dyn Fn(&mut Splats, usize), which: &dyn Fn([f32; 3]) -> bool| {
+        worst(carried(&source, rest, &sleeve, Preset::Best), &sleeve, truth, which)
+    };
+    let ends = [
+        at(&sway, &|x| x[1] > 0.85),
+        at(
+            &|splats, k| {
+                bend(splats, k);
+                sway(splats, k);
+            },
+            &|x| x[1] < 0.55,
+        ),
+    ];
+    assert!(ends[0] < 0.01 && ends[1] < 0.01, "{ends:?}");
+}

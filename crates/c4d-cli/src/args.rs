@@ -98,6 +98,9 @@ pub(crate) struct BenchMotionArgs {
     /// Splats of each source scene
     #[arg(long, default_value_t = 5000)]
     pub(crate) size: usize,
+    /// Leaves out what needs a deformation network trained on every scene (seconds each)
+    #[arg(long)]
+    pub(crate) no_network: bool,
     /// Folder for motion.json and motion.md
     #[arg(short, long)]
     pub(crate) output: PathBuf,

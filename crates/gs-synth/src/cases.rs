@@ -33,6 +33,12 @@ pub enum TruthCase {
     GraftHorns,
     /// Wings.
     GraftWings,
+    /// A block on the chest that touches an arm.
+    GraftBlock,
+    /// A thin stick in a hand.
+    GraftStick,
+    /// A ring that hovers above the head.
+    GraftHalo,
     /// Head and limbs become boxes.
     Blocky,
     /// An arm swings along the body within two splat spacings; everything jittered.
@@ -68,7 +74,7 @@ pub struct TruthScene {
 
 impl TruthCase {
     /// All cases.
-    pub const ALL: [Self; 16] = [
+    pub const ALL: [Self; 19] = [
         Self::Recolour,
         Self::Drift,
         Self::Clothing,
@@ -76,6 +82,9 @@ impl TruthCase {
         Self::GraftHat,
         Self::GraftHorns,
         Self::GraftWings,
+        Self::GraftBlock,
+        Self::GraftStick,
+        Self::GraftHalo,
         Self::Blocky,
         Self::GrazingLimb,
         Self::TouchAndPart,
@@ -97,6 +106,9 @@ impl TruthCase {
             Self::GraftHat => "graft-hat",
             Self::GraftHorns => "graft-horns",
             Self::GraftWings => "graft-wings",
+            Self::GraftBlock => "graft-block",
+            Self::GraftStick => "graft-stick",
+            Self::GraftHalo => "graft-halo",
             Self::Blocky => "blocky",
             Self::GrazingLimb => "grazing-limb",
             Self::TouchAndPart => "touch-and-part",
@@ -204,6 +216,9 @@ fn edits(case: TruthCase) -> Vec<Edit> {
         TruthCase::GraftHat => vec![Edit::Graft(Graft::Hat)],
         TruthCase::GraftHorns => vec![Edit::Graft(Graft::Horns)],
         TruthCase::GraftWings => vec![Edit::Graft(Graft::Wings)],
+        TruthCase::GraftBlock => vec![Edit::Graft(Graft::Block)],
+        TruthCase::GraftStick => vec![Edit::Graft(Graft::Stick)],
+        TruthCase::GraftHalo => vec![Edit::Graft(Graft::Halo)],
         TruthCase::Blocky => vec![Edit::Blocky { parts: blocky_parts() }],
         TruthCase::TouchAndPart => vec![split(Region::moving()), jitter(Region::moving())],
         TruthCase::FastRotation => vec![dress([0.01, 0.025]), Edit::Graft(Graft::Hat)],

@@ -77,6 +77,12 @@ pub enum Graft {
     Horns,
     /// Two wings on the back, carried by the chest.
     Wings,
+    /// A block on the chest that touches the left arm, carried by the chest.
+    Block,
+    /// A thin stick in the right hand, beside the thigh.
+    Stick,
+    /// A ring that hovers above the head and moves with it.
+    Halo,
 }
 
 /// One step of an editing session. Lengths are shares of the figure size.

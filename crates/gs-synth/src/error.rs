@@ -36,6 +36,9 @@ pub enum SynthError {
     /// A scene could not be evaluated.
     #[error(transparent)]
     Scene(#[from] SceneError),
+    /// A fitted network is not one.
+    #[error(transparent)]
+    Field(#[from] gs_deform::FieldError),
 }
 
 impl SynthError {

@@ -97,14 +97,14 @@ pub fn motion_error_of(
 }
 
 /// Angle of the rotation between two quaternions `wxyz` of any length, radians; exact near 0.
-fn angle_between(a: [f32; 4], b: [f32; 4]) -> f64 {
+pub(crate) fn angle_between(a: [f32; 4], b: [f32; 4]) -> f64 {
     let [a, b] = [a, b].map(|q| quat::normalize(q.map(f64::from)));
     let [w, x, y, z] = quat::mul(a, quat::conjugate(b));
     2.0 * (x * x + y * y + z * z).sqrt().atan2(w.abs())
 }
 
 /// Linear between the two nearest ranks; 0 of nothing.
-fn percentile(values: &mut [f64], share: f64) -> f64 {
+pub(crate) fn percentile(values: &mut [f64], share: f64) -> f64 {
     values.sort_by(f64::total_cmp);
     let Some(last) = values.len().checked_sub(1) else { return 0.0 };
     let at = share * last as f64;
@@ -123,7 +123,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn percentile_interpolates() {
+    pub(crate) fn percentile_interpolates() {
         assert!((percentile(&mut [3.0, 1.0, 2.0], 0.5) - 2.0).abs() < 1e-12, "median");
         assert!((percentile(&mut [0.0, 1.0], 0.95) - 0.95).abs() < 1e-12, "between");
         assert!(percentile(&mut [], 0.5).abs() < 1e-12, "nothing");

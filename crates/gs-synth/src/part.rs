@@ -215,4 +215,10 @@ pub enum Tag {
     Horns,
     /// On a wing.
     Wings,
+    /// On the block.
+    Block,
+    /// On the stick.
+    Stick,
+    /// On the halo.
+    Halo,
 }

@@ -149,12 +149,15 @@ fn pruning_and_splitting_give_the_shares_asked_for() {
 }
 
 #[test]
-fn hat_and_horns_follow_the_head_and_wings_the_chest() {
+fn grafts_follow_their_carriers() {
     let scene = scene();
     let grafts = [
         (Graft::Hat, Tag::Hat, Part::Head),
         (Graft::Horns, Tag::Horns, Part::Head),
         (Graft::Wings, Tag::Wings, Part::Chest),
+        (Graft::Block, Tag::Block, Part::Chest),
+        (Graft::Stick, Tag::Stick, Part::ForearmR),
+        (Graft::Halo, Tag::Halo, Part::Head),
     ];
     for (graft, tag, carrier) in grafts {
         let edited = edit(&scene, &[Edit::Graft(graft)]);

@@ -2,7 +2,9 @@
 //!
 //! Wings that pass behind a swinging arm lie as near to it as to the back they grow from, over fewer splats. Splat by splat
 //! nothing tells the two apart; the whole piece does: it touches its carrier over the widest area. So each connected piece
-//! of new splats that reaches far from every source takes one motion, unless two parts hold it about equally well.
+//! of new splats that reaches far from every source takes one motion, unless two parts hold it about equally well. Pieces that
+//! stay near the figure may be sticks, which are stiff, or sleeves, which bend: they take one motion only if all that they
+//! touch has it. What hovers touches nothing, and moves as one with what is nearest.
 
 use super::cells::Cells;
 use super::cloud::TINY;
@@ -10,21 +12,25 @@ use super::edit::Edit;
 use super::graph::Link;
 use super::modes::Choice;
 use super::motion::CellMotion;
-use anchors::{KdTree, Neighbor};
+use anchors::KdTree;
 use gs_core::Real;
 use rayon::prelude::*;
 
 /// A splat this far from every source, as a share of the figure, is no surface of the source, however thick its clothes.
 const OUTSTANDING: f64 = 0.06;
 
-/// Fewer such splats are strays.
-const MIN_OUTSTANDING: usize = 8;
+/// Fewer splats are strays.
+const MIN_SPLATS: usize = 8;
 
-/// Share of a graft's splats that are. Other new geometry lines the figure, and must bend with it.
+/// Share of a graft's splats that are. Other new geometry may line the figure, and must then bend with it.
 const MIN_SHARE: f64 = 1.0 / 3.0;
 
-/// A graft comes at least this near to the rest of the edit, as a share of the figure: what only hovers has no carrier.
+/// What stays farther than this from the rest of the edit, as a share of the figure, hovers.
 const TOUCHING: f64 = 0.03;
+
+/// The same for grafts that stay near the figure: how far some of their splats are from every source, and how many.
+const FREE: f64 = 0.04;
+const MIN_FREE: f64 = 0.1;
 
 /// A splat of a graft is this many times farther from its nearest source than another splat of the edit is: that one is the
 /// source's successor. At half of this, clones in swollen clothes pass for new.
@@ -33,8 +39,9 @@ const SURPLUS: f64 = 3.0;
 /// Longest step inside a graft, in spacings.
 const STEP: f64 = 2.5;
 
-/// Width of a contact, share of the figure.
+/// Width of a contact: share of the figure; share of the distance if it hovers.
 const CONTACT: f64 = 0.01;
+const HOVERING_CONTACT: f64 = 0.5;
 
 /// Motions that differ by less than this share of the figure where a graft touches them carry it together.
 const CARRIER: f64 = 0.02;
@@ -46,15 +53,16 @@ const SEAM: f64 = 0.01;
 /// Cells asked whether they are the carrier.
 const CANDIDATES: usize = 256;
 
-/// How many times better than any other the carrier must hold the graft.
+/// How many times better than any other the carrier must hold a graft: one that touches the figure; one that does and stays
+/// near it.
 const DOMINANT: f64 = 2.0;
+const UNANIMOUS: f64 = 8.0;
 
 /// What is known when grafts are looked for.
 pub(super) struct Grafts<'a> {
     pub(super) cells: &'a Cells,
     pub(super) motion: &'a CellMotion,
     pub(super) edit: &'a Edit,
-    pub(super) near: &'a [Vec<Neighbor>],
     pub(super) choices: &'a [Choice],
     pub(super) chosen: &'a [usize],
     pub(super) links: &'a [Link],
@@ -62,6 +70,13 @@ pub(super) struct Grafts<'a> {
     pub(super) figure_size: f64,
     /// Grafts farther than this from everything stay where they are, world units.
     pub(super) reach: f64,
+}
+
+/// Connected new splats.
+struct Piece {
+    splats: Vec<usize>,
+    /// Whether it stands out of the figure.
+    outstanding: bool,
 }
 
 /// A splat of a graft and what it is nearest to.
@@ -88,15 +103,13 @@ impl Grafts<'_> {
     /// if it is `explained`, already makes part of the carrier.
     pub(super) fn carriers(&self, explained: impl Fn(usize) -> bool) -> Vec<Option<u32>> {
         let mut carriers = vec![None; self.edit.len()];
-        let far = OUTSTANDING * self.figure_size;
-        let stands_out =
-            |near: &&Vec<Neighbor>| near.first().is_some_and(|n| n.distance_squared > far * far);
-        if self.near.iter().filter(stands_out).count() < MIN_OUTSTANDING {
+        let unknown = |e: &usize| self.edit.exact[*e].is_none() && self.edit.lineage[*e].is_none();
+        if (0..self.edit.len()).filter(unknown).count() < MIN_SPLATS {
             return carriers;
         }
         let pieces = self.pieces();
         let mut inside = vec![false; self.edit.len()];
-        for &e in pieces.iter().flatten() {
+        for &e in pieces.iter().flat_map(|piece| &piece.splats) {
             inside[e] = true;
         }
         let holders: Vec<usize> =
@@ -104,9 +117,9 @@ impl Grafts<'_> {
         let points: Vec<[f64; 3]> = holders.iter().map(|&e| self.edit.means[e]).collect();
         let tree = KdTree::<3>::new(&points);
         for piece in pieces {
-            let touches = self.touches(&piece, &holders, &tree);
-            let Some(carrier) = self.carrier(&touches) else { continue };
-            for e in piece {
+            let touches = self.touches(&piece.splats, &holders, &tree);
+            let Some(carrier) = self.carrier(&touches, piece.outstanding) else { continue };
+            for e in piece.splats {
                 let part_of_it = explained(e) && {
                     let cell = self.choices[e][self.chosen[e]].cell;
                     self.differ(cell, carrier, e) <= SEAM * self.figure_size
@@ -168,8 +181,7 @@ impl Grafts<'_> {
             .collect()
     }
 
-    /// Connected new splats, as far as they stand out.
-    fn pieces(&self) -> Vec<Vec<usize>> {
+    fn pieces(&self) -> Vec<Piece> {
         let gaps = self.gaps();
         let far = OUTSTANDING * self.figure_size;
         let is_new = |e: usize| gaps[e].is_some();
@@ -201,12 +213,14 @@ impl Grafts<'_> {
                 }
                 next += 1;
             }
-            let outside = |&&e: &&usize| gaps[e].is_some_and(|gap| gap > far);
-            let outstanding = piece.iter().filter(outside).count();
-            if outstanding >= MIN_OUTSTANDING
-                && outstanding as f64 >= MIN_SHARE * piece.len() as f64
-            {
-                pieces.push(piece);
+            let beyond = |distance: f64, share: f64| {
+                let is_beyond = |&&e: &&usize| gaps[e].is_some_and(|gap| gap > distance);
+                let count = piece.iter().filter(is_beyond).count();
+                count >= MIN_SPLATS && count as f64 >= share * piece.len() as f64
+            };
+            if beyond(FREE * self.figure_size, MIN_FREE) {
+                let outstanding = beyond(far, MIN_SHARE);
+                pieces.push(Piece { splats: piece, outstanding });
             }
         }
         pieces
@@ -214,12 +228,19 @@ impl Grafts<'_> {
 
     /// The cell whose motion holds the piece over the widest contact; none if another motion holds it nearly as well, or if
     /// nothing is in touch.
-    fn carrier(&self, touches: &[Touch]) -> Option<u32> {
-        let width = CONTACT * self.figure_size;
+    fn carrier(&self, touches: &[Touch], outstanding: bool) -> Option<u32> {
         let closest = touches.iter().map(|t| t.distance).reduce(f64::min)?;
-        if closest > self.reach.min(TOUCHING * self.figure_size) {
+        if closest > self.reach {
             return None;
         }
+        let hovers = closest > TOUCHING * self.figure_size;
+        let touch = CONTACT * self.figure_size;
+        let width = if hovers { touch.max(HOVERING_CONTACT * closest) } else { touch };
+        let needed = match (outstanding, hovers) {
+            (true, true) => 1.0,
+            (true, false) => DOMINANT,
+            (false, _) => UNANIMOUS,
+        };
         let mut contacts: Vec<Contact> = touches
             .iter()
             .map(|t| {
@@ -239,7 +260,7 @@ impl Grafts<'_> {
         let (carrier, held) = self.strongest(&contacts)?;
         contacts.retain(|c| self.differ(c.cell, carrier, c.splat) > CARRIER * self.figure_size);
         let rival = self.strongest(&contacts).map_or(0.0, |(_, held)| held);
-        (held >= DOMINANT * rival).then_some(carrier)
+        (held >= needed * rival).then_some(carrier)
     }
 
     /// The cell with whose motion the widest contacts agree, and how wide they are; the better they agree, the more they

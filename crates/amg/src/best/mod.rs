@@ -11,6 +11,7 @@
 
 mod cells;
 mod cloud;
+mod coverage;
 mod edit;
 mod graft;
 mod graph;
@@ -114,7 +115,6 @@ pub(crate) fn bind(
         cells: &cells,
         motion: &motion,
         edit: &edit,
-        near: &near,
         choices: &choices,
         chosen: &chosen,
         links: &links,

@@ -1,15 +1,12 @@
 //! Rigid motion of each cell's surroundings, at each key time.
 
 use super::cloud::{Cloud, Companions, median};
-use crate::rigid::RigidFit;
+use crate::rigid::{RigidFit, dot, sub};
 use gs_core::{Real, quat};
 use rayon::prelude::*;
 
-/// Weight of the splats' own rotations, if they agree with how the splats move.
-const ROTATION_PRIOR: f64 = 0.3;
-
-/// Disagreement between own rotations and positions, radians, at which the former lose most of their weight.
-const ROTATION_TRUST: f64 = 0.1;
+/// Weight of the splats' own rotations, if they are as good as any.
+const ROTATION_PRIOR: f64 = 3.0;
 
 /// Rigid motions of the cells. Cells that are floaters themselves are marked and not followed.
 #[derive(Debug)]
@@ -115,14 +112,18 @@ fn fit(cloud: &Cloud, k: usize, stencil: &[(f64, usize)]) -> Fit {
     Fit { sums, from, to }
 }
 
-/// Compares the mean own rotation of neighbourhoods with the one their positions show, on a sample.
+/// How far own rotations may be trusted, 0 to 1, from a sample of neighbourhoods.
+///
+/// The mean own rotation of a neighbourhood and the one its positions show differ by the errors of both. That of the positions
+/// follows from how well they fit; the remainder is what own rotations miss, and the two are weighted by the inverse of their
+/// variances.
 fn rotation_trust(
     cloud: &Cloud,
     floater: &[bool],
     stencil: &(impl Fn(usize) -> Vec<(f64, usize)> + Sync),
 ) -> f64 {
     let step = (cloud.len() / 2000).max(1);
-    let mut angles: Vec<f64> = (0..cloud.len())
+    let compared: Vec<[f64; 2]> = (0..cloud.len())
         .into_par_iter()
         .step_by(step)
         .filter(|&i| !floater[i])
@@ -131,10 +132,37 @@ fn rotation_trust(
             (0..cloud.num_times()).map(move |k| {
                 let fit = fit(cloud, k, &stencil);
                 let (shown, own) = (fit.sums.rotation(0.0), fit.sums.rotation(1e6));
-                2.0 * quat::dot(shown, own).abs().min(1.0).acos()
+                let angle = 2.0 * quat::dot(shown, own).abs().min(1.0).acos();
+                [angle * angle, rotation_variance(cloud, k, &stencil, &fit, shown)]
             })
         })
         .collect();
-    let typical = median(&mut angles);
-    (-(typical / ROTATION_TRUST).powi(2)).exp()
+    let middle = |which: usize| median(&mut compared.iter().map(|c| c[which]).collect::<Vec<_>>());
+    let (apart, positions) = (middle(0), middle(1));
+    // Below a hundredth of a degree everything agrees.
+    let missed = (apart - positions).max(positions / ROTATION_PRIOR).max(3e-8);
+    (positions.max(1e-7) / missed / ROTATION_PRIOR).min(1.0)
+}
+
+/// Expected square of the angle, radians², by which a rotation fitted to the positions alone is wrong.
+fn rotation_variance(
+    cloud: &Cloud,
+    k: usize,
+    stencil: &[(f64, usize)],
+    fit: &Fit,
+    turn: [f64; 4],
+) -> f64 {
+    let (mut total, mut squares, mut spread, mut residual) = (0.0, 0.0, 0.0, 0.0);
+    for &(weight, i) in stencil {
+        let arm = sub(cloud.means[i], fit.from);
+        let miss = sub(cloud.means_t[k][i], fit.sums.apply(turn, cloud.means[i]));
+        total += weight;
+        squares += weight * weight;
+        spread += weight * dot(arm, arm);
+        residual += weight * dot(miss, miss);
+    }
+    let effective = total * total / squares;
+    // Three turns, each across two thirds of the spread; two points' worth of freedom is used up.
+    let variance = 1.5 * residual / (spread * (effective - 2.0).max(1.0));
+    if variance.is_finite() { variance } else { 0.0 }
 }

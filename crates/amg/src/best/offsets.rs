@@ -7,6 +7,7 @@
 
 use super::cells::Cells;
 use super::cloud::{Companions, TINY};
+use super::coverage;
 use super::modes::{Choice, Witness};
 use super::motion::CellMotion;
 use gs_core::Real;
@@ -49,6 +50,8 @@ struct Field {
     sigma: Vec<f64>,
     /// Typical `1 − |cos|` between normals.
     misaligned: Vec<f64>,
+    /// What belonging to the cell costs because of who else does.
+    pressure: Vec<f64>,
 }
 
 /// Sets the cost of every mode and sorts each choice, best first.
@@ -62,18 +65,25 @@ pub(super) fn rate(
     let graph = spreading_graph(companions, motion);
     let start = first_sigma(companions.typical_spacing(&cells.cloud), choices, figure_size);
     let num = cells.cloud.len();
-    let mut field =
-        Field { mean: vec![0.0; num], sigma: vec![start; num], misaligned: vec![MISALIGNED; num] };
+    let mut field = Field {
+        mean: vec![0.0; num],
+        sigma: vec![start; num],
+        misaligned: vec![MISALIGNED; num],
+        pressure: vec![0.0; num],
+    };
+    let source: Vec<f64> = cells.members.iter().map(|points| points.len() as f64).collect();
     // The field has far fewer unknowns than there are splats in a large edit.
     let stride = (choices.len() / 20_000).max(1);
     for _ in 0..ROUNDS {
-        let votes: Vec<[f64; 5]> = choices
+        let votes: Vec<[f64; 6]> = choices
             .par_iter()
             .step_by(stride)
             .with_min_len(64)
             .flat_map_iter(|choice| votes(companions, &field, choice))
             .collect();
         follow(&graph, &votes, start, stride as f64, &mut field);
+        let edited = counted(&votes, num, stride as f64);
+        coverage::update(&graph, &edited, &source, &mut field.pressure);
     }
     choices.par_iter_mut().with_min_len(64).for_each(|choice| {
         for mode in choice.iter_mut() {
@@ -144,14 +154,15 @@ fn cost(companions: &Companions, field: &Field, witness: &Witness) -> [f64; 2] {
     // A ball has no side.
     let ball = (offset / tangent).powi(2);
     let along = f64::from(witness.tangent_squared) / (tangent * tangent);
-    let base = 0.5 * (flat * across + (1.0 - flat) * ball + along);
+    let base = 0.5 * (flat * across + (1.0 - flat) * ball + along) + field.pressure[i];
     let kappa = ALIGNMENT / field.misaligned[i];
     let aligned = f64::from(witness.aligned);
     [base + kappa * (flat - aligned), base + kappa * (flat + aligned)]
 }
 
-/// What one splat says about the field: `[cell, weight, offset, offset², misalignment]` per mode.
-fn votes(companions: &Companions, field: &Field, choice: &Choice) -> Vec<[f64; 5]> {
+/// What one splat says about the field: `[cell, weight, offset, offset², misalignment, share]` per mode; shares
+/// of a splat sum to 1.
+fn votes(companions: &Companions, field: &Field, choice: &Choice) -> Vec<[f64; 6]> {
     let best: Vec<(&Witness, f64)> = choice
         .iter()
         .filter_map(|mode| {
@@ -172,10 +183,31 @@ fn votes(companions: &Companions, field: &Field, choice: &Choice) -> Vec<[f64; 5
             // Splats that nothing explains well, and balls, say little.
             let weight = flat * (-0.5 * lowest).exp() * (lowest - cost).exp() / total;
             let misaligned = 1.0 - f64::from(w.aligned.abs()) / flat.max(1e-3);
-            [f64::from(w.cell), weight, offset, offset * offset, misaligned.clamp(0.0, 1.0)]
+            [
+                f64::from(w.cell),
+                weight,
+                offset,
+                offset * offset,
+                misaligned.clamp(0.0, 1.0),
+                (lowest - cost).exp() / total,
+            ]
         })
-        .filter(|vote| vote[1] > 1e-4)
+        .filter(|vote| vote[5] > 1e-4)
         .collect()
+}
+
+/// Edited splats per cell.
+#[expect(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "cell numbers were widened by `votes`"
+)]
+fn counted(votes: &[[f64; 6]], cells: usize, scale: f64) -> Vec<f64> {
+    let mut edited = vec![0.0; cells];
+    for vote in votes {
+        edited[vote[0] as usize] += scale * vote[5];
+    }
+    edited
 }
 
 #[expect(
@@ -185,13 +217,13 @@ fn votes(companions: &Companions, field: &Field, choice: &Choice) -> Vec<[f64; 5
 )]
 fn follow(
     graph: &[Vec<(u32, f64)>],
-    votes: &[[f64; 5]],
+    votes: &[[f64; 6]],
     start: f64,
     scale: f64,
     field: &mut Field,
 ) {
     let mut sums = vec![[0.0_f64; 4]; graph.len()];
-    for &[cell, weight, offset, square, misaligned] in votes {
+    for &[cell, weight, offset, square, misaligned, _] in votes {
         let sum = &mut sums[cell as usize];
         for (sum, value) in sum.iter_mut().zip([1.0, offset, square, misaligned]) {
             *sum += scale * weight * value;

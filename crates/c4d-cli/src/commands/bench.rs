@@ -1,18 +1,21 @@
 //! `c4d bench motion`: every motion method against known truth.
 
+mod method;
+mod table;
+
 use super::freeze::{existing, output_failure};
 use crate::args::{BenchMotionArgs, Global};
 use crate::console::Console;
 use crate::device::Device;
 use crate::failure::{Failure, Outcome, chain};
 use crate::renderer::Renderer;
-use amg::{MotionOptions, Preset};
 use c4d_metrics::{MotionTrack, neighbourhood_distance_deviation, psnr};
 use gs_core::DynamicScene;
+use gs_deform::HexPlaneScene;
 use gs_io::AtomicDir;
-use gs_synth::{TruthCase, TruthScene};
+use gs_synth::{FitParams, FitResidual, SynthScene, TruthCase, TruthScene};
+use method::{METHODS, Method};
 use serde::Serialize;
-use std::fmt::Write;
 use std::str::FromStr;
 use std::sync::Arc;
 use std::time::Instant;
@@ -26,41 +29,6 @@ const SIZE: (u32, u32) = (320, 240);
 /// Files of a report.
 const OURS: [&str; 2] = ["motion.json", "motion.md"];
 
-/// A method and how it is set.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "kebab-case")]
-enum Method {
-    /// Three nearest source splats, all rows (the paper's KNN-Guide).
-    Knn,
-    /// The paper to the letter, all rows.
-    Paper,
-    /// The default.
-    Default,
-}
-
-const METHODS: [Method; 3] = [Method::Knn, Method::Paper, Method::Default];
-
-impl Method {
-    fn name(self) -> &'static str {
-        match self {
-            Self::Knn => "KNN-Guide",
-            Self::Paper => "paper, literal",
-            Self::Default => "c4d",
-        }
-    }
-
-    /// Baselines follow the paper and estimate every row; the default keeps splats that were not edited.
-    fn options(self) -> MotionOptions {
-        let mut options = MotionOptions::preset(match self {
-            Self::Knn => Preset::Knn,
-            Self::Paper => Preset::Paper,
-            Self::Default => Preset::Best,
-        });
-        options.identity.enabled = self == Self::Default;
-        options
-    }
-}
-
 /// One scene, one method. Lengths in % of the figure's size.
 #[derive(Debug, Clone, Serialize)]
 struct Score {
@@ -72,8 +40,13 @@ struct Score {
     bad5: f64,
     contact: f64,
     rot_deg: f64,
+    /// Where the truth moves with one rigid bone.
+    rot_rigid_deg: f64,
     lns: f64,
+    /// Against the truth's.
     jitter_ratio: f64,
+    /// The same of the scene that is followed, against itself without noise.
+    jitter_ratio_source: f64,
     ndd: f64,
     ndd_truth: f64,
     psnr: f64,
@@ -85,29 +58,88 @@ pub(crate) fn motion(args: &BenchMotionArgs, global: &Global, console: &Console)
     let folder = AtomicDir::create(&args.output, existing(global), |name| OURS.contains(&name))
         .map_err(|error| output_failure(&error))?;
     let mut scores = Vec::new();
-    let total = cases.len() as u64 * args.seeds * METHODS.len() as u64;
+    let mut networks = Networks::default();
+    let methods: Vec<Method> =
+        METHODS.into_iter().filter(|m| !(args.no_network && m.on_network())).collect();
+    let total = cases.len() as u64 * args.seeds * methods.len() as u64;
     let mut progress = console.progress("motion", total);
     for &case in &cases {
         for seed in 0..args.seeds {
             let scene = gs_synth::build(case, seed, args.size).map_err(Failure::failed)?;
-            for method in METHODS {
+            let network = if args.no_network {
+                None
+            } else {
+                progress.message(format!("{}: training a network", case.name()));
+                Some(networks.of(case, seed, &scene)?)
+            };
+            for &method in &methods {
                 progress.message(format!("{} {}", case.name(), method.name()));
-                scores.push(score(case, seed, method, &scene)?);
+                scores.push(score(case, seed, method, &scene, network.as_ref())?);
                 progress.step();
             }
         }
     }
     progress.finish();
-    let table = table(&cases, &scores);
+    let table = table::motion(&cases, &methods, &scores);
     let write = |name: &str, text: &str| {
         let path = folder.path().join(name);
         std::fs::write(&path, text).map_err(|error| Failure::write(&path, &error))
     };
-    write(OURS[0], &serde_json::to_string_pretty(&scores).map_err(Failure::failed)?)?;
+    let report = Report { scores: &scores, networks: &networks.fits };
+    write(OURS[0], &serde_json::to_string_pretty(&report).map_err(Failure::failed)?)?;
     write(OURS[1], &table)?;
     folder.commit().map_err(|error| output_failure(&error))?;
     console.result(table);
     Ok(())
+}
+
+/// What is written as JSON.
+#[derive(Debug, Serialize)]
+struct Report<'a> {
+    scores: &'a [Score],
+    networks: &'a [Fit],
+}
+
+/// A network trained on the source of a case: what it misses on the very splats and times it was trained on.
+#[derive(Debug, Serialize)]
+struct Fit {
+    case: &'static str,
+    seed: u64,
+    /// % of the figure's size.
+    mean: f64,
+    p95: f64,
+    rot_deg: f64,
+    seconds: f64,
+}
+
+/// Networks trained so far. Many cases edit the same source.
+#[derive(Default)]
+struct Networks {
+    trained: Vec<(SynthScene, Arc<HexPlaneScene>)>,
+    fits: Vec<Fit>,
+}
+
+impl Networks {
+    fn of(
+        &mut self,
+        case: TruthCase,
+        seed: u64,
+        scene: &TruthScene,
+    ) -> Outcome<Arc<HexPlaneScene>> {
+        if let Some((_, network)) = self.trained.iter().find(|(known, _)| *known == scene.source) {
+            return Ok(Arc::clone(network));
+        }
+        let start = Instant::now();
+        let params = FitParams { seed, ..FitParams::default() };
+        let fitted = gs_synth::fit_hexplane(&scene.source, scene.figure_size, &params)
+            .map_err(Failure::failed)?;
+        let FitResidual { mean, p95, rot_deg } = fitted.residual;
+        let seconds = start.elapsed().as_secs_f64();
+        self.fits.push(Fit { case: case.name(), seed, mean, p95, rot_deg, seconds });
+        let network = Arc::new(fitted.scene().map_err(Failure::failed)?);
+        self.trained.push((scene.source.clone(), Arc::clone(&network)));
+        Ok(network)
+    }
 }
 
 fn cases(names: &[String]) -> Outcome<Vec<TruthCase>> {
@@ -126,23 +158,35 @@ fn cases(names: &[String]) -> Outcome<Vec<TruthCase>> {
         .collect()
 }
 
-fn score(case: TruthCase, seed: u64, method: Method, scene: &TruthScene) -> Outcome<Score> {
+fn score(
+    case: TruthCase,
+    seed: u64,
+    method: Method,
+    scene: &TruthScene,
+    network: Option<&Arc<HexPlaneScene>>,
+) -> Outcome<Score> {
     let failed = |error: &dyn std::error::Error| Failure::failed(chain(error));
     let truth = &scene.edited.truth;
-    let source: Arc<dyn DynamicScene> = Arc::new(scene.source.clone());
-    let edited = Arc::new(scene.edited.splats.clone());
     let start = Instant::now();
-    let moved = amg::propagate(source, edited, &method.options(), &|_, _| {})
-        .map_err(|error| failed(&error))?
-        .scene;
+    let moved = method.apply(scene, network)?;
     let seconds = start.elapsed().as_secs_f64();
     let times = scene.source.time_range().frames(TIMES + 1);
-    let error =
-        gs_synth::motion_error(&moved, truth, &times[1..]).map_err(|error| failed(&error))?;
+    let on = |rows: &[bool]| {
+        gs_synth::motion_error_of(&moved, truth, &times[1..], rows).map_err(|error| failed(&error))
+    };
+    let error = on(&truth.eval_mask)?;
+    let is_rigid = |(scored, row): (&bool, &gs_synth::Row)| *scored && row.rigid_bone().is_some();
+    let rigid: Vec<bool> = truth.eval_mask.iter().zip(truth.rows()).map(is_rigid).collect();
     let track =
         |scene: &dyn DynamicScene| MotionTrack::of(scene, &times).map_err(|error| failed(&error));
     let (predicted, expected) = (track(&moved)?, track(truth)?);
     let size = f64::from(scene.figure_size);
+    // Every method but those on the network follows the scene itself.
+    let followed: &dyn DynamicScene = match network {
+        Some(network) if method.on_network() => &**network,
+        _ => &scene.source,
+    };
+    let noise_free = track(&scene.source.noise_free())?.jitter(size).max(1e-12);
     Ok(Score {
         case: case.name(),
         seed,
@@ -152,8 +196,10 @@ fn score(case: TruthCase, seed: u64, method: Method, scene: &TruthScene) -> Outc
         bad5: error.bad5,
         contact: error.contact,
         rot_deg: error.rot_deg,
+        rot_rigid_deg: on(&rigid)?.rot_deg,
         lns: error.lns,
         jitter_ratio: predicted.jitter(size) / expected.jitter(size).max(1e-12),
+        jitter_ratio_source: track(followed)?.jitter(size) / noise_free,
         ndd: neighbourhood_distance_deviation(&predicted),
         ndd_truth: neighbourhood_distance_deviation(&expected),
         psnr: rendered_psnr(&moved, truth, scene)?,
@@ -180,41 +226,4 @@ fn rendered_psnr(
         }
     }
     Ok(values.iter().sum::<f64>() / values.len().max(1) as f64)
-}
-
-fn table(cases: &[TruthCase], scores: &[Score]) -> String {
-    let mut text = String::from(
-        "| case | method | EPE % | share of KNN | p95 % | bad5 % | contact % | rot ° | jitter / truth | NDD (truth) | PSNR dB | s |\n|---|---|---|---|---|---|---|---|---|---|---|---|\n",
-    );
-    for case in cases {
-        let of = |method: Method| {
-            scores.iter().filter(move |score| score.case == case.name() && score.method == method)
-        };
-        let mean = |method: Method, value: fn(&Score) -> f64| {
-            let values: Vec<f64> = of(method).map(value).collect();
-            values.iter().sum::<f64>() / values.len().max(1) as f64
-        };
-        let knn = mean(Method::Knn, |score| score.epe);
-        for method in METHODS {
-            let value = |of: fn(&Score) -> f64| mean(method, of);
-            let _ = writeln!(
-                text,
-                "| {} | {} | {:.3} | {:.2} | {:.2} | {:.1} | {:.2} | {:.1} | {:.2} | {:.3} ({:.3}) | {:.1} | {:.2} |",
-                case.name(),
-                method.name(),
-                value(|s| s.epe),
-                value(|s| s.epe) / knn.max(1e-12),
-                value(|s| s.p95),
-                value(|s| s.bad5),
-                value(|s| s.contact),
-                value(|s| s.rot_deg),
-                value(|s| s.jitter_ratio),
-                value(|s| s.ndd),
-                value(|s| s.ndd_truth),
-                value(|s| s.psnr),
-                value(|s| s.seconds),
-            );
-        }
-    }
-    text
 }

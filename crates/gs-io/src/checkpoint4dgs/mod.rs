@@ -7,9 +7,11 @@ mod flags;
 mod folder;
 mod network;
 mod report;
+mod write;
 
 pub use flags::{FlagReport, Origin, Overrides};
 pub use report::{ModelReport, Stage};
+pub use write::write;
 
 pub(crate) use folder::{has_in_iterations, looks_like_model};
 

@@ -6,8 +6,10 @@
 
 mod pickle;
 mod tensor;
+mod write;
 
 pub use tensor::{Dtype, Tensor};
+pub use write::{NamedTensor, write};
 
 use crate::error::{IoError, read_bytes};
 use crate::zip::{self, ZipError};

@@ -1,4 +1,4 @@
-//! Grafts: hat, horns, wings.
+//! Grafts: hat, horns, wings, block, stick, halo.
 
 use super::{Draft, Graft};
 use crate::{
@@ -28,6 +28,9 @@ pub(super) fn attach(
         Graft::Hat => (hat(), Tag::Hat),
         Graft::Horns => (vec![horn(1.0), horn(-1.0)], Tag::Horns),
         Graft::Wings => (vec![wing(1.0), wing(-1.0)], Tag::Wings),
+        Graft::Block => (block(), Tag::Block),
+        Graft::Stick => (stick(), Tag::Stick),
+        Graft::Halo => (vec![halo()], Tag::Halo),
     };
     let spacing = 0.8 * model.spacing;
     let count = round_count(weighted_area(&bodies) / (spacing * spacing)).max(8);
@@ -135,4 +138,43 @@ fn wing(side: f32) -> Body {
         },
     )
     .carried_by(Attach::rigid(Bone::Chest))
+}
+
+fn wood(spot: &Spot) -> Material {
+    matt(rgb(0.55, 0.38, 0.22) * (1.0 + 0.1 * ripple(spot.rest, 6.0)))
+}
+
+/// On the chest's left front; its lower face lies on the upper arm.
+fn block() -> Vec<Body> {
+    Shape::cuboid(Vec3::new(0.09, 1.20, 0.14), Mat3::IDENTITY, Vec3::new(0.14, 0.10, 0.08))
+        .into_iter()
+        .map(|face| Body::new(Part::Chest, face, wood).carried_by(Attach::rigid(Bone::Chest)))
+        .collect()
+}
+
+/// Through the right hand, along the thigh.
+fn stick() -> Vec<Body> {
+    Shape::cuboid(Vec3::new(-0.2, 0.76, 0.1), Mat3::IDENTITY, Vec3::new(0.012, 0.012, 0.32))
+        .into_iter()
+        .map(|face| Body::new(Part::ForearmR, face, wood).carried_by(Attach::rigid(Bone::ForearmR)))
+        .collect()
+}
+
+/// Above the head, joined to nothing.
+fn halo() -> Body {
+    let round = |y: f32, radius: f32| ring(y, [0.0, 0.0], [radius, radius]);
+    let rings = [
+        round(0.0, 0.165),
+        round(0.018, 0.183),
+        round(0.0, 0.201),
+        round(-0.018, 0.183),
+        round(0.0, 0.165),
+    ];
+    let shape = Shape::Lathe {
+        rings: rings.to_vec(),
+        basis: Mat3::IDENTITY,
+        origin: Vec3::new(0.0, 1.95, 0.0),
+    };
+    Body::new(Part::Head, shape, |_| shiny(rgb(0.98, 0.86, 0.42), 0.15))
+        .carried_by(Attach::rigid(Bone::Head))
 }

@@ -1,0 +1,110 @@
+//! What is compared.
+
+use crate::failure::{Failure, Outcome};
+use crate::field::NetworkField;
+use amg::{Aggregation, Binding, EditedScene, MotionOptions, Preset, RowKind};
+use gs_core::DynamicScene;
+use gs_deform::HexPlaneScene;
+use gs_synth::{PartBy, TruthScene, part_neighbours};
+use serde::Serialize;
+use std::sync::Arc;
+
+/// A method and how it is set.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub(super) enum Method {
+    /// A deformation network trained on the source, asked about the edited splats (the paper's "DeformNet-Guide").
+    Network,
+    /// Three nearest source splats, all rows (the paper's KNN-Guide).
+    Knn,
+    /// The paper to the letter, all rows.
+    Paper,
+    /// Rigid motion of the part of the nearest source with a like normal; floaters and parts are known.
+    Nearest,
+    /// The default.
+    Default,
+    /// The default on a source that is the trained network, not the scene it was trained on.
+    DefaultOnNetwork,
+    /// Rigid motion of the true part.
+    Floor,
+}
+
+pub(super) const METHODS: [Method; 7] = [
+    Method::Network,
+    Method::Knn,
+    Method::Paper,
+    Method::Nearest,
+    Method::Default,
+    Method::DefaultOnNetwork,
+    Method::Floor,
+];
+
+impl Method {
+    pub(super) fn name(self) -> &'static str {
+        match self {
+            Self::Network => "network on the edit",
+            Self::Knn => "KNN-Guide",
+            Self::Paper => "paper, literal",
+            Self::Nearest => "nearest, no transport",
+            Self::Default => "c4d",
+            Self::DefaultOnNetwork => "c4d, source a network",
+            Self::Floor => "floor: true parts",
+        }
+    }
+
+    /// Whether it needs a trained network.
+    pub(super) fn on_network(self) -> bool {
+        matches!(self, Self::Network | Self::DefaultOnNetwork)
+    }
+
+    /// The edit, moving. Baselines follow the paper and estimate every row; the default keeps splats that were not edited.
+    pub(super) fn apply(
+        self,
+        scene: &TruthScene,
+        network: Option<&Arc<HexPlaneScene>>,
+    ) -> Outcome<EditedScene> {
+        let edited = Arc::new(scene.edited.splats.clone());
+        let plain = || -> Arc<dyn DynamicScene> { Arc::new(scene.source.clone()) };
+        let trained = || network.cloned().ok_or_else(|| Failure::failed("no network was trained"));
+        let (source, mut options): (Arc<dyn DynamicScene>, _) = match self {
+            Self::Network => {
+                let network = trained()?;
+                let field = Arc::new(NetworkField(Arc::clone(&network)));
+                (network, MotionOptions::field(field))
+            }
+            Self::Knn => (plain(), MotionOptions::preset(Preset::Knn)),
+            Self::Paper => (plain(), MotionOptions::preset(Preset::Paper)),
+            Self::Default => (plain(), MotionOptions::default()),
+            Self::DefaultOnNetwork => (trained()?, MotionOptions::default()),
+            Self::Nearest => return oracle(scene, PartBy::Nearness, plain(), edited),
+            Self::Floor => return oracle(scene, PartBy::Truth, plain(), edited),
+        };
+        options.identity.enabled = matches!(self, Self::Default | Self::DefaultOnNetwork);
+        let found =
+            amg::propagate(source, edited, &options, &|_, _| {}).map_err(Failure::failed)?;
+        Ok(found.scene)
+    }
+}
+
+fn oracle(
+    scene: &TruthScene,
+    by: PartBy,
+    source: Arc<dyn DynamicScene>,
+    edited: Arc<gs_core::Splats>,
+) -> Outcome<EditedScene> {
+    let rows = part_neighbours(&scene.source, &scene.edited, by).map_err(Failure::failed)?;
+    let mut offsets = vec![0_u32];
+    let (mut ids, mut weights, mut kinds) = (Vec::new(), Vec::new(), Vec::new());
+    for row in rows {
+        kinds.push(if row.is_empty() { RowKind::Static } else { RowKind::Blended });
+        for (id, weight) in row {
+            ids.push(id);
+            weights.push(weight);
+        }
+        offsets.push(u32::try_from(ids.len()).map_err(Failure::failed)?);
+    }
+    let binding = Binding::from_parts(offsets, ids, weights, kinds, source.num_splats())
+        .map_err(Failure::failed)?;
+    EditedScene::new(source, edited, 0.0, Arc::new(binding), Aggregation::default())
+        .map_err(Failure::failed)
+}

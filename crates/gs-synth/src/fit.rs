@@ -1,0 +1,402 @@
+//! [`fit_hexplane`]: a deformation network of the 4DGaussians kind, trained on a scene's trajectories.
+//!
+//! What a deformation network does to an edit can only be seen on one: it knows how *places* move, not splats, and an edit puts
+//! splats where it never saw any. Training is here and not in `gs-deform`, because only scenes with known truth are trained.
+//! The network is the published one: two levels of six planes, a trunk, a head for centres and one for quaternions (scales,
+//! opacity and colour are not deformed). Quaternion differences are added, as that network does: it cannot turn neighbours of
+//! unlike orientation alike, so rotations fit far worse than centres.
+
+#![expect(
+    clippy::inline_always,
+    reason = "loops must inline into the function that run-time dispatch compiles for the processor's vector instructions"
+)]
+
+mod layer;
+mod model;
+
+use crate::{SynthError, math::rng};
+use gs_core::{DynamicScene, Splats, quat};
+use gs_deform::{HexPlaneField, HexPlaneNetwork, HexPlaneScene};
+use layer::{PANEL, Row};
+use model::{Layout, Scratch};
+use rand::RngExt;
+use rayon::prelude::*;
+
+/// Panels per step. Their gradients are added in this order whatever the threads.
+const PANELS: usize = 32;
+/// Groups of panels with a gradient each.
+const GROUPS: usize = 4;
+/// Weight of squared quaternion differences against squared distances in figure sizes.
+const QUAT_WEIGHT: f32 = 0.02;
+/// Learning rates at the start; they fall by a cosine to a fiftieth.
+const PLANE_RATE: f32 = 2e-2;
+const LAYER_RATE: f32 = 4e-3;
+/// Margin of the planes' box around the splats, share of its size.
+const MARGIN: f32 = 0.1;
+
+/// How [`fit_hexplane`] trains.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct FitParams {
+    /// Optimiser steps of 2048 samples each. Default 600.
+    pub steps: usize,
+    /// Texels along each spatial axis of the coarse level; the fine one has twice as many. Default 48.
+    pub resolution: usize,
+    /// Texels along the time axis, of which the network uses the later half (its time runs from 0 to 1 on an axis from −1 to 1).
+    /// Default 49.
+    pub time_resolution: usize,
+    /// Times trained on, evenly spread. Default 25.
+    pub num_times: usize,
+    /// Seed of weights and samples. Default 0.
+    pub seed: u64,
+}
+
+impl Default for FitParams {
+    fn default() -> Self {
+        Self { steps: 600, resolution: 48, time_resolution: 49, num_times: 25, seed: 0 }
+    }
+}
+
+/// A trained network.
+#[derive(Debug, Clone)]
+pub struct FittedField {
+    /// The splats that it deforms: those of the scene's start, bit for bit.
+    pub canonical: Splats,
+    /// The network. Deformed by it, `canonical` follows the scene at any time.
+    pub network: HexPlaneNetwork,
+    /// How well it does, on the splats and times it was trained on.
+    pub residual: FitResidual,
+}
+
+/// What a trained network misses.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct FitResidual {
+    /// Mean distance of centres from the scene's, % of the figure size.
+    pub mean: f64,
+    /// 95th percentile of these distances, % of the figure size.
+    pub p95: f64,
+    /// Mean angle to the scene's rotations, degrees.
+    pub rot_deg: f64,
+}
+
+impl FittedField {
+    /// The network as a scene.
+    ///
+    /// # Errors
+    /// Never for what [`fit_hexplane`] gives.
+    pub fn scene(&self) -> Result<HexPlaneScene, SynthError> {
+        let field = HexPlaneField::new(self.network.clone())?;
+        Ok(HexPlaneScene::new(self.canonical.clone(), field)?)
+    }
+}
+
+/// What is trained on.
+struct Samples<'a> {
+    /// Box coordinates of every splat.
+    places: Vec<[f32; 3]>,
+    times: &'a [f32],
+    /// `[T][N]` displacements since the start, figure sizes.
+    shifts: Vec<Vec<[f32; 3]>>,
+    /// `[T][N]` differences of unit quaternions since the start, on the start's hemisphere.
+    turns: Vec<Vec<[f32; 4]>>,
+    figure_size: f32,
+}
+
+impl Samples<'_> {
+    #[inline(always)]
+    fn coords(&self, (row, time): (u32, u32)) -> [f32; 4] {
+        let [x, y, z] = self.places[row as usize];
+        [x, y, z, self.times[time as usize]]
+    }
+
+    /// Replaces outputs by the gradient of the loss; gives the loss.
+    #[inline(always)]
+    fn residuals(&self, picks: &[(u32, u32); PANEL], out: &mut [Vec<Row>; 2]) -> f32 {
+        let mut loss = 0.0;
+        let scale = 2.0 / (PANELS * PANEL) as f32;
+        for (s, &(row, time)) in picks.iter().enumerate() {
+            let (row, time) = (row as usize, time as usize);
+            for (k, wanted) in self.shifts[time][row].iter().enumerate() {
+                let miss = out[0][k][s] / self.figure_size - wanted;
+                loss += miss * miss;
+                out[0][k][s] = scale * miss / self.figure_size;
+            }
+            for (k, wanted) in self.turns[time][row].iter().enumerate() {
+                let miss = out[1][k][s] - wanted;
+                loss += QUAT_WEIGHT * miss * miss;
+                out[1][k][s] = scale * QUAT_WEIGHT * miss;
+            }
+        }
+        loss
+    }
+}
+
+/// Trains a network on `scene`, whose figure is `figure_size` long (world units). The same for any number of threads.
+///
+/// # Errors
+/// If a parameter is out of range or the scene cannot be evaluated.
+pub fn fit_hexplane(
+    scene: &dyn DynamicScene,
+    figure_size: f32,
+    params: &FitParams,
+) -> Result<FittedField, SynthError> {
+    check(params, figure_size)?;
+    let times = scene.time_range().frames(params.num_times);
+    let canonical = scene.at(times[0])?;
+    let aabb = bounds(&canonical);
+    let layout = Layout::new(params);
+    let mut random = rng(params.seed, 77);
+    let mut weights = layout.initial(&mut random);
+    let samples = samples(scene, &canonical, &times, aabb, figure_size)?;
+    if !canonical.is_empty() {
+        train(&layout, &samples, params, &mut random, &mut weights);
+    }
+    let network = layout.network(&weights, aabb);
+    let mut fitted = FittedField { canonical, network, residual: FitResidual::default() };
+    fitted.residual = residual(scene, &fitted, &times, figure_size)?;
+    Ok(fitted)
+}
+
+fn check(params: &FitParams, figure_size: f32) -> Result<(), SynthError> {
+    for (name, value, least) in [
+        ("resolution", params.resolution, 2),
+        ("time_resolution", params.time_resolution, 2),
+        ("num_times", params.num_times, 2),
+    ] {
+        if !(least..=512).contains(&value) {
+            return Err(SynthError::param(name, value, "2 to 512"));
+        }
+    }
+    if figure_size > 0.0 && figure_size.is_finite() {
+        Ok(())
+    } else {
+        Err(SynthError::param("figure_size", figure_size, "a positive length"))
+    }
+}
+
+/// Maximum and minimum corner, with a margin: edits reach beyond the splats, and planes end at their box.
+fn bounds(splats: &Splats) -> [[f32; 3]; 2] {
+    let (mut low, mut high) = ([f32::INFINITY; 3], [f32::NEG_INFINITY; 3]);
+    for mean in &splats.means {
+        for axis in 0..3 {
+            low[axis] = low[axis].min(mean[axis]);
+            high[axis] = high[axis].max(mean[axis]);
+        }
+    }
+    let longest = (0..3).map(|axis| high[axis] - low[axis]).fold(0.0, f32::max);
+    let margin = if longest > 0.0 { MARGIN * longest } else { 1.0 };
+    if splats.is_empty() {
+        return [[1.0; 3], [-1.0; 3]];
+    }
+    [high.map(|c| c + margin), low.map(|c| c - margin)]
+}
+
+fn samples<'a>(
+    scene: &dyn DynamicScene,
+    canonical: &Splats,
+    times: &'a [f32],
+    aabb: [[f32; 3]; 2],
+    figure_size: f32,
+) -> Result<Samples<'a>, SynthError> {
+    let [high, low] = aabb;
+    // As `gs_deform::HexPlane::normalize`.
+    let place = |mean: &[f32; 3]| {
+        [0, 1, 2].map(|axis| (mean[axis] - high[axis]) * (2.0 / (low[axis] - high[axis])) - 1.0)
+    };
+    let (mut shifts, mut turns) = (Vec::new(), Vec::new());
+    let mut at = Splats::default();
+    for &t in times {
+        scene.geometry_into(t, &mut at)?;
+        let pairs = at.means.iter().zip(&canonical.means);
+        let shift = |(to, from): (&[f32; 3], &[f32; 3])| {
+            [0, 1, 2].map(|axis| (to[axis] - from[axis]) / figure_size)
+        };
+        shifts.push(pairs.map(shift).collect());
+        let pairs = at.quats.iter().zip(&canonical.quats);
+        let turn = |(to, from): (&[f32; 4], &[f32; 4])| {
+            let to = quat::align(*to, *from);
+            [0, 1, 2, 3].map(|i| to[i] - from[i])
+        };
+        turns.push(pairs.map(turn).collect());
+    }
+    let places = canonical.means.iter().map(place).collect();
+    Ok(Samples { places, times, shifts, turns, figure_size })
+}
+
+fn train(
+    layout: &Layout,
+    samples: &Samples<'_>,
+    params: &FitParams,
+    random: &mut rand_pcg::Pcg64,
+    weights: &mut [f32],
+) {
+    let rows = crate::math::row_id(samples.places.len());
+    let times = crate::math::row_id(samples.times.len());
+    let mut groups: Vec<(Vec<f32>, Scratch)> =
+        vec![(vec![0.0; layout.len], Scratch::default()); GROUPS];
+    let mut adam = Adam { first: vec![0.0; layout.len], second: vec![0.0; layout.len], steps: 0 };
+    let arch = pulp::Arch::new();
+    for step in 0..params.steps {
+        let mut picks = vec![[(0, 0); PANEL]; PANELS];
+        for pick in picks.iter_mut().flatten() {
+            *pick = (random.random_range(0..rows), random.random_range(0..times));
+        }
+        let frozen: &[f32] = weights;
+        groups.par_iter_mut().zip(picks.par_chunks(PANELS / GROUPS)).for_each(
+            |((grads, scratch), picks)| {
+                grads.fill(0.0);
+                arch.dispatch(
+                    #[inline(always)]
+                    || {
+                        for picks in picks {
+                            layout.backward(frozen, samples, picks, scratch, grads);
+                        }
+                    },
+                );
+            },
+        );
+        let done = step as f32 / params.steps as f32;
+        let fade = 0.02 + 0.49 * (1.0 + (std::f32::consts::PI * done).cos());
+        let grads: Vec<&[f32]> = groups.iter().map(|(grads, _)| grads.as_slice()).collect();
+        adam.step(weights, &grads, layout.plane_params, fade);
+    }
+}
+
+/// Adam with the usual constants.
+struct Adam {
+    first: Vec<f32>,
+    second: Vec<f32>,
+    steps: i32,
+}
+
+impl Adam {
+    fn step(&mut self, weights: &mut [f32], grads: &[&[f32]], plane_params: usize, fade: f32) {
+        const BETA: [f32; 2] = [0.9, 0.99];
+        self.steps += 1;
+        let correct = BETA.map(|beta| 1.0 / (1.0 - beta.powi(self.steps)));
+        let rows = weights.par_iter_mut().zip(&mut self.first).zip(&mut self.second);
+        rows.enumerate().with_min_len(16_384).for_each(|(i, ((weight, m), v))| {
+            let grad: f32 = grads.iter().map(|grads| grads[i]).sum();
+            *m += (1.0 - BETA[0]) * (grad - *m);
+            *v += (1.0 - BETA[1]) * (grad * grad - *v);
+            let rate = fade * if i < plane_params { PLANE_RATE } else { LAYER_RATE };
+            *weight -= rate * *m * correct[0] / ((*v * correct[1]).sqrt() + 1e-12);
+        });
+    }
+}
+
+fn residual(
+    scene: &dyn DynamicScene,
+    fitted: &FittedField,
+    times: &[f32],
+    figure_size: f32,
+) -> Result<FitResidual, SynthError> {
+    let network = fitted.scene()?;
+    let (mut ours, mut theirs) = (Splats::default(), Splats::default());
+    let mut misses = Vec::new();
+    let mut angles = 0.0;
+    for &t in times {
+        network.geometry_into(t, &mut ours)?;
+        scene.geometry_into(t, &mut theirs)?;
+        for (a, b) in ours.means.iter().zip(&theirs.means) {
+            let d = [0, 1, 2].map(|axis| f64::from(a[axis]) - f64::from(b[axis]));
+            let length = d.iter().map(|c| c * c).sum::<f64>().sqrt();
+            misses.push(100.0 * length / f64::from(figure_size));
+        }
+        for (a, b) in ours.quats.iter().zip(&theirs.quats) {
+            angles += crate::metric::angle_between(*a, *b).to_degrees();
+        }
+    }
+    let count = misses.len().max(1) as f64;
+    Ok(FitResidual {
+        mean: misses.iter().sum::<f64>() / count,
+        p95: crate::metric::percentile(&mut misses, 0.95),
+        rot_deg: angles / count,
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{TruthCase, build};
+
+    fn params() -> FitParams {
+        FitParams { steps: 40, resolution: 12, time_resolution: 17, num_times: 9, seed: 3 }
+    }
+
+    #[test]
+    fn gradients_are_gradients() {
+        let scene = build(TruthCase::TouchAndPart, 1, 500).unwrap();
+        let small = FitParams { resolution: 3, ..params() };
+        let layout = Layout::new(&small);
+        let mut random = rng(5, 5);
+        let mut weights = layout.initial(&mut random);
+        // Away from the start, where time planes and last layers are special.
+        for weight in &mut weights {
+            *weight += 0.1 * crate::math::normal(&mut random);
+        }
+        let times = scene.source.time_range().frames(5);
+        let canonical = scene.source.at(0.0).unwrap();
+        let aabb = bounds(&canonical);
+        let samples = samples(&scene.source, &canonical, &times, aabb, 1.0).unwrap();
+        let mut picks = [(0, 0); PANEL];
+        for (k, pick) in picks.iter_mut().enumerate() {
+            *pick = (crate::math::row_id(k * 7), crate::math::row_id(k % 5));
+        }
+        let mut scratch = Scratch::default();
+        let mut loss = |weights: &[f32], grads: &mut [f32]| {
+            f64::from(layout.backward(weights, &samples, &picks, &mut scratch, grads))
+        };
+        let mut grads = vec![0.0; layout.len];
+        loss(&weights, &mut grads);
+        let mut ignored = vec![0.0; layout.len];
+        // The stored gradient is that of the mean over a whole step.
+        let scale = (PANELS * PANEL) as f64;
+        let mut compared = 0;
+        for i in (0..layout.len).step_by(97) {
+            let expected = scale * f64::from(grads[i]);
+            let (old, h) = (weights[i], 4e-3);
+            let mut at = |value| {
+                weights[i] = value;
+                loss(&weights, &mut ignored)
+            };
+            let (up, down) = (at(old + h), at(old - h));
+            weights[i] = old;
+            let found = (up - down) / f64::from(2.0 * h);
+            if expected.abs() > 0.02 {
+                compared += 1;
+                let gap = (found - expected).abs();
+                assert!(gap < 0.01 * expected.abs() + 0.002, "{i}: {found} against {expected}");
+            }
+        }
+        assert!(compared > 10, "{compared} gradients are large enough to compare");
+    }
+
+    #[test]
+    fn a_network_follows_its_scene_on_any_number_of_threads() {
+        let scene = build(TruthCase::TouchAndPart, 0, 600).unwrap();
+        let on = |threads: usize, params: FitParams| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            pool.install(|| fit_hexplane(&scene.source, scene.figure_size, &params).unwrap())
+        };
+        let fitted = on(2, FitParams { steps: 100, ..params() });
+        let few = FitParams { steps: 8, ..params() };
+        assert!(on(1, few).network == on(3, few).network, "bit for bit");
+        let untrained = on(2, FitParams { steps: 0, ..params() });
+        assert!(
+            fitted.residual.mean < 0.3 * untrained.residual.mean,
+            "{:?} after training, {:?} before",
+            fitted.residual,
+            untrained.residual
+        );
+        assert_eq!(fitted.canonical, scene.source.at(0.0).unwrap(), "the start, bit for bit");
+    }
+
+    #[test]
+    fn senseless_parameters_are_refused() {
+        let scene = build(TruthCase::TouchAndPart, 0, 500).unwrap();
+        let bad = FitParams { resolution: 1, ..params() };
+        let error = fit_hexplane(&scene.source, 1.0, &bad).unwrap_err().to_string();
+        assert!(error.contains("`resolution` is 1"), "{error}");
+        assert!(fit_hexplane(&scene.source, 0.0, &params()).is_err(), "no size");
+    }
+}

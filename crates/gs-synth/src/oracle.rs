@@ -1,0 +1,110 @@
+//! Reference answers that only a scene with known parts can give: what rigid parts allow at best, and what plain nearness gives.
+
+use crate::{EditedFrame, Kind, Part, SynthError, SynthScene};
+use gs_core::{Splats, quat};
+use kiddo::{ImmutableKdTree, SquaredEuclidean};
+use std::collections::BTreeMap;
+use std::num::NonZero;
+
+/// Sources per edited splat.
+const SOURCES: usize = 16;
+/// Sources among which the one with the likest normal is looked for.
+const CANDIDATES: usize = 24;
+/// What opposite normals are worth, squared local spacings.
+const NORMALS: f32 = 9.0;
+
+/// How an edited splat gets the body part it is to move with.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum PartBy {
+    /// It is told: nothing that moves parts rigidly can do better, up to how soft they are.
+    Truth,
+    /// That of the nearest source splat, unlike normals counting as distance. Floaters and outliers are known, so this is better
+    /// than any method without correspondences could do.
+    Nearness,
+}
+
+/// For every edited splat, source splats of one body part around it, and weights that sum to 1. None for splats of parts that have
+/// no trusted source splats, such as floaters.
+///
+/// # Errors
+/// If the scene cannot be evaluated.
+pub fn part_neighbours(
+    source: &SynthScene,
+    edited: &EditedFrame,
+    by: PartBy,
+) -> Result<Vec<Vec<(u32, f32)>>, SynthError> {
+    let frame1 = source.frame1();
+    let trusted = |i: &usize| matches!(source.rows()[*i].kind, Kind::Surface | Kind::Interior);
+    let mut parts: BTreeMap<Part, Vec<usize>> = BTreeMap::new();
+    for i in (0..frame1.len()).filter(trusted) {
+        parts.entry(source.rows()[i].part).or_default().push(i);
+    }
+    let trees: BTreeMap<Part, Tree> =
+        parts.into_iter().map(|(part, ids)| (part, Tree::new(frame1, ids))).collect();
+    let all = Tree::new(frame1, (0..frame1.len()).filter(trusted).collect());
+    let rows = (0..edited.splats.len()).map(|e| {
+        let part = match by {
+            PartBy::Truth => Some(edited.truth.parts[e]),
+            PartBy::Nearness => likest(source, &all, &edited.splats, e),
+        };
+        let tree = part.and_then(|part| trees.get(&part));
+        tree.map_or_else(Vec::new, |tree| blend(&tree.nearest(edited.splats.means[e], SOURCES)))
+    });
+    Ok(rows.collect())
+}
+
+/// Part of the nearest source, unlike normals counting as distance.
+fn likest(source: &SynthScene, all: &Tree, edited: &Splats, e: usize) -> Option<Part> {
+    let near = all.nearest(edited.means[e], CANDIDATES);
+    let spacing = near.get(6).or(near.last())?.1;
+    let normal = thin_axis(edited, e);
+    let cost = |&(id, squared): &(usize, f32)| {
+        let other = thin_axis(source.frame1(), id);
+        let cosine = (0..3).map(|a| normal[a] * other[a]).sum::<f32>();
+        squared + NORMALS * spacing * (1.0 - cosine * cosine)
+    };
+    let best = near.iter().min_by(|a, b| cost(a).total_cmp(&cost(b)))?;
+    Some(source.rows()[best.0].part)
+}
+
+fn thin_axis(splats: &Splats, i: usize) -> [f32; 3] {
+    let scale = splats.log_scales[i];
+    let thin = (0..3).fold(0, |best, axis| if scale[axis] < scale[best] { axis } else { best });
+    let mut axis = [0.0; 3];
+    axis[thin] = 1.0;
+    quat::rotate(quat::normalize(splats.quats[i]), axis)
+}
+
+/// Gaussian weights about the nearest; the farther that is, the wider.
+fn blend(near: &[(usize, f32)]) -> Vec<(u32, f32)> {
+    let Some(&(_, nearest)) = near.first() else { return Vec::new() };
+    let width = (0.5 * near[near.len().min(7) - 1].1 + 0.09 * nearest).max(f32::MIN_POSITIVE);
+    let weights: Vec<f32> =
+        near.iter().map(|(_, squared)| (-0.5 * (squared - nearest) / width).exp()).collect();
+    let total: f32 = weights.iter().sum();
+    near.iter()
+        .zip(weights)
+        .map(|(&(id, _), weight)| (crate::math::row_id(id), weight / total))
+        .collect()
+}
+
+/// Source splats by place.
+struct Tree {
+    ids: Vec<usize>,
+    tree: Option<ImmutableKdTree<f32, 3>>,
+}
+
+impl Tree {
+    fn new(splats: &Splats, ids: Vec<usize>) -> Self {
+        let points: Vec<[f32; 3]> = ids.iter().map(|&i| splats.means[i]).collect();
+        Self { tree: ImmutableKdTree::new_from_slice(&points).ok(), ids }
+    }
+
+    /// Rows and squared distances, nearest first.
+    fn nearest(&self, x: [f32; 3], count: usize) -> Vec<(usize, f32)> {
+        let count = NonZero::new(count.min(self.ids.len()));
+        let (Some(tree), Some(count)) = (&self.tree, count) else { return Vec::new() };
+        let hits = tree.query(&x).nearest_n::<SquaredEuclidean<f32>>(count).execute();
+        hits.iter().map(|hit| (self.ids[hit.item as usize], hit.distance)).collect()
+    }
+}

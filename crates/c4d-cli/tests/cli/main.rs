@@ -5,5 +5,6 @@
 mod bad_input;
 mod cameras;
 mod exports;
+mod html;
 mod main_job;
 mod support;

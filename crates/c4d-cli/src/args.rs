@@ -70,7 +70,7 @@ pub(crate) enum Command {
     Refine(RefineArgs),
     /// Render images or a video
     Render(RenderArgs),
-    /// Write frames that other tools open
+    /// Write frames that other tools open, or a page that plays
     Export(ExportArgs),
     /// Make a synthetic scene, edit it, propagate the edit and render both: the whole job without any input
     Demo(DemoArgs),
@@ -340,12 +340,15 @@ pub(crate) struct ExportArgs {
     /// Number of frames, evenly spaced over the whole clip [default: that of the sequence, else 60]
     #[arg(long)]
     pub(crate) frames: Option<usize>,
-    /// Frames per second noted in the files (the format itself has none)
+    /// Frames per second of a page; noted in the files of a sequence (the format itself has none)
     #[arg(long, default_value_t = 30.0)]
     pub(crate) fps: f64,
-    /// Keep SH up to this degree only
+    /// Keep SH up to this degree only [default: all of it; html: 1]
     #[arg(long, value_name = "0-3")]
     pub(crate) sh_degree: Option<usize>,
+    /// Title of a page [default: the output's name]
+    #[arg(long)]
+    pub(crate) title: Option<String>,
     /// Leave out the unused normals (12 bytes a splat; some readers need them)
     #[arg(long)]
     pub(crate) no_normals: bool,
@@ -467,6 +470,8 @@ pub(crate) enum ExportFormat {
     PlySeq,
     /// The same in one stored zip
     Zip,
+    /// One page that plays in any browser, beside the original if it is a run
+    Html,
     /// One frame as PlayCanvas compressed PLY
     CompressedPly,
     /// A folder of such frames, frame_00000.compressed.ply …

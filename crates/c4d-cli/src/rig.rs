@@ -136,6 +136,14 @@ impl Rig {
         camera
     }
 
+    /// What the still view looks at.
+    pub(crate) fn target(&self) -> [f64; 3] {
+        match self.layout {
+            Layout::Object => self.centre,
+            Layout::Forward => scaled(self.forward, norm(self.centre)),
+        }
+    }
+
     /// One camera a frame on a full turn around an object; on a swing of ±12° for a forward capture, whose back nobody has seen.
     pub(crate) fn orbit(&self, frames: usize, size: (u32, u32)) -> Vec<Camera> {
         path(frames, "orbit", |phase| match self.layout {
@@ -152,10 +160,7 @@ impl Rig {
     /// One camera a frame on a small spiral before the scene.
     pub(crate) fn spiral(&self, frames: usize, size: (u32, u32)) -> Vec<Camera> {
         let front = self.front(size);
-        let (eye, target) = match self.layout {
-            Layout::Object => (front.position(), self.centre),
-            Layout::Forward => ([0.0; 3], scaled(self.forward, norm(self.centre))),
-        };
+        let (eye, target) = (front.position(), self.target());
         let reach = 0.06 * norm(sub(target, eye));
         let v = front.viewmat;
         path(frames, "spiral", |phase| {

@@ -1,5 +1,6 @@
 //! `c4d export`: the scene as files that other tools open.
 
+mod html;
 mod snapshot;
 
 use super::freeze::{check_sh_degree, existing, output_failure};
@@ -23,6 +24,9 @@ pub(crate) fn run(args: &ExportArgs, global: &Global, console: &Console) -> Outc
     let times = frames::times(opened.scene.as_ref(), &args.times, args.frames)?;
     if args.to.is_clip() {
         return super::export_clip::run(args, &opened, &times, global, console);
+    }
+    if args.to == ExportFormat::Html {
+        return html::write(args, &opened, &times, global, console);
     }
     if times.len() < 2 {
         return Err(Failure::usage("a sequence needs at least 2 frames")

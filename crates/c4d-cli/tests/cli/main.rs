@@ -6,5 +6,6 @@ mod bad_input;
 mod cameras;
 mod exports;
 mod formats;
+mod html;
 mod main_job;
 mod support;

@@ -1,0 +1,201 @@
+//! `c4d export --to html`: the scene, beside its original if it is a run, as one page that plays anywhere.
+
+use super::super::freeze::{check_sh_degree, existing, output_failure};
+use super::say;
+use crate::args::{ExportArgs, Global};
+use crate::console::Console;
+use crate::device::Device;
+use crate::failure::{Failure, Outcome, chain};
+use crate::renderer::Renderer;
+use crate::rig::{DEFAULT_SIZE, Rig};
+use crate::scene::{self, Opened};
+use gs_core::{Camera, DynamicScene, Image};
+use gs_io::{AtomicFile, Losses};
+use gs_player::{Options, Page, PlayerError, Poster, Report};
+use image::{ExtendedColorType, ImageEncoder, codecs::jpeg::JpegEncoder};
+use std::io::Write;
+use std::path::Path;
+
+/// Quality of the poster, 1 to 100.
+const POSTER_QUALITY: u8 = 85;
+
+pub(super) fn write(
+    args: &ExportArgs,
+    opened: &Opened,
+    times: &[f32],
+    global: &Global,
+    console: &Console,
+) -> Outcome {
+    check_sh_degree(args.sh_degree, opened.scene.sh_degree())?;
+    crate::frames::check_fps(args.fps)?;
+    scene::refuse_overlap(&args.output, &opened.roots)?;
+    let options = Options {
+        sh_degree: args.sh_degree.unwrap_or(Options::default().sh_degree),
+        ..Options::default()
+    };
+    // Refused before the work, not after it.
+    let mut file = AtomicFile::create(&args.output, existing(global))
+        .map_err(|error| output_failure(&error))?;
+    let original = opened.original.as_ref();
+    let (first, second) = match original {
+        Some(original) => (original.as_ref(), Some(opened.scene.as_ref())),
+        None => (opened.scene.as_ref(), None),
+    };
+    let mut progress =
+        console.progress("export", 2 * (1 + u64::from(second.is_some())) * times.len() as u64);
+    let encoded = gs_player::encode(first, second, times, &options, &mut |done, _| {
+        progress.set(done as u64);
+    })
+    .map_err(|error| failure(&error))?;
+    let elapsed = progress.finish();
+    // As `c4d render` frames it: by what was there before the edit.
+    let rig = Rig::of_scene(first, opened.up).map_err(Failure::bad_input)?;
+    let camera = rig.front(DEFAULT_SIZE);
+    let poster = poster(opened, first, times[0], &camera, global)?;
+    let title = args.title.clone().unwrap_or_else(|| title(&args.output));
+    let page = Page {
+        title: &title,
+        names: ["Original", "Edited"],
+        fps: args.fps,
+        camera: &camera,
+        target: rig.target(),
+        up: opened.up,
+        background: opened.background,
+        poster: Some(Poster { media_type: "image/jpeg", bytes: &poster }),
+    };
+    let text = gs_player::page(&encoded, &page).map_err(|error| failure(&error))?;
+    file.write_all(text.as_bytes()).map_err(|error| Failure::write(&args.output, &error))?;
+    file.commit().map_err(|error| output_failure(&error))?;
+    let report = &encoded.report;
+    console.note(format!(
+        "{:.1} MB in {:.1} s: {} frames, {}; {} of {} stored splats move",
+        text.len() as f64 / 1e6,
+        elapsed.as_secs_f64(),
+        report.frames,
+        counts(report),
+        report.moving,
+        report.first.max(report.second),
+    ));
+    say(&losses(report, &options, times.len()), console);
+    console.result(args.output.display());
+    Ok(())
+}
+
+fn failure(error: &PlayerError) -> Failure {
+    match error {
+        PlayerError::Scene { .. } | PlayerError::NothingVisible { .. } => {
+            Failure::bad_input(chain(error)).next("c4d info SCENE says what is in it.")
+        }
+        PlayerError::Option { .. } | PlayerError::TooManyFrames { .. } => {
+            Failure::usage(chain(error))
+        }
+        _ => Failure::failed(chain(error)),
+    }
+}
+
+fn counts(report: &Report) -> String {
+    if report.second == 0 {
+        return format!("{} splats", report.first);
+    }
+    format!(
+        "{} splats before the edit and {} after it ({} the same, {} moving alike)",
+        report.first, report.second, report.shared, report.twins
+    )
+}
+
+/// What the page does not keep.
+fn losses(report: &Report, options: &Options, frames: usize) -> Losses {
+    let mut losses = Losses::none();
+    let (available, kept) = report.sh_degree;
+    if kept < available {
+        losses.push(format!(
+            "SH degree {available} becomes {kept}: {}; --sh-degree {available} keeps it",
+            if kept == 0 {
+                "colour no longer depends on the view"
+            } else {
+                "colour depends on the view less sharply"
+            }
+        ));
+    }
+    let (resting, moving) = report.position_error;
+    losses.push(format!(
+        "positions are within {resting:.1e} units where they rest and {moving:.1e} where they move"
+    ));
+    losses.push(format!(
+        "rotations are within about {:.2} degrees, sizes {:.1} %, opacities and colours {:.1} of 255 steps, three times that where they change",
+        (options.rotation_step * 3.0_f64.sqrt()).to_degrees(),
+        100.0 * options.scale_step / 2.0,
+        255.0 * options.color_step / 2.0,
+    ));
+    if frames > 1 {
+        losses.push(format!("between the {frames} frames motion is straight"));
+    }
+    if report.not_finite > 0 {
+        losses.push(format!("{} damaged splats are left out", report.not_finite));
+    }
+    if report.invisible > 0 {
+        losses.push(format!(
+            "{} splats that never reach an opacity of 1/255 are left out: they draw nothing",
+            report.invisible
+        ));
+    }
+    if report.clamped > 0 {
+        losses.push(format!("{} splats lie too far out and are moved nearer", report.clamped));
+    }
+    losses
+}
+
+/// The first frame from the first view, as the page shows it before it can play: a run's left half is the original.
+fn poster(
+    opened: &Opened,
+    first: &dyn DynamicScene,
+    time: f32,
+    camera: &Camera,
+    global: &Global,
+) -> Outcome<Vec<u8>> {
+    let device = Device::open(global.gpu)?;
+    let mut renderer = Renderer::new(&device, opened.background);
+    let mut image = |scene| -> Outcome<Image> {
+        renderer.seek(scene, time)?;
+        Ok(renderer.render(camera)?.rgb_image())
+    };
+    let mut shown = image(first)?;
+    if opened.original.is_some() {
+        let edited = image(opened.scene.as_ref())?;
+        for y in 0..shown.height {
+            for x in shown.width / 2..shown.width {
+                shown.pixel_mut(x, y).copy_from_slice(edited.pixel(x, y));
+            }
+        }
+    }
+    let mut bytes = Vec::new();
+    JpegEncoder::new_with_quality(&mut bytes, POSTER_QUALITY)
+        .write_image(&shown.to_bytes(), camera.width, camera.height, ExtendedColorType::Rgb8)
+        .map_err(|error| Failure::failed(format!("the poster cannot be encoded: {error}")))?;
+    Ok(bytes)
+}
+
+/// Name of the file, as a title.
+fn title(output: &Path) -> String {
+    let stem = output.file_stem().map(|stem| stem.to_string_lossy().replace(['_', '-'], " "));
+    let mut title = stem.unwrap_or_default().trim().to_owned();
+    if let Some(first) = title.get(..1) {
+        title.replace_range(..1, &first.to_uppercase());
+    }
+    if title.is_empty() { "Scene".to_owned() } else { title }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn titles_are_names_of_files() {
+        assert_eq!(
+            title(Path::new("some/where/flame_steak-edit.html")),
+            "Flame steak edit",
+            "words"
+        );
+        assert_eq!(title(Path::new("ünter.html")), "ünter", "no first ASCII letter to raise");
+    }
+}

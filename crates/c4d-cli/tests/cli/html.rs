@@ -1,0 +1,56 @@
+//! `c4d export --to html`. What the page shows is tested in `gs-player`, in a browser.
+
+use crate::support::{c4d, failure, fixture, success};
+
+#[test]
+fn a_run_becomes_one_page_with_both_scenes() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
+    let (source, edited) = (fixture("synth/source"), fixture("synth/edited.ply"));
+    let (source, edited) = (source.to_str().unwrap(), edited.to_str().unwrap());
+    let run = path("run");
+    success(&mut c4d(["propagate", source, "--no-refine", "--edited", edited, "-o", &run]));
+    let page = path("first_walk.html");
+    let (out, said) =
+        success(&mut c4d(["export", &run, "--to", "html", "--frames", "3", "-o", &page]));
+    assert!(out.contains("first_walk.html"), "names the file: {out}");
+    assert!(said.contains("before the edit and") && said.contains("the same"), "counts: {said}");
+    assert!(said.contains("positions are within"), "says what is lost: {said}");
+    let text = std::fs::read_to_string(&page).unwrap();
+    assert!(text.contains("<title>First walk</title>"), "title from the name");
+    assert!(text.contains("src=\"data:image/jpeg;base64,"), "a poster");
+    assert!(
+        text.contains("\"names\":[\"Original\",\"Edited\"],\"fps\":30.0,\"frames\":3,"),
+        "two scenes"
+    );
+    assert!(text.trim_end().ends_with("</html>"), "complete");
+
+    // A scene that is not a run has nothing to compare; one frame is a still.
+    let still = path("still.html");
+    let arguments =
+        ["export", source, "--to", "html", "--frames", "1", "--title", "A & B", "-o", &still];
+    let (_, said) = success(&mut c4d(arguments));
+    assert!(!said.contains("before the edit"), "one scene: {said}");
+    let text = std::fs::read_to_string(&still).unwrap();
+    assert!(text.contains("<title>A &amp; B</title>"), "title as given");
+    assert!(text.contains(",0],\"raw_bytes\""), "no second scene");
+}
+
+#[test]
+fn pages_refuse_what_other_exports_refuse() {
+    let folder = tempfile::tempdir().unwrap();
+    let page = folder.path().join("page.html");
+    let page = page.to_str().unwrap();
+    let source = fixture("synth/source");
+    let source = source.to_str().unwrap();
+    let export =
+        |more: &[&str]| c4d(["export", source, "--to", "html", "-o", page].iter().chain(more));
+    let said = failure(&mut export(&["--sh-degree", "3"]), 2);
+    assert!(said.contains("--sh-degree 3"), "{said}");
+    let said = failure(&mut export(&["--fps", "0"]), 2);
+    assert!(said.contains("--fps 0"), "{said}");
+    std::fs::write(page, "mine").unwrap();
+    let said = failure(&mut export(&["--frames", "2"]), 2);
+    assert!(said.contains("already exists"), "{said}");
+    assert_eq!(std::fs::read_to_string(page).unwrap(), "mine", "untouched");
+}

@@ -1,0 +1,50 @@
+//! Makes a page of the synthetic dancer before and after its edit, and says where the bytes go.
+//!
+//! ```text
+//! cargo run --release -p gs-player --example page -- dancer.html 100000 60
+//! ```
+
+use gs_core::{Camera, DynamicScene};
+use gs_player::{Options, Page, encode, page};
+use gs_synth::{DemoParams, apply_edits, demo, demo_edits};
+use std::error::Error;
+use std::time::Instant;
+
+fn main() -> Result<(), Box<dyn Error>> {
+    let mut arguments = std::env::args().skip(1);
+    let output = arguments.next().unwrap_or_else(|| "dancer.html".to_owned());
+    let num_splats = arguments.next().map_or(Ok(5_000), |text| text.parse())?;
+    let frames = arguments.next().map_or(Ok(24), |text| text.parse())?;
+    let sh_degree = arguments.next().map_or(Ok(1), |text| text.parse())?;
+
+    let original = demo(&DemoParams { num_splats, ..DemoParams::default() })?;
+    let edited = apply_edits(&original, &demo_edits(), 7)?.truth;
+    let times = original.time_range().frames(frames);
+    let begun = Instant::now();
+    let options = Options { sh_degree, ..Options::default() };
+    let encoded = encode(&original, Some(&edited), &times, &options, &mut |_, _| {})?;
+    let camera = Camera::look_at([0.0, 1.4, 4.2], [0.0, 0.9, 0.0], [0.0, 1.0, 0.0], 0.7, 960, 720);
+    let text = page(
+        &encoded,
+        &Page {
+            title: "Dancer",
+            names: ["Original", "Edited"],
+            fps: 30.0,
+            camera: &camera,
+            target: [0.0, 0.9, 0.0],
+            up: [0.0, 1.0, 0.0],
+            background: [0.0; 3],
+            poster: None,
+        },
+    )?;
+    std::fs::write(&output, &text)?;
+    let report = &encoded.report;
+    eprintln!("{report:#?}");
+    eprintln!(
+        "{output}: {:.2} MB, of which {:.2} MB payload before it became text; {:.2} s",
+        text.len() as f64 / 1e6,
+        report.bytes.1 as f64 / 1e6,
+        begun.elapsed().as_secs_f64()
+    );
+    Ok(())
+}

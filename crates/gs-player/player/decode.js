@@ -1,0 +1,171 @@
+// From text to numbers. Runs in the worker. The byte layout is described in the crate's README.
+
+/** Bytes of a block of text: 13 bits in two of 91 characters, least significant first. */
+function unarmor(text, length) {
+  const digits = new Uint8Array(128);
+  let digit = 0;
+  for (let code = 33; code < 127; code++) {
+    if (code !== 38 && code !== 60 && code !== 62) digits[code] = digit++;
+  }
+  const bytes = new Uint8Array(length);
+  let bits = 0, count = 0, at = 0;
+  for (let i = 0; i + 1 < text.length && at < length; i += 2) {
+    bits |= (digits[text.charCodeAt(i)] + 91 * digits[text.charCodeAt(i + 1)]) << count;
+    count += 13;
+    while (count >= 8 && at < length) {
+      bytes[at++] = bits;
+      bits >>>= 8;
+      count -= 8;
+    }
+  }
+  if (at < length) throw new Error("a block of the file is cut short");
+  return bytes;
+}
+
+/** Decompresses gzip; tells how far it is, 0 to 1. The checksum of gzip finds damage. */
+async function gunzip(blocks, length, progress) {
+  const stream = new Blob(blocks).stream().pipeThrough(new DecompressionStream("gzip"));
+  const reader = stream.getReader();
+  const bytes = new Uint8Array(length);
+  let at = 0;
+  for (;;) {
+    const { done, value } = await reader.read();
+    if (done) break;
+    if (at + value.length > length) throw new Error("the payload is longer than announced");
+    bytes.set(value, at);
+    at += value.length;
+    progress(at / length);
+  }
+  if (at !== length) throw new Error("the payload is shorter than announced");
+  return bytes;
+}
+
+/** Reads [channels, planes, rows] bytes as [rows, channels] signed integers. */
+function readPlanes(bytes, at, rows, channels, planes) {
+  const values = new Int32Array(rows * channels);
+  for (let channel = 0; channel < channels; channel++) {
+    for (let plane = 0; plane < planes; plane++) {
+      const shift = 8 * plane;
+      for (let row = 0, i = channel; row < rows; row++, i += channels) {
+        values[i] |= bytes[at++] << shift;
+      }
+    }
+  }
+  for (let i = 0; i < values.length; i++) values[i] = (values[i] >>> 1) ^ -(values[i] & 1);
+  return values;
+}
+
+/** The real part that makes a unit quaternion of three imaginary ones, in steps. */
+function impliedReal(x, y, z, step) {
+  const one = 1 / step;
+  return Math.floor(Math.sqrt(Math.max(0, one * one - (x * x + y * y + z * z))) + 0.5);
+}
+
+/** One attribute: first frame of every row, and the knots of those that move. */
+function readAttribute(entry, rows, frames, bytes, start) {
+  const { channels, step } = entry;
+  let at = start;
+  const stored = readPlanes(bytes, at, rows, entry.base_channels, entry.base_planes);
+  at += stored.length * entry.base_planes;
+  if (entry.base_delta) {
+    for (let i = entry.base_channels; i < stored.length; i++) {
+      stored[i] = (stored[i] + stored[i - entry.base_channels]) | 0;
+    }
+  }
+  let base = stored;
+  if (entry.base_channels < channels) {
+    base = new Int32Array(rows * 4);
+    for (let row = 0; row < rows; row++) {
+      const x = stored[3 * row], y = stored[3 * row + 1], z = stored[3 * row + 2];
+      base[4 * row] = impliedReal(x, y, z, step);
+      base[4 * row + 1] = x;
+      base[4 * row + 2] = y;
+      base[4 * row + 3] = z;
+    }
+  }
+
+  const movers = new Uint32Array(entry.movers);
+  if (entry.movers > 0) {
+    for (let row = 0, mover = 0; row < rows; row++) {
+      if ((bytes[at + (row >> 3)] >> (row & 7)) & 1) movers[mover++] = row;
+    }
+    at += (rows + 7) >> 3;
+  }
+  // Knot 0 of every mover is its first frame, so that a piece always has two ends.
+  const first = new Uint32Array(entry.movers + 1);
+  const knotFrames = new Uint16Array(entry.knots + entry.movers);
+  for (let mover = 0, knot = 0, end = at + entry.gap_bytes; at < end; at++) {
+    if (knot === first[mover]) knotFrames[knot++] = 0;
+    if (bytes[at] > 0) {
+      knotFrames[knot] = knotFrames[knot - 1] + bytes[at];
+      knot++;
+    } else {
+      first[++mover] = knot;
+    }
+  }
+  const differences = readPlanes(bytes, at, entry.knots, channels, entry.knot_planes);
+  at += differences.length * entry.knot_planes;
+
+  const values = new Int32Array((entry.knots + entry.movers) * channels);
+  let before = new Int32Array(frames * channels), dense = new Int32Array(frames * channels);
+  for (let mover = 0, d = 0; mover < entry.movers; mover++) {
+    const row = movers[mover];
+    for (let c = 0; c < channels; c++) values[first[mover] * channels + c] = base[row * channels + c];
+    for (let knot = first[mover] + 1; knot < first[mover + 1]; knot++) {
+      const from = knotFrames[knot - 1] * channels, to = knotFrames[knot] * channels;
+      for (let c = 0; c < channels; c++, d++) {
+        let moved = differences[d];
+        if (entry.neighbour) moved = (moved + before[to + c] - before[from + c]) | 0;
+        values[knot * channels + c] = (values[(knot - 1) * channels + c] + moved) | 0;
+      }
+    }
+    if (entry.neighbour) {
+      everyFrame(knotFrames, values, first[mover], first[mover + 1], channels, dense);
+      [before, dense] = [dense, before];
+    }
+  }
+  return { ...entry, rows, base, movers, first, knotFrames, values, end: at };
+}
+
+/** A mover at every frame, rounded as the encoder rounds: what the next mover is told apart from. */
+function everyFrame(knotFrames, values, start, end, channels, out) {
+  for (let knot = start + 1; knot < end; knot++) {
+    const from = knotFrames[knot - 1], to = knotFrames[knot];
+    for (let frame = from; frame < to; frame++) {
+      for (let c = 0; c < channels; c++) {
+        const a = values[(knot - 1) * channels + c], b = values[knot * channels + c];
+        out[frame * channels + c] = Math.floor(a + ((b - a) * (frame - from)) / (to - from) + 0.5);
+      }
+    }
+  }
+  const last = values.subarray((end - 1) * channels, end * channels);
+  for (let i = knotFrames[end - 1] * channels; i < out.length; i += channels) out.set(last, i);
+}
+
+/** The whole payload. */
+function readPayload(bytes) {
+  const text = (from, to) => new TextDecoder().decode(bytes.subarray(from, to));
+  if (text(0, 8) !== "C4DPLAY1") throw new Error("this is not a payload of this player");
+  const length = new DataView(bytes.buffer, bytes.byteOffset).getUint32(8, true);
+  const header = JSON.parse(text(12, 12 + length));
+  const [a, twins, shared, b] = header.groups;
+  const rows = { geometry: a + twins + shared + b, look: a + 2 * twins + shared + b };
+  const attributes = {};
+  let at = 12 + length;
+  for (const entry of header.attributes) {
+    const attribute = readAttribute(entry, rows[entry.table], header.frames, bytes, at);
+    at = attribute.end;
+    attributes[entry.name] = attribute;
+  }
+  if (at !== bytes.length) throw new Error("the payload has another size than its header says");
+  return { header, rows, attributes };
+}
+
+/** FNV-1a over 32-bit integers, for tests that compare decoders. */
+function fingerprint(integers) {
+  let hash = 0x811c9dc5;
+  for (const integer of integers) {
+    for (let shift = 0; shift < 32; shift += 8) hash = Math.imul(hash ^ ((integer >>> shift) & 255), 0x01000193);
+  }
+  return hash >>> 0;
+}

@@ -1,0 +1,385 @@
+//! Two scenes over time as one compressed payload.
+
+use crate::gauge::Gauge;
+use crate::options::Options;
+use crate::pack::{self, Entry, Label};
+use crate::survey::{self, Groups, Rows};
+use crate::tracks::{self, Tracks};
+use crate::{MAX_FRAMES, PlayerError};
+use flate2::{Compression, write::GzEncoder};
+use gs_core::{DynamicScene, Splats, quat, sh};
+use serde::Serialize;
+use std::io::Write;
+
+/// First bytes of the payload, before compression.
+pub const MAGIC: &[u8; 8] = b"C4DPLAY1";
+/// Bits of each coordinate in the order of rows.
+const MORTON_BITS: u32 = 20;
+
+/// A scene, and the scene an edit made of it, ready to be put into a page.
+#[derive(Debug)]
+pub struct Encoded {
+    /// The payload, gzip.
+    pub payload: Vec<u8>,
+    /// What is in it.
+    pub report: Report,
+}
+
+/// What was kept, what was lost, and how large everything is.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Report {
+    /// Frames.
+    pub frames: usize,
+    /// Splats of the first scene that are drawn.
+    pub first: usize,
+    /// Splats of the second scene that are drawn; 0 without one.
+    pub second: usize,
+    /// Splats the two have in common, stored once.
+    pub shared: usize,
+    /// Splats that move alike and look different, whose motion is stored once.
+    pub twins: usize,
+    /// Stored splats whose place, rotation or size changes.
+    pub moving: usize,
+    /// Rows left out because a value is not finite, or the quaternion zero, in some frame.
+    pub not_finite: usize,
+    /// Rows left out because their opacity never reaches 1/255: they draw nothing.
+    pub invisible: usize,
+    /// Centres too far out for the grid, moved to its rim.
+    pub clamped: usize,
+    /// SH degree of the scenes, and the degree kept.
+    pub sh_degree: (usize, usize),
+    /// Largest error of a coordinate, world units: of splats that rest, and of those that move.
+    pub position_error: (f64, f64),
+    /// Bytes before and after compression.
+    pub bytes: (usize, usize),
+}
+
+#[derive(Serialize)]
+struct Header<'a> {
+    version: u32,
+    frames: usize,
+    /// Rows of `a`, `twins`, `shared`, `b`.
+    groups: [usize; 4],
+    sh_degree: usize,
+    origin: [f64; 3],
+    attributes: &'a [Entry],
+}
+
+/// Encodes `first` and, if given, `second` at `times`, which become evenly spaced frames. `progress` is told how many of how many
+/// evaluations are done.
+///
+/// # Errors
+/// If there is no frame, no visible splat, an option out of range, or a scene cannot be evaluated. Damaged rows are left out and counted.
+pub fn encode(
+    first: &dyn DynamicScene,
+    second: Option<&dyn DynamicScene>,
+    times: &[f32],
+    options: &Options,
+    progress: &mut dyn FnMut(usize, usize),
+) -> Result<Encoded, PlayerError> {
+    options.check()?;
+    if times.is_empty() {
+        return Err(PlayerError::NoFrames);
+    }
+    if times.len() > MAX_FRAMES {
+        return Err(PlayerError::TooManyFrames { found: times.len() });
+    }
+    let scenes: Vec<&dyn DynamicScene> = std::iter::once(first).chain(second).collect();
+    let available = scenes.iter().map(|scene| scene.sh_degree()).max().unwrap_or(0);
+    let degree = options.sh_degree.min(available);
+    let total = 2 * scenes.len() * times.len();
+    let mut done = 0;
+    let mut step = || {
+        done += 1;
+        progress(done, total);
+    };
+    let mut surveys = Vec::new();
+    for scene in &scenes {
+        surveys.push(Rows::survey(*scene, times, sh::num_coeffs(degree), &mut step)?);
+    }
+    let groups = survey::group(&surveys[0], surveys.get(1));
+    let [not_finite, invisible] = [
+        surveys.iter().map(|rows| rows.not_finite).sum(),
+        surveys.iter().map(|rows| rows.invisible).sum(),
+    ];
+    if groups.counts().iter().sum::<usize>() == 0 {
+        let rows = scenes.iter().map(|scene| scene.num_splats()).sum();
+        return Err(PlayerError::NothingVisible { rows, not_finite });
+    }
+    let (origin, size) = survey::extent(&surveys.iter().collect::<Vec<_>>());
+    drop(surveys);
+    let position_step = size / options.position_steps;
+    let mut recorder = Recorder::new(&groups, degree, origin, position_step, options);
+    let mut splats = Splats::default();
+    #[expect(clippy::cast_possible_truncation, reason = "at most MAX_FRAMES")]
+    let last_frame = (times.len() - 1) as u32;
+    for (frame, &time) in (0..=last_frame).zip(times) {
+        survey::evaluate(first, time, &mut splats)?;
+        recorder.first(&groups, &splats, frame);
+        step();
+        if let Some(second) = second {
+            survey::evaluate(second, time, &mut splats)?;
+            recorder.second(&groups, &splats, frame);
+            step();
+        }
+    }
+    let clamped = recorder.clamped;
+    let [a, twins, shared, b] = groups.counts();
+    let (raw, moving) = recorder.finish(&groups, times.len(), degree)?;
+    let mut compressed = GzEncoder::new(Vec::new(), Compression::best());
+    compressed.write_all(&raw)?;
+    let payload = compressed.finish()?;
+    let report = Report {
+        frames: times.len(),
+        first: a + twins + shared,
+        second: if second.is_some() { twins + shared + b } else { 0 },
+        shared,
+        twins,
+        moving,
+        not_finite,
+        invisible,
+        clamped,
+        sh_degree: (available, degree),
+        position_error: (position_step / 2.0, position_step * options.tolerance),
+        bytes: (raw.len(), payload.len()),
+    };
+    Ok(Encoded { payload, report })
+}
+
+/// The tracks of all attributes while frames come in.
+struct Recorder {
+    position: Tracks,
+    rotation: Tracks,
+    scale: Tracks,
+    opacity: Tracks,
+    color: Tracks,
+    shading: Option<Tracks>,
+    options: Options,
+    origin: [f64; 3],
+    position_step: f64,
+    gauges: Vec<Gauge>,
+    gauge_of: Vec<u8>,
+    /// Rotation of the last frame in its gauge, for the sign of the next.
+    last_quat: Vec<[f64; 4]>,
+    clamped: usize,
+}
+
+impl Recorder {
+    fn new(
+        groups: &Groups,
+        degree: usize,
+        origin: [f64; 3],
+        position_step: f64,
+        options: &Options,
+    ) -> Self {
+        let [a, twins, shared, b] = groups.counts();
+        let rows = a + twins + shared + b;
+        let looks = rows + twins;
+        let tracks = |rows, channels| Tracks::new(rows, channels, options.tolerance);
+        let rest = sh::num_coeffs(degree) - 1;
+        Self {
+            position: tracks(rows, 3),
+            // The first frame's real part is implied, which may cost it a step more than rounding.
+            rotation: Tracks::new(rows, 4, options.tolerance.max(1.5)),
+            scale: tracks(rows, 3),
+            opacity: tracks(looks, 1),
+            color: tracks(looks, 3),
+            shading: (rest > 0).then(|| tracks(looks, 3 * rest)),
+            options: *options,
+            origin,
+            position_step,
+            gauges: Gauge::all(),
+            gauge_of: vec![0; rows],
+            last_quat: vec![[0.0; 4]; rows],
+            clamped: 0,
+        }
+    }
+
+    /// Adds a frame of the first scene.
+    fn first(&mut self, groups: &Groups, splats: &Splats, frame: u32) {
+        let twins = groups.twins.iter().map(|pair| pair.0);
+        let shared = groups.shared.iter().map(|pair| pair.0);
+        for (row, splat) in groups.a.iter().copied().chain(twins).chain(shared).enumerate() {
+            self.geometry(row, splats, splat, frame);
+            self.look(row, splats, splat, frame);
+        }
+    }
+
+    /// Adds a frame of the second scene: only what the first does not have.
+    fn second(&mut self, groups: &Groups, splats: &Splats, frame: u32) {
+        let [a, twins, shared, _] = groups.counts();
+        for (i, pair) in groups.twins.iter().enumerate() {
+            self.look(a + twins + shared + i, splats, pair.1, frame);
+        }
+        for (i, &splat) in groups.b.iter().enumerate() {
+            self.geometry(a + twins + shared + i, splats, splat, frame);
+            self.look(a + 2 * twins + shared + i, splats, splat, frame);
+        }
+    }
+
+    fn geometry(&mut self, row: usize, splats: &Splats, splat: usize, frame: u32) {
+        let mean = [0, 1, 2].map(|axis| {
+            (f64::from(splats.means[splat][axis]) - self.origin[axis]) / self.position_step
+        });
+        if frame == 0 && mean.iter().any(|&value| tracks::is_beyond(value)) {
+            self.clamped += 1;
+        }
+        let mut rotation = quat::normalize(splats.quats[splat].map(f64::from));
+        if frame == 0 {
+            self.gauge_of[row] = Gauge::best(&self.gauges, rotation);
+            self.last_quat[row] = [1.0, 0.0, 0.0, 0.0];
+        }
+        let gauge = &self.gauges[usize::from(self.gauge_of[row])];
+        rotation = quat::align(gauge.rotate(rotation), self.last_quat[row]);
+        if frame == 0 {
+            rotation = quat::align(rotation, [1.0, 0.0, 0.0, 0.0]);
+        }
+        self.last_quat[row] = rotation;
+        let rotation = rotation.map(|component| component / self.options.rotation_step);
+        let scale = gauge
+            .permute(splats.log_scales[splat])
+            .map(|value| f64::from(value) / self.options.scale_step);
+        record(&mut self.position, row, frame, &mean);
+        if frame == 0 {
+            let [_, x, y, z] = rotation.map(tracks::round);
+            let w = implied_real([x, y, z], self.options.rotation_step);
+            self.rotation.start(row, &[w, x, y, z]);
+        } else {
+            record(&mut self.rotation, row, frame, &rotation);
+        }
+        record(&mut self.scale, row, frame, &scale);
+    }
+
+    fn look(&mut self, row: usize, splats: &Splats, splat: usize, frame: u32) {
+        let opacity = gs_core::activation::sigmoid(f64::from(splats.opacity_logits[splat]));
+        record(&mut self.opacity, row, frame, &[opacity / self.options.opacity_step]);
+        let coeffs = splats.sh_of(splat);
+        let c0 = f64::from(sh::C0);
+        let color = coeffs[0].map(|dc| (0.5 + c0 * f64::from(dc)) / self.options.color_step);
+        record(&mut self.color, row, frame, &color);
+        if let Some(shading) = &mut self.shading {
+            let mut values = vec![0.0; shading.channels];
+            for (value, coeff) in values.iter_mut().zip(coeffs[1..].iter().flatten()) {
+                *value = f64::from(*coeff) / self.options.shading_step;
+            }
+            record(shading, row, frame, &values);
+        }
+    }
+
+    /// Puts the rows in order and writes everything. Also counts the geometry rows that move.
+    fn finish(
+        mut self,
+        groups: &Groups,
+        frames: usize,
+        degree: usize,
+    ) -> Result<(Vec<u8>, usize), PlayerError> {
+        #[expect(clippy::cast_possible_truncation, reason = "at most MAX_FRAMES")]
+        let last_frame = (frames - 1) as u32;
+        let geometry = [&mut self.position, &mut self.rotation, &mut self.scale];
+        let looks = [Some(&mut self.opacity), Some(&mut self.color), self.shading.as_mut()];
+        for tracks in geometry.into_iter().chain(looks.into_iter().flatten()) {
+            tracks.finish(last_frame);
+        }
+        let moves: Vec<bool> = (0..self.gauge_of.len())
+            .map(|row| [&self.position, &self.rotation, &self.scale].iter().any(|t| t.moves(row)))
+            .collect();
+        let (rows, looks) = order(groups, &self.position.base, &moves);
+        let options = &self.options;
+        let label = |name, table, implied, step| Label { name, table, implied, step };
+        let mut streams = Vec::new();
+        let mut attributes = Vec::new();
+        for (label, tracks) in [
+            (label("position", "geometry", 0, self.position_step), &self.position),
+            (label("rotation", "geometry", 1, options.rotation_step), &self.rotation),
+            (label("scale", "geometry", 0, options.scale_step), &self.scale),
+            (label("opacity", "look", 0, options.opacity_step), &self.opacity),
+            (label("color", "look", 0, options.color_step), &self.color),
+        ] {
+            let order = if label.table == "geometry" { &rows } else { &looks };
+            attributes.push(pack::write(label, tracks, order, &mut streams));
+        }
+        if let Some(shading) = &self.shading {
+            let label = label("shading", "look", 0, options.shading_step);
+            attributes.push(pack::write(label, shading, &looks, &mut streams));
+        }
+        let header = serde_json::to_vec(&Header {
+            version: 1,
+            frames,
+            groups: groups.counts(),
+            sh_degree: degree,
+            origin: self.origin,
+            attributes: &attributes,
+        })?;
+        let mut raw = MAGIC.to_vec();
+        #[expect(clippy::cast_possible_truncation, reason = "a kilobyte or two")]
+        raw.extend((header.len() as u32).to_le_bytes());
+        raw.extend(header);
+        raw.append(&mut streams);
+        Ok((raw, moves.iter().filter(|moves| **moves).count()))
+    }
+}
+
+/// Adds a value: the first frame rounded, later ones as they are.
+fn record(tracks: &mut Tracks, row: usize, frame: u32, values: &[f64]) {
+    if frame == 0 {
+        let mut rounded = [0_i32; 45];
+        for (stored, value) in rounded.iter_mut().zip(values) {
+            *stored = tracks::round(*value);
+        }
+        tracks.start(row, &rounded[..values.len()]);
+    } else {
+        #[expect(clippy::cast_possible_truncation, reason = "rows are counted in 32 bits")]
+        tracks.push(row as u32, frame, values);
+    }
+}
+
+/// Real part of a unit quaternion from the others, in steps.
+fn implied_real(imaginary: [i32; 3], step: f64) -> i32 {
+    let one = 1.0 / step;
+    let rest: f64 = imaginary.iter().map(|&part| f64::from(part) * f64::from(part)).sum();
+    tracks::round((one * one - rest).max(0.0).sqrt())
+}
+
+/// Order of the geometry rows and of the looks: within each group, what moves before what rests (so that the player uploads few
+/// stretches), and neighbours in space beside each other.
+fn order(groups: &Groups, positions: &[i32], moves: &[bool]) -> (Vec<usize>, Vec<usize>) {
+    let codes = morton(positions);
+    let mut rows: Vec<usize> = Vec::with_capacity(moves.len());
+    let mut start = 0;
+    for count in groups.counts() {
+        let mut group: Vec<usize> = (start..start + count).collect();
+        group.sort_by_key(|&row| (!moves[row], codes[row], row));
+        rows.extend(group);
+        start += count;
+    }
+    let [a, twins, shared, _] = groups.counts();
+    let second = a + twins + shared;
+    let mut looks: Vec<usize> = rows[..second].to_vec();
+    // The second looks of the twins, in the order of their geometry; then those of `b`, which come after them.
+    looks.extend(rows[a..a + twins].iter().map(|row| row - a + second));
+    looks.extend(rows[second..].iter().map(|row| row + twins));
+    (rows, looks)
+}
+
+/// Positions along a curve that fills their box (interleaved bits).
+fn morton(positions: &[i32]) -> Vec<u64> {
+    let rows = || positions.chunks_exact(3);
+    let bound =
+        |axis: usize, f: fn(i32, i32) -> i32| rows().map(|p| p[axis]).reduce(f).unwrap_or(0);
+    let low = [0, 1, 2].map(|axis| bound(axis, i32::min));
+    let high = [0, 1, 2].map(|axis| bound(axis, i32::max));
+    let widest = (0..3).map(|axis| high[axis].abs_diff(low[axis])).max().unwrap_or(0);
+    let shift = (u32::BITS - widest.leading_zeros()).saturating_sub(MORTON_BITS);
+    rows()
+        .map(|p| {
+            let mut code = 0_u64;
+            for bit in 0..MORTON_BITS {
+                for (place, axis) in (3 * bit..).zip(0..3) {
+                    let part = u64::from(p[axis].abs_diff(low[axis]) >> shift >> bit & 1);
+                    code |= part << place;
+                }
+            }
+            code
+        })
+        .collect()
+}

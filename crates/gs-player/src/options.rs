@@ -1,0 +1,71 @@
+//! How exactly a scene is kept.
+
+use crate::PlayerError;
+
+/// How exactly a scene is kept. A *step* is the distance of two neighbouring stored values; the value of a frame is off by at most half
+/// a step where a splat rests, and by at most `tolerance` steps where it moves.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Options {
+    /// SH degree kept, 0 to 3; a scene of lower degree keeps its own. Default 1: diffuse colour and the first-order sheen. Each further
+    /// degree costs about as much again as all else that rests.
+    pub sh_degree: usize,
+    /// Steps across the middle 90 % of the scene's longest side. Default 16 384: a 16th of a pixel when that side fills 1000 pixels.
+    pub position_steps: f64,
+    /// Step of the components of unit quaternions. Default 1/1024: about a 10th of a degree.
+    pub rotation_step: f64,
+    /// Step of the natural logarithms of the standard deviations. Default 1/64: ±0.8 % of the size.
+    pub scale_step: f64,
+    /// Step of the opacity, 0 to 1. Default 1/255.
+    pub opacity_step: f64,
+    /// Step of the diffuse colour, 0 to 1. Default 1/255.
+    pub color_step: f64,
+    /// Step of the SH coefficients above degree 0. Default 1/64.
+    pub shading_step: f64,
+    /// Largest error of a moving value, steps; at least 1. Default 1.5.
+    pub tolerance: f64,
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        Self {
+            sh_degree: 1,
+            position_steps: 16_384.0,
+            rotation_step: 1.0 / 1024.0,
+            scale_step: 1.0 / 64.0,
+            opacity_step: 1.0 / 255.0,
+            color_step: 1.0 / 255.0,
+            shading_step: 1.0 / 64.0,
+            tolerance: 1.5,
+        }
+    }
+}
+
+impl Options {
+    /// Refuses values that mean nothing.
+    pub(crate) fn check(&self) -> Result<(), PlayerError> {
+        let refuse =
+            |name, found: String, expected| Err(PlayerError::Option { name, found, expected });
+        if self.sh_degree > gs_core::sh::MAX_DEGREE {
+            return refuse("sh_degree", self.sh_degree.to_string(), "0 to 3");
+        }
+        if !(16.0..=1e8).contains(&self.position_steps) {
+            return refuse("position_steps", self.position_steps.to_string(), "16 to 1e8");
+        }
+        let steps = [
+            ("rotation_step", self.rotation_step),
+            ("scale_step", self.scale_step),
+            ("opacity_step", self.opacity_step),
+            ("color_step", self.color_step),
+            ("shading_step", self.shading_step),
+        ];
+        for (name, step) in steps {
+            if !(1e-6..=0.25).contains(&step) {
+                return refuse(name, step.to_string(), "1e-6 to 0.25");
+            }
+        }
+        if !(1.0..=1e3).contains(&self.tolerance) {
+            return refuse("tolerance", self.tolerance.to_string(), "1 to 1000 steps");
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,235 @@
+//! Streams of integers as bytes that compress well: differences, interleaved signs, one plane per byte.
+
+use crate::tracks::{Knot, Tracks};
+use serde::Serialize;
+
+/// One attribute in the payload's header.
+#[derive(Debug, Serialize)]
+pub(crate) struct Entry {
+    pub(crate) name: &'static str,
+    /// Whether rows are those of the geometry or of the looks.
+    pub(crate) table: &'static str,
+    pub(crate) channels: usize,
+    /// Channels stored for the first frame; the others follow from them.
+    pub(crate) base_channels: usize,
+    pub(crate) step: f64,
+    pub(crate) base_planes: usize,
+    /// First frame stored as differences to the row before.
+    pub(crate) base_delta: bool,
+    pub(crate) movers: usize,
+    pub(crate) gap_bytes: usize,
+    pub(crate) knots: usize,
+    pub(crate) knot_planes: usize,
+    /// Knots stored as differences to the motion of the mover before.
+    pub(crate) neighbour: bool,
+}
+
+/// What an attribute is called and how it is stepped.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Label {
+    pub(crate) name: &'static str,
+    pub(crate) table: &'static str,
+    /// Leading channels not stored for the first frame.
+    pub(crate) implied: usize,
+    pub(crate) step: f64,
+}
+
+/// Signs in the lowest bit: small magnitudes become small numbers.
+fn zigzag(value: i32) -> u32 {
+    ((value << 1) ^ (value >> 31)).cast_unsigned()
+}
+
+/// Bytes that the largest number needs; 1 to 4.
+fn planes_of(values: &[u32]) -> usize {
+    let largest = values.iter().copied().max().unwrap_or(0);
+    (4 - largest.leading_zeros() as usize / 8).max(1)
+}
+
+/// Bits that an ideal coder of single bytes would need.
+fn entropy(values: &[u32], planes: usize) -> f64 {
+    (0..planes)
+        .map(|plane| {
+            let mut counts = [0_u64; 256];
+            for value in values {
+                counts[(value >> (8 * plane)) as usize & 0xFF] += 1;
+            }
+            let total = values.len().max(1) as f64;
+            let bits = |&count: &u64| match count {
+                0 => 0.0,
+                _ => -(count as f64) * (count as f64 / total).log2(),
+            };
+            counts.iter().map(bits).sum::<f64>()
+        })
+        .sum()
+}
+
+/// `[rows, channels]` numbers as `[channels, planes, rows]` bytes.
+fn write_planes(values: &[u32], channels: usize, planes: usize, out: &mut Vec<u8>) {
+    for channel in 0..channels {
+        for plane in 0..planes {
+            let column = values.iter().skip(channel).step_by(channels);
+            out.extend(column.map(|value| value.to_le_bytes()[plane]));
+        }
+    }
+}
+
+/// Of two ways to write the same, the one with less entropy: whether it is the second, its numbers and planes.
+fn shorter(plain: Vec<u32>, other: Vec<u32>) -> (bool, Vec<u32>, usize) {
+    let (plain_planes, other_planes) = (planes_of(&plain), planes_of(&other));
+    if entropy(&other, other_planes) < entropy(&plain, plain_planes) {
+        (true, other, other_planes)
+    } else {
+        (false, plain, plain_planes)
+    }
+}
+
+/// Appends finished tracks, rows in the given order, and describes them.
+pub(crate) fn write(label: Label, tracks: &Tracks, order: &[usize], out: &mut Vec<u8>) -> Entry {
+    let channels = tracks.channels;
+    let base_channels = channels - label.implied;
+    let stored = |row: usize| &tracks.base[row * channels + label.implied..(row + 1) * channels];
+    let plain = order.iter().flat_map(|&row| stored(row).iter().map(|&v| zigzag(v))).collect();
+    let mut before = vec![0; base_channels];
+    let mut delta = Vec::with_capacity(order.len() * base_channels);
+    for &row in order {
+        for (last, &value) in before.iter_mut().zip(stored(row)) {
+            delta.push(zigzag(value.wrapping_sub(*last)));
+            *last = value;
+        }
+    }
+    let (base_delta, base, base_planes) = shorter(plain, delta);
+    write_planes(&base, base_channels, base_planes, out);
+
+    let spans = spans(tracks);
+    let movers: Vec<usize> = order.iter().copied().filter(|&row| !spans[row].is_empty()).collect();
+    if !movers.is_empty() {
+        let mut mask = vec![0_u8; order.len().div_ceil(8)];
+        for (place, &row) in order.iter().enumerate() {
+            mask[place / 8] |= u8::from(!spans[row].is_empty()) << (place % 8);
+        }
+        out.extend(mask);
+    }
+    let gaps = gaps(tracks, &movers, &spans);
+    out.extend(&gaps);
+    let (neighbour, values, knot_planes) = knot_values(tracks, &movers, &spans);
+    write_planes(&values, channels, knot_planes, out);
+    Entry {
+        name: label.name,
+        table: label.table,
+        channels,
+        base_channels,
+        step: label.step,
+        base_planes,
+        base_delta,
+        movers: movers.len(),
+        gap_bytes: gaps.len(),
+        knots: values.len() / channels,
+        knot_planes,
+        neighbour,
+    }
+}
+
+/// Range of each row's knots.
+fn spans(tracks: &Tracks) -> Vec<std::ops::Range<usize>> {
+    let rows = tracks.base.len() / tracks.channels;
+    let mut spans = vec![0..0; rows];
+    let mut start = 0;
+    for group in tracks.knots.chunk_by(|a, b| a.row == b.row) {
+        spans[group[0].row as usize] = start..start + group.len();
+        start += group.len();
+    }
+    spans
+}
+
+/// Frames from knot to knot; 0 ends a row.
+fn gaps(tracks: &Tracks, movers: &[usize], spans: &[std::ops::Range<usize>]) -> Vec<u8> {
+    let mut gaps = Vec::new();
+    for &row in movers {
+        let mut frame = 0;
+        for knot in &tracks.knots[spans[row].clone()] {
+            let gap = u8::try_from(knot.frame - frame);
+            gaps.push(gap.expect("pieces end after 255 frames at most"));
+            frame = knot.frame;
+        }
+        gaps.push(0);
+    }
+    gaps
+}
+
+/// Differences from knot to knot, bare or less those of the mover before: neighbours move alike.
+fn knot_values(
+    tracks: &Tracks,
+    movers: &[usize],
+    spans: &[std::ops::Range<usize>],
+) -> (bool, Vec<u32>, usize) {
+    let channels = tracks.channels;
+    let frames = tracks.knots.iter().map(|knot| knot.frame as usize + 1).max().unwrap_or(0);
+    let (mut plain, mut other) = (Vec::new(), Vec::new());
+    let (mut before, mut dense) = (vec![0; frames * channels], vec![0; frames * channels]);
+    for &row in movers {
+        let base = &tracks.base[row * channels..][..channels];
+        let span = spans[row].clone();
+        let knots = &tracks.knots[span.clone()];
+        let values = &tracks.values[span.start * channels..span.end * channels];
+        let (mut frame, mut last) = (0, base);
+        for (knot, value) in knots.iter().zip(values.chunks_exact(channels)) {
+            let next = knot.frame as usize;
+            for channel in 0..channels {
+                let moved = value[channel].wrapping_sub(last[channel]);
+                let theirs = before[next * channels + channel] - before[frame * channels + channel];
+                plain.push(zigzag(moved));
+                other.push(zigzag(moved.wrapping_sub(theirs)));
+            }
+            (frame, last) = (next, value);
+        }
+        every_frame(base, knots, values, &mut dense);
+        std::mem::swap(&mut before, &mut dense);
+    }
+    shorter(plain, other)
+}
+
+/// A row at every frame, rounded: `[frames, channels]`.
+fn every_frame(base: &[i32], knots: &[Knot], values: &[i32], out: &mut [i32]) {
+    let channels = base.len();
+    let (mut frame, mut last) = (0, base);
+    for (knot, value) in knots.iter().zip(values.chunks_exact(channels)) {
+        let next = knot.frame as usize;
+        for at in frame..next {
+            for channel in 0..channels {
+                let (from, to) = (f64::from(last[channel]), f64::from(value[channel]));
+                let moved = (to - from) * (at - frame) as f64 / (next - frame) as f64;
+                out[at * channels + channel] = crate::tracks::round(from + moved);
+            }
+        }
+        (frame, last) = (next, value);
+    }
+    for at in out[frame * channels..].chunks_exact_mut(channels) {
+        at.copy_from_slice(last);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_become_planes() {
+        assert_eq!(
+            [0, -1, 1, -2, i32::MAX, i32::MIN].map(zigzag),
+            [0, 1, 2, 3, u32::MAX - 1, u32::MAX]
+        );
+        assert_eq!(planes_of(&[255]), 1, "a byte");
+        assert_eq!(planes_of(&[256]), 2, "more than a byte");
+        assert_eq!(planes_of(&[]), 1, "at least one");
+        let mut out = Vec::new();
+        write_planes(&[1, 2, 0x0103, 4], 2, 2, &mut out);
+        assert_eq!(out, [1, 3, 0, 1, 2, 4, 0, 0], "channels, planes, rows");
+    }
+
+    #[test]
+    fn of_two_ways_the_shorter_is_taken() {
+        let noise: Vec<u32> = (0..1000).map(|i| i * 7919 % 251).collect();
+        assert!(shorter(noise.clone(), vec![3; 1000]).0, "constant beats noise");
+        assert!(!shorter(vec![3; 1000], noise).0, "and the other way round");
+    }
+}

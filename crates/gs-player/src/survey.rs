@@ -1,0 +1,202 @@
+//! First look at the scenes: which rows can be seen, which are the same in both, and how large everything is.
+
+use crate::PlayerError;
+use gs_core::{DynamicScene, Splats};
+use std::collections::HashMap;
+
+/// Below this opacity a splat draws nothing.
+const VISIBLE: f32 = 1.0 / 255.0;
+/// Share of the rows left out at either end when the size of the scene is measured: floaters and backdrops.
+const TRIM: f64 = 0.05;
+
+/// What is known of the rows of one scene after seeing every frame.
+#[derive(Debug)]
+pub(crate) struct Rows {
+    /// Finite in every frame and visible in some.
+    usable: Vec<bool>,
+    /// Fingerprint of means, quaternions and scales of all frames.
+    geometry: Vec<u64>,
+    /// Fingerprint of opacities and kept SH of all frames.
+    look: Vec<u64>,
+    /// Centres in the first frame.
+    means: Vec<[f32; 3]>,
+    /// Rows that are not finite in some frame.
+    pub(crate) not_finite: usize,
+    /// Other rows that are never visible.
+    pub(crate) invisible: usize,
+}
+
+/// Which rows make up the two scenes. Geometry rows are stored in the order `a`, `twins`, `shared`, `b`; looks (opacity and colour) in
+/// the order `a`, `twins` of the first scene, `shared`, `twins` of the second, `b`.
+#[derive(Debug, Default, Clone, PartialEq, Eq)]
+pub(crate) struct Groups {
+    /// Rows of the first scene that the second does not have.
+    pub(crate) a: Vec<usize>,
+    /// Rows `(first, second)` that move alike and look different.
+    pub(crate) twins: Vec<(usize, usize)>,
+    /// Rows `(first, second)` that are the same in every frame.
+    pub(crate) shared: Vec<(usize, usize)>,
+    /// Rows of the second scene that the first does not have.
+    pub(crate) b: Vec<usize>,
+}
+
+impl Groups {
+    /// `[a, twins, shared, b]`.
+    pub(crate) fn counts(&self) -> [usize; 4] {
+        [self.a.len(), self.twins.len(), self.shared.len(), self.b.len()]
+    }
+}
+
+/// Evaluates the scene at `time` and checks that rows persist.
+pub(crate) fn evaluate(
+    scene: &dyn DynamicScene,
+    time: f32,
+    out: &mut Splats,
+) -> Result<(), PlayerError> {
+    let failed = |source| PlayerError::Scene { time, source };
+    scene.at_into(time, out).map_err(failed)?;
+    out.check_shapes().map_err(|error| failed(error.into()))?;
+    if out.len() != scene.num_splats() {
+        return Err(PlayerError::Rows { time, found: out.len(), expected: scene.num_splats() });
+    }
+    Ok(())
+}
+
+impl Rows {
+    /// Looks at every frame; `sh_coeffs` coefficients of each splat count. Calls `step` after each frame.
+    pub(crate) fn survey(
+        scene: &dyn DynamicScene,
+        times: &[f32],
+        sh_coeffs: usize,
+        step: &mut dyn FnMut(),
+    ) -> Result<Self, PlayerError> {
+        let rows = scene.num_splats();
+        let mut finite = vec![true; rows];
+        let mut visible = vec![false; rows];
+        let (mut geometry, mut look) = (vec![0_u64; rows], vec![0_u64; rows]);
+        let mut means = Vec::new();
+        let mut splats = Splats::default();
+        for &time in times {
+            evaluate(scene, time, &mut splats)?;
+            if means.is_empty() {
+                means.clone_from(&splats.means);
+            }
+            for i in 0..rows {
+                finite[i] &= splats.is_finite(i);
+                visible[i] |= splats.opacity(i) >= VISIBLE;
+                let shape = splats.means[i].iter().chain(&splats.log_scales[i]);
+                geometry[i] = shape.chain(&splats.quats[i]).copied().fold(geometry[i], mix);
+                let colors = splats.sh_of(i).iter().take(sh_coeffs).flatten();
+                look[i] = colors.copied().fold(mix(look[i], splats.opacity_logits[i]), mix);
+            }
+            step();
+        }
+        let usable: Vec<bool> = finite.iter().zip(&visible).map(|(f, v)| *f && *v).collect();
+        let not_finite = finite.iter().filter(|finite| !**finite).count();
+        let invisible = rows - not_finite - usable.iter().filter(|usable| **usable).count();
+        Ok(Self { usable, geometry, look, means, not_finite, invisible })
+    }
+
+    fn usable_rows(&self) -> impl Iterator<Item = usize> + '_ {
+        (0..self.usable.len()).filter(|&row| self.usable[row])
+    }
+
+    /// Centres of the usable rows, first frame.
+    fn usable_means(&self) -> impl Iterator<Item = [f32; 3]> + '_ {
+        self.usable_rows().map(|row| self.means[row])
+    }
+}
+
+/// One step of a fingerprint: bits of the value, mixed (the finaliser of SplitMix64).
+fn mix(state: u64, value: f32) -> u64 {
+    let mut z = state.wrapping_add(u64::from(value.to_bits())).wrapping_add(0x9E37_79B9_7F4A_7C15);
+    z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
+    z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
+    z ^ (z >> 31)
+}
+
+/// Finds what both scenes share, by value, whatever the order of the rows.
+pub(crate) fn group(first: &Rows, second: Option<&Rows>) -> Groups {
+    let Some(second) = second else {
+        return Groups { a: first.usable_rows().collect(), ..Groups::default() };
+    };
+    let mut groups = Groups::default();
+    let whole = |rows: &Rows, row: usize| (rows.geometry[row], rows.look[row]);
+    let (shared, first_left, second_left) = matched(
+        first.usable_rows().map(|row| (whole(first, row), row)),
+        second.usable_rows().map(|row| (whole(second, row), row)),
+    );
+    groups.shared = shared;
+    let (twins, first_left, second_left) = matched(
+        first_left.into_iter().map(|row| (first.geometry[row], row)),
+        second_left.into_iter().map(|row| (second.geometry[row], row)),
+    );
+    groups.twins = twins;
+    groups.a = first_left;
+    groups.b = second_left;
+    groups
+}
+
+/// Pairs of equal keys, lowest rows first, and the rows left over on either side, ascending.
+fn matched<K: Eq + std::hash::Hash>(
+    first: impl Iterator<Item = (K, usize)>,
+    second: impl Iterator<Item = (K, usize)>,
+) -> (Vec<(usize, usize)>, Vec<usize>, Vec<usize>) {
+    let first: Vec<(K, usize)> = first.collect();
+    let mut rest_first: Vec<usize> = first.iter().map(|entry| entry.1).collect();
+    let mut waiting: HashMap<K, Vec<usize>> = HashMap::new();
+    // Backwards, so that the lowest row is on top.
+    for (key, row) in first.into_iter().rev() {
+        waiting.entry(key).or_default().push(row);
+    }
+    let (mut pairs, mut rest_second) = (Vec::new(), Vec::new());
+    for (key, row) in second {
+        match waiting.get_mut(&key).and_then(Vec::pop) {
+            Some(partner) => pairs.push((partner, row)),
+            None => rest_second.push(row),
+        }
+    }
+    pairs.sort_unstable();
+    let mut taken = pairs.iter().map(|pair| pair.0).peekable();
+    rest_first.retain(|row| taken.next_if_eq(row).is_none());
+    (pairs, rest_first, rest_second)
+}
+
+/// Middle and size of the scenes, world units: the box of the middle 90 % of the centres along each axis, its centre and its
+/// longest side (1 when everything is in one place).
+pub(crate) fn extent(scenes: &[&Rows]) -> ([f64; 3], f64) {
+    let mut origin = [0.0; 3];
+    let (mut robust, mut full) = (0.0_f64, 0.0_f64);
+    for axis in 0..3 {
+        let mut values: Vec<f32> =
+            scenes.iter().flat_map(|rows| rows.usable_means().map(|mean| mean[axis])).collect();
+        values.sort_by(f32::total_cmp);
+        let Some(last) = values.len().checked_sub(1) else { continue };
+        #[expect(
+            clippy::cast_possible_truncation,
+            clippy::cast_sign_loss,
+            reason = "a twentieth of a length"
+        )]
+        let cut = (last as f64 * TRIM) as usize;
+        let (low, high) = (f64::from(values[cut]), f64::from(values[last - cut]));
+        origin[axis] = f64::midpoint(low, high);
+        robust = robust.max(high - low);
+        full = full.max(f64::from(values[last]) - f64::from(values[0]));
+    }
+    let size = [robust, full].into_iter().find(|size| *size > 0.0 && size.is_finite());
+    (origin, size.unwrap_or(1.0))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn equal_rows_are_paired_whatever_their_order() {
+        let first = [(7, 0), (8, 1), (7, 2), (9, 3)];
+        let second = [(9, 0), (7, 1), (5, 2), (7, 3), (7, 4)];
+        let (pairs, left, right) = matched(first.into_iter(), second.into_iter());
+        assert_eq!(pairs, [(0, 1), (2, 3), (3, 0)], "duplicates are paired one to one");
+        assert_eq!((left, right), (vec![1], vec![2, 4]), "the rest, ascending");
+    }
+}

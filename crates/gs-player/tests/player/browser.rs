@@ -1,0 +1,242 @@
+//! The page in headless Chromium: screenshots at two times and on both sides of the divider against our own renders of the scenes as
+//! they were before encoding; what JavaScript decoded against the decoder of the tests.
+//!
+//! Without Chromium these tests fail, they do not skip.
+
+use crate::decoder::decode;
+use gs_core::{Camera, DynamicScene, Image, Rasterizer, RenderParams, Splats};
+use gs_player::{Encoded, Options, Page, encode, page};
+use gs_raster_cpu::CpuRasterizer;
+use gs_synth::{DemoParams, SynthScene, Truth, apply_edits, demo, demo_edits};
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+
+const SIZE: (u32, u32) = (480, 360);
+const FRAMES: usize = 9;
+const BACKGROUND: [f32; 3] = [0.2, 0.1, 0.3];
+/// Worst seen 56.7 dB; the wrong frame or scene is below 30 dB.
+const MIN_PSNR: f64 = 50.0;
+/// Worst seen 0.00115: half a step of the 8 bits of a screenshot is 0.001.
+const MAX_MEAN_DIFFERENCE: f64 = 0.0025;
+const CONTROL_PSNR: f64 = 30.0;
+
+struct Fixture {
+    original: SynthScene,
+    edited: Truth,
+    times: Vec<f32>,
+    camera: Camera,
+    encoded: Encoded,
+    folder: tempfile::TempDir,
+}
+
+impl Fixture {
+    fn new() -> Self {
+        let params = DemoParams { num_splats: 6_000, ..DemoParams::default() };
+        let original = demo(&params).unwrap();
+        let edited = apply_edits(&original, &demo_edits(), 7).unwrap().truth;
+        let times = original.time_range().frames(FRAMES);
+        let camera =
+            Camera::look_at([0.6, 1.5, 4.4], [0.0, 0.9, 0.0], [0.0, 1.0, 0.0], 0.7, SIZE.0, SIZE.1);
+        let options = Options { sh_degree: 3, ..Options::default() };
+        let encoded = encode(&original, Some(&edited), &times, &options, &mut |_, _| {}).unwrap();
+        let folder = tempfile::tempdir().unwrap();
+        let text = page(
+            &encoded,
+            &Page {
+                title: "Test",
+                names: ["Original", "Edited"],
+                fps: 30.0,
+                camera: &camera,
+                target: [0.0, 0.9, 0.0],
+                up: [0.0, 1.0, 0.0],
+                background: BACKGROUND,
+                poster: None,
+            },
+        )
+        .unwrap();
+        std::fs::write(folder.path().join("page.html"), text).unwrap();
+        Self { original, edited, times, camera, encoded, folder }
+    }
+
+    /// Our own render of the scene as it was given.
+    fn render(&self, scene: &dyn DynamicScene, frame: usize) -> Image {
+        let splats: Splats = scene.at(self.times[frame]).unwrap();
+        let rasterizer = CpuRasterizer::default();
+        let mut prepared = rasterizer.prepare(&splats, &self.camera).unwrap();
+        let params =
+            RenderParams { background: BACKGROUND.map(f64::from), ..RenderParams::default() };
+        rasterizer.forward(&mut prepared, &splats, &[], &params).unwrap().rgb_image()
+    }
+
+    /// Opens the page and waits for its first image: a screenshot of the window, and the document as it then is.
+    fn open(&self, hash: &str, flags: &[&str]) -> (Image, String) {
+        let picture = self.folder.path().join(format!("{}.png", hash.replace(['&', '='], "_")));
+        let document = chromium(&self.folder.path().join("page.html"), hash, flags, &picture);
+        assert!(picture.is_file(), "no screenshot of #{hash}; the page:\n{}", problem(&document));
+        let decoded = image::open(&picture).unwrap().to_rgb8();
+        assert_eq!(decoded.dimensions(), SIZE, "size of the window");
+        let data = decoded.as_raw().iter().map(|&byte| f32::from(byte) / 255.0).collect();
+        let (width, height) = (decoded.width() as usize, decoded.height() as usize);
+        (Image { width, height, channels: 3, data }, document)
+    }
+}
+
+fn browser() -> PathBuf {
+    let named = std::env::var_os("CHROMIUM").map(PathBuf::from);
+    let names = ["chromium", "chromium-browser", "google-chrome", "google-chrome-stable"];
+    let folders = std::env::var_os("PATH").unwrap_or_default();
+    let on_path = std::env::split_paths(&folders)
+        .flat_map(|folder| names.map(|name| folder.join(name)))
+        .find(|path| path.is_file());
+    named.or(on_path).expect(
+        "the player's tests need Chromium: apt-get install chromium, or name a browser in CHROMIUM",
+    )
+}
+
+/// Runs the browser until the page has loaded; returns the document.
+fn chromium(page: &Path, hash: &str, flags: &[&str], picture: &Path) -> String {
+    let profile = tempfile::tempdir().unwrap();
+    let output = Command::new(browser())
+        .args([
+            "--headless=new",
+            "--no-sandbox",
+            "--use-angle=swiftshader",
+            "--enable-unsafe-swiftshader",
+        ])
+        .args(["--hide-scrollbars", "--force-device-scale-factor=1", "--disable-dev-shm-usage"])
+        .args([
+            "--disable-extensions",
+            "--no-first-run",
+            "--disable-background-networking",
+            "--dump-dom",
+        ])
+        .args(flags)
+        .arg(format!("--user-data-dir={}", profile.path().display()))
+        .arg(format!("--window-size={},{}", SIZE.0, SIZE.1))
+        .arg(format!("--screenshot={}", picture.display()))
+        .arg(format!("file://{}#hold&{hash}", page.display()))
+        .stderr(Stdio::null())
+        .output()
+        .unwrap();
+    assert!(output.status.success(), "the browser ended with {}", output.status);
+    String::from_utf8_lossy(&output.stdout).into_owned()
+}
+
+/// What the page says went wrong.
+fn problem(document: &str) -> String {
+    between(document, "<p id=\"problem-text\">", "</p>").unwrap_or(document).to_owned()
+}
+
+fn between<'a>(text: &'a str, start: &str, end: &str) -> Option<&'a str> {
+    text.split_once(start)?.1.split_once(end).map(|(inner, _)| inner)
+}
+
+/// Columns `from..to` of both images: PSNR in dB and mean absolute difference.
+fn compare(found: &Image, expected: &Image, from: usize, to: usize) -> (f64, f64) {
+    let (mut squares, mut differences, mut count) = (0.0, 0.0, 0.0);
+    for y in 0..expected.height {
+        for x in from..to {
+            for (a, b) in found.pixel(x, y).iter().zip(expected.pixel(x, y)) {
+                let difference = f64::from(a - b.clamp(0.0, 1.0));
+                squares += difference * difference;
+                differences += difference.abs();
+                count += 1.0;
+            }
+        }
+    }
+    (-10.0 * (squares / count).log10(), differences / count)
+}
+
+fn assert_alike(what: &str, found: &Image, expected: &Image, columns: std::ops::Range<usize>) {
+    let (psnr, mean) = compare(found, expected, columns.start, columns.end);
+    eprintln!("{what}: {psnr:.1} dB, mean difference {mean:.5}");
+    assert!(
+        psnr > MIN_PSNR && mean < MAX_MEAN_DIFFERENCE,
+        "{what}: {psnr:.1} dB, mean difference {mean}"
+    );
+}
+
+fn assert_different(what: &str, found: &Image, expected: &Image, columns: std::ops::Range<usize>) {
+    let (psnr, _) = compare(found, expected, columns.start, columns.end);
+    assert!(psnr < CONTROL_PSNR, "{what}: {psnr:.1} dB, too alike for a test to tell");
+}
+
+#[test]
+fn the_page_shows_what_we_render_and_decodes_what_we_encoded() {
+    let fixture = Fixture::new();
+    let whole = 0..SIZE.0 as usize;
+    let render = |second: bool, frame: usize| {
+        let scene: &dyn DynamicScene = if second { &fixture.edited } else { &fixture.original };
+        fixture.render(scene, frame)
+    };
+    let (first_2, second_2) = (render(false, 2), render(true, 2));
+    let (first_6, second_6) = (render(false, 6), render(true, 6));
+
+    // Frame 2 of 0 to 8, all original, then all edited.
+    let (before, document) = fixture.open("paused&ui=0&t=0.25&wipe=1&report", &[]);
+    assert_alike("original at frame 2", &before, &first_2, whole.clone());
+    assert_different("un-wiped", &before, &second_2, whole.clone());
+    assert_different("wrong time", &before, &first_6, whole.clone());
+    check_report(&fixture, &document);
+    let (after, _) = fixture.open("paused&ui=0&t=0.25&wipe=0", &[]);
+    assert_alike("edited at frame 2", &after, &second_2, whole.clone());
+    assert_different("un-wiped", &after, &first_2, whole);
+
+    // Frame 6, divided at 45 %.
+    let (both, _) = fixture.open("paused&ui=0&t=0.75&wipe=0.45", &[]);
+    let split = (0.45 * f64::from(SIZE.0)).round() as usize;
+    assert_alike("original left of the divider", &both, &first_6, 0..split);
+    assert_alike("edited right of the divider", &both, &second_6, split..SIZE.0 as usize);
+    assert_different("wrong scene right", &both, &first_6, split..SIZE.0 as usize);
+    assert_different("wrong time right", &both, &second_2, split..SIZE.0 as usize);
+}
+
+/// The page's report: integers as fingerprints, the scene at the time as sums.
+fn check_report(fixture: &Fixture, document: &str) {
+    let report = between(document, "<pre id=\"report\" hidden=\"\">", "</pre>").expect("a report");
+    let report: serde_json::Value = serde_json::from_str(report).unwrap();
+    let payload = decode(&fixture.encoded.payload);
+    let entries = report["attributes"].as_array().unwrap();
+    assert_eq!(entries.len(), payload.attributes.len(), "attributes");
+    for entry in entries {
+        let name = entry["name"].as_str().unwrap();
+        let found = ["base", "frames", "values"].map(|key| entry[key].as_u64().unwrap());
+        let expected = payload.attributes[name].fingerprints().map(u64::from);
+        assert_eq!(found, expected, "{name}: the same integers in JavaScript and here");
+    }
+    assert_eq!(report["time"].as_f64(), Some(2.0), "frame");
+    let rows = payload.groups.iter().sum::<usize>();
+    let mut expected = 0.0;
+    for row in 0..rows {
+        let place = payload.attributes["position"].value(row, 2);
+        expected += (0..3).map(|k| place[k] + payload.origin[k]).sum::<f64>();
+        let q = payload.attributes["rotation"].value(row, 2);
+        let norm = q.iter().map(|v| v * v).sum::<f64>().sqrt();
+        expected += q.iter().map(|v| v / norm).sum::<f64>();
+        expected += payload.attributes["scale"].value(row, 2).iter().map(|v| v.exp()).sum::<f64>();
+    }
+    let found = report["sums"]["geometry"].as_f64().unwrap();
+    assert!(
+        (found - expected).abs() < 1e-6 * rows as f64,
+        "sum of the geometry: {found}, expected {expected}"
+    );
+}
+
+#[test]
+fn what_cannot_be_shown_is_said_in_words() {
+    let fixture = Fixture::new();
+    let (_, document) = fixture.open("paused", &["--disable-3d-apis"]);
+    let said = problem(&document);
+    assert!(said.contains("WebGL 2 is not available"), "said: {said}");
+    let path = fixture.folder.path().join("page.html");
+    let text = std::fs::read_to_string(&path).unwrap();
+    // One character of the payload.
+    let start = text.find("data-bytes=\"").unwrap() + 2000;
+    let other = if text.as_bytes()[start] == b'x' { "y" } else { "x" };
+    let mut damaged = text.clone();
+    damaged.replace_range(start..=start, other);
+    std::fs::write(&path, damaged).unwrap();
+    let (_, document) = fixture.open("paused", &[]);
+    let said = problem(&document);
+    assert!(said.contains("damaged"), "said: {said}");
+}

@@ -1,0 +1,103 @@
+//! Damaged scenes and options that make no sense.
+
+use crate::decoder::decode;
+use crate::still::{Frames, row_of};
+use gs_core::Camera;
+use gs_player::{Encoded, Options, Page, PlayerError, encode, page};
+
+fn encoded(scene: &Frames, times: &[f32]) -> Result<Encoded, PlayerError> {
+    encode(scene, None, times, &Options::default(), &mut |_, _| {})
+}
+
+#[test]
+fn nothing_to_play_is_an_error() {
+    let error = encoded(&Frames(vec![row_of(3)]), &[]).unwrap_err();
+    assert!(matches!(error, PlayerError::NoFrames), "{error}");
+    let error = encoded(&Frames(vec![row_of(0)]), &[0.0]).unwrap_err();
+    assert!(matches!(error, PlayerError::NothingVisible { rows: 0, .. }), "{error}");
+    let error = encoded(&Frames(vec![row_of(1)]), &vec![0.0; 70_000]).unwrap_err();
+    assert!(error.to_string().contains("70000 frames, expected at most 65535"), "{error}");
+}
+
+#[test]
+fn damaged_and_invisible_rows_are_left_out_and_counted() {
+    let mut frames = vec![row_of(9), row_of(9)];
+    frames[1].means[0][1] = f32::NAN;
+    frames[0].quats[1] = [0.0; 4];
+    frames[1].log_scales[2][2] = f32::INFINITY;
+    frames[0].sh[3][0] = f32::NEG_INFINITY;
+    frames[0].opacity_logits[4] = f32::NAN;
+    for frame in &mut frames {
+        frame.opacity_logits[5] = -40.0;
+    }
+    frames[1].means[6] = [1e30, 0.0, 0.0];
+    let encoded = encoded(&Frames(frames), &[0.0, 1.0]).unwrap();
+    assert_eq!((encoded.report.not_finite, encoded.report.invisible), (5, 1), "counted");
+    assert_eq!(encoded.report.first, 3, "the others are kept");
+    assert_eq!(decode(&encoded.payload).groups, [3, 0, 0, 0], "and written");
+}
+
+#[test]
+fn far_away_rows_are_moved_to_the_rim_and_counted() {
+    let mut splats = row_of(40);
+    splats.means[7] = [3e38, -3e38, 0.0];
+    let encoded = encoded(&Frames(vec![splats]), &[0.0]).unwrap();
+    assert_eq!(encoded.report.clamped, 1, "counted");
+    assert_eq!(decode(&encoded.payload).rows(false).len(), 40, "kept");
+}
+
+#[test]
+fn one_frame_and_one_place_are_scenes() {
+    let mut splats = row_of(4);
+    splats.means.fill([1.0, 2.0, 3.0]);
+    let encoded = encoded(&Frames(vec![splats]), &[0.0]).unwrap();
+    let payload = decode(&encoded.payload);
+    assert_eq!(payload.frames, 1, "a still");
+    assert_eq!(
+        payload.attributes["position"].value(0, 0),
+        [0.0; 3],
+        "at the origin of the payload"
+    );
+    assert_eq!(payload.origin, [1.0, 2.0, 3.0], "which is where they are");
+    assert_eq!(encoded.report.moving, 0, "nothing moves");
+}
+
+#[test]
+fn options_out_of_range_are_refused() {
+    let scene = Frames(vec![row_of(2)]);
+    let default = Options::default();
+    for (name, options) in [
+        ("sh_degree", Options { sh_degree: 4, ..default }),
+        ("position_steps", Options { position_steps: f64::NAN, ..default }),
+        ("rotation_step", Options { rotation_step: 0.0, ..default }),
+        ("scale_step", Options { scale_step: f64::INFINITY, ..default }),
+        ("tolerance", Options { tolerance: 0.2, ..default }),
+    ] {
+        let error = encode(&scene, None, &[0.0], &options, &mut |_, _| {}).unwrap_err().to_string();
+        assert!(error.contains(name), "names the option: {error}");
+    }
+}
+
+#[test]
+fn titles_cannot_break_the_page() {
+    let encoded = encoded(&Frames(vec![row_of(2)]), &[0.0]).unwrap();
+    let camera = Camera::look_at([0.0; 3], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0], 0.8, 64, 48);
+    let mut settings = Page {
+        title: "</title><script>alert(1)</script>{{payload}}",
+        names: ["</script><b>", "Edited"],
+        fps: 30.0,
+        camera: &camera,
+        target: [0.0, 0.0, 1.0],
+        up: [0.0, -1.0, 0.0],
+        background: [0.0; 3],
+        poster: None,
+    };
+    let text = page(&encoded, &settings).unwrap();
+    assert!(!text.contains("<script>alert") && !text.contains("</script><b>"), "escaped");
+    assert_eq!(text.matches("data-bytes=").count(), 1, "one block, not one more for the title");
+    for word in ["http://", "https://", "fetch(", "XMLHttpRequest", "@import", "url("] {
+        assert!(!text.contains(word), "nothing is ever loaded: {word}");
+    }
+    settings.fps = f64::NAN;
+    assert!(page(&encoded, &settings).unwrap_err().to_string().contains("fps"), "no frame rate");
+}

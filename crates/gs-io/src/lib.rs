@@ -1,7 +1,8 @@
 //! Gaussian-splat file formats in and out.
 //!
 //! Promises: still frames of every common format ([`frame`]: 3DGS PLY, compressed PLY, `.splat`, `.spz`, `.sog`), sequences of them
-//! ([`ply_sequence`]), 4DGaussians model folders ([`checkpoint4dgs`]), cameras and times of data sets ([`cameras`], [`cameras_json`]); [`detect()`] says what a path is. Readers survive any bytes:
+//! ([`ply_sequence`]), model folders of 4DGaussians ([`checkpoint4dgs`]) and Swift4D ([`swift4d`]), cameras and times of data
+//! sets ([`cameras`], [`cameras_json`]); [`detect()`] says what a path is. Readers survive any bytes:
 //! malformed input is an error that names the file, what was found and what to do, memory is bounded by a small multiple
 //! of the input, and nothing in a file is ever executed. Outputs are complete or absent ([`AtomicFile`], [`AtomicDir`]).
 //!
@@ -27,6 +28,7 @@ pub mod repair;
 pub mod sog;
 pub mod splat_file;
 pub mod spz;
+pub mod swift4d;
 mod zip;
 
 pub use atomic::{AtomicDir, AtomicFile, Existing, final_path, remove_unfinished};

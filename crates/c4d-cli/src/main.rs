@@ -11,6 +11,7 @@ mod failure;
 mod field;
 mod frames;
 mod images;
+mod model_flags;
 mod passes;
 mod renderer;
 mod rig;

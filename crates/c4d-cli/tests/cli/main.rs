@@ -6,3 +6,4 @@ mod bad_input;
 mod cameras;
 mod main_job;
 mod support;
+mod swift4d;

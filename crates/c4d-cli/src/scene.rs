@@ -42,8 +42,7 @@ pub(crate) struct Opened {
 }
 
 /// What a scene may be.
-const SCENES: &str =
-    "SCENE is a 4DGS or Swift4D model folder, numbered frames in a folder or zip archive, or a run folder.";
+const SCENES: &str = "SCENE is a 4DGS or Swift4D model folder, numbered frames in a folder or zip archive, or a run folder.";
 /// Share of the distance between unrelated rows above which the rows of a sequence do not persist.
 const MAX_DRIFT: f32 = 0.3;
 /// Captured scenes: y points down.
@@ -137,10 +136,8 @@ pub(crate) fn open_within(
             path.display()
         ))
         .next("Give the model that was trained on it as SCENE, and this with --cameras.")),
-        kind => {
-            Err(Failure::bad_input(format!("{} is not a scene ({kind})", path.display()))
-                .next(format!("`c4d info PATH` says what was found. {SCENES}")))
-        }
+        kind => Err(Failure::bad_input(format!("{} is not a scene ({kind})", path.display()))
+            .next(format!("`c4d info PATH` says what was found. {SCENES}"))),
     }
 }
 

@@ -7,7 +7,7 @@ use std::path::PathBuf;
 const AFTER_HELP: &str = "\
 Exit codes: 0 done, 1 failed, 2 usage, 3 bad input file, 4 no such GPU, 6 finished with warnings under --strict, 130 interrupted.
 
-SCENE is a 4DGaussians model folder, a folder of numbered PLYs with persistent rows, a .splatv file, or a RUN folder of `c4d propagate`.";
+SCENE is a model folder of 4DGaussians or Swift4D, a folder or zip archive of numbered PLYs with persistent rows, a .splatv file, or a RUN folder of `c4d propagate`.";
 
 /// Carry an edit of one frame of a dynamic Gaussian-splat scene through all of time.
 #[derive(Debug, Parser)]
@@ -48,11 +48,13 @@ pub(crate) struct Global {
     /// Damaged rows fail, and a finish with warnings exits with code 6
     #[arg(long, global = true)]
     pub(crate) strict: bool,
-    /// 4DGS: use this iteration instead of the newest
-    #[arg(long, global = true, value_name = "N", help_heading = "4DGS models")]
+    /// Use this iteration instead of the newest
+    #[arg(long, global = true, value_name = "N", help_heading = "Model folders")]
     pub(crate) iteration: Option<u64>,
-    /// 4DGS: override a flag of `cfg_args`, for example `no_dshs=true` (no_dx, no_ds, no_dr, no_do, no_dshs, apply_rotation, grid_pe)
-    #[arg(long = "set", global = true, value_name = "FLAG=VALUE", help_heading = "4DGS models")]
+    /// Override a flag of `cfg_args` or one that is in no file, for example `no_dshs=true`; 4DGS: no_dx, no_ds, no_dr, no_do, no_dshs,
+    /// apply_rotation, grid_pe; Swift4D: activation, index_rule, dynamic_thro, frames, time_divisor, n_levels, n_features_per_level,
+    /// hashmap_size, base_resolution
+    #[arg(long = "set", global = true, value_name = "FLAG=VALUE", help_heading = "Model folders")]
     pub(crate) set: Vec<String>,
 }
 

@@ -45,5 +45,8 @@ pub(crate) fn check(range: TimeRange, t: f32, flag: &str) -> Outcome {
         "{flag} {t} lies outside the scene's times, {} to {}",
         range.start, range.end
     ))
-    .next("Times are normalised: 0 is the first frame, 1 the last. Frame i of n is at i/(n−1)."))
+    .next(format!(
+        "Times are normalised: {} is the first frame, {} the last, the others are evenly spaced.",
+        range.start, range.end
+    )))
 }

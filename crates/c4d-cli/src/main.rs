@@ -12,6 +12,7 @@ mod field;
 mod frames;
 mod images;
 mod loops;
+mod model_flags;
 mod passes;
 mod renderer;
 mod rig;

@@ -1,15 +1,16 @@
-//! Opening SCENE: a 4DGS model folder, a PLY sequence, a `.splatv` file, or a run of ours.
+//! Opening SCENE: a model folder of 4DGS or Swift4D, a sequence of frames, a `.splatv` file, or a run of ours.
 
 use crate::args::Global;
 use crate::console::Console;
 use crate::failure::{Failure, Outcome, chain};
+use crate::field::Network;
+use crate::model_flags::overrides;
 use crate::run_folder;
 use gs_core::DynamicScene;
-use gs_deform::HexPlaneScene;
-use gs_io::checkpoint4dgs::{self, ModelScene, Overrides};
+use gs_io::checkpoint4dgs::{self, ModelReport, ModelScene};
 use gs_io::ply_sequence::{PlySequence, SequenceOptions};
 use gs_io::repair::Damage;
-use gs_io::{IoError, SceneKind};
+use gs_io::{IoError, SceneKind, swift4d};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -19,7 +20,7 @@ pub(crate) struct Opened {
     /// The scene itself.
     pub(crate) scene: Arc<dyn DynamicScene>,
     /// The scene's own deformation network with its canonical splats, where it has one.
-    pub(crate) network: Option<Arc<HexPlaneScene>>,
+    pub(crate) network: Option<Network>,
     /// What the path is.
     pub(crate) kind: SceneKind,
     /// As given.
@@ -41,8 +42,7 @@ pub(crate) struct Opened {
 }
 
 /// What a scene may be.
-const SCENES: &str =
-    "SCENE is a 4DGS model folder, numbered frames in a folder or zip archive, or a run folder.";
+const SCENES: &str = "SCENE is a 4DGS or Swift4D model folder, numbered frames in a folder or zip archive, or a run folder.";
 /// Share of the distance between unrelated rows above which the rows of a sequence do not persist.
 const MAX_DRIFT: f32 = 0.3;
 /// Captured scenes: y points down.
@@ -123,7 +123,9 @@ pub(crate) fn open_within(
         return Err(Failure::bad_input(format!("{} does not exist", path.display())).next(SCENES));
     }
     match gs_io::detect(path).map_err(|error| bad_input(&error))? {
-        SceneKind::Model4dgs => open_4dgs(path, global, console),
+        kind @ (SceneKind::Model4dgs | SceneKind::Swift4d) => {
+            open_model(path, kind, global, console)
+        }
         SceneKind::PlySequence => open_sequence(path, global, console),
         SceneKind::Splatv => open_splatv(path, global, console),
         SceneKind::RunFolder => run_folder::open(path, runs, global, console),
@@ -137,54 +139,22 @@ pub(crate) fn open_within(
             path.display()
         ))
         .next("Give the model that was trained on it as SCENE, and this with --cameras.")),
-        kind => {
-            let missing = match kind {
-                SceneKind::Swift4d => "a Swift4D model, which this version cannot read yet",
-                _ => "not a scene",
-            };
-            Err(Failure::bad_input(format!("{} is {missing} ({kind})", path.display()))
-                .next(format!("`c4d info PATH` says what was found. {SCENES}")))
-        }
+        kind => Err(Failure::bad_input(format!("{} is not a scene ({kind})", path.display()))
+            .next(format!("`c4d info PATH` says what was found. {SCENES}"))),
     }
 }
 
-/// `--set` and `--iteration` as overrides of a 4DGS model.
-pub(crate) fn overrides(global: &Global) -> Outcome<Overrides> {
-    let mut overrides =
-        Overrides { iteration: global.iteration, damage: damage(global), ..Overrides::default() };
-    for setting in &global.set {
-        let refuse = |what: &str| {
-            Failure::usage(format!("--set {setting}: {what}"))
-                .next("Flags: no_dx, no_ds, no_dr, no_do, no_dshs, apply_rotation (true or false) and grid_pe (a number).")
-        };
-        let (name, value) = setting.split_once('=').ok_or_else(|| refuse("expected FLAG=VALUE"))?;
-        if name == "grid_pe" {
-            overrides.grid_pe =
-                Some(value.parse().map_err(|_not_a_number| refuse("grid_pe is a number"))?);
-            continue;
-        }
-        let flag = match value {
-            "true" | "True" | "1" => true,
-            "false" | "False" | "0" => false,
-            _ => return Err(refuse("expected true or false")),
-        };
-        let slot = match name {
-            "no_dx" => &mut overrides.no_dx,
-            "no_ds" => &mut overrides.no_ds,
-            "no_dr" => &mut overrides.no_dr,
-            "no_do" => &mut overrides.no_do,
-            "no_dshs" => &mut overrides.no_dshs,
-            "apply_rotation" => &mut overrides.apply_rotation,
-            _ => return Err(refuse("no such flag")),
-        };
-        *slot = Some(flag);
-    }
-    Ok(overrides)
-}
-
-fn open_4dgs(path: &Path, global: &Global, console: &Console) -> Outcome<Opened> {
-    let model =
-        checkpoint4dgs::open(path, &overrides(global)?).map_err(|error| bad_input(&error))?;
+fn open_model(path: &Path, kind: SceneKind, global: &Global, console: &Console) -> Outcome<Opened> {
+    let overrides = overrides(global, &kind)?;
+    let swift4d = kind == SceneKind::Swift4d;
+    let read = if swift4d { swift4d::open } else { checkpoint4dgs::open };
+    let model = read(path, &overrides).map_err(|error| match &error {
+        // The file is there, so flags decide.
+        IoError::Content { path, .. } if path.is_file() => bad_input(&error).next(
+            "Flags are given as --set FLAG=VALUE, several by repeating it; c4d --help lists them.",
+        ),
+        _ => bad_input(&error),
+    })?;
     let report = &model.report;
     for warning in &report.warnings {
         console.warn(format!("{}: {warning}", path.display()));
@@ -192,6 +162,47 @@ fn open_4dgs(path: &Path, global: &Global, console: &Console) -> Outcome<Opened>
     for hint in &report.untrained_heads {
         console.detail(format!("hint: {hint}"));
     }
+    let synthetic = !swift4d && report.channels == DNERF_CHANNELS;
+    let background = match report.white_background {
+        Some(true) => [1.0; 3],
+        // Every published Swift4D model was trained on white.
+        None if swift4d => [1.0; 3],
+        _ => [0.0; 3],
+    };
+    let folder = report.ply.parent().unwrap_or(path);
+    let field = folder.join(if swift4d { "FDHash.pth" } else { "deformation.pth" });
+    let files = [report.ply.clone(), field, path.join("cfg_args")]
+        .into_iter()
+        .filter(|file| file.is_file())
+        .collect();
+    let facts = model_facts(report);
+    let (scene, network): (Arc<dyn DynamicScene>, _) = match model.scene {
+        ModelScene::Deformed(scene) => {
+            let scene = Arc::from(scene);
+            (Arc::clone(&scene) as _, Some(Network::HexPlane(scene)))
+        }
+        ModelScene::HashGrid(scene) => {
+            let scene = Arc::from(scene);
+            (Arc::clone(&scene) as _, Some(Network::HashGrid(scene)))
+        }
+        ModelScene::Static(scene) => (Arc::new(scene), None),
+    };
+    Ok(Opened {
+        edit_time: scene.time_range().start,
+        scene,
+        network,
+        kind,
+        path: path.to_owned(),
+        roots: vec![path.to_owned()],
+        original: None,
+        up: if synthetic { UP_SYNTHETIC } else { UP_CAPTURED },
+        background,
+        facts,
+        files,
+    })
+}
+
+fn model_facts(report: &ModelReport) -> Vec<(&'static str, String)> {
     let mut facts = vec![
         ("iteration", report.iteration.to_string()),
         ("stage", format!("{:?}", report.stage).to_lowercase()),
@@ -206,39 +217,19 @@ fn open_4dgs(path: &Path, global: &Global, console: &Console) -> Outcome<Opened>
             ),
         ));
     }
+    if let Some(split) = report.split {
+        facts.push((
+            "dynamic",
+            format!(
+                "{} of {} splats, {} of them in the field's box; the others never move",
+                split.num_dynamic, report.num_splats, split.num_moving
+            ),
+        ));
+    }
     for flag in &report.flags {
         facts.push(("flag", format!("{} = {} ({:?})", flag.name, flag.value, flag.origin)));
     }
-    let synthetic = report.channels == DNERF_CHANNELS;
-    let background = match report.white_background {
-        Some(true) => [1.0; 3],
-        _ => [0.0; 3],
-    };
-    let folder = report.ply.parent().unwrap_or(path);
-    let files = [report.ply.clone(), folder.join("deformation.pth"), path.join("cfg_args")]
-        .into_iter()
-        .filter(|file| file.is_file())
-        .collect();
-    let (scene, network): (Arc<dyn DynamicScene>, _) = match model.scene {
-        ModelScene::Deformed(scene) => {
-            let scene: Arc<HexPlaneScene> = Arc::from(scene);
-            (scene.clone(), Some(scene))
-        }
-        ModelScene::Static(scene) => (Arc::new(scene), None),
-    };
-    Ok(Opened {
-        edit_time: scene.time_range().start,
-        scene,
-        network,
-        kind: SceneKind::Model4dgs,
-        path: path.to_owned(),
-        roots: vec![path.to_owned()],
-        original: None,
-        up: if synthetic { UP_SYNTHETIC } else { UP_CAPTURED },
-        background,
-        facts,
-        files,
-    })
+    facts
 }
 
 fn open_sequence(path: &Path, global: &Global, console: &Console) -> Outcome<Opened> {

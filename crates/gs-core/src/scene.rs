@@ -4,7 +4,7 @@ use crate::{Splats, SplatsError};
 use std::fmt::Debug;
 use thiserror::Error;
 
-/// Closed interval of scene times (network time, dimensionless; 0 to 1 for every scene the importers make).
+/// Closed interval of scene times (network time, dimensionless; 0 to 1, or to the last trained frame where a format says so).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct TimeRange {
     /// First time.

@@ -1,8 +1,9 @@
 //! Deformation fields of dynamic Gaussian splats, evaluated at any time for all Gaussians at once.
 //!
 //! Promises: [`HexPlaneScene`] gives the numbers of the 4DGaussians reference implementation within single-precision
-//! rounding, for every combination of flags that implementation can evaluate; [`Trajectories`] interpolates tabulated
-//! frames and is exact at them; [`PolynomialScene`] moves every splat along its own cubic; [`StaticScene`] never moves. All are [`gs_core::DynamicScene`]s, run on all cores, and
+//! rounding, for every combination of flags that implementation can evaluate; [`HashGridScene`] evaluates Swift4D models in
+//! single precision; [`Trajectories`] interpolates tabulated frames and is exact at them; [`PolynomialScene`] moves every splat
+//! along its own cubic; [`StaticScene`] never moves. All are [`gs_core::DynamicScene`]s, run on all cores, and
 //! give the same bits whatever the number of threads (not whatever the processor: vector width changes rounding).
 //!
 //! Deliberately absent: files (see `gs-io`), GPU, training.
@@ -18,6 +19,7 @@
 mod error;
 mod evaluate;
 pub mod frames;
+mod hash_grid;
 mod hexplane;
 mod linear;
 mod mask;
@@ -30,6 +32,9 @@ mod trace;
 mod trajectories;
 
 pub use error::FieldError;
+pub use hash_grid::{
+    FieldBox, GridShape, HashGrid, HashGridField, HashGridNetwork, HashGridScene, IndexRule, Level,
+};
 pub use hexplane::{HexPlane, PLANE_AXES, Plane};
 pub use linear::Linear;
 pub use mask::{EmptyVoxel, Mask};

@@ -11,9 +11,9 @@ use pulp::{Arch, Simd, WithSimd};
 pub struct Trace {
     /// Box coordinates and time, `[P,4]`.
     pub coords: Vec<[f32; 4]>,
-    /// Products over the planes, levels concatenated, before any encoding: `[P, L·C]`.
+    /// Products over the planes (HexPlane) or table features (hash grid), levels concatenated: `[P, L·C]`.
     pub features: Vec<f32>,
-    /// Trunk output before the ReLU of the heads: `[P, W]`.
+    /// Trunk output, `[P, W]`: for HexPlane before the ReLU of the heads, for hash grids what the heads take.
     pub hidden: Vec<f32>,
     /// Mask per point, if the field has one: `[P]`.
     pub mask: Option<Vec<f32>>,

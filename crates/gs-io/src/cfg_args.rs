@@ -56,6 +56,16 @@ impl Value {
         }
     }
 
+    /// As a number.
+    pub fn as_f64(&self) -> Option<f64> {
+        match self {
+            #[expect(clippy::cast_precision_loss, reason = "options are small numbers")]
+            Self::Int(value) => Some(*value as f64),
+            Self::Float(value) => Some(*value),
+            _ => None,
+        }
+    }
+
     /// As text.
     pub fn as_str(&self) -> Option<&str> {
         match self {
@@ -308,6 +318,7 @@ mod tests {
         assert_eq!(get("b").as_str(), Some("it's"), "double quotes");
         assert_eq!(get("c"), &Value::Int(-1), "negative");
         assert_eq!(get("d"), &Value::Float(1.6e-6), "exponent");
+        assert_eq!((get("c").as_f64(), get("d").as_f64()), (Some(-1.0), Some(1.6e-6)), "numbers");
         assert_eq!(get("e").as_bool(), Some(true), "bool");
         assert_eq!(get("i").as_str(), Some("C:\\newA"), "escapes");
         let resolution = get("h").get("k").and_then(|k| k.get("r"));

@@ -9,6 +9,7 @@ use crate::ply::{self, PlyError};
 use crate::ply_sequence::{PlySequence, SequenceOptions, find_frames};
 use crate::repair::{self, Damage};
 use crate::splatv;
+use crate::swift4d;
 use gs_core::DynamicScene;
 use gs_deform::StaticScene;
 use std::fmt::{self, Display};
@@ -109,7 +110,7 @@ fn detect_folder(path: &Path) -> Result<SceneKind, IoError> {
     if has("c4d.toml") || has("scene.c4d") {
         return Ok(SceneKind::RunFolder);
     }
-    if checkpoint4dgs::has_in_iterations(path, "FDHash.pth") {
+    if swift4d::looks_like_model(path) {
         return Ok(SceneKind::Swift4d);
     }
     if checkpoint4dgs::looks_like_model(path) {
@@ -196,9 +197,9 @@ fn archive_names(path: &Path) -> Result<Vec<String>, String> {
 }
 
 /// How to open a scene of any kind.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct OpenOptions {
-    /// For 4DGaussians models.
+    /// For models of 4DGaussians and Swift4D.
     pub overrides: Overrides,
     /// For every kind.
     pub damage: Damage,
@@ -217,7 +218,7 @@ pub struct Opened {
     pub warnings: Vec<String>,
 }
 
-/// Opens a 4DGaussians model, a sequence of frames, a `.splatv` file, or a single frame of any format (which never moves).
+/// Opens a model of 4DGaussians or Swift4D, a sequence of frames, a `.splatv` file, or a single frame of any format (which never moves).
 ///
 /// # Errors
 /// If the path is something else, or as the readers of its kind.
@@ -237,9 +238,13 @@ pub fn open_scene(path: impl AsRef<Path>, options: &OpenOptions) -> Result<Opene
     };
     let mut report = None;
     let scene: Box<dyn DynamicScene> = match kind {
-        SceneKind::Model4dgs => {
+        SceneKind::Model4dgs | SceneKind::Swift4d => {
             let overrides = Overrides { damage: options.damage, ..options.overrides };
-            let model = checkpoint4dgs::open(path, &overrides)?;
+            let model = if kind == SceneKind::Swift4d {
+                swift4d::open(path, &overrides)?
+            } else {
+                checkpoint4dgs::open(path, &overrides)?
+            };
             warnings.clone_from(&model.report.warnings);
             report = Some(model.report);
             Box::new(model.scene)
@@ -280,14 +285,11 @@ pub fn open_scene(path: impl AsRef<Path>, options: &OpenOptions) -> Result<Opene
                 .map_err(|error| IoError::content(path, error.to_string()))?;
             Box::new(scene)
         }
-        SceneKind::Swift4d => {
-            return Err(IoError::content(path, "is a Swift4D model, which is not supported yet"));
-        }
         SceneKind::RunFolder | SceneKind::Cameras(_) | SceneKind::Unknown { .. } => {
             return Err(IoError::content(
                 path,
                 format!(
-                    "is not a scene ({kind}); expected a 4DGaussians model folder, numbered frames in a folder or zip archive, or one frame (PLY, .splat, .spz, .sog)"
+                    "is not a scene ({kind}); expected a model folder of 4DGaussians or Swift4D, numbered frames in a folder or zip archive, or one frame (PLY, .splat, .spz, .sog)"
                 ),
             ));
         }

@@ -1,7 +1,7 @@
 //! Gaussian-splat file formats in and out.
 //!
 //! Promises: still frames of every common format ([`frame`]: 3DGS PLY, compressed PLY, `.splat`, `.spz`, `.sog`), sequences of them
-//! ([`ply_sequence`]), 4DGaussians model folders ([`checkpoint4dgs`]), `.splatv` in and out ([`splatv`]), clips out as `.splat4d`
+//! ([`ply_sequence`]), model folders of 4DGaussians ([`checkpoint4dgs`]) and Swift4D ([`swift4d`]), `.splatv` in and out ([`splatv`]), clips out as `.splat4d`
 //! ([`splat4d`]) and OpenUSD ([`usda`]), each with what it does not keep ([`Losses`]), cameras and times of data sets ([`cameras`], [`cameras_json`]);
 //! [`detect()`] says what a path is. Readers survive any bytes:
 //! malformed input is an error that names the file, what was found and what to do, memory is bounded by a small multiple
@@ -32,6 +32,7 @@ pub mod splat4d;
 pub mod splat_file;
 pub mod splatv;
 pub mod spz;
+pub mod swift4d;
 pub mod usda;
 mod zip;
 

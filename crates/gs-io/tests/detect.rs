@@ -54,7 +54,13 @@ fn kinds_are_told_apart() {
     fs::create_dir_all(path("swift/point_cloud/iteration_13000")).unwrap();
     fs::write(path("swift/point_cloud/iteration_13000/FDHash.pth"), b"").unwrap();
     assert_eq!(detect(path("swift")).unwrap(), SceneKind::Swift4d, "Swift4D");
-    assert!(open_scene(path("swift"), &OpenOptions::default()).is_err(), "not yet");
+    let error = open_scene(path("swift"), &OpenOptions::default()).unwrap_err().to_string();
+    assert!(error.contains("point_cloud.ply"), "says what is missing: {error}");
+    let model = fixture("swift4d/model");
+    assert_eq!(detect(&model).unwrap(), SceneKind::Swift4d, "Swift4D");
+    let opened = open_scene(&model, &OpenOptions::default()).unwrap();
+    assert_eq!((opened.scene.num_splats(), opened.scene.num_frames()), (3000, Some(300)), "opens");
+    assert!(opened.scene.dynamic_mask().is_some(), "with its split");
     fs::create_dir(path("run")).unwrap();
     fs::write(path("run/c4d.toml"), b"").unwrap();
     assert_eq!(detect(path("run")).unwrap(), SceneKind::RunFolder, "run folder");

@@ -79,6 +79,12 @@ impl Golden {
         view.data().as_chunks::<4>().0.iter().map(|bytes| i32::from_le_bytes(*bytes)).collect()
     }
 
+    /// An I64 tensor, row-major.
+    pub fn i64s(&self, tensor: &str) -> Vec<i64> {
+        let view = self.typed(tensor, Dtype::I64);
+        view.data().as_chunks::<8>().0.iter().map(|bytes| i64::from_le_bytes(*bytes)).collect()
+    }
+
     /// A U8 tensor, row-major.
     pub fn u8s(&self, tensor: &str) -> Vec<u8> {
         self.typed(tensor, Dtype::U8).data().to_vec()

@@ -26,6 +26,7 @@ pub(crate) fn run(args: &InfoArgs, global: &Global, console: &Console) -> Outcom
     let report = match kind {
         ref kind if kind.is_frame() => frame(path, kind)?,
         SceneKind::Model4dgs
+        | SceneKind::Swift4d
         | SceneKind::PlySequence
         | SceneKind::Splatv
         | SceneKind::RunFolder => dynamic(&scene::open(path, global, console)?)?,
@@ -42,7 +43,7 @@ pub(crate) fn run(args: &InfoArgs, global: &Global, console: &Console) -> Outcom
         SceneKind::Unknown { .. } if is_json(path) => camera_set(path)?,
         other => {
             return Err(Failure::bad_input(format!("{}: {other}", path.display())).next(
-                "c4d reads 4DGS model folders (point_cloud/iteration_N with point_cloud.ply and deformation.pth), numbered frames in a folder or zip archive, single frames (PLY, compressed PLY, .splat, .spz, .sog), its own runs, and cameras of data sets.",
+                "c4d reads 4DGS model folders (point_cloud/iteration_N with point_cloud.ply and deformation.pth), Swift4D model folders (the same with FDHash.pth), numbered frames in a folder or zip archive, single frames (PLY, compressed PLY, .splat, .spz, .sog), its own runs, and cameras of data sets.",
             ));
         }
     };
@@ -235,6 +236,9 @@ fn dynamic(opened: &Opened) -> Outcome<Report> {
     }
     let range = opened.scene.time_range();
     report.add("times", json!([range.start, range.end]));
+    if let Some(frames) = opened.scene.num_frames().filter(|_| opened.kind == SceneKind::Swift4d) {
+        report.add("frames", json!(frames));
+    }
     let splats = opened.scene.at(range.start).map_err(Failure::bad_input)?;
     describe(&mut report, &splats);
     report.add("up", json!(opened.up));

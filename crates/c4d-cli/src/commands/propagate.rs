@@ -158,7 +158,7 @@ fn options(args: &PropagateArgs, source: &Opened) -> Outcome<MotionOptions> {
                     source.path.display(),
                     source.kind
                 ))
-                .next("This baseline needs a 4DGS model; --baseline knn works on every scene.")
+                .next("This baseline needs a 4DGS or Swift4D model; --baseline knn works on every scene.")
             })?;
             MotionOptions::field(Arc::new(NetworkField(network)))
         }
@@ -269,7 +269,7 @@ fn refuse_other_scene(args: &PropagateArgs, source: &Splats, edited: &Splats) ->
     .next("Edit the PLY that c4d freeze writes, in the same coordinates; --allow-far goes on regardless."))
 }
 
-/// The PLY inside a 4DGS model is canonical, not a frame: an edit of it would move twice.
+/// The PLY inside a model folder is canonical, not a frame: an edit of it would move twice.
 fn refuse_canonical(
     args: &PropagateArgs,
     identity: &IdentityParams,
@@ -278,13 +278,24 @@ fn refuse_canonical(
     edited: &Splats,
 ) -> Outcome {
     let Some(network) = &source.network else { return Ok(()) };
-    let share = |cloud: &Splats| -> Outcome<f64> {
-        let params = IdentityParams { enabled: true, ..identity.clone() };
+    let canonical = network.canonical();
+    // Splats that the network leaves alone are the same in both and tell nothing.
+    let (still, moved): (Vec<usize>, Vec<usize>) =
+        (0..frame.len()).partition(|&row| canonical.means[row] == frame.means[row]);
+    let params = IdentityParams { enabled: true, ..identity.clone() };
+    let found = |cloud: &Splats| -> Outcome<usize> {
         let map = IdentityMap::of(cloud, edited, &params)
             .map_err(|error| Failure::bad_input(chain(&error)))?;
-        Ok((map.unchanged + map.recoloured) as f64 / edited.len().max(1) as f64)
+        Ok(map.unchanged + map.recoloured)
     };
-    if share(network.canonical())? < CANONICAL_SHARE || share(frame)? >= CANONICAL_SHARE {
+    let of_still = if still.is_empty() { 0 } else { found(&frame.select(&still))? };
+    let open = edited.len().saturating_sub(of_still);
+    if moved.is_empty() || open == 0 {
+        return Ok(());
+    }
+    let share =
+        |cloud: &Splats| -> Outcome<f64> { Ok(found(&cloud.select(&moved))? as f64 / open as f64) };
+    if share(canonical)? < CANONICAL_SHARE || share(frame)? >= CANONICAL_SHARE {
         return Ok(());
     }
     Err(Failure::bad_input(format!(

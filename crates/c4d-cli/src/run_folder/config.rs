@@ -29,9 +29,9 @@ pub(crate) struct RunConfig {
     pub(crate) motion: String,
     /// Seed of everything random.
     pub(crate) seed: u64,
-    /// 4DGS: iteration asked for.
+    /// Model folders: iteration asked for.
     pub(crate) iteration: Option<u64>,
-    /// 4DGS: flags overridden.
+    /// Model folders: flags overridden.
     pub(crate) set: Vec<String>,
     /// Rule for positions of blended rows.
     pub(crate) position: String,

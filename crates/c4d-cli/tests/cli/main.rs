@@ -9,3 +9,4 @@ mod formats;
 mod html;
 mod main_job;
 mod support;
+mod swift4d;

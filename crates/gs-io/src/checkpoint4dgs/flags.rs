@@ -4,9 +4,10 @@ use super::ModelReport;
 use super::network::Shape;
 use crate::cfg_args::{CfgArgs, Value};
 use crate::repair::Damage;
+use crate::swift4d::Swift4dOverrides;
 
 /// What a user may decide instead of the files.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Overrides {
     /// Which saved iteration; the newest when `None`.
     pub iteration: Option<u64>,
@@ -26,6 +27,8 @@ pub struct Overrides {
     pub grid_pe: Option<u32>,
     /// What to do with damaged rows of the PLY.
     pub damage: Damage,
+    /// For Swift4D models, which have flags of their own.
+    pub swift4d: Swift4dOverrides,
 }
 
 /// Where the value of a flag comes from.

@@ -6,15 +6,15 @@ use std::path::{Path, PathBuf};
 
 /// A saved iteration.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub(super) struct Iteration {
+pub(crate) struct Iteration {
     /// The model folder, where `cfg_args` lies.
-    pub(super) model: PathBuf,
+    pub(crate) model: PathBuf,
     /// The folder of the iteration.
-    pub(super) dir: PathBuf,
-    pub(super) number: u64,
-    pub(super) stage: Stage,
+    pub(crate) dir: PathBuf,
+    pub(crate) number: u64,
+    pub(crate) stage: Stage,
     /// Newer iterations that hold no PLY.
-    pub(super) passed_over: Vec<String>,
+    pub(crate) passed_over: Vec<String>,
 }
 
 /// `iteration_<n>` or `coarse_iteration_<n>`, digits only.
@@ -30,7 +30,7 @@ pub(super) fn parse_name(name: &str) -> Option<(Stage, u64)> {
 
 /// The newest iteration of the fine stage in numeric order, or the one asked for; saves of the coarse stage only when there is
 /// nothing else.
-pub(super) fn find(dir: &Path, wanted: Option<u64>) -> Result<Iteration, IoError> {
+pub(crate) fn find(dir: &Path, wanted: Option<u64>) -> Result<Iteration, IoError> {
     if let Some(iteration) = as_iteration(dir) {
         return Ok(iteration);
     }
@@ -38,7 +38,7 @@ pub(super) fn find(dir: &Path, wanted: Option<u64>) -> Result<Iteration, IoError
     if !saves.is_dir() {
         return Err(IoError::content(
             &saves,
-            "is missing; expected a 4DGaussians model folder with point_cloud/iteration_<n>/ inside",
+            "is missing; expected a model folder of 4DGaussians or Swift4D with point_cloud/iteration_<n>/ inside",
         ));
     }
     let named = list_names(&saves)?;

@@ -10,18 +10,17 @@ mod report;
 mod write;
 
 pub use flags::{FlagReport, Origin, Overrides};
-pub use report::{ModelReport, Stage};
+pub use report::{ModelReport, Split, Stage};
 pub use write::write;
 
-pub(crate) use folder::{has_in_iterations, looks_like_model};
+pub(crate) use folder::{Iteration, find, has_in_iterations, looks_like_model};
 
 use crate::cfg_args::{self, CfgArgs};
 use crate::error::{IoError, read_bytes};
 use crate::repair::{self, Sanitized};
 use crate::{ply, pth};
-use folder::Iteration;
 use gs_core::{DynamicScene, SceneError, Splats, TimeRange};
-use gs_deform::{HexPlaneField, HexPlaneScene, StaticScene};
+use gs_deform::{HashGridScene, HexPlaneField, HexPlaneScene, StaticScene};
 use std::path::Path;
 
 /// The scene of a model folder.
@@ -29,6 +28,8 @@ use std::path::Path;
 pub enum ModelScene {
     /// With its deformation network.
     Deformed(Box<HexPlaneScene>),
+    /// With its hash grid, which moves a part of the splats: a Swift4D model.
+    HashGrid(Box<HashGridScene>),
     /// Saved in the coarse stage, before any deformation.
     Static(StaticScene),
 }
@@ -38,6 +39,7 @@ impl ModelScene {
     pub fn as_dyn(&self) -> &dyn DynamicScene {
         match self {
             Self::Deformed(scene) => &**scene,
+            Self::HashGrid(scene) => &**scene,
             Self::Static(scene) => scene,
         }
     }
@@ -46,6 +48,7 @@ impl ModelScene {
     pub fn canonical(&self) -> &Splats {
         match self {
             Self::Deformed(scene) => scene.canonical(),
+            Self::HashGrid(scene) => scene.canonical(),
             Self::Static(scene) => scene.splats(),
         }
     }
@@ -64,6 +67,10 @@ impl DynamicScene for ModelScene {
         self.as_dyn().time_range()
     }
 
+    fn num_frames(&self) -> Option<usize> {
+        self.as_dyn().num_frames()
+    }
+
     fn at_into(&self, t: f32, out: &mut Splats) -> Result<(), SceneError> {
         self.as_dyn().at_into(t, out)
     }
@@ -71,12 +78,16 @@ impl DynamicScene for ModelScene {
     fn geometry_into(&self, t: f32, out: &mut Splats) -> Result<(), SceneError> {
         self.as_dyn().geometry_into(t, out)
     }
+
+    fn dynamic_mask(&self) -> Option<&[bool]> {
+        self.as_dyn().dynamic_mask()
+    }
 }
 
 /// A model folder, read.
 #[derive(Debug)]
 pub struct Model {
-    /// The scene, times 0 to 1.
+    /// The scene, at times from 0.
     pub scene: ModelScene,
     /// What was found and decided.
     pub report: ModelReport,
@@ -88,31 +99,9 @@ pub struct Model {
 /// If files are missing or malformed, or the network is one that the reference implementation cannot evaluate either. Every
 /// error names the file.
 pub fn open(dir: impl AsRef<Path>, overrides: &Overrides) -> Result<Model, IoError> {
-    let iteration = folder::find(dir.as_ref(), overrides.iteration)?;
-    let ply_path = iteration.dir.join("point_cloud.ply");
-    let sanitized = repair::sanitize(ply::read_file(&ply_path)?.splats, overrides.damage)
-        .map_err(|source| IoError::Damaged { path: ply_path.clone(), source })?;
-    let mut report = ModelReport::new(&iteration, ply_path, &sanitized);
-    for name in &iteration.passed_over {
-        report.warnings.push(format!(
-            "{name} is newer but holds no point_cloud.ply: iteration {} is used instead",
-            iteration.number
-        ));
-    }
-    let cfg = read_cfg(&iteration, &mut report)?;
-    report.white_background =
-        cfg.as_ref().and_then(|cfg| cfg.get("white_background")).and_then(cfg_args::Value::as_bool);
-    let Sanitized { splats, .. } = sanitized;
+    let Begun { iteration, splats, mut report, cfg } = begin(dir.as_ref(), overrides)?;
     let scene = match iteration.stage {
-        Stage::Coarse => {
-            report.warnings.push(
-                "the folder holds only saves of the coarse stage: nothing moves in this model"
-                    .to_owned(),
-            );
-            let scene = StaticScene::new(splats)
-                .map_err(|error| IoError::content(&iteration.dir, error.to_string()))?;
-            ModelScene::Static(scene)
-        }
+        Stage::Coarse => never_moving(&iteration, splats, &mut report)?,
         Stage::Fine => {
             let (field, has_sh_head) =
                 read_field(&iteration, cfg.as_ref(), overrides, &mut report)?;
@@ -138,6 +127,50 @@ pub fn open(dir: impl AsRef<Path>, overrides: &Overrides) -> Result<Model, IoErr
     Ok(Model { scene, report })
 }
 
+/// What every kind of model folder begins with.
+#[derive(Debug)]
+pub(crate) struct Begun {
+    pub(crate) iteration: Iteration,
+    /// Undamaged splats of the PLY.
+    pub(crate) splats: Splats,
+    pub(crate) report: ModelReport,
+    pub(crate) cfg: Option<CfgArgs>,
+}
+
+/// Finds the iteration and reads its PLY and the flags of the training run.
+pub(crate) fn begin(dir: &Path, overrides: &Overrides) -> Result<Begun, IoError> {
+    let iteration = folder::find(dir, overrides.iteration)?;
+    let ply_path = iteration.dir.join("point_cloud.ply");
+    let sanitized = repair::sanitize(ply::read_file(&ply_path)?.splats, overrides.damage)
+        .map_err(|source| IoError::Damaged { path: ply_path.clone(), source })?;
+    let mut report = ModelReport::new(&iteration, ply_path, &sanitized);
+    for name in &iteration.passed_over {
+        report.warnings.push(format!(
+            "{name} is newer but holds no point_cloud.ply: iteration {} is used instead",
+            iteration.number
+        ));
+    }
+    let cfg = read_cfg(&iteration, &mut report)?;
+    report.white_background =
+        cfg.as_ref().and_then(|cfg| cfg.get("white_background")).and_then(cfg_args::Value::as_bool);
+    let Sanitized { splats, .. } = sanitized;
+    Ok(Begun { iteration, splats, report, cfg })
+}
+
+/// The scene of a save from before the deformation was trained.
+pub(crate) fn never_moving(
+    iteration: &Iteration,
+    splats: Splats,
+    report: &mut ModelReport,
+) -> Result<ModelScene, IoError> {
+    report.warnings.push(
+        "the folder holds only saves of the coarse stage: nothing moves in this model".to_owned(),
+    );
+    let scene = StaticScene::new(splats)
+        .map_err(|error| IoError::content(&iteration.dir, error.to_string()))?;
+    Ok(ModelScene::Static(scene))
+}
+
 fn read_cfg(iteration: &Iteration, report: &mut ModelReport) -> Result<Option<CfgArgs>, IoError> {
     let path = iteration.model.join("cfg_args");
     if !path.is_file() {
@@ -145,7 +178,7 @@ fn read_cfg(iteration: &Iteration, report: &mut ModelReport) -> Result<Option<Cf
             return Ok(None); // There is no network to guess the flags of.
         }
         report.warnings.push(format!(
-            "{} is missing: flags of the training run are guessed from the shape of the network; override them if the motion looks wrong",
+            "{} is missing: flags of the training run are guessed from the network; override them if the motion looks wrong",
             path.display()
         ));
         return Ok(None);

@@ -16,6 +16,15 @@ pub enum Stage {
     Fine,
 }
 
+/// The static and dynamic parts of a Swift4D model.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Split {
+    /// Splats declared dynamic.
+    pub num_dynamic: usize,
+    /// Of these, how many lie in the field's box: only they move.
+    pub num_moving: usize,
+}
+
 /// What a model folder holds, and where every decision comes from.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ModelReport {
@@ -35,7 +44,7 @@ pub struct ModelReport {
     pub kept_rows: Option<Vec<usize>>,
     /// Width `W` of the network; 0 without one.
     pub width: usize,
-    /// Plane channels `C`.
+    /// Plane channels `C`; features per level of a hash grid.
     pub channels: usize,
     /// Resolution levels `L`.
     pub levels: usize,
@@ -45,6 +54,8 @@ pub struct ModelReport {
     pub heads: Vec<&'static str>,
     /// Which mask multiplies the stored parameters.
     pub mask: &'static str,
+    /// What the model itself declares dynamic, if it does.
+    pub split: Option<Split>,
     /// Flags of the training run.
     pub flags: Vec<FlagReport>,
     /// Background of the training images, if `cfg_args` says so (the reference's default is white).
@@ -56,7 +67,7 @@ pub struct ModelReport {
 }
 
 impl ModelReport {
-    pub(super) fn new(iteration: &Iteration, ply: PathBuf, sanitized: &Sanitized) -> Self {
+    pub(crate) fn new(iteration: &Iteration, ply: PathBuf, sanitized: &Sanitized) -> Self {
         let mut warnings = Vec::new();
         if sanitized.report.damaged() > 0 {
             let action = if sanitized.kept.is_some() { "dropped" } else { "kept" };
@@ -83,6 +94,7 @@ impl ModelReport {
             depth: 0,
             heads: Vec::new(),
             mask: "none",
+            split: None,
             flags: Vec::new(),
             white_background: None,
             untrained_heads: Vec::new(),

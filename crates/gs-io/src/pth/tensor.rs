@@ -133,10 +133,38 @@ impl<'a> Tensor<'a> {
         &self.shape
     }
 
+    /// Number of elements.
+    pub fn len(&self) -> usize {
+        self.shape.iter().product()
+    }
+
+    /// Whether there are none.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// Whether elements lie in the file in the order of their indices.
+    fn is_contiguous(&self) -> bool {
+        let mut expected = 1;
+        self.shape.iter().zip(&self.strides).rev().all(|(&length, &stride)| {
+            let fits = length == 1 || stride == expected;
+            expected *= length;
+            fits
+        })
+    }
+
     /// All elements as `f32`, row-major (last axis fastest); doubles and integers are rounded, booleans are 0 or 1.
     pub fn to_f32s(&self) -> Vec<f32> {
-        let count: usize = self.shape.iter().product();
+        let count = self.len();
         let size = self.dtype.size();
+        if self.is_contiguous() {
+            let elements = self.bytes[..count * size].chunks_exact(size);
+            #[expect(
+                clippy::cast_possible_truncation,
+                reason = "rounding to single is asked for"
+            )]
+            return elements.map(|raw| self.dtype.read(raw) as f32).collect();
+        }
         let mut out = Vec::with_capacity(count);
         let mut index = vec![0; self.shape.len()];
         for _ in 0..count {

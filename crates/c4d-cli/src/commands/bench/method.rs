@@ -1,7 +1,7 @@
 //! What is compared.
 
 use crate::failure::{Failure, Outcome};
-use crate::field::NetworkField;
+use crate::field::{Network, NetworkField};
 use amg::{Aggregation, Binding, EditedScene, MotionOptions, Preset, RowKind};
 use gs_core::DynamicScene;
 use gs_deform::HexPlaneScene;
@@ -69,7 +69,7 @@ impl Method {
         let (source, mut options): (Arc<dyn DynamicScene>, _) = match self {
             Self::Network => {
                 let network = trained()?;
-                let field = Arc::new(NetworkField(Arc::clone(&network)));
+                let field = Arc::new(NetworkField(Network::HexPlane(Arc::clone(&network))));
                 (network, MotionOptions::field(field))
             }
             Self::Knn => (plain(), MotionOptions::preset(Preset::Knn)),

@@ -1,0 +1,92 @@
+//! `--set` and `--iteration` as overrides of a model folder.
+
+use crate::args::Global;
+use crate::failure::{Failure, Outcome};
+use crate::scene::damage;
+use gs_deform::IndexRule;
+use gs_io::SceneKind;
+use gs_io::checkpoint4dgs::Overrides;
+
+const FLAGS_4DGS: &str = "Flags of 4DGaussians models: no_dx, no_ds, no_dr, no_do, no_dshs, apply_rotation (true or false) and grid_pe (a number).";
+const FLAGS_SWIFT4D: &str = "Flags of Swift4D models: activation (relu or none), index_rule (current or older), dynamic_thro, frames, time_divisor, n_levels, n_features_per_level, hashmap_size and base_resolution (numbers).";
+
+/// What the user decided about a model of this kind.
+pub(crate) fn overrides(global: &Global, kind: &SceneKind) -> Outcome<Overrides> {
+    let mut overrides =
+        Overrides { iteration: global.iteration, damage: damage(global), ..Overrides::default() };
+    let swift4d = *kind == SceneKind::Swift4d;
+    for setting in &global.set {
+        let set = |overrides: &mut Overrides| {
+            let (name, value) = setting.split_once('=').ok_or("expected FLAG=VALUE")?;
+            if swift4d {
+                set_swift4d(overrides, name, value)
+            } else {
+                set_4dgs(overrides, name, value)
+            }
+        };
+        set(&mut overrides).map_err(|what| {
+            Failure::usage(format!("--set {setting}: {what}")).next(if swift4d {
+                FLAGS_SWIFT4D
+            } else {
+                FLAGS_4DGS
+            })
+        })?;
+    }
+    Ok(overrides)
+}
+
+fn number<T: std::str::FromStr>(value: &str) -> Result<Option<T>, &'static str> {
+    value.parse().map(Some).map_err(|_not_a_number| "expected a number")
+}
+
+fn set_4dgs(overrides: &mut Overrides, name: &str, value: &str) -> Result<(), &'static str> {
+    if name == "grid_pe" {
+        overrides.grid_pe = number(value)?;
+        return Ok(());
+    }
+    let flag = match value {
+        "true" | "True" | "1" => true,
+        "false" | "False" | "0" => false,
+        _ => return Err("expected true or false"),
+    };
+    let slot = match name {
+        "no_dx" => &mut overrides.no_dx,
+        "no_ds" => &mut overrides.no_ds,
+        "no_dr" => &mut overrides.no_dr,
+        "no_do" => &mut overrides.no_do,
+        "no_dshs" => &mut overrides.no_dshs,
+        "apply_rotation" => &mut overrides.apply_rotation,
+        _ => return Err("no such flag"),
+    };
+    *slot = Some(flag);
+    Ok(())
+}
+
+fn set_swift4d(overrides: &mut Overrides, name: &str, value: &str) -> Result<(), &'static str> {
+    let flags = &mut overrides.swift4d;
+    match name {
+        "activation" => {
+            flags.trunk_relu = Some(match value.to_ascii_lowercase().as_str() {
+                "relu" => true,
+                "none" => false,
+                _ => return Err("expected relu or none"),
+            });
+        }
+        "index_rule" => {
+            flags.index_rule = Some(match value {
+                "current" => IndexRule::Current,
+                "older" => IndexRule::Older,
+                _ => return Err("expected current or older"),
+            });
+        }
+        "dynamic_thro" => flags.dynamic_thro = number(value)?,
+        "frames" => flags.frames = number(value)?,
+        "time_divisor" => flags.time_divisor = number(value)?,
+        "n_levels" => flags.n_levels = number(value)?,
+        "n_features_per_level" => flags.n_features_per_level = number(value)?,
+        "hashmap_size" => flags.hashmap_size = number(value)?,
+        "base_resolution" => flags.base_resolution = number(value)?,
+        _ => return Err("no such flag"),
+    }
+    Ok(())
+}

@@ -1,0 +1,210 @@
+//! Model folders of Swift4D: canonical PLY with a dynamic score per Gaussian, hash-grid field, flags of the training run.
+//!
+//! A folder is read like one of 4DGaussians ([`crate::checkpoint4dgs`]), with `FDHash.pth` in place of `deformation.pth`, and gives
+//! the same kind of [`Model`]. Flags that the tensors do not reveal are trusted in the order override, `cfg_args`, what the
+//! tensors suggest, defaults. One is in no file: which of two index rules trained the grid. It matters for large tables only, and
+//! is then read off the table's untouched entries.
+
+mod hint;
+mod network;
+mod settings;
+
+pub use settings::Swift4dOverrides;
+
+use crate::checkpoint4dgs::{
+    self, Begun, FlagReport, Iteration, Model, ModelReport, ModelScene, Origin, Overrides, Split,
+    Stage,
+};
+use crate::error::{IoError, read_bytes};
+use crate::{ply, pth};
+use gs_core::Splats;
+use gs_deform::{FieldBox, HashGridField, HashGridScene, IndexRule};
+use network::Params;
+use settings::Settings;
+use std::path::Path;
+
+/// File of the field, beside the PLY.
+const FIELD: &str = "FDHash.pth";
+/// Column of the PLY with the dynamic score.
+const SCORE: &str = "dynamic";
+
+/// Whether a folder is a Swift4D model: its field, or else the score of its splats, lies in the iteration that would be opened.
+pub(crate) fn looks_like_model(dir: &Path) -> bool {
+    let Ok(iteration) = checkpoint4dgs::find(dir, None) else {
+        return checkpoint4dgs::has_in_iterations(dir, FIELD);
+    };
+    let has = |name: &str| iteration.dir.join(name).is_file();
+    match (has(FIELD), has("deformation.pth")) {
+        (true, false) => true,
+        (false, true) => false,
+        // Both, or neither: the PLY decides.
+        _ => has_score(&iteration.dir.join("point_cloud.ply")),
+    }
+}
+
+fn has_score(path: &Path) -> bool {
+    ply::read_header_file(path)
+        .ok()
+        .and_then(|header| header.gaussians().ok())
+        .is_some_and(|layout| layout.extra_columns.iter().any(|column| column == SCORE))
+}
+
+/// Opens a model folder, or one of its `iteration_<n>` folders.
+///
+/// # Errors
+/// If files are missing or malformed, contradict each other, or leave open what the motion depends on. Every error names the file,
+/// and the flag to give where one decides.
+pub fn open(dir: impl AsRef<Path>, overrides: &Overrides) -> Result<Model, IoError> {
+    let Begun { iteration, splats, mut report, cfg } =
+        checkpoint4dgs::begin(dir.as_ref(), overrides)?;
+    if iteration.stage == Stage::Coarse {
+        let scene = checkpoint4dgs::never_moving(&iteration, splats, &mut report)?;
+        return Ok(Model { scene, report });
+    }
+    let path = iteration.dir.join(FIELD);
+    if !path.is_file() {
+        return Err(IoError::content(
+            &path,
+            "is missing, so the model cannot move; copy it from the machine that trained the model (training writes it beside point_cloud.ply), or ask for another iteration",
+        ));
+    }
+    let bytes = read_bytes(&path)?;
+    let wrong = |what: String| IoError::content(&path, what);
+    let tensors = pth::read(&bytes)
+        .and_then(pth::Root::into_state_dict)
+        .map_err(|source| IoError::Pth { path: path.clone(), source })?;
+    let params = Params::new(tensors).map_err(wrong)?;
+    let settings =
+        settings::decide(&params, cfg.as_ref(), &overrides.swift4d, &mut report).map_err(wrong)?;
+    let dynamic = read_dynamic(&iteration, settings.dynamic_thro, &mut report)?;
+    let field =
+        field(&params, &settings, &splats, &dynamic, overrides, &mut report).map_err(|error| {
+            match error {
+                Unusable::Content(what) => IoError::content(&path, what),
+                Unusable::Field(source) => IoError::Field { path: path.clone(), source },
+            }
+        })?;
+    let scene = HashGridScene::new(splats, dynamic, field)
+        .and_then(|scene| scene.with_frames(settings.frames, settings.time_divisor))
+        .map_err(|source| IoError::Field { path: report.ply.clone(), source })?;
+    describe(&mut report, &params, &settings, &scene);
+    Ok(Model { scene: ModelScene::HashGrid(Box::new(scene)), report })
+}
+
+/// Why tensors do not make a field.
+enum Unusable {
+    Content(String),
+    Field(gs_deform::FieldError),
+}
+
+fn field(
+    params: &Params<'_>,
+    settings: &Settings,
+    splats: &Splats,
+    dynamic: &[bool],
+    overrides: &Overrides,
+    report: &mut ModelReport,
+) -> Result<HashGridField, Unusable> {
+    let bounds = params.bounds().map_err(Unusable::Content)?;
+    bounds.check().map_err(Unusable::Field)?;
+    let network = params.network(bounds, settings).map_err(|error| match error {
+        network::Wrong::Content(what) => Unusable::Content(what),
+        network::Wrong::Field(source) => Unusable::Field(source),
+    })?;
+    let rule = index_rule(&network.grid, &bounds, splats, dynamic, overrides, report)
+        .map_err(Unusable::Content)?;
+    let grid = network.grid.with_rule(rule);
+    HashGridField::new(gs_deform::HashGridNetwork { grid, ..network }).map_err(Unusable::Field)
+}
+
+/// Which index rule trained the grid.
+fn index_rule(
+    grid: &gs_deform::HashGrid,
+    bounds: &FieldBox,
+    splats: &Splats,
+    dynamic: &[bool],
+    overrides: &Overrides,
+    report: &mut ModelReport,
+) -> Result<IndexRule, String> {
+    let ambiguous = grid.shape().ambiguous_levels();
+    let (rule, origin) = match overrides.swift4d.index_rule {
+        Some(rule) => (rule, Origin::Override),
+        None if ambiguous.is_empty() => {
+            report.flags.push(FlagReport {
+                name: "index_rule",
+                value: "either, they agree for this table".to_owned(),
+                origin: Origin::Inferred,
+            });
+            return Ok(IndexRule::Current);
+        }
+        None => {
+            let moving = splats.means.iter().zip(dynamic).filter(|(_, dynamic)| **dynamic);
+            let xs: Vec<f32> =
+                moving.filter_map(|(mean, _)| bounds.normalize(*mean)).map(|[x, _, _]| x).collect();
+            let rule = hint::index_rule(grid, &xs).ok_or_else(|| format!(
+                "is evaluated differently by tiny-cuda-nn from before and after 24 June 2025 (levels {ambiguous:?}), and its table does not tell which trained it; give index_rule=older for models trained before, among them all that the authors released, or index_rule=current"
+            ))?;
+            report.warnings.push(format!(
+                "nothing says which tiny-cuda-nn trained the model; the entries of its table that were never touched point to index_rule={}; if fine detail trembles, override it",
+                settings::rule_name(rule)
+            ));
+            (rule, Origin::Inferred)
+        }
+    };
+    let value = settings::rule_name(rule).to_owned();
+    report.flags.push(FlagReport { name: "index_rule", value, origin });
+    Ok(rule)
+}
+
+/// Which of the splats left are dynamic: those whose score exceeds the threshold, strictly.
+fn read_dynamic(
+    iteration: &Iteration,
+    threshold: f32,
+    report: &mut ModelReport,
+) -> Result<Vec<bool>, IoError> {
+    let path = iteration.dir.join("point_cloud.ply");
+    if !has_score(&path) {
+        return Err(IoError::content(
+            &path,
+            format!(
+                "has no column `{SCORE}`, so nothing says what moves; use the file that training wrote, editors drop this column"
+            ),
+        ));
+    }
+    let scores = ply::read_column(&read_bytes(&path)?, SCORE).map_err(IoError::ply(&path))?;
+    let nan = scores.iter().filter(|score| score.is_nan()).count();
+    if nan > 0 {
+        report.warnings.push(format!(
+            "{}: {nan} of {} dynamic scores are NaN: these Gaussians stay static",
+            path.display(),
+            scores.len()
+        ));
+    }
+    let is_dynamic = |score: &f32| *score > threshold;
+    Ok(match &report.kept_rows {
+        Some(kept) => kept.iter().map(|&row| is_dynamic(&scores[row])).collect(),
+        None => scores.iter().map(is_dynamic).collect(),
+    })
+}
+
+fn describe(
+    report: &mut ModelReport,
+    params: &Params<'_>,
+    settings: &Settings,
+    scene: &HashGridScene,
+) {
+    report.width = params.width();
+    report.channels = settings.shape.features;
+    report.levels = settings.shape.levels;
+    report.depth = 2;
+    report.heads = network::HEADS.to_vec();
+    let num_dynamic = scene.dynamic().iter().filter(|dynamic| **dynamic).count();
+    let num_moving = scene.moving_rows().len();
+    report.split = Some(Split { num_dynamic, num_moving });
+    if num_moving == 0 {
+        report.warnings.push(format!(
+            "nothing moves in this model: of {} Gaussians {num_dynamic} have a dynamic score above {}, none of them in the field's box; check dynamic_thro",
+            report.num_splats, settings.dynamic_thro
+        ));
+    }
+}

@@ -206,11 +206,7 @@ impl Palette {
                     continue;
                 }
                 let owed = here[x + 1];
-                #[expect(
-                    clippy::cast_possible_truncation,
-                    clippy::cast_sign_loss,
-                    reason = "clamped"
-                )]
+                #[expect(clippy::cast_sign_loss, reason = "clamped")]
                 let wanted = [0, 1, 2].map(|k| {
                     (i32::from(pixels[i][k]) + owed[k] / DITHER_PARTS).clamp(0, 255) as u8
                 });

@@ -298,7 +298,7 @@ fn open_splatv(path: &Path, global: &Global, console: &Console) -> Outcome<Opene
         path: path.to_owned(),
         roots: vec![path.to_owned()],
         original: None,
-        up: UP_CAPTURED,
+        up: read.up.unwrap_or(UP_CAPTURED),
         background: [0.0; 3],
         facts,
         files: vec![path.to_owned()],

@@ -4,7 +4,7 @@
 
 use gs_core::{Camera, DynamicScene, TimeRange};
 use gs_io::ply::WriteOptions;
-use gs_io::{Clip, Existing, ply_sequence, splat4d, splatv, usda};
+use gs_io::{Clip, Existing, compressed_ply, ply_sequence, splat4d, splatv, usda};
 use gs_synth::{DemoParams, demo};
 use std::error::Error;
 use std::io::Write;
@@ -49,6 +49,19 @@ fn main() -> Done {
     row("PLY zip", &mut |path| {
         Ok(ply_sequence::write_zip(path, &scene, &times, &plain, Existing::Refuse, &mut |_| ())?)
     })?;
+    row("compressed PLY sequence", &mut |path| {
+        let options = compressed_ply::WriteOptions::default();
+        let existing = Existing::Refuse;
+        ply_sequence::write_compressed_folder(
+            path,
+            &scene,
+            &times,
+            &options,
+            existing,
+            &mut |_| (),
+        )?;
+        Ok(())
+    })?;
     row("`.splat4d`", &mut |path| {
         let options = splat4d::Options::default();
         splat4d::write(path, &clip, &options, Existing::Refuse, &mut |_| ())?;
@@ -68,7 +81,12 @@ fn main() -> Done {
     row("`.splatv` (forced: cubics miss a clip of this length)", &mut |path| {
         let camera =
             Camera::look_at([0.0, 1.0, 4.0], [0.0, 1.0, 0.0], [0.0, 1.0, 0.0], 0.7, 960, 720);
-        let options = splatv::Options { tolerance: splatv::DEFAULT_TOLERANCE, force: true, camera };
+        let options = splatv::Options {
+            tolerance: splatv::DEFAULT_TOLERANCE,
+            force: true,
+            camera,
+            up: [0.0, 1.0, 0.0],
+        };
         splatv::write(path, &clip, &options, Existing::Refuse, &mut |_| ())?;
         Ok(())
     })

@@ -21,7 +21,8 @@ fn camera() -> Camera {
 }
 
 fn options() -> Options {
-    Options { tolerance: splatv::DEFAULT_TOLERANCE, force: false, camera: camera() }
+    let up = [0.0, 1.0, 0.0];
+    Options { tolerance: splatv::DEFAULT_TOLERANCE, force: false, camera: camera(), up }
 }
 
 /// A splat of the file at time `t`: centre, unit rotation, size, colour and opacity in 0 … 1.
@@ -161,6 +162,7 @@ fn written_is_read_and_written_again() {
     assert!(report.distance.max < 5e-3, "only rounding to halves: {:?}", report.distance);
     let read = splatv::open(&first, Damage::Fail).unwrap();
     assert_eq!(read.repair.rows, n, "padding is no row");
+    assert_eq!(read.up, Some(options().up), "noted");
     for t in [0.0, 0.31, 0.77, 1.0] {
         let (a, b) = (scene.at(t).unwrap(), read.scene.at(t).unwrap());
         let (_, decoded) = decode(&fs::read(&first).unwrap(), t.into());
@@ -266,6 +268,7 @@ fn files_as_found() {
     let good = texel(1.0, f32::INFINITY);
     let read = splatv::read(&file(&[good, [0; 64], good]), Damage::Fail).unwrap();
     assert_eq!(read.scene.num_splats(), 2, "rows of zeros are padding");
+    assert_eq!(read.up, None, "other writers note no upward direction");
     let splats = read.scene.at(0.9).unwrap();
     assert!((0..2).all(|i| splats.is_finite(i)), "sizes of 0 and opacity 255 stay finite");
     assert_eq!(splats.means[0], [2.0, 0.0, 0.0], "centre");

@@ -116,6 +116,7 @@ fn write_splatv(
         tolerance: args.tolerance.unwrap_or(splatv::DEFAULT_TOLERANCE),
         force: args.force,
         camera: rig.front(DEFAULT_SIZE),
+        up: opened.up,
     };
     let mut progress = console.progress("export", (splatv::PASSES * clip.times.len()) as u64);
     let mut step = |done: usize| progress.set(done as u64);

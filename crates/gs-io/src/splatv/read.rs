@@ -40,6 +40,9 @@ struct Part {
     #[serde(rename = "type")]
     kind: String,
     size: u64,
+    /// Our own note; other writers have no such key, other readers ignore it.
+    #[serde(default)]
+    c4d_up: Option<[f64; 3]>,
 }
 
 /// A `.splatv` scene and what was found.
@@ -49,6 +52,8 @@ pub struct Read {
     pub scene: PolynomialScene,
     /// Damaged rows.
     pub repair: RepairReport,
+    /// The world's upward direction (about unit length), if our own writer noted it.
+    pub up: Option<[f64; 3]>,
 }
 
 /// Reads a scene. Rows of zeros are padding. Sizes of zero become the smallest a half holds; opacities of 0 and 255 become
@@ -65,13 +70,15 @@ pub fn read(bytes: &[u8], damage: Damage) -> Result<Read, SplatvError> {
     let parts: Vec<Part> =
         serde_json::from_slice(header).map_err(|error| SplatvError::Header(error.to_string()))?;
     let mut start = 0_usize;
-    let mut splats = None;
+    let (mut splats, mut up) = (None, None);
     for part in parts {
         let size = usize::try_from(part.size).unwrap_or(usize::MAX);
         if part.kind == "splat" {
             let from = payload.get(start..).unwrap_or_default();
             // Files in the wild leave out the padding that the header counts.
             splats = Some(&from[..from.len().min(size)]);
+            let length = |up: &[f64; 3]| up.iter().map(|c| c * c).sum::<f64>().sqrt();
+            up = part.c4d_up.filter(|up| (0.5..2.0).contains(&length(up)));
             break;
         }
         start = start.saturating_add(size);
@@ -114,7 +121,7 @@ pub fn read(bytes: &[u8], damage: Damage) -> Result<Read, SplatvError> {
     }
     let scene = PolynomialScene::new(rest, motions)
         .map_err(|error| SplatvError::Header(error.to_string()))?;
-    Ok(Read { scene, repair })
+    Ok(Read { scene, repair, up })
 }
 
 /// Reads a file.

@@ -34,6 +34,8 @@ pub struct Options {
     pub force: bool,
     /// The camera that players start from, and whose pixels errors are given in.
     pub camera: Camera,
+    /// The scene's upward direction, world frame: a note for our own reader.
+    pub up: [f64; 3],
 }
 
 /// Mean over splats and frames, the value that one splat in a hundred ever exceeds, and the largest.
@@ -137,7 +139,7 @@ pub fn write(
     }
 
     let height = rows.len().div_ceil(SPLATS_PER_ROW);
-    let header = header(&options.camera, height).to_string();
+    let header = header(options, height).to_string();
     let length = u32::try_from(header.len()).unwrap_or(u32::MAX);
     let mut write = |bytes: &[u8]| file.write_all(bytes).map_err(IoError::write(path));
     write(&MAGIC)?;
@@ -373,7 +375,8 @@ fn losses(clip: &Clip<'_>, misfit: &Measured, written: usize) -> Losses {
     losses
 }
 
-fn header(camera: &Camera, height: usize) -> serde_json::Value {
+fn header(options: &Options, height: usize) -> serde_json::Value {
+    let camera = &options.camera;
     let v = &camera.viewmat;
     let rotation: [[f64; 3]; 3] = std::array::from_fn(|i| std::array::from_fn(|k| v[k][i]));
     serde_json::json!([{
@@ -381,6 +384,7 @@ fn header(camera: &Camera, height: usize) -> serde_json::Value {
         "size": height * SPLATS_PER_ROW * BYTES,
         "texwidth": 4 * SPLATS_PER_ROW,
         "texheight": height,
+        "c4d_up": options.up,
         "cameras": [{
             "id": 0,
             "img_name": camera.name,

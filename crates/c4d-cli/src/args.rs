@@ -1,5 +1,9 @@
 //! The command line.
 
+mod views;
+
+pub(crate) use views::{CamerasAs, SplitArg, Up};
+
 use crate::device::GpuChoice;
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use std::path::PathBuf;
@@ -499,64 +503,6 @@ impl ExportFormat {
     /// Whether the whole clip goes into one file that `export_clip` writes.
     pub(crate) fn is_clip(self) -> bool {
         matches!(self, Self::Splat4d | Self::Usda | Self::Splatv)
-    }
-}
-
-/// Views of a data set.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub(crate) enum SplitArg {
-    /// Trained on
-    Train,
-    /// Held out
-    Test,
-    /// The third list of D-NeRF data sets
-    Val,
-    /// Every view
-    All,
-    /// The camera path of the reference's videos: a turn or a spiral
-    Path,
-}
-
-/// How the cameras of a data set are read.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub(crate) enum CamerasAs {
-    /// As 4DGaussians and Swift4D hand them to training
-    Trained,
-    /// As the files say: own principal points, full sizes, frame i of n at i/(n−1)
-    Stored,
-}
-
-/// The world's upward direction.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub(crate) enum Up {
-    /// +x
-    X,
-    /// +y
-    Y,
-    /// +z
-    Z,
-    /// −x
-    #[value(name = "-x")]
-    NegX,
-    /// −y, the habit of captured scenes
-    #[value(name = "-y")]
-    NegY,
-    /// −z
-    #[value(name = "-z")]
-    NegZ,
-}
-
-impl Up {
-    /// Unit vector, world frame.
-    pub(crate) fn vector(self) -> [f64; 3] {
-        match self {
-            Self::X => [1.0, 0.0, 0.0],
-            Self::Y => [0.0, 1.0, 0.0],
-            Self::Z => [0.0, 0.0, 1.0],
-            Self::NegX => [-1.0, 0.0, 0.0],
-            Self::NegY => [0.0, -1.0, 0.0],
-            Self::NegZ => [0.0, 0.0, -1.0],
-        }
     }
 }
 

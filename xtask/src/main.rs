@@ -30,7 +30,7 @@ enum Task {
     DocCommands,
     /// Draw how the paper's weights change its results, and print the numbers
     Stability,
-    /// Write a scene with known motion: source, a deformation network trained on it, edit, truth, cameras
+    /// Write a scene with known motion: source, a deformation network trained on it, edit, truth with its video, cameras
     TruthScene {
         /// Case, as in `c4d bench motion`
         #[arg(long, default_value = "clothing")]

@@ -37,7 +37,7 @@ const ARROWS: &[(&str, &[&str])] = &[
         ],
     ),
     ("test-support", &[]),
-    ("xtask", &["gs-core", "gs-io", "gs-synth", "amg"]),
+    ("xtask", &["gs-core", "gs-io", "gs-synth", "gs-raster-cpu", "amg"]),
 ];
 
 /// Longest source file; beyond it a file holds more than one concept.

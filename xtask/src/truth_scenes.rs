@@ -1,29 +1,41 @@
 //! Scenes with known motion as files: for other tools, and to look at.
 
-use anyhow::{Context, Result, bail};
-use gs_core::DynamicScene;
+use anyhow::{Context, Result};
+use gs_core::{Camera, DynamicScene, Image, Rasterizer, RenderOutput, RenderParams};
 use gs_io::ply::WriteOptions;
-use gs_io::{Existing, checkpoint4dgs, ply, ply_sequence};
+use gs_io::{AtomicDir, Existing, checkpoint4dgs, ply, ply_sequence};
+use gs_raster_cpu::CpuRasterizer;
 use gs_synth::{FitParams, TruthCase};
 use std::path::Path;
 
 /// Frames of the source and of the truth.
 const FRAMES: usize = 25;
 
-/// Writes one case into the new folder `out`: the source as a PLY sequence (`source`) and as a deformation network trained on it
-/// (`source_4dgs`), the edited first frame (`edited.ply`), its true motion as a PLY sequence (`truth`), and cameras.
-pub(crate) fn write(case: &str, seed: u64, size: usize, out: &Path) -> Result<()> {
-    if out.exists() {
-        bail!("{} exists; give the name of a new folder", out.display());
-    }
-    let case: TruthCase = case.parse()?;
+/// Cameras with a video, evenly taken from all, and size of its images in pixels.
+const VIEWS: usize = 4;
+const IMAGE: (u32, u32) = (400, 300);
+
+/// Writes one case into the new folder `output`: the source as a PLY sequence (`source`) and as a deformation network trained on it
+/// (`source_4dgs`), the edited first frame (`edited.ply`), its true motion as a PLY sequence (`truth`) and as PNG frames
+/// (`video/<camera>`), and cameras. Nothing is left of a scene that could not be finished.
+pub(crate) fn write(case: &str, seed: u64, size: usize, output: &Path) -> Result<()> {
+    let case: TruthCase = case.parse().with_context(|| {
+        let known: Vec<&str> = TruthCase::ALL.iter().map(|case| case.name()).collect();
+        format!("cases are {}", known.join(", "))
+    })?;
+    // No entry of an older folder counts as ours, so nothing is ever replaced.
+    let folder = AtomicDir::create(output, Existing::Refuse, |_| false)?;
+    let out = folder.path();
     let scene = gs_synth::build(case, seed, size)?;
-    std::fs::create_dir_all(out).with_context(|| out.display().to_string())?;
     sequence(&scene.source, &out.join("source"))?;
     sequence(&scene.edited.truth, &out.join("truth"))?;
     let edited = &scene.edited.splats;
     ply::write_file(out.join("edited.ply"), edited, &options(), Existing::Refuse)?;
     gs_io::cameras_json::write_file(out.join("cameras.json"), &scene.cameras, Existing::Refuse)?;
+    let step = scene.cameras.len().div_ceil(VIEWS).max(1);
+    for camera in scene.cameras.iter().step_by(step) {
+        video(&scene.edited.truth, camera, &out.join("video").join(&camera.name))?;
+    }
     let params = FitParams { seed, ..FitParams::default() };
     let fitted = gs_synth::fit_hexplane(&scene.source, scene.figure_size, &params)?;
     let steps = params.steps as u64;
@@ -34,7 +46,12 @@ pub(crate) fn write(case: &str, seed: u64, size: usize, out: &Path) -> Result<()
         &fitted.network,
         Existing::Refuse,
     )?;
-    eprintln!("the network misses its own training by {:?} (% of the figure)", fitted.residual);
+    folder.commit()?;
+    let residual = fitted.residual;
+    eprintln!(
+        "the network misses its own training by {:.2} % of the figure (p95 {:.2} %), {:.1}°",
+        residual.mean, residual.p95, residual.rot_deg
+    );
     Ok(())
 }
 
@@ -49,4 +66,27 @@ fn sequence(scene: &dyn DynamicScene, folder: &Path) -> Result<()> {
     }
     writer.finish()?;
     Ok(())
+}
+
+/// One PNG per frame, over grey.
+fn video(scene: &dyn DynamicScene, camera: &Camera, folder: &Path) -> Result<()> {
+    std::fs::create_dir_all(folder).with_context(|| folder.display().to_string())?;
+    let camera = camera.resized(IMAGE.0, IMAGE.1);
+    let raster = CpuRasterizer::default();
+    let params = RenderParams { background: [0.5; 3], ..RenderParams::default() };
+    let mut output = RenderOutput::default();
+    for (i, t) in scene.time_range().frames(FRAMES).into_iter().enumerate() {
+        let splats = scene.at(t)?;
+        let mut prepared = raster.prepare(&splats, &camera)?;
+        raster.forward_into(&mut prepared, &splats, &[], &params, &mut output)?;
+        let path = folder.join(format!("frame_{i:05}.png"));
+        save(&output.rgb_image(), &path).with_context(|| path.display().to_string())?;
+    }
+    Ok(())
+}
+
+fn save(image: &Image, path: &Path) -> Result<()> {
+    let (width, height) = (u32::try_from(image.width)?, u32::try_from(image.height)?);
+    let color = image::ExtendedColorType::Rgb8;
+    Ok(image::save_buffer(path, &image.to_bytes(), width, height, color)?)
 }

@@ -1,0 +1,56 @@
+//! Seconds, memory and end-point error of the whole stage (estimate, then three frames) on a scene with known motion:
+//! `cargo run --release -p amg --example sizes -- clothing 20000 best`.
+
+use amg::{MotionOptions, Preset, propagate};
+use gs_core::{DynamicScene, Splats};
+use gs_synth::{TruthCase, motion_error};
+use std::io::Write;
+use std::sync::Arc;
+use std::time::Instant;
+
+fn main() -> Result<(), Box<dyn std::error::Error>> {
+    let words: Vec<String> = std::env::args().skip(1).collect();
+    let word = |i: usize, default: &str| words.get(i).map_or(default, String::as_str).to_owned();
+    let case: TruthCase = word(0, "clothing").parse()?;
+    let size: usize = word(1, "2000").parse()?;
+    let preset = match word(2, "best").as_str() {
+        "best" => Preset::Best,
+        "knn" => Preset::Knn,
+        "paper" => Preset::Paper,
+        other => return Err(format!("no preset `{other}`; there are best, knn and paper").into()),
+    };
+    let scene = gs_synth::build(case, 0, size)?;
+    let (num_source, num_edited) = (scene.source.num_splats(), scene.edited.splats.len());
+    let source: Arc<dyn DynamicScene> = Arc::new(scene.source);
+    let edited = Arc::new(scene.edited.splats);
+    let before = peak_mib();
+
+    let start = Instant::now();
+    let found = propagate(source, edited, &MotionOptions::preset(preset), &|_, _| {})?;
+    let mut frame = Splats::default();
+    for t in [1.0 / 3.0, 2.0 / 3.0, 1.0] {
+        found.scene.geometry_into(t, &mut frame)?;
+    }
+    let seconds = start.elapsed().as_secs_f64();
+
+    let after = peak_mib();
+    let error = motion_error(&found.scene, &scene.edited.truth, &[0.25, 0.5, 0.75, 1.0])?;
+    let mut out = std::io::stdout().lock();
+    writeln!(
+        out,
+        "{case:?} {preset:?}: {num_source} -> {num_edited} splats, {seconds:.2} s, peak {after:?} MiB ({before:?} of them \
+         for the scene), EPE {:.3} %, p95 {:.2} %",
+        error.epe, error.p95
+    )?;
+    for (step, seconds) in &found.report.timings {
+        writeln!(out, "  {step}: {seconds:.3} s")?;
+    }
+    Ok(())
+}
+
+/// Largest resident memory so far, where the system tells.
+fn peak_mib() -> Option<u64> {
+    let status = std::fs::read_to_string("/proc/self/status").ok()?;
+    let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"))?;
+    line.split_whitespace().next()?.parse::<u64>().ok().map(|kib| kib / 1024)
+}

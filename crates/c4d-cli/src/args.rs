@@ -204,7 +204,7 @@ pub(crate) struct RefineFlags {
     #[arg(long, value_name = "N")]
     pub(crate) samples: Option<usize>,
     /// Coverage of the artifact mask, 0.5 (broad) to 2
-    #[arg(long)]
+    #[arg(long, allow_negative_numbers = true)]
     pub(crate) epsilon: Option<f32>,
     /// How frame 1 is carried to other frames [default: backward; paper with --preset paper]
     #[arg(long, value_enum)]
@@ -213,10 +213,10 @@ pub(crate) struct RefineFlags {
     #[arg(long, default_value_t = 2048, value_name = "MIB")]
     pub(crate) memory: usize,
     /// Write a preview image into the run every so many seconds
-    #[arg(long, value_name = "SECONDS")]
+    #[arg(long, value_name = "SECONDS", allow_negative_numbers = true)]
     pub(crate) preview_every: Option<f64>,
     /// Save a checkpoint for --resume every so many seconds
-    #[arg(long, value_name = "SECONDS", default_value_t = 20.0)]
+    #[arg(long, value_name = "SECONDS", default_value_t = 20.0, allow_negative_numbers = true)]
     pub(crate) checkpoint_every: f64,
 }
 

@@ -3,12 +3,10 @@
 use crate::args::Pass;
 use crate::device::Device;
 use crate::failure::{Failure, Outcome, chain};
-use cuar::Flow;
+use cuar::{Flow, RefineOptions};
 use gs_core::{Camera, Image, Rasterizer, Splats};
 use gs_raster_cpu::CpuRasterizer;
 
-/// ε of Eq. 17 for the `mask` pass.
-const EPSILON: f32 = 1.0;
 /// Coverage below which a pixel has no flow.
 const MIN_COVERAGE: f32 = 0.5;
 
@@ -48,7 +46,11 @@ fn render_with<R: Rasterizer>(
     }
     let uncertainty = cuar::render_uncertainty(raster, now, then, camera)?;
     Ok(PassImage::Grey(match pass {
-        Pass::Mask => cuar::artifact_mask(&uncertainty, EPSILON, 0.0),
+        Pass::Mask => {
+            // what the refinement sees unless told otherwise
+            let usual = RefineOptions::default();
+            cuar::artifact_mask(&uncertainty, usual.epsilon, usual.min_uncertainty)
+        }
         _ => uncertainty,
     }))
 }

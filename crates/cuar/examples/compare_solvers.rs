@@ -1,6 +1,6 @@
 //! Loss against wall time, and what it is worth against the truth, of both solvers and both warps.
 //!
-//! `cargo run --release -p cuar --example compare_solvers`
+//! `cargo run --release -p cuar --example compare_solvers [brief]`; `brief` leaves out all but the defaults, a run without prior, and Adam.
 #![expect(clippy::print_stdout, reason = "a measurement for people")]
 
 #[path = "../tests/common/mod.rs"]
@@ -8,8 +8,8 @@ mod common;
 
 use common::{Flaws, case, flicker, psnr};
 use cuar::{
-    AdamParams, NoObserver, RefineOptions, RegressionParams, Solver, Views, WarpForm, WarpParams,
-    refine,
+    AdamParams, NoObserver, Preset, RefineOptions, RegressionParams, Solver, Views, WarpForm,
+    WarpParams, refine,
 };
 use gs_core::TimeRange;
 use gs_raster_cpu::CpuRasterizer;
@@ -79,9 +79,25 @@ fn main() -> Result<(), Box<dyn Error>> {
         all,
     ));
     runs.push(("Adam, paper warp".to_owned(), adam(3000, 1.0), WarpForm::Paper, all));
-    for (name, solver, warp, warp_params) in runs {
-        let options =
-            RefineOptions { samples: 80, solver, warp, warp_params, ..RefineOptions::default() };
+    let mut runs: Vec<(String, RefineOptions)> = runs
+        .into_iter()
+        .map(|(name, solver, warp, warp_params)| {
+            (name, RefineOptions { solver, warp, warp_params, ..RefineOptions::default() })
+        })
+        .collect();
+    runs.push(("--preset paper".to_owned(), RefineOptions::preset(Preset::Paper)));
+    if std::env::args().nth(1).as_deref() == Some("brief") {
+        let kept = [
+            "regression 2 passes",
+            "regression 8 passes",
+            "regression 4 passes, no prior",
+            "Adam 3000 steps",
+            "--preset paper",
+        ];
+        runs.retain(|(name, _)| kept.contains(&name.as_str()));
+    }
+    for (name, options) in runs {
+        let options = RefineOptions { samples: 80, ..options };
         let raster = CpuRasterizer::default();
         let refined =
             refine(&raster, &case.scene, &case.edited, &views, &options, None, &mut NoObserver)?;

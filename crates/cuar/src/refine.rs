@@ -130,9 +130,14 @@ pub fn refine<R: Rasterizer<Prepared: Send> + Sync>(
     report.held_out = held_out.iter().map(|sample| sample.at).collect();
     if samples.is_empty() && !rows.is_empty() {
         report.warnings.push("no image shows an edited splat: nothing was refined".to_owned());
-    }
-    if known == 0 {
+    } else if masked == 0 {
         report.warnings.push("no artifact was found: colours stay as they are".to_owned());
+    } else if known == 0 {
+        report.warnings.push(format!(
+            "{:.1} % of the edited pixels look like artifacts, but frame 1 shows the surface of none of them (hidden, turned away, or \
+             several surfaces mixed): nothing tells their colours, which stay as they are",
+            100.0 * report.masked_fraction
+        ));
     }
     let images_secs = begun.elapsed().as_secs_f64();
 

@@ -29,6 +29,8 @@ const RIG_SIZE: (u32, u32) = (640, 480);
 const RIG_CAMERAS: usize = 10;
 /// Most cameras of a data set used: each is drawn at the edited time and at others.
 const MAX_CAMERAS: usize = 64;
+/// Most images that can be asked for.
+const MAX_SAMPLES: usize = 10_000_000;
 /// Every so-manieth camera is held out of the refinement and only reported.
 const HELD_OUT_EVERY: usize = 5;
 
@@ -44,8 +46,8 @@ pub(crate) fn check(flags: &RefineFlags, global: &Global) -> Outcome {
     if !(1..=10_000).contains(&flags.refine_frames) {
         return refuse(format!("--refine-frames {}: expected 1 to 10000", flags.refine_frames));
     }
-    if flags.samples == Some(0) {
-        return refuse("--samples 0: expected at least 1".to_owned());
+    if let Some(samples) = flags.samples.filter(|samples| !(1..=MAX_SAMPLES).contains(samples)) {
+        return refuse(format!("--samples {samples}: expected 1 to {MAX_SAMPLES}"));
     }
     if let Some(epsilon) = flags.epsilon
         && !(0.0..=10.0).contains(&epsilon)
@@ -100,9 +102,12 @@ pub(crate) fn refine(
     let options = options(flags, preset, &loaded);
     if !any_uncertain(&scene, &edited, &views, &options)? {
         console.note(format!(
-            "no edited splat changes colour, seen from {} views at {} times: there is nothing to refine",
+            "no edited splat changes colour on its way (views: {}, times: {}, threshold: {:.0} of 255): there is nothing to refine. Only \
+             colours that depend on the direction can change; other views are given with --refine-cameras, more times with --refine-frames, \
+             and --preset paper has no threshold",
             cameras.len(),
-            times.len()
+            times.len(),
+            -255.0 * (1.0 - options.min_uncertainty).ln()
         ));
         return Ok(());
     }
@@ -130,7 +135,14 @@ pub(crate) fn refine(
         (Some(failure), CuarError::Cancelled { .. }) => failure,
         (_, error) => Failure::failed(format!("{}: {}", run.display(), chain(&error))),
     })?;
-    tell(&refined.report, &cameras, console);
+    let coeffs = refined.d_sh.len() / refined.rows.len().max(1);
+    let changed = refined
+        .d_sh
+        .chunks(coeffs.max(1))
+        .zip(&refined.d_logits)
+        .filter(|(d_sh, d_logit)| d_sh.iter().any(|d| *d != [0.0; 3]) || **d_logit != 0.0)
+        .count();
+    tell(&refined.report, changed, &cameras, console);
 
     loaded.config.refine = Some(RefineConfig {
         preset: format!("{preset:?}").to_lowercase(),
@@ -256,13 +268,12 @@ fn cameras(
     Ok((cameras.into_iter().enumerate().map(name).collect(), "rig".to_owned()))
 }
 
-fn tell(report: &Report, cameras: &[Camera], console: &Console) {
+fn tell(report: &Report, changed: usize, cameras: &[Camera], console: &Console) {
     for warning in &report.warnings {
         console.warn(warning);
     }
     console.note(format!(
-        "refined {} of {} edited splats over {} images: loss {:.5} to {:.5}",
-        report.num_visible,
+        "{changed} of {} edited splats have new colours, from {} images: loss {:.3e} to {:.3e}",
         report.num_edited,
         report.samples.len(),
         report.loss_before,
@@ -272,7 +283,7 @@ fn tell(report: &Report, cameras: &[Camera], console: &Console) {
         let names: BTreeSet<&str> =
             report.held_out.iter().map(|at| cameras[at.view].name.as_str()).collect();
         console.note(format!(
-            "held-out views ({}): loss {:.5} to {:.5}",
+            "held-out views ({}): loss {:.3e} to {:.3e}",
             names.into_iter().collect::<Vec<_>>().join(", "),
             report.held_out_before,
             report.held_out_after

@@ -75,7 +75,7 @@ impl ExportFormat {
             CompressedPly, CompressedSeq, Html, PlySeq, Splat, Splat4d, Splatv, Spz, Usda, Zip,
         };
         const CLIPS: &[ExportFormat] = &[PlySeq, Zip, Html, CompressedSeq, Splat4d, Usda, Splatv];
-        const FLAGS: [(&str, &[ExportFormat], fn(&ExportArgs) -> bool); 11] = [
+        const FLAGS: [Flag; 11] = [
             ("--time", &[CompressedPly, Spz, Splat], |args| args.time.is_some()),
             ("--times", CLIPS, |args| !args.times.is_empty()),
             ("--frames", CLIPS, |args| args.frames.is_some()),
@@ -104,6 +104,9 @@ impl ExportFormat {
         Ok(())
     }
 }
+
+/// A flag, the formats that heed it, and whether it is given.
+type Flag = (&'static str, &'static [ExportFormat], fn(&ExportArgs) -> bool);
 
 /// Endings of names that one format alone has.
 const ENDINGS: [(&str, ExportFormat); 9] = [

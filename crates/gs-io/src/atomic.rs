@@ -168,11 +168,10 @@ impl Drop for AtomicFile {
 /// Refuses an existing file, and a folder in the place of a file.
 fn refuse(path: &Path, existing: Existing) -> Result<(), IoError> {
     match (fs::symlink_metadata(path), existing) {
-        (Err(_), _) => Ok(()),
         (Ok(found), _) if found.is_dir() => {
             Err(IoError::content(path, "is a folder, expected the name of a file"))
         }
-        (Ok(_), Existing::Replace) => Ok(()),
+        (Err(_), _) | (Ok(_), Existing::Replace) => Ok(()),
         (Ok(_), Existing::Refuse) => Err(IoError::Exists { path: path.to_owned() }),
     }
 }

@@ -4,7 +4,7 @@ use crate::archive::Archive;
 use crate::cameras;
 use crate::checkpoint4dgs::{self, Overrides};
 use crate::error::{IoError, list_names};
-use crate::foreign::{Foreign, TORCH_ARCHIVE};
+use crate::foreign::{Foreign, MANIFEST, MANIFEST_ENDING, TORCH_ARCHIVE};
 use crate::frame::{self, Container};
 use crate::ply::{self, PlyError};
 use crate::ply_sequence::{PlySequence, SequenceOptions, find_frames};
@@ -164,6 +164,9 @@ fn detect_file(path: &Path) -> Result<SceneKind, IoError> {
         Container::Spz => Ok(SceneKind::Spz),
         Container::Splat => Ok(SceneKind::Splat),
         Container::Zip => Ok(detect_zip(path)),
+        Container::Unknown if path.to_string_lossy().ends_with(MANIFEST_ENDING) => {
+            Ok(SceneKind::Foreign(MANIFEST))
+        }
         Container::Unknown => Ok(Foreign::of(&start).map_or_else(
             || SceneKind::Unknown { found: vec![frame::shown(&start)] },
             SceneKind::Foreign,

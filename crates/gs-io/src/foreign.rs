@@ -76,6 +76,16 @@ const fn known(
 /// A PyTorch archive: a zip whose entries say so.
 pub(crate) const TORCH_ARCHIVE: Foreign = known(0, b"", "a PyTorch archive", TORCH);
 
+/// What `c4d export` writes beside a sequence; text, so its name says it.
+pub(crate) const MANIFEST: Foreign = known(
+    0,
+    b"",
+    "the manifest of an exported sequence",
+    "It notes frame rate and times of the sequence of the same name: c4d info of that says more.",
+);
+/// End of its name.
+pub(crate) const MANIFEST_ENDING: &str = ".manifest.json";
+
 impl Foreign {
     /// The kind that the first bytes of a file announce.
     pub(crate) fn of(start: &[u8]) -> Option<Self> {

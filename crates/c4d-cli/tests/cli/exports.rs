@@ -119,6 +119,8 @@ fn a_manifest_lies_beside_a_sequence() {
         assert_eq!(found["num_frames"], 3, "{found}");
         assert_eq!(found["times"], serde_json::json!([0.0, 0.25, 1.0]), "{found}");
         assert!(found["num_splats"].as_u64().unwrap() > 0, "{found}");
+        let (out, _) = success(&mut c4d(["info", manifest.to_str().unwrap()]));
+        assert!(out.contains("manifest of an exported sequence"), "{out}");
         assert!(found["sh_degree"].as_u64().unwrap() <= 3, "{found}");
 
         // It alone is in the way, too, and is replaced with the output only.

@@ -5,6 +5,7 @@ mod views;
 pub(crate) use views::{CamerasAs, SplitArg, Up};
 
 use crate::device::GpuChoice;
+use crate::export_format::ExportFormat;
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use std::path::PathBuf;
 
@@ -319,54 +320,59 @@ pub(crate) struct RenderArgs {
 pub(crate) struct ExportArgs {
     /// The dynamic scene or run
     pub(crate) scene: PathBuf,
-    /// What to write
+    /// What to write [default: as the output is called: .splat4d, .splatv, .usda, .html, .zip, .spz, .splat or .compressed.ply]
     #[arg(long, value_enum)]
-    pub(crate) to: ExportFormat,
-    /// Time of the one frame of compressed-ply, spz and splat
-    #[arg(
-        long,
-        value_name = "T",
-        default_value_t = 0.0,
-        allow_negative_numbers = true,
-        conflicts_with_all = ["times", "frames"]
-    )]
-    pub(crate) time: f32,
-    /// Version of SPZ: 4, or 3 for older players
-    #[arg(long, value_name = "3|4", default_value_t = 4)]
-    pub(crate) spz_version: u32,
+    pub(crate) to: Option<ExportFormat>,
+    /// Folder (ply-seq, compressed-seq) or file
+    #[arg(short, long)]
+    pub(crate) output: PathBuf,
+    /// Number of frames, evenly spaced over the whole clip [default: that of the sequence, else 60]
+    #[arg(long, help_heading = "Which frames")]
+    pub(crate) frames: Option<usize>,
     /// Times, comma-separated
     #[arg(
         long,
         value_delimiter = ',',
         value_name = "T,…",
         conflicts_with = "frames",
-        allow_negative_numbers = true
+        allow_negative_numbers = true,
+        help_heading = "Which frames"
     )]
     pub(crate) times: Vec<f32>,
-    /// Number of frames, evenly spaced over the whole clip [default: that of the sequence, else 60]
-    #[arg(long)]
-    pub(crate) frames: Option<usize>,
-    /// Frames per second of a page; noted in the files of a sequence (the format itself has none)
-    #[arg(long, default_value_t = 30.0)]
-    pub(crate) fps: f64,
-    /// Keep SH up to this degree only [default: all of it; html: 1]
-    #[arg(long, value_name = "0-3")]
+    /// Time of the one frame of compressed-ply, spz and splat [default: 0]
+    #[arg(
+        long,
+        value_name = "T",
+        allow_negative_numbers = true,
+        conflicts_with_all = ["times", "frames"],
+        help_heading = "Which frames"
+    )]
+    pub(crate) time: Option<f32>,
+    /// Frames per second of a clip; a sequence has none, its manifest notes them [default: 30]
+    #[arg(long, help_heading = "Which frames")]
+    pub(crate) fps: Option<f64>,
+    /// Keep SH up to this degree only [default: all of it; html: 1; splat, splat4d and splatv hold 0]
+    #[arg(long, value_name = "0-3", help_heading = "What is kept")]
     pub(crate) sh_degree: Option<usize>,
-    /// Title of a page [default: the output's name]
-    #[arg(long)]
-    pub(crate) title: Option<String>,
-    /// Leave out the unused normals (12 bytes a splat; some readers need them)
-    #[arg(long)]
+    /// ply-seq, zip: leave out the unused normals (12 bytes a splat; some readers need them)
+    #[arg(long, help_heading = "What is kept")]
     pub(crate) no_normals: bool,
-    /// Largest error of positions as a share of the scene's size [default: splat4d 0.0002; splatv 0.005, of one splat in a hundred]
-    #[arg(long, value_name = "SHARE")]
+    /// splat4d, splatv: largest error of positions as a share of the scene's size [default: splat4d 0.0002; splatv 0.005, of one splat in a
+    /// hundred]
+    #[arg(long, value_name = "SHARE", help_heading = "What is kept")]
     pub(crate) tolerance: Option<f64>,
-    /// Write it although cubics miss the motion (splatv) or the text is huge (usda)
-    #[arg(long)]
+    /// splatv, usda: write it although cubics miss the motion, or the text is huge
+    #[arg(long, help_heading = "What is kept")]
     pub(crate) force: bool,
-    /// Folder (ply-seq, compressed-seq) or file
-    #[arg(short, long)]
-    pub(crate) output: PathBuf,
+    /// The world's upward direction, as noted in the file [default: what the scene says]
+    #[arg(long, value_enum, allow_hyphen_values = true, help_heading = "What is noted")]
+    pub(crate) up: Option<Up>,
+    /// html: title of the page [default: the output's name]
+    #[arg(long, help_heading = "What is noted")]
+    pub(crate) title: Option<String>,
+    /// spz: version 4, or 3 for older players [default: 4]
+    #[arg(long, value_name = "3|4", help_heading = "What is noted")]
+    pub(crate) spz_version: Option<u32>,
 }
 
 #[derive(Debug, Args)]
@@ -467,43 +473,6 @@ pub(crate) enum Format {
     Gif,
     /// One PNG with up to twelve frames side by side
     Sheet,
-}
-
-/// Formats of exports.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub(crate) enum ExportFormat {
-    /// A folder of frame_00000.ply …
-    PlySeq,
-    /// The same in one stored zip
-    Zip,
-    /// One page that plays in any browser, beside the original if it is a run
-    Html,
-    /// One frame as PlayCanvas compressed PLY
-    CompressedPly,
-    /// A folder of such frames, frame_00000.compressed.ply …
-    CompressedSeq,
-    /// One frame as SPZ
-    Spz,
-    /// One frame as .splat
-    Splat,
-    /// One .splat4d: compressed, every error bounded, streams
-    Splat4d,
-    /// One OpenUSD text layer with time samples, exact
-    Usda,
-    /// One .splatv: a cubic for every splat, for short clips
-    Splatv,
-}
-
-impl ExportFormat {
-    /// Whether it holds one frame.
-    pub(crate) fn is_snapshot(self) -> bool {
-        matches!(self, Self::CompressedPly | Self::Spz | Self::Splat)
-    }
-
-    /// Whether the whole clip goes into one file that `export_clip` writes.
-    pub(crate) fn is_clip(self) -> bool {
-        matches!(self, Self::Splat4d | Self::Usda | Self::Splatv)
-    }
 }
 
 fn parse_size(text: &str) -> Result<(u32, u32), String> {

@@ -5,6 +5,8 @@ use gs_core::{DynamicScene, TimeRange};
 
 /// Frames of a continuous scene when nobody says how many.
 pub(crate) const DEFAULT_FRAMES: usize = 60;
+/// Frames per second when nobody says how many.
+const DEFAULT_FPS: f64 = 30.0;
 /// More frames than this are a slip of the keyboard.
 const MAX_FRAMES: usize = 100_000;
 
@@ -26,6 +28,13 @@ pub(crate) fn times(
         return Err(Failure::usage(format!("--frames {count}: expected 1 to {MAX_FRAMES}")));
     }
     Ok(range.frames(count))
+}
+
+/// The frame rate asked for, else [`DEFAULT_FPS`]; one that no player has is refused.
+pub(crate) fn fps(asked: Option<f64>) -> Outcome<f64> {
+    let fps = asked.unwrap_or(DEFAULT_FPS);
+    check_fps(fps)?;
+    Ok(fps)
 }
 
 /// Refuses a frame rate that no player has.

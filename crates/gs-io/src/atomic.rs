@@ -168,12 +168,11 @@ impl Drop for AtomicFile {
 /// Refuses an existing file, and a folder in the place of a file.
 fn refuse(path: &Path, existing: Existing) -> Result<(), IoError> {
     match (fs::symlink_metadata(path), existing) {
-        (Err(_), _) => Ok(()),
-        (Ok(found), Existing::Replace) if !found.is_dir() => Ok(()),
-        (Ok(found), Existing::Replace) if found.is_dir() => {
+        (Ok(found), _) if found.is_dir() => {
             Err(IoError::content(path, "is a folder, expected the name of a file"))
         }
-        (Ok(_), _) => Err(IoError::Exists { path: path.to_owned() }),
+        (Err(_), _) | (Ok(_), Existing::Replace) => Ok(()),
+        (Ok(_), Existing::Refuse) => Err(IoError::Exists { path: path.to_owned() }),
     }
 }
 

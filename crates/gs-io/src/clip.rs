@@ -39,34 +39,44 @@ impl Clip<'_> {
         Ok(())
     }
 
-    /// Calls `visit` with every frame in order; one frame is in memory at a time.
-    ///
-    /// # Errors
-    /// If the scene cannot be evaluated or is no longer what it was, or `visit` fails.
+    /// [`each_frame`] of the clip.
     pub(crate) fn each_frame(
         &self,
         path: &Path,
-        mut visit: impl FnMut(usize, &Splats) -> Result<(), IoError>,
+        visit: impl FnMut(usize, &Splats) -> Result<(), IoError>,
     ) -> Result<(), IoError> {
-        let mut splats = Splats::default();
-        for (index, &t) in self.times.iter().enumerate() {
-            let failed = |source| IoError::Scene { path: path.to_owned(), source };
-            self.scene.at_into(t, &mut splats).map_err(failed)?;
-            splats.check_shapes().map_err(|error| failed(error.into()))?;
-            if splats.len() != self.scene.num_splats() {
-                return Err(IoError::content(
-                    path,
-                    format!(
-                        "frame {index} has {} splats, expected {} as the scene says",
-                        splats.len(),
-                        self.scene.num_splats()
-                    ),
-                ));
-            }
-            visit(index, &splats)?;
-        }
-        Ok(())
+        each_frame(self.scene, self.times, path, visit)
     }
+}
+
+/// Calls `visit` with every frame in order; one frame is in memory at a time. `path` is for messages.
+///
+/// # Errors
+/// If the scene cannot be evaluated or is no longer what it was, or `visit` fails.
+pub(crate) fn each_frame(
+    scene: &dyn DynamicScene,
+    times: &[f32],
+    path: &Path,
+    mut visit: impl FnMut(usize, &Splats) -> Result<(), IoError>,
+) -> Result<(), IoError> {
+    let failed = |source| IoError::Scene { path: path.to_owned(), source };
+    let mut splats = Splats::default();
+    for (index, &t) in times.iter().enumerate() {
+        scene.at_into(t, &mut splats).map_err(failed)?;
+        splats.check_shapes().map_err(|error| failed(error.into()))?;
+        if splats.len() != scene.num_splats() {
+            return Err(IoError::content(
+                path,
+                format!(
+                    "frame {index} has {} splats, expected {} as the scene says",
+                    splats.len(),
+                    scene.num_splats()
+                ),
+            ));
+        }
+        visit(index, &splats)?;
+    }
+    Ok(())
 }
 
 /// Rows that are usable (finite, with a rotation) in every frame seen.

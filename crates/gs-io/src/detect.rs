@@ -4,6 +4,7 @@ use crate::archive::Archive;
 use crate::cameras;
 use crate::checkpoint4dgs::{self, Overrides};
 use crate::error::{IoError, list_names};
+use crate::foreign::{Foreign, MANIFEST, MANIFEST_ENDING, TORCH_ARCHIVE};
 use crate::frame::{self, Container};
 use crate::ply::{self, PlyError};
 use crate::ply_sequence::{PlySequence, SequenceOptions, find_frames};
@@ -44,6 +45,8 @@ pub enum SceneKind {
     RunFolder,
     /// Cameras of a data set, without splats.
     Cameras(cameras::Format),
+    /// A file that is known but not read here.
+    Foreign(Foreign),
     /// Something else.
     Unknown {
         /// What was found there.
@@ -67,6 +70,7 @@ impl Display for SceneKind {
             Self::Splatv => f.write_str("animated splats (.splatv)"),
             Self::RunFolder => f.write_str("run folder"),
             Self::Cameras(format) => write!(f, "{format}"),
+            Self::Foreign(foreign) => f.write_str(foreign.name),
             Self::Unknown { found } if found.is_empty() => f.write_str("unknown: an empty folder"),
             Self::Unknown { found } => {
                 write!(f, "unknown: found {}", found.join(", "))
@@ -160,7 +164,13 @@ fn detect_file(path: &Path) -> Result<SceneKind, IoError> {
         Container::Spz => Ok(SceneKind::Spz),
         Container::Splat => Ok(SceneKind::Splat),
         Container::Zip => Ok(detect_zip(path)),
-        Container::Unknown => Ok(SceneKind::Unknown { found: vec![frame::shown(&start)] }),
+        Container::Unknown if path.to_string_lossy().ends_with(MANIFEST_ENDING) => {
+            Ok(SceneKind::Foreign(MANIFEST))
+        }
+        Container::Unknown => Ok(Foreign::of(&start).map_or_else(
+            || SceneKind::Unknown { found: vec![frame::shown(&start)] },
+            SceneKind::Foreign,
+        )),
     }
 }
 
@@ -179,13 +189,18 @@ fn detect_zip(path: &Path) -> SceneKind {
     let unknown = |what: String| SceneKind::Unknown { found: vec![what] };
     let names = match archive_names(path) {
         Ok(names) => names,
-        Err(what) => return unknown(format!("a damaged zip archive: {what}")),
+        Err(what) => {
+            return unknown(format!("a damaged zip archive ({what}): copy or export it again"));
+        }
     };
     if names.iter().any(|name| name == "meta.json" || name.ends_with("/meta.json")) {
         return SceneKind::Sog;
     }
     if find_frames(&names).map_or(true, |found| found.frames.len() >= 2) {
         return SceneKind::PlySequence;
+    }
+    if names.iter().any(|name| name == "data.pkl" || name.ends_with("/data.pkl")) {
+        return SceneKind::Foreign(TORCH_ARCHIVE);
     }
     let shown: Vec<&str> = names.iter().map(String::as_str).take(SHOWN).collect();
     unknown(format!("a zip archive with {}", shown.join(", ")))
@@ -285,7 +300,10 @@ pub fn open_scene(path: impl AsRef<Path>, options: &OpenOptions) -> Result<Opene
                 .map_err(|error| IoError::content(path, error.to_string()))?;
             Box::new(scene)
         }
-        SceneKind::RunFolder | SceneKind::Cameras(_) | SceneKind::Unknown { .. } => {
+        SceneKind::RunFolder
+        | SceneKind::Cameras(_)
+        | SceneKind::Foreign(_)
+        | SceneKind::Unknown { .. } => {
             return Err(IoError::content(
                 path,
                 format!(

@@ -20,6 +20,7 @@ mod clip;
 pub mod compressed_ply;
 mod detect;
 mod error;
+mod foreign;
 pub mod frame;
 mod inflate;
 mod losses;
@@ -40,6 +41,7 @@ pub use atomic::{AtomicDir, AtomicFile, Existing, final_path, remove_unfinished}
 pub use clip::Clip;
 pub use detect::{OpenOptions, Opened, SceneKind, detect, open_scene};
 pub use error::IoError;
+pub use foreign::Foreign;
 pub use losses::Losses;
 pub use zip::ZipError;
 

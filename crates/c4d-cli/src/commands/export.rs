@@ -1,15 +1,19 @@
 //! `c4d export`: the scene as files that other tools open.
 
 mod html;
+mod manifest;
 mod snapshot;
 
 use super::freeze::{check_sh_degree, existing, output_failure};
-use crate::args::{ExportArgs, ExportFormat, Global};
+use crate::args::{ExportArgs, Global, Up};
 use crate::console::Console;
+use crate::export_format::ExportFormat;
 use crate::failure::{Failure, Outcome};
 use crate::{frames, scene};
 use gs_io::ply::WriteOptions;
 use gs_io::{Losses, compressed_ply, ply_sequence};
+use std::path::Path;
+use std::time::Duration;
 
 /// Bytes of a plain zip: players that stream archives know no zip64.
 const ZIP_LIMIT: u64 = u32::MAX as u64;
@@ -17,15 +21,17 @@ const ZIP_LIMIT: u64 = u32::MAX as u64;
 const ZIP_ENTRY: u64 = 256;
 
 pub(crate) fn run(args: &ExportArgs, global: &Global, console: &Console) -> Outcome {
-    let opened = scene::open(&args.scene, global, console)?;
-    if args.to.is_snapshot() {
-        return snapshot::write(args, &opened, global, console);
+    let to = ExportFormat::of(args)?;
+    let mut opened = scene::open(&args.scene, global, console)?;
+    opened.up = args.up.map_or(opened.up, Up::vector);
+    if to.is_snapshot() {
+        return snapshot::write(args, to, &opened, global, console);
     }
     let times = frames::times(opened.scene.as_ref(), &args.times, args.frames)?;
-    if args.to.is_clip() {
-        return super::export_clip::run(args, &opened, &times, global, console);
+    if to.is_clip() {
+        return super::export_clip::run(args, to, &opened, &times, global, console);
     }
-    if args.to == ExportFormat::Html {
+    if to == ExportFormat::Html {
         return html::write(args, &opened, &times, global, console);
     }
     if times.len() < 2 {
@@ -33,12 +39,12 @@ pub(crate) fn run(args: &ExportArgs, global: &Global, console: &Console) -> Outc
             .next("For one frame: --to compressed-ply, spz or splat with --time T, or c4d freeze --time T."));
     }
     check_sh_degree(args.sh_degree, opened.scene.sh_degree())?;
-    crate::frames::check_fps(args.fps)?;
+    let fps = frames::fps(args.fps)?;
     scene::refuse_overlap(&args.output, &opened.roots)?;
-    let mut comments = vec![format!("c4d_fps {}", args.fps)];
+    let mut comments = vec![format!("c4d_fps {fps}")];
     comments.extend(scene::up_comments(opened.up));
     let options = WriteOptions { normals: !args.no_normals, comments, sh_degree: args.sh_degree };
-    if args.to == ExportFormat::Zip {
+    if to == ExportFormat::Zip {
         let splats = opened.scene.at(times[0]).map_err(Failure::bad_input)?;
         let frame = options.file_size(&splats) + ZIP_ENTRY;
         if frame * times.len() as u64 > ZIP_LIMIT {
@@ -53,10 +59,12 @@ pub(crate) fn run(args: &ExportArgs, global: &Global, console: &Console) -> Outc
             )));
         }
     }
+    // Refused before the work, not after it.
+    let manifest = manifest::create(&args.output, existing(global))?;
     let mut progress = console.progress("export", times.len() as u64);
     let mut step = |done: usize| progress.set(done as u64);
     let (scene, output) = (opened.scene.as_ref(), &args.output);
-    let written = match args.to {
+    let written = match to {
         ExportFormat::Zip => {
             ply_sequence::write_zip(output, scene, &times, &options, existing(global), &mut step)
                 .map(|()| plain_losses(args, scene.sh_degree()))
@@ -78,16 +86,19 @@ pub(crate) fn run(args: &ExportArgs, global: &Global, console: &Console) -> Outc
         }
     };
     let mut losses = written.map_err(|error| output_failure(&error))?;
-    losses.push("the format has no frame rate: players assume 24 to 30");
+    losses.push(
+        "the format has no frame rate, players assume 24 to 30: the manifest beside it notes it",
+    );
     let elapsed = progress.finish();
-    console.note(format!(
-        "{} frames of {} splats in {:.1} s",
-        times.len(),
-        scene.num_splats(),
-        elapsed.as_secs_f64(),
-    ));
-    say(&losses, console);
-    console.result(output.display());
+    manifest.write(&manifest::Content {
+        fps,
+        times: &times,
+        num_splats: scene.num_splats(),
+        sh_degree: args.sh_degree.unwrap_or(scene.sh_degree()),
+        up: opened.up,
+    })?;
+    let what = format!("{} frames of {} splats", times.len(), scene.num_splats());
+    say_written(output, elapsed, &what, &losses, console);
     Ok(())
 }
 
@@ -100,9 +111,32 @@ fn plain_losses(args: &ExportArgs, available: usize) -> Losses {
     losses
 }
 
+/// Shows how large the output is and what it does not keep, and names it.
+pub(crate) fn say_written(
+    output: &Path,
+    elapsed: Duration,
+    what: &str,
+    losses: &Losses,
+    console: &Console,
+) {
+    let megabytes = size(output) as f64 / 1e6;
+    console.note(format!("{megabytes:.1} MB in {:.1} s: {what}", elapsed.as_secs_f64()));
+    say(losses, console);
+    console.result(output.display());
+}
+
 /// Shows what was lost.
 pub(crate) fn say(losses: &Losses, console: &Console) {
     for sentence in losses.sentences() {
         console.note(format!("not kept: {sentence}"));
+    }
+}
+
+/// Size of a file, or of the files in a folder, bytes.
+fn size(path: &Path) -> u64 {
+    let of = |path: &Path| std::fs::metadata(path).map_or(0, |metadata| metadata.len());
+    match std::fs::read_dir(path) {
+        Ok(entries) => entries.flatten().map(|entry| of(&entry.path())).sum(),
+        Err(_no_folder) => of(path),
     }
 }

@@ -1,58 +1,47 @@
 //! `c4d export` of a whole clip into one file: `.splat4d`, OpenUSD, `.splatv`.
 
-use super::export::say;
+use super::export::say_written;
 use super::freeze::{check_sh_degree, existing, output_failure};
-use crate::args::{ExportArgs, ExportFormat, Global};
+use crate::args::{ExportArgs, Global};
 use crate::console::Console;
+use crate::export_format::ExportFormat;
 use crate::failure::{Failure, Outcome};
 use crate::rig::{DEFAULT_SIZE, Rig};
 use crate::scene::{self, Opened};
 use gs_io::{Clip, IoError, Losses, splat4d, splatv, usda};
+use std::time::Instant;
 
 pub(crate) fn run(
     args: &ExportArgs,
+    to: ExportFormat,
     opened: &Opened,
     times: &[f32],
     global: &Global,
     console: &Console,
 ) -> Outcome {
     check(args, opened)?;
-    let clip = Clip { scene: opened.scene.as_ref(), times, fps: args.fps };
-    let (written, losses) = match args.to {
+    let fps = crate::frames::fps(args.fps)?;
+    let clip = Clip { scene: opened.scene.as_ref(), times, fps };
+    let start = Instant::now();
+    let (written, losses) = match to {
         ExportFormat::Usda => write_usda(args, opened, &clip, global, console)?,
         ExportFormat::Splatv => write_splatv(args, opened, &clip, global, console)?,
         _ => write_splat4d(args, &clip, global, console)?,
     };
-    let bytes = std::fs::metadata(&args.output).map_or(0, |metadata| metadata.len());
-    console.note(format!("{:.2} MB: {} frames, {written}", bytes as f64 / 1e6, times.len()));
-    say(&losses, console);
-    console.result(args.output.display());
+    let what = format!("{} frames, {written}", times.len());
+    say_written(&args.output, start.elapsed(), &what, &losses, console);
     Ok(())
 }
 
 fn check(args: &ExportArgs, opened: &Opened) -> Outcome {
     check_sh_degree(args.sh_degree, opened.scene.sh_degree())?;
-    crate::frames::check_fps(args.fps)?;
     scene::refuse_overlap(&args.output, &opened.roots)?;
-    let name = if args.to == ExportFormat::Splatv { "splatv" } else { "splat4d" };
-    if args.sh_degree.is_some_and(|degree| degree > 0) && args.to != ExportFormat::Usda {
-        return Err(Failure::usage(format!("--sh-degree: {name} holds degree 0 only"))
-            .next("Leave it out; --to usda or ply-seq keep view-dependent colour."));
-    }
-    if let Some(share) = args.tolerance {
-        if args.to == ExportFormat::Usda {
-            return Err(Failure::usage("--tolerance: usda is exact").next("Leave it out."));
+    match args.tolerance {
+        Some(share) if !(share > 0.0 && share <= 1.0) => {
+            Err(Failure::usage(format!("--tolerance {share}: expected above 0, at most 1")))
         }
-        if !(share > 0.0 && share <= 1.0) {
-            return Err(Failure::usage(format!(
-                "--tolerance {share}: expected above 0, at most 1"
-            )));
-        }
+        _ => Ok(()),
     }
-    if args.force && args.to == ExportFormat::Splat4d {
-        return Err(Failure::usage("--force: splat4d never needs it").next("Leave it out."));
-    }
-    Ok(())
 }
 
 /// What was written, in words, and what was not.
@@ -69,7 +58,7 @@ fn write_splat4d(
     let mut progress = console.progress("export", (splat4d::PASSES * clip.times.len()) as u64);
     let mut step = |done: usize| progress.set(done as u64);
     let report = splat4d::write(&args.output, clip, &options, existing(global), &mut step)
-        .map_err(|error| failure(args.to, &error))?;
+        .map_err(|error| failure(ExportFormat::Splat4d, &error))?;
     progress.finish();
     let written = format!(
         "{} splats of which {} move; at every splat and frame, coordinates are within {:.2e} scene units",
@@ -93,7 +82,7 @@ fn write_usda(
     let mut progress = console.progress("export", 1000);
     let mut step = |done: usize, of: usize| progress.set((1000 * done / of) as u64);
     let report = usda::write(&args.output, clip, &options, existing(global), &mut step)
-        .map_err(|error| failure(args.to, &error))?;
+        .map_err(|error| failure(ExportFormat::Usda, &error))?;
     progress.finish();
     let sampled = if report.sampled.is_empty() {
         "nothing changes".to_owned()
@@ -121,7 +110,7 @@ fn write_splatv(
     let mut progress = console.progress("export", (splatv::PASSES * clip.times.len()) as u64);
     let mut step = |done: usize| progress.set(done as u64);
     let report = splatv::write(&args.output, clip, &options, existing(global), &mut step)
-        .map_err(|error| failure(args.to, &error))?;
+        .map_err(|error| failure(ExportFormat::Splatv, &error))?;
     progress.finish();
     let (width, height) = DEFAULT_SIZE;
     let written = format!(

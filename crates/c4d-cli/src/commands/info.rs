@@ -23,8 +23,8 @@ pub(crate) fn run(args: &InfoArgs, global: &Global, console: &Console) -> Outcom
         return Err(Failure::bad_input(format!("{} does not exist", path.display())));
     }
     let kind = gs_io::detect(path).map_err(|error| scene::bad_input(&error))?;
-    let report = match kind {
-        ref kind if kind.is_frame() => frame(path, kind)?,
+    let report = match &kind {
+        _ if kind.is_frame() => frame(path, &kind)?,
         SceneKind::Model4dgs
         | SceneKind::Swift4d
         | SceneKind::PlySequence
@@ -41,8 +41,17 @@ pub(crate) fn run(args: &InfoArgs, global: &Global, console: &Console) -> Outcom
             folder(path, &parts(path))
         }
         SceneKind::Unknown { .. } if is_json(path) => camera_set(path)?,
+        SceneKind::Foreign(foreign) => {
+            let mut report = Report::new(path, &kind);
+            report.add("next", json!(within(path).unwrap_or_else(|| foreign.next.to_owned())));
+            report
+        }
         other => {
-            return Err(Failure::bad_input(format!("{}: {other}", path.display())).next(
+            let failure = Failure::bad_input(format!("{}: {other}", path.display()));
+            if let Some(next) = within(path) {
+                return Err(failure.next(next));
+            }
+            return Err(failure.next(
                 "c4d reads 4DGS model folders (point_cloud/iteration_N with point_cloud.ply and deformation.pth), Swift4D model folders (the same with FDHash.pth), numbered frames in a folder or zip archive, single frames (PLY, compressed PLY, .splat, .spz, .sog), its own runs, and cameras of data sets.",
             ));
         }
@@ -53,6 +62,25 @@ pub(crate) fn run(args: &InfoArgs, global: &Global, console: &Console) -> Outcom
         console.result(report.text());
     }
     Ok(())
+}
+
+/// What to do with a file that is a part of something known.
+fn within(path: &Path) -> Option<String> {
+    /// Folders between a model or data set and its innermost files.
+    const DEPTH: usize = 4;
+    let path = path.canonicalize().ok().filter(|path| path.is_file())?;
+    let known = |folder: &&Path| {
+        matches!(
+            gs_io::detect(folder),
+            Ok(SceneKind::Model4dgs
+                | SceneKind::Swift4d
+                | SceneKind::RunFolder
+                | SceneKind::Cameras(_))
+        )
+    };
+    let folder = path.ancestors().skip(1).take(DEPTH).filter(known).last()?;
+    let kind = gs_io::detect(folder).ok()?;
+    Some(format!("It lies in a {kind}: c4d info {}.", folder.display()))
 }
 
 /// Whether a report may hold several facts of this name.
@@ -209,7 +237,10 @@ fn parts(path: &Path) -> Vec<(String, SceneKind)> {
     entries.sort();
     let known = |path: &std::path::PathBuf| {
         let kind = gs_io::detect(path).ok()?;
-        let unknown = matches!(kind, SceneKind::Unknown { .. } | SceneKind::OtherPly(_));
+        let unknown = matches!(
+            kind,
+            SceneKind::Unknown { .. } | SceneKind::OtherPly(_) | SceneKind::Foreign(_)
+        );
         (!unknown).then(|| (path.file_name().unwrap_or_default().to_string_lossy().into(), kind))
     };
     entries.iter().take(MAX_PARTS).filter_map(known).collect()
@@ -242,7 +273,7 @@ fn dynamic(opened: &Opened) -> Outcome<Report> {
     let splats = opened.scene.at(range.start).map_err(Failure::bad_input)?;
     describe(&mut report, &splats);
     report.add("up", json!(opened.up));
-    if opened.kind == SceneKind::Model4dgs {
+    if matches!(opened.kind, SceneKind::Model4dgs | SceneKind::Swift4d) {
         report.add("cameras", json!(cameras_of_model(&opened.path)));
     }
     report.add(

@@ -52,9 +52,13 @@ fn options_that_make_no_sense() {
         ("usda", &["--fps", "NaN"], "--fps"),
         ("splat4d", &["--tolerance", "0"], "--tolerance"),
         ("splatv", &["--tolerance", "NaN"], "--tolerance"),
-        ("usda", &["--tolerance", "0.1"], "exact"),
+        ("usda", &["--tolerance", "0.1"], "--tolerance means nothing for usda"),
         ("splat4d", &["--force"], "--force"),
         ("splatv", &["--times", "0,7"], "--times 7"),
+        ("spz", &["--frames", "3"], "--frames means nothing for spz"),
+        ("html", &["--time", "0.5"], "--time means nothing for html"),
+        ("splatv", &["--sh-degree", "1"], "--sh-degree above 0 means nothing for splatv"),
+        ("zip", &["--title", "A walk"], "it is for html"),
     ] {
         let said = failure(&mut c4d(export(to, &path, more)), 2);
         assert!(said.contains(expected), "{to} {more:?}: {said}");
@@ -69,4 +73,70 @@ fn options_that_make_no_sense() {
     let said = failure(c4d(["info"]).arg(&broken), 3);
     assert!(said.contains("broken.splatv") && said.contains("header"), "{said}");
     assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1, "nothing else is left");
+}
+
+#[test]
+fn the_name_says_the_format() {
+    let folder = tempfile::tempdir().unwrap();
+    let source = fixture("synth/source");
+    let source = source.to_str().unwrap();
+    let path = folder.path().join("one.spz");
+    success(&mut c4d(["export", source, "-o", path.to_str().unwrap()]));
+    let (out, _) = success(&mut c4d(["info", path.to_str().unwrap()]));
+    assert!(out.contains("SPZ frame"), "{out}");
+    let said = failure(&mut c4d(["export", source, "-o", folder.path().to_str().unwrap()]), 2);
+    assert!(said.contains("--to is missing") && said.contains("next: "), "{said}");
+}
+
+#[test]
+fn info_names_what_only_comes_out() {
+    let folder = tempfile::tempdir().unwrap();
+    for (to, kind) in [("usda", "OpenUSD"), ("splat4d", ".splat4d clip")] {
+        let path = folder.path().join(format!("clip.{to}"));
+        success(&mut c4d(export(to, &path, &["--frames", "2"])));
+        let (out, _) = success(&mut c4d(["info", path.to_str().unwrap()]));
+        assert!(out.contains(kind) && out.contains("end product"), "{out}");
+    }
+    let field = fixture("swift4d/model/point_cloud/iteration_13000/FDHash.pth");
+    let (out, _) = success(&mut c4d(["info", field.to_str().unwrap()]));
+    assert!(out.contains("PyTorch") && out.contains("lies in a Swift4D model folder"), "{out}");
+}
+
+#[test]
+fn a_manifest_lies_beside_a_sequence() {
+    let folder = tempfile::tempdir().unwrap();
+    let times = ["--times", "0,0.25,1", "--fps", "12.5"];
+    for (to, name) in [("ply-seq", "frames"), ("compressed-seq", "small"), ("zip", "frames.zip")] {
+        let output = folder.path().join(name);
+        let manifest = folder.path().join(format!("{name}.manifest.json"));
+        let (_, said) = success(&mut c4d(export(to, &output, &times)));
+        assert!(said.contains("the manifest beside it"), "{said}");
+        let read = || -> serde_json::Value {
+            serde_json::from_slice(&fs::read(&manifest).unwrap()).unwrap()
+        };
+        let found = read();
+        assert_eq!(found["fps"], 12.5, "{found}");
+        assert_eq!(found["num_frames"], 3, "{found}");
+        assert_eq!(found["times"], serde_json::json!([0.0, 0.25, 1.0]), "{found}");
+        assert!(found["num_splats"].as_u64().unwrap() > 0, "{found}");
+        let (out, _) = success(&mut c4d(["info", manifest.to_str().unwrap()]));
+        assert!(out.contains("manifest of an exported sequence"), "{out}");
+        assert!(found["sh_degree"].as_u64().unwrap() <= 3, "{found}");
+
+        // It alone is in the way, too, and is replaced with the output only.
+        if output.is_dir() {
+            fs::remove_dir_all(&output).unwrap();
+        } else {
+            fs::remove_file(&output).unwrap();
+        }
+        let said = failure(&mut c4d(export(to, &output, &["--frames", "2"])), 2);
+        assert!(said.contains("manifest.json already exists") && !output.exists(), "{said}");
+        assert_eq!(read(), found, "as it was");
+        success(&mut c4d(export(to, &output, &["--frames", "2", "-w"])));
+        assert_eq!(read()["num_frames"], 2, "replaced");
+    }
+    let names: Vec<_> = fs::read_dir(folder.path()).unwrap().flatten().collect();
+    assert_eq!(names.len(), 6, "an output and a manifest each, nothing else: {names:?}");
+    let mut frames = fs::read_dir(folder.path().join("frames")).unwrap().flatten();
+    assert!(frames.all(|entry| entry.path().extension().unwrap() == "ply"), "frames alone");
 }

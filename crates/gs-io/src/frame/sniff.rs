@@ -1,6 +1,7 @@
 //! What bytes are, from their content.
 
 use super::FrameFormat;
+use crate::foreign::Foreign;
 use crate::ply::{Header, PlyError};
 use crate::{compressed_ply, inflate, splat_file, spz};
 
@@ -39,20 +40,10 @@ pub(crate) fn container(bytes: &[u8]) -> Container {
     }
 }
 
-/// Marks of files that people try, and what they are.
-const OTHERS: [(&[u8], &str); 6] = [
-    (b"Kg\0\0", "a .splatv clip of splaTV"),
-    (b"SP4D", "a .splat4d clip"),
-    (b"\x894DGS", "a .4dgs clip"),
-    (b"glTF", "a binary glTF"),
-    (b"PXR-USDC", "a binary USD"),
-    (b"\x93NUMPY", "a NumPy array"),
-];
-
 /// What bytes of no frame are, for a message: a format by name, or what they start with.
 pub(crate) fn shown(bytes: &[u8]) -> String {
-    if let Some((_, name)) = OTHERS.iter().find(|(mark, _)| bytes.starts_with(mark)) {
-        return (*name).to_owned();
+    if let Some(foreign) = Foreign::of(bytes) {
+        return foreign.name.to_owned();
     }
     let found: String = String::from_utf8_lossy(&bytes[..bytes.len().min(12)])
         .chars()

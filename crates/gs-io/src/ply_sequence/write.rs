@@ -4,6 +4,7 @@
 //! at the root with real sizes and checksums in their local headers, below the limits of zip64.
 
 use crate::atomic::{AtomicDir, AtomicFile, Existing};
+use crate::clip::each_frame;
 use crate::compressed_ply;
 use crate::error::IoError;
 use crate::losses::Losses;
@@ -162,7 +163,11 @@ pub fn write_folder(
     let dir = dir.as_ref();
     too_short(dir, times.len())?;
     let mut writer = FolderWriter::create(dir, existing)?;
-    each_frame(dir, scene, times, progress, |splats| writer.push(splats, options))?;
+    each_frame(scene, times, dir, |index, splats| {
+        writer.push(splats, options)?;
+        progress(index + 1);
+        Ok(())
+    })?;
     writer.finish()
 }
 
@@ -184,9 +189,10 @@ pub fn write_compressed_folder(
     too_short(dir, times.len())?;
     let mut writer = FolderWriter::create(dir, existing)?;
     let (mut options, mut losses) = (options.clone(), Losses::none());
-    each_frame(dir, scene, times, progress, |splats| {
+    each_frame(scene, times, dir, |index, splats| {
         options.order.get_or_insert_with(|| compressed_ply::morton_order(splats));
         losses = writer.push_compressed(splats, &options)?;
+        progress(index + 1);
         Ok(())
     })?;
     writer.finish()?;
@@ -208,26 +214,12 @@ pub fn write_zip(
     let path = path.as_ref();
     too_short(path, times.len())?;
     let mut writer = ZipWriter::create(path, existing)?;
-    each_frame(path, scene, times, progress, |splats| writer.push(splats, options))?;
-    writer.finish()
-}
-
-fn each_frame(
-    path: &Path,
-    scene: &dyn DynamicScene,
-    times: &[f32],
-    progress: &mut dyn FnMut(usize),
-    mut push: impl FnMut(&Splats) -> Result<(), IoError>,
-) -> Result<(), IoError> {
-    let mut splats = Splats::default();
-    for (index, &t) in times.iter().enumerate() {
-        scene
-            .at_into(t, &mut splats)
-            .map_err(|source| IoError::Scene { path: path.to_owned(), source })?;
-        push(&splats)?;
+    each_frame(scene, times, path, |index, splats| {
+        writer.push(splats, options)?;
         progress(index + 1);
-    }
-    Ok(())
+        Ok(())
+    })?;
+    writer.finish()
 }
 
 #[cfg(test)]

@@ -1,7 +1,7 @@
 //! `c4d export --to html`: the scene, beside its original if it is a run, as one page that plays anywhere.
 
 use super::super::freeze::{check_sh_degree, existing, output_failure};
-use super::say;
+use super::say_written;
 use crate::args::{ExportArgs, Global};
 use crate::console::Console;
 use crate::device::Device;
@@ -27,7 +27,7 @@ pub(super) fn write(
     console: &Console,
 ) -> Outcome {
     check_sh_degree(args.sh_degree, opened.scene.sh_degree())?;
-    crate::frames::check_fps(args.fps)?;
+    let fps = crate::frames::fps(args.fps)?;
     scene::refuse_overlap(&args.output, &opened.roots)?;
     let options = Options {
         sh_degree: args.sh_degree.unwrap_or(Options::default().sh_degree),
@@ -56,7 +56,7 @@ pub(super) fn write(
     let page = Page {
         title: &title,
         names: ["Original", "Edited"],
-        fps: args.fps,
+        fps,
         camera: &camera,
         target: rig.target(),
         up: opened.up,
@@ -67,17 +67,15 @@ pub(super) fn write(
     file.write_all(text.as_bytes()).map_err(|error| Failure::write(&args.output, &error))?;
     file.commit().map_err(|error| output_failure(&error))?;
     let report = &encoded.report;
-    console.note(format!(
-        "{:.1} MB in {:.1} s: {} frames, {}; {} of {} stored splats move",
-        text.len() as f64 / 1e6,
-        elapsed.as_secs_f64(),
+    let what = format!(
+        "{} frames, {}; {} of {} stored splats move",
         report.frames,
         counts(report),
         report.moving,
         report.first.max(report.second),
-    ));
-    say(&losses(report, &options, times.len()), console);
-    console.result(args.output.display());
+    );
+    let losses = losses(report, &options, times.len());
+    say_written(&args.output, elapsed, &what, &losses, console);
     Ok(())
 }
 

@@ -1,39 +1,44 @@
 //! Formats of one frame.
 
 use super::super::freeze::{TIME_COMMENT, check_sh_degree, existing, output_failure};
-use super::say;
-use crate::args::{ExportArgs, ExportFormat, Global};
+use super::say_written;
+use crate::args::{ExportArgs, Global};
 use crate::console::Console;
+use crate::export_format::ExportFormat;
 use crate::failure::{Failure, Outcome};
 use crate::frames;
 use crate::scene::{self, Opened};
 use gs_io::{AtomicFile, compressed_ply, splat_file, spz};
+use std::time::Instant;
 
 /// Writes the frame at `--time`.
 pub(super) fn write(
     args: &ExportArgs,
+    to: ExportFormat,
     opened: &Opened,
     global: &Global,
     console: &Console,
 ) -> Outcome {
-    frames::check(opened.scene.time_range(), args.time, "--time")?;
+    let time = args.time.unwrap_or_default();
+    frames::check(opened.scene.time_range(), time, "--time")?;
     check_sh_degree(args.sh_degree, opened.scene.sh_degree())?;
-    if !(3..=4).contains(&args.spz_version) {
-        return Err(Failure::usage(format!("--spz-version {}: expected 3 or 4", args.spz_version)));
+    let version = args.spz_version.unwrap_or(4);
+    if !(3..=4).contains(&version) {
+        return Err(Failure::usage(format!("--spz-version {version}: expected 3 or 4")));
     }
     scene::refuse_overlap(&args.output, &opened.roots)?;
-    let splats = opened.scene.at(args.time).map_err(Failure::bad_input)?;
+    let start = Instant::now();
+    let splats = opened.scene.at(time).map_err(Failure::bad_input)?;
     let mut file = AtomicFile::create(&args.output, existing(global))
         .map_err(|error| output_failure(&error))?;
-    let written = match args.to {
+    let written = match to {
         ExportFormat::Splat => splat_file::write(&splats, &mut file),
         ExportFormat::Spz => {
-            let options =
-                spz::WriteOptions { version: args.spz_version, sh_degree: args.sh_degree };
+            let options = spz::WriteOptions { version, sh_degree: args.sh_degree };
             spz::write(&splats, &options, &mut file)
         }
         _ => {
-            let comments = std::iter::once(format!("{TIME_COMMENT}{}", args.time))
+            let comments = std::iter::once(format!("{TIME_COMMENT}{time}"))
                 .chain(scene::up_comments(opened.up))
                 .collect();
             let order = Some(compressed_ply::morton_order(&splats));
@@ -44,8 +49,7 @@ pub(super) fn write(
     };
     let losses = written.map_err(|error| Failure::write(&args.output, &error))?;
     file.commit().map_err(|error| output_failure(&error))?;
-    console.note(format!("{} splats at time {}", splats.len(), args.time));
-    say(&losses, console);
-    console.result(args.output.display());
+    let what = format!("{} splats at time {time}", splats.len());
+    say_written(&args.output, start.elapsed(), &what, &losses, console);
     Ok(())
 }

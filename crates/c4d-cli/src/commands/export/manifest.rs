@@ -1,0 +1,83 @@
+//! `NAME.manifest.json` beside an exported sequence: what its format has no place for.
+//!
+//! Beside it, never in it: players take a folder or an archive for a sequence only while nothing else lies in it.
+
+use super::super::freeze::output_failure;
+use crate::failure::{Failure, Outcome};
+use gs_io::{AtomicFile, Existing, IoError};
+use serde_json::json;
+use std::io::Write;
+use std::path::{Path, PathBuf};
+
+/// What is noted.
+#[derive(Debug)]
+pub(super) struct Content<'a> {
+    /// Frames per second.
+    pub(super) fps: f64,
+    /// Scene times of the frames, in order.
+    pub(super) times: &'a [f32],
+    pub(super) num_splats: usize,
+    pub(super) sh_degree: usize,
+    /// The world's upward direction.
+    pub(super) up: [f64; 3],
+}
+
+/// A manifest that appears when it is written.
+#[derive(Debug)]
+pub(super) struct Manifest {
+    file: AtomicFile,
+    path: PathBuf,
+}
+
+/// Name of the manifest of `output`: `frames.manifest.json` of `frames/`, `frames.zip.manifest.json` of `frames.zip`.
+fn path_of(output: &Path) -> PathBuf {
+    // Without the slash that a folder may end with.
+    let output: PathBuf = output.components().collect();
+    let mut name = output.file_name().unwrap_or_default().to_owned();
+    name.push(".manifest.json");
+    output.with_file_name(name)
+}
+
+/// Begins the manifest of `output`; one that exists is refused or replaced like the output itself.
+pub(super) fn create(output: &Path, existing: Existing) -> Outcome<Manifest> {
+    let path = path_of(output);
+    let file = AtomicFile::create(&path, existing).map_err(|error| match error {
+        // Of two that exist, the one that was asked for.
+        IoError::Exists { .. } if output.exists() => {
+            output_failure(&IoError::Exists { path: output.to_owned() })
+        }
+        other => output_failure(&other),
+    })?;
+    Ok(Manifest { file, path })
+}
+
+impl Manifest {
+    /// Writes it.
+    pub(super) fn write(mut self, content: &Content<'_>) -> Outcome {
+        let text = json!({
+            "kind": "sequence of 3D Gaussian frames",
+            "writer": concat!("c4d ", env!("CARGO_PKG_VERSION")),
+            "fps": content.fps,
+            "num_frames": content.times.len(),
+            "times": content.times,
+            "num_splats": content.num_splats,
+            "sh_degree": content.sh_degree,
+            "up": content.up,
+        });
+        writeln!(self.file, "{text:#}").map_err(|error| Failure::write(&self.path, &error))?;
+        self.file.commit().map_err(|error| output_failure(&error))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn lies_beside_the_output() {
+        let named = |output: &str| path_of(Path::new(output)).display().to_string();
+        assert_eq!(named("out/frames/"), "out/frames.manifest.json", "a folder");
+        assert_eq!(named("frames.zip"), "frames.zip.manifest.json", "an archive keeps its ending");
+        assert_eq!(named("take.1"), "take.1.manifest.json", "no ending, but a dot");
+    }
+}

@@ -1,0 +1,30 @@
+//! The field of a Swift4D model, beside sound splats and flags, evaluated where it can be read.
+#![no_main]
+
+use gs_core::DynamicScene;
+use gs_io::checkpoint4dgs::Overrides;
+use gs_io::swift4d;
+use std::fs;
+use std::path::PathBuf;
+use std::sync::LazyLock;
+
+const MODEL: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../fixtures/swift4d/model");
+const ITERATION: &str = "point_cloud/iteration_13000";
+
+/// A copy of the fixture's model; every input becomes its field.
+static FOLDER: LazyLock<PathBuf> = LazyLock::new(|| {
+    let folder = std::env::temp_dir().join(format!("gs-io-fuzz-swift4d-{}", std::process::id()));
+    fs::create_dir_all(folder.join(ITERATION)).expect("room for a temporary folder");
+    for file in ["cfg_args", "point_cloud/iteration_13000/point_cloud.ply"] {
+        fs::copy(format!("{MODEL}/{file}"), folder.join(file)).expect("the fixture is there");
+    }
+    folder
+});
+
+libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
+    fs::write(FOLDER.join(ITERATION).join("FDHash.pth"), bytes).expect("room for a file");
+    let Ok(model) = swift4d::open(&*FOLDER, &Overrides::default()) else { return };
+    if let Ok(splats) = model.scene.at(0.5) {
+        assert!(splats.check_shapes().is_ok(), "whatever is evaluated is consistent");
+    }
+});

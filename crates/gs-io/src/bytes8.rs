@@ -31,7 +31,7 @@ pub(crate) fn channel_of(dc: f32) -> f32 {
     0.5 + C0 * dc
 }
 
-/// `value` in [0,1] as a byte, rounded; NaN is 0.
+/// `value` from 0 to 1 as a byte, rounded; NaN is 0.
 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to a byte")]
 pub(crate) fn unorm8(value: f32) -> u8 {
     (value * 255.0 + 0.5).clamp(0.0, 255.0) as u8

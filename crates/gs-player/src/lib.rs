@@ -1,7 +1,7 @@
 //! A dynamic Gaussian-splat scene, and what an edit made of it, as **one HTML file** that plays from disk in any browser with WebGL 2.
 //!
-//! [`encode`] turns one or two scenes into a payload: values on a grid of stated steps, over time as few straight pieces within a stated
-//! tolerance, what both scenes share stored once, compressed with gzip (which browsers undo themselves). [`page`] puts it into a page with
+//! [`encode()`] turns one or two scenes into a payload: values on a grid of stated steps, over time as few straight pieces within a stated
+//! tolerance, what both scenes share stored once, compressed with gzip (which browsers undo themselves). [`page()`] puts it into a page with
 //! the player (`player/`, plain JavaScript and GLSL). The crate's `README.md` documents the bytes.
 //!
 //! Deliberately absent: files, rendering (the poster is given), networks: the page's own policy forbids any.

@@ -11,7 +11,7 @@ pub(super) fn top(bits: u32) -> f32 {
     ((1_u32 << bits) - 1) as f32
 }
 
-/// `value` in [0,1] as a number of `bits` bits, rounded; NaN is 0.
+/// `value` from 0 to 1 as a number of `bits` bits, rounded; NaN is 0.
 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to the bits")]
 fn unorm(value: f32, bits: u32) -> u32 {
     (value * top(bits) + 0.5).floor().clamp(0.0, top(bits)) as u32
@@ -21,7 +21,7 @@ fn from_unorm(word: u32, shift: u32, bits: u32) -> f32 {
     ((word >> shift) & ((1 << bits) - 1)) as f32 / top(bits)
 }
 
-/// Three numbers in [0,1] as 11, 10 and 11 bits, the first highest.
+/// Three numbers from 0 to 1 as 11, 10 and 11 bits, the first highest.
 pub(super) fn vector(values: [f32; 3]) -> u32 {
     unorm(values[0], BITS[0]) << 21 | unorm(values[1], BITS[1]) << 11 | unorm(values[2], BITS[2])
 }

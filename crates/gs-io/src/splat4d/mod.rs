@@ -32,7 +32,7 @@ use survey::Survey;
 use tracks::Tracks;
 use value::Steps;
 
-/// Frames of a clip are visited this often: `progress` of [`write`] counts up to this many times their number.
+/// Frames of a clip are visited this often: `progress` of [`write()`] counts up to this many times their number.
 pub const PASSES: usize = 2;
 
 /// Default position bound as a share of the scene's size: a fifth of a pixel where the scene fills a thousand.

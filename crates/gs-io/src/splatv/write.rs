@@ -15,7 +15,7 @@ use rayon::prelude::*;
 use std::io::Write;
 use std::path::Path;
 
-/// Frames of a clip are visited this often: `progress` of [`write`] counts up to this many times their number.
+/// Frames of a clip are visited this often: `progress` of [`write()`] counts up to this many times their number.
 pub const PASSES: usize = 2;
 
 /// Default of [`Options::tolerance`].

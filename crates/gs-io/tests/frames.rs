@@ -354,7 +354,7 @@ fn content_decides_and_damage_is_named() {
     let error = frame::read(&lying).unwrap_err();
     assert!(matches!(error, FrameError::Damaged { .. }), "{error}");
     let clip = [b"Kg\0\0\x10\0\0\0".to_vec(), vec![b'x'; 100]].concat();
-    assert!(frame::read(&clip).unwrap_err().to_string().contains("splaTV"), "named");
+    assert!(frame::read(&clip).unwrap_err().to_string().contains("a .splatv clip"), "named");
     for text in ["hello", &"prose of thirty-two characters..".repeat(40)] {
         let error = frame::read(text.as_bytes()).unwrap_err();
         assert!(matches!(error, FrameError::Unknown { .. }), "{text}: {error}");

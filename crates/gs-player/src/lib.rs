@@ -9,10 +9,10 @@
 //! ```
 //! use gs_player::{Options, encode};
 //!
-//! let scene = gs_synth::demo(&gs_synth::DemoParams { num_splats: 500, ..Default::default() })?;
+//! let scene = gs_synth::demo(&gs_synth::DemoParams { num_splats: 1500, ..Default::default() })?;
 //! let encoded = encode(&scene, None, &[0.0, 0.5, 1.0], &Options::default(), &mut |_, _| {})?;
 //! assert_eq!(encoded.report.frames, 3);
-//! assert!(encoded.payload.len() < 500 * 60);
+//! assert!(encoded.payload.len() < 1500 * 60);
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 

@@ -35,10 +35,12 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
 
     let after = peak_mib();
     let error = motion_error(&found.scene, &scene.edited.truth, &[0.25, 0.5, 0.75, 1.0])?;
+    let mib = |peak: Option<u64>| peak.map_or_else(|| "unknown".to_owned(), |mib| mib.to_string());
+    let (before, after) = (mib(before), mib(after));
     let mut out = std::io::stdout().lock();
     writeln!(
         out,
-        "{case:?} {preset:?}: {num_source} -> {num_edited} splats, {seconds:.2} s, peak {after:?} MiB ({before:?} of them \
+        "{case:?} {preset:?}: {num_source} -> {num_edited} splats, {seconds:.2} s, peak {after} MiB ({before} of them \
          for the scene), EPE {:.3} %, p95 {:.2} %",
         error.epe, error.p95
     )?;

@@ -1,5 +1,6 @@
 //! The motion of one blended row at one time (Eqs. 8, 23, 24, or their rigid counterparts).
 
+use crate::keyframes::still_seen;
 use crate::options::{Aggregation, PositionRule, RotationRule, ScaleRule};
 use crate::rigid::RigidFit;
 use gs_core::{Real, Splats, quat};
@@ -115,6 +116,27 @@ fn add_rotations(
     // Differences that cancel the quaternion leave no direction: keep the edit's.
     let sum = if length > 1e-9 { sum.map(|c| c / length) } else { unit };
     sum.map(f32::from_double)
+}
+
+/// Weights of a row's sources at a time when some have faded, normalised, in `out`. As long as anyone is still there, the row
+/// follows those; if all fade, they fade together and keep their shares.
+pub(crate) fn weights_seen(
+    (ids, weights): (&[u32], &[f32]),
+    source_1: &Splats,
+    source_t: &Splats,
+    out: &mut Vec<f32>,
+) {
+    const FADED: f32 = 1e-4;
+    out.clear();
+    out.extend(
+        ids.iter()
+            .zip(weights)
+            .map(|(&id, &weight)| weight * (still_seen(source_1, source_t, id as usize) + FADED)),
+    );
+    let total: f32 = out.iter().sum();
+    for weight in out {
+        *weight /= total;
+    }
 }
 
 fn blend_scale(

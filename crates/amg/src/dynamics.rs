@@ -1,6 +1,7 @@
 //! Which source splats move, and how large the thing that moves is.
 
 use crate::AmgError;
+use crate::coherence::keep_coherent;
 use crate::keyframes::KeyFrames;
 use crate::options::{DynamicOverride, DynamicParams};
 
@@ -11,7 +12,7 @@ use crate::options::{DynamicOverride, DynamicParams};
 /// log-displacements between a still and a moving population (Otsu), accepted only when both hold at least 0.1 % of the splats
 /// the typical mover moves at least 8 times as far as the typical still splat, and the valley lies below 0.5 % of the
 /// scene's size: deformation networks make still splats tremble, but less than that. Without such a valley, every splat that moves more than 0.2 % of the
-/// scene's size is dynamic.
+/// scene's size is dynamic. Of those, splats that tremble alone are still (see [`DynamicParams::coherent`]).
 #[derive(Debug, Clone, PartialEq)]
 pub struct DynamicSplit {
     /// `[N]`.
@@ -51,7 +52,11 @@ impl DynamicSplit {
                     || automatic_threshold(&amplitudes, &keys.broken, extent(keys, |_| true)),
                     f64::from,
                 );
-                (amplitudes.iter().map(|&a| a > threshold).collect(), threshold)
+                let mut dynamic: Vec<bool> = amplitudes.iter().map(|&a| a > threshold).collect();
+                if params.coherent {
+                    keep_coherent(keys, &mut dynamic);
+                }
+                (dynamic, threshold)
             }
         };
         for (dynamic, broken) in dynamic.iter_mut().zip(&keys.broken) {

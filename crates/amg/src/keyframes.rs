@@ -13,6 +13,8 @@ pub(crate) struct KeyFrames {
     pub(crate) means: Vec<Vec<[f32; 3]>>,
     /// Unit relative rotations since the edit frame, at each key time, `[T][N]`; identity for zero quaternions.
     pub(crate) turns: Vec<Vec<[f32; 4]>>,
+    /// Opacity at each key time over that at the edit frame, at most 1, `[T][N]`; empty if the scene's never change.
+    seen: Vec<Vec<f32>>,
     /// Rows with a value that is not finite at some time.
     pub(crate) broken: Vec<bool>,
 }
@@ -30,19 +32,40 @@ impl KeyFrames {
         at_edit.check_shapes()?;
         let times = key_times(source.time_range(), source.num_frames(), edit_time, count);
         let mut broken: Vec<bool> = (0..at_edit.len()).map(|i| is_broken(&at_edit, i)).collect();
-        let (mut means, mut turns) = (Vec::new(), Vec::new());
+        let (mut means, mut turns, mut seen) = (Vec::new(), Vec::new(), Vec::new());
+        let fades = source.fades();
         let mut splats = Splats::default();
         for (done, &t) in times.iter().enumerate() {
-            source.geometry_into(t, &mut splats)?;
+            if fades {
+                source.at_into(t, &mut splats)?;
+            } else {
+                source.geometry_into(t, &mut splats)?;
+            }
             check_rows(&splats, at_edit.len())?;
+            if fades {
+                splats.check_shapes()?;
+            }
             for (i, broken) in broken.iter_mut().enumerate() {
                 *broken |= is_broken(&splats, i);
             }
             turns.push((0..splats.len()).map(|i| turn_between(&at_edit, &splats, i)).collect());
             means.push(splats.means.clone());
+            if fades {
+                seen.push((0..splats.len()).map(|i| still_seen(&at_edit, &splats, i)).collect());
+            }
             progress((done + 1) as f32 / times.len() as f32);
         }
-        Ok(Self { at_edit, times, means, turns, broken })
+        Ok(Self { at_edit, times, means, turns, seen, broken })
+    }
+
+    /// Whether any opacity changes.
+    pub(crate) fn fades(&self) -> bool {
+        !self.seen.is_empty()
+    }
+
+    /// How far source `i` is still there at key time `k`, 0 to 1.
+    pub(crate) fn seen(&self, k: usize, i: usize) -> f64 {
+        self.seen.get(k).map_or(1.0, |seen| f64::from(seen[i]))
     }
 
     /// Displacement of source `i` at key time `k`.
@@ -67,6 +90,12 @@ pub(crate) fn check_rows(at_t: &Splats, num_splats: usize) -> Result<(), SceneEr
         }
     }
     Ok(())
+}
+
+/// Opacity of splat `i` now over that at the edit frame, at most 1; 0 if either is no number.
+pub(crate) fn still_seen(at_edit: &Splats, at_t: &Splats, i: usize) -> f32 {
+    let ratio = at_t.opacity(i) / at_edit.opacity(i);
+    if ratio.is_nan() { 0.0 } else { ratio.min(1.0) }
 }
 
 fn is_broken(splats: &Splats, i: usize) -> bool {

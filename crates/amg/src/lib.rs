@@ -10,6 +10,7 @@
 mod aggregate;
 mod best;
 mod binding;
+mod coherence;
 mod dynamics;
 mod error;
 mod field;

@@ -87,6 +87,9 @@ pub struct Aggregation {
     /// scene does not model rotation. Default 0.3; [`crate::propagate()`] lowers it when the source's rotations disagree
     /// with its positions.
     pub rotation_prior: f32,
+    /// Whether a source counts less at times when it is fainter than at the edit frame: where it would be is not seen then,
+    /// and was fitted to nothing. Default on.
+    pub fading: bool,
 }
 
 /// Rule for positions.
@@ -125,6 +128,7 @@ impl Aggregation {
         scale: ScaleRule::PerAxis,
         appearance: false,
         rotation_prior: 0.0,
+        fading: false,
     };
 }
 
@@ -136,6 +140,7 @@ impl Default for Aggregation {
             scale: ScaleRule::Isotropic,
             appearance: true,
             rotation_prior: 3.0,
+            fading: true,
         }
     }
 }
@@ -173,13 +178,22 @@ pub enum DynamicOverride {
 }
 
 /// Options of the static/dynamic split.
-#[derive(Debug, Clone, PartialEq, Default)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct DynamicParams {
     /// User's word, before the scene's own mask and before motion.
     pub override_with: Option<DynamicOverride>,
     /// Displacement over the key times from which a splat counts as moving, world units. `None` (default): found from
     /// the distribution of displacements, see [`crate::DynamicSplit`].
     pub threshold: Option<f32>,
+    /// Whether displacements that neighbours do not share count as none: splats of bare surfaces slide along them, each its
+    /// own way, unseen until others are made to follow. Default on; off in the presets of the literature.
+    pub coherent: bool,
+}
+
+impl Default for DynamicParams {
+    fn default() -> Self {
+        Self { override_with: None, threshold: None, coherent: true }
+    }
 }
 
 /// All options of [`crate::propagate()`].
@@ -216,7 +230,7 @@ impl MotionOptions {
             edit_time: None,
             num_key_times: 12,
             identity: IdentityParams::default(),
-            dynamics: DynamicParams::default(),
+            dynamics: DynamicParams { coherent: preset == Preset::Best, ..Default::default() },
             reach: 0.25,
         }
     }

@@ -1,7 +1,7 @@
 //! [`EditedScene`]: the edit, moving.
 
 use crate::AmgError;
-use crate::aggregate::{blend_change, blend_geometry};
+use crate::aggregate::{blend_change, blend_geometry, weights_seen};
 use crate::binding::{Binding, RowKind};
 use crate::field::FieldAt;
 use crate::keyframes::check_rows;
@@ -149,18 +149,19 @@ impl EditedScene {
             return Ok(());
         }
         let mut source_t = self.borrow_scratch();
-        if appearance {
+        let fading = self.aggregation.fading && self.source.fades();
+        if appearance || fading {
             self.source.at_into(t, &mut source_t)?;
         } else {
             self.source.geometry_into(t, &mut source_t)?;
         }
         check_rows(&source_t, self.source_1.len())?;
-        if appearance {
+        if appearance || fading {
             source_t.check_shapes()?;
         }
-        self.move_geometry(&source_t, out);
+        self.move_geometry(&source_t, fading, out);
         if appearance {
-            self.move_appearance(&source_t, out);
+            self.move_appearance(&source_t, fading, out);
         }
         self.return_scratch(source_t);
         self.add_field(t, appearance, out)
@@ -178,35 +179,58 @@ impl EditedScene {
         }
     }
 
-    fn move_geometry(&self, source_t: &Splats, out: &mut Splats) {
+    /// The row's sources with the weights they have at this time.
+    fn seen_at<'a>(
+        &'a self,
+        (ids, weights): (&'a [u32], &'a [f32]),
+        source_t: &Splats,
+        fading: bool,
+        scratch: &'a mut Vec<f32>,
+    ) -> (&'a [u32], &'a [f32]) {
+        if !fading || ids.len() < 2 {
+            return (ids, weights);
+        }
+        weights_seen((ids, weights), &self.source_1, source_t, scratch);
+        (ids, scratch)
+    }
+
+    fn move_geometry(&self, source_t: &Splats, fading: bool, out: &mut Splats) {
         let kinds = self.binding.kinds();
-        let move_row = |(row, ((mean, rotation), log_scale)): (usize, GeometryMut<'_>)| {
-            let sources = self.binding.row(row);
-            match kinds[row] {
-                RowKind::Static | RowKind::Field => {}
-                RowKind::Unchanged | RowKind::Recoloured => {
-                    let id = sources.0[0] as usize;
-                    *mean = source_t.means[id];
-                    *rotation = source_t.quats[id];
-                    *log_scale = source_t.log_scales[id];
+        let move_row =
+            |seen: &mut Vec<f32>,
+             (row, ((mean, rotation), log_scale)): (usize, GeometryMut<'_>)| {
+                let sources = self.binding.row(row);
+                match kinds[row] {
+                    RowKind::Static | RowKind::Field => {}
+                    RowKind::Unchanged | RowKind::Recoloured => {
+                        let id = sources.0[0] as usize;
+                        *mean = source_t.means[id];
+                        *rotation = source_t.quats[id];
+                        *log_scale = source_t.log_scales[id];
+                    }
+                    RowKind::Blended => {
+                        let edited = (*mean, *rotation, *log_scale);
+                        let sources = self.seen_at(sources, source_t, fading, seen);
+                        (*mean, *rotation, *log_scale) = blend_geometry(
+                            edited,
+                            sources,
+                            &self.source_1,
+                            source_t,
+                            self.aggregation,
+                        );
+                    }
                 }
-                RowKind::Blended => {
-                    let edited = (*mean, *rotation, *log_scale);
-                    (*mean, *rotation, *log_scale) =
-                        blend_geometry(edited, sources, &self.source_1, source_t, self.aggregation);
-                }
-            }
-        };
+            };
         out.means
             .par_iter_mut()
             .zip(&mut out.quats)
             .zip(&mut out.log_scales)
             .enumerate()
             .with_min_len(BLOCK)
-            .for_each(move_row);
+            .for_each_init(Vec::new, move_row);
     }
 
-    fn move_appearance(&self, source_t: &Splats, out: &mut Splats) {
+    fn move_appearance(&self, source_t: &Splats, fading: bool, out: &mut Splats) {
         let coeffs = out.sh_coeffs();
         let source_coeffs = source_t.sh_coeffs();
         let shared = coeffs.min(source_coeffs);
@@ -214,46 +238,48 @@ impl EditedScene {
         // Most formats give colours once for all times; then nothing below would change a bit.
         let sh_moves = source_t.sh != source_1.sh;
         let kinds = self.binding.kinds();
-        let move_row = |(row, (logit, sh)): (usize, (&mut f32, &mut [[f32; 3]]))| {
-            let sources = self.binding.row(row);
-            match kinds[row] {
-                RowKind::Static | RowKind::Field => return,
-                RowKind::Unchanged => {
-                    let id = sources.0[0] as usize;
-                    *logit = source_t.opacity_logits[id];
-                    sh[..shared].copy_from_slice(&source_t.sh_of(id)[..shared]);
+        let move_row =
+            |seen: &mut Vec<f32>, (row, (logit, sh)): (usize, (&mut f32, &mut [[f32; 3]]))| {
+                let sources = self.binding.row(row);
+                match kinds[row] {
+                    RowKind::Static | RowKind::Field => return,
+                    RowKind::Unchanged => {
+                        let id = sources.0[0] as usize;
+                        *logit = source_t.opacity_logits[id];
+                        sh[..shared].copy_from_slice(&source_t.sh_of(id)[..shared]);
+                        return;
+                    }
+                    RowKind::Blended if !self.aggregation.appearance => return,
+                    RowKind::Recoloured | RowKind::Blended => {}
+                }
+                let sources = self.seen_at(sources, source_t, fading, seen);
+                let change = blend_change(sources, |id| {
+                    (source_1.opacity_logits[id], source_t.opacity_logits[id])
+                });
+                if change != 0.0 {
+                    *logit += change;
+                }
+                if !sh_moves {
                     return;
                 }
-                RowKind::Blended if !self.aggregation.appearance => return,
-                RowKind::Recoloured | RowKind::Blended => {}
-            }
-            let change = blend_change(sources, |id| {
-                (source_1.opacity_logits[id], source_t.opacity_logits[id])
-            });
-            if change != 0.0 {
-                *logit += change;
-            }
-            if !sh_moves {
-                return;
-            }
-            for (k, rgb) in sh[..shared].iter_mut().enumerate() {
-                for channel in 0..3 {
-                    let change = blend_change(sources, |id| {
-                        let at = id * source_coeffs + k;
-                        (source_1.sh[at][channel], source_t.sh[at][channel])
-                    });
-                    if change != 0.0 {
-                        rgb[channel] += change;
+                for (k, rgb) in sh[..shared].iter_mut().enumerate() {
+                    for channel in 0..3 {
+                        let change = blend_change(sources, |id| {
+                            let at = id * source_coeffs + k;
+                            (source_1.sh[at][channel], source_t.sh[at][channel])
+                        });
+                        if change != 0.0 {
+                            rgb[channel] += change;
+                        }
                     }
                 }
-            }
-        };
+            };
         out.opacity_logits
             .par_iter_mut()
             .zip(out.sh.par_chunks_exact_mut(coeffs))
             .enumerate()
             .with_min_len(BLOCK)
-            .for_each(move_row);
+            .for_each_init(Vec::new, move_row);
     }
 
     /// Baseline "w/o AMG": stored parameters move by the difference of what the field says at `t` and at the edit frame.
@@ -330,6 +356,10 @@ impl DynamicScene for EditedScene {
 
     fn geometry_into(&self, t: f32, out: &mut Splats) -> Result<(), SceneError> {
         self.evaluate(t, false, out)
+    }
+
+    fn fades(&self) -> bool {
+        self.source.fades()
     }
 
     fn dynamic_mask(&self) -> Option<&[bool]> {

@@ -70,6 +70,10 @@ impl DynamicScene for OffsetScene<'_> {
         self.scene.geometry_into(t, out)
     }
 
+    fn fades(&self) -> bool {
+        self.scene.fades()
+    }
+
     fn dynamic_mask(&self) -> Option<&[bool]> {
         self.scene.dynamic_mask()
     }

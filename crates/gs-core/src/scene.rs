@@ -109,6 +109,12 @@ pub trait DynamicScene: Debug + Send + Sync {
         Ok(out)
     }
 
+    /// Whether splats may appear and disappear: `false` promises the same opacities at every time, so that who needs only
+    /// geometry need not ask for more.
+    fn fades(&self) -> bool {
+        true
+    }
+
     /// Which splats the scene itself declares moving (`[N]`), when its format says so; `None` when motion decides.
     fn dynamic_mask(&self) -> Option<&[bool]> {
         None

@@ -1,7 +1,7 @@
 //! [`HexPlaneScene`]: canonical splats under a deformation field.
 
 use crate::evaluate::Wanted;
-use crate::{FieldError, HexPlaneField};
+use crate::{Component, FieldError, HexPlaneField};
 use gs_core::{DynamicScene, SceneError, Splats, TimeRange};
 use std::sync::OnceLock;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
@@ -136,5 +136,9 @@ impl DynamicScene for HexPlaneScene {
 
     fn geometry_into(&self, t: f32, out: &mut Splats) -> Result<(), SceneError> {
         self.evaluate(t, Wanted::Geometry, out)
+    }
+
+    fn fades(&self) -> bool {
+        self.field.deforms(Component::OpacityLogits)
     }
 }

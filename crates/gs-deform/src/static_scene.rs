@@ -44,6 +44,10 @@ impl DynamicScene for StaticScene {
         Ok(())
     }
 
+    fn fades(&self) -> bool {
+        false
+    }
+
     fn geometry_into(&self, t: f32, out: &mut Splats) -> Result<(), SceneError> {
         let range = self.time_range();
         if !range.contains(t) {

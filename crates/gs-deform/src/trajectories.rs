@@ -109,6 +109,11 @@ impl DynamicScene for Trajectories {
     fn geometry_into(&self, t: f32, out: &mut Splats) -> Result<(), SceneError> {
         self.evaluate(t, true, out)
     }
+
+    fn fades(&self) -> bool {
+        let logits = |frame: &Splats| frame.opacity_logits == self.frames[0].opacity_logits;
+        !self.frames.iter().all(logits)
+    }
 }
 
 #[cfg(test)]

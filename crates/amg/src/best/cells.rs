@@ -3,7 +3,7 @@
 //! What decides between body parts (offsets of surfaces, contact zones) has the size of the figure, not of its splats. Cells
 //! give those decisions one scale whatever the number of splats; where splats are sparse, each is its own cell.
 
-use super::cloud::{Cloud, Companions};
+use super::cloud::{Cloud, Companions, FADED};
 use super::surface::thin_axis;
 use crate::keyframes::KeyFrames;
 use gs_core::{Real, quat};
@@ -30,13 +30,25 @@ pub(super) struct Cells {
     pub(super) num_floaters: usize,
 }
 
-/// The usable sources as a cloud.
+/// The usable sources as a cloud. Those that do not move are where they were: what they show is noise.
 fn dense_cloud(keys: &KeyFrames, ids: &[usize], dynamic: &[bool]) -> Cloud {
-    let pick = |means: &Vec<[f32; 3]>| ids.iter().map(|&i| means[i].map(f64::from)).collect();
+    let pick = |means: &[[f32; 3]], i: usize| means[i].map(f64::from);
+    // Still splats are where they were, seen or not.
+    let seen_at =
+        |k: usize| ids.iter().map(|&i| if dynamic[i] { keys.seen(k, i) } else { 1.0 }).collect();
+    let seen = if keys.fades() { (0..keys.times.len()).map(seen_at).collect() } else { Vec::new() };
+    let still: Vec<[f64; 3]> = ids.iter().map(|&i| pick(&keys.at_edit.means, i)).collect();
+    let moved = |means: &Vec<[f32; 3]>| {
+        ids.iter()
+            .zip(&still)
+            .map(|(&i, still)| if dynamic[i] { pick(means, i) } else { *still })
+            .collect()
+    };
     Cloud {
-        means: pick(&keys.at_edit.means),
-        means_t: keys.means.iter().map(pick).collect(),
+        means_t: keys.means.iter().map(moved).collect(),
+        means: still,
         turns_t: Vec::new(),
+        seen_t: seen,
         opacity: ids.iter().map(|&i| opacity_weight(keys, i)).collect(),
         moving: ids.iter().map(|&i| dynamic[i]).collect(),
     }
@@ -185,15 +197,48 @@ fn centroids(keys: &KeyFrames, ids: &[usize], dense: &Cloud, members: &[Vec<u32>
             })
             .collect()
     };
+    // Follows the members that are still there.
+    let moved = |k: usize, rest: &[[f64; 3]]| -> Vec<[f64; 3]> {
+        if dense.seen_t.is_empty() {
+            return mean_of(&dense.means_t[k]);
+        }
+        let one = |(points, rest): (&Vec<u32>, &[f64; 3])| {
+            let (mut sum, mut total) = ([0.0; 3], 0.0);
+            for &p in points {
+                let p = p as usize;
+                let w = dense.opacity[p] * (dense.seen(k, p) + FADED);
+                for a in 0..3 {
+                    sum[a] += w * (dense.means_t[k][p][a] - dense.means[p][a]);
+                }
+                total += w;
+            }
+            [0, 1, 2].map(|a| rest[a] + sum[a] / total)
+        };
+        members.par_iter().zip(rest).with_min_len(256).map(one).collect()
+    };
+    let seen_of = |k: usize| -> Vec<f64> {
+        let one = |points: &Vec<u32>| {
+            let (mut sum, mut total) = (0.0, 0.0);
+            for &p in points {
+                sum += dense.opacity[p as usize] * dense.seen(k, p as usize);
+                total += dense.opacity[p as usize];
+            }
+            sum / total
+        };
+        members.iter().map(one).collect()
+    };
     let turn_of = |turns: &Vec<[f32; 4]>| -> Vec<[f64; 4]> {
         members
             .par_iter()
             .with_min_len(256)
             .map(|points| {
-                let first = turns[ids[points[0] as usize]];
+                let own = |p: u32| {
+                    if dense.moving[p as usize] { turns[ids[p as usize]] } else { quat::IDENTITY }
+                };
+                let first = own(points[0]);
                 let mut sum = [0.0; 4];
                 for &p in points {
-                    let turn = quat::align(turns[ids[p as usize]], first).map(Real::as_f64);
+                    let turn = quat::align(own(p), first).map(Real::as_f64);
                     for i in 0..4 {
                         sum[i] += dense.opacity[p as usize] * turn[i];
                     }
@@ -202,9 +247,11 @@ fn centroids(keys: &KeyFrames, ids: &[usize], dense: &Cloud, members: &[Vec<u32>
             })
             .collect()
     };
+    let means = mean_of(&dense.means);
     Cloud {
-        means: mean_of(&dense.means),
-        means_t: dense.means_t.iter().map(|means| mean_of(means)).collect(),
+        means_t: (0..keys.times.len()).map(|k| moved(k, &means)).collect(),
+        seen_t: (0..dense.seen_t.len()).map(seen_of).collect(),
+        means,
         turns_t: keys.turns.iter().map(turn_of).collect(),
         opacity: members
             .iter()

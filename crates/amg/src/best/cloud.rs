@@ -13,6 +13,9 @@ const MIN_SUPPORT: f64 = 0.3;
 /// Change of distance between two rigid companions, relative to their distance, that a soft body is allowed.
 const STRAIN: f64 = 0.04;
 
+/// Weight that points keep when they have faded: if all have, their shares stay.
+pub(super) const FADED: f64 = 1e-4;
+
 /// Stands in for lengths that are zero; its square is a positive number, too.
 pub(super) const TINY: f64 = 1e-100;
 
@@ -25,6 +28,9 @@ pub(super) struct Cloud {
     pub(super) means_t: Vec<Vec<[f64; 3]>>,
     /// Relative rotations `wxyz`, w ≥ 0, `[T][N]`.
     pub(super) turns_t: Vec<Vec<[f64; 4]>>,
+    /// How far each point is still there, 0 to 1, `[T][N]`; empty if all always are. Where a splat would be once it has faded was
+    /// fitted to nothing.
+    pub(super) seen_t: Vec<Vec<f64>>,
     /// Weights: opacities.
     pub(super) opacity: Vec<f64>,
     /// Which points move at all. Noise and spacing are those of the moving object: a still background has neither its
@@ -54,11 +60,17 @@ impl Cloud {
         self.means_t.len()
     }
 
-    /// Largest change over time of the distance between `a` and `b`.
+    /// How far point `i` is still there at key time `k`.
+    pub(super) fn seen(&self, k: usize, i: usize) -> f64 {
+        self.seen_t.get(k).map_or(1.0, |seen| seen[i])
+    }
+
+    /// Largest change over time of the distance between `a` and `b`, as far as both are seen.
     fn deviation(&self, a: usize, b: usize, rest: f64) -> f64 {
-        self.means_t
-            .iter()
-            .fold(0.0_f64, |worst, means| worst.max((norm(sub(means[a], means[b])) - rest).abs()))
+        self.means_t.iter().enumerate().fold(0.0_f64, |worst, (k, means)| {
+            let change = (norm(sub(means[a], means[b])) - rest).abs();
+            worst.max(change * self.seen(k, a).min(self.seen(k, b)))
+        })
     }
 
     /// How far `a` and `b` move as one: 1 if their distance never changes, 0 if it does.

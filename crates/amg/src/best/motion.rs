@@ -1,6 +1,6 @@
 //! Rigid motion of each cell's surroundings, at each key time.
 
-use super::cloud::{Cloud, Companions, median};
+use super::cloud::{Cloud, Companions, FADED, median};
 use crate::rigid::{RigidFit, dot, sub};
 use gs_core::{Real, quat};
 use rayon::prelude::*;
@@ -16,6 +16,8 @@ pub(super) struct CellMotion {
     pub(super) rotation_trust: f64,
     /// `[N][T]`.
     motions: Vec<Motion>,
+    /// How far the cell is still there, `[N][T]`.
+    seen: Vec<f32>,
     num_times: usize,
 }
 
@@ -53,7 +55,10 @@ impl CellMotion {
                 })
             })
             .collect();
-        Self { floater, rotation_trust: trust, motions, num_times }
+        let seen = (0..cloud.len())
+            .flat_map(|i| (0..num_times).map(move |k| f32::from_double(cloud.seen(k, i))))
+            .collect();
+        Self { floater, rotation_trust: trust, motions, seen, num_times }
     }
 
     /// Where point `x` goes at key time `k` if it moves with cell `i`.
@@ -64,7 +69,7 @@ impl CellMotion {
         [turned[0] + motion.to[0], turned[1] + motion.to[1], turned[2] + motion.to[2]]
     }
 
-    /// Largest distance over time between where cells `a` and `b` take point `x`.
+    /// Largest distance over time between where cells `a` and `b` take point `x`, as far as both are seen.
     pub(super) fn disagreement(&self, a: usize, b: usize, x: [f32; 3]) -> f32 {
         if a == b {
             return 0.0;
@@ -72,7 +77,9 @@ impl CellMotion {
         let squared = (0..self.num_times).fold(0.0_f32, |worst, k| {
             let (p, q) = (self.carry(a, k, x), self.carry(b, k, x));
             let d = [p[0] - q[0], p[1] - q[1], p[2] - q[2]];
-            worst.max(d[0] * d[0] + d[1] * d[1] + d[2] * d[2])
+            let seen = |i: usize| self.seen[i * self.num_times + k];
+            let both = seen(a).min(seen(b));
+            worst.max((d[0] * d[0] + d[1] * d[1] + d[2] * d[2]) * both * both)
         });
         squared.sqrt()
     }
@@ -96,7 +103,10 @@ impl Fit {
 
 fn fit(cloud: &Cloud, k: usize, stencil: &[(f64, usize)]) -> Fit {
     let (mut from, mut to, mut total) = ([0.0; 3], [0.0; 3], 0.0);
+    // If all have faded, they keep their shares.
+    let seen = |weight: f64, i: usize| weight * (cloud.seen(k, i) + FADED);
     for &(weight, i) in stencil {
+        let weight = seen(weight, i);
         for a in 0..3 {
             from[a] += weight * cloud.means[i][a];
             to[a] += weight * cloud.means_t[k][i][a];
@@ -106,6 +116,7 @@ fn fit(cloud: &Cloud, k: usize, stencil: &[(f64, usize)]) -> Fit {
     let (from, to) = (from.map(|v| v / total), to.map(|v| v / total));
     let mut sums = RigidFit::about(from, to);
     for &(weight, i) in stencil {
+        let weight = seen(weight, i);
         sums.add(weight, cloud.means[i], cloud.means_t[k][i]);
         sums.add_rotation(weight, cloud.turns_t[k][i]);
     }

@@ -128,6 +128,7 @@ pub(crate) fn propagate(
         scale: String::new(),
         appearance: false,
         rotation_prior: 0.0,
+        fading: false,
         refine: None,
     };
     config.set_aggregation(*propagation.scene.aggregation());

@@ -43,6 +43,9 @@ pub(crate) struct RunConfig {
     pub(crate) appearance: bool,
     /// Weight of the source's rotations in local rigid motions.
     pub(crate) rotation_prior: f32,
+    /// Whether faint sources count less.
+    #[serde(default)]
+    pub(crate) fading: bool,
     /// Appearance refinement, if it was run.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub(crate) refine: Option<RefineConfig>,
@@ -93,6 +96,7 @@ impl RunConfig {
         names.2.clone_into(&mut self.scale);
         self.appearance = aggregation.appearance;
         self.rotation_prior = aggregation.rotation_prior;
+        self.fading = aggregation.fading;
     }
 
     /// How blended rows are evaluated.
@@ -116,6 +120,7 @@ impl RunConfig {
             },
             appearance: self.appearance,
             rotation_prior: self.rotation_prior,
+            fading: self.fading,
         })
     }
 }

@@ -79,6 +79,10 @@ impl DynamicScene for ModelScene {
         self.as_dyn().geometry_into(t, out)
     }
 
+    fn fades(&self) -> bool {
+        self.as_dyn().fades()
+    }
+
     fn dynamic_mask(&self) -> Option<&[bool]> {
         self.as_dyn().dynamic_mask()
     }

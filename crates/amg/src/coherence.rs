@@ -1,0 +1,97 @@
+//! Which displacements are motion, and which only tremble.
+//!
+//! Trajectories fitted to images are free wherever an image does not pin them down: splats of a bare wall slide along it, each
+//! its own way, and nobody sees it. Carried over to other splats, their sliding is seen. Motion differs from it in that
+//! neighbours share it.
+
+use crate::keyframes::KeyFrames;
+use anchors::KdTree;
+use rayon::prelude::*;
+
+/// Splats looked at, the splat itself included: enough to see that little is shared, and few enough to be of one small thing.
+const NEIGHBORHOODS: [usize; 2] = [25, 8];
+
+/// Standard errors by which a neighbourhood's mean displacement must differ from zero: of independent displacements one
+/// neighbourhood in a thousand does.
+const SIGNIFICANT: f64 = 3.3;
+
+/// Clears `moves` of splats whose neighbourhood goes nowhere at any key time: its mean displacement, weighted by how visible
+/// each splat is then, stays within what independent displacements would add up to. Scenes with fewer than 25 splats
+/// are left as they are.
+pub(crate) fn keep_coherent(keys: &KeyFrames, moves: &mut [bool]) {
+    let ids: Vec<usize> = (0..moves.len()).filter(|&i| !keys.broken[i]).collect();
+    if ids.len() < NEIGHBORHOODS[0] || !moves.contains(&true) {
+        return;
+    }
+    let points: Vec<[f64; 3]> = ids.iter().map(|&i| keys.at_edit.means[i].map(f64::from)).collect();
+    let tree = KdTree::<3>::new(&points);
+    let opacity: Vec<f64> = ids.iter().map(|&i| f64::from(keys.at_edit.opacity(i))).collect();
+    let tremble: Vec<bool> = ids
+        .par_iter()
+        .zip(&points)
+        .with_min_len(128)
+        .map_init(Vec::new, |near, (&i, point)| {
+            if !moves[i] {
+                return false;
+            }
+            tree.nearest(point, NEIGHBORHOODS[0], near);
+            !(0..keys.times.len()).any(|k| {
+                let around: Vec<(f64, [f64; 3])> = near
+                    .iter()
+                    .map(|n| (n.id as usize, ids[n.id as usize]))
+                    .map(|(n, id)| (opacity[n] * keys.seen(k, id), keys.displacement(k, id)))
+                    .collect();
+                NEIGHBORHOODS.iter().any(|&n| is_shared(&around[..n.min(around.len())]))
+            })
+        })
+        .collect();
+    for (i, tremble) in ids.into_iter().zip(tremble) {
+        moves[i] &= !tremble;
+    }
+}
+
+/// Whether weighted displacements have a mean that chance does not explain.
+fn is_shared(around: &[(f64, [f64; 3])]) -> bool {
+    let (mut total, mut squares, mut mean, mut second) = (0.0, 0.0, [0.0; 3], 0.0);
+    for &(weight, d) in around {
+        total += weight;
+        squares += weight * weight;
+        for axis in 0..3 {
+            mean[axis] += weight * d[axis];
+            second += weight * d[axis] * d[axis];
+        }
+    }
+    if total <= 0.0 {
+        return false;
+    }
+    let shared: f64 = mean.iter().map(|m| (m / total).powi(2)).sum();
+    let variance = (second / total - shared).max(0.0);
+    let effective = total * total / squares;
+    shared * (effective - 1.0) > SIGNIFICANT * SIGNIFICANT * variance
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn shared_motion_is_told_from_independent_displacements() {
+        // A low-discrepancy scatter of directions that add up to nearly nothing.
+        let scatter = |i: usize| {
+            let turn = i as f64 * 2.399_963;
+            let z = 1.0 - (2.0 * i as f64 + 1.0) / 25.0;
+            let r = (1.0 - z * z).sqrt();
+            [r * turn.cos(), r * turn.sin(), z]
+        };
+        let around = |drift: f64| -> Vec<(f64, [f64; 3])> {
+            (0..25)
+                .map(|i| (0.8, scatter(i)))
+                .map(|(w, d)| (w, [d[0] + drift, d[1], d[2]]))
+                .collect()
+        };
+        assert!(!is_shared(&around(0.0)), "independent");
+        assert!(is_shared(&around(1.0)), "as large a common part");
+        assert!(is_shared(&[(1.0, [1e-9, 0.0, 0.0]); 25]), "identical, however small");
+        assert!(!is_shared(&[(0.0, [1.0; 3]); 25]), "nobody sees it");
+    }
+}

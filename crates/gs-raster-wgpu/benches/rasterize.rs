@@ -1,5 +1,6 @@
 //! Forward and backward passes at 1352×1014 on whatever adapter is there; its name is printed first. On a software adapter the scene is
-//! small. Compares the two backward passes with the forward pass, and prints the times of single passes where the adapter has timestamps.
+//! small. Compares the two backward passes with the forward pass, and prints the times of single passes where the adapter has timestamps, and
+//! how the CPU rasteriser does on the same scene at the same time.
 //!
 //! `C4D_BENCH_ADAPTER=<index>` picks an adapter; the default is hardware if there is any, else software.
 
@@ -11,11 +12,13 @@
 
 use criterion::{BenchmarkId, Criterion};
 use gs_core::{Camera, Rasterizer, RenderGrads, RenderOutput, RenderParams, Splats, UpstreamGrads};
+use gs_raster_cpu::CpuRasterizer;
 use gs_raster_wgpu::{AdapterChoice, AdapterKind, GpuContext, GpuOptions, WgpuRasterizer};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 use std::collections::BTreeMap;
-use std::time::Duration;
+use std::num::NonZero;
+use std::time::{Duration, Instant};
 
 /// Clustered means in front of the camera, log-normal scales, degree-3 harmonics.
 fn scene(num: usize) -> Splats {
@@ -78,6 +81,57 @@ fn print_timings(splats: &Splats, camera: &Camera, upstream: &UpstreamGrads) {
     }
 }
 
+/// Milliseconds of preparation with forward pass, and of the backward pass, images and gradients to the host.
+fn lap<R: Rasterizer>(
+    raster: &R,
+    (splats, camera, upstream): (&Splats, &Camera, &UpstreamGrads),
+    prepared: &mut Option<R::Prepared>,
+) -> Option<[f64; 2]> {
+    let params = RenderParams { depth: false, ..RenderParams::default() };
+    let start = Instant::now();
+    let prepared = match prepared {
+        Some(prepared) => {
+            raster.prepare_into(splats, camera, prepared).ok()?;
+            prepared
+        }
+        none => none.insert(raster.prepare(splats, camera).ok()?),
+    };
+    raster.forward(prepared, splats, &[], &params).ok()?;
+    let forward = start.elapsed();
+    let start = Instant::now();
+    raster.backward(prepared, splats, &[], &params, upstream).ok()?;
+    Some([forward, start.elapsed()].map(|time| 1e3 * time.as_secs_f64()))
+}
+
+/// The adapter and the CPU rasteriser in turns, so that both see the same machine.
+fn print_ratio(raster: &WgpuRasterizer, splats: &Splats, camera: &Camera, up: &UpstreamGrads) {
+    let cpu = CpuRasterizer::default();
+    let (mut on_gpu, mut on_cpu) = (None, None);
+    let mut laps = Vec::new();
+    // The first lap compiles.
+    for round in 0..8 {
+        let gpu = lap(raster, (splats, camera, up), &mut on_gpu);
+        let cpu = lap(&cpu, (splats, camera, up), &mut on_cpu);
+        if let (Some(gpu), Some(cpu), true) = (gpu, cpu, round > 0) {
+            laps.push([gpu[0], gpu[1], cpu[0], cpu[1]]);
+        }
+    }
+    let median = |column: usize| {
+        let mut values: Vec<f64> = laps.iter().map(|lap| lap[column]).collect();
+        values.sort_by(f64::total_cmp);
+        values.get(values.len() / 2).copied().unwrap_or(f64::NAN)
+    };
+    let (num, threads) =
+        (splats.len(), std::thread::available_parallelism().map_or(1, NonZero::get));
+    for (k, what) in ["prepare and forward", "backward"].into_iter().enumerate() {
+        let (gpu, cpu) = (median(k), median(k + 2));
+        println!(
+            "{what}, {num} splats: adapter {gpu:.1} ms, CPU rasteriser ({threads} threads) {cpu:.1} ms, adapter/CPU {:.2}",
+            gpu / cpu
+        );
+    }
+}
+
 fn bench(criterion: &mut Criterion, context: &GpuContext) {
     let hardware = context.adapter().kind == AdapterKind::Hardware;
     let (sizes, width, height) = if hardware {
@@ -95,6 +149,7 @@ fn bench(criterion: &mut Criterion, context: &GpuContext) {
             ..UpstreamGrads::default()
         };
         print_timings(&splats, &camera, &upstream);
+        print_ratio(&raster, &splats, &camera, &upstream);
         let mut group = criterion.benchmark_group(format!("{width}x{height}"));
         group.sample_size(10).measurement_time(Duration::from_secs(3));
         group.warm_up_time(Duration::from_secs(1));

@@ -136,6 +136,9 @@ pub(crate) fn choose(
     };
     match choice {
         AdapterChoice::Index(index) if index < adapters.len() => Ok(index),
+        AdapterChoice::Index(_) if adapters.is_empty() => {
+            Err(GpuError::NoAdapter { wanted: "usable", present: listed(adapters) })
+        }
         AdapterChoice::Index(index) => {
             Err(GpuError::NoSuchAdapter { index, count: adapters.len(), present: listed(adapters) })
         }
@@ -182,6 +185,10 @@ mod tests {
         assert!(error.contains("no hardware") && error.contains("adapter 0"), "{error}");
         let error = choose(&list, AdapterChoice::Index(7)).unwrap_err().to_string();
         assert!(error.contains("adapter 7 does not exist, expected 0 to 2"), "{error}");
+        let error = choose(&list[..1], AdapterChoice::Index(7)).unwrap_err().to_string();
+        assert!(error.contains("adapter 7 does not exist, expected 0:"), "{error}");
+        let error = choose(&[], AdapterChoice::Index(0)).unwrap_err().to_string();
+        assert!(error.contains("no usable") && error.contains("present: none"), "{error}");
         let error = choose(&[], AdapterChoice::Auto).unwrap_err().to_string();
         assert!(error.contains("adapters present: none"), "{error}");
     }

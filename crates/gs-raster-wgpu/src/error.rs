@@ -17,7 +17,7 @@ pub enum GpuError {
         present: String,
     },
     /// The index is out of range.
-    #[error("graphics adapter {index} does not exist, expected 0 to {last}: {present}", last = count.saturating_sub(1))]
+    #[error("graphics adapter {index} does not exist, expected {expected}: {present}", expected = numbers(*count))]
     NoSuchAdapter {
         /// Index asked for.
         index: usize,
@@ -56,6 +56,11 @@ pub enum GpuError {
         /// What the driver said.
         message: String,
     },
+}
+
+/// The numbers of `count` adapters.
+fn numbers(count: usize) -> String {
+    if count > 1 { format!("0 to {}", count - 1) } else { "0".to_owned() }
 }
 
 impl From<GpuError> for RasterError {

@@ -1,16 +1,17 @@
-//! Proves that every stage, whole images and gradients are those of the CPU rasteriser, on five scenes and at awkward sizes.
+//! Proves that whole images and gradients are those of the CPU rasteriser, on five scenes and at awkward sizes; `stages` looks at what comes before.
 
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
 
 mod common;
 
-use common::{MODES, Mode, Scene, camera, cloud, noise, raster, scenes, widen, widen_rows};
+use common::{
+    MODES, Mode, Scene, awkward_scenes, camera, cloud, noise, raster, scenes, widen, widen_rows,
+};
 use gs_core::{
     Camera, GradientConvention, Rasterizer, RenderGrads, RenderOutput, RenderParams, Splats,
     UpstreamGrads,
 };
 use gs_raster_cpu::CpuRasterizer;
-use gs_raster_wgpu::Stages;
 use test_support::compare::{assert_grad_close, relative_l2};
 
 const BACKGROUND: [f64; 3] = [0.2, 0.5, 0.8];
@@ -125,29 +126,13 @@ fn images_and_gradients_match_on_five_scenes() {
 
 #[test]
 fn awkward_sizes_match() {
-    let mut cases: Vec<(String, Splats, Camera)> = Vec::new();
-    for num in [0, 1, 255, 256, 257] {
-        cases.push((format!("{num} splats"), cloud(8, num, 1, -2.5), camera(48, 40)));
-    }
-    for (width, height) in [(1, 1), (1, 33), (17, 16), (15, 31)] {
-        cases.push((format!("{width}×{height}"), cloud(9, 60, 0, -1.5), camera(width, height)));
-    }
-    let shifted = |offset: [f32; 3]| {
-        let mut splats = cloud(10, 100, 1, -3.0);
-        for mean in &mut splats.means {
-            *mean = [mean[0] + offset[0], mean[1] + offset[1], mean[2] + offset[2]];
-        }
-        splats
-    };
-    cases.push(("all off-screen".to_owned(), shifted([60.0, 0.0, 0.0]), camera(48, 40)));
-    cases.push(("all behind".to_owned(), shifted([0.0, 0.0, -40.0]), camera(48, 40)));
-    for (what, splats, camera) in &cases {
+    for Scene { name, splats, camera } in &awkward_scenes() {
         let features = noise(5, splats.len());
         let theirs = cpu(splats, camera, &features, &params());
         for mode in [Mode::Portable, Mode::Native] {
             let ours = gpu(mode, splats, camera, &features, &params());
-            assert_images_match(what, &ours.out, &theirs.out);
-            assert_grads_match(what, &ours.grads, &theirs.grads, 1e-3);
+            assert_images_match(name, &ours.out, &theirs.out);
+            assert_grads_match(name, &ours.grads, &theirs.grads, 1e-3);
         }
     }
 }
@@ -195,71 +180,6 @@ fn splitting_changes_nothing() {
     assert_eq!(whole.out, split.out, "image");
     // Slots are added in the same order, in one go or in several.
     assert_grads_match("split", &split.grads, &whole.grads, 1e-6);
-}
-
-/// Own small reference of lists: depth order with ties by index, tiles within the rectangle that the splat may reach.
-#[test]
-fn lists_match_a_plain_reference() {
-    for scene in scenes() {
-        let raster = raster(Mode::Portable);
-        let mut prepared = raster.prepare(&scene.splats, &scene.camera).unwrap();
-        let stages = raster.stages(&mut prepared).unwrap();
-        let mut order: Vec<u32> = (0..)
-            .take(scene.splats.len())
-            .filter(|&id: &u32| stages.projected[id as usize][7] > 0.0)
-            .collect();
-        order.sort_by_key(|&id| stages.projected[id as usize][6].to_bits());
-        assert_eq!(stages.depth_order, order, "{}: depth order", scene.name);
-        check_lists(&scene, &stages);
-    }
-}
-
-/// Least value of the quadratic form on the tile's pixel centres, by trying all.
-fn least_quad(row: &[f32; 8], tile: [u32; 2], camera: &Camera) -> f64 {
-    let [u, v, a, b, c] = [row[0], row[1], row[2], row[3], row[4]].map(f64::from);
-    let mut least = f64::INFINITY;
-    for y in 16 * tile[1]..(16 * tile[1] + 16).min(camera.height) {
-        for x in 16 * tile[0]..(16 * tile[0] + 16).min(camera.width) {
-            let (dx, dy) = (u - f64::from(x), v - f64::from(y));
-            least = least.min(a * dx * dx + c * dy * dy + 2.0 * b * dx * dy);
-        }
-    }
-    least
-}
-
-fn check_lists(scene: &Scene, stages: &Stages) {
-    let columns = scene.camera.width.div_ceil(16);
-    let reach = 2.0 * 255.0_f64.ln();
-    for (number, list) in (0_u32..).zip(&stages.tile_lists) {
-        let tile = [number % columns, number / columns];
-        let mut rest = list.iter().peekable();
-        for &id in &stages.depth_order {
-            let [x0, y0, x1, y1] = stages.rects[id as usize];
-            let inside = (x0..x1).contains(&tile[0]) && (y0..y1).contains(&tile[1]);
-            let listed = rest.next_if(|&&next| next == id).is_some();
-            assert!(inside || !listed, "{}: splat {id} outside its rectangle", scene.name);
-            if inside && !listed {
-                let least = least_quad(&stages.projected[id as usize], tile, &scene.camera);
-                assert!(least > reach, "{}: tile {tile:?} lacks splat {id}", scene.name);
-            }
-        }
-        assert_eq!(rest.next(), None, "{}: tile {tile:?} out of order", scene.name);
-    }
-}
-
-#[test]
-fn radii_match_the_cpu() {
-    for scene in scenes() {
-        let theirs = CpuRasterizer::default().prepare(&scene.splats, &scene.camera).unwrap();
-        let raster = raster(Mode::Portable);
-        let mut prepared = raster.prepare(&scene.splats, &scene.camera).unwrap();
-        let ours = raster.radii(&mut prepared).unwrap();
-        // 3 sigma may round to either side of a whole pixel.
-        let differ = (0..scene.splats.len())
-            .filter(|&id| i64::from(theirs.radius(id)) != i64::from(ours[id]))
-            .count();
-        assert!(differ * 1000 <= scene.splats.len(), "{}: {differ} radii differ", scene.name);
-    }
 }
 
 /// The prepared state may be reused while colours, opacities and features change: same image as a fresh one.

@@ -167,6 +167,28 @@ pub fn noise(seed: u64, num: usize) -> Vec<f32> {
     (0..num).map(|_| rng.random_range(-1.0..1.0)).collect()
 }
 
+/// Counts around a group, images around a tile, nothing in view.
+pub fn awkward_scenes() -> Vec<Scene> {
+    let scene = |name, splats, camera| Scene { name, splats, camera };
+    let counts = [("0 splats", 0), ("1 splat", 1), ("255 splats", 255), ("256 splats", 256)];
+    let counts = counts.into_iter().chain([("257 splats", 257)]);
+    let mut scenes: Vec<Scene> =
+        counts.map(|(name, num)| scene(name, cloud(8, num, 1, -2.5), camera(48, 40))).collect();
+    for (name, [width, height]) in
+        [("1×1", [1, 1]), ("1×33", [1, 33]), ("17×16", [17, 16]), ("15×31", [15, 31])]
+    {
+        scenes.push(scene(name, cloud(9, 60, 0, -1.5), camera(width, height)));
+    }
+    for (name, offset) in [("all off-screen", [60.0, 0.0]), ("all behind", [0.0, -40.0])] {
+        let mut splats = cloud(10, 100, 1, -3.0);
+        for mean in &mut splats.means {
+            *mean = [mean[0] + offset[0], mean[1], mean[2] + offset[1]];
+        }
+        scenes.push(scene(name, splats, camera(48, 40)));
+    }
+    scenes
+}
+
 /// The scenes on which the CPU rasteriser is the oracle.
 pub fn scenes() -> Vec<Scene> {
     let scene = |name, splats, camera| Scene { name, splats, camera };

@@ -48,7 +48,14 @@ pub(crate) struct Global {
     #[arg(long, global = true, value_name = "N")]
     pub(crate) threads: Option<usize>,
     /// Where to render: auto (a hardware GPU if there is one, else the CPU), cpu, or an adapter's number in `c4d doctor`
-    #[arg(short, long, global = true, default_value = "auto", value_name = "auto|cpu|N")]
+    #[arg(
+        short,
+        long,
+        global = true,
+        default_value = "auto",
+        value_name = "auto|cpu|N",
+        allow_negative_numbers = true
+    )]
     pub(crate) gpu: GpuChoice,
     /// Damaged rows fail, and a finish with warnings exits with code 6
     #[arg(long, global = true)]

@@ -1,6 +1,7 @@
 //! Which rasteriser renders: the CPU's, or a GPU's through wgpu.
 
 use crate::failure::{Exit, Failure, Outcome};
+use gs_core::RasterError;
 use gs_raster_wgpu::{AdapterChoice, AdapterKind, GpuContext, WgpuRasterizer};
 use std::str::FromStr;
 
@@ -65,6 +66,40 @@ impl Device {
             Self::Gpu(raster) => raster.context().adapter().to_string(),
         }
     }
+}
+
+/// A rasteriser's error, with what to do about one of the adapter.
+pub(crate) fn failure(error: &RasterError) -> Failure {
+    let failure = Failure::failed(crate::failure::chain(error));
+    match error {
+        RasterError::Device(_) => {
+            failure.next("Smaller images need less of the adapter's memory; --gpu cpu needs none.")
+        }
+        _ => failure,
+    }
+}
+
+/// Begins anew without Mesa's device selection when there is no desktop session: that Vulkan layer asks the desktop which adapter shows it,
+/// and libwayland then prints errors about `XDG_RUNTIME_DIR`, which look like ours. Only the environment switches the layer off, and it is
+/// read-only once a program runs.
+pub(crate) fn without_desktop(choice: GpuChoice) {
+    #[cfg(target_os = "linux")]
+    {
+        use std::os::unix::process::CommandExt;
+        const OFF: &str = "NODEVICE_SELECT";
+        let desktop = std::env::var_os("XDG_RUNTIME_DIR")
+            .is_some_and(|folder| std::path::Path::new(&folder).is_absolute());
+        if choice == GpuChoice::Cpu || desktop || std::env::var_os(OFF).is_some() {
+            return;
+        }
+        let mut arguments = std::env::args_os();
+        if let (Ok(own), Some(name)) = (std::env::current_exe(), arguments.next()) {
+            // Returns only if it could not; then there are two lines too many, and that is all.
+            let _ = std::process::Command::new(own).arg0(name).args(arguments).env(OFF, "1").exec();
+        }
+    }
+    #[cfg(not(target_os = "linux"))]
+    let _ = choice;
 }
 
 fn has_hardware() -> bool {

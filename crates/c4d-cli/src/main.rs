@@ -33,6 +33,7 @@ const MAX_THREADS: usize = 1024;
 fn main() -> ExitCode {
     let cli = Cli::parse();
     let global = &cli.global;
+    device::without_desktop(global.gpu);
     let console = Console::new(global.quiet, global.verbose, !global.no_progress);
     // Best effort: without a handler an interrupt still ends the process, but may leave a hidden partial output.
     let _ = ctrlc::set_handler(|| {

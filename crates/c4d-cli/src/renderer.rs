@@ -1,6 +1,6 @@
 //! Renders of a scene at a time, memory reused from frame to frame.
 
-use crate::device::Device;
+use crate::device::{self, Device};
 use crate::failure::{Failure, Outcome, chain};
 use gs_core::{Camera, DynamicScene, Image, Rasterizer, RenderOutput, RenderParams, Splats};
 use gs_raster_cpu::CpuRasterizer;
@@ -74,7 +74,7 @@ impl Renderer {
             Engine::Cpu(stage) => stage.render(splats, camera, params, output),
             Engine::Gpu(stage) => stage.render(splats, camera, params, output),
         }
-        .map_err(|error| Failure::failed(chain(&error)))?;
+        .map_err(|error| device::failure(&error))?;
         Ok(output)
     }
 

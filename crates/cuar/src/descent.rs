@@ -1,13 +1,17 @@
 //! The Adam solver.
 
 use crate::{
-    Adam, AdamParams, CuarError,
+    Adam, AdamParams, CuarError, DescentEngine, DescentTask,
     plan::SplitMix,
     problem::{Deltas, Problem, TracePoint, Watch},
     state::State,
     visit::Ask,
 };
 use gs_core::{Rasterizer, sh};
+use std::time::{Duration, Instant};
+
+/// How often an engine is asked for its losses within a pass over the images: asking waits for it.
+const LISTEN: Duration = Duration::from_millis(250);
 
 /// Where a run stands.
 pub(crate) struct Descent {
@@ -74,16 +78,13 @@ impl Descent {
     ) -> Result<(), CuarError> {
         let count = problem.samples.len();
         let coeffs = problem.coeffs();
-        let rates: Vec<f32> = (0..coeffs * 3)
-            .map(|column| if column < 3 { params.rate_dc } else { params.rate_rest })
-            .collect();
+        let rates = rates(params, coeffs);
         let mut gradient = vec![0.0_f32; self.d_sh.len() * 3];
         let mut v_logits = vec![0.0_f32; self.adam_logits.m.len()];
         let opacity = problem.options.opacity;
         let ask = if opacity { Ask::Everything } else { Ask::Gradient };
         for step in usize::try_from(self.adam.step).unwrap_or(usize::MAX)..params.steps {
-            let (epoch, within) = (step / count, step % count);
-            let s = SplitMix(problem.options.seed ^ (epoch as u64 + 1)).order(count)[within];
+            let s = visited(problem.options.seed, step, count);
             let d = Deltas { sh: &self.d_sh, logits: &self.d_logits };
             let parts = problem.visit(s..s + 1, d, ask)?.pop().unwrap_or_default();
             gradient.fill(0.0);
@@ -114,15 +115,84 @@ impl Descent {
                 self.adam_logits.step(&mut self.d_logits, &v_logits, &rate, |_| false);
             }
             self.losses[s] = parts.total(problem.options.weights);
-            let known: Vec<f64> = self.losses.iter().copied().filter(|l| !l.is_nan()).collect();
-            let loss = known.iter().sum::<f64>() / known.len().max(1) as f64;
-            if within + 1 == count || step + 1 == params.steps {
+            let loss = self.loss();
+            if ends_pass(step, count, params.steps) {
                 trace.push(TracePoint { secs: watch.elapsed(), step: self.adam.step, loss });
             }
             watch.step(step + 1, Some(loss));
-            watch.preview(|| problem.preview(s, 0));
-            watch.checkpoint(|| self.state(fingerprint))?;
+            watch.preview(|| Ok(problem.preview(s, 0)))?;
+            watch.checkpoint(|| Ok(self.state(fingerprint)))?;
         }
         Ok(())
     }
+
+    /// [`Descent::run`] with every step done by `engine`. Losses are heard now and then; offsets and moments at checkpoints and at the end.
+    pub(crate) fn run_on<R: Rasterizer<Prepared: Send> + Sync>(
+        &mut self,
+        engine: &mut dyn DescentEngine<R::Prepared>,
+        problem: &mut Problem<R>,
+        params: &AdamParams,
+        fingerprint: u64,
+        watch: &mut Watch,
+        trace: &mut Vec<TracePoint>,
+    ) -> Result<(), CuarError> {
+        let (count, weights) = (problem.samples.len(), problem.options.weights);
+        let rates = rates(params, problem.coeffs());
+        let memory = problem.options.memory.saturating_sub(problem.bytes);
+        let task = DescentTask { sh_degree: problem.sh_degree, rates: &rates, weights, memory };
+        engine.begin(&task, &self.d_sh, &self.adam)?;
+        let mut unheard = Vec::new();
+        let mut heard = Instant::now();
+        for step in usize::try_from(self.adam.step).unwrap_or(usize::MAX)..params.steps {
+            let s = visited(problem.options.seed, step, count);
+            let (raster, sample) = (problem.raster, &mut problem.samples[s]);
+            let camera = &problem.cameras[sample.at.view];
+            problem.lanes[0].step_on(engine, raster, (s, sample), camera)?;
+            self.adam.step += 1;
+            unheard.push(s);
+            let ends_pass = ends_pass(step, count, params.steps);
+            if ends_pass || heard.elapsed() >= LISTEN {
+                for (s, parts) in unheard.drain(..).zip(engine.losses()?) {
+                    self.losses[s] = parts.total(weights);
+                }
+                heard = Instant::now();
+            }
+            let loss = self.loss();
+            if ends_pass {
+                trace.push(TracePoint { secs: watch.elapsed(), step: self.adam.step, loss });
+            }
+            watch.step(step + 1, Some(loss).filter(|loss| !loss.is_nan()));
+            watch.preview(|| {
+                problem.lanes[0].render = engine.render()?;
+                Ok(problem.preview(s, 0))
+            })?;
+            watch.checkpoint(|| {
+                engine.read(&mut self.d_sh, &mut self.adam)?;
+                Ok(self.state(fingerprint))
+            })?;
+        }
+        Ok(engine.read(&mut self.d_sh, &mut self.adam)?)
+    }
+
+    /// Mean over the images visited so far; NaN before the first.
+    fn loss(&self) -> f64 {
+        let known = self.losses.iter().filter(|loss| !loss.is_nan());
+        known.clone().sum::<f64>() / known.count() as f64
+    }
+}
+
+/// The image of a step: every pass over the images has an order of its own.
+fn visited(seed: u64, step: usize, count: usize) -> usize {
+    SplitMix(seed ^ ((step / count) as u64 + 1)).order(count)[step % count]
+}
+
+/// Whether a pass over the images, or the run, ends with this step.
+fn ends_pass(step: usize, count: usize, steps: usize) -> bool {
+    (step + 1).is_multiple_of(count) || step + 1 == steps
+}
+
+/// One rate per column of the offsets.
+fn rates(params: &AdamParams, coeffs: usize) -> Vec<f32> {
+    let rate = |column| if column < 3 { params.rate_dc } else { params.rate_rest };
+    (0..coeffs * 3).map(rate).collect()
 }

@@ -8,7 +8,8 @@
 //! Promises: unedited splats and all geometry are untouched, bit for bit; the same inputs and seed give the same bits on a deterministic
 //! rasteriser whatever the number of threads or interruptions, and whatever the memory budget as long as it holds the images; every loss and
 //! gradient is checked against finite differences. The passes ([`render_flow`], [`render_uncertainty`], [`artifact_mask`]), the losses
-//! ([`loss`]) and [`Adam`] are usable alone. Works over any [`gs_core::Rasterizer`].
+//! ([`loss`]) and [`Adam`] are usable alone. Works over any [`gs_core::Rasterizer`]; who has the images on a device can do Adam's steps there
+//! ([`DescentEngine`]).
 //!
 //! Conventions: pixels as in [`gs_core::Camera::project`]; images row-major, channels innermost; losses are means over the whole image.
 //!
@@ -36,6 +37,7 @@
 mod adam;
 mod compact;
 mod descent;
+mod engine;
 mod error;
 mod flow;
 mod flow_files;
@@ -54,13 +56,15 @@ mod visit;
 mod warp;
 
 pub use adam::Adam;
+pub use engine::{Backend, DescentEngine, DescentImage, DescentTask};
 pub use error::CuarError;
 pub use flow::{Flow, displacements, render_flow};
 pub use flow_files::{decode_flo, encode_flo, flow_wheel};
 pub use options::{AdamParams, Preset, RefineOptions, RegressionParams, Solver};
 pub use plan::{ViewTime, Views};
 pub use problem::TracePoint;
-pub use refine::{Refined, Report, refine};
+pub use refine::{Refined, Report, refine, refine_with};
+pub use sample::{Crop, Entry};
 pub use scene::OffsetScene;
 pub use state::{NoObserver, Observer, Preview, Progress, State};
 pub use uncertainty::{artifact_mask, color_uncertainty, render_uncertainty};

@@ -206,20 +206,27 @@ impl<'a> Watch<'a> {
         self.observer.progress(&Progress { stage, done, total, loss, elapsed_secs, eta_secs });
     }
 
-    pub(crate) fn preview(&mut self, make: impl FnOnce() -> Preview) {
+    pub(crate) fn preview(
+        &mut self,
+        make: impl FnOnce() -> Result<Preview, CuarError>,
+    ) -> Result<(), CuarError> {
         let due = |secs: f64| self.previewed.elapsed().as_secs_f64() >= secs;
         if self.preview_secs.is_some_and(due) {
-            self.observer.preview(&make());
+            self.observer.preview(&make()?);
             self.previewed = Instant::now();
         }
+        Ok(())
     }
 
     /// Stores the state if it is time; ends the run if that is wished.
-    pub(crate) fn checkpoint(&mut self, make: impl FnOnce() -> State) -> Result<(), CuarError> {
+    pub(crate) fn checkpoint(
+        &mut self,
+        make: impl FnOnce() -> Result<State, CuarError>,
+    ) -> Result<(), CuarError> {
         let due = |secs: f64| self.saved.elapsed().as_secs_f64() >= secs;
         let cancelled = self.observer.cancelled();
         if cancelled || self.checkpoint_secs.is_some_and(due) {
-            let state = make();
+            let state = make()?;
             self.observer.checkpoint(&state);
             self.saved = Instant::now();
             if cancelled {

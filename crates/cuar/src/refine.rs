@@ -1,7 +1,7 @@
 //! The stage: [`refine`].
 
 use crate::{
-    CuarError, OffsetScene, RefineOptions, RegressionParams, Solver, Views,
+    Backend, CuarError, DescentEngine, OffsetScene, RefineOptions, RegressionParams, Solver, Views,
     descent::Descent,
     plan::ViewTime,
     problem::{Deltas, Problem, TracePoint, Watch, num_lanes},
@@ -99,7 +99,26 @@ pub fn refine<R: Rasterizer<Prepared: Send> + Sync>(
     resume: Option<&State>,
     observer: &mut dyn Observer,
 ) -> Result<Refined, CuarError> {
+    let backend = Backend { raster, descent: None };
+    refine_with(backend, scene, edited, views, options, resume, observer)
+}
+
+/// [`refine`], with Adam's steps done by the engine of `backend` if it has one and opacity is not refined: the same result within the
+/// engine's precision.
+///
+/// # Errors
+/// As [`refine`].
+pub fn refine_with<R: Rasterizer<Prepared: Send> + Sync>(
+    backend: Backend<'_, R>,
+    scene: &dyn DynamicScene,
+    edited: &[bool],
+    views: &Views,
+    options: &RefineOptions,
+    resume: Option<&State>,
+    observer: &mut dyn Observer,
+) -> Result<Refined, CuarError> {
     options.check()?;
+    let Backend { raster, descent } = backend;
     let range = scene.time_range();
     views.check(range)?;
     let edit_time = options.edit_time.unwrap_or(range.start);
@@ -184,7 +203,8 @@ pub fn refine<R: Rasterizer<Prepared: Send> + Sync>(
     let outcome = if known == 0 {
         zero.clone()
     } else {
-        solve(&mut problem, options, resume, fingerprint, observer, &mut report.trace)?
+        let engine = descent.filter(|_| !options.opacity);
+        solve(&mut problem, engine, resume, fingerprint, observer, &mut report.trace)?
     };
     let solve_secs = begun.elapsed().as_secs_f64() - images_secs - cache_secs;
     let parts = ["prepare", "forward", "loss", "backward"];
@@ -288,12 +308,13 @@ fn accept<R: Rasterizer<Prepared: Send> + Sync>(
 
 fn solve<R: Rasterizer<Prepared: Send> + Sync>(
     problem: &mut Problem<R>,
-    options: &RefineOptions,
+    engine: Option<&mut dyn DescentEngine<R::Prepared>>,
     resume: Option<&State>,
     fingerprint: u64,
     observer: &mut dyn Observer,
     trace: &mut Vec<TracePoint>,
 ) -> Result<Outcome, CuarError> {
+    let options = problem.options;
     let first = resume.map_or(0, |state| usize::try_from(state.step).unwrap_or(0));
     match &options.solver {
         Solver::Regression(params) => {
@@ -313,7 +334,12 @@ fn solve<R: Rasterizer<Prepared: Send> + Sync>(
                 None => Descent::new(problem),
             };
             let mut watch = Watch::new(observer, options, "refine", params.steps, first);
-            run.run(problem, params, fingerprint, &mut watch, trace)?;
+            match engine {
+                Some(engine) => {
+                    run.run_on(engine, problem, params, fingerprint, &mut watch, trace)?;
+                }
+                None => run.run(problem, params, fingerprint, &mut watch, trace)?,
+            }
             let Descent { d_sh, d_logits, .. } = run;
             Ok(Outcome { d_sh, d_logits, ..Outcome::default() })
         }

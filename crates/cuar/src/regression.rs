@@ -328,7 +328,7 @@ impl Regression {
             self.step += group.len();
             let done = group.end as f64;
             watch.step(self.step, Some(self.losses[0] / done));
-            watch.preview(|| problem.preview(group.start, 0));
+            watch.preview(|| Ok(problem.preview(group.start, 0)))?;
             if group.end == count {
                 let loss = self.losses.map(|sum| sum / done);
                 trace.push(TracePoint {
@@ -346,7 +346,7 @@ impl Regression {
                 }
                 self.last = loss[1];
             }
-            watch.checkpoint(|| self.state(fingerprint))?;
+            watch.checkpoint(|| Ok(self.state(fingerprint)))?;
         }
         Ok(())
     }

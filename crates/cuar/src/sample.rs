@@ -3,6 +3,7 @@
 use crate::{
     CuarError, RefineOptions, WarpForm,
     compact::{gather, needed_rows},
+    engine::DescentImage,
     flow::{affine_motion, render_flow},
     plan::ViewTime,
     uncertainty::{direction, eye, threshold, xi},
@@ -12,26 +13,30 @@ use gs_core::{Camera, Rasterizer, RenderOutput, RenderParams, Splats, sh};
 use rayon::prelude::*;
 
 /// Pixel bits of [`Sample::flags`]: the warp supervises here.
-pub(crate) const FORE: u8 = 1;
+pub(crate) const FORE: u8 = DescentImage::FORE;
 /// The render before supervises here.
-pub(crate) const BACK: u8 = 2;
+pub(crate) const BACK: u8 = DescentImage::BACK;
 /// An edited splat shows here.
-pub(crate) const LIVE: u8 = 4;
+pub(crate) const LIVE: u8 = DescentImage::LIVE;
 /// Half a window of SSIM: beyond this margin masked images are zero and contribute nothing.
 const MARGIN: usize = 5;
 
 /// Rectangle of the image, pixels.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-pub(crate) struct Crop {
+pub struct Crop {
+    /// First column.
     pub x: usize,
+    /// First row.
     pub y: usize,
+    /// Columns.
     pub width: usize,
+    /// Rows.
     pub height: usize,
 }
 
 /// An edited splat in an image.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Entry {
+pub struct Entry {
     /// Row among the image's splats.
     pub local: u32,
     /// Row among the edited splats.

@@ -1,7 +1,7 @@
 //! Rendering a supervised image with the offsets so far, and differentiating its loss ([`Work::visit`]).
 
 use crate::{
-    CuarError, RefineOptions,
+    CuarError, DescentEngine, DescentImage, RefineOptions,
     loss::{LossParts, Objective, Shape, Targets},
     sample::{BACK, Crop, Entry, FORE, LIVE, Sample},
 };
@@ -80,6 +80,23 @@ impl<P> Default for Work<P> {
 }
 
 impl<P> Work<P> {
+    /// Has `engine` do a step on `sample`, number `index`.
+    pub(crate) fn step_on<R: Rasterizer<Prepared = P>>(
+        &mut self,
+        engine: &mut dyn DescentEngine<P>,
+        raster: &R,
+        (index, sample): (usize, &mut Sample<P>),
+        camera: &Camera,
+    ) -> Result<(), CuarError> {
+        let clock = std::time::Instant::now();
+        let Sample { splats, prepared, original, warp, flags, entries, crop, .. } = sample;
+        let prepared = prepared_or(prepared, &mut self.prepared, raster, splats, camera)?;
+        self.secs[0] += clock.elapsed().as_secs_f64();
+        let size = [camera.width as usize, camera.height as usize];
+        let image = DescentImage { index, size, crop: *crop, original, warp, flags, entries };
+        Ok(engine.step(&image, prepared)?)
+    }
+
     /// Renders `sample` with `offsets` and compares; fills `changes`, `render` and, if asked, `answers` (or [`Work::grads`]).
     pub(crate) fn visit<R: Rasterizer<Prepared = P>>(
         &mut self,
@@ -94,18 +111,7 @@ impl<P> Work<P> {
         let mut laps = [0.0; 5];
         let mut lap = |index: usize| laps[index] = clock.elapsed().as_secs_f64();
         let Sample { splats, prepared, entries, crop, .. } = sample;
-        let prepared = if let Some(prepared) = prepared {
-            prepared
-        } else {
-            match &mut self.prepared {
-                Some(spare) => raster.prepare_into(splats, camera, spare)?,
-                spare => *spare = Some(raster.prepare(splats, camera)?),
-            }
-            let Some(spare) = &mut self.prepared else {
-                return Err(CuarError::input("no prepared state"));
-            };
-            spare
-        };
+        let prepared = prepared_or(prepared, &mut self.prepared, raster, splats, camera)?;
         lap(0);
 
         let full = [camera.width as usize, camera.height as usize];
@@ -237,6 +243,26 @@ impl<P> Work<P> {
     /// Gradients of the last visit with [`Ask::Everything`].
     pub(crate) fn grads(&self) -> &RenderGrads {
         &self.grads
+    }
+}
+
+/// The prepared state that a sample keeps, else the spare one, prepared anew.
+fn prepared_or<'a, R: Rasterizer>(
+    kept: &'a mut Option<R::Prepared>,
+    spare: &'a mut Option<R::Prepared>,
+    raster: &R,
+    splats: &Splats,
+    camera: &Camera,
+) -> Result<&'a mut R::Prepared, CuarError> {
+    if let Some(kept) = kept {
+        return Ok(kept);
+    }
+    match spare {
+        Some(spare) => {
+            raster.prepare_into(splats, camera, spare)?;
+            Ok(spare)
+        }
+        none => Ok(none.insert(raster.prepare(splats, camera)?)),
     }
 }
 

@@ -14,6 +14,8 @@
 pub mod device {
     pub use crate::buffers::{GrowBuffer, write};
     pub use crate::commands::{CommandMemory, Commands, Stamps, read};
+    pub use crate::plan::row_chunks;
+    pub use crate::primitives::download;
 }
 pub mod kernels;
 pub mod layout;

@@ -106,11 +106,7 @@ pub(crate) fn render_frame(
 }
 
 /// Splits `rows` of `row_bytes` into runs that fit a binding: first row and length.
-pub(crate) fn row_chunks(
-    rows: usize,
-    row_bytes: usize,
-    max_binding_bytes: u64,
-) -> Vec<(usize, usize)> {
+pub fn row_chunks(rows: usize, row_bytes: usize, max_binding_bytes: u64) -> Vec<(usize, usize)> {
     let fitting = usize::try_from(max_binding_bytes).unwrap_or(usize::MAX) / row_bytes.max(1);
     let run = fitting.max(1);
     (0..rows.div_ceil(run)).map(|i| (i * run, run.min(rows - i * run))).collect()

@@ -197,6 +197,13 @@ impl GpuPrepared {
         }
     }
 
+    /// Before features are written: other views keep what they look at.
+    pub(crate) fn own_features(&mut self) {
+        if self.shared {
+            self.memory.features = Memory::default().features;
+        }
+    }
+
     /// Before an upload of geometry: other views keep what they look at.
     fn own_geometry(&mut self) {
         if self.shared {

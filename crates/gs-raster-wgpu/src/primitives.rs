@@ -15,8 +15,11 @@ fn count(context: &GpuContext, items: usize) -> Result<u32, GpuError> {
         .ok_or_else(|| context.failed("counting", format!("{items} values, expected at most 2^30")))
 }
 
-/// Copies the start of `buffer` to the host.
-pub(crate) fn download<T: bytemuck::Pod>(
+/// Copies the start of `buffer` to the host, after `commands`. Waits for the device.
+///
+/// # Errors
+/// If the device fails or has too little memory.
+pub fn download<T: bytemuck::Pod>(
     context: &GpuContext,
     mut commands: Commands<'_>,
     buffer: &wgpu::Buffer,

@@ -1,10 +1,11 @@
 //! Splats that stay on the device: further views of them, passes appended to others, parameters and gradients as buffers.
 
 use crate::backward::{self, Scope};
+use crate::buffers::GrowBuffer;
 use crate::commands::Commands;
 use crate::forward;
 use crate::plan::Channels;
-use crate::prepared::GpuPrepared;
+use crate::prepared::{Forward, GpuPrepared};
 use crate::primitives::download;
 use crate::{GpuError, WgpuRasterizer};
 use gs_core::{Camera, RasterError, RenderParams, Splats, sh};
@@ -54,6 +55,43 @@ impl WgpuRasterizer {
         params: &RenderParams,
     ) -> Result<(), RasterError> {
         forward::upload_appearance(self.context(), prepared, splats, features, params)
+    }
+
+    /// Makes `num_features` channels per splat all that forward passes composite (neither colour nor depth; opacities are those of the
+    /// preparation), to be written by other passes, and returns their buffer: `[N,F]`, values undefined at first.
+    ///
+    /// # Errors
+    /// If the device has too little memory.
+    pub fn features_on_device(
+        &self,
+        prepared: &mut GpuPrepared,
+        num_features: usize,
+    ) -> Result<wgpu::Buffer, RasterError> {
+        let context = self.context();
+        prepared.check_owner(context)?;
+        prepared.forward = None;
+        prepared.resident = None;
+        prepared.own_features();
+        let rows = prepared.num_splats;
+        let m = &mut prepared.memory;
+        // Bound, but not read.
+        forward::at_least(&mut m.sh, 1, || GrowBuffer::storage("harmonics"));
+        m.sh[0].ensure(context, 0)?;
+        let buffer = m.features.ensure(context, 4 * (rows * num_features) as u64)?.clone();
+        let channels = Channels { rgb: false, depth: false, num_features };
+        prepared.resident = Some(Forward { channels, sh_degree: 0 });
+        Ok(buffer)
+    }
+
+    /// Where the backward pass leaves the gradient of the features, `[N,F]`.
+    ///
+    /// # Errors
+    /// If there was no backward pass.
+    pub fn feature_grads<'a>(
+        &self,
+        prepared: &'a GpuPrepared,
+    ) -> Result<&'a wgpu::Buffer, RasterError> {
+        Ok(prepared.memory.v_features.get(self.context())?)
     }
 
     /// The splats of `of` through another camera. Nothing is uploaded: parameters are **shared**, what an optimiser changes in one view it
@@ -210,9 +248,6 @@ impl WgpuRasterizer {
     }
 }
 
-fn buffer<'a>(
-    raster: &WgpuRasterizer,
-    from: &'a crate::buffers::GrowBuffer,
-) -> Result<&'a wgpu::Buffer, GpuError> {
+fn buffer<'a>(raster: &WgpuRasterizer, from: &'a GrowBuffer) -> Result<&'a wgpu::Buffer, GpuError> {
     from.get(raster.context())
 }

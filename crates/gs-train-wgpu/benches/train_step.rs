@@ -127,7 +127,7 @@ fn bench(criterion: &mut Criterion, context: &GpuContext) {
         });
     });
 
-    let mut losses = ImageLosses::new(context, [width, height], 3).unwrap();
+    let mut losses = ImageLosses::new(context, [width, height], 3, 1).unwrap();
     for (what, ssim) in [("masked L1, host to host", false), ("SSIM, host to host", true)] {
         group.bench_function(what, |bencher| {
             bencher.iter(|| losses.evaluate(ssim, &out.rgb, &warp, &fore, 1e-6).unwrap());

@@ -2,7 +2,7 @@
 
 use crate::kernels::{ADAM, AdamStep, GROUP_SIZE};
 use gs_core::RasterError;
-use gs_raster_wgpu::device::{CommandMemory, Commands, GrowBuffer, read};
+use gs_raster_wgpu::device::{Commands, GrowBuffer, download};
 use gs_raster_wgpu::{GpuContext, GpuError, ParameterSlice};
 
 /// Adam over rows of parameters, with a rate per column and rows that can be left out. Its conventions are those of `cuar::Adam`.
@@ -99,6 +99,36 @@ impl Adam {
         Ok(())
     }
 
+    /// Goes on after `step` steps that left these first and second moments, slices of `lengths` values one after the other.
+    ///
+    /// # Errors
+    /// If the lengths disagree, or the device has too little memory.
+    pub fn restore(
+        &mut self,
+        step: u32,
+        lengths: &[usize],
+        moments: [&[f32]; 2],
+    ) -> Result<(), RasterError> {
+        let expected = lengths.iter().sum();
+        for own in moments {
+            if own.len() != expected {
+                return Err(RasterError::Shape { what: "moments", found: own.len(), expected });
+            }
+        }
+        self.step = step;
+        self.moments.clear();
+        let mut first = 0;
+        for &length in lengths {
+            let mut buffers = [(); 2].map(|()| GrowBuffer::storage("moments"));
+            for (buffer, values) in buffers.iter_mut().zip(moments) {
+                buffer.upload(&self.context, &values[first..first + length])?;
+            }
+            self.moments.push((buffers, length as u64));
+            first += length;
+        }
+        Ok(())
+    }
+
     /// First and second moments, slices one after the other; empty before the first step. Waits for the device.
     ///
     /// # Errors
@@ -107,14 +137,9 @@ impl Adam {
         let mut out = [Vec::new(), Vec::new()];
         for (moments, num_values) in &self.moments {
             for (moment, out) in moments.iter().zip(&mut out) {
-                let mut staging = GrowBuffer::staging("moments, for reading");
-                let staging = staging.ensure(&self.context, 4 * num_values)?;
-                let mut commands = Commands::new(&self.context);
-                commands.copy((moment.get(&self.context)?, 0), (staging, 0), 4 * num_values);
-                commands.submit(&mut CommandMemory::default(), "reading moments")?;
-                let mut values = vec![0.0_f32; usize::try_from(*num_values).unwrap_or(0)];
-                let bytes = bytemuck::cast_slice_mut(&mut values);
-                read(&self.context, staging, "reading moments", bytes)?;
+                let (context, items) = (&self.context, usize::try_from(*num_values).unwrap_or(0));
+                let values: Vec<f32> =
+                    download(context, Commands::new(context), moment.get(context)?, items)?;
                 out.extend_from_slice(&values);
             }
         }

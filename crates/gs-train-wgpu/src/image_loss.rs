@@ -4,11 +4,8 @@ use crate::kernels::{
     BLOCK, GROUP_SIZE, ImageLoss, MASKED_L1, SSIM, SSIM_BWD, SUM_PARTIALS, SumPartials,
 };
 use gs_core::RasterError;
-use gs_raster_wgpu::device::{CommandMemory, Commands, GrowBuffer, read};
+use gs_raster_wgpu::device::{CommandMemory, Commands, GrowBuffer, download, read};
 use gs_raster_wgpu::{GpuContext, GpuError};
-
-/// Running sums kept apart.
-pub(crate) const NUM_SLOTS: usize = 4;
 
 /// An image `[H,W,C]` on the device, or its gradient.
 #[derive(Debug, Clone, Copy)]
@@ -19,7 +16,7 @@ pub struct Plane<'a> {
     pub first: usize,
 }
 
-/// Masked L1 and SSIM for images of one size, with their work memory and running sums of their values.
+/// Masked L1 and SSIM for images of one size at a time, with their work memory and running sums of their values.
 #[derive(Debug)]
 pub struct ImageLosses {
     context: GpuContext,
@@ -28,15 +25,20 @@ pub struct ImageLosses {
     partials: GrowBuffer,
     planes: GrowBuffer,
     losses: GrowBuffer,
-    staging: GrowBuffer,
+    num_slots: usize,
 }
 
 impl ImageLosses {
-    /// For images of `[W, H]` pixels and `channels` channels.
+    /// For images of `[W, H]` pixels and `channels` channels, with `num_slots` running sums.
     ///
     /// # Errors
     /// If the device has too little memory.
-    pub fn new(context: &GpuContext, size: [u32; 2], channels: u32) -> Result<Self, GpuError> {
+    pub fn new(
+        context: &GpuContext,
+        size: [u32; 2],
+        channels: u32,
+        num_slots: usize,
+    ) -> Result<Self, GpuError> {
         let mut own = Self {
             context: context.clone(),
             size,
@@ -44,16 +46,25 @@ impl ImageLosses {
             partials: GrowBuffer::storage("sums of losses"),
             planes: GrowBuffer::storage("derivatives of windows"),
             losses: GrowBuffer::storage("losses"),
-            staging: GrowBuffer::staging("losses, for reading"),
+            num_slots,
         };
-        let pixels = u64::from(size[0]) * u64::from(size[1]);
-        let (blocks, groups) = (own.blocks(), pixels.div_ceil(u64::from(GROUP_SIZE)));
-        let windows = u64::from(blocks[0]) * u64::from(blocks[1]) * u64::from(channels);
-        own.partials.ensure(context, 4 * groups.max(windows))?;
-        own.planes.ensure(context, 12 * pixels)?;
-        own.losses.ensure(context, 4 * NUM_SLOTS as u64)?;
-        own.staging.ensure(context, 4 * NUM_SLOTS as u64)?;
+        own.losses.ensure(context, 4 * num_slots as u64)?;
+        own.resize(size)?;
         Ok(own)
+    }
+
+    /// Goes over to images of another size; running sums stay.
+    ///
+    /// # Errors
+    /// If the device has too little memory.
+    pub fn resize(&mut self, size: [u32; 2]) -> Result<(), GpuError> {
+        self.size = size;
+        let pixels = u64::from(size[0]) * u64::from(size[1]);
+        let (blocks, groups) = (self.blocks(), pixels.div_ceil(u64::from(GROUP_SIZE)));
+        let windows = u64::from(blocks[0]) * u64::from(blocks[1]) * u64::from(self.channels);
+        self.partials.ensure(&self.context, 4 * groups.max(windows))?;
+        self.planes.ensure(&self.context, 12 * pixels)?;
+        Ok(())
     }
 
     /// `[W, H]`, pixels.
@@ -144,16 +155,13 @@ impl ImageLosses {
     ///
     /// # Errors
     /// If the device fails.
-    pub fn take(&mut self) -> Result<[f32; NUM_SLOTS], GpuError> {
+    pub fn take(&mut self) -> Result<Vec<f32>, GpuError> {
         let context = &self.context;
-        let mut sums = [0.0_f32; NUM_SLOTS];
-        let bytes = size_of_val(&sums) as u64;
-        let (losses, staging) = (self.losses.get(context)?, self.staging.get(context)?);
+        let losses = self.losses.get(context)?;
+        let sums = download(context, Commands::new(context), losses, self.num_slots)?;
         let mut commands = Commands::new(context);
-        commands.copy((losses, 0), (staging, 0), bytes);
-        commands.clear(losses, bytes);
-        commands.submit(&mut CommandMemory::default(), "reading losses")?;
-        read(context, staging, "reading losses", bytemuck::bytes_of_mut(&mut sums))?;
+        commands.clear(losses, 4 * self.num_slots as u64);
+        commands.submit(&mut CommandMemory::default(), "clearing losses")?;
         Ok(sums)
     }
 

@@ -1,5 +1,6 @@
 //! The kernels and the structs that cross to them; a test compares both with the shaders.
 
+use cuar::DescentImage;
 use gs_raster_wgpu::gpu_struct;
 use gs_raster_wgpu::kernels::{Access, KernelDef, Needs};
 use gs_raster_wgpu::layout::{Field, GpuLayout};
@@ -69,11 +70,58 @@ gpu_struct! {
     }
 }
 
+gpu_struct! {
+    /// Uniforms of the passes over entries; see `shaders/train/offsets.wgsl`.
+    Offsets {
+        /// Entries.
+        num_entries: u32,
+        /// Degree of the offsets.
+        sh_degree: u32,
+        /// First row of the offsets of this dispatch.
+        first_row: u32,
+        /// Rows of the offsets of this dispatch.
+        num_rows: u32,
+    }
+}
+
+gpu_struct! {
+    /// An edited splat in an image.
+    Entry {
+        /// Unit vector from the camera, world frame.
+        towards: [f32; 3],
+        /// Row among the image's splats.
+        splat: u32,
+        /// Colour without offsets, not clamped.
+        color: [f32; 3],
+        /// Row of the offsets.
+        row: u32,
+    }
+}
+
+gpu_struct! {
+    /// Uniforms of the passes over a crop; see `shaders/train/crop.wgsl`.
+    Crop {
+        /// Width and height of the whole image, pixels.
+        img_size: [u32; 2],
+        /// First column and row of the crop.
+        origin: [u32; 2],
+        /// Its width and height, pixels.
+        size: [u32; 2],
+        /// First value of the change of colour among the planes of the whole image.
+        features_base: u32,
+        /// Unused.
+        pad0: u32,
+    }
+}
+
 /// Every struct that a binding of a shader may have: name, size, fields.
 pub const LAYOUTS: &[(&str, usize, &[Field])] = &[
     (ImageLoss::NAME, ImageLoss::SIZE, ImageLoss::FIELDS),
     (SumPartials::NAME, SumPartials::SIZE, SumPartials::FIELDS),
     (AdamStep::NAME, AdamStep::SIZE, AdamStep::FIELDS),
+    (Offsets::NAME, Offsets::SIZE, Offsets::FIELDS),
+    (Entry::NAME, Entry::SIZE, Entry::FIELDS),
+    (Crop::NAME, Crop::SIZE, Crop::FIELDS),
 ];
 
 /// Side of a block of windows, pixels.
@@ -82,7 +130,13 @@ pub const BLOCK: u32 = 16;
 pub const GROUP_SIZE: u32 = gs_raster_wgpu::layout::GROUP_SIZE;
 
 /// Every constant that exists in Rust and in WGSL.
-pub const CONSTANTS: &[(&str, u32)] = &[("BLOCK", BLOCK), ("GROUP_SIZE", GROUP_SIZE)];
+pub const CONSTANTS: &[(&str, u32)] = &[
+    ("BLOCK", BLOCK),
+    ("GROUP_SIZE", GROUP_SIZE),
+    ("FORE", DescentImage::FORE as u32),
+    ("BACK", DescentImage::BACK as u32),
+    ("LIVE", DescentImage::LIVE as u32),
+];
 
 macro_rules! part {
     ($name:literal) => {
@@ -122,6 +176,14 @@ kernels! {
     SSIM_BWD: "ssim_bwd" [U R R R R W] = ["shared/dispatch.wgsl", "train/image_loss.wgsl", "train/window.wgsl", "train/ssim_bwd.wgsl"];
     /// Sum of the groups' sums.
     SUM_PARTIALS: "sum_partials" [U R W] = ["shared/dispatch.wgsl", "train/group_sum.wgsl", "train/sum_partials.wgsl"];
+    /// Colours under offsets of harmonics.
+    CHANGE_COLORS: "change_colors" [U R R W W] = ["shared/dispatch.wgsl", "shared/sh.wgsl", "train/offsets.wgsl", "train/change_colors.wgsl"];
+    /// Gradient of the offsets.
+    CHANGE_COLORS_BWD: "change_colors_bwd" [U R R R W] = ["shared/dispatch.wgsl", "shared/sh.wgsl", "train/offsets.wgsl", "train/change_colors_bwd.wgsl"];
+    /// Render of a crop.
+    COMPOSE: "compose" [U R R R W W W] = ["shared/dispatch.wgsl", "train/crop.wgsl", "train/compose.wgsl"];
+    /// Gradient of the planes.
+    COMPOSE_BWD: "compose_bwd" [U R R W] = ["shared/dispatch.wgsl", "train/crop.wgsl", "train/compose_bwd.wgsl"];
     /// One step of Adam.
     ADAM: "adam_step" [U R R R W W W] = ["shared/dispatch.wgsl", "train/adam.wgsl"];
 }

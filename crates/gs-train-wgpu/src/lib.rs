@@ -4,19 +4,20 @@
 //! `cuar`, within single precision, in core WGSL within WebGPU's default limits, with sums in a fixed order. [`Trainer::step`] is one
 //! submission: forward → losses → backward → Adam. Nothing is read back but, when asked, the losses and the parameters.
 //!
-//! It stands between the rasteriser, which knows no losses, and whoever optimises: what `cuar`'s Adam does per image, this does on the
-//! device.
+//! [`DeviceDescent`] is such a step for `cuar`'s refinement: with it, [`cuar::refine_with`] keeps images, gradients and moments on the device.
 //!
 //! Deliberately absent: densification, schedules, files, the choice of images.
 
 pub mod kernels;
 
 mod adam;
+mod descent;
 mod image_loss;
 mod targets;
 mod trainer;
 
 pub use adam::Adam;
+pub use descent::DeviceDescent;
 pub use image_loss::{ImageLosses, Plane};
 pub use targets::Targets;
 pub use trainer::{Losses, Rates, TrainOptions, Trainer, Weights};

@@ -6,6 +6,9 @@ use gs_core::{RasterError, RenderParams, sh};
 use gs_raster_wgpu::device::{CommandMemory, Commands, GrowBuffer, Stamps};
 use gs_raster_wgpu::{GpuPrepared, Group, PassTiming, WgpuRasterizer};
 
+/// Terms of the loss.
+const NUM_TERMS: usize = 3;
+
 /// Weights of the terms of the loss, each a mean over all pixels and channels of the image.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Weights {
@@ -110,8 +113,7 @@ pub struct Trainer {
     /// Flags of rows left out, and their number.
     skip: Option<(GrowBuffer, usize)>,
     memory: CommandMemory,
-    /// Sums of earlier image sizes, and steps.
-    sums: [f32; 3],
+    /// Since the losses were read.
     steps: u32,
     stamps: Option<Stamps>,
 }
@@ -156,7 +158,6 @@ impl Trainer {
             losses: None,
             skip: flags,
             memory: CommandMemory::default(),
-            sums: [0.0; 3],
             steps: 0,
             stamps: None,
         })
@@ -234,19 +235,9 @@ impl Trainer {
             let expected = prepared.num_splats();
             return Err(RasterError::Shape { what: "skip", found, expected });
         }
-        if self.losses.as_ref().is_none_or(|losses| losses.size() != size) {
-            self.collect()?;
-            self.losses = Some(ImageLosses::new(self.raster.context(), size, 3)?);
-        }
-        Ok(())
-    }
-
-    /// Adds what the device has summed to `sums`.
-    fn collect(&mut self) -> Result<(), RasterError> {
-        if let Some(losses) = &mut self.losses {
-            for (sum, own) in self.sums.iter_mut().zip(losses.take()?) {
-                *sum += own;
-            }
+        match &mut self.losses {
+            Some(losses) => losses.resize(size)?,
+            none => *none = Some(ImageLosses::new(self.raster.context(), size, 3, NUM_TERMS)?),
         }
         Ok(())
     }
@@ -256,10 +247,10 @@ impl Trainer {
     /// # Errors
     /// If the device fails.
     pub fn losses(&mut self) -> Result<Losses, RasterError> {
-        self.collect()?;
-        let (steps, sums) = (self.steps, self.sums);
-        (self.steps, self.sums) = (0, [0.0; 3]);
-        let [fore_l1, fore_ssim, back_l1] = sums.map(|sum| sum / steps.max(1) as f32);
+        let sums =
+            self.losses.as_mut().map_or_else(|| Ok(vec![0.0; NUM_TERMS]), ImageLosses::take)?;
+        let steps = std::mem::take(&mut self.steps);
+        let [fore_l1, fore_ssim, back_l1] = [0, 1, 2].map(|term| sums[term] / steps.max(1) as f32);
         let w = self.options.weights;
         let total = w.fore_l1 * fore_l1 + w.fore_ssim * fore_ssim + w.back_l1 * back_l1;
         Ok(Losses { steps, fore_l1, fore_ssim, back_l1, total })

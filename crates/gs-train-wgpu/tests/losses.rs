@@ -65,7 +65,7 @@ fn losses_and_gradients_are_those_of_the_cpu() {
     for size in SIZES {
         let pixels = (size[0] * size[1]) as usize;
         for channels in [3, 1] {
-            let mut losses = ImageLosses::new(&context, size, channels).unwrap();
+            let mut losses = ImageLosses::new(&context, size, channels, 1).unwrap();
             let channels = channels as usize;
             let [x, y] = images(pixels * channels);
             let norm = 1.0 / (pixels * channels) as f32;
@@ -98,7 +98,7 @@ fn losses_and_gradients_are_those_of_the_cpu() {
 #[should_panic(expected = "another mask")]
 fn another_mask_is_noticed() {
     let (size, pixels) = ([20, 20], 400);
-    let mut losses = ImageLosses::new(&context(), size, 3).unwrap();
+    let mut losses = ImageLosses::new(&context(), size, 3, 2).unwrap();
     let [x, y] = images(3 * pixels);
     let [on, _, half, _] = masks(pixels);
     let inputs = [&x, &y, &on].map(|values| widen(values));
@@ -112,7 +112,7 @@ fn another_mask_is_noticed() {
 #[test]
 fn numbers_that_are_none_behave_as_on_the_cpu() {
     let (size, pixels) = ([19, 13], 247);
-    let mut losses = ImageLosses::new(&context(), size, 3).unwrap();
+    let mut losses = ImageLosses::new(&context(), size, 3, 2).unwrap();
     let [mut x, mut y] = images(3 * pixels);
     let mut mask = vec![1.0_f32; pixels];
     (mask[5], mask[6], mask[7]) = (0.0, f32::NAN, -1.0);
@@ -139,7 +139,7 @@ fn numbers_that_are_none_behave_as_on_the_cpu() {
 #[test]
 fn losses_are_the_same_from_run_to_run() {
     let (size, pixels) = ([67, 45], 67 * 45);
-    let mut losses = ImageLosses::new(&context(), size, 3).unwrap();
+    let mut losses = ImageLosses::new(&context(), size, 3, 2).unwrap();
     let [x, y] = images(3 * pixels);
     let [on, ..] = masks(pixels);
     for ssim in [false, true] {
@@ -150,7 +150,7 @@ fn losses_are_the_same_from_run_to_run() {
 
 #[test]
 fn wrong_lengths_are_refused() {
-    let mut losses = ImageLosses::new(&context(), [4, 3], 3).unwrap();
+    let mut losses = ImageLosses::new(&context(), [4, 3], 3, 1).unwrap();
     let message = losses.evaluate(false, &[0.0; 36], &[0.0; 35], &[0.0; 12], 1.0).unwrap_err();
     assert!(message.to_string().contains("`y` has 35 values, expected 36"), "{message}");
 }

@@ -11,7 +11,7 @@ use gs_core::{
     Camera, RasterError, Rasterizer, RenderParams, Splats, UpstreamGrads, sh::num_coeffs,
 };
 use gs_raster_cpu::CpuRasterizer;
-use gs_raster_wgpu::{Group, WgpuRasterizer};
+use gs_raster_wgpu::{GpuContext, GpuOptions, Group, WgpuRasterizer};
 use gs_train_wgpu::{Rates, Targets, TrainOptions, Trainer, Weights};
 
 const DEGREE: usize = 2;
@@ -292,6 +292,65 @@ fn losses_are_read_occasionally_and_steps_repeat() {
     let mean = expected.iter().sum::<f64>() / 5.0;
     assert!((f64::from(losses.total) - mean).abs() < 1e-3 * mean, "{} {mean}", losses.total);
     assert_eq!((losses, out), run(), "run to run");
+}
+
+/// Harmonics, their gradients and moments larger than a binding are split; nothing changes.
+#[test]
+fn splitting_changes_nothing() {
+    let (size, options) = ([48, 40], options(COLORS));
+    let splats = cloud(12, 1_500, 3, -3.0);
+    let camera = Camera::look_at([0.3, 0.2, -4.0], [0.0; 3], [0.0, 1.0, 0.1], 0.8, 48, 40);
+    let pixels = 48 * 40;
+    let (warp, fore) = (vec![0.5; 3 * pixels], vec![1.0; pixels]);
+    let end = |raster: &WgpuRasterizer| {
+        let mut trainer = Trainer::new(raster.clone(), 3, options, &[]).unwrap();
+        let mut prepared = raster.prepare(&splats, &camera).unwrap();
+        raster.upload_appearance(&mut prepared, &splats, &[], trainer.params()).unwrap();
+        let mut targets = Targets::default();
+        targets.upload(raster.context(), size, [&warp, &[], &fore, &[]]).unwrap();
+        for _ in 0..3 {
+            trainer.step(&mut prepared, &targets).unwrap();
+        }
+        let mut out = splats.clone();
+        raster.read_parameters(&prepared, &mut out).unwrap();
+        (out, trainer.losses().unwrap())
+    };
+    let max_binding_bytes = Some(128 << 10);
+    assert!(12 * splats.sh.len() > 2 * (128 << 10), "three bindings");
+    let gpu = GpuOptions { portable: true, max_binding_bytes, ..GpuOptions::default() };
+    let split = WgpuRasterizer::new(GpuContext::with_options(common::choice(), gpu).unwrap());
+    let whole = end(&raster(Mode::Portable));
+    assert_eq!(whole, end(&split), "split");
+    assert_ne!(whole.0.sh, splats.sh, "it moves");
+}
+
+/// A million splats of degree 3 have 192 MB of harmonics, more than a default binding of 128 MiB. Slow.
+#[test]
+fn a_million_splats_fit_default_limits() {
+    if std::env::var_os("C4D_SLOW_TESTS").is_none() {
+        eprintln!("set C4D_SLOW_TESTS to run this");
+        return;
+    }
+    let options = options(COLORS);
+    let splats = cloud(13, 1_000_000, 3, -6.0);
+    let views = views(&splats, &splats, &options.params);
+    let raster = raster(Mode::Portable);
+    assert_eq!(raster.context().max_binding_bytes(), 128 << 20, "default limits");
+    let mut trainer = Trainer::new(raster.clone(), 3, options, &[]).unwrap();
+    let mut prepared = raster.prepare(&splats, &views[0].camera).unwrap();
+    raster.upload_appearance(&mut prepared, &splats, &[], trainer.params()).unwrap();
+    let mut targets = Targets::default();
+    let images = views[0].images.each_ref().map(|image| &image[..]);
+    targets.upload(raster.context(), SIZE, images).unwrap();
+    for _ in 0..2 {
+        trainer.step(&mut prepared, &targets).unwrap();
+    }
+    let mut out = splats.clone();
+    raster.read_parameters(&prepared, &mut out).unwrap();
+    let moved = |half: std::ops::Range<usize>| half.filter(|&k| out.sh[k] != splats.sh[k]).count();
+    let middle = splats.sh.len() / 2;
+    assert!(moved(0..middle) > 1000, "the first binding is trained");
+    assert!(moved(middle..2 * middle) > 1000, "the second, too");
 }
 
 /// An upload to one view does not change what the others look at.

@@ -23,6 +23,10 @@ pub(crate) fn run(args: &DoctorArgs, global: &Global, console: &Console) -> Outc
     let temp = std::env::temp_dir();
     let writable = probe_write(&temp);
     let speed = render_speed(&device)?;
+    let cpu_speed = match &device {
+        Device::Cpu => None,
+        Device::Gpu(_) => Some(render_speed(&Device::Cpu)?),
+    };
     if args.json {
         let report = json!({
             "version": env!("CARGO_PKG_VERSION"),
@@ -40,6 +44,7 @@ pub(crate) fn run(args: &DoctorArgs, global: &Global, console: &Console) -> Outc
                 "max_binding_bytes": adapter.max_binding_bytes,
             })).collect::<Vec<_>>(),
             "frames_per_second": speed,
+            "cpu_frames_per_second": cpu_speed.unwrap_or(speed),
             "temp_writable": writable.is_ok(),
         });
         console.result(serde_json::to_string_pretty(&report).unwrap_or_default());
@@ -62,6 +67,14 @@ pub(crate) fn run(args: &DoctorArgs, global: &Global, console: &Console) -> Outc
             "speed        {speed:.1} frames/s ({SPLATS} splats, {}x{})",
             DEFAULT_SIZE.0, DEFAULT_SIZE.1
         ));
+        if let Some(cpu) = cpu_speed {
+            let (faster, slower) = if cpu > speed { (cpu, speed) } else { (speed, cpu) };
+            let name = if cpu > speed { "the CPU rasteriser" } else { "the adapter" };
+            console.result(format!(
+                "on the CPU   {cpu:.1} frames/s: {name} is {:.1} times as fast",
+                faster / slower
+            ));
+        }
         console.result(match &writable {
             Ok(()) => format!("temporary    {} is writable", temp.display()),
             Err(error) => format!("temporary    {} is not writable: {error}", temp.display()),

@@ -3,7 +3,7 @@
 use super::freeze::output_failure;
 use crate::args::{Global, PresetArg, RefineArgs, RefineFlags, Up, WarpArg};
 use crate::console::{Console, Progress};
-use crate::device::Device;
+use crate::device::{self, Device};
 use crate::failure::{Failure, Outcome, chain};
 use crate::renderer::side_by_side;
 use crate::rig::{Layout, Rig};
@@ -12,11 +12,14 @@ use crate::run_folder::{
 };
 use crate::{images, scene};
 use amg::RowKind;
-use cuar::{CuarError, Observer, Preset, Preview, RefineOptions, Report, State, Views, WarpForm};
+use cuar::{
+    Backend, CuarError, Observer, Preset, Preview, RefineOptions, Report, State, Views, WarpForm,
+};
 use gs_core::{Camera, DynamicScene};
 use gs_io::cameras::{Reading, Split};
 use gs_io::{AtomicFile, Existing};
 use gs_raster_cpu::CpuRasterizer;
+use gs_train_wgpu::DeviceDescent;
 use safetensors::{Dtype, SafeTensors, tensor::TensorView};
 use serde_json::{Value, json};
 use std::collections::{BTreeSet, HashMap};
@@ -127,12 +130,20 @@ pub(crate) fn refine(
             &mut watch,
         ),
         Device::Gpu(raster) => {
-            cuar::refine(raster, &scene, &edited, &views, &options, resumed, &mut watch)
+            let mut engine =
+                DeviceDescent::new(raster.clone()).map_err(|error| device::failure(&error))?;
+            let backend = Backend { raster, descent: Some(&mut engine) };
+            let edited = &edited;
+            cuar::refine_with(backend, &scene, edited, &views, &options, resumed, &mut watch)
         }
     };
     let failure = watch.finish();
     let refined = result.map_err(|error| match (failure, error) {
         (Some(failure), CuarError::Cancelled { .. }) => failure,
+        (_, CuarError::Raster(error)) => {
+            let failure = device::failure(&error);
+            Failure { what: format!("{}: {}", run.display(), failure.what), ..failure }
+        }
         (_, error) => Failure::failed(format!("{}: {}", run.display(), chain(&error))),
     })?;
     let coeffs = refined.d_sh.len() / refined.rows.len().max(1);

@@ -6,6 +6,7 @@ mod bad_input;
 mod cameras;
 mod exports;
 mod formats;
+mod gpu;
 mod html;
 mod main_job;
 mod support;

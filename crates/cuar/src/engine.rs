@@ -1,0 +1,101 @@
+//! [`DescentEngine`]: who does Adam's steps whole, where images, gradients and moments already are.
+
+use crate::{Adam, loss::LossParts, loss::LossWeights, sample::Crop, sample::Entry};
+use gs_core::RasterError;
+
+/// What is minimised, for a [`DescentEngine`].
+#[derive(Debug, Clone, Copy)]
+pub struct DescentTask<'a> {
+    /// Degree of the offsets.
+    pub sh_degree: usize,
+    /// Learning rate per column of the offsets, `[3K]`.
+    pub rates: &'a [f32],
+    /// η and ζ.
+    pub weights: LossWeights,
+    /// Bytes of supervised images that may be kept; others are handed over again with every step.
+    pub memory: usize,
+}
+
+/// One supervised image, for a [`DescentEngine`]: what its render is compared with, in the crop that edited splats reach. Its content is the
+/// same in every step with the same `index`.
+#[derive(Debug, Clone, Copy)]
+pub struct DescentImage<'a> {
+    /// Number of the image.
+    pub index: usize,
+    /// Columns and rows of the whole image, over which losses are means.
+    pub size: [usize; 2],
+    /// The part of it that follows.
+    pub crop: Crop,
+    /// Render without offsets, `[h,w,3]`.
+    pub original: &'a [f32],
+    /// Target where [`DescentImage::FORE`] is set, `[h,w,3]`.
+    pub warp: &'a [f32],
+    /// Bits [`DescentImage::FORE`], [`DescentImage::BACK`] and [`DescentImage::LIVE`], `[h,w]`.
+    pub flags: &'a [u8],
+    /// The edited splats seen, each once.
+    pub entries: &'a [Entry],
+}
+
+impl DescentImage<'_> {
+    /// Pixel bit: `warp` supervises (L1 and SSIM).
+    pub const FORE: u8 = 1;
+    /// Pixel bit: `original` supervises (L1).
+    pub const BACK: u8 = 2;
+    /// Pixel bit: an edited splat shows. Elsewhere the render is `original`, whatever the offsets.
+    pub const LIVE: u8 = 4;
+}
+
+/// Does the steps of [`crate::Solver::Adam`] for a [`crate::Backend`], on prepared states `P` of its rasteriser.
+///
+/// With offsets `Δ` (`[E,K,3]`) the render of an image is `original + Σ (max(c + Y(d)·Δ, 0) − max(c, 0))·αT` over its entries, where it is
+/// live; the objective Eq. 20, exact L1, means over the whole image. A step is one of [`Adam`] with all rows, those without gradient, too.
+pub trait DescentEngine<P> {
+    /// Starts from these offsets, and the moments and steps of `adam`.
+    ///
+    /// # Errors
+    /// If the device fails or has too little memory.
+    fn begin(
+        &mut self,
+        task: &DescentTask,
+        d_sh: &[[f32; 3]],
+        adam: &Adam<f32>,
+    ) -> Result<(), RasterError>;
+
+    /// One step down the gradient of one image; `prepared` holds its splats, seen by its camera.
+    ///
+    /// # Errors
+    /// If the device fails.
+    fn step(&mut self, image: &DescentImage, prepared: &mut P) -> Result<(), RasterError>;
+
+    /// The losses of the steps since the last call, each before its step, in order.
+    ///
+    /// # Errors
+    /// If the device fails.
+    fn losses(&mut self) -> Result<Vec<LossParts>, RasterError>;
+
+    /// The render of the last step's image, before that step, `[h,w,3]` of its crop.
+    ///
+    /// # Errors
+    /// If the device fails.
+    fn render(&mut self) -> Result<Vec<f32>, RasterError>;
+
+    /// Copies offsets, moments and steps out.
+    ///
+    /// # Errors
+    /// If the device fails.
+    fn read(&mut self, d_sh: &mut [[f32; 3]], adam: &mut Adam<f32>) -> Result<(), RasterError>;
+}
+
+/// What computes a refinement: a rasteriser, and perhaps an engine for [`crate::Solver::Adam`]. Opacity is refined without the engine.
+pub struct Backend<'a, R: gs_core::Rasterizer> {
+    /// Renders, and differentiates them.
+    pub raster: &'a R,
+    /// Does whole steps of Adam. Default none: they are done on the host.
+    pub descent: Option<&'a mut dyn DescentEngine<R::Prepared>>,
+}
+
+impl<R: gs_core::Rasterizer> std::fmt::Debug for Backend<'_, R> {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Backend").field("descent", &self.descent.is_some()).finish_non_exhaustive()
+    }
+}

@@ -1,8 +1,9 @@
 //! [`DeviceDescent`]: `cuar`'s Adam with images, gradients and moments on the device.
 
+use crate::descent_memory::{Image, Run, Work};
 use crate::image_loss::{ImageLosses, Plane};
 use crate::kernels::{
-    CHANGE_COLORS, CHANGE_COLORS_BWD, COMPOSE, COMPOSE_BWD, Crop, Entry, GROUP_SIZE, Offsets,
+    CHANGE_COLORS, CHANGE_COLORS_BWD, COMPOSE, COMPOSE_BWD, Crop, GROUP_SIZE, Offsets,
 };
 use crate::{Adam, Weights};
 use cuar::loss::LossParts;
@@ -43,98 +44,6 @@ pub struct DeviceDescent {
     heard: Vec<LossParts>,
     commands: CommandMemory,
     stamps: Option<Stamps>,
-}
-
-#[derive(Debug)]
-struct Run {
-    first_row: usize,
-    rows: usize,
-    d_sh: GrowBuffer,
-    v_sh: GrowBuffer,
-}
-
-/// What a render is compared with.
-#[derive(Debug)]
-struct Image {
-    original: GrowBuffer,
-    warp: GrowBuffer,
-    flags: GrowBuffer,
-    entries: GrowBuffer,
-    /// Whether any pixel is [`DescentImage::FORE`] or [`DescentImage::BACK`].
-    uses: [bool; 2],
-}
-
-impl Default for Image {
-    fn default() -> Self {
-        let [original, warp, flags, entries] =
-            ["originals", "targets", "flags", "edited splats"].map(GrowBuffer::storage);
-        Self { original, warp, flags, entries, uses: [false; 2] }
-    }
-}
-
-impl Image {
-    fn bytes(image: &DescentImage) -> usize {
-        4 * (image.original.len() + image.warp.len())
-            + image.flags.len()
-            + size_of::<Entry>() * image.entries.len()
-    }
-
-    fn upload(&mut self, context: &GpuContext, image: &DescentImage) -> Result<(), GpuError> {
-        self.original.upload(context, image.original)?;
-        self.warp.upload(context, image.warp)?;
-        let mut flags = image.flags.to_vec();
-        flags.resize(flags.len().next_multiple_of(4), 0);
-        self.flags.upload(context, &flags)?;
-        let entry = |entry: &cuar::Entry| Entry {
-            towards: entry.towards,
-            splat: entry.local,
-            color: entry.color,
-            row: entry.row,
-        };
-        let entries: Vec<Entry> = image.entries.iter().map(entry).collect();
-        self.entries.upload(context, &entries)?;
-        self.uses = [DescentImage::FORE, DescentImage::BACK]
-            .map(|bit| image.flags.iter().any(|flags| flags & bit != 0));
-        Ok(())
-    }
-}
-
-/// Memory of a step.
-#[derive(Debug)]
-struct Work {
-    changes: GrowBuffer,
-    render: GrowBuffer,
-    v_render: GrowBuffer,
-    fore: GrowBuffer,
-    back: GrowBuffer,
-    /// Of the last step.
-    pixels: usize,
-}
-
-impl Work {
-    fn new() -> Self {
-        let [changes, render, v_render, fore, back] =
-            ["changes of colour", "crop", "gradient of a crop", "foreground", "background"]
-                .map(GrowBuffer::storage);
-        Self { changes, render, v_render, fore, back, pixels: 0 }
-    }
-
-    fn ensure(
-        &mut self,
-        context: &GpuContext,
-        pixels: usize,
-        entries: usize,
-    ) -> Result<(), GpuError> {
-        self.pixels = pixels;
-        self.changes.ensure(context, (12 * entries) as u64)?;
-        for plane in [&mut self.render, &mut self.v_render] {
-            plane.ensure(context, (12 * pixels) as u64)?;
-        }
-        for mask in [&mut self.fore, &mut self.back] {
-            mask.ensure(context, (4 * pixels) as u64)?;
-        }
-        Ok(())
-    }
 }
 
 fn index(context: &GpuContext, value: usize) -> Result<u32, GpuError> {

@@ -12,6 +12,7 @@ pub mod kernels;
 
 mod adam;
 mod descent;
+mod descent_memory;
 mod image_loss;
 mod targets;
 mod trainer;

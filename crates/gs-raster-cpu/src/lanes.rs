@@ -428,7 +428,8 @@ mod tests {
         }
     }
 
-    fn gradients() -> (Vec<f32>, Vec<f64>) {
+    /// Image, and gradients of means, quaternions, log-scales, opacity logits and harmonics.
+    fn gradients() -> (Vec<f32>, [Vec<f64>; 5]) {
         let phase = |i: usize, k: usize| ((i * 37 + k * 101) % 89) as f32 / 44.0 - 1.0;
         let count = 200;
         let splats = Splats::<f32> {
@@ -436,8 +437,9 @@ mod tests {
             quats: (0..count).map(|i| [3, 4, 5, 6].map(|k| phase(i, k))).collect(),
             log_scales: (0..count).map(|i| [7, 8, 9].map(|k| phase(i, k) - 2.5)).collect(),
             opacity_logits: (0..count).map(|i| 3.0 * phase(i, 10)).collect(),
-            sh: (0..count).map(|i| [11, 12, 13].map(|k| phase(i, k))).collect(),
-            sh_degree: 0,
+            // A degree whose coefficients do not fill whole quads.
+            sh: (0..9 * count).map(|i| [11, 12, 13].map(|k| phase(i, k))).collect(),
+            sh_degree: 2,
         };
         let camera = Camera::look_at([0.0, 0.0, -4.0], [0.0; 3], [0.0, -1.0, 0.0], 0.8, 70, 50);
         let (raster, params) = (CpuRasterizer::default(), RenderParams::default());
@@ -446,8 +448,15 @@ mod tests {
         let v_rgb = (0..out.rgb.len()).map(|i| phase(i, 14)).collect();
         let upstream = UpstreamGrads { v_rgb, ..UpstreamGrads::default() };
         let grads = raster.backward(&mut prepared, &splats, &[], &params, &upstream).unwrap();
-        let means = grads.v_means.iter().flatten().map(|&v| f64::from(v)).collect();
-        (out.rgb, means)
+        let widen = |values: &[f32]| values.iter().map(|&v| f64::from(v)).collect();
+        let arrays = [
+            grads.v_means.as_flattened(),
+            grads.v_quats.as_flattened(),
+            grads.v_log_scales.as_flattened(),
+            &grads.v_opacity_logits,
+            grads.v_sh.as_flattened(),
+        ];
+        (out.rgb, arrays.map(widen))
     }
 
     /// The machines of other people: the same image and gradients from every instruction set that this one has.
@@ -462,7 +471,10 @@ mod tests {
             assert!(worst < 5e-3, "instruction set {forced}: image differs by {worst}");
             let mean = best.iter().zip(&other).map(|(a, b)| (a - b).abs()).sum::<f32>();
             assert!(mean < 1e-6 * best.len() as f32, "instruction set {forced}: {mean}");
-            test_support::compare::assert_grad_close("means", &other_grads, &best_grads, 1e-3);
+            for (k, (other, best)) in other_grads.iter().zip(&best_grads).enumerate() {
+                let what = format!("instruction set {forced}, array {k}");
+                test_support::compare::assert_grad_close(&what, other, best, 1e-3);
+            }
         }
     }
 

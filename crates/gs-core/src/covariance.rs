@@ -1,12 +1,14 @@
 //! World-space covariance of a Gaussian.
 
-use crate::Real;
+#![expect(clippy::inline_always, reason = "inlined into vectorised loops of the rasterisers")]
+
+use crate::{Real, Ring};
 
 /// Rotation matrix, row-major, of quaternion `wxyz` **as given** (`rasteriser.md` step 3 does not normalise; a zero
 /// quaternion gives the identity).
-pub fn rotation_matrix<F: Real>(q: [F; 4]) -> [[F; 3]; 3] {
-    let (one, two) = (F::one(), F::of(2.0));
-    let [w, x, y, z] = q;
+#[inline(always)]
+pub fn rotation_matrix<V: Ring>([w, x, y, z]: [V; 4]) -> [[V; 3]; 3] {
+    let (one, two) = (w.like(1.0), w.like(2.0));
     [
         [one - two * (y * y + z * z), two * (x * y - w * z), two * (x * z + w * y)],
         [two * (x * y + w * z), one - two * (x * x + z * z), two * (y * z - w * x)],

@@ -28,6 +28,6 @@ pub use raster::{
     GradientConvention, RasterError, Rasterizer, RenderGrads, RenderOutput, RenderParams,
     UpstreamGrads,
 };
-pub use real::Real;
+pub use real::{Real, Ring};
 pub use scene::{DynamicScene, SceneError, TimeRange};
 pub use splats::{Splats, SplatsError};

@@ -1,9 +1,11 @@
 //! The float types that the maths is generic over.
 
+#![expect(clippy::inline_always, reason = "constants in vectorised loops of the rasterisers")]
+
 use num_traits::Float;
 use std::fmt::Debug;
 use std::iter::Sum;
-use std::ops::{AddAssign, DivAssign, MulAssign, SubAssign};
+use std::ops::{Add, AddAssign, DivAssign, Mul, MulAssign, Neg, Sub, SubAssign};
 
 /// `f32` (production) or `f64` (oracle of finite differences).
 ///
@@ -30,6 +32,22 @@ pub trait Real:
     fn as_f64(self) -> f64;
     /// As single, rounded.
     fn as_f32(self) -> f32;
+}
+
+/// What polynomials need: one number, or a register of numbers.
+pub trait Ring:
+    Copy + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Self> + Neg<Output = Self>
+{
+    /// A single-precision constant of the same kind as `self`.
+    #[must_use]
+    fn like(self, constant: f32) -> Self;
+}
+
+impl<F: Real> Ring for F {
+    #[inline(always)]
+    fn like(self, constant: f32) -> Self {
+        F::of(constant)
+    }
 }
 
 impl Real for f32 {

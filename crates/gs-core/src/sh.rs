@@ -1,7 +1,7 @@
 //! Real spherical harmonics up to degree 3 and their derivative, 3DGS constants and signs.
 #![expect(clippy::inline_always, reason = "inlined into vectorised loops of the rasterisers")]
 
-use crate::Real;
+use crate::{Real, Ring};
 
 /// Highest degree with a basis here.
 pub const MAX_DEGREE: usize = 3;
@@ -25,17 +25,17 @@ pub fn degree_of(coeffs: usize) -> Option<usize> {
 
 /// Basis values `Y_k(d)`, `k < 16`, at the unit direction `d` (camera centre to mean, world frame); zero above `degree`.
 #[inline(always)]
-pub fn basis<F: Real>(degree: usize, [x, y, z]: [F; 3]) -> [F; 16] {
-    let mut out = [F::zero(); 16];
-    out[0] = F::of(C0);
+pub fn basis<V: Ring>(degree: usize, [x, y, z]: [V; 3]) -> [V; 16] {
+    let mut out = [x.like(0.0); 16];
+    out[0] = x.like(C0);
     if degree >= 1 {
-        let c = F::of(C1);
+        let c = x.like(C1);
         out[1..4].copy_from_slice(&[-c * y, c * z, -c * x]);
     }
     let (xx, yy, zz) = (x * x, y * y, z * z);
-    let [two, three, four] = [2.0, 3.0, 4.0].map(F::of);
+    let (two, three, four) = (x.like(2.0), x.like(3.0), x.like(4.0));
     if degree >= 2 {
-        let [a, b, e] = C2.map(F::of);
+        let (a, b, e) = (x.like(C2[0]), x.like(C2[1]), x.like(C2[2]));
         out[4..9].copy_from_slice(&[
             a * x * y,
             -a * y * z,
@@ -45,7 +45,8 @@ pub fn basis<F: Real>(degree: usize, [x, y, z]: [F; 3]) -> [F; 16] {
         ]);
     }
     if degree >= 3 {
-        let [k0, k1, k2, k3, k4] = C3.map(F::of);
+        let (k0, k1, k2) = (x.like(C3[0]), x.like(C3[1]), x.like(C3[2]));
+        let (k3, k4) = (x.like(C3[3]), x.like(C3[4]));
         out[9..16].copy_from_slice(&[
             -k0 * y * (three * xx - yy),
             k1 * x * y * z,
@@ -61,16 +62,17 @@ pub fn basis<F: Real>(degree: usize, [x, y, z]: [F; 3]) -> [F; 16] {
 
 /// `∇Y_k(d)`, treating the components of `d` as independent.
 #[inline(always)]
-pub fn basis_gradient<F: Real>(degree: usize, [x, y, z]: [F; 3]) -> [[F; 3]; 16] {
-    let o = F::zero();
+pub fn basis_gradient<V: Ring>(degree: usize, [x, y, z]: [V; 3]) -> [[V; 3]; 16] {
+    let o = x.like(0.0);
     let mut out = [[o; 3]; 16];
     if degree >= 1 {
-        let c = F::of(C1);
+        let c = x.like(C1);
         out[1..4].copy_from_slice(&[[o, -c, o], [o, o, c], [-c, o, o]]);
     }
-    let [two, three, four, six, eight] = [2.0, 3.0, 4.0, 6.0, 8.0].map(F::of);
+    let (two, three, four) = (x.like(2.0), x.like(3.0), x.like(4.0));
+    let (six, eight) = (x.like(6.0), x.like(8.0));
     if degree >= 2 {
-        let [a, b, e] = C2.map(F::of);
+        let (a, b, e) = (x.like(C2[0]), x.like(C2[1]), x.like(C2[2]));
         out[4..9].copy_from_slice(&[
             [a * y, a * x, o],
             [o, -a * z, -a * y],
@@ -81,7 +83,8 @@ pub fn basis_gradient<F: Real>(degree: usize, [x, y, z]: [F; 3]) -> [[F; 3]; 16]
     }
     if degree >= 3 {
         let (xx, yy, zz) = (x * x, y * y, z * z);
-        let [k0, k1, k2, k3, k4] = C3.map(F::of);
+        let (k0, k1, k2) = (x.like(C3[0]), x.like(C3[1]), x.like(C3[2]));
+        let (k3, k4) = (x.like(C3[3]), x.like(C3[4]));
         out[9..16].copy_from_slice(&[
             [-k0 * six * x * y, -k0 * (three * xx - three * yy), o],
             [k1 * y * z, k1 * x * z, k1 * x * y],

@@ -52,6 +52,8 @@ fn differentiate_macro<S: Simd, F: Lane, const C: usize>(s: S, job: Differentiat
     let DifferentiateMacro { view, layout, stride, first_channel, macro_id, target, .. } = job;
     let (upstream, params) = (job.upstream, job.params);
     let pass = Pass { records: &target.records, length: HEAD + stride, first_channel };
+    // Once through in order, into the cache: the tiles read the records by their lists.
+    std::hint::black_box(target.records.iter().step_by(16).copied().sum::<F>());
     let mut sums = Sums { values: &mut target.sums, stride: MOMENTS + stride };
     let mut v_channels = [Plane::<F>::zero(); C];
     for tile in 0..MACRO_TILES {
@@ -61,7 +63,15 @@ fn differentiate_macro<S: Simd, F: Lane, const C: usize>(s: S, job: Differentiat
             continue;
         }
         let pixels = TilePixels { view, first };
-        for (c, plane) in v_channels.iter_mut().enumerate() {
+        let mut loaded = 0;
+        if first_channel == 0
+            && layout.rgb
+            && let Some(planes) = v_channels.first_chunk_mut()
+        {
+            pixels.load_rgb(upstream, planes);
+            loaded = 3;
+        }
+        for (c, plane) in v_channels.iter_mut().enumerate().skip(loaded) {
             pixels.load_channel(upstream, layout, first_channel + c, plane);
         }
         let origin = first.map(|x| F::from_double(x as f64));
@@ -125,6 +135,25 @@ impl<F: Lane> TilePixels<'_, F> {
         for row in 0..TILE.min(self.view.height - y0) {
             action((y0 + row) * self.view.width + x0, row * TILE..row * TILE + width);
         }
+    }
+
+    /// Upstream gradients of the colour; zero off the image.
+    #[inline(always)]
+    fn load_rgb(&self, upstream: &UpstreamGrads<F>, planes: &mut [Plane<F>; 3]) {
+        for plane in &mut *planes {
+            plane.0.fill(F::zero());
+        }
+        if upstream.v_rgb.is_empty() {
+            return;
+        }
+        let [r, g, b] = planes;
+        self.visit(|pixel, row| {
+            let values = upstream.v_rgb[3 * pixel..].as_chunks::<3>().0;
+            let targets = r.0[row.clone()].iter_mut().zip(&mut g.0[row.clone()]).zip(&mut b.0[row]);
+            for (((r, g), b), value) in targets.zip(values) {
+                (*r, *g, *b) = (value[0], value[1], value[2]);
+            }
+        });
     }
 
     /// Upstream gradient of a channel; zero off the image and for padding.

@@ -123,7 +123,7 @@ pub(crate) fn forward<F: Lane>(
     };
     if !covered && prepared.culling == crate::Culling::Opacity {
         for p in &mut prepared.visible {
-            p.opacity = splats.opacity(p.id as usize);
+            p.opacity = prepared.shade.opacity(p.id);
             p.log_opacity = p.opacity.ln();
         }
         prepared.bin();
@@ -211,13 +211,17 @@ fn assemble<F: Lane>(
                     if layout.rgb {
                         let target = rgb[3 * x0..3 * (x0 + count)].as_chunks_mut::<3>().0;
                         let (r, g, b) = (plane(0), plane(1), plane(2));
+                        // Mixed plane by plane, then interleaved: the first half vectorises.
+                        let mut mixed = [[F::zero(); TILE]; 3];
+                        for ((mixed, plane), background) in
+                            mixed.iter_mut().zip([r, g, b]).zip(background)
+                        {
+                            for ((mixed, &x), t) in mixed.iter_mut().zip(plane).zip(transmittance) {
+                                *mixed = x + t.abs() * background;
+                            }
+                        }
                         for (i, pixel) in target.iter_mut().enumerate() {
-                            let t = transmittance[i].abs();
-                            *pixel = [
-                                r[i] + t * background[0],
-                                g[i] + t * background[1],
-                                b[i] + t * background[2],
-                            ];
+                            *pixel = [mixed[0][i], mixed[1][i], mixed[2][i]];
                         }
                     }
                     if layout.depth {

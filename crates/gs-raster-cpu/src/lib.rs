@@ -12,7 +12,8 @@
 //! - No allocation per frame once the buffers have grown, except those of the thread pool: every stage reuses [`Prepared`].
 //!
 //! How it is fast: tile lists without the tiles that a splat does not reach ([`Culling`]), with the rows that it does reach; one macro tile
-//! of 4×4 tiles per task; vector lanes over the columns of a row, compiled for the machine at hand (AVX2, AVX-512, NEON, scalar); per-splat
+//! of 4×4 tiles per task; vector lanes over the columns of a row, or over splats where the work is per splat (projection, colours, chain
+//! rule), compiled for the machine at hand (AVX2, AVX-512, NEON, scalar); splats that no pixel drew skipped by the chain rule; per-splat
 //! sums that stay in registers, so that gradients need no atomics.
 //!
 //! Deliberately absent: losses, files, GPU, antialiasing variants, gradients of the camera.
@@ -25,6 +26,7 @@ mod backward;
 mod bins;
 mod cull;
 mod forward;
+mod harmonics;
 mod lanes;
 mod prepared;
 mod project;
@@ -34,6 +36,7 @@ mod splat_grads;
 mod tile;
 mod tile_grad;
 mod times;
+mod vector;
 mod view;
 
 pub use prepared::Prepared;

@@ -2,12 +2,13 @@
 
 use crate::Culling;
 use crate::bins::{self, Block, MACRO, MACRO_TILES, Macro};
-use crate::lanes::wide;
+use crate::lanes::{self, Lane};
 use crate::project::{Projected, project};
 use crate::shade::{DEAD, Shade};
 use crate::times::{StageTimes, timed};
 use crate::view::{TILE, TILE_PIXELS, View};
 use gs_core::{Camera, RasterError, Real, Splats};
+use pulp::{Simd, WithSimd};
 use rayon::prelude::*;
 
 /// Splats projected by one task.
@@ -71,7 +72,28 @@ impl<F: Real> Composited<F> {
     }
 }
 
-impl<F: Real> Prepared<F> {
+/// Projection of consecutive splats.
+struct ProjectChunk<'a, F> {
+    view: &'a View<F>,
+    splats: &'a Splats<F>,
+    first: usize,
+    rows: &'a mut [Projected<F>],
+    keys: &'a mut Vec<u64>,
+}
+
+impl<F: Lane> WithSimd for ProjectChunk<'_, F> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, s: S) {
+        let Self { view, splats, first, rows, keys } = self;
+        project(s, view, splats, first, rows, |id, depth| {
+            keys.push(u64::from(depth.as_f32().to_bits()) << 32 | id as u64);
+        });
+    }
+}
+
+impl<F: Lane> Prepared<F> {
     /// Projects, sorts and bins.
     pub(crate) fn update(
         &mut self,
@@ -103,25 +125,14 @@ impl<F: Real> Prepared<F> {
 
     fn project(&mut self, splats: &Splats<F>) {
         let num_splats = self.num_splats;
-        let view = &self.view;
+        let (view, arch) = (&self.view, lanes::arch());
         self.projected.resize(num_splats, Projected::default());
         self.chunk_keys.resize_with(num_splats.div_ceil(CHUNK), Vec::new);
         self.projected.par_chunks_mut(CHUNK).zip(&mut self.chunk_keys).enumerate().for_each(
             |(chunk, (rows, keys))| {
                 keys.clear();
-                wide(
-                    #[inline(always)]
-                    || {
-                        for (i, row) in rows.iter_mut().enumerate() {
-                            let id = chunk * CHUNK + i;
-                            if let Some(p) = project(view, splats, id) {
-                                let depth_bits = u64::from(p.depth.as_f32().to_bits());
-                                keys.push(depth_bits << 32 | id as u64);
-                                *row = p;
-                            }
-                        }
-                    },
-                );
+                let first = chunk * CHUNK;
+                arch.dispatch(ProjectChunk { view, splats, first, rows, keys });
             },
         );
     }
@@ -154,7 +165,9 @@ impl<F: Real> Prepared<F> {
         let Self { visible, view, culling, blocks, macros, times, .. } = self;
         timed(&mut times.bin, || bins::bin(visible, view, *culling, blocks, macros));
     }
+}
 
+impl<F: Real> Prepared<F> {
     /// Frees everything but the projection and the lists: what a cache of many prepared views should hold. The next forward pass
     /// allocates again; a backward pass needs a forward pass first.
     pub fn trim(&mut self) {

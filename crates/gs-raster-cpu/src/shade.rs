@@ -1,10 +1,13 @@
 //! [`Shade`]: what a forward pass draws each visible splat with. The only stage that reads SH, opacities and features.
 
-use crate::lanes::wide;
+use crate::harmonics::{Harmonics, touch};
+use crate::lanes::{self, Lane, wide};
 use crate::prepared::CULLED;
 use crate::project::Projected;
+use crate::vector::{GROUP, Quad, registers};
 use crate::view::View;
-use gs_core::{Real, RenderParams, Splats, UpstreamGrads, sh};
+use gs_core::{Real, RenderParams, Ring, Splats, UpstreamGrads};
+use pulp::{Simd, WithSimd};
 use rayon::prelude::*;
 
 /// Splats shaded by one task.
@@ -75,7 +78,7 @@ pub(crate) struct Shade<F> {
 /// Marks, among the bits of [`Shade::flags`], a splat that is culled, or left out because its colour, opacity or a feature is not finite.
 pub(crate) const DEAD: u8 = 128;
 
-impl<F: Real> Shade<F> {
+impl<F: Lane> Shade<F> {
     /// Evaluates opacities, colours and features. Returns whether every opacity is still covered by the one its lists were made with.
     pub(crate) fn fill(
         &mut self,
@@ -108,21 +111,32 @@ impl<F: Real> Shade<F> {
                         for ((record, p), [r, g, b, opacity]) in rows.zip(fetched) {
                             let id = p.id as usize;
                             covered &= opacity <= p.opacity;
-                            record.fill(F::zero());
-                            record[..HEAD].copy_from_slice(&exponent(p, opacity));
-                            if opacity == F::zero() {
+                            let Some((head, channels)) = record.split_first_chunk_mut() else {
                                 continue;
-                            }
-                            let channels = &mut record[HEAD..];
+                            };
+                            *head = exponent(p, opacity);
+                            // Without one loop over all channels: its calls would cost more than its work.
                             if layout.rgb {
-                                channels[..3].copy_from_slice(&[r, g, b].map(|x| x.max(F::zero())));
+                                let rgb = [r, g, b].map(|x| x.max(F::zero()));
+                                if let Some(channels) = channels.first_chunk_mut() {
+                                    *channels = rgb;
+                                }
                             }
                             if layout.depth {
-                                channels[layout.depth_at()] = p.depth;
+                                let drawn = opacity != F::zero();
+                                channels[layout.depth_at()] =
+                                    if drawn { p.depth } else { F::zero() };
                             }
-                            channels[layout.features_at()..layout.channels()].copy_from_slice(
-                                &features[id * layout.features..(id + 1) * layout.features],
-                            );
+                            let rest = &mut channels[layout.features_at()..];
+                            if rest.is_empty() {
+                                continue;
+                            }
+                            rest.fill(F::zero());
+                            if opacity != F::zero() {
+                                rest[..layout.features].copy_from_slice(
+                                    &features[id * layout.features..(id + 1) * layout.features],
+                                );
+                            }
                         }
                         covered
                     },
@@ -131,27 +145,102 @@ impl<F: Real> Shade<F> {
             .reduce(|| true, |a, b| a && b)
     }
 
+    /// Opacity of a splat in the last forward pass, 0 if it was left out.
+    pub(crate) fn opacity(&self, id: u32) -> F {
+        self.shaded[id as usize][3]
+    }
+
     /// Evaluates colours and opacities in the order of the splats.
     fn fill_shaded(&mut self, rank_of: &[u32], view: &View<F>, splats: &Splats<F>, features: &[F]) {
-        let layout = self.layout;
+        let (layout, arch) = (self.layout, lanes::arch());
         self.shaded.resize(rank_of.len(), [F::zero(); 4]);
         self.flags.resize(rank_of.len(), DEAD);
-        let chunks = self.shaded.par_chunks_mut(CHUNK).zip(self.flags.par_chunks_mut(CHUNK));
-        chunks.enumerate().for_each(|(chunk, (shaded, flags))| {
-            wide(
-                #[inline(always)]
-                || {
-                    for (i, (shaded, flags)) in shaded.iter_mut().zip(flags).enumerate() {
-                        let id = chunk * CHUNK + i;
-                        (*shaded, *flags) = if rank_of[id] == CULLED {
-                            ([F::zero(); 4], DEAD)
-                        } else {
-                            shade(view, splats, features, layout, id)
-                        };
-                    }
-                },
-            );
-        });
+        self.shaded
+            .par_chunks_mut(CHUNK)
+            .zip(self.flags.par_chunks_mut(CHUNK))
+            .zip(rank_of.par_chunks(CHUNK))
+            .enumerate()
+            .for_each(|(chunk, ((shaded, flags), ranks))| {
+                let first = chunk * CHUNK;
+                arch.dispatch(Chunk {
+                    view,
+                    splats,
+                    features,
+                    layout,
+                    first,
+                    ranks,
+                    shaded,
+                    flags,
+                });
+            });
+    }
+}
+
+/// Colours and opacities of consecutive splats from `first` on.
+struct Chunk<'a, F> {
+    view: &'a View<F>,
+    splats: &'a Splats<F>,
+    features: &'a [F],
+    layout: Layout,
+    first: usize,
+    ranks: &'a [u32],
+    shaded: &'a mut [[F; 4]],
+    flags: &'a mut [u8],
+}
+
+impl<F: Lane> WithSimd for Chunk<'_, F> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, s: S) {
+        let Self { splats, layout, first, ranks, shaded, flags, .. } = self;
+        let view = self.view.splat(s);
+        let mut harmonics = Harmonics::zero(splats.sh_degree);
+        // Means and opacity logits; colours and opacities.
+        let (mut geometry, mut out) = (Quad::zero(), Quad::zero());
+        let (mut visible, mut count) = ([0; CHUNK], 0);
+        for (i, &rank) in ranks.iter().enumerate() {
+            if rank == CULLED {
+                (shaded[i], flags[i]) = ([F::zero(); 4], DEAD);
+            } else {
+                visible[count] = i;
+                count += 1;
+            }
+        }
+        if layout.rgb {
+            touch(splats, first, &visible[..count]);
+        }
+        for visible in visible[..count].chunks(GROUP) {
+            for (place, &i) in visible.iter().enumerate() {
+                let [x, y, z] = splats.means[first + i];
+                geometry.0[place] = [x, y, z, splats.opacity_logits[first + i]];
+                if layout.rgb {
+                    harmonics.put(place, splats.sh_of(first + i));
+                }
+            }
+            for k in 0..registers::<S, F>() {
+                let [x, y, z, logit] = geometry.load(s, k);
+                let mut rgb = [logit.like(0.0); 3];
+                if layout.rgb {
+                    let (direction, _) = view.direction([x, y, z]);
+                    rgb = harmonics.colors(s, k, direction);
+                }
+                out.store(s, k, [rgb[0], rgb[1], rgb[2], logit.sigmoid()]);
+            }
+            for (place, &i) in visible.iter().enumerate() {
+                let values = out.0[place];
+                let id = first + i;
+                let features = &self.features[id * layout.features..(id + 1) * layout.features];
+                // Before the clamp: −∞ would become a colour.
+                let alive = values.iter().chain(features).all(|x| x.as_f32().is_finite());
+                let negative = |c: usize| u8::from(values[c] < F::zero()) << c;
+                (shaded[i], flags[i]) = if alive {
+                    (values, negative(0) | negative(1) | negative(2))
+                } else {
+                    ([F::zero(); 4], DEAD)
+                };
+            }
+        }
     }
 }
 
@@ -159,33 +248,8 @@ impl<F: Real> Shade<F> {
 #[inline(always)]
 fn exponent<F: Real>(p: &Projected<F>, opacity: F) -> [F; HEAD] {
     let log2_e = F::from_double(std::f64::consts::LOG2_E);
+    let log_opacity = if opacity == p.opacity { p.log_opacity } else { opacity.ln() };
     let half = -F::of(0.5) * log2_e;
     let [a, b, c] = p.conic;
-    [p.mean[0], p.mean[1], half * a, -log2_e * b, half * c, opacity.log2()]
-}
-
-/// Colour, opacity and flags of one splat.
-#[inline(always)]
-fn shade<F: Real>(
-    view: &View<F>,
-    splats: &Splats<F>,
-    features: &[F],
-    layout: Layout,
-    id: usize,
-) -> ([F; 4], u8) {
-    let finite = |x: &F| x.as_f32().is_finite();
-    let opacity = splats.opacity(id);
-    let own = &features[id * layout.features..(id + 1) * layout.features];
-    let mut alive = finite(&opacity) && own.iter().all(finite);
-    let (mut rgb, mut flags) = ([F::zero(); 3], 0);
-    if layout.rgb {
-        let (direction, _) = view.direction(splats.means[id]);
-        rgb = sh::color(splats.sh_degree, splats.sh_of(id), direction);
-        for c in 0..3 {
-            // Before the clamp: −∞ would become a colour.
-            alive &= finite(&rgb[c]);
-            flags |= u8::from(rgb[c] < F::zero()) << c;
-        }
-    }
-    if alive { ([rgb[0], rgb[1], rgb[2], opacity], flags) } else { ([F::zero(); 4], DEAD) }
+    [p.mean[0], p.mean[1], half * a, -log2_e * b, half * c, log2_e * log_opacity]
 }

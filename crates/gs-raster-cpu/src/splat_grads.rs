@@ -1,17 +1,24 @@
 //! From the pixel stage's sums to the gradients of every splat's stored parameters.
+//!
+//! Splats that no pixel has drawn, a third in a large scene, get their zeros at once; the others are staged in groups, one splat per
+//! lane. Each gradient is written once, in the order of the splats.
 
 use crate::backward::Scope;
-use crate::lanes::{Lane, wide};
+use crate::harmonics::{Harmonics, touch};
+use crate::lanes::{self, Lane};
 use crate::prepared::Prepared;
-use crate::project_grad::{SplatGrads, project_gradient};
+use crate::project::{Frame, Geometry};
+use crate::project_grad::project_gradient;
 use crate::shade::DEAD;
 use crate::tile_grad::MOMENTS;
-use crate::view::{View, dot, each};
-use gs_core::{GradientConvention, RenderGrads, Splats, sh};
+use crate::vector::{GROUP, Quad, Vector, all_finite, registers};
+use crate::view::{View, each};
+use gs_core::{GradientConvention, RenderGrads, Splats};
+use pulp::{Simd, WithSimd};
 use rayon::prelude::*;
 
-/// Splats differentiated at once.
-const CHUNK: usize = 64;
+/// Splats differentiated by one task.
+const CHUNK: usize = 256;
 
 /// Chain rule of every splat.
 pub(crate) fn write<F: Lane>(
@@ -46,149 +53,238 @@ pub(crate) fn write<F: Lane>(
             }
         });
     }
-    if scope == Scope::Colors {
-        grads.v_sh.par_chunks_mut(CHUNK * coeffs).enumerate().for_each(|(chunk, rows)| {
-            wide(
-                #[inline(always)]
-                || {
-                    let fetched = fetch(prepared, chunk, stride);
-                    for (i, row) in rows.chunks_exact_mut(coeffs).enumerate() {
-                        write_sh(prepared, splats, chunk * CHUNK + i, fetched[i].as_ref(), row);
-                    }
-                },
-            );
-        });
-        return;
-    }
 
+    let arch = lanes::arch();
+    let differentiate = |chunk: usize, geometry, sh| {
+        let first = chunk * CHUNK;
+        arch.dispatch(Chunk { prepared, splats, convention, stride, first, geometry, sh });
+    };
     let RenderGrads { v_means, v_quats, v_log_scales, v_opacity_logits, v_means2d, v_sh, .. } =
         grads;
+    let v_sh = v_sh.par_chunks_mut(CHUNK * coeffs);
+    if scope == Scope::Colors {
+        v_sh.enumerate().for_each(|(chunk, sh)| differentiate(chunk, None, sh));
+        return;
+    }
     v_means
         .par_chunks_mut(CHUNK)
         .zip(v_quats.par_chunks_mut(CHUNK))
         .zip(v_log_scales.par_chunks_mut(CHUNK))
         .zip(v_opacity_logits.par_chunks_mut(CHUNK))
         .zip(v_means2d.par_chunks_mut(CHUNK))
-        .zip(v_sh.par_chunks_mut(CHUNK * coeffs))
+        .zip(v_sh)
         .enumerate()
-        .for_each(|(chunk, (((((means, quats), log_scales), opacity_logits), means2d), rows))| {
-            wide(
-                #[inline(always)]
-                || {
-                    let fetched = fetch(prepared, chunk, stride);
-                    for (i, row) in rows.chunks_exact_mut(coeffs).enumerate() {
-                        let id = chunk * CHUNK + i;
-                        let own = match &fetched[i] {
-                            Some(sums) => splat_gradient(prepared, splats, id, sums, convention),
-                            None => SplatGrads::zero(),
-                        };
-                        means[i] = own.mean;
-                        quats[i] = own.quat;
-                        log_scales[i] = own.log_scale;
-                        opacity_logits[i] = own.opacity_logit;
-                        means2d[i] = own.mean2d;
-                        write_sh(prepared, splats, id, fetched[i].as_ref(), row);
-                    }
-                },
-            );
+        .for_each(|(chunk, (((((means, quats), log_scales), opacity_logits), means2d), sh))| {
+            let geometry = Targets { means, quats, log_scales, opacity_logits, means2d };
+            differentiate(chunk, Some(geometry), sh);
         });
 }
 
-/// Gradient of the harmonics of splat `id`.
-#[inline(always)]
-fn write_sh<F: Lane>(
-    prepared: &Prepared<F>,
-    splats: &Splats<F>,
-    id: usize,
-    sums: Option<&SplatSums<F>>,
-    row: &mut [[F; 3]],
-) {
-    let Some(SplatSums { rgb, .. }) = sums.filter(|_| prepared.shade.layout.rgb) else {
-        row.fill([F::zero(); 3]);
-        return;
-    };
-    let (direction, _) = prepared.view.direction(splats.means[id]);
-    for (target, y) in row.iter_mut().zip(sh::basis(splats.sh_degree, direction)) {
-        *target = [y * rgb[0], y * rgb[1], y * rgb[2]];
-    }
+/// Where the gradients of geometry and opacity of a chunk go.
+struct Targets<'a, F> {
+    means: &'a mut [[F; 3]],
+    quats: &'a mut [[F; 4]],
+    log_scales: &'a mut [[F; 3]],
+    opacity_logits: &'a mut [F],
+    means2d: &'a mut [[F; 2]],
 }
 
-/// What the pixel stage says about one splat.
-#[derive(Clone, Copy)]
-struct SplatSums<F> {
-    moments: [F; MOMENTS],
-    /// Zero where the colour was clamped.
-    rgb: [F; 3],
-    depth: F,
-}
-
-/// The sums of a chunk of splats, `None` for those that draw nothing. They lie in depth order; fetched in one go, their cache misses
-/// overlap.
-#[inline(always)]
-fn fetch<F: Lane>(
-    prepared: &Prepared<F>,
-    chunk: usize,
-    stride: usize,
-) -> [Option<SplatSums<F>>; CHUNK] {
-    let layout = prepared.shade.layout;
-    let ids = chunk * CHUNK..prepared.num_splats.min((chunk + 1) * CHUNK);
-    let ranks = prepared.rank_of[ids.clone()].iter().zip(&prepared.shade.flags[ids]);
-    let mut out = [None; CHUNK];
-    for (out, (&rank, &flags)) in out.iter_mut().zip(ranks) {
-        if flags & DEAD != 0 {
-            continue;
-        }
-        let sums = &prepared.sums[rank as usize * stride..(rank as usize + 1) * stride];
-        let Some((moments, channels)) = sums.split_first_chunk::<MOMENTS>() else { continue };
-        let open = |c: usize| layout.rgb && flags >> c & 1 == 0;
-        *out = Some(SplatSums {
-            moments: *moments,
-            rgb: each(|c| if open(c) { channels[c] } else { F::zero() }),
-            depth: if layout.depth { channels[layout.depth_at()] } else { F::zero() },
-        });
-    }
-    out
-}
-
-/// All geometric gradients of one splat.
-#[inline(always)]
-fn splat_gradient<F: Lane>(
-    prepared: &Prepared<F>,
-    splats: &Splats<F>,
-    id: usize,
-    sums: &SplatSums<F>,
+/// Consecutive splats from `first` on, as many as `sh` has room for.
+struct Chunk<'a, F> {
+    prepared: &'a Prepared<F>,
+    splats: &'a Splats<F>,
     convention: GradientConvention,
-) -> SplatGrads<F> {
-    let view = &prepared.view;
-    let mut v = project_gradient(view, splats, id, &sums.moments, convention);
-    let mut through = [F::zero(); 3];
-    if prepared.shade.layout.rgb {
-        through = direction_gradient(view, splats, id, sums.rgb);
-    }
-    v.mean = each(|k| v.mean[k] + sums.depth * view.rows[2][k] + through[k]);
-    // Covariances near the end of the number range overflow here; such a splat has no usable gradient.
-    if v.is_finite() { v } else { SplatGrads::zero() }
+    stride: usize,
+    first: usize,
+    /// `None`: colours only.
+    geometry: Option<Targets<'a, F>>,
+    sh: &'a mut [[F; 3]],
 }
 
-/// Gradient of the mean through the direction that the colour is seen from.
-#[inline(always)]
-fn direction_gradient<F: Lane>(
-    view: &View<F>,
-    splats: &Splats<F>,
-    id: usize,
-    v_rgb: [F; 3],
-) -> [F; 3] {
-    let (d, length) = view.direction(splats.means[id]);
-    let gradient = sh::basis_gradient(splats.sh_degree, d);
-    let mut v_d = [F::zero(); 3];
-    for (row, gradient) in
-        splats.sh_of(id).iter().zip(&gradient[..sh::num_coeffs(splats.sh_degree)])
-    {
-        let v_y = row[0] * v_rgb[0] + row[1] * v_rgb[1] + row[2] * v_rgb[2];
-        for k in 0..3 {
-            v_d[k] += gradient[k] * v_y;
+/// What the pixel stage says about one splat: moments, colour, depth, padding.
+type SplatSums<F> = [[F; 4]; 3];
+
+/// A group of splats, side by side.
+struct Group<F> {
+    geometry: Geometry<F>,
+    harmonics: Harmonics<F>,
+    /// [`SplatSums`].
+    sums: [Quad<F>; 3],
+    v_harmonics: Harmonics<F>,
+    /// Of means, and of opacity logits.
+    v_means: Quad<F>,
+    v_quats: Quad<F>,
+    /// And padding.
+    v_log_scales: Quad<F>,
+    /// And padding.
+    v_means2d: Quad<F>,
+}
+
+impl<F: Lane> Group<F> {
+    fn zero(sh_degree: usize) -> Self {
+        let zero = Quad::zero();
+        Self {
+            geometry: Geometry::zero(),
+            harmonics: Harmonics::zero(sh_degree),
+            sums: [zero; 3],
+            v_harmonics: Harmonics::zero(sh_degree),
+            v_means: zero,
+            v_quats: zero,
+            v_log_scales: zero,
+            v_means2d: zero,
         }
     }
-    let along = dot(d, v_d);
-    each(|k| (v_d[k] - d[k] * along) / length)
+}
+
+impl<F: Lane> WithSimd for Chunk<'_, F> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(mut self, s: S) {
+        let view = self.prepared.view.splat(s);
+        let sums = self.fetch();
+        let mut group = Group::zero(self.splats.sh_degree);
+        let (mut drawn, mut count) = ([0; CHUNK], 0);
+        for (i, sums) in sums[..self.sh.len() / self.splats.sh_coeffs()].iter().enumerate() {
+            if sums.as_flattened().iter().any(|&sum| sum != F::zero()) {
+                drawn[count] = i;
+                count += 1;
+            } else {
+                self.write_zeros(i);
+            }
+        }
+        if self.geometry.is_some() && self.prepared.shade.layout.rgb {
+            touch(self.splats, self.first, &drawn[..count]);
+        }
+        for drawn in drawn[..count].chunks(GROUP) {
+            for (place, &i) in drawn.iter().enumerate() {
+                let id = self.first + i;
+                for (quad, sums) in group.sums.iter_mut().zip(sums[i]) {
+                    quad.0[place] = sums;
+                }
+                group.geometry.put(place, self.splats, id);
+                if self.geometry.is_some() && self.prepared.shade.layout.rgb {
+                    group.harmonics.put(place, self.splats.sh_of(id));
+                }
+            }
+            for k in 0..registers::<S, F>() {
+                self.differentiate(s, &view, &mut group, k);
+            }
+            for (place, &i) in drawn.iter().enumerate() {
+                self.write(&group, place, i);
+            }
+        }
+    }
+}
+
+impl<F: Lane> Chunk<'_, F> {
+    /// The sums of the splats, zero for those that draw nothing and for clamped colours. They lie in depth order; fetched in a loop that
+    /// does nothing else, their cache misses overlap.
+    #[inline(always)]
+    fn fetch(&self) -> [SplatSums<F>; CHUNK] {
+        let prepared = self.prepared;
+        let layout = prepared.shade.layout;
+        let ids = self.first..prepared.num_splats.min(self.first + CHUNK);
+        let (ranks, flags) = (&prepared.rank_of[ids.clone()], &prepared.shade.flags[ids]);
+        let mut out = [[[F::zero(); 4]; 3]; CHUNK];
+        let used = MOMENTS + if layout.rgb { 3 } else { 0 };
+        for (out, &rank) in out.iter_mut().zip(ranks) {
+            // A culled splat reads the last row instead of none.
+            let start = (rank as usize).min(prepared.visible.len().max(1) - 1) * self.stride;
+            let out = out.as_flattened_mut();
+            let Some(sums) = prepared.sums.get(start..start + self.stride) else { break };
+            if used == MOMENTS + 3 {
+                out[..MOMENTS + 3].copy_from_slice(&sums[..MOMENTS + 3]);
+            } else {
+                out[..MOMENTS].copy_from_slice(&sums[..MOMENTS]);
+            }
+            if layout.depth {
+                out[MOMENTS + 3] = sums[MOMENTS + layout.depth_at()];
+            }
+        }
+        for (out, &flags) in out.iter_mut().zip(flags) {
+            let out = out.as_flattened_mut();
+            if flags & DEAD != 0 {
+                out.fill(F::zero());
+            }
+            for (c, sum) in out[MOMENTS..MOMENTS + 3].iter_mut().enumerate() {
+                let clamped = flags >> c & 1 != 0;
+                *sum = if clamped { F::zero() } else { *sum };
+            }
+        }
+        out
+    }
+
+    /// Gradients of registers `k` of a group.
+    #[inline(always)]
+    fn differentiate<S: Simd>(
+        &self,
+        s: S,
+        view: &View<Vector<S, F>>,
+        group: &mut Group<F>,
+        k: usize,
+    ) {
+        let [s0, sx, sy, sxx] = group.sums[0].load(s, k);
+        let [sxy, syy, red, green] = group.sums[1].load(s, k);
+        let [blue, v_depth, zero, _] = group.sums[2].load(s, k);
+        let v_rgb = [red, green, blue];
+        let [x, y, z, _] = group.geometry.means.load(s, k);
+        let (direction, distance) = view.direction([x, y, z]);
+        group.v_harmonics.store_gradient(s, k, v_rgb, direction);
+        if self.geometry.is_none() {
+            return;
+        }
+
+        let moments = [s0, sx, sy, sxx, sxy, syy];
+        let frame = Frame::new(s, view, &group.geometry, k);
+        let mut v = project_gradient(view, &frame, &moments, self.convention);
+        v.mean = each!(axis => v.mean[axis] + v_depth * view.rows[2][axis]);
+        if self.prepared.shade.layout.rgb {
+            let through = group.harmonics.mean_gradient(s, k, v_rgb, (direction, distance));
+            v.mean = each!(axis => v.mean[axis] + through[axis]);
+        }
+        // Covariances near the end of the number range overflow here; such a splat has no usable gradient.
+        let usable = all_finite(v.mean)
+            .and(all_finite(v.quat))
+            .and(all_finite(v.log_scale))
+            .and(all_finite(v.mean2d))
+            .and(v.opacity_logit.is_finite());
+        let ([x, y, z], [a, b, c]) = (v.mean, v.log_scale);
+        group.v_means.store(s, k, usable.select_all([x, y, z, v.opacity_logit]));
+        group.v_quats.store(s, k, usable.select_all(v.quat));
+        group.v_log_scales.store(s, k, usable.select_all([a, b, c, zero]));
+        group.v_means2d.store(s, k, usable.select_all([v.mean2d[0], v.mean2d[1], zero, zero]));
+    }
+
+    /// Writes the gradients at `place` of a group to those of the chunk's `i`th splat.
+    #[inline(always)]
+    fn write(&mut self, group: &Group<F>, place: usize, i: usize) {
+        if let Some(targets) = &mut self.geometry {
+            let [x, y, z, opacity_logit] = group.v_means.0[place];
+            let [a, b, c, _] = group.v_log_scales.0[place];
+            let [u, v, ..] = group.v_means2d.0[place];
+            targets.means[i] = [x, y, z];
+            targets.quats[i] = group.v_quats.0[place];
+            targets.log_scales[i] = [a, b, c];
+            targets.opacity_logits[i] = opacity_logit;
+            targets.means2d[i] = [u, v];
+        }
+        let coeffs = self.splats.sh_coeffs();
+        group.v_harmonics.take(place, &mut self.sh[i * coeffs..(i + 1) * coeffs]);
+    }
+
+    #[inline(always)]
+    fn write_zeros(&mut self, i: usize) {
+        let zero = F::zero();
+        if let Some(targets) = &mut self.geometry {
+            targets.means[i] = [zero; 3];
+            targets.quats[i] = [zero; 4];
+            targets.log_scales[i] = [zero; 3];
+            targets.opacity_logits[i] = zero;
+            targets.means2d[i] = [zero; 2];
+        }
+        let coeffs = self.splats.sh_coeffs();
+        // Flat: a fill of triples is not vectorised.
+        self.sh[i * coeffs..(i + 1) * coeffs].as_flattened_mut().fill(zero);
+    }
 }

@@ -1,7 +1,7 @@
 //! The pixel stage of one tile: staging of list entries, alpha of a row of pixels, front-to-back compositing.
 //!
 //! A tile's state lies in planes of 16×16 values, row by row, one row being one to sixteen registers. Lanes take no branches: skips, caps
-//! and stops are selects. A pixel that has stopped has the sign of its transmittance set, which makes every later test fail.
+//! and stops are selects. A pixel that has stopped has the sign of its transmittance set.
 
 use crate::bins::TileList;
 use crate::lanes::Lane;
@@ -18,24 +18,22 @@ pub(crate) const MAX_ROW: usize = TILE;
 /// Splats relative to one tile, ready for the lanes, value by value. Logarithms have base 2, the base of the exponential.
 #[derive(Debug, Clone)]
 #[repr(align(64))]
-pub(crate) struct Batch<F, const C: usize> {
+struct Batch<F, const C: usize> {
     /// Centre relative to the tile's first pixel.
-    pub x: [F; BATCH],
-    pub y: [F; BATCH],
+    x: [F; BATCH],
+    y: [F; BATCH],
     /// `log2 α = a dx² + b dx dy + c dy² + log2_opacity`.
-    pub a: [F; BATCH],
-    pub b: [F; BATCH],
-    pub c: [F; BATCH],
-    pub log2_opacity: [F; BATCH],
-    pub channels: [[F; BATCH]; C],
+    a: [F; BATCH],
+    b: [F; BATCH],
+    c: [F; BATCH],
+    log2_opacity: [F; BATCH],
+    channels: [[F; BATCH]; C],
     /// First and last pixel row that can be reached.
-    pub rows: [(u8, u8); BATCH],
-    /// Index into the macro tile's items.
-    pub item: [u32; BATCH],
+    rows: [(u8, u8); BATCH],
 }
 
 impl<F: Lane, const C: usize> Batch<F, C> {
-    pub(crate) fn new() -> Self {
+    fn new() -> Self {
         let zeros = [F::zero(); BATCH];
         Self {
             x: zeros,
@@ -46,15 +44,7 @@ impl<F: Lane, const C: usize> Batch<F, C> {
             log2_opacity: zeros,
             channels: [zeros; C],
             rows: [(0, 0); BATCH],
-            item: [0; BATCH],
         }
-    }
-
-    /// Rows of entry `e` that lie in `live`.
-    #[inline(always)]
-    pub(crate) fn rows_within(&self, e: usize, live: (usize, usize)) -> Range<usize> {
-        let (first, last) = self.rows[e];
-        usize::from(first).max(live.0)..(usize::from(last) + 1).min(live.1)
     }
 
     /// For every row, a bit per entry that can reach it.
@@ -85,7 +75,7 @@ pub(crate) struct Pass<'a, F> {
 impl<F: Lane> Pass<'_, F> {
     /// Stages the entries `range` of a list into `batch`, as many as fit; returns their number.
     #[inline(always)]
-    pub(crate) fn stage<const C: usize>(
+    fn stage<const C: usize>(
         &self,
         list: &TileList,
         origin: [F; 2],
@@ -105,7 +95,6 @@ impl<F: Lane> Pass<'_, F> {
             batch.b[e] = record[3];
             batch.c[e] = record[4];
             batch.log2_opacity[e] = record[5];
-            batch.item[e] = item;
             batch.rows[e] = (rows & 15, rows >> 4);
             let channels = &record[first_channel..first_channel + C];
             for (target, &channel) in batch.channels.iter_mut().zip(channels) {
@@ -222,7 +211,7 @@ pub(crate) struct TileState<'a, F, const C: usize> {
     pub planes: &'a mut [[F; TILE_PIXELS]; C],
     /// Negative where the pixel stopped.
     pub transmittance: &'a mut [F; TILE_PIXELS],
-    /// List index at which the pixel stopped, `u32::MAX` if it did not.
+    /// List index after the last entry that may draw, `u32::MAX` if the pixel did not stop.
     pub stops: &'a mut [u32; TILE_PIXELS],
 }
 
@@ -303,7 +292,10 @@ pub(crate) fn composite<S: Simd, F: Lane, const C: usize>(
                 let column = F::vectors::<S>(&columns)[k];
                 let mut sums = planes.each_ref().map(|plane| F::vectors::<S>(plane)[at]);
                 let first = F::vectors::<S>(transmittance)[at];
-                let (mut before, mut stop) = (first, never);
+                // Where a pixel stops, this runs on below the threshold, so that no later splat passes the test: from one splat to the
+                // next there is a single multiply-add to wait for.
+                let mut running = F::vmax(s, first, zero);
+                let (mut last, mut stop) = (first, zero);
                 let mut left = entries;
                 while left != 0 {
                     let e = left.trailing_zeros() as usize % BATCH;
@@ -313,27 +305,28 @@ pub(crate) fn composite<S: Simd, F: Lane, const C: usize>(
                     let log2_opacity = F::vsplat(s, batch.log2_opacity[e]);
                     let rest = F::vsplat(s, rest[e]);
                     let alpha = tests.alpha(dx, a, b_dy, rest, log2_opacity);
-                    let after = F::vfnma(s, alpha.capped, before, before);
+                    let drawn = F::vselect(s, alpha.passes, alpha.capped, zero);
+                    let after = F::vfnma(s, drawn, running, running);
                     let goes_on = F::vle(s, threshold, after);
-                    let draws = F::vand(s, alpha.passes, goes_on);
-                    let weight = F::vselect(s, draws, F::vmul(s, alpha.capped, before), zero);
+                    let weight = F::vselect(s, goes_on, F::vmul(s, drawn, running), zero);
                     for c in 0..C {
                         let channel = F::vsplat(s, batch.channels[c][e]);
                         sums[c] = F::vfma(s, channel, weight, sums[c]);
                     }
-                    // Where a pixel stopped earlier, a later entry stops it again; the first one counts.
-                    let number = F::vselect(s, goes_on, never, F::vsplat(s, numbers[e]));
-                    stop = F::vselect(s, alpha.passes, F::vmin(s, stop, number), stop);
-                    let next = F::vselect(s, goes_on, after, F::vnegative(s, before));
-                    before = F::vselect(s, alpha.passes, next, before);
+                    last = F::vselect(s, goes_on, after, last);
+                    stop = F::vselect(s, goes_on, F::vsplat(s, numbers[e]), stop);
+                    running = after;
                 }
+                let stopped = F::vlt(s, running, threshold);
+                let before = F::vselect(s, stopped, F::vnegative(s, last), last);
                 F::vectors_mut::<S>(transmittance)[at] = before;
                 for (plane, sum) in planes.iter_mut().zip(sums) {
                     F::vectors_mut::<S>(plane)[at] = sum;
                 }
                 if F::any_flip(s, F::mark_flips(s, one, first, before)) {
                     let mut ends = [F::zero(); TILE];
-                    F::vectors_mut::<S>(&mut ends)[0] = stop;
+                    let now = F::vand(s, F::vlt(s, zero, first), stopped);
+                    F::vectors_mut::<S>(&mut ends)[0] = F::vselect(s, now, stop, never);
                     let width = TILE / per_row;
                     for (stop, &end) in stops[at * width..(at + 1) * width].iter_mut().zip(&ends) {
                         *stop = (*stop).min(stop_number(start, end));
@@ -346,7 +339,7 @@ pub(crate) fn composite<S: Simd, F: Lane, const C: usize>(
     evaluated
 }
 
-/// List index of the entry `end` of the batch that begins at `start`; nothing for infinity.
+/// List index of `end` in the batch that begins at `start`; nothing for infinity.
 #[inline(always)]
 #[expect(
     clippy::cast_possible_truncation,
@@ -357,10 +350,10 @@ fn stop_number<F: Lane>(start: usize, end: F) -> u32 {
     if end < F::infinity() { start as u32 + end.as_f32() as u32 } else { u32::MAX }
 }
 
-/// Numbers 0 to `BATCH` − 1.
+/// Numbers 1 to `BATCH`: where the list goes on after each entry of a batch.
 #[inline(always)]
 fn numbers<F: Lane>() -> [F; BATCH] {
-    let mut numbers = [F::zero(); BATCH];
+    let mut numbers = [F::one(); BATCH];
     for i in 1..BATCH {
         numbers[i] = numbers[i - 1] + F::one();
     }

@@ -6,12 +6,12 @@
 
 use crate::bins::TileList;
 use crate::lanes::Lane;
-use crate::tile::{
-    BATCH, Batch, MAX_ROW, Pass, Plane, Tests, columns, live_rows, offsets, row_registers,
-};
-use crate::view::{MAX_ALPHA, TRANSMITTANCE_THRESHOLD};
+use crate::shade::HEAD;
+use crate::tile::{BATCH, MAX_ROW, Pass, Plane, Tests, columns, live_rows, offsets, row_registers};
+use crate::view::{MAX_ALPHA, TILE, TRANSMITTANCE_THRESHOLD};
 use gs_core::GradientConvention;
 use pulp::Simd;
+use std::ops::Range;
 
 /// Sums per item before its channels: of `γ`, `γ dx`, `γ dy`, `γ dx²`, `γ dx dy`, `γ dy²` with `γ = ∂L/∂(exponent)`.
 pub(crate) const MOMENTS: usize = 6;
@@ -36,6 +36,55 @@ pub(crate) struct Sums<'a, F> {
     pub stride: usize,
 }
 
+/// A list entry relative to one tile.
+struct Entry<'a, F, const C: usize> {
+    /// Index into the macro tile's items.
+    item: usize,
+    /// Centre relative to the tile's first pixel.
+    x: F,
+    a: F,
+    log2_opacity: F,
+    channels: &'a [F],
+    /// Offset of the splat from each row, and the terms of the exponent that do not depend on the column.
+    dy: [F; TILE],
+    b_dy: [F; TILE],
+    rest: [F; TILE],
+}
+
+impl<'a, F: Lane, const C: usize> Entry<'a, F, C> {
+    /// Entry `e` of a list; `rows` are the row numbers.
+    #[inline(always)]
+    fn new(
+        pass: &Pass<'a, F>,
+        list: &TileList,
+        e: usize,
+        origin: [F; 2],
+        rows: &[F; TILE],
+    ) -> Self {
+        let item = list.items[e] as usize;
+        let record = &pass.records[item * pass.length..][..pass.length];
+        let (b, c, log2_opacity) = (record[3], record[4], record[5]);
+        let y = record[1] - origin[1];
+        let zeros = [F::zero(); TILE];
+        let (mut dy, mut b_dy, mut rest) = (zeros, zeros, zeros);
+        for row in 0..TILE {
+            dy[row] = y - rows[row];
+            b_dy[row] = b * dy[row];
+            rest[row] = c * dy[row] * dy[row] + log2_opacity;
+        }
+        let first = HEAD + pass.first_channel;
+        let (x, channels) = (record[0] - origin[0], &record[first..first + C]);
+        Self { item, x, a: record[2], log2_opacity, channels, dy, b_dy, rest }
+    }
+}
+
+/// Rows of entry `e` that lie in `live`.
+#[inline(always)]
+fn rows_within(list: &TileList, e: usize, live: (usize, usize)) -> Range<usize> {
+    let rows = list.rows[e];
+    usize::from(rows & 15).max(live.0)..(usize::from(rows >> 4) + 1).min(live.1)
+}
+
 /// Adds the tile's share to the sums of the items in its list.
 #[inline(always)]
 pub(crate) fn differentiate<S: Simd, F: Lane, const C: usize>(
@@ -57,27 +106,30 @@ pub(crate) fn differentiate<S: Simd, F: Lane, const C: usize>(
     };
     let per_row = row_registers::<S, F>();
     let TileUpstream { channels: v_channels, transmittance, behind, stops } = upstream;
-    let mut batch = Batch::<F, C>::new();
     let mut ends = Plane::<F>::zero();
 
     let mut end = stops.iter().copied().max().map_or(0, |stop| stop as usize).min(list.items.len());
     while end > 0 {
         let start = end.saturating_sub(BATCH);
-        let count = pass.stage(list, origin, start..end, &mut batch);
+        let count = end - start;
         for (end, &stop) in ends.0.iter_mut().zip(stops) {
             *end = small::<F>((stop as usize).saturating_sub(start).min(count));
         }
         let live = live_rows(&ends.0);
-        for e in (0..count.min(BATCH)).rev() {
-            let rows = batch.rows_within(e, live);
+        for e in (start..end).rev() {
+            let rows = rows_within(list, e, live);
             if rows.is_empty() {
                 continue;
             }
-            let dx = offsets::<S, F>(s, batch.x[e], &columns);
-            let a = F::vsplat(s, batch.a[e]);
-            let log2_opacity = F::vsplat(s, batch.log2_opacity[e]);
-            let index = F::vsplat(s, small::<F>(e));
-            let channels = batch.channels.each_ref().map(|values| F::vsplat(s, values[e]));
+            let entry = Entry::<F, C>::new(pass, list, e, origin, &columns);
+            let dx = offsets::<S, F>(s, entry.x, &columns);
+            let a = F::vsplat(s, entry.a);
+            let log2_opacity = F::vsplat(s, entry.log2_opacity);
+            let index = F::vsplat(s, small::<F>(e - start));
+            let mut channels = [zero; C];
+            for (channel, &value) in channels.iter_mut().zip(entry.channels) {
+                *channel = F::vsplat(s, value);
+            }
             // Sums of γ, γ dy and γ dy² down the columns; dx is the same in every row and comes in afterwards.
             let mut down = [[zero; 3]; MAX_ROW];
             let mut v_entry = [zero; C];
@@ -87,10 +139,10 @@ pub(crate) fn differentiate<S: Simd, F: Lane, const C: usize>(
             let r_rows = behind.lanes_mut::<S>(&lanes);
             let ends = ends.lanes::<S>(&lanes);
             let v_rows = v_channels.each_ref().map(|plane| plane.lanes::<S>(&lanes));
-            for (row, &row_number) in columns[rows].iter().enumerate() {
-                let dy = batch.y[e] - row_number;
-                let b_dy = F::vsplat(s, batch.b[e] * dy);
-                let rest = F::vsplat(s, batch.c[e] * dy * dy + batch.log2_opacity[e]);
+            let dy_rows = entry.dy[rows.clone()].iter();
+            let rows = dy_rows.zip(&entry.b_dy[rows.clone()]).zip(&entry.rest[rows]);
+            for (row, ((&dy, &b_dy), &rest)) in rows.enumerate() {
+                let (b_dy, rest) = (F::vsplat(s, b_dy), F::vsplat(s, rest));
                 let dy = F::vsplat(s, dy);
                 for k in 0..per_row {
                     let at = row * per_row + k;
@@ -134,11 +186,22 @@ pub(crate) fn differentiate<S: Simd, F: Lane, const C: usize>(
                 moments[4] = F::vfma(s, sum_y, dx[k], moments[4]);
                 moments[5] = F::vadd(s, moments[5], sum_yy);
             }
-            let target = &mut sums.values[batch.item[e] as usize * sums.stride..][..sums.stride];
-            for (target, moment) in target.iter_mut().zip(moments) {
-                *target += F::vsum(s, moment);
+            let target = &mut sums.values[entry.item * sums.stride..][..sums.stride];
+            let (target_moments, target) = target.split_at_mut(MOMENTS);
+            let [s0, sx, sy, sxx, sxy, syy] = moments;
+            let [first, second] = [v_entry[0], if C > 1 { v_entry[1] } else { zero }];
+            let low = F::vsums(s, [s0, sx, sy, sxx]);
+            let [sxy, syy, first, second] = F::vsums(s, [sxy, syy, first, second]);
+            for (target, moment) in
+                target_moments.iter_mut().zip([low[0], low[1], low[2], low[3], sxy, syy])
+            {
+                *target += moment;
             }
-            for (target, v) in target[MOMENTS + pass.first_channel..].iter_mut().zip(v_entry) {
+            let target = &mut target[pass.first_channel..];
+            for (target, v) in target.iter_mut().zip([first, second]).take(C) {
+                *target += v;
+            }
+            for (target, v) in target.iter_mut().zip(v_entry).skip(2) {
                 *target += F::vsum(s, v);
             }
         }
@@ -162,51 +225,53 @@ pub(crate) fn differentiate_colors<S: Simd, F: Lane, const C: usize>(
     let zero = F::vsplat(s, F::zero());
     let threshold = F::vsplat(s, F::of(TRANSMITTANCE_THRESHOLD));
     let per_row = row_registers::<S, F>();
-    let mut batch = Batch::<F, C>::new();
     let mut start = 0;
     while start < list.items.len() {
+        // Where a pixel has stopped, its transmittance has run on below the threshold; zero keeps it from becoming denormal.
+        for t in &mut transmittance.0 {
+            *t = if *t < F::of(TRANSMITTANCE_THRESHOLD) { F::zero() } else { *t };
+        }
         let live = live_rows(&transmittance.0);
         if live.0 >= live.1 {
             break;
         }
-        let count = pass.stage(list, origin, start..list.items.len(), &mut batch);
-        for e in 0..count.min(BATCH) {
-            let rows = batch.rows_within(e, live);
+        let end = list.items.len().min(start + BATCH);
+        for e in start..end {
+            let rows = rows_within(list, e, live);
             if rows.is_empty() {
                 continue;
             }
-            let dx = offsets::<S, F>(s, batch.x[e], &columns);
-            let a = F::vsplat(s, batch.a[e]);
-            let log2_opacity = F::vsplat(s, batch.log2_opacity[e]);
+            let entry = Entry::<F, C>::new(pass, list, e, origin, &columns);
+            let dx = offsets::<S, F>(s, entry.x, &columns);
+            let a = F::vsplat(s, entry.a);
+            let log2_opacity = F::vsplat(s, entry.log2_opacity);
             let mut v_entry = [zero; C];
             let lanes = rows.start * per_row..rows.end * per_row;
             let t_rows = transmittance.lanes_mut::<S>(&lanes);
             let v_rows = v_channels.each_ref().map(|plane| plane.lanes::<S>(&lanes));
-            for (row, &row_number) in columns[rows].iter().enumerate() {
-                let dy = batch.y[e] - row_number;
-                let b_dy = F::vsplat(s, batch.b[e] * dy);
-                let rest = F::vsplat(s, batch.c[e] * dy * dy + batch.log2_opacity[e]);
+            let rows = entry.b_dy[rows.clone()].iter().zip(&entry.rest[rows]);
+            for (row, (&b_dy, &rest)) in rows.enumerate() {
+                let (b_dy, rest) = (F::vsplat(s, b_dy), F::vsplat(s, rest));
                 for k in 0..per_row {
                     let at = row * per_row + k;
                     let alpha = tests.alpha(dx[k], a, b_dy, rest, log2_opacity);
                     let before = t_rows[at];
-                    let after = F::vfnma(s, alpha.capped, before, before);
+                    let drawn = F::vselect(s, alpha.passes, alpha.capped, zero);
+                    let after = F::vfnma(s, drawn, before, before);
                     let goes_on = F::vle(s, threshold, after);
-                    let draws = F::vand(s, alpha.passes, goes_on);
-                    let weight = F::vselect(s, draws, F::vmul(s, alpha.capped, before), zero);
+                    let weight = F::vselect(s, goes_on, F::vmul(s, drawn, before), zero);
                     for c in 0..C {
                         v_entry[c] = F::vfma(s, weight, v_rows[c][at], v_entry[c]);
                     }
-                    let next = F::vselect(s, goes_on, after, F::vnegative(s, before));
-                    t_rows[at] = F::vselect(s, alpha.passes, next, before);
+                    t_rows[at] = after;
                 }
             }
-            let target = &mut sums.values[batch.item[e] as usize * sums.stride..][..sums.stride];
+            let target = &mut sums.values[entry.item * sums.stride..][..sums.stride];
             for (target, v) in target[MOMENTS + pass.first_channel..].iter_mut().zip(v_entry) {
                 *target += F::vsum(s, v);
             }
         }
-        start += count;
+        start = end;
     }
 }
 

@@ -1,6 +1,9 @@
 //! [`View`]: a camera with everything the per-splat stages read, in the rasteriser's float type.
 
-use gs_core::{Camera, Real};
+use crate::lanes::Lane;
+use crate::vector::{Vector, splat};
+use gs_core::{Camera, Real, Ring};
+use pulp::Simd;
 
 /// Side of a tile, pixels. The image depends on it: the 3σ rectangle is clipped to tiles.
 pub(crate) const TILE: usize = 16;
@@ -60,11 +63,31 @@ impl<F: Real> View<F> {
             tiles: [width.div_ceil(TILE), height.div_ceil(TILE)],
         }
     }
+}
 
+impl<F: Lane> View<F> {
+    /// The same view in every lane.
+    #[inline(always)]
+    pub(crate) fn splat<S: Simd>(&self, s: S) -> View<Vector<S, F>> {
+        View {
+            rows: each!(i => splat(s, self.rows[i])),
+            focal: splat(s, self.focal),
+            offset: splat(s, self.offset),
+            centre: splat(s, self.centre),
+            band: splat(s, self.band),
+            position: splat(s, self.position),
+            width: self.width,
+            height: self.height,
+            tiles: self.tiles,
+        }
+    }
+}
+
+impl<S: Simd, F: Lane> View<Vector<S, F>> {
     /// World to camera.
     #[inline(always)]
-    pub(crate) fn to_camera(&self, mean: [F; 3]) -> [F; 3] {
-        each(|i| {
+    pub(crate) fn to_camera(&self, mean: [Vector<S, F>; 3]) -> [Vector<S, F>; 3] {
+        each!(i => {
             let r = &self.rows[i];
             r[0] * mean[0] + r[1] * mean[1] + r[2] * mean[2] + r[3]
         })
@@ -72,21 +95,36 @@ impl<F: Real> View<F> {
 
     /// Unit vector from the camera centre to `mean`, and the distance.
     #[inline(always)]
-    pub(crate) fn direction(&self, mean: [F; 3]) -> ([F; 3], F) {
-        let d = each(|k| mean[k] - self.position[k]);
+    pub(crate) fn direction(&self, mean: [Vector<S, F>; 3]) -> ([Vector<S, F>; 3], Vector<S, F>) {
+        let d = each!(k => mean[k] - self.position[k]);
         let length = dot(d, d).sqrt();
-        (each(|k| d[k] / length), length)
+        (each!(k => d[k] / length), length)
     }
 }
 
-/// `[f(0), f(1), f(2)]`; unlike `array::map` certain to be inlined.
-#[inline(always)]
-pub(crate) fn each<T>(f: impl Fn(usize) -> T) -> [T; 3] {
-    [f(0), f(1), f(2)]
+/// `each!(k => f(k))`: `[f(0), f(1), f(2)]`. No closure, because what is not inlined for certain is compiled for the baseline.
+macro_rules! each {
+    ($k:ident => $value:expr) => {
+        [
+            {
+                let $k = 0;
+                $value
+            },
+            {
+                let $k = 1;
+                $value
+            },
+            {
+                let $k = 2;
+                $value
+            },
+        ]
+    };
 }
+pub(crate) use each;
 
 /// Inner product.
 #[inline(always)]
-pub(crate) fn dot<F: Real>(a: [F; 3], b: [F; 3]) -> F {
+pub(crate) fn dot<V: Ring>(a: [V; 3], b: [V; 3]) -> V {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }

@@ -88,9 +88,11 @@ impl ExportFormat {
             ("--no-normals", &[PlySeq, Zip], |args| args.no_normals),
             ("--tolerance", &[Splat4d, Splatv], |args| args.tolerance.is_some()),
             ("--force", &[Splatv, Usda], |args| args.force),
-            ("--up", &[PlySeq, Zip, Html, CompressedPly, CompressedSeq, Usda, Splatv], |args| {
-                args.up.is_some()
-            }),
+            (
+                "--up",
+                &[PlySeq, Zip, Html, CompressedPly, CompressedSeq, Splat4d, Usda, Splatv],
+                |args| args.up.is_some(),
+            ),
             ("--title", &[Html], |args| args.title.is_some()),
             ("--spz-version", &[Spz], |args| args.spz_version.is_some()),
         ];

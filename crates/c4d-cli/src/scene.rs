@@ -1,4 +1,4 @@
-//! Opening SCENE: a model folder of 4DGS or Swift4D, a sequence of frames, a `.splatv` file, or a run of ours.
+//! Opening SCENE: a model folder of 4DGS or Swift4D, a sequence of frames, a `.splatv` or `.splat4d` clip, or a run of ours.
 
 use crate::args::Global;
 use crate::console::Console;
@@ -42,7 +42,7 @@ pub(crate) struct Opened {
 }
 
 /// What a scene may be.
-const SCENES: &str = "SCENE is a 4DGS or Swift4D model folder, numbered frames in a folder or zip archive, or a run folder.";
+const SCENES: &str = "SCENE is a 4DGS or Swift4D model folder, numbered frames in a folder or zip archive, a .splatv or .splat4d clip, or a run folder.";
 /// Share of the distance between unrelated rows above which the rows of a sequence do not persist.
 const MAX_DRIFT: f32 = 0.3;
 /// Captured scenes: y points down.
@@ -68,6 +68,9 @@ pub(crate) fn bad_input(error: &IoError) -> Failure {
         }
         IoError::Ply { .. } | IoError::Frame { .. } => {
             failure.next("Export the splats again as a 3DGS PLY; c4d info FILE says what is in it.")
+        }
+        IoError::Splatv { .. } | IoError::Splat4d { .. } => {
+            failure.next("Copy or export the clip again, or give the scene it was made from.")
         }
         IoError::Cameras { .. } => failure.next(
             "Write the file anew, or give other cameras: c4d info PATH says what a file or folder has.",
@@ -128,6 +131,7 @@ pub(crate) fn open_within(
         }
         SceneKind::PlySequence => open_sequence(path, global, console),
         SceneKind::Splatv => open_splatv(path, global, console),
+        SceneKind::Splat4d => open_splat4d(path, global, console),
         SceneKind::RunFolder => run_folder::open(path, runs, global, console),
         kind if kind.is_frame() => Err(Failure::bad_input(format!(
             "{} is a single frame ({kind}): it does not move",
@@ -295,6 +299,35 @@ fn open_splatv(path: &Path, global: &Global, console: &Console) -> Outcome<Opene
         scene: Arc::new(read.scene),
         network: None,
         kind: SceneKind::Splatv,
+        path: path.to_owned(),
+        roots: vec![path.to_owned()],
+        original: None,
+        up: read.up.unwrap_or(UP_CAPTURED),
+        background: [0.0; 3],
+        facts,
+        files: vec![path.to_owned()],
+    })
+}
+
+fn open_splat4d(path: &Path, global: &Global, console: &Console) -> Outcome<Opened> {
+    let read = gs_io::splat4d::open(path, damage(global)).map_err(|error| bad_input(&error))?;
+    let dropped = read.repair.damaged();
+    if dropped > 0 {
+        console.warn(format!(
+            "{}: dropped {dropped} of {} rows that have no rotation in some frame",
+            path.display(),
+            read.repair.rows
+        ));
+    }
+    let facts = vec![
+        ("frames", read.scene.num_frames().unwrap_or_default().to_string()),
+        ("fps", read.fps.to_string()),
+    ];
+    Ok(Opened {
+        edit_time: read.scene.time_range().start,
+        scene: Arc::new(read.scene),
+        network: None,
+        kind: SceneKind::Splat4d,
         path: path.to_owned(),
         roots: vec![path.to_owned()],
         original: None,

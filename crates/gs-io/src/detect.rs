@@ -9,6 +9,7 @@ use crate::frame::{self, Container};
 use crate::ply::{self, PlyError};
 use crate::ply_sequence::{PlySequence, SequenceOptions, find_frames};
 use crate::repair::{self, Damage};
+use crate::splat4d;
 use crate::splatv;
 use crate::swift4d;
 use gs_core::DynamicScene;
@@ -41,6 +42,8 @@ pub enum SceneKind {
     OtherPly(String),
     /// A `.splatv` file: splats that move along cubics of time.
     Splatv,
+    /// A `.splat4d` clip.
+    Splat4d,
     /// The output folder of an earlier run.
     RunFolder,
     /// Cameras of a data set, without splats.
@@ -68,6 +71,7 @@ impl Display for SceneKind {
             Self::EditorFolder => f.write_str("folder with one edited frame"),
             Self::OtherPly(what) => f.write_str(what),
             Self::Splatv => f.write_str("animated splats (.splatv)"),
+            Self::Splat4d => f.write_str("compressed clip (.splat4d)"),
             Self::RunFolder => f.write_str("run folder"),
             Self::Cameras(format) => write!(f, "{format}"),
             Self::Foreign(foreign) => f.write_str(foreign.name),
@@ -152,6 +156,9 @@ fn detect_file(path: &Path) -> Result<SceneKind, IoError> {
     if start.starts_with(&splatv::MAGIC) {
         return Ok(SceneKind::Splatv);
     }
+    if start.starts_with(&splat4d::MAGIC) {
+        return Ok(SceneKind::Splat4d);
+    }
     let container = frame::container(&start);
     // Text and arrays can look like rows of a `.splat`. Malformed JSON is nothing known; opening it as cameras says where it breaks.
     if matches!(container, Container::Splat | Container::Unknown)
@@ -233,7 +240,7 @@ pub struct Opened {
     pub warnings: Vec<String>,
 }
 
-/// Opens a model of 4DGaussians or Swift4D, a sequence of frames, a `.splatv` file, or a single frame of any format (which never moves).
+/// Opens a model of 4DGaussians or Swift4D, a sequence of frames, a `.splatv` or `.splat4d` file, or a single frame of any format (which never moves).
 ///
 /// # Errors
 /// If the path is something else, or as the readers of its kind.
@@ -283,6 +290,11 @@ pub fn open_scene(path: impl AsRef<Path>, options: &OpenOptions) -> Result<Opene
             warnings.extend(damaged(read.repair));
             Box::new(read.scene)
         }
+        SceneKind::Splat4d => {
+            let read = splat4d::open(path, options.damage)?;
+            warnings.extend(damaged(read.repair));
+            Box::new(read.scene)
+        }
         SceneKind::Ply
         | SceneKind::CompressedPly
         | SceneKind::Splat
@@ -307,7 +319,7 @@ pub fn open_scene(path: impl AsRef<Path>, options: &OpenOptions) -> Result<Opene
             return Err(IoError::content(
                 path,
                 format!(
-                    "is not a scene ({kind}); expected a model folder of 4DGaussians or Swift4D, numbered frames in a folder or zip archive, or one frame (PLY, .splat, .spz, .sog)"
+                    "is not a scene ({kind}); expected a model folder of 4DGaussians or Swift4D, numbered frames in a folder or zip archive, a .splatv or .splat4d clip, or one frame (PLY, .splat, .spz, .sog)"
                 ),
             ));
         }

@@ -6,6 +6,7 @@ use crate::frame::FrameError;
 use crate::ply::PlyError;
 use crate::pth::PthError;
 use crate::repair::DamagedRows;
+use crate::splat4d::Splat4dError;
 use crate::splatv::SplatvError;
 use gs_deform::FieldError;
 use std::path::{Path, PathBuf};
@@ -94,6 +95,14 @@ pub enum IoError {
         path: PathBuf,
         /// What is wrong.
         source: SplatvError,
+    },
+    /// A `.splat4d` file is malformed.
+    #[error("{}: {source}", path.display())]
+    Splat4d {
+        /// Which file.
+        path: PathBuf,
+        /// What is wrong.
+        source: Splat4dError,
     },
     /// The tensors of a file do not make a deformation field.
     #[error("{}: {source}", path.display())]

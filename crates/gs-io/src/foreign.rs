@@ -25,7 +25,7 @@ const KNOWN: [Foreign; 17] = [
         0,
         b"SP4D",
         "a .splat4d clip",
-        "It plays in splats4D. It is an end product: keep the scene or run that it was made from, to edit and export again.",
+        "Copy it again: it should open as a scene.",
     ),
     known(
         0,

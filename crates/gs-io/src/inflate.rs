@@ -3,7 +3,7 @@
 use std::io::Read;
 
 /// What a stream may grow to, whatever its size: small files compress beyond any ratio.
-const FREE: u64 = 16 << 20;
+pub(crate) const FREE: u64 = 16 << 20;
 /// Growth allowed beyond that. Splat data, even of one colour and size, shrink to a twentieth at best.
 const MAX_RATIO: u64 = 64;
 
@@ -27,7 +27,11 @@ pub(crate) fn gunzip_start(bytes: &[u8], count: u64) -> Vec<u8> {
 
 /// Unpacks a zstd frame of exactly `size` bytes, at most [`limit`].
 pub(crate) fn unzstd(bytes: &[u8], size: u64) -> Result<Vec<u8>, String> {
-    let limit = limit(bytes.len());
+    unzstd_within(bytes, size, limit(bytes.len()))
+}
+
+/// Unpacks a zstd frame of exactly `size` bytes, at most `limit`.
+pub(crate) fn unzstd_within(bytes: &[u8], size: u64, limit: u64) -> Result<Vec<u8>, String> {
     let size = usize::try_from(size)
         .ok()
         .filter(|&size| size as u64 <= limit)

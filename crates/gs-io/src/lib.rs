@@ -1,8 +1,8 @@
 //! Gaussian-splat file formats in and out.
 //!
 //! Promises: still frames of every common format ([`frame`]: 3DGS PLY, compressed PLY, `.splat`, `.spz`, `.sog`), sequences of them
-//! ([`ply_sequence`]), model folders of 4DGaussians ([`checkpoint4dgs`]) and Swift4D ([`swift4d`]), `.splatv` in and out ([`splatv`]), clips out as `.splat4d`
-//! ([`splat4d`]) and OpenUSD ([`usda`]), each with what it does not keep ([`Losses`]), cameras and times of data sets ([`cameras`], [`cameras_json`]);
+//! ([`ply_sequence`]), model folders of 4DGaussians ([`checkpoint4dgs`]) and Swift4D ([`swift4d`]), `.splatv` ([`splatv`]) and `.splat4d`
+//! ([`splat4d`]) in and out, OpenUSD ([`usda`]) out, each with what it does not keep ([`Losses`]), cameras and times of data sets ([`cameras`], [`cameras_json`]);
 //! [`detect()`] says what a path is. Readers survive any bytes:
 //! malformed input is an error that names the file, what was found and what to do, memory is bounded by a small multiple
 //! of the input, and nothing in a file is ever executed. Outputs are complete or absent ([`AtomicFile`], [`AtomicDir`]).
@@ -22,6 +22,7 @@ mod detect;
 mod error;
 mod foreign;
 pub mod frame;
+mod frame_cache;
 mod inflate;
 mod losses;
 pub mod ply;

@@ -5,7 +5,7 @@
 use gs_core::DynamicScene;
 use gs_io::checkpoint4dgs::{self, Overrides};
 use gs_io::ply_sequence::{PlySequence, SequenceOptions};
-use gs_io::{cameras_json, cfg_args, detect, frame, ply, pth};
+use gs_io::{cameras_json, cfg_args, detect, frame, ply, pth, splat4d};
 use proptest::prelude::*;
 use std::fs;
 use std::sync::LazyLock;
@@ -58,6 +58,12 @@ fn apply(original: &[u8], damage: &Damage) -> Vec<u8> {
 }
 
 fn read_all(bytes: &[u8]) {
+    if let Ok(read) = splat4d::read(bytes.to_vec(), gs_io::repair::Damage::Drop) {
+        for t in [0.0, 0.9, 0.2] {
+            let splats = read.scene.at(t).unwrap();
+            assert!(splats.check_shapes().is_ok(), "whatever opens evaluates");
+        }
+    }
     if let Ok(read) = ply::read(bytes) {
         assert!(read.splats.check_shapes().is_ok(), "whatever is read is consistent");
     }
@@ -109,6 +115,24 @@ const FRAMES: [&str; 5] =
 static STILLS: LazyLock<Vec<Vec<u8>>> =
     LazyLock::new(|| FRAMES.iter().map(|name| read(&format!("frames/{name}"))).collect());
 
+/// A clip of three frames of one of them.
+static CLIP: LazyLock<Vec<u8>> = LazyLock::new(|| {
+    let splats = frame::read(&STILLS[0]).unwrap().splats;
+    let moved = |by: f32| {
+        let mut splats = splats.select(&[0, 1, 2, 3]);
+        splats.means[1][0] += by;
+        splats.quats[2] = [1.0, by, 0.0, 0.0];
+        splats
+    };
+    let scene = gs_deform::Trajectories::new([0.0, 1.0, 3.0].map(moved).to_vec()).unwrap();
+    let clip = gs_io::Clip { scene: &scene, times: &[0.0, 0.5, 1.0], fps: 30.0 };
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("clip.splat4d");
+    let options = splat4d::Options { gop: 2, ..splat4d::Options::default() };
+    splat4d::write(&path, &clip, &options, gs_io::Existing::Refuse, &mut |_| ()).unwrap();
+    fs::read(path).unwrap()
+});
+
 /// An archive of two short frames.
 static ARCHIVE: LazyLock<Vec<u8>> = LazyLock::new(|| {
     let mut zip = zip::ZipWriter::new(std::io::Cursor::new(Vec::new()));
@@ -126,6 +150,11 @@ proptest! {
     #[test]
     fn damaged_frames(which in 0..FRAMES.len(), damage in damage()) {
         read_all(&apply(&STILLS[which], &damage));
+    }
+
+    #[test]
+    fn damaged_clips(damage in damage()) {
+        read_all(&apply(&CLIP, &damage));
     }
 
     #[test]

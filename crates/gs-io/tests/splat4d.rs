@@ -1,5 +1,6 @@
 //! `.splat4d` files decode, by a decoder written here from the byte layout, to values within the stated bounds at every splat and
-//! frame, whatever changes; hostile clips are refused or repaired with a count.
+//! frame, whatever changes, and the crate's own reader finds exactly those values; hostile clips and files are refused or repaired with
+//! a count.
 
 #![allow(clippy::unwrap_used, reason = "shared functions of tests fail by panicking, as tests do")]
 
@@ -8,7 +9,8 @@ mod lively;
 
 use gs_core::{DynamicScene, Splats, TimeRange, quat, sh};
 use gs_deform::{StaticScene, Trajectories};
-use gs_io::splat4d::{self, Options, PASSES};
+use gs_io::repair::Damage;
+use gs_io::splat4d::{self, Options, PASSES, Splat4dError};
 use gs_io::{Clip, Existing};
 use std::fs;
 use std::path::Path;
@@ -218,8 +220,8 @@ fn every_value_is_within_its_bound() {
     let scene = lively::scene(333, 40, 1);
     for options in [
         Options { gop: 15, ..Options::default() },
-        Options { tolerance: 0.02, scale: 0.1, rgb: 4, alpha: 0, rot: 2, gop: 13 },
-        Options { tolerance: 1e-6, scale: 1e-4, rgb: 0, alpha: 7, rot: 0, gop: 100 },
+        Options { tolerance: 0.02, scale: 0.1, rgb: 4, alpha: 0, rot: 2, gop: 13, up: None },
+        Options { tolerance: 1e-6, scale: 1e-4, rgb: 0, alpha: 7, rot: 0, gop: 100, up: None },
     ] {
         let (dir, report) = write(&scene, 40, &options);
         let (header, frames) = decode(&dir.path().join("clip.splat4d"));
@@ -258,6 +260,164 @@ fn every_value_is_within_its_bound() {
         );
         assert!(report.losses.to_string().contains("SH degree 1"), "{}", report.losses);
     }
+}
+
+/// The values that the reader makes of a decoded splat.
+fn matches(row: &Row, splats: &Splats, i: usize) -> bool {
+    let close = |a: f64, b: f32| (a - f64::from(b)).abs() <= 1e-6 * a.abs().max(1.0);
+    let three = |a: [f64; 3], b: [f32; 3]| (0..3).all(|k| close(a[k], b[k]));
+    let level = |value: f32| f64::from((value * 255.0).round());
+    three(row.pos, splats.means[i])
+        && three(row.scale, splats.log_scales[i])
+        && (0..4).all(|k| row.rot[k] == f64::from(splats.quats[i][k] * 128.0))
+        && (0..3).all(|k| row.rgb[k] == level(0.5 + sh::C0 * splats.sh[i][k]))
+        && row.alpha == level(splats.opacity(i))
+}
+
+#[test]
+fn what_is_written_is_a_scene_again() {
+    let scene = lively::scene(333, 40, 1);
+    let up = [0.0, -1.0, 0.0];
+    for options in [
+        Options { gop: 15, up: Some(up), ..Options::default() },
+        Options { tolerance: 0.02, scale: 0.1, rgb: 4, alpha: 3, rot: 2, gop: 1, up: None },
+    ] {
+        let (dir, _) = write(&scene, 40, &options);
+        let path = dir.path().join("clip.splat4d");
+        let (_, frames) = decode(&path);
+        let read = splat4d::open(&path, Damage::Fail).unwrap();
+        assert_eq!((read.fps, read.up, read.repair.damaged()), (24.0, options.up, 0), "notes");
+        let clip = &read.scene;
+        assert_eq!((clip.num_splats(), clip.num_frames(), clip.sh_degree()), (333, Some(40), 0));
+        let times = clip.time_range().frames(40);
+        // Forwards, then backwards and across groups of frames.
+        for f in (0..40).chain([39, 3, 17, 16, 29, 0]) {
+            let splats = clip.at(times[f]).unwrap();
+            for (i, row) in frames[f].iter().enumerate() {
+                assert!(matches(row, &splats, i), "frame {f}, splat {i}: {row:?}");
+            }
+        }
+        let mut wrong = frames[3][5];
+        wrong.pos[2] += 1e-4;
+        assert!(!matches(&wrong, &clip.at(times[3]).unwrap(), 5), "the comparison can fail");
+        let (before, after) = (clip.at(times[4]).unwrap(), clip.at(times[5]).unwrap());
+        let between = clip.at(0.5 * (times[4] + times[5])).unwrap();
+        let middle = 0.5 * (before.means[1][0] + after.means[1][0]);
+        assert!((between.means[1][0] - middle).abs() < 1e-5, "straight between frames");
+        assert!(clip.at(1.5).is_err(), "outside");
+        let mut geometry = Splats::default();
+        clip.geometry_into(0.3, &mut geometry).unwrap();
+        assert_eq!((geometry.means.len(), geometry.sh.len()), (333, 0), "geometry alone");
+    }
+}
+
+#[test]
+fn rows_without_rotation_are_dropped_and_counted() {
+    let (dir, _) = write(&lively::scene(60, 9, 0), 9, &Options { gop: 4, ..Options::default() });
+    let bytes = fs::read(dir.path().join("clip.splat4d")).unwrap();
+    let whole = splat4d::read(bytes.clone(), Damage::Fail).unwrap().scene;
+    // The static rotations of all splats become zero: those that turn have others in every frame.
+    let json_len = u32::from_le_bytes(bytes[8..12].try_into().unwrap()) as usize;
+    let mut header: serde_json::Value = serde_json::from_slice(&bytes[12..12 + json_len]).unwrap();
+    let whole_number = |value: &serde_json::Value| usize::try_from(value.as_u64().unwrap()).unwrap();
+    let section = 12 + json_len..12 + json_len + whole_number(&header["static_section"]["len"]);
+    let mut at = section.start;
+    for _ in 0..9 {
+        at = stream(&bytes, at, at + 11).3;
+    }
+    let packed = zstd::bulk::compress(&[128; 240], 3).unwrap();
+    let mut changed = bytes[section.start..at].to_vec();
+    changed.extend_from_slice(&[1, 2, 1]);
+    changed.extend_from_slice(&240_u32.to_le_bytes());
+    changed.extend_from_slice(&u32::try_from(packed.len()).unwrap().to_le_bytes());
+    changed.extend_from_slice(&packed);
+    let rest = &bytes[section.end..];
+    header["static_section"]["len"] = changed.len().into();
+    // Room for offsets of any length.
+    let front = 12 + 4096;
+    header["static_section"]["offset"] = front.into();
+    let moved = front + changed.len();
+    for gop in header["gops"].as_array_mut().unwrap() {
+        gop["offset"] = (moved + whole_number(&gop["offset"]) - section.end).into();
+    }
+    let mut file = b"SP4D\x01\0\0\0".to_vec();
+    file.extend_from_slice(&4096_u32.to_le_bytes());
+    let mut json = header.to_string().into_bytes();
+    json.resize(4096, b' ');
+    file.extend(json.into_iter().chain(changed).chain(rest.iter().copied()));
+
+    let read = splat4d::read(file.clone(), Damage::Drop).unwrap();
+    let turning = whole_number(&header["dyn"]["rot"]);
+    assert_eq!((read.repair.rows, read.repair.zero_quaternion), (60, 60 - turning), "counted");
+    assert_eq!(read.scene.num_splats(), turning, "dropped");
+    let kept = read.scene.at(0.5).unwrap();
+    assert!((0..kept.len()).all(|i| kept.is_finite(i)), "usable");
+    assert!(kept.means.iter().all(|mean| whole.at(0.5).unwrap().means.contains(mean)), "as it was");
+    assert!(matches!(
+        splat4d::read(file.clone(), Damage::Fail).unwrap_err(),
+        Splat4dError::Damaged(_)
+    ));
+    assert_eq!(splat4d::read(file, Damage::Keep).unwrap().scene.num_splats(), 60, "kept");
+}
+
+#[test]
+fn damaged_files_are_errors() {
+    let (dir, _) = write(&lively::scene(40, 12, 0), 12, &Options { gop: 5, ..Options::default() });
+    let bytes = fs::read(dir.path().join("clip.splat4d")).unwrap();
+    let fails = |bytes: &[u8], expected: &str| {
+        let error = splat4d::read(bytes.to_vec(), Damage::Drop).unwrap_err().to_string();
+        assert!(error.contains(expected), "{error}");
+    };
+    fails(b"SP4", "does not begin");
+    fails(&[&b"SP4D\x02"[..], &bytes[5..]].concat(), "version 2, expected 1");
+    for length in 0..bytes.len() {
+        assert!(splat4d::read(bytes[..length].to_vec(), Damage::Drop).is_err(), "cut at {length}");
+    }
+    // Same length, another value.
+    let edit = |from: &str, to: &str| {
+        let at = bytes.windows(from.len()).position(|window| window == from.as_bytes()).unwrap();
+        let mut edited = bytes.clone();
+        edited[at..at + to.len()].copy_from_slice(to.as_bytes());
+        edited
+    };
+    fails(&edit("\"n\":40", "\"n\":41"), "symbols, expected");
+    fails(&edit("\"n\":40", "\"n\":00"), "damaged");
+    fails(&edit("\"t\":12", "\"t\":13"), "groups hold 12 frames, expected 13");
+    fails(&edit("\"f0\":5", "\"f0\":4"), "expected from 5 on");
+    fails(&edit("\"f1\":9", "\"f1\":8"), "expected from 9 on");
+    fails(&edit("\"base_pos\":", "\"base_pos\":-"), "header");
+    fails(&edit("\"offset\":", "\"offset\":9"), "lies outside the file");
+    let path = dir.path().join("clip.splat4d");
+    fs::write(&path, &bytes[..200]).unwrap();
+    let error = splat4d::open(&path, Damage::Drop).unwrap_err().to_string();
+    assert!(error.contains("clip.splat4d") && error.contains("cut off"), "{error}");
+}
+
+#[test]
+fn small_files_do_not_unpack_to_large_scenes() {
+    // A hundred million splats in a few kilobytes: every stream is one value repeated.
+    let n = 100_000_000_u32;
+    let mut section = Vec::new();
+    for (attribute, channels) in [(0, 0), (1, 0), (2, 0), (3, 0), (4, 0), (0, 3), (4, 3), (2, 3)] {
+        let count = if channels == 0 { n / 8 } else { 3 * n };
+        let packed = zstd::bulk::compress(&vec![255; 1 << 20], 1).unwrap();
+        section.extend_from_slice(&[attribute, 2, 1]);
+        section.extend_from_slice(&count.to_le_bytes());
+        section.extend_from_slice(&u32::try_from(packed.len()).unwrap().to_le_bytes());
+        section.extend_from_slice(&packed);
+    }
+    let json = format!(
+        r#"{{"n":{n},"t":1,"fps":30,"steps":{{"pos":1,"scale_log":1,"rgb":1,"alpha":1,"rot":1,"base_pos":1,"base_scale_log":1}},
+"static_section":{{"offset":4096,"len":{}}},"gops":[{{"offset":4096,"len":0,"f0":0,"f1":0}}]}}"#,
+        section.len()
+    );
+    let mut file = b"SP4D\x01\0\0\0".to_vec();
+    file.extend_from_slice(&4084_u32.to_le_bytes());
+    file.extend_from_slice(json.as_bytes());
+    file.resize(4096, b' ');
+    file.extend(section);
+    let error = splat4d::read(file, Damage::Drop).unwrap_err().to_string();
+    assert!(error.contains("do not hold 100000000 splats"), "{error}");
 }
 
 #[test]

@@ -26,7 +26,7 @@ pub(crate) fn run(
     let (written, losses) = match to {
         ExportFormat::Usda => write_usda(args, opened, &clip, global, console)?,
         ExportFormat::Splatv => write_splatv(args, opened, &clip, global, console)?,
-        _ => write_splat4d(args, &clip, global, console)?,
+        _ => write_splat4d(args, opened, &clip, global, console)?,
     };
     let what = format!("{} frames, {written}", times.len());
     say_written(&args.output, start.elapsed(), &what, &losses, console);
@@ -49,11 +49,12 @@ type Written = (String, Losses);
 
 fn write_splat4d(
     args: &ExportArgs,
+    opened: &Opened,
     clip: &Clip<'_>,
     global: &Global,
     console: &Console,
 ) -> Outcome<Written> {
-    let mut options = splat4d::Options::default();
+    let mut options = splat4d::Options { up: Some(opened.up), ..splat4d::Options::default() };
     options.tolerance = args.tolerance.unwrap_or(options.tolerance);
     let mut progress = console.progress("export", (splat4d::PASSES * clip.times.len()) as u64);
     let mut step = |done: usize| progress.set(done as u64);

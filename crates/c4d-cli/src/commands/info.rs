@@ -29,6 +29,7 @@ pub(crate) fn run(args: &InfoArgs, global: &Global, console: &Console) -> Outcom
         | SceneKind::Swift4d
         | SceneKind::PlySequence
         | SceneKind::Splatv
+        | SceneKind::Splat4d
         | SceneKind::RunFolder => dynamic(&scene::open(path, global, console)?)?,
         SceneKind::Cameras(_) if path.is_dir() && path.join("cameras.json").is_file() => {
             match parts(path) {
@@ -52,7 +53,7 @@ pub(crate) fn run(args: &InfoArgs, global: &Global, console: &Console) -> Outcom
                 return Err(failure.next(next));
             }
             return Err(failure.next(
-                "c4d reads 4DGS model folders (point_cloud/iteration_N with point_cloud.ply and deformation.pth), Swift4D model folders (the same with FDHash.pth), numbered frames in a folder or zip archive, single frames (PLY, compressed PLY, .splat, .spz, .sog), its own runs, and cameras of data sets.",
+                "c4d reads 4DGS model folders (point_cloud/iteration_N with point_cloud.ply and deformation.pth), Swift4D model folders (the same with FDHash.pth), numbered frames in a folder or zip archive, .splatv and .splat4d clips, single frames (PLY, compressed PLY, .splat, .spz, .sog), its own runs, and cameras of data sets.",
             ));
         }
     };

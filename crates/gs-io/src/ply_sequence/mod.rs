@@ -10,13 +10,13 @@ pub(crate) use names::find_frames;
 
 use crate::error::{IoError, list_names};
 use crate::frame;
+use crate::frame_cache::FrameCache;
 use crate::repair::{self, Damage, DamagedRows, RepairReport};
 use gs_core::{DynamicScene, SceneError, Splats, TimeRange};
 use gs_deform::frames::{self, Position};
 use source::Source;
-use std::collections::VecDeque;
 use std::path::{Path, PathBuf};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::Arc;
 
 /// How to open a sequence.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -46,9 +46,7 @@ pub struct PlySequence {
     /// Rows of the files that are kept, if damaged ones were dropped.
     kept: Option<Vec<usize>>,
     repair: RepairReport,
-    cached_frames: usize,
-    /// Most recently used last.
-    cache: Mutex<VecDeque<(usize, Arc<Splats>)>>,
+    cache: FrameCache,
 }
 
 impl PlySequence {
@@ -98,8 +96,7 @@ impl PlySequence {
             damage: options.damage,
             kept: None,
             repair: RepairReport { rows: num_splats, ..RepairReport::default() },
-            cached_frames: options.cached_frames.max(2),
-            cache: Mutex::new(VecDeque::new()),
+            cache: FrameCache::new(options.cached_frames),
         };
         if options.damage == Damage::Drop {
             sequence.drop_damaged()?;
@@ -212,35 +209,18 @@ impl PlySequence {
     /// # Panics
     /// If there is no such frame.
     pub fn frame(&self, index: usize) -> Result<Arc<Splats>, IoError> {
-        let lock = || self.cache.lock().unwrap_or_else(PoisonError::into_inner);
-        {
-            let mut cache = lock();
-            if let Some(at) = cache.iter().position(|(cached, _)| *cached == index)
-                && let Some(entry) = cache.remove(at)
-            {
-                let splats = Arc::clone(&entry.1);
-                cache.push_back(entry);
-                return Ok(splats);
+        self.cache.get(index, || {
+            let mut splats = self.read(index)?;
+            if self.damage == Damage::Fail {
+                splats = repair::sanitize(splats, Damage::Fail)
+                    .map_err(|source| IoError::Damaged { path: self.source.label(index), source })?
+                    .splats;
             }
-        }
-        // Read without the lock: other threads go on, at worst two read the same file.
-        let mut splats = self.read(index)?;
-        if self.damage == Damage::Fail {
-            splats = repair::sanitize(splats, Damage::Fail)
-                .map_err(|source| IoError::Damaged { path: self.source.label(index), source })?
-                .splats;
-        }
-        if let Some(kept) = &self.kept {
-            splats = splats.select(kept);
-        }
-        let splats = Arc::new(splats);
-        let mut cache = lock();
-        cache.retain(|(cached, _)| *cached != index);
-        cache.push_back((index, Arc::clone(&splats)));
-        if cache.len() > self.cached_frames {
-            cache.pop_front();
-        }
-        Ok(splats)
+            Ok(match &self.kept {
+                Some(kept) => splats.select(kept),
+                None => splats,
+            })
+        })
     }
 
     fn evaluate(&self, t: f32, geometry_only: bool, out: &mut Splats) -> Result<(), SceneError> {

@@ -36,7 +36,7 @@ impl Header<'_> {
         loop {
             let json = self.json(FRONT + length, fixed, chunks).to_string();
             if json.len() == length {
-                let mut bytes = b"SP4D\x01\0\0\0".to_vec();
+                let mut bytes = [&super::MAGIC[..], &[1, 0, 0, 0]].concat();
                 bytes.extend_from_slice(&u32::try_from(length).unwrap_or(u32::MAX).to_le_bytes());
                 bytes.extend_from_slice(json.as_bytes());
                 return bytes;
@@ -68,7 +68,7 @@ impl Header<'_> {
             .into_iter()
             .map(|(mask, count)| json!({ "mask": mask, "count": count }))
             .collect();
-        json!({
+        let mut json = json!({
             "n": order.rows.len(), "t": clip.times.len(), "fps": clip.fps, "gop": options.gop,
             "bounds": {
                 "pos_m": steps.bound(Attribute::Pos), "scale_rel": options.scale,
@@ -88,6 +88,10 @@ impl Header<'_> {
             "denoised": false,
             "static_section": { "offset": start, "len": fixed },
             "gops": gops,
-        })
+        });
+        if let Some(up) = options.up {
+            json["c4d_up"] = json!(up);
+        }
+        json
     }
 }

@@ -15,11 +15,16 @@
 //!
 //! Kept: positions, sizes, rotations, base colour, opacity. Not kept: view-dependent colour.
 
+mod decode;
 mod header;
+mod read;
+mod streams;
 mod survey;
 mod symbols;
 mod tracks;
 mod value;
+
+pub use read::{Read, Splat4dError, Splat4dScene, open, read};
 
 use crate::atomic::{AtomicFile, Existing};
 use crate::clip::{Clip, Hemispheres, SoundRows, dropped_sentence, robust_size};
@@ -31,6 +36,9 @@ use std::path::Path;
 use survey::Survey;
 use tracks::Tracks;
 use value::Steps;
+
+/// First four bytes.
+pub(crate) const MAGIC: [u8; 4] = *b"SP4D";
 
 /// Frames of a clip are visited this often: `progress` of [`write()`] counts up to this many times their number.
 pub const PASSES: usize = 2;
@@ -54,11 +62,13 @@ pub struct Options {
     pub rot: u8,
     /// Frames from one that can be decoded alone to the next. Default 30.
     pub gop: usize,
+    /// The world's upward direction, noted for our own reader. Default none.
+    pub up: Option<[f64; 3]>,
 }
 
 impl Default for Options {
     fn default() -> Self {
-        Self { tolerance: DEFAULT_TOLERANCE, scale: 0.02, rgb: 2, alpha: 2, rot: 0, gop: 30 }
+        Self { tolerance: DEFAULT_TOLERANCE, scale: 0.02, rgb: 2, alpha: 2, rot: 0, gop: 30, up: None }
     }
 }
 

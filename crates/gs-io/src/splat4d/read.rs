@@ -1,0 +1,354 @@
+//! `.splat4d` files as scenes.
+
+use super::decode::{self, Cursor, Fixed, Grids};
+use crate::error::{IoError, read_bytes};
+use crate::frame_cache::FrameCache;
+use crate::inflate;
+use crate::repair::{Damage, DamagedRows, RepairReport};
+use gs_core::{DynamicScene, SceneError, Splats, TimeRange};
+use gs_deform::frames::{self, Position};
+use serde::Deserialize;
+use std::ops::Range;
+use std::path::Path;
+use std::sync::{Arc, Mutex, PoisonError};
+use thiserror::Error;
+
+/// Bytes that are no `.splat4d` scene.
+#[derive(Debug, Error)]
+pub enum Splat4dError {
+    /// Another kind of file.
+    #[error("is no .splat4d: it does not begin with SP4D")]
+    Magic,
+    /// A later version of the format.
+    #[error("is a .splat4d of version {found}, expected 1; export it again as version 1")]
+    Version {
+        /// Version of the file.
+        found: u16,
+    },
+    /// The header is cut off, no JSON of this schema, or does not fit the file.
+    #[error("the header of this .splat4d is damaged: {0}")]
+    Header(String),
+    /// A stream does not hold what the header says.
+    #[error("this .splat4d is damaged: {0}; copy the file again")]
+    Stream(String),
+    /// Damaged rows where none are allowed.
+    #[error(transparent)]
+    Damaged(#[from] DamagedRows),
+}
+
+#[derive(Deserialize)]
+struct Header {
+    n: u32,
+    t: u32,
+    fps: f64,
+    steps: Steps,
+    static_section: Section,
+    gops: Vec<Gop>,
+    /// Our own note; other writers have no such key, other readers ignore it.
+    #[serde(default)]
+    c4d_up: Option<[f64; 3]>,
+}
+
+#[derive(Deserialize)]
+struct Steps {
+    pos: f64,
+    scale_log: f64,
+    rgb: f64,
+    alpha: f64,
+    rot: f64,
+    base_pos: f64,
+    base_scale_log: f64,
+}
+
+#[derive(Deserialize)]
+struct Section {
+    offset: u64,
+    len: u64,
+}
+
+#[derive(Deserialize)]
+struct Gop {
+    offset: u64,
+    len: u64,
+    f0: u32,
+    f1: u32,
+}
+
+/// Bytes before the JSON.
+const FRONT: usize = 12;
+/// Frames of a clip, at most: days of video.
+const MAX_FRAMES: u32 = 1 << 24;
+/// The largest grid step: 32-bit numbers of such steps are finite in single precision.
+const MAX_STEP: f64 = 1e20;
+/// What a group of frames may unpack to, bytes per byte of its own and of the whole file: where nothing moves, it packs to almost nothing.
+const GROUP_RATIO: u64 = 256;
+const FILE_RATIO: u64 = 64;
+/// What all groups together may unpack to, bytes per byte of the file: it bounds the time that opening takes.
+const TOTAL_RATIO: u64 = 2048;
+
+/// Consecutive frames that are decoded together.
+#[derive(Debug, Clone)]
+struct Span {
+    bytes: Range<usize>,
+    frames: Range<usize>,
+}
+
+/// A `.splat4d` clip: `n` frames with persistent rows at times `i/(n−1)`, linear between them as [`gs_deform::Trajectories`]. In
+/// memory are the compressed file, one unpacked group of frames and the last few frames used.
+#[derive(Debug)]
+pub struct Splat4dScene {
+    bytes: Vec<u8>,
+    grids: Grids,
+    fixed: Fixed,
+    spans: Vec<Span>,
+    num_frames: usize,
+    /// Rows of the file that are kept, if damaged ones were dropped.
+    kept: Option<Vec<usize>>,
+    cursor: Mutex<Cursor>,
+    cache: FrameCache,
+}
+
+/// A `.splat4d` scene and what was found.
+#[derive(Debug)]
+pub struct Read {
+    /// The scene, times 0 to 1.
+    pub scene: Splat4dScene,
+    /// Rows without rotation in some frame.
+    pub repair: RepairReport,
+    /// Frames per second.
+    pub fps: f64,
+    /// The world's upward direction (about unit length), if our own writer noted it.
+    pub up: Option<[f64; 3]>,
+}
+
+/// Reads a scene. Every group of frames is unpacked once, so that what opens can be evaluated at every time. Opacities of 0 and 255 get
+/// the finite logits of 0.001 and 0.999.
+///
+/// # Errors
+/// If the bytes are no `.splat4d` of version 1, a part is missing or is not what the header says, or rows have no rotation and
+/// `damage` says to fail.
+pub fn read(bytes: Vec<u8>, damage: Damage) -> Result<Read, Splat4dError> {
+    let header = header(&bytes)?;
+    let n = header.n as usize;
+    let grids = grids(&header.steps)?;
+    let section = within(&bytes, header.static_section.offset, header.static_section.len)
+        .ok_or_else(|| outside("static section"))?;
+    let spans = spans(&header, &bytes)?;
+    let mut room = inflate::limit(section.len());
+    let fixed = decode::fixed(&bytes[section], n, &grids, &mut room)?;
+    let mut scene = Splat4dScene {
+        num_frames: header.t as usize,
+        bytes,
+        grids,
+        fixed,
+        spans,
+        kept: None,
+        cursor: Mutex::default(),
+        cache: FrameCache::new(4),
+    };
+    let lost = scene.rows_without_rotation()?;
+    let repair =
+        RepairReport { rows: n, not_finite: 0, zero_quaternion: lost.iter().filter(|&&l| l).count() };
+    if let Some(first) = lost.iter().position(|&lost| lost)
+        && damage != Damage::Keep
+    {
+        if damage == Damage::Fail || repair.damaged() == n {
+            return Err(DamagedRows { report: repair, first }.into());
+        }
+        scene.kept = Some((0..n).filter(|&row| !lost[row]).collect());
+    }
+    let length = |up: &[f64; 3]| up.iter().map(|c| c * c).sum::<f64>().sqrt();
+    let up = header.c4d_up.filter(|up| (0.5..2.0).contains(&length(up)));
+    Ok(Read { scene, repair, fps: header.fps, up })
+}
+
+/// Reads a file.
+///
+/// # Errors
+/// If it cannot be read, or as [`read`].
+pub fn open(path: impl AsRef<Path>, damage: Damage) -> Result<Read, IoError> {
+    let path = path.as_ref();
+    read(read_bytes(path)?, damage)
+        .map_err(|source| IoError::Splat4d { path: path.to_owned(), source })
+}
+
+fn header(bytes: &[u8]) -> Result<Header, Splat4dError> {
+    let damaged = |what: String| Splat4dError::Header(what);
+    let rest = bytes.strip_prefix(&super::MAGIC).ok_or(Splat4dError::Magic)?;
+    let cut = || damaged("it is cut off".to_owned());
+    let (front, rest) = rest.split_first_chunk::<{ FRONT - 4 }>().ok_or_else(cut)?;
+    let [v0, v1, _, _, l0, l1, l2, l3] = *front;
+    let version = u16::from_le_bytes([v0, v1]);
+    if version != 1 {
+        return Err(Splat4dError::Version { found: version });
+    }
+    let json = rest.get(..u32::from_le_bytes([l0, l1, l2, l3]) as usize).ok_or_else(cut)?;
+    let header: Header =
+        serde_json::from_slice(json).map_err(|error| damaged(error.to_string()))?;
+    if header.n == 0 || header.t == 0 || header.t > MAX_FRAMES {
+        return Err(damaged(format!(
+            "{} splats and {} frames; expected at least one of each, at most {MAX_FRAMES} frames",
+            header.n, header.t
+        )));
+    }
+    Ok(header)
+}
+
+fn grids(steps: &Steps) -> Result<Grids, Splat4dError> {
+    let grids = Grids {
+        moving: [steps.pos, steps.rot, steps.rgb, steps.alpha, steps.scale_log],
+        fixed_pos: steps.base_pos,
+        fixed_scale: steps.base_scale_log,
+    };
+    let mut all = grids.moving.iter().chain([&grids.fixed_pos, &grids.fixed_scale]);
+    match all.find(|step| !(**step > 0.0 && **step <= MAX_STEP)) {
+        Some(step) => Err(Splat4dError::Header(format!(
+            "a grid has steps of {step}; expected above 0, at most {MAX_STEP:.0e}"
+        ))),
+        None => Ok(grids),
+    }
+}
+
+/// The groups of frames, which must be in order, without gaps between frames and without bytes in common.
+fn spans(header: &Header, bytes: &[u8]) -> Result<Vec<Span>, Splat4dError> {
+    let (mut frame, mut free) = (0, 0);
+    let mut spans = Vec::with_capacity(header.gops.len());
+    for (index, gop) in header.gops.iter().enumerate() {
+        if gop.f0 != frame || gop.f1 < gop.f0 || gop.f1 >= header.t {
+            return Err(Splat4dError::Header(format!(
+                "group {index} holds frames {} to {}; expected from {frame} on, of {} frames",
+                gop.f0, gop.f1, header.t
+            )));
+        }
+        let bytes = within(bytes, gop.offset, gop.len)
+            .filter(|bytes| bytes.start >= free)
+            .ok_or_else(|| outside(&format!("group {index} of frames")))?;
+        frame = gop.f1 + 1;
+        free = bytes.end;
+        spans.push(Span { bytes, frames: gop.f0 as usize..frame as usize });
+    }
+    if frame != header.t {
+        return Err(Splat4dError::Header(format!(
+            "groups hold {frame} frames, expected {}",
+            header.t
+        )));
+    }
+    Ok(spans)
+}
+
+fn outside(what: &str) -> Splat4dError {
+    Splat4dError::Header(format!(
+        "the {what} lies outside the file, which may be cut off: copy it again"
+    ))
+}
+
+/// The place of a part, if it lies in the file.
+fn within(bytes: &[u8], offset: u64, len: u64) -> Option<Range<usize>> {
+    let start = usize::try_from(offset).ok()?;
+    let end = start.checked_add(usize::try_from(len).ok()?)?;
+    (end <= bytes.len()).then_some(start..end)
+}
+
+impl Splat4dScene {
+    /// Unpacks every group once and finds rows that have no rotation in some frame, `[N]` rows of the file.
+    fn rows_without_rotation(&self) -> Result<Vec<bool>, Splat4dError> {
+        let changing = &self.fixed.changing;
+        let mut lost: Vec<bool> = self.fixed.base.quats.iter().map(|q| *q == [0.0; 4]).collect();
+        let turning = &changing[super::value::Attribute::Rot as usize];
+        for &row in turning {
+            lost[row as usize] = false;
+        }
+        let mut total = inflate::FREE + TOTAL_RATIO * self.bytes.len() as u64;
+        let mut cursor = Cursor::default();
+        for (index, span) in self.spans.iter().enumerate() {
+            let room = self.room(span).min(total);
+            let mut left = room;
+            let bytes = &self.bytes[span.bytes.clone()];
+            cursor.enter(bytes, index, span.frames.len(), changing, &mut left)?;
+            total -= room - left;
+            let looked_at = if turning.is_empty() { 0 } else { span.frames.len() };
+            for frame in 0..looked_at {
+                cursor.advance(frame);
+                for row in cursor.without_rotation(changing) {
+                    lost[row] = true;
+                }
+            }
+        }
+        Ok(lost)
+    }
+
+    /// What a group may unpack to, bytes.
+    fn room(&self, span: &Span) -> u64 {
+        let own = GROUP_RATIO * span.bytes.len() as u64;
+        inflate::FREE.max(own + FILE_RATIO * self.bytes.len() as u64)
+    }
+
+    /// A frame.
+    fn frame(&self, index: usize) -> Result<Arc<Splats>, SceneError> {
+        self.cache.get(index, || self.decode(index)).map_err(|error| SceneError::Source {
+            what: format!("frame {index} of the .splat4d"),
+            source: error.into(),
+        })
+    }
+
+    fn decode(&self, index: usize) -> Result<Splats, Splat4dError> {
+        let group = self.spans.partition_point(|span| span.frames.end <= index);
+        let span = &self.spans[group];
+        let frame = index - span.frames.start;
+        let mut splats = self.fixed.base.clone();
+        let mut cursor = self.cursor.lock().unwrap_or_else(PoisonError::into_inner);
+        if !cursor.is_before(group, frame) {
+            let bytes = &self.bytes[span.bytes.clone()];
+            let changing = &self.fixed.changing;
+            cursor.enter(bytes, group, span.frames.len(), changing, &mut self.room(span))?;
+        }
+        cursor.advance(frame);
+        cursor.put(&self.fixed, &self.grids, &mut splats);
+        drop(cursor);
+        Ok(match &self.kept {
+            Some(kept) => splats.select(kept),
+            None => splats,
+        })
+    }
+
+    fn evaluate(&self, t: f32, geometry_only: bool, out: &mut Splats) -> Result<(), SceneError> {
+        let range = self.time_range();
+        if !range.contains(t) {
+            return Err(SceneError::Time { t, range });
+        }
+        match frames::position(t, self.num_frames) {
+            Position::At(i) => frames::copy(&*self.frame(i)?, geometry_only, out),
+            Position::Between(i, fraction) => {
+                let (before, after) = (self.frame(i)?, self.frame(i + 1)?);
+                frames::blend(&before, &after, fraction, geometry_only, out);
+            }
+        }
+        Ok(())
+    }
+}
+
+impl DynamicScene for Splat4dScene {
+    fn num_splats(&self) -> usize {
+        self.kept.as_ref().map_or(self.fixed.base.len(), Vec::len)
+    }
+
+    fn sh_degree(&self) -> usize {
+        0
+    }
+
+    fn time_range(&self) -> TimeRange {
+        TimeRange::UNIT
+    }
+
+    fn num_frames(&self) -> Option<usize> {
+        Some(self.num_frames)
+    }
+
+    fn at_into(&self, t: f32, out: &mut Splats) -> Result<(), SceneError> {
+        self.evaluate(t, false, out)
+    }
+
+    fn geometry_into(&self, t: f32, out: &mut Splats) -> Result<(), SceneError> {
+        self.evaluate(t, true, out)
+    }
+}

@@ -5,18 +5,23 @@ use gs_core::DynamicScene;
 use gs_io::checkpoint4dgs::Overrides;
 use gs_io::swift4d;
 use std::fs;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::LazyLock;
 
-const MODEL: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../fixtures/swift4d/model");
+/// Below the repository's root.
+const MODEL: &str = "fixtures/swift4d/model";
 const ITERATION: &str = "point_cloud/iteration_13000";
 
 /// A copy of the fixture's model; every input becomes its field.
 static FOLDER: LazyLock<PathBuf> = LazyLock::new(|| {
     let folder = std::env::temp_dir().join(format!("gs-io-fuzz-swift4d-{}", std::process::id()));
     fs::create_dir_all(folder.join(ITERATION)).expect("room for a temporary folder");
+    // The crate that builds this lies one folder below the root as a fuzzer, two as a test.
+    let here = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let model = here.ancestors().map(|root| root.join(MODEL)).find(|model| model.is_dir());
+    let model = model.expect("the fixture is there");
     for file in ["cfg_args", "point_cloud/iteration_13000/point_cloud.ply"] {
-        fs::copy(format!("{MODEL}/{file}"), folder.join(file)).expect("the fixture is there");
+        fs::copy(model.join(file), folder.join(file)).expect("the fixture is there");
     }
     folder
 });

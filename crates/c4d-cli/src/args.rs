@@ -12,7 +12,7 @@ use std::path::PathBuf;
 const AFTER_HELP: &str = "\
 Exit codes: 0 done, 1 failed, 2 usage, 3 bad input file, 4 no such GPU, 6 finished with warnings under --strict, 130 interrupted.
 
-SCENE is a model folder of 4DGaussians or Swift4D, a folder or zip archive of numbered PLYs with persistent rows, a .splatv file, or a RUN folder of `c4d propagate`.";
+SCENE is a model folder of 4DGaussians or Swift4D, a folder or zip archive of numbered PLYs with persistent rows, a .splatv or .splat4d clip, or a RUN folder of `c4d propagate`.";
 
 /// Carry an edit of one frame of a dynamic Gaussian-splat scene through all of time.
 #[derive(Debug, Parser)]
@@ -306,11 +306,11 @@ pub(crate) struct RenderArgs {
     /// File format [default: from the output's name, else png]
     #[arg(long, value_enum)]
     pub(crate) format: Option<Format>,
-    /// Folder (png, exr, npy) or file (mp4, webp, gif, sheet)
+    /// Folder (png, exr, npy, flo) or file (mp4, webp, gif, sheet)
     #[arg(short, long)]
     pub(crate) output: PathBuf,
     /// Frames per second of videos
-    #[arg(long, default_value_t = 30.0)]
+    #[arg(long, default_value_t = 30.0, allow_negative_numbers = true)]
     pub(crate) fps: f64,
     /// Runs only: the original on the left, the edit on the right
     #[arg(long)]
@@ -356,7 +356,7 @@ pub(crate) struct ExportArgs {
     )]
     pub(crate) time: Option<f32>,
     /// Frames per second of a clip; a sequence has none, its manifest notes them [default: 30]
-    #[arg(long, help_heading = "Which frames")]
+    #[arg(long, allow_negative_numbers = true, help_heading = "Which frames")]
     pub(crate) fps: Option<f64>,
     /// Keep SH up to this degree only [default: all of it; html: 1; splat, splat4d and splatv hold 0]
     #[arg(long, value_name = "0-3", help_heading = "What is kept")]
@@ -366,7 +366,12 @@ pub(crate) struct ExportArgs {
     pub(crate) no_normals: bool,
     /// splat4d, splatv: largest error of positions as a share of the scene's size [default: splat4d 0.0002; splatv 0.005, of one splat in a
     /// hundred]
-    #[arg(long, value_name = "SHARE", help_heading = "What is kept")]
+    #[arg(
+        long,
+        value_name = "SHARE",
+        allow_negative_numbers = true,
+        help_heading = "What is kept"
+    )]
     pub(crate) tolerance: Option<f64>,
     /// splatv, usda: write it although cubics miss the motion, or the text is huge
     #[arg(long, help_heading = "What is kept")]

@@ -67,7 +67,7 @@ pub(crate) fn bad_input(error: &IoError) -> Failure {
             failure.next("Without --strict such rows are dropped and counted.")
         }
         IoError::Ply { .. } | IoError::Frame { .. } => {
-            failure.next("Export the splats again as a 3DGS PLY; c4d info FILE says what is in it.")
+            failure.next("Copy the file again, or export the splats again as a 3DGS PLY.")
         }
         IoError::Splatv { .. } | IoError::Splat4d { .. } => {
             failure.next("Copy or export the clip again, or give the scene it was made from.")
@@ -137,7 +137,9 @@ pub(crate) fn open_within(
             "{} is a single frame ({kind}): it does not move",
             path.display()
         ))
-        .next(format!("Give the dynamic scene here, the frame with --edited. {SCENES}"))),
+        .next(format!(
+            "Give the dynamic scene here; c4d propagate SCENE --edited takes the frame. {SCENES}"
+        ))),
         SceneKind::Cameras(format) => Err(Failure::bad_input(format!(
             "{} holds cameras ({format}) and no splats",
             path.display()

@@ -91,6 +91,10 @@ pub fn final_path(path: &Path) -> PathBuf {
 fn make_parent(path: &Path) -> Result<(), IoError> {
     match path.parent() {
         Some(parent) if !parent.as_os_str().is_empty() => {
+            let in_the_way = parent.ancestors().find(|ancestor| ancestor.exists());
+            if let Some(file) = in_the_way.filter(|found| !found.is_dir()) {
+                return Err(IoError::content(file, "is a file, expected a folder to write into"));
+            }
             fs::create_dir_all(parent).map_err(IoError::write(parent))
         }
         _ => Ok(()),
@@ -289,6 +293,8 @@ mod tests {
         file.commit().unwrap();
         assert_eq!(fs::read(&path).unwrap(), b"new", "replaced");
         assert_eq!(names(&dir.path().join("deep")), ["out.bin"], "no leftovers");
+        let error = AtomicFile::create(path.join("under/a.bin"), Existing::Refuse).unwrap_err();
+        assert!(error.to_string().contains("out.bin: is a file, expected a folder"), "{error}");
     }
 
     #[test]

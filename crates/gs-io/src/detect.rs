@@ -4,7 +4,7 @@ use crate::archive::Archive;
 use crate::cameras;
 use crate::checkpoint4dgs::{self, Overrides};
 use crate::error::{IoError, list_names};
-use crate::foreign::{Foreign, MANIFEST, MANIFEST_ENDING, TORCH_ARCHIVE};
+use crate::foreign::{Foreign, MANIFEST, MANIFEST_ENDING, NUMPY_ARCHIVE, TORCH_ARCHIVE};
 use crate::frame::{self, Container};
 use crate::ply::{self, PlyError};
 use crate::ply_sequence::{PlySequence, SequenceOptions, find_frames};
@@ -208,6 +208,9 @@ fn detect_zip(path: &Path) -> SceneKind {
     }
     if names.iter().any(|name| name == "data.pkl" || name.ends_with("/data.pkl")) {
         return SceneKind::Foreign(TORCH_ARCHIVE);
+    }
+    if !names.is_empty() && names.iter().all(|name| cameras::has_extension(name, "npy")) {
+        return SceneKind::Foreign(NUMPY_ARCHIVE);
     }
     let shown: Vec<&str> = names.iter().map(String::as_str).take(SHOWN).collect();
     unknown(format!("a zip archive with {}", shown.join(", ")))

@@ -21,12 +21,7 @@ const TORCH: &str =
 
 const KNOWN: [Foreign; 17] = [
     known(0, b"Kg\0\0", "a .splatv clip", "Copy it again: it should open as a scene."),
-    known(
-        0,
-        b"SP4D",
-        "a .splat4d clip",
-        "Copy it again: it should open as a scene.",
-    ),
+    known(0, b"SP4D", "a .splat4d clip", "Copy it again: it should open as a scene."),
     known(
         0,
         b"#usda",
@@ -75,6 +70,14 @@ const fn known(
 
 /// A PyTorch archive: a zip whose entries say so.
 pub(crate) const TORCH_ARCHIVE: Foreign = known(0, b"", "a PyTorch archive", TORCH);
+
+/// Arrays of NumPy in a zip archive.
+pub(crate) const NUMPY_ARCHIVE: Foreign = known(
+    0,
+    b"",
+    "a NumPy archive",
+    "Of arrays, c4d reads poses_bounds.npy only: export the splats as PLY from the program that made them.",
+);
 
 /// What `c4d export` writes beside a sequence; text, so its name says it.
 pub(crate) const MANIFEST: Foreign = known(

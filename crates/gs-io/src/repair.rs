@@ -67,13 +67,18 @@ pub(crate) fn survey(splats: &Splats) -> (RepairReport, Vec<usize>) {
             continue;
         }
         damaged.push(i);
-        let zero = splats.quats[i] == [0.0; 4]
-            && splats.means[i].iter().chain(&splats.log_scales[i]).all(|v| v.is_finite())
-            && splats.opacity_logits[i].is_finite()
-            && splats.sh_of(i).iter().flatten().all(|v| v.is_finite());
+        let zero = only_rotation_missing(splats, i);
         *if zero { &mut report.zero_quaternion } else { &mut report.not_finite } += 1;
     }
     (report, damaged)
+}
+
+/// Whether a row that is not usable is finite, and has a zero quaternion only.
+pub(crate) fn only_rotation_missing(splats: &Splats, row: usize) -> bool {
+    splats.quats[row] == [0.0; 4]
+        && splats.means[row].iter().chain(&splats.log_scales[row]).all(|v| v.is_finite())
+        && splats.opacity_logits[row].is_finite()
+        && splats.sh_of(row).iter().flatten().all(|v| v.is_finite())
 }
 
 /// Counts damaged rows of `splats` (arrays of equal length) and drops, keeps or refuses them.

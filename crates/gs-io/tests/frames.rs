@@ -309,6 +309,22 @@ fn spz_version_2_and_large_scenes() {
     let read = frame::read(&bytes).unwrap();
     assert_eq!(read.splats.means[0], large.means[0], "fits with fewer bits");
     assert_eq!(violations(&large, &read, 1.0).0, 0, "within the wider precision");
+
+    // One floater in a thousand does not cost the others their precision.
+    let mut rows: Vec<usize> = (0..300).cycle().take(1000).collect();
+    rows[0] = 299;
+    let mut floating = truth.select(&rows);
+    floating.means[0] = [1e9, 0.0, -3.0];
+    let mut bytes = Vec::new();
+    let losses = spz::write(&floating, &spz::WriteOptions::default(), &mut bytes).unwrap();
+    assert!(losses.to_string().contains("1 splats beyond ±32768 units"), "{losses}");
+    let read = frame::read(&bytes).unwrap().splats;
+    assert!((read.means[0][0] - 32_768.0).abs() < 1.0, "moved nearer: {:?}", read.means[0]);
+    let off = (0..3).map(|k| (read.means[7][k] - floating.means[7][k]).abs()).fold(0.0, f32::max);
+    assert!(off <= 0.5 / 256.0, "the others are within 1/512: {off}");
+    floating.means[1] = [-1e9, 0.0, 0.0];
+    let losses = spz::write(&floating, &spz::WriteOptions::default(), &mut Vec::new()).unwrap();
+    assert!(losses.to_string().contains("have 0 bits"), "two are no exception: {losses}");
 }
 
 #[test]

@@ -319,7 +319,8 @@ fn rows_without_rotation_are_dropped_and_counted() {
     // The static rotations of all splats become zero: those that turn have others in every frame.
     let json_len = u32::from_le_bytes(bytes[8..12].try_into().unwrap()) as usize;
     let mut header: serde_json::Value = serde_json::from_slice(&bytes[12..12 + json_len]).unwrap();
-    let whole_number = |value: &serde_json::Value| usize::try_from(value.as_u64().unwrap()).unwrap();
+    let whole_number =
+        |value: &serde_json::Value| usize::try_from(value.as_u64().unwrap()).unwrap();
     let section = 12 + json_len..12 + json_len + whole_number(&header["static_section"]["len"]);
     let mut at = section.start;
     for _ in 0..9 {
@@ -386,7 +387,7 @@ fn damaged_files_are_errors() {
     fails(&edit("\"f0\":5", "\"f0\":4"), "expected from 5 on");
     fails(&edit("\"f1\":9", "\"f1\":8"), "expected from 9 on");
     fails(&edit("\"base_pos\":", "\"base_pos\":-"), "header");
-    fails(&edit("\"offset\":", "\"offset\":9"), "lies outside the file");
+    fails(&edit("\"offset\":", "\"offset\":9"), "cut off: its group 0 of frames ends at");
     let path = dir.path().join("clip.splat4d");
     fs::write(&path, &bytes[..200]).unwrap();
     let error = splat4d::open(&path, Damage::Drop).unwrap_err().to_string();

@@ -1,5 +1,7 @@
 //! `c4d info`: what a path is, what is missing, what to do with it.
 
+mod products;
+
 use crate::args::{Global, InfoArgs};
 use crate::console::Console;
 use crate::failure::{Failure, Outcome, chain};
@@ -18,9 +20,21 @@ const SIZES: usize = 6;
 const MAX_PARTS: usize = 64;
 
 pub(crate) fn run(args: &InfoArgs, global: &Global, console: &Console) -> Outcome {
+    // Whoever asks `c4d info` is not sent there again.
+    report(args, global, console).map_err(|failure| match failure.next {
+        Some(_) => failure,
+        None => failure.next(READS),
+    })
+}
+
+/// What there is to read.
+const READS: &str = "c4d reads 4DGS model folders (point_cloud/iteration_N with point_cloud.ply and deformation.pth), Swift4D model folders (the same with FDHash.pth), numbered frames in a folder or zip archive, .splatv and .splat4d clips, single frames (PLY, compressed PLY, .splat, .spz, .sog), its own runs, and cameras of data sets.";
+
+fn report(args: &InfoArgs, global: &Global, console: &Console) -> Outcome {
     let path = &args.path;
     if !path.exists() {
-        return Err(Failure::bad_input(format!("{} does not exist", path.display())));
+        return Err(Failure::bad_input(format!("{} does not exist", path.display()))
+            .next("Check the name; paths are relative to the current folder."));
     }
     let kind = gs_io::detect(path).map_err(|error| scene::bad_input(&error))?;
     let report = match &kind {
@@ -48,21 +62,23 @@ pub(crate) fn run(args: &InfoArgs, global: &Global, console: &Console) -> Outcom
             report
         }
         other => {
+            if let Some((lines, next)) = products::of_folder(path) {
+                show(&products_of(path, &lines, next), args, console);
+                return Ok(());
+            }
             let failure = Failure::bad_input(format!("{}: {other}", path.display()));
             if let Some(next) = within(path) {
                 return Err(failure.next(next));
             }
-            return Err(failure.next(
-                "c4d reads 4DGS model folders (point_cloud/iteration_N with point_cloud.ply and deformation.pth), Swift4D model folders (the same with FDHash.pth), numbered frames in a folder or zip archive, .splatv and .splat4d clips, single frames (PLY, compressed PLY, .splat, .spz, .sog), its own runs, and cameras of data sets.",
-            ));
+            return Err(failure);
         }
     };
-    if args.json {
-        console.result(report.json());
-    } else {
-        console.result(report.text());
-    }
+    show(&report, args, console);
     Ok(())
+}
+
+fn show(report: &Report, args: &InfoArgs, console: &Console) {
+    console.result(if args.json { report.json() } else { report.text() });
 }
 
 /// What to do with a file that is a part of something known.
@@ -231,7 +247,7 @@ fn is_json(path: &Path) -> bool {
     path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("json"))
 }
 
-/// Entries of a folder that are something known.
+/// Entries of a folder that can be read.
 fn parts(path: &Path) -> Vec<(String, SceneKind)> {
     let Ok(entries) = std::fs::read_dir(path) else { return Vec::new() };
     let mut entries: Vec<_> = entries.flatten().map(|entry| entry.path()).collect();
@@ -247,6 +263,17 @@ fn parts(path: &Path) -> Vec<(String, SceneKind)> {
     entries.iter().take(MAX_PARTS).filter_map(known).collect()
 }
 
+fn products_of(path: &Path, lines: &[String], next: &str) -> Report {
+    let mut report = Report::default();
+    report.add("path", json!(path.display().to_string()));
+    report.add("kind", json!("folder of what is not read"));
+    for line in lines {
+        report.add("holds", json!(line));
+    }
+    report.add("next", json!(next));
+    report
+}
+
 fn folder(path: &Path, parts: &[(String, SceneKind)]) -> Report {
     let mut report = Report::default();
     report.add("path", json!(path.display().to_string()));
@@ -254,7 +281,15 @@ fn folder(path: &Path, parts: &[(String, SceneKind)]) -> Report {
     for (name, kind) in parts {
         report.add("holds", json!(format!("{name}: {kind}")));
     }
-    report.add("next", json!("c4d info of one of them says more."));
+    let sorted_anew = parts.len() > 1 && parts.iter().all(|(_, kind)| *kind == SceneKind::Sog);
+    report.add(
+        "next",
+        json!(if sorted_anew {
+            "Each is a frame of its own: SOG sorts every frame anew, so that they are no moving scene. Export the sequence as PLY."
+        } else {
+            "c4d info of one of them says more."
+        }),
+    );
     report
 }
 

@@ -114,9 +114,9 @@ fn format_of(output: &Path) -> Outcome<Format> {
             output.display()
         ))
         .next(format!("Give a folder: --format {name} -o FOLDER."))),
-        Some(name @ ("mov" | "avi" | "mkv" | "webm" | "jpg" | "jpeg")) => {
+        Some(name) if name.len() < 5 && !name.bytes().any(|byte| byte.is_ascii_digit()) => {
             Err(Failure::usage(format!("{name} is no format of c4d render"))
-                .next("Videos are .mp4, loops .webp or .gif; images go into a folder as png, exr, npy or flo."))
+                .next("Videos are .mp4, loops .webp or .gif; images go into a folder as png, exr, npy or flo (--format png for a folder with a dot in its name)."))
         }
         _ => Ok(Format::Png),
     }

@@ -32,6 +32,25 @@ fn every_clip_format_is_written_and_says_what_it_loses() {
     let clip = path.to_str().unwrap();
     let (out, _) = success(&mut c4d(["info", clip]));
     assert!(out.contains("animated splats") && out.contains("one cubic a splat"), "{out}");
+    let path = folder.path().join("clip.splat4d");
+    let up = ["-w", "--frames", "4", "--fps", "12", "--up", "z"];
+    success(&mut c4d(export("splat4d", &path, &up)));
+    let (out, _) = success(c4d(["info"]).arg(&path));
+    for fact in
+        ["compressed clip", "frames       4", "fps          12", "up           [0.0,0.0,1.0]"]
+    {
+        assert!(out.contains(fact), "{fact}: {out}");
+    }
+    let frozen = folder.path().join("frozen");
+    success(c4d(["freeze"]).arg(&path).arg("-o").arg(&frozen));
+    let run = folder.path().join("run");
+    let edited = frozen.join("point_cloud.ply");
+    let mut propagate = c4d(["propagate", "--no-refine", "--edited"]);
+    let (_, said) = success(propagate.arg(&edited).arg(&path).arg("-o").arg(&run));
+    assert!(said.contains("0 recoloured (exact motion), 0 edited"), "{said}");
+    fs::write(&path, &fs::read(&path).unwrap()[..1000]).unwrap();
+    let said = failure(c4d(["info"]).arg(&path), 3);
+    assert!(said.contains("cut off") && said.contains("next: Copy or export"), "{said}");
     for (name, start) in [("loop.gif", &b"GIF89a"[..]), ("loop.webp", b"RIFF")] {
         let image = folder.path().join(name);
         let arguments =
@@ -91,12 +110,20 @@ fn the_name_says_the_format() {
 #[test]
 fn info_names_what_only_comes_out() {
     let folder = tempfile::tempdir().unwrap();
-    for (to, kind) in [("usda", "OpenUSD"), ("splat4d", ".splat4d clip")] {
-        let path = folder.path().join(format!("clip.{to}"));
-        success(&mut c4d(export(to, &path, &["--frames", "2"])));
-        let (out, _) = success(&mut c4d(["info", path.to_str().unwrap()]));
-        assert!(out.contains(kind) && out.contains("end product"), "{out}");
-    }
+    let path = folder.path().join("clip.usda");
+    success(&mut c4d(export("usda", &path, &["--frames", "2"])));
+    let (out, _) = success(&mut c4d(["info", path.to_str().unwrap()]));
+    assert!(out.contains("OpenUSD") && out.contains("end product"), "{out}");
+    let images = folder.path().join("images");
+    let source = fixture("synth/source");
+    let render = ["render", source.to_str().unwrap(), "--size", "16x12", "--frames", "2"];
+    let mut render = c4d(render.into_iter().chain(["--passes", "rgb,depth", "--format", "exr"]));
+    success(render.arg("-o").arg(&images));
+    let (out, _) = success(c4d(["info"]).arg(&images));
+    assert!(out.contains("depth: 2 files, each an OpenEXR image"), "{out}");
+    assert!(out.contains("next") && out.contains("give the scene"), "{out}");
+    let (out, _) = success(c4d(["info"]).arg(images.join("rgb")));
+    assert!(out.contains("2 files, each an OpenEXR image"), "{out}");
     let field = fixture("swift4d/model/point_cloud/iteration_13000/FDHash.pth");
     let (out, _) = success(&mut c4d(["info", field.to_str().unwrap()]));
     assert!(out.contains("PyTorch") && out.contains("lies in a Swift4D model folder"), "{out}");
@@ -123,17 +150,23 @@ fn a_manifest_lies_beside_a_sequence() {
         assert!(out.contains("manifest of an exported sequence"), "{out}");
         assert!(found["sh_degree"].as_u64().unwrap() <= 3, "{found}");
 
-        // It alone is in the way, too, and is replaced with the output only.
+        // With its output gone it is in nobody's way, unless it is something else.
         if output.is_dir() {
             fs::remove_dir_all(&output).unwrap();
         } else {
             fs::remove_file(&output).unwrap();
         }
-        let said = failure(&mut c4d(export(to, &output, &["--frames", "2"])), 2);
-        assert!(said.contains("manifest.json already exists") && !output.exists(), "{said}");
-        assert_eq!(read(), found, "as it was");
-        success(&mut c4d(export(to, &output, &["--frames", "2", "-w"])));
+        success(&mut c4d(export(to, &output, &["--frames", "2"])));
         assert_eq!(read()["num_frames"], 2, "replaced");
+        let said = failure(&mut c4d(export(to, &output, &["--frames", "4"])), 2);
+        assert!(said.contains(&format!("{name} already exists")), "{said}");
+        assert_eq!(read()["num_frames"], 2, "as it was");
+        let other = folder.path().join(format!("other_{name}.manifest.json"));
+        fs::write(&other, "{\"kind\": \"of my own\"}").unwrap();
+        let unwritten = folder.path().join(format!("other_{name}"));
+        let said = failure(&mut c4d(export(to, &unwritten, &["--frames", "2"])), 2);
+        assert!(said.contains("manifest.json already exists") && !unwritten.exists(), "{said}");
+        fs::remove_file(other).unwrap();
     }
     let names: Vec<_> = fs::read_dir(folder.path()).unwrap().flatten().collect();
     assert_eq!(names.len(), 6, "an output and a manifest each, nothing else: {names:?}");

@@ -106,12 +106,12 @@ fn info_names_frames_and_what_they_are_not() {
     assert!(text.contains("SOG") && text.contains("sh_degree    3"), "{text}");
     let said =
         failure(&mut c4d(["render", path(&fixture("frames/frame.sog")), "-o", "unwritten.png"]), 3);
-    assert!(said.contains("does not move") && said.contains("--edited"), "{said}");
+    assert!(said.contains("does not move") && said.contains("propagate SCENE --edited"), "{said}");
     let folder = tempfile::tempdir().unwrap();
     let clip = folder.path().join("clip");
-    fs::write(&clip, b"SP4D and so on").unwrap();
+    fs::write(&clip, b"glTF and so on").unwrap();
     let (text, _) = success(&mut c4d(["info", path(&clip)]));
-    assert!(text.contains("a .splat4d clip") && text.contains("next"), "{text}");
+    assert!(text.contains("a binary glTF") && text.contains("next"), "{text}");
     fs::write(&clip, b"something else").unwrap();
     let said = failure(&mut c4d(["info", path(&clip)]), 3);
     assert!(said.contains("starts with `something el`"), "{said}");

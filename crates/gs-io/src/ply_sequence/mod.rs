@@ -158,15 +158,14 @@ impl PlySequence {
         let mut first = None;
         for index in 0..self.source.len() {
             let splats = self.read(index)?;
-            let (report, rows) = repair::survey(&splats);
-            for row in rows {
+            for row in repair::survey(&splats).1 {
                 // A row counts once, by what is wrong with it in the first frame that shows it.
                 if !std::mem::replace(&mut damaged[row], true) {
                     first.get_or_insert_with(|| (self.source.label(index), row));
-                    if report.not_finite > 0 {
-                        self.repair.not_finite += 1;
-                    } else {
+                    if repair::only_rotation_missing(&splats, row) {
                         self.repair.zero_quaternion += 1;
+                    } else {
+                        self.repair.not_finite += 1;
                     }
                 }
             }

@@ -47,7 +47,10 @@ pub(super) fn fixed(
     // Before anything is made of that size: values alone take this many bytes a splat.
     let least: usize = Attribute::ALL.iter().map(|attribute| attribute.channels()).sum();
     if n.saturating_mul(least) as u64 > *room {
-        return Err(Splat4dError::Stream(format!("{} bytes do not hold {n} splats", section.len())));
+        return Err(Splat4dError::Stream(format!(
+            "{} bytes do not hold {n} splats",
+            section.len()
+        )));
     }
     let mut rest = section;
     let mut next = |index: usize| -> Result<Symbols, Splat4dError> {
@@ -252,7 +255,11 @@ impl Cursor {
     pub(super) fn put(&self, fixed: &Fixed, grids: &Grids, splats: &mut Splats) {
         let of = |attribute: Attribute| {
             let slot = attribute as usize;
-            (fixed.changing[slot].iter().map(|&row| row as usize), &self.bins[slot], grids.moving[slot])
+            (
+                fixed.changing[slot].iter().map(|&row| row as usize),
+                &self.bins[slot],
+                grids.moving[slot],
+            )
         };
         let (rows, bins, step) = of(Attribute::Pos);
         for (row, bins) in rows.zip(bins.as_chunks::<3>().0) {

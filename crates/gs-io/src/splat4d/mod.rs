@@ -68,7 +68,15 @@ pub struct Options {
 
 impl Default for Options {
     fn default() -> Self {
-        Self { tolerance: DEFAULT_TOLERANCE, scale: 0.02, rgb: 2, alpha: 2, rot: 0, gop: 30, up: None }
+        Self {
+            tolerance: DEFAULT_TOLERANCE,
+            scale: 0.02,
+            rgb: 2,
+            alpha: 2,
+            rot: 0,
+            gop: 30,
+            up: None,
+        }
     }
 }
 

@@ -28,6 +28,18 @@ pub enum Splat4dError {
     /// The header is cut off, no JSON of this schema, or does not fit the file.
     #[error("the header of this .splat4d is damaged: {0}")]
     Header(String),
+    /// A part ends after the end of the file.
+    #[error(
+        "this .splat4d is cut off: its {part} ends at byte {end}, the file at {found}; copy it again"
+    )]
+    Truncated {
+        /// Which part.
+        part: String,
+        /// Where it would end.
+        end: u64,
+        /// Bytes of the file.
+        found: usize,
+    },
     /// A stream does not hold what the header says.
     #[error("this .splat4d is damaged: {0}; copy the file again")]
     Stream(String),
@@ -131,8 +143,8 @@ pub fn read(bytes: Vec<u8>, damage: Damage) -> Result<Read, Splat4dError> {
     let header = header(&bytes)?;
     let n = header.n as usize;
     let grids = grids(&header.steps)?;
-    let section = within(&bytes, header.static_section.offset, header.static_section.len)
-        .ok_or_else(|| outside("static section"))?;
+    let Section { offset, len } = header.static_section;
+    let section = within(&bytes, offset, len, || "static section".to_owned())?;
     let spans = spans(&header, &bytes)?;
     let mut room = inflate::limit(section.len());
     let fixed = decode::fixed(&bytes[section], n, &grids, &mut room)?;
@@ -147,8 +159,11 @@ pub fn read(bytes: Vec<u8>, damage: Damage) -> Result<Read, Splat4dError> {
         cache: FrameCache::new(4),
     };
     let lost = scene.rows_without_rotation()?;
-    let repair =
-        RepairReport { rows: n, not_finite: 0, zero_quaternion: lost.iter().filter(|&&l| l).count() };
+    let repair = RepairReport {
+        rows: n,
+        not_finite: 0,
+        zero_quaternion: lost.iter().filter(|&&l| l).count(),
+    };
     if let Some(first) = lost.iter().position(|&lost| lost)
         && damage != Damage::Keep
     {
@@ -220,9 +235,13 @@ fn spans(header: &Header, bytes: &[u8]) -> Result<Vec<Span>, Splat4dError> {
                 gop.f0, gop.f1, header.t
             )));
         }
-        let bytes = within(bytes, gop.offset, gop.len)
-            .filter(|bytes| bytes.start >= free)
-            .ok_or_else(|| outside(&format!("group {index} of frames")))?;
+        let bytes = within(bytes, gop.offset, gop.len, || format!("group {index} of frames"))?;
+        if bytes.start < free {
+            return Err(Splat4dError::Header(format!(
+                "group {index} begins at byte {}, before the end of the last at {free}",
+                bytes.start
+            )));
+        }
         frame = gop.f1 + 1;
         free = bytes.end;
         spans.push(Span { bytes, frames: gop.f0 as usize..frame as usize });
@@ -236,17 +255,18 @@ fn spans(header: &Header, bytes: &[u8]) -> Result<Vec<Span>, Splat4dError> {
     Ok(spans)
 }
 
-fn outside(what: &str) -> Splat4dError {
-    Splat4dError::Header(format!(
-        "the {what} lies outside the file, which may be cut off: copy it again"
-    ))
-}
-
 /// The place of a part, if it lies in the file.
-fn within(bytes: &[u8], offset: u64, len: u64) -> Option<Range<usize>> {
-    let start = usize::try_from(offset).ok()?;
-    let end = start.checked_add(usize::try_from(len).ok()?)?;
-    (end <= bytes.len()).then_some(start..end)
+fn within(
+    bytes: &[u8],
+    offset: u64,
+    len: u64,
+    part: impl FnOnce() -> String,
+) -> Result<Range<usize>, Splat4dError> {
+    let end = offset.saturating_add(len);
+    match (usize::try_from(offset), usize::try_from(end)) {
+        (Ok(start), Ok(end)) if end <= bytes.len() => Ok(start..end),
+        _ => Err(Splat4dError::Truncated { part: part(), end, found: bytes.len() }),
+    }
 }
 
 impl Splat4dScene {

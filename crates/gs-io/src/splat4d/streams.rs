@@ -45,7 +45,9 @@ impl Head {
     ) -> Result<Symbols, Splat4dError> {
         let Self { attribute, kind, width, count, .. } = self;
         let damaged = |what: String| {
-            Splat4dError::Stream(format!("the stream of attribute {attribute}, kind {kind}, {what}"))
+            Splat4dError::Stream(format!(
+                "the stream of attribute {attribute}, kind {kind}, {what}"
+            ))
         };
         if ![1, 2, 4].contains(&width) {
             return Err(damaged(format!("has symbols of {width} bytes, expected 1, 2 or 4")));

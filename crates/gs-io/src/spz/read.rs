@@ -164,7 +164,12 @@ fn streams_4(bytes: &[u8], header: &Header) -> Result<[Vec<u8>; 6], FrameError> 
         let (source, after) = usize::try_from(packed)
             .ok()
             .and_then(|packed| rest.split_at_checked(packed))
-            .ok_or_else(|| truncated("a stream", u128::from(packed)))?;
+            .ok_or_else(|| FrameError::Truncated {
+                format: FORMAT,
+                part: "a stream",
+                expected: u128::from(packed),
+                found: rest.len() as u128,
+            })?;
         *stream =
             inflate::unzstd(source, length).map_err(|what| FrameError::damaged(FORMAT, what))?;
         rest = after;

@@ -25,7 +25,8 @@ impl Default for WriteOptions {
     }
 }
 
-/// Writes an SPZ frame and says what it does not keep. Scenes beyond ±2048 units get fewer bits of fraction, so that all of them fits.
+/// Writes an SPZ frame and says what it does not keep. Scenes beyond ±2048 units get fewer bits of fraction, so that all of
+/// them fits, but for floaters beyond ±32768.
 ///
 /// # Errors
 /// If the arrays of `splats` disagree, there are none or too many, or the version is another
@@ -81,12 +82,28 @@ fn write_4(mut header: Vec<u8>, parts: &[Vec<u8>; 6], out: &mut impl Write) -> i
     packed.iter().try_for_each(|(_, stream)| out.write_all(stream))
 }
 
-/// The most bits, up to the usual 12, with which all finite centres fit.
+/// Bits of fraction that are given up for splats far away, however few: 1/256 units are left.
+const LEAST_FOR_FEW: u8 = 8;
+/// Share of the splats, far away, that do not cost the others more bits than that: floaters.
+const FEW: f64 = 0.001;
+
+/// Whether a finite centre lies beyond what `bits` of fraction leave room for.
+fn is_beyond(mean: &[f32; 3], bits: u8) -> bool {
+    let scale = (1_u32 << bits) as f32;
+    mean.iter().any(|value| value.is_finite() && value.abs() * scale > MAX_FIXED)
+}
+
+/// The most bits, up to the usual 12, with which all centres fit; below [`LEAST_FOR_FEW`], all but a [`FEW`].
 fn fractional_bits(splats: &Splats) -> u8 {
-    let finite = splats.means.iter().flatten().filter(|value| value.is_finite());
-    let largest = finite.fold(0.0_f32, |largest, value| largest.max(value.abs()));
-    let fits = |bits: &u8| largest * (1_u32 << bits) as f32 <= MAX_FIXED;
-    (0..=FRACTIONAL_BITS).rev().find(fits).unwrap_or(0)
+    let beyond = |bits: u8| splats.means.iter().filter(|mean| is_beyond(mean, bits)).count();
+    let few = |count: usize| count as f64 <= FEW * splats.len() as f64;
+    (0..=FRACTIONAL_BITS)
+        .rev()
+        .find(|&bits| match beyond(bits) {
+            0 => true,
+            count => bits <= LEAST_FOR_FEW && few(count),
+        })
+        .unwrap_or(0)
 }
 
 fn parts(splats: &Splats, degree: usize, bits: u8) -> [Vec<u8>; 6] {
@@ -124,6 +141,13 @@ fn losses(splats: &Splats, degree: usize, bits: u8) -> Losses {
     losses.push(format!("positions are rounded by at most {half:.1e} units"));
     if bits < FRACTIONAL_BITS {
         losses.push(format!("the scene reaches beyond ±2048 units: positions have {bits} bits of fraction instead of {FRACTIONAL_BITS}, which some players do not expect; scale the scene down if one shows it wrong"));
+    }
+    let beyond = splats.means.iter().filter(|mean| is_beyond(mean, bits)).count();
+    if beyond > 0 {
+        losses.push(format!(
+            "{beyond} splats beyond ±{:.0} units are moved to there",
+            f64::from(MAX_FIXED) / f64::from(1_u32 << bits)
+        ));
     }
     losses
         .push("scales are within 3.2 %, rotations within 0.3°, colours and opacities have 8 bits");

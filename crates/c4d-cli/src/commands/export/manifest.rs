@@ -38,9 +38,21 @@ fn path_of(output: &Path) -> PathBuf {
     output.with_file_name(name)
 }
 
-/// Begins the manifest of `output`; one that exists is refused or replaced like the output itself.
+/// What kind of file it is.
+const KIND: &str = "sequence of 3D Gaussian frames";
+
+/// Whether a file is a manifest of ours.
+fn is_ours(path: &Path) -> bool {
+    let text = std::fs::read_to_string(path).unwrap_or_default();
+    serde_json::from_str::<serde_json::Value>(&text).is_ok_and(|found| found["kind"] == KIND)
+}
+
+/// Begins the manifest of `output`; one that exists is refused or replaced like the output itself. One of ours whose output is gone
+/// says nothing about anything, and is replaced.
 pub(super) fn create(output: &Path, existing: Existing) -> Outcome<Manifest> {
     let path = path_of(output);
+    let orphan = !output.exists() && is_ours(&path);
+    let existing = if orphan { Existing::Replace } else { existing };
     let file = AtomicFile::create(&path, existing).map_err(|error| match error {
         // Of two that exist, the one that was asked for.
         IoError::Exists { .. } if output.exists() => {
@@ -55,7 +67,7 @@ impl Manifest {
     /// Writes it.
     pub(super) fn write(mut self, content: &Content<'_>) -> Outcome {
         let text = json!({
-            "kind": "sequence of 3D Gaussian frames",
+            "kind": KIND,
             "writer": concat!("c4d ", env!("CARGO_PKG_VERSION")),
             "fps": content.fps,
             "num_frames": content.times.len(),

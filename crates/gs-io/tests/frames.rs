@@ -146,6 +146,23 @@ fn what_is_written_is_read_within_the_precision() {
     assert_eq!(read.format, FrameFormat::Splat, "found by its rows");
     assert_eq!(violations(&truth.with_sh_degree(0), &read, 1.0), (0, 300), ".splat");
     assert_eq!(read.splats.means, truth.means, "centres keep every bit");
+    // From the byte layout: three floats, three floats, RGBA, wxyz.
+    let byte = |value: f32| (value * 255.0).round().clamp(0.0, 255.0);
+    for (i, row) in bytes.as_chunks::<32>().0.iter().enumerate() {
+        let float = |k: usize| f32::from_le_bytes(row[4 * k..4 * k + 4].try_into().unwrap());
+        let q = gs_core::quat::normalize(truth.quats[i]);
+        for k in 0..3 {
+            assert_eq!(float(k).to_bits(), truth.means[i][k].to_bits(), "centre");
+            let size = truth.log_scales[i][k].exp();
+            assert!((float(3 + k) / size - 1.0).abs() < 1e-6, "linear size");
+            let color = byte(0.5 + gs_core::sh::C0 * truth.sh_of(i)[0][k]);
+            assert!((f32::from(row[24 + k]) - color).abs() <= 1.0, "colour");
+        }
+        assert!((f32::from(row[27]) - byte(truth.opacity(i))).abs() <= 1.0, "opacity");
+        let stored = [0, 1, 2, 3].map(|k| (f32::from(row[28 + k]) - 128.0) / 128.0);
+        let off = gs_core::quat::align(q, stored);
+        assert!((0..4).all(|k| (off[k] - stored[k]).abs() < 0.01), "rotation {off:?} {stored:?}");
+    }
 }
 
 /// SPZ from its byte layout alone: `(means, log_scales, opacities, dc, sh[1])` in the frame of the file.

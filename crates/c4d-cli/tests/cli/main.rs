@@ -8,6 +8,7 @@ mod exports;
 mod formats;
 mod gpu;
 mod html;
+mod images;
 mod main_job;
 mod support;
 mod swift4d;

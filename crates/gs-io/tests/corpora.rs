@@ -65,4 +65,8 @@ fn kept_inputs_still_pass() {
             run(&input);
         }
     }
+    // What targets that read from disk leave behind.
+    let left = |name: &str| std::env::temp_dir().join(format!("{name}{}", std::process::id()));
+    std::fs::remove_file(left("gs-io-fuzz-").with_added_extension("zip")).unwrap();
+    std::fs::remove_dir_all(left("gs-io-fuzz-swift4d-")).unwrap();
 }

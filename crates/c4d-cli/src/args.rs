@@ -32,7 +32,7 @@ pub(crate) struct Cli {
     reason = "flags of a command line are independent switches"
 )]
 pub(crate) struct Global {
-    /// Replace existing output (only output of c4d; anything else is never touched)
+    /// Replace an existing file, or a folder that holds nothing but output of c4d
     #[arg(short = 'w', long, global = true)]
     pub(crate) overwrite: bool,
     /// Say nothing but warnings and errors
@@ -84,7 +84,7 @@ pub(crate) enum Command {
     Refine(RefineArgs),
     /// Render images or a video
     Render(RenderArgs),
-    /// Write frames that other tools open, or a page that plays
+    /// Write frames and clips that other tools open, or a page that plays in any browser
     Export(ExportArgs),
     /// Make a synthetic scene, edit it, propagate the edit and render both: the whole job without any input
     Demo(DemoArgs),

@@ -27,13 +27,12 @@ class Stage {
     this.rows = rows;
     // Where the playhead was, per mover: times mostly go forward.
     this.cursors = {};
+    // What the movers are at the time at hand.
+    this.now = {};
     for (const [name, attribute] of Object.entries(attributes)) {
       this.cursors[name] = attribute.first.slice(0, attribute.movers.length);
-      const value = new Float64Array(attribute.channels);
-      for (let row = 0; row < attribute.rows; row++) {
-        for (let c = 0; c < value.length; c++) value[c] = attribute.base[row * value.length + c];
-        this.write(name, row, value);
-      }
+      this.now[name] = new Float64Array(attribute.movers.length * attribute.channels);
+      this.write(name, Uint32Array.from({ length: attribute.rows }, (_, row) => row), Float64Array.from(attribute.base));
     }
     this.moving = {
       geometry: this.movingLines("geometry", this.geometry),
@@ -58,36 +57,54 @@ class Stage {
     return stretches;
   }
 
-  /** Puts a row's value, in steps, where the shader finds it. */
-  write(name, row, value) {
-    const { step } = this.attributes[name];
+  /** Puts the values of rows, in steps, where the shader finds them. */
+  write(name, rows, values) {
+    const { step, channels } = this.attributes[name];
     const geometry = this.geometry.data, look = this.look.data;
-    const g = row * GEOMETRY_TEXELS * 4, l = row * this.look.texels * 4;
+    const toGeometry = GEOMETRY_TEXELS * 4, toLook = this.look.texels * 4;
+    const count = rows.length;
     switch (name) {
-      case "position":
-        for (let c = 0; c < 3; c++) geometry[g + c] = this.header.origin[c] + value[c] * step;
-        break;
-      case "rotation": {
-        const w = value[0], x = value[1], y = value[2], z = value[3];
-        const scale = 1 / Math.max(1e-12, Math.sqrt(w * w + x * x + y * y + z * z));
-        geometry[g + 4] = x * scale;
-        geometry[g + 5] = y * scale;
-        geometry[g + 6] = z * scale;
-        geometry[g + 7] = w * scale;
+      case "position": {
+        const [x, y, z] = this.header.origin;
+        for (let i = 0, v = 0; i < count; i++, v += 3) {
+          const at = rows[i] * toGeometry;
+          geometry[at] = x + values[v] * step;
+          geometry[at + 1] = y + values[v + 1] * step;
+          geometry[at + 2] = z + values[v + 2] * step;
+        }
         break;
       }
+      case "rotation":
+        for (let i = 0, v = 0; i < count; i++, v += 4) {
+          const at = rows[i] * toGeometry;
+          const w = values[v], x = values[v + 1], y = values[v + 2], z = values[v + 3];
+          const scale = 1 / Math.max(1e-12, Math.sqrt(w * w + x * x + y * y + z * z));
+          geometry[at + 4] = x * scale;
+          geometry[at + 5] = y * scale;
+          geometry[at + 6] = z * scale;
+          geometry[at + 7] = w * scale;
+        }
+        break;
       case "scale":
-        for (let c = 0; c < 3; c++) geometry[g + 8 + c] = Math.exp(value[c] * step);
+        for (let i = 0, v = 0; i < count; i++) {
+          const at = rows[i] * toGeometry + 8;
+          for (let c = 0; c < 3; c++, v++) geometry[at + c] = Math.exp(values[v] * step);
+        }
         break;
       case "opacity":
-        look[l + 3] = value[0] * step;
+        for (let i = 0; i < count; i++) look[rows[i] * toLook + 3] = values[i] * step;
         break;
       case "color":
-        for (let c = 0; c < 3; c++) look[l + c] = value[c] * step;
+        for (let i = 0, v = 0; i < count; i++) {
+          const at = rows[i] * toLook;
+          for (let c = 0; c < 3; c++, v++) look[at + c] = values[v] * step;
+        }
         break;
       case "shading":
-        for (let k = 0, texel = l + 4; k < value.length; k += 3, texel += 4) {
-          for (let c = 0; c < 3; c++) look[texel + c] = value[k + c] * step;
+        for (let i = 0, v = 0; i < count; i++) {
+          for (let k = 0, texel = rows[i] * toLook + 4; k < channels; k += 3, texel += 4) {
+            for (let c = 0; c < 3; c++, v++) look[texel + c] = values[v] * step;
+          }
         }
         break;
     }
@@ -95,24 +112,26 @@ class Stage {
 
   /** Moves everything to `time`, in frames, fractions included. */
   seek(time) {
-    for (const [name, attribute] of Object.entries(this.attributes)) {
-      const { channels, movers, first, knotFrames, values } = attribute;
-      const cursors = this.cursors[name];
-      const value = new Float64Array(channels);
-      for (let mover = 0; mover < movers.length; mover++) {
-        const last = first[mover + 1] - 1;
-        let knot = cursors[mover];
-        while (knot < last && knotFrames[knot + 1] <= time) knot++;
-        while (knot > first[mover] && knotFrames[knot] > time) knot--;
-        cursors[mover] = knot;
-        const a = knot * channels;
-        if (knot === last) {
-          for (let c = 0; c < channels; c++) value[c] = values[a + c];
-        } else {
-          const share = (time - knotFrames[knot]) / (knotFrames[knot + 1] - knotFrames[knot]);
-          for (let c = 0; c < channels; c++) value[c] = values[a + c] + (values[a + channels + c] - values[a + c]) * share;
-        }
-        this.write(name, movers[mover], value);
+    for (const name of Object.keys(this.attributes)) {
+      this.evaluate(this.attributes[name], this.cursors[name], time, this.now[name]);
+      this.write(name, this.attributes[name].movers, this.now[name]);
+    }
+  }
+
+  /** The values of an attribute's movers at `time`, in steps. */
+  evaluate({ channels, movers, first, knotFrames, values }, cursors, time, out) {
+    for (let mover = 0, at = 0; mover < movers.length; mover++) {
+      const last = first[mover + 1] - 1;
+      let knot = cursors[mover];
+      while (knot < last && knotFrames[knot + 1] <= time) knot++;
+      while (knot > first[mover] && knotFrames[knot] > time) knot--;
+      cursors[mover] = knot;
+      const a = knot * channels;
+      if (knot === last) {
+        for (let c = 0; c < channels; c++) out[at++] = values[a + c];
+      } else {
+        const share = (time - knotFrames[knot]) / (knotFrames[knot + 1] - knotFrames[knot]);
+        for (let c = 0; c < channels; c++) out[at++] = values[a + c] + (values[a + channels + c] - values[a + c]) * share;
       }
     }
   }

@@ -289,6 +289,7 @@ fn what_is_written_is_a_scene_again() {
         assert_eq!((read.fps, read.up, read.repair.damaged()), (24.0, options.up, 0), "notes");
         let clip = &read.scene;
         assert_eq!((clip.num_splats(), clip.num_frames(), clip.sh_degree()), (333, Some(40), 0));
+        assert!(clip.fades(), "opacities change");
         let times = clip.time_range().frames(40);
         // Forwards, then backwards and across groups of frames.
         for f in (0..40).chain([39, 3, 17, 16, 29, 0]) {
@@ -440,6 +441,8 @@ fn what_stands_still_is_stored_once() {
     assert_eq!(many.moving, 0, "nothing moves");
     let (_, frames) = decode(&dir.path().join("clip.splat4d"));
     assert_eq!(frames[0], frames[89], "the same in every frame");
+    let read = splat4d::open(dir.path().join("clip.splat4d"), Damage::Fail).unwrap().scene;
+    assert!(!read.fades(), "opacities stay");
 }
 
 #[test]

@@ -1,6 +1,7 @@
 //! `.splat4d` files as scenes.
 
 use super::decode::{self, Cursor, Fixed, Grids};
+use super::value::Attribute;
 use crate::error::{IoError, read_bytes};
 use crate::frame_cache::FrameCache;
 use crate::inflate;
@@ -274,7 +275,7 @@ impl Splat4dScene {
     fn rows_without_rotation(&self) -> Result<Vec<bool>, Splat4dError> {
         let changing = &self.fixed.changing;
         let mut lost: Vec<bool> = self.fixed.base.quats.iter().map(|q| *q == [0.0; 4]).collect();
-        let turning = &changing[super::value::Attribute::Rot as usize];
+        let turning = &changing[Attribute::Rot as usize];
         for &row in turning {
             lost[row as usize] = false;
         }
@@ -370,5 +371,9 @@ impl DynamicScene for Splat4dScene {
 
     fn geometry_into(&self, t: f32, out: &mut Splats) -> Result<(), SceneError> {
         self.evaluate(t, true, out)
+    }
+
+    fn fades(&self) -> bool {
+        !self.fixed.changing[Attribute::Alpha as usize].is_empty()
     }
 }

@@ -4,6 +4,7 @@ use crate::AmgError;
 use crate::coherence::keep_coherent;
 use crate::keyframes::KeyFrames;
 use crate::options::{DynamicOverride, DynamicParams};
+use crate::pose;
 
 /// The source, split into what moves and what does not.
 ///
@@ -19,7 +20,7 @@ pub struct DynamicSplit {
     pub dynamic: Vec<bool>,
     /// Displacement from which a splat counted as moving, world units; 0 when a mask decided.
     pub threshold: f64,
-    /// Largest edge of the box between the 1st and 99th percentile of the dynamic splats at the edit frame, world units.
+    /// Diameter of the ball about the mean of the dynamic splats that holds 92 % of them, at the edit frame, world units.
     pub figure_size: f64,
 }
 
@@ -80,18 +81,10 @@ fn amplitudes(keys: &KeyFrames) -> Vec<f64> {
         .collect()
 }
 
-/// Largest edge of the box between the 1st and 99th percentile per axis: one floater does not change it.
+/// Size of what `of` picks, see [`pose::size`].
 fn extent(keys: &KeyFrames, of: impl Fn(usize) -> bool) -> f64 {
-    let rows: Vec<usize> = (0..keys.at_edit.len()).filter(|&i| !keys.broken[i] && of(i)).collect();
-    if rows.is_empty() {
-        return 0.0;
-    }
-    (0..3).fold(0.0_f64, |largest, axis| {
-        let mut values: Vec<f32> = rows.iter().map(|&i| keys.at_edit.means[i][axis]).collect();
-        values.sort_unstable_by(f32::total_cmp);
-        let at = |share: f64| f64::from(values[quantile_index(values.len(), share)]);
-        largest.max(at(0.99) - at(0.01))
-    })
+    let rows = (0..keys.at_edit.len()).filter(|&i| !keys.broken[i] && of(i));
+    pose::size(&rows.map(|i| keys.at_edit.means[i].map(f64::from)).collect::<Vec<_>>())
 }
 
 #[expect(

@@ -19,6 +19,7 @@ mod keyframes;
 mod knn;
 mod options;
 mod paper;
+mod pose;
 mod propagate;
 mod report;
 mod rigid;

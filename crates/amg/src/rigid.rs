@@ -92,34 +92,40 @@ impl RigidFit {
     }
 }
 
-/// Unit eigenvector of the largest eigenvalue of a symmetric matrix, by cyclic Jacobi rotations.
-fn largest_eigenvector(mut a: [[f64; 4]; 4]) -> [f64; 4] {
-    let mut v = [[0.0; 4]; 4];
+/// Unit eigenvector of the largest eigenvalue of a symmetric matrix.
+fn largest_eigenvector(a: [[f64; 4]; 4]) -> [f64; 4] {
+    let (values, v) = eigen(a);
+    let best = (1..4).fold(0, |best, i| if values[i] > values[best] { i } else { best });
+    quat::normalize([v[0][best], v[1][best], v[2][best], v[3][best]])
+}
+
+/// Eigenvalues and eigenvectors (columns) of a symmetric matrix, by cyclic Jacobi rotations.
+pub(crate) fn eigen<const N: usize>(mut a: [[f64; N]; N]) -> ([f64; N], [[f64; N]; N]) {
+    let mut v = [[0.0; N]; N];
     for (i, row) in v.iter_mut().enumerate() {
         row[i] = 1.0;
     }
     let total: f64 = a.iter().flatten().map(|x| x * x).sum();
     for _ in 0..12 {
         let mut off = 0.0;
-        for i in 0..4 {
-            for j in i + 1..4 {
+        for i in 0..N {
+            for j in i + 1..N {
                 off += a[i][j] * a[i][j];
             }
         }
         if off <= 1e-30 * total {
             break;
         }
-        for p in 0..4 {
-            for q in p + 1..4 {
+        for p in 0..N {
+            for q in p + 1..N {
                 jacobi_rotate(&mut a, &mut v, p, q);
             }
         }
     }
-    let best = (1..4).fold(0, |best, i| if a[i][i] > a[best][best] { i } else { best });
-    quat::normalize([v[0][best], v[1][best], v[2][best], v[3][best]])
+    (std::array::from_fn(|i| a[i][i]), v)
 }
 
-fn jacobi_rotate(a: &mut [[f64; 4]; 4], v: &mut [[f64; 4]; 4], p: usize, q: usize) {
+fn jacobi_rotate<const N: usize>(a: &mut [[f64; N]; N], v: &mut [[f64; N]; N], p: usize, q: usize) {
     if a[p][q] == 0.0 {
         return;
     }
@@ -131,7 +137,7 @@ fn jacobi_rotate(a: &mut [[f64; 4]; 4], v: &mut [[f64; 4]; 4], p: usize, q: usiz
     for row in a.iter_mut() {
         (row[p], row[q]) = (c * row[p] - s * row[q], s * row[p] + c * row[q]);
     }
-    for i in 0..4 {
+    for i in 0..N {
         (a[p][i], a[q][i]) = (c * a[p][i] - s * a[q][i], s * a[p][i] + c * a[q][i]);
     }
     for row in v.iter_mut() {

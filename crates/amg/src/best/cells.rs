@@ -6,6 +6,8 @@
 use super::cloud::{Cloud, Companions, FADED};
 use super::surface::thin_axis;
 use crate::keyframes::KeyFrames;
+use crate::pose::Pose;
+use crate::rigid::sub;
 use gs_core::{Real, quat};
 use rayon::prelude::*;
 
@@ -15,7 +17,7 @@ const MIN_COMPANION: f64 = 0.5;
 /// Cells of the usable, non-floating sources. "Point" is a position in `ids`.
 #[derive(Debug)]
 pub(super) struct Cells {
-    /// Source rows of all points, in canonical order.
+    /// Source rows of all points, from the inside out.
     pub(super) ids: Vec<usize>,
     /// Centres of all points.
     pub(super) means: Vec<[f64; 3]>,
@@ -31,8 +33,8 @@ pub(super) struct Cells {
 }
 
 /// The usable sources as a cloud. Those that do not move are where they were: what they show is noise.
-fn dense_cloud(keys: &KeyFrames, ids: &[usize], dynamic: &[bool]) -> Cloud {
-    let pick = |means: &[[f32; 3]], i: usize| means[i].map(f64::from);
+fn dense_cloud(keys: &KeyFrames, ids: &[usize], dynamic: &[bool], origin: [f64; 3]) -> Cloud {
+    let pick = |means: &[[f32; 3]], i: usize| sub(means[i].map(f64::from), origin);
     // Still splats are where they were, seen or not.
     let seen_at =
         |k: usize| ids.iter().map(|&i| if dynamic[i] { keys.seen(k, i) } else { 1.0 }).collect();
@@ -61,14 +63,21 @@ pub(super) fn opacity_weight(keys: &KeyFrames, i: usize) -> f64 {
 }
 
 impl Cells {
-    /// Groups the sources `ids` (canonical order) in cubes of edge `size`.
-    pub(super) fn of(keys: &KeyFrames, ids: Vec<usize>, dynamic: &[bool], size: f64) -> Self {
-        let dense = dense_cloud(keys, &ids, dynamic);
+    /// Groups the sources `ids` (from the inside out) in cubes of edge `size` along the axes of `pose`. Everything is about its
+    /// origin.
+    pub(super) fn of(
+        keys: &KeyFrames,
+        ids: Vec<usize>,
+        dynamic: &[bool],
+        pose: &Pose,
+        size: f64,
+    ) -> Self {
+        let dense = dense_cloud(keys, &ids, dynamic, pose.origin);
         let companions = Companions::of(&dense);
         let floater = companions.floaters(&dense);
         let normals: Vec<[f64; 3]> =
             ids.par_iter().with_min_len(256).map(|&i| thin_axis(&keys.at_edit, i)).collect();
-        let members = group(&dense, &companions, &floater, &normals, size);
+        let members = group(&dense, &companions, &floater, &normals, pose, size);
         let mut cell_of = vec![u32::MAX; ids.len()];
         for (cell, points) in members.iter().enumerate() {
             for &point in points {
@@ -91,17 +100,15 @@ fn group(
     companions: &Companions,
     floater: &[bool],
     normals: &[[f64; 3]],
+    pose: &Pose,
     size: f64,
 ) -> Vec<Vec<u32>> {
     let num = dense.len();
     let typical = companions.typical_spacing(dense);
     // Sparse clouds stay as they are: merging two of their splats would lose more than it steadies.
     let edge = if 1.5 * typical < size { size } else { 0.0 };
-    let corner = dense
-        .means
-        .iter()
-        .fold([f64::INFINITY; 3], |m, x| [m[0].min(x[0]), m[1].min(x[1]), m[2].min(x[2])]);
-    let cube = |i: usize| [0, 1, 2].map(|a| ((dense.means[i][a] - corner[a]) / edge).floor());
+    // Rounded, the lattice is its own mirror image: signs and order of the axes do not matter.
+    let cube = |i: usize| pose.along(dense.means[i]).map(|c| (c / edge).round());
     let mut root: Vec<usize> = (0..num).collect();
     if edge > 0.0 {
         for i in 0..num {

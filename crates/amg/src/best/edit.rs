@@ -3,6 +3,7 @@
 use super::surface::thin_axis;
 use crate::identity::{Identity, IdentityMap};
 use crate::keyframes::KeyFrames;
+use crate::rigid::sub;
 use anchors::KdTree;
 use gs_core::Splats;
 use rayon::prelude::*;
@@ -11,6 +12,7 @@ use std::collections::HashMap;
 /// Edited splats in canonical order.
 #[derive(Debug)]
 pub(super) struct Edit {
+    /// Centres, about the scene's origin.
     pub(super) means: Vec<[f64; 3]>,
     /// Thin axes times flatness, sign arbitrary.
     pub(super) axes: Vec<[f64; 3]>,
@@ -28,6 +30,7 @@ impl Edit {
         edited: &Splats,
         rows: &[usize],
         identity: &IdentityMap,
+        origin: [f64; 3],
     ) -> Self {
         let source = &keys.at_edit;
         let mut point_of = vec![None; source.len()];
@@ -45,7 +48,7 @@ impl Edit {
             by_centre.or_else(|| shapes.get(&shape_bits(edited, row)).copied().flatten())
         };
         Self {
-            means: rows.iter().map(|&row| edited.means[row].map(f64::from)).collect(),
+            means: rows.iter().map(|&row| sub(edited.means[row].map(f64::from), origin)).collect(),
             axes: rows.par_iter().with_min_len(256).map(|&row| thin_axis(edited, row)).collect(),
             lineage: rows.iter().map(lineage).collect(),
             exact: rows.iter().map(exact).collect(),

@@ -23,16 +23,20 @@ mod support;
 mod surface;
 
 use crate::binding::RowKind;
+use crate::keyframes::KeyFrames;
 use crate::options::BestParams;
+use crate::pose::Pose;
 use crate::propagate::{Progress, Row, Work};
 use crate::report::MotionReport;
+use crate::rigid::{dot, sub};
 use anchors::KdTree;
 use cells::Cells;
 use cloud::Companions;
 use edit::Edit;
-use gs_core::Real;
+use gs_core::{Real, Splats};
 use motion::CellMotion;
 use rayon::prelude::*;
+use std::cmp::Ordering;
 
 /// Edge of a cell, share of the figure.
 const CELL: f64 = 0.02;
@@ -54,8 +58,8 @@ pub(crate) fn bind(
     progress: Progress<'_>,
 ) -> (Vec<Row>, f64) {
     let keys = work.keys;
-    let ids =
-        canonical((0..keys.at_edit.len()).filter(|&i| !keys.broken[i]).collect(), &keys.at_edit);
+    let usable = (0..keys.at_edit.len()).filter(|&i| !keys.broken[i]).collect();
+    let (ids, pose) = sources(usable, keys, &work.split.dynamic);
     let size = work.split.figure_size;
     if ids.is_empty() || report.num_dynamic == 0 {
         return (vec![(RowKind::Static, Vec::new()); work.open.len()], 1.0);
@@ -66,9 +70,9 @@ pub(crate) fn bind(
         report.timings.push((name, clock.elapsed().as_secs_f64()));
         clock = std::time::Instant::now();
     };
-    let order = canonical(involved, work.edited);
+    let order = outwards(lexicographic(involved, work.edited, &[]), work.edited, &pose);
     progress("cells", 0.0);
-    let cells = Cells::of(keys, ids, &work.split.dynamic, CELL * size);
+    let cells = Cells::of(keys, ids, &work.split.dynamic, &pose, CELL * size);
     report.num_floaters = cells.num_floaters;
     report.num_parts = cells.members.len();
     if cells.members.is_empty() {
@@ -83,7 +87,7 @@ pub(crate) fn bind(
     surface::orient(&cells.cloud, &companions, &mut normals);
     lap("cells", report);
     progress("choices", 0.0);
-    let edit = Edit::of(keys, &cells.ids, work.edited, &order, work.identity);
+    let edit = Edit::of(keys, &cells.ids, work.edited, &order, work.identity, pose.origin);
     let tolerance = (SAME_MOTION * size).max(4.0 * companions.noise).as_f32();
     let (near, mut choices) = modes::collect(&cells, &motion, &normals, &edit, tolerance);
     offsets::rate(&cells, &companions, &motion, &mut choices, size);
@@ -172,15 +176,43 @@ pub(crate) fn bind(
     (rows, motion.rotation_trust)
 }
 
-/// Rows in an order that depends on what the splats are, not on how the file lists them.
-fn canonical(mut rows: Vec<usize>, splats: &gs_core::Splats) -> Vec<usize> {
-    let compare =
-        |a: &[f32], b: &[f32]| a.iter().zip(b).map(|(x, y)| x.total_cmp(y)).find(|o| o.is_ne());
+/// Usable sources from the inside out, and the frame of those that move.
+fn sources(usable: Vec<usize>, keys: &KeyFrames, dynamic: &[bool]) -> (Vec<usize>, Pose) {
+    let ids = lexicographic(usable, &keys.at_edit, &keys.means);
+    let moving = ids.iter().filter(|&&i| dynamic[i]);
+    let pose = Pose::of(&moving.map(|&i| keys.at_edit.means[i].map(f64::from)).collect::<Vec<_>>());
+    (outwards(ids, &keys.at_edit, &pose), pose)
+}
+
+fn compare(a: &[f32], b: &[f32]) -> Ordering {
+    let unlike = a.iter().zip(b).map(|(x, y)| x.total_cmp(y)).find(|order| order.is_ne());
+    unlike.unwrap_or(Ordering::Equal)
+}
+
+/// Rows in an order that depends on what the splats are, `later` too, not on how the file lists them.
+fn lexicographic(mut rows: Vec<usize>, splats: &Splats, later: &[Vec<[f32; 3]>]) -> Vec<usize> {
     rows.par_sort_by(|&a, &b| {
         compare(&splats.means[a], &splats.means[b])
-            .or_else(|| compare(&splats.quats[a], &splats.quats[b]))
-            .or_else(|| compare(&splats.log_scales[a], &splats.log_scales[b]))
-            .unwrap_or(std::cmp::Ordering::Equal)
+            .then_with(|| compare(&splats.quats[a], &splats.quats[b]))
+            .then_with(|| compare(&splats.log_scales[a], &splats.log_scales[b]))
+            .then_with(|| splats.opacity_logits[a].total_cmp(&splats.opacity_logits[b]))
+            .then_with(|| {
+                let mut parted = later.iter().map(|means| compare(&means[a], &means[b]));
+                parted.find(|order| order.is_ne()).unwrap_or(Ordering::Equal)
+            })
     });
     rows
+}
+
+/// Rows by their distance from the origin: an order that a rigid motion or a scale of the scene leaves as it is.
+fn outwards(rows: Vec<usize>, splats: &Splats, pose: &Pose) -> Vec<usize> {
+    let mut keyed: Vec<(f64, usize)> = rows
+        .into_iter()
+        .map(|row| {
+            let d = sub(splats.means[row].map(f64::from), pose.origin);
+            (dot(d, d), row)
+        })
+        .collect();
+    keyed.par_sort_by(|a, b| a.0.total_cmp(&b.0));
+    keyed.into_iter().map(|(_, row)| row).collect()
 }

@@ -1,0 +1,72 @@
+//! Where a cloud lies, how large it is and how it is turned, told by the cloud itself.
+//!
+//! Whatever needs an origin, an order, a length or axes takes them from here, so that results do not depend on where the scene lies,
+//! how it is turned and how large it is.
+
+use crate::dynamics::quantile_index;
+use crate::rigid::{dot, eigen, sub};
+
+/// Share of the points within the radius that counts as the cloud's. With it, the size of most things is about the longest edge
+/// of their box, and one floater in twenty does not change it.
+const INSIDE: f64 = 0.92;
+
+/// A cloud's own frame.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Pose {
+    /// Mean of the points.
+    pub(crate) origin: [f64; 3],
+    /// Principal axes, unit; signs and order are arbitrary.
+    axes: [[f64; 3]; 3],
+}
+
+impl Pose {
+    pub(crate) fn of(points: &[[f64; 3]]) -> Self {
+        let origin = centroid(points);
+        let mut moments = [[0.0; 3]; 3];
+        for &x in points {
+            let d = sub(x, origin);
+            for a in 0..3 {
+                for b in 0..3 {
+                    moments[a][b] += d[a] * d[b];
+                }
+            }
+        }
+        let (_, columns) = eigen(moments);
+        let axes = [0, 1, 2].map(|axis| [0, 1, 2].map(|a| columns[a][axis]));
+        Self { origin, axes }
+    }
+
+    /// `x`, relative to the origin, along the cloud's axes.
+    pub(crate) fn along(&self, x: [f64; 3]) -> [f64; 3] {
+        self.axes.map(|axis| dot(axis, x))
+    }
+}
+
+/// Diameter of the ball about the cloud's mean that holds 92 % of the points; 0 of none. About the height of a standing figure.
+pub(crate) fn size(points: &[[f64; 3]]) -> f64 {
+    if points.is_empty() {
+        return 0.0;
+    }
+    let origin = centroid(points);
+    let mut squares: Vec<f64> = points
+        .iter()
+        .map(|&x| {
+            let d = sub(x, origin);
+            dot(d, d)
+        })
+        .collect();
+    let rank = quantile_index(squares.len(), INSIDE);
+    2.0 * squares.select_nth_unstable_by(rank, f64::total_cmp).1.sqrt()
+}
+
+fn centroid(points: &[[f64; 3]]) -> [f64; 3] {
+    // About the first point: sums of coordinates far from the origin would lose digits.
+    let Some(&first) = points.first() else { return [0.0; 3] };
+    let mut sum = [0.0; 3];
+    for &x in points {
+        for a in 0..3 {
+            sum[a] += x[a] - first[a];
+        }
+    }
+    [0, 1, 2].map(|a| first[a] + sum[a] / points.len() as f64)
+}

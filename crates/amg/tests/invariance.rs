@@ -1,0 +1,179 @@
+//! The default does not depend on where the scene lies, how it is turned, how large it is and in which order files list splats.
+#![allow(
+    clippy::unwrap_used,
+    clippy::cast_possible_truncation,
+    clippy::cast_precision_loss,
+    reason = "helpers of tests may fail loudly; single precision is what is tested"
+)]
+
+mod common;
+
+use amg::{MotionOptions, propagate};
+use common::{Table, golden_edit, golden_source};
+use gs_core::{DynamicScene, Splats, quat};
+use gs_synth::TruthCase;
+use proptest::array::{uniform3, uniform4};
+use proptest::prelude::*;
+use proptest::test_runner::{Config, RngSeed, TestRunner};
+use std::sync::Arc;
+
+#[derive(Debug, Clone, Copy)]
+struct Placement {
+    turn: [f32; 4],
+    scale: f32,
+    /// In sizes of the scaled figure.
+    shift: [f32; 3],
+}
+
+impl Placement {
+    fn of(&self, splats: &Splats, size: f64) -> Splats {
+        let mut out = splats.clone();
+        let shift = self.shift.map(|s| f64::from(s) * size * f64::from(self.scale));
+        let turn = quat::normalize(self.turn.map(f64::from));
+        for mean in &mut out.means {
+            let turned = quat::rotate(turn, mean.map(f64::from));
+            *mean = [0, 1, 2].map(|a| (f64::from(self.scale) * turned[a] + shift[a]) as f32);
+        }
+        for rotation in &mut out.quats {
+            *rotation = quat::mul(turn, rotation.map(f64::from)).map(|c| c as f32);
+        }
+        for log_scale in &mut out.log_scales {
+            *log_scale = log_scale.map(|s| s + self.scale.ln());
+        }
+        out
+    }
+}
+
+/// A scene, an edit of its first frame, and the size of what moves.
+struct Case {
+    name: String,
+    source: Table,
+    edited: Splats,
+    size: f64,
+}
+
+fn golden(name: &str) -> Case {
+    let (source, size) = golden_source();
+    Case { name: name.to_owned(), source, edited: golden_edit(name).splats, size }
+}
+
+fn synthetic(case: TruthCase, num_splats: usize) -> Case {
+    let scene = gs_synth::build(case, 0, num_splats).unwrap();
+    let times = scene.source.time_range().frames(7);
+    Case {
+        name: case.name().to_owned(),
+        source: Table::new(times.iter().map(|&t| scene.source.at(t).unwrap()).collect()),
+        edited: scene.edited.splats,
+        size: f64::from(scene.figure_size),
+    }
+}
+
+/// The edit at every frame.
+fn carried(source: &Table, edited: &Splats) -> Vec<Splats> {
+    let options = MotionOptions::default();
+    let found = propagate(Arc::new(source.clone()), Arc::new(edited.clone()), &options, &|_, _| {})
+        .unwrap();
+    let times = source.time_range().frames(source.frames.len());
+    times.iter().map(|&t| found.scene.at(t).unwrap()).collect()
+}
+
+/// Splats that are anywhere more than `limit` apart.
+fn strays(a: &[Splats], b: &[Splats], limit: f64) -> usize {
+    let apart = |a: [f32; 3], b: [f32; 3]| {
+        let d = [0, 1, 2].map(|k| f64::from(a[k]) - f64::from(b[k]));
+        d.iter().map(|d| d * d).sum::<f64>().sqrt() > limit
+    };
+    (0..a[0].len()).filter(|&i| a.iter().zip(b).any(|(a, b)| apart(a.means[i], b.means[i]))).count()
+}
+
+/// How many splats end more than 1e-4 of the figure from where `placed` takes the result of the scene as it is, if source and
+/// edit are placed so before.
+fn misplaced(case: &Case, here: &[Splats], placed: Placement, edit: Placement) -> usize {
+    let Case { source, edited, size, .. } = case;
+    let all = |frames: &[Splats]| frames.iter().map(|f| placed.of(f, *size)).collect::<Vec<_>>();
+    let there = carried(&Table::new(all(&source.frames)), &edit.of(edited, *size));
+    strays(&there, &all(here), 1e-4 * size * f64::from(placed.scale))
+}
+
+/// Scales from a thousandth to a thousand, any rotation, up to ten figures off the origin. Rounding moves a splat in a thousand
+/// across the line between two decisions: none, one or two here.
+#[test]
+fn placing_the_scene_places_the_result() {
+    let cases = [
+        golden("all"),
+        golden("graft"),
+        synthetic(TruthCase::Everything, 2500),
+        synthetic(TruthCase::GraftBlock, 2500),
+        synthetic(TruthCase::StretchingCloth, 1500),
+    ];
+    let mut runner = TestRunner::new(Config {
+        cases: 4,
+        rng_seed: RngSeed::Fixed(11),
+        failure_persistence: None,
+        ..Config::default()
+    });
+    let placements = (uniform4(-1.0_f32..1.0), -3.0_f32..3.0, uniform3(-10.0_f32..10.0)).prop_map(
+        |(turn, decades, shift)| Placement { turn, scale: 10.0_f32.powf(decades), shift },
+    );
+    for case in &cases {
+        let here = carried(&case.source, &case.edited);
+        runner
+            .run(&placements, |placed| {
+                let strays = misplaced(case, &here, placed, placed);
+                let allowed = case.edited.len() / 1000;
+                prop_assert!(strays <= allowed, "{}: {strays} splats, {placed:?}", case.name);
+                Ok(())
+            })
+            .unwrap();
+    }
+}
+
+/// Negative control: an edit that is 0.5 % larger than the scene it belongs to is another edit.
+#[test]
+fn placing_the_edit_otherwise_is_noticed() {
+    let case = golden("all");
+    let here = carried(&case.source, &case.edited);
+    let placed = Placement { turn: [0.5, -0.3, 0.5, 0.2], scale: 3.0, shift: [1.0, 2.0, 3.0] };
+    let other = Placement { scale: 3.015, ..placed };
+    let strays = misplaced(&case, &here, placed, other);
+    assert!(strays > case.edited.len() / 2, "{strays} of {}", case.edited.len());
+}
+
+/// A thousand figures off the origin, coordinates themselves are rounded to 1e-4 of the figure.
+#[test]
+fn far_from_the_origin_only_coordinates_lose_digits() {
+    let case = golden("all");
+    let here = carried(&case.source, &case.edited);
+    let placed = Placement { turn: [0.5, -0.3, 0.5, 0.2], scale: 1.0, shift: [700.0, 0.0, -700.0] };
+    let there: Vec<Splats> = case.source.frames.iter().map(|f| placed.of(f, case.size)).collect();
+    let there = carried(&Table::new(there), &placed.of(&case.edited, case.size));
+    let expected: Vec<Splats> = here.iter().map(|f| placed.of(f, case.size)).collect();
+    let found = strays(&there, &expected, 1e-3 * case.size);
+    assert!(found <= case.edited.len() / 500, "{found} of {}", case.edited.len());
+}
+
+/// Rows of both files in any order, coincident splats among them.
+#[test]
+fn shuffling_rows_shuffles_the_result() {
+    for mut case in [golden("graft"), synthetic(TruthCase::Everything, 2500)] {
+        // Twice the same place: once with another opacity, once with another motion.
+        for (t, frame) in case.source.frames.iter_mut().enumerate() {
+            for i in 0..50 {
+                frame.push_from(&frame.clone(), 20 * i);
+                *frame.opacity_logits.last_mut().unwrap() -= 1.0;
+                frame.push_from(&frame.clone(), 20 * i + 5);
+                frame.means.last_mut().unwrap()[1] += 1e-3 * t as f32;
+            }
+        }
+        let shuffle =
+            |n: usize, by: usize| -> Vec<usize> { (0..n).map(|i| (i * by + 5) % n).collect() };
+        let here = carried(&case.source, &case.edited);
+        let sources = shuffle(case.source.num_splats(), 997);
+        let rows = shuffle(case.edited.len(), 1009);
+        let shuffled = case.source.frames.iter().map(|f| f.select(&sources)).collect();
+        let there = carried(&Table::new(shuffled), &case.edited.select(&rows));
+        let expected: Vec<Splats> = here.iter().map(|f| f.select(&rows)).collect();
+        let found = strays(&there, &expected, 1e-6 * case.size);
+        assert!(found == 0, "{}: {found} splats", case.name);
+    }
+}

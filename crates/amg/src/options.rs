@@ -62,13 +62,13 @@ impl Default for PaperParams {
 /// Options of [`MotionGuide::Best`].
 #[derive(Debug, Clone, PartialEq)]
 pub struct BestParams {
-    /// Sources per blended row, 1 to 64. Default 20.
+    /// Sources per blended row, 1 to 64. Default 32.
     pub sources_per_row: usize,
 }
 
 impl Default for BestParams {
     fn default() -> Self {
-        Self { sources_per_row: 20 }
+        Self { sources_per_row: 32 }
     }
 }
 

@@ -30,6 +30,8 @@ pub(super) struct Cells {
     /// Mean thin axis of each cell, sign arbitrary, length = flatness.
     pub(super) axes: Vec<[f64; 3]>,
     pub(super) num_floaters: usize,
+    /// That of the sources' trajectories, see [`Companions`].
+    pub(super) noise: f64,
 }
 
 /// The usable sources as a cloud. Those that do not move are where they were: what they show is noise.
@@ -91,7 +93,16 @@ impl Cells {
             .collect();
         let cloud = centroids(keys, &ids, &dense, &members);
         let num_floaters = floater.iter().filter(|&&f| f).count();
-        Self { means: dense.means, ids, members, cell_of, cloud, axes, num_floaters }
+        Self {
+            means: dense.means,
+            ids,
+            members,
+            cell_of,
+            cloud,
+            axes,
+            num_floaters,
+            noise: companions.noise,
+        }
     }
 }
 

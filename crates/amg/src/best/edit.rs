@@ -3,11 +3,15 @@
 use super::surface::thin_axis;
 use crate::identity::{Identity, IdentityMap};
 use crate::keyframes::KeyFrames;
-use crate::rigid::sub;
+use crate::rigid::{dot, sub};
 use anchors::KdTree;
 use gs_core::Splats;
 use rayon::prelude::*;
 use std::collections::HashMap;
+
+/// Extent of a splat in standard deviations, within which those it is split into lie, and how exactly they keep its proportions.
+const EXTENT: f64 = 3.0;
+const PROPORTIONS: f32 = 1e-4;
 
 /// Edited splats in canonical order.
 #[derive(Debug)]
@@ -16,6 +20,8 @@ pub(super) struct Edit {
     pub(super) means: Vec<[f64; 3]>,
     /// Thin axes times flatness, sign arbitrary.
     pub(super) axes: Vec<[f64; 3]>,
+    /// Logarithms of the scales, ascending.
+    pub(super) log_scales: Vec<[f32; 3]>,
     /// Position in the source's `ids` of the one splat that shares the centre, or quaternion and scales, bit for bit: editors
     /// that change one property keep the others.
     pub(super) lineage: Vec<Option<u32>>,
@@ -43,13 +49,20 @@ impl Edit {
         };
         let centres = unique(ids.iter().map(|&i| centre_bits(source, i)));
         let shapes = unique(ids.iter().map(|&i| shape_bits(source, i)));
+        let turns = unique(ids.iter().map(|&i| quat_bits(source, i)));
         let lineage = |&row: &usize| {
             let by_centre = centres.get(&centre_bits(edited, row)).copied().flatten();
-            by_centre.or_else(|| shapes.get(&shape_bits(edited, row)).copied().flatten())
+            by_centre.or_else(|| shapes.get(&shape_bits(edited, row)).copied().flatten()).or_else(
+                || {
+                    let parent = turns.get(&quat_bits(edited, row)).copied().flatten();
+                    parent.filter(|&point| may_be_split(source, ids[point as usize], edited, row))
+                },
+            )
         };
         Self {
             means: rows.iter().map(|&row| sub(edited.means[row].map(f64::from), origin)).collect(),
             axes: rows.par_iter().with_min_len(256).map(|&row| thin_axis(edited, row)).collect(),
+            log_scales: rows.iter().map(|&row| ascending(edited.log_scales[row])).collect(),
             lineage: rows.iter().map(lineage).collect(),
             exact: rows.iter().map(exact).collect(),
         }
@@ -58,6 +71,25 @@ impl Edit {
     pub(super) fn len(&self) -> usize {
         self.means.len()
     }
+}
+
+fn quat_bits(splats: &Splats, i: usize) -> [u32; 4] {
+    splats.quats[i].map(|c| (c + 0.0).to_bits())
+}
+
+/// Whether `row` may be what splitting source splat `i` left: inside it, with its proportions, which editors that move splats
+/// change.
+fn may_be_split(source: &Splats, i: usize, edited: &Splats, row: usize) -> bool {
+    let d = sub(edited.means[row].map(f64::from), source.means[i].map(f64::from));
+    let reach = source.scale(i).into_iter().fold(0.0_f32, f32::max);
+    let shrunk = [0, 1, 2].map(|a| source.log_scales[i][a] - edited.log_scales[row][a]);
+    let alike = shrunk.iter().all(|s| (s - shrunk[0]).abs() <= PROPORTIONS);
+    alike && shrunk[0] > 0.0 && dot(d, d).sqrt() <= EXTENT * f64::from(reach)
+}
+
+pub(super) fn ascending(mut values: [f32; 3]) -> [f32; 3] {
+    values.sort_by(f32::total_cmp);
+    values
 }
 
 /// Position of each key that occurs once; `None` for keys that occur more often and so prove nothing.

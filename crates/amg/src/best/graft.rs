@@ -53,9 +53,10 @@ const SEAM: f64 = 0.01;
 /// Cells asked whether they are the carrier.
 const CANDIDATES: usize = 256;
 
-/// How many times better than any other the carrier must hold a graft: one that touches the figure; one that does and stays
-/// near it.
+/// How many times better than any other the carrier must hold a graft that touches the figure: one that stands out; one of which
+/// [`MIN_FREE`] does; one that stays near.
 const DOMINANT: f64 = 2.0;
+const CLEAR: f64 = 4.0;
 const UNANIMOUS: f64 = 8.0;
 
 /// What is known when grafts are looked for.
@@ -75,8 +76,8 @@ pub(super) struct Grafts<'a> {
 /// Connected new splats.
 struct Piece {
     splats: Vec<usize>,
-    /// Whether it stands out of the figure.
-    outstanding: bool,
+    /// How many times better than any other its carrier must hold it.
+    needed: f64,
 }
 
 /// A splat of a graft and what it is nearest to.
@@ -118,7 +119,7 @@ impl Grafts<'_> {
         let tree = KdTree::<3>::new(&points);
         for piece in pieces {
             let touches = self.touches(&piece.splats, &holders, &tree);
-            let Some(carrier) = self.carrier(&touches, piece.outstanding) else { continue };
+            let Some(carrier) = self.carrier(&touches, piece.needed) else { continue };
             for e in piece.splats {
                 let part_of_it = explained(e) && {
                     let cell = self.choices[e][self.chosen[e]].cell;
@@ -219,8 +220,14 @@ impl Grafts<'_> {
                 count >= MIN_SPLATS && count as f64 >= share * piece.len() as f64
             };
             if beyond(FREE * self.figure_size, MIN_FREE) {
-                let outstanding = beyond(far, MIN_SHARE);
-                pieces.push(Piece { splats: piece, outstanding });
+                let needed = if beyond(far, MIN_SHARE) {
+                    DOMINANT
+                } else if beyond(far, MIN_FREE) {
+                    CLEAR
+                } else {
+                    UNANIMOUS
+                };
+                pieces.push(Piece { splats: piece, needed });
             }
         }
         pieces
@@ -228,7 +235,7 @@ impl Grafts<'_> {
 
     /// The cell whose motion holds the piece over the widest contact; none if another motion holds it nearly as well, or if
     /// nothing is in touch.
-    fn carrier(&self, touches: &[Touch], outstanding: bool) -> Option<u32> {
+    fn carrier(&self, touches: &[Touch], needed: f64) -> Option<u32> {
         let closest = touches.iter().map(|t| t.distance).reduce(f64::min)?;
         if closest > self.reach {
             return None;
@@ -236,11 +243,8 @@ impl Grafts<'_> {
         let hovers = closest > TOUCHING * self.figure_size;
         let touch = CONTACT * self.figure_size;
         let width = if hovers { touch.max(HOVERING_CONTACT * closest) } else { touch };
-        let needed = match (outstanding, hovers) {
-            (true, true) => 1.0,
-            (true, false) => DOMINANT,
-            (false, _) => UNANIMOUS,
-        };
+        // What hovers and stands out is held by nothing: the nearest will do.
+        let needed = if hovers && needed <= DOMINANT { 1.0 } else { needed };
         let mut contacts: Vec<Contact> = touches
             .iter()
             .map(|t| {

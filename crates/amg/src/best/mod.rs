@@ -11,10 +11,12 @@
 
 mod cells;
 mod cloud;
+mod consensus;
 mod coverage;
 mod edit;
 mod graft;
 mod graph;
+mod kin;
 mod modes;
 mod motion;
 mod offsets;
@@ -32,6 +34,7 @@ use crate::rigid::{dot, sub};
 use anchors::KdTree;
 use cells::Cells;
 use cloud::Companions;
+use consensus::Consensus;
 use edit::Edit;
 use gs_core::{Real, Splats};
 use motion::CellMotion;
@@ -39,7 +42,7 @@ use rayon::prelude::*;
 use std::cmp::Ordering;
 
 /// Edge of a cell, share of the figure.
-const CELL: f64 = 0.02;
+const CELL: f64 = 0.015;
 
 /// Untouched splats this near to an edited one, as a share of the figure, help to decide what it belongs to.
 const NEIGHBORHOOD: f64 = 0.1;
@@ -89,11 +92,12 @@ pub(crate) fn bind(
     progress("choices", 0.0);
     let edit = Edit::of(keys, &cells.ids, work.edited, &order, work.identity, pose.origin);
     let tolerance = (SAME_MOTION * size).max(4.0 * companions.noise).as_f32();
-    let (near, mut choices) = modes::collect(&cells, &motion, &normals, &edit, tolerance);
+    let (links, spacing) = graph::links(&edit.means);
+    let kin = kin::of(keys, &cells, &edit, &links);
+    let (near, mut choices) = modes::collect(&cells, &motion, &normals, &edit, &kin, tolerance);
     offsets::rate(&cells, &companions, &motion, &mut choices, size);
     lap("choices", report);
     progress("smooth", 0.0);
-    let (links, spacing) = graph::links(&edit.means);
     let chosen = smooth::choose(&motion, &choices, &edit, &links, &spacing, size);
     lap("smooth", report);
     progress("support", 0.0);
@@ -104,6 +108,7 @@ pub(crate) fn bind(
         spacing: &companions.spacing,
         tolerance,
         sources_per_row: params.sources_per_row,
+        consensus: Consensus::new(keys, &cells, motion.rotation_trust),
     };
     let reach = f64::from(work.options.reach) * size;
     let within_reach =

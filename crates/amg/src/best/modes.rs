@@ -11,7 +11,7 @@ use rayon::prelude::*;
 pub(super) const MODES: usize = 4;
 
 /// Cells looked at per splat.
-const CANDIDATES: usize = 48;
+const CANDIDATES: usize = 96;
 
 /// Cells kept per motion.
 const WITNESSES: usize = 8;
@@ -38,8 +38,8 @@ pub(super) struct Mode {
     pub(super) cell: u32,
     /// Cost of the splat having this motion and facing along (0) or against (1) its stored thin axis.
     pub(super) cost: [f32; 2],
-    /// Whether the splat descends from a source splat of this motion.
-    pub(super) lineage: bool,
+    /// What speaks for the splat's descent from a source splat of this motion.
+    pub(super) kinship: f32,
 }
 
 /// The motions of one edited splat, best first once costs are known.
@@ -51,6 +51,7 @@ pub(super) fn collect(
     motion: &CellMotion,
     normals: &[[f64; 3]],
     edit: &Edit,
+    kin: &[Option<(u32, f32)>],
     tolerance: f32,
 ) -> (Vec<Vec<Neighbor>>, Vec<Choice>) {
     let kept: Vec<usize> = (0..cells.cloud.len()).filter(|&i| !motion.floater[i]).collect();
@@ -68,7 +69,7 @@ pub(super) fn collect(
             for n in &mut near {
                 n.id = crate::binding::index(kept[n.id as usize]);
             }
-            let choice = group(cells, motion, normals, edit, e, &near, tolerance);
+            let choice = group(cells, motion, normals, (edit, kin), e, &near, tolerance);
             (near, choice)
         })
         .unzip()
@@ -80,34 +81,34 @@ fn known(cells: &Cells, normals: &[[f64; 3]], edit: &Edit, e: usize, cell: u32) 
         return Vec::new();
     }
     let witnesses = vec![witness(cells, normals, edit, e, cell)];
-    vec![Mode { witnesses, cell, cost: [0.0; 2], lineage: true }]
+    vec![Mode { witnesses, cell, cost: [0.0; 2], kinship: 0.0 }]
 }
 
 fn group(
     cells: &Cells,
     motion: &CellMotion,
     normals: &[[f64; 3]],
-    edit: &Edit,
+    (edit, kin): (&Edit, &[Option<(u32, f32)>]),
     e: usize,
     near: &[Neighbor],
     tolerance: f32,
 ) -> Choice {
     let x = edit.means[e].map(Real::as_f32);
-    let lineage = edit.lineage[e].map(|point| cells.cell_of[point as usize]);
-    let ids = lineage.filter(|&cell| cell != u32::MAX).into_iter().chain(near.iter().map(|n| n.id));
+    let kin = kin[e].map(|(point, evidence)| (cells.cell_of[point as usize], evidence));
+    let kin = kin.filter(|(cell, _)| *cell != u32::MAX);
+    let ids = kin.map(|(cell, _)| cell).into_iter().chain(near.iter().map(|n| n.id));
     let mut modes: Choice = Vec::with_capacity(2);
     for cell in ids {
-        let found = modes
-            .iter()
-            .position(|m| motion.disagreement(m.cell as usize, cell as usize, x) <= tolerance);
+        let found =
+            modes.iter().position(|m| motion.agree(m.cell as usize, cell as usize, x, tolerance));
         match found {
             Some(m) if modes[m].witnesses.len() < WITNESSES => {
                 modes[m].witnesses.push(witness(cells, normals, edit, e, cell));
             }
             None if modes.len() < MODES => {
                 let witnesses = vec![witness(cells, normals, edit, e, cell)];
-                let lineage = lineage == Some(cell);
-                modes.push(Mode { witnesses, cell, cost: [0.0; 2], lineage });
+                let kinship = kin.filter(|k| k.0 == cell).map_or(0.0, |k| k.1);
+                modes.push(Mode { witnesses, cell, cost: [0.0; 2], kinship });
             }
             _ => {}
         }

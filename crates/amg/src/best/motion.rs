@@ -6,7 +6,7 @@ use gs_core::{Real, quat};
 use rayon::prelude::*;
 
 /// Weight of the splats' own rotations, if they are as good as any.
-const ROTATION_PRIOR: f64 = 3.0;
+pub(super) const ROTATION_PRIOR: f64 = 3.0;
 
 /// Rigid motions of the cells. Cells that are floaters themselves are marked and not followed.
 #[derive(Debug)]
@@ -69,19 +69,26 @@ impl CellMotion {
         [turned[0] + motion.to[0], turned[1] + motion.to[1], turned[2] + motion.to[2]]
     }
 
+    /// Whether cells `a` and `b` never take point `x` farther apart than `tolerance`.
+    pub(super) fn agree(&self, a: usize, b: usize, x: [f32; 3], tolerance: f32) -> bool {
+        a == b || (0..self.num_times).all(|k| self.apart(a, b, k, x) <= tolerance * tolerance)
+    }
+
     /// Largest distance over time between where cells `a` and `b` take point `x`, as far as both are seen.
     pub(super) fn disagreement(&self, a: usize, b: usize, x: [f32; 3]) -> f32 {
         if a == b {
             return 0.0;
         }
-        let squared = (0..self.num_times).fold(0.0_f32, |worst, k| {
-            let (p, q) = (self.carry(a, k, x), self.carry(b, k, x));
-            let d = [p[0] - q[0], p[1] - q[1], p[2] - q[2]];
-            let seen = |i: usize| self.seen[i * self.num_times + k];
-            let both = seen(a).min(seen(b));
-            worst.max((d[0] * d[0] + d[1] * d[1] + d[2] * d[2]) * both * both)
-        });
-        squared.sqrt()
+        (0..self.num_times).fold(0.0_f32, |worst, k| worst.max(self.apart(a, b, k, x))).sqrt()
+    }
+
+    /// Squared distance between where cells `a` and `b` take point `x` at key time `k`, as far as both are seen.
+    fn apart(&self, a: usize, b: usize, k: usize, x: [f32; 3]) -> f32 {
+        let (p, q) = (self.carry(a, k, x), self.carry(b, k, x));
+        let d = [p[0] - q[0], p[1] - q[1], p[2] - q[2]];
+        let seen = |i: usize| self.seen[i * self.num_times + k];
+        let both = seen(a).min(seen(b));
+        (d[0] * d[0] + d[1] * d[1] + d[2] * d[2]) * both * both
     }
 }
 

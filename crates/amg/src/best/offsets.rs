@@ -36,9 +36,6 @@ const SPREAD: f64 = 1.2;
 /// Motions that cost this much more than the best one are dropped: no neighbourhood outweighs that.
 const HOPELESS: f32 = 10.0;
 
-/// What descent from a source splat is worth.
-const LINEAGE: f64 = 8.0;
-
 /// Squared offsets, in standard deviations, beyond which more offset costs ever less.
 const CAP: f64 = 12.0;
 
@@ -97,8 +94,7 @@ pub(super) fn rate(
                     mode.cell = witness.cell;
                 }
             }
-            let bonus = if mode.lineage { LINEAGE } else { 0.0 };
-            mode.cost = lowest.map(|cost| f32::from_double(cost - bonus));
+            mode.cost = lowest.map(|cost| f32::from_double(cost) - mode.kinship);
         }
         let least = |mode: &super::modes::Mode| mode.cost[0].min(mode.cost[1]);
         choice.sort_by(|a, b| least(a).total_cmp(&least(b)).then(a.cell.cmp(&b.cell)));

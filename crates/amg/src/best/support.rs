@@ -2,6 +2,7 @@
 
 use super::cells::{Cells, opacity_weight};
 use super::cloud::TINY;
+use super::consensus::Consensus;
 use super::edit::Edit;
 use super::modes::Choice;
 use super::motion::CellMotion;
@@ -17,8 +18,11 @@ const MAX_CELLS: usize = 24;
 /// Cells looked at for a splat far from all of them.
 const FAR_CELLS: usize = 256;
 
+/// Sources of a support agree better than cells that count as one motion: share of the tolerance.
+const SAME: f32 = 0.7;
+
 /// Width of the weights, in cell spacings, and its growth with the squared distance of the nearest source.
-const KERNEL: f64 = 0.9;
+const KERNEL: f64 = 1.1;
 const KERNEL_GROWTH: f64 = 0.09;
 
 /// Finds supports.
@@ -29,6 +33,7 @@ pub(super) struct Supports<'a> {
     pub(super) spacing: &'a [f64],
     pub(super) tolerance: f32,
     pub(super) sources_per_row: usize,
+    pub(super) consensus: Consensus<'a>,
 }
 
 impl Supports<'_> {
@@ -46,9 +51,8 @@ impl Supports<'_> {
         let mut points: Vec<(f64, u32)> = Vec::new();
         let mut first_of_cell: Vec<(f64, u32)> = Vec::new();
         let at = x.map(Real::as_f32);
-        let same = |&cell: &u32| {
-            self.motion.disagreement(rep as usize, cell as usize, at) <= self.tolerance
-        };
+        let same =
+            |&cell: &u32| self.motion.agree(rep as usize, cell as usize, at, SAME * self.tolerance);
         let cells = near.iter().map(|n| n.id).filter(same);
         for cell in cells.chain(std::iter::once(rep)) {
             let start = points.len();
@@ -87,15 +91,16 @@ impl Supports<'_> {
         let nearest = points[0].0;
         let width = (KERNEL * h).powi(2) + KERNEL_GROWTH * nearest;
         let width = width.max(TINY * TINY);
-        points
+        let mut entries: Vec<(u32, f64)> = points
             .iter()
             .map(|&(squared, p)| {
-                let i = self.cells.ids[p as usize];
                 let kernel = (-0.5 * (squared - nearest) / width).exp();
-                (index(i), (kernel * opacity_weight(self.keys, i)).as_f32())
+                (p, kernel * opacity_weight(self.keys, self.cells.ids[p as usize]))
             })
             .filter(|(_, weight)| *weight > 1e-9)
-            .collect()
+            .collect();
+        self.consensus.reweigh(&mut entries);
+        entries.iter().map(|&(p, w)| (index(self.cells.ids[p as usize]), w.as_f32())).collect()
     }
 
     fn same_motion(&self, rep: u32, x: [f64; 3], near: &[Neighbor], tolerance: f32) -> Vec<u32> {
@@ -103,7 +108,7 @@ impl Supports<'_> {
         let mut same: Vec<u32> = near
             .iter()
             .map(|n| n.id)
-            .filter(|&c| self.motion.disagreement(rep as usize, c as usize, at) <= tolerance)
+            .filter(|&c| self.motion.agree(rep as usize, c as usize, at, tolerance))
             .collect();
         if !same.contains(&rep) {
             same.insert(0, rep);

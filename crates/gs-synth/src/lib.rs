@@ -24,6 +24,7 @@ mod cameras;
 mod cases;
 mod cloth;
 mod contact;
+mod control;
 mod dance;
 mod demo;
 mod edit;
@@ -43,6 +44,7 @@ mod stage;
 mod truth;
 
 pub use cases::{TruthCase, TruthScene, build};
+pub use control::rigid_neighbours;
 pub use demo::{DemoParams, demo, demo_edits};
 pub use edit::{Edit, Graft, Paint, Region, apply_edits};
 pub use error::SynthError;

@@ -55,16 +55,20 @@ pub fn part_neighbours(
 
 /// Part of the nearest source, unlike normals counting as distance.
 fn likest(source: &SynthScene, all: &Tree, edited: &Splats, e: usize) -> Option<Part> {
+    likest_row(source.frame1(), all, edited, e).map(|row| source.rows()[row].part)
+}
+
+/// The nearest source, unlike normals counting as distance.
+pub(crate) fn likest_row(source: &Splats, all: &Tree, edited: &Splats, e: usize) -> Option<usize> {
     let near = all.nearest(edited.means[e], CANDIDATES);
     let spacing = near.get(6).or(near.last())?.1;
     let normal = thin_axis(edited, e);
     let cost = |&(id, squared): &(usize, f32)| {
-        let other = thin_axis(source.frame1(), id);
+        let other = thin_axis(source, id);
         let cosine = (0..3).map(|a| normal[a] * other[a]).sum::<f32>();
         squared + NORMALS * spacing * (1.0 - cosine * cosine)
     };
-    let best = near.iter().min_by(|a, b| cost(a).total_cmp(&cost(b)))?;
-    Some(source.rows()[best.0].part)
+    near.iter().min_by(|a, b| cost(a).total_cmp(&cost(b))).map(|best| best.0)
 }
 
 fn thin_axis(splats: &Splats, i: usize) -> [f32; 3] {
@@ -89,19 +93,19 @@ fn blend(near: &[(usize, f32)]) -> Vec<(u32, f32)> {
 }
 
 /// Source splats by place.
-struct Tree {
+pub(crate) struct Tree {
     ids: Vec<usize>,
     tree: Option<ImmutableKdTree<f32, 3>>,
 }
 
 impl Tree {
-    fn new(splats: &Splats, ids: Vec<usize>) -> Self {
+    pub(crate) fn new(splats: &Splats, ids: Vec<usize>) -> Self {
         let points: Vec<[f32; 3]> = ids.iter().map(|&i| splats.means[i]).collect();
         Self { tree: ImmutableKdTree::new_from_slice(&points).ok(), ids }
     }
 
     /// Rows and squared distances, nearest first.
-    fn nearest(&self, x: [f32; 3], count: usize) -> Vec<(usize, f32)> {
+    pub(crate) fn nearest(&self, x: [f32; 3], count: usize) -> Vec<(usize, f32)> {
         let count = NonZero::new(count.min(self.ids.len()));
         let (Some(tree), Some(count)) = (&self.tree, count) else { return Vec::new() };
         let hits = tree.query(&x).nearest_n::<SquaredEuclidean<f32>>(count).execute();

@@ -10,7 +10,8 @@ use super::edit::{Edit, ascending};
 use super::graph::Link;
 use super::surface::thin_axis;
 use crate::keyframes::KeyFrames;
-use anchors::KdTree;
+use crate::rigid::{dot, norm};
+use anchors::{KdTree, Neighbor};
 use gs_core::Real;
 use rayon::prelude::*;
 
@@ -24,6 +25,9 @@ const NEAREST: usize = 7;
 /// Distance, in spacings of the sources, and difference of the logarithms of scales at which resemblance fades.
 const PLACE: f64 = 0.35;
 const SIZE: f64 = 0.5;
+
+/// What facing otherwise costs.
+const FACING: f64 = 4.0;
 
 /// Mean resemblance of a neighbourhood that chance explains, and what more of it is worth.
 const CHANCE: f64 = 0.15;
@@ -40,26 +44,15 @@ pub(super) fn of(
     let found: Vec<Option<(u32, f64)>> = (0..edit.len())
         .into_par_iter()
         .with_min_len(256)
-        .map_init(Vec::new, |near, e| match edit.exact[e].or(edit.lineage[e]) {
-            Some(point) => Some((point, 1.0)),
-            None => {
-                tree.nearest(&edit.means[e], NEAREST, near);
-                let h = spacing(std::slice::from_ref(near))[0].max(TINY);
-                let resemblance = |n: &anchors::Neighbor| {
-                    let i = cells.ids[n.id as usize];
-                    let place = n.distance_squared / (PLACE * h).powi(2);
-                    let (a, b) = (edit.log_scales[e], ascending(keys.at_edit.log_scales[i]));
-                    let sizes = (0..3).map(|k| f64::from(a[k] - b[k]).powi(2)).sum::<f64>() / 3.0;
-                    let (a, b) = (edit.axes[e], thin_axis(&keys.at_edit, i));
-                    let flat = crate::rigid::norm(a) * crate::rigid::norm(b);
-                    let facing = flat - crate::rigid::dot(a, b).abs();
-                    (n.id, (-0.5 * (place + sizes / (SIZE * SIZE)) - 4.0 * facing).exp())
-                };
-                near.iter()
-                    .map(resemblance)
-                    .filter(|k| k.1.is_finite())
-                    .reduce(|best, next| if next.1 > best.1 { next } else { best })
+        .map_init(Vec::new, |near, e| {
+            if let Some(point) = edit.exact[e].or(edit.lineage[e]) {
+                return Some((point, 1.0));
             }
+            tree.nearest(&edit.means[e], NEAREST, near);
+            let h = spacing(std::slice::from_ref(near))[0].max(TINY);
+            let candidates = near.iter().map(|n| (n.id, resemblance(keys, cells, edit, e, n, h)));
+            let likely = candidates.filter(|candidate| candidate.1.is_finite());
+            likely.reduce(|best, next| if next.1 > best.1 { next } else { best })
         })
         .collect();
     let proven = |e: usize| edit.exact[e].is_some() || edit.lineage[e].is_some();
@@ -82,4 +75,22 @@ pub(super) fn of(
             (worth > 0.05).then_some((parent, worth))
         })
         .collect()
+}
+
+/// 1 for a splat in the place of source `n`, as large and facing the same way.
+fn resemblance(
+    keys: &KeyFrames,
+    cells: &Cells,
+    edit: &Edit,
+    e: usize,
+    n: &Neighbor,
+    spacing: f64,
+) -> f64 {
+    let i = cells.ids[n.id as usize];
+    let place = n.distance_squared / (PLACE * spacing).powi(2);
+    let (a, b) = (edit.log_scales[e], ascending(keys.at_edit.log_scales[i]));
+    let sizes = (0..3).map(|k| f64::from(a[k] - b[k]).powi(2)).sum::<f64>() / 3.0;
+    let (a, b) = (edit.axes[e], thin_axis(&keys.at_edit, i));
+    let misaligned = norm(a) * norm(b) - dot(a, b).abs();
+    (-0.5 * (place + sizes / (SIZE * SIZE)) - FACING * misaligned).exp()
 }

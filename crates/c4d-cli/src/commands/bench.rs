@@ -9,6 +9,7 @@ use crate::console::Console;
 use crate::device::Device;
 use crate::failure::{Failure, Outcome, chain};
 use crate::renderer::Renderer;
+use amg::{Identity, IdentityMap, IdentityParams};
 use c4d_metrics::{MotionTrack, neighbourhood_distance_deviation, psnr};
 use gs_core::DynamicScene;
 use gs_deform::HexPlaneScene;
@@ -36,6 +37,8 @@ struct Score {
     seed: u64,
     method: Method,
     epe: f64,
+    /// Of splats that are not source splats: those whose motion is a question.
+    epe_edited: f64,
     p95: f64,
     bad5: f64,
     contact: f64,
@@ -177,6 +180,11 @@ fn score(
     let error = on(&truth.eval_mask)?;
     let is_rigid = |(scored, row): (&bool, &gs_synth::Row)| *scored && row.rigid_bone().is_some();
     let rigid: Vec<bool> = truth.eval_mask.iter().zip(truth.rows()).map(is_rigid).collect();
+    let identity =
+        IdentityMap::of(scene.source.frame1(), &scene.edited.splats, &IdentityParams::default())
+            .map_err(|error| failed(&error))?;
+    let is_open = |(scored, row): (&bool, &Identity)| *scored && *row == Identity::Edited;
+    let open: Vec<bool> = truth.eval_mask.iter().zip(&identity.rows).map(is_open).collect();
     let track =
         |scene: &dyn DynamicScene| MotionTrack::of(scene, &times).map_err(|error| failed(&error));
     let (predicted, expected) = (track(&moved)?, track(truth)?);
@@ -192,6 +200,7 @@ fn score(
         seed,
         method,
         epe: error.epe,
+        epe_edited: on(&open)?.epe,
         p95: error.p95,
         bad5: error.bad5,
         contact: error.contact,

@@ -5,7 +5,7 @@ use crate::field::{Network, NetworkField};
 use amg::{Aggregation, Binding, EditedScene, MotionOptions, Preset, RowKind};
 use gs_core::DynamicScene;
 use gs_deform::HexPlaneScene;
-use gs_synth::{PartBy, TruthScene, part_neighbours};
+use gs_synth::{PartBy, TruthScene, part_neighbours, rigid_neighbours};
 use serde::Serialize;
 use std::sync::Arc;
 
@@ -21,6 +21,8 @@ pub(super) enum Method {
     Paper,
     /// Rigid motion of the part of the nearest source with a like normal; floaters and parts are known.
     Nearest,
+    /// Rigid motion around the nearest source with a like normal; nothing is known.
+    Control,
     /// The default.
     Default,
     /// The default on a source that is the trained network, not the scene it was trained on.
@@ -29,11 +31,12 @@ pub(super) enum Method {
     Floor,
 }
 
-pub(super) const METHODS: [Method; 7] = [
+pub(super) const METHODS: [Method; 8] = [
     Method::Network,
     Method::Knn,
     Method::Paper,
     Method::Nearest,
+    Method::Control,
     Method::Default,
     Method::DefaultOnNetwork,
     Method::Floor,
@@ -45,7 +48,8 @@ impl Method {
             Self::Network => "network on the edit",
             Self::Knn => "KNN-Guide",
             Self::Paper => "paper, literal",
-            Self::Nearest => "nearest, no transport",
+            Self::Nearest => "nearest, parts known",
+            Self::Control => "nearest, no transport",
             Self::Default => "c4d",
             Self::DefaultOnNetwork => "c4d, source a network",
             Self::Floor => "floor: true parts",
@@ -76,8 +80,9 @@ impl Method {
             Self::Paper => (plain(), MotionOptions::preset(Preset::Paper)),
             Self::Default => (plain(), MotionOptions::default()),
             Self::DefaultOnNetwork => (trained()?, MotionOptions::default()),
-            Self::Nearest => return oracle(scene, PartBy::Nearness, plain(), edited),
-            Self::Floor => return oracle(scene, PartBy::Truth, plain(), edited),
+            Self::Nearest => return oracle(scene, Some(PartBy::Nearness), plain(), edited),
+            Self::Control => return oracle(scene, None, plain(), edited),
+            Self::Floor => return oracle(scene, Some(PartBy::Truth), plain(), edited),
         };
         options.identity.enabled = matches!(self, Self::Default | Self::DefaultOnNetwork);
         let found =
@@ -88,11 +93,15 @@ impl Method {
 
 fn oracle(
     scene: &TruthScene,
-    by: PartBy,
+    by: Option<PartBy>,
     source: Arc<dyn DynamicScene>,
     edited: Arc<gs_core::Splats>,
 ) -> Outcome<EditedScene> {
-    let rows = part_neighbours(&scene.source, &scene.edited, by).map_err(Failure::failed)?;
+    let rows = match by {
+        Some(by) => part_neighbours(&scene.source, &scene.edited, by),
+        None => rigid_neighbours(&scene.source, &scene.edited),
+    };
+    let rows = rows.map_err(Failure::failed)?;
     let mut offsets = vec![0_u32];
     let (mut ids, mut weights, mut kinds) = (Vec::new(), Vec::new(), Vec::new());
     for row in rows {

@@ -89,7 +89,8 @@ impl<'a> Consensus<'a> {
         for (square, &(point, _)) in squares.iter_mut().zip(entries) {
             let (x, y) = pair(point);
             let miss = sub(y, fit.apply(turn, x));
-            *square += dot(miss, miss);
+            let seen = self.keys.seen(k, self.cells.ids[point as usize]);
+            *square += seen * seen * dot(miss, miss);
         }
     }
 }

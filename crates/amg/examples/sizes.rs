@@ -37,12 +37,11 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let seconds = start.elapsed().as_secs_f64();
 
     let after = peak_mib();
-    let error = match asked {
-        Some(_) => String::new(),
-        None => {
-            let error = motion_error(&found.scene, &scene.edited.truth, &[0.25, 0.5, 0.75, 1.0])?;
-            format!(", EPE {:.3} %, p95 {:.2} %", error.epe, error.p95)
-        }
+    let error = if asked.is_some() {
+        String::new()
+    } else {
+        let error = motion_error(&found.scene, &scene.edited.truth, &[0.25, 0.5, 0.75, 1.0])?;
+        format!(", EPE {:.3} %, p95 {:.2} %", error.epe, error.p95)
     };
     let mib = |peak: Option<u64>| peak.map_or_else(|| "unknown".to_owned(), |mib| mib.to_string());
     let (before, after) = (mib(before), mib(after));

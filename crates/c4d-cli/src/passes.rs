@@ -10,6 +10,23 @@ use gs_raster_cpu::CpuRasterizer;
 /// Coverage below which a pixel has no flow.
 const MIN_COVERAGE: f32 = 0.5;
 
+/// Which pixels are artifacts (Eq. 17).
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Mask {
+    /// ε.
+    pub(crate) epsilon: f32,
+    /// Uncertainty below which nothing is one.
+    pub(crate) min_uncertainty: f32,
+}
+
+impl Default for Mask {
+    /// What the refinement sees unless told otherwise.
+    fn default() -> Self {
+        let usual = RefineOptions::default();
+        Self { epsilon: usual.epsilon, min_uncertainty: usual.min_uncertainty }
+    }
+}
+
 /// The image of one pass.
 #[derive(Debug)]
 pub(crate) enum PassImage {
@@ -22,20 +39,22 @@ pub(crate) enum PassImage {
 /// Renders `pass` for splats `now`, which were `then` in the edited frame.
 pub(crate) fn render(
     pass: Pass,
+    mask: Mask,
     device: &Device,
     now: &Splats,
     then: &Splats,
     camera: &Camera,
 ) -> Outcome<PassImage> {
     match device {
-        Device::Cpu => render_with(pass, &CpuRasterizer::default(), now, then, camera),
-        Device::Gpu(raster) => render_with(pass, raster, now, then, camera),
+        Device::Cpu => render_with(pass, mask, &CpuRasterizer::default(), now, then, camera),
+        Device::Gpu(raster) => render_with(pass, mask, raster, now, then, camera),
     }
     .map_err(|error| Failure::failed(chain(&error)))
 }
 
 fn render_with<R: Rasterizer>(
     pass: Pass,
+    mask: Mask,
     raster: &R,
     now: &Splats,
     then: &Splats,
@@ -46,11 +65,7 @@ fn render_with<R: Rasterizer>(
     }
     let uncertainty = cuar::render_uncertainty(raster, now, then, camera)?;
     Ok(PassImage::Grey(match pass {
-        Pass::Mask => {
-            // what the refinement sees unless told otherwise
-            let usual = RefineOptions::default();
-            cuar::artifact_mask(&uncertainty, usual.epsilon, usual.min_uncertainty)
-        }
+        Pass::Mask => cuar::artifact_mask(&uncertainty, mask.epsilon, mask.min_uncertainty),
         _ => uncertainty,
     }))
 }

@@ -5,6 +5,7 @@ use crate::console::Console;
 use crate::failure::{Failure, Outcome, chain};
 use crate::field::Network;
 use crate::model_flags::overrides;
+use crate::passes::Mask;
 use crate::run_folder;
 use gs_core::DynamicScene;
 use gs_io::checkpoint4dgs::{self, ModelReport, ModelScene};
@@ -33,6 +34,8 @@ pub(crate) struct Opened {
     pub(crate) up: [f64; 3],
     /// Background the model was trained with, else black.
     pub(crate) background: [f32; 3],
+    /// Which pixels are artifacts: as a run was refined, else as usual.
+    pub(crate) mask: Mask,
     /// Facts to show, name and value.
     pub(crate) facts: Vec<(&'static str, String)>,
     /// Folders the scene is read from, sources of runs included.
@@ -201,6 +204,7 @@ fn open_model(path: &Path, kind: SceneKind, global: &Global, console: &Console) 
         path: path.to_owned(),
         roots: vec![path.to_owned()],
         original: None,
+        mask: Mask::default(),
         up: if synthetic { UP_SYNTHETIC } else { UP_CAPTURED },
         background,
         facts,
@@ -274,6 +278,7 @@ fn open_sequence(path: &Path, global: &Global, console: &Console) -> Outcome<Ope
         path: path.to_owned(),
         roots: vec![path.to_owned()],
         original: None,
+        mask: Mask::default(),
         up,
         background: [0.0; 3],
         facts,
@@ -304,6 +309,7 @@ fn open_splatv(path: &Path, global: &Global, console: &Console) -> Outcome<Opene
         path: path.to_owned(),
         roots: vec![path.to_owned()],
         original: None,
+        mask: Mask::default(),
         up: read.up.unwrap_or(UP_CAPTURED),
         background: [0.0; 3],
         facts,
@@ -327,6 +333,7 @@ fn open_splat4d(path: &Path, global: &Global, console: &Console) -> Outcome<Open
     ];
     Ok(Opened {
         edit_time: read.scene.time_range().start,
+        mask: Mask::default(),
         scene: Arc::new(read.scene),
         network: None,
         kind: SceneKind::Splat4d,

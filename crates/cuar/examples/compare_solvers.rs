@@ -1,19 +1,45 @@
 //! Loss against wall time, and what it is worth against the truth, of both solvers and both warps.
 //!
-//! `cargo run --release -p cuar --example compare_solvers [brief]`; `brief` leaves out all but the defaults, a run without prior, and Adam.
+//! `cargo run --release -p cuar --example compare_solvers [brief | paper | warps]`; `brief` leaves out all but the
+//! defaults, a run without prior, and Adam; `paper` takes the paper's preset apart; `warps` only compares what the warps ask for with the truth.
 #![expect(clippy::print_stdout, reason = "a measurement for people")]
 
 #[path = "../tests/common/mod.rs"]
 mod common;
 
 use common::{Flaws, case, flicker, psnr};
+use cuar::loss::LossWeights;
 use cuar::{
-    AdamParams, NoObserver, Preset, RefineOptions, RegressionParams, Solver, Views, WarpForm,
-    WarpParams, refine,
+    AdamParams, NoObserver, Observer, Preset, Preview, RefineOptions, RegressionParams, Solver,
+    Views, WarpForm, WarpParams, refine,
 };
-use gs_core::TimeRange;
+use gs_core::{Image, TimeRange};
 use gs_raster_cpu::CpuRasterizer;
 use std::error::Error;
+
+/// Compares what images are asked to show, and what they showed, with the truth: squared errors and their number.
+struct Judge<'a> {
+    case: &'a common::Case,
+    sums: [f64; 3],
+}
+
+impl Observer for Judge<'_> {
+    fn preview(&mut self, preview: &Preview) {
+        let truth =
+            common::render(&self.case.truth, preview.time, &self.case.cameras[preview.view]);
+        for (p, _) in preview.mask.data.iter().enumerate().filter(|(_, mask)| **mask > 0.0) {
+            let (x, y) = (p % preview.mask.width, p / preview.mask.width);
+            let there = truth.pixel(x + preview.origin[0], y + preview.origin[1]);
+            for channel in 0..3 {
+                let error =
+                    |image: &Image| f64::from(image.pixel(x, y)[channel] - there[channel]).powi(2);
+                self.sums[0] += error(&preview.target);
+                self.sums[1] += error(&preview.before);
+                self.sums[2] += 1.0;
+            }
+        }
+    }
+}
 
 fn main() -> Result<(), Box<dyn Error>> {
     let flaws = Flaws { interior: true, unseen_sh: 1.5, noise: 0.0 };
@@ -85,16 +111,73 @@ fn main() -> Result<(), Box<dyn Error>> {
             (name, RefineOptions { solver, warp, warp_params, ..RefineOptions::default() })
         })
         .collect();
-    runs.push(("--preset paper".to_owned(), RefineOptions::preset(Preset::Paper)));
-    if std::env::args().nth(1).as_deref() == Some("brief") {
+    let paper = RefineOptions::preset(Preset::Paper);
+    runs.push(("--preset paper".to_owned(), paper.clone()));
+    let never = WarpParams { min_carried: 2.0, ..best };
+    runs.push((
+        "regression, surfaces only".to_owned(),
+        RefineOptions { warp_params: never, ..RefineOptions::default() },
+    ));
+    let asked = std::env::args().nth(1);
+    if asked.as_deref() == Some("paper") {
+        runs.retain(|(name, _)| name == "--preset paper");
+        let floor = RefineOptions::default().min_uncertainty;
+        let adam = |steps| {
+            let usual = AdamParams::default();
+            Solver::Adam(AdamParams { steps, ..usual })
+        };
+        for (name, options) in [
+            ("paper, 300 steps", RefineOptions { solver: adam(300), ..paper.clone() }),
+            ("paper, our floor", RefineOptions { min_uncertainty: floor, ..paper.clone() }),
+            ("paper, edited frame kept", RefineOptions { keep_first_frame: true, ..paper.clone() }),
+            ("paper, our warp", RefineOptions { warp: WarpForm::Backward, ..paper.clone() }),
+            (
+                "paper, no SSIM",
+                RefineOptions {
+                    weights: LossWeights { eta: 0.0, ..LossWeights::default() },
+                    ..paper.clone()
+                },
+            ),
+        ] {
+            runs.push((name.to_owned(), options));
+        }
+    }
+    if asked.as_deref() == Some("warps") {
+        runs.clear();
+    }
+    if asked.as_deref() == Some("brief") {
         let kept = [
             "regression 2 passes",
             "regression 8 passes",
             "regression 4 passes, no prior",
             "Adam 3000 steps",
             "--preset paper",
+            "regression, surfaces only",
         ];
         runs.retain(|(name, _)| kept.contains(&name.as_str()));
+    }
+    for (name, warp) in [("backward", WarpForm::Backward), ("paper", WarpForm::Paper)] {
+        let mut judge = Judge { case: &case, sums: [0.0; 3] };
+        let solver = adam(80, 0.0);
+        let options = RefineOptions {
+            samples: 80,
+            warp,
+            warp_params: all,
+            solver,
+            preview_secs: Some(0.0),
+            ..RefineOptions::default()
+        };
+        let raster = CpuRasterizer::default();
+        let report =
+            refine(&raster, &case.scene, &case.edited, &views, &options, None, &mut judge)?.report;
+        let [target, before, count] = judge.sums;
+        let psnr = |sum: f64| -10.0 * (sum / count.max(1.0)).log10();
+        println!(
+            "what the {name} warp asks for is {:.2} dB from the truth where it asks ({:.0} % of the mask); the render before is {:.2} dB",
+            psnr(target),
+            100.0 * report.trust.known() as f64 / report.trust.masked.max(1) as f64,
+            psnr(before)
+        );
     }
     for (name, options) in runs {
         let options = RefineOptions { samples: 80, ..options };

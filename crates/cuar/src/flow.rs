@@ -132,7 +132,7 @@ pub(crate) fn affine_motion(
 }
 
 /// The splat's axes (columns, one standard deviation long) on screen, pixels, 2×3.
-fn axes(camera: &Camera, splats: &Splats, i: usize) -> [[f64; 3]; 2] {
+pub(crate) fn axes(camera: &Camera, splats: &Splats, i: usize) -> [[f64; 3]; 2] {
     let rotation = gs_core::rotation_matrix(splats.rotation(i).map(f64::from));
     let scale = splats.scale(i).map(f64::from);
     let [x, y, z] = camera.to_camera(splats.means[i].map(f64::from));
@@ -172,4 +172,24 @@ pub fn render_flow<R: Rasterizer>(
     let params = RenderParams { rgb: false, depth: false, ..RenderParams::default() };
     let output = raster.forward(&mut prepared, on, &features, &params)?;
     Ok(Flow { flow: output.features_image(), coverage: output.alpha_image() })
+}
+
+/// Eq. 12 on frame 1 towards `to`, and the camera depth there: `Σ (f, z) α T`, `[H,W,3]`, and coverage, `[H,W]`.
+pub(crate) fn render_landing<R: Rasterizer>(
+    raster: &R,
+    first: &Splats,
+    to: &Splats,
+    camera: &Camera,
+) -> Result<(Vec<f32>, Vec<f32>), CuarError> {
+    let moved = displacements(first, to, camera)?;
+    let mut features = Vec::with_capacity(moved.len() * 3);
+    for (by, &mean) in moved.iter().zip(&to.means) {
+        #[expect(clippy::cast_possible_truncation, reason = "features are single precision")]
+        let depth = camera.to_camera(mean.map(f64::from))[2] as f32;
+        features.extend([by[0], by[1], if depth.is_finite() { depth } else { 0.0 }]);
+    }
+    let mut prepared = raster.prepare(first, camera)?;
+    let params = RenderParams { rgb: false, depth: false, ..RenderParams::default() };
+    let output = raster.forward(&mut prepared, first, &features, &params)?;
+    Ok((output.features, output.alpha))
 }

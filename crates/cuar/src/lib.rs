@@ -35,6 +35,7 @@
 //! ```
 
 mod adam;
+mod carried;
 mod compact;
 mod descent;
 mod engine;
@@ -51,6 +52,7 @@ mod sample;
 mod scene;
 mod state;
 mod supervision;
+mod trust;
 mod uncertainty;
 mod visit;
 mod warp;
@@ -67,5 +69,6 @@ pub use refine::{Refined, Report, refine, refine_with};
 pub use sample::{Crop, Entry};
 pub use scene::OffsetScene;
 pub use state::{NoObserver, Observer, Preview, Progress, State};
+pub use trust::{Doubt, Trust};
 pub use uncertainty::{artifact_mask, color_uncertainty, render_uncertainty};
 pub use warp::{WarpForm, WarpParams};

@@ -161,6 +161,8 @@ impl RefineOptions {
         within("min_coverage", f64::from(self.warp_params.min_coverage), 0.0, 1.0)?;
         within("depth_tolerance", f64::from(self.warp_params.depth_tolerance), 0.0, 1e6)?;
         within("spread_tolerance", f64::from(self.warp_params.spread_tolerance), 0.0, 1e6)?;
+        within("min_carried", f64::from(self.warp_params.min_carried), 0.0, 1e6)?;
+        within("min_shown", f64::from(self.warp_params.min_shown), 1e-6, 1e6)?;
         within("min_facing", f64::from(self.warp_params.min_facing), -1e6, 1e6)?;
         within("samples", self.samples as f64, 1.0, 1e7)?;
         for channel in self.background {

@@ -97,17 +97,17 @@ impl<R: Rasterizer<Prepared: Send> + Sync> Problem<'_, R> {
         first..end.min(first + self.lanes.len())
     }
 
-    /// Eq. 20, mean over the samples (0 without any): as it is, and as the solver smooths it.
+    /// Eq. 20, mean over the samples (0 without any): as it is, as the solver smooths it, and its foreground part alone.
     pub(crate) fn loss(
         &mut self,
         d: Deltas,
         mut tick: impl FnMut(usize) -> Result<(), CuarError>,
-    ) -> Result<[f64; 2], CuarError> {
+    ) -> Result<[f64; 3], CuarError> {
         let delta = match &self.options.solver {
             Solver::Regression(params) => params.delta,
             Solver::Adam(_) => 0.0,
         };
-        let mut sums = [0.0; 2];
+        let mut sums = [0.0; 3];
         let mut done = 0;
         while done < self.samples.len() {
             let group = self.group(done);
@@ -115,6 +115,7 @@ impl<R: Rasterizer<Prepared: Send> + Sync> Problem<'_, R> {
             for parts in self.visit(group, d, Ask::Loss(delta))? {
                 sums[0] += parts.total(self.options.weights);
                 sums[1] += parts.shaped_total(self.options.weights);
+                sums[2] += LossParts { back_l1: 0.0, ..parts }.total(self.options.weights);
             }
             tick(done)?;
         }

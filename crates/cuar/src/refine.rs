@@ -1,12 +1,13 @@
 //! The stage: [`refine`].
 
 use crate::{
-    Backend, CuarError, DescentEngine, OffsetScene, RefineOptions, RegressionParams, Solver, Views,
+    Backend, CuarError, DescentEngine, OffsetScene, RefineOptions, RegressionParams, Solver, Trust,
+    Views,
     descent::Descent,
     plan::ViewTime,
     problem::{Deltas, Problem, TracePoint, Watch, num_lanes},
     regression::Regression,
-    sample::{Counts, Sample, Source},
+    sample::{Sample, Source},
     scene,
     state::{Observer, State},
     supervision::Supervision,
@@ -66,10 +67,12 @@ pub struct Report {
     pub held_out_before: f64,
     /// On held-out images, after.
     pub held_out_after: f64,
-    /// Share of the pixels reached by edited splats that the mask calls artifacts.
-    pub masked_fraction: f64,
-    /// Share of those whose surface is known from frame 1.
-    pub known_fraction: f64,
+    /// Of these two, what artifacts contribute (Eq. 18); the rest is how much colours change elsewhere.
+    pub held_out_artifacts: [f64; 2],
+    /// Which pixels the mask calls artifacts, which of those frame 1 tells about, and why not the others.
+    pub trust: Trust,
+    /// Images in which [`RefineOptions::min_uncertainty`], not ε·mean(U), is the mask's threshold.
+    pub num_floored: usize,
     /// The loss over the run.
     pub trace: Vec<TracePoint>,
     /// Seconds per part of the work.
@@ -137,9 +140,9 @@ pub fn refine_with<R: Rasterizer<Prepared: Send> + Sync>(
     let total = plan.samples.len() + plan.held_out.len();
     let mut watch = Watch::new(observer, options, "images", total, 0);
     let mut samples = stage.build(&plan.samples, options.memory, 0, &mut watch, &mut report)?;
-    let Counts { pixels, masked, known } = stage.counts;
-    report.masked_fraction = masked as f64 / pixels.max(1) as f64;
-    report.known_fraction = known as f64 / masked.max(1) as f64;
+    let trust = stage.trust;
+    report.trust = trust;
+    report.num_floored = stage.num_floored;
     let share = |&[doubtful, seen]: &[u32; 2]| doubtful as f32 / seen.max(1) as f32;
     let doubts = stage.doubts.iter().map(share).collect();
     let held_out =
@@ -149,13 +152,14 @@ pub fn refine_with<R: Rasterizer<Prepared: Send> + Sync>(
     report.held_out = held_out.iter().map(|sample| sample.at).collect();
     if samples.is_empty() && !rows.is_empty() {
         report.warnings.push("no image shows an edited splat: nothing was refined".to_owned());
-    } else if masked == 0 {
+    } else if trust.masked == 0 {
         report.warnings.push("no artifact was found: colours stay as they are".to_owned());
-    } else if known == 0 {
+    } else if trust.known() == 0 {
         report.warnings.push(format!(
-            "{:.1} % of the edited pixels look like artifacts, but frame 1 shows the surface of none of them (hidden, turned away, or \
-             several surfaces mixed): nothing tells their colours, which stay as they are",
-            100.0 * report.masked_fraction
+            "{:.1} % of the edited pixels look like artifacts, but frame 1 tells about none of them ({}), nor shows their splats: colours \
+             stay as they are",
+            100.0 * trust.masked as f64 / trust.live.max(1) as f64,
+            trust.reasons()
         ));
     }
     let images_secs = begun.elapsed().as_secs_f64();
@@ -200,7 +204,7 @@ pub fn refine_with<R: Rasterizer<Prepared: Send> + Sync>(
         regression: None,
     };
     // without an artifact the offsets that minimise the loss are zero
-    let outcome = if known == 0 {
+    let outcome = if trust.known() == 0 {
         zero.clone()
     } else {
         let engine = descent.filter(|_| !options.opacity);
@@ -225,23 +229,25 @@ pub fn refine_with<R: Rasterizer<Prepared: Send> + Sync>(
             watch.stop_if_cancelled()
         })
     };
-    let before = match outcome.before {
-        Some(before) => before,
-        None => loss_of(&mut problem, &zero)?,
+    let before = if let Some(before) = outcome.before {
+        before
+    } else {
+        let [exact, shaped, _] = loss_of(&mut problem, &zero)?;
+        [exact, shaped]
     };
     let (outcome, after, note) =
         accept(&mut problem, options, outcome, zero.clone(), before, &mut loss_of)?;
     report.warnings.extend(note);
     problem.num_first = 0;
     problem.samples = held_out;
-    [report.held_out_before, _] = loss_of(&mut problem, &zero)?;
-    [report.held_out_after, _] = loss_of(&mut problem, &outcome)?;
+    [report.held_out_before, _, report.held_out_artifacts[0]] = loss_of(&mut problem, &zero)?;
+    [report.held_out_after, _, report.held_out_artifacts[1]] = loss_of(&mut problem, &outcome)?;
     (report.loss_before, report.loss_after) = (before[0], after[0]);
-    // told, not undone: where nothing supervises, what was there before may be what is wrong
-    if report.held_out_after > report.held_out_before {
+    // told, not undone; and not if colours merely change outside the mask: what was there before may be what is wrong
+    let [then, now] = report.held_out_artifacts;
+    if now > then {
         report.warnings.push(format!(
-            "from held-out views the loss rose from {:.3e} to {:.3e}: look at the result from there",
-            report.held_out_before, report.held_out_after
+            "from held-out views artifacts agree less with frame 1 than before (loss {then:.3e} to {now:.3e}): look at the result from there"
         ));
     }
 
@@ -276,9 +282,10 @@ fn accept<R: Rasterizer<Prepared: Send> + Sync>(
     outcome: Outcome,
     zero: Outcome,
     before: [f64; 2],
-    mut loss_of: impl FnMut(&mut Problem<R>, &Outcome) -> Result<[f64; 2], CuarError>,
+    mut loss_of: impl FnMut(&mut Problem<R>, &Outcome) -> Result<[f64; 3], CuarError>,
 ) -> Result<(Outcome, [f64; 2], Option<String>), CuarError> {
-    let after = loss_of(problem, &outcome)?;
+    let [exact, shaped, _] = loss_of(problem, &outcome)?;
+    let after = [exact, shaped];
     if after[1] <= before[1] {
         return Ok((outcome, after, None));
     }
@@ -289,7 +296,8 @@ fn accept<R: Rasterizer<Prepared: Send> + Sync>(
             let d_sh = run.refit(problem, &params);
             let d_logits = outcome.d_logits.clone();
             let other = Outcome { d_sh, d_logits, ..Outcome::default() };
-            let after = loss_of(problem, &other)?;
+            let [exact, shaped, _] = loss_of(problem, &other)?;
+            let after = [exact, shaped];
             if after[1] <= before[1] {
                 let note = format!(
                     "smoothness was lowered to {}, or the loss would have risen",
@@ -388,6 +396,12 @@ fn fingerprint<R: Rasterizer<Prepared: Send> + Sync>(
     }
     for value in first.sh.iter().flatten().chain(first.means.iter().flatten()) {
         eat(u64::from(value.to_bits()));
+    }
+    for camera in problem.cameras {
+        eat(u64::from(camera.width) << 32 | u64::from(camera.height));
+        let lens = &camera.intrinsics;
+        let lens = [lens.fx, lens.fy, lens.cx, lens.cy];
+        lens.iter().chain(camera.viewmat.as_flattened()).for_each(|value| eat(value.to_bits()));
     }
     for sample in &problem.samples {
         eat(sample.at.view as u64);

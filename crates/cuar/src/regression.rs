@@ -175,7 +175,7 @@ fn requests(
     relaxation: f32,
 ) -> Vec<Request> {
     let ask = |((entry, change), &[red, green, blue, weight]): ((&Entry, &[f32; 3]), &[f32; 4])| {
-        if weight.is_nan() || weight <= 0.0 {
+        if weight.is_nan() || weight <= 0.0 || !entry.told {
             return [0.0; 4];
         }
         let mut request = [0.0, 0.0, 0.0, weight];
@@ -438,7 +438,7 @@ mod tests {
             let z = 1.0 - 2.0 * (k as f32 + 0.5) / 60.0;
             let (sin, cos) = (2.4 * k as f32).sin_cos();
             let towards = [(1.0 - z * z).sqrt() * cos, (1.0 - z * z).sqrt() * sin, z];
-            let entry = Entry { local: 0, row: 1, towards, color: [0.0; 3] };
+            let entry = Entry { local: 0, row: 1, towards, color: [0.0; 3], told: true };
             let [r, g, b] = sh::color(degree, &truth, towards).map(|value| value - 0.5);
             let request = [r, g, b, 0.5 + (k % 3) as f32];
             normals.add(degree, &[entry], &[request]);
@@ -456,8 +456,13 @@ mod tests {
 
     #[test]
     fn clamped_colours_can_come_back() {
-        let entries =
-            [Entry { local: 0, row: 0, towards: [0.0, 0.0, 1.0], color: [-0.5, -0.5, 0.5] }];
+        let entries = [Entry {
+            local: 0,
+            row: 0,
+            towards: [0.0, 0.0, 1.0],
+            color: [-0.5, -0.5, 0.5],
+            told: true,
+        }];
         let requests = requests(&entries, &[[0.0; 3]], &[[-1.0, 1.0, 1.0, 10.0]], 1.0);
         let expected = [0.6, 0.0, -0.1, 10.0]; // up from 0; stay; down
         for (ours, theirs) in requests[0].iter().zip(expected) {

@@ -1,12 +1,13 @@
 //! One supervised image, and how it is made ([`Builder`]).
 
 use crate::{
-    CuarError, RefineOptions, WarpForm,
+    CuarError, Doubt, RefineOptions, Trust, WarpForm, carried,
     compact::{gather, needed_rows},
     engine::DescentImage,
-    flow::{affine_motion, render_flow},
+    flow::{affine_motion, render_landing},
     plan::ViewTime,
-    uncertainty::{direction, eye, threshold, xi},
+    trust::Verdict,
+    uncertainty::{change, direction, eye, shown, threshold},
     warp::{FirstFrame, WARP_CHANNELS, fetch, push_forward, trace},
 };
 use gs_core::{Camera, Rasterizer, RenderOutput, RenderParams, Splats, sh};
@@ -45,6 +46,9 @@ pub struct Entry {
     pub towards: [f32; 3],
     /// Colour before refinement, not clamped.
     pub color: [f32; 3],
+    /// Whether the image can tell its colour. Where pixels are known by splats that frame 1 shows, those it does not show get the blame for
+    /// whatever the others cannot follow.
+    pub told: bool,
 }
 
 /// One supervised image.
@@ -83,20 +87,12 @@ impl<P> Sample<P> {
     }
 }
 
-/// Shares over pixels, for the report.
-#[derive(Debug, Clone, Copy, Default)]
-pub(crate) struct Counts {
-    pub pixels: u64,
-    /// M.
-    pub masked: u64,
-    /// M where the warp is known.
-    pub known: u64,
-}
-
 /// A sample, and what it tells about the whole.
 pub(crate) struct Made<P> {
     pub sample: Sample<P>,
-    pub counts: Counts,
+    pub trust: Trust,
+    /// Whether the floor under the mask is its threshold.
+    pub floored: bool,
     /// Per entry: whether its ξ exceeds the mask's threshold (Eq. 17 for one splat).
     pub doubtful: Vec<bool>,
 }
@@ -123,8 +119,13 @@ impl<P> Default for Builder<P> {
     }
 }
 
-/// Channels composited to make a sample: those of the warp, ξ, and which splats are edited.
-const CHANNELS: usize = WARP_CHANNELS + 2;
+/// Channels composited to make a sample: those of the warp, ξ, which splats are edited, how much of them frame 1 shows, and by how much the
+/// colours that it shows differ from those of now.
+const CHANNELS: usize = WARP_CHANNELS + 6;
+const XI: usize = WARP_CHANNELS;
+const EDITED: usize = WARP_CHANNELS + 1;
+const SHOWN: usize = WARP_CHANNELS + 2;
+const CARRIED: usize = WARP_CHANNELS + 3;
 
 impl<P> Builder<P> {
     fn render<R: Rasterizer<Prepared = P>>(
@@ -154,8 +155,23 @@ impl<P> Builder<P> {
         source: &Source<R>,
         camera: &Camera,
     ) -> Result<FirstFrame, CuarError> {
-        self.render(source, source.first, camera, &[], true)?;
-        let min = source.options.warp_params.min_coverage;
+        let none = vec![0.0; source.first.len()];
+        self.render(source, source.first, camera, &none, true)?;
+        let params = &source.options.warp_params;
+        let min = params.min_coverage;
+        let carries = source.options.warp == WarpForm::Backward && params.min_carried <= 1.0;
+        let shares = match &mut self.prepared {
+            Some(prepared) if carries => {
+                let pixels = self.output.width * self.output.height;
+                let drawn = RenderParams {
+                    background: source.options.background,
+                    depth: true,
+                    ..RenderParams::default()
+                };
+                carried::shares(source.raster, prepared, source.first, &drawn, pixels)?
+            }
+            _ => Vec::new(),
+        };
         let depth = self.output.depth.iter().zip(&self.output.alpha);
         Ok(FirstFrame {
             width: self.output.width,
@@ -164,6 +180,7 @@ impl<P> Builder<P> {
             depth: depth
                 .map(|(&z, &alpha)| if alpha >= min && alpha > 0.0 { z / alpha } else { f32::NAN })
                 .collect(),
+            shares,
         })
     }
 
@@ -177,20 +194,21 @@ impl<P> Builder<P> {
         frame: &FirstFrame,
     ) -> Result<Option<Made<P>>, CuarError> {
         let options = source.options;
-        let features = source.features(splats, camera);
+        let features = source.features(splats, camera, &frame.shares);
         self.render(source, splats, camera, &features, false)?;
         let (w, h) = (self.output.width, self.output.height);
         let channel = |k: usize| -> Vec<f32> {
             self.output.features.iter().skip(k).step_by(CHANNELS).copied().collect()
         };
-        let uncertainty = channel(WARP_CHANNELS);
+        let uncertainty = channel(XI);
         let threshold = threshold(&uncertainty, options.epsilon, options.min_uncertainty);
         let mask: Vec<bool> = uncertainty.iter().map(|&u| f64::from(u) > threshold).collect();
-        let live: Vec<bool> = channel(WARP_CHANNELS + 1).iter().map(|&e| e > 0.0).collect();
+        let live: Vec<bool> = channel(EDITED).iter().map(|&e| e > 0.0).collect();
         let Some(crop) = bounding(&live, w, h) else { return Ok(None) };
 
-        let (warp, known) = self.warp(source, splats, camera, frame)?;
-        let mut counts = Counts::default();
+        let asked: Vec<bool> = mask.iter().zip(&live).map(|(mask, live)| *mask && *live).collect();
+        let (warp, verdicts) = self.warp(source, splats, camera, frame, &asked)?;
+        let mut trust = Trust::default();
         let mut sample = Sample {
             at,
             crop,
@@ -204,15 +222,16 @@ impl<P> Builder<P> {
         for y in crop.y..crop.y + crop.height {
             for p in y * w + crop.x..y * w + crop.x + crop.width {
                 sample.original.extend_from_slice(&self.output.rgb[p * 3..p * 3 + 3]);
-                let fore = live[p] && mask[p] && known[p] > 0.0;
+                let fore = asked[p] && !matches!(verdicts[p], Verdict::Doubted(_));
                 let back = live[p] && !mask[p];
                 let rgb: &[f32] = if fore { &warp[p * 3..p * 3 + 3] } else { &[0.0; 3] };
                 sample.warp.extend_from_slice(rgb);
                 let bit = |on: bool, bit: u8| if on { bit } else { 0 };
                 sample.flags.push(bit(fore, FORE) | bit(back, BACK) | bit(live[p], LIVE));
-                counts.pixels += u64::from(live[p]);
-                counts.masked += u64::from(live[p] && mask[p]);
-                counts.known += u64::from(fore);
+                trust.live += u64::from(live[p]);
+                if asked[p] {
+                    trust.count(verdicts[p]);
+                }
             }
         }
         let rows = needed_rows(splats, source.edited, camera, &live, options.opacity);
@@ -221,59 +240,80 @@ impl<P> Builder<P> {
         let rows: Vec<u32> = rows.into_iter().filter(drawn).collect();
         sample.splats = gather(splats, &rows, options.opacity);
         let eye = eye(camera);
+        let by_surface = trust.surface >= trust.carried;
         let mut doubtful = Vec::new();
         for (local, &id) in (0_u32..).zip(&rows) {
             let row = source.row_of[id as usize];
             let Some(towards) = direction(eye, splats.means[id as usize]) else { continue };
             if row != u32::MAX {
                 let color = sh::color(splats.sh_degree, splats.sh_of(id as usize), towards);
-                sample.entries.push(Entry { local, row, towards, color });
-                let xi = features[id as usize * CHANNELS + WARP_CHANNELS];
+                let told = by_surface || features[id as usize * CHANNELS + SHOWN] >= 0.5;
+                sample.entries.push(Entry { local, row, towards, color, told });
+                let xi = features[id as usize * CHANNELS + XI];
                 doubtful.push(f64::from(xi) > threshold);
             }
         }
-        Ok(Some(Made { sample, counts, doubtful }))
+        let floored = threshold <= f64::from(options.min_uncertainty);
+        Ok(Some(Made { sample, trust, floored, doubtful }))
     }
 
-    /// Frame 1 at this frame's pixels, `[H,W,3]`, and where it is known, `[H,W]`.
+    /// Frame 1 at this frame's pixels, `[H,W,3]`, and where that comes from, `[H,W]`; both of the pixels `asked` for only.
     fn warp<R: Rasterizer<Prepared = P>>(
         &self,
         source: &Source<R>,
         splats: &Splats,
         camera: &Camera,
         frame: &FirstFrame,
-    ) -> Result<(Vec<f32>, Vec<f32>), CuarError> {
+        asked: &[bool],
+    ) -> Result<(Vec<f32>, Vec<Verdict>), CuarError> {
         let (w, h) = (self.output.width, self.output.height);
         if source.options.warp == WarpForm::Paper {
-            let flow = render_flow(source.raster, source.first, source.first, splats, camera)?;
-            return Ok(push_forward(frame, &flow.flow));
+            let (landing, coverage) = render_landing(source.raster, source.first, splats, camera)?;
+            let params = &source.options.warp_params;
+            let (rgb, known) = push_forward(frame, (&landing, &coverage), params);
+            let nothing = Verdict::Doubted(Doubt::NothingLanded);
+            let verdict = |&known: &f32| if known > 0.0 { Verdict::Surface } else { nothing };
+            return Ok((rgb, known.iter().map(verdict).collect()));
         }
         let params = &source.options.warp_params;
         let output = &self.output;
         let mut rgb = vec![0.0; w * h * 3];
-        let mut known = vec![0.0; w * h];
-        rgb.par_chunks_mut(w * 3).zip(known.par_chunks_mut(w)).enumerate().for_each(
-            |(y, (rgb, known))| {
-                for x in 0..w {
+        let mut verdicts = vec![Verdict::Doubted(Doubt::Uncovered); w * h];
+        rgb.par_chunks_mut(w * 3).zip(verdicts.par_chunks_mut(w)).enumerate().for_each(
+            |(y, (rgb, verdicts))| {
+                for x in (0..w).filter(|x| asked[y * w + x]) {
                     let p = y * w + x;
-                    let sums = &output.features[p * CHANNELS..];
-                    let found = trace(sums, output.alpha[p], (x, y), params).and_then(|trace| {
-                        fetch(frame, trace, &output.rgb[p * 3..p * 3 + 3], params)
-                    });
-                    if let Some(color) = found {
-                        rgb[x * 3..x * 3 + 3].copy_from_slice(&color);
-                        known[x] = 1.0;
-                    }
+                    let sums = &output.features[p * CHANNELS..(p + 1) * CHANNELS];
+                    let (alpha, now) = (output.alpha[p], &output.rgb[p * 3..p * 3 + 3]);
+                    let found = trace(sums, alpha, (x, y), params)
+                        .and_then(|trace| fetch(frame, trace, now, params));
+                    let out = &mut rgb[x * 3..x * 3 + 3];
+                    verdicts[x] = match found {
+                        Ok(color) => {
+                            out.copy_from_slice(&color);
+                            Verdict::Surface
+                        }
+                        Err(_) if sums[SHOWN] >= params.min_carried * alpha && alpha > 0.0 => {
+                            for channel in 0..3 {
+                                out[channel] = now[channel] + sums[CARRIED + channel];
+                            }
+                            Verdict::Carried
+                        }
+                        Err(doubt) => Verdict::Doubted(doubt),
+                    };
                 }
             },
         );
-        Ok((rgb, known))
+        Ok((rgb, verdicts))
     }
 }
 
 impl<R> Source<'_, R> {
-    fn features(&self, splats: &Splats, camera: &Camera) -> Vec<f32> {
+    /// `[N,CHANNELS]` at the time of `splats`; `shares` are those of frame 1, or empty.
+    fn features(&self, splats: &Splats, camera: &Camera, shares: &[f32]) -> Vec<f32> {
         let eye = eye(camera);
+        let enough = self.options.warp_params.min_shown;
+        let known = carried::shown(splats, shares, camera, enough);
         let mut features = vec![0.0_f32; splats.len() * CHANNELS];
         features.par_chunks_mut(CHANNELS).with_min_len(1024).enumerate().for_each(|(i, out)| {
             if let Some(back) = affine_motion(camera, splats, self.first, i) {
@@ -282,8 +322,19 @@ impl<R> Source<'_, R> {
                 out[6..9].copy_from_slice(&back.place);
                 out[9] = back.place.iter().map(|x| x * x).sum();
             }
-            out[WARP_CHANNELS] = xi(splats, self.first, i, eye);
-            out[WARP_CHANNELS + 1] = f32::from(u8::from(self.edited[i]));
+            if let (Some(now), Some(then)) = (shown(splats, i, eye), shown(self.first, i, eye)) {
+                out[XI] = change(now, then);
+                if !self.edited[i] {
+                    // not to be refined: what it shows now is what it is to show
+                    out[SHOWN] = 1.0;
+                } else if let Some(&known) = known.get(i) {
+                    out[SHOWN] = known;
+                    for channel in 0..3 {
+                        out[CARRIED + channel] = known * (then[channel] - now[channel]);
+                    }
+                }
+            }
+            out[EDITED] = f32::from(u8::from(self.edited[i]));
             if !out.iter().all(|value| value.is_finite()) {
                 out.fill(0.0);
             }

@@ -1,10 +1,10 @@
 //! Making the supervised images, several at a time ([`Supervision`]).
 
 use crate::{
-    CuarError, Report, Views,
+    CuarError, Report, Trust, Views,
     plan::ViewTime,
     problem::Watch,
-    sample::{Builder, Counts, Made, Sample, Source},
+    sample::{Builder, Made, Sample, Source},
     warp::FirstFrame,
 };
 use gs_core::{DynamicScene, Rasterizer, Splats};
@@ -24,7 +24,9 @@ pub(crate) struct Supervision<'a, R: Rasterizer> {
     moments: Vec<(f32, Splats)>,
     /// Frame 1 per view, while it is needed.
     frames: Vec<Option<FirstFrame>>,
-    pub counts: Counts,
+    pub trust: Trust,
+    /// Images in which the floor is the mask's threshold.
+    pub num_floored: usize,
     /// Per edited splat: in how many images it exceeds the mask's threshold (Eq. 17 for one splat), and how many there are.
     pub doubts: Vec<[u32; 2]>,
 }
@@ -42,7 +44,8 @@ impl<'a, R: Rasterizer<Prepared: Send> + Sync> Supervision<'a, R> {
             builders: (0..lanes).map(|_| Builder::default()).collect(),
             moments: Vec::new(),
             frames: vec![None; views.cameras.len()],
-            counts: Counts::default(),
+            trust: Trust::default(),
+            num_floored: 0,
             doubts: vec![[0; 2]; source.edited.iter().filter(|edited| **edited).count()],
             source,
         }
@@ -95,9 +98,8 @@ impl<'a, R: Rasterizer<Prepared: Send> + Sync> Supervision<'a, R> {
     }
 
     fn count<P>(&mut self, made: &Made<P>) {
-        self.counts.pixels += made.counts.pixels;
-        self.counts.masked += made.counts.masked;
-        self.counts.known += made.counts.known;
+        self.trust.add(&made.trust);
+        self.num_floored += usize::from(made.floored);
         for (entry, &doubtful) in made.sample.entries.iter().zip(&made.doubtful) {
             let [doubts, seen] = &mut self.doubts[entry.row as usize];
             *doubts += u32::from(doubtful);

@@ -19,16 +19,21 @@ pub(crate) fn eye(camera: &Camera) -> [f32; 3] {
 }
 
 /// `max(0, 0.5 + Σ Y sh)` of row `i` towards `eye`.
-fn shown(splats: &Splats, i: usize, eye: [f32; 3]) -> Option<[f32; 3]> {
+pub(crate) fn shown(splats: &Splats, i: usize, eye: [f32; 3]) -> Option<[f32; 3]> {
     let towards = direction(eye, splats.means[i])?;
     Some(sh::color(splats.sh_degree, splats.sh_of(i), towards).map(|x| x.max(0.0)))
 }
 
-/// Eqs. 14–15 for one row; 0 where a colour is not finite (the rasteriser culls it).
-pub(crate) fn xi(at_t: &Splats, at_1: &Splats, i: usize, eye: [f32; 3]) -> f32 {
-    let (Some(t), Some(one)) = (shown(at_t, i, eye), shown(at_1, i, eye)) else { return 0.0 };
-    let difference: f32 = (0..3).map(|channel| (t[channel] - one[channel]).abs()).sum();
+/// Eqs. 14–15 of two colours; 0 if one is not finite (the rasteriser culls such splats).
+pub(crate) fn change(now: [f32; 3], then: [f32; 3]) -> f32 {
+    let difference: f32 = (0..3).map(|channel| (now[channel] - then[channel]).abs()).sum();
     if difference.is_finite() { 1.0 - (-difference).exp() } else { 0.0 }
+}
+
+/// Eqs. 14–15 for one row.
+fn xi(at_t: &Splats, at_1: &Splats, i: usize, eye: [f32; 3]) -> f32 {
+    let (Some(t), Some(one)) = (shown(at_t, i, eye), shown(at_1, i, eye)) else { return 0.0 };
+    change(t, one)
 }
 
 /// Eqs. 14–15: `ξ = 1 − exp(−‖c_t − c_1‖₁)` per splat, `[N]` in [0,1): how much its displayed colour towards `camera` changes between the

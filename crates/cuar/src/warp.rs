@@ -1,6 +1,6 @@
 //! Fetching the first frame into frame `t` (Eq. 13).
 
-use gs_core::Image;
+use crate::Doubt;
 
 /// How the first frame is brought to frame `t`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -10,7 +10,7 @@ pub enum WarpForm {
     #[default]
     Backward,
     /// Eq. 13 as written: pixels of frame 1 pushed along the composited (not normalised) flow `F_{1→t}` of frame 1, without an occlusion
-    /// test. Where several land they are averaged; where none lands nothing is supervised.
+    /// test. The equation does not say what happens where several land or none: here the nearest hides the others, and nothing is supervised.
     Paper,
 }
 
@@ -32,6 +32,11 @@ pub struct WarpParams {
     /// and are asked to stay as they are: resampling must not teach textures to be blurred. `None` supervises every masked pixel, as the
     /// paper does. Default 0.05.
     pub slack: Option<f32>,
+    /// Where no surface can be fetched: least share of a pixel's coverage that must belong to splats that frame 1 shows. Their colours there
+    /// then tell the pixel's, however many of them mix. Above 1 never. Default 0.9.
+    pub min_carried: f32,
+    /// Share of its unoccluded weight with which frame 1 shows a splat. Less counts in proportion. Default 0.1.
+    pub min_shown: f32,
 }
 
 impl Default for WarpParams {
@@ -42,6 +47,8 @@ impl Default for WarpParams {
             spread_tolerance: 0.015,
             min_facing: 0.4,
             slack: Some(0.05),
+            min_carried: 0.9,
+            min_shown: 0.1,
         }
     }
 }
@@ -55,6 +62,8 @@ pub(crate) struct FirstFrame {
     pub rgb: Vec<f32>,
     /// Depth divided by coverage, `[H,W]`; NaN where coverage is too small.
     pub depth: Vec<f32>,
+    /// `Σ_p α T` per splat of the scene; empty if not asked for.
+    pub shares: Vec<f32>,
 }
 
 /// Channels of what [`trace`] reads at frame `t`: affine motion to frame 1 (shift 2, linear part 4), place there in the
@@ -62,7 +71,7 @@ pub(crate) struct FirstFrame {
 pub(crate) const WARP_CHANNELS: usize = 10;
 
 /// Surface composited at one pixel of frame `t`, divided by coverage.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Trace {
     /// Where it was in frame 1, pixels (centres at half-integers).
     pub at: [f32; 2],
@@ -76,9 +85,9 @@ pub(crate) fn trace(
     alpha: f32,
     (x, y): (usize, usize),
     params: &WarpParams,
-) -> Option<Trace> {
+) -> Result<Trace, Doubt> {
     if alpha.is_nan() || alpha < params.min_coverage || alpha <= 0.0 {
-        return None;
+        return Err(Doubt::Uncovered);
     }
     let (px, py) = (x as f32 + 0.5, y as f32 + 0.5);
     let at = [sums[0] + sums[2] * px + sums[3] * py, sums[1] + sums[4] * px + sums[5] * py];
@@ -86,13 +95,13 @@ pub(crate) fn trace(
     let variance = square - (cx * cx + cy * cy + depth * depth);
     let limit = params.spread_tolerance * depth;
     if variance.is_nan() || variance > limit * limit {
-        return None;
+        return Err(Doubt::Mixed);
     }
     let facing = (sums[2] * sums[5] - sums[3] * sums[4]) / (alpha * alpha);
     if facing.is_nan() || facing < params.min_facing {
-        return None;
+        return Err(Doubt::TurnedAway);
     }
-    Some(Trace { at: at.map(|value| value / alpha), depth })
+    Ok(Trace { at: at.map(|value| value / alpha), depth })
 }
 
 /// Colour of frame 1 at `trace`, if the surface is what frame 1 shows there; or `shown`, the colour at frame `t`, if that agrees with it.
@@ -101,12 +110,12 @@ pub(crate) fn fetch(
     trace: Trace,
     shown: &[f32],
     params: &WarpParams,
-) -> Option<[f32; 3]> {
+) -> Result<[f32; 3], Doubt> {
     let [sx, sy] = trace.at.map(|s| s - 0.5);
     let (w, h) = (frame.width, frame.height);
-    let (max_x, max_y) = (w.checked_sub(1)? as f32, h.checked_sub(1)? as f32);
+    let (max_x, max_y) = (w as f32 - 1.0, h as f32 - 1.0);
     if !(sx >= 0.0 && sy >= 0.0 && sx <= max_x && sy <= max_y) {
-        return None;
+        return Err(Doubt::OutOfView);
     }
     #[expect(
         clippy::cast_possible_truncation,
@@ -126,7 +135,7 @@ pub(crate) fn fetch(
     let corners = [(x0, y0), (x1, y0), (x0, y1), (x1, y1)];
     let weights = [(1.0 - fx) * (1.0 - fy), fx * (1.0 - fy), (1.0 - fx) * fy, fx * fy];
     if corners.iter().zip(weights).any(|(&(x, y), weight)| weight > 0.0 && !same(x, y)) {
-        return None;
+        return Err(Doubt::Hidden);
     }
     if let Some(slack) = params.slack {
         let (cx, cy) = (if fx < 0.5 { x0 } else { x1 }, if fy < 0.5 { y0 } else { y1 });
@@ -143,7 +152,7 @@ pub(crate) fn fetch(
             (low - slack..=high + slack).contains(&shown[channel])
         });
         if agrees {
-            return Some([shown[0], shown[1], shown[2]]);
+            return Ok([shown[0], shown[1], shown[2]]);
         }
     }
     let wide = x0 >= 1
@@ -151,7 +160,7 @@ pub(crate) fn fetch(
         && x0 + 2 < w
         && y0 + 2 < h
         && (y0 - 1..=y0 + 2).all(|y| (x0 - 1..=x0 + 2).all(|x| same(x, y)));
-    Some([0, 1, 2].map(|channel| {
+    Ok([0, 1, 2].map(|channel| {
         let near = corners.map(|(x, y)| rgb(x, y, channel));
         if wide {
             // bilinear alone would teach every texture to be blurred
@@ -171,33 +180,39 @@ fn catmull_rom(f: f32, [a, b, c, d]: [f32; 4]) -> f32 {
     b + 0.5 * f * (c - a + f * (2.0 * a - 5.0 * b + 4.0 * c - d + f * (3.0 * (b - c) + d - a)))
 }
 
-/// [`WarpForm::Paper`]: colours `[H,W,3]` and validity `[H,W]` (0 or 1) at frame `t`, from the flow composited on frame 1.
-pub(crate) fn push_forward(frame: &FirstFrame, flow: &Image) -> (Vec<f32>, Vec<f32>) {
+/// [`WarpForm::Paper`]: colours `[H,W,3]` and validity `[H,W]` (0 or 1) at frame `t`, from what `flow::render_landing` composited on frame 1.
+pub(crate) fn push_forward(
+    frame: &FirstFrame,
+    (landing, coverage): (&[f32], &[f32]),
+    params: &WarpParams,
+) -> (Vec<f32>, Vec<f32>) {
     let (w, h) = (frame.width, frame.height);
+    let depth_of = |p: usize| match landing[p * 3 + 2] / coverage[p] {
+        z if coverage[p] > 0.0 && z.is_finite() => z,
+        // nothing but background
+        _ => f32::MAX,
+    };
+    let mut nearest = vec![f32::INFINITY; w * h];
+    for p in 0..w * h {
+        let z = depth_of(p);
+        for (target, share) in targets(w, h, p, &landing[p * 3..]) {
+            // a pixel lands on its neighbours' rims, too: those it does not hide
+            if share >= 0.25 {
+                nearest[target] = nearest[target].min(z);
+            }
+        }
+    }
     let mut rgb = vec![0.0; w * h * 3];
     let mut weight = vec![0.0; w * h];
-    for y in 0..h {
-        for x in 0..w {
-            let moved = flow.pixel(x, y);
-            let (tx, ty) = (x as f32 + moved[0], y as f32 + moved[1]);
-            let (floor_x, floor_y) = (tx.floor(), ty.floor());
-            for (dx, dy) in [(0.0, 0.0), (1.0, 0.0), (0.0, 1.0), (1.0, 1.0)] {
-                let (px, py) = (floor_x + dx, floor_y + dy);
-                let share = (1.0 - (tx - px).abs()) * (1.0 - (ty - py).abs());
-                let inside = px >= 0.0 && py >= 0.0 && px < w as f32 && py < h as f32;
-                if !inside || share.is_nan() || share <= 0.0 {
-                    continue;
-                }
-                #[expect(
-                    clippy::cast_possible_truncation,
-                    clippy::cast_sign_loss,
-                    reason = "inside the image, checked above"
-                )]
-                let target = py as usize * w + px as usize;
-                weight[target] += share;
-                for channel in 0..3 {
-                    rgb[target * 3 + channel] += share * frame.rgb[(y * w + x) * 3 + channel];
-                }
+    for p in 0..w * h {
+        let z = depth_of(p);
+        for (target, share) in targets(w, h, p, &landing[p * 3..]) {
+            if z > nearest[target] * (1.0 + params.depth_tolerance) {
+                continue;
+            }
+            weight[target] += share;
+            for channel in 0..3 {
+                rgb[target * 3 + channel] += share * frame.rgb[p * 3 + channel];
             }
         }
     }
@@ -212,6 +227,27 @@ pub(crate) fn push_forward(frame: &FirstFrame, flow: &Image) -> (Vec<f32>, Vec<f
     (rgb, weight)
 }
 
+/// Pixels of a `w × h` image among which pixel `p`, `moved` by some pixels, is divided, each with its share.
+fn targets(w: usize, h: usize, p: usize, moved: &[f32]) -> impl Iterator<Item = (usize, f32)> {
+    let (tx, ty) = ((p % w) as f32 + moved[0], (p / w) as f32 + moved[1]);
+    let (floor_x, floor_y) = (tx.floor(), ty.floor());
+    [(0.0, 0.0), (1.0, 0.0), (0.0, 1.0), (1.0, 1.0)].into_iter().filter_map(move |(dx, dy)| {
+        let (px, py) = (floor_x + dx, floor_y + dy);
+        let share = (1.0 - (tx - px).abs()) * (1.0 - (ty - py).abs());
+        let inside = px >= 0.0 && py >= 0.0 && px < w as f32 && py < h as f32;
+        if !inside || share.is_nan() || share <= 0.0 {
+            return None;
+        }
+        #[expect(
+            clippy::cast_possible_truncation,
+            clippy::cast_sign_loss,
+            reason = "inside the image, checked above"
+        )]
+        let target = py as usize * w + px as usize;
+        Some((target, share))
+    })
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -224,7 +260,7 @@ mod tests {
                 x as f32 * 0.05 + y as f32 * 0.01 + (k % 3) as f32 * 0.1
             })
             .collect();
-        FirstFrame { width, height, rgb, depth: vec![2.0; width * height] }
+        FirstFrame { width, height, rgb, depth: vec![2.0; width * height], shares: Vec::new() }
     }
 
     #[test]
@@ -243,11 +279,11 @@ mod tests {
         let frame = ramp();
         let params = WarpParams::default();
         let fetch = |at, depth| fetch(&frame, Trace { at, depth }, &[9.0; 3], &params);
-        assert!(fetch([5.0, 5.0], 2.2).is_none(), "behind what frame 1 shows");
-        assert!(fetch([5.0, 5.0], 1.8).is_none(), "in front of what frame 1 shows");
-        assert!(fetch([-1.0, 5.0], 2.0).is_none(), "off the image");
-        assert!(fetch([f32::NAN, 5.0], 2.0).is_none(), "nowhere");
-        assert!(fetch([5.0, 5.0], f32::NAN).is_none(), "no depth");
+        assert_eq!(fetch([5.0, 5.0], 2.2), Err(Doubt::Hidden), "behind what frame 1 shows");
+        assert_eq!(fetch([5.0, 5.0], 1.8), Err(Doubt::Hidden), "in front of what frame 1 shows");
+        assert_eq!(fetch([-1.0, 5.0], 2.0), Err(Doubt::OutOfView), "off the image");
+        assert_eq!(fetch([f32::NAN, 5.0], 2.0), Err(Doubt::OutOfView), "nowhere");
+        assert_eq!(fetch([5.0, 5.0], f32::NAN), Err(Doubt::Hidden), "no depth");
     }
 
     #[test]
@@ -260,23 +296,30 @@ mod tests {
         assert_eq!(half.at, full.at, "divided by coverage");
         // half of it at (0, 1, 2), half at (0, 2, 2)
         let mixed = [2.0, 1.0, 1.0, 0.0, 0.0, 1.0, 0.0, 1.5, 2.0, 6.5];
-        assert!(trace(&mixed, 1.0, (3, 3), &params).is_none(), "two surfaces");
+        assert_eq!(trace(&mixed, 1.0, (3, 3), &params), Err(Doubt::Mixed), "two surfaces");
         let mut mirrored = whole;
         mirrored[2] = -1.0;
-        assert!(trace(&mirrored, 1.0, (3, 3), &params).is_none(), "was turned away");
-        assert!(trace(&[0.0; WARP_CHANNELS], 0.2, (3, 3), &params).is_none(), "hardly covered");
+        assert_eq!(trace(&mirrored, 1.0, (3, 3), &params), Err(Doubt::TurnedAway), "mirrored");
+        let faint = trace(&[0.0; WARP_CHANNELS], 0.2, (3, 3), &params);
+        assert_eq!(faint, Err(Doubt::Uncovered), "hardly covered");
     }
 
     #[test]
-    fn pushing_by_whole_pixels_shifts() {
+    fn pushing_by_whole_pixels_shifts_and_the_nearest_hides_the_others() {
         let frame = ramp();
-        let mut flow = Image::zeros(12, 9, 2);
-        for uv in flow.data.chunks_exact_mut(2) {
-            uv.copy_from_slice(&[3.0, -2.0]);
-        }
-        let (rgb, valid) = push_forward(&frame, &flow);
+        let params = WarpParams::default();
+        let mut landing = [3.0, -2.0, 4.0].repeat(12 * 9);
+        let coverage = vec![1.0; 12 * 9];
+        let (rgb, valid) = push_forward(&frame, (&landing, &coverage), &params);
         let at = |x: usize, y: usize| (y * 12 + x) * 3;
         assert!((rgb[at(5, 3)] - frame.rgb[at(2, 5)]).abs() < 1e-6, "moved right and up");
         assert_eq!(valid[3 * 12 + 1], 0.0, "nothing came here");
+        // a nearer pixel that stays where it is
+        landing[at(5, 3)..at(5, 3) + 3].copy_from_slice(&[0.0, 0.0, 2.0]);
+        let (rgb, _) = push_forward(&frame, (&landing, &coverage), &params);
+        assert!((rgb[at(5, 3)] - frame.rgb[at(5, 3)]).abs() < 1e-6, "in front of what came");
+        landing[at(5, 3) + 2] = 6.0;
+        let (rgb, _) = push_forward(&frame, (&landing, &coverage), &params);
+        assert!((rgb[at(5, 3)] - frame.rgb[at(2, 5)]).abs() < 1e-6, "behind what came");
     }
 }

@@ -79,6 +79,7 @@ pub(crate) fn run(args: &DemoArgs, global: &Global, console: &Console) -> Outcom
     let shot = Shot {
         scene: opened.scene.as_ref(),
         edit_time: opened.edit_time,
+        mask: opened.mask,
         original: opened.original.as_deref(),
         times: &times,
         views: &Views::Fixed(front),

@@ -86,6 +86,11 @@ pub(crate) fn refine(
         return Err(Failure::bad_input(format!("{} is not a run folder", run.display()))
             .next("Give the folder that c4d propagate wrote."));
     }
+    // a folder that cannot be written is found out before the work, not after it
+    drop(
+        AtomicFile::create(run.join(REFINE_REPORT), Existing::Replace)
+            .map_err(|error| output_failure(&error))?,
+    );
     let mut loaded = run_folder::load(run, global, console)?;
     let edited: Vec<bool> =
         loaded.stored.binding.kinds().iter().map(|kind| *kind != RowKind::Unchanged).collect();
@@ -144,6 +149,14 @@ pub(crate) fn refine(
             let failure = device::failure(&error);
             Failure { what: format!("{}: {}", run.display(), failure.what), ..failure }
         }
+        (_, error @ CuarError::State { .. }) => Failure::bad_input(format!(
+            "{}: {}",
+            run.join(REFINE_STATE).display(),
+            chain(&error)
+        ))
+        .next(
+            "Give the options of the interrupted refinement, or leave out --resume to start anew.",
+        ),
         (_, error) => Failure::failed(format!("{}: {}", run.display(), chain(&error))),
     })?;
     let coeffs = refined.d_sh.len() / refined.rows.len().max(1);
@@ -163,6 +176,7 @@ pub(crate) fn refine(
         frames: times.len(),
         samples: options.samples,
         epsilon: options.epsilon,
+        min_uncertainty: options.min_uncertainty,
         seed: options.seed,
         device: device.describe(),
     });
@@ -283,6 +297,18 @@ fn tell(report: &Report, changed: usize, cameras: &[Camera], console: &Console) 
     for warning in &report.warnings {
         console.warn(warning);
     }
+    let trust = &report.trust;
+    let share = |part: u64, whole: u64| 100.0 * part as f64 / whole.max(1) as f64;
+    if trust.masked > 0 {
+        let reasons = trust.reasons();
+        console.note(format!(
+            "{:.1} % of the edited pixels look like artifacts; frame 1 shows the surface of {:.1} % of them, the splats of {:.1} %{}{reasons}",
+            share(trust.masked, trust.live),
+            share(trust.surface, trust.masked),
+            share(trust.carried, trust.masked),
+            if reasons.is_empty() { "" } else { "; of the others it tells nothing: " },
+        ));
+    }
     console.note(format!(
         "{changed} of {} edited splats have new colours, from {} images: loss {:.3e} to {:.3e}",
         report.num_edited,
@@ -293,11 +319,11 @@ fn tell(report: &Report, changed: usize, cameras: &[Camera], console: &Console) 
     if !report.held_out.is_empty() {
         let names: BTreeSet<&str> =
             report.held_out.iter().map(|at| cameras[at.view].name.as_str()).collect();
+        let [then, now] = report.held_out_artifacts;
         console.note(format!(
-            "held-out views ({}): loss {:.3e} to {:.3e}",
+            "held-out views ({}): artifacts {then:.3e} to {now:.3e}, change elsewhere {:.3e}",
             names.into_iter().collect::<Vec<_>>().join(", "),
-            report.held_out_before,
-            report.held_out_after
+            report.held_out_after - now
         ));
     }
     for (part, secs) in &report.timings {
@@ -313,14 +339,31 @@ fn report_json(report: &Report, cameras: &[Camera]) -> Value {
         report.trace.iter().map(|point| json!([point.secs, point.step, point.loss])).collect();
     let timings: serde_json::Map<String, Value> =
         report.timings.iter().map(|(part, secs)| ((*part).to_owned(), json!(secs))).collect();
+    let trust = &report.trust;
+    let doubts: serde_json::Map<String, Value> = cuar::Doubt::ALL
+        .into_iter()
+        .zip(trust.doubts)
+        .map(|(doubt, count)| (doubt.name().replace(' ', "_"), json!(count)))
+        .collect();
     json!({
-        "schema": 1,
+        "schema": 2,
         "edited": report.num_edited,
         "visible": report.num_visible,
         "loss": { "before": report.loss_before, "after": report.loss_after },
-        "held_out_loss": { "before": report.held_out_before, "after": report.held_out_after },
-        "masked_fraction": report.masked_fraction,
-        "known_fraction": report.known_fraction,
+        "held_out_loss": {
+            "before": report.held_out_before,
+            "after": report.held_out_after,
+            "artifacts_before": report.held_out_artifacts[0],
+            "artifacts_after": report.held_out_artifacts[1],
+        },
+        "pixels": {
+            "edited": trust.live,
+            "masked": trust.masked,
+            "known_by_surface": trust.surface,
+            "known_by_splats": trust.carried,
+            "unknown": doubts,
+        },
+        "images_with_threshold_at_floor": report.num_floored,
         "images": at(&report.samples),
         "held_out": at(&report.held_out),
         "trace_secs_step_loss": trace,

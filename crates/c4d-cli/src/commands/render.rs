@@ -47,6 +47,7 @@ pub(crate) fn run(args: &RenderArgs, global: &Global, console: &Console) -> Outc
     let shot = Shot {
         scene: opened.scene.as_ref(),
         edit_time: opened.edit_time,
+        mask: opened.mask,
         original: opened.original.as_deref().filter(|_| args.side_by_side),
         times: &times,
         views: &views,
@@ -69,6 +70,7 @@ pub(crate) fn run(args: &RenderArgs, global: &Global, console: &Console) -> Outc
 pub(crate) struct Shot<'a> {
     pub(crate) scene: &'a dyn DynamicScene,
     pub(crate) edit_time: f32,
+    pub(crate) mask: passes::Mask,
     pub(crate) original: Option<&'a dyn DynamicScene>,
     pub(crate) times: &'a [f32],
     pub(crate) views: &'a Views,
@@ -315,7 +317,8 @@ fn stills(args: &RenderArgs, global: &Global, shot: &Shot<'_>, format: Format) -
             std::fs::create_dir_all(&folder).map_err(|error| Failure::write(&folder, &error))?;
             let path = |extension: &str| folder.join(format!("{:05}.{extension}", exposure.frame));
             let image = if pass.is_relative() {
-                passes::render(pass, shot.device, exposure.splats, &then, exposure.camera)?
+                let Exposure { splats, camera, .. } = exposure;
+                passes::render(pass, shot.mask, shot.device, splats, &then, camera)?
             } else {
                 PassImage::Grey(exposure.image(pass))
             };

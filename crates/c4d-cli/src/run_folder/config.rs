@@ -1,5 +1,6 @@
 //! `c4d.toml`: the resolved configuration of a run.
 
+use crate::passes::Mask;
 use amg::{Aggregation, PositionRule, RotationRule, ScaleRule};
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
@@ -68,10 +69,24 @@ pub(crate) struct RefineConfig {
     pub(crate) samples: usize,
     /// ε of Eq. 17.
     pub(crate) epsilon: f32,
+    /// Uncertainty below which nothing is an artifact.
+    #[serde(default = "usual_floor")]
+    pub(crate) min_uncertainty: f32,
     /// Seed of the draw.
     pub(crate) seed: u64,
     /// Device that rendered.
     pub(crate) device: String,
+}
+
+fn usual_floor() -> f32 {
+    Mask::default().min_uncertainty
+}
+
+impl RefineConfig {
+    /// Which pixels were artifacts.
+    pub(crate) fn mask(&self) -> Mask {
+        Mask { epsilon: self.epsilon, min_uncertainty: self.min_uncertainty }
+    }
 }
 
 impl RunConfig {

@@ -21,6 +21,7 @@ use crate::args::Global;
 use crate::console::Console;
 use crate::failure::{Failure, Outcome, chain};
 use crate::field::NetworkField;
+use crate::passes::Mask;
 use crate::scene::{self, Opened};
 use amg::{EditedScene, RowKind};
 use gs_io::SceneKind;
@@ -172,6 +173,7 @@ pub(crate) fn open(
         original: Some(source.scene),
         up: source.up,
         background: source.background,
+        mask: config.refine.as_ref().map_or_else(Mask::default, RefineConfig::mask),
         facts,
         files,
     })

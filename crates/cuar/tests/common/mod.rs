@@ -60,7 +60,7 @@ pub struct Case {
     pub held_out: Vec<usize>,
 }
 
-fn uniform(state: &mut u64) -> f32 {
+pub fn uniform(state: &mut u64) -> f32 {
     *state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
     (*state >> 40) as f32 / (1_u64 << 24) as f32 * 2.0 - 1.0
 }
@@ -141,7 +141,7 @@ pub fn case(
 }
 
 /// Orthonormal basis of the SH vectors that the cameras see.
-fn seen_basis(degree: usize, mean: [f32; 3], cameras: &[Camera]) -> Vec<Vec<f32>> {
+pub fn seen_basis(degree: usize, mean: [f32; 3], cameras: &[Camera]) -> Vec<Vec<f32>> {
     let coeffs = sh::num_coeffs(degree);
     let mut basis: Vec<Vec<f32>> = Vec::new();
     for camera in cameras {

@@ -256,7 +256,8 @@ fn three_steps(raster: &WgpuRasterizer, rows: usize) -> (Vec<[f32; 3]>, cuar::Ad
     let entry = |(row, mean): (u32, &[f32; 3])| {
         let ray = [0, 1, 2].map(|axis| mean[axis] - eye[axis]);
         let length = ray.iter().map(|x| x * x).sum::<f32>().sqrt();
-        Entry { local: row, row: 3 * row, towards: ray.map(|x| x / length), color: [0.1, 0.5, 0.9] }
+        let towards = ray.map(|x| x / length);
+        Entry { local: row, row: 3 * row, towards, color: [0.1, 0.5, 0.9], told: true }
     };
     let entries: Vec<Entry> = (0..).zip(&splats.means).map(entry).collect();
     let (original, warp, flags, entries) = (&original[..], &warp[..], &flags[..], &entries[..]);

@@ -197,7 +197,7 @@ pub(crate) struct PropagateArgs {
 #[command(next_help_heading = "Appearance refinement")]
 pub(crate) struct RefineFlags {
     /// Cameras to refine from, as `c4d render --cameras`; each is used at every time [default: a rig around the scene]
-    #[arg(long, value_name = "PATH")]
+    #[arg(long, visible_alias = "cameras", value_name = "PATH")]
     pub(crate) refine_cameras: Option<PathBuf>,
     /// Size of the images [default: that of the cameras, 640x480 for the rig]
     #[arg(long, value_name = "WxH", value_parser = parse_size)]

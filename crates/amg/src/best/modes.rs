@@ -98,9 +98,9 @@ fn group(
     let kin = kin.filter(|(cell, _)| *cell != u32::MAX);
     let ids = kin.map(|(cell, _)| cell).into_iter().chain(near.iter().map(|n| n.id));
     let mut modes: Choice = Vec::with_capacity(2);
+    let mut paths = Vec::with_capacity(2);
     for cell in ids {
-        let found =
-            modes.iter().position(|m| motion.agree(m.cell as usize, cell as usize, x, tolerance));
+        let found = paths.iter().position(|path| motion.agrees(cell as usize, path, tolerance));
         match found {
             Some(m) if modes[m].witnesses.len() < WITNESSES => {
                 modes[m].witnesses.push(witness(cells, normals, edit, e, cell));
@@ -108,6 +108,7 @@ fn group(
             None if modes.len() < MODES => {
                 let witnesses = vec![witness(cells, normals, edit, e, cell)];
                 let kinship = kin.filter(|k| k.0 == cell).map_or(0.0, |k| k.1);
+                paths.push(motion.path(cell as usize, x));
                 modes.push(Mode { witnesses, cell, cost: [0.0; 2], kinship });
             }
             _ => {}

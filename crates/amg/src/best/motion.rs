@@ -69,9 +69,19 @@ impl CellMotion {
         [turned[0] + motion.to[0], turned[1] + motion.to[1], turned[2] + motion.to[2]]
     }
 
-    /// Whether cells `a` and `b` never take point `x` farther apart than `tolerance`.
-    pub(super) fn agree(&self, a: usize, b: usize, x: [f32; 3], tolerance: f32) -> bool {
-        a == b || (0..self.num_times).all(|k| self.apart(a, b, k, x) <= tolerance * tolerance)
+    /// Where point `x` goes if it moves with cell `i`.
+    pub(super) fn path(&self, i: usize, x: [f32; 3]) -> Path {
+        let places = (0..self.num_times).map(|k| self.carry(i, k, x)).collect();
+        Path { cell: i, from: x, places }
+    }
+
+    /// Whether cell `i` never takes the point farther from its path than `tolerance`.
+    pub(super) fn agrees(&self, i: usize, path: &Path, tolerance: f32) -> bool {
+        let near = |(k, place): (usize, &[f32; 3])| {
+            let other = self.carry(i, k, path.from);
+            self.apart(path.cell, i, k, *place, other) <= tolerance * tolerance
+        };
+        i == path.cell || path.places.iter().enumerate().all(near)
     }
 
     /// Largest distance over time between where cells `a` and `b` take point `x`, as far as both are seen.
@@ -79,17 +89,25 @@ impl CellMotion {
         if a == b {
             return 0.0;
         }
-        (0..self.num_times).fold(0.0_f32, |worst, k| worst.max(self.apart(a, b, k, x))).sqrt()
+        let apart = |k: usize| self.apart(a, b, k, self.carry(a, k, x), self.carry(b, k, x));
+        (0..self.num_times).fold(0.0_f32, |worst, k| worst.max(apart(k))).sqrt()
     }
 
-    /// Squared distance between where cells `a` and `b` take point `x` at key time `k`, as far as both are seen.
-    fn apart(&self, a: usize, b: usize, k: usize, x: [f32; 3]) -> f32 {
-        let (p, q) = (self.carry(a, k, x), self.carry(b, k, x));
+    /// Squared distance between where cells `a` and `b` take a point at key time `k`, `p` and `q`, as far as both are seen.
+    fn apart(&self, a: usize, b: usize, k: usize, p: [f32; 3], q: [f32; 3]) -> f32 {
         let d = [p[0] - q[0], p[1] - q[1], p[2] - q[2]];
         let seen = |i: usize| self.seen[i * self.num_times + k];
         let both = seen(a).min(seen(b));
         (d[0] * d[0] + d[1] * d[1] + d[2] * d[2]) * both * both
     }
+}
+
+/// Where a point goes with one cell, over the key times.
+#[derive(Debug)]
+pub(super) struct Path {
+    cell: usize,
+    from: [f32; 3],
+    places: Vec<[f32; 3]>,
 }
 
 struct Fit {

@@ -50,9 +50,8 @@ impl Supports<'_> {
         let x = edit.means[e];
         let mut points: Vec<(f64, u32)> = Vec::new();
         let mut first_of_cell: Vec<(f64, u32)> = Vec::new();
-        let at = x.map(Real::as_f32);
-        let same =
-            |&cell: &u32| self.motion.agree(rep as usize, cell as usize, at, SAME * self.tolerance);
+        let path = self.motion.path(rep as usize, x.map(Real::as_f32));
+        let same = |&cell: &u32| self.motion.agrees(cell as usize, &path, SAME * self.tolerance);
         let cells = near.iter().map(|n| n.id).filter(same);
         for cell in cells.chain(std::iter::once(rep)) {
             let start = points.len();
@@ -104,11 +103,11 @@ impl Supports<'_> {
     }
 
     fn same_motion(&self, rep: u32, x: [f64; 3], near: &[Neighbor], tolerance: f32) -> Vec<u32> {
-        let at = x.map(Real::as_f32);
+        let path = self.motion.path(rep as usize, x.map(Real::as_f32));
         let mut same: Vec<u32> = near
             .iter()
             .map(|n| n.id)
-            .filter(|&c| self.motion.agree(rep as usize, c as usize, at, tolerance))
+            .filter(|&c| self.motion.agrees(c as usize, &path, tolerance))
             .collect();
         if !same.contains(&rep) {
             same.insert(0, rep);

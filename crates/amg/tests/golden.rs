@@ -58,10 +58,10 @@ fn the_paper_to_the_letter_reproduces_the_table() {
     }
 }
 
-/// Measured 0.038, 0.115, 0.105, 0.280; KNN-Guide has 0.175, 0.905, 1.033, 1.802.
+/// Measured 0.038, 0.115, 0.090, 0.280; KNN-Guide has 0.175, 0.905, 1.033, 1.802.
 #[test]
 fn the_default_beats_its_bars() {
-    for (name, limit) in EDITS.into_iter().zip([0.042, 0.125, 0.115, 0.30]) {
+    for (name, limit) in EDITS.into_iter().zip([0.042, 0.125, 0.10, 0.30]) {
         let found = run(&MotionOptions::default(), &golden_edit(name));
         assert!(found.epe <= limit, "{name}: {found}, limit {limit}");
         assert!(found.rot <= 2.0 && found.lns <= 0.4, "{name}: {found}");

@@ -9,7 +9,7 @@
 
 mod common;
 
-use amg::{MotionOptions, propagate};
+use amg::{MotionOptions, Preset, propagate};
 use common::{Table, golden_edit, golden_source};
 use gs_core::{DynamicScene, Splats, quat};
 use gs_synth::TruthCase;
@@ -71,7 +71,11 @@ fn synthetic(case: TruthCase, num_splats: usize) -> Case {
 
 /// The edit at every frame.
 fn carried(source: &Table, edited: &Splats) -> Vec<Splats> {
-    let options = MotionOptions::default();
+    carried_by(Preset::Best, source, edited)
+}
+
+fn carried_by(preset: Preset, source: &Table, edited: &Splats) -> Vec<Splats> {
+    let options = MotionOptions::preset(preset);
     let found = propagate(Arc::new(source.clone()), Arc::new(edited.clone()), &options, &|_, _| {})
         .unwrap();
     let times = source.time_range().frames(source.frames.len());
@@ -90,9 +94,19 @@ fn strays(a: &[Splats], b: &[Splats], limit: f64) -> usize {
 /// How many splats end more than 1e-4 of the figure from where `placed` takes the result of the scene as it is, if source and
 /// edit are placed so before.
 fn misplaced(case: &Case, here: &[Splats], placed: Placement, edit: Placement) -> usize {
+    misplaced_by(Preset::Best, case, here, placed, edit)
+}
+
+fn misplaced_by(
+    preset: Preset,
+    case: &Case,
+    here: &[Splats],
+    placed: Placement,
+    edit: Placement,
+) -> usize {
     let Case { source, edited, size, .. } = case;
     let all = |frames: &[Splats]| frames.iter().map(|f| placed.of(f, *size)).collect::<Vec<_>>();
-    let there = carried(&Table::new(all(&source.frames)), &edit.of(edited, *size));
+    let there = carried_by(preset, &Table::new(all(&source.frames)), &edit.of(edited, *size));
     strays(&there, &all(here), 1e-4 * size * f64::from(placed.scale))
 }
 
@@ -101,6 +115,7 @@ fn misplaced(case: &Case, here: &[Splats], placed: Placement, edit: Placement) -
 #[test]
 fn placing_the_scene_places_the_result() {
     let cases = [
+        golden("drift"),
         golden("all"),
         golden("graft"),
         synthetic(TruthCase::Everything, 2500),
@@ -127,6 +142,16 @@ fn placing_the_scene_places_the_result() {
             })
             .unwrap();
     }
+}
+
+/// The baseline of three nearest neighbours has no axes either.
+#[test]
+fn placing_the_scene_places_what_nearest_neighbours_say() {
+    let case = golden("drift");
+    let here = carried_by(Preset::Knn, &case.source, &case.edited);
+    let placed = Placement { turn: [0.8, -0.3, 0.5, 0.2], scale: 3.7, shift: [4.0, -2.0, 1.0] };
+    let strays = misplaced_by(Preset::Knn, &case, &here, placed, placed);
+    assert!(strays <= case.edited.len() / 1000, "{strays} of {}", case.edited.len());
 }
 
 /// Negative control: an edit that is 0.5 % larger than the scene it belongs to is another edit.
@@ -156,7 +181,7 @@ fn far_from_the_origin_only_coordinates_lose_digits() {
 /// Rows of both files in any order, coincident splats among them.
 #[test]
 fn shuffling_rows_shuffles_the_result() {
-    for mut case in [golden("graft"), synthetic(TruthCase::Everything, 2500)] {
+    for mut case in [golden("inflate"), golden("graft"), synthetic(TruthCase::Everything, 2500)] {
         // Twice the same place: once with another opacity, once with another motion.
         for (t, frame) in case.source.frames.iter_mut().enumerate() {
             for i in 0..50 {

@@ -1,6 +1,6 @@
 //! The motion of one blended row at one time (Eqs. 8, 23, 24, or their rigid counterparts).
 
-use crate::keyframes::still_seen;
+use crate::keyframes::{FADED, still_seen};
 use crate::options::{Aggregation, PositionRule, RotationRule, ScaleRule};
 use crate::rigid::RigidFit;
 use gs_core::{Real, Splats, quat};
@@ -126,13 +126,10 @@ pub(crate) fn weights_seen(
     source_t: &Splats,
     out: &mut Vec<f32>,
 ) {
-    const FADED: f32 = 1e-4;
     out.clear();
-    out.extend(
-        ids.iter()
-            .zip(weights)
-            .map(|(&id, &weight)| weight * (still_seen(source_1, source_t, id as usize) + FADED)),
-    );
+    out.extend(ids.iter().zip(weights).map(|(&id, &weight)| {
+        weight * (still_seen(source_1, source_t, id as usize) + f32::from_double(FADED))
+    }));
     let total: f32 = out.iter().sum();
     for weight in out {
         *weight /= total;

@@ -2,6 +2,9 @@
 
 use gs_core::{DynamicScene, SceneError, Splats, SplatsError, TimeRange, quat};
 
+/// Share that sources which have faded keep of their weight: if all have, they count as before.
+pub(crate) const FADED: f64 = 1e-4;
+
 /// What matching sees of the source; rows are source rows.
 #[derive(Debug)]
 pub(crate) struct KeyFrames {

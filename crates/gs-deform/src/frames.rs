@@ -1,14 +1,43 @@
 //! Frames at evenly spaced times, and what lies between them.
 
-use gs_core::{Splats, TimeRange, quat};
+use gs_core::{SceneError, Splats, TimeRange, quat};
 use rayon::prelude::*;
+use std::borrow::Borrow;
 
 /// Gaussians one task blends.
 const CHUNK: usize = 4096;
 
+/// A scene of `n ≥ 1` frames at times `i/(n−1)`, at time `t`: a frame as `frame` gives it, or a blend of two (means, log-scales, logits
+/// and SH linearly, rotations by normalised linear interpolation). `geometry_only` leaves logits and SH of `out` as they are.
+///
+/// # Errors
+/// If `t` lies outside [0, 1], or `frame` fails.
+///
+/// # Panics
+/// If frames differ in size or SH degree.
+pub fn evaluate<F: Borrow<Splats>>(
+    n: usize,
+    t: f32,
+    geometry_only: bool,
+    out: &mut Splats,
+    frame: impl Fn(usize) -> Result<F, SceneError>,
+) -> Result<(), SceneError> {
+    let range = TimeRange::UNIT;
+    if !range.contains(t) {
+        return Err(SceneError::Time { t, range });
+    }
+    match position(t, n) {
+        Position::At(i) => copy(frame(i)?.borrow(), geometry_only, out),
+        Position::Between(i, fraction) => {
+            blend(frame(i)?.borrow(), frame(i + 1)?.borrow(), fraction, geometry_only, out);
+        }
+    }
+    Ok(())
+}
+
 /// Where a time falls among `n` frames at `i/(n−1)`.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Position {
+enum Position {
     /// On frame `i`.
     At(usize),
     /// Between frames `i` and `i + 1`, this fraction of the way.
@@ -16,7 +45,7 @@ pub enum Position {
 }
 
 /// Position of `t`, 0 to 1, among `n ≥ 1` frames. Single-precision times of frames (`TimeRange::frames`) are recognised exactly.
-pub fn position(t: f32, n: usize) -> Position {
+fn position(t: f32, n: usize) -> Position {
     let last = n.saturating_sub(1);
     if last == 0 {
         return Position::At(0);
@@ -45,7 +74,7 @@ pub fn position(t: f32, n: usize) -> Position {
 ///
 /// # Panics
 /// If the frames differ in size or SH degree.
-pub fn blend(a: &Splats, b: &Splats, fraction: f32, geometry_only: bool, out: &mut Splats) {
+fn blend(a: &Splats, b: &Splats, fraction: f32, geometry_only: bool, out: &mut Splats) {
     assert_eq!((a.len(), a.sh_degree), (b.len(), b.sh_degree), "frames have the same rows");
     rows(&a.means, &b.means, &mut out.means, |x, y| mix(x, y, fraction));
     rows(&a.log_scales, &b.log_scales, &mut out.log_scales, |x, y| mix(x, y, fraction));
@@ -64,7 +93,7 @@ pub fn blend(a: &Splats, b: &Splats, fraction: f32, geometry_only: bool, out: &m
 }
 
 /// Copies a frame; `geometry_only` leaves logits and SH of `out` as they are.
-pub fn copy(from: &Splats, geometry_only: bool, out: &mut Splats) {
+fn copy(from: &Splats, geometry_only: bool, out: &mut Splats) {
     if geometry_only {
         out.means.clone_from(&from.means);
         out.quats.clone_from(&from.quats);

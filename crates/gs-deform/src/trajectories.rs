@@ -1,6 +1,6 @@
 //! [`Trajectories`]: a scene tabulated frame by frame, in memory.
 
-use crate::frames::{self, Position};
+use crate::frames;
 use gs_core::{DynamicScene, SceneError, Splats, SplatsError, TimeRange};
 use thiserror::Error;
 
@@ -71,17 +71,7 @@ impl Trajectories {
     }
 
     fn evaluate(&self, t: f32, geometry_only: bool, out: &mut Splats) -> Result<(), SceneError> {
-        let range = self.time_range();
-        if !range.contains(t) {
-            return Err(SceneError::Time { t, range });
-        }
-        match frames::position(t, self.frames.len()) {
-            Position::At(i) => frames::copy(&self.frames[i], geometry_only, out),
-            Position::Between(i, fraction) => {
-                frames::blend(&self.frames[i], &self.frames[i + 1], fraction, geometry_only, out);
-            }
-        }
-        Ok(())
+        frames::evaluate(self.frames.len(), t, geometry_only, out, |i| Ok(&self.frames[i]))
     }
 }
 

@@ -3,9 +3,9 @@
 //! What decides between body parts (offsets of surfaces, contact zones) has the size of the figure, not of its splats. Cells
 //! give those decisions one scale whatever the number of splats; where splats are sparse, each is its own cell.
 
-use super::cloud::{Cloud, Companions, FADED};
+use super::cloud::{Cloud, Companions};
 use super::surface::thin_axis;
-use crate::keyframes::KeyFrames;
+use crate::keyframes::{FADED, KeyFrames};
 use crate::pose::Pose;
 use crate::rigid::sub;
 use gs_core::{Real, quat};

@@ -13,9 +13,6 @@ const MIN_SUPPORT: f64 = 0.3;
 /// Change of distance between two rigid companions, relative to their distance, that a soft body is allowed.
 const STRAIN: f64 = 0.04;
 
-/// Weight that points keep when they have faded: if all have, their shares stay.
-pub(super) const FADED: f64 = 1e-4;
-
 /// Stands in for lengths that are zero; its square is a positive number, too.
 pub(super) const TINY: f64 = 1e-100;
 

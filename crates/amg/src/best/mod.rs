@@ -3,11 +3,12 @@
 //! 1. Source splats that move with none of their neighbours are dropped; the others form cells that move as one.
 //! 2. Cells get rigid motions at the key times and outward normals.
 //! 3. Each edited splat collects the motions that cells around it would give it.
-//! 4. How the edit displaced each part's surface is learned from all splats at once, and rates those motions.
-//! 5. Neighbours in the edit agree on motion and facing.
-//! 6. Splats that no cell explains hang on the nearest ones that some cell does.
-//! 7. Large new pieces hang as a whole on what they are attached to.
-//! 8. Each takes a few sources of its motion; their weighted rigid motion is its own.
+//! 4. What tells which source splat an edited one descends from speaks for that one's motion.
+//! 5. How the edit displaced each part's surface is learned from all splats at once, and rates those motions.
+//! 6. Neighbours in the edit agree on motion and facing.
+//! 7. Splats that no cell explains hang on the nearest ones that some cell does.
+//! 8. Large new pieces hang as a whole on what they are attached to.
+//! 9. Each takes a few sources of its motion, those most that agree; their weighted rigid motion is its own.
 
 mod cells;
 mod cloud;

@@ -1,6 +1,7 @@
 //! Rigid motion of each cell's surroundings, at each key time.
 
-use super::cloud::{Cloud, Companions, FADED, median};
+use super::cloud::{Cloud, Companions, median};
+use crate::keyframes::FADED;
 use crate::rigid::{RigidFit, dot, sub};
 use gs_core::{Real, quat};
 use rayon::prelude::*;

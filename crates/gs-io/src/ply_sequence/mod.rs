@@ -13,7 +13,7 @@ use crate::frame;
 use crate::frame_cache::FrameCache;
 use crate::repair::{self, Damage, DamagedRows, RepairReport};
 use gs_core::{DynamicScene, SceneError, Splats, TimeRange};
-use gs_deform::frames::{self, Position};
+use gs_deform::frames;
 use source::Source;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -223,23 +223,12 @@ impl PlySequence {
     }
 
     fn evaluate(&self, t: f32, geometry_only: bool, out: &mut Splats) -> Result<(), SceneError> {
-        let range = self.time_range();
-        if !range.contains(t) {
-            return Err(SceneError::Time { t, range });
-        }
-        let frame = |index| {
+        frames::evaluate(self.source.len(), t, geometry_only, out, |index| {
             self.frame(index).map_err(|error| SceneError::Source {
                 what: format!("frame {index} of the sequence"),
                 source: error.into(),
             })
-        };
-        match frames::position(t, self.source.len()) {
-            Position::At(i) => frames::copy(&*frame(i)?, geometry_only, out),
-            Position::Between(i, fraction) => {
-                frames::blend(&*frame(i)?, &*frame(i + 1)?, fraction, geometry_only, out);
-            }
-        }
-        Ok(())
+        })
     }
 }
 

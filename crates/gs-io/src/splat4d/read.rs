@@ -7,7 +7,7 @@ use crate::frame_cache::FrameCache;
 use crate::inflate;
 use crate::repair::{Damage, DamagedRows, RepairReport};
 use gs_core::{DynamicScene, SceneError, Splats, TimeRange};
-use gs_deform::frames::{self, Position};
+use gs_deform::frames;
 use serde::Deserialize;
 use std::ops::Range;
 use std::path::Path;
@@ -333,18 +333,7 @@ impl Splat4dScene {
     }
 
     fn evaluate(&self, t: f32, geometry_only: bool, out: &mut Splats) -> Result<(), SceneError> {
-        let range = self.time_range();
-        if !range.contains(t) {
-            return Err(SceneError::Time { t, range });
-        }
-        match frames::position(t, self.num_frames) {
-            Position::At(i) => frames::copy(&*self.frame(i)?, geometry_only, out),
-            Position::Between(i, fraction) => {
-                let (before, after) = (self.frame(i)?, self.frame(i + 1)?);
-                frames::blend(&before, &after, fraction, geometry_only, out);
-            }
-        }
-        Ok(())
+        frames::evaluate(self.num_frames, t, geometry_only, out, |index| self.frame(index))
     }
 }
 

@@ -48,8 +48,12 @@ const CELL: f64 = 0.015;
 /// Untouched splats this near to an edited one, as a share of the figure, help to decide what it belongs to.
 const NEIGHBORHOOD: f64 = 0.1;
 
-/// Motions that differ by less than this share of the figure are one.
+/// Motions that differ by less than this share of the figure may support one splat.
 const SAME_MOTION: f64 = 0.006;
+
+/// Those that differ by less than this count as one when a splat chooses. A part that bends would else fill all of a splat's few
+/// choices with its own variations, and leave none for the part beside it.
+const SAME_PART: f64 = 0.015;
 
 /// Cost above which a splat is not explained by any cell near it.
 const EXPLAINED: f32 = 4.0;
@@ -92,10 +96,11 @@ pub(crate) fn bind(
     lap("cells", report);
     progress("choices", 0.0);
     let edit = Edit::of(keys, &cells.ids, work.edited, &order, work.identity, pose.origin);
-    let tolerance = (SAME_MOTION * size).max(4.0 * companions.noise).as_f32();
+    let tolerance = |share: f64| (share * size).max(4.0 * companions.noise).as_f32();
     let (links, spacing) = graph::links(&edit.means);
     let kin = kin::of(keys, &cells, &edit, &links);
-    let (near, mut choices) = modes::collect(&cells, &motion, &normals, &edit, &kin, tolerance);
+    let (near, mut choices) =
+        modes::collect(&cells, &motion, &normals, &edit, &kin, tolerance(SAME_PART));
     offsets::rate(&cells, &companions, &motion, &mut choices, size);
     lap("choices", report);
     progress("smooth", 0.0);
@@ -107,7 +112,7 @@ pub(crate) fn bind(
         cells: &cells,
         motion: &motion,
         spacing: &companions.spacing,
-        tolerance,
+        tolerance: tolerance(SAME_MOTION),
         sources_per_row: params.sources_per_row,
         consensus: Consensus::new(keys, &cells, motion.rotation_trust),
     };

@@ -28,6 +28,8 @@ pub(super) struct Witness {
     pub(super) aligned: f32,
     /// Product of the two flatnesses: 0 if either is a ball.
     pub(super) flat: f32,
+    /// Square of their difference.
+    pub(super) unlike: f32,
 }
 
 /// One motion an edited splat could have.
@@ -130,5 +132,6 @@ fn witness(cells: &Cells, normals: &[[f64; 3]], edit: &Edit, e: usize, cell: u32
         tangent_squared: (inner(d, d) - offset * offset).max(0.0).as_f32(),
         aligned: inner(ns, ne).as_f32(),
         flat: (fs * fe).as_f32(),
+        unlike: (fs - fe).powi(2).as_f32(),
     }
 }

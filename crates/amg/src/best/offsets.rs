@@ -17,7 +17,7 @@ use rayon::prelude::*;
 const ROUNDS: usize = 6;
 
 /// Steps of spreading per round, each over the 16 nearest companions.
-const SPREAD_STEPS: usize = 8;
+const SPREAD_STEPS: usize = 5;
 const SPREAD_NEIGHBORS: usize = 16;
 
 /// Weight, in splats, of the belief that nothing was displaced.
@@ -30,8 +30,16 @@ const MISALIGNED_FLOOR: f64 = 0.05;
 /// Cost of the typical misalignment.
 const ALIGNMENT: f64 = 1.5;
 
+/// The same for squared differences of flatness. Surfaces become surfaces: without this, the blobs inside the next limb, which have
+/// no side that could be wrong, explain splats of a sleeve better than the arm in it.
+const UNLIKE: f64 = 0.1;
+const UNLIKE_FLOOR: f64 = 0.1;
+
 /// Factor on learned standard deviations: choices made so far are biased towards small ones.
-const SPREAD: f64 = 1.2;
+const SPREAD: f64 = 1.4;
+
+/// Exponent of the probability with which a splat votes for each of its motions.
+const SHARPNESS: f64 = 2.0;
 
 /// Motions that cost this much more than the best one are dropped: no neighbourhood outweighs that.
 const HOPELESS: f32 = 10.0;
@@ -47,6 +55,8 @@ struct Field {
     sigma: Vec<f64>,
     /// Typical `1 − |cos|` between normals.
     misaligned: Vec<f64>,
+    /// Typical squared difference of flatness.
+    unlike: Vec<f64>,
     /// What belonging to the cell costs because of who else does.
     pressure: Vec<f64>,
 }
@@ -66,13 +76,14 @@ pub(super) fn rate(
         mean: vec![0.0; num],
         sigma: vec![start; num],
         misaligned: vec![MISALIGNED; num],
+        unlike: vec![UNLIKE + UNLIKE_FLOOR; num],
         pressure: vec![0.0; num],
     };
     let source: Vec<f64> = cells.members.iter().map(|points| points.len() as f64).collect();
     // The field has far fewer unknowns than there are splats in a large edit.
     let stride = (choices.len() / 20_000).max(1);
     for _ in 0..ROUNDS {
-        let votes: Vec<[f64; 6]> = choices
+        let votes: Vec<Vote> = choices
             .par_iter()
             .step_by(stride)
             .with_min_len(64)
@@ -138,7 +149,8 @@ fn first_sigma(spacing: f64, choices: &[Choice], figure_size: f64) -> f64 {
 }
 
 /// Cost of the splat belonging to the witness, facing along or against its stored axis: half a squared distance in
-/// standard deviations, across and along the surface, plus the misalignment of normals in units of the learned one.
+/// standard deviations, across and along the surface, plus the misalignment of normals and the difference of flatness in units of the
+/// learned ones.
 fn cost(companions: &Companions, field: &Field, witness: &Witness) -> [f64; 2] {
     let i = witness.cell as usize;
     let (offset, flat) = (f64::from(witness.offset), f64::from(witness.flat));
@@ -150,15 +162,27 @@ fn cost(companions: &Companions, field: &Field, witness: &Witness) -> [f64; 2] {
     // A ball has no side.
     let ball = (offset / tangent).powi(2);
     let along = f64::from(witness.tangent_squared) / (tangent * tangent);
-    let base = 0.5 * (flat * across + (1.0 - flat) * ball + along) + field.pressure[i];
+    let unlike = f64::from(witness.unlike) / field.unlike[i];
+    let base = 0.5 * (flat * across + (1.0 - flat) * ball + along + unlike) + field.pressure[i];
     let kappa = ALIGNMENT / field.misaligned[i];
     let aligned = f64::from(witness.aligned);
     [base + kappa * (flat - aligned), base + kappa * (flat + aligned)]
 }
 
-/// What one splat says about the field: `[cell, weight, offset, offset², misalignment, share]` per mode; shares
-/// of a splat sum to 1.
-fn votes(companions: &Companions, field: &Field, choice: &Choice) -> Vec<[f64; 6]> {
+/// What a splat says about the field if it belongs to a cell.
+struct Vote {
+    cell: u32,
+    /// How far the splat votes for this one; the shares of a splat sum to 1.
+    share: f64,
+    /// How much that says about the surface.
+    weight: f64,
+    offset: f64,
+    misaligned: f64,
+    unlike: f64,
+}
+
+/// One vote per mode of the splat, if it counts at all.
+fn votes(companions: &Companions, field: &Field, choice: &Choice) -> Vec<Vote> {
     let best: Vec<(&Witness, f64)> = choice
         .iter()
         .filter_map(|mode| {
@@ -172,57 +196,42 @@ fn votes(companions: &Companions, field: &Field, choice: &Choice) -> Vec<[f64; 6
         })
         .collect();
     let lowest = best.iter().fold(f64::INFINITY, |m, b| m.min(b.1));
-    let total: f64 = best.iter().map(|b| (lowest - b.1).exp()).sum();
+    let probability = |cost: f64| (SHARPNESS * (lowest - cost)).exp();
+    let total: f64 = best.iter().map(|b| probability(b.1)).sum();
     best.iter()
-        .map(|(w, cost)| {
-            let (flat, offset) = (f64::from(w.flat), f64::from(w.offset));
-            // Splats that nothing explains well, and balls, say little.
-            let weight = flat * (-0.5 * lowest).exp() * (lowest - cost).exp() / total;
-            let misaligned = 1.0 - f64::from(w.aligned.abs()) / flat.max(1e-3);
-            [
-                f64::from(w.cell),
-                weight,
-                offset,
-                offset * offset,
-                misaligned.clamp(0.0, 1.0),
-                (lowest - cost).exp() / total,
-            ]
+        .map(|&(w, cost)| {
+            let flat = f64::from(w.flat);
+            let share = probability(cost) / total;
+            Vote {
+                cell: w.cell,
+                share,
+                // Splats that nothing explains well, and balls, say little.
+                weight: flat * (-0.5 * lowest).exp() * share,
+                offset: f64::from(w.offset),
+                misaligned: (1.0 - f64::from(w.aligned.abs()) / flat.max(1e-3)).clamp(0.0, 1.0),
+                unlike: f64::from(w.unlike),
+            }
         })
-        .filter(|vote| vote[5] > 1e-4)
+        .filter(|vote| vote.share > 1e-4)
         .collect()
 }
 
 /// Edited splats per cell.
-#[expect(
-    clippy::cast_possible_truncation,
-    clippy::cast_sign_loss,
-    reason = "cell numbers were widened by `votes`"
-)]
-fn counted(votes: &[[f64; 6]], cells: usize, scale: f64) -> Vec<f64> {
+fn counted(votes: &[Vote], cells: usize, scale: f64) -> Vec<f64> {
     let mut edited = vec![0.0; cells];
     for vote in votes {
-        edited[vote[0] as usize] += scale * vote[5];
+        edited[vote.cell as usize] += scale * vote.share;
     }
     edited
 }
 
-#[expect(
-    clippy::cast_possible_truncation,
-    clippy::cast_sign_loss,
-    reason = "cell numbers were widened by `votes`"
-)]
-fn follow(
-    graph: &[Vec<(u32, f64)>],
-    votes: &[[f64; 6]],
-    start: f64,
-    scale: f64,
-    field: &mut Field,
-) {
-    let mut sums = vec![[0.0_f64; 4]; graph.len()];
-    for &[cell, weight, offset, square, misaligned, _] in votes {
-        let sum = &mut sums[cell as usize];
-        for (sum, value) in sum.iter_mut().zip([1.0, offset, square, misaligned]) {
-            *sum += scale * weight * value;
+/// Sets the field to what the votes say, spread over companions; `start` is the standard deviation believed in without any.
+fn follow(graph: &[Vec<(u32, f64)>], votes: &[Vote], start: f64, scale: f64, field: &mut Field) {
+    let mut sums = vec![[0.0_f64; 5]; graph.len()];
+    for vote in votes {
+        let values = [1.0, vote.offset, vote.offset.powi(2), vote.misaligned, vote.unlike];
+        for (sum, value) in sums[vote.cell as usize].iter_mut().zip(values) {
+            *sum += scale * vote.weight * value;
         }
     }
     for _ in 0..SPREAD_STEPS {
@@ -241,11 +250,12 @@ fn follow(
             })
             .collect();
     }
-    for (i, [mass, offset, square, misaligned]) in sums.into_iter().enumerate() {
+    for (i, [mass, offset, square, misaligned, unlike]) in sums.into_iter().enumerate() {
         let total = mass + PRIOR;
         field.mean[i] = offset / total;
         let variance = (square + PRIOR * start * start) / total - field.mean[i].powi(2);
         field.sigma[i] = SPREAD * variance.max(0.0).sqrt();
         field.misaligned[i] = (misaligned + PRIOR * MISALIGNED) / total + MISALIGNED_FLOOR;
+        field.unlike[i] = (unlike + PRIOR * UNLIKE) / total + UNLIKE_FLOOR;
     }
 }

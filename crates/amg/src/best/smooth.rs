@@ -18,8 +18,14 @@ const LABELS: usize = 2 * MODES;
 /// Ten settle every scene measured.
 const ROUNDS: usize = 12;
 
-/// Strength with which neighbours on one sheet want one motion; that with which they want one facing is 1.
-const SHEET: f64 = 0.4;
+/// Strength with which neighbours on one sheet want one motion, and that with which neighbours want one facing.
+const SHEET: f64 = 0.8;
+const FACING: f64 = 0.4;
+
+/// Neighbours are on one sheet if neither is farther than about this from the other's plane, in spacings, and their normals differ
+/// by no more than about this, `1 − |cos|`. Where two sheets cross, many neighbours are nearly on one.
+const THICKNESS: f64 = 0.2;
+const MISALIGNED: f64 = 0.05;
 
 /// Share of the figure by which two motions must differ to count as entirely different.
 const APART: f64 = 0.1;
@@ -57,7 +63,7 @@ pub(super) fn choose(
     spacing: &[f64],
     figure_size: f64,
 ) -> Vec<usize> {
-    // Splats with one motion and a plain facing decide nothing among themselves.
+    // Splats with one motion and a plain facing decide nothing among themselves, and those without any decide nothing at all.
     let settled: Vec<bool> = choices
         .iter()
         .map(|c| c.len() <= 1 && c.first().is_none_or(|m| (m.cost[0] - m.cost[1]).abs() > 6.0))
@@ -66,6 +72,7 @@ pub(super) fn choose(
         .par_iter()
         .with_min_len(256)
         .filter(|link| !(settled[link.0 as usize] && settled[link.1 as usize]))
+        .filter(|link| [link.0, link.1].iter().all(|&end| !choices[end as usize].is_empty()))
         .map(|&link| edge(motion, choices, edit, link, spacing, APART * figure_size))
         .collect();
     let mut incident: Vec<Vec<(u32, u8)>> = vec![Vec::new(); choices.len()];
@@ -141,9 +148,10 @@ fn edge(
     let nearness = (-0.5 * squared / (reach * reach)).exp();
     let flat = (inner(na, na) * inner(nb, nb)).sqrt();
     let sheet = if flat > 1e-6 {
-        let length = squared.max(TINY);
-        let out_of_plane = (inner(na, d).powi(2) / length).max(inner(nb, d).powi(2) / length);
-        flat * (1.0 - out_of_plane).max(0.0) * (inner(na, nb) / flat).powi(2)
+        let plane = |n: [f64; 3]| inner(n, d).powi(2) / inner(n, n);
+        let thickness = (THICKNESS * h).max(TINY).powi(2);
+        let misaligned = 1.0 - inner(na, nb).abs() / flat;
+        flat * (-0.5 * plane(na).max(plane(nb)) / thickness - misaligned / MISALIGNED).exp()
     } else {
         0.0
     };
@@ -157,7 +165,7 @@ fn edge(
     }
     Edge {
         ends: [link.0, link.1],
-        mirror: mirror_coupling(na, nb, d, h).as_f32(),
+        mirror: (FACING * mirror_coupling(na, nb, d, h)).as_f32(),
         sheet: (SHEET * nearness * sheet).as_f32(),
         apart,
     }

@@ -8,10 +8,11 @@ use super::modes::Choice;
 use super::motion::CellMotion;
 use crate::binding::index;
 use crate::keyframes::KeyFrames;
+use crate::rigid::{dot, eigen, norm, sub};
 use anchors::{KdTree, Neighbor};
 use gs_core::Real;
 
-/// Cells whose splats are considered: enough for a choice, few enough to stay near.
+/// Cells whose splats are considered: enough for a choice, few enough to stay near, unless they have but a splat each.
 const MIN_CELLS: usize = 8;
 const MAX_CELLS: usize = 24;
 
@@ -22,8 +23,13 @@ const FAR_CELLS: usize = 256;
 const SAME: f32 = 0.7;
 
 /// Width of the weights, in cell spacings, and its growth with the squared distance of the nearest source.
-const KERNEL: f64 = 1.1;
+const KERNEL: f64 = 1.8;
 const KERNEL_GROWTH: f64 = 0.09;
+
+/// Spread of a support across its surface, as a share of the whole, at which it is no direction to be centred in any more; and the
+/// factors on weights that centring may ask for.
+const RIDGE: f64 = 0.15;
+const CENTRING: [f64; 2] = [0.1, 4.0];
 
 /// Finds supports.
 pub(super) struct Supports<'a> {
@@ -56,12 +62,12 @@ impl Supports<'_> {
         for cell in cells.chain(std::iter::once(rep)) {
             let start = points.len();
             for &p in &self.cells.members[cell as usize] {
-                let d = crate::rigid::sub(self.cells.means[p as usize], x);
-                points.push((crate::rigid::dot(d, d), p));
+                let d = sub(self.cells.means[p as usize], x);
+                points.push((dot(d, d), p));
             }
             first_of_cell
                 .extend(points[start..].iter().copied().min_by(|a, b| a.0.total_cmp(&b.0)));
-            if first_of_cell.len() >= MAX_CELLS
+            if (first_of_cell.len() >= MAX_CELLS && points.len() >= self.sources_per_row)
                 || (first_of_cell.len() >= MIN_CELLS && points.len() >= 4 * self.sources_per_row)
             {
                 break;
@@ -99,20 +105,49 @@ impl Supports<'_> {
             .filter(|(_, weight)| *weight > 1e-9)
             .collect();
         self.consensus.reweigh(&mut entries);
+        self.centre(&mut entries, x);
         entries.iter().map(|&(p, w)| (index(self.cells.ids[p as usize]), w.as_f32())).collect()
     }
 
-    fn same_motion(&self, rep: u32, x: [f64; 3], near: &[Neighbor], tolerance: f32) -> Vec<u32> {
-        let path = self.motion.path(rep as usize, x.map(Real::as_f32));
-        let mut same: Vec<u32> = near
-            .iter()
-            .map(|n| n.id)
-            .filter(|&c| self.motion.agrees(c as usize, &path, tolerance))
-            .collect();
-        if !same.contains(&rep) {
-            same.insert(0, rep);
+    /// Tilts the weights so that their centroid lies beside `x`, as in local linear regression: what a stretching or bending part does
+    /// more of with every step aside then does no harm, and supports may be wide. Along the normal, across which supports have no
+    /// spread, the rigid motion carries the offset.
+    fn centre(&self, entries: &mut [(u32, f64)], x: [f64; 3]) {
+        let total: f64 = entries.iter().map(|entry| entry.1).sum();
+        let place = |point: u32| self.cells.means[point as usize];
+        let mut centroid = [0.0; 3];
+        for &(point, weight) in &*entries {
+            for (c, p) in centroid.iter_mut().zip(place(point)) {
+                *c += weight / total * p;
+            }
         }
-        same
+        let mut covariance = [[0.0; 3]; 3];
+        for &(point, weight) in &*entries {
+            let d = sub(place(point), centroid);
+            for (row, a) in covariance.iter_mut().zip(d) {
+                for (c, b) in row.iter_mut().zip(d) {
+                    *c += weight / total * a * b;
+                }
+            }
+        }
+        let (variances, axes) = eigen(covariance);
+        let ridge = RIDGE * variances.iter().sum::<f64>();
+        if ridge <= 0.0 {
+            return;
+        }
+        let aside = sub(x, centroid);
+        let mut tilt = [0.0; 3];
+        for (i, variance) in variances.into_iter().enumerate() {
+            let axis = axes.map(|row| row[i]);
+            let along = dot(axis, aside) * variance / (variance + ridge).powi(2);
+            for (t, a) in tilt.iter_mut().zip(axis) {
+                *t += along * a;
+            }
+        }
+        for (point, weight) in entries {
+            let factor = 1.0 + dot(tilt, sub(place(*point), centroid));
+            *weight *= factor.clamp(CENTRING[0], CENTRING[1]);
+        }
     }
 
     /// Sources for a splat far from all of them that hangs on one which moves with `rep`: the wider the lever, the wider the
@@ -125,20 +160,29 @@ impl Supports<'_> {
         kept: &[usize],
     ) -> Vec<(u32, f32)> {
         let centre = self.cells.cloud.means[rep as usize];
-        let lever = crate::rigid::norm(crate::rigid::sub(x, centre));
+        let lever = norm(sub(x, centre));
         let mut near = Vec::new();
         tree.nearest(&centre, FAR_CELLS, &mut near);
-        let reach = 0.5 * lever;
-        near.retain(|n| n.distance_squared.sqrt() <= reach.max(2.0 * self.spacing[rep as usize]));
-        for n in &mut near {
-            n.id = index(kept[n.id as usize]);
-        }
+        let reach = (0.5 * lever).max(2.0 * self.spacing[rep as usize]);
         let tolerance = (f64::from(self.tolerance) + 0.1 * lever).as_f32();
-        let same = self.same_motion(rep, x, &near, tolerance);
-        let step = same.len().div_ceil(self.sources_per_row).max(1);
-        same.iter()
-            .step_by(step)
-            .map(|&cell| {
+        let path = self.motion.path(rep as usize, x.map(Real::as_f32));
+        let mut same = Vec::new();
+        for n in near {
+            if n.distance_squared.sqrt() > reach && same.len() >= self.sources_per_row {
+                break;
+            }
+            let cell = index(kept[n.id as usize]);
+            if self.motion.agrees(cell as usize, &path, tolerance) {
+                same.push(cell);
+            }
+        }
+        if !same.contains(&rep) {
+            same.insert(0, rep);
+        }
+        let count = same.len().min(self.sources_per_row);
+        (0..count)
+            .map(|i| {
+                let cell = same[i * same.len() / count];
                 let members = &self.cells.members[cell as usize];
                 let i = self.cells.ids[members[members.len() / 2] as usize];
                 (index(i), opacity_weight(self.keys, i).as_f32())

@@ -117,8 +117,7 @@ pub(crate) fn bind(
         consensus: Consensus::new(keys, &cells, motion.rotation_trust),
     };
     let reach = f64::from(work.options.reach) * size;
-    let within_reach =
-        |e: usize| near[e].first().is_some_and(|n| n.distance_squared.sqrt() <= reach);
+    let within_reach = |e: usize| near[e].distance <= reach;
     let explained = |e: usize| {
         choices[e].get(chosen[e]).is_some_and(|mode| {
             mode.cost[0].min(mode.cost[1]) < EXPLAINED
@@ -151,7 +150,7 @@ pub(crate) fn bind(
             let sources = match (carriers[e], seeds[e]) {
                 (Some(carrier), _) => supports.far(edit.means[e], carrier, &tree, &kept),
                 (None, Some(seed)) if seed as usize == e => {
-                    supports.near(&edit, e, &choices[e], chosen[e], &near[e])
+                    supports.near(&edit, e, &choices[e], chosen[e], &near[e].cells)
                 }
                 (None, Some(seed)) => {
                     let rep = choices[seed as usize][chosen[seed as usize]].cell;

@@ -3,15 +3,16 @@
 use super::cells::Cells;
 use super::edit::Edit;
 use super::motion::CellMotion;
-use anchors::{KdTree, Neighbor};
+use crate::binding::index;
+use anchors::KdTree;
 use gs_core::Real;
 use rayon::prelude::*;
 
 /// Motions told apart per splat.
 pub(super) const MODES: usize = 4;
 
-/// Cells looked at per splat.
-const CANDIDATES: usize = 96;
+/// Cells looked at per splat: all within a thick sleeve's reach.
+const CANDIDATES: usize = 160;
 
 /// Cells kept per motion.
 const WITNESSES: usize = 8;
@@ -47,7 +48,16 @@ pub(super) struct Mode {
 /// The motions of one edited splat, best first once costs are known.
 pub(super) type Choice = Vec<Mode>;
 
-/// Nearest cells of every edited splat, grouped by what they would do to it. Distances in `near` are squared.
+/// The cells around an edited splat.
+#[derive(Debug)]
+pub(super) struct Near {
+    /// Distance of the nearest one, world units; infinite if there is none.
+    pub(super) distance: f64,
+    /// Nearest first.
+    pub(super) cells: Vec<u32>,
+}
+
+/// Nearest cells of every edited splat, and these grouped by what they would do to it.
 pub(super) fn collect(
     cells: &Cells,
     motion: &CellMotion,
@@ -55,23 +65,24 @@ pub(super) fn collect(
     edit: &Edit,
     kin: &[Option<(u32, f32)>],
     tolerance: f32,
-) -> (Vec<Vec<Neighbor>>, Vec<Choice>) {
+) -> (Vec<Near>, Vec<Choice>) {
     let kept: Vec<usize> = (0..cells.cloud.len()).filter(|&i| !motion.floater[i]).collect();
     let points: Vec<[f64; 3]> = kept.iter().map(|&i| cells.cloud.means[i]).collect();
     let tree = KdTree::<3>::new(&points);
     (0..edit.len())
         .into_par_iter()
         .with_min_len(128)
-        .map(|e| {
+        .map_init(Vec::new, |found, e| {
             if let Some(point) = edit.exact[e] {
-                return (Vec::new(), known(cells, normals, edit, e, cells.cell_of[point as usize]));
+                let near = Near { distance: f64::INFINITY, cells: Vec::new() };
+                return (near, known(cells, normals, edit, e, cells.cell_of[point as usize]));
             }
-            let mut near = Vec::with_capacity(CANDIDATES);
-            tree.nearest(&edit.means[e], CANDIDATES, &mut near);
-            for n in &mut near {
-                n.id = crate::binding::index(kept[n.id as usize]);
-            }
-            let choice = group(cells, motion, normals, (edit, kin), e, &near, tolerance);
+            tree.nearest(&edit.means[e], CANDIDATES, found);
+            let near = Near {
+                distance: found.first().map_or(f64::INFINITY, |n| n.distance_squared.sqrt()),
+                cells: found.iter().map(|n| index(kept[n.id as usize])).collect(),
+            };
+            let choice = group(cells, motion, normals, (edit, kin), e, &near.cells, tolerance);
             (near, choice)
         })
         .unzip()
@@ -92,13 +103,13 @@ fn group(
     normals: &[[f64; 3]],
     (edit, kin): (&Edit, &[Option<(u32, f32)>]),
     e: usize,
-    near: &[Neighbor],
+    near: &[u32],
     tolerance: f32,
 ) -> Choice {
     let x = edit.means[e].map(Real::as_f32);
     let kin = kin[e].map(|(point, evidence)| (cells.cell_of[point as usize], evidence));
     let kin = kin.filter(|(cell, _)| *cell != u32::MAX);
-    let ids = kin.map(|(cell, _)| cell).into_iter().chain(near.iter().map(|n| n.id));
+    let ids = kin.map(|(cell, _)| cell).into_iter().chain(near.iter().copied());
     let mut modes: Choice = Vec::with_capacity(2);
     let mut paths = Vec::with_capacity(2);
     for cell in ids {

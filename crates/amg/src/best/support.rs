@@ -9,7 +9,7 @@ use super::motion::CellMotion;
 use crate::binding::index;
 use crate::keyframes::KeyFrames;
 use crate::rigid::{dot, eigen, norm, sub};
-use anchors::{KdTree, Neighbor};
+use anchors::KdTree;
 use gs_core::Real;
 
 /// Cells whose splats are considered: enough for a choice, few enough to stay near, unless they have but a splat each.
@@ -50,7 +50,7 @@ impl Supports<'_> {
         e: usize,
         choice: &Choice,
         chosen: usize,
-        near: &[Neighbor],
+        near: &[u32],
     ) -> Vec<(u32, f32)> {
         let rep = choice[chosen].cell;
         let x = edit.means[e];
@@ -58,7 +58,7 @@ impl Supports<'_> {
         let mut first_of_cell: Vec<(f64, u32)> = Vec::new();
         let path = self.motion.path(rep as usize, x.map(Real::as_f32));
         let same = |&cell: &u32| self.motion.agrees(cell as usize, &path, SAME * self.tolerance);
-        let cells = near.iter().map(|n| n.id).filter(same);
+        let cells = near.iter().copied().filter(same);
         for cell in cells.chain(std::iter::once(rep)) {
             let start = points.len();
             for &p in &self.cells.members[cell as usize] {

@@ -4,6 +4,8 @@
 //! one. But then that one has twice its share of splats and the other has none: a surface that is taken explains no second
 //! one (what transport does by holding the source's marginal).
 
+use super::cells::Cells;
+use super::edit::Edit;
 use rayon::prelude::*;
 
 /// Cost per logarithm of the coverage relative to the usual one, and the largest that any coverage can cost or gain.
@@ -19,6 +21,15 @@ const PRIOR: f64 = 0.3;
 
 /// Share of the old pressure kept from round to round.
 const DAMPING: f64 = 0.5;
+
+/// Share of each cell's splats that the edit kept as they are.
+pub(super) fn survivors(cells: &Cells, edit: &Edit) -> Vec<f64> {
+    let one = |points: &Vec<u32>| {
+        points.iter().filter(|&&point| edit.kept[point as usize]).count() as f64
+            / points.len() as f64
+    };
+    cells.members.iter().map(one).collect()
+}
 
 /// Updates `pressure` (added to the cost of belonging to a cell) from the number of edited splats per cell, `[N]`, and of source
 /// splats.

@@ -27,6 +27,8 @@ pub(super) struct Edit {
     pub(super) lineage: Vec<Option<u32>>,
     /// Position in the source's `ids` of the splat this one *is*; such splats are evidence, not questions.
     pub(super) exact: Vec<Option<u32>>,
+    /// Which of the source's `ids` the whole edit kept, be they near to these or not.
+    pub(super) kept: Vec<bool>,
 }
 
 impl Edit {
@@ -43,10 +45,14 @@ impl Edit {
         for (&id, point) in ids.iter().zip(0_u32..) {
             point_of[id] = Some(point);
         }
-        let exact = |&row: &usize| match identity.rows[row] {
+        let known = |is: Identity| match is {
             Identity::Unchanged(id) | Identity::Recoloured(id) => point_of[id as usize],
             Identity::Edited => None,
         };
+        let mut kept = vec![false; ids.len()];
+        for point in identity.rows.iter().filter_map(|&is| known(is)) {
+            kept[point as usize] = true;
+        }
         let centres = unique(ids.iter().map(|&i| centre_bits(source, i)));
         let shapes = unique(ids.iter().map(|&i| shape_bits(source, i)));
         let turns = unique(ids.iter().map(|&i| quat_bits(source, i)));
@@ -64,7 +70,8 @@ impl Edit {
             axes: rows.par_iter().with_min_len(256).map(|&row| thin_axis(edited, row)).collect(),
             log_scales: rows.iter().map(|&row| ascending(edited.log_scales[row])).collect(),
             lineage: rows.iter().map(lineage).collect(),
-            exact: rows.iter().map(exact).collect(),
+            exact: rows.iter().map(|&row| known(identity.rows[row])).collect(),
+            kept,
         }
     }
 

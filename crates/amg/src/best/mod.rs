@@ -101,7 +101,8 @@ pub(crate) fn bind(
     let kin = kin::of(keys, &cells, &edit, &links);
     let (near, mut choices) =
         modes::collect(&cells, &motion, &normals, &edit, &kin, tolerance(SAME_PART));
-    offsets::rate(&cells, &companions, &motion, &mut choices, size);
+    let survivors = coverage::survivors(&cells, &edit);
+    offsets::rate(&cells, &companions, &motion, &mut choices, &survivors, size);
     lap("choices", report);
     progress("smooth", 0.0);
     let chosen = smooth::choose(&motion, &choices, &edit, &links, &spacing, size);

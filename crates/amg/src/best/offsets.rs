@@ -44,11 +44,17 @@ const SHARPNESS: f64 = 2.0;
 /// Motions that cost this much more than the best one are dropped: no neighbourhood outweighs that.
 const HOPELESS: f32 = 10.0;
 
+/// Cost of belonging to a cell that the edit kept as it is: what is still there needs no descendants. An inflated sleeve that comes
+/// to lie on a bare hand is told from it by this.
+const SURVIVED: f64 = 1.0;
+
 /// Squared offsets, in standard deviations, beyond which more offset costs ever less.
 const CAP: f64 = 12.0;
 
 /// Learned statistics per cell.
 struct Field {
+    /// What belonging to the cell costs because the edit kept its splats.
+    survived: Vec<f64>,
     /// Mean signed offset, world units.
     mean: Vec<f64>,
     /// Its standard deviation, world units.
@@ -61,18 +67,20 @@ struct Field {
     pressure: Vec<f64>,
 }
 
-/// Sets the cost of every mode and sorts each choice, best first.
+/// Sets the cost of every mode and sorts each choice, best first. `survivors`, `[N]`: which share of each cell's splats the edit kept.
 pub(super) fn rate(
     cells: &Cells,
     companions: &Companions,
     motion: &CellMotion,
     choices: &mut [Choice],
+    survivors: &[f64],
     figure_size: f64,
 ) {
     let graph = spreading_graph(companions, motion);
     let start = first_sigma(companions.typical_spacing(&cells.cloud), choices, figure_size);
     let num = cells.cloud.len();
     let mut field = Field {
+        survived: survivors.iter().map(|share| SURVIVED * share).collect(),
         mean: vec![0.0; num],
         sigma: vec![start; num],
         misaligned: vec![MISALIGNED; num],
@@ -94,11 +102,12 @@ pub(super) fn rate(
         coverage::update(&graph, &edited, &source, &mut field.pressure);
     }
     choices.par_iter_mut().with_min_len(64).for_each(|choice| {
+        let spared = spared(&field, choice);
         for mode in choice.iter_mut() {
             let mut best = f64::INFINITY;
             let mut lowest = [f64::INFINITY; 2];
             for witness in &mode.witnesses {
-                let cost = cost(companions, &field, witness);
+                let cost = cost(companions, &field, witness, spared);
                 lowest = [lowest[0].min(cost[0]), lowest[1].min(cost[1])];
                 if cost[0].min(cost[1]) < best {
                     best = cost[0].min(cost[1]);
@@ -148,10 +157,16 @@ fn first_sigma(spacing: f64, choices: &[Choice], figure_size: f64) -> f64 {
     quartile.min(0.05 * figure_size).max(0.1 * spacing).max(TINY)
 }
 
+/// The least of what `survived` costs at any of the splat's cells: where all have survived, it tells nothing.
+fn spared(field: &Field, choice: &Choice) -> f64 {
+    let witnesses = choice.iter().flat_map(|mode| &mode.witnesses);
+    witnesses.map(|w| field.survived[w.cell as usize]).reduce(f64::min).unwrap_or(0.0)
+}
+
 /// Cost of the splat belonging to the witness, facing along or against its stored axis: half a squared distance in
 /// standard deviations, across and along the surface, plus the misalignment of normals and the difference of flatness in units of the
 /// learned ones.
-fn cost(companions: &Companions, field: &Field, witness: &Witness) -> [f64; 2] {
+fn cost(companions: &Companions, field: &Field, witness: &Witness, spared: f64) -> [f64; 2] {
     let i = witness.cell as usize;
     let (offset, flat) = (f64::from(witness.offset), f64::from(witness.flat));
     let h = companions.spacing[i];
@@ -163,7 +178,10 @@ fn cost(companions: &Companions, field: &Field, witness: &Witness) -> [f64; 2] {
     let ball = (offset / tangent).powi(2);
     let along = f64::from(witness.tangent_squared) / (tangent * tangent);
     let unlike = f64::from(witness.unlike) / field.unlike[i];
-    let base = 0.5 * (flat * across + (1.0 - flat) * ball + along + unlike) + field.pressure[i];
+    let base = 0.5 * (flat * across + (1.0 - flat) * ball + along + unlike)
+        + field.pressure[i]
+        + field.survived[i]
+        - spared;
     let kappa = ALIGNMENT / field.misaligned[i];
     let aligned = f64::from(witness.aligned);
     [base + kappa * (flat - aligned), base + kappa * (flat + aligned)]
@@ -183,13 +201,14 @@ struct Vote {
 
 /// One vote per mode of the splat, if it counts at all.
 fn votes(companions: &Companions, field: &Field, choice: &Choice) -> Vec<Vote> {
+    let spared = spared(field, choice);
     let best: Vec<(&Witness, f64)> = choice
         .iter()
         .filter_map(|mode| {
             mode.witnesses
                 .iter()
                 .map(|w| {
-                    let cost = cost(companions, field, w);
+                    let cost = cost(companions, field, w, spared);
                     (w, cost[0].min(cost[1]))
                 })
                 .min_by(|a, b| a.1.total_cmp(&b.1))

@@ -33,7 +33,7 @@ const ALIGNMENT: f64 = 1.5;
 /// The same for squared differences of flatness. Surfaces become surfaces: without this, the blobs inside the next limb, which have
 /// no side that could be wrong, explain splats of a sleeve better than the arm in it.
 const UNLIKE: f64 = 0.1;
-const UNLIKE_FLOOR: f64 = 0.1;
+const UNLIKE_FLOOR: f64 = 0.06;
 
 /// Factor on learned standard deviations: choices made so far are biased towards small ones.
 const SPREAD: f64 = 1.4;

@@ -25,19 +25,22 @@ pub(super) enum Method {
     Control,
     /// The default.
     Default,
+    /// The default, told of no splat that it is a source splat: all rows, as the baselines.
+    DefaultAll,
     /// The default on a source that is the trained network, not the scene it was trained on.
     DefaultOnNetwork,
     /// Rigid motion of the true part.
     Floor,
 }
 
-pub(super) const METHODS: [Method; 8] = [
+pub(super) const METHODS: [Method; 9] = [
     Method::Network,
     Method::Knn,
     Method::Paper,
     Method::Nearest,
     Method::Control,
     Method::Default,
+    Method::DefaultAll,
     Method::DefaultOnNetwork,
     Method::Floor,
 ];
@@ -51,6 +54,7 @@ impl Method {
             Self::Nearest => "nearest, parts known",
             Self::Control => "nearest, no transport",
             Self::Default => "c4d",
+            Self::DefaultAll => "c4d, all rows",
             Self::DefaultOnNetwork => "c4d, source a network",
             Self::Floor => "floor: true parts",
         }
@@ -78,7 +82,7 @@ impl Method {
             }
             Self::Knn => (plain(), MotionOptions::preset(Preset::Knn)),
             Self::Paper => (plain(), MotionOptions::preset(Preset::Paper)),
-            Self::Default => (plain(), MotionOptions::default()),
+            Self::Default | Self::DefaultAll => (plain(), MotionOptions::default()),
             Self::DefaultOnNetwork => (trained()?, MotionOptions::default()),
             Self::Nearest => return oracle(scene, Some(PartBy::Nearness), plain(), edited),
             Self::Control => return oracle(scene, None, plain(), edited),

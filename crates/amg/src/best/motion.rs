@@ -13,6 +13,8 @@ pub(super) const ROTATION_PRIOR: f64 = 3.0;
 #[derive(Debug)]
 pub(super) struct CellMotion {
     pub(super) floater: Vec<bool>,
+    /// Cells that stay where they are, as do all around them.
+    pub(super) still: Vec<bool>,
     /// Factor on the weight of own rotations, 0 to 1: 0 where the scene does not model rotation.
     pub(super) rotation_trust: f64,
     /// `[N][T]`.
@@ -45,12 +47,18 @@ impl CellMotion {
                 .collect()
         };
         let trust = rotation_trust(cloud, &floater, &stencil);
+        let still: Vec<bool> = (0..cloud.len())
+            .map(|i| companions.near[i].iter().all(|n| !cloud.moving[n.id as usize]))
+            .collect();
         let motions = (0..cloud.len())
             .into_par_iter()
             .with_min_len(64)
             .flat_map_iter(|i| {
-                let stencil = stencil(i);
+                let stencil = if still[i] { Vec::new() } else { stencil(i) };
                 (0..num_times).map(move |k| {
+                    if stencil.is_empty() {
+                        return Motion::STILL;
+                    }
                     let fit = fit(cloud, k, &stencil);
                     fit.into_motion(ROTATION_PRIOR * trust)
                 })
@@ -59,7 +67,7 @@ impl CellMotion {
         let seen = (0..cloud.len())
             .flat_map(|i| (0..num_times).map(move |k| f32::from_double(cloud.seen(k, i))))
             .collect();
-        Self { floater, rotation_trust: trust, motions, seen, num_times }
+        Self { floater, still, rotation_trust: trust, motions, seen, num_times }
     }
 
     /// Where point `x` goes at key time `k` if it moves with cell `i`.
@@ -82,16 +90,21 @@ impl CellMotion {
             let other = self.carry(i, k, path.from);
             self.apart(path.cell, i, k, *place, other) <= tolerance * tolerance
         };
-        i == path.cell || path.places.iter().enumerate().all(near)
+        self.alike(i, path.cell) || path.places.iter().enumerate().all(near)
     }
 
     /// Largest distance over time between where cells `a` and `b` take point `x`, as far as both are seen.
     pub(super) fn disagreement(&self, a: usize, b: usize, x: [f32; 3]) -> f32 {
-        if a == b {
+        if self.alike(a, b) {
             return 0.0;
         }
         let apart = |k: usize| self.apart(a, b, k, self.carry(a, k, x), self.carry(b, k, x));
         (0..self.num_times).fold(0.0_f32, |worst, k| worst.max(apart(k))).sqrt()
+    }
+
+    /// Whether two cells have one motion by what they are.
+    fn alike(&self, a: usize, b: usize) -> bool {
+        a == b || (self.still[a] && self.still[b])
     }
 
     /// Squared distance between where cells `a` and `b` take a point at key time `k`, `p` and `q`, as far as both are seen.
@@ -101,6 +114,10 @@ impl CellMotion {
         let both = seen(a).min(seen(b));
         (d[0] * d[0] + d[1] * d[1] + d[2] * d[2]) * both * both
     }
+}
+
+impl Motion {
+    const STILL: Self = Self { turn: [1.0, 0.0, 0.0, 0.0], from: [0.0; 3], to: [0.0; 3] };
 }
 
 /// Where a point goes with one cell, over the key times.

@@ -104,8 +104,14 @@ impl Supports<'_> {
             })
             .filter(|(_, weight)| *weight > 1e-9)
             .collect();
-        self.consensus.reweigh(&mut entries);
-        self.centre(&mut entries, x);
+        // Where nothing moves, nothing can disagree.
+        if !entries
+            .iter()
+            .all(|entry| self.motion.still[self.cells.cell_of[entry.0 as usize] as usize])
+        {
+            self.consensus.reweigh(&mut entries);
+            self.centre(&mut entries, x);
+        }
         entries.iter().map(|&(p, w)| (index(self.cells.ids[p as usize]), w.as_f32())).collect()
     }
 

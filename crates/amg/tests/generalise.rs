@@ -6,59 +6,110 @@
     reason = "helpers of tests may fail loudly; sizes and lengths are small"
 )]
 
-use amg::{MotionOptions, Preset, propagate};
+use amg::{Aggregation, Binding, EditedScene, MotionOptions, Preset, RowKind, propagate};
 use gs_core::DynamicScene;
-use gs_synth::{MotionError, TruthCase, build, motion_error};
+use gs_synth::{
+    MotionError, Truth, TruthCase, build, motion_error, motion_error_of, rigid_neighbours,
+};
 use std::sync::Arc;
 
 const TIMES: [f32; 4] = [0.25, 0.5, 0.75, 1.0];
 
-fn errors(case: &str, seed: u64, size: usize) -> [MotionError; 2] {
-    let case: TruthCase = case.parse().unwrap();
-    let scene = build(case, seed, size).unwrap();
-    let source: Arc<dyn DynamicScene> = Arc::new(scene.source);
-    let edited = Arc::new(scene.edited.splats);
-    [Preset::Knn, Preset::Best].map(|preset| {
-        let (source, edited) = (Arc::clone(&source), Arc::clone(&edited));
-        let options = MotionOptions::preset(preset);
-        let found = propagate(source, edited, &options, &|_, _| {}).unwrap();
-        motion_error(&found.scene, &scene.edited.truth, &TIMES).unwrap()
-    })
+/// Scores of every scored splat, and of those of them that are no source splats.
+struct Scores {
+    all: MotionError,
+    edited: MotionError,
 }
 
+fn scored(scene: &EditedScene, truth: &Truth, is_edited: &[bool]) -> Scores {
+    let open: Vec<bool> = truth.eval_mask.iter().zip(is_edited).map(|(a, b)| *a && *b).collect();
+    Scores {
+        all: motion_error(scene, truth, &TIMES).unwrap(),
+        edited: motion_error_of(scene, truth, &TIMES, &open).unwrap(),
+    }
+}
+
+/// KNN-Guide, the control without correspondences, and the default.
+fn errors(case: &str, seed: u64, size: usize) -> [Scores; 3] {
+    let scene = build(case.parse::<TruthCase>().unwrap(), seed, size).unwrap();
+    let source: Arc<dyn DynamicScene> = Arc::new(scene.source.clone());
+    let edited = Arc::new(scene.edited.splats.clone());
+    let [knn, best] = [Preset::Knn, Preset::Best].map(|preset| {
+        let options = MotionOptions::preset(preset);
+        propagate(Arc::clone(&source), Arc::clone(&edited), &options, &|_, _| {}).unwrap().scene
+    });
+    let kinds = best.binding().kinds();
+    let is_edited: Vec<bool> = kinds.iter().map(|kind| !kind.is_exact()).collect();
+    let rows = rigid_neighbours(&scene.source, &scene.edited).unwrap();
+    let control = EditedScene::new(
+        Arc::clone(&source),
+        edited,
+        0.0,
+        Arc::new(bound(&rows, source.num_splats())),
+        Aggregation::default(),
+    );
+    let control = control.unwrap();
+    [knn, control, best].map(|found| scored(&found, &scene.edited.truth, &is_edited))
+}
+
+fn bound(rows: &[Vec<(u32, f32)>], num_sources: usize) -> Binding {
+    let mut offsets = vec![0_u32];
+    for row in rows {
+        offsets.push(offsets[offsets.len() - 1] + row.len() as u32);
+    }
+    let (ids, weights) = rows.iter().flatten().copied().unzip();
+    let kind = |row: &Vec<_>| if row.is_empty() { RowKind::Static } else { RowKind::Blended };
+    Binding::from_parts(offsets, ids, weights, rows.iter().map(kind).collect(), num_sources)
+        .unwrap()
+}
+
+/// Shares of KNN-Guide's error, a quarter or so above what was measured. On splats that were edited the control, which is no worse than
+/// the floor that is told the parts in many of these, is never ahead.
 #[test]
 fn the_default_is_far_ahead_of_the_nearest_neighbours() {
     for (case, share) in [
-        ("drift", 0.6),
-        ("clothing", 0.45),
-        ("prune-split", 0.7),
-        ("graft-hat", 0.6),
-        ("graft-horns", 0.9),
-        ("graft-wings", 0.2),
-        ("blocky", 0.8),
-        ("grazing-limb", 0.6),
-        ("touch-and-part", 0.3),
-        ("fast-rotation", 0.2),
-        ("stretching-cloth", 0.5),
-        ("floaters-outliers", 0.5),
-        ("noisy-reconstruction", 0.6),
-        ("everything", 0.5),
+        ("drift", 0.3),
+        ("clothing", 0.14),
+        ("prune-split", 0.38),
+        ("graft-hat", 0.35),
+        ("graft-horns", 0.55),
+        ("graft-wings", 0.13),
+        ("graft-block", 0.42),
+        ("graft-stick", 0.23),
+        ("graft-halo", 0.44),
+        ("blocky", 0.5),
+        ("grazing-limb", 0.33),
+        ("touch-and-part", 0.2),
+        ("fast-rotation", 0.04),
+        ("stretching-cloth", 0.34),
+        ("floaters-outliers", 0.13),
+        ("noisy-reconstruction", 0.41),
+        ("everything", 0.15),
     ] {
-        let [knn, best] = errors(case, 3, 3000);
+        let [knn, control, best] = errors(case, 3, 3000);
         assert!(
-            best.epe <= share * knn.epe,
+            best.all.epe <= share * knn.all.epe,
             "{case}: {:.3} against {:.3} of KNN-Guide, limit {share}",
-            best.epe,
-            knn.epe
+            best.all.epe,
+            knn.all.epe
         );
-        assert!(best.rot_deg <= 4.0, "{case}: {} degrees", best.rot_deg);
+        // Where two objects touch, which one a splat between them is on is a toss-up, and one splat is a fifth of the error.
+        let slack = if case == "touch-and-part" { 1.5 } else { 1.02 };
+        assert!(
+            best.edited.epe <= slack * control.edited.epe,
+            "{case}, edited splats: {:.4} against {:.4} of the control",
+            best.edited.epe,
+            control.edited.epe
+        );
+        assert!(best.all.rot_deg <= 2.5, "{case}: {} degrees", best.all.rot_deg);
     }
 }
 
 #[test]
 fn untouched_geometry_keeps_its_motion_whatever_the_guide() {
     for case in ["recolour", "shuffled-rows"] {
-        let [knn, best] = errors(case, 2, 1500);
-        assert!((best.epe - knn.epe).abs() < 1e-9, "{case}: {} and {}", best.epe, knn.epe);
+        let [knn, _, best] = errors(case, 2, 1500);
+        let (knn, best) = (knn.all.epe, best.all.epe);
+        assert!((best - knn).abs() < 1e-9, "{case}: {best} and {knn}");
     }
 }

@@ -20,8 +20,6 @@ pub(super) struct Edit {
     pub(super) means: Vec<[f64; 3]>,
     /// Thin axes times flatness, sign arbitrary.
     pub(super) axes: Vec<[f64; 3]>,
-    /// Logarithms of the scales, ascending.
-    pub(super) log_scales: Vec<[f32; 3]>,
     /// Position in the source's `ids` of the one splat that shares the centre, or quaternion and scales, bit for bit: editors
     /// that change one property keep the others.
     pub(super) lineage: Vec<Option<u32>>,
@@ -68,7 +66,6 @@ impl Edit {
         Self {
             means: rows.iter().map(|&row| sub(edited.means[row].map(f64::from), origin)).collect(),
             axes: rows.par_iter().with_min_len(256).map(|&row| thin_axis(edited, row)).collect(),
-            log_scales: rows.iter().map(|&row| ascending(edited.log_scales[row])).collect(),
             lineage: rows.iter().map(lineage).collect(),
             exact: rows.iter().map(|&row| known(identity.rows[row])).collect(),
             kept,
@@ -92,11 +89,6 @@ fn may_be_split(source: &Splats, i: usize, edited: &Splats, row: usize) -> bool 
     let shrunk = [0, 1, 2].map(|a| source.log_scales[i][a] - edited.log_scales[row][a]);
     let alike = shrunk.iter().all(|s| (s - shrunk[0]).abs() <= PROPORTIONS);
     alike && shrunk[0] > 0.0 && dot(d, d).sqrt() <= EXTENT * f64::from(reach)
-}
-
-pub(super) fn ascending(mut values: [f32; 3]) -> [f32; 3] {
-    values.sort_by(f32::total_cmp);
-    values
 }
 
 /// Position of each key that occurs once; `None` for keys that occur more often and so prove nothing.

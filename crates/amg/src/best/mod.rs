@@ -3,7 +3,7 @@
 //! 1. Source splats that move with none of their neighbours are dropped; the others form cells that move as one.
 //! 2. Cells get rigid motions at the key times and outward normals.
 //! 3. Each edited splat collects the motions that cells around it would give it.
-//! 4. What tells which source splat an edited one descends from speaks for that one's motion.
+//! 4. What proves that an edited splat descends from a source splat speaks for that one's motion.
 //! 5. How the edit displaced each part's surface is learned from all splats at once, and rates those motions.
 //! 6. Neighbours in the edit agree on motion and facing.
 //! 7. Splats that no cell explains hang on the nearest ones that some cell does.
@@ -17,7 +17,6 @@ mod coverage;
 mod edit;
 mod graft;
 mod graph;
-mod kin;
 mod modes;
 mod motion;
 mod offsets;
@@ -98,9 +97,8 @@ pub(crate) fn bind(
     let edit = Edit::of(keys, &cells.ids, work.edited, &order, work.identity, pose.origin);
     let tolerance = |share: f64| (share * size).max(4.0 * companions.noise).as_f32();
     let (links, spacing) = graph::links(&edit.means);
-    let kin = kin::of(keys, &cells, &edit, &links);
     let (near, mut choices) =
-        modes::collect(&cells, &motion, &normals, &edit, &kin, tolerance(SAME_PART));
+        modes::collect(&cells, &motion, &normals, &edit, tolerance(SAME_PART));
     let survivors = coverage::survivors(&cells, &edit);
     offsets::rate(&cells, &companions, &motion, &mut choices, &survivors, size);
     lap("choices", report);

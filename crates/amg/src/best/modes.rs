@@ -14,6 +14,9 @@ pub(super) const MODES: usize = 4;
 /// Cells looked at per splat: all within a thick sleeve's reach.
 const CANDIDATES: usize = 160;
 
+/// What proof of a splat's descent from a source splat is worth.
+const DESCENT: f32 = 8.0;
+
 /// Cells kept per motion.
 const WITNESSES: usize = 8;
 
@@ -41,8 +44,8 @@ pub(super) struct Mode {
     pub(super) cell: u32,
     /// Cost of the splat having this motion and facing along (0) or against (1) its stored thin axis.
     pub(super) cost: [f32; 2],
-    /// What speaks for the splat's descent from a source splat of this motion.
-    pub(super) kinship: f32,
+    /// What proof there is that the splat descends from a source splat of this motion.
+    pub(super) descent: f32,
 }
 
 /// The motions of one edited splat, best first once costs are known.
@@ -63,7 +66,6 @@ pub(super) fn collect(
     motion: &CellMotion,
     normals: &[[f64; 3]],
     edit: &Edit,
-    kin: &[Option<(u32, f32)>],
     tolerance: f32,
 ) -> (Vec<Near>, Vec<Choice>) {
     let kept: Vec<usize> = (0..cells.cloud.len()).filter(|&i| !motion.floater[i]).collect();
@@ -82,7 +84,7 @@ pub(super) fn collect(
                 distance: found.first().map_or(f64::INFINITY, |n| n.distance_squared.sqrt()),
                 cells: found.iter().map(|n| index(kept[n.id as usize])).collect(),
             };
-            let choice = group(cells, motion, normals, (edit, kin), e, &near.cells, tolerance);
+            let choice = group(cells, motion, normals, edit, e, &near.cells, tolerance);
             (near, choice)
         })
         .unzip()
@@ -94,22 +96,22 @@ fn known(cells: &Cells, normals: &[[f64; 3]], edit: &Edit, e: usize, cell: u32) 
         return Vec::new();
     }
     let witnesses = vec![witness(cells, normals, edit, e, cell)];
-    vec![Mode { witnesses, cell, cost: [0.0; 2], kinship: 0.0 }]
+    vec![Mode { witnesses, cell, cost: [0.0; 2], descent: 0.0 }]
 }
 
 fn group(
     cells: &Cells,
     motion: &CellMotion,
     normals: &[[f64; 3]],
-    (edit, kin): (&Edit, &[Option<(u32, f32)>]),
+    edit: &Edit,
     e: usize,
     near: &[u32],
     tolerance: f32,
 ) -> Choice {
     let x = edit.means[e].map(Real::as_f32);
-    let kin = kin[e].map(|(point, evidence)| (cells.cell_of[point as usize], evidence));
-    let kin = kin.filter(|(cell, _)| *cell != u32::MAX);
-    let ids = kin.map(|(cell, _)| cell).into_iter().chain(near.iter().copied());
+    let parent = edit.lineage[e].map(|point| cells.cell_of[point as usize]);
+    let parent = parent.filter(|cell| *cell != u32::MAX);
+    let ids = parent.into_iter().chain(near.iter().copied());
     let mut modes: Choice = Vec::with_capacity(2);
     let mut paths = Vec::with_capacity(2);
     for cell in ids {
@@ -120,9 +122,9 @@ fn group(
             }
             None if modes.len() < MODES => {
                 let witnesses = vec![witness(cells, normals, edit, e, cell)];
-                let kinship = kin.filter(|k| k.0 == cell).map_or(0.0, |k| k.1);
+                let descent = if parent == Some(cell) { DESCENT } else { 0.0 };
                 paths.push(motion.path(cell as usize, x));
-                modes.push(Mode { witnesses, cell, cost: [0.0; 2], kinship });
+                modes.push(Mode { witnesses, cell, cost: [0.0; 2], descent });
             }
             _ => {}
         }

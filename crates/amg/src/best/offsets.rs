@@ -28,7 +28,7 @@ const MISALIGNED: f64 = 0.2;
 const MISALIGNED_FLOOR: f64 = 0.05;
 
 /// Cost of the typical misalignment.
-const ALIGNMENT: f64 = 1.5;
+const ALIGNMENT: f64 = 2.0;
 
 /// The same for squared differences of flatness. Surfaces become surfaces: without this, the blobs inside the next limb, which have
 /// no side that could be wrong, explain splats of a sleeve better than the arm in it.
@@ -114,7 +114,7 @@ pub(super) fn rate(
                     mode.cell = witness.cell;
                 }
             }
-            mode.cost = lowest.map(|cost| f32::from_double(cost) - mode.kinship);
+            mode.cost = lowest.map(|cost| f32::from_double(cost) - mode.descent);
         }
         let least = |mode: &super::modes::Mode| mode.cost[0].min(mode.cost[1]);
         choice.sort_by(|a, b| least(a).total_cmp(&least(b)).then(a.cell.cmp(&b.cell)));

@@ -5,6 +5,7 @@
 //! leaves are ranges of one array, so nothing but the split planes is stored.
 
 use rayon::prelude::*;
+use std::cmp::Ordering;
 
 use crate::points::distance_squared;
 
@@ -22,6 +23,10 @@ impl Neighbor {
     fn before(&self, other: &Self) -> bool {
         self.distance_squared < other.distance_squared
             || (self.distance_squared <= other.distance_squared && self.id < other.id)
+    }
+
+    fn order(&self, other: &Self) -> Ordering {
+        self.distance_squared.total_cmp(&other.distance_squared).then(self.id.cmp(&other.id))
     }
 }
 
@@ -46,6 +51,10 @@ const LEAF: usize = 8;
 
 /// Subtrees below this many points are built on one thread.
 const PARALLEL_BUILD: usize = 8192;
+
+/// Answers up to which they are kept in order while searching. Of more, twice as many are collected before the farther half is
+/// dropped: then an answer costs a step, not one for each of those behind it.
+const ORDERED: usize = 40;
 
 /// Queries handed to a thread at a time.
 const QUERY_BLOCK: usize = 512;
@@ -95,8 +104,12 @@ impl<const D: usize> KdTree<D> {
         if k == 0 {
             return;
         }
-        let mut search = Search { tree: self, query, k, except, best: out };
+        let mut search = Search { tree: self, query, k, except, best: out, limit: f64::INFINITY };
         search.visit(0, self.depth, 0, self.points.len(), [0.0; D], 0.0);
+        if k > ORDERED {
+            search.drop_farther();
+            out.sort_unstable_by(Neighbor::order);
+        }
     }
 
     /// Calls `each` with the id of every point of the tree and its `k` nearest others, and
@@ -158,8 +171,10 @@ struct Search<'a, const D: usize> {
     query: &'a [f64; D],
     k: usize,
     except: u32,
-    /// Best so far, ascending.
+    /// Best so far: ascending, or up to twice as many as asked for in any order.
     best: &'a mut Vec<Neighbor>,
+    /// Squared distance beyond which nothing is among the `k` nearest.
+    limit: f64,
 }
 
 impl<const D: usize> Search<'_, D> {
@@ -175,7 +190,7 @@ impl<const D: usize> Search<'_, D> {
         bound: f64,
     ) {
         // A bound equal to the worst distance may still hide a lower id.
-        if self.best.len() == self.k && bound > self.best[self.k - 1].distance_squared {
+        if bound > self.limit {
             return;
         }
         if depth == 0 {
@@ -207,6 +222,12 @@ impl<const D: usize> Search<'_, D> {
                 continue;
             }
             let found = Neighbor { distance_squared: distance_squared(self.query, point), id: *id };
+            if self.k > ORDERED {
+                if found.distance_squared <= self.limit {
+                    self.best.push(found);
+                }
+                continue;
+            }
             if self.best.len() == self.k {
                 if !found.before(&self.best[self.k - 1]) {
                     continue;
@@ -215,6 +236,21 @@ impl<const D: usize> Search<'_, D> {
             }
             let place = self.best.iter().rposition(|b| b.before(&found)).map_or(0, |i| i + 1);
             self.best.insert(place, found);
+            if self.best.len() == self.k {
+                self.limit = self.best[self.k - 1].distance_squared;
+            }
+        }
+        if self.best.len() >= 2 * self.k {
+            self.drop_farther();
+        }
+    }
+
+    /// Leaves the `k` nearest of those collected.
+    fn drop_farther(&mut self) {
+        if self.best.len() >= self.k {
+            let (_, last, _) = self.best.select_nth_unstable_by(self.k - 1, Neighbor::order);
+            self.limit = last.distance_squared;
+            self.best.truncate(self.k);
         }
     }
 }

@@ -19,6 +19,9 @@ const MAX_TIMES: usize = 4;
 /// Root mean square misfit, in units of the noise, at which a source counts half or so.
 const MISFIT: f64 = 1.5;
 
+/// If all agree at least this well, another fit would change nothing.
+const AGREED: f64 = 0.7;
+
 /// Weight that any misfit leaves: where nothing agrees, all count alike.
 const LEAST: f64 = 1e-6;
 
@@ -55,8 +58,14 @@ impl<'a> Consensus<'a> {
                 self.add_misfits(k, entries, &mut squares);
             }
             let scale = -0.5 / (reach * reach * self.times.len() as f64);
+            let mut least = 1.0_f64;
             for ((entry, spatial), square) in entries.iter_mut().zip(&spatial).zip(&squares) {
-                entry.1 = spatial * (scale * square).exp().max(LEAST);
+                let agreement = (scale * square).exp().max(LEAST);
+                least = least.min(agreement);
+                entry.1 = spatial * agreement;
+            }
+            if least > AGREED {
+                break;
             }
         }
     }

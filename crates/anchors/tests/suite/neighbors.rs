@@ -31,7 +31,7 @@ fn check<const D: usize>(points: &[[f64; D]], what: &str) {
             1 => on.map(|x| x + 0.01 * (rng.uniform() - 0.5)),
             _ => on.map(|x| x + 20.0 * (rng.uniform() - 0.5)),
         };
-        for k in [0, 1, 2, 7, 40] {
+        for k in [0, 1, 2, 7, 40, 41, 160] {
             tree.nearest(&query, k, &mut found);
             assert_eq!(found, brute(points, &query, k), "{what}, case {case}, k {k}");
         }

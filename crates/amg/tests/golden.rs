@@ -90,7 +90,8 @@ fn a_large_still_background_changes_little() {
     assert!(error.epe < 0.35, "{error}");
 }
 
-/// A splat that moves with nothing around it has no motion to offer. Kept by an edit, it must not keep its neighbours from agreeing.
+/// Splats that move with nothing around them have no motion to offer to others, be they as many as one in twenty, amidst the figure and
+/// kept by the edit.
 #[test]
 fn floaters_that_the_edit_keeps_decide_nothing() {
     let (mut source, size) = golden_source();

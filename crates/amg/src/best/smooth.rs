@@ -196,3 +196,65 @@ fn pass(
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::best::cloud::{Cloud, Companions};
+    use crate::best::modes::Mode;
+
+    /// Two patches of cells, of which the second moves away.
+    fn two_parts() -> CellMotion {
+        let patch = |x: f64| (0..16).map(move |i| [x + f64::from(i % 4), f64::from(i / 4), 0.0]);
+        let means: Vec<[f64; 3]> = patch(0.0).chain(patch(100.0)).collect();
+        let away = |mean: &[f64; 3]| [mean[0], mean[1], if mean[0] < 50.0 { 0.0 } else { 10.0 }];
+        let cloud = Cloud {
+            means_t: vec![means.iter().map(away).collect()],
+            turns_t: vec![vec![[1.0, 0.0, 0.0, 0.0]; 32]],
+            opacity: vec![1.0; 32],
+            moving: vec![true; 32],
+            seen_t: Vec::new(),
+            means,
+        };
+        CellMotion::of(&cloud, &Companions::of(&cloud))
+    }
+
+    /// A sheet of splats, the motions each could have, and who is beside whom: everyone.
+    fn chosen(choices: &[Choice]) -> Vec<usize> {
+        let count = choices.len();
+        let edit = Edit {
+            means: (0..count).map(|i| [0.1 * (i % 3) as f64, 0.1 * (i / 3) as f64, 0.0]).collect(),
+            axes: vec![[0.0, 0.0, 1.0]; count],
+            lineage: vec![None; count],
+            exact: vec![None; count],
+            kept: Vec::new(),
+        };
+        let ends = (0_u32..).take(count);
+        let links: Vec<Link> = ends
+            .clone()
+            .flat_map(|a| ends.clone().filter(move |&b| a < b).map(move |b| (a, b)))
+            .collect();
+        choose(&two_parts(), choices, &edit, &links, &vec![0.1; count], 10.0)
+    }
+
+    /// The second part first, at `cost` more than the other.
+    fn choice(cost: f32) -> Choice {
+        let mode = |cell: u32, cost: f32| Mode {
+            witnesses: Vec::new(),
+            cell,
+            cost: [cost, cost + 5.0],
+            descent: 0.0,
+        };
+        vec![mode(20, cost), mode(4, 0.0)]
+    }
+
+    #[test]
+    fn neighbours_agree_beside_one_that_has_no_motion_to_offer() {
+        // The one in doubt leans the other way; alone, it goes there.
+        let sheet: Vec<Choice> = (0..8).map(|i| choice(if i == 4 { -0.3 } else { 3.0 })).collect();
+        assert_eq!(chosen(&[choice(-0.3)]), [0], "alone");
+        assert_eq!(chosen(&sheet), [1; 8], "on a sheet");
+        let with_floater: Vec<Choice> = sheet.into_iter().chain([Vec::new()]).collect();
+        assert_eq!(chosen(&with_floater)[..8], [1; 8], "beside a floater");
+    }
+}

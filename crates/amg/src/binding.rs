@@ -41,7 +41,7 @@ impl RowKind {
 
 /// A sparse matrix: for each of `M` edited splats, ids of source splats and normalised weights. Independent of time.
 ///
-/// Invariants, verified by [`Binding::from_parts`]: rows in order and complete; ids below `num_sources`; weights finite,
+/// Invariants, verified by [`Binding::from_parts`] and [`Binding::blending`]: rows in order and complete; ids below `num_sources`; weights finite,
 /// not negative, summing to 1 within 1e-4 per non-empty row; exact rows have one entry, blended rows at least one, static
 /// and field rows none.
 #[derive(Debug, Clone, PartialEq)]
@@ -65,16 +65,26 @@ impl Binding {
         kinds: Vec<RowKind>,
         num_sources: usize,
     ) -> Result<Self, AmgError> {
-        let binding = Self { offsets, source_ids, weights, kinds, num_sources };
-        match binding.fault() {
-            Some(what) => Err(AmgError::Binding { what }),
-            None => Ok(binding),
-        }
+        Self { offsets, source_ids, weights, kinds, num_sources }.verified()
+    }
+
+    /// A binding of rows `[M]` of `(source id, weight)`: rows without sources stay where the edit put them, the others blend the motion
+    /// of theirs. Weights need not sum to 1.
+    ///
+    /// # Errors
+    /// If an id is not below `num_sources`, or weights are negative, no numbers or all zero; the message names the row.
+    pub fn blending(rows: &[Vec<(u32, f32)>], num_sources: usize) -> Result<Self, AmgError> {
+        let kind = |row: &[_]| if row.is_empty() { RowKind::Static } else { RowKind::Blended };
+        let binding = Self::from_rows(rows.iter().map(|row| (kind(row), &row[..])), num_sources);
+        binding.verified()
     }
 
     /// A binding from rows of `(kind, [(source id, weight)])`; weights are normalised here.
-    pub(crate) fn from_rows(rows: &[(RowKind, Vec<(u32, f32)>)], num_sources: usize) -> Self {
-        let nnz = rows.iter().map(|(_, entries)| entries.len()).sum();
+    pub(crate) fn from_rows<'a>(
+        rows: impl ExactSizeIterator<Item = (RowKind, &'a [(u32, f32)])> + Clone,
+        num_sources: usize,
+    ) -> Self {
+        let nnz = rows.clone().map(|(_, entries)| entries.len()).sum();
         let mut binding = Self {
             offsets: Vec::with_capacity(rows.len() + 1),
             source_ids: Vec::with_capacity(nnz),
@@ -85,12 +95,19 @@ impl Binding {
         binding.offsets.push(0);
         for (kind, entries) in rows {
             let total: f32 = entries.iter().map(|entry| entry.1).sum();
-            binding.kinds.push(*kind);
+            binding.kinds.push(kind);
             binding.source_ids.extend(entries.iter().map(|entry| entry.0));
             binding.weights.extend(entries.iter().map(|entry| entry.1 / total));
             binding.offsets.push(index(binding.source_ids.len()));
         }
         binding
+    }
+
+    fn verified(self) -> Result<Self, AmgError> {
+        match self.fault() {
+            Some(what) => Err(AmgError::Binding { what }),
+            None => Ok(self),
+        }
     }
 
     fn fault(&self) -> Option<String> {

@@ -71,7 +71,10 @@ pub fn propagate(
     for (&row, found) in work.open.iter().zip(work.bind(&mut aggregation, &mut report, progress)?) {
         rows[row] = found;
     }
-    let binding = Arc::new(Binding::from_rows(&rows, keys.at_edit.len()));
+    let binding = Arc::new(Binding::from_rows(
+        rows.iter().map(|(kind, entries)| (*kind, &entries[..])),
+        keys.at_edit.len(),
+    ));
     fill_report(&mut report, &keys, &identity, &split, &binding);
     report.rotation_prior = aggregation.rotation_prior;
 

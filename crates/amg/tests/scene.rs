@@ -151,6 +151,22 @@ fn broken_bindings_are_refused_with_the_row() {
     }
 }
 
+#[test]
+fn bindings_that_only_blend_are_made_from_rows() {
+    let made = Binding::blending(&[vec![(0, 1.0), (2, 3.0)], vec![]], 3).unwrap();
+    assert_eq!(made.row(0), (&[0, 2][..], &[0.25, 0.75][..]), "normalised");
+    assert_eq!(made.kinds(), [Blended, Static]);
+    for (row, expected) in [
+        (vec![(3, 1.0)], "source 3"),
+        (vec![(0, 0.0)], "sum to NaN"),
+        (vec![(0, -1.0), (1, 3.0)], "none negative"),
+        (vec![(0, f32::INFINITY)], "sum to NaN"),
+    ] {
+        let error = Binding::blending(&[row], 3).unwrap_err().to_string();
+        assert!(error.contains(expected), "{error}, expected {expected}");
+    }
+}
+
 /// A source that loses a splat halfway.
 #[derive(Debug)]
 struct Shrinking(Table);

@@ -21,10 +21,10 @@ pub struct Neighbor {
 impl Neighbor {
     #[inline]
     fn before(&self, other: &Self) -> bool {
-        self.distance_squared < other.distance_squared
-            || (self.distance_squared <= other.distance_squared && self.id < other.id)
+        self.order(other).is_lt()
     }
 
+    #[inline]
     fn order(&self, other: &Self) -> Ordering {
         self.distance_squared.total_cmp(&other.distance_squared).then(self.id.cmp(&other.id))
     }

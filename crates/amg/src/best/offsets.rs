@@ -30,7 +30,7 @@ const MISALIGNED_FLOOR: f64 = 0.05;
 /// Cost of the typical misalignment.
 const ALIGNMENT: f64 = 2.0;
 
-/// The same for squared differences of flatness. Surfaces become surfaces: without this, the blobs inside the next limb, which have
+/// Expected squared difference of flatness before anything is known, and what is added to the learned one. Surfaces become surfaces: without this, the blobs inside the next limb, which have
 /// no side that could be wrong, explain splats of a sleeve better than the arm in it.
 const UNLIKE: f64 = 0.1;
 const UNLIKE_FLOOR: f64 = 0.06;
@@ -53,8 +53,6 @@ const CAP: f64 = 12.0;
 
 /// Learned statistics per cell.
 struct Field {
-    /// What belonging to the cell costs because the edit kept its splats.
-    survived: Vec<f64>,
     /// Mean signed offset, world units.
     mean: Vec<f64>,
     /// Its standard deviation, world units.
@@ -65,6 +63,8 @@ struct Field {
     unlike: Vec<f64>,
     /// What belonging to the cell costs because of who else does.
     pressure: Vec<f64>,
+    /// What it costs because the edit kept its splats.
+    survived: Vec<f64>,
 }
 
 /// Sets the cost of every mode and sorts each choice, best first. `survivors`, `[N]`: which share of each cell's splats the edit kept.
@@ -80,12 +80,12 @@ pub(super) fn rate(
     let start = first_sigma(companions.typical_spacing(&cells.cloud), choices, figure_size);
     let num = cells.cloud.len();
     let mut field = Field {
-        survived: survivors.iter().map(|share| SURVIVED * share).collect(),
         mean: vec![0.0; num],
         sigma: vec![start; num],
         misaligned: vec![MISALIGNED; num],
         unlike: vec![UNLIKE + UNLIKE_FLOOR; num],
         pressure: vec![0.0; num],
+        survived: survivors.iter().map(|share| SURVIVED * share).collect(),
     };
     let source: Vec<f64> = cells.members.iter().map(|points| points.len() as f64).collect();
     // The field has far fewer unknowns than there are splats in a large edit.
@@ -165,7 +165,7 @@ fn spared(field: &Field, choice: &Choice) -> f64 {
 
 /// Cost of the splat belonging to the witness, facing along or against its stored axis: half a squared distance in
 /// standard deviations, across and along the surface, plus the misalignment of normals and the difference of flatness in units of the
-/// learned ones.
+/// learned ones, plus what the cell costs by itself, less `spared`.
 fn cost(companions: &Companions, field: &Field, witness: &Witness, spared: f64) -> [f64; 2] {
     let i = witness.cell as usize;
     let (offset, flat) = (f64::from(witness.offset), f64::from(witness.flat));
@@ -194,8 +194,11 @@ struct Vote {
     share: f64,
     /// How much that says about the surface.
     weight: f64,
+    /// Signed, along the cell's outward normal, world units.
     offset: f64,
+    /// `1 − |cos|` between the normals.
     misaligned: f64,
+    /// Squared difference of flatness.
     unlike: f64,
 }
 

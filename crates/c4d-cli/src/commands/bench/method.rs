@@ -2,7 +2,7 @@
 
 use crate::failure::{Failure, Outcome};
 use crate::field::{Network, NetworkField};
-use amg::{Aggregation, Binding, EditedScene, MotionOptions, Preset, RowKind};
+use amg::{Aggregation, Binding, EditedScene, MotionOptions, Preset};
 use gs_core::DynamicScene;
 use gs_deform::HexPlaneScene;
 use gs_synth::{PartBy, TruthScene, part_neighbours, rigid_neighbours};
@@ -106,18 +106,7 @@ fn oracle(
         None => rigid_neighbours(&scene.source, &scene.edited),
     };
     let rows = rows.map_err(Failure::failed)?;
-    let mut offsets = vec![0_u32];
-    let (mut ids, mut weights, mut kinds) = (Vec::new(), Vec::new(), Vec::new());
-    for row in rows {
-        kinds.push(if row.is_empty() { RowKind::Static } else { RowKind::Blended });
-        for (id, weight) in row {
-            ids.push(id);
-            weights.push(weight);
-        }
-        offsets.push(u32::try_from(ids.len()).map_err(Failure::failed)?);
-    }
-    let binding = Binding::from_parts(offsets, ids, weights, kinds, source.num_splats())
-        .map_err(Failure::failed)?;
+    let binding = Binding::blending(&rows, source.num_splats()).map_err(Failure::failed)?;
     EditedScene::new(source, edited, 0.0, Arc::new(binding), Aggregation::default())
         .map_err(Failure::failed)
 }

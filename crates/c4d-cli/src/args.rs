@@ -107,7 +107,7 @@ pub(crate) struct BenchMotionArgs {
     #[arg(long, value_delimiter = ',', value_name = "NAME,…")]
     pub(crate) cases: Vec<String>,
     /// Scenes per case
-    #[arg(long, default_value_t = 3)]
+    #[arg(long, default_value_t = 3, value_parser = clap::value_parser!(u64).range(1..))]
     pub(crate) seeds: u64,
     /// Splats of each source scene
     #[arg(long, default_value_t = 5000)]

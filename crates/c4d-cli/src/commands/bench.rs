@@ -68,7 +68,8 @@ pub(crate) fn motion(args: &BenchMotionArgs, global: &Global, console: &Console)
     let mut progress = console.progress("motion", total);
     for &case in &cases {
         for seed in 0..args.seeds {
-            let scene = gs_synth::build(case, seed, args.size).map_err(Failure::failed)?;
+            let scene = gs_synth::build(case, seed, args.size)
+                .map_err(|error| Failure::usage(format!("--size {}: {error}", args.size)))?;
             let network = if args.no_network {
                 None
             } else {

@@ -157,6 +157,11 @@ fn usage_problems() {
     assert!(said.contains("0 to 1"), "{said}");
     let said = failure(&mut c4d(["render", model, "--times", "-0.1", "-o", output]), 2);
     assert!(said.contains("--times"), "{said}");
+    for (flag, value) in [("--seeds", "0"), ("--size", "3"), ("--cases", "nope")] {
+        let said = failure(&mut c4d(["bench", "motion", flag, value, "-o", output]), 2);
+        assert!(said.contains(flag) && said.contains(value), "{said}");
+        assert!(!out.exists(), "{flag}: a report of nothing");
+    }
     let said = failure(&mut c4d(["freeze", model, "--set", "no_dx=maybe", "-o", output]), 2);
     assert!(said.contains("no_dx"), "{said}");
     let said = failure(&mut c4d(["freeze", model, "--iteration", "5", "-o", output]), 3);

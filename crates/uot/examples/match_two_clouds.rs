@@ -1,5 +1,5 @@
-//! Matches the points of an edited cloud to those of the original: a ring that was inflated, rotated a little, and got
-//! a hat that the original does not have.
+//! Matches the points of two rings, the second larger, turned a little, and with three points that the first does not
+//! have.
 #![expect(clippy::print_stdout, reason = "an example that prints its result")]
 
 use uot::{Bandwidth, Sinkhorn, SinkhornParams, UotError, UotProblem, WelschParams};
@@ -9,13 +9,13 @@ fn main() -> Result<(), UotError> {
         let angle = f64::from(k) * std::f64::consts::TAU / 40.0 + turn;
         [radius * angle.cos(), radius * angle.sin()]
     };
-    let src: Vec<[f64; 2]> = (0..40).map(|k| ring(k, 1.0, 0.0)).collect();
-    let mut edit: Vec<[f64; 2]> = (0..40).map(|k| ring(k, 1.05, 0.02)).collect();
-    edit.extend([[0.0, 2.4], [0.1, 2.5], [-0.1, 2.5]]);
+    let ring_points: Vec<[f64; 2]> = (0..40).map(|k| ring(k, 1.0, 0.0)).collect();
+    let mut other: Vec<[f64; 2]> = (0..40).map(|k| ring(k, 1.05, 0.02)).collect();
+    other.extend([[0.0, 2.4], [0.1, 2.5], [-0.1, 2.5]]);
 
-    // rows are the original points, columns the edited ones; β = 0.1 · median pair distance
+    // β = 0.1 · median pair distance
     let cost = WelschParams { bandwidth: Bandwidth::MedianTimes(0.1), ..WelschParams::default() };
-    let problem = UotProblem::welsch(&src, &edit, &cost)?;
+    let problem = UotProblem::welsch(&ring_points, &other, &cost)?;
     let out = Sinkhorn::new(SinkhornParams::default())?.solve(&problem)?;
     let matches = out.correspondence(&problem)?;
 
@@ -29,9 +29,9 @@ fn main() -> Result<(), UotError> {
     for (j, (&row, &weight)) in matches.rows.iter().zip(&matches.w_best).enumerate() {
         // transported mass says little about an outlier, closeness of its best partner does
         if weight > 0.02 {
-            println!("edited {j:2} <- source {row:2}  (w = {weight:.3})");
+            println!("column {j:2} <- row {row:2}  (w = {weight:.3})");
         } else {
-            println!("edited {j:2} has no partner");
+            println!("column {j:2} has no partner");
         }
     }
     Ok(())

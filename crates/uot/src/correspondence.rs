@@ -1,21 +1,25 @@
-//! Reading matches off the plan, column by column (Eq. 23).
+//! Reading matches off the plan, column by column.
 
 use crate::output::LogFactors;
+use crate::problem::Cost;
 use crate::{UotError, UotOutput, UotProblem};
 
 /// Entries of a column within this relative distance of the largest are ties.
 const TIE: f64 = 1e-9;
 
+/// Stands for a row where a column has no candidate (left).
+pub const NO_ROW: u32 = u32::MAX;
+
 /// The best row of every column; all arrays are `[m]`.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Correspondence {
-    /// Row of the largest entry of the column; among ties the lowest row.
+    /// Row of the largest entry of the column; among ties the lowest row. [`NO_ROW`] for a column without candidates.
     pub rows: Vec<u32>,
     /// Rows within 1e-9, relatively, of the largest entry.
     pub tie_counts: Vec<u32>,
     /// `1 − second/first` of the column's entries; 1 when there is one row only.
     pub margins: Vec<f64>,
-    /// Share of the column's mass above the constant background of unrelated pairs, in [0, 1]. Depends strongly on
+    /// Share of the column's mass above the constant background of unrelated pairs, in [0, 1]; 1 where costs are sparse. Depends strongly on
     /// λ0: compare it within one result, do not threshold it with a fixed number.
     pub near_share: Vec<f64>,
     /// `far_cost − D` of the best row: for a Welsch cost the weight w in [0, 1], negligible beyond the
@@ -28,7 +32,7 @@ pub struct Correspondence {
 /// One of the best rows of a column.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct TopRow {
-    /// Row id.
+    /// Row id; [`NO_ROW`], with share 0, where a column has fewer candidates than rows are asked for.
     pub row: u32,
     /// `P_ij / Σ_i P_ij`, in [0, 1].
     pub share: f64,
@@ -76,6 +80,9 @@ impl<'l> Ranking<'l> {
             if !insert(&mut top, k, Ranked { row, log, w: 0.0 }) {
                 break;
             }
+        }
+        if top.is_empty() {
+            return Best { top, ties: 0, lowest: NONE };
         }
         let limit = top[0].log - TIE;
         let mut ties = 0;
@@ -128,6 +135,8 @@ struct Ranked {
     w: f64,
 }
 
+const NONE: Ranked = Ranked { row: NO_ROW, log: f64::NEG_INFINITY, w: 0.0 };
+
 struct Best {
     top: Vec<Ranked>,
     ties: u32,
@@ -157,12 +166,15 @@ impl UotOutput {
         let ranking = Ranking::new(&logs, problem.lists_every_row());
         let k = 2.min(problem.num_rows());
         let top = logs.rows.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+        // of candidates only, none is unrelated
+        let top = if matches!(problem.cost, Cost::Sparse(_)) { f64::NEG_INFINITY } else { top };
         let background = top + logs.rows.iter().map(|s| (s - top).exp()).sum::<f64>().ln();
         let columns = problem.map_columns(|j, entries| {
             let best = ranking.best(entries, k);
-            let margin = match best.top.get(1) {
-                Some(second) => -(second.log - best.top[0].log).exp_m1(),
-                None => 1.0,
+            let margin = match &best.top[..] {
+                [] => 0.0,
+                [_] => 1.0,
+                [first, second, ..] => -(second.log - first.log).exp_m1(),
             };
             let far = (background + logs.cols[j]).exp() / self.col_mass[j];
             // an empty column (weight zero) has no near mass
@@ -199,7 +211,9 @@ impl UotOutput {
                 let share = if share.is_nan() { 0.0 } else { share };
                 TopRow { row: ranked.row, share, weight: ranked.w }
             };
-            best.top.into_iter().map(convert).collect::<Vec<_>>()
+            let mut top: Vec<TopRow> = best.top.into_iter().map(convert).collect();
+            top.resize(k, TopRow { row: NO_ROW, share: 0.0, weight: 0.0 });
+            top
         });
         Ok(columns.into_iter().flatten().collect())
     }

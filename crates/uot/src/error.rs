@@ -6,9 +6,9 @@ use thiserror::Error;
 #[derive(Debug, Clone, PartialEq, Error)]
 pub enum UotError {
     /// A side of the problem has no points, rows or columns.
-    #[error("the {side} side is empty: transport needs at least one row and one column")]
+    #[error("the {side} side is empty: transport needs at least one row, one column and one pair")]
     Empty {
-        /// `"source"` (rows) or `"edited"` (columns).
+        /// `"row"`, `"column"`, or `"candidate"` where no pair is listed.
         side: &'static str,
     },
     /// A value of an input array is NaN, infinite or outside its range.
@@ -64,6 +64,42 @@ pub enum UotError {
     NonUniformMarginals {
         /// Requested reference.
         reference: crate::EntropyReference,
+    },
+    /// The reference measure cannot be reached by a global factor because pairs with no counterpart have a fixed cost.
+    #[error(
+        "entropy reference {reference:?} does not go with unmatched costs: use EntropyReference::Kl"
+    )]
+    ReferenceWithUnmatched {
+        /// Requested reference.
+        reference: crate::EntropyReference,
+    },
+    /// Both marginals are to be held, but their sums differ.
+    #[error(
+        "both marginals are held, but a sums to {sum_a} and b to {sum_b}: scale one, or give a side a finite weight"
+    )]
+    UnequalMasses {
+        /// Sum of the row weights.
+        sum_a: f64,
+        /// Sum of the column weights.
+        sum_b: f64,
+    },
+    /// A marginal is to be held where no pair could carry mass.
+    #[error(
+        "{side} {index} has weight but no candidate, and its marginal is held: give it a candidate, an unmatched cost, or a finite lambda"
+    )]
+    Infeasible {
+        /// `"row"` or `"column"`.
+        side: &'static str,
+        /// Its id.
+        index: usize,
+    },
+    /// A result that is not defined for this way of stating the cost.
+    #[error("{what} is not available for a structured Welsch problem: use {instead}")]
+    NotListed {
+        /// What was asked for.
+        what: &'static str,
+        /// What to use instead.
+        instead: &'static str,
     },
     /// An array would exceed the stated limit of elements.
     #[error("{what} would hold {needed} elements, more than the limit of {limit}")]

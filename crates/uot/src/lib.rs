@@ -2,35 +2,39 @@
 //!
 //! # Objective
 //!
-//! For a cost `D` (`[n, m]`, rows = sources, columns = edited points) and marginals `a` `[n]`, `b` `[m]` (uniform,
+//! For a cost `D` (`[n, m]`) and marginals `a` `[n]`, `b` `[m]` (uniform,
 //! `1/n` and `1/m`, unless given), [`Sinkhorn`] minimises over `P ≥ 0`
 //!
 //! ```text
 //! ⟨D, P⟩ + λ0 KL(P ‖ a bᵀ) + λ1 KL(P1 ‖ a) + λ2 KL(Pᵀ1 ‖ b),     KL(x ‖ y) = Σ x ln(x/y) − x + y
 //! ```
 //!
-//! The entropy term is *added*, so the problem is strictly convex and has one solution. (Eq. 22 of the Catalyst4D
-//! paper prints it with a minus sign; that problem is not convex and no Sinkhorn iteration solves it.) The reference
+//! The entropy term is *added*, so the problem is strictly convex and has one solution. The reference
 //! measure is `a bᵀ`; [`EntropyReference`] names two others. λ0, λ1, λ2 are [`SinkhornParams::lambda_ent`],
 //! [`SinkhornParams::lambda_a`] and [`SinkhornParams::lambda_b`].
 //!
-//! # Two ways to state the cost
+//! # Three ways to state the cost
 //!
 //! * [`UotProblem::from_cost`]: any finite matrix. Runs in the log domain where exponentials would underflow.
-//! * [`UotProblem::welsch`]: the bounded cost `1 − exp(−r²/(2β²))` of two point clouds in any dimension (Eq. 21).
+//! * [`UotProblem::from_csr`]: costs of candidate pairs; all others are excluded. Read with [`UotOutput::col_posterior`].
+//! * [`UotProblem::welsch`]: the bounded cost `1 − exp(−r²/(2β²))` of two point clouds in any dimension.
 //!   All far pairs cost the same, so the kernel is a constant plus a sparse near field; nothing of size `n·m` is built.
 //!
 //! ```
 //! use uot::{Sinkhorn, SinkhornParams, UotProblem, WelschParams};
 //!
-//! let src = [[0.0, 0.0], [1.0, 0.0], [2.0, 0.0]];
-//! let edit = [[1.9, 0.1], [0.1, 0.0]];
-//! let problem = UotProblem::welsch(&src, &edit, &WelschParams::default())?;
+//! let rows = [[0.0, 0.0], [1.0, 0.0], [2.0, 0.0]];
+//! let cols = [[1.9, 0.1], [0.1, 0.0]];
+//! let problem = UotProblem::welsch(&rows, &cols, &WelschParams::default())?;
 //! let out = Sinkhorn::new(SinkhornParams::default())?.solve(&problem)?;
 //! assert!(out.converged);
 //! assert_eq!(out.correspondence(&problem)?.rows, [2, 0]);
 //! # Ok::<(), uot::UotError>(())
 //! ```
+//!
+//! An infinite λ1 or λ2 holds that marginal exactly (balanced, semi-relaxed). Rows and columns may be allowed to have no
+//! counterpart at a cost of their own ([`UotProblem::with_unmatched_cols`]). [`Sinkhorn::solve_from`] starts from the
+//! potentials of another problem.
 //!
 //! # Promises
 //!
@@ -38,7 +42,7 @@
 //! * Not converging is data ([`UotOutput::converged`], [`UotOutput::residuals`]), never an error.
 //! * Hostile input (empty, NaN, infinite, absurd sizes) gives a [`UotError`].
 //!
-//! Deliberately absent: Gaussians, images, file formats, any vector-maths type.
+//! Deliberately absent: images, file formats, any vector-maths type.
 
 mod anderson;
 mod correspondence;
@@ -49,19 +53,23 @@ mod near;
 mod output;
 mod params;
 mod points;
+mod posterior;
 mod problem;
 mod simd;
 mod sinkhorn;
+mod sparse;
 mod sweeps;
 mod tree;
 
-pub use correspondence::{Correspondence, TopRow};
+pub use correspondence::{Correspondence, NO_ROW, TopRow};
 pub use error::UotError;
 pub use median::{MAX_EXACT_PAIRS, MedianDistance, median_distance};
 pub use output::UotOutput;
 pub use params::{
-    Acceleration, Bandwidth, EntropyReference, MedianMode, SinkhornParams, Storage, WelschParams,
+    Acceleration, Bandwidth, EntropyReference, EpsilonScaling, MedianMode, SinkhornParams, Storage,
+    WelschParams,
 };
+pub use posterior::Posterior;
 pub use problem::{UotProblem, WelschScale};
 pub use sinkhorn::{Sinkhorn, solve};
 

@@ -43,49 +43,49 @@ pub struct MedianDistance {
     pub pairs: usize,
 }
 
-/// Median of the `n·m` distances between `src` and `edit` (d_med of Eq. 21).
+/// Median of the `n·m` distances between `rows` and `cols`.
 ///
 /// # Errors
 /// [`UotError`] when a cloud is empty or has a coordinate that is not finite or beyond 1e150 in magnitude, or when
 /// zero pairs are to be drawn.
 pub fn median_distance<const D: usize>(
-    src: &[[f64; D]],
-    edit: &[[f64; D]],
+    rows: &[[f64; D]],
+    cols: &[[f64; D]],
     mode: MedianMode,
 ) -> Result<MedianDistance, UotError> {
-    points::validate("src", "source", src)?;
-    points::validate("edit", "edited", edit)?;
-    let (src, edit) = rayon::join(|| PointTree::new(src), || PointTree::new(edit));
-    median_of_trees(&src, &edit, mode)
+    points::validate("rows", "row", rows)?;
+    points::validate("cols", "column", cols)?;
+    let (rows, cols) = rayon::join(|| PointTree::new(rows), || PointTree::new(cols));
+    median_of_trees(&rows, &cols, mode)
 }
 
 pub(crate) fn median_of_trees(
-    src: &PointTree,
-    edit: &PointTree,
+    rows: &PointTree,
+    cols: &PointTree,
     mode: MedianMode,
 ) -> Result<MedianDistance, UotError> {
-    let total = src.len() * edit.len();
+    let total = rows.len() * cols.len();
     match mode {
-        MedianMode::Auto if total > MAX_EXACT_PAIRS => Ok(sampled(src, edit, AUTO_SAMPLES, 0)),
-        MedianMode::Auto | MedianMode::Exact => Ok(exact(src, edit)),
+        MedianMode::Auto if total > MAX_EXACT_PAIRS => Ok(sampled(rows, cols, AUTO_SAMPLES, 0)),
+        MedianMode::Auto | MedianMode::Exact => Ok(exact(rows, cols)),
         MedianMode::Sampled { pairs: 0, .. } => {
             let expected = "at least one pair";
             Err(UotError::BadParam { name: "pairs", value: 0.0, expected })
         }
-        MedianMode::Sampled { pairs, seed } => Ok(sampled(src, edit, pairs, seed)),
+        MedianMode::Sampled { pairs, seed } => Ok(sampled(rows, cols, pairs, seed)),
     }
 }
 
-fn squared_distance(src: &PointTree, p: usize, edit: &PointTree, q: usize) -> f64 {
+fn squared_distance(rows: &PointTree, p: usize, cols: &PointTree, q: usize) -> f64 {
     let mut total = 0.0_f64;
-    for axis in 0..src.dim() {
-        let t = src.axis(axis)[p / LANES][p % LANES] - edit.axis(axis)[q / LANES][q % LANES];
+    for axis in 0..rows.dim() {
+        let t = rows.axis(axis)[p / LANES][p % LANES] - cols.axis(axis)[q / LANES][q % LANES];
         total = t.mul_add(t, total);
     }
     total
 }
 
-fn draw(src: &PointTree, edit: &PointTree, count: usize, seed: u64) -> Vec<f64> {
+fn draw(rows: &PointTree, cols: &PointTree, count: usize, seed: u64) -> Vec<f64> {
     const PART: usize = 1 << 16;
     (0..count.div_ceil(PART))
         .into_par_iter()
@@ -94,16 +94,16 @@ fn draw(src: &PointTree, edit: &PointTree, count: usize, seed: u64) -> Vec<f64> 
             let mut rng = Pcg64Mcg::seed_from_u64(stream);
             let len = PART.min(count - part * PART);
             (0..len).map(move |_| {
-                let p = rng.random_range(0..src.len());
-                let q = rng.random_range(0..edit.len());
-                squared_distance(src, p, edit, q)
+                let p = rng.random_range(0..rows.len());
+                let q = rng.random_range(0..cols.len());
+                squared_distance(rows, p, cols, q)
             })
         })
         .collect()
 }
 
-fn sampled(src: &PointTree, edit: &PointTree, pairs: usize, seed: u64) -> MedianDistance {
-    let mut squares = draw(src, edit, pairs, seed);
+fn sampled(rows: &PointTree, cols: &PointTree, pairs: usize, seed: u64) -> MedianDistance {
+    let mut squares = draw(rows, cols, pairs, seed);
     let (lower, upper) = middle_pair(&mut squares, (pairs - 1) / 2, pairs / 2);
     MedianDistance {
         value: 0.5 * (lower.sqrt() + upper.sqrt()),
@@ -125,10 +125,10 @@ fn smallest(values: &[f64]) -> f64 {
     values.iter().copied().fold(f64::INFINITY, f64::min)
 }
 
-fn exact(src: &PointTree, edit: &PointTree) -> MedianDistance {
-    let total = src.len() * edit.len();
+fn exact(rows: &PointTree, cols: &PointTree) -> MedianDistance {
+    let total = rows.len() * cols.len();
     let (low, high) = ((total - 1) / 2, total / 2);
-    let (lower, upper) = select(src, edit, low, high);
+    let (lower, upper) = select(rows, cols, low, high);
     MedianDistance {
         value: 0.5 * (lower.sqrt() + upper.sqrt()),
         lower: lower.sqrt(),
@@ -139,15 +139,15 @@ fn exact(src: &PointTree, edit: &PointTree) -> MedianDistance {
 }
 
 /// Squared distances of rank `low` and `high` (equal or consecutive) among all pairs.
-fn select(src: &PointTree, edit: &PointTree, low: usize, high: usize) -> (f64, f64) {
-    let total = src.len() * edit.len();
-    let (mut bracket, mut expected) = first_bracket(src, edit, total);
+fn select(rows: &PointTree, cols: &PointTree, low: usize, high: usize) -> (f64, f64) {
+    let total = rows.len() * cols.len();
+    let (mut bracket, mut expected) = first_bracket(rows, cols, total);
     // bounds that are known to enclose the rank, with the number of pairs below them
     let (mut floor, mut ceiling) = ((0.0_f64, 0_usize), (f64::MAX, total));
     let mut bisect = false;
     loop {
         let (from, to) = bracket;
-        let scan = scan(src, edit, from, to, expected <= MAX_COLLECTED);
+        let scan = scan(rows, cols, from, to, expected <= MAX_COLLECTED);
         let (below, end) = (scan.below, scan.below + scan.inside);
         if low < below {
             ceiling = (from.next_down(), below);
@@ -158,14 +158,15 @@ fn select(src: &PointTree, edit: &PointTree, low: usize, high: usize) -> (f64, f
                 return middle_pair(&mut values, low - below, high - below);
             }
             let lower = values.iter().copied().fold(0.0, f64::max);
-            return (lower, smallest_above(src, edit, to));
+            return (lower, smallest_above(rows, cols, to));
         } else {
             floor = (from, below);
             ceiling = (to, end);
         }
         if floor.0.to_bits() >= ceiling.0.to_bits() {
             // every pair inside has this very distance
-            let upper = if high < ceiling.1 { floor.0 } else { smallest_above(src, edit, floor.0) };
+            let upper =
+                if high < ceiling.1 { floor.0 } else { smallest_above(rows, cols, floor.0) };
             return (floor.0, upper);
         }
         let between = ceiling.1 - floor.1;
@@ -190,13 +191,13 @@ fn select(src: &PointTree, edit: &PointTree, low: usize, high: usize) -> (f64, f
 
 /// Quantiles of a sample, 2.5 standard deviations either side of its median, and the pairs expected between them;
 /// everything for small problems.
-fn first_bracket(src: &PointTree, edit: &PointTree, total: usize) -> ((f64, f64), usize) {
+fn first_bracket(rows: &PointTree, cols: &PointTree, total: usize) -> ((f64, f64), usize) {
     if total <= MAX_COLLECTED / 8 {
         return ((0.0, f64::MAX), total);
     }
     // a larger sample costs more than the values that a narrower bracket saves
     let count = (total / 1024).clamp(1 << 12, 1 << 18);
-    let mut sample = draw(src, edit, count, 0);
+    let mut sample = draw(rows, cols, count, 0);
     // a rank has standard deviation √count / 2
     let reach = (5 * count.isqrt()).div_ceil(4);
     let (from, to) = (count / 2 - reach, count / 2 + reach);
@@ -214,14 +215,14 @@ struct Scan {
     values: Option<Vec<f64>>,
 }
 
-fn scan(src: &PointTree, edit: &PointTree, from: f64, to: f64, collect: bool) -> Scan {
+fn scan(rows: &PointTree, cols: &PointTree, from: f64, to: f64, collect: bool) -> Scan {
     let collected = AtomicUsize::new(0);
-    let parts: Vec<Scan> = src
+    let parts: Vec<Scan> = rows
         .groups(GROUP_LEAVES)
         .into_par_iter()
         .map(|group| {
             let mut part = Scan { below: 0, inside: 0, values: collect.then(Vec::new) };
-            scan_group(src, group, edit, (from, to), &collected, &mut part);
+            scan_group(rows, group, cols, (from, to), &collected, &mut part);
             part
         })
         .collect();
@@ -253,23 +254,23 @@ fn side(near: f64, far: f64, from: f64, to: f64) -> Side {
 }
 
 fn scan_group(
-    src: &PointTree,
+    rows: &PointTree,
     group: usize,
-    edit: &PointTree,
+    cols: &PointTree,
     (from, to): (f64, f64),
     collected: &AtomicUsize,
     part: &mut Scan,
 ) {
-    let node = src.node(group);
+    let node = rows.node(group);
     let first = node.first_leaf as usize * LANES;
-    let points = first..first + src.count(node);
+    let points = first..first + rows.count(node);
     let mut across: Vec<usize> = Vec::new();
-    edit.walk(|id| {
-        let (near, far) = box_distances(src.bounds(group), edit.bounds(id));
+    cols.walk(|id| {
+        let (near, far) = box_distances(rows.bounds(group), cols.bounds(id));
         match side(near, far, from, to) {
-            Side::Below => part.below += points.len() * edit.count(edit.node(id)),
+            Side::Below => part.below += points.len() * cols.count(cols.node(id)),
             Side::Above => {}
-            Side::Across if edit.node(id).num_leaves > GROUP_LEAVES => return true,
+            Side::Across if cols.node(id).num_leaves > GROUP_LEAVES => return true,
             Side::Across => across.push(id),
         }
         false
@@ -278,13 +279,13 @@ fn scan_group(
     let mut hits = [0.0; GROUP_POINTS];
     for p in points {
         let before = part.inside;
-        let point: Vec<f64> = (0..src.dim()).map(|k| src.axis(k)[p / LANES][p % LANES]).collect();
+        let point: Vec<f64> = (0..rows.dim()).map(|k| rows.axis(k)[p / LANES][p % LANES]).collect();
         for &id in &across {
-            let node = edit.node(id);
-            let (near, far) = point_distances(&point, edit.bounds(id));
+            let node = cols.node(id);
+            let (near, far) = point_distances(&point, cols.bounds(id));
             match side(near, far, from, to) {
                 Side::Below => {
-                    part.below += edit.count(node);
+                    part.below += cols.count(node);
                     continue;
                 }
                 Side::Above => continue,
@@ -292,7 +293,7 @@ fn scan_group(
             }
             let (below, inside) = dispatch(
                 #[inline(always)]
-                || count(&point, edit, node, from, to, &mut squares),
+                || count(&point, cols, node, from, to, &mut squares),
             );
             part.below += below;
             part.inside += inside;
@@ -330,7 +331,7 @@ const GROUP_POINTS: usize = GROUP_LEAVES as usize * LANES;
 #[inline(always)]
 fn count(
     point: &[f64],
-    edit: &PointTree,
+    cols: &PointTree,
     node: Node,
     from: f64,
     to: f64,
@@ -342,7 +343,7 @@ fn count(
     for (k, out) in squares.as_chunks_mut::<LANES>().0.iter_mut().take(num_leaves).enumerate() {
         let mut d = [0.0_f64; LANES];
         for (axis, x) in point.iter().enumerate() {
-            let y = edit.axis(axis)[node.first_leaf as usize + k];
+            let y = cols.axis(axis)[node.first_leaf as usize + k];
             for lane in 0..LANES {
                 let t = x - y[lane];
                 d[lane] = t.mul_add(t, d[lane]);
@@ -374,24 +375,24 @@ fn pick(squares: &[f64], from: f64, to: f64, hits: &mut [f64; GROUP_POINTS]) -> 
 }
 
 /// Smallest squared distance above a bound.
-fn smallest_above(src: &PointTree, edit: &PointTree, bound: f64) -> f64 {
-    src.groups(GROUP_LEAVES)
+fn smallest_above(rows: &PointTree, cols: &PointTree, bound: f64) -> f64 {
+    rows.groups(GROUP_LEAVES)
         .into_par_iter()
         .map(|group| {
-            let node = src.node(group);
+            let node = rows.node(group);
             let first = node.first_leaf as usize * LANES;
             let mut best = f64::INFINITY;
-            edit.walk(|id| {
-                let (near, far) = box_distances(src.bounds(group), edit.bounds(id));
+            cols.walk(|id| {
+                let (near, far) = box_distances(rows.bounds(group), cols.bounds(id));
                 if near * (1.0 - MARGIN) > best || far * (1.0 + MARGIN) < bound {
                     return false;
                 }
-                let target = edit.node(id);
+                let target = cols.node(id);
                 if target.num_leaves == 1 {
                     let start = target.first_leaf as usize * LANES;
-                    for p in first..first + src.count(node) {
-                        for q in start..start + edit.count(target) {
-                            let d = squared_distance(src, p, edit, q);
+                    for p in first..first + rows.count(node) {
+                        for q in start..start + cols.count(target) {
+                            let d = squared_distance(rows, p, cols, q);
                             if d > bound && d < best {
                                 best = d;
                             }

@@ -10,7 +10,7 @@ use crate::tree::{PointTree, box_distances};
 /// Weights of one leaf of rows against one leaf of columns, `[row lane][column lane]`.
 pub(crate) type Block = [Lane; LANES];
 
-/// `(original row, weight)` of the near rows of each column of an edited leaf.
+/// `(original row, weight)` of the near rows of each column of an column leaf.
 pub(crate) type ColumnEntries = [Vec<(u32, f64)>; LANES];
 
 /// Additional exponent of a pair, by original ids.
@@ -18,8 +18,8 @@ pub(crate) type Extra<'a> = Box<dyn Fn(usize, usize) -> f64 + Send + Sync + 'a>;
 
 /// Two sorted clouds and the width of the cost between them.
 pub(crate) struct NearField<'a> {
-    pub(crate) src: PointTree,
-    pub(crate) edit: PointTree,
+    pub(crate) rows: PointTree,
+    pub(crate) cols: PointTree,
     /// `1/(2β²)`; the largest finite number when β = 0, so that only coincident points interact.
     inverse: f64,
     /// Pairs with a larger exponent `r²/(2β²) + extra` are far.
@@ -30,8 +30,8 @@ pub(crate) struct NearField<'a> {
 impl std::fmt::Debug for NearField<'_> {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         f.debug_struct("NearField")
-            .field("rows", &self.src.len())
-            .field("cols", &self.edit.len())
+            .field("rows", &self.rows.len())
+            .field("cols", &self.cols.len())
             .field("inverse", &self.inverse)
             .field("largest_exponent", &self.largest_exponent)
             .field("extra", &self.extra.is_some())
@@ -41,24 +41,24 @@ impl std::fmt::Debug for NearField<'_> {
 
 impl<'a> NearField<'a> {
     pub(crate) fn new(
-        src: PointTree,
-        edit: PointTree,
+        rows: PointTree,
+        cols: PointTree,
         beta: f64,
         cutoff: f64,
         extra: Option<Extra<'a>>,
     ) -> Self {
         let largest_exponent = 0.5 * cutoff * cutoff;
-        Self { src, edit, inverse: inverse_width(beta), largest_exponent, extra }
+        Self { rows, cols, inverse: inverse_width(beta), largest_exponent, extra }
     }
 
-    /// Edited leaves that hold a point near one of this source leaf, ascending.
-    pub(crate) fn edit_leaves_near(&self, leaf_box: &[[f64; 2]], out: &mut Vec<u32>) {
-        self.leaves_near(&self.edit, leaf_box, out);
+    /// Column leaves that hold a point near one of this row leaf, ascending.
+    pub(crate) fn col_leaves_near(&self, leaf_box: &[[f64; 2]], out: &mut Vec<u32>) {
+        self.leaves_near(&self.cols, leaf_box, out);
     }
 
-    /// Source leaves that hold a point near one of this edited leaf, ascending.
-    pub(crate) fn src_leaves_near(&self, leaf_box: &[[f64; 2]], out: &mut Vec<u32>) {
-        self.leaves_near(&self.src, leaf_box, out);
+    /// Row leaves that hold a point near one of this column leaf, ascending.
+    pub(crate) fn row_leaves_near(&self, leaf_box: &[[f64; 2]], out: &mut Vec<u32>) {
+        self.leaves_near(&self.rows, leaf_box, out);
     }
 
     fn leaves_near(&self, tree: &PointTree, leaf_box: &[[f64; 2]], out: &mut Vec<u32>) {
@@ -78,11 +78,11 @@ impl<'a> NearField<'a> {
     /// Exponents `r²/(2β²) + extra` of a block, infinite for padding. True when any pair is within the cutoff: only
     /// then does the block belong to the near field, with all its pairs (the far ones among them cost nothing more).
     #[inline(always)]
-    pub(crate) fn exponents(&self, src_leaf: usize, edit_leaf: usize, out: &mut Block) -> bool {
+    pub(crate) fn exponents(&self, row_leaf: usize, col_leaf: usize, out: &mut Block) -> bool {
         *out = [[0.0; LANES]; LANES];
-        for axis in 0..self.src.dim() {
-            let x = self.src.axis(axis)[src_leaf];
-            let y = self.edit.axis(axis)[edit_leaf];
+        for axis in 0..self.rows.dim() {
+            let x = self.rows.axis(axis)[row_leaf];
+            let y = self.cols.axis(axis)[col_leaf];
             for i in 0..LANES {
                 for j in 0..LANES {
                     let t = x[i] - y[j];
@@ -91,7 +91,7 @@ impl<'a> NearField<'a> {
             }
         }
         if self.extra.is_some() {
-            self.scale_and_add_extra(src_leaf, edit_leaf, out);
+            self.scale_and_add_extra(row_leaf, col_leaf, out);
         }
         let scale = if self.extra.is_some() { 1.0 } else { self.inverse };
         let mut near = 0_u32;
@@ -104,7 +104,7 @@ impl<'a> NearField<'a> {
         near > 0
     }
 
-    fn scale_and_add_extra(&self, src_leaf: usize, edit_leaf: usize, out: &mut Block) {
+    fn scale_and_add_extra(&self, row_leaf: usize, col_leaf: usize, out: &mut Block) {
         let Some(extra) = &self.extra else { return };
         // pairs this far are never asked about: their weight is zero in any case
         let reach = 2.0 * self.largest_exponent;
@@ -112,8 +112,8 @@ impl<'a> NearField<'a> {
             for (j, value) in row.iter_mut().enumerate() {
                 let exponent = *value * self.inverse;
                 *value = if exponent <= reach {
-                    let row = self.src.order[src_leaf * LANES + i] as usize;
-                    let col = self.edit.order[edit_leaf * LANES + j] as usize;
+                    let row = self.rows.order[row_leaf * LANES + i] as usize;
+                    let col = self.cols.order[col_leaf * LANES + j] as usize;
                     exponent + extra(row, col).max(0.0)
                 } else {
                     f64::INFINITY
@@ -122,23 +122,23 @@ impl<'a> NearField<'a> {
         }
     }
 
-    /// Fills `entries` with the near rows of the columns of one edited leaf, in the order of the source tree.
+    /// Fills `entries` with the near rows of the columns of one column leaf, in the order of the row tree.
     /// `leaves` is scratch.
     pub(crate) fn column_entries(
         &self,
-        edit_leaf: usize,
-        edit_box: &[[f64; 2]],
+        col_leaf: usize,
+        col_box: &[[f64; 2]],
         leaves: &mut Vec<u32>,
         entries: &mut ColumnEntries,
     ) {
-        self.src_leaves_near(edit_box, leaves);
+        self.row_leaves_near(col_box, leaves);
         entries.iter_mut().for_each(Vec::clear);
         let mut block = [[0.0; LANES]; LANES];
-        for &src_leaf in leaves.iter() {
+        for &row_leaf in leaves.iter() {
             let near = dispatch(
                 #[inline(always)]
                 || {
-                    let near = self.exponents(src_leaf as usize, edit_leaf, &mut block);
+                    let near = self.exponents(row_leaf as usize, col_leaf, &mut block);
                     if near {
                         for value in block.as_flattened_mut() {
                             *value = exp(-*value);
@@ -151,7 +151,7 @@ impl<'a> NearField<'a> {
                 for (i, row) in block.iter().enumerate() {
                     for (entry, &w) in entries.iter_mut().zip(row) {
                         if w > 0.0 {
-                            entry.push((self.src.order[src_leaf as usize * LANES + i], w));
+                            entry.push((self.rows.order[row_leaf as usize * LANES + i], w));
                         }
                     }
                 }
@@ -159,15 +159,15 @@ impl<'a> NearField<'a> {
         }
     }
 
-    /// Near rows of one original column, in the order of the source tree.
+    /// Near rows of one original column, in the order of the row tree.
     pub(crate) fn column(&self, j: usize) -> Vec<(u32, f64)> {
-        let Some(position) = self.edit.order.iter().position(|&id| id as usize == j) else {
+        let Some(position) = self.cols.order.iter().position(|&id| id as usize == j) else {
             return Vec::new();
         };
         let leaf = position / LANES;
-        let node = self.edit.groups(1)[leaf];
+        let node = self.cols.groups(1)[leaf];
         let mut entries = ColumnEntries::default();
-        self.column_entries(leaf, self.edit.bounds(node), &mut Vec::new(), &mut entries);
+        self.column_entries(leaf, self.cols.bounds(node), &mut Vec::new(), &mut entries);
         std::mem::take(&mut entries[position % LANES])
     }
 }

@@ -1,7 +1,7 @@
 //! What the solver returns.
 
 use crate::problem::check_dense_size;
-use crate::sinkhorn::log_marginals;
+use crate::sinkhorn::{log_marginals, reference_shift};
 use crate::sweeps::Scalings;
 use crate::{EntropyReference, SinkhornParams, UotError, UotProblem};
 use rayon::prelude::*;
@@ -9,7 +9,9 @@ use rayon::prelude::*;
 /// Potentials and masses of the plan, and how the iteration went.
 ///
 /// With `ρ = a bᵀ` for [`EntropyReference::Kl`], 1 for `Entropy` and 1/e for `PLogP`, the plan is
-/// `P_ij = ρ_ij exp((f_i + g_j − D_ij)/λ0)`, and at the optimum `f = −λ1 ln(P1/a)`, `g = −λ2 ln(Pᵀ1/b)`.
+/// `P_ij = ρ_ij exp((f_i + g_j − D_ij)/λ0)`, and at the optimum `f = −λ1 ln(P1/a)`, `g = −λ2 ln(Pᵀ1/b)` (mass without
+/// counterpart, `ρ exp((f − c)/λ0)`, included in the sums). Where a marginal is held (λ = ∞), `P1 = a` or `Pᵀ1 = b`
+/// instead; where both are, a constant may be moved from `f` to `g`.
 /// The plan itself is produced on demand from the problem.
 #[derive(Debug, Clone)]
 #[non_exhaustive]
@@ -22,13 +24,17 @@ pub struct UotOutput {
     pub row_mass: Vec<f64>,
     /// `Pᵀ1`, `[m]`.
     pub col_mass: Vec<f64>,
+    /// Mass without counterpart, `[n]`; empty without [`UotProblem::with_unmatched_rows`].
+    pub unmatched_row_mass: Vec<f64>,
+    /// Mass without counterpart, `[m]`; empty without [`UotProblem::with_unmatched_cols`].
+    pub unmatched_col_mass: Vec<f64>,
     /// Sum of the plan.
     pub total_mass: f64,
     /// Value of the objective for the chosen reference, cost units.
     pub objective: f64,
     /// Whether the potentials moved by less than `tol · λ0` in the last sweep.
     pub converged: bool,
-    /// Sweeps done; one updates both sides.
+    /// Sweeps done, those at larger entropy weights included; one updates both sides.
     pub sweeps: usize,
     /// Products with the kernel or its transpose, final ones included.
     pub matvecs: usize,
@@ -48,41 +54,59 @@ impl UotOutput {
         stored_entries: usize,
     ) -> Self {
         let SinkhornParams { lambda_ent, lambda_a, lambda_b, reference, .. } = *params;
-        let all = lambda_ent + lambda_a + lambda_b;
         let (log_a, log_b) = log_marginals(problem);
-        // a constant added to the cost multiplies the plan: see EntropyReference
-        let log_pairs = (problem.num_rows() as f64).ln() + (problem.num_cols() as f64).ln();
-        let log_factor = match reference {
-            EntropyReference::Kl => 0.0,
-            EntropyReference::Entropy => lambda_ent / all * log_pairs,
-            EntropyReference::PLogP => lambda_ent / all * (log_pairs - 1.0),
-        };
+        // a constant taken off the cost multiplies the plan: see EntropyReference
+        let shift = reference_shift(problem, params);
+        let (share_a, share_b) = params.level_shares();
+        let log_factor = shift / (lambda_ent + lambda_a + lambda_b);
         let mass = |log_weight: &[f64], log_scaling: &[f64], log_k: &[f64]| -> Vec<f64> {
             let terms = log_weight.iter().zip(log_scaling).zip(log_k);
             terms.map(|((w, s), k)| (w + s + k + log_factor).exp()).collect()
         };
         let row_mass = mass(&log_a, &scalings.log_u, &scalings.log_kv);
         let col_mass = mass(&log_b, &scalings.log_v, &scalings.log_ku);
-        let potential = |log_scaling: &[f64], lambda: f64| -> Vec<f64> {
-            log_scaling.iter().map(|s| lambda_ent * s - lambda * log_factor).collect()
+        let potential = |log_scaling: &[f64], share: f64| -> Vec<f64> {
+            log_scaling.iter().map(|s| lambda_ent * s - share * shift).collect()
         };
-        let f = potential(&scalings.log_u, lambda_a);
-        let g = potential(&scalings.log_v, lambda_b);
+        let f = potential(&scalings.log_u, share_a);
+        let g = potential(&scalings.log_v, share_b);
         let total_mass: f64 = col_mass.iter().sum();
+        let unmatched = |costs: &Option<Vec<f64>>, log_weight: &[f64], potentials: &[f64]| {
+            costs.as_ref().map_or_else(Vec::new, |costs| -> Vec<f64> {
+                let terms = log_weight.iter().zip(potentials).zip(costs);
+                terms.map(|((w, p), c)| (w + (p - c) / lambda_ent).exp()).collect()
+            })
+        };
+        let unmatched_row_mass = unmatched(&problem.unmatched.rows, &log_a, &f);
+        let unmatched_col_mass = unmatched(&problem.unmatched.cols, &log_b, &g);
+        let row_total = total(&row_mass, &unmatched_row_mass);
+        let col_total = total(&col_mass, &unmatched_col_mass);
         let weight = |log: &[f64]| log.iter().map(|w| w.exp()).sum::<f64>();
         let (sum_a, sum_b) = (weight(&log_a), weight(&log_b));
         let reference_mass = if reference == EntropyReference::Kl { sum_a * sum_b } else { 0.0 };
         // ⟨D,P⟩ cancels between the cost and the entropy, whose logarithm is (f + g − D)/λ0
-        let objective = product(&f, &row_mass)
-            + product(&g, &col_mass)
-            + lambda_ent * (reference_mass - total_mass)
-            + lambda_a * divergence(&row_mass, &log_a, sum_a)
-            + lambda_b * divergence(&col_mass, &log_b, sum_b);
+        let mut objective = product(&f, &row_total)
+            + product(&g, &col_total)
+            + lambda_ent * (reference_mass - total_mass);
+        for (mass, weight) in [(&unmatched_row_mass, sum_a), (&unmatched_col_mass, sum_b)] {
+            if !mass.is_empty() {
+                objective += lambda_ent * (weight - mass.iter().sum::<f64>());
+            }
+        }
+        // a held marginal is met: its divergence is zero
+        if lambda_a.is_finite() {
+            objective += lambda_a * divergence(&row_total, &log_a, sum_a);
+        }
+        if lambda_b.is_finite() {
+            objective += lambda_b * divergence(&col_total, &log_b, sum_b);
+        }
         Self {
             f,
             g,
             row_mass,
             col_mass,
+            unmatched_row_mass,
+            unmatched_col_mass,
             total_mass,
             objective,
             converged: scalings.converged,
@@ -145,7 +169,7 @@ impl UotOutput {
     }
 
     fn fill_column(&self, logs: &LogFactors, j: usize, entries: &[(u32, f64)]) -> Vec<f64> {
-        let mut column: Vec<f64> = if entries.len() == self.f.len() {
+        let mut column: Vec<f64> = if logs.complete {
             vec![0.0; self.f.len()]
         } else {
             (0..self.f.len()).map(|i| logs.entry(i, j, 0.0)).collect()
@@ -183,6 +207,7 @@ impl UotOutput {
                 .map(|(b, g)| b - reference + (g - far) * inverse)
                 .collect(),
             inverse,
+            complete: problem.lists_every_row(),
         }
     }
 }
@@ -192,12 +217,20 @@ pub(crate) struct LogFactors {
     pub(crate) rows: Vec<f64>,
     pub(crate) cols: Vec<f64>,
     pub(crate) inverse: f64,
+    /// Whether pairs that are not listed carry nothing.
+    pub(crate) complete: bool,
 }
 
 impl LogFactors {
-    fn entry(&self, i: usize, j: usize, w: f64) -> f64 {
+    pub(crate) fn entry(&self, i: usize, j: usize, w: f64) -> f64 {
         (self.rows[i] + self.cols[j] + w * self.inverse).exp()
     }
+}
+
+/// Mass of the plan and mass without counterpart.
+fn total(mass: &[f64], unmatched: &[f64]) -> Vec<f64> {
+    let rest = unmatched.iter().copied().chain(std::iter::repeat(0.0));
+    mass.iter().zip(rest).map(|(mass, rest)| mass + rest).collect()
 }
 
 fn product(x: &[f64], y: &[f64]) -> f64 {

@@ -14,14 +14,14 @@ pub enum EntropyReference {
     Kl,
     /// `Σ (P ln P − P)`. Uniform marginals only.
     Entropy,
-    /// `Σ P ln P`, the paper's Eq. 22 with its sign corrected. Uniform marginals only.
+    /// `Σ P ln P`. Uniform marginals only.
     PLogP,
 }
 
 /// How the fixed-point sweeps are accelerated. Every choice converges to the same plan.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Acceleration {
-    /// Anderson for `lambda_ent >= 0.05`, over-relaxation below; changes over when one stalls.
+    /// Anderson; on structured costs with `lambda_ent < 0.05` over-relaxation. Changes over when one stalls.
     #[default]
     Auto,
     /// Alternating sweeps as they are. Slowest, monotone.
@@ -32,14 +32,35 @@ pub enum Acceleration {
     Anderson,
 }
 
-/// Parameters of [`crate::Sinkhorn`]. Defaults are the paper's.
+/// A sequence of decreasing entropy weights before the asked one, each started from the potentials of the last.
+///
+/// A small λ0 alone needs a number of sweeps in the order of (largest cost)/λ0; with the sequence it needs some per
+/// halving. Applies to explicit costs; the structured Welsch cost is bounded and does not need it. With both marginals
+/// held and costs of a thousand λ0 and more the problem is nearly a linear programme, and the last digits stay slow.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub enum EpsilonScaling {
+    /// From a tenth of the range of the costs, by factors of four, where that range exceeds 50 λ0.
+    #[default]
+    Auto,
+    /// The asked weight from the start.
+    Off,
+    /// A sequence of the caller's.
+    From {
+        /// First weight, cost units. Nothing is done where it is not above λ0.
+        init: f64,
+        /// Factor from one weight to the next, above 0 and below 1.
+        decay: f64,
+    },
+}
+
+/// Parameters of [`crate::Sinkhorn`].
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SinkhornParams {
-    /// λ0, weight of the entropy term, in cost units. Default 0.1 (supplement, Eq. 22).
+    /// λ0, weight of the entropy term, in cost units. Default 0.1.
     pub lambda_ent: f64,
-    /// λ1, weight of the row (source) marginal, in cost units. Default 1.
+    /// λ1, weight of the row marginal, in cost units; `f64::INFINITY` holds it exactly. Default 1.
     pub lambda_a: f64,
-    /// λ2, weight of the column (edited) marginal, in cost units. Default 1.
+    /// λ2, weight of the column marginal, in cost units; `f64::INFINITY` holds it exactly. Default 1.
     pub lambda_b: f64,
     /// Reference measure of the entropy term. Default [`EntropyReference::Kl`].
     pub reference: EntropyReference,
@@ -50,6 +71,8 @@ pub struct SinkhornParams {
     pub max_sweeps: usize,
     /// Acceleration of the sweeps. Default [`Acceleration::Auto`].
     pub acceleration: Acceleration,
+    /// Larger entropy weights first. Default [`EpsilonScaling::Auto`].
+    pub epsilon_scaling: EpsilonScaling,
 }
 
 impl Default for SinkhornParams {
@@ -62,18 +85,41 @@ impl Default for SinkhornParams {
             tol: 1e-9,
             max_sweeps: 20_000,
             acceleration: Acceleration::Auto,
+            epsilon_scaling: EpsilonScaling::Auto,
         }
     }
 }
 
 impl SinkhornParams {
+    /// Share of the potentials' common level that the row side takes, λ1/(λ0+λ1+λ2), and the column side's. An infinite
+    /// side takes all, two take half each.
+    pub(crate) fn level_shares(&self) -> (f64, f64) {
+        match (self.lambda_a.is_infinite(), self.lambda_b.is_infinite()) {
+            (true, true) => (0.5, 0.5),
+            (true, false) => (1.0, 0.0),
+            (false, true) => (0.0, 1.0),
+            (false, false) => {
+                let all = self.lambda_ent + self.lambda_a + self.lambda_b;
+                (self.lambda_a / all, self.lambda_b / all)
+            }
+        }
+    }
+
     pub(crate) fn validate(&self) -> Result<(), UotError> {
-        for (name, value) in [
-            ("lambda_ent", self.lambda_ent),
-            ("lambda_a", self.lambda_a),
-            ("lambda_b", self.lambda_b),
-        ] {
-            positive(name, value)?;
+        positive("lambda_ent", self.lambda_ent)?;
+        for (name, value) in [("lambda_a", self.lambda_a), ("lambda_b", self.lambda_b)] {
+            if value.is_nan() || value <= 0.0 {
+                let expected = "a number above zero (infinity holds the marginal)";
+                return Err(UotError::BadParam { name, value, expected });
+            }
+        }
+        if let EpsilonScaling::From { init, decay } = self.epsilon_scaling {
+            positive("epsilon_scaling.init", init)?;
+            // the number of weights stays below a few thousand
+            if !(decay > 0.0 && decay <= 0.99) {
+                let (name, expected) = ("epsilon_scaling.decay", "above 0, at most 0.99");
+                return Err(UotError::BadParam { name, value: decay, expected });
+            }
         }
         if !(self.tol >= 0.0 && self.tol.is_finite()) {
             let expected = "a finite number, zero or above";
@@ -90,7 +136,7 @@ impl SinkhornParams {
 /// Width β of the Welsch cost.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Bandwidth {
-    /// `β = γ · d_med` with γ given here and `d_med` the median of all pair distances (Eq. 21).
+    /// `β = γ · d_med` with γ given here and `d_med` the median of all pair distances.
     MedianTimes(f64),
     /// β itself, in the unit of the points.
     Fixed(f64),
@@ -126,7 +172,7 @@ pub enum Storage {
 /// Parameters of the structured Welsch problem.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct WelschParams {
-    /// Width of the cost. Default `MedianTimes(0.05)` (supplement, after Eq. 21).
+    /// Width of the cost. Default `MedianTimes(0.05)`.
     pub bandwidth: Bandwidth,
     /// Pairs farther than `cutoff · β` (or with `w < exp(−cutoff²/2)`) may be taken to cost exactly 1. Default 6:
     /// potentials good to 2e-9. 4 is enough for correspondences, 8 equals the dense problem.

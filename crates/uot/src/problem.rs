@@ -3,6 +3,7 @@
 use crate::median::median_of_trees;
 use crate::near::{Extra, NearField, inverse_width};
 use crate::simd::LANES;
+use crate::sparse::SparseCost;
 use crate::tree::PointTree;
 use crate::{Bandwidth, Storage, UotError, WelschParams, points};
 use rayon::prelude::*;
@@ -10,7 +11,7 @@ use rayon::prelude::*;
 /// Most entries of a matrix that this crate builds itself (1.6 GB).
 pub(crate) const MAX_DENSE_ENTRIES: usize = 200_000_000;
 
-/// Cost and marginals of an unbalanced transport problem, `[n, m]`: rows are sources, columns are edited points.
+/// Cost and marginals of an unbalanced transport problem, `[n, m]`.
 ///
 /// Marginals are uniform, `1/n` and `1/m`, unless [`Self::with_marginals`] is used.
 #[derive(Debug)]
@@ -18,8 +19,16 @@ pub struct UotProblem<'a> {
     rows: usize,
     cols: usize,
     pub(crate) marginals: Option<(Vec<f64>, Vec<f64>)>,
+    pub(crate) unmatched: Unmatched,
     pub(crate) cost: Cost<'a>,
     scale: Option<WelschScale>,
+}
+
+/// Cost of having no counterpart, where that is allowed: one per row, one per column.
+#[derive(Debug, Default)]
+pub(crate) struct Unmatched {
+    pub(crate) rows: Option<Vec<f64>>,
+    pub(crate) cols: Option<Vec<f64>>,
 }
 
 #[derive(Debug)]
@@ -35,6 +44,7 @@ pub(crate) enum Cost<'a> {
         field: Box<NearField<'a>>,
         storage: Storage,
     },
+    Sparse(SparseCost),
 }
 
 /// The length scale of a Welsch cost. All lengths in the unit of the points.
@@ -55,25 +65,43 @@ impl UotProblem<'static> {
         Self::dense(cost, n, m, None, None)
     }
 
-    /// The Welsch cost `1 − exp(−r²/(2β²))` (Eq. 21) as an explicit matrix. For small problems and as an oracle:
+    /// Costs of candidate pairs in compressed rows: the entries of row i are `row_starts[i]..row_starts[i + 1]` of
+    /// `cols` and `costs` `[nnz]`, in any order. Pairs that are not listed are excluded, as if their cost were +∞. A row
+    /// or column without candidates carries no mass and has potential 0.
+    ///
+    /// # Errors
+    /// [`UotError`] when there is no row, column or candidate, `row_starts` `[n + 1]` does not rise from 0 to `nnz`, a
+    /// column is out of range or repeated in a row, a cost is not finite, or there are 2³² candidates or more.
+    pub fn from_csr(
+        row_starts: Vec<usize>,
+        cols: Vec<u32>,
+        costs: Vec<f64>,
+        num_cols: usize,
+    ) -> Result<Self, UotError> {
+        check_sides(row_starts.len().saturating_sub(1), num_cols)?;
+        let cost = SparseCost::new(row_starts, cols, costs, num_cols)?;
+        Ok(Self::of(cost.num_rows(), num_cols, Cost::Sparse(cost), None))
+    }
+
+    /// The Welsch cost `1 − exp(−r²/(2β²))` as an explicit matrix. For small problems and as an oracle:
     /// `cutoff` and `storage` of the parameters have no effect.
     ///
     /// # Errors
     /// [`UotError`] for empty or non-finite clouds, bad parameters, and more than 2e8 pairs.
     pub fn welsch_dense<const D: usize>(
-        src: &[[f64; D]],
-        edit: &[[f64; D]],
+        rows: &[[f64; D]],
+        cols: &[[f64; D]],
         params: &WelschParams,
     ) -> Result<Self, UotError> {
         params.validate()?;
-        let (src_tree, edit_tree) = sorted(src, edit)?;
-        let (n, m) = (src.len(), edit.len());
+        let (row_tree, col_tree) = sorted(rows, cols)?;
+        let (n, m) = (rows.len(), cols.len());
         check_dense_size("the cost matrix", n, m)?;
-        let scale = measure(&src_tree, &edit_tree, params)?;
+        let scale = measure(&row_tree, &col_tree, params)?;
         let inverse = inverse_width(scale.beta);
         let mut cost = vec![0.0; n * m];
-        cost.par_chunks_mut(m).zip(src).for_each(|(row, p)| {
-            for (value, q) in row.iter_mut().zip(edit) {
+        cost.par_chunks_mut(m).zip(rows).for_each(|(row, p)| {
+            for (value, q) in row.iter_mut().zip(cols) {
                 let squared: f64 = p.iter().zip(q).map(|(x, y)| (x - y) * (x - y)).sum();
                 *value = -(-squared * inverse).exp_m1();
             }
@@ -81,7 +109,7 @@ impl UotProblem<'static> {
         Self::dense(cost, n, m, Some(1.0), Some(scale))
     }
 
-    /// The Welsch cost between two clouds (Eq. 21), never stored: pairs beyond `cutoff · β` cost exactly 1, the
+    /// The Welsch cost between two clouds, never stored: pairs beyond `cutoff · β` cost exactly 1, the
     /// others are kept sparse. Memory is proportional to the number of near pairs.
     ///
     /// Degenerate clouds are defined: one point on a side, coincident and duplicate points, and clouds that do not
@@ -90,11 +118,11 @@ impl UotProblem<'static> {
     /// # Errors
     /// [`UotError`] for empty or non-finite clouds and bad parameters.
     pub fn welsch<const D: usize>(
-        src: &[[f64; D]],
-        edit: &[[f64; D]],
+        rows: &[[f64; D]],
+        cols: &[[f64; D]],
         params: &WelschParams,
     ) -> Result<Self, UotError> {
-        Self::near(src, edit, params, None)
+        Self::near(rows, cols, params, None)
     }
 
     fn dense(
@@ -116,11 +144,15 @@ impl UotProblem<'static> {
         let least = values.iter().copied().fold(f64::INFINITY, f64::min);
         let largest = values.iter().copied().fold(f64::NEG_INFINITY, f64::max);
         let cost = Cost::Dense { values, least, largest, far: far.unwrap_or(largest) };
-        Ok(Self { rows: n, cols: m, marginals: None, cost, scale })
+        Ok(Self::of(n, m, cost, scale))
     }
 }
 
 impl<'a> UotProblem<'a> {
+    fn of(rows: usize, cols: usize, cost: Cost<'a>, scale: Option<WelschScale>) -> Self {
+        Self { rows, cols, marginals: None, unmatched: Unmatched::default(), cost, scale }
+    }
+
     /// [`UotProblem::welsch`] with a second term in the exponent: `w_ij = exp(−r²/(2β²) − extra(i, j))`,
     /// `D_ij = 1 − w_ij`. `extra` gets original ids and may be called several times for a pair, from several threads;
     /// it must always return the same value. Negative values count as 0, +∞ as "not related", NaN as 0.
@@ -128,26 +160,26 @@ impl<'a> UotProblem<'a> {
     /// # Errors
     /// As [`UotProblem::welsch`].
     pub fn welsch_with<const D: usize>(
-        src: &[[f64; D]],
-        edit: &[[f64; D]],
+        rows: &[[f64; D]],
+        cols: &[[f64; D]],
         params: &WelschParams,
         extra: impl Fn(usize, usize) -> f64 + Send + Sync + 'a,
     ) -> Result<Self, UotError> {
-        Self::near(src, edit, params, Some(Box::new(extra)))
+        Self::near(rows, cols, params, Some(Box::new(extra)))
     }
 
     fn near<const D: usize>(
-        src: &[[f64; D]],
-        edit: &[[f64; D]],
+        rows: &[[f64; D]],
+        cols: &[[f64; D]],
         params: &WelschParams,
         extra: Option<Extra<'a>>,
     ) -> Result<Self, UotError> {
         params.validate()?;
-        let (src_tree, edit_tree) = sorted(src, edit)?;
-        let scale = measure(&src_tree, &edit_tree, params)?;
-        let field = NearField::new(src_tree, edit_tree, scale.beta, params.cutoff, extra);
+        let (row_tree, col_tree) = sorted(rows, cols)?;
+        let scale = measure(&row_tree, &col_tree, params)?;
+        let field = NearField::new(row_tree, col_tree, scale.beta, params.cutoff, extra);
         let cost = Cost::Near { field: Box::new(field), storage: params.storage };
-        Ok(Self { rows: src.len(), cols: edit.len(), marginals: None, cost, scale: Some(scale) })
+        Ok(Self::of(rows.len(), cols.len(), cost, Some(scale)))
     }
 
     /// Replaces the uniform marginals by `a` `[n]` and `b` `[m]`: non-negative, finite, not all zero. A zero weight
@@ -171,12 +203,44 @@ impl<'a> UotProblem<'a> {
         Ok(self)
     }
 
-    /// Number of rows (source points), n.
+    /// Lets columns have no counterpart: mass `N_j` that comes from nowhere, at `costs[j]` per unit. Adds
+    /// `Σ_j c_j N_j + λ0 KL(N ‖ b)` to the objective and `N` to the column sums that are compared with `b`. With
+    /// λ2 = ∞ the column's weight is shared out between its rows and "none", the posterior of a mixture with an outlier
+    /// class.
+    ///
+    /// # Errors
+    /// [`UotError::BadLength`], [`UotError::BadValue`] for a cost that is not finite.
+    pub fn with_unmatched_cols(mut self, costs: Vec<f64>) -> Result<Self, UotError> {
+        check_costs("unmatched_cols", &costs, self.cols)?;
+        self.unmatched.cols = Some(costs);
+        Ok(self)
+    }
+
+    /// Lets rows have no counterpart, as [`Self::with_unmatched_cols`] does for columns.
+    ///
+    /// # Errors
+    /// [`UotError::BadLength`], [`UotError::BadValue`] for a cost that is not finite.
+    pub fn with_unmatched_rows(mut self, costs: Vec<f64>) -> Result<Self, UotError> {
+        check_costs("unmatched_rows", &costs, self.rows)?;
+        self.unmatched.rows = Some(costs);
+        Ok(self)
+    }
+
+    /// Number of candidate pairs of [`UotProblem::from_csr`], n·m for an explicit matrix; `None` for a structured cost.
+    pub fn num_pairs(&self) -> Option<usize> {
+        match &self.cost {
+            Cost::Dense { values, .. } => Some(values.len()),
+            Cost::Sparse(cost) => Some(cost.values.len()),
+            Cost::Near { .. } => None,
+        }
+    }
+
+    /// Number of rows, n.
     pub fn num_rows(&self) -> usize {
         self.rows
     }
 
-    /// Number of columns (edited points), m.
+    /// Number of columns, m.
     pub fn num_cols(&self) -> usize {
         self.cols
     }
@@ -190,14 +254,15 @@ impl<'a> UotProblem<'a> {
     pub fn cost_matrix(&self) -> Option<&[f64]> {
         match &self.cost {
             Cost::Dense { values, .. } => Some(values),
-            Cost::Near { .. } => None,
+            Cost::Near { .. } | Cost::Sparse(_) => None,
         }
     }
 
-    /// Cost of an unrelated pair: 1 for a Welsch cost, the largest entry for a given matrix.
+    /// Cost of an unrelated pair: 1 for a Welsch cost, the largest one given for explicit costs.
     pub fn far_cost(&self) -> f64 {
         match self.cost {
             Cost::Dense { far, .. } => far,
+            Cost::Sparse(SparseCost { largest, .. }) => largest,
             Cost::Near { .. } => 1.0,
         }
     }
@@ -218,20 +283,28 @@ impl<'a> UotProblem<'a> {
                     visit(j, entries)
                 })
                 .collect(),
+            Cost::Sparse(cost) => (0..self.cols)
+                .into_par_iter()
+                .map_init(Vec::new, |entries, j| {
+                    entries.clear();
+                    entries.extend(cost.col(j).map(|(i, d)| (id(i), cost.largest - d)));
+                    visit(j, entries)
+                })
+                .collect(),
             Cost::Near { field, .. } => {
-                let leaves = field.edit.groups(1);
+                let leaves = field.cols.groups(1);
                 let parts: Vec<Vec<R>> = leaves
                     .par_iter()
                     .enumerate()
                     .map_init(Default::default, |(near, entries), (leaf, &node)| {
-                        field.column_entries(leaf, field.edit.bounds(node), near, entries);
-                        let count = field.edit.count(field.edit.node(node));
-                        let ids = &field.edit.order[leaf * LANES..leaf * LANES + count];
+                        field.column_entries(leaf, field.cols.bounds(node), near, entries);
+                        let count = field.cols.count(field.cols.node(node));
+                        let ids = &field.cols.order[leaf * LANES..leaf * LANES + count];
                         ids.iter().zip(&*entries).map(|(&id, e)| visit(id as usize, e)).collect()
                     })
                     .collect();
                 let mut slots: Vec<Option<R>> = (0..self.cols).map(|_| None).collect();
-                for (&id, result) in field.edit.order.iter().zip(parts.into_iter().flatten()) {
+                for (&id, result) in field.cols.order.iter().zip(parts.into_iter().flatten()) {
                     slots[id as usize] = Some(result);
                 }
                 slots.into_iter().flatten().collect()
@@ -246,13 +319,32 @@ impl<'a> UotProblem<'a> {
                 let column = values.iter().skip(j).step_by(self.cols);
                 (0_u32..).zip(column.map(|d| far - d)).collect()
             }
+            Cost::Sparse(cost) => cost.col(j).map(|(i, d)| (id(i), cost.largest - d)).collect(),
             Cost::Near { field, .. } => field.column(j),
         }
     }
 
-    /// Whether [`Self::map_columns`] lists every row.
+    /// Whether [`Self::map_columns`] lists every row that can carry mass.
     pub(crate) fn lists_every_row(&self) -> bool {
-        matches!(self.cost, Cost::Dense { .. })
+        !matches!(self.cost, Cost::Near { .. })
+    }
+}
+
+#[expect(clippy::cast_possible_truncation, reason = "sides are checked to fit into 32 bits")]
+pub(crate) fn id(i: usize) -> u32 {
+    i as u32
+}
+
+fn check_costs(what: &'static str, costs: &[f64], expected: usize) -> Result<(), UotError> {
+    if costs.len() != expected {
+        return Err(UotError::BadLength { what, found: costs.len(), expected });
+    }
+    match costs.iter().position(|cost| !cost.is_finite()) {
+        Some(index) => {
+            let (value, expected) = (costs[index], "finite costs");
+            Err(UotError::BadValue { what, index, value, expected })
+        }
+        None => Ok(()),
     }
 }
 
@@ -266,10 +358,10 @@ pub(crate) fn check_dense_size(what: &'static str, n: usize, m: usize) -> Result
 
 fn check_sides(n: usize, m: usize) -> Result<(), UotError> {
     if n == 0 {
-        return Err(UotError::Empty { side: "source" });
+        return Err(UotError::Empty { side: "row" });
     }
     if m == 0 {
-        return Err(UotError::Empty { side: "edited" });
+        return Err(UotError::Empty { side: "column" });
     }
     for (what, needed) in [("n", n), ("m", m)] {
         if u32::try_from(needed).is_err() {
@@ -280,23 +372,23 @@ fn check_sides(n: usize, m: usize) -> Result<(), UotError> {
 }
 
 fn sorted<const D: usize>(
-    src: &[[f64; D]],
-    edit: &[[f64; D]],
+    rows: &[[f64; D]],
+    cols: &[[f64; D]],
 ) -> Result<(PointTree, PointTree), UotError> {
-    points::validate("src", "source", src)?;
-    points::validate("edit", "edited", edit)?;
-    Ok(rayon::join(|| PointTree::new(src), || PointTree::new(edit)))
+    points::validate("rows", "row", rows)?;
+    points::validate("cols", "column", cols)?;
+    Ok(rayon::join(|| PointTree::new(rows), || PointTree::new(cols)))
 }
 
 fn measure(
-    src: &PointTree,
-    edit: &PointTree,
+    rows: &PointTree,
+    cols: &PointTree,
     params: &WelschParams,
 ) -> Result<WelschScale, UotError> {
     Ok(match params.bandwidth {
         Bandwidth::Fixed(beta) => WelschScale { median: None, beta },
         Bandwidth::MedianTimes(gamma) => {
-            let median = median_of_trees(src, edit, params.median)?;
+            let median = median_of_trees(rows, cols, params.median)?;
             WelschScale { median: Some(median), beta: gamma * median.value }
         }
     })

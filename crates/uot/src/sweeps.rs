@@ -10,8 +10,19 @@ const WARM_UP: usize = 2;
 const RECOVERY: usize = 10;
 /// Sweeps without a better residual after which an acceleration is changed.
 const PATIENCE: usize = 30;
-/// Smallest λ0 for which [`Acceleration::Auto`] begins with Anderson mixing.
+/// Smallest λ0 for which [`Acceleration::Auto`] begins with Anderson mixing on a structured cost, whose range is 1.
 const ANDERSON_LAMBDA: f64 = 0.05;
+/// Largest over-relaxation. Held marginals have no contraction bound to derive it from.
+const MAX_OMEGA: f64 = 1.95;
+
+/// Logarithms of the marginals, and of `e^(−c/λ0)` for sides that may have no counterpart; in the order of the kernel.
+#[derive(Debug, Clone)]
+pub(crate) struct Sides {
+    pub(crate) log_a: Vec<f64>,
+    pub(crate) log_b: Vec<f64>,
+    pub(crate) unmatched_a: Option<Vec<f64>>,
+    pub(crate) unmatched_b: Option<Vec<f64>>,
+}
 
 /// Scalings at the end, in the order of the kernel.
 #[derive(Debug)]
@@ -29,8 +40,9 @@ pub(crate) struct Scalings {
 /// The iteration: marginals, weights and scratch.
 pub(crate) struct Sweeps<'k> {
     kernel: &'k mut dyn Kernel,
-    log_a: Vec<f64>,
-    log_b: Vec<f64>,
+    sides: Sides,
+    /// Whether the costs were given one by one, in any unit.
+    explicit: bool,
     params: SinkhornParams,
     phi_a: f64,
     phi_b: f64,
@@ -47,20 +59,21 @@ pub(crate) struct Sweeps<'k> {
 impl<'k> Sweeps<'k> {
     pub(crate) fn new(
         kernel: &'k mut dyn Kernel,
-        log_a: Vec<f64>,
-        log_b: Vec<f64>,
+        sides: Sides,
+        log_v: Vec<f64>,
+        explicit: bool,
         params: SinkhornParams,
     ) -> Self {
-        let (n, m) = (log_a.len(), log_b.len());
+        let (n, m) = (sides.log_a.len(), sides.log_b.len());
         Self {
             kernel,
-            log_a,
-            log_b,
+            sides,
+            explicit,
             params,
-            phi_a: params.lambda_a / (params.lambda_a + params.lambda_ent),
-            phi_b: params.lambda_b / (params.lambda_b + params.lambda_ent),
+            phi_a: (1.0 + params.lambda_ent / params.lambda_a).recip(),
+            phi_b: (1.0 + params.lambda_ent / params.lambda_b).recip(),
             log_u: vec![0.0; n],
-            log_v: vec![0.0; m],
+            log_v,
             log_kv: vec![0.0; n],
             log_ku: vec![0.0; m],
             row_scratch: vec![0.0; n],
@@ -74,12 +87,12 @@ impl<'k> Sweeps<'k> {
     pub(crate) fn run(mut self) -> Scalings {
         let mut converged = self.plain(WARM_UP);
         let mut anderson = match self.params.acceleration {
-            Acceleration::Auto => self.params.lambda_ent >= ANDERSON_LAMBDA,
+            Acceleration::Auto => self.explicit || self.params.lambda_ent >= ANDERSON_LAMBDA,
             Acceleration::Anderson => true,
             Acceleration::Plain | Acceleration::OverRelaxed => false,
         };
         // best over-relaxation for a sweep with real eigenvalues in [0, φ1φ2]
-        let mut omega = 2.0 / (1.0 + (1.0 - self.phi_a * self.phi_b).sqrt());
+        let mut omega = (2.0 / (1.0 + (1.0 - self.phi_a * self.phi_b).sqrt())).min(MAX_OMEGA);
         while !converged && self.left() > 0 {
             converged = match self.params.acceleration {
                 Acceleration::Plain => self.plain(self.left()),
@@ -91,6 +104,7 @@ impl<'k> Sweeps<'k> {
                     anderson = self.params.acceleration == Acceleration::Anderson;
                 } else {
                     omega = 1.0 + 0.7 * (omega - 1.0);
+                    anderson = self.explicit && self.params.acceleration == Acceleration::Auto;
                 }
                 converged = self.plain(RECOVERY);
             }
@@ -108,7 +122,7 @@ impl<'k> Sweeps<'k> {
     }
 
     fn update_kv(&mut self) {
-        for ((x, v), b) in self.col_scratch.iter_mut().zip(&self.log_v).zip(&self.log_b) {
+        for ((x, v), b) in self.col_scratch.iter_mut().zip(&self.log_v).zip(&self.sides.log_b) {
             *x = v + b;
         }
         self.kernel.rows(&self.col_scratch, &mut self.log_kv);
@@ -116,7 +130,7 @@ impl<'k> Sweeps<'k> {
     }
 
     fn update_ku(&mut self) {
-        for ((x, u), a) in self.row_scratch.iter_mut().zip(&self.log_u).zip(&self.log_a) {
+        for ((x, u), a) in self.row_scratch.iter_mut().zip(&self.log_u).zip(&self.sides.log_a) {
             *x = u + a;
         }
         self.kernel.cols(&self.row_scratch, &mut self.log_ku);
@@ -126,9 +140,11 @@ impl<'k> Sweeps<'k> {
     /// One half-sweep on each side with step ω; the largest change that a plain step would make.
     fn sweep(&mut self, omega: f64) -> f64 {
         self.update_kv();
-        let change_u = relax(&mut self.log_u, &self.log_kv, self.phi_a, omega);
+        let unmatched = self.sides.unmatched_a.as_deref();
+        let change_u = relax(&mut self.log_u, &self.log_kv, unmatched, self.phi_a, omega);
         self.update_ku();
-        let change_v = relax(&mut self.log_v, &self.log_ku, self.phi_b, omega);
+        let unmatched = self.sides.unmatched_b.as_deref();
+        let change_v = relax(&mut self.log_v, &self.log_ku, unmatched, self.phi_b, omega);
         change_u.max(change_v)
     }
 
@@ -180,12 +196,18 @@ impl<'k> Sweeps<'k> {
     }
 
     /// Constant by which `f/λ0` should grow and `g/λ0` shrink: the exact maximiser of the dual along that direction,
-    /// `t/λ0 = λ1λ2/(λ0(λ1+λ2)) · ln(Σ a e^{−f/λ1} / Σ b e^{−g/λ2})`.
+    /// `t/λ0 = λ1λ2/(λ0(λ1+λ2)) · ln(Σ a e^{−f/λ1} / Σ b e^{−g/λ2})`. None where the dual does not change along it (both
+    /// marginals held), or changes in another way (unmatched costs).
     fn translation(&self) -> f64 {
         let SinkhornParams { lambda_ent, lambda_a, lambda_b, .. } = self.params;
-        let row = log_sum_exp(&self.log_a, &self.log_u, -lambda_ent / lambda_a);
-        let col = log_sum_exp(&self.log_b, &self.log_v, -lambda_ent / lambda_b);
-        lambda_a * lambda_b / (lambda_ent * (lambda_a + lambda_b)) * (row - col)
+        let Sides { log_a, log_b, unmatched_a, unmatched_b } = &self.sides;
+        let held = lambda_a.is_infinite() && lambda_b.is_infinite();
+        if held || unmatched_a.is_some() || unmatched_b.is_some() {
+            return 0.0;
+        }
+        let row = log_sum_exp(log_a, &self.log_u, -lambda_ent / lambda_a);
+        let col = log_sum_exp(log_b, &self.log_v, -lambda_ent / lambda_b);
+        (lambda_ent * (lambda_a.recip() + lambda_b.recip())).recip() * (row - col)
     }
 
     /// One more product, so that the row masses too are those of the returned scalings.
@@ -203,15 +225,27 @@ impl<'k> Sweeps<'k> {
     }
 }
 
-/// `x ← x + ω(−φ·k − x)`; returns the largest `|−φ·k − x|`. NaN counts as infinite.
-fn relax(x: &mut [f64], log_k: &[f64], phi: f64, omega: f64) -> f64 {
+/// `x ← x + ω(−φ·k − x)`; returns the largest `|−φ·k − x|`. NaN counts as infinite. A row or column that nothing can be
+/// sent to gets 0.
+fn relax(x: &mut [f64], log_k: &[f64], unmatched: Option<&[f64]>, phi: f64, omega: f64) -> f64 {
     let mut worst = 0.0_f64;
-    for (x, k) in x.iter_mut().zip(log_k) {
+    for (i, (x, &k)) in x.iter_mut().zip(log_k).enumerate() {
+        let k = unmatched.map_or(k, |unmatched| log_add(k, unmatched[i]));
+        if k == f64::NEG_INFINITY {
+            *x = 0.0;
+            continue;
+        }
         let change = -phi * k - *x;
         worst = if change.is_nan() { f64::INFINITY } else { worst.max(change.abs()) };
         *x += omega * change;
     }
     worst
+}
+
+/// `ln(e^x + e^y)`, y finite.
+pub(crate) fn log_add(x: f64, y: f64) -> f64 {
+    let (high, low) = if x > y { (x, y) } else { (y, x) };
+    high + (low - high).exp().ln_1p()
 }
 
 fn largest_difference(x: &[f64], y: &[f64]) -> f64 {

@@ -87,9 +87,9 @@ fn sampled_median_is_within_its_stated_rank_error() {
 fn bad_input_is_an_error() {
     let good = [[0.0, 1.0]];
     for (bad, expected) in [
-        (vec![], "the edited side is empty"),
-        (vec![[0.0, 0.0], [f64::NAN, 0.0]], "edit[1] = NaN"),
-        (vec![[f64::INFINITY, 0.0]], "edit[0] = inf"),
+        (vec![], "the column side is empty"),
+        (vec![[0.0, 0.0], [f64::NAN, 0.0]], "cols[1] = NaN"),
+        (vec![[f64::INFINITY, 0.0]], "cols[0] = inf"),
         (vec![[1e200, 0.0]], "magnitude at most 1e150"),
     ] {
         let error = median_distance(&good, &bad, MedianMode::Auto).unwrap_err().to_string();

@@ -447,11 +447,11 @@ fn bad_input_is_an_error() {
     let f32s = WelschParams { storage: Storage::F32, ..WelschParams::default() };
     let stored = UotProblem::welsch(&points, &points, &f32s).unwrap();
     check(solve(&stored, &weights(0.01, 1.0, 1.0)).unwrap_err(), "Storage::F64");
-    check(UotProblem::from_cost(vec![], 0, 3).unwrap_err(), "source");
+    check(UotProblem::from_cost(vec![], 0, 3).unwrap_err(), "row side");
     check(UotProblem::from_cost(vec![1.0; 5], 2, 3).unwrap_err(), "expected 6");
     check(UotProblem::from_cost(vec![1.0, f64::NAN], 1, 2).unwrap_err(), "cost[1]");
     let empty: [[f64; 3]; 0] = [];
-    check(UotProblem::welsch(&points, &empty, &f32s).unwrap_err(), "edited");
+    check(UotProblem::welsch(&points, &empty, &f32s).unwrap_err(), "column side");
     for params in [welsch(0.0, 4.0), welsch(0.1, -1.0), welsch(f64::INFINITY, 4.0)] {
         let error = UotProblem::welsch(&points, &points, &params).unwrap_err();
         check(error, "above zero");

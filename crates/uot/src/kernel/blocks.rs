@@ -48,16 +48,16 @@ impl Entry for f32 {
 
 type Packed<T> = [[T; LANES]; LANES];
 
-/// The blocks of consecutive source leaves.
+/// The blocks of consecutive row leaves.
 #[derive(Debug)]
 struct Chunk<T> {
     first_leaf: usize,
-    /// Blocks of source leaf `first_leaf + k` are `starts[k]..starts[k + 1]`.
+    /// Blocks of row leaf `first_leaf + k` are `starts[k]..starts[k + 1]`.
     starts: Vec<usize>,
-    /// Edited leaf of each block.
-    edit_leaves: Vec<u32>,
+    /// Column leaf of each block.
+    col_leaves: Vec<u32>,
     blocks: Vec<Packed<T>>,
-    /// First edited leaf that any block touches, and sums for it and the following ones.
+    /// First column leaf that any block touches, and sums for it and the following ones.
     first_touched: usize,
     scattered: Vec<Lane>,
 }
@@ -69,15 +69,15 @@ pub(crate) struct BlockKernel<T> {
     /// Value of a far pair, `e^{−1/λ0}`.
     background: f64,
     leaves_per_chunk: usize,
-    src_lanes: Vec<Lane>,
-    edit_lanes: Vec<Lane>,
+    row_lanes: Vec<Lane>,
+    col_lanes: Vec<Lane>,
 }
 
 impl<T: Entry> BlockKernel<T> {
     pub(crate) fn new(field: &NearField<'_>, lambda_ent: f64) -> Result<Self, UotError> {
-        let num_leaves = field.src.num_leaves();
+        let num_leaves = field.rows.num_leaves();
         let leaves_per_chunk = chunk_len(num_leaves, 4);
-        let leaf_nodes = field.src.groups(1);
+        let leaf_nodes = field.rows.groups(1);
         let chunk_nodes: Vec<&[usize]> = leaf_nodes.chunks(leaves_per_chunk).collect();
         let counts: Vec<usize> = chunk_nodes
             .par_iter()
@@ -85,7 +85,7 @@ impl<T: Entry> BlockKernel<T> {
                 let mut near = Vec::new();
                 let mut count = 0;
                 for &node in *nodes {
-                    field.edit_leaves_near(field.src.bounds(node), &mut near);
+                    field.col_leaves_near(field.rows.bounds(node), &mut near);
                     count += near.len();
                 }
                 count
@@ -112,9 +112,9 @@ impl<T: Entry> BlockKernel<T> {
                 )
             })
             .collect();
-        let src_lanes = vec![[0.0; LANES]; num_leaves];
-        let edit_lanes = vec![[0.0; LANES]; field.edit.num_leaves()];
-        Ok(Self { chunks, background, leaves_per_chunk, src_lanes, edit_lanes })
+        let row_lanes = vec![[0.0; LANES]; num_leaves];
+        let col_lanes = vec![[0.0; LANES]; field.cols.num_leaves()];
+        Ok(Self { chunks, background, leaves_per_chunk, row_lanes, col_lanes })
     }
 
     /// Stored entries, zeros inside blocks included.
@@ -135,22 +135,22 @@ impl<T: Entry> Chunk<T> {
         let mut chunk = Self {
             first_leaf,
             starts: vec![0],
-            edit_leaves: Vec::with_capacity(capacity),
+            col_leaves: Vec::with_capacity(capacity),
             blocks: Vec::with_capacity(capacity),
             first_touched: 0,
             scattered: Vec::new(),
         };
         let mut near = Vec::new();
         for (k, &node) in nodes.iter().enumerate() {
-            field.edit_leaves_near(field.src.bounds(node), &mut near);
+            field.col_leaves_near(field.rows.bounds(node), &mut near);
             dispatch(
                 #[inline(always)]
                 || chunk.push_row(field, first_leaf + k, &near, inverse_lambda, background),
             );
             chunk.starts.push(chunk.blocks.len());
         }
-        let first = chunk.edit_leaves.iter().min().map_or(0, |&leaf| leaf as usize);
-        let end = chunk.edit_leaves.iter().max().map_or(0, |&leaf| leaf as usize + 1);
+        let first = chunk.col_leaves.iter().min().map_or(0, |&leaf| leaf as usize);
+        let end = chunk.col_leaves.iter().max().map_or(0, |&leaf| leaf as usize + 1);
         chunk.first_touched = first;
         chunk.scattered = vec![[0.0; LANES]; end - first];
         chunk
@@ -160,14 +160,14 @@ impl<T: Entry> Chunk<T> {
     fn push_row(
         &mut self,
         field: &NearField<'_>,
-        src_leaf: usize,
+        row_leaf: usize,
         near: &[u32],
         inverse_lambda: f64,
         background: f64,
     ) {
         let mut block: Block = [[0.0; LANES]; LANES];
-        for &edit_leaf in near {
-            if !field.exponents(src_leaf, edit_leaf as usize, &mut block) {
+        for &col_leaf in near {
+            if !field.exponents(row_leaf, col_leaf as usize, &mut block) {
                 continue;
             }
             // two flat loops: nested ones would be unrolled before they could be vectorised
@@ -180,7 +180,7 @@ impl<T: Entry> Chunk<T> {
                 let value = exp((w - 1.0) * inverse_lambda) - background;
                 *entry = T::pack(if w > 0.0 { value.max(0.0) } else { 0.0 });
             }
-            self.edit_leaves.push(edit_leaf);
+            self.col_leaves.push(col_leaf);
             self.blocks.push(packed);
         }
     }
@@ -192,7 +192,7 @@ impl<T: Entry> Chunk<T> {
         for (k, sums) in sums.iter_mut().enumerate() {
             let range = self.starts[k]..self.starts[k + 1];
             let mut acc = [[0.0; LANES]; LANES];
-            for (block, &leaf) in self.blocks[range.clone()].iter().zip(&self.edit_leaves[range]) {
+            for (block, &leaf) in self.blocks[range.clone()].iter().zip(&self.col_leaves[range]) {
                 let x = x[leaf as usize];
                 for (acc, row) in acc.iter_mut().zip(block) {
                     *acc = std::array::from_fn(|j| row[j].widen().mul_add(x[j], acc[j]));
@@ -209,7 +209,7 @@ impl<T: Entry> Chunk<T> {
         for k in 0..self.starts.len() - 1 {
             let x = x[self.first_leaf + k];
             let range = self.starts[k]..self.starts[k + 1];
-            for (block, &leaf) in self.blocks[range.clone()].iter().zip(&self.edit_leaves[range]) {
+            for (block, &leaf) in self.blocks[range.clone()].iter().zip(&self.col_leaves[range]) {
                 let out = &mut self.scattered[leaf as usize - self.first_touched];
                 let mut acc = *out;
                 for i in 0..LANES {
@@ -226,8 +226,8 @@ impl<T: Entry> Chunk<T> {
 impl<T: Entry> Kernel for BlockKernel<T> {
     fn rows(&mut self, x: &[f64], out: &mut [f64]) {
         let shift = largest(x);
-        exp_shifted(x, shift, &mut self.edit_lanes.as_flattened_mut()[..x.len()]);
-        let lanes = &self.edit_lanes;
+        exp_shifted(x, shift, &mut self.col_lanes.as_flattened_mut()[..x.len()]);
+        let lanes = &self.col_lanes;
         let constant = self.background * sum(lanes.as_flattened());
         out.par_chunks_mut(self.leaves_per_chunk * LANES).zip(&self.chunks).for_each(
             |(out, chunk)| {
@@ -245,8 +245,8 @@ impl<T: Entry> Kernel for BlockKernel<T> {
 
     fn cols(&mut self, x: &[f64], out: &mut [f64]) {
         let shift = largest(x);
-        exp_shifted(x, shift, &mut self.src_lanes.as_flattened_mut()[..x.len()]);
-        let lanes = &self.src_lanes;
+        exp_shifted(x, shift, &mut self.row_lanes.as_flattened_mut()[..x.len()]);
+        let lanes = &self.row_lanes;
         let constant = self.background * sum(lanes.as_flattened());
         self.chunks.par_iter_mut().for_each(|chunk| {
             dispatch(

@@ -2,11 +2,14 @@
 
 mod blocks;
 mod dense;
+mod sparse;
 
 pub(crate) use blocks::BlockKernel;
 pub(crate) use dense::{DenseKernel, LogDenseKernel, MAX_SCALED_RANGE};
+pub(crate) use sparse::SparseKernel;
 
 /// `ln(K e^x)` and `ln(Kᵀ e^x)`. Vectors are in the kernel's own order; entries of x may be −∞ but not all of them.
+/// A row or column without pairs gives −∞.
 pub(crate) trait Kernel: Send {
     /// `out_i = ln Σ_j K_ij e^{x_j}`, x `[m]`, out `[n]`.
     fn rows(&mut self, x: &[f64], out: &mut [f64]);

@@ -1,7 +1,7 @@
-//! Documentation that lies is found by running it: every line of every `sh` block of the documents below is executed, in
-//! order, in one fresh folder, with `c4d` on the path. A document's commands may use what earlier ones wrote.
+//! Runs the commands of the documents: every line of every `sh` block, in order, in one new folder, with `c4d` on the path. A command may
+//! use what earlier ones wrote. There is no shell, so that this runs on every system: a line is a program and its arguments.
 
-use crate::workspace;
+use crate::workspace::workspace;
 use anyhow::{Context, Result, bail};
 use std::fs;
 use std::process::Command;
@@ -27,8 +27,10 @@ pub(crate) fn run() -> Result<()> {
         bail!("c4d does not build");
     }
     // What `cargo install` would have put on the path.
-    let path = std::env::var("PATH").unwrap_or_default();
-    let path = format!("{}:{path}", root.join("target/release").display());
+    let inherited = std::env::var_os("PATH").unwrap_or_default();
+    let folders =
+        std::iter::once(root.join("target/release")).chain(std::env::split_paths(&inherited));
+    let path = std::env::join_paths(folders)?;
     let mut count = 0;
     for document in DOCUMENTS {
         let text =
@@ -40,8 +42,9 @@ pub(crate) fn run() -> Result<()> {
             // Benches measure for minutes; here it matters that they run at all.
             let line = if line.starts_with("cargo bench") { line + " -- --test" } else { line };
             eprintln!("{document}: {line}");
-            let status = Command::new("bash")
-                .args(["-euo", "pipefail", "-c", &line])
+            let words = words(&line).with_context(|| format!("{document}: `{line}`"))?;
+            let status = Command::new(&words[0])
+                .args(&words[1..])
                 .current_dir(&folder)
                 .env("CARGO_TARGET_DIR", root.join("target"))
                 .env("PATH", &path)
@@ -55,6 +58,21 @@ pub(crate) fn run() -> Result<()> {
     }
     eprintln!("{count} documented commands ran");
     Ok(())
+}
+
+/// Program and arguments of a line.
+///
+/// # Errors
+/// If the line needs a shell.
+fn words(line: &str) -> Result<Vec<String>> {
+    if let Some(found) = line.chars().find(|c| "|&;<>$`*?(){}".contains(*c)) {
+        bail!("`{found}` needs a shell; documented commands run without one");
+    }
+    let words = shlex::split(line).context("an open quote")?;
+    if words.is_empty() {
+        bail!("no command");
+    }
+    Ok(words)
 }
 
 /// Lines of the `sh` blocks; a trailing backslash joins lines; comments are skipped. `cargo` finds the workspace from a folder
@@ -90,5 +108,12 @@ mod tests {
     fn only_sh_blocks_are_commands() {
         let text = "```sh\n# note\na \\\n  b\nc\n```\n```text\nd\n```\ne";
         assert_eq!(commands(text), ["a b", "c"], "joined, in order");
+    }
+
+    #[test]
+    fn lines_are_split_without_a_shell() {
+        assert_eq!(words("c4d info 'my scene'").unwrap(), ["c4d", "info", "my scene"], "quotes");
+        assert!(words("c4d info a | head").is_err(), "a pipe");
+        assert!(words("c4d info 'a").is_err(), "an open quote");
     }
 }

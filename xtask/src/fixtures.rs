@@ -2,7 +2,7 @@
 //!
 //! Goldens of reference implementations (`fixtures/*/README.md` names their origin) are not generated here.
 
-use crate::workspace;
+use crate::workspace::workspace;
 use anyhow::{Context, Result, bail};
 use gs_core::{DynamicScene, Splats};
 use gs_io::ply::{self, WriteOptions};

@@ -5,9 +5,10 @@ mod fixtures;
 mod stability;
 mod tidy;
 mod truth_scenes;
+mod workspace;
 
 use clap::{Parser, Subcommand};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 #[derive(Debug, Parser)]
 #[command(name = "xtask", about = "Chores of the workspace")]
@@ -57,11 +58,4 @@ fn main() -> anyhow::Result<()> {
             truth_scenes::write(&case, seed, size, &output)
         }
     }
-}
-
-/// Top of the workspace.
-fn workspace() -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR"))
-        .parent()
-        .map_or_else(|| PathBuf::from("."), Path::to_owned)
 }

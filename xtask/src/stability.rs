@@ -1,7 +1,7 @@
 //! How much the weights of the transport matter (the supplement's figure): end-point error and correspondences of the paper preset
 //! over λ₀ and λ₁ = λ₂, on scenes with known motion. Draws `docs/stability.svg` and prints the numbers.
 
-use crate::workspace;
+use crate::workspace::workspace;
 use amg::{MotionGuide, MotionOptions, PaperParams, Preset};
 use anyhow::{Result, anyhow};
 use gs_core::DynamicScene;

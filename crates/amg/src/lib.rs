@@ -37,3 +37,7 @@ pub use options::{
 pub use propagate::{Progress, Propagation, propagate};
 pub use report::{MotionReport, TransportReport};
 pub use scene::EditedScene;
+
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct ReadmeDoctests;

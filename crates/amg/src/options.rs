@@ -84,7 +84,7 @@ pub struct Aggregation {
     /// Whether blended rows follow their sources' change of opacity logit and SH since the edit frame, too.
     pub appearance: bool,
     /// Weight of the sources' own relative rotations in a local rigid motion, relative to their positions; 0 where the
-    /// scene does not model rotation. Default 0.3; [`crate::propagate()`] lowers it when the source's rotations disagree
+    /// scene does not model rotation. Default 3; [`crate::propagate()`] lowers it when the source's rotations disagree
     /// with its positions.
     pub rotation_prior: f32,
     /// Whether a source counts less at times when it is fainter than at the edit frame: where it would be is not seen then,

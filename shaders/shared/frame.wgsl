@@ -36,12 +36,17 @@ struct Frame {
     num_slots: u32,
 }
 
+// Those of gs_core::image_formation, which documents them; a test compares them.
 const TILE_SIZE: u32 = 16u;
 const MAX_ALPHA: f32 = 0.99;
 const ALPHA_THRESHOLD: f32 = 0.003921569;
 const TRANSMITTANCE_THRESHOLD: f32 = 0.0001;
-const NEAR: f32 = 0.2;
+const NEAR_PLANE: f32 = 0.2;
 const EPS2D: f32 = 0.3;
+const EXTENT_SIGMAS: f32 = 3.0;
+const MIN_DISCRIMINANT: f32 = 0.1;
+const EPS_DIVIDE: f32 = 1e-7;
+const MIN_QUAT_NORM: f32 = 1e-12;
 
 // Tests on bits: a compiler may assume that floats are never NaN.
 fn is_nan(x: f32) -> bool {

@@ -37,12 +37,12 @@ fn projection_of(frame: Frame, mean: vec3f, raw_quat: vec4f, log_scale: vec3f) -
         dot(frame.view2.xyz, mean) + frame.view2.w,
     );
     let z = o.t.z;
-    o.inv_z = 1.0 / (z + 1e-7);
+    o.inv_z = 1.0 / (z + EPS_DIVIDE);
     // Half the image times the normalised device coordinate; pixel i is sampled at coordinate i.
     let ray = frame.focal * o.t.xy + frame.center_offset * z;
     o.mean2d = ray * o.inv_z + (vec2f(frame.img_size) - 1.0) * 0.5;
 
-    o.quat_norm = max(sqrt(dot(raw_quat, raw_quat)), 1e-12);
+    o.quat_norm = max(sqrt(dot(raw_quat, raw_quat)), MIN_QUAT_NORM);
     o.quat = raw_quat / o.quat_norm;
     let w = o.quat.x;
     let x = o.quat.y;
@@ -70,7 +70,7 @@ fn projection_of(frame: Frame, mean: vec3f, raw_quat: vec4f, log_scale: vec3f) -
 
 // Radius in whole pixels as a float (3 standard deviations of the longer axis, its variance floored), 0 when the splat is culled.
 fn projection_radius(o: Projection) -> f32 {
-    if !is_finite3(o.t) || o.t.z <= NEAR {
+    if !is_finite3(o.t) || o.t.z <= NEAR_PLANE {
         return 0.0;
     }
     let conic = vec3f(o.cov2d.z, -o.cov2d.y, o.cov2d.x) / o.det;
@@ -78,8 +78,8 @@ fn projection_radius(o: Projection) -> f32 {
         return 0.0;
     }
     let middle = 0.5 * (o.cov2d.x + o.cov2d.z);
-    let variance = middle + sqrt(max(0.1, middle * middle - o.det));
-    let radius = ceil(3.0 * sqrt(variance));
+    let variance = middle + sqrt(max(MIN_DISCRIMINANT, middle * middle - o.det));
+    let radius = ceil(EXTENT_SIGMAS * sqrt(variance));
     if !is_finite(radius) || !is_finite(o.mean2d.x) || !is_finite(o.mean2d.y) {
         return 0.0;
     }

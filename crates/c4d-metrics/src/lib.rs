@@ -1,10 +1,16 @@
-//! Metrics of edited dynamic scenes that need no neural weights.
+//! Metrics of edited dynamic scenes: images ([`psnr`], [`Ssim`] with its gradient) and motion ([`MotionTrack`]).
 //!
-//! One meaning per number: each function states its formula, its unit and whether more is better. Deliberately absent: files,
-//! rendering, thresholds that decide.
+//! Each function states its formula, its unit and whether more is better. Deliberately absent: files, rendering, neural weights, and
+//! thresholds that decide.
 
 mod image;
 mod motion;
+mod ssim;
 
 pub use image::psnr;
 pub use motion::{MotionTrack, neighbourhood_distance_deviation};
+pub use ssim::{SSIM_RADIUS, Ssim, SsimBorder};
+
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct ReadmeDoctests;

@@ -5,13 +5,9 @@
 //! of them it mixes, and nothing is resampled.
 
 use crate::{CuarError, flow::axes};
+use gs_core::image_formation::{ALPHA_THRESHOLD, EPS2D};
 use gs_core::{Camera, Rasterizer, RenderGrads, RenderParams, Splats, UpstreamGrads};
 use rayon::prelude::*;
-
-/// Dilation of the projected covariance, pixels².
-const BLUR: f64 = 0.3;
-/// Alpha below which a splat is not drawn.
-const FAINTEST: f64 = 1.0 / 255.0;
 
 /// `Σ_p α T` per splat over the image of the last forward pass of `prepared` (which had one feature per splat), `[N]`.
 pub(crate) fn shares<R: Rasterizer>(
@@ -48,8 +44,9 @@ pub(crate) fn shown(splats: &Splats, shares: &[f32], camera: &Camera, enough: f3
 fn unoccluded(splats: &Splats, i: usize, camera: &Camera) -> f64 {
     let [u, v] = axes(camera, splats, i);
     let dot = |x: [f64; 3], y: [f64; 3]| x[0] * y[0] + x[1] * y[1] + x[2] * y[2];
-    let det = (dot(u, u) + BLUR) * (dot(v, v) + BLUR) - dot(u, v).powi(2);
-    let above = (f64::from(splats.opacity(i)) - FAINTEST).max(0.0);
+    let blur = f64::from(EPS2D);
+    let det = (dot(u, u) + blur) * (dot(v, v) + blur) - dot(u, v).powi(2);
+    let above = (f64::from(splats.opacity(i)) - f64::from(ALPHA_THRESHOLD)).max(0.0);
     std::f64::consts::TAU * det.max(0.0).sqrt() * above
 }
 

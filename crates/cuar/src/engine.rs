@@ -1,6 +1,6 @@
 //! [`DescentEngine`]: who does Adam's steps whole, where images, gradients and moments already are.
 
-use crate::{Adam, loss::LossParts, loss::LossWeights, sample::Crop, sample::Entry};
+use crate::{Adam, descent_image::DescentImage, loss::LossParts, loss::LossWeights};
 use gs_core::RasterError;
 
 /// What is minimised, for a [`DescentEngine`].
@@ -14,35 +14,6 @@ pub struct DescentTask<'a> {
     pub weights: LossWeights,
     /// Bytes of supervised images that may be kept; others are handed over again with every step.
     pub memory: usize,
-}
-
-/// One supervised image, for a [`DescentEngine`]: what its render is compared with, in the crop that edited splats reach. Its content is the
-/// same in every step with the same `index`.
-#[derive(Debug, Clone, Copy)]
-pub struct DescentImage<'a> {
-    /// Number of the image.
-    pub index: usize,
-    /// Columns and rows of the whole image, over which losses are means.
-    pub size: [usize; 2],
-    /// The part of it that follows.
-    pub crop: Crop,
-    /// Render without offsets, `[h,w,3]`.
-    pub original: &'a [f32],
-    /// Target where [`DescentImage::FORE`] is set, `[h,w,3]`.
-    pub warp: &'a [f32],
-    /// Bits [`DescentImage::FORE`], [`DescentImage::BACK`] and [`DescentImage::LIVE`], `[h,w]`.
-    pub flags: &'a [u8],
-    /// The edited splats seen, each once.
-    pub entries: &'a [Entry],
-}
-
-impl DescentImage<'_> {
-    /// Pixel bit: `warp` supervises (L1 and SSIM).
-    pub const FORE: u8 = 1;
-    /// Pixel bit: `original` supervises (L1).
-    pub const BACK: u8 = 2;
-    /// Pixel bit: an edited splat shows. Elsewhere the render is `original`, whatever the offsets.
-    pub const LIVE: u8 = 4;
 }
 
 /// Does the steps of [`crate::Solver::Adam`] for a [`crate::Backend`], on prepared states `P` of its rasteriser.

@@ -1,11 +1,9 @@
 //! Rendered optical flow (Eqs. 11–12).
 
 use crate::CuarError;
+use gs_core::image_formation::NEAR_PLANE;
 use gs_core::{Camera, Image, Rasterizer, RenderParams, Splats};
 use rayon::prelude::*;
-
-/// Camera depth at or below which the rasteriser culls, world units.
-const NEAR: f64 = 0.2;
 
 /// Composited displacement of the surfaces seen at each pixel.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -31,8 +29,8 @@ impl Flow {
     }
 }
 
-/// Eq. 11: `Proj(to.means) − Proj(from.means)` in pixels, `[N,2]`; `[0,0]` for splats that are not in front of the camera (z ≤ 0.2, or not
-/// finite) in both.
+/// Eq. 11: `Proj(to.means) − Proj(from.means)` in pixels, `[N,2]`; `[0,0]` for splats that are not in front of the camera (not beyond the
+/// near plane, or not finite) in both.
 ///
 /// # Errors
 /// If the camera cannot see or the two differ in number.
@@ -61,7 +59,7 @@ struct Displacement {
 fn displacement(camera: &Camera, from: [f32; 3], to: [f32; 3]) -> Option<Displacement> {
     let (from, depth_from) = project(camera, from)?;
     let (to, depth_to) = project(camera, to)?;
-    if depth_from <= NEAR || depth_to <= NEAR {
+    if depth_from.min(depth_to) <= f64::from(NEAR_PLANE) {
         return None;
     }
     #[expect(clippy::cast_possible_truncation, reason = "features are single precision")]
@@ -92,7 +90,7 @@ pub(crate) fn affine_motion(
     let (at, depth_from) = project(camera, from.means[i])?;
     let place = camera.to_camera(to.means[i].map(f64::from));
     let (there, depth) = project(camera, to.means[i])?;
-    if depth_from <= NEAR || depth <= NEAR {
+    if depth_from.min(depth) <= f64::from(NEAR_PLANE) {
         return None;
     }
     let a = axes(camera, from, i);

@@ -36,8 +36,8 @@
 
 mod adam;
 mod carried;
-mod compact;
 mod descent;
+mod descent_image;
 mod engine;
 mod error;
 mod flow;
@@ -48,8 +48,10 @@ mod plan;
 mod problem;
 mod refine;
 mod regression;
+mod report;
 mod sample;
 mod scene;
+mod splat_visibility;
 mod state;
 mod supervision;
 mod trust;
@@ -58,17 +60,22 @@ mod visit;
 mod warp;
 
 pub use adam::Adam;
-pub use engine::{Backend, DescentEngine, DescentImage, DescentTask};
+pub use descent_image::{Crop, DescentImage, Entry};
+pub use engine::{Backend, DescentEngine, DescentTask};
 pub use error::CuarError;
 pub use flow::{Flow, displacements, render_flow};
 pub use flow_files::{decode_flo, encode_flo, flow_wheel};
 pub use options::{AdamParams, Preset, RefineOptions, RegressionParams, Solver};
 pub use plan::{ViewTime, Views};
 pub use problem::TracePoint;
-pub use refine::{Refined, Report, refine, refine_with};
-pub use sample::{Crop, Entry};
+pub use refine::{Refined, refine, refine_with};
+pub use report::Report;
 pub use scene::OffsetScene;
 pub use state::{NoObserver, Observer, Preview, Progress, State};
 pub use trust::{Doubt, Trust};
 pub use uncertainty::{artifact_mask, color_uncertainty, render_uncertainty};
 pub use warp::{WarpForm, WarpParams};
+
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct ReadmeDoctests;

@@ -1,9 +1,9 @@
 //! All supervised images together.
 
 use crate::{
-    CuarError, RefineOptions, Solver,
+    Crop, CuarError, RefineOptions, Solver,
     loss::LossParts,
-    sample::{Crop, Sample},
+    sample::Sample,
     state::{Observer, Preview, Progress, State},
     visit::{Ask, Offsets, Work},
 };

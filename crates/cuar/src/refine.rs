@@ -1,10 +1,9 @@
 //! The stage: [`refine`].
 
 use crate::{
-    Backend, CuarError, DescentEngine, OffsetScene, RefineOptions, RegressionParams, Solver, Trust,
-    Views,
+    Backend, CuarError, DescentEngine, OffsetScene, RefineOptions, RegressionParams, Report,
+    Solver, Views,
     descent::Descent,
-    plan::ViewTime,
     problem::{Deltas, Problem, TracePoint, Watch, num_lanes},
     regression::Regression,
     sample::{Sample, Source},
@@ -46,43 +45,6 @@ impl Refined {
     pub fn scene<'a>(&'a self, scene: &'a dyn DynamicScene) -> OffsetScene<'a> {
         OffsetScene::new(scene, &self.rows, &self.d_sh, &self.d_logits)
     }
-}
-
-/// What was done, and how well. Losses are Eq. 20, means over images; pixels that no edited splat reaches contribute nothing to them.
-#[derive(Debug, Clone, Default, PartialEq)]
-pub struct Report {
-    /// Edited splats.
-    pub num_edited: usize,
-    /// Edited splats that some image shows.
-    pub num_visible: usize,
-    /// Images that supervised.
-    pub samples: Vec<ViewTime>,
-    /// Images that only reported.
-    pub held_out: Vec<ViewTime>,
-    /// Before refinement.
-    pub loss_before: f64,
-    /// After it.
-    pub loss_after: f64,
-    /// On held-out images, before; 0 if there are none.
-    pub held_out_before: f64,
-    /// On held-out images, after.
-    pub held_out_after: f64,
-    /// Of these two, what artifacts contribute (Eq. 18); the rest is how much colours change elsewhere.
-    pub held_out_artifacts: [f64; 2],
-    /// Which pixels the mask calls artifacts, which of those frame 1 tells about, and why not the others.
-    pub trust: Trust,
-    /// Images in which [`RefineOptions::min_uncertainty`], not ε·mean(U), is the mask's threshold.
-    pub num_floored: usize,
-    /// The loss over the run.
-    pub trace: Vec<TracePoint>,
-    /// Seconds per part of the work.
-    pub timings: Vec<(&'static str, f64)>,
-    /// Bytes of images and prepared states, as estimated for the budget.
-    pub bytes: usize,
-    /// Images whose prepared state was kept.
-    pub num_cached: usize,
-    /// What the user should know.
-    pub warnings: Vec<String>,
 }
 
 /// Refines the colours of the `edited` rows of `scene` (Eqs. 11–20): the edited frame, seen from each view, is warped to other times and

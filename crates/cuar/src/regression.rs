@@ -1,9 +1,8 @@
 //! The regression solver: see [`crate::RegressionParams`].
 
 use crate::{
-    CuarError, RegressionParams,
+    CuarError, Entry, RegressionParams,
     problem::{Deltas, Problem, TracePoint, Watch},
-    sample::Entry,
     state::State,
     visit::Ask,
 };

@@ -2,10 +2,10 @@
 
 use crate::{
     CuarError, Doubt, RefineOptions, Trust, WarpForm, carried,
-    compact::{gather, needed_rows},
-    engine::DescentImage,
+    descent_image::{Crop, DescentImage, Entry},
     flow::{affine_motion, render_landing},
     plan::ViewTime,
+    splat_visibility::{gather, needed_rows},
     trust::Verdict,
     uncertainty::{change, direction, eye, shown, threshold},
     warp::{FirstFrame, WARP_CHANNELS, fetch, push_forward, trace},
@@ -19,37 +19,8 @@ pub(crate) const FORE: u8 = DescentImage::FORE;
 pub(crate) const BACK: u8 = DescentImage::BACK;
 /// An edited splat shows here.
 pub(crate) const LIVE: u8 = DescentImage::LIVE;
-/// Half a window of SSIM: beyond this margin masked images are zero and contribute nothing.
-const MARGIN: usize = 5;
-
-/// Rectangle of the image, pixels.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-pub struct Crop {
-    /// First column.
-    pub x: usize,
-    /// First row.
-    pub y: usize,
-    /// Columns.
-    pub width: usize,
-    /// Rows.
-    pub height: usize,
-}
-
-/// An edited splat in an image.
-#[derive(Debug, Clone, Copy)]
-pub struct Entry {
-    /// Row among the image's splats.
-    pub local: u32,
-    /// Row among the edited splats.
-    pub row: u32,
-    /// Unit vector from the camera, world frame.
-    pub towards: [f32; 3],
-    /// Colour before refinement, not clamped.
-    pub color: [f32; 3],
-    /// Whether the image can tell its colour. Where pixels are known by splats that frame 1 shows, those it does not show get the blame for
-    /// whatever the others cannot follow.
-    pub told: bool,
-}
+/// Beyond this margin, pixels, masked images are zero and contribute nothing to SSIM.
+const MARGIN: usize = c4d_metrics::SSIM_RADIUS;
 
 /// One supervised image.
 pub(crate) struct Sample<P> {
@@ -185,7 +156,7 @@ impl<P> Builder<P> {
     }
 
     /// The sample of `camera` at the time of `splats`; `None` where no edited splat shows.
-    pub(crate) fn sample<R: Rasterizer<Prepared = P>>(
+    pub(crate) fn sample<R: Rasterizer<Prepared = P> + Sync>(
         &mut self,
         source: &Source<R>,
         at: ViewTime,
@@ -234,7 +205,8 @@ impl<P> Builder<P> {
                 }
             }
         }
-        let rows = needed_rows(splats, source.edited, camera, &live, options.opacity);
+        let rows =
+            needed_rows(source.raster, splats, source.edited, camera, &live, options.opacity);
         // a splat whose colour is broken draws nothing in the full scene either
         let drawn = |&row: &u32| splats.is_finite(row as usize);
         let rows: Vec<u32> = rows.into_iter().filter(drawn).collect();

@@ -1,9 +1,9 @@
 //! Rendering a supervised image with the offsets so far, and differentiating its loss ([`Work::visit`]).
 
 use crate::{
-    CuarError, DescentEngine, DescentImage, RefineOptions,
+    Crop, CuarError, DescentEngine, DescentImage, Entry, RefineOptions,
     loss::{LossParts, Objective, Shape, Targets},
-    sample::{BACK, Crop, Entry, FORE, LIVE, Sample},
+    sample::{BACK, FORE, LIVE, Sample},
 };
 use gs_core::{
     Camera, Rasterizer, RenderGrads, RenderOutput, RenderParams, Splats, UpstreamGrads, sh,

@@ -11,7 +11,9 @@
 pub mod activation;
 mod camera;
 mod covariance;
+mod footprint;
 mod image;
+pub mod image_formation;
 mod precision;
 pub mod quat;
 mod raster;
@@ -22,6 +24,7 @@ mod splats;
 
 pub use camera::{Camera, CameraError, Intrinsics};
 pub use covariance::{covariance, rotation_matrix};
+pub use footprint::Footprint;
 pub use image::{Image, ImageError};
 pub use precision::{Precision, RowPrecision};
 pub use raster::{
@@ -31,3 +34,7 @@ pub use raster::{
 pub use real::{Real, Ring};
 pub use scene::{DynamicScene, SceneError, TimeRange};
 pub use splats::{Splats, SplatsError};
+
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct ReadmeDoctests;

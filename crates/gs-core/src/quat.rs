@@ -1,13 +1,13 @@
 //! Quaternions `wxyz`, and the only two doors to `glam`, which stores `xyzw`.
 
-use crate::Real;
+use crate::{Real, image_formation::MIN_QUAT_NORM};
 
 /// The rotation that rotates nothing.
 pub const IDENTITY: [f32; 4] = [1.0, 0.0, 0.0, 0.0];
 
 /// `q / max(‖q‖, 1e-12)`: a zero quaternion stays zero, as in the reference.
 pub fn normalize<F: Real>(q: [F; 4]) -> [F; 4] {
-    let norm = dot(q, q).sqrt().max(F::of(1e-12));
+    let norm = dot(q, q).sqrt().max(F::of(MIN_QUAT_NORM));
     q.map(|component| component / norm)
 }
 

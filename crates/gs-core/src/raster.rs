@@ -1,6 +1,6 @@
 //! [`Rasterizer`]: prepare once, composite as often as colours change, differentiate.
 
-use crate::{Camera, CameraError, Image, Real, Splats, SplatsError};
+use crate::{Camera, CameraError, Footprint, Image, Real, Splats, SplatsError};
 use thiserror::Error;
 
 /// What a render needs besides splats and camera. Nothing here concerns the prepared state.
@@ -177,6 +177,17 @@ pub trait Rasterizer<F: Real = f32> {
         camera: &Camera,
         prepared: &mut Self::Prepared,
     ) -> Result<(), RasterError>;
+
+    /// The part of the image that splat `row` can reach from `camera`, and its depth; `None` if it draws nothing. Never smaller than what
+    /// a forward pass would draw, for any opacity. Lets callers leave out splats that cannot matter to them.
+    ///
+    /// The default is that of [`crate::image_formation`]; rasterisers with another image formation override it.
+    ///
+    /// # Panics
+    /// If `row` is out of range.
+    fn footprint(&self, splats: &Splats<F>, row: usize, camera: &Camera) -> Option<Footprint> {
+        Footprint::of(splats, row, camera)
+    }
 
     /// Composites the splats' colours and depth (as `params` asks) and `features` (`[N,F]`, flat; empty for none).
     ///

@@ -20,6 +20,7 @@ mod error;
 mod evaluate;
 pub mod frames;
 mod hash_grid;
+mod head;
 mod hexplane;
 mod linear;
 mod mask;
@@ -35,10 +36,11 @@ pub use error::FieldError;
 pub use hash_grid::{
     FieldBox, GridShape, HashGrid, HashGridField, HashGridNetwork, HashGridScene, IndexRule, Level,
 };
+pub use head::Head;
 pub use hexplane::{HexPlane, PLANE_AXES, Plane};
 pub use linear::Linear;
 pub use mask::{EmptyVoxel, Mask};
-pub use network::{Component, Head, Heads, HexPlaneField, HexPlaneNetwork};
+pub use network::{Component, Heads, HexPlaneField, HexPlaneNetwork};
 pub use polynomial::{Polynomial, PolynomialError, PolynomialScene};
 pub use scene::{DEFAULT_CACHE_LIMIT, HexPlaneScene};
 pub use static_scene::StaticScene;

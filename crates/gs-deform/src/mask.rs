@@ -1,6 +1,6 @@
 //! Masks that let parts of a scene stay put.
 
-use crate::{FieldError, network::Head};
+use crate::{FieldError, Head};
 
 /// What multiplies the stored parameters before a head's output is added (spec §6.4).
 #[derive(Debug, Clone, PartialEq)]

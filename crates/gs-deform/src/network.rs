@@ -1,19 +1,10 @@
 //! [`HexPlaneField`]: feature planes, trunk and heads of a 4DGaussians deformation network.
 
 use crate::linear::{Linear, Packed};
-use crate::{FieldError, HexPlane, Mask};
+use crate::{FieldError, Head, HexPlane, Mask};
 
 /// SH values a colour head puts out: 16 coefficients of three channels, whatever the degree in use.
 const SH_OUTPUTS: usize = 48;
-
-/// Two layers, each after a ReLU: `head(h) = W₃·relu(W₁·relu(h) + b₁) + b₃`.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Head {
-    /// Layer 1, `[W, W]`.
-    pub hidden: Linear,
-    /// Layer 3, `[outputs, W]`.
-    pub out: Linear,
-}
 
 /// What a head changes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

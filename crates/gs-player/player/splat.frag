@@ -1,6 +1,5 @@
 #version 300 es
-// A pixel of a splat, premultiplied: opacity below 1/255 draws nothing, above 0.99 is capped. Colours are blended as stored, without
-// a gamma curve, as in training.
+// A pixel of a splat, premultiplied. Colours are blended as stored, without a gamma curve, as in training.
 precision highp float;
 
 uniform vec2 u_size;
@@ -11,11 +10,15 @@ flat in vec4 v_color;
 
 out vec4 pixel;
 
+// Those of gs_core::image_formation, which documents them; a test compares them.
+const float MAX_ALPHA = 0.99;
+const float ALPHA_THRESHOLD = 1.0 / 255.0;
+
 void main() {
   vec2 d = v_center - vec2(gl_FragCoord.x, u_size.y - gl_FragCoord.y);
   float power = -0.5 * (v_conic.x * d.x * d.x + v_conic.z * d.y * d.y) - v_conic.y * d.x * d.y;
   if (power > 0.0) discard;
-  float alpha = min(0.99, v_color.a * exp(power));
-  if (alpha < 1.0 / 255.0) discard;
+  float alpha = min(MAX_ALPHA, v_color.a * exp(power));
+  if (alpha < ALPHA_THRESHOLD) discard;
   pixel = vec4(v_color.rgb * alpha, alpha);
 }

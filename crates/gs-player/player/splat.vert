@@ -1,6 +1,6 @@
 #version 300 es
-// One splat as a rectangle of pixels: projection of a Gaussian with the Jacobian of the perspective at its centre (EWA), guard band
-// 1.3, low-pass 0.3 px², cut at three standard deviations rounded up to tiles of 16 px, as the reference rasteriser and our own.
+// One splat as a rectangle of pixels: projection of a Gaussian with the Jacobian of the perspective at its centre (EWA), clipped to
+// whole tiles around three standard deviations, as in training.
 // One instance is one splat, farthest first; four vertices are the corners of its rectangle.
 precision highp float;
 precision highp int;
@@ -28,11 +28,14 @@ flat out vec2 v_center;
 flat out vec3 v_conic;
 flat out vec4 v_color;
 
-const float NEAR = 0.2;
-const float GUARD = 1.3;
-const float LOW_PASS = 0.3;
-const float TILE = 16.0;
-const float MIN_ALPHA = 1.0 / 255.0;
+// Those of gs_core::image_formation, which documents them; a test compares them.
+const float NEAR_PLANE = 0.2;
+const float GUARD_BAND = 1.3;
+const float EPS2D = 0.3;
+const float EXTENT_SIGMAS = 3.0;
+const float MIN_DISCRIMINANT = 0.1;
+const float TILE_SIZE = 16.0;
+const float ALPHA_THRESHOLD = 1.0 / 255.0;
 
 vec4 geometry(int row, int texel) {
   return texelFetch(u_geometry, ivec2((row % u_geometry_per_line) * 3 + texel, row / u_geometry_per_line), 0);
@@ -94,13 +97,13 @@ void main() {
   int row = int(a_row);
   vec3 mean = geometry(row, 0).xyz;
   vec3 t = vec3(dot(u_view[0], vec4(mean, 1.0)), dot(u_view[1], vec4(mean, 1.0)), dot(u_view[2], vec4(mean, 1.0)));
-  if (t.z <= NEAR) return;
+  if (t.z <= NEAR_PLANE) return;
   vec4 color = look(look_row(row), 0);
-  if (color.a < MIN_ALPHA) return;
+  if (color.a < ALPHA_THRESHOLD) return;
   // Pixel centres at half-integers, rows downwards.
   vec2 center = u_focal * t.xy / t.z + u_principal;
 
-  vec2 limit = GUARD * u_size / (2.0 * u_focal);
+  vec2 limit = GUARD_BAND * u_size / (2.0 * u_focal);
   vec2 clamped = clamp(t.xy / t.z, -limit, limit) * t.z;
   mat3 view = transpose(mat3(u_view[0].xyz, u_view[1].xyz, u_view[2].xyz));
   mat3 m = view * rotation(geometry(row, 1));
@@ -112,21 +115,21 @@ void main() {
   // Rows of J times the matrix whose product with its transpose is the covariance.
   vec3 jx = rows * vec3(u_focal.x / t.z, 0.0, -u_focal.x * clamped.x / (t.z * t.z));
   vec3 jy = rows * vec3(0.0, u_focal.y / t.z, -u_focal.y * clamped.y / (t.z * t.z));
-  float a = dot(jx, jx) + LOW_PASS;
+  float a = dot(jx, jx) + EPS2D;
   float b = dot(jx, jy);
-  float c = dot(jy, jy) + LOW_PASS;
+  float c = dot(jy, jy) + EPS2D;
   float det = a * c - b * b;
   if (!(det > 0.0) || !(a < 1e30) || !(c < 1e30)) return;
 
   float mid = 0.5 * (a + c);
-  float radius = ceil(3.0 * sqrt(mid + sqrt(max(0.1, mid * mid - det))));
+  float radius = ceil(EXTENT_SIGMAS * sqrt(mid + sqrt(max(MIN_DISCRIMINANT, mid * mid - det))));
   // The reference samples pixel i at coordinate i: half a pixel less.
   vec2 corner = center - 0.5;
-  vec2 tiles = ceil(u_size / TILE);
-  vec2 low = clamp(trunc((corner - radius) / TILE), vec2(0.0), tiles) * TILE;
-  vec2 high = clamp(trunc((corner + radius + TILE - 1.0) / TILE), vec2(0.0), tiles) * TILE;
+  vec2 tiles = ceil(u_size / TILE_SIZE);
+  vec2 low = clamp(trunc((corner - radius) / TILE_SIZE), vec2(0.0), tiles) * TILE_SIZE;
+  vec2 high = clamp(trunc((corner + radius + TILE_SIZE - 1.0) / TILE_SIZE), vec2(0.0), tiles) * TILE_SIZE;
   // Within the tiles only where the opacity can reach 1/255; a pixel more against rounding.
-  vec2 reach = sqrt(2.0 * log(color.a / MIN_ALPHA) * vec2(a, c)) + 1.0;
+  vec2 reach = sqrt(2.0 * log(color.a / ALPHA_THRESHOLD) * vec2(a, c)) + 1.0;
   low = max(low, floor(center - reach));
   high = min(min(high, ceil(center + reach)), u_size);
   if (low.x >= high.x || low.y >= high.y) return;

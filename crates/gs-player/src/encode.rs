@@ -1,6 +1,6 @@
 //! Two scenes over time as one compressed payload.
 
-use crate::gauge::Gauge;
+use crate::axis_permutation::AxisPermutation;
 use crate::options::Options;
 use crate::pack::{self, Entry, Label};
 use crate::survey::{self, Groups, Rows};
@@ -157,9 +157,9 @@ struct Recorder {
     options: Options,
     origin: [f64; 3],
     position_step: f64,
-    gauges: Vec<Gauge>,
-    gauge_of: Vec<u8>,
-    /// Rotation of the last frame in its gauge, for the sign of the next.
+    permutations: Vec<AxisPermutation>,
+    permutation_of: Vec<u8>,
+    /// Rotation of the last frame in its permutation, for the sign of the next.
     last_quat: Vec<[f64; 4]>,
     clamped: usize,
 }
@@ -188,8 +188,8 @@ impl Recorder {
             options: *options,
             origin,
             position_step,
-            gauges: Gauge::all(),
-            gauge_of: vec![0; rows],
+            permutations: AxisPermutation::all(),
+            permutation_of: vec![0; rows],
             last_quat: vec![[0.0; 4]; rows],
             clamped: 0,
         }
@@ -226,17 +226,17 @@ impl Recorder {
         }
         let mut rotation = quat::normalize(splats.quats[splat].map(f64::from));
         if frame == 0 {
-            self.gauge_of[row] = Gauge::best(&self.gauges, rotation);
+            self.permutation_of[row] = AxisPermutation::best(&self.permutations, rotation);
             self.last_quat[row] = [1.0, 0.0, 0.0, 0.0];
         }
-        let gauge = &self.gauges[usize::from(self.gauge_of[row])];
-        rotation = quat::align(gauge.rotate(rotation), self.last_quat[row]);
+        let axis_permutation = &self.permutations[usize::from(self.permutation_of[row])];
+        rotation = quat::align(axis_permutation.rotate(rotation), self.last_quat[row]);
         if frame == 0 {
             rotation = quat::align(rotation, [1.0, 0.0, 0.0, 0.0]);
         }
         self.last_quat[row] = rotation;
         let rotation = rotation.map(|component| component / self.options.rotation_step);
-        let scale = gauge
+        let scale = axis_permutation
             .permute(splats.log_scales[splat])
             .map(|value| f64::from(value) / self.options.scale_step);
         record(&mut self.position, row, frame, &mean);
@@ -280,7 +280,7 @@ impl Recorder {
         for tracks in geometry.into_iter().chain(looks.into_iter().flatten()) {
             tracks.finish(last_frame);
         }
-        let moves: Vec<bool> = (0..self.gauge_of.len())
+        let moves: Vec<bool> = (0..self.permutation_of.len())
             .map(|row| [&self.position, &self.rotation, &self.scale].iter().any(|t| t.moves(row)))
             .collect();
         let (rows, looks) = order(groups, &self.position.base, &moves);

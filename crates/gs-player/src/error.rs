@@ -3,6 +3,9 @@
 use gs_core::SceneError;
 use thiserror::Error;
 
+/// Most frames of one payload.
+pub const MAX_FRAMES: usize = 65_535;
+
 /// Why a player could not be made.
 #[derive(Debug, Error)]
 pub enum PlayerError {
@@ -10,7 +13,7 @@ pub enum PlayerError {
     #[error("player: no frames were asked for, expected at least 1")]
     NoFrames,
     /// More frames than the format counts.
-    #[error("player: {found} frames, expected at most {}", crate::MAX_FRAMES)]
+    #[error("player: {found} frames, expected at most {MAX_FRAMES}")]
     TooManyFrames {
         /// Frames asked for.
         found: usize,

@@ -16,10 +16,10 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
-mod armor;
+mod axis_permutation;
+mod base91;
 mod encode;
 mod error;
-mod gauge;
 mod options;
 mod pack;
 mod page;
@@ -27,12 +27,9 @@ mod survey;
 mod tracks;
 
 pub use encode::{Encoded, MAGIC, Report, encode};
-pub use error::PlayerError;
+pub use error::{MAX_FRAMES, PlayerError};
 pub use options::Options;
 pub use page::{Page, Poster, page};
-
-/// Most frames of one payload.
-pub const MAX_FRAMES: usize = 65_535;
 
 #[cfg(doctest)]
 #[doc = include_str!("../README.md")]

@@ -1,6 +1,6 @@
 //! The page: one HTML file with the player, a poster and the payload.
 
-use crate::armor;
+use crate::base91;
 use crate::{Encoded, PlayerError};
 use base64::{Engine, prelude::BASE64_STANDARD as BASE64};
 use gs_core::Camera;
@@ -153,11 +153,11 @@ pub fn page(encoded: &Encoded, page: &Page<'_>) -> Result<String, PlayerError> {
 /// The payload as data blocks of the page.
 fn blocks(payload: &[u8]) -> String {
     let mut out = String::with_capacity(payload.len() * 5 / 4 + 1024);
-    for block in payload.chunks(armor::BLOCK) {
+    for block in payload.chunks(base91::BLOCK) {
         out.push_str("<script type=\"application/vnd.c4d\" data-bytes=\"");
         out.push_str(&block.len().to_string());
         out.push_str("\">");
-        armor::encode(block, &mut out);
+        base91::encode(block, &mut out);
         out.push_str("</script>\n");
     }
     out
@@ -165,4 +165,37 @@ fn blocks(payload: &[u8]) -> String {
 
 fn escape(text: &str) -> String {
     text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use gs_core::image_formation::CONSTANTS;
+
+    /// Constants of a GLSL source that [`gs_core::image_formation`] does not know by name and value.
+    fn findings(glsl: &str) -> Vec<String> {
+        let number = |text: &str| text.trim().parse::<f32>().ok();
+        glsl.lines()
+            .filter_map(|line| line.strip_prefix("const float ")?.strip_suffix(';'))
+            .filter(|line| {
+                let Some((name, value)) = line.split_once(" = ") else { return true };
+                let value = match value.split_once('/') {
+                    Some((a, b)) => number(a).zip(number(b)).map(|(a, b)| a / b),
+                    None => number(value),
+                };
+                !CONSTANTS.iter().any(|known| Some(*known) == value.map(|value| (name, value)))
+            })
+            .map(str::to_owned)
+            .collect()
+    }
+
+    #[test]
+    fn constants_of_the_shaders_are_those_of_the_image_formation() {
+        for (name, glsl) in [("splat.vert", VERTEX), ("splat.frag", FRAGMENT)] {
+            assert!(glsl.contains("const float ALPHA_THRESHOLD"), "{name} declares constants");
+            assert_eq!(findings(glsl), Vec::<String>::new(), "{name}");
+        }
+        assert_eq!(findings("const float EPS2D = 0.4;").len(), 1, "wrong value");
+        assert_eq!(findings("const float BLUR = 0.3;").len(), 1, "unknown name");
+    }
 }

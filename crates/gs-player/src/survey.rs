@@ -1,11 +1,10 @@
 //! First look at the scenes: which rows can be seen, which are the same in both, and how large everything is.
 
 use crate::PlayerError;
+use gs_core::image_formation::ALPHA_THRESHOLD;
 use gs_core::{DynamicScene, Splats};
 use std::collections::HashMap;
 
-/// Below this opacity a splat draws nothing.
-const VISIBLE: f32 = 1.0 / 255.0;
 /// Share of the rows left out at either end when the size of the scene is measured: floaters and backdrops.
 const TRIM: f64 = 0.05;
 
@@ -83,7 +82,7 @@ impl Rows {
             }
             for i in 0..rows {
                 finite[i] &= splats.is_finite(i);
-                visible[i] |= splats.opacity(i) >= VISIBLE;
+                visible[i] |= splats.opacity(i) >= ALPHA_THRESHOLD;
                 let shape = splats.means[i].iter().chain(&splats.log_scales[i]);
                 geometry[i] = shape.chain(&splats.quats[i]).copied().fold(geometry[i], mix);
                 let colors = splats.sh_of(i).iter().take(sh_coeffs).flatten();

@@ -5,7 +5,7 @@ use crate::forward::{check, passes, with_channels};
 use crate::lanes::{self, Lane};
 use crate::prepared::{Composited, Prepared};
 use crate::shade::{HEAD, Layout};
-use crate::splat_grads;
+use crate::splat_grads::{self, Scope};
 use crate::tile::{Pass, Plane, clear};
 use crate::tile_grad::{MOMENTS, Sums, TileUpstream, differentiate, differentiate_colors};
 use crate::times::timed;
@@ -15,13 +15,6 @@ use pulp::{Simd, WithSimd};
 use rayon::prelude::*;
 use std::ops::Range;
 use std::time::Instant;
-
-/// Which parameters a backward pass differentiates.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Scope {
-    Everything,
-    Colors,
-}
 
 /// The tiles of one macro tile.
 struct DifferentiateMacro<'a, F> {

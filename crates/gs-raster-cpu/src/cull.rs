@@ -1,8 +1,8 @@
 //! Exact culling: which pixel rows of a tile column a splat can reach, inside its 3σ rectangle.
 
 use crate::project::Projected;
-use crate::view::ALPHA_THRESHOLD;
 use gs_core::Real;
+use gs_core::image_formation::ALPHA_THRESHOLD;
 
 /// The set of points where a splat's alpha reaches 1/255: `A x² + 2B x y + C y² ≤ τ` about its centre, slightly inflated.
 #[derive(Debug, Clone, Copy)]

@@ -25,6 +25,7 @@
 mod backward;
 mod bins;
 mod cull;
+mod culling;
 mod forward;
 mod harmonics;
 mod lanes;
@@ -39,39 +40,15 @@ mod times;
 mod vector;
 mod view;
 
+pub use culling::Culling;
 pub use prepared::Prepared;
 pub use times::StageTimes;
 
-use backward::Scope;
 use gs_core::{
-    Camera, RasterError, Rasterizer, Real, RenderGrads, RenderOutput, RenderParams, Splats,
-    UpstreamGrads,
+    Camera, RasterError, Rasterizer, RenderGrads, RenderOutput, RenderParams, Splats, UpstreamGrads,
 };
 use lanes::Lane;
-
-/// Which tiles inside a splat's 3σ rectangle are listed. The image is the same whichever: only time differs.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-pub enum Culling {
-    /// Tiles that the splat reaches with the opacity it has (a third fewer than its rectangle). A forward pass that finds an opacity
-    /// larger than the lists were made for makes them anew, without projecting or sorting. The default.
-    #[default]
-    Opacity,
-    /// Tiles that the splat would reach if it were opaque: lists that hold for every opacity, for loops that change opacities often.
-    AnyOpacity,
-    /// All tiles of the rectangle, as the reference lists them.
-    Rectangle,
-}
-
-impl Culling {
-    /// Logarithm of the opacity to cull with, given that of the splat.
-    fn log_opacity<F: Real>(self, own: F) -> Option<F> {
-        match self {
-            Self::Opacity => Some(own),
-            Self::AnyOpacity => Some(F::zero()),
-            Self::Rectangle => None,
-        }
-    }
-}
+use splat_grads::Scope;
 
 /// The CPU rasteriser; runs on the current rayon thread pool. Stateless: everything lives in [`Prepared`].
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]

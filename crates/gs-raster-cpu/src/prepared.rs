@@ -3,7 +3,7 @@
 use crate::Culling;
 use crate::bins::{self, Block, MACRO, MACRO_TILES, Macro};
 use crate::lanes::{self, Lane};
-use crate::project::{Projected, project};
+use crate::project::{CULLED, Projected, project};
 use crate::shade::{DEAD, Shade};
 use crate::times::{StageTimes, timed};
 use crate::view::{TILE, TILE_PIXELS, View};
@@ -13,8 +13,6 @@ use rayon::prelude::*;
 
 /// Splats projected by one task.
 const CHUNK: usize = 1024;
-/// Rank of a culled splat.
-pub(crate) const CULLED: u32 = u32::MAX;
 
 /// Geometry seen by one camera, ready to composite: projected splats in depth order and the lists of every 16×16 tile.
 ///

@@ -2,9 +2,15 @@
 
 use crate::lanes::Lane;
 use crate::vector::{GROUP, Quad, Vector, all_finite, registers};
-use crate::view::{EPS_2D, EPS_DIVIDE, NEAR, TILE, View, dot, each};
+use crate::view::{TILE, View, dot, each};
+use gs_core::image_formation::{
+    EPS_DIVIDE, EPS2D, EXTENT_SIGMAS, MIN_DISCRIMINANT, MIN_QUAT_NORM, NEAR_PLANE,
+};
 use gs_core::{Ring, Splats, rotation_matrix};
 use pulp::Simd;
+
+/// Rank of a culled splat.
+pub(crate) const CULLED: u32 = u32::MAX;
 
 /// A visible splat on the image plane.
 #[derive(Debug, Clone, Copy, Default)]
@@ -89,7 +95,7 @@ impl<S: Simd, F: Lane> Frame<S, F> {
         let [mx, my, mz, logit] = geometry.means.load(s, k);
         let t = view.to_camera([mx, my, mz]);
         let [qw, qx, qy, qz] = geometry.quats.load(s, k);
-        let norm = (qw * qw + qx * qx + qy * qy + qz * qz).sqrt().max(qw.like(1e-12));
+        let norm = (qw * qw + qx * qx + qy * qy + qz * qz).sqrt().max(qw.like(MIN_QUAT_NORM));
         let quat = [qw / norm, qx / norm, qy / norm, qz / norm];
         let log_scale = geometry.log_scales.load(s, k);
         let scale = each!(k => log_scale[k].exp());
@@ -109,7 +115,7 @@ impl<S: Simd, F: Lane> Frame<S, F> {
         let t23 =
             [each!(k => j00 * w[0][k] + j02 * w[2][k]), each!(k => j11 * w[1][k] + j12 * w[2][k])];
         let st = [each!(k => dot(t23[0], sigma[k])), each!(k => dot(t23[1], sigma[k]))];
-        let low_pass = z.like(EPS_2D);
+        let low_pass = z.like(EPS2D);
         let cov =
             [dot(st[0], t23[0]) + low_pass, dot(st[0], t23[1]), dot(st[1], t23[1]) + low_pass];
         Self {
@@ -175,8 +181,8 @@ impl<F: Lane> ProjectedGroup<F> {
         let mid = half * (a + c);
         // The square is tested because it overflows first in single precision: both float types must cull the same splats.
         let mid2 = mid * mid;
-        let lambda = mid + (mid2 - det).max(a.like(0.1)).sqrt();
-        let radius = a.like(3.0) * lambda.sqrt();
+        let lambda = mid + (mid2 - det).max(a.like(MIN_DISCRIMINANT)).sqrt();
+        let radius = a.like(EXTENT_SIGMAS) * lambda.sqrt();
         let r = one / (t[2] + a.like(EPS_DIVIDE));
         let mut mean = view.centre;
         for axis in 0..2 {
@@ -184,7 +190,7 @@ impl<F: Lane> ProjectedGroup<F> {
             mean[axis] = numerator * r + mean[axis];
         }
         let drawn = a
-            .like(NEAR)
+            .like(NEAR_PLANE)
             .less(t[2])
             .and(zero.less(det))
             .and(all_finite([t[0], t[1], t[2], a, b, c, det, mid2, radius]))

@@ -4,7 +4,8 @@ use crate::lanes::Lane;
 use crate::project::Frame;
 use crate::tile_grad::MOMENTS;
 use crate::vector::Vector;
-use crate::view::{EPS_DIVIDE, View, dot, each};
+use crate::view::{View, dot, each};
+use gs_core::image_formation::EPS_DIVIDE;
 use gs_core::{GradientConvention, Ring};
 use pulp::Simd;
 

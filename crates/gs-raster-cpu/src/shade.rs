@@ -2,7 +2,7 @@
 
 use crate::harmonics::{Harmonics, touch};
 use crate::lanes::{self, Lane, wide};
-use crate::prepared::CULLED;
+use crate::project::CULLED;
 use crate::project::Projected;
 use crate::vector::{GROUP, Quad, registers};
 use crate::view::View;

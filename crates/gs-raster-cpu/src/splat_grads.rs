@@ -3,7 +3,6 @@
 //! Splats that no pixel has drawn, a third in a large scene, get their zeros at once; the others are staged in groups, one splat per
 //! lane. Each gradient is written once, in the order of the splats.
 
-use crate::backward::Scope;
 use crate::harmonics::{Harmonics, touch};
 use crate::lanes::{self, Lane};
 use crate::prepared::Prepared;
@@ -16,6 +15,13 @@ use crate::view::{View, each};
 use gs_core::{GradientConvention, RenderGrads, Splats};
 use pulp::{Simd, WithSimd};
 use rayon::prelude::*;
+
+/// Which parameters a backward pass differentiates.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Scope {
+    Everything,
+    Colors,
+}
 
 /// Splats differentiated by one task.
 const CHUNK: usize = 256;

@@ -6,7 +6,8 @@
 use crate::bins::TileList;
 use crate::lanes::Lane;
 use crate::shade::HEAD;
-use crate::view::{ALPHA_THRESHOLD, MAX_ALPHA, TILE, TILE_PIXELS, TRANSMITTANCE_THRESHOLD};
+use crate::view::{TILE, TILE_PIXELS};
+use gs_core::image_formation::{ALPHA_THRESHOLD, MAX_ALPHA, TRANSMITTANCE_THRESHOLD};
 use pulp::Simd;
 use std::ops::Range;
 

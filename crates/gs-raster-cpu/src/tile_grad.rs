@@ -8,8 +8,9 @@ use crate::bins::TileList;
 use crate::lanes::Lane;
 use crate::shade::HEAD;
 use crate::tile::{BATCH, MAX_ROW, Pass, Plane, Tests, columns, live_rows, offsets, row_registers};
-use crate::view::{MAX_ALPHA, TILE, TRANSMITTANCE_THRESHOLD};
+use crate::view::TILE;
 use gs_core::GradientConvention;
+use gs_core::image_formation::{MAX_ALPHA, TRANSMITTANCE_THRESHOLD};
 use pulp::Simd;
 use std::ops::Range;
 

@@ -2,27 +2,14 @@
 
 use crate::lanes::Lane;
 use crate::vector::{Vector, splat};
+use gs_core::image_formation::{self, GUARD_BAND};
 use gs_core::{Camera, Real, Ring};
 use pulp::Simd;
 
-/// Side of a tile, pixels. The image depends on it: the 3σ rectangle is clipped to tiles.
-pub(crate) const TILE: usize = 16;
+/// Side of a tile, pixels.
+pub(crate) const TILE: usize = image_formation::TILE_SIZE as usize;
 /// Pixels per tile.
 pub(crate) const TILE_PIXELS: usize = TILE * TILE;
-/// Splats at this camera depth or nearer are culled, world units.
-pub(crate) const NEAR: f32 = 0.2;
-/// Added to the diagonal of the projected covariance, pixels².
-pub(crate) const EPS_2D: f32 = 0.3;
-/// Cap of a sample's alpha.
-pub(crate) const MAX_ALPHA: f32 = 0.99;
-/// Samples fainter than this are skipped.
-pub(crate) const ALPHA_THRESHOLD: f32 = 1.0 / 255.0;
-/// A splat that would push the transmittance below this ends the pixel.
-pub(crate) const TRANSMITTANCE_THRESHOLD: f32 = 0.0001;
-/// Keeps the perspective divide finite.
-pub(crate) const EPS_DIVIDE: f32 = 1e-7;
-/// The guard band of the projection's derivative, in half fields of view.
-const GUARD_BAND: f32 = 1.3;
 
 #[derive(Debug, Clone, Default)]
 pub(crate) struct View<F> {

@@ -1,5 +1,7 @@
 //! Structs that cross to the device, declared once with the table that a test compares with the shaders.
 
+use gs_core::image_formation;
+
 /// Name, offset and size of a field, bytes.
 pub type Field = (&'static str, usize, usize);
 
@@ -158,8 +160,6 @@ pub const GROUP_SIZE: u32 = 256;
 pub const TILE_LANES: u32 = 64;
 /// Most groups along one dimension of a dispatch.
 pub const FOLD: u32 = 65_535;
-/// Side of a tile, pixels.
-pub const TILE_SIZE: u32 = 16;
 /// Values per block of the prefix sum.
 pub const SCAN_BLOCK: u32 = 1024;
 /// Keys per block of the sort.
@@ -167,13 +167,31 @@ pub const SORT_BLOCK: u32 = 2048;
 /// Values of a digit of the sort.
 pub const RADIX: u32 = 256;
 
-/// Every constant that exists in Rust and in WGSL.
-pub const CONSTANTS: &[(&str, u32)] = &[
-    ("GROUP_SIZE", GROUP_SIZE),
-    ("TILE_LANES", TILE_LANES),
-    ("FOLD", FOLD),
-    ("TILE_SIZE", TILE_SIZE),
-    ("SCAN_BLOCK", SCAN_BLOCK),
-    ("SORT_BLOCK", SORT_BLOCK),
-    ("RADIX", RADIX),
+/// Value of a constant that exists in Rust and in WGSL.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Constant {
+    /// `u32`.
+    Uint(u32),
+    /// `f32`.
+    Float(f32),
+}
+
+/// Every constant that exists in Rust and in WGSL, under the same name.
+pub const CONSTANTS: &[(&str, Constant)] = &[
+    ("GROUP_SIZE", Constant::Uint(GROUP_SIZE)),
+    ("TILE_LANES", Constant::Uint(TILE_LANES)),
+    ("FOLD", Constant::Uint(FOLD)),
+    ("SCAN_BLOCK", Constant::Uint(SCAN_BLOCK)),
+    ("SORT_BLOCK", Constant::Uint(SORT_BLOCK)),
+    ("RADIX", Constant::Uint(RADIX)),
+    ("TILE_SIZE", Constant::Uint(image_formation::TILE_SIZE)),
+    ("NEAR_PLANE", Constant::Float(image_formation::NEAR_PLANE)),
+    ("EPS2D", Constant::Float(image_formation::EPS2D)),
+    ("EXTENT_SIGMAS", Constant::Float(image_formation::EXTENT_SIGMAS)),
+    ("MIN_DISCRIMINANT", Constant::Float(image_formation::MIN_DISCRIMINANT)),
+    ("MAX_ALPHA", Constant::Float(image_formation::MAX_ALPHA)),
+    ("ALPHA_THRESHOLD", Constant::Float(image_formation::ALPHA_THRESHOLD)),
+    ("TRANSMITTANCE_THRESHOLD", Constant::Float(image_formation::TRANSMITTANCE_THRESHOLD)),
+    ("EPS_DIVIDE", Constant::Float(image_formation::EPS_DIVIDE)),
+    ("MIN_QUAT_NORM", Constant::Float(image_formation::MIN_QUAT_NORM)),
 ];

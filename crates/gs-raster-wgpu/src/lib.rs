@@ -43,3 +43,7 @@ pub use error::GpuError;
 pub use prepared::GpuPrepared;
 pub use renderer::{Stages, WgpuRasterizer};
 pub use resident::{Group, ParameterSlice};
+
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct ReadmeDoctests;

@@ -1,6 +1,7 @@
 //! How a frame is cut: channels into passes, harmonics into bindings, planes into one image buffer.
 
-use crate::layout::{Frame, TILE_SIZE};
+use crate::layout::Frame;
+use gs_core::image_formation::{GUARD_BAND, TILE_SIZE};
 use gs_core::{Camera, GradientConvention, RenderParams};
 
 /// Channels of a render: colour, depth, features, in this order.
@@ -65,7 +66,7 @@ fn single<const N: usize>(values: [f64; N]) -> [f32; N] {
 pub(crate) fn camera_frame(camera: &Camera, num_splats: u32) -> Frame {
     let k = camera.intrinsics;
     let (width, height) = (f64::from(camera.width), f64::from(camera.height));
-    let band = single(camera.tan_half_fov()).map(|tangent| 1.3_f32 * tangent);
+    let band = single(camera.tan_half_fov()).map(|tangent| GUARD_BAND * tangent);
     Frame {
         view0: single(camera.viewmat[0]),
         view1: single(camera.viewmat[1]),

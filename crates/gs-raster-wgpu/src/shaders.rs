@@ -26,7 +26,7 @@ impl Source {
 
 macro_rules! part {
     ($name:literal) => {
-        include_str!(concat!(env!("CARGO_MANIFEST_DIR"), "/../../shaders/", $name))
+        include_str!(concat!(env!("CARGO_MANIFEST_DIR"), "/shaders/", $name))
     };
 }
 

@@ -6,7 +6,7 @@
 mod reflect;
 
 use gs_raster_wgpu::kernels::{Access, KERNELS, KernelDef, Needs};
-use gs_raster_wgpu::layout::{CONSTANTS, LAYOUTS};
+use gs_raster_wgpu::layout::{CONSTANTS, Constant, LAYOUTS};
 use naga::valid::Capabilities;
 use reflect::{Layout, capabilities, constant_findings, entry_findings, parse, struct_findings};
 
@@ -24,6 +24,15 @@ fn every_kernel_is_valid_with_what_it_declares_to_need_and_matches_rust() {
         }
     }
     assert!(found.is_empty(), "{}", found.join("\n"));
+}
+
+#[test]
+fn every_constant_of_the_table_is_in_a_shader() {
+    for (name, _) in CONSTANTS {
+        let declaration = format!("const {name}: ");
+        let declared = KERNELS.iter().any(|def| def.source.text.contains(&declaration));
+        assert!(declared, "no shader declares {name}");
+    }
 }
 
 #[test]
@@ -102,6 +111,15 @@ fn binding_size_and_constant_differences_are_found() {
     assert_eq!(findings(&sample_def(&[Uniform, Write, Write], 64)), 1, "wrong access");
     assert_eq!(findings(&sample_def(&[Uniform, Read, Write], 32)), 1, "wrong group size");
     let (module, _) = parse(SAMPLE, Capabilities::empty()).unwrap();
-    assert!(constant_findings(&module, &[("SIZE", 64)]).is_empty(), "the right constant passes");
-    assert_eq!(constant_findings(&module, &[("SIZE", 65)]).len(), 1, "wrong constant");
+    assert!(
+        constant_findings(&module, &[("SIZE", Constant::Uint(64))]).is_empty(),
+        "the right constant passes"
+    );
+    assert_eq!(
+        constant_findings(&module, &[("SIZE", Constant::Uint(65))]).len(),
+        1,
+        "wrong constant"
+    );
+    let wrong_type = [("SIZE", Constant::Float(64.0))];
+    assert_eq!(constant_findings(&module, &wrong_type).len(), 1, "wrong type");
 }

@@ -1,12 +1,14 @@
 //! From points to a scene: pose, light, noise.
 
 use crate::{
-    SynthScene, figure,
+    SynthScene,
+    body::Body,
+    figure,
     math::{normal3, quat_from_axes, rng, round_count, row_id, uniform, wide},
     paint::{self, Material, Occluder},
     part::{Kind, Part},
     rig::{Attach, Frame, Rig},
-    sampler::{Body, Point, scatter},
+    sampler::{Point, scatter},
     scene::{Row, Stray, View, Wobble},
     stage,
 };

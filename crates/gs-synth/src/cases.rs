@@ -5,12 +5,12 @@ mod graze;
 use crate::{
     Edit, EditedFrame, Graft, Paint, Region, SynthError, SynthScene, apply_edits,
     assemble::{Flaws, Group, assemble},
+    body::Body,
     dance::{Arm, Dance},
     figure,
     math::round_count,
     part::Part,
     rig::Rig,
-    sampler::Body,
     stage,
 };
 use gs_core::Camera;

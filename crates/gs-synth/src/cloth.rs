@@ -5,7 +5,7 @@
 
 use crate::{
     math::{narrow, wide, wxyz},
-    rig::Moved,
+    pose::Moved,
 };
 use glam::{DMat3, DQuat, DVec3, Quat, Vec3};
 use gs_core::quat;

@@ -1,6 +1,6 @@
 //! [`Dance`]: joint angles over time.
 
-use crate::{part::Bone, rig::Pose};
+use crate::{part::Bone, pose::Pose};
 use glam::{DQuat, DVec3};
 use std::f64::consts::{PI, TAU};
 

@@ -4,56 +4,21 @@ mod blocky;
 mod clothing;
 mod draft;
 mod graft;
+mod region;
 
 use crate::{
     EditedFrame, SynthError, SynthScene,
     math::{normal, normal3, rng, uniform},
     paint::{luma, turn_hue},
-    part::{Kind, Part, Tag},
-    scene::Row,
+    part::{Part, Tag},
     truth,
 };
 pub(crate) use draft::Draft;
 use glam::{Quat, Vec3};
+pub use graft::Graft;
 use gs_core::{activation, quat, sh};
 use rand_pcg::Pcg64;
-
-/// Which splats an edit touches: those of some parts, inside an optional ball.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Region {
-    /// Body parts.
-    pub parts: Vec<Part>,
-    /// Centre and radius of a ball at frame 1, world units; `None` for everywhere.
-    pub ball: Option<([f32; 3], f32)>,
-}
-
-impl Region {
-    /// Everything of these parts.
-    pub fn parts(parts: &[Part]) -> Self {
-        Self { parts: parts.to_vec(), ball: None }
-    }
-
-    /// The whole figure, both objects and the sheet: whatever moves, floaters excepted.
-    pub fn moving() -> Self {
-        let mut parts = Part::FIGURE.to_vec();
-        parts.extend([Part::ObjectA, Part::ObjectB, Part::Cloth]);
-        Self { parts, ball: None }
-    }
-
-    /// Only within `radius` of `center` (frame-1 world).
-    #[must_use]
-    pub fn within(mut self, center: [f32; 3], radius: f32) -> Self {
-        self.ball = Some((center, radius));
-        self
-    }
-
-    fn contains(&self, part: Part, mean: [f32; 3]) -> bool {
-        let inside = self.ball.is_none_or(|(center, radius)| {
-            Vec3::from(center).distance_squared(Vec3::from(mean)) <= radius * radius
-        });
-        inside && self.parts.contains(&part)
-    }
-}
+pub use region::Region;
 
 /// New colours. The light baked into the old ones is kept.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -66,23 +31,6 @@ pub enum Paint {
     Hue(f32),
     /// A quilted jacket with zip, collar and cuffs.
     Jacket,
-}
-
-/// Geometry to add.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Graft {
-    /// Brimmed hat on the head.
-    Hat,
-    /// Two horns on the head.
-    Horns,
-    /// Two wings on the back, carried by the chest.
-    Wings,
-    /// A block on the chest that touches the left arm, carried by the chest.
-    Block,
-    /// A thin stick in the right hand, beside the thigh.
-    Stick,
-    /// A ring that hovers above the head and moves with it.
-    Halo,
 }
 
 /// One step of an editing session. Lengths are shares of the figure size.
@@ -298,8 +246,4 @@ fn prune_split(draft: &mut Draft, region: &Region, prune: f32, split: f32, rng: 
         }
     }
     draft.retain(|i| i >= gone.len() || !gone[i]);
-}
-
-fn is_surface(row: &Row) -> bool {
-    matches!(row.kind, Kind::Surface | Kind::Outlier)
 }

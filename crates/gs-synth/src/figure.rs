@@ -1,11 +1,11 @@
 //! The figure in its bind pose: bodies, colours, what each point is attached to. Height 1.8, world units.
 
 use crate::{
+    body::Body,
     math::smoothstep,
     paint::{HAIR, Material, Occluder, SKIN, Spot, blob, matt, rgb, ripple, shiny, stripes},
     part::{Bone, Part},
     rig::Attach,
-    sampler::Body,
     shape::{Ring, Shape, ring},
 };
 use glam::{Mat3, Vec3};

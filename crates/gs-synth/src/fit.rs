@@ -13,48 +13,26 @@
 
 mod layer;
 mod model;
+mod params;
+mod samples;
 
 use crate::{SynthError, math::rng};
 use gs_core::{DynamicScene, Splats, quat};
 use gs_deform::{HexPlaneField, HexPlaneNetwork, HexPlaneScene};
-use layer::{PANEL, Row};
+use layer::PANEL;
 use model::{Layout, Scratch};
+pub use params::FitParams;
 use rand::RngExt;
 use rayon::prelude::*;
+use samples::{PANELS, Samples};
 
-/// Panels per step. Their gradients are added in this order whatever the threads.
-const PANELS: usize = 32;
 /// Groups of panels with a gradient each.
 const GROUPS: usize = 4;
-/// Weight of squared quaternion differences against squared distances in figure sizes.
-const QUAT_WEIGHT: f32 = 0.02;
 /// Learning rates at the start; they fall by a cosine to a fiftieth.
 const PLANE_RATE: f32 = 2e-2;
 const LAYER_RATE: f32 = 4e-3;
 /// Margin of the planes' box around the splats, share of its size.
 const MARGIN: f32 = 0.1;
-
-/// How [`fit_hexplane`] trains.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct FitParams {
-    /// Optimiser steps of 2048 samples each. Default 600.
-    pub steps: usize,
-    /// Texels along each spatial axis of the coarse level; the fine one has twice as many. Default 48.
-    pub resolution: usize,
-    /// Texels along the time axis, of which the network uses the later half (its time runs from 0 to 1 on an axis from −1 to 1).
-    /// Default 49.
-    pub time_resolution: usize,
-    /// Times trained on, evenly spread. Default 25.
-    pub num_times: usize,
-    /// Seed of weights and samples. Default 0.
-    pub seed: u64,
-}
-
-impl Default for FitParams {
-    fn default() -> Self {
-        Self { steps: 600, resolution: 48, time_resolution: 49, num_times: 25, seed: 0 }
-    }
-}
 
 /// A trained network.
 #[derive(Debug, Clone)]
@@ -86,47 +64,6 @@ impl FittedField {
     pub fn scene(&self) -> Result<HexPlaneScene, SynthError> {
         let field = HexPlaneField::new(self.network.clone())?;
         Ok(HexPlaneScene::new(self.canonical.clone(), field)?)
-    }
-}
-
-/// What is trained on.
-struct Samples<'a> {
-    /// Box coordinates of every splat.
-    places: Vec<[f32; 3]>,
-    times: &'a [f32],
-    /// `[T][N]` displacements since the start, figure sizes.
-    shifts: Vec<Vec<[f32; 3]>>,
-    /// `[T][N]` differences of unit quaternions since the start, on the start's hemisphere.
-    turns: Vec<Vec<[f32; 4]>>,
-    figure_size: f32,
-}
-
-impl Samples<'_> {
-    #[inline(always)]
-    fn coords(&self, (row, time): (u32, u32)) -> [f32; 4] {
-        let [x, y, z] = self.places[row as usize];
-        [x, y, z, self.times[time as usize]]
-    }
-
-    /// Replaces outputs by the gradient of the loss; gives the loss.
-    #[inline(always)]
-    fn residuals(&self, picks: &[(u32, u32); PANEL], out: &mut [Vec<Row>; 2]) -> f32 {
-        let mut loss = 0.0;
-        let scale = 2.0 / (PANELS * PANEL) as f32;
-        for (s, &(row, time)) in picks.iter().enumerate() {
-            let (row, time) = (row as usize, time as usize);
-            for (k, wanted) in self.shifts[time][row].iter().enumerate() {
-                let miss = out[0][k][s] / self.figure_size - wanted;
-                loss += miss * miss;
-                out[0][k][s] = scale * miss / self.figure_size;
-            }
-            for (k, wanted) in self.turns[time][row].iter().enumerate() {
-                let miss = out[1][k][s] - wanted;
-                loss += QUAT_WEIGHT * miss * miss;
-                out[1][k][s] = scale * QUAT_WEIGHT * miss;
-            }
-        }
-        loss
     }
 }
 

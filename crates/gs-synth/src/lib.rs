@@ -20,6 +20,7 @@
 //! ```
 
 mod assemble;
+mod body;
 mod cameras;
 mod cases;
 mod cloth;
@@ -36,6 +37,7 @@ mod metric;
 mod oracle;
 mod paint;
 mod part;
+mod pose;
 mod rig;
 mod sampler;
 mod scene;
@@ -54,3 +56,7 @@ pub use oracle::{PartBy, part_neighbours};
 pub use part::{Bone, Kind, Part, Tag};
 pub use scene::{Row, SynthScene};
 pub use truth::{EditedFrame, Truth};
+
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct ReadmeDoctests;

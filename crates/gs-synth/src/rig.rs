@@ -5,47 +5,12 @@ use crate::{
     dance::{self, Dance},
     math::{narrow, wide, wxyz},
     part::Bone,
+    pose::{Moved, Pose},
 };
 use glam::{DQuat, DVec3};
 use gs_core::quat;
 
 const NUM_BONES: usize = Bone::ALL.len();
-
-/// A similarity `x ↦ s·R·x + p`.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct Pose {
-    pub(crate) scale: f64,
-    pub(crate) rotation: DQuat,
-    pub(crate) translation: DVec3,
-}
-
-impl Pose {
-    pub(crate) const IDENTITY: Self =
-        Self { scale: 1.0, rotation: DQuat::IDENTITY, translation: DVec3::ZERO };
-
-    /// Scales and turns about `pivot`, then moves by `shift`.
-    pub(crate) fn about(pivot: DVec3, scale: f64, rotation: DQuat, shift: DVec3) -> Self {
-        Self { scale, rotation, translation: pivot + shift - scale * (rotation * pivot) }
-    }
-
-    pub(crate) fn apply(&self, x: DVec3) -> DVec3 {
-        self.scale * (self.rotation * x) + self.translation
-    }
-
-    /// First `inner`, then `self`.
-    pub(crate) fn after(&self, inner: &Self) -> Self {
-        Self {
-            scale: self.scale * inner.scale,
-            rotation: self.rotation * inner.rotation,
-            translation: self.apply(inner.translation),
-        }
-    }
-
-    pub(crate) fn inverse(&self) -> Self {
-        let (scale, rotation) = (1.0 / self.scale, self.rotation.conjugate());
-        Self { scale, rotation, translation: -scale * (rotation * self.translation) }
-    }
-}
 
 /// Where all bones are at all times, `t` in `[0,1]`.
 #[derive(Debug, Clone, PartialEq)]
@@ -102,14 +67,6 @@ impl Attach {
             Self { bone, weight: weight.min(1.0) }
         }
     }
-}
-
-/// What a [`Frame`] does to one splat.
-#[derive(Debug, Clone, Copy)]
-pub(crate) struct Moved {
-    pub(crate) mean: [f32; 3],
-    pub(crate) quat: [f32; 4],
-    pub(crate) log_scales: [f32; 3],
 }
 
 #[derive(Debug, Clone, Copy)]
@@ -216,18 +173,6 @@ impl Frame {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn inverse_undoes() {
-        let pose = Pose::about(
-            DVec3::new(1.0, 2.0, 3.0),
-            1.3,
-            DQuat::from_rotation_x(0.7) * DQuat::from_rotation_y(-1.2),
-            DVec3::new(0.1, 0.0, -2.0),
-        );
-        let x = DVec3::new(0.3, -0.4, 5.0);
-        assert!((pose.inverse().apply(pose.apply(x)) - x).length() < 1e-12, "round trip");
-    }
 
     #[test]
     fn joints_are_continuous_in_weight_and_hold_their_pivot() {

@@ -1,6 +1,7 @@
 //! From bodies to points: how many each gets, where they lie, what they look like before light.
 
 use crate::{
+    body::Body,
     figure,
     math::{apportion, normal3, uniform},
     paint::{Material, Spot},
@@ -10,40 +11,6 @@ use crate::{
 };
 use glam::Vec3;
 use rand_pcg::Pcg64;
-
-/// A surface with its colours.
-#[derive(Debug, Clone)]
-pub(crate) struct Body {
-    pub(crate) part: Part,
-    pub(crate) shape: Shape,
-    pub(crate) paint: fn(&Spot) -> Material,
-    /// Splats per area against the other bodies of its group.
-    density: f32,
-    keep: fn(Vec3) -> bool,
-    /// Carries all points, instead of what [`figure::attach`] says.
-    carrier: Option<Attach>,
-}
-
-impl Body {
-    pub(crate) fn new(part: Part, shape: Shape, paint: fn(&Spot) -> Material) -> Self {
-        Self { part, shape, paint, density: 1.0, keep: |_| true, carrier: None }
-    }
-
-    pub(crate) fn denser(mut self, density: f32) -> Self {
-        self.density = density;
-        self
-    }
-
-    pub(crate) fn cut(mut self, keep: fn(Vec3) -> bool) -> Self {
-        self.keep = keep;
-        self
-    }
-
-    pub(crate) fn carried_by(mut self, carrier: Attach) -> Self {
-        self.carrier = Some(carrier);
-        self
-    }
-}
 
 /// A splat to be, in bind coordinates.
 #[derive(Debug, Clone, Copy)]

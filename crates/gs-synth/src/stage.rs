@@ -1,11 +1,11 @@
 //! What stands around the figure: ground disc, columns, crates, balls, backdrop; and the bodies of the small scenes.
 
 use crate::{
+    body::Body,
     cloth,
     math::smoothstep,
     paint::{Material, Occluder, Spot, matt, rgb, ripple, shiny, stripes},
     part::Part,
-    sampler::Body,
     shape::{Ring, Shape, ring},
 };
 use glam::{Mat3, Vec3};

@@ -3,7 +3,7 @@
 use cuar::DescentImage;
 use gs_raster_wgpu::gpu_struct;
 use gs_raster_wgpu::kernels::{Access, KernelDef, Needs};
-use gs_raster_wgpu::layout::{Field, GpuLayout};
+use gs_raster_wgpu::layout::{Constant, Field, GpuLayout};
 use gs_raster_wgpu::shaders::Source;
 
 gpu_struct! {
@@ -130,17 +130,17 @@ pub const BLOCK: u32 = 16;
 pub const GROUP_SIZE: u32 = gs_raster_wgpu::layout::GROUP_SIZE;
 
 /// Every constant that exists in Rust and in WGSL.
-pub const CONSTANTS: &[(&str, u32)] = &[
-    ("BLOCK", BLOCK),
-    ("GROUP_SIZE", GROUP_SIZE),
-    ("FORE", DescentImage::FORE as u32),
-    ("BACK", DescentImage::BACK as u32),
-    ("LIVE", DescentImage::LIVE as u32),
+pub const CONSTANTS: &[(&str, Constant)] = &[
+    ("BLOCK", Constant::Uint(BLOCK)),
+    ("GROUP_SIZE", Constant::Uint(GROUP_SIZE)),
+    ("FORE", Constant::Uint(DescentImage::FORE as u32)),
+    ("BACK", Constant::Uint(DescentImage::BACK as u32)),
+    ("LIVE", Constant::Uint(DescentImage::LIVE as u32)),
 ];
 
 macro_rules! part {
     ($name:literal) => {
-        include_str!(concat!(env!("CARGO_MANIFEST_DIR"), "/../../shaders/", $name))
+        include_str!(concat!(env!("CARGO_MANIFEST_DIR"), "/shaders/", $name))
     };
 }
 

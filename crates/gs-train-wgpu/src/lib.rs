@@ -22,3 +22,7 @@ pub use descent::DeviceDescent;
 pub use image_loss::{ImageLosses, Plane};
 pub use targets::Targets;
 pub use trainer::{Losses, Rates, TrainOptions, Trainer, Weights};
+
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct ReadmeDoctests;

@@ -5,8 +5,9 @@
 #[path = "../../gs-raster-wgpu/tests/common/mod.rs"]
 mod common;
 
+use c4d_metrics::Ssim;
 use common::{Mode, noise, raster, widen};
-use cuar::loss::{Ssim, masked_l1};
+use cuar::loss::masked_l1;
 use gs_raster_wgpu::device::{CommandMemory, Commands, GrowBuffer, read};
 use gs_raster_wgpu::{GpuContext, ParameterSlice};
 use gs_train_wgpu::{Adam, ImageLosses};

@@ -5,8 +5,6 @@
 
 mod l1;
 mod objective;
-mod ssim;
 
 pub use l1::masked_l1;
 pub use objective::{LossParts, LossWeights, Objective, Shape, Targets};
-pub use ssim::{Ssim, SsimBorder};

@@ -1,6 +1,7 @@
 //! The refinement objective of one image (Eqs. 18–20).
 
-use super::{Ssim, l1::sign, ssim::RADIUS};
+use super::l1::sign;
+use c4d_metrics::{SSIM_RADIUS, Ssim};
 use gs_core::Real;
 
 /// Weights of Eqs. 18 and 20.
@@ -228,5 +229,10 @@ fn around<F: Real>(mask: &[F], width: usize) -> Option<[usize; 4]> {
         bounds = Some([x0.min(left), y0, x1.max(right + 1), y + 1]);
     }
     let [x0, y0, x1, y1] = bounds?;
-    Some([x0.saturating_sub(RADIUS), y0.saturating_sub(RADIUS), x1 + RADIUS, y1 + RADIUS])
+    Some([
+        x0.saturating_sub(SSIM_RADIUS),
+        y0.saturating_sub(SSIM_RADIUS),
+        x1 + SSIM_RADIUS,
+        y1 + SSIM_RADIUS,
+    ])
 }

@@ -3,7 +3,7 @@
 #![allow(unreachable_pub, reason = "each test binary uses it as a module")]
 
 use gs_raster_wgpu::kernels::{Access, KernelDef};
-use gs_raster_wgpu::layout::Field;
+use gs_raster_wgpu::layout::{Constant, Field};
 use naga::valid::{Capabilities, ModuleInfo, ValidationFlags, Validator};
 use naga::{AddressSpace, Module, StorageAccess, TypeInner};
 
@@ -128,7 +128,7 @@ pub fn entry_findings(module: &Module, info: &ModuleInfo, def: &KernelDef) -> Ve
 }
 
 /// Values of the constants that WGSL and Rust share.
-pub fn constant_findings(module: &Module, constants: &[(&str, u32)]) -> Vec<String> {
+pub fn constant_findings(module: &Module, constants: &[(&str, Constant)]) -> Vec<String> {
     let mut found = Vec::new();
     for (_, constant) in module.constants.iter() {
         let name = constant.name.clone().unwrap_or_default();
@@ -136,8 +136,12 @@ pub fn constant_findings(module: &Module, constants: &[(&str, u32)]) -> Vec<Stri
             continue;
         };
         let value = &module.global_expressions[constant.init];
-        if *value != naga::Expression::Literal(naga::Literal::U32(*expected)) {
-            found.push(format!("constant {name} is {value:?}, in Rust {expected}"));
+        let expected = match *expected {
+            Constant::Uint(value) => naga::Literal::U32(value),
+            Constant::Float(value) => naga::Literal::F32(value),
+        };
+        if *value != naga::Expression::Literal(expected) {
+            found.push(format!("constant {name} is {value:?}, in Rust {expected:?}"));
         }
     }
     found

@@ -1,11 +1,12 @@
 //! How close the arm must hang to graze the body.
 
 use crate::{
+    body::Body,
     dance::Dance,
     math::rng,
     part::Part,
     rig::Rig,
-    sampler::{Body, Point, scatter, weighted_area},
+    sampler::{Point, scatter, weighted_area},
 };
 
 /// Smallest distance between forearm and body wanted, splat spacings.

@@ -3,11 +3,11 @@
 use super::{Draft, graft};
 use crate::{
     SynthError, SynthScene,
+    body::Body,
     math::round_count,
     paint::{HAIR, Material, SKIN, Spot, matt, rgb},
     part::{Part, Tag},
     rig::Attach,
-    sampler::Body,
     shape::Shape,
 };
 use glam::{Mat3, Vec3};

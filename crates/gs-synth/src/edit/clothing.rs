@@ -1,10 +1,10 @@
 //! Clothing: the surface moves out along its normals, and multiplies.
 
-use super::{Draft, Region, is_surface};
+use super::{Draft, Region};
 use crate::{
     math::{normal, normal3, smoothstep, uniform},
     paint::{rgb, ripple, stripes},
-    part::{Part, Tag},
+    part::{Kind, Part, Tag},
     rig::Frame,
     scene::Row,
 };
@@ -124,4 +124,8 @@ pub(super) fn jacket(row: &Row) -> Vec3 {
         c = rgb(0.98, 0.80, 0.42) * (1.0 - 0.35 * seam);
     }
     c
+}
+
+fn is_surface(row: &Row) -> bool {
+    matches!(row.kind, Kind::Surface | Kind::Outlier)
 }

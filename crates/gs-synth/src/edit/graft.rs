@@ -1,18 +1,36 @@
 //! Grafts: hat, horns, wings, block, stick, halo.
 
-use super::{Draft, Graft};
+use super::Draft;
 use crate::{
     SynthError, SynthScene,
     assemble::Dresser,
+    body::Body,
     math::round_count,
     paint::{Material, Spot, matt, rgb, ripple, shiny, stripes},
     part::{Bone, Part, Tag},
     rig::Attach,
-    sampler::{Body, scatter, weighted_area},
+    sampler::{scatter, weighted_area},
     shape::{Ring, Shape, ring},
 };
 use glam::{Mat3, Vec3};
 use rand_pcg::Pcg64;
+
+/// Geometry to add.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Graft {
+    /// Brimmed hat on the head.
+    Hat,
+    /// Two horns on the head.
+    Horns,
+    /// Two wings on the back, carried by the chest.
+    Wings,
+    /// A block on the chest that touches the left arm, carried by the chest.
+    Block,
+    /// A thin stick in the right hand, beside the thigh.
+    Stick,
+    /// A ring that hovers above the head and moves with it.
+    Halo,
+}
 
 /// Adds the graft with the chest's density of splats.
 pub(super) fn attach(

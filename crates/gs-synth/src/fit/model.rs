@@ -1,7 +1,8 @@
 //! The network under training: one vector of parameters, forward and backward through it.
 
 use super::layer::{LayerAt, PANEL, Row, relu, relu_backward};
-use super::{FitParams, Samples};
+use super::params::FitParams;
+use super::samples::Samples;
 use crate::math::{floor_index, normal, uniform};
 use gs_deform::{Head, Heads, HexPlane, HexPlaneNetwork, Linear, Mask, PLANE_AXES, Plane};
 use rand_pcg::Pcg64;

@@ -1,19 +1,21 @@
-//! A Gaussian's axes may be named in 24 ways: of the quaternions that describe the same ellipsoid, the one closest to no rotation is
-//! kept. Its real part is at least 0.85, so it follows from the other three without a case distinction.
+//! [`AxisPermutation`]: the 24 rotations of the cube, which permute a Gaussian's axes.
+//!
+//! Of the quaternions that describe the same ellipsoid, the one closest to the identity is kept. Its real part is at least 0.85, so it can be
+//! computed from the other three components.
 
 use gs_core::quat;
 
 /// Half the square root of two.
 const HALF_SQRT_2: f64 = std::f64::consts::FRAC_1_SQRT_2;
 
-/// A renaming of the local axes: a rotation of the cube.
+/// A rotation of the cube, and the order of the local axes after it.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct Gauge {
+pub(crate) struct AxisPermutation {
     rotation: [f64; 4],
     axes: [usize; 3],
 }
 
-impl Gauge {
+impl AxisPermutation {
     /// All 24.
     pub(crate) fn all() -> Vec<Self> {
         let mut found = Vec::with_capacity(24);
@@ -43,11 +45,11 @@ impl Gauge {
         Self { rotation, axes }
     }
 
-    /// Index in `gauges` of the one that brings `q` closest to no rotation; the first of equals.
-    pub(crate) fn best(gauges: &[Self], q: [f64; 4]) -> u8 {
+    /// Index in `permutations` of the one that brings `q` closest to no rotation; the first of equals.
+    pub(crate) fn best(permutations: &[Self], q: [f64; 4]) -> u8 {
         let mut best = (0, -1.0);
-        for (index, gauge) in (0_u8..).zip(gauges) {
-            let real = gauge.rotate(q)[0].abs();
+        for (index, axis_permutation) in (0_u8..).zip(permutations) {
+            let real = axis_permutation.rotate(q)[0].abs();
             if real > best.1 + 1e-9 {
                 best = (index, real);
             }
@@ -55,12 +57,12 @@ impl Gauge {
         best.0
     }
 
-    /// The quaternion `wxyz` in this gauge.
+    /// The quaternion `wxyz` after this permutation of the axes.
     pub(crate) fn rotate(&self, q: [f64; 4]) -> [f64; 4] {
         quat::mul(q, self.rotation)
     }
 
-    /// Scales in this gauge.
+    /// Scales after this permutation of the axes.
     pub(crate) fn permute<T: Copy>(&self, scales: [T; 3]) -> [T; 3] {
         self.axes.map(|axis| scales[axis])
     }
@@ -72,21 +74,24 @@ mod tests {
     use gs_core::covariance;
 
     #[test]
-    fn every_gauge_describes_the_same_ellipsoid_and_the_best_is_near_no_rotation() {
-        let gauges = Gauge::all();
-        assert_eq!(gauges.len(), 24, "rotations of a cube");
+    fn every_permutation_describes_the_same_ellipsoid_and_the_best_is_near_no_rotation() {
+        let permutations = AxisPermutation::all();
+        assert_eq!(permutations.len(), 24, "rotations of a cube");
         let scale = [1.0, 2.0, 5.0];
         for seed in 0..200_u32 {
             let part = |k: u32| f64::from((seed * 7919 + k * 104_729) % 1000) / 500.0 - 0.999;
             let q = quat::normalize([part(1), part(2), part(3), part(4)]);
             let expected = covariance(q, scale);
-            for gauge in &gauges {
-                let found = covariance(gauge.rotate(q), gauge.permute(scale));
+            for axis_permutation in &permutations {
+                let found = covariance(axis_permutation.rotate(q), axis_permutation.permute(scale));
                 for (a, b) in found.iter().zip(expected) {
-                    assert!((a - b).abs() < 1e-9, "{gauge:?}: {found:?}, expected {expected:?}");
+                    assert!(
+                        (a - b).abs() < 1e-9,
+                        "{axis_permutation:?}: {found:?}, expected {expected:?}"
+                    );
                 }
             }
-            let best = &gauges[usize::from(Gauge::best(&gauges, q))];
+            let best = &permutations[usize::from(AxisPermutation::best(&permutations, q))];
             assert!(best.rotate(q)[0].abs() > 0.85, "{:?}", best.rotate(q));
         }
     }

@@ -1,4 +1,4 @@
-//! Bytes as text that means nothing to HTML: 13 bits in two of the 91 printable ASCII characters other than space, `&`, `<` and `>`.
+//! [`encode`]: bytes as text without characters that are special in HTML: 13 bits in two of the 91 printable ASCII characters other than space, `&`, `<` and `>`.
 //!
 //! 1.231 characters a byte (base64: 1.333), the same in every encoding a server may claim for the page.
 

@@ -3,8 +3,9 @@
 use gs_core::Real;
 use rayon::prelude::*;
 
-/// Half a window, pixels.
-pub(super) const RADIUS: usize = 5;
+/// Pixels from the centre of a window to its edge: windows are 11×11.
+pub const SSIM_RADIUS: usize = 5;
+const RADIUS: usize = SSIM_RADIUS;
 const TAPS: usize = 2 * RADIUS + 1;
 const SIGMA: f64 = 1.5;
 const C1: f64 = 0.01 * 0.01;
@@ -13,7 +14,7 @@ const C2: f64 = 0.03 * 0.03;
 /// Which windows count.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum SsimBorder {
-    /// Every pixel; windows are filled up with zeros beyond the image. What 3DGS training and this crate's loss use.
+    /// Every pixel; beyond the image, windows are filled with zeros. What 3DGS training uses.
     #[default]
     Zero,
     /// Only windows that lie inside the image (scikit-image's `structural_similarity` with `gaussian_weights`).
@@ -52,7 +53,7 @@ impl<F: Real> Ssim<F> {
         }
     }
 
-    /// Goes over to images of another size, in the same memory.
+    /// Changes the image size; keeps the memory.
     pub fn resize(&mut self, width: usize, height: usize) {
         (self.width, self.height) = (width, height);
     }
@@ -62,7 +63,7 @@ impl<F: Real> Ssim<F> {
         [self.width, self.height, self.channels]
     }
 
-    /// SSIM per window of the last call, `[H,W,C]`; zero-filled borders.
+    /// SSIM per window of the last call, `[H,W,C]`; zeros beyond the borders.
     pub fn map(&self) -> &[F] {
         &self.map
     }

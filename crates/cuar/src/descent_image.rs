@@ -1,0 +1,59 @@
+//! [`DescentImage`]: one supervised image, as the steps of Adam see it.
+
+/// Rectangle of the image, pixels.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct Crop {
+    /// First column.
+    pub x: usize,
+    /// First row.
+    pub y: usize,
+    /// Columns.
+    pub width: usize,
+    /// Rows.
+    pub height: usize,
+}
+
+/// An edited splat in an image.
+#[derive(Debug, Clone, Copy)]
+pub struct Entry {
+    /// Row among the image's splats.
+    pub local: u32,
+    /// Row among the edited splats.
+    pub row: u32,
+    /// Unit vector from the camera, world frame.
+    pub towards: [f32; 3],
+    /// Colour before refinement, not clamped.
+    pub color: [f32; 3],
+    /// Whether the image can tell its colour. Where pixels are known by splats that frame 1 shows, those it does not show get the blame for
+    /// whatever the others cannot follow.
+    pub told: bool,
+}
+
+/// One supervised image, for a [`crate::DescentEngine`]: what its render is compared with, in the crop that edited splats reach. Its content is the
+/// same in every step with the same `index`.
+#[derive(Debug, Clone, Copy)]
+pub struct DescentImage<'a> {
+    /// Number of the image.
+    pub index: usize,
+    /// Columns and rows of the whole image, over which losses are means.
+    pub size: [usize; 2],
+    /// The part of it that follows.
+    pub crop: Crop,
+    /// Render without offsets, `[h,w,3]`.
+    pub original: &'a [f32],
+    /// Target where [`DescentImage::FORE`] is set, `[h,w,3]`.
+    pub warp: &'a [f32],
+    /// Bits [`DescentImage::FORE`], [`DescentImage::BACK`] and [`DescentImage::LIVE`], `[h,w]`.
+    pub flags: &'a [u8],
+    /// The edited splats seen, each once.
+    pub entries: &'a [Entry],
+}
+
+impl DescentImage<'_> {
+    /// Pixel bit: `warp` supervises (L1 and SSIM).
+    pub const FORE: u8 = 1;
+    /// Pixel bit: `original` supervises (L1).
+    pub const BACK: u8 = 2;
+    /// Pixel bit: an edited splat shows. Elsewhere the render is `original`, whatever the offsets.
+    pub const LIVE: u8 = 4;
+}

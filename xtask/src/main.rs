@@ -3,6 +3,7 @@
 mod doc_commands;
 mod fixtures;
 mod stability;
+mod test_times;
 mod tidy;
 mod truth_scenes;
 mod workspace;
@@ -29,6 +30,11 @@ enum Task {
     Tidy,
     /// Run every command of the `sh` blocks in README.md and docs/, in order, in a fresh folder
     DocCommands,
+    /// Write docs/TESTS.md, the test suite with its times; without a log, compare its rows with the test files
+    TestTimes {
+        /// Output of `cargo test --release --workspace`, both streams
+        log: Option<PathBuf>,
+    },
     /// Draw how the paper's weights change its results, and print the numbers
     Stability,
     /// Write a scene with known motion: source, a deformation network trained on it, edit, truth with its video, cameras
@@ -53,6 +59,8 @@ fn main() -> anyhow::Result<()> {
         Task::RegenerateFixtures { check } => fixtures::regenerate(check),
         Task::Tidy => tidy::run(),
         Task::DocCommands => doc_commands::run(),
+        Task::TestTimes { log: Some(log) } => test_times::write(&log),
+        Task::TestTimes { log: None } => test_times::check(),
         Task::Stability => stability::run(),
         Task::TruthScene { case, seed, size, output } => {
             truth_scenes::write(&case, seed, size, &output)

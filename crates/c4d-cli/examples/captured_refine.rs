@@ -14,7 +14,7 @@
 mod rig;
 
 use clap::Parser;
-use cuar::{Doubt, NoObserver, RefineOptions, Views, WarpForm, WarpParams, refine};
+use cuar::{NoObserver, RefineOptions, Rejection, Views, WarpForm, WarpParams, refine};
 use gs_core::{
     Camera, DynamicScene, Image, Rasterizer, RenderParams, SceneError, Splats, TimeRange,
     UpstreamGrads, sh,
@@ -45,12 +45,12 @@ struct Args {
     /// Views that the edited frame was made from, and that supervise; two more are held out
     #[arg(long, default_value_t = 3)]
     views: usize,
-    /// [`WarpParams::min_carried`]
-    #[arg(long, default_value_t = WarpParams::default().min_carried)]
-    min_carried: f32,
-    /// [`WarpParams::min_shown`]
-    #[arg(long, default_value_t = WarpParams::default().min_shown)]
-    min_shown: f32,
+    /// [`WarpParams::min_known_color`]
+    #[arg(long, default_value_t = WarpParams::default().min_known_color)]
+    min_known_color: f32,
+    /// [`WarpParams::min_visible_share`]
+    #[arg(long, default_value_t = WarpParams::default().min_visible_share)]
+    min_visible_share: f32,
     /// Images that supervise
     #[arg(long, default_value_t = 80)]
     samples: usize,
@@ -147,11 +147,11 @@ fn main() -> Outcome<()> {
 
     let views = Views { cameras: &cameras, times: &times, held_out: &held_out };
     let usual = WarpParams {
-        min_carried: args.min_carried,
-        min_shown: args.min_shown,
+        min_known_color: args.min_known_color,
+        min_visible_share: args.min_visible_share,
         ..WarpParams::default()
     };
-    let never = WarpParams { min_carried: 2.0, ..usual };
+    let never = WarpParams { min_known_color: 2.0, ..usual };
     for (name, warp, warp_params) in [
         ("default", WarpForm::Backward, usual),
         ("surfaces only", WarpForm::Backward, never),
@@ -168,7 +168,7 @@ fn main() -> Outcome<()> {
             None,
             &mut NoObserver,
         )?;
-        let (report, trust) = (&refined.report, &refined.report.trust);
+        let (report, stats) = (&refined.report, &refined.report.supervision);
         let after = refined.scene(&before);
         let [inner, outer] = exam.psnr(&after)?;
         let share = |part: u64, whole: u64| 100.0 * part as f64 / whole.max(1) as f64;
@@ -183,16 +183,16 @@ fn main() -> Outcome<()> {
         );
         println!(
             "  masked {:.1} % of the edited pixels (floor decides in {} of {} images); surface {:.1} %, splats {:.1} %",
-            share(trust.masked, trust.live),
+            share(stats.masked, stats.live),
             report.num_floored,
             report.samples.len(),
-            share(trust.surface, trust.masked),
-            share(trust.carried, trust.masked)
+            share(stats.surface, stats.masked),
+            share(stats.splat_colors, stats.masked)
         );
-        for (doubt, count) in
-            Doubt::ALL.into_iter().zip(trust.doubts).filter(|(_, count)| *count > 0)
+        for (rejection, count) in
+            Rejection::ALL.into_iter().zip(stats.rejections).filter(|(_, count)| *count > 0)
         {
-            println!("  {}: {:.1} %", doubt.name(), share(count, trust.masked));
+            println!("  {}: {:.1} %", rejection.name(), share(count, stats.masked));
         }
         for warning in &report.warnings {
             println!("  {warning}");

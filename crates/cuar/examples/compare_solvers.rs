@@ -113,7 +113,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         .collect();
     let paper = RefineOptions::preset(Preset::Paper);
     runs.push(("--preset paper".to_owned(), paper.clone()));
-    let never = WarpParams { min_carried: 2.0, ..best };
+    let never = WarpParams { min_known_color: 2.0, ..best };
     runs.push((
         "regression, surfaces only".to_owned(),
         RefineOptions { warp_params: never, ..RefineOptions::default() },
@@ -173,9 +173,10 @@ fn main() -> Result<(), Box<dyn Error>> {
         let [target, before, count] = judge.sums;
         let psnr = |sum: f64| -10.0 * (sum / count.max(1.0)).log10();
         println!(
-            "what the {name} warp asks for is {:.2} dB from the truth where it asks ({:.0} % of the mask); the render before is {:.2} dB",
+            "supervision of the {name} warp: {:.2} dB against the truth, on {:.0} % of the mask; render before refinement: {:.2} dB",
             psnr(target),
-            100.0 * report.trust.known() as f64 / report.trust.masked.max(1) as f64,
+            100.0 * report.supervision.supervised() as f64
+                / report.supervision.masked.max(1) as f64,
             psnr(before)
         );
     }

@@ -78,7 +78,7 @@ impl<F: Real> Adam<F> {
 mod tests {
     use super::*;
 
-    /// The first step is `rate · sign(g)` whatever the scale; later ones follow the recurrence, here written out by hand.
+    /// The first step is `rate · sign(g)` for any scale; later ones follow the recurrence, here written out by hand.
     #[test]
     fn follows_the_recurrence() {
         let mut adam = Adam::<f64>::new(1);

@@ -2,35 +2,30 @@
 
 use crate::{
     Adam, AdamParams, CuarError, DescentEngine, DescentTask,
-    plan::SplitMix,
-    problem::{Deltas, Problem, TracePoint, Watch},
+    evaluator::Derivatives,
+    problem::{Problem, TracePoint, Watch},
     state::State,
-    visit::Ask,
+    view_sampler::SplitMix,
 };
 use gs_core::{Rasterizer, sh};
 use std::time::{Duration, Instant};
 
-/// How often an engine is asked for its losses within a pass over the images: asking waits for it.
-const LISTEN: Duration = Duration::from_millis(250);
+/// Time between reads of the engine's losses within a pass over the images: a read waits for the device.
+const READ_INTERVAL: Duration = Duration::from_millis(250);
 
-/// Where a run stands.
+/// Current state of a run.
 pub(crate) struct Descent {
     pub d_sh: Vec<[f32; 3]>,
-    pub d_logits: Vec<f32>,
     adam: Adam<f32>,
-    adam_logits: Adam<f32>,
     losses: Vec<f64>,
 }
 
 impl Descent {
     pub(crate) fn new<R: Rasterizer<Prepared: Send> + Sync>(problem: &Problem<R>) -> Self {
         let len = problem.num_rows * problem.coeffs();
-        let num_logits = if problem.options.opacity { problem.num_rows } else { 0 };
         Self {
             d_sh: vec![[0.0; 3]; len],
-            d_logits: vec![0.0; problem.num_rows],
             adam: Adam::new(len * 3),
-            adam_logits: Adam::new(num_logits),
             losses: vec![f64::NAN; problem.samples.len()],
         }
     }
@@ -41,12 +36,9 @@ impl Descent {
     ) -> Result<Self, CuarError> {
         let mut own = Self::new(problem);
         own.d_sh = state.array("d_sh", own.d_sh.len() * 3)?.as_chunks::<3>().0.to_vec();
-        own.d_logits = state.array("d_logits", own.d_logits.len())?.to_vec();
-        for (name, adam) in [("sh", &mut own.adam), ("logits", &mut own.adam_logits)] {
-            adam.m = state.array(&format!("{name}_m"), adam.m.len())?.to_vec();
-            adam.v = state.array(&format!("{name}_v"), adam.v.len())?.to_vec();
-            adam.step = state.step;
-        }
+        own.adam.m = state.array("sh_m", own.adam.m.len())?.to_vec();
+        own.adam.v = state.array("sh_v", own.adam.v.len())?.to_vec();
+        own.adam.step = state.step;
         Ok(own)
     }
 
@@ -57,11 +49,8 @@ impl Descent {
             step: self.adam.step,
             arrays: vec![
                 ("d_sh".to_owned(), self.d_sh.concat()),
-                named("d_logits", &self.d_logits),
                 named("sh_m", &self.adam.m),
                 named("sh_v", &self.adam.v),
-                named("logits_m", &self.adam_logits.m),
-                named("logits_v", &self.adam_logits.v),
             ],
             doubles: Vec::new(),
         }
@@ -80,40 +69,26 @@ impl Descent {
         let coeffs = problem.coeffs();
         let rates = rates(params, coeffs);
         let mut gradient = vec![0.0_f32; self.d_sh.len() * 3];
-        let mut v_logits = vec![0.0_f32; self.adam_logits.m.len()];
-        let opacity = problem.options.opacity;
-        let ask = if opacity { Ask::Everything } else { Ask::Gradient };
         for step in usize::try_from(self.adam.step).unwrap_or(usize::MAX)..params.steps {
             let s = visited(problem.options.seed, step, count);
-            let d = Deltas { sh: &self.d_sh, logits: &self.d_logits };
-            let parts = problem.visit(s..s + 1, d, ask)?.pop().unwrap_or_default();
+            let evaluated = problem.evaluate(s..s + 1, &self.d_sh, Derivatives::Gradient)?;
+            let parts = evaluated.into_iter().next().unwrap_or_default();
             gradient.fill(0.0);
-            v_logits.fill(0.0);
             let (work, entries) = (&problem.lanes[0], &problem.samples[s].entries);
             for (k, entry) in entries.iter().enumerate() {
-                let (row, local) = (entry.row as usize, entry.local as usize);
+                let row = entry.row as usize;
                 let out = &mut gradient[row * coeffs * 3..(row + 1) * coeffs * 3];
-                if opacity {
-                    let grads = work.grads();
-                    out.copy_from_slice(grads.v_sh[local * coeffs..][..coeffs].as_flattened());
-                    v_logits[row] = grads.v_opacity_logits[local];
-                    continue;
-                }
                 let basis = sh::basis(problem.sh_degree, entry.towards);
                 for channel in 0..3 {
                     // a colour clamped at 0 has no derivative
                     if entry.color[channel] + work.changes[k][channel] >= 0.0 {
                         for (i, value) in basis.iter().take(coeffs).enumerate() {
-                            out[i * 3 + channel] = value * work.answers[k][channel];
+                            out[i * 3 + channel] = value * work.color_grads[k][channel];
                         }
                     }
                 }
             }
             self.adam.step(self.d_sh.as_flattened_mut(), &gradient, &rates, |_| false);
-            if opacity {
-                let rate = [params.rate_opacity];
-                self.adam_logits.step(&mut self.d_logits, &v_logits, &rate, |_| false);
-            }
             self.losses[s] = parts.total(problem.options.weights);
             let loss = self.loss();
             if ends_pass(step, count, params.steps) {
@@ -126,7 +101,7 @@ impl Descent {
         Ok(())
     }
 
-    /// [`Descent::run`] with every step done by `engine`. Losses are heard now and then; offsets and moments at checkpoints and at the end.
+    /// [`Descent::run`] with every step done by `engine`. Losses are read now and then; offsets and moments at checkpoints and at the end.
     pub(crate) fn run_on<R: Rasterizer<Prepared: Send> + Sync>(
         &mut self,
         engine: &mut dyn DescentEngine<R::Prepared>,
@@ -141,21 +116,21 @@ impl Descent {
         let memory = problem.options.memory.saturating_sub(problem.bytes);
         let task = DescentTask { sh_degree: problem.sh_degree, rates: &rates, weights, memory };
         engine.begin(&task, &self.d_sh, &self.adam)?;
-        let mut unheard = Vec::new();
-        let mut heard = Instant::now();
+        let mut pending = Vec::new();
+        let mut last_read = Instant::now();
         for step in usize::try_from(self.adam.step).unwrap_or(usize::MAX)..params.steps {
             let s = visited(problem.options.seed, step, count);
             let (raster, sample) = (problem.raster, &mut problem.samples[s]);
             let camera = &problem.cameras[sample.at.view];
             problem.lanes[0].step_on(engine, raster, (s, sample), camera)?;
             self.adam.step += 1;
-            unheard.push(s);
+            pending.push(s);
             let ends_pass = ends_pass(step, count, params.steps);
-            if ends_pass || heard.elapsed() >= LISTEN {
-                for (s, parts) in unheard.drain(..).zip(engine.losses()?) {
+            if ends_pass || last_read.elapsed() >= READ_INTERVAL {
+                for (s, parts) in pending.drain(..).zip(engine.losses()?) {
                     self.losses[s] = parts.total(weights);
                 }
-                heard = Instant::now();
+                last_read = Instant::now();
             }
             let loss = self.loss();
             if ends_pass {
@@ -181,7 +156,7 @@ impl Descent {
     }
 }
 
-/// The image of a step: every pass over the images has an order of its own.
+/// The image of a step: every pass over the images has another order.
 fn visited(seed: u64, step: usize, count: usize) -> usize {
     SplitMix(seed ^ ((step / count) as u64 + 1)).order(count)[step % count]
 }

@@ -24,9 +24,9 @@ pub struct Entry {
     pub towards: [f32; 3],
     /// Colour before refinement, not clamped.
     pub color: [f32; 3],
-    /// Whether the image can tell its colour. Where pixels are known by splats that frame 1 shows, those it does not show get the blame for
-    /// whatever the others cannot follow.
-    pub told: bool,
+    /// Whether this image constrains the splat's colour. If false, residuals of the pixel are attributed to splats that are not visible in
+    /// frame 1.
+    pub is_constrained: bool,
 }
 
 /// One supervised image, for a [`crate::DescentEngine`]: what its render is compared with, in the crop that edited splats reach. Its content is the
@@ -54,6 +54,6 @@ impl DescentImage<'_> {
     pub const FORE: u8 = 1;
     /// Pixel bit: `original` supervises (L1).
     pub const BACK: u8 = 2;
-    /// Pixel bit: an edited splat shows. Elsewhere the render is `original`, whatever the offsets.
+    /// Pixel bit: an edited splat shows. Elsewhere the render is `original` for any offsets.
     pub const LIVE: u8 = 4;
 }

@@ -1,4 +1,4 @@
-//! [`DescentEngine`]: who does Adam's steps whole, where images, gradients and moments already are.
+//! [`DescentEngine`]: whole steps of Adam on the device that holds images, gradients and moments.
 
 use crate::{Adam, descent_image::DescentImage, loss::LossParts, loss::LossWeights};
 use gs_core::RasterError;
@@ -57,7 +57,7 @@ pub trait DescentEngine<P> {
     fn read(&mut self, d_sh: &mut [[f32; 3]], adam: &mut Adam<f32>) -> Result<(), RasterError>;
 }
 
-/// What computes a refinement: a rasteriser, and perhaps an engine for [`crate::Solver::Adam`]. Opacity is refined without the engine.
+/// What computes a refinement: a rasteriser, and perhaps an engine for [`crate::Solver::Adam`].
 pub struct Backend<'a, R: gs_core::Rasterizer> {
     /// Renders, and differentiates them.
     pub raster: &'a R,

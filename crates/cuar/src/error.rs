@@ -5,6 +5,7 @@ use thiserror::Error;
 
 /// Why a pass or the refinement could not be done.
 #[derive(Debug, Error)]
+#[non_exhaustive]
 pub enum CuarError {
     /// An argument has another size than the others require.
     #[error("refinement: `{what}` has {found} values, expected {expected}")]

@@ -1,15 +1,14 @@
 //! Colour-uncertainty-guided appearance refinement (CUAR) of dynamic Gaussian splats (Eqs. 11–20).
 //!
-//! An edited first frame is right where it is seen. Carried through time, some of its splats show colours that nothing ever supervised:
-//! interiors that motion reveals, view-dependent colour at angles no first-frame view had. [`refine()`] finds such places by how much colour
-//! changes over time (uncertainty), fetches what the first frame shows of the same surface (flow, warp, occlusion test), and fits the SH of the
-//! edited splats to it, one offset shared by all times.
+//! Colours that are visible in the edited first frame are right. At other times, some of its splats show colours that were never supervised:
+//! interiors that motion reveals, and view-dependent colours from new directions. [`refine()`] finds such pixels by how much colour changes
+//! over time (uncertainty), fetches the colour of the same surface from the first frame (flow, warp, occlusion test), and fits the SH of the
+//! edited splats to it, one offset for all times.
 //!
 //! Promises: unedited splats and all geometry are untouched, bit for bit; the same inputs and seed give the same bits on a deterministic
-//! rasteriser whatever the number of threads or interruptions, and whatever the memory budget as long as it holds the images; every loss and
+//! rasteriser, for any number of threads and interruptions and any memory budget that holds the images; every loss and
 //! gradient is checked against finite differences. The passes ([`render_flow`], [`render_uncertainty`], [`artifact_mask`]), the losses
-//! ([`loss`]) and [`Adam`] are usable alone. Works over any [`gs_core::Rasterizer`]; who has the images on a device can do Adam's steps there
-//! ([`DescentEngine`]).
+//! ([`loss`]) and [`Adam`] are usable alone. Works with any [`gs_core::Rasterizer`]; Adam's steps can be done on a device ([`DescentEngine`]).
 //!
 //! Conventions: pixels as in [`gs_core::Camera::project`]; images row-major, channels innermost; losses are means over the whole image.
 //!
@@ -35,16 +34,16 @@
 //! ```
 
 mod adam;
-mod carried;
 mod descent;
 mod descent_image;
 mod engine;
 mod error;
+mod evaluator;
+mod first_frame_visibility;
 mod flow;
 mod flow_files;
 pub mod loss;
 mod options;
-mod plan;
 mod problem;
 mod refine;
 mod regression;
@@ -54,9 +53,9 @@ mod scene;
 mod splat_visibility;
 mod state;
 mod supervision;
-mod trust;
+mod supervision_stats;
 mod uncertainty;
-mod visit;
+mod view_sampler;
 mod warp;
 
 pub use adam::Adam;
@@ -66,14 +65,14 @@ pub use error::CuarError;
 pub use flow::{Flow, displacements, render_flow};
 pub use flow_files::{decode_flo, encode_flo, flow_wheel};
 pub use options::{AdamParams, Preset, RefineOptions, RegressionParams, Solver};
-pub use plan::{ViewTime, Views};
 pub use problem::TracePoint;
 pub use refine::{Refined, refine, refine_with};
 pub use report::Report;
 pub use scene::OffsetScene;
 pub use state::{NoObserver, Observer, Preview, Progress, State};
-pub use trust::{Doubt, Trust};
+pub use supervision_stats::{Rejection, SupervisionStats};
 pub use uncertainty::{artifact_mask, color_uncertainty, render_uncertainty};
+pub use view_sampler::{ViewTime, Views};
 pub use warp::{WarpForm, WarpParams};
 
 #[cfg(doctest)]

@@ -1,11 +1,11 @@
-//! What can be chosen: [`RefineOptions`].
+//! [`RefineOptions`]: options of a refinement.
 
 use crate::{CuarError, WarpForm, WarpParams, loss::LossWeights};
 
-/// Ready-made [`RefineOptions`].
+/// Predefined [`RefineOptions`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Preset {
-    /// What measured best.
+    /// The options with the best measured result.
     #[default]
     Best,
     /// The paper's formulas and constants: Adam, Eq. 13 as written, no floor under the mask.
@@ -24,25 +24,24 @@ pub enum Solver {
 /// The regression solver: majorise–minimise.
 ///
 /// With geometry and opacity fixed a pixel is a sub-convex combination of splat colours, so the (reweighted) quadratic model of the objective
-/// separates over splats: every image asks every visible splat for one colour, with a weight. A splat's SH is the weighted least-squares fit of
-/// what all images ask, and of the colours that the edited frame shows of it from every view, which hold firmly. No step size.
+/// separates over splats: every image observes one colour of every visible splat, with a weight. A splat's SH is the weighted least-squares fit of
+/// all observations and of its colours in the edited frame, seen from every view, which have a large weight. There is no step size.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RegressionParams {
-    /// Most visits of every image; it ends earlier once a pass hardly gains. Default 8.
+    /// Most evaluations of every image; it ends earlier after a pass that gains less than 0.5 %. Default 8.
     pub passes: usize,
     /// Width δ of the smoothed L1, colour units. Default 0.01.
     pub delta: f64,
     /// Over-relaxation of the requested colours, in (0, 2). Default 1.5.
     pub relaxation: f64,
-    /// How firmly a splat keeps the colours that the edited frame shows of it, relative to the weight that the background loss gives the same
-    /// pixels; less for splats that hardly show there. Colours there are right by definition, and pixels alone
-    /// let neighbours trade them. Default 1000; 0 treats the edited frame like any other image. Without effect unless the edited frame is
-    /// among the images.
+    /// Weight of a splat's colours in the edited frame, relative to the weight that the background loss gives the same pixels; lower for
+    /// splats that are hardly visible there. These colours are right by definition, and pixels alone do not separate those of neighbours.
+    /// Default 1000; 0 treats the edited frame like any other image. No effect unless the edited frame is among the images.
     pub hold: f64,
-    /// Smoothness over directions: ridge on the refined coefficients of degree `l`, relative to the weight of what images ask of the splat:
+    /// Smoothness over directions: ridge on the refined coefficients of degree `l`, relative to the weight of the splat's observations:
     /// `prior · l²` times the share of images in which the splat's ξ exceeds the mask's threshold (and, on the change of DC, a thousandth of
-    /// `prior`). Where no image tells, colours become those of the smoothest function through what the images tell, rather than what an
-    /// unsupervised fit left there. Default 0.03; 0 fits the images alone.
+    /// `prior`). In unobserved directions, colours become those of the smoothest function through the observations,
+    /// instead of what an unsupervised fit left there. Default 0.03; 0 fits the images alone.
     pub prior: f64,
 }
 
@@ -61,24 +60,22 @@ pub struct AdamParams {
     pub rate_dc: f32,
     /// Learning rate of the other coefficients. Default 0.000125.
     pub rate_rest: f32,
-    /// Learning rate of opacity logits, if they are refined. Default 0.01.
-    pub rate_opacity: f32,
 }
 
 impl Default for AdamParams {
     fn default() -> Self {
-        Self { steps: 3000, rate_dc: 0.0025, rate_rest: 0.000_125, rate_opacity: 0.01 }
+        Self { steps: 3000, rate_dc: 0.0025, rate_rest: 0.000_125 }
     }
 }
 
-/// Everything about a refinement but its inputs.
+/// Options of a refinement.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RefineOptions {
     /// Time of the edited frame. Default `None`: the start of the scene.
     pub edit_time: Option<f32>,
     /// ε of Eq. 17, 0.5 to 2 in the paper (smaller: broader masks). Default 0.5.
     pub epsilon: f32,
-    /// Uncertainty below which nothing is an artifact, whatever the mean. Default 0.02 (a colour change of 5 of 255, summed over channels);
+    /// Uncertainty below which nothing is an artifact, for any mean. Default 0.02 (a colour change of 5 of 255, summed over channels);
     /// 0 in the paper.
     pub min_uncertainty: f32,
     /// Form of Eq. 13.
@@ -89,15 +86,14 @@ pub struct RefineOptions {
     pub weights: LossWeights,
     /// Minimiser.
     pub solver: Solver,
-    /// Whether opacity is refined too. Default false (the paper shares opacity over time and says no more). Needs [`Solver::Adam`].
-    pub opacity: bool,
     /// Images (pairs of view and time) drawn. Default 240.
     pub samples: usize,
-    /// Whether the edited frame itself, from every view (20 of those that have a time of their own), is among the images: it is to stay as it is. Default true; false in the paper.
+    /// Whether the edited frame, from every view (20 of those that have a time of their own), is among the images, so that it keeps its
+    /// colours. Default true; false in the paper.
     pub keep_first_frame: bool,
     /// Seed of the draw and of the order of steps. Default 0.
     pub seed: u64,
-    /// Memory for images and prepared states, bytes. What does not fit is prepared again at every visit; should even the images not fit, fewer
+    /// Memory for images and prepared states, bytes. What does not fit is prepared again at every evaluation; if even the images do not fit, fewer
     /// are drawn. Default 2 GiB.
     pub memory: usize,
     /// Background of the renders. Default black.
@@ -118,7 +114,6 @@ impl Default for RefineOptions {
             warp_params: WarpParams::default(),
             weights: LossWeights::default(),
             solver: Solver::Regression(RegressionParams::default()),
-            opacity: false,
             samples: 240,
             keep_first_frame: true,
             seed: 0,
@@ -131,7 +126,7 @@ impl Default for RefineOptions {
 }
 
 impl RefineOptions {
-    /// A ready-made choice.
+    /// The options of a preset.
     pub fn preset(preset: Preset) -> Self {
         match preset {
             Preset::Best => Self::default(),
@@ -161,8 +156,8 @@ impl RefineOptions {
         within("min_coverage", f64::from(self.warp_params.min_coverage), 0.0, 1.0)?;
         within("depth_tolerance", f64::from(self.warp_params.depth_tolerance), 0.0, 1e6)?;
         within("spread_tolerance", f64::from(self.warp_params.spread_tolerance), 0.0, 1e6)?;
-        within("min_carried", f64::from(self.warp_params.min_carried), 0.0, 1e6)?;
-        within("min_shown", f64::from(self.warp_params.min_shown), 1e-6, 1e6)?;
+        within("min_known_color", f64::from(self.warp_params.min_known_color), 0.0, 1e6)?;
+        within("min_visible_share", f64::from(self.warp_params.min_visible_share), 1e-6, 1e6)?;
         within("min_facing", f64::from(self.warp_params.min_facing), -1e6, 1e6)?;
         within("samples", self.samples as f64, 1.0, 1e7)?;
         for channel in self.background {
@@ -175,17 +170,11 @@ impl RefineOptions {
                 within("delta", params.delta, 1e-6, 1.0)?;
                 within("relaxation", params.relaxation, 1e-3, 1.999)?;
                 within("prior", params.prior, 0.0, 1e6)?;
-                if self.opacity {
-                    return Err(CuarError::input(
-                        "opacity is refined by Adam only: the regression solver needs an image linear in what it fits",
-                    ));
-                }
             }
             Solver::Adam(params) => {
                 within("steps", params.steps as f64, 0.0, 1e9)?;
                 within("rate_dc", f64::from(params.rate_dc), 0.0, 1e3)?;
                 within("rate_rest", f64::from(params.rate_rest), 0.0, 1e3)?;
-                within("rate_opacity", f64::from(params.rate_opacity), 0.0, 1e3)?;
             }
         }
         Ok(())

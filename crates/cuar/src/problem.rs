@@ -2,10 +2,10 @@
 
 use crate::{
     Crop, CuarError, RefineOptions, Solver,
+    evaluator::{Derivatives, Evaluator, Offsets},
     loss::LossParts,
     sample::Sample,
     state::{Observer, Preview, Progress, State},
-    visit::{Ask, Offsets, Work},
 };
 use gs_core::{Camera, Image, Rasterizer};
 use rayon::prelude::*;
@@ -21,24 +21,24 @@ pub(crate) struct Problem<'a, R: Rasterizer> {
     pub samples: Vec<Sample<R::Prepared>>,
     /// How many samples show the edited frame.
     pub num_first: usize,
-    /// Memory of visits; as many samples are visited at once. Results do not depend on how many.
-    pub lanes: Vec<Work<R::Prepared>>,
+    /// As many samples are evaluated at once. Results do not depend on how many.
+    pub lanes: Vec<Evaluator<R::Prepared>>,
     /// `E`, edited splats.
     pub num_rows: usize,
     pub sh_degree: usize,
     /// SH of the edited splats at the edited frame, `[E,K,3]`.
     pub base_sh: Vec<[f32; 3]>,
     /// Share of the images in which each edited splat's colour is uncertain, `[E]`.
-    pub doubts: Vec<f32>,
+    pub uncertain_shares: Vec<f32>,
     /// Bytes of samples and of the prepared states kept with them.
     pub bytes: usize,
     /// Samples whose prepared state is kept.
     pub num_cached: usize,
 }
 
-/// Bytes of a [`Work`] per pixel, roughly.
+/// Bytes of an [`Evaluator`] per pixel, roughly.
 const LANE_BYTES: usize = 120;
-/// Most samples visited at once: within a visit, too, the work is shared among threads.
+/// Most samples evaluated at once: one evaluation also uses several threads.
 const MAX_LANES: usize = 8;
 
 /// How many images of this many pixels are worked on at once, within a quarter of `memory`.
@@ -74,24 +74,24 @@ impl<R: Rasterizer<Prepared: Send> + Sync> Problem<'_, R> {
         Ok(())
     }
 
-    /// Visits the samples `range`, at most as many as there are lanes, each in the lane of its place.
-    pub(crate) fn visit(
+    /// Evaluates the samples `range` with the offsets `d_sh` (`[E,K,3]`), at most as many as there are evaluators, each with the evaluator of its place.
+    pub(crate) fn evaluate(
         &mut self,
         range: Range<usize>,
-        d: Deltas,
-        ask: Ask,
+        d_sh: &[[f32; 3]],
+        derivatives: Derivatives,
     ) -> Result<Vec<LossParts>, CuarError> {
-        let offsets = Offsets { d_sh: d.sh, sh_degree: self.sh_degree, d_logits: d.logits };
+        let offsets = Offsets { d_sh, sh_degree: self.sh_degree };
         let Self { raster, options, cameras, samples, lanes, .. } = self;
-        let visit = |(sample, work): (&mut Sample<R::Prepared>, &mut Work<R::Prepared>)| {
-            work.visit(*raster, sample, &cameras[sample.at.view], offsets, options, ask)
+        let evaluate = |(sample, work): (&mut Sample<R::Prepared>, &mut Evaluator<R::Prepared>)| {
+            work.evaluate(*raster, sample, &cameras[sample.at.view], offsets, options, derivatives)
         };
-        samples[range].par_iter_mut().zip(lanes.par_iter_mut()).map(visit).collect()
+        samples[range].par_iter_mut().zip(lanes.par_iter_mut()).map(evaluate).collect()
     }
 
-    /// The samples in groups that can be visited at once, from `first` on.
+    /// The next samples from `first` on that can be evaluated at once.
     pub(crate) fn group(&self, first: usize) -> Range<usize> {
-        // those of the edited frame apart: other things are asked of them
+        // those of the edited frame apart: they need other derivatives
         let later = self.samples.len() - self.num_first;
         let end = if first < later { later } else { self.samples.len() };
         first..end.min(first + self.lanes.len())
@@ -100,7 +100,7 @@ impl<R: Rasterizer<Prepared: Send> + Sync> Problem<'_, R> {
     /// Eq. 20, mean over the samples (0 without any): as it is, as the solver smooths it, and its foreground part alone.
     pub(crate) fn loss(
         &mut self,
-        d: Deltas,
+        d_sh: &[[f32; 3]],
         mut tick: impl FnMut(usize) -> Result<(), CuarError>,
     ) -> Result<[f64; 3], CuarError> {
         let delta = match &self.options.solver {
@@ -112,7 +112,7 @@ impl<R: Rasterizer<Prepared: Send> + Sync> Problem<'_, R> {
         while done < self.samples.len() {
             let group = self.group(done);
             done = group.end;
-            for parts in self.visit(group, d, Ask::Loss(delta))? {
+            for parts in self.evaluate(group, d_sh, Derivatives::Loss(delta))? {
                 sums[0] += parts.total(self.options.weights);
                 sums[1] += parts.shaped_total(self.options.weights);
                 sums[2] += LossParts { back_l1: 0.0, ..parts }.total(self.options.weights);
@@ -122,7 +122,7 @@ impl<R: Rasterizer<Prepared: Send> + Sync> Problem<'_, R> {
         Ok(sums.map(|sum| sum / self.samples.len().max(1) as f64))
     }
 
-    /// How sample `s` looked when `lane` visited it.
+    /// Sample `s` as `lane` last rendered it.
     pub(crate) fn preview(&self, s: usize, lane: usize) -> Preview {
         let sample = &self.samples[s];
         let Crop { x, y, width, height } = sample.crop;
@@ -139,13 +139,6 @@ impl<R: Rasterizer<Prepared: Send> + Sync> Problem<'_, R> {
     }
 }
 
-/// What is refined: offsets of SH (`[E,K,3]`) and logits (`[E]`).
-#[derive(Debug, Clone, Copy)]
-pub(crate) struct Deltas<'a> {
-    pub sh: &'a [[f32; 3]],
-    pub logits: &'a [f32],
-}
-
 /// One point of the loss curve.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct TracePoint {
@@ -153,7 +146,7 @@ pub struct TracePoint {
     pub secs: f64,
     /// Steps done.
     pub step: u64,
-    /// Eq. 20, mean over the last visit of every image; of the regression solver, before the fit that ends the pass.
+    /// Eq. 20, mean over the last evaluation of every image; of the regression solver, before the fit that ends the pass.
     pub loss: f64,
 }
 
@@ -197,7 +190,7 @@ impl<'a> Watch<'a> {
         self.begun.elapsed().as_secs_f64()
     }
 
-    /// Says that `done` steps are done.
+    /// Reports that `done` steps are done.
     pub(crate) fn step(&mut self, done: usize, loss: Option<f64>) {
         let elapsed_secs = self.elapsed();
         let since = done.saturating_sub(self.first);
@@ -219,7 +212,7 @@ impl<'a> Watch<'a> {
         Ok(())
     }
 
-    /// Stores the state if it is time; ends the run if that is wished.
+    /// Stores the state if it is due; ends the run if it was cancelled.
     pub(crate) fn checkpoint(
         &mut self,
         make: impl FnOnce() -> Result<State, CuarError>,

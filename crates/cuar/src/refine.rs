@@ -4,31 +4,27 @@ use crate::{
     Backend, CuarError, DescentEngine, OffsetScene, RefineOptions, RegressionParams, Report,
     Solver, Views,
     descent::Descent,
-    problem::{Deltas, Problem, TracePoint, Watch, num_lanes},
+    evaluator::Evaluator,
+    problem::{Problem, TracePoint, Watch, num_lanes},
     regression::Regression,
     sample::{Sample, Source},
     scene,
     state::{Observer, State},
     supervision::Supervision,
-    visit::Work,
 };
 use gs_core::{DynamicScene, Rasterizer, Splats};
 use std::time::Instant;
 
-/// What came out of a refinement.
+/// Result of a refinement.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Refined {
     /// Rows that may have changed: the edited ones, ascending.
     pub rows: Vec<u32>,
     /// New SH of these rows at the edited frame, `[rows,K,3]`.
     pub sh: Vec<[f32; 3]>,
-    /// New opacity logits of these rows at the edited frame, `[rows]`; the old bits unless opacity was refined.
-    pub opacity_logits: Vec<f32>,
     /// Offset of SH, the same at every time, `[rows,K,3]`.
     pub d_sh: Vec<[f32; 3]>,
-    /// Offset of the logits, the same at every time, `[rows]`.
-    pub d_logits: Vec<f32>,
-    /// What was done.
+    /// Counts, losses, timings and warnings.
     pub report: Report,
 }
 
@@ -38,12 +34,12 @@ impl Refined {
     /// # Panics
     /// If these are other splats than those refined.
     pub fn apply(&self, first: &mut Splats) {
-        scene::add(first, &self.rows, &self.d_sh, &self.d_logits);
+        scene::add(first, &self.rows, &self.d_sh);
     }
 
     /// `scene` with the refined colours at every time.
     pub fn scene<'a>(&'a self, scene: &'a dyn DynamicScene) -> OffsetScene<'a> {
-        OffsetScene::new(scene, &self.rows, &self.d_sh, &self.d_logits)
+        OffsetScene::new(scene, &self.rows, &self.d_sh)
     }
 }
 
@@ -68,8 +64,7 @@ pub fn refine<R: Rasterizer<Prepared: Send> + Sync>(
     refine_with(backend, scene, edited, views, options, resume, observer)
 }
 
-/// [`refine`], with Adam's steps done by the engine of `backend` if it has one and opacity is not refined: the same result within the
-/// engine's precision.
+/// [`refine`], with Adam's steps done by the engine of `backend` if it has one: the same result within the engine's precision.
 ///
 /// # Errors
 /// As [`refine`].
@@ -102,11 +97,11 @@ pub fn refine_with<R: Rasterizer<Prepared: Send> + Sync>(
     let total = plan.samples.len() + plan.held_out.len();
     let mut watch = Watch::new(observer, options, "images", total, 0);
     let mut samples = stage.build(&plan.samples, options.memory, 0, &mut watch, &mut report)?;
-    let trust = stage.trust;
-    report.trust = trust;
+    let stats = stage.stats;
+    report.supervision = stats;
     report.num_floored = stage.num_floored;
-    let share = |&[doubtful, seen]: &[u32; 2]| doubtful as f32 / seen.max(1) as f32;
-    let doubts = stage.doubts.iter().map(share).collect();
+    let share = |&[uncertain, seen]: &[u32; 2]| uncertain as f32 / seen.max(1) as f32;
+    let uncertain_shares = stage.uncertain_counts.iter().map(share).collect();
     let held_out =
         stage.build(&plan.held_out, usize::MAX, plan.samples.len(), &mut watch, &mut report)?;
     drop(stage);
@@ -114,14 +109,14 @@ pub fn refine_with<R: Rasterizer<Prepared: Send> + Sync>(
     report.held_out = held_out.iter().map(|sample| sample.at).collect();
     if samples.is_empty() && !rows.is_empty() {
         report.warnings.push("no image shows an edited splat: nothing was refined".to_owned());
-    } else if trust.masked == 0 {
+    } else if stats.masked == 0 {
         report.warnings.push("no artifact was found: colours stay as they are".to_owned());
-    } else if trust.known() == 0 {
+    } else if stats.supervised() == 0 {
         report.warnings.push(format!(
             "{:.1} % of the edited pixels look like artifacts, but frame 1 tells about none of them ({}), nor shows their splats: colours \
              stay as they are",
-            100.0 * trust.masked as f64 / trust.live.max(1) as f64,
-            trust.reasons()
+            100.0 * stats.masked as f64 / stats.live.max(1) as f64,
+            stats.reasons()
         ));
     }
     let images_secs = begun.elapsed().as_secs_f64();
@@ -134,11 +129,11 @@ pub fn refine_with<R: Rasterizer<Prepared: Send> + Sync>(
         cameras: views.cameras,
         num_first: samples.iter().filter(|sample| is_first(sample)).count(),
         samples,
-        lanes: (0..num_lanes).map(|_| Work::default()).collect(),
+        lanes: (0..num_lanes).map(|_| Evaluator::default()).collect(),
         num_rows: rows.len(),
         sh_degree: first.sh_degree,
         base_sh: rows.iter().flat_map(|&row| first.sh_of(row as usize)).copied().collect(),
-        doubts,
+        uncertain_shares,
         bytes: 0,
         num_cached: 0,
     };
@@ -161,16 +156,14 @@ pub fn refine_with<R: Rasterizer<Prepared: Send> + Sync>(
     }
     let zero = Outcome {
         d_sh: vec![[0.0; 3]; rows.len() * problem.coeffs()],
-        d_logits: vec![0.0; rows.len()],
         before: None,
         regression: None,
     };
-    // without an artifact the offsets that minimise the loss are zero
-    let outcome = if trust.known() == 0 {
+    // Without an artifact the loss is minimal at zero offsets.
+    let outcome = if stats.supervised() == 0 {
         zero.clone()
     } else {
-        let engine = descent.filter(|_| !options.opacity);
-        solve(&mut problem, engine, resume, fingerprint, observer, &mut report.trace)?
+        solve(&mut problem, descent, resume, fingerprint, observer, &mut report.trace)?
     };
     let solve_secs = begun.elapsed().as_secs_f64() - images_secs - cache_secs;
     let parts = ["prepare", "forward", "loss", "backward"];
@@ -185,7 +178,7 @@ pub fn refine_with<R: Rasterizer<Prepared: Send> + Sync>(
     let mut reported = 0;
     let mut loss_of = |problem: &mut Problem<R>, outcome: &Outcome| {
         let begun = reported;
-        problem.loss(Deltas { sh: &outcome.d_sh, logits: &outcome.d_logits }, |done| {
+        problem.loss(&outcome.d_sh, |done| {
             reported = total.min(begun + done);
             watch.step(reported, None);
             watch.stop_if_cancelled()
@@ -205,7 +198,7 @@ pub fn refine_with<R: Rasterizer<Prepared: Send> + Sync>(
     [report.held_out_before, _, report.held_out_artifacts[0]] = loss_of(&mut problem, &zero)?;
     [report.held_out_after, _, report.held_out_artifacts[1]] = loss_of(&mut problem, &outcome)?;
     (report.loss_before, report.loss_after) = (before[0], after[0]);
-    // told, not undone; and not if colours merely change outside the mask: what was there before may be what is wrong
+    // A warning, not a refusal; and none if colours only change outside the mask, because what was there before may be wrong.
     let [then, now] = report.held_out_artifacts;
     if now > then {
         report.warnings.push(format!(
@@ -213,29 +206,26 @@ pub fn refine_with<R: Rasterizer<Prepared: Send> + Sync>(
         ));
     }
 
-    let Outcome { d_sh, d_logits, .. } = outcome;
-    let mut refined = Refined { rows, d_sh, d_logits, report, ..Refined::default() };
+    let mut refined = Refined { rows, d_sh: outcome.d_sh, report, ..Refined::default() };
     let mut changed = first;
     refined.apply(&mut changed);
     for &row in &refined.rows {
         refined.sh.extend_from_slice(changed.sh_of(row as usize));
-        refined.opacity_logits.push(changed.opacity_logits[row as usize]);
     }
     Ok(refined)
 }
 
-/// What a solver found.
+/// Result of a solver.
 #[derive(Clone, Default)]
 struct Outcome {
     d_sh: Vec<[f32; 3]>,
-    d_logits: Vec<f32>,
     /// The losses without offsets, if the solver saw them.
     before: Option<[f64; 2]>,
     /// The solver itself, if it can fit again.
     regression: Option<Regression>,
 }
 
-/// The outcome if it lowers the loss, else the same fitted with less smoothness, else `zero`; its losses; and what the user should know.
+/// The outcome if it lowers the loss, else the same fitted with less smoothness, else `zero`; its losses; and a warning for the user.
 ///
 /// The loss that decides is the one that the solver minimises: to exact L1 a change too small to see counts like any other.
 fn accept<R: Rasterizer<Prepared: Send> + Sync>(
@@ -251,13 +241,12 @@ fn accept<R: Rasterizer<Prepared: Send> + Sync>(
     if after[1] <= before[1] {
         return Ok((outcome, after, None));
     }
-    // where images attest to colours that are not smooth, smoothness was too dear
+    // The images support colours that are not smooth: the prior was too strong.
     if let (Some(run), Solver::Regression(params)) = (&outcome.regression, &options.solver) {
         for factor in [0.1, 0.01, 0.0] {
             let params = RegressionParams { prior: factor * params.prior, ..params.clone() };
             let d_sh = run.refit(problem, &params);
-            let d_logits = outcome.d_logits.clone();
-            let other = Outcome { d_sh, d_logits, ..Outcome::default() };
+            let other = Outcome { d_sh, ..Outcome::default() };
             let [exact, shaped, _] = loss_of(problem, &other)?;
             let after = [exact, shaped];
             if after[1] <= before[1] {
@@ -295,8 +284,8 @@ fn solve<R: Rasterizer<Prepared: Send> + Sync>(
             let total = params.passes * problem.samples.len();
             let mut watch = Watch::new(observer, options, "refine", total, first);
             run.run(problem, params, fingerprint, &mut watch, trace)?;
-            let (d_sh, d_logits) = (run.d_sh.clone(), vec![0.0; problem.num_rows]);
-            Ok(Outcome { d_sh, d_logits, before: Some(run.before), regression: Some(run) })
+            let d_sh = run.d_sh.clone();
+            Ok(Outcome { d_sh, before: Some(run.before), regression: Some(run) })
         }
         Solver::Adam(params) => {
             let mut run = match resume {
@@ -310,8 +299,7 @@ fn solve<R: Rasterizer<Prepared: Send> + Sync>(
                 }
                 None => run.run(problem, params, fingerprint, &mut watch, trace)?,
             }
-            let Descent { d_sh, d_logits, .. } = run;
-            Ok(Outcome { d_sh, d_logits, ..Outcome::default() })
+            Ok(Outcome { d_sh: run.d_sh, ..Outcome::default() })
         }
     }
 }

@@ -2,9 +2,9 @@
 
 use crate::{
     CuarError, Entry, RegressionParams,
-    problem::{Deltas, Problem, TracePoint, Watch},
+    evaluator::Derivatives,
+    problem::{Problem, TracePoint, Watch},
     state::State,
-    visit::Ask,
 };
 use gs_core::{Rasterizer, sh};
 use rayon::prelude::*;
@@ -12,12 +12,12 @@ use rayon::prelude::*;
 /// Rows per task.
 const CHUNK: usize = 512;
 
-/// What one image asks of one splat: change of colour (RGB, before the clamp at 0) and weight. Weight 0 asks nothing.
-type Request = [f32; 4];
+/// What one image observes of one splat: change of colour (RGB, before the clamp at 0) and weight. Weight 0: nothing.
+type Observation = [f32; 4];
 
 /// Normal equations of every splat's fit.
 #[derive(Clone)]
-struct Normals {
+struct NormalEquations {
     coeffs: usize,
     /// `Σ w Y Yᵀ`, lower triangles, `[E, K(K+1)/2]`.
     gram: Vec<f64>,
@@ -25,7 +25,7 @@ struct Normals {
     right: Vec<f64>,
 }
 
-impl Normals {
+impl NormalEquations {
     fn new(rows: usize, coeffs: usize) -> Self {
         let gram = vec![0.0; rows * coeffs * (coeffs + 1) / 2];
         Self { coeffs, gram, right: vec![0.0; rows * coeffs * 3] }
@@ -36,8 +36,8 @@ impl Normals {
         self.right.fill(0.0);
     }
 
-    /// Adds what one image asks. Entries are ascending by row, each row at most once.
-    fn add(&mut self, degree: usize, entries: &[Entry], requests: &[Request]) {
+    /// Adds the observations of one image. Entries are ascending by row, each row at most once.
+    fn add(&mut self, degree: usize, entries: &[Entry], observations: &[Observation]) {
         let coeffs = self.coeffs;
         let triangle = coeffs * (coeffs + 1) / 2;
         let grams = self.gram.par_chunks_mut(CHUNK * triangle);
@@ -46,8 +46,8 @@ impl Normals {
             let first = chunk * CHUNK;
             let begin = entries.partition_point(|entry| (entry.row as usize) < first);
             let end = entries.partition_point(|entry| (entry.row as usize) < first + CHUNK);
-            for (entry, request) in entries[begin..end].iter().zip(&requests[begin..end]) {
-                let [red, green, blue, weight] = request.map(f64::from);
+            for (entry, observation) in entries[begin..end].iter().zip(&observations[begin..end]) {
+                let [red, green, blue, weight] = observation.map(f64::from);
                 if weight == 0.0 {
                     continue;
                 }
@@ -70,14 +70,14 @@ impl Normals {
         });
     }
 
-    /// Solves for every row that anything is asked of; the others are left as they are. `firm` is the part of each row's weight that is there
-    /// to hold it, and does not make the prior any stronger.
+    /// Solves the rows that have at least one observation. `anchor_weights[row]` is the weight of the terms that keep the row at its colour
+    /// in the edited frame; it does not strengthen the prior.
     fn solve(
         &self,
         params: &RegressionParams,
         base: &[[f32; 3]],
-        doubts: &[f32],
-        firm: &[f64],
+        uncertain_shares: &[f32],
+        anchor_weights: &[f64],
         d_sh: &mut [[f32; 3]],
     ) {
         let coeffs = self.coeffs;
@@ -89,13 +89,17 @@ impl Normals {
             if total.is_nan() || total <= 0.0 {
                 return;
             }
-            let asked = (total - firm[row]).max(0.0);
+            let observed_weight = (total - anchor_weights[row]).max(0.0);
             let (mut ridge, mut right) = ([0.0; 16], [0.0; 48]);
             right[..coeffs * 3].copy_from_slice(&self.right[row * coeffs * 3..][..coeffs * 3]);
-            ridge[0] = asked * params.prior * 1e-3 + total * CONDITIONING;
+            ridge[0] = observed_weight * params.prior * 1e-3 + total * CONDITIONING;
             for k in 1..coeffs {
                 let degree = k.isqrt() as f64;
-                let smooth = asked * params.prior * degree * degree * f64::from(doubts[row]);
+                let smooth = observed_weight
+                    * params.prior
+                    * degree
+                    * degree
+                    * f64::from(uncertain_shares[row]);
                 ridge[k] = smooth + total * CONDITIONING;
                 // it is the coefficients that are to be small, not their change
                 for channel in 0..3 {
@@ -116,7 +120,7 @@ impl Normals {
     }
 }
 
-/// Ridge on every change, relative to the total weight: directions that nothing tells about stay as they are.
+/// Ridge on every change, relative to the total weight: unobserved directions stay as they are.
 const CONDITIONING: f64 = 1e-6;
 
 /// Solves `(gram + diag(ridge))·X = x` for three right-hand sides `x`; `None` if the system is not positive definite.
@@ -166,52 +170,53 @@ fn cholesky_solve(
     x[..coeffs * 3].iter().all(|value| value.is_finite()).then_some(x)
 }
 
-/// What the image just visited asks. `changes` are the splats' present colour changes, `answers` gradient and curvature.
-fn requests(
+/// Observations of the image just evaluated. `changes` are the current changes of colour, `color_grads` gradient and curvature.
+fn observations(
     entries: &[Entry],
     changes: &[[f32; 3]],
-    answers: &[[f32; 4]],
+    color_grads: &[[f32; 4]],
     relaxation: f32,
-) -> Vec<Request> {
-    let ask = |((entry, change), &[red, green, blue, weight]): ((&Entry, &[f32; 3]), &[f32; 4])| {
-        if weight.is_nan() || weight <= 0.0 || !entry.told {
-            return [0.0; 4];
-        }
-        let mut request = [0.0, 0.0, 0.0, weight];
-        for (channel, slope) in [red, green, blue].into_iter().enumerate() {
-            let color = entry.color[channel];
-            request[channel] = if color + change[channel] >= 0.0 {
-                change[channel] - relaxation * slope / weight
-            } else if slope < 0.0 {
-                // shown as 0 but wanted brighter: from 0 upwards
-                -color - relaxation * slope / weight
-            } else {
-                change[channel]
-            };
-        }
-        if request.iter().all(|value| value.is_finite()) { request } else { [0.0; 4] }
-    };
-    entries.iter().zip(changes).zip(answers).map(ask).collect()
+) -> Vec<Observation> {
+    let observation =
+        |((entry, change), &[red, green, blue, weight]): ((&Entry, &[f32; 3]), &[f32; 4])| {
+            if weight.is_nan() || weight <= 0.0 || !entry.is_constrained {
+                return [0.0; 4];
+            }
+            let mut observation = [0.0, 0.0, 0.0, weight];
+            for (channel, slope) in [red, green, blue].into_iter().enumerate() {
+                let color = entry.color[channel];
+                observation[channel] = if color + change[channel] >= 0.0 {
+                    change[channel] - relaxation * slope / weight
+                } else if slope < 0.0 {
+                    // clamped to 0, and the gradient asks for a brighter colour: start at 0
+                    -color - relaxation * slope / weight
+                } else {
+                    change[channel]
+                };
+            }
+            if observation.iter().all(|value| value.is_finite()) { observation } else { [0.0; 4] }
+        };
+    entries.iter().zip(changes).zip(color_grads).map(observation).collect()
 }
 
-/// Where a run stands.
+/// Current state of a run.
 #[derive(Clone)]
 pub(crate) struct Regression {
     pub d_sh: Vec<[f32; 3]>,
     /// Mean losses without offsets, exact and smooth; known after the first pass.
     pub before: [f64; 2],
     /// Sums over the pass so far.
-    normals: Normals,
+    normals: NormalEquations,
     losses: [f64; 2],
     /// Smooth loss of the pass before.
     last: f64,
-    /// Weight of each entry in the samples of the edited frame: how firmly its colour there is held.
-    held: Vec<Vec<f32>>,
+    /// Weight of each entry in the samples of the edited frame, which keeps its colour there.
+    frame_weights: Vec<Vec<f32>>,
     /// Largest weight that an image of another time gave each splat in the first pass, `[E]`.
     peaks: Vec<f32>,
-    /// The part of each row's held weight that exceeds an ordinary request's, `[E]`.
-    firm: Vec<f64>,
-    /// Visits done.
+    /// The part of each row's weight from the edited frame that exceeds that of an ordinary observation, `[E]`.
+    anchor_weights: Vec<f64>,
+    /// Evaluations done.
     step: usize,
 }
 
@@ -222,12 +227,15 @@ impl Regression {
         Self {
             d_sh: vec![[0.0; 3]; problem.num_rows * coeffs],
             before: [0.0; 2],
-            normals: Normals::new(problem.num_rows, coeffs),
+            normals: NormalEquations::new(problem.num_rows, coeffs),
             losses: [0.0; 2],
             last: f64::INFINITY,
-            held: problem.samples[later..].iter().map(|s| vec![0.0; s.entries.len()]).collect(),
+            frame_weights: problem.samples[later..]
+                .iter()
+                .map(|s| vec![0.0; s.entries.len()])
+                .collect(),
             peaks: vec![0.0; problem.num_rows],
-            firm: vec![0.0; problem.num_rows],
+            anchor_weights: vec![0.0; problem.num_rows],
             step: 0,
         }
     }
@@ -239,17 +247,17 @@ impl Regression {
         let mut own = Self::new(problem);
         let flat = state.array("d_sh", own.d_sh.len() * 3)?;
         own.d_sh = flat.as_chunks::<3>().0.to_vec();
-        let mut flat = state.array("held", own.held.iter().map(Vec::len).sum())?;
-        for held in &mut own.held {
-            let (head, tail) = flat.split_at(held.len());
-            held.copy_from_slice(head);
+        let mut flat = state.array("held", own.frame_weights.iter().map(Vec::len).sum())?;
+        for weights in &mut own.frame_weights {
+            let (head, tail) = flat.split_at(weights.len());
+            weights.copy_from_slice(head);
             flat = tail;
         }
-        let Normals { gram, right, .. } = &mut own.normals;
+        let NormalEquations { gram, right, .. } = &mut own.normals;
         *gram = state.double("gram", gram.len())?.to_vec();
         *right = state.double("right", right.len())?.to_vec();
         own.peaks = state.array("peaks", own.peaks.len())?.to_vec();
-        own.firm = state.double("firm", own.firm.len())?.to_vec();
+        own.anchor_weights = state.double("firm", own.anchor_weights.len())?.to_vec();
         let losses = state.double("losses", 5)?;
         own.before.copy_from_slice(&losses[..2]);
         own.losses.copy_from_slice(&losses[2..4]);
@@ -267,11 +275,11 @@ impl Regression {
             step: self.step as u64,
             arrays: vec![
                 named("d_sh", self.d_sh.concat()),
-                named("held", self.held.concat()),
+                named("held", self.frame_weights.concat()),
                 named("peaks", self.peaks.clone()),
             ],
             doubles: vec![
-                doubles("firm", &self.firm),
+                doubles("firm", &self.anchor_weights),
                 doubles("gram", &self.normals.gram),
                 doubles("right", &self.normals.right),
                 doubles("losses", &losses),
@@ -279,18 +287,24 @@ impl Regression {
         }
     }
 
-    /// Fits what was asked last with another smoothness.
+    /// Fits the last observations with another smoothness.
     pub(crate) fn refit<R: Rasterizer>(
         &self,
         problem: &Problem<R>,
         params: &RegressionParams,
     ) -> Vec<[f32; 3]> {
         let mut d_sh = vec![[0.0; 3]; self.d_sh.len()];
-        self.normals.solve(params, &problem.base_sh, &problem.doubts, &self.firm, &mut d_sh);
+        self.normals.solve(
+            params,
+            &problem.base_sh,
+            &problem.uncertain_shares,
+            &self.anchor_weights,
+            &mut d_sh,
+        );
         d_sh
     }
 
-    /// Runs to the end of the last pass, or of the first that hardly gains.
+    /// Runs to the last pass, or to the first that gains less than [`MIN_GAIN`].
     pub(crate) fn run<R: Rasterizer<Prepared: Send> + Sync>(
         &mut self,
         problem: &mut Problem<R>,
@@ -300,7 +314,6 @@ impl Regression {
         trace: &mut Vec<TracePoint>,
     ) -> Result<(), CuarError> {
         let count = problem.samples.len();
-        let logits = vec![0.0; problem.num_rows];
         while self.step < params.passes * count {
             let (pass, within) = (self.step / count, self.step % count);
             if within == 0 {
@@ -309,19 +322,18 @@ impl Regression {
             }
             let group = problem.group(within);
             let first = within >= count - problem.num_first && params.hold > 0.0;
-            let ask = if first && pass > 0 {
-                Ask::Loss(params.delta)
+            let derivatives = if first && pass > 0 {
+                Derivatives::Loss(params.delta)
             } else {
-                Ask::Curvature(params.delta)
+                Derivatives::Curvature(params.delta)
             };
-            let d = Deltas { sh: &self.d_sh, logits: &logits };
-            for parts in problem.visit(group.clone(), d, ask)? {
+            for parts in problem.evaluate(group.clone(), &self.d_sh, derivatives)? {
                 self.losses[0] += parts.total(problem.options.weights);
                 self.losses[1] += parts.shaped_total(problem.options.weights);
             }
-            if ask != Ask::Loss(params.delta) {
+            if derivatives != Derivatives::Loss(params.delta) {
                 for (lane, s) in group.clone().enumerate() {
-                    self.listen(problem, params, s, lane, first);
+                    self.observe(problem, params, s, lane, first);
                 }
             }
             self.step += group.len();
@@ -337,10 +349,10 @@ impl Regression {
                 });
                 if pass == 0 {
                     self.before = loss;
-                    self.decide(problem, params);
+                    self.weigh_anchors(problem, params);
                 }
                 self.fit(problem, params);
-                if loss[1] > (1.0 - ENOUGH) * self.last {
+                if loss[1] > (1.0 - MIN_GAIN) * self.last {
                     self.step = params.passes * count;
                 }
                 self.last = loss[1];
@@ -350,8 +362,8 @@ impl Regression {
         Ok(())
     }
 
-    /// Adds what sample `s` asks, visited in `lane`.
-    fn listen<R: Rasterizer>(
+    /// Adds the observations of sample `s`, evaluated in `lane`.
+    fn observe<R: Rasterizer>(
         &mut self,
         problem: &Problem<R>,
         params: &RegressionParams,
@@ -363,39 +375,41 @@ impl Regression {
         let work = &problem.lanes[lane];
         if first {
             let later = problem.samples.len() - problem.num_first;
-            for (held, answer) in self.held[s - later].iter_mut().zip(&work.answers) {
-                *held = if answer[3].is_finite() { answer[3].max(0.0) } else { 0.0 };
+            for (weight, color_grad) in
+                self.frame_weights[s - later].iter_mut().zip(&work.color_grads)
+            {
+                *weight = if color_grad[3].is_finite() { color_grad[3].max(0.0) } else { 0.0 };
             }
             return;
         }
-        #[expect(clippy::cast_possible_truncation, reason = "requests are single precision")]
+        #[expect(clippy::cast_possible_truncation, reason = "observations are single precision")]
         let relaxation = params.relaxation as f32;
-        let requests = requests(entries, &work.changes, &work.answers, relaxation);
-        self.normals.add(problem.sh_degree, entries, &requests);
+        let observed = observations(entries, &work.changes, &work.color_grads, relaxation);
+        self.normals.add(problem.sh_degree, entries, &observed);
         if self.step < problem.samples.len() {
-            for (entry, request) in entries.iter().zip(&requests) {
+            for (entry, observation) in entries.iter().zip(&observed) {
                 let peak = &mut self.peaks[entry.row as usize];
-                *peak = peak.max(request[3]);
+                *peak = peak.max(observation[3]);
             }
         }
     }
 
-    /// How firmly each splat is held: what frame 1 hardly shows of a splat says little about it.
-    fn decide<R: Rasterizer>(&mut self, problem: &Problem<R>, params: &RegressionParams) {
+    /// Sets the weights that keep colours of the edited frame: low for splats that are hardly visible there.
+    fn weigh_anchors<R: Rasterizer>(&mut self, problem: &Problem<R>, params: &RegressionParams) {
         if params.hold <= 0.0 {
             return;
         }
         let later = problem.samples.len() - problem.num_first;
         #[expect(clippy::cast_possible_truncation, reason = "weights are single precision")]
         let hold = params.hold as f32;
-        for (held, sample) in self.held.iter_mut().zip(&problem.samples[later..]) {
-            for (held, entry) in held.iter_mut().zip(&sample.entries) {
+        for (weights, sample) in self.frame_weights.iter_mut().zip(&problem.samples[later..]) {
+            for (anchored, entry) in weights.iter_mut().zip(&sample.entries) {
                 let row = entry.row as usize;
-                let peak = self.peaks[row].max(*held);
+                let peak = self.peaks[row].max(*anchored);
                 if peak > 0.0 {
-                    let weight = *held;
-                    *held *= hold * (weight / (SHOWN * peak)).min(1.0);
-                    self.firm[row] += f64::from((*held - weight).max(0.0));
+                    let weight = *anchored;
+                    *anchored *= hold * (weight / (VISIBLE_SHARE * peak)).min(1.0);
+                    self.anchor_weights[row] += f64::from((*anchored - weight).max(0.0));
                 }
             }
         }
@@ -405,22 +419,23 @@ impl Regression {
     fn fit<R: Rasterizer>(&mut self, problem: &Problem<R>, params: &RegressionParams) {
         let later = problem.samples.len() - problem.num_first;
         if params.hold > 0.0 {
-            for (held, sample) in self.held.iter().zip(&problem.samples[later..]) {
-                let requests: Vec<Request> = held.iter().map(|&w| [0.0, 0.0, 0.0, w]).collect();
-                self.normals.add(problem.sh_degree, &sample.entries, &requests);
+            for (weights, sample) in self.frame_weights.iter().zip(&problem.samples[later..]) {
+                let observed: Vec<Observation> =
+                    weights.iter().map(|&w| [0.0, 0.0, 0.0, w]).collect();
+                self.normals.add(problem.sh_degree, &sample.entries, &observed);
             }
         }
-        let (base, doubts) = (&problem.base_sh, &problem.doubts);
-        self.normals.solve(params, base, doubts, &self.firm, &mut self.d_sh);
+        let (base, uncertain_shares) = (&problem.base_sh, &problem.uncertain_shares);
+        self.normals.solve(params, base, uncertain_shares, &self.anchor_weights, &mut self.d_sh);
     }
 }
 
-/// Of the largest weight that any image gives a splat, the share from which on the edited frame is taken to show it. Splats hidden there shine
-/// through a little.
-const SHOWN: f32 = 0.025;
+/// Share of a splat's largest weight in any image, from which it counts as visible in the edited frame. Hidden splats have a small weight
+/// there, too.
+const VISIBLE_SHARE: f32 = 0.025;
 
 /// A pass that lowers the loss by less than this share is the last.
-const ENOUGH: f64 = 0.005;
+const MIN_GAIN: f64 = 0.005;
 
 #[cfg(test)]
 mod tests {
@@ -431,16 +446,16 @@ mod tests {
         let (degree, coeffs) = (3, 16);
         let truth: Vec<[f32; 3]> =
             (0..coeffs).map(|k| [0.1 * k as f32, 0.5 - 0.03 * k as f32, 0.2]).collect();
-        let mut normals = Normals::new(2, coeffs);
+        let mut normals = NormalEquations::new(2, coeffs);
         for k in 0..60 {
             // a spiral over the sphere
             let z = 1.0 - 2.0 * (k as f32 + 0.5) / 60.0;
             let (sin, cos) = (2.4 * k as f32).sin_cos();
             let towards = [(1.0 - z * z).sqrt() * cos, (1.0 - z * z).sqrt() * sin, z];
-            let entry = Entry { local: 0, row: 1, towards, color: [0.0; 3], told: true };
+            let entry = Entry { local: 0, row: 1, towards, color: [0.0; 3], is_constrained: true };
             let [r, g, b] = sh::color(degree, &truth, towards).map(|value| value - 0.5);
-            let request = [r, g, b, 0.5 + (k % 3) as f32];
-            normals.add(degree, &[entry], &[request]);
+            let observation = [r, g, b, 0.5 + (k % 3) as f32];
+            normals.add(degree, &[entry], &[observation]);
         }
         let mut d_sh = vec![[0.0; 3]; 2 * coeffs];
         let params = RegressionParams { prior: 0.0, ..RegressionParams::default() };
@@ -450,7 +465,7 @@ mod tests {
                 assert!((ours[channel] - theirs[channel]).abs() < 1e-3, "{ours:?} {theirs:?}");
             }
         }
-        assert!(d_sh[..coeffs].iter().all(|rgb| *rgb == [0.0; 3]), "nothing was asked of row 0");
+        assert!(d_sh[..coeffs].iter().all(|rgb| *rgb == [0.0; 3]), "row 0 has no observations");
     }
 
     #[test]
@@ -460,12 +475,12 @@ mod tests {
             row: 0,
             towards: [0.0, 0.0, 1.0],
             color: [-0.5, -0.5, 0.5],
-            told: true,
+            is_constrained: true,
         }];
-        let requests = requests(&entries, &[[0.0; 3]], &[[-1.0, 1.0, 1.0, 10.0]], 1.0);
+        let observed = observations(&entries, &[[0.0; 3]], &[[-1.0, 1.0, 1.0, 10.0]], 1.0);
         let expected = [0.6, 0.0, -0.1, 10.0]; // up from 0; stay; down
-        for (ours, theirs) in requests[0].iter().zip(expected) {
-            assert!((ours - theirs).abs() < 1e-6, "{requests:?}");
+        for (ours, theirs) in observed[0].iter().zip(expected) {
+            assert!((ours - theirs).abs() < 1e-6, "{observed:?}");
         }
     }
 }

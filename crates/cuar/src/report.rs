@@ -1,8 +1,8 @@
 //! [`Report`]: what a refinement did.
 
-use crate::{Trust, plan::ViewTime, problem::TracePoint};
+use crate::{SupervisionStats, problem::TracePoint, view_sampler::ViewTime};
 
-/// What was done, and how well. Losses are Eq. 20, means over images; pixels that no edited splat reaches contribute nothing to them.
+/// Counts, losses and timings of a refinement. Losses are Eq. 20, means over images; only pixels that an edited splat reaches contribute.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Report {
     /// Edited splats.
@@ -23,8 +23,8 @@ pub struct Report {
     pub held_out_after: f64,
     /// Of these two, what artifacts contribute (Eq. 18); the rest is how much colours change elsewhere.
     pub held_out_artifacts: [f64; 2],
-    /// Which pixels the mask calls artifacts, which of those frame 1 tells about, and why not the others.
-    pub trust: Trust,
+    /// Which masked pixels are supervised by frame 1, and why the others are not.
+    pub supervision: SupervisionStats,
     /// Images in which [`crate::RefineOptions::min_uncertainty`], not ε·mean(U), is the mask's threshold.
     pub num_floored: usize,
     /// The loss over the run.
@@ -35,6 +35,6 @@ pub struct Report {
     pub bytes: usize,
     /// Images whose prepared state was kept.
     pub num_cached: usize,
-    /// What the user should know.
+    /// Warnings for the user.
     pub warnings: Vec<String>,
 }

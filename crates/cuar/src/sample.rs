@@ -1,13 +1,14 @@
-//! One supervised image, and how it is made ([`Builder`]).
+//! [`Sample`]: one supervised image; [`Builder`] makes them.
 
 use crate::{
-    CuarError, Doubt, RefineOptions, Trust, WarpForm, carried,
+    CuarError, RefineOptions, Rejection, SupervisionStats, WarpForm,
     descent_image::{Crop, DescentImage, Entry},
+    first_frame_visibility,
     flow::{affine_motion, render_landing},
-    plan::ViewTime,
     splat_visibility::{gather, needed_rows},
-    trust::Verdict,
+    supervision_stats::PixelSource,
     uncertainty::{change, direction, eye, shown, threshold},
+    view_sampler::ViewTime,
     warp::{FirstFrame, WARP_CHANNELS, fetch, push_forward, trace},
 };
 use gs_core::{Camera, Rasterizer, RenderOutput, RenderParams, Splats, sh};
@@ -33,7 +34,7 @@ pub(crate) struct Sample<P> {
     pub flags: Vec<u8>,
     /// Ascending by row.
     pub entries: Vec<Entry>,
-    /// The splats needed, colours absent unless opacity is refined.
+    /// The splats needed, without colours.
     pub splats: Splats,
     pub prepared: Option<P>,
 }
@@ -43,8 +44,7 @@ impl<P> Sample<P> {
     pub(crate) fn bytes(&self) -> usize {
         self.crop.width * self.crop.height * (6 * 4 + 1)
             + self.entries.len() * size_of::<Entry>()
-            + self.splats.len() * 44
-            + self.splats.sh.len() * 12
+            + self.splats.len() * 56
     }
 
     /// Bytes of a prepared state, roughly: per splat (projection, order, colours, lists) and per pixel (channels, transmittance).
@@ -58,14 +58,14 @@ impl<P> Sample<P> {
     }
 }
 
-/// A sample, and what it tells about the whole.
+/// A sample, with its counts.
 pub(crate) struct Made<P> {
     pub sample: Sample<P>,
-    pub trust: Trust,
+    pub stats: SupervisionStats,
     /// Whether the floor under the mask is its threshold.
     pub floored: bool,
     /// Per entry: whether its ξ exceeds the mask's threshold (Eq. 17 for one splat).
-    pub doubtful: Vec<bool>,
+    pub uncertain: Vec<bool>,
 }
 
 /// What samples are made from.
@@ -95,8 +95,8 @@ impl<P> Default for Builder<P> {
 const CHANNELS: usize = WARP_CHANNELS + 6;
 const XI: usize = WARP_CHANNELS;
 const EDITED: usize = WARP_CHANNELS + 1;
-const SHOWN: usize = WARP_CHANNELS + 2;
-const CARRIED: usize = WARP_CHANNELS + 3;
+const KNOWN_SHARE: usize = WARP_CHANNELS + 2;
+const COLOR_CHANGE: usize = WARP_CHANNELS + 3;
 
 impl<P> Builder<P> {
     fn render<R: Rasterizer<Prepared = P>>(
@@ -120,7 +120,7 @@ impl<P> Builder<P> {
         Ok(())
     }
 
-    /// The trusted render of frame 1.
+    /// The render of frame 1 that supervises other times.
     pub(crate) fn first_frame<R: Rasterizer<Prepared = P>>(
         &mut self,
         source: &Source<R>,
@@ -130,8 +130,8 @@ impl<P> Builder<P> {
         self.render(source, source.first, camera, &none, true)?;
         let params = &source.options.warp_params;
         let min = params.min_coverage;
-        let carries = source.options.warp == WarpForm::Backward && params.min_carried <= 1.0;
-        let shares = match &mut self.prepared {
+        let carries = source.options.warp == WarpForm::Backward && params.min_known_color <= 1.0;
+        let weights = match &mut self.prepared {
             Some(prepared) if carries => {
                 let pixels = self.output.width * self.output.height;
                 let drawn = RenderParams {
@@ -139,7 +139,13 @@ impl<P> Builder<P> {
                     depth: true,
                     ..RenderParams::default()
                 };
-                carried::shares(source.raster, prepared, source.first, &drawn, pixels)?
+                first_frame_visibility::splat_weights(
+                    source.raster,
+                    prepared,
+                    source.first,
+                    &drawn,
+                    pixels,
+                )?
             }
             _ => Vec::new(),
         };
@@ -151,7 +157,7 @@ impl<P> Builder<P> {
             depth: depth
                 .map(|(&z, &alpha)| if alpha >= min && alpha > 0.0 { z / alpha } else { f32::NAN })
                 .collect(),
-            shares,
+            splat_weights: weights,
         })
     }
 
@@ -165,7 +171,7 @@ impl<P> Builder<P> {
         frame: &FirstFrame,
     ) -> Result<Option<Made<P>>, CuarError> {
         let options = source.options;
-        let features = source.features(splats, camera, &frame.shares);
+        let features = source.features(splats, camera, &frame.splat_weights);
         self.render(source, splats, camera, &features, false)?;
         let (w, h) = (self.output.width, self.output.height);
         let channel = |k: usize| -> Vec<f32> {
@@ -178,8 +184,8 @@ impl<P> Builder<P> {
         let Some(crop) = bounding(&live, w, h) else { return Ok(None) };
 
         let asked: Vec<bool> = mask.iter().zip(&live).map(|(mask, live)| *mask && *live).collect();
-        let (warp, verdicts) = self.warp(source, splats, camera, frame, &asked)?;
-        let mut trust = Trust::default();
+        let (warp, pixel_sources) = self.warp(source, splats, camera, frame, &asked)?;
+        let mut stats = SupervisionStats::default();
         let mut sample = Sample {
             at,
             crop,
@@ -193,40 +199,40 @@ impl<P> Builder<P> {
         for y in crop.y..crop.y + crop.height {
             for p in y * w + crop.x..y * w + crop.x + crop.width {
                 sample.original.extend_from_slice(&self.output.rgb[p * 3..p * 3 + 3]);
-                let fore = asked[p] && !matches!(verdicts[p], Verdict::Doubted(_));
+                let fore = asked[p] && !matches!(pixel_sources[p], PixelSource::Rejected(_));
                 let back = live[p] && !mask[p];
                 let rgb: &[f32] = if fore { &warp[p * 3..p * 3 + 3] } else { &[0.0; 3] };
                 sample.warp.extend_from_slice(rgb);
                 let bit = |on: bool, bit: u8| if on { bit } else { 0 };
                 sample.flags.push(bit(fore, FORE) | bit(back, BACK) | bit(live[p], LIVE));
-                trust.live += u64::from(live[p]);
+                stats.live += u64::from(live[p]);
                 if asked[p] {
-                    trust.count(verdicts[p]);
+                    stats.count(pixel_sources[p]);
                 }
             }
         }
-        let rows =
-            needed_rows(source.raster, splats, source.edited, camera, &live, options.opacity);
+        let rows = needed_rows(source.raster, splats, source.edited, camera, &live);
         // a splat whose colour is broken draws nothing in the full scene either
         let drawn = |&row: &u32| splats.is_finite(row as usize);
         let rows: Vec<u32> = rows.into_iter().filter(drawn).collect();
-        sample.splats = gather(splats, &rows, options.opacity);
+        sample.splats = gather(splats, &rows);
         let eye = eye(camera);
-        let by_surface = trust.surface >= trust.carried;
-        let mut doubtful = Vec::new();
+        let by_surface = stats.surface >= stats.splat_colors;
+        let mut uncertain = Vec::new();
         for (local, &id) in (0_u32..).zip(&rows) {
             let row = source.row_of[id as usize];
             let Some(towards) = direction(eye, splats.means[id as usize]) else { continue };
             if row != u32::MAX {
                 let color = sh::color(splats.sh_degree, splats.sh_of(id as usize), towards);
-                let told = by_surface || features[id as usize * CHANNELS + SHOWN] >= 0.5;
-                sample.entries.push(Entry { local, row, towards, color, told });
+                let is_constrained =
+                    by_surface || features[id as usize * CHANNELS + KNOWN_SHARE] >= 0.5;
+                sample.entries.push(Entry { local, row, towards, color, is_constrained });
                 let xi = features[id as usize * CHANNELS + XI];
-                doubtful.push(f64::from(xi) > threshold);
+                uncertain.push(f64::from(xi) > threshold);
             }
         }
         let floored = threshold <= f64::from(options.min_uncertainty);
-        Ok(Some(Made { sample, trust, floored, doubtful }))
+        Ok(Some(Made { sample, stats, floored, uncertain }))
     }
 
     /// Frame 1 at this frame's pixels, `[H,W,3]`, and where that comes from, `[H,W]`; both of the pixels `asked` for only.
@@ -237,22 +243,23 @@ impl<P> Builder<P> {
         camera: &Camera,
         frame: &FirstFrame,
         asked: &[bool],
-    ) -> Result<(Vec<f32>, Vec<Verdict>), CuarError> {
+    ) -> Result<(Vec<f32>, Vec<PixelSource>), CuarError> {
         let (w, h) = (self.output.width, self.output.height);
         if source.options.warp == WarpForm::Paper {
             let (landing, coverage) = render_landing(source.raster, source.first, splats, camera)?;
             let params = &source.options.warp_params;
             let (rgb, known) = push_forward(frame, (&landing, &coverage), params);
-            let nothing = Verdict::Doubted(Doubt::NothingLanded);
-            let verdict = |&known: &f32| if known > 0.0 { Verdict::Surface } else { nothing };
-            return Ok((rgb, known.iter().map(verdict).collect()));
+            let nothing = PixelSource::Rejected(Rejection::NothingLanded);
+            let pixel_source =
+                |&known: &f32| if known > 0.0 { PixelSource::Surface } else { nothing };
+            return Ok((rgb, known.iter().map(pixel_source).collect()));
         }
         let params = &source.options.warp_params;
         let output = &self.output;
         let mut rgb = vec![0.0; w * h * 3];
-        let mut verdicts = vec![Verdict::Doubted(Doubt::Uncovered); w * h];
-        rgb.par_chunks_mut(w * 3).zip(verdicts.par_chunks_mut(w)).enumerate().for_each(
-            |(y, (rgb, verdicts))| {
+        let mut pixel_sources = vec![PixelSource::Rejected(Rejection::Uncovered); w * h];
+        rgb.par_chunks_mut(w * 3).zip(pixel_sources.par_chunks_mut(w)).enumerate().for_each(
+            |(y, (rgb, pixel_sources))| {
                 for x in (0..w).filter(|x| asked[y * w + x]) {
                     let p = y * w + x;
                     let sums = &output.features[p * CHANNELS..(p + 1) * CHANNELS];
@@ -260,32 +267,35 @@ impl<P> Builder<P> {
                     let found = trace(sums, alpha, (x, y), params)
                         .and_then(|trace| fetch(frame, trace, now, params));
                     let out = &mut rgb[x * 3..x * 3 + 3];
-                    verdicts[x] = match found {
+                    pixel_sources[x] = match found {
                         Ok(color) => {
                             out.copy_from_slice(&color);
-                            Verdict::Surface
+                            PixelSource::Surface
                         }
-                        Err(_) if sums[SHOWN] >= params.min_carried * alpha && alpha > 0.0 => {
+                        Err(_)
+                            if sums[KNOWN_SHARE] >= params.min_known_color * alpha
+                                && alpha > 0.0 =>
+                        {
                             for channel in 0..3 {
-                                out[channel] = now[channel] + sums[CARRIED + channel];
+                                out[channel] = now[channel] + sums[COLOR_CHANGE + channel];
                             }
-                            Verdict::Carried
+                            PixelSource::SplatColors
                         }
-                        Err(doubt) => Verdict::Doubted(doubt),
+                        Err(rejection) => PixelSource::Rejected(rejection),
                     };
                 }
             },
         );
-        Ok((rgb, verdicts))
+        Ok((rgb, pixel_sources))
     }
 }
 
 impl<R> Source<'_, R> {
-    /// `[N,CHANNELS]` at the time of `splats`; `shares` are those of frame 1, or empty.
-    fn features(&self, splats: &Splats, camera: &Camera, shares: &[f32]) -> Vec<f32> {
+    /// `[N,CHANNELS]` at the time of `splats`; `weights` are those of the splats in frame 1, or empty.
+    fn features(&self, splats: &Splats, camera: &Camera, weights: &[f32]) -> Vec<f32> {
         let eye = eye(camera);
-        let enough = self.options.warp_params.min_shown;
-        let known = carried::shown(splats, shares, camera, enough);
+        let enough = self.options.warp_params.min_visible_share;
+        let known = first_frame_visibility::visibility(splats, weights, camera, enough);
         let mut features = vec![0.0_f32; splats.len() * CHANNELS];
         features.par_chunks_mut(CHANNELS).with_min_len(1024).enumerate().for_each(|(i, out)| {
             if let Some(back) = affine_motion(camera, splats, self.first, i) {
@@ -298,11 +308,11 @@ impl<R> Source<'_, R> {
                 out[XI] = change(now, then);
                 if !self.edited[i] {
                     // not to be refined: what it shows now is what it is to show
-                    out[SHOWN] = 1.0;
+                    out[KNOWN_SHARE] = 1.0;
                 } else if let Some(&known) = known.get(i) {
-                    out[SHOWN] = known;
+                    out[KNOWN_SHARE] = known;
                     for channel in 0..3 {
-                        out[CARRIED + channel] = known * (then[channel] - now[channel]);
+                        out[COLOR_CHANGE + channel] = known * (then[channel] - now[channel]);
                     }
                 }
             }

@@ -2,29 +2,23 @@
 
 use gs_core::{DynamicScene, SceneError, Splats, TimeRange};
 
-/// A dynamic scene whose edited rows carry a constant offset of SH and opacity logits.
+/// A dynamic scene whose edited rows carry a constant offset of SH.
 #[derive(Debug, Clone)]
 pub struct OffsetScene<'a> {
     scene: &'a dyn DynamicScene,
     rows: &'a [u32],
     d_sh: &'a [[f32; 3]],
-    d_logits: &'a [f32],
 }
 
 impl<'a> OffsetScene<'a> {
-    /// `rows` of `scene` with `d_sh` (`[rows,K,3]`) and `d_logits` (`[rows]`) added at every time.
-    pub(crate) fn new(
-        scene: &'a dyn DynamicScene,
-        rows: &'a [u32],
-        d_sh: &'a [[f32; 3]],
-        d_logits: &'a [f32],
-    ) -> Self {
-        Self { scene, rows, d_sh, d_logits }
+    /// `rows` of `scene` with `d_sh` (`[rows,K,3]`) added at every time.
+    pub(crate) fn new(scene: &'a dyn DynamicScene, rows: &'a [u32], d_sh: &'a [[f32; 3]]) -> Self {
+        Self { scene, rows, d_sh }
     }
 }
 
 /// Adds offsets to rows; rows whose offset is zero keep every bit.
-pub(crate) fn add(splats: &mut Splats, rows: &[u32], d_sh: &[[f32; 3]], d_logits: &[f32]) {
+pub(crate) fn add(splats: &mut Splats, rows: &[u32], d_sh: &[[f32; 3]]) {
     let coeffs = splats.sh_coeffs();
     for (k, &row) in rows.iter().enumerate() {
         let row = row as usize;
@@ -36,9 +30,6 @@ pub(crate) fn add(splats: &mut Splats, rows: &[u32], d_sh: &[[f32; 3]], d_logits
                     rgb[channel] += change[channel];
                 }
             }
-        }
-        if d_logits[k] != 0.0 {
-            splats.opacity_logits[row] += d_logits[k];
         }
     }
 }
@@ -62,7 +53,7 @@ impl DynamicScene for OffsetScene<'_> {
 
     fn at_into(&self, t: f32, out: &mut Splats) -> Result<(), SceneError> {
         self.scene.at_into(t, out)?;
-        add(out, self.rows, self.d_sh, self.d_logits);
+        add(out, self.rows, self.d_sh);
         Ok(())
     }
 

@@ -12,15 +12,12 @@ use rayon::prelude::*;
 const CELL: usize = TILE_SIZE as usize;
 
 /// Rows needed to composite the edited splats at the `live` pixels (`[H,W]`), ascending.
-///
-/// With `all_depths` also those behind the last edited splat of a cell, which matter once opacity changes.
 pub(crate) fn needed_rows<R: Rasterizer + Sync>(
     raster: &R,
     splats: &Splats,
     edited: &[bool],
     camera: &Camera,
     live: &[bool],
-    all_depths: bool,
 ) -> Vec<u32> {
     let (w, h) = (camera.width as usize, camera.height as usize);
     let grid = [w.div_ceil(CELL), h.div_ceil(CELL)];
@@ -49,8 +46,7 @@ pub(crate) fn needed_rows<R: Rasterizer + Sync>(
     let slack = 1.0 + 1e-5; // the rasteriser sorts single-precision depths
     let needed = |i: usize| {
         let Some(footprint) = &footprints[i] else { return false };
-        cells_of(footprint)
-            .any(|cell| live_cells[cell] && (all_depths || footprint.depth <= last[cell] * slack))
+        cells_of(footprint).any(|cell| live_cells[cell] && footprint.depth <= last[cell] * slack)
     };
     #[expect(clippy::cast_possible_truncation, reason = "the rasteriser numbers splats in 32 bits")]
     (0..splats.len())
@@ -61,12 +57,9 @@ pub(crate) fn needed_rows<R: Rasterizer + Sync>(
         .collect()
 }
 
-/// Geometry and opacity of `rows`, and their colours if `with_sh`, else grey of degree 0.
-pub(crate) fn gather(splats: &Splats, rows: &[u32], with_sh: bool) -> Splats {
+/// Geometry and opacity of `rows`, grey of degree 0.
+pub(crate) fn gather(splats: &Splats, rows: &[u32]) -> Splats {
     let ids: Vec<usize> = rows.iter().map(|&row| row as usize).collect();
-    if with_sh {
-        return splats.select(&ids);
-    }
     Splats {
         means: ids.iter().map(|&i| splats.means[i]).collect(),
         quats: ids.iter().map(|&i| splats.quats[i]).collect(),

@@ -1,9 +1,9 @@
-//! Checkpoints and the watching of a run.
+//! [`State`] of a run, for checkpoints, and [`Observer`], which follows it.
 
 use crate::CuarError;
 use gs_core::Image;
 
-/// Everything a run needs to go on, as plain arrays.
+/// State from which a run can be resumed, as plain arrays.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct State {
     /// Hash of the inputs and options; a state fits only the run it came from.
@@ -43,7 +43,7 @@ fn find<'a, T>(
     }
 }
 
-/// How far a run is.
+/// Progress of a run.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Progress {
     /// `"images"` (making the supervision), `"refine"`, or `"report"`.
@@ -79,7 +79,7 @@ pub struct Preview {
     pub mask: Image,
 }
 
-/// Watches a run. Every method may be left out.
+/// Follows a run. Every method has a default that does nothing.
 pub trait Observer {
     /// Called after every few images.
     fn progress(&mut self, progress: &Progress) {
@@ -96,13 +96,13 @@ pub trait Observer {
         let _ = state;
     }
 
-    /// Asked after every few images; `true` ends the run with [`CuarError::Cancelled`].
+    /// Called after every few images; `true` ends the run with [`CuarError::Cancelled`].
     fn cancelled(&mut self) -> bool {
         false
     }
 }
 
-/// Watches nothing.
+/// An observer that does nothing.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct NoObserver;
 

@@ -1,10 +1,10 @@
 //! Making the supervised images, several at a time ([`Supervision`]).
 
 use crate::{
-    CuarError, Report, Trust, Views,
-    plan::ViewTime,
+    CuarError, Report, SupervisionStats, Views,
     problem::Watch,
     sample::{Builder, Made, Sample, Source},
+    view_sampler::ViewTime,
     warp::FirstFrame,
 };
 use gs_core::{DynamicScene, Rasterizer, Splats};
@@ -24,11 +24,11 @@ pub(crate) struct Supervision<'a, R: Rasterizer> {
     moments: Vec<(f32, Splats)>,
     /// Frame 1 per view, while it is needed.
     frames: Vec<Option<FirstFrame>>,
-    pub trust: Trust,
+    pub stats: SupervisionStats,
     /// Images in which the floor is the mask's threshold.
     pub num_floored: usize,
     /// Per edited splat: in how many images it exceeds the mask's threshold (Eq. 17 for one splat), and how many there are.
-    pub doubts: Vec<[u32; 2]>,
+    pub uncertain_counts: Vec<[u32; 2]>,
 }
 
 impl<'a, R: Rasterizer<Prepared: Send> + Sync> Supervision<'a, R> {
@@ -44,9 +44,9 @@ impl<'a, R: Rasterizer<Prepared: Send> + Sync> Supervision<'a, R> {
             builders: (0..lanes).map(|_| Builder::default()).collect(),
             moments: Vec::new(),
             frames: vec![None; views.cameras.len()],
-            trust: Trust::default(),
+            stats: SupervisionStats::default(),
             num_floored: 0,
-            doubts: vec![[0; 2]; source.edited.iter().filter(|edited| **edited).count()],
+            uncertain_counts: vec![[0; 2]; source.edited.iter().filter(|edited| **edited).count()],
             source,
         }
     }
@@ -98,11 +98,11 @@ impl<'a, R: Rasterizer<Prepared: Send> + Sync> Supervision<'a, R> {
     }
 
     fn count<P>(&mut self, made: &Made<P>) {
-        self.trust.add(&made.trust);
+        self.stats.add(&made.stats);
         self.num_floored += usize::from(made.floored);
-        for (entry, &doubtful) in made.sample.entries.iter().zip(&made.doubtful) {
-            let [doubts, seen] = &mut self.doubts[entry.row as usize];
-            *doubts += u32::from(doubtful);
+        for (entry, &uncertain) in made.sample.entries.iter().zip(&made.uncertain) {
+            let [count, seen] = &mut self.uncertain_counts[entry.row as usize];
+            *count += u32::from(uncertain);
             *seen += 1;
         }
     }

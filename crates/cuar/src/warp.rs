@@ -1,6 +1,6 @@
 //! Fetching the first frame into frame `t` (Eq. 13).
 
-use crate::Doubt;
+use crate::Rejection;
 
 /// How the first frame is brought to frame `t`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -25,18 +25,18 @@ pub struct WarpParams {
     /// Default 0.015.
     pub spread_tolerance: f32,
     /// Least determinant of the motion from frame `t` to frame 1 at a pixel: how many pixels of frame 1 one pixel of frame `t` came from. A side
-    /// turned away from the camera in frame 1 gives a negative one (its depth alone, on a thin limb, would not tell), a grazing view little.
+    /// turned away from the camera in frame 1 gives a negative one (on a thin limb, depth alone does not show it), a grazing view a small one.
     /// Default 0.4.
     pub min_facing: f32,
     /// Pixels whose colour lies within the range of the 3×3 pixels of frame 1 around their source, widened by this much, agree with frame 1
     /// and are asked to stay as they are: resampling must not teach textures to be blurred. `None` supervises every masked pixel, as the
     /// paper does. Default 0.05.
     pub slack: Option<f32>,
-    /// Where no surface can be fetched: least share of a pixel's coverage that must belong to splats that frame 1 shows. Their colours there
-    /// then tell the pixel's, however many of them mix. Above 1 never. Default 0.9.
-    pub min_carried: f32,
-    /// Share of its unoccluded weight with which frame 1 shows a splat. Less counts in proportion. Default 0.1.
-    pub min_shown: f32,
+    /// Where no surface can be fetched: share of a pixel's coverage that must belong to splats visible in frame 1. The pixel is then
+    /// supervised by their colours in frame 1. Above 1: never. Default 0.9.
+    pub min_known_color: f32,
+    /// Share of its unoccluded weight from which a splat counts as fully visible in frame 1; below, in proportion. Default 0.1.
+    pub min_visible_share: f32,
 }
 
 impl Default for WarpParams {
@@ -47,8 +47,8 @@ impl Default for WarpParams {
             spread_tolerance: 0.015,
             min_facing: 0.4,
             slack: Some(0.05),
-            min_carried: 0.9,
-            min_shown: 0.1,
+            min_known_color: 0.9,
+            min_visible_share: 0.1,
         }
     }
 }
@@ -62,8 +62,8 @@ pub(crate) struct FirstFrame {
     pub rgb: Vec<f32>,
     /// Depth divided by coverage, `[H,W]`; NaN where coverage is too small.
     pub depth: Vec<f32>,
-    /// `Σ_p α T` per splat of the scene; empty if not asked for.
-    pub shares: Vec<f32>,
+    /// `Σ_p α T` per splat of the scene; empty if not requested.
+    pub splat_weights: Vec<f32>,
 }
 
 /// Channels of what [`trace`] reads at frame `t`: affine motion to frame 1 (shift 2, linear part 4), place there in the
@@ -85,9 +85,9 @@ pub(crate) fn trace(
     alpha: f32,
     (x, y): (usize, usize),
     params: &WarpParams,
-) -> Result<Trace, Doubt> {
+) -> Result<Trace, Rejection> {
     if alpha.is_nan() || alpha < params.min_coverage || alpha <= 0.0 {
-        return Err(Doubt::Uncovered);
+        return Err(Rejection::Uncovered);
     }
     let (px, py) = (x as f32 + 0.5, y as f32 + 0.5);
     let at = [sums[0] + sums[2] * px + sums[3] * py, sums[1] + sums[4] * px + sums[5] * py];
@@ -95,11 +95,11 @@ pub(crate) fn trace(
     let variance = square - (cx * cx + cy * cy + depth * depth);
     let limit = params.spread_tolerance * depth;
     if variance.is_nan() || variance > limit * limit {
-        return Err(Doubt::Mixed);
+        return Err(Rejection::Mixed);
     }
     let facing = (sums[2] * sums[5] - sums[3] * sums[4]) / (alpha * alpha);
     if facing.is_nan() || facing < params.min_facing {
-        return Err(Doubt::TurnedAway);
+        return Err(Rejection::TurnedAway);
     }
     Ok(Trace { at: at.map(|value| value / alpha), depth })
 }
@@ -110,12 +110,12 @@ pub(crate) fn fetch(
     trace: Trace,
     shown: &[f32],
     params: &WarpParams,
-) -> Result<[f32; 3], Doubt> {
+) -> Result<[f32; 3], Rejection> {
     let [sx, sy] = trace.at.map(|s| s - 0.5);
     let (w, h) = (frame.width, frame.height);
     let (max_x, max_y) = (w as f32 - 1.0, h as f32 - 1.0);
     if !(sx >= 0.0 && sy >= 0.0 && sx <= max_x && sy <= max_y) {
-        return Err(Doubt::OutOfView);
+        return Err(Rejection::OutOfView);
     }
     #[expect(
         clippy::cast_possible_truncation,
@@ -135,7 +135,7 @@ pub(crate) fn fetch(
     let corners = [(x0, y0), (x1, y0), (x0, y1), (x1, y1)];
     let weights = [(1.0 - fx) * (1.0 - fy), fx * (1.0 - fy), (1.0 - fx) * fy, fx * fy];
     if corners.iter().zip(weights).any(|(&(x, y), weight)| weight > 0.0 && !same(x, y)) {
-        return Err(Doubt::Hidden);
+        return Err(Rejection::Hidden);
     }
     if let Some(slack) = params.slack {
         let (cx, cy) = (if fx < 0.5 { x0 } else { x1 }, if fy < 0.5 { y0 } else { y1 });
@@ -260,7 +260,13 @@ mod tests {
                 x as f32 * 0.05 + y as f32 * 0.01 + (k % 3) as f32 * 0.1
             })
             .collect();
-        FirstFrame { width, height, rgb, depth: vec![2.0; width * height], shares: Vec::new() }
+        FirstFrame {
+            width,
+            height,
+            rgb,
+            depth: vec![2.0; width * height],
+            splat_weights: Vec::new(),
+        }
     }
 
     #[test]
@@ -279,11 +285,15 @@ mod tests {
         let frame = ramp();
         let params = WarpParams::default();
         let fetch = |at, depth| fetch(&frame, Trace { at, depth }, &[9.0; 3], &params);
-        assert_eq!(fetch([5.0, 5.0], 2.2), Err(Doubt::Hidden), "behind what frame 1 shows");
-        assert_eq!(fetch([5.0, 5.0], 1.8), Err(Doubt::Hidden), "in front of what frame 1 shows");
-        assert_eq!(fetch([-1.0, 5.0], 2.0), Err(Doubt::OutOfView), "off the image");
-        assert_eq!(fetch([f32::NAN, 5.0], 2.0), Err(Doubt::OutOfView), "nowhere");
-        assert_eq!(fetch([5.0, 5.0], f32::NAN), Err(Doubt::Hidden), "no depth");
+        assert_eq!(fetch([5.0, 5.0], 2.2), Err(Rejection::Hidden), "behind what frame 1 shows");
+        assert_eq!(
+            fetch([5.0, 5.0], 1.8),
+            Err(Rejection::Hidden),
+            "in front of what frame 1 shows"
+        );
+        assert_eq!(fetch([-1.0, 5.0], 2.0), Err(Rejection::OutOfView), "off the image");
+        assert_eq!(fetch([f32::NAN, 5.0], 2.0), Err(Rejection::OutOfView), "nowhere");
+        assert_eq!(fetch([5.0, 5.0], f32::NAN), Err(Rejection::Hidden), "no depth");
     }
 
     #[test]
@@ -296,12 +306,12 @@ mod tests {
         assert_eq!(half.at, full.at, "divided by coverage");
         // half of it at (0, 1, 2), half at (0, 2, 2)
         let mixed = [2.0, 1.0, 1.0, 0.0, 0.0, 1.0, 0.0, 1.5, 2.0, 6.5];
-        assert_eq!(trace(&mixed, 1.0, (3, 3), &params), Err(Doubt::Mixed), "two surfaces");
+        assert_eq!(trace(&mixed, 1.0, (3, 3), &params), Err(Rejection::Mixed), "two surfaces");
         let mut mirrored = whole;
         mirrored[2] = -1.0;
-        assert_eq!(trace(&mirrored, 1.0, (3, 3), &params), Err(Doubt::TurnedAway), "mirrored");
+        assert_eq!(trace(&mirrored, 1.0, (3, 3), &params), Err(Rejection::TurnedAway), "mirrored");
         let faint = trace(&[0.0; WARP_CHANNELS], 0.2, (3, 3), &params);
-        assert_eq!(faint, Err(Doubt::Uncovered), "hardly covered");
+        assert_eq!(faint, Err(Rejection::Uncovered), "hardly covered");
     }
 
     #[test]

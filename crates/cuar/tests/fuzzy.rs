@@ -107,17 +107,21 @@ fn splats_that_frame_1_shows_tell_where_no_surface_does() {
     let before = psnr(&spoiled);
 
     let refined = run(&spoiled, WarpParams::default());
-    let trust = refined.report.trust;
+    let stats = refined.report.supervision;
     let after = psnr(&refined.scene(&spoiled));
-    assert!(trust.surface < trust.masked / 10, "hardly a surface: {trust:?}");
-    assert!(trust.carried > trust.masked / 2, "known by its splats: {trust:?}");
-    assert_eq!(trust.known() + trust.doubts.iter().sum::<u64>(), trust.masked, "all judged");
+    assert!(stats.surface < stats.masked / 10, "hardly a surface: {stats:?}");
+    assert!(stats.splat_colors > stats.masked / 2, "known by its splats: {stats:?}");
+    assert_eq!(
+        stats.supervised() + stats.rejections.iter().sum::<u64>(),
+        stats.masked,
+        "all counted"
+    );
     assert!(after[0] > before[0] + 3.0, "inside the mask: {before:?} → {after:?} dB");
     assert!(after[1] > before[1] - 0.05, "outside the mask: {before:?} → {after:?} dB");
 
     // negative control: by surfaces alone next to nothing is known, and little is mended
-    let control = run(&spoiled, WarpParams { min_carried: 2.0, ..WarpParams::default() });
+    let control = run(&spoiled, WarpParams { min_known_color: 2.0, ..WarpParams::default() });
     let alone = psnr(&control.scene(&spoiled));
-    assert!(control.report.trust.carried == 0, "{:?}", control.report.trust);
+    assert!(control.report.supervision.splat_colors == 0, "{:?}", control.report.supervision);
     assert!(alone[0] < after[0] - 1.0, "by surfaces {alone:?}, by splats {after:?} dB");
 }

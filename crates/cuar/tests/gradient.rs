@@ -109,7 +109,7 @@ fn colours_through_the_rasteriser_to_the_loss() {
             }
         }
         assert!(worst < 1e-5 * largest, "{shape:?}: off by {:e} of the largest", worst / largest);
-        // negative control: a gradient of something else is told apart
+        // negative control: a gradient of something else is rejected
         let other = scene.loss(&image, Shape::Smooth(0.3), &mut upstream.v_rgb);
         let grads = raster.backward(&mut prepared, &splats, &[], &params, &upstream).unwrap();
         let numeric = (value(0, 0, step) - value(0, 0, -step)) / (2.0 * step);

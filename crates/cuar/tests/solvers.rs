@@ -194,16 +194,6 @@ fn leaving_out_what_does_not_matter_changes_no_image() {
 }
 
 #[test]
-fn opacity_is_refined_on_request_by_adam() {
-    let options = RefineOptions { opacity: true, ..adam(200) };
-    let refined = run(&options, None, &mut NoObserver).unwrap();
-    assert!(refined.d_logits.iter().any(|d| *d != 0.0), "opacity moves");
-    assert!(refined.report.loss_after < refined.report.loss_before, "{:?}", refined.report);
-    let refused = run(&RefineOptions { opacity: true, ..regression(1) }, None, &mut NoObserver);
-    assert!(refused.unwrap_err().to_string().contains("Adam"), "says why");
-}
-
-#[test]
 fn the_papers_warp_works_too() {
     let options = RefineOptions { warp: WarpForm::Paper, ..regression(2) };
     let report = run(&options, None, &mut NoObserver).unwrap().report;

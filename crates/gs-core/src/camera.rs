@@ -35,6 +35,7 @@ pub struct Camera {
 
 /// A camera that cannot see.
 #[derive(Debug, Clone, PartialEq, Error)]
+#[non_exhaustive]
 pub enum CameraError {
     /// Size, focal length or pose out of range.
     #[error("camera `{name}`: {what}")]

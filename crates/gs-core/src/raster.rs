@@ -38,7 +38,7 @@ pub enum GradientConvention {
     Exact,
 }
 
-/// Images composited for one camera: row-major, channels innermost. A plane that was not asked for is empty.
+/// Images composited for one camera: row-major, channels innermost. A plane that was not requested is empty.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct RenderOutput<F = f32> {
     /// `W`, columns.
@@ -66,7 +66,7 @@ impl<F: Real> RenderOutput<F> {
         Image { width: self.width, height: self.height, channels, data }
     }
 
-    /// Copy of `rgb` as an image of 3 channels (an empty image if it was not asked for).
+    /// Copy of `rgb` as an image of 3 channels (an empty image if it was not requested).
     pub fn rgb_image(&self) -> Image {
         self.image_of(&self.rgb, 3)
     }
@@ -76,7 +76,7 @@ impl<F: Real> RenderOutput<F> {
         self.image_of(&self.alpha, 1)
     }
 
-    /// Copy of `depth` as an image of 1 channel (an empty image if it was not asked for).
+    /// Copy of `depth` as an image of 1 channel (an empty image if it was not requested).
     pub fn depth_image(&self) -> Image {
         self.image_of(&self.depth, 1)
     }
@@ -124,6 +124,7 @@ pub struct RenderGrads<F = f32> {
 
 /// Why a rasteriser refused.
 #[derive(Debug, Error)]
+#[non_exhaustive]
 pub enum RasterError {
     /// The camera cannot see.
     #[error(transparent)]
@@ -156,7 +157,7 @@ pub enum RasterError {
 /// `log_scales` and the camera stay as they were: SH, opacities and features may change between forward passes without a new `prepare`,
 /// and the image is the same as if one had been made. (A splat whose opacity was NaN at `prepare` stays culled.)
 ///
-/// The `_into` methods reuse the memory of their output argument; nothing is read back from a device but the planes asked for.
+/// The `_into` methods reuse the memory of their output argument; nothing is read back from a device except the requested planes.
 pub trait Rasterizer<F: Real = f32> {
     /// Geometry seen by one camera, ready to composite.
     type Prepared;

@@ -1,4 +1,4 @@
-//! [`DynamicScene`]: splats that can be asked for at any time.
+//! [`DynamicScene`]: splats at any time.
 
 use crate::{Splats, SplatsError};
 use std::fmt::Debug;
@@ -42,11 +42,12 @@ impl TimeRange {
 
 /// Why a scene could not be evaluated.
 #[derive(Debug, Error)]
+#[non_exhaustive]
 pub enum SceneError {
     /// The scene has no value at this time.
     #[error("scene: time {t} lies outside [{}, {}]", range.start, range.end)]
     Time {
-        /// The time asked for.
+        /// The requested time.
         t: f32,
         /// The times there are.
         range: TimeRange,
@@ -109,8 +110,8 @@ pub trait DynamicScene: Debug + Send + Sync {
         Ok(out)
     }
 
-    /// Whether splats may appear and disappear: `false` promises the same opacities at every time, so that who needs only
-    /// geometry need not ask for more.
+    /// Whether splats may appear and disappear: `false` promises the same opacities at every time, so that callers
+    /// that need only geometry can skip colours.
     fn fades(&self) -> bool {
         true
     }

@@ -25,6 +25,7 @@ pub struct Splats<F = f32> {
 
 /// The arrays of a [`Splats`] do not belong together.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
+#[non_exhaustive]
 pub enum SplatsError {
     /// One array has another length than `means` requires.
     #[error("splats: `{field}` has {found} rows, expected {expected} for {num_splats} splats")]

@@ -1,4 +1,4 @@
-//! A scene from three frames, asked for between them.
+//! A scene from three frames, evaluated between them.
 
 use gs_core::{DynamicScene, Splats};
 use gs_deform::Trajectories;

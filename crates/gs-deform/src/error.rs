@@ -5,6 +5,7 @@ use thiserror::Error;
 
 /// A deformation field that cannot be built or evaluated.
 #[derive(Debug, Clone, PartialEq, Error)]
+#[non_exhaustive]
 pub enum FieldError {
     /// A tensor does not have the shape the others ask for.
     #[error("deformation field: `{tensor}` has shape {found:?}, expected {expected}")]

@@ -4,7 +4,7 @@
 //! rounding, for every combination of flags that implementation can evaluate; [`HashGridScene`] evaluates Swift4D models in
 //! single precision; [`Trajectories`] interpolates tabulated frames and is exact at them; [`PolynomialScene`] moves every splat
 //! along its own cubic; [`StaticScene`] never moves. All are [`gs_core::DynamicScene`]s, run on all cores, and
-//! give the same bits whatever the number of threads (not whatever the processor: vector width changes rounding).
+//! give the same bits for any number of threads (but not for any processor: vector width changes rounding).
 //!
 //! Deliberately absent: files (see `gs-io`), GPU, training.
 //!

@@ -3,7 +3,7 @@
 use crate::linear::{Linear, Packed};
 use crate::{FieldError, Head, HexPlane, Mask};
 
-/// SH values a colour head puts out: 16 coefficients of three channels, whatever the degree in use.
+/// SH values a colour head puts out: 16 coefficients of three channels, for any degree in use.
 const SH_OUTPUTS: usize = 48;
 
 /// What a head changes.

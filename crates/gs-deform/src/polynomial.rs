@@ -20,6 +20,7 @@ pub struct Polynomial {
 
 /// Parts that do not make a scene.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
+#[non_exhaustive]
 pub enum PolynomialError {
     /// The arrays of the splats disagree.
     #[error(transparent)]

@@ -6,6 +6,7 @@ use thiserror::Error;
 
 /// Frames that do not make a scene.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
+#[non_exhaustive]
 pub enum TrajectoryError {
     /// No frames.
     #[error("trajectories: no frames, expected at least 1")]

@@ -8,6 +8,7 @@ pub const MAX_FRAMES: usize = 65_535;
 
 /// Why a player could not be made.
 #[derive(Debug, Error)]
+#[non_exhaustive]
 pub enum PlayerError {
     /// There is nothing to play.
     #[error("player: no frames were asked for, expected at least 1")]
@@ -15,7 +16,7 @@ pub enum PlayerError {
     /// More frames than the format counts.
     #[error("player: {found} frames, expected at most {MAX_FRAMES}")]
     TooManyFrames {
-        /// Frames asked for.
+        /// Requested frames.
         found: usize,
     },
     /// No splat of either scene can ever be seen.
@@ -38,7 +39,7 @@ pub enum PlayerError {
         /// What is possible.
         expected: &'static str,
     },
-    /// A scene could not be asked for one of the times.
+    /// A scene could not be evaluated at one of the times.
     #[error("player: scene at time {time}")]
     Scene {
         /// The time.

@@ -1,4 +1,4 @@
-//! First look at the scenes: which rows can be seen, which are the same in both, and how large everything is.
+//! Survey of the scenes: visible rows, rows that both share, and the size of the scene.
 
 use crate::PlayerError;
 use gs_core::image_formation::ALPHA_THRESHOLD;
@@ -114,7 +114,7 @@ fn mix(state: u64, value: f32) -> u64 {
     z ^ (z >> 31)
 }
 
-/// Finds what both scenes share, by value, whatever the order of the rows.
+/// Finds what both scenes share, by value, for any order of the rows.
 pub(crate) fn group(first: &Rows, second: Option<&Rows>) -> Groups {
     let Some(second) = second else {
         return Groups { a: first.usable_rows().collect(), ..Groups::default() };

@@ -2,7 +2,7 @@
 //!
 //! Splats arrive sorted by depth. Runs of them ([`Block`]s) are first distributed over [`Macro`] tiles of 4×4 tiles, each run on its own;
 //! then every macro tile collects its splats run by run, which restores depth order, and distributes them over its tiles. Both steps are
-//! parallel and the result does not depend on who did what.
+//! parallel and the result does not depend on the number of threads.
 
 use crate::Culling;
 use crate::cull::Reach;

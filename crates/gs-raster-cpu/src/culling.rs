@@ -9,9 +9,7 @@ pub enum Culling {
     /// larger than the lists were made for makes them anew, without projecting or sorting. The default.
     #[default]
     Opacity,
-    /// Tiles that the splat would reach if it were opaque: lists that hold for every opacity, for loops that change opacities often.
-    AnyOpacity,
-    /// All tiles of the rectangle, as the reference lists them.
+    /// All tiles of the rectangle, as the reference lists them: the oracle that tests compare with.
     Rectangle,
 }
 
@@ -20,7 +18,6 @@ impl Culling {
     pub(crate) fn log_opacity<F: Real>(self, own: F) -> Option<F> {
         match self {
             Self::Opacity => Some(own),
-            Self::AnyOpacity => Some(F::zero()),
             Self::Rectangle => None,
         }
     }

@@ -6,7 +6,7 @@
 //!   [`gs_core::GradientConvention`].
 //! - Any number of channels per pass: RGB, camera depth, and the caller's features (flow, uncertainty, masks).
 //! - `f32` for work and `f64` as the oracle of finite differences: one generic implementation.
-//! - Bit-identical results whatever the number of threads: every sum has a fixed order. (Instruction sets differ in the last bits.)
+//! - Bit-identical results for any number of threads: every sum has a fixed order. (Instruction sets differ in the last bits.)
 //! - Hostile values (NaN, infinities, zero or huge scales) never reach a pixel: a splat that is not finite in single precision is culled or
 //!   left out, as if it were absent, and its gradients are exactly zero. Finite splats whose gradient overflows get a zero gradient too.
 //! - No allocation per frame once the buffers have grown, except those of the thread pool: every stage reuses [`Prepared`].

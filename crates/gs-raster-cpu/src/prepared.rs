@@ -18,7 +18,7 @@ const CHUNK: usize = 1024;
 ///
 /// Reusable while means, quaternions, log-scales and camera stay fixed. The lists leave out tiles that a splat does not reach with the
 /// opacity it has; when a later forward pass brings a larger opacity, they are made anew from the projection at hand (no projecting, no
-/// sorting), so the image is always that of a fresh [`Prepared`]. [`Culling::AnyOpacity`] makes lists that never need that.
+/// sorting), so the image is always that of a fresh [`Prepared`].
 #[derive(Debug, Clone, Default)]
 pub struct Prepared<F> {
     pub(crate) view: View<F>,

@@ -151,7 +151,7 @@ pub(crate) struct Alpha<S: Simd, F: Lane> {
 impl<S: Simd, F: Lane> Tests<S, F> {
     #[inline(always)]
     pub(crate) fn new(s: S) -> Self {
-        // The skip test compares logarithms, so that whatever the exponential makes of arguments far below it is never looked at.
+        // The skip test compares logarithms, so that the exponential of arguments far below it is never used.
         let faintest = F::from_double(f64::from(ALPHA_THRESHOLD).log2());
         Self { s, faintest: F::vsplat(s, faintest), cap: F::vsplat(s, F::of(MAX_ALPHA)) }
     }

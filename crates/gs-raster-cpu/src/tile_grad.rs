@@ -1,6 +1,6 @@
 //! Gradients of one tile's pixels with respect to its list entries (`tile` is the forward pass).
 //!
-//! Back to front, as the scalar form of the chain rule wants it: with `σ = Σ_ch g_ch f_ch` and the running sum `R` of everything behind,
+//! Back to front, as in the scalar form of the chain rule: with `σ = Σ_ch g_ch f_ch` and the running sum `R` of everything behind,
 //! `∂L/∂α = T σ − R / (1 − α)`. A splat's sums over the tile's pixels stay in registers, one lane per column, until its rows are done:
 //! one addition per list entry and quantity, no atomics, a fixed order.
 

@@ -7,7 +7,7 @@
 #![allow(
     clippy::print_stdout,
     clippy::unwrap_used,
-    reason = "a bench talks to people and stops at the first error"
+    reason = "a bench prints and stops at the first error"
 )]
 
 use criterion::{BenchmarkId, Criterion};

@@ -2,7 +2,7 @@
 //!
 //! `cargo run --release -p gs-raster-wgpu --example render`
 
-#![allow(clippy::print_stdout, reason = "an example talks to people")]
+#![allow(clippy::print_stdout, reason = "an example prints")]
 
 use gs_core::{Camera, Rasterizer, RenderParams, Splats, UpstreamGrads, sh};
 use gs_raster_wgpu::{AdapterChoice, GpuContext, WgpuRasterizer};

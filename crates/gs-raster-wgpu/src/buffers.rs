@@ -68,7 +68,7 @@ impl GrowBuffer {
     /// The buffer.
     ///
     /// # Errors
-    /// If no memory was ever asked for.
+    /// If no memory was ever requested.
     pub fn get(&self, context: &GpuContext) -> Result<&wgpu::Buffer, GpuError> {
         self.buffer.as_ref().ok_or_else(|| context.failed("preparation", "buffer not allocated"))
     }

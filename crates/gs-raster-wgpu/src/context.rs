@@ -10,7 +10,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 /// How a device is used.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct GpuOptions {
-    /// Core WGSL and WebGPU's default limits only, whatever the adapter has. Gradients are then the same from run to run. Default false.
+    /// Core WGSL and WebGPU's default limits only, even if the adapter has more. Gradients are then the same from run to run. Default false.
     pub portable: bool,
     /// Gradients that are the same from run to run, at the price of more memory: no float atomics. Default false.
     pub deterministic: bool,
@@ -158,7 +158,7 @@ impl GpuContext {
         self.inner.needs
     }
 
-    /// The device, for those who bring their own passes.
+    /// The device, for passes of other crates.
     pub fn device(&self) -> &wgpu::Device {
         &self.inner.device
     }

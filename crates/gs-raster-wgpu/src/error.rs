@@ -5,13 +5,14 @@ use thiserror::Error;
 
 /// What can go wrong between us and a graphics processor.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
+#[non_exhaustive]
 pub enum GpuError {
     /// Nothing to run on.
     #[error(
         "no {wanted} graphics adapter found; adapters present: {present}. Install a Vulkan, Metal or Direct3D 12 driver, or use the CPU rasteriser"
     )]
     NoAdapter {
-        /// What was asked for.
+        /// What was requested.
         wanted: &'static str,
         /// What there is.
         present: String,
@@ -19,7 +20,7 @@ pub enum GpuError {
     /// The index is out of range.
     #[error("graphics adapter {index} does not exist, expected {expected}: {present}", expected = numbers(*count))]
     NoSuchAdapter {
-        /// Index asked for.
+        /// Requested index.
         index: usize,
         /// Number of adapters.
         count: usize,

@@ -69,7 +69,7 @@ pub(crate) fn upload_appearance(
     Ok(())
 }
 
-/// Verifies that the appearance on the device is what `params` asks for, and makes room for the planes.
+/// Verifies that the appearance on the device is what `params` needs, and makes room for the planes.
 pub(crate) fn begin(
     context: &GpuContext,
     prepared: &mut GpuPrepared,

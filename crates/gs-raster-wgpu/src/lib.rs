@@ -1,7 +1,6 @@
 //! Differentiable Gaussian-splat rasteriser in WGSL compute shaders, on any adapter that wgpu reaches.
 //!
-//! Promises: the image formation and the gradients of the reference kernels (3σ tile rectangle, 0.3 px² low-pass, alpha capped at 0.99,
-//! cut at 1/255, stopped at 1e-4; conventions `Reference` and `Exact`), within single precision, behind [`gs_core::Rasterizer`]. Core WGSL
+//! Promises: the image formation and the gradients of the reference kernels ([`gs_core::image_formation`]; conventions `Reference` and `Exact`), within single precision, behind [`gs_core::Rasterizer`]. Core WGSL
 //! within WebGPU's default limits; subgroups, float atomics and larger limits are used where the adapter has them. Splats with values that
 //! are not finite draw nothing and have zero gradients. Running out of memory is an error, never an image of zeros.
 //!

@@ -52,7 +52,7 @@ impl Channels {
     }
 }
 
-/// Saturates: sizes that do not fit are refused where memory for them is asked for.
+/// Saturates: sizes that do not fit are refused when memory for them is allocated.
 pub(crate) fn to_u32(value: usize) -> u32 {
     u32::try_from(value).unwrap_or(u32::MAX)
 }
@@ -82,7 +82,7 @@ pub(crate) fn camera_frame(camera: &Camera, num_splats: u32) -> Frame {
     }
 }
 
-/// Adds what a render asks for.
+/// Adds the parameters of a render.
 pub(crate) fn render_frame(
     camera: Frame,
     channels: Channels,

@@ -89,7 +89,7 @@ impl WgpuRasterizer {
     }
 
     /// The planes of the last forward pass, one after the other: rgb `[H,W,3]`, alpha `[H,W]`, depth `[H,W]`, features `[H,W,F]`, without
-    /// those that were not asked for. 32-bit floats; valid until the next call with `prepared`.
+    /// those that were not requested. 32-bit floats; valid until the next call with `prepared`.
     ///
     /// # Errors
     /// If there was no forward pass.

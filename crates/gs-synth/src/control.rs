@@ -1,5 +1,5 @@
-//! The control without correspondences: the nearest source of like normal that is no floater, and the rigid motion around it. It knows
-//! nothing but the source's motion.
+//! The control without correspondences: the nearest source of like normal that is no floater, and the rigid motion around it. It uses
+//! only the source's motion.
 
 use crate::oracle::{Tree, likest_row};
 use crate::{EditedFrame, SynthError, SynthScene};

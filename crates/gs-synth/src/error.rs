@@ -5,6 +5,7 @@ use thiserror::Error;
 
 /// Why a scene, an edit or a score could not be made.
 #[derive(Debug, Error)]
+#[non_exhaustive]
 pub enum SynthError {
     /// A parameter is out of range.
     #[error("gs-synth: `{name}` is {found}, expected {expected}")]

@@ -1,7 +1,7 @@
 //! [`fit_hexplane`]: a deformation network of the 4DGaussians kind, trained on a scene's trajectories.
 //!
-//! What a deformation network does to an edit can only be seen on one: it knows how *places* move, not splats, and an edit puts
-//! splats where it never saw any. Training is here and not in `gs-deform`, because only scenes with known truth are trained.
+//! The effect of a deformation network on an edit can only be measured with a trained one: it maps *places* to motion, not splats, and an
+//! edit puts splats where there were none in training. Training is here and not in `gs-deform`, because only scenes with known truth are trained.
 //! The network is the published one: two levels of six planes, a trunk, a head for centres and one for quaternions (scales,
 //! opacity and colour are not deformed). Quaternion differences are added, as that network does: it cannot turn neighbours of
 //! unlike orientation alike, so rotations fit far worse than centres.

@@ -37,7 +37,7 @@ pub fn motion_error(
     motion_error_of(predicted, truth, times, &truth.eval_mask)
 }
 
-/// As [`motion_error`], on the rows of `mask` only (`[M]`), whatever the truth's own mask says.
+/// As [`motion_error`], on the rows of `mask` only (`[M]`), instead of the truth's own mask.
 ///
 /// # Errors
 /// As [`motion_error`], and if the mask has another length.

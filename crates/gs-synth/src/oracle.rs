@@ -16,7 +16,7 @@ const NORMALS: f32 = 9.0;
 /// How an edited splat gets the body part it is to move with.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum PartBy {
-    /// It is told: nothing that moves parts rigidly can do better, up to how soft they are.
+    /// The true part: the best that rigid parts allow, up to how soft they are.
     Truth,
     /// That of the nearest source splat, unlike normals counting as distance. Floaters and outliers are known, so this is better
     /// than any method without correspondences could do.

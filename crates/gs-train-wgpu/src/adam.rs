@@ -7,7 +7,7 @@ use gs_raster_wgpu::{GpuContext, GpuError, ParameterSlice};
 
 /// Adam over rows of parameters, with a rate per column and rows that can be left out. Its conventions are those of `cuar::Adam`.
 #[derive(Debug)]
-pub struct Adam {
+pub struct DeviceAdam {
     /// Decay of the first moment. Default 0.9.
     pub beta1: f32,
     /// Decay of the second moment. Default 0.999.
@@ -23,7 +23,7 @@ pub struct Adam {
     moments: Vec<([GrowBuffer; 2], u64)>,
 }
 
-impl Adam {
+impl DeviceAdam {
     /// Zero moments; `rates` holds one learning rate per column.
     ///
     /// # Errors

@@ -5,7 +5,7 @@ use crate::image_loss::{ImageLosses, Plane};
 use crate::kernels::{
     CHANGE_COLORS, CHANGE_COLORS_BWD, COMPOSE, COMPOSE_BWD, Crop, GROUP_SIZE, Offsets,
 };
-use crate::{Adam, Weights};
+use crate::{DeviceAdam, Weights};
 use cuar::loss::LossParts;
 use cuar::{DescentEngine, DescentImage, DescentTask};
 use gs_core::{RasterError, RenderParams, sh};
@@ -20,7 +20,7 @@ const CHANNELS: usize = 3;
 /// Terms of the loss.
 const TERMS: usize = 3;
 /// Most steps whose losses stay on the device.
-const MAX_UNHEARD: usize = 256;
+const MAX_PENDING: usize = 256;
 
 /// Steps of [`cuar::refine_with`] on the device. A step is one submission; what crosses to the host are the losses when they are asked for,
 /// and offsets and moments at a checkpoint. Images are uploaded once as long as they fit the memory of the task.
@@ -31,7 +31,7 @@ pub struct DeviceDescent {
     sh_degree: usize,
     /// Offsets and their gradients, in runs of rows that fit a binding.
     runs: Vec<Run>,
-    adam: Adam,
+    adam: DeviceAdam,
     images: HashMap<usize, Image>,
     /// For the image of a step that is not kept.
     spare: Image,
@@ -40,8 +40,8 @@ pub struct DeviceDescent {
     work: Work,
     losses: ImageLosses,
     /// Steps whose losses are still on the device.
-    unheard: usize,
-    heard: Vec<LossParts>,
+    pending: usize,
+    finished: Vec<LossParts>,
     commands: CommandMemory,
     stamps: Option<Stamps>,
 }
@@ -65,14 +65,14 @@ impl DeviceDescent {
             weights: Weights { fore_l1: 0.0, fore_ssim: 0.0, back_l1: 0.0 },
             sh_degree: 0,
             runs: Vec::new(),
-            adam: Adam::new(context, &[])?,
+            adam: DeviceAdam::new(context, &[])?,
             images: HashMap::new(),
             spare: Image::default(),
             free: 0,
             work: Work::new(),
-            losses: ImageLosses::new(context, [1, 1], 3, TERMS * MAX_UNHEARD)?,
-            unheard: 0,
-            heard: Vec::new(),
+            losses: ImageLosses::new(context, [1, 1], 3, TERMS * MAX_PENDING)?,
+            pending: 0,
+            finished: Vec::new(),
             commands: CommandMemory::default(),
             stamps: None,
             raster,
@@ -108,7 +108,7 @@ impl DeviceDescent {
         }
         let bytes = Image::bytes(image);
         if bytes > self.free {
-            // Waits: uploads that nobody waits for pile up.
+            // Waits, or uploads pile up.
             self.collect()?;
             return Ok(self.spare.upload(self.raster.context(), image)?);
         }
@@ -122,16 +122,16 @@ impl DeviceDescent {
 
     /// Moves the losses on the device to the host.
     fn collect(&mut self) -> Result<(), RasterError> {
-        if self.unheard == 0 {
+        if self.pending == 0 {
             return Ok(());
         }
         let sums = self.losses.take()?;
-        for terms in sums.as_chunks::<TERMS>().0.iter().take(self.unheard) {
+        for terms in sums.as_chunks::<TERMS>().0.iter().take(self.pending) {
             let [fore_l1, fore_ssim, back_l1] = terms.map(f64::from);
             let shaped_l1 = [fore_l1, back_l1];
-            self.heard.push(LossParts { fore_l1, fore_ssim, back_l1, shaped_l1 });
+            self.finished.push(LossParts { fore_l1, fore_ssim, back_l1, shaped_l1 });
         }
-        self.unheard = 0;
+        self.pending = 0;
         Ok(())
     }
 
@@ -148,7 +148,7 @@ impl DeviceDescent {
         let x = Plane { buffer: work.render.get(context)?, first: 0 };
         let v_x = Plane { buffer: v_render, first: 0 };
         let norm = 1.0 / (CHANNELS * full_pixels) as f32;
-        let slot = index(context, TERMS * self.unheard)?;
+        let slot = index(context, TERMS * self.pending)?;
         let Weights { fore_l1, fore_ssim, back_l1 } = self.weights;
         let fore = (x, own.warp.get(context)?, work.fore.get(context)?);
         let back = (x, own.original.get(context)?, work.back.get(context)?);
@@ -209,14 +209,14 @@ impl DescentEngine<GpuPrepared> for DeviceDescent {
             grads.ensure(context, size_of_val(own) as u64)?;
             self.runs.push(Run { first_row, rows, d_sh: values, v_sh: grads });
         }
-        self.adam = Adam::new(context, task.rates)?;
+        self.adam = DeviceAdam::new(context, task.rates)?;
         (self.adam.beta1, self.adam.beta2) = (adam.beta1, adam.beta2);
         self.adam.epsilon = adam.epsilon;
         let lengths: Vec<usize> = self.runs.iter().map(|run| 3 * coeffs * run.rows).collect();
         let steps = u32::try_from(adam.step).unwrap_or(u32::MAX);
         self.adam.restore(steps, &lengths, [&adam.m, &adam.v])?;
         self.collect()?;
-        self.heard.clear();
+        self.finished.clear();
         Ok(())
     }
 
@@ -229,7 +229,7 @@ impl DescentEngine<GpuPrepared> for DeviceDescent {
         for (axis, what) in ["width", "height"].into_iter().enumerate() {
             shape(what, image.size[axis], size[axis] as usize)?;
         }
-        if self.unheard == MAX_UNHEARD {
+        if self.pending == MAX_PENDING {
             self.collect()?;
         }
         self.provide(image)?;
@@ -296,13 +296,13 @@ impl DescentEngine<GpuPrepared> for DeviceDescent {
         }
         self.adam.encode(&mut commands, &slices, None)?;
         self.stamps = Some(commands.submit(&mut self.commands, "a step of the refinement")?);
-        self.unheard += 1;
+        self.pending += 1;
         Ok(())
     }
 
     fn losses(&mut self) -> Result<Vec<LossParts>, RasterError> {
         self.collect()?;
-        Ok(std::mem::take(&mut self.heard))
+        Ok(std::mem::take(&mut self.finished))
     }
 
     fn render(&mut self) -> Result<Vec<f32>, RasterError> {

@@ -166,7 +166,7 @@ impl ImageLosses {
     }
 
     /// Masked L1 (with `ssim`, SSIM loss) of host images and its gradient with respect to `x`: [`ImageLosses::encode_masked_l1`] or
-    /// [`ImageLosses::encode_ssim`] alone, for those who have no device buffers.
+    /// [`ImageLosses::encode_ssim`] alone, for callers without device buffers.
     ///
     /// # Errors
     /// If a length does not fit the size, or the device fails.

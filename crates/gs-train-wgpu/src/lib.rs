@@ -17,11 +17,11 @@ mod image_loss;
 mod targets;
 mod trainer;
 
-pub use adam::Adam;
+pub use adam::DeviceAdam;
 pub use descent::DeviceDescent;
 pub use image_loss::{ImageLosses, Plane};
 pub use targets::Targets;
-pub use trainer::{Losses, Rates, TrainOptions, Trainer, Weights};
+pub use trainer::{Rates, StepLosses, TrainOptions, Trainer, Weights};
 
 #[cfg(doctest)]
 #[doc = include_str!("../README.md")]

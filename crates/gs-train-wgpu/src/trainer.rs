@@ -1,7 +1,7 @@
 //! [`Trainer`]: optimisation steps that never leave the device.
 
 use crate::image_loss::{ImageLosses, Plane};
-use crate::{Adam, Targets};
+use crate::{DeviceAdam, Targets};
 use gs_core::{RasterError, RenderParams, sh};
 use gs_raster_wgpu::device::{CommandMemory, Commands, GrowBuffer, Stamps};
 use gs_raster_wgpu::{GpuPrepared, Group, PassTiming, WgpuRasterizer};
@@ -87,7 +87,7 @@ pub struct TrainOptions {
 
 /// Losses since they were last read, means over steps.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
-pub struct Losses {
+pub struct StepLosses {
     /// Steps.
     pub steps: u32,
     /// First term, without its weight.
@@ -108,7 +108,7 @@ pub struct Losses {
 pub struct Trainer {
     raster: WgpuRasterizer,
     options: TrainOptions,
-    groups: Vec<(Group, Adam)>,
+    groups: Vec<(Group, DeviceAdam)>,
     losses: Option<ImageLosses>,
     /// Flags of rows left out, and their number.
     skip: Option<(GrowBuffer, usize)>,
@@ -140,7 +140,7 @@ impl Trainer {
             (Group::Sh, rates.harmonics()),
         ] {
             if trained {
-                groups.push((group, Adam::new(context, &rates.columns(group, sh_degree))?));
+                groups.push((group, DeviceAdam::new(context, &rates.columns(group, sh_degree))?));
             }
         }
         let mut flags = None;
@@ -246,14 +246,14 @@ impl Trainer {
     ///
     /// # Errors
     /// If the device fails.
-    pub fn losses(&mut self) -> Result<Losses, RasterError> {
+    pub fn losses(&mut self) -> Result<StepLosses, RasterError> {
         let sums =
             self.losses.as_mut().map_or_else(|| Ok(vec![0.0; NUM_TERMS]), ImageLosses::take)?;
         let steps = std::mem::take(&mut self.steps);
         let [fore_l1, fore_ssim, back_l1] = [0, 1, 2].map(|term| sums[term] / steps.max(1) as f32);
         let w = self.options.weights;
         let total = w.fore_l1 * fore_l1 + w.fore_ssim * fore_ssim + w.back_l1 * back_l1;
-        Ok(Losses { steps, fore_l1, fore_ssim, back_l1, total })
+        Ok(StepLosses { steps, fore_l1, fore_ssim, back_l1, total })
     }
 
     /// Times of the passes of the last step, if the context was made with [`timestamps`](gs_raster_wgpu::GpuOptions::timestamps) and the
@@ -267,7 +267,7 @@ impl Trainer {
     }
 
     /// The optimiser of a group, if it is trained.
-    pub fn optimizer(&self, group: Group) -> Option<&Adam> {
+    pub fn optimizer(&self, group: Group) -> Option<&DeviceAdam> {
         self.groups.iter().find(|(own, _)| *own == group).map(|(_, adam)| adam)
     }
 }

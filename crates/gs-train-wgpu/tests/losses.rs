@@ -10,7 +10,7 @@ use common::{Mode, noise, raster, widen};
 use cuar::loss::masked_l1;
 use gs_raster_wgpu::device::{CommandMemory, Commands, GrowBuffer, read};
 use gs_raster_wgpu::{GpuContext, ParameterSlice};
-use gs_train_wgpu::{Adam, ImageLosses};
+use gs_train_wgpu::{DeviceAdam, ImageLosses};
 use test_support::compare::assert_grad_close;
 
 /// Around one pixel, one block, one group of pixels, and odd ones.
@@ -186,7 +186,7 @@ fn adam_is_that_of_the_cpu() {
     params[1].upload(&context, &start[cut * 3..]).unwrap();
     let mut flags = GrowBuffer::storage("flags");
     flags.upload(&context, &skip).unwrap();
-    let mut adam = Adam::new(&context, &rates).unwrap();
+    let mut adam = DeviceAdam::new(&context, &rates).unwrap();
     let mut cpu = cuar::Adam::<f64>::new(len);
     let mut truth = widen(&start);
     for step in 0..6 {

@@ -155,7 +155,7 @@ fn another_rate_is_noticed() {
     assert_same_run("control", &there, &here);
 }
 
-/// The whole stage, images and masks included, against the one that knows no device.
+/// The whole stage, images and masks included, against the one on the host.
 #[test]
 fn the_paper_preset_is_that_of_the_cpu() {
     let raster = raster(Mode::Native);
@@ -257,7 +257,7 @@ fn three_steps(raster: &WgpuRasterizer, rows: usize) -> (Vec<[f32; 3]>, cuar::Ad
         let ray = [0, 1, 2].map(|axis| mean[axis] - eye[axis]);
         let length = ray.iter().map(|x| x * x).sum::<f32>().sqrt();
         let towards = ray.map(|x| x / length);
-        Entry { local: row, row: 3 * row, towards, color: [0.1, 0.5, 0.9], told: true }
+        Entry { local: row, row: 3 * row, towards, color: [0.1, 0.5, 0.9], is_constrained: true }
     };
     let entries: Vec<Entry> = (0..).zip(&splats.means).map(entry).collect();
     let (original, warp, flags, entries) = (&original[..], &warp[..], &flags[..], &entries[..]);

@@ -163,8 +163,7 @@ pub(crate) fn refine(
     let changed = refined
         .d_sh
         .chunks(coeffs.max(1))
-        .zip(&refined.d_logits)
-        .filter(|(d_sh, d_logit)| d_sh.iter().any(|d| *d != [0.0; 3]) || **d_logit != 0.0)
+        .filter(|d_sh| d_sh.iter().any(|d| *d != [0.0; 3]))
         .count();
     tell(&refined.report, changed, &cameras, console);
 
@@ -181,11 +180,10 @@ pub(crate) fn refine(
         device: device.describe(),
     });
     let report = report_json(&refined.report, &cameras);
-    loaded.stored.refined = Some(RefinedRows {
-        rows: refined.rows,
-        sh: refined.sh,
-        opacity_logits: refined.opacity_logits,
-    });
+    let logits = &loaded.stored.edited.opacity_logits;
+    let opacity_logits = refined.rows.iter().map(|&row| logits[row as usize]).collect();
+    loaded.stored.refined =
+        Some(RefinedRows { rows: refined.rows, sh: refined.sh, opacity_logits });
     replace(&run.join(SCENE), &loaded.stored.serialize()?)?;
     replace(
         &run.join(CONFIG),
@@ -297,15 +295,15 @@ fn tell(report: &Report, changed: usize, cameras: &[Camera], console: &Console) 
     for warning in &report.warnings {
         console.warn(warning);
     }
-    let trust = &report.trust;
+    let stats = &report.supervision;
     let share = |part: u64, whole: u64| 100.0 * part as f64 / whole.max(1) as f64;
-    if trust.masked > 0 {
-        let reasons = trust.reasons();
+    if stats.masked > 0 {
+        let reasons = stats.reasons();
         console.note(format!(
             "{:.1} % of the edited pixels look like artifacts; frame 1 shows the surface of {:.1} % of them, the splats of {:.1} %{}{reasons}",
-            share(trust.masked, trust.live),
-            share(trust.surface, trust.masked),
-            share(trust.carried, trust.masked),
+            share(stats.masked, stats.live),
+            share(stats.surface, stats.masked),
+            share(stats.splat_colors, stats.masked),
             if reasons.is_empty() { "" } else { "; of the others it tells nothing: " },
         ));
     }
@@ -339,11 +337,11 @@ fn report_json(report: &Report, cameras: &[Camera]) -> Value {
         report.trace.iter().map(|point| json!([point.secs, point.step, point.loss])).collect();
     let timings: serde_json::Map<String, Value> =
         report.timings.iter().map(|(part, secs)| ((*part).to_owned(), json!(secs))).collect();
-    let trust = &report.trust;
-    let doubts: serde_json::Map<String, Value> = cuar::Doubt::ALL
+    let stats = &report.supervision;
+    let doubts: serde_json::Map<String, Value> = cuar::Rejection::ALL
         .into_iter()
-        .zip(trust.doubts)
-        .map(|(doubt, count)| (doubt.name().replace(' ', "_"), json!(count)))
+        .zip(stats.rejections)
+        .map(|(rejection, count)| (rejection.name().replace(' ', "_"), json!(count)))
         .collect();
     json!({
         "schema": 2,
@@ -357,10 +355,10 @@ fn report_json(report: &Report, cameras: &[Camera]) -> Value {
             "artifacts_after": report.held_out_artifacts[1],
         },
         "pixels": {
-            "edited": trust.live,
-            "masked": trust.masked,
-            "known_by_surface": trust.surface,
-            "known_by_splats": trust.carried,
+            "edited": stats.live,
+            "masked": stats.masked,
+            "known_by_surface": stats.surface,
+            "known_by_splats": stats.splat_colors,
             "unknown": doubts,
         },
         "images_with_threshold_at_floor": report.num_floored,

@@ -28,7 +28,7 @@ pub struct LossParts {
     pub fore_ssim: f64,
     /// Eq. 19.
     pub back_l1: f64,
-    /// `fore_l1` and `back_l1` with the L1 of the [`Shape`] asked for: `√(r² + δ²) − δ` where that is smooth.
+    /// `fore_l1` and `back_l1` with the L1 of the given [`Shape`]: `√(r² + δ²) − δ` where that is smooth.
     pub shaped_l1: [f64; 2],
 }
 
@@ -39,7 +39,7 @@ impl LossParts {
         (1.0 - weights.zeta) * fore + weights.zeta * self.back_l1
     }
 
-    /// Eq. 20 with the L1 of the shape asked for: what the gradient is the gradient of.
+    /// Eq. 20 with the L1 of the given shape: the value that the gradient belongs to.
     pub fn shaped_total(&self, weights: LossWeights) -> f64 {
         let [fore_l1, back_l1] = self.shaped_l1;
         Self { fore_l1, back_l1, ..*self }.total(weights)

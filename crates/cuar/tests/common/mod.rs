@@ -1,4 +1,4 @@
-//! A ground-truth case: a dancer in a new jacket whose colours are right in frame 1, and wrong where frame 1 could not tell.
+//! A ground-truth case: a dancer in a new jacket whose colours are right in frame 1, and wrong where frame 1 does not show them.
 #![allow(dead_code, unreachable_pub, reason = "shared by tests and examples; none uses all of it")]
 #![allow(clippy::unwrap_used, reason = "tests may")]
 #![allow(

@@ -158,7 +158,7 @@ fn assert_alike(what: &str, found: &Image, expected: &Image, columns: std::ops::
 
 fn assert_different(what: &str, found: &Image, expected: &Image, columns: std::ops::Range<usize>) {
     let (psnr, _) = compare(found, expected, columns.start, columns.end);
-    assert!(psnr < CONTROL_PSNR, "{what}: {psnr:.1} dB, too alike for a test to tell");
+    assert!(psnr < CONTROL_PSNR, "{what}: {psnr:.1} dB, too similar: the test could not fail");
 }
 
 #[test]

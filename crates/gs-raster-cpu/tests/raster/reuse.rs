@@ -54,19 +54,16 @@ fn culling_does_not_change_the_image() {
     let up = upstream(130 * 90, 1, 4);
     let with = |culling| fresh(CpuRasterizer { culling }, &scene, &up);
     let (out, grads, colors) = with(Culling::Rectangle);
-    for culling in [Culling::Opacity, Culling::AnyOpacity] {
-        let (other, other_grads, other_colors) = with(culling);
-        assert!(out == other, "{culling:?}: image");
-        assert!(grads == other_grads && colors == other_colors, "{culling:?}: gradients");
-    }
+    let (other, other_grads, other_colors) = with(Culling::Opacity);
+    assert!(out == other, "image");
+    assert!(grads == other_grads && colors == other_colors, "gradients");
     let entries = |culling| {
         let raster = CpuRasterizer { culling };
         let prepared: Prepared<f32> = raster.prepare(&scene.splats, &scene.camera).unwrap();
         assert!(prepared.num_isects() <= prepared.num_rect_isects(), "{culling:?}: more entries");
         prepared.num_isects()
     };
-    assert!(entries(Culling::Opacity) < entries(Culling::AnyOpacity), "opacity culls more");
-    assert!(entries(Culling::AnyOpacity) < entries(Culling::Rectangle), "the ellipse culls");
+    assert!(entries(Culling::Opacity) < entries(Culling::Rectangle), "the ellipse culls");
 }
 
 #[test]
@@ -96,7 +93,7 @@ fn memory_is_reused_without_a_trace() {
 /// Only geometry and camera are prepared: colours, features and opacities (up or down) may change afterwards.
 #[test]
 fn prepared_state_survives_new_colors_and_opacities() {
-    for culling in [Culling::Opacity, Culling::AnyOpacity, Culling::Rectangle] {
+    for culling in [Culling::Opacity, Culling::Rectangle] {
         let raster = CpuRasterizer { culling };
         let mut scene = random(600, 1, [100, 75], 44);
         let up = upstream(100 * 75, 1, 6);

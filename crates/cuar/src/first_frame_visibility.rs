@@ -1,8 +1,7 @@
-//! What of each splat frame 1 shows, and the image that these splats give at frame `t` in their colours of frame 1.
+//! How visible each splat is in frame 1.
 //!
-//! Where splats are broad and overlap, the composited depth is no surface and nothing can be fetched along it. But a splat has one colour
-//! wherever it is looked at: if frame 1 shows it at all, frame 1 tells its colour. A pixel composited from such splats is known, however many
-//! of them it mixes, and nothing is resampled.
+//! Where broad splats overlap, the composited depth is not a surface, and no colour can be fetched from frame 1. But a splat that is visible
+//! in frame 1 has a known colour. A pixel that is composited from such splats has a known colour, too, without resampling.
 
 use crate::{CuarError, flow::axes};
 use gs_core::image_formation::{ALPHA_THRESHOLD, EPS2D};
@@ -10,7 +9,7 @@ use gs_core::{Camera, Rasterizer, RenderGrads, RenderParams, Splats, UpstreamGra
 use rayon::prelude::*;
 
 /// `Σ_p α T` per splat over the image of the last forward pass of `prepared` (which had one feature per splat), `[N]`.
-pub(crate) fn shares<R: Rasterizer>(
+pub(crate) fn splat_weights<R: Rasterizer>(
     raster: &R,
     prepared: &mut R::Prepared,
     splats: &Splats,
@@ -24,17 +23,21 @@ pub(crate) fn shares<R: Rasterizer>(
     Ok(grads.v_features)
 }
 
-/// How much of each splat of `now` frame 1 shows, `[N]` in [0, 1]: the weight it has in frame 1 (`shares`) relative to what it would have
-/// now with nothing before it; `enough` of that counts as all.
-pub(crate) fn shown(splats: &Splats, shares: &[f32], camera: &Camera, enough: f32) -> Vec<f32> {
-    shares
+/// Visibility of each splat in frame 1, `[N]` in [0, 1]: its weight in frame 1 (`weights`), relative to `enough` of its unoccluded weight now.
+pub(crate) fn visibility(
+    splats: &Splats,
+    weights: &[f32],
+    camera: &Camera,
+    enough: f32,
+) -> Vec<f32> {
+    weights
         .par_iter()
         .enumerate()
         .with_min_len(1024)
-        .map(|(i, &share)| {
+        .map(|(i, &weight)| {
             let whole = f64::from(enough) * unoccluded(splats, i, camera);
             #[expect(clippy::cast_possible_truncation, reason = "a share of 0 to 1")]
-            let shown = (f64::from(share) / whole).min(1.0) as f32;
+            let shown = (f64::from(weight) / whole).min(1.0) as f32;
             if shown.is_finite() { shown } else { 0.0 }
         })
         .collect()
@@ -77,8 +80,8 @@ mod tests {
         let mut prepared = raster.prepare(&splats, &camera).unwrap();
         let params = RenderParams::default();
         raster.forward(&mut prepared, &splats, &[0.0; 3], &params).unwrap();
-        let shares = shares(&raster, &mut prepared, &splats, &params, 160 * 120).unwrap();
-        let shown = shown(&splats, &shares, &camera, 1.0);
+        let weights = splat_weights(&raster, &mut prepared, &splats, &params, 160 * 120).unwrap();
+        let shown = visibility(&splats, &weights, &camera, 1.0);
         // the tails beyond 3σ and whole pixels: 2 %
         assert!((shown[0] - 1.0).abs() < 0.02 && (shown[2] - 1.0).abs() < 0.02, "{shown:?}");
         assert!((0.2..0.8).contains(&shown[1]), "behind the first: {shown:?}");
@@ -92,7 +95,7 @@ mod tests {
         // frame 1 had it at a hundredth of its weight
         let share = 0.01 * unoccluded(&splats, 2, &camera);
         #[expect(clippy::cast_possible_truncation, reason = "a test's number")]
-        let shown = shown(&splats, &[0.0, 0.0, share as f32], &camera, 0.1);
+        let shown = visibility(&splats, &[0.0, 0.0, share as f32], &camera, 0.1);
         assert_eq!(shown[..2], [0.0; 2], "not seen");
         assert!((shown[2] - 0.1).abs() < 1e-4, "{shown:?}");
     }

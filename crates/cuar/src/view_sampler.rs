@@ -1,4 +1,4 @@
-//! Which views are looked at when.
+//! [`Views`]: cameras and times, and the images drawn from them.
 
 use crate::CuarError;
 use gs_core::{Camera, TimeRange};
@@ -48,14 +48,14 @@ impl SplitMix {
     }
 }
 
-/// Images that supervise and images that only report.
+/// Drawn images: those that supervise and those that are only evaluated.
 #[derive(Debug, Clone, Default, PartialEq)]
-pub(crate) struct Plan {
+pub(crate) struct DrawnViews {
     pub samples: Vec<ViewTime>,
     pub held_out: Vec<ViewTime>,
 }
 
-/// Times at which each held-out view is looked at.
+/// Times at which each held-out view is evaluated.
 const HELD_OUT_TIMES: usize = 4;
 
 /// Cameras with a time from which the edited frame is looked at, too.
@@ -91,7 +91,7 @@ impl Views<'_> {
         keep_first: Option<f32>,
         edit_time: f32,
         seed: u64,
-    ) -> Plan {
+    ) -> DrawnViews {
         let mut rng = SplitMix(seed);
         let held = |view: usize| self.held_out.contains(&view);
         let training: Vec<usize> = (0..self.cameras.len()).filter(|&view| !held(view)).collect();
@@ -153,7 +153,7 @@ impl Views<'_> {
         }
         held_out.sort_by(|a, b| a.time.total_cmp(&b.time).then(a.view.cmp(&b.view)));
         held_out.dedup();
-        Plan { samples, held_out }
+        DrawnViews { samples, held_out }
     }
 }
 

@@ -1,4 +1,4 @@
-//! Rendering a supervised image with the offsets so far, and differentiating its loss ([`Work::visit`]).
+//! [`Evaluator`]: renders a supervised image with the current offsets and differentiates its loss.
 
 use crate::{
     Crop, CuarError, DescentEngine, DescentImage, Entry, RefineOptions,
@@ -10,17 +10,15 @@ use gs_core::{
 };
 use rayon::prelude::*;
 
-/// What a visit asks of the objective.
+/// Which derivatives of the objective are computed.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) enum Ask {
-    /// Its values, exact and with L1 smoothed by δ.
+pub(crate) enum Derivatives {
+    /// None: only its values, exact and with L1 smoothed by δ.
     Loss(f64),
-    /// And its gradient with respect to splat colours.
+    /// The gradient with respect to splat colours.
     Gradient,
-    /// And that of the smoothed L1 (width δ) with a bound of its second derivative.
+    /// The gradient of the smoothed L1 (width δ), with a bound of its second derivative.
     Curvature(f64),
-    /// And its gradient with respect to SH and opacity logits of every splat of the sample.
-    Everything,
 }
 
 /// The offsets being refined, shared by all images.
@@ -29,15 +27,13 @@ pub(crate) struct Offsets<'a> {
     /// `[E,K,3]`.
     pub d_sh: &'a [[f32; 3]],
     pub sh_degree: usize,
-    /// `[E]`.
-    pub d_logits: &'a [f32],
 }
 
-/// Channels of a visit: the change of colour, and the coverage by edited splats.
-const VISIT_CHANNELS: usize = 4;
+/// Channels of an evaluation: the change of colour, and the coverage by edited splats.
+const CHANNELS: usize = 4;
 
-/// Memory of visits, shared by all samples.
-pub(crate) struct Work<P> {
+/// Renders and differentiates samples; owns the work memory.
+pub(crate) struct Evaluator<P> {
     prepared: Option<P>,
     features: Vec<f32>,
     output: RenderOutput,
@@ -49,16 +45,15 @@ pub(crate) struct Work<P> {
     v_render: Vec<f32>,
     curvature: Vec<f32>,
     masks: [Vec<f32>; 2],
-    tuned: Splats,
     /// Change of colour per entry before the clamp at 0.
     pub changes: Vec<[f32; 3]>,
     /// Per entry: gradient with respect to its (clamped) colour, and the curvature.
-    pub answers: Vec<[f32; 4]>,
+    pub color_grads: Vec<[f32; 4]>,
     /// Seconds in prepare, forward, loss, backward.
     pub secs: [f64; 4],
 }
 
-impl<P> Default for Work<P> {
+impl<P> Default for Evaluator<P> {
     fn default() -> Self {
         Self {
             prepared: None,
@@ -71,16 +66,15 @@ impl<P> Default for Work<P> {
             v_render: Vec::new(),
             curvature: Vec::new(),
             masks: Default::default(),
-            tuned: Splats::default(),
             changes: Vec::new(),
-            answers: Vec::new(),
+            color_grads: Vec::new(),
             secs: [0.0; 4],
         }
     }
 }
 
-impl<P> Work<P> {
-    /// Has `engine` do a step on `sample`, number `index`.
+impl<P> Evaluator<P> {
+    /// One step of `engine` on `sample`, number `index`.
     pub(crate) fn step_on<R: Rasterizer<Prepared = P>>(
         &mut self,
         engine: &mut dyn DescentEngine<P>,
@@ -97,15 +91,16 @@ impl<P> Work<P> {
         Ok(engine.step(&image, prepared)?)
     }
 
-    /// Renders `sample` with `offsets` and compares; fills `changes`, `render` and, if asked, `answers` (or [`Work::grads`]).
-    pub(crate) fn visit<R: Rasterizer<Prepared = P>>(
+    /// Renders `sample` with `offsets` and compares it with its targets. Fills `changes` and `render`, and `color_grads` unless
+    /// `derivatives` is [`Derivatives::Loss`].
+    pub(crate) fn evaluate<R: Rasterizer<Prepared = P>>(
         &mut self,
         raster: &R,
         sample: &mut Sample<P>,
         camera: &Camera,
         offsets: Offsets,
         options: &RefineOptions,
-        ask: Ask,
+        derivatives: Derivatives,
     ) -> Result<LossParts, CuarError> {
         let clock = std::time::Instant::now();
         let mut laps = [0.0; 5];
@@ -117,43 +112,33 @@ impl<P> Work<P> {
         let full = [camera.width as usize, camera.height as usize];
         change_colors(entries, offsets, &mut self.changes);
         let params = RenderParams {
-            rgb: options.opacity,
+            rgb: false,
             depth: false,
             background: options.background,
             ..RenderParams::default()
         };
-        let shown: &Splats = if options.opacity {
-            self.features.clear();
-            tune(splats, entries, offsets, &mut self.tuned);
-            &self.tuned
-        } else {
-            self.features.clear();
-            self.features.resize(splats.len() * VISIT_CHANNELS, 0.0);
-            for (entry, change) in entries.iter().zip(&self.changes) {
-                let out = &mut self.features[entry.local as usize * VISIT_CHANNELS..];
-                for channel in 0..3 {
-                    let before = entry.color[channel];
-                    out[channel] = (before + change[channel]).max(0.0) - before.max(0.0);
-                }
-                out[3] = 1.0;
+        self.features.clear();
+        self.features.resize(splats.len() * CHANNELS, 0.0);
+        for (entry, change) in entries.iter().zip(&self.changes) {
+            let out = &mut self.features[entry.local as usize * CHANNELS..];
+            for channel in 0..3 {
+                let before = entry.color[channel];
+                out[channel] = (before + change[channel]).max(0.0) - before.max(0.0);
             }
-            splats
-        };
-        raster.forward_into(prepared, shown, &self.features, &params, &mut self.output)?;
+            out[3] = 1.0;
+        }
+        raster.forward_into(prepared, splats, &self.features, &params, &mut self.output)?;
         lap(1);
 
         self.render.clone_from(&sample.original);
-        let stride = if options.opacity { 3 } else { VISIT_CHANNELS };
-        let image = if options.opacity { &self.output.rgb } else { &self.output.features };
+        let image = &self.output.features;
         for (p, flags) in sample.flags.iter().enumerate() {
             if flags & LIVE == 0 {
                 continue;
             }
             let q = (crop.y + p / crop.width) * full[0] + crop.x + p % crop.width;
             for channel in 0..3 {
-                let value = image[q * stride + channel];
-                let out = &mut self.render[p * 3 + channel];
-                *out = if options.opacity { value } else { *out + value };
+                self.render[p * 3 + channel] += image[q * CHANNELS + channel];
             }
         }
         for (mask, bit) in self.masks.iter_mut().zip([FORE, BACK]) {
@@ -178,71 +163,51 @@ impl<P> Work<P> {
             fore: &self.masks[0],
             back: &self.masks[1],
         };
-        let (shape, curvature) = match ask {
-            Ask::Curvature(delta) => (Shape::Smooth(delta), Some(&mut self.curvature)),
-            Ask::Loss(delta) if delta > 0.0 => (Shape::Smooth(delta), None),
+        let (shape, curvature) = match derivatives {
+            Derivatives::Curvature(delta) => (Shape::Smooth(delta), Some(&mut self.curvature)),
+            Derivatives::Loss(delta) if delta > 0.0 => (Shape::Smooth(delta), None),
             _ => (Shape::Exact, None),
         };
         let parts =
             objective.evaluate(&self.render, &targets, shape, &mut self.v_render, curvature);
         lap(2);
 
-        if !matches!(ask, Ask::Loss(_)) {
-            let plane = if options.opacity {
-                &mut self.upstream.v_rgb
-            } else {
-                &mut self.upstream.v_features
-            };
+        if !matches!(derivatives, Derivatives::Loss(_)) {
+            let plane = &mut self.upstream.v_features;
             plane.clear();
-            plane.resize(full[0] * full[1] * stride, 0.0);
+            plane.resize(full[0] * full[1] * CHANNELS, 0.0);
             for (p, flags) in sample.flags.iter().enumerate() {
                 if flags & LIVE == 0 {
                     continue;
                 }
                 let q = (crop.y + p / crop.width) * full[0] + crop.x + p % crop.width;
-                let out = &mut plane[q * stride..(q + 1) * stride];
+                let out = &mut plane[q * CHANNELS..(q + 1) * CHANNELS];
                 out[..3].copy_from_slice(&self.v_render[p * 3..p * 3 + 3]);
-                if matches!(ask, Ask::Curvature(_)) {
+                if matches!(derivatives, Derivatives::Curvature(_)) {
                     // (Σ w δ)² ≤ (Σ w)·Σ w δ²
-                    out[3] = self.curvature[p] * self.output.features[q * stride + 3];
+                    out[3] = self.curvature[p] * self.output.features[q * CHANNELS + 3];
                 }
             }
-            if options.opacity {
-                raster.backward_into(
-                    prepared,
-                    shown,
-                    &self.features,
-                    &params,
-                    &self.upstream,
-                    &mut self.grads,
-                )?;
-            } else {
-                raster.backward_colors_into(
-                    prepared,
-                    shown,
-                    &self.features,
-                    &params,
-                    &self.upstream,
-                    &mut self.grads,
-                )?;
-                let v_features = &self.grads.v_features;
-                self.answers.clear();
-                self.answers.extend(entries.iter().map(|entry| {
-                    let at = entry.local as usize * VISIT_CHANNELS;
-                    [0, 1, 2, 3].map(|channel| v_features[at + channel])
-                }));
-            }
+            raster.backward_colors_into(
+                prepared,
+                splats,
+                &self.features,
+                &params,
+                &self.upstream,
+                &mut self.grads,
+            )?;
+            let v_features = &self.grads.v_features;
+            self.color_grads.clear();
+            self.color_grads.extend(entries.iter().map(|entry| {
+                let at = entry.local as usize * CHANNELS;
+                [0, 1, 2, 3].map(|channel| v_features[at + channel])
+            }));
         }
         lap(3);
         for (secs, k) in self.secs.iter_mut().zip(0..4) {
             *secs += laps[k] - if k == 0 { 0.0 } else { laps[k - 1] };
         }
         Ok(parts)
-    }
-
-    /// Gradients of the last visit with [`Ask::Everything`].
-    pub(crate) fn grads(&self) -> &RenderGrads {
-        &self.grads
     }
 }
 
@@ -284,19 +249,4 @@ fn change_colors(entries: &[Entry], offsets: Offsets, out: &mut Vec<[f32; 3]>) {
             change
         })
         .collect_into_vec(out);
-}
-
-/// `splats` with the offsets added.
-fn tune(splats: &Splats, entries: &[Entry], offsets: Offsets, out: &mut Splats) {
-    out.clone_from(splats);
-    let coeffs = splats.sh_coeffs();
-    for entry in entries {
-        let (local, row) = (entry.local as usize, entry.row as usize);
-        out.opacity_logits[local] += offsets.d_logits[row];
-        for k in 0..coeffs {
-            for channel in 0..3 {
-                out.sh[local * coeffs + k][channel] += offsets.d_sh[row * coeffs + k][channel];
-            }
-        }
-    }
 }

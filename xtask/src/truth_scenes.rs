@@ -24,7 +24,7 @@ pub(crate) fn write(case: &str, seed: u64, size: usize, output: &Path) -> Result
         format!("cases are {}", known.join(", "))
     })?;
     // No entry of an older folder counts as ours, so nothing is ever replaced.
-    let folder = AtomicDir::create(output, Existing::Refuse, |_| false)?;
+    let folder = AtomicDir::create(output, Existing::Refuse)?;
     let out = folder.path();
     let scene = gs_synth::build(case, seed, size)?;
     sequence(&scene.source, &out.join("source"))?;

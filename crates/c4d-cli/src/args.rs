@@ -7,6 +7,8 @@ pub(crate) use views::{CamerasAs, SplitArg, Up};
 use crate::device::GpuChoice;
 use crate::export_format::ExportFormat;
 use clap::{Args, Parser, Subcommand, ValueEnum};
+use crate::failure::{Failure, Outcome};
+use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
 
 const AFTER_HELP: &str = "\
@@ -193,8 +195,9 @@ pub(crate) struct PropagateArgs {
 }
 
 /// Flags of the appearance refinement, in `c4d propagate` and `c4d refine`.
-#[derive(Debug, Clone, Args)]
+#[derive(Debug, Clone, Args, Serialize, Deserialize)]
 #[command(next_help_heading = "Appearance refinement")]
+#[serde(default)]
 pub(crate) struct RefineFlags {
     /// Cameras to refine from, as `c4d render --cameras`; each is used at every time [default: a rig around the scene]
     #[arg(long, visible_alias = "cameras", value_name = "PATH")]
@@ -226,6 +229,15 @@ pub(crate) struct RefineFlags {
     /// Save a checkpoint for --resume every so many seconds
     #[arg(long, value_name = "SECONDS", default_value_t = 20.0, allow_negative_numbers = true)]
     pub(crate) checkpoint_every: f64,
+}
+
+impl RefineFlags {
+    /// The same flags, for use from another working folder.
+    pub(crate) fn absolute(&self) -> Outcome<Self> {
+        let absolute = |path: &PathBuf| std::path::absolute(path).map_err(Failure::failed);
+        let refine_cameras = self.refine_cameras.as_ref().map(absolute).transpose()?;
+        Ok(Self { refine_cameras, ..self.clone() })
+    }
 }
 
 impl Default for RefineFlags {
@@ -260,7 +272,7 @@ pub(crate) struct RefineArgs {
 }
 
 /// Forms of Eq. 13.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum, Serialize, Deserialize)]
 pub(crate) enum WarpArg {
     /// Fetched through flow at the pixels of frame t, with occlusion test
     Backward,
@@ -404,7 +416,7 @@ pub(crate) struct DemoArgs {
 }
 
 /// Presets of the motion stage.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum, Serialize, Deserialize)]
 pub(crate) enum PresetArg {
     /// What measured best
     Best,

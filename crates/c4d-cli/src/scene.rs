@@ -351,7 +351,7 @@ fn open_splat4d(path: &Path, global: &Global, console: &Console) -> Outcome<Open
 fn up_of(ply: &Path) -> Option<[f64; 3]> {
     use std::io::Read;
     let mut head = vec![0; 16 * 1024];
-    let read = std::fs::File::open(ply).ok()?.read(&mut head).ok()?;
+    let read = gs_io::open_file(ply).ok()?.read(&mut head).ok()?;
     let text = String::from_utf8_lossy(&head[..read]).into_owned();
     let line = text
         .lines()

@@ -113,7 +113,8 @@ pub fn detect(path: impl AsRef<Path>) -> Result<SceneKind, IoError> {
 }
 
 fn detect_folder(path: &Path) -> Result<SceneKind, IoError> {
-    let names = list_names(path)?;
+    let mut names = list_names(path)?;
+    names.retain(|name| !crate::atomic::is_bookkeeping(name));
     let has = |name: &str| names.iter().any(|found| found == name);
     if has("c4d.toml") || has("scene.c4d") {
         return Ok(SceneKind::RunFolder);
@@ -149,7 +150,7 @@ const START: u64 = 16 << 10;
 
 fn detect_file(path: &Path) -> Result<SceneKind, IoError> {
     let failed = |source| IoError::Read { path: path.to_owned(), source };
-    let file = std::fs::File::open(path).map_err(failed)?;
+    let file = crate::input::open_file(path).map_err(failed)?;
     let mut start = Vec::new();
     std::io::Read::read_to_end(&mut std::io::Read::take(file, START), &mut start)
         .map_err(failed)?;
@@ -217,7 +218,7 @@ fn detect_zip(path: &Path) -> SceneKind {
 }
 
 fn archive_names(path: &Path) -> Result<Vec<String>, String> {
-    let file = std::fs::File::open(path).map_err(|error| error.to_string())?;
+    let file = crate::input::open_file(path).map_err(|error| error.to_string())?;
     Ok(Archive::open(std::io::BufReader::new(file))?.names().to_vec())
 }
 

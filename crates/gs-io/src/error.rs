@@ -37,16 +37,31 @@ pub enum IoError {
         /// Which file or folder.
         path: PathBuf,
     },
-    /// The folder to replace holds something that is not ours to delete.
-    #[error(
-        "{} is not replaced because it holds `{entry}`, which was not written here; choose another folder or empty this one",
-        path.display()
-    )]
+    /// The folder to replace holds something that this program did not write as it is.
+    #[error("{} is not replaced: this program wrote it, but `{entry}` in it {what}", path.display())]
     Foreign {
         /// Which folder.
         path: PathBuf,
-        /// First such entry.
+        /// First such entry, relative to it.
         entry: String,
+        /// What is known of the entry, completing a sentence.
+        what: &'static str,
+    },
+    /// The name of the output is that of something that is never replaced.
+    #[error("{} {what}", path.display())]
+    Taken {
+        /// Which name.
+        path: PathBuf,
+        /// What is there, completing a sentence.
+        what: String,
+        /// What to do.
+        next: String,
+    },
+    /// Another process is writing the same output.
+    #[error("{} is being written by another process", path.display())]
+    Busy {
+        /// Which output.
+        path: PathBuf,
     },
     /// A PLY file is malformed or not a Gaussian scene.
     #[error("{}: {source}", path.display())]
@@ -174,7 +189,7 @@ impl IoError {
 
 /// Reads a whole file.
 pub(crate) fn read_bytes(path: &Path) -> Result<Vec<u8>, IoError> {
-    std::fs::read(path).map_err(|source| IoError::Read { path: path.to_owned(), source })
+    crate::input::read_file(path).map_err(|source| IoError::Read { path: path.to_owned(), source })
 }
 
 /// Names of the entries of a folder, sorted.

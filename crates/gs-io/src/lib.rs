@@ -24,6 +24,7 @@ mod foreign;
 pub mod frame;
 mod frame_cache;
 mod inflate;
+mod input;
 mod losses;
 pub mod ply;
 pub mod ply_sequence;
@@ -38,11 +39,14 @@ pub mod swift4d;
 pub mod usda;
 mod zip;
 
-pub use atomic::{AtomicDir, AtomicFile, Existing, final_path, remove_unfinished};
+pub use atomic::{
+    AtomicDir, AtomicFile, Existing, FolderUpdate, final_path, remove_unfinished,
+};
 pub use clip::Clip;
 pub use detect::{OpenOptions, Opened, SceneKind, detect, open_scene};
 pub use error::IoError;
 pub use foreign::Foreign;
+pub use input::{open_file, read_file};
 pub use losses::Losses;
 pub use zip::ZipError;
 

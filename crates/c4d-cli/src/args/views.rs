@@ -1,6 +1,7 @@
 //! From where a scene is seen, as options: views of a data set, how they are read, which way is up.
 
 use clap::ValueEnum;
+use serde::{Deserialize, Serialize};
 
 /// Views of a data set.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
@@ -27,7 +28,7 @@ pub(crate) enum CamerasAs {
 }
 
 /// The world's upward direction.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum, Serialize, Deserialize)]
 pub(crate) enum Up {
     /// +x
     X,

@@ -27,8 +27,6 @@ const TIMES: usize = 8;
 const RENDERED: usize = 3;
 /// Size of the renders compared, pixels.
 const SIZE: (u32, u32) = (320, 240);
-/// Files of a report.
-const OURS: [&str; 2] = ["motion.json", "motion.md"];
 
 /// One scene, one method. Lengths in % of the figure's size.
 #[derive(Debug, Clone, Serialize)]
@@ -58,7 +56,7 @@ struct Score {
 
 pub(crate) fn motion(args: &BenchMotionArgs, global: &Global, console: &Console) -> Outcome {
     let cases = cases(&args.cases)?;
-    let folder = AtomicDir::create(&args.output, existing(global), |name| OURS.contains(&name))
+    let folder = AtomicDir::create(&args.output, existing(global))
         .map_err(|error| output_failure(&error))?;
     let mut scores = Vec::new();
     let mut networks = Networks::default();
@@ -90,8 +88,8 @@ pub(crate) fn motion(args: &BenchMotionArgs, global: &Global, console: &Console)
         std::fs::write(&path, text).map_err(|error| Failure::write(&path, &error))
     };
     let report = Report { scores: &scores, networks: &networks.fits };
-    write(OURS[0], &serde_json::to_string_pretty(&report).map_err(Failure::failed)?)?;
-    write(OURS[1], &table)?;
+    write("motion.json", &serde_json::to_string_pretty(&report).map_err(Failure::failed)?)?;
+    write("motion.md", &table)?;
     folder.commit().map_err(|error| output_failure(&error))?;
     console.result(table);
     Ok(())

@@ -21,21 +21,20 @@ const SOURCE_FRAMES: usize = 31;
 const SIZE: (u32, u32) = (560, 640);
 /// Frames per second of the video.
 const FPS: f64 = 30.0;
-/// What this command writes; a folder holding anything else is never replaced.
+/// What this command writes.
 const SOURCE: &str = "source";
 const EDITED: &str = "edited.ply";
 const RUN: &str = "run";
 const CAMERAS: &str = "cameras.json";
 const VIDEO: &str = "before_after.mp4";
 const SHEET: &str = "contact_sheet.png";
-const OURS: [&str; 6] = [SOURCE, EDITED, RUN, CAMERAS, VIDEO, SHEET];
 
 pub(crate) fn run(args: &DemoArgs, global: &Global, console: &Console) -> Outcome {
     if !(2..=10_000).contains(&args.frames) {
         return Err(Failure::usage(format!("--frames {}: expected 2 to 10000", args.frames)));
     }
     let start = Instant::now();
-    let folder = AtomicDir::create(&args.output, existing(global), |name| OURS.contains(&name))
+    let folder = AtomicDir::create(&args.output, existing(global))
         .map_err(|error| output_failure(&error))?;
     let root = folder.path();
     let params = gs_synth::DemoParams {

@@ -13,7 +13,7 @@ use gs_io::{AtomicDir, Existing, cameras_json};
 pub(crate) const TIME_COMMENT: &str = "c4d_time ";
 /// Cameras of the rig written beside the PLY.
 const RIG_CAMERAS: usize = 12;
-/// Files this command writes; a folder holding anything else is never replaced.
+/// Files this command writes.
 const OURS: [&str; 2] = ["point_cloud.ply", "cameras.json"];
 
 pub(crate) fn run(args: &FreezeArgs, global: &Global, console: &Console) -> Outcome {
@@ -35,7 +35,7 @@ pub(crate) fn run(args: &FreezeArgs, global: &Global, console: &Console) -> Outc
     };
     let output = &args.output;
     scene::refuse_overlap(output, &opened.roots)?;
-    let folder = AtomicDir::create(output, existing(global), |name| OURS.contains(&name))
+    let folder = AtomicDir::create(output, existing(global))
         .map_err(|error| output_failure(&error))?;
     let options = WriteOptions {
         comments: std::iter::once(format!("{TIME_COMMENT}{}", args.time))
@@ -72,7 +72,15 @@ pub(crate) fn output_failure(error: &gs_io::IoError) -> Failure {
     match error {
         IoError::Exists { path } => Failure::usage(format!("{} already exists", path.display()))
             .next("Choose another name; -w replaces what c4d wrote."),
-        IoError::Foreign { .. } | IoError::Content { .. } => Failure::usage(text),
+        IoError::Foreign { path, entry, .. } => Failure::usage(text).next(format!(
+            "Move {} elsewhere, or choose another name for the output.",
+            path.join(entry).display()
+        )),
+        IoError::Taken { next, .. } => Failure::usage(text).next(next),
+        IoError::Busy { .. } => {
+            Failure::usage(text).next("Wait for it to end, or choose another name for the output.")
+        }
+        IoError::Content { .. } => Failure::usage(text),
         IoError::Scene { source, .. } => Failure::bad_input(crate::failure::chain(source)),
         IoError::Write { .. } => Failure::failed(text).next(ROOM),
         _ => Failure::failed(text),

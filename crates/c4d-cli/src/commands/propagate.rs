@@ -7,7 +7,7 @@ use crate::console::Console;
 use crate::failure::{Failure, Outcome, chain};
 use crate::field::NetworkField;
 use crate::frames;
-use crate::run_folder::{self, CONFIG, OURS, REPORT, RunConfig, SCENE, Stored};
+use crate::run_folder::{self, CONFIG, Checkpoint, REPORT, RunConfig, SCENE, Stored};
 use crate::scene::{self, Opened};
 use amg::{
     Identity, IdentityMap, IdentityParams, MotionGuide, MotionOptions, MotionReport, Preset,
@@ -38,7 +38,8 @@ pub(crate) fn run(args: &PropagateArgs, global: &Global, console: &Console) -> O
     propagate(args, &recorded, global, console)?;
     if !args.no_refine {
         console.note("motion is written; refining colours (c4d refine RUN --resume goes on after an interrupt)");
-        refine::refine(&args.output, &args.refine, args.preset, false, global, console)?;
+        let begun = Checkpoint { preset: args.preset, flags: args.refine.clone(), state: None };
+        refine::refine(&args.output, begun, global, console)?;
     }
     console.note(format!(
         "look at it: c4d render {0} --side-by-side -o clip.mp4; take it away: c4d export {0} --to ply-seq -o frames",
@@ -79,7 +80,7 @@ pub(crate) fn propagate(
         args.time
     ));
     // Refuse existing output before the work, not after it.
-    let folder = AtomicDir::create(&args.output, existing(global), |name| OURS.contains(&name))
+    let folder = AtomicDir::create(&args.output, existing(global))
         .map_err(|error| output_failure(&error))?;
     let (edited, motion) = (Arc::new(edited), Instant::now());
     let propagation = {

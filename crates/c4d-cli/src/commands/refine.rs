@@ -8,7 +8,8 @@ use crate::failure::{Failure, Outcome, chain};
 use crate::renderer::side_by_side;
 use crate::rig::{Layout, Rig};
 use crate::run_folder::{
-    self, CONFIG, Loaded, PREVIEWS, REFINE_REPORT, REFINE_STATE, RefineConfig, RefinedRows, SCENE,
+    self, CONFIG, Checkpoint, Loaded, PREVIEWS, REFINE_REPORT, REFINE_STATE, RefineConfig,
+    RefinedRows, SCENE,
 };
 use crate::{images, scene};
 use amg::RowKind;
@@ -17,14 +18,12 @@ use cuar::{
 };
 use gs_core::{Camera, DynamicScene};
 use gs_io::cameras::{Reading, Split};
-use gs_io::{AtomicFile, Existing};
+use gs_io::FolderUpdate;
 use gs_raster_cpu::CpuRasterizer;
 use gs_train_wgpu::DeviceDescent;
-use safetensors::{Dtype, SafeTensors, tensor::TensorView};
 use serde_json::{Value, json};
-use std::collections::{BTreeSet, HashMap};
-use std::io::Write;
-use std::path::{Path, PathBuf};
+use std::collections::BTreeSet;
+use std::path::Path;
 
 /// Size of the rig's images, pixels.
 const RIG_SIZE: (u32, u32) = (640, 480);
@@ -38,9 +37,71 @@ const MAX_SAMPLES: usize = 10_000_000;
 const HELD_OUT_EVERY: usize = 5;
 
 pub(crate) fn run(args: &RefineArgs, global: &Global, console: &Console) -> Outcome {
-    refine(&args.run, &args.flags, args.preset, args.resume, global, console)?;
+    run_folder::check_is_folder(&args.run)?;
+    let unfinished = Checkpoint::read(&args.run);
+    let begun = match unfinished {
+        Ok(None) if args.resume => {
+            console.note(format!(
+                "{} has no checkpoint: the refinement starts anew",
+                args.run.display()
+            ));
+            None
+        }
+        Ok(Some(checkpoint)) if args.resume => Some(resumed(args, checkpoint, console)?),
+        Ok(Some(_)) => {
+            console.note("the checkpoint of an unfinished refinement is discarded; --resume goes on from it");
+            None
+        }
+        Err(failure) if args.resume => return Err(failure),
+        Ok(None) | Err(_) => None,
+    };
+    let begun = begun.unwrap_or_else(|| Checkpoint {
+        preset: args.preset,
+        flags: args.flags.clone(),
+        state: None,
+    });
+    refine(&args.run, begun, global, console)?;
     console.result(args.run.display());
     Ok(())
+}
+
+/// The checkpoint to go on from, with those flags of `args` that only change how a refinement is watched. A flag that would change its
+/// result is refused.
+fn resumed(args: &RefineArgs, checkpoint: Checkpoint, console: &Console) -> Outcome<Checkpoint> {
+    let Checkpoint { preset, mut flags, state } = checkpoint;
+    let (given, usual) = (args.flags.absolute()?, RefineFlags::default());
+    if given.memory != usual.memory {
+        flags.memory = given.memory;
+    }
+    if given.preview_every.is_some() {
+        flags.preview_every = given.preview_every;
+    }
+    if given.checkpoint_every != usual.checkpoint_every {
+        flags.checkpoint_every = given.checkpoint_every;
+    }
+    let json = |flags: &RefineFlags| serde_json::to_value(flags).map_err(Failure::failed);
+    let (given, usual, kept) = (json(&given)?, json(&usual)?, json(&flags)?);
+    let mut other: Vec<String> = kept
+        .as_object()
+        .into_iter()
+        .flatten()
+        .filter(|(name, kept)| given[*name] != usual[*name] && given[*name] != **kept)
+        .map(|(name, _)| format!("--{}", name.replace('_', "-")))
+        .collect();
+    if args.preset != PresetArg::Best && args.preset != preset {
+        other.push("--preset".to_owned());
+    }
+    if !other.is_empty() {
+        return Err(Failure::usage(format!(
+            "{}: the unfinished refinement has another {}",
+            args.run.display(),
+            other.join(", ")
+        ))
+        .next("Leave these flags out: --resume takes them from the checkpoint. Without --resume the refinement starts anew."));
+    }
+    let step = state.as_ref().map_or(0, |state| state.step);
+    console.note(format!("going on from step {step} with the flags of the checkpoint"));
+    Ok(Checkpoint { preset, flags, state })
 }
 
 /// Checks the flags, cameras and device of a refinement before anything else is done.
@@ -72,25 +133,19 @@ pub(crate) fn check(flags: &RefineFlags, global: &Global) -> Outcome {
     Device::open(global.gpu).map(|_| ())
 }
 
-/// Refines the run in place. Its motion, and the edited frame as it was given, stay.
+/// Refines the run in place, from where `begun` stands. Its motion, and the edited frame as it was given, stay.
 pub(crate) fn refine(
     run: &Path,
-    flags: &RefineFlags,
-    preset: PresetArg,
-    resume: bool,
+    begun: Checkpoint,
     global: &Global,
     console: &Console,
 ) -> Outcome {
+    let Checkpoint { preset, flags, state } = begun;
+    let flags = &flags.absolute()?;
     check(flags, global)?;
-    if !run.is_dir() {
-        return Err(Failure::bad_input(format!("{} is not a run folder", run.display()))
-            .next("Give the folder that c4d propagate wrote."));
-    }
-    // a folder that cannot be written is found out before the work, not after it
-    drop(
-        AtomicFile::create(run.join(REFINE_REPORT), Existing::Replace)
-            .map_err(|error| output_failure(&error))?,
-    );
+    run_folder::check_is_folder(run)?;
+    // A folder that cannot be written is found out before the work, not after it.
+    let update = FolderUpdate::begin(run).map_err(|error| output_failure(&error))?;
     let mut loaded = run_folder::load(run, global, console)?;
     let edited: Vec<bool> =
         loaded.stored.binding.kinds().iter().map(|kind| *kind != RowKind::Unchanged).collect();
@@ -121,8 +176,11 @@ pub(crate) fn refine(
     }
     let device = Device::open(global.gpu)?;
     console.detail(format!("refining on {}", device.describe()));
-    let state = if resume { Some(read_state(&run.join(REFINE_STATE))?) } else { None };
-    let mut watch = Watch { run, console, progress: None, failure: None };
+    if state.is_none() {
+        Checkpoint::write(&update, preset, flags, None)?;
+    }
+    let mut watch =
+        Watch { update: &update, preset, flags, console, progress: None, failure: None };
     let resumed = state.as_ref();
     let result = match &device {
         Device::Cpu => cuar::refine(
@@ -155,7 +213,7 @@ pub(crate) fn refine(
             chain(&error)
         ))
         .next(
-            "Give the options of the interrupted refinement, or leave out --resume to start anew.",
+            "The run or its source has changed: leave out --resume, and the refinement starts anew.",
         ),
         (_, error) => Failure::failed(format!("{}: {}", run.display(), chain(&error))),
     })?;
@@ -179,21 +237,21 @@ pub(crate) fn refine(
         seed: options.seed,
         device: device.describe(),
     });
-    let report = report_json(&refined.report, &cameras);
+    let report = report_json(&refined.report, changed, &cameras);
     let logits = &loaded.stored.edited.opacity_logits;
     let opacity_logits = refined.rows.iter().map(|&row| logits[row as usize]).collect();
     loaded.stored.refined =
         Some(RefinedRows { rows: refined.rows, sh: refined.sh, opacity_logits });
-    replace(&run.join(SCENE), &loaded.stored.serialize()?)?;
-    replace(
-        &run.join(CONFIG),
-        toml::to_string(&loaded.config).map_err(Failure::failed)?.as_bytes(),
-    )?;
+    let write = |name: &str, bytes: &[u8], has_read: bool| {
+        update.write(name, bytes, has_read).map_err(|error| output_failure(&error))
+    };
     let report = serde_json::to_string_pretty(&report).map_err(Failure::failed)?;
-    replace(&run.join(REFINE_REPORT), report.as_bytes())?;
+    // The report first: should the user have put a file there, nothing is changed.
+    write(REFINE_REPORT, report.as_bytes(), false)?;
+    write(SCENE, &loaded.stored.serialize()?, true)?;
+    write(CONFIG, toml::to_string(&loaded.config).map_err(Failure::failed)?.as_bytes(), true)?;
     // The refinement is complete: its checkpoint is of no more use.
-    let _ = std::fs::remove_file(run.join(REFINE_STATE));
-    Ok(())
+    update.remove(REFINE_STATE).map_err(|error| output_failure(&error))
 }
 
 /// Whether any edited splat's colour changes enough (Eq. 15) for an artifact to be possible. Costs a colour per splat instead of an
@@ -218,13 +276,6 @@ fn any_uncertain(
         }
     }
     Ok(false)
-}
-
-fn replace(path: &Path, bytes: &[u8]) -> Outcome {
-    let mut file =
-        AtomicFile::create(path, Existing::Replace).map_err(|error| output_failure(&error))?;
-    file.write_all(bytes).map_err(|error| Failure::write(path, &error))?;
-    file.commit().map_err(|error| output_failure(&error))
 }
 
 fn options(flags: &RefineFlags, preset: PresetArg, loaded: &Loaded) -> RefineOptions {
@@ -329,7 +380,7 @@ fn tell(report: &Report, changed: usize, cameras: &[Camera], console: &Console) 
     }
 }
 
-fn report_json(report: &Report, cameras: &[Camera]) -> Value {
+fn report_json(report: &Report, changed: usize, cameras: &[Camera]) -> Value {
     let at = |list: &[cuar::ViewTime]| {
         list.iter().map(|at| json!([cameras[at.view].name, at.time])).collect::<Vec<_>>()
     };
@@ -346,6 +397,7 @@ fn report_json(report: &Report, cameras: &[Camera]) -> Value {
     json!({
         "schema": 2,
         "edited": report.num_edited,
+        "changed": changed,
         "visible": report.num_visible,
         "loss": { "before": report.loss_before, "after": report.loss_after },
         "held_out_loss": {
@@ -373,7 +425,9 @@ fn report_json(report: &Report, cameras: &[Camera]) -> Value {
 
 /// Shows progress, writes checkpoints and previews. The first write that fails ends the refinement.
 struct Watch<'a> {
-    run: &'a Path,
+    update: &'a FolderUpdate,
+    preset: PresetArg,
+    flags: &'a RefineFlags,
     console: &'a Console,
     progress: Option<(&'static str, Progress)>,
     failure: Option<Failure>,
@@ -412,84 +466,22 @@ impl Observer for Watch<'_> {
     }
 
     fn preview(&mut self, preview: &Preview) {
-        let folder = self.run.join(PREVIEWS);
-        let path = folder.join(format!("view_{:03}_t_{:.3}.png", preview.view, preview.time));
+        let name = format!("{PREVIEWS}/view_{:03}_t_{:.3}.png", preview.view, preview.time);
         let image = side_by_side(&side_by_side(&preview.before, &preview.now), &preview.target);
         let write = || -> Outcome {
-            std::fs::create_dir_all(&folder).map_err(|error| Failure::write(&folder, &error))?;
-            let mut file = AtomicFile::create(&path, Existing::Replace)
-                .map_err(|error| output_failure(&error))?;
-            images::write_png(&mut file, &path, &image)?;
-            file.commit().map_err(|error| output_failure(&error))
+            let mut bytes = Vec::new();
+            images::write_png(&mut bytes, Path::new(&name), &image)?;
+            self.update.write(&name, &bytes, false).map_err(|error| output_failure(&error))
         };
         self.note_failure(write());
     }
 
     fn checkpoint(&mut self, state: &State) {
-        let outcome = write_state(&self.run.join(REFINE_STATE), state);
+        let outcome = Checkpoint::write(self.update, self.preset, self.flags, Some(state));
         self.note_failure(outcome);
     }
 
     fn cancelled(&mut self) -> bool {
         self.failure.is_some()
     }
-}
-
-fn write_state(path: &Path, state: &State) -> Outcome {
-    let failed =
-        |error: safetensors::SafeTensorError| Failure::failed(format!("{REFINE_STATE}: {error}"));
-    let singles = state.arrays.iter().map(|(name, values)| {
-        let bytes: Vec<u8> = values.iter().flat_map(|value| value.to_le_bytes()).collect();
-        (name, Dtype::F32, values.len(), bytes)
-    });
-    let doubles = state.doubles.iter().map(|(name, values)| {
-        let bytes: Vec<u8> = values.iter().flat_map(|value| value.to_le_bytes()).collect();
-        (name, Dtype::F64, values.len(), bytes)
-    });
-    let arrays: Vec<_> = singles.chain(doubles).collect();
-    let mut views = Vec::with_capacity(arrays.len());
-    for (name, dtype, len, bytes) in &arrays {
-        views.push((name.as_str(), TensorView::new(*dtype, vec![*len], bytes).map_err(failed)?));
-    }
-    let metadata = HashMap::from([
-        ("fingerprint".to_owned(), state.fingerprint.to_string()),
-        ("step".to_owned(), state.step.to_string()),
-    ]);
-    replace(path, &safetensors::serialize(views, Some(metadata)).map_err(failed)?)
-}
-
-fn read_state(path: &PathBuf) -> Outcome<State> {
-    let bad = |what: String| {
-        Failure::bad_input(format!("{}: {what}", path.display()))
-            .next("Without --resume the refinement starts anew.")
-    };
-    let bytes = std::fs::read(path)
-        .map_err(|error| bad(format!("no checkpoint to resume from ({error})")))?;
-    let (_, header) = SafeTensors::read_metadata(&bytes).map_err(|error| bad(error.to_string()))?;
-    let metadata = header.metadata().clone().unwrap_or_default();
-    let number = |name: &str| {
-        metadata
-            .get(name)
-            .and_then(|text| text.parse().ok())
-            .ok_or_else(|| bad(format!("no {name}: not a checkpoint of c4d refine")))
-    };
-    let file = SafeTensors::deserialize(&bytes).map_err(|error| bad(error.to_string()))?;
-    let (mut arrays, mut doubles) = (Vec::new(), Vec::new());
-    for (name, view) in file.iter() {
-        let (singles, pairs) = (view.data().as_chunks::<4>().0, view.data().as_chunks::<8>().0);
-        match view.dtype() {
-            Dtype::F32 => arrays.push((
-                name.to_owned(),
-                singles.iter().map(|bytes| f32::from_le_bytes(*bytes)).collect::<Vec<_>>(),
-            )),
-            Dtype::F64 => doubles.push((
-                name.to_owned(),
-                pairs.iter().map(|bytes| f64::from_le_bytes(*bytes)).collect::<Vec<_>>(),
-            )),
-            other => return Err(bad(format!("`{name}` is {other:?}, expected F32 or F64"))),
-        }
-    }
-    arrays.sort_by(|a, b| a.0.cmp(&b.0));
-    doubles.sort_by(|a, b| a.0.cmp(&b.0));
-    Ok(State { fingerprint: number("fingerprint")?, step: number("step")?, arrays, doubles })
 }

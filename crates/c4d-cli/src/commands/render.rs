@@ -13,7 +13,6 @@ use crate::rig::{DEFAULT_SIZE, Rig};
 use crate::scene::{self, Opened};
 use crate::video::VideoWriter;
 use crate::{cameras, frames, images};
-use clap::ValueEnum;
 use gs_core::{Camera, DynamicScene, Image, RenderOutput, Splats};
 use gs_io::{AtomicDir, AtomicFile, Existing, Losses};
 use std::fs::File;
@@ -287,15 +286,10 @@ fn stills_folder(root: &Path, views: &Views, camera: &Camera, pass: Pass) -> Pat
 }
 
 fn stills(args: &RenderArgs, global: &Global, shot: &Shot<'_>, format: Format) -> Outcome {
-    let ours = |name: &str| {
-        Pass::value_variants().iter().any(|pass| pass.name() == name)
-            || name.as_bytes().get(3) == Some(&b'_')
-                && name.as_bytes()[..3].iter().all(u8::is_ascii_digit)
-    };
     if format == Format::Flo && args.passes != [Pass::Flow] {
         return Err(Failure::usage("--format flo holds flow only").next("Add --passes flow."));
     }
-    let folder = AtomicDir::create(&args.output, existing(global), ours)
+    let folder = AtomicDir::create(&args.output, existing(global))
         .map_err(|error| output_failure(&error))?;
     let mut depth_range = (f32::INFINITY, f32::NEG_INFINITY);
     if format == Format::Png && args.passes.contains(&Pass::Depth) {

@@ -90,6 +90,23 @@ impl RefineConfig {
 }
 
 impl RunConfig {
+    /// Refuses numbers that mean nothing.
+    pub(crate) fn check(&self) -> Result<(), String> {
+        let finite = |name: &str, value: f32| {
+            if value.is_finite() {
+                return Ok(());
+            }
+            Err(format!("{name} = {value}: expected a finite number"))
+        };
+        finite("edit_time", self.edit_time)?;
+        finite("rotation_prior", self.rotation_prior)?;
+        if let Some(refine) = &self.refine {
+            finite("refine.epsilon", refine.epsilon)?;
+            finite("refine.min_uncertainty", refine.min_uncertainty)?;
+        }
+        Ok(())
+    }
+
     /// Records how blended rows are evaluated.
     pub(crate) fn set_aggregation(&mut self, aggregation: Aggregation) {
         let names = (

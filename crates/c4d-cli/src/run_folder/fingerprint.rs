@@ -19,7 +19,7 @@ pub(crate) fn fingerprint(files: &[PathBuf]) -> Outcome<String> {
             Failure::bad_input(format!("cannot read {}: {error}", file.display()))
         };
         let whole = files.len() <= MAX_WHOLE_FILES || i == 0 || i + 1 == files.len();
-        let mut handle = std::fs::File::open(file).map_err(refuse)?;
+        let mut handle = gs_io::open_file(file).map_err(refuse)?;
         let length = handle.metadata().map_err(refuse)?.len();
         hasher.update(length.to_le_bytes());
         let mut buffer = vec![0; SAMPLE];

@@ -9,10 +9,12 @@
 //!
 //! The source scene is referred to, not copied; its fingerprint is checked when the run is opened.
 
+mod checkpoint;
 mod config;
 mod fingerprint;
 mod scene_file;
 
+pub(crate) use checkpoint::Checkpoint;
 pub(crate) use config::{RefineConfig, RunConfig};
 pub(crate) use fingerprint::fingerprint;
 pub(crate) use scene_file::{RefinedRows, Stored};
@@ -40,8 +42,15 @@ pub(crate) const REFINE_REPORT: &str = "refine.json";
 pub(crate) const REFINE_STATE: &str = "refine.state";
 /// Previews of a refinement.
 pub(crate) const PREVIEWS: &str = "previews";
-/// Files of a run; a folder holding anything else is never replaced.
-pub(crate) const OURS: [&str; 6] = [SCENE, CONFIG, REPORT, REFINE_REPORT, REFINE_STATE, PREVIEWS];
+
+/// Refuses what is not a folder.
+pub(crate) fn check_is_folder(run: &Path) -> Outcome {
+    if run.is_dir() {
+        return Ok(());
+    }
+    Err(Failure::bad_input(format!("{} is not a run folder", run.display()))
+        .next("Give the folder that c4d propagate wrote."))
+}
 
 /// A run as stored, with its source opened.
 #[derive(Debug)]
@@ -74,7 +83,7 @@ fn load_within(
     runs.push(real);
     let read = |name: &str| {
         let file = path.join(name);
-        std::fs::read(&file).map_err(|error| {
+        gs_io::read_file(&file).map_err(|error| {
             Failure::bad_input(format!("cannot read {}: {error}", file.display()))
                 .next("A run folder holds scene.c4d, c4d.toml and run.json; write it anew with c4d propagate.")
         })
@@ -83,6 +92,7 @@ fn load_within(
         .map_err(|error| damaged(path, CONFIG, &error.to_string()))?;
     let config: RunConfig =
         toml::from_str(&text).map_err(|error| damaged(path, CONFIG, error.message()))?;
+    config.check().map_err(|what| damaged(path, CONFIG, &what))?;
     let stored = Stored::deserialize(&read(SCENE)?).map_err(|what| damaged(path, SCENE, &what))?;
     let source_path = locate_source(path, &config)?;
     let source_global =
@@ -147,7 +157,9 @@ pub(crate) fn open(
     let refined = stored
         .refined
         .as_ref()
-        .map_or("no".to_owned(), |refined| format!("{} splats", refined.rows.len()));
+        .map_or("no".to_owned(), |refined| {
+            format!("{} splats have new colours", refined.changed(&stored.edited))
+        });
     let facts = vec![
         ("source", source.path.display().to_string()),
         ("edited", config.edited.display().to_string()),

@@ -44,6 +44,20 @@ impl RefinedRows {
         refined
     }
 
+    /// How many rows have another colour or opacity than in `edited`.
+    pub(crate) fn changed(&self, edited: &Splats) -> usize {
+        let coeffs = edited.sh_coeffs();
+        self.rows
+            .iter()
+            .zip(self.sh.chunks(coeffs))
+            .zip(&self.opacity_logits)
+            .filter(|((row, sh), logit)| {
+                let row = **row as usize;
+                *sh != edited.sh_of(row) || **logit != edited.opacity_logits[row]
+            })
+            .count()
+    }
+
     fn fits(&self, edited: &Splats) -> bool {
         let rows = self.rows.len();
         self.rows.iter().all(|&row| (row as usize) < edited.len())
@@ -137,12 +151,16 @@ fn deserialize(bytes: &[u8]) -> Result<Stored, String> {
         Ok(view.data().to_vec())
     };
     let floats = |name: &str| -> Result<Vec<f32>, String> {
-        Ok(data(name, Dtype::F32)?
+        let values: Vec<f32> = data(name, Dtype::F32)?
             .as_chunks::<4>()
             .0
             .iter()
             .map(|b| f32::from_le_bytes(*b))
-            .collect())
+            .collect();
+        match values.iter().position(|value| !value.is_finite()) {
+            Some(at) => Err(format!("{name}: value {at} is {}, expected a finite number", values[at])),
+            None => Ok(values),
+        }
     };
     let ints = |name: &str| -> Result<Vec<u32>, String> {
         Ok(data(name, Dtype::U32)?

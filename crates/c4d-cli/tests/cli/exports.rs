@@ -169,7 +169,9 @@ fn a_manifest_lies_beside_a_sequence() {
         fs::remove_file(other).unwrap();
     }
     let names: Vec<_> = fs::read_dir(folder.path()).unwrap().flatten().collect();
-    assert_eq!(names.len(), 6, "an output and a manifest each, nothing else: {names:?}");
+    let records = [".frames.c4d-files", ".small.c4d-files"].map(|name| folder.path().join(name));
+    assert!(records.iter().all(|record| record.is_file()), "what was written is noted: {names:?}");
+    assert_eq!(names.len(), 6 + 2, "an output and a manifest each, nothing else: {names:?}");
     let mut frames = fs::read_dir(folder.path().join("frames")).unwrap().flatten();
     assert!(frames.all(|entry| entry.path().extension().unwrap() == "ply"), "frames alone");
 }

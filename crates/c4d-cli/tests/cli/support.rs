@@ -15,7 +15,7 @@ pub(crate) fn fixture(relative: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../../fixtures").join(relative)
 }
 
-/// Everything below `folder`, relative, sorted.
+/// Every file below `folder` but the records of what was written, relative, sorted.
 pub(crate) fn listing(folder: &Path) -> Vec<String> {
     let mut found = Vec::new();
     let mut pending = vec![folder.to_owned()];
@@ -24,7 +24,7 @@ pub(crate) fn listing(folder: &Path) -> Vec<String> {
             let path = entry.unwrap().path();
             if path.is_dir() {
                 pending.push(path);
-            } else {
+            } else if !path.to_string_lossy().ends_with(".c4d-files") {
                 found.push(path.strip_prefix(folder).unwrap().display().to_string());
             }
         }

@@ -5,7 +5,6 @@ use crate::cfg_args;
 use crate::error::{IoError, list_names, read_bytes};
 use serde::Deserialize;
 use serde::de::IgnoredAny;
-use std::fs::File;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
@@ -126,7 +125,7 @@ struct Keys {
 fn in_file(path: &Path) -> Result<Option<Source>, IoError> {
     let failed = |source| IoError::Read { path: path.to_owned(), source };
     let mut head = Vec::new();
-    File::open(path).map_err(failed)?.take(4096).read_to_end(&mut head).map_err(failed)?;
+    crate::input::open_file(path).map_err(failed)?.take(4096).read_to_end(&mut head).map_err(failed)?;
     let name = path.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
     if npy::is_npy(&head) {
         return Ok(Some(Source::in_file(Format::PosesBounds, path)));
@@ -155,7 +154,7 @@ fn in_file(path: &Path) -> Result<Option<Source>, IoError> {
 
 /// The data set that a model folder's `cfg_args` names, as given, beside the model, or above it.
 fn of_model(model: &Path) -> Result<Option<Source>, IoError> {
-    let Ok(bytes) = std::fs::read(model.join("cfg_args")) else { return Ok(None) };
+    let Ok(bytes) = crate::input::read_file(model.join("cfg_args")) else { return Ok(None) };
     let args = cfg_args::parse(&String::from_utf8_lossy(&bytes))
         .map_err(|source| IoError::Cfg { path: model.join("cfg_args"), source })?;
     let Some(named) = args.get("source_path").and_then(cfg_args::Value::as_str) else {

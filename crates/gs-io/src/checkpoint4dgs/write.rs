@@ -9,9 +9,6 @@ use gs_deform::{Component, HexPlaneNetwork, Linear, Mask, Plane};
 use std::fmt::Write as _;
 use std::path::Path;
 
-/// Entries of a folder written here.
-const OURS: [&str; 2] = ["cfg_args", "point_cloud"];
-
 /// Writes `canonical` and `network` as iteration `number` of a model folder that the reference implementation and [`super::open`]
 /// read alike: every tensor of the reference is there, those that are never evaluated as zeros.
 ///
@@ -32,7 +29,7 @@ pub fn write(
             "networks with a mask cannot be written, expected one without",
         ));
     }
-    let folder = AtomicDir::create(dir, existing, |name| OURS.contains(&name))?;
+    let folder = AtomicDir::create(dir, existing)?;
     let failed = |source| IoError::Write { path: dir.to_owned(), source };
     let iteration = folder.path().join("point_cloud").join(format!("iteration_{number}"));
     std::fs::create_dir_all(&iteration).map_err(failed)?;

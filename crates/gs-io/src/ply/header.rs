@@ -2,9 +2,12 @@
 
 use super::PlyError;
 use std::borrow::Cow;
+use std::collections::HashSet;
 
 /// Longest header accepted, bytes: the longest real ones have a few hundred columns.
 pub(crate) const MAX_HEADER: usize = 1 << 20;
+/// Most properties of one element: scenes with a feature vector per splat have up to about 600.
+pub(crate) const MAX_PROPERTIES: usize = 4096;
 
 /// How the data are written.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -160,6 +163,8 @@ impl Header {
         }
         let mut encoding = None;
         let mut elements: Vec<Element> = Vec::new();
+        // Names of the last element's properties: a search through the list for each would be quadratic.
+        let mut names: HashSet<String> = HashSet::new();
         let mut comments = Vec::new();
         loop {
             let line = lines.next().ok_or_else(|| {
@@ -176,13 +181,22 @@ impl Header {
                 Some(keyword @ ("comment" | "obj_info")) => {
                     comments.push(line.trim_start()[keyword.len()..].trim().to_owned());
                 }
-                Some("element") => elements.push(parse_element(line)?),
+                Some("element") => {
+                    names.clear();
+                    elements.push(parse_element(line)?);
+                }
                 Some("property") => {
                     let element = elements.last_mut().ok_or_else(|| {
                         PlyError::Header(format!("`{}` comes before any element", shown(line)))
                     })?;
                     let property = parse_property(line)?;
-                    if element.properties.iter().any(|other| other.name == property.name) {
+                    if element.properties.len() >= MAX_PROPERTIES {
+                        return Err(PlyError::Header(format!(
+                            "element `{}` declares more than {MAX_PROPERTIES} properties",
+                            element.name
+                        )));
+                    }
+                    if !names.insert(property.name.clone()) {
                         return Err(PlyError::Header(format!(
                             "element `{}` declares `{}` twice",
                             element.name, property.name
@@ -276,6 +290,24 @@ mod tests {
         assert_eq!(header.elements[0].stride(), Some(4), "fixed rows");
         assert_eq!(header.elements[1].stride(), None, "list rows");
         assert_eq!(&text.as_bytes()[header.data_start..], b"DATA", "data");
+    }
+
+    #[test]
+    fn the_number_of_properties_is_bounded() {
+        let header = |count: usize| {
+            use std::fmt::Write;
+            let mut text = "ply\nformat ascii 1.0\nelement vertex 1\n".to_owned();
+            for i in 0..count {
+                writeln!(text, "property float p{i}").unwrap();
+            }
+            Header::parse((text + "end_header\n").as_bytes())
+        };
+        let most = header(MAX_PROPERTIES).unwrap();
+        assert_eq!(most.elements[0].properties.len(), MAX_PROPERTIES, "the most");
+        let error = header(MAX_PROPERTIES + 1).unwrap_err().to_string();
+        assert!(error.contains("more than 4096 properties"), "{error}");
+        let again = "ply\nformat ascii 1.0\nelement a 1\nproperty int x\nelement b 1\nproperty int x\nend_header\n";
+        assert!(Header::parse(again.as_bytes()).is_ok(), "names are an element's own");
     }
 
     #[test]

@@ -3,6 +3,7 @@
 use super::PlyError;
 use super::header::{Element, Header, PropertyKind};
 use gs_core::sh;
+use std::collections::HashMap;
 
 /// A Gaussian scene as its header declares it.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -55,11 +56,15 @@ impl Header {
             });
         };
         let vertex = &self.elements[element];
-        let scalar = |name: &str| {
-            vertex.properties.iter().position(|property| {
-                property.name == name && matches!(property.kind, PropertyKind::Scalar(_))
-            })
-        };
+        // One pass over the names: a search through the list for each would be quadratic.
+        let scalars: HashMap<&str, usize> = vertex
+            .properties
+            .iter()
+            .enumerate()
+            .filter(|(_, property)| matches!(property.kind, PropertyKind::Scalar(_)))
+            .map(|(index, property)| (property.name.as_str(), index))
+            .collect();
+        let scalar = |name: &str| scalars.get(name).copied();
         let rest = names(vertex).iter().filter(|name| rest_index(name).is_some()).count();
         let mut missing = Vec::new();
         let mut columns = Vec::new();

@@ -51,7 +51,7 @@ pub fn read_header_file(path: impl AsRef<Path>) -> Result<Header, IoError> {
     use std::io::Read;
     let path = path.as_ref();
     let failed = |source| IoError::Read { path: path.to_owned(), source };
-    let mut file = std::fs::File::open(path).map_err(failed)?;
+    let mut file = crate::input::open_file(path).map_err(failed)?;
     let mut bytes = Vec::new();
     // Headers of Gaussian files take two kilobytes; only longer ones cost a second read.
     for limit in [8 << 10, header::MAX_HEADER as u64] {

@@ -39,7 +39,7 @@ impl Source {
     /// The frames of an archive, and the names of its other entries.
     pub(super) fn zip(path: &Path) -> Result<(Self, Vec<String>), IoError> {
         let failed = |source| IoError::Read { path: path.to_owned(), source };
-        let file = File::open(path).map_err(failed)?;
+        let file = crate::input::open_file(path).map_err(failed)?;
         let size = file.metadata().map_err(failed)?.len();
         let limit = inflate::limit(usize::try_from(size).unwrap_or(usize::MAX));
         let archive = Archive::open(BufReader::new(file)).map_err(|what| {
@@ -107,7 +107,7 @@ impl Source {
         match self {
             Self::Folder(paths) => {
                 let failed = |source| IoError::Read { path: paths[index].clone(), source };
-                let file = File::open(&paths[index]).map_err(failed)?;
+                let file = crate::input::open_file(&paths[index]).map_err(failed)?;
                 let total = file.metadata().map_err(failed)?.len();
                 let mut start = Vec::new();
                 file.take(count).read_to_end(&mut start).map_err(failed)?;

@@ -25,14 +25,6 @@ fn compressed_name(index: usize) -> String {
     format!("frame_{index:05}.compressed.ply")
 }
 
-/// Names that a folder written here consists of.
-fn is_frame_name(name: &str) -> bool {
-    name.strip_prefix("frame_")
-        .and_then(|rest| rest.strip_suffix(".ply"))
-        .map(|rest| rest.strip_suffix(".compressed").unwrap_or(rest))
-        .is_some_and(|digits| digits.len() >= 5 && digits.bytes().all(|b| b.is_ascii_digit()))
-}
-
 fn too_short(path: &Path, frames: usize) -> Result<(), IoError> {
     if frames >= 2 {
         return Ok(());
@@ -58,7 +50,7 @@ impl FolderWriter {
     /// If `dir` has content that may not be replaced (only folders of frames ever are), or cannot be made.
     pub fn create(dir: impl AsRef<Path>, existing: Existing) -> Result<Self, IoError> {
         let path = dir.as_ref().to_owned();
-        Ok(Self { dir: AtomicDir::create(&path, existing, is_frame_name)?, path, frames: 0 })
+        Ok(Self { dir: AtomicDir::create_bare(&path, existing)?, path, frames: 0 })
     }
 
     /// Adds a frame.
@@ -220,18 +212,4 @@ pub fn write_zip(
         Ok(())
     })?;
     writer.finish()
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn only_our_names_are_ours() {
-        assert!(is_frame_name(&frame_name(0)) && is_frame_name(&frame_name(123_456)), "ours");
-        assert!(is_frame_name(&compressed_name(7)), "ours, compressed");
-        for name in ["frame_1.ply", "frame_00000.txt", "scene.ply", "frame_0000x.ply", ""] {
-            assert!(!is_frame_name(name), "{name}");
-        }
-    }
 }

@@ -43,19 +43,25 @@ const KIND: &str = "sequence of 3D Gaussian frames";
 
 /// Whether a file is a manifest of ours.
 fn is_ours(path: &Path) -> bool {
-    let text = std::fs::read_to_string(path).unwrap_or_default();
-    serde_json::from_str::<serde_json::Value>(&text).is_ok_and(|found| found["kind"] == KIND)
+    let text = gs_io::read_file(path).unwrap_or_default();
+    serde_json::from_slice::<serde_json::Value>(&text).is_ok_and(|found| found["kind"] == KIND)
 }
 
 /// Begins the manifest of `output`; one that exists is refused or replaced like the output itself. One of ours whose output is gone
 /// says nothing about anything, and is replaced.
 pub(super) fn create(output: &Path, existing: Existing) -> Outcome<Manifest> {
     let path = path_of(output);
-    let orphan = !output.exists() && is_ours(&path);
-    let existing = if orphan { Existing::Replace } else { existing };
+    // The user named the output, not this file.
+    let theirs = path.is_file() && !is_ours(&path);
+    let orphan = !output.exists() && !theirs;
+    let existing = match existing {
+        _ if theirs => Existing::Refuse,
+        _ if orphan => Existing::Replace,
+        existing => existing,
+    };
     let file = AtomicFile::create(&path, existing).map_err(|error| match error {
         // Of two that exist, the one that was asked for.
-        IoError::Exists { .. } if output.exists() => {
+        IoError::Exists { .. } if output.exists() && !theirs => {
             output_failure(&IoError::Exists { path: output.to_owned() })
         }
         other => output_failure(&other),

@@ -1,0 +1,120 @@
+//! kill −9 at random moments.
+
+use crate::support::{c4d, failure, fixture, success};
+use crate::workshop::{Workshop, content, recoloured};
+use std::path::Path;
+use std::process::{Command, Stdio};
+use std::time::{Duration, Instant};
+
+/// Moments of each job, as many as a quick test affords. `C4D_KILLS` asks for more.
+fn kills() -> u32 {
+    std::env::var("C4D_KILLS").ok().and_then(|text| text.parse().ok()).unwrap_or(4)
+}
+
+/// A share of 1 that looks random, from a counter: the golden ratio's multiples are spread evenly, however many are taken.
+fn share(index: u32) -> f64 {
+    (f64::from(index) * 0.618_033_988_749_895).fract()
+}
+
+/// Runs for a while, then ends without warning. Whether it had ended by itself.
+fn killed_after(command: &mut Command, time: Duration) -> bool {
+    let mut child = command.stderr(Stdio::null()).spawn().unwrap();
+    std::thread::sleep(time);
+    let done = child.try_wait().unwrap().is_some_and(|status| status.success());
+    // A child that has ended cannot be killed any more.
+    let _ = child.kill();
+    child.wait().unwrap();
+    done
+}
+
+/// A killed run leaves nothing under its name or everything, and the next run is not disturbed by what else it left.
+#[test]
+fn killed_runs_are_absent_or_complete() {
+    let workshop = Workshop::new();
+    let mut index = 0;
+    for job in workshop.jobs() {
+        let before = workshop.names();
+        let output = workshop.at(job.output);
+        let begun = Instant::now();
+        success(&mut assert_cmd::Command::from_std(workshop.command(&job, &[])));
+        let (took, files) = (begun.elapsed(), content(&output).len());
+        let complete = workshop.names();
+        for kill in 0..kills() {
+            // The first in place of nothing, the others in place of what the ones before left.
+            if kill == 0 {
+                success(&mut assert_cmd::Command::from_std(workshop.command(&job, &["-w"])));
+            }
+            let old = content(&output);
+            index += 1;
+            let wait = took.mul_f64(share(index));
+            killed_after(&mut workshop.command(&job, &["-w"]), wait);
+            let left = content(&output);
+            assert_eq!(left.len(), files, "{} killed after {wait:?}: in part", job.name);
+            assert!(
+                left == old || left.keys().eq(old.keys()),
+                "{} killed after {wait:?}: neither the old one nor a new one",
+                job.name
+            );
+        }
+        success(&mut assert_cmd::Command::from_std(workshop.command(&job, &["-w"])));
+        assert_eq!(workshop.names(), complete, "{}: nothing else is left", job.name);
+        for name in complete.iter().filter(|name| !before.contains(name)) {
+            let path = workshop.at(name);
+            let removed = if path.is_dir() { std::fs::remove_dir_all(path) } else { std::fs::remove_file(path) };
+            removed.unwrap();
+        }
+        // And in place of nothing, without -w.
+        index += 1;
+        let done = killed_after(&mut workshop.command(&job, &[]), took.mul_f64(share(index)));
+        let again = if done || output.exists() { vec!["-w"] } else { vec![] };
+        success(&mut assert_cmd::Command::from_std(workshop.command(&job, &again)));
+        assert_eq!(workshop.names(), complete, "{}: nothing else is left", job.name);
+    }
+}
+
+/// A refinement killed at any moment leaves a run that opens, goes on to the same bits, and can be replaced.
+#[test]
+fn killed_refinements_resume_and_are_replaced() {
+    let workshop = Workshop::new();
+    let model = fixture("deform4dgs/dynerf_like/model");
+    let edited = recoloured(&model, workshop.at("").as_path());
+    let [model, edited] = [&model, &edited].map(|path| path.to_str().unwrap());
+    let propagate = |run: &str, extra: &[&str]| {
+        let mut command = c4d(["propagate", model, "--edited", edited, "--no-refine", "-o", run]);
+        command.args(extra);
+        command
+    };
+    let refine = |run: &str, extra: &[&str]| {
+        let mut command = Command::new(assert_cmd::cargo::cargo_bin!("c4d"));
+        command.args(["refine", run, "-g", "cpu", "--checkpoint-every", "0"]).args(extra);
+        command
+    };
+    let flags = ["--refine-size", "160x120", "--samples", "24", "--refine-frames", "6"];
+    let (whole, run) = (workshop.text("whole"), workshop.text("refined"));
+    success(&mut propagate(&whole, &[]));
+    let begun = Instant::now();
+    success(&mut assert_cmd::Command::from_std(refine(&whole, &flags)));
+    let took = begun.elapsed();
+    let scene = |run: &str| std::fs::read(Path::new(run).join("scene.c4d")).unwrap();
+    for kill in 0..kills() {
+        success(&mut propagate(&run, if kill == 0 { &[] } else { &["-w"] }));
+        killed_after(&mut refine(&run, &flags), took.mul_f64(share(2 * kill)));
+        success(&mut c4d(["info", &run]));
+        killed_after(&mut refine(&run, &["--resume"]), took.mul_f64(share(2 * kill + 1) / 2.0));
+        let state = Path::new(&run).join("refine.state");
+        if state.exists() {
+            let other = refine(&run, &["--resume", "--samples", "25"]);
+            let said = failure(&mut assert_cmd::Command::from_std(other), 2);
+            assert!(said.contains("--samples"), "{said}");
+            success(&mut assert_cmd::Command::from_std(refine(&run, &["--resume"])));
+        } else {
+            // Killed before it had begun, or after it had ended.
+            success(&mut assert_cmd::Command::from_std(refine(&run, &flags)));
+        }
+        assert!(scene(&run) == scene(&whole), "kill {kill}: the same, bit for bit");
+        assert!(!state.exists(), "kill {kill}: the checkpoint is gone");
+    }
+    let run = Path::new(&run);
+    let said = success(&mut c4d(["refine", run.to_str().unwrap(), "-g", "cpu", "--resume"]).args(flags)).1;
+    assert!(said.contains("no checkpoint") && said.contains("anew"), "{said}");
+}

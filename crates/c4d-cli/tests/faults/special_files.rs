@@ -1,0 +1,98 @@
+//! FIFOs and devices among the inputs and outputs, and numbers that are none.
+
+use crate::support::{c4d, failure, success};
+use crate::workshop::Workshop;
+use std::fs;
+use std::process::Command;
+use std::time::Duration;
+
+fn make_fifo(path: &std::path::Path) {
+    assert!(Command::new("mkfifo").arg(path).status().unwrap().success(), "mkfifo");
+}
+
+/// Reading a FIFO would block for ever: a minute is enough to know.
+fn refused(arguments: &[&str], code: i32, expected: &str) {
+    let said = failure(c4d(arguments).timeout(Duration::from_secs(60)), code);
+    assert!(said.contains(expected) && said.contains("  next: "), "{arguments:?}: {said}");
+}
+
+#[test]
+fn fifos_and_devices_are_no_inputs() {
+    let workshop = Workshop::new();
+    let (fifo, run) = (workshop.text("fifo"), workshop.text("run"));
+    make_fifo(&workshop.at("fifo"));
+    for (special, what) in [(fifo.as_str(), "a FIFO"), ("/dev/zero", "a device")] {
+        let out = workshop.text("out");
+        refused(&["info", special], 3, what);
+        refused(&["freeze", special, "-o", &out], 3, what);
+        refused(&["propagate", &run, "--edited", special, "-o", &out], 3, what);
+        refused(&["render", &run, "--cameras", special, "-o", &out], 3, what);
+        let config = workshop.at("run/c4d.toml");
+        let text = fs::read_to_string(&config).unwrap();
+        let pointed: String = text
+            .lines()
+            .map(|line| match line.split_once(" = ") {
+                Some((key @ ("source" | "source_from_run"), _)) => format!("{key} = \"{special}\"\n"),
+                _ => format!("{line}\n"),
+            })
+            .collect();
+        fs::write(&config, pointed).unwrap();
+        refused(&["info", &run], 3, what);
+        fs::remove_file(&config).unwrap();
+        if special == fifo {
+            make_fifo(&config);
+        } else {
+            std::os::unix::fs::symlink(special, &config).unwrap();
+        }
+        refused(&["info", &run], 3, what);
+        fs::remove_file(&config).unwrap();
+        fs::write(&config, text).unwrap();
+        success(&mut c4d(["info", &run]));
+    }
+}
+
+#[test]
+fn fifos_and_devices_are_no_outputs() {
+    let workshop = Workshop::new();
+    for job in workshop.jobs() {
+        make_fifo(&workshop.at(job.output));
+        let command = workshop.command(&job, &["-w"]);
+        let said = failure(&mut assert_cmd::Command::from_std(command), 2);
+        assert!(said.contains("is a FIFO") && said.contains("  next: "), "{}: {said}", job.name);
+        fs::remove_file(workshop.at(job.output)).unwrap();
+    }
+    let run = workshop.text("run");
+    refused(&["export", &run, "--to", "spz", "-w", "-o", "/dev/null"], 2, "a device");
+}
+
+#[test]
+fn numbers_that_are_none_are_refused() {
+    let workshop = Workshop::new();
+    let run = workshop.text("run");
+    let config = workshop.at("run/c4d.toml");
+    let text = fs::read_to_string(&config).unwrap();
+    for key in ["edit_time", "rotation_prior"] {
+        for number in ["nan", "inf", "-inf"] {
+            let broken: String = text
+                .lines()
+                .map(|line| match line.split_once(" = ") {
+                    Some((found, _)) if found == key => format!("{key} = {number}\n"),
+                    _ => format!("{line}\n"),
+                })
+                .collect();
+            fs::write(&config, broken).unwrap();
+            refused(&["info", &run], 3, key);
+        }
+    }
+    fs::write(&config, text).unwrap();
+    let scene = workshop.at("run/scene.c4d");
+    let mut bytes = fs::read(&scene).unwrap();
+    // safetensors: the length of a JSON header, the header, and tensors at the offsets that it says.
+    let length = usize::try_from(u64::from_le_bytes(bytes[..8].try_into().unwrap())).unwrap();
+    let header: serde_json::Value = serde_json::from_slice(&bytes[8..8 + length]).unwrap();
+    let offset = header["edited.means"]["data_offsets"][0].as_u64().unwrap();
+    let at = 8 + length + usize::try_from(offset).unwrap();
+    bytes[at..at + 4].copy_from_slice(&f32::NAN.to_le_bytes());
+    fs::write(&scene, bytes).unwrap();
+    refused(&["info", &run], 3, "expected a finite number");
+}

@@ -1,0 +1,33 @@
+//! Two processes on one output.
+
+use crate::workshop::{Workshop, content};
+use std::process::Stdio;
+
+/// Of two at once, one writes the whole output; the other one does so too, later, or is refused.
+#[test]
+fn one_output_is_written_by_one_process() {
+    let workshop = Workshop::new();
+    for job in workshop.jobs() {
+        let mut first = workshop.command(&job, &[]).stderr(Stdio::piped()).spawn().unwrap();
+        let second = workshop.command(&job, &[]).stderr(Stdio::piped()).output().unwrap();
+        let first_done = first.wait().unwrap().success();
+        assert!(first_done ^ second.status.success(), "{}: exactly one writes it", job.name);
+        let said = if first_done {
+            String::from_utf8(second.stderr).unwrap()
+        } else {
+            std::io::read_to_string(first.stderr.take().unwrap()).unwrap()
+        };
+        assert!(
+            said.contains("being written by another process") || said.contains("already exists"),
+            "{}: {said}",
+            job.name
+        );
+        let written = content(&workshop.at(job.output));
+        let mut again = assert_cmd::Command::from_std(workshop.command(&job, &["-w"]));
+        again.assert().success();
+        assert!(written.keys().eq(content(&workshop.at(job.output)).keys()), "{}", job.name);
+    }
+    let left: Vec<String> =
+        workshop.names().into_iter().filter(|name| name.starts_with('.')).collect();
+    assert!(left.is_empty(), "no leftovers: {left:?}");
+}

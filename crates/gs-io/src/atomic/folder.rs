@@ -1,0 +1,247 @@
+//! [`AtomicDir`]: a folder that is complete or absent.
+
+use super::record::{Compare, Place, Record, foreign_entry};
+use super::reservation::Reservation;
+use super::{Existing, refuse_special};
+use crate::error::{IoError, list_names};
+use std::fs;
+use std::path::{Path, PathBuf};
+
+/// A folder that appears under its name only when [`AtomicDir::commit`]ted; dropped uncommitted, nothing is left.
+///
+/// An existing empty folder is always replaced. One with content is replaced only with [`Existing::Replace`], and only if every file in
+/// it, at every depth, is one that this program wrote there and nobody changed since: names, sizes and checksums of its files are in
+/// a record, `.c4d-files`, that is written with it.
+#[derive(Debug)]
+pub struct AtomicDir {
+    path: PathBuf,
+    existing: Existing,
+    record: Place,
+    reservation: Reservation,
+}
+
+impl AtomicDir {
+    /// Makes a temporary folder next to `path`.
+    ///
+    /// # Errors
+    /// If `path` exists and may not be replaced, another process is writing it, or the folder cannot be made.
+    pub fn create(path: impl AsRef<Path>, existing: Existing) -> Result<Self, IoError> {
+        Self::with_record(path, existing, Place::Inside)
+    }
+
+    /// As [`AtomicDir::create`], with the record beside the folder: for formats whose readers take every file of a folder for one of theirs.
+    ///
+    /// # Errors
+    /// As [`AtomicDir::create`].
+    pub fn create_bare(path: impl AsRef<Path>, existing: Existing) -> Result<Self, IoError> {
+        Self::with_record(path, existing, Place::Beside)
+    }
+
+    fn with_record(
+        path: impl AsRef<Path>,
+        existing: Existing,
+        record: Place,
+    ) -> Result<Self, IoError> {
+        let path: PathBuf = path.as_ref().components().collect();
+        refuse(&path, existing)?;
+        let reservation = Reservation::take(&path)?;
+        refuse(&path, existing)?;
+        fs::create_dir(reservation.partial()).map_err(IoError::write(&path))?;
+        Ok(Self { path, existing, record, reservation })
+    }
+
+    /// The temporary folder to write into.
+    pub fn path(&self) -> &Path {
+        self.reservation.partial()
+    }
+
+    /// Puts the complete folder under its name; what was there before is removed only after that worked.
+    ///
+    /// # Errors
+    /// If renaming fails, or what `path` holds by now may not be replaced.
+    pub fn commit(self) -> Result<(), IoError> {
+        let Self { path, existing, record, reservation } = self;
+        let failed = |source| IoError::Write { path: super::final_path(&path), source };
+        let files = Record::of_folder(reservation.partial()).map_err(failed)?;
+        let beside = Place::Beside.of(&path);
+        match record {
+            Place::Inside => files.write(&Place::Inside.of(reservation.partial())).map_err(failed)?,
+            Place::Beside => files.append(&beside).map_err(failed)?,
+        }
+        refuse(&path, existing)?;
+        reservation.commit_folder(|old| may_go(old, &path, Compare::Sizes))?;
+        match record {
+            Place::Inside => {
+                // Best effort: a record of a folder that is gone is of no use, and does no harm.
+                let _ = fs::remove_file(beside);
+                Ok(())
+            }
+            Place::Beside => files.write(&beside).map_err(failed),
+        }
+    }
+}
+
+/// Refuses what may not be replaced.
+fn refuse(path: &Path, existing: Existing) -> Result<(), IoError> {
+    let Ok(found) = fs::symlink_metadata(path) else { return Ok(()) };
+    refuse_special(path, found.file_type())?;
+    if !found.is_dir() {
+        return Err(IoError::content(path, "is a file, expected the name of a folder"));
+    }
+    if list_names(path)?.is_empty() {
+        return Ok(());
+    }
+    if existing == Existing::Refuse {
+        return Err(IoError::Exists { path: super::final_path(path) });
+    }
+    may_go(path, path, Compare::Content)
+}
+
+/// Refuses to remove `folder`, the present or former content of `output`, if anything in it is not ours.
+fn may_go(folder: &Path, output: &Path, compare: Compare) -> Result<(), IoError> {
+    let failed = |source| IoError::Read { path: output.to_owned(), source };
+    match foreign_entry(folder, output, compare).map_err(failed)? {
+        Some(foreign) => Err(IoError::Foreign {
+            path: super::final_path(output),
+            entry: foreign.entry,
+            what: foreign.what,
+        }),
+        None => Ok(()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn names(path: &Path) -> Vec<String> {
+        list_names(path).unwrap()
+    }
+
+    fn write(path: &Path, existing: Existing, files: &[(&str, &str)]) -> Result<(), IoError> {
+        let folder = AtomicDir::create(path, existing)?;
+        for (name, text) in files {
+            let file = folder.path().join(name);
+            fs::create_dir_all(file.parent().unwrap()).unwrap();
+            fs::write(file, text).unwrap();
+        }
+        folder.commit()
+    }
+
+    #[test]
+    fn a_folder_appears_only_when_complete() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("out");
+        let folder = AtomicDir::create(&path, Existing::Refuse).unwrap();
+        fs::write(folder.path().join("frame_0"), b"x").unwrap();
+        let second = AtomicDir::create(&path, Existing::Refuse).unwrap_err();
+        assert!(matches!(second, IoError::Busy { .. }), "one at a time: {second}");
+        drop(folder);
+        assert!(names(dir.path()).is_empty(), "nothing partial is left");
+        write(&path, Existing::Refuse, &[("frame_0", "x")]).unwrap();
+        assert_eq!(names(&path), [".c4d-files", "frame_0"], "complete");
+        assert!(
+            matches!(AtomicDir::create(&path, Existing::Refuse), Err(IoError::Exists { .. })),
+            "not twice"
+        );
+        write(&path, Existing::Replace, &[("deep/frame_1", "y")]).unwrap();
+        assert_eq!(names(&path), [".c4d-files", "deep"], "replaced");
+        assert_eq!(names(dir.path()), ["out"], "no leftovers");
+    }
+
+    #[test]
+    fn only_what_was_written_here_is_replaced() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("out");
+        let files = [("a.png", "ours"), ("deep/b.png", "ours, too")];
+        let refused = |change: &dyn Fn(), entry: &str, what: &str| {
+            let _ = fs::remove_dir_all(&path);
+            write(&path, Existing::Refuse, &files).unwrap();
+            change();
+            let error = write(&path, Existing::Replace, &files).unwrap_err();
+            let IoError::Foreign { entry: found, what: why, .. } = &error else { panic!("{error}") };
+            assert_eq!((found.as_str(), *why), (entry, what), "{error}");
+            assert!(names(dir.path()) == ["out"], "no leftovers: {:?}", names(dir.path()));
+        };
+        let put = |name: &str, text: &str| fs::write(path.join(name), text).unwrap();
+        refused(&|| put("notes.txt", "mine"), "notes.txt", "was not written by it");
+        refused(&|| put("deep/c.png", "mine"), "deep/c.png", "was not written by it");
+        refused(&|| put("deep/b.png", "mine now!"), "deep/b.png", "was changed since");
+        refused(&|| put("a.png", "longer than it was"), "a.png", "was changed since");
+        let make = || fs::create_dir(path.join("empty")).unwrap();
+        refused(&make, "empty", "was not written by it");
+        #[cfg(unix)]
+        {
+            let link = || std::os::unix::fs::symlink("a.png", path.join("z.png")).unwrap();
+            refused(&link, "z.png", "is a link");
+        }
+        // Without its record nothing is known of a folder.
+        let forget = || fs::remove_file(path.join(".c4d-files")).unwrap();
+        refused(&forget, "a.png", "was not written by it");
+        fs::remove_dir_all(&path).unwrap();
+        fs::create_dir(&path).unwrap();
+        write(&path, Existing::Refuse, &files).unwrap();
+    }
+
+    #[test]
+    fn a_killed_replacement_is_put_back() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("out");
+        write(&path, Existing::Refuse, &[("a", "old")]).unwrap();
+        fs::rename(&path, dir.path().join(".out.c4d-replaced")).unwrap();
+        fs::create_dir(dir.path().join(".out.c4d-partial")).unwrap();
+        let error = write(&path, Existing::Refuse, &[("a", "new")]).unwrap_err();
+        assert!(matches!(error, IoError::Exists { .. }), "the old one is there again: {error}");
+        assert_eq!(names(dir.path()), ["out"], "no leftovers");
+        write(&path, Existing::Replace, &[("a", "new")]).unwrap();
+        assert_eq!(fs::read(path.join("a")).unwrap(), b"new", "replaced");
+    }
+
+    #[test]
+    fn a_record_may_lie_beside() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("out");
+        let write = |text: &str| {
+            let folder = AtomicDir::create_bare(&path, Existing::Replace)?;
+            fs::write(folder.path().join("frame_0"), text).unwrap();
+            folder.commit()
+        };
+        write("one").unwrap();
+        write("other").unwrap();
+        assert_eq!(names(&path), ["frame_0"], "nothing but frames");
+        assert_eq!(names(dir.path()), [".out.c4d-files", "out"], "beside");
+        fs::write(path.join("frame_0"), "edited").unwrap();
+        let error = write("third").unwrap_err().to_string();
+        assert!(error.contains("`frame_0`") && error.contains("was changed"), "{error}");
+    }
+
+    #[test]
+    fn messages_name_the_output_not_its_temporary() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("out.v2");
+        let folder = AtomicDir::create(&path, Existing::Refuse).unwrap();
+        let inside = folder.path().join("rgb/00000.png");
+        assert_ne!(inside, path.join("rgb/00000.png"), "written elsewhere");
+        assert_eq!(crate::final_path(&inside), path.join("rgb/00000.png"), "named as it will be");
+        let nested = AtomicDir::create(folder.path().join("run"), Existing::Refuse).unwrap();
+        assert_eq!(crate::final_path(&nested.path().join("a")), path.join("run/a"), "nested");
+        for plain in ["a/.hidden/b.c", "/x/y.z", "rel", "../up"] {
+            assert_eq!(crate::final_path(Path::new(plain)), Path::new(plain), "left alone");
+        }
+    }
+
+    #[test]
+    fn files_are_not_folders() {
+        let dir = tempfile::tempdir().unwrap();
+        fs::write(dir.path().join("f"), b"").unwrap();
+        assert!(AtomicDir::create(dir.path().join("f"), Existing::Replace).is_err(), "a file");
+        #[cfg(unix)]
+        {
+            let (target, link) = (dir.path().join("target"), dir.path().join("link"));
+            write(&target, Existing::Refuse, &[("a", "x")]).unwrap();
+            std::os::unix::fs::symlink(&target, &link).unwrap();
+            let error = AtomicDir::create(&link, Existing::Replace).unwrap_err();
+            assert!(error.to_string().contains("target"), "{error}");
+        }
+    }
+}

@@ -1,0 +1,70 @@
+//! Opening inputs: files, and nothing that blocks or never ends.
+
+use crate::atomic::special_name;
+use std::fs::File;
+use std::io::{self, Read};
+use std::path::Path;
+
+/// Opens a file, or what a link leads to. A FIFO would block until somebody writes to it, and a device may never end: both are refused, as
+/// are sockets and folders.
+///
+/// # Errors
+/// If it is no file or cannot be opened.
+pub fn open_file(path: impl AsRef<Path>) -> io::Result<File> {
+    let path = path.as_ref();
+    let found = std::fs::metadata(path)?;
+    if found.is_dir() {
+        return Err(io::Error::new(io::ErrorKind::IsADirectory, "is a folder, expected a file"));
+    }
+    if !found.is_file() {
+        let what = format!("is {}, expected a file", special_name(found.file_type()));
+        return Err(io::Error::new(io::ErrorKind::InvalidInput, what));
+    }
+    File::open(path)
+}
+
+/// Reads a file that [`open_file`] opens.
+///
+/// # Errors
+/// As [`open_file`]; also if it does not fit into memory.
+pub fn read_file(path: impl AsRef<Path>) -> io::Result<Vec<u8>> {
+    let mut file = open_file(path)?;
+    let length = file.metadata()?.len();
+    let mut bytes = Vec::new();
+    usize::try_from(length)
+        .ok()
+        .and_then(|length| bytes.try_reserve_exact(length).ok())
+        .ok_or_else(|| out_of_memory(length))?;
+    file.read_to_end(&mut bytes)?;
+    Ok(bytes)
+}
+
+/// The error of an allocation that failed; says how much was asked for.
+pub(crate) fn out_of_memory(bytes: u64) -> io::Error {
+    let what = format!("not enough memory for its {} MiB", bytes.div_ceil(1 << 20));
+    io::Error::new(io::ErrorKind::OutOfMemory, what)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_files_are_opened() {
+        let dir = tempfile::tempdir().unwrap();
+        std::fs::write(dir.path().join("file"), "text").unwrap();
+        assert_eq!(read_file(dir.path().join("file")).unwrap(), b"text", "a file");
+        let refused = |path: &Path| open_file(path).unwrap_err().to_string();
+        assert!(refused(dir.path()).contains("is a folder"), "a folder");
+        #[cfg(unix)]
+        {
+            assert!(refused(Path::new("/dev/zero")).contains("is a device"), "a device");
+            let socket = dir.path().join("socket");
+            let _listener = std::os::unix::net::UnixListener::bind(&socket).unwrap();
+            assert!(refused(&socket).contains("is a socket"), "a socket");
+            let link = dir.path().join("link");
+            std::os::unix::fs::symlink(dir.path().join("file"), &link).unwrap();
+            assert_eq!(read_file(&link).unwrap(), b"text", "a link to a file");
+        }
+    }
+}

@@ -6,6 +6,7 @@
 use crate::atomic::{AtomicFile, Existing};
 use crate::cameras::{CamerasError, pixels};
 use crate::error::{IoError, read_bytes};
+use crate::text;
 use gs_core::{Camera, Intrinsics};
 use serde::{Deserialize, Serialize};
 use std::io::Write;
@@ -95,7 +96,7 @@ impl Entry {
 /// If the text is not such a list, it is empty, or a camera is out of range.
 pub fn parse(bytes: &[u8]) -> Result<Vec<Camera>, CamerasError> {
     let entries: Vec<Entry> =
-        serde_json::from_slice(bytes).map_err(CamerasError::json("cameras.json"))?;
+        serde_json::from_slice(&text::utf8(bytes)).map_err(CamerasError::json("cameras.json"))?;
     if entries.is_empty() {
         return Err(CamerasError::Empty);
     }

@@ -1,14 +1,16 @@
 //! `cfg_args`: the `repr` of a Python namespace, read as data.
+//!
+//! Forks add fields of any Python type. What is no literal stays text and is listed ([`CfgArgs::unread`]); the other fields are read.
 
 use thiserror::Error;
 
 /// Deepest nesting accepted; real files have three levels.
 const MAX_DEPTH: usize = 32;
 
-/// A `cfg_args` text that does not parse.
+/// A text that is no whole `cfg_args`.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
 #[error(
-    "malformed cfg_args: {what} at character {at}; fix or remove the file (flags are then guessed)"
+    "malformed cfg_args: {what} at character {at}; copy the file again, or remove the file (flags are then guessed)"
 )]
 pub struct CfgError {
     /// Position, bytes.
@@ -34,7 +36,7 @@ pub enum Value {
     List(Vec<Value>),
     /// A dictionary, in order.
     Dict(Vec<(Value, Value)>),
-    /// The `repr` of an object, for example `PosixPath('x')`, as text.
+    /// Anything else, for example `device(type='cuda')`, as text.
     Other(String),
 }
 
@@ -90,6 +92,8 @@ impl Value {
 pub struct CfgArgs {
     /// Names and values.
     pub items: Vec<(String, Value)>,
+    /// Names whose values are no literals ([`Value::Other`]).
+    pub unread: Vec<String>,
 }
 
 impl CfgArgs {
@@ -99,33 +103,49 @@ impl CfgArgs {
     }
 }
 
-/// Parses `Namespace(key=value, …)`.
+/// Parses `Namespace(key=value, …)`. Values that are no literals are skipped and named.
 ///
 /// # Errors
-/// Says what was expected where.
+/// If the text is no namespace, or ends before its closing bracket.
 pub fn parse(text: &str) -> Result<CfgArgs, CfgError> {
-    let mut parser = Parser { text, at: 0 };
+    let mut parser = Parser { text, at: 0, balanced: true };
     parser.space();
     parser.expect("Namespace(")?;
-    let mut items = Vec::new();
-    parser.space();
-    while !parser.eat(")") {
-        let key = parser.identifier()?.to_owned();
+    let mut cfg = CfgArgs::default();
+    loop {
         parser.space();
-        parser.expect("=")?;
-        items.push((key, parser.value(0)?));
-        parser.separator(")")?;
+        if parser.eat(")") {
+            break;
+        }
+        if parser.at == text.len() {
+            return Err(parser.error("`)` at the end"));
+        }
+        if parser.eat(",") {
+            continue;
+        }
+        let start = parser.at;
+        let name = parser.identifier().map(str::to_owned);
+        parser.space();
+        let Some(name) = name.ok().filter(|_| parser.eat("=")) else {
+            // No field: go on at the next one.
+            parser.at = start;
+            parser.skip_to_next_field();
+            continue;
+        };
+        let value = parser.field_value();
+        if let Value::Other(_) = value {
+            cfg.unread.push(name.clone());
+        }
+        cfg.items.push((name, value));
     }
-    parser.space();
-    if parser.at < text.len() {
-        return Err(parser.error("the end of the text"));
-    }
-    Ok(CfgArgs { items })
+    Ok(cfg)
 }
 
 struct Parser<'a> {
     text: &'a str,
     at: usize,
+    /// Whether brackets and quotes matched wherever they were followed; where they did not, the next field is looked for instead.
+    balanced: bool,
 }
 
 impl<'a> Parser<'a> {
@@ -176,6 +196,39 @@ impl<'a> Parser<'a> {
         Ok(name)
     }
 
+    /// The value of a field, up to the comma or bracket behind it: a literal, or else what stands there.
+    fn field_value(&mut self) -> Value {
+        self.space();
+        let start = self.at;
+        if let Ok(value) = self.value(0) {
+            self.space();
+            if self.at == self.text.len() || self.rest().starts_with([',', ')']) {
+                return value;
+            }
+        }
+        self.at = start;
+        if let Some(length) = self.balanced.then(|| balanced_length(self.rest())).flatten() {
+            self.at += length;
+        } else {
+            self.balanced = false;
+            self.skip_to_next_field();
+        }
+        Value::Other(self.text[start..self.at].trim_end().to_owned())
+    }
+
+    /// Goes to the comma before the next `name=`, else to the bracket at the end, else to the end.
+    fn skip_to_next_field(&mut self) {
+        let rest = self.rest();
+        let is_field = |&(at, _): &(usize, &str)| {
+            let after = rest[at + 1..].trim_start();
+            let end = after.find(|c: char| !(c.is_alphanumeric() || c == '_'));
+            end.is_some_and(|end| end > 0 && after[end..].starts_with('='))
+        };
+        let next = rest.match_indices(',').find(is_field);
+        let last = rest.trim_end().strip_suffix(')').map_or(rest.len(), str::len);
+        self.at += next.map_or(last, |(at, _)| at);
+    }
+
     fn value(&mut self, depth: usize) -> Result<Value, CfgError> {
         if depth > MAX_DEPTH {
             return Err(self.error("less nesting"));
@@ -187,21 +240,20 @@ impl<'a> Parser<'a> {
             Some('[') => self.list("[", "]", depth),
             Some('(') => self.list("(", ")", depth),
             Some('{') => self.dict(depth),
-            Some('<') => {
-                let end = self.rest().find('>').ok_or_else(|| self.error("`>`"))?;
-                self.at += end + 1;
-                Ok(Value::Other(self.text[start..self.at].to_owned()))
-            }
             Some(c) if c.is_ascii_digit() || matches!(c, '-' | '+' | '.') => self.number(),
             Some(_) => match self.identifier()? {
                 "None" => Ok(Value::None),
-                "True" => Ok(Value::Bool(true)),
-                "False" => Ok(Value::Bool(false)),
+                "True" | "np.True_" => Ok(Value::Bool(true)),
+                "False" | "np.False_" => Ok(Value::Bool(false)),
                 "inf" => Ok(Value::Float(f64::INFINITY)),
                 "nan" => Ok(Value::Float(f64::NAN)),
-                _ if self.rest().starts_with('(') => {
-                    self.call(depth)?;
-                    Ok(Value::Other(self.text[start..self.at].to_owned()))
+                name if self.rest().starts_with('(') => {
+                    let mut arguments = self.call(depth)?;
+                    let text = || Value::Other(self.text[start..self.at].to_owned());
+                    Ok(match (arguments.len(), stands_for_its_argument(name)) {
+                        (1, true) => arguments.pop().unwrap_or_else(text),
+                        _ => text(),
+                    })
                 }
                 _ => {
                     self.at = start;
@@ -213,19 +265,20 @@ impl<'a> Parser<'a> {
     }
 
     /// Arguments of the `repr` of an object, positional or by name.
-    fn call(&mut self, depth: usize) -> Result<(), CfgError> {
+    fn call(&mut self, depth: usize) -> Result<Vec<Value>, CfgError> {
         self.expect("(")?;
         self.space();
+        let mut arguments = Vec::new();
         while !self.eat(")") {
             let start = self.at;
             let named = self.identifier().is_ok() && self.eat("=");
             if !named {
                 self.at = start;
             }
-            self.value(depth + 1)?;
+            arguments.push(self.value(depth + 1)?);
             self.separator(")")?;
         }
-        Ok(())
+        Ok(arguments)
     }
 
     fn list(&mut self, open: &str, close: &str, depth: usize) -> Result<Value, CfgError> {
@@ -306,6 +359,48 @@ impl<'a> Parser<'a> {
     }
 }
 
+/// Whether the `repr` of an object of this class only wraps the literal in it: paths and NumPy's scalars.
+fn stands_for_its_argument(class: &str) -> bool {
+    let class = class.rsplit('.').next().unwrap_or(class);
+    class.ends_with("Path")
+        || ["str_", "bool_", "float16", "float32", "float64"].contains(&class)
+        || class
+            .strip_prefix('u')
+            .unwrap_or(class)
+            .strip_prefix("int")
+            .is_some_and(|bits| ["8", "16", "32", "64"].contains(&bits))
+}
+
+/// Length of a value up to the comma or bracket that ends it, brackets and quotes followed; `None` if they do not match.
+fn balanced_length(text: &str) -> Option<usize> {
+    let mut open = Vec::new();
+    let mut chars = text.char_indices();
+    while let Some((at, c)) = chars.next() {
+        match c {
+            ',' | ')' if open.is_empty() => return Some(at),
+            '(' => open.push(')'),
+            '[' => open.push(']'),
+            '{' => open.push('}'),
+            '<' => open.push('>'),
+            ')' | ']' | '}' if open.pop() != Some(c) => return None,
+            '>' if open.last() == Some(&'>') => {
+                open.pop();
+            }
+            '\'' | '"' => loop {
+                match chars.next()?.1 {
+                    '\\' => {
+                        chars.next();
+                    }
+                    end if end == c => break,
+                    _ => {}
+                }
+            },
+            _ => {}
+        }
+    }
+    None
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -323,33 +418,93 @@ mod tests {
         assert_eq!(get("i").as_str(), Some("C:\\newA"), "escapes");
         let resolution = get("h").get("k").and_then(|k| k.get("r"));
         assert_eq!(resolution, Some(&Value::List(vec![Value::Int(64), Value::Int(25)])), "nested");
-        assert_eq!(get("k"), &Value::Other("PosixPath('a, b)')".to_owned()), "object");
+        assert_eq!(get("k").as_str(), Some("a, b)"), "a path");
+        assert_eq!(cfg.unread, ["n"], "what is no literal");
         assert!(matches!(get("m"), Value::Float(_)), "huge integer");
         assert!(cfg.get("z").is_none(), "absent");
         assert!(parse("Namespace()").unwrap().items.is_empty(), "empty");
     }
 
+    /// One field more, as forks and Windows write it, in front of and behind fields that must be read; and what it is read as.
     #[test]
-    fn broken_texts_are_refused() {
-        let deep = format!("Namespace(a={})", "[".repeat(100_000));
-        for text in [
-            "",
-            "Namespace(",
-            "Namespace(a)",
-            "Namespace(a=)",
-            "Namespace(a=1",
-            "Namespace(a=1 b=2)",
-            "Namespace(a='x)",
-            "Namespace(a=[1, 2)",
-            "Namespace(a={1})",
-            "Namespace(a=1) x",
-            "Namespace(a=__import__)",
-            "Namespace(a=1-)",
-            "Namespace(a='\\xZZ')",
-            "Namespace(é=ü)",
-            &deep,
+    fn a_field_of_any_type_is_skipped_alone() {
+        for (field, read) in [
+            (r"model_dir=WindowsPath('C:/out/x')", true),
+            (r"extra='C:\\Users\\me\\new run\\'", true),
+            ("note=\"it's, (a) test)\"", true),
+            ("lr=np.float64(0.00016)", true),
+            ("n=numpy.int64(5)", true),
+            ("flag=np.True_", true),
+            ("lo=-inf, hi=inf, bad=nan", true),
+            ("t=(), one=(1,), d={}", true),
+            ("name='椅子 – é'", true),
+            ("lr2=1e-05", true),
+            ("sub=Namespace(a=1, b=Namespace(c='x'))", false),
+            ("dtype=torch.float32", false),
+            ("device=device(type='cuda', index=0)", false),
+            ("off=array([0., 1.])", false),
+            ("bg=tensor([1., 1., 1.], device='cuda:0')", false),
+            ("tags={'a', 'b'}", false),
+            ("none=set()", false),
+            ("mode=<Mode.FAST: 2>", false),
+            ("cls=<class 'int'>", false),
+            ("fn=<function main.<locals>.f at 0x7f>", false),
+            ("raw=b'a, b)'", false),
+            ("dd=defaultdict(<class 'list'>, {'a': [1]})", false),
+            ("od=OrderedDict([('a', 1)])", false),
+            ("z=(1+2j)", false),
+            ("dots=...", false),
+            ("re=re.compile('[,)')", false),
+            ("odd=<a ' b>", false),
+            ("odd=<unclosed", false),
+            ("odd=[1, 2)", false),
+            ("odd={1}", false),
+            ("odd=", false),
+            ("odd='\\xZZ'", false),
+            ("odd", true),
         ] {
-            assert!(parse(text).is_err(), "{}", &text[..text.len().min(40)]);
+            let text = format!("Namespace(first=1, {field}, last=[2, 3], net_width=64)");
+            let cfg = parse(&text).unwrap();
+            assert_eq!(cfg.get("first"), Some(&Value::Int(1)), "{field}: before");
+            assert_eq!(cfg.get("net_width"), Some(&Value::Int(64)), "{field}: behind");
+            assert!(
+                matches!(cfg.get("last"), Some(Value::List(list)) if list.len() == 2),
+                "{field}"
+            );
+            let name = field.split('=').next().unwrap();
+            let unread: &[&str] = if read { &[] } else { &[name] };
+            assert_eq!(cfg.unread, unread, "{field}: named");
+            let at_the_end = parse(&format!("Namespace(first=1, {field})")).unwrap();
+            assert_eq!(at_the_end.get("first"), Some(&Value::Int(1)), "{field}: at the end");
+        }
+        let path = parse("Namespace(a=PosixPath('x'), b=np.float64(2.5), c=np.True_)").unwrap();
+        assert_eq!(path.get("a").and_then(Value::as_str), Some("x"), "a path is its text");
+        assert_eq!(path.get("b").and_then(Value::as_f64), Some(2.5), "a scalar is its number");
+        assert_eq!(path.get("c").and_then(Value::as_bool), Some(true), "a flag is a flag");
+    }
+
+    #[test]
+    fn nesting_without_end_is_one_field() {
+        let deep = format!("Namespace(a={}, b=2)", "[".repeat(100_000));
+        assert_eq!(parse(&deep).unwrap().get("b"), Some(&Value::Int(2)), "the next is read");
+    }
+
+    #[test]
+    fn hostile_texts_take_linear_time() {
+        for piece in ["a=<, ", "a=[1, ", "a=(', ", "a=b'", ", ", "a=", "=", "é"] {
+            let text = format!("Namespace({}", piece.repeat(200_000));
+            assert!(parse(&text).is_err(), "no end");
+        }
+    }
+
+    #[test]
+    fn other_texts_are_refused() {
+        for text in ["", "{'a': 1}", "a=1", "namespace(a=1)", "<!doctype html>"] {
+            assert!(parse(text).is_err(), "{text}");
+        }
+        for cut in ["Namespace(", "Namespace(a", "Namespace(a=", "Namespace(a=1", "Namespace(a='x"]
+        {
+            assert!(parse(cut).is_err(), "{cut}: a file that is cut off is no detail");
         }
     }
 }

@@ -24,6 +24,8 @@ pub enum SceneKind {
     Model4dgs,
     /// A model folder of Swift4D.
     Swift4d,
+    /// A model folder of plain 3DGS, whose newest save is one frame.
+    Model3dgs,
     /// Numbered frames in a folder or a zip archive.
     PlySequence,
     /// A 3DGS PLY file.
@@ -62,6 +64,7 @@ impl Display for SceneKind {
         match self {
             Self::Model4dgs => f.write_str("4DGaussians model folder"),
             Self::Swift4d => f.write_str("Swift4D model folder"),
+            Self::Model3dgs => f.write_str("3DGS model folder (static, no deformation)"),
             Self::PlySequence => f.write_str("PLY sequence"),
             Self::Ply => f.write_str("3D Gaussian PLY"),
             Self::CompressedPly => f.write_str("PlayCanvas compressed PLY"),
@@ -94,6 +97,7 @@ impl SceneKind {
                 | Self::Spz
                 | Self::Sog
                 | Self::EditorFolder
+                | Self::Model3dgs
         )
     }
 }
@@ -121,6 +125,9 @@ fn detect_folder(path: &Path) -> Result<SceneKind, IoError> {
     }
     if swift4d::looks_like_model(path) {
         return Ok(SceneKind::Swift4d);
+    }
+    if checkpoint4dgs::still_model(path).is_some() {
+        return Ok(SceneKind::Model3dgs);
     }
     if checkpoint4dgs::looks_like_model(path) {
         return Ok(SceneKind::Model4dgs);
@@ -253,14 +260,7 @@ pub fn open_scene(path: impl AsRef<Path>, options: &OpenOptions) -> Result<Opene
     let kind = detect(path)?;
     let mut warnings = Vec::new();
     let damaged = |report: repair::RepairReport| {
-        let action = if options.damage == Damage::Drop { "dropped" } else { "kept" };
-        (report.damaged() > 0).then(|| {
-            format!(
-                "{} of {} Gaussians are damaged (NaN, infinite or zero quaternion) and were {action}",
-                report.damaged(),
-                report.rows
-            )
-        })
+        report.warning(options.damage == Damage::Drop).into_iter().chain(report.infinities.note())
     };
     let mut report = None;
     let scene: Box<dyn DynamicScene> = match kind {
@@ -272,6 +272,7 @@ pub fn open_scene(path: impl AsRef<Path>, options: &OpenOptions) -> Result<Opene
                 checkpoint4dgs::open(path, &overrides)?
             };
             warnings.clone_from(&model.report.warnings);
+            warnings.extend(model.report.notes.iter().cloned());
             report = Some(model.report);
             Box::new(model.scene)
         }
@@ -279,6 +280,8 @@ pub fn open_scene(path: impl AsRef<Path>, options: &OpenOptions) -> Result<Opene
             let sequence_options =
                 SequenceOptions { damage: options.damage, ..SequenceOptions::default() };
             let sequence = PlySequence::open(path, &sequence_options)?;
+            warnings.extend(sequence.notes()?);
+            warnings.extend(sequence.series().map(str::to_owned));
             warnings.extend(damaged(sequence.repair()));
             if !sequence.ignored().is_empty() {
                 warnings.push(format!(
@@ -305,6 +308,7 @@ pub fn open_scene(path: impl AsRef<Path>, options: &OpenOptions) -> Result<Opene
         | SceneKind::Spz
         | SceneKind::Sog
         | SceneKind::EditorFolder
+        | SceneKind::Model3dgs
         | SceneKind::OtherPly(_) => {
             let read = frame::read_file(path)?;
             warnings.extend(read.notes.iter().cloned());

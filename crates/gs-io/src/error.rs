@@ -2,6 +2,7 @@
 
 use crate::cameras::CamerasError;
 use crate::cfg_args::CfgError;
+use crate::foreign::Foreign;
 use crate::frame::FrameError;
 use crate::ply::PlyError;
 use crate::pth::PthError;
@@ -62,6 +63,14 @@ pub enum IoError {
     Busy {
         /// Which output.
         path: PathBuf,
+    },
+    /// Something else lies in the place of the file: a pointer to it, or a page about it.
+    #[error("{}: is {}, not the file itself", path.display(), found.name)]
+    StandIn {
+        /// Which file.
+        path: PathBuf,
+        /// What lies there, and what to do.
+        found: Foreign,
     },
     /// A PLY file is malformed or not a Gaussian scene.
     #[error("{}: {source}", path.display())]
@@ -187,9 +196,20 @@ impl IoError {
     }
 }
 
-/// Reads a whole file.
+/// Reads a whole file; every reader of files comes through here, or through [`refuse_stand_in`].
 pub(crate) fn read_bytes(path: &Path) -> Result<Vec<u8>, IoError> {
-    crate::input::read_file(path).map_err(|source| IoError::Read { path: path.to_owned(), source })
+    let bytes =
+        crate::input::read_file(path).map_err(|source| IoError::Read { path: path.to_owned(), source })?;
+    refuse_stand_in(path, &bytes)?;
+    Ok(bytes)
+}
+
+/// Refuses bytes, at least the first of a file, that only stand in its place.
+pub(crate) fn refuse_stand_in(path: &Path, start: &[u8]) -> Result<(), IoError> {
+    match Foreign::stand_in(start) {
+        Some(found) => Err(IoError::StandIn { path: path.to_owned(), found }),
+        None => Ok(()),
+    }
 }
 
 /// Names of the entries of a folder, sorted.

@@ -1,5 +1,7 @@
 //! Files that are known but not read here, by their first bytes: what they are, and what to do.
 
+use crate::text;
+
 /// A kind of file that is known but not read.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Foreign {
@@ -19,7 +21,7 @@ const USD: &str = "Export the splats as PLY from the program that made it, or gi
 const TORCH: &str =
     "It is a part of a model: give the model's folder, which holds point_cloud/iteration_N.";
 
-const KNOWN: [Foreign; 17] = [
+const KNOWN: [Foreign; 16] = [
     known(0, b"Kg\0\0", "a .splatv clip", "Copy it again: it should open as a scene."),
     known(0, b"SP4D", "a .splat4d clip", "Copy it again: it should open as a scene."),
     known(
@@ -36,12 +38,6 @@ const KNOWN: [Foreign; 17] = [
         "Export it as a PLY sequence from the program that made it.",
     ),
     known(0, b"glTF", "a binary glTF", "Export the splats as PLY from the program that made it."),
-    known(
-        0,
-        b"<!doctype html",
-        "an HTML page",
-        "If c4d wrote it, open it in a browser: it plays by itself. It is an end product: keep the scene or run that it was made from.",
-    ),
     known(4, b"ftyp", "an MP4 video", END),
     known(8, b"WEBP", "a WebP image or clip", END),
     known(0, b"GIF8", "a GIF image or clip", END),
@@ -89,16 +85,110 @@ pub(crate) const MANIFEST: Foreign = known(
 /// End of its name.
 pub(crate) const MANIFEST_ENDING: &str = ".manifest.json";
 
+/// What a version-control system leaves in the place of a large file.
+const POINTERS: [Foreign; 4] = [
+    known(
+        0,
+        b"version https://git-lfs.github.com/spec/",
+        "a Git LFS pointer",
+        "Fetch the file: `git lfs install`, then `git lfs pull` in its repository, or download it from the repository's web page.",
+    ),
+    known(
+        0,
+        b"version http://git-media.io/",
+        "a Git LFS pointer",
+        "Fetch the file: `git lfs pull` in its repository.",
+    ),
+    known(
+        0,
+        b"# xet version",
+        "a Xet pointer",
+        "Fetch the file: `git xet checkout` in its repository, or download it from the repository's web page.",
+    ),
+    known(
+        0,
+        b"/annex/objects/",
+        "a git-annex pointer",
+        "Fetch the file: `git annex get` in its repository.",
+    ),
+];
+
+/// What a web server sent instead of a file, or a page that was saved.
+const HTML: Foreign = known(
+    0,
+    b"",
+    "an HTML page",
+    "A clip that c4d exported as HTML plays in a browser by itself; keep the scene or run that it was made from. Any other page was saved in place of a download: fetch the file itself.",
+);
+/// How such pages begin, after white space, in any case.
+const PAGES: [&[u8]; 4] = [b"<!doctype html", b"<html", b"<head", b"404: not found"];
+
+/// glTF as text, with or without Gaussians.
+const GLTF_TEXT: Foreign = known(
+    0,
+    b"",
+    "a glTF scene (.gltf)",
+    "Export the splats as PLY from the program that made it.",
+);
+
+/// Scenes of the GaussianSplats3D viewer.
+const KSPLAT: Foreign = known(
+    0,
+    b"",
+    "a .ksplat scene",
+    "Convert it to PLY, for example with SuperSplat or splat-transform, or give the file that it was made from.",
+);
+/// Most sections and splats of a `.ksplat` believed: its mark alone is that of other files, too.
+const KSPLAT_MAX_SECTIONS: u32 = 1 << 20;
+const KSPLAT_MAX_SPLATS: u32 = 1 << 30;
+
 impl Foreign {
     /// The kind that the first bytes of a file announce.
     pub(crate) fn of(start: &[u8]) -> Option<Self> {
-        let is = |kind: &&Self| {
-            start
-                .get(kind.offset..kind.offset + kind.mark.len())
-                .is_some_and(|found| found.eq_ignore_ascii_case(kind.mark))
-        };
-        KNOWN.iter().find(is).copied()
+        Self::stand_in(start)
+            .or_else(|| KNOWN.iter().find(|kind| kind.is_at_start_of(start)).copied())
+            .or_else(|| is_ksplat(start).then_some(KSPLAT))
+            .or_else(|| is_gltf_text(start).then_some(GLTF_TEXT))
     }
+
+    /// What lies in the place of a file, by its first bytes: a pointer of Git LFS and its like, or a web page.
+    pub fn stand_in(start: &[u8]) -> Option<Self> {
+        if let Some(pointer) = POINTERS.iter().find(|kind| kind.is_at_start_of(start)) {
+            return Some(*pointer);
+        }
+        let start = start.strip_prefix(b"\xef\xbb\xbf").unwrap_or(start).trim_ascii_start();
+        let begins = |page: &&[u8]| {
+            start.get(..page.len()).is_some_and(|found| found.eq_ignore_ascii_case(page))
+        };
+        PAGES.iter().any(|page| begins(&page)).then_some(HTML)
+    }
+
+    fn is_at_start_of(&self, start: &[u8]) -> bool {
+        start
+            .get(self.offset..self.offset + self.mark.len())
+            .is_some_and(|found| found.eq_ignore_ascii_case(self.mark))
+    }
+}
+
+/// Version 0.1, then most sections, sections, most splats, splats.
+fn is_ksplat(start: &[u8]) -> bool {
+    let Some(rest) = start.strip_prefix(&[0, 1, 0, 0]) else { return false };
+    let mut counts = rest.as_chunks::<4>().0.iter().map(|bytes| u32::from_le_bytes(*bytes));
+    let mut next = || counts.next().unwrap_or_default();
+    let (max_sections, sections, max_splats, splats) = (next(), next(), next(), next());
+    (1..=max_sections).contains(&sections)
+        && max_sections <= KSPLAT_MAX_SECTIONS
+        && (1..=max_splats).contains(&splats)
+        && max_splats <= KSPLAT_MAX_SPLATS
+}
+
+/// A JSON object with glTF's `asset` and something to show.
+fn is_gltf_text(start: &[u8]) -> bool {
+    let text = text::decode(start);
+    let has = |key: &str| text.contains(key);
+    text.trim_start().starts_with('{')
+        && has("\"asset\"")
+        && ["\"meshes\"", "\"accessors\"", "\"scenes\"", "\"nodes\""].iter().any(|key| has(key))
 }
 
 #[cfg(test)]
@@ -110,7 +200,37 @@ mod tests {
         let name = |start: &[u8]| Foreign::of(start).map(|kind| kind.name);
         assert_eq!(name(b"\0\0\0\x18ftypisom"), Some("an MP4 video"), "not at the start");
         assert_eq!(name(b"<!DOCTYPE html>"), Some("an HTML page"), "whatever the case");
+        assert_eq!(
+            name(b"\xef\xbb\xbf\r\n<HTML lang=en>"),
+            Some("an HTML page"),
+            "however it begins"
+        );
+        assert_eq!(name(b"404: Not Found"), Some("an HTML page"), "an answer without markup");
         assert_eq!(name(b"RIFF"), None, "cut before the mark");
         assert_eq!(name(b""), None, "nothing");
+    }
+
+    #[test]
+    fn pointers_are_told_from_files() {
+        let lfs = b"version https://git-lfs.github.com/spec/v1\noid sha256:0\nsize 9\n";
+        assert_eq!(Foreign::stand_in(lfs).map(|kind| kind.name), Some("a Git LFS pointer"), "LFS");
+        for whole in [&b"version 3"[..], b"ply\n", b"PK\x03\x04", b"[1, 2]", b""] {
+            assert_eq!(Foreign::stand_in(whole), None, "{whole:?} is the file itself");
+        }
+    }
+
+    #[test]
+    fn formats_without_a_mark_are_known_by_their_numbers() {
+        let ksplat = |counts: [u32; 4]| {
+            let counts = counts.iter().flat_map(|count| count.to_le_bytes());
+            [0_u8, 1, 0, 0].into_iter().chain(counts).collect::<Vec<u8>>()
+        };
+        let name = |bytes: &[u8]| Foreign::of(bytes).map(|kind| kind.name);
+        assert_eq!(name(&ksplat([1, 1, 40, 40])), Some("a .ksplat scene"), "one section");
+        assert_eq!(name(&ksplat([1, 2, 40, 40])), None, "more sections than there is room for");
+        assert_eq!(name(&ksplat([0x8000_0f00, 3, 1, 1])), None, "a TrueType font");
+        let gltf = br#"{"asset": {"version": "2.0"}, "meshes": []}"#;
+        assert_eq!(name(gltf), Some("a glTF scene (.gltf)"), "text");
+        assert_eq!(name(br#"{"asset": 3}"#), None, "any JSON");
     }
 }

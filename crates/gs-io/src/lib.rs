@@ -5,7 +5,9 @@
 //! ([`splat4d`]) in and out, OpenUSD ([`usda`]) out, each with what it does not keep ([`Losses`]), cameras and times of data sets ([`cameras`], [`cameras_json`]);
 //! [`detect()`] says what a path is. Readers survive any bytes:
 //! malformed input is an error that names the file, what was found and what to do, memory is bounded by a small multiple
-//! of the input, and nothing in a file is ever executed. Outputs are complete or absent ([`AtomicFile`], [`AtomicDir`]).
+//! of the input, and nothing in a file is ever executed. [`repair`] decides for all of them which values are damage and what infinities
+//! mean; a detail that is not understood (a field of `cfg_args`, one lens, an object beside the weights) is named or passed over and
+//! refuses no model; what only stands in the place of a file (a Git LFS pointer, a web page) is named by all of them. Outputs are complete or absent ([`AtomicFile`], [`AtomicDir`]).
 //!
 //! Deliberately absent: algorithms, GPU, networks of the neural formats (see `gs-deform`).
 
@@ -36,6 +38,7 @@ pub mod splat_file;
 pub mod splatv;
 pub mod spz;
 pub mod swift4d;
+mod text;
 pub mod usda;
 mod zip;
 

@@ -1,7 +1,21 @@
-//! Rows that no renderer can use: NaN, infinities, zero quaternions.
+//! What stored values of a splat mean: infinities that stand for something, and rows that no renderer can use.
+//!
+//! Exporters write `logit(1)` for an opaque splat and `ln(0)` for a flat one. Such rows are sound, and get finite values that every
+//! later computation and format keeps finite: [`OPAQUE_LOGIT`], [`TRANSPARENT_LOGIT`], [`FLAT_LOG_SCALE`]. Damage is NaN anywhere, an
+//! infinite position, SH coefficient or rotation, a log-scale of +∞, and a zero quaternion. Every reader of this crate decides by
+//! this module. (Formats with one byte an opacity have no infinities: their end values stand for all opacities that round to them.)
 
 use gs_core::Splats;
 use thiserror::Error;
+
+/// Opacity logit that a stored +∞ (opacity exactly 1) becomes: the largest whole number whose opacity is still below 1 in single
+/// precision, so that the logit of that opacity is finite again. It is 1 − 1.2·10⁻⁷, above every cap of a rasteriser.
+pub const OPAQUE_LOGIT: f32 = 16.0;
+/// Opacity logit that a stored −∞ (opacity exactly 0) becomes: opacity 1.1·10⁻⁷, far below the 1/255 that rasterisers draw.
+pub const TRANSPARENT_LOGIT: f32 = -OPAQUE_LOGIT;
+/// Log-scale that a stored −∞ (no extent) becomes: a standard deviation of 2·10⁻⁹. Its square, its inverse and the square of its
+/// inverse are normal single-precision numbers, and it is the smallest that compressed PLY keeps.
+pub const FLAT_LOG_SCALE: f32 = -20.0;
 
 /// What to do with damaged rows.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
@@ -15,15 +29,19 @@ pub enum Damage {
     Keep,
 }
 
-/// Count of damaged rows.
+/// Count of damaged rows, and of infinities that have a meaning.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct RepairReport {
     /// Rows examined.
     pub rows: usize,
-    /// Rows with NaN or an infinity.
+    /// Rows with NaN, or an infinity that has no meaning.
     pub not_finite: usize,
     /// Finite rows whose quaternion is zero.
     pub zero_quaternion: usize,
+    /// Of the damaged rows of a clip, those that are sound in other frames: they are invisible in the damaged frames only.
+    pub hidden: usize,
+    /// Infinities that were given finite values, over all frames read.
+    pub infinities: Infinities,
 }
 
 impl RepairReport {
@@ -31,6 +49,82 @@ impl RepairReport {
     pub fn damaged(&self) -> usize {
         self.not_finite + self.zero_quaternion
     }
+
+    /// Says what was done with damaged rows, if there are any; `dropped` tells whether they were left out.
+    pub fn warning(&self, dropped: bool) -> Option<String> {
+        let (damaged, hidden) = (self.damaged(), self.hidden);
+        if damaged == 0 {
+            return None;
+        }
+        let fate = match (dropped, damaged - hidden) {
+            (false, _) => "were kept".to_owned(),
+            (true, _) if hidden == 0 => "were dropped".to_owned(),
+            (true, 0) => "are invisible in the frames in which they are damaged".to_owned(),
+            (true, gone) => format!(
+                "are invisible in the frames in which they are damaged; {gone}, damaged in all frames, were dropped"
+            ),
+        };
+        Some(format!(
+            "{damaged} of {} Gaussians are damaged ({} with NaN or infinite values, {} with a zero quaternion) and {fate}",
+            self.rows, self.not_finite, self.zero_quaternion
+        ))
+    }
+}
+
+/// Infinities with a meaning, counted.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct Infinities {
+    /// Opacities of exactly 1 (logit +∞).
+    pub opaque: usize,
+    /// Opacities of exactly 0 (logit −∞).
+    pub transparent: usize,
+    /// Rows with an axis of no extent (log-scale −∞).
+    pub flat: usize,
+}
+
+impl Infinities {
+    /// Says what there was, if anything.
+    pub fn note(&self) -> Option<String> {
+        let parts = [
+            (self.opaque, "opacities of exactly 1"),
+            (self.transparent, "opacities of exactly 0"),
+            (self.flat, "splats with an axis of no extent"),
+        ];
+        let said: Vec<String> = parts
+            .into_iter()
+            .filter(|(count, _)| *count > 0)
+            .map(|(count, what)| format!("{count} {what}"))
+            .collect();
+        (!said.is_empty()).then(|| {
+            format!("{} (stored as infinities) were kept as finite values", said.join(", "))
+        })
+    }
+
+    pub(crate) fn add(&mut self, other: Self) {
+        self.opaque += other.opaque;
+        self.transparent += other.transparent;
+        self.flat += other.flat;
+    }
+}
+
+/// Gives infinities that have a meaning their finite values; everything else stays as it is.
+pub fn settle_infinities(splats: &mut Splats) -> Infinities {
+    let mut found = Infinities::default();
+    for logit in &mut splats.opacity_logits {
+        if *logit == f32::INFINITY {
+            (*logit, found.opaque) = (OPAQUE_LOGIT, found.opaque + 1);
+        } else if *logit == f32::NEG_INFINITY {
+            (*logit, found.transparent) = (TRANSPARENT_LOGIT, found.transparent + 1);
+        }
+    }
+    for log_scale in &mut splats.log_scales {
+        let mut flat = false;
+        for axis in log_scale.iter_mut().filter(|axis| **axis == f32::NEG_INFINITY) {
+            (*axis, flat) = (FLAT_LOG_SCALE, true);
+        }
+        found.flat += usize::from(flat);
+    }
+    found
 }
 
 /// Splats after [`sanitize`].
@@ -58,16 +152,19 @@ pub struct DamagedRows {
     pub first: usize,
 }
 
-/// Rows that are not usable, counted.
-pub(crate) fn survey(splats: &Splats) -> (RepairReport, Vec<usize>) {
+/// Rows that are not usable, or `broken` for another reason, counted; [`settle_infinities`] comes before.
+pub(crate) fn survey(
+    splats: &Splats,
+    broken: impl Fn(usize) -> bool,
+) -> (RepairReport, Vec<usize>) {
     let mut report = RepairReport { rows: splats.len(), ..RepairReport::default() };
     let mut damaged = Vec::new();
     for i in 0..splats.len() {
-        if splats.is_finite(i) {
+        if splats.is_finite(i) && !broken(i) {
             continue;
         }
         damaged.push(i);
-        let zero = only_rotation_missing(splats, i);
+        let zero = !broken(i) && only_rotation_missing(splats, i);
         *if zero { &mut report.zero_quaternion } else { &mut report.not_finite } += 1;
     }
     (report, damaged)
@@ -81,12 +178,24 @@ pub(crate) fn only_rotation_missing(splats: &Splats, row: usize) -> bool {
         && splats.sh_of(row).iter().flatten().all(|v| v.is_finite())
 }
 
-/// Counts damaged rows of `splats` (arrays of equal length) and drops, keeps or refuses them.
+/// Gives meaningful infinities of `splats` (arrays of equal length) finite values, counts damaged rows, and drops, keeps or refuses
+/// them.
 ///
 /// # Errors
 /// With [`Damage::Fail`], if there are any; with [`Damage::Drop`], if nothing would be left.
 pub fn sanitize(splats: Splats, damage: Damage) -> Result<Sanitized, DamagedRows> {
-    let (report, damaged) = survey(&splats);
+    sanitize_with(splats, damage, |_row| false)
+}
+
+/// As [`sanitize`], where `broken` names rows that are unusable for another reason; they count as not finite.
+pub(crate) fn sanitize_with(
+    mut splats: Splats,
+    damage: Damage,
+    broken: impl Fn(usize) -> bool,
+) -> Result<Sanitized, DamagedRows> {
+    let infinities = settle_infinities(&mut splats);
+    let (mut report, damaged) = survey(&splats, broken);
+    report.infinities = infinities;
     let Some(&first) = damaged.first() else {
         return Ok(Sanitized { splats, kept: None, report });
     };
@@ -139,8 +248,62 @@ mod tests {
         let error = sanitize(splats.clone(), Damage::Fail).unwrap_err();
         assert_eq!((error.first, error.report.damaged()), (0, 2), "{error}");
         assert_eq!(sanitize(splats.clone(), Damage::Keep).unwrap().splats.len(), 3, "kept");
-        splats.log_scales[1][0] = f32::NEG_INFINITY;
+        splats.log_scales[1][0] = f32::INFINITY;
         let error = sanitize(splats, Damage::Drop).unwrap_err().to_string();
         assert!(error.contains("none would be left"), "{error}");
+    }
+
+    #[test]
+    fn infinities_with_a_meaning_are_no_damage() {
+        let mut splats = three();
+        splats.opacity_logits = vec![f32::INFINITY, f32::NEG_INFINITY, 0.5];
+        splats.log_scales[2][1] = f32::NEG_INFINITY;
+        for damage in [Damage::Drop, Damage::Fail, Damage::Keep] {
+            let out = sanitize(splats.clone(), damage).unwrap();
+            assert_eq!((out.kept, out.report.damaged()), (None, 0), "{damage:?}: all rows");
+            let found = Infinities { opaque: 1, transparent: 1, flat: 1 };
+            assert_eq!(out.report.infinities, found, "{damage:?}: counted");
+            assert_eq!(out.splats.opacity_logits, [16.0, -16.0, 0.5], "{damage:?}: opacities");
+            assert_eq!(out.splats.log_scales[2], [0.0, -20.0, 0.0], "{damage:?}: only that axis");
+        }
+        let said = sanitize(splats, Damage::Drop).unwrap().report.infinities.note().unwrap();
+        assert!(said.contains("1 opacities of exactly 1") && said.contains("no extent"), "{said}");
+        assert_eq!(sanitize(three(), Damage::Drop).unwrap().report.infinities.note(), None, "none");
+    }
+
+    #[test]
+    fn infinities_without_a_meaning_stay_damage() {
+        let changes: [fn(&mut Splats); 6] = [
+            |s| s.means[1][0] = f32::INFINITY,
+            |s| s.means[1][0] = f32::NEG_INFINITY,
+            |s| s.sh[1][2] = f32::NEG_INFINITY,
+            |s| s.quats[1][3] = f32::INFINITY,
+            |s| s.log_scales[1][0] = f32::INFINITY,
+            |s| s.opacity_logits[1] = f32::NAN,
+        ];
+        for (index, change) in changes.into_iter().enumerate() {
+            let mut splats = three();
+            change(&mut splats);
+            let out = sanitize(splats, Damage::Drop).unwrap();
+            assert_eq!(out.kept, Some(vec![0, 2]), "change {index}");
+        }
+    }
+
+    #[test]
+    fn finite_values_stay_finite_downstream() {
+        use gs_core::activation::{logit, sigmoid};
+        for value in [OPAQUE_LOGIT, TRANSPARENT_LOGIT] {
+            assert!(logit(sigmoid(value)).is_finite(), "{value}");
+            assert!(
+                (logit(sigmoid(value)) - value).abs() < 0.1,
+                "{value} survives being activated"
+            );
+        }
+        assert!(!logit(sigmoid(OPAQUE_LOGIT + 2.0)).is_finite(), "a larger one would not");
+        assert!(sigmoid(OPAQUE_LOGIT) > 0.99 && sigmoid(TRANSPARENT_LOGIT) < 1.0 / 255.0, "ends");
+        let scale = FLAT_LOG_SCALE.exp();
+        for value in [scale, scale * scale, 1.0 / scale, 1.0 / (scale * scale).powi(2)] {
+            assert!(value.is_normal(), "{value}");
+        }
     }
 }

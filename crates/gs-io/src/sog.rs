@@ -7,6 +7,7 @@ use crate::archive::Archive;
 use crate::bytes8::{ends_note, largest_from, logit_of, smallest_three_rad};
 use crate::frame::{Frame, FrameError, FrameFormat};
 use crate::inflate;
+use crate::text;
 use gs_core::sh::num_coeffs;
 use gs_core::{Precision, RowPrecision, Splats};
 use image::ImageDecoder;
@@ -110,8 +111,8 @@ pub(crate) fn read_planes(
     meta: &[u8],
     plane: &dyn Fn(&str) -> Result<Vec<u8>, String>,
 ) -> Result<Frame, FrameError> {
-    let meta: Meta =
-        serde_json::from_slice(meta).map_err(|error| damaged(format!("meta.json: {error}")))?;
+    let meta: Meta = serde_json::from_slice(&text::utf8(meta))
+        .map_err(|error| damaged(format!("meta.json: {error}")))?;
     if meta.version != 2 {
         return Err(FrameError::Version {
             format: FORMAT,

@@ -6,6 +6,7 @@
 use crate::bytes8::{channel_of, dc_of, ends_note, logit_of, unorm8};
 use crate::frame::{Frame, FrameError, FrameFormat};
 use crate::losses::Losses;
+use crate::repair::FLAT_LOG_SCALE;
 use gs_core::sh::C0;
 use gs_core::{Precision, RowPrecision, Splats, quat};
 use rayon::prelude::*;
@@ -55,7 +56,7 @@ fn precision() -> RowPrecision {
     }
 }
 
-/// Reads a `.splat` frame. Rows beyond the last whole one are an error; standard deviations of 0 become the smallest positive.
+/// Reads a `.splat` frame. Rows beyond the last whole one are an error; standard deviations of 0 become that of [`FLAT_LOG_SCALE`].
 ///
 /// # Errors
 /// If there are no rows or the last one is cut.
@@ -75,11 +76,9 @@ pub fn read(bytes: &[u8]) -> Result<Frame, FrameError> {
     let mut notes: Vec<String> = ends_note(rows.iter().map(|row| row[27])).into_iter().collect();
     let flat = rows.iter().filter(|row| (3..6).any(|axis| float(row, 4 * axis) == 0.0)).count();
     if flat > 0 {
-        notes.push(format!(
-            "{flat} rows with a standard deviation of 0 got the smallest positive one"
-        ));
+        notes.push(format!("{flat} rows with a standard deviation of 0 are kept as flat splats"));
     }
-    let log = |scale: f32| if scale == 0.0 { f32::MIN_POSITIVE.ln() } else { scale.ln() };
+    let log = |scale: f32| if scale == 0.0 { FLAT_LOG_SCALE } else { scale.ln() };
     let splats = Splats {
         means: rows.par_iter().map(|row| [0, 4, 8].map(|at| float(row, at))).collect(),
         quats: rows.par_iter().map(|row| quat::normalize(rotation(row))).collect(),

@@ -299,3 +299,73 @@ fn lens_models_are_read_or_refused_by_name() {
     let unknown = open("PERFECT 64 48 1 1 1").unwrap_err().to_string();
     assert!(unknown.contains("line 1") && unknown.contains("PERFECT"), "{unknown}");
 }
+
+/// A COLMAP text model: lines of cameras and images, and images of 64×48 pixels.
+fn colmap_model(root: &Path, cameras: &str, images: &[&str], files: &[&str]) {
+    write(&root.join("sparse/0/cameras.txt"), cameras);
+    let lines: String = images.iter().map(|line| format!("{line}\n\n")).collect();
+    write(&root.join("sparse/0/images.txt"), lines);
+    for file in files {
+        let path = root.join("images").join(file);
+        fs::create_dir_all(path.parent().unwrap()).unwrap();
+        image::RgbImage::new(64, 48).save(path).unwrap();
+    }
+}
+
+#[test]
+fn images_in_subfolders_are_found() {
+    let dir = tempfile::tempdir().unwrap();
+    colmap_model(
+        dir.path(),
+        "1 PINHOLE 128 96 100 110 70 40\n",
+        &["1 1 0 0 0 0.1 0 4 1 camA/0001.png", "2 1 0 0 0 0.2 0 4 1 camB\\0001.png"],
+        &["camA/0001.png", "camB/0001.png"],
+    );
+    let set = cameras::open(dir.path(), Reading::Stored).unwrap();
+    assert_eq!(set.views.len(), 2, "both");
+    for view in &set.views {
+        let camera = &view.camera;
+        assert_eq!((camera.width, camera.height), (64, 48), "{}", camera.name);
+        let k = camera.intrinsics;
+        assert_eq!([k.fx, k.fy, k.cx, k.cy], [50.0, 55.0, 35.0, 20.0], "{}", camera.name);
+    }
+    assert!(set.notes.iter().all(|note| !note.contains("not there")), "{:?}", set.notes);
+}
+
+#[test]
+fn a_lens_that_cannot_be_used_leaves_out_its_images_only() {
+    let dir = tempfile::tempdir().unwrap();
+    let image = |id: u8, camera: u8| format!("{id} 1 0 0 0 0.{id} 0 4 {camera} {id}.png");
+    let images = [image(1, 1), image(2, 2), image(3, 9), image(4, 1)];
+    let images: Vec<&str> = images.iter().map(String::as_str).collect();
+    let lenses =
+        "1 PINHOLE 128 96 100 110 70 40\n2 OPENCV_FISHEYE 128 96 100 110 70 40 .1 .01 .001 .002\n";
+    colmap_model(dir.path(), lenses, &images, &[]);
+    let set = cameras::open(dir.path(), Reading::Trained).unwrap();
+    let names: Vec<&str> = set.views.iter().map(|view| view.camera.name.as_str()).collect();
+    assert_eq!(names, ["1.png", "4.png"], "those with a lens");
+    assert_eq!(set.times(), [0.0, 0.75], "times are positions in the whole file");
+    let said = set.notes.join("; ");
+    assert!(
+        said.contains("2 of 4 images are left out") && said.contains("OPENCV_FISHEYE"),
+        "{said}"
+    );
+    colmap_model(dir.path(), lenses, &images[1..2], &[]);
+    let error = cameras::open(dir.path(), Reading::Trained).unwrap_err().to_string();
+    assert!(error.contains("OPENCV_FISHEYE"), "none is left: {error}");
+}
+
+#[test]
+fn camera_files_saved_on_windows() {
+    let dir = tempfile::tempdir().unwrap();
+    let text = r#"[{"img_name": "a", "width": 8, "height": 6, "position": [1, 2, 3], "rotation": [[1,0,0],[0,1,0],[0,0,1]], "fy": 5.0, "fx": 5.0}]"#;
+    let units: Vec<u16> = text.encode_utf16().collect();
+    let utf16: Vec<u8> = units.iter().flat_map(|unit| unit.to_le_bytes()).collect();
+    for bytes in [[b"\xef\xbb\xbf", text.as_bytes()].concat(), [&b"\xff\xfe"[..], &utf16].concat()]
+    {
+        write(&dir.path().join("cameras.json"), &bytes);
+        let set = cameras::open(dir.path().join("cameras.json"), Reading::Stored).unwrap();
+        assert_eq!(set.views[0].camera.position(), [1.0, 2.0, 3.0], "read");
+        assert!(cameras::from_slice(&bytes, Reading::Stored).is_ok(), "from bytes");
+    }
+}

@@ -307,3 +307,112 @@ fn damaged_rows_are_dropped_and_counted() {
     let strict = Overrides { damage: Damage::Fail, ..Overrides::default() };
     assert!(message(&dir, &strict).contains("first at row 3"), "strict");
 }
+
+/// `numpy.float64(0.5)` as protocol 2 writes it.
+const NUMPY_SCALAR: &[u8] = b"cnumpy.core.multiarray\nscalar\n(cnumpy\ndtype\n(X\x02\0\0\0f8K\0K\x01tR(K\x03X\x01\0\0\0<NNNJ\xff\xff\xff\xffJ\xff\xff\xff\xffK\0tbc_codecs\nencode\n(X\x02\0\0\0ab\x8a\x09123456789tRtR";
+
+#[test]
+fn networks_are_found_in_whatever_wraps_them() {
+    let (_guard, dir) = copy("variants/default_flags");
+    let expected = open(&dir).unwrap().scene.at(0.4).unwrap();
+    let plain = tensors(&dir);
+    let key = |name: &str| {
+        let mut key = Vec::new();
+        common::text(&mut key, name);
+        key
+    };
+    let put = |bytes: Vec<u8>| fs::write(iteration(&dir).join("deformation.pth"), bytes).unwrap();
+    let same = |how: &str| {
+        let model = open(&dir).unwrap_or_else(|error| panic!("{how}: {error}"));
+        assert_eq!(model.scene.at(0.4).unwrap(), expected, "{how}");
+    };
+    for prefix in ["module.", "_orig_mod.", "module._orig_mod.", "net."] {
+        let rename = |(name, shape, values): &Named| {
+            (format!("{prefix}{name}"), shape.clone(), values.clone())
+        };
+        put(common::state_dict(&plain.iter().map(rename).collect::<Vec<_>>()));
+        same(prefix);
+    }
+    let inner = |(name, shape, values): &Named| {
+        (
+            name.replace("deformation_net.", "deformation_net._orig_mod."),
+            shape.clone(),
+            values.clone(),
+        )
+    };
+    put(common::state_dict(&plain.iter().map(inner).collect::<Vec<_>>()));
+    same("a compiled part");
+    for wrapper in ["state_dict", "model_state_dict", "model", "params", "deform"] {
+        // {wrapper: {…}, 'loss': numpy.float64, 'epoch': 7, 'best': None}
+        let before = [b"}(".to_vec(), key(wrapper)].concat();
+        let behind = [
+            key("loss"),
+            NUMPY_SCALAR.to_vec(),
+            key("epoch"),
+            b"K\x07".to_vec(),
+            key("best"),
+            b"Nu".to_vec(),
+        ]
+        .concat();
+        put(common::wrapped_state_dict(&before, &plain, &behind));
+        same(wrapper);
+    }
+    // {'loss': numpy.float64, 'model': {'state_dict': {…}}}
+    let before = [
+        b"}(".to_vec(),
+        key("loss"),
+        NUMPY_SCALAR.to_vec(),
+        key("model"),
+        b"}".to_vec(),
+        key("state_dict"),
+    ]
+    .concat();
+    put(common::wrapped_state_dict(&before, &plain, b"su"));
+    same("nested");
+    // ({…}, 30000), as training checkpoints are.
+    put(common::wrapped_state_dict(b"(", &plain, b"Mu0t"));
+    same("a tuple");
+    // A whole module that was saved: an object of a class that is not known here, with the weights in its state.
+    let before = [
+        b"c__main__\nNet\n)\x81}(".to_vec(),
+        key("training"),
+        b"\x88".to_vec(),
+        key("_parameters"),
+    ]
+    .concat();
+    put(common::wrapped_state_dict(&before, &plain, b"ub"));
+    same("a module");
+}
+
+#[test]
+fn cfg_args_as_forks_and_windows_write_them() {
+    let (_guard, dir) = copy("variants/default_flags");
+    let path = dir.join("cfg_args");
+    let text = fs::read_to_string(&path).unwrap();
+    let expected = open(&dir).unwrap();
+    let same = |bytes: &[u8], how: &str| {
+        fs::remove_file(&path).unwrap();
+        fs::write(&path, bytes).unwrap();
+        let model = open(&dir).unwrap_or_else(|error| panic!("{how}: {error}"));
+        assert_eq!(model.report.flags, expected.report.flags, "{how}");
+        assert_eq!(model.scene.at(0.7).unwrap(), expected.scene.at(0.7).unwrap(), "{how}");
+        model.report
+    };
+    let units: Vec<u16> = text.encode_utf16().collect();
+    let little: Vec<u8> = units.iter().flat_map(|unit| unit.to_le_bytes()).collect();
+    same(&[b"\xef\xbb\xbf", text.as_bytes()].concat(), "BOM");
+    same(&[&b"\xff\xfe"[..], &little].concat(), "UTF-16");
+    same(format!("\r\n{text}\r\n").as_bytes(), "white space");
+    for field in ["dtype=torch.float32", "tags={'a', 'b'}", "raw=b'ab'", "mode=<Mode.FAST: 2>"] {
+        let more = format!("{}, {field})", text.trim_end().strip_suffix(')').unwrap());
+        let report = same(more.as_bytes(), field);
+        let name = field.split('=').next().unwrap();
+        let named =
+            report.notes.iter().any(|note| note.contains("not needed") && note.contains(name));
+        assert!(named, "{field}: {:?}", report.notes);
+    }
+    // A field that matters is warned of.
+    fs::write(&path, text.replacen("no_dx=False", "no_dx=<Flag.OFF: 0>", 1)).unwrap();
+    let report = open(&dir).unwrap().report;
+    assert!(report.warnings.iter().any(|w| w.contains("no_dx")), "{:?}", report.warnings);
+}

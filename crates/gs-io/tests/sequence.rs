@@ -171,7 +171,7 @@ fn bad_folders_are_refused_by_file() {
 }
 
 #[test]
-fn damaged_rows_leave_all_frames() {
+fn damaged_rows_are_invisible_in_their_frame() {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("f");
     write(&path, 3);
@@ -191,13 +191,20 @@ fn damaged_rows_leave_all_frames() {
     assert!(source.to_string().contains("frame_00001.ply"), "{source}");
     let options = SequenceOptions { damage: Damage::Drop, cached_frames: 0 };
     let dropped = PlySequence::open(&path, &options).unwrap();
-    assert_eq!(dropped.kept_rows(), Some(&[0, 1, 3, 5, 6][..]), "rows");
+    assert_eq!(dropped.kept_rows(), None, "every row is sound in some frame");
     let repair = dropped.repair();
     assert_eq!((repair.not_finite, repair.zero_quaternion), (1, 1), "counted by kind");
+    assert_eq!(repair.hidden, 2, "both are hidden");
     for t in [0.0, 0.3, 0.5, 1.0] {
         let splats = dropped.at(t).unwrap();
-        assert_eq!(splats.len(), 5, "same rows at {t}");
-        assert!((0..5).all(|i| splats.is_finite(i)), "whole at {t}");
+        assert_eq!(splats.len(), 7, "same rows at {t}");
+        assert!((0..7).all(|i| splats.is_finite(i)), "whole at {t}");
+        for row in 0..7 {
+            // Between frames these rows fade.
+            let hidden = t == 0.5 && (row == 2 || row == 4);
+            let visible = splats.opacity(row) >= 1.0 / 255.0;
+            assert!(t == 0.3 || visible != hidden, "row {row} at {t}");
+        }
     }
     let keep = SequenceOptions { damage: Damage::Keep, ..SequenceOptions::default() };
     let kept = PlySequence::open(&path, &keep).unwrap().at(0.5).unwrap();

@@ -17,7 +17,12 @@ pub(super) struct Sizes {
 
 impl Sizes {
     pub(super) fn of(&mut self, path: &Path) -> Option<(u32, u32)> {
-        let size = image_size(path);
+        self.of_first(&[path])
+    }
+
+    /// The size of the first of these files that is there.
+    pub(super) fn of_first(&mut self, paths: &[impl AsRef<Path>]) -> Option<(u32, u32)> {
+        let size = paths.iter().find_map(|path| image_size(path.as_ref()));
         *(if size.is_some() { &mut self.found } else { &mut self.missing }) += 1;
         size
     }

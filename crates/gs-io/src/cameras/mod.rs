@@ -29,6 +29,7 @@ pub(crate) use images::{has_extension, pixels};
 
 use crate::cameras_json;
 use crate::error::IoError;
+use crate::text;
 use gs_core::Camera;
 use std::fmt::{self, Display};
 use std::path::Path;
@@ -111,7 +112,7 @@ pub fn from_slice(bytes: &[u8], reading: Reading) -> Result<Vec<Camera>, Cameras
     if npy::is_npy(bytes) {
         return poses_bounds::cameras(&poses_bounds::parse(bytes)?, reading);
     }
-    match bytes.trim_ascii_start().first() {
+    match text::utf8(bytes).trim_ascii_start().first() {
         Some(b'[') => cameras_json::parse(bytes),
         Some(b'{') => {
             let file = transforms::parse(bytes)?;

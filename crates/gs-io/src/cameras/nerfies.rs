@@ -9,6 +9,7 @@ use super::images::Sizes;
 use super::lens::{LeftOut, Lens};
 use super::{CameraSet, CamerasError, Format, Reading, Split, View, pose};
 use crate::error::{IoError, read_bytes};
+use crate::text;
 use glam::{DMat3, DVec3};
 use gs_core::Intrinsics;
 use serde::Deserialize;
@@ -63,7 +64,7 @@ fn one() -> f64 {
 /// If it is not JSON of this form, names no views, or an id could leave the folder.
 pub fn parse_dataset(bytes: &[u8]) -> Result<Dataset, CamerasError> {
     let dataset: Dataset =
-        serde_json::from_slice(bytes).map_err(CamerasError::json("dataset.json"))?;
+        serde_json::from_slice(&text::utf8(bytes)).map_err(CamerasError::json("dataset.json"))?;
     if dataset.ids.is_empty() {
         return Err(CamerasError::Empty);
     }
@@ -79,7 +80,7 @@ pub fn parse_dataset(bytes: &[u8]) -> Result<Dataset, CamerasError> {
 /// If it is not JSON of this form.
 pub fn parse_metadata(bytes: &[u8]) -> Result<BTreeMap<String, Option<u32>>, CamerasError> {
     let entries: BTreeMap<String, Metadata> =
-        serde_json::from_slice(bytes).map_err(CamerasError::json("metadata.json"))?;
+        serde_json::from_slice(&text::utf8(bytes)).map_err(CamerasError::json("metadata.json"))?;
     Ok(entries.into_iter().map(|(id, entry)| (id, entry.warp_id)).collect())
 }
 
@@ -88,7 +89,7 @@ pub fn parse_metadata(bytes: &[u8]) -> Result<BTreeMap<String, Option<u32>>, Cam
 /// # Errors
 /// If it is not JSON of this form.
 pub fn parse_camera(bytes: &[u8]) -> Result<NerfiesCamera, CamerasError> {
-    serde_json::from_slice(bytes).map_err(CamerasError::json("camera of Nerfies"))
+    serde_json::from_slice(&text::utf8(bytes)).map_err(CamerasError::json("camera of Nerfies"))
 }
 
 impl NerfiesCamera {

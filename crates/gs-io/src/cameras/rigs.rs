@@ -1,7 +1,7 @@
 //! Camera rigs with COLMAP poses and one image a camera and time: the multiple-view layout of 4DGaussians, and the frame folders of
 //! MeetRoom and VRU that Swift4D reads.
 
-use super::colmap::{Model, model_folder, share};
+use super::colmap::{Model, image_paths, model_folder, share};
 use super::images::{Sizes, basename, is_image, stem};
 use super::lens::{LeftOut, Lens};
 use super::{CameraSet, CamerasError, Format, Reading, Split, View, poses_bounds};
@@ -39,7 +39,7 @@ pub(super) fn open_multi_view(root: &Path, reading: Reading) -> Result<CameraSet
     let shared = model.lenses.get(&1).or_else(|| model.lenses.values().next()).copied();
     let mut left_out = LeftOut::default();
     let mut sizes = Sizes::default();
-    let (mut views, mut notes) = (Vec::new(), Vec::new());
+    let (mut views, mut notes) = (Vec::new(), model.notes.clone());
     let mut counts = Vec::new();
     for image in &model.images {
         let (lens, viewmat) = model.view(image).map_err(IoError::cameras(&folder))?;
@@ -150,8 +150,8 @@ pub(super) fn open_frame_folders(root: &Path, reading: Reading) -> Result<Camera
         let (lens, viewmat) = model.view(image).map_err(IoError::cameras(&folder))?;
         left_out.distortion(&image.name, lens);
         let base = basename(&image.name);
-        let path = first.join("images").join(base);
-        let (width, height) = sized(sizes.of(&path), lens);
+        let paths = image_paths(&first.join("images"), &image.name);
+        let (width, height) = sized(sizes.of_first(&paths), lens);
         let mut lens = lens.resized(width, height);
         if reading == Reading::Trained {
             left_out.principal_point(base, &lens);
@@ -165,7 +165,8 @@ pub(super) fn open_frame_folders(root: &Path, reading: Reading) -> Result<Camera
             views.push(View { camera: Camera { name, time, ..camera.clone() }, split });
         }
     }
-    let mut notes = left_out.notes();
+    let mut notes = model.notes.clone();
+    notes.extend(left_out.notes());
     notes.extend(sizes.note("COLMAP's sizes are used"));
     if reading == Reading::Trained {
         notes.push(format!(

@@ -2,7 +2,8 @@
 
 use super::{CamerasError, Format, colmap, npy, poses_bounds, rigs};
 use crate::cfg_args;
-use crate::error::{IoError, list_names, read_bytes};
+use crate::error::{IoError, list_names, read_bytes, refuse_stand_in};
+use crate::text;
 use serde::Deserialize;
 use serde::de::IgnoredAny;
 use std::io::Read;
@@ -133,11 +134,13 @@ fn in_file(path: &Path) -> Result<Option<Source>, IoError> {
     if ["cameras.bin", "images.bin", "cameras.txt", "images.txt"].contains(&name.as_str()) {
         return Ok(data_set(parent(path))?.filter(|found| found.format != Format::Transforms));
     }
+    refuse_stand_in(path, &head)?;
+    let head = text::utf8(&head);
     let is_text = head.iter().all(|byte| *byte >= b' ' || byte.is_ascii_whitespace());
     match head.trim_ascii_start().first().filter(|_| is_text) {
         Some(b'[') => Ok(Some(Source::new(Format::CamerasJson, path))),
         Some(b'{') => {
-            let keys: Keys = serde_json::from_slice(&read_bytes(path)?)
+            let keys: Keys = serde_json::from_slice(&text::utf8(&read_bytes(path)?))
                 .map_err(CamerasError::json("JSON file"))
                 .map_err(IoError::cameras(path))?;
             Ok(if keys.frames.is_some() {
@@ -154,9 +157,12 @@ fn in_file(path: &Path) -> Result<Option<Source>, IoError> {
 
 /// The data set that a model folder's `cfg_args` names, as given, beside the model, or above it.
 fn of_model(model: &Path) -> Result<Option<Source>, IoError> {
-    let Ok(bytes) = crate::input::read_file(model.join("cfg_args")) else { return Ok(None) };
-    let args = cfg_args::parse(&String::from_utf8_lossy(&bytes))
-        .map_err(|source| IoError::Cfg { path: model.join("cfg_args"), source })?;
+    let path = model.join("cfg_args");
+    if !path.is_file() {
+        return Ok(None);
+    }
+    let args = cfg_args::parse(&text::decode(&read_bytes(&path)?))
+        .map_err(|source| IoError::Cfg { path, source })?;
     let Some(named) = args.get("source_path").and_then(cfg_args::Value::as_str) else {
         return Ok(None);
     };

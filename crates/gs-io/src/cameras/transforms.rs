@@ -10,6 +10,7 @@ use super::lens::{LeftOut, Lens};
 use super::set::check_all;
 use super::{CameraSet, CamerasError, Format, Reading, Split, View, paths, pose};
 use crate::error::{IoError, read_bytes};
+use crate::text;
 use gs_core::{Camera, Intrinsics};
 use serde::Deserialize;
 use std::path::Path;
@@ -65,8 +66,8 @@ pub struct Transforms {
 /// # Errors
 /// If it is not JSON of this form, or a matrix is not 4×4 (or its first three rows).
 pub fn parse(bytes: &[u8]) -> Result<Transforms, CamerasError> {
-    let file: Transforms =
-        serde_json::from_slice(bytes).map_err(CamerasError::json("transforms file"))?;
+    let file: Transforms = serde_json::from_slice(&text::utf8(bytes))
+        .map_err(CamerasError::json("transforms file"))?;
     for (index, frame) in file.frames.iter().enumerate() {
         let rows = &frame.transform_matrix;
         if !(3..=4).contains(&rows.len()) || rows.iter().any(|row| row.len() != 4) {
@@ -279,22 +280,32 @@ pub(super) fn open(
         max_time = files.iter().map(|(_, file, _)| file.max_time()).fold(0.0, f64::max);
     }
     let mut context = Context::new(reading, max_time);
-    let mut views = Vec::new();
+    let (mut views, mut unusable, mut notes) = (Vec::new(), Vec::new(), Vec::new());
     for (name, file, split) in &files {
         // Only D-NeRF's own files are what the reference trains on.
         context.reading = if *split == Split::None { Reading::Stored } else { reading };
         for index in 0..file.frames.len() {
-            let camera = context
-                .camera(file, index, Some(root))
-                .map_err(IoError::cameras(&root.join(name)))?;
-            views.push(View { camera, split: *split });
+            match context.camera(file, index, Some(root)) {
+                Ok(camera) => views.push(View { camera, split: *split }),
+                // A lens that is no pinhole concerns the views it took.
+                Err(error @ CamerasError::Lens { .. }) => unusable.push((name, error)),
+                Err(error) => return Err(IoError::cameras(&root.join(name))(error)),
+            }
         }
+    }
+    let left_out = unusable.len();
+    let first = unusable.into_iter().next();
+    if let Some((name, error)) = first {
+        if views.is_empty() {
+            return Err(IoError::cameras(&root.join(name))(error));
+        }
+        notes.push(format!("{left_out} of {} views are left out: {error}", left_out + views.len()));
     }
     let video = match files.iter().find(|(.., split)| *split == Split::Train) {
         Some((_, file, _)) => file.fov_x_rad().map(turn).unwrap_or_default(),
         None => Vec::new(),
     };
-    let mut notes = context.notes();
+    notes.extend(context.notes());
     if max_time > 0.0 && (max_time - 1.0).abs() > 1e-9 {
         notes.push(format!("times are divided by the largest of train and test, {max_time}"));
     }

@@ -1,7 +1,9 @@
 //! Which saved iteration of a model folder to open.
 
 use super::Stage;
+use crate::cfg_args;
 use crate::error::{IoError, list_names};
+use crate::text;
 use std::path::{Path, PathBuf};
 
 /// A saved iteration.
@@ -11,25 +13,27 @@ pub(crate) struct Iteration {
     pub(crate) model: PathBuf,
     /// The folder of the iteration.
     pub(crate) dir: PathBuf,
+    /// 0 where the folder's name has none, as `iteration_best`.
     pub(crate) number: u64,
     pub(crate) stage: Stage,
-    /// Newer iterations that hold no PLY.
-    pub(crate) passed_over: Vec<String>,
+    /// What the user should know about the other saves.
+    pub(crate) notes: Vec<String>,
 }
 
-/// `iteration_<n>` or `coarse_iteration_<n>`, digits only.
-pub(super) fn parse_name(name: &str) -> Option<(Stage, u64)> {
-    let (stage, digits) = match name.strip_prefix("coarse_iteration_") {
-        Some(digits) => (Stage::Coarse, digits),
-        None => (Stage::Fine, name.strip_prefix("iteration_")?),
+/// Stage and number of a folder of `point_cloud`: `iteration_<n>`, `coarse_iteration_<n>`, or a name without a number.
+fn stage_and_number(name: &str) -> (Stage, Option<u64>) {
+    let (stage, rest) = match name.strip_prefix("coarse") {
+        Some(rest) => (Stage::Coarse, rest.trim_start_matches('_')),
+        None => (Stage::Fine, name),
     };
-    let number =
-        digits.bytes().all(|byte| byte.is_ascii_digit()).then(|| digits.parse().ok())??;
-    Some((stage, number))
+    let digits = rest
+        .strip_prefix("iteration_")
+        .filter(|digits| !digits.is_empty() && digits.bytes().all(|byte| byte.is_ascii_digit()));
+    (stage, digits.and_then(|digits| digits.parse().ok()))
 }
 
-/// The newest iteration of the fine stage in numeric order, or the one asked for; saves of the coarse stage only when there is
-/// nothing else.
+/// The newest iteration of the fine stage in numeric order, or the one asked for. Folders without a number (`iteration_best`) only when
+/// none has one, saves of the coarse stage only when there is nothing else.
 pub(crate) fn find(dir: &Path, wanted: Option<u64>) -> Result<Iteration, IoError> {
     if let Some(iteration) = as_iteration(dir) {
         return Ok(iteration);
@@ -41,19 +45,18 @@ pub(crate) fn find(dir: &Path, wanted: Option<u64>) -> Result<Iteration, IoError
             "is missing; expected a model folder of 4DGaussians or Swift4D with point_cloud/iteration_<n>/ inside",
         ));
     }
-    let named = list_names(&saves)?;
-    let (mut found, incomplete): (Vec<_>, Vec<_>) = named
+    let (mut found, incomplete): (Vec<_>, Vec<_>) = list_names(&saves)?
         .into_iter()
-        .filter_map(|name| parse_name(&name).map(|(stage, number)| (stage, number, name)))
-        .partition(|(_, _, name)| saves.join(name).join("point_cloud.ply").is_file());
-    // Fine beats coarse, then the higher number wins; equal numbers written differently by name.
-    found.sort_by_key(|(stage, number, _)| (*stage == Stage::Fine, *number));
+        .map(|name| (stage_and_number(&name), name))
+        .partition(|(_, name)| saves.join(name).join("point_cloud.ply").is_file());
+    // Fine beats coarse, then the higher number wins, any number before none; what is equal goes by name.
+    found.sort_by_key(|((stage, number), _)| (*stage == Stage::Fine, *number));
     let chosen = match wanted {
-        Some(wanted) => found.iter().rev().find(|(_, number, _)| *number == wanted),
+        Some(_) => found.iter().rev().find(|((_, number), _)| *number == wanted),
         None => found.last(),
     };
-    let Some((stage, number, name)) = chosen else {
-        let available: Vec<&str> = found.iter().map(|(_, _, name)| name.as_str()).collect();
+    let Some(((stage, number), name)) = chosen else {
+        let available: Vec<&str> = found.iter().map(|(_, name)| name.as_str()).collect();
         let what = match (wanted, available.is_empty()) {
             (Some(wanted), false) => {
                 format!("has no iteration {wanted}; it has {}", available.join(", "))
@@ -62,20 +65,33 @@ pub(crate) fn find(dir: &Path, wanted: Option<u64>) -> Result<Iteration, IoError
         };
         return Err(IoError::content(&saves, what));
     };
-    let passed_over = incomplete
-        .into_iter()
-        .filter(|(other_stage, other, _)| {
-            wanted.is_none() && *other_stage == Stage::Fine && other > number
-        })
-        .map(|(_, _, name)| name)
-        .collect();
-    Ok(Iteration {
-        model: dir.to_owned(),
-        dir: saves.join(name),
-        number: *number,
-        stage: *stage,
-        passed_over,
-    })
+    let mut notes = Vec::new();
+    if wanted.is_none() {
+        let newer = |((stage, other), _): &&((Stage, Option<u64>), String)| {
+            *stage == Stage::Fine && other.is_some() && other > number
+        };
+        for (_, newer) in incomplete.iter().filter(newer) {
+            notes.push(format!(
+                "{newer} is newer but holds no point_cloud.ply: {name} is used instead"
+            ));
+        }
+        let unnumbered: Vec<&str> = found
+            .iter()
+            .filter(|((stage, number), other)| {
+                *stage == Stage::Fine && number.is_none() && other != name
+            })
+            .map(|(_, name)| name.as_str())
+            .collect();
+        if !unnumbered.is_empty() {
+            notes.push(format!(
+                "{name} is used, not {}; give {} to use that",
+                unnumbered.join(" or "),
+                saves.join(unnumbered[0]).display()
+            ));
+        }
+    }
+    let (number, stage) = (number.unwrap_or(0), *stage);
+    Ok(Iteration { model: dir.to_owned(), dir: saves.join(name), number, stage, notes })
 }
 
 /// A path straight to an iteration's folder.
@@ -83,9 +99,14 @@ fn as_iteration(dir: &Path) -> Option<Iteration> {
     // Made absolute first: `.` and `..` have no name and no parent to look at.
     let dir =
         if dir.join("point_cloud.ply").is_file() { dir.canonicalize().ok()? } else { return None };
-    let (stage, number) = parse_name(dir.file_name()?.to_str()?)?;
-    let model = dir.parent()?.parent()?.to_owned();
-    Some(Iteration { model, dir, number, stage, passed_over: Vec::new() })
+    let (stage, number) = stage_and_number(dir.file_name()?.to_str()?);
+    let saves = dir.parent()?;
+    // A folder without a number is one only where it lies as one.
+    if number.is_none() && saves.file_name()? != "point_cloud" {
+        return None;
+    }
+    let model = saves.parent()?.to_owned();
+    Some(Iteration { model, dir, number: number.unwrap_or(0), stage, notes: Vec::new() })
 }
 
 /// Whether a folder looks like a model folder or one of its iterations, fine or coarse.
@@ -93,16 +114,35 @@ pub(crate) fn looks_like_model(dir: &Path) -> bool {
     find(dir, None).is_ok()
 }
 
-/// First file of this name in an iteration of the folder.
+/// Whether a file of this name lies in an iteration of the folder.
 pub(crate) fn has_in_iterations(dir: &Path, file: &str) -> bool {
     let saves = dir.join("point_cloud");
     dir.join(file).is_file()
-        || list_names(&saves).is_ok_and(|names| {
-            names
-                .iter()
-                .any(|name| parse_name(name).is_some() && saves.join(name).join(file).is_file())
-        })
+        || list_names(&saves)
+            .is_ok_and(|names| names.iter().any(|name| saves.join(name).join(file).is_file()))
 }
+
+/// The newest `point_cloud.ply` of a plain 3DGS model: a folder laid out like those of 4DGaussians, of which no save and no setting
+/// speaks of a deformation. `None` for anything else.
+pub(crate) fn still_model(dir: &Path) -> Option<PathBuf> {
+    let iteration = find(dir, None).ok().filter(|iteration| iteration.stage == Stage::Fine)?;
+    let moves = DEFORMED.iter().any(|file| {
+        iteration.dir.join(file).is_file() || has_in_iterations(&iteration.model, file)
+    });
+    let path = iteration.model.join("cfg_args");
+    let trained_to_move = || -> Option<bool> {
+        let cfg = cfg_args::parse(&text::decode(&std::fs::read(path).ok()?)).ok()?;
+        Some(DEFORMING.iter().any(|name| cfg.get(name).is_some()))
+    };
+    (!moves && !trained_to_move().unwrap_or(false)).then(|| iteration.dir.join("point_cloud.ply"))
+}
+
+/// Files that only models with a deformation have.
+const DEFORMED: [&str; 4] =
+    ["deformation.pth", "deformation_table.pth", "deformation_accum.pth", "FDHash.pth"];
+/// Settings that only their training has.
+const DEFORMING: [&str; 6] =
+    ["kplanes_config", "net_width", "defor_depth", "dynamic_thro", "n_levels", "no_dx"];
 
 #[cfg(test)]
 mod tests {
@@ -120,7 +160,8 @@ mod tests {
         fs::create_dir_all(saves.join("iteration_30000")).unwrap();
         let newest = find(dir.path(), None).unwrap();
         assert_eq!((newest.number, newest.stage), (20_000, Stage::Fine), "30000 has no PLY");
-        assert_eq!(newest.passed_over, ["iteration_30000"], "and is reported");
+        assert!(newest.notes[0].contains("iteration_30000 is newer"), "and is reported");
+        assert!(newest.notes[1].contains("not iteration_x"), "{:?}", newest.notes);
         assert_eq!(find(dir.path(), Some(7000)).unwrap().number, 7000, "asked for");
         let error = find(dir.path(), Some(1)).unwrap_err().to_string();
         assert!(error.contains("no iteration 1") && error.contains("iteration_7000"), "{error}");
@@ -137,7 +178,29 @@ mod tests {
         fs::create_dir(dir.path().join("point_cloud")).unwrap();
         let error = find(dir.path(), None).unwrap_err().to_string();
         assert!(error.contains("no iteration_<n>/point_cloud.ply"), "{error}");
-        assert_eq!(parse_name("iteration_"), None, "no digits");
-        assert_eq!(parse_name("iteration_-1"), None, "sign");
+        assert_eq!(stage_and_number("iteration_"), (Stage::Fine, None), "no digits");
+        assert_eq!(stage_and_number("iteration_-1"), (Stage::Fine, None), "sign");
+        assert_eq!(stage_and_number("coarse_iteration_9"), (Stage::Coarse, Some(9)), "coarse");
+    }
+
+    #[test]
+    fn names_without_a_number_are_iterations_too() {
+        for name in ["iteration_best", "best", "iteration_30000_final"] {
+            let dir = tempfile::tempdir().unwrap();
+            let save = dir.path().join("point_cloud").join(name);
+            fs::create_dir_all(&save).unwrap();
+            fs::write(save.join("point_cloud.ply"), b"").unwrap();
+            let found = find(dir.path(), None).unwrap();
+            assert_eq!(
+                (found.dir, found.number, found.stage),
+                (save.clone(), 0, Stage::Fine),
+                "{name}"
+            );
+            let direct = find(&save, None).unwrap();
+            assert!(direct.model.join("point_cloud").is_dir(), "{name}: straight to the folder");
+        }
+        let dir = tempfile::tempdir().unwrap();
+        fs::write(dir.path().join("point_cloud.ply"), b"").unwrap();
+        assert!(find(dir.path(), None).is_err(), "a frozen frame is no model");
     }
 }

@@ -13,12 +13,12 @@ pub use flags::{FlagReport, Origin, Overrides};
 pub use report::{ModelReport, Split, Stage};
 pub use write::write;
 
-pub(crate) use folder::{Iteration, find, has_in_iterations, looks_like_model};
+pub(crate) use folder::{Iteration, find, has_in_iterations, looks_like_model, still_model};
 
 use crate::cfg_args::{self, CfgArgs};
 use crate::error::{IoError, read_bytes};
 use crate::repair::{self, Sanitized};
-use crate::{ply, pth};
+use crate::{ply, pth, text};
 use gs_core::{DynamicScene, SceneError, Splats, TimeRange};
 use gs_deform::{HashGridScene, HexPlaneField, HexPlaneScene, StaticScene};
 use std::path::Path;
@@ -145,15 +145,12 @@ pub(crate) struct Begun {
 pub(crate) fn begin(dir: &Path, overrides: &Overrides) -> Result<Begun, IoError> {
     let iteration = folder::find(dir, overrides.iteration)?;
     let ply_path = iteration.dir.join("point_cloud.ply");
-    let sanitized = repair::sanitize(ply::read_file(&ply_path)?.splats, overrides.damage)
+    let read = ply::read_file(&ply_path)?;
+    let sanitized = repair::sanitize(read.splats, overrides.damage)
         .map_err(|source| IoError::Damaged { path: ply_path.clone(), source })?;
     let mut report = ModelReport::new(&iteration, ply_path, &sanitized);
-    for name in &iteration.passed_over {
-        report.warnings.push(format!(
-            "{name} is newer but holds no point_cloud.ply: iteration {} is used instead",
-            iteration.number
-        ));
-    }
+    report.notes.extend(read.notes);
+    report.warnings.extend(iteration.notes.iter().cloned());
     let cfg = read_cfg(&iteration, &mut report)?;
     report.white_background =
         cfg.as_ref().and_then(|cfg| cfg.get("white_background")).and_then(cfg_args::Value::as_bool);
@@ -187,9 +184,52 @@ fn read_cfg(iteration: &Iteration, report: &mut ModelReport) -> Result<Option<Cf
         ));
         return Ok(None);
     }
-    let text = String::from_utf8_lossy(&read_bytes(&path)?).into_owned();
-    cfg_args::parse(&text).map(Some).map_err(|source| IoError::Cfg { path, source })
+    let cfg = match cfg_args::parse(&text::decode(&read_bytes(&path)?)) {
+        Ok(cfg) => cfg,
+        Err(source) => return Err(IoError::Cfg { path, source }),
+    };
+    let (decisive, rest): (Vec<&str>, Vec<&str>) =
+        cfg.unread.iter().map(String::as_str).partition(|name| DECISIVE.contains(name));
+    if !decisive.is_empty() {
+        report.warnings.push(format!(
+            "{}: values of {} are not understood and count as missing; override them if the motion looks wrong",
+            path.display(),
+            decisive.join(", ")
+        ));
+    }
+    if !rest.is_empty() {
+        report.notes.push(format!(
+            "{}: fields not understood, and not needed: {}",
+            path.display(),
+            rest.join(", ")
+        ));
+    }
+    Ok(Some(cfg))
 }
+
+/// Fields of `cfg_args` on which the motion or the look depends.
+const DECISIVE: [&str; 20] = [
+    "no_dx",
+    "no_ds",
+    "no_dr",
+    "no_do",
+    "no_dshs",
+    "no_grid",
+    "apply_rotation",
+    "grid_pe",
+    "net_width",
+    "multires",
+    "kplanes_config",
+    "white_background",
+    "activation",
+    "dynamic_thro",
+    "n_levels",
+    "n_features_per_level",
+    "hashmap_size",
+    "base_resolution",
+    "n_neurons",
+    "source_path",
+];
 
 /// The network, and whether it is of a revision that deforms SH (and ignores the table).
 fn read_field(

@@ -1,7 +1,7 @@
 //! From named tensors to a deformation network.
 
 use super::flags::Flags;
-use crate::pth::Tensor;
+use crate::pth::{self, Tensor};
 use gs_deform::{
     Component, EmptyVoxel, Head, Heads, HexPlane, HexPlaneNetwork, Linear, Mask, Plane,
 };
@@ -32,8 +32,10 @@ pub(super) struct Shape {
 }
 
 impl<'a> Tensors<'a> {
-    /// The last of equal names wins, as in Python.
+    /// Whatever wraps the network is taken off its names. The last of equal names wins, as in Python.
     pub(super) fn new(tensors: Vec<(String, Tensor<'a>)>) -> Self {
+        let known = [format!("{PREFIX}grid.aabb")];
+        let tensors = pth::beside(tensors, &[&known[0]]);
         Self { by_name: tensors.into_iter().collect() }
     }
 

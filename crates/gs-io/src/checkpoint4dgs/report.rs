@@ -62,24 +62,19 @@ pub struct ModelReport {
     pub white_background: Option<bool>,
     /// Heads whose weights never left their random initialisation (a hint, not a decision).
     pub untrained_heads: Vec<&'static str>,
+    /// What was read otherwise than stored, or not understood and not needed.
+    pub notes: Vec<String>,
     /// What the user should know.
     pub warnings: Vec<String>,
 }
 
 impl ModelReport {
     pub(crate) fn new(iteration: &Iteration, ply: PathBuf, sanitized: &Sanitized) -> Self {
-        let mut warnings = Vec::new();
-        if sanitized.report.damaged() > 0 {
-            let action = if sanitized.kept.is_some() { "dropped" } else { "kept" };
-            warnings.push(format!(
-                "{}: {} of {} Gaussians are damaged ({} with NaN or infinite values, {} with a zero quaternion) and were {action}",
-                ply.display(),
-                sanitized.report.damaged(),
-                sanitized.report.rows,
-                sanitized.report.not_finite,
-                sanitized.report.zero_quaternion
-            ));
-        }
+        let found = &sanitized.report;
+        let warning = found.warning(sanitized.kept.is_some());
+        let warnings =
+            warning.map(|warning| format!("{}: {warning}", ply.display())).into_iter().collect();
+        let notes = found.infinities.note().into_iter().collect();
         Self {
             iteration: iteration.number,
             stage: iteration.stage,
@@ -98,6 +93,7 @@ impl ModelReport {
             flags: Vec::new(),
             white_background: None,
             untrained_heads: Vec::new(),
+            notes,
             warnings,
         }
     }

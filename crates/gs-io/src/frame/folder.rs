@@ -2,24 +2,46 @@
 
 use super::{Frame, read};
 use crate::error::{IoError, read_bytes};
-use crate::sog;
+use crate::{checkpoint4dgs, sog, text};
+use serde::de::IgnoredAny;
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 /// Where the frame lies, best first: runs of GaussianEditor and DGE (threestudio), their `save` folder, and `c4d freeze`.
 const PLACES: [&str; 3] = ["save/last.ply", "last.ply", "point_cloud.ply"];
 
-/// The file that holds the frame of a folder.
+/// The file that holds the frame of a folder: one that an editor left, an unbundled SOG, or the newest save of a 3DGS model.
 pub(crate) fn still_of(folder: &Path) -> Option<PathBuf> {
     let meta = folder.join("meta.json");
-    let sog = (meta.is_file() && folder.join("means_l.webp").is_file()).then_some(meta);
-    PLACES.iter().map(|place| folder.join(place)).find(|path| path.is_file()).or(sog)
+    let sog = || (meta.is_file() && is_sog(folder, &meta)).then(|| meta.clone());
+    let placed = PLACES.iter().map(|place| folder.join(place)).find(|path| path.is_file());
+    placed.or_else(sog).or_else(|| checkpoint4dgs::still_model(folder))
+}
+
+/// Whether a `meta.json` is that of a SOG, by its planes or by its content.
+fn is_sog(folder: &Path, meta: &Path) -> bool {
+    /// Larger ones are something else.
+    const MAX_META: u64 = 1 << 20;
+    let small = || std::fs::metadata(meta).is_ok_and(|meta| meta.len() <= MAX_META);
+    let lists_planes = || {
+        let keys: Option<BTreeMap<String, IgnoredAny>> = std::fs::read(meta)
+            .ok()
+            .and_then(|bytes| serde_json::from_slice(&text::utf8(&bytes)).ok());
+        keys.is_some_and(|keys| ["means", "quats", "sh0"].iter().all(|key| keys.contains_key(*key)))
+    };
+    folder.join("means_l.webp").is_file() || (small() && lists_planes())
 }
 
 pub(super) fn read_dir(folder: &Path) -> Result<Frame, IoError> {
     let Some(path) = still_of(folder) else {
         return Err(IoError::content(
             folder,
-            format!("is a folder without an edited frame: it has none of {}", PLACES.join(", ")),
+            if checkpoint4dgs::looks_like_model(folder) {
+                "is a model that moves, whose point_cloud.ply is canonical and no frame of it; edit the frame that `c4d freeze` writes"
+                    .to_owned()
+            } else {
+                format!("is a folder without an edited frame: it has none of {}", PLACES.join(", "))
+            },
         ));
     };
     if path.ends_with("meta.json") {
@@ -27,8 +49,10 @@ pub(super) fn read_dir(folder: &Path) -> Result<Frame, IoError> {
         // Planes are named by the file, and must lie beside it.
         let plane = |name: &str| {
             let plain = Path::new(name).file_name().is_some_and(|file| file == name);
-            let bytes = plain.then(|| read_bytes(&folder.join(name))).and_then(Result::ok);
-            bytes.ok_or_else(|| format!("its plane {name} is missing"))
+            if !plain {
+                return Err(format!("its plane `{name}` is no plain file name"));
+            }
+            read_bytes(&folder.join(name)).map_err(|error| format!("its plane {error}"))
         };
         return sog::read_planes(&meta, &plane).map_err(IoError::frame(&path));
     }

@@ -94,7 +94,7 @@ pub fn read(bytes: &[u8]) -> Result<Frame, FrameError> {
                 return compressed_ply::read(bytes);
             }
             let read = ply::read(bytes)?;
-            let mut notes = Vec::new();
+            let mut notes = read.notes;
             if !read.extra_columns.is_empty() {
                 notes.push(format!("columns not used: {}", read.extra_columns.join(", ")));
             }

@@ -50,7 +50,7 @@ pub enum PlyError {
     },
     /// The number of SH columns fits no degree.
     #[error(
-        "not a 3D Gaussian PLY: it has {found} f_rest columns, expected 0, 9, 24 or 45 (SH degree 0 to 3)"
+        "not a 3D Gaussian PLY: it has {found} f_rest columns, expected 0, 9, 24 or 45 (SH degree 0 to 3), or 72 (degree 4, which is cut)"
     )]
     ShColumns {
         /// Columns found.

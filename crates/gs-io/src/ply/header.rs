@@ -147,12 +147,17 @@ pub struct Header {
 }
 
 impl Header {
-    /// Parses the header at the start of `bytes`. Lines may end in LF or CRLF.
+    /// Parses the header at the start of `bytes`. Lines may end in LF, CRLF or CR.
     ///
     /// # Errors
     /// If this is not a PLY file or its header breaks the rules.
     pub fn parse(bytes: &[u8]) -> Result<Self, PlyError> {
-        let mut lines = Lines { bytes, position: 0 };
+        // Where the first line ends in a CR alone, all do: in files with CRLF an LF follows.
+        let end = match bytes.get(3..5) {
+            Some([b'\r', next]) if *next != b'\n' => b'\r',
+            _ => b'\n',
+        };
+        let mut lines = Lines { bytes, position: 0, end };
         if lines.next().is_none_or(|line| line.trim_end() != "ply") {
             let found: String = String::from_utf8_lossy(&bytes[..bytes.len().min(12)])
                 .chars()
@@ -264,13 +269,15 @@ fn shown(line: &str) -> String {
 struct Lines<'a> {
     bytes: &'a [u8],
     position: usize,
+    /// Last byte of a line.
+    end: u8,
 }
 
 impl<'a> Lines<'a> {
     /// Comments may be in any encoding; what is not UTF-8 is replaced.
     fn next(&mut self) -> Option<Cow<'a, str>> {
         let rest = &self.bytes[self.position..self.bytes.len().min(MAX_HEADER).max(self.position)];
-        let end = rest.iter().position(|&byte| byte == b'\n')?;
+        let end = rest.iter().position(|&byte| byte == self.end)?;
         self.position += end + 1;
         Some(String::from_utf8_lossy(rest[..end].strip_suffix(b"\r").unwrap_or(&rest[..end])))
     }

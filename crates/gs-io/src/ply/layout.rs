@@ -1,6 +1,7 @@
 //! Which columns of a PLY file hold which parameters of a Gaussian.
 
 use super::PlyError;
+use super::appearance::{self, Appearance};
 use super::header::{Element, Header, PropertyKind};
 use gs_core::sh;
 use std::collections::HashMap;
@@ -10,7 +11,7 @@ use std::collections::HashMap;
 pub struct Layout {
     /// `N`.
     pub num_splats: u64,
-    /// SH degree, from the number of `f_rest_*` columns.
+    /// SH degree, from the number of `f_rest_*` columns; at most 3, higher ones are cut.
     pub sh_degree: usize,
     /// Whether all of `nx`, `ny`, `nz` are there.
     pub has_normals: bool,
@@ -18,8 +19,9 @@ pub struct Layout {
     pub extra_columns: Vec<String>,
     /// Index of the element.
     pub(crate) element: usize,
-    /// Property index of: x y z, dc, rest (channel-major), opacity, scale, rot.
+    /// Property index of: x y z, dc, rest (channel-major), opacity, scale, rot, and the filter if there is one.
     pub(crate) columns: Vec<usize>,
+    pub(crate) appearance: Appearance,
 }
 
 /// Columns before the `f_rest_*`.
@@ -67,45 +69,74 @@ impl Header {
         let scalar = |name: &str| scalars.get(name).copied();
         let rest = names(vertex).iter().filter(|name| rest_index(name).is_some()).count();
         let mut missing = Vec::new();
-        let mut columns = Vec::new();
-        let rest_names = (0..rest).map(|i| format!("f_rest_{i}"));
-        let wanted = LEADING
-            .iter()
-            .map(|&name| name.to_owned())
-            .chain(rest_names)
-            .chain(TRAILING.iter().map(|&name| name.to_owned()));
-        for name in wanted {
-            match scalar(&name) {
-                Some(index) => columns.push(index),
-                None => missing.push(name),
-            }
+        let mut column = |name: &str| {
+            scalar(name).unwrap_or_else(|| {
+                missing.push(name.to_owned());
+                0
+            })
+        };
+        let mut columns: Vec<usize> = LEADING[..3].iter().map(|name| column(name)).collect();
+        let has_dc = LEADING[3..].iter().any(|name| scalar(name).is_some());
+        let rgb = appearance::RGB.map(scalar);
+        let mut look = Appearance::default();
+        if let (false, [Some(red), Some(_), Some(_)]) = (has_dc, rgb) {
+            look.rgb = appearance::scalar_type(vertex, red);
+            columns.extend(rgb.into_iter().flatten());
+        } else {
+            columns.extend(LEADING[3..].iter().map(|name| column(name)));
+        }
+        let rest_columns: Vec<usize> = (0..rest).map(|i| column(&format!("f_rest_{i}"))).collect();
+        columns.push(column(TRAILING[0]));
+        let scales = [1, 2, 3].map(|axis| scalar(TRAILING[axis]));
+        look.surfels = matches!(scales, [Some(_), Some(_), None]);
+        // Surfels: any column, its values are replaced.
+        let axes = if look.surfels { [1, 2, 2] } else { [1, 2, 3] };
+        columns.extend(axes.iter().map(|&axis| column(TRAILING[axis])));
+        columns.extend(TRAILING[4..].iter().map(|name| column(name)));
+        if let Some(filter) = scalar(appearance::FILTER) {
+            look.filter = true;
+            columns.push(filter);
         }
         if !missing.is_empty() {
             let looks_like = looks_like(&names(vertex));
             return Err(PlyError::MissingColumns { missing, looks_like, next: NEXT });
         }
-        let sh_degree = (rest % 3 == 0)
-            .then(|| sh::degree_of(rest / 3 + 1))
-            .flatten()
-            .ok_or(PlyError::ShColumns { found: rest })?;
+        let stored = degree_of_rest(rest).ok_or(PlyError::ShColumns { found: rest })?;
+        let sh_degree = stored.min(sh::MAX_DEGREE);
+        look.cut_degree = (stored > sh_degree).then_some(stored);
+        // Of each channel the first ones are kept.
+        let kept = sh::num_coeffs(sh_degree) - 1;
+        let channels = rest_columns.chunks(rest_columns.len() / 3 + usize::from(rest == 0));
+        let kept: Vec<usize> = channels.flat_map(|channel| &channel[..kept]).copied().collect();
+        columns.splice(6..6, kept);
         if vertex.count == 0 {
             return Err(PlyError::Empty);
         }
-        let standard = |name: &str| {
+        let used = |name: &str| {
             LEADING.contains(&name)
                 || TRAILING.contains(&name)
                 || NORMALS.contains(&name)
                 || rest_index(name).is_some()
+                || name == appearance::FILTER
+                || (look.rgb.is_some() && appearance::RGB.contains(&name))
         };
         Ok(Layout {
             num_splats: vertex.count,
             sh_degree,
             has_normals: NORMALS.iter().all(|name| scalar(name).is_some()),
-            extra_columns: names(vertex).into_iter().filter(|name| !standard(name)).collect(),
+            extra_columns: names(vertex).into_iter().filter(|name| !used(name)).collect(),
             element,
             columns,
+            appearance: look,
         })
     }
+}
+
+/// SH degree of a file with so many `f_rest_*` columns.
+fn degree_of_rest(rest: usize) -> Option<usize> {
+    /// Highest degree that is cut; no trainer goes beyond 4.
+    const HIGHEST: usize = 10;
+    (0..=HIGHEST).find(|degree| 3 * ((degree + 1) * (degree + 1) - 1) == rest)
 }
 
 const NEXT: &str = "export a \"Gaussian Splat PLY\" from your editor";
@@ -180,6 +211,34 @@ mod tests {
         assert_eq!(layout(&odd, 1), Err(PlyError::ShColumns { found: 2 }), "odd count");
         let gap: Vec<&str> = all.iter().copied().chain(["f_rest_7"]).collect();
         assert!(matches!(layout(&gap, 1), Err(PlyError::MissingColumns { .. })), "gap");
+    }
+
+    #[test]
+    fn columns_that_change_the_look_are_found() {
+        let all: Vec<&str> = LEADING.iter().chain(&TRAILING).copied().collect();
+        let without = |gone: &[&str]| -> Vec<&str> {
+            all.iter().copied().filter(|name| !gone.contains(name)).collect()
+        };
+        let rgb = [without(&["f_dc_0", "f_dc_1", "f_dc_2"]), vec!["red", "green", "blue"]].concat();
+        let found = layout(&rgb, 1).unwrap();
+        assert_eq!(found.appearance.rgb, Some(super::super::Scalar::F32), "colours");
+        assert!(found.extra_columns.is_empty(), "they are used: {:?}", found.extra_columns);
+        let both = [all.clone(), vec!["red", "green", "blue"]].concat();
+        let found = layout(&both, 1).unwrap();
+        assert_eq!((found.appearance.rgb, found.extra_columns.len()), (None, 3), "SH win");
+        assert!(layout(&rgb[..rgb.len() - 1], 1).is_err(), "two channels are no colour");
+        assert!(layout(&without(&["scale_2"]), 1).unwrap().appearance.surfels, "surfels");
+        assert!(layout(&without(&["scale_1"]), 1).is_err(), "another axis is missing");
+        let filtered = [all.clone(), vec!["filter_3D"]].concat();
+        let found = layout(&filtered, 1).unwrap();
+        assert!(found.appearance.filter && found.extra_columns.is_empty(), "a filter");
+        assert_eq!(found.columns.last(), Some(&all.len()), "its column");
+        let names: Vec<String> = (0..72).map(|i| format!("f_rest_{i}")).collect();
+        let higher = [all, names.iter().map(String::as_str).collect()].concat();
+        let found = layout(&higher, 1).unwrap();
+        assert_eq!((found.sh_degree, found.appearance.cut_degree), (3, Some(4)), "degree 4");
+        // Channel 1 begins at f_rest_24 in the file, at the 16th of the kept.
+        assert_eq!((found.columns[6], found.columns[6 + 15]), (14, 14 + 24), "by channel");
     }
 
     #[test]

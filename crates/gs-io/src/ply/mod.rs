@@ -1,5 +1,6 @@
 //! 3DGS PLY files: read whatever tools write, write what every tool reads.
 
+mod appearance;
 mod error;
 mod header;
 mod layout;
@@ -15,7 +16,7 @@ pub(crate) use rows::Cursor;
 pub use write::{WriteOptions, write};
 
 use crate::atomic::{AtomicFile, Existing};
-use crate::error::{IoError, read_bytes};
+use crate::error::{IoError, read_bytes, refuse_stand_in};
 use gs_core::Splats;
 use std::path::Path;
 
@@ -26,6 +27,8 @@ pub struct PlySplats {
     pub splats: Splats,
     /// Columns that are not part of the 3DGS layout and were left out.
     pub extra_columns: Vec<String>,
+    /// What was read otherwise than stored because its columns say so, one sentence each.
+    pub notes: Vec<String>,
     /// Comments of the header.
     pub comments: Vec<String>,
     /// Whether the file has (unused) normals.
@@ -57,6 +60,7 @@ pub fn read_header_file(path: impl AsRef<Path>) -> Result<Header, IoError> {
     for limit in [8 << 10, header::MAX_HEADER as u64] {
         let missing = limit - bytes.len() as u64;
         let read = (&mut file).take(missing).read_to_end(&mut bytes).map_err(failed)?;
+        refuse_stand_in(path, &bytes)?;
         match Header::parse(&bytes) {
             Err(PlyError::Header(_)) if read as u64 == missing => {}
             result => return result.map_err(IoError::ply(path)),

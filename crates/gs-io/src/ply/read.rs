@@ -10,9 +10,10 @@ use rayon::prelude::*;
 /// Rows one task converts.
 const CHUNK: usize = 4096;
 
-/// Reads a 3DGS PLY: any column order, any number types, any encoding, SH degree 0 to 3.
+/// Reads a 3DGS PLY: any column order, any number types, any encoding, SH degree 0 to 3 (higher ones are cut).
 ///
-/// Values are kept as stored, quaternions unnormalised; see [`crate::repair`] for damaged rows.
+/// Values are kept as stored, quaternions unnormalised; see [`crate::repair`] for infinities and damaged rows. Columns of other
+/// trainers that change what a splat looks like are honoured and noted: colours instead of SH, Mip-Splatting's filter, surfels.
 ///
 /// # Errors
 /// Says what is wrong with the file or what it is instead. Memory is bounded by a small multiple of the file's size, whatever
@@ -22,12 +23,14 @@ pub fn read(bytes: &[u8]) -> Result<PlySplats, PlyError> {
     let layout = header.gaussians()?;
     let element = &header.elements[layout.element];
     let mut cursor = Cursor::at_element(&header, bytes, layout.element)?;
-    let splats = match cursor.fixed_rows(element)? {
+    let (mut splats, filters) = match cursor.fixed_rows(element)? {
         Some(rows) => read_fixed(rows, element, &layout, header.encoding),
         None => read_general(&mut cursor, element, &layout)?,
     };
+    layout.appearance.apply(&mut splats, &filters);
     Ok(PlySplats {
         splats,
+        notes: layout.appearance.notes(&header.comments),
         extra_columns: layout.extra_columns,
         comments: header.comments,
         has_normals: layout.has_normals,
@@ -73,7 +76,13 @@ struct Column {
     scalar: Scalar,
 }
 
-fn read_fixed(rows: &[u8], element: &Element, layout: &Layout, encoding: Encoding) -> Splats {
+/// The Gaussians and, if there are any, the filters.
+fn read_fixed(
+    rows: &[u8],
+    element: &Element,
+    layout: &Layout,
+    encoding: Encoding,
+) -> (Splats, Vec<f32>) {
     let mut offset = 0;
     let offsets: Vec<Column> = element
         .properties
@@ -92,6 +101,14 @@ fn read_fixed(rows: &[u8], element: &Element, layout: &Layout, encoding: Encodin
     let big_endian = encoding == Encoding::BigEndian;
     let mut splats = zeroed(rows.len() / stride, layout.sh_degree);
     let coeffs = splats.sh_coeffs();
+    let value = |row: &[u8], column: Column| {
+        let Column { offset, scalar } = column;
+        if scalar == Scalar::F32 && !big_endian {
+            let bytes = &row[offset..offset + 4];
+            return f32::from_le_bytes([bytes[0], bytes[1], bytes[2], bytes[3]]);
+        }
+        single(scalar.read(&row[offset..], big_endian))
+    };
     splats
         .means
         .par_chunks_mut(CHUNK)
@@ -102,14 +119,6 @@ fn read_fixed(rows: &[u8], element: &Element, layout: &Layout, encoding: Encodin
         .zip(rows.par_chunks(CHUNK * stride))
         .for_each(|(((((means, quats), log_scales), logits), sh), rows)| {
             for (i, row) in rows.chunks_exact(stride).enumerate() {
-                let value = |column: usize| {
-                    let Column { offset, scalar } = columns[column];
-                    if scalar == Scalar::F32 && !big_endian {
-                        let bytes = &row[offset..offset + 4];
-                        return f32::from_le_bytes([bytes[0], bytes[1], bytes[2], bytes[3]]);
-                    }
-                    single(scalar.read(&row[offset..], big_endian))
-                };
                 let out = Row {
                     mean: &mut means[i],
                     quat: &mut quats[i],
@@ -117,23 +126,29 @@ fn read_fixed(rows: &[u8], element: &Element, layout: &Layout, encoding: Encodin
                     opacity_logit: &mut logits[i],
                     sh: &mut sh[i * coeffs..(i + 1) * coeffs],
                 };
-                out.fill(value);
+                out.fill(|column| value(row, columns[column]));
             }
         });
-    splats
+    let filter = columns.last().filter(|_| layout.appearance.filter);
+    let filters = filter.map_or(Vec::new(), |&column| {
+        rows.par_chunks_exact(stride).map(|row| value(row, column)).collect()
+    });
+    (splats, filters)
 }
 
 fn read_general(
     cursor: &mut Cursor<'_>,
     element: &Element,
     layout: &Layout,
-) -> Result<Splats, PlyError> {
+) -> Result<(Splats, Vec<f32>), PlyError> {
     cursor.check_fits(element)?;
     let count = usize::try_from(element.count)
         .map_err(|error| PlyError::Header(format!("{} rows: {error}", element.count)))?;
     let mut splats = zeroed(count, layout.sh_degree);
     let coeffs = splats.sh_coeffs();
     let mut row = Vec::with_capacity(element.properties.len());
+    let filter = layout.columns.last().filter(|_| layout.appearance.filter);
+    let mut filters = Vec::new();
     for i in 0..count {
         cursor.read_row(element, i as u64, &mut row)?;
         let out = Row {
@@ -144,8 +159,9 @@ fn read_general(
             sh: &mut splats.sh[i * coeffs..(i + 1) * coeffs],
         };
         out.fill(|column| single(row[layout.columns[column]]));
+        filters.extend(filter.map(|&column| single(row[column])));
     }
-    Ok(splats)
+    Ok((splats, filters))
 }
 
 fn zeroed(count: usize, sh_degree: usize) -> Splats {

@@ -1,5 +1,6 @@
 //! Numbered frames in a folder or zip archive, PLY or any other still format, as a scene; and the writers of such folders and archives.
 
+mod hidden;
 mod names;
 mod source;
 mod write;
@@ -11,10 +12,11 @@ pub(crate) use names::find_frames;
 use crate::error::{IoError, list_names};
 use crate::frame;
 use crate::frame_cache::FrameCache;
-use crate::repair::{self, Damage, DamagedRows, RepairReport};
+use crate::repair::{self, Damage, DamagedRows, Infinities, RepairReport};
 use gs_core::{DynamicScene, SceneError, Splats, TimeRange};
 use gs_deform::frames;
-use source::Source;
+use hidden::HiddenRows;
+use source::{Beside, Source};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -24,7 +26,8 @@ pub struct SequenceOptions {
     /// Frames kept in memory, at least 2. Default 4: both neighbours of a time, for two readers.
     pub cached_frames: usize,
     /// What to do with damaged rows. [`Damage::Fail`] (default) and [`Damage::Keep`] read frames when they are needed;
-    /// [`Damage::Drop`] reads all files once on opening, since a row damaged in one frame must leave all of them.
+    /// [`Damage::Drop`] reads all files once on opening: a row that is damaged in some frames is invisible in these, one that is
+    /// damaged in all of them is left out.
     pub damage: Damage,
 }
 
@@ -39,12 +42,13 @@ impl Default for SequenceOptions {
 #[derive(Debug)]
 pub struct PlySequence {
     source: Source,
-    ignored: Vec<String>,
+    beside: Beside,
     num_splats: usize,
     sh_degree: usize,
     damage: Damage,
     /// Rows of the files that are kept, if damaged ones were dropped.
     kept: Option<Vec<usize>>,
+    hidden: HiddenRows,
     repair: RepairReport,
     cache: FrameCache,
 }
@@ -57,7 +61,7 @@ impl PlySequence {
     /// If there are fewer than two frames, numbers are missing, or a file differs from the first; the file is named.
     pub fn open(path: impl AsRef<Path>, options: &SequenceOptions) -> Result<Self, IoError> {
         let path = path.as_ref();
-        let (source, ignored) =
+        let (source, beside) =
             if path.is_dir() { Source::folder(path)? } else { Source::zip(path)? };
         if source.len() < 2 {
             return Err(IoError::content(
@@ -90,11 +94,12 @@ impl PlySequence {
         })?;
         let mut sequence = Self {
             source,
-            ignored,
+            beside,
             num_splats,
             sh_degree: first.sh_degree,
             damage: options.damage,
             kept: None,
+            hidden: HiddenRows::default(),
             repair: RepairReport { rows: num_splats, ..RepairReport::default() },
             cache: FrameCache::new(options.cached_frames),
         };
@@ -139,7 +144,22 @@ impl PlySequence {
 
     /// Names of entries of the folder that are not frames.
     pub fn ignored(&self) -> &[String] {
-        &self.ignored
+        &self.beside.ignored
+    }
+
+    /// Which of several series in the folder was taken and which were left, if there are several.
+    pub fn series(&self) -> Option<&str> {
+        self.beside.series.as_deref()
+    }
+
+    /// What was read otherwise than stored in the first frame, one sentence each. Reads that frame.
+    ///
+    /// # Errors
+    /// If it cannot be read.
+    pub fn notes(&self) -> Result<Vec<String>, IoError> {
+        let frame =
+            frame::read(&self.source.read(0)?).map_err(IoError::frame(&self.source.label(0)))?;
+        Ok(frame.notes)
     }
 
     /// Rows of the files that are kept, if damaged ones were dropped.
@@ -147,20 +167,23 @@ impl PlySequence {
         self.kept.as_deref()
     }
 
-    /// Rows damaged in at least one frame, as far as they were looked for.
+    /// Rows damaged in at least one frame, and infinities with a meaning, as far as they were looked for.
     pub fn repair(&self) -> RepairReport {
         self.repair
     }
 
-    /// Finds rows that are damaged in any frame.
+    /// Finds rows that are damaged in some frame or in all.
     fn drop_damaged(&mut self) -> Result<(), IoError> {
-        let mut damaged = vec![false; self.num_splats];
+        let mut seen = vec![false; self.num_splats];
         let mut first = None;
+        let mut damaged = Vec::with_capacity(self.source.len());
         for index in 0..self.source.len() {
-            let splats = self.read(index)?;
-            for row in repair::survey(&splats).1 {
+            let (splats, infinities) = self.read(index)?;
+            self.repair.infinities.add(infinities);
+            let rows = repair::survey(&splats, |_row| false).1;
+            for &row in &rows {
                 // A row counts once, by what is wrong with it in the first frame that shows it.
-                if !std::mem::replace(&mut damaged[row], true) {
+                if !std::mem::replace(&mut seen[row], true) {
                     first.get_or_insert_with(|| (self.source.label(index), row));
                     if repair::only_rotation_missing(&splats, row) {
                         self.repair.zero_quaternion += 1;
@@ -169,22 +192,28 @@ impl PlySequence {
                     }
                 }
             }
+            damaged.push(rows);
         }
         let Some((path, row)) = first else { return Ok(()) };
-        let kept: Vec<usize> = (0..self.num_splats).filter(|&row| !damaged[row]).collect();
-        if kept.is_empty() {
+        let (hidden, gone) = HiddenRows::of(&damaged);
+        self.hidden = hidden;
+        self.repair.hidden = self.repair.damaged() - gone.len();
+        if gone.len() == self.num_splats {
             let source = DamagedRows { report: self.repair, first: row };
             return Err(IoError::Damaged { path, source });
         }
-        self.num_splats = kept.len();
-        self.kept = Some(kept);
+        if !gone.is_empty() {
+            self.kept = Some(repair::without(self.num_splats, &gone));
+            self.num_splats -= gone.len();
+        }
         Ok(())
     }
 
-    /// All rows of a frame.
-    fn read(&self, index: usize) -> Result<Splats, IoError> {
+    /// All rows of a frame, with finite values for infinities that have a meaning.
+    fn read(&self, index: usize) -> Result<(Splats, Infinities), IoError> {
         let label = self.source.label(index);
-        let splats = frame::read(&self.source.read(index)?).map_err(IoError::frame(&label))?.splats;
+        let mut splats =
+            frame::read(&self.source.read(index)?).map_err(IoError::frame(&label))?.splats;
         let rows = self.repair.rows;
         if (splats.len(), splats.sh_degree) != (rows, self.sh_degree) {
             return Err(IoError::content(
@@ -197,7 +226,8 @@ impl PlySequence {
                 ),
             ));
         }
-        Ok(splats)
+        let infinities = repair::settle_infinities(&mut splats);
+        Ok((splats, infinities))
     }
 
     /// The kept rows of a frame, from memory if it is among the last ones used.
@@ -209,7 +239,11 @@ impl PlySequence {
     /// If there is no such frame.
     pub fn frame(&self, index: usize) -> Result<Arc<Splats>, IoError> {
         self.cache.get(index, || {
-            let mut splats = self.read(index)?;
+            let (mut splats, _) = self.read(index)?;
+            for (other, rows) in self.hidden.of_frame(index) {
+                let (stand_in, _) = self.read(other)?;
+                hidden::hide(&mut splats, &stand_in, rows);
+            }
             if self.damage == Damage::Fail {
                 splats = repair::sanitize(splats, Damage::Fail)
                     .map_err(|source| IoError::Damaged { path: self.source.label(index), source })?

@@ -7,6 +7,8 @@ use std::collections::BTreeMap;
 pub(crate) struct Found {
     pub(crate) frames: Vec<String>,
     pub(crate) ignored: Vec<String>,
+    /// Which series was chosen and which were left, if there are several.
+    pub(crate) series: Option<String>,
 }
 
 /// Ends of the names of frames, lower case.
@@ -45,12 +47,23 @@ pub(crate) fn find_frames(names: &[String]) -> Result<Found, String> {
     // Of groups of equal size the first in alphabetical order.
     let largest = groups.values().map(Vec::len).max().unwrap_or(0);
     let chosen = groups.iter().find(|(_, group)| group.len() == largest).map(|(p, _)| p.clone());
+    let series = chosen.as_ref().filter(|_| groups.len() > 1).map(|chosen| {
+        let left: Vec<String> = groups
+            .iter()
+            .filter(|(pattern, _)| *pattern != chosen)
+            .map(|(pattern, group)| format!("{pattern} ({})", group.len()))
+            .collect();
+        format!(
+            "of several series {chosen} ({largest} frames) was taken, left: {}",
+            left.join(", ")
+        )
+    });
     let mut frames = chosen.and_then(|prefix| groups.remove(&prefix)).unwrap_or_default();
     ignored.extend(groups.into_values().flatten().map(|(_, name)| name));
     ignored.sort();
     frames.sort();
     check_numbers(&frames)?;
-    Ok(Found { frames: frames.into_iter().map(|(_, name)| name).collect(), ignored })
+    Ok(Found { frames: frames.into_iter().map(|(_, name)| name).collect(), ignored, series })
 }
 
 fn check_numbers(frames: &[(u64, String)]) -> Result<(), String> {
@@ -95,6 +108,17 @@ mod tests {
         let mixed = ["f0.ply", "f0.compressed.ply", "f1.compressed.ply", "f1.splat"];
         assert_eq!(find(&mixed).unwrap().frames.len(), 2, "one format");
         assert_eq!(find(&[]).unwrap(), Found::default(), "empty");
+    }
+
+    #[test]
+    fn several_series_are_named() {
+        let found = find(&["a-0.ply", "a-1.ply", "b-0.ply"]).unwrap();
+        assert_eq!(
+            found.series.as_deref(),
+            Some("of several series a-*.ply (2 frames) was taken, left: b-*.ply (1)"),
+            "which was taken"
+        );
+        assert_eq!(find(&["a-0.ply", "a-1.ply", "notes.txt"]).unwrap().series, None, "one");
     }
 
     #[test]

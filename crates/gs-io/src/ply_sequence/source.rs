@@ -2,16 +2,25 @@
 
 use super::{find_frames, list_names};
 use crate::archive::Archive;
-use crate::error::{IoError, read_bytes};
+use crate::error::{IoError, read_bytes, refuse_stand_in};
 use crate::frame::{self, Shape};
 use crate::inflate;
 use std::fs::File;
-use std::io::{BufReader, Read};
+use std::io::{BufReader, Read, Seek};
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 
 /// Bytes that hold the header of nearly every frame, and those that hold every header.
 const STARTS: [u64; 2] = [16 << 10, 1 << 20];
+
+/// What lies beside the frames.
+#[derive(Debug, Default)]
+pub(super) struct Beside {
+    /// Names of the other entries.
+    pub(super) ignored: Vec<String>,
+    /// Which of several series the frames are.
+    pub(super) series: Option<String>,
+}
 
 /// Frames in order of time.
 #[derive(Debug)]
@@ -29,18 +38,22 @@ pub(super) enum Source {
 }
 
 impl Source {
-    /// The frames of a folder, and the names of its other entries.
-    pub(super) fn folder(dir: &Path) -> Result<(Self, Vec<String>), IoError> {
+    /// The frames of a folder, and what else is in it.
+    pub(super) fn folder(dir: &Path) -> Result<(Self, Beside), IoError> {
         let found = find_frames(&list_names(dir)?).map_err(|what| IoError::content(dir, what))?;
         let paths = found.frames.iter().map(|name| dir.join(name)).collect();
-        Ok((Self::Folder(paths), found.ignored))
+        Ok((Self::Folder(paths), Beside { ignored: found.ignored, series: found.series }))
     }
 
-    /// The frames of an archive, and the names of its other entries.
-    pub(super) fn zip(path: &Path) -> Result<(Self, Vec<String>), IoError> {
+    /// The frames of an archive, and what else is in it.
+    pub(super) fn zip(path: &Path) -> Result<(Self, Beside), IoError> {
         let failed = |source| IoError::Read { path: path.to_owned(), source };
-        let file = crate::input::open_file(path).map_err(failed)?;
+        let mut file = crate::input::open_file(path).map_err(failed)?;
         let size = file.metadata().map_err(failed)?.len();
+        let mut start = Vec::new();
+        (&mut file).take(STARTS[0]).read_to_end(&mut start).map_err(failed)?;
+        refuse_stand_in(path, &start)?;
+        file.rewind().map_err(failed)?;
         let limit = inflate::limit(usize::try_from(size).unwrap_or(usize::MAX));
         let archive = Archive::open(BufReader::new(file)).map_err(|what| {
             IoError::content(path, format!("is no readable zip archive: {what}"))
@@ -49,7 +62,8 @@ impl Source {
         let mut ignored = found.ignored;
         ignored.retain(|name| !name.ends_with('/'));
         let archive = Mutex::new(archive);
-        Ok((Self::Zip { path: [path.to_owned()], names: found.frames, archive, limit }, ignored))
+        let beside = Beside { ignored, series: found.series };
+        Ok((Self::Zip { path: [path.to_owned()], names: found.frames, archive, limit }, beside))
     }
 
     pub(super) fn len(&self) -> usize {
@@ -90,6 +104,7 @@ impl Source {
         let mut result = None;
         for count in STARTS {
             let (start, total) = self.start(index, count)?;
+            refuse_stand_in(&label, &start)?;
             let shape = frame::shape(&start, total);
             let whole = (start.len() as u64) < count;
             if shape.is_ok() || whole {

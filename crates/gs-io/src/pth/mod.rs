@@ -1,13 +1,15 @@
 //! PyTorch archives (`.pth`): zip containers of a pickle and raw storages.
 //!
-//! The pickle is interpreted as data by a machine that knows some thirty opcodes and a dozen names; nothing is ever
-//! imported or executed, and anything unknown is refused. Tensors stay views of the file until asked for. Memory is
-//! bounded by a small multiple of the file.
+//! The pickle is interpreted as data by a machine that knows some forty opcodes and a dozen names; nothing is ever
+//! imported or executed. Objects of any other class are passed over, opcodes that checkpoints do not use are refused. Tensors stay
+//! views of the file until asked for. Memory is bounded by a small multiple of the file.
 
+mod names;
 mod pickle;
 mod tensor;
 mod write;
 
+pub use names::beside;
 pub use tensor::{Dtype, Tensor};
 pub use write::{NamedTensor, write};
 
@@ -60,7 +62,8 @@ pub enum PthError {
 /// What a PyTorch file holds.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Root<'a> {
-    /// Tensors by name, in file order; entries of other kinds are left out.
+    /// Tensors by name, in file order; entries of other kinds are left out. Tensors in nested dictionaries have the names of these in
+    /// front, with dots between; parts that only say how a module was wrapped (`module`, `_orig_mod`) are left out.
     StateDict(Vec<(String, Tensor<'a>)>),
     /// One tensor.
     Tensor(Tensor<'a>),
@@ -81,13 +84,14 @@ impl<'a> Root<'a> {
         }
     }
 
-    /// The single tensor.
+    /// The single tensor, or that of a dictionary of one.
     ///
     /// # Errors
-    /// If the root is a dictionary.
+    /// If the root is a dictionary of none or several.
     pub fn into_tensor(self) -> Result<Tensor<'a>, PthError> {
         match self {
             Self::Tensor(tensor) => Ok(tensor),
+            Self::StateDict(mut tensors) if tensors.len() == 1 => Ok(tensors.remove(0).1),
             Self::StateDict(_) => Err(PthError::Root {
                 found: "tensors by name".to_owned(),
                 expected: "a single tensor",

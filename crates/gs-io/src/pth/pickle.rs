@@ -1,19 +1,24 @@
 //! A pickle machine for checkpoints: data only.
 //!
 //! Containers live in an arena and values are small copies, so memory grows with the length of the pickle, sharing
-//! costs nothing, and nesting of any depth is harmless.
+//! costs nothing, and nesting of any depth is harmless. Objects of classes that are no part of a tensor (NumPy scalars beside the
+//! weights, whole modules) are inert: their class is a name, their state is data.
 
+use super::names;
 use super::tensor::{Dtype, Tensor};
 use super::{PthError, Root};
+use std::borrow::Cow;
 use std::collections::BTreeMap;
 
-/// Names a checkpoint may refer to.
+/// What a pickle refers to by name.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Name {
+enum Name<'a> {
     OrderedDict,
     RebuildTensor,
     RebuildParameter,
     Storage(Dtype),
+    /// Module and name of anything else.
+    Other(&'a str, &'a str),
 }
 
 #[derive(Debug, Clone, Copy)]
@@ -21,9 +26,10 @@ enum Value<'a> {
     None,
     Bool,
     Int(i64),
-    Float,
+    /// A number or bytes of no interest.
+    Plain,
     Text(&'a str),
-    Name(Name),
+    Name(Name<'a>),
     /// Index into the arena.
     Node(usize),
     Mark,
@@ -34,8 +40,17 @@ enum Node<'a> {
     Tuple(Vec<Value<'a>>),
     List,
     Dict(Vec<(Value<'a>, Value<'a>)>),
-    Storage { dtype: Dtype, bytes: &'a [u8] },
+    Storage {
+        dtype: Dtype,
+        bytes: &'a [u8],
+    },
     Tensor(Tensor<'a>),
+    /// Of the class `module.name`: what it was given as state, and its items.
+    Object {
+        class: (&'a str, &'a str),
+        state: Value<'a>,
+        items: Vec<(Value<'a>, Value<'a>)>,
+    },
 }
 
 /// Looks up the bytes of a storage by its key.
@@ -134,7 +149,7 @@ impl<'a> Machine<'a, '_> {
     fn top_dict(&mut self) -> Result<&mut Vec<(Value<'a>, Value<'a>)>, PthError> {
         let at = self.at;
         if let Some(&Value::Node(index)) = self.stack.last()
-            && let Node::Dict(items) = &mut self.arena[index]
+            && let Node::Dict(items) | Node::Object { items, .. } = &mut self.arena[index]
         {
             return Ok(items);
         }
@@ -144,7 +159,11 @@ impl<'a> Machine<'a, '_> {
     /// Top of the stack must be a list; its items are of no use to us.
     fn top_list(&self) -> Result<(), PthError> {
         match self.stack.last() {
-            Some(&Value::Node(index)) if matches!(self.arena[index], Node::List) => Ok(()),
+            Some(&Value::Node(index))
+                if matches!(self.arena[index], Node::List | Node::Object { .. }) =>
+            {
+                Ok(())
+            }
             _ => Err(self.error("expected a list on the stack")),
         }
     }
@@ -178,22 +197,50 @@ impl<'a> Machine<'a, '_> {
             0x8a => {
                 let length = usize::from(self.byte()?);
                 let raw = self.take(length)?;
-                let value = long(raw).ok_or_else(|| self.error("an integer beyond 64 bits"))?;
-                self.stack.push(Value::Int(value));
+                self.stack.push(long(raw).map_or(Value::Plain, Value::Int));
+            }
+            0x8b => {
+                let length = self.u32()? as usize;
+                self.take(length)?;
+                self.stack.push(Value::Plain);
             }
             b'G' => {
                 self.take(8)?;
-                self.stack.push(Value::Float);
+                self.stack.push(Value::Plain);
             }
             b'X' => {
                 let length = self.u32()? as usize;
-                let text = self.text(length)?;
-                self.stack.push(Value::Text(text));
+                self.push_text(length)?;
+            }
+            0x8c => {
+                let length = usize::from(self.byte()?);
+                self.push_text(length)?;
+            }
+            // Bytes, and strings of Python 2.
+            b'C' | b'U' => {
+                let length = usize::from(self.byte()?);
+                self.take(length)?;
+                self.stack.push(Value::Plain);
+            }
+            b'B' | b'T' => {
+                let length = self.u32()? as usize;
+                self.take(length)?;
+                self.stack.push(Value::Plain);
             }
             b'c' => {
                 let (module, name) = (self.line()?, self.line()?);
-                let name = self.name(module, name)?;
-                self.stack.push(Value::Name(name));
+                self.stack.push(Value::Name(name_of(module, name)));
+            }
+            0x93 => {
+                let (name, module) = (self.pop()?, self.pop()?);
+                let (Value::Text(module), Value::Text(name)) = (module, name) else {
+                    return Err(self.error("a name that is no text"));
+                };
+                self.stack.push(Value::Name(name_of(module, name)));
+            }
+            // The length of a frame, of no use in memory.
+            0x95 => {
+                self.take(8)?;
             }
             b')' => self.push_node(Node::Tuple(Vec::new())),
             b't' => {
@@ -209,12 +256,19 @@ impl<'a> Machine<'a, '_> {
                 self.push_node(Node::Tuple(values));
             }
             b'}' => self.push_node(Node::Dict(Vec::new())),
-            b']' => self.push_node(Node::List),
+            b']' | 0x8f => self.push_node(Node::List),
+            0x91 => {
+                self.pop_to_mark()?;
+                self.push_node(Node::List);
+            }
+            b'0' => {
+                self.pop()?;
+            }
             b'a' => {
                 self.pop()?;
                 self.top_list()?;
             }
-            b'e' => {
+            b'e' | 0x90 => {
                 self.pop_to_mark()?;
                 self.top_list()?;
             }
@@ -246,13 +300,14 @@ impl<'a> Machine<'a, '_> {
                 let key = self.u32()?;
                 self.recall(key)?;
             }
-            b'Q' => self.persistent()?,
-            b'R' => self.reduce()?,
-            b'b' => {
-                // The state of an ordered dictionary is module metadata; the dictionary stays as it is.
-                self.pop()?;
-                self.top_dict()?;
+            0x94 => {
+                let key = u32::try_from(self.memo.len())
+                    .map_err(|error| self.error(format!("memo: {error}")))?;
+                self.memoize(key)?;
             }
+            b'Q' => self.persistent()?,
+            b'R' | 0x81 => self.reduce()?,
+            b'b' => self.build()?,
             other => {
                 return Err(self.error(format!(
                     "opcode 0x{other:02x}, which checkpoints do not use; refused"
@@ -279,23 +334,42 @@ impl<'a> Machine<'a, '_> {
         Ok(())
     }
 
-    fn name(&self, module: &str, name: &str) -> Result<Name, PthError> {
-        match (module, name) {
-            ("collections", "OrderedDict") => Ok(Name::OrderedDict),
-            ("torch._utils", "_rebuild_tensor_v2") => Ok(Name::RebuildTensor),
-            ("torch._utils", "_rebuild_parameter") => Ok(Name::RebuildParameter),
-            ("torch", class) if let Some(dtype) = Dtype::from_storage(class) => {
-                Ok(Name::Storage(dtype))
-            }
-            _ => Err(self.error(format!(
-                "refers to `{module}.{name}`, which is not part of a tensor file; refused"
-            ))),
+    fn push_text(&mut self, length: usize) -> Result<(), PthError> {
+        let text = self.text(length)?;
+        self.stack.push(Value::Text(text));
+        Ok(())
+    }
+
+    /// Keeps the state of an inert object; that of an ordered dictionary is module metadata.
+    fn build(&mut self) -> Result<(), PthError> {
+        let given = self.pop()?;
+        if let Some(&Value::Node(index)) = self.stack.last()
+            && let Node::Object { state, .. } = &mut self.arena[index]
+        {
+            *state = given;
+            return Ok(());
         }
+        self.top_dict().map(|_items| ())
+    }
+
+    fn push_object(&mut self, module: &'a str, name: &'a str) {
+        self.push_node(Node::Object {
+            class: (module, name),
+            state: Value::None,
+            items: Vec::new(),
+        });
     }
 
     /// `('storage', class, key, device, count)` to the bytes of that storage; the device is of no interest.
     fn persistent(&mut self) -> Result<(), PthError> {
         let id = self.pop()?;
+        // A number type that is not read: the tensor is inert, too.
+        if let &[Value::Text("storage"), Value::Name(Name::Other(module, name)), ..] =
+            self.tuple(id)?
+        {
+            self.push_object(module, name);
+            return Ok(());
+        }
         let &[
             Value::Text("storage"),
             Value::Name(Name::Storage(dtype)),
@@ -327,6 +401,10 @@ impl<'a> Machine<'a, '_> {
         };
         let arguments = self.tuple(arguments)?;
         match (name, arguments) {
+            (Name::Other(module, name), _) => {
+                self.push_object(module, name);
+                Ok(())
+            }
             (Name::OrderedDict, []) => {
                 self.push_node(Node::Dict(Vec::new()));
                 Ok(())
@@ -336,6 +414,12 @@ impl<'a> Machine<'a, '_> {
                 Ok(())
             }
             (Name::RebuildTensor, &[storage, offset, shape, strides, ..]) => {
+                if let Value::Node(index) = storage
+                    && let Node::Object { class: (module, name), .. } = self.arena[index]
+                {
+                    self.push_object(module, name);
+                    return Ok(());
+                }
                 let tensor = self.tensor(storage, offset, shape, strides)?;
                 self.push_node(Node::Tensor(tensor));
                 Ok(())
@@ -366,29 +450,100 @@ impl<'a> Machine<'a, '_> {
     }
 
     fn root(self, root: Value<'a>) -> Result<Root<'a>, PthError> {
-        let expected = "tensors by name, or a tensor";
-        let found = match root {
-            Value::Node(index) => match &self.arena[index] {
-                Node::Tensor(tensor) => return Ok(Root::Tensor(tensor.clone())),
-                Node::Dict(items) => {
-                    let tensors = items.iter().filter_map(|&(key, value)| match (key, value) {
-                        (Value::Text(key), Value::Node(index)) => match &self.arena[index] {
-                            Node::Tensor(tensor) => Some((key.to_owned(), tensor.clone())),
-                            _ => None,
-                        },
-                        _ => None,
-                    });
-                    return Ok(Root::StateDict(tensors.collect()));
+        let node = match root {
+            Value::Node(index) => Some(&self.arena[index]),
+            _ => None,
+        };
+        if let Some(Node::Tensor(tensor)) = node {
+            return Ok(Root::Tensor(tensor.clone()));
+        }
+        let tensors = self.tensors(root)?;
+        let found = match node {
+            Some(Node::Dict(_)) => return Ok(Root::StateDict(tensors)),
+            _ if !tensors.is_empty() => return Ok(Root::StateDict(tensors)),
+            Some(Node::Object { class: (module, name), .. }) => {
+                format!(
+                    "an object of `{module}.{name}`, which is not part of a tensor file; refused"
+                )
+            }
+            Some(Node::Tuple(values)) => {
+                format!("a tuple of {} without tensors by name", values.len())
+            }
+            Some(Node::List) => "a list".to_owned(),
+            Some(Node::Storage { .. }) => "a bare storage".to_owned(),
+            Some(Node::Tensor(_)) | None => "a single value".to_owned(),
+        };
+        Err(PthError::Root { found, expected: "tensors by name, or a tensor" })
+    }
+
+    /// Tensors by name, in file order, in dictionaries, tuples and objects, each of which is visited once.
+    fn tensors(&self, root: Value<'a>) -> Result<Vec<(String, Tensor<'a>)>, PthError> {
+        // Names may be written once and used often.
+        let mut room = NAMES_FREE + NAMES_RATIO * self.bytes.len();
+        let mut out = Vec::new();
+        let mut seen = vec![false; self.arena.len()];
+        let mut pending = vec![(String::new(), root, 0)];
+        while let Some((path, value, depth)) = pending.pop() {
+            let Value::Node(index) = value else { continue };
+            let mut parts = Vec::new();
+            match &self.arena[index] {
+                Node::Tensor(tensor) => out.push((names::canonical(&path), tensor.clone())),
+                Node::Storage { .. } | Node::List => {}
+                _ if std::mem::replace(&mut seen[index], true) => {}
+                Node::Dict(items) => parts.extend(named(items)),
+                Node::Object { state, items, .. } => {
+                    parts.push((None, *state));
+                    parts.extend(named(items));
                 }
                 Node::Tuple(values) => {
-                    format!("a tuple of {} (training checkpoints do)", values.len())
+                    let indices = (0..values.len()).map(|index| Some(index.to_string().into()));
+                    parts.extend(indices.zip(values.iter().copied()));
                 }
-                Node::List => "a list".to_owned(),
-                Node::Storage { .. } => "a bare storage".to_owned(),
-            },
-            _ => "a single value".to_owned(),
-        };
-        Err(PthError::Root { found, expected })
+            }
+            for (name, value) in parts.into_iter().rev() {
+                let path = names::joined(&path, name.as_deref());
+                room = room.checked_sub(path.len()).ok_or_else(|| {
+                    PthError::Tensor(
+                        "its names are longer than any file of this size needs".to_owned(),
+                    )
+                })?;
+                if depth < MAX_DEPTH {
+                    pending.push((path, value, depth + 1));
+                }
+            }
+        }
+        Ok(out)
+    }
+}
+
+/// Deepest nesting in which tensors are looked for; modules of modules have a dozen levels.
+const MAX_DEPTH: usize = 64;
+/// Bytes of names beside a pickle of any length, and by its length.
+const NAMES_FREE: usize = 1 << 20;
+const NAMES_RATIO: usize = 64;
+
+/// Items whose key is a name.
+fn named<'a, 'v>(
+    items: &'v [(Value<'a>, Value<'a>)],
+) -> impl Iterator<Item = (Option<Cow<'a, str>>, Value<'a>)> + 'v {
+    items.iter().filter_map(|&(key, value)| match (key, value) {
+        (Value::Text(name), Value::Node(_)) => Some((Some(Cow::Borrowed(name)), value)),
+        _ => None,
+    })
+}
+
+/// What a name refers to.
+fn name_of<'a>(module: &'a str, name: &'a str) -> Name<'a> {
+    match (module, name) {
+        ("collections", "OrderedDict") => Name::OrderedDict,
+        ("torch._utils", "_rebuild_tensor_v2") => Name::RebuildTensor,
+        ("torch._utils", "_rebuild_parameter" | "_rebuild_parameter_with_state") => {
+            Name::RebuildParameter
+        }
+        ("torch", class) => {
+            Dtype::from_storage(class).map_or(Name::Other(module, name), Name::Storage)
+        }
+        _ => Name::Other(module, name),
     }
 }
 

@@ -5,8 +5,8 @@ use super::value::Attribute;
 use crate::error::{IoError, read_bytes};
 use crate::frame_cache::FrameCache;
 use crate::inflate;
-use crate::repair::{Damage, DamagedRows, RepairReport};
-use gs_core::{DynamicScene, SceneError, Splats, TimeRange};
+use crate::repair::{Damage, DamagedRows, RepairReport, TRANSPARENT_LOGIT};
+use gs_core::{DynamicScene, SceneError, Splats, TimeRange, quat};
 use gs_deform::frames;
 use serde::Deserialize;
 use std::ops::Range;
@@ -117,6 +117,8 @@ pub struct Splat4dScene {
     num_frames: usize,
     /// Rows of the file that are kept, if damaged ones were dropped.
     kept: Option<Vec<usize>>,
+    /// Whether rows are made invisible in the frames in which they have no rotation; some are.
+    hides: bool,
     cursor: Mutex<Cursor>,
     cache: FrameCache,
 }
@@ -126,7 +128,7 @@ pub struct Splat4dScene {
 pub struct Read {
     /// The scene, times 0 to 1.
     pub scene: Splat4dScene,
-    /// Rows without rotation in some frame.
+    /// Rows without rotation in some frame; those that have one in another frame are invisible in the frames without.
     pub repair: RepairReport,
     /// Frames per second.
     pub fps: f64,
@@ -156,22 +158,28 @@ pub fn read(bytes: Vec<u8>, damage: Damage) -> Result<Read, Splat4dError> {
         fixed,
         spans,
         kept: None,
+        hides: false,
         cursor: Mutex::default(),
         cache: FrameCache::new(4),
     };
-    let lost = scene.rows_without_rotation()?;
+    let frames_lost = scene.frames_without_rotation()?;
+    let damaged = frames_lost.iter().filter(|&&frames| frames > 0).count();
+    let gone = frames_lost.iter().filter(|&&frames| frames == header.t).count();
     let repair = RepairReport {
         rows: n,
-        not_finite: 0,
-        zero_quaternion: lost.iter().filter(|&&l| l).count(),
+        zero_quaternion: damaged,
+        hidden: if damage == Damage::Drop { damaged - gone } else { 0 },
+        ..RepairReport::default()
     };
-    if let Some(first) = lost.iter().position(|&lost| lost)
+    if let Some(first) = frames_lost.iter().position(|&frames| frames > 0)
         && damage != Damage::Keep
     {
-        if damage == Damage::Fail || repair.damaged() == n {
+        if damage == Damage::Fail || gone == n {
             return Err(DamagedRows { report: repair, first }.into());
         }
-        scene.kept = Some((0..n).filter(|&row| !lost[row]).collect());
+        scene.hides = repair.hidden > 0;
+        scene.kept =
+            (gone > 0).then(|| (0..n).filter(|&row| frames_lost[row] < header.t).collect());
     }
     let length = |up: &[f64; 3]| up.iter().map(|c| c * c).sum::<f64>().sqrt();
     let up = header.c4d_up.filter(|up| (0.5..2.0).contains(&length(up)));
@@ -271,13 +279,16 @@ fn within(
 }
 
 impl Splat4dScene {
-    /// Unpacks every group once and finds rows that have no rotation in some frame, `[N]` rows of the file.
-    fn rows_without_rotation(&self) -> Result<Vec<bool>, Splat4dError> {
+    /// Unpacks every group once and counts the frames in which each row has no rotation, `[N]` rows of the file.
+    fn frames_without_rotation(&self) -> Result<Vec<u32>, Splat4dError> {
         let changing = &self.fixed.changing;
-        let mut lost: Vec<bool> = self.fixed.base.quats.iter().map(|q| *q == [0.0; 4]).collect();
+        // Never more than 2²⁴ frames.
+        let all = u32::try_from(self.num_frames).unwrap_or(u32::MAX);
+        let missing = |q: &[f32; 4]| if *q == [0.0; 4] { all } else { 0 };
+        let mut lost: Vec<u32> = self.fixed.base.quats.iter().map(missing).collect();
         let turning = &changing[Attribute::Rot as usize];
         for &row in turning {
-            lost[row as usize] = false;
+            lost[row as usize] = 0;
         }
         let mut total = inflate::FREE + TOTAL_RATIO * self.bytes.len() as u64;
         let mut cursor = Cursor::default();
@@ -291,7 +302,7 @@ impl Splat4dScene {
             for frame in 0..looked_at {
                 cursor.advance(frame);
                 for row in cursor.without_rotation(changing) {
-                    lost[row] = true;
+                    lost[row] += 1;
                 }
             }
         }
@@ -326,10 +337,25 @@ impl Splat4dScene {
         cursor.advance(frame);
         cursor.put(&self.fixed, &self.grids, &mut splats);
         drop(cursor);
+        if self.hides {
+            self.hide(&mut splats);
+        }
         Ok(match &self.kept {
             Some(kept) => splats.select(kept),
             None => splats,
         })
+    }
+
+    /// Makes rows without a rotation invisible, turned as in the first frame.
+    fn hide(&self, splats: &mut Splats) {
+        for &row in &self.fixed.changing[Attribute::Rot as usize] {
+            let row = row as usize;
+            if splats.quats[row] == [0.0; 4] {
+                let first = self.fixed.base.quats[row];
+                splats.quats[row] = if first == [0.0; 4] { quat::IDENTITY } else { first };
+                splats.opacity_logits[row] = TRANSPARENT_LOGIT;
+            }
+        }
     }
 
     fn evaluate(&self, t: f32, geometry_only: bool, out: &mut Splats) -> Result<(), SceneError> {
@@ -363,6 +389,6 @@ impl DynamicScene for Splat4dScene {
     }
 
     fn fades(&self) -> bool {
-        !self.fixed.changing[Attribute::Alpha as usize].is_empty()
+        self.hides || !self.fixed.changing[Attribute::Alpha as usize].is_empty()
     }
 }

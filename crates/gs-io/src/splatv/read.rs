@@ -3,7 +3,7 @@
 use super::MAGIC;
 use super::row::{BYTES, Row};
 use crate::error::{IoError, read_bytes};
-use crate::repair::{Damage, DamagedRows, RepairReport};
+use crate::repair::{self, Damage, DamagedRows, RepairReport, Sanitized};
 use gs_core::Splats;
 use gs_deform::PolynomialScene;
 use serde::Deserialize;
@@ -56,8 +56,8 @@ pub struct Read {
     pub up: Option<[f64; 3]>,
 }
 
-/// Reads a scene. Rows of zeros are padding. Sizes of zero become the smallest a half holds; opacities of 0 and 255 become
-/// 10⁻⁶ and 1 − 10⁻⁶, so that all stored parameters are finite.
+/// Reads a scene. Rows of zeros are padding. Sizes of zero are flat splats ([`repair::FLAT_LOG_SCALE`]); opacities of 0 and 255
+/// become 10⁻⁶ and 1 − 10⁻⁶, so that all stored parameters are finite.
 ///
 /// # Errors
 /// If the bytes are no `.splatv`, hold no splats, or hold damaged rows and `damage` says to fail.
@@ -89,35 +89,25 @@ pub fn read(bytes: &[u8], damage: Damage) -> Result<Read, SplatvError> {
         return Err(SplatvError::Truncated { found: data.len() });
     }
 
-    let mut repair = RepairReport::default();
-    let mut first_damaged = None;
-    let mut rest = Splats::with_capacity(rows.len(), 0);
-    let mut motions = Vec::with_capacity(rows.len());
-    for (index, bytes) in rows.iter().enumerate().filter(|(_, bytes)| **bytes != [0; BYTES]) {
+    let mut splats = Splats::with_capacity(rows.len(), 0);
+    let (mut motions, mut broken) = (Vec::with_capacity(rows.len()), Vec::new());
+    for bytes in rows.iter().filter(|bytes| **bytes != [0; BYTES]) {
         let row = Row::from_bytes(bytes);
-        repair.rows += 1;
-        if let Some(zero_quaternion) = row.damage() {
-            first_damaged.get_or_insert(index);
-            repair.zero_quaternion += usize::from(zero_quaternion);
-            repair.not_finite += usize::from(!zero_quaternion);
-            if damage != Damage::Keep {
-                continue;
-            }
-        }
-        rest.means.push(row.mean);
-        rest.quats.push(row.quat);
-        rest.log_scales.push(row.log_scale());
-        rest.opacity_logits.push(row.opacity_logit());
-        rest.sh.push(row.sh_dc());
+        splats.means.push(row.mean);
+        splats.quats.push(row.quat);
+        splats.log_scales.push(row.log_scale());
+        splats.opacity_logits.push(row.opacity_logit());
+        splats.sh.push(row.sh_dc());
         motions.push(row.motion);
+        broken.push(row.motion_is_damaged());
     }
-    if let Some(first) = first_damaged
-        && (damage == Damage::Fail || rest.is_empty())
-    {
-        return Err(DamagedRows { report: repair, first }.into());
-    }
-    if rest.is_empty() {
+    if splats.is_empty() {
         return Err(SplatvError::Empty);
+    }
+    let Sanitized { splats: rest, kept, report: repair } =
+        repair::sanitize_with(splats, damage, |row| broken[row])?;
+    if let Some(kept) = kept {
+        motions = kept.into_iter().map(|row| motions[row]).collect();
     }
     let scene = PolynomialScene::new(rest, motions)
         .map_err(|error| SplatvError::Header(error.to_string()))?;

@@ -7,8 +7,6 @@ use half::f16;
 /// Bytes a splat.
 pub(super) const BYTES: usize = 64;
 
-/// Sizes stay above the smallest number a half holds, so that their logarithm is finite.
-const SMALLEST_SIZE: f32 = 5.960_464_5e-8;
 /// Opacities stay inside (0,1) by this much, so that their logits are finite.
 const OPACITY_MARGIN: f32 = 1e-6;
 
@@ -64,23 +62,24 @@ impl Row {
         bytes
     }
 
-    /// What is wrong with a row: `Some(true)` a zero quaternion, `Some(false)` NaN, infinities, or no width.
-    pub(super) fn damage(&self) -> Option<bool> {
-        let finite =
-            self.mean.iter().chain(&self.quat).chain(&self.scale).chain(&self.motion.omega);
-        let finite = finite
-            .chain(self.motion.velocity.as_flattened())
-            .chain([&self.motion.centre])
-            .all(|value| value.is_finite());
-        let width = self.motion.width;
-        if !finite || width.is_nan() || width == 0.0 {
-            return Some(false);
-        }
-        (self.quat == [0.0; 4]).then_some(true)
+    /// Whether its motion is damaged: NaN, infinities, or no width in time.
+    pub(super) fn motion_is_damaged(&self) -> bool {
+        let Polynomial { velocity, omega, centre, width } = &self.motion;
+        let finite = velocity.as_flattened().iter().chain(omega).chain([centre]);
+        !finite.into_iter().all(|value| value.is_finite()) || width.is_nan() || *width == 0.0
     }
 
+    /// Whether a value did not fit a half, or no rotation is left.
+    pub(super) fn is_damaged(&self) -> bool {
+        let values = self.mean.iter().chain(&self.quat).chain(&self.scale);
+        !values.into_iter().all(|value| value.is_finite())
+            || self.quat == [0.0; 4]
+            || self.motion_is_damaged()
+    }
+
+    /// −∞ where a size is 0.
     pub(super) fn log_scale(&self) -> [f32; 3] {
-        self.scale.map(|scale| scale.abs().max(SMALLEST_SIZE).ln())
+        self.scale.map(|scale| scale.abs().ln())
     }
 
     pub(super) fn opacity_logit(&self) -> f32 {

@@ -8,6 +8,7 @@ use crate::atomic::{AtomicFile, Existing};
 use crate::clip::{Clip, Hemispheres, SoundRows, dropped_sentence, robust_size};
 use crate::error::IoError;
 use crate::losses::Losses;
+use crate::repair;
 use gs_core::{Camera, DynamicScene, Splats, quat, sh};
 use gs_deform::{Polynomial, PolynomialScene};
 use half::f16;
@@ -114,7 +115,7 @@ pub fn write(
     });
     let rows: Vec<Row> = kept.par_iter().map(|&row| sums[row].row(&basis, means)).collect();
     drop(sums);
-    if let Some(place) = rows.iter().position(|row| row.damage().is_some()) {
+    if let Some(place) = rows.iter().position(|row| row.is_damaged()) {
         return Err(IoError::content(
             path,
             format!(
@@ -272,6 +273,7 @@ fn measure(
         rest.opacity_logits.push(row.opacity_logit());
         rest.sh.push(row.sh_dc());
     }
+    repair::settle_infinities(&mut rest);
     let motions = rows.iter().map(|row| row.motion).collect();
     let scene = PolynomialScene::new(rest, motions)
         .map_err(|error| IoError::content(path, error.to_string()))?;

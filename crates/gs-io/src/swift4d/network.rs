@@ -1,7 +1,7 @@
 //! From the flat tensors of `FDHash.pth` to a hash-grid network.
 
 use super::settings::Settings;
-use crate::pth::Tensor;
+use crate::pth::{self, Tensor};
 use gs_deform::{
     Component, FieldBox, FieldError, GridShape, HashGrid, HashGridNetwork, IndexRule, Linear,
 };
@@ -44,6 +44,7 @@ fn head_len(width: usize, component: Component) -> usize {
 impl<'a> Params<'a> {
     /// Reads the width off the heads; all must agree.
     pub(super) fn new(tensors: Vec<(String, Tensor<'a>)>) -> Result<Self, String> {
+        let tensors = pth::beside(tensors, &["enc_model.params"]);
         let mut params = Self { by_name: tensors.into_iter().collect(), width: 0 };
         if !HEADS.iter().chain([&ENCODER]).any(|name| params.get(name).is_some()) {
             let names: Vec<&str> = params.by_name.keys().map(String::as_str).take(4).collect();

@@ -54,6 +54,11 @@ pub(super) fn rule_name(rule: IndexRule) -> &'static str {
     }
 }
 
+/// A value of `cfg_args`; one that is no literal counts as missing, which was said when the file was read.
+fn literal<'a>(cfg: Option<&'a CfgArgs>, name: &str) -> Option<&'a Value> {
+    cfg?.get(name).filter(|value| !matches!(value, Value::Other(_)))
+}
+
 /// A number: the user's, else the one in `cfg_args`, else a default.
 fn number(
     name: &'static str,
@@ -64,7 +69,7 @@ fn number(
     if let Some(value) = given {
         return Ok((value, Origin::Override));
     }
-    let Some(value) = cfg.and_then(|cfg| cfg.get(name)) else {
+    let Some(value) = literal(cfg, name) else {
         return Ok((default, Origin::Default));
     };
     let number = value.as_u64().and_then(|value| u32::try_from(value).ok());
@@ -173,7 +178,7 @@ fn decide_activation(
     overrides: &Swift4dOverrides,
     report: &mut ModelReport,
 ) -> Result<bool, String> {
-    let (relu, origin) = match (overrides.trunk_relu, cfg.and_then(|cfg| cfg.get("activation"))) {
+    let (relu, origin) = match (overrides.trunk_relu, literal(cfg, "activation")) {
         (Some(relu), _) => (relu, Origin::Override),
         (None, Some(Value::None)) => (false, Origin::CfgArgs),
         (None, Some(Value::Str(name))) if name.eq_ignore_ascii_case("none") => {
@@ -202,10 +207,7 @@ fn decide_threshold(
     cfg: Option<&CfgArgs>,
     overrides: &Swift4dOverrides,
 ) -> Result<(f32, Origin), String> {
-    let (threshold, origin) = match (
-        overrides.dynamic_thro,
-        cfg.and_then(|cfg| cfg.get("dynamic_thro")),
-    ) {
+    let (threshold, origin) = match (overrides.dynamic_thro, literal(cfg, "dynamic_thro")) {
         (Some(value), _) => (value, Origin::Override),
         (None, Some(value)) => {
             let number = value.as_f64().ok_or_else(|| format!("comes with a cfg_args whose dynamic_thro is no number ({value:?}); correct it or override dynamic_thro"))?;

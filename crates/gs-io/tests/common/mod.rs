@@ -2,7 +2,17 @@
 
 /// A state dictionary as `torch.save` writes it: stored zip, sizes of local headers left to data descriptors, pickle protocol 2.
 pub(crate) fn state_dict(tensors: &[(String, Vec<usize>, Vec<f32>)]) -> Vec<u8> {
-    let mut pickle = b"\x80\x02ccollections\nOrderedDict\nq\x00)Rq\x01(".to_vec();
+    wrapped_state_dict(b"", tensors, b"")
+}
+
+/// As [`state_dict`], with opcodes in front of the dictionary and behind it.
+pub(crate) fn wrapped_state_dict(
+    before: &[u8],
+    tensors: &[(String, Vec<usize>, Vec<f32>)],
+    behind: &[u8],
+) -> Vec<u8> {
+    let mut pickle = [b"\x80\x02", before].concat();
+    pickle.extend_from_slice(b"ccollections\nOrderedDict\nq\x00)Rq\x01(");
     for (index, (name, shape, values)) in tensors.iter().enumerate() {
         text(&mut pickle, name);
         pickle.extend_from_slice(b"ctorch._utils\n_rebuild_tensor_v2\n((");
@@ -23,7 +33,9 @@ pub(crate) fn state_dict(tensors: &[(String, Vec<usize>, Vec<f32>)]) -> Vec<u8> 
     }
     pickle.extend_from_slice(b"u}(");
     text(&mut pickle, "_metadata");
-    pickle.extend_from_slice(b"h\x00)Rub.");
+    pickle.extend_from_slice(b"h\x00)Rub");
+    pickle.extend_from_slice(behind);
+    pickle.push(b'.');
     let mut entries = vec![("archive/data.pkl".to_owned(), pickle)];
     for (index, (_, _, values)) in tensors.iter().enumerate() {
         let bytes = values.iter().flat_map(|value| value.to_le_bytes()).collect();
@@ -32,7 +44,7 @@ pub(crate) fn state_dict(tensors: &[(String, Vec<usize>, Vec<f32>)]) -> Vec<u8> 
     zip(&entries)
 }
 
-fn text(pickle: &mut Vec<u8>, value: &str) {
+pub(crate) fn text(pickle: &mut Vec<u8>, value: &str) {
     pickle.push(b'X');
     pickle.extend_from_slice(&u32::try_from(value.len()).unwrap().to_le_bytes());
     pickle.extend_from_slice(value.as_bytes());

@@ -52,11 +52,15 @@ pub struct ColmapImage {
 /// Every so many views of a sorted list, the first included, is a test view.
 const HOLD: usize = 8;
 
-/// A COLMAP model: lenses by id, and images in file order.
+/// A COLMAP model: lenses by id, and images in file order. Single images that cannot be used are left out and noted.
 #[derive(Debug)]
 pub(super) struct Model {
     pub(super) lenses: BTreeMap<u32, Lens>,
     pub(super) images: Vec<ColmapImage>,
+    /// Position of each image in the file, and how many the file has.
+    positions: Vec<usize>,
+    total: usize,
+    pub(super) notes: Vec<String>,
 }
 
 impl Model {
@@ -69,20 +73,57 @@ impl Model {
             cameras = parsed(&binary[0], parse_cameras_bin)?;
             images = parsed(&binary[1], parse_images_bin)?;
         } else if text.iter().all(|file| file.is_file()) {
-            cameras = parsed(&text[0], |bytes| parse_cameras_txt(&String::from_utf8_lossy(bytes)))?;
-            images = parsed(&text[1], |bytes| parse_images_txt(&String::from_utf8_lossy(bytes)))?;
+            cameras = parsed(&text[0], |bytes| parse_cameras_txt(&crate::text::decode(bytes)))?;
+            images = parsed(&text[1], |bytes| parse_images_txt(&crate::text::decode(bytes)))?;
         } else {
             return Err(IoError::content(
                 folder,
                 "holds no whole COLMAP model; expected cameras.bin and images.bin, or cameras.txt and images.txt. Copy the missing file",
             ));
         }
-        let lenses = cameras
-            .iter()
-            .map(|camera| Ok((camera.id, camera.lens()?)))
-            .collect::<Result<_, CamerasError>>()
-            .map_err(IoError::cameras(folder))?;
-        Ok(Self { lenses, images })
+        let (mut lenses, mut unusable) = (BTreeMap::new(), BTreeMap::new());
+        for camera in &cameras {
+            match camera.lens() {
+                Ok(lens) => drop(lenses.insert(camera.id, lens)),
+                Err(error) => drop(unusable.insert(camera.id, error)),
+            }
+        }
+        let total = images.len();
+        let mut model = Self { lenses, images, positions: Vec::new(), total, notes: Vec::new() };
+        model.leave_out_unusable(unusable).map_err(IoError::cameras(folder))?;
+        Ok(model)
+    }
+
+    /// Leaves out images without a usable lens or pose; the first reason is the error if none is left.
+    fn leave_out_unusable(
+        &mut self,
+        mut unusable: BTreeMap<u32, CamerasError>,
+    ) -> Result<(), CamerasError> {
+        let images = std::mem::take(&mut self.images);
+        let mut first = None;
+        for (position, image) in images.into_iter().enumerate() {
+            match self.view(&image) {
+                Ok(_) => {
+                    self.images.push(image);
+                    self.positions.push(position);
+                }
+                Err(error) => {
+                    let error = unusable.remove(&image.camera_id).unwrap_or(error);
+                    first.get_or_insert((image.name, error));
+                }
+            }
+        }
+        match first {
+            Some((_, error)) if self.images.is_empty() => Err(error),
+            Some((name, error)) => {
+                let (total, left_out) = (self.total, self.total - self.images.len());
+                self.notes.push(format!(
+                    "{left_out} of {total} images are left out, the first `{name}`: {error}"
+                ));
+                Ok(())
+            }
+            None => Ok(()),
+        }
     }
 
     /// Lens and pose of an image.
@@ -121,13 +162,13 @@ pub(super) fn open(root: &Path, reading: Reading) -> Result<CameraSet, IoError> 
     let model = Model::read(&folder)?;
     let mut left_out = LeftOut::default();
     let mut sizes = Sizes::default();
-    let count = model.images.len();
+    let count = model.total;
     let mut views = Vec::with_capacity(count);
-    for (position, image) in model.images.iter().enumerate() {
+    for (&position, image) in model.positions.iter().zip(&model.images) {
         let (lens, viewmat) = model.view(image).map_err(IoError::cameras(&folder))?;
         left_out.distortion(&image.name, lens);
-        let base = basename(&image.name);
-        let (width, height) = sizes.of(&root.join("images").join(base)).unwrap_or((0, 0));
+        let (width, height) =
+            sizes.of_first(&image_paths(&root.join("images"), &image.name)).unwrap_or((0, 0));
         let mut lens = match (width, height) {
             (0, _) | (_, 0) => *lens,
             (width, height) => lens.resized(width.into(), height.into()),
@@ -146,7 +187,8 @@ pub(super) fn open(root: &Path, reading: Reading) -> Result<CameraSet, IoError> 
     for view in views.iter_mut().step_by(HOLD) {
         view.split = Split::Test;
     }
-    let mut notes = left_out.notes();
+    let mut notes = model.notes;
+    notes.extend(left_out.notes());
     notes.extend(sizes.note("COLMAP's sizes are used"));
     if reading == Reading::Trained {
         notes.push(format!(
@@ -154,6 +196,12 @@ pub(super) fn open(root: &Path, reading: Reading) -> Result<CameraSet, IoError> 
         ));
     }
     Ok(CameraSet { format: Format::Colmap, path: root.to_owned(), views, video: Vec::new(), notes })
+}
+
+/// Where the image of a model may lie: under its whole name, folders included, or under the last part of it, as the reference has it.
+pub(super) fn image_paths(images: &Path, name: &str) -> [PathBuf; 2] {
+    let inside = name.split(['/', '\\']).filter(|part| !["", ".", ".."].contains(part));
+    [images.join(inside.collect::<PathBuf>()), images.join(basename(name))]
 }
 
 /// The reference sorts by the file's name up to its first dot.

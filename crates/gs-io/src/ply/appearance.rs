@@ -1,0 +1,180 @@
+//! Columns that change what a splat looks like, beside those of the 3DGS layout.
+//!
+//! | columns | who writes them | what is done |
+//! |---|---|---|
+//! | `filter_3D` | Mip-Splatting and its kin | s′ = √(s² + f²), o′ = o·Πs/Πs′ on activated values |
+//! | `red green blue` without `f_dc_*` | nerfstudio in its RGB mode, converters | degree-0 SH of that colour |
+//! | no `scale_2` | 2DGS, surfels | a thin disc |
+//! | `f_rest_*` of degree 4 and above | newer trainers | the coefficients of degree 3 |
+
+use super::header::{Element, PropertyKind, Scalar};
+use gs_core::Splats;
+use gs_core::activation::{logit, sigmoid};
+use gs_core::sh::{C0, MAX_DEGREE};
+
+/// Colour columns that stand in for `f_dc_*`.
+pub(super) const RGB: [&str; 3] = ["red", "green", "blue"];
+/// Column of the smoothing filter of Mip-Splatting, world units.
+pub(super) const FILTER: &str = "filter_3D";
+/// Log-scale of the axis that surfels do not have: a thickness of 10⁻⁶ world units, as their own viewers draw them.
+const SURFEL_LOG_SCALE: f32 = -13.815_511;
+/// What viewers are asked to do by this comment.
+const MIP_COMMENT: &str = "splatrendermode: mip";
+/// What is said of splats that were trained with antialiasing.
+const ANTIALIASED: &str = "trained with antialiasing (Mip-Splatting's 2D filter), which is not drawn here: splats smaller than a pixel look bolder than in their own viewer";
+
+/// What the columns say beyond the 3DGS layout.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub(crate) struct Appearance {
+    /// Type of the colour columns, if they stand in for SH of degree 0.
+    pub(super) rgb: Option<Scalar>,
+    /// Whether the third axis is missing.
+    pub(super) surfels: bool,
+    /// Whether there is a filter; its column is then the last.
+    pub(super) filter: bool,
+    /// SH degree of the file, where it is more than what is kept.
+    pub(super) cut_degree: Option<usize>,
+}
+
+/// Type of a scalar column.
+pub(super) fn scalar_type(element: &Element, column: usize) -> Option<Scalar> {
+    match element.properties.get(column)?.kind {
+        PropertyKind::Scalar(scalar) => Some(scalar),
+        PropertyKind::List { .. } => None,
+    }
+}
+
+impl Appearance {
+    /// What was done, a sentence each.
+    pub(super) fn notes(&self, comments: &[String]) -> Vec<String> {
+        let mut notes = Vec::new();
+        if self.rgb.is_some() {
+            notes.push(
+                "colours are those of red, green and blue: it has no f_dc columns".to_owned(),
+            );
+        }
+        if self.surfels {
+            notes.push(
+                "it has no scale_2 (2D Gaussians): its splats are read as discs 1e-6 units thick"
+                    .to_owned(),
+            );
+        }
+        if self.filter {
+            notes.push(
+                "the smoothing filter of Mip-Splatting (filter_3D) was applied to sizes and opacities"
+                    .to_owned(),
+            );
+        }
+        if let Some(degree) = self.cut_degree {
+            notes.push(format!("SH degree {degree} was cut to {MAX_DEGREE}"));
+        }
+        let asks = |comment: &String| comment.trim().eq_ignore_ascii_case(MIP_COMMENT);
+        if self.filter || comments.iter().any(asks) {
+            notes.push(ANTIALIASED.to_owned());
+        }
+        notes
+    }
+
+    /// Turns values as stored in the columns into those of the 3DGS layout; `filters[row]` are world units, empty without a filter.
+    pub(super) fn apply(&self, splats: &mut Splats, filters: &[f32]) {
+        if let Some(scalar) = self.rgb {
+            let coeffs = splats.sh_coeffs();
+            let white = white(scalar, splats.sh.iter().step_by(coeffs).flatten().copied());
+            for dc in splats.sh.iter_mut().step_by(coeffs) {
+                *dc = dc.map(|channel| (channel / white - 0.5) / C0);
+            }
+        }
+        if self.surfels {
+            for log_scale in &mut splats.log_scales {
+                log_scale[2] = SURFEL_LOG_SCALE;
+            }
+        }
+        for (row, &filter) in filters.iter().enumerate() {
+            smooth(&mut splats.log_scales[row], &mut splats.opacity_logits[row], filter);
+        }
+    }
+}
+
+/// The number that stands for full intensity. Floating-point colours go to 1, or to 255 if one of them is above 1.
+fn white(scalar: Scalar, mut channels: impl Iterator<Item = f32>) -> f32 {
+    match scalar {
+        Scalar::U16 | Scalar::I16 => 65535.0,
+        Scalar::F32 | Scalar::F64 => {
+            if channels.any(|channel| channel > 1.0 && channel.is_finite()) { 255.0 } else { 1.0 }
+        }
+        Scalar::I8 | Scalar::U8 | Scalar::I32 | Scalar::U32 => 255.0,
+    }
+}
+
+/// Applies the 3D smoothing filter of Mip-Splatting (Yu et al. 2024, equation 9) of standard deviation `filter` to a splat.
+fn smooth(log_scale: &mut [f32; 3], opacity_logit: &mut f32, filter: f32) {
+    if filter == 0.0 {
+        return;
+    }
+    let log_filter = f64::from(filter).abs().ln();
+    // Logarithm of Πs/Πs′.
+    let mut log_ratio = 0.0;
+    for axis in log_scale {
+        let stored = f64::from(*axis);
+        // √(s² + f²) in logarithms, so that sizes of any magnitude stay finite.
+        let larger = stored.max(log_filter);
+        let square = |log: f64| (2.0 * (log - larger)).exp();
+        let smoothed = larger + 0.5 * (square(stored) + square(log_filter)).ln();
+        log_ratio += stored - smoothed;
+        *axis = single(smoothed);
+    }
+    let opacity = sigmoid(f64::from(*opacity_logit)) * log_ratio.exp();
+    *opacity_logit = single(logit(opacity));
+}
+
+#[expect(clippy::cast_possible_truncation, reason = "Gaussians are single precision")]
+fn single(value: f64) -> f32 {
+    value as f32
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn smoothing_is_that_of_activated_values() {
+        let (mut log_scale, mut opacity_logit) = ([-3.0, -2.5, -2.0], 1.5);
+        smooth(&mut log_scale, &mut opacity_logit, 0.2);
+        let mut ratio = 1.0;
+        for (stored, found) in [-3.0_f64, -2.5, -2.0].into_iter().zip(log_scale) {
+            let (s, expected) = (stored.exp(), stored.exp().hypot(0.2));
+            assert!((f64::from(found).exp() - expected).abs() < 1e-7, "{found}");
+            ratio *= s / expected;
+        }
+        let expected = ratio / (1.0 + (-1.5_f64).exp());
+        assert!((sigmoid(f64::from(opacity_logit)) - expected).abs() < 1e-7, "{opacity_logit}");
+    }
+
+    #[test]
+    fn smoothing_of_infinities() {
+        let opaque = |filter: f32| {
+            let (mut log_scale, mut logit) = ([-2.0; 3], f32::INFINITY);
+            smooth(&mut log_scale, &mut logit, filter);
+            (log_scale, logit)
+        };
+        let expected = ((-2.0_f64).exp() / (-2.0_f64).exp().hypot(0.2)).powi(3);
+        assert!(
+            (sigmoid(f64::from(opaque(0.2).1)) - expected).abs() < 1e-7,
+            "opaque becomes less so"
+        );
+        assert_eq!(opaque(0.0), ([-2.0; 3], f32::INFINITY), "no filter");
+        assert!(opaque(f32::NAN).1.is_nan(), "damage stays damage");
+        let (mut log_scale, mut logit) = ([f32::NEG_INFINITY, -2.0, -2.0], 3.0);
+        smooth(&mut log_scale, &mut logit, 0.2);
+        assert!((log_scale[0] - 0.2_f32.ln()).abs() < 1e-6, "flat becomes as thick as the filter");
+        assert_eq!(logit, f32::NEG_INFINITY, "and has no weight");
+    }
+
+    #[test]
+    fn full_intensity_by_type() {
+        assert_eq!(white(Scalar::U8, [1.0].into_iter()), 255.0, "bytes");
+        assert_eq!(white(Scalar::U16, [1.0].into_iter()), 65535.0, "16 bits");
+        assert_eq!(white(Scalar::F32, [0.0, 1.0].into_iter()), 1.0, "unit");
+        assert_eq!(white(Scalar::F64, [0.0, 200.0].into_iter()), 255.0, "bytes as numbers");
+    }
+}

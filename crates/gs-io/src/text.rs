@@ -1,0 +1,56 @@
+//! Text as editors and shells save it: UTF-8 with or without a byte-order mark, or UTF-16 (Windows' Notepad and PowerShell).
+
+use std::borrow::Cow;
+
+/// The text of a file. What is no valid character is replaced.
+pub(crate) fn decode(bytes: &[u8]) -> Cow<'_, str> {
+    if let Some(rest) = bytes.strip_prefix(b"\xef\xbb\xbf") {
+        return String::from_utf8_lossy(rest);
+    }
+    // Without a mark, text in UTF-16 has a zero in every second byte where it is Latin, as all our formats are at their start.
+    let unit: Option<(&[u8], fn([u8; 2]) -> u16)> = match *bytes {
+        [0xff, 0xfe, ref rest @ ..] => Some((rest, u16::from_le_bytes)),
+        [0xfe, 0xff, ref rest @ ..] => Some((rest, u16::from_be_bytes)),
+        [1..=255, 0, 1..=255, 0, ..] => Some((bytes, u16::from_le_bytes)),
+        [0, 1..=255, 0, 1..=255, ..] => Some((bytes, u16::from_be_bytes)),
+        _ => None,
+    };
+    let Some((rest, unit)) = unit else { return String::from_utf8_lossy(bytes) };
+    let units: Vec<u16> = rest.as_chunks::<2>().0.iter().map(|&pair| unit(pair)).collect();
+    Cow::Owned(String::from_utf16_lossy(&units))
+}
+
+/// As [`decode`], for parsers of bytes.
+pub(crate) fn utf8(bytes: &[u8]) -> Cow<'_, [u8]> {
+    match decode(bytes) {
+        Cow::Borrowed(text) => Cow::Borrowed(text.as_bytes()),
+        Cow::Owned(text) => Cow::Owned(text.into_bytes()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_way_to_save_text() {
+        let text = "Namespace(a='椅子')";
+        let utf16: Vec<u16> = text.encode_utf16().collect();
+        let little: Vec<u8> = utf16.iter().flat_map(|unit| unit.to_le_bytes()).collect();
+        let big: Vec<u8> = utf16.iter().flat_map(|unit| unit.to_be_bytes()).collect();
+        let with = |mark: &[u8], bytes: &[u8]| [mark, bytes].concat();
+        for (bytes, how) in [
+            (text.as_bytes().to_vec(), "UTF-8"),
+            (with(b"\xef\xbb\xbf", text.as_bytes()), "with a mark"),
+            (with(b"\xff\xfe", &little), "UTF-16, little-endian"),
+            (with(b"\xfe\xff", &big), "UTF-16, big-endian"),
+            (little, "UTF-16 without a mark"),
+            (big, "UTF-16, big-endian, without a mark"),
+        ] {
+            assert_eq!(decode(&bytes), text, "{how}");
+            assert_eq!(&*utf8(&bytes), text.as_bytes(), "{how}");
+        }
+        assert_eq!(decode(b"caf\xe9"), "caf\u{fffd}", "Latin-1 stays readable");
+        assert_eq!(decode(b""), "", "nothing");
+    }
+}

@@ -12,6 +12,7 @@ mod failure;
 mod field;
 mod frames;
 mod images;
+mod instead;
 mod loops;
 mod model_flags;
 mod passes;

@@ -4,13 +4,15 @@ use crate::args::Global;
 use crate::console::Console;
 use crate::failure::{Failure, Outcome, chain};
 use crate::field::Network;
+use crate::instead::{self, Needed};
 use crate::model_flags::overrides;
 use crate::passes::Mask;
 use crate::run_folder;
 use gs_core::DynamicScene;
 use gs_io::checkpoint4dgs::{self, ModelReport, ModelScene};
+use gs_io::frame::FrameError;
 use gs_io::ply_sequence::{PlySequence, SequenceOptions};
-use gs_io::repair::Damage;
+use gs_io::repair::{Damage, RepairReport};
 use gs_io::{IoError, SceneKind, swift4d};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -46,6 +48,8 @@ pub(crate) struct Opened {
 
 /// What a scene may be.
 const SCENES: &str = "SCENE is a 4DGS or Swift4D model folder, numbered frames in a folder or zip archive, a .splatv or .splat4d clip, or a run folder.";
+/// What an edited frame may be.
+const FRAMES: &str = "c4d goes by a file's content, not by the end of its name: export the splats as 3DGS PLY, compressed PLY, .splat, .spz or .sog.";
 /// Share of the distance between unrelated rows above which the rows of a sequence do not persist.
 const MAX_DRIFT: f32 = 0.3;
 /// Captured scenes: y points down.
@@ -68,6 +72,13 @@ pub(crate) fn bad_input(error: &IoError) -> Failure {
         }
         IoError::Damaged { .. } => {
             failure.next("Without --strict such rows are dropped and counted.")
+        }
+        IoError::StandIn { found, .. } => failure.next(found.next),
+        IoError::Frame { path, source: FrameError::Unknown { .. } } => {
+            match gs_io::detect(path) {
+                Ok(SceneKind::Foreign(foreign)) => failure.next(foreign.next),
+                _ => failure.next(FRAMES),
+            }
         }
         IoError::Ply { .. } | IoError::Frame { .. } => {
             failure.next("Copy the file again, or export the splats again as a 3DGS PLY.")
@@ -136,6 +147,14 @@ pub(crate) fn open_within(
         SceneKind::Splatv => open_splatv(path, global, console),
         SceneKind::Splat4d => open_splat4d(path, global, console),
         SceneKind::RunFolder => run_folder::open(path, runs, global, console),
+        kind @ SceneKind::Model3dgs => Err(Failure::bad_input(format!(
+            "{} is a {kind}: no save of it has a deformation.pth",
+            path.display()
+        ))
+        .next(format!(
+            "If it is a 4DGaussians model, copy deformation.pth beside its point_cloud.ply. As an edited frame: c4d propagate SCENE --edited {}. {SCENES}",
+            path.display()
+        ))),
         kind if kind.is_frame() => Err(Failure::bad_input(format!(
             "{} is a single frame ({kind}): it does not move",
             path.display()
@@ -148,8 +167,15 @@ pub(crate) fn open_within(
             path.display()
         ))
         .next("Give the model that was trained on it as SCENE, and this with --cameras.")),
-        kind => Err(Failure::bad_input(format!("{} is not a scene ({kind})", path.display()))
-            .next(format!("`c4d info PATH` says what was found. {SCENES}"))),
+        kind => {
+            let next = match (instead::of(path, Needed::Scene), &kind) {
+                (Some(next), _) => next,
+                (None, SceneKind::Foreign(foreign)) => format!("{} {SCENES}", foreign.next),
+                (None, _) => SCENES.to_owned(),
+            };
+            let what = format!("{} is not a scene ({kind})", path.display());
+            Err(Failure::bad_input(what).next(next))
+        }
     }
 }
 
@@ -167,6 +193,9 @@ fn open_model(path: &Path, kind: SceneKind, global: &Global, console: &Console) 
     let report = &model.report;
     for warning in &report.warnings {
         console.warn(format!("{}: {warning}", path.display()));
+    }
+    for note in &report.notes {
+        console.note(format!("{}: {note}", path.display()));
     }
     for hint in &report.untrained_heads {
         console.detail(format!("hint: {hint}"));
@@ -248,17 +277,11 @@ fn open_sequence(path: &Path, global: &Global, console: &Console) -> Outcome<Ope
     if !sequence.ignored().is_empty() {
         console.detail(format!("{}: ignored {}", path.display(), sequence.ignored().join(", ")));
     }
-    let repair = sequence.repair();
-    let dropped = repair.not_finite + repair.zero_quaternion;
-    if dropped > 0 {
-        console.warn(format!(
-            "{}: dropped {dropped} of {} rows that are damaged in some frame ({} not finite, {} with a zero quaternion)",
-            path.display(),
-            repair.rows,
-            repair.not_finite,
-            repair.zero_quaternion
-        ));
+    let notes = sequence.notes().map_err(|error| bad_input(&error))?;
+    for note in sequence.series().map(str::to_owned).into_iter().chain(notes) {
+        console.note(format!("{}: {note}", path.display()));
     }
+    say_repair(path, sequence.repair(), global, console);
     let drift = sequence.row_drift().map_err(|error| bad_input(&error))?;
     if drift > MAX_DRIFT {
         console.warn(format!(
@@ -269,7 +292,8 @@ fn open_sequence(path: &Path, global: &Global, console: &Console) -> Outcome<Ope
     }
     let files = sequence.paths().to_vec();
     let up = files.first().and_then(|first| up_of(first)).unwrap_or(UP_CAPTURED);
-    let facts = vec![("frames", sequence.num_frames().unwrap_or_default().to_string())];
+    let mut facts = vec![("frames", sequence.num_frames().unwrap_or_default().to_string())];
+    facts.extend(sequence.series().map(|series| ("series", series.to_owned())));
     Ok(Opened {
         edit_time: sequence.time_range().start,
         scene: Arc::new(sequence),
@@ -286,18 +310,19 @@ fn open_sequence(path: &Path, global: &Global, console: &Console) -> Outcome<Ope
     })
 }
 
+/// Says what was done with damaged rows and with infinities that have a meaning.
+fn say_repair(path: &Path, report: RepairReport, global: &Global, console: &Console) {
+    if let Some(warning) = report.warning(damage(global) == Damage::Drop) {
+        console.warn(format!("{}: {warning}", path.display()));
+    }
+    if let Some(note) = report.infinities.note() {
+        console.note(format!("{}: {note}", path.display()));
+    }
+}
+
 fn open_splatv(path: &Path, global: &Global, console: &Console) -> Outcome<Opened> {
     let read = gs_io::splatv::open(path, damage(global)).map_err(|error| bad_input(&error))?;
-    let dropped = read.repair.damaged();
-    if dropped > 0 {
-        console.warn(format!(
-            "{}: dropped {dropped} of {} damaged rows ({} not finite or without width, {} with a zero quaternion)",
-            path.display(),
-            read.repair.rows,
-            read.repair.not_finite,
-            read.repair.zero_quaternion
-        ));
-    }
+    say_repair(path, read.repair, global, console);
     let always = read.scene.motions().iter().filter(|motion| motion.width > ALWAYS_THERE).count();
     let facts =
         vec![("motion", "one cubic a splat".to_owned()), ("always there", always.to_string())];
@@ -319,14 +344,7 @@ fn open_splatv(path: &Path, global: &Global, console: &Console) -> Outcome<Opene
 
 fn open_splat4d(path: &Path, global: &Global, console: &Console) -> Outcome<Opened> {
     let read = gs_io::splat4d::open(path, damage(global)).map_err(|error| bad_input(&error))?;
-    let dropped = read.repair.damaged();
-    if dropped > 0 {
-        console.warn(format!(
-            "{}: dropped {dropped} of {} rows that have no rotation in some frame",
-            path.display(),
-            read.repair.rows
-        ));
-    }
+    say_repair(path, read.repair, global, console);
     let facts = vec![
         ("frames", read.scene.num_frames().unwrap_or_default().to_string()),
         ("fps", read.fps.to_string()),

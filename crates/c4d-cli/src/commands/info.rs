@@ -153,6 +153,10 @@ impl Report {
 fn frame(path: &Path, kind: &SceneKind) -> Outcome<Report> {
     let frame = gs_io::frame::read_file(path).map_err(|error| scene::bad_input(&error))?;
     let mut report = Report::new(path, kind);
+    let file = gs_io::frame::file_of(path);
+    if file != path {
+        report.add("file", json!(file.display().to_string()));
+    }
     if let FrameFormat::Ply { encoding, normals } = frame.format {
         report.add("encoding", json!(format!("{encoding:?}")));
         report.add("normals", json!(normals));
@@ -343,7 +347,10 @@ fn describe(report: &mut Report, splats: &Splats) {
             return;
         }
     };
-    let rows = damaged.not_finite + damaged.zero_quaternion;
+    if let Some(note) = damaged.infinities.note() {
+        report.add("note", json!(note));
+    }
+    let rows = damaged.damaged();
     if rows > 0 {
         report.add(
             "damaged",

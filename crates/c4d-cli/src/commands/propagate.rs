@@ -7,6 +7,7 @@ use crate::console::Console;
 use crate::failure::{Failure, Outcome, chain};
 use crate::field::NetworkField;
 use crate::frames;
+use crate::instead::{self, Needed};
 use crate::run_folder::{self, CONFIG, Checkpoint, REPORT, RunConfig, SCENE, Stored};
 use crate::scene::{self, Opened};
 use amg::{
@@ -185,7 +186,17 @@ fn read_edited(
     global: &Global,
     console: &Console,
 ) -> Outcome<(Splats, Option<Arc<Precision>>)> {
-    let frame = gs_io::frame::read_file(path).map_err(|error| scene::bad_input(&error))?;
+    let frame = gs_io::frame::read_file(path).map_err(|error| {
+        let failure = scene::bad_input(&error);
+        match instead::of(path, Needed::Frame).filter(|_| path.is_dir()) {
+            Some(next) => failure.next(next),
+            None => failure,
+        }
+    })?;
+    let file = gs_io::frame::file_of(path);
+    if file != path {
+        console.note(format!("{}: the frame is {}", path.display(), file.display()));
+    }
     let noted = frame
         .comments
         .iter()
@@ -219,6 +230,9 @@ fn read_edited(
             },
         )
     })?;
+    if let Some(note) = damaged.infinities.note() {
+        console.note(format!("{}: {note}", path.display()));
+    }
     if frame.splats.len() < rows {
         console.warn(format!(
             "{}: dropped {} of {} rows ({} not finite, {} with a zero quaternion)",

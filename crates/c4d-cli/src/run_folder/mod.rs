@@ -83,10 +83,19 @@ fn load_within(
     runs.push(real);
     let read = |name: &str| {
         let file = path.join(name);
-        gs_io::read_file(&file).map_err(|error| {
+        let bytes = gs_io::read_file(&file).map_err(|error| {
             Failure::bad_input(format!("cannot read {}: {error}", file.display()))
                 .next("A run folder holds scene.c4d, c4d.toml and run.json; write it anew with c4d propagate.")
-        })
+        })?;
+        match gs_io::Foreign::stand_in(&bytes) {
+            Some(found) => Err(Failure::bad_input(format!(
+                "{}: is {}, not the file itself",
+                file.display(),
+                found.name
+            ))
+            .next(found.next)),
+            None => Ok(bytes),
+        }
     };
     let text = String::from_utf8(read(CONFIG)?)
         .map_err(|error| damaged(path, CONFIG, &error.to_string()))?;

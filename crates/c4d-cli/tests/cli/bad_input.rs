@@ -298,3 +298,70 @@ fn copy_folder(from: &Path, to: &Path) {
         fs::copy(from.join(&name), target).unwrap();
     }
 }
+
+/// Runs a command on a path and expects it to be refused as input; returns what was said.
+fn refused(command: &str, path: &Path, more: &[&str]) -> String {
+    let path = path.to_str().unwrap();
+    failure(c4d([command, path]).args(more), 3)
+}
+
+#[test]
+fn next_steps_name_what_is_there() {
+    let bench = Bench::new();
+    let out = bench.at("out");
+    let output = ["-o", out.to_str().unwrap()];
+    // A folder with one clip in it.
+    let folder = bench.at("downloads");
+    fs::create_dir(&folder).unwrap();
+    fs::write(folder.join("readme.txt"), "hello").unwrap();
+    fs::write(folder.join("walk.splatv"), 0x674B_u32.to_le_bytes()).unwrap();
+    let said = refused("freeze", &folder, &output);
+    assert!(said.contains("walk.splatv") && said.contains("give that"), "{said}");
+    // A plain 3DGS model.
+    let model = bench.at("model");
+    let save = model.join("point_cloud/iteration_30000");
+    fs::create_dir_all(&save).unwrap();
+    fs::copy(fixture("synth/edited.ply"), save.join("point_cloud.ply")).unwrap();
+    fs::write(model.join("cfg_args"), "Namespace(sh_degree=3, eval=False)").unwrap();
+    let said = refused("freeze", &model, &output);
+    assert!(said.contains("static, no deformation") && said.contains("--edited"), "{said}");
+    let (text, _) = success(&mut c4d(["info", model.to_str().unwrap()]));
+    assert!(text.contains("3DGS model") && text.contains("iteration_30000"), "{text}");
+    let source = fixture("synth/source");
+    let mut propagate = c4d(["propagate", "--no-refine", source.to_str().unwrap()]);
+    propagate.args(["--edited", model.to_str().unwrap()]).args(output);
+    let (_, said) = success(&mut propagate);
+    assert!(said.contains("iteration_30000"), "says which frame: {said}");
+    fs::remove_dir_all(&out).unwrap();
+    // A folder of an edited frame under another name, and one of a model that moves.
+    let edits = bench.at("edits");
+    fs::create_dir(&edits).unwrap();
+    fs::copy(fixture("synth/edited.ply"), edits.join("hat.ply")).unwrap();
+    bench.refuse(&edits, 3, &["hat.ply", "give that"]);
+    bench.refuse(&fixture("deform4dgs/dnerf_like/model"), 3, &["canonical", "c4d freeze"]);
+    // Files that stand in for others, and of other formats.
+    let pointer = bench.at("edited.ply");
+    fs::write(&pointer, "version https://git-lfs.github.com/spec/v1\noid sha256:0\nsize 9\n")
+        .unwrap();
+    bench.refuse(&pointer, 3, &["Git LFS pointer", "git lfs pull"]);
+    fs::write(&pointer, "# Blender v4.2 OBJ File\nv 0 0 0\n").unwrap();
+    bench.refuse(&pointer, 3, &["# Blender", "3DGS PLY"]);
+    // A run whose files are pointers.
+    let run = bench.at("fetched");
+    fs::create_dir(&run).unwrap();
+    fs::write(run.join("c4d.toml"), "version https://git-lfs.github.com/spec/v1\n").unwrap();
+    let said = refused("info", &run, &[]);
+    assert!(said.contains("c4d.toml") && said.contains("Git LFS pointer"), "{said}");
+}
+
+#[test]
+fn series_are_named() {
+    let bench = Bench::new();
+    let folder = bench.at("frames");
+    copy_folder(&fixture("synth/source"), &folder);
+    let first = listing(&folder).into_iter().find(|name| name.ends_with(".ply")).unwrap();
+    fs::copy(folder.join(first), folder.join("other_0.ply")).unwrap();
+    let (text, said) = success(&mut c4d(["info", folder.to_str().unwrap()]));
+    assert!(said.contains("left: other_*.ply (1)"), "{said}");
+    assert!(text.contains("series"), "{text}");
+}

@@ -24,7 +24,7 @@ fn is_sog(folder: &Path, meta: &Path) -> bool {
     const MAX_META: u64 = 1 << 20;
     let small = || std::fs::metadata(meta).is_ok_and(|meta| meta.len() <= MAX_META);
     let lists_planes = || {
-        let keys: Option<BTreeMap<String, IgnoredAny>> = std::fs::read(meta)
+        let keys: Option<BTreeMap<String, IgnoredAny>> = crate::input::read_file(meta)
             .ok()
             .and_then(|bytes| serde_json::from_slice(&text::utf8(&bytes)).ok());
         keys.is_some_and(|keys| ["means", "quats", "sh0"].iter().all(|key| keys.contains_key(*key)))

@@ -1,0 +1,99 @@
+//! What to give in place of a path that is not what a command needs.
+
+use gs_io::SceneKind;
+use std::path::{Path, PathBuf};
+
+/// Entries of a folder looked at.
+const MAX_ENTRIES: usize = 256;
+/// Entries named.
+const SHOWN: usize = 6;
+/// Folders between a model or data set and its innermost files.
+const DEPTH: usize = 4;
+
+/// What a command needs.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Needed {
+    /// A scene that moves.
+    Scene,
+    /// One frame, edited.
+    Frame,
+}
+
+impl Needed {
+    fn fits(self, kind: &SceneKind) -> bool {
+        match self {
+            Self::Frame => kind.is_frame(),
+            Self::Scene => matches!(
+                kind,
+                SceneKind::Model4dgs
+                    | SceneKind::Swift4d
+                    | SceneKind::PlySequence
+                    | SceneKind::Splatv
+                    | SceneKind::Splat4d
+                    | SceneKind::RunFolder
+            ),
+        }
+    }
+}
+
+/// Names what is needed and lies in `path`, a folder, or around it, where something does.
+pub(crate) fn of(path: &Path, needed: Needed) -> Option<String> {
+    if path.is_dir() { inside(path, needed) } else { around(path, needed) }
+}
+
+fn inside(folder: &Path, needed: Needed) -> Option<String> {
+    let found = entries(folder, needed);
+    let named = |(path, kind): &(PathBuf, SceneKind)| format!("{} ({kind})", path.display());
+    match &found[..] {
+        [] => None,
+        [only] => Some(format!("The folder holds {}: give that.", named(only))),
+        several => {
+            let mut names: Vec<String> = several.iter().take(SHOWN).map(named).collect();
+            if several.len() > SHOWN {
+                names.push(format!("{} more", several.len() - SHOWN));
+            }
+            Some(format!("The folder holds {}: give one of them.", names.join(", ")))
+        }
+    }
+}
+
+fn entries(folder: &Path, needed: Needed) -> Vec<(PathBuf, SceneKind)> {
+    let Ok(entries) = std::fs::read_dir(folder) else { return Vec::new() };
+    let mut paths: Vec<PathBuf> = entries.flatten().map(|entry| entry.path()).collect();
+    paths.sort();
+    let fitting = |path: PathBuf| {
+        // Only plain files and folders: a pipe would be waited for.
+        let plain = path.metadata().is_ok_and(|found| found.is_file() || found.is_dir());
+        let kind = gs_io::detect(&path).ok().filter(|_| plain)?;
+        needed.fits(&kind).then_some((path, kind))
+    };
+    paths.into_iter().take(MAX_ENTRIES).filter_map(fitting).collect()
+}
+
+fn around(file: &Path, needed: Needed) -> Option<String> {
+    let file = file.canonicalize().ok()?;
+    let known = |folder: &&Path| gs_io::detect(folder).is_ok_and(|kind| needed.fits(&kind));
+    let folder = file.ancestors().skip(1).take(DEPTH).filter(known).last()?;
+    let kind = gs_io::detect(folder).ok()?;
+    Some(format!("It lies in {} ({kind}): give that folder.", folder.display()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::fs;
+
+    #[test]
+    fn what_fits_is_named() {
+        let dir = tempfile::tempdir().unwrap();
+        assert_eq!(of(dir.path(), Needed::Scene), None, "nothing is there");
+        fs::write(dir.path().join("notes.txt"), "hello").unwrap();
+        fs::write(dir.path().join("walk.splatv"), 0x674B_u32.to_le_bytes()).unwrap();
+        let said = of(dir.path(), Needed::Scene).unwrap();
+        assert!(said.contains("walk.splatv") && said.contains("give that"), "{said}");
+        assert_eq!(of(dir.path(), Needed::Frame), None, "a clip is no frame");
+        fs::write(dir.path().join("wave.splat4d"), "SP4D").unwrap();
+        let said = of(dir.path(), Needed::Scene).unwrap();
+        assert!(said.contains("wave.splat4d") && said.contains("one of them"), "{said}");
+    }
+}

@@ -2,12 +2,12 @@
 
 mod views;
 
-pub(crate) use views::{CamerasAs, SplitArg, Up};
+pub(crate) use views::{AxesArg, CamerasAs, SplitArg, Up};
 
 use crate::device::GpuChoice;
 use crate::export_format::ExportFormat;
-use clap::{Args, Parser, Subcommand, ValueEnum};
 use crate::failure::{Failure, Outcome};
+use clap::{Args, Parser, Subcommand, ValueEnum};
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
 
@@ -129,6 +129,9 @@ pub(crate) struct InfoArgs {
     /// Machine-readable
     #[arg(long)]
     pub(crate) json: bool,
+    /// Axes of an SPZ or glTF frame [default: those it names, else those of its format]
+    #[arg(long, visible_alias = "spz-axes", value_enum)]
+    pub(crate) axes: Option<AxesArg>,
 }
 
 #[derive(Debug, Args)]
@@ -163,7 +166,7 @@ pub(crate) struct FreezeArgs {
 pub(crate) struct PropagateArgs {
     /// The dynamic scene
     pub(crate) scene: PathBuf,
-    /// The edited frame: 3DGS PLY, compressed PLY, .splat, .spz or .sog of any editor, or the run folder of one
+    /// The edited frame: 3DGS PLY, compressed PLY, .splat, .spz, .sog or .glb of any editor, or the run folder of one
     #[arg(long, value_name = "FILE")]
     pub(crate) edited: PathBuf,
     /// Run folder to write
@@ -172,6 +175,9 @@ pub(crate) struct PropagateArgs {
     /// Time of the edited frame
     #[arg(long, default_value_t = 0.0, allow_negative_numbers = true)]
     pub(crate) time: f32,
+    /// Axes of an edited SPZ or glTF frame [default: those it names, else those in which it matches the scene]
+    #[arg(long, visible_alias = "spz-axes", value_enum)]
+    pub(crate) axes: Option<AxesArg>,
     /// Motion only: leave out the appearance refinement
     #[arg(long)]
     pub(crate) no_refine: bool,
@@ -339,7 +345,7 @@ pub(crate) struct RenderArgs {
 pub(crate) struct ExportArgs {
     /// The dynamic scene or run
     pub(crate) scene: PathBuf,
-    /// What to write [default: as the output is called: .splat4d, .splatv, .usda, .html, .zip, .spz, .splat or .compressed.ply]
+    /// What to write [default: as the output is called: .splat4d, .splatv, .usda, .html, .zip, .spz, .splat, .glb, .gltf, .compressed.ply or .ply]
     #[arg(long, value_enum)]
     pub(crate) to: Option<ExportFormat>,
     /// Folder (ply-seq, compressed-seq) or file
@@ -358,7 +364,7 @@ pub(crate) struct ExportArgs {
         help_heading = "Which frames"
     )]
     pub(crate) times: Vec<f32>,
-    /// Time of the one frame of compressed-ply, spz and splat [default: 0]
+    /// Time of the one frame of ply, compressed-ply, spz, splat, glb and gltf [default: 0]
     #[arg(
         long,
         value_name = "T",
@@ -373,7 +379,7 @@ pub(crate) struct ExportArgs {
     /// Keep SH up to this degree only [default: all of it; html: 1; splat, splat4d and splatv hold 0]
     #[arg(long, value_name = "0-3", help_heading = "What is kept")]
     pub(crate) sh_degree: Option<usize>,
-    /// ply-seq, zip: leave out the unused normals (12 bytes a splat; some readers need them)
+    /// ply, ply-seq, zip: leave out the unused normals (12 bytes a splat; some readers need them)
     #[arg(long, help_heading = "What is kept")]
     pub(crate) no_normals: bool,
     /// splat4d, splatv: largest error of positions as a share of the scene's size [default: splat4d 0.0002; splatv 0.005, of one splat in a
@@ -394,9 +400,15 @@ pub(crate) struct ExportArgs {
     /// html: title of the page [default: the output's name]
     #[arg(long, help_heading = "What is noted")]
     pub(crate) title: Option<String>,
-    /// spz: version 4, or 3 for older players [default: 4]
-    #[arg(long, value_name = "3|4", help_heading = "What is noted")]
+    /// spz: version 3, or 4, which few viewers read yet [default: 3]
+    #[arg(long, value_name = "3|4", help_heading = "SPZ")]
     pub(crate) spz_version: Option<u32>,
+    /// spz: axes of the file [default: rub, as the format is described; splat-transform 3 and gsply take ply]
+    #[arg(long, value_enum, help_heading = "SPZ")]
+    pub(crate) spz_axes: Option<AxesArg>,
+    /// spz: bits of SH coefficients, 1 to 8, or of degree 1 and of those above [default: 5,4]
+    #[arg(long, value_name = "N[,N]", value_parser = parse_bits, help_heading = "SPZ")]
+    pub(crate) spz_sh_bits: Option<[u32; 2]>,
 }
 
 #[derive(Debug, Args)]
@@ -508,6 +520,14 @@ fn parse_size(text: &str) -> Result<(u32, u32), String> {
         .ok_or_else(|| format!("`{text}` is no image size: expected WIDTHxHEIGHT, 1 to 16384 pixels each, as in 960x720"))
 }
 
+fn parse_bits(text: &str) -> Result<[u32; 2], String> {
+    let bits = |part: &str| part.trim().parse().ok().filter(|bits| (1..=8).contains(bits));
+    let (first, above) = text.split_once(',').unwrap_or((text, text));
+    bits(first)
+        .and_then(|first| Some([first, bits(above)?]))
+        .ok_or_else(|| format!("invalid bits `{text}`: expected 1 to 8, for example 8 or 5,4"))
+}
+
 fn parse_background(text: &str) -> Result<[f32; 3], String> {
     match text {
         "black" => return Ok([0.0; 3]),
@@ -539,5 +559,7 @@ mod tests {
         assert!(parse_size("0x480").is_err() && parse_size("640").is_err(), "nonsense");
         assert_eq!(parse_background("1,0.5,0"), Ok([1.0, 0.5, 0.0]), "triple");
         assert!(parse_background("1,2,3").is_err(), "out of range");
+        assert_eq!((parse_bits("8"), parse_bits("5, 4")), (Ok([8, 8]), Ok([5, 4])), "bits");
+        assert!(parse_bits("9").is_err() && parse_bits("3,0").is_err(), "bits out of range");
     }
 }

@@ -14,6 +14,8 @@ pub(crate) enum ExportFormat {
     Zip,
     /// One page that plays in any browser, beside the original if it is a run
     Html,
+    /// One frame as 3DGS PLY, every value exact
+    Ply,
     /// One frame as PlayCanvas compressed PLY
     CompressedPly,
     /// A folder of such frames, frame_00000.compressed.ply …
@@ -22,6 +24,10 @@ pub(crate) enum ExportFormat {
     Spz,
     /// One frame as .splat
     Splat,
+    /// One frame as binary glTF with KHR_gaussian_splatting
+    Glb,
+    /// The same as text, with the data inside
+    Gltf,
     /// One .splat4d: compressed, every error bounded, streams
     Splat4d,
     /// One OpenUSD text layer with time samples, exact
@@ -33,7 +39,10 @@ pub(crate) enum ExportFormat {
 impl ExportFormat {
     /// Whether it holds one frame.
     pub(crate) fn is_snapshot(self) -> bool {
-        matches!(self, Self::CompressedPly | Self::Spz | Self::Splat)
+        matches!(
+            self,
+            Self::Ply | Self::CompressedPly | Self::Spz | Self::Splat | Self::Glb | Self::Gltf
+        )
     }
 
     /// Whether the whole clip goes into one file that `export_clip` writes.
@@ -72,29 +81,32 @@ impl ExportFormat {
     /// Refuses flags that would change nothing: whoever gives them expects that they do.
     fn check_flags(self, args: &ExportArgs) -> Outcome {
         use ExportFormat::{
-            CompressedPly, CompressedSeq, Html, PlySeq, Splat, Splat4d, Splatv, Spz, Usda, Zip,
+            CompressedPly, CompressedSeq, Glb, Gltf, Html, Ply, PlySeq, Splat, Splat4d, Splatv,
+            Spz, Usda, Zip,
         };
         const CLIPS: &[ExportFormat] = &[PlySeq, Zip, Html, CompressedSeq, Splat4d, Usda, Splatv];
-        const FLAGS: [Flag; 11] = [
-            ("--time", &[CompressedPly, Spz, Splat], |args| args.time.is_some()),
+        const FLAGS: [Flag; 13] = [
+            ("--time", &[Ply, CompressedPly, Spz, Splat, Glb, Gltf], |args| args.time.is_some()),
             ("--times", CLIPS, |args| !args.times.is_empty()),
             ("--frames", CLIPS, |args| args.frames.is_some()),
             ("--fps", CLIPS, |args| args.fps.is_some()),
             (
                 "--sh-degree above 0",
-                &[PlySeq, Zip, Html, CompressedPly, CompressedSeq, Spz, Usda],
+                &[Ply, PlySeq, Zip, Html, CompressedPly, CompressedSeq, Spz, Glb, Gltf, Usda],
                 |args| args.sh_degree.is_some_and(|degree| degree > 0),
             ),
-            ("--no-normals", &[PlySeq, Zip], |args| args.no_normals),
+            ("--no-normals", &[Ply, PlySeq, Zip], |args| args.no_normals),
             ("--tolerance", &[Splat4d, Splatv], |args| args.tolerance.is_some()),
             ("--force", &[Splatv, Usda], |args| args.force),
             (
                 "--up",
-                &[PlySeq, Zip, Html, CompressedPly, CompressedSeq, Splat4d, Usda, Splatv],
+                &[Ply, PlySeq, Zip, Html, CompressedPly, CompressedSeq, Splat4d, Usda, Splatv],
                 |args| args.up.is_some(),
             ),
             ("--title", &[Html], |args| args.title.is_some()),
             ("--spz-version", &[Spz], |args| args.spz_version.is_some()),
+            ("--spz-axes", &[Spz], |args| args.spz_axes.is_some()),
+            ("--spz-sh-bits", &[Spz], |args| args.spz_sh_bits.is_some()),
         ];
         for (flag, formats, given) in FLAGS {
             if given(args) && !formats.contains(&self) {
@@ -111,7 +123,7 @@ impl ExportFormat {
 type Flag = (&'static str, &'static [ExportFormat], fn(&ExportArgs) -> bool);
 
 /// Endings of names that one format alone has.
-const ENDINGS: [(&str, ExportFormat); 9] = [
+const ENDINGS: [(&str, ExportFormat); 12] = [
     (".splat4d", ExportFormat::Splat4d),
     (".splatv", ExportFormat::Splatv),
     (".splat", ExportFormat::Splat),
@@ -120,7 +132,10 @@ const ENDINGS: [(&str, ExportFormat); 9] = [
     (".htm", ExportFormat::Html),
     (".zip", ExportFormat::Zip),
     (".spz", ExportFormat::Spz),
+    (".glb", ExportFormat::Glb),
+    (".gltf", ExportFormat::Gltf),
     (".compressed.ply", ExportFormat::CompressedPly),
+    (".ply", ExportFormat::Ply),
 ];
 
 #[cfg(test)]
@@ -133,7 +148,8 @@ mod tests {
         assert_eq!(called("a/Clip.SPLAT4D"), Some(ExportFormat::Splat4d), "whatever the case");
         assert_eq!(called("clip.splatv"), Some(ExportFormat::Splatv), "not its shorter cousin");
         assert_eq!(called("one.compressed.ply"), Some(ExportFormat::CompressedPly), "two dots");
-        for name in ["frames", "frames/", "one.ply", "clip.mp4", "..", ""] {
+        assert_eq!(called("one.ply"), Some(ExportFormat::Ply), "one frame");
+        for name in ["frames", "frames/", "clip.mp4", "..", ""] {
             assert_eq!(called(name), None, "{name}");
         }
     }

@@ -7,6 +7,7 @@ mod cameras;
 mod commands;
 mod console;
 mod device;
+mod edited_axes;
 mod export_format;
 mod failure;
 mod field;

@@ -20,6 +20,7 @@ mod raster;
 mod real;
 mod scene;
 pub mod sh;
+mod sh_rotation;
 mod splats;
 
 pub use camera::{Camera, CameraError, Intrinsics};
@@ -33,6 +34,7 @@ pub use raster::{
 };
 pub use real::{Real, Ring};
 pub use scene::{DynamicScene, SceneError, TimeRange};
+pub use sh_rotation::ShRotation;
 pub use splats::{Splats, SplatsError};
 
 #[cfg(doctest)]

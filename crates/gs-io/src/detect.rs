@@ -38,6 +38,8 @@ pub enum SceneKind {
     Spz,
     /// A `.sog` frame.
     Sog,
+    /// A `.glb` or `.gltf` frame.
+    Gltf,
     /// A folder in which an editor left a frame.
     EditorFolder,
     /// A PLY file of something else; why it is no Gaussian scene.
@@ -71,6 +73,7 @@ impl Display for SceneKind {
             Self::Splat => f.write_str(".splat frame"),
             Self::Spz => f.write_str("SPZ frame"),
             Self::Sog => f.write_str("SOG frame"),
+            Self::Gltf => f.write_str("glTF frame"),
             Self::EditorFolder => f.write_str("folder with one edited frame"),
             Self::OtherPly(what) => f.write_str(what),
             Self::Splatv => f.write_str("animated splats (.splatv)"),
@@ -96,6 +99,7 @@ impl SceneKind {
                 | Self::Splat
                 | Self::Spz
                 | Self::Sog
+                | Self::Gltf
                 | Self::EditorFolder
                 | Self::Model3dgs
         )
@@ -178,6 +182,7 @@ fn detect_file(path: &Path) -> Result<SceneKind, IoError> {
         Container::Ply => detect_ply(path),
         Container::Spz => Ok(SceneKind::Spz),
         Container::Splat => Ok(SceneKind::Splat),
+        Container::Gltf => Ok(SceneKind::Gltf),
         Container::Zip => Ok(detect_zip(path)),
         Container::Unknown if path.to_string_lossy().ends_with(MANIFEST_ENDING) => {
             Ok(SceneKind::Foreign(MANIFEST))
@@ -307,11 +312,13 @@ pub fn open_scene(path: impl AsRef<Path>, options: &OpenOptions) -> Result<Opene
         | SceneKind::Splat
         | SceneKind::Spz
         | SceneKind::Sog
+        | SceneKind::Gltf
         | SceneKind::EditorFolder
         | SceneKind::Model3dgs
         | SceneKind::OtherPly(_) => {
             let read = frame::read_file(path)?;
             warnings.extend(read.notes.iter().cloned());
+            warnings.extend(read.axes.and_then(|reading| reading.assumption()));
             let (frame, found) = read
                 .sanitize(options.damage)
                 .map_err(|source| IoError::Damaged { path: path.to_owned(), source })?;
@@ -327,7 +334,7 @@ pub fn open_scene(path: impl AsRef<Path>, options: &OpenOptions) -> Result<Opene
             return Err(IoError::content(
                 path,
                 format!(
-                    "is not a scene ({kind}); expected a model folder of 4DGaussians or Swift4D, numbered frames in a folder or zip archive, a .splatv or .splat4d clip, or one frame (PLY, .splat, .spz, .sog)"
+                    "is not a scene ({kind}); expected a model folder of 4DGaussians or Swift4D, numbered frames in a folder or zip archive, a .splatv or .splat4d clip, or one frame (PLY, .splat, .spz, .sog, .glb)"
                 ),
             ));
         }

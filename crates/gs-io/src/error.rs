@@ -198,8 +198,8 @@ impl IoError {
 
 /// Reads a whole file; every reader of files comes through here, or through [`refuse_stand_in`].
 pub(crate) fn read_bytes(path: &Path) -> Result<Vec<u8>, IoError> {
-    let bytes =
-        crate::input::read_file(path).map_err(|source| IoError::Read { path: path.to_owned(), source })?;
+    let bytes = crate::input::read_file(path)
+        .map_err(|source| IoError::Read { path: path.to_owned(), source })?;
     refuse_stand_in(path, &bytes)?;
     Ok(bytes)
 }

@@ -1,7 +1,5 @@
 //! Files that are known but not read here, by their first bytes: what they are, and what to do.
 
-use crate::text;
-
 /// A kind of file that is known but not read.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Foreign {
@@ -21,7 +19,7 @@ const USD: &str = "Export the splats as PLY from the program that made it, or gi
 const TORCH: &str =
     "It is a part of a model: give the model's folder, which holds point_cloud/iteration_N.";
 
-const KNOWN: [Foreign; 16] = [
+const KNOWN: [Foreign; 15] = [
     known(0, b"Kg\0\0", "a .splatv clip", "Copy it again: it should open as a scene."),
     known(0, b"SP4D", "a .splat4d clip", "Copy it again: it should open as a scene."),
     known(
@@ -37,7 +35,6 @@ const KNOWN: [Foreign; 16] = [
         "a .4dgs clip",
         "Export it as a PLY sequence from the program that made it.",
     ),
-    known(0, b"glTF", "a binary glTF", "Export the splats as PLY from the program that made it."),
     known(4, b"ftyp", "an MP4 video", END),
     known(8, b"WEBP", "a WebP image or clip", END),
     known(0, b"GIF8", "a GIF image or clip", END),
@@ -123,14 +120,6 @@ const HTML: Foreign = known(
 /// How such pages begin, after white space, in any case.
 const PAGES: [&[u8]; 4] = [b"<!doctype html", b"<html", b"<head", b"404: not found"];
 
-/// glTF as text, with or without Gaussians.
-const GLTF_TEXT: Foreign = known(
-    0,
-    b"",
-    "a glTF scene (.gltf)",
-    "Export the splats as PLY from the program that made it.",
-);
-
 /// Scenes of the GaussianSplats3D viewer.
 const KSPLAT: Foreign = known(
     0,
@@ -148,7 +137,6 @@ impl Foreign {
         Self::stand_in(start)
             .or_else(|| KNOWN.iter().find(|kind| kind.is_at_start_of(start)).copied())
             .or_else(|| is_ksplat(start).then_some(KSPLAT))
-            .or_else(|| is_gltf_text(start).then_some(GLTF_TEXT))
     }
 
     /// What lies in the place of a file, by its first bytes: a pointer of Git LFS and its like, or a web page.
@@ -180,15 +168,6 @@ fn is_ksplat(start: &[u8]) -> bool {
         && max_sections <= KSPLAT_MAX_SECTIONS
         && (1..=max_splats).contains(&splats)
         && max_splats <= KSPLAT_MAX_SPLATS
-}
-
-/// A JSON object with glTF's `asset` and something to show.
-fn is_gltf_text(start: &[u8]) -> bool {
-    let text = text::decode(start);
-    let has = |key: &str| text.contains(key);
-    text.trim_start().starts_with('{')
-        && has("\"asset\"")
-        && ["\"meshes\"", "\"accessors\"", "\"scenes\"", "\"nodes\""].iter().any(|key| has(key))
 }
 
 #[cfg(test)]
@@ -229,8 +208,5 @@ mod tests {
         assert_eq!(name(&ksplat([1, 1, 40, 40])), Some("a .ksplat scene"), "one section");
         assert_eq!(name(&ksplat([1, 2, 40, 40])), None, "more sections than there is room for");
         assert_eq!(name(&ksplat([0x8000_0f00, 3, 1, 1])), None, "a TrueType font");
-        let gltf = br#"{"asset": {"version": "2.0"}, "meshes": []}"#;
-        assert_eq!(name(gltf), Some("a glTF scene (.gltf)"), "text");
-        assert_eq!(name(br#"{"asset": 3}"#), None, "any JSON");
     }
 }

@@ -1,6 +1,6 @@
 //! Gaussian-splat file formats in and out.
 //!
-//! Promises: still frames of every common format ([`frame`]: 3DGS PLY, compressed PLY, `.splat`, `.spz`, `.sog`), sequences of them
+//! Promises: still frames of every common format ([`frame`]: 3DGS PLY, compressed PLY, `.splat`, `.spz`, `.sog`, glTF), sequences of them
 //! ([`ply_sequence`]), model folders of 4DGaussians ([`checkpoint4dgs`]) and Swift4D ([`swift4d`]), `.splatv` ([`splatv`]) and `.splat4d`
 //! ([`splat4d`]) in and out, OpenUSD ([`usda`]) out, each with what it does not keep ([`Losses`]), cameras and times of data sets ([`cameras`], [`cameras_json`]);
 //! [`detect()`] says what a path is. Readers survive any bytes:
@@ -13,6 +13,7 @@
 
 mod archive;
 mod atomic;
+mod axes;
 mod bytes8;
 pub mod cameras;
 pub mod cameras_json;
@@ -25,6 +26,7 @@ mod error;
 mod foreign;
 pub mod frame;
 mod frame_cache;
+pub mod gltf;
 mod inflate;
 mod input;
 mod losses;
@@ -32,6 +34,7 @@ pub mod ply;
 pub mod ply_sequence;
 pub mod pth;
 pub mod repair;
+mod sh_error;
 pub mod sog;
 pub mod splat4d;
 pub mod splat_file;
@@ -42,9 +45,8 @@ mod text;
 pub mod usda;
 mod zip;
 
-pub use atomic::{
-    AtomicDir, AtomicFile, Existing, FolderUpdate, final_path, remove_unfinished,
-};
+pub use atomic::{AtomicDir, AtomicFile, Existing, FolderUpdate, final_path, remove_unfinished};
+pub use axes::{Axes, AxesReading};
 pub use clip::Clip;
 pub use detect::{OpenOptions, Opened, SceneKind, detect, open_scene};
 pub use error::IoError;

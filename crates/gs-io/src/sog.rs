@@ -175,12 +175,16 @@ pub(crate) fn read_planes(
         if let Some(harmonics) = &harmonics {
             splats.sh.extend(harmonics.of_splat(i));
         }
+        // Encoders of WebP clear the colour of pixels without alpha, so that of an invisible splat is not known.
+        let color_off = |byte: u8| {
+            if alpha == 0 { f32::INFINITY } else { color_book.off[usize::from(byte)] }
+        };
         precision.push(RowPrecision {
             means: mean_off,
             rotation_rad: 1.1 * smallest_three_rad(std::f32::consts::SQRT_2 / 255.0),
             log_scales: [0, 1, 2].map(|axis| scale_book.off[usize::from(scale[axis])]),
             opacity: 1.1 / 255.0,
-            sh_dc: [r, g, b].map(|byte| color_book.off[usize::from(byte)]),
+            sh_dc: [r, g, b].map(color_off),
             // Palettes are fitted to the scene: how far a splat lies from its entry is not known.
             sh_rest: [f32::INFINITY; 3],
             ..RowPrecision::EXACT
@@ -194,6 +198,7 @@ pub(crate) fn read_planes(
     Ok(Frame {
         splats,
         format: FrameFormat::Sog,
+        axes: None,
         precision: Some(Arc::new(Precision::by_chunk(precision, 1))),
         notes,
         comments: Vec::new(),

@@ -93,6 +93,7 @@ pub fn read(bytes: &[u8]) -> Result<Frame, FrameError> {
     Ok(Frame {
         splats,
         format: FrameFormat::Splat,
+        axes: None,
         precision: Some(Arc::new(Precision::uniform(precision()))),
         notes,
         comments: Vec::new(),

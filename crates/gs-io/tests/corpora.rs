@@ -34,6 +34,7 @@ targets! {
     cfg_args "../../../fuzz/fuzz_targets/cfg_args.rs",
     colmap "../../../fuzz/fuzz_targets/colmap.rs",
     frame "../../../fuzz/fuzz_targets/frame.rs",
+    gltf "../../../fuzz/fuzz_targets/gltf.rs",
     nerfies "../../../fuzz/fuzz_targets/nerfies.rs",
     ply "../../../fuzz/fuzz_targets/ply.rs",
     pth "../../../fuzz/fuzz_targets/pth.rs",

@@ -112,8 +112,16 @@ proptest! {
 const FRAMES: [&str; 5] =
     ["frame.ply", "frame.compressed.ply", "frame_v3.spz", "frame_v4.spz", "frame.sog"];
 
-static STILLS: LazyLock<Vec<Vec<u8>>> =
-    LazyLock::new(|| FRAMES.iter().map(|name| read(&format!("frames/{name}"))).collect());
+/// Those, and a small one as binary glTF.
+static STILLS: LazyLock<Vec<Vec<u8>>> = LazyLock::new(|| {
+    let mut stills: Vec<Vec<u8>> =
+        FRAMES.iter().map(|name| read(&format!("frames/{name}"))).collect();
+    let splats = frame::read(&stills[0]).unwrap().splats.select(&[0, 1, 2]);
+    let mut glb = Vec::new();
+    gs_io::gltf::write(&splats, &gs_io::gltf::WriteOptions::default(), &mut glb).unwrap();
+    stills.push(glb);
+    stills
+});
 
 /// A clip of three frames of one of them.
 static CLIP: LazyLock<Vec<u8>> = LazyLock::new(|| {
@@ -148,7 +156,7 @@ proptest! {
     #![proptest_config(ProptestConfig { cases: 600, failure_persistence: None, ..ProptestConfig::default() })]
 
     #[test]
-    fn damaged_frames(which in 0..FRAMES.len(), damage in damage()) {
+    fn damaged_frames(which in 0..=FRAMES.len(), damage in damage()) {
         read_all(&apply(&STILLS[which], &damage));
     }
 

@@ -27,6 +27,28 @@ pub(crate) enum CamerasAs {
     Stored,
 }
 
+/// Axes of a file whose format does not settle them.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum AxesArg {
+    /// x right, y down, z front, as 3DGS PLYs have them: splat-transform 3, gsply
+    #[value(alias = "rdf")]
+    Ply,
+    /// x right, y up, z back: SPZ as it is described, three.js
+    Rub,
+    /// x left, y up, z front: glTF as it is specified
+    Luf,
+}
+
+impl AxesArg {
+    pub(crate) fn axes(self) -> gs_io::Axes {
+        match self {
+            Self::Ply => gs_io::Axes::PLY,
+            Self::Rub => gs_io::Axes::RUB,
+            Self::Luf => gs_io::Axes::LUF,
+        }
+    }
+}
+
 /// The world's upward direction.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum, Serialize, Deserialize)]
 pub(crate) enum Up {

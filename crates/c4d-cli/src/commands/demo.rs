@@ -54,6 +54,7 @@ pub(crate) fn run(args: &DemoArgs, global: &Global, console: &Console) -> Outcom
         edited: root.join(EDITED),
         output: root.join(RUN),
         time: 0.0,
+        axes: None,
         no_refine: true,
         preset: PresetArg::Best,
         baseline: None,

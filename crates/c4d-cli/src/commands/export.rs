@@ -36,7 +36,7 @@ pub(crate) fn run(args: &ExportArgs, global: &Global, console: &Console) -> Outc
     }
     if times.len() < 2 {
         return Err(Failure::usage("a sequence needs at least 2 frames")
-            .next("For one frame: --to compressed-ply, spz or splat with --time T, or c4d freeze --time T."));
+            .next("For one frame: --to ply (or compressed-ply, spz, splat, glb) with --time T."));
     }
     check_sh_degree(args.sh_degree, opened.scene.sh_degree())?;
     let fps = frames::fps(args.fps)?;

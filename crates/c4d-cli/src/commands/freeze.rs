@@ -35,8 +35,8 @@ pub(crate) fn run(args: &FreezeArgs, global: &Global, console: &Console) -> Outc
     };
     let output = &args.output;
     scene::refuse_overlap(output, &opened.roots)?;
-    let folder = AtomicDir::create(output, existing(global))
-        .map_err(|error| output_failure(&error))?;
+    let folder =
+        AtomicDir::create(output, existing(global)).map_err(|error| output_failure(&error))?;
     let options = WriteOptions {
         comments: std::iter::once(format!("{TIME_COMMENT}{}", args.time))
             .chain(scene::up_comments(opened.up))

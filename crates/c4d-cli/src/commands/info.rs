@@ -2,10 +2,11 @@
 
 mod products;
 
-use crate::args::{Global, InfoArgs};
+use crate::args::{AxesArg, Global, InfoArgs};
 use crate::console::Console;
 use crate::failure::{Failure, Outcome, chain};
 use crate::scene::{self, Opened};
+use gs_core::sh::C0;
 use gs_core::{Precision, RowPrecision, Splats};
 use gs_io::SceneKind;
 use gs_io::cameras::{self, Reading, Split};
@@ -38,7 +39,7 @@ fn report(args: &InfoArgs, global: &Global, console: &Console) -> Outcome {
     }
     let kind = gs_io::detect(path).map_err(|error| scene::bad_input(&error))?;
     let report = match &kind {
-        _ if kind.is_frame() => frame(path, &kind)?,
+        _ if kind.is_frame() => frame(path, &kind, args.axes)?,
         SceneKind::Model4dgs
         | SceneKind::Swift4d
         | SceneKind::PlySequence
@@ -150,8 +151,11 @@ impl Report {
     }
 }
 
-fn frame(path: &Path, kind: &SceneKind) -> Outcome<Report> {
-    let frame = gs_io::frame::read_file(path).map_err(|error| scene::bad_input(&error))?;
+fn frame(path: &Path, kind: &SceneKind, axes: Option<AxesArg>) -> Outcome<Report> {
+    let mut frame = gs_io::frame::read_file(path).map_err(|error| scene::bad_input(&error))?;
+    if let Some(axes) = axes {
+        frame = frame.in_axes(axes.axes());
+    }
     let mut report = Report::new(path, kind);
     let file = gs_io::frame::file_of(path);
     if file != path {
@@ -162,6 +166,10 @@ fn frame(path: &Path, kind: &SceneKind) -> Outcome<Report> {
         report.add("normals", json!(normals));
     } else {
         report.add("format", json!(frame.format.to_string()));
+    }
+    if let Some(reading) = &frame.axes {
+        let text = reading.assumption().unwrap_or_else(|| reading.axes.to_string());
+        report.add("axes", json!(text));
     }
     for note in &frame.notes {
         report.add("note", json!(note));
@@ -196,8 +204,11 @@ fn precision_of(precision: &Precision, rows: usize) -> String {
     } else {
         "exact".to_owned()
     };
+    let steps = |of: fn(&RowPrecision) -> f32| format!("{:.1}", 255.0 * median(of));
+    let opacity = steps(|row| row.opacity);
+    let color = steps(|row| C0 * row.sh_dc.into_iter().fold(0.0, f32::max));
     format!(
-        "median: positions {places}, sizes {sizes}, rotations within {angle:.1}°, opacities and colours of about 8 bits"
+        "median: positions {places}, sizes {sizes}, rotations within {angle:.1}°, opacities within {opacity} and base colours within {color} of 255 steps"
     )
 }
 

@@ -4,6 +4,7 @@ use super::freeze::{TIME_COMMENT, existing, output_failure};
 use super::refine;
 use crate::args::{BaselineArg, Global, MotionArg, PresetArg, PropagateArgs};
 use crate::console::Console;
+use crate::edited_axes;
 use crate::failure::{Failure, Outcome, chain};
 use crate::field::NetworkField;
 use crate::frames;
@@ -66,10 +67,9 @@ pub(crate) fn propagate(
     }
     frames::check(source.scene.time_range(), args.time, "--time")?;
     let mut options = options(args, &source)?;
-    let (edited, precision) =
-        read_edited(&args.edited, args.time, source.scene.sh_degree(), global, console)?;
-    options.identity.precision = precision;
     let source_splats = source.scene.at(args.time).map_err(Failure::bad_input)?;
+    let (edited, precision) = read_edited(args, &source_splats, global, console)?;
+    options.identity.precision = precision;
     if !args.allow_far {
         refuse_other_scene(args, &source_splats, &edited)?;
         refuse_canonical(args, &options.identity, &source, &source_splats, &edited)?;
@@ -180,12 +180,12 @@ fn options(args: &PropagateArgs, source: &Opened) -> Outcome<MotionOptions> {
 
 /// Reads the edited frame, repairs what can be repaired, and gives it the scene's SH degree; with how coarsely its format stores it.
 fn read_edited(
-    path: &Path,
-    time: f32,
-    sh_degree: usize,
+    args: &PropagateArgs,
+    source: &Splats,
     global: &Global,
     console: &Console,
 ) -> Outcome<(Splats, Option<Arc<Precision>>)> {
+    let (path, time, sh_degree) = (args.edited.as_path(), args.time, source.sh_degree);
     let frame = gs_io::frame::read_file(path).map_err(|error| {
         let failure = scene::bad_input(&error);
         match instead::of(path, Needed::Frame).filter(|_| path.is_dir()) {
@@ -220,6 +220,7 @@ fn read_edited(
             frame.format
         ));
     }
+    let frame = edited_axes::settle(frame, path, source, args.axes, console)?;
     let rows = frame.splats.len();
     let (frame, damaged) = frame.sanitize(scene::damage(global)).map_err(|error| {
         Failure::bad_input(format!("{}: {}", path.display(), chain(&error))).next(

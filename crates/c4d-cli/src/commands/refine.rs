@@ -17,8 +17,8 @@ use cuar::{
     Backend, CuarError, Observer, Preset, Preview, RefineOptions, Report, State, Views, WarpForm,
 };
 use gs_core::{Camera, DynamicScene};
-use gs_io::cameras::{Reading, Split};
 use gs_io::FolderUpdate;
+use gs_io::cameras::{Reading, Split};
 use gs_raster_cpu::CpuRasterizer;
 use gs_train_wgpu::DeviceDescent;
 use serde_json::{Value, json};
@@ -49,7 +49,9 @@ pub(crate) fn run(args: &RefineArgs, global: &Global, console: &Console) -> Outc
         }
         Ok(Some(checkpoint)) if args.resume => Some(resumed(args, checkpoint, console)?),
         Ok(Some(_)) => {
-            console.note("the checkpoint of an unfinished refinement is discarded; --resume goes on from it");
+            console.note(
+                "the checkpoint of an unfinished refinement is discarded; --resume goes on from it",
+            );
             None
         }
         Err(failure) if args.resume => return Err(failure),
@@ -134,12 +136,7 @@ pub(crate) fn check(flags: &RefineFlags, global: &Global) -> Outcome {
 }
 
 /// Refines the run in place, from where `begun` stands. Its motion, and the edited frame as it was given, stay.
-pub(crate) fn refine(
-    run: &Path,
-    begun: Checkpoint,
-    global: &Global,
-    console: &Console,
-) -> Outcome {
+pub(crate) fn refine(run: &Path, begun: Checkpoint, global: &Global, console: &Console) -> Outcome {
     let Checkpoint { preset, flags, state } = begun;
     let flags = &flags.absolute()?;
     check(flags, global)?;

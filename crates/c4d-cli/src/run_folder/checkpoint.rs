@@ -45,7 +45,8 @@ impl Checkpoint {
         let arrays: Vec<_> = singles.chain(doubles).collect();
         let mut views = Vec::with_capacity(arrays.len());
         for (name, dtype, len, bytes) in &arrays {
-            views.push((name.as_str(), TensorView::new(*dtype, vec![*len], bytes).map_err(failed)?));
+            views
+                .push((name.as_str(), TensorView::new(*dtype, vec![*len], bytes).map_err(failed)?));
         }
         let text = |value: serde_json::Result<String>| value.map_err(Failure::failed);
         let mut metadata = HashMap::from([
@@ -78,9 +79,7 @@ impl Checkpoint {
         let (_, header) = SafeTensors::read_metadata(bytes).map_err(text)?;
         let metadata = header.metadata().clone().unwrap_or_default();
         let entry = |name: &str| {
-            metadata
-                .get(name)
-                .ok_or_else(|| format!("no `{name}`: not a checkpoint of c4d refine"))
+            metadata.get(name).ok_or_else(|| format!("no `{name}`: not a checkpoint of c4d refine"))
         };
         let preset =
             serde_json::from_str(entry("preset")?).map_err(|error| format!("preset: {error}"))?;

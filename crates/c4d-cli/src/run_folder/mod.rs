@@ -163,12 +163,9 @@ pub(crate) fn open(
         count(RowKind::Blended),
         count(RowKind::Static)
     );
-    let refined = stored
-        .refined
-        .as_ref()
-        .map_or("no".to_owned(), |refined| {
-            format!("{} splats have new colours", refined.changed(&stored.edited))
-        });
+    let refined = stored.refined.as_ref().map_or("no".to_owned(), |refined| {
+        format!("{} splats have new colours", refined.changed(&stored.edited))
+    });
     let facts = vec![
         ("source", source.path.display().to_string()),
         ("edited", config.edited.display().to_string()),

@@ -158,7 +158,9 @@ fn deserialize(bytes: &[u8]) -> Result<Stored, String> {
             .map(|b| f32::from_le_bytes(*b))
             .collect();
         match values.iter().position(|value| !value.is_finite()) {
-            Some(at) => Err(format!("{name}: value {at} is {}, expected a finite number", values[at])),
+            Some(at) => {
+                Err(format!("{name}: value {at} is {}, expected a finite number", values[at]))
+            }
             None => Ok(values),
         }
     };

@@ -60,7 +60,11 @@ fn killed_runs_are_absent_or_complete() {
         assert_eq!(workshop.names(), complete, "{}: nothing else is left", job.name);
         for name in complete.iter().filter(|name| !before.contains(name)) {
             let path = workshop.at(name);
-            let removed = if path.is_dir() { std::fs::remove_dir_all(path) } else { std::fs::remove_file(path) };
+            let removed = if path.is_dir() {
+                std::fs::remove_dir_all(path)
+            } else {
+                std::fs::remove_file(path)
+            };
             removed.unwrap();
         }
         // And in place of nothing, without -w.
@@ -115,6 +119,7 @@ fn killed_refinements_resume_and_are_replaced() {
         assert!(!state.exists(), "kill {kill}: the checkpoint is gone");
     }
     let run = Path::new(&run);
-    let said = success(&mut c4d(["refine", run.to_str().unwrap(), "-g", "cpu", "--resume"]).args(flags)).1;
+    let said =
+        success(&mut c4d(["refine", run.to_str().unwrap(), "-g", "cpu", "--resume"]).args(flags)).1;
     assert!(said.contains("no checkpoint") && said.contains("anew"), "{said}");
 }

@@ -66,8 +66,13 @@ fn links_are_links() {
         for target in ["mine", "mine/thesis.tex", "mine/absent"] {
             let link = workshop.at(job.output);
             symlink(workshop.at(target), &link).unwrap();
-            let said = failure(&mut assert_cmd::Command::from_std(workshop.command(&job, &["-w"])), 2);
-            assert!(said.contains("is a link to") && said.contains("  next: "), "{}: {said}", job.name);
+            let said =
+                failure(&mut assert_cmd::Command::from_std(workshop.command(&job, &["-w"])), 2);
+            assert!(
+                said.contains("is a link to") && said.contains("  next: "),
+                "{}: {said}",
+                job.name
+            );
             assert!(fs::symlink_metadata(&link).unwrap().is_symlink(), "{}: kept", job.name);
             assert_eq!(names(&workshop.at("mine")), ["thesis.tex"], "{}: kept", job.name);
             fs::remove_file(link).unwrap();

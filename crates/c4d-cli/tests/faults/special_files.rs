@@ -32,7 +32,9 @@ fn fifos_and_devices_are_no_inputs() {
         let pointed: String = text
             .lines()
             .map(|line| match line.split_once(" = ") {
-                Some((key @ ("source" | "source_from_run"), _)) => format!("{key} = \"{special}\"\n"),
+                Some((key @ ("source" | "source_from_run"), _)) => {
+                    format!("{key} = \"{special}\"\n")
+                }
                 _ => format!("{line}\n"),
             })
             .collect();

@@ -181,9 +181,11 @@ mod tests {
         symlink(&own, &link).unwrap();
         symlink(dir.path().join("nowhere"), dir.path().join("dangling.png")).unwrap();
         let _listener = std::os::unix::net::UnixListener::bind(dir.path().join("socket.png"));
-        for (name, needle) in
-            [("link.png", "own.png"), ("dangling.png", "does not exist"), ("socket.png", "a socket")]
-        {
+        for (name, needle) in [
+            ("link.png", "own.png"),
+            ("dangling.png", "does not exist"),
+            ("socket.png", "a socket"),
+        ] {
             for existing in [Existing::Refuse, Existing::Replace] {
                 let error = AtomicFile::create(dir.path().join(name), existing).unwrap_err();
                 assert!(error.to_string().contains(needle), "{name}: {error}");

@@ -65,7 +65,9 @@ impl AtomicDir {
         let files = Record::of_folder(reservation.partial()).map_err(failed)?;
         let beside = Place::Beside.of(&path);
         match record {
-            Place::Inside => files.write(&Place::Inside.of(reservation.partial())).map_err(failed)?,
+            Place::Inside => {
+                files.write(&Place::Inside.of(reservation.partial())).map_err(failed)?
+            }
             Place::Beside => files.append(&beside).map_err(failed)?,
         }
         refuse(&path, existing)?;
@@ -159,7 +161,9 @@ mod tests {
             write(&path, Existing::Refuse, &files).unwrap();
             change();
             let error = write(&path, Existing::Replace, &files).unwrap_err();
-            let IoError::Foreign { entry: found, what: why, .. } = &error else { panic!("{error}") };
+            let IoError::Foreign { entry: found, what: why, .. } = &error else {
+                panic!("{error}")
+            };
             assert_eq!((found.as_str(), *why), (entry, what), "{error}");
             assert!(names(dir.path()) == ["out"], "no leftovers: {:?}", names(dir.path()));
         };

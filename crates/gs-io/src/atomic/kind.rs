@@ -66,7 +66,8 @@ impl FileContent {
         if let Some((_, _, kind)) = magic {
             return Ok(*kind);
         }
-        let text: String = start.iter().take(64).map(|&b| char::from(b.to_ascii_lowercase())).collect();
+        let text: String =
+            start.iter().take(64).map(|&b| char::from(b.to_ascii_lowercase())).collect();
         let text = text.trim_start();
         if text.starts_with("<!doctype html") || text.starts_with("<html") {
             return Ok(Self::Html);

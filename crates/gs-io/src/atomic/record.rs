@@ -175,7 +175,8 @@ impl Record {
     }
 
     fn has_folder(&self, path: &str) -> bool {
-        let within = |other: &String| other.strip_prefix(path).is_some_and(|rest| rest.starts_with('/'));
+        let within =
+            |other: &String| other.strip_prefix(path).is_some_and(|rest| rest.starts_with('/'));
         self.0.keys().any(within)
     }
 }
@@ -256,9 +257,9 @@ impl Walk {
 
     /// Whether some record says so of `path`, seen from its folder.
     fn ours(&self, path: &str, says: impl Fn(&Record, &str) -> bool) -> bool {
-        self.records
-            .iter()
-            .any(|(prefix, record)| path.strip_prefix(prefix).is_some_and(|path| says(record, path)))
+        self.records.iter().any(|(prefix, record)| {
+            path.strip_prefix(prefix).is_some_and(|path| says(record, path))
+        })
     }
 }
 

@@ -80,7 +80,11 @@ pub fn final_path(path: &Path) -> PathBuf {
 
 /// Removes a file or a folder; a link, not what it leads to.
 fn remove(path: &Path) -> std::io::Result<()> {
-    if fs::symlink_metadata(path)?.is_dir() { fs::remove_dir_all(path) } else { fs::remove_file(path) }
+    if fs::symlink_metadata(path)?.is_dir() {
+        fs::remove_dir_all(path)
+    } else {
+        fs::remove_file(path)
+    }
 }
 
 /// The right to write one output. Dropped, it removes what is not in place yet.

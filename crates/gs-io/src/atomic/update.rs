@@ -108,7 +108,10 @@ mod tests {
         }
         fs::write(run.join("scene"), "of the user").unwrap();
         let update = FolderUpdate::begin(&run).unwrap();
-        assert!(matches!(update.write("scene", b"", false), Err(IoError::Foreign { .. })), "theirs");
+        assert!(
+            matches!(update.write("scene", b"", false), Err(IoError::Foreign { .. })),
+            "theirs"
+        );
         update.write("scene", b"merged", true).unwrap();
         update.remove("previews/0.png").unwrap();
         update.remove("previews/0.png").unwrap();

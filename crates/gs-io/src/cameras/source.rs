@@ -126,7 +126,11 @@ struct Keys {
 fn in_file(path: &Path) -> Result<Option<Source>, IoError> {
     let failed = |source| IoError::Read { path: path.to_owned(), source };
     let mut head = Vec::new();
-    crate::input::open_file(path).map_err(failed)?.take(4096).read_to_end(&mut head).map_err(failed)?;
+    crate::input::open_file(path)
+        .map_err(failed)?
+        .take(4096)
+        .read_to_end(&mut head)
+        .map_err(failed)?;
     let name = path.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
     if npy::is_npy(&head) {
         return Ok(Some(Source::in_file(Format::PosesBounds, path)));

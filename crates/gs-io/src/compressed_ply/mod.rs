@@ -10,7 +10,7 @@ mod write;
 
 pub use read::read;
 pub(crate) use read::{is_compressed, shape};
-pub use write::{WriteOptions, morton_order, write};
+pub use write::{WriteOptions, kept_degree, morton_order, write};
 
 /// Splats that share a row of `chunk`.
 pub(crate) const CHUNK: usize = 256;

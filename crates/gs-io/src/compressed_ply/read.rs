@@ -107,6 +107,7 @@ pub fn read(bytes: &[u8]) -> Result<Frame, FrameError> {
         notes: ends_note(alphas).into_iter().collect(),
         splats,
         format: FrameFormat::CompressedPly,
+        axes: None,
         precision: Some(Arc::new(Precision::by_chunk(precision, CHUNK))),
         comments: header.comments,
     })

@@ -1,9 +1,10 @@
 //! Compressed PLY out.
 
-use super::pack::{harmonic, rotation, vector};
+use super::pack::{from_harmonic, harmonic, rotation, vector};
 use super::{CHUNK, COLUMNS, MAX_LOG_SCALE, MAX_SH, WORDS};
 use crate::bytes8::{channel_of, unorm8};
 use crate::losses::Losses;
+use crate::sh_error::ShError;
 use gs_core::{Splats, sh};
 use rayon::prelude::*;
 use std::io::{self, Write};
@@ -13,11 +14,27 @@ use std::io::{self, Write};
 pub struct WriteOptions {
     /// Comment lines of the header; control characters become spaces.
     pub comments: Vec<String>,
-    /// SH degree of the file, at most that of the splats; `None` keeps theirs.
+    /// SH degree of the file, at most that of the splats; `None` takes [`kept_degree`].
     pub sh_degree: Option<usize>,
     /// Rows in the order in which they are written; `None` keeps the splats' own. Neighbours in the file share a chunk: see
     /// [`morton_order`].
     pub order: Option<Vec<usize>>,
+}
+
+/// The highest SH degree with a coefficient that reaches half a quantisation step (1/64) in some splat. Above it, the format would turn
+/// nothing into ±1/64: it has no zero.
+pub fn kept_degree(splats: &Splats) -> usize {
+    let coeffs = splats.sh_coeffs();
+    let reaches = |rgb: &[f32; 3]| rgb.iter().any(|value| value.abs() >= MAX_SH / 256.0);
+    let highest = splats
+        .sh
+        .par_chunks_exact(coeffs)
+        .map(|sh| sh.iter().rposition(reaches).unwrap_or(0))
+        .max()
+        .unwrap_or(0);
+    (0..=splats.sh_degree)
+        .find(|&degree| highest < sh::num_coeffs(degree))
+        .unwrap_or(splats.sh_degree)
 }
 
 /// The rows of `splats` along a space-filling curve (Morton codes of 10 bits an axis): neighbours in the file are neighbours in space,
@@ -59,7 +76,7 @@ pub fn write(splats: &Splats, options: &WriteOptions, out: &mut impl Write) -> i
     if let Some(row) = order.iter().find(|&&row| row >= splats.len()) {
         return Err(invalid(format!("row {row} of {} splats", splats.len())));
     }
-    let degree = options.sh_degree.map_or(splats.sh_degree, |degree| degree.min(splats.sh_degree));
+    let degree = options.sh_degree.map_or_else(|| kept_degree(splats), |d| d.min(splats.sh_degree));
     out.write_all(header(order.len(), degree, &options.comments).as_bytes())?;
     let packed: Vec<Chunk> = order.par_chunks(CHUNK).map(|rows| Chunk::of(splats, rows)).collect();
     for chunk in &packed {
@@ -83,7 +100,7 @@ pub fn write(splats: &Splats, options: &WriteOptions, out: &mut impl Write) -> i
             out.write_all(&bytes)?;
         }
     }
-    Ok(losses(splats, degree, &packed))
+    Ok(losses(splats, degree, options.sh_degree.is_none(), &packed))
 }
 
 fn le_bytes(words: impl Iterator<Item = u32>) -> Vec<u8> {
@@ -173,18 +190,43 @@ fn span(rows: &[usize], value: impl Fn(usize) -> [f32; 3]) -> ([f32; 3], [f32; 3
     span
 }
 
-fn losses(splats: &Splats, degree: usize, chunks: &[Chunk]) -> Losses {
+/// What the bytes of coefficients do to colours.
+fn sh_error(splats: &Splats, degree: usize) -> ShError {
+    let mut error = ShError::default();
+    let mut read = Vec::new();
+    for row in 0..splats.len() {
+        let sh = &splats.sh_of(row)[1..];
+        read.clear();
+        let kept = &sh[..sh::num_coeffs(degree) - 1];
+        read.extend(kept.iter().map(|rgb| rgb.map(|value| from_harmonic(harmonic(value)))));
+        error.add(sh, &read);
+    }
+    error
+}
+
+fn losses(splats: &Splats, degree: usize, chosen: bool, chunks: &[Chunk]) -> Losses {
     let mut losses = Losses::none();
     if degree < splats.sh_degree {
-        losses.push(format!("SH degree {} becomes {degree}", splats.sh_degree));
+        losses.push(format!(
+            "SH degree {} becomes {degree}{}",
+            splats.sh_degree,
+            if chosen {
+                ": no coefficient above reaches half a quantisation step (1/64)"
+            } else {
+                ""
+            }
+        ));
     }
     let coarsest = chunks.iter().map(|chunk| chunk.coarsest).fold(0.0, f32::max);
     losses.push(format!("positions are rounded by at most {coarsest:.1e} units (11, 10 and 11 bits within blocks of {CHUNK} splats)"));
     losses.push("log-scales have 10 or 11 bits, colours and opacities 8 bits within their blocks; rotations are within 0.3°");
-    if degree > 0 {
-        losses.push(format!(
-            "SH coefficients above degree 0 are rounded to 1/32 and clipped to ±{MAX_SH}"
-        ));
+    if splats.sh_degree > 0 {
+        let kept = if degree == 0 {
+            "no SH is kept".to_owned()
+        } else {
+            format!("SH coefficients are rounded to 1/32 and clipped to ±{MAX_SH}")
+        };
+        losses.push(format!("{kept}: colours are off by {}", sh_error(splats, degree).in_steps()));
     }
     let broken = (0..splats.len()).filter(|&row| !splats.is_finite(row)).count();
     if broken > 0 {

@@ -11,7 +11,7 @@ pub enum FrameError {
     Ply(#[from] PlyError),
     /// None of the formats.
     #[error(
-        "not a splat file but {found}; expected a 3DGS PLY, a compressed PLY, .splat, .spz or .sog"
+        "not a splat file but {found}; expected a 3DGS PLY, a compressed PLY, .splat, .spz, .sog or .glb"
     )]
     Unknown {
         /// What it is instead.

@@ -5,7 +5,7 @@ use crate::error::{IoError, read_bytes};
 use crate::{checkpoint4dgs, sog, text};
 use serde::de::IgnoredAny;
 use std::collections::BTreeMap;
-use std::path::{Path, PathBuf};
+use std::path::{Component, Path, PathBuf};
 
 /// Where the frame lies, best first: runs of GaussianEditor and DGE (threestudio), their `save` folder, and `c4d freeze`.
 const PLACES: [&str; 3] = ["save/last.ply", "last.ply", "point_cloud.ply"];
@@ -30,6 +30,35 @@ fn is_sog(folder: &Path, meta: &Path) -> bool {
         keys.is_some_and(|keys| ["means", "quats", "sh0"].iter().all(|key| keys.contains_key(*key)))
     };
     folder.join("means_l.webp").is_file() || (small() && lists_planes())
+}
+
+/// The bytes of a file that another one in `folder` names by a relative URI, at most `..` free and percent-encoded.
+pub(super) fn beside(folder: &Path, uri: &str) -> Result<Vec<u8>, String> {
+    let name = decoded(uri);
+    let inside = Path::new(&name).components().all(|part| matches!(part, Component::Normal(_)));
+    if !inside || name.is_empty() || name.contains(':') {
+        return Err(format!("its data lie at `{uri}`, which is not beside it"));
+    }
+    let path = folder.join(&name);
+    if !path.is_file() {
+        return Err(format!("its data file {} is missing", path.display()));
+    }
+    read_bytes(&path).map_err(|error| error.to_string())
+}
+
+/// A URI without percent escapes.
+fn decoded(uri: &str) -> String {
+    let mut bytes = Vec::with_capacity(uri.len());
+    let mut rest = uri.as_bytes();
+    while let [first, after @ ..] = rest {
+        let escape = (*first == b'%').then(|| after.first_chunk::<2>()).flatten();
+        let byte = escape
+            .and_then(|hex| std::str::from_utf8(hex).ok())
+            .and_then(|hex| u8::from_str_radix(hex, 16).ok());
+        bytes.push(byte.unwrap_or(*first));
+        rest = if byte.is_some() { &after[2..] } else { after };
+    }
+    String::from_utf8_lossy(&bytes).into_owned()
 }
 
 pub(super) fn read_dir(folder: &Path) -> Result<Frame, IoError> {

@@ -1,6 +1,6 @@
 //! One still frame of Gaussians, in whatever format an editor left it.
 //!
-//! [`read`] goes by content, never by name: 3DGS PLY, PlayCanvas compressed PLY, `.splat`, `.spz` versions 2 to 4, `.sog`. All give
+//! [`read`] goes by content, never by name: 3DGS PLY, PlayCanvas compressed PLY, `.splat`, `.spz` versions 2 to 4, `.sog`, glTF. All give
 //! stored (pre-activation) parameters. Formats that round also say how coarsely ([`Frame::precision`]), so that what only the format
 //! changed can be told from what a person changed.
 
@@ -11,10 +11,11 @@ mod sniff;
 pub use error::FrameError;
 pub use sniff::{Shape, shape};
 
+use crate::axes::{self, Axes, AxesReading};
 use crate::error::{IoError, read_bytes};
 use crate::ply::{self, Encoding};
 use crate::repair::{self, Damage, DamagedRows, RepairReport};
-use crate::{compressed_ply, sog, splat_file, spz};
+use crate::{compressed_ply, gltf, sog, splat_file, spz};
 use gs_core::{Precision, Splats};
 use std::fmt::{self, Display};
 use std::path::{Path, PathBuf};
@@ -38,6 +39,8 @@ pub enum FrameFormat {
     Spz(u32),
     /// `.sog`, version 2.
     Sog,
+    /// `.glb` or `.gltf` with `KHR_gaussian_splatting`.
+    Gltf,
 }
 
 impl Display for FrameFormat {
@@ -48,6 +51,7 @@ impl Display for FrameFormat {
             Self::Splat => f.write_str(".splat"),
             Self::Spz(version) => write!(f, "SPZ version {version}"),
             Self::Sog => f.write_str("SOG"),
+            Self::Gltf => f.write_str("glTF"),
         }
     }
 }
@@ -61,6 +65,8 @@ pub struct Frame {
     pub format: FrameFormat,
     /// How coarsely it stores values; `None` where it keeps every bit.
     pub precision: Option<Arc<Precision>>,
+    /// In which axes the file was read, for formats that come in several; the splats are in those of PLYs.
+    pub axes: Option<AxesReading>,
     /// What was changed or left out on reading, counted, one sentence each.
     pub notes: Vec<String>,
     /// Comments of the file.
@@ -68,6 +74,18 @@ pub struct Frame {
 }
 
 impl Frame {
+    /// The frame as if its file had these axes, whatever it says. Frames of formats that have one order of axes stay as they are.
+    #[must_use]
+    pub fn in_axes(mut self, axes: Axes) -> Self {
+        if let Some(reading) = &mut self.axes {
+            // Back to how the file has it, then on.
+            axes::convert(&mut self.splats, Axes::PLY, reading.axes);
+            axes::convert(&mut self.splats, axes, Axes::PLY);
+            *reading = AxesReading { axes, stated: true, ..*reading };
+        }
+        self
+    }
+
     /// Drops, keeps or refuses damaged rows; see [`repair::sanitize`].
     ///
     /// # Errors
@@ -102,6 +120,7 @@ pub fn read(bytes: &[u8]) -> Result<Frame, FrameError> {
                 splats: read.splats,
                 format: FrameFormat::Ply { encoding: read.encoding, normals: read.has_normals },
                 precision: None,
+                axes: None,
                 notes,
                 comments: read.comments,
             })
@@ -109,6 +128,9 @@ pub fn read(bytes: &[u8]) -> Result<Frame, FrameError> {
         sniff::Container::Spz => spz::read(bytes),
         sniff::Container::Zip => sog::read(bytes),
         sniff::Container::Splat => splat_file::read(bytes),
+        sniff::Container::Gltf => gltf::read(bytes, &|uri| {
+            Err(format!("its data lie in another file, `{uri}`; give the .gltf by its path"))
+        }),
         sniff::Container::Unknown => Err(FrameError::Unknown { found: sniff::shown(bytes) }),
     }
 }
@@ -123,7 +145,13 @@ pub fn read_file(path: impl AsRef<Path>) -> Result<Frame, IoError> {
     if path.is_dir() {
         return folder::read_dir(path);
     }
-    read(&read_bytes(path)?).map_err(IoError::frame(path))
+    let bytes = read_bytes(path)?;
+    if sniff::container(&bytes) == sniff::Container::Gltf {
+        let folder = path.parent().unwrap_or(Path::new(""));
+        return gltf::read(&bytes, &|uri| folder::beside(folder, uri))
+            .map_err(IoError::frame(path));
+    }
+    read(&bytes).map_err(IoError::frame(path))
 }
 
 /// The file that [`read_file`] reads: the path itself, or the one in the folder.

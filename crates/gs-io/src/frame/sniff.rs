@@ -3,7 +3,7 @@
 use super::FrameFormat;
 use crate::foreign::Foreign;
 use crate::ply::{Header, PlyError};
-use crate::{compressed_ply, inflate, splat_file, spz};
+use crate::{compressed_ply, gltf, inflate, splat_file, spz};
 
 /// What the first bytes announce.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -14,6 +14,8 @@ pub(crate) enum Container {
     Spz,
     /// A zip archive: SOG, or something else.
     Zip,
+    /// A binary glTF, or JSON that looks like one.
+    Gltf,
     /// No mark, but rows that make sense as `.splat`.
     Splat,
     /// None of them.
@@ -21,6 +23,8 @@ pub(crate) enum Container {
 }
 
 pub(crate) const ZIP_MARK: [u8; 4] = *b"PK\x03\x04";
+/// Bytes of a JSON file looked at.
+const JSON_START: usize = 16 << 10;
 pub(crate) const GZIP_MARK: [u8; 2] = [0x1f, 0x8b];
 
 /// Looks at the first bytes, and at some rows where there is no mark.
@@ -33,6 +37,10 @@ pub(crate) fn container(bytes: &[u8]) -> Container {
         || (bytes.starts_with(&GZIP_MARK) && inflate::gunzip_start(bytes, 4) == spz::MARK)
     {
         Container::Spz
+    } else if bytes.starts_with(&gltf::GLB_MARK)
+        || gltf::looks_like_json(&bytes[..bytes.len().min(JSON_START)])
+    {
+        Container::Gltf
     } else if splat_file::looks_like(bytes) {
         Container::Splat
     } else {
@@ -71,7 +79,7 @@ pub struct Shape {
 /// of the file, bytes.
 ///
 /// # Errors
-/// If it is no frame, or its header breaks the rules. SOG frames are not looked into.
+/// If it is no frame, or its header breaks the rules. SOG and glTF frames are not looked into.
 pub fn shape(start: &[u8], total: u64) -> Result<Shape, super::FrameError> {
     let unknown = || super::FrameError::Unknown { found: shown(start) };
     match container(start) {
@@ -96,6 +104,6 @@ pub fn shape(start: &[u8], total: u64) -> Result<Shape, super::FrameError> {
             num_splats: total / splat_file::ROW as u64,
             sh_degree: 0,
         }),
-        Container::Zip | Container::Unknown => Err(unknown()),
+        Container::Zip | Container::Gltf | Container::Unknown => Err(unknown()),
     }
 }

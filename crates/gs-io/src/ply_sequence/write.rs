@@ -181,6 +181,19 @@ pub fn write_compressed_folder(
     too_short(dir, times.len())?;
     let mut writer = FolderWriter::create(dir, existing)?;
     let (mut options, mut losses) = (options.clone(), Losses::none());
+    if options.sh_degree.is_none() {
+        // One for all frames, since rows persist; most scenes reach theirs in the first frame.
+        let mut kept = 0;
+        for &time in times {
+            if kept == scene.sh_degree() {
+                break;
+            }
+            let splats =
+                scene.at(time).map_err(|error| IoError::content(dir, error.to_string()))?;
+            kept = kept.max(compressed_ply::kept_degree(&splats));
+        }
+        options.sh_degree = Some(kept);
+    }
     each_frame(scene, times, dir, |index, splats| {
         options.order.get_or_insert_with(|| compressed_ply::morton_order(splats));
         losses = writer.push_compressed(splats, &options)?;

@@ -40,17 +40,27 @@ pub(super) fn from_log_scale(byte: u8) -> f32 {
     f32::from(byte) / LOG_SCALE_STEPS + LOG_SCALE_MIN
 }
 
-/// An SH coefficient of `degree` 1 to 3: 5 bits of a byte for degree 1, 4 for the others, as the reference encoder leaves.
+/// An SH coefficient in `bits` of a byte, 1 to 8.
 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to a byte")]
-pub(super) fn harmonic(value: f32, degree: usize) -> u8 {
-    let bucket = bucket(degree);
+pub(super) fn harmonic(value: f32, bits: u32) -> u8 {
+    let bucket = bucket(bits);
     let fine = (value * 128.0).round() + 128.0;
     ((fine / bucket).round() * bucket).clamp(0.0, 255.0) as u8
 }
 
-/// Steps of a byte that are one value.
-pub(super) fn bucket(degree: usize) -> f32 {
-    if degree == 1 { 8.0 } else { 16.0 }
+/// Steps of a byte that are one value, with so many `bits` left.
+pub(super) fn bucket(bits: u32) -> f32 {
+    (1_u32 << (8 - bits.clamp(1, 8))) as f32
+}
+
+/// Bits that SH bytes use: what they all are multiples of says how they were rounded. Bytes that
+/// are all 128 (zeros) do not tell: the coefficients may have been anything that rounds to it.
+pub(super) fn used_bits(bytes: impl Iterator<Item = u8>) -> Option<u32> {
+    // 255 is what 256 is clamped to.
+    let (all, zero) = bytes.fold((0, true), |(all, zero), byte| {
+        (if byte == 255 { all } else { all | byte }, zero && byte == 128)
+    });
+    (!zero).then(|| 8 - all.trailing_zeros().min(7))
 }
 
 pub(super) fn from_harmonic(byte: u8) -> f32 {
@@ -108,9 +118,15 @@ mod tests {
             assert!((from_log_scale(log_scale(value)) - value).abs() <= 1.0 / 32.0, "{value}");
         }
         for value in [-1.0, -0.3, 0.0, 0.07, 0.9] {
-            assert!((from_harmonic(harmonic(value, 1)) - value).abs() <= 4.5 / 128.0, "{value}");
-            assert!((from_harmonic(harmonic(value, 2)) - value).abs() <= 8.5 / 128.0, "{value}");
+            assert!((from_harmonic(harmonic(value, 5)) - value).abs() <= 4.5 / 128.0, "{value}");
+            assert!((from_harmonic(harmonic(value, 4)) - value).abs() <= 8.5 / 128.0, "{value}");
+            assert!((from_harmonic(harmonic(value, 8)) - value).abs() <= 1.0 / 128.0, "{value}");
         }
+        for bits in 1..=8 {
+            let bytes = (0..200).map(|i| harmonic(i as f32 / 100.0 - 1.0, bits));
+            assert_eq!(used_bits(bytes), Some(bits), "seen in the bytes");
+        }
+        assert_eq!(used_bits([128, 128].into_iter()), None, "nothing to see");
         for q in [[0.1, -0.8, 0.5, 0.2], [0.0, 0.0, 0.0, 1.0], [-0.5, 0.5, 0.5, -0.5]] {
             let (back, unit) =
                 (from_smallest_three(smallest_three(q)), gs_core::quat::normalize(q));

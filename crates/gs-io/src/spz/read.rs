@@ -2,12 +2,13 @@
 
 use super::quantize::{
     FIRST_THREE_COMPONENT, MAX_FIXED, bucket, from_color, from_first_three, from_fixed,
-    from_harmonic, from_log_scale, from_smallest_three, smallest_three_component,
+    from_harmonic, from_log_scale, from_smallest_three, smallest_three_component, used_bits,
 };
 use super::{
-    COLOR_SCALE, FLIPS, FORMAT, HEADER, HEADER_4, LOG_SCALE_MIN, LOG_SCALE_STEPS, MARK, flip_point,
-    flip_quat,
+    COLOR_SCALE, EXTENSION_AXES, FLAG_ANTIALIASED, FLAG_EXTENSIONS, FORMAT, HEADER, HEADER_4,
+    LOG_SCALE_MIN, LOG_SCALE_STEPS, MARK, USUAL_AXES,
 };
+use crate::axes::{self, Axes, AxesReading};
 use crate::bytes8::{ends_note, logit_of, smallest_three_rad};
 use crate::frame::{Frame, FrameError, FrameFormat, Shape};
 use crate::inflate;
@@ -28,6 +29,7 @@ struct Header {
     /// As in the file, up to 4.
     degree: usize,
     fractional_bits: u8,
+    flags: u8,
 }
 
 impl Header {
@@ -67,7 +69,7 @@ impl Header {
         let num_splats = usize::try_from(num_splats).map_err(|error| {
             FrameError::damaged(FORMAT, format!("{num_splats} splats: {error}"))
         })?;
-        Ok(Self { version, num_splats, degree, fractional_bits })
+        Ok(Self { version, num_splats, degree, fractional_bits, flags: bytes[14] })
     }
 
     /// Bytes a splat of centres, opacities, colours, scales, rotations, SH: the order of the data.
@@ -77,6 +79,24 @@ impl Header {
 
     fn coeffs(&self) -> usize {
         (self.degree + 1) * (self.degree + 1)
+    }
+
+    /// The axes that the extension records name: `u32` type, `u32` number of bytes, then those
+    /// bytes, one record after the other. A record cut short ends them.
+    fn axes(&self, mut records: &[u8]) -> Option<Axes> {
+        if self.flags & FLAG_EXTENSIONS == 0 {
+            return None;
+        }
+        let word = |bytes: &[u8]| bytes.first_chunk().map(|&word| u32::from_le_bytes(word));
+        while let (Some(kind), Some(length)) = (word(records), word(records.get(4..)?)) {
+            let body = records.get(8..)?;
+            let (payload, rest) = body.split_at_checked(usize::try_from(length).ok()?)?;
+            if kind == EXTENSION_AXES {
+                return word(payload).and_then(Axes::from_code);
+            }
+            records = rest;
+        }
+        None
     }
 }
 
@@ -94,11 +114,23 @@ pub(crate) fn shape(start: &[u8]) -> Result<Shape, FrameError> {
     })
 }
 
-/// Reads an SPZ frame, version 2, 3 or 4, and turns it to our frame of reference.
+/// Reads an SPZ frame, version 2, 3 or 4, and turns it to the axes of PLYs: from those that the
+/// file names, else from [`Axes::RUB`]; [`Frame::axes`] says which.
 ///
 /// # Errors
-/// If it is something else, of another version, truncated, or unpacks to more than its size can account for.
+/// If it is something else, of another version, truncated, or unpacks to more than its size can
+/// account for.
 pub fn read(bytes: &[u8]) -> Result<Frame, FrameError> {
+    let (layout, mut frame, stated) = read_stored(bytes)?;
+    let axes = stated.unwrap_or(USUAL_AXES[0]);
+    frame.precision = Some(Arc::new(layout.precision(&frame.splats.quats)));
+    axes::convert(&mut frame.splats, axes, Axes::PLY);
+    frame.axes = Some(AxesReading { axes, stated: stated.is_some(), usual: &USUAL_AXES });
+    Ok(frame)
+}
+
+/// A frame in the axes of the file, and those that the file names.
+fn read_stored(bytes: &[u8]) -> Result<(Layout, Frame, Option<Axes>), FrameError> {
     if bytes.starts_with(&MARK) {
         let header = Header::parse(bytes)?;
         if header.version < 4 {
@@ -106,7 +138,9 @@ pub fn read(bytes: &[u8]) -> Result<Frame, FrameError> {
             return Err(FrameError::damaged(FORMAT, what));
         }
         let streams = streams_4(bytes, &header)?;
-        return Ok(decode(&header, &streams.each_ref().map(Vec::as_slice)));
+        let stated = header.axes(bytes.get(HEADER_4..table_offset(bytes)).unwrap_or_default());
+        let (layout, frame) = decode(&header, &streams.each_ref().map(Vec::as_slice));
+        return Ok((layout, frame, stated));
     }
     let unpacked = inflate::gunzip(bytes).map_err(|what| FrameError::damaged(FORMAT, what))?;
     let header = Header::parse(&unpacked)?;
@@ -126,7 +160,13 @@ pub fn read(bytes: &[u8]) -> Result<Frame, FrameError> {
         };
         (*part, rest) = (found, after);
     }
-    Ok(decode(&header, &parts))
+    let (layout, frame) = decode(&header, &parts);
+    Ok((layout, frame, header.axes(rest)))
+}
+
+/// Where the table of streams of version 4 starts.
+fn table_offset(bytes: &[u8]) -> usize {
+    u32::from_le_bytes([16, 17, 18, 19].map(|at: usize| bytes[at])) as usize
 }
 
 /// The streams of version 4, unpacked; empty where the file has none.
@@ -141,7 +181,7 @@ fn streams_4(bytes: &[u8], header: &Header) -> Result<[Vec<u8>; 6], FrameError> 
         return Err(truncated("the header", HEADER_4 as u128));
     }
     let count = usize::from(bytes[15]);
-    let table = u32::from_le_bytes([16, 17, 18, 19].map(|at: usize| bytes[at])) as usize;
+    let table = table_offset(bytes);
     let data = table.saturating_add(16 * count);
     let entries = bytes.get(table..data).ok_or_else(|| truncated("the table", data as u128))?;
     let mut rest = &bytes[data..];
@@ -177,16 +217,23 @@ fn streams_4(bytes: &[u8], header: &Header) -> Result<[Vec<u8>; 6], FrameError> 
     Ok(streams)
 }
 
-/// Everything in `parts`, whose lengths fit the header.
-fn decode(header: &Header, parts: &[&[u8]; 6]) -> Frame {
+/// What the precision of a file depends on.
+struct Layout {
+    header: Header,
+    /// Bits of SH coefficients of degree 1 and of those above, if there are any but zeros.
+    sh_bits: [Option<u32>; 2],
+}
+
+/// Everything in `parts`, whose lengths fit the header, in the axes of the file.
+fn decode(header: &Header, parts: &[&[u8]; 6]) -> (Layout, Frame) {
     let [means, opacities, colors, scales, rotations, harmonics] = parts;
     let degree = header.degree.min(MAX_DEGREE);
     let bits = header.fractional_bits;
     let mean = |bytes: &[u8; 9]| {
         let axis = |i: usize| from_fixed([bytes[3 * i], bytes[3 * i + 1], bytes[3 * i + 2]], bits);
-        flip_point([axis(0), axis(1), axis(2)])
+        [axis(0), axis(1), axis(2)]
     };
-    let wxyz = |[x, y, z, w]: [f32; 4]| flip_quat([w, x, y, z]);
+    let wxyz = |[x, y, z, w]: [f32; 4]| [w, x, y, z];
     let quats: Vec<[f32; 4]> = if header.version == 2 {
         rotations.as_chunks::<3>().0.par_iter().map(|q| wxyz(from_first_three(*q))).collect()
     } else {
@@ -198,15 +245,23 @@ fn decode(header: &Header, parts: &[&[u8]; 6]) -> Frame {
         out[0] = [0, 1, 2].map(|channel| from_color(colors[3 * row + channel]));
         for k in 1..coeffs {
             let at = 3 * (row * stored + k - 1);
-            out[k] = [0, 1, 2].map(|channel| FLIPS[k] * from_harmonic(harmonics[at + channel]));
+            out[k] = [0, 1, 2].map(|channel| from_harmonic(harmonics[at + channel]));
         }
     });
     let mut notes: Vec<String> = ends_note(opacities.iter().copied()).into_iter().collect();
     if header.degree > degree {
         notes.push(format!("SH degree {} was cut to {degree}", header.degree));
     }
-    let precision = precision(header, degree, &quats);
-    Frame {
+    if header.flags & FLAG_ANTIALIASED != 0 {
+        notes.push("the file says its splats were trained with antialiasing (a mip filter), which is not rendered here: small and distant splats look brighter and wider than in such a viewer".to_owned());
+    }
+    let of_rows = |first: usize, last: usize| {
+        harmonics.chunks_exact((3 * stored).max(1)).flat_map(move |row| {
+            row.get(3 * first..3 * last.min(stored)).unwrap_or_default().iter().copied()
+        })
+    };
+    let sh_bits = [used_bits(of_rows(0, 3)), used_bits(of_rows(3, 15))];
+    let frame = Frame {
         splats: Splats {
             means: means.as_chunks::<9>().0.par_iter().map(mean).collect(),
             log_scales: scales
@@ -221,37 +276,44 @@ fn decode(header: &Header, parts: &[&[u8]; 6]) -> Frame {
             sh_degree: degree,
         },
         format: FrameFormat::Spz(header.version),
-        precision: Some(Arc::new(precision)),
+        precision: None,
+        axes: None,
         notes,
         comments: Vec::new(),
-    }
+    };
+    (Layout { header: *header, sh_bits }, frame)
 }
 
-fn precision(header: &Header, degree: usize, quats: &[[f32; 4]]) -> Precision {
-    let held = |of: usize| {
-        let half = (bucket(of) / 2.0 + 0.5) / 128.0;
-        if of <= degree { SLACK * half } else { f32::INFINITY }
-    };
-    let unit = (1_u32 << header.fractional_bits) as f32;
-    let row = RowPrecision {
-        means: [(SLACK * 0.5 + 4.0 * f32::EPSILON * MAX_FIXED.sqrt()) / unit; 3],
-        rotation_rad: SLACK * smallest_three_rad(smallest_three_component()),
-        log_scales: [SLACK * 0.5 / LOG_SCALE_STEPS; 3],
-        log_scale_range: [LOG_SCALE_MIN, LOG_SCALE_MIN + 255.0 / LOG_SCALE_STEPS],
-        opacity: SLACK * 0.5 / 255.0,
-        sh_dc: [SLACK * 0.5 / 255.0 / COLOR_SCALE; 3],
-        sh_dc_range: [-0.5 / COLOR_SCALE, 0.5 / COLOR_SCALE],
-        sh_rest: [1, 2, 3].map(held),
-        sh_rest_range: [-1.0, 127.0 / 128.0],
-    };
-    if header.version != 2 {
-        return Precision::uniform(row);
+impl Layout {
+    /// How coarsely the rows with rotations `quats` are stored.
+    fn precision(&self, quats: &[[f32; 4]]) -> Precision {
+        let degree = self.header.degree.min(MAX_DEGREE);
+        let held = |of: usize| {
+            let bits = self.sh_bits[usize::from(of > 1)].filter(|_| of <= degree);
+            bits.map_or(f32::INFINITY, |bits| SLACK * (bucket(bits) / 2.0 + 0.5) / 128.0)
+        };
+        let unit = (1_u32 << self.header.fractional_bits) as f32;
+        let row = RowPrecision {
+            means: [(SLACK * 0.5 + 4.0 * f32::EPSILON * MAX_FIXED.sqrt()) / unit; 3],
+            rotation_rad: SLACK * smallest_three_rad(smallest_three_component()),
+            log_scales: [SLACK * 0.5 / LOG_SCALE_STEPS; 3],
+            log_scale_range: [LOG_SCALE_MIN, LOG_SCALE_MIN + 255.0 / LOG_SCALE_STEPS],
+            opacity: SLACK * 0.5 / 255.0,
+            sh_dc: [SLACK * 0.5 / 255.0 / COLOR_SCALE; 3],
+            sh_dc_range: [-0.5 / COLOR_SCALE, 0.5 / COLOR_SCALE],
+            sh_rest: [1, 2, 3].map(held),
+            // Either end, since a change of axes may turn the sign.
+            sh_rest_range: [-1.0, 1.0],
+        };
+        if self.header.version != 2 {
+            return Precision::uniform(row);
+        }
+        // w comes from the other three: the smaller it is, the less is known of it.
+        let off = 3.0_f32.sqrt() * FIRST_THREE_COMPONENT;
+        let by_row = quats.iter().map(|q| {
+            let w_off = (off / q[0].max(f32::MIN_POSITIVE)).min((2.0 * off).sqrt());
+            RowPrecision { rotation_rad: SLACK * 2.0 * off.hypot(w_off), ..row }
+        });
+        Precision::by_chunk(by_row.collect(), 1)
     }
-    // w comes from the other three: the smaller it is, the less is known of it.
-    let off = 3.0_f32.sqrt() * FIRST_THREE_COMPONENT;
-    let by_row = quats.iter().map(|q| {
-        let w_off = (off / q[0].max(f32::MIN_POSITIVE)).min((2.0 * off).sqrt());
-        RowPrecision { rotation_rad: SLACK * 2.0 * off.hypot(w_off), ..row }
-    });
-    Precision::by_chunk(by_row.collect(), 1)
 }

@@ -1,9 +1,13 @@
 //! SPZ out.
 
-use super::quantize::{MAX_FIXED, color, fixed, harmonic, log_scale, smallest_three};
-use super::{FLIPS, FRACTIONAL_BITS, HEADER, HEADER_4, MARK, flip_point, flip_quat};
+use super::quantize::{
+    MAX_FIXED, color, fixed, from_harmonic, harmonic, log_scale, smallest_three,
+};
+use super::{EXTENSION_AXES, FLAG_EXTENSIONS, FRACTIONAL_BITS, HEADER, HEADER_4, MARK, SH_BITS};
+use crate::axes::{self, Axes};
 use crate::bytes8::unorm8;
 use crate::losses::Losses;
+use crate::sh_error::ShError;
 use gs_core::{Splats, sh};
 use std::io::{self, Write};
 
@@ -13,23 +17,29 @@ const ZSTD_LEVEL: i32 = 12;
 /// How to write SPZ.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct WriteOptions {
-    /// 3 (gzip; the version most players read) or 4 (zstd). Default 4.
+    /// 3 (gzip) or 4 (zstd, a little smaller, read by few viewers). Default 3.
     pub version: u32,
     /// SH degree of the file, at most that of the splats; `None` keeps theirs.
     pub sh_degree: Option<usize>,
+    /// Axes of the file, named in it by an extension record, which most readers skip. Default
+    /// [`Axes::RUB`], as the format is described.
+    pub axes: Axes,
+    /// Bits of SH coefficients of degree 1 and of the degrees above, 1 to 8 each. Fewer pack
+    /// smaller. Default 5 and 4, as the reference encoder.
+    pub sh_bits: [u32; 2],
 }
 
 impl Default for WriteOptions {
     fn default() -> Self {
-        Self { version: 4, sh_degree: None }
+        Self { version: 3, sh_degree: None, axes: Axes::RUB, sh_bits: SH_BITS }
     }
 }
 
-/// Writes an SPZ frame and says what it does not keep. Scenes beyond ±2048 units get fewer bits of fraction, so that all of
-/// them fits, but for floaters beyond ±32768.
+/// Writes an SPZ frame and says what it does not keep. Scenes beyond ±2048 units get fewer bits of
+/// fraction, so that all of them fits, but for floaters beyond ±32768.
 ///
 /// # Errors
-/// If the arrays of `splats` disagree, there are none or too many, or the version is another
+/// If the arrays of `splats` disagree, there are none or too many, or an option is out of range
 /// ([`io::ErrorKind::InvalidInput`]); if writing fails.
 pub fn write(splats: &Splats, options: &WriteOptions, out: &mut impl Write) -> io::Result<Losses> {
     let invalid = |what: String| io::Error::new(io::ErrorKind::InvalidInput, what);
@@ -37,15 +47,21 @@ pub fn write(splats: &Splats, options: &WriteOptions, out: &mut impl Write) -> i
     let num_splats = u32::try_from(splats.len()).ok().filter(|&count| count > 0);
     let num_splats =
         num_splats.ok_or_else(|| invalid(format!("{} splats, expected 1 to 2³²", splats.len())))?;
+    if let Some(bits) = options.sh_bits.iter().find(|bits| !(1..=8).contains(*bits)) {
+        return Err(invalid(format!("{bits} bits a harmonic, expected 1 to 8")));
+    }
     let degree = options.sh_degree.map_or(splats.sh_degree, |degree| degree.min(splats.sh_degree));
     let bits = fractional_bits(splats);
-    let parts = parts(splats, degree, bits);
+    let mut turned = splats.clone();
+    axes::convert(&mut turned, Axes::PLY, options.axes);
+    let parts = parts(&turned, degree, bits, options.sh_bits);
+    let record = [EXTENSION_AXES, 4, options.axes.code()].map(u32::to_le_bytes).concat();
     let mut header = Vec::with_capacity(HEADER_4);
     header.extend_from_slice(&MARK);
     header.extend_from_slice(&options.version.to_le_bytes());
     header.extend_from_slice(&num_splats.to_le_bytes());
     header.push(u8::try_from(degree).map_err(io::Error::other)?);
-    header.extend_from_slice(&[bits, 0, 0]);
+    header.extend_from_slice(&[bits, FLAG_EXTENSIONS, 0]);
     match options.version {
         3 => {
             debug_assert_eq!(header.len(), HEADER, "as the layout says");
@@ -55,15 +71,21 @@ pub fn write(splats: &Splats, options: &WriteOptions, out: &mut impl Write) -> i
             for part in &parts {
                 gzip.write_all(part)?;
             }
+            gzip.write_all(&record)?;
             gzip.finish()?;
         }
-        4 => write_4(header, &parts, out)?,
+        4 => write_4(header, &record, &parts, out)?,
         other => return Err(invalid(format!("SPZ version {other}, expected 3 or 4"))),
     }
-    Ok(losses(splats, degree, bits))
+    Ok(losses(splats, &turned, degree, bits, &parts[5], options))
 }
 
-fn write_4(mut header: Vec<u8>, parts: &[Vec<u8>; 6], out: &mut impl Write) -> io::Result<()> {
+fn write_4(
+    mut header: Vec<u8>,
+    records: &[u8],
+    parts: &[Vec<u8>; 6],
+    out: &mut impl Write,
+) -> io::Result<()> {
     let present = parts.iter().filter(|part| !part.is_empty());
     let packed = present
         .map(|part| Ok((part.len(), zstd::bulk::compress(part, ZSTD_LEVEL)?)))
@@ -71,9 +93,10 @@ fn write_4(mut header: Vec<u8>, parts: &[Vec<u8>; 6], out: &mut impl Write) -> i
     if let Some(count) = header.last_mut() {
         *count = u8::try_from(packed.len()).map_err(io::Error::other)?;
     }
-    let table = u32::try_from(HEADER_4).map_err(io::Error::other)?;
+    let table = u32::try_from(HEADER_4 + records.len()).map_err(io::Error::other)?;
     header.extend_from_slice(&table.to_le_bytes());
     header.resize(HEADER_4, 0);
+    header.extend_from_slice(records);
     for (length, stream) in &packed {
         header.extend_from_slice(&(stream.len() as u64).to_le_bytes());
         header.extend_from_slice(&(*length as u64).to_le_bytes());
@@ -84,6 +107,11 @@ fn write_4(mut header: Vec<u8>, parts: &[Vec<u8>; 6], out: &mut impl Write) -> i
 
 /// Bits of fraction that are given up for splats far away, however few: 1/256 units are left.
 const LEAST_FOR_FEW: u8 = 8;
+/// Steps across a scene below which more bits of fraction are used: a pixel of a large image is
+/// several steps.
+const STEPS: f32 = 16_384.0;
+/// Bits of a centre without its sign.
+const MAX_FRACTIONAL_BITS: u8 = 23;
 /// Share of the splats, far away, that do not cost the others more bits than that: floaters.
 const FEW: f64 = 0.001;
 
@@ -93,11 +121,13 @@ fn is_beyond(mean: &[f32; 3], bits: u8) -> bool {
     mean.iter().any(|value| value.is_finite() && value.abs() * scale > MAX_FIXED)
 }
 
-/// The most bits, up to the usual 12, with which all centres fit; below [`LEAST_FOR_FEW`], all but a [`FEW`].
+/// Bits of fraction with which all centres fit: the usual 12, fewer where the scene is larger than
+/// that leaves room for (below [`LEAST_FOR_FEW`], all but a [`FEW`] have to fit), more where it is
+/// so small that steps of 1/4096 would show.
 fn fractional_bits(splats: &Splats) -> u8 {
     let beyond = |bits: u8| splats.means.iter().filter(|mean| is_beyond(mean, bits)).count();
     let few = |count: usize| count as f64 <= FEW * splats.len() as f64;
-    (0..=FRACTIONAL_BITS)
+    (0..=FRACTIONAL_BITS.max(fine_bits(splats)))
         .rev()
         .find(|&bits| match beyond(bits) {
             0 => true,
@@ -106,24 +136,22 @@ fn fractional_bits(splats: &Splats) -> u8 {
         .unwrap_or(0)
 }
 
-fn parts(splats: &Splats, degree: usize, bits: u8) -> [Vec<u8>; 6] {
+/// The streams of splats in the axes of the file.
+fn parts(splats: &Splats, degree: usize, bits: u8, sh_bits: [u32; 2]) -> [Vec<u8>; 6] {
     let coeffs = sh::num_coeffs(degree);
     let rows = 0..splats.len();
-    let means = splats.means.iter().flat_map(|&mean| flip_point(mean));
+    let means = splats.means.iter().flatten();
     let scales = splats.log_scales.iter().flatten();
-    let rotations = splats.quats.iter().flat_map(|&q| {
-        let [w, x, y, z] = flip_quat(q);
-        smallest_three([x, y, z, w])
-    });
+    let rotations = splats.quats.iter().flat_map(|&[w, x, y, z]| smallest_three([x, y, z, w]));
     let dc = rows.clone().flat_map(|i| splats.sh_of(i)[0]);
     let rest = rows.clone().flat_map(|i| {
         splats.sh_of(i)[1..coeffs].iter().enumerate().flat_map(|(k, rgb)| {
-            let degree = if k < 3 { 1 } else { 2 };
-            rgb.map(|value| harmonic(FLIPS[k + 1] * value, degree))
+            let bits = sh_bits[usize::from(k >= 3)];
+            rgb.map(|value| harmonic(value, bits))
         })
     });
     [
-        means.flat_map(|value| fixed(value, bits)).collect(),
+        means.flat_map(|&value| fixed(value, bits)).collect(),
         rows.clone().map(|i| unorm8(splats.opacity(i))).collect(),
         dc.map(color).collect(),
         scales.map(|&value| log_scale(value)).collect(),
@@ -132,13 +160,49 @@ fn parts(splats: &Splats, degree: usize, bits: u8) -> [Vec<u8>; 6] {
     ]
 }
 
-fn losses(splats: &Splats, degree: usize, bits: u8) -> Losses {
+/// What `harmonics`, the SH bytes of `turned`, do to colours.
+fn sh_error(turned: &Splats, degree: usize, harmonics: &[u8]) -> ShError {
+    let mut error = ShError::default();
+    let stored = sh::num_coeffs(degree) - 1;
+    let mut read = Vec::with_capacity(stored);
+    for i in 0..turned.len() {
+        read.clear();
+        let bytes = harmonics.get(3 * stored * i..3 * stored * (i + 1)).unwrap_or_default();
+        read.extend(bytes.as_chunks::<3>().0.iter().map(|rgb| rgb.map(from_harmonic)));
+        error.add(&turned.sh_of(i)[1..], &read);
+    }
+    error
+}
+
+/// Bits with which the scene is at least [`STEPS`] steps wide.
+fn fine_bits(splats: &Splats) -> u8 {
+    let (min, max) = splats.bounds().unwrap_or_default();
+    let width = (0..3).map(|axis| max[axis] - min[axis]).fold(0.0, f32::max);
+    let enough = |bits: &u8| width * (1_u32 << *bits) as f32 >= STEPS;
+    if width > 0.0 {
+        (0..=MAX_FRACTIONAL_BITS).find(enough).unwrap_or(MAX_FRACTIONAL_BITS)
+    } else {
+        0
+    }
+}
+
+fn losses(
+    splats: &Splats,
+    turned: &Splats,
+    degree: usize,
+    bits: u8,
+    harmonics: &[u8],
+    options: &WriteOptions,
+) -> Losses {
     let mut losses = Losses::none();
     if degree < splats.sh_degree {
         losses.push(format!("SH degree {} becomes {degree}", splats.sh_degree));
     }
     let half = 0.5 / f64::from(1_u32 << bits);
     losses.push(format!("positions are rounded by at most {half:.1e} units"));
+    if bits > FRACTIONAL_BITS {
+        losses.push(format!("the scene is small: positions have {bits} bits of fraction instead of {FRACTIONAL_BITS}, which a player that ignores the header shows at the wrong size"));
+    }
     if bits < FRACTIONAL_BITS {
         losses.push(format!("the scene reaches beyond ±2048 units: positions have {bits} bits of fraction instead of {FRACTIONAL_BITS}, which some players do not expect; scale the scene down if one shows it wrong"));
     }
@@ -151,9 +215,28 @@ fn losses(splats: &Splats, degree: usize, bits: u8) -> Losses {
     }
     losses
         .push("scales are within 3.2 %, rotations within 0.3°, colours and opacities have 8 bits");
-    if degree > 0 {
-        losses.push("SH coefficients have 5 bits (degree 1) or 4 bits (above), clipped to ±1");
+    if splats.sh_degree > 0 {
+        let [first, above] = options.sh_bits;
+        let kept = match degree {
+            0 => "no SH is kept".to_owned(),
+            1 => format!("SH coefficients have {first} bits, clipped to ±1"),
+            _ => format!(
+                "SH coefficients have {first} bits (degree 1) and {above} (above), clipped to ±1"
+            ),
+        };
+        losses.push(format!(
+            "{kept}: colours are off by {}",
+            sh_error(turned, degree, harmonics).in_steps()
+        ));
     }
+    if options.version >= 4 {
+        losses.push("viewers for version 3 cannot open version 4 (three.js and Spark among them, at the time of writing): --spz-version 3");
+    }
+    losses.push(match options.axes {
+        Axes::RUB => "axes are RUB, as SPZ is described; splat-transform 3 and gsply take files as they are and show this one upside down: --spz-axes ply for them".to_owned(),
+        Axes::PLY => "axes are those of the PLY, as splat-transform 3 and gsply have them; tools that follow the description of SPZ show it upside down: --spz-axes rub for them".to_owned(),
+        other => format!("axes are {other}; tools that skip the record that says so show it turned"),
+    });
     let outside = |value: &f32| !(-10.03..=5.97).contains(value);
     let clipped = splats.log_scales.iter().filter(|row| row.iter().any(outside)).count();
     if clipped > 0 {

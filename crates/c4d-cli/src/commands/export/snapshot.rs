@@ -1,14 +1,14 @@
 //! Formats of one frame.
 
 use super::super::freeze::{TIME_COMMENT, check_sh_degree, existing, output_failure};
-use super::say_written;
-use crate::args::{ExportArgs, Global};
+use super::{plain_losses, say_written};
+use crate::args::{AxesArg, ExportArgs, Global};
 use crate::console::Console;
 use crate::export_format::ExportFormat;
 use crate::failure::{Failure, Outcome};
 use crate::frames;
 use crate::scene::{self, Opened};
-use gs_io::{AtomicFile, compressed_ply, splat_file, spz};
+use gs_io::{AtomicFile, compressed_ply, gltf, ply, splat_file, spz};
 use std::time::Instant;
 
 /// Writes the frame at `--time`.
@@ -22,28 +22,32 @@ pub(super) fn write(
     let time = args.time.unwrap_or_default();
     frames::check(opened.scene.time_range(), time, "--time")?;
     check_sh_degree(args.sh_degree, opened.scene.sh_degree())?;
-    let version = args.spz_version.unwrap_or(4);
-    if !(3..=4).contains(&version) {
-        return Err(Failure::usage(format!("--spz-version {version}: expected 3 or 4")));
-    }
+    let spz = spz_options(args)?;
     scene::refuse_overlap(&args.output, &opened.roots)?;
     let start = Instant::now();
     let splats = opened.scene.at(time).map_err(Failure::bad_input)?;
     let mut file = AtomicFile::create(&args.output, existing(global))
         .map_err(|error| output_failure(&error))?;
+    let comments = std::iter::once(format!("{TIME_COMMENT}{time}"))
+        .chain(scene::up_comments(opened.up))
+        .collect();
+    let sh_degree = args.sh_degree;
     let written = match to {
         ExportFormat::Splat => splat_file::write(&splats, &mut file),
-        ExportFormat::Spz => {
-            let options = spz::WriteOptions { version, sh_degree: args.sh_degree };
-            spz::write(&splats, &options, &mut file)
+        ExportFormat::Spz => spz::write(&splats, &spz, &mut file),
+        ExportFormat::Ply => {
+            let options = ply::WriteOptions { normals: !args.no_normals, comments, sh_degree };
+            ply::write(&splats, &options, &mut file)
+                .map(|()| plain_losses(args, opened.scene.sh_degree()))
+        }
+        ExportFormat::Glb | ExportFormat::Gltf => {
+            let text = to == ExportFormat::Gltf;
+            let options = gltf::WriteOptions { sh_degree, text, comments };
+            gltf::write(&splats, &options, &mut file)
         }
         _ => {
-            let comments = std::iter::once(format!("{TIME_COMMENT}{time}"))
-                .chain(scene::up_comments(opened.up))
-                .collect();
             let order = Some(compressed_ply::morton_order(&splats));
-            let options =
-                compressed_ply::WriteOptions { comments, sh_degree: args.sh_degree, order };
+            let options = compressed_ply::WriteOptions { comments, sh_degree, order };
             compressed_ply::write(&splats, &options, &mut file)
         }
     };
@@ -52,4 +56,17 @@ pub(super) fn write(
     let what = format!("{} splats at time {time}", splats.len());
     say_written(&args.output, start.elapsed(), &what, &losses, console);
     Ok(())
+}
+
+fn spz_options(args: &ExportArgs) -> Outcome<spz::WriteOptions> {
+    let mut options = spz::WriteOptions { sh_degree: args.sh_degree, ..Default::default() };
+    if let Some(version) = args.spz_version {
+        if !(3..=4).contains(&version) {
+            return Err(Failure::usage(format!("--spz-version {version}: expected 3 or 4")));
+        }
+        options.version = version;
+    }
+    options.axes = args.spz_axes.map_or(options.axes, AxesArg::axes);
+    options.sh_bits = args.spz_sh_bits.unwrap_or(options.sh_bits);
+    Ok(options)
 }

@@ -1,0 +1,106 @@
+//! [`ShRotation`]: spherical harmonics of a scene that is rotated.
+
+use crate::sh::{MAX_DEGREE, basis, num_coeffs};
+use crate::{Real, quat};
+
+/// Nodes and weights of Gauss-Legendre quadrature on [−1, 1], exact up to degree 7: products of two
+/// harmonics have degree 6.
+const HEIGHTS: [(f64, f64); 4] = [
+    (-0.861_136_311_594_052_6, 0.347_854_845_137_453_85),
+    (-0.339_981_043_584_856_26, 0.652_145_154_862_546_2),
+    (0.339_981_043_584_856_26, 0.652_145_154_862_546_2),
+    (0.861_136_311_594_052_6, 0.347_854_845_137_453_85),
+];
+/// Equally spaced longitudes, exact for the same products.
+const LONGITUDES: u32 = 8;
+
+/// The linear map of SH coefficients under a rotation of the world: with coefficients `c` and `c' =
+/// apply(c)`, the colour of `c'` in direction `R·d` is the colour of `c` in direction `d`.
+///
+/// Degrees do not mix, so the map is one matrix per degree, `D[m][k] = ∫ Y_m(d)·Y_k(R⁻¹d) dd` over
+/// the unit sphere.
+#[derive(Debug, Clone)]
+pub struct ShRotation {
+    /// `D`, zero between different degrees.
+    matrix: [[f64; 16]; 16],
+}
+
+impl ShRotation {
+    /// The map of the rotation by the quaternion `wxyz`, which need not have length 1; a zero
+    /// quaternion rotates nothing.
+    pub fn new(rotation: [f64; 4]) -> Self {
+        let inverse = match quat::normalize(rotation) {
+            [0.0, 0.0, 0.0, 0.0] => [1.0, 0.0, 0.0, 0.0],
+            unit => quat::conjugate(unit),
+        };
+        let mut matrix = [[0.0; 16]; 16];
+        for (height, height_weight) in HEIGHTS {
+            let radius = (1.0 - height * height).sqrt();
+            for step in 0..LONGITUDES {
+                let angle = std::f64::consts::TAU * (f64::from(step) + 0.5) / f64::from(LONGITUDES);
+                let direction = [radius * angle.cos(), radius * angle.sin(), height];
+                let weight = height_weight * std::f64::consts::TAU / f64::from(LONGITUDES);
+                let to = basis(MAX_DEGREE, direction);
+                let from = basis(MAX_DEGREE, quat::rotate(inverse, direction));
+                for degree in 0..=MAX_DEGREE {
+                    let band = degree * degree..num_coeffs(degree);
+                    for m in band.clone() {
+                        for k in band.clone() {
+                            matrix[m][k] += weight * to[m] * from[k];
+                        }
+                    }
+                }
+            }
+        }
+        Self { matrix }
+    }
+
+    /// Rotates the coefficients `[K,3]` of one splat in place. `K` is that of a whole degree, at
+    /// most 16.
+    pub fn apply<F: Real>(&self, coeffs: &mut [[F; 3]]) {
+        let mut rotated = [[0.0; 3]; 16];
+        for (m, out) in rotated.iter_mut().enumerate().take(coeffs.len()) {
+            for (k, rgb) in coeffs.iter().enumerate().take(16) {
+                for channel in 0..3 {
+                    out[channel] += self.matrix[m][k] * rgb[channel].as_f64();
+                }
+            }
+        }
+        // Degree 0 does not depend on the direction and keeps its bits.
+        for (rgb, out) in coeffs.iter_mut().zip(rotated).skip(1) {
+            *rgb = out.map(F::from_double);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn colours_turn_with_the_scene() {
+        let rotation = quat::normalize([0.3, -0.8, 0.4, 0.2]);
+        let turn = ShRotation::new(rotation.map(|value| 3.0 * value));
+        let before: Vec<[f64; 3]> =
+            (0..16).map(|k| [f64::from(k) - 7.0, 0.1 * f64::from(k), 1.0]).collect();
+        let mut after = before.clone();
+        turn.apply(&mut after);
+        assert_eq!(after[0], before[0], "degree 0");
+        for direction in [[0.48, -0.6, 0.64], [0.0, 0.0, 1.0], [-0.6, 0.8, 0.0]] {
+            let (here, there) = (basis(3, direction), basis(3, quat::rotate(rotation, direction)));
+            for channel in 0..3 {
+                let color = |sh: &[[f64; 3]], y: &[f64; 16]| -> f64 {
+                    (0..16).map(|k| sh[k][channel] * y[k]).sum()
+                };
+                let (expected, found) = (color(&before, &here), color(&after, &there));
+                assert!((expected - found).abs() < 1e-6, "{direction:?}: {expected} {found}");
+            }
+        }
+        let mut still = before.clone();
+        ShRotation::new([0.0; 4]).apply(&mut still);
+        assert!(
+            still.iter().flatten().zip(before.iter().flatten()).all(|(a, b)| (a - b).abs() < 1e-6),
+            "a zero quaternion rotates nothing"
+        );
+    }
+}

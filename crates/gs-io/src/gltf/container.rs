@@ -1,0 +1,133 @@
+//! The parts of a `.glb` or `.gltf`: its JSON, and the bytes of its buffers.
+
+use super::document::{Buffer, Document};
+use super::{CHUNK_BIN, CHUNK_JSON, FORMAT};
+use crate::frame::FrameError;
+use base64::Engine;
+use base64::engine::general_purpose::STANDARD;
+use std::borrow::Cow;
+
+/// First bytes of a `.glb`.
+pub(crate) const GLB_MARK: [u8; 4] = *b"glTF";
+const GLB_HEADER: usize = 12;
+const CHUNK_HEADER: usize = 8;
+/// Names of which a glTF has one near its start, in whatever order it was written.
+const MEMBERS: [&[u8]; 5] =
+    [b"\"asset\"", b"\"accessors\"", b"\"bufferViews\"", b"\"meshes\"", b"\"extensionsUsed\""];
+
+/// Whether text is a JSON object with members that glTF has.
+pub(crate) fn looks_like_json(start: &[u8]) -> bool {
+    let text = start.strip_prefix(b"\xef\xbb\xbf").unwrap_or(start).trim_ascii_start();
+    text.starts_with(b"{")
+        && MEMBERS.iter().any(|name| text.windows(name.len()).any(|found| found == *name))
+}
+
+/// JSON, and the chunk of bytes that a `.glb` may have beside it.
+#[derive(Debug)]
+pub(super) struct Parts<'a> {
+    pub(super) json: &'a [u8],
+    pub(super) binary: Option<&'a [u8]>,
+}
+
+impl<'a> Parts<'a> {
+    /// Takes a file apart.
+    pub(super) fn of(bytes: &'a [u8]) -> Result<Self, FrameError> {
+        if !bytes.starts_with(&GLB_MARK) {
+            let json = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
+            return Ok(Self { json, binary: None });
+        }
+        let word = |at: usize| {
+            bytes.get(at..at + 4).and_then(|word| word.try_into().ok()).map(u32::from_le_bytes)
+        };
+        let truncated = |part, expected: u128| FrameError::Truncated {
+            format: FORMAT,
+            part,
+            expected,
+            found: bytes.len() as u128,
+        };
+        let version = word(4).ok_or_else(|| truncated("the header", GLB_HEADER as u128))?;
+        if version != 2 {
+            return Err(FrameError::Version {
+                format: FORMAT,
+                found: version,
+                expected: "2",
+                next: "export it again from a current tool",
+            });
+        }
+        let (mut at, mut json, mut binary) = (GLB_HEADER, None, None);
+        while let (Some(length), Some(kind)) = (word(at), word(at + 4)) {
+            let start = at + CHUNK_HEADER;
+            let end = start.saturating_add(length as usize);
+            let body = bytes.get(start..end).ok_or_else(|| truncated("a chunk", end as u128))?;
+            match kind {
+                CHUNK_JSON if json.is_none() => json = Some(body),
+                CHUNK_BIN if binary.is_none() => binary = Some(body),
+                _ => {}
+            }
+            at = end;
+        }
+        let json = json.ok_or_else(|| FrameError::damaged(FORMAT, "it has no JSON chunk"))?;
+        Ok(Self { json, binary })
+    }
+}
+
+/// The bytes of every buffer, none longer than its file: from the binary chunk, from the URI
+/// itself, or from `external`.
+pub(super) fn buffers<'a>(
+    document: &Document,
+    binary: Option<&'a [u8]>,
+    external: &dyn Fn(&str) -> Result<Vec<u8>, String>,
+) -> Result<Vec<Cow<'a, [u8]>>, FrameError> {
+    let one = |(index, buffer): (usize, &Buffer)| {
+        let bytes = match &buffer.uri {
+            None if index == 0 => Cow::Borrowed(binary.unwrap_or_default()),
+            None => Cow::Borrowed(&[][..]),
+            Some(uri) => Cow::Owned(match data_of(uri) {
+                Some(bytes) => bytes?,
+                None => external(uri).map_err(|what| FrameError::damaged(FORMAT, what))?,
+            }),
+        };
+        if (bytes.len() as u64) < buffer.byte_length {
+            return Err(FrameError::Truncated {
+                format: FORMAT,
+                part: "a buffer",
+                expected: u128::from(buffer.byte_length),
+                found: bytes.len() as u128,
+            });
+        }
+        Ok(bytes)
+    };
+    document.buffers.iter().enumerate().map(one).collect()
+}
+
+/// The bytes of a `data:` URI; `None` if it is another one.
+fn data_of(uri: &str) -> Option<Result<Vec<u8>, FrameError>> {
+    let rest = uri.strip_prefix("data:")?;
+    let decoded = match rest.split_once(',') {
+        Some((kind, data)) if kind.ends_with(";base64") => {
+            STANDARD.decode(data).map_err(|error| error.to_string())
+        }
+        _ => Err("expected base64".to_owned()),
+    };
+    Some(decoded.map_err(|what| FrameError::damaged(FORMAT, format!("a data URI: {what}"))))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn json_is_told_from_other_json() {
+        assert!(looks_like_json(b"\xef\xbb\xbf\n {\"asset\": {}}"), "marks and space before it");
+        assert!(!looks_like_json(b"{\"frames\": [], \"camera_angle_x\": 1}"), "cameras");
+        assert!(!looks_like_json(b"\"asset\""), "no object");
+    }
+
+    #[test]
+    fn uris_hold_bytes() {
+        let bytes = data_of("data:application/octet-stream;base64,AAEC").unwrap().unwrap();
+        assert_eq!(bytes, [0, 1, 2], "decoded");
+        assert!(data_of("data:text/plain,abc").unwrap().is_err(), "not base64");
+        assert!(data_of("scene.bin").is_none(), "a file");
+    }
+}

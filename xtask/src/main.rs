@@ -2,6 +2,7 @@
 
 mod doc_commands;
 mod fixtures;
+mod interop;
 mod stability;
 mod test_times;
 mod tidy;
@@ -35,6 +36,8 @@ enum Task {
         /// Output of `cargo test --release --workspace`, both streams
         log: Option<PathBuf>,
     },
+    /// Convert frames with other tools both ways and write docs/INTEROP.md (needs node, Python and their registries)
+    Interop,
     /// Draw how the paper's weights change its results, and print the numbers
     Stability,
     /// Write a scene with known motion: source, a deformation network trained on it, edit, truth with its video, cameras
@@ -61,6 +64,7 @@ fn main() -> anyhow::Result<()> {
         Task::DocCommands => doc_commands::run(),
         Task::TestTimes { log: Some(log) } => test_times::write(&log),
         Task::TestTimes { log: None } => test_times::check(),
+        Task::Interop => interop::run(),
         Task::Stability => stability::run(),
         Task::TruthScene { case, seed, size, output } => {
             truth_scenes::write(&case, seed, size, &output)

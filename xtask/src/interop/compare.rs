@@ -1,0 +1,72 @@
+//! How far a cloud is from what was written, whatever the order of its rows.
+
+use gs_core::Splats;
+use gs_core::sh::C0;
+use rayon::prelude::*;
+
+/// Opacity below which a splat draws nothing.
+const VISIBLE: f32 = 1.0 / 255.0;
+
+/// Largest differences over all splats that can be seen.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Difference {
+    /// Of centres, share of the size of the scene.
+    pub(super) position: f32,
+    /// Of base colours, steps of 1/255.
+    color: f32,
+    /// Of opacities, steps of 1/255.
+    opacity: f32,
+}
+
+impl Difference {
+    pub(super) fn text(self) -> String {
+        if self.position == 0.0 && self.color == 0.0 && self.opacity == 0.0 {
+            return "none".to_owned();
+        }
+        format!(
+            "positions {:.1e}, colours {:.1}, opacities {:.1}",
+            self.position, self.color, self.opacity
+        )
+    }
+
+    /// As if `read` had been turned by half a turn about x.
+    pub(super) fn of_half_turn(truth: &Splats, read: &Splats) -> Self {
+        let mut turned = read.clone();
+        turned.means.iter_mut().for_each(|mean| *mean = [mean[0], -mean[1], -mean[2]]);
+        difference(truth, &turned)
+    }
+}
+
+/// Compares every visible splat of `truth` with the nearest of `read`.
+pub(super) fn difference(truth: &Splats, read: &Splats) -> Difference {
+    let (min, max) = truth.bounds().unwrap_or_default();
+    let size = (0..3).map(|axis| max[axis] - min[axis]).fold(f32::MIN_POSITIVE, f32::max);
+    let distance = |a: &[f32; 3], b: &[f32; 3]| -> f32 {
+        (0..3).map(|axis| (a[axis] - b[axis]).powi(2)).sum()
+    };
+    let one = |row: usize| {
+        let mean = &truth.means[row];
+        let nearest = (0..read.len())
+            .min_by(|&a, &b| {
+                distance(&read.means[a], mean).total_cmp(&distance(&read.means[b], mean))
+            })
+            .unwrap_or_default();
+        let dc = |splats: &Splats, row: usize| splats.sh_of(row)[0];
+        let (a, b) = (dc(truth, row), dc(read, nearest));
+        // Colours beyond what displays show are clipped by every format.
+        let shown = |dc: f32| (0.5 + C0 * dc).clamp(0.0, 1.0);
+        Difference {
+            position: distance(&read.means[nearest], mean).sqrt() / size,
+            color: (0..3).map(|k| 255.0 * (shown(a[k]) - shown(b[k])).abs()).fold(0.0, f32::max),
+            opacity: 255.0 * (truth.opacity(row) - read.opacity(nearest)).abs(),
+        }
+    };
+    (0..truth.len()).into_par_iter().filter(|&row| truth.opacity(row) >= VISIBLE).map(one).reduce(
+        Difference::default,
+        |a, b| Difference {
+            position: a.position.max(b.position),
+            color: a.color.max(b.color),
+            opacity: a.opacity.max(b.opacity),
+        },
+    )
+}

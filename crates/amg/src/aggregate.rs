@@ -1,12 +1,15 @@
-//! The motion of one blended row at one time (Eqs. 8, 23, 24, or their rigid counterparts).
+//! The motion of one blended row at one time (Eqs. 9, 10, 24, or their rigid counterparts).
 
 use crate::keyframes::{FADED, still_seen};
 use crate::options::{Aggregation, PositionRule, RotationRule, ScaleRule};
 use crate::rigid::RigidFit;
 use gs_core::{Real, Splats, quat};
 
-/// Largest change of scale one blend may cause, as a factor: a source that vanishes at the edit frame has no ratio.
+/// Largest change of scale that an isotropic blend may cause, as a factor: a source that vanishes at the edit frame has no
+/// ratio. The ratio per axis is not limited.
 const LN_MAX_SCALE_RATIO: f32 = 1.386_294_4;
+/// Logarithm of the largest ratio per axis; only keeps sums of ratios finite.
+const LN_FINITE_RATIO: f64 = 700.0;
 
 /// Geometry of one splat: mean, quaternion, log-scales.
 pub(crate) type Geometry = ([f32; 3], [f32; 4], [f32; 3]);
@@ -79,7 +82,7 @@ pub(crate) fn relative_rotation(source_1: &Splats, source_t: &Splats, id: usize)
     if quat::dot(r, r) > 0.5 { r } else { [1.0, 0.0, 0.0, 0.0] }
 }
 
-/// Eq. 8 with given weights.
+/// Eq. 9 with given weights.
 fn average_displacement(
     (ids, weights): (&[u32], &[f32]),
     mean: [f32; 3],
@@ -96,7 +99,7 @@ fn average_displacement(
     moved.map(f32::from_double)
 }
 
-/// Eq. 23 as printed: unit quaternions, each Δq taken on its source's hemisphere.
+/// Rotations of Eq. 24 as printed: unit quaternions, each Δq taken on its source's hemisphere.
 fn add_rotations(
     (ids, weights): (&[u32], &[f32]),
     rotation: [f32; 4],
@@ -143,19 +146,27 @@ fn blend_scale(
     source_t: &Splats,
     rule: ScaleRule,
 ) -> [f32; 3] {
-    let mut sums = [0.0_f32; 3];
-    for (&id, &weight) in ids.iter().zip(weights) {
-        let (s1, st) = (source_1.log_scales[id as usize], source_t.log_scales[id as usize]);
-        for axis in 0..3 {
-            let ln = st[axis] - s1[axis];
-            let ln =
-                if ln.is_nan() { 0.0 } else { ln }.clamp(-LN_MAX_SCALE_RATIO, LN_MAX_SCALE_RATIO);
-            sums[axis] += weight * if rule == ScaleRule::PerAxis { ln.exp() } else { ln };
-        }
-    }
+    let ln_ratio = |id: u32, axis: usize| {
+        let ln = source_t.log_scales[id as usize][axis] - source_1.log_scales[id as usize][axis];
+        if ln.is_nan() { 0.0 } else { ln }
+    };
     match rule {
-        ScaleRule::PerAxis => [0, 1, 2].map(|axis| log_scale[axis] + sums[axis].ln()),
+        ScaleRule::PerAxis => [0, 1, 2].map(|axis| {
+            let mut mean = 0.0;
+            for (&id, &weight) in ids.iter().zip(weights) {
+                let ln = f64::from(ln_ratio(id, axis)).clamp(-LN_FINITE_RATIO, LN_FINITE_RATIO);
+                mean += f64::from(weight) * ln.exp();
+            }
+            log_scale[axis] + f32::from_double(mean.ln())
+        }),
         ScaleRule::Isotropic => {
+            let mut sums = [0.0_f32; 3];
+            for (&id, &weight) in ids.iter().zip(weights) {
+                for (axis, sum) in sums.iter_mut().enumerate() {
+                    let ln = ln_ratio(id, axis).clamp(-LN_MAX_SCALE_RATIO, LN_MAX_SCALE_RATIO);
+                    *sum += weight * ln;
+                }
+            }
             let ln = (sums[0] + sums[1] + sums[2]) / 3.0;
             log_scale.map(|s| s + ln)
         }

@@ -25,14 +25,16 @@ mod report;
 mod rigid;
 mod scene;
 
+pub use anchors::{AnchorParams, Grouping, Radius};
 pub use binding::{Binding, RowKind};
 pub use dynamics::DynamicSplit;
 pub use error::AmgError;
 pub use field::FieldAt;
 pub use identity::{Identity, IdentityMap};
 pub use options::{
-    Aggregation, BestParams, DynamicOverride, DynamicParams, IdentityParams, KnnParams,
-    MotionGuide, MotionOptions, PaperParams, PositionRule, Preset, RotationRule, ScaleRule,
+    Aggregation, AnchorSampling, BestParams, DynamicOverride, DynamicParams, IdentityParams,
+    KnnParams, MotionGuide, MotionOptions, PaperParams, PositionRule, Preset, RotationRule,
+    ScaleRule,
 };
 pub use propagate::{Progress, Propagation, propagate};
 pub use report::{MotionReport, TransportReport};

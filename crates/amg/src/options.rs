@@ -42,20 +42,47 @@ impl Default for KnnParams {
     }
 }
 
+/// How [`MotionGuide::Paper`] finds anchors.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum AnchorSampling {
+    /// Neighbourhoods that lines through the scene's sphere hit (Eqs. 5–7).
+    #[default]
+    Lines,
+    /// Farthest-point sampling, the paper's "naive sampling": one anchor for `k + 1` splats, as many as there are
+    /// neighbourhoods, each standing for the splats nearest to it.
+    FarthestPoints,
+}
+
 /// Options of [`MotionGuide::Paper`]; `Default` is the paper.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PaperParams {
+    /// How anchors are found. Default [`AnchorSampling::Lines`].
+    pub sampling: AnchorSampling,
     /// Neighbourhoods, cylinder and lines. Default: disjoint triples, global δ, 300 000 lines.
     pub anchors: anchors::AnchorParams,
     /// Welsch scale over the median anchor distance, β = γ·d_med (Eq. 21). Default 0.05.
     pub gamma: f64,
-    /// λ0, λ1, λ2 of Eq. 22. Default 0.1, 1, 1.
+    /// λ0, λ1, λ2 of Eq. 22, cost units; λ1 and λ2 may be infinite. Default 0.1, 1, 1.
     pub lambdas: [f64; 3],
+    /// Transport stops once no potential moves by this many λ0. Default 1e-9.
+    pub tol: f64,
+    /// Sweeps after which transport is taken as it is, with a warning. Default 20 000.
+    pub max_sweeps: usize,
+    /// Distance in β from which the cost counts as 1, above 0. Default 6: potentials are within 2e-9 of the dense problem's.
+    pub cutoff: f64,
 }
 
 impl Default for PaperParams {
     fn default() -> Self {
-        Self { anchors: anchors::AnchorParams::default(), gamma: 0.05, lambdas: [0.1, 1.0, 1.0] }
+        Self {
+            sampling: AnchorSampling::Lines,
+            anchors: anchors::AnchorParams::default(),
+            gamma: 0.05,
+            lambdas: [0.1, 1.0, 1.0],
+            tol: 1e-9,
+            max_sweeps: 20_000,
+            cutoff: 6.0,
+        }
     }
 }
 
@@ -81,7 +108,8 @@ pub struct Aggregation {
     pub rotation: RotationRule,
     /// Scales.
     pub scale: ScaleRule,
-    /// Whether blended rows follow their sources' change of opacity logit and SH since the edit frame, too.
+    /// Whether blended and recoloured rows follow their sources' change of opacity logit and SH since the edit frame, too;
+    /// else they keep the edit's at all times.
     pub appearance: bool,
     /// Weight of the sources' own relative rotations in a local rigid motion, relative to their positions; 0 where the
     /// scene does not model rotation. Default 3; [`crate::propagate()`] lowers it when the source's rotations disagree
@@ -95,7 +123,7 @@ pub struct Aggregation {
 /// Rule for positions.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum PositionRule {
-    /// Weighted mean of the displacements (Eq. 8).
+    /// Weighted mean of the displacements (Eq. 9).
     Average,
     /// The rigid motion that best explains how the row's sources move (weighted Kabsch), applied to the splat: a splat
     /// 3 % off a limb that turns 80° needs the lever arm.
@@ -105,7 +133,7 @@ pub enum PositionRule {
 /// Rule for rotations.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum RotationRule {
-    /// `q + Σ w Δq` on the hemisphere of each source, renormalised (Eq. 23, as printed).
+    /// `q + Σ w Δq` on the hemisphere of each source, renormalised (Eq. 24, as printed).
     Additive,
     /// The relative rotation, composed on the left.
     Relative,
@@ -121,7 +149,7 @@ pub enum ScaleRule {
 }
 
 impl Aggregation {
-    /// Eqs. 8, 23 and 24 as printed.
+    /// Eqs. 9 and 24 as printed.
     pub const PAPER: Self = Self {
         position: PositionRule::Average,
         rotation: RotationRule::Additive,
@@ -212,7 +240,7 @@ pub struct MotionOptions {
     /// Which source splats move.
     pub dynamics: DynamicParams,
     /// Edited splats no nearer to a moving source than this share of the figure's size, and not joined by edited splats
-    /// to any that is, stay put. Default 0.25.
+    /// to any that is, stay put. Default 0.25; infinite in the paper preset.
     pub reach: f32,
 }
 
@@ -229,15 +257,16 @@ impl MotionOptions {
             aggregation,
             edit_time: None,
             num_key_times: 12,
-            identity: IdentityParams::default(),
+            // the paper estimates the motion of every edited splat
+            identity: IdentityParams { enabled: preset != Preset::Paper, ..Default::default() },
             dynamics: DynamicParams { coherent: preset == Preset::Best, ..Default::default() },
-            reach: 0.25,
+            reach: if preset == Preset::Paper { f32::INFINITY } else { 0.25 },
         }
     }
 
     /// The baseline that asks `field` at the edited positions.
     pub fn field(field: Arc<dyn FieldAt>) -> Self {
-        Self { guide: MotionGuide::Field(field), ..Self::preset(Preset::Paper) }
+        Self { guide: MotionGuide::Field(field), ..Self::preset(Preset::Knn) }
     }
 
     pub(crate) fn check(&self) -> Result<(), AmgError> {
@@ -245,8 +274,8 @@ impl MotionOptions {
         if !(1..=64).contains(&self.num_key_times) {
             return wrong("num_key_times", self.num_key_times.to_string(), "1 to 64");
         }
-        if !(self.reach >= 0.0 && self.reach.is_finite()) {
-            return wrong("reach", self.reach.to_string(), "a finite share, at least 0");
+        if self.reach.is_nan() || self.reach < 0.0 {
+            return wrong("reach", self.reach.to_string(), "a share, at least 0");
         }
         let tolerance = self.identity.tolerance;
         if !(tolerance >= 0.0 && tolerance.is_finite()) {

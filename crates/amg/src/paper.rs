@@ -2,7 +2,7 @@
 
 use crate::AmgError;
 use crate::binding::index;
-use crate::options::PaperParams;
+use crate::options::{AnchorSampling, PaperParams};
 use crate::propagate::Progress;
 use crate::report::{MotionReport, TransportReport};
 use anchors::AnchorSet;
@@ -31,7 +31,18 @@ pub(crate) fn bind(
     };
     let (source_points, edited_points) = (points(source, pool), points(edited, rows));
     progress("anchors", 0.0);
-    let (src, edit) = AnchorSet::of_pair(&source_points, &edited_points, &params.anchors)?;
+    let (src, edit) = match params.sampling {
+        AnchorSampling::Lines => {
+            AnchorSet::of_pair(&source_points, &edited_points, &params.anchors)?
+        }
+        AnchorSampling::FarthestPoints => {
+            params.anchors.validate()?;
+            let sample = |points: &[[f64; 3]]| {
+                AnchorSet::farthest(points, points.len().div_ceil(params.anchors.k + 1))
+            };
+            (sample(&source_points)?, sample(&edited_points)?)
+        }
+    };
     report.anchors = [src.len(), edit.len()];
     if src.is_empty() || edit.is_empty() {
         report.warnings.push("no anchors could be built: edited splats stay put".to_owned());
@@ -68,13 +79,20 @@ fn correspond(
 ) -> Result<Vec<u32>, AmgError> {
     let welsch = WelschParams {
         bandwidth: Bandwidth::MedianTimes(params.gamma),
-        cutoff: 4.0,
+        cutoff: params.cutoff,
         ..WelschParams::default()
     };
     let problem = UotProblem::welsch(&src.positions, &edit.positions, &welsch)?;
     let [lambda_ent, lambda_a, lambda_b] = params.lambdas;
-    let sinkhorn =
-        SinkhornParams { lambda_ent, lambda_a, lambda_b, tol: 1e-6, ..SinkhornParams::default() };
+    let PaperParams { tol, max_sweeps, .. } = *params;
+    let sinkhorn = SinkhornParams {
+        lambda_ent,
+        lambda_a,
+        lambda_b,
+        tol,
+        max_sweeps,
+        ..SinkhornParams::default()
+    };
     let out = uot::solve(&problem, &sinkhorn)?;
     let scale = problem.scale();
     report.transport = Some(TransportReport {
@@ -85,12 +103,19 @@ fn correspond(
         beta: scale.map_or(0.0, |scale| scale.beta),
         total_mass: out.total_mass,
     });
+    if !out.converged {
+        report.warnings.push(format!(
+            "transport did not converge in {} sweeps (residual {:.1e})",
+            out.sweeps,
+            out.residuals.last().copied().unwrap_or(f64::NAN)
+        ));
+    }
     let found = out.correspondence(&problem)?;
     report.unmatched_anchors = found.w_best.iter().filter(|&&w| w <= MATCHED).count();
     Ok(found.rows)
 }
 
-/// Eq. 9 in the log domain, relative to the best source: an edited splat a few standard deviations off underflows
+/// Eq. 10 in the log domain, relative to the best source: an edited splat a few standard deviations off underflows
 /// otherwise. Standard deviations below a millionth of the offset count as that.
 fn mahalanobis_weights(source: &Splats, ids: &[u32], x: [f32; 3]) -> Vec<(u32, f32)> {
     let logs: Vec<f64> = ids

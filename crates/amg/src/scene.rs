@@ -249,7 +249,9 @@ impl EditedScene {
                         sh[..shared].copy_from_slice(&source_t.sh_of(id)[..shared]);
                         return;
                     }
-                    RowKind::Blended if !self.aggregation.appearance => return,
+                    RowKind::Recoloured | RowKind::Blended if !self.aggregation.appearance => {
+                        return;
+                    }
                     RowKind::Recoloured | RowKind::Blended => {}
                 }
                 let sources = self.seen_at(sources, source_t, fading, seen);

@@ -8,7 +8,10 @@
 
 mod common;
 
-use amg::{Aggregation, MotionOptions, PositionRule, Preset, RotationRule, ScaleRule, propagate};
+use amg::{
+    Aggregation, AnchorSampling, MotionGuide, MotionOptions, PositionRule, Preset, RotationRule,
+    ScaleRule, propagate,
+};
 use common::{Edit, Score, golden_edit, golden_source, score};
 use gs_core::DynamicScene;
 use std::sync::Arc;
@@ -50,11 +53,66 @@ fn relative_rotations_reproduce_the_table() {
     }
 }
 
+/// The table of the goldens (lines of its own, so within 15 %), and what a second independent implementation of the paper found
+/// on two of the edits with the lines of seed 0: the same to the digits it gives.
 #[test]
-fn the_paper_to_the_letter_reproduces_the_table() {
-    for (name, epe) in EDITS.into_iter().zip([0.492, 1.317, 1.657, 2.535]) {
-        let found = run(&without_identity(Preset::Paper), &golden_edit(name));
+fn the_paper_to_the_letter_agrees_with_independent_implementations() {
+    let found = EDITS.map(|name| run(&MotionOptions::preset(Preset::Paper), &golden_edit(name)));
+    for ((name, found), epe) in EDITS.iter().zip(&found).zip([0.492, 1.317, 1.657, 2.535]) {
         assert!((found.epe / epe - 1.0).abs() <= 0.15, "{name}: {found}, expected EPE {epe}");
+    }
+    let [_, inflate, _, all] = found;
+    assert!((inflate.epe - 1.3801).abs() <= 0.0005, "inflate: {inflate}, expected EPE 1.3801");
+    assert!((all.epe - 2.50).abs() <= 0.005, "all: {all}, expected EPE 2.50");
+}
+
+/// The paper estimates every splat, keeps the edit's opacity and colours, and neither limits nor refuses anything.
+#[test]
+fn the_paper_to_the_letter_copies_nothing() {
+    let (mut source, _) = golden_source();
+    let edited = source.frames[0].clone();
+    for (k, frame) in source.frames.iter_mut().enumerate() {
+        for logit in &mut frame.opacity_logits {
+            *logit += 0.1 * k as f32;
+        }
+    }
+    let options = MotionOptions::preset(Preset::Paper);
+    let found = propagate(Arc::new(source.clone()), Arc::new(edited.clone()), &options, &|_, _| {})
+        .unwrap();
+    let report = &found.report;
+    assert_eq!((report.unchanged, report.recoloured, report.out_of_reach), (0, 0, 0), "none");
+    assert_eq!(report.blended, edited.len(), "every splat is estimated");
+    let transport = report.transport.as_ref().unwrap();
+    assert!(transport.converged && transport.residual < 1e-9, "{transport:?}");
+    let last = found.scene.at(source.time_range().end).unwrap();
+    assert_eq!(last.opacity_logits, edited.opacity_logits, "shared over all frames");
+    assert_eq!(last.sh, edited.sh, "shared over all frames");
+    // known copies, as with --motion amg, share them as well
+    let mut known = MotionOptions::preset(Preset::Paper);
+    known.identity.enabled = true;
+    let mut recoloured = edited.clone();
+    for rgb in &mut recoloured.sh {
+        rgb[0] += 0.3;
+    }
+    let found =
+        propagate(Arc::new(source.clone()), Arc::new(recoloured.clone()), &known, &|_, _| {})
+            .unwrap();
+    assert_eq!(found.report.recoloured, edited.len(), "every splat is known");
+    let last = found.scene.at(source.time_range().end).unwrap();
+    assert_eq!(last.opacity_logits, recoloured.opacity_logits, "shared over all frames");
+}
+
+/// A further baseline. Measured .439, 1.286, 1.497, 2.381 (lines: .555, 1.380, 1.600, 2.503): on these scenes the literal method gains
+/// nothing from lines.
+#[test]
+fn farthest_point_anchors_are_a_baseline() {
+    let mut options = MotionOptions::preset(Preset::Paper);
+    if let MotionGuide::Paper(params) = &mut options.guide {
+        params.sampling = AnchorSampling::FarthestPoints;
+    }
+    for (name, epe) in EDITS.into_iter().zip([0.439, 1.286, 1.497, 2.381]) {
+        let found = run(&options, &golden_edit(name));
+        assert!((found.epe / epe - 1.0).abs() <= 0.01, "{name}: {found}, measured {epe}");
     }
 }
 
@@ -139,7 +197,8 @@ fn the_source_as_its_own_edit_moves_as_the_source() {
     let (source, _) = golden_source();
     let edited = source.frames[0].clone();
     for preset in [Preset::Best, Preset::Paper, Preset::Knn] {
-        let options = MotionOptions::preset(preset);
+        let mut options = MotionOptions::preset(preset);
+        options.identity.enabled = true;
         let found =
             propagate(Arc::new(source.clone()), Arc::new(edited.clone()), &options, &|_, _| {})
                 .unwrap();

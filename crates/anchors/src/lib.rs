@@ -39,6 +39,7 @@
 mod anchor_set;
 mod cylinder;
 mod error;
+mod farthest;
 mod grid;
 mod groups;
 mod kdtree;

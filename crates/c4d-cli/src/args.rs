@@ -172,27 +172,31 @@ pub(crate) struct PropagateArgs {
     /// Run folder to write
     #[arg(short, long)]
     pub(crate) output: PathBuf,
-    /// Time of the edited frame
-    #[arg(long, default_value_t = 0.0, allow_negative_numbers = true)]
-    pub(crate) time: f32,
+    /// Time of the edited frame [default: 0]
+    #[arg(long, allow_negative_numbers = true)]
+    pub(crate) time: Option<f32>,
     /// Axes of an edited SPZ or glTF frame [default: those it names, else those in which it matches the scene]
     #[arg(long, visible_alias = "spz-axes", value_enum)]
     pub(crate) axes: Option<AxesArg>,
     /// Motion only: leave out the appearance refinement
     #[arg(long)]
     pub(crate) no_refine: bool,
-    /// `best` is what measured best, `paper` the paper to the letter
-    #[arg(long, value_enum, default_value_t = PresetArg::Best)]
-    pub(crate) preset: PresetArg,
+    /// `best` is what measured best, `paper` the paper to the letter [default: best]
+    #[arg(long, value_enum)]
+    pub(crate) preset: Option<PresetArg>,
+    /// Options from a TOML file, such as the c4d.toml of a run to repeat; flags win over it, it over the preset
+    #[arg(long, value_name = "FILE")]
+    pub(crate) config: Option<PathBuf>,
     /// Use a baseline instead of anchors and transport
     #[arg(long, value_enum)]
     pub(crate) baseline: Option<BaselineArg>,
-    /// `amg` keeps the exact motion of splats that were not edited; `amg-all` estimates all anew, as the paper does
-    #[arg(long, value_enum, default_value_t = MotionArg::Amg)]
-    pub(crate) motion: MotionArg,
-    /// Seed of everything random
-    #[arg(long, default_value_t = 0)]
-    pub(crate) seed: u64,
+    /// `amg` keeps the exact motion of splats that were not edited; `amg-all` estimates all anew, as the paper does [default: amg;
+    /// amg-all with --preset paper]
+    #[arg(long, value_enum)]
+    pub(crate) motion: Option<MotionArg>,
+    /// Seed of everything random [default: 0]
+    #[arg(long)]
+    pub(crate) seed: Option<u64>,
     /// Go on although the edited file seems to belong to another scene
     #[arg(long)]
     pub(crate) allow_far: bool,
@@ -214,9 +218,9 @@ pub(crate) struct RefineFlags {
     /// The world's upward direction, for the rig
     #[arg(long, value_enum, allow_hyphen_values = true)]
     pub(crate) refine_up: Option<Up>,
-    /// Times to draw images from, evenly spaced
-    #[arg(long, default_value_t = 30, value_name = "N")]
-    pub(crate) refine_frames: usize,
+    /// Times to draw images from, evenly spaced [default: 30]
+    #[arg(long, value_name = "N")]
+    pub(crate) refine_frames: Option<usize>,
     /// Images to draw (view and time) [default: 240]
     #[arg(long, value_name = "N")]
     pub(crate) samples: Option<usize>,
@@ -226,9 +230,9 @@ pub(crate) struct RefineFlags {
     /// How frame 1 is carried to other frames [default: backward; paper with --preset paper]
     #[arg(long, value_enum)]
     pub(crate) warp: Option<WarpArg>,
-    /// Memory for images, MiB
-    #[arg(long, default_value_t = 2048, value_name = "MIB")]
-    pub(crate) memory: usize,
+    /// Memory for images, MiB [default: 2048]
+    #[arg(long, value_name = "MIB")]
+    pub(crate) memory: Option<usize>,
     /// Write a preview image into the run every so many seconds
     #[arg(long, value_name = "SECONDS", allow_negative_numbers = true)]
     pub(crate) preview_every: Option<f64>,
@@ -252,11 +256,11 @@ impl Default for RefineFlags {
             refine_cameras: None,
             refine_size: None,
             refine_up: None,
-            refine_frames: 30,
+            refine_frames: None,
             samples: None,
             epsilon: None,
             warp: None,
-            memory: 2048,
+            memory: None,
             preview_every: None,
             checkpoint_every: 20.0,
         }
@@ -267,9 +271,12 @@ impl Default for RefineFlags {
 pub(crate) struct RefineArgs {
     /// The run folder; its colours are replaced, its motion and the edit as given stay
     pub(crate) run: PathBuf,
-    /// `best` is what measured best, `paper` the paper to the letter
-    #[arg(long, value_enum, default_value_t = PresetArg::Best)]
-    pub(crate) preset: PresetArg,
+    /// `best` is what measured best, `paper` the paper to the letter [default: best]
+    #[arg(long, value_enum)]
+    pub(crate) preset: Option<PresetArg>,
+    /// Options from the section [refine] of a TOML file, such as the c4d.toml of a run; flags win over it, it over the preset
+    #[arg(long, value_name = "FILE")]
+    pub(crate) config: Option<PathBuf>,
     /// Go on from the checkpoint of an interrupted refinement with the same flags
     #[arg(long)]
     pub(crate) resume: bool,

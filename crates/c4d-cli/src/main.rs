@@ -21,6 +21,7 @@ mod renderer;
 mod rig;
 mod run_folder;
 mod scene;
+mod settings;
 mod video;
 
 use args::{BenchCommand, Cli, Command};

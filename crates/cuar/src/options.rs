@@ -141,7 +141,11 @@ impl RefineOptions {
         }
     }
 
-    pub(crate) fn check(&self) -> Result<(), CuarError> {
+    /// Checks every value against its range, as [`crate::refine()`] does first.
+    ///
+    /// # Errors
+    /// [`CuarError`] names the first value out of range.
+    pub fn check(&self) -> Result<(), CuarError> {
         let within = |name: &str, value: f64, low: f64, high: f64| {
             if value >= low && value <= high {
                 Ok(())

@@ -4,6 +4,7 @@
 
 mod cylinder;
 mod degenerate;
+mod farthest;
 mod grouping;
 mod invariance;
 mod lines;

@@ -3,11 +3,12 @@
 use super::freeze::{existing, output_failure};
 use super::propagate::{self, Recorded};
 use super::render::{Shot, Views, write_sheet, write_video};
-use crate::args::{DemoArgs, Global, MotionArg, PresetArg, PropagateArgs, RefineFlags};
+use crate::args::{DemoArgs, Global, MotionArg, PresetArg, RefineFlags};
 use crate::console::Console;
 use crate::device::Device;
 use crate::failure::{Failure, Outcome};
 use crate::scene;
+use crate::settings::{PropagateJob, Settings};
 use gs_core::{Camera, DynamicScene};
 use gs_io::ply::{self, WriteOptions};
 use gs_io::{AtomicDir, Existing, cameras_json, ply_sequence};
@@ -49,7 +50,7 @@ pub(crate) fn run(args: &DemoArgs, global: &Global, console: &Console) -> Outcom
     let cameras = synthetic.suggested_cameras(SIZE.0, SIZE.1);
     write_inputs(root, &synthetic, &edit, &cameras, console)?;
 
-    let propagate_args = PropagateArgs {
+    let propagate_args = PropagateJob {
         scene: root.join(SOURCE),
         edited: root.join(EDITED),
         output: root.join(RUN),
@@ -62,6 +63,7 @@ pub(crate) fn run(args: &DemoArgs, global: &Global, console: &Console) -> Outcom
         seed: args.seed,
         allow_far: false,
         refine: RefineFlags::default(),
+        settings: Settings::default(),
     };
     let recorded = Recorded { scene: args.output.join(SOURCE), edited: args.output.join(EDITED) };
     let global = Global { overwrite: false, iteration: None, set: Vec::new(), ..global.clone() };

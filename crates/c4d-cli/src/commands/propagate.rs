@@ -11,10 +11,14 @@ use crate::frames;
 use crate::instead::{self, Needed};
 use crate::run_folder::{self, CONFIG, Checkpoint, REPORT, RunConfig, SCENE, Stored};
 use crate::scene::{self, Opened};
+use crate::settings::{
+    AnchorSettings, KnnSettings, PropagateJob, RefineSettings, Settings, TransportSettings,
+};
 use amg::{
     Identity, IdentityMap, IdentityParams, MotionGuide, MotionOptions, MotionReport, Preset,
     Propagation,
 };
+use clap::ValueEnum;
 use gs_core::{Precision, Splats};
 use gs_io::AtomicDir;
 use serde_json::{Value, json};
@@ -36,11 +40,15 @@ pub(crate) struct Recorded {
 }
 
 pub(crate) fn run(args: &PropagateArgs, global: &Global, console: &Console) -> Outcome {
+    let settings = Settings::read(args.config.as_deref())?;
+    let global = &settings.global(global);
+    let args = &settings.job(args)?;
     let recorded = Recorded { scene: args.scene.clone(), edited: args.edited.clone() };
     propagate(args, &recorded, global, console)?;
     if !args.no_refine {
         console.note("motion is written; refining colours (c4d refine RUN --resume goes on after an interrupt)");
-        let begun = Checkpoint { preset: args.preset, flags: args.refine.clone(), state: None };
+        let (preset, settings) = refinement(args)?;
+        let begun = Checkpoint { preset, settings, flags: args.refine.clone(), state: None };
         refine::refine(&args.output, begun, global, console)?;
     }
     console.note(format!(
@@ -52,7 +60,7 @@ pub(crate) fn run(args: &PropagateArgs, global: &Global, console: &Console) -> O
 }
 
 pub(crate) fn propagate(
-    args: &PropagateArgs,
+    args: &PropagateJob,
     recorded: &Recorded,
     global: &Global,
     console: &Console,
@@ -63,7 +71,8 @@ pub(crate) fn propagate(
     inputs.push(args.edited.clone());
     scene::refuse_overlap(&args.output, &inputs)?;
     if !args.no_refine {
-        refine::check(&args.refine, global)?;
+        let (preset, settings) = refinement(args)?;
+        refine::check(&args.refine, preset, &settings, global)?;
     }
     frames::check(source.scene.time_range(), args.time, "--time")?;
     let mut options = options(args, &source)?;
@@ -119,6 +128,7 @@ pub(crate) fn propagate(
         edited: absolute(&recorded.edited)?,
         edited_sha256: run_folder::fingerprint(&[gs_io::frame::file_of(&args.edited)])?,
         edit_time: args.time,
+        axes: args.axes.and_then(|axes| Some(axes.to_possible_value()?.get_name().to_owned())),
         preset: format!("{:?}", args.preset).to_lowercase(),
         baseline: args.baseline.map_or("none".to_owned(), |b| format!("{b:?}").to_lowercase()),
         motion: if args.motion == MotionArg::Amg { "amg" } else { "amg-all" }.to_owned(),
@@ -131,8 +141,19 @@ pub(crate) fn propagate(
         appearance: false,
         rotation_prior: 0.0,
         fading: false,
+        anchors: None,
+        transport: None,
+        knn: None,
         refine: None,
     };
+    match &options.guide {
+        MotionGuide::Paper(params) => {
+            config.anchors = Some(AnchorSettings::of(params));
+            config.transport = Some(TransportSettings::of(params));
+        }
+        MotionGuide::Knn(params) => config.knn = Some(KnnSettings::of(params)),
+        _ => {}
+    }
     config.set_aggregation(*propagation.scene.aggregation());
     let write = |name: &str, bytes: &[u8]| {
         let path = folder.path().join(name);
@@ -151,7 +172,7 @@ pub(crate) fn propagate(
     Ok(())
 }
 
-fn options(args: &PropagateArgs, source: &Opened) -> Outcome<MotionOptions> {
+fn options(args: &PropagateJob, source: &Opened) -> Outcome<MotionOptions> {
     let mut options = match (args.baseline, args.preset) {
         (Some(BaselineArg::Knn), _) => MotionOptions::preset(Preset::Knn),
         (Some(BaselineArg::Deformnet), _) => {
@@ -172,15 +193,20 @@ fn options(args: &PropagateArgs, source: &Opened) -> Outcome<MotionOptions> {
     if let MotionGuide::Paper(params) = &mut options.guide {
         params.anchors.seed = args.seed;
     }
-    if args.motion == MotionArg::AmgAll {
-        options.identity.enabled = false;
-    }
+    options.identity.enabled = args.motion == MotionArg::Amg;
+    args.settings.apply(&mut options)?;
     Ok(options)
+}
+
+/// How the refinement of this run is set.
+fn refinement(args: &PropagateJob) -> Outcome<(PresetArg, RefineSettings)> {
+    let settings = args.settings.refine();
+    Ok((settings.preset()?.unwrap_or(args.preset), settings))
 }
 
 /// Reads the edited frame, repairs what can be repaired, and gives it the scene's SH degree; with how coarsely its format stores it.
 fn read_edited(
-    args: &PropagateArgs,
+    args: &PropagateJob,
     source: &Splats,
     global: &Global,
     console: &Console,
@@ -263,7 +289,7 @@ fn read_edited(
 }
 
 /// An edited frame far from the source at that time is no edit of it.
-fn refuse_other_scene(args: &PropagateArgs, source: &Splats, edited: &Splats) -> Outcome {
+fn refuse_other_scene(args: &PropagateJob, source: &Splats, edited: &Splats) -> Outcome {
     let (Some(source_box), Some(edited_box)) = (robust_box(source), robust_box(edited)) else {
         return Ok(());
     };
@@ -288,7 +314,7 @@ fn refuse_other_scene(args: &PropagateArgs, source: &Splats, edited: &Splats) ->
 
 /// The PLY inside a model folder is canonical, not a frame: an edit of it would move twice.
 fn refuse_canonical(
-    args: &PropagateArgs,
+    args: &PropagateJob,
     identity: &IdentityParams,
     source: &Opened,
     frame: &Splats,
@@ -343,7 +369,7 @@ fn robust_box(splats: &Splats) -> Option<([f64; 3], f64)> {
 }
 
 /// Says so when an edit cannot move, or fits the frame it claims to be of nowhere.
-fn warn_if_still(args: &PropagateArgs, propagation: &Propagation, console: &Console) {
+fn warn_if_still(args: &PropagateJob, propagation: &Propagation, console: &Console) {
     let report = &propagation.report;
     let estimated = report.blended + report.field_rows;
     let exact = propagation.identity.rows.iter().any(|row| match row {

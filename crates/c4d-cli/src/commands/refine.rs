@@ -11,10 +11,15 @@ use crate::run_folder::{
     self, CONFIG, Checkpoint, Loaded, PREVIEWS, REFINE_REPORT, REFINE_STATE, RefineConfig,
     RefinedRows, SCENE,
 };
+use crate::settings::{
+    AdamSettings, OcclusionSettings, RefineSettings, RegressionSettings, Settings,
+};
 use crate::{images, scene};
 use amg::RowKind;
+use clap::ValueEnum;
 use cuar::{
-    Backend, CuarError, Observer, Preset, Preview, RefineOptions, Report, State, Views, WarpForm,
+    Backend, CuarError, Observer, Preset, Preview, RefineOptions, Report, Solver, State, Views,
+    WarpForm,
 };
 use gs_core::{Camera, DynamicScene};
 use gs_io::FolderUpdate;
@@ -27,6 +32,10 @@ use std::path::Path;
 
 /// Size of the rig's images, pixels.
 const RIG_SIZE: (u32, u32) = (640, 480);
+/// Times that images are drawn from.
+const FRAMES: usize = 30;
+/// Memory for images, MiB.
+const MEMORY: usize = 2048;
 /// Cameras of the rig.
 const RIG_CAMERAS: usize = 10;
 /// Most cameras of a data set used: each is drawn at the edited time and at others.
@@ -57,11 +66,18 @@ pub(crate) fn run(args: &RefineArgs, global: &Global, console: &Console) -> Outc
         Err(failure) if args.resume => return Err(failure),
         Ok(None) | Err(_) => None,
     };
-    let begun = begun.unwrap_or_else(|| Checkpoint {
-        preset: args.preset,
-        flags: args.flags.clone(),
-        state: None,
-    });
+    let begun = match begun {
+        Some(begun) => begun,
+        None => {
+            let settings = Settings::read(args.config.as_deref())?.refine();
+            let flags = settings.flags(&args.flags)?;
+            let preset = match args.preset {
+                Some(preset) => preset,
+                None => settings.preset()?.unwrap_or(PresetArg::Best),
+            };
+            Checkpoint { preset, settings, flags, state: None }
+        }
+    };
     refine(&args.run, begun, global, console)?;
     console.result(args.run.display());
     Ok(())
@@ -70,7 +86,7 @@ pub(crate) fn run(args: &RefineArgs, global: &Global, console: &Console) -> Outc
 /// The checkpoint to go on from, with those flags of `args` that only change how a refinement is watched. A flag that would change its
 /// result is refused.
 fn resumed(args: &RefineArgs, checkpoint: Checkpoint, console: &Console) -> Outcome<Checkpoint> {
-    let Checkpoint { preset, mut flags, state } = checkpoint;
+    let Checkpoint { preset, settings, mut flags, state } = checkpoint;
     let (given, usual) = (args.flags.absolute()?, RefineFlags::default());
     if given.memory != usual.memory {
         flags.memory = given.memory;
@@ -90,8 +106,13 @@ fn resumed(args: &RefineArgs, checkpoint: Checkpoint, console: &Console) -> Outc
         .filter(|(name, kept)| given[*name] != usual[*name] && given[*name] != **kept)
         .map(|(name, _)| format!("--{}", name.replace('_', "-")))
         .collect();
-    if args.preset != PresetArg::Best && args.preset != preset {
+    if args.preset.is_some_and(|given| given != preset) {
         other.push("--preset".to_owned());
+    }
+    if let Some(file) = args.config.as_deref()
+        && Settings::read(Some(file))?.refine() != settings
+    {
+        other.push("--config".to_owned());
     }
     if !other.is_empty() {
         return Err(Failure::usage(format!(
@@ -103,14 +124,19 @@ fn resumed(args: &RefineArgs, checkpoint: Checkpoint, console: &Console) -> Outc
     }
     let step = state.as_ref().map_or(0, |state| state.step);
     console.note(format!("going on from step {step} with the flags of the checkpoint"));
-    Ok(Checkpoint { preset, flags, state })
+    Ok(Checkpoint { preset, settings, flags, state })
 }
 
 /// Checks the flags, cameras and device of a refinement before anything else is done.
-pub(crate) fn check(flags: &RefineFlags, global: &Global) -> Outcome {
+pub(crate) fn check(
+    flags: &RefineFlags,
+    preset: PresetArg,
+    settings: &RefineSettings,
+    global: &Global,
+) -> Outcome {
     let refuse = |what: String| Err(Failure::usage(what));
-    if !(1..=10_000).contains(&flags.refine_frames) {
-        return refuse(format!("--refine-frames {}: expected 1 to 10000", flags.refine_frames));
+    if let Some(frames) = flags.refine_frames.filter(|frames| !(1..=10_000).contains(frames)) {
+        return refuse(format!("--refine-frames {frames}: expected 1 to 10000"));
     }
     if let Some(samples) = flags.samples.filter(|samples| !(1..=MAX_SAMPLES).contains(samples)) {
         return refuse(format!("--samples {samples}: expected 1 to {MAX_SAMPLES}"));
@@ -129,6 +155,7 @@ pub(crate) fn check(flags: &RefineFlags, global: &Global) -> Outcome {
             return refuse(format!("{name} {seconds}: expected seconds, 0 or more"));
         }
     }
+    chosen(flags, preset, settings)?.check().map_err(|error| settings.refused(&error))?;
     if let Some(path) = &flags.refine_cameras {
         gs_io::cameras::open(path, Reading::Trained).map_err(|error| scene::bad_input(&error))?;
     }
@@ -137,9 +164,9 @@ pub(crate) fn check(flags: &RefineFlags, global: &Global) -> Outcome {
 
 /// Refines the run in place, from where `begun` stands. Its motion, and the edited frame as it was given, stay.
 pub(crate) fn refine(run: &Path, begun: Checkpoint, global: &Global, console: &Console) -> Outcome {
-    let Checkpoint { preset, flags, state } = begun;
+    let Checkpoint { preset, settings, flags, state } = begun;
     let flags = &flags.absolute()?;
-    check(flags, global)?;
+    check(flags, preset, &settings, global)?;
     run_folder::check_is_folder(run)?;
     // A folder that cannot be written is found out before the work, not after it.
     let update = FolderUpdate::begin(run).map_err(|error| output_failure(&error))?;
@@ -157,9 +184,9 @@ pub(crate) fn refine(run: &Path, begun: Checkpoint, global: &Global, console: &C
     } else {
         Vec::new()
     };
-    let times = crate::frames::times(&scene, &[], Some(flags.refine_frames))?;
+    let times = crate::frames::times(&scene, &[], Some(flags.refine_frames.unwrap_or(FRAMES)))?;
     let views = Views { cameras: &cameras, times: &times, held_out: &held_out };
-    let options = options(flags, preset, &loaded);
+    let options = options(flags, preset, &settings, &loaded)?;
     if !any_uncertain(&scene, &edited, &views, &options)? {
         console.note(format!(
             "no edited splat changes colour on its way (views: {}, times: {}, threshold: {:.0} of 255): there is nothing to refine. Only \
@@ -174,10 +201,17 @@ pub(crate) fn refine(run: &Path, begun: Checkpoint, global: &Global, console: &C
     let device = Device::open(global.gpu)?;
     console.detail(format!("refining on {}", device.describe()));
     if state.is_none() {
-        Checkpoint::write(&update, preset, flags, None)?;
+        Checkpoint::write(&update, preset, &settings, flags, None)?;
     }
-    let mut watch =
-        Watch { update: &update, preset, flags, console, progress: None, failure: None };
+    let mut watch = Watch {
+        update: &update,
+        preset,
+        settings: &settings,
+        flags,
+        console,
+        progress: None,
+        failure: None,
+    };
     let resumed = state.as_ref();
     let result = match &device {
         Device::Cpu => cuar::refine(
@@ -226,13 +260,27 @@ pub(crate) fn refine(run: &Path, begun: Checkpoint, global: &Global, console: &C
         preset: format!("{preset:?}").to_lowercase(),
         warp: format!("{:?}", options.warp).to_lowercase(),
         cameras: camera_source,
-        size: cameras.first().map_or([0; 2], |camera| [camera.width, camera.height]),
-        frames: times.len(),
+        size: flags.refine_size.map(|(width, height)| [width, height]),
+        up: flags.refine_up.and_then(|up| Some(up.to_possible_value()?.get_name().to_owned())),
+        frames: flags.refine_frames.unwrap_or(FRAMES),
         samples: options.samples,
+        memory: flags.memory.unwrap_or(MEMORY),
         epsilon: options.epsilon,
         min_uncertainty: options.min_uncertainty,
+        eta: Some(options.weights.eta),
+        zeta: Some(options.weights.zeta),
+        keep_first_frame: Some(options.keep_first_frame),
         seed: options.seed,
         device: device.describe(),
+        adam: match &options.solver {
+            Solver::Adam(params) => Some(AdamSettings::of(params)),
+            Solver::Regression(_) => None,
+        },
+        regression: match &options.solver {
+            Solver::Regression(params) => Some(RegressionSettings::of(params)),
+            Solver::Adam(_) => None,
+        },
+        occlusion: Some(OcclusionSettings::of(&options.warp_params)),
     });
     let report = report_json(&refined.report, changed, &cameras);
     let logits = &loaded.stored.edited.opacity_logits;
@@ -275,17 +323,20 @@ fn any_uncertain(
     Ok(false)
 }
 
-fn options(flags: &RefineFlags, preset: PresetArg, loaded: &Loaded) -> RefineOptions {
+/// Preset, configuration and flags together; what depends on the run is still to be filled in.
+fn chosen(
+    flags: &RefineFlags,
+    preset: PresetArg,
+    settings: &RefineSettings,
+) -> Outcome<RefineOptions> {
     let mut options = RefineOptions::preset(match preset {
         PresetArg::Best => Preset::Best,
         PresetArg::Paper => Preset::Paper,
     });
-    options.edit_time = Some(loaded.config.edit_time);
-    options.seed = loaded.config.seed;
-    options.background = loaded.source.background.map(f64::from);
+    settings.apply(&mut options)?;
     options.preview_secs = flags.preview_every;
     options.checkpoint_secs = Some(flags.checkpoint_every);
-    options.memory = flags.memory.saturating_mul(1 << 20);
+    options.memory = flags.memory.unwrap_or(MEMORY).saturating_mul(1 << 20);
     if let Some(samples) = flags.samples {
         options.samples = samples;
     }
@@ -297,7 +348,20 @@ fn options(flags: &RefineFlags, preset: PresetArg, loaded: &Loaded) -> RefineOpt
         Some(WarpArg::Paper) => options.warp = WarpForm::Paper,
         None => {}
     }
-    options
+    Ok(options)
+}
+
+fn options(
+    flags: &RefineFlags,
+    preset: PresetArg,
+    settings: &RefineSettings,
+    loaded: &Loaded,
+) -> Outcome<RefineOptions> {
+    let mut options = chosen(flags, preset, settings)?;
+    options.edit_time = Some(loaded.config.edit_time);
+    options.seed = settings.seed().unwrap_or(loaded.config.seed);
+    options.background = loaded.source.background.map(f64::from);
+    Ok(options)
 }
 
 /// The cameras given, else a rig.
@@ -320,7 +384,8 @@ fn cameras(
         if let Some((width, height)) = flags.refine_size {
             cameras = cameras.iter().map(|camera| camera.resized(width, height)).collect();
         }
-        return Ok((cameras, path.display().to_string()));
+        let absolute = std::path::absolute(path).map_err(Failure::failed)?;
+        return Ok((cameras, absolute.display().to_string()));
     }
     let rig = Rig::of_scene(source.scene.as_ref(), flags.refine_up.map_or(source.up, Up::vector))
         .map_err(Failure::bad_input)?;
@@ -424,6 +489,7 @@ fn report_json(report: &Report, changed: usize, cameras: &[Camera]) -> Value {
 struct Watch<'a> {
     update: &'a FolderUpdate,
     preset: PresetArg,
+    settings: &'a RefineSettings,
     flags: &'a RefineFlags,
     console: &'a Console,
     progress: Option<(&'static str, Progress)>,
@@ -474,7 +540,8 @@ impl Observer for Watch<'_> {
     }
 
     fn checkpoint(&mut self, state: &State) {
-        let outcome = Checkpoint::write(self.update, self.preset, self.flags, Some(state));
+        let outcome =
+            Checkpoint::write(self.update, self.preset, self.settings, self.flags, Some(state));
         self.note_failure(outcome);
     }
 

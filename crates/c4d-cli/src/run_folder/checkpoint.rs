@@ -3,6 +3,7 @@
 use super::REFINE_STATE;
 use crate::args::{PresetArg, RefineFlags};
 use crate::failure::{Failure, Outcome};
+use crate::settings::RefineSettings;
 use cuar::State;
 use gs_io::FolderUpdate;
 use safetensors::{Dtype, SafeTensors, tensor::TensorView};
@@ -15,6 +16,8 @@ use std::path::Path;
 pub(crate) struct Checkpoint {
     /// As it was begun.
     pub(crate) preset: PresetArg,
+    /// Configuration as it was begun.
+    pub(crate) settings: RefineSettings,
     /// As it was begun, paths absolute.
     pub(crate) flags: RefineFlags,
     /// How far the solver is, if it has begun.
@@ -26,6 +29,7 @@ impl Checkpoint {
     pub(crate) fn write(
         update: &FolderUpdate,
         preset: PresetArg,
+        settings: &RefineSettings,
         flags: &RefineFlags,
         state: Option<&State>,
     ) -> Outcome {
@@ -51,6 +55,7 @@ impl Checkpoint {
         let text = |value: serde_json::Result<String>| value.map_err(Failure::failed);
         let mut metadata = HashMap::from([
             ("preset".to_owned(), text(serde_json::to_string(&preset))?),
+            ("settings".to_owned(), text(serde_json::to_string(settings))?),
             ("flags".to_owned(), text(serde_json::to_string(flags))?),
         ]);
         if let Some(state) = state {
@@ -83,10 +88,12 @@ impl Checkpoint {
         };
         let preset =
             serde_json::from_str(entry("preset")?).map_err(|error| format!("preset: {error}"))?;
+        let settings = serde_json::from_str(entry("settings")?)
+            .map_err(|error| format!("settings: {error}"))?;
         let flags: RefineFlags =
             serde_json::from_str(entry("flags")?).map_err(|error| format!("flags: {error}"))?;
         if !metadata.contains_key("step") {
-            return Ok(Self { preset, flags, state: None });
+            return Ok(Self { preset, settings, flags, state: None });
         }
         let number = |name: &str| {
             entry(name)?.parse().map_err(|error| format!("`{name}` is not a count: {error}"))
@@ -121,7 +128,7 @@ impl Checkpoint {
         doubles.sort_by(|a, b| a.0.cmp(&b.0));
         let state =
             State { fingerprint: number("fingerprint")?, step: number("step")?, arrays, doubles };
-        Ok(Self { preset, flags, state: Some(state) })
+        Ok(Self { preset, settings, flags, state: Some(state) })
     }
 }
 
@@ -140,7 +147,8 @@ mod tests {
         let update = FolderUpdate::begin(dir.path()).unwrap();
         assert!(Checkpoint::read(dir.path()).unwrap().is_none(), "none yet");
         let flags = RefineFlags { samples: Some(7), ..RefineFlags::default() };
-        Checkpoint::write(&update, PresetArg::Paper, &flags, None).unwrap();
+        let settings = RefineSettings::default();
+        Checkpoint::write(&update, PresetArg::Paper, &settings, &flags, None).unwrap();
         let begun = Checkpoint::read(dir.path()).unwrap().unwrap();
         assert_eq!((begun.flags.samples, begun.state), (Some(7), None), "begun");
         let mut state = State {
@@ -149,12 +157,12 @@ mod tests {
             arrays: vec![("d_sh".to_owned(), vec![1.0, 2.0])],
             doubles: vec![("losses".to_owned(), vec![0.5, f64::INFINITY])],
         };
-        Checkpoint::write(&update, PresetArg::Paper, &flags, Some(&state)).unwrap();
+        Checkpoint::write(&update, PresetArg::Paper, &settings, &flags, Some(&state)).unwrap();
         let read = Checkpoint::read(dir.path()).unwrap().unwrap();
         assert_eq!((read.preset, read.state), (PresetArg::Paper, Some(state.clone())), "all of it");
         for broken in [f32::NAN, f32::INFINITY] {
             state.arrays[0].1[1] = broken;
-            Checkpoint::write(&update, PresetArg::Paper, &flags, Some(&state)).unwrap();
+            Checkpoint::write(&update, PresetArg::Paper, &settings, &flags, Some(&state)).unwrap();
             let failure = Checkpoint::read(dir.path()).unwrap_err().to_string();
             assert!(failure.contains("`d_sh` holds values that are not finite"), "{failure}");
         }

@@ -1,6 +1,10 @@
 //! `c4d.toml`: the resolved configuration of a run.
 
 use crate::passes::Mask;
+use crate::settings::{
+    AdamSettings, AnchorSettings, KnnSettings, OcclusionSettings, RegressionSettings,
+    TransportSettings,
+};
 use amg::{Aggregation, PositionRule, RotationRule, ScaleRule};
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
@@ -22,6 +26,9 @@ pub(crate) struct RunConfig {
     pub(crate) edited_sha256: String,
     /// Time of the edited frame.
     pub(crate) edit_time: f32,
+    /// Axes of the edited frame, if they were asked for.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(crate) axes: Option<String>,
     /// `best` or `paper`.
     pub(crate) preset: String,
     /// `none`, `knn` or `deformnet`.
@@ -47,6 +54,15 @@ pub(crate) struct RunConfig {
     /// Whether faint sources count less.
     #[serde(default)]
     pub(crate) fading: bool,
+    /// Anchors, if there were any.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(crate) anchors: Option<AnchorSettings>,
+    /// Transport, if there was any.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(crate) transport: Option<TransportSettings>,
+    /// Baseline `knn`, if it was used.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(crate) knn: Option<KnnSettings>,
     /// Appearance refinement, if it was run.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub(crate) refine: Option<RefineConfig>,
@@ -61,21 +77,46 @@ pub(crate) struct RefineConfig {
     pub(crate) warp: String,
     /// Cameras: a file, or `rig`.
     pub(crate) cameras: String,
-    /// Image size, pixels.
-    pub(crate) size: [u32; 2],
+    /// Image size asked for, pixels.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(crate) size: Option<[u32; 2]>,
+    /// Upward direction asked for.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(crate) up: Option<String>,
     /// Candidate times.
     pub(crate) frames: usize,
     /// Images drawn.
     pub(crate) samples: usize,
+    /// Memory for images, MiB.
+    #[serde(default)]
+    pub(crate) memory: usize,
     /// ε of Eq. 17.
     pub(crate) epsilon: f32,
     /// Uncertainty below which nothing is an artifact.
     #[serde(default = "usual_floor")]
     pub(crate) min_uncertainty: f32,
+    /// η of Eq. 18.
+    #[serde(default)]
+    pub(crate) eta: Option<f64>,
+    /// ζ of Eq. 20.
+    #[serde(default)]
+    pub(crate) zeta: Option<f64>,
+    /// Whether the edited frame was among the images.
+    #[serde(default)]
+    pub(crate) keep_first_frame: Option<bool>,
     /// Seed of the draw.
     pub(crate) seed: u64,
     /// Device that rendered.
     pub(crate) device: String,
+    /// Minimiser, if it was Adam.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(crate) adam: Option<AdamSettings>,
+    /// Minimiser, if it was least squares.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(crate) regression: Option<RegressionSettings>,
+    /// Which pixels frame 1 supervised.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(crate) occlusion: Option<OcclusionSettings>,
 }
 
 fn usual_floor() -> f32 {

@@ -4,6 +4,7 @@
 
 mod bad_input;
 mod cameras;
+mod configuration;
 mod exports;
 mod formats;
 mod gpu;

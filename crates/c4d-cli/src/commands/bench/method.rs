@@ -2,7 +2,10 @@
 
 use crate::failure::{Failure, Outcome};
 use crate::field::{Network, NetworkField};
-use amg::{Aggregation, Binding, EditedScene, MotionOptions, Preset};
+use amg::{
+    Aggregation, AnchorSampling, Binding, EditedScene, MotionGuide, MotionOptions, PaperParams,
+    Preset,
+};
 use gs_core::DynamicScene;
 use gs_deform::HexPlaneScene;
 use gs_synth::{PartBy, TruthScene, part_neighbours, rigid_neighbours};
@@ -19,6 +22,8 @@ pub(super) enum Method {
     Knn,
     /// The paper to the letter, all rows.
     Paper,
+    /// The paper with anchors by farthest-point sampling instead of lines.
+    PaperFarthest,
     /// Rigid motion of the part of the nearest source with a like normal; floaters and parts are known.
     Nearest,
     /// Rigid motion around the nearest source with a like normal; nothing is known.
@@ -33,10 +38,11 @@ pub(super) enum Method {
     Floor,
 }
 
-pub(super) const METHODS: [Method; 9] = [
+pub(super) const METHODS: [Method; 10] = [
     Method::Network,
     Method::Knn,
     Method::Paper,
+    Method::PaperFarthest,
     Method::Nearest,
     Method::Control,
     Method::Default,
@@ -51,6 +57,7 @@ impl Method {
             Self::Network => "network on the edit",
             Self::Knn => "KNN-Guide",
             Self::Paper => "paper, literal",
+            Self::PaperFarthest => "paper, farthest points",
             Self::Nearest => "nearest, parts known",
             Self::Control => "nearest, no transport",
             Self::Default => "c4d",
@@ -82,6 +89,14 @@ impl Method {
             }
             Self::Knn => (plain(), MotionOptions::preset(Preset::Knn)),
             Self::Paper => (plain(), MotionOptions::preset(Preset::Paper)),
+            Self::PaperFarthest => {
+                let params = PaperParams {
+                    sampling: AnchorSampling::FarthestPoints,
+                    ..PaperParams::default()
+                };
+                let guide = MotionGuide::Paper(params);
+                (plain(), MotionOptions { guide, ..MotionOptions::preset(Preset::Paper) })
+            }
             Self::Default | Self::DefaultAll => (plain(), MotionOptions::default()),
             Self::DefaultOnNetwork => (trained()?, MotionOptions::default()),
             Self::Nearest => return oracle(scene, Some(PartBy::Nearness), plain(), edited),

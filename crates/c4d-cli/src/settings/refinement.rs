@@ -1,0 +1,251 @@
+//! The section `[refine]`: options of the appearance refinement.
+
+use crate::args::{PresetArg, RefineFlags, Up, WarpArg};
+use crate::failure::{Failure, Outcome, chain};
+use clap::ValueEnum;
+use cuar::{AdamParams, CuarError, RefineOptions, RegressionParams, Solver, WarpParams};
+use serde::{Deserialize, Serialize};
+use std::path::{Path, PathBuf};
+
+/// Options of the refinement. `device` is what a run found and changes nothing.
+#[derive(Debug, Clone, Default, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub(crate) struct RefineSettings {
+    preset: Option<String>,
+    warp: Option<String>,
+    cameras: Option<String>,
+    size: Option<[u32; 2]>,
+    up: Option<String>,
+    frames: Option<usize>,
+    samples: Option<usize>,
+    memory: Option<usize>,
+    epsilon: Option<f32>,
+    min_uncertainty: Option<f32>,
+    eta: Option<f64>,
+    zeta: Option<f64>,
+    keep_first_frame: Option<bool>,
+    seed: Option<u64>,
+    device: Option<String>,
+    adam: Option<AdamSettings>,
+    regression: Option<RegressionSettings>,
+    occlusion: Option<OcclusionSettings>,
+    /// Where it was read from, for messages.
+    #[serde(skip)]
+    path: PathBuf,
+}
+
+/// Wherever they were read from.
+impl PartialEq for RefineSettings {
+    fn eq(&self, other: &Self) -> bool {
+        let values = |settings: &Self| serde_json::to_value(settings).ok();
+        values(self) == values(other)
+    }
+}
+
+/// `[refine.adam]`: minimise by Adam.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub(crate) struct AdamSettings {
+    steps: Option<usize>,
+    rate_dc: Option<f32>,
+    rate_rest: Option<f32>,
+}
+
+/// `[refine.regression]`: minimise by weighted least squares.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub(crate) struct RegressionSettings {
+    passes: Option<usize>,
+    delta: Option<f64>,
+    relaxation: Option<f64>,
+    hold: Option<f64>,
+    prior: Option<f64>,
+}
+
+/// `[refine.occlusion]`: which pixels frame 1 supervises.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub(crate) struct OcclusionSettings {
+    min_coverage: Option<f32>,
+    depth_tolerance: Option<f32>,
+    spread_tolerance: Option<f32>,
+    min_facing: Option<f32>,
+    slack: Option<f32>,
+    /// Every masked pixel is supervised, whatever `slack`.
+    supervise_all: Option<bool>,
+    min_known_color: Option<f32>,
+    min_visible_share: Option<f32>,
+}
+
+impl RefineSettings {
+    /// Preset of the section.
+    pub(crate) fn preset(&self) -> Outcome<Option<PresetArg>> {
+        match self.preset.as_deref() {
+            None => Ok(None),
+            Some("best") => Ok(Some(PresetArg::Best)),
+            Some("paper") => Ok(Some(PresetArg::Paper)),
+            Some(other) => self.wrong("preset", other, "best or paper"),
+        }
+    }
+
+    /// The same settings, read from `path`.
+    pub(super) fn read_from(self, path: &Path) -> Self {
+        Self { path: path.to_owned(), ..self }
+    }
+
+    /// What to say of a value out of range.
+    pub(crate) fn refused(&self, error: &CuarError) -> Failure {
+        Failure::bad_input(format!("{}: [refine]: {}", self.path.display(), chain(error)))
+    }
+
+    fn wrong<T>(&self, key: &str, found: &str, expected: &str) -> Outcome<T> {
+        Err(Failure::bad_input(format!(
+            "{}: `{key}` in [refine] is {found}, expected {expected}",
+            self.path.display()
+        )))
+    }
+
+    /// Seed of the section.
+    pub(crate) fn seed(&self) -> Option<u64> {
+        self.seed
+    }
+
+    /// The flags, completed by what the section says and they do not.
+    pub(crate) fn flags(&self, flags: &RefineFlags) -> Outcome<RefineFlags> {
+        let mut flags = flags.clone();
+        if flags.refine_cameras.is_none() {
+            flags.refine_cameras =
+                self.cameras.as_deref().filter(|name| *name != "rig").map(PathBuf::from);
+        }
+        if let Some([width, height]) = self.size {
+            if !(1..=16_384).contains(&width) || !(1..=16_384).contains(&height) {
+                let found = format!("[{width}, {height}]");
+                return self.wrong("size", &found, "1 to 16384 pixels each");
+            }
+            flags.refine_size = flags.refine_size.or(Some((width, height)));
+        }
+        if let Some(name) = &self.up {
+            let up = Up::from_str(name, false);
+            let Ok(up) = up else { return self.wrong("up", name, "x, y, z, -x, -y or -z") };
+            flags.refine_up = flags.refine_up.or(Some(up));
+        }
+        if let Some(name) = &self.warp {
+            let warp = WarpArg::from_str(name, false);
+            let Ok(warp) = warp else { return self.wrong("warp", name, "backward or paper") };
+            flags.warp = flags.warp.or(Some(warp));
+        }
+        flags.refine_frames = flags.refine_frames.or(self.frames);
+        flags.samples = flags.samples.or(self.samples);
+        flags.memory = flags.memory.or(self.memory);
+        flags.epsilon = flags.epsilon.or(self.epsilon);
+        Ok(flags)
+    }
+
+    /// Changes the options that no flag names.
+    pub(crate) fn apply(&self, options: &mut RefineOptions) -> Outcome {
+        options.min_uncertainty = self.min_uncertainty.unwrap_or(options.min_uncertainty);
+        options.weights.eta = self.eta.unwrap_or(options.weights.eta);
+        options.weights.zeta = self.zeta.unwrap_or(options.weights.zeta);
+        options.keep_first_frame = self.keep_first_frame.unwrap_or(options.keep_first_frame);
+        match (&self.adam, &self.regression) {
+            (Some(_), Some(_)) => {
+                return Err(Failure::bad_input(format!(
+                    "{}: [refine.adam] and [refine.regression] are both given",
+                    self.path.display()
+                ))
+                .next("Keep the section of the minimiser to use."));
+            }
+            (Some(adam), None) => {
+                let params = match &options.solver {
+                    Solver::Adam(params) => params.clone(),
+                    Solver::Regression(_) => AdamParams::default(),
+                };
+                options.solver = Solver::Adam(adam.over(params));
+            }
+            (None, Some(regression)) => {
+                let params = match &options.solver {
+                    Solver::Regression(params) => params.clone(),
+                    Solver::Adam(_) => RegressionParams::default(),
+                };
+                options.solver = Solver::Regression(regression.over(params));
+            }
+            (None, None) => {}
+        }
+        if let Some(occlusion) = &self.occlusion {
+            occlusion.apply(&mut options.warp_params);
+        }
+        Ok(())
+    }
+}
+
+impl AdamSettings {
+    /// All values of a run.
+    pub(crate) fn of(params: &AdamParams) -> Self {
+        Self {
+            steps: Some(params.steps),
+            rate_dc: Some(params.rate_dc),
+            rate_rest: Some(params.rate_rest),
+        }
+    }
+
+    fn over(&self, params: AdamParams) -> AdamParams {
+        AdamParams {
+            steps: self.steps.unwrap_or(params.steps),
+            rate_dc: self.rate_dc.unwrap_or(params.rate_dc),
+            rate_rest: self.rate_rest.unwrap_or(params.rate_rest),
+        }
+    }
+}
+
+impl RegressionSettings {
+    /// All values of a run.
+    pub(crate) fn of(params: &RegressionParams) -> Self {
+        Self {
+            passes: Some(params.passes),
+            delta: Some(params.delta),
+            relaxation: Some(params.relaxation),
+            hold: Some(params.hold),
+            prior: Some(params.prior),
+        }
+    }
+
+    fn over(&self, params: RegressionParams) -> RegressionParams {
+        RegressionParams {
+            passes: self.passes.unwrap_or(params.passes),
+            delta: self.delta.unwrap_or(params.delta),
+            relaxation: self.relaxation.unwrap_or(params.relaxation),
+            hold: self.hold.unwrap_or(params.hold),
+            prior: self.prior.unwrap_or(params.prior),
+        }
+    }
+}
+
+impl OcclusionSettings {
+    /// All values of a run.
+    pub(crate) fn of(params: &WarpParams) -> Self {
+        Self {
+            min_coverage: Some(params.min_coverage),
+            depth_tolerance: Some(params.depth_tolerance),
+            spread_tolerance: Some(params.spread_tolerance),
+            min_facing: Some(params.min_facing),
+            slack: params.slack,
+            supervise_all: Some(params.slack.is_none()),
+            min_known_color: Some(params.min_known_color),
+            min_visible_share: Some(params.min_visible_share),
+        }
+    }
+
+    fn apply(&self, params: &mut WarpParams) {
+        params.min_coverage = self.min_coverage.unwrap_or(params.min_coverage);
+        params.depth_tolerance = self.depth_tolerance.unwrap_or(params.depth_tolerance);
+        params.spread_tolerance = self.spread_tolerance.unwrap_or(params.spread_tolerance);
+        params.min_facing = self.min_facing.unwrap_or(params.min_facing);
+        if self.supervise_all == Some(true) {
+            params.slack = None;
+        } else if self.slack.is_some() {
+            params.slack = self.slack;
+        }
+        params.min_known_color = self.min_known_color.unwrap_or(params.min_known_color);
+        params.min_visible_share = self.min_visible_share.unwrap_or(params.min_visible_share);
+    }
+}

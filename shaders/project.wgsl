@@ -35,7 +35,7 @@ fn project(@builtin(workgroup_id) workgroup: vec3u, @builtin(local_invocation_in
         return;
     }
     let o = projection_of(frame, mean, quat, log_scale);
-    let radius = projection_radius(o);
+    let radius = projection_radius(frame, o);
     if radius <= 0.0 {
         return;
     }

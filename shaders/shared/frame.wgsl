@@ -2,7 +2,7 @@
 // Uniforms of a frame, constants of the image formation, and tests of finiteness.
 
 struct Frame {
-    // Rows of the world-to-camera matrix.
+    // Rows of the world-to-camera matrix; last, the translation of points relative to `camera_pos`: the rounding of `camera_pos`.
     view0: vec4f,
     view1: vec4f,
     view2: vec4f,
@@ -34,6 +34,11 @@ struct Frame {
     num_chunk_splats: u32,
     first_slot: u32,
     num_slots: u32,
+    // Near plane, and what is added to the depth in the perspective divide, world units.
+    near: f32,
+    divide: f32,
+    pad0: u32,
+    pad1: u32,
 }
 
 // Those of gs_core::image_formation, which documents them; a test compares them.
@@ -41,11 +46,9 @@ const TILE_SIZE: u32 = 16u;
 const MAX_ALPHA: f32 = 0.99;
 const ALPHA_THRESHOLD: f32 = 0.003921569;
 const TRANSMITTANCE_THRESHOLD: f32 = 0.0001;
-const NEAR_PLANE: f32 = 0.2;
 const EPS2D: f32 = 0.3;
 const EXTENT_SIGMAS: f32 = 3.0;
 const MIN_DISCRIMINANT: f32 = 0.1;
-const EPS_DIVIDE: f32 = 1e-7;
 const MIN_QUAT_NORM: f32 = 1e-12;
 
 // Tests on bits: a compiler may assume that floats are never NaN.

@@ -31,13 +31,15 @@ struct Projection {
 
 fn projection_of(frame: Frame, mean: vec3f, raw_quat: vec4f, log_scale: vec3f) -> Projection {
     var o: Projection;
+    // Subtracting the camera centre first keeps the digits of scenes far from the origin.
+    let d = mean - frame.camera_pos;
     o.t = vec3f(
-        dot(frame.view0.xyz, mean) + frame.view0.w,
-        dot(frame.view1.xyz, mean) + frame.view1.w,
-        dot(frame.view2.xyz, mean) + frame.view2.w,
+        dot(frame.view0.xyz, d) + frame.view0.w,
+        dot(frame.view1.xyz, d) + frame.view1.w,
+        dot(frame.view2.xyz, d) + frame.view2.w,
     );
     let z = o.t.z;
-    o.inv_z = 1.0 / (z + EPS_DIVIDE);
+    o.inv_z = 1.0 / (z + frame.divide);
     // Half the image times the normalised device coordinate; pixel i is sampled at coordinate i.
     let ray = frame.focal * o.t.xy + frame.center_offset * z;
     o.mean2d = ray * o.inv_z + (vec2f(frame.img_size) - 1.0) * 0.5;
@@ -69,8 +71,8 @@ fn projection_of(frame: Frame, mean: vec3f, raw_quat: vec4f, log_scale: vec3f) -
 }
 
 // Radius in whole pixels as a float (3 standard deviations of the longer axis, its variance floored), 0 when the splat is culled.
-fn projection_radius(o: Projection) -> f32 {
-    if !is_finite3(o.t) || o.t.z <= NEAR_PLANE {
+fn projection_radius(frame: Frame, o: Projection) -> f32 {
+    if !is_finite3(o.t) || o.t.z <= frame.near {
         return 0.0;
     }
     let conic = vec3f(o.cov2d.z, -o.cov2d.y, o.cov2d.x) / o.det;

@@ -1,7 +1,6 @@
 //! Rendered optical flow (Eqs. 11–12).
 
 use crate::CuarError;
-use gs_core::image_formation::NEAR_PLANE;
 use gs_core::{Camera, Image, Rasterizer, RenderParams, Splats};
 use rayon::prelude::*;
 
@@ -29,7 +28,7 @@ impl Flow {
     }
 }
 
-/// Eq. 11: `Proj(to.means) − Proj(from.means)` in pixels, `[N,2]`; `[0,0]` for splats that are not in front of the camera (not beyond the
+/// Eq. 11: `Proj(to.means) − Proj(from.means)` in pixels, `[N,2]`; `[0,0]` for splats that are not in front of the camera (at or before its
 /// near plane, or not finite) in both.
 ///
 /// # Errors
@@ -59,7 +58,7 @@ struct Displacement {
 fn displacement(camera: &Camera, from: [f32; 3], to: [f32; 3]) -> Option<Displacement> {
     let (from, depth_from) = project(camera, from)?;
     let (to, depth_to) = project(camera, to)?;
-    if depth_from.min(depth_to) <= f64::from(NEAR_PLANE) {
+    if depth_from.min(depth_to) <= camera.near {
         return None;
     }
     #[expect(clippy::cast_possible_truncation, reason = "features are single precision")]
@@ -90,7 +89,7 @@ pub(crate) fn affine_motion(
     let (at, depth_from) = project(camera, from.means[i])?;
     let place = camera.to_camera(to.means[i].map(f64::from));
     let (there, depth) = project(camera, to.means[i])?;
-    if depth_from.min(depth) <= f64::from(NEAR_PLANE) {
+    if depth_from.min(depth) <= camera.near {
         return None;
     }
     let a = axes(camera, from, i);

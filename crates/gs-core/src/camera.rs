@@ -1,5 +1,6 @@
 //! Pinhole cameras.
 
+use crate::image_formation::NEAR_PLANE;
 use glam::{DMat3, DVec3};
 use thiserror::Error;
 
@@ -27,6 +28,11 @@ pub struct Camera {
     pub width: u32,
     /// Image rows, pixels.
     pub height: u32,
+    /// Near plane: splats whose centres lie at this camera depth or nearer are not drawn, world units.
+    ///
+    /// [`NEAR_PLANE`] for cameras a model was trained with; otherwise it follows the scene's size
+    /// ([`crate::Extent::near_plane`]).
+    pub near: f64,
     /// Scene time at which the camera looks, for cameras of a data set; `None` for cameras that look at every time.
     pub time: Option<f32>,
     /// Name of the view (image name of a data set), for files written from it.
@@ -51,8 +57,8 @@ pub enum CameraError {
 const MAX_SIDE: u32 = 16_384;
 
 impl Camera {
-    /// Camera at `eye` looking at `target`, with image-up opposite to `down`, vertical field of view `fov_y_rad`, square pixels, centred
-    /// principal point. World units.
+    /// Camera at `eye` looking at `target`, with `up` towards row 0, vertical field of view `fov_y_rad`, square pixels, centred
+    /// principal point and near plane [`NEAR_PLANE`]. World units.
     pub fn look_at(
         eye: [f64; 3],
         target: [f64; 3],
@@ -78,6 +84,7 @@ impl Camera {
             },
             width,
             height,
+            near: NEAR_PLANE,
             time: None,
             name: String::new(),
         }
@@ -133,7 +140,13 @@ impl Camera {
         }
     }
 
-    /// Verifies size, focal lengths and pose.
+    /// The same view with another near plane, world units.
+    #[must_use]
+    pub fn with_near(self, near: f64) -> Self {
+        Self { near, ..self }
+    }
+
+    /// Verifies size, focal lengths, near plane and pose.
     ///
     /// # Errors
     /// Says what is out of range.
@@ -154,6 +167,9 @@ impl Camera {
         }
         if !(k.cx.is_finite() && k.cy.is_finite()) {
             return invalid(format!("principal point ({}, {}) is not finite", k.cx, k.cy));
+        }
+        if !(self.near > 0.0 && self.near.is_finite()) {
+            return invalid(format!("near plane {}, expected a positive depth", self.near));
         }
         let v = &self.viewmat;
         if !v.iter().flatten().all(|entry| entry.is_finite()) {
@@ -196,6 +212,9 @@ mod tests {
         let mut bad = good.clone();
         bad.width = 0;
         assert!(bad.check().is_err(), "no columns");
+        for near in [0.0, -1.0, f64::NAN, f64::INFINITY] {
+            assert!(good.clone().with_near(near).check().is_err(), "near plane {near}");
+        }
         let mut bad = good;
         bad.viewmat[0] = [2.0, 0.0, 0.0, 0.0];
         assert!(bad.check().is_err(), "scaled pose");

@@ -1,6 +1,6 @@
 //! [`Footprint`]: the part of an image that a splat can reach, without rendering it.
 
-use crate::image_formation::{EPS2D, EXTENT_SIGMAS, GUARD_BAND, NEAR_PLANE, TILE_SIZE};
+use crate::image_formation::{EPS2D, EXTENT_SIGMAS, GUARD_BAND, TILE_SIZE};
 use crate::{Camera, Real, Splats};
 
 /// A rectangle of pixels outside of which a splat draws nothing, and the splat's depth.
@@ -24,7 +24,7 @@ impl Footprint {
     /// If `row` is out of range.
     pub fn of<F: Real>(splats: &Splats<F>, row: usize, camera: &Camera) -> Option<Self> {
         let [x, y, z] = camera.to_camera(splats.means[row].map(Real::as_f64));
-        if z.is_nan() || z <= 0.95 * f64::from(NEAR_PLANE) {
+        if z.is_nan() || z <= 0.95 * camera.near {
             return None;
         }
         let quat = splats.quats[row].map(Real::as_f64);

@@ -6,8 +6,9 @@
 
 /// Side of a square tile, pixels. The image depends on it, because splats are clipped to whole tiles.
 pub const TILE_SIZE: u32 = 16;
-/// Default near plane: splats whose centre has this camera depth or less are culled, world units.
-pub const NEAR_PLANE: f32 = 0.2;
+/// Near plane of the cameras of training, world units; the default of [`crate::Camera::near`], which owns the value of a view. Other
+/// cameras have one that follows the scene's size ([`crate::Extent::near_plane`]).
+pub const NEAR_PLANE: f64 = 0.2;
 /// Low-pass filter: added to the diagonal of the projected covariance, pixels².
 pub const EPS2D: f32 = 0.3;
 /// Half side of the square that a splat is clipped to, in standard deviations along its longest projected axis.
@@ -22,15 +23,15 @@ pub const MAX_ALPHA: f32 = 0.99;
 pub const ALPHA_THRESHOLD: f32 = 1.0 / 255.0;
 /// A pixel ends before the first splat that would bring its transmittance below this.
 pub const TRANSMITTANCE_THRESHOLD: f32 = 1e-4;
-/// Added to the camera depth that the projected centre is divided by, world units.
-pub const EPS_DIVIDE: f32 = 1e-7;
+/// Added to the camera depth that the projected centre is divided by, in near planes: 1e-7 world units at [`NEAR_PLANE`].
+pub const EPS_DIVIDE: f64 = 1e-7 / NEAR_PLANE;
 /// Floor of a quaternion's norm when it is normalised.
 pub const MIN_QUAT_NORM: f32 = 1e-12;
 
-/// Name and value of every constant above, for comparison with shaders.
+/// Name and value of every constant above that shaders state too, for comparison with them. The lengths among the others, near plane and
+/// [`EPS_DIVIDE`], they are given.
 pub const CONSTANTS: &[(&str, f32)] = &[
     ("TILE_SIZE", TILE_SIZE as f32),
-    ("NEAR_PLANE", NEAR_PLANE),
     ("EPS2D", EPS2D),
     ("EXTENT_SIGMAS", EXTENT_SIGMAS),
     ("MIN_DISCRIMINANT", MIN_DISCRIMINANT),
@@ -38,6 +39,5 @@ pub const CONSTANTS: &[(&str, f32)] = &[
     ("MAX_ALPHA", MAX_ALPHA),
     ("ALPHA_THRESHOLD", ALPHA_THRESHOLD),
     ("TRANSMITTANCE_THRESHOLD", TRANSMITTANCE_THRESHOLD),
-    ("EPS_DIVIDE", EPS_DIVIDE),
     ("MIN_QUAT_NORM", MIN_QUAT_NORM),
 ];

@@ -11,6 +11,7 @@
 pub mod activation;
 mod camera;
 mod covariance;
+mod extent;
 mod footprint;
 mod image;
 pub mod image_formation;
@@ -25,6 +26,7 @@ mod splats;
 
 pub use camera::{Camera, CameraError, Intrinsics};
 pub use covariance::{covariance, rotation_matrix};
+pub use extent::{Extent, WeightedPoint, weighted_points, weighted_quantile};
 pub use footprint::Footprint;
 pub use image::{Image, ImageError};
 pub use precision::{Precision, RowPrecision};

@@ -7,6 +7,7 @@ use crate::atomic::{AtomicFile, Existing};
 use crate::cameras::{CamerasError, pixels};
 use crate::error::{IoError, read_bytes};
 use crate::text;
+use gs_core::image_formation::NEAR_PLANE;
 use gs_core::{Camera, Intrinsics};
 use serde::{Deserialize, Serialize};
 use std::io::Write;
@@ -65,6 +66,7 @@ impl Entry {
             // Sizes that are no pixel counts become 0, which the check below refuses by name.
             width: pixels(self.width),
             height: pixels(self.height),
+            near: NEAR_PLANE,
             time: self.time,
             name,
         };

@@ -6,11 +6,14 @@ const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
 const cross = (a, b) => [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
 const unit = (a) => a.map((value) => value / (Math.hypot(...a) || 1));
 
+/** The near plane is at most this share of the way to the target, so that zooming in does not cut what is looked at. */
+const NEAR_SHARE = 0.1;
+
 /** Closest the view comes to straight up or down. */
 const POLE = 0.02;
 
 class OrbitCamera {
-  /** `camera`: position, focal lengths and image size of the first view. */
+  /** `camera`: position, focal lengths, image size and near plane of the first view. */
   constructor(camera, target, up) {
     this.camera = camera;
     this.up = unit(up);
@@ -63,8 +66,9 @@ class OrbitCamera {
     const { target, distance, turn, rise } = this.now;
     const level = add(this.east.map((value) => value * Math.cos(turn)), this.north, Math.sin(turn));
     const arm = add(level.map((value) => value * Math.cos(rise)), this.up, Math.sin(rise));
-    const eye = add(target, arm, distance);
-    const forward = unit(sub(target, eye));
+    // As the shader has it, so that points relative to the eye keep their digits far from the origin.
+    const eye = add(target, arm, distance).map(Math.fround);
+    const forward = arm.map((value) => -value);
     const right = unit(cross(forward, this.up));
     const down = cross(forward, right);
     const rows = [right, down, forward].map((axis) => [...axis, -dot(axis, eye)]);
@@ -74,6 +78,7 @@ class OrbitCamera {
       eye,
       focal: this.camera.focal.map((focal) => focal * scale),
       principal: [size[0] / 2, size[1] / 2],
+      near: Math.min(this.camera.near, NEAR_SHARE * distance),
       size,
     };
   }

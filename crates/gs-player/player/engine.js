@@ -24,7 +24,7 @@ async function open({ rawBytes }) {
   );
 }
 
-function frame({ id, time, view, returned }) {
+function frame({ id, time, view, near, returned }) {
   spare.push(...returned);
   const begun = performance.now();
   const answer = { kind: "frame", id, time, geometry: null, look: null };
@@ -44,7 +44,7 @@ function frame({ id, time, view, returned }) {
   const seekTime = performance.now() - begun;
   answer.first = take(Uint32Array, sorter.rows);
   answer.second = take(Uint32Array, sorter.rows);
-  answer.counts = sorter.sort(stage.geometry, view, answer.first, answer.second);
+  answer.counts = sorter.sort(stage.geometry, view, near, answer.first, answer.second);
   answer.times = { seek: seekTime, sort: performance.now() - begun - seekTime };
   transfer.push(answer.first.buffer, answer.second.buffer);
   postMessage(answer, transfer);

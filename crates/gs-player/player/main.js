@@ -83,12 +83,12 @@ function start() {
   let scale = 1, slowness = 30, lastTick = 0, lastActive = 0;
   const currentView = () => camera.view([canvas.width, canvas.height]);
   const ask = () => {
-    const row = currentView().rows[2];
-    const next = `${clock.time} ${row}`;
+    const { rows, near } = currentView();
+    const next = `${clock.time} ${rows[2]} ${near}`;
     if (!ready || waiting || next === question) return;
     question = next;
     waiting = true;
-    engine.postMessage({ kind: "frame", id: 0, time: clock.time, view: row, returned: spare }, spare);
+    engine.postMessage({ kind: "frame", id: 0, time: clock.time, view: rows[2], near, returned: spare }, spare);
     spare = [];
   };
 

@@ -123,7 +123,7 @@ class Renderer {
   }
 
   /**
-   * Draws. `view`: {rows, eye, focal, principal, size} for an image of the canvas's size; `wipe`: share of the width that shows the
+   * Draws. `view`: {rows, eye, focal, principal, near, size} for an image of the canvas's size; `wipe`: share of the width that shows the
    * first scene; `scale`: resolution of the image over that of the canvas.
    */
   draw(view, wipe, scale) {
@@ -139,6 +139,7 @@ class Renderer {
     const ratio = [width / canvas.width, height / canvas.height];
     gl.uniform4fv(uniforms.u_view, view.rows.flat());
     gl.uniform3fv(uniforms.u_eye, view.eye);
+    gl.uniform1f(uniforms.u_near, view.near);
     gl.uniform2f(uniforms.u_focal, view.focal[0] * ratio[0], view.focal[1] * ratio[1]);
     gl.uniform2f(uniforms.u_principal, view.principal[0] * ratio[0], view.principal[1] * ratio[1]);
     gl.uniform2f(uniforms.u_size, width, height);

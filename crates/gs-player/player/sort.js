@@ -17,12 +17,12 @@ class Sorter {
 
   /**
    * Fills `first` and `second` with rows of the two scenes, farthest first; of equal depths the higher row first. Returns how many.
-   * `view` is the third row of the world-to-camera matrix; rows at depth 0.2 or less are left out, as in the reference.
+   * `view` is the third row of the world-to-camera matrix; rows at depth `near` or less are left out.
    */
-  sort(table, view, first, second) {
+  sort(table, view, near, first, second) {
     const { depths, keys, visible, halfway, counts } = this;
     const [x, y, z, w] = view;
-    const near = Math.fround(0.2), data = table.data, stride = table.texels * 4;
+    const data = table.data, stride = table.texels * 4;
     let count = 0;
     for (let row = 0, at = 0; row < this.rows; row++, at += stride) {
       depths[row] = x * data[at] + y * data[at + 1] + z * data[at + 2] + w;

@@ -15,9 +15,10 @@ uniform int u_sh_degree;
 // Rows of the first scene alone, twins, shared; 1 for the second scene.
 uniform ivec3 u_groups;
 uniform int u_second;
-// World to camera by rows; camera centre; focal lengths, principal point and size of the image, pixels.
+// World to camera by rows; camera centre; near plane; focal lengths, principal point and size of the image, pixels.
 uniform vec4 u_view[3];
 uniform vec3 u_eye;
+uniform float u_near;
 uniform vec2 u_focal;
 uniform vec2 u_principal;
 uniform vec2 u_size;
@@ -29,7 +30,6 @@ flat out vec3 v_conic;
 flat out vec4 v_color;
 
 // Those of gs_core::image_formation, which documents them; a test compares them.
-const float NEAR_PLANE = 0.2;
 const float GUARD_BAND = 1.3;
 const float EPS2D = 0.3;
 const float EXTENT_SIGMAS = 3.0;
@@ -96,8 +96,9 @@ void main() {
   gl_Position = vec4(2.0, 2.0, 2.0, 1.0);
   int row = int(a_row);
   vec3 mean = geometry(row, 0).xyz;
-  vec3 t = vec3(dot(u_view[0], vec4(mean, 1.0)), dot(u_view[1], vec4(mean, 1.0)), dot(u_view[2], vec4(mean, 1.0)));
-  if (t.z <= NEAR_PLANE) return;
+  vec3 ray = mean - u_eye;
+  vec3 t = vec3(dot(u_view[0].xyz, ray), dot(u_view[1].xyz, ray), dot(u_view[2].xyz, ray));
+  if (t.z <= u_near) return;
   vec4 color = look(look_row(row), 0);
   if (color.a < ALPHA_THRESHOLD) return;
   // Pixel centres at half-integers, rows downwards.

@@ -78,6 +78,7 @@ struct View {
     position: [f64; 3],
     focal: [f64; 2],
     size: [u32; 2],
+    near: f64,
 }
 
 /// The page as text, UTF-8 (ASCII but for the title and names).
@@ -104,6 +105,7 @@ pub fn page(encoded: &Encoded, page: &Page<'_>) -> Result<String, PlayerError> {
             position: page.camera.position(),
             focal: [page.camera.intrinsics.fx, page.camera.intrinsics.fy],
             size: [page.camera.width, page.camera.height],
+            near: page.camera.near,
         },
         target: page.target,
         up: page.up,

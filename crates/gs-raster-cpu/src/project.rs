@@ -3,9 +3,7 @@
 use crate::lanes::Lane;
 use crate::vector::{GROUP, Quad, Vector, all_finite, registers};
 use crate::view::{TILE, View, dot, each};
-use gs_core::image_formation::{
-    EPS_DIVIDE, EPS2D, EXTENT_SIGMAS, MIN_DISCRIMINANT, MIN_QUAT_NORM, NEAR_PLANE,
-};
+use gs_core::image_formation::{EPS2D, EXTENT_SIGMAS, MIN_DISCRIMINANT, MIN_QUAT_NORM};
 use gs_core::{Ring, Splats, rotation_matrix};
 use pulp::Simd;
 
@@ -183,14 +181,14 @@ impl<F: Lane> ProjectedGroup<F> {
         let mid2 = mid * mid;
         let lambda = mid + (mid2 - det).max(a.like(MIN_DISCRIMINANT)).sqrt();
         let radius = a.like(EXTENT_SIGMAS) * lambda.sqrt();
-        let r = one / (t[2] + a.like(EPS_DIVIDE));
+        let r = one / (t[2] + view.divide);
         let mut mean = view.centre;
         for axis in 0..2 {
             let numerator = view.focal[axis] * t[axis] + view.offset[axis] * t[2];
             mean[axis] = numerator * r + mean[axis];
         }
-        let drawn = a
-            .like(NEAR_PLANE)
+        let drawn = view
+            .near
             .less(t[2])
             .and(zero.less(det))
             .and(all_finite([t[0], t[1], t[2], a, b, c, det, mid2, radius]))

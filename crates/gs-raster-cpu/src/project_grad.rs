@@ -5,7 +5,6 @@ use crate::project::Frame;
 use crate::tile_grad::MOMENTS;
 use crate::vector::Vector;
 use crate::view::{View, dot, each};
-use gs_core::image_formation::EPS_DIVIDE;
 use gs_core::{GradientConvention, Ring};
 use pulp::Simd;
 
@@ -72,7 +71,7 @@ pub(crate) fn project_gradient<S: Simd, F: Lane>(
             + share[0] * fx * frame.clamped[0] / zzz * v_j02
             + share[1] * fy * frame.clamped[1] / zzz * v_j12,
     ];
-    let r = one / (z + a.like(EPS_DIVIDE));
+    let r = one / (z + view.divide);
     for axis in 0..2 {
         let numerator = view.focal[axis] * frame.t[axis] + view.offset[axis] * z;
         v_t[axis] = v_t[axis] + mean2d[axis] * view.focal[axis] * r;

@@ -2,7 +2,7 @@
 
 use crate::lanes::Lane;
 use crate::vector::{Vector, splat};
-use gs_core::image_formation::{self, GUARD_BAND};
+use gs_core::image_formation::{self, EPS_DIVIDE, GUARD_BAND};
 use gs_core::{Camera, Real, Ring};
 use pulp::Simd;
 
@@ -13,7 +13,8 @@ pub(crate) const TILE_PIXELS: usize = TILE * TILE;
 
 #[derive(Debug, Clone, Default)]
 pub(crate) struct View<F> {
-    /// Rows of the world-to-camera matrix, translation last.
+    /// Rows of the world-to-camera matrix; last, what is left of the translation when it is applied to points relative to
+    /// `position`: the rounding of `position`.
     pub rows: [[F; 4]; 3],
     /// Focal lengths, pixels.
     pub focal: [F; 2],
@@ -25,6 +26,10 @@ pub(crate) struct View<F> {
     pub band: [F; 2],
     /// Camera centre, world frame.
     pub position: [F; 3],
+    /// Near plane: splats at this camera depth or nearer are culled, world units.
+    pub near: F,
+    /// Added to the depth in the perspective divide, world units.
+    pub divide: F,
     pub width: usize,
     pub height: usize,
     /// Tiles across and down.
@@ -38,13 +43,25 @@ impl<F: Real> View<F> {
         let (w, h) = (f64::from(camera.width), f64::from(camera.height));
         let band = camera.tan_half_fov().map(|tan| F::of(GUARD_BAND) * cast(tan));
         let (width, height) = (camera.width as usize, camera.height as usize);
+        let position = camera.position().map(cast);
+        // Subtracting the camera centre first keeps the digits of scenes far from the origin.
+        let rest = camera.to_camera(position.map(F::as_f64));
+        let row = |i: usize| {
+            let [x, y, z, _] = camera.viewmat[i];
+            [x, y, z, rest[i]].map(cast)
+        };
+        // In single precision for every float type, so that all cull the same splats.
+        #[expect(clippy::cast_possible_truncation, reason = "a length that single precision holds")]
+        let single = |value: f64| F::of(value as f32);
         Self {
-            rows: [0, 1, 2].map(|i| camera.viewmat[i].map(cast)),
+            rows: [0, 1, 2].map(row),
             focal: [cast(k.fx), cast(k.fy)],
             offset: [cast(k.cx - w / 2.0), cast(k.cy - h / 2.0)],
             centre: [cast((w - 1.0) / 2.0), cast((h - 1.0) / 2.0)],
             band,
-            position: camera.position().map(cast),
+            position,
+            near: single(camera.near),
+            divide: single(EPS_DIVIDE * camera.near),
             width,
             height,
             tiles: [width.div_ceil(TILE), height.div_ceil(TILE)],
@@ -63,6 +80,8 @@ impl<F: Lane> View<F> {
             centre: splat(s, self.centre),
             band: splat(s, self.band),
             position: splat(s, self.position),
+            near: Vector::splat(s, self.near),
+            divide: Vector::splat(s, self.divide),
             width: self.width,
             height: self.height,
             tiles: self.tiles,
@@ -74,9 +93,10 @@ impl<S: Simd, F: Lane> View<Vector<S, F>> {
     /// World to camera.
     #[inline(always)]
     pub(crate) fn to_camera(&self, mean: [Vector<S, F>; 3]) -> [Vector<S, F>; 3] {
+        let d = each!(k => mean[k] - self.position[k]);
         each!(i => {
             let r = &self.rows[i];
-            r[0] * mean[0] + r[1] * mean[1] + r[2] * mean[2] + r[3]
+            r[0] * d[0] + r[1] * d[1] + r[2] * d[2] + r[3]
         })
     }
 

@@ -36,7 +36,8 @@ macro_rules! gpu_struct {
 gpu_struct! {
     /// Uniforms of a frame; see `shaders/shared/frame.wgsl`.
     Frame {
-        /// First row of the world-to-camera matrix.
+        /// First row of the world-to-camera matrix; last, what is left of the translation when it is applied to points relative
+        /// to `camera_pos`.
         view0: [f32; 4],
         /// Second row.
         view1: [f32; 4],
@@ -88,6 +89,14 @@ gpu_struct! {
         first_slot: u32,
         /// Pairs whose gradients are kept by this dispatch.
         num_slots: u32,
+        /// Near plane, world units.
+        near: f32,
+        /// Added to the depth in the perspective divide, world units.
+        divide: f32,
+        /// Unused.
+        pad0: u32,
+        /// Unused.
+        pad1: u32,
     }
 }
 
@@ -185,13 +194,11 @@ pub const CONSTANTS: &[(&str, Constant)] = &[
     ("SORT_BLOCK", Constant::Uint(SORT_BLOCK)),
     ("RADIX", Constant::Uint(RADIX)),
     ("TILE_SIZE", Constant::Uint(image_formation::TILE_SIZE)),
-    ("NEAR_PLANE", Constant::Float(image_formation::NEAR_PLANE)),
     ("EPS2D", Constant::Float(image_formation::EPS2D)),
     ("EXTENT_SIGMAS", Constant::Float(image_formation::EXTENT_SIGMAS)),
     ("MIN_DISCRIMINANT", Constant::Float(image_formation::MIN_DISCRIMINANT)),
     ("MAX_ALPHA", Constant::Float(image_formation::MAX_ALPHA)),
     ("ALPHA_THRESHOLD", Constant::Float(image_formation::ALPHA_THRESHOLD)),
     ("TRANSMITTANCE_THRESHOLD", Constant::Float(image_formation::TRANSMITTANCE_THRESHOLD)),
-    ("EPS_DIVIDE", Constant::Float(image_formation::EPS_DIVIDE)),
     ("MIN_QUAT_NORM", Constant::Float(image_formation::MIN_QUAT_NORM)),
 ];

@@ -1,7 +1,7 @@
 //! How a frame is cut: channels into passes, harmonics into bindings, planes into one image buffer.
 
 use crate::layout::Frame;
-use gs_core::image_formation::{GUARD_BAND, TILE_SIZE};
+use gs_core::image_formation::{EPS_DIVIDE, GUARD_BAND, TILE_SIZE};
 use gs_core::{Camera, GradientConvention, RenderParams};
 
 /// Channels of a render: colour, depth, features, in this order.
@@ -67,11 +67,20 @@ pub(crate) fn camera_frame(camera: &Camera, num_splats: u32) -> Frame {
     let k = camera.intrinsics;
     let (width, height) = (f64::from(camera.width), f64::from(camera.height));
     let band = single(camera.tan_half_fov()).map(|tangent| GUARD_BAND * tangent);
+    let camera_pos = single(camera.position());
+    let rest = camera.to_camera(camera_pos.map(f64::from));
+    let row = |i: usize| {
+        let [x, y, z, _] = camera.viewmat[i];
+        single([x, y, z, rest[i]])
+    };
+    let [near, divide] = single([camera.near, EPS_DIVIDE * camera.near]);
     Frame {
-        view0: single(camera.viewmat[0]),
-        view1: single(camera.viewmat[1]),
-        view2: single(camera.viewmat[2]),
-        camera_pos: single(camera.position()),
+        view0: row(0),
+        view1: row(1),
+        view2: row(2),
+        camera_pos,
+        near,
+        divide,
         focal: single([k.fx, k.fy]),
         center_offset: single([k.cx - width / 2.0, k.cy - height / 2.0]),
         guard: band,

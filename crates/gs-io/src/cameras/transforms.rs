@@ -11,6 +11,7 @@ use super::set::check_all;
 use super::{CameraSet, CamerasError, Format, Reading, Split, View, paths, pose};
 use crate::error::{IoError, read_bytes};
 use crate::text;
+use gs_core::image_formation::NEAR_PLANE;
 use gs_core::{Camera, Intrinsics};
 use serde::Deserialize;
 use std::path::Path;
@@ -332,6 +333,7 @@ fn turn(fov_x_rad: f64) -> Vec<Camera> {
                 },
                 width: pixels(TRAINED_SIDE),
                 height: pixels(TRAINED_SIDE),
+                near: NEAR_PLANE,
                 time: Some(share(frame, FRAMES - 1)),
                 name: format!("video/{frame:04}"),
             }

@@ -48,6 +48,7 @@ impl<F: Real> Case<F> {
             intrinsics: Intrinsics { fx: k[0], fy: k[1], cx: k[2], cy: k[3] },
             width,
             height,
+            near: gs_core::image_formation::NEAR_PLANE,
             time: None,
             name: name.to_owned(),
         };

@@ -13,6 +13,8 @@ mod golden_gradients;
 #[cfg(test)]
 mod hostile;
 #[cfg(test)]
+mod placement;
+#[cfg(test)]
 mod reuse;
 #[cfg(test)]
 mod scenes;

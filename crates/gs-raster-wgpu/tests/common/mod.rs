@@ -89,6 +89,7 @@ impl Case {
             intrinsics: Intrinsics { fx: k[0], fy: k[1], cx: k[2], cy: k[3] },
             width: sizes[0].unsigned_abs(),
             height: sizes[1].unsigned_abs(),
+            near: gs_core::image_formation::NEAR_PLANE,
             time: None,
             name: name.to_owned(),
         };

@@ -16,6 +16,7 @@ use super::pose::{self, Viewmat};
 use super::{CameraSet, CamerasError, Format, Reading, Split, View};
 use crate::error::{IoError, read_bytes};
 use gs_core::Camera;
+use gs_core::image_formation::NEAR_PLANE;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
@@ -225,6 +226,7 @@ impl Lens {
             intrinsics: self.intrinsics,
             width: super::images::pixels(self.width),
             height: super::images::pixels(self.height),
+            near: NEAR_PLANE,
             time,
             name,
         }

@@ -1,10 +1,11 @@
 //! The command line.
 
+mod shared;
 mod views;
 
+pub(crate) use shared::{Bars, Common, Global, ModelFlags, Overwriting, Rendering};
 pub(crate) use views::{AxesArg, CamerasAs, SplitArg, Up};
 
-use crate::device::GpuChoice;
 use crate::export_format::ExportFormat;
 use crate::failure::{Failure, Outcome};
 use clap::{Args, Parser, Subcommand, ValueEnum};
@@ -24,52 +25,14 @@ pub(crate) struct Cli {
     pub(crate) command: Command,
 
     #[command(flatten)]
-    pub(crate) global: Global,
+    pub(crate) common: Common,
 }
 
-/// Flags of every command.
-#[derive(Debug, Clone, Args)]
-#[expect(
-    clippy::struct_excessive_bools,
-    reason = "flags of a command line are independent switches"
-)]
-pub(crate) struct Global {
-    /// Replace an existing file, or a folder that holds nothing but output of c4d
-    #[arg(short = 'w', long, global = true)]
-    pub(crate) overwrite: bool,
-    /// Say nothing but warnings and errors
-    #[arg(short, long, global = true)]
-    pub(crate) quiet: bool,
-    /// Say more
-    #[arg(short, long, global = true)]
-    pub(crate) verbose: bool,
-    /// No progress bars
-    #[arg(long, global = true)]
-    pub(crate) no_progress: bool,
-    /// Threads to use [default: all cores]
-    #[arg(long, global = true, value_name = "N")]
-    pub(crate) threads: Option<usize>,
-    /// Where to render: auto (a hardware GPU if there is one, else the CPU), cpu, or an adapter's number in `c4d doctor`
-    #[arg(
-        short,
-        long,
-        global = true,
-        default_value = "auto",
-        value_name = "auto|cpu|N",
-        allow_negative_numbers = true
-    )]
-    pub(crate) gpu: GpuChoice,
-    /// Damaged rows fail, and a finish with warnings exits with code 6
-    #[arg(long, global = true)]
-    pub(crate) strict: bool,
-    /// Use this iteration instead of the newest
-    #[arg(long, global = true, value_name = "N", help_heading = "Model folders")]
-    pub(crate) iteration: Option<u64>,
-    /// Override a flag of `cfg_args` or one that is in no file, for example `no_dshs=true`; 4DGS: no_dx, no_ds, no_dr, no_do, no_dshs,
-    /// apply_rotation, grid_pe; Swift4D: activation, index_rule, dynamic_thro, frames, time_divisor, n_levels, n_features_per_level,
-    /// hashmap_size, base_resolution
-    #[arg(long = "set", global = true, value_name = "FLAG=VALUE", help_heading = "Model folders")]
-    pub(crate) set: Vec<String>,
+impl Cli {
+    /// The shared flags, whichever of them the command has.
+    pub(crate) fn global(&self) -> Global {
+        Global::of(&self.common, &self.command)
+    }
 }
 
 #[derive(Debug, Subcommand)]
@@ -120,6 +83,10 @@ pub(crate) struct BenchMotionArgs {
     /// Folder for motion.json and motion.md
     #[arg(short, long)]
     pub(crate) output: PathBuf,
+    #[command(flatten)]
+    pub(crate) writes: Overwriting,
+    #[command(flatten)]
+    pub(crate) bars: Bars,
 }
 
 #[derive(Debug, Args)]
@@ -132,6 +99,8 @@ pub(crate) struct InfoArgs {
     /// Axes of an SPZ or glTF frame [default: those it names, else those of its format]
     #[arg(long, visible_alias = "spz-axes", value_enum)]
     pub(crate) axes: Option<AxesArg>,
+    #[command(flatten)]
+    pub(crate) model: ModelFlags,
 }
 
 #[derive(Debug, Args)]
@@ -139,6 +108,8 @@ pub(crate) struct DoctorArgs {
     /// Machine-readable
     #[arg(long)]
     pub(crate) json: bool,
+    #[command(flatten)]
+    pub(crate) rendering: Rendering,
 }
 
 #[derive(Debug, Args)]
@@ -160,6 +131,10 @@ pub(crate) struct FreezeArgs {
     /// The world's upward direction, for the rig
     #[arg(long, value_enum, allow_hyphen_values = true)]
     pub(crate) up: Option<Up>,
+    #[command(flatten)]
+    pub(crate) writes: Overwriting,
+    #[command(flatten)]
+    pub(crate) model: ModelFlags,
 }
 
 #[derive(Debug, Args)]
@@ -169,7 +144,7 @@ pub(crate) struct PropagateArgs {
     /// The edited frame: 3DGS PLY, compressed PLY, .splat, .spz, .sog or .glb of any editor, or the run folder of one
     #[arg(long, value_name = "FILE")]
     pub(crate) edited: PathBuf,
-    /// Run folder to write
+    /// Run folder to write; with --dry-run, the picture beside it, or a .png
     #[arg(short, long)]
     pub(crate) output: PathBuf,
     /// Time of the edited frame [default: 0]
@@ -200,8 +175,19 @@ pub(crate) struct PropagateArgs {
     /// Go on although the edited file seems to belong to another scene
     #[arg(long)]
     pub(crate) allow_far: bool,
+    /// Only look: count what the edit kept, changed, added and removed, and show it in a picture of the frame before and after
+    #[arg(long)]
+    pub(crate) dry_run: bool,
+    #[command(flatten)]
+    pub(crate) writes: Overwriting,
+    #[command(flatten)]
+    pub(crate) bars: Bars,
+    #[command(flatten)]
+    pub(crate) rendering: Rendering,
     #[command(flatten)]
     pub(crate) refine: RefineFlags,
+    #[command(flatten)]
+    pub(crate) model: ModelFlags,
 }
 
 /// Flags of the appearance refinement, in `c4d propagate` and `c4d refine`.
@@ -281,6 +267,10 @@ pub(crate) struct RefineArgs {
     #[arg(long)]
     pub(crate) resume: bool,
     #[command(flatten)]
+    pub(crate) bars: Bars,
+    #[command(flatten)]
+    pub(crate) rendering: Rendering,
+    #[command(flatten)]
     pub(crate) flags: RefineFlags,
 }
 
@@ -295,7 +285,7 @@ pub(crate) enum WarpArg {
 
 #[derive(Debug, Args)]
 pub(crate) struct RenderArgs {
-    /// The dynamic scene or run
+    /// The dynamic scene or run, or one frame: the edited file of any editor
     pub(crate) scene: PathBuf,
     /// front, orbit, spiral, or a file or folder with cameras: a data set (D-NeRF, HyperNeRF, DyNeRF, COLMAP, MeetRoom, multiple-view), a
     /// `cameras.json`, or a model folder that has or names one
@@ -322,6 +312,9 @@ pub(crate) struct RenderArgs {
     /// Number of frames, evenly spaced over the whole clip [default: that of the sequence, else 60]
     #[arg(long)]
     pub(crate) frames: Option<usize>,
+    /// Axes of an SPZ or glTF frame [default: those it names, else those of its format]
+    #[arg(long, visible_alias = "spz-axes", value_enum)]
+    pub(crate) axes: Option<AxesArg>,
     /// Image size [default: that of the cameras, else 960x720]
     #[arg(long, value_name = "WxH", value_parser = parse_size)]
     pub(crate) size: Option<(u32, u32)>,
@@ -334,9 +327,12 @@ pub(crate) struct RenderArgs {
     /// Folder (png, exr, npy, flo) or file (mp4, webp, gif, sheet)
     #[arg(short, long)]
     pub(crate) output: PathBuf,
-    /// Frames per second of videos
-    #[arg(long, default_value_t = 30.0, allow_negative_numbers = true)]
-    pub(crate) fps: f64,
+    /// Frames per second of videos [default: so that the frames last as long as the clip]
+    #[arg(long, allow_negative_numbers = true)]
+    pub(crate) fps: Option<f64>,
+    /// Length of videos of the whole clip [default: that of the clip: its frames at its own rate, or at 30 a second]
+    #[arg(long, value_name = "SECONDS", allow_negative_numbers = true)]
+    pub(crate) duration: Option<f64>,
     /// Runs only: the original on the left, the edit on the right
     #[arg(long)]
     pub(crate) side_by_side: bool,
@@ -346,6 +342,14 @@ pub(crate) struct RenderArgs {
     /// The world's upward direction, for front, orbit and spiral
     #[arg(long, value_enum, allow_hyphen_values = true)]
     pub(crate) up: Option<Up>,
+    #[command(flatten)]
+    pub(crate) writes: Overwriting,
+    #[command(flatten)]
+    pub(crate) bars: Bars,
+    #[command(flatten)]
+    pub(crate) rendering: Rendering,
+    #[command(flatten)]
+    pub(crate) model: ModelFlags,
 }
 
 #[derive(Debug, Args)]
@@ -380,9 +384,17 @@ pub(crate) struct ExportArgs {
         help_heading = "Which frames"
     )]
     pub(crate) time: Option<f32>,
-    /// Frames per second of a clip; a sequence has none, its manifest notes them [default: 30]
+    /// Frames per second of a clip; a sequence has none, its manifest notes them [default: so that the frames last as long as the clip]
     #[arg(long, allow_negative_numbers = true, help_heading = "Which frames")]
     pub(crate) fps: Option<f64>,
+    /// Length of the whole clip [default: that of the scene: its frames at its own rate, or at 30 a second]
+    #[arg(
+        long,
+        value_name = "SECONDS",
+        allow_negative_numbers = true,
+        help_heading = "Which frames"
+    )]
+    pub(crate) duration: Option<f64>,
     /// Keep SH up to this degree only [default: all of it; html: 1; splat, splat4d and splatv hold 0]
     #[arg(long, value_name = "0-3", help_heading = "What is kept")]
     pub(crate) sh_degree: Option<usize>,
@@ -416,6 +428,14 @@ pub(crate) struct ExportArgs {
     /// spz: bits of SH coefficients, 1 to 8, or of degree 1 and of those above [default: 5,4]
     #[arg(long, value_name = "N[,N]", value_parser = parse_bits, help_heading = "SPZ")]
     pub(crate) spz_sh_bits: Option<[u32; 2]>,
+    #[command(flatten)]
+    pub(crate) writes: Overwriting,
+    #[command(flatten)]
+    pub(crate) bars: Bars,
+    #[command(flatten)]
+    pub(crate) rendering: Rendering,
+    #[command(flatten)]
+    pub(crate) model: ModelFlags,
 }
 
 #[derive(Debug, Args)]
@@ -432,6 +452,12 @@ pub(crate) struct DemoArgs {
     /// Frames of the videos
     #[arg(long, default_value_t = 60)]
     pub(crate) frames: usize,
+    #[command(flatten)]
+    pub(crate) writes: Overwriting,
+    #[command(flatten)]
+    pub(crate) bars: Bars,
+    #[command(flatten)]
+    pub(crate) rendering: Rendering,
 }
 
 /// Presets of the motion stage.

@@ -3,6 +3,7 @@
 use crate::args::{CamerasAs, SplitArg};
 use crate::console::Console;
 use crate::failure::{Failure, Outcome};
+use crate::placement;
 use crate::scene::{self, Opened};
 use gs_core::Camera;
 use gs_io::SceneKind;
@@ -13,7 +14,7 @@ use std::path::Path;
 const SHOWN: usize = 12;
 
 /// How the cameras of a scene's data set are read: as its training read them, where that is known.
-pub(crate) fn reading(asked: Option<CamerasAs>, opened: &Opened) -> Reading {
+fn reading(asked: Option<CamerasAs>, opened: &Opened) -> Reading {
     // The source of a run is among its roots.
     let trained = asked.map_or_else(
         || opened.roots.iter().any(|root| is_model(root)),
@@ -26,9 +27,25 @@ fn is_model(root: &Path) -> bool {
     matches!(gs_io::detect(root), Ok(SceneKind::Model4dgs | SceneKind::Swift4d))
 }
 
-/// Reads the cameras and says what was assumed.
-pub(crate) fn open(path: &Path, reading: Reading, console: &Console) -> Outcome<CameraSet> {
-    let set = cameras::open(path, reading).map_err(|error| scene::bad_input(&error))?;
+/// Reads the cameras for views of `opened` and says what was assumed. Their near plane is the reference's where they are read as
+/// a model's training read them, otherwise it follows the scene before the edit.
+pub(crate) fn open(
+    path: &Path,
+    asked: Option<CamerasAs>,
+    opened: &Opened,
+    console: &Console,
+) -> Outcome<CameraSet> {
+    let reading = reading(asked, opened);
+    let mut set = cameras::open(path, reading).map_err(|error| scene::bad_input(&error))?;
+    if reading == Reading::Stored {
+        let extent = placement::of_scene(opened)?;
+        placement::warn_if_coarse(&extent, console);
+        let near = extent.near_plane();
+        let views = set.views.iter_mut().map(|view| &mut view.camera);
+        for camera in views.chain(&mut set.video) {
+            camera.near = near;
+        }
+    }
     console.detail(format!("{}: {}, {} views", path.display(), set.format, set.views.len()));
     for note in &set.notes {
         console.note(format!("cameras: {note}"));

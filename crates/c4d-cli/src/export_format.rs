@@ -85,11 +85,12 @@ impl ExportFormat {
             Spz, Usda, Zip,
         };
         const CLIPS: &[ExportFormat] = &[PlySeq, Zip, Html, CompressedSeq, Splat4d, Usda, Splatv];
-        const FLAGS: [Flag; 13] = [
+        const FLAGS: [Flag; 14] = [
             ("--time", &[Ply, CompressedPly, Spz, Splat, Glb, Gltf], |args| args.time.is_some()),
             ("--times", CLIPS, |args| !args.times.is_empty()),
             ("--frames", CLIPS, |args| args.frames.is_some()),
             ("--fps", CLIPS, |args| args.fps.is_some()),
+            ("--duration", CLIPS, |args| args.duration.is_some()),
             (
                 "--sh-degree above 0",
                 &[Ply, PlySeq, Zip, Html, CompressedPly, CompressedSeq, Spz, Glb, Gltf, Usda],

@@ -1,14 +1,95 @@
-//! Which times a command works on.
+//! Which times a command works on, and how fast they are played.
 
 use crate::failure::{Failure, Outcome};
+use crate::scene::Opened;
 use gs_core::{DynamicScene, TimeRange};
 
 /// Frames of a continuous scene when nobody says how many.
 pub(crate) const DEFAULT_FRAMES: usize = 60;
-/// Frames per second when nobody says how many.
+/// Frames per second of scenes that note none.
 const DEFAULT_FPS: f64 = 30.0;
 /// More frames than this are a slip of the keyboard.
 const MAX_FRAMES: usize = 100_000;
+/// Most frames a second that players take.
+const MAX_FPS: f64 = 1000.0;
+/// Longest clip, seconds: a day.
+const MAX_SECS: f64 = 86_400.0;
+/// Times that span all of the clip but this share of it span the clip.
+const WHOLE: f64 = 1e-4;
+
+/// Flags about times and rate, as given.
+#[derive(Debug, Clone, Copy, Default)]
+pub(crate) struct Timing<'a> {
+    /// `--times`; empty without.
+    pub(crate) times: &'a [f32],
+    /// `--frames`.
+    pub(crate) frames: Option<usize>,
+    /// `--fps`.
+    pub(crate) fps: Option<f64>,
+    /// `--duration`, seconds of the whole clip.
+    pub(crate) duration: Option<f64>,
+}
+
+impl Timing<'_> {
+    /// Refuses values that no clip has, and three of which two say the third.
+    pub(crate) fn check(&self) -> Outcome {
+        if let Some(fps) = self.fps.filter(|&fps| !(fps > 0.0 && fps <= MAX_FPS)) {
+            return Err(Failure::usage(format!(
+                "--fps {fps}: expected above 0, at most {MAX_FPS}"
+            )));
+        }
+        if let Some(secs) = self.duration.filter(|&secs| !(secs > 0.0 && secs <= MAX_SECS)) {
+            return Err(Failure::usage(format!(
+                "--duration {secs}: expected seconds, above 0, at most {MAX_SECS}"
+            )));
+        }
+        let counted = self.frames.is_some() || !self.times.is_empty();
+        if self.fps.is_some() && self.duration.is_some() && counted {
+            let given = if self.frames.is_some() { "--frames" } else { "--times" };
+            return Err(Failure::usage(format!(
+                "{given}, --fps and --duration contradict each other: two of them say the third"
+            ))
+            .next("Leave one of them out."));
+        }
+        Ok(())
+    }
+
+    /// The times of `--times` or `--frames`, or as many as `--fps` makes of `--duration`; else every frame the scene was stored
+    /// with, else [`DEFAULT_FRAMES`].
+    pub(crate) fn times(&self, scene: &dyn DynamicScene) -> Outcome<Vec<f32>> {
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "saturates")]
+        let filling = self.fps.zip(self.duration).map(|(fps, secs)| (fps * secs).round() as usize);
+        times(scene, self.times, self.frames.or(filling.map(|count| count.max(1))))
+    }
+
+    /// Frames per second at which `times` last as long as their part of the clip, or `--fps`.
+    pub(crate) fn fps(&self, opened: &Opened, times: &[f32]) -> Outcome<f64> {
+        let own = opened.fps.unwrap_or(DEFAULT_FPS);
+        let stored = opened.scene.num_frames().unwrap_or(DEFAULT_FRAMES) as f64;
+        let secs = self.duration.unwrap_or(stored / own);
+        let fps = self.fps.or_else(|| rate(times, opened.scene.time_range(), secs)).unwrap_or(own);
+        if fps <= MAX_FPS {
+            return Ok(fps);
+        }
+        Err(Failure::usage(format!(
+            "{} frames in {secs:.3} s are {fps:.0} a second, players take at most {MAX_FPS}",
+            times.len()
+        ))
+        .next("Give fewer frames, a longer --duration, or --fps."))
+    }
+}
+
+/// Frames per second at which ascending `times` take their share of a clip of `secs`; `None` where the times do not say.
+fn rate(times: &[f32], range: TimeRange, secs: f64) -> Option<f64> {
+    let (first, last) = (f64::from(*times.first()?), f64::from(*times.last()?));
+    let share = (last - first) / (f64::from(range.end) - f64::from(range.start));
+    if times.len() < 2 || !times.is_sorted_by(|a, b| a < b) {
+        return None;
+    }
+    let count = times.len() as f64;
+    // Every frame of a whole clip is shown for as long as the others, the last one too.
+    Some(if share > 1.0 - WHOLE { count / secs } else { (count - 1.0) / (share * secs) })
+}
 
 /// The times of `--times` or `--frames`, else every frame the scene was stored with, else [`DEFAULT_FRAMES`].
 pub(crate) fn times(
@@ -30,19 +111,30 @@ pub(crate) fn times(
     Ok(range.frames(count))
 }
 
-/// The frame rate asked for, else [`DEFAULT_FPS`]; one that no player has is refused.
-pub(crate) fn fps(asked: Option<f64>) -> Outcome<f64> {
-    let fps = asked.unwrap_or(DEFAULT_FPS);
-    check_fps(fps)?;
-    Ok(fps)
+/// Number of frames, their rate and how long they last, in words.
+pub(crate) fn playing(frames: usize, fps: f64) -> String {
+    if frames == 1 {
+        return "one frame".to_owned();
+    }
+    let secs = frames as f64 / fps;
+    format!("{frames} frames at {} a second, {secs:.1} s", rounded(fps))
 }
 
-/// Refuses a frame rate that no player has.
-pub(crate) fn check_fps(fps: f64) -> Outcome {
-    if fps > 0.0 && fps <= 1000.0 {
-        return Ok(());
+/// A rate with as many digits as it is good for: `30`, `7.5`, `0.33`.
+pub(crate) fn rounded(rate: f64) -> String {
+    let decimals = if rate >= 99.95 {
+        0
+    } else if rate >= 9.995 {
+        1
+    } else {
+        2
+    };
+    let text = format!("{rate:.decimals$}");
+    if text.contains('.') {
+        text.trim_end_matches('0').trim_end_matches('.').to_owned()
+    } else {
+        text
     }
-    Err(Failure::usage(format!("--fps {fps}: expected above 0, at most 1000")))
 }
 
 /// Refuses a time outside the scene.
@@ -58,4 +150,32 @@ pub(crate) fn check(range: TimeRange, t: f32, flag: &str) -> Outcome {
         "Times are normalised: {} is the first frame, {} the last, the others are evenly spaced.",
         range.start, range.end
     )))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn any_number_of_frames_lasts_as_long_as_the_clip() {
+        let range = TimeRange { start: 0.0, end: 0.8 };
+        for count in [2, 7, 30, 60, 240] {
+            let fps = rate(&range.frames(count), range, 2.0).unwrap();
+            assert!((count as f64 / fps - 2.0).abs() < 1e-9, "{count} frames: {fps}");
+        }
+        let part = rate(&[0.0, 0.2, 0.4], range, 2.0).unwrap();
+        assert!((part - 2.0).abs() < 1e-6, "half of the clip in half of its time: {part}");
+        for times in [&[0.4, 0.2][..], &[0.1], &[0.3, 0.3], &[]] {
+            assert_eq!(rate(times, range, 2.0), None, "{times:?}");
+        }
+    }
+
+    #[test]
+    fn rates_are_rounded() {
+        let rates = [1234.5, 100.0, 30.0, 29.97, 7.5, 9.999, 0.333_3, 0.001];
+        let shown = ["1234", "100", "30", "30", "7.5", "10", "0.33", "0"];
+        for (rate, shown) in rates.into_iter().zip(shown) {
+            assert_eq!(rounded(rate), shown, "{rate}");
+        }
+    }
 }

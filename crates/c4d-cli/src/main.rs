@@ -4,6 +4,7 @@
 
 mod args;
 mod cameras;
+mod caption;
 mod commands;
 mod console;
 mod device;
@@ -17,14 +18,17 @@ mod instead;
 mod loops;
 mod model_flags;
 mod passes;
+mod placement;
+mod progress;
 mod renderer;
 mod rig;
 mod run_folder;
 mod scene;
 mod settings;
+mod still;
 mod video;
 
-use args::{BenchCommand, Cli, Command};
+use args::{BenchCommand, Cli, Command, Global};
 use clap::Parser;
 use console::Console;
 use failure::{Exit, Failure, Outcome};
@@ -35,7 +39,7 @@ const MAX_THREADS: usize = 1024;
 
 fn main() -> ExitCode {
     let cli = Cli::parse();
-    let global = &cli.global;
+    let global = &cli.global();
     device::without_desktop(global.gpu);
     let console = Console::new(global.quiet, global.verbose, !global.no_progress);
     // Best effort: without a handler an interrupt still ends the process, but may leave a hidden partial output.
@@ -44,7 +48,7 @@ fn main() -> ExitCode {
         eprintln!("\ninterrupted; nothing partial is left");
         std::process::exit(i32::from(Exit::Interrupted as u8));
     });
-    match run(&cli, &console) {
+    match run(&cli, global, &console) {
         Ok(()) if global.strict && console.warnings() > 0 => {
             eprintln!("finished with {} warnings (--strict)", console.warnings());
             ExitCode::from(Exit::Warnings as u8)
@@ -57,8 +61,8 @@ fn main() -> ExitCode {
     }
 }
 
-fn run(cli: &Cli, console: &Console) -> Outcome {
-    if let Some(threads) = cli.global.threads {
+fn run(cli: &Cli, global: &Global, console: &Console) -> Outcome {
+    if let Some(threads) = global.threads {
         if !(1..=MAX_THREADS).contains(&threads) {
             return Err(Failure::usage(format!(
                 "--threads {threads}: expected 1 to {MAX_THREADS}"
@@ -73,7 +77,6 @@ fn run(cli: &Cli, console: &Console) -> Outcome {
         console
             .detail("this is a debug build: expect it to be some ten times slower than --release");
     }
-    let global = &cli.global;
     match &cli.command {
         Command::Info(args) => commands::info::run(args, global, console),
         Command::Doctor(args) => commands::doctor::run(args, global, console),

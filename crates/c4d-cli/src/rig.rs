@@ -1,10 +1,13 @@
 //! Where cameras come from when no data set gives them: a rig around (or before) the scene.
 //!
 //! 4DGS checkpoints hold no cameras. The rig is built from frame 1 alone: robust centre and size of the visible splats, and
-//! whether the scene surrounds its origin (an object: walk around it) or lies before it (a forward capture: stand where the
-//! cameras stood).
+//! whether it fills the view of a camera at the origin (a forward capture: stand where the cameras stood) or not (an object,
+//! wherever it lies: walk around it).
 
-use gs_core::{Camera, DynamicScene, SceneError, Splats};
+use gs_core::{
+    Camera, DynamicScene, Extent, SceneError, Splats, WeightedPoint, weighted_points,
+    weighted_quantile,
+};
 
 /// Image size when nobody says one.
 pub(crate) const DEFAULT_SIZE: (u32, u32) = (960, 720);
@@ -28,6 +31,9 @@ pub(crate) struct Rig {
     up: [f64; 3],
     forward: [f64; 3],
     fov_y_rad: f64,
+    near: f64,
+    /// Extent of the whole first frame.
+    pub(crate) extent: Extent,
 }
 
 /// Later times looked at to find what moves.
@@ -46,6 +52,11 @@ const FORWARD_SHARE: f64 = 0.97;
 const FORWARD_CONE_COS: f64 = 0.258_819;
 /// A view direction closer than 15° to a coordinate axis is that axis: captures are aligned with their first camera.
 const SNAP_COS: f64 = 0.965_926;
+/// Narrowest and widest vertical field of view of a forward capture, radians. What a camera at the origin would see under a
+/// smaller angle is an object away from the origin: captured scenes fill the view of their cameras.
+const FORWARD_FOV_RAD: [f64; 2] = [0.6, 1.2];
+/// A camera's near plane is at most this share of its distance to what it looks at: a scene may be framed by a small part.
+const NEAR_SHARE: f64 = 0.1;
 /// Vertical field of view around objects, radians (40°).
 const OBJECT_FOV_RAD: f64 = 0.698_132;
 
@@ -72,13 +83,14 @@ impl Rig {
         let threshold = (MOVING_SHARE * whole.radius) as f32;
         let moving: Vec<usize> = (0..first.len()).filter(|&i| moved[i] > threshold).collect();
         if moving.len() < MIN_MOVING || moving.len() == first.len() {
-            return Ok(whole);
+            return Ok(whole.before_backdrop(&first));
         }
         let mut around = Self::around(&first.select(&moving), up);
         if whole.radius < BACKDROP * around.radius {
             return Ok(whole);
         }
         around.layout = Layout::Object;
+        around.extent = whole.extent;
         around.fov_y_rad = OBJECT_FOV_RAD;
         // Room for the motion itself and for what stands beside the figure.
         around.radius = (MARGIN * around.radius).min(whole.radius);
@@ -87,50 +99,79 @@ impl Rig {
 
     /// Looks at the splats of one frame.
     pub(crate) fn around(splats: &Splats, up: [f64; 3]) -> Self {
+        let extent = Extent::of(splats);
+        let Extent { centre, radius, .. } = extent;
+        let near = extent.near_plane();
         let points = weighted_points(splats);
-        let axis = |k: usize, share: f64| {
-            quantile(points.iter().map(|(p, w)| (p[k], *w)).collect(), share)
-        };
-        let centre = [0, 1, 2].map(|k| axis(k, 0.5));
-        let distances = points.iter().map(|(p, w)| (norm(sub(*p, centre)), *w)).collect();
-        let radius = quantile(distances, 0.9).max(1e-6);
         let distance = norm(centre);
-        let towards = scaled(centre, 1.0 / distance.max(1e-12));
-        let total: f64 = points.iter().map(|(_, w)| w).sum();
+        let towards = scaled(centre, 1.0 / distance.max(f64::MIN_POSITIVE));
+        let total: f64 = points.iter().map(|p| p.weight).sum();
         let in_cone: f64 = points
             .iter()
-            .filter(|(p, _)| dot(*p, towards) > FORWARD_CONE_COS * norm(*p))
-            .map(|(_, w)| w)
+            .filter(|p| dot(p.mean, towards) > FORWARD_CONE_COS * norm(p.mean))
+            .map(|p| p.weight)
             .sum();
-        let forward_capture = distance > 0.5 * radius && in_cone > FORWARD_SHARE * total;
-        if !forward_capture {
-            let layout = Layout::Object;
+        let forward = snap_to_axis(towards);
+        let angle = |p: &WeightedPoint| {
+            (dot(p.mean, forward) / norm(p.mean).max(f64::MIN_POSITIVE)).clamp(-1.0, 1.0).acos()
+        };
+        // Three quarters of the scene inside the image's height: a capture's borders are unseen by most of its cameras.
+        let angles = points.iter().map(|p| (angle(p), p.weight)).collect();
+        let fov_y_rad = 2.0 * weighted_quantile(angles, 0.75);
+        let [narrowest, widest] = FORWARD_FOV_RAD;
+        let forward_capture =
+            distance > 0.5 * radius && in_cone > FORWARD_SHARE * total && fov_y_rad >= narrowest;
+        if forward_capture {
+            let fov_y_rad = fov_y_rad.min(widest);
             return Self {
-                layout,
+                layout: Layout::Forward,
                 centre,
                 radius,
                 up,
-                forward: towards,
-                fov_y_rad: OBJECT_FOV_RAD,
+                forward,
+                fov_y_rad,
+                near,
+                extent,
             };
         }
-        let forward = snap_to_axis(towards);
-        let angles = points
-            .iter()
-            .map(|(p, w)| ((dot(*p, forward) / norm(*p).max(1e-12)).clamp(-1.0, 1.0).acos(), *w))
-            .collect();
-        // Three quarters of the scene inside the image's height: a capture's borders are unseen by most of its cameras.
-        let fov_y_rad = (2.0 * quantile(angles, 0.75)).clamp(0.6, 1.2);
-        Self { layout: Layout::Forward, centre, radius, up, forward, fov_y_rad }
+        let (layout, fov_y_rad) = (Layout::Object, OBJECT_FOV_RAD);
+        Self { layout, centre, radius, up, forward: towards, fov_y_rad, near, extent }
+    }
+
+    /// Looks at the half of the splats that lies together, if the scene is much larger than that: at what stands before a
+    /// backdrop or under a sky dome, where no motion tells it apart.
+    fn before_backdrop(self, splats: &Splats) -> Self {
+        let median = |among: &[[f64; 3]]| {
+            let axis = |k: usize| among.iter().map(|p| (p[k], 1.0)).collect();
+            [0, 1, 2].map(|k| weighted_quantile(axis(k), 0.5))
+        };
+        let reach = |among: &[[f64; 3]], from: [f64; 3], share: f64| {
+            weighted_quantile(among.iter().map(|p| (norm(sub(*p, from)), 1.0)).collect(), share)
+        };
+        let all: Vec<[f64; 3]> = weighted_points(splats).iter().map(|p| p.mean).collect();
+        let middle = median(&all);
+        let half = reach(&all, middle, 0.5);
+        if self.layout == Layout::Forward || half <= 0.0 || self.radius < BACKDROP * half {
+            return self;
+        }
+        let together: Vec<[f64; 3]> =
+            all.into_iter().filter(|p| norm(sub(*p, middle)) < 2.0 * half).collect();
+        let centre = median(&together);
+        let radius = reach(&together, centre, 0.95).min(self.radius);
+        Self { centre, radius, ..self }
+    }
+
+    /// A camera of the rig.
+    fn look_at(&self, eye: [f64; 3], target: [f64; 3], (width, height): (u32, u32)) -> Camera {
+        let near = self.near.min(NEAR_SHARE * norm(sub(target, eye)));
+        Camera::look_at(eye, target, self.up, self.fov_y_rad, width, height).with_near(near)
     }
 
     /// The still view: before the object, or where the capture's cameras stood.
-    pub(crate) fn front(&self, (width, height): (u32, u32)) -> Camera {
+    pub(crate) fn front(&self, size: (u32, u32)) -> Camera {
         let mut camera = match self.layout {
-            Layout::Object => self.around_at(0.0, 0.2, (width, height)),
-            Layout::Forward => {
-                Camera::look_at([0.0; 3], self.forward, self.up, self.fov_y_rad, width, height)
-            }
+            Layout::Object => self.around_at(0.0, 0.2, size),
+            Layout::Forward => self.look_at([0.0; 3], self.target(), size),
         };
         "front".clone_into(&mut camera.name);
         camera
@@ -152,7 +193,7 @@ impl Rig {
                 let swing = 12.0_f64.to_radians() * (phase * std::f64::consts::TAU).sin();
                 let eye = rotated(scaled(self.centre, -1.0), self.up, swing);
                 let eye = [0, 1, 2].map(|k| self.centre[k] + eye[k]);
-                Camera::look_at(eye, self.centre, self.up, self.fov_y_rad, size.0, size.1)
+                self.look_at(eye, self.centre, size)
             }
         })
     }
@@ -168,23 +209,18 @@ impl Rig {
             let (x, y, z) = (angle.cos(), 0.6 * angle.sin(), 0.5 * (angle / 2.0).sin());
             let moved =
                 [0, 1, 2].map(|k| eye[k] + reach * (x * v[0][k] + y * v[1][k] + z * v[2][k]));
-            Camera::look_at(moved, target, self.up, self.fov_y_rad, size.0, size.1)
+            self.look_at(moved, target, size)
         })
     }
 
-    fn around_at(
-        &self,
-        azimuth_rad: f64,
-        elevation_rad: f64,
-        (width, height): (u32, u32),
-    ) -> Camera {
+    fn around_at(&self, azimuth_rad: f64, elevation_rad: f64, size: (u32, u32)) -> Camera {
         let distance = 1.15 * self.radius / (self.fov_y_rad / 2.0).tan();
         let front = perpendicular(self.up);
         let level = rotated(front, self.up, azimuth_rad);
         let (sin, cos) = elevation_rad.sin_cos();
         let eye =
             [0, 1, 2].map(|k| self.centre[k] + distance * (cos * level[k] + sin * self.up[k]));
-        Camera::look_at(eye, self.centre, self.up, self.fov_y_rad, width, height)
+        self.look_at(eye, self.centre, size)
     }
 }
 
@@ -196,34 +232,6 @@ fn path(frames: usize, name: &str, camera_at: impl Fn(f64) -> Camera) -> Vec<Cam
             camera
         })
         .collect()
-}
-
-/// Centres with their weight: opacity times the area of the two larger axes, so that haze and floaters count little.
-fn weighted_points(splats: &Splats) -> Vec<([f64; 3], f64)> {
-    (0..splats.len())
-        .filter(|&i| splats.is_finite(i))
-        .map(|i| {
-            let mut scale = splats.scale(i).map(f64::from);
-            scale.sort_by(f64::total_cmp);
-            let opacity = f64::from(splats.opacity(i));
-            (splats.means[i].map(f64::from), opacity * (scale[1] * scale[2]).sqrt())
-        })
-        .filter(|(_, weight)| weight.is_finite() && *weight > 0.0)
-        .collect()
-}
-
-/// Weighted quantile; 0 when there is nothing.
-fn quantile(mut values: Vec<(f64, f64)>, share: f64) -> f64 {
-    values.sort_by(|a, b| a.0.total_cmp(&b.0));
-    let target = share * values.iter().map(|(_, weight)| weight).sum::<f64>();
-    let mut passed = 0.0;
-    for (value, weight) in &values {
-        passed += weight;
-        if passed >= target {
-            return *value;
-        }
-    }
-    values.last().map_or(0.0, |(value, _)| *value)
 }
 
 fn snap_to_axis(direction: [f64; 3]) -> [f64; 3] {
@@ -312,6 +320,53 @@ mod tests {
         }
     }
 
+    /// Scaled about the origin, then moved.
+    fn placed(splats: &Splats, scale: f32, shift: [f32; 3]) -> Splats {
+        let mut splats = splats.clone();
+        for mean in &mut splats.means {
+            *mean = [0, 1, 2].map(|k| mean[k] * scale + shift[k]);
+        }
+        for log_scale in splats.log_scales.as_flattened_mut() {
+            *log_scale += scale.ln();
+        }
+        splats
+    }
+
+    #[test]
+    fn an_object_away_from_the_origin_is_walked_around_wherever_it_lies() {
+        let up = [0.0, 1.0, 0.0];
+        let here = Rig::around(&cloud([0.0; 3]), up);
+        for shift in [[0.0, 0.0, 8.0], [-12.0, 3.0, 0.0], [2000.0, 0.0, -900.0]] {
+            let rig = Rig::around(&cloud(shift), up);
+            assert_eq!(rig.layout, Layout::Object, "{shift:?}");
+            let pairs = here.orbit(5, (64, 48)).into_iter().zip(rig.orbit(5, (64, 48)));
+            for (a, b) in pairs {
+                let (a, b) = (a.position(), b.position());
+                let apart = (0..3).map(|k| (a[k] + f64::from(shift[k]) - b[k]).abs());
+                assert!(apart.fold(0.0, f64::max) < 2e-3, "{shift:?}: {a:?} {b:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn rigs_and_their_near_planes_follow_the_scale() {
+        let up = [0.0, -1.0, 0.0];
+        for splats in [cloud([0.0; 3]), cloud([0.15, 0.1, 3.0])] {
+            let here = Rig::around(&splats, up);
+            for scale in [1e-3_f32, 1e-2, 1e2, 1e3] {
+                let rig = Rig::around(&placed(&splats, scale, [0.0; 3]), up);
+                assert_eq!(rig.layout, here.layout, "{scale}");
+                for (a, b) in here.spiral(4, (64, 48)).iter().zip(rig.spiral(4, (64, 48))) {
+                    let unscaled = b.position().map(|x| x / f64::from(scale));
+                    let apart = norm(sub(unscaled, a.position()));
+                    assert!(apart < 1e-4, "{scale}: {apart}");
+                    let near = b.near / f64::from(scale) / a.near;
+                    assert!((near - 1.0).abs() < 1e-4 && b.check().is_ok(), "{scale}: {near}");
+                }
+            }
+        }
+    }
+
     #[test]
     fn a_figure_under_a_sky_dome_is_seen_from_inside() {
         let params = gs_synth::DemoParams { num_splats: 3000, ..gs_synth::DemoParams::default() };
@@ -330,14 +385,29 @@ mod tests {
     }
 
     #[test]
+    fn a_still_figure_under_a_sky_dome_is_seen_from_inside() {
+        let params = gs_synth::DemoParams { num_splats: 8000, ..gs_synth::DemoParams::default() };
+        let scene = gs_synth::demo(&params).unwrap();
+        let still = gs_deform::StaticScene::new(scene.frame1().clone()).unwrap();
+        let rig = Rig::of_scene(&still, [0.0, 1.0, 0.0]).unwrap();
+        let size = f64::from(scene.figure_size());
+        for camera in std::iter::once(rig.front((64, 48))).chain(rig.orbit(8, (64, 48))) {
+            let head = camera.project([0.0, size, 0.0]).unwrap();
+            let feet = camera.project([0.0, 0.0, 0.0]).unwrap();
+            assert!(head[1] > 0.0 && feet[1] < 48.0, "the figure fits: {head:?} {feet:?}");
+            assert!(feet[1] - head[1] > 12.0, "and fills a quarter: {head:?} {feet:?}");
+        }
+    }
+
+    #[test]
     fn a_forward_capture_is_seen_from_its_origin() {
-        let rig = Rig::around(&cloud([0.3, 0.2, 6.0]), [0.0, -1.0, 0.0]);
-        assert_eq!(rig.layout, Layout::Forward, "all before the origin");
+        let rig = Rig::around(&cloud([0.15, 0.1, 3.0]), [0.0, -1.0, 0.0]);
+        assert_eq!(rig.layout, Layout::Forward, "fills the view from the origin");
         let camera = rig.front((64, 48));
         assert!(camera.position().iter().all(|v| v.abs() < 1e-9), "stands at the origin");
         assert_eq!(camera.viewmat[2][..3], [0.0, 0.0, 1.0], "direction snapped to +z");
         for camera in rig.orbit(8, (64, 48)).iter().chain(&rig.spiral(8, (64, 48))) {
-            assert!(camera.to_camera([0.3, 0.2, 6.0])[2] > 4.0, "never behind the scene");
+            assert!(camera.to_camera([0.15, 0.1, 3.0])[2] > 2.0, "never behind the scene");
             assert!(camera.check().is_ok(), "a valid camera");
         }
     }

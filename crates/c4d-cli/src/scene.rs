@@ -34,6 +34,8 @@ pub(crate) struct Opened {
     pub(crate) edit_time: f32,
     /// The world's upward direction, as far as the files tell.
     pub(crate) up: [f64; 3],
+    /// Frames per second of the clip, where its files note them.
+    pub(crate) fps: Option<f64>,
     /// Background the model was trained with, else black.
     pub(crate) background: [f32; 3],
     /// Which pixels are artifacts: as a run was refined, else as usual.
@@ -53,7 +55,7 @@ const FRAMES: &str = "c4d goes by a file's content, not by the end of its name: 
 /// Share of the distance between unrelated rows above which the rows of a sequence do not persist.
 const MAX_DRIFT: f32 = 0.3;
 /// Captured scenes: y points down.
-const UP_CAPTURED: [f64; 3] = [0.0, -1.0, 0.0];
+pub(crate) const UP_CAPTURED: [f64; 3] = [0.0, -1.0, 0.0];
 /// D-NeRF scenes: z points up.
 const UP_SYNTHETIC: [f64; 3] = [0.0, 0.0, 1.0];
 /// Channels of the planes of the published D-NeRF configurations, and of no other.
@@ -62,6 +64,8 @@ const DNERF_CHANNELS: usize = 32;
 const ALWAYS_THERE: f32 = 10.0;
 /// PLY comment in which our own sequences note the upward axis.
 pub(crate) const UP_COMMENT: &str = "c4d_up ";
+/// PLY comment in which our own sequences note their frame rate.
+pub(crate) const FPS_COMMENT: &str = "c4d_fps ";
 
 /// Converts a reader's error; its message names the file and what was found.
 pub(crate) fn bad_input(error: &IoError) -> Failure {
@@ -126,7 +130,24 @@ fn real(path: &Path) -> Option<PathBuf> {
 
 /// Opens a scene and reports what was found odd about it.
 pub(crate) fn open(path: &Path, global: &Global, console: &Console) -> Outcome<Opened> {
+    if global.iteration.is_some() || !global.set.is_empty() {
+        refuse_model_flags(path)?;
+    }
     open_within(path, &[], global, console)
+}
+
+/// Flags that only model folders have, given for something else: whoever gives them expects that they do something.
+pub(crate) fn refuse_model_flags(path: &Path) -> Outcome {
+    match gs_io::detect(path) {
+        Ok(kind) if !matches!(kind, SceneKind::Model4dgs | SceneKind::Swift4d) => {
+            Err(Failure::usage(format!(
+                "--iteration and --set are for model folders; {} is none ({kind})",
+                path.display()
+            ))
+            .next("Leave them out. A run notes those of its source."))
+        }
+        _ => Ok(()),
+    }
 }
 
 /// As [`open`], for the source of runs: `runs` are the run folders on the way, outermost first.
@@ -160,7 +181,7 @@ pub(crate) fn open_within(
             path.display()
         ))
         .next(format!(
-            "Give the dynamic scene here; c4d propagate SCENE --edited takes the frame. {SCENES}"
+            "Give the dynamic scene here; c4d propagate SCENE --edited takes the frame, c4d render shows it. {SCENES}"
         ))),
         SceneKind::Cameras(format) => Err(Failure::bad_input(format!(
             "{} holds cameras ({format}) and no splats",
@@ -235,6 +256,7 @@ fn open_model(path: &Path, kind: SceneKind, global: &Global, console: &Console) 
         original: None,
         mask: Mask::default(),
         up: if synthetic { UP_SYNTHETIC } else { UP_CAPTURED },
+        fps: None,
         background,
         facts,
         files,
@@ -294,6 +316,7 @@ fn open_sequence(path: &Path, global: &Global, console: &Console) -> Outcome<Ope
     let up = files.first().and_then(|first| up_of(first)).unwrap_or(UP_CAPTURED);
     let mut facts = vec![("frames", sequence.num_frames().unwrap_or_default().to_string())];
     facts.extend(sequence.series().map(|series| ("series", series.to_owned())));
+    let fps = files.first().and_then(|first| fps_of(first));
     Ok(Opened {
         edit_time: sequence.time_range().start,
         scene: Arc::new(sequence),
@@ -304,6 +327,7 @@ fn open_sequence(path: &Path, global: &Global, console: &Console) -> Outcome<Ope
         original: None,
         mask: Mask::default(),
         up,
+        fps,
         background: [0.0; 3],
         facts,
         files,
@@ -311,7 +335,7 @@ fn open_sequence(path: &Path, global: &Global, console: &Console) -> Outcome<Ope
 }
 
 /// Says what was done with damaged rows and with infinities that have a meaning.
-fn say_repair(path: &Path, report: RepairReport, global: &Global, console: &Console) {
+pub(crate) fn say_repair(path: &Path, report: RepairReport, global: &Global, console: &Console) {
     if let Some(warning) = report.warning(damage(global) == Damage::Drop) {
         console.warn(format!("{}: {warning}", path.display()));
     }
@@ -336,6 +360,7 @@ fn open_splatv(path: &Path, global: &Global, console: &Console) -> Outcome<Opene
         original: None,
         mask: Mask::default(),
         up: read.up.unwrap_or(UP_CAPTURED),
+        fps: None,
         background: [0.0; 3],
         facts,
         files: vec![path.to_owned()],
@@ -359,6 +384,7 @@ fn open_splat4d(path: &Path, global: &Global, console: &Console) -> Outcome<Open
         roots: vec![path.to_owned()],
         original: None,
         up: read.up.unwrap_or(UP_CAPTURED),
+        fps: Some(read.fps),
         background: [0.0; 3],
         facts,
         files: vec![path.to_owned()],
@@ -367,16 +393,31 @@ fn open_splat4d(path: &Path, global: &Global, console: &Console) -> Outcome<Open
 
 /// The upward axis that our own writer notes in a comment.
 fn up_of(ply: &Path) -> Option<[f64; 3]> {
+    up_axis(&noted(ply, UP_COMMENT)?)
+}
+
+/// The direction of an axis by name: `y`, `-z`.
+pub(crate) fn up_axis(name: &str) -> Option<[f64; 3]> {
+    let axis: crate::args::Up = clap::ValueEnum::from_str(name.trim(), true).ok()?;
+    Some(axis.vector())
+}
+
+/// The frame rate that our own writer notes in a comment.
+fn fps_of(ply: &Path) -> Option<f64> {
+    noted(ply, FPS_COMMENT)?.parse().ok().filter(|&fps: &f64| fps > 0.0 && fps.is_finite())
+}
+
+/// What follows `name` in a comment of a PLY, or of the first one of an archive that does not compress.
+fn noted(ply: &Path, name: &str) -> Option<String> {
     use std::io::Read;
     let mut head = vec![0; 16 * 1024];
     let read = gs_io::open_file(ply).ok()?.read(&mut head).ok()?;
     let text = String::from_utf8_lossy(&head[..read]).into_owned();
-    let line = text
+    let value = text
         .lines()
         .take_while(|line| *line != "end_header")
-        .find_map(|line| line.strip_prefix("comment ")?.strip_prefix(UP_COMMENT))?;
-    let axis: crate::args::Up = clap::ValueEnum::from_str(line.trim(), true).ok()?;
-    Some(axis.vector())
+        .find_map(|line| line.strip_prefix("comment ")?.strip_prefix(name))?;
+    Some(value.trim().to_owned())
 }
 
 /// Comments for a sequence whose world's up is `up`, when it is an axis: ours, and the one that Brush reads where it has a word for it

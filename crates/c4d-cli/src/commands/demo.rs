@@ -20,8 +20,9 @@ use std::time::Instant;
 const SOURCE_FRAMES: usize = 31;
 /// Size of each half of the video, pixels.
 const SIZE: (u32, u32) = (560, 640);
-/// Frames per second of the video.
-const FPS: f64 = 30.0;
+/// Length of the video, seconds, and its highest frame rate: more frames last longer.
+const SECS: f64 = 2.0;
+const MAX_FPS: f64 = 60.0;
 /// What this command writes.
 const SOURCE: &str = "source";
 const EDITED: &str = "edited.ply";
@@ -62,6 +63,7 @@ pub(crate) fn run(args: &DemoArgs, global: &Global, console: &Console) -> Outcom
         motion: MotionArg::Amg,
         seed: args.seed,
         allow_far: false,
+        dry_run: false,
         refine: RefineFlags::default(),
         settings: Settings::default(),
     };
@@ -89,7 +91,8 @@ pub(crate) fn run(args: &DemoArgs, global: &Global, console: &Console) -> Outcom
         device: &Device::open(global.gpu)?,
         console,
     };
-    write_video(&root.join(VIDEO), Existing::Refuse, FPS, &shot)?;
+    let fps = (args.frames as f64 / SECS).min(MAX_FPS);
+    write_video(&root.join(VIDEO), Existing::Refuse, fps, &shot)?;
     write_sheet(&root.join(SHEET), Existing::Refuse, &shot)?;
     folder.commit().map_err(|error| output_failure(&error))?;
 

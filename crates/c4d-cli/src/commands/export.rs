@@ -9,7 +9,8 @@ use crate::args::{ExportArgs, Global, Up};
 use crate::console::Console;
 use crate::export_format::ExportFormat;
 use crate::failure::{Failure, Outcome};
-use crate::{frames, scene};
+use crate::frames::{self, Timing};
+use crate::scene;
 use gs_io::ply::WriteOptions;
 use gs_io::{Losses, compressed_ply, ply_sequence};
 use std::path::Path;
@@ -27,21 +28,24 @@ pub(crate) fn run(args: &ExportArgs, global: &Global, console: &Console) -> Outc
     if to.is_snapshot() {
         return snapshot::write(args, to, &opened, global, console);
     }
-    let times = frames::times(opened.scene.as_ref(), &args.times, args.frames)?;
+    let timing =
+        Timing { times: &args.times, frames: args.frames, fps: args.fps, duration: args.duration };
+    timing.check()?;
+    let times = timing.times(opened.scene.as_ref())?;
+    let fps = timing.fps(&opened, &times)?;
     if to.is_clip() {
-        return super::export_clip::run(args, to, &opened, &times, global, console);
+        return super::export_clip::run(args, to, &opened, (&times, fps), global, console);
     }
     if to == ExportFormat::Html {
-        return html::write(args, &opened, &times, global, console);
+        return html::write(args, &opened, (&times, fps), global, console);
     }
     if times.len() < 2 {
         return Err(Failure::usage("a sequence needs at least 2 frames")
             .next("For one frame: --to ply (or compressed-ply, spz, splat, glb) with --time T."));
     }
     check_sh_degree(args.sh_degree, opened.scene.sh_degree())?;
-    let fps = frames::fps(args.fps)?;
     scene::refuse_overlap(&args.output, &opened.roots)?;
-    let mut comments = vec![format!("c4d_fps {fps}")];
+    let mut comments = vec![format!("{}{fps}", scene::FPS_COMMENT)];
     comments.extend(scene::up_comments(opened.up));
     let options = WriteOptions { normals: !args.no_normals, comments, sh_degree: args.sh_degree };
     if to == ExportFormat::Zip {
@@ -97,7 +101,8 @@ pub(crate) fn run(args: &ExportArgs, global: &Global, console: &Console) -> Outc
         sh_degree: args.sh_degree.unwrap_or(scene.sh_degree()),
         up: opened.up,
     })?;
-    let what = format!("{} frames of {} splats", times.len(), scene.num_splats());
+    let playing = frames::playing(times.len(), fps);
+    let what = format!("{} splats, {playing}", scene.num_splats());
     say_written(output, elapsed, &what, &losses, console);
     Ok(())
 }

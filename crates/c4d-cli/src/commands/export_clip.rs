@@ -15,12 +15,11 @@ pub(crate) fn run(
     args: &ExportArgs,
     to: ExportFormat,
     opened: &Opened,
-    times: &[f32],
+    (times, fps): (&[f32], f64),
     global: &Global,
     console: &Console,
 ) -> Outcome {
     check(args, opened)?;
-    let fps = crate::frames::fps(args.fps)?;
     let clip = Clip { scene: opened.scene.as_ref(), times, fps };
     let start = Instant::now();
     let (written, losses) = match to {
@@ -28,7 +27,7 @@ pub(crate) fn run(
         ExportFormat::Splatv => write_splatv(args, opened, &clip, global, console)?,
         _ => write_splat4d(args, opened, &clip, global, console)?,
     };
-    let what = format!("{} frames, {written}", times.len());
+    let what = format!("{}; {written}", crate::frames::playing(times.len(), fps));
     say_written(&args.output, start.elapsed(), &what, &losses, console);
     Ok(())
 }
@@ -80,8 +79,8 @@ fn write_usda(
         sh_degree: args.sh_degree,
         size_limit: if args.force { u64::MAX } else { usda::SIZE_LIMIT },
     };
-    let mut progress = console.progress("export", 1000);
-    let mut step = |done: usize, of: usize| progress.set((1000 * done / of) as u64);
+    let mut progress = console.percent("export");
+    let mut step = |done: usize, of: usize| progress.set((100 * done / of) as u64);
     let report = usda::write(&args.output, clip, &options, existing(global), &mut step)
         .map_err(|error| failure(ExportFormat::Usda, &error))?;
     progress.finish();

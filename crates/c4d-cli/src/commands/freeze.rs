@@ -4,7 +4,7 @@ use crate::args::{FreezeArgs, Global};
 use crate::console::Console;
 use crate::failure::{Failure, Outcome, ROOM};
 use crate::rig::{DEFAULT_SIZE, Rig};
-use crate::{cameras, frames, scene};
+use crate::{cameras, frames, placement, scene};
 use gs_core::Camera;
 use gs_io::ply::{self, WriteOptions};
 use gs_io::{AtomicDir, Existing, cameras_json};
@@ -22,11 +22,16 @@ pub(crate) fn run(args: &FreezeArgs, global: &Global, console: &Console) -> Outc
     check_sh_degree(args.sh_degree, opened.scene.sh_degree())?;
     let splats = opened.scene.at(args.time).map_err(Failure::bad_input)?;
     let (cameras, origin) = if let Some(file) = &args.cameras {
-        let set = cameras::open(file, cameras::reading(None, &opened), console)?;
+        if args.up.is_some() {
+            return Err(Failure::usage("--up is for the rig: the cameras of --cameras have poses")
+                .next("Leave one of the two out."));
+        }
+        let set = cameras::open(file, None, &opened, console)?;
         (set.stations(), format!("copied from {}", file.display()))
     } else {
         let up = args.up.map_or(opened.up, crate::args::Up::vector);
         let rig = Rig::of_scene(opened.scene.as_ref(), up).map_err(Failure::bad_input)?;
+        placement::warn_if_coarse(&rig.extent, console);
         let mut cameras = vec![rig.front(DEFAULT_SIZE)];
         for (i, camera) in rig.orbit(RIG_CAMERAS, DEFAULT_SIZE).into_iter().enumerate() {
             cameras.push(Camera { name: format!("orbit_{i:02}"), ..camera });

@@ -1,25 +1,25 @@
 //! `c4d propagate`: carry an edited frame through all of time.
 
 use super::freeze::{TIME_COMMENT, existing, output_failure};
-use super::refine;
+use super::{dry_run, refine};
 use crate::args::{BaselineArg, Global, MotionArg, PresetArg, PropagateArgs};
 use crate::console::Console;
 use crate::edited_axes;
 use crate::failure::{Failure, Outcome, chain};
 use crate::field::NetworkField;
-use crate::frames;
 use crate::instead::{self, Needed};
 use crate::run_folder::{self, CONFIG, Checkpoint, REPORT, RunConfig, SCENE, Stored};
 use crate::scene::{self, Opened};
 use crate::settings::{
     AnchorSettings, KnnSettings, PropagateJob, RefineSettings, Settings, TransportSettings,
 };
+use crate::{frames, placement};
 use amg::{
     Identity, IdentityMap, IdentityParams, MotionGuide, MotionOptions, MotionReport, Preset,
     Propagation,
 };
 use clap::ValueEnum;
-use gs_core::{Precision, Splats};
+use gs_core::{Extent, Precision, Splats};
 use gs_io::AtomicDir;
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
@@ -45,6 +45,9 @@ pub(crate) fn run(args: &PropagateArgs, global: &Global, console: &Console) -> O
     let args = &settings.job(args)?;
     let recorded = Recorded { scene: args.scene.clone(), edited: args.edited.clone() };
     propagate(args, &recorded, global, console)?;
+    if args.dry_run {
+        return Ok(());
+    }
     if !args.no_refine {
         console.note("motion is written; refining colours (c4d refine RUN --resume goes on after an interrupt)");
         let (preset, settings) = refinement(args)?;
@@ -89,16 +92,21 @@ pub(crate) fn propagate(
         edited.len(),
         args.time
     ));
+    placement::warn_if_coarse(&Extent::of(&source_splats), console);
+    if args.dry_run {
+        let (before, after) = ((&source, &source_splats), (&edited, &options.identity));
+        return dry_run::show(args, before, after, global, console);
+    }
     // Refuse existing output before the work, not after it.
     let folder = AtomicDir::create(&args.output, existing(global))
         .map_err(|error| output_failure(&error))?;
     let (edited, motion) = (Arc::new(edited), Instant::now());
     let propagation = {
-        let stage = Mutex::new(None::<(&'static str, crate::console::Progress)>);
+        let stage = Mutex::new(None::<(&'static str, crate::progress::Progress)>);
         let progress = |name: &'static str, fraction: f32| {
             let Ok(mut current) = stage.lock() else { return };
             if current.as_ref().is_none_or(|(running, _)| *running != name)
-                && let Some((_, finished)) = current.replace((name, console.progress(name, 100)))
+                && let Some((_, finished)) = current.replace((name, console.percent(name)))
             {
                 finished.finish();
             }

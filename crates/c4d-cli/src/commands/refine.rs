@@ -2,9 +2,10 @@
 
 use super::freeze::output_failure;
 use crate::args::{Global, PresetArg, RefineArgs, RefineFlags, Up, WarpArg};
-use crate::console::{Console, Progress};
+use crate::console::Console;
 use crate::device::{self, Device};
 use crate::failure::{Failure, Outcome, chain};
+use crate::progress::Progress;
 use crate::renderer::side_by_side;
 use crate::rig::{Layout, Rig};
 use crate::run_folder::{
@@ -154,6 +155,11 @@ pub(crate) fn check(
         if let Some(seconds) = seconds.filter(|secs| !(*secs >= 0.0 && secs.is_finite())) {
             return refuse(format!("{name} {seconds}: expected seconds, 0 or more"));
         }
+    }
+    if flags.refine_cameras.is_some() && flags.refine_up.is_some() {
+        return refuse(
+            "--refine-up is for the rig: the cameras of --refine-cameras have poses".to_owned(),
+        );
     }
     chosen(flags, preset, settings)?.check().map_err(|error| settings.refused(&error))?;
     if let Some(path) = &flags.refine_cameras {
@@ -372,7 +378,7 @@ fn cameras(
 ) -> Outcome<(Vec<Camera>, String)> {
     let source = &loaded.source;
     if let Some(path) = &flags.refine_cameras {
-        let set = crate::cameras::open(path, crate::cameras::reading(None, source), console)?;
+        let set = crate::cameras::open(path, None, source, console)?;
         // Held-out views stay out, and every camera sees every time: the scene itself is the ground truth.
         let train = gs_io::cameras::stations(set.split(Split::Train));
         let cameras = if train.is_empty() { set.stations() } else { train };

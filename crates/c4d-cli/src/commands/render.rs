@@ -1,18 +1,22 @@
 //! `c4d render`: images and videos of a scene or run.
 
+mod views;
+
+pub(crate) use views::Views;
+
 use super::export::say;
 use super::freeze::{existing, output_failure};
-use crate::args::{Format, Global, Pass, RenderArgs, SplitArg};
+use crate::args::{Format, Global, Pass, RenderArgs};
 use crate::console::Console;
 use crate::device::Device;
 use crate::failure::{Failure, Outcome};
+use crate::frames::{self, Timing};
 use crate::loops::{GIF_MAX_FPS, GifWriter, LoopWriter, WebpWriter};
 use crate::passes::{self, PassImage};
 use crate::renderer::{self, Renderer};
-use crate::rig::{DEFAULT_SIZE, Rig};
-use crate::scene::{self, Opened};
+use crate::scene;
 use crate::video::VideoWriter;
-use crate::{cameras, frames, images};
+use crate::{images, still};
 use gs_core::{Camera, DynamicScene, Image, RenderOutput, Splats};
 use gs_io::{AtomicDir, AtomicFile, Existing, Losses};
 use std::fs::File;
@@ -25,9 +29,15 @@ const SHEET_FRAMES: usize = 12;
 const SHEET_WIDTH: usize = 2400;
 
 pub(crate) fn run(args: &RenderArgs, global: &Global, console: &Console) -> Outcome {
-    let opened = scene::open(&args.scene, global, console)?;
-    let mut times = frames::times(opened.scene.as_ref(), &args.times, args.frames)?;
-    frames::check_fps(args.fps)?;
+    let opened = still::open(&args.scene, args.axes, global, console)?;
+    let timing = Timing {
+        times: &args.times,
+        frames: args.frames.or_else(|| still::frames(args, &opened)),
+        fps: args.fps,
+        duration: args.duration,
+    };
+    timing.check()?;
+    let mut times = timing.times(opened.scene.as_ref())?;
     scene::refuse_overlap(&args.output, &opened.roots)?;
     if args.side_by_side && opened.original.is_none() {
         return Err(Failure::usage(
@@ -36,7 +46,15 @@ pub(crate) fn run(args: &RenderArgs, global: &Global, console: &Console) -> Outc
         .next("Give the run folder that c4d propagate wrote."));
     }
     let format = args.format.map_or_else(|| format_of(&args.output), Ok)?;
-    let views = views(args, &opened, &mut times, console)?;
+    let playing = matches!(format, Format::Mp4 | Format::Webp | Format::Gif);
+    if !playing && (args.fps.is_some() || args.duration.is_some()) {
+        return Err(Failure::usage("--fps and --duration are for videos: mp4, webp and gif"));
+    }
+    let views = views::views(args, &opened, &mut times, console)?;
+    let fps = timing.fps(&opened, &times)?;
+    if playing && times.len() == 1 {
+        console.note("one frame does not play: --frames gives more, --cameras orbit walks around");
+    }
     for camera in views.cameras() {
         camera.check().map_err(Failure::bad_input)?;
     }
@@ -56,8 +74,8 @@ pub(crate) fn run(args: &RenderArgs, global: &Global, console: &Console) -> Outc
     };
     console.detail(format!("rendering on {}", shot.device.describe()));
     match format {
-        Format::Mp4 => video(args, global, &shot),
-        Format::Webp | Format::Gif => looping(args, global, &shot, format),
+        Format::Mp4 => video(args, fps, global, &shot),
+        Format::Webp | Format::Gif => looping(args, fps, global, &shot, format),
         Format::Sheet => sheet(args, global, &shot),
         Format::Png | Format::Exr | Format::Npy | Format::Flo => {
             stills(args, global, &shot, format)
@@ -76,30 +94,6 @@ pub(crate) struct Shot<'a> {
     pub(crate) background: [f32; 3],
     pub(crate) device: &'a Device,
     pub(crate) console: &'a Console,
-}
-
-/// Cameras of a render.
-pub(crate) enum Views {
-    /// Every camera sees every time.
-    Fixed(Vec<Camera>),
-    /// Camera `i` sees time `i`.
-    Path(Vec<Camera>),
-}
-
-impl Views {
-    fn cameras(&self) -> &[Camera] {
-        match self {
-            Self::Fixed(cameras) | Self::Path(cameras) => cameras,
-        }
-    }
-
-    /// Cameras of frame `i`.
-    fn of_frame(&self, i: usize) -> &[Camera] {
-        match self {
-            Self::Fixed(cameras) => cameras,
-            Self::Path(cameras) => &cameras[i..=i],
-        }
-    }
 }
 
 /// The format that the output's name asks for: `.mp4` a video, `.png` a contact sheet, no extension a folder of PNGs.
@@ -123,94 +117,28 @@ fn format_of(output: &Path) -> Outcome<Format> {
     }
 }
 
-/// The cameras asked for. `times` become those of the cameras, when they have any and nobody asks for others.
-fn views(
-    args: &RenderArgs,
-    opened: &Opened,
-    times: &mut Vec<f32>,
-    console: &Console,
-) -> Outcome<Views> {
-    let size = args.size.unwrap_or(DEFAULT_SIZE);
-    let rig = || -> Outcome<Rig> {
-        // The rig frames what was there before the edit, so that a run and its source are seen alike.
-        let scene = opened.original.as_ref().unwrap_or(&opened.scene);
-        Rig::of_scene(scene.as_ref(), args.up.map_or(opened.up, crate::args::Up::vector))
-            .map_err(Failure::bad_input)
-    };
-    let from_rig = ["front", "orbit", "spiral"].contains(&args.cameras.as_str());
-    let chooses = !args.views.is_empty() || args.split.is_some() || args.cameras_as.is_some();
-    if from_rig && chooses {
-        return Err(Failure::usage(
-            "--views, --split and --cameras-as choose among the cameras of a file or data set",
-        )
-        .next("Add --cameras PATH."));
-    }
-    match args.cameras.as_str() {
-        "front" => Ok(Views::Fixed(vec![rig()?.front(size)])),
-        "orbit" => Ok(Views::Path(rig()?.orbit(times.len(), size))),
-        "spiral" => Ok(Views::Path(rig()?.spiral(times.len(), size))),
-        named => of_files(args, opened, named, times, console),
-    }
-}
-
-/// Cameras of a file or data set: each at its own time, or, when they have none or others are asked for, each at all times.
-fn of_files(
-    args: &RenderArgs,
-    opened: &Opened,
-    named: &str,
-    times: &mut Vec<f32>,
-    console: &Console,
-) -> Outcome<Views> {
-    let path = Path::new(named);
-    if !path.exists() {
-        return Err(Failure::bad_input(format!("--cameras {named}: no such file or folder"))
-            .next("Give a data set, a cameras.json, or one of: front, orbit, spiral."));
-    }
-    let set = cameras::open(path, cameras::reading(args.cameras_as, opened), console)?;
-    let mut chosen = if args.views.is_empty() {
-        cameras::of_split(&set, args.split)?
-    } else {
-        let among = cameras::of_split(&set, Some(args.split.unwrap_or(SplitArg::All)))?;
-        cameras::by_name(&among, &args.views, named)?
-    };
-    if args.views.is_empty() && chosen.len() < set.views.len() && args.split.is_none() {
-        console.note(format!(
-            "{} held-out views of {} (others: --split, --views)",
-            chosen.len(),
-            set.views.len()
-        ));
-    }
-    if let Some((width, height)) = args.size {
-        chosen = chosen.iter().map(|camera| camera.resized(width, height)).collect();
-    }
-    let told = !args.times.is_empty() || args.frames.is_some();
-    match cameras::own_times(&chosen).filter(|_| !told) {
-        Some(own) => {
-            let range = opened.scene.time_range();
-            let count = own.len();
-            chosen.retain(|camera| camera.time.is_some_and(|time| range.contains(time)));
-            if chosen.is_empty() {
-                frames::check(range, own[0], "the cameras' time")?;
-            }
-            if chosen.len() < count {
-                console.warn(format!(
-                    "{} of {count} views lie outside the scene's times, {} to {}, and are left out",
-                    count - chosen.len(),
-                    range.start,
-                    range.end
-                ));
-            }
-            *times = chosen.iter().filter_map(|camera| camera.time).collect();
-            Ok(Views::Path(chosen))
-        }
-        None if chosen.iter().all(|camera| camera.time.is_none()) => Ok(Views::Fixed(chosen)),
-        None => Ok(Views::Fixed(gs_io::cameras::stations(chosen.iter()))),
-    }
-}
-
 impl Shot<'_> {
-    /// Calls `sink` for every image, frames in order.
+    /// Calls `sink` for every image, frames in order. Warns of images that show nothing of the scene.
     fn render(&self, mut sink: impl FnMut(&Exposure<'_>) -> Outcome) -> Outcome {
+        let (mut empty, mut count) = (0, 0);
+        self.expose(|exposure| {
+            count += 1;
+            empty += usize::from(exposure.output.alpha.iter().all(|alpha| *alpha == 0.0));
+            sink(exposure)
+        })?;
+        if empty > 0 {
+            let what = if empty == count {
+                "no image shows".to_owned()
+            } else {
+                format!("{empty} of {count} images do not show")
+            };
+            self.console
+                .warn(format!("{what} any of the scene's splats: do the cameras belong to it?"));
+        }
+        Ok(())
+    }
+
+    fn expose(&self, mut sink: impl FnMut(&Exposure<'_>) -> Outcome) -> Outcome {
         let mut edited = Renderer::new(self.device, self.background);
         let mut original =
             self.original.map(|scene| (scene, Renderer::new(self.device, self.background)));
@@ -349,7 +277,7 @@ fn stills(args: &RenderArgs, global: &Global, shot: &Shot<'_>, format: Format) -
         Ok(())
     })?;
     folder.commit().map_err(|error| output_failure(&error))?;
-    say(&losses(format, args), shot.console);
+    say(&losses(format, args, shot.times.len(), 0.0), shot.console);
     shot.console.result(format!("{} ({count} images)", args.output.display()));
     Ok(())
 }
@@ -367,7 +295,7 @@ fn channels(pass: Pass) -> &'static [&'static str] {
 /// Smallest and largest depth over the clip, so that one stretch fits all frames.
 fn depth_extent(shot: &Shot<'_>) -> Outcome<(f32, f32)> {
     let mut range = (f32::INFINITY, f32::NEG_INFINITY);
-    shot.render(|exposure| {
+    shot.expose(|exposure| {
         for &z in &exposure.output.depth {
             range = (range.0.min(z), range.1.max(z));
         }
@@ -420,11 +348,12 @@ fn rgb_only(args: &RenderArgs, what: &str) -> Outcome {
         .next("For other passes use --format png, exr or npy."))
 }
 
-fn video(args: &RenderArgs, global: &Global, shot: &Shot<'_>) -> Outcome {
+fn video(args: &RenderArgs, fps: f64, global: &Global, shot: &Shot<'_>) -> Outcome {
     single_view(shot, "a video")?;
     rgb_only(args, "a video")?;
-    write_video(&args.output, existing(global), args.fps, shot)?;
-    say(&losses(Format::Mp4, args), shot.console);
+    write_video(&args.output, existing(global), fps, shot)?;
+    shot.console.note(frames::playing(shot.times.len(), fps));
+    say(&losses(Format::Mp4, args, shot.times.len(), fps), shot.console);
     shot.console.result(args.output.display());
     Ok(())
 }
@@ -449,7 +378,13 @@ pub(crate) fn write_video(path: &Path, existing: Existing, fps: f64, shot: &Shot
 }
 
 /// Renders the shot into an image that loops.
-fn looping(args: &RenderArgs, global: &Global, shot: &Shot<'_>, format: Format) -> Outcome {
+fn looping(
+    args: &RenderArgs,
+    fps: f64,
+    global: &Global,
+    shot: &Shot<'_>,
+    format: Format,
+) -> Outcome {
     single_view(shot, "a loop")?;
     rgb_only(args, "a loop")?;
     let path = &args.output;
@@ -461,12 +396,8 @@ fn looping(args: &RenderArgs, global: &Global, shot: &Shot<'_>, format: Format) 
         let (width, height) = (image.width, image.height);
         if let Some(file) = file.take() {
             writer = Some(match format {
-                Format::Gif => {
-                    LoopWriter::Gif(GifWriter::new(file, path, width, height, args.fps)?)
-                }
-                _ => LoopWriter::Webp(Box::new(WebpWriter::new(
-                    file, path, width, height, args.fps,
-                )?)),
+                Format::Gif => LoopWriter::Gif(GifWriter::new(file, path, width, height, fps)?),
+                _ => LoopWriter::Webp(Box::new(WebpWriter::new(file, path, width, height, fps)?)),
             });
         }
         writer.as_mut().map_or(Ok(()), |writer| writer.push(&image.to_bytes()))
@@ -476,13 +407,14 @@ fn looping(args: &RenderArgs, global: &Global, shot: &Shot<'_>, format: Format) 
         None => return Err(Failure::usage("a loop needs at least one frame")),
     };
     file.commit().map_err(|error| output_failure(&error))?;
-    say(&losses(format, args), shot.console);
+    shot.console.note(frames::playing(shot.times.len(), fps));
+    say(&losses(format, args, shot.times.len(), fps), shot.console);
     shot.console.result(path.display());
     Ok(())
 }
 
 /// What a render's format does not keep.
-fn losses(format: Format, args: &RenderArgs) -> Losses {
+fn losses(format: Format, args: &RenderArgs, frames: usize, fps: f64) -> Losses {
     let mut losses = Losses::none();
     match format {
         Format::Mp4 => {
@@ -493,10 +425,10 @@ fn losses(format: Format, args: &RenderArgs) -> Losses {
             losses.push(
                 "255 colours a frame, dithered; changes of up to 3 of 255 steps are not drawn",
             );
-            if args.fps > GIF_MAX_FPS {
+            if fps > GIF_MAX_FPS {
                 losses.push(format!(
                     "{} frames a second become {GIF_MAX_FPS}: browsers play no faster",
-                    args.fps
+                    frames::rounded(fps)
                 ));
             } else {
                 losses.push("times are hundredths of a second");
@@ -514,7 +446,10 @@ fn losses(format: Format, args: &RenderArgs) -> Losses {
                 losses.push("flow is shown as colours");
             }
         }
-        Format::Sheet => losses.push("8 bits a channel, reduced in size, twelve frames at most"),
+        Format::Sheet if frames > 1 => {
+            losses.push("8 bits a channel, reduced in size, twelve frames at most");
+        }
+        Format::Sheet => losses.push("8 bits a channel; values are cut to 0 … 1"),
         Format::Exr | Format::Npy | Format::Flo => {}
     }
     losses
@@ -524,7 +459,7 @@ fn sheet(args: &RenderArgs, global: &Global, shot: &Shot<'_>) -> Outcome {
     single_view(shot, "a contact sheet")?;
     rgb_only(args, "a contact sheet")?;
     write_sheet(&args.output, existing(global), shot)?;
-    say(&losses(Format::Sheet, args), shot.console);
+    say(&losses(Format::Sheet, args, shot.times.len(), 0.0), shot.console);
     shot.console.result(args.output.display());
     Ok(())
 }

@@ -190,6 +190,7 @@ pub(crate) fn open(
         path: path.to_owned(),
         original: Some(source.scene),
         up: source.up,
+        fps: source.fps,
         background: source.background,
         mask: config.refine.as_ref().map_or_else(Mask::default, RefineConfig::mask),
         facts,

@@ -64,6 +64,7 @@ pub(crate) struct PropagateJob {
     pub(crate) motion: MotionArg,
     pub(crate) seed: u64,
     pub(crate) allow_far: bool,
+    pub(crate) dry_run: bool,
     pub(crate) refine: RefineFlags,
     pub(crate) settings: Settings,
 }
@@ -160,6 +161,7 @@ impl Settings {
             motion,
             seed: args.seed.or(self.seed).unwrap_or(0),
             allow_far: args.allow_far,
+            dry_run: args.dry_run,
             refine: self.refine().flags(&args.refine)?,
             settings: self,
         })

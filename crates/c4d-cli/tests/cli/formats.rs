@@ -180,8 +180,8 @@ fn info_names_frames_and_what_they_are_not() {
     assert!(text.contains("SPZ version 4") && text.contains("rotations within"), "{text}");
     let (text, _) = success(&mut c4d(["info", path(&fixture("frames/frame.sog"))]));
     assert!(text.contains("SOG") && text.contains("sh_degree    3"), "{text}");
-    let said =
-        failure(&mut c4d(["render", path(&fixture("frames/frame.sog")), "-o", "unwritten.png"]), 3);
+    let still = fixture("frames/frame.sog");
+    let said = failure(&mut c4d(["export", path(&still), "--to", "html", "-o", "unwritten"]), 3);
     assert!(said.contains("does not move") && said.contains("propagate SCENE --edited"), "{said}");
     let folder = tempfile::tempdir().unwrap();
     let clip = folder.path().join("clip");

@@ -10,6 +10,8 @@ mod formats;
 mod gpu;
 mod html;
 mod images;
+mod look;
 mod main_job;
+mod placement;
 mod support;
 mod swift4d;

@@ -22,12 +22,11 @@ const POSTER_QUALITY: u8 = 85;
 pub(super) fn write(
     args: &ExportArgs,
     opened: &Opened,
-    times: &[f32],
+    (times, fps): (&[f32], f64),
     global: &Global,
     console: &Console,
 ) -> Outcome {
     check_sh_degree(args.sh_degree, opened.scene.sh_degree())?;
-    let fps = crate::frames::fps(args.fps)?;
     scene::refuse_overlap(&args.output, &opened.roots)?;
     let options = Options {
         sh_degree: args.sh_degree.unwrap_or(Options::default().sh_degree),
@@ -68,8 +67,8 @@ pub(super) fn write(
     file.commit().map_err(|error| output_failure(&error))?;
     let report = &encoded.report;
     let what = format!(
-        "{} frames, {}; {} of {} stored splats move",
-        report.frames,
+        "{}; {}; {} of {} stored splats move",
+        crate::frames::playing(report.frames, fps),
         counts(report),
         report.moving,
         report.first.max(report.second),

@@ -1,0 +1,135 @@
+//! Flags that several commands have. Each command lists in its help those that it uses, and refuses the others.
+
+use super::Command;
+use crate::args::BenchCommand;
+use crate::device::GpuChoice;
+use clap::Args;
+
+/// Flags of every command.
+#[derive(Debug, Clone, Default, Args)]
+pub(crate) struct Common {
+    /// Say nothing but warnings and errors
+    #[arg(short, long, global = true)]
+    pub(crate) quiet: bool,
+    /// Say more
+    #[arg(short, long, global = true)]
+    pub(crate) verbose: bool,
+    /// Threads to use [default: all cores]
+    #[arg(long, global = true, value_name = "N")]
+    pub(crate) threads: Option<usize>,
+    /// Damaged rows fail, and a finish with warnings exits with code 6
+    #[arg(long, global = true)]
+    pub(crate) strict: bool,
+}
+
+/// Of commands that write.
+#[derive(Debug, Clone, Default, Args)]
+pub(crate) struct Overwriting {
+    /// Replace an existing file, or a folder that holds nothing but output of c4d
+    #[arg(short = 'w', long)]
+    pub(crate) overwrite: bool,
+}
+
+/// Of commands that take a while.
+#[derive(Debug, Clone, Default, Args)]
+pub(crate) struct Bars {
+    /// No progress bars
+    #[arg(long)]
+    pub(crate) no_progress: bool,
+}
+
+/// Of commands that render.
+#[derive(Debug, Clone, Default, Args)]
+pub(crate) struct Rendering {
+    /// Where to render: auto (a hardware GPU if there is one, else the CPU), cpu, or an adapter's number in `c4d doctor`
+    #[arg(
+        short,
+        long,
+        default_value = "auto",
+        value_name = "auto|cpu|N",
+        allow_negative_numbers = true
+    )]
+    pub(crate) gpu: GpuChoice,
+}
+
+/// Of commands that read a model folder.
+#[derive(Debug, Clone, Default, Args)]
+#[command(next_help_heading = "Model folders")]
+pub(crate) struct ModelFlags {
+    /// Use this iteration instead of the newest
+    #[arg(long, value_name = "N")]
+    pub(crate) iteration: Option<u64>,
+    /// Override a flag of `cfg_args` or one that is in no file, for example `no_dshs=true`; 4DGS: no_dx, no_ds, no_dr, no_do, no_dshs,
+    /// apply_rotation, grid_pe; Swift4D: activation, index_rule, dynamic_thro, frames, time_divisor, n_levels, n_features_per_level,
+    /// hashmap_size, base_resolution
+    #[arg(long = "set", value_name = "FLAG=VALUE")]
+    pub(crate) set: Vec<String>,
+}
+
+/// The shared flags of one call; those that its command does not have are at their defaults.
+#[derive(Debug, Clone, Default)]
+#[expect(
+    clippy::struct_excessive_bools,
+    reason = "flags of a command line are independent switches"
+)]
+pub(crate) struct Global {
+    pub(crate) overwrite: bool,
+    pub(crate) quiet: bool,
+    pub(crate) verbose: bool,
+    pub(crate) no_progress: bool,
+    pub(crate) threads: Option<usize>,
+    pub(crate) gpu: GpuChoice,
+    pub(crate) strict: bool,
+    pub(crate) iteration: Option<u64>,
+    pub(crate) set: Vec<String>,
+}
+
+impl Global {
+    pub(super) fn of(common: &Common, command: &Command) -> Self {
+        let Common { quiet, verbose, threads, strict } = *common;
+        let global = Self { quiet, verbose, threads, strict, ..Self::default() };
+        match command {
+            Command::Info(args) => global.model(&args.model),
+            Command::Doctor(args) => global.rendering(&args.rendering),
+            Command::Freeze(args) => global.writes(&args.writes).model(&args.model),
+            Command::Propagate(args) => global
+                .writes(&args.writes)
+                .bars(&args.bars)
+                .rendering(&args.rendering)
+                .model(&args.model),
+            Command::Refine(args) => global.bars(&args.bars).rendering(&args.rendering),
+            Command::Render(args) => global
+                .writes(&args.writes)
+                .bars(&args.bars)
+                .rendering(&args.rendering)
+                .model(&args.model),
+            Command::Export(args) => global
+                .writes(&args.writes)
+                .bars(&args.bars)
+                .rendering(&args.rendering)
+                .model(&args.model),
+            Command::Demo(args) => {
+                global.writes(&args.writes).bars(&args.bars).rendering(&args.rendering)
+            }
+            Command::Bench { what: BenchCommand::Motion(args) } => {
+                global.writes(&args.writes).bars(&args.bars)
+            }
+        }
+    }
+
+    fn writes(self, flags: &Overwriting) -> Self {
+        Self { overwrite: flags.overwrite, ..self }
+    }
+
+    fn bars(self, flags: &Bars) -> Self {
+        Self { no_progress: flags.no_progress, ..self }
+    }
+
+    fn rendering(self, flags: &Rendering) -> Self {
+        Self { gpu: flags.gpu, ..self }
+    }
+
+    fn model(self, flags: &ModelFlags) -> Self {
+        Self { iteration: flags.iteration, set: flags.set.clone(), ..self }
+    }
+}

@@ -1,0 +1,194 @@
+//! `c4d propagate --dry-run`: what an edit changes, counted and shown in a picture, without the long job.
+
+use super::freeze::{existing, output_failure};
+use crate::args::Global;
+use crate::caption::{self, Rgb};
+use crate::console::Console;
+use crate::device::Device;
+use crate::failure::{Failure, Outcome, chain};
+use crate::images;
+use crate::renderer::{Renderer, side_by_side};
+use crate::rig::{Layout, Rig};
+use crate::scene::Opened;
+use crate::settings::PropagateJob;
+use amg::{Identity, IdentityMap, IdentityParams};
+use gs_core::{Camera, Image, Splats, sh};
+use gs_deform::StaticScene;
+use gs_io::AtomicFile;
+use std::path::{Path, PathBuf};
+
+/// Size of each of the three images, pixels.
+const PANEL: (u32, u32) = (640, 480);
+/// Size of the images from which the view is chosen, pixels.
+const SCOUT: (u32, u32) = (160, 120);
+/// Views around an object among which the picture's is chosen.
+const VIEWS: usize = 8;
+/// Another view is taken only if the front shows less than this share of the change that it shows.
+const FRONT_SHARE: f64 = 0.5;
+
+/// What became of a splat.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Fate {
+    Unchanged,
+    Recoloured,
+    New,
+    Gone,
+}
+
+impl Fate {
+    const ALL: [Self; 4] = [Self::Unchanged, Self::Recoloured, Self::New, Self::Gone];
+
+    fn name(self) -> &'static str {
+        match self {
+            Self::Unchanged => "unchanged",
+            Self::Recoloured => "recoloured",
+            Self::New => "new",
+            Self::Gone => "gone",
+        }
+    }
+
+    /// What the propagation does with such splats.
+    fn motion(self) -> &'static str {
+        match self {
+            Self::Unchanged | Self::Recoloured => "they keep their own motion, exactly",
+            Self::New => "their motion is estimated from the splats around them",
+            Self::Gone => "of the scene's; they are left out",
+        }
+    }
+
+    /// Its colour in the picture.
+    fn color(self) -> Rgb {
+        match self {
+            Self::Unchanged => [0.45, 0.45, 0.45],
+            Self::Recoloured => [1.0, 0.65, 0.1],
+            Self::New => [0.25, 0.9, 0.35],
+            Self::Gone => [1.0, 0.2, 0.25],
+        }
+    }
+
+    fn of(identity: Identity) -> Self {
+        match identity {
+            Identity::Unchanged(_) => Self::Unchanged,
+            Identity::Recoloured(_) => Self::Recoloured,
+            Identity::Edited => Self::New,
+        }
+    }
+}
+
+/// Counts what changed between `before` and `after`, both at the time of the edit, and writes the picture.
+pub(super) fn show(
+    args: &PropagateJob,
+    (source, before): (&Opened, &Splats),
+    (after, identity): (&Splats, &IdentityParams),
+    global: &Global,
+    console: &Console,
+) -> Outcome {
+    let path = picture_path(&args.output);
+    // Refused before the work, not after it.
+    let mut file =
+        AtomicFile::create(&path, existing(global)).map_err(|error| output_failure(&error))?;
+    let params = IdentityParams { enabled: true, ..identity.clone() };
+    let map = IdentityMap::of(before, after, &params)
+        .map_err(|error| Failure::bad_input(chain(&error)))?;
+    let fates = map.rows.iter().map(|row| Fate::of(*row));
+    let fates: Vec<Fate> =
+        fates.chain(std::iter::repeat_n(Fate::Gone, map.vanished.len())).collect();
+    let count = |fate| fates.iter().filter(|other| **other == fate).count();
+    for fate in Fate::ALL {
+        console.result(format!("{:>10} {:>9}  {}", fate.name(), count(fate), fate.motion()));
+    }
+
+    let mut both = after.clone();
+    for &row in &map.vanished {
+        both.push_from(before, row as usize);
+    }
+    let device = Device::open(global.gpu)?;
+    let rig = Rig::of_scene(source.scene.as_ref(), source.up).map_err(Failure::bad_input)?;
+    let camera = view(&rig, &both, &fates, &device)?;
+    let background = source.background;
+    let panels = [
+        render(before.clone(), &camera, background, &device)?,
+        render(after.clone(), &camera, background, &device)?,
+        render(painted(&both, &fates), &camera, [0.0; 3], &device)?,
+    ];
+    let titles = ["before", "after", "what changed"];
+    let panels =
+        panels.into_iter().zip(titles).map(|(image, title)| caption::titled(&image, title));
+    let joined = panels.reduce(|left, right| side_by_side(&left, &right)).unwrap_or_default();
+    let legend = Fate::ALL.map(|fate| (fate.color(), format!("{} {}", fate.name(), count(fate))));
+    images::write_png(&mut file, &path, &caption::with_legend(&joined, &legend))?;
+    file.commit().map_err(|error| output_failure(&error))?;
+    console.note(format!("nothing is written but the picture, of time {}; without --dry-run the edit is carried through all of time", args.time));
+    console.result(path.display());
+    Ok(())
+}
+
+/// The output itself if it is a PNG, else a picture beside it.
+fn picture_path(output: &Path) -> PathBuf {
+    if output.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("png")) {
+        return output.to_owned();
+    }
+    // Without the slash that a folder may end with.
+    let output: PathBuf = output.components().collect();
+    let mut name = output.file_name().unwrap_or_default().to_owned();
+    name.push(".preview.png");
+    output.with_file_name(name)
+}
+
+fn render(splats: Splats, camera: &Camera, background: Rgb, device: &Device) -> Outcome<Image> {
+    let scene = StaticScene::new(splats).map_err(Failure::bad_input)?;
+    let mut renderer = Renderer::new(device, background);
+    renderer.seek(&scene, 0.0)?;
+    Ok(renderer.render(camera)?.rgb_image())
+}
+
+/// The splats in the colours of their fates, as bright as they are, so that shapes can be made out.
+fn painted(splats: &Splats, fates: &[Fate]) -> Splats {
+    let brightness = |row: usize| {
+        let rgb = sh::color(0, &splats.sh_of(row)[..1], [0.0, 0.0, 1.0]).map(|c| c.min(1.0));
+        0.45 + 0.55 * (0.299 * rgb[0] + 0.587 * rgb[1] + 0.114 * rgb[2])
+    };
+    let color = |row: usize| fates[row].color().map(|channel| channel * brightness(row));
+    in_colors(splats, color)
+}
+
+fn in_colors(splats: &Splats, color: impl Fn(usize) -> Rgb) -> Splats {
+    Splats {
+        sh: (0..splats.len()).map(|row| sh::dc_from_rgb(color(row))).collect(),
+        sh_degree: 0,
+        ..splats.clone()
+    }
+}
+
+/// The front view, or of those around an object the one that shows most of the change, if the front hides it.
+fn view(rig: &Rig, both: &Splats, fates: &[Fate], device: &Device) -> Outcome<Camera> {
+    let views = |size| {
+        let mut views = vec![rig.front(size)];
+        if rig.layout == Layout::Object {
+            views.extend(rig.orbit(VIEWS, size));
+        }
+        views
+    };
+    let marked = in_colors(both, |row| [f32::from(u8::from(fates[row] != Fate::Unchanged)); 3]);
+    let mut shown = Vec::new();
+    for camera in views(SCOUT) {
+        let image = render(marked.clone(), &camera, [0.0; 3], device)?;
+        shown.push(image.data.iter().map(|&value| f64::from(value)).sum::<f64>());
+    }
+    let best = (0..shown.len()).max_by(|&a, &b| shown[a].total_cmp(&shown[b])).unwrap_or(0);
+    let chosen = if shown[0] >= FRONT_SHARE * shown[best] { 0 } else { best };
+    Ok(views(PANEL).swap_remove(chosen))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_picture_lies_beside_the_run() {
+        let path = |output: &str| picture_path(Path::new(output)).display().to_string();
+        assert_eq!(path("out/run/"), "out/run.preview.png", "a folder");
+        assert_eq!(path("run.v2"), "run.v2.preview.png", "a dot");
+        assert_eq!(path("look.PNG"), "look.PNG", "a picture");
+    }
+}

@@ -1,0 +1,126 @@
+//! From where a render sees the scene.
+
+use crate::args::{RenderArgs, SplitArg};
+use crate::console::Console;
+use crate::failure::{Failure, Outcome};
+use crate::rig::{DEFAULT_SIZE, Rig};
+use crate::scene::Opened;
+use crate::{cameras, frames, placement};
+use gs_core::Camera;
+use std::path::Path;
+
+/// Cameras of a render.
+pub(crate) enum Views {
+    /// Every camera sees every time.
+    Fixed(Vec<Camera>),
+    /// Camera `i` sees time `i`.
+    Path(Vec<Camera>),
+}
+
+impl Views {
+    pub(super) fn cameras(&self) -> &[Camera] {
+        match self {
+            Self::Fixed(cameras) | Self::Path(cameras) => cameras,
+        }
+    }
+
+    /// Cameras of frame `i`.
+    pub(super) fn of_frame(&self, i: usize) -> &[Camera] {
+        match self {
+            Self::Fixed(cameras) => cameras,
+            Self::Path(cameras) => &cameras[i..=i],
+        }
+    }
+}
+
+/// The cameras asked for. `times` become those of the cameras, when they have any and nobody asks for others.
+pub(super) fn views(
+    args: &RenderArgs,
+    opened: &Opened,
+    times: &mut Vec<f32>,
+    console: &Console,
+) -> Outcome<Views> {
+    let size = args.size.unwrap_or(DEFAULT_SIZE);
+    let rig = || -> Outcome<Rig> {
+        // The rig frames what was there before the edit, so that a run and its source are seen alike.
+        let scene = opened.original.as_ref().unwrap_or(&opened.scene);
+        Rig::of_scene(scene.as_ref(), args.up.map_or(opened.up, crate::args::Up::vector))
+            .map_err(Failure::bad_input)
+            .inspect(|rig| placement::warn_if_coarse(&rig.extent, console))
+    };
+    let from_rig = ["front", "orbit", "spiral"].contains(&args.cameras.as_str());
+    let chooses = !args.views.is_empty() || args.split.is_some() || args.cameras_as.is_some();
+    if from_rig && chooses {
+        return Err(Failure::usage(
+            "--views, --split and --cameras-as choose among the cameras of a file or data set",
+        )
+        .next("Add --cameras PATH."));
+    }
+    if !from_rig && args.up.is_some() {
+        return Err(Failure::usage(
+            "--up is for front, orbit and spiral: other cameras have poses",
+        )
+        .next("Leave it out."));
+    }
+    match args.cameras.as_str() {
+        "front" => Ok(Views::Fixed(vec![rig()?.front(size)])),
+        "orbit" => Ok(Views::Path(rig()?.orbit(times.len(), size))),
+        "spiral" => Ok(Views::Path(rig()?.spiral(times.len(), size))),
+        named => of_files(args, opened, named, times, console),
+    }
+}
+
+/// Cameras of a file or data set: each at its own time, or, when they have none or others are asked for, each at all times.
+fn of_files(
+    args: &RenderArgs,
+    opened: &Opened,
+    named: &str,
+    times: &mut Vec<f32>,
+    console: &Console,
+) -> Outcome<Views> {
+    let path = Path::new(named);
+    if !path.exists() {
+        return Err(Failure::bad_input(format!("--cameras {named}: no such file or folder"))
+            .next("Give a data set, a cameras.json, or one of: front, orbit, spiral."));
+    }
+    let set = cameras::open(path, args.cameras_as, opened, console)?;
+    let mut chosen = if args.views.is_empty() {
+        cameras::of_split(&set, args.split)?
+    } else {
+        let among = cameras::of_split(&set, Some(args.split.unwrap_or(SplitArg::All)))?;
+        cameras::by_name(&among, &args.views, named)?
+    };
+    if args.views.is_empty() && chosen.len() < set.views.len() && args.split.is_none() {
+        console.note(format!(
+            "{} held-out views of {} (others: --split, --views)",
+            chosen.len(),
+            set.views.len()
+        ));
+    }
+    if let Some((width, height)) = args.size {
+        chosen = chosen.iter().map(|camera| camera.resized(width, height)).collect();
+    }
+    let told = !args.times.is_empty() || args.frames.is_some();
+    match cameras::own_times(&chosen).filter(|_| !told) {
+        Some(own) => {
+            let range = opened.scene.time_range();
+            let count = own.len();
+            chosen.retain(|camera| camera.time.is_some_and(|time| range.contains(time)));
+            if chosen.is_empty() {
+                frames::check(range, own[0], "the cameras' time")?;
+            }
+            if chosen.len() < count {
+                console.warn(format!(
+                    "{} of {count} views lie outside the scene's times, {} to {}, and are left out",
+                    count - chosen.len(),
+                    range.start,
+                    range.end
+                ));
+            }
+            *times = chosen.iter().filter_map(|camera| camera.time).collect();
+            Ok(Views::Path(chosen))
+        }
+        None if chosen.iter().all(|camera| camera.time.is_none()) => Ok(Views::Fixed(chosen)),
+        None => Ok(Views::Fixed(gs_io::cameras::stations(chosen.iter()))),
+    }
+}

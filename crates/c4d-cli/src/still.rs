@@ -1,0 +1,88 @@
+//! One frame, the edited file of any editor, opened as a scene that does not move: to look at it.
+
+use crate::args::{AxesArg, Global, RenderArgs};
+use crate::console::Console;
+use crate::failure::{Failure, Outcome, chain};
+use crate::passes::Mask;
+use crate::scene::{self, Opened, UP_COMMENT};
+use gs_core::DynamicScene;
+use gs_deform::StaticScene;
+use gs_io::frame;
+use std::path::Path;
+use std::sync::Arc;
+
+/// Opens a single frame, or any scene.
+pub(crate) fn open(
+    path: &Path,
+    axes: Option<AxesArg>,
+    global: &Global,
+    console: &Console,
+) -> Outcome<Opened> {
+    if !path.exists() {
+        return scene::open(path, global, console);
+    }
+    let kind = gs_io::detect(path).map_err(|error| scene::bad_input(&error))?;
+    if !kind.is_frame() {
+        if axes.is_some() {
+            return Err(Failure::usage("--axes is for a single SPZ or glTF frame")
+                .next("Leave it out; scenes have their axes."));
+        }
+        return scene::open(path, global, console);
+    }
+    if global.iteration.is_some() || !global.set.is_empty() {
+        scene::refuse_model_flags(path)?;
+    }
+    let mut frame = frame::read_file(path).map_err(|error| scene::bad_input(&error))?;
+    match (axes, &frame.axes) {
+        (Some(axes), Some(_)) => frame = frame.in_axes(axes.axes()),
+        (Some(_), None) => {
+            return Err(Failure::usage(format!(
+                "--axes changes nothing for {}, which has one order of axes",
+                frame.format
+            ))
+            .next("Leave it out; --up says which way is up."));
+        }
+        (None, Some(reading)) => {
+            if let Some(assumed) = reading.assumption() {
+                console.note(format!("{}: {assumed}", path.display()));
+            }
+        }
+        (None, None) => {}
+    }
+    for note in &frame.notes {
+        console.note(format!("{}: {note}", path.display()));
+    }
+    let (frame, damaged) = frame.sanitize(scene::damage(global)).map_err(|error| {
+        Failure::bad_input(format!("{}: {}", path.display(), chain(&error)))
+            .next("Without --strict such rows are dropped and counted.")
+    })?;
+    scene::say_repair(path, damaged, global, console);
+    if frame.splats.is_empty() {
+        return Err(Failure::bad_input(format!("{}: no usable splats", path.display()))
+            .next("Export the frame again; c4d info FILE says what is in it."));
+    }
+    let noted = frame.comments.iter().find_map(|comment| comment.strip_prefix(UP_COMMENT));
+    let up = noted.and_then(scene::up_axis).unwrap_or(scene::UP_CAPTURED);
+    let scene = Arc::new(StaticScene::new(frame.splats).map_err(Failure::bad_input)?);
+    Ok(Opened {
+        edit_time: scene.time_range().start,
+        scene,
+        network: None,
+        kind,
+        path: path.to_owned(),
+        original: None,
+        up,
+        fps: None,
+        background: [0.0; 3],
+        mask: Mask::default(),
+        facts: Vec::new(),
+        roots: vec![path.to_owned()],
+        files: vec![frame::file_of(path)],
+    })
+}
+
+/// Frames of a render when nobody says how many: one of what neither moves nor is walked around.
+pub(crate) fn frames(args: &RenderArgs, opened: &Opened) -> Option<usize> {
+    let walked = args.cameras == "orbit" || args.cameras == "spiral";
+    (opened.kind.is_frame() && args.times.is_empty() && !walked).then_some(1)
+}

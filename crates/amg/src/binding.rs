@@ -1,6 +1,7 @@
 //! [`Binding`]: what an edited Gaussian's motion is made of, for every time at once.
 
 use crate::AmgError;
+use crate::moved_group::MovedGroup;
 use gs_core::Splats;
 
 /// How one edited splat moves.
@@ -18,12 +19,15 @@ pub enum RowKind {
     Blended = 3,
     /// The deformation field is asked at its own position (baseline "w/o AMG").
     Field = 4,
+    /// It is a source splat that the edit moved with others, see [`MovedGroup`]: that splat's geometry under the group's similarity, the
+    /// edit's appearance plus the source's change of appearance.
+    Moved = 5,
 }
 
 impl RowKind {
     /// The kind stored as `code`, if there is one.
     pub fn from_code(code: u8) -> Option<Self> {
-        [Self::Static, Self::Unchanged, Self::Recoloured, Self::Blended, Self::Field]
+        [Self::Static, Self::Unchanged, Self::Recoloured, Self::Blended, Self::Field, Self::Moved]
             .into_iter()
             .find(|kind| *kind as u8 == code)
     }
@@ -42,8 +46,8 @@ impl RowKind {
 /// A sparse matrix: for each of `M` edited splats, ids of source splats and normalised weights. Independent of time.
 ///
 /// Invariants, verified by [`Binding::from_parts`] and [`Binding::blending`]: rows in order and complete; ids below `num_sources`; weights finite,
-/// not negative, summing to 1 within 1e-4 per non-empty row; exact rows have one entry, blended rows at least one, static
-/// and field rows none.
+/// not negative, summing to 1 within 1e-4 per non-empty row; exact and moved rows have one entry, blended rows at least one, static
+/// and field rows none; moved rows have a group.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Binding {
     offsets: Vec<u32>,
@@ -51,6 +55,9 @@ pub struct Binding {
     weights: Vec<f32>,
     kinds: Vec<RowKind>,
     num_sources: usize,
+    groups: Vec<MovedGroup>,
+    /// Group of each row, `[M]`, if there are groups.
+    group_of: Vec<u32>,
 }
 
 impl Binding {
@@ -65,7 +72,32 @@ impl Binding {
         kinds: Vec<RowKind>,
         num_sources: usize,
     ) -> Result<Self, AmgError> {
-        Self { offsets, source_ids, weights, kinds, num_sources }.verified()
+        Self::from_parts_with_groups(
+            offsets,
+            source_ids,
+            weights,
+            kinds,
+            num_sources,
+            Vec::new(),
+            Vec::new(),
+        )
+    }
+
+    /// As [`Binding::from_parts`], with the groups of [`RowKind::Moved`] rows: `group_of` `[M]` holds an index into `groups` for each
+    /// moved row, and anything for others.
+    ///
+    /// # Errors
+    /// As [`Binding::from_parts`], and if a similarity is not valid or a carrier does not exist.
+    pub fn from_parts_with_groups(
+        offsets: Vec<u32>,
+        source_ids: Vec<u32>,
+        weights: Vec<f32>,
+        kinds: Vec<RowKind>,
+        num_sources: usize,
+        groups: Vec<MovedGroup>,
+        group_of: Vec<u32>,
+    ) -> Result<Self, AmgError> {
+        Self { offsets, source_ids, weights, kinds, num_sources, groups, group_of }.verified()
     }
 
     /// A binding of rows `[M]` of `(source id, weight)`: rows without sources stay where the edit put them, the others blend the motion
@@ -91,6 +123,8 @@ impl Binding {
             weights: Vec::with_capacity(nnz),
             kinds: Vec::with_capacity(rows.len()),
             num_sources,
+            groups: Vec::new(),
+            group_of: Vec::new(),
         };
         binding.offsets.push(0);
         for (kind, entries) in rows {
@@ -101,6 +135,11 @@ impl Binding {
             binding.offsets.push(index(binding.source_ids.len()));
         }
         binding
+    }
+
+    /// The same with the groups of its moved rows.
+    pub(crate) fn with_groups(self, groups: Vec<MovedGroup>, group_of: Vec<u32>) -> Self {
+        if groups.is_empty() { self } else { Self { groups, group_of, ..self } }
     }
 
     fn verified(self) -> Result<Self, AmgError> {
@@ -131,7 +170,31 @@ impl Binding {
         if let Some(row) = (0..rows).find(|&row| self.offsets[row] > self.offsets[row + 1]) {
             return Some(format!("offsets decrease at row {row}"));
         }
-        (0..rows).find_map(|row| self.row_fault(row))
+        if self.group_of.len() != if self.groups.is_empty() { 0 } else { rows } {
+            return Some(format!(
+                "{} rows name one of {} groups, expected {rows}, or none without groups",
+                self.group_of.len(),
+                self.groups.len()
+            ));
+        }
+        (0..self.groups.len())
+            .find_map(|group| self.group_fault(group))
+            .or_else(|| (0..rows).find_map(|row| self.row_fault(row)))
+    }
+
+    fn group_fault(&self, number: usize) -> Option<String> {
+        let group = &self.groups[number];
+        if !group.similarity.is_valid() {
+            return Some(format!("group {number} has no valid similarity: {:?}", group.similarity));
+        }
+        let improper = |&&(id, weight): &&(u32, f32)| {
+            id as usize >= self.num_sources || !(weight > 0.0 && weight.is_finite())
+        };
+        let (id, weight) = group.carriers.iter().find(improper)?;
+        Some(format!(
+            "group {number} is carried by source {id} with weight {weight}, expected below {} and above 0",
+            self.num_sources
+        ))
     }
 
     fn row_fault(&self, row: usize) -> Option<String> {
@@ -139,11 +202,17 @@ impl Binding {
         let kind = self.kinds[row];
         let entries_fit = match kind {
             RowKind::Static | RowKind::Field => ids.is_empty(),
-            RowKind::Unchanged | RowKind::Recoloured => ids.len() == 1,
+            RowKind::Unchanged | RowKind::Recoloured | RowKind::Moved => ids.len() == 1,
             RowKind::Blended => !ids.is_empty(),
         };
         if !entries_fit {
             return Some(format!("row {row} is {kind:?} but has {} sources", ids.len()));
+        }
+        if kind == RowKind::Moved && self.group_number(row).is_none_or(|g| g >= self.groups.len()) {
+            return Some(format!(
+                "row {row} is moved, but with none of {} groups",
+                self.groups.len()
+            ));
         }
         if let Some(id) = ids.iter().find(|&&id| id as usize >= self.num_sources) {
             return Some(format!(
@@ -199,6 +268,21 @@ impl Binding {
     pub fn row(&self, row: usize) -> (&[u32], &[f32]) {
         let range = self.offsets[row] as usize..self.offsets[row + 1] as usize;
         (&self.source_ids[range.clone()], &self.weights[range])
+    }
+
+    /// Groups of moved rows.
+    pub fn groups(&self) -> &[MovedGroup] {
+        &self.groups
+    }
+
+    /// Index of each row's group, `[M]`, meaningful for moved rows; empty without groups.
+    pub fn group_of(&self) -> &[u32] {
+        &self.group_of
+    }
+
+    /// Index of the group of moved row `row`.
+    pub(crate) fn group_number(&self, row: usize) -> Option<usize> {
+        self.group_of.get(row).map(|&group| group as usize)
     }
 
     /// Number of rows of `kind`.

@@ -10,6 +10,7 @@
 mod aggregate;
 mod best;
 mod binding;
+mod carriers;
 mod coherence;
 mod dynamics;
 mod error;
@@ -17,6 +18,7 @@ mod field;
 mod identity;
 mod keyframes;
 mod knn;
+mod moved_group;
 mod options;
 mod paper;
 mod pose;
@@ -24,6 +26,7 @@ mod propagate;
 mod report;
 mod rigid;
 mod scene;
+mod similarity;
 
 pub use anchors::{AnchorParams, Grouping, Radius};
 pub use binding::{Binding, RowKind};
@@ -31,6 +34,7 @@ pub use dynamics::DynamicSplit;
 pub use error::AmgError;
 pub use field::FieldAt;
 pub use identity::{Identity, IdentityMap};
+pub use moved_group::MovedGroup;
 pub use options::{
     Aggregation, AnchorSampling, BestParams, DynamicOverride, DynamicParams, IdentityParams,
     KnnParams, MotionGuide, MotionOptions, PaperParams, PositionRule, Preset, RotationRule,
@@ -39,6 +43,7 @@ pub use options::{
 pub use propagate::{Progress, Propagation, propagate};
 pub use report::{MotionReport, TransportReport};
 pub use scene::EditedScene;
+pub use similarity::Similarity;
 
 #[cfg(doctest)]
 #[doc = include_str!("../README.md")]

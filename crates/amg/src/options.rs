@@ -183,11 +183,14 @@ pub struct IdentityParams {
     /// How coarsely the edited splats were stored, when their file does not keep every value; see [`crate::IdentityMap`].
     /// Rows that agree within it are source splats, whose own values [`crate::propagate()`] puts back. Default none.
     pub precision: Option<Arc<Precision>>,
+    /// Whether groups of source splats that were moved, turned or scaled together are recognised. Default on; off in the presets
+    /// of the literature.
+    pub moved: bool,
 }
 
 impl Default for IdentityParams {
     fn default() -> Self {
-        Self { enabled: true, tolerance: 1.0, precision: None }
+        Self { enabled: true, tolerance: 1.0, precision: None, moved: true }
     }
 }
 
@@ -258,7 +261,11 @@ impl MotionOptions {
             edit_time: None,
             num_key_times: 12,
             // the paper estimates the motion of every edited splat
-            identity: IdentityParams { enabled: preset != Preset::Paper, ..Default::default() },
+            identity: IdentityParams {
+                enabled: preset != Preset::Paper,
+                moved: preset == Preset::Best,
+                ..Default::default()
+            },
             dynamics: DynamicParams { coherent: preset == Preset::Best, ..Default::default() },
             reach: if preset == Preset::Paper { f32::INFINITY } else { 0.25 },
         }

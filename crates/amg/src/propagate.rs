@@ -1,6 +1,7 @@
 //! The whole stage: from a source scene and edited splats to a scene that moves.
 
 use crate::binding::{Binding, RowKind};
+use crate::carriers;
 use crate::dynamics::DynamicSplit;
 use crate::identity::{Identity, IdentityMap};
 use crate::keyframes::KeyFrames;
@@ -71,10 +72,12 @@ pub fn propagate(
     for (&row, found) in work.open.iter().zip(work.bind(&mut aggregation, &mut report, progress)?) {
         rows[row] = found;
     }
-    let binding = Arc::new(Binding::from_rows(
+    let groups = carriers::groups(&keys, &split.dynamic, &identity);
+    let binding = Binding::from_rows(
         rows.iter().map(|(kind, entries)| (*kind, &entries[..])),
         keys.at_edit.len(),
-    ));
+    );
+    let binding = Arc::new(binding.with_groups(groups.groups, groups.of_row));
     fill_report(&mut report, &keys, &identity, &split, &binding);
     report.rotation_prior = aggregation.rotation_prior;
 
@@ -95,6 +98,7 @@ fn exact_rows(identity: &IdentityMap) -> Vec<Row> {
     let row = |row: &Identity| match *row {
         Identity::Unchanged(id) => (RowKind::Unchanged, vec![(id, 1.0)]),
         Identity::Recoloured(id) => (RowKind::Recoloured, vec![(id, 1.0)]),
+        Identity::Moved { source, .. } => (RowKind::Moved, vec![(source, 1.0)]),
         Identity::Edited => (RowKind::Static, Vec::new()),
     };
     identity.rows.iter().map(row).collect()
@@ -234,6 +238,8 @@ fn fill_report(
     report.figure_size = split.figure_size;
     report.unchanged = identity.unchanged;
     report.recoloured = identity.recoloured;
+    report.moved = identity.moved;
+    report.moved_groups = moved_groups(keys, identity);
     report.edited = identity.edited;
     report.vanished = identity.vanished.len();
     report.blended = binding.count(RowKind::Blended);
@@ -257,8 +263,24 @@ fn fill_report(
         report.warnings.push("nothing in the source moves: all edited splats stay put".to_owned());
     }
     // Rows that are source splats lie on the source, however far a few new ones stray.
-    let shared = report.unchanged + report.recoloured;
+    let shared = identity.matched();
     if report.edited > 0 && report.out_of_reach == report.edited && shared == 0 {
         report.warnings.push("the edit and the source do not overlap".to_owned());
     }
+}
+
+/// How many splats each similarity moved, and what it did, in words. Largest first.
+fn moved_groups(keys: &KeyFrames, identity: &IdentityMap) -> Vec<(usize, String)> {
+    let described = |(number, similarity): (u32, &crate::Similarity)| {
+        let points: Vec<[f64; 3]> = identity
+            .members(number)
+            .map(|(_, id)| keys.at_edit.means[id as usize].map(f64::from))
+            .collect();
+        let centre = crate::pose::Pose::of(&points).origin;
+        (points.len(), similarity.describe(centre, crate::pose::size(&points)))
+    };
+    let mut groups: Vec<(usize, String)> =
+        (0..).zip(&identity.similarities).map(described).collect();
+    groups.sort_by_key(|group| std::cmp::Reverse(group.0));
+    groups
 }

@@ -21,7 +21,11 @@ pub struct MotionReport {
     pub unchanged: usize,
     /// ... that are source splats with another appearance.
     pub recoloured: usize,
-    /// ... that are neither, matched by the guide (`blended + static_rows + field_rows`).
+    /// ... that are source splats, moved, turned or scaled as groups.
+    pub moved: usize,
+    /// Splats of each such group, and what the edit did to it, in words.
+    pub moved_groups: Vec<(usize, String)>,
+    /// ... that are none of these, matched by the guide (`blended + static_rows + field_rows`).
     pub edited: usize,
     /// Source splats that no edited splat is.
     pub vanished: usize,

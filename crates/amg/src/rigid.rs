@@ -1,6 +1,6 @@
 //! The rotation that best turns one weighted point set into another.
 
-use gs_core::quat;
+use gs_core::{quat, rotation_matrix};
 
 /// Running sums of a weighted rigid fit `y ≈ R (x − x̄) + ȳ`.
 ///
@@ -27,6 +27,21 @@ impl RigidFit {
             prior: [[0.0; 4]; 4],
             prior_weight: 0.0,
         }
+    }
+
+    /// A fit of weighted pairs of points about their centroids.
+    pub(crate) fn of(pairs: impl Iterator<Item = (f64, [f64; 3], [f64; 3])> + Clone) -> Self {
+        let (mut from, mut to, mut total) = ([0.0; 3], [0.0; 3], 0.0);
+        for (weight, x, y) in pairs.clone() {
+            total += weight;
+            for k in 0..3 {
+                from[k] += weight * x[k];
+                to[k] += weight * y[k];
+            }
+        }
+        let mut fit = Self::about(from.map(|v| v / total), to.map(|v| v / total));
+        pairs.for_each(|(weight, x, y)| fit.add(weight, x, y));
+        fit
     }
 
     /// Adds a pair of points.
@@ -83,6 +98,33 @@ impl RigidFit {
         }
         let q = largest_eigenvector(n);
         if q[0] < 0.0 { q.map(|c| -c) } else { q }
+    }
+
+    /// Scale that best fits together with rotation `r` (Umeyama): 0 if all points coincide.
+    pub(crate) fn scale(&self, r: [f64; 4]) -> f64 {
+        let turn = rotation_matrix(r);
+        let mut agreement = 0.0;
+        for (i, row) in self.cross.iter().enumerate() {
+            for (j, sum) in row.iter().enumerate() {
+                agreement += turn[j][i] * sum;
+            }
+        }
+        if self.spread > 0.0 { agreement / self.spread } else { 0.0 }
+    }
+
+    /// Whether the points do not determine the rotation: at most one direction in which both sets spread.
+    pub(crate) fn is_linear(&self) -> bool {
+        let s = &self.cross;
+        let mut squares = [[0.0; 3]; 3];
+        for (i, row) in squares.iter_mut().enumerate() {
+            for (j, value) in row.iter_mut().enumerate() {
+                *value = dot(s[i], s[j]);
+            }
+        }
+        let (mut values, _) = eigen(squares);
+        values.sort_by(f64::total_cmp);
+        // Squares of singular values: the second is below a thousandth of the first.
+        values[1].is_nan() || values[1] <= 1e-6 * values[2]
     }
 
     /// Where the motion with rotation `r` takes `x`.

@@ -5,6 +5,7 @@ use crate::aggregate::{blend_change, blend_geometry, weights_seen};
 use crate::binding::{Binding, RowKind};
 use crate::field::FieldAt;
 use crate::keyframes::check_rows;
+use crate::moved_group::{self, GroupPose};
 use crate::options::Aggregation;
 use gs_core::{DynamicScene, SceneError, Splats, TimeRange};
 use rayon::prelude::*;
@@ -196,6 +197,7 @@ impl EditedScene {
 
     fn move_geometry(&self, source_t: &Splats, fading: bool, out: &mut Splats) {
         let kinds = self.binding.kinds();
+        let poses = self.group_poses(source_t);
         let move_row =
             |seen: &mut Vec<f32>,
              (row, ((mean, rotation), log_scale)): (usize, GeometryMut<'_>)| {
@@ -207,6 +209,12 @@ impl EditedScene {
                         *mean = source_t.means[id];
                         *rotation = source_t.quats[id];
                         *log_scale = source_t.log_scales[id];
+                    }
+                    RowKind::Moved => {
+                        let Some(group) = self.binding.group_number(row) else { return };
+                        let (edited, id) = ((*mean, *rotation, *log_scale), sources.0[0] as usize);
+                        (*mean, *rotation, *log_scale) =
+                            moved_group::place(edited, id, &poses[group], &self.source_1, source_t);
                     }
                     RowKind::Blended => {
                         let edited = (*mean, *rotation, *log_scale);
@@ -230,6 +238,13 @@ impl EditedScene {
             .for_each_init(Vec::new, move_row);
     }
 
+    /// Where the groups of moved rows are.
+    fn group_poses(&self, source_t: &Splats) -> Vec<GroupPose> {
+        let mut scratch = Vec::new();
+        let pose = |group: &crate::MovedGroup| group.pose(&self.source_1, source_t, &mut scratch);
+        self.binding.groups().iter().map(pose).collect()
+    }
+
     fn move_appearance(&self, source_t: &Splats, fading: bool, out: &mut Splats) {
         let coeffs = out.sh_coeffs();
         let source_coeffs = source_t.sh_coeffs();
@@ -249,10 +264,11 @@ impl EditedScene {
                         sh[..shared].copy_from_slice(&source_t.sh_of(id)[..shared]);
                         return;
                     }
-                    RowKind::Recoloured | RowKind::Blended if !self.aggregation.appearance => {
-                        return;
+                    RowKind::Recoloured | RowKind::Blended | RowKind::Moved => {
+                        if !self.aggregation.appearance {
+                            return;
+                        }
                     }
-                    RowKind::Recoloured | RowKind::Blended => {}
                 }
                 let sources = self.seen_at(sources, source_t, fading, seen);
                 let change = blend_change(sources, |id| {
@@ -327,7 +343,7 @@ impl EditedScene {
 fn inherit_mask(mask: &[bool], binding: &Binding) -> Vec<bool> {
     let row = |row: usize| match binding.kinds()[row] {
         RowKind::Static => false,
-        RowKind::Unchanged | RowKind::Recoloured => {
+        RowKind::Unchanged | RowKind::Recoloured | RowKind::Moved => {
             mask.get(binding.row(row).0[0] as usize).copied().unwrap_or(true)
         }
         RowKind::Blended | RowKind::Field => true,

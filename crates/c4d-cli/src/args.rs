@@ -128,6 +128,9 @@ pub(crate) struct FreezeArgs {
     /// Keep SH up to this degree only
     #[arg(long, value_name = "0-3")]
     pub(crate) sh_degree: Option<usize>,
+    /// Leave out splats that are invisible at that time; `c4d propagate` puts them back
+    #[arg(long)]
+    pub(crate) visible: bool,
     /// The world's upward direction, for the rig
     #[arg(long, value_enum, allow_hyphen_values = true)]
     pub(crate) up: Option<Up>,
@@ -172,9 +175,15 @@ pub(crate) struct PropagateArgs {
     /// Seed of everything random [default: 0]
     #[arg(long)]
     pub(crate) seed: Option<u64>,
-    /// Go on although the edited file seems to belong to another scene
+    /// Go on although the edited file seems to belong to another scene, or is the whole scene turned, scaled or moved
     #[arg(long)]
     pub(crate) allow_far: bool,
+    /// If the edited file is the scene turned, scaled or moved as a whole, undo that: the result is in the scene's own frame
+    #[arg(long)]
+    pub(crate) align: bool,
+    /// Add the splats of the scene that the edited file lacks, as when only a selection was saved
+    #[arg(long)]
+    pub(crate) keep_rest: bool,
     /// Only look: count what the edit kept, changed, added and removed, and show it in a picture of the frame before and after
     #[arg(long)]
     pub(crate) dry_run: bool,

@@ -41,7 +41,7 @@ pub(crate) fn settle(
     let step = frame.splats.len().div_ceil(SAMPLE).max(1);
     let rows: Vec<usize> = (0..frame.splats.len()).step_by(step).collect();
     let precision = frame.precision.as_ref().map(|known| Arc::new(known.select(&rows)));
-    let params = IdentityParams { precision, ..IdentityParams::default() };
+    let params = IdentityParams { precision, moved: false, ..IdentityParams::default() };
     let sample = Frame {
         splats: frame.splats.select(&rows),
         precision: None,

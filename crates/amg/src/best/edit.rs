@@ -43,12 +43,10 @@ impl Edit {
         for (&id, point) in ids.iter().zip(0_u32..) {
             point_of[id] = Some(point);
         }
-        let known = |is: Identity| match is {
-            Identity::Unchanged(id) | Identity::Recoloured(id) => point_of[id as usize],
-            Identity::Edited => None,
-        };
+        let known = |is: Identity| is.in_place().and_then(|id| point_of[id as usize]);
         let mut kept = vec![false; ids.len()];
-        for point in identity.rows.iter().filter_map(|&is| known(is)) {
+        let point = |is: &Identity| is.source().and_then(|id| point_of[id as usize]);
+        for point in identity.rows.iter().filter_map(point) {
             kept[point as usize] = true;
         }
         let centres = unique(ids.iter().map(|&i| centre_bits(source, i)));
@@ -122,7 +120,7 @@ pub(super) fn involved(
         .into_par_iter()
         .with_min_len(256)
         .map_init(Vec::new, |near, row| {
-            let near_enough = identity.rows[row] != Identity::Edited && {
+            let near_enough = identity.rows[row].in_place().is_some() && {
                 tree.nearest(&edited.means[row].map(f64::from), 1, near);
                 near.first().is_some_and(|n| n.distance_squared.sqrt() <= reach)
             };

@@ -182,7 +182,7 @@ fn score(
     let identity =
         IdentityMap::of(scene.source.frame1(), &scene.edited.splats, &IdentityParams::default())
             .map_err(|error| failed(&error))?;
-    let is_open = |(scored, row): (&bool, &Identity)| *scored && *row == Identity::Edited;
+    let is_open = |(scored, row): (&bool, &Identity)| *scored && row.in_place().is_none();
     let open: Vec<bool> = truth.eval_mask.iter().zip(&identity.rows).map(is_open).collect();
     let track =
         |scene: &dyn DynamicScene| MotionTrack::of(scene, &times).map_err(|error| failed(&error));

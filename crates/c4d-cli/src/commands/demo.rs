@@ -64,6 +64,8 @@ pub(crate) fn run(args: &DemoArgs, global: &Global, console: &Console) -> Outcom
         seed: args.seed,
         allow_far: false,
         dry_run: false,
+        align: false,
+        keep_rest: false,
         refine: RefineFlags::default(),
         settings: Settings::default(),
     };

@@ -31,17 +31,19 @@ const FRONT_SHARE: f64 = 0.5;
 enum Fate {
     Unchanged,
     Recoloured,
+    Moved,
     New,
     Gone,
 }
 
 impl Fate {
-    const ALL: [Self; 4] = [Self::Unchanged, Self::Recoloured, Self::New, Self::Gone];
+    const ALL: [Self; 5] = [Self::Unchanged, Self::Recoloured, Self::Moved, Self::New, Self::Gone];
 
     fn name(self) -> &'static str {
         match self {
             Self::Unchanged => "unchanged",
             Self::Recoloured => "recoloured",
+            Self::Moved => "moved",
             Self::New => "new",
             Self::Gone => "gone",
         }
@@ -51,6 +53,7 @@ impl Fate {
     fn motion(self) -> &'static str {
         match self {
             Self::Unchanged | Self::Recoloured => "they keep their own motion, exactly",
+            Self::Moved => "they keep their own motion, carried along with their group",
             Self::New => "their motion is estimated from the splats around them",
             Self::Gone => "of the scene's; they are left out",
         }
@@ -61,6 +64,7 @@ impl Fate {
         match self {
             Self::Unchanged => [0.45, 0.45, 0.45],
             Self::Recoloured => [1.0, 0.65, 0.1],
+            Self::Moved => [0.3, 0.6, 1.0],
             Self::New => [0.25, 0.9, 0.35],
             Self::Gone => [1.0, 0.2, 0.25],
         }
@@ -70,6 +74,7 @@ impl Fate {
         match identity {
             Identity::Unchanged(_) => Self::Unchanged,
             Identity::Recoloured(_) => Self::Recoloured,
+            Identity::Moved { .. } => Self::Moved,
             Identity::Edited => Self::New,
         }
     }

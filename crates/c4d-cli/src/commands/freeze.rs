@@ -1,11 +1,12 @@
 //! `c4d freeze`: the frame to edit, as a PLY for any 3D editor, with cameras.
 
+use super::source_match::INVISIBLE;
 use crate::args::{FreezeArgs, Global};
 use crate::console::Console;
 use crate::failure::{Failure, Outcome, ROOM};
 use crate::rig::{DEFAULT_SIZE, Rig};
 use crate::{cameras, frames, placement, scene};
-use gs_core::Camera;
+use gs_core::{Camera, Splats};
 use gs_io::ply::{self, WriteOptions};
 use gs_io::{AtomicDir, Existing, cameras_json};
 
@@ -21,6 +22,7 @@ pub(crate) fn run(args: &FreezeArgs, global: &Global, console: &Console) -> Outc
     frames::check(opened.scene.time_range(), args.time, "--time")?;
     check_sh_degree(args.sh_degree, opened.scene.sh_degree())?;
     let splats = opened.scene.at(args.time).map_err(Failure::bad_input)?;
+    let splats = visible(splats, args, console)?;
     let (cameras, origin) = if let Some(file) = &args.cameras {
         if args.up.is_some() {
             return Err(Failure::usage("--up is for the rig: the cameras of --cameras have poses")
@@ -63,6 +65,30 @@ pub(crate) fn run(args: &FreezeArgs, global: &Global, console: &Console) -> Outc
     ));
     console.result(format!("{} ({} splats)", output.join(OURS[0]).display(), splats.len()));
     Ok(())
+}
+
+/// Says how many splats cannot be seen, and leaves them out if asked.
+fn visible(splats: Splats, args: &FreezeArgs, console: &Console) -> Outcome<Splats> {
+    let seen: Vec<usize> = (0..splats.len()).filter(|&i| splats.opacity(i) >= INVISIBLE).collect();
+    let hidden = splats.len() - seen.len();
+    if hidden == 0 {
+        return Ok(splats);
+    }
+    let (time, all) = (args.time, splats.len());
+    if !args.visible {
+        console.note(format!(
+            "{hidden} of {all} splats are invisible at time {time} and appear at others: an edit of all splats in a region changes them, too; --visible leaves them out"
+        ));
+        return Ok(splats);
+    }
+    if seen.is_empty() {
+        return Err(Failure::usage(format!("--visible: no splat is visible at time {time}"))
+            .next("Choose another --time, or leave out --visible."));
+    }
+    console.note(format!(
+        "--visible: {hidden} of {all} splats are invisible at time {time} and left out; c4d propagate keeps them in the result"
+    ));
+    Ok(splats.select(&seen))
 }
 
 /// What happens to output that is already there.

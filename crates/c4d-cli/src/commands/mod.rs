@@ -11,3 +11,4 @@ pub(crate) mod info;
 pub(crate) mod propagate;
 pub(crate) mod refine;
 pub(crate) mod render;
+pub(crate) mod source_match;

@@ -1,7 +1,7 @@
 //! `c4d propagate`: carry an edited frame through all of time.
 
 use super::freeze::{TIME_COMMENT, existing, output_failure};
-use super::{dry_run, refine};
+use super::{dry_run, refine, source_match};
 use crate::args::{BaselineArg, Global, MotionArg, PresetArg, PropagateArgs};
 use crate::console::Console;
 use crate::edited_axes;
@@ -14,10 +14,7 @@ use crate::settings::{
     AnchorSettings, KnnSettings, PropagateJob, RefineSettings, Settings, TransportSettings,
 };
 use crate::{frames, placement};
-use amg::{
-    Identity, IdentityMap, IdentityParams, MotionGuide, MotionOptions, MotionReport, Preset,
-    Propagation,
-};
+use amg::{MotionGuide, MotionOptions, MotionReport, Preset, Propagation};
 use clap::ValueEnum;
 use gs_core::{Extent, Precision, Splats};
 use gs_io::AtomicDir;
@@ -25,13 +22,6 @@ use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex};
 use std::time::Instant;
-
-/// An edited cloud whose middle lies further from the source's than this many source sizes is of another scene.
-const FAR: f64 = 3.0;
-/// An edited cloud this many times larger than the source, or smaller, is in other units.
-const LARGER: f64 = 50.0;
-/// Share of edited rows equal to canonical rows above which the edit was made on the wrong file.
-const CANONICAL_SHARE: f64 = 0.5;
 
 /// Paths to note in the run, where they differ from those read.
 pub(crate) struct Recorded {
@@ -82,10 +72,8 @@ pub(crate) fn propagate(
     let source_splats = source.scene.at(args.time).map_err(Failure::bad_input)?;
     let (edited, precision) = read_edited(args, &source_splats, global, console)?;
     options.identity.precision = precision;
-    if !args.allow_far {
-        refuse_other_scene(args, &source_splats, &edited)?;
-        refuse_canonical(args, &options.identity, &source, &source_splats, &edited)?;
-    }
+    let edited =
+        source_match::fit(args, &source, &source_splats, edited, &mut options.identity, console)?;
     console.note(format!(
         "source {} splats, edited {} splats, time {}",
         source_splats.len(),
@@ -296,103 +284,19 @@ fn read_edited(
     Ok((splats.with_sh_degree(sh_degree), precision))
 }
 
-/// An edited frame far from the source at that time is no edit of it.
-fn refuse_other_scene(args: &PropagateJob, source: &Splats, edited: &Splats) -> Outcome {
-    let (Some(source_box), Some(edited_box)) = (robust_box(source), robust_box(edited)) else {
-        return Ok(());
-    };
-    let size = source_box.1.max(f64::MIN_POSITIVE);
-    let away = (0..3).map(|k| (source_box.0[k] - edited_box.0[k]).powi(2)).sum::<f64>().sqrt();
-    let ratio = edited_box.1 / size;
-    // A small object that was cut out of a scene is an edit of it; as many splats in a tiny space are a scene in other units.
-    let shrunk = ratio < 1.0 / LARGER && edited.len() > source.len() / 10;
-    if away < FAR * size && ratio < LARGER && !shrunk {
-        return Ok(());
-    }
-    Err(Failure::bad_input(format!(
-        "{} does not look like an edit of {} at time {}: its middle is {:.1} scene sizes away and it is {:.2} times as large",
-        args.edited.display(),
-        args.scene.display(),
-        args.time,
-        away / size,
-        ratio
-    ))
-    .next("Edit the PLY that c4d freeze writes, in the same coordinates; --allow-far goes on regardless."))
-}
-
-/// The PLY inside a model folder is canonical, not a frame: an edit of it would move twice.
-fn refuse_canonical(
-    args: &PropagateJob,
-    identity: &IdentityParams,
-    source: &Opened,
-    frame: &Splats,
-    edited: &Splats,
-) -> Outcome {
-    let Some(network) = &source.network else { return Ok(()) };
-    let canonical = network.canonical();
-    // Splats that the network leaves alone are the same in both and tell nothing.
-    let (still, moved): (Vec<usize>, Vec<usize>) =
-        (0..frame.len()).partition(|&row| canonical.means[row] == frame.means[row]);
-    let params = IdentityParams { enabled: true, ..identity.clone() };
-    let found = |cloud: &Splats| -> Outcome<usize> {
-        let map = IdentityMap::of(cloud, edited, &params)
-            .map_err(|error| Failure::bad_input(chain(&error)))?;
-        Ok(map.unchanged + map.recoloured)
-    };
-    let of_still = if still.is_empty() { 0 } else { found(&frame.select(&still))? };
-    let open = edited.len().saturating_sub(of_still);
-    if moved.is_empty() || open == 0 {
-        return Ok(());
-    }
-    let share =
-        |cloud: &Splats| -> Outcome<f64> { Ok(found(&cloud.select(&moved))? as f64 / open as f64) };
-    if share(canonical)? < CANONICAL_SHARE || share(frame)? >= CANONICAL_SHARE {
-        return Ok(());
-    }
-    Err(Failure::bad_input(format!(
-        "{} is an edit of the model's own point_cloud.ply, which is canonical: no frame of the scene looks like it",
-        args.edited.display()
-    ))
-    .next(format!("Write the frame with c4d freeze {} -o DIR and edit DIR/point_cloud.ply.", args.scene.display())))
-}
-
-/// Median centre and the distance within which 90 % of the splats lie.
-fn robust_box(splats: &Splats) -> Option<([f64; 3], f64)> {
-    let finite: Vec<[f64; 3]> = splats
-        .means
-        .iter()
-        .filter(|mean| mean.iter().all(|value| value.is_finite()))
-        .map(|mean| mean.map(f64::from))
-        .collect();
-    if finite.is_empty() {
-        return None;
-    }
-    let rank = |mut values: Vec<f64>, share: usize| {
-        let at = (values.len() - 1) * share / 100;
-        *values.select_nth_unstable_by(at, f64::total_cmp).1
-    };
-    let centre = [0, 1, 2].map(|k| rank(finite.iter().map(|p| p[k]).collect(), 50));
-    let distance = |p: &[f64; 3]| (0..3).map(|k| (p[k] - centre[k]).powi(2)).sum::<f64>().sqrt();
-    Some((centre, rank(finite.iter().map(distance).collect(), 90)))
-}
-
 /// Says so when an edit cannot move, or fits the frame it claims to be of nowhere.
 fn warn_if_still(args: &PropagateJob, propagation: &Propagation, console: &Console) {
     let report = &propagation.report;
     let estimated = report.blended + report.field_rows;
-    let exact = propagation.identity.rows.iter().any(|row| match row {
-        Identity::Unchanged(source) | Identity::Recoloured(source) => {
-            propagation.split.dynamic[*source as usize]
-        }
-        Identity::Edited => false,
-    });
+    let moves = |source: u32| propagation.split.dynamic[source as usize];
+    let exact = propagation.identity.rows.iter().any(|row| row.source().is_some_and(moves));
     if report.num_dynamic > 0 && estimated == 0 && !exact {
         console.warn(format!(
             "{}: none of its splats is, or lies at, a moving splat of the scene: the result stands still",
             args.edited.display()
         ));
     }
-    let kept = report.unchanged + report.recoloured;
+    let kept = propagation.identity.matched();
     if args.motion == MotionArg::Amg && kept * 100 < report.num_edited_splats {
         console.warn(format!(
             "{}: {kept} of {} splats are splats of the scene at time {}. If you did not restyle everything: is it of another time (--time) or another scene?",
@@ -407,13 +311,16 @@ fn report(report: &MotionReport, seconds: f64, console: &Console) {
     for warning in &report.warnings {
         console.warn(warning);
     }
-    if report.unchanged + report.recoloured + report.edited == 0 {
+    if report.unchanged + report.recoloured + report.moved + report.edited == 0 {
         console.note("every splat's motion is estimated anew (--motion amg-all)");
     }
     console.note(format!(
         "{} unchanged (exact), {} recoloured (exact motion), {} edited or new; {} source splats removed",
         report.unchanged, report.recoloured, report.edited, report.vanished
     ));
+    for (count, what) in &report.moved_groups {
+        console.note(format!("{count} splats moved as one: {what}; they keep their own motion"));
+    }
     console.note(format!(
         "motion of {} edited splats from {} moving source splats in {seconds:.2} s; {} stay put",
         report.blended + report.field_rows,
@@ -445,6 +352,11 @@ fn report_json(report: &MotionReport, seconds: f64) -> Value {
             "splats": report.num_edited_splats,
             "unchanged": report.unchanged,
             "recoloured": report.recoloured,
+            "moved": report.moved,
+            "moved_groups": report.moved_groups.iter().map(|(splats, what)| json!({
+                "splats": splats,
+                "what": what,
+            })).collect::<Vec<_>>(),
             "edited": report.edited,
             "removed": report.vanished,
             "blended": report.blended,

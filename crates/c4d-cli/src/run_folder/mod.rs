@@ -157,9 +157,10 @@ pub(crate) fn open(
     let Loaded { config, stored, source } = loaded;
     let count = |kind| stored.binding.count(kind);
     let rows = format!(
-        "{} unchanged, {} recoloured, {} blended, {} static",
+        "{} unchanged, {} recoloured, {} moved, {} blended, {} static",
         count(RowKind::Unchanged),
         count(RowKind::Recoloured),
+        count(RowKind::Moved),
         count(RowKind::Blended),
         count(RowKind::Static)
     );

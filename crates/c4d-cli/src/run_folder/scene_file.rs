@@ -2,14 +2,14 @@
 
 use super::SCENE;
 use crate::failure::{Failure, Outcome};
-use amg::{Binding, RowKind};
+use amg::{Binding, MovedGroup, RowKind, Similarity};
 use gs_core::Splats;
 use safetensors::{Dtype, SafeTensors, tensor::TensorView};
 use serde::{Deserialize, Serialize};
 use std::collections::HashMap;
 
-/// Version of the layout.
-const FORMAT: u32 = 1;
+/// Version of the layout: 2 if it has groups of moved rows, which readers of 1 do not know, else 1.
+const FORMATS: [u32; 2] = [1, 2];
 /// Key of the [`Header`] in the metadata.
 const METADATA: &str = "c4d";
 
@@ -110,6 +110,10 @@ fn serialize(stored: &Stored) -> Outcome<Vec<u8>> {
         floats("binding.weights", vec![binding.weights().len()], binding.weights()),
         ("binding.kinds", Dtype::U8, vec![rows], codes),
     ];
+    let groups = binding.groups();
+    if !groups.is_empty() {
+        entries.extend(group_entries(binding));
+    }
     if let Some(refined) = refined {
         let rows = refined.rows.len();
         entries.push(ints("refined.rows", &refined.rows));
@@ -122,10 +126,81 @@ fn serialize(stored: &Stored) -> Outcome<Vec<u8>> {
         views.push((*name, TensorView::new(*dtype, shape.clone(), bytes).map_err(failed)?));
     }
     // One entry only: the order of several is not reproducible.
-    let header = Header { format: FORMAT, num_sources: binding.num_sources() };
+    let format = FORMATS[usize::from(!groups.is_empty())];
+    let header = Header { format, num_sources: binding.num_sources() };
     let header = serde_json::to_string(&header).map_err(Failure::failed)?;
     let metadata = HashMap::from([(METADATA.to_owned(), header)]);
     safetensors::serialize(views, Some(metadata)).map_err(failed)
+}
+
+/// Name, type, shape and bytes of a tensor.
+type Entry = (&'static str, Dtype, Vec<usize>, Vec<u8>);
+
+/// Values of a stored similarity: scale, rotation `wxyz`, 1 or 0 for mirrored, translation.
+const SIMILARITY: usize = 9;
+
+fn group_entries(binding: &Binding) -> Vec<Entry> {
+    let groups = binding.groups();
+    let (mut similarities, mut offsets) = (Vec::new(), vec![0_u32]);
+    let (mut carriers, mut weights) = (Vec::new(), Vec::new());
+    for group in groups {
+        let placed = &group.similarity;
+        similarities.push(placed.scale);
+        similarities.extend(placed.rotation);
+        similarities.push(f64::from(u8::from(placed.mirrored)));
+        similarities.extend(placed.translation);
+        carriers.extend(group.carriers.iter().map(|carrier| carrier.0));
+        weights.extend(group.carriers.iter().map(|carrier| carrier.1));
+        offsets.push(u32::try_from(carriers.len()).unwrap_or(u32::MAX));
+    }
+    let ints =
+        |name, data: &[u32]| (name, Dtype::U32, vec![data.len()], le_bytes(data, u32::to_le_bytes));
+    let shape = vec![groups.len(), SIMILARITY];
+    vec![
+        ("groups.similarities", Dtype::F64, shape, le_bytes(&similarities, f64::to_le_bytes)),
+        ints("groups.offsets", &offsets),
+        ints("groups.carriers", &carriers),
+        ("groups.weights", Dtype::F32, vec![weights.len()], le_bytes(&weights, f32::to_le_bytes)),
+        ints("groups.of_row", binding.group_of()),
+    ]
+}
+
+struct StoredGroups {
+    similarities: Vec<f64>,
+    offsets: Vec<u32>,
+    carriers: Vec<u32>,
+    weights: Vec<f32>,
+}
+
+impl StoredGroups {
+    fn groups(&self) -> Result<Vec<MovedGroup>, String> {
+        let similarities = self.similarities.as_chunks::<SIMILARITY>().0;
+        let entries = self.carriers.len();
+        let ascending = self.offsets.windows(2).all(|pair| pair[0] <= pair[1]);
+        if self.offsets.len() != similarities.len() + 1
+            || !ascending
+            || self.offsets[0] != 0
+            || self.offsets[similarities.len()] as usize != entries
+            || self.weights.len() != entries
+        {
+            return Err("the arrays of moved groups do not belong together".to_owned());
+        }
+        let group = |(values, range): (&[f64; SIMILARITY], &[u32])| {
+            let [scale, w, x, y, z, mirrored, tx, ty, tz] = *values;
+            let range = range[0] as usize..range[1] as usize;
+            let weights = self.weights[range.clone()].iter().copied();
+            MovedGroup {
+                similarity: Similarity {
+                    scale,
+                    rotation: [w, x, y, z],
+                    mirrored: mirrored != 0.0,
+                    translation: [tx, ty, tz],
+                },
+                carriers: self.carriers[range].iter().copied().zip(weights).collect(),
+            }
+        };
+        Ok(similarities.iter().zip(self.offsets.windows(2)).map(group).collect())
+    }
 }
 
 fn le_bytes<T: Copy, const N: usize>(values: &[T], to_bytes: impl Fn(T) -> [u8; N]) -> Vec<u8> {
@@ -139,8 +214,8 @@ fn deserialize(bytes: &[u8]) -> Result<Stored, String> {
     let header: Header = metadata
         .ok_or_else(|| format!("no `{METADATA}` entry: not a scene of c4d"))
         .and_then(|text| serde_json::from_str(text).map_err(|error| error.to_string()))?;
-    if header.format != FORMAT {
-        return Err(format!("format {}, expected {FORMAT}", header.format));
+    if !FORMATS.contains(&header.format) {
+        return Err(format!("format {}, expected 1 or 2", header.format));
     }
     let file = SafeTensors::deserialize(bytes).map_err(text)?;
     let data = |name: &str, dtype: Dtype| -> Result<Vec<u8>, String> {
@@ -188,12 +263,30 @@ fn deserialize(bytes: &[u8]) -> Result<Stored, String> {
         .iter()
         .map(|&code| RowKind::from_code(code).ok_or(format!("row kind {code}")))
         .collect::<Result<Vec<_>, _>>()?;
-    let binding = Binding::from_parts(
+    let (groups, group_of) = if file.tensor("groups.of_row").is_ok() {
+        let stored = StoredGroups {
+            similarities: data("groups.similarities", Dtype::F64)?
+                .as_chunks::<8>()
+                .0
+                .iter()
+                .map(|bytes| f64::from_le_bytes(*bytes))
+                .collect(),
+            offsets: ints("groups.offsets")?,
+            carriers: ints("groups.carriers")?,
+            weights: floats("groups.weights")?,
+        };
+        (stored.groups()?, ints("groups.of_row")?)
+    } else {
+        (Vec::new(), Vec::new())
+    };
+    let binding = Binding::from_parts_with_groups(
         ints("binding.offsets")?,
         ints("binding.source_ids")?,
         floats("binding.weights")?,
         kinds,
         header.num_sources,
+        groups,
+        group_of,
     )
     .map_err(|error| error.to_string())?;
     if binding.len() != edited.len() {
@@ -251,6 +344,42 @@ mod tests {
             Ok(unrefined),
             "without refinement"
         );
+    }
+
+    #[test]
+    fn moved_groups_round_trip() {
+        let Stored { edited, .. } = sample();
+        let similarity = Similarity {
+            scale: 1.3,
+            rotation: [0.6, 0.0, -0.8, 0.0],
+            mirrored: true,
+            translation: [0.1, 2.0, -3.0],
+        };
+        let groups = vec![
+            MovedGroup { similarity, carriers: vec![(4, 1.0), (0, 0.25)] },
+            MovedGroup { similarity: Similarity::IDENTITY, carriers: Vec::new() },
+        ];
+        let kinds = vec![RowKind::Moved, RowKind::Moved];
+        let binding = Binding::from_parts_with_groups(
+            vec![0, 1, 2],
+            vec![4, 0],
+            vec![1.0, 1.0],
+            kinds,
+            5,
+            groups,
+            vec![1, 0],
+        )
+        .unwrap();
+        let stored = Stored { edited, binding, refined: None };
+        let bytes = stored.serialize().unwrap();
+        assert_eq!(Stored::deserialize(&bytes), Ok(stored), "bit for bit");
+        for i in 0..bytes.len() {
+            let mut flipped = bytes.clone();
+            flipped[i] ^= 0x55;
+            if let Ok(read) = Stored::deserialize(&flipped) {
+                assert_eq!(read.binding.groups().len(), 2, "byte {i}: groups are all there");
+            }
+        }
     }
 
     #[test]

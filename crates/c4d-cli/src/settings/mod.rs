@@ -65,6 +65,8 @@ pub(crate) struct PropagateJob {
     pub(crate) seed: u64,
     pub(crate) allow_far: bool,
     pub(crate) dry_run: bool,
+    pub(crate) align: bool,
+    pub(crate) keep_rest: bool,
     pub(crate) refine: RefineFlags,
     pub(crate) settings: Settings,
 }
@@ -162,6 +164,8 @@ impl Settings {
             seed: args.seed.or(self.seed).unwrap_or(0),
             allow_far: args.allow_far,
             dry_run: args.dry_run,
+            align: args.align,
+            keep_rest: args.keep_rest,
             refine: self.refine().flags(&args.refine)?,
             settings: self,
         })

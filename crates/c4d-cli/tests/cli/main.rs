@@ -12,6 +12,7 @@ mod html;
 mod images;
 mod look;
 mod main_job;
+mod moved_edits;
 mod placement;
 mod support;
 mod swift4d;

@@ -1,0 +1,156 @@
+//! A similarity in plain words.
+
+use super::Similarity;
+use crate::rigid::{norm, sub};
+use gs_core::quat;
+
+/// Angles below this, radians, are none: a twentieth of a degree.
+const NO_TURN: f64 = 9e-4;
+/// Relative changes of size below this are none.
+const NO_SCALE: f64 = 2e-4;
+/// Movements below this share of the size are none.
+const NO_SHIFT: f64 = 1e-3;
+/// An axis this near to a coordinate axis has its name.
+const ALONG: f64 = 1e-4;
+const AXES: [&str; 3] = ["x", "y", "z"];
+
+impl Similarity {
+    /// What this does to a thing of diameter `size` around `centre`, as in "scaled by 1.3, turned
+    /// 180° about x"; "not moved" if it does nothing that could be seen.
+    pub fn describe(&self, centre: [f64; 3], size: f64) -> String {
+        let mut words = Vec::new();
+        let (mirror, rotation) = self.mirror_and_rotation();
+        if let Some(axis) = mirror {
+            words.push(format!("mirrored along {axis}"));
+        }
+        if (self.scale - 1.0).abs() > NO_SCALE {
+            words.push(format!("scaled by {}", rounded(self.scale, 4)));
+        }
+        words.extend(turn(rotation));
+        let to = self.apply(centre);
+        let shift = sub(to, centre);
+        // Tools turn and scale a selection about itself, and a scene about the origin.
+        let about_origin = norm(self.translation) <= NO_SHIFT * size;
+        if !about_origin && norm(shift) > NO_SHIFT * size {
+            let [x, y, z] = shift.map(|v| rounded(if v.abs() < 1e-4 * size { 0.0 } else { v }, 3));
+            words.push(format!("moved by ({x}, {y}, {z})"));
+        }
+        if words.is_empty() { "not moved".to_owned() } else { words.join(", ") }
+    }
+
+    /// Whether this does nothing that could be seen to a thing of diameter `size` around `centre`.
+    pub fn is_still(&self, centre: [f64; 3], size: f64) -> bool {
+        let shift = norm(sub(self.apply(centre), centre));
+        !self.mirrored
+            && (self.scale - 1.0).abs() <= NO_SCALE
+            && turn(self.rotation).is_none()
+            && shift <= NO_SHIFT * size
+    }
+
+    /// The axis along which the sign changes first, if it is mirrored, and the rotation that
+    /// follows: none where the mirror's axis can be chosen so.
+    fn mirror_and_rotation(&self) -> (Option<&'static str>, [f64; 4]) {
+        if !self.mirrored {
+            return (None, self.rotation);
+        }
+        // Mirroring along an axis is a half turn about it and a point reflection.
+        let half_turn = |axis: usize| {
+            let mut q = [0.0; 4];
+            q[axis + 1] = 1.0;
+            q
+        };
+        let best = (0..3)
+            .max_by(|&a, &b| self.rotation[a + 1].abs().total_cmp(&self.rotation[b + 1].abs()))
+            .unwrap_or(0);
+        let rotation = quat::mul(self.rotation, quat::conjugate(half_turn(best)));
+        (Some(AXES[best]), rotation)
+    }
+}
+
+fn turn(rotation: [f64; 4]) -> Option<String> {
+    let [w, x, y, z] = if rotation[0] < 0.0 { rotation.map(|c| -c) } else { rotation };
+    let sine = norm([x, y, z]);
+    let angle = 2.0 * sine.atan2(w);
+    if angle < NO_TURN {
+        return None;
+    }
+    let axis = [x, y, z].map(|c| c / sine);
+    let degrees = angle.to_degrees();
+    let named = (0..3).find(|&k| 1.0 - axis[k].abs() < ALONG);
+    let Some(k) = named else {
+        let [x, y, z] = axis.map(|c| rounded(c, 3));
+        return Some(format!("turned {}° about ({x}, {y}, {z})", rounded(degrees, 4)));
+    };
+    let half = (degrees - 180.0).abs() < 0.05;
+    let signed = if axis[k] < 0.0 && !half { -degrees } else { degrees };
+    let up = k == 0 && (degrees - 90.0).abs() < 0.05;
+    let note = if up { ": y and z exchanged as the upward axis" } else { "" };
+    Some(format!("turned {}° about {}{note}", rounded(signed, 4), AXES[k]))
+}
+
+/// `value` with that many significant digits and no trailing zeros.
+fn rounded(value: f64, digits: usize) -> String {
+    if value == 0.0 {
+        return "0".to_owned();
+    }
+    let magnitude = value.abs().log10().floor();
+    let decimals = (digits as f64 - 1.0 - magnitude).clamp(0.0, 9.0);
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to 0..=9")]
+    let text = format!("{value:.0$}", decimals as usize);
+    let text = if text.contains('.') {
+        text.trim_end_matches('0').trim_end_matches('.').to_owned()
+    } else {
+        text
+    };
+    if text == "-0" { "0".to_owned() } else { text }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn described(scale: f64, rotation: [f64; 4], mirrored: bool, shift: [f64; 3]) -> String {
+        let rotation = quat::normalize(rotation);
+        Similarity { scale, rotation, mirrored, translation: shift }.describe([0.0; 3], 1.0)
+    }
+
+    #[test]
+    fn says_what_was_done() {
+        let (one, half) = ([1.0, 0.0, 0.0, 0.0], std::f64::consts::FRAC_1_SQRT_2);
+        let still = [0.0; 3];
+        for (found, expected) in [
+            (described(1.0, one, false, still), "not moved"),
+            (described(1.3, one, false, still), "scaled by 1.3"),
+            (described(1.0, [0.0, 1.0, 0.0, 0.0], false, still), "turned 180° about x"),
+            (described(1.0, [0.0, 0.0, -1.0, 0.0], false, still), "turned 180° about y"),
+            (
+                described(1.0, [half, -half, 0.0, 0.0], false, still),
+                "turned -90° about x: y and z exchanged as the upward axis",
+            ),
+            (described(1.0, [0.0, 0.0, 0.0, 1.0], true, still), "mirrored along z"),
+            (described(1.0, one, false, [0.5, 0.0, -2.0]), "moved by (0.5, 0, -2)"),
+            (
+                described(0.01, [half, 0.0, half, 0.0], false, [0.0, 1.0, 0.0]),
+                "scaled by 0.01, turned 90° about y, moved by (0, 1, 0)",
+            ),
+            (
+                described(1.0, [0.9, 0.1, 0.2, 0.3], false, still),
+                "turned 45.15° about (0.267, 0.535, 0.802)",
+            ),
+        ] {
+            assert_eq!(found, expected, "in words");
+        }
+    }
+
+    #[test]
+    fn scaling_about_a_centre_moves_nothing_there() {
+        let scaled = Similarity {
+            scale: 1.3,
+            translation: [-0.3 * 2.0, -0.3 * -1.0, 0.0],
+            ..Similarity::IDENTITY
+        };
+        assert_eq!(scaled.describe([2.0, -1.0, 0.0], 0.5), "scaled by 1.3", "in place");
+        let about_origin = Similarity { scale: 2.0, ..Similarity::IDENTITY };
+        assert_eq!(about_origin.describe([2.0, -1.0, 0.0], 0.5), "scaled by 2", "as a scene");
+    }
+}

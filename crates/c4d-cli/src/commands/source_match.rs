@@ -1,0 +1,356 @@
+//! How an edited file relates to the scene: as a whole turned or moved, of which time, and what it
+//! lacks.
+//!
+//! Everything here is decided by which splats are the scene's, before the slow part begins.
+
+use crate::console::Console;
+use crate::failure::{Failure, Outcome, chain};
+use crate::frames;
+use crate::scene::Opened;
+use crate::settings::PropagateJob;
+use amg::{Identity, IdentityMap, IdentityParams};
+use gs_core::{Precision, RowPrecision, Splats};
+use std::sync::Arc;
+
+/// An edited cloud whose middle lies further from the source's than this many source sizes is of
+/// another scene.
+const FAR: f64 = 3.0;
+/// An edited cloud this many times larger than the source, or smaller, is in other units.
+const LARGER: f64 = 50.0;
+/// Share of edited rows equal to canonical rows above which the edit was made on the wrong file.
+const CANONICAL_SHARE: f64 = 0.5;
+/// Share of the edit's splats, or of the scene's, that are the same: above it this is an edit of
+/// the scene, wherever the rest lies.
+const SAME_SCENE: f64 = 0.1;
+/// Share that matches at another time, above which the edit is of that time.
+const SAME_TIME: f64 = 0.5;
+/// Rows compared at other times, spread evenly over the file.
+const SAMPLED_ROWS: usize = 1000;
+/// Other times looked at.
+const OTHER_TIMES: usize = 128;
+/// Opacity below which no renderer draws a splat: one step of 255.
+pub(crate) const INVISIBLE: f32 = 1.0 / 255.0;
+
+/// Refuses files that belong to another scene, time or frame of reference, and returns the edited
+/// splats in the scene's frame with what they lack added, as the flags ask. `params` follows them.
+pub(crate) fn fit(
+    args: &PropagateJob,
+    source: &Opened,
+    frame: &Splats,
+    edited: Splats,
+    params: &mut IdentityParams,
+    console: &Console,
+) -> Outcome<Splats> {
+    let mut edited = edited;
+    let mut map = compare(frame, &edited, params)?;
+    let whole = if args.align { map.whole_file() } else { map.whole_scene() };
+    if let Some(group) = whole
+        && let Some(placed) = undo(args, frame, &edited, &map, group, params, console)?
+    {
+        map = compare(frame, &placed, params)?;
+        // Undoing rounds: what is the scene's has the scene's own values again.
+        edited = map.restore_in_place(frame, &placed);
+    } else if args.align {
+        console.warn(format!(
+            "--align: {} is not the scene turned, scaled or moved as a whole; nothing is undone",
+            args.edited.display()
+        ));
+    }
+    if !args.allow_far {
+        refuse_canonical(args, params, source, frame, &edited)?;
+        if (map.matched() as f64) < SAME_SCENE * edited.len().min(frame.len()) as f64 {
+            refuse_other_scene(args, frame, &edited, &map)?;
+            refuse_other_time(args, source, &edited, &map, params, console)?;
+        }
+    }
+    complete(args, frame, edited, &map, params, console)
+}
+
+fn compare(frame: &Splats, edited: &Splats, params: &IdentityParams) -> Outcome<IdentityMap> {
+    let params = IdentityParams { enabled: true, moved: true, ..params.clone() };
+    IdentityMap::of(frame, edited, &params).map_err(|error| Failure::bad_input(chain(&error)))
+}
+
+/// The edited splats in the scene's frame; `None` if they are there already.
+fn undo(
+    args: &PropagateJob,
+    frame: &Splats,
+    edited: &Splats,
+    map: &IdentityMap,
+    group: u32,
+    params: &mut IdentityParams,
+    console: &Console,
+) -> Outcome<Option<Splats>> {
+    let similarity = map.similarities[group as usize];
+    let Some((centre, size)) = robust_ball(frame) else { return Ok(None) };
+    if similarity.is_still(centre, 2.0 * size) {
+        return Ok(None);
+    }
+    let what = similarity.describe(centre, 2.0 * size);
+    let file = args.edited.display();
+    if args.align {
+        let back = similarity.inverse();
+        if let Some(precision) = &params.precision {
+            params.precision = Some(Arc::new(back.place_precision(precision, edited.len())));
+        }
+        console.note(format!(
+            "{file} is the scene {what}: undone, the result is in the scene's own frame"
+        ));
+        return Ok(Some(back.place(edited)));
+    }
+    if args.allow_far {
+        console.warn(format!("{file} is the scene {what}: the result stays like that"));
+        return Ok(None);
+    }
+    Err(Failure::bad_input(format!(
+        "{file} is the scene {what}: {} of its {} splats are the scene's under that",
+        map.members(group).count(),
+        edited.len()
+    ))
+    .next(
+        "--align undoes it and delivers the result in the scene's own frame; --allow-far keeps it.",
+    ))
+}
+
+/// An edit of another frame: few of its splats are the scene's at the time given, and many at
+/// another.
+fn refuse_other_time(
+    args: &PropagateJob,
+    source: &Opened,
+    edited: &Splats,
+    map: &IdentityMap,
+    params: &IdentityParams,
+    console: &Console,
+) -> Outcome {
+    let step = edited.len().div_ceil(SAMPLED_ROWS).max(1);
+    let rows: Vec<usize> = (0..edited.len()).step_by(step).collect();
+    let sample = edited.select(&rows);
+    let params = IdentityParams {
+        enabled: true,
+        moved: false,
+        precision: params.precision.as_ref().map(|precision| Arc::new(precision.select(&rows))),
+        ..params.clone()
+    };
+    let times = other_times(source, args.time);
+    let mut progress = console.progress("other times", times.len() as u64);
+    let mut frame = Splats::default();
+    for (done, &t) in times.iter().enumerate() {
+        source.scene.at_into(t, &mut frame).map_err(Failure::bad_input)?;
+        let found = IdentityMap::of(&frame, &sample, &params)
+            .map_err(|error| Failure::bad_input(chain(&error)))?;
+        progress.set(done as u64 + 1);
+        if (found.matched() as f64) < SAME_TIME * sample.len() as f64 {
+            continue;
+        }
+        progress.finish();
+        let of_frames = source.scene.num_frames().and_then(|frames| {
+            let range = source.scene.time_range();
+            let number = range.frames(frames).iter().position(|&frame| frame == t)?;
+            Some(format!(" (frame {} of {frames})", number + 1))
+        });
+        return Err(Failure::usage(format!(
+            "{} is an edit of the scene at time {t}{}, not at --time {}: {} of {} splats compared are the scene's there, {} of {} here",
+            args.edited.display(),
+            of_frames.unwrap_or_default(),
+            args.time,
+            found.matched(),
+            sample.len(),
+            map.matched(),
+            edited.len()
+        ))
+        .next(format!("Run again with --time {t}.")));
+    }
+    progress.finish();
+    Ok(())
+}
+
+/// Times at which an edit may have been made: the scene's frames; of a scene without, such as
+/// people choose, the roundest first.
+fn other_times(source: &Opened, given: f32) -> Vec<f32> {
+    let range = source.scene.time_range();
+    let mut times = if let Some(count) = source.scene.num_frames() {
+        let all = range.frames(count);
+        let step = all.len().div_ceil(OTHER_TIMES).max(1);
+        all.into_iter().step_by(step).collect()
+    } else {
+        let mut times: Vec<f32> = Vec::new();
+        for parts in [1, 2, 4, 10, 20, 60] {
+            for t in range.frames(parts + 1) {
+                if !times.iter().any(|known| (known - t).abs() < 1e-6) {
+                    times.push(t);
+                }
+            }
+        }
+        times
+    };
+    times.retain(|&t| t != given && frames::check(range, t, "--time").is_ok());
+    times
+}
+
+/// An edited frame of which nothing is the source's, and which lies elsewhere, is no edit of it.
+fn refuse_other_scene(
+    args: &PropagateJob,
+    source: &Splats,
+    edited: &Splats,
+    map: &IdentityMap,
+) -> Outcome {
+    let (Some(source_ball), Some(edited_ball)) = (robust_ball(source), robust_ball(edited)) else {
+        return Ok(());
+    };
+    let size = source_ball.1.max(f64::MIN_POSITIVE);
+    let away = (0..3).map(|k| (source_ball.0[k] - edited_ball.0[k]).powi(2)).sum::<f64>().sqrt();
+    let ratio = edited_ball.1 / size;
+    // A small object that was cut out of a scene is an edit of it; as many splats in a tiny space
+    // are a scene in other units.
+    let shrunk = ratio < 1.0 / LARGER && edited.len() > source.len() / 10;
+    let apart = map.matched() == 0 && away > source_ball.1 + edited_ball.1;
+    if away < FAR * size && ratio < LARGER && !shrunk && !apart {
+        return Ok(());
+    }
+    Err(Failure::bad_input(format!(
+        "{} does not look like an edit of {} at time {}: {} of its {} splats are the scene's, its middle is {:.1} scene sizes away and it is {:.2} times as large",
+        args.edited.display(),
+        args.scene.display(),
+        args.time,
+        map.matched(),
+        edited.len(),
+        away / size,
+        ratio
+    ))
+    .next("Edit the PLY that c4d freeze writes, in the same coordinates; --allow-far goes on regardless."))
+}
+
+/// The PLY inside a model folder is canonical, not a frame: an edit of it would move twice.
+fn refuse_canonical(
+    args: &PropagateJob,
+    identity: &IdentityParams,
+    source: &Opened,
+    frame: &Splats,
+    edited: &Splats,
+) -> Outcome {
+    let Some(network) = &source.network else { return Ok(()) };
+    let canonical = network.canonical();
+    // Splats that the network leaves alone are the same in both and tell nothing.
+    let (still, moved): (Vec<usize>, Vec<usize>) =
+        (0..frame.len()).partition(|&row| canonical.means[row] == frame.means[row]);
+    let params = IdentityParams { enabled: true, moved: false, ..identity.clone() };
+    let found = |cloud: &Splats| -> Outcome<usize> {
+        let map = IdentityMap::of(cloud, edited, &params)
+            .map_err(|error| Failure::bad_input(chain(&error)))?;
+        Ok(map.matched())
+    };
+    let of_still = if still.is_empty() { 0 } else { found(&frame.select(&still))? };
+    let open = edited.len().saturating_sub(of_still);
+    if moved.is_empty() || open == 0 {
+        return Ok(());
+    }
+    let share =
+        |cloud: &Splats| -> Outcome<f64> { Ok(found(&cloud.select(&moved))? as f64 / open as f64) };
+    if share(canonical)? < CANONICAL_SHARE || share(frame)? >= CANONICAL_SHARE {
+        return Ok(());
+    }
+    Err(Failure::bad_input(format!(
+        "{} is an edit of the model's own point_cloud.ply, which is canonical: no frame of the scene looks like it",
+        args.edited.display()
+    ))
+    .next(format!("Write the frame with c4d freeze {} -o DIR and edit DIR/point_cloud.ply.", args.scene.display())))
+}
+
+/// Adds what the file lacks and the user did not mean to delete; says what is missing, and which
+/// edits nobody saw.
+fn complete(
+    args: &PropagateJob,
+    frame: &Splats,
+    edited: Splats,
+    map: &IdentityMap,
+    params: &mut IdentityParams,
+    console: &Console,
+) -> Outcome<Splats> {
+    let (file, time) = (args.edited.display(), args.time);
+    if map.matched() == 0 {
+        if args.keep_rest {
+            return Err(Failure::usage(format!(
+                "--keep-rest: no splat of {file} is the scene's at time {time}, so there is no rest"
+            ))
+            .next("Leave out --keep-rest, or give the time at which the selection was saved with --time."));
+        }
+        return Ok(edited);
+    }
+    let (hidden, shown): (Vec<u32>, Vec<u32>) =
+        map.vanished.iter().partition(|&&id| frame.opacity(id as usize) < INVISIBLE);
+    let num_hidden = (0..frame.len()).filter(|&id| frame.opacity(id) < INVISIBLE).count();
+    let num_shown = frame.len() - num_hidden;
+    let selection_only = 2 * shown.len() > num_shown;
+    let left_out = !hidden.is_empty() && hidden.len() == num_hidden && !selection_only;
+    let added: &[u32] = if args.keep_rest {
+        console.note(format!("--keep-rest: {} splats of the scene added", map.vanished.len()));
+        &map.vanished
+    } else if left_out {
+        console.note(format!(
+            "{num_hidden} splats of the scene that are invisible at time {time} are not in {file}: they are kept"
+        ));
+        &hidden
+    } else {
+        &[]
+    };
+    if selection_only && !args.keep_rest {
+        console.warn(format!(
+            "{file} has {} of the scene's {num_shown} visible splats; the other {} are removed at all times. If only a selection was saved, --keep-rest keeps the rest",
+            num_shown - shown.len(),
+            shown.len()
+        ));
+    }
+    let removed = if added.is_empty() { hidden.len() } else { 0 };
+    let unseen = |row: &&Identity| {
+        let changed = matches!(row, Identity::Recoloured(_) | Identity::Moved { .. });
+        changed && row.source().is_some_and(|id| frame.opacity(id as usize) < INVISIBLE)
+    };
+    let changed = map.rows.iter().filter(unseen).count();
+    if changed + removed > 0 {
+        console.note(format!(
+            "the edit touches splats that are invisible at time {time}: {changed} changed, {removed} removed; it shows when they appear"
+        ));
+    }
+    Ok(appended(frame, edited, added, params))
+}
+
+fn appended(
+    frame: &Splats,
+    mut edited: Splats,
+    added: &[u32],
+    params: &mut IdentityParams,
+) -> Splats {
+    if added.is_empty() {
+        return edited;
+    }
+    if let Some(precision) = &params.precision {
+        let stored = (0..edited.len()).map(|row| *precision.of(row));
+        let exact = added.iter().map(|_| RowPrecision::EXACT);
+        params.precision = Some(Arc::new(Precision::by_chunk(stored.chain(exact).collect(), 1)));
+    }
+    let rest = frame.with_sh_degree(edited.sh_degree);
+    for &id in added {
+        edited.push_from(&rest, id as usize);
+    }
+    edited
+}
+
+/// Median centre and the distance within which 90 % of the splats lie.
+fn robust_ball(splats: &Splats) -> Option<([f64; 3], f64)> {
+    let finite: Vec<[f64; 3]> = splats
+        .means
+        .iter()
+        .filter(|mean| mean.iter().all(|value| value.is_finite()))
+        .map(|mean| mean.map(f64::from))
+        .collect();
+    if finite.is_empty() {
+        return None;
+    }
+    let rank = |mut values: Vec<f64>, share: usize| {
+        let at = (values.len() - 1) * share / 100;
+        *values.select_nth_unstable_by(at, f64::total_cmp).1
+    };
+    let centre = [0, 1, 2].map(|k| rank(finite.iter().map(|p| p[k]).collect(), 50));
+    let distance = |p: &[f64; 3]| (0..3).map(|k| (p[k] - centre[k]).powi(2)).sum::<f64>().sqrt();
+    Some((centre, rank(finite.iter().map(distance).collect(), 90)))
+}

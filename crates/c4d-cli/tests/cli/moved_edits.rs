@@ -1,0 +1,355 @@
+//! Edits that were moved, of another time, or only a part: what is said, what is refused, what the
+//! flags do.
+
+use crate::support::{c4d, failure, fixture, success};
+use amg::Similarity;
+use gs_core::Splats;
+use gs_io::{Existing, ply};
+use std::path::{Path, PathBuf};
+
+const HALF_TURN_ABOUT_X: Similarity =
+    Similarity { rotation: [0.0, 1.0, 0.0, 0.0], ..Similarity::IDENTITY };
+
+struct Desk {
+    folder: tempfile::TempDir,
+}
+
+impl Desk {
+    fn new() -> Self {
+        Self { folder: tempfile::tempdir().unwrap() }
+    }
+
+    fn at(&self, name: &str) -> PathBuf {
+        self.folder.path().join(name)
+    }
+
+    fn save(&self, name: &str, splats: &Splats) -> PathBuf {
+        let file = self.at(name);
+        ply::write_file(&file, splats, &ply::WriteOptions::default(), Existing::Refuse).unwrap();
+        file
+    }
+
+    /// `c4d propagate` of the synthetic source; the run is called `run`.
+    fn propagate(&self, edited: &Path, run: &str, flags: &[&str]) -> assert_cmd::Command {
+        propagate(&fixture("synth/source"), edited, &self.at(run), flags)
+    }
+
+    /// Three frames of a run.
+    fn frames(&self, run: &str) -> Vec<Splats> {
+        let out = self.at(&format!("{run}-frames"));
+        let run = self.at(run);
+        success(&mut c4d([
+            "export",
+            text(&run),
+            "--to",
+            "ply-seq",
+            "--frames",
+            "3",
+            "-o",
+            text(&out),
+        ]));
+        read_frames(&out)
+    }
+}
+
+fn propagate(source: &Path, edited: &Path, run: &Path, flags: &[&str]) -> assert_cmd::Command {
+    let fixed =
+        ["propagate", text(source), "--edited", text(edited), "-o", text(run), "--no-refine"];
+    c4d(fixed.iter().chain(flags).copied().collect::<Vec<_>>())
+}
+
+fn text(path: &Path) -> &str {
+    path.to_str().unwrap()
+}
+
+fn read_frames(folder: &Path) -> Vec<Splats> {
+    let mut files: Vec<PathBuf> =
+        std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path()).collect();
+    files.retain(|file| file.extension().is_some_and(|extension| extension == "ply"));
+    files.sort();
+    files.iter().map(|file| ply::read_file(file).unwrap().splats).collect()
+}
+
+fn originals() -> Vec<Splats> {
+    read_frames(&fixture("synth/source"))
+}
+
+/// Splats within `radius` of the highest one.
+fn top(splats: &Splats, radius: f32) -> Vec<usize> {
+    let height = |i: &usize| splats.means[*i][1];
+    let highest = (0..splats.len()).max_by(|a, b| height(a).total_cmp(&height(b))).unwrap();
+    let near = |i: &usize| {
+        (0..3).map(|k| (splats.means[*i][k] - splats.means[highest][k]).powi(2)).sum::<f32>()
+            <= radius * radius
+    };
+    (0..splats.len()).filter(near).collect()
+}
+
+fn with_placed(splats: &Splats, rows: &[usize], similarity: &Similarity) -> Splats {
+    let (placed, mut edited) = (similarity.place(&splats.select(rows)), splats.clone());
+    let coeffs = edited.sh_coeffs();
+    for (i, &row) in rows.iter().enumerate() {
+        edited.means[row] = placed.means[i];
+        edited.quats[row] = placed.quats[i];
+        edited.log_scales[row] = placed.log_scales[i];
+        edited.sh[row * coeffs..][..coeffs].copy_from_slice(placed.sh_of(i));
+    }
+    edited
+}
+
+#[test]
+fn a_turned_scene_is_named_and_align_undoes_it() {
+    let (desk, frames) = (Desk::new(), originals());
+    let edited = desk.save("turned.ply", &HALF_TURN_ABOUT_X.place(&frames[0]));
+    let said = failure(&mut desk.propagate(&edited, "refused", &[]), 3);
+    assert!(said.contains("is the scene turned 180° about x"), "{said}");
+    assert!(said.contains("--align"), "the next step: {said}");
+    assert!(!desk.at("refused").exists(), "nothing is written");
+
+    let (_, said) = success(&mut desk.propagate(&edited, "run", &["--align"]));
+    assert!(said.contains("turned 180° about x: undone"), "{said}");
+    for (found, original) in desk.frames("run").iter().zip(&frames) {
+        assert_eq!(found, original, "the source's own values, bit for bit");
+    }
+    // Kept as it is, the scene moves in the turned frame.
+    let (_, said) = success(&mut desk.propagate(&edited, "kept", &["--allow-far"]));
+    assert!(said.contains("stays like that"), "{said}");
+    let last = HALF_TURN_ABOUT_X.place(frames.last().unwrap());
+    let found = desk.frames("kept");
+    let far = |a: &Splats, b: &Splats| {
+        let pairs = a.means.iter().zip(&b.means);
+        pairs
+            .map(|(x, y)| (0..3).map(|k| (x[k] - y[k]).abs()).fold(0.0, f32::max))
+            .fold(0.0, f32::max)
+    };
+    assert!(
+        far(&found[2], &last) < 1e-4,
+        "trajectories are turned, too: {}",
+        far(&found[2], &last)
+    );
+    assert!(far(&found[0], &found[2]) > 1e-2, "negative control: it moves");
+}
+
+#[test]
+fn axes_scale_and_handedness_of_other_tools() {
+    let (desk, frames) = (Desk::new(), originals());
+    let half = std::f64::consts::FRAC_1_SQRT_2;
+    for (name, similarity, words) in [
+        (
+            "z_up",
+            Similarity { rotation: [half, half, 0.0, 0.0], ..Similarity::IDENTITY },
+            "turned 90° about x: y and z exchanged as the upward axis",
+        ),
+        ("centimetres", Similarity { scale: 100.0, ..Similarity::IDENTITY }, "scaled by 100"),
+        (
+            "mirrored",
+            Similarity { rotation: [0.0, 0.0, 0.0, 1.0], mirrored: true, ..Similarity::IDENTITY },
+            "mirrored along z",
+        ),
+        (
+            "elsewhere",
+            Similarity { translation: [40.0, 0.0, -7.0], ..Similarity::IDENTITY },
+            "moved by (40, 0, -7)",
+        ),
+    ] {
+        let edited = desk.save(&format!("{name}.ply"), &similarity.place(&frames[0]));
+        let said = failure(&mut desk.propagate(&edited, &format!("{name}-no"), &[]), 3);
+        assert!(said.contains(words), "{name}: {said}");
+        success(&mut desk.propagate(&edited, name, &["--align"]));
+        assert_eq!(desk.frames(name)[1], frames[1], "{name}: bit for bit");
+    }
+    // An untouched edit has nothing to undo.
+    let same = desk.save("same.ply", &frames[0]);
+    let (_, said) = success(&mut desk.propagate(&same, "same", &["--align"]));
+    assert!(said.contains("nothing is undone"), "{said}");
+}
+
+#[test]
+fn a_scaled_selection_is_counted_and_stored() {
+    let (desk, frames) = (Desk::new(), originals());
+    let rows = top(&frames[0], 0.25);
+    assert!(rows.len() > 20, "{} splats selected", rows.len());
+    let n = rows.len() as f64;
+    let sum = |k: usize| rows.iter().map(|&i| f64::from(frames[0].means[i][k])).sum::<f64>();
+    let centre = [0, 1, 2].map(|k| sum(k) / n);
+    let similarity =
+        Similarity { scale: 1.3, translation: centre.map(|c| -0.3 * c), ..Similarity::IDENTITY };
+    let edited = desk.save("scaled.ply", &with_placed(&frames[0], &rows, &similarity));
+    let (_, said) = success(&mut desk.propagate(&edited, "run", &[]));
+    let expected = format!("{} splats moved as one: scaled by 1.3", rows.len());
+    assert!(said.contains(&expected), "expected `{expected}`: {said}");
+    let json = std::fs::read_to_string(desk.at("run/run.json")).unwrap();
+    let json: serde_json::Value = serde_json::from_str(&json).unwrap();
+    assert_eq!(json["edited"]["moved"], rows.len(), "run.json");
+    let (shown, _) = success(&mut c4d(["info", text(&desk.at("run"))]));
+    assert!(shown.contains(&format!("{} moved", rows.len())), "info: {shown}");
+    // What was read back from the run is 1.3 times as wide as the source's at every time.
+    let width = |splats: &Splats| {
+        let at = |i: usize| splats.means[rows[i]];
+        (1..rows.len())
+            .map(|i| (0..3).map(|k| (at(i)[k] - at(0)[k]).powi(2)).sum::<f32>().sqrt())
+            .fold(0.0, f32::max)
+    };
+    for (found, original) in desk.frames("run").iter().zip(&frames) {
+        let ratio = width(found) / width(original);
+        assert!((ratio - 1.3).abs() < 1e-3, "{ratio} times as wide");
+    }
+    // The baseline of the paper does not know of it.
+    let (_, said) = success(&mut desk.propagate(&edited, "knn", &["--baseline", "knn"]));
+    assert!(!said.contains("moved as one"), "{said}");
+}
+
+#[test]
+fn a_saved_selection_is_warned_of_and_the_rest_kept_if_asked() {
+    let (desk, frames) = (Desk::new(), originals());
+    let rows = top(&frames[0], 0.25);
+    let mut selection = frames[0].select(&rows);
+    let coeffs = selection.sh_coeffs();
+    selection.sh.iter_mut().step_by(coeffs).for_each(|dc| *dc = [0.9, -0.4, 0.1]);
+    let edited = desk.save("selection.ply", &selection);
+    let (_, said) = success(&mut desk.propagate(&edited, "only", &[]));
+    assert!(said.contains("are removed at all times") && said.contains("--keep-rest"), "{said}");
+    assert_eq!(desk.frames("only")[1].len(), rows.len(), "as asked");
+
+    let (_, said) = success(&mut desk.propagate(&edited, "all", &["--keep-rest"]));
+    let rest = frames[0].len() - rows.len();
+    assert!(said.contains(&format!("--keep-rest: {rest} splats of the scene added")), "{said}");
+    let found = &desk.frames("all")[1];
+    assert_eq!(found.len(), frames[0].len(), "nothing is missing");
+    let others: Vec<usize> = (0..frames[1].len()).filter(|i| !rows.contains(i)).collect();
+    let tail: Vec<usize> = (rows.len()..found.len()).collect();
+    assert_eq!(
+        found.select(&tail),
+        frames[1].select(&others),
+        "the rest is the source, bit for bit"
+    );
+
+    // A selection that was scaled before it was saved alone is no scene of another size, unless that is what is asked.
+    let larger = Similarity { scale: 1.5, ..Similarity::IDENTITY };
+    let edited = desk.save("larger.ply", &larger.place(&frames[0].select(&rows)));
+    let (_, said) = success(&mut desk.propagate(&edited, "larger", &[]));
+    assert!(said.contains(&format!("{} splats moved as one: scaled by 1.5", rows.len())), "{said}");
+    let (_, said) = success(&mut desk.propagate(&edited, "aligned", &["--align", "--keep-rest"]));
+    assert!(said.contains("scaled by 1.5"), "{said}");
+    let (found, order) = (&desk.frames("aligned")[1], [&rows[..], &others[..]].concat());
+    assert_eq!(*found, frames[1].select(&order), "the scene as it was, bit for bit");
+
+    // Of another scene there is no rest.
+    let mut other = frames[0].clone();
+    for (i, (scale, dc)) in (0_u16..).zip(other.log_scales.iter_mut().zip(&mut other.sh)) {
+        let odd = f32::from(i * 37 % 101) / 101.0;
+        *scale = scale.map(|s| s + odd);
+        *dc = [odd, -odd, 1.0 - odd];
+    }
+    other.means.iter_mut().for_each(|mean| mean[1] += 0.05 + 0.02 * mean[0].sin());
+    let edited = desk.save("other.ply", &other);
+    let said = failure(&mut desk.propagate(&edited, "none", &["--keep-rest"]), 2);
+    assert!(said.contains("no rest"), "{said}");
+}
+
+#[test]
+fn matched_splats_decide_before_bounds_and_none_is_a_refusal() {
+    let (desk, frames) = (Desk::new(), originals());
+    let mut dome = frames[0].clone();
+    for i in 0..frames[0].len() {
+        dome.push_from(&frames[0], i);
+    }
+    for (i, mean) in (0_u16..).zip(dome.means.iter_mut().skip(frames[0].len())) {
+        let angle = f32::from(i) * 2.399_963;
+        let height = f32::from(i % 200) / 100.0 - 1.0;
+        let ring = (1.0 - height * height).sqrt();
+        *mean = [ring * angle.cos(), height, ring * angle.sin()].map(|v| 5000.0 * v);
+    }
+    for (i, scale) in (0_u16..).zip(dome.log_scales.iter_mut().skip(frames[0].len())) {
+        *scale = [3.0, 3.0 + f32::from(i % 17) * 0.1, 4.0 + f32::from(i % 13) * 0.1];
+    }
+    let edited = desk.save("dome.ply", &dome);
+    let (_, said) = success(&mut desk.propagate(&edited, "dome", &[]));
+    assert!(said.contains(&format!("{} unchanged", frames[0].len())), "{said}");
+
+    // Other splats beside the scene: near enough for the old bounds, but none of them is the
+    // scene's.
+    let mut beside = frames[0].clone();
+    let (min, max) = frames[0].bounds().unwrap();
+    let extent = (0..3).map(|k| max[k] - min[k]).fold(0.0, f32::max);
+    for (i, (mean, scale)) in (0_u16..).zip(beside.means.iter_mut().zip(&mut beside.log_scales)) {
+        mean[0] += 1.25 * extent + f32::from(i * 31 % 97) * 1e-3;
+        *scale = scale.map(|s| s + f32::from(i * 53 % 89) * 0.01);
+        scale[1] += f32::from(i * 29 % 83) * 0.01;
+    }
+    let edited = desk.save("beside.ply", &beside);
+    let said = failure(&mut desk.propagate(&edited, "beside", &[]), 3);
+    assert!(said.contains("0 of its") && said.contains("--allow-far"), "{said}");
+    success(&mut desk.propagate(&edited, "beside", &["--allow-far"]));
+}
+
+#[test]
+fn an_edit_of_another_time_is_told_which() {
+    let (desk, frames) = (Desk::new(), originals());
+    assert!(frames.len() >= 3, "a middle frame");
+    let middle = 1;
+    let time = middle as f32 / (frames.len() - 1) as f32;
+    let edited = desk.save("middle.ply", &frames[middle]);
+    let said = failure(&mut desk.propagate(&edited, "wrong", &[]), 2);
+    assert!(said.contains(&format!("is an edit of the scene at time {time}")), "{said}");
+    assert!(said.contains(&format!("Run again with --time {time}")), "{said}");
+    success(&mut desk.propagate(&edited, "right", &["--time", &time.to_string()]));
+}
+
+/// A sequence of two frames in which every fifth splat appears only in the second.
+fn fading(desk: &Desk) -> (PathBuf, Vec<Splats>, Vec<usize>) {
+    let folder = desk.at("fading");
+    std::fs::create_dir(&folder).unwrap();
+    let mut frames: Vec<Splats> = originals().into_iter().take(2).collect();
+    let hidden: Vec<usize> = (0..frames[0].len()).step_by(5).collect();
+    for &i in &hidden {
+        frames[0].opacity_logits[i] = -9.0;
+        frames[1].opacity_logits[i] = 3.0;
+    }
+    for (i, frame) in frames.iter().enumerate() {
+        desk.save(&format!("fading/{i:05}.ply"), frame);
+    }
+    (folder, frames, hidden)
+}
+
+#[test]
+fn invisible_splats_are_counted_left_out_and_kept() {
+    let desk = Desk::new();
+    let (scene, frames, hidden) = fading(&desk);
+    let freeze = |name: &str, flags: &[&str]| {
+        let out = desk.at(name);
+        let fixed = ["freeze", text(&scene), "-o", text(&out)];
+        let (_, said) = success(&mut c4d(fixed.iter().chain(flags).copied().collect::<Vec<_>>()));
+        (out.join("point_cloud.ply"), said)
+    };
+    let count = format!("{} of {} splats are invisible", hidden.len(), frames[0].len());
+    let (_, said) = freeze("whole", &[]);
+    assert!(said.contains(&count) && said.contains("--visible"), "{said}");
+    let (file, said) = freeze("visible", &["--visible"]);
+    assert!(said.contains(&count) && said.contains("left out"), "{said}");
+    let visible = ply::read_file(&file).unwrap().splats;
+    assert_eq!(visible.len(), frames[0].len() - hidden.len(), "left out");
+
+    // An editor writes the file anew, and deletes a tenth of it.
+    let kept: Vec<usize> = (0..visible.len()).filter(|i| i % 10 != 0).collect();
+    let edited = desk.save("edited.ply", &visible.select(&kept));
+    let (run, out) = (desk.at("run"), desk.at("out"));
+    let (_, said) = success(&mut propagate(&scene, &edited, &run, &[]));
+    assert!(said.contains("are not in") && said.contains("they are kept"), "{said}");
+    success(&mut c4d(["export", text(&run), "--to", "ply-seq", "--frames", "2", "-o", text(&out)]));
+    let last = &read_frames(&out)[1];
+    assert_eq!(last.len(), kept.len() + hidden.len(), "they are back");
+    let back: Vec<usize> = (kept.len()..last.len()).collect();
+    assert_eq!(last.select(&back), frames[1].select(&hidden), "with their own values");
+
+    // Of an edit that has some of them, the missing ones were deleted, and that is said.
+    let some: Vec<usize> = (0..frames[0].len()).filter(|i| i % 10 != 0).collect();
+    let mut edit = frames[0].select(&some);
+    let coeffs = edit.sh_coeffs();
+    let recoloured = some.iter().position(|i| i % 5 == 0).unwrap();
+    edit.sh[recoloured * coeffs] = [0.9, 0.1, -0.3];
+    let edited = desk.save("cropped.ply", &edit);
+    let (_, said) = success(&mut propagate(&scene, &edited, &desk.at("cropped"), &[]));
+    let removed = hidden.iter().filter(|i| **i % 10 == 0).count();
+    assert!(said.contains(&format!("1 changed, {removed} removed")), "{said}");
+}

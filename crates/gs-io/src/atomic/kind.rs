@@ -81,6 +81,7 @@ impl FileContent {
             Container::Spz => Self::Spz,
             Container::Zip if holds_frames(&start) => Self::Zip,
             Container::Splat => Self::Splat,
+            Container::Gltf => Self::Gltf,
             Container::Zip | Container::Unknown => Self::Unknown,
         })
     }

@@ -29,6 +29,15 @@ pub(crate) struct RunConfig {
     /// Axes of the edited frame, if they were asked for.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub(crate) axes: Option<String>,
+    /// Whether a placement of the whole edit was undone.
+    #[serde(default)]
+    pub(crate) align: bool,
+    /// Whether splats that the edit lacks were added.
+    #[serde(default)]
+    pub(crate) keep_rest: bool,
+    /// Whether an edit that seems to be of another scene was taken.
+    #[serde(default)]
+    pub(crate) allow_far: bool,
     /// `best` or `paper`.
     pub(crate) preset: String,
     /// `none`, `knn` or `deformnet`.

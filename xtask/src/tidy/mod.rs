@@ -11,8 +11,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 /// Files that are in import circles, by crate. Lower a number when it shrinks, never raise it. A crate without a row has none.
-const CIRCLES: &[(&str, usize)] =
-    &[("amg", 99), ("anchors", 99), ("c4d-cli", 99), ("gs-io", 99), ("uot", 99)];
+const CIRCLES: &[(&str, usize)] = &[("amg", 7), ("c4d-cli", 12), ("gs-io", 50), ("uot", 8)];
 
 /// Longest source file; beyond it a file holds more than one concept.
 const MAX_LINES: usize = 600;
@@ -129,7 +128,7 @@ fn manifests(root: &Path) -> Result<Vec<PathBuf>> {
 /// Every file of the repository outside `target`, version control and output folders.
 fn files(root: &Path) -> Result<Vec<PathBuf>> {
     let mut files = Vec::new();
-    let tops = ["crates", "xtask", "shaders", "fixtures", "docs", ".ci"];
+    let tops = ["crates", "xtask", "shaders", "fixtures", "docs", ".ci", ".github"];
     let mut folders: Vec<PathBuf> =
         tops.iter().map(|top| root.join(top)).filter(|folder| folder.is_dir()).collect();
     for entry in fs::read_dir(root)? {

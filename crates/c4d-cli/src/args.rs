@@ -198,7 +198,7 @@ pub(crate) struct RefineFlags {
     /// How frame 1 is carried to other frames [default: backward; paper with --preset paper]
     #[arg(long, value_enum)]
     pub(crate) warp: Option<WarpArg>,
-    /// Memory for images, MiB [default: 2048]
+    /// Memory for images, MiB, 16 or more [default: 2048, or half of what is free]
     #[arg(long, value_name = "MIB")]
     pub(crate) memory: Option<usize>,
     /// Write a preview image into the run every so many seconds

@@ -16,6 +16,7 @@ mod frames;
 mod images;
 mod instead;
 mod loops;
+mod memory;
 mod model_flags;
 mod passes;
 mod placement;
@@ -62,17 +63,17 @@ fn main() -> ExitCode {
 }
 
 fn run(cli: &Cli, global: &Global, console: &Console) -> Outcome {
-    if let Some(threads) = global.threads {
-        if !(1..=MAX_THREADS).contains(&threads) {
-            return Err(Failure::usage(format!(
-                "--threads {threads}: expected 1 to {MAX_THREADS}"
-            )));
-        }
-        rayon::ThreadPoolBuilder::new()
-            .num_threads(threads)
-            .build_global()
-            .map_err(|error| Failure::failed(format!("cannot start {threads} threads: {error}")))?;
+    let threads = global.threads;
+    if let Some(threads) = threads.filter(|threads| !(1..=MAX_THREADS).contains(threads)) {
+        return Err(Failure::usage(format!("--threads {threads}: expected 1 to {MAX_THREADS}")));
     }
+    // Here, where a failure is an error, and not at first use, where it would be a panic.
+    rayon::ThreadPoolBuilder::new().num_threads(threads.unwrap_or(0)).build_global().map_err(
+        |error| {
+            Failure::failed(format!("cannot start the threads: {error}"))
+                .next("Give a smaller --threads, or the process more memory.")
+        },
+    )?;
     if cfg!(debug_assertions) {
         console
             .detail("this is a debug build: expect it to be some ten times slower than --release");

@@ -42,6 +42,7 @@ mod evaluator;
 mod first_frame_visibility;
 mod flow;
 mod flow_files;
+mod kept;
 pub mod loss;
 mod options;
 mod problem;

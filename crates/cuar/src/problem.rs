@@ -6,6 +6,7 @@ use crate::{
     loss::LossParts,
     sample::Sample,
     state::{Observer, Preview, Progress, State},
+    view_sampler::ViewTime,
 };
 use gs_core::{Camera, Image, Rasterizer};
 use rayon::prelude::*;
@@ -228,6 +229,18 @@ impl<'a> Watch<'a> {
             }
         }
         Ok(())
+    }
+
+    pub(crate) fn begin_images(&mut self, fingerprint: u64) {
+        self.observer.begin_images(fingerprint);
+    }
+
+    pub(crate) fn kept_image(&mut self, at: ViewTime) -> Option<Vec<u8>> {
+        self.observer.kept_image(at)
+    }
+
+    pub(crate) fn keep_image(&mut self, at: ViewTime, bytes: &[u8]) {
+        self.observer.keep_image(at, bytes);
     }
 
     /// For stages that keep no state.

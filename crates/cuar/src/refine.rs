@@ -12,7 +12,7 @@ use crate::{
     state::{Observer, State},
     supervision::Supervision,
 };
-use gs_core::{DynamicScene, Rasterizer, Splats};
+use gs_core::{Camera, DynamicScene, Rasterizer, Splats};
 use std::time::Instant;
 
 /// Result of a refinement.
@@ -95,7 +95,9 @@ pub fn refine_with<R: Rasterizer<Prepared: Send> + Sync>(
     let source = Source { raster, options, edited, row_of: &row_of, first: &first };
     let mut stage = Supervision::new(scene, views, source, num_lanes);
     let total = plan.samples.len() + plan.held_out.len();
+    let inputs = fingerprint_of_inputs(&first, &rows, options, views.cameras);
     let mut watch = Watch::new(observer, options, "images", total, 0);
+    watch.begin_images(inputs);
     let mut samples = stage.build(&plan.samples, options.memory, 0, &mut watch, &mut report)?;
     let stats = stage.stats;
     report.supervision = stats;
@@ -145,7 +147,7 @@ pub fn refine_with<R: Rasterizer<Prepared: Send> + Sync>(
     problem.cache()?;
     let cache_secs = begun.elapsed().as_secs_f64() - images_secs;
 
-    let fingerprint = fingerprint(&first, &rows, &problem);
+    let fingerprint = fingerprint(inputs, &problem.samples);
     if let Some(state) = resume.filter(|state| state.fingerprint != fingerprint) {
         return Err(CuarError::State {
             what: format!(
@@ -319,44 +321,58 @@ fn number(edited: &[bool]) -> (Vec<u32>, Vec<u32>) {
     (rows, row_of)
 }
 
-/// FNV-1a over what a run depends on.
-fn fingerprint<R: Rasterizer<Prepared: Send> + Sync>(
+/// FNV-1a, 64 bits.
+struct Fnv(u64);
+
+impl Fnv {
+    fn eat(&mut self, value: u64) {
+        for byte in value.to_le_bytes() {
+            self.0 = (self.0 ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3);
+        }
+    }
+}
+
+/// Hash of what images are made from, the scene's motion aside.
+fn fingerprint_of_inputs(
     first: &Splats,
     rows: &[u32],
-    problem: &Problem<R>,
+    options: &RefineOptions,
+    cameras: &[Camera],
 ) -> u64 {
-    let mut hash = 0xcbf2_9ce4_8422_2325_u64;
-    let mut eat = |value: u64| {
-        for byte in value.to_le_bytes() {
-            hash = (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3);
-        }
-    };
+    let mut hash = Fnv(0xcbf2_9ce4_8422_2325);
     let options = RefineOptions {
         // these change how a run is watched, not what it computes
         preview_secs: None,
         checkpoint_secs: None,
         memory: 0,
-        ..problem.options.clone()
+        ..options.clone()
     };
     for byte in format!("{options:?}").bytes() {
-        eat(u64::from(byte));
+        hash.eat(u64::from(byte));
     }
     for &row in rows {
-        eat(u64::from(row));
+        hash.eat(u64::from(row));
     }
     for value in first.sh.iter().flatten().chain(first.means.iter().flatten()) {
-        eat(u64::from(value.to_bits()));
+        hash.eat(u64::from(value.to_bits()));
     }
-    for camera in problem.cameras {
-        eat(u64::from(camera.width) << 32 | u64::from(camera.height));
+    for camera in cameras {
+        hash.eat(u64::from(camera.width) << 32 | u64::from(camera.height));
         let lens = &camera.intrinsics;
         let lens = [lens.fx, lens.fy, lens.cx, lens.cy];
-        lens.iter().chain(camera.viewmat.as_flattened()).for_each(|value| eat(value.to_bits()));
+        let values = lens.iter().chain(camera.viewmat.as_flattened());
+        values.for_each(|value| hash.eat(value.to_bits()));
     }
-    for sample in &problem.samples {
-        eat(sample.at.view as u64);
-        eat(u64::from(sample.at.time.to_bits()));
-        eat(sample.entries.len() as u64);
+    hash.0
+}
+
+/// Hash of what a run depends on.
+fn fingerprint<P>(inputs: u64, samples: &[Sample<P>]) -> u64 {
+    let mut hash = Fnv(inputs);
+    for sample in samples {
+        hash.eat(sample.at.view as u64);
+        hash.eat(u64::from(sample.at.time.to_bits()));
+        hash.eat(sample.entries.len() as u64);
     }
-    hash
+    hash.0
 }

@@ -1,6 +1,6 @@
 //! [`State`] of a run, for checkpoints, and [`Observer`], which follows it.
 
-use crate::CuarError;
+use crate::{CuarError, ViewTime};
 use gs_core::Image;
 
 /// State from which a run can be resumed, as plain arrays.
@@ -94,6 +94,22 @@ pub trait Observer {
     /// To be stored by the caller; called as often as the options say, and before a cancelled run returns.
     fn checkpoint(&mut self, state: &State) {
         let _ = state;
+    }
+
+    /// Called before images are made, with a hash of the inputs that they depend on, the scene's motion aside.
+    fn begin_images(&mut self, fingerprint: u64) {
+        let _ = fingerprint;
+    }
+
+    /// An image as [`Observer::keep_image`] got it in a run with the same scene, rasteriser and hash; it is made if there is none.
+    fn kept_image(&mut self, at: ViewTime) -> Option<Vec<u8>> {
+        let _ = at;
+        None
+    }
+
+    /// An image just made, to be stored by the caller if it likes.
+    fn keep_image(&mut self, at: ViewTime, bytes: &[u8]) {
+        let _ = (at, bytes);
     }
 
     /// Called after every few images; `true` ends the run with [`CuarError::Cancelled`].

@@ -1,7 +1,7 @@
 //! Making the supervised images, several at a time ([`Supervision`]).
 
 use crate::{
-    CuarError, Report, SupervisionStats, Views,
+    CuarError, Report, SupervisionStats, Views, kept,
     problem::Watch,
     sample::{Builder, Made, Sample, Source},
     view_sampler::ViewTime,
@@ -68,7 +68,7 @@ impl<'a, R: Rasterizer<Prepared: Send> + Sync> Supervision<'a, R> {
             if next < PROBE {
                 end = end.min(PROBE);
             }
-            for made in self.make(&plan[next..end])?.into_iter().flatten() {
+            for made in self.made(&plan[next..end], watch)?.into_iter().flatten() {
                 self.count(&made);
                 samples.push(made.sample);
             }
@@ -95,6 +95,29 @@ impl<'a, R: Rasterizer<Prepared: Send> + Sync> Supervision<'a, R> {
             watch.stop_if_cancelled()?;
         }
         Ok(samples)
+    }
+
+    /// The images `group`: those kept from an earlier run, and the others anew.
+    fn made(
+        &mut self,
+        group: &[ViewTime],
+        watch: &mut Watch,
+    ) -> Result<Vec<Option<Made<R::Prepared>>>, CuarError> {
+        let num_rows = self.uncertain_counts.len();
+        let mut kept: Vec<_> =
+            group.iter().map(|&at| kept::decode(&watch.kept_image(at)?, at, num_rows)).collect();
+        let missing: Vec<ViewTime> =
+            group.iter().zip(&kept).filter(|(_, kept)| kept.is_none()).map(|(at, _)| *at).collect();
+        let mut fresh = self.make(&missing)?.into_iter();
+        for (&at, kept) in group.iter().zip(&mut kept) {
+            if kept.is_none()
+                && let Some(made) = fresh.next()
+            {
+                watch.keep_image(at, &kept::encode(made.as_ref()));
+                *kept = Some(made);
+            }
+        }
+        Ok(kept.into_iter().map(Option::flatten).collect())
     }
 
     fn count<P>(&mut self, made: &Made<P>) {

@@ -5,10 +5,11 @@ mod common;
 use common::{Case, Flaws, case, render};
 use cuar::{
     AdamParams, CuarError, NoObserver, Observer, Preview, Progress, RefineOptions, Refined,
-    RegressionParams, Solver, State, Views, WarpForm, refine,
+    RegressionParams, Solver, State, ViewTime, Views, WarpForm, refine,
 };
 use gs_core::{DynamicScene, TimeRange, sh};
 use gs_raster_cpu::CpuRasterizer;
+use std::collections::BTreeMap;
 use std::sync::OnceLock;
 
 fn small() -> &'static Case {
@@ -83,6 +84,51 @@ impl Observer for Keeper {
     fn cancelled(&mut self) -> bool {
         self.left == Some(0)
     }
+}
+
+/// Keeps images, and counts those that are made.
+#[derive(Default)]
+struct Shelf {
+    images: BTreeMap<(usize, u32), Vec<u8>>,
+    made: usize,
+    fingerprint: u64,
+}
+
+impl Observer for Shelf {
+    fn begin_images(&mut self, fingerprint: u64) {
+        self.fingerprint = fingerprint;
+    }
+    fn kept_image(&mut self, at: ViewTime) -> Option<Vec<u8>> {
+        self.images.get(&(at.view, at.time.to_bits())).cloned()
+    }
+    fn keep_image(&mut self, at: ViewTime, bytes: &[u8]) {
+        self.made += 1;
+        self.images.insert((at.view, at.time.to_bits()), bytes.to_vec());
+    }
+}
+
+#[test]
+fn kept_images_are_not_made_again() {
+    let options = regression(2);
+    let mut shelf = Shelf::default();
+    let whole = run(&options, None, &mut shelf).unwrap();
+    let (made, fingerprint) = (shelf.made, shelf.fingerprint);
+    assert!(made > 10, "{made} images");
+    // As if killed in the midst of making them; and one was damaged since.
+    while shelf.images.len() > made / 2 {
+        shelf.images.pop_last();
+    }
+    let lost = made - shelf.images.len();
+    shelf.images.first_entry().expect("an image").get_mut().push(0);
+    shelf.made = 0;
+    let again = run(&options, None, &mut shelf).unwrap();
+    assert_eq!(shelf.made, lost + 1, "the missing and the damaged ones are made");
+    assert_eq!((again.d_sh, again.sh), (whole.d_sh, whole.sh), "the same bits");
+    assert_eq!(again.report.loss_after, whole.report.loss_after, "and losses");
+    assert_eq!(again.report.held_out_after, whole.report.held_out_after, "and losses");
+    assert_eq!(shelf.fingerprint, fingerprint, "the same inputs");
+    run(&RefineOptions { epsilon: 0.7, ..options }, None, &mut shelf).unwrap();
+    assert_ne!(shelf.fingerprint, fingerprint, "other inputs");
 }
 
 #[test]

@@ -30,11 +30,13 @@ pub fn open_file(path: impl AsRef<Path>) -> io::Result<File> {
 pub fn read_file(path: impl AsRef<Path>) -> io::Result<Vec<u8>> {
     let mut file = open_file(path)?;
     let length = file.metadata()?.len();
-    let mut bytes = Vec::new();
-    usize::try_from(length)
-        .ok()
-        .and_then(|length| bytes.try_reserve_exact(length).ok())
-        .ok_or_else(|| out_of_memory(length))?;
+    let mut bytes: Vec<u8> = Vec::new();
+    // As much again for what the bytes become: found out now, not in the midst of reading.
+    let mut has_room = |length: usize| {
+        length.checked_mul(2).is_some_and(|twice| bytes.try_reserve_exact(twice).is_ok())
+    };
+    let room = usize::try_from(length).ok().filter(|&length| has_room(length));
+    bytes.shrink_to(room.ok_or_else(|| out_of_memory(length))?);
     file.read_to_end(&mut bytes)?;
     Ok(bytes)
 }

@@ -35,6 +35,7 @@ targets! {
     colmap "../../../fuzz/fuzz_targets/colmap.rs",
     frame "../../../fuzz/fuzz_targets/frame.rs",
     gltf "../../../fuzz/fuzz_targets/gltf.rs",
+    model_folder "../../../fuzz/fuzz_targets/model_folder.rs",
     nerfies "../../../fuzz/fuzz_targets/nerfies.rs",
     ply "../../../fuzz/fuzz_targets/ply.rs",
     pth "../../../fuzz/fuzz_targets/pth.rs",
@@ -57,17 +58,111 @@ fn kept_inputs_still_pass() {
     let names: Vec<&str> = TARGETS.iter().map(|(name, _)| *name).collect();
     assert_eq!(kept, names, "a corpus for every target");
     for (name, run) in TARGETS {
-        let bytes = std::fs::read(folder.join(format!("{name}.zip"))).unwrap();
-        let mut archive = zip::ZipArchive::new(Cursor::new(bytes)).unwrap();
-        assert!(archive.len() > 5, "{name}: {} inputs", archive.len());
-        for index in 0..archive.len() {
-            let mut input = Vec::new();
-            archive.by_index(index).unwrap().read_to_end(&mut input).unwrap();
-            run(&input);
-        }
+        let inputs = corpus(name);
+        assert!(inputs.len() > 5, "{name}: {} inputs", inputs.len());
+        inputs.iter().for_each(|input| run(input));
     }
+    changed_inputs_pass_too();
     // What targets that read from disk leave behind.
     let left = |name: &str| std::env::temp_dir().join(format!("{name}{}", std::process::id()));
     std::fs::remove_file(left("gs-io-fuzz-").with_added_extension("zip")).unwrap();
     std::fs::remove_dir_all(left("gs-io-fuzz-swift4d-")).unwrap();
+    std::fs::remove_dir_all(left("gs-io-fuzz-model-")).unwrap();
+}
+
+/// Seconds that each target gets in the ordinary suite; `C4D_FUZZ_SECONDS` asks for more.
+fn seconds() -> f64 {
+    let asked = std::env::var("C4D_FUZZ_SECONDS").ok().and_then(|text| text.parse().ok());
+    asked.unwrap_or(2.0)
+}
+
+/// A reproducible stream of numbers (SplitMix64).
+struct Numbers(u64);
+
+impl Numbers {
+    fn next(&mut self, below: usize) -> usize {
+        self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
+        let mut z = self.0;
+        z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
+        z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
+        usize::try_from((z ^ (z >> 31)) % below.max(1) as u64).unwrap()
+    }
+}
+
+/// An input changed as libFuzzer changes inputs: bytes, numbers at the ends of their range, digits, parts left out, doubled, or taken from
+/// another input.
+fn mutated(kept: &[Vec<u8>], numbers: &mut Numbers) -> Vec<u8> {
+    const EXTREMES: [u32; 6] = [0, 1, 0x7fff_ffff, 0x8000_0000, 0xffff_ffff, 0x7fc0_0000];
+    let mut bytes = kept[numbers.next(kept.len())].clone();
+    for _ in 0..=numbers.next(4) {
+        let at = numbers.next(bytes.len() + 1);
+        let length = numbers.next(1 + (bytes.len() - at).min(64));
+        match numbers.next(7) {
+            0 if at < bytes.len() => bytes[at] ^= 1 << numbers.next(8),
+            1 if at < bytes.len() => bytes[at] = u8::try_from(numbers.next(256)).unwrap(),
+            2 if at < bytes.len() => bytes[at] = b"0123456789-.e,nN"[numbers.next(16)],
+            3 if at + 4 <= bytes.len() => {
+                let extreme = EXTREMES[numbers.next(EXTREMES.len())];
+                bytes[at..at + 4].copy_from_slice(&extreme.to_le_bytes());
+            }
+            4 => drop(bytes.drain(at..at + length)),
+            5 => {
+                let part = bytes[at..at + length].to_vec();
+                bytes.splice(at..at, part);
+            }
+            _ => {
+                let other = &kept[numbers.next(kept.len())];
+                let from = numbers.next(other.len() + 1);
+                let upto = other.len().min(from + 1 + length);
+                bytes.splice(at..at, other[from.min(upto)..upto].iter().copied());
+            }
+        }
+    }
+    bytes
+}
+
+fn corpus(name: &str) -> Vec<Vec<u8>> {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../fuzz/corpora");
+    let bytes = std::fs::read(folder.join(format!("{name}.zip"))).unwrap();
+    let mut archive = zip::ZipArchive::new(Cursor::new(bytes)).unwrap();
+    (0..archive.len())
+        .map(|index| {
+            let mut input = Vec::new();
+            archive.by_index(index).unwrap().read_to_end(&mut input).unwrap();
+            input
+        })
+        .collect()
+}
+
+/// Every target on changed inputs, for a few seconds each: what a fuzzer does, without its instrumentation.
+fn changed_inputs_pass_too() {
+    use std::panic::{AssertUnwindSafe, catch_unwind};
+    use std::time::Instant;
+    let next = std::sync::atomic::AtomicUsize::new(0);
+    let work = || {
+        while let Some((name, run)) =
+            TARGETS.get(next.fetch_add(1, std::sync::atomic::Ordering::Relaxed))
+        {
+            let (kept, begun, mut tried) = (corpus(name), Instant::now(), 0_u64);
+            while begun.elapsed().as_secs_f64() < seconds() {
+                let input = mutated(&kept, &mut Numbers(tried));
+                let asked = Instant::now();
+                if catch_unwind(AssertUnwindSafe(|| run(&input))).is_err() {
+                    let file = std::env::temp_dir().join(format!("c4d-fuzz-{name}-{tried}"));
+                    std::fs::write(&file, &input).unwrap();
+                    panic!("{name}: input {tried} is in {}", file.display());
+                }
+                let took = asked.elapsed().as_secs_f64();
+                assert!(took < 20.0, "{name}: input {tried} takes {took} s");
+                tried += 1;
+            }
+            eprintln!("{name}: {tried} inputs");
+            assert!(tried > 10, "{name}: only {tried} inputs");
+        }
+    };
+    std::thread::scope(|scope| {
+        for _ in 0..2 {
+            scope.spawn(work);
+        }
+    });
 }

@@ -61,10 +61,46 @@ function impliedReal(x, y, z, step) {
   return Math.floor(Math.sqrt(Math.max(0, one * one - (x * x + y * y + z * z))) + 0.5);
 }
 
+/** Refuses what does not fit: everything below trusts the counts of the header. */
+function check(fits, what) {
+  if (!fits) throw new Error(`the payload is damaged: ${what}`);
+}
+
+/** The header, its counts within what a payload of `size` bytes can hold. */
+function readHeader(text, size) {
+  let header;
+  try {
+    header = JSON.parse(text);
+  } catch (error) {
+    throw new Error(`the payload is damaged: its header is no JSON (${error.message})`);
+  }
+  const isCount = (value, most) => Number.isInteger(value) && value >= 0 && value <= most;
+  const isList = (value) => Array.isArray(value);
+  check(header !== null && typeof header === "object", "no header");
+  check(isCount(header.frames, 65535) && header.frames > 0, "number of frames");
+  // A row may take no byte at all, if all of them are the same.
+  check(isList(header.groups) && header.groups.length === 4 && header.groups.every((n) => isCount(n, size + 65536)), "groups");
+  check(isList(header.attributes), "attributes");
+  for (const entry of header.attributes) {
+    check(entry !== null && typeof entry === "object" && typeof entry.name === "string", "an attribute");
+    const { table, channels, step, base_channels: stored, base_planes, knot_planes, movers, knots, gap_bytes } = entry;
+    check(table === "geometry" || table === "look", "table of an attribute");
+    check(isCount(channels, 64) && channels > 0, "channels");
+    check(stored === channels || (stored === 3 && channels === 4), "stored channels");
+    check(isCount(base_planes, 4) && isCount(knot_planes, 4), "bytes of a number");
+    check([movers, knots, gap_bytes].every((n) => isCount(n, size)), "counts of what moves");
+    check(Number.isFinite(step) && step > 0, "step");
+  }
+  return header;
+}
+
 /** One attribute: first frame of every row, and the knots of those that move. */
 function readAttribute(entry, rows, frames, bytes, start) {
   const { channels, step } = entry;
   let at = start;
+  const needed = rows * entry.base_channels * entry.base_planes + (entry.movers > 0 ? (rows + 7) >> 3 : 0) +
+    entry.gap_bytes + entry.knots * channels * entry.knot_planes;
+  check(at + needed <= bytes.length, "an attribute is cut short");
   const stored = readPlanes(bytes, at, rows, entry.base_channels, entry.base_planes);
   at += stored.length * entry.base_planes;
   if (entry.base_delta) {
@@ -86,23 +122,29 @@ function readAttribute(entry, rows, frames, bytes, start) {
 
   const movers = new Uint32Array(entry.movers);
   if (entry.movers > 0) {
-    for (let row = 0, mover = 0; row < rows; row++) {
+    let mover = 0;
+    for (let row = 0; row < rows; row++) {
       if ((bytes[at + (row >> 3)] >> (row & 7)) & 1) movers[mover++] = row;
     }
+    check(mover === entry.movers, "another number of rows moves");
     at += (rows + 7) >> 3;
   }
   // Knot 0 of every mover is its first frame, so that a piece always has two ends.
   const first = new Uint32Array(entry.movers + 1);
   const knotFrames = new Uint16Array(entry.knots + entry.movers);
-  for (let mover = 0, knot = 0, end = at + entry.gap_bytes; at < end; at++) {
-    if (knot === first[mover]) knotFrames[knot++] = 0;
+  let ended = 0;
+  for (let knot = 0, end = at + entry.gap_bytes; at < end; at++) {
+    check(ended < entry.movers, "more tracks than rows that move");
+    if (knot === first[ended]) knotFrames[knot++] = 0;
     if (bytes[at] > 0) {
-      knotFrames[knot] = knotFrames[knot - 1] + bytes[at];
-      knot++;
+      const frame = knotFrames[knot - 1] + bytes[at];
+      check(frame < frames && knot < knotFrames.length, "a knot after the last frame");
+      knotFrames[knot++] = frame;
     } else {
-      first[++mover] = knot;
+      first[++ended] = knot;
     }
   }
+  check(ended === entry.movers && first[ended] === knotFrames.length, "another number of knots");
   const differences = readPlanes(bytes, at, entry.knots, channels, entry.knot_planes);
   at += differences.length * entry.knot_planes;
 
@@ -145,9 +187,10 @@ function everyFrame(knotFrames, values, start, end, channels, out) {
 /** The whole payload. */
 function readPayload(bytes) {
   const text = (from, to) => new TextDecoder().decode(bytes.subarray(from, to));
-  if (text(0, 8) !== "C4DPLAY1") throw new Error("this is not a payload of this player");
+  if (bytes.length < 12 || text(0, 8) !== "C4DPLAY1") throw new Error("this is not a payload of this player");
   const length = new DataView(bytes.buffer, bytes.byteOffset).getUint32(8, true);
-  const header = JSON.parse(text(12, 12 + length));
+  check(12 + length <= bytes.length, "its header is cut short");
+  const header = readHeader(text(12, 12 + length), bytes.length);
   const [a, twins, shared, b] = header.groups;
   const rows = { geometry: a + twins + shared + b, look: a + 2 * twins + shared + b };
   const attributes = {};

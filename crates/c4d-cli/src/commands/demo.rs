@@ -18,6 +18,8 @@ use std::time::Instant;
 
 /// Frames of the PLY sequence that serves as the source scene.
 const SOURCE_FRAMES: usize = 31;
+/// Memory that the whole job takes per splat, bytes: source and edit in the motion stage, and frames of both.
+const BYTES_PER_SPLAT: u64 = 4096;
 /// Size of each half of the video, pixels.
 const SIZE: (u32, u32) = (560, 640);
 /// Length of the video, seconds, and its highest frame rate: more frames last longer.
@@ -35,6 +37,11 @@ pub(crate) fn run(args: &DemoArgs, global: &Global, console: &Console) -> Outcom
     if !(2..=10_000).contains(&args.frames) {
         return Err(Failure::usage(format!("--frames {}: expected 2 to 10000", args.frames)));
     }
+    crate::memory::require(
+        &format!("a scene of {} splats", args.splats),
+        (args.splats as u64).saturating_mul(BYTES_PER_SPLAT),
+        "Give a smaller --splats.",
+    )?;
     let start = Instant::now();
     let folder = AtomicDir::create(&args.output, existing(global))
         .map_err(|error| output_failure(&error))?;

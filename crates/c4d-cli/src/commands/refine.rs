@@ -9,18 +9,18 @@ use crate::progress::Progress;
 use crate::renderer::side_by_side;
 use crate::rig::{Layout, Rig};
 use crate::run_folder::{
-    self, CONFIG, Checkpoint, Loaded, PREVIEWS, REFINE_REPORT, REFINE_STATE, RefineConfig,
-    RefinedRows, SCENE,
+    self, CONFIG, Checkpoint, KeptImages, Loaded, MadeFrom, PREVIEWS, REFINE_IMAGES, REFINE_REPORT,
+    REFINE_STATE, RefineConfig, RefinedRows, SCENE,
 };
 use crate::settings::{
     AdamSettings, OcclusionSettings, RefineSettings, RegressionSettings, Settings,
 };
-use crate::{images, scene};
+use crate::{images, memory, scene};
 use amg::RowKind;
 use clap::ValueEnum;
 use cuar::{
-    Backend, CuarError, Observer, Preset, Preview, RefineOptions, Report, Solver, State, Views,
-    WarpForm,
+    Backend, CuarError, Observer, Preset, Preview, RefineOptions, Report, Solver, State, ViewTime,
+    Views, WarpForm,
 };
 use gs_core::{Camera, DynamicScene};
 use gs_io::FolderUpdate;
@@ -35,12 +35,14 @@ use std::path::Path;
 const RIG_SIZE: (u32, u32) = (640, 480);
 /// Times that images are drawn from.
 const FRAMES: usize = 30;
-/// Memory for images, MiB.
-const MEMORY: usize = 2048;
 /// Cameras of the rig.
 const RIG_CAMERAS: usize = 10;
 /// Most cameras of a data set used: each is drawn at the edited time and at others.
 const MAX_CAMERAS: usize = 64;
+/// Memory for images where none is asked for, MiB.
+const USUAL_MEMORY: usize = 2048;
+/// Least memory for images, MiB: a few small ones.
+const MIN_MEMORY: usize = 16;
 /// Most images that can be asked for.
 const MAX_SAMPLES: usize = 10_000_000;
 /// Every so-manieth camera is held out of the refinement and only reported.
@@ -76,7 +78,7 @@ pub(crate) fn run(args: &RefineArgs, global: &Global, console: &Console) -> Outc
                 Some(preset) => preset,
                 None => settings.preset()?.unwrap_or(PresetArg::Best),
             };
-            Checkpoint { preset, settings, flags, state: None }
+            Checkpoint::anew(preset, settings, &flags)
         }
     };
     refine(&args.run, begun, global, console)?;
@@ -87,11 +89,9 @@ pub(crate) fn run(args: &RefineArgs, global: &Global, console: &Console) -> Outc
 /// The checkpoint to go on from, with those flags of `args` that only change how a refinement is watched. A flag that would change its
 /// result is refused.
 fn resumed(args: &RefineArgs, checkpoint: Checkpoint, console: &Console) -> Outcome<Checkpoint> {
-    let Checkpoint { preset, settings, mut flags, state } = checkpoint;
+    let Checkpoint { preset, settings, mut flags, state, is_resumed } = checkpoint;
     let (given, usual) = (args.flags.absolute()?, RefineFlags::default());
-    if given.memory != usual.memory {
-        flags.memory = given.memory;
-    }
+    flags.memory = given.memory.or(flags.memory);
     if given.preview_every.is_some() {
         flags.preview_every = given.preview_every;
     }
@@ -125,7 +125,7 @@ fn resumed(args: &RefineArgs, checkpoint: Checkpoint, console: &Console) -> Outc
     }
     let step = state.as_ref().map_or(0, |state| state.step);
     console.note(format!("going on from step {step} with the flags of the checkpoint"));
-    Ok(Checkpoint { preset, settings, flags, state })
+    Ok(Checkpoint { preset, settings, flags, state, is_resumed })
 }
 
 /// Checks the flags, cameras and device of a refinement before anything else is done.
@@ -162,6 +162,16 @@ pub(crate) fn check(
         );
     }
     chosen(flags, preset, settings)?.check().map_err(|error| settings.refused(&error))?;
+    if let Some(asked) = flags.memory {
+        if asked < MIN_MEMORY {
+            return refuse(format!("--memory {asked}: expected MiB, {MIN_MEMORY} or more"));
+        }
+        memory::require(
+            &format!("--memory {asked}"),
+            (asked as u64).saturating_mul(memory::MIB),
+            "Give less: images that do not fit are made again, or fewer are drawn.",
+        )?;
+    }
     if let Some(path) = &flags.refine_cameras {
         gs_io::cameras::open(path, Reading::Trained).map_err(|error| scene::bad_input(&error))?;
     }
@@ -170,7 +180,7 @@ pub(crate) fn check(
 
 /// Refines the run in place, from where `begun` stands. Its motion, and the edited frame as it was given, stay.
 pub(crate) fn refine(run: &Path, begun: Checkpoint, global: &Global, console: &Console) -> Outcome {
-    let Checkpoint { preset, settings, flags, state } = begun;
+    let Checkpoint { preset, settings, flags, state, is_resumed } = begun;
     let flags = &flags.absolute()?;
     check(flags, preset, &settings, global)?;
     run_folder::check_is_folder(run)?;
@@ -206,15 +216,23 @@ pub(crate) fn refine(run: &Path, begun: Checkpoint, global: &Global, console: &C
     }
     let device = Device::open(global.gpu)?;
     console.detail(format!("refining on {}", device.describe()));
-    if state.is_none() {
+    if !is_resumed {
+        update.remove(REFINE_IMAGES).map_err(|error| output_failure(&error))?;
         Checkpoint::write(&update, preset, &settings, flags, None)?;
     }
+    let made_from = MadeFrom {
+        fingerprint: 0,
+        source_sha256: run_folder::fingerprint(&loaded.source.files)?,
+        device: device.describe(),
+    };
     let mut watch = Watch {
         update: &update,
         preset,
         settings: &settings,
         flags,
         console,
+        made_from,
+        images: None,
         progress: None,
         failure: None,
     };
@@ -270,7 +288,7 @@ pub(crate) fn refine(run: &Path, begun: Checkpoint, global: &Global, console: &C
         up: flags.refine_up.and_then(|up| Some(up.to_possible_value()?.get_name().to_owned())),
         frames: flags.refine_frames.unwrap_or(FRAMES),
         samples: options.samples,
-        memory: flags.memory.unwrap_or(MEMORY),
+        memory: flags.memory.unwrap_or(USUAL_MEMORY),
         epsilon: options.epsilon,
         min_uncertainty: options.min_uncertainty,
         eta: Some(options.weights.eta),
@@ -302,7 +320,10 @@ pub(crate) fn refine(run: &Path, begun: Checkpoint, global: &Global, console: &C
     write(SCENE, &loaded.stored.serialize()?, true)?;
     write(CONFIG, toml::to_string(&loaded.config).map_err(Failure::failed)?.as_bytes(), true)?;
     // The refinement is complete: its checkpoint is of no more use.
-    update.remove(REFINE_STATE).map_err(|error| output_failure(&error))
+    for name in [REFINE_STATE, REFINE_IMAGES] {
+        update.remove(name).map_err(|error| output_failure(&error))?;
+    }
+    Ok(())
 }
 
 /// Whether any edited splat's colour changes enough (Eq. 15) for an artifact to be possible. Costs a colour per splat instead of an
@@ -342,7 +363,7 @@ fn chosen(
     settings.apply(&mut options)?;
     options.preview_secs = flags.preview_every;
     options.checkpoint_secs = Some(flags.checkpoint_every);
-    options.memory = flags.memory.unwrap_or(MEMORY).saturating_mul(1 << 20);
+    options.memory = image_memory(flags);
     if let Some(samples) = flags.samples {
         options.samples = samples;
     }
@@ -368,6 +389,15 @@ fn options(
     options.seed = settings.seed().unwrap_or(loaded.config.seed);
     options.background = loaded.source.background.map(f64::from);
     Ok(options)
+}
+
+/// Memory for images, bytes: what was asked for, else [`USUAL_MEMORY`], or half of what is free if that is less.
+fn image_memory(flags: &RefineFlags) -> usize {
+    let mib = flags.memory.unwrap_or_else(|| {
+        let half = memory::free().map_or(USUAL_MEMORY as u64, |free| free / 2 / memory::MIB);
+        usize::try_from(half).unwrap_or(usize::MAX).clamp(MIN_MEMORY, USUAL_MEMORY)
+    });
+    mib.saturating_mul(1 << 20)
 }
 
 /// The cameras given, else a rig.
@@ -498,6 +528,9 @@ struct Watch<'a> {
     settings: &'a RefineSettings,
     flags: &'a RefineFlags,
     console: &'a Console,
+    made_from: MadeFrom,
+    /// Images kept for another process to go on from.
+    images: Option<KeptImages>,
     progress: Option<(&'static str, Progress)>,
     failure: Option<Failure>,
 }
@@ -543,6 +576,34 @@ impl Observer for Watch<'_> {
             self.update.write(&name, &bytes, false).map_err(|error| output_failure(&error))
         };
         self.note_failure(write());
+    }
+
+    fn begin_images(&mut self, fingerprint: u64) {
+        self.made_from.fingerprint = fingerprint;
+        match KeptImages::open(self.update, &self.made_from) {
+            Ok(images) => {
+                if images.len() > 0 {
+                    self.console.note(format!("{} images are there already", images.len()));
+                }
+                self.images = Some(images);
+            }
+            Err(failure) => self.note_failure(Err(failure)),
+        }
+    }
+
+    fn kept_image(&mut self, at: ViewTime) -> Option<Vec<u8>> {
+        self.images.as_mut()?.get(at)
+    }
+
+    fn keep_image(&mut self, at: ViewTime, bytes: &[u8]) {
+        // The refinement needs no images on disk: without room for them it only cannot be resumed as quickly.
+        if let Some(images) = &mut self.images
+            && let Err(error) = images.put(at, bytes)
+        {
+            images.clear();
+            self.images = None;
+            self.console.note(format!("images are not kept for --resume: {error}"));
+        }
     }
 
     fn checkpoint(&mut self, state: &State) {

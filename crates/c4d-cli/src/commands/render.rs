@@ -16,13 +16,16 @@ use crate::passes::{self, PassImage};
 use crate::renderer::{self, Renderer};
 use crate::scene;
 use crate::video::VideoWriter;
-use crate::{images, still};
+use crate::{images, memory, still};
 use gs_core::{Camera, DynamicScene, Image, RenderOutput, Splats};
 use gs_io::{AtomicDir, AtomicFile, Existing, Losses};
 use std::fs::File;
 use std::io::BufWriter;
 use std::path::{Path, PathBuf};
 
+/// Memory that one image takes, bytes per pixel: colour, coverage, depth and state of the rasteriser, two images side by side, and a
+/// copy for the encoder.
+const BYTES_PER_PIXEL: u64 = 64;
 /// Frames on a contact sheet.
 const SHEET_FRAMES: usize = 12;
 /// Widest contact sheet, pixels.
@@ -120,6 +123,13 @@ fn format_of(output: &Path) -> Outcome<Format> {
 impl Shot<'_> {
     /// Calls `sink` for every image, frames in order. Warns of images that show nothing of the scene.
     fn render(&self, mut sink: impl FnMut(&Exposure<'_>) -> Outcome) -> Outcome {
+        let pixels = |camera: &Camera| u64::from(camera.width) * u64::from(camera.height);
+        let largest = self.views.cameras().iter().map(pixels).max().unwrap_or(0);
+        memory::require(
+            &format!("an image of {largest} pixels"),
+            largest * BYTES_PER_PIXEL,
+            "Give a smaller --size.",
+        )?;
         let (mut empty, mut count) = (0, 0);
         self.expose(|exposure| {
             count += 1;

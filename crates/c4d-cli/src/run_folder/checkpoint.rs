@@ -22,9 +22,16 @@ pub(crate) struct Checkpoint {
     pub(crate) flags: RefineFlags,
     /// How far the solver is, if it has begun.
     pub(crate) state: Option<State>,
+    /// Whether it is the rest of an earlier process' work.
+    pub(crate) is_resumed: bool,
 }
 
 impl Checkpoint {
+    /// A refinement that nothing is done of.
+    pub(crate) fn anew(preset: PresetArg, settings: RefineSettings, flags: &RefineFlags) -> Self {
+        Self { preset, settings, flags: flags.clone(), state: None, is_resumed: false }
+    }
+
     /// Writes the checkpoint into the run.
     pub(crate) fn write(
         update: &FolderUpdate,
@@ -93,7 +100,7 @@ impl Checkpoint {
         let flags: RefineFlags =
             serde_json::from_str(entry("flags")?).map_err(|error| format!("flags: {error}"))?;
         if !metadata.contains_key("step") {
-            return Ok(Self { preset, settings, flags, state: None });
+            return Ok(Self { preset, settings, flags, state: None, is_resumed: true });
         }
         let number = |name: &str| {
             entry(name)?.parse().map_err(|error| format!("`{name}` is not a count: {error}"))
@@ -128,7 +135,7 @@ impl Checkpoint {
         doubles.sort_by(|a, b| a.0.cmp(&b.0));
         let state =
             State { fingerprint: number("fingerprint")?, step: number("step")?, arrays, doubles };
-        Ok(Self { preset, settings, flags, state: Some(state) })
+        Ok(Self { preset, settings, flags, state: Some(state), is_resumed: true })
     }
 }
 

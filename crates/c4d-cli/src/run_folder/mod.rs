@@ -5,18 +5,23 @@
 //! | `scene.c4d` | safetensors: the edited splats of the edit frame, the sparse binding to the source, refined colours |
 //! | `c4d.toml` | resolved configuration: inputs with fingerprints, options, seed, version |
 //! | `run.json` | what happened: counts, convergence, timings, warnings |
-//! | `refine.json`, `refine.state` | report of the refinement, and its checkpoint while it is unfinished |
+//! | `refine.json` | report of the refinement |
+//! | `refine.state`, `refine.images` | its checkpoint and its images while it is unfinished |
 //!
 //! The source scene is referred to, not copied; its fingerprint is checked when the run is opened.
 
 mod checkpoint;
 mod config;
 mod fingerprint;
+#[cfg(test)]
+mod hostile;
+mod kept_images;
 mod scene_file;
 
 pub(crate) use checkpoint::Checkpoint;
 pub(crate) use config::{RefineConfig, RunConfig};
 pub(crate) use fingerprint::fingerprint;
+pub(crate) use kept_images::{KeptImages, MadeFrom};
 pub(crate) use scene_file::{RefinedRows, Stored};
 
 use crate::args::Global;
@@ -40,6 +45,8 @@ pub(crate) const REPORT: &str = "run.json";
 pub(crate) const REFINE_REPORT: &str = "refine.json";
 /// Checkpoint of an unfinished refinement.
 pub(crate) const REFINE_STATE: &str = "refine.state";
+/// Images of an unfinished refinement.
+pub(crate) const REFINE_IMAGES: &str = "refine.images";
 /// Previews of a refinement.
 pub(crate) const PREVIEWS: &str = "previews";
 

@@ -6,6 +6,7 @@
 
 mod disk;
 mod kill;
+mod memory;
 mod outputs;
 mod special_files;
 #[path = "../cli/support.rs"]

@@ -90,6 +90,13 @@ fn refuse(path: &Path, existing: Existing) -> Result<(), IoError> {
     if !found.is_dir() {
         return Err(IoError::content(path, "is a file, expected the name of a folder"));
     }
+    if is_mount_point(path, &found) {
+        return Err(IoError::Taken {
+            path: path.to_owned(),
+            what: "is where another file system begins, and cannot be replaced".to_owned(),
+            next: format!("Name a folder in it, as in {}.", path.join("NAME").display()),
+        });
+    }
     if list_names(path)?.is_empty() {
         return Ok(());
     }
@@ -97,6 +104,20 @@ fn refuse(path: &Path, existing: Existing) -> Result<(), IoError> {
         return Err(IoError::Exists { path: super::final_path(path) });
     }
     may_go(path, path, Compare::Content)
+}
+
+/// Whether another file system begins at the folder `path`: nothing can be renamed to it.
+#[cfg(unix)]
+fn is_mount_point(path: &Path, found: &fs::Metadata) -> bool {
+    use std::os::unix::fs::MetadataExt;
+    let parent = path.canonicalize().ok().and_then(|path| fs::metadata(path.parent()?).ok());
+    parent.is_some_and(|parent| parent.dev() != found.dev())
+}
+
+/// Whether another file system begins at the folder `path`: of no concern where drives have letters.
+#[cfg(not(unix))]
+fn is_mount_point(_path: &Path, _found: &fs::Metadata) -> bool {
+    false
 }
 
 /// Refuses to remove `folder`, the present or former content of `output`, if anything in it is not ours.
@@ -239,6 +260,11 @@ mod tests {
         let dir = tempfile::tempdir().unwrap();
         fs::write(dir.path().join("f"), b"").unwrap();
         assert!(AtomicDir::create(dir.path().join("f"), Existing::Replace).is_err(), "a file");
+        #[cfg(target_os = "linux")]
+        {
+            let error = AtomicDir::create("/proc", Existing::Replace).unwrap_err();
+            assert!(error.to_string().contains("another file system"), "{error}");
+        }
         #[cfg(unix)]
         {
             let (target, link) = (dir.path().join("target"), dir.path().join("link"));

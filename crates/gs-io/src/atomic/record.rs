@@ -49,6 +49,9 @@ pub(super) struct Stamp {
 }
 
 impl Stamp {
+    /// Of a file that grows while it is written, and whose content is not compared.
+    pub(super) const GROWING: Self = Self { bytes: u64::MAX, crc32: 0 };
+
     pub(super) fn of_bytes(bytes: &[u8]) -> Self {
         Self { bytes: bytes.len() as u64, crc32: crc32fast::hash(bytes) }
     }
@@ -167,10 +170,17 @@ impl Record {
     }
 
     fn sizes_fit(&self, path: &str, bytes: u64) -> bool {
-        self.stamps(path).iter().any(|stamp| stamp.bytes == bytes)
+        let fits = |stamp: &Stamp| stamp.bytes == bytes || *stamp == Stamp::GROWING;
+        self.stamps(path).iter().any(fits)
     }
 
-    pub(super) fn stamps(&self, path: &str) -> &[Stamp] {
+    /// Whether a file of this path and stamp is one that this program wrote.
+    pub(super) fn knows(&self, path: &str, stamp: Stamp) -> bool {
+        let stamps = self.stamps(path);
+        stamps.contains(&stamp) || stamps.contains(&Stamp::GROWING)
+    }
+
+    fn stamps(&self, path: &str) -> &[Stamp] {
         self.0.get(path).map_or(&[], Vec::as_slice)
     }
 
@@ -245,7 +255,7 @@ impl Walk {
             let same = self.ours(&path, |record, path| record.sizes_fit(path, bytes))
                 && (self.compare == Compare::Sizes || {
                     let stamp = Stamp::of_file(&entry.path())?;
-                    self.ours(&path, |record, path| record.stamps(path).contains(&stamp))
+                    self.ours(&path, |record, path| record.knows(path, stamp))
                 });
             if !same {
                 return foreign("was changed since");

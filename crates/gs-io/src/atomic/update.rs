@@ -51,7 +51,7 @@ impl FolderUpdate {
                 return Err(IoError::content(&path, "is a folder, expected a file"));
             }
             let stamp = Stamp::of_file(&path).map_err(failed)?;
-            if !has_read && !Record::read(&record).stamps(name).contains(&stamp) {
+            if !has_read && !Record::read(&record).knows(name, stamp) {
                 return Err(IoError::Foreign {
                     path: self.folder.clone(),
                     entry: name.to_owned(),
@@ -65,6 +65,38 @@ impl FolderUpdate {
         file.write_all(bytes).and_then(|()| file.sync_all()).map_err(failed)?;
         drop(file);
         reservation.commit_file()
+    }
+
+    /// Opens the file `name` of the folder to read it and to write at its end, and makes it if it is missing. What it holds is not compared with
+    /// the record: this is for files that grow while they are written.
+    ///
+    /// # Errors
+    /// If the name is taken by something else, or the file cannot be opened.
+    pub fn growing(&self, name: &str) -> Result<File, IoError> {
+        let path = self.folder.join(name);
+        let record = Place::Inside.of(&self.folder);
+        let failed = |source| IoError::Write { path: path.clone(), source };
+        let known = Record::read(&record).knows(name, Stamp::GROWING);
+        if let Ok(found) = fs::symlink_metadata(&path) {
+            refuse_special(&path, found.file_type())?;
+            if !known {
+                return Err(IoError::Foreign {
+                    path: self.folder.clone(),
+                    entry: name.to_owned(),
+                    what: "was not written by it",
+                });
+            }
+        }
+        if !known {
+            Record::of_one(name, Stamp::GROWING).append(&record).map_err(failed)?;
+        }
+        File::options()
+            .read(true)
+            .write(true)
+            .create(true)
+            .truncate(false)
+            .open(&path)
+            .map_err(failed)
     }
 
     /// Removes the file `name` of the folder, if it is there.
@@ -99,6 +131,8 @@ mod tests {
         let update = FolderUpdate::begin(&run).unwrap();
         update.write("scene", b"other", false).unwrap();
         update.write("previews/0.png", b"image", false).unwrap();
+        update.growing("log").unwrap().write_all(b"a line").unwrap();
+        update.growing("mine").unwrap();
         let busy = AtomicDir::create(&run, Existing::Replace).unwrap_err();
         assert!(matches!(busy, IoError::Busy { .. }), "one at a time: {busy}");
         drop(update);

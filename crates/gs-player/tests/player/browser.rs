@@ -81,7 +81,7 @@ impl Fixture {
     }
 }
 
-fn browser() -> PathBuf {
+pub(crate) fn browser() -> PathBuf {
     let named = std::env::var_os("CHROMIUM").map(PathBuf::from);
     let names = ["chromium", "chromium-browser", "google-chrome", "google-chrome-stable"];
     let folders = std::env::var_os("PATH").unwrap_or_default();

@@ -13,4 +13,5 @@ mod bounds;
 mod browser;
 mod decoder;
 mod hostile;
+mod mutated_payloads;
 mod still;

@@ -1,0 +1,48 @@
+//! Memory that there is not: said before the work, not found out in the midst of it.
+
+use crate::failure::{Failure, Outcome};
+use sysinfo::System;
+
+/// Bytes of a mebibyte.
+pub(crate) const MIB: u64 = 1 << 20;
+
+/// Memory that the machine, or the container, has left, bytes; `None` where the system does not say.
+pub(crate) fn free() -> Option<u64> {
+    let mut system = System::new().ok()?;
+    system.refresh_memory();
+    let machine = system.available_memory().saturating_add(system.free_swap());
+    let limits = system.cgroup_limits();
+    let free = limits
+        .map_or(machine, |limits| machine.min(limits.free_memory.saturating_add(limits.free_swap)));
+    (free > 0).then_some(free)
+}
+
+/// Refuses `what` (a clause) if `bytes`, an estimate, are more than there are.
+pub(crate) fn require(what: &str, bytes: u64, next: &str) -> Outcome {
+    let refuse = |found: String| {
+        let needed = bytes.div_ceil(MIB);
+        Err(Failure::failed(format!("{what} takes about {needed} MiB of memory, {found}"))
+            .next(next))
+    };
+    if let Some(free) = free().filter(|free| *free < bytes) {
+        return refuse(format!("and {} MiB are free", free / MIB));
+    }
+    // A limit of the process, as of `ulimit -v`, shows only when memory is asked for.
+    let granted =
+        usize::try_from(bytes).is_ok_and(|bytes| Vec::<u8>::new().try_reserve_exact(bytes).is_ok());
+    if granted { Ok(()) } else { refuse("more than this process may have".to_owned()) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_does_not_fit_is_refused_with_its_size() {
+        require("nothing", 0, "").unwrap();
+        let failure = require("counting grains of sand", 1 << 60, "Count fewer.").unwrap_err();
+        let text = failure.to_string();
+        assert!(text.contains("grains of sand takes about 1099511627776 MiB"), "{text}");
+        assert!(text.contains("next: Count fewer."), "{text}");
+    }
+}

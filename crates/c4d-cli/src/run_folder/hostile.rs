@@ -1,0 +1,97 @@
+//! Run folders whose files are damaged: each opens, or is refused with an error; none ends the process.
+
+use super::{CONFIG, Checkpoint, REFINE_STATE, SCENE, open};
+use crate::args::{Cli, Command, PresetArg, RefineFlags};
+use crate::commands;
+use crate::console::Console;
+use crate::settings::RefineSettings;
+use clap::Parser;
+use std::fs;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::path::Path;
+use std::time::Instant;
+
+/// A reproducible stream of numbers (SplitMix64).
+struct Numbers(u64);
+
+impl Numbers {
+    fn next(&mut self, below: usize) -> usize {
+        self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
+        let mut z = self.0;
+        z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
+        z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
+        usize::try_from((z ^ (z >> 31)) % below.max(1) as u64).unwrap()
+    }
+}
+
+/// Bytes overwritten, digits mostly near the start, where headers are; parts left out or doubled; the end cut off.
+fn damaged(bytes: &[u8], numbers: &mut Numbers) -> Vec<u8> {
+    let mut bytes = bytes.to_vec();
+    for _ in 0..=numbers.next(3) {
+        let range = if numbers.next(2) == 0 { bytes.len() } else { bytes.len().min(1500) };
+        let at = numbers.next(range);
+        let length = numbers.next((bytes.len() - at).min(40));
+        match numbers.next(6) {
+            0 if at < bytes.len() => bytes[at] ^= 1 << numbers.next(8),
+            1 | 2 if at < bytes.len() => bytes[at] = b"0123456789-.\"[]nai"[numbers.next(18)],
+            3 => drop(bytes.drain(at..at + length)),
+            4 => {
+                let part = bytes[at..at + length].to_vec();
+                bytes.splice(at..at, part);
+            }
+            _ if numbers.next(8) == 0 => bytes.truncate(at),
+            _ => {}
+        }
+    }
+    bytes
+}
+
+#[test]
+fn damaged_run_folders_are_errors() {
+    let fixtures = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../fixtures/synth");
+    let folder = tempfile::tempdir().unwrap();
+    let run = folder.path().join("run");
+    let text = |path: &Path| path.to_str().unwrap().to_owned();
+    let (source, edited) = (text(&fixtures.join("source")), text(&fixtures.join("edited.ply")));
+    let words =
+        ["c4d", "propagate", &source, "--edited", &edited, "--no-refine", "-o", &text(&run)];
+    let cli = Cli::parse_from(words);
+    let global = cli.global();
+    let console = Console::new(true, false, false);
+    let Command::Propagate(args) = &cli.command else { panic!("another command") };
+    commands::propagate::run(args, &global, &console).unwrap();
+    let state = cuar::State {
+        fingerprint: 3,
+        step: 4,
+        arrays: vec![("d_sh".to_owned(), vec![0.5; 30])],
+        doubles: vec![("losses".to_owned(), vec![0.5; 5])],
+    };
+    let update = gs_io::FolderUpdate::begin(&run).unwrap();
+    let (settings, flags) = (RefineSettings::default(), RefineFlags::default());
+    Checkpoint::write(&update, PresetArg::Best, &settings, &flags, Some(&state)).unwrap();
+    drop(update);
+
+    let files = [CONFIG, SCENE, REFINE_STATE].map(|name| (name, fs::read(run.join(name)).unwrap()));
+    let seconds = std::env::var("C4D_FUZZ_SECONDS").ok().and_then(|text| text.parse().ok());
+    let (begun, mut tried, mut opened) = (Instant::now(), 0_u64, 0_u64);
+    while begun.elapsed().as_secs_f64() < seconds.unwrap_or(3.0) {
+        let mut numbers = Numbers(tried);
+        let (name, sound) = &files[numbers.next(files.len())];
+        fs::write(run.join(name), damaged(sound, &mut numbers)).unwrap();
+        let look = || {
+            let _ = Checkpoint::read(&run);
+            let Ok(found) = open(&run, &[], &global, &console) else { return false };
+            let splats = found.scene.at(found.edit_time);
+            assert!(splats.is_err() || splats.unwrap().check_shapes().is_ok(), "consistent");
+            true
+        };
+        let outcome = catch_unwind(AssertUnwindSafe(look));
+        opened += u64::from(*outcome.as_ref().unwrap_or_else(|_| {
+            panic!("{name}, seed {tried}: a damaged run folder ends the process")
+        }));
+        fs::write(run.join(name), sound).unwrap();
+        tried += 1;
+    }
+    eprintln!("{tried} damaged run folders, of which {opened} open");
+    assert!(tried > 20 && opened > 0 && opened < tried, "{opened} of {tried} open");
+}

@@ -1,0 +1,64 @@
+//! Memory runs out.
+
+use crate::support::{c4d, failure, fixture};
+use crate::workshop::Workshop;
+
+/// Asked for what no machine has, a command says how much it is and what to do.
+#[test]
+fn sizes_that_no_machine_has_are_refused() {
+    let workshop = Workshop::new();
+    let (run, out) = (workshop.text("run"), workshop.text("out"));
+    let demo = ["demo", "--splats", "4000000000000", "-o", &out];
+    let said = failure(&mut c4d(demo), 1);
+    assert!(said.contains("MiB") && said.contains("--splats"), "{said}");
+    let image = "ulimit -v 4000000; exec \"$0\" \"$@\"";
+    let mut shell = assert_cmd::Command::new("bash");
+    shell.arg("-c").arg(image).arg(assert_cmd::cargo::cargo_bin!("c4d"));
+    shell.args([
+        "render",
+        &run,
+        "--threads",
+        "1",
+        "-g",
+        "cpu",
+        "--size",
+        "16384x16384",
+        "-o",
+        &out,
+    ]);
+    let said = failure(&mut shell, 1);
+    assert!(said.contains("268435456 pixels") && said.contains("--size"), "{said}");
+    for (memory, code) in [("0", 2), ("3", 2), ("99999999999999", 1), ("-5", 2), ("much", 2)] {
+        let said = failure_or_usage(&["refine", &run, "--memory", memory], code);
+        assert!(said.contains("--memory"), "{said}");
+    }
+    assert!(!workshop.at("out").exists(), "nothing is written");
+}
+
+fn failure_or_usage(arguments: &[&str], code: i32) -> String {
+    let output = c4d(arguments).output().unwrap();
+    let said = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert_eq!(output.status.code(), Some(code), "{arguments:?}: {said}");
+    said
+}
+
+/// A process that may have little: it works, or ends with an error that says so, and leaves nothing.
+#[test]
+fn limited_processes_end_with_errors() {
+    let workshop = Workshop::new();
+    // A scene of some size: 3 frames of 84 kB are read in any memory in which a process starts.
+    let source = fixture("synth/source");
+    let large = workshop.at("large.ply");
+    let file = std::fs::File::create(&large).unwrap();
+    let header = "ply\nformat binary_little_endian 1.0\nelement vertex 40000000\n";
+    std::fs::write(&large, header).unwrap();
+    file.set_len(3 << 30).unwrap();
+    let script = "ulimit -v 1500000; exec \"$0\" \"$@\"";
+    let mut shell = assert_cmd::Command::new("bash");
+    shell.arg("-c").arg(script).arg(assert_cmd::cargo::cargo_bin!("c4d"));
+    shell.args(["propagate", "--threads", "2", source.to_str().unwrap(), "--edited"]);
+    shell.arg(&large).arg("-o").arg(workshop.at("out"));
+    let said = failure(&mut shell, 3);
+    assert!(said.contains("not enough memory") && said.contains("3072 MiB"), "{said}");
+    assert!(!workshop.at("out").exists(), "nothing is written");
+}

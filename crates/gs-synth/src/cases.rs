@@ -57,6 +57,12 @@ pub enum TruthCase {
     ShuffledRows,
     /// Clothing of 1–3 %, boxes, a hat, pruning, splitting, jitter, shuffled rows.
     Everything,
+    /// The lantern in a hand half as large again, every splat of it scaled exactly.
+    ScaleObject,
+    /// The head turned by 40° and nodded a little, as a whole.
+    TurnHead,
+    /// The lantern moved by 5 % of the figure, turned and shrunk, then jittered as in [`Self::Drift`]: no splat is an exact copy.
+    MoveObject,
 }
 
 /// A source, an edit of its first frame, and its truth.
@@ -74,7 +80,7 @@ pub struct TruthScene {
 
 impl TruthCase {
     /// All cases.
-    pub const ALL: [Self; 19] = [
+    pub const ALL: [Self; 22] = [
         Self::Recolour,
         Self::Drift,
         Self::Clothing,
@@ -94,6 +100,9 @@ impl TruthCase {
         Self::NoisyReconstruction,
         Self::ShuffledRows,
         Self::Everything,
+        Self::ScaleObject,
+        Self::TurnHead,
+        Self::MoveObject,
     ];
 
     /// Name in reports and on command lines.
@@ -118,6 +127,9 @@ impl TruthCase {
             Self::NoisyReconstruction => "noisy-reconstruction",
             Self::ShuffledRows => "shuffled-rows",
             Self::Everything => "everything",
+            Self::ScaleObject => "scale-object",
+            Self::TurnHead => "turn-head",
+            Self::MoveObject => "move-object",
         }
     }
 }
@@ -186,6 +198,9 @@ fn bodies(case: TruthCase) -> (Vec<Body>, f32) {
     match case {
         TruthCase::TouchAndPart => (stage::two_objects(), 0.18),
         TruthCase::StretchingCloth => (stage::sheet(), 0.0),
+        TruthCase::ScaleObject | TruthCase::MoveObject => {
+            (figure::bodies().into_iter().chain(figure::lantern()).collect(), 0.18)
+        }
         _ => (figure::bodies(), 0.18),
     }
 }
@@ -233,6 +248,28 @@ fn edits(case: TruthCase) -> Vec<Edit> {
             vec![dress([0.01, 0.025])]
         }
         TruthCase::ShuffledRows => vec![recolour(), Edit::Shuffle],
+        TruthCase::ScaleObject => vec![Edit::Place {
+            region: Region::parts(&[Part::Held]),
+            scale: 1.5,
+            turn_rad: [0.0; 3],
+            shift: [0.0; 3],
+        }],
+        TruthCase::TurnHead => vec![Edit::Place {
+            region: Region::parts(&[Part::Head]),
+            scale: 1.0,
+            turn_rad: [0.1, 0.7, 0.0],
+            shift: [0.0; 3],
+        }],
+        TruthCase::MoveObject => {
+            let held = || Region::parts(&[Part::Held]);
+            let place = Edit::Place {
+                region: held(),
+                scale: 0.8,
+                turn_rad: [0.0, 0.5, 0.3],
+                shift: [-0.03, -0.04, 0.0],
+            };
+            vec![place, jitter(held())]
+        }
         TruthCase::Everything => vec![
             Edit::Blocky { parts: vec![Part::Head, Part::ForearmL, Part::ShinR] },
             dress([0.01, 0.03]),

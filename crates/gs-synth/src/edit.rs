@@ -4,6 +4,7 @@ mod blocky;
 mod clothing;
 mod draft;
 mod graft;
+mod place;
 mod region;
 
 use crate::{
@@ -83,6 +84,17 @@ pub enum Edit {
         /// Noise of the logarithms of the scales.
         log_scale: f32,
     },
+    /// The region is scaled and turned about its middle, then moved, as a whole; it stays with what carries it.
+    Place {
+        /// Where.
+        region: Region,
+        /// Factor on its size.
+        scale: f32,
+        /// Rotation vector, radians.
+        turn_rad: [f32; 3],
+        /// Displacement, figure sizes.
+        shift: [f32; 3],
+    },
     /// The splats of the region go away.
     Remove {
         /// Where.
@@ -133,6 +145,11 @@ pub fn apply_edits(
                 let noise = [position * scene.figure_size(), *angle_rad, *log_scale];
                 drift(&mut draft, region, noise, &mut rng);
             }
+            Edit::Place { region, scale, turn_rad, shift } => {
+                let shift = shift.map(|share| share * scene.figure_size());
+                let by = (*scale, *turn_rad, shift);
+                place::place(&mut draft, &scene.rig.posing(), region, by);
+            }
             Edit::Remove { region } => {
                 let gone = draft.mask_of(region);
                 draft.retain(|i| !gone[i]);
@@ -167,6 +184,20 @@ impl Edit {
                 share("position", *position, 0.1, "0 to 0.1")?;
                 share("angle_rad", *angle_rad, 4.0, "0 to 4")?;
                 share("log_scale", *log_scale, 4.0, "0 to 4")
+            }
+            Self::Place { scale, turn_rad, shift, .. } => {
+                if !(0.01..=100.0).contains(scale) {
+                    return Err(SynthError::param("scale", scale, "0.01 to 100"));
+                }
+                let largest = |v: &[f32; 3]| v.iter().fold(0.0, |m: f32, c| m.max(c.abs()));
+                let finite = turn_rad.iter().chain(shift).all(|c| c.is_finite());
+                share(
+                    "turn_rad",
+                    if finite { largest(turn_rad) } else { f32::NAN },
+                    7.0,
+                    "-7 to 7",
+                )?;
+                share("shift", largest(shift), 10.0, "-10 to 10")
             }
             Self::Recolour { .. }
             | Self::Graft(_)

@@ -92,6 +92,24 @@ pub(crate) fn bodies() -> Vec<Body> {
     bodies
 }
 
+/// A lantern in the right hand.
+pub(crate) fn lantern() -> Vec<Body> {
+    let middle = Vec3::new(-0.24, 0.64, 0.05);
+    let glass = Shape::ellipsoid(middle, Vec3::new(0.055, 0.075, 0.055));
+    let grip = Shape::cuboid(
+        middle + Vec3::new(0.03, 0.095, -0.03),
+        Mat3::from_rotation_z(-0.3),
+        Vec3::new(0.008, 0.04, 0.008),
+    );
+    let held = |shape| Body::new(Part::Held, shape, lamp).carried_by(Attach::rigid(Bone::ForearmR));
+    std::iter::once(held(glass)).chain(grip.into_iter().map(held)).collect()
+}
+
+fn lamp(spot: &Spot) -> Material {
+    let rib = stripes(spot.rest.y, 0.03, 0.3, 0.2);
+    shiny(rgb(0.95, 0.78, 0.35) * (1.0 - 0.5 * rib), 0.12)
+}
+
 fn limbs(side: f32) -> Vec<Body> {
     let pick = |left: Part, right: Part| if side > 0.0 { left } else { right };
     let (upper, fore) =

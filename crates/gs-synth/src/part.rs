@@ -48,6 +48,8 @@ pub enum Part {
     Cloth,
     /// Belongs to nothing.
     Floater,
+    /// What the right hand holds.
+    Held,
 }
 
 impl Part {
@@ -86,7 +88,7 @@ impl Part {
             Self::UpperArmL => Bone::UpperArmL,
             Self::ForearmL => Bone::ForearmL,
             Self::UpperArmR => Bone::UpperArmR,
-            Self::ForearmR => Bone::ForearmR,
+            Self::ForearmR | Self::Held => Bone::ForearmR,
             Self::ThighL => Bone::ThighL,
             Self::ShinL => Bone::ShinL,
             Self::FootL => Bone::FootL,
@@ -203,6 +205,8 @@ pub enum Tag {
     Recoloured,
     /// Moved, turned and scaled a little.
     Drifted,
+    /// Scaled, turned or moved with all of its part.
+    Placed,
     /// Offset along its normal, or a clone of one that is.
     Clothing,
     /// One half of a splat that was split.

@@ -125,7 +125,7 @@ impl Frame {
     }
 
     /// The similarity of a point attached so; not meaningful for cloth.
-    fn pose(&self, attach: Attach) -> Pose {
+    pub(crate) fn pose(&self, attach: Attach) -> Pose {
         let joint = &self.joints[attach.bone as usize];
         if attach.weight >= 1.0 {
             return joint.whole;

@@ -140,6 +140,51 @@ fn floaters_and_outliers_are_there_and_wrong() {
     }
 }
 
+#[test]
+fn what_is_placed_keeps_its_shape_and_stays_with_what_carries_it() {
+    for (case, part, scale) in
+        [(TruthCase::ScaleObject, Part::Held, 1.5), (TruthCase::TurnHead, Part::Head, 1.0)]
+    {
+        let scene = make(case);
+        let truth = &scene.edited.truth;
+        let rows: Vec<usize> =
+            (0..truth.tags.len()).filter(|&i| truth.tags[i] == Tag::Placed).collect();
+        assert!(rows.len() > 30, "{case}: {} splats", rows.len());
+        let parent =
+            |i: usize| truth.source_rows[i].expect("descends from a source splat") as usize;
+        let source = scene.source.frame1();
+        let gap = |splats: &Splats, a: usize, b: usize| {
+            Vec3::from(splats.means[a]).distance(splats.means[b].into())
+        };
+        let hand = (0..truth.parts.len()).find(|&i| {
+            let row = &truth.rows()[i];
+            row.rigid_bone() == Some(part.bone()) && truth.tags[i] == Tag::Unchanged
+        });
+        for (i, &row) in rows.iter().enumerate() {
+            assert_eq!(truth.parts[row], part, "{case}: nothing else is touched");
+            let other = rows[(i + 7) % rows.len()];
+            let (was, is) =
+                (gap(source, parent(row), parent(other)), gap(&scene.edited.splats, row, other));
+            assert!((is - scale * was).abs() < 1e-5, "{case}: {was} became {is}");
+        }
+        let rigid: Vec<usize> =
+            rows.into_iter().filter(|&i| truth.rows()[i].rigid_bone().is_some()).collect();
+        let end = truth.at(1.0).expect("in range");
+        for pair in rigid.windows(2) {
+            let (was, is) =
+                (gap(&scene.edited.splats, pair[0], pair[1]), gap(&end, pair[0], pair[1]));
+            assert!((was - is).abs() < 1e-5, "{case}: it is rigid");
+        }
+        // The head turns as a whole, the hand does not.
+        if let Some(hand) = hand {
+            let was = gap(&scene.edited.splats, rigid[0], hand);
+            assert!((gap(&end, rigid[0], hand) - was).abs() < 1e-5, "{case}: it stays in the hand");
+        } else {
+            assert_eq!(case, TruthCase::TurnHead, "only the head leaves nothing of its bone");
+        }
+    }
+}
+
 /// The truth, displaced, turned and grown by known amounts.
 #[derive(Debug)]
 struct Off<'a> {

@@ -9,12 +9,11 @@ use crate::console::Console;
 use crate::device::Device;
 use crate::failure::{Failure, Outcome, chain};
 use crate::renderer::Renderer;
-use amg::{Identity, IdentityMap, IdentityParams};
 use c4d_metrics::{MotionTrack, neighbourhood_distance_deviation, psnr};
 use gs_core::DynamicScene;
 use gs_deform::HexPlaneScene;
 use gs_io::AtomicDir;
-use gs_synth::{FitParams, FitResidual, SynthScene, TruthCase, TruthScene};
+use gs_synth::{FitParams, FitResidual, SynthScene, Tag, TruthCase, TruthScene};
 use method::{METHODS, Method};
 use serde::Serialize;
 use std::str::FromStr;
@@ -35,7 +34,7 @@ struct Score {
     seed: u64,
     method: Method,
     epe: f64,
-    /// Of splats that are not source splats: those whose motion is a question.
+    /// Of splats whose geometry was edited: those whose motion is a question.
     epe_edited: f64,
     p95: f64,
     bad5: f64,
@@ -179,11 +178,9 @@ fn score(
     let error = on(&truth.eval_mask)?;
     let is_rigid = |(scored, row): (&bool, &gs_synth::Row)| *scored && row.rigid_bone().is_some();
     let rigid: Vec<bool> = truth.eval_mask.iter().zip(truth.rows()).map(is_rigid).collect();
-    let identity =
-        IdentityMap::of(scene.source.frame1(), &scene.edited.splats, &IdentityParams::default())
-            .map_err(|error| failed(&error))?;
-    let is_open = |(scored, row): (&bool, &Identity)| *scored && row.in_place().is_none();
-    let open: Vec<bool> = truth.eval_mask.iter().zip(&identity.rows).map(is_open).collect();
+    let is_open =
+        |(scored, tag): (&bool, &Tag)| *scored && !matches!(tag, Tag::Unchanged | Tag::Recoloured);
+    let open: Vec<bool> = truth.eval_mask.iter().zip(&truth.tags).map(is_open).collect();
     let track =
         |scene: &dyn DynamicScene| MotionTrack::of(scene, &times).map_err(|error| failed(&error));
     let (predicted, expected) = (track(&moved)?, track(truth)?);

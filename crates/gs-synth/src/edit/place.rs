@@ -1,0 +1,56 @@
+//! Placement: a part of the scene is scaled, turned and moved as a whole.
+
+use super::{Draft, Region};
+use crate::{
+    math::{narrow, wide, wxyz},
+    part::{Bone, Tag},
+    pose::Pose,
+    rig::Frame,
+};
+use glam::{DQuat, DVec3, Vec3};
+use gs_core::quat;
+
+/// Scales and turns the region about its middle, then moves it; `shift` in world units.
+///
+/// What is placed is carried by the same bones as before: a lantern twice as large stays in its hand.
+pub(super) fn place(
+    draft: &mut Draft,
+    posing: &Frame,
+    region: &Region,
+    (scale, turn, shift): (f32, [f32; 3], [f32; 3]),
+) {
+    let rows = draft.rows_in(region);
+    let sum: DVec3 = rows.iter().map(|&i| wide(draft.splats.means[i])).sum();
+    let middle = sum / rows.len().max(1) as f64;
+    let turn = DQuat::from_scaled_axis(wide(turn));
+    let placed = Pose::about(middle, f64::from(scale), turn, wide(shift));
+    let coeffs = draft.splats.sh_coeffs();
+    for i in rows {
+        let (splats, row) = (&mut draft.splats, &mut draft.rows[i]);
+        splats.means[i] = placed.apply(wide(splats.means[i])).as_vec3().into();
+        splats.quats[i] = quat::mul(wxyz(turn), splats.quats[i]);
+        for value in &mut splats.log_scales[i] {
+            *value += narrow(placed.scale.ln());
+        }
+        row.normal = (turn.as_quat() * Vec3::from(row.normal)).into();
+        row.spacing *= scale;
+        if row.attach.bone != Bone::Cloth {
+            let back = posing.pose(row.attach).inverse();
+            row.rest = back.apply(wide(splats.means[i])).as_vec3().into();
+        }
+        if coeffs > 1 {
+            turn_highlight(&mut splats.sh[i * coeffs + 1..i * coeffs + 4], turn);
+        }
+        draft.tags[i] = Tag::Placed;
+    }
+}
+
+/// Turns the linear harmonics, the only ones that these scenes have: basis functions −y, z, −x.
+fn turn_highlight(linear: &mut [[f32; 3]], turn: DQuat) {
+    for channel in 0..3 {
+        let slope = [-linear[2][channel], -linear[0][channel], linear[1][channel]];
+        let slope = (turn * wide(slope)).as_vec3();
+        (linear[2][channel], linear[0][channel], linear[1][channel]) =
+            (-slope.x, -slope.y, slope.z);
+    }
+}

@@ -1,4 +1,6 @@
-//! Line-sampled region anchors of a point cloud (Eqs. 5–7 of the Catalyst4D paper).
+//! Regions of a point cloud: line-sampled anchors (Eqs. 5–7 of the Catalyst4D paper), and cells that move as one.
+//!
+//! [`AnchorSet`] needs one frame, [`Cells`] need trajectories.
 //!
 //! A cloud is cut into small neighbourhoods; random lines through its bounding sphere probe them;
 //! a neighbourhood that fits entirely into a thin cylinder around some line yields one anchor, a
@@ -29,7 +31,7 @@
 //! - Anything that is not finite is refused with an error; user data never panics.
 //!
 //! # Deliberately absent
-//! Gaussians, colour, time, correspondence between anchors, file formats, GPU.
+//! Gaussians, colour, correspondence between regions, file formats, GPU.
 
 #![expect(
     clippy::cast_possible_truncation,
@@ -37,6 +39,7 @@
 )]
 
 mod anchor_set;
+mod cells;
 mod cylinder;
 mod error;
 mod farthest;
@@ -50,9 +53,11 @@ mod params;
 mod points;
 mod rng;
 mod sphere;
+mod trajectories;
 mod vec3;
 
 pub use anchor_set::{AnchorSet, NO_ANCHOR, NO_LINE};
+pub use cells::{CellParams, Cells, NO_CELL};
 pub use error::AnchorError;
 pub use kdtree::{KdTree, Neighbor};
 pub use lines::{Line, Lines, expected_hits, lines_for_hits};
@@ -61,6 +66,7 @@ pub use neighborhoods::{Neighborhoods, normal_feature};
 pub use params::{AnchorParams, Grouping, Radius};
 pub use points::Coordinate;
 pub use sphere::BoundingSphere;
+pub use trajectories::{Neighbors, RigidNeighbors, Trajectories};
 
 /// Runs the example of the README.
 #[cfg(doctest)]

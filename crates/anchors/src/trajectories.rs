@@ -1,0 +1,282 @@
+//! Points that move, and which of their neighbours move with them.
+
+use rayon::prelude::*;
+
+use crate::kdtree::{KdTree, Neighbor};
+use crate::points::distance_squared;
+
+/// Neighbours looked at per point.
+const NEIGHBORS: usize = 24;
+
+/// Rank of the neighbour whose distance, over √2, is called the spacing: on a surface about the distance between splats.
+const SPACING_RANK: usize = 6;
+
+/// Neighbours per point whose changes of distance are pooled for the noise: the closest ones move as one nearly everywhere.
+const NOISE_NEIGHBORS: usize = 8;
+
+/// Change of distance that noise alone explains, in units of the pooled median: three standard deviations and a little.
+const NOISE_REACH: f64 = 3.0;
+
+/// A point is an outlier if this share, or less, of its neighbourhood's weight moves with it.
+const MIN_SUPPORT: f64 = 0.3;
+
+/// Stands in for lengths that are zero; its square is a positive number, too.
+const TINY: f64 = 1e-100;
+
+/// Points at rest and at a few other times. World units; rows are points.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Trajectories {
+    /// Places at rest, `[N,3]`.
+    pub rest: Vec<[f64; 3]>,
+    /// Places at each other time, `[T][N,3]`.
+    pub moved: Vec<Vec<[f64; 3]>>,
+    /// How far each point is there at each other time, 0 to 1, `[T][N]`; empty if all always are. Where a point would be
+    /// while it is absent means nothing.
+    pub presence: Vec<Vec<f64>>,
+    /// Positive weights, `[N]`.
+    pub weights: Vec<f64>,
+    /// Which points move at all, `[N]`. Noise and spacing are those of the moving ones: a still background has neither
+    /// their noise nor their density.
+    pub moving: Vec<bool>,
+}
+
+/// Who is near whom at rest, and how far each pair keeps its distance over time.
+#[derive(Clone, Debug)]
+pub struct RigidNeighbors {
+    near: Neighbors,
+    /// Like `near`.
+    agreement: Vec<f64>,
+    /// Local spacing, world units: distance of the sixth neighbour over √2, `[N]`.
+    pub spacing: Vec<f64>,
+    /// Median change of distance between close neighbours over time: the noise of the trajectories, world units.
+    pub noise: f64,
+    /// Change of distance, relative to the distance, that counts as none.
+    strain: f64,
+}
+
+/// The nearest others of every point, each list ascending by (distance, id).
+#[derive(Clone, Debug)]
+pub struct Neighbors {
+    lists: Vec<Neighbor>,
+    per_point: usize,
+}
+
+impl Neighbors {
+    /// The `k` nearest others (all, if there are fewer) of every point of `points` `[N,3]`.
+    pub fn of(points: &[[f64; 3]], k: usize) -> Self {
+        let per_point = k.min(points.len().saturating_sub(1));
+        let lists = KdTree::<3>::new(points).map_nearest(per_point, |_, found| found.to_vec());
+        Self { lists: lists.into_iter().flatten().collect(), per_point }
+    }
+
+    /// Those of point `i`.
+    pub fn get(&self, i: usize) -> &[Neighbor] {
+        &self.lists[i * self.per_point..(i + 1) * self.per_point]
+    }
+
+    /// Distance of each point's sixth neighbour (the last, if there are fewer) over √2, `[N]`; 0 without neighbours.
+    pub fn spacing(&self, num_points: usize) -> Vec<f64> {
+        let rank = SPACING_RANK.min(self.per_point);
+        let of = |i: usize| {
+            let last = self.get(i)[..rank].last();
+            last.map_or(0.0, |n| n.distance_squared.sqrt()) / std::f64::consts::SQRT_2
+        };
+        (0..num_points).map(of).collect()
+    }
+}
+
+impl Trajectories {
+    /// Number of points.
+    pub fn len(&self) -> usize {
+        self.rest.len()
+    }
+
+    /// Whether there is no point.
+    pub fn is_empty(&self) -> bool {
+        self.rest.is_empty()
+    }
+
+    /// Number of times besides that of rest.
+    pub fn num_times(&self) -> usize {
+        self.moved.len()
+    }
+
+    /// How far point `i` is there at time `k`.
+    pub fn present(&self, k: usize, i: usize) -> f64 {
+        self.presence.get(k).map_or(1.0, |presence| presence[i])
+    }
+
+    /// Largest change over time of the distance between `a` and `b`, `rest` apart at rest, as far as both are there.
+    fn deviation(&self, a: usize, b: usize, rest: f64) -> f64 {
+        self.moved.iter().enumerate().fold(0.0_f64, |worst, (k, means)| {
+            let change = (distance_squared(&means[a], &means[b]).sqrt() - rest).abs();
+            worst.max(change * self.present(k, a).min(self.present(k, b)))
+        })
+    }
+}
+
+impl RigidNeighbors {
+    /// The 24 nearest neighbours of every point, and how far they move with it; `strain` is the change of distance, relative to
+    /// the distance, that a body may show and still count as rigid.
+    pub fn of(points: &Trajectories, strain: f64) -> Self {
+        let near = Neighbors::of(&points.rest, NEIGHBORS);
+        let spacing = near.spacing(points.len());
+        let deviations: Vec<f64> = (0..points.len())
+            .into_par_iter()
+            .with_min_len(256)
+            .flat_map_iter(|i| {
+                let others = near.get(i).iter();
+                others.map(move |n| points.deviation(i, n.id as usize, n.distance_squared.sqrt()))
+            })
+            .collect();
+        let per_point = near.per_point.max(1);
+        let close = |(slot, _): &(usize, &f64)| {
+            points.moving[slot / per_point] && slot % per_point < NOISE_NEIGHBORS
+        };
+        let pooled = deviations.iter().enumerate().filter(close).map(|(_, d)| *d);
+        let noise = median(&mut pooled.collect::<Vec<f64>>());
+        let lengths = near.lists.iter().map(|n| n.distance_squared.sqrt());
+        let agreement = deviations
+            .iter()
+            .zip(lengths)
+            .map(|(&deviation, length)| agreement(deviation, length, noise, strain))
+            .collect();
+        Self { near, agreement, spacing, noise, strain }
+    }
+
+    /// Neighbours of point `i`, nearest first, and how far each moves with it: 1 if their distance never changes, 0 if it does.
+    pub fn get(&self, i: usize) -> impl ExactSizeIterator<Item = (Neighbor, f64)> + '_ {
+        let first = i * self.near.per_point;
+        let own = &self.agreement[first..first + self.near.per_point];
+        self.near.get(i).iter().copied().zip(own.iter().copied())
+    }
+
+    /// How far points `a` and `b` of `points`, the cloud this was made of, move as one.
+    pub fn between(&self, points: &Trajectories, a: usize, b: usize) -> f64 {
+        let rest = distance_squared(&points.rest[a], &points.rest[b]).sqrt();
+        agreement(points.deviation(a, b, rest), rest, self.noise, self.strain)
+    }
+
+    /// Weight of a neighbour of `i` by distance and its own weight.
+    pub fn nearness(&self, points: &Trajectories, i: usize, neighbor: Neighbor) -> f64 {
+        let reach = (2.0 * self.spacing[i]).max(TINY);
+        let fall = (-0.5 * neighbor.distance_squared / (reach * reach)).exp();
+        points.weights[neighbor.id as usize] * fall
+    }
+
+    /// Median spacing of the moving points.
+    pub fn typical_spacing(&self, points: &Trajectories) -> f64 {
+        let moving = self.spacing.iter().zip(&points.moving).filter(|(_, moving)| **moving);
+        median(&mut moving.map(|(spacing, _)| *spacing).collect::<Vec<f64>>())
+    }
+
+    /// Points with which less than a third or so of their neighbourhood moves, `[N]`: they belong to nothing.
+    pub fn outliers(&self, points: &Trajectories) -> Vec<bool> {
+        (0..points.len())
+            .into_par_iter()
+            .with_min_len(256)
+            .map(|i| {
+                let (mut kept, mut all) = (0.0, 0.0);
+                for (neighbor, agreement) in self.get(i) {
+                    let nearness = self.nearness(points, i, neighbor);
+                    kept += nearness * agreement;
+                    all += nearness;
+                }
+                all > 0.0 && kept <= MIN_SUPPORT * all
+            })
+            .collect()
+    }
+}
+
+fn agreement(deviation: f64, length: f64, noise: f64, strain: f64) -> f64 {
+    let stiff = NOISE_REACH * noise + strain * length;
+    if stiff > 0.0 { (-0.5 * (deviation / stiff).powi(2)).exp() } else { 1.0 }
+}
+
+/// The middle value, the upper one of two, 0 of none. Reorders.
+fn median(values: &mut [f64]) -> f64 {
+    if values.is_empty() {
+        return 0.0;
+    }
+    let middle = values.len() / 2;
+    *values.select_nth_unstable_by(middle, f64::total_cmp).1
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::vec3::Vec3;
+
+    /// Two plates of 6 × 6 points, one of which rises; a point between them that goes its own way.
+    fn plates() -> Trajectories {
+        let mut rest: Vec<Vec3> = (0..72)
+            .map(|i| {
+                let (plate, place) = (i / 36, i % 36);
+                [f64::from(place % 6), f64::from(place / 6), 1.5 * f64::from(plate)]
+            })
+            .collect();
+        rest.push([2.4, 2.6, 0.7]);
+        let lift = |(i, x): (usize, &Vec3)| match i {
+            0..36 => *x,
+            36..72 => [x[0], x[1], x[2] + 3.0],
+            _ => [x[0] + 5.0, x[1] - 4.0, x[2]],
+        };
+        Trajectories {
+            moved: vec![rest.iter().enumerate().map(lift).collect()],
+            presence: Vec::new(),
+            weights: vec![1.0; rest.len()],
+            moving: vec![true; rest.len()],
+            rest,
+        }
+    }
+
+    #[test]
+    fn neighbours_agree_within_a_plate_and_not_across() {
+        let points = plates();
+        let rigid = RigidNeighbors::of(&points, 0.04);
+        assert!(rigid.noise < 1e-12, "no noise: {}", rigid.noise);
+        for i in 0..72 {
+            for (n, agreement) in rigid.get(i) {
+                let same = n.id < 72 && (n.id / 36) as usize == i / 36;
+                assert_eq!(agreement > 0.5, same, "{i} and {}: {agreement}", n.id);
+            }
+        }
+        let outliers = rigid.outliers(&points);
+        assert!(outliers[72], "the stray");
+        assert!(!outliers[..72].iter().any(|o| *o), "both plates");
+        assert!(rigid.between(&points, 0, 35) > 0.99, "far ends of a plate");
+        assert!(rigid.between(&points, 0, 36) < 0.01, "one over the other");
+    }
+
+    #[test]
+    fn what_is_absent_does_not_count() {
+        let mut points = plates();
+        points.presence = vec![(0..73).map(|i| if i >= 36 { 0.0 } else { 1.0 }).collect()];
+        let rigid = RigidNeighbors::of(&points, 0.04);
+        assert!(rigid.between(&points, 0, 36) > 0.99, "nobody saw them part");
+    }
+
+    #[test]
+    fn spacing_is_that_of_the_lattice() {
+        let rigid = RigidNeighbors::of(&plates(), 0.04);
+        // The sixth neighbour of an inner point lies on a diagonal.
+        let inner = rigid.spacing[14];
+        assert!((0.9..=1.1).contains(&inner), "{inner}");
+    }
+
+    #[test]
+    fn nothing_and_one_point_are_defined() {
+        for count in [0, 1] {
+            let points = Trajectories {
+                rest: vec![[0.0; 3]; count],
+                moved: vec![vec![[0.0; 3]; count]],
+                weights: vec![1.0; count],
+                moving: vec![true; count],
+                presence: Vec::new(),
+            };
+            let rigid = RigidNeighbors::of(&points, 0.04);
+            assert!(rigid.outliers(&points).iter().all(|o| !o), "no neighbourhood, no outlier");
+            assert_eq!(rigid.spacing, vec![0.0; count], "no distance");
+        }
+    }
+}

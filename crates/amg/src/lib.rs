@@ -8,7 +8,6 @@
 //! Deliberately absent: images, files, GPU, anything learned.
 
 mod aggregate;
-mod best;
 mod binding;
 mod carriers;
 mod coherence;
@@ -18,15 +17,19 @@ mod field;
 mod identity;
 mod keyframes;
 mod knn;
+mod motion_params;
 mod moved_group;
 mod options;
 mod paper;
 mod pose;
 mod propagate;
+mod regions;
 mod report;
 mod rigid;
 mod scene;
+mod simd;
 mod similarity;
+mod work;
 
 pub use anchors::{AnchorParams, Grouping, Radius};
 pub use binding::{Binding, RowKind};
@@ -34,16 +37,17 @@ pub use dynamics::DynamicSplit;
 pub use error::AmgError;
 pub use field::FieldAt;
 pub use identity::{Identity, IdentityMap};
+pub use motion_params::MotionParams;
 pub use moved_group::MovedGroup;
 pub use options::{
-    Aggregation, AnchorSampling, BestParams, DynamicOverride, DynamicParams, IdentityParams,
-    KnnParams, MotionGuide, MotionOptions, PaperParams, PositionRule, Preset, RotationRule,
-    ScaleRule,
+    Aggregation, AnchorSampling, DynamicOverride, DynamicParams, IdentityParams, KnnParams,
+    MotionGuide, MotionOptions, PaperParams, PositionRule, Preset, RotationRule, ScaleRule,
 };
-pub use propagate::{Progress, Propagation, propagate};
+pub use propagate::{Propagation, propagate};
 pub use report::{MotionReport, TransportReport};
 pub use scene::EditedScene;
 pub use similarity::Similarity;
+pub use work::Progress;
 
 #[cfg(doctest)]
 #[doc = include_str!("../README.md")]

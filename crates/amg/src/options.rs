@@ -2,6 +2,7 @@
 
 use crate::AmgError;
 use crate::field::FieldAt;
+use crate::motion_params::MotionParams;
 use gs_core::Precision;
 use std::sync::Arc;
 
@@ -19,8 +20,8 @@ pub enum Preset {
 /// How correspondences between edited and source splats are found.
 #[derive(Debug, Clone)]
 pub enum MotionGuide {
-    /// Cells that move as one, oriented surfaces, offsets learned from the edit, agreement of neighbours.
-    Best(BestParams),
+    /// Regions that move as one, transport of edited splats to regions with learned offsets, rigid aggregation (`docs/MOTION.md`).
+    Regions(MotionParams),
     /// Anchors, Sinkhorn, nearest matched anchor (Eqs. 5–10, 21–24).
     Paper(PaperParams),
     /// Average over the nearest source splats ("KNN-Guide").
@@ -83,19 +84,6 @@ impl Default for PaperParams {
             max_sweeps: 20_000,
             cutoff: 6.0,
         }
-    }
-}
-
-/// Options of [`MotionGuide::Best`].
-#[derive(Debug, Clone, PartialEq)]
-pub struct BestParams {
-    /// Sources per blended row, 1 to 64. Default 32.
-    pub sources_per_row: usize,
-}
-
-impl Default for BestParams {
-    fn default() -> Self {
-        Self { sources_per_row: 32 }
     }
 }
 
@@ -251,7 +239,7 @@ impl MotionOptions {
     /// The options of a preset.
     pub fn preset(preset: Preset) -> Self {
         let (guide, aggregation) = match preset {
-            Preset::Best => (MotionGuide::Best(BestParams::default()), Aggregation::default()),
+            Preset::Best => (MotionGuide::Regions(MotionParams::default()), Aggregation::default()),
             Preset::Paper => (MotionGuide::Paper(PaperParams::default()), Aggregation::PAPER),
             Preset::Knn => (MotionGuide::Knn(KnnParams::default()), Aggregation::PAPER),
         };
@@ -297,9 +285,7 @@ impl MotionOptions {
             MotionGuide::Knn(params) if !(1..=64).contains(&params.k) => {
                 wrong("knn.k", params.k.to_string(), "1 to 64")
             }
-            MotionGuide::Best(params) if !(1..=64).contains(&params.sources_per_row) => {
-                wrong("best.sources_per_row", params.sources_per_row.to_string(), "1 to 64")
-            }
+            MotionGuide::Regions(params) => params.check(),
             MotionGuide::Paper(params) if !(params.gamma > 0.0 && params.gamma.is_finite()) => {
                 wrong("paper.gamma", params.gamma.to_string(), "finite, above 0")
             }

@@ -3,8 +3,8 @@
 use crate::AmgError;
 use crate::binding::index;
 use crate::options::{AnchorSampling, PaperParams};
-use crate::propagate::Progress;
 use crate::report::{MotionReport, TransportReport};
+use crate::work::Progress;
 use anchors::AnchorSet;
 use gs_core::{Real, Splats, quat};
 use rayon::prelude::*;

@@ -16,7 +16,7 @@ pub(crate) struct Pose {
     /// Mean of the points.
     pub(crate) origin: [f64; 3],
     /// Principal axes, unit; signs and order are arbitrary.
-    axes: [[f64; 3]; 3],
+    pub(crate) axes: [[f64; 3]; 3],
 }
 
 impl Pose {
@@ -34,11 +34,6 @@ impl Pose {
         let (_, columns) = eigen(moments);
         let axes = [0, 1, 2].map(|axis| [0, 1, 2].map(|a| columns[a][axis]));
         Self { origin, axes }
-    }
-
-    /// `x`, relative to the origin, along the cloud's axes.
-    pub(crate) fn along(&self, x: [f64; 3]) -> [f64; 3] {
-        self.axes.map(|axis| dot(axis, x))
     }
 }
 

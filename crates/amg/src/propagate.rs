@@ -8,15 +8,13 @@ use crate::keyframes::KeyFrames;
 use crate::options::{MotionGuide, MotionOptions};
 use crate::report::MotionReport;
 use crate::scene::EditedScene;
+use crate::work::{Progress, Row, Work};
 use crate::{AmgError, knn};
 use anchors::KdTree;
 use gs_core::{DynamicScene, Real, Splats};
 use rayon::prelude::*;
 use std::sync::Arc;
 use std::time::Instant;
-
-/// Receives the name of the stage under way and how much of that stage is done, 0 to 1.
-pub type Progress<'a> = &'a (dyn Fn(&'static str, f32) + Sync);
 
 /// What [`propagate`] returns.
 #[derive(Debug)]
@@ -91,9 +89,6 @@ pub fn propagate(
     Ok(Propagation { scene, identity, split, report })
 }
 
-/// Sources and weights of one row, or why it stays put.
-pub(crate) type Row = (RowKind, Vec<(u32, f32)>);
-
 fn exact_rows(identity: &IdentityMap) -> Vec<Row> {
     let row = |row: &Identity| match *row {
         Identity::Unchanged(id) => (RowKind::Unchanged, vec![(id, 1.0)]),
@@ -102,17 +97,6 @@ fn exact_rows(identity: &IdentityMap) -> Vec<Row> {
         Identity::Edited => (RowKind::Static, Vec::new()),
     };
     identity.rows.iter().map(row).collect()
-}
-
-/// What a guide works on.
-pub(crate) struct Work<'a> {
-    pub(crate) keys: &'a KeyFrames,
-    pub(crate) split: &'a DynamicSplit,
-    pub(crate) edited: &'a Splats,
-    pub(crate) identity: &'a IdentityMap,
-    pub(crate) options: &'a MotionOptions,
-    /// Rows to be matched: edited, finite.
-    pub(crate) open: Vec<usize>,
 }
 
 impl<'a> Work<'a> {
@@ -166,9 +150,9 @@ impl<'a> Work<'a> {
                 )?;
                 self.place(&rows, found)
             }
-            MotionGuide::Best(params) => {
-                let (rows, trust) = crate::best::bind(self, params, report, progress);
-                aggregation.rotation_prior *= trust.as_f32();
+            MotionGuide::Regions(params) => {
+                let (rows, quality) = crate::regions::bind(self, params, report, progress);
+                aggregation.rotation_prior *= quality.as_f32();
                 rows
             }
             MotionGuide::Field(_) => vec![(RowKind::Field, Vec::new()); self.open.len()],
@@ -191,7 +175,7 @@ impl<'a> Work<'a> {
             usable.iter().map(|&i| self.keys.at_edit.means[i].map(f64::from)).collect();
         let tree = KdTree::<3>::new(&points);
         let reach = f64::from(self.options.reach) * self.split.figure_size;
-        let verdict: Vec<(bool, bool)> = self
+        let nearest: Vec<(bool, bool)> = self
             .open
             .par_iter()
             .with_min_len(256)
@@ -201,12 +185,12 @@ impl<'a> Work<'a> {
                 (near_enough, self.split.dynamic[usable[near[0].id as usize]])
             })
             .collect();
-        report.out_of_reach = verdict.iter().filter(|(near_enough, _)| !near_enough).count();
+        report.out_of_reach = nearest.iter().filter(|(near_enough, _)| !near_enough).count();
         let rows = self
             .open
             .iter()
-            .zip(&verdict)
-            .filter(|(_, verdict)| **verdict == (true, true))
+            .zip(&nearest)
+            .filter(|(_, nearest)| **nearest == (true, true))
             .map(|(&row, _)| row)
             .collect();
         (movers, rows)

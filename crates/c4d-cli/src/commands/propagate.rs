@@ -152,6 +152,7 @@ pub(crate) fn propagate(
         anchors: None,
         transport: None,
         knn: None,
+        regions: None,
         refine: None,
     };
     match &options.guide {
@@ -160,7 +161,8 @@ pub(crate) fn propagate(
             config.transport = Some(TransportSettings::of(params));
         }
         MotionGuide::Knn(params) => config.knn = Some(KnnSettings::of(params)),
-        _ => {}
+        MotionGuide::Regions(params) => config.regions = Some(params.clone()),
+        MotionGuide::Field(_) => {}
     }
     config.set_aggregation(*propagation.scene.aggregation());
     let write = |name: &str, bytes: &[u8]| {

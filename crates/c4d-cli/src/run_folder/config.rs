@@ -72,6 +72,9 @@ pub(crate) struct RunConfig {
     /// Baseline `knn`, if it was used.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub(crate) knn: Option<KnnSettings>,
+    /// Parameters of the default guide, if it was used.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(crate) regions: Option<amg::MotionParams>,
     /// Appearance refinement, if it was run.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub(crate) refine: Option<RefineConfig>,

@@ -11,7 +11,7 @@ pub(crate) use refinement::{AdamSettings, OcclusionSettings, RefineSettings, Reg
 
 use crate::args::{AxesArg, BaselineArg, Global, MotionArg, PresetArg, PropagateArgs, RefineFlags};
 use crate::failure::{Failure, Outcome};
-use amg::{MotionGuide, MotionOptions};
+use amg::{MotionGuide, MotionOptions, MotionParams};
 use clap::ValueEnum;
 use serde::Deserialize;
 use std::path::{Path, PathBuf};
@@ -47,6 +47,8 @@ pub(crate) struct Settings {
     anchors: Option<AnchorSettings>,
     transport: Option<TransportSettings>,
     knn: Option<KnnSettings>,
+    /// Parameters of the default guide.
+    regions: Option<MotionParams>,
     refine: Option<RefineSettings>,
     /// Where it was read from, for messages.
     #[serde(skip)]
@@ -199,6 +201,11 @@ impl Settings {
         match (&mut options.guide, &self.knn) {
             (MotionGuide::Knn(params), Some(knn)) => knn.apply(params),
             (_, Some(_)) => return unused("knn", "--baseline knn"),
+            _ => {}
+        }
+        match (&mut options.guide, &self.regions) {
+            (MotionGuide::Regions(params), Some(regions)) => params.clone_from(regions),
+            (_, Some(_)) => return unused("regions", "--preset best"),
             _ => {}
         }
         self.apply_aggregation(&mut options.aggregation)

@@ -6,70 +6,65 @@
 //! stay near the figure may be sticks, which are stiff, or sleeves, which bend: they take one motion only if all that they
 //! touch has it. What hovers touches nothing, and moves as one with what is nearest.
 
-use super::cells::Cells;
-use super::cloud::TINY;
+use super::numeric::TINY;
 use super::edit::Edit;
 use super::graph::Link;
-use super::modes::Choice;
-use super::motion::CellMotion;
-use anchors::KdTree;
+use super::region_motion::RegionMotion;
+use super::source::Regions;
+use anchors::{KdTree, NO_CELL};
 use gs_core::Real;
 use rayon::prelude::*;
-
-/// A splat this far from every source, as a share of the figure, is no surface of the source, however thick its clothes.
-const OUTSTANDING: f64 = 0.06;
 
 /// Fewer splats are strays.
 const MIN_SPLATS: usize = 8;
 
-/// Share of a graft's splats that are. Other new geometry may line the figure, and must then bend with it.
+/// Share of a piece's splats that stand out by the full length. Other new geometry may line the figure, and must then bend with it.
 const MIN_SHARE: f64 = 1.0 / 3.0;
 
-/// What stays farther than this from the rest of the edit, as a share of the figure, hovers.
-const TOUCHING: f64 = 0.03;
-
-/// The same for grafts that stay near the figure: how far some of their splats are from every source, and how many.
-const FREE: f64 = 0.04;
+/// Pieces of which this share stands out by [`FREE`] are looked at at all.
 const MIN_FREE: f64 = 0.1;
 
-/// A splat of a graft is this many times farther from its nearest source than another splat of the edit is: that one is the
+/// Lengths in units of that by which geometry stands out, see [`crate::MotionParams::new_geometry`]: how far some splats of a piece
+/// must be from every source; how far what hovers stays from the rest of the edit; the width of a contact; by how much motions that
+/// carry a piece together may differ where it touches them; and by how much those of its own surroundings may differ from the
+/// carrier's and still keep its seam closed on a soft body.
+const FREE: f64 = 2.0 / 3.0;
+const HOVERS: f64 = 0.5;
+const CONTACT: f64 = 1.0 / 6.0;
+const TOGETHER: f64 = 1.0 / 3.0;
+const SEAM: f64 = 1.0 / 6.0;
+
+/// Width of the contact of what hovers, as a share of its distance.
+const HOVERING_CONTACT: f64 = 0.5;
+
+/// A splat of a piece is this many times farther from its nearest source than another splat of the edit is: that one is the
 /// source's successor. At half of this, clones in swollen clothes pass for new.
 const SURPLUS: f64 = 3.0;
 
-/// Longest step inside a graft, in spacings.
+/// Longest step inside a piece, in spacings.
 const STEP: f64 = 2.5;
 
-/// Width of a contact: share of the figure; share of the distance if it hovers.
-const CONTACT: f64 = 0.01;
-const HOVERING_CONTACT: f64 = 0.5;
-
-/// Motions that differ by less than this share of the figure where a graft touches them carry it together.
-const CARRIER: f64 = 0.02;
-
-/// Splats of a graft whose own surroundings move like the carrier up to this share of the figure move with those: a seam
-/// stays closed on a soft body.
-const SEAM: f64 = 0.01;
-
-/// Cells asked whether they are the carrier.
+/// Regions asked whether they are the carrier.
 const CANDIDATES: usize = 256;
 
-/// How many times better than any other the carrier must hold a graft that touches the figure: one that stands out; one of which
-/// [`MIN_FREE`] does; one that stays near.
+/// How many times better than any other the carrier must hold a piece that touches the figure: twice as well for each step by which
+/// it is less plain that the piece is no clothing. It stands out; a tenth of it does; it stays near.
 const DOMINANT: f64 = 2.0;
-const CLEAR: f64 = 4.0;
-const UNANIMOUS: f64 = 8.0;
+const CLEAR: f64 = 2.0 * DOMINANT;
+const UNANIMOUS: f64 = 2.0 * CLEAR;
 
-/// What is known when grafts are looked for.
-pub(super) struct Grafts<'a> {
-    pub(super) cells: &'a Cells,
-    pub(super) motion: &'a CellMotion,
+/// What is known when new pieces are looked for.
+pub(super) struct NewPieces<'a> {
+    pub(super) regions: &'a Regions,
+    pub(super) motion: &'a RegionMotion,
     pub(super) edit: &'a Edit,
-    pub(super) choices: &'a [Choice],
-    pub(super) chosen: &'a [usize],
+    /// The region of each edited splat that some region explains.
+    pub(super) matched: &'a [Option<u32>],
     pub(super) links: &'a [Link],
     pub(super) spacing: &'a [f64],
-    pub(super) figure_size: f64,
-    /// Grafts farther than this from everything stay where they are, world units.
+    /// Distance from every source at which new geometry stands out, world units.
+    pub(super) stands_out: f64,
+    /// Pieces farther than this from everything stay where they are, world units.
     pub(super) reach: f64,
 }
 
@@ -80,31 +75,31 @@ struct Piece {
     needed: f64,
 }
 
-/// A splat of a graft and what it is nearest to.
+/// A splat of a piece and what it is nearest to.
 #[derive(Debug, Clone, Copy)]
 struct Touch {
     distance: f64,
-    /// The cell that splat moves with.
-    cell: u32,
+    /// The region that splat belongs to.
+    region: u32,
     splat: usize,
 }
 
-/// A cell that a graft touches.
+/// A region that a piece touches.
 #[derive(Debug, Clone, Copy)]
 struct Contact {
-    cell: u32,
-    /// Splats of the graft there, each weighted by nearness.
+    region: u32,
+    /// Splats of the piece there, each weighted by nearness.
     area: f64,
     /// The nearest of them.
     splat: usize,
 }
 
-impl Grafts<'_> {
-    /// For every splat of a graft, the cell that carries it; `None` for all others and for those that the motion they have,
-    /// if it is `explained`, already makes part of the carrier.
-    pub(super) fn carriers(&self, explained: impl Fn(usize) -> bool) -> Vec<Option<u32>> {
+impl NewPieces<'_> {
+    /// For every splat of a new piece, the region that carries it; `None` for all others and for those that the motion they have
+    /// already makes part of the carrier.
+    pub(super) fn carriers(&self) -> Vec<Option<u32>> {
         let mut carriers = vec![None; self.edit.len()];
-        let unknown = |e: &usize| self.edit.exact[*e].is_none() && self.edit.lineage[*e].is_none();
+        let unknown = |e: &usize| self.edit.exact[*e].is_none() && self.edit.parent[*e].is_none();
         if (0..self.edit.len()).filter(unknown).count() < MIN_SPLATS {
             return carriers;
         }
@@ -114,24 +109,23 @@ impl Grafts<'_> {
             inside[e] = true;
         }
         let holders: Vec<usize> =
-            (0..self.edit.len()).filter(|&e| !inside[e] && explained(e)).collect();
+            (0..self.edit.len()).filter(|&e| !inside[e] && self.matched[e].is_some()).collect();
         let points: Vec<[f64; 3]> = holders.iter().map(|&e| self.edit.means[e]).collect();
         let tree = KdTree::<3>::new(&points);
         for piece in pieces {
             let touches = self.touches(&piece.splats, &holders, &tree);
             let Some(carrier) = self.carrier(&touches, piece.needed) else { continue };
             for e in piece.splats {
-                let part_of_it = explained(e) && {
-                    let cell = self.choices[e][self.chosen[e]].cell;
-                    self.differ(cell, carrier, e) <= SEAM * self.figure_size
-                };
+                let part_of_it = self.matched[e].is_some_and(|region| {
+                    self.differ(region, carrier, e) <= SEAM * self.stands_out
+                });
                 carriers[e] = (!part_of_it).then_some(carrier);
             }
         }
         carriers
     }
 
-    /// How far the motions of two cells differ at splat `e`.
+    /// How far the motions of two regions differ at splat `e`.
     fn differ(&self, a: u32, b: u32, e: usize) -> f64 {
         let at = self.edit.means[e].map(Real::as_f32);
         f64::from(self.motion.disagreement(a as usize, b as usize, at))
@@ -144,11 +138,9 @@ impl Grafts<'_> {
             .with_min_len(256)
             .map_init(Vec::new, |near, &splat| {
                 tree.nearest(&self.edit.means[splat], 1, near);
-                near.first().map(|n| {
-                    let holder = holders[n.id as usize];
-                    let cell = self.choices[holder][self.chosen[holder]].cell;
-                    Touch { distance: n.distance_squared.sqrt(), cell, splat }
-                })
+                let found = near.first()?;
+                let region = self.matched[holders[found.id as usize]]?;
+                Some(Touch { distance: found.distance_squared.sqrt(), region, splat })
             })
             .flatten()
             .collect()
@@ -156,20 +148,20 @@ impl Grafts<'_> {
 
     /// Per splat, its distance from the sources if it is new, and not in place of a source.
     fn gaps(&self) -> Vec<Option<f64>> {
-        let far = OUTSTANDING * self.figure_size;
+        let far = self.stands_out;
         let usable = |&p: &usize| {
-            let cell = self.cells.cell_of[p];
-            cell != u32::MAX && !self.motion.floater[cell as usize]
+            let region = self.regions.cells.owners[p];
+            region != NO_CELL && !self.motion.outlier[region as usize]
         };
-        let kept = (0..self.cells.means.len()).filter(usable);
-        let points: Vec<[f64; 3]> = kept.map(|p| self.cells.means[p]).collect();
+        let kept = (0..self.regions.means.len()).filter(usable);
+        let points: Vec<[f64; 3]> = kept.map(|p| self.regions.means[p]).collect();
         let sources = KdTree::<3>::new(&points);
         let edited = KdTree::<3>::new(&self.edit.means);
         (0..self.edit.len())
             .into_par_iter()
             .with_min_len(256)
             .map_init(Vec::new, |near, e| {
-                if self.edit.exact[e].is_some() || self.edit.lineage[e].is_some() {
+                if self.edit.exact[e].is_some() || self.edit.parent[e].is_some() {
                     return None;
                 }
                 sources.nearest(&self.edit.means[e], 1, near);
@@ -184,7 +176,7 @@ impl Grafts<'_> {
 
     fn pieces(&self) -> Vec<Piece> {
         let gaps = self.gaps();
-        let far = OUTSTANDING * self.figure_size;
+        let far = self.stands_out;
         let is_new = |e: usize| gaps[e].is_some();
         let mut around: Vec<Vec<u32>> = vec![Vec::new(); self.edit.len()];
         for &(a, b) in self.links {
@@ -219,7 +211,7 @@ impl Grafts<'_> {
                 let count = piece.iter().filter(is_beyond).count();
                 count >= MIN_SPLATS && count as f64 >= share * piece.len() as f64
             };
-            if beyond(FREE * self.figure_size, MIN_FREE) {
+            if beyond(FREE * self.stands_out, MIN_FREE) {
                 let needed = if beyond(far, MIN_SHARE) {
                     DOMINANT
                 } else if beyond(far, MIN_FREE) {
@@ -233,15 +225,15 @@ impl Grafts<'_> {
         pieces
     }
 
-    /// The cell whose motion holds the piece over the widest contact; none if another motion holds it nearly as well, or if
+    /// The region whose motion holds the piece over the widest contact; none if another motion holds it nearly as well, or if
     /// nothing is in touch.
     fn carrier(&self, touches: &[Touch], needed: f64) -> Option<u32> {
         let closest = touches.iter().map(|t| t.distance).reduce(f64::min)?;
         if closest > self.reach {
             return None;
         }
-        let hovers = closest > TOUCHING * self.figure_size;
-        let touch = CONTACT * self.figure_size;
+        let hovers = closest > HOVERS * self.stands_out;
+        let touch = CONTACT * self.stands_out;
         let width = if hovers { touch.max(HOVERING_CONTACT * closest) } else { touch };
         // What hovers and stands out is held by nothing: the nearest will do.
         let needed = if hovers && needed <= DOMINANT { 1.0 } else { needed };
@@ -249,36 +241,36 @@ impl Grafts<'_> {
             .iter()
             .map(|t| {
                 let gap = (t.distance.powi(2) - closest.powi(2)) / width.powi(2);
-                Contact { cell: t.cell, area: (-0.5 * gap).exp(), splat: t.splat }
+                Contact { region: t.region, area: (-0.5 * gap).exp(), splat: t.splat }
             })
             .filter(|contact| contact.area > 1e-3)
             .collect();
         contacts.sort_by(|a, b| {
-            a.cell.cmp(&b.cell).then(b.area.total_cmp(&a.area)).then(a.splat.cmp(&b.splat))
+            a.region.cmp(&b.region).then(b.area.total_cmp(&a.area)).then(a.splat.cmp(&b.splat))
         });
         contacts.dedup_by(|next, first| {
-            let same = next.cell == first.cell;
+            let same = next.region == first.region;
             first.area += if same { next.area } else { 0.0 };
             same
         });
         let (carrier, held) = self.strongest(&contacts)?;
-        contacts.retain(|c| self.differ(c.cell, carrier, c.splat) > CARRIER * self.figure_size);
+        contacts.retain(|c| self.differ(c.region, carrier, c.splat) > TOGETHER * self.stands_out);
         let rival = self.strongest(&contacts).map_or(0.0, |(_, held)| held);
         (held >= needed * rival).then_some(carrier)
     }
 
-    /// The cell with whose motion the widest contacts agree, and how wide they are; the better they agree, the more they
-    /// count, so that it is a cell amidst a part, not at a joint.
+    /// The region with whose motion the widest contacts agree, and how wide they are; the better they agree, the more they
+    /// count, so that it is a region amidst a part, not at a joint.
     fn strongest(&self, contacts: &[Contact]) -> Option<(u32, f64)> {
-        let tolerance = (CARRIER * self.figure_size).max(TINY);
+        let tolerance = (TOGETHER * self.stands_out).max(TINY);
         contacts
             .par_iter()
             .step_by(contacts.len().div_ceil(CANDIDATES).max(1))
-            .map(|&Contact { cell, .. }| {
+            .map(|&Contact { region, .. }| {
                 let agreement = |c: &Contact| {
-                    c.area * (1.0 - self.differ(c.cell, cell, c.splat) / tolerance).max(0.0)
+                    c.area * (1.0 - self.differ(c.region, region, c.splat) / tolerance).max(0.0)
                 };
-                (cell, contacts.iter().map(agreement).sum::<f64>())
+                (region, contacts.iter().map(agreement).sum::<f64>())
             })
             .collect::<Vec<_>>()
             .into_iter()

@@ -1,6 +1,6 @@
 //! The edited splats to be matched.
 
-use super::surface::thin_axis;
+use super::normals::thin_axis;
 use crate::identity::{Identity, IdentityMap};
 use crate::keyframes::KeyFrames;
 use crate::rigid::{dot, sub};
@@ -20,9 +20,9 @@ pub(super) struct Edit {
     pub(super) means: Vec<[f64; 3]>,
     /// Thin axes times flatness, sign arbitrary.
     pub(super) axes: Vec<[f64; 3]>,
-    /// Position in the source's `ids` of the one splat that shares the centre, or quaternion and scales, bit for bit: editors
-    /// that change one property keep the others.
-    pub(super) lineage: Vec<Option<u32>>,
+    /// Position in the source's `ids` of the one splat that this one was: it shares the centre, or quaternion and scales, bit for
+    /// bit (editors that change one property keep the others), or was split off.
+    pub(super) parent: Vec<Option<u32>>,
     /// Position in the source's `ids` of the splat this one *is*; such splats are evidence, not questions.
     pub(super) exact: Vec<Option<u32>>,
     /// Which of the source's `ids` the whole edit kept, be they near to these or not.
@@ -52,19 +52,19 @@ impl Edit {
         let centres = unique(ids.iter().map(|&i| centre_bits(source, i)));
         let shapes = unique(ids.iter().map(|&i| shape_bits(source, i)));
         let turns = unique(ids.iter().map(|&i| quat_bits(source, i)));
-        let lineage = |&row: &usize| {
+        let parent = |&row: &usize| {
             let by_centre = centres.get(&centre_bits(edited, row)).copied().flatten();
             by_centre.or_else(|| shapes.get(&shape_bits(edited, row)).copied().flatten()).or_else(
                 || {
-                    let parent = turns.get(&quat_bits(edited, row)).copied().flatten();
-                    parent.filter(|&point| may_be_split(source, ids[point as usize], edited, row))
+                    let whole = turns.get(&quat_bits(edited, row)).copied().flatten();
+                    whole.filter(|&point| may_be_split(source, ids[point as usize], edited, row))
                 },
             )
         };
         Self {
             means: rows.iter().map(|&row| sub(edited.means[row].map(f64::from), origin)).collect(),
             axes: rows.par_iter().with_min_len(256).map(|&row| thin_axis(edited, row)).collect(),
-            lineage: rows.iter().map(lineage).collect(),
+            parent: rows.iter().map(parent).collect(),
             exact: rows.iter().map(|&row| known(identity.rows[row])).collect(),
             kept,
         }

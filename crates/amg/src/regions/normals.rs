@@ -1,6 +1,8 @@
-//! Oriented normals of splats, from their thin axes.
+//! Outward normals of regions, from the thin axes of their splats.
 
-use super::cloud::{Cloud, Companions, TINY, nearest};
+use super::numeric::TINY;
+use crate::rigid::{dot, sub};
+use anchors::{Neighbor, Neighbors, RigidNeighbors, Trajectories};
 use gs_core::{Splats, quat};
 use rayon::prelude::*;
 
@@ -28,46 +30,44 @@ pub(super) fn thin_axis(splats: &Splats, i: usize) -> [f64; 3] {
 
 /// How well `nj` is the mirror image of `ni` seen along `d`, times nearness: true of both ends of a smooth arc, of two
 /// faces that look at each other across a gap, and of both faces of a plate, if all normals point outwards.
-pub(super) fn mirror_coupling(ni: [f64; 3], nj: [f64; 3], d: [f64; 3], spacing: f64) -> f64 {
-    let inner = |a: [f64; 3], b: [f64; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
-    let squared = inner(d, d);
+fn mirror_coupling(ni: [f64; 3], nj: [f64; 3], d: [f64; 3], spacing: f64) -> f64 {
+    let squared = dot(d, d);
     if squared <= 0.0 {
-        return inner(ni, nj);
+        return dot(ni, nj);
     }
-    let along = inner(ni, d) / squared;
+    let along = dot(ni, d) / squared;
     let mirrored = [0, 1, 2].map(|a| ni[a] - 2.0 * along * d[a]);
     let reach = (2.0 * spacing).max(TINY);
-    inner(mirrored, nj) * (-0.5 * squared / (reach * reach)).exp()
+    dot(mirrored, nj) * (-0.5 * squared / (reach * reach)).exp()
 }
 
 /// Turns `axes` outwards. Only points that move as one speak to each other, so a limb that touches another part at the
 /// edit frame does not confuse it.
-pub(super) fn orient(cloud: &Cloud, companions: &Companions, axes: &mut [[f64; 3]]) {
-    let wide = nearest(&cloud.means, INSIDE[1] + 1);
-    let guess: Vec<f64> = wide
-        .par_iter()
-        .enumerate()
-        .with_min_len(64)
-        .map(|(i, near)| {
-            let agree: Vec<f64> =
-                near.iter().map(|n| cloud.companion(i, n.id as usize, companions.noise)).collect();
-            INSIDE.iter().map(|&count| outwardness(cloud, i, axes[i], near, &agree, count)).sum()
-        })
-        .collect();
-    let links: Vec<Vec<(u32, f64)>> = (0..cloud.len())
+pub(super) fn orient(regions: &Trajectories, neighbors: &RigidNeighbors, axes: &mut [[f64; 3]]) {
+    let wide = Neighbors::of(&regions.rest, INSIDE[1]);
+    let guess: Vec<f64> = (0..regions.len())
         .into_par_iter()
         .with_min_len(64)
         .map(|i| {
-            let near = companions.near[i].iter().zip(&companions.agree[i]).skip(1);
-            near.map(|(n, agree)| {
+            let near = wide.get(i);
+            let agree: Vec<f64> =
+                near.iter().map(|n| neighbors.between(regions, i, n.id as usize)).collect();
+            INSIDE.iter().map(|&count| outwardness(regions, i, axes[i], near, &agree, count)).sum()
+        })
+        .collect();
+    let links: Vec<Vec<(u32, f64)>> = (0..regions.len())
+        .into_par_iter()
+        .with_min_len(64)
+        .map(|i| {
+            let link = |(n, agree): (Neighbor, f64)| {
                 let j = n.id as usize;
-                let d = [0, 1, 2].map(|a| cloud.means[j][a] - cloud.means[i][a]);
+                let d = sub(regions.rest[j], regions.rest[i]);
                 // Distance to the 6th neighbour.
                 let spacing =
-                    companions.spacing[i].min(companions.spacing[j]) * std::f64::consts::SQRT_2;
+                    neighbors.spacing[i].min(neighbors.spacing[j]) * std::f64::consts::SQRT_2;
                 (n.id, agree * mirror_coupling(axes[i], axes[j], d, spacing))
-            })
-            .collect()
+            };
+            neighbors.get(i).map(link).collect()
         })
         .collect();
     let mut sign: Vec<f64> = guess.iter().map(|g| (GUESS * g).tanh()).collect();
@@ -93,20 +93,20 @@ pub(super) fn orient(cloud: &Cloud, companions: &Companions, axes: &mut [[f64; 3
 
 /// How much mass lies behind the axis: a surface's neighbours, and what it encloses, lie on its inner side.
 fn outwardness(
-    cloud: &Cloud,
+    regions: &Trajectories,
     i: usize,
     axis: [f64; 3],
-    near: &[anchors::Neighbor],
+    near: &[Neighbor],
     agree: &[f64],
     count: usize,
 ) -> f64 {
-    let near = &near[..near.len().min(count + 1)];
+    let near = &near[..near.len().min(count)];
     let reach = near.last().map_or(0.0, |n| n.distance_squared.sqrt());
-    let (mut pull, mut total) = (0.0, 0.0);
+    // The point itself is the first of its neighbourhood.
+    let (mut pull, mut total) = (0.0, 1.0);
     for (n, weight) in near.iter().zip(agree) {
-        let x = cloud.means[n.id as usize];
         total += weight;
-        pull += weight * (0..3).map(|a| (x[a] - cloud.means[i][a]) * axis[a]).sum::<f64>();
+        pull += weight * dot(sub(regions.rest[n.id as usize], regions.rest[i]), axis);
     }
-    if reach > 0.0 && total > 0.0 { -pull / (total * reach) } else { 0.0 }
+    if reach > 0.0 { -pull / (total * reach) } else { 0.0 }
 }

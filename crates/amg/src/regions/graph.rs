@@ -1,6 +1,6 @@
 //! Who is beside whom in the edit.
 
-use super::cloud::{nearest, spacing};
+use anchors::Neighbors;
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 
@@ -20,13 +20,13 @@ const GAP: f64 = 4.0;
 /// Links of the edit, sorted, and local spacings.
 pub(super) fn links(means: &[[f64; 3]]) -> (Vec<Link>, Vec<f64>) {
     let k = if means.len() > MANY { NEIGHBORS_IF_MANY } else { NEIGHBORS };
-    let near = nearest(means, k + 1);
-    let spacing = spacing(&near);
+    let near = Neighbors::of(means, k);
+    let spacing = near.spacing(means.len());
     let mut links: Vec<Link> = Vec::with_capacity(means.len() * k);
-    for (i, near) in (0_u32..).zip(&near) {
-        for n in near {
-            let h = spacing[i as usize].max(spacing[n.id as usize]);
-            if n.id != i && n.distance_squared <= (GAP * h).powi(2) {
+    for (i, h) in (0_u32..).zip(&spacing) {
+        for n in near.get(i as usize) {
+            let h = h.max(spacing[n.id as usize]);
+            if n.distance_squared <= (GAP * h).powi(2) {
                 links.push((i.min(n.id), i.max(n.id)));
             }
         }

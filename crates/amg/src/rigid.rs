@@ -219,7 +219,7 @@ fn cofactor(m: &[[f64; 4]; 4], i: usize, j: usize) -> f64 {
     let minor = m[a][p] * (m[b][q] * m[c][r] - m[b][r] * m[c][q])
         - m[a][q] * (m[b][p] * m[c][r] - m[b][r] * m[c][p])
         + m[a][r] * (m[b][p] * m[c][q] - m[b][q] * m[c][p]);
-    if (i + j) % 2 == 0 { minor } else { -minor }
+    if (i + j).is_multiple_of(2) { minor } else { -minor }
 }
 
 /// Eigenvalues and eigenvectors (columns) of a symmetric matrix, by cyclic Jacobi rotations.

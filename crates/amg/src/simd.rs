@@ -1,4 +1,8 @@
 //! Loops compiled for the best instruction set of the machine, chosen at run time.
+#![expect(
+    clippy::inline_always,
+    reason = "vectorised bodies must be compiled inside the dispatched caller"
+)]
 
 /// Runs `body` compiled for the best instruction set of this machine. Mark the closure `#[inline(always)]`, and every function it
 /// calls that should be vectorised too. Nothing in such bodies may depend on how sums are grouped: results are the same

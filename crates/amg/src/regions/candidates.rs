@@ -1,7 +1,7 @@
 //! Per edited splat: the regions it may belong to, grouped by the motion they would give it.
 
-use super::numeric::TINY;
 use super::edit::Edit;
+use super::numeric::TINY;
 use super::region_motion::{Path, RegionMotion};
 use super::source::Regions;
 use crate::binding::index;

@@ -1,7 +1,7 @@
 //! What it costs an edited splat to belong to a region: a negative log-likelihood, in nats.
 
-use super::numeric::TINY;
 use super::candidates::Candidate;
+use super::numeric::TINY;
 use gs_core::Real;
 
 /// Squared offsets, in standard deviations, beyond which more offset costs ever less: the Welsch cost of Eq. 21 with the learned

@@ -6,9 +6,9 @@
 //! stay near the figure may be sticks, which are stiff, or sleeves, which bend: they take one motion only if all that they
 //! touch has it. What hovers touches nothing, and moves as one with what is nearest.
 
-use super::numeric::TINY;
 use super::edit::Edit;
 use super::graph::Link;
+use super::numeric::TINY;
 use super::region_motion::RegionMotion;
 use super::source::Regions;
 use anchors::{KdTree, NO_CELL};

@@ -3,12 +3,12 @@
 //! Expectation is relaxed transport of splats to regions; maximisation are weighted moments, smooth over regions that move as one. See
 //! `docs/MOTION.md`.
 
-use super::numeric::TINY;
 use super::candidates::{Candidate, Candidates, MAX_HYPOTHESES};
 use super::coverage;
 use super::diffusion::Diffusion;
 use super::edit::Edit;
 use super::likelihood::{Likelihood, Statistics};
+use super::numeric::TINY;
 use super::region_motion::RegionMotion;
 use super::source::Regions;
 use crate::MotionParams;

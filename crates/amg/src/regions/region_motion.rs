@@ -1,4 +1,8 @@
 //! Rigid motion of each region's surroundings, at each key time.
+#![expect(
+    clippy::inline_always,
+    reason = "vectorised bodies must be compiled inside the dispatched caller"
+)]
 
 use crate::keyframes::FADED;
 use crate::rigid::{RigidFit, dot, sub};
@@ -268,8 +272,9 @@ fn rotation_quality(
             })
         })
         .collect();
-    let middle =
-        |which: usize| super::numeric::median(&mut compared.iter().map(|c| c[which]).collect::<Vec<_>>());
+    let middle = |which: usize| {
+        super::numeric::median(&mut compared.iter().map(|c| c[which]).collect::<Vec<_>>())
+    };
     let (apart, positions) = (middle(0), middle(1));
     // Below a hundredth of a degree everything agrees.
     let missed = (apart - positions).max(positions / ROTATION_PRIOR).max(3e-8);

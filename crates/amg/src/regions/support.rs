@@ -1,9 +1,9 @@
 //! The sources each edited splat finally moves with.
 
-use super::numeric::TINY;
 use super::candidates::Candidates;
 use super::consensus::Consensus;
 use super::edit::Edit;
+use super::numeric::TINY;
 use super::region_motion::{Path, RegionMotion};
 use super::source::{Regions, opacity_weight};
 use crate::binding::index;

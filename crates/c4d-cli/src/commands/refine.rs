@@ -1,27 +1,24 @@
 //! `c4d refine`: repair the colours that motion reveals (CUAR), in a run that `c4d propagate` wrote.
 
+mod watch;
+
 use super::freeze::output_failure;
 use crate::args::{Global, PresetArg, RefineArgs, RefineFlags, Up, WarpArg};
 use crate::console::Console;
 use crate::device::{self, Device};
 use crate::failure::{Failure, Outcome, chain};
-use crate::progress::Progress;
-use crate::renderer::side_by_side;
 use crate::rig::{Layout, Rig};
 use crate::run_folder::{
-    self, CONFIG, Checkpoint, KeptImages, Loaded, MadeFrom, PREVIEWS, REFINE_IMAGES, REFINE_REPORT,
-    REFINE_STATE, RefineConfig, RefinedRows, SCENE,
+    self, CONFIG, Checkpoint, Loaded, MadeFrom, REFINE_IMAGES, REFINE_REPORT, REFINE_STATE,
+    RefineConfig, RefinedRows, SCENE,
 };
 use crate::settings::{
     AdamSettings, OcclusionSettings, RefineSettings, RegressionSettings, Settings,
 };
-use crate::{images, memory, scene};
+use crate::{memory, scene};
 use amg::RowKind;
 use clap::ValueEnum;
-use cuar::{
-    Backend, CuarError, Observer, Preset, Preview, RefineOptions, Report, Solver, State, ViewTime,
-    Views, WarpForm,
-};
+use cuar::{Backend, CuarError, Preset, RefineOptions, Report, Solver, Views, WarpForm};
 use gs_core::{Camera, DynamicScene};
 use gs_io::FolderUpdate;
 use gs_io::cameras::{Reading, Split};
@@ -30,6 +27,7 @@ use gs_train_wgpu::DeviceDescent;
 use serde_json::{Value, json};
 use std::collections::BTreeSet;
 use std::path::Path;
+use watch::Watch;
 
 /// Size of the rig's images, pixels.
 const RIG_SIZE: (u32, u32) = (640, 480);
@@ -519,100 +517,4 @@ fn report_json(report: &Report, changed: usize, cameras: &[Camera]) -> Value {
         "bytes": report.bytes,
         "warnings": report.warnings,
     })
-}
-
-/// Shows progress, writes checkpoints and previews. The first write that fails ends the refinement.
-struct Watch<'a> {
-    update: &'a FolderUpdate,
-    preset: PresetArg,
-    settings: &'a RefineSettings,
-    flags: &'a RefineFlags,
-    console: &'a Console,
-    made_from: MadeFrom,
-    /// Images kept for another process to go on from.
-    images: Option<KeptImages>,
-    progress: Option<(&'static str, Progress)>,
-    failure: Option<Failure>,
-}
-
-impl Watch<'_> {
-    fn finish(self) -> Option<Failure> {
-        if let Some((_, progress)) = self.progress {
-            progress.finish();
-        }
-        self.failure
-    }
-
-    fn note_failure(&mut self, outcome: Outcome) {
-        if let Err(failure) = outcome {
-            self.failure.get_or_insert(failure);
-        }
-    }
-}
-
-impl Observer for Watch<'_> {
-    fn progress(&mut self, now: &cuar::Progress) {
-        if self.progress.as_ref().is_none_or(|(stage, _)| *stage != now.stage)
-            && let Some((_, finished)) = self
-                .progress
-                .replace((now.stage, self.console.progress(now.stage, now.total as u64)))
-        {
-            finished.finish();
-        }
-        if let Some((_, progress)) = &mut self.progress {
-            progress.set(now.done as u64);
-            if let Some(loss) = now.loss {
-                progress.message(format!("loss {loss:.5}"));
-            }
-        }
-    }
-
-    fn preview(&mut self, preview: &Preview) {
-        let name = format!("{PREVIEWS}/view_{:03}_t_{:.3}.png", preview.view, preview.time);
-        let image = side_by_side(&side_by_side(&preview.before, &preview.now), &preview.target);
-        let write = || -> Outcome {
-            let mut bytes = Vec::new();
-            images::write_png(&mut bytes, Path::new(&name), &image)?;
-            self.update.write(&name, &bytes, false).map_err(|error| output_failure(&error))
-        };
-        self.note_failure(write());
-    }
-
-    fn begin_images(&mut self, fingerprint: u64) {
-        self.made_from.fingerprint = fingerprint;
-        match KeptImages::open(self.update, &self.made_from) {
-            Ok(images) => {
-                if images.len() > 0 {
-                    self.console.note(format!("{} images are there already", images.len()));
-                }
-                self.images = Some(images);
-            }
-            Err(failure) => self.note_failure(Err(failure)),
-        }
-    }
-
-    fn kept_image(&mut self, at: ViewTime) -> Option<Vec<u8>> {
-        self.images.as_mut()?.get(at)
-    }
-
-    fn keep_image(&mut self, at: ViewTime, bytes: &[u8]) {
-        // The refinement needs no images on disk: without room for them it only cannot be resumed as quickly.
-        if let Some(images) = &mut self.images
-            && let Err(error) = images.put(at, bytes)
-        {
-            images.clear();
-            self.images = None;
-            self.console.note(format!("images are not kept for --resume: {error}"));
-        }
-    }
-
-    fn checkpoint(&mut self, state: &State) {
-        let outcome =
-            Checkpoint::write(self.update, self.preset, self.settings, self.flags, Some(state));
-        self.note_failure(outcome);
-    }
-
-    fn cancelled(&mut self) -> bool {
-        self.failure.is_some()
-    }
 }

@@ -121,7 +121,7 @@ pub(crate) fn propagate(
         })?
     };
     let seconds = motion.elapsed().as_secs_f64();
-    report(&propagation.report, seconds, console);
+    report(&propagation.report, args.motion, seconds, console);
     warn_if_still(args, &propagation, console);
 
     let absolute = |path: &Path| std::path::absolute(path).map_err(Failure::failed);
@@ -321,17 +321,19 @@ fn warn_if_still(args: &PropagateJob, propagation: &Propagation, console: &Conso
     }
 }
 
-fn report(report: &MotionReport, seconds: f64, console: &Console) {
+fn report(report: &MotionReport, motion: MotionArg, seconds: f64, console: &Console) {
     for warning in &report.warnings {
         console.warn(warning);
     }
-    if report.unchanged + report.recoloured + report.moved + report.edited == 0 {
-        console.note("every splat's motion is estimated anew (--motion amg-all)");
+    if motion == MotionArg::AmgAll {
+        // Nothing was compared: the counts of what the edit kept say nothing.
+        console.note("the motion of every edited splat is estimated anew (--motion amg-all)");
+    } else {
+        console.note(format!(
+            "{} unchanged (exact), {} recoloured (exact motion), {} edited or new; {} source splats removed",
+            report.unchanged, report.recoloured, report.edited, report.vanished
+        ));
     }
-    console.note(format!(
-        "{} unchanged (exact), {} recoloured (exact motion), {} edited or new; {} source splats removed",
-        report.unchanged, report.recoloured, report.edited, report.vanished
-    ));
     for (count, what) in &report.moved_groups {
         console.note(format!("{count} splats moved as one: {what}; they keep their own motion"));
     }

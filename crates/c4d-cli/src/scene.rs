@@ -9,6 +9,7 @@ use crate::model_flags::overrides;
 use crate::passes::Mask;
 use crate::run_folder;
 use gs_core::DynamicScene;
+use gs_io::cameras::CamerasError;
 use gs_io::checkpoint4dgs::{self, ModelReport, ModelScene};
 use gs_io::frame::FrameError;
 use gs_io::ply_sequence::{PlySequence, SequenceOptions};
@@ -51,7 +52,7 @@ pub(crate) struct Opened {
 /// What a scene may be.
 const SCENES: &str = "SCENE is a 4DGS or Swift4D model folder, numbered frames in a folder or zip archive, a .splatv or .splat4d clip, or a run folder.";
 /// What an edited frame may be.
-const FRAMES: &str = "c4d goes by a file's content, not by the end of its name: export the splats as 3DGS PLY, compressed PLY, .splat, .spz or .sog.";
+const FRAMES: &str = "c4d goes by a file's content, not by the end of its name: export the splats as 3DGS PLY, compressed PLY, .splat, .spz, .sog or .glb.";
 /// Share of the distance between unrelated rows above which the rows of a sequence do not persist.
 const MAX_DRIFT: f32 = 0.3;
 /// Captured scenes: y points down.
@@ -84,6 +85,12 @@ pub(crate) fn bad_input(error: &IoError) -> Failure {
                 _ => failure.next(FRAMES),
             }
         }
+        IoError::Frame { source: FrameError::Version { .. }, .. } => failure.next(
+            "Convert it as above, or export the splats as a 3DGS PLY from the program that made it.",
+        ),
+        IoError::Cameras { source: CamerasError::Lens { .. }, .. } => failure.next(
+            "Undistort the images, and give the folder that this writes; or give other cameras.",
+        ),
         IoError::Ply { .. } | IoError::Frame { .. } => {
             failure.next("Copy the file again, or export the splats again as a 3DGS PLY.")
         }
@@ -191,7 +198,7 @@ pub(crate) fn open_within(
         kind => {
             let next = match (instead::of(path, Needed::Scene), &kind) {
                 (Some(next), _) => next,
-                (None, SceneKind::Foreign(foreign)) => format!("{} {SCENES}", foreign.next),
+                (None, SceneKind::Foreign(foreign)) => foreign.next.to_owned(),
                 (None, _) => SCENES.to_owned(),
             };
             let what = format!("{} is not a scene ({kind})", path.display());
@@ -264,8 +271,14 @@ fn open_model(path: &Path, kind: SceneKind, global: &Global, console: &Console) 
 }
 
 fn model_facts(report: &ModelReport) -> Vec<(&'static str, String)> {
+    // Of a save without a number, as `iteration_best`, the name.
+    let folder = report.ply.parent().and_then(Path::file_name);
+    let iteration = match folder.filter(|_| report.iteration == 0) {
+        Some(name) => name.to_string_lossy().into_owned(),
+        None => report.iteration.to_string(),
+    };
     let mut facts = vec![
-        ("iteration", report.iteration.to_string()),
+        ("iteration", iteration),
         ("stage", format!("{:?}", report.stage).to_lowercase()),
         ("heads", report.heads.join(", ")),
     ];

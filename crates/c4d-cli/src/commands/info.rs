@@ -29,7 +29,7 @@ pub(crate) fn run(args: &InfoArgs, global: &Global, console: &Console) -> Outcom
 }
 
 /// What there is to read.
-const READS: &str = "c4d reads 4DGS model folders (point_cloud/iteration_N with point_cloud.ply and deformation.pth), Swift4D model folders (the same with FDHash.pth), numbered frames in a folder or zip archive, .splatv and .splat4d clips, single frames (PLY, compressed PLY, .splat, .spz, .sog), its own runs, and cameras of data sets.";
+const READS: &str = "c4d reads 4DGS model folders (point_cloud/iteration_N with point_cloud.ply and deformation.pth), Swift4D model folders (the same with FDHash.pth), numbered frames in a folder or zip archive, .splatv and .splat4d clips, single frames (PLY, compressed PLY, .splat, .spz, .sog, .glb, or the folder of a 3DGS model), its own runs, and cameras of data sets.";
 
 fn report(args: &InfoArgs, global: &Global, console: &Console) -> Outcome {
     let path = &args.path;
@@ -292,7 +292,8 @@ fn products_of(path: &Path, lines: &[String], next: &str) -> Report {
 fn folder(path: &Path, parts: &[(String, SceneKind)]) -> Report {
     let mut report = Report::default();
     report.add("path", json!(path.display().to_string()));
-    report.add("kind", json!("folder of several things"));
+    let several = parts.len() > 1;
+    report.add("kind", json!(if several { "folder of several things" } else { "folder" }));
     for (name, kind) in parts {
         report.add("holds", json!(format!("{name}: {kind}")));
     }
@@ -302,7 +303,7 @@ fn folder(path: &Path, parts: &[(String, SceneKind)]) -> Report {
         json!(if sorted_anew {
             "Each is a frame of its own: SOG sorts every frame anew, so that they are no moving scene. Export the sequence as PLY."
         } else {
-            "c4d info of one of them says more."
+            "c4d info of what it holds says more; give that path to the other commands, too."
         }),
     );
     report

@@ -192,17 +192,14 @@ fn read_cfg(iteration: &Iteration, report: &mut ModelReport) -> Result<Option<Cf
         cfg.unread.iter().map(String::as_str).partition(|name| DECISIVE.contains(name));
     if !decisive.is_empty() {
         report.warnings.push(format!(
-            "{}: values of {} are not understood and count as missing; override them if the motion looks wrong",
-            path.display(),
+            "cfg_args: values of {} are not understood and count as missing; override them if the motion looks wrong",
             decisive.join(", ")
         ));
     }
     if !rest.is_empty() {
-        report.notes.push(format!(
-            "{}: fields not understood, and not needed: {}",
-            path.display(),
-            rest.join(", ")
-        ));
+        report
+            .notes
+            .push(format!("cfg_args: fields not understood, and not needed: {}", rest.join(", ")));
     }
     Ok(Some(cfg))
 }

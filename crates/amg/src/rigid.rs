@@ -182,6 +182,7 @@ fn simple_eigenvector(a: &[[f64; 4]; 4]) -> Option<[f64; 4]> {
         + m[0][3] * minor(0, 3);
     // No eigenvalue of a trace-free matrix of unit size is larger than this.
     let mut root = 0.75_f64.sqrt();
+    let mut settled = false;
     for _ in 0..STEPS {
         let value = ((root * root + c2) * root + c1) * root + c0;
         let slope = (4.0 * root * root + 2.0 * c2) * root + c1;
@@ -190,11 +191,13 @@ fn simple_eigenvector(a: &[[f64; 4]; 4]) -> Option<[f64; 4]> {
         }
         let step = value / slope;
         root -= step;
-        if step <= 1e-15 {
+        // Towards a simple root, the next step is the square of this one; towards a double one, half of it.
+        settled = step <= 1e-12;
+        if settled {
             break;
         }
     }
-    if (4.0 * root * root + 2.0 * c2) * root + c1 <= GAPS {
+    if !settled || (4.0 * root * root + 2.0 * c2) * root + c1 <= GAPS {
         return None;
     }
     for (i, row) in m.iter_mut().enumerate() {

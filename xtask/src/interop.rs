@@ -38,7 +38,7 @@ struct Tables {
     written: Vec<String>,
 }
 
-pub(crate) fn run() -> Result<()> {
+pub(crate) fn run(program: Option<PathBuf>) -> Result<()> {
     let root = workspace();
     let folder = root.join("target/interop");
     let files = folder.join("files");
@@ -46,16 +46,12 @@ pub(crate) fn run() -> Result<()> {
         fs::remove_dir_all(&files)?;
     }
     fs::create_dir_all(&files)?;
-    let built = Command::new("cargo")
-        .args(["build", "--release", "--quiet", "--package", "c4d-cli"])
-        .current_dir(&root)
-        .env("CARGO_TARGET_DIR", root.join("target"))
-        .status()?;
-    if !built.success() {
-        bail!("c4d does not build");
-    }
+    let c4d = match program {
+        Some(program) => std::path::absolute(program)?,
+        None => build(&root)?,
+    };
     let peers = Peer::install_all(&folder)?;
-    let trip = Trip { c4d: root.join("target/release/c4d"), frames: source(&files)?, files };
+    let trip = Trip { c4d, frames: source(&files)?, files };
     let mut tables = Tables::default();
     for peer in &peers {
         for format in peer.writes() {
@@ -72,6 +68,19 @@ pub(crate) fn run() -> Result<()> {
     fs::write(root.join(DOCUMENT), text).context(DOCUMENT)?;
     eprintln!("{DOCUMENT} is written");
     Ok(())
+}
+
+/// Builds `c4d` and says where it is.
+fn build(root: &Path) -> Result<PathBuf> {
+    let built = Command::new("cargo")
+        .args(["build", "--release", "--quiet", "--package", "c4d-cli"])
+        .current_dir(root)
+        .env("CARGO_TARGET_DIR", root.join("target"))
+        .status()?;
+    if !built.success() {
+        bail!("c4d does not build");
+    }
+    Ok(root.join("target/release/c4d"))
 }
 
 /// The scene, as a sequence of PLYs in `files/source`.
@@ -220,7 +229,8 @@ size, base colours in steps of 1/255.
 
 ## Frames that c4d writes
 
-The first frame, exported by `c4d export` and converted to a PLY by the tool. Errors are the largest of all visible splats.
+The first frame, exported by `c4d export` and converted to a PLY by the tool. Errors are the largest of all visible splats. Splats are
+paired by position, so a coarse format may pair a neighbour.
 
 | tool | format | splats | error |
 |---|---|---|---|

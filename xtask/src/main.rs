@@ -37,7 +37,11 @@ enum Task {
         log: Option<PathBuf>,
     },
     /// Convert frames with other tools both ways and write docs/INTEROP.md (needs node, Python and their registries)
-    Interop,
+    Interop {
+        /// Use this `c4d` instead of building one
+        #[arg(long)]
+        program: Option<PathBuf>,
+    },
     /// Draw how the paper's weights change its results, and print the numbers
     Stability,
     /// Write a scene with known motion: source, a deformation network trained on it, edit, truth with its video, cameras
@@ -64,7 +68,7 @@ fn main() -> anyhow::Result<()> {
         Task::DocCommands => doc_commands::run(),
         Task::TestTimes { log: Some(log) } => test_times::write(&log),
         Task::TestTimes { log: None } => test_times::check(),
-        Task::Interop => interop::run(),
+        Task::Interop { program } => interop::run(program),
         Task::Stability => stability::run(),
         Task::TruthScene { case, seed, size, output } => {
             truth_scenes::write(&case, seed, size, &output)

@@ -114,6 +114,10 @@ pub(crate) struct FreezeArgs {
 }
 
 #[derive(Debug, Args)]
+#[expect(
+    clippy::struct_excessive_bools,
+    reason = "flags of a command line are independent switches"
+)]
 pub(crate) struct PropagateArgs {
     /// The dynamic scene
     pub(crate) scene: PathBuf,

@@ -160,7 +160,7 @@ pub(crate) fn propagate(
             config.anchors = Some(AnchorSettings::of(params));
             config.transport = Some(TransportSettings::of(params));
         }
-        MotionGuide::Knn(params) => config.knn = Some(KnnSettings::of(params)),
+        MotionGuide::Knn(params) => config.knn = Some(KnnSettings::of(*params)),
         MotionGuide::Regions(params) => config.regions = Some(params.clone()),
         MotionGuide::Field(_) => {}
     }

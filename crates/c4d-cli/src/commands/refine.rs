@@ -67,17 +67,16 @@ pub(crate) fn run(args: &RefineArgs, global: &Global, console: &Console) -> Outc
         Err(failure) if args.resume => return Err(failure),
         Ok(None) | Err(_) => None,
     };
-    let begun = match begun {
-        Some(begun) => begun,
-        None => {
-            let settings = Settings::read(args.config.as_deref())?.refine();
-            let flags = settings.flags(&args.flags)?;
-            let preset = match args.preset {
-                Some(preset) => preset,
-                None => settings.preset()?.unwrap_or(PresetArg::Best),
-            };
-            Checkpoint::anew(preset, settings, &flags)
-        }
+    let begun = if let Some(begun) = begun {
+        begun
+    } else {
+        let settings = Settings::read(args.config.as_deref())?.refine();
+        let flags = settings.flags(&args.flags)?;
+        let preset = match args.preset {
+            Some(preset) => preset,
+            None => settings.preset()?.unwrap_or(PresetArg::Best),
+        };
+        Checkpoint::anew(preset, settings, &flags)
     };
     refine(&args.run, begun, global, console)?;
     console.result(args.run.display());

@@ -11,6 +11,10 @@ use std::path::PathBuf;
 
 /// The resolved configuration, `c4d.toml`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[expect(
+    clippy::struct_excessive_bools,
+    reason = "options are recorded as the command line has them"
+)]
 pub(crate) struct RunConfig {
     /// Version of c4d that wrote it.
     pub(crate) version: String,

@@ -57,6 +57,10 @@ pub(crate) struct Settings {
 
 /// What `c4d propagate` is asked to do: flags, configuration and preset together.
 #[derive(Debug, Clone)]
+#[expect(
+    clippy::struct_excessive_bools,
+    reason = "flags of a command line are independent switches"
+)]
 pub(crate) struct PropagateJob {
     pub(crate) scene: PathBuf,
     pub(crate) edited: PathBuf,

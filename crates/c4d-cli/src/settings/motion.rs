@@ -152,7 +152,7 @@ impl TransportSettings {
 
 impl KnnSettings {
     /// All values of a run.
-    pub(crate) fn of(params: &KnnParams) -> Self {
+    pub(crate) fn of(params: KnnParams) -> Self {
         Self { k: Some(params.k) }
     }
 

@@ -160,14 +160,14 @@ impl RefineSettings {
                     Solver::Adam(params) => params.clone(),
                     Solver::Regression(_) => AdamParams::default(),
                 };
-                options.solver = Solver::Adam(adam.over(params));
+                options.solver = Solver::Adam(adam.over(&params));
             }
             (None, Some(regression)) => {
                 let params = match &options.solver {
                     Solver::Regression(params) => params.clone(),
                     Solver::Adam(_) => RegressionParams::default(),
                 };
-                options.solver = Solver::Regression(regression.over(params));
+                options.solver = Solver::Regression(regression.over(&params));
             }
             (None, None) => {}
         }
@@ -188,7 +188,7 @@ impl AdamSettings {
         }
     }
 
-    fn over(&self, params: AdamParams) -> AdamParams {
+    fn over(&self, params: &AdamParams) -> AdamParams {
         AdamParams {
             steps: self.steps.unwrap_or(params.steps),
             rate_dc: self.rate_dc.unwrap_or(params.rate_dc),
@@ -209,7 +209,7 @@ impl RegressionSettings {
         }
     }
 
-    fn over(&self, params: RegressionParams) -> RegressionParams {
+    fn over(&self, params: &RegressionParams) -> RegressionParams {
         RegressionParams {
             passes: self.passes.unwrap_or(params.passes),
             delta: self.delta.unwrap_or(params.delta),

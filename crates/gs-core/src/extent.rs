@@ -96,6 +96,11 @@ pub fn weighted_quantile(mut values: Vec<(f64, f64)>, share: f64) -> f64 {
 }
 
 /// Radius of the smallest ball around a point of an even sample that holds [`CORE_SHARE`] of the sample.
+#[expect(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "a share of a count is a count"
+)]
 fn core_radius(points: &[WeightedPoint]) -> f64 {
     let count = points.len().min(CORE_SAMPLE);
     let sample: Vec<[f64; 3]> = (0..count).map(|i| points[i * points.len() / count].mean).collect();

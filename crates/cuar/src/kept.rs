@@ -44,6 +44,7 @@ const ENTRY: usize = 2 * 4 + 6 * 4 + 2;
 
 /// What [`encode`] was given, for the view and time `at`; `None` if the bytes are of anything else. `num_rows` is the number of edited
 /// splats.
+#[expect(clippy::option_option, reason = "an image that shows nothing is known, too")]
 pub(crate) fn decode<P>(bytes: &[u8], at: ViewTime, num_rows: usize) -> Option<Option<Made<P>>> {
     if bytes.is_empty() {
         return Some(None);

@@ -12,7 +12,7 @@ fn make_fifo(path: &std::path::Path) {
 
 /// Reading a FIFO would block for ever: a minute is enough to know.
 fn refused(arguments: &[&str], code: i32, expected: &str) {
-    let said = failure(c4d(arguments).timeout(Duration::from_secs(60)), code);
+    let said = failure(c4d(arguments).timeout(Duration::from_mins(1)), code);
     assert!(said.contains(expected) && said.contains("  next: "), "{arguments:?}: {said}");
 }
 

@@ -66,7 +66,7 @@ impl AtomicDir {
         let beside = Place::Beside.of(&path);
         match record {
             Place::Inside => {
-                files.write(&Place::Inside.of(reservation.partial())).map_err(failed)?
+                files.write(&Place::Inside.of(reservation.partial())).map_err(failed)?;
             }
             Place::Beside => files.append(&beside).map_err(failed)?,
         }

@@ -238,7 +238,7 @@ impl Walk {
             }
             if kind.is_dir() {
                 let own = format!("{path}/");
-                if !self.ours(&path, |record, path| record.has_folder(path))
+                if !self.ours(&path, Record::has_folder)
                     && Record::read(&Place::Inside.of(&entry.path())).0.is_empty()
                 {
                     return foreign(UNKNOWN);

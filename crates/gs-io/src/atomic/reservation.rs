@@ -70,7 +70,7 @@ pub fn final_path(path: &Path) -> PathBuf {
             .filter_map(|other| Some((&other.output, path.strip_prefix(&other.partial).ok()?)))
             .min_by_key(|(_, rest)| rest.components().count());
         match within {
-            Some((output, rest)) if rest.as_os_str().is_empty() => path = output.clone(),
+            Some((output, rest)) if rest.as_os_str().is_empty() => path.clone_from(output),
             Some((output, rest)) => path = output.join(rest),
             None => break,
         }

@@ -10,6 +10,7 @@ use crate::scene::Opened;
 use crate::settings::PropagateJob;
 use amg::{Identity, IdentityMap, IdentityParams};
 use gs_core::{Precision, RowPrecision, Splats};
+use std::collections::HashSet;
 use std::sync::Arc;
 
 /// An edited cloud whose middle lies further from the source's than this many source sizes is of
@@ -24,10 +25,18 @@ const CANONICAL_SHARE: f64 = 0.5;
 const SAME_SCENE: f64 = 0.1;
 /// Share that matches at another time, above which the edit is of that time.
 const SAME_TIME: f64 = 0.5;
-/// Rows compared at other times, spread evenly over the file.
-const SAMPLED_ROWS: usize = 1000;
+/// Rows that are not where the scene has them, compared at other times, spread evenly over the file: the share is known within
+/// 4 %.
+const SAMPLED_ROWS: usize = 500;
+/// Such rows below which other times are not looked at.
+const FEW_ROWS: usize = 20;
+/// An edit of another time lacks about as many of the scene's splats as it has others: those that
+/// move. Largest difference, as a share.
+const EXCHANGED: f64 = 0.2;
 /// Other times looked at.
-const OTHER_TIMES: usize = 128;
+const OTHER_TIMES: usize = 64;
+/// Edge of the cells in which rows are looked for at other times, as a share of the scene's size.
+const CELL: f64 = 0.005;
 /// Opacity below which no renderer draws a splat: one step of 255.
 pub(crate) const INVISIBLE: f32 = 1.0 / 255.0;
 
@@ -43,6 +52,16 @@ pub(crate) fn fit(
 ) -> Outcome<Splats> {
     let mut edited = edited;
     let mut map = compare(frame, &edited, params)?;
+    let few = |map: &IdentityMap, edited: &Splats| {
+        (map.matched() as f64) < SAME_SCENE * edited.len().min(frame.len()) as f64
+    };
+    if !args.allow_far && !args.align {
+        if few(&map, &edited) {
+            refuse_other_scene(args, frame, &edited, &map)?;
+        }
+        // Before anything is said of moved parts: at other times, the scene's own have moved.
+        refuse_other_time(args, source, &edited, &map, params, console)?;
+    }
     let whole = if args.align { map.whole_file() } else { map.whole_scene() };
     if let Some(group) = whole
         && let Some(placed) = undo(args, frame, &edited, &map, group, params, console)?
@@ -58,9 +77,8 @@ pub(crate) fn fit(
     }
     if !args.allow_far {
         refuse_canonical(args, params, source, frame, &edited)?;
-        if (map.matched() as f64) < SAME_SCENE * edited.len().min(frame.len()) as f64 {
+        if args.align && few(&map, &edited) {
             refuse_other_scene(args, frame, &edited, &map)?;
-            refuse_other_time(args, source, &edited, &map, params, console)?;
         }
     }
     complete(args, frame, edited, &map, params, console)
@@ -112,8 +130,8 @@ fn undo(
     ))
 }
 
-/// An edit of another frame: few of its splats are the scene's at the time given, and many at
-/// another.
+/// An edit of another frame: most of the splats that are not where the scene has them at the time
+/// given are where it has them at another.
 fn refuse_other_time(
     args: &PropagateJob,
     source: &Opened,
@@ -122,9 +140,18 @@ fn refuse_other_time(
     params: &IdentityParams,
     console: &Console,
 ) -> Outcome {
-    let step = edited.len().div_ceil(SAMPLED_ROWS).max(1);
-    let rows: Vec<usize> = (0..edited.len()).step_by(step).collect();
+    let unmatched: Vec<usize> =
+        (0..edited.len()).filter(|&row| map.rows[row].in_place().is_none()).collect();
+    let (gone, new) = (map.vanished.len(), map.edited);
+    let exchanged = gone.abs_diff(new) as f64 <= EXCHANGED * gone.max(new) as f64;
+    let most = 2 * unmatched.len() > edited.len();
+    if unmatched.len() < FEW_ROWS || !(most || exchanged) {
+        return Ok(());
+    }
+    let step = unmatched.len().div_ceil(SAMPLED_ROWS).max(1);
+    let rows: Vec<usize> = unmatched.into_iter().step_by(step).collect();
     let sample = edited.select(&rows);
+    let cells = Cells::around(&sample);
     let params = IdentityParams {
         enabled: true,
         moved: false,
@@ -136,7 +163,8 @@ fn refuse_other_time(
     let mut frame = Splats::default();
     for (done, &t) in times.iter().enumerate() {
         source.scene.at_into(t, &mut frame).map_err(Failure::bad_input)?;
-        let found = IdentityMap::of(&frame, &sample, &params)
+        let near = frame.select(&cells.rows_in(&frame));
+        let found = IdentityMap::of(&near, &sample, &params)
             .map_err(|error| Failure::bad_input(chain(&error)))?;
         progress.set(done as u64 + 1);
         if (found.matched() as f64) < SAME_TIME * sample.len() as f64 {
@@ -149,19 +177,49 @@ fn refuse_other_time(
             Some(format!(" (frame {} of {frames})", number + 1))
         });
         return Err(Failure::usage(format!(
-            "{} is an edit of the scene at time {t}{}, not at --time {}: {} of {} splats compared are the scene's there, {} of {} here",
+            "{} is an edit of the scene at time {t}{}, not at --time {}: of {} splats compared that are not where the scene has them here, {} are there",
             args.edited.display(),
             of_frames.unwrap_or_default(),
             args.time,
-            found.matched(),
             sample.len(),
-            map.matched(),
-            edited.len()
+            found.matched()
         ))
         .next(format!("Run again with --time {t}.")));
     }
     progress.finish();
     Ok(())
+}
+
+/// Cells of space around some splats, so that only what is near them need be compared.
+struct Cells {
+    edge: f64,
+    occupied: HashSet<[i64; 3]>,
+}
+
+impl Cells {
+    fn around(splats: &Splats) -> Self {
+        let size = robust_ball(splats).map_or(1.0, |(_, size)| 2.0 * size);
+        let edge = (CELL * size).max(f64::from(f32::MIN_POSITIVE));
+        let mut cells = Self { edge, occupied: HashSet::new() };
+        for mean in &splats.means {
+            let middle = cells.of(*mean);
+            for offset in 0..27_i64 {
+                let beside = [offset % 3 - 1, offset / 3 % 3 - 1, offset / 9 - 1];
+                cells.occupied.insert([0, 1, 2].map(|k| middle[k].saturating_add(beside[k])));
+            }
+        }
+        cells
+    }
+
+    #[expect(clippy::cast_possible_truncation, reason = "saturates far away from everything")]
+    fn of(&self, mean: [f32; 3]) -> [i64; 3] {
+        mean.map(|value| (f64::from(value) / self.edge).floor() as i64)
+    }
+
+    fn rows_in(&self, splats: &Splats) -> Vec<usize> {
+        let inside = |row: &usize| self.occupied.contains(&self.of(splats.means[*row]));
+        (0..splats.len()).filter(inside).collect()
+    }
 }
 
 /// Times at which an edit may have been made: the scene's frames; of a scene without, such as
@@ -174,7 +232,7 @@ fn other_times(source: &Opened, given: f32) -> Vec<f32> {
         all.into_iter().step_by(step).collect()
     } else {
         let mut times: Vec<f32> = Vec::new();
-        for parts in [1, 2, 4, 10, 20, 60] {
+        for parts in [1, 2, 4, 10, 20] {
             for t in range.frames(parts + 1) {
                 if !times.iter().any(|known| (known - t).abs() < 1e-6) {
                     times.push(t);

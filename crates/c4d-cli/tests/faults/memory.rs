@@ -56,7 +56,7 @@ fn limited_processes_end_with_errors() {
     let script = "ulimit -v 1500000; exec \"$0\" \"$@\"";
     let mut shell = assert_cmd::Command::new("bash");
     shell.arg("-c").arg(script).arg(assert_cmd::cargo::cargo_bin!("c4d"));
-    shell.args(["propagate", "--threads", "2", source.to_str().unwrap(), "--edited"]);
+    shell.args(["propagate", "--no-refine", "--threads", "2"]).arg(&source).arg("--edited");
     shell.arg(&large).arg("-o").arg(workshop.at("out"));
     let said = failure(&mut shell, 3);
     assert!(said.contains("not enough memory") && said.contains("3072 MiB"), "{said}");

@@ -74,15 +74,16 @@ fn originals() -> Vec<Splats> {
     read_frames(&fixture("synth/source"))
 }
 
-/// Splats within `radius` of the highest one.
-fn top(splats: &Splats, radius: f32) -> Vec<usize> {
-    let height = |i: &usize| splats.means[*i][1];
-    let highest = (0..splats.len()).max_by(|a, b| height(a).total_cmp(&height(b))).unwrap();
-    let near = |i: &usize| {
-        (0..3).map(|k| (splats.means[*i][k] - splats.means[highest][k]).powi(2)).sum::<f32>()
-            <= radius * radius
-    };
-    (0..splats.len()).filter(near).collect()
+/// Splats within `radius` of the highest one that moves between the first two frames.
+fn top(frames: &[Splats], radius: f32) -> Vec<usize> {
+    let first = &frames[0].means;
+    let apart =
+        |a: [f32; 3], b: [f32; 3]| (0..3).map(|k| (a[k] - b[k]).powi(2)).sum::<f32>().sqrt();
+    let highest = (0..first.len())
+        .filter(|&i| apart(first[i], frames[1].means[i]) > 0.01)
+        .max_by(|&a, &b| first[a][1].total_cmp(&first[b][1]))
+        .unwrap();
+    (0..first.len()).filter(|&i| apart(first[i], first[highest]) <= radius).collect()
 }
 
 fn with_placed(splats: &Splats, rows: &[usize], similarity: &Similarity) -> Splats {
@@ -167,7 +168,7 @@ fn axes_scale_and_handedness_of_other_tools() {
 #[test]
 fn a_scaled_selection_is_counted_and_stored() {
     let (desk, frames) = (Desk::new(), originals());
-    let rows = top(&frames[0], 0.25);
+    let rows = top(&frames, 0.4);
     assert!(rows.len() > 20, "{} splats selected", rows.len());
     let n = rows.len() as f64;
     let sum = |k: usize| rows.iter().map(|&i| f64::from(frames[0].means[i][k])).sum::<f64>();
@@ -202,7 +203,7 @@ fn a_scaled_selection_is_counted_and_stored() {
 #[test]
 fn a_saved_selection_is_warned_of_and_the_rest_kept_if_asked() {
     let (desk, frames) = (Desk::new(), originals());
-    let rows = top(&frames[0], 0.25);
+    let rows = top(&frames, 0.4);
     let mut selection = frames[0].select(&rows);
     let coeffs = selection.sh_coeffs();
     selection.sh.iter_mut().step_by(coeffs).for_each(|dc| *dc = [0.9, -0.4, 0.1]);
@@ -237,8 +238,9 @@ fn a_saved_selection_is_warned_of_and_the_rest_kept_if_asked() {
     // Of another scene there is no rest.
     let mut other = frames[0].clone();
     for (i, (scale, dc)) in (0_u16..).zip(other.log_scales.iter_mut().zip(&mut other.sh)) {
-        let odd = f32::from(i * 37 % 101) / 101.0;
-        *scale = scale.map(|s| s + odd);
+        let odd = f32::from(i * 37 % 101) / 101.0 + 0.01;
+        scale[1] += odd;
+        scale[2] -= 0.7 * odd;
         *dc = [odd, -odd, 1.0 - odd];
     }
     other.means.iter_mut().for_each(|mean| mean[1] += 0.05 + 0.02 * mean[0].sin());

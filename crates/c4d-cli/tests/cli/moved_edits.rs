@@ -276,7 +276,7 @@ fn matched_splats_decide_before_bounds_and_none_is_a_refusal() {
     let extent = (0..3).map(|k| max[k] - min[k]).fold(0.0, f32::max);
     for (i, (mean, scale)) in (0_u16..).zip(beside.means.iter_mut().zip(&mut beside.log_scales)) {
         mean[0] += 1.25 * extent + f32::from(i * 31 % 97) * 1e-3;
-        *scale = scale.map(|s| s + f32::from(i * 53 % 89) * 0.01);
+        *scale = scale.map(|s| s + f32::from(i % 89 * 53 % 89) * 0.01);
         scale[1] += f32::from(i * 29 % 83) * 0.01;
     }
     let edited = desk.save("beside.ply", &beside);

@@ -204,7 +204,9 @@ fn tools_that_leave_rotations_sizes_or_colours_alone() {
     no_size.log_scales.clone_from(&first.log_scales);
     let mut other_colour = proper.clone();
     let coeffs = first.sh_coeffs();
-    rows.iter().for_each(|&row| other_colour.sh[row * coeffs] = [0.3, -0.2, 0.9]);
+    for &row in &rows {
+        other_colour.sh[row * coeffs] = [0.3, -0.2, 0.9];
+    }
     let mut mirrored = proper.clone();
     for &row in &rows {
         mirrored.means[row][0] = -proper.means[row][0];

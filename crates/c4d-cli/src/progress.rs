@@ -3,6 +3,7 @@
 use crate::frames::rounded;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressState, ProgressStyle};
 use std::fmt;
+use std::fmt::Write as _;
 use std::io::Write;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::mpsc::{self, RecvTimeoutError, Sender};
@@ -42,23 +43,23 @@ impl Tally {
         let elapsed = self.start.elapsed().as_secs_f64();
         let mut line = format!("{}: ", self.stage);
         if !self.percent {
-            line += &format!("{done} of {}, ", self.total);
+            let _ = write!(line, "{done} of {}, ", self.total);
         } else if done > 0 {
-            line += &format!("{done} %, ");
+            let _ = write!(line, "{done} %, ");
         }
         if done == 0 {
-            line += &format!("running for {}", time(elapsed));
+            let _ = write!(line, "running for {}", time(elapsed));
         } else {
             let rate = done as f64 / elapsed.max(1e-9);
             if !self.percent {
-                line += &format!("{} a second, ", rounded(rate));
+                let _ = write!(line, "{} a second, ", rounded(rate));
             }
-            line += &format!("{} left", time((self.total - done) as f64 / rate));
+            let _ = write!(line, "{} left", time((self.total - done) as f64 / rate));
         }
         if let Ok(message) = self.message.lock()
             && !message.is_empty()
         {
-            line += &format!(", {message}");
+            let _ = write!(line, ", {message}");
         }
         line
     }

@@ -62,7 +62,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let adam = |steps: usize, faster: f32| {
         let usual = AdamParams::default();
         let (rate_dc, rate_rest) = (usual.rate_dc * faster, usual.rate_rest * faster);
-        Solver::Adam(AdamParams { steps, rate_dc, rate_rest, ..usual })
+        Solver::Adam(AdamParams { steps, rate_dc, rate_rest })
     };
     let best = WarpParams::default();
     let all = WarpParams { slack: None, ..best };

@@ -89,7 +89,6 @@ fn refinement_does_not_depend_on_size_and_place() {
         (0.01, [-10.0, 15.0, 5.0]),
     ] {
         let there = agreement(&case, &here, &refined(&case, scale, shift));
-        println!("scale {scale}, shift {shift:?}: {there:.1} dB, unrefined {control:.1} dB");
         assert!(
             there > control + 15.0,
             "scale {scale}, shift {shift:?}: {there:.1} dB, the unrefined colours {control:.1} dB"

@@ -145,10 +145,10 @@ impl Foreign {
             return Some(*pointer);
         }
         let start = start.strip_prefix(b"\xef\xbb\xbf").unwrap_or(start).trim_ascii_start();
-        let begins = |page: &&[u8]| {
+        let begins = |page: &[u8]| {
             start.get(..page.len()).is_some_and(|found| found.eq_ignore_ascii_case(page))
         };
-        PAGES.iter().any(|page| begins(&page)).then_some(HTML)
+        PAGES.iter().any(|page| begins(page)).then_some(HTML)
     }
 
     fn is_at_start_of(&self, start: &[u8]) -> bool {

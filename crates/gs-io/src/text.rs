@@ -2,13 +2,16 @@
 
 use std::borrow::Cow;
 
+/// Puts two bytes together as a unit of UTF-16.
+type Unit = fn([u8; 2]) -> u16;
+
 /// The text of a file. What is no valid character is replaced.
 pub(crate) fn decode(bytes: &[u8]) -> Cow<'_, str> {
     if let Some(rest) = bytes.strip_prefix(b"\xef\xbb\xbf") {
         return String::from_utf8_lossy(rest);
     }
     // Without a mark, text in UTF-16 has a zero in every second byte where it is Latin, as all our formats are at their start.
-    let unit: Option<(&[u8], fn([u8; 2]) -> u16)> = match *bytes {
+    let unit: Option<(&[u8], Unit)> = match *bytes {
         [0xff, 0xfe, ref rest @ ..] => Some((rest, u16::from_le_bytes)),
         [0xfe, 0xff, ref rest @ ..] => Some((rest, u16::from_be_bytes)),
         [1..=255, 0, 1..=255, 0, ..] => Some((bytes, u16::from_le_bytes)),

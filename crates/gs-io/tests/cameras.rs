@@ -303,7 +303,7 @@ fn lens_models_are_read_or_refused_by_name() {
 /// A COLMAP text model: lines of cameras and images, and images of 64×48 pixels.
 fn colmap_model(root: &Path, cameras: &str, images: &[&str], files: &[&str]) {
     write(&root.join("sparse/0/cameras.txt"), cameras);
-    let lines: String = images.iter().map(|line| format!("{line}\n\n")).collect();
+    let lines = images.join("\n\n") + "\n\n";
     write(&root.join("sparse/0/images.txt"), lines);
     for file in files {
         let path = root.join("images").join(file);

@@ -283,6 +283,7 @@ fn nodes_that_splats_cannot_follow_are_named() {
 
 /// Attributes of `truth` (LUF) as the specification allows them to be quantised, interleaved where
 /// it can be.
+#[expect(clippy::cast_sign_loss, reason = "values from 0 to 1")]
 fn quantised(truth: &Splats) -> Vec<u8> {
     let count = truth.len();
     let (min, max) = truth.bounds().unwrap();
@@ -297,7 +298,7 @@ fn quantised(truth: &Splats) -> Vec<u8> {
         }
         data.extend([0, 0]);
         let [w, x, y, z] = truth.rotation(i);
-        data.extend([-x, -y, z, w].map(|q| (q * 127.0).round() as i8 as u8));
+        data.extend([-x, -y, z, w].map(|q| ((q * 127.0).round() as i8).cast_unsigned()));
         data.extend([0; 4]);
     }
     let scales = data.len();
@@ -464,6 +465,9 @@ fn colours_of_linear_spaces_are_shown_as_such() {
     assert!(frame.notes[0].contains("linear"), "{:?}", frame.notes);
 }
 
+/// Damages a document.
+type Change<'a> = &'a dyn Fn(&mut Value);
+
 #[test]
 fn what_cannot_be_read_is_named() {
     let truth = one();
@@ -475,7 +479,7 @@ fn what_cannot_be_read_is_named() {
         frame::read(&put_together(&document, &data)).unwrap_err().to_string()
     };
     let primitive = |document: &mut Value| document["meshes"][0]["primitives"][0].take();
-    let cases: [(&dyn Fn(&mut Value), &str); 13] = [
+    let cases: [(Change, &str); 13] = [
         (&|d| d["asset"]["version"] = json!("1.0"), "version `1.0`, expected 2.0"),
         (
             &|d| d["extensionsRequired"] = json!(["EXT_meshopt_compression"]),
@@ -492,7 +496,7 @@ fn what_cannot_be_read_is_named() {
         (
             &|d| {
                 d["meshes"][0]["primitives"][0]["extensions"]["KHR_gaussian_splatting"]["kernel"] =
-                    json!("cube")
+                    json!("cube");
             },
             "kernel `cube`",
         ),

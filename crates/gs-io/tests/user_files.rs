@@ -145,7 +145,10 @@ fn opaque_and_transparent_rows_are_kept() {
     let (splats, _) = table.read_everywhere();
     assert_eq!(splats.len(), ROWS, "all rows");
     assert!((0..ROWS).all(|row| splats.is_finite(row)), "finite");
-    assert!(splats.opacity_logits[..40].iter().all(|&logit| logit == OPAQUE_LOGIT), "opaque");
+    assert!(
+        splats.opacity_logits[..40].iter().all(|logit| logit.to_bits() == OPAQUE_LOGIT.to_bits()),
+        "opaque"
+    );
     assert!((40..45).all(|row| splats.opacity(row) < 1.0 / 255.0), "invisible");
     for row in 45..ROWS {
         close(splats.opacity_logits[row], table.get("opacity")[row], "others stay");

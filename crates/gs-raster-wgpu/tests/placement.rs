@@ -49,13 +49,11 @@ fn size_and_place_do_not_change_the_picture() {
     for scale in [1e-6, 1e-3, 1e-2, 1e2, 1e3, 1e6] {
         let (splats, camera) = placed(&splats, &camera, scale, [0.0; 3]);
         let there = psnr(&render(&splats, &camera), &here);
-        println!("scale {scale}: {there:.1} dB");
         assert!(there > SCALED_DB, "{scale} times as large: {there:.1} dB");
     }
     for shift in [[2000.0, 0.0, 0.0], [-1200.0, 900.0, 1300.0]] {
         let (splats, camera) = placed(&splats, &camera, 1.0, shift);
         let there = psnr(&render(&splats, &camera), &here);
-        println!("shift {shift:?}: {there:.1} dB");
         assert!(there > SHIFTED_DB, "moved by {shift:?}: {there:.1} dB");
     }
     // Negative control: the near plane of the reference culls a scene of a hundredth of the size.

@@ -158,7 +158,7 @@ mod tests {
 ";
 
     fn manifest(name: &str, rest: &str) -> String {
-        let keys: String = PUBLISHED.iter().map(|key| format!("{key} = \"x\"\n")).collect();
+        let keys = PUBLISHED.map(|key| format!("{key} = \"x\"\n")).concat();
         format!("[package]\nname = \"{name}\"\n{keys}{rest}")
     }
 

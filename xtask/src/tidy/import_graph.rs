@@ -151,7 +151,7 @@ struct Collector {
 
 impl Collector {
     /// `segments` from the crate's root; `None` for what is not of this crate, or local to the file.
-    fn from_root(&self, segments: &[String]) -> Option<Vec<String>> {
+    fn path_from_root(&self, segments: &[String]) -> Option<Vec<String>> {
         let mut base = self.module.clone();
         let mut rest = segments;
         match segments.first()?.as_str() {
@@ -174,7 +174,7 @@ impl Collector {
     }
 
     fn name(&mut self, segments: &[String]) {
-        self.facts.paths.extend(self.from_root(segments));
+        self.facts.paths.extend(self.path_from_root(segments));
     }
 
     fn use_tree(&mut self, tree: &syn::UseTree, prefix: &mut Vec<String>) {
@@ -200,7 +200,7 @@ impl Collector {
         if name != "self" {
             segments.push(name.to_string());
         }
-        if let Some(path) = self.from_root(&segments) {
+        if let Some(path) = self.path_from_root(&segments) {
             self.facts.paths.push(path.clone());
             self.facts.imports.insert(here.to_string(), path);
         }

@@ -69,7 +69,6 @@ fn rigs_show_any_size_and_place_alike() {
             let scene = if scene.exists() { scene } else { placed(folder.path(), scale, shift) };
             let (found, said) = picture(&scene, &["--cameras", cameras]);
             let db = psnr(&found, &expected);
-            println!("{cameras}, {scale} times, moved by {shift:?}: {db:.1} dB");
             assert!(db > RIG_DB, "{cameras}, {scale} times, moved by {shift:?}: {db:.1} dB");
             assert!(!said.contains("warning"), "{said}");
         }

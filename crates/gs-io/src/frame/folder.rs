@@ -3,8 +3,7 @@
 use super::{Frame, read};
 use crate::error::{IoError, read_bytes};
 use crate::{checkpoint4dgs, sog, text};
-use serde::de::IgnoredAny;
-use std::collections::BTreeMap;
+use serde_json::{Map, Value};
 use std::path::{Component, Path, PathBuf};
 
 /// Where the frame lies, best first: runs of GaussianEditor and DGE (threestudio), their `save` folder, and `c4d freeze`.
@@ -24,7 +23,7 @@ fn is_sog(folder: &Path, meta: &Path) -> bool {
     const MAX_META: u64 = 1 << 20;
     let small = || std::fs::metadata(meta).is_ok_and(|meta| meta.len() <= MAX_META);
     let lists_planes = || {
-        let keys: Option<BTreeMap<String, IgnoredAny>> = crate::input::read_file(meta)
+        let keys: Option<Map<String, Value>> = crate::input::read_file(meta)
             .ok()
             .and_then(|bytes| serde_json::from_slice(&text::utf8(&bytes)).ok());
         keys.is_some_and(|keys| ["means", "quats", "sh0"].iter().all(|key| keys.contains_key(*key)))

@@ -199,11 +199,6 @@ impl<'a> Machine<'a, '_> {
                 let raw = self.take(length)?;
                 self.stack.push(long(raw).map_or(Value::Plain, Value::Int));
             }
-            0x8b => {
-                let length = self.u32()? as usize;
-                self.take(length)?;
-                self.stack.push(Value::Plain);
-            }
             b'G' => {
                 self.take(8)?;
                 self.stack.push(Value::Plain);
@@ -222,7 +217,8 @@ impl<'a> Machine<'a, '_> {
                 self.take(length)?;
                 self.stack.push(Value::Plain);
             }
-            b'B' | b'T' => {
+            // And integers of more than 255 bytes.
+            b'B' | b'T' | 0x8b => {
                 let length = self.u32()? as usize;
                 self.take(length)?;
                 self.stack.push(Value::Plain);

@@ -115,7 +115,7 @@ pub fn write(
     });
     let rows: Vec<Row> = kept.par_iter().map(|&row| sums[row].row(&basis, means)).collect();
     drop(sums);
-    if let Some(place) = rows.iter().position(|row| row.is_damaged()) {
+    if let Some(place) = rows.iter().position(Row::is_damaged) {
         return Err(IoError::content(
             path,
             format!(

@@ -42,11 +42,13 @@ pub(crate) struct GroupPose {
 }
 
 impl MovedGroup {
-    /// Its pose when the source is `source_t`.
+    /// Its pose when the source is `source_t`. With `fading`, which needs opacities, carriers that
+    /// have faded count less.
     pub(crate) fn pose(
         &self,
         source_1: &Splats,
         source_t: &Splats,
+        fading: bool,
         scratch: &mut Vec<f32>,
     ) -> GroupPose {
         let still = GroupPose {
@@ -58,7 +60,11 @@ impl MovedGroup {
             return still;
         }
         let (ids, weights): (Vec<u32>, Vec<f32>) = self.carriers.iter().copied().unzip();
-        weights_seen((&ids, &weights), source_1, source_t, scratch);
+        if fading {
+            weights_seen((&ids, &weights), source_1, source_t, scratch);
+        } else {
+            scratch.clone_from(&weights);
+        }
         let point = |splats: &Splats, id: u32| splats.means[id as usize].map(f64::from);
         let pairs = ids
             .iter()

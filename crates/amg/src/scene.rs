@@ -197,7 +197,7 @@ impl EditedScene {
 
     fn move_geometry(&self, source_t: &Splats, fading: bool, out: &mut Splats) {
         let kinds = self.binding.kinds();
-        let poses = self.group_poses(source_t);
+        let poses = self.group_poses(source_t, fading);
         let move_row =
             |seen: &mut Vec<f32>,
              (row, ((mean, rotation), log_scale)): (usize, GeometryMut<'_>)| {
@@ -239,9 +239,10 @@ impl EditedScene {
     }
 
     /// Where the groups of moved rows are.
-    fn group_poses(&self, source_t: &Splats) -> Vec<GroupPose> {
+    fn group_poses(&self, source_t: &Splats, fading: bool) -> Vec<GroupPose> {
         let mut scratch = Vec::new();
-        let pose = |group: &crate::MovedGroup| group.pose(&self.source_1, source_t, &mut scratch);
+        let pose =
+            |group: &crate::MovedGroup| group.pose(&self.source_1, source_t, fading, &mut scratch);
         self.binding.groups().iter().map(pose).collect()
     }
 

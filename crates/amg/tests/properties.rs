@@ -114,7 +114,8 @@ fn rotations_that_are_not_modelled_are_not_believed() {
 fn edits_without_overlap_stay_put_and_are_counted() {
     let (source, _) = golden_source();
     let far = moved(&golden_edit("drift").splats, quat::IDENTITY, [50.0, 0.0, 0.0]);
-    for preset in [Preset::Best, Preset::Paper, Preset::Knn] {
+    // The paper's own method has no reach: what is far follows all the same.
+    for preset in [Preset::Best, Preset::Knn] {
         let found = run(&source, &far, &MotionOptions::preset(preset));
         assert_eq!(found.scene.at(1.0).unwrap(), far, "{preset:?}: nothing to follow");
         assert_eq!(found.report.out_of_reach, far.len(), "{preset:?}: counted");
@@ -203,8 +204,10 @@ fn a_still_background_stays_still() {
         }
     }
     let mut edited = source.frames[0].clone();
-    for mean in &mut edited.means {
+    // Sizes that change too: what was only moved keeps the source's own motion, tremble included.
+    for (i, (mean, log_scale)) in edited.means.iter_mut().zip(&mut edited.log_scales).enumerate() {
         mean[2] += 0.001;
+        log_scale[i % 3] += 0.3 + 0.2 * (i as f32 * 0.7).sin();
     }
     let found = run(&source, &edited, &MotionOptions::default());
     assert!(found.split.dynamic[..1500].iter().all(|&d| d), "the figure moves");

@@ -246,7 +246,7 @@ pub(crate) struct RefineArgs {
     /// `best` is what measured best, `paper` the paper to the letter [default: best]
     #[arg(long, value_enum)]
     pub(crate) preset: Option<PresetArg>,
-    /// Options from the section [refine] of a TOML file, such as the c4d.toml of a run; flags win over it, it over the preset
+    /// Options from the section `refine` of a TOML file, such as the c4d.toml of a run; flags win over it, it over the preset
     #[arg(long, value_name = "FILE")]
     pub(crate) config: Option<PathBuf>,
     /// Go on from the checkpoint of an interrupted refinement with the same flags

@@ -1,6 +1,7 @@
 //! Which times a command works on, and how fast they are played.
 
 use crate::failure::{Failure, Outcome};
+use crate::rates;
 use crate::scene::Opened;
 use gs_core::{DynamicScene, TimeRange};
 
@@ -117,24 +118,7 @@ pub(crate) fn playing(frames: usize, fps: f64) -> String {
         return "one frame".to_owned();
     }
     let secs = frames as f64 / fps;
-    format!("{frames} frames at {} a second, {secs:.1} s", rounded(fps))
-}
-
-/// A rate with as many digits as it is good for: `30`, `7.5`, `0.33`.
-pub(crate) fn rounded(rate: f64) -> String {
-    let decimals = if rate >= 99.95 {
-        0
-    } else if rate >= 9.995 {
-        1
-    } else {
-        2
-    };
-    let text = format!("{rate:.decimals$}");
-    if text.contains('.') {
-        text.trim_end_matches('0').trim_end_matches('.').to_owned()
-    } else {
-        text
-    }
+    format!("{frames} frames at {} a second, {secs:.1} s", rates::rounded(fps))
 }
 
 /// Refuses a time outside the scene.
@@ -167,15 +151,6 @@ mod tests {
         assert!((part - 2.0).abs() < 1e-6, "half of the clip in half of its time: {part}");
         for times in [&[0.4, 0.2][..], &[0.1], &[0.3, 0.3], &[]] {
             assert_eq!(rate(times, range, 2.0), None, "{times:?}");
-        }
-    }
-
-    #[test]
-    fn rates_are_rounded() {
-        let rates = [1234.5, 100.0, 30.0, 29.97, 7.5, 9.999, 0.333_3, 0.001];
-        let shown = ["1234", "100", "30", "30", "7.5", "10", "0.33", "0"];
-        for (rate, shown) in rates.into_iter().zip(shown) {
-            assert_eq!(rounded(rate), shown, "{rate}");
         }
     }
 }

@@ -21,6 +21,7 @@ mod model_flags;
 mod passes;
 mod placement;
 mod progress;
+mod rates;
 mod renderer;
 mod rig;
 mod run_folder;

@@ -1,6 +1,6 @@
 //! Progress of a stage: a bar on a terminal, else a line every few seconds.
 
-use crate::frames::rounded;
+use crate::rates::rounded;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressState, ProgressStyle};
 use std::fmt;
 use std::fmt::Write as _;

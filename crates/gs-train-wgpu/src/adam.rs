@@ -1,4 +1,4 @@
-//! [`Adam`]: moments of one group of parameters, on the device.
+//! [`DeviceAdam`]: moments of one group of parameters, on the device.
 
 use crate::kernels::{ADAM, AdamStep, GROUP_SIZE};
 use gs_core::RasterError;

@@ -16,7 +16,7 @@ const AXES: [&str; 3] = ["x", "y", "z"];
 
 impl Similarity {
     /// What this does to a thing of diameter `size` around `centre`, as in "scaled by 1.3, turned
-    /// 180° about x"; "not moved" if it does nothing that could be seen.
+    /// 180° about x"; "by less than can be seen" if it does nothing that could be seen.
     pub fn describe(&self, centre: [f64; 3], size: f64) -> String {
         let mut words = Vec::new();
         let (mirror, rotation) = self.mirror_and_rotation();
@@ -35,7 +35,7 @@ impl Similarity {
             let [x, y, z] = shift.map(|v| rounded(if v.abs() < 1e-4 * size { 0.0 } else { v }, 3));
             words.push(format!("moved by ({x}, {y}, {z})"));
         }
-        if words.is_empty() { "not moved".to_owned() } else { words.join(", ") }
+        if words.is_empty() { "by less than can be seen".to_owned() } else { words.join(", ") }
     }
 
     /// Whether this does nothing that could be seen to a thing of diameter `size` around `centre`.
@@ -119,7 +119,7 @@ mod tests {
         let (one, half) = ([1.0, 0.0, 0.0, 0.0], std::f64::consts::FRAC_1_SQRT_2);
         let still = [0.0; 3];
         for (found, expected) in [
-            (described(1.0, one, false, still), "not moved"),
+            (described(1.0, one, false, still), "by less than can be seen"),
             (described(1.3, one, false, still), "scaled by 1.3"),
             (described(1.0, [0.0, 1.0, 0.0, 0.0], false, still), "turned 180° about x"),
             (described(1.0, [0.0, 0.0, -1.0, 0.0], false, still), "turned 180° about y"),

@@ -16,7 +16,7 @@ use crate::passes::{self, PassImage};
 use crate::renderer::{self, Renderer};
 use crate::scene;
 use crate::video::VideoWriter;
-use crate::{images, memory, still};
+use crate::{images, memory, rates, still};
 use gs_core::{Camera, DynamicScene, Image, RenderOutput, Splats};
 use gs_io::{AtomicDir, AtomicFile, Existing, Losses};
 use std::fs::File;
@@ -438,7 +438,7 @@ fn losses(format: Format, args: &RenderArgs, frames: usize, fps: f64) -> Losses 
             if fps > GIF_MAX_FPS {
                 losses.push(format!(
                     "{} frames a second become {GIF_MAX_FPS}: browsers play no faster",
-                    frames::rounded(fps)
+                    rates::rounded(fps)
                 ));
             } else {
                 losses.push("times are hundredths of a second");

@@ -85,7 +85,17 @@ fn edited_file_problems() {
             mean[0] += 1e4;
         }
     });
-    bench.refuse(&far, 3, &["edited.ply", "--allow-far", "c4d freeze"]);
+    bench.refuse(&far, 3, &["edited.ply", "is the scene moved by", "--align", "--allow-far"]);
+
+    let elsewhere = bench.edited(|splats| {
+        for (i, mean) in splats.means.iter_mut().enumerate() {
+            let angle = i as f32 * 0.37;
+            *mean = [1e4 + angle.sin(), angle.cos(), i as f32 * 1e-3];
+            splats.log_scales[i] = [-4.0 - angle.cos(), -5.0, -6.0 + angle.sin()];
+            splats.opacity_logits[i] = 3.0 * angle.sin();
+        }
+    });
+    bench.refuse(&elsewhere, 3, &["edited.ply", "--allow-far"]);
 }
 
 #[test]

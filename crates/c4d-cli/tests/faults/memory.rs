@@ -29,7 +29,7 @@ fn sizes_that_no_machine_has_are_refused() {
     let said = failure(&mut shell, 1);
     assert!(said.contains("268435456 pixels") && said.contains("--size"), "{said}");
     for (memory, code) in [("0", 2), ("3", 2), ("99999999999999", 1), ("-5", 2), ("much", 2)] {
-        let said = failure_or_usage(&["refine", &run, "--memory", memory], code);
+        let said = failure_or_usage(&["refine", &run, &format!("--memory={memory}")], code);
         assert!(said.contains("--memory"), "{said}");
     }
     assert!(!workshop.at("out").exists(), "nothing is written");

@@ -31,7 +31,8 @@ fn folders_with_anything_else_are_kept() {
             }
         }
         let files = content(&output);
-        let (name, bytes) = files.iter().find(|(name, _)| !name.ends_with(".c4d-files")).unwrap();
+        let (name, bytes) =
+            files.iter().find(|(name, _)| !name.to_string_lossy().ends_with(".c4d-files")).unwrap();
         let file = if output.is_dir() { output.join(name) } else { output.clone() };
         let changed = if output.is_dir() {
             // One bit, as an editor that saves in place changes at least.

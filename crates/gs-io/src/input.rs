@@ -9,7 +9,7 @@ use std::path::Path;
 /// are sockets and folders.
 ///
 /// # Errors
-/// If it is no file or cannot be opened.
+/// If the path is not a regular file, or the file cannot be opened.
 pub fn open_file(path: impl AsRef<Path>) -> io::Result<File> {
     let path = path.as_ref();
     let found = std::fs::metadata(path)?;

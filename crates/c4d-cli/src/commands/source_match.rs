@@ -245,7 +245,7 @@ fn other_times(source: &Opened, given: f32) -> Vec<f32> {
     times
 }
 
-/// An edited frame of which nothing is the source's, and which lies elsewhere, is no edit of it.
+/// Refuses an edited frame that shares no splat with the source and does not overlap it.
 fn refuse_other_scene(
     args: &PropagateJob,
     source: &Splats,

@@ -226,7 +226,7 @@ fn a_saved_selection_is_warned_of_and_the_rest_kept_if_asked() {
         "the rest is the source, bit for bit"
     );
 
-    // A selection that was scaled before it was saved alone is no scene of another size, unless that is what is asked.
+    // A selection scaled before it was saved alone does not make the whole scene another size, unless --align is given.
     let larger = Similarity { scale: 1.5, ..Similarity::IDENTITY };
     let edited = desk.save("larger.ply", &larger.place(&frames[0].select(&rows)));
     let (_, said) = success(&mut desk.propagate(&edited, "larger", &[]));

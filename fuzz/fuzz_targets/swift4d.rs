@@ -2,7 +2,7 @@
 #![no_main]
 
 use gs_core::DynamicScene;
-use gs_io::checkpoint4dgs::Overrides;
+use gs_io::model_folder::Overrides;
 use gs_io::swift4d;
 use std::fs;
 use std::path::{Path, PathBuf};

@@ -19,7 +19,8 @@ use gs_core::{
     Camera, DynamicScene, Image, Rasterizer, RenderParams, SceneError, Splats, TimeRange,
     UpstreamGrads, sh,
 };
-use gs_io::checkpoint4dgs::{self, Overrides};
+use gs_io::checkpoint4dgs;
+use gs_io::model_folder::Overrides;
 use gs_io::repair::Damage;
 use gs_io::{splatv, swift4d};
 use gs_raster_cpu::CpuRasterizer;
@@ -219,9 +220,9 @@ fn open(path: &Path) -> Outcome<Box<dyn DynamicScene>> {
         Err(_) => swift4d::open(path, &Overrides::default())?,
     };
     Ok(match model.scene {
-        checkpoint4dgs::ModelScene::Deformed(scene) => scene,
-        checkpoint4dgs::ModelScene::HashGrid(scene) => scene,
-        checkpoint4dgs::ModelScene::Static(scene) => Box::new(scene),
+        gs_io::model_folder::ModelScene::Deformed(scene) => scene,
+        gs_io::model_folder::ModelScene::HashGrid(scene) => scene,
+        gs_io::model_folder::ModelScene::Static(scene) => Box::new(scene),
     })
 }
 

@@ -5,7 +5,8 @@
 
 use crate::atomic::{AtomicFile, Existing};
 use crate::cameras::{CamerasError, pixels};
-use crate::error::{IoError, read_bytes};
+use crate::error::IoError;
+use crate::input::read_bytes;
 use crate::text;
 use gs_core::image_formation::NEAR_PLANE;
 use gs_core::{Camera, Intrinsics};

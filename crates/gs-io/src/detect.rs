@@ -2,10 +2,12 @@
 
 use crate::archive::Archive;
 use crate::cameras;
-use crate::checkpoint4dgs::{self, Overrides};
-use crate::error::{IoError, list_names};
+use crate::checkpoint4dgs;
+use crate::error::IoError;
 use crate::foreign::{Foreign, MANIFEST, MANIFEST_ENDING, NUMPY_ARCHIVE, TORCH_ARCHIVE};
 use crate::frame::{self, Container};
+use crate::input::list_names;
+use crate::model_folder::{self, Overrides};
 use crate::ply::{self, PlyError};
 use crate::ply_sequence::{PlySequence, SequenceOptions, find_frames};
 use crate::repair::{self, Damage};
@@ -130,10 +132,10 @@ fn detect_folder(path: &Path) -> Result<SceneKind, IoError> {
     if swift4d::looks_like_model(path) {
         return Ok(SceneKind::Swift4d);
     }
-    if checkpoint4dgs::still_model(path).is_some() {
+    if model_folder::still_model(path).is_some() {
         return Ok(SceneKind::Model3dgs);
     }
-    if checkpoint4dgs::looks_like_model(path) {
+    if model_folder::looks_like_model(path) {
         return Ok(SceneKind::Model4dgs);
     }
     if let Some(found) = cameras::data_set(path)? {
@@ -251,7 +253,7 @@ pub struct Opened {
     /// What it was made from.
     pub kind: SceneKind,
     /// What was found, for model folders.
-    pub report: Option<checkpoint4dgs::ModelReport>,
+    pub report: Option<model_folder::ModelReport>,
     /// What the user should know.
     pub warnings: Vec<String>,
 }

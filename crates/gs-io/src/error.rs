@@ -195,31 +195,3 @@ impl IoError {
         move |source| Self::Write { path: crate::final_path(path), source }
     }
 }
-
-/// Reads a whole file; every reader of files comes through here, or through [`refuse_stand_in`].
-pub(crate) fn read_bytes(path: &Path) -> Result<Vec<u8>, IoError> {
-    let bytes = crate::input::read_file(path)
-        .map_err(|source| IoError::Read { path: path.to_owned(), source })?;
-    refuse_stand_in(path, &bytes)?;
-    Ok(bytes)
-}
-
-/// Refuses bytes, at least the first of a file, that only stand in its place.
-pub(crate) fn refuse_stand_in(path: &Path, start: &[u8]) -> Result<(), IoError> {
-    match Foreign::stand_in(start) {
-        Some(found) => Err(IoError::StandIn { path: path.to_owned(), found }),
-        None => Ok(()),
-    }
-}
-
-/// Names of the entries of a folder, sorted.
-pub(crate) fn list_names(path: &Path) -> Result<Vec<String>, IoError> {
-    let failed = |source| IoError::Read { path: path.to_owned(), source };
-    let mut names = std::fs::read_dir(path)
-        .map_err(failed)?
-        .map(|entry| entry.map(|entry| entry.file_name().to_string_lossy().into_owned()))
-        .collect::<Result<Vec<_>, _>>()
-        .map_err(failed)?;
-    names.sort();
-    Ok(names)
-}

@@ -1,6 +1,8 @@
 //! Opening inputs: files, and nothing that blocks or never ends.
 
 use crate::atomic::special_name;
+use crate::error::IoError;
+use crate::foreign::Foreign;
 use std::fs::File;
 use std::io::{self, Read};
 use std::path::Path;
@@ -39,6 +41,34 @@ pub fn read_file(path: impl AsRef<Path>) -> io::Result<Vec<u8>> {
     bytes.shrink_to(room.ok_or_else(|| out_of_memory(length))?);
     file.read_to_end(&mut bytes)?;
     Ok(bytes)
+}
+
+/// Reads a whole file; every reader of files comes through here, or through [`refuse_stand_in`].
+pub(crate) fn read_bytes(path: &Path) -> Result<Vec<u8>, IoError> {
+    let bytes =
+        read_file(path).map_err(|source| IoError::Read { path: path.to_owned(), source })?;
+    refuse_stand_in(path, &bytes)?;
+    Ok(bytes)
+}
+
+/// Refuses bytes, at least the first of a file, that only stand in its place.
+pub(crate) fn refuse_stand_in(path: &Path, start: &[u8]) -> Result<(), IoError> {
+    match Foreign::stand_in(start) {
+        Some(found) => Err(IoError::StandIn { path: path.to_owned(), found }),
+        None => Ok(()),
+    }
+}
+
+/// Names of the entries of a folder, sorted.
+pub(crate) fn list_names(path: &Path) -> Result<Vec<String>, IoError> {
+    let failed = |source| IoError::Read { path: path.to_owned(), source };
+    let mut names = std::fs::read_dir(path)
+        .map_err(failed)?
+        .map(|entry| entry.map(|entry| entry.file_name().to_string_lossy().into_owned()))
+        .collect::<Result<Vec<_>, _>>()
+        .map_err(failed)?;
+    names.sort();
+    Ok(names)
 }
 
 /// The error of an allocation that failed; says how much was asked for.

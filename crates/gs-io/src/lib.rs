@@ -30,6 +30,7 @@ pub mod gltf;
 mod inflate;
 mod input;
 mod losses;
+pub mod model_folder;
 pub mod ply;
 pub mod ply_sequence;
 pub mod pth;

@@ -3,7 +3,8 @@
 #![allow(clippy::unwrap_used, reason = "shared functions of tests fail by panicking, as tests do")]
 
 use gs_core::DynamicScene;
-use gs_io::checkpoint4dgs::{self, Overrides};
+use gs_io::checkpoint4dgs;
+use gs_io::model_folder::Overrides;
 use gs_io::ply_sequence::{PlySequence, SequenceOptions};
 use gs_io::{cameras_json, cfg_args, detect, frame, ply, pth, splat4d};
 use proptest::prelude::*;

@@ -5,7 +5,8 @@
 
 use gs_core::{DynamicScene, Splats};
 use gs_deform::{Component, HexPlaneScene, Trace};
-use gs_io::checkpoint4dgs::{self, ModelScene, Overrides};
+use gs_io::checkpoint4dgs;
+use gs_io::model_folder::{ModelScene, Overrides};
 use test_support::compare::{assert_close, widen};
 use test_support::fixture;
 use test_support::golden::Golden;

@@ -5,7 +5,7 @@
 
 use gs_core::{DynamicScene, Splats};
 use gs_deform::HashGridScene;
-use gs_io::checkpoint4dgs::{ModelScene, Overrides};
+use gs_io::model_folder::{ModelScene, Overrides};
 use gs_io::swift4d;
 use std::path::PathBuf;
 use test_support::compare::{assert_close, widen};

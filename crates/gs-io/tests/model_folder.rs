@@ -6,7 +6,8 @@
 mod common;
 
 use gs_core::{DynamicScene, Splats};
-use gs_io::checkpoint4dgs::{self, Model, ModelScene, Origin, Overrides, Stage};
+use gs_io::checkpoint4dgs;
+use gs_io::model_folder::{Model, ModelScene, Origin, Overrides, Stage};
 use gs_io::repair::Damage;
 use gs_io::{Existing, IoError, ply, pth};
 use std::fs;

@@ -7,8 +7,9 @@ mod common;
 
 use gs_core::DynamicScene;
 use gs_deform::IndexRule;
-use gs_io::checkpoint4dgs::{Model, Origin, Overrides, Split, Stage};
-use gs_io::swift4d::{self, Swift4dOverrides};
+use gs_io::model_folder::Swift4dOverrides;
+use gs_io::model_folder::{Model, Origin, Overrides, Split, Stage};
+use gs_io::swift4d;
 use gs_io::{SceneKind, detect, pth};
 use std::fs;
 use std::path::{Path, PathBuf};

@@ -6,7 +6,8 @@
 
 use gs_core::activation::sigmoid;
 use gs_core::{DynamicScene, Splats};
-use gs_io::checkpoint4dgs::{self, Overrides};
+use gs_io::checkpoint4dgs;
+use gs_io::model_folder::Overrides;
 use gs_io::ply_sequence::{PlySequence, SequenceOptions};
 use gs_io::repair::{Damage, OPAQUE_LOGIT, TRANSPARENT_LOGIT};
 use gs_io::{OpenOptions, SceneKind, cameras, detect, frame, open_scene};

@@ -58,7 +58,7 @@ fn a_written_model_is_the_same_field() {
     let folder = tempfile::tempdir().unwrap();
     let dir = folder.path().join("model");
     checkpoint4dgs::write(&dir, 600, &splats(), &network(), Existing::Refuse).unwrap();
-    let read = checkpoint4dgs::open(&dir, &checkpoint4dgs::Overrides::default()).unwrap();
+    let read = checkpoint4dgs::open(&dir, &gs_io::model_folder::Overrides::default()).unwrap();
     assert!(read.report.warnings.is_empty(), "{:?}", read.report.warnings);
     let written = HexPlaneScene::new(splats(), HexPlaneField::new(network()).unwrap()).unwrap();
     for t in [0.0, 0.37, 1.0] {

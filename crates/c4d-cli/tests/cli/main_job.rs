@@ -335,7 +335,7 @@ fn unedited_export_keeps_rows_and_values() {
         path(&out),
     ]));
     let opened =
-        gs_io::checkpoint4dgs::open(&model, &gs_io::checkpoint4dgs::Overrides::default()).unwrap();
+        gs_io::checkpoint4dgs::open(&model, &gs_io::model_folder::Overrides::default()).unwrap();
     for (frame, t) in frames(&out).iter().zip([0.0, 0.5, 1.0]) {
         assert_eq!(
             *frame,

@@ -3,7 +3,8 @@
 use crate::support::{c4d, failure, fixture, listing, success};
 use gs_core::image_formation::NEAR_PLANE;
 use gs_core::{Camera, Extent, Rasterizer, RenderParams, Splats};
-use gs_io::checkpoint4dgs::{self, ModelScene, Overrides};
+use gs_io::checkpoint4dgs;
+use gs_io::model_folder::{ModelScene, Overrides};
 use gs_io::{Existing, cameras_json, ply};
 use gs_raster_cpu::CpuRasterizer;
 use std::path::{Path, PathBuf};

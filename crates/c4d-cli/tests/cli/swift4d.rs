@@ -2,7 +2,7 @@
 
 use crate::support::{c4d, failure, fixture, listing, success};
 use gs_core::{DynamicScene, Splats};
-use gs_io::checkpoint4dgs::Overrides;
+use gs_io::model_folder::Overrides;
 use gs_io::{Existing, ply, swift4d};
 use std::fs;
 use std::path::{Path, PathBuf};

@@ -1,9 +1,10 @@
 //! [`AtomicDir`]: a folder that is complete or absent.
 
+use super::existing::{Existing, refuse_special};
 use super::record::{Compare, Place, Record, foreign_entry};
 use super::reservation::Reservation;
-use super::{Existing, refuse_special};
-use crate::error::{IoError, list_names};
+use crate::error::IoError;
+use crate::input::list_names;
 use std::fs;
 use std::path::{Path, PathBuf};
 

@@ -1,7 +1,8 @@
 //! [`FileContent`]: what kind of file a file is, as far as replacing it is concerned.
 
-use crate::frame::{self, Container};
-use crate::{splat4d, splatv};
+use crate::frame::{Container, container};
+use crate::splat4d::MAGIC as SPLAT4D_MAGIC;
+use crate::splatv::MAGIC as SPLATV_MAGIC;
 use std::fmt;
 use std::fs::File;
 use std::io::{self, Read};
@@ -36,8 +37,8 @@ pub(super) enum FileContent {
 
 /// First bytes of a kind, and where.
 const MAGIC: [(usize, &[u8], FileContent); 11] = [
-    (0, &splatv::MAGIC, FileContent::Splatv),
-    (0, &splat4d::MAGIC, FileContent::Splat4d),
+    (0, &SPLATV_MAGIC, FileContent::Splatv),
+    (0, &SPLAT4D_MAGIC, FileContent::Splat4d),
     (0, b"#usda", FileContent::Usda),
     (0, b"glTF", FileContent::Glb),
     (0, b"\x89PNG", FileContent::Png),
@@ -76,7 +77,7 @@ impl FileContent {
             let is_gltf = start.windows(7).any(|bytes| bytes == b"\"asset\"");
             return Ok(if is_gltf { Self::Gltf } else { Self::Json });
         }
-        Ok(match frame::container(&start) {
+        Ok(match container(&start) {
             Container::Ply => Self::Ply,
             Container::Spz => Self::Spz,
             Container::Zip if holds_frames(&start) => Self::Zip,

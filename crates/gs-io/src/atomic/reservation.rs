@@ -1,12 +1,12 @@
 //! [`Reservation`]: the right to write one output, held by one process at a time.
 
+use super::unfinished::{UNFINISHED, Unfinished, final_path, remove};
 use crate::error::IoError;
 use same_file::Handle;
 use std::ffi::{OsStr, OsString};
 use std::fs::{self, File, OpenOptions, TryLockError};
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
-use std::sync::Mutex;
 
 /// Endings of the hidden names; their reason is in the module above.
 const LOCK: &str = ".c4d-lock";
@@ -18,73 +18,6 @@ const MAX_WHOLE_NAME: usize = 200;
 /// Whether a name is one that a [`Reservation`] makes.
 pub(super) fn is_temporary(name: &str) -> bool {
     name.starts_with('.') && [LOCK, PARTIAL, REPLACED].iter().any(|ending| name.ends_with(ending))
-}
-
-/// An output being written.
-#[derive(Debug, Clone, PartialEq)]
-struct Unfinished {
-    output: PathBuf,
-    partial: PathBuf,
-    lock: PathBuf,
-}
-
-/// Outputs of this process that are neither committed nor dropped.
-static UNFINISHED: Mutex<Vec<Unfinished>> = Mutex::new(Vec::new());
-
-/// Removes what unfinished outputs of this process have written so far: for the handler of an interrupt, which ends the process
-/// without dropping them.
-pub fn remove_unfinished() {
-    const CHECKS: usize = 200;
-    const PAUSE: std::time::Duration = std::time::Duration::from_millis(2);
-    let Ok(unfinished) = UNFINISHED.lock() else { return };
-    for Unfinished { partial, lock, .. } in unfinished.iter() {
-        // A thread that is still writing may put a file, or the folder itself, back while it is being removed: done when it
-        // has stayed away for a while.
-        let mut absent = 0;
-        for _ in 0..CHECKS {
-            if fs::symlink_metadata(partial).is_err() {
-                absent += 1;
-                if absent > 10 {
-                    break;
-                }
-            } else {
-                absent = 0;
-                let _ = remove(partial);
-            }
-            std::thread::sleep(PAUSE);
-        }
-        let _ = fs::remove_file(lock);
-    }
-}
-
-/// The name under which an unfinished output of this process will appear, for messages: `out/frame.ply` of
-/// `.out.c4d-partial/frame.ply`.
-pub fn final_path(path: &Path) -> PathBuf {
-    let mut path = path.to_owned();
-    let Ok(unfinished) = UNFINISHED.lock() else { return path };
-    // An output may lie in another one, so at most each is stepped out of once.
-    for _ in 0..unfinished.len() {
-        // The innermost first: its output lies in the partial folder of the outer one.
-        let within = unfinished
-            .iter()
-            .filter_map(|other| Some((&other.output, path.strip_prefix(&other.partial).ok()?)))
-            .min_by_key(|(_, rest)| rest.components().count());
-        match within {
-            Some((output, rest)) if rest.as_os_str().is_empty() => path.clone_from(output),
-            Some((output, rest)) => path = output.join(rest),
-            None => break,
-        }
-    }
-    path
-}
-
-/// Removes a file or a folder; a link, not what it leads to.
-fn remove(path: &Path) -> std::io::Result<()> {
-    if fs::symlink_metadata(path)?.is_dir() {
-        fs::remove_dir_all(path)
-    } else {
-        fs::remove_file(path)
-    }
 }
 
 /// The right to write one output. Dropped, it removes what is not in place yet.
@@ -148,7 +81,7 @@ impl Reservation {
         may_go: impl Fn(&Path) -> Result<(), IoError>,
     ) -> Result<(), IoError> {
         let Unfinished { output, partial, .. } = &self.names;
-        let failed = |source| IoError::Write { path: super::final_path(output), source };
+        let failed = |source| IoError::Write { path: final_path(output), source };
         if fs::symlink_metadata(output).is_err() {
             return fs::rename(partial, output).map_err(failed);
         }
@@ -213,7 +146,7 @@ pub(super) fn hidden_name(name: &OsStr, ending: &str) -> OsString {
 
 /// Opens and locks `path`, the lock of `output`.
 fn lock(output: &Path, path: &Path) -> Result<File, IoError> {
-    let failed = |source| IoError::Write { path: super::final_path(output), source };
+    let failed = |source| IoError::Write { path: final_path(output), source };
     loop {
         // Whatever else has this name is in the way; a FIFO would not even open.
         if let Ok(found) = fs::symlink_metadata(path)
@@ -231,7 +164,7 @@ fn lock(output: &Path, path: &Path) -> Result<File, IoError> {
         match file.try_lock() {
             Ok(()) => {}
             Err(TryLockError::WouldBlock) => {
-                return Err(IoError::Busy { path: super::final_path(output) });
+                return Err(IoError::Busy { path: final_path(output) });
             }
             // Some network file systems have no locks: better without one than not at all.
             Err(TryLockError::Error(error)) if error.kind() == ErrorKind::Unsupported => {}

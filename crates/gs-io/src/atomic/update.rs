@@ -1,7 +1,7 @@
 //! [`FolderUpdate`]: single files of a folder that this program wrote, replaced one by one.
 
+use super::existing::refuse_special;
 use super::record::{Place, Record, Stamp};
-use super::refuse_special;
 use super::reservation::Reservation;
 use crate::error::IoError;
 use std::fs::{self, File};

@@ -8,6 +8,7 @@
 
 pub mod colmap;
 mod error;
+mod format;
 mod images;
 mod lens;
 pub mod nerfies;
@@ -21,6 +22,7 @@ mod source;
 pub mod transforms;
 
 pub use error::CamerasError;
+pub use format::Format;
 pub use set::{CameraSet, Reading, Split, View, stations};
 pub(crate) use source::data_set;
 pub use source::{Source, find};
@@ -31,41 +33,7 @@ use crate::cameras_json;
 use crate::error::IoError;
 use crate::text;
 use gs_core::Camera;
-use std::fmt::{self, Display};
 use std::path::Path;
-
-/// Layouts of camera files.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Format {
-    /// `cameras.json` of 3DGS.
-    CamerasJson,
-    /// `transforms_train.json` and its like.
-    Transforms,
-    /// `dataset.json`, `metadata.json`, `camera/`.
-    Nerfies,
-    /// `poses_bounds.npy`.
-    PosesBounds,
-    /// `sparse/0`.
-    Colmap,
-    /// `frame000000`, … with one COLMAP model.
-    FrameFolders,
-    /// `sparse_` and `cam01`, ….
-    MultiView,
-}
-
-impl Display for Format {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Self::CamerasJson => "cameras.json",
-            Self::Transforms => "D-NeRF/Blender cameras (transforms_*.json)",
-            Self::Nerfies => "HyperNeRF/Nerfies data set (dataset.json)",
-            Self::PosesBounds => "DyNeRF/LLFF cameras (poses_bounds.npy)",
-            Self::Colmap => "COLMAP model",
-            Self::FrameFolders => "MeetRoom/VRU data set (frame folders with a COLMAP model)",
-            Self::MultiView => "multiple-view data set (sparse_ and cam01, …)",
-        })
-    }
-}
 
 /// Reads the cameras of a file or folder: a data set, one of its camera files, or a model folder that has cameras or names its data
 /// set.

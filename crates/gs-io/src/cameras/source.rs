@@ -2,7 +2,8 @@
 
 use super::{CamerasError, Format, colmap, npy, poses_bounds, rigs};
 use crate::cfg_args;
-use crate::error::{IoError, list_names, read_bytes, refuse_stand_in};
+use crate::error::IoError;
+use crate::input::{list_names, read_bytes, refuse_stand_in};
 use crate::text;
 use serde::Deserialize;
 use serde::de::IgnoredAny;

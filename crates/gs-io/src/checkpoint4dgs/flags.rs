@@ -1,61 +1,8 @@
-//! Flags of a training run, and where each is taken from.
+//! Flags of a 4DGaussians training run: which the network, `cfg_args` or the user decides.
 
-use super::ModelReport;
-use super::network::Shape;
+use super::shape::Shape;
 use crate::cfg_args::{CfgArgs, Value};
-use crate::repair::Damage;
-use crate::swift4d::Swift4dOverrides;
-
-/// What a user may decide instead of the files.
-#[derive(Debug, Clone, Copy, Default, PartialEq)]
-pub struct Overrides {
-    /// Which saved iteration; the newest when `None`.
-    pub iteration: Option<u64>,
-    /// Centres are not deformed.
-    pub no_dx: Option<bool>,
-    /// Scales are not deformed.
-    pub no_ds: Option<bool>,
-    /// Rotations are not deformed.
-    pub no_dr: Option<bool>,
-    /// Opacities are not deformed.
-    pub no_do: Option<bool>,
-    /// SH are not deformed.
-    pub no_dshs: Option<bool>,
-    /// Rotations are composed instead of added.
-    pub apply_rotation: Option<bool>,
-    /// Frequency of the feature encoding, for networks that have one.
-    pub grid_pe: Option<u32>,
-    /// What to do with damaged rows of the PLY.
-    pub damage: Damage,
-    /// For Swift4D models, which have flags of their own.
-    pub swift4d: Swift4dOverrides,
-}
-
-/// Where the value of a flag comes from.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Origin {
-    /// The user.
-    Override,
-    /// The file `cfg_args`.
-    CfgArgs,
-    /// The published configuration the network's shape belongs to.
-    FamilyGuess,
-    /// Read off the tensors.
-    Inferred,
-    /// The reference's default.
-    Default,
-}
-
-/// A flag and its origin.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct FlagReport {
-    /// Name as in `cfg_args`.
-    pub name: &'static str,
-    /// Value as text.
-    pub value: String,
-    /// Where it comes from.
-    pub origin: Origin,
-}
+use crate::model_folder::{FlagReport, ModelReport, Origin, Overrides};
 
 /// Decided flags.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

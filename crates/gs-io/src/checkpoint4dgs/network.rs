@@ -1,6 +1,7 @@
 //! From named tensors to a deformation network.
 
 use super::flags::Flags;
+use super::shape::Shape;
 use crate::pth::{self, Tensor};
 use gs_deform::{
     Component, EmptyVoxel, Head, Heads, HexPlane, HexPlaneNetwork, Linear, Mask, Plane,
@@ -13,22 +14,6 @@ const PREFIX: &str = "deformation_net.";
 #[derive(Debug)]
 pub(super) struct Tensors<'a> {
     by_name: BTreeMap<String, Tensor<'a>>,
-}
-
-/// What the shapes say.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-#[expect(clippy::struct_excessive_bools, reason = "independent facts about a file")]
-pub(super) struct Shape {
-    pub(super) width: usize,
-    pub(super) channels: usize,
-    pub(super) levels: usize,
-    /// Linear layers of the trunk.
-    pub(super) depth: usize,
-    /// Whether the trunk takes encoded features.
-    pub(super) encoded: bool,
-    pub(super) has_sh_head: bool,
-    pub(super) has_static_mlp: bool,
-    pub(super) has_empty_voxel: bool,
 }
 
 impl<'a> Tensors<'a> {

@@ -1,6 +1,6 @@
 //! Numbers in the bits of a word.
 
-use super::{BITS, MAX_SH};
+use super::layout::{BITS, MAX_SH};
 use crate::bytes8::{largest_from, without_largest};
 
 /// √½: no component but the largest exceeds it.

@@ -1,7 +1,7 @@
 //! Compressed PLY in.
 
+use super::layout::{BITS, CHUNK, COLUMNS, MAX_LOG_SCALE, MAX_SH, WORDS};
 use super::pack::{from_harmonic, from_rotation, from_vector, rotation_component, top};
-use super::{BITS, CHUNK, COLUMNS, MAX_LOG_SCALE, MAX_SH, WORDS};
 use crate::bytes8::{dc_of, ends_note, logit_of, smallest_three_rad};
 use crate::frame::{Frame, FrameError, FrameFormat, Shape};
 use crate::ply::{Cursor, Element, Encoding, Header, PlyError, PropertyKind, Scalar};

@@ -1,7 +1,7 @@
 //! Compressed PLY out.
 
-use super::pack::{from_harmonic, harmonic, rotation, vector};
-use super::{CHUNK, COLUMNS, MAX_LOG_SCALE, MAX_SH, WORDS};
+use super::layout::{BITS, CHUNK, COLUMNS, MAX_LOG_SCALE, MAX_SH, WORDS};
+use super::pack::{from_harmonic, harmonic, rotation, top, vector};
 use crate::bytes8::{channel_of, unorm8};
 use crate::losses::Losses;
 use crate::sh_error::ShError;
@@ -166,9 +166,7 @@ impl Chunk {
             range[6 * of + 3..][..3].copy_from_slice(max);
         }
         let (min, max) = ranges[0];
-        let coarsest = (0..3)
-            .map(|k| 0.5 * (max[k] - min[k]) / super::pack::top(super::BITS[k]))
-            .fold(0.0, f32::max);
+        let coarsest = (0..3).map(|k| 0.5 * (max[k] - min[k]) / top(BITS[k])).fold(0.0, f32::max);
         Self { range, words, coarsest }
     }
 }

@@ -1,20 +1,20 @@
 //! Folders in which editors leave one frame.
 
-use super::{Frame, read};
-use crate::error::{IoError, read_bytes};
-use crate::{checkpoint4dgs, sog, text};
+use crate::input::read_bytes;
+use crate::model_folder::still_model;
+use crate::text;
 use serde_json::{Map, Value};
 use std::path::{Component, Path, PathBuf};
 
 /// Where the frame lies, best first: runs of GaussianEditor and DGE (threestudio), their `save` folder, and `c4d freeze`.
-const PLACES: [&str; 3] = ["save/last.ply", "last.ply", "point_cloud.ply"];
+pub(super) const PLACES: [&str; 3] = ["save/last.ply", "last.ply", "point_cloud.ply"];
 
 /// The file that holds the frame of a folder: one that an editor left, an unbundled SOG, or the newest save of a 3DGS model.
 pub(crate) fn still_of(folder: &Path) -> Option<PathBuf> {
     let meta = folder.join("meta.json");
     let sog = || (meta.is_file() && is_sog(folder, &meta)).then(|| meta.clone());
     let placed = PLACES.iter().map(|place| folder.join(place)).find(|path| path.is_file());
-    placed.or_else(sog).or_else(|| checkpoint4dgs::still_model(folder))
+    placed.or_else(sog).or_else(|| still_model(folder))
 }
 
 /// Whether a `meta.json` is that of a SOG, by its planes or by its content.
@@ -60,29 +60,9 @@ fn decoded(uri: &str) -> String {
     String::from_utf8_lossy(&bytes).into_owned()
 }
 
-pub(super) fn read_dir(folder: &Path) -> Result<Frame, IoError> {
-    let Some(path) = still_of(folder) else {
-        return Err(IoError::content(
-            folder,
-            if checkpoint4dgs::looks_like_model(folder) {
-                "is a model that moves, whose point_cloud.ply is canonical and no frame of it; edit the frame that `c4d freeze` writes"
-                    .to_owned()
-            } else {
-                format!("is a folder without an edited frame: it has none of {}", PLACES.join(", "))
-            },
-        ));
-    };
-    if path.ends_with("meta.json") {
-        let meta = read_bytes(&path)?;
-        // Planes are named by the file, and must lie beside it.
-        let plane = |name: &str| {
-            let plain = Path::new(name).file_name().is_some_and(|file| file == name);
-            if !plain {
-                return Err(format!("its plane `{name}` is no plain file name"));
-            }
-            read_bytes(&folder.join(name)).map_err(|error| format!("its plane {error}"))
-        };
-        return sog::read_planes(&meta, &plane).map_err(IoError::frame(&path));
-    }
-    read(&read_bytes(&path)?).map_err(IoError::frame(&path))
+/// The file that [`read_file`] reads: the path itself, or the one in the folder.
+pub fn file_of(path: impl AsRef<Path>) -> PathBuf {
+    let path = path.as_ref();
+    let inside = if path.is_dir() { still_of(path) } else { None };
+    inside.unwrap_or_else(|| path.to_owned())
 }

@@ -1,7 +1,7 @@
 //! Values of accessors: any component type, interleaved, normalised, sparse.
 
-use super::FORMAT;
 use super::document::{Accessor, BufferView, Document};
+use super::extension::FORMAT;
 use crate::frame::FrameError;
 use std::borrow::Cow;
 

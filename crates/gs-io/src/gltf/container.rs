@@ -1,12 +1,15 @@
 //! The parts of a `.glb` or `.gltf`: its JSON, and the bytes of its buffers.
 
 use super::document::{Buffer, Document};
-use super::{CHUNK_BIN, CHUNK_JSON, FORMAT};
+use super::extension::FORMAT;
 use crate::frame::FrameError;
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 use std::borrow::Cow;
 
+/// Types of GLB chunks.
+pub(super) const CHUNK_JSON: u32 = 0x4E4F_534A;
+pub(super) const CHUNK_BIN: u32 = 0x004E_4942;
 /// First bytes of a `.glb`.
 pub(crate) const GLB_MARK: [u8; 4] = *b"glTF";
 const GLB_HEADER: usize = 12;

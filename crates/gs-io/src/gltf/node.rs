@@ -1,7 +1,7 @@
 //! Nodes: where the scene places a mesh.
 
-use super::FORMAT;
 use super::document::{Document, Node};
+use super::extension::FORMAT;
 use crate::frame::FrameError;
 use glam::{DMat3, DMat4, DQuat, DVec3};
 

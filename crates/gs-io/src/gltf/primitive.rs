@@ -2,8 +2,9 @@
 
 use super::accessor::{Source, Values};
 use super::document::Primitive;
+use super::ellipsoid;
+use super::extension::{EXTENSION, FORMAT, SPZ_EXTENSIONS, harmonic_name};
 use super::node::Placement;
-use super::{EXTENSION, FORMAT, SPZ_EXTENSIONS, ellipsoid, harmonic_name};
 use crate::axes::{self, Axes};
 use crate::frame::FrameError;
 use crate::spz;

@@ -3,9 +3,9 @@
 use super::accessor::Source;
 use super::container::{Parts, buffers};
 use super::document::Document;
+use super::extension::{EXTENSION, FORMAT, SPZ_EXTENSIONS, USUAL_AXES};
 use super::node::placements;
 use super::primitive::{self, Part, is_splats};
-use super::{EXTENSION, FORMAT, SPZ_EXTENSIONS, USUAL_AXES};
 use crate::axes::{self, Axes, AxesReading};
 use crate::frame::{Frame, FrameError, FrameFormat};
 use crate::inflate;

@@ -1,7 +1,7 @@
 //! glTF out.
 
-use super::container::GLB_MARK;
-use super::{CHUNK_BIN, CHUNK_JSON, EXTENSION, harmonic_name};
+use super::container::{CHUNK_BIN, CHUNK_JSON, GLB_MARK};
+use super::extension::{EXTENSION, harmonic_name};
 use crate::axes::{self, Axes};
 use crate::bytes8::{channel_of, unorm8};
 use crate::losses::Losses;

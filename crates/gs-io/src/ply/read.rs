@@ -1,14 +1,31 @@
 //! 3DGS PLY files in.
 
+use super::PlyError;
 use super::header::{Element, Encoding, Header, PropertyKind, Scalar};
 use super::layout::Layout;
 use super::rows::Cursor;
-use super::{PlyError, PlySplats};
 use gs_core::{Splats, sh};
 use rayon::prelude::*;
 
 /// Rows one task converts.
 const CHUNK: usize = 4096;
+
+/// A Gaussian scene from a PLY file, values as stored.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PlySplats {
+    /// The Gaussians.
+    pub splats: Splats,
+    /// Columns that are not part of the 3DGS layout and were left out.
+    pub extra_columns: Vec<String>,
+    /// What was read otherwise than stored because its columns say so, one sentence each.
+    pub notes: Vec<String>,
+    /// Comments of the header.
+    pub comments: Vec<String>,
+    /// Whether the file has (unused) normals.
+    pub has_normals: bool,
+    /// How the data were written.
+    pub encoding: Encoding,
+}
 
 /// Reads a 3DGS PLY: any column order, any number types, any encoding, SH degree 0 to 3 (higher ones are cut).
 ///

@@ -9,9 +9,10 @@ pub use write::{FolderWriter, ZipWriter, write_compressed_folder, write_folder, 
 
 pub(crate) use names::find_frames;
 
-use crate::error::{IoError, list_names};
+use crate::error::IoError;
 use crate::frame;
 use crate::frame_cache::FrameCache;
+use crate::input::list_names;
 use crate::repair::{self, Damage, DamagedRows, Infinities, RepairReport};
 use gs_core::{DynamicScene, SceneError, Splats, TimeRange};
 use gs_deform::frames;

@@ -2,9 +2,10 @@
 
 use super::{find_frames, list_names};
 use crate::archive::Archive;
-use crate::error::{IoError, read_bytes, refuse_stand_in};
+use crate::error::IoError;
 use crate::frame::{self, Shape};
 use crate::inflate;
+use crate::input::{read_bytes, refuse_stand_in};
 use std::fs::File;
 use std::io::{BufReader, Read, Seek};
 use std::path::{Path, PathBuf};

@@ -1,10 +1,13 @@
 //! `.splat4d` files as scenes.
 
+use super::Splat4dError;
 use super::decode::{self, Cursor, Fixed, Grids};
+use super::header::MAGIC;
 use super::value::Attribute;
-use crate::error::{IoError, read_bytes};
+use crate::error::IoError;
 use crate::frame_cache::FrameCache;
 use crate::inflate;
+use crate::input::read_bytes;
 use crate::repair::{Damage, DamagedRows, RepairReport, TRANSPARENT_LOGIT};
 use gs_core::{DynamicScene, SceneError, Splats, TimeRange, quat};
 use gs_deform::frames;
@@ -12,42 +15,6 @@ use serde::Deserialize;
 use std::ops::Range;
 use std::path::Path;
 use std::sync::{Arc, Mutex, PoisonError};
-use thiserror::Error;
-
-/// Bytes that are no `.splat4d` scene.
-#[derive(Debug, Error)]
-pub enum Splat4dError {
-    /// Another kind of file.
-    #[error("is no .splat4d: it does not begin with SP4D")]
-    Magic,
-    /// A later version of the format.
-    #[error("is a .splat4d of version {found}, expected 1; export it again as version 1")]
-    Version {
-        /// Version of the file.
-        found: u16,
-    },
-    /// The header is cut off, no JSON of this schema, or does not fit the file.
-    #[error("the header of this .splat4d is damaged: {0}")]
-    Header(String),
-    /// A part ends after the end of the file.
-    #[error(
-        "this .splat4d is cut off: its {part} ends at byte {end}, the file at {found}; copy it again"
-    )]
-    Truncated {
-        /// Which part.
-        part: String,
-        /// Where it would end.
-        end: u64,
-        /// Bytes of the file.
-        found: usize,
-    },
-    /// A stream does not hold what the header says.
-    #[error("this .splat4d is damaged: {0}; copy the file again")]
-    Stream(String),
-    /// Damaged rows where none are allowed.
-    #[error(transparent)]
-    Damaged(#[from] DamagedRows),
-}
 
 #[derive(Deserialize)]
 struct Header {
@@ -198,7 +165,7 @@ pub fn open(path: impl AsRef<Path>, damage: Damage) -> Result<Read, IoError> {
 
 fn header(bytes: &[u8]) -> Result<Header, Splat4dError> {
     let damaged = |what: String| Splat4dError::Header(what);
-    let rest = bytes.strip_prefix(&super::MAGIC).ok_or(Splat4dError::Magic)?;
+    let rest = bytes.strip_prefix(&MAGIC).ok_or(Splat4dError::Magic)?;
     let cut = || damaged("it is cut off".to_owned());
     let (front, rest) = rest.split_first_chunk::<{ FRONT - 4 }>().ok_or_else(cut)?;
     let [v0, v1, _, _, l0, l1, l2, l3] = *front;

@@ -1,9 +1,10 @@
 //! First look at a clip: how far every value ranges, and so what moves and in which order splats are stored.
 
-use super::size_of;
 use super::value::{Attribute, Steps, values};
-use crate::clip::Hemispheres;
+use crate::clip::{Hemispheres, robust_size};
+use crate::error::IoError;
 use gs_core::Splats;
+use std::path::Path;
 
 /// Range of every value over the clip.
 #[derive(Debug)]
@@ -52,7 +53,7 @@ impl Survey {
         /// What moves by less of the whole scene's size stands still.
         const MOVING_SHARE: f64 = 0.002;
         let first: Vec<[f32; 3]> = rows.iter().map(|&row| self.first[row]).collect();
-        let least = MOVING_SHARE * crate::clip::robust_size(&first);
+        let least = MOVING_SHARE * robust_size(&first);
         let ranges = &self.ranges[Attribute::Pos as usize];
         let moved: Vec<bool> = rows
             .iter()
@@ -67,13 +68,37 @@ impl Survey {
     }
 
     /// Largest absolute value of an attribute.
-    pub(super) fn largest(&self, attribute: Attribute, rows: &[usize]) -> f64 {
+    fn largest(&self, attribute: Attribute, rows: &[usize]) -> f64 {
         let ranges = &self.ranges[attribute as usize];
         let largest = |row: &usize| {
             let range = &ranges[*row];
             (0..3).map(|k| range.min[k].abs().max(range.max[k].abs())).fold(0.0, f32::max)
         };
         f64::from(rows.iter().map(largest).fold(0.0, f32::max))
+    }
+
+    /// Refuses values whose grid points have no number that, and whose differences, fit 32 bits.
+    pub(super) fn check_range(
+        &self,
+        path: &Path,
+        steps: &Steps,
+        rows: &[usize],
+    ) -> Result<(), IoError> {
+        const LARGEST: f64 = (1 << 29) as f64;
+        for attribute in [Attribute::Pos, Attribute::Scale] {
+            let largest = self.largest(attribute, rows);
+            if largest / steps.fixed(attribute) > LARGEST {
+                return Err(IoError::content(
+                    path,
+                    format!(
+                        "a {} of {largest:.3e} is too far out for a grid of {:.3e}; remove that splat, or raise the tolerance",
+                        if attribute == Attribute::Pos { "coordinate" } else { "logarithmic size" },
+                        steps.fixed(attribute)
+                    ),
+                ));
+            }
+        }
+        Ok(())
     }
 
     /// Box around all positions of all frames: x, y, z smallest, then largest.
@@ -126,6 +151,17 @@ impl Survey {
         }
     }
 }
+
+/// Size of what moves, else of everything.
+fn size_of(first: &[[f32; 3]], moved: &[bool]) -> f64 {
+    let whole = robust_size(first);
+    let moving: Vec<[f32; 3]> =
+        first.iter().zip(moved).filter(|(_, moved)| **moved).map(|(mean, _)| *mean).collect();
+    if moving.len() >= MIN_MOVING.max(first.len() / 100) { robust_size(&moving) } else { whole }
+}
+
+/// Fewer moving splats than this, or than one in a hundred, do not decide the scene's size.
+const MIN_MOVING: usize = 50;
 
 /// Interleaved bits of the coordinates' places in the box, 21 each.
 fn morton(point: [f32; 3], bounds: [f32; 6]) -> u64 {

@@ -1,10 +1,8 @@
 //! Attributes of a splat as numbers on grids.
 
-use super::{Options, survey::Survey};
+use super::Options;
 use crate::clip::Hemispheres;
-use crate::error::IoError;
 use gs_core::{Splats, sh};
-use std::path::Path;
 
 /// What a splat has, numbered as in the file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -96,34 +94,10 @@ impl Steps {
     /// The number of the grid point next to `value`.
     #[expect(
         clippy::cast_possible_truncation,
-        reason = "Steps::check_range has seen every value that is written"
+        reason = "Survey::check_range has seen every value that is written"
     )]
     pub(super) fn bin(value: f32, step: f64) -> i32 {
         (f64::from(value) / step).round() as i32
-    }
-
-    /// Refuses values whose grid points have no number that, and whose differences, fit 32 bits.
-    pub(super) fn check_range(
-        &self,
-        path: &Path,
-        survey: &Survey,
-        rows: &[usize],
-    ) -> Result<(), IoError> {
-        const LARGEST: f64 = (1 << 29) as f64;
-        for attribute in [Attribute::Pos, Attribute::Scale] {
-            let largest = survey.largest(attribute, rows);
-            if largest / self.fixed(attribute) > LARGEST {
-                return Err(IoError::content(
-                    path,
-                    format!(
-                        "a {} of {largest:.3e} is too far out for a grid of {:.3e}; remove that splat, or raise the tolerance",
-                        if attribute == Attribute::Pos { "coordinate" } else { "logarithmic size" },
-                        self.fixed(attribute)
-                    ),
-                ));
-            }
-        }
-        Ok(())
     }
 }
 

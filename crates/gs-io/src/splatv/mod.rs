@@ -11,14 +11,14 @@
 //! `7` bytes R, G, B, A · `8–12` h velocities v₁, v₂, v₃ · `13–14` h ω · `15` h centre, width. Time runs from 0 to 1; see
 //! [`gs_deform::Polynomial`] for the motion. Colour does not depend on the view; sizes and colours do not change.
 
+mod error;
 mod fade;
 mod fit;
 mod read;
 mod row;
 mod write;
 
-pub use read::{Read, SplatvError, open, read};
+pub use error::SplatvError;
+pub use read::{Read, open, read};
+pub(crate) use row::MAGIC;
 pub use write::{DEFAULT_TOLERANCE, Options, PASSES, Report, write};
-
-/// First four bytes.
-pub(crate) const MAGIC: [u8; 4] = 0x674B_u32.to_le_bytes();

@@ -1,39 +1,14 @@
 //! `.splatv` files as scenes.
 
-use super::MAGIC;
-use super::row::{BYTES, Row};
-use crate::error::{IoError, read_bytes};
-use crate::repair::{self, Damage, DamagedRows, RepairReport, Sanitized};
+use super::SplatvError;
+use super::row::{BYTES, MAGIC, Row};
+use crate::error::IoError;
+use crate::input::read_bytes;
+use crate::repair::{self, Damage, RepairReport, Sanitized};
 use gs_core::Splats;
 use gs_deform::PolynomialScene;
 use serde::Deserialize;
 use std::path::Path;
-use thiserror::Error;
-
-/// Bytes that are no `.splatv` scene.
-#[derive(Debug, Error)]
-pub enum SplatvError {
-    /// Another kind of file.
-    #[error("is no .splatv: it does not begin with 0x674B")]
-    Magic,
-    /// The header is cut off or no JSON of this schema.
-    #[error("the header of this .splatv is damaged: {0}")]
-    Header(String),
-    /// The splats end in the middle of one.
-    #[error(
-        "ends in the middle of a splat: {found} bytes of splats, expected a multiple of {BYTES}; copy the file again"
-    )]
-    Truncated {
-        /// Bytes of splats.
-        found: usize,
-    },
-    /// No splats.
-    #[error("holds no splats")]
-    Empty,
-    /// Damaged rows where none are allowed.
-    #[error(transparent)]
-    Damaged(#[from] DamagedRows),
-}
 
 #[derive(Deserialize)]
 struct Part {

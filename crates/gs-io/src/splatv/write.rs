@@ -1,9 +1,8 @@
 //! Clips as `.splatv`: cubics fitted by least squares, with what the fit misses.
 
-use super::MAGIC;
 use super::fade::{ALWAYS, Sums as FadeSums};
 use super::fit::{Basis, shifted};
-use super::row::{BYTES, Row, level};
+use super::row::{BYTES, MAGIC, Row, level};
 use crate::atomic::{AtomicFile, Existing};
 use crate::clip::{Clip, Hemispheres, SoundRows, dropped_sentence, robust_size};
 use crate::error::IoError;

@@ -1,6 +1,6 @@
 //! Values and the bytes that stand for them.
 
-use super::{COLOR_SCALE, LOG_SCALE_MIN, LOG_SCALE_STEPS};
+use super::layout::{COLOR_SCALE, LOG_SCALE_MIN, LOG_SCALE_STEPS};
 use crate::bytes8::{largest_from, unorm8, without_largest};
 
 /// Largest magnitude of a stored quaternion component, 9 bits.

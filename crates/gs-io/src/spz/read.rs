@@ -1,12 +1,12 @@
 //! SPZ in.
 
+use super::layout::{
+    COLOR_SCALE, EXTENSION_AXES, FLAG_ANTIALIASED, FLAG_EXTENSIONS, FORMAT, HEADER, HEADER_4,
+    LOG_SCALE_MIN, LOG_SCALE_STEPS, MARK, USUAL_AXES,
+};
 use super::quantize::{
     FIRST_THREE_COMPONENT, MAX_FIXED, bucket, from_color, from_first_three, from_fixed,
     from_harmonic, from_log_scale, from_smallest_three, smallest_three_component, used_bits,
-};
-use super::{
-    COLOR_SCALE, EXTENSION_AXES, FLAG_ANTIALIASED, FLAG_EXTENSIONS, FORMAT, HEADER, HEADER_4,
-    LOG_SCALE_MIN, LOG_SCALE_STEPS, MARK, USUAL_AXES,
 };
 use crate::axes::{self, Axes, AxesReading};
 use crate::bytes8::{ends_note, logit_of, smallest_three_rad};

@@ -1,9 +1,11 @@
 //! SPZ out.
 
+use super::layout::{
+    EXTENSION_AXES, FLAG_EXTENSIONS, FRACTIONAL_BITS, HEADER, HEADER_4, MARK, SH_BITS,
+};
 use super::quantize::{
     MAX_FIXED, color, fixed, from_harmonic, harmonic, log_scale, smallest_three,
 };
-use super::{EXTENSION_AXES, FLAG_EXTENSIONS, FRACTIONAL_BITS, HEADER, HEADER_4, MARK, SH_BITS};
 use crate::axes::{self, Axes};
 use crate::bytes8::unorm8;
 use crate::losses::Losses;

@@ -5,17 +5,17 @@
 //! tensors suggest, defaults. One is in no file: which of two index rules trained the grid. It matters for large tables only, and
 //! is then read off the table's untouched entries.
 
+mod flags;
 mod hint;
 mod network;
 mod settings;
 
-pub use settings::Swift4dOverrides;
-
-use crate::checkpoint4dgs::{
-    self, Begun, FlagReport, Iteration, Model, ModelReport, ModelScene, Origin, Overrides, Split,
-    Stage,
+use crate::error::IoError;
+use crate::input::read_bytes;
+use crate::model_folder::{
+    self, Canonical, FlagReport, Iteration, Model, ModelReport, ModelScene, Origin, Overrides,
+    Split, Stage,
 };
-use crate::error::{IoError, read_bytes};
 use crate::{ply, pth};
 use gs_core::Splats;
 use gs_deform::{FieldBox, HashGridField, HashGridScene, IndexRule};
@@ -30,8 +30,8 @@ const SCORE: &str = "dynamic";
 
 /// Whether a folder is a Swift4D model: its field, or else the score of its splats, lies in the iteration that would be opened.
 pub(crate) fn looks_like_model(dir: &Path) -> bool {
-    let Ok(iteration) = checkpoint4dgs::find(dir, None) else {
-        return checkpoint4dgs::has_in_iterations(dir, FIELD);
+    let Ok(iteration) = model_folder::find(dir, None) else {
+        return model_folder::has_in_iterations(dir, FIELD);
     };
     let has = |name: &str| iteration.dir.join(name).is_file();
     match (has(FIELD), has("deformation.pth")) {
@@ -55,10 +55,10 @@ fn has_score(path: &Path) -> bool {
 /// If files are missing or malformed, contradict each other, or leave open what the motion depends on. Every error names the file,
 /// and the flag to give where one decides.
 pub fn open(dir: impl AsRef<Path>, overrides: &Overrides) -> Result<Model, IoError> {
-    let Begun { iteration, splats, mut report, cfg } =
-        checkpoint4dgs::begin(dir.as_ref(), overrides)?;
+    let Canonical { iteration, splats, mut report, cfg } =
+        model_folder::read_canonical(dir.as_ref(), overrides)?;
     if iteration.stage == Stage::Coarse {
-        let scene = checkpoint4dgs::never_moving(&iteration, splats, &mut report)?;
+        let scene = model_folder::never_moving(&iteration, splats, &mut report)?;
         return Ok(Model { scene, report });
     }
     let path = iteration.dir.join(FIELD);
@@ -75,7 +75,7 @@ pub fn open(dir: impl AsRef<Path>, overrides: &Overrides) -> Result<Model, IoErr
         .map_err(|source| IoError::Pth { path: path.clone(), source })?;
     let params = Params::new(tensors).map_err(wrong)?;
     let settings =
-        settings::decide(&params, cfg.as_ref(), &overrides.swift4d, &mut report).map_err(wrong)?;
+        flags::decide(&params, cfg.as_ref(), &overrides.swift4d, &mut report).map_err(wrong)?;
     let dynamic = read_dynamic(&iteration, settings.dynamic_thro, &mut report)?;
     let field =
         field(&params, &settings, &splats, &dynamic, overrides, &mut report).map_err(|error| {
@@ -146,14 +146,22 @@ fn index_rule(
             ))?;
             report.warnings.push(format!(
                 "nothing says which tiny-cuda-nn trained the model; the entries of its table that were never touched point to index_rule={}; if fine detail trembles, override it",
-                settings::rule_name(rule)
+                rule_name(rule)
             ));
             (rule, Origin::Inferred)
         }
     };
-    let value = settings::rule_name(rule).to_owned();
+    let value = rule_name(rule).to_owned();
     report.flags.push(FlagReport { name: "index_rule", value, origin });
     Ok(rule)
+}
+
+/// Name of a rule in flags.
+fn rule_name(rule: IndexRule) -> &'static str {
+    match rule {
+        IndexRule::Current => "current",
+        IndexRule::Older => "older",
+    }
 }
 
 /// Which of the splats left are dynamic: those whose score exceeds the threshold, strictly.

@@ -5,50 +5,23 @@
 
 mod binary;
 mod lens_models;
+mod records;
 mod text;
 
 pub use binary::{parse_cameras_bin, parse_images_bin};
+pub use records::{ColmapCamera, ColmapImage};
 pub use text::{parse_cameras_txt, parse_images_txt};
 
 use super::images::{Sizes, basename};
 use super::lens::{LeftOut, Lens};
 use super::pose::{self, Viewmat};
 use super::{CameraSet, CamerasError, Format, Reading, Split, View};
-use crate::error::{IoError, read_bytes};
+use crate::error::IoError;
+use crate::input::read_bytes;
 use gs_core::Camera;
 use gs_core::image_formation::NEAR_PLANE;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
-
-/// A lens of a COLMAP model.
-#[derive(Debug, Clone, PartialEq)]
-pub struct ColmapCamera {
-    /// Referred to by images.
-    pub id: u32,
-    /// COLMAP's name of the lens model.
-    pub model: &'static str,
-    /// Image columns, pixels.
-    pub width: u64,
-    /// Image rows, pixels.
-    pub height: u64,
-    /// In the order of the lens model.
-    pub params: Vec<f64>,
-}
-
-/// A registered image of a COLMAP model.
-#[derive(Debug, Clone, PartialEq)]
-pub struct ColmapImage {
-    /// Its number.
-    pub id: u32,
-    /// Rotation world to camera, wxyz.
-    pub quat: [f64; 4],
-    /// Translation world to camera, world units.
-    pub translation: [f64; 3],
-    /// Its lens.
-    pub camera_id: u32,
-    /// File name, folders included.
-    pub name: String,
-}
 
 /// Every so many views of a sorted list, the first included, is a test view.
 const HOLD: usize = 8;

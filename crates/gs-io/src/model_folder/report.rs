@@ -1,20 +1,9 @@
-//! What was found in a model folder and what was decided.
+//! [`ModelReport`]: what was found in a model folder, and what was decided.
 
-use super::flags::{FlagReport, Flags, Origin};
-use super::folder::Iteration;
-use super::network::{Shape, Tensors};
+use super::flags::FlagReport;
+use super::iteration::{Iteration, Stage};
 use crate::repair::{RepairReport, Sanitized};
-use gs_deform::Component;
 use std::path::PathBuf;
-
-/// Stage of the training in which an iteration was saved.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Stage {
-    /// Before the deformation was trained: nothing moves.
-    Coarse,
-    /// With deformation.
-    Fine,
-}
 
 /// The static and dynamic parts of a Swift4D model.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -95,48 +84,6 @@ impl ModelReport {
             untrained_heads: Vec::new(),
             notes,
             warnings,
-        }
-    }
-
-    /// Adds what is known of the network.
-    pub(super) fn describe(&mut self, shape: &Shape, flags: &Flags, tensors: &Tensors<'_>) {
-        (self.width, self.channels) = (shape.width, shape.channels);
-        (self.levels, self.depth) = (shape.levels, shape.depth);
-        self.mask = match (shape.has_static_mlp, shape.has_empty_voxel) {
-            (true, _) => "static_mlp",
-            (false, true) => "empty_voxel",
-            (false, false) => "none",
-        };
-        if !shape.has_sh_head {
-            self.warnings.push(
-                "the network has no SH head: a revision of autumn 2023, whose opacity and SH stay as stored"
-                    .to_owned(),
-            );
-        }
-        for component in Component::ALL {
-            let name = component.head_name();
-            let in_use = flags.deform[component as usize];
-            if in_use {
-                self.heads.push(name);
-            }
-            let decided_by_user = self
-                .flags
-                .get(component as usize)
-                .is_some_and(|flag| flag.origin == Origin::Override);
-            match tensors.looks_untrained(name, shape.width) {
-                Some(true) => {
-                    self.untrained_heads.push(name);
-                    if in_use {
-                        self.warnings.push(format!(
-                            "head {name} is switched on but its weights look untrained; if the scene looks wrong, switch it off"
-                        ));
-                    }
-                }
-                Some(false) if !in_use && !decided_by_user && shape.has_sh_head => self.warnings.push(format!(
-                    "head {name} is switched off but its weights look trained; if the scene looks wrong, switch it on"
-                )),
-                _ => {}
-            }
         }
     }
 }

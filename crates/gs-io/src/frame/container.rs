@@ -1,9 +1,7 @@
 //! What bytes are, from their content.
 
-use super::FrameFormat;
 use crate::foreign::Foreign;
-use crate::ply::{Header, PlyError};
-use crate::{compressed_ply, gltf, inflate, splat_file, spz};
+use crate::{gltf, inflate, splat_file, spz};
 
 /// What the first bytes announce.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -61,49 +59,5 @@ pub(crate) fn shown(bytes: &[u8]) -> String {
         "an empty file".to_owned()
     } else {
         format!("a file that starts with `{found}`")
-    }
-}
-
-/// Size of a frame, from its header.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Shape {
-    /// What the file is.
-    pub format: FrameFormat,
-    /// `N`, as declared.
-    pub num_splats: u64,
-    /// SH degree 0–3.
-    pub sh_degree: usize,
-}
-
-/// What the header of a frame declares. `start` is the first part of the file, at least its header (or all of it), `total` the size
-/// of the file, bytes.
-///
-/// # Errors
-/// If it is no frame, or its header breaks the rules. SOG and glTF frames are not looked into.
-pub fn shape(start: &[u8], total: u64) -> Result<Shape, super::FrameError> {
-    let unknown = || super::FrameError::Unknown { found: shown(start) };
-    match container(start) {
-        Container::Ply => {
-            let header = Header::parse(start)?;
-            match header.gaussians() {
-                Ok(layout) => Ok(Shape {
-                    format: FrameFormat::Ply {
-                        encoding: header.encoding,
-                        normals: layout.has_normals,
-                    },
-                    num_splats: layout.num_splats,
-                    sh_degree: layout.sh_degree,
-                }),
-                Err(PlyError::Compressed) => compressed_ply::shape(&header),
-                Err(other) => Err(other.into()),
-            }
-        }
-        Container::Spz => spz::shape(start),
-        Container::Splat => Ok(Shape {
-            format: FrameFormat::Splat,
-            num_splats: total / splat_file::ROW as u64,
-            sh_degree: 0,
-        }),
-        Container::Zip | Container::Gltf | Container::Unknown => Err(unknown()),
     }
 }

@@ -4,95 +4,25 @@
 //! of the sorted `images`. Trained reading: half the stored size, half the first row's focal length for all, times over 300 whatever
 //! the length of the clip, the first camera held out.
 
-use super::colmap::share;
-use super::images::{has_extension, is_image, stem};
-use super::lens::Lens;
-use super::{CameraSet, CamerasError, Format, Reading, Split, View, npy, paths, pose};
-use crate::error::{IoError, list_names, read_bytes};
-use glam::DVec3;
-use gs_core::{Camera, Intrinsics};
+mod row;
+
+pub use row::{Row, parse};
+
+use crate::cameras::colmap::share;
+use crate::cameras::images::{has_extension, is_image, stem};
+use crate::cameras::lens::Lens;
+use crate::cameras::{CameraSet, CamerasError, Format, Reading, Split, View, paths};
+use crate::error::IoError;
+use crate::input::{list_names, read_bytes};
+use gs_core::Camera;
 use std::path::Path;
 
 /// Name of the file.
-pub(super) const FILE: &str = "poses_bounds.npy";
-/// Numbers of a row: a 3×5 matrix, near and far.
-const COLUMNS: usize = 17;
+pub(in crate::cameras) const FILE: &str = "poses_bounds.npy";
 /// The reference divides the frame index by this, and reads no more frames a camera.
 const TRAINED_FRAMES: usize = 300;
 /// Every so many photographs are held out.
 const HOLD: usize = 8;
-
-/// A camera of the file. World units; pixels.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Row {
-    /// Camera's right, world frame.
-    pub right: DVec3,
-    /// Camera's up, world frame.
-    pub up: DVec3,
-    /// Away from what it sees, world frame.
-    pub back: DVec3,
-    /// Camera centre, world frame.
-    pub centre: DVec3,
-    /// Image rows.
-    pub height: f64,
-    /// Image columns.
-    pub width: f64,
-    /// Focal length of both axes.
-    pub focal: f64,
-    /// Smallest depth.
-    pub near: f64,
-    /// Largest depth.
-    pub far: f64,
-}
-
-/// Parses a `poses_bounds.npy`.
-///
-/// # Errors
-/// If it is not a NumPy array of shape `[cameras, 17]` of floating-point numbers, all finite.
-pub fn parse(bytes: &[u8]) -> Result<Vec<Row>, CamerasError> {
-    let rows = npy::rows(bytes, COLUMNS)?;
-    if rows.is_empty() {
-        return Err(CamerasError::Empty);
-    }
-    let row = |(index, v): (usize, &Vec<f64>)| {
-        if let Some(column) = v.iter().position(|value| !value.is_finite()) {
-            let at = format!("row {index}, column {column}");
-            return Err(CamerasError::malformed(at, "a finite number", v[column]));
-        }
-        // Columns of the 3×5 matrix: down, right, backward, centre, (height, width, focal).
-        let axis = |k: usize| DVec3::new(v[k], v[5 + k], v[10 + k]);
-        let [height, width, focal] = axis(4).to_array();
-        Ok(Row {
-            right: axis(1),
-            up: -axis(0),
-            back: axis(2),
-            centre: axis(3),
-            height,
-            width,
-            focal,
-            near: v[15],
-            far: v[16],
-        })
-    };
-    rows.iter().enumerate().map(row).collect()
-}
-
-impl Row {
-    fn viewmat(&self) -> pose::Viewmat {
-        pose::from_axes(self.right, -self.up, -self.back, self.centre)
-    }
-
-    /// Own size and focal length; in training half of the size, and of the first camera's focal length.
-    fn lens_of(&self, first: &Self, reading: Reading) -> Lens {
-        let (focal, scale) = match reading {
-            Reading::Trained => (first.focal, 0.5),
-            Reading::Stored => (self.focal, 1.0),
-        };
-        let (width, height) = (self.width * scale, self.height * scale);
-        let (fx, fy) = (focal * scale, focal * scale);
-        Lens::pinhole(Intrinsics { fx, fy, cx: width / 2.0, cy: height / 2.0 }, width, height)
-    }
-}
 
 /// A camera a row, named by number, without time.
 ///
@@ -135,7 +65,11 @@ fn rig(root: &Path, names: &[String]) -> Option<Rig> {
 }
 
 /// Reads the data set of a folder.
-pub(super) fn open(root: &Path, file: &str, reading: Reading) -> Result<CameraSet, IoError> {
+pub(in crate::cameras) fn open(
+    root: &Path,
+    file: &str,
+    reading: Reading,
+) -> Result<CameraSet, IoError> {
     let path = root.join(file);
     let rows = parse(&read_bytes(&path)?).map_err(IoError::cameras(&path))?;
     let names = list_names(root)?;
@@ -207,7 +141,7 @@ pub(super) fn open(root: &Path, file: &str, reading: Reading) -> Result<CameraSe
 }
 
 /// The spiral of the reference's videos, with this lens.
-pub(super) fn video(rows: &[Row], lens: Lens) -> Vec<Camera> {
+pub(in crate::cameras) fn video(rows: &[Row], lens: Lens) -> Vec<Camera> {
     let spiral = paths::spiral(rows).into_iter().enumerate();
     let camera = |(frame, viewmat)| {
         lens.camera(viewmat, Some(share(frame, paths::SPIRAL_FRAMES)), format!("video/{frame:04}"))

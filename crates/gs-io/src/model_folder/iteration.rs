@@ -1,10 +1,19 @@
-//! Which saved iteration of a model folder to open.
+//! [`Iteration`]: which save of a model folder to open.
 
-use super::Stage;
 use crate::cfg_args;
-use crate::error::{IoError, list_names};
+use crate::error::IoError;
+use crate::input::list_names;
 use crate::text;
 use std::path::{Path, PathBuf};
+
+/// Stage of the training in which an iteration was saved.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Stage {
+    /// Before the deformation was trained: nothing moves.
+    Coarse,
+    /// With deformation.
+    Fine,
+}
 
 /// A saved iteration.
 #[derive(Debug, Clone, PartialEq, Eq)]

@@ -1,0 +1,21 @@
+//! What is neither a file nor a folder.
+
+use std::fs::FileType;
+
+/// Name of what is neither file nor folder.
+pub(crate) fn special_name(kind: FileType) -> &'static str {
+    #[cfg(unix)]
+    {
+        use std::os::unix::fs::FileTypeExt;
+        if kind.is_fifo() {
+            return "a FIFO";
+        }
+        if kind.is_socket() {
+            return "a socket";
+        }
+        if kind.is_block_device() || kind.is_char_device() {
+            return "a device";
+        }
+    }
+    if kind.is_symlink() { "a link" } else { "neither a file nor a folder" }
+}

@@ -1,0 +1,31 @@
+//! Entries of a COLMAP model as its files have them.
+
+/// A lens of a COLMAP model.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ColmapCamera {
+    /// Referred to by images.
+    pub id: u32,
+    /// COLMAP's name of the lens model.
+    pub model: &'static str,
+    /// Image columns, pixels.
+    pub width: u64,
+    /// Image rows, pixels.
+    pub height: u64,
+    /// In the order of the lens model.
+    pub params: Vec<f64>,
+}
+
+/// A registered image of a COLMAP model.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ColmapImage {
+    /// Its number.
+    pub id: u32,
+    /// Rotation world to camera, wxyz.
+    pub quat: [f64; 4],
+    /// Translation world to camera, world units.
+    pub translation: [f64; 3],
+    /// Its lens.
+    pub camera_id: u32,
+    /// File name, folders included.
+    pub name: String,
+}

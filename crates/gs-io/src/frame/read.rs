@@ -1,0 +1,124 @@
+//! Reading a frame of any format.
+
+use super::container::{Container, container, shown};
+use super::folder::{PLACES, beside, still_of};
+use super::{Frame, FrameError, FrameFormat, Shape};
+use crate::error::IoError;
+use crate::input::read_bytes;
+use crate::ply::{self, Header, PlyError};
+use crate::{compressed_ply, gltf, model_folder, sog, splat_file, spz};
+use std::path::Path;
+
+/// Reads a frame of any format.
+///
+/// # Errors
+/// Says what is wrong with the bytes or what they are instead. Memory is bounded by a multiple of their number: compressed data
+/// that would grow beyond all measure are refused.
+pub fn read(bytes: &[u8]) -> Result<Frame, FrameError> {
+    match container(bytes) {
+        Container::Ply => {
+            if compressed_ply::is_compressed(bytes) {
+                return compressed_ply::read(bytes);
+            }
+            let read = ply::read(bytes)?;
+            let mut notes = read.notes;
+            if !read.extra_columns.is_empty() {
+                notes.push(format!("columns not used: {}", read.extra_columns.join(", ")));
+            }
+            Ok(Frame {
+                splats: read.splats,
+                format: FrameFormat::Ply { encoding: read.encoding, normals: read.has_normals },
+                precision: None,
+                axes: None,
+                notes,
+                comments: read.comments,
+            })
+        }
+        Container::Spz => spz::read(bytes),
+        Container::Zip => sog::read(bytes),
+        Container::Splat => splat_file::read(bytes),
+        Container::Gltf => gltf::read(bytes, &|uri| {
+            Err(format!("its data lie in another file, `{uri}`; give the .gltf by its path"))
+        }),
+        Container::Unknown => Err(FrameError::Unknown { found: shown(bytes) }),
+    }
+}
+
+/// Reads a frame from a file, or from the folder an editor left: the `save/last.ply` of a GaussianEditor or DGE run, the
+/// `point_cloud.ply` of a frozen frame, the `meta.json` of an unbundled SOG.
+///
+/// # Errors
+/// If nothing there can be read as a frame; the file is named.
+pub fn read_file(path: impl AsRef<Path>) -> Result<Frame, IoError> {
+    let path = path.as_ref();
+    if path.is_dir() {
+        return read_dir(path);
+    }
+    let bytes = read_bytes(path)?;
+    if container(&bytes) == Container::Gltf {
+        let folder = path.parent().unwrap_or(Path::new(""));
+        return gltf::read(&bytes, &|uri| beside(folder, uri)).map_err(IoError::frame(path));
+    }
+    read(&bytes).map_err(IoError::frame(path))
+}
+
+/// What the header of a frame declares. `start` is the first part of the file, at least its header (or all of it), `total` the size
+/// of the file, bytes.
+///
+/// # Errors
+/// If it is no frame, or its header breaks the rules. SOG and glTF frames are not looked into.
+pub fn shape(start: &[u8], total: u64) -> Result<Shape, FrameError> {
+    let unknown = || FrameError::Unknown { found: shown(start) };
+    match container(start) {
+        Container::Ply => {
+            let header = Header::parse(start)?;
+            match header.gaussians() {
+                Ok(layout) => Ok(Shape {
+                    format: FrameFormat::Ply {
+                        encoding: header.encoding,
+                        normals: layout.has_normals,
+                    },
+                    num_splats: layout.num_splats,
+                    sh_degree: layout.sh_degree,
+                }),
+                Err(PlyError::Compressed) => compressed_ply::shape(&header),
+                Err(other) => Err(other.into()),
+            }
+        }
+        Container::Spz => spz::shape(start),
+        Container::Splat => Ok(Shape {
+            format: FrameFormat::Splat,
+            num_splats: total / splat_file::ROW as u64,
+            sh_degree: 0,
+        }),
+        Container::Zip | Container::Gltf | Container::Unknown => Err(unknown()),
+    }
+}
+
+/// Reads the frame in a folder.
+fn read_dir(folder: &Path) -> Result<Frame, IoError> {
+    let Some(path) = still_of(folder) else {
+        return Err(IoError::content(
+            folder,
+            if model_folder::looks_like_model(folder) {
+                "is a model that moves, whose point_cloud.ply is canonical and no frame of it; edit the frame that `c4d freeze` writes"
+                    .to_owned()
+            } else {
+                format!("is a folder without an edited frame: it has none of {}", PLACES.join(", "))
+            },
+        ));
+    };
+    if path.ends_with("meta.json") {
+        let meta = read_bytes(&path)?;
+        // Planes are named by the file, and must lie beside it.
+        let plane = |name: &str| {
+            let plain = Path::new(name).file_name().is_some_and(|file| file == name);
+            if !plain {
+                return Err(format!("its plane `{name}` is no plain file name"));
+            }
+            read_bytes(&folder.join(name)).map_err(|error| format!("its plane {error}"))
+        };
+        return sog::read_planes(&meta, &plane).map_err(IoError::frame(&path));
+    }
+    read(&read_bytes(&path)?).map_err(IoError::frame(&path))
+}

@@ -1,0 +1,127 @@
+//! Writing a clip.
+
+use super::Options;
+use super::header::{Chunk, Header};
+use super::survey::Survey;
+use super::tracks::{self, Tracks};
+use super::value::{Attribute, Steps};
+use crate::atomic::{AtomicFile, Existing};
+use crate::clip::{Clip, Hemispheres, SoundRows, dropped_sentence};
+use crate::error::IoError;
+use crate::losses::Losses;
+use std::io::Write;
+use std::path::Path;
+
+/// Frames of a clip are visited this often: `progress` of [`write()`] counts up to this many times their number.
+pub const PASSES: usize = 2;
+
+/// What was written.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Report {
+    /// Bound of each coordinate, world units.
+    pub position_bound: f64,
+    /// Splats written.
+    pub num_splats: usize,
+    /// Splats whose position changes by more than its bound.
+    pub moving: usize,
+    /// Bytes of the file.
+    pub bytes: u64,
+    /// What the file does not keep.
+    pub losses: Losses,
+}
+
+/// Writes the clip. The scene is evaluated [`PASSES`] times per frame; `progress` hears the number of evaluations done.
+///
+/// Memory besides one frame: about 200 bytes a splat, the symbols of one group of frames (one byte per changing value, seldom two)
+/// and the compressed file, whose header comes first and holds the places of everything.
+///
+/// # Errors
+/// If there are no frames, splats or frames per second, an option is out of range, positions are so far out that the grid cannot
+/// number them, the scene cannot be evaluated, or the file cannot be written.
+pub fn write(
+    path: impl AsRef<Path>,
+    clip: &Clip<'_>,
+    options: &Options,
+    existing: Existing,
+    progress: &mut dyn FnMut(usize),
+) -> Result<Report, IoError> {
+    let path = path.as_ref();
+    clip.check(path)?;
+    options.check(path)?;
+    let mut file = AtomicFile::create(path, existing)?;
+
+    let mut survey = Survey::new(clip.scene.num_splats());
+    let mut sound = SoundRows::new(clip.scene.num_splats());
+    let mut hemispheres = Hemispheres::default();
+    clip.each_frame(path, |index, splats| {
+        hemispheres.follow(splats);
+        sound.see(splats);
+        survey.see(splats, &hemispheres);
+        progress(index + 1);
+        Ok(())
+    })?;
+    let rows = sound.rows(path)?;
+    let position_bound = options.tolerance * survey.size(&rows);
+    let steps = Steps::new(options, position_bound);
+    survey.check_range(path, &steps, &rows)?;
+    let order = survey.order(&rows, &steps);
+
+    let mut tracks = Tracks::new(&order, steps);
+    let mut hemispheres = Hemispheres::default();
+    let (mut fixed, mut chunks) = (Vec::new(), Vec::new());
+    clip.each_frame(path, |index, splats| {
+        hemispheres.follow(splats);
+        if index == 0 {
+            fixed = tracks::static_section(&order, &survey, splats, &hemispheres, &steps)
+                .map_err(IoError::write(path))?;
+        }
+        tracks.push(splats, &hemispheres, index % options.gop == 0);
+        if (index + 1) % options.gop == 0 || index + 1 == clip.times.len() {
+            let first = index - index % options.gop;
+            let bytes = tracks.take_chunk().map_err(IoError::write(path))?;
+            chunks.push(Chunk { first, last: index, bytes });
+        }
+        progress(clip.times.len() + index + 1);
+        Ok(())
+    })?;
+
+    let header = Header { clip, options, steps: &steps, order: &order, aabb: survey.bounds(&rows) };
+    let header = header.place(fixed.len(), &chunks);
+    let bytes =
+        (header.len() + fixed.len() + chunks.iter().map(|c| c.bytes.len()).sum::<usize>()) as u64;
+    let parts = std::iter::once(&header).chain([&fixed]).chain(chunks.iter().map(|c| &c.bytes));
+    for part in parts {
+        file.write_all(part).map_err(IoError::write(path))?;
+    }
+    file.commit()?;
+    Ok(Report {
+        position_bound,
+        num_splats: rows.len(),
+        moving: order.dynamic_count(Attribute::Pos),
+        bytes,
+        losses: losses(clip, options, position_bound, rows.len()),
+    })
+}
+
+fn losses(clip: &Clip<'_>, options: &Options, position_bound: f64, written: usize) -> Losses {
+    let mut losses = Losses::none();
+    let degree = clip.scene.sh_degree();
+    if degree > 0 {
+        losses.push(format!("SH degree {degree} becomes 0: colour no longer depends on the view"));
+    }
+    losses.push(format!(
+        "positions are within {position_bound:.3e} scene units ({} of the scene's size), sizes within {} %",
+        options.tolerance,
+        100.0 * options.scale
+    ));
+    losses.push(format!(
+        "8-bit colour within {} and opacity within {} of 255 steps; rotations have 8 bits a component, within {} of 128 steps",
+        options.rgb, options.alpha, options.rot
+    ));
+    if let Some(sentence) =
+        dropped_sentence(clip.scene.num_splats() - written, clip.scene.num_splats())
+    {
+        losses.push(sentence);
+    }
+    losses
+}

@@ -1,0 +1,33 @@
+//! Bytes of a row.
+
+use gs_core::quat;
+
+/// Bytes of a row.
+pub(crate) const ROW: usize = 32;
+/// Rows looked at to tell such a file from any other.
+const SAMPLE: usize = 256;
+
+/// Whether `bytes`, at least the first rows of a file, make sense as rows: nothing else marks the format.
+pub(crate) fn looks_like(bytes: &[u8]) -> bool {
+    let rows = bytes.as_chunks::<ROW>().0;
+    let step = rows.len().div_ceil(SAMPLE).max(1);
+    let sample = rows.iter().step_by(step);
+    let (seen, sound) =
+        sample.fold((0, 0), |(seen, sound), row| (seen + 1, sound + usize::from(plausible(row))));
+    seen > 0 && sound * 10 >= seen * 9
+}
+
+pub(super) fn float(row: &[u8; ROW], at: usize) -> f32 {
+    f32::from_le_bytes([row[at], row[at + 1], row[at + 2], row[at + 3]])
+}
+
+pub(super) fn rotation(row: &[u8; ROW]) -> [f32; 4] {
+    std::array::from_fn(|i| (f32::from(row[28 + i]) - 128.0) / 128.0)
+}
+
+fn plausible(row: &[u8; ROW]) -> bool {
+    let place = (0..3).all(|axis| float(row, 4 * axis).abs() < 1e7);
+    let size = (3..6).all(|axis| (0.0..1e5).contains(&float(row, 4 * axis)));
+    let q = rotation(row);
+    place && size && (0.9..1.1).contains(&quat::dot(q, q))
+}

@@ -82,7 +82,7 @@ pub(crate) fn bad_input(error: &IoError) -> Failure {
         IoError::StandIn { found, .. } => failure.next(found.next),
         IoError::Frame { path, source: FrameError::Unknown { .. } } => {
             match gs_io::detect(path) {
-                Ok(SceneKind::Foreign(foreign)) => failure.next(foreign.next),
+                Ok(SceneKind::Unsupported(format)) => failure.next(format.next),
                 _ => failure.next(FRAMES),
             }
         }
@@ -199,7 +199,7 @@ pub(crate) fn open_within(
         kind => {
             let next = match (instead::of(path, Needed::Scene), &kind) {
                 (Some(next), _) => next,
-                (None, SceneKind::Foreign(foreign)) => foreign.next.to_owned(),
+                (None, SceneKind::Unsupported(format)) => format.next.to_owned(),
                 (None, _) => SCENES.to_owned(),
             };
             let what = format!("{} is not a scene ({kind})", path.display());

@@ -2,8 +2,9 @@
 
 use crate::cameras::CamerasError;
 use crate::cfg_args::CfgError;
-use crate::foreign::Foreign;
+use crate::content::UnsupportedFormat;
 use crate::frame::FrameError;
+use crate::fs::final_path;
 use crate::ply::PlyError;
 use crate::pth::PthError;
 use crate::repair::DamagedRows;
@@ -40,7 +41,7 @@ pub enum IoError {
     },
     /// The folder to replace holds something that this program did not write as it is.
     #[error("{} is not replaced: this program wrote it, but `{entry}` in it {what}", path.display())]
-    Foreign {
+    NotOurs {
         /// Which folder.
         path: PathBuf,
         /// First such entry, relative to it.
@@ -70,7 +71,7 @@ pub enum IoError {
         /// Which file.
         path: PathBuf,
         /// What lies there, and what to do.
-        found: Foreign,
+        found: UnsupportedFormat,
     },
     /// A PLY file is malformed or not a Gaussian scene.
     #[error("{}: {source}", path.display())]
@@ -192,6 +193,6 @@ impl IoError {
     }
 
     pub(crate) fn write(path: &Path) -> impl FnOnce(std::io::Error) -> Self {
-        move |source| Self::Write { path: crate::final_path(path), source }
+        move |source| Self::Write { path: final_path(path), source }
     }
 }

@@ -12,7 +12,6 @@
 //! Deliberately absent: algorithms, GPU, networks of the neural formats (see `gs-deform`).
 
 mod archive;
-mod atomic;
 mod axes;
 mod bytes8;
 pub mod cameras;
@@ -21,20 +20,21 @@ pub mod cfg_args;
 pub mod checkpoint4dgs;
 mod clip;
 pub mod compressed_ply;
+mod content;
 mod detect;
 mod error;
-mod foreign;
 pub mod frame;
 mod frame_cache;
+mod fs;
 pub mod gltf;
-mod inflate;
-mod input;
 mod losses;
 pub mod model_folder;
+mod open_scene;
 pub mod ply;
 pub mod ply_sequence;
 pub mod pth;
 pub mod repair;
+mod scene_kind;
 mod sh_error;
 pub mod sog;
 pub mod splat4d;
@@ -42,19 +42,21 @@ pub mod splat_file;
 pub mod splatv;
 pub mod spz;
 pub mod swift4d;
-mod text;
 pub mod usda;
-mod zip;
 
-pub use atomic::{AtomicDir, AtomicFile, Existing, FolderUpdate, final_path, remove_unfinished};
+pub use archive::ZipError;
 pub use axes::{Axes, AxesReading};
 pub use clip::Clip;
-pub use detect::{OpenOptions, Opened, SceneKind, detect, open_scene};
+pub use content::UnsupportedFormat;
+pub use detect::detect;
 pub use error::IoError;
-pub use foreign::Foreign;
-pub use input::{open_file, read_file};
+pub use fs::{
+    AtomicDir, AtomicFile, Existing, FolderUpdate, final_path, open_file, read_file,
+    remove_unfinished,
+};
 pub use losses::Losses;
-pub use zip::ZipError;
+pub use open_scene::{OpenOptions, Opened, open_scene};
+pub use scene_kind::SceneKind;
 
 #[cfg(doctest)]
 #[doc = include_str!("../README.md")]

@@ -103,7 +103,7 @@ pub(crate) fn output_failure(error: &gs_io::IoError) -> Failure {
     match error {
         IoError::Exists { path } => Failure::usage(format!("{} already exists", path.display()))
             .next("Choose another name; -w replaces what c4d wrote."),
-        IoError::Foreign { path, entry, .. } => Failure::usage(text).next(format!(
+        IoError::NotOurs { path, entry, .. } => Failure::usage(text).next(format!(
             "Move {} elsewhere, or choose another name for the output.",
             path.join(entry).display()
         )),

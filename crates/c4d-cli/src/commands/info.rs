@@ -57,9 +57,9 @@ fn report(args: &InfoArgs, global: &Global, console: &Console) -> Outcome {
             folder(path, &parts(path))
         }
         SceneKind::Unknown { .. } if is_json(path) => camera_set(path)?,
-        SceneKind::Foreign(foreign) => {
+        SceneKind::Unsupported(format) => {
             let mut report = Report::new(path, &kind);
-            report.add("next", json!(within(path).unwrap_or_else(|| foreign.next.to_owned())));
+            report.add("next", json!(within(path).unwrap_or_else(|| format.next.to_owned())));
             report
         }
         other => {
@@ -271,7 +271,7 @@ fn parts(path: &Path) -> Vec<(String, SceneKind)> {
         let kind = gs_io::detect(path).ok()?;
         let unknown = matches!(
             kind,
-            SceneKind::Unknown { .. } | SceneKind::OtherPly(_) | SceneKind::Foreign(_)
+            SceneKind::Unknown { .. } | SceneKind::OtherPly(_) | SceneKind::Unsupported(_)
         );
         (!unknown).then(|| (path.file_name().unwrap_or_default().to_string_lossy().into(), kind))
     };

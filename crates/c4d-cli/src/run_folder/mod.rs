@@ -94,7 +94,7 @@ fn load_within(
             Failure::bad_input(format!("cannot read {}: {error}", file.display()))
                 .next("A run folder holds scene.c4d, c4d.toml and run.json; write it anew with c4d propagate.")
         })?;
-        match gs_io::Foreign::stand_in(&bytes) {
+        match gs_io::UnsupportedFormat::stand_in(&bytes) {
             Some(found) => Err(Failure::bad_input(format!(
                 "{}: is {}, not the file itself",
                 file.display(),

@@ -31,7 +31,7 @@ pub(crate) use images::{has_extension, pixels};
 
 use crate::cameras_json;
 use crate::error::IoError;
-use crate::text;
+use crate::fs::text;
 use gs_core::Camera;
 use std::path::Path;
 

@@ -3,14 +3,14 @@
 
 use super::CamerasError;
 use crate::cfg_args::{self, Value};
+use crate::content::marks::NPY;
 
-const MAGIC: &[u8] = b"\x93NUMPY";
 /// Longest header accepted, bytes; NumPy writes 118.
 const MAX_HEADER: usize = 1024;
 
 /// Whether bytes begin as a NumPy array does.
 pub(super) fn is_npy(bytes: &[u8]) -> bool {
-    bytes.starts_with(MAGIC)
+    bytes.starts_with(&NPY)
 }
 
 /// Rows of a `[rows, columns]` array of 32- or 64-bit floating-point numbers.
@@ -20,7 +20,7 @@ pub(super) fn rows(bytes: &[u8], columns: usize) -> Result<Vec<Vec<f64>>, Camera
     if !is_npy(bytes) {
         return Err(header("other bytes at its start".to_owned()));
     }
-    let (length, start) = match bytes[MAGIC.len()..] {
+    let (length, start) = match bytes[NPY.len()..] {
         [1, _, a, b, ..] => (usize::from(u16::from_le_bytes([a, b])), 10),
         [2 | 3, _, a, b, c, d, ..] => {
             (usize::try_from(u32::from_le_bytes([a, b, c, d])).unwrap_or(usize::MAX), 12)
@@ -86,7 +86,7 @@ mod tests {
     use super::*;
 
     fn npy(header: &str, values: &[f64]) -> Vec<u8> {
-        let mut bytes = MAGIC.to_vec();
+        let mut bytes = NPY.to_vec();
         bytes.extend([1, 0]);
         bytes.extend(u16::try_from(header.len()).unwrap().to_le_bytes());
         bytes.extend(header.as_bytes());

@@ -6,7 +6,7 @@ use super::images::{Sizes, basename, is_image, stem};
 use super::lens::{LeftOut, Lens};
 use super::{CameraSet, CamerasError, Format, Reading, Split, View, poses_bounds};
 use crate::error::IoError;
-use crate::input::{list_names, read_bytes};
+use crate::fs::{list_names, read_bytes};
 use gs_core::{Camera, Intrinsics};
 use std::path::Path;
 

@@ -3,8 +3,8 @@
 use super::{CamerasError, Format, colmap, npy, poses_bounds, rigs};
 use crate::cfg_args;
 use crate::error::IoError;
-use crate::input::{list_names, read_bytes, refuse_stand_in};
-use crate::text;
+use crate::fs::text;
+use crate::fs::{list_names, read_bytes, refuse_stand_in};
 use serde::Deserialize;
 use serde::de::IgnoredAny;
 use std::io::Read;
@@ -127,7 +127,7 @@ struct Keys {
 fn in_file(path: &Path) -> Result<Option<Source>, IoError> {
     let failed = |source| IoError::Read { path: path.to_owned(), source };
     let mut head = Vec::new();
-    crate::input::open_file(path)
+    crate::fs::open_file(path)
         .map_err(failed)?
         .take(4096)
         .read_to_end(&mut head)

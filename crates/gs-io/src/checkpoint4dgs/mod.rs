@@ -13,7 +13,7 @@ pub use write::write;
 
 use crate::cfg_args::CfgArgs;
 use crate::error::IoError;
-use crate::input::read_bytes;
+use crate::fs::read_bytes;
 use crate::model_folder::{
     Canonical, Iteration, Model, ModelReport, ModelScene, Overrides, Stage, never_moving,
     read_canonical,

@@ -1,7 +1,7 @@
 //! A deformation network and its splats as a model folder.
 
-use crate::atomic::{AtomicDir, Existing};
 use crate::error::IoError;
+use crate::fs::{AtomicDir, Existing};
 use crate::ply::{self, WriteOptions};
 use crate::pth::{self, NamedTensor};
 use gs_core::Splats;

@@ -1,8 +1,8 @@
 //! Folders in which editors leave one frame.
 
-use crate::input::read_bytes;
+use crate::fs::read_bytes;
+use crate::fs::text;
 use crate::model_folder::still_model;
-use crate::text;
 use serde_json::{Map, Value};
 use std::path::{Component, Path, PathBuf};
 
@@ -23,7 +23,7 @@ fn is_sog(folder: &Path, meta: &Path) -> bool {
     const MAX_META: u64 = 1 << 20;
     let small = || std::fs::metadata(meta).is_ok_and(|meta| meta.len() <= MAX_META);
     let lists_planes = || {
-        let keys: Option<Map<String, Value>> = crate::input::read_file(meta)
+        let keys: Option<Map<String, Value>> = crate::fs::read_file(meta)
             .ok()
             .and_then(|bytes| serde_json::from_slice(&text::utf8(&bytes)).ok());
         keys.is_some_and(|keys| ["means", "quats", "sh0"].iter().all(|key| keys.contains_key(*key)))

@@ -4,7 +4,6 @@
 //! stored (pre-activation) parameters. Formats that round also say how coarsely ([`Frame::precision`]), so that what only the format
 //! changed can be told from what a person changed.
 
-mod container;
 mod error;
 mod folder;
 mod format;
@@ -17,5 +16,4 @@ pub use format::{FrameFormat, Shape};
 pub use read::{read, read_file, shape};
 pub use still_frame::Frame;
 
-pub(crate) use container::{Container, container, shown};
 pub(crate) use folder::still_of as still_of_folder;

@@ -1,10 +1,11 @@
 //! Reading a frame of any format.
 
-use super::container::{Container, container, shown};
 use super::folder::{PLACES, beside, still_of};
 use super::{Frame, FrameError, FrameFormat, Shape};
+use crate::content::splat_rows::ROW;
+use crate::content::{Container, container, shown};
 use crate::error::IoError;
-use crate::input::read_bytes;
+use crate::fs::read_bytes;
 use crate::ply::{self, Header, PlyError};
 use crate::{compressed_ply, gltf, model_folder, sog, splat_file, spz};
 use std::path::Path;
@@ -86,11 +87,9 @@ pub fn shape(start: &[u8], total: u64) -> Result<Shape, FrameError> {
             }
         }
         Container::Spz => spz::shape(start),
-        Container::Splat => Ok(Shape {
-            format: FrameFormat::Splat,
-            num_splats: total / splat_file::ROW as u64,
-            sh_degree: 0,
-        }),
+        Container::Splat => {
+            Ok(Shape { format: FrameFormat::Splat, num_splats: total / ROW as u64, sh_degree: 0 })
+        }
         Container::Zip | Container::Gltf | Container::Unknown => Err(unknown()),
     }
 }

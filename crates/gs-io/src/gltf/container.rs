@@ -2,6 +2,7 @@
 
 use super::document::{Buffer, Document};
 use super::extension::FORMAT;
+use crate::content::marks::GLB;
 use crate::frame::FrameError;
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
@@ -10,21 +11,8 @@ use std::borrow::Cow;
 /// Types of GLB chunks.
 pub(super) const CHUNK_JSON: u32 = 0x4E4F_534A;
 pub(super) const CHUNK_BIN: u32 = 0x004E_4942;
-/// First bytes of a `.glb`.
-pub(crate) const GLB_MARK: [u8; 4] = *b"glTF";
 const GLB_HEADER: usize = 12;
 const CHUNK_HEADER: usize = 8;
-/// Names of which a glTF has one near its start, in whatever order it was written.
-const MEMBERS: [&[u8]; 5] =
-    [b"\"asset\"", b"\"accessors\"", b"\"bufferViews\"", b"\"meshes\"", b"\"extensionsUsed\""];
-
-/// Whether text is a JSON object with members that glTF has.
-pub(crate) fn looks_like_json(start: &[u8]) -> bool {
-    let text = start.strip_prefix(b"\xef\xbb\xbf").unwrap_or(start).trim_ascii_start();
-    text.starts_with(b"{")
-        && MEMBERS.iter().any(|name| text.windows(name.len()).any(|found| found == *name))
-}
-
 /// JSON, and the chunk of bytes that a `.glb` may have beside it.
 #[derive(Debug)]
 pub(super) struct Parts<'a> {
@@ -35,7 +23,7 @@ pub(super) struct Parts<'a> {
 impl<'a> Parts<'a> {
     /// Takes a file apart.
     pub(super) fn of(bytes: &'a [u8]) -> Result<Self, FrameError> {
-        if !bytes.starts_with(&GLB_MARK) {
+        if !bytes.starts_with(&GLB) {
             let json = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
             return Ok(Self { json, binary: None });
         }
@@ -118,13 +106,6 @@ fn data_of(uri: &str) -> Option<Result<Vec<u8>, FrameError>> {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn json_is_told_from_other_json() {
-        assert!(looks_like_json(b"\xef\xbb\xbf\n {\"asset\": {}}"), "marks and space before it");
-        assert!(!looks_like_json(b"{\"frames\": [], \"camera_angle_x\": 1}"), "cameras");
-        assert!(!looks_like_json(b"\"asset\""), "no object");
-    }
 
     #[test]
     fn uris_hold_bytes() {

@@ -20,6 +20,5 @@ mod primitive;
 mod read;
 mod write;
 
-pub(crate) use container::{GLB_MARK, looks_like_json};
 pub use read::{External, read};
 pub use write::{WriteOptions, write};

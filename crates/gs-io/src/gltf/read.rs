@@ -6,9 +6,9 @@ use super::document::Document;
 use super::extension::{EXTENSION, FORMAT, SPZ_EXTENSIONS, USUAL_AXES};
 use super::node::placements;
 use super::primitive::{self, Part, is_splats};
+use crate::archive::decompress;
 use crate::axes::{self, Axes, AxesReading};
 use crate::frame::{Frame, FrameError, FrameFormat};
-use crate::inflate;
 use gs_core::sh::num_coeffs;
 use gs_core::{Precision, RowPrecision, Splats};
 use std::sync::Arc;
@@ -68,7 +68,7 @@ pub fn read(bytes: &[u8], external: &External<'_>) -> Result<Frame, FrameError> 
         .collect();
 
     // Sizes first: accessors may share bytes, and nodes meshes.
-    let available = inflate::limit(bytes.len() + buffers.iter().map(|b| b.len()).sum::<usize>());
+    let available = decompress::limit(bytes.len() + buffers.iter().map(|b| b.len()).sum::<usize>());
     let mut needed = 0_u64;
     let mut sizes = Vec::with_capacity(primitives.len());
     for (_, found) in &primitives {

@@ -1,9 +1,10 @@
 //! glTF out.
 
-use super::container::{CHUNK_BIN, CHUNK_JSON, GLB_MARK};
+use super::container::{CHUNK_BIN, CHUNK_JSON};
 use super::extension::{EXTENSION, harmonic_name};
 use crate::axes::{self, Axes};
 use crate::bytes8::{channel_of, unorm8};
+use crate::content::marks::GLB;
 use crate::losses::Losses;
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
@@ -125,7 +126,7 @@ pub fn write(splats: &Splats, options: &WriteOptions, out: &mut impl Write) -> i
             })
         };
         let total = word(28 + json.len() + bytes.len() + padding)?;
-        out.write_all(&GLB_MARK)?;
+        out.write_all(&GLB)?;
         out.write_all(&2_u32.to_le_bytes())?;
         out.write_all(&total)?;
         out.write_all(&word(json.len())?)?;

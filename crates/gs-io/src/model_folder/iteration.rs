@@ -2,8 +2,8 @@
 
 use crate::cfg_args;
 use crate::error::IoError;
-use crate::input::list_names;
-use crate::text;
+use crate::fs::list_names;
+use crate::fs::text;
 use std::path::{Path, PathBuf};
 
 /// Stage of the training in which an iteration was saved.
@@ -140,7 +140,7 @@ pub(crate) fn still_model(dir: &Path) -> Option<PathBuf> {
     });
     let path = iteration.model.join("cfg_args");
     let trained_to_move = || -> Option<bool> {
-        let cfg = cfg_args::parse(&text::decode(&crate::input::read_file(path).ok()?)).ok()?;
+        let cfg = cfg_args::parse(&text::decode(&crate::fs::read_file(path).ok()?)).ok()?;
         Some(DEFORMING.iter().any(|name| cfg.get(name).is_some()))
     };
     (!moves && !trained_to_move().unwrap_or(false)).then(|| iteration.dir.join("point_cloud.ply"))

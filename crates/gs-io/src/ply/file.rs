@@ -2,9 +2,9 @@
 
 use super::header::MAX_HEADER;
 use super::{Header, PlyError, PlySplats, WriteOptions, read, write};
-use crate::atomic::{AtomicFile, Existing};
 use crate::error::IoError;
-use crate::input::{read_bytes, refuse_stand_in};
+use crate::fs::{AtomicFile, Existing};
+use crate::fs::{read_bytes, refuse_stand_in};
 use gs_core::Splats;
 use std::path::Path;
 
@@ -25,7 +25,7 @@ pub fn read_header_file(path: impl AsRef<Path>) -> Result<Header, IoError> {
     use std::io::Read;
     let path = path.as_ref();
     let failed = |source| IoError::Read { path: path.to_owned(), source };
-    let mut file = crate::input::open_file(path).map_err(failed)?;
+    let mut file = crate::fs::open_file(path).map_err(failed)?;
     let mut bytes = Vec::new();
     // Headers of Gaussian files take two kilobytes; only longer ones cost a second read.
     for limit in [8 << 10, MAX_HEADER as u64] {

@@ -12,7 +12,7 @@ pub(crate) use names::find_frames;
 use crate::error::IoError;
 use crate::frame;
 use crate::frame_cache::FrameCache;
-use crate::input::list_names;
+use crate::fs::list_names;
 use crate::repair::{self, Damage, DamagedRows, Infinities, RepairReport};
 use gs_core::{DynamicScene, SceneError, Splats, TimeRange};
 use gs_deform::frames;

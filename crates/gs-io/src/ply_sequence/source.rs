@@ -2,10 +2,10 @@
 
 use super::{find_frames, list_names};
 use crate::archive::Archive;
+use crate::archive::decompress;
 use crate::error::IoError;
 use crate::frame::{self, Shape};
-use crate::inflate;
-use crate::input::{read_bytes, refuse_stand_in};
+use crate::fs::{read_bytes, refuse_stand_in};
 use std::fs::File;
 use std::io::{BufReader, Read, Seek};
 use std::path::{Path, PathBuf};
@@ -49,13 +49,13 @@ impl Source {
     /// The frames of an archive, and what else is in it.
     pub(super) fn zip(path: &Path) -> Result<(Self, Beside), IoError> {
         let failed = |source| IoError::Read { path: path.to_owned(), source };
-        let mut file = crate::input::open_file(path).map_err(failed)?;
+        let mut file = crate::fs::open_file(path).map_err(failed)?;
         let size = file.metadata().map_err(failed)?.len();
         let mut start = Vec::new();
         (&mut file).take(STARTS[0]).read_to_end(&mut start).map_err(failed)?;
         refuse_stand_in(path, &start)?;
         file.rewind().map_err(failed)?;
-        let limit = inflate::limit(usize::try_from(size).unwrap_or(usize::MAX));
+        let limit = decompress::limit(usize::try_from(size).unwrap_or(usize::MAX));
         let archive = Archive::open(BufReader::new(file)).map_err(|what| {
             IoError::content(path, format!("is no readable zip archive: {what}"))
         })?;
@@ -123,7 +123,7 @@ impl Source {
         match self {
             Self::Folder(paths) => {
                 let failed = |source| IoError::Read { path: paths[index].clone(), source };
-                let file = crate::input::open_file(&paths[index]).map_err(failed)?;
+                let file = crate::fs::open_file(&paths[index]).map_err(failed)?;
                 let total = file.metadata().map_err(failed)?.len();
                 let mut start = Vec::new();
                 file.take(count).read_to_end(&mut start).map_err(failed)?;

@@ -3,13 +3,13 @@
 //! What every known player accepts: `frame_00000.ply` and so on from 0, nothing else beside them; in a zip archive, stored entries
 //! at the root with real sizes and checksums in their local headers, below the limits of zip64.
 
-use crate::atomic::{AtomicDir, AtomicFile, Existing};
+use crate::archive::StoredWriter;
 use crate::clip::each_frame;
 use crate::compressed_ply;
 use crate::error::IoError;
+use crate::fs::{AtomicDir, AtomicFile, Existing};
 use crate::losses::Losses;
 use crate::ply::{self, WriteOptions};
-use crate::zip::StoredWriter;
 use gs_core::{DynamicScene, Splats};
 use std::fs::File;
 use std::io::{self, BufWriter, Write};

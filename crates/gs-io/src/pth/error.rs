@@ -1,6 +1,6 @@
 //! [`PthError`]: what is wrong with a PyTorch file.
 
-use crate::zip::ZipError;
+use crate::archive::ZipError;
 use thiserror::Error;
 
 /// A PyTorch file that cannot be read.

@@ -17,9 +17,9 @@ pub use root::Root;
 pub use tensor::{Dtype, Tensor};
 pub use write::{NamedTensor, write};
 
+use crate::archive;
 use crate::error::IoError;
-use crate::input::read_bytes;
-use crate::zip;
+use crate::fs::read_bytes;
 use std::path::Path;
 
 /// First bytes of the legacy format: protocol 2, then its magic number as a ten-byte integer.
@@ -38,7 +38,7 @@ pub fn read(bytes: &[u8]) -> Result<Root<'_>, PthError> {
         let found = if found.is_empty() { "no bytes".to_owned() } else { found.join(" ") };
         return Err(PthError::NotPth { found });
     }
-    let entries = zip::entries(bytes)?;
+    let entries = archive::entries(bytes)?;
     let pickle = entries
         .iter()
         .find(|entry| entry.name.ends_with("/data.pkl") || entry.name == "data.pkl")

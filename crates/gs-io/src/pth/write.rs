@@ -1,6 +1,6 @@
 //! Tensors by name, written as `torch.save` writes them: a stored zip archive of a pickle and raw storages.
 
-use crate::zip::StoredWriter;
+use crate::archive::StoredWriter;
 use std::io::{self, Write};
 
 /// Single-precision tensor to write, row-major.

@@ -4,10 +4,8 @@ use super::Options;
 use super::survey::Order;
 use super::value::{Attribute, Steps};
 use crate::clip::Clip;
+use crate::content::marks::SPLAT4D;
 use serde_json::{Value, json};
-
-/// First four bytes.
-pub(crate) const MAGIC: [u8; 4] = *b"SP4D";
 
 /// A compressed group of frames.
 #[derive(Debug)]
@@ -39,7 +37,7 @@ impl Header<'_> {
         loop {
             let json = self.json(FRONT + length, fixed, chunks).to_string();
             if json.len() == length {
-                let mut bytes = [&MAGIC[..], &[1, 0, 0, 0]].concat();
+                let mut bytes = [&SPLAT4D[..], &[1, 0, 0, 0]].concat();
                 bytes.extend_from_slice(&u32::try_from(length).unwrap_or(u32::MAX).to_le_bytes());
                 bytes.extend_from_slice(json.as_bytes());
                 return bytes;

@@ -28,7 +28,6 @@ mod value;
 mod write;
 
 pub use error::Splat4dError;
-pub(crate) use header::MAGIC;
 pub use options::{DEFAULT_TOLERANCE, Options};
 pub use read::{Read, Splat4dScene, open, read};
 pub use write::{PASSES, Report, write};

@@ -2,12 +2,12 @@
 
 use super::Splat4dError;
 use super::decode::{self, Cursor, Fixed, Grids};
-use super::header::MAGIC;
 use super::value::Attribute;
+use crate::archive::decompress;
+use crate::content::marks::SPLAT4D;
 use crate::error::IoError;
 use crate::frame_cache::FrameCache;
-use crate::inflate;
-use crate::input::read_bytes;
+use crate::fs::read_bytes;
 use crate::repair::{Damage, DamagedRows, RepairReport, TRANSPARENT_LOGIT};
 use gs_core::{DynamicScene, SceneError, Splats, TimeRange, quat};
 use gs_deform::frames;
@@ -116,7 +116,7 @@ pub fn read(bytes: Vec<u8>, damage: Damage) -> Result<Read, Splat4dError> {
     let Section { offset, len } = header.static_section;
     let section = within(&bytes, offset, len, || "static section".to_owned())?;
     let spans = spans(&header, &bytes)?;
-    let mut room = inflate::limit(section.len());
+    let mut room = decompress::limit(section.len());
     let fixed = decode::fixed(&bytes[section], n, &grids, &mut room)?;
     let mut scene = Splat4dScene {
         num_frames: header.t as usize,
@@ -165,7 +165,7 @@ pub fn open(path: impl AsRef<Path>, damage: Damage) -> Result<Read, IoError> {
 
 fn header(bytes: &[u8]) -> Result<Header, Splat4dError> {
     let damaged = |what: String| Splat4dError::Header(what);
-    let rest = bytes.strip_prefix(&MAGIC).ok_or(Splat4dError::Magic)?;
+    let rest = bytes.strip_prefix(&SPLAT4D).ok_or(Splat4dError::Magic)?;
     let cut = || damaged("it is cut off".to_owned());
     let (front, rest) = rest.split_first_chunk::<{ FRONT - 4 }>().ok_or_else(cut)?;
     let [v0, v1, _, _, l0, l1, l2, l3] = *front;
@@ -257,7 +257,7 @@ impl Splat4dScene {
         for &row in turning {
             lost[row as usize] = 0;
         }
-        let mut total = inflate::FREE + TOTAL_RATIO * self.bytes.len() as u64;
+        let mut total = decompress::FREE + TOTAL_RATIO * self.bytes.len() as u64;
         let mut cursor = Cursor::default();
         for (index, span) in self.spans.iter().enumerate() {
             let room = self.room(span).min(total);
@@ -279,7 +279,7 @@ impl Splat4dScene {
     /// What a group may unpack to, bytes.
     fn room(&self, span: &Span) -> u64 {
         let own = GROUP_RATIO * span.bytes.len() as u64;
-        inflate::FREE.max(own + FILE_RATIO * self.bytes.len() as u64)
+        decompress::FREE.max(own + FILE_RATIO * self.bytes.len() as u64)
     }
 
     /// A frame.

@@ -2,7 +2,7 @@
 
 use super::Splat4dError;
 use super::value::Attribute;
-use crate::inflate;
+use crate::archive::decompress;
 use std::ops::Range;
 
 /// Bytes of a stream's head: `u8 attribute, u8 kind, u8 width, u32 symbols, u32 compressed bytes`.
@@ -56,7 +56,7 @@ impl Head {
             return Err(damaged(format!("has {count} symbols, expected {expected}")));
         }
         let size = u64::from(count) * u64::from(width);
-        let planes = inflate::unzstd_within(payload, size, *room)
+        let planes = decompress::unzstd_within(payload, size, *room)
             .map_err(|what| damaged(format!("does not unpack: {what}")))?;
         *room -= size;
         Ok(Symbols { planes, count: expected })

@@ -4,9 +4,7 @@
 //! `wxyz` as bytes `128·q + 128`. Colour does not depend on the view.
 
 mod read;
-mod row;
 mod write;
 
 pub use read::read;
-pub(crate) use row::{ROW, looks_like};
 pub use write::write;

@@ -1,7 +1,7 @@
 //! Reading a frame.
 
-use super::row::{ROW, float, rotation};
 use crate::bytes8::{dc_of, ends_note, logit_of};
+use crate::content::splat_rows::{ROW, float, rotation};
 use crate::frame::{Frame, FrameError, FrameFormat};
 use crate::repair::FLAT_LOG_SCALE;
 use gs_core::sh::C0;

@@ -1,7 +1,7 @@
 //! Writing a frame.
 
-use super::row::ROW;
 use crate::bytes8::{channel_of, unorm8};
+use crate::content::splat_rows::ROW;
 use crate::losses::Losses;
 use gs_core::{Splats, quat};
 use rayon::prelude::*;

@@ -20,5 +20,4 @@ mod write;
 
 pub use error::SplatvError;
 pub use read::{Read, open, read};
-pub(crate) use row::MAGIC;
 pub use write::{DEFAULT_TOLERANCE, Options, PASSES, Report, write};

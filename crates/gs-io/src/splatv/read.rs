@@ -1,9 +1,10 @@
 //! `.splatv` files as scenes.
 
 use super::SplatvError;
-use super::row::{BYTES, MAGIC, Row};
+use super::row::{BYTES, Row};
+use crate::content::marks::SPLATV;
 use crate::error::IoError;
-use crate::input::read_bytes;
+use crate::fs::read_bytes;
 use crate::repair::{self, Damage, RepairReport, Sanitized};
 use gs_core::Splats;
 use gs_deform::PolynomialScene;
@@ -37,7 +38,7 @@ pub struct Read {
 /// # Errors
 /// If the bytes are no `.splatv`, hold no splats, or hold damaged rows and `damage` says to fail.
 pub fn read(bytes: &[u8], damage: Damage) -> Result<Read, SplatvError> {
-    let rest = bytes.strip_prefix(&MAGIC).ok_or(SplatvError::Magic)?;
+    let rest = bytes.strip_prefix(&SPLATV).ok_or(SplatvError::Magic)?;
     let cut = || SplatvError::Header("it is cut off".to_owned());
     let (length, rest) = rest.split_first_chunk::<4>().ok_or_else(cut)?;
     let length = u32::from_le_bytes(*length) as usize;

@@ -1,11 +1,9 @@
-//! Layout of a file: its first bytes, and the 64 bytes of a splat.
+//! The 64 bytes of a splat.
 
 use gs_core::sh;
 use gs_deform::Polynomial;
 use half::f16;
 
-/// First four bytes of a file.
-pub(crate) const MAGIC: [u8; 4] = 0x674B_u32.to_le_bytes();
 /// Bytes a splat.
 pub(super) const BYTES: usize = 64;
 

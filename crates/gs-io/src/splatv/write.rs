@@ -2,10 +2,11 @@
 
 use super::fade::{ALWAYS, Sums as FadeSums};
 use super::fit::{Basis, shifted};
-use super::row::{BYTES, MAGIC, Row, level};
-use crate::atomic::{AtomicFile, Existing};
+use super::row::{BYTES, Row, level};
 use crate::clip::{Clip, Hemispheres, SoundRows, dropped_sentence, robust_size};
+use crate::content::marks::SPLATV;
 use crate::error::IoError;
+use crate::fs::{AtomicFile, Existing};
 use crate::losses::Losses;
 use crate::repair;
 use gs_core::{Camera, DynamicScene, Splats, quat, sh};
@@ -142,7 +143,7 @@ pub fn write(
     let header = header(options, height).to_string();
     let length = u32::try_from(header.len()).unwrap_or(u32::MAX);
     let mut write = |bytes: &[u8]| file.write_all(bytes).map_err(IoError::write(path));
-    write(&MAGIC)?;
+    write(&SPLATV)?;
     write(&length.to_le_bytes())?;
     write(header.as_bytes())?;
     rows.iter().try_for_each(|row| write(&row.to_bytes()))?;

@@ -2,8 +2,6 @@
 
 use crate::axes::Axes;
 
-/// First bytes, before any compression.
-pub(crate) const MARK: [u8; 4] = *b"NGSP";
 pub(super) const FORMAT: &str = "SPZ";
 /// Bytes of the header before version 4.
 pub(super) const HEADER: usize = 16;

@@ -14,7 +14,6 @@ mod quantize;
 mod read;
 mod write;
 
-pub(crate) use layout::MARK;
 pub use read::read;
 pub(crate) use read::shape;
 pub use write::{WriteOptions, write};

@@ -2,16 +2,17 @@
 
 use super::layout::{
     COLOR_SCALE, EXTENSION_AXES, FLAG_ANTIALIASED, FLAG_EXTENSIONS, FORMAT, HEADER, HEADER_4,
-    LOG_SCALE_MIN, LOG_SCALE_STEPS, MARK, USUAL_AXES,
+    LOG_SCALE_MIN, LOG_SCALE_STEPS, USUAL_AXES,
 };
 use super::quantize::{
     FIRST_THREE_COMPONENT, MAX_FIXED, bucket, from_color, from_first_three, from_fixed,
     from_harmonic, from_log_scale, from_smallest_three, smallest_three_component, used_bits,
 };
+use crate::archive::decompress;
 use crate::axes::{self, Axes, AxesReading};
 use crate::bytes8::{ends_note, logit_of, smallest_three_rad};
+use crate::content::marks::SPZ;
 use crate::frame::{Frame, FrameError, FrameFormat, Shape};
-use crate::inflate;
 use gs_core::sh::{MAX_DEGREE, num_coeffs};
 use gs_core::{Precision, RowPrecision, Splats};
 use rayon::prelude::*;
@@ -34,7 +35,7 @@ struct Header {
 
 impl Header {
     fn parse(bytes: &[u8]) -> Result<Self, FrameError> {
-        if bytes.len() < HEADER || !bytes.starts_with(&MARK) {
+        if bytes.len() < HEADER || !bytes.starts_with(&SPZ) {
             return Err(FrameError::Truncated {
                 format: FORMAT,
                 part: "the header",
@@ -102,10 +103,10 @@ impl Header {
 
 /// Size of the frame, from its first bytes.
 pub(crate) fn shape(start: &[u8]) -> Result<Shape, FrameError> {
-    let header = if start.starts_with(&MARK) {
+    let header = if start.starts_with(&SPZ) {
         Header::parse(start)?
     } else {
-        Header::parse(&inflate::gunzip_start(start, HEADER as u64))?
+        Header::parse(&decompress::gunzip_start(start, HEADER as u64))?
     };
     Ok(Shape {
         format: FrameFormat::Spz(header.version),
@@ -131,7 +132,7 @@ pub fn read(bytes: &[u8]) -> Result<Frame, FrameError> {
 
 /// A frame in the axes of the file, and those that the file names.
 fn read_stored(bytes: &[u8]) -> Result<(Layout, Frame, Option<Axes>), FrameError> {
-    if bytes.starts_with(&MARK) {
+    if bytes.starts_with(&SPZ) {
         let header = Header::parse(bytes)?;
         if header.version < 4 {
             let what = format!("version {} without gzip, expected a gzip stream", header.version);
@@ -142,7 +143,7 @@ fn read_stored(bytes: &[u8]) -> Result<(Layout, Frame, Option<Axes>), FrameError
         let (layout, frame) = decode(&header, &streams.each_ref().map(Vec::as_slice));
         return Ok((layout, frame, stated));
     }
-    let unpacked = inflate::gunzip(bytes).map_err(|what| FrameError::damaged(FORMAT, what))?;
+    let unpacked = decompress::gunzip(bytes).map_err(|what| FrameError::damaged(FORMAT, what))?;
     let header = Header::parse(&unpacked)?;
     let mut rest = &unpacked[HEADER..];
     let mut parts: [&[u8]; 6] = [&[]; 6];
@@ -211,7 +212,7 @@ fn streams_4(bytes: &[u8], header: &Header) -> Result<[Vec<u8>; 6], FrameError> 
                 found: rest.len() as u128,
             })?;
         *stream =
-            inflate::unzstd(source, length).map_err(|what| FrameError::damaged(FORMAT, what))?;
+            decompress::unzstd(source, length).map_err(|what| FrameError::damaged(FORMAT, what))?;
         rest = after;
     }
     Ok(streams)

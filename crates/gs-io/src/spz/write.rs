@@ -1,13 +1,12 @@
 //! SPZ out.
 
-use super::layout::{
-    EXTENSION_AXES, FLAG_EXTENSIONS, FRACTIONAL_BITS, HEADER, HEADER_4, MARK, SH_BITS,
-};
+use super::layout::{EXTENSION_AXES, FLAG_EXTENSIONS, FRACTIONAL_BITS, HEADER, HEADER_4, SH_BITS};
 use super::quantize::{
     MAX_FIXED, color, fixed, from_harmonic, harmonic, log_scale, smallest_three,
 };
 use crate::axes::{self, Axes};
 use crate::bytes8::unorm8;
+use crate::content::marks::SPZ;
 use crate::losses::Losses;
 use crate::sh_error::ShError;
 use gs_core::{Splats, sh};
@@ -59,7 +58,7 @@ pub fn write(splats: &Splats, options: &WriteOptions, out: &mut impl Write) -> i
     let parts = parts(&turned, degree, bits, options.sh_bits);
     let record = [EXTENSION_AXES, 4, options.axes.code()].map(u32::to_le_bytes).concat();
     let mut header = Vec::with_capacity(HEADER_4);
-    header.extend_from_slice(&MARK);
+    header.extend_from_slice(&SPZ);
     header.extend_from_slice(&options.version.to_le_bytes());
     header.extend_from_slice(&num_splats.to_le_bytes());
     header.push(u8::try_from(degree).map_err(io::Error::other)?);

@@ -11,7 +11,7 @@ mod network;
 mod settings;
 
 use crate::error::IoError;
-use crate::input::read_bytes;
+use crate::fs::read_bytes;
 use crate::model_folder::{
     self, Canonical, FlagReport, Iteration, Model, ModelReport, ModelScene, Origin, Overrides,
     Split, Stage,

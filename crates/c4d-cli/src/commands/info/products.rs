@@ -1,6 +1,6 @@
 //! Folders of what is known but not read: images of a render, exports, arrays.
 
-use gs_io::{Foreign, SceneKind};
+use gs_io::{SceneKind, UnsupportedFormat};
 use std::path::{Path, PathBuf};
 
 /// Files of a folder, and folders in it, looked at.
@@ -10,7 +10,7 @@ const MAX_FOLDERS: usize = 64;
 /// What a folder holds, a line each, and what to do with it; `None` if it holds nothing known.
 pub(super) fn of_folder(path: &Path) -> Option<(Vec<String>, &'static str)> {
     let entries = entries(path);
-    let mut found: Vec<(String, Foreign, usize)> =
+    let mut found: Vec<(String, UnsupportedFormat, usize)> =
         kinds(&entries).into_iter().map(|(kind, count)| (String::new(), kind, count)).collect();
     // The passes of a render lie in folders of their own.
     for folder in entries.iter().filter(|entry| entry.is_dir()).take(MAX_FOLDERS) {
@@ -19,7 +19,7 @@ pub(super) fn of_folder(path: &Path) -> Option<(Vec<String>, &'static str)> {
         found.extend(inside.into_iter().map(|(kind, count)| (format!("{name}: "), kind, count)));
     }
     let next = found.first()?.1.next;
-    let line = |(place, kind, count): &(String, Foreign, usize)| match count {
+    let line = |(place, kind, count): &(String, UnsupportedFormat, usize)| match count {
         1 => format!("{place}1 file, {}", kind.name),
         _ => format!("{place}{count} files, each {}", kind.name),
     };
@@ -34,10 +34,10 @@ fn entries(folder: &Path) -> Vec<PathBuf> {
 }
 
 /// Kinds of the files among `entries` that are known but not read, and how many there are of each.
-fn kinds(entries: &[PathBuf]) -> Vec<(Foreign, usize)> {
-    let mut found: Vec<(Foreign, usize)> = Vec::new();
+fn kinds(entries: &[PathBuf]) -> Vec<(UnsupportedFormat, usize)> {
+    let mut found: Vec<(UnsupportedFormat, usize)> = Vec::new();
     for file in entries.iter().filter(|entry| entry.is_file()).take(MAX_FILES) {
-        let Ok(SceneKind::Foreign(kind)) = gs_io::detect(file) else { continue };
+        let Ok(SceneKind::Unsupported(kind)) = gs_io::detect(file) else { continue };
         match found.iter_mut().find(|(other, _)| *other == kind) {
             Some((_, count)) => *count += 1,
             None => found.push((kind, 1)),

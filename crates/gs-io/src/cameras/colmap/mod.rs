@@ -17,7 +17,7 @@ use super::lens::{LeftOut, Lens};
 use super::pose::{self, Viewmat};
 use super::{CameraSet, CamerasError, Format, Reading, Split, View};
 use crate::error::IoError;
-use crate::input::read_bytes;
+use crate::fs::read_bytes;
 use gs_core::Camera;
 use gs_core::image_formation::NEAR_PLANE;
 use std::collections::BTreeMap;
@@ -47,8 +47,8 @@ impl Model {
             cameras = parsed(&binary[0], parse_cameras_bin)?;
             images = parsed(&binary[1], parse_images_bin)?;
         } else if text.iter().all(|file| file.is_file()) {
-            cameras = parsed(&text[0], |bytes| parse_cameras_txt(&crate::text::decode(bytes)))?;
-            images = parsed(&text[1], |bytes| parse_images_txt(&crate::text::decode(bytes)))?;
+            cameras = parsed(&text[0], |bytes| parse_cameras_txt(&crate::fs::text::decode(bytes)))?;
+            images = parsed(&text[1], |bytes| parse_images_txt(&crate::fs::text::decode(bytes)))?;
         } else {
             return Err(IoError::content(
                 folder,

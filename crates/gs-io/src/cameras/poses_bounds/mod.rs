@@ -13,7 +13,7 @@ use crate::cameras::images::{has_extension, is_image, stem};
 use crate::cameras::lens::Lens;
 use crate::cameras::{CameraSet, CamerasError, Format, Reading, Split, View, paths};
 use crate::error::IoError;
-use crate::input::{list_names, read_bytes};
+use crate::fs::{list_names, read_bytes};
 use gs_core::Camera;
 use std::path::Path;
 

@@ -1,10 +1,10 @@
 //! [`AtomicDir`]: a folder that is complete or absent.
 
 use super::existing::{Existing, refuse_special};
-use super::record::{Compare, Place, Record, foreign_entry};
+use super::record::{Compare, Place, Record, unrecorded_entry};
 use super::reservation::Reservation;
 use crate::error::IoError;
-use crate::input::list_names;
+use crate::fs::list_names;
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -124,11 +124,11 @@ fn is_mount_point(_path: &Path, _found: &fs::Metadata) -> bool {
 /// Refuses to remove `folder`, the present or former content of `output`, if anything in it is not ours.
 fn may_go(folder: &Path, output: &Path, compare: Compare) -> Result<(), IoError> {
     let failed = |source| IoError::Read { path: output.to_owned(), source };
-    match foreign_entry(folder, output, compare).map_err(failed)? {
-        Some(foreign) => Err(IoError::Foreign {
+    match unrecorded_entry(folder, output, compare).map_err(failed)? {
+        Some(found) => Err(IoError::NotOurs {
             path: super::final_path(output),
-            entry: foreign.entry,
-            what: foreign.what,
+            entry: found.entry,
+            what: found.what,
         }),
         None => Ok(()),
     }
@@ -183,7 +183,7 @@ mod tests {
             write(&path, Existing::Refuse, &files).unwrap();
             change();
             let error = write(&path, Existing::Replace, &files).unwrap_err();
-            let IoError::Foreign { entry: found, what: why, .. } = &error else {
+            let IoError::NotOurs { entry: found, what: why, .. } = &error else {
                 panic!("{error}")
             };
             assert_eq!((found.as_str(), *why), (entry, what), "{error}");

@@ -1,8 +1,7 @@
 //! [`FileContent`]: what kind of file a file is, as far as replacing it is concerned.
 
-use crate::frame::{Container, container};
-use crate::splat4d::MAGIC as SPLAT4D_MAGIC;
-use crate::splatv::MAGIC as SPLATV_MAGIC;
+use super::container::{Container, container};
+use super::marks::{GLB, NPY, SPLAT4D, SPLATV};
 use std::fmt;
 use std::fs::File;
 use std::io::{self, Read};
@@ -10,7 +9,7 @@ use std::path::Path;
 
 /// Kinds of file that this program writes under a name that the user chose.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum FileContent {
+pub(crate) enum FileContent {
     Ply,
     Splat,
     Spz,
@@ -37,16 +36,16 @@ pub(super) enum FileContent {
 
 /// First bytes of a kind, and where.
 const MAGIC: [(usize, &[u8], FileContent); 11] = [
-    (0, &SPLATV_MAGIC, FileContent::Splatv),
-    (0, &SPLAT4D_MAGIC, FileContent::Splat4d),
+    (0, &SPLATV, FileContent::Splatv),
+    (0, &SPLAT4D, FileContent::Splat4d),
     (0, b"#usda", FileContent::Usda),
-    (0, b"glTF", FileContent::Glb),
+    (0, &GLB, FileContent::Glb),
     (0, b"\x89PNG", FileContent::Png),
     (8, b"WEBP", FileContent::Webp),
     (0, b"GIF8", FileContent::Gif),
     (4, b"ftyp", FileContent::Mp4),
     (0, b"\x76\x2f\x31\x01", FileContent::Exr),
-    (0, b"\x93NUMPY", FileContent::Npy),
+    (0, &NPY, FileContent::Npy),
     (0, b"PIEH", FileContent::Flo),
 ];
 
@@ -55,7 +54,7 @@ const START: u64 = 16 << 10;
 
 impl FileContent {
     /// What a file holds.
-    pub(super) fn of(path: &Path) -> io::Result<Self> {
+    pub(crate) fn of(path: &Path) -> io::Result<Self> {
         let mut start = Vec::new();
         File::open(path)?.take(START).read_to_end(&mut start)?;
         if start.is_empty() {
@@ -88,7 +87,7 @@ impl FileContent {
     }
 
     /// What a file of this name is expected to hold.
-    pub(super) fn of_name(path: &Path) -> Self {
+    pub(crate) fn of_name(path: &Path) -> Self {
         let ending = path.extension().unwrap_or_default().to_string_lossy().to_ascii_lowercase();
         match ending.as_str() {
             "ply" => Self::Ply,

@@ -1,8 +1,8 @@
 //! [`AtomicFile`]: a file that is complete or absent.
 
 use super::existing::{Existing, refuse_special};
-use super::kind::FileContent;
 use super::reservation::Reservation;
+use crate::content::FileContent;
 use crate::error::IoError;
 use std::fs::{self, File};
 use std::io::{self, BufWriter, Write};
@@ -106,7 +106,7 @@ fn refuse(path: &Path, existing: Existing, by: Option<&Path>) -> Result<(), IoEr
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::input::list_names;
+    use crate::fs::list_names;
 
     #[test]
     fn a_file_appears_only_when_complete() {

@@ -1,8 +1,8 @@
 //! Opening inputs: files, and nothing that blocks or never ends.
 
-use crate::atomic::special_name;
+use super::atomic::special_name;
+use crate::content::UnsupportedFormat;
 use crate::error::IoError;
-use crate::foreign::Foreign;
 use std::fs::File;
 use std::io::{self, Read};
 use std::path::Path;
@@ -53,7 +53,7 @@ pub(crate) fn read_bytes(path: &Path) -> Result<Vec<u8>, IoError> {
 
 /// Refuses bytes, at least the first of a file, that only stand in its place.
 pub(crate) fn refuse_stand_in(path: &Path, start: &[u8]) -> Result<(), IoError> {
-    match Foreign::stand_in(start) {
+    match UnsupportedFormat::stand_in(start) {
         Some(found) => Err(IoError::StandIn { path: path.to_owned(), found }),
         None => Ok(()),
     }
@@ -72,7 +72,7 @@ pub(crate) fn list_names(path: &Path) -> Result<Vec<String>, IoError> {
 }
 
 /// The error of an allocation that failed; says how much was asked for.
-pub(crate) fn out_of_memory(bytes: u64) -> io::Error {
+fn out_of_memory(bytes: u64) -> io::Error {
     let what = format!("not enough memory for its {} MiB", bytes.div_ceil(1 << 20));
     io::Error::new(io::ErrorKind::OutOfMemory, what)
 }

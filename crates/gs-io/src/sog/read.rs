@@ -1,13 +1,10 @@
-//! SOG frames version 2 (PlayCanvas): a zip archive or folder of `meta.json` and lossless WebP planes, one pixel a splat.
-//!
-//! Centres have 16 bits an axis after `sign(x)·ln(1 + |x|)`; scales and colours are indices into codebooks of 256 values; quaternions
-//! keep their smaller three components in bytes, the slot of the largest in alpha; SH above degree 0 are entries of a palette.
+//! Reading a frame.
 
 use crate::archive::Archive;
+use crate::archive::decompress;
 use crate::bytes8::{ends_note, largest_from, logit_of, smallest_three_rad};
 use crate::frame::{Frame, FrameError, FrameFormat};
-use crate::inflate;
-use crate::text;
+use crate::fs::text;
 use gs_core::sh::num_coeffs;
 use gs_core::{Precision, RowPrecision, Splats};
 use image::ImageDecoder;
@@ -84,7 +81,7 @@ pub fn read(bytes: &[u8]) -> Result<Frame, FrameError> {
             damaged("a zip archive without meta.json; expected SOG, or a zip of numbered frames as a scene")
         })?;
     let folder = name[..name.len() - "meta.json".len()].to_owned();
-    let limit = inflate::limit(bytes.len());
+    let limit = decompress::limit(bytes.len());
     let meta = archive.read(&name, limit).map_err(damaged)?;
     let archive = std::cell::RefCell::new(archive);
     read_planes(&meta, &|plane| archive.borrow_mut().read(&format!("{folder}{plane}"), limit))
@@ -131,7 +128,7 @@ pub(crate) fn read_planes(
     let packed = names.map(|name| plane(name).map_err(damaged));
     let packed = packed.into_iter().collect::<Result<Vec<_>, _>>()?;
     // A plane of one colour takes a few bytes, so the bound is that of all of them.
-    let limit = inflate::limit(packed.iter().map(Vec::len).sum());
+    let limit = decompress::limit(packed.iter().map(Vec::len).sum());
     let planes = packed.iter().map(|bytes| decode(bytes, limit)).collect::<Result<Vec<_>, _>>()?;
     let [low, high, scales, quats, colors] = &planes[..] else {
         return Err(damaged("planes are missing"));

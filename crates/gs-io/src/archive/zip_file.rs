@@ -1,6 +1,6 @@
 //! Zip archives of users: stored or deflated entries, read one at a time and within bounds.
 
-use crate::inflate;
+use crate::archive::decompress;
 use std::io::{Read, Seek};
 use zip::ZipArchive;
 
@@ -32,8 +32,8 @@ impl<R: Read + Seek> Archive<R> {
         let failed = |error: &dyn std::fmt::Display| format!("{name}: {error}");
         let entry = self.zip.by_name(name).map_err(|error| failed(&error))?;
         let packed = usize::try_from(entry.compressed_size()).unwrap_or(usize::MAX);
-        let limit = limit.min(inflate::limit(packed));
-        inflate::read_within(entry, limit).map_err(|error| failed(&error))
+        let limit = limit.min(decompress::limit(packed));
+        decompress::read_within(entry, limit).map_err(|error| failed(&error))
     }
 
     /// The first `count` bytes of an entry and its declared size.

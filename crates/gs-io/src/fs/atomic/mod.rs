@@ -16,7 +16,6 @@
 mod existing;
 mod file;
 mod folder;
-mod kind;
 mod record;
 mod reservation;
 mod special;

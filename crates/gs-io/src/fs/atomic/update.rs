@@ -52,7 +52,7 @@ impl FolderUpdate {
             }
             let stamp = Stamp::of_file(&path).map_err(failed)?;
             if !has_read && !Record::read(&record).knows(name, stamp) {
-                return Err(IoError::Foreign {
+                return Err(IoError::NotOurs {
                     path: self.folder.clone(),
                     entry: name.to_owned(),
                     what: "was not written by it, or was changed since",
@@ -80,7 +80,7 @@ impl FolderUpdate {
         if let Ok(found) = fs::symlink_metadata(&path) {
             refuse_special(&path, found.file_type())?;
             if !known {
-                return Err(IoError::Foreign {
+                return Err(IoError::NotOurs {
                     path: self.folder.clone(),
                     entry: name.to_owned(),
                     what: "was not written by it",
@@ -143,7 +143,7 @@ mod tests {
         fs::write(run.join("scene"), "of the user").unwrap();
         let update = FolderUpdate::begin(&run).unwrap();
         assert!(
-            matches!(update.write("scene", b"", false), Err(IoError::Foreign { .. })),
+            matches!(update.write("scene", b"", false), Err(IoError::NotOurs { .. })),
             "theirs"
         );
         update.write("scene", b"merged", true).unwrap();

@@ -1,4 +1,4 @@
-//! Bytes of a row.
+//! Rows of `.splat` files, which nothing else marks.
 
 use gs_core::quat;
 
@@ -17,11 +17,11 @@ pub(crate) fn looks_like(bytes: &[u8]) -> bool {
     seen > 0 && sound * 10 >= seen * 9
 }
 
-pub(super) fn float(row: &[u8; ROW], at: usize) -> f32 {
+pub(crate) fn float(row: &[u8; ROW], at: usize) -> f32 {
     f32::from_le_bytes([row[at], row[at + 1], row[at + 2], row[at + 3]])
 }
 
-pub(super) fn rotation(row: &[u8; ROW]) -> [f32; 4] {
+pub(crate) fn rotation(row: &[u8; ROW]) -> [f32; 4] {
     std::array::from_fn(|i| (f32::from(row[28 + i]) - 128.0) / 128.0)
 }
 

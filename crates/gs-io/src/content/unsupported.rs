@@ -2,7 +2,7 @@
 
 /// A kind of file that is known but not read.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Foreign {
+pub struct UnsupportedFormat {
     /// What it is, as in "found …".
     pub name: &'static str,
     /// What to do with it, a sentence.
@@ -19,7 +19,7 @@ const USD: &str = "Export the splats as PLY from the program that made it, or gi
 const TORCH: &str =
     "It is a part of a model: give the model's folder, which holds point_cloud/iteration_N.";
 
-const KNOWN: [Foreign; 15] = [
+const KNOWN: [UnsupportedFormat; 15] = [
     known(0, b"Kg\0\0", "a .splatv clip", "Copy it again: it should open as a scene."),
     known(0, b"SP4D", "a .splat4d clip", "Copy it again: it should open as a scene."),
     known(
@@ -57,15 +57,15 @@ const fn known(
     mark: &'static [u8],
     name: &'static str,
     next: &'static str,
-) -> Foreign {
-    Foreign { name, next, offset, mark }
+) -> UnsupportedFormat {
+    UnsupportedFormat { name, next, offset, mark }
 }
 
 /// A PyTorch archive: a zip whose entries say so.
-pub(crate) const TORCH_ARCHIVE: Foreign = known(0, b"", "a PyTorch archive", TORCH);
+pub(crate) const TORCH_ARCHIVE: UnsupportedFormat = known(0, b"", "a PyTorch archive", TORCH);
 
 /// Arrays of NumPy in a zip archive.
-pub(crate) const NUMPY_ARCHIVE: Foreign = known(
+pub(crate) const NUMPY_ARCHIVE: UnsupportedFormat = known(
     0,
     b"",
     "a NumPy archive",
@@ -73,7 +73,7 @@ pub(crate) const NUMPY_ARCHIVE: Foreign = known(
 );
 
 /// What `c4d export` writes beside a sequence; text, so its name says it.
-pub(crate) const MANIFEST: Foreign = known(
+pub(crate) const MANIFEST: UnsupportedFormat = known(
     0,
     b"",
     "the manifest of an exported sequence",
@@ -83,7 +83,7 @@ pub(crate) const MANIFEST: Foreign = known(
 pub(crate) const MANIFEST_ENDING: &str = ".manifest.json";
 
 /// What a version-control system leaves in the place of a large file.
-const POINTERS: [Foreign; 4] = [
+const POINTERS: [UnsupportedFormat; 4] = [
     known(
         0,
         b"version https://git-lfs.github.com/spec/",
@@ -111,7 +111,7 @@ const POINTERS: [Foreign; 4] = [
 ];
 
 /// What a web server sent instead of a file, or a page that was saved.
-const HTML: Foreign = known(
+const HTML: UnsupportedFormat = known(
     0,
     b"",
     "an HTML page",
@@ -121,7 +121,7 @@ const HTML: Foreign = known(
 const PAGES: [&[u8]; 4] = [b"<!doctype html", b"<html", b"<head", b"404: not found"];
 
 /// Scenes of the GaussianSplats3D viewer.
-const KSPLAT: Foreign = known(
+const KSPLAT: UnsupportedFormat = known(
     0,
     b"",
     "a .ksplat scene",
@@ -131,7 +131,7 @@ const KSPLAT: Foreign = known(
 const KSPLAT_MAX_SECTIONS: u32 = 1 << 20;
 const KSPLAT_MAX_SPLATS: u32 = 1 << 30;
 
-impl Foreign {
+impl UnsupportedFormat {
     /// The kind that the first bytes of a file announce.
     pub(crate) fn of(start: &[u8]) -> Option<Self> {
         Self::stand_in(start)
@@ -176,7 +176,7 @@ mod tests {
 
     #[test]
     fn marks_are_found_where_they_are() {
-        let name = |start: &[u8]| Foreign::of(start).map(|kind| kind.name);
+        let name = |start: &[u8]| UnsupportedFormat::of(start).map(|kind| kind.name);
         assert_eq!(name(b"\0\0\0\x18ftypisom"), Some("an MP4 video"), "not at the start");
         assert_eq!(name(b"<!DOCTYPE html>"), Some("an HTML page"), "whatever the case");
         assert_eq!(
@@ -192,9 +192,13 @@ mod tests {
     #[test]
     fn pointers_are_told_from_files() {
         let lfs = b"version https://git-lfs.github.com/spec/v1\noid sha256:0\nsize 9\n";
-        assert_eq!(Foreign::stand_in(lfs).map(|kind| kind.name), Some("a Git LFS pointer"), "LFS");
+        assert_eq!(
+            UnsupportedFormat::stand_in(lfs).map(|kind| kind.name),
+            Some("a Git LFS pointer"),
+            "LFS"
+        );
         for whole in [&b"version 3"[..], b"ply\n", b"PK\x03\x04", b"[1, 2]", b""] {
-            assert_eq!(Foreign::stand_in(whole), None, "{whole:?} is the file itself");
+            assert_eq!(UnsupportedFormat::stand_in(whole), None, "{whole:?} is the file itself");
         }
     }
 
@@ -204,7 +208,7 @@ mod tests {
             let counts = counts.iter().flat_map(|count| count.to_le_bytes());
             [0_u8, 1, 0, 0].into_iter().chain(counts).collect::<Vec<u8>>()
         };
-        let name = |bytes: &[u8]| Foreign::of(bytes).map(|kind| kind.name);
+        let name = |bytes: &[u8]| UnsupportedFormat::of(bytes).map(|kind| kind.name);
         assert_eq!(name(&ksplat([1, 1, 40, 40])), Some("a .ksplat scene"), "one section");
         assert_eq!(name(&ksplat([1, 2, 40, 40])), None, "more sections than there is room for");
         assert_eq!(name(&ksplat([0x8000_0f00, 3, 1, 1])), None, "a TrueType font");

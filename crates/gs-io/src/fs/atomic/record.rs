@@ -86,7 +86,7 @@ pub(super) struct Record(HashMap<String, Vec<Stamp>>);
 
 /// Why a folder is not replaced.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub(super) struct ForeignEntry {
+pub(super) struct UnrecordedEntry {
     /// Relative to the folder.
     pub(super) entry: String,
     /// What is known of it.
@@ -202,11 +202,11 @@ pub(super) enum Compare {
 
 /// The first entry of `folder` that this program did not write as it is, if there is one. `recorded_as` is the folder's path as far as a
 /// record beside it is concerned.
-pub(super) fn foreign_entry(
+pub(super) fn unrecorded_entry(
     folder: &Path,
     recorded_as: &Path,
     compare: Compare,
-) -> io::Result<Option<ForeignEntry>> {
+) -> io::Result<Option<UnrecordedEntry>> {
     let beside = Record::read(&Place::Beside.of(recorded_as));
     let mut walk = Walk { records: vec![(String::new(), beside)], compare };
     walk.folder(folder, "")
@@ -220,7 +220,7 @@ struct Walk {
 }
 
 impl Walk {
-    fn folder(&mut self, folder: &Path, prefix: &str) -> io::Result<Option<ForeignEntry>> {
+    fn folder(&mut self, folder: &Path, prefix: &str) -> io::Result<Option<UnrecordedEntry>> {
         let mut entries = fs::read_dir(folder)?.collect::<Result<Vec<_>, _>>()?;
         entries.sort_by_key(fs::DirEntry::file_name);
         self.records.push((prefix.to_owned(), Record::read(&Place::Inside.of(folder))));
@@ -228,10 +228,10 @@ impl Walk {
             let name = entry.file_name().to_string_lossy().into_owned();
             let kind = entry.file_type()?;
             let path = format!("{prefix}{name}");
-            let foreign = |what| Ok(Some(ForeignEntry { entry: path.clone(), what }));
+            let unrecorded = |what| Ok(Some(UnrecordedEntry { entry: path.clone(), what }));
             if !kind.is_dir() && !kind.is_file() {
                 let what = if kind.is_symlink() { "is a link" } else { special(kind) };
-                return foreign(what);
+                return unrecorded(what);
             }
             if is_bookkeeping(&name) {
                 continue;
@@ -241,7 +241,7 @@ impl Walk {
                 if !self.ours(&path, Record::has_folder)
                     && Record::read(&Place::Inside.of(&entry.path())).0.is_empty()
                 {
-                    return foreign(UNKNOWN);
+                    return unrecorded(UNKNOWN);
                 }
                 if let Some(found) = self.folder(&entry.path(), &own)? {
                     return Ok(Some(found));
@@ -249,7 +249,7 @@ impl Walk {
                 continue;
             }
             if !self.ours(&path, |record, path| !record.stamps(path).is_empty()) {
-                return foreign(UNKNOWN);
+                return unrecorded(UNKNOWN);
             }
             let bytes = entry.metadata()?.len();
             let same = self.ours(&path, |record, path| record.sizes_fit(path, bytes))
@@ -258,7 +258,7 @@ impl Walk {
                     self.ours(&path, |record, path| record.knows(path, stamp))
                 });
             if !same {
-                return foreign("was changed since");
+                return unrecorded("was changed since");
             }
         }
         self.records.pop();

@@ -1,0 +1,85 @@
+//! A camera as the file has it.
+
+use crate::cameras::{CamerasError, pixels};
+use gs_core::image_formation::NEAR_PLANE;
+use gs_core::{Camera, Intrinsics};
+use serde::{Deserialize, Serialize};
+
+#[derive(Debug, Serialize, Deserialize)]
+pub(super) struct Entry {
+    id: Option<serde_json::Value>,
+    #[serde(default)]
+    img_name: String,
+    #[serde(serialize_with = "whole")]
+    width: f64,
+    #[serde(serialize_with = "whole")]
+    height: f64,
+    position: [f64; 3],
+    rotation: [[f64; 3]; 3],
+    fx: f64,
+    fy: f64,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    cx: Option<f64>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    cy: Option<f64>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    time: Option<f32>,
+}
+
+/// Writes a size as an integer: strict readers refuse `960.0`.
+#[expect(clippy::trivially_copy_pass_by_ref, reason = "serde's signature")]
+fn whole<S: serde::Serializer>(size: &f64, serializer: S) -> Result<S::Ok, S::Error> {
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        reason = "written from a u32"
+    )]
+    serializer.serialize_u32(*size as u32)
+}
+
+impl Entry {
+    pub(super) fn into_camera(self, index: usize) -> Result<Camera, CamerasError> {
+        let name = if self.img_name.is_empty() { format!("{index}") } else { self.img_name };
+        let (r, p) = (self.rotation, self.position);
+        // The inverse of a camera-to-world pose: rows of the result are columns of `rotation`.
+        let row = |k: usize| {
+            let axis = [r[0][k], r[1][k], r[2][k]];
+            let shift = -(axis[0] * p[0] + axis[1] * p[1] + axis[2] * p[2]);
+            [axis[0], axis[1], axis[2], shift]
+        };
+        let camera = Camera {
+            viewmat: [row(0), row(1), row(2), [0.0, 0.0, 0.0, 1.0]],
+            intrinsics: Intrinsics {
+                fx: self.fx,
+                fy: self.fy,
+                cx: self.cx.unwrap_or(self.width / 2.0),
+                cy: self.cy.unwrap_or(self.height / 2.0),
+            },
+            // Sizes that are no pixel counts become 0, which the check below refuses by name.
+            width: pixels(self.width),
+            height: pixels(self.height),
+            near: NEAR_PLANE,
+            time: self.time,
+            name,
+        };
+        camera.check().map_err(|source| CamerasError::Camera { index, source })?;
+        Ok(camera)
+    }
+
+    pub(super) fn from_camera(index: usize, camera: &Camera) -> Self {
+        let v = &camera.viewmat;
+        Self {
+            id: Some(index.into()),
+            img_name: camera.name.clone(),
+            width: camera.width.into(),
+            height: camera.height.into(),
+            position: camera.position(),
+            rotation: std::array::from_fn(|i| std::array::from_fn(|k| v[k][i])),
+            fx: camera.intrinsics.fx,
+            fy: camera.intrinsics.fy,
+            cx: Some(camera.intrinsics.cx),
+            cy: Some(camera.intrinsics.cy),
+            time: camera.time,
+        }
+    }
+}

@@ -1,0 +1,84 @@
+//! What bytes are, from their content.
+
+use super::marks::{GLB, GZIP, SPZ, ZIP};
+use super::splat_rows;
+use super::unsupported::UnsupportedFormat;
+use crate::archive::decompress;
+
+/// What the first bytes announce.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Container {
+    /// `ply`, plain or compressed.
+    Ply,
+    /// `NGSP`, plain or in gzip.
+    Spz,
+    /// A zip archive: SOG, or something else.
+    Zip,
+    /// A binary glTF, or JSON that looks like one.
+    Gltf,
+    /// No mark, but rows that make sense as `.splat`.
+    Splat,
+    /// None of them.
+    Unknown,
+}
+
+/// Bytes of a JSON file looked at.
+const JSON_START: usize = 16 << 10;
+
+/// Names of which a glTF has one near its start, in whatever order it was written.
+const MEMBERS: [&[u8]; 5] =
+    [b"\"asset\"", b"\"accessors\"", b"\"bufferViews\"", b"\"meshes\"", b"\"extensionsUsed\""];
+
+/// Looks at the first bytes, and at some rows where there is no mark.
+pub(crate) fn container(bytes: &[u8]) -> Container {
+    if bytes.starts_with(b"ply\n") || bytes.starts_with(b"ply\r") || bytes.starts_with(b"ply ") {
+        Container::Ply
+    } else if bytes.starts_with(&ZIP) {
+        Container::Zip
+    } else if bytes.starts_with(&SPZ)
+        || (bytes.starts_with(&GZIP) && decompress::gunzip_start(bytes, 4) == SPZ)
+    {
+        Container::Spz
+    } else if bytes.starts_with(&GLB) || looks_like_gltf(&bytes[..bytes.len().min(JSON_START)]) {
+        Container::Gltf
+    } else if splat_rows::looks_like(bytes) {
+        Container::Splat
+    } else {
+        Container::Unknown
+    }
+}
+
+/// Whether text is a JSON object with members that glTF has.
+fn looks_like_gltf(start: &[u8]) -> bool {
+    let text = start.strip_prefix(b"\xef\xbb\xbf").unwrap_or(start).trim_ascii_start();
+    text.starts_with(b"{")
+        && MEMBERS.iter().any(|name| text.windows(name.len()).any(|found| found == *name))
+}
+
+/// What bytes of no frame are, for a message: a format by name, or what they start with.
+pub(crate) fn shown(bytes: &[u8]) -> String {
+    if let Some(format) = UnsupportedFormat::of(bytes) {
+        return format.name.to_owned();
+    }
+    let found: String = String::from_utf8_lossy(&bytes[..bytes.len().min(12)])
+        .chars()
+        .map(|c| if c.is_control() { '·' } else { c })
+        .collect();
+    if found.is_empty() {
+        "an empty file".to_owned()
+    } else {
+        format!("a file that starts with `{found}`")
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn gltf_is_told_from_other_json() {
+        assert!(looks_like_gltf(b"\xef\xbb\xbf\n {\"asset\": {}}"), "marks and space before it");
+        assert!(!looks_like_gltf(b"{\"frames\": [], \"camera_angle_x\": 1}"), "cameras");
+        assert!(!looks_like_gltf(b"\"asset\""), "no object");
+    }
+}

@@ -1,0 +1,13 @@
+//! What bytes are, told from their content: below the readers, which need not be run for it.
+
+mod container;
+mod file_content;
+pub(crate) mod marks;
+pub(crate) mod splat_rows;
+mod unsupported;
+
+pub use unsupported::UnsupportedFormat;
+
+pub(crate) use container::{Container, container, shown};
+pub(crate) use file_content::FileContent;
+pub(crate) use unsupported::{MANIFEST, MANIFEST_ENDING, NUMPY_ARCHIVE, TORCH_ARCHIVE};

@@ -1,10 +1,14 @@
 //! The command line.
 
 mod bench;
+mod edit;
+mod freeze;
 mod shared;
 mod views;
 
 pub(crate) use bench::{BenchCommand, BenchMotionArgs};
+pub(crate) use edit::EditArgs;
+pub(crate) use freeze::FreezeArgs;
 pub(crate) use shared::{Bars, Common, Global, ModelFlags, Overwriting, Rendering};
 pub(crate) use views::{AxesArg, CamerasAs, SplitArg, Up};
 
@@ -45,6 +49,8 @@ pub(crate) enum Command {
     Doctor(DoctorArgs),
     /// Write the splats of one time as a PLY for any 3D editor, with cameras
     Freeze(FreezeArgs),
+    /// Edit a frame: fit it to edited pictures of it
+    Edit(EditArgs),
     /// Carry an edited frame through all of time
     Propagate(PropagateArgs),
     /// Repair the colours that motion reveals in a run (c4d propagate does this too)
@@ -83,34 +89,6 @@ pub(crate) struct DoctorArgs {
     pub(crate) json: bool,
     #[command(flatten)]
     pub(crate) rendering: Rendering,
-}
-
-#[derive(Debug, Args)]
-pub(crate) struct FreezeArgs {
-    /// The dynamic scene
-    pub(crate) scene: PathBuf,
-    /// Time of the frame to edit
-    #[arg(long, default_value_t = 0.0, allow_negative_numbers = true)]
-    pub(crate) time: f32,
-    /// Folder to write `point_cloud.ply` and `cameras.json` into
-    #[arg(short, long)]
-    pub(crate) output: PathBuf,
-    /// Cameras to put beside the PLY, as `c4d render --cameras` [default: a rig around the scene]
-    #[arg(long, value_name = "PATH")]
-    pub(crate) cameras: Option<PathBuf>,
-    /// Keep SH up to this degree only
-    #[arg(long, value_name = "0-3")]
-    pub(crate) sh_degree: Option<usize>,
-    /// Leave out splats that are invisible at that time; `c4d propagate` puts them back
-    #[arg(long)]
-    pub(crate) visible: bool,
-    /// The world's upward direction, for the rig
-    #[arg(long, value_enum, allow_hyphen_values = true)]
-    pub(crate) up: Option<Up>,
-    #[command(flatten)]
-    pub(crate) writes: Overwriting,
-    #[command(flatten)]
-    pub(crate) model: ModelFlags,
 }
 
 #[derive(Debug, Args)]

@@ -83,6 +83,7 @@ fn run(cli: &Cli, global: &Global, console: &Console) -> Outcome {
         Command::Info(args) => commands::info::run(args, global, console),
         Command::Doctor(args) => commands::doctor::run(args, global, console),
         Command::Freeze(args) => commands::freeze::run(args, global, console),
+        Command::Edit(args) => commands::edit::run(args, global, console),
         Command::Propagate(args) => commands::propagate::run(args, global, console),
         Command::Refine(args) => commands::refine::run(args, global, console),
         Command::Render(args) => commands::render::run(args, global, console),

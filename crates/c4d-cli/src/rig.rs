@@ -198,6 +198,40 @@ impl Rig {
         })
     }
 
+    /// Views that show the scene from many sides, for pictures to be edited: around an object at three heights; from where a forward capture's
+    /// cameras may have stood, spread in both directions. Names `view_00` ….
+    pub(crate) fn views(&self, count: usize, size: (u32, u32)) -> Vec<Camera> {
+        const HEIGHTS_RAD: [f64; 3] = [0.1, 0.35, 0.6];
+        let digits = count.saturating_sub(1).to_string().len().max(2);
+        (0..count)
+            .map(|i| {
+                let phase = i as f64 / count as f64;
+                let mut camera = match self.layout {
+                    Layout::Object => {
+                        let height = HEIGHTS_RAD[i % HEIGHTS_RAD.len()];
+                        self.around_at(phase * std::f64::consts::TAU, height, size)
+                    }
+                    Layout::Forward => self.swung(phase, size),
+                };
+                camera.name = format!("view_{i:0digits$}");
+                camera
+            })
+            .collect()
+    }
+
+    /// Evenly spread over a disc of ±12° sideways and ±6° up and down (sunflower seeds), looking at the centre.
+    fn swung(&self, phase: f64, size: (u32, u32)) -> Camera {
+        const GOLDEN_ANGLE_RAD: f64 = 2.399_963;
+        let turn = GOLDEN_ANGLE_RAD * (phase * 997.0).round();
+        let reach = phase.sqrt();
+        let sideways = 12.0_f64.to_radians() * reach * turn.sin();
+        let upwards = 6.0_f64.to_radians() * reach * turn.cos();
+        let back = rotated(scaled(self.centre, -1.0), self.up, sideways);
+        let lift = norm(self.centre) * upwards;
+        let eye = [0, 1, 2].map(|k| self.centre[k] + back[k] + lift * self.up[k]);
+        self.look_at(eye, self.centre, size)
+    }
+
     /// One camera a frame on a small spiral before the scene.
     pub(crate) fn spiral(&self, frames: usize, size: (u32, u32)) -> Vec<Camera> {
         let front = self.front(size);

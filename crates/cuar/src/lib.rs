@@ -33,7 +33,6 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
-mod adam;
 mod descent;
 mod descent_image;
 mod engine;
@@ -59,12 +58,12 @@ mod uncertainty;
 mod view_sampler;
 mod warp;
 
-pub use adam::Adam;
 pub use descent_image::{Crop, DescentImage, Entry};
 pub use engine::{Backend, DescentEngine, DescentTask};
 pub use error::CuarError;
 pub use flow::{Flow, displacements, render_flow};
 pub use flow_files::{decode_flo, encode_flo, flow_wheel};
+pub use gs_fit::Adam;
 pub use options::{AdamParams, Preset, RefineOptions, RegressionParams, Solver};
 pub use problem::TracePoint;
 pub use refine::{Refined, refine, refine_with};

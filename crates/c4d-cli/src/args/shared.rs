@@ -91,7 +91,14 @@ impl Global {
         match command {
             Command::Info(args) => global.model(&args.model),
             Command::Doctor(args) => global.rendering(&args.rendering),
-            Command::Freeze(args) => global.writes(&args.writes).model(&args.model),
+            Command::Freeze(args) => global
+                .writes(&args.writes)
+                .bars(&args.bars)
+                .rendering(&args.rendering)
+                .model(&args.model),
+            Command::Edit(args) => {
+                global.writes(&args.writes).bars(&args.bars).rendering(&args.rendering)
+            }
             Command::Propagate(args) => global
                 .writes(&args.writes)
                 .bars(&args.bars)

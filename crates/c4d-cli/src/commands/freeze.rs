@@ -3,17 +3,29 @@
 use super::source_match::INVISIBLE;
 use crate::args::{FreezeArgs, Global};
 use crate::console::Console;
+use crate::device::Device;
 use crate::failure::{Failure, Outcome, ROOM};
+use crate::renderer::Renderer;
 use crate::rig::{DEFAULT_SIZE, Rig};
-use crate::{cameras, frames, placement, scene};
+use crate::scene::Opened;
+use crate::{cameras, frames, images, placement, scene};
 use gs_core::{Camera, Splats};
+use gs_deform::StaticScene;
 use gs_io::ply::{self, WriteOptions};
-use gs_io::{AtomicDir, Existing, cameras_json};
+use gs_io::{AtomicDir, Existing, SceneKind, cameras_json};
+use std::collections::HashSet;
+use std::path::Path;
 
 /// PLY comment in which the time of the frame is noted.
 pub(crate) const TIME_COMMENT: &str = "c4d_time ";
 /// Cameras of the rig written beside the PLY.
 const RIG_CAMERAS: usize = 12;
+/// PLY comment in which the background of the views is noted.
+pub(crate) const BACKGROUND_COMMENT: &str = "c4d_background ";
+/// Folder of the views.
+const VIEWS: &str = "views";
+/// Size of the views of a rig: what image models work on.
+const PICTURE_SIZE: (u32, u32) = (512, 512);
 /// Files this command writes.
 const OURS: [&str; 2] = ["point_cloud.ply", "cameras.json"];
 
@@ -23,29 +35,15 @@ pub(crate) fn run(args: &FreezeArgs, global: &Global, console: &Console) -> Outc
     check_sh_degree(args.sh_degree, opened.scene.sh_degree())?;
     let splats = opened.scene.at(args.time).map_err(Failure::bad_input)?;
     let splats = visible(splats, args, console)?;
-    let (cameras, origin) = if let Some(file) = &args.cameras {
-        if args.up.is_some() {
-            return Err(Failure::usage("--up is for the rig: the cameras of --cameras have poses")
-                .next("Leave one of the two out."));
-        }
-        let set = cameras::open(file, None, &opened, console)?;
-        (set.stations(), format!("copied from {}", file.display()))
-    } else {
-        let up = args.up.map_or(opened.up, crate::args::Up::vector);
-        let rig = Rig::of_scene(opened.scene.as_ref(), up).map_err(Failure::bad_input)?;
-        placement::warn_if_coarse(&rig.extent, console);
-        let mut cameras = vec![rig.front(DEFAULT_SIZE)];
-        for (i, camera) in rig.orbit(RIG_CAMERAS, DEFAULT_SIZE).into_iter().enumerate() {
-            cameras.push(Camera { name: format!("orbit_{i:02}"), ..camera });
-        }
-        (cameras, "a rig around the scene: the files name no cameras".to_owned())
-    };
+    let (cameras, origin) = cameras_of(args, &opened, console)?;
     let output = &args.output;
     scene::refuse_overlap(output, &opened.roots)?;
+    let device = args.views.map(|_| Device::open(global.gpu)).transpose()?;
     let folder =
         AtomicDir::create(output, existing(global)).map_err(|error| output_failure(&error))?;
     let options = WriteOptions {
         comments: std::iter::once(format!("{TIME_COMMENT}{}", args.time))
+            .chain(device.as_ref().map(|_| background_comment(opened.background)))
             .chain(scene::up_comments(opened.up))
             .collect(),
         sh_degree: args.sh_degree,
@@ -55,8 +53,23 @@ pub(crate) fn run(args: &FreezeArgs, global: &Global, console: &Console) -> Outc
         .map_err(|error| output_failure(&error))?;
     cameras_json::write_file(folder.path().join(OURS[1]), &cameras, Existing::Refuse)
         .map_err(|error| output_failure(&error))?;
+    if let Some(device) = &device {
+        let splats = match args.sh_degree {
+            Some(degree) => splats.with_sh_degree(degree),
+            None => splats.clone(),
+        };
+        let views = folder.path().join(VIEWS);
+        write_views(&views, splats, &cameras, device, opened.background, console)?;
+    }
     folder.commit().map_err(|error| output_failure(&error))?;
     console.note(format!("{} cameras: {origin}", cameras.len()));
+    if device.is_some() {
+        console.note(format!(
+            "edit the pictures in {0}, then: c4d edit {1} --views {0} -o EDITED.ply",
+            output.join(VIEWS).display(),
+            output.display()
+        ));
+    }
     console.note(format!(
         "edit {0}, then: c4d propagate {1} --edited EDITED.ply --time {2} -o RUN",
         output.join(OURS[0]).display(),
@@ -65,6 +78,98 @@ pub(crate) fn run(args: &FreezeArgs, global: &Global, console: &Console) -> Outc
     ));
     console.result(format!("{} ({} splats)", output.join(OURS[0]).display(), splats.len()));
     Ok(())
+}
+
+/// Cameras to write, and where they come from.
+fn cameras_of(
+    args: &FreezeArgs,
+    opened: &Opened,
+    console: &Console,
+) -> Outcome<(Vec<Camera>, String)> {
+    let count = args.views.map(usize::from);
+    if let Some(file) = &args.cameras {
+        if args.up.is_some() {
+            return Err(Failure::usage("--up is for the rig: the cameras of --cameras have poses")
+                .next("Leave one of the two out."));
+        }
+        let stations = cameras::open(file, None, opened, console)?.stations();
+        let cameras = match count {
+            Some(count) => for_pictures(stations, count, args.size),
+            None => stations,
+        };
+        return Ok((cameras, format!("copied from {}", file.display())));
+    }
+    // What a scene was captured from shows it well, and nothing that nobody saw.
+    let is_model = matches!(opened.kind, SceneKind::Model4dgs | SceneKind::Swift4d);
+    if let Some(count) = count.filter(|_| is_model && args.up.is_none())
+        && let Ok(set) = cameras::open(&args.scene, None, opened, console)
+    {
+        let cameras = for_pictures(set.stations(), count, args.size);
+        if !cameras.is_empty() {
+            return Ok((cameras, "the scene's own".to_owned()));
+        }
+    }
+    let up = args.up.map_or(opened.up, crate::args::Up::vector);
+    let rig = Rig::of_scene(opened.scene.as_ref(), up).map_err(Failure::bad_input)?;
+    placement::warn_if_coarse(&rig.extent, console);
+    let origin = "a rig around the scene: the files name no cameras".to_owned();
+    if let Some(count) = count {
+        return Ok((rig.views(count, args.size.unwrap_or(PICTURE_SIZE)), origin));
+    }
+    let mut cameras = vec![rig.front(DEFAULT_SIZE)];
+    for (i, camera) in rig.orbit(RIG_CAMERAS, DEFAULT_SIZE).into_iter().enumerate() {
+        cameras.push(Camera { name: format!("orbit_{i:02}"), ..camera });
+    }
+    Ok((cameras, origin))
+}
+
+/// At most `count` of the cameras, evenly, at the size asked for, with names that are file names.
+fn for_pictures(stations: Vec<Camera>, count: usize, size: Option<(u32, u32)>) -> Vec<Camera> {
+    let mut cameras = cameras::thinned(stations, count);
+    let mut names = HashSet::new();
+    for (i, camera) in cameras.iter_mut().enumerate() {
+        if let Some((width, height)) = size {
+            *camera = camera.resized(width, height);
+        }
+        camera.time = None;
+        let plain = |c: char| if c.is_alphanumeric() || "-_".contains(c) { c } else { '_' };
+        camera.name = camera.name.chars().map(plain).collect();
+        if camera.name.is_empty() || !names.insert(camera.name.clone()) {
+            camera.name = format!("view_{i:03}");
+            names.insert(camera.name.clone());
+        }
+    }
+    cameras
+}
+
+/// Renders one PNG a camera.
+fn write_views(
+    folder: &Path,
+    splats: Splats,
+    cameras: &[Camera],
+    device: &Device,
+    background: [f32; 3],
+    console: &Console,
+) -> Outcome {
+    std::fs::create_dir(folder).map_err(|error| Failure::write(folder, &error))?;
+    let frame = StaticScene::new(splats).map_err(Failure::failed)?;
+    let mut renderer = Renderer::new(device, background);
+    renderer.seek(&frame, 0.0)?;
+    let mut progress = console.progress("views", cameras.len() as u64);
+    for camera in cameras {
+        let image = renderer.render(camera)?.rgb_image();
+        let path = folder.join(format!("{}.png", camera.name));
+        let file = std::fs::File::create(&path).map_err(|error| Failure::write(&path, &error))?;
+        images::write_png(file, &path, &image)?;
+        progress.step();
+    }
+    progress.finish();
+    Ok(())
+}
+
+/// The PLY comment that notes the background of the pictures.
+fn background_comment([r, g, b]: [f32; 3]) -> String {
+    format!("{BACKGROUND_COMMENT}{r} {g} {b}")
 }
 
 /// Says how many splats cannot be seen, and leaves them out if asked.

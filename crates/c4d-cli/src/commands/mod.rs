@@ -4,6 +4,7 @@ pub(crate) mod bench;
 pub(crate) mod demo;
 pub(crate) mod doctor;
 mod dry_run;
+pub(crate) mod edit;
 pub(crate) mod export;
 pub(crate) mod export_clip;
 pub(crate) mod freeze;

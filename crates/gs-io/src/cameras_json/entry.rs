@@ -23,6 +23,8 @@ pub(super) struct Entry {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     cy: Option<f64>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
+    near: Option<f64>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
     time: Option<f32>,
 }
 
@@ -58,7 +60,7 @@ impl Entry {
             // Sizes that are no pixel counts become 0, which the check below refuses by name.
             width: pixels(self.width),
             height: pixels(self.height),
-            near: NEAR_PLANE,
+            near: self.near.unwrap_or(NEAR_PLANE),
             time: self.time,
             name,
         };
@@ -79,6 +81,7 @@ impl Entry {
             fy: camera.intrinsics.fy,
             cx: Some(camera.intrinsics.cx),
             cy: Some(camera.intrinsics.cy),
+            near: (camera.near != NEAR_PLANE).then_some(camera.near),
             time: camera.time,
         }
     }

@@ -1,7 +1,7 @@
 //! `cameras.json` as the 3DGS reference writes it: camera-to-world poses, focal lengths in pixels.
 //!
-//! Keys beyond that schema: `cx`, `cy` (principal point in pixels, the image centre when absent) and `time` (scene time;
-//! when absent the camera looks at every time). Unknown keys are ignored.
+//! Keys beyond that schema: `cx`, `cy` (principal point in pixels, the image centre when absent), `near` (near plane in world units, that of
+//! training when absent) and `time` (scene time; when absent the camera looks at every time). Unknown keys are ignored.
 
 mod entry;
 mod read;
@@ -22,10 +22,12 @@ mod tests {
         camera.name = "cam00/0007".to_owned();
         camera.time = Some(0.25);
         camera.intrinsics.cx = 300.5;
+        camera.near = 0.037;
         let back = parse(to_json(std::slice::from_ref(&camera)).unwrap().as_bytes()).unwrap();
         assert_eq!(back.len(), 1, "one");
         assert_eq!((&back[0].name, back[0].time), (&camera.name, Some(0.25)), "name and time");
         assert_eq!(back[0].intrinsics, camera.intrinsics, "intrinsics");
+        assert_eq!(back[0].near, camera.near, "near plane");
         for (row, (ours, theirs)) in back[0].viewmat.iter().zip(camera.viewmat).enumerate() {
             for (a, b) in ours.iter().zip(theirs) {
                 assert!((a - b).abs() < 1e-12, "row {row}: {a} {b}");

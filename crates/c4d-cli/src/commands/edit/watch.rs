@@ -1,0 +1,128 @@
+//! [`Watch`]: what a running fit shows and saves.
+
+use super::checkpoint;
+use crate::commands::freeze::output_failure;
+use crate::failure::{Failure, Outcome};
+use crate::images;
+use crate::progress::Progress;
+use crate::renderer::side_by_side;
+use gs_fit::{FitObserver, FitPreview, FitProgress, FitState};
+use gs_io::{AtomicDir, Existing, FolderUpdate};
+use std::path::{Path, PathBuf};
+
+/// Files of the folder beside the output while the fit runs.
+const STATE: &str = "fit.state";
+const PREVIEW: &str = "preview.png";
+/// The record of files that `gs_io` keeps in folders it writes.
+const RECORD: &str = ".c4d-files";
+
+/// The folder `OUTPUT.fit`, which holds checkpoint and preview until the fit is done.
+#[derive(Debug)]
+pub(super) struct WorkFolder {
+    path: PathBuf,
+    update: FolderUpdate,
+}
+
+impl WorkFolder {
+    /// Where it lies.
+    fn place(output: &Path) -> PathBuf {
+        let mut name = output.as_os_str().to_owned();
+        name.push(".fit");
+        PathBuf::from(name)
+    }
+
+    /// Makes the folder; with `resume`, opens the one that is there and reads its checkpoint.
+    pub(super) fn open(
+        output: &Path,
+        resume: bool,
+        overwrite: bool,
+    ) -> Outcome<(Self, Option<FitState>)> {
+        let path = Self::place(output);
+        let state = path.join(STATE);
+        let failed = |error: gs_io::IoError| output_failure(&error);
+        if resume {
+            if !state.is_file() {
+                return Err(Failure::usage(format!(
+                    "--resume: there is no unfinished fit of {}",
+                    output.display()
+                ))
+                .next("Leave out --resume."));
+            }
+            let state = checkpoint::read(&state)?;
+            let update = FolderUpdate::begin(&path).map_err(failed)?;
+            return Ok((Self { path, update }, Some(state)));
+        }
+        if state.is_file() && !overwrite {
+            return Err(Failure::usage(format!(
+                "{} holds an unfinished fit of {}",
+                path.display(),
+                output.display()
+            ))
+            .next("--resume goes on with it; -w begins anew."));
+        }
+        let existing = if overwrite { Existing::Replace } else { Existing::Refuse };
+        let folder = AtomicDir::create(&path, existing).map_err(failed)?;
+        folder.commit().map_err(failed)?;
+        let update = FolderUpdate::begin(&path).map_err(failed)?;
+        Ok((Self { path, update }, None))
+    }
+
+    /// Removes what is ours, and the folder if nothing else is in it.
+    pub(super) fn remove(self) {
+        let Self { path, update } = self;
+        for name in [STATE, PREVIEW, RECORD] {
+            let _ = update.remove(name);
+        }
+        drop(update);
+        let _ = std::fs::remove_dir(path);
+    }
+}
+
+/// Shows progress, writes checkpoints and previews. The first write that fails ends the fit.
+pub(super) struct Watch<'a> {
+    pub(super) folder: &'a WorkFolder,
+    pub(super) progress: Progress,
+    pub(super) failure: Option<Failure>,
+    /// Whether the checkpoint is there already, of this fit or of the one that is resumed.
+    pub(super) has_state: bool,
+}
+
+impl Watch<'_> {
+    fn note_failure(&mut self, outcome: Outcome) {
+        if let Err(failure) = outcome {
+            self.failure.get_or_insert(failure);
+        }
+    }
+}
+
+impl FitObserver for Watch<'_> {
+    fn progress(&mut self, now: &FitProgress) {
+        self.progress.set(now.done as u64);
+        if let Some(loss) = now.loss {
+            self.progress.message(format!("loss {loss:.5}, {} splats", now.splats));
+        }
+    }
+
+    fn preview(&mut self, preview: &FitPreview) {
+        let image = side_by_side(&side_by_side(&preview.original, &preview.target), &preview.now);
+        let mut bytes = Vec::new();
+        let outcome = images::write_png(&mut bytes, Path::new(PREVIEW), &image).and_then(|()| {
+            let written = self.folder.update.write(PREVIEW, &bytes, false);
+            written.map_err(|error| output_failure(&error))
+        });
+        self.note_failure(outcome);
+    }
+
+    fn checkpoint(&mut self, state: &FitState) {
+        let outcome = checkpoint::encode(state).and_then(|bytes| {
+            let written = self.folder.update.write(STATE, &bytes, self.has_state);
+            written.map_err(|error| output_failure(&error))
+        });
+        self.has_state = true;
+        self.note_failure(outcome);
+    }
+
+    fn cancelled(&mut self) -> bool {
+        self.failure.is_some()
+    }
+}

@@ -1,0 +1,388 @@
+//! Quality of the fit against known truth: the demo scene's edit, judged by views between those that are given.
+//!
+//! `cargo run --release --workspace --example fit_demo [CASE …]`; without a case, all. [docs/BENCHMARKS.md](../../../docs/BENCHMARKS.md)
+//! has the results.
+
+use gs_core::{Camera, Image, Rasterizer, RenderParams, Splats};
+use gs_fit::mask::{difference_mask, dilated};
+use gs_fit::{EditedPicture, FitObserver, FitOptions, FitProgress, Fitted, fit};
+use gs_raster_cpu::CpuRasterizer;
+use gs_synth::{DemoParams, Edit, Part, Region, apply_edits, demo, demo_edits};
+use rand::{RngExt, SeedableRng};
+use rand_pcg::Pcg64;
+use std::error::Error;
+use std::time::Instant;
+
+/// Mean of the colours' standard deviations and so on of pictures that disagree.
+#[derive(Clone, Copy)]
+enum Disagreement {
+    None,
+    /// Gain σ 0.15, offset σ 0.04 per channel, shift σ 2 pixels.
+    Jitter,
+    /// A smooth warp of σ 2 pixels and a texture of σ 0.05.
+    Detail,
+}
+
+struct Case {
+    name: &'static str,
+    views: usize,
+    side: u32,
+    steps: usize,
+    disagreement: Disagreement,
+    align: bool,
+}
+
+const CASES: [Case; 6] = [
+    Case {
+        name: "agree",
+        views: 24,
+        side: 400,
+        steps: 800,
+        disagreement: Disagreement::None,
+        align: true,
+    },
+    Case {
+        name: "eight",
+        views: 8,
+        side: 320,
+        steps: 300,
+        disagreement: Disagreement::None,
+        align: true,
+    },
+    Case {
+        name: "jitter",
+        views: 24,
+        side: 320,
+        steps: 600,
+        disagreement: Disagreement::Jitter,
+        align: true,
+    },
+    Case {
+        name: "jitter-plain",
+        views: 24,
+        side: 320,
+        steps: 600,
+        disagreement: Disagreement::Jitter,
+        align: false,
+    },
+    Case {
+        name: "detail",
+        views: 24,
+        side: 320,
+        steps: 600,
+        disagreement: Disagreement::Detail,
+        align: true,
+    },
+    Case {
+        name: "detail-plain",
+        views: 24,
+        side: 320,
+        steps: 600,
+        disagreement: Disagreement::Detail,
+        align: false,
+    },
+];
+
+struct Quiet;
+impl FitObserver for Quiet {
+    fn progress(&mut self, now: &FitProgress) {
+        if now.done % 200 == 0 {
+            eprintln!(
+                "  step {} loss {:.5} splats {}",
+                now.done,
+                now.loss.unwrap_or(0.0),
+                now.splats
+            );
+        }
+    }
+}
+
+fn main() -> Result<(), Box<dyn Error>> {
+    let arguments: Vec<String> = std::env::args().skip(1).collect();
+    let flag = |name: &str| arguments.iter().any(|a| a == name);
+    let scene = demo(&DemoParams { seed: 7, sh_degree: 0, ..DemoParams::default() })?;
+    let edited = apply_edits(&scene, &demo_edits(), 7)?.splats;
+    let start = scene.frame1();
+    println!(
+        "| case | views | steps | before all / inside | after all / inside | outside | splats | s |"
+    );
+    println!("|---|---|---|---|---|---|---|---|");
+    let named: Vec<&String> = arguments.iter().filter(|a| !a.starts_with('-')).collect();
+    for case in
+        CASES.iter().filter(|case| named.is_empty() || named.iter().any(|a| *a == case.name))
+    {
+        let cameras = ring(&scene.orbit_cameras(1, case.side, case.side)[0], case.views, 0.0);
+        let mut pictures = pictures(&cameras, &edited)?;
+        disagree(&mut pictures, start, case.disagreement)?;
+        let mut options = FitOptions {
+            steps: case.steps,
+            align: case.align && !flag("--plain"),
+            ..FitOptions::default()
+        };
+        for a in &arguments {
+            if let Some(v) = a.strip_prefix("--means=") {
+                options.rates.means = v.parse()?;
+            }
+            if let Some(v) = a.strip_prefix("--sh=") {
+                options.rates.sh = v.parse()?;
+            }
+            if let Some(v) = a.strip_prefix("--scales=") {
+                options.rates.log_scales = v.parse()?;
+            }
+            if let Some(v) = a.strip_prefix("--quats=") {
+                options.rates.quats = v.parse()?;
+            }
+            if let Some(v) = a.strip_prefix("--opacity=") {
+                options.rates.opacity_logits = v.parse()?;
+            }
+            if let Some(v) = a.strip_prefix("--anchor=") {
+                options.anchor = v.parse()?;
+            }
+            if let Some(v) = a.strip_prefix("--steps=") {
+                options.steps = v.parse()?;
+            }
+        }
+        let began = Instant::now();
+        let fitted = fit(&CpuRasterizer::default(), start, &pictures, &options, None, &mut Quiet)?;
+        let secs = began.elapsed().as_secs_f64();
+        let held_out = ring(&scene.orbit_cameras(1, case.side, case.side)[0], 6, 0.3);
+        let before = judge(&held_out, start, &edited, start)?;
+        let after = judge(&held_out, &fitted.splats, &edited, start)?;
+        println!(
+            "| {} | {} × {}² | {} | {:.2} / {:.2} | {:.2} / {:.2} | {:.1} | {} | {secs:.0} |",
+            case.name,
+            case.views,
+            case.side,
+            case.steps,
+            before[0],
+            before[1],
+            after[0],
+            after[1],
+            after[2],
+            fitted.splats.len()
+        );
+        println!(
+            "ball coverage {:.4} of before; carved {} removed {} added {} selected {}",
+            ball(&scene, &held_out, &fitted, start)?,
+            fitted.report.carved,
+            fitted.report.removed,
+            fitted.report.added,
+            fitted.report.selected
+        );
+        if flag("--save") {
+            for (k, camera) in held_out.iter().enumerate() {
+                save(
+                    &format!("/tmp/edit/{}_{k}", case.name),
+                    &render(camera, &fitted.splats)?,
+                    &render(camera, &edited)?,
+                );
+            }
+        }
+    }
+    Ok(())
+}
+
+fn save(path: &str, a: &Image, b: &Image) {
+    let mut bytes = format!("P6\n{} {}\n255\n", a.width * 2, a.height).into_bytes();
+    let (x, y) = (a.to_bytes(), b.to_bytes());
+    for (x, y) in x.chunks(3 * a.width).zip(y.chunks(3 * a.width)) {
+        bytes.extend_from_slice(x);
+        bytes.extend_from_slice(y);
+    }
+    let _ = std::fs::write(format!("{path}.ppm"), bytes);
+}
+
+/// Views around the scene at three heights.
+fn ring(first: &Camera, count: usize, phase: f64) -> Vec<Camera> {
+    let eye = first.position();
+    let forward = first.viewmat[2];
+    let distance = (eye[0].powi(2) + eye[1].powi(2) + eye[2].powi(2)).sqrt();
+    // the target lies on the axis of the first view, at the height of the figure's middle
+    let along = (eye[0] * forward[0] + eye[2] * forward[2]).abs()
+        / (forward[0].powi(2) + forward[2].powi(2));
+    let target = [0, 1, 2].map(|k| eye[k] + along * forward[k]);
+    let reach = distance.max((0..3).map(|k| (eye[k] - target[k]).powi(2)).sum::<f64>().sqrt());
+    (0..count)
+        .map(|i| {
+            let angle = std::f64::consts::TAU * (i as f64 + phase) / count as f64;
+            let lift: f64 = [0.1, 0.35, 0.6][i % 3];
+            let eye = [
+                target[0] + reach * angle.sin() * lift.cos(),
+                target[1] + reach * lift.sin(),
+                target[2] + reach * angle.cos() * lift.cos(),
+            ];
+            let mut camera =
+                Camera::look_at(eye, target, [0.0, 1.0, 0.0], 0.52, first.width, first.height);
+            camera.name = format!("view_{i:02}");
+            camera
+        })
+        .collect()
+}
+
+fn render(camera: &Camera, splats: &Splats) -> Result<Image, Box<dyn Error>> {
+    let raster = CpuRasterizer::default();
+    let mut prepared = raster.prepare(splats, camera)?;
+    Ok(raster.forward(&mut prepared, splats, &[], &RenderParams::default())?.rgb_image())
+}
+
+fn pictures(cameras: &[Camera], splats: &Splats) -> Result<Vec<EditedPicture>, Box<dyn Error>> {
+    cameras
+        .iter()
+        .map(|camera| {
+            let mut image = render(camera, splats)?;
+            for value in &mut image.data {
+                *value = (value.clamp(0.0, 1.0) * 255.0).round() / 255.0;
+            }
+            Ok(EditedPicture { camera: camera.clone(), image, mask: None })
+        })
+        .collect()
+}
+
+fn normal(rng: &mut Pcg64) -> f32 {
+    let (u, v): (f32, f32) = (rng.random(), rng.random());
+    (-2.0 * (1.0 - u).ln()).sqrt() * (std::f32::consts::TAU * v).cos()
+}
+
+/// Smooth noise of unit variance: waves of random direction and phase, some `wavelength` pixels long.
+fn waves(rng: &mut Pcg64, wavelength: f32) -> impl Fn(f32, f32) -> f32 + use<> {
+    let list: Vec<[f32; 3]> = (0..12)
+        .map(|_| {
+            let k = std::f32::consts::TAU / (wavelength * (0.7 + 0.8 * rng.random::<f32>()));
+            let (sin, cos) = (std::f32::consts::TAU * rng.random::<f32>()).sin_cos();
+            [k * cos, k * sin, std::f32::consts::TAU * rng.random::<f32>()]
+        })
+        .collect();
+    move |x, y| list.iter().map(|[a, b, c]| (a * x + b * y + c).sin()).sum::<f32>() / 6.0_f32.sqrt()
+}
+
+/// Makes every picture differ on its own inside the edit.
+fn disagree(
+    pictures: &mut [EditedPicture],
+    start: &Splats,
+    kind: Disagreement,
+) -> Result<(), Box<dyn Error>> {
+    let mut rng = Pcg64::seed_from_u64(1);
+    for picture in pictures {
+        let original = render(&picture.camera, start)?;
+        let (width, height) = (original.width, original.height);
+        let mask =
+            dilated(&difference_mask(&original, &picture.image, 8.0 / 255.0), width, width / 100);
+        let clean = picture.image.clone();
+        let at = |x: f32, y: f32, c: usize| {
+            let (x, y) = (x.clamp(0.0, (width - 1) as f32), y.clamp(0.0, (height - 1) as f32));
+            let (x0, y0) = (x as usize, y as usize);
+            let (x1, y1) = ((x0 + 1).min(width - 1), (y0 + 1).min(height - 1));
+            let (fx, fy) = (x - x0 as f32, y - y0 as f32);
+            let p = |x, y| clean.pixel(x, y)[c];
+            (1.0 - fy) * ((1.0 - fx) * p(x0, y0) + fx * p(x1, y0))
+                + fy * ((1.0 - fx) * p(x0, y1) + fx * p(x1, y1))
+        };
+        let gain: [f32; 3] = std::array::from_fn(|_| 1.0 + 0.15 * normal(&mut rng));
+        let offset: [f32; 3] = std::array::from_fn(|_| 0.04 * normal(&mut rng));
+        let shift: [f32; 2] = std::array::from_fn(|_| (2.0 * normal(&mut rng)).round());
+        let warp = [waves(&mut rng, 80.0), waves(&mut rng, 80.0)];
+        let texture: [_; 3] = std::array::from_fn(|_| waves(&mut rng, 8.0));
+        for y in 0..height {
+            for x in 0..width {
+                if !mask[y * width + x] {
+                    continue;
+                }
+                let (fx, fy) = (x as f32, y as f32);
+                for c in 0..3 {
+                    let value = match kind {
+                        Disagreement::None => continue,
+                        Disagreement::Jitter => {
+                            gain[c] * at(fx + shift[0], fy + shift[1], c) + offset[c]
+                        }
+                        Disagreement::Detail => {
+                            at(fx + 2.0 * warp[0](fx, fy), fy + 2.0 * warp[1](fx, fy), c)
+                                + 0.05 * texture[c](fx, fy)
+                        }
+                    };
+                    picture.image.pixel_mut(x, y)[c] =
+                        (value.clamp(0.0, 1.0) * 255.0).round() / 255.0;
+                }
+            }
+        }
+    }
+    Ok(())
+}
+
+/// PSNR against the truth: everywhere, inside the edit, and outside (there against the start).
+fn judge(
+    cameras: &[Camera],
+    splats: &Splats,
+    truth: &Splats,
+    start: &Splats,
+) -> Result<[f64; 3], Box<dyn Error>> {
+    let mut sums = [[0.0_f64; 2]; 3];
+    for camera in cameras {
+        let (now, truth, before) =
+            (render(camera, splats)?, render(camera, truth)?, render(camera, start)?);
+        let mask =
+            dilated(&difference_mask(&before, &truth, 8.0 / 255.0), now.width, now.width / 100);
+        for p in 0..mask.len() {
+            for k in 3 * p..3 * p + 3 {
+                let error =
+                    f64::from(now.data[k].clamp(0.0, 1.0) - truth.data[k].clamp(0.0, 1.0)).powi(2);
+                let kept =
+                    f64::from(now.data[k].clamp(0.0, 1.0) - before.data[k].clamp(0.0, 1.0)).powi(2);
+                for (sum, (on, value)) in
+                    sums.iter_mut().zip([(true, error), (mask[p], error), (!mask[p], kept)])
+                {
+                    if on {
+                        sum[0] += value;
+                        sum[1] += 1.0;
+                    }
+                }
+            }
+        }
+    }
+    Ok(sums.map(|[sum, count]| -10.0 * (sum / f64::max(count, 1.0)).log10()))
+}
+
+/// Coverage that is left where the removed ball was, as a share of the ball's own.
+fn ball(
+    scene: &gs_synth::SynthScene,
+    cameras: &[Camera],
+    fitted: &Fitted,
+    start: &Splats,
+) -> Result<f64, Box<dyn Error>> {
+    let kept = apply_edits(
+        scene,
+        &[Edit::Remove { region: Region::parts(&[Part::Ball]).within([0.80, 0.15, 0.50], 0.3) }],
+        7,
+    )?;
+    let mut is_ball = vec![true; start.len()];
+    for row in kept.truth.source_rows.iter().flatten() {
+        is_ball[*row as usize] = false;
+    }
+    let rows: Vec<usize> = (0..start.len()).filter(|&i| is_ball[i]).collect();
+    let means = start.select(&rows).means;
+    let centre = [0, 1, 2].map(|k| means.iter().map(|m| m[k]).sum::<f32>() / means.len() as f32);
+    let distance = |m: &[f32; 3]| (0..3).map(|k| (m[k] - centre[k]).powi(2)).sum::<f32>().sqrt();
+    let radius = 1.1 * means.iter().map(distance).fold(0.0, f32::max);
+    // splats of the fit that lie in the ball's place, other than those that stay
+    let stays: Vec<bool> = fitted
+        .source_rows
+        .iter()
+        .map(|row| row.is_some_and(|row| !is_ball[row as usize] && !fitted.selected[row as usize]))
+        .collect();
+    let left: Vec<f32> = (0..fitted.splats.len())
+        .map(|i| f32::from(u8::from(!stays[i] && distance(&fitted.splats.means[i]) < radius)))
+        .collect();
+    let before: Vec<f32> = is_ball.iter().map(|&on| f32::from(u8::from(on))).collect();
+    let raster = CpuRasterizer::default();
+    let params = RenderParams { rgb: false, depth: false, ..RenderParams::default() };
+    let (mut now, mut then) = (0.0_f64, 0.0_f64);
+    for camera in cameras {
+        for (splats, features, sum) in
+            [(&fitted.splats, &left, &mut now), (start, &before, &mut then)]
+        {
+            let mut prepared = raster.prepare(splats, camera)?;
+            let shown = raster.forward(&mut prepared, splats, features, &params)?.features;
+            *sum += shown.iter().map(|&x| f64::from(x)).sum::<f64>();
+        }
+    }
+    Ok(now / then)
+}

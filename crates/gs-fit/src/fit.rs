@@ -1,0 +1,447 @@
+//! [`fit()`]: splats to pictures.
+
+use crate::alignment::hold_common;
+use crate::loss::{PictureLoss, Rect, Target};
+use crate::report::{self, FitReport};
+use crate::state::{FitObserver, FitPreview, FitProgress, FitState};
+use crate::view::{self, EditedPicture, View};
+use crate::votes::{Votes, lift};
+use crate::working::{NEW, Working};
+use crate::{FitError, FitOptions, FitRates};
+use gs_core::{
+    Camera, Image, Rasterizer, RenderGrads, RenderOutput, RenderParams, Splats, UpstreamGrads,
+};
+use rand::{RngExt, SeedableRng};
+use rand_pcg::Pcg64;
+use std::time::Instant;
+
+/// Densification: first step, steps between, and last share of the fit.
+const DENSIFY_EVERY: usize = 100;
+const DENSIFY_UNTIL: f64 = 0.7;
+/// Registration of the pictures: first step, steps between, and last share of the fit.
+const ALIGN_FROM: usize = 40;
+const ALIGN_EVERY: usize = 30;
+const ALIGN_UNTIL: f64 = 0.9;
+/// Difference of a channel below which a picture shows what lies behind the selection.
+const BEHIND: f32 = 10.0 / 255.0;
+/// Share of a splat's visible pixels at which all pictures show what lies behind it: it is removed.
+const BEHIND_SHARE: f32 = 0.85;
+/// Share of the fit after which anchors no longer pull.
+const ANCHOR_UNTIL: f64 = 0.3;
+/// Width of the band around the selection in which unedited pictures say nothing, as a share of the longer image side.
+const UNSURE_BAND: f32 = 0.03;
+
+/// The result of a fit.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Fitted {
+    /// Splats that were not selected, bit for bit, and selected ones that are left, in the order of the start; then new ones.
+    pub splats: Splats,
+    /// Row of the start of each splat; `None` for new ones.
+    pub source_rows: Vec<Option<u32>>,
+    /// Rows of the start that were selected.
+    pub selected: Vec<bool>,
+    /// What was found and done.
+    pub report: FitReport,
+}
+
+/// Fits the splats that the pictures show edited; see the crate's documentation. With `state`, goes on from there to the same bits.
+///
+/// Pictures that do not differ from the scene, in no view, give the start back.
+///
+/// # Errors
+/// If pictures, masks, options or state do not fit the scene, nothing is selected, the rasteriser fails, or the observer stops the fit.
+pub fn fit<R: Rasterizer>(
+    raster: &R,
+    start: &Splats,
+    pictures: &[EditedPicture],
+    options: &FitOptions,
+    state: Option<&FitState>,
+    observer: &mut dyn FitObserver,
+) -> Result<Fitted, FitError> {
+    start.check_shapes()?;
+    if pictures.is_empty() {
+        return Err(FitError::NoPictures);
+    }
+    options.check(pictures.len())?;
+    let mut views = view::open(raster, start, pictures, options)?;
+    let edited: Vec<usize> = (0..views.len()).filter(|&v| views[v].is_edited()).collect();
+    let mut report = FitReport::of(&views);
+    if edited.is_empty() {
+        let rows = (0..start.len()).map(|i| u32::try_from(i).ok()).collect();
+        let selected = vec![false; start.len()];
+        return Ok(Fitted { splats: start.clone(), source_rows: rows, selected, report });
+    }
+    let votes = vote(raster, start, &views)?;
+    let selected: Vec<bool> =
+        (0..start.len()).map(|i| votes.share(i) > options.vote && start.is_finite(i)).collect();
+    report.selected = selected.iter().filter(|on| **on).count();
+    if report.selected == 0 {
+        return Err(FitError::NothingSelected {
+            pixels: report.masked_pixels,
+            views: report.edited_views,
+        });
+    }
+    report.poorly_seen = report::poorly_seen(raster, start, &views, &selected, &votes)?;
+    weigh_unedited(raster, start, &mut views, &selected)?;
+
+    let fingerprint = crate::fingerprint::of(start, pictures, options);
+    let mut run = Run {
+        raster,
+        options,
+        working: Working::new(start, selected.clone()),
+        views,
+        edited,
+        prepared: None,
+        losses: Vec::new(),
+        previewed: 0,
+    };
+    let mut step = 0;
+    if let Some(state) = state {
+        if state.fingerprint != fingerprint {
+            return Err(FitError::State { what: "other inputs or options".to_owned() });
+        }
+        step = crate::checkpoint::restore(state, &mut run.working, &mut run.views)?;
+    } else if options.geometry && options.densify {
+        report.carved = run.carve()?;
+    }
+    run.reach();
+    run.descend(step, fingerprint, observer)?;
+    let gone = vec![false; run.working.selected.len()];
+    run.working.prune(&gone, true);
+    report.finish(&run.working.source, &selected);
+    let source_rows = run.working.source.iter().map(|&row| (row != NEW).then_some(row)).collect();
+    Ok(Fitted { splats: run.working.splats, source_rows, selected, report })
+}
+
+/// Votes of the pictures that were edited.
+fn vote<R: Rasterizer>(raster: &R, splats: &Splats, views: &[View]) -> Result<Votes, FitError> {
+    let edited = views.iter().filter(|view| view.is_edited());
+    Votes::of(raster, splats, edited.map(|view| (&view.camera, view.mask.as_slice())))
+}
+
+/// Unedited pictures say nothing of what was edited elsewhere: they have no weight where they show the selection.
+fn weigh_unedited<R: Rasterizer>(
+    raster: &R,
+    start: &Splats,
+    views: &mut [View],
+    selected: &[bool],
+) -> Result<(), FitError> {
+    let features: Vec<f32> = selected.iter().map(|&on| f32::from(u8::from(on))).collect();
+    let params = RenderParams { rgb: false, depth: false, ..RenderParams::default() };
+    for view in views.iter_mut().filter(|view| !view.is_edited()) {
+        let mut prepared = raster.prepare(start, &view.camera)?;
+        let shown = raster.forward(&mut prepared, start, &features, &params)?.features;
+        let shown: Vec<bool> = shown.iter().map(|&share| share > 0.02).collect();
+        #[expect(
+            clippy::cast_possible_truncation,
+            clippy::cast_sign_loss,
+            reason = "a share of a count"
+        )]
+        let band = (UNSURE_BAND * view.width.max(view.height) as f32).ceil() as usize;
+        let unsure = crate::mask::dilated(&shown, view.width, band);
+        view.weights = unsure.iter().map(|&on| f32::from(u8::from(!on))).collect();
+    }
+    Ok(())
+}
+
+/// A running fit.
+struct Run<'a, R: Rasterizer> {
+    raster: &'a R,
+    options: &'a FitOptions,
+    working: Working,
+    views: Vec<View>,
+    edited: Vec<usize>,
+    prepared: Option<R::Prepared>,
+    losses: Vec<f32>,
+    previewed: usize,
+}
+
+impl<R: Rasterizer> Run<'_, R> {
+    fn params(&self) -> RenderParams {
+        RenderParams {
+            background: self.options.background,
+            depth: false,
+            ..RenderParams::default()
+        }
+    }
+
+    /// The view of a step: edited ones and at most as many others, each once in a random order.
+    fn view_of(&self, step: usize) -> usize {
+        let others: Vec<usize> =
+            (0..self.views.len()).filter(|&v| !self.views[v].is_edited()).collect();
+        let length = self.edited.len() + others.len().min(self.edited.len());
+        let mut rng = Pcg64::seed_from_u64(self.options.seed ^ (step / length) as u64);
+        let mut shuffle = |list: &mut Vec<usize>| {
+            for i in (1..list.len()).rev() {
+                list.swap(i, rng.random_range(0..=i));
+            }
+        };
+        let mut others = others;
+        shuffle(&mut others);
+        others.truncate(self.edited.len());
+        let mut order = self.edited.clone();
+        order.extend(others);
+        shuffle(&mut order);
+        order[step % length]
+    }
+
+    fn render(
+        &mut self,
+        view: usize,
+        params: &RenderParams,
+        output: &mut RenderOutput,
+    ) -> Result<(), FitError> {
+        let (splats, camera) = (&self.working.splats, &self.views[view].camera);
+        match &mut self.prepared {
+            Some(prepared) => self.raster.prepare_into(splats, camera, prepared)?,
+            None => self.prepared = Some(self.raster.prepare(splats, camera)?),
+        }
+        if let Some(prepared) = &mut self.prepared {
+            self.raster.forward_into(prepared, splats, &[], params, output)?;
+        }
+        Ok(())
+    }
+
+    fn descend(
+        &mut self,
+        first: usize,
+        fingerprint: u64,
+        observer: &mut dyn FitObserver,
+    ) -> Result<(), FitError> {
+        let FitOptions { steps, dssim, rates, geometry, densify, .. } = *self.options;
+        let params = self.params();
+        let mut loss = PictureLoss::new(dssim);
+        let (mut output, mut upstream) = (RenderOutput::default(), UpstreamGrads::default());
+        let mut grads = RenderGrads::default();
+        let (mut saved, mut shown) = (Instant::now(), Instant::now());
+        for step in first..steps {
+            if step > 0
+                && step % DENSIFY_EVERY == 0
+                && densify
+                && geometry
+                && (step as f64) < DENSIFY_UNTIL * steps as f64
+            {
+                self.densify(step)?;
+            }
+            if self.options.align
+                && self.edited.len() > 1
+                && step >= ALIGN_FROM
+                && (step - ALIGN_FROM).is_multiple_of(ALIGN_EVERY)
+                && (step as f64) < ALIGN_UNTIL * steps as f64
+            {
+                self.align(step)?;
+            }
+            let view = self.view_of(step);
+            self.render(view, &params, &mut output)?;
+            let at = &self.views[view];
+            let target = Target {
+                width: at.width,
+                height: at.height,
+                rgb: &at.target,
+                weights: &at.weights,
+                rect: at.rect,
+            };
+            let value = loss.evaluate(&output.rgb, &target, &mut upstream.v_rgb);
+            self.losses.push(value);
+            let half = [at.width as f32 / 2.0, at.height as f32 / 2.0];
+            let Some(prepared) = &mut self.prepared else { return Err(FitError::NoPictures) };
+            let splats = &self.working.splats;
+            self.raster.backward_into(prepared, splats, &[], &params, &upstream, &mut grads)?;
+            self.collect(&grads, half);
+            self.update(step, &rates, &grads);
+            self.report(step + 1, observer);
+            if self.options.preview_secs.is_some_and(|secs| shown.elapsed().as_secs_f64() >= secs) {
+                observer.preview(&self.preview()?);
+                shown = Instant::now();
+            }
+            let stop = observer.cancelled();
+            if stop || saved.elapsed().as_secs_f64() >= self.options.checkpoint_secs {
+                let (working, views) = (&mut self.working, &self.views);
+                observer.checkpoint(&crate::checkpoint::save(
+                    fingerprint,
+                    step + 1,
+                    working,
+                    views,
+                ));
+                saved = Instant::now();
+            }
+            if stop {
+                return Err(FitError::Cancelled);
+            }
+        }
+        Ok(())
+    }
+
+    /// Adds to the densification statistic.
+    fn collect(&mut self, grads: &RenderGrads, half: [f32; 2]) {
+        for (i, v) in grads.v_means2d.iter().enumerate() {
+            if self.working.selected[i] && *v != [0.0; 2] {
+                self.working.gradient[i] += (v[0] * half[0]).hypot(v[1] * half[1]);
+                self.working.visits[i] += 1;
+            }
+        }
+    }
+
+    fn update(&mut self, step: usize, rates: &FitRates, grads: &RenderGrads) {
+        let done = step as f64 / self.options.steps as f64;
+        #[expect(clippy::cast_possible_truncation, reason = "a factor")]
+        let decay = 0.1_f64.powf(done) as f32;
+        let options = self.options;
+        let working = &mut self.working;
+        let rates = FitRates { means: rates.means * working.size * decay, ..*rates };
+        let Working { splats, optimizer, selected, .. } = working;
+        optimizer.step(splats, grads, &rates, options.geometry, selected);
+        if options.geometry && done < ANCHOR_UNTIL {
+            #[expect(clippy::cast_possible_truncation, reason = "a factor")]
+            let fade = (1.0 - done / ANCHOR_UNTIL) as f32;
+            working.pull(options.anchor * fade);
+        }
+    }
+
+    fn report(&mut self, done: usize, observer: &mut dyn FitObserver) {
+        if done % 10 == 0 || done == self.options.steps {
+            let mean = self.losses.iter().sum::<f32>() / self.losses.len().max(1) as f32;
+            self.losses.clear();
+            observer.progress(&FitProgress {
+                done,
+                total: self.options.steps,
+                loss: Some(mean),
+                splats: self.working.splats.len(),
+            });
+        }
+    }
+
+    fn preview(&mut self) -> Result<FitPreview, FitError> {
+        let view = self.edited[self.previewed % self.edited.len()];
+        self.previewed += 1;
+        let mut output = RenderOutput::default();
+        let params = self.params();
+        self.render(view, &params, &mut output)?;
+        let View { camera, width, height, original, target, .. } = &self.views[view];
+        let image = |data: &[f32]| Image {
+            width: *width,
+            height: *height,
+            channels: 3,
+            data: data.to_vec(),
+        };
+        Ok(FitPreview {
+            name: camera.name.clone(),
+            original: image(original),
+            target: image(target),
+            now: image(&output.rgb),
+        })
+    }
+
+    /// Removes what the pictures contradict, adds detail, and selects what came to light.
+    fn densify(&mut self, step: usize) -> Result<(), FitError> {
+        self.carve()?;
+        self.working.densify(self.options.seed ^ (0x5_0000_0000 + step as u64));
+        let votes = vote(self.raster, &self.working.splats, &self.views)?;
+        self.working.select_more(&votes, self.options.vote);
+        self.reach();
+        Ok(())
+    }
+
+    /// Removes selected splats where every picture shows what lies behind the selection, and faint ones. Returns how many.
+    fn carve(&mut self) -> Result<usize, FitError> {
+        let (splats, selected) = (&self.working.splats, &self.working.selected);
+        let kept: Vec<usize> = (0..splats.len()).filter(|&i| !selected[i]).collect();
+        let behind = splats.select(&kept);
+        let params = self.params();
+        let n = splats.len();
+        let (mut seen, mut open) = (vec![0.0_f32; n], vec![0.0_f32; n]);
+        for &v in &self.edited {
+            let view = &self.views[v];
+            let mut prepared = self.raster.prepare(&behind, &view.camera)?;
+            let render = self.raster.forward(&mut prepared, &behind, &[], &params)?;
+            let planes: Vec<f32> = render
+                .rgb
+                .chunks_exact(3)
+                .zip(view.target.chunks_exact(3))
+                .zip(&view.mask)
+                .flat_map(|((a, b), &masked)| {
+                    let agrees = masked && a.iter().zip(b).all(|(a, b)| (a - b).abs() < BEHIND);
+                    [1.0, f32::from(u8::from(agrees))]
+                })
+                .collect();
+            let sums = lift(self.raster, splats, &view.camera, planes, 2)?;
+            for (i, sum) in sums.as_chunks::<2>().0.iter().enumerate() {
+                seen[i] += sum[0];
+                open[i] += sum[1];
+            }
+        }
+        let gone: Vec<bool> =
+            (0..n).map(|i| seen[i] > 1e-3 && open[i] > BEHIND_SHARE * seen[i]).collect();
+        Ok(self.working.prune(&gone, false))
+    }
+
+    /// What the selection reaches in each view: only there the loss can change.
+    fn reach(&mut self) {
+        let rows = self.working.rows();
+        for view in &mut self.views {
+            let mut rect = Rect::around(&view.mask, view.width);
+            for &row in &rows {
+                if let Some(footprint) =
+                    self.raster.footprint(&self.working.splats, row, &view.camera)
+                {
+                    let [x0, y0, x1, y1] = footprint.pixels;
+                    rect = rect.union(Rect { x0, y0, x1, y1 });
+                }
+            }
+            // Splats move on the way.
+            view.rect = rect.grown(8, view.width, view.height);
+        }
+    }
+
+    /// Registers the pictures to the splats as they are.
+    fn align(&mut self, step: usize) -> Result<(), FitError> {
+        let params = self.params();
+        let mut output = RenderOutput::default();
+        for &v in &self.edited.clone() {
+            self.render(v, &params, &mut output)?;
+            let view = &mut self.views[v];
+            let mut alignment = std::mem::take(&mut view.alignment);
+            let radius = self.local_radius(step, v);
+            let view = &self.views[v];
+            alignment.estimate(view.as_picture(), &output.rgb, &view.mask, radius);
+            self.views[v].alignment = alignment;
+        }
+        let centre = self.centre();
+        let mut alignments: Vec<_> =
+            self.edited.iter().map(|&v| std::mem::take(&mut self.views[v].alignment)).collect();
+        let cameras: Vec<&Camera> = self.edited.iter().map(|&v| &self.views[v].camera).collect();
+        let reference = self
+            .options
+            .reference
+            .and_then(|reference| self.edited.iter().position(|&v| v == reference));
+        hold_common(&mut alignments, &cameras, centre, reference);
+        for (&v, alignment) in self.edited.iter().zip(alignments) {
+            self.views[v].alignment = alignment;
+            self.views[v].retarget();
+        }
+        Ok(())
+    }
+
+    /// Coarse to fine: first the whole picture, then ever smaller windows.
+    fn local_radius(&self, step: usize, view: usize) -> Option<usize> {
+        let done = step as f64 / self.options.steps as f64;
+        let side = self.views[view].width.max(self.views[view].height);
+        match done {
+            ..0.2 => None,
+            0.2..0.5 => Some(side / 20),
+            _ => Some(side / 32),
+        }
+    }
+
+    /// Mean of the selected centres.
+    fn centre(&self) -> [f64; 3] {
+        let rows = self.working.rows();
+        let mut sum = [0.0; 3];
+        for &row in &rows {
+            for (sum, &x) in sum.iter_mut().zip(&self.working.splats.means[row]) {
+                *sum += f64::from(x);
+            }
+        }
+        sum.map(|x| x / rows.len().max(1) as f64)
+    }
+}

@@ -1,0 +1,108 @@
+//! [`FitOptions`].
+
+use crate::FitError;
+
+/// Adam's learning rates. Those of positions are in sizes of the selected splats (median of their mean standard deviation), so that they
+/// follow the scene's scale.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct FitRates {
+    /// Of means, splat sizes; falls to a tenth over the fit.
+    pub means: f32,
+    /// Of raw quaternions.
+    pub quats: f32,
+    /// Of log-scales.
+    pub log_scales: f32,
+    /// Of opacity logits.
+    pub opacity_logits: f32,
+    /// Of the harmonics' first coefficient; the others get a twentieth.
+    pub sh: f32,
+}
+
+impl Default for FitRates {
+    fn default() -> Self {
+        Self { means: 0.4, quats: 0.001, log_scales: 0.005, opacity_logits: 0.03, sh: 0.01 }
+    }
+}
+
+/// How to fit.
+#[derive(Debug, Clone, PartialEq)]
+pub struct FitOptions {
+    /// Steps of Adam, one picture each. Default 800.
+    pub steps: usize,
+    /// Learning rates.
+    pub rates: FitRates,
+    /// Whether positions, rotations and scales are fitted; colour and opacity always are. Default true.
+    pub geometry: bool,
+    /// Whether splats are added where the gradient asks for detail, and removed where the pictures show what lies behind. Default true.
+    pub densify: bool,
+    /// Share of D-SSIM in the loss. Default 0.2, as 3DGS trains.
+    pub dssim: f32,
+    /// Difference of a channel (0 to 1) above which a pixel is edited. Default 8/255: more than a lossy format adds.
+    pub threshold: f32,
+    /// Masks are dilated by this share of the longer image side. Default 0.01.
+    pub dilation: f32,
+    /// Share of a splat's visible pixels that must lie in the masks for it to be selected. Default 0.5.
+    pub vote: f32,
+    /// Share of its distance to the start by which geometry is pulled back in a step; fades to 0 over the first third of the fit. Default 0.02.
+    pub anchor: f32,
+    /// Background colour that the pictures are composited over, 0 to 1.
+    pub background: [f64; 3],
+    /// Whether differences between the pictures (gain, offset, displacement) are estimated and taken out. Default true.
+    pub align: bool,
+    /// View whose picture the others are aligned to; `None` for their mean.
+    pub reference: Option<usize>,
+    /// Seed of the order of views and of the places of new splats.
+    pub seed: u64,
+    /// Seconds between previews; `None` for none.
+    pub preview_secs: Option<f64>,
+    /// Seconds between checkpoints.
+    pub checkpoint_secs: f64,
+}
+
+impl Default for FitOptions {
+    fn default() -> Self {
+        Self {
+            steps: 800,
+            rates: FitRates::default(),
+            geometry: true,
+            densify: true,
+            dssim: 0.2,
+            threshold: 8.0 / 255.0,
+            dilation: 0.01,
+            vote: 0.5,
+            anchor: 0.02,
+            background: [0.0; 3],
+            align: true,
+            reference: None,
+            seed: 0,
+            preview_secs: None,
+            checkpoint_secs: 20.0,
+        }
+    }
+}
+
+impl FitOptions {
+    pub(crate) fn check(&self, num_views: usize) -> Result<(), FitError> {
+        let refuse =
+            |name, found: String, expected| Err(FitError::Option { name, found, expected });
+        if self.steps == 0 || self.steps > 1_000_000 {
+            return refuse("steps", self.steps.to_string(), "1 to 1 000 000");
+        }
+        if self.reference.is_some_and(|view| view >= num_views) {
+            return refuse("reference", format!("{:?}", self.reference), "a view that is given");
+        }
+        let unit = 0.0..=1.0;
+        for (name, value) in [
+            ("dssim", self.dssim),
+            ("threshold", self.threshold),
+            ("dilation", self.dilation),
+            ("vote", self.vote),
+            ("anchor", self.anchor),
+        ] {
+            if !unit.contains(&value) {
+                return refuse(name, value.to_string(), "0 to 1");
+            }
+        }
+        Ok(())
+    }
+}

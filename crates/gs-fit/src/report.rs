@@ -1,0 +1,101 @@
+//! [`FitReport`]: what a fit found and did.
+
+use crate::FitError;
+use crate::view::View;
+use crate::votes::Votes;
+use crate::working::NEW;
+use gs_core::{Image, Rasterizer, RenderParams, Splats};
+
+/// Views that must show an edit for its place in space to be known.
+pub(crate) const ENOUGH_VIEWS: u16 = 3;
+
+/// Counts of a fit.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct FitReport {
+    /// Pictures that were edited.
+    pub edited_views: usize,
+    /// Pictures in all.
+    pub views: usize,
+    /// Masked pixels of all pictures.
+    pub masked_pixels: usize,
+    /// Splats selected at the start.
+    pub selected: usize,
+    /// Of these, those removed before the first step: every picture shows what lies behind them.
+    pub carved: usize,
+    /// Of these, those removed in all.
+    pub removed: usize,
+    /// New splats.
+    pub added: usize,
+    /// Masked regions that fewer than three pictures show, if there are any.
+    pub poorly_seen: Option<PoorlySeen>,
+}
+
+/// Masked regions that fewer than three pictures show.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct PoorlySeen {
+    /// Pixels of all pictures.
+    pub pixels: usize,
+    /// The view that shows most of them.
+    pub view: String,
+    /// That view with the regions in red, `[H,W,3]`.
+    pub image: Image,
+}
+
+impl FitReport {
+    pub(crate) fn of(views: &[View]) -> Self {
+        Self {
+            edited_views: views.iter().filter(|view| view.is_edited()).count(),
+            views: views.len(),
+            masked_pixels: views
+                .iter()
+                .map(|view| view.mask.iter().filter(|on| **on).count())
+                .sum(),
+            ..Self::default()
+        }
+    }
+
+    pub(crate) fn finish(&mut self, source: &[u32], selected: &[bool]) {
+        self.added = source.iter().filter(|&&row| row == NEW).count();
+        self.removed = selected.len() - (source.len() - self.added);
+    }
+}
+
+pub(crate) fn poorly_seen<R: Rasterizer>(
+    raster: &R,
+    start: &Splats,
+    views: &[View],
+    selected: &[bool],
+    votes: &Votes,
+) -> Result<Option<PoorlySeen>, FitError> {
+    let poor = |i: usize| selected[i] && votes.views[i] < ENOUGH_VIEWS;
+    let features: Vec<f32> = (0..start.len()).map(|i| f32::from(u8::from(poor(i)))).collect();
+    let params = RenderParams { rgb: false, depth: false, ..RenderParams::default() };
+    let mut found: Option<(usize, PoorlySeen)> = None;
+    let mut total = 0;
+    for view in views.iter().filter(|view| view.is_edited()) {
+        let mut prepared = raster.prepare(start, &view.camera)?;
+        let shown = raster.forward(&mut prepared, start, &features, &params)?.features;
+        let pixels: Vec<usize> =
+            (0..shown.len()).filter(|&p| view.mask[p] && shown[p] > 0.5).collect();
+        total += pixels.len();
+        if pixels.len() > found.as_ref().map_or(0, |(most, _)| *most) {
+            let mut image = Image {
+                width: view.width,
+                height: view.height,
+                channels: 3,
+                data: view.target.clone(),
+            };
+            for &p in &pixels {
+                let rgb = &mut image.data[3 * p..3 * p + 3];
+                rgb[0] = 0.5 + 0.5 * rgb[0];
+                rgb[1] *= 0.5;
+                rgb[2] *= 0.5;
+            }
+            let seen = PoorlySeen { pixels: 0, view: view.camera.name.clone(), image };
+            found = Some((pixels.len(), seen));
+        }
+    }
+    // A few pixels at outlines are always seen by few.
+    let masked: usize = views.iter().map(|view| view.mask.iter().filter(|on| **on).count()).sum();
+    Ok(found.filter(|_| total * 50 > masked).map(|(_, seen)| PoorlySeen { pixels: total, ..seen }))
+}

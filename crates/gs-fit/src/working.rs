@@ -1,0 +1,198 @@
+//! [`Working`]: the splats of a running fit, with what is known of each row.
+
+use crate::optimizer::Optimizer;
+use crate::votes::Votes;
+use gs_core::{Splats, activation, quat};
+use rand::{RngExt, SeedableRng};
+use rand_pcg::Pcg64;
+
+/// Row of the start that a new splat has.
+pub(crate) const NEW: u32 = u32::MAX;
+
+/// Splats below this opacity are removed on the way, as 3DGS does.
+const FAINT: f32 = 0.005;
+/// Splats below this opacity are removed at the end: eight-bit pictures do not show them.
+const FAINT_AT_END: f32 = 0.02;
+/// At most this share of the selection is cloned or split at a time.
+const DENSIFIED_SHARE: f64 = 0.125;
+/// Mean gradient of the projected centre, in half image sizes, above which a splat is cloned or split, as 3DGS does.
+const GRADIENT: f32 = 2e-4;
+/// A split divides the scales by this, as 3DGS does.
+const SPLIT: f32 = 1.6;
+/// Splats that grew beyond this many sizes of the selection are removed unless they began larger.
+const HUGE: f32 = 30.0;
+
+/// Splats and their rows' state; all arrays have one row a splat.
+#[derive(Debug, Clone)]
+pub(crate) struct Working {
+    pub splats: Splats,
+    /// Values that anchors pull to: the start, or those at birth.
+    pub anchors: Splats,
+    /// Row of the start, or [`NEW`].
+    pub source: Vec<u32>,
+    /// Whether the fit may change the row.
+    pub selected: Vec<bool>,
+    /// Sum of gradient norms of the projected centre since the last densification.
+    pub gradient: Vec<f32>,
+    /// Steps in which the splat was seen since then.
+    pub visits: Vec<u32>,
+    pub optimizer: Optimizer,
+    /// Median size of the selected splats at the start, world units.
+    pub size: f32,
+}
+
+impl Working {
+    pub(crate) fn new(start: &Splats, selected: Vec<bool>) -> Self {
+        let n = start.len();
+        let mut sizes: Vec<f32> = (0..n)
+            .filter(|&i| selected[i])
+            .map(|i| (start.log_scales[i].iter().sum::<f32>() / 3.0).exp())
+            .filter(|size| size.is_finite())
+            .collect();
+        sizes.sort_by(f32::total_cmp);
+        Self {
+            splats: start.clone(),
+            anchors: start.clone(),
+            source: (0..n).map(|i| u32::try_from(i).unwrap_or(NEW)).collect(),
+            gradient: vec![0.0; n],
+            visits: vec![0; n],
+            optimizer: Optimizer::new(start),
+            size: sizes.get(sizes.len() / 2).copied().unwrap_or(1.0),
+            selected,
+        }
+    }
+
+    /// Numbers of the selected rows.
+    pub(crate) fn rows(&self) -> Vec<usize> {
+        (0..self.selected.len()).filter(|&i| self.selected[i]).collect()
+    }
+
+    /// Pulls geometry and opacity of the selected rows towards their anchors by this share of the distance.
+    pub(crate) fn pull(&mut self, share: f32) {
+        for i in 0..self.selected.len() {
+            if !self.selected[i] {
+                continue;
+            }
+            let pull = |value: &mut [f32], anchor: &[f32]| {
+                for (value, anchor) in value.iter_mut().zip(anchor) {
+                    *value += share * (anchor - *value);
+                }
+            };
+            pull(&mut self.splats.means[i], &self.anchors.means[i]);
+            pull(&mut self.splats.quats[i], &self.anchors.quats[i]);
+            pull(&mut self.splats.log_scales[i], &self.anchors.log_scales[i]);
+        }
+    }
+
+    /// Removes selected rows that are flagged, faint, or not finite.
+    pub(crate) fn prune(&mut self, gone: &[bool], at_end: bool) -> usize {
+        let faint = activation::logit(if at_end { FAINT_AT_END } else { FAINT });
+        let huge = (HUGE * self.size).ln();
+        let keep: Vec<bool> = (0..self.selected.len())
+            .map(|i| {
+                let largest = |splats: &Splats| {
+                    splats.log_scales[i].iter().copied().fold(f32::NEG_INFINITY, f32::max)
+                };
+                !self.selected[i]
+                    || (!gone[i]
+                        && self.splats.opacity_logits[i] >= faint
+                        && self.splats.is_finite(i)
+                        && largest(&self.splats) <= huge.max(largest(&self.anchors)))
+            })
+            .collect();
+        let removed = keep.iter().filter(|keep| !**keep).count();
+        if removed > 0 {
+            self.retain(&keep);
+        }
+        removed
+    }
+
+    fn retain(&mut self, keep: &[bool]) {
+        let ids: Vec<usize> = (0..keep.len()).filter(|&i| keep[i]).collect();
+        self.optimizer.retain(keep, self.splats.sh_coeffs());
+        self.splats = self.splats.select(&ids);
+        self.anchors = self.anchors.select(&ids);
+        self.source = ids.iter().map(|&i| self.source[i]).collect();
+        self.selected = ids.iter().map(|&i| self.selected[i]).collect();
+        self.gradient = ids.iter().map(|&i| self.gradient[i]).collect();
+        self.visits = ids.iter().map(|&i| self.visits[i]).collect();
+    }
+
+    /// Clones small and splits large selected splats whose projected centres are pulled about most; the new rows come last.
+    pub(crate) fn densify(&mut self, seed: u64) -> usize {
+        let mean = |i: usize| self.gradient[i] / self.visits[i].max(1) as f32;
+        let mut pulled: Vec<usize> =
+            self.rows().into_iter().filter(|&i| mean(i) > GRADIENT).collect();
+        pulled.sort_by(|&a, &b| mean(b).total_cmp(&mean(a)).then(a.cmp(&b)));
+        #[expect(
+            clippy::cast_possible_truncation,
+            clippy::cast_sign_loss,
+            reason = "a share of a count"
+        )]
+        let most = (self.rows().len() as f64 * DENSIFIED_SHARE).ceil() as usize;
+        pulled.truncate(most);
+        let mut rng = Pcg64::seed_from_u64(seed);
+        for &i in &pulled {
+            let scale = self.splats.scale(i);
+            let largest = scale.iter().copied().fold(0.0, f32::max);
+            let offset = |rng: &mut Pcg64| {
+                let local = scale.map(|s| s * normal(rng));
+                quat::rotate(self.splats.rotation(i), local)
+            };
+            let (here, there) = (offset(&mut rng), offset(&mut rng));
+            if largest > 2.0 * self.size {
+                for log_scale in &mut self.splats.log_scales[i] {
+                    *log_scale -= SPLIT.ln();
+                }
+                let mean = self.splats.means[i];
+                self.push_copy(i);
+                self.splats.means[i] = [0, 1, 2].map(|k| mean[k] + here[k]);
+                self.anchors.means[i] = self.splats.means[i];
+                self.anchors.log_scales[i] = self.splats.log_scales[i];
+            } else {
+                self.push_copy(i);
+            }
+            let last = self.splats.len() - 1;
+            let mean = self.splats.means[i];
+            if largest > 2.0 * self.size {
+                let centre = [0, 1, 2].map(|k| mean[k] - here[k]);
+                self.splats.means[last] = [0, 1, 2].map(|k| centre[k] + there[k]);
+            } else {
+                self.splats.means[last] = [0, 1, 2].map(|k| mean[k] + 0.5 * there[k]);
+            }
+            self.anchors.means[last] = self.splats.means[last];
+        }
+        self.gradient.fill(0.0);
+        self.visits.fill(0);
+        pulled.len()
+    }
+
+    fn push_copy(&mut self, i: usize) {
+        let copy = self.splats.select(&[i]);
+        self.splats.push_from(&copy, 0);
+        self.anchors.push_from(&copy, 0);
+        self.source.push(NEW);
+        self.selected.push(true);
+        self.gradient.push(0.0);
+        self.visits.push(0);
+        self.optimizer.append(1, self.splats.sh_coeffs());
+    }
+
+    /// Selects rows of the start that the votes now see mainly in the masks: those that came to light. Returns how many.
+    pub(crate) fn select_more(&mut self, votes: &Votes, share: f32) -> usize {
+        let mut count = 0;
+        for i in 0..self.selected.len() {
+            if !self.selected[i] && votes.share(i) > share && votes.seen[i] > 1.0 {
+                self.selected[i] = true;
+                count += 1;
+            }
+        }
+        count
+    }
+}
+
+/// Standard normal, Box–Muller.
+fn normal(rng: &mut Pcg64) -> f32 {
+    let (u, v): (f32, f32) = (rng.random(), rng.random());
+    (-2.0 * (1.0 - u).ln()).sqrt() * (std::f32::consts::TAU * v).cos()
+}

@@ -26,6 +26,7 @@ mod propagate;
 mod regions;
 mod report;
 mod rigid;
+mod rigid_parts;
 mod scene;
 mod simd;
 mod similarity;
@@ -45,6 +46,7 @@ pub use options::{
 };
 pub use propagate::{Propagation, propagate};
 pub use report::{MotionReport, TransportReport};
+pub use rigid_parts::RigidParts;
 pub use scene::EditedScene;
 pub use similarity::Similarity;
 pub use work::Progress;

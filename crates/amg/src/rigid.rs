@@ -1,5 +1,6 @@
 //! The rotation that best turns one weighted point set into another.
 
+pub(crate) use gs_core::symmetric_eigen as eigen;
 use gs_core::{quat, rotation_matrix};
 
 /// Running sums of a weighted rigid fit `y ≈ R (x − x̄) + ȳ`.
@@ -223,52 +224,6 @@ fn cofactor(m: &[[f64; 4]; 4], i: usize, j: usize) -> f64 {
         - m[a][q] * (m[b][p] * m[c][r] - m[b][r] * m[c][p])
         + m[a][r] * (m[b][p] * m[c][q] - m[b][q] * m[c][p]);
     if (i + j).is_multiple_of(2) { minor } else { -minor }
-}
-
-/// Eigenvalues and eigenvectors (columns) of a symmetric matrix, by cyclic Jacobi rotations.
-pub(crate) fn eigen<const N: usize>(mut a: [[f64; N]; N]) -> ([f64; N], [[f64; N]; N]) {
-    let mut v = [[0.0; N]; N];
-    for (i, row) in v.iter_mut().enumerate() {
-        row[i] = 1.0;
-    }
-    let total: f64 = a.iter().flatten().map(|x| x * x).sum();
-    for _ in 0..12 {
-        let mut off = 0.0;
-        for i in 0..N {
-            for j in i + 1..N {
-                off += a[i][j] * a[i][j];
-            }
-        }
-        if off <= 1e-30 * total {
-            break;
-        }
-        for p in 0..N {
-            for q in p + 1..N {
-                jacobi_rotate(&mut a, &mut v, p, q);
-            }
-        }
-    }
-    (std::array::from_fn(|i| a[i][i]), v)
-}
-
-fn jacobi_rotate<const N: usize>(a: &mut [[f64; N]; N], v: &mut [[f64; N]; N], p: usize, q: usize) {
-    if a[p][q] == 0.0 {
-        return;
-    }
-    let theta = (a[q][q] - a[p][p]) / (2.0 * a[p][q]);
-    let t = theta.signum() / (theta.abs() + theta.mul_add(theta, 1.0).sqrt());
-    let t = if theta == 0.0 { 1.0 } else { t };
-    let c = 1.0 / t.mul_add(t, 1.0).sqrt();
-    let s = t * c;
-    for row in a.iter_mut() {
-        (row[p], row[q]) = (c * row[p] - s * row[q], s * row[p] + c * row[q]);
-    }
-    for i in 0..N {
-        (a[p][i], a[q][i]) = (c * a[p][i] - s * a[q][i], s * a[p][i] + c * a[q][i]);
-    }
-    for row in v.iter_mut() {
-        (row[p], row[q]) = (c * row[p] - s * row[q], s * row[p] + c * row[q]);
-    }
 }
 
 pub(crate) fn sub(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {

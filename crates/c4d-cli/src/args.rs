@@ -49,7 +49,7 @@ pub(crate) enum Command {
     Doctor(DoctorArgs),
     /// Write the splats of one time as a PLY for any 3D editor, with cameras
     Freeze(FreezeArgs),
-    /// Edit a frame: fit it to edited pictures of it
+    /// Edit a frame: by selections and actions, or fit it to edited pictures of it
     Edit(EditArgs),
     /// Carry an edited frame through all of time
     Propagate(PropagateArgs),

@@ -23,6 +23,7 @@ mod scene;
 pub mod sh;
 mod sh_rotation;
 mod splats;
+mod symmetric_eigen;
 
 pub use camera::{Camera, CameraError, Intrinsics};
 pub use covariance::{covariance, rotation_matrix};
@@ -38,6 +39,7 @@ pub use real::{Real, Ring};
 pub use scene::{DynamicScene, SceneError, TimeRange};
 pub use sh_rotation::ShRotation;
 pub use splats::{Splats, SplatsError};
+pub use symmetric_eigen::symmetric_eigen;
 
 #[cfg(doctest)]
 #[doc = include_str!("../README.md")]

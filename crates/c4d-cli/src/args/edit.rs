@@ -1,28 +1,71 @@
-//! Arguments of `c4d edit`.
+//! Flags of `c4d edit`.
 
-use super::{Bars, Overwriting, Rendering};
+mod operations;
+
+use operations::OperationFlags;
+
+use crate::failure::{Failure, Outcome};
+
+use super::{AxesArg, Bars, ModelFlags, Overwriting, Rendering, Up};
 use clap::Args;
 use std::path::PathBuf;
 
+/// Shown below the flags.
+const AFTER_HELP: &str = "\
+EXPR, with `&`, `|`, `!`, `( )`; lengths are world units:
+  all                        box x,y,z,X,Y,Z        sphere x,y,z,R         plane nx,ny,nz,d (n·x ≥ d)
+  opacity<.2   size>.1       x, y, z, red, green, blue, saturation, brightness: <  <=  >  >=  or a..b
+  color #e33~.15             hue 200..260           moving                 part N
+  mask DIR                   ids FILE               connected x,y,z [gap D] [of EXPR]
+  near D EXPR                grow D EXPR            shrink D EXPR
+
+Options of selection and actions work in the order in which they stand. Example:
+  c4d edit SCENE --select 'hue 200..260 & moving' --hue 120 --select 'part 2' --scale 1.2 -o edited.ply --preview look.png";
+
 #[derive(Debug, Args)]
+#[command(after_help = AFTER_HELP)]
 pub(crate) struct EditArgs {
-    /// The frame: a folder of `c4d freeze`, or a splat file
-    #[arg(value_name = "FRAME")]
+    /// What to edit: one frame in any format (as c4d propagate --edited), the folder of `c4d freeze`, or a scene, at --time
+    #[arg(value_name = "SCENE|FRAME")]
     pub(crate) input: PathBuf,
-    /// 3DGS PLY to write
-    #[arg(short, long)]
-    pub(crate) output: PathBuf,
-    /// Picture to write of what was edited
+    /// The edited frame, a 3DGS PLY; NAME.edit.json beside it notes the steps
+    #[arg(short, long, value_name = "EDITED.ply")]
+    pub(crate) output: Option<PathBuf>,
+    /// Time of the scene to edit [default: that of a replayed edit, else the first]
+    #[arg(long, allow_negative_numbers = true)]
+    pub(crate) time: Option<f32>,
+    #[command(flatten)]
+    pub(crate) operations: OperationFlags,
+    /// Write a picture: before, what was selected, after
     #[arg(long, value_name = "PNG")]
     pub(crate) preview: Option<PathBuf>,
-    #[command(flatten)]
-    pub(crate) pictures: PictureFlags,
+    /// Say how many splats each selection has, where they are, how large and of what colour
+    #[arg(long)]
+    pub(crate) stats: bool,
+    /// Axes of an SPZ or glTF frame [default: those it names, else those of its format]
+    #[arg(long, visible_alias = "spz-axes", value_enum)]
+    pub(crate) axes: Option<AxesArg>,
+    /// The world's upward direction, for the picture
+    #[arg(long, value_enum, allow_hyphen_values = true)]
+    pub(crate) up: Option<Up>,
     #[command(flatten)]
     pub(crate) writes: Overwriting,
     #[command(flatten)]
     pub(crate) bars: Bars,
     #[command(flatten)]
     pub(crate) rendering: Rendering,
+    #[command(flatten)]
+    pub(crate) model: ModelFlags,
+    #[command(flatten)]
+    pub(crate) pictures: PictureFlags,
+}
+
+impl EditArgs {
+    /// The output, which a fit to pictures must have.
+    pub(crate) fn fitted_output(&self) -> Outcome<&PathBuf> {
+        let missing = || Failure::usage("--views without -o").next("Add -o EDITED.ply.");
+        self.output.as_ref().ok_or_else(missing)
+    }
 }
 
 /// Flags of the fit to edited pictures.

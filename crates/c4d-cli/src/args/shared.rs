@@ -96,9 +96,11 @@ impl Global {
                 .bars(&args.bars)
                 .rendering(&args.rendering)
                 .model(&args.model),
-            Command::Edit(args) => {
-                global.writes(&args.writes).bars(&args.bars).rendering(&args.rendering)
-            }
+            Command::Edit(args) => global
+                .writes(&args.writes)
+                .bars(&args.bars)
+                .rendering(&args.rendering)
+                .model(&args.model),
             Command::Propagate(args) => global
                 .writes(&args.writes)
                 .bars(&args.bars)

@@ -1,30 +1,21 @@
 //! `c4d propagate --dry-run`: what an edit changes, counted and shown in a picture, without the long job.
 
 use super::freeze::{existing, output_failure};
+use super::panels::{render, shaded, view};
 use crate::args::Global;
 use crate::caption::{self, Rgb};
 use crate::console::Console;
 use crate::device::Device;
 use crate::failure::{Failure, Outcome, chain};
 use crate::images;
-use crate::renderer::{Renderer, side_by_side};
-use crate::rig::{Layout, Rig};
+use crate::renderer::side_by_side;
+use crate::rig::Rig;
 use crate::scene::Opened;
 use crate::settings::PropagateJob;
 use amg::{Identity, IdentityMap, IdentityParams};
-use gs_core::{Camera, Image, Splats, sh};
-use gs_deform::StaticScene;
+use gs_core::Splats;
 use gs_io::AtomicFile;
 use std::path::{Path, PathBuf};
-
-/// Size of each of the three images, pixels.
-const PANEL: (u32, u32) = (640, 480);
-/// Size of the images from which the view is chosen, pixels.
-const SCOUT: (u32, u32) = (160, 120);
-/// Views around an object among which the picture's is chosen.
-const VIEWS: usize = 8;
-/// Another view is taken only if the front shows less than this share of the change that it shows.
-const FRONT_SHARE: f64 = 0.5;
 
 /// What became of a splat.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -109,12 +100,12 @@ pub(super) fn show(
     }
     let device = Device::open(global.gpu)?;
     let rig = Rig::of_scene(source.scene.as_ref(), source.up).map_err(Failure::bad_input)?;
-    let camera = view(&rig, &both, &fates, &device)?;
+    let camera = view(&rig, &both, |row| fates[row] != Fate::Unchanged, &device)?;
     let background = source.background;
     let panels = [
         render(before.clone(), &camera, background, &device)?,
         render(after.clone(), &camera, background, &device)?,
-        render(painted(&both, &fates), &camera, [0.0; 3], &device)?,
+        render(shaded(&both, |row| fates[row].color()), &camera, [0.0; 3], &device)?,
     ];
     let titles = ["before", "after", "what changed"];
     let panels =
@@ -138,51 +129,6 @@ fn picture_path(output: &Path) -> PathBuf {
     let mut name = output.file_name().unwrap_or_default().to_owned();
     name.push(".preview.png");
     output.with_file_name(name)
-}
-
-fn render(splats: Splats, camera: &Camera, background: Rgb, device: &Device) -> Outcome<Image> {
-    let scene = StaticScene::new(splats).map_err(Failure::bad_input)?;
-    let mut renderer = Renderer::new(device, background);
-    renderer.seek(&scene, 0.0)?;
-    Ok(renderer.render(camera)?.rgb_image())
-}
-
-/// The splats in the colours of their fates, as bright as they are, so that shapes can be made out.
-fn painted(splats: &Splats, fates: &[Fate]) -> Splats {
-    let brightness = |row: usize| {
-        let rgb = sh::color(0, &splats.sh_of(row)[..1], [0.0, 0.0, 1.0]).map(|c| c.min(1.0));
-        0.45 + 0.55 * (0.299 * rgb[0] + 0.587 * rgb[1] + 0.114 * rgb[2])
-    };
-    let color = |row: usize| fates[row].color().map(|channel| channel * brightness(row));
-    in_colors(splats, color)
-}
-
-fn in_colors(splats: &Splats, color: impl Fn(usize) -> Rgb) -> Splats {
-    Splats {
-        sh: (0..splats.len()).map(|row| sh::dc_from_rgb(color(row))).collect(),
-        sh_degree: 0,
-        ..splats.clone()
-    }
-}
-
-/// The front view, or of those around an object the one that shows most of the change, if the front hides it.
-fn view(rig: &Rig, both: &Splats, fates: &[Fate], device: &Device) -> Outcome<Camera> {
-    let views = |size| {
-        let mut views = vec![rig.front(size)];
-        if rig.layout == Layout::Object {
-            views.extend(rig.orbit(VIEWS, size));
-        }
-        views
-    };
-    let marked = in_colors(both, |row| [f32::from(u8::from(fates[row] != Fate::Unchanged)); 3]);
-    let mut shown = Vec::new();
-    for camera in views(SCOUT) {
-        let image = render(marked.clone(), &camera, [0.0; 3], device)?;
-        shown.push(image.data.iter().map(|&value| f64::from(value)).sum::<f64>());
-    }
-    let best = (0..shown.len()).max_by(|&a, &b| shown[a].total_cmp(&shown[b])).unwrap_or(0);
-    let chosen = if shown[0] >= FRONT_SHARE * shown[best] { 0 } else { best };
-    Ok(views(PANEL).swap_remove(chosen))
 }
 
 #[cfg(test)]

@@ -9,6 +9,7 @@ pub(crate) mod export;
 pub(crate) mod export_clip;
 pub(crate) mod freeze;
 pub(crate) mod info;
+mod panels;
 pub(crate) mod propagate;
 pub(crate) mod refine;
 pub(crate) mod render;

@@ -1,8 +1,12 @@
-//! `c4d edit`: make the edit here, from edited pictures.
+//! `c4d edit`: make the edit here, by selections and actions, or from edited pictures.
 
 mod checkpoint;
+mod operations;
+mod picture;
 mod picture_files;
 mod pictures;
+mod record;
+mod resources;
 mod watch;
 
 use crate::args::{EditArgs, Global};
@@ -10,10 +14,12 @@ use crate::console::Console;
 use crate::failure::{Failure, Outcome};
 
 pub(crate) fn run(args: &EditArgs, global: &Global, console: &Console) -> Outcome {
-    match &args.pictures.views {
-        Some(views) => pictures::run(args, views, global, console),
-        None => Err(Failure::usage("c4d edit: nothing says what to edit").next(
-            "Give a folder of edited pictures with --views; `c4d freeze SCENE --views 24 -o FRAME` makes those to edit.",
-        )),
+    let Some(views) = &args.pictures.views else {
+        return operations::run(args, global, console);
+    };
+    if let Some((name, _)) = args.operations.options.first() {
+        return Err(Failure::usage(format!("--{name} and --views exclude each other"))
+            .next("Edit twice: the result of the first is the input of the second."));
     }
+    pictures::run(args, views, global, console)
 }

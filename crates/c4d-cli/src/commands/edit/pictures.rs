@@ -27,7 +27,7 @@ const PREVIEW_VIEWS: usize = 6;
 const PREVIEW_WIDTH: usize = 1800;
 
 pub(super) fn run(args: &EditArgs, folder: &Path, global: &Global, console: &Console) -> Outcome {
-    let output = &args.output;
+    let output = args.fitted_output()?;
     if !output.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("ply")) {
         return Err(Failure::usage(format!("-o {}: c4d edit writes a 3DGS PLY", output.display()))
             .next("Choose a name that ends in .ply; c4d propagate reads it."));
@@ -75,7 +75,7 @@ pub(super) fn run(args: &EditArgs, folder: &Path, global: &Global, console: &Con
         (Ok(fitted), None) => fitted,
     };
     write(args, &frame, &input, &fitted, global)?;
-    say(args, &fitted, console, took.as_secs_f64());
+    say(output, &fitted, console, took.as_secs_f64());
     if let Some(poor) = &fitted.report.poorly_seen {
         let path = output.with_extension("unseen.png");
         write_image(&path, &poor.image, gs_io::Existing::Replace)?;
@@ -214,7 +214,7 @@ fn write(
     fitted: &Fitted,
     global: &Global,
 ) -> Outcome {
-    let output = &args.output;
+    let output = args.fitted_output()?;
     let mut file =
         AtomicFile::create(output, existing(global)).map_err(|error| output_failure(&error))?;
     let is_ply = matches!(frame.format, FrameFormat::Ply { .. });
@@ -230,12 +230,12 @@ fn write(
     file.commit().map_err(|error| output_failure(&error))
 }
 
-fn say(args: &EditArgs, fitted: &Fitted, console: &Console, secs: f64) {
+fn say(output: &Path, fitted: &Fitted, console: &Console, secs: f64) {
     let report = &fitted.report;
     if report.edited_views == 0 {
         console.note(format!(
             "no picture differs from the frame: {} is the frame as it was",
-            args.output.display()
+            output.display()
         ));
         return;
     }

@@ -1,0 +1,423 @@
+//! [`Action`]: what to do with a selection, and its arguments as text.
+
+use crate::error::{EditError, SyntaxError};
+use crate::lexer::{Lexer, Token};
+
+/// Fixed point of a rotation or scaling.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Pivot {
+    /// Mean of the selected centres.
+    Center,
+    /// A point, world units.
+    Point([f64; 3]),
+}
+
+/// Where a graft is put: scaled, then rotated, then moved, about the origin of its own file.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct GraftPose {
+    /// World units.
+    pub translation: [f64; 3],
+    /// As in [`Action::Rotate`].
+    pub degrees: [f64; 3],
+    /// Above 0.
+    pub scale: f64,
+}
+
+impl GraftPose {
+    /// As the file has it.
+    pub const IDENTITY: Self = Self { translation: [0.0; 3], degrees: [0.0; 3], scale: 1.0 };
+}
+
+/// What to do with the selected splats. Lengths are world units, angles degrees, colours 0 to 1.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Action {
+    /// Removes them.
+    Delete,
+    /// Removes all others.
+    Keep,
+    /// Appends copies of them, which become the selection.
+    Duplicate,
+    /// Moves them.
+    Translate([f64; 3]),
+    /// Rotates them about x, then y, then z, fixed world axes, right-handed; harmonics too.
+    Rotate {
+        /// Angles.
+        degrees: [f64; 3],
+        /// Fixed point.
+        pivot: Pivot,
+    },
+    /// Scales them.
+    Scale {
+        /// Above 0.
+        factor: f64,
+        /// Fixed point.
+        pivot: Pivot,
+    },
+    /// Multiplies their opacities, up to [`crate::MAX_OPACITY`].
+    Opacity(f64),
+    /// [`crate::ColorMap::color`] with the selection's mean luma.
+    Color {
+        /// Their new colour.
+        rgb: [f64; 3],
+        /// 0 to 1.
+        strength: f64,
+    },
+    /// [`crate::ColorMap::hue`].
+    Hue(f64),
+    /// [`crate::ColorMap::saturation`].
+    Saturation(f64),
+    /// [`crate::ColorMap::brightness`].
+    Brightness(f64),
+    /// [`crate::ColorMap::levels`].
+    Levels {
+        /// Becomes 0.
+        black: f64,
+        /// Becomes 1.
+        white: f64,
+    },
+    /// [`crate::ColorMap::tint`].
+    Tint {
+        /// Colour of the light.
+        rgb: [f64; 3],
+        /// 0 to 1.
+        strength: f64,
+    },
+    /// Optimal transport of their colours to those of a picture.
+    MatchColors {
+        /// The picture.
+        image: String,
+        /// Whether the whole distribution is matched, not only its mean and covariance.
+        sliced: bool,
+    },
+    /// Appends the splats of a file, which become the selection.
+    Graft {
+        /// The file.
+        file: String,
+        /// Where.
+        pose: GraftPose,
+    },
+}
+
+/// An option of the command line.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct ActionOption {
+    /// Name without dashes.
+    pub name: &'static str,
+    /// Placeholder of its argument; `None` if it takes none.
+    pub argument: Option<&'static str>,
+    /// One line of help.
+    pub help: &'static str,
+}
+
+/// The options that are actions, in the order of the documents. `sliced` modifies the `match-colors` before it.
+pub const ACTION_OPTIONS: [ActionOption; 16] = [
+    option("delete", None, "Remove the selected splats"),
+    option("keep", None, "Remove all others"),
+    option("duplicate", None, "Append copies, which become the selection"),
+    option("translate", Some("X,Y,Z"), "Move, world units"),
+    option(
+        "rotate",
+        Some("X,Y,Z[@PIVOT]"),
+        "Rotate about x, then y, then z, degrees; PIVOT is x,y,z or `center`, the default",
+    ),
+    option("scale", Some("S[@PIVOT]"), "Scale by a factor"),
+    option("opacity", Some("FACTOR"), "Multiply opacities"),
+    option("color", Some("#RGB[:STRENGTH]"), "Give this colour, keep the shading"),
+    option("hue", Some("DEGREES"), "Rotate hues: 120 takes red to green"),
+    option(
+        "saturation",
+        Some("FACTOR"),
+        "Scale the distance from grey: 0 is grey, 1 changes nothing",
+    ),
+    option("brightness", Some("AMOUNT"), "Add to every channel, -1 to 1"),
+    option("levels", Some("BLACK,WHITE"), "Stretch BLACK to 0 and WHITE to 1"),
+    option("tint", Some("#RGB[:STRENGTH]"), "Multiply by a colour, as light of that colour does"),
+    option(
+        "match-colors",
+        Some("IMAGE"),
+        "Give the mean and covariance of a picture's colours, by optimal transport",
+    ),
+    option("sliced", None, "After --match-colors: match the whole distribution of colours"),
+    option(
+        "graft",
+        Some("FILE[@POSE]"),
+        "Append the splats of a file, which become the selection; POSE is x,y,z[,rx,ry,rz[,scale]]",
+    ),
+];
+
+const fn option(
+    name: &'static str,
+    argument: Option<&'static str>,
+    help: &'static str,
+) -> ActionOption {
+    ActionOption { name, argument, help }
+}
+
+/// Largest magnitude of colour parameters: far beyond any use, and harmless in single precision.
+const MAX_COLOR: f64 = 1e3;
+
+impl Action {
+    /// Name of the option, without dashes.
+    pub fn name(&self) -> &'static str {
+        match self {
+            Self::Delete => "delete",
+            Self::Keep => "keep",
+            Self::Duplicate => "duplicate",
+            Self::Translate(_) => "translate",
+            Self::Rotate { .. } => "rotate",
+            Self::Scale { .. } => "scale",
+            Self::Opacity(_) => "opacity",
+            Self::Color { .. } => "color",
+            Self::Hue(_) => "hue",
+            Self::Saturation(_) => "saturation",
+            Self::Brightness(_) => "brightness",
+            Self::Levels { .. } => "levels",
+            Self::Tint { .. } => "tint",
+            Self::MatchColors { .. } => "match-colors",
+            Self::Graft { .. } => "graft",
+        }
+    }
+
+    /// Reads the option `name` with the argument `text`, empty for options without one.
+    ///
+    /// # Errors
+    /// If there is no such action, or the column at which the argument is malformed.
+    pub fn parse(name: &str, text: &str) -> Result<Self, EditError> {
+        let syntax = |source| EditError::Syntax { option: name.to_owned(), source };
+        let mut argument = Argument { lexer: Lexer::new(text).map_err(syntax)? };
+        let action = match name {
+            "delete" => Ok(Self::Delete),
+            "keep" => Ok(Self::Keep),
+            "duplicate" => Ok(Self::Duplicate),
+            "translate" => argument.vector().map(Self::Translate),
+            "rotate" => argument.rotation(),
+            "scale" => argument.scaling(),
+            "opacity" => {
+                argument.number_in(f64::MIN_POSITIVE, 1e6, "a factor above 0").map(Self::Opacity)
+            }
+            "color" => argument.tone().map(|(rgb, strength)| Self::Color { rgb, strength }),
+            "tint" => argument.tone().map(|(rgb, strength)| Self::Tint { rgb, strength }),
+            "hue" => argument.number_in(-1e6, 1e6, "degrees").map(Self::Hue),
+            "saturation" => {
+                argument.number_in(0.0, MAX_COLOR, "a factor of 0 or more").map(Self::Saturation)
+            }
+            "brightness" => argument.number_in(-1.0, 1.0, "-1 to 1").map(Self::Brightness),
+            "levels" => argument.levels(),
+            "match-colors" => {
+                return nonempty(text)
+                    .map_err(syntax)
+                    .map(|image| Self::MatchColors { image, sliced: false });
+            }
+            "graft" => return graft(text).map_err(syntax),
+            _ => return Err(EditError::UnknownAction(name.to_owned())),
+        };
+        let action = action.map_err(syntax)?;
+        argument.end().map_err(syntax)?;
+        Ok(action)
+    }
+}
+
+fn nonempty(text: &str) -> Result<String, SyntaxError> {
+    if text.is_empty() {
+        return Err(SyntaxError::new(text, 0, "expected a file"));
+    }
+    Ok(text.to_owned())
+}
+
+/// `FILE` or `FILE@numbers`; an `@` that no number follows is part of the name.
+fn graft(text: &str) -> Result<Action, SyntaxError> {
+    let pose_at = text.rfind('@').filter(|at| {
+        text[at + 1..].trim_start().starts_with(|c: char| c.is_ascii_digit() || "+-.".contains(c))
+    });
+    let Some(at) = pose_at else {
+        return Ok(Action::Graft { file: nonempty(text)?, pose: GraftPose::IDENTITY });
+    };
+    let file = nonempty(&text[..at])?;
+    let offset = text[..=at].chars().count();
+    // Columns are those of the whole text.
+    let in_whole =
+        |error: SyntaxError| SyntaxError::new(text, offset + error.column - 1, error.what);
+    let mut argument = Argument { lexer: Lexer::new(&text[at + 1..]).map_err(in_whole)? };
+    let pose = argument.pose().and_then(|pose| argument.end().map(|()| pose)).map_err(in_whole)?;
+    Ok(Action::Graft { file, pose })
+}
+
+struct Argument<'a> {
+    lexer: Lexer<'a>,
+}
+
+impl Argument<'_> {
+    fn number(&mut self) -> Result<(f64, usize), SyntaxError> {
+        match self.lexer.next()? {
+            (Token::Number(value), at) => Ok((value, at)),
+            (token, at) => {
+                Err(self.lexer.error(at, format!("expected a number, found {}", token.name())))
+            }
+        }
+    }
+
+    fn number_in(&mut self, low: f64, high: f64, expected: &str) -> Result<f64, SyntaxError> {
+        let (value, at) = self.number()?;
+        if (low..=high).contains(&value) {
+            return Ok(value);
+        }
+        Err(self.lexer.error(at, format!("expected {expected}, found `{value}`")))
+    }
+
+    fn symbol(&mut self, symbol: &'static str) -> Result<(), SyntaxError> {
+        match self.lexer.next()? {
+            (token, _) if token == Token::Symbol(symbol) => Ok(()),
+            (token, at) => {
+                Err(self.lexer.error(at, format!("expected `{symbol}`, found {}", token.name())))
+            }
+        }
+    }
+
+    fn is_next(&self, symbol: &'static str) -> Result<bool, SyntaxError> {
+        Ok(self.lexer.peek()?.0 == Token::Symbol(symbol))
+    }
+
+    fn end(&mut self) -> Result<(), SyntaxError> {
+        match self.lexer.next()? {
+            (Token::End, _) => Ok(()),
+            (token, at) => {
+                Err(self.lexer.error(at, format!("expected the end, found {}", token.name())))
+            }
+        }
+    }
+
+    fn vector(&mut self) -> Result<[f64; 3], SyntaxError> {
+        let x = self.number()?.0;
+        self.symbol(",")?;
+        let y = self.number()?.0;
+        self.symbol(",")?;
+        Ok([x, y, self.number()?.0])
+    }
+
+    fn pivot(&mut self) -> Result<Pivot, SyntaxError> {
+        if !self.is_next("@")? {
+            return Ok(Pivot::Center);
+        }
+        self.symbol("@")?;
+        if self.lexer.peek()?.0 == Token::Word("center".to_owned()) {
+            self.lexer.next()?;
+            return Ok(Pivot::Center);
+        }
+        self.vector().map(Pivot::Point)
+    }
+
+    fn rotation(&mut self) -> Result<Action, SyntaxError> {
+        let degrees = self.vector()?;
+        Ok(Action::Rotate { degrees, pivot: self.pivot()? })
+    }
+
+    fn scaling(&mut self) -> Result<Action, SyntaxError> {
+        let factor = self.number_in(1e-6, 1e6, "a factor above 0")?;
+        Ok(Action::Scale { factor, pivot: self.pivot()? })
+    }
+
+    fn tone(&mut self) -> Result<([f64; 3], f64), SyntaxError> {
+        let (token, at) = self.lexer.next()?;
+        let Token::Hex(rgb) = token else {
+            let what = format!("expected a colour as `#rrggbb`, found {}", token.name());
+            return Err(self.lexer.error(at, what));
+        };
+        if !self.is_next(":")? {
+            return Ok((rgb, 1.0));
+        }
+        self.symbol(":")?;
+        Ok((rgb, self.number_in(0.0, 1.0, "a strength of 0 to 1")?))
+    }
+
+    fn levels(&mut self) -> Result<Action, SyntaxError> {
+        let black = self.number_in(-MAX_COLOR, MAX_COLOR, "a colour, black is 0")?;
+        self.symbol(",")?;
+        let at = self.lexer.peek()?.1;
+        let white = self.number_in(-MAX_COLOR, MAX_COLOR, "a colour, white is 1")?;
+        if white - black < 1e-3 {
+            return Err(self.lexer.error(at, "white must be above black by 0.001 or more"));
+        }
+        Ok(Action::Levels { black, white })
+    }
+
+    fn pose(&mut self) -> Result<GraftPose, SyntaxError> {
+        let mut pose = GraftPose { translation: self.vector()?, ..GraftPose::IDENTITY };
+        if self.is_next(",")? {
+            self.symbol(",")?;
+            pose.degrees = self.vector()?;
+            if self.is_next(",")? {
+                self.symbol(",")?;
+                pose.scale = self.number_in(1e-6, 1e6, "a scale above 0")?;
+            }
+        }
+        Ok(pose)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_option_is_read_and_named() {
+        for option in ACTION_OPTIONS.iter().filter(|option| option.name != "sliced") {
+            let argument = match option.name {
+                "translate" => "1,2,3",
+                "rotate" => "0,90,0@center",
+                "scale" => "2@0,0,0",
+                "color" | "tint" => "#e33:.5",
+                "levels" => "0,.8",
+                "match-colors" => "picture.png",
+                "graft" => "hat@2x.ply@0,1,0,0,90,0,.5",
+                _ if option.argument.is_some() => ".5",
+                _ => "",
+            };
+            let action = Action::parse(option.name, argument).unwrap();
+            assert_eq!(action.name(), option.name, "its own name");
+        }
+    }
+
+    #[test]
+    fn files_may_have_at_signs() {
+        let file = |text: &str| match Action::parse("graft", text).unwrap() {
+            Action::Graft { file, pose } => (file, pose),
+            other => panic!("{other:?}"),
+        };
+        assert_eq!(file("a@b.ply"), ("a@b.ply".to_owned(), GraftPose::IDENTITY), "a name");
+        assert_eq!(file("a.ply@1,2,3").1.translation, [1.0, 2.0, 3.0], "a pose");
+    }
+
+    #[test]
+    fn errors_point_at_the_column() {
+        for (name, text, column) in [
+            ("translate", "1,2", 4),
+            ("translate", "1,2,nan", 5),
+            ("translate", "1,2,3,4", 6),
+            ("rotate", "0,90,0@1,2", 11),
+            ("rotate", "0,90,0@left", 8),
+            ("scale", "0", 1),
+            ("scale", "-2", 1),
+            ("opacity", "0", 1),
+            ("color", "red", 1),
+            ("color", "#e33:2", 6),
+            ("brightness", "3", 1),
+            ("levels", ".5,.5", 4),
+            ("saturation", "-1", 1),
+            ("match-colors", "", 1),
+            ("graft", "hat.ply@1,2", 12),
+            ("graft", "hat.ply@1,2,3,4", 16),
+            ("hue", "1e300", 1),
+        ] {
+            match Action::parse(name, text) {
+                Err(EditError::Syntax { source, .. }) => {
+                    assert_eq!(source.column, column, "{name} {text}: {source}");
+                }
+                other => panic!("{name} {text}: {other:?}"),
+            }
+        }
+        assert!(
+            matches!(Action::parse("explode", ""), Err(EditError::UnknownAction(_))),
+            "unknown"
+        );
+    }
+}

@@ -1,0 +1,357 @@
+//! [`Editor`]: splats, the current selection, and steps applied to them.
+
+use crate::action::{Action, GraftPose, Pivot};
+use crate::color::{ColorStats, LUMA, base_color, set_base_color, weight};
+use crate::color_map::ColorMap;
+use crate::error::EditError;
+use crate::evaluate::Frame;
+use crate::resources::Resources;
+use crate::script::Step;
+use crate::transport;
+use amg::Similarity;
+use gs_core::{Image, Real, Splats, activation, quat};
+
+/// Opacities are not raised above this: rasterisers composite at most 0.99, and logits of 1 are infinite.
+pub const MAX_OPACITY: f64 = 0.9999;
+
+/// Pixels of a picture used for statistics; of larger ones every n-th.
+const MAX_PIXELS: usize = 1 << 16;
+
+/// Least coverage of a pixel whose colour counts.
+const MIN_COVERAGE: f32 = 0.5;
+
+/// Splats under edit. Rows that no step selects keep their bits and their order; copies and grafts come after them.
+#[derive(Debug, Clone)]
+pub struct Editor {
+    splats: Splats,
+    origins: Vec<Option<u32>>,
+    selected: Vec<bool>,
+    /// Why the selection may be empty, for messages.
+    selection: String,
+}
+
+impl Editor {
+    /// All splats are selected.
+    ///
+    /// # Errors
+    /// If the arrays disagree.
+    pub fn new(splats: Splats) -> Result<Self, EditError> {
+        splats.check_shapes()?;
+        let rows = 0..splats.len();
+        Ok(Self {
+            origins: rows.map(|row| u32::try_from(row).ok()).collect(),
+            selected: vec![true; splats.len()],
+            selection: "the input has no splats".to_owned(),
+            splats,
+        })
+    }
+
+    /// The splats as they are now.
+    pub fn splats(&self) -> &Splats {
+        &self.splats
+    }
+
+    /// The splats as they are now.
+    pub fn into_splats(self) -> Splats {
+        self.splats
+    }
+
+    /// Which splats the next action acts on, `[N]`.
+    pub fn selected(&self) -> &[bool] {
+        &self.selected
+    }
+
+    /// Row of the input that each splat is, or is a copy of, `[N]`; `None` for grafts.
+    pub fn origins(&self) -> &[Option<u32>] {
+        &self.origins
+    }
+
+    /// Applies one step.
+    ///
+    /// # Errors
+    /// If the step cannot be carried out; the splats are then as they were.
+    pub fn apply(&mut self, step: &Step, resources: &Resources) -> Result<(), EditError> {
+        match step {
+            Step::Select(selector) => {
+                let frame = Frame { splats: &self.splats, origins: &self.origins, resources };
+                self.selected = selector.evaluate(frame)?;
+                self.selection =
+                    format!("the last `--select` selects none of {} splats", self.splats.len());
+                Ok(())
+            }
+            Step::Act(action) => self.act(action, resources),
+        }
+    }
+
+    fn rows(&self) -> Vec<usize> {
+        (0..self.splats.len()).filter(|&row| self.selected[row]).collect()
+    }
+
+    fn act(&mut self, action: &Action, resources: &Resources) -> Result<(), EditError> {
+        let name = action.name();
+        let rows = self.rows();
+        if rows.is_empty() && !matches!(action, Action::Graft { .. }) {
+            return Err(EditError::EmptySelection { action: name, why: self.selection.clone() });
+        }
+        match action {
+            Action::Delete => return self.retain(name, |selected| !selected),
+            Action::Keep => return self.retain(name, |selected| selected),
+            Action::Duplicate => {
+                let copies = self.splats.select(&rows);
+                let origins = rows.iter().map(|&row| self.origins[row]).collect();
+                self.append(&copies, origins);
+                return Ok(());
+            }
+            Action::Graft { file, pose } => {
+                let found = resources.splats.get(file);
+                let graft = found.ok_or_else(|| missing("splats", file))?;
+                graft.check_shapes()?;
+                let graft = pose.similarity().place(&graft.with_sh_degree(self.splats.sh_degree));
+                check_finite(name, &graft, 0..graft.len())?;
+                self.append(&graft, vec![None; graft.len()]);
+                return Ok(());
+            }
+            _ => {}
+        }
+        let mut part = self.splats.select(&rows);
+        match action {
+            Action::Translate(offset) => {
+                // Rotations and harmonics keep their bits.
+                for mean in &mut part.means {
+                    *mean = [0, 1, 2].map(|k| (f64::from(mean[k]) + offset[k]).as_f32());
+                }
+            }
+            Action::Rotate { degrees, pivot } => {
+                let turn = Similarity { rotation: rotation(*degrees), ..Similarity::IDENTITY };
+                part = about(turn, pivot_of(&part, *pivot)).place(&part);
+            }
+            Action::Scale { factor, pivot } => {
+                let scale = Similarity { scale: *factor, ..Similarity::IDENTITY };
+                part = about(scale, pivot_of(&part, *pivot)).place(&part);
+            }
+            Action::Opacity(factor) => {
+                for logit in &mut part.opacity_logits {
+                    *logit = scaled_opacity(*logit, *factor);
+                }
+            }
+            Action::MatchColors { image, sliced } => {
+                let picture = resources.images.get(image).ok_or_else(|| missing("image", image))?;
+                match_colors(&mut part, picture, *sliced)
+                    .ok_or_else(|| EditError::EmptyImage(image.clone()))?;
+            }
+            _ => {
+                if let Some(map) = color_map(action, &part) {
+                    let coeffs = part.sh_coeffs();
+                    part.sh.chunks_exact_mut(coeffs).for_each(|sh| map.apply_sh(sh));
+                }
+            }
+        }
+        check_finite(name, &part, rows.iter().copied())?;
+        let coeffs = self.splats.sh_coeffs();
+        for (i, &row) in rows.iter().enumerate() {
+            self.splats.means[row] = part.means[i];
+            self.splats.quats[row] = part.quats[i];
+            self.splats.log_scales[row] = part.log_scales[i];
+            self.splats.opacity_logits[row] = part.opacity_logits[i];
+            self.splats.sh[row * coeffs..(row + 1) * coeffs].copy_from_slice(part.sh_of(i));
+        }
+        Ok(())
+    }
+
+    fn retain(
+        &mut self,
+        name: &'static str,
+        keeps: impl Fn(bool) -> bool,
+    ) -> Result<(), EditError> {
+        let kept: Vec<usize> =
+            (0..self.splats.len()).filter(|&row| keeps(self.selected[row])).collect();
+        if kept.is_empty() {
+            return Err(EditError::NothingLeft(name));
+        }
+        self.splats = self.splats.select(&kept);
+        self.origins = kept.iter().map(|&row| self.origins[row]).collect();
+        self.selected = kept.iter().map(|&row| self.selected[row]).collect();
+        self.selection = "what was selected is deleted; another `--select` goes first".to_owned();
+        Ok(())
+    }
+
+    /// Appends splats of the same SH degree and selects them alone.
+    fn append(&mut self, splats: &Splats, origins: Vec<Option<u32>>) {
+        self.selected.fill(false);
+        for row in 0..splats.len() {
+            self.splats.push_from(splats, row);
+            self.selected.push(true);
+        }
+        self.origins.extend(origins);
+        self.selection = "the graft has no splats".to_owned();
+    }
+}
+
+impl GraftPose {
+    /// The map of the file's world to that of the input.
+    pub fn similarity(&self) -> Similarity {
+        Similarity {
+            scale: self.scale,
+            rotation: rotation(self.degrees),
+            mirrored: false,
+            translation: self.translation,
+        }
+    }
+}
+
+fn missing(kind: &'static str, name: &str) -> EditError {
+    EditError::Missing { kind, name: name.to_owned() }
+}
+
+/// Unit quaternion of rotations about x, then y, then z, fixed axes: `R_z·R_y·R_x`.
+fn rotation(degrees: [f64; 3]) -> [f64; 4] {
+    let half = degrees.map(|angle| 0.5 * angle.rem_euclid(720.0).to_radians());
+    let about = |axis: usize| {
+        let mut q = [half[axis].cos(), 0.0, 0.0, 0.0];
+        q[axis + 1] = half[axis].sin();
+        q
+    };
+    quat::normalize(quat::mul(about(2), quat::mul(about(1), about(0))))
+}
+
+/// `map` with the fixed point `pivot` instead of the origin.
+fn about(map: Similarity, pivot: [f64; 3]) -> Similarity {
+    let turned = map.turn(pivot);
+    Similarity { translation: [0, 1, 2].map(|k| pivot[k] - turned[k]), ..map }
+}
+
+/// The point, or the mean of the finite centres.
+fn pivot_of(splats: &Splats, pivot: Pivot) -> [f64; 3] {
+    if let Pivot::Point(point) = pivot {
+        return point;
+    }
+    let (mut sum, mut count) = ([0.0; 3], 0.0_f64);
+    for mean in splats.means.iter().filter(|mean| mean.iter().all(|v| v.is_finite())) {
+        for k in 0..3 {
+            sum[k] += f64::from(mean[k]);
+        }
+        count += 1.0;
+    }
+    sum.map(|total| total / count.max(1.0))
+}
+
+fn scaled_opacity(logit: f32, factor: f64) -> f32 {
+    if factor == 1.0 {
+        return logit;
+    }
+    let opacity = activation::sigmoid(f64::from(logit));
+    // Opacities above the limit are not lowered by a factor above 1.
+    let limit = if factor > 1.0 { MAX_OPACITY.max(opacity) } else { 1.0 };
+    activation::logit((factor * opacity).min(limit)).as_f32()
+}
+
+fn color_map(action: &Action, part: &Splats) -> Option<ColorMap> {
+    Some(match action {
+        Action::Color { rgb, strength } => {
+            let rows: Vec<usize> = (0..part.len()).collect();
+            let mean = ColorStats::of_splats(part, &rows)?.mean;
+            let luma = (0..3).map(|c| LUMA[c] * mean[c]).sum();
+            ColorMap::color(*rgb, *strength, luma)
+        }
+        Action::Hue(degrees) => ColorMap::hue(*degrees),
+        Action::Saturation(factor) => ColorMap::saturation(*factor),
+        Action::Brightness(amount) => ColorMap::brightness(*amount),
+        Action::Levels { black, white } => ColorMap::levels(*black, *white),
+        Action::Tint { rgb, strength } => ColorMap::tint(*rgb, *strength),
+        _ => return None,
+    })
+}
+
+/// Colours of a picture with equal weights, `None` if no pixel is covered.
+fn pixels(image: &Image) -> Option<Vec<([f64; 3], f64)>> {
+    let count = image.width * image.height;
+    let step = count.div_ceil(MAX_PIXELS).max(1);
+    let covered = |pixel: &&[f32]| {
+        pixel.len() >= 3
+            && pixel.iter().all(|v| v.is_finite())
+            && pixel.get(3).is_none_or(|&coverage| coverage >= MIN_COVERAGE)
+    };
+    let colors: Vec<_> = image
+        .data
+        .chunks_exact(image.channels.max(1))
+        .filter(covered)
+        .step_by(step)
+        .map(|pixel| ([0, 1, 2].map(|c| f64::from(pixel[c])), 1.0))
+        .collect();
+    (!colors.is_empty()).then_some(colors)
+}
+
+/// `None` if the picture has no colour.
+fn match_colors(part: &mut Splats, picture: &Image, sliced: bool) -> Option<()> {
+    let rows: Vec<usize> = (0..part.len()).collect();
+    let target = pixels(picture)?;
+    let source_stats = ColorStats::of_splats(part, &rows)?;
+    let map = transport::gaussian(&source_stats, &ColorStats::of(target.iter().copied())?);
+    let coeffs = part.sh_coeffs();
+    part.sh.chunks_exact_mut(coeffs).for_each(|sh| map.apply_sh(sh));
+    if sliced {
+        let mut colors: Vec<[f64; 3]> = rows.iter().map(|&row| base_color(part, row)).collect();
+        let mut weights: Vec<f64> = rows.iter().map(|&row| weight(part, row)).collect();
+        let total: f64 = weights.iter().sum();
+        if !(total > 0.0 && total.is_finite()) {
+            weights.fill(1.0);
+        }
+        transport::sliced(&mut colors, &weights, &target);
+        for (&row, rgb) in rows.iter().zip(colors) {
+            set_base_color(part, row, rgb);
+        }
+    }
+    Some(())
+}
+
+/// Refuses values that overflowed. `rows` are those for messages, one for each splat.
+fn check_finite(
+    action: &'static str,
+    splats: &Splats,
+    rows: impl Iterator<Item = usize>,
+) -> Result<(), EditError> {
+    let coeffs = splats.sh_coeffs();
+    for (i, row) in rows.enumerate() {
+        let finite = |values: &[f32]| values.iter().all(|v| v.is_finite());
+        let sh = splats.sh[i * coeffs..(i + 1) * coeffs].iter().all(|rgb| finite(rgb));
+        let fields = [
+            ("means", finite(&splats.means[i])),
+            ("quats", finite(&splats.quats[i])),
+            // Infinities that mean something: no extent, opacity 0 or 1.
+            ("log_scales", splats.log_scales[i].iter().all(|&v| v < f32::INFINITY)),
+            ("opacity_logits", !splats.opacity_logits[i].is_nan()),
+            ("sh", sh),
+        ];
+        if let Some((field, _)) = fields.into_iter().find(|(_, sound)| !sound) {
+            return Err(EditError::NotFinite { action, field, row });
+        }
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn rotations_are_about_x_then_y_then_z() {
+        let turned = |degrees, v| quat::rotate(rotation(degrees), v);
+        let close = |a: [f64; 3], b: [f64; 3]| (0..3).all(|k| (a[k] - b[k]).abs() < 1e-12);
+        assert!(close(turned([90.0, 0.0, 0.0], [0.0, 1.0, 0.0]), [0.0, 0.0, 1.0]), "y to z");
+        assert!(close(turned([0.0, 0.0, 90.0], [1.0, 0.0, 0.0]), [0.0, 1.0, 0.0]), "x to y");
+        assert!(close(turned([90.0, 0.0, 90.0], [0.0, 1.0, 0.0]), [0.0, 0.0, 1.0]), "x first");
+    }
+
+    #[test]
+    fn opacities_have_a_limit() {
+        let raised = |opacity: f64, factor| {
+            activation::sigmoid(f64::from(scaled_opacity(
+                activation::logit(opacity).as_f32(),
+                factor,
+            )))
+        };
+        assert!((raised(0.3, 2.0) - 0.6).abs() < 1e-6, "doubled");
+        assert!((raised(0.8, 2.0) - MAX_OPACITY).abs() < 1e-6, "limited");
+        assert_eq!(scaled_opacity(f32::INFINITY, 2.0), f32::INFINITY, "opaque stays opaque");
+    }
+}

@@ -1,0 +1,118 @@
+//! What can go wrong.
+
+use gs_core::{CameraError, RasterError, SplatsError};
+use thiserror::Error;
+
+/// A text that is not in the language, with the place. Displayed as three lines: what was expected, the text, and a caret below
+/// the column.
+#[derive(Debug, Clone, PartialEq, Eq, Error)]
+#[error("{what} (column {column})\n    {text}\n    {:>column$}", '^')]
+pub struct SyntaxError {
+    /// The whole text, control characters replaced by spaces.
+    pub text: String,
+    /// Character of `text` at which it stops making sense, from 1; one after the last if the text ends too early.
+    pub column: usize,
+    /// What was expected and what was found.
+    pub what: String,
+}
+
+impl SyntaxError {
+    /// An error at character `at` (from 0) of `text`.
+    pub(crate) fn new(text: &str, at: usize, what: impl Into<String>) -> Self {
+        let text = text.chars().map(|c| if c.is_control() { ' ' } else { c }).collect();
+        Self { text, column: at + 1, what: what.into() }
+    }
+}
+
+/// Why a step cannot be carried out.
+#[derive(Debug, Error)]
+#[non_exhaustive]
+pub enum EditError {
+    /// An expression or the argument of an action is malformed.
+    #[error("`--{option}`: {source}")]
+    Syntax {
+        /// Name of the option, without dashes.
+        option: String,
+        /// Where and why.
+        #[source]
+        source: SyntaxError,
+    },
+    /// No action has this name.
+    #[error("unknown action `{0}`")]
+    UnknownAction(String),
+    /// A modifier does not follow the action it modifies.
+    #[error("`--{modifier}` must directly follow `--{action}`")]
+    Modifier {
+        /// The modifier.
+        modifier: &'static str,
+        /// The action it belongs to.
+        action: &'static str,
+    },
+    /// An action has nothing to act on.
+    #[error("`--{action}` has nothing to act on: {why}")]
+    EmptySelection {
+        /// Name of the action.
+        action: &'static str,
+        /// Which selection selects nothing.
+        why: String,
+    },
+    /// No splat would be left.
+    #[error("`--{0}` would leave no splat")]
+    NothingLeft(&'static str),
+    /// Values that single precision cannot hold.
+    #[error("`--{action}` makes `{field}` of splat {row} too large for single precision")]
+    NotFinite {
+        /// Name of the action.
+        action: &'static str,
+        /// Array of [`gs_core::Splats`].
+        field: &'static str,
+        /// Row, as they are at this step.
+        row: usize,
+    },
+    /// A splat named in a list is not there.
+    #[error("`ids {file}`: splat {id} does not exist, the frame has {num_splats} (0 to {last})", last = num_splats.saturating_sub(1))]
+    Id {
+        /// The list.
+        file: String,
+        /// The entry.
+        id: u64,
+        /// Splats of the input.
+        num_splats: usize,
+    },
+    /// A part that does not exist.
+    #[error("`part {part}`: {}", found(*num_parts))]
+    Part {
+        /// The number asked for.
+        part: u32,
+        /// How many there are.
+        num_parts: u32,
+    },
+    /// A file named in a step was not loaded ([`crate::Needs`] lists them).
+    #[error("{kind} `{name}` was not given to the editor")]
+    Missing {
+        /// "mask", "ids", "image", "splats" or "motion".
+        kind: &'static str,
+        /// As written in the step.
+        name: String,
+    },
+    /// A picture has no pixel with colour.
+    #[error("`{0}` has no visible pixel to take colours from")]
+    EmptyImage(String),
+    /// Arrays of the splats disagree.
+    #[error(transparent)]
+    Splats(#[from] SplatsError),
+    /// A camera or mask cannot be used.
+    #[error(transparent)]
+    Camera(#[from] CameraError),
+    /// The rasteriser refused.
+    #[error(transparent)]
+    Raster(#[from] RasterError),
+}
+
+fn found(num_parts: u32) -> String {
+    match num_parts {
+        0 => "the scene has no part that moves".to_owned(),
+        1 => "the scene has one part, 1".to_owned(),
+        n => format!("the scene has parts 1 to {n}"),
+    }
+}

@@ -1,0 +1,53 @@
+//! Masks drawn in pictures, lifted to splats.
+
+use crate::error::EditError;
+use gs_core::{Camera, Image, RasterError, Rasterizer, RenderParams, Splats, UpstreamGrads};
+
+/// Share of a splat's visible weight that must lie in the masks.
+const MIN_SHARE: f32 = 0.5;
+
+/// Which splats the masks show, `[N]`: those with `Σ m α T > ½ Σ α T` over all pixels of all views, where `α T` is what the splat
+/// contributes to a pixel and `m` the mask there, 0 to 1. Splats that no view shows are not selected. A mask has one channel and the
+/// size of its camera.
+///
+/// # Errors
+/// If a mask has another size than its camera, or the rasteriser refuses.
+pub fn lift_masks<R: Rasterizer>(
+    rasterizer: &R,
+    splats: &Splats,
+    views: &[(Camera, Image)],
+    progress: &dyn Fn(usize),
+) -> Result<Vec<bool>, EditError> {
+    let num = splats.len();
+    let (mut inside, mut all) = (vec![0.0_f32; num], vec![0.0_f32; num]);
+    let params = RenderParams { rgb: false, depth: false, ..RenderParams::default() };
+    // Two channels, so that one pass gives both sums. Their values have no influence on the sums.
+    let features = vec![0.0; 2 * num];
+    let mut prepared = None;
+    for (done, (camera, mask)) in views.iter().enumerate() {
+        let pixels = camera.width as usize * camera.height as usize;
+        if mask.data.len() != pixels {
+            let (what, found, expected) = ("mask", mask.data.len(), pixels);
+            return Err(RasterError::Shape { what, found, expected }.into());
+        }
+        let state = match prepared.take() {
+            Some(mut state) => {
+                rasterizer.prepare_into(splats, camera, &mut state)?;
+                prepared.insert(state)
+            }
+            None => prepared.insert(rasterizer.prepare(splats, camera)?),
+        };
+        rasterizer.forward(state, splats, &features, &params)?;
+        let upstream = UpstreamGrads {
+            v_features: mask.data.iter().flat_map(|&m| [m, 1.0]).collect(),
+            ..UpstreamGrads::default()
+        };
+        let grads = rasterizer.backward_colors(state, splats, &features, &params, &upstream)?;
+        for (row, sums) in grads.v_features.chunks_exact(2).enumerate() {
+            inside[row] += sums[0];
+            all[row] += sums[1];
+        }
+        progress(done + 1);
+    }
+    Ok(inside.iter().zip(all).map(|(inside, all)| *inside > MIN_SHARE * all).collect())
+}

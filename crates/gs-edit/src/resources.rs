@@ -1,0 +1,45 @@
+//! What steps name and the caller loads: files, masks, motion.
+
+use gs_core::{Image, Splats};
+use std::collections::{BTreeMap, BTreeSet};
+
+/// How the input moves.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Motion {
+    /// Which splats move, `[N]`.
+    pub moving: Vec<bool>,
+    /// Number of the part of each splat, from 1 without gaps, `[N]`; 0 for splats of no part.
+    pub parts: Vec<u32>,
+}
+
+/// What steps name. Keys are the names as written in the steps.
+#[derive(Debug, Clone, Default)]
+pub struct Resources {
+    /// Splats of the input, `N`.
+    pub num_splats: usize,
+    /// How the input moves, for `moving` and `part`.
+    pub motion: Option<Motion>,
+    /// Splats that masks show, `[N]` each ([`crate::lift_masks`]).
+    pub masks: BTreeMap<String, Vec<bool>>,
+    /// Ranges of rows, ends included ([`crate::parse_ids`]).
+    pub ids: BTreeMap<String, Vec<(u64, u64)>>,
+    /// Pictures, three or four channels, 0 to 1; a fourth is coverage.
+    pub images: BTreeMap<String, Image>,
+    /// Splats to graft, any SH degree.
+    pub splats: BTreeMap<String, Splats>,
+}
+
+/// Names of what steps use, so that a caller can load it before anything is changed.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct Needs {
+    /// Whether [`Resources::motion`] is needed.
+    pub motion: bool,
+    /// Keys of [`Resources::masks`].
+    pub masks: BTreeSet<String>,
+    /// Keys of [`Resources::ids`].
+    pub ids: BTreeSet<String>,
+    /// Keys of [`Resources::images`].
+    pub images: BTreeSet<String>,
+    /// Keys of [`Resources::splats`].
+    pub splats: BTreeSet<String>,
+}

@@ -1,0 +1,118 @@
+//! [`Script`]: selections and actions in order.
+
+use crate::action::Action;
+use crate::error::EditError;
+use crate::resources::Needs;
+use crate::selector::Selector;
+
+/// One step.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Step {
+    /// Following actions act on these splats.
+    Select(Selector),
+    /// Changes the selected splats.
+    Act(Action),
+}
+
+/// Steps in order. Before the first selection, everything is selected.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Script {
+    /// The steps.
+    pub steps: Vec<Step>,
+}
+
+impl Script {
+    /// Reads options of the command line: names without dashes, and their arguments (empty if they have none). `select` takes an
+    /// expression, the others are [`crate::ACTION_OPTIONS`].
+    ///
+    /// # Errors
+    /// At the first option that is unknown or malformed.
+    pub fn parse<'a>(
+        options: impl IntoIterator<Item = (&'a str, &'a str)>,
+    ) -> Result<Self, EditError> {
+        let mut steps = Vec::new();
+        for (name, text) in options {
+            match name {
+                "select" => {
+                    let selector = Selector::parse(text)
+                        .map_err(|source| EditError::Syntax { option: name.to_owned(), source })?;
+                    steps.push(Step::Select(selector));
+                }
+                "sliced" => match steps.last_mut() {
+                    Some(Step::Act(Action::MatchColors { sliced, .. })) => *sliced = true,
+                    _ => {
+                        return Err(EditError::Modifier {
+                            modifier: "sliced",
+                            action: "match-colors",
+                        });
+                    }
+                },
+                _ => steps.push(Step::Act(Action::parse(name, text)?)),
+            }
+        }
+        Ok(Self { steps })
+    }
+
+    /// What the steps name.
+    pub fn needs(&self) -> Needs {
+        let mut needs = Needs::default();
+        for step in &self.steps {
+            match step {
+                Step::Select(selector) => selector.visit(&mut |selector| match selector {
+                    Selector::Moving | Selector::Part(_) => needs.motion = true,
+                    Selector::Mask(path) => {
+                        needs.masks.insert(path.clone());
+                    }
+                    Selector::Ids(path) => {
+                        needs.ids.insert(path.clone());
+                    }
+                    _ => {}
+                }),
+                Step::Act(Action::MatchColors { image, .. }) => {
+                    needs.images.insert(image.clone());
+                }
+                Step::Act(Action::Graft { file, .. }) => {
+                    needs.splats.insert(file.clone());
+                }
+                Step::Act(_) => {}
+            }
+        }
+        needs
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn needs_are_collected_from_every_depth() {
+        let script = Script::parse([
+            ("select", "!(mask a | grow 1 (ids b & connected 0,0,0 of part 2))"),
+            ("match-colors", "c.png"),
+            ("sliced", ""),
+            ("graft", "d.ply@0,0,0"),
+        ])
+        .unwrap();
+        let needs = script.needs();
+        assert!(needs.motion, "part");
+        let names =
+            |set: &std::collections::BTreeSet<String>| set.iter().cloned().collect::<String>();
+        let found = [&needs.masks, &needs.ids, &needs.images, &needs.splats].map(names);
+        assert_eq!(found, ["a", "b", "c.png", "d.ply"], "files");
+        assert!(
+            matches!(&script.steps[1], Step::Act(Action::MatchColors { sliced: true, .. })),
+            "modified"
+        );
+    }
+
+    #[test]
+    fn modifiers_follow_their_action() {
+        for options in
+            [vec![("sliced", "")], vec![("match-colors", "a"), ("delete", ""), ("sliced", "")]]
+        {
+            let error = Script::parse(options).unwrap_err();
+            assert!(matches!(error, EditError::Modifier { .. }), "{error}");
+        }
+    }
+}

@@ -2,17 +2,20 @@
 
 mod bench;
 mod edit;
+mod export;
+mod export_format;
 mod freeze;
 mod shared;
 mod views;
 
 pub(crate) use bench::{BenchCommand, BenchMotionArgs};
 pub(crate) use edit::EditArgs;
+pub(crate) use export::ExportArgs;
+pub(crate) use export_format::ExportFormat;
 pub(crate) use freeze::FreezeArgs;
 pub(crate) use shared::{Bars, Common, Global, ModelFlags, Overwriting, Rendering};
 pub(crate) use views::{AxesArg, CamerasAs, SplitArg, Up};
 
-use crate::export_format::ExportFormat;
 use crate::failure::{Failure, Outcome};
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use serde::{Deserialize, Serialize};
@@ -37,7 +40,43 @@ pub(crate) struct Cli {
 impl Cli {
     /// The shared flags, whichever of them the command has.
     pub(crate) fn global(&self) -> Global {
-        Global::of(&self.common, &self.command)
+        let global = Global::of(&self.common);
+        match &self.command {
+            Command::Info(args) => global.model(&args.model),
+            Command::Doctor(args) => global.rendering(&args.rendering),
+            Command::Freeze(args) => global
+                .writes(&args.writes)
+                .bars(&args.bars)
+                .rendering(&args.rendering)
+                .model(&args.model),
+            Command::Edit(args) => global
+                .writes(&args.writes)
+                .bars(&args.bars)
+                .rendering(&args.rendering)
+                .model(&args.model),
+            Command::Propagate(args) => global
+                .writes(&args.writes)
+                .bars(&args.bars)
+                .rendering(&args.rendering)
+                .model(&args.model),
+            Command::Refine(args) => global.bars(&args.bars).rendering(&args.rendering),
+            Command::Render(args) => global
+                .writes(&args.writes)
+                .bars(&args.bars)
+                .rendering(&args.rendering)
+                .model(&args.model),
+            Command::Export(args) => global
+                .writes(&args.writes)
+                .bars(&args.bars)
+                .rendering(&args.rendering)
+                .model(&args.model),
+            Command::Demo(args) => {
+                global.writes(&args.writes).bars(&args.bars).rendering(&args.rendering)
+            }
+            Command::Bench { what: BenchCommand::Motion(args) } => {
+                global.writes(&args.writes).bars(&args.bars)
+            }
+        }
     }
 }
 
@@ -317,92 +356,6 @@ pub(crate) struct RenderArgs {
 }
 
 #[derive(Debug, Args)]
-pub(crate) struct ExportArgs {
-    /// The dynamic scene or run
-    pub(crate) scene: PathBuf,
-    /// What to write [default: as the output is called: .splat4d, .splatv, .usda, .html, .zip, .spz, .splat, .glb, .gltf, .compressed.ply or .ply]
-    #[arg(long, value_enum)]
-    pub(crate) to: Option<ExportFormat>,
-    /// Folder (ply-seq, compressed-seq) or file
-    #[arg(short, long)]
-    pub(crate) output: PathBuf,
-    /// Number of frames, evenly spaced over the whole clip [default: that of the sequence, else 60]
-    #[arg(long, help_heading = "Which frames")]
-    pub(crate) frames: Option<usize>,
-    /// Times, comma-separated
-    #[arg(
-        long,
-        value_delimiter = ',',
-        value_name = "T,…",
-        conflicts_with = "frames",
-        allow_negative_numbers = true,
-        help_heading = "Which frames"
-    )]
-    pub(crate) times: Vec<f32>,
-    /// Time of the one frame of ply, compressed-ply, spz, splat, glb and gltf [default: 0]
-    #[arg(
-        long,
-        value_name = "T",
-        allow_negative_numbers = true,
-        conflicts_with_all = ["times", "frames"],
-        help_heading = "Which frames"
-    )]
-    pub(crate) time: Option<f32>,
-    /// Frames per second of a clip; a sequence has none, its manifest notes them [default: so that the frames last as long as the clip]
-    #[arg(long, allow_negative_numbers = true, help_heading = "Which frames")]
-    pub(crate) fps: Option<f64>,
-    /// Length of the whole clip [default: that of the scene: its frames at its own rate, or at 30 a second]
-    #[arg(
-        long,
-        value_name = "SECONDS",
-        allow_negative_numbers = true,
-        help_heading = "Which frames"
-    )]
-    pub(crate) duration: Option<f64>,
-    /// Keep SH up to this degree only [default: all of it; html: 1; splat, splat4d and splatv hold 0]
-    #[arg(long, value_name = "0-3", help_heading = "What is kept")]
-    pub(crate) sh_degree: Option<usize>,
-    /// ply, ply-seq, zip: leave out the unused normals (12 bytes a splat; some readers need them)
-    #[arg(long, help_heading = "What is kept")]
-    pub(crate) no_normals: bool,
-    /// splat4d, splatv: largest error of positions as a share of the scene's size [default: splat4d 0.0002; splatv 0.005, of one splat in a
-    /// hundred]
-    #[arg(
-        long,
-        value_name = "SHARE",
-        allow_negative_numbers = true,
-        help_heading = "What is kept"
-    )]
-    pub(crate) tolerance: Option<f64>,
-    /// splatv, usda: write it although cubics miss the motion, or the text is huge
-    #[arg(long, help_heading = "What is kept")]
-    pub(crate) force: bool,
-    /// The world's upward direction, as noted in the file [default: what the scene says]
-    #[arg(long, value_enum, allow_hyphen_values = true, help_heading = "What is noted")]
-    pub(crate) up: Option<Up>,
-    /// html: title of the page [default: the output's name]
-    #[arg(long, help_heading = "What is noted")]
-    pub(crate) title: Option<String>,
-    /// spz: version 3, or 4, which few viewers read yet [default: 3]
-    #[arg(long, value_name = "3|4", help_heading = "SPZ")]
-    pub(crate) spz_version: Option<u32>,
-    /// spz: axes of the file [default: rub, as the format is described; splat-transform 3 and gsply take ply]
-    #[arg(long, value_enum, help_heading = "SPZ")]
-    pub(crate) spz_axes: Option<AxesArg>,
-    /// spz: bits of SH coefficients, 1 to 8, or of degree 1 and of those above [default: 5,4]
-    #[arg(long, value_name = "N[,N]", value_parser = parse_bits, help_heading = "SPZ")]
-    pub(crate) spz_sh_bits: Option<[u32; 2]>,
-    #[command(flatten)]
-    pub(crate) writes: Overwriting,
-    #[command(flatten)]
-    pub(crate) bars: Bars,
-    #[command(flatten)]
-    pub(crate) rendering: Rendering,
-    #[command(flatten)]
-    pub(crate) model: ModelFlags,
-}
-
-#[derive(Debug, Args)]
 pub(crate) struct DemoArgs {
     /// Folder to write
     #[arg(short, long, default_value = "c4d-demo")]
@@ -517,14 +470,6 @@ fn parse_size(text: &str) -> Result<(u32, u32), String> {
         .ok_or_else(|| format!("`{text}` is no image size: expected WIDTHxHEIGHT, 1 to 16384 pixels each, as in 960x720"))
 }
 
-fn parse_bits(text: &str) -> Result<[u32; 2], String> {
-    let bits = |part: &str| part.trim().parse().ok().filter(|bits| (1..=8).contains(bits));
-    let (first, above) = text.split_once(',').unwrap_or((text, text));
-    bits(first)
-        .and_then(|first| Some([first, bits(above)?]))
-        .ok_or_else(|| format!("invalid bits `{text}`: expected 1 to 8, for example 8 or 5,4"))
-}
-
 fn parse_background(text: &str) -> Result<[f32; 3], String> {
     match text {
         "black" => return Ok([0.0; 3]),
@@ -556,7 +501,5 @@ mod tests {
         assert!(parse_size("0x480").is_err() && parse_size("640").is_err(), "nonsense");
         assert_eq!(parse_background("1,0.5,0"), Ok([1.0, 0.5, 0.0]), "triple");
         assert!(parse_background("1,2,3").is_err(), "out of range");
-        assert_eq!((parse_bits("8"), parse_bits("5, 4")), (Ok([8, 8]), Ok([5, 4])), "bits");
-        assert!(parse_bits("9").is_err() && parse_bits("3,0").is_err(), "bits out of range");
     }
 }

@@ -2,13 +2,18 @@
 
 use crate::args::Global;
 use crate::failure::{Failure, Outcome};
-use crate::scene::damage;
 use gs_deform::IndexRule;
 use gs_io::SceneKind;
 use gs_io::model_folder::Overrides;
+use gs_io::repair::Damage;
 
 const FLAGS_4DGS: &str = "Flags of 4DGaussians models: no_dx, no_ds, no_dr, no_do, no_dshs, apply_rotation (true or false) and grid_pe (a number).";
 const FLAGS_SWIFT4D: &str = "Flags of Swift4D models: activation (relu or none), index_rule (current or older), dynamic_thro, frames, time_divisor, n_levels, n_features_per_level, hashmap_size and base_resolution (numbers).";
+
+/// What damaged rows do.
+pub(crate) fn damage(global: &Global) -> Damage {
+    if global.strict { Damage::Fail } else { Damage::Drop }
+}
 
 /// What the user decided about a model of this kind.
 pub(crate) fn overrides(global: &Global, kind: &SceneKind) -> Outcome<Overrides> {

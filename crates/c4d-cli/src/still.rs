@@ -3,8 +3,10 @@
 use crate::args::{AxesArg, Global, RenderArgs};
 use crate::console::Console;
 use crate::failure::{Failure, Outcome, chain};
+use crate::model_flags::damage;
 use crate::passes::Mask;
-use crate::scene::{self, Opened, UP_COMMENT};
+use crate::ply_comments::{UP_COMMENT, up_axis};
+use crate::scene::{self, Opened};
 use gs_core::DynamicScene;
 use gs_deform::StaticScene;
 use gs_io::frame;
@@ -52,7 +54,7 @@ pub(crate) fn open(
     for note in &frame.notes {
         console.note(format!("{}: {note}", path.display()));
     }
-    let (frame, damaged) = frame.sanitize(scene::damage(global)).map_err(|error| {
+    let (frame, damaged) = frame.sanitize(damage(global)).map_err(|error| {
         Failure::bad_input(format!("{}: {}", path.display(), chain(&error)))
             .next("Without --strict such rows are dropped and counted.")
     })?;
@@ -62,7 +64,7 @@ pub(crate) fn open(
             .next("Export the frame again; c4d info FILE says what is in it."));
     }
     let noted = frame.comments.iter().find_map(|comment| comment.strip_prefix(UP_COMMENT));
-    let up = noted.and_then(scene::up_axis).unwrap_or(scene::UP_CAPTURED);
+    let up = noted.and_then(up_axis).unwrap_or(scene::UP_CAPTURED);
     let scene = Arc::new(StaticScene::new(frame.splats).map_err(Failure::bad_input)?);
     Ok(Opened {
         edit_time: scene.time_range().start,

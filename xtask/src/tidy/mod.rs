@@ -11,7 +11,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 /// Files that are in import circles, by crate. Lower a number when it shrinks, never raise it. A crate without a row has none.
-const CIRCLES: &[(&str, usize)] = &[("amg", 10), ("c4d-cli", 22), ("uot", 8)];
+const CIRCLES: &[(&str, usize)] = &[("amg", 10), ("uot", 8)];
 
 /// Longest source file; beyond it a file holds more than one concept.
 const MAX_LINES: usize = 600;

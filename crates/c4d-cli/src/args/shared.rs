@@ -1,7 +1,5 @@
 //! Flags that several commands have. Each command lists in its help those that it uses, and refuses the others.
 
-use super::Command;
-use crate::args::BenchCommand;
 use crate::device::GpuChoice;
 use clap::Args;
 
@@ -85,60 +83,25 @@ pub(crate) struct Global {
 }
 
 impl Global {
-    pub(super) fn of(common: &Common, command: &Command) -> Self {
+    /// Those of every command.
+    pub(super) fn of(common: &Common) -> Self {
         let Common { quiet, verbose, threads, strict } = *common;
-        let global = Self { quiet, verbose, threads, strict, ..Self::default() };
-        match command {
-            Command::Info(args) => global.model(&args.model),
-            Command::Doctor(args) => global.rendering(&args.rendering),
-            Command::Freeze(args) => global
-                .writes(&args.writes)
-                .bars(&args.bars)
-                .rendering(&args.rendering)
-                .model(&args.model),
-            Command::Edit(args) => global
-                .writes(&args.writes)
-                .bars(&args.bars)
-                .rendering(&args.rendering)
-                .model(&args.model),
-            Command::Propagate(args) => global
-                .writes(&args.writes)
-                .bars(&args.bars)
-                .rendering(&args.rendering)
-                .model(&args.model),
-            Command::Refine(args) => global.bars(&args.bars).rendering(&args.rendering),
-            Command::Render(args) => global
-                .writes(&args.writes)
-                .bars(&args.bars)
-                .rendering(&args.rendering)
-                .model(&args.model),
-            Command::Export(args) => global
-                .writes(&args.writes)
-                .bars(&args.bars)
-                .rendering(&args.rendering)
-                .model(&args.model),
-            Command::Demo(args) => {
-                global.writes(&args.writes).bars(&args.bars).rendering(&args.rendering)
-            }
-            Command::Bench { what: BenchCommand::Motion(args) } => {
-                global.writes(&args.writes).bars(&args.bars)
-            }
-        }
+        Self { quiet, verbose, threads, strict, ..Self::default() }
     }
 
-    fn writes(self, flags: &Overwriting) -> Self {
+    pub(super) fn writes(self, flags: &Overwriting) -> Self {
         Self { overwrite: flags.overwrite, ..self }
     }
 
-    fn bars(self, flags: &Bars) -> Self {
+    pub(super) fn bars(self, flags: &Bars) -> Self {
         Self { no_progress: flags.no_progress, ..self }
     }
 
-    fn rendering(self, flags: &Rendering) -> Self {
+    pub(super) fn rendering(self, flags: &Rendering) -> Self {
         Self { gpu: flags.gpu, ..self }
     }
 
-    fn model(self, flags: &ModelFlags) -> Self {
+    pub(super) fn model(self, flags: &ModelFlags) -> Self {
         Self { iteration: flags.iteration, set: flags.set.clone(), ..self }
     }
 }

@@ -1,13 +1,14 @@
 //! `c4d bench motion`: every motion method against known truth.
 
 mod method;
+mod score;
 mod table;
 
-use super::freeze::{existing, output_failure};
 use crate::args::{BenchMotionArgs, Global};
 use crate::console::Console;
 use crate::device::Device;
 use crate::failure::{Failure, Outcome, chain};
+use crate::output::{existing, output_failure};
 use crate::renderer::Renderer;
 use c4d_metrics::{MotionTrack, neighbourhood_distance_deviation, psnr};
 use gs_core::DynamicScene;
@@ -15,6 +16,7 @@ use gs_deform::HexPlaneScene;
 use gs_io::AtomicDir;
 use gs_synth::{FitParams, FitResidual, SynthScene, Tag, TruthCase, TruthScene};
 use method::{METHODS, Method};
+use score::Score;
 use serde::Serialize;
 use std::str::FromStr;
 use std::sync::Arc;
@@ -26,32 +28,6 @@ const TIMES: usize = 8;
 const RENDERED: usize = 3;
 /// Size of the renders compared, pixels.
 const SIZE: (u32, u32) = (320, 240);
-
-/// One scene, one method. Lengths in % of the figure's size.
-#[derive(Debug, Clone, Serialize)]
-struct Score {
-    case: &'static str,
-    seed: u64,
-    method: Method,
-    epe: f64,
-    /// Of splats whose geometry was edited: those whose motion is a question.
-    epe_edited: f64,
-    p95: f64,
-    bad5: f64,
-    contact: f64,
-    rot_deg: f64,
-    /// Where the truth moves with one rigid bone.
-    rot_rigid_deg: f64,
-    lns: f64,
-    /// Against the truth's.
-    jitter_ratio: f64,
-    /// The same of the scene that is followed, against itself without noise.
-    jitter_ratio_source: f64,
-    ndd: f64,
-    ndd_truth: f64,
-    psnr: f64,
-    seconds: f64,
-}
 
 pub(crate) fn motion(args: &BenchMotionArgs, global: &Global, console: &Console) -> Outcome {
     let cases = cases(&args.cases)?;

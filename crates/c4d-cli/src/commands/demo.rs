@@ -1,12 +1,13 @@
 //! `c4d demo`: the whole job on a synthetic scene, without any input.
 
-use super::freeze::{existing, output_failure};
 use super::propagate::{self, Recorded};
 use super::render::{Shot, Views, write_sheet, write_video};
 use crate::args::{DemoArgs, Global, MotionArg, PresetArg, RefineFlags};
 use crate::console::Console;
 use crate::device::Device;
 use crate::failure::{Failure, Outcome};
+use crate::output::{existing, output_failure};
+use crate::ply_comments::up_comments;
 use crate::scene;
 use crate::settings::{PropagateJob, Settings};
 use gs_core::{Camera, DynamicScene};
@@ -125,7 +126,7 @@ fn write_inputs(
     let times = synthetic.time_range().frames(SOURCE_FRAMES);
     let options = WriteOptions {
         normals: false,
-        comments: scene::up_comments([0.0, 1.0, 0.0]),
+        comments: up_comments([0.0, 1.0, 0.0]),
         ..WriteOptions::default()
     };
     let mut progress = console.progress("source", SOURCE_FRAMES as u64);

@@ -1,6 +1,5 @@
 //! `c4d propagate --dry-run`: what an edit changes, counted and shown in a picture, without the long job.
 
-use super::freeze::{existing, output_failure};
 use super::panels::{render, shaded, view};
 use crate::args::Global;
 use crate::caption::{self, Rgb};
@@ -8,6 +7,7 @@ use crate::console::Console;
 use crate::device::Device;
 use crate::failure::{Failure, Outcome, chain};
 use crate::images;
+use crate::output::{existing, output_failure};
 use crate::renderer::side_by_side;
 use crate::rig::Rig;
 use crate::scene::Opened;

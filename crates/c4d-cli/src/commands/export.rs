@@ -1,20 +1,24 @@
 //! `c4d export`: the scene as files that other tools open.
 
+mod clip;
+mod flags;
 mod html;
 mod manifest;
 mod snapshot;
+mod written;
 
-use super::freeze::{check_sh_degree, existing, output_failure};
-use crate::args::{ExportArgs, Global, Up};
+pub(super) use written::say;
+
+use crate::args::{ExportArgs, ExportFormat, Global, Up};
 use crate::console::Console;
-use crate::export_format::ExportFormat;
 use crate::failure::{Failure, Outcome};
 use crate::frames::{self, Timing};
+use crate::output::{check_sh_degree, existing, output_failure, refuse_overlap};
+use crate::ply_comments::{FPS_COMMENT, up_comments};
 use crate::scene;
 use gs_io::ply::WriteOptions;
-use gs_io::{Losses, compressed_ply, ply_sequence};
-use std::path::Path;
-use std::time::Duration;
+use gs_io::{compressed_ply, ply_sequence};
+use written::{plain_losses, say_written};
 
 /// Bytes of a plain zip: players that stream archives know no zip64.
 const ZIP_LIMIT: u64 = u32::MAX as u64;
@@ -22,7 +26,7 @@ const ZIP_LIMIT: u64 = u32::MAX as u64;
 const ZIP_ENTRY: u64 = 256;
 
 pub(crate) fn run(args: &ExportArgs, global: &Global, console: &Console) -> Outcome {
-    let to = ExportFormat::of(args)?;
+    let to = flags::format_of(args)?;
     let mut opened = scene::open(&args.scene, global, console)?;
     opened.up = args.up.map_or(opened.up, Up::vector);
     if to.is_snapshot() {
@@ -34,7 +38,7 @@ pub(crate) fn run(args: &ExportArgs, global: &Global, console: &Console) -> Outc
     let times = timing.times(opened.scene.as_ref())?;
     let fps = timing.fps(&opened, &times)?;
     if to.is_clip() {
-        return super::export_clip::run(args, to, &opened, (&times, fps), global, console);
+        return clip::write(args, to, &opened, (&times, fps), global, console);
     }
     if to == ExportFormat::Html {
         return html::write(args, &opened, (&times, fps), global, console);
@@ -44,9 +48,9 @@ pub(crate) fn run(args: &ExportArgs, global: &Global, console: &Console) -> Outc
             .next("For one frame: --to ply (or compressed-ply, spz, splat, glb) with --time T."));
     }
     check_sh_degree(args.sh_degree, opened.scene.sh_degree())?;
-    scene::refuse_overlap(&args.output, &opened.roots)?;
-    let mut comments = vec![format!("{}{fps}", scene::FPS_COMMENT)];
-    comments.extend(scene::up_comments(opened.up));
+    refuse_overlap(&args.output, &opened.roots)?;
+    let mut comments = vec![format!("{}{fps}", FPS_COMMENT)];
+    comments.extend(up_comments(opened.up));
     let options = WriteOptions { normals: !args.no_normals, comments, sh_degree: args.sh_degree };
     if to == ExportFormat::Zip {
         let splats = opened.scene.at(times[0]).map_err(Failure::bad_input)?;
@@ -105,43 +109,4 @@ pub(crate) fn run(args: &ExportArgs, global: &Global, console: &Console) -> Outc
     let what = format!("{} splats, {playing}", scene.num_splats());
     say_written(output, elapsed, &what, &losses, console);
     Ok(())
-}
-
-/// What a sequence of 32-bit floats loses.
-fn plain_losses(args: &ExportArgs, available: usize) -> Losses {
-    let mut losses = Losses::none();
-    if let Some(degree) = args.sh_degree.filter(|&degree| degree < available) {
-        losses.push(format!("SH degree {available} becomes {degree}"));
-    }
-    losses
-}
-
-/// Shows how large the output is and what it does not keep, and names it.
-pub(crate) fn say_written(
-    output: &Path,
-    elapsed: Duration,
-    what: &str,
-    losses: &Losses,
-    console: &Console,
-) {
-    let megabytes = size(output) as f64 / 1e6;
-    console.note(format!("{megabytes:.1} MB in {:.1} s: {what}", elapsed.as_secs_f64()));
-    say(losses, console);
-    console.result(output.display());
-}
-
-/// Shows what was lost.
-pub(crate) fn say(losses: &Losses, console: &Console) {
-    for sentence in losses.sentences() {
-        console.note(format!("not kept: {sentence}"));
-    }
-}
-
-/// Size of a file, or of the files in a folder, bytes.
-fn size(path: &Path) -> u64 {
-    let of = |path: &Path| std::fs::metadata(path).map_or(0, |metadata| metadata.len());
-    match std::fs::read_dir(path) {
-        Ok(entries) => entries.flatten().map(|entry| of(&entry.path())).sum(),
-        Err(_no_folder) => of(path),
-    }
 }

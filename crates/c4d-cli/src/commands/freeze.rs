@@ -4,7 +4,9 @@ use super::source_match::INVISIBLE;
 use crate::args::{FreezeArgs, Global};
 use crate::console::Console;
 use crate::device::Device;
-use crate::failure::{Failure, Outcome, ROOM};
+use crate::failure::{Failure, Outcome};
+use crate::output::{check_sh_degree, existing, output_failure, refuse_overlap};
+use crate::ply_comments::{BACKGROUND_COMMENT, TIME_COMMENT, up_comments};
 use crate::renderer::Renderer;
 use crate::rig::{DEFAULT_SIZE, Rig};
 use crate::scene::Opened;
@@ -16,12 +18,8 @@ use gs_io::{AtomicDir, Existing, SceneKind, cameras_json};
 use std::collections::HashSet;
 use std::path::Path;
 
-/// PLY comment in which the time of the frame is noted.
-pub(crate) const TIME_COMMENT: &str = "c4d_time ";
 /// Cameras of the rig written beside the PLY.
 const RIG_CAMERAS: usize = 12;
-/// PLY comment in which the background of the views is noted.
-pub(crate) const BACKGROUND_COMMENT: &str = "c4d_background ";
 /// Folder of the views.
 const VIEWS: &str = "views";
 /// Size of the views of a rig: what image models work on.
@@ -37,14 +35,14 @@ pub(crate) fn run(args: &FreezeArgs, global: &Global, console: &Console) -> Outc
     let splats = visible(splats, args, console)?;
     let (cameras, origin) = cameras_of(args, &opened, console)?;
     let output = &args.output;
-    scene::refuse_overlap(output, &opened.roots)?;
+    refuse_overlap(output, &opened.roots)?;
     let device = args.views.map(|_| Device::open(global.gpu)).transpose()?;
     let folder =
         AtomicDir::create(output, existing(global)).map_err(|error| output_failure(&error))?;
     let options = WriteOptions {
         comments: std::iter::once(format!("{TIME_COMMENT}{}", args.time))
             .chain(device.as_ref().map(|_| background_comment(opened.background)))
-            .chain(scene::up_comments(opened.up))
+            .chain(up_comments(opened.up))
             .collect(),
         sh_degree: args.sh_degree,
         ..WriteOptions::default()
@@ -194,41 +192,4 @@ fn visible(splats: Splats, args: &FreezeArgs, console: &Console) -> Outcome<Spla
         "--visible: {hidden} of {all} splats are invisible at time {time} and left out; c4d propagate keeps them in the result"
     ));
     Ok(splats.select(&seen))
-}
-
-/// What happens to output that is already there.
-pub(crate) fn existing(global: &Global) -> Existing {
-    if global.overwrite { Existing::Replace } else { Existing::Refuse }
-}
-
-/// Failure to write output; refusing to overwrite is a matter of usage.
-pub(crate) fn output_failure(error: &gs_io::IoError) -> Failure {
-    use gs_io::IoError;
-    let text = crate::failure::chain(error);
-    match error {
-        IoError::Exists { path } => Failure::usage(format!("{} already exists", path.display()))
-            .next("Choose another name; -w replaces what c4d wrote."),
-        IoError::NotOurs { path, entry, .. } => Failure::usage(text).next(format!(
-            "Move {} elsewhere, or choose another name for the output.",
-            path.join(entry).display()
-        )),
-        IoError::Taken { next, .. } => Failure::usage(text).next(next),
-        IoError::Busy { .. } => {
-            Failure::usage(text).next("Wait for it to end, or choose another name for the output.")
-        }
-        IoError::Content { .. } => Failure::usage(text),
-        IoError::Scene { source, .. } => Failure::bad_input(crate::failure::chain(source)),
-        IoError::Write { .. } => Failure::failed(text).next(ROOM),
-        _ => Failure::failed(text),
-    }
-}
-
-/// Refuses SH degrees that the scene does not have.
-pub(crate) fn check_sh_degree(asked: Option<usize>, available: usize) -> Outcome {
-    match asked {
-        Some(degree) if degree > available => Err(Failure::usage(format!(
-            "--sh-degree {degree}: the scene has SH degree {available}"
-        ))),
-        _ => Ok(()),
-    }
 }

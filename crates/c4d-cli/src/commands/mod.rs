@@ -6,7 +6,6 @@ pub(crate) mod doctor;
 mod dry_run;
 pub(crate) mod edit;
 pub(crate) mod export;
-pub(crate) mod export_clip;
 pub(crate) mod freeze;
 pub(crate) mod info;
 mod panels;

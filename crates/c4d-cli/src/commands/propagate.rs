@@ -1,6 +1,5 @@
 //! `c4d propagate`: carry an edited frame through all of time.
 
-use super::freeze::{TIME_COMMENT, existing, output_failure};
 use super::{dry_run, refine, source_match};
 use crate::args::{BaselineArg, Global, MotionArg, PresetArg, PropagateArgs};
 use crate::console::Console;
@@ -8,6 +7,9 @@ use crate::edited_axes;
 use crate::failure::{Failure, Outcome, chain};
 use crate::field::NetworkField;
 use crate::instead::{self, Needed};
+use crate::model_flags::damage;
+use crate::output::{existing, output_failure, refuse_overlap};
+use crate::ply_comments::TIME_COMMENT;
 use crate::run_folder::{self, CONFIG, Checkpoint, REPORT, RunConfig, SCENE, Stored};
 use crate::scene::{self, Opened};
 use crate::settings::{
@@ -65,7 +67,7 @@ pub(crate) fn propagate(
     let source = scene::open(&args.scene, global, console)?;
     let mut inputs = source.roots.clone();
     inputs.push(args.edited.clone());
-    scene::refuse_overlap(&args.output, &inputs)?;
+    refuse_overlap(&args.output, &inputs)?;
     if !args.no_refine {
         let (preset, settings) = refinement(args)?;
         refine::check(&args.refine, preset, &settings, global)?;
@@ -258,7 +260,7 @@ fn read_edited(
     }
     let frame = edited_axes::settle(frame, path, source, args.axes, console)?;
     let rows = frame.splats.len();
-    let (frame, damaged) = frame.sanitize(scene::damage(global)).map_err(|error| {
+    let (frame, damaged) = frame.sanitize(damage(global)).map_err(|error| {
         Failure::bad_input(format!("{}: {}", path.display(), chain(&error))).next(
             if global.strict {
                 "Without --strict such rows are dropped and counted."

@@ -2,16 +2,17 @@
 
 mod watch;
 
-use super::freeze::output_failure;
 use crate::args::{Global, PresetArg, RefineArgs, RefineFlags, Up, WarpArg};
 use crate::console::Console;
 use crate::device::{self, Device};
 use crate::failure::{Failure, Outcome, chain};
+use crate::output::output_failure;
 use crate::rig::{Layout, Rig};
 use crate::run_folder::{
-    self, CONFIG, Checkpoint, Loaded, MadeFrom, REFINE_IMAGES, REFINE_REPORT, REFINE_STATE,
-    RefineConfig, RefinedRows, SCENE,
+    self, CONFIG, Checkpoint, MadeFrom, REFINE_IMAGES, REFINE_REPORT, REFINE_STATE, RefineConfig,
+    RefinedRows, SCENE,
 };
+use crate::scene::Run;
 use crate::settings::{
     AdamSettings, OcclusionSettings, RefineSettings, RegressionSettings, Settings,
 };
@@ -43,7 +44,7 @@ const USUAL_MEMORY: usize = 2048;
 const MIN_MEMORY: usize = 16;
 /// Most images that can be asked for.
 const MAX_SAMPLES: usize = 10_000_000;
-/// Every so-manieth camera is held out of the refinement and only reported.
+/// One camera in this many is held out: the refinement does not see it, the report has its error.
 const HELD_OUT_EVERY: usize = 5;
 
 pub(crate) fn run(args: &RefineArgs, global: &Global, console: &Console) -> Outcome {
@@ -183,7 +184,7 @@ pub(crate) fn refine(run: &Path, begun: Checkpoint, global: &Global, console: &C
     run_folder::check_is_folder(run)?;
     // A folder that cannot be written is found out before the work, not after it.
     let update = FolderUpdate::begin(run).map_err(|error| output_failure(&error))?;
-    let mut loaded = run_folder::load(run, global, console)?;
+    let mut loaded = scene::open_run(run, global, console)?;
     let edited: Vec<bool> =
         loaded.stored.binding.kinds().iter().map(|kind| *kind != RowKind::Unchanged).collect();
     if !edited.contains(&true) {
@@ -379,7 +380,7 @@ fn options(
     flags: &RefineFlags,
     preset: PresetArg,
     settings: &RefineSettings,
-    loaded: &Loaded,
+    loaded: &Run,
 ) -> Outcome<RefineOptions> {
     let mut options = chosen(flags, preset, settings)?;
     options.edit_time = Some(loaded.config.edit_time);
@@ -398,11 +399,7 @@ fn image_memory(flags: &RefineFlags) -> usize {
 }
 
 /// The cameras given, else a rig.
-fn cameras(
-    flags: &RefineFlags,
-    loaded: &Loaded,
-    console: &Console,
-) -> Outcome<(Vec<Camera>, String)> {
+fn cameras(flags: &RefineFlags, loaded: &Run, console: &Console) -> Outcome<(Vec<Camera>, String)> {
     let source = &loaded.source;
     if let Some(path) = &flags.refine_cameras {
         let set = crate::cameras::open(path, None, source, console)?;

@@ -5,16 +5,15 @@ mod views;
 pub(crate) use views::Views;
 
 use super::export::say;
-use super::freeze::{existing, output_failure};
 use crate::args::{Format, Global, Pass, RenderArgs};
 use crate::console::Console;
 use crate::device::Device;
 use crate::failure::{Failure, Outcome};
 use crate::frames::{self, Timing};
 use crate::loops::{GIF_MAX_FPS, GifWriter, LoopWriter, WebpWriter};
+use crate::output::{existing, output_failure, refuse_overlap};
 use crate::passes::{self, PassImage};
 use crate::renderer::{self, Renderer};
-use crate::scene;
 use crate::video::VideoWriter;
 use crate::{images, memory, rates, still};
 use gs_core::{Camera, DynamicScene, Image, RenderOutput, Splats};
@@ -41,7 +40,7 @@ pub(crate) fn run(args: &RenderArgs, global: &Global, console: &Console) -> Outc
     };
     timing.check()?;
     let mut times = timing.times(opened.scene.as_ref())?;
-    scene::refuse_overlap(&args.output, &opened.roots)?;
+    refuse_overlap(&args.output, &opened.roots)?;
     if args.side_by_side && opened.original.is_none() {
         return Err(Failure::usage(
             "--side-by-side compares a run with its source; this scene is not a run",

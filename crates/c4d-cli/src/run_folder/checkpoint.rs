@@ -72,7 +72,7 @@ impl Checkpoint {
         let bytes = safetensors::serialize(views, Some(metadata)).map_err(failed)?;
         update
             .write(REFINE_STATE, &bytes, true)
-            .map_err(|error| crate::commands::freeze::output_failure(&error))
+            .map_err(|error| crate::output::output_failure(&error))
     }
 
     /// Reads the checkpoint of a run, if it has one.

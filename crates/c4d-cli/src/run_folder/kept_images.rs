@@ -39,9 +39,8 @@ pub(crate) struct KeptImages {
 impl KeptImages {
     /// Opens the images of a run; those made from anything else are discarded.
     pub(crate) fn open(update: &FolderUpdate, made_from: &MadeFrom) -> Outcome<Self> {
-        let file = update
-            .growing(REFINE_IMAGES)
-            .map_err(|error| crate::commands::freeze::output_failure(&error))?;
+        let file =
+            update.growing(REFINE_IMAGES).map_err(|error| crate::output::output_failure(&error))?;
         let failed = |error: io::Error| Failure::failed(format!("{REFINE_IMAGES}: {error}"));
         let mut kept = Self { file, places: HashMap::new(), end: 0 };
         let found = kept.read_index(made_from).map_err(failed)?;

@@ -1,7 +1,8 @@
 //! Scores as Markdown.
 
 use super::method::Method;
-use super::{Score, TruthCase};
+use super::score::Score;
+use gs_synth::TruthCase;
 use std::fmt::Write;
 
 /// Mean over the seeds, per case and method, then the summary.

@@ -4,11 +4,12 @@ use super::picture::{self, Shown};
 use super::record::{Record, RecordFile, RecordedStep};
 use super::resources::{self, Input};
 use crate::args::{EditArgs, Global, Up};
-use crate::commands::freeze::{TIME_COMMENT, existing, output_failure};
 use crate::console::Console;
 use crate::device::Device;
 use crate::failure::{Failure, Outcome, chain};
-use crate::scene::{self, Opened};
+use crate::output::{existing, output_failure, refuse_overlap};
+use crate::ply_comments::{TIME_COMMENT, up_comments};
+use crate::scene::Opened;
 use crate::{frames, still};
 use gs_core::Splats;
 use gs_edit::{EditError, Editor, Resources, Script, Step, Summary};
@@ -252,7 +253,7 @@ impl Outputs {
     fn create(args: &EditArgs, opened: &Opened, global: &Global) -> Outcome<Self> {
         let existing = existing(global);
         let create = |path: &Path| {
-            scene::refuse_overlap(path, &opened.roots)?;
+            refuse_overlap(path, &opened.roots)?;
             AtomicFile::create(path, existing).map_err(|error| output_failure(&error))
         };
         let frame = match &args.output {
@@ -315,7 +316,7 @@ fn comments(opened: &Opened, time: f32) -> Vec<String> {
         return header.comments;
     }
     let time = (!opened.kind.is_frame()).then(|| format!("{TIME_COMMENT}{time}"));
-    time.into_iter().chain(scene::up_comments(opened.up)).collect()
+    time.into_iter().chain(up_comments(opened.up)).collect()
 }
 
 #[cfg(test)]

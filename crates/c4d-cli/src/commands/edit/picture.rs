@@ -70,5 +70,5 @@ pub(super) fn draw(
 /// Writes it.
 pub(super) fn write(mut file: AtomicFile, path: &Path, image: &Image) -> Outcome {
     images::write_png(&mut file, path, image)?;
-    file.commit().map_err(|error| crate::commands::freeze::output_failure(&error))
+    file.commit().map_err(|error| crate::output::output_failure(&error))
 }

@@ -3,10 +3,11 @@
 use super::picture_files::{read_masks, read_pictures};
 use super::watch::{Watch, WorkFolder};
 use crate::args::{EditArgs, Global};
-use crate::commands::freeze::{BACKGROUND_COMMENT, TIME_COMMENT, existing, output_failure};
 use crate::console::Console;
 use crate::device::{self, Device};
 use crate::failure::{Failure, Outcome, chain};
+use crate::output::{existing, output_failure, refuse_overlap};
+use crate::ply_comments::{BACKGROUND_COMMENT, TIME_COMMENT};
 use crate::renderer::{Renderer, contact_sheet, side_by_side};
 use crate::{images, scene};
 use gs_core::{Camera, Image, Splats};
@@ -33,7 +34,7 @@ pub(super) fn run(args: &EditArgs, folder: &Path, global: &Global, console: &Con
             .next("Choose a name that ends in .ply; c4d propagate reads it."));
     }
     let input = frame::file_of(&args.input);
-    scene::refuse_overlap(output, &[folder.to_owned(), input.clone()])?;
+    refuse_overlap(output, &[folder.to_owned(), input.clone()])?;
     let frame = frame::read_file(&args.input).map_err(|error| scene::bad_input(&error))?;
     for note in &frame.notes {
         console.note(format!("{}: {note}", input.display()));

@@ -1,8 +1,8 @@
 //! `NAME.edit.json` beside an edited frame: the steps that made it, to be done again.
 
 use super::resources::read_bytes;
-use crate::commands::freeze::output_failure;
 use crate::failure::{Failure, Outcome};
+use crate::output::output_failure;
 use gs_io::{AtomicFile, Existing, IoError};
 use serde::{Deserialize, Serialize};
 use std::io::Write;

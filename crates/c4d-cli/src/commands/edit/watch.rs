@@ -1,9 +1,9 @@
 //! [`Watch`]: what a running fit shows and saves.
 
 use super::checkpoint;
-use crate::commands::freeze::output_failure;
 use crate::failure::{Failure, Outcome};
 use crate::images;
+use crate::output::output_failure;
 use crate::progress::Progress;
 use crate::renderer::side_by_side;
 use gs_fit::{FitObserver, FitPreview, FitProgress, FitState};

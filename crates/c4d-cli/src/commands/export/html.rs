@@ -1,14 +1,14 @@
 //! `c4d export --to html`: the scene, beside its original if it is a run, as one page that plays anywhere.
 
-use super::super::freeze::{check_sh_degree, existing, output_failure};
-use super::say_written;
+use super::written::say_written;
 use crate::args::{ExportArgs, Global};
 use crate::console::Console;
 use crate::device::Device;
 use crate::failure::{Failure, Outcome, chain};
+use crate::output::{check_sh_degree, existing, output_failure, refuse_overlap};
 use crate::renderer::Renderer;
 use crate::rig::{DEFAULT_SIZE, Rig};
-use crate::scene::{self, Opened};
+use crate::scene::Opened;
 use gs_core::{Camera, DynamicScene, Image};
 use gs_io::{AtomicFile, Losses};
 use gs_player::{Options, Page, PlayerError, Poster, Report};
@@ -27,7 +27,7 @@ pub(super) fn write(
     console: &Console,
 ) -> Outcome {
     check_sh_degree(args.sh_degree, opened.scene.sh_degree())?;
-    scene::refuse_overlap(&args.output, &opened.roots)?;
+    refuse_overlap(&args.output, &opened.roots)?;
     let options = Options {
         sh_degree: args.sh_degree.unwrap_or(Options::default().sh_degree),
         ..Options::default()

@@ -2,8 +2,8 @@
 //!
 //! Beside it, never in it: players take a folder or an archive for a sequence only while nothing else lies in it.
 
-use super::super::freeze::output_failure;
 use crate::failure::{Failure, Outcome};
+use crate::output::output_failure;
 use gs_io::{AtomicFile, Existing, IoError};
 use serde_json::json;
 use std::io::Write;

@@ -1,13 +1,13 @@
 //! Formats of one frame.
 
-use super::super::freeze::{TIME_COMMENT, check_sh_degree, existing, output_failure};
-use super::{plain_losses, say_written};
-use crate::args::{AxesArg, ExportArgs, Global};
+use super::written::{plain_losses, say_written};
+use crate::args::{AxesArg, ExportArgs, ExportFormat, Global};
 use crate::console::Console;
-use crate::export_format::ExportFormat;
 use crate::failure::{Failure, Outcome};
 use crate::frames;
-use crate::scene::{self, Opened};
+use crate::output::{check_sh_degree, existing, output_failure, refuse_overlap};
+use crate::ply_comments::{TIME_COMMENT, up_comments};
+use crate::scene::Opened;
 use gs_io::{AtomicFile, compressed_ply, gltf, ply, splat_file, spz};
 use std::time::Instant;
 
@@ -23,14 +23,13 @@ pub(super) fn write(
     frames::check(opened.scene.time_range(), time, "--time")?;
     check_sh_degree(args.sh_degree, opened.scene.sh_degree())?;
     let spz = spz_options(args)?;
-    scene::refuse_overlap(&args.output, &opened.roots)?;
+    refuse_overlap(&args.output, &opened.roots)?;
     let start = Instant::now();
     let splats = opened.scene.at(time).map_err(Failure::bad_input)?;
     let mut file = AtomicFile::create(&args.output, existing(global))
         .map_err(|error| output_failure(&error))?;
-    let comments = std::iter::once(format!("{TIME_COMMENT}{time}"))
-        .chain(scene::up_comments(opened.up))
-        .collect();
+    let comments =
+        std::iter::once(format!("{TIME_COMMENT}{time}")).chain(up_comments(opened.up)).collect();
     let sh_degree = args.sh_degree;
     let written = match to {
         ExportFormat::Splat => splat_file::write(&splats, &mut file),

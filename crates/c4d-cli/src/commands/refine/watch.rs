@@ -1,10 +1,10 @@
 //! [`Watch`]: what a running refinement shows and saves.
 
 use crate::args::{PresetArg, RefineFlags};
-use crate::commands::freeze::output_failure;
 use crate::console::Console;
 use crate::failure::{Failure, Outcome};
 use crate::images;
+use crate::output::output_failure;
 use crate::progress::Progress;
 use crate::renderer::side_by_side;
 use crate::run_folder::{Checkpoint, KeptImages, MadeFrom, PREVIEWS};

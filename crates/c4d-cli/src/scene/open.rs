@@ -1,141 +1,36 @@
 //! Opening SCENE: a model folder of 4DGS or Swift4D, a sequence of frames, a `.splatv` or `.splat4d` clip, or a run of ours.
 
+use super::{Opened, Run, UP_CAPTURED, bad_input};
 use crate::args::Global;
 use crate::console::Console;
-use crate::failure::{Failure, Outcome, chain};
+use crate::failure::{Failure, Outcome};
 use crate::field::Network;
 use crate::instead::{self, Needed};
-use crate::model_flags::overrides;
+use crate::model_flags::{damage, overrides};
 use crate::passes::Mask;
-use crate::run_folder;
+use crate::ply_comments::{fps_of, up_of};
+use crate::run_folder::{CONFIG, RefineConfig, RunFiles, SCENE, fingerprint};
+use amg::RowKind;
 use gs_core::DynamicScene;
-use gs_io::cameras::CamerasError;
 use gs_io::checkpoint4dgs;
-use gs_io::frame::FrameError;
 use gs_io::model_folder::{ModelReport, ModelScene};
 use gs_io::ply_sequence::{PlySequence, SequenceOptions};
 use gs_io::repair::{Damage, RepairReport};
 use gs_io::{IoError, SceneKind, swift4d};
-use std::path::{Path, PathBuf};
+use std::path::Path;
+use std::path::PathBuf;
 use std::sync::Arc;
-
-/// A scene ready to be asked for any time.
-#[derive(Debug)]
-pub(crate) struct Opened {
-    /// The scene itself.
-    pub(crate) scene: Arc<dyn DynamicScene>,
-    /// The scene's own deformation network with its canonical splats, where it has one.
-    pub(crate) network: Option<Network>,
-    /// What the path is.
-    pub(crate) kind: SceneKind,
-    /// As given.
-    pub(crate) path: PathBuf,
-    /// The scene before the edit, for runs.
-    pub(crate) original: Option<Arc<dyn DynamicScene>>,
-    /// Time of the edited frame: a run's, else the start.
-    pub(crate) edit_time: f32,
-    /// The world's upward direction, as far as the files tell.
-    pub(crate) up: [f64; 3],
-    /// Frames per second of the clip, where its files note them.
-    pub(crate) fps: Option<f64>,
-    /// Background the model was trained with, else black.
-    pub(crate) background: [f32; 3],
-    /// Which pixels are artifacts: as a run was refined, else as usual.
-    pub(crate) mask: Mask,
-    /// Facts to show, name and value.
-    pub(crate) facts: Vec<(&'static str, String)>,
-    /// Folders the scene is read from, sources of runs included.
-    pub(crate) roots: Vec<PathBuf>,
-    /// Files whose content decides what the scene is, for fingerprints.
-    pub(crate) files: Vec<PathBuf>,
-}
 
 /// What a scene may be.
 const SCENES: &str = "SCENE is a 4DGS or Swift4D model folder, numbered frames in a folder or zip archive, a .splatv or .splat4d clip, or a run folder.";
-/// What an edited frame may be.
-const FRAMES: &str = "c4d goes by a file's content, not by the end of its name: export the splats as 3DGS PLY, compressed PLY, .splat, .spz, .sog or .glb.";
 /// Share of the distance between unrelated rows above which the rows of a sequence do not persist.
 const MAX_DRIFT: f32 = 0.3;
-/// Captured scenes: y points down.
-pub(crate) const UP_CAPTURED: [f64; 3] = [0.0, -1.0, 0.0];
 /// D-NeRF scenes: z points up.
 const UP_SYNTHETIC: [f64; 3] = [0.0, 0.0, 1.0];
 /// Channels of the planes of the published D-NeRF configurations, and of no other.
 const DNERF_CHANNELS: usize = 32;
 /// Splats of a `.splatv` that fade more slowly than this (the clip lasts 1) are there all the time.
 const ALWAYS_THERE: f32 = 10.0;
-/// PLY comment in which our own sequences note the upward axis.
-pub(crate) const UP_COMMENT: &str = "c4d_up ";
-/// PLY comment in which our own sequences note their frame rate.
-pub(crate) const FPS_COMMENT: &str = "c4d_fps ";
-
-/// Converts a reader's error; its message names the file and what was found.
-pub(crate) fn bad_input(error: &IoError) -> Failure {
-    let failure = Failure::bad_input(chain(error));
-    match error {
-        IoError::Read { .. } => {
-            failure.next("Check the name, and that it is a file that can be read.")
-        }
-        IoError::Damaged { .. } => {
-            failure.next("Without --strict such rows are dropped and counted.")
-        }
-        IoError::StandIn { found, .. } => failure.next(found.next),
-        IoError::Frame { path, source: FrameError::Unknown { .. } } => {
-            match gs_io::detect(path) {
-                Ok(SceneKind::Unsupported(format)) => failure.next(format.next),
-                _ => failure.next(FRAMES),
-            }
-        }
-        IoError::Frame { source: FrameError::Version { .. }, .. } => failure.next(
-            "Convert it as above, or export the splats as a 3DGS PLY from the program that made it.",
-        ),
-        IoError::Cameras { source: CamerasError::Lens { .. }, .. } => failure.next(
-            "Undistort the images, and give the folder that this writes; or give other cameras.",
-        ),
-        IoError::Ply { .. } | IoError::Frame { .. } => {
-            failure.next("Copy the file again, or export the splats again as a 3DGS PLY.")
-        }
-        IoError::Splatv { .. } | IoError::Splat4d { .. } => {
-            failure.next("Copy or export the clip again, or give the scene it was made from.")
-        }
-        IoError::Cameras { .. } => failure.next(
-            "Write the file anew, or give other cameras: c4d info PATH says what a file or folder has.",
-        ),
-        _ => failure,
-    }
-}
-
-/// What damaged rows do.
-pub(crate) fn damage(global: &Global) -> Damage {
-    if global.strict { Damage::Fail } else { Damage::Drop }
-}
-
-/// Refuses an output that is, holds, or lies in one of the inputs: writing it would destroy them.
-pub(crate) fn refuse_overlap(output: &Path, inputs: &[PathBuf]) -> Outcome {
-    let Some(output_real) = real(output) else { return Ok(()) };
-    for input in inputs {
-        let Some(input_real) = real(input) else { continue };
-        if output_real.starts_with(&input_real) || input_real.starts_with(&output_real) {
-            return Err(Failure::usage(format!(
-                "the output {} and the input {} overlap",
-                output.display(),
-                input.display()
-            ))
-            .next("Choose another place for the output: inputs are never written to."));
-        }
-    }
-    Ok(())
-}
-
-/// The path with links resolved; of a path that does not exist yet, its nearest existing folder resolved.
-fn real(path: &Path) -> Option<PathBuf> {
-    let absolute = std::path::absolute(path).ok()?;
-    absolute.ancestors().find_map(|ancestor| {
-        let rest = absolute.strip_prefix(ancestor).ok()?;
-        Some(ancestor.canonicalize().ok()?.join(rest))
-    })
-}
-
 /// Opens a scene and reports what was found odd about it.
 pub(crate) fn open(path: &Path, global: &Global, console: &Console) -> Outcome<Opened> {
     if global.iteration.is_some() || !global.set.is_empty() {
@@ -159,7 +54,7 @@ pub(crate) fn refuse_model_flags(path: &Path) -> Outcome {
 }
 
 /// As [`open`], for the source of runs: `runs` are the run folders on the way, outermost first.
-pub(crate) fn open_within(
+fn open_within(
     path: &Path,
     runs: &[PathBuf],
     global: &Global,
@@ -175,7 +70,7 @@ pub(crate) fn open_within(
         SceneKind::PlySequence => open_sequence(path, global, console),
         SceneKind::Splatv => open_splatv(path, global, console),
         SceneKind::Splat4d => open_splat4d(path, global, console),
-        SceneKind::RunFolder => run_folder::open(path, runs, global, console),
+        SceneKind::RunFolder => open_edited(path, runs, global, console),
         kind @ SceneKind::Model3dgs => Err(Failure::bad_input(format!(
             "{} is a {kind}: no save of it has a deformation.pth",
             path.display()
@@ -405,51 +300,91 @@ fn open_splat4d(path: &Path, global: &Global, console: &Console) -> Outcome<Open
     })
 }
 
-/// The upward axis that our own writer notes in a comment.
-fn up_of(ply: &Path) -> Option<[f64; 3]> {
-    up_axis(&noted(ply, UP_COMMENT)?)
+/// Reads a run and opens its source.
+pub(crate) fn open_run(path: &Path, global: &Global, console: &Console) -> Outcome<Run> {
+    open_run_within(path, &[], global, console)
 }
 
-/// The direction of an axis by name: `y`, `-z`.
-pub(crate) fn up_axis(name: &str) -> Option<[f64; 3]> {
-    let axis: crate::args::Up = clap::ValueEnum::from_str(name.trim(), true).ok()?;
-    Some(axis.vector())
+fn open_run_within(
+    path: &Path,
+    runs: &[PathBuf],
+    global: &Global,
+    console: &Console,
+) -> Outcome<Run> {
+    let real = path.canonicalize().unwrap_or_else(|_| path.to_owned());
+    if runs.contains(&real) {
+        return Err(Failure::bad_input(format!("the run {} is its own source", path.display()))
+            .next(format!(
+                "Correct `source` in {}, or write the run anew with c4d propagate.",
+                path.join(CONFIG).display()
+            )));
+    }
+    let mut runs = runs.to_vec();
+    runs.push(real);
+    let RunFiles { config, stored, source: source_path } = RunFiles::read(path)?;
+    let source_global =
+        Global { iteration: config.iteration, set: config.set.clone(), ..global.clone() };
+    let source = open_within(&source_path, &runs, &source_global, console)?;
+    if fingerprint(&source.files)? != config.source_sha256 {
+        console.warn(format!(
+            "{} has changed since {} was made: its motion may no longer fit the edit. Run c4d propagate again.",
+            source_path.display(),
+            path.display()
+        ));
+    }
+    Ok(Run { config, stored, source })
 }
 
-/// The frame rate that our own writer notes in a comment.
-fn fps_of(ply: &Path) -> Option<f64> {
-    noted(ply, FPS_COMMENT)?.parse().ok().filter(|&fps: &f64| fps > 0.0 && fps.is_finite())
-}
-
-/// What follows `name` in a comment of a PLY, or of the first one of an archive that does not compress.
-fn noted(ply: &Path, name: &str) -> Option<String> {
-    use std::io::Read;
-    let mut head = vec![0; 16 * 1024];
-    let read = gs_io::open_file(ply).ok()?.read(&mut head).ok()?;
-    let text = String::from_utf8_lossy(&head[..read]).into_owned();
-    let value = text
-        .lines()
-        .take_while(|line| *line != "end_header")
-        .find_map(|line| line.strip_prefix("comment ")?.strip_prefix(name))?;
-    Some(value.trim().to_owned())
-}
-
-/// Comments for a sequence whose world's up is `up`, when it is an axis: ours, and the one that Brush reads where it has a word for it
-/// (there `y` means that −y is up).
-pub(crate) fn up_comments(up: [f64; 3]) -> Vec<String> {
-    let brush = match up {
-        [1.0, 0.0, 0.0] => Some("x"),
-        [0.0, -1.0, 0.0] => Some("y"),
-        [0.0, 0.0, -1.0] => Some("z"),
-        _ => None,
-    };
-    up_comment(up).into_iter().chain(brush.map(|axis| format!("Vertical axis: {axis}"))).collect()
-}
-
-fn up_comment(up: [f64; 3]) -> Option<String> {
-    use crate::args::Up;
-    [(Up::X, "x"), (Up::Y, "y"), (Up::Z, "z"), (Up::NegX, "-x"), (Up::NegY, "-y"), (Up::NegZ, "-z")]
-        .into_iter()
-        .find(|(axis, _)| axis.vector() == up)
-        .map(|(_, name)| format!("{UP_COMMENT}{name}"))
+/// Opens a run as a scene: its source, the edited frame, and the binding between them.
+fn open_edited(
+    path: &Path,
+    runs: &[PathBuf],
+    global: &Global,
+    console: &Console,
+) -> Outcome<Opened> {
+    let run = open_run_within(path, runs, global, console)?;
+    let scene = run.scene(path, true)?;
+    let Run { config, stored, source } = run;
+    let count = |kind| stored.binding.count(kind);
+    let rows = format!(
+        "{} unchanged, {} recoloured, {} moved, {} blended, {} static",
+        count(RowKind::Unchanged),
+        count(RowKind::Recoloured),
+        count(RowKind::Moved),
+        count(RowKind::Blended),
+        count(RowKind::Static)
+    );
+    let refined = stored.refined.as_ref().map_or("no".to_owned(), |refined| {
+        format!("{} splats have new colours", refined.changed(&stored.edited))
+    });
+    let facts = vec![
+        ("source", source.path.display().to_string()),
+        ("edited", config.edited.display().to_string()),
+        ("edit time", config.edit_time.to_string()),
+        (
+            "method",
+            format!("{}, baseline {}, motion {}", config.preset, config.baseline, config.motion),
+        ),
+        ("rows", rows),
+        ("refined", refined),
+    ];
+    let mut files = vec![path.join(SCENE)];
+    files.extend(source.files);
+    let mut roots = vec![path.to_owned()];
+    roots.extend(source.roots);
+    Ok(Opened {
+        roots,
+        edit_time: config.edit_time,
+        scene: Arc::new(scene),
+        network: None,
+        kind: SceneKind::RunFolder,
+        path: path.to_owned(),
+        original: Some(source.scene),
+        up: source.up,
+        fps: source.fps,
+        background: source.background,
+        mask: config.refine.as_ref().map_or_else(Mask::default, RefineConfig::mask),
+        facts,
+        files,
+    })
 }

@@ -1,9 +1,10 @@
 //! Run folders whose files are damaged: each opens, or is refused with an error; none ends the process.
 
-use super::{CONFIG, Checkpoint, REFINE_STATE, SCENE, open};
+use super::open;
 use crate::args::{Cli, Command, PresetArg, RefineFlags};
 use crate::commands;
 use crate::console::Console;
+use crate::run_folder::{CONFIG, Checkpoint, REFINE_STATE, SCENE};
 use crate::settings::RefineSettings;
 use clap::Parser;
 use std::fs;
@@ -80,7 +81,7 @@ fn damaged_run_folders_are_errors() {
         fs::write(run.join(name), damaged(sound, &mut numbers)).unwrap();
         let look = || {
             let _ = Checkpoint::read(&run);
-            let Ok(found) = open(&run, &[], &global, &console) else { return false };
+            let Ok(found) = open(&run, &global, &console) else { return false };
             let splats = found.scene.at(found.edit_time);
             assert!(splats.is_err() || splats.unwrap().check_shapes().is_ok(), "consistent");
             true

@@ -1,17 +1,17 @@
 //! `c4d export` of a whole clip into one file: `.splat4d`, OpenUSD, `.splatv`.
 
-use super::export::say_written;
-use super::freeze::{check_sh_degree, existing, output_failure};
+use super::written::say_written;
+use crate::args::ExportFormat;
 use crate::args::{ExportArgs, Global};
 use crate::console::Console;
-use crate::export_format::ExportFormat;
 use crate::failure::{Failure, Outcome};
+use crate::output::{check_sh_degree, existing, output_failure, refuse_overlap};
 use crate::rig::{DEFAULT_SIZE, Rig};
-use crate::scene::{self, Opened};
+use crate::scene::Opened;
 use gs_io::{Clip, IoError, Losses, splat4d, splatv, usda};
 use std::time::Instant;
 
-pub(crate) fn run(
+pub(super) fn write(
     args: &ExportArgs,
     to: ExportFormat,
     opened: &Opened,
@@ -34,7 +34,7 @@ pub(crate) fn run(
 
 fn check(args: &ExportArgs, opened: &Opened) -> Outcome {
     check_sh_degree(args.sh_degree, opened.scene.sh_degree())?;
-    scene::refuse_overlap(&args.output, &opened.roots)?;
+    refuse_overlap(&args.output, &opened.roots)?;
     match args.tolerance {
         Some(share) if !(share > 0.0 && share <= 1.0) => {
             Err(Failure::usage(format!("--tolerance {share}: expected above 0, at most 1")))

@@ -1,0 +1,95 @@
+//! [`ExportFormat`]: what `c4d export` writes.
+
+use clap::ValueEnum;
+use std::path::Path;
+
+/// Formats of exports.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum ExportFormat {
+    /// A folder of frame_00000.ply …
+    PlySeq,
+    /// The same in one stored zip
+    Zip,
+    /// One page that plays in any browser, beside the original if it is a run
+    Html,
+    /// One frame as 3DGS PLY, every value exact
+    Ply,
+    /// One frame as PlayCanvas compressed PLY
+    CompressedPly,
+    /// A folder of such frames, frame_00000.compressed.ply …
+    CompressedSeq,
+    /// One frame as SPZ
+    Spz,
+    /// One frame as .splat
+    Splat,
+    /// One frame as binary glTF with KHR_gaussian_splatting
+    Glb,
+    /// The same as text, with the data inside
+    Gltf,
+    /// One .splat4d: compressed, every error bounded, streams
+    Splat4d,
+    /// One OpenUSD text layer with time samples, exact
+    Usda,
+    /// One .splatv: a cubic for every splat, for short clips
+    Splatv,
+}
+
+impl ExportFormat {
+    /// Whether it holds one frame.
+    pub(crate) fn is_snapshot(self) -> bool {
+        matches!(
+            self,
+            Self::Ply | Self::CompressedPly | Self::Spz | Self::Splat | Self::Glb | Self::Gltf
+        )
+    }
+
+    /// Whether the whole clip goes into one file that `export_clip` writes.
+    pub(crate) fn is_clip(self) -> bool {
+        matches!(self, Self::Splat4d | Self::Usda | Self::Splatv)
+    }
+
+    /// Name on the command line.
+    pub(crate) fn name(self) -> String {
+        self.to_possible_value().map_or_else(String::new, |value| value.get_name().to_owned())
+    }
+
+    /// The format of files with this name.
+    pub(crate) fn called(path: &Path) -> Option<Self> {
+        let name = path.file_name()?.to_string_lossy().to_lowercase();
+        let named = |(ending, format): &(&str, Self)| name.ends_with(ending).then_some(*format);
+        ENDINGS.iter().find_map(named)
+    }
+}
+
+/// Endings of names that one format alone has.
+const ENDINGS: [(&str, ExportFormat); 12] = [
+    (".splat4d", ExportFormat::Splat4d),
+    (".splatv", ExportFormat::Splatv),
+    (".splat", ExportFormat::Splat),
+    (".usda", ExportFormat::Usda),
+    (".html", ExportFormat::Html),
+    (".htm", ExportFormat::Html),
+    (".zip", ExportFormat::Zip),
+    (".spz", ExportFormat::Spz),
+    (".glb", ExportFormat::Glb),
+    (".gltf", ExportFormat::Gltf),
+    (".compressed.ply", ExportFormat::CompressedPly),
+    (".ply", ExportFormat::Ply),
+];
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_say_the_format_where_only_one_has_it() {
+        let called = |name: &str| ExportFormat::called(Path::new(name));
+        assert_eq!(called("a/Clip.SPLAT4D"), Some(ExportFormat::Splat4d), "whatever the case");
+        assert_eq!(called("clip.splatv"), Some(ExportFormat::Splatv), "not its shorter cousin");
+        assert_eq!(called("one.compressed.ply"), Some(ExportFormat::CompressedPly), "two dots");
+        assert_eq!(called("one.ply"), Some(ExportFormat::Ply), "one frame");
+        for name in ["frames", "frames/", "clip.mp4", "..", ""] {
+            assert_eq!(called(name), None, "{name}");
+        }
+    }
+}

@@ -1,0 +1,46 @@
+//! What is said of a written export.
+
+use crate::args::ExportArgs;
+use crate::console::Console;
+use gs_io::Losses;
+use std::path::Path;
+use std::time::Duration;
+
+/// What a sequence of 32-bit floats loses.
+pub(super) fn plain_losses(args: &ExportArgs, available: usize) -> Losses {
+    let mut losses = Losses::none();
+    if let Some(degree) = args.sh_degree.filter(|&degree| degree < available) {
+        losses.push(format!("SH degree {available} becomes {degree}"));
+    }
+    losses
+}
+
+/// Shows how large the output is and what it does not keep, and names it.
+pub(super) fn say_written(
+    output: &Path,
+    elapsed: Duration,
+    what: &str,
+    losses: &Losses,
+    console: &Console,
+) {
+    let megabytes = size(output) as f64 / 1e6;
+    console.note(format!("{megabytes:.1} MB in {:.1} s: {what}", elapsed.as_secs_f64()));
+    say(losses, console);
+    console.result(output.display());
+}
+
+/// Shows what was lost.
+pub(crate) fn say(losses: &Losses, console: &Console) {
+    for sentence in losses.sentences() {
+        console.note(format!("not kept: {sentence}"));
+    }
+}
+
+/// Size of a file, or of the files in a folder, bytes.
+fn size(path: &Path) -> u64 {
+    let of = |path: &Path| std::fs::metadata(path).map_or(0, |metadata| metadata.len());
+    match std::fs::read_dir(path) {
+        Ok(entries) => entries.flatten().map(|entry| of(&entry.path())).sum(),
+        Err(_no_folder) => of(path),
+    }
+}

@@ -1,0 +1,61 @@
+//! [`RunFiles`]: a run folder as it is stored.
+
+use super::files::{CONFIG, SCENE};
+use super::{RunConfig, Stored, source_path};
+use crate::failure::{Failure, Outcome};
+use std::path::{Path, PathBuf};
+
+/// Refuses what is not a folder.
+pub(crate) fn check_is_folder(run: &Path) -> Outcome {
+    if run.is_dir() {
+        return Ok(());
+    }
+    Err(Failure::bad_input(format!("{} is not a run folder", run.display()))
+        .next("Give the folder that c4d propagate wrote."))
+}
+
+/// A run as it is stored.
+#[derive(Debug)]
+pub(crate) struct RunFiles {
+    pub(crate) config: RunConfig,
+    pub(crate) stored: Stored,
+    /// Where its source lies.
+    pub(crate) source: PathBuf,
+}
+
+impl RunFiles {
+    /// Reads the files of the run folder `path`.
+    pub(crate) fn read(path: &Path) -> Outcome<Self> {
+        let read = |name: &str| {
+            let file = path.join(name);
+            let bytes = gs_io::read_file(&file).map_err(|error| {
+                Failure::bad_input(format!("cannot read {}: {error}", file.display()))
+                    .next("A run folder holds scene.c4d, c4d.toml and run.json; write it anew with c4d propagate.")
+            })?;
+            match gs_io::UnsupportedFormat::stand_in(&bytes) {
+                Some(found) => Err(Failure::bad_input(format!(
+                    "{}: is {}, not the file itself",
+                    file.display(),
+                    found.name
+                ))
+                .next(found.next)),
+                None => Ok(bytes),
+            }
+        };
+        let text = String::from_utf8(read(CONFIG)?)
+            .map_err(|error| damaged(path, CONFIG, &error.to_string()))?;
+        let config: RunConfig =
+            toml::from_str(&text).map_err(|error| damaged(path, CONFIG, error.message()))?;
+        config.check().map_err(|what| damaged(path, CONFIG, &what))?;
+        let stored =
+            Stored::deserialize(&read(SCENE)?).map_err(|what| damaged(path, SCENE, &what))?;
+        let source = source_path::locate(path, &config)?;
+        Ok(Self { config, stored, source })
+    }
+}
+
+/// Failure for a file of a run that does not hold what it should.
+pub(crate) fn damaged(path: &Path, name: &str, what: &str) -> Failure {
+    Failure::bad_input(format!("{}: {what}", path.join(name).display()))
+        .next("The file is damaged or of another version; write the run anew with c4d propagate.")
+}

@@ -14,44 +14,86 @@ const LN_FINITE_RATIO: f64 = 700.0;
 /// Geometry of one splat: mean, quaternion, log-scales.
 pub(crate) type Geometry = ([f32; 3], [f32; 4], [f32; 3]);
 
-/// Geometry at time t of the edited splat `edited` (geometry at the edit frame), which moves with `ids`.
+/// What one source splat does from the edit frame to a time: computed once for all rows that follow it.
+#[derive(Debug, Clone, Copy, Default)]
+pub(crate) struct SourceMotion {
+    from: [f32; 3],
+    to: [f32; 3],
+    /// `q_t q_1⁻¹`, unit.
+    turn: [f32; 4],
+    /// Logarithm of the ratio of scales per axis; 0 if there is none.
+    ln_scale: [f32; 3],
+    /// How far it is still there, 0 to 1.
+    seen: f32,
+}
+
+impl SourceMotion {
+    /// With `fading`, which needs opacities, sources may be gone; else all are there.
+    pub(crate) fn between(source_1: &Splats, source_t: &Splats, id: usize, fading: bool) -> Self {
+        let ln_scale = [0, 1, 2].map(|axis| {
+            let ln = source_t.log_scales[id][axis] - source_1.log_scales[id][axis];
+            if ln.is_nan() { 0.0 } else { ln }
+        });
+        Self {
+            from: source_1.means[id],
+            to: source_t.means[id],
+            turn: relative_rotation(source_1, source_t, id).map(f32::from_double),
+            ln_scale,
+            seen: if fading { still_seen(source_1, source_t, id) } else { 1.0 },
+        }
+    }
+
+    /// How far it is still there.
+    pub(crate) fn seen(&self) -> f32 {
+        self.seen
+    }
+}
+
+/// The source at the edit frame and at a time, and what that makes of each splat that is followed.
+#[derive(Clone, Copy)]
+pub(crate) struct SourceAt<'a> {
+    pub(crate) source_1: &'a Splats,
+    pub(crate) source_t: &'a Splats,
+    pub(crate) motions: &'a [SourceMotion],
+}
+
+/// Geometry at a time of the edited splat `edited` (geometry at the edit frame), which moves with `ids`.
 pub(crate) fn blend_geometry(
     edited: Geometry,
     (ids, weights): (&[u32], &[f32]),
-    source_1: &Splats,
-    source_t: &Splats,
+    source: SourceAt<'_>,
     how: Aggregation,
 ) -> Geometry {
     let (mean, rotation, log_scale) = edited;
-    let (fit, turn) = rigid_motion((ids, weights), source_1, source_t, how);
+    let (fit, turn) = rigid_motion((ids, weights), source.motions, how);
     let new_mean = match how.position {
         PositionRule::Rigid => fit.apply(turn, mean.map(f64::from)).map(f32::from_double),
-        PositionRule::Average => average_displacement((ids, weights), mean, source_1, source_t),
+        PositionRule::Average => average_displacement((ids, weights), mean, source.motions),
     };
     let new_rotation = match how.rotation {
         RotationRule::Relative if quat::dot(rotation, rotation) == 0.0 => {
             turn.map(f32::from_double)
         }
         RotationRule::Relative => quat::mul(turn.map(f32::from_double), rotation),
-        RotationRule::Additive => add_rotations((ids, weights), rotation, source_1, source_t),
+        RotationRule::Additive => {
+            add_rotations((ids, weights), rotation, source.source_1, source.source_t)
+        }
     };
-    (new_mean, new_rotation, blend_scale((ids, weights), log_scale, source_1, source_t, how.scale))
+    (new_mean, new_rotation, blend_scale((ids, weights), log_scale, source.motions, how.scale))
 }
 
 /// Rigid motion of a row's sources. Under [`PositionRule::Average`] the rotation is the mean of the sources' own.
 fn rigid_motion(
     (ids, weights): (&[u32], &[f32]),
-    source_1: &Splats,
-    source_t: &Splats,
+    motions: &[SourceMotion],
     how: Aggregation,
 ) -> (RigidFit, [f64; 4]) {
-    let point = |splats: &Splats, id: u32| splats.means[id as usize].map(f64::from);
     let (mut from, mut to) = ([0.0; 3], [0.0; 3]);
     for (&id, &weight) in ids.iter().zip(weights) {
-        let (x, y) = (point(source_1, id), point(source_t, id));
+        let motion = &motions[id as usize];
         for axis in 0..3 {
-            from[axis] += f64::from(weight) * x[axis];
-            to[axis] += f64::from(weight) * y[axis];
+            from[axis] += f64::from(weight) * f64::from(motion.from[axis]);
+            to[axis] += f64::from(weight) * f64::from(motion.to[axis]);
         }
     }
     let mut fit = RigidFit::about(from, to);
@@ -60,13 +102,14 @@ fn rigid_motion(
     }
     let own_rotations = how.rotation_prior > 0.0 || how.position == PositionRule::Average;
     for (&id, &weight) in ids.iter().zip(weights) {
+        let motion = &motions[id as usize];
         // The rotation is a property of the neighbourhood, the translation one of the nearest splats: a wider kernel.
         let wide = f64::from(weight).sqrt();
         if how.position == PositionRule::Rigid {
-            fit.add(wide, point(source_1, id), point(source_t, id));
+            fit.add(wide, motion.from.map(f64::from), motion.to.map(f64::from));
         }
         if own_rotations {
-            fit.add_rotation(wide, relative_rotation(source_1, source_t, id as usize));
+            fit.add_rotation(wide, motion.turn.map(f64::from));
         }
     }
     let prior = if how.position == PositionRule::Rigid { how.rotation_prior } else { 1.0 };
@@ -86,14 +129,14 @@ pub(crate) fn relative_rotation(source_1: &Splats, source_t: &Splats, id: usize)
 fn average_displacement(
     (ids, weights): (&[u32], &[f32]),
     mean: [f32; 3],
-    source_1: &Splats,
-    source_t: &Splats,
+    motions: &[SourceMotion],
 ) -> [f32; 3] {
     let mut moved = mean.map(f64::from);
     for (&id, &weight) in ids.iter().zip(weights) {
-        let (x, y) = (source_1.means[id as usize], source_t.means[id as usize]);
+        let motion = &motions[id as usize];
         for axis in 0..3 {
-            moved[axis] += f64::from(weight) * (f64::from(y[axis]) - f64::from(x[axis]));
+            let step = f64::from(motion.to[axis]) - f64::from(motion.from[axis]);
+            moved[axis] += f64::from(weight) * step;
         }
     }
     moved.map(f32::from_double)
@@ -125,14 +168,15 @@ fn add_rotations(
 /// follows those; if all fade, they fade together and keep their shares.
 pub(crate) fn weights_seen(
     (ids, weights): (&[u32], &[f32]),
-    source_1: &Splats,
-    source_t: &Splats,
+    seen: impl Fn(usize) -> f32,
     out: &mut Vec<f32>,
 ) {
     out.clear();
-    out.extend(ids.iter().zip(weights).map(|(&id, &weight)| {
-        weight * (still_seen(source_1, source_t, id as usize) + f32::from_double(FADED))
-    }));
+    out.extend(
+        ids.iter()
+            .zip(weights)
+            .map(|(&id, &weight)| weight * (seen(id as usize) + f32::from_double(FADED))),
+    );
     let total: f32 = out.iter().sum();
     for weight in out {
         *weight /= total;
@@ -142,14 +186,10 @@ pub(crate) fn weights_seen(
 fn blend_scale(
     (ids, weights): (&[u32], &[f32]),
     log_scale: [f32; 3],
-    source_1: &Splats,
-    source_t: &Splats,
+    motions: &[SourceMotion],
     rule: ScaleRule,
 ) -> [f32; 3] {
-    let ln_ratio = |id: u32, axis: usize| {
-        let ln = source_t.log_scales[id as usize][axis] - source_1.log_scales[id as usize][axis];
-        if ln.is_nan() { 0.0 } else { ln }
-    };
+    let ln_ratio = |id: u32, axis: usize| motions[id as usize].ln_scale[axis];
     match rule {
         ScaleRule::PerAxis => [0, 1, 2].map(|axis| {
             let mut mean = 0.0;

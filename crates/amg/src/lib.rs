@@ -12,6 +12,7 @@ mod binding;
 mod carriers;
 mod coherence;
 mod dynamics;
+mod eigenvector;
 mod error;
 mod field;
 mod identity;

@@ -12,6 +12,7 @@
 //! it is then; at the edit time `S = T`. What stands still has `S(t) = T`, as has a whole scene.
 
 use crate::aggregate::{relative_rotation, weights_seen};
+use crate::keyframes::still_seen;
 use crate::rigid::{RigidFit, sub};
 use crate::similarity::Similarity;
 use gs_core::{Real, Splats, quat};
@@ -61,7 +62,7 @@ impl MovedGroup {
         }
         let (ids, weights): (Vec<u32>, Vec<f32>) = self.carriers.iter().copied().unzip();
         if fading {
-            weights_seen((&ids, &weights), source_1, source_t, scratch);
+            weights_seen((&ids, &weights), |id| still_seen(source_1, source_t, id), scratch);
         } else {
             scratch.clone_from(&weights);
         }

@@ -72,13 +72,13 @@ impl RigidParts {
 fn trajectories(keys: &KeyFrames, ids: &[usize]) -> Trajectories {
     // About one of them, so that scenes far from the origin keep their digits.
     let origin = keys.at_edit.means[ids[0]].map(f64::from);
-    let pick =
-        |means: &[[f32; 3]]| ids.iter().map(|&i| sub(means[i].map(f64::from), origin)).collect();
-    let num_fading = if keys.fades() { keys.times.len() } else { 0 };
+    let pick = |means: &[[f32; 3]], i: usize| sub(means[i].map(f64::from), origin);
+    let moved = |&i: &usize| keys.means.iter().map(move |means| pick(means, i));
+    let present = |&i: &usize| (0..keys.times.len()).map(move |k| keys.seen(k, i));
     Trajectories {
-        rest: pick(&keys.at_edit.means),
-        moved: keys.means.iter().map(|means| pick(means)).collect(),
-        presence: (0..num_fading).map(|k| ids.iter().map(|&i| keys.seen(k, i)).collect()).collect(),
+        rest: ids.iter().map(|&i| pick(&keys.at_edit.means, i)).collect(),
+        moved: ids.iter().flat_map(moved).collect(),
+        presence: if keys.fades() { ids.iter().flat_map(present).collect() } else { Vec::new() },
         weights: vec![1.0; ids.len()],
         moving: vec![true; ids.len()],
     }
@@ -191,7 +191,7 @@ impl Moments {
             let mut sums = Sums::default();
             for &point in members {
                 let point = point as usize;
-                let (x, y) = (points.rest[point], points.moved[k][point]);
+                let (x, y) = (points.rest[point], points.places(point)[k]);
                 let weight = points.present(k, point);
                 let mut one = Sums {
                     weight,
@@ -321,21 +321,18 @@ mod tests {
             let d = sub(v, pivot);
             [pivot[0] + cos * d[0] - sin * d[1], pivot[1] + sin * d[0] + cos * d[1], v[2]]
         };
-        let moved = [0.3, 0.8].map(|angle| {
-            rest.iter()
-                .enumerate()
-                .map(|(i, &x)| {
-                    let x = if i >= 160 { turn(x, [2.0, 0.075, 0.0], angle) } else { x };
-                    let x = if i >= 80 { turn(x, [1.0, 0.075, 0.0], angle) } else { x };
-                    [x[0], x[1] + angle, x[2]]
-                })
-                .collect::<Vec<_>>()
-        });
+        let moved = |(i, &x): (usize, &[f64; 3])| {
+            [0.3, 0.8].map(|angle| {
+                let x = if i >= 160 { turn(x, [2.0, 0.075, 0.0], angle) } else { x };
+                let x = if i >= 80 { turn(x, [1.0, 0.075, 0.0], angle) } else { x };
+                [x[0], x[1] + angle, x[2]]
+            })
+        };
         let points = Trajectories {
             weights: vec![1.0; rest.len()],
             moving: vec![true; rest.len()],
             presence: Vec::new(),
-            moved: moved.to_vec(),
+            moved: rest.iter().enumerate().flat_map(moved).collect(),
             rest,
         };
         let found = groups(&points, 3.0);

@@ -1,7 +1,7 @@
 //! [`EditedScene`]: the edit, moving.
 
 use crate::AmgError;
-use crate::aggregate::{blend_change, blend_geometry, weights_seen};
+use crate::aggregate::{SourceAt, SourceMotion, blend_change, blend_geometry, weights_seen};
 use crate::binding::{Binding, RowKind};
 use crate::field::FieldAt;
 use crate::keyframes::check_rows;
@@ -30,9 +30,21 @@ pub struct EditedScene {
     aggregation: Aggregation,
     edit_time: f32,
     source_1: Splats,
+    /// Sources that blended rows follow, `[N]`.
+    followed: Vec<bool>,
     field: Option<FieldBase>,
     dynamic: Option<Vec<bool>>,
     scratch: Mutex<Vec<Splats>>,
+}
+
+/// The source at a time other than the edit's.
+#[derive(Clone, Copy)]
+struct Moment<'a> {
+    source_t: &'a Splats,
+    /// Of the sources that are followed, `[N]`.
+    motions: &'a [SourceMotion],
+    /// Whether sources that have faded count less.
+    fading: bool,
 }
 
 #[derive(Debug)]
@@ -94,6 +106,11 @@ impl EditedScene {
         source_1.check_shapes().map_err(|source| AmgError::Shape { which: "source", source })?;
         binding.check(source_1.len(), &edited)?;
         let dynamic = source.dynamic_mask().map(|mask| inherit_mask(mask, &binding));
+        let mut followed = vec![false; source_1.len()];
+        let blended = (0..binding.len()).filter(|&row| binding.kinds()[row] == RowKind::Blended);
+        for &id in blended.flat_map(|row| binding.row(row).0) {
+            followed[id as usize] = true;
+        }
         Ok(Self {
             source,
             edited,
@@ -101,6 +118,7 @@ impl EditedScene {
             aggregation,
             edit_time,
             source_1,
+            followed,
             field: None,
             dynamic,
             scratch: Mutex::new(Vec::new()),
@@ -160,9 +178,16 @@ impl EditedScene {
         if appearance || fading {
             source_t.check_shapes()?;
         }
-        self.move_geometry(&source_t, fading, out);
+        let motion = |(id, &followed): (usize, &bool)| {
+            let between = || SourceMotion::between(&self.source_1, &source_t, id, fading);
+            if followed { between() } else { SourceMotion::default() }
+        };
+        let motions: Vec<SourceMotion> =
+            self.followed.par_iter().enumerate().with_min_len(BLOCK).map(motion).collect();
+        let moment = Moment { source_t: &source_t, motions: &motions, fading };
+        self.move_geometry(moment, out);
         if appearance {
-            self.move_appearance(&source_t, fading, out);
+            self.move_appearance(moment, out);
         }
         self.return_scratch(source_t);
         self.add_field(t, appearance, out)
@@ -182,20 +207,19 @@ impl EditedScene {
 
     /// The row's sources with the weights they have at this time.
     fn seen_at<'a>(
-        &'a self,
         (ids, weights): (&'a [u32], &'a [f32]),
-        source_t: &Splats,
-        fading: bool,
+        at: Moment<'_>,
         scratch: &'a mut Vec<f32>,
     ) -> (&'a [u32], &'a [f32]) {
-        if !fading || ids.len() < 2 {
+        if !at.fading || ids.len() < 2 {
             return (ids, weights);
         }
-        weights_seen((ids, weights), &self.source_1, source_t, scratch);
+        weights_seen((ids, weights), |id| at.motions[id].seen(), scratch);
         (ids, scratch)
     }
 
-    fn move_geometry(&self, source_t: &Splats, fading: bool, out: &mut Splats) {
+    fn move_geometry(&self, at: Moment<'_>, out: &mut Splats) {
+        let Moment { source_t, motions, fading } = at;
         let kinds = self.binding.kinds();
         let poses = self.group_poses(source_t, fading);
         let move_row =
@@ -218,14 +242,10 @@ impl EditedScene {
                     }
                     RowKind::Blended => {
                         let edited = (*mean, *rotation, *log_scale);
-                        let sources = self.seen_at(sources, source_t, fading, seen);
-                        (*mean, *rotation, *log_scale) = blend_geometry(
-                            edited,
-                            sources,
-                            &self.source_1,
-                            source_t,
-                            self.aggregation,
-                        );
+                        let sources = Self::seen_at(sources, at, seen);
+                        let source = SourceAt { source_1: &self.source_1, source_t, motions };
+                        (*mean, *rotation, *log_scale) =
+                            blend_geometry(edited, sources, source, self.aggregation);
                     }
                 }
             };
@@ -246,7 +266,8 @@ impl EditedScene {
         self.binding.groups().iter().map(pose).collect()
     }
 
-    fn move_appearance(&self, source_t: &Splats, fading: bool, out: &mut Splats) {
+    fn move_appearance(&self, at: Moment<'_>, out: &mut Splats) {
+        let source_t = at.source_t;
         let coeffs = out.sh_coeffs();
         let source_coeffs = source_t.sh_coeffs();
         let shared = coeffs.min(source_coeffs);
@@ -271,7 +292,7 @@ impl EditedScene {
                         }
                     }
                 }
-                let sources = self.seen_at(sources, source_t, fading, seen);
+                let sources = Self::seen_at(sources, at, seen);
                 let change = blend_change(sources, |id| {
                     (source_1.opacity_logits[id], source_t.opacity_logits[id])
                 });

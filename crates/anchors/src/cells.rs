@@ -125,7 +125,7 @@ mod tests {
             .collect();
         let part = |x: &Vec3| [x[0], x[1], if x[0] > 0.0 { 1.0 } else { 0.0 }];
         Trajectories {
-            moved: vec![rest.iter().map(part).collect()],
+            moved: rest.iter().map(part).collect(),
             presence: Vec::new(),
             weights: vec![1.0; 144],
             moving: vec![true; 144],

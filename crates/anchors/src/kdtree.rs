@@ -112,6 +112,29 @@ impl<const D: usize> KdTree<D> {
         }
     }
 
+    /// The `k` nearest others of every point, `[N,k]`, each list in ascending order of (distance, id). There must be more than
+    /// `k` points.
+    pub(crate) fn all_nearest(&self, k: usize) -> Vec<Neighbor> {
+        let query = |found: &mut Vec<Neighbor>, block: &[([f64; D], u32)]| {
+            let mut lists = Vec::with_capacity(k * block.len());
+            for (point, id) in block {
+                self.nearest_except(point, k, *id, found);
+                lists.extend_from_slice(found);
+            }
+            lists
+        };
+        let blocks: Vec<Vec<Neighbor>> =
+            self.points.par_chunks(QUERY_BLOCK).map_init(Vec::new, query).collect();
+        let mut by_id = vec![Neighbor { distance_squared: 0.0, id: 0 }; k * self.points.len()];
+        if k > 0 {
+            let lists = blocks.iter().flat_map(|block| block.chunks_exact(k));
+            for ((_, id), list) in self.points.iter().zip(lists) {
+                by_id[*id as usize * k..][..k].copy_from_slice(list);
+            }
+        }
+        by_id
+    }
+
     /// Calls `each` with the id of every point of the tree and its `k` nearest others, and
     /// collects what it returns by id. Runs in leaf order, so that queries share cache lines.
     pub(crate) fn map_nearest<R: Send + Default + Clone>(

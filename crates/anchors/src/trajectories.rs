@@ -28,11 +28,11 @@ const TINY: f64 = 1e-100;
 pub struct Trajectories {
     /// Places at rest, `[N,3]`.
     pub rest: Vec<[f64; 3]>,
-    /// Places at each other time, `[T][N,3]`.
-    pub moved: Vec<Vec<[f64; 3]>>,
-    /// How far each point is there at each other time, 0 to 1, `[T][N]`; empty if all always are. Where a point would be
+    /// Places at each other time, `[N,T,3]`: those of one point lie together.
+    pub moved: Vec<[f64; 3]>,
+    /// How far each point is there at each other time, 0 to 1, `[N,T]`; empty if all always are. Where a point would be
     /// while it is absent means nothing.
-    pub presence: Vec<Vec<f64>>,
+    pub presence: Vec<f64>,
     /// Positive weights, `[N]`.
     pub weights: Vec<f64>,
     /// Which points move at all, `[N]`. Noise and spacing are those of the moving ones: a still background has neither
@@ -65,8 +65,7 @@ impl Neighbors {
     /// The `k` nearest others (all, if there are fewer) of every point of `points` `[N,3]`.
     pub fn of(points: &[[f64; 3]], k: usize) -> Self {
         let per_point = k.min(points.len().saturating_sub(1));
-        let lists = KdTree::<3>::new(points).map_nearest(per_point, |_, found| found.to_vec());
-        Self { lists: lists.into_iter().flatten().collect(), per_point }
+        Self { lists: KdTree::<3>::new(points).all_nearest(per_point), per_point }
     }
 
     /// Those of point `i`.
@@ -98,20 +97,31 @@ impl Trajectories {
 
     /// Number of times besides that of rest.
     pub fn num_times(&self) -> usize {
-        self.moved.len()
+        self.moved.len().checked_div(self.rest.len()).unwrap_or(0)
+    }
+
+    /// Places of point `i` at the other times, `[T,3]`.
+    pub fn places(&self, i: usize) -> &[[f64; 3]] {
+        let times = self.num_times();
+        &self.moved[i * times..(i + 1) * times]
     }
 
     /// How far point `i` is there at time `k`.
     pub fn present(&self, k: usize, i: usize) -> f64 {
-        self.presence.get(k).map_or(1.0, |presence| presence[i])
+        if self.presence.is_empty() { 1.0 } else { self.presence[i * self.num_times() + k] }
     }
 
     /// Largest change over time of the distance between `a` and `b`, `rest` apart at rest, as far as both are there.
     fn deviation(&self, a: usize, b: usize, rest: f64) -> f64 {
-        self.moved.iter().enumerate().fold(0.0_f64, |worst, (k, means)| {
-            let change = (distance_squared(&means[a], &means[b]).sqrt() - rest).abs();
-            worst.max(change * self.present(k, a).min(self.present(k, b)))
-        })
+        let mut worst = 0.0_f64;
+        for (k, (x, y)) in self.places(a).iter().zip(self.places(b)).enumerate() {
+            let mut change = (distance_squared(x, y).sqrt() - rest).abs();
+            if !self.presence.is_empty() {
+                change *= self.present(k, a).min(self.present(k, b));
+            }
+            worst = worst.max(change);
+        }
+        worst
     }
 }
 
@@ -222,7 +232,7 @@ mod tests {
             _ => [x[0] + 5.0, x[1] - 4.0, x[2]],
         };
         Trajectories {
-            moved: vec![rest.iter().enumerate().map(lift).collect()],
+            moved: rest.iter().enumerate().map(lift).collect(),
             presence: Vec::new(),
             weights: vec![1.0; rest.len()],
             moving: vec![true; rest.len()],
@@ -251,7 +261,7 @@ mod tests {
     #[test]
     fn what_is_absent_does_not_count() {
         let mut points = plates();
-        points.presence = vec![(0..73).map(|i| if i >= 36 { 0.0 } else { 1.0 }).collect()];
+        points.presence = (0..73).map(|i| if i >= 36 { 0.0 } else { 1.0 }).collect();
         let rigid = RigidNeighbors::of(&points, 0.04);
         assert!(rigid.between(&points, 0, 36) > 0.99, "nobody saw them part");
     }
@@ -269,7 +279,7 @@ mod tests {
         for count in [0, 1] {
             let points = Trajectories {
                 rest: vec![[0.0; 3]; count],
-                moved: vec![vec![[0.0; 3]; count]],
+                moved: vec![[0.0; 3]; count],
                 weights: vec![1.0; count],
                 moving: vec![true; count],
                 presence: Vec::new(),

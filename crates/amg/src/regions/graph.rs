@@ -2,7 +2,7 @@
 
 use anchors::Neighbors;
 use std::cmp::Reverse;
-use std::collections::BinaryHeap;
+use std::collections::{BinaryHeap, HashMap};
 
 /// Two neighbouring edited splats, lower first.
 pub(super) type Link = (u32, u32);
@@ -42,27 +42,34 @@ pub(super) fn nearest_seed(
     links: &[Link],
     is_seed: impl Fn(usize) -> bool,
 ) -> Vec<Option<u32>> {
-    let mut around: Vec<Vec<u32>> = vec![Vec::new(); means.len()];
-    for &(a, b) in links {
-        around[a as usize].push(b);
-        around[b as usize].push(a);
-    }
-    let mut owner: Vec<Option<u32>> = vec![None; means.len()];
+    let mut owner: Vec<Option<u32>> =
+        (0_u32..).take(means.len()).map(|i| is_seed(i as usize).then_some(i)).collect();
+    // Only what is no seed has to be reached; most splats are.
+    let mut around: HashMap<u32, Vec<u32>> = HashMap::new();
+    let mut heap: BinaryHeap<Reverse<(u64, u32, u32)>> = BinaryHeap::new();
     // Lengths as bits: for finite non-negative numbers their order is that of the numbers.
-    let mut heap: BinaryHeap<Reverse<(u64, u32, u32)>> = (0_u32..)
-        .take(means.len())
-        .filter(|&i| is_seed(i as usize))
-        .map(|i| Reverse((0, i, i)))
-        .collect();
+    let reached = |length: u64, from: u32, to: u32| {
+        let d = crate::rigid::sub(means[from as usize], means[to as usize]);
+        (f64::from_bits(length) + crate::rigid::norm(d)).to_bits()
+    };
+    for &(a, b) in links {
+        for (i, j) in [(a, b), (b, a)] {
+            match (owner[i as usize], owner[j as usize]) {
+                (Some(seed), None) => heap.push(Reverse((reached(0, i, j), seed, j))),
+                (None, None) => around.entry(i).or_default().push(j),
+                (_, Some(_)) => {}
+            }
+        }
+    }
     while let Some(Reverse((length, seed, i))) = heap.pop() {
         if owner[i as usize].is_some() {
             continue;
         }
         owner[i as usize] = Some(seed);
-        for &j in around[i as usize].iter().filter(|&&j| owner[j as usize].is_none()) {
-            let d = crate::rigid::sub(means[i as usize], means[j as usize]);
-            let next = f64::from_bits(length) + crate::rigid::norm(d);
-            heap.push(Reverse((next.to_bits(), seed, j)));
+        for &j in around.get(&i).into_iter().flatten() {
+            if owner[j as usize].is_none() {
+                heap.push(Reverse((reached(length, i, j), seed, j)));
+            }
         }
     }
     owner

@@ -30,6 +30,7 @@
 mod candidates;
 mod consensus;
 mod coverage;
+mod cubes;
 mod diffusion;
 mod edit;
 mod graph;
@@ -52,6 +53,7 @@ use crate::work::{Progress, Row, Work};
 use anchors::{KdTree, RigidNeighbors};
 use candidates::Candidates;
 use consensus::Consensus;
+use cubes::{Cubes, Surroundings};
 use edit::Edit;
 use gs_core::{Real, Splats};
 use posterior::{Given, Model};
@@ -112,14 +114,14 @@ pub(crate) fn bind(
     progress("candidates", 0.0);
     let edit = Edit::of(keys, &regions.ids, work.edited, &order, work.identity, pose.origin);
     let tolerance = |share: f64| (share * size).max(NOISES * neighbors.noise).as_f32();
-    let candidates = Candidates::of(
-        &regions,
-        &motion,
-        &normals,
-        &edit,
-        (pose.axes, edge),
-        tolerance(params.same_motion),
-    );
+    let around = Surroundings {
+        regions: &regions,
+        motion: &motion,
+        edit: &edit,
+        tolerance: tolerance(params.same_motion),
+    };
+    let cubes = Cubes::of(around, pose.axes, edge);
+    let candidates = Candidates::of(around, &normals, &cubes);
     lap("candidates", report);
 
     progress("posterior", 0.0);
@@ -159,53 +161,52 @@ pub(crate) fn bind(
         reach,
     };
     let carriers = pieces.carriers();
+    let kept: Vec<usize> = (0..regions.len()).filter(|&i| !motion.outlier[i]).collect();
+    let points: Vec<[f64; 3]> = kept.iter().map(|&i| regions.centroids.rest[i]).collect();
     let supports = support::Supports {
-        keys,
         regions: &regions,
         motion: &motion,
-        candidates: &candidates,
         spacing: &neighbors.spacing,
         tolerance: tolerance(RIGID * params.same_motion),
         sources_per_row: params.sources_per_row,
         consensus: Consensus::new(keys, &regions, motion.rotation_quality),
+        kept: &kept,
+        tree: &KdTree::<3>::new(&points),
     };
-    let kept: Vec<usize> = (0..regions.len()).filter(|&i| !motion.outlier[i]).collect();
-    let points: Vec<[f64; 3]> = kept.iter().map(|&i| regions.centroids.rest[i]).collect();
-    let tree = KdTree::<3>::new(&points);
-    let found: Vec<(Row, bool)> = (0..edit.len())
-        .into_par_iter()
-        .with_min_len(64)
-        .map_init(support::Scratch::default, |scratch, e| {
-            let nothing = (RowKind::Static, Vec::new());
-            if edit.exact[e].is_some() {
-                return (nothing, false);
+    let nothing = || (RowKind::Static, Vec::new());
+    let row_of = |scratch: &mut support::Scratch,
+                  cube: &cubes::Cube,
+                  e: usize|
+     -> Option<(Row, bool)> {
+        if edit.exact[e].is_some() {
+            return None;
+        }
+        let x = edit.means[e];
+        let seed = seeds[e].map(|seed| seed as usize);
+        let likeliest = posteriors[e].region.filter(|_| within_reach(e));
+        let sources = match (carriers[e], seed.and_then(|seed| matched[seed]), likeliest) {
+            (Some(carrier), _, _) => supports.far(x, carrier, scratch),
+            (None, Some(region), _) if seed == Some(e) => supports.near(x, cube, region, scratch),
+            (None, Some(region), _) | (None, None, Some(region)) => {
+                supports.far(x, region, scratch)
             }
-            let far = |region: u32| supports.far(edit.means[e], region, &tree, &kept);
-            let seed = seeds[e].map(|seed| seed as usize);
-            let likeliest = posteriors[e].region.filter(|_| within_reach(e));
-            let sources = match (carriers[e], seed.and_then(|seed| matched[seed]), likeliest) {
-                (Some(carrier), _, _) => far(carrier),
-                (None, Some(region), _) if seed == Some(e) => {
-                    supports.near(&edit, e, region, scratch)
-                }
-                (None, Some(region), _) | (None, None, Some(region)) => far(region),
-                (None, None, None) => return (nothing, true),
-            };
-            let (mut moving, mut total) = (0.0, 0.0);
-            for &(id, w) in &sources {
-                total += w;
-                moving += if work.split.dynamic[id as usize] { w } else { 0.0 };
-            }
-            let blends = moving * 2.0 > total;
-            (if blends { (RowKind::Blended, sources) } else { nothing }, false)
-        })
-        .collect();
+            (None, None, None) => return Some((nothing(), true)),
+        };
+        let (mut moving, mut total) = (0.0, 0.0);
+        for &(id, w) in &sources {
+            total += w;
+            moving += if work.split.dynamic[id as usize] { w } else { 0.0 };
+        }
+        let blends = moving * 2.0 > total;
+        Some((if blends { (RowKind::Blended, sources) } else { nothing() }, false))
+    };
+    let found = cubes.map_splats(row_of);
     lap("support", report);
-    report.out_of_reach = found.iter().filter(|(_, far)| *far).count();
+    report.out_of_reach = found.iter().flatten().filter(|(_, far)| *far).count();
     // Back from canonical order to that of `open`, which is ascending.
     let mut rows = vec![(RowKind::Static, Vec::new()); work.open.len()];
-    for (row, (result, _)) in order.iter().zip(found) {
-        if let Ok(slot) = work.open.binary_search(row) {
+    for (row, result) in order.iter().zip(found) {
+        if let (Some((result, _)), Ok(slot)) = (result, work.open.binary_search(row)) {
             rows[slot] = result;
         }
     }

@@ -3,8 +3,9 @@
 //! Expectation is relaxed transport of splats to regions; maximisation are weighted moments, smooth over regions that move as one. See
 //! `docs/MOTION.md`.
 
-use super::candidates::{Candidate, Candidates, MAX_HYPOTHESES};
+use super::candidates::{Candidate, Candidates};
 use super::coverage;
+use super::cubes::MAX_HYPOTHESES;
 use super::diffusion::Diffusion;
 use super::edit::Edit;
 use super::likelihood::{Likelihood, Statistics};

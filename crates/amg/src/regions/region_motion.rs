@@ -5,7 +5,8 @@
 )]
 
 use crate::keyframes::FADED;
-use crate::rigid::{RigidFit, dot, sub};
+use crate::rigid::RigidFits;
+use crate::simd::Lanes;
 use anchors::{RigidNeighbors, Trajectories};
 use gs_core::{Real, quat};
 use rayon::prelude::*;
@@ -24,8 +25,8 @@ const LANES: usize = 8;
 
 type Lane = [f32; LANES];
 
-/// Rows of the 3×4 matrices `[R | p]` of one region at eight key times.
-type Block = [Lane; 12];
+/// The 3×4 matrices `[R | p]` of one region at eight key times.
+type Block = [[Lane; 4]; 3];
 
 /// Rigid motions of the regions. Regions that are outliers themselves are marked and not followed.
 #[derive(Debug)]
@@ -53,7 +54,7 @@ pub(super) struct Path {
 impl RegionMotion {
     pub(super) fn of(
         regions: &Trajectories,
-        turns: &[Vec<[f64; 4]>],
+        turns: &[[f64; 4]],
         neighbors: &RigidNeighbors,
     ) -> Self {
         let outlier = neighbors.outliers(regions);
@@ -83,10 +84,10 @@ impl RegionMotion {
                 let mut blocks = vec![STAYS; num_blocks];
                 let stencil = if still[i] { Vec::new() } else { stencil(i) };
                 if !stencil.is_empty() {
-                    for k in 0..num_times {
-                        let fit = Fit::of(regions, turns, k, &stencil);
-                        fit.write(ROTATION_PRIOR * quality, &mut blocks[k / LANES], k % LANES);
-                    }
+                    crate::simd::dispatch(
+                        #[inline(always)]
+                        || fit_all(regions, turns, &stencil, ROTATION_PRIOR * quality, &mut blocks),
+                    );
                 }
                 blocks
             })
@@ -134,11 +135,10 @@ impl RegionMotion {
             return 0.0;
         }
         let blocks = self.blocks(a).zip(self.blocks(b));
-        let worst = blocks.fold(0.0_f32, |worst, (p, q)| {
-            let places = carried(&self.motions[p], x);
-            worst.max(self.farthest_in(&places, p, q, x))
+        let worst = blocks.fold([0.0; LANES], |worst, (p, q)| {
+            self.farther(worst, &carried(&self.motions[p], x), p, q, x)
         });
-        worst.sqrt()
+        worst.into_iter().fold(0.0_f32, f32::max).sqrt()
     }
 
     #[inline(always)]
@@ -146,20 +146,34 @@ impl RegionMotion {
         if self.alike(region, path.region) {
             return 0.0;
         }
-        let blocks = self.blocks(path.region).zip(self.blocks(region)).zip(&path.places);
-        blocks.fold(0.0_f32, |worst, ((p, q), places)| {
-            worst.max(self.farthest_in(places, p, q, path.from))
-        })
+        let (p, q) = (path.region * self.num_blocks, region * self.num_blocks);
+        let mut worst = [0.0; LANES];
+        for (block, places) in path.places.iter().enumerate() {
+            worst = self.farther(worst, places, p + block, q + block, path.from);
+        }
+        let mut farthest = 0.0;
+        for square in worst {
+            farthest = if square > farthest { square } else { farthest };
+        }
+        farthest
     }
 
-    /// Largest square within one block of key times: `places` is where block `p` takes `x`, `q` is the other's.
+    /// The squares within one block of key times, where larger than `worst`: `places` is where block `p` takes `x`, `q` is the
+    /// other's.
     #[inline(always)]
-    fn farthest_in(&self, places: &[Lane; 3], p: usize, q: usize, x: [f32; 3]) -> f32 {
+    fn farther(
+        &self,
+        mut worst: Lane,
+        places: &[Lane; 3],
+        p: usize,
+        q: usize,
+        x: [f32; 3],
+    ) -> Lane {
         let others = carried(&self.motions[q], x);
         let mut squares = [0.0_f32; LANES];
-        for (place, other) in places.iter().zip(&others) {
+        for axis in 0..3 {
             for lane in 0..LANES {
-                let d = place[lane] - other[lane];
+                let d = places[axis][lane] - others[axis][lane];
                 squares[lane] += d * d;
             }
         }
@@ -169,7 +183,10 @@ impl RegionMotion {
                 squares[lane] *= both * both;
             }
         }
-        squares.into_iter().fold(0.0_f32, f32::max)
+        for lane in 0..LANES {
+            worst[lane] = if squares[lane] > worst[lane] { squares[lane] } else { worst[lane] };
+        }
+        worst
     }
 
     /// Whether two regions have one motion by what they are.
@@ -180,70 +197,129 @@ impl RegionMotion {
 }
 
 const STAYS: Block = {
-    let mut block = [[0.0; LANES]; 12];
-    (block[0], block[5], block[10]) = ([1.0; LANES], [1.0; LANES], [1.0; LANES]);
+    let mut block = [[[0.0; LANES]; 4]; 3];
+    (block[0][0], block[1][1], block[2][2]) = ([1.0; LANES], [1.0; LANES], [1.0; LANES]);
     block
 };
 
 #[inline(always)]
 fn carried(block: &Block, x: [f32; 3]) -> [Lane; 3] {
     let mut out = [[0.0; LANES]; 3];
-    for (row, out) in block.as_chunks::<4>().0.iter().zip(&mut out) {
+    for axis in 0..3 {
+        let row = &block[axis];
         for lane in 0..LANES {
-            out[lane] =
+            out[axis][lane] =
                 row[0][lane] * x[0] + row[1][lane] * x[1] + row[2][lane] * x[2] + row[3][lane];
         }
     }
     out
 }
 
-/// Sums of one neighbourhood at one key time.
-struct Fit {
-    sums: RigidFit,
-    from: [f64; 3],
-    to: [f64; 3],
+/// Motions of one neighbourhood at all key times.
+#[inline(always)]
+fn fit_all(
+    regions: &Trajectories,
+    turns: &[[f64; 4]],
+    stencil: &[(f64, usize)],
+    prior: f64,
+    blocks: &mut [Block],
+) {
+    let num_times = regions.num_times();
+    for first in (0..num_times).step_by(FITS) {
+        let fits = Fits::of(regions, turns, first, stencil);
+        let turn = fits.sums.rotation(prior);
+        for lane in 0..FITS.min(num_times - first) {
+            let k = first + lane;
+            fits.write(turn, lane, &mut blocks[k / LANES], k % LANES);
+        }
+    }
 }
 
-impl Fit {
+/// Fits made at once.
+const FITS: usize = 4;
+
+type Times = Lanes<FITS>;
+
+/// Sums of one neighbourhood at a few key times, one lane each.
+struct Fits {
+    sums: RigidFits<FITS>,
+    from: [Times; 3],
+    to: [Times; 3],
+    /// Key time of each lane.
+    times: [usize; FITS],
+}
+
+impl Fits {
+    /// At key times from `first` on. Beyond the last one, that one again.
+    #[inline(always)]
     fn of(
         regions: &Trajectories,
-        turns: &[Vec<[f64; 4]>],
-        k: usize,
+        turns: &[[f64; 4]],
+        first: usize,
         stencil: &[(f64, usize)],
     ) -> Self {
-        let (mut from, mut to, mut total) = ([0.0; 3], [0.0; 3], 0.0);
-        // If all have faded, they keep their shares.
-        let present = |weight: f64, i: usize| weight * (regions.present(k, i) + FADED);
+        let num_times = regions.num_times();
+        let mut times = [num_times - 1; FITS];
+        for (lane, time) in times.iter_mut().enumerate() {
+            *time = (*time).min(first + lane);
+        }
+        let (mut from, mut to) = ([Times::ZERO; 3], [Times::ZERO; 3]);
+        let mut total = Times::ZERO;
         for &(weight, i) in stencil {
-            let weight = present(weight, i);
+            let weight = present(regions, &times, i, weight);
+            let (x, y) = (regions.rest[i].map(Times::all), at_times(regions.places(i), &times));
             for a in 0..3 {
-                from[a] += weight * regions.rest[i][a];
-                to[a] += weight * regions.moved[k][i][a];
+                from[a] += weight * x[a];
+                to[a] += weight * y[a];
             }
             total += weight;
         }
-        let (from, to) = (from.map(|v| v / total), to.map(|v| v / total));
-        let mut sums = RigidFit::about(from, to);
+        let share = total.map(f64::recip);
+        let (from, to) = (from.map(|v| v * share), to.map(|v| v * share));
+        let mut sums = RigidFits::about(from, to);
         for &(weight, i) in stencil {
-            let weight = present(weight, i);
-            sums.add(weight, regions.rest[i], regions.moved[k][i]);
-            sums.add_rotation(weight, turns[k][i]);
+            let weight = present(regions, &times, i, weight);
+            sums.add(weight, regions.rest[i].map(Times::all), at_times(regions.places(i), &times));
+            sums.add_rotation(weight, at_times(&turns[i * num_times..][..num_times], &times));
         }
-        Self { sums, from, to }
+        Self { sums, from, to, times }
     }
 
-    fn write(&self, prior: f64, block: &mut Block, lane: usize) {
-        let turn = self.sums.rotation(prior);
+    #[inline(always)]
+    fn write(&self, turn: [Times; 4], lane: usize, block: &mut Block, slot: usize) {
+        let of = |values: &[Times; 3]| values.map(|value| value.0[lane]);
+        let turn = turn.map(|value| value.0[lane]);
         let columns = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]
             .map(|axis| quat::rotate(turn, axis));
-        let turned = quat::rotate(turn, self.from);
+        let turned = quat::rotate(turn, of(&self.from));
         for row in 0..3 {
             for (column, values) in columns.iter().enumerate() {
-                block[4 * row + column][lane] = f32::from_double(values[row]);
+                block[row][column][slot] = f32::from_double(values[row]);
             }
-            block[4 * row + 3][lane] = f32::from_double(self.to[row] - turned[row]);
+            block[row][3][slot] = f32::from_double(self.to[row].0[lane] - turned[row]);
         }
     }
+}
+
+/// What a neighbour counts at each time. If all have faded, they keep their shares.
+#[inline(always)]
+fn present(regions: &Trajectories, times: &[usize; FITS], i: usize, weight: f64) -> Times {
+    let mut out = Times::all(weight);
+    for lane in 0..FITS {
+        out.0[lane] *= regions.present(times[lane], i) + FADED;
+    }
+    out
+}
+
+#[inline(always)]
+fn at_times<const N: usize>(values: &[[f64; N]], times: &[usize; FITS]) -> [Times; N] {
+    let mut out = [Times::ZERO; N];
+    for lane in 0..FITS {
+        for (out, value) in out.iter_mut().zip(values[times[lane]]) {
+            out.0[lane] = value;
+        }
+    }
+    out
 }
 
 /// How good own rotations are, 0 to 1, from a sample of neighbourhoods.
@@ -253,22 +329,27 @@ impl Fit {
 /// variances.
 fn rotation_quality(
     regions: &Trajectories,
-    turns: &[Vec<[f64; 4]>],
+    turns: &[[f64; 4]],
     outlier: &[bool],
     stencil: &(impl Fn(usize) -> Vec<(f64, usize)> + Sync),
 ) -> f64 {
     let step = (regions.len() / SAMPLE).max(1);
+    let num_times = regions.num_times();
     let compared: Vec<[f64; 2]> = (0..regions.len())
         .into_par_iter()
         .step_by(step)
         .filter(|&i| !outlier[i])
         .flat_map_iter(|i| {
             let stencil = stencil(i);
-            (0..regions.num_times()).map(move |k| {
-                let fit = Fit::of(regions, turns, k, &stencil);
-                let (shown, own) = (fit.sums.rotation(0.0), fit.sums.rotation(1e6));
-                let angle = 2.0 * quat::dot(shown, own).abs().min(1.0).acos();
-                [angle * angle, rotation_variance(regions, k, &stencil, &fit, shown)]
+            (0..num_times).step_by(FITS).flat_map(move |first| {
+                let fits = Fits::of(regions, turns, first, &stencil);
+                let (shown, own) = (fits.sums.rotation(0.0), fits.sums.rotation(1e6));
+                let variance = rotation_variance(regions, &stencil, &fits, shown);
+                (0..FITS.min(num_times - first)).map(move |lane| {
+                    let [shown, own] = [shown, own].map(|q| q.map(|value| value.0[lane]));
+                    let angle = 2.0 * quat::dot(shown, own).abs().min(1.0).acos();
+                    [angle * angle, variance.0[lane]]
+                })
             })
         })
         .collect();
@@ -281,25 +362,33 @@ fn rotation_quality(
     (positions.max(1e-7) / missed / ROTATION_PRIOR).min(1.0)
 }
 
-/// Expected square of the angle, radians², by which a rotation fitted to the positions alone is wrong.
+/// Expected square of the angle, radians², by which rotations fitted to the positions alone are wrong.
 fn rotation_variance(
     regions: &Trajectories,
-    k: usize,
     stencil: &[(f64, usize)],
-    fit: &Fit,
-    turn: [f64; 4],
-) -> f64 {
-    let (mut total, mut squares, mut spread, mut residual) = (0.0, 0.0, 0.0, 0.0);
+    fits: &Fits,
+    turn: [Times; 4],
+) -> Times {
+    let (mut total, mut squares) = (0.0, 0.0);
+    let (mut spread, mut residual) = (Times::ZERO, Times::ZERO);
     for &(weight, i) in stencil {
-        let arm = sub(regions.rest[i], fit.from);
-        let miss = sub(regions.moved[k][i], fit.sums.apply(turn, regions.rest[i]));
+        let rest = regions.rest[i].map(Times::all);
+        let moved = at_times(regions.places(i), &fits.times);
+        let expected = fits.sums.apply(turn, rest);
         total += weight;
         squares += weight * weight;
-        spread += weight * dot(arm, arm);
-        residual += weight * dot(miss, miss);
+        for a in 0..3 {
+            let (arm, miss) = (rest[a] - fits.from[a], moved[a] - expected[a]);
+            spread += Times::all(weight) * arm * arm;
+            residual += Times::all(weight) * miss * miss;
+        }
     }
-    let effective = total * total / squares;
+    let effective: f64 = total * total / squares;
     // Three turns, each across two thirds of the spread; two points' worth of freedom is used up.
-    let variance = 1.5 * residual / (spread * (effective - 2.0).max(1.0));
-    if variance.is_finite() { variance } else { 0.0 }
+    let mut variance = Times::all(1.5) * residual;
+    for lane in 0..FITS {
+        let value = variance.0[lane] / (spread.0[lane] * (effective - 2.0).max(1.0));
+        variance.0[lane] = if value.is_finite() { value } else { 0.0 };
+    }
+    variance
 }

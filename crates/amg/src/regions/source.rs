@@ -24,12 +24,14 @@ pub(super) struct Regions {
     pub(super) ids: Vec<usize>,
     /// Centres of all points.
     pub(super) means: Vec<[f64; 3]>,
+    /// Opacities of all points, at least a little.
+    pub(super) weights: Vec<f64>,
     /// Who belongs to which region.
     pub(super) cells: Cells,
     /// Centroids of the regions.
     pub(super) centroids: Trajectories,
-    /// Mean rotations of the regions since the edit frame, `wxyz`, `[T][R]`.
-    pub(super) turns: Vec<Vec<[f64; 4]>>,
+    /// Mean rotations of the regions since the edit frame, `wxyz`, `[R,T]`.
+    pub(super) turns: Vec<[f64; 4]>,
     /// Mean thin axis of each region, sign arbitrary, length = flatness.
     pub(super) axes: Vec<[f64; 3]>,
     pub(super) num_outliers: usize,
@@ -45,19 +47,18 @@ fn trajectories(
     origin: [f64; 3],
 ) -> Trajectories {
     let pick = |means: &[[f32; 3]], i: usize| sub(means[i].map(f64::from), origin);
-    let present_at =
-        |k: usize| ids.iter().map(|&i| if dynamic[i] { keys.seen(k, i) } else { 1.0 }).collect();
     let rest: Vec<[f64; 3]> = ids.iter().map(|&i| pick(&keys.at_edit.means, i)).collect();
-    let moved = |means: &Vec<[f32; 3]>| {
-        let place = |(&i, rest): (&usize, &[f64; 3])| {
-            if dynamic[i] { pick(means, i) } else { *rest }
-        };
-        ids.iter().zip(&rest).map(place).collect()
+    let moved = |(&i, rest): (&usize, &[f64; 3])| {
+        let (rest, dynamic) = (*rest, dynamic[i]);
+        keys.means.iter().map(move |means| if dynamic { pick(means, i) } else { rest })
     };
-    let num_fading = if keys.fades() { keys.times.len() } else { 0 };
+    let present = |&i: &usize| {
+        let dynamic = dynamic[i];
+        (0..keys.times.len()).map(move |k| if dynamic { keys.seen(k, i) } else { 1.0 })
+    };
     Trajectories {
-        moved: keys.means.iter().map(moved).collect(),
-        presence: (0..num_fading).map(present_at).collect(),
+        moved: ids.iter().zip(&rest).flat_map(moved).collect(),
+        presence: if keys.fades() { ids.iter().flat_map(present).collect() } else { Vec::new() },
         weights: ids.iter().map(|&i| opacity_weight(keys, i)).collect(),
         moving: ids.iter().map(|&i| dynamic[i]).collect(),
         rest,
@@ -65,7 +66,7 @@ fn trajectories(
 }
 
 /// Opacity as a weight.
-pub(super) fn opacity_weight(keys: &KeyFrames, i: usize) -> f64 {
+fn opacity_weight(keys: &KeyFrames, i: usize) -> f64 {
     let opacity = f64::from(keys.at_edit.opacity(i));
     if opacity.is_finite() { opacity.max(LEAST_OPACITY) } else { LEAST_OPACITY }
 }
@@ -99,6 +100,7 @@ impl Regions {
             num_outliers: outliers.iter().filter(|&&o| o).count(),
             noise: neighbors.noise,
             means: points.rest,
+            weights: points.weights,
             ids,
             cells,
             axes,
@@ -148,59 +150,46 @@ fn mean_axis(members: &[u32], normals: &[[f64; 3]], weights: &[f64]) -> [f64; 3]
     axis.map(|c| c * sum / total)
 }
 
-/// Weighted mean of a vector over the members of a region.
-fn mean_of(members: &[u32], weights: &[f64], value: impl Fn(usize) -> [f64; 3]) -> [f64; 3] {
-    let (mut sum, mut total) = ([0.0; 3], 0.0);
-    for &p in members {
-        let (weight, value) = (weights[p as usize], value(p as usize));
-        for a in 0..3 {
-            sum[a] += weight * value[a];
-        }
-        total += weight;
-    }
-    sum.map(|c| c / total)
-}
-
+/// Weighted means of the members of each region.
 fn centroids(points: &Trajectories, members: &[Vec<u32>]) -> Trajectories {
-    let each = |value: &(dyn Fn(usize) -> [f64; 3] + Sync)| -> Vec<[f64; 3]> {
-        let mean = |members: &Vec<u32>| mean_of(members, &points.weights, value);
-        members.par_iter().with_min_len(256).map(mean).collect()
-    };
-    let rest = each(&|p| points.rest[p]);
+    let num_times = points.num_times();
     let fades = !points.presence.is_empty();
-    // Where splats fade, the centroid follows the members that are still there.
-    let moved = |k: usize| -> Vec<[f64; 3]> {
-        let moved = &points.moved[k];
-        if !fades {
-            return each(&|p| moved[p]);
+    let rest_of = |members: &Vec<u32>| {
+        let (mut sum, mut total) = ([0.0; 3], 0.0);
+        for &p in members {
+            add(&mut sum, points.weights[p as usize], points.rest[p as usize]);
+            total += points.weights[p as usize];
         }
-        let one = |(members, rest): (&Vec<u32>, &[f64; 3])| {
-            let (mut sum, mut total) = ([0.0; 3], 0.0);
-            for &p in members {
-                let p = p as usize;
-                let weight = points.weights[p] * (points.present(k, p) + FADED);
-                let step = sub(moved[p], points.rest[p]);
-                for a in 0..3 {
-                    sum[a] += weight * step[a];
-                }
-                total += weight;
-            }
-            [0, 1, 2].map(|a| rest[a] + sum[a] / total)
-        };
-        members.par_iter().zip(&rest).with_min_len(256).map(one).collect()
+        sum.map(|c| c / total)
     };
+    let rest: Vec<[f64; 3]> = members.par_iter().with_min_len(256).map(rest_of).collect();
+    let moved_of = |(members, rest): (&Vec<u32>, &[f64; 3])| -> Vec<[f64; 3]> {
+        let mut sums = vec![([0.0; 3], 0.0); num_times];
+        for &p in members {
+            let p = p as usize;
+            for (k, ((sum, total), place)) in sums.iter_mut().zip(points.places(p)).enumerate() {
+                // Where splats fade, the centroid follows the members that are still there.
+                let seen = if fades { points.present(k, p) + FADED } else { 1.0 };
+                let weight = points.weights[p] * seen;
+                add(sum, weight, sub(*place, points.rest[p]));
+                *total += weight;
+            }
+        }
+        let place = |(sum, total): ([f64; 3], f64)| [0, 1, 2].map(|a| rest[a] + sum[a] / total);
+        sums.into_iter().map(place).collect()
+    };
+    let moved = members.par_iter().zip(&rest).with_min_len(256).flat_map_iter(moved_of).collect();
     let weight = |members: &Vec<u32>| members.iter().map(|&p| points.weights[p as usize]).sum();
-    let present = |k: usize| -> Vec<f64> {
-        let one = |members: &Vec<u32>| {
-            let present = |&p: &u32| points.weights[p as usize] * points.present(k, p as usize);
-            let total: f64 = weight(members);
-            members.iter().map(present).sum::<f64>() / total
-        };
-        members.iter().map(one).collect()
+    let present_of = |members: &Vec<u32>| -> Vec<f64> {
+        let total: f64 = weight(members);
+        let present =
+            |k: usize, &p: &u32| points.weights[p as usize] * points.present(k, p as usize);
+        let at = |k: usize| members.iter().map(|p| present(k, p)).sum::<f64>() / total;
+        (0..num_times).map(at).collect()
     };
     Trajectories {
-        moved: (0..points.num_times()).map(moved).collect(),
-        presence: (0..points.presence.len()).map(present).collect(),
+        moved,
+        presence: if fades { members.iter().flat_map(present_of).collect() } else { Vec::new() },
         weights: members.iter().map(weight).collect(),
         moving: members
             .iter()
@@ -210,18 +199,24 @@ fn centroids(points: &Trajectories, members: &[Vec<u32>]) -> Trajectories {
     }
 }
 
-/// Mean relative rotations of the regions; those of splats that do not move are none.
+fn add(sum: &mut [f64; 3], weight: f64, x: [f64; 3]) {
+    for (sum, x) in sum.iter_mut().zip(x) {
+        *sum += weight * x;
+    }
+}
+
+/// Mean relative rotations of the regions, `[R,T]`; those of splats that do not move are none.
 fn turns(
     keys: &KeyFrames,
     ids: &[usize],
     points: &Trajectories,
     members: &[Vec<u32>],
-) -> Vec<Vec<[f64; 4]>> {
-    let at = |turns: &Vec<[f32; 4]>| -> Vec<[f64; 4]> {
-        let own = |p: u32| {
-            if points.moving[p as usize] { turns[ids[p as usize]] } else { quat::IDENTITY }
-        };
-        let mean = |members: &Vec<u32>| {
+) -> Vec<[f64; 4]> {
+    let of_region = |members: &Vec<u32>| -> Vec<[f64; 4]> {
+        let at = |turns: &Vec<[f32; 4]>| {
+            let own = |p: u32| {
+                if points.moving[p as usize] { turns[ids[p as usize]] } else { quat::IDENTITY }
+            };
             let first = own(members[0]);
             let mut sum = [0.0; 4];
             for &p in members {
@@ -232,7 +227,7 @@ fn turns(
             }
             quat::normalize(sum)
         };
-        members.par_iter().with_min_len(256).map(mean).collect()
+        keys.turns.iter().map(at).collect()
     };
-    keys.turns.iter().map(at).collect()
+    members.par_iter().with_min_len(256).flat_map_iter(of_region).collect()
 }

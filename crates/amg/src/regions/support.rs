@@ -1,15 +1,13 @@
 //! The sources each edited splat finally moves with.
 
-use super::candidates::Candidates;
 use super::consensus::Consensus;
-use super::edit::Edit;
+use super::cubes::Cube;
 use super::numeric::TINY;
 use super::region_motion::{Path, RegionMotion};
-use super::source::{Regions, opacity_weight};
+use super::source::Regions;
 use crate::binding::index;
-use crate::keyframes::KeyFrames;
-use crate::rigid::{dot, eigen, norm, sub};
-use anchors::KdTree;
+use crate::rigid::{dot, norm, sub};
+use anchors::{KdTree, Neighbor};
 use gs_core::Real;
 
 /// Regions whose splats are considered: enough for a choice, few enough to stay near, unless they have but a splat each.
@@ -40,41 +38,39 @@ const NEGLIGIBLE: f64 = 1e-9;
 /// What is kept from splat to splat, so that nothing is allocated for each.
 #[derive(Default)]
 pub(super) struct Scratch {
-    around: Vec<(f64, u32)>,
-    regions: Vec<u32>,
     apart: Vec<f32>,
     path: Path,
     points: Vec<(f64, u32)>,
     first_of_region: Vec<(f64, u32)>,
     entries: Vec<(u32, f64)>,
+    /// Regions around the one that was last asked for far splats.
+    around: Option<(u32, Vec<Neighbor>)>,
+    ids: Vec<u32>,
 }
 
 /// Finds supports.
 pub(super) struct Supports<'a> {
-    pub(super) keys: &'a KeyFrames,
     pub(super) regions: &'a Regions,
     pub(super) motion: &'a RegionMotion,
-    pub(super) candidates: &'a Candidates,
     pub(super) spacing: &'a [f64],
     pub(super) tolerance: f32,
     pub(super) sources_per_row: usize,
     pub(super) consensus: Consensus<'a>,
+    /// The regions that are no outliers, and their centroids.
+    pub(super) kept: &'a [usize],
+    pub(super) tree: &'a KdTree<3>,
 }
 
 impl Supports<'_> {
-    /// Sources around the splat that move like region `own`, nearest first, and weights.
+    /// Sources around a splat at `x` in `cube` that move like region `own`, and weights.
     pub(super) fn near(
         &self,
-        edit: &Edit,
-        e: usize,
+        x: [f64; 3],
+        cube: &Cube,
         own: u32,
         scratch: &mut Scratch,
     ) -> Vec<(u32, f32)> {
-        let x = edit.means[e];
-        let Scratch { around, regions, apart, path, points, first_of_region, entries } = scratch;
-        self.candidates.around(self.regions, edit, e, around);
-        regions.clear();
-        regions.extend(around.iter().map(|n| n.1));
+        let Scratch { apart, path, points, first_of_region, entries, .. } = scratch;
         self.motion.path(own as usize, x.map(Real::as_f32), path);
         points.clear();
         first_of_region.clear();
@@ -84,17 +80,18 @@ impl Supports<'_> {
         };
         let limit = (SAME * self.tolerance).powi(2);
         let mut add = |region: u32| {
-            let start = points.len();
+            let mut nearest = (f64::INFINITY, 0);
             for &p in self.regions.members(region as usize) {
                 let d = sub(self.regions.means[p as usize], x);
-                points.push((dot(d, d), p));
+                let squared = dot(d, d);
+                points.push((squared, p));
+                nearest = if squared < nearest.0 { (squared, p) } else { nearest };
             }
-            let nearest = points[start..].iter().copied().min_by(|a, b| a.0.total_cmp(&b.0));
-            first_of_region.extend(nearest);
+            first_of_region.push(nearest);
             enough(first_of_region.len(), points.len())
         };
         let mut done = false;
-        for some in regions.chunks(CHUNK) {
+        for some in cube.regions.chunks(CHUNK) {
             self.motion.apart(path, some, apart);
             let mut same = some.iter().zip(&*apart).filter(|(_, squared)| **squared <= limit);
             done = same.any(|(&region, _)| add(region));
@@ -102,26 +99,20 @@ impl Supports<'_> {
                 break;
             }
         }
-        if !done {
+        if !done && !cube.regions.contains(&own) {
             add(own);
         }
         let order = |a: &(f64, u32), b: &(f64, u32)| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1));
-        // `own` is usually among those around, too: some points come twice.
-        let needed = 2 * self.sources_per_row;
-        if points.len() > needed {
-            points.select_nth_unstable_by(needed, order);
-            points.truncate(needed);
+        // Half of them as near as possible, for the translation; the other half spread out, for the rotation.
+        let half = self.sources_per_row.div_ceil(2);
+        let near = half.max(self.sources_per_row.saturating_sub(first_of_region.len()));
+        if points.len() > near {
+            points.select_nth_unstable_by(near, order);
+            points.truncate(near);
         }
         points.sort_unstable_by(order);
-        points.dedup();
-        // Half of them as near as possible, for the translation; the other half spread out, for the rotation.
-        points.truncate(
-            self.sources_per_row
-                .div_ceil(2)
-                .max(self.sources_per_row.saturating_sub(first_of_region.len())),
-        );
         first_of_region.retain(|p| !points.contains(p));
-        first_of_region.sort_by(order);
+        first_of_region.sort_unstable_by(order);
         first_of_region.truncate(self.sources_per_row.saturating_sub(points.len()));
         points.extend_from_slice(first_of_region);
         let h = self.spacing[own as usize];
@@ -129,8 +120,7 @@ impl Supports<'_> {
         let width = (KERNEL * h).powi(2) + KERNEL_GROWTH * nearest;
         let width = width.max(TINY * TINY);
         let weigh = |&(squared, p): &(f64, u32)| {
-            let kernel = (-0.5 * (squared - nearest) / width).exp();
-            (p, kernel * opacity_weight(self.keys, self.regions.ids[p as usize]))
+            (p, (-0.5 * (squared - nearest) / width).exp() * self.regions.weights[p as usize])
         };
         entries.clear();
         entries.extend(points.iter().map(weigh).filter(|(_, weight)| *weight > NEGLIGIBLE));
@@ -166,20 +156,18 @@ impl Supports<'_> {
                 }
             }
         }
-        let (variances, axes) = eigen(covariance);
-        let ridge = RIDGE * variances.iter().sum::<f64>();
-        if ridge <= 0.0 {
+        let ridge = RIDGE * (covariance[0][0] + covariance[1][1] + covariance[2][2]);
+        if !(ridge > 0.0) {
             return;
         }
-        let aside = sub(x, centroid);
-        let mut tilt = [0.0; 3];
-        for (i, variance) in variances.into_iter().enumerate() {
-            let axis = axes.map(|row| row[i]);
-            let along = dot(axis, aside) * variance / (variance + ridge).powi(2);
-            for (t, a) in tilt.iter_mut().zip(axis) {
-                *t += along * a;
-            }
+        // C (C + ridge)⁻² applied to where the splat lies aside.
+        let mut ridged = covariance;
+        for (i, row) in ridged.iter_mut().enumerate() {
+            row[i] += ridge;
         }
+        let inverse = inverse(ridged);
+        let apply = |m: &[[f64; 3]; 3], v: [f64; 3]| m.map(|row| dot(row, v));
+        let tilt = apply(&covariance, apply(&inverse, apply(&inverse, sub(x, centroid))));
         for (point, weight) in entries {
             let factor = 1.0 + dot(tilt, sub(place(*point), centroid));
             *weight *= factor.clamp(CENTRING[0], CENTRING[1]);
@@ -188,25 +176,24 @@ impl Supports<'_> {
 
     /// Sources for a splat far from all of them that hangs on one which moves with region `own`: the wider the lever, the wider the
     /// support, as far as it moves as one.
-    pub(super) fn far(
-        &self,
-        x: [f64; 3],
-        own: u32,
-        tree: &KdTree<3>,
-        kept: &[usize],
-    ) -> Vec<(u32, f32)> {
+    pub(super) fn far(&self, x: [f64; 3], own: u32, scratch: &mut Scratch) -> Vec<(u32, f32)> {
+        let Scratch { apart, path, around, ids, .. } = scratch;
         let centre = self.regions.centroids.rest[own as usize];
         let lever = norm(sub(x, centre));
-        let mut near = Vec::new();
-        tree.nearest(&centre, FAR_REGIONS, &mut near);
+        // Splats of one piece ask for one region.
+        let (asked, near) = around.get_or_insert_with(|| (u32::MAX, Vec::new()));
+        if *asked != own {
+            self.tree.nearest(&centre, FAR_REGIONS, near);
+            *asked = own;
+        }
         let reach = (0.5 * lever).max(2.0 * self.spacing[own as usize]);
         let tolerance = (f64::from(self.tolerance) + 0.1 * lever).as_f32();
-        let (mut path, mut apart) = (Path::default(), Vec::new());
-        self.motion.path(own as usize, x.map(Real::as_f32), &mut path);
-        let ids: Vec<u32> = near.iter().map(|n| index(kept[n.id as usize])).collect();
-        self.motion.apart(&path, &ids, &mut apart);
+        self.motion.path(own as usize, x.map(Real::as_f32), path);
+        ids.clear();
+        ids.extend(near.iter().map(|n| index(self.kept[n.id as usize])));
+        self.motion.apart(path, ids, apart);
         let mut same = Vec::new();
-        for ((n, &region), &squared) in near.iter().zip(&ids).zip(&apart) {
+        for ((n, &region), &squared) in near.iter().zip(&*ids).zip(&*apart) {
             if n.distance_squared.sqrt() > reach && same.len() >= self.sources_per_row {
                 break;
             }
@@ -221,9 +208,20 @@ impl Supports<'_> {
         (0..count)
             .map(|i| {
                 let members = self.regions.members(same[i * same.len() / count] as usize);
-                let i = self.regions.ids[members[members.len() / 2] as usize];
-                (index(i), opacity_weight(self.keys, i).as_f32())
+                let point = members[members.len() / 2] as usize;
+                (index(self.regions.ids[point]), self.regions.weights[point].as_f32())
             })
             .collect()
     }
+}
+
+/// Of a symmetric matrix that has one.
+fn inverse(m: [[f64; 3]; 3]) -> [[f64; 3]; 3] {
+    let cofactor = |i: usize, j: usize| {
+        let (a, b) = ((i + 1) % 3, (i + 2) % 3);
+        let (c, d) = ((j + 1) % 3, (j + 2) % 3);
+        m[a][c] * m[b][d] - m[a][d] * m[b][c]
+    };
+    let determinant = (0..3).map(|j| m[0][j] * cofactor(0, j)).sum::<f64>();
+    std::array::from_fn(|i| std::array::from_fn(|j| cofactor(j, i) / determinant))
 }

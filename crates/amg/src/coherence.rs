@@ -5,11 +5,10 @@
 //! neighbours share it.
 
 use crate::keyframes::KeyFrames;
-use anchors::KdTree;
-use rayon::prelude::*;
+use anchors::{KdTree, Neighbor};
 
 /// Splats looked at, the splat itself included: enough to see that little is shared, and few enough to be of one small thing.
-const NEIGHBORHOODS: [usize; 2] = [25, 8];
+const NEIGHBORHOODS: [usize; 2] = [8, 25];
 
 /// Standard errors by which a neighbourhood's mean displacement must differ from zero: of independent displacements one
 /// neighbourhood in a thousand does.
@@ -20,40 +19,37 @@ const SIGNIFICANT: f64 = 3.3;
 /// are left as they are.
 pub(crate) fn keep_coherent(keys: &KeyFrames, moves: &mut [bool]) {
     let ids: Vec<usize> = (0..moves.len()).filter(|&i| !keys.broken[i]).collect();
-    if ids.len() < NEIGHBORHOODS[0] || !moves.contains(&true) {
+    if ids.len() < NEIGHBORHOODS[1] || !moves.contains(&true) {
         return;
     }
     let points: Vec<[f64; 3]> = ids.iter().map(|&i| keys.at_edit.means[i].map(f64::from)).collect();
     let tree = KdTree::<3>::new(&points);
     let opacity: Vec<f64> = ids.iter().map(|&i| f64::from(keys.at_edit.opacity(i))).collect();
-    let tremble: Vec<bool> = ids
-        .par_iter()
-        .zip(&points)
-        .with_min_len(128)
-        .map_init(Vec::new, |near, (&i, point)| {
-            if !moves[i] {
-                return false;
-            }
-            tree.nearest(point, NEIGHBORHOODS[0], near);
-            !(0..keys.times.len()).any(|k| {
-                let around: Vec<(f64, [f64; 3])> = near
-                    .iter()
-                    .map(|n| (n.id as usize, ids[n.id as usize]))
-                    .map(|(n, id)| (opacity[n] * keys.seen(k, id), keys.displacement(k, id)))
-                    .collect();
-                NEIGHBORHOODS.iter().any(|&n| is_shared(&around[..n.min(around.len())]))
-            })
-        })
-        .collect();
-    for (i, tremble) in ids.into_iter().zip(tremble) {
-        moves[i] &= !tremble;
+    let is_shared_at = |k: usize, near: &[Neighbor]| {
+        let around = near.iter().map(|n| {
+            let (n, id) = (n.id as usize, ids[n.id as usize]);
+            (opacity[n] * keys.seen(k, id), keys.displacement(k, id))
+        });
+        is_shared(around)
+    };
+    let goes = |near: &[Neighbor]| (0..keys.times.len()).any(|k| is_shared_at(k, near));
+    let mut tremble: Vec<usize> = (0..ids.len()).filter(|&n| moves[ids[n]]).collect();
+    // The few nearest first: most of what moves is told by those.
+    for count in NEIGHBORHOODS {
+        let places: Vec<[f64; 3]> = tremble.iter().map(|&n| points[n]).collect();
+        let goes = tree.map(&places, count, |_, near| goes(near));
+        let mut goes = goes.into_iter();
+        tremble.retain(|_| goes.next() == Some(false));
+    }
+    for n in tremble {
+        moves[ids[n]] = false;
     }
 }
 
 /// Whether weighted displacements have a mean that chance does not explain.
-fn is_shared(around: &[(f64, [f64; 3])]) -> bool {
-    let (mut total, mut squares, mut mean, mut second) = (0.0, 0.0, [0.0; 3], 0.0);
-    for &(weight, d) in around {
+fn is_shared(around: impl Iterator<Item = (f64, [f64; 3])>) -> bool {
+    let (mut total, mut squares, mut mean, mut second) = (0.0_f64, 0.0, [0.0_f64; 3], 0.0_f64);
+    for (weight, d) in around {
         total += weight;
         squares += weight * weight;
         for axis in 0..3 {
@@ -89,9 +85,9 @@ mod tests {
                 .map(|(w, d)| (w, [d[0] + drift, d[1], d[2]]))
                 .collect()
         };
-        assert!(!is_shared(&around(0.0)), "independent");
-        assert!(is_shared(&around(1.0)), "as large a common part");
-        assert!(is_shared(&[(1.0, [1e-9, 0.0, 0.0]); 25]), "identical, however small");
-        assert!(!is_shared(&[(0.0, [1.0; 3]); 25]), "nobody sees it");
+        assert!(!is_shared(around(0.0).into_iter()), "independent");
+        assert!(is_shared(around(1.0).into_iter()), "as large a common part");
+        assert!(is_shared([(1.0, [1e-9, 0.0, 0.0]); 25].into_iter()), "identical, however small");
+        assert!(!is_shared([(0.0, [1.0; 3]); 25].into_iter()), "nobody sees it");
     }
 }

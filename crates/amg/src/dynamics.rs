@@ -4,7 +4,7 @@ use crate::AmgError;
 use crate::coherence::keep_coherent;
 use crate::keyframes::KeyFrames;
 use crate::options::{DynamicOverride, DynamicParams};
-use crate::pose;
+use crate::pose::{self, quantile_index};
 
 /// The source, split into what moves and what does not.
 ///
@@ -85,15 +85,6 @@ fn amplitudes(keys: &KeyFrames) -> Vec<f64> {
 fn extent(keys: &KeyFrames, of: impl Fn(usize) -> bool) -> f64 {
     let rows = (0..keys.at_edit.len()).filter(|&i| !keys.broken[i] && of(i));
     pose::size(&rows.map(|i| keys.at_edit.means[i].map(f64::from)).collect::<Vec<_>>())
-}
-
-#[expect(
-    clippy::cast_possible_truncation,
-    clippy::cast_sign_loss,
-    reason = "a share of a length is a valid index"
-)]
-pub(crate) fn quantile_index(len: usize, share: f64) -> usize {
-    ((len - 1) as f64 * share).round() as usize
 }
 
 fn automatic_threshold(amplitudes: &[f64], broken: &[bool], size: f64) -> f64 {

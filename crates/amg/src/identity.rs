@@ -1,55 +1,21 @@
 //! Which edited splats *are* source splats.
 
 mod moved;
+mod row;
 mod signature;
 mod stored;
+mod tolerance;
+
+pub use row::Identity;
 
 use crate::AmgError;
 use crate::binding::index;
+use crate::bit_map::BitMap;
 use crate::options::IdentityParams;
 use crate::similarity::Similarity;
-use anchors::{KdTree, Neighbor};
-use gs_core::{Real, Splats, covariance, quat};
+use gs_core::Splats;
 use rayon::prelude::*;
-use std::collections::HashMap;
-
-/// What one edited splat is.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Identity {
-    /// Source splat with this id: all stored fields agree.
-    Unchanged(u32),
-    /// Source splat with this id: geometry agrees, opacity or colour does not.
-    Recoloured(u32),
-    /// Source splat, moved, turned or scaled together with others.
-    Moved {
-        /// Its id.
-        source: u32,
-        /// Which of [`IdentityMap::similarities`].
-        group: u32,
-    },
-    /// No source splat.
-    Edited,
-}
-
-impl Identity {
-    /// The source splat this one is.
-    pub fn source(self) -> Option<u32> {
-        match self {
-            Self::Unchanged(source) | Self::Recoloured(source) | Self::Moved { source, .. } => {
-                Some(source)
-            }
-            Self::Edited => None,
-        }
-    }
-
-    /// The source splat this one is, if it is where that one is.
-    pub fn in_place(self) -> Option<u32> {
-        match self {
-            Self::Unchanged(source) | Self::Recoloured(source) => Some(source),
-            Self::Moved { .. } | Self::Edited => None,
-        }
-    }
-}
+use tolerance::{appearance_within, match_by_tolerance};
 
 /// Which edited splats are source splats, by value and never by row.
 ///
@@ -89,9 +55,6 @@ pub struct IdentityMap {
     /// Similarity of each group, from the source's frame to the edit's.
     pub similarities: Vec<Similarity>,
 }
-
-/// Source splats looked at per open row in the tolerance pass.
-const CANDIDATES: usize = 4;
 
 impl IdentityMap {
     /// Compares `edited` with `source`, both at the edit frame. With `params.enabled` off, every row is
@@ -290,7 +253,8 @@ fn match_by_bits(source: &Splats, edited: &Splats, tolerance: f64, rows: &mut [I
     let (source_keys, edited_keys) = (keys_of(source), keys_of(edited));
     // Whole splats first, so that of two coincident splats each edited row finds its own.
     let mut used = vec![false; source.len()];
-    let mut whole: HashMap<(GeometryKey, u64), Pool> = HashMap::with_capacity(source.len());
+    let mut whole: BitMap<(GeometryKey, u64), Pool> =
+        BitMap::with_capacity_and_hasher(source.len(), Default::default());
     for (id, key) in source_keys.iter().enumerate() {
         whole.entry(*key).or_default().ids.push(index(id));
     }
@@ -306,7 +270,8 @@ fn match_by_bits(source: &Splats, edited: &Splats, tolerance: f64, rows: &mut [I
     if rows.iter().all(|row| *row != Identity::Edited) {
         return;
     }
-    let mut geometry: HashMap<GeometryKey, Pool> = HashMap::with_capacity(source.len());
+    let mut geometry: BitMap<GeometryKey, Pool> =
+        BitMap::with_capacity_and_hasher(source.len(), Default::default());
     for unused in [true, false] {
         for (id, key) in source_keys.iter().enumerate().filter(|(id, _)| used[*id] != unused) {
             geometry.entry(key.0).or_default().ids.push(index(id));
@@ -321,92 +286,4 @@ fn match_by_bits(source: &Splats, edited: &Splats, tolerance: f64, rows: &mut [I
             rows[row] = if same { Identity::Unchanged(id) } else { Identity::Recoloured(id) };
         }
     }
-}
-
-fn match_by_tolerance(source: &Splats, edited: &Splats, tolerance: f64, rows: &mut [Identity]) {
-    let ids: Vec<u32> = (0..source.len()).filter(|&i| source.is_finite(i)).map(index).collect();
-    if ids.is_empty() || rows.iter().all(|row| *row != Identity::Edited) {
-        return;
-    }
-    let points: Vec<[f64; 3]> =
-        ids.iter().map(|&id| source.means[id as usize].map(f64::from)).collect();
-    let tree = KdTree::<3>::new(&points);
-    rows.par_iter_mut().enumerate().with_min_len(256).for_each_init(
-        Vec::new,
-        |near, (row, slot)| {
-            if *slot == Identity::Edited && edited.is_finite(row) {
-                tree.nearest(&edited.means[row].map(f64::from), CANDIDATES, near);
-                *slot = best_within(source, edited, row, near, &ids, tolerance);
-            }
-        },
-    );
-}
-
-fn best_within(
-    source: &Splats,
-    edited: &Splats,
-    row: usize,
-    near: &[Neighbor],
-    ids: &[u32],
-    tolerance: f64,
-) -> Identity {
-    let mut best = Identity::Edited;
-    for neighbor in near {
-        let id = ids[neighbor.id as usize];
-        if !geometry_within(source, id as usize, edited, row, tolerance) {
-            continue;
-        }
-        if appearance_within(source, id as usize, edited, row, tolerance) {
-            return Identity::Unchanged(id);
-        }
-        if best == Identity::Edited {
-            best = Identity::Recoloured(id);
-        }
-    }
-    best
-}
-
-fn geometry_within(source: &Splats, s: usize, edited: &Splats, e: usize, tolerance: f64) -> bool {
-    let (x, y) = (source.means[s].map(f64::from), edited.means[e].map(f64::from));
-    let (sx, sy) = (source.scale(s).map(f64::from), edited.scale(e).map(f64::from));
-    let sorted = |mut s: [f64; 3]| {
-        s.sort_by(f64::total_cmp);
-        s
-    };
-    let (sorted_x, sorted_y) = (sorted(sx), sorted(sy));
-    let largest = x.iter().fold(0.0_f64, |m, c| m.max(c.abs()));
-    let limit = tolerance * (2e-6 * largest).max(1e-3 * sorted_x[1]);
-    if (0..3).any(|axis| (x[axis] - y[axis]).abs() > limit) {
-        return false;
-    }
-    let close = |a: [f64; 3], b: [f64; 3]| {
-        (0..3).all(|i| (a[i] - b[i]).abs() <= tolerance * 1e-3 * a[i].max(b[i]))
-    };
-    if !close(sorted_x, sorted_y) {
-        return false;
-    }
-    let qx = quat::normalize(source.quats[s].map(f64::from));
-    let qy = quat::normalize(edited.quats[e].map(f64::from));
-    // 1 − |⟨q,q'⟩| = θ²/8.
-    let same_rotation = 1.0 - quat::dot(qx, qy).abs() <= 5e-7 * tolerance * tolerance;
-    if same_rotation && close(sx, sy) {
-        return true;
-    }
-    let (a, b) = (covariance(qx, sx), covariance(qy, sy));
-    let difference = (0..6).fold(0.0_f64, |m, i| m.max((a[i] - b[i]).abs()));
-    difference <= 5e-3 * tolerance * sorted_x[2] * sorted_x[2]
-}
-
-fn appearance_within(source: &Splats, s: usize, edited: &Splats, e: usize, tolerance: f64) -> bool {
-    let tolerance = tolerance.as_f32();
-    let near = |a: f32, b: f32, limit: f32| a == b || (a - b).abs() <= limit;
-    if !near(source.opacity(s), edited.opacity(e), 2e-3 * tolerance) {
-        return false;
-    }
-    let padded =
-        |splats: &Splats, i: usize, k: usize| splats.sh_of(i).get(k).copied().unwrap_or([0.0; 3]);
-    (0..source.sh_coeffs().max(edited.sh_coeffs())).all(|k| {
-        let (a, b) = (padded(source, s, k), padded(edited, e, k));
-        (0..3).all(|channel| near(a[channel], b[channel], 1e-3 * tolerance))
-    })
 }

@@ -4,7 +4,6 @@ use crate::binding::index;
 use crate::options::KnnParams;
 use anchors::KdTree;
 use gs_core::{Real, Splats};
-use rayon::prelude::*;
 
 /// For each row of `rows`, the `k` nearest sources of `pool` with weights `1/(d + 1e-8)`.
 pub(crate) fn bind(
@@ -16,16 +15,13 @@ pub(crate) fn bind(
 ) -> Vec<Vec<(u32, f32)>> {
     let points: Vec<[f64; 3]> = pool.iter().map(|&i| source.means[i].map(f64::from)).collect();
     let tree = KdTree::<3>::new(&points);
-    rows.par_iter()
-        .with_min_len(256)
-        .map_init(Vec::new, |near, &row| {
-            tree.nearest(&edited.means[row].map(f64::from), params.k, near);
-            near.iter()
-                .map(|neighbor| {
-                    let weight = 1.0 / (neighbor.distance_squared.sqrt() + 1e-8);
-                    (index(pool[neighbor.id as usize]), weight.as_f32())
-                })
-                .collect()
-        })
-        .collect()
+    let places: Vec<[f64; 3]> = rows.iter().map(|&row| edited.means[row].map(f64::from)).collect();
+    tree.map(&places, params.k, |_, near| {
+        near.iter()
+            .map(|neighbor| {
+                let weight = 1.0 / (neighbor.distance_squared.sqrt() + 1e-8);
+                (index(pool[neighbor.id as usize]), weight.as_f32())
+            })
+            .collect()
+    })
 }

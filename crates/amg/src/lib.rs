@@ -9,6 +9,7 @@
 
 mod aggregate;
 mod binding;
+mod bit_map;
 mod carriers;
 mod coherence;
 mod dynamics;
@@ -31,6 +32,7 @@ mod rigid_parts;
 mod scene;
 mod simd;
 mod similarity;
+mod similarity_words;
 mod work;
 
 pub use anchors::{AnchorParams, Grouping, Radius};

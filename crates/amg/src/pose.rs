@@ -3,7 +3,6 @@
 //! Whatever needs an origin, an order, a length or axes takes them from here, so that results do not depend on where the scene lies,
 //! how it is turned and how large it is.
 
-use crate::dynamics::quantile_index;
 use crate::rigid::{dot, eigen, sub};
 
 /// Share of the points within the radius that counts as the cloud's. With it, the size of most things is about the longest edge
@@ -52,6 +51,16 @@ pub(crate) fn size(points: &[[f64; 3]]) -> f64 {
         .collect();
     let rank = quantile_index(squares.len(), INSIDE);
     2.0 * squares.select_nth_unstable_by(rank, f64::total_cmp).1.sqrt()
+}
+
+/// Position, in a sorted list of `len` values, of the one below which lies this share of them.
+#[expect(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "a share of a length is a valid index"
+)]
+pub(crate) fn quantile_index(len: usize, share: f64) -> usize {
+    ((len - 1) as f64 * share).round() as usize
 }
 
 fn centroid(points: &[[f64; 3]]) -> [f64; 3] {

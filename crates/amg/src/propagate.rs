@@ -12,7 +12,6 @@ use crate::work::{Progress, Row, Work};
 use crate::{AmgError, knn};
 use anchors::KdTree;
 use gs_core::{DynamicScene, Real, Splats};
-use rayon::prelude::*;
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -175,16 +174,12 @@ impl<'a> Work<'a> {
             usable.iter().map(|&i| self.keys.at_edit.means[i].map(f64::from)).collect();
         let tree = KdTree::<3>::new(&points);
         let reach = f64::from(self.options.reach) * self.split.figure_size;
-        let nearest: Vec<(bool, bool)> = self
-            .open
-            .par_iter()
-            .with_min_len(256)
-            .map_init(Vec::new, |near, &row| {
-                tree.nearest(&self.edited.means[row].map(f64::from), 1, near);
-                let near_enough = near[0].distance_squared.sqrt() <= reach;
-                (near_enough, self.split.dynamic[usable[near[0].id as usize]])
-            })
-            .collect();
+        let places: Vec<[f64; 3]> =
+            self.open.iter().map(|&row| self.edited.means[row].map(f64::from)).collect();
+        let nearest: Vec<(bool, bool)> = tree.map(&places, 1, |_, near| {
+            let near_enough = near[0].distance_squared.sqrt() <= reach;
+            (near_enough, self.split.dynamic[usable[near[0].id as usize]])
+        });
         report.out_of_reach = nearest.iter().filter(|(near_enough, _)| !near_enough).count();
         let rows = self
             .open

@@ -1,7 +1,6 @@
 //! [`Similarity`]: rotation, uniform scale, translation, and mirroring.
 
 mod sh_rotation;
-mod words;
 
 use crate::rigid::RigidFit;
 use gs_core::{Precision, Real, RowPrecision, Splats, quat, rotation_matrix};

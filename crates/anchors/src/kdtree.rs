@@ -21,7 +21,8 @@ pub struct Neighbor {
 impl Neighbor {
     #[inline]
     fn before(&self, other: &Self) -> bool {
-        self.order(other).is_lt()
+        self.distance_squared < other.distance_squared
+            || (self.distance_squared == other.distance_squared && self.id < other.id)
     }
 
     #[inline]
@@ -33,8 +34,10 @@ impl Neighbor {
 /// A k-d tree over points `[N,D]`, immutable; queries may run on many threads.
 #[derive(Clone, Debug)]
 pub struct KdTree<const D: usize> {
-    /// Points in leaf order, each with its id.
-    points: Vec<([f64; D], u32)>,
+    /// Points in leaf order.
+    points: Vec<[f64; D]>,
+    /// Their ids.
+    ids: Vec<u32>,
     splits: Vec<Split>,
     /// Levels of inner nodes.
     depth: u32,
@@ -73,7 +76,8 @@ impl<const D: usize> KdTree<D> {
         let mut points: Vec<([f64; D], u32)> = points.iter().copied().zip(0..).collect();
         let mut splits = vec![Split::default(); (1 << depth) - 1];
         build(&mut points, &mut splits);
-        Self { points, splits, depth }
+        let (points, ids) = points.into_iter().unzip();
+        Self { points, ids, splits, depth }
     }
 
     /// Number of points.
@@ -112,23 +116,64 @@ impl<const D: usize> KdTree<D> {
         }
     }
 
+    /// Calls `each` with the number of every query and the `k` points nearest to it, as [`Self::nearest`] finds them, and collects what
+    /// it returns in the order of `queries`. Queries that lie together run together, so that they share cache lines.
+    pub fn map<R: Send>(
+        &self,
+        queries: &[[f64; D]],
+        k: usize,
+        each: impl Fn(usize, &[Neighbor]) -> R + Sync,
+    ) -> Vec<R> {
+        let mut order: Vec<(u32, u32)> = queries
+            .par_iter()
+            .zip(0_u32..queries.len() as u32)
+            .map(|(x, i)| (self.leaf(x), i))
+            .collect();
+        order.par_sort_unstable();
+        let blocks: Vec<Vec<(u32, R)>> = order
+            .par_chunks(QUERY_BLOCK)
+            .map_init(Vec::new, |found, block| {
+                let query = |&(_, i): &(u32, u32)| {
+                    self.nearest(&queries[i as usize], k, found);
+                    (i, each(i as usize, found))
+                };
+                block.iter().map(query).collect()
+            })
+            .collect();
+        let mut in_order: Vec<Option<R>> = (0..queries.len()).map(|_| None).collect();
+        for (i, value) in blocks.into_iter().flatten() {
+            in_order[i as usize] = Some(value);
+        }
+        in_order.into_iter().flatten().collect()
+    }
+
+    /// Number of the leaf in whose region `x` lies, in preorder.
+    fn leaf(&self, x: &[f64; D]) -> u32 {
+        let mut node = 0;
+        for depth in (0..self.depth).rev() {
+            let Split { value, axis } = self.splits[node];
+            node += if x[axis as usize] < value { 1 } else { 1 << depth };
+        }
+        node as u32
+    }
+
     /// The `k` nearest others of every point, `[N,k]`, each list in ascending order of (distance, id). There must be more than
     /// `k` points.
     pub(crate) fn all_nearest(&self, k: usize) -> Vec<Neighbor> {
-        let query = |found: &mut Vec<Neighbor>, block: &[([f64; D], u32)]| {
-            let mut lists = Vec::with_capacity(k * block.len());
-            for (point, id) in block {
+        let query = |found: &mut Vec<Neighbor>, (points, ids): (&[[f64; D]], &[u32])| {
+            let mut lists = Vec::with_capacity(k * points.len());
+            for (point, id) in points.iter().zip(ids) {
                 self.nearest_except(point, k, *id, found);
                 lists.extend_from_slice(found);
             }
             lists
         };
-        let blocks: Vec<Vec<Neighbor>> =
-            self.points.par_chunks(QUERY_BLOCK).map_init(Vec::new, query).collect();
+        let blocks = self.points.par_chunks(QUERY_BLOCK).zip(self.ids.par_chunks(QUERY_BLOCK));
+        let blocks: Vec<Vec<Neighbor>> = blocks.map_init(Vec::new, query).collect();
         let mut by_id = vec![Neighbor { distance_squared: 0.0, id: 0 }; k * self.points.len()];
         if k > 0 {
             let lists = blocks.iter().flat_map(|block| block.chunks_exact(k));
-            for ((_, id), list) in self.points.iter().zip(lists) {
+            for (id, list) in self.ids.iter().zip(lists) {
                 by_id[*id as usize * k..][..k].copy_from_slice(list);
             }
         }
@@ -142,21 +187,18 @@ impl<const D: usize> KdTree<D> {
         k: usize,
         each: impl Fn(u32, &[Neighbor]) -> R + Sync,
     ) -> Vec<R> {
-        let blocks: Vec<Vec<(u32, R)>> = self
-            .points
-            .par_chunks(QUERY_BLOCK)
-            .map(|block| {
-                let mut found = Vec::with_capacity(k + 1);
-                let query = |(point, id): &([f64; D], u32)| {
-                    self.nearest_except(point, k, *id, &mut found);
-                    (*id, each(*id, &found))
-                };
-                block.iter().map(query).collect()
-            })
-            .collect();
+        let query = |found: &mut Vec<Neighbor>, (points, ids): (&[[f64; D]], &[u32])| {
+            let one = |(point, id): (&[f64; D], &u32)| {
+                self.nearest_except(point, k, *id, found);
+                each(*id, found)
+            };
+            points.iter().zip(ids).map(one).collect()
+        };
+        let blocks = self.points.par_chunks(QUERY_BLOCK).zip(self.ids.par_chunks(QUERY_BLOCK));
+        let blocks: Vec<Vec<R>> = blocks.map_init(Vec::new, query).collect();
         let mut by_id = vec![R::default(); self.points.len()];
-        for (id, value) in blocks.into_iter().flatten() {
-            by_id[id as usize] = value;
+        for (id, value) in self.ids.iter().zip(blocks.into_iter().flatten()) {
+            by_id[*id as usize] = value;
         }
         by_id
     }
@@ -240,25 +282,27 @@ impl<const D: usize> Search<'_, D> {
     }
 
     fn scan(&mut self, from: usize, to: usize) {
-        for (point, id) in &self.tree.points[from..to] {
-            if *id == self.except {
+        for (point, id) in self.tree.points[from..to].iter().zip(&self.tree.ids[from..to]) {
+            let distance_squared = distance_squared(self.query, point);
+            if distance_squared > self.limit || *id == self.except {
                 continue;
             }
-            let found = Neighbor { distance_squared: distance_squared(self.query, point), id: *id };
+            let found = Neighbor { distance_squared, id: *id };
             if self.k > ORDERED {
-                if found.distance_squared <= self.limit {
-                    self.best.push(found);
-                }
+                self.best.push(found);
                 continue;
             }
-            if self.best.len() == self.k {
-                if !found.before(&self.best[self.k - 1]) {
-                    continue;
-                }
-                self.best.pop();
+            if self.best.len() < self.k {
+                self.best.push(found);
+            } else if !found.before(&self.best[self.k - 1]) {
+                continue;
             }
-            let place = self.best.iter().rposition(|b| b.before(&found)).map_or(0, |i| i + 1);
-            self.best.insert(place, found);
+            let mut place = self.best.len() - 1;
+            while place > 0 && found.before(&self.best[place - 1]) {
+                self.best[place] = self.best[place - 1];
+                place -= 1;
+            }
+            self.best[place] = found;
             if self.best.len() == self.k {
                 self.limit = self.best[self.k - 1].distance_squared;
             }

@@ -46,6 +46,7 @@
 
 mod anderson;
 mod correspondence;
+mod entropy_reference;
 mod error;
 mod kernel;
 mod median;
@@ -62,12 +63,12 @@ mod sweeps;
 mod tree;
 
 pub use correspondence::{Correspondence, NO_ROW, TopRow};
+pub use entropy_reference::EntropyReference;
 pub use error::UotError;
 pub use median::{MAX_EXACT_PAIRS, MedianDistance, median_distance};
 pub use output::UotOutput;
 pub use params::{
-    Acceleration, Bandwidth, EntropyReference, EpsilonScaling, MedianMode, SinkhornParams, Storage,
-    WelschParams,
+    Acceleration, Bandwidth, EpsilonScaling, MedianMode, SinkhornParams, Storage, WelschParams,
 };
 pub use posterior::Posterior;
 pub use problem::{UotProblem, WelschScale};

@@ -1,7 +1,6 @@
 //! What the solver returns.
 
 use crate::problem::check_dense_size;
-use crate::sinkhorn::{log_marginals, reference_shift};
 use crate::sweeps::Scalings;
 use crate::{EntropyReference, SinkhornParams, UotError, UotProblem};
 use rayon::prelude::*;
@@ -54,7 +53,7 @@ impl UotOutput {
         stored_entries: usize,
     ) -> Self {
         let SinkhornParams { lambda_ent, lambda_a, lambda_b, reference, .. } = *params;
-        let (log_a, log_b) = log_marginals(problem);
+        let (log_a, log_b) = problem.log_marginals();
         // a constant taken off the cost multiplies the plan: see EntropyReference
         let shift = reference_shift(problem, params);
         let (share_a, share_b) = params.level_shares();
@@ -193,7 +192,7 @@ impl UotOutput {
     pub(crate) fn log_factors(&self, problem: &UotProblem<'_>) -> LogFactors {
         let inverse = self.lambda_ent.recip();
         let (log_a, log_b) = if self.reference == EntropyReference::Kl {
-            log_marginals(problem)
+            problem.log_marginals()
         } else {
             (vec![0.0; self.f.len()], vec![0.0; self.g.len()])
         };
@@ -241,4 +240,15 @@ fn product(x: &[f64], y: &[f64]) -> f64 {
 fn divergence(x: &[f64], log_y: &[f64], sum_y: f64) -> f64 {
     let terms = x.iter().zip(log_y).filter(|(x, _)| **x > 0.0);
     terms.map(|(x, log_y)| x * (x.ln() - log_y) - x).sum::<f64>() + sum_y
+}
+
+/// Constant that the cost loses when the reference of the entropy changes from `a bᵀ` to the chosen one, cost units:
+/// potentials of the chosen one are lower by it, in the parts of [`SinkhornParams::level_shares`].
+pub(crate) fn reference_shift(problem: &UotProblem<'_>, params: &SinkhornParams) -> f64 {
+    let log_pairs = (problem.num_rows() as f64).ln() + (problem.num_cols() as f64).ln();
+    match params.reference {
+        EntropyReference::Kl => 0.0,
+        EntropyReference::Entropy => params.lambda_ent * log_pairs,
+        EntropyReference::PLogP => params.lambda_ent * (log_pairs - 1.0),
+    }
 }

@@ -235,6 +235,16 @@ impl<'a> UotProblem<'a> {
         }
     }
 
+    /// `ln a` and `ln b` in original order.
+    pub(crate) fn log_marginals(&self) -> (Vec<f64>, Vec<f64>) {
+        if let Some((a, b)) = &self.marginals {
+            (a.iter().map(|w| w.ln()).collect(), b.iter().map(|w| w.ln()).collect())
+        } else {
+            let (n, m) = (self.num_rows(), self.num_cols());
+            (vec![-(n as f64).ln(); n], vec![-(m as f64).ln(); m])
+        }
+    }
+
     /// Number of rows, n.
     pub fn num_rows(&self) -> usize {
         self.rows

@@ -4,6 +4,7 @@ use crate::kernel::{
     BlockKernel, DenseKernel, Kernel, LogDenseKernel, MAX_SCALED_RANGE, SparseKernel,
 };
 use crate::near::NearField;
+use crate::output::reference_shift;
 use crate::problem::Cost;
 use crate::sweeps::{Scalings, Sides, Sweeps};
 use crate::{
@@ -252,7 +253,7 @@ impl Sinkhorn {
                 return Err(UotError::UnequalMasses { sum_a, sum_b });
             }
         }
-        let (mut log_a, mut log_b) = log_marginals(problem);
+        let (mut log_a, mut log_b) = problem.log_marginals();
         if let Cost::Sparse(cost) = &problem.cost {
             let idle_rows = idle(&log_a, &log_b, unmatched.rows.is_some(), |i| cost.row(i));
             let idle_cols = idle(&log_b, &log_a, unmatched.cols.is_some(), |j| cost.col(j));
@@ -315,33 +316,12 @@ impl Spent {
     }
 }
 
-/// Constant that the cost loses when the reference of the entropy changes from `a bᵀ` to the chosen one, cost units:
-/// potentials of the chosen one are lower by it, in the parts of [`SinkhornParams::level_shares`].
-pub(crate) fn reference_shift(problem: &UotProblem<'_>, params: &SinkhornParams) -> f64 {
-    let log_pairs = (problem.num_rows() as f64).ln() + (problem.num_cols() as f64).ln();
-    match params.reference {
-        EntropyReference::Kl => 0.0,
-        EntropyReference::Entropy => params.lambda_ent * log_pairs,
-        EntropyReference::PLogP => params.lambda_ent * (log_pairs - 1.0),
-    }
-}
-
 /// Checks the parameters and solves: [`Sinkhorn::new`] and [`Sinkhorn::solve`] in one call.
 ///
 /// # Errors
 /// As those two.
 pub fn solve(problem: &UotProblem<'_>, params: &SinkhornParams) -> Result<UotOutput, UotError> {
     Sinkhorn::new(*params)?.solve(problem)
-}
-
-/// `ln a` and `ln b` in original order.
-pub(crate) fn log_marginals(problem: &UotProblem<'_>) -> (Vec<f64>, Vec<f64>) {
-    if let Some((a, b)) = &problem.marginals {
-        (a.iter().map(|w| w.ln()).collect(), b.iter().map(|w| w.ln()).collect())
-    } else {
-        let (n, m) = (problem.num_rows(), problem.num_cols());
-        (vec![-(n as f64).ln(); n], vec![-(m as f64).ln(); m])
-    }
 }
 
 fn gather(values: &[f64], order: &[u32]) -> Vec<f64> {

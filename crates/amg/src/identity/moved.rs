@@ -12,8 +12,10 @@
 //! 4. *Rest*: open rows whose place, size and orientation the similarity explains belong, too,
 //!    whatever their colours.
 
+use super::row::Identity;
 use super::signature::{By, candidates};
-use super::{Identity, match_by_tolerance, stored};
+use super::stored;
+use super::tolerance::match_by_tolerance;
 use crate::binding::index;
 use crate::similarity::Similarity;
 use anchors::KdTree;

@@ -1,9 +1,9 @@
 //! What a similarity leaves alone of a splat, and which source splats share it.
 
 use crate::binding::index;
+use crate::bit_map::BitMap;
 use gs_core::{Precision, Splats};
 use rayon::prelude::*;
-use std::collections::HashMap;
 
 /// Source splats paired with a row.
 const CANDIDATES: usize = 6;
@@ -82,7 +82,7 @@ pub(super) fn candidates(
 
 /// Source splats by signature, in cells as wide as two limits.
 struct SignatureTable {
-    cells: HashMap<[i64; CELL_VALUES.len()], Vec<u32>>,
+    cells: BitMap<[i64; CELL_VALUES.len()], Vec<u32>>,
     signatures: Vec<[f64; SIGNATURE]>,
     width: [f64; SIGNATURE],
 }
@@ -97,7 +97,11 @@ impl SignatureTable {
         let signatures: Vec<[f64; SIGNATURE]> =
             (0..source.len()).into_par_iter().map(|i| signature(source, i)).collect();
         let width = limits.map(|limit| 2.0 * limit);
-        let mut table = Self { cells: HashMap::with_capacity(ids.len()), signatures, width };
+        let mut table = Self {
+            cells: BitMap::with_capacity_and_hasher(ids.len(), Default::default()),
+            signatures,
+            width,
+        };
         for id in ids {
             let cell = CELL_VALUES.map(|k| table.place(k, table.signatures[id as usize][k]).0);
             let members = table.cells.entry(cell).or_default();

@@ -1,6 +1,6 @@
 //! Rows that a coarse file format changed, and nobody else.
 
-use super::Identity;
+use super::row::Identity;
 use crate::binding::index;
 use anchors::{KdTree, Neighbor};
 use gs_core::{Precision, RowPrecision, Splats, quat};

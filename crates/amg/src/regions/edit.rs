@@ -1,13 +1,13 @@
 //! The edited splats to be matched.
 
 use super::normals::thin_axis;
+use crate::bit_map::BitMap;
 use crate::identity::{Identity, IdentityMap};
 use crate::keyframes::KeyFrames;
 use crate::rigid::{dot, sub};
 use anchors::KdTree;
 use gs_core::Splats;
 use rayon::prelude::*;
-use std::collections::HashMap;
 
 /// Extent of a splat in standard deviations, within which those it is split into lie, and how exactly they keep its proportions.
 const EXTENT: f64 = 3.0;
@@ -90,8 +90,8 @@ fn may_be_split(source: &Splats, i: usize, edited: &Splats, row: usize) -> bool 
 }
 
 /// Position of each key that occurs once; `None` for keys that occur more often and so prove nothing.
-fn unique<K: std::hash::Hash + Eq>(keys: impl Iterator<Item = K>) -> HashMap<K, Option<u32>> {
-    let mut map = HashMap::new();
+fn unique<K: std::hash::Hash + Eq>(keys: impl Iterator<Item = K>) -> BitMap<K, Option<u32>> {
+    let mut map = BitMap::default();
     for (key, i) in keys.zip(0_u32..) {
         map.entry(key).and_modify(|found| *found = None).or_insert(Some(i));
     }
@@ -116,18 +116,14 @@ pub(super) fn involved(
 ) -> Vec<usize> {
     let points: Vec<[f64; 3]> = open.iter().map(|&row| edited.means[row].map(f64::from)).collect();
     let tree = KdTree::<3>::new(&points);
-    let mut rows: Vec<usize> = (0..edited.len())
-        .into_par_iter()
-        .with_min_len(256)
-        .map_init(Vec::new, |near, row| {
-            let near_enough = identity.rows[row].in_place().is_some() && {
-                tree.nearest(&edited.means[row].map(f64::from), 1, near);
-                near.first().is_some_and(|n| n.distance_squared.sqrt() <= reach)
-            };
-            near_enough.then_some(row)
-        })
-        .flatten()
-        .collect();
+    let mut rows: Vec<usize> =
+        (0..edited.len()).filter(|&row| identity.rows[row].in_place().is_some()).collect();
+    let places: Vec<[f64; 3]> = rows.iter().map(|&row| edited.means[row].map(f64::from)).collect();
+    let near_enough = tree.map(&places, 1, |_, near| {
+        near.first().is_some_and(|n| n.distance_squared.sqrt() <= reach)
+    });
+    let mut near_enough = near_enough.into_iter();
+    rows.retain(|_| near_enough.next() == Some(true));
     rows.extend_from_slice(open);
     rows
 }

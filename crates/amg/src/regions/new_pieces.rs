@@ -133,17 +133,13 @@ impl NewPieces<'_> {
 
     /// What each splat of the piece is nearest to in the rest of the edit.
     fn touches(&self, piece: &[usize], holders: &[usize], tree: &KdTree<3>) -> Vec<Touch> {
-        piece
-            .par_iter()
-            .with_min_len(256)
-            .map_init(Vec::new, |near, &splat| {
-                tree.nearest(&self.edit.means[splat], 1, near);
-                let found = near.first()?;
-                let region = self.matched[holders[found.id as usize]]?;
-                Some(Touch { distance: found.distance_squared.sqrt(), region, splat })
-            })
-            .flatten()
-            .collect()
+        let places: Vec<[f64; 3]> = piece.iter().map(|&splat| self.edit.means[splat]).collect();
+        let touches = tree.map(&places, 1, |i, near| {
+            let found = near.first()?;
+            let region = self.matched[holders[found.id as usize]]?;
+            Some(Touch { distance: found.distance_squared.sqrt(), region, splat: piece[i] })
+        });
+        touches.into_iter().flatten().collect()
     }
 
     /// Per splat, its distance from the sources if it is new, and not in place of a source.
@@ -157,21 +153,26 @@ impl NewPieces<'_> {
         let points: Vec<[f64; 3]> = kept.map(|p| self.regions.means[p]).collect();
         let sources = KdTree::<3>::new(&points);
         let edited = KdTree::<3>::new(&self.edit.means);
-        (0..self.edit.len())
-            .into_par_iter()
-            .with_min_len(256)
-            .map_init(Vec::new, |near, e| {
-                if self.edit.exact[e].is_some() || self.edit.parent[e].is_some() {
-                    return None;
-                }
-                sources.nearest(&self.edit.means[e], 1, near);
-                let found = *near.first()?;
-                let gap = found.distance_squared.sqrt();
-                edited.nearest(&points[found.id as usize], 1, near);
-                let successor = near.first()?.distance_squared.sqrt();
-                (gap > far || gap > SURPLUS * successor).then_some(gap)
+        let nearest = |tree: &KdTree<3>, places: &[[f64; 3]]| {
+            tree.map(places, 1, |_, near| {
+                near.first().map_or((0, f64::INFINITY), |n| (n.id, n.distance_squared.sqrt()))
             })
-            .collect()
+        };
+        let is_open = |&e: &usize| self.edit.exact[e].is_none() && self.edit.parent[e].is_none();
+        let open: Vec<usize> = (0..self.edit.len()).filter(is_open).collect();
+        let mut gaps = vec![None; self.edit.len()];
+        if points.is_empty() {
+            return gaps;
+        }
+        let places: Vec<[f64; 3]> = open.iter().map(|&e| self.edit.means[e]).collect();
+        let gap = nearest(&sources, &places);
+        let places: Vec<[f64; 3]> =
+            gap.iter().map(|&(source, _)| points[source as usize]).collect();
+        let successor = nearest(&edited, &places);
+        for ((e, (_, gap)), (_, successor)) in open.into_iter().zip(gap).zip(successor) {
+            gaps[e] = (gap > far || gap > SURPLUS * successor).then_some(gap);
+        }
+        gaps
     }
 
     fn pieces(&self) -> Vec<Piece> {

@@ -8,7 +8,7 @@
     reason = "vectorised bodies must be compiled inside the dispatched caller"
 )]
 
-use super::{Kernel, chunk_len, largest};
+use super::gibbs::{Kernel, chunk_len, largest};
 use crate::UotError;
 use crate::near::{Block, NearField};
 use crate::simd::{LANES, Lane, dispatch, exp, exp_shifted, fold, sum};

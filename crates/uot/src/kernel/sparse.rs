@@ -1,6 +1,6 @@
 //! Kernel of listed pairs, stored relative to the scalings of the time.
 
-use super::Kernel;
+use super::gibbs::Kernel;
 use crate::sparse::SparseCost;
 use rayon::prelude::*;
 

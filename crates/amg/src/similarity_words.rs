@@ -1,7 +1,7 @@
 //! A similarity in plain words.
 
-use super::Similarity;
 use crate::rigid::{norm, sub};
+use crate::similarity::Similarity;
 use gs_core::quat;
 
 /// Angles below this, radians, are none: a twentieth of a degree.

@@ -1,0 +1,39 @@
+//! [`Identity`]: what one edited splat is.
+
+/// What one edited splat is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Identity {
+    /// Source splat with this id: all stored fields agree.
+    Unchanged(u32),
+    /// Source splat with this id: geometry agrees, opacity or colour does not.
+    Recoloured(u32),
+    /// Source splat, moved, turned or scaled together with others.
+    Moved {
+        /// Its id.
+        source: u32,
+        /// Which of [`IdentityMap::similarities`].
+        group: u32,
+    },
+    /// No source splat.
+    Edited,
+}
+
+impl Identity {
+    /// The source splat this one is.
+    pub fn source(self) -> Option<u32> {
+        match self {
+            Self::Unchanged(source) | Self::Recoloured(source) | Self::Moved { source, .. } => {
+                Some(source)
+            }
+            Self::Edited => None,
+        }
+    }
+
+    /// The source splat this one is, if it is where that one is.
+    pub fn in_place(self) -> Option<u32> {
+        match self {
+            Self::Unchanged(source) | Self::Recoloured(source) => Some(source),
+            Self::Moved { .. } | Self::Edited => None,
+        }
+    }
+}

@@ -13,6 +13,7 @@ use crate::binding::index;
 use crate::bit_map::BitMap;
 use crate::options::IdentityParams;
 use crate::similarity::Similarity;
+use foldhash::fast::RandomState;
 use gs_core::Splats;
 use rayon::prelude::*;
 use tolerance::{appearance_within, match_by_tolerance};
@@ -254,7 +255,7 @@ fn match_by_bits(source: &Splats, edited: &Splats, tolerance: f64, rows: &mut [I
     // Whole splats first, so that of two coincident splats each edited row finds its own.
     let mut used = vec![false; source.len()];
     let mut whole: BitMap<(GeometryKey, u64), Pool> =
-        BitMap::with_capacity_and_hasher(source.len(), Default::default());
+        BitMap::with_capacity_and_hasher(source.len(), RandomState::default());
     for (id, key) in source_keys.iter().enumerate() {
         whole.entry(*key).or_default().ids.push(index(id));
     }
@@ -271,7 +272,7 @@ fn match_by_bits(source: &Splats, edited: &Splats, tolerance: f64, rows: &mut [I
         return;
     }
     let mut geometry: BitMap<GeometryKey, Pool> =
-        BitMap::with_capacity_and_hasher(source.len(), Default::default());
+        BitMap::with_capacity_and_hasher(source.len(), RandomState::default());
     for unused in [true, false] {
         for (id, key) in source_keys.iter().enumerate().filter(|(id, _)| used[*id] != unused) {
             geometry.entry(key.0).or_default().ids.push(index(id));

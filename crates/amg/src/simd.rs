@@ -60,7 +60,7 @@ macro_rules! lane_by_lane {
             #[inline(always)]
             fn $method(mut self, other: Self) -> Self {
                 for lane in 0..L {
-                    self.0[lane] = self.0[lane] $op other.0[lane];
+                    self.0[lane] $op other.0[lane];
                 }
                 self
             }
@@ -68,9 +68,9 @@ macro_rules! lane_by_lane {
     };
 }
 
-lane_by_lane!(Add, add, +);
-lane_by_lane!(Sub, sub, -);
-lane_by_lane!(Mul, mul, *);
+lane_by_lane!(Add, add, +=);
+lane_by_lane!(Sub, sub, -=);
+lane_by_lane!(Mul, mul, *=);
 
 impl<const L: usize> AddAssign for Lanes<L> {
     #[inline(always)]

@@ -2,6 +2,7 @@
 
 use crate::binding::index;
 use crate::bit_map::BitMap;
+use foldhash::fast::RandomState;
 use gs_core::{Precision, Splats};
 use rayon::prelude::*;
 
@@ -98,7 +99,7 @@ impl SignatureTable {
             (0..source.len()).into_par_iter().map(|i| signature(source, i)).collect();
         let width = limits.map(|limit| 2.0 * limit);
         let mut table = Self {
-            cells: BitMap::with_capacity_and_hasher(ids.len(), Default::default()),
+            cells: BitMap::with_capacity_and_hasher(ids.len(), RandomState::default()),
             signatures,
             width,
         };

@@ -157,7 +157,7 @@ impl Supports<'_> {
             }
         }
         let ridge = RIDGE * (covariance[0][0] + covariance[1][1] + covariance[2][2]);
-        if !(ridge > 0.0) {
+        if ridge.is_nan() || ridge <= 0.0 {
             return;
         }
         // C (C + ridge)⁻² applied to where the splat lies aside.

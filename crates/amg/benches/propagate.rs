@@ -16,7 +16,7 @@ fn stage(criterion: &mut Criterion) {
     let (source, edited) = scene(6_000);
     let mut group = criterion.benchmark_group("propagate 6k");
     group.sample_size(10);
-    for preset in [Preset::Knn, Preset::Paper, Preset::Best] {
+    for preset in [Preset::Knn, Preset::Paper, Preset::Regions] {
         let options = MotionOptions::preset(preset);
         group.bench_function(format!("{preset:?}"), |bencher| {
             bencher.iter(|| {

@@ -15,7 +15,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let case: TruthCase = word(0, "clothing").parse()?;
     let size: usize = word(1, "2000").parse()?;
     let preset = match word(2, "best").as_str() {
-        "best" => Preset::Best,
+        "best" => Preset::Regions,
         "knn" => Preset::Knn,
         "paper" => Preset::Paper,
         other => return Err(format!("no preset `{other}`; there are best, knn and paper").into()),

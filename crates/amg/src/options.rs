@@ -9,8 +9,8 @@ use std::sync::Arc;
 /// Named sets of options.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Preset {
-    /// What measured best (the default).
-    Best,
+    /// Regions of the source that move as one, which is what measured best (the default).
+    Regions,
     /// The paper to the letter.
     Paper,
     /// The paper's baseline "KNN-Guide", k = 3.
@@ -239,7 +239,9 @@ impl MotionOptions {
     /// The options of a preset.
     pub fn preset(preset: Preset) -> Self {
         let (guide, aggregation) = match preset {
-            Preset::Best => (MotionGuide::Regions(MotionParams::default()), Aggregation::default()),
+            Preset::Regions => {
+                (MotionGuide::Regions(MotionParams::default()), Aggregation::default())
+            }
             Preset::Paper => (MotionGuide::Paper(PaperParams::default()), Aggregation::PAPER),
             Preset::Knn => (MotionGuide::Knn(KnnParams::default()), Aggregation::PAPER),
         };
@@ -251,10 +253,10 @@ impl MotionOptions {
             // the paper estimates the motion of every edited splat
             identity: IdentityParams {
                 enabled: preset != Preset::Paper,
-                moved: preset == Preset::Best,
+                moved: preset == Preset::Regions,
                 ..Default::default()
             },
-            dynamics: DynamicParams { coherent: preset == Preset::Best, ..Default::default() },
+            dynamics: DynamicParams { coherent: preset == Preset::Regions, ..Default::default() },
             reach: if preset == Preset::Paper { f32::INFINITY } else { 0.25 },
         }
     }
@@ -296,6 +298,6 @@ impl MotionOptions {
 
 impl Default for MotionOptions {
     fn default() -> Self {
-        Self::preset(Preset::Best)
+        Self::preset(Preset::Regions)
     }
 }

@@ -34,7 +34,7 @@ fn errors(case: &str, seed: u64, size: usize) -> [Scores; 3] {
     let scene = build(case.parse::<TruthCase>().unwrap(), seed, size).unwrap();
     let source: Arc<dyn DynamicScene> = Arc::new(scene.source.clone());
     let edited = Arc::new(scene.edited.splats.clone());
-    let [knn, best] = [Preset::Knn, Preset::Best].map(|preset| {
+    let [knn, best] = [Preset::Knn, Preset::Regions].map(|preset| {
         let options = MotionOptions::preset(preset);
         propagate(Arc::clone(&source), Arc::clone(&edited), &options, &|_, _| {}).unwrap().scene
     });

@@ -196,7 +196,7 @@ fn averaging_translations_costs_accuracy() {
 fn the_source_as_its_own_edit_moves_as_the_source() {
     let (source, _) = golden_source();
     let edited = source.frames[0].clone();
-    for preset in [Preset::Best, Preset::Paper, Preset::Knn] {
+    for preset in [Preset::Regions, Preset::Paper, Preset::Knn] {
         let mut options = MotionOptions::preset(preset);
         options.identity.enabled = true;
         let found =

@@ -165,7 +165,7 @@ fn a_block_on_the_trunk_is_not_torn_by_an_arm_it_touches() {
         let mut block = nothing();
         cuboid(&mut block, [-0.20, 0.9, 0.13], [0.34, 1.25, 0.13 + depth]);
         for rest in [source.frames[0].clone(), shaken(&source.frames[0], 0.003)] {
-            let [knn, best] = [Preset::Knn, Preset::Best].map(|preset| {
+            let [knn, best] = [Preset::Knn, Preset::Regions].map(|preset| {
                 worst(carried(&source, &rest, &block, preset), &block, sway, |_| true)
             });
             assert!(knn > 0.2, "depth {depth}: {knn}");
@@ -182,10 +182,10 @@ fn a_block_that_two_parts_hold_equally_bends() {
     let mut block = nothing();
     cuboid(&mut block, [0.10, 0.9, 0.13], [0.39, 1.25, 0.28]);
     let ends = [
-        worst(carried(&source, rest, &block, Preset::Best), &block, sway, |x| {
+        worst(carried(&source, rest, &block, Preset::Regions), &block, sway, |x| {
             x[0] < 0.18 && x[2] < 0.14
         }),
-        worst(carried(&source, rest, &block, Preset::Best), &block, swing, |x| {
+        worst(carried(&source, rest, &block, Preset::Regions), &block, swing, |x| {
             x[0] > 0.33 && x[2] < 0.14
         }),
     ];
@@ -222,7 +222,7 @@ fn a_block_on_a_still_trunk_is_not_torn_by_an_arm_it_touches() {
         let mut block = nothing();
         cuboid(&mut block, [-0.20, 0.9, 0.13], [0.34, 1.25, 0.13 + depth]);
         for rest in [source.frames[0].clone(), shaken(&source.frames[0], 0.003)] {
-            let [knn, best] = [Preset::Knn, Preset::Best].map(|preset| {
+            let [knn, best] = [Preset::Knn, Preset::Regions].map(|preset| {
                 worst(carried(&source, &rest, &block, preset), &block, still, |_| true)
             });
             assert!(knn > 0.2, "depth {depth}: {knn}");
@@ -244,7 +244,7 @@ fn a_thin_stick_moves_with_the_hand_that_holds_it() {
             let mut stick = nothing();
             cuboid(&mut stick, low, high);
             for rest in [source.frames[0].clone(), shaken(&source.frames[0], 0.003)] {
-                let [knn, best] = [Preset::Knn, Preset::Best].map(|preset| {
+                let [knn, best] = [Preset::Knn, Preset::Regions].map(|preset| {
                     worst(carried(&source, &rest, &stick, preset), &stick, truth, |_| true)
                 });
                 assert!(knn > 0.2, "{name}, from {low:?}: {knn}");
@@ -272,7 +272,7 @@ fn a_hovering_ring_moves_as_one_with_what_is_nearest() {
             }
         }
         for rest in [source.frames[0].clone(), shaken(&source.frames[0], 0.003)] {
-            let [knn, best] = [Preset::Knn, Preset::Best]
+            let [knn, best] = [Preset::Knn, Preset::Regions]
                 .map(|preset| worst(carried(&source, &rest, &ring, preset), &ring, sway, |_| true));
             assert!(knn > 0.03, "gap {gap}: {knn}");
             assert!(best < 1e-3, "gap {gap}: {best}");
@@ -303,7 +303,7 @@ fn a_sleeve_bends() {
     cuboid(&mut sleeve, [-0.11, 0.3, -0.11], [0.11, 1.1, 0.11]);
     let rest = &source.frames[0];
     let at = |truth: &dyn Fn(&mut Splats, usize), which: &dyn Fn([f32; 3]) -> bool| {
-        worst(carried(&source, rest, &sleeve, Preset::Best), &sleeve, truth, which)
+        worst(carried(&source, rest, &sleeve, Preset::Regions), &sleeve, truth, which)
     };
     let ends = [
         at(&sway, &|x| x[1] > 0.85),

@@ -71,7 +71,7 @@ fn synthetic(case: TruthCase, num_splats: usize) -> Case {
 
 /// The edit at every frame.
 fn carried(source: &Table, edited: &Splats) -> Vec<Splats> {
-    carried_by(Preset::Best, source, edited)
+    carried_by(Preset::Regions, source, edited)
 }
 
 fn carried_by(preset: Preset, source: &Table, edited: &Splats) -> Vec<Splats> {
@@ -94,7 +94,7 @@ fn strays(a: &[Splats], b: &[Splats], limit: f64) -> usize {
 /// How many splats end more than 1e-4 of the figure from where `placed` takes the result of the scene as it is, if source and
 /// edit are placed so before.
 fn misplaced(case: &Case, here: &[Splats], placed: Placement, edit: Placement) -> usize {
-    misplaced_by(Preset::Best, case, here, placed, edit)
+    misplaced_by(Preset::Regions, case, here, placed, edit)
 }
 
 fn misplaced_by(

@@ -101,7 +101,7 @@ fn truth(clean: &SynthScene, rows: &[usize], similarity: &Similarity, t: f32) ->
 fn errors(scene: &SynthScene, rows: &[usize], similarity: &Similarity, edited: Splats) -> [f64; 2] {
     let source: Arc<dyn DynamicScene> = Arc::new(scene.clone());
     let (clean, edited) = (scene.noise_free(), Arc::new(edited));
-    [Preset::Best, Preset::Knn].map(|preset| {
+    [Preset::Regions, Preset::Knn].map(|preset| {
         let options = MotionOptions::preset(preset);
         let found = propagate(Arc::clone(&source), Arc::clone(&edited), &options, &|_, _| {});
         let found = found.unwrap().scene;
@@ -289,7 +289,7 @@ fn whole_scenes_keep_their_trajectories_under_the_similarity() {
         assert!((measured.scale / similarity.scale - 1.0).abs() < 1e-5, "{measured:?}");
         assert_eq!(measured.mirrored, similarity.mirrored, "{measured:?}");
         let source: Arc<dyn DynamicScene> = Arc::new(scene.clone());
-        let options = MotionOptions::preset(Preset::Best);
+        let options = MotionOptions::preset(Preset::Regions);
         let propagated =
             propagate(Arc::clone(&source), Arc::new(edited), &options, &|_, _| {}).unwrap();
         let (now, then) =
@@ -356,7 +356,7 @@ fn moved_rows_fade_as_their_sources_do_and_neither_order_nor_threads_matter() {
     let edited = placed(&first, &rows, &similarity);
     let order: Vec<usize> = (0..edited.len()).map(|i| (i * 3571 + 11) % edited.len()).collect();
     let source: Arc<dyn DynamicScene> = Arc::new(scene.clone());
-    let options = MotionOptions::preset(Preset::Best);
+    let options = MotionOptions::preset(Preset::Regions);
     let run = |edited: Splats, threads: usize| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
         pool.install(|| {

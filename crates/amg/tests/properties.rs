@@ -88,7 +88,7 @@ fn translation_only_moves_everything_alike_under_every_preset() {
     let source = Table::new(vec![rest.clone(), moved(&rest, quat::IDENTITY, [0.3, -0.2, 0.1])]);
     let edit = golden_edit("all").splats;
     let expected = moved(&edit, quat::IDENTITY, [0.3, -0.2, 0.1]);
-    for preset in [Preset::Best, Preset::Paper, Preset::Knn] {
+    for preset in [Preset::Regions, Preset::Paper, Preset::Knn] {
         let found = run(&source, &edit, &MotionOptions::preset(preset));
         let gap = largest_gap(&found.scene.at(1.0).unwrap().means, &expected.means);
         assert!(gap < 1e-5, "{preset:?} is off by {gap}");
@@ -114,7 +114,7 @@ fn rotations_that_are_not_modelled_are_not_believed() {
 fn edits_without_overlap_stay_put_and_are_counted() {
     let (source, _) = golden_source();
     let far = moved(&golden_edit("drift").splats, quat::IDENTITY, [50.0, 0.0, 0.0]);
-    for preset in [Preset::Best, Preset::Knn] {
+    for preset in [Preset::Regions, Preset::Knn] {
         let found = run(&source, &far, &MotionOptions::preset(preset));
         assert_eq!(found.scene.at(1.0).unwrap(), far, "{preset:?}: nothing to follow");
         assert_eq!(found.report.out_of_reach, far.len(), "{preset:?}: counted");
@@ -147,7 +147,7 @@ fn few_sources_and_duplicates_have_a_result() {
 fn the_number_of_threads_does_not_matter() {
     let (source, _) = golden_source();
     let edit = golden_edit("all").splats;
-    for preset in [Preset::Best, Preset::Paper] {
+    for preset in [Preset::Regions, Preset::Paper] {
         let options = MotionOptions::preset(preset);
         let on = |threads: usize| {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
@@ -263,7 +263,7 @@ fn degenerate_clouds_give_numbers() {
         ("single frame", Table::new(vec![source.frames[0].clone()])),
         ("empty", one(&[])),
     ] {
-        for preset in [Preset::Best, Preset::Paper, Preset::Knn] {
+        for preset in [Preset::Regions, Preset::Paper, Preset::Knn] {
             let mut options = MotionOptions::preset(preset);
             options.reach = 10.0;
             for aggregation in [options.aggregation, relative] {

@@ -35,7 +35,7 @@ fn blinking() -> Table {
 fn the_edit_frame_is_the_edit_bit_for_bit() {
     let (source, _) = golden_source();
     let edit = golden_edit("all");
-    for preset in [Preset::Best, Preset::Paper, Preset::Knn] {
+    for preset in [Preset::Regions, Preset::Paper, Preset::Knn] {
         let options = MotionOptions::preset(preset);
         let edited = Arc::new(edit.splats.clone());
         let found = propagate(Arc::new(source.clone()), edited, &options, &|_, _| {}).unwrap();
@@ -231,7 +231,7 @@ fn the_field_baseline_moves_by_differences() {
 fn what_the_user_calls_static_stays_put() {
     let (source, _) = golden_source();
     let edited = Arc::new(golden_edit("drift").splats);
-    for preset in [Preset::Best, Preset::Paper, Preset::Knn] {
+    for preset in [Preset::Regions, Preset::Paper, Preset::Knn] {
         let mut options = MotionOptions::preset(preset);
         options.dynamics.override_with = Some(DynamicOverride::Mask(vec![false; 1500]));
         let found =

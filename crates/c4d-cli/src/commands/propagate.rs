@@ -199,7 +199,7 @@ fn options(args: &PropagateJob, source: &Opened) -> Outcome<MotionOptions> {
             MotionOptions::field(Arc::new(NetworkField(network)))
         }
         (None, PresetArg::Paper) => MotionOptions::preset(Preset::Paper),
-        (None, PresetArg::Best) => MotionOptions::preset(Preset::Best),
+        (None, PresetArg::Best) => MotionOptions::preset(Preset::Regions),
     };
     options.edit_time = Some(args.time);
     if let MotionGuide::Paper(params) = &mut options.guide {

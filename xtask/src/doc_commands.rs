@@ -9,6 +9,7 @@ use std::process::Command;
 const DOCUMENTS: &[&str] = &[
     "README.md",
     "docs/CONFIGURATION.md",
+    "docs/EDITING.md",
     "docs/ARCHITECTURE.md",
     "docs/BENCHMARKS.md",
     "docs/DEVIATIONS.md",
@@ -70,7 +71,9 @@ pub(crate) fn run() -> Result<()> {
 /// # Errors
 /// If the line needs a shell.
 fn words(line: &str) -> Result<Vec<String>> {
-    if let Some(found) = line.chars().find(|c| "|&;<>$`*?(){}".contains(*c)) {
+    // What stands in single quotes is no shell's business.
+    let unquoted: String = line.split('\'').step_by(2).collect();
+    if let Some(found) = unquoted.chars().find(|c| "|&;<>$`*?(){}".contains(*c)) {
         bail!("`{found}` needs a shell; documented commands run without one");
     }
     let words = shlex::split(line).context("an open quote")?;
@@ -119,6 +122,8 @@ mod tests {
     fn lines_are_split_without_a_shell() {
         assert_eq!(words("c4d info 'my scene'").unwrap(), ["c4d", "info", "my scene"], "quotes");
         assert!(words("c4d info a | head").is_err(), "a pipe");
+        assert_eq!(words("c4d edit 'a & b'").unwrap()[2], "a & b", "quoted operators");
+        assert!(words("c4d edit 'a' & b").is_err(), "operators after quotes");
         assert!(words("c4d info 'a").is_err(), "an open quote");
     }
 }

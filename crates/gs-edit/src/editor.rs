@@ -171,7 +171,7 @@ impl Editor {
         self.splats = self.splats.select(&kept);
         self.origins = kept.iter().map(|&row| self.origins[row]).collect();
         self.selected = kept.iter().map(|&row| self.selected[row]).collect();
-        self.selection = "what was selected is deleted; another `--select` goes first".to_owned();
+        self.selection = "what was selected is deleted; another `--select` goes first".into();
         Ok(())
     }
 
@@ -183,7 +183,7 @@ impl Editor {
             self.selected.push(true);
         }
         self.origins.extend(origins);
-        self.selection = "the graft has no splats".to_owned();
+        self.selection = "the graft has no splats".into();
     }
 }
 

@@ -285,9 +285,10 @@ impl Parser<'_> {
         }
         self.lexer.next()?;
         let end = Some((self.number(word)?.0, symbol.len() == 2));
-        Ok(match symbol.starts_with('<') {
-            true => Bounds { low: None, high: end },
-            false => Bounds { low: end, high: None },
+        Ok(if symbol.starts_with('<') {
+            Bounds { low: None, high: end }
+        } else {
+            Bounds { low: end, high: None }
         })
     }
 }

@@ -2,7 +2,7 @@
 
 use anchors::{KdTree, Neighbor, Neighbors};
 use rayon::prelude::*;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 /// Pairs of two cells compared one by one; of more, the nearest is looked up in a tree.
 const MAX_PAIRS: usize = 4096;
@@ -80,17 +80,17 @@ pub(crate) fn connected(points: &[Point], seed: Point, gap: f64) -> Vec<bool> {
     }
     let start = cell_of(&points[nearest]);
     let mut waiting = vec![start];
-    let mut reached: BTreeMap<[i64; 3], ()> = BTreeMap::from([(start, ())]);
+    let mut reached = BTreeSet::from([start]);
     while let Some(cell) = waiting.pop() {
         for neighbor in around(cell) {
             let Some(others) = cells.get(&neighbor) else { continue };
-            if !reached.contains_key(&neighbor) && touch(points, &cells[&cell], others, gap) {
-                reached.insert(neighbor, ());
+            if !reached.contains(&neighbor) && touch(points, &cells[&cell], others, gap) {
+                reached.insert(neighbor);
                 waiting.push(neighbor);
             }
         }
     }
-    for cell in reached.keys() {
+    for cell in &reached {
         for &i in &cells[cell] {
             selected[i] = true;
         }

@@ -1,5 +1,7 @@
 //! Selections and actions on splats: partitions, inverses, exactness of colour, hostile values.
 
+#![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
+
 use gs_core::{Camera, Rasterizer, RenderParams, Splats, quat, sh};
 use gs_edit::{
     ColorMap, EditError, Editor, Frame, Motion, Resources, Script, Selector, base_color,

@@ -1,5 +1,7 @@
 //! Masks of pictures, lifted to splats.
 
+#![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
+
 use gs_core::{Camera, Image, Splats, sh};
 use gs_edit::{EditError, lift_masks};
 use gs_raster_cpu::CpuRasterizer;

@@ -13,6 +13,7 @@ mod images;
 mod look;
 mod main_job;
 mod moved_edits;
+mod operations;
 mod placement;
 mod support;
 mod swift4d;

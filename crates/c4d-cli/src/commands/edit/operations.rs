@@ -30,6 +30,8 @@ struct Plan {
     options: Vec<(String, String)>,
     /// Where files named in the options are looked for.
     folders: Vec<PathBuf>,
+    /// Replayed records.
+    records: Vec<PathBuf>,
     /// Time of the first replayed edit.
     time: Option<f32>,
 }
@@ -46,10 +48,13 @@ pub(super) fn run(args: &EditArgs, global: &Global, console: &Console) -> Outcom
     frames::check(opened.scene.time_range(), time, "--time")?;
     let before = opened.scene.at(time).map_err(Failure::bad_input)?;
     // Outputs that cannot be written are refused before the work, not after it.
-    let outputs = Outputs::create(args, &opened, global)?;
+    let needs = script.needs();
+    let mut inputs = resources::paths(&needs, &plan.folders)?;
+    inputs.extend(opened.roots.iter().chain(&plan.records).cloned());
+    let outputs = Outputs::create(args, &inputs, global)?;
 
     let input = Input { opened: &opened, time, splats: &before };
-    let loaded = resources::load(&script.needs(), input, &plan.folders, global, console)?;
+    let loaded = resources::load(&needs, input, &plan.folders, global, console)?;
     let edit = apply(&script, &plan.options, &before, &loaded, args.stats, console)?;
     outputs.write(args, &opened, (&before, time), (&edit, &plan.folders), global, console)
 }
@@ -74,12 +79,17 @@ fn plan(args: &EditArgs) -> Outcome<Plan> {
                 plan.folders.push(folder);
             }
         }
+        plan.records.push(file);
     }
     Ok(plan)
 }
 
 /// Refuses command lines that would do nothing, or throw the result away.
 fn check(args: &EditArgs, script: &Script) -> Outcome {
+    if args.output.is_some() && args.output == args.preview {
+        return Err(Failure::usage("-o and --preview name the same file")
+            .next("End one in .ply, the other in .png."));
+    }
     let acts = script.steps.iter().any(|step| matches!(step, Step::Act(_)));
     let looks = args.stats || args.preview.is_some();
     match (&args.output, acts) {
@@ -220,13 +230,9 @@ fn report(name: &str, summary: &Summary, console: &Console) {
         range(summary.opacity)
     ));
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to 255")]
-    let hex: String = summary
-        .color
-        .iter()
-        .map(|c| format!("{:02x}", (255.0 * c.clamp(0.0, 1.0)).round() as u8))
-        .collect();
+    let [r, g, b] = summary.color.map(|c| (255.0 * c.clamp(0.0, 1.0)).round() as u8);
     let hue = summary.hue.map_or_else(|| "grey".to_owned(), |hue| format!("hue {hue:.0}"));
-    console.result(format!("  color #{hex}, {hue}"));
+    console.result(format!("  color #{r:02x}{g:02x}{b:02x}, {hue}"));
 }
 
 /// Four significant digits, as the expressions take them.
@@ -250,10 +256,10 @@ struct Outputs {
 }
 
 impl Outputs {
-    fn create(args: &EditArgs, opened: &Opened, global: &Global) -> Outcome<Self> {
+    fn create(args: &EditArgs, inputs: &[PathBuf], global: &Global) -> Outcome<Self> {
         let existing = existing(global);
         let create = |path: &Path| {
-            refuse_overlap(path, &opened.roots)?;
+            refuse_overlap(path, inputs)?;
             AtomicFile::create(path, existing).map_err(|error| output_failure(&error))
         };
         let frame = match &args.output {

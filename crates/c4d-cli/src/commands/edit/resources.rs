@@ -26,6 +26,12 @@ pub(super) struct Input<'a> {
     pub(super) splats: &'a Splats,
 }
 
+/// The files and folders that `needs` names, so that no output replaces one.
+pub(super) fn paths(needs: &Needs, folders: &[PathBuf]) -> Outcome<Vec<PathBuf>> {
+    let names = [&needs.masks, &needs.ids, &needs.images, &needs.splats];
+    names.into_iter().flatten().map(|name| find(name, folders)).collect()
+}
+
 /// Loads what `needs` names. Relative names are looked for in `folders`, first to last.
 pub(super) fn load(
     needs: &Needs,

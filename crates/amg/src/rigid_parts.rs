@@ -19,8 +19,8 @@ const SPACINGS: f64 = 2.0;
 /// Change of distance within a rigid body, relative to the distance: that of [`crate::MotionParams::strain`].
 const STRAIN: f64 = 0.04;
 
-/// Root mean square misfit, as a share of the moving figure, up to which two groups count as one rigid body. On the walking figure of
-/// `gs-synth`, 0.005 to 0.02 give its limbs and trunk.
+/// Root mean square misfit, as a share of the moving figure, up to which two groups count as one rigid body. The figure of the demo
+/// comes apart into head, chest, hips, upper arms, forearms, thighs and shins.
 const MISFIT: f64 = 0.01;
 
 /// Share of the moving splats below which a group joins the neighbour that it fits best: fragments are no parts.

@@ -8,8 +8,8 @@ use rand::{RngExt, SeedableRng};
 /// Variance added to both distributions: half a step of 8 bits, so that selections of one colour are not stretched without bound.
 const NOISE_VARIANCE: f64 = 0.25 / (255.0 * 255.0);
 
-/// Random frames of the sliced transport, three directions each. Measured on captured garments: the one-dimensional distances fall
-/// below a step of 8 bits after 20.
+/// Random frames of the sliced transport, three directions each. With it, a normal distribution becomes two colours to within 0.1 for
+/// 95 % of its splats (the test below).
 const FRAMES: usize = 32;
 
 /// Seed of the frames.

@@ -4,7 +4,7 @@ use crate::args::Global;
 use crate::console::Console;
 use crate::device::{self, Device};
 use crate::failure::{Failure, Outcome, chain};
-use crate::scene::Opened;
+use crate::scene::{self, Opened};
 use crate::{cameras, still};
 use amg::RigidParts;
 use gs_core::{Camera, Image, Splats};
@@ -55,7 +55,15 @@ pub(super) fn load(
         resources.images.insert(name.clone(), read_picture(&find(name)?)?);
     }
     for name in &needs.splats {
-        let opened = still::open(&find(name)?, None, global, console)?;
+        let path = find(name)?;
+        let kind = gs_io::detect(&path).map_err(|error| scene::bad_input(&error))?;
+        if !kind.is_frame() {
+            return Err(Failure::bad_input(format!(
+                "--graft {name}: expected one frame of splats, found {kind}"
+            ))
+            .next("Give a frame in any format; c4d freeze SCENE -o FRAME makes one of a scene."));
+        }
+        let opened = still::open(&path, None, global, console)?;
         let splats = opened.scene.at(opened.edit_time).map_err(Failure::bad_input)?;
         let degree = input.splats.sh_degree;
         if splats.sh_degree > degree {

@@ -1,13 +1,14 @@
 //! The Adam solver.
 
 use crate::{
-    Adam, AdamParams, CuarError, DescentEngine, DescentTask,
+    AdamParams, CuarError, DescentEngine, DescentTask,
     evaluator::Derivatives,
     problem::{Problem, TracePoint, Watch},
     state::State,
     view_sampler::SplitMix,
 };
 use gs_core::{Rasterizer, sh};
+use gs_fit::Adam;
 use std::time::{Duration, Instant};
 
 /// Time between reads of the engine's losses within a pass over the images: a read waits for the device.

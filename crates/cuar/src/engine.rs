@@ -1,7 +1,8 @@
 //! [`DescentEngine`]: whole steps of Adam on the device that holds images, gradients and moments.
 
-use crate::{Adam, descent_image::DescentImage, loss::LossParts, loss::LossWeights};
+use crate::{descent_image::DescentImage, loss::LossParts, loss::LossWeights};
 use gs_core::RasterError;
+use gs_fit::Adam;
 
 /// What is minimised, for a [`DescentEngine`].
 #[derive(Debug, Clone, Copy)]

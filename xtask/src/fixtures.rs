@@ -1,6 +1,8 @@
-//! Fixtures that the project generates itself: a small synthetic scene, an edit of its first frame, and the truth.
+//! Fixtures that the project generates itself: a small synthetic scene, an edit of its first frame,
+//! and the truth.
 //!
-//! Goldens of reference implementations (`fixtures/*/README.md` names their origin) are not generated here.
+//! Goldens of reference implementations (`fixtures/*/README.md` names their origin) are not
+//! generated here.
 
 use crate::workspace::workspace;
 use anyhow::{Context, Result, bail};
@@ -15,7 +17,8 @@ const SPLATS: usize = 1500;
 const FRAMES: usize = 3;
 /// Seed of scene and edit.
 const SEED: u64 = 11;
-/// Largest difference between a stored value and its regeneration: another machine's `sin` may round otherwise.
+/// Largest difference between a stored value and its regeneration: another machine's `sin` may
+/// round otherwise.
 const TOLERANCE: f32 = 1e-5;
 
 /// Writes `fixtures/synth`, or compares it with what would be written.

@@ -21,7 +21,8 @@ struct Cli {
 
 #[derive(Debug, Subcommand)]
 enum Task {
-    /// Write the generated fixtures anew (reference goldens are not generated here and stay as they are)
+    /// Write the generated fixtures anew (reference goldens are not generated here and stay as they
+    /// are)
     RegenerateFixtures {
         /// Compare only; fail when a fixture differs from what would be written
         #[arg(long)]
@@ -31,12 +32,14 @@ enum Task {
     Tidy,
     /// Run every command of the `sh` blocks in README.md and docs/, in order, in a fresh folder
     DocCommands,
-    /// Write docs/TESTS.md, the test suite with its times; without a log, compare its rows with the test files
+    /// Write docs/TESTS.md, the test suite with its times; without a log, compare its rows with the
+    /// test files
     TestTimes {
         /// Output of `cargo test --release --workspace`, both streams
         log: Option<PathBuf>,
     },
-    /// Convert frames with other tools both ways and write docs/INTEROP.md (needs node, Python and their registries)
+    /// Convert frames with other tools both ways and write docs/INTEROP.md (needs node, Python and
+    /// their registries)
     Interop {
         /// Use this `c4d` instead of building one
         #[arg(long)]
@@ -44,7 +47,8 @@ enum Task {
     },
     /// Draw how the paper's weights change its results, and print the numbers
     Stability,
-    /// Write a scene with known motion: source, a deformation network trained on it, edit, truth with its video, cameras
+    /// Write a scene with known motion: source, a deformation network trained on it, edit, truth
+    /// with its video, cameras
     TruthScene {
         /// Case, as in `c4d bench motion`
         #[arg(long, default_value = "clothing")]

@@ -1,5 +1,6 @@
-//! How much the weights of the transport matter (the supplement's figure): end-point error and correspondences of the paper preset
-//! over λ₀ and λ₁ = λ₂, on scenes with known motion. Draws `docs/stability.svg` and prints the numbers.
+//! How much the weights of the transport matter (the supplement's figure): end-point error and
+//! correspondences of the paper preset over λ₀ and λ₁ = λ₂, on scenes with known motion. Draws
+//! `docs/stability.svg` and prints the numbers.
 
 use crate::workspace::workspace;
 use amg::{MotionGuide, MotionOptions, PaperParams, Preset};

@@ -104,7 +104,8 @@ fn rows(log: &str) -> Vec<Row> {
     rows
 }
 
-/// Test files without a row in `document`, and rows without a test file. `files` are crates and names of test files.
+/// Test files without a row in `document`, and rows without a test file. `files` are crates and
+/// names of test files.
 fn stale(document: &str, files: &BTreeSet<(String, String)>) -> Vec<String> {
     let listed: BTreeSet<(String, String)> = document
         .lines()

@@ -15,9 +15,10 @@ const FRAMES: usize = 25;
 const VIEWS: usize = 4;
 const IMAGE: (u32, u32) = (400, 300);
 
-/// Writes one case into the new folder `output`: the source as a PLY sequence (`source`) and as a deformation network trained on it
-/// (`source_4dgs`), the edited first frame (`edited.ply`), its true motion as a PLY sequence (`truth`) and as PNG frames
-/// (`video/<camera>`), and cameras. Nothing is left of a scene that could not be finished.
+/// Writes one case into the new folder `output`: the source as a PLY sequence (`source`) and as a
+/// deformation network trained on it (`source_4dgs`), the edited first frame (`edited.ply`), its
+/// true motion as a PLY sequence (`truth`) and as PNG frames (`video/<camera>`), and cameras.
+/// Nothing is left of a scene that could not be finished.
 pub(crate) fn write(case: &str, seed: u64, size: usize, output: &Path) -> Result<()> {
     let case: TruthCase = case.parse().with_context(|| {
         let known: Vec<&str> = TruthCase::ALL.iter().map(|case| case.name()).collect();

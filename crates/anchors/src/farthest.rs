@@ -33,7 +33,8 @@ impl Candidate {
     }
 }
 
-/// Squared distances to the anchors so far; points in lexicographic rank, so that the input's order does not matter.
+/// Squared distances to the anchors so far; points in lexicographic rank, so that the input's order
+/// does not matter.
 struct Sampling<'p> {
     ranked: &'p [Vec3],
     order: Vec<u32>,
@@ -43,10 +44,11 @@ struct Sampling<'p> {
 }
 
 impl AnchorSet {
-    /// `count` points of the cloud, each the farthest from those before it, as anchors. The first is the farthest from the
-    /// cloud's mean. Every point belongs to its nearest anchor, ties to the earlier one, so that none is uncovered.
-    /// Fewer anchors result where the cloud has fewer distinct points. [`AnchorSet::delta`] is the covering radius: the
-    /// largest distance of a point from its anchor.
+    /// `count` points of the cloud, each the farthest from those before it, as anchors. The first
+    /// is the farthest from the cloud's mean. Every point belongs to its nearest anchor, ties to
+    /// the earlier one, so that none is uncovered. Fewer anchors result where the cloud has fewer
+    /// distinct points. [`AnchorSet::delta`] is the covering radius: the largest distance of a
+    /// point from its anchor.
     ///
     /// Outliers, being far from everything, become anchors first: what lines and cylinders avoid.
     ///
@@ -149,8 +151,9 @@ impl<'p> Sampling<'p> {
         best.rank
     }
 
-    /// Shortens distances to those from a new anchor. Boxes that are nearer to earlier ones everywhere are skipped: the
-    /// bound is computed by the same operations as the distances and never exceeds them.
+    /// Shortens distances to those from a new anchor. Boxes that are nearer to earlier ones
+    /// everywhere are skipped: the bound is computed by the same operations as the distances and
+    /// never exceeds them.
     fn add(&mut self, rank: u32, anchor: u32) {
         let point = self.ranked[rank as usize];
         for bucket in &mut self.buckets {

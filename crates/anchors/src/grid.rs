@@ -115,8 +115,8 @@ impl Grid {
     }
 
     /// Calls `each` with the entries of every occupied cell the line passes, in the order of the
-    /// line. A ball is met once for each of its cells. No ball that the line comes within
-    /// `reach` of is missed, as long as `reach` exceeds the true radius by the rounding of the walk.
+    /// line. A ball is met once for each of its cells. No ball that the line comes within `reach`
+    /// of is missed, as long as `reach` exceeds the true radius by the rounding of the walk.
     #[expect(clippy::needless_bitwise_bool, reason = "lazy operators would branch")]
     #[inline]
     pub(crate) fn walk(&self, line: &Line, mut each: impl FnMut(&[Entry])) {

@@ -1,4 +1,5 @@
-//! Regions of a point cloud: line-sampled anchors (Eqs. 5–7 of the Catalyst4D paper), and cells that move as one.
+//! Regions of a point cloud: line-sampled anchors (Eqs. 5–7 of the Catalyst4D paper), and cells
+//! that move as one.
 //!
 //! [`AnchorSet`] needs one frame, [`Cells`] need trajectories.
 //!

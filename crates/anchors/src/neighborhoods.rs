@@ -165,7 +165,8 @@ impl Neighborhoods {
         (0..self.len()).map(|i| self.get(i))
     }
 
-    /// Start of each neighbourhood in [`Self::indices`], and the end of the last: `len() + 1` entries.
+    /// Start of each neighbourhood in [`Self::indices`], and the end of the last: `len() + 1`
+    /// entries.
     pub fn offsets(&self) -> &[u32] {
         &self.offsets
     }

@@ -12,7 +12,8 @@ impl Coordinate for f64 {}
 /// Larger magnitudes would overflow when squared.
 pub(crate) const MAX_MAGNITUDE: f64 = 1e50;
 
-/// Checks a cloud and widens it to `f64`; `-0.0` becomes `0.0` so that equal points have equal bits.
+/// Checks a cloud and widens it to `f64`; `-0.0` becomes `0.0` so that equal points have equal
+/// bits.
 pub(crate) fn widen<T: Coordinate>(points: &[[T; 3]]) -> Result<Vec<[f64; 3]>, AnchorError> {
     if points.is_empty() {
         return Err(AnchorError::EmptyCloud);

@@ -1,8 +1,8 @@
-//! Refinement of captured material against a known answer: the colours of a box of a real scene are spoiled where its first frame cannot
-//! tell, and the scene as it was is the truth.
+//! Refinement of captured material against a known answer: the colours of a box of a real scene are
+//! spoiled where its first frame cannot tell, and the scene as it was is the truth.
 //!
-//! Spoiled are the SH of every splat in the box, by a component that no training view sees in frame 1, and the base colours of splats that no
-//! training view shows in frame 1.
+//! Spoiled are the SH of every splat in the box, by a component that no training view sees in frame
+//! 1, and the base colours of splats that no training view shows in frame 1.
 //!
 //! ```text
 //! cargo run --release -p c4d-cli --example captured_refine -- MODEL --region=-2,1,12,2,6,16 -o pictures
@@ -226,7 +226,8 @@ fn open(path: &Path) -> Outcome<Box<dyn DynamicScene>> {
     })
 }
 
-/// Splats whose weight in every view of frame 1 is below a hundredth of the largest that some view gives them later.
+/// Splats whose weight in every view of frame 1 is below a hundredth of the largest that some view
+/// gives them later.
 fn hidden(scene: &dyn DynamicScene, cameras: &[Camera], times: &[f32]) -> Outcome<Vec<bool>> {
     let raster = CpuRasterizer::default();
     let mut then = vec![0.0_f32; scene.num_splats()];

@@ -1,5 +1,6 @@
-//! Edits a frozen frame without an editor, the way editors do: recolours and inflates what lies in one box (with cloned and
-//! jittered splats), prunes another, grafts a block, and shuffles all rows.
+//! Edits a frozen frame without an editor, the way editors do: recolours and inflates what lies in
+//! one box (with cloned and jittered splats), prunes another, grafts a block, and shuffles all
+//! rows.
 //!
 //! ```text
 //! cargo run --release -p c4d-cli --example scripted_edit -- frozen/point_cloud.ply edited.ply \
@@ -24,7 +25,8 @@ struct Args {
     /// Colour of recoloured splats
     #[arg(long, value_delimiter = ',', default_value = "0.1,0.5,0.2")]
     color: Vec<f32>,
-    /// Distance by which recoloured splats move away from the box's vertical axis, world units; half of them are cloned
+    /// Distance by which recoloured splats move away from the box's vertical axis, world units;
+    /// half of them are cloned
     #[arg(long, default_value_t = 0.0)]
     inflate: f32,
     /// Box to prune

@@ -467,7 +467,7 @@ fn parse_size(text: &str) -> Result<(u32, u32), String> {
     };
     text.split_once(['x', 'X', '×'])
         .and_then(|(width, height)| Some((side(width)?, side(height)?)))
-        .ok_or_else(|| format!("`{text}` is no image size: expected WIDTHxHEIGHT, 1 to 16384 pixels each, as in 960x720"))
+        .ok_or_else(|| format!("invalid image size `{text}`: expected WIDTHxHEIGHT, 1 to 16384 pixels each, as in 960x720"))
 }
 
 fn parse_background(text: &str) -> Result<[f32; 3], String> {
@@ -481,7 +481,9 @@ fn parse_background(text: &str) -> Result<[f32; 3], String> {
         .ok()
         .filter(|rgb| rgb.iter().all(|channel| (0.0..=1.0).contains(channel)))
         .ok_or_else(|| {
-            format!("`{text}` is no colour: expected black, white or R,G,B with values from 0 to 1")
+            format!(
+                "invalid colour `{text}`: expected black, white or R,G,B with values from 0 to 1"
+            )
         })
 }
 

@@ -1,6 +1,7 @@
-//! What the user reads while `c4d` works: results on standard output; progress, notes and warnings on standard error.
+//! What the user reads while `c4d` works: results on standard output; progress, notes and warnings
+//! on standard error.
 
-use crate::progress::{Progress, Shown};
+use crate::progress::{Shown, StageProgress};
 use std::fmt::Display;
 use std::io::{IsTerminal, Write};
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -21,7 +22,7 @@ impl Console {
     }
 
     /// A result, on standard output. A closed pipe is not an error.
-    #[expect(clippy::unused_self, reason = "where results go is the console's business")]
+    #[expect(clippy::unused_self, reason = "the console decides where results go")]
     pub(crate) fn result(&self, text: impl Display) {
         let _ = writeln!(std::io::stdout().lock(), "{text}");
     }
@@ -52,13 +53,13 @@ impl Console {
     }
 
     /// Progress of `total` equal steps.
-    pub(crate) fn progress(&self, stage: &str, total: u64) -> Progress {
-        Progress::new(self.shown(), stage, total, false)
+    pub(crate) fn progress(&self, stage: &str, total: u64) -> StageProgress {
+        StageProgress::new(self.shown(), stage, total, false)
     }
 
     /// Progress of a stage in hundredths.
-    pub(crate) fn percent(&self, stage: &str) -> Progress {
-        Progress::new(self.shown(), stage, 100, true)
+    pub(crate) fn percent(&self, stage: &str) -> StageProgress {
+        StageProgress::new(self.shown(), stage, 100, true)
     }
 
     fn shown(&self) -> Shown {

@@ -25,7 +25,7 @@ impl FromStr for GpuChoice {
             "auto" => Ok(Self::Auto),
             "cpu" => Ok(Self::Cpu),
             _ => text.parse().map(Self::Index).map_err(|_not_a_number| {
-                format!("`{text}` is no device: expected auto, cpu or the number of an adapter that c4d doctor lists")
+                format!("unknown device `{text}`: expected auto, cpu or the number of an adapter that c4d doctor lists")
             }),
         }
     }
@@ -54,7 +54,7 @@ impl Device {
             Err(_) if choice == GpuChoice::Auto => Ok(Self::Cpu),
             Err(error) => {
                 Err(Failure { exit: Exit::NoGpu, what: crate::failure::chain(&error), next: None }
-                    .next("c4d doctor lists the adapters; --gpu cpu needs none."))
+                    .next("c4d doctor lists the adapters; --gpu cpu works without one."))
             }
         }
     }
@@ -73,14 +73,15 @@ pub(crate) fn failure(error: &RasterError) -> Failure {
     let failure = Failure::failed(crate::failure::chain(error));
     match error {
         RasterError::Device(_) => {
-            failure.next("Smaller images need less of the adapter's memory; --gpu cpu needs none.")
+            failure.next("Smaller images need less memory on the adapter; --gpu cpu needs none.")
         }
         _ => failure,
     }
 }
 
-/// Begins anew without Mesa's device selection when there is no desktop session: that Vulkan layer asks the desktop which adapter shows it,
-/// and libwayland then prints errors about `XDG_RUNTIME_DIR`, which look like ours. Only the environment switches the layer off, and it is
+/// Begins anew without Mesa's device selection when there is no desktop session: that Vulkan layer
+/// asks the desktop which adapter shows it, and libwayland then prints errors about
+/// `XDG_RUNTIME_DIR`, which look like ours. Only the environment switches the layer off, and it is
 /// read-only once a program runs.
 pub(crate) fn without_desktop(choice: GpuChoice) {
     #[cfg(target_os = "linux")]

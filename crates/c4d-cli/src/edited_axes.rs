@@ -24,7 +24,7 @@ pub(crate) fn settle(
     let Some(reading) = frame.axes else {
         if chosen.is_some() {
             console.warn(format!(
-                "{}: --axes changes nothing for {}, which has one order of axes",
+                "{}: --axes does not apply to {}, whose axes are fixed",
                 path.display(),
                 frame.format
             ));

@@ -21,17 +21,20 @@ pub(crate) enum Exit {
 }
 
 /// What to do about output that cannot be written.
-pub(crate) const ROOM: &str = "Check that the folder exists, is writable and has room.";
+pub(crate) const ROOM: &str =
+    "Check that the folder exists, is writable, and that the disk has space.";
 
 impl Exit {
     /// The next step when the failure names none of its own.
     fn next(self) -> &'static str {
         match self {
-            Self::Usage => "c4d COMMAND --help lists the flags and what they take.",
-            Self::BadInput => "c4d info PATH says what a file or folder holds and what is missing.",
+            Self::Usage => "c4d COMMAND --help lists the flags and their values.",
+            Self::BadInput => {
+                "c4d info PATH shows what a file or folder contains and what is missing."
+            }
             Self::NoGpu => "c4d doctor lists the adapters; --gpu cpu works everywhere.",
             Self::Failed | Self::Warnings | Self::Interrupted => {
-                "c4d doctor checks this machine; -v says more on the way."
+                "c4d doctor checks this machine; -v shows more details."
             }
         }
     }

@@ -1,4 +1,5 @@
-//! A scene's own deformation network, asked about splats it was not trained on (the paper's baseline "w/o AMG").
+//! A scene's own deformation network, asked about splats it was not trained on (the paper's
+//! baseline "w/o AMG").
 
 use amg::FieldAt;
 use gs_core::{DynamicScene, SceneError, Splats};
@@ -23,7 +24,8 @@ impl Network {
         }
     }
 
-    /// `rest` under the network. A hash grid is asked about all of `rest`: its model says of its own splats only which are dynamic.
+    /// `rest` under the network. A hash grid is asked about all of `rest`: its model says of its
+    /// own splats only which are dynamic.
     fn scene_of(&self, rest: &Splats) -> Result<Box<dyn DynamicScene>, FieldError> {
         Ok(match self {
             Self::HexPlane(scene) => {
@@ -47,7 +49,8 @@ impl FieldAt for NetworkField {
             what: "deformation network at the edited positions".to_owned(),
             source: Box::new(error),
         };
-        // The network's SH head adds degree-3 coefficients; the edit keeps its own colours in this baseline.
+        // The network's SH head adds degree-3 coefficients; the edit keeps its own colours in this
+        // baseline.
         self.0.scene_of(rest).map_err(source)?.geometry_into(t, out)?;
         out.opacity_logits.clone_from(&rest.opacity_logits);
         out.sh.clone_from(&rest.sh);

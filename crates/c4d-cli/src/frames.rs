@@ -48,15 +48,15 @@ impl Timing<'_> {
         if self.fps.is_some() && self.duration.is_some() && counted {
             let given = if self.frames.is_some() { "--frames" } else { "--times" };
             return Err(Failure::usage(format!(
-                "{given}, --fps and --duration contradict each other: two of them say the third"
+                "{given}, --fps and --duration contradict each other: any two determine the third"
             ))
             .next("Leave one of them out."));
         }
         Ok(())
     }
 
-    /// The times of `--times` or `--frames`, or as many as `--fps` makes of `--duration`; else every frame the scene was stored
-    /// with, else [`DEFAULT_FRAMES`].
+    /// The times of `--times` or `--frames`, or as many as `--fps` makes of `--duration`; else
+    /// every frame the scene was stored with, else [`DEFAULT_FRAMES`].
     pub(crate) fn times(&self, scene: &dyn DynamicScene) -> Outcome<Vec<f32>> {
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "saturates")]
         let filling = self.fps.zip(self.duration).map(|(fps, secs)| (fps * secs).round() as usize);
@@ -80,7 +80,8 @@ impl Timing<'_> {
     }
 }
 
-/// Frames per second at which ascending `times` take their share of a clip of `secs`; `None` where the times do not say.
+/// Frames per second at which ascending `times` take their share of a clip of `secs`; `None` where
+/// the times do not say.
 fn rate(times: &[f32], range: TimeRange, secs: f64) -> Option<f64> {
     let (first, last) = (f64::from(*times.first()?), f64::from(*times.last()?));
     let share = (last - first) / (f64::from(range.end) - f64::from(range.start));
@@ -92,7 +93,8 @@ fn rate(times: &[f32], range: TimeRange, secs: f64) -> Option<f64> {
     Some(if share > 1.0 - WHOLE { count / secs } else { (count - 1.0) / (share * secs) })
 }
 
-/// The times of `--times` or `--frames`, else every frame the scene was stored with, else [`DEFAULT_FRAMES`].
+/// The times of `--times` or `--frames`, else every frame the scene was stored with, else
+/// [`DEFAULT_FRAMES`].
 pub(crate) fn times(
     scene: &dyn DynamicScene,
     times: &[f32],

@@ -2,6 +2,7 @@
 //!
 //! Commands, progress, run folders and messages. Deliberately absent: algorithms, which live in the crates below.
 
+mod animated_image;
 mod args;
 mod cameras;
 mod caption;
@@ -13,8 +14,6 @@ mod failure;
 mod field;
 mod frames;
 mod images;
-mod instead;
-mod loops;
 mod memory;
 mod model_flags;
 mod output;
@@ -29,6 +28,7 @@ mod run_folder;
 mod scene;
 mod settings;
 mod still;
+mod suggestion;
 mod video;
 
 use args::{BenchCommand, Cli, Command, Global};
@@ -73,12 +73,12 @@ fn run(cli: &Cli, global: &Global, console: &Console) -> Outcome {
     rayon::ThreadPoolBuilder::new().num_threads(threads.unwrap_or(0)).build_global().map_err(
         |error| {
             Failure::failed(format!("cannot start the threads: {error}"))
-                .next("Give a smaller --threads, or the process more memory.")
+                .next("Give a smaller --threads, or allow the process more memory.")
         },
     )?;
     if cfg!(debug_assertions) {
         console
-            .detail("this is a debug build: expect it to be some ten times slower than --release");
+            .detail("this is a debug build: expect it to be about ten times slower than --release");
     }
     match &cli.command {
         Command::Info(args) => commands::info::run(args, global, console),

@@ -42,13 +42,14 @@ pub(crate) fn refuse_overlap(output: &Path, inputs: &[PathBuf]) -> Outcome {
                 output.display(),
                 input.display()
             ))
-            .next("Choose another place for the output: inputs are never written to."));
+            .next("Choose another output; inputs are never overwritten."));
         }
     }
     Ok(())
 }
 
-/// The path with links resolved; of a path that does not exist yet, its nearest existing folder resolved.
+/// The path with links resolved; of a path that does not exist yet, its nearest existing folder
+/// resolved.
 fn real(path: &Path) -> Option<PathBuf> {
     let absolute = std::path::absolute(path).ok()?;
     absolute.ancestors().find_map(|ancestor| {

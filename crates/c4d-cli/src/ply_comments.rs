@@ -1,4 +1,5 @@
-//! Comments of PLY files in which `c4d` notes the time, the upward axis, the frame rate and the background of rendered views.
+//! Comments of PLY files in which `c4d` notes the time, the upward axis, the frame rate and the
+//! background of rendered views.
 
 use crate::args::Up;
 use std::path::Path;
@@ -28,7 +29,8 @@ pub(crate) fn fps_of(ply: &Path) -> Option<f64> {
     noted(ply, FPS_COMMENT)?.parse().ok().filter(|&fps: &f64| fps > 0.0 && fps.is_finite())
 }
 
-/// What follows `name` in a comment of a PLY, or of the first one of an archive that does not compress.
+/// What follows `name` in a comment of a PLY, or of the first one of an archive that does not
+/// compress.
 fn noted(ply: &Path, name: &str) -> Option<String> {
     use std::io::Read;
     let mut head = vec![0; 16 * 1024];
@@ -41,8 +43,8 @@ fn noted(ply: &Path, name: &str) -> Option<String> {
     Some(value.trim().to_owned())
 }
 
-/// Comments for a sequence whose world's up is `up`, when it is an axis: ours, and the one that Brush reads where it has a word for it
-/// (there `y` means that −y is up).
+/// Comments for a sequence whose world's up is `up`, when it is an axis: ours, and the one that
+/// Brush reads where it has a word for it (there `y` means that −y is up).
 pub(crate) fn up_comments(up: [f64; 3]) -> Vec<String> {
     let brush = match up {
         [1.0, 0.0, 0.0] => Some("x"),

@@ -37,7 +37,8 @@ struct Tally {
 }
 
 impl Tally {
-    /// `render: 12 of 60, 3.4 a second, 14 s left`; without a step done, how long it has been running.
+    /// `render: 12 of 60, 3.4 a second, 14 s left`; without a step done, how long it has been
+    /// running.
     fn line(&self) -> String {
         let done = self.done.load(Ordering::Relaxed).min(self.total);
         let elapsed = self.start.elapsed().as_secs_f64();
@@ -78,7 +79,7 @@ fn time(secs: f64) -> String {
 
 /// A running stage. When it is dropped, its bar or its lines end.
 #[derive(Debug)]
-pub(crate) struct Progress {
+pub(crate) struct StageProgress {
     tally: Arc<Tally>,
     bar: Option<ProgressBar>,
     lines: Option<Lines>,
@@ -113,7 +114,7 @@ impl Drop for Lines {
     }
 }
 
-impl Progress {
+impl StageProgress {
     /// Of `total` equal steps; with `percent`, of hundredths of the stage.
     pub(crate) fn new(shown: Shown, stage: &str, total: u64, percent: bool) -> Self {
         let tally = Arc::new(Tally {
@@ -159,7 +160,7 @@ impl Progress {
     }
 }
 
-impl Drop for Progress {
+impl Drop for StageProgress {
     fn drop(&mut self) {
         drop(self.lines.take());
         if let Some(bar) = &self.bar {

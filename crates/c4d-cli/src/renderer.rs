@@ -105,8 +105,8 @@ pub(crate) fn side_by_side(left: &Image, right: &Image) -> Image {
     joined
 }
 
-/// Images of one size in a grid, each shrunk by averaging so that the sheet stays below `max_width` pixels. The number of columns
-/// makes the sheet about as wide as a screen.
+/// Images of one size in a grid, each shrunk by averaging so that the sheet stays below `max_width`
+/// pixels. The number of columns makes the sheet about as wide as a screen.
 pub(crate) fn contact_sheet(images: &[Image], max_width: usize) -> Image {
     const GAP: usize = 4;
     const SCREEN_ASPECT: f64 = 1.6;

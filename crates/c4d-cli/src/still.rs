@@ -27,7 +27,7 @@ pub(crate) fn open(
     if !kind.is_frame() {
         if axes.is_some() {
             return Err(Failure::usage("--axes is for a single SPZ or glTF frame")
-                .next("Leave it out; scenes have their axes."));
+                .next("Leave it out; scenes have fixed axes."));
         }
         return scene::open(path, global, console);
     }
@@ -39,10 +39,10 @@ pub(crate) fn open(
         (Some(axes), Some(_)) => frame = frame.in_axes(axes.axes()),
         (Some(_), None) => {
             return Err(Failure::usage(format!(
-                "--axes changes nothing for {}, which has one order of axes",
+                "--axes does not apply to {}, whose axes are fixed",
                 frame.format
             ))
-            .next("Leave it out; --up says which way is up."));
+            .next("Leave it out; --up sets the upward direction."));
         }
         (None, Some(reading)) => {
             if let Some(assumed) = reading.assumption() {

@@ -31,13 +31,15 @@ pub(crate) struct VideoWriter<W: Write> {
     frames: u32,
 }
 
-/// H.264 needs even sides: the size a video of a `width`×`height` render has (the last odd column and row are cut).
+/// H.264 needs even sides: the size a video of a `width`×`height` render has (the last odd column
+/// and row are cut).
 pub(crate) fn even_size(width: usize, height: usize) -> (usize, usize) {
     (width & !1, height & !1)
 }
 
 impl<W: Write> VideoWriter<W> {
-    /// Starts a video of `width`×`height` RGB bytes, cut to even sides, on `writer`; `path` is for messages.
+    /// Starts a video of `width`×`height` RGB bytes, cut to even sides, on `writer`; `path` is for
+    /// messages.
     pub(crate) fn new(
         writer: W,
         path: &Path,
@@ -52,7 +54,7 @@ impl<W: Write> VideoWriter<W> {
                 "a video of {width}×{height} pixels: the built-in encoder takes {MIN_SIDE} to {}×{}",
                 MAX_SIDES.0, MAX_SIDES.1
             ))
-            .next("Give another --size (side by side doubles the width)."));
+            .next("Choose another --size (--side-by-side doubles the width)."));
         }
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped")]
         let key_period = (fps * KEY_FRAME_SECS).clamp(1.0, 600.0) as u32;
@@ -64,7 +66,8 @@ impl<W: Write> VideoWriter<W> {
             .skip_frames(false)
             .max_frame_rate(FrameRate::from_hz(fps as f32))
             .intra_frame_period(IntraFramePeriod::from_num_frames(key_period))
-            // The colour conversion of this encoder's library is BT.601, limited range: say so in the stream.
+            // The colour conversion of this encoder's library is BT.601, limited range: say so in
+            // the stream.
             .vui(VuiConfig::bt601());
         let encoder = Encoder::with_api_config(OpenH264API::from_source(), config)
             .map_err(|error| Failure::failed(format!("video encoder: {error}")))?;

@@ -1,7 +1,8 @@
-//! Metrics of edited dynamic scenes: images ([`psnr`], [`Ssim`] with its gradient) and motion ([`MotionTrack`]).
+//! Metrics of edited dynamic scenes: images ([`psnr`], [`Ssim`] with its gradient) and motion
+//! ([`MotionTrack`]).
 //!
-//! Each function states its formula, its unit and whether more is better. Deliberately absent: files, rendering, neural weights, and
-//! thresholds that decide.
+//! Each function states its formula, its unit and whether more is better. Deliberately absent:
+//! files, rendering, neural weights, and thresholds that decide.
 
 mod image;
 mod motion;

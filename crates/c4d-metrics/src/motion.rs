@@ -34,8 +34,9 @@ impl MotionTrack {
         self.frames.first().map_or(&[], Vec::as_slice)
     }
 
-    /// Mean over splats and times of `‖x_{t+1} − 2x_t + x_{t−1}‖ / size`. Less is smoother; a scene that accelerates has some of its
-    /// own, so compare with the truth's or the source's. 0 for fewer than three times.
+    /// Mean over splats and times of `‖x_{t+1} − 2x_t + x_{t−1}‖ / size`. Less is smoother; a scene
+    /// that accelerates has some of its own, so compare with the truth's or the source's. 0 for
+    /// fewer than three times.
     pub fn jitter(&self, size: f64) -> f64 {
         let mut total = 0.0;
         let mut count = 0_usize;
@@ -54,9 +55,10 @@ impl MotionTrack {
 /// Neighbours of each point.
 const NEIGHBOURS: usize = 8;
 
-/// Neighbourhood distance deviation: how much the distances to the 8 nearest neighbours of the first frame change, relative to
-/// them, averaged over splats and later times. Dimensionless; real deformation raises it and averaged, entangled motion *lowers* it, so
-/// it measures stability across settings, not accuracy. 0 for fewer than two times or nine splats.
+/// Neighbourhood distance deviation: how much the distances to the 8 nearest neighbours of the
+/// first frame change, relative to them, averaged over splats and later times. Dimensionless; real
+/// deformation raises it and averaged, entangled motion *lowers* it, so it measures stability
+/// across settings, not accuracy. 0 for fewer than two times or nine splats.
 pub fn neighbourhood_distance_deviation(track: &MotionTrack) -> f64 {
     let first = track.first();
     let Some(query) = NonZero::new(NEIGHBOURS + 1).filter(|_| first.len() > NEIGHBOURS) else {

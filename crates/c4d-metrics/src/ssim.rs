@@ -17,12 +17,14 @@ pub enum SsimBorder {
     /// Every pixel; beyond the image, windows are filled with zeros. What 3DGS training uses.
     #[default]
     Zero,
-    /// Only windows that lie inside the image (scikit-image's `structural_similarity` with `gaussian_weights`).
+    /// Only windows that lie inside the image (scikit-image's `structural_similarity` with
+    /// `gaussian_weights`).
     Valid,
 }
 
-/// Structural similarity of two images `[H,W,C]` with data range 1: Gaussian window of σ = 1.5 cut to 11×11 and normalised to sum 1,
-/// population variances, `C1 = 0.01²`, `C2 = 0.03²`, per channel. Owns the work memory for one image size.
+/// Structural similarity of two images `[H,W,C]` with data range 1: Gaussian window of σ = 1.5 cut
+/// to 11×11 and normalised to sum 1, population variances, `C1 = 0.01²`, `C2 = 0.03²`, per channel.
+/// Owns the work memory for one image size.
 #[derive(Debug, Clone)]
 pub struct Ssim<F> {
     width: usize,
@@ -31,7 +33,8 @@ pub struct Ssim<F> {
     taps: [F; TAPS],
     /// SSIM of the window around each pixel, `[H,W,C]`.
     map: Vec<F>,
-    /// Derivatives of the map's entry with respect to the window's mean of x, of x² and of xy; then the curvature bound.
+    /// Derivatives of the map's entry with respect to the window's mean of x, of x² and of xy; then
+    /// the curvature bound.
     planes: [Vec<F>; 4],
 }
 
@@ -91,10 +94,11 @@ impl<F: Real> Ssim<F> {
         }
     }
 
-    /// `norm · Σ (1 − SSIM)` over all windows and channels ([`SsimBorder::Zero`]); its derivative with respect to `x`, times `scale`, is
-    /// **added** to `v_x`. With `curvature`, a bound of the second derivative of `norm · scale · Σ (1 − SSIM)` per value of `x` is added
-    /// there: the windows' variances frozen, `1 − SSIM ≤ (Δμ)²/D₁ + var(Δ)/D₂`, whose Hessian is at most the diagonal
-    /// `2·G∗max(1/D₁, 1/D₂)`.
+    /// `norm · Σ (1 − SSIM)` over all windows and channels ([`SsimBorder::Zero`]); its derivative
+    /// with respect to `x`, times `scale`, is **added** to `v_x`. With `curvature`, a bound of the
+    /// second derivative of `norm · scale · Σ (1 − SSIM)` per value of `x` is added there: the
+    /// windows' variances frozen, `1 − SSIM ≤ (Δμ)²/D₁ + var(Δ)/D₂`, whose Hessian is at most the
+    /// diagonal `2·G∗max(1/D₁, 1/D₂)`.
     ///
     /// # Panics
     /// If a length is not `H·W·C`.

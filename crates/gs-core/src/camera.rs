@@ -4,7 +4,8 @@ use crate::image_formation::NEAR_PLANE;
 use glam::{DMat3, DVec3};
 use thiserror::Error;
 
-/// Focal lengths and principal point, pixels; pixel centres at half-integers, so the image centre is `(width/2, height/2)`.
+/// Focal lengths and principal point, pixels; pixel centres at half-integers, so the image centre
+/// is `(width/2, height/2)`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Intrinsics {
     /// Horizontal focal length, pixels.
@@ -28,12 +29,14 @@ pub struct Camera {
     pub width: u32,
     /// Image rows, pixels.
     pub height: u32,
-    /// Near plane: splats whose centres lie at this camera depth or nearer are not drawn, world units.
+    /// Near plane: splats whose centres lie at this camera depth or nearer are not drawn, world
+    /// units.
     ///
     /// [`NEAR_PLANE`] for cameras a model was trained with; otherwise it follows the scene's size
     /// ([`crate::Extent::near_plane`]).
     pub near: f64,
-    /// Scene time at which the camera looks, for cameras of a data set; `None` for cameras that look at every time.
+    /// Scene time at which the camera looks, for cameras of a data set; `None` for cameras that
+    /// look at every time.
     pub time: Option<f32>,
     /// Name of the view (image name of a data set), for files written from it.
     pub name: String,
@@ -57,8 +60,9 @@ pub enum CameraError {
 const MAX_SIDE: u32 = 16_384;
 
 impl Camera {
-    /// Camera at `eye` looking at `target`, with `up` towards row 0, vertical field of view `fov_y_rad`, square pixels, centred
-    /// principal point and near plane [`NEAR_PLANE`]. World units.
+    /// Camera at `eye` looking at `target`, with `up` towards row 0, vertical field of view
+    /// `fov_y_rad`, square pixels, centred principal point and near plane [`NEAR_PLANE`]. World
+    /// units.
     pub fn look_at(
         eye: [f64; 3],
         target: [f64; 3],
@@ -90,8 +94,8 @@ impl Camera {
         }
     }
 
-    /// Camera centre in the world: translation of the inverse of `viewmat`. Solved, not `−Rᵀt`: rotations rounded to single are not
-    /// quite orthonormal.
+    /// Camera centre in the world: translation of the inverse of `viewmat`. Solved, not `−Rᵀt`:
+    /// rotations rounded to single are not quite orthonormal.
     pub fn position(&self) -> [f64; 3] {
         let v = &self.viewmat;
         let rotation = DMat3::from_cols_array_2d(&[
@@ -117,7 +121,8 @@ impl Camera {
         [row(self.viewmat[0]), row(self.viewmat[1]), row(self.viewmat[2])]
     }
 
-    /// World point to pixels (pixel centres at half-integers); `None` at or behind the camera plane.
+    /// World point to pixels (pixel centres at half-integers); `None` at or behind the camera
+    /// plane.
     pub fn project(&self, point: [f64; 3]) -> Option<[f64; 2]> {
         let [x, y, z] = self.to_camera(point);
         let k = &self.intrinsics;

@@ -4,8 +4,8 @@
 
 use crate::{Real, Ring};
 
-/// Rotation matrix, row-major, of quaternion `wxyz` **as given** (`rasteriser.md` step 3 does not normalise; a zero
-/// quaternion gives the identity).
+/// Rotation matrix, row-major, of quaternion `wxyz` **as given** (`rasteriser.md` step 3 does not
+/// normalise; a zero quaternion gives the identity).
 #[inline(always)]
 pub fn rotation_matrix<V: Ring>([w, x, y, z]: [V; 4]) -> [[V; 3]; 3] {
     let (one, two) = (w.like(1.0), w.like(2.0));
@@ -16,8 +16,8 @@ pub fn rotation_matrix<V: Ring>([w, x, y, z]: [V; 4]) -> [[V; 3]; 3] {
     ]
 }
 
-/// `Σ = R diag(s²) Rᵀ`, world units², upper triangle `[xx, xy, xz, yy, yz, zz]`, from a unit quaternion `wxyz` and
-/// activated scales.
+/// `Σ = R diag(s²) Rᵀ`, world units², upper triangle `[xx, xy, xz, yy, yz, zz]`, from a unit
+/// quaternion `wxyz` and activated scales.
 pub fn covariance<F: Real>(rotation: [F; 4], scale: [F; 3]) -> [F; 6] {
     let r = rotation_matrix(rotation);
     let m = r.map(|row| [row[0] * scale[0], row[1] * scale[1], row[2] * scale[2]]);

@@ -6,20 +6,24 @@ use crate::Splats;
 const RADIUS_SHARE: f64 = 0.9;
 /// Share of the splats, by number, that lies within [`Extent::core`] of one of them.
 const CORE_SHARE: f64 = 0.1;
-/// Splats between which distances are measured for [`Extent::core`]; twice as many change it by 5 % at most on captured scenes.
+/// Splats between which distances are measured for [`Extent::core`]; twice as many change it by 5 %
+/// at most on captured scenes.
 const CORE_SAMPLE: usize = 1024;
-/// Near plane in core radii. On captures of Neural 3D Video it is then 0.17 to 0.23 world units, about the reference's 0.2.
+/// Near plane in core radii. On captures of Neural 3D Video it is then 0.17 to 0.23 world units,
+/// about the reference's 0.2.
 const NEAR_SHARE: f64 = 0.06;
 
-/// Robust centre and sizes of the splats that are seen, world units. Floaters and haze count little; NaN rows do not count.
+/// Robust centre and sizes of the splats that are seen, world units. Floaters and haze count
+/// little; NaN rows do not count.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Extent {
     /// Median of the centres per axis, each splat weighted by its opacity times its size.
     pub centre: [f64; 3],
-    /// Distance from the centre within which 90 % of that weight lies; positive. Backdrops, which are large splats, count.
+    /// Distance from the centre within which 90 % of that weight lies; positive. Backdrops, which
+    /// are large splats, count.
     pub radius: f64,
-    /// Radius of the smallest ball around a splat that holds a tenth of all splats; positive. A backdrop of less than nine
-    /// tenths of the splats does not change it.
+    /// Radius of the smallest ball around a splat that holds a tenth of all splats; positive. A
+    /// backdrop of less than nine tenths of the splats does not change it.
     pub core: f64,
     /// Median of the splats' sizes: geometric mean of the two larger standard deviations.
     pub splat_size: f64,
@@ -95,7 +99,8 @@ pub fn weighted_quantile(mut values: Vec<(f64, f64)>, share: f64) -> f64 {
     values.last().map_or(0.0, |(value, _)| *value)
 }
 
-/// Radius of the smallest ball around a point of an even sample that holds [`CORE_SHARE`] of the sample.
+/// Radius of the smallest ball around a point of an even sample that holds [`CORE_SHARE`] of the
+/// sample.
 #[expect(
     clippy::cast_possible_truncation,
     clippy::cast_sign_loss,
@@ -120,7 +125,8 @@ fn distance(a: [f64; 3], b: [f64; 3]) -> f64 {
 mod tests {
     use super::*;
 
-    /// A grid of 10×10×10 splats with sides of 2, times `scale`, at `shift`, and `dome` large splats 5000 units above and around.
+    /// A grid of 10×10×10 splats with sides of 2, times `scale`, at `shift`, and `dome` large
+    /// splats 5000 units above and around.
     fn scene(scale: f32, shift: f32, dome: usize) -> Splats {
         let mut splats = Splats::default();
         let mut push = |mean: [f32; 3], size: f32| {

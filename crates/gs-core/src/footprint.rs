@@ -8,17 +8,19 @@ use crate::{Camera, Real, Splats};
 /// Conservative: the rectangle may be larger than what is drawn, never smaller.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Footprint {
-    /// Columns and rows `x0, y0, x1, y1`, pixels; upper bounds exclusive; never empty, never outside the image.
+    /// Columns and rows `x0, y0, x1, y1`, pixels; upper bounds exclusive; never empty, never
+    /// outside the image.
     pub pixels: [usize; 4],
     /// Camera depth of the centre, world units.
     pub depth: f64,
 }
 
 impl Footprint {
-    /// Footprint of splat `row` under the image formation of [`crate::image_formation`]; `None` if it draws nothing: behind the near plane,
-    /// outside the image, or not finite.
+    /// Footprint of splat `row` under the image formation of [`crate::image_formation`]; `None` if
+    /// it draws nothing: behind the near plane, outside the image, or not finite.
     ///
-    /// The margins cover the rounding of rasterisers that compute in single precision: 5 % of the near plane and 2 pixels of radius.
+    /// The margins cover the rounding of rasterisers that compute in single precision: 5 % of the
+    /// near plane and 2 pixels of radius.
     ///
     /// # Panics
     /// If `row` is out of range.

@@ -2,7 +2,8 @@
 
 use thiserror::Error;
 
-/// Interleaved float image, row-major, `[height, width, channels]`, values linear in the quantity of the channel.
+/// Interleaved float image, row-major, `[height, width, channels]`, values linear in the quantity
+/// of the channel.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Image {
     /// Columns, pixels.

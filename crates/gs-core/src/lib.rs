@@ -1,12 +1,14 @@
 //! Data and maths of Gaussian splats, shared by every crate of the workspace.
 //!
-//! Promises: [`Splats`] (structure of arrays of *stored* parameters), [`Camera`], spherical harmonics, covariances,
-//! activations, float images, and the traits [`DynamicScene`] and [`Rasterizer`] through which everything else meets.
+//! Promises: [`Splats`] (structure of arrays of *stored* parameters), [`Camera`], spherical
+//! harmonics, covariances, activations, float images, and the traits [`DynamicScene`] and
+//! [`Rasterizer`] through which everything else meets.
 //!
 //! Deliberately absent: files, paths, GPU, command line, training.
 //!
-//! Conventions: quaternions are `wxyz`; world units are those of the scene; the camera frame is OpenCV's (x right,
-//! y down, z forward); pixel centres lie at half-integers (image centre = `width / 2`).
+//! Conventions: quaternions are `wxyz`; world units are those of the scene; the camera frame is
+//! OpenCV's (x right, y down, z forward); pixel centres lie at half-integers (image centre =
+//! `width / 2`).
 
 pub mod activation;
 mod camera;

@@ -1,7 +1,8 @@
 //! [`Precision`]: how far the values of a file may lie from those that were written to it.
 
-/// How coarsely one row was stored: the largest difference, per attribute, between what is read and what was written. An infinite
-/// value says that the file does not hold the attribute at all. What was written beyond the ends of a range reads as its end.
+/// How coarsely one row was stored: the largest difference, per attribute, between what is read and
+/// what was written. An infinite value says that the file does not hold the attribute at all. What
+/// was written beyond the ends of a range reads as its end.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct RowPrecision {
     /// Centres, world units, per axis.

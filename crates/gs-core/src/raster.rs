@@ -8,7 +8,8 @@ use thiserror::Error;
 pub struct RenderParams {
     /// Background colour, 0 to 1, added to RGB only, as `T_final · background`. Default black.
     pub background: [f64; 3],
-    /// Whether to composite the splats' own colours (SH towards the camera). Default true; without it SH is not even read.
+    /// Whether to composite the splats' own colours (SH towards the camera). Default true; without
+    /// it SH is not even read.
     pub rgb: bool,
     /// Whether to composite camera depth. Default true.
     pub depth: bool,
@@ -27,8 +28,8 @@ impl Default for RenderParams {
     }
 }
 
-/// Two conventions for the backward pass. They differ where opacity is capped at 0.99, where the guard band of the projection is active,
-/// and by a damping term of the covariance's inverse.
+/// Two conventions for the backward pass. They differ where opacity is capped at 0.99, where the
+/// guard band of the projection is active, and by a damping term of the covariance's inverse.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum GradientConvention {
     /// What the reference kernels compute; published training used it.
@@ -38,7 +39,8 @@ pub enum GradientConvention {
     Exact,
 }
 
-/// Images composited for one camera: row-major, channels innermost. A plane that was not requested is empty.
+/// Images composited for one camera: row-major, channels innermost. A plane that was not requested
+/// is empty.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct RenderOutput<F = f32> {
     /// `W`, columns.
@@ -51,7 +53,8 @@ pub struct RenderOutput<F = f32> {
     pub rgb: Vec<F>,
     /// `1 − T_final`, `[H,W]`.
     pub alpha: Vec<F>,
-    /// `Σ z α T`, camera depth in world units, **not** divided by alpha, `[H,W]`; empty without [`RenderParams::depth`].
+    /// `Σ z α T`, camera depth in world units, **not** divided by alpha, `[H,W]`; empty without
+    /// [`RenderParams::depth`].
     pub depth: Vec<F>,
     /// `Σ f α T` of the caller's channels, no background, `[H,W,F]`.
     pub features: Vec<F>,
@@ -81,7 +84,8 @@ impl<F: Real> RenderOutput<F> {
         self.image_of(&self.depth, 1)
     }
 
-    /// Copy of `features` as an image of `num_features` channels (an empty image if there are none).
+    /// Copy of `features` as an image of `num_features` channels (an empty image if there are
+    /// none).
     pub fn features_image(&self) -> Image {
         self.image_of(&self.features, self.num_features)
     }
@@ -100,9 +104,11 @@ pub struct UpstreamGrads<F = f32> {
     pub v_features: Vec<F>,
 }
 
-/// `∂L/∂parameter` of the **stored** parameters (activations differentiated too), arrays as in [`Splats`].
+/// `∂L/∂parameter` of the **stored** parameters (activations differentiated too), arrays as in
+/// [`Splats`].
 ///
-/// Rows of splats that draw nothing are exactly zero. Arrays that a call does not compute are left empty.
+/// Rows of splats that draw nothing are exactly zero. Arrays that a call does not compute are left
+/// empty.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct RenderGrads<F = f32> {
     /// `[N,3]`.
@@ -117,8 +123,8 @@ pub struct RenderGrads<F = f32> {
     pub v_sh: Vec<[F; 3]>,
     /// `[N,F]`, flat.
     pub v_features: Vec<F>,
-    /// With respect to the projected centre, per pixel, `[N,2]`. The densification statistic of 3DGS is the norm of this times
-    /// `(W/2, H/2)`.
+    /// With respect to the projected centre, per pixel, `[N,2]`. The densification statistic of
+    /// 3DGS is the norm of this times `(W/2, H/2)`.
     pub v_means2d: Vec<[F; 2]>,
 }
 
@@ -150,14 +156,18 @@ pub enum RasterError {
     Device(String),
 }
 
-/// A differentiable splat rasteriser: prepare (geometry, camera) → forward (colours, opacities, features) → backward.
+/// A differentiable splat rasteriser: prepare (geometry, camera) → forward (colours, opacities,
+/// features) → backward.
 ///
-/// The prepared state owns what depends on geometry and camera alone (projection, depth order, tile lists), the memory of every later
-/// stage, and what the last forward pass leaves for its backward pass; device buffers live there. It stays valid while `means`, `quats`,
-/// `log_scales` and the camera stay as they were: SH, opacities and features may change between forward passes without a new `prepare`,
-/// and the image is the same as if one had been made. (A splat whose opacity was NaN at `prepare` stays culled.)
+/// The prepared state owns what depends on geometry and camera alone (projection, depth order, tile
+/// lists), the memory of every later stage, and what the last forward pass leaves for its backward
+/// pass; device buffers live there. It stays valid while `means`, `quats`, `log_scales` and the
+/// camera stay as they were: SH, opacities and features may change between forward passes without a
+/// new `prepare`, and the image is the same as if one had been made. (A splat whose opacity was NaN
+/// at `prepare` stays culled.)
 ///
-/// The `_into` methods reuse the memory of their output argument; nothing is read back from a device except the requested planes.
+/// The `_into` methods reuse the memory of their output argument; nothing is read back from a
+/// device except the requested planes.
 pub trait Rasterizer<F: Real = f32> {
     /// Geometry seen by one camera, ready to composite.
     type Prepared;
@@ -165,7 +175,8 @@ pub trait Rasterizer<F: Real = f32> {
     /// Projects, culls, sorts and bins.
     ///
     /// # Errors
-    /// If the camera or the splats' shapes are malformed, or the device fails. Hostile values are no error: such splats are culled.
+    /// If the camera or the splats' shapes are malformed, or the device fails. Hostile values are
+    /// no error: such splats are culled.
     fn prepare(&self, splats: &Splats<F>, camera: &Camera) -> Result<Self::Prepared, RasterError>;
 
     /// [`Rasterizer::prepare`] in the memory of an earlier prepared state.
@@ -179,10 +190,12 @@ pub trait Rasterizer<F: Real = f32> {
         prepared: &mut Self::Prepared,
     ) -> Result<(), RasterError>;
 
-    /// The part of the image that splat `row` can reach from `camera`, and its depth; `None` if it draws nothing. Never smaller than what
-    /// a forward pass would draw, for any opacity. Lets callers leave out splats that cannot matter to them.
+    /// The part of the image that splat `row` can reach from `camera`, and its depth; `None` if it
+    /// draws nothing. Never smaller than what a forward pass would draw, for any opacity. Lets
+    /// callers leave out splats that cannot matter to them.
     ///
-    /// The default is that of [`crate::image_formation`]; rasterisers with another image formation override it.
+    /// The default is that of [`crate::image_formation`]; rasterisers with another image formation
+    /// override it.
     ///
     /// # Panics
     /// If `row` is out of range.
@@ -190,7 +203,8 @@ pub trait Rasterizer<F: Real = f32> {
         Footprint::of(splats, row, camera)
     }
 
-    /// Composites the splats' colours and depth (as `params` asks) and `features` (`[N,F]`, flat; empty for none).
+    /// Composites the splats' colours and depth (as `params` asks) and `features` (`[N,F]`, flat;
+    /// empty for none).
     ///
     /// # Errors
     /// If shapes disagree with the prepared state, or the device fails.
@@ -203,7 +217,8 @@ pub trait Rasterizer<F: Real = f32> {
         output: &mut RenderOutput<F>,
     ) -> Result<(), RasterError>;
 
-    /// Gradients of every parameter, of the **last forward pass** of `prepared`; pass the same `splats`, `features` and `params`.
+    /// Gradients of every parameter, of the **last forward pass** of `prepared`; pass the same
+    /// `splats`, `features` and `params`.
     ///
     /// # Errors
     /// If there was no forward pass, shapes disagree with it, or the device fails.
@@ -217,10 +232,12 @@ pub trait Rasterizer<F: Real = f32> {
         grads: &mut RenderGrads<F>,
     ) -> Result<(), RasterError>;
 
-    /// As [`Rasterizer::backward_into`] for SH and features alone, geometry and opacity held fixed: fills `v_sh` and `v_features` in one
-    /// front-to-back pass and leaves the other arrays empty. `v_alpha` and `v_depth` have no influence.
+    /// As [`Rasterizer::backward_into`] for SH and features alone, geometry and opacity held fixed:
+    /// fills `v_sh` and `v_features` in one front-to-back pass and leaves the other arrays empty.
+    /// `v_alpha` and `v_depth` have no influence.
     ///
-    /// With one feature and a pixel mask as `v_features`, `v_features` of the result is the mask's vote `Σ_p m_p α T` per splat.
+    /// With one feature and a pixel mask as `v_features`, `v_features` of the result is the mask's
+    /// vote `Σ_p m_p α T` per splat.
     ///
     /// # Errors
     /// As [`Rasterizer::backward_into`].

@@ -9,8 +9,8 @@ use std::ops::{Add, AddAssign, DivAssign, Mul, MulAssign, Neg, Sub, SubAssign};
 
 /// `f32` (production) or `f64` (oracle of finite differences).
 ///
-/// Constants of the reference are single-precision: [`Real::of`] widens an `f32`, so an `f64` run uses the very same
-/// thresholds.
+/// Constants of the reference are single-precision: [`Real::of`] widens an `f32`, so an `f64` run
+/// uses the very same thresholds.
 pub trait Real:
     Float
     + AddAssign

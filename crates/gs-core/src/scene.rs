@@ -4,7 +4,8 @@ use crate::{Splats, SplatsError};
 use std::fmt::Debug;
 use thiserror::Error;
 
-/// Closed interval of scene times (network time, dimensionless; 0 to 1, or to the last trained frame where a format says so).
+/// Closed interval of scene times (network time, dimensionless; 0 to 1, or to the last trained
+/// frame where a format says so).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct TimeRange {
     /// First time.
@@ -22,7 +23,8 @@ impl TimeRange {
         (self.start..=self.end).contains(&t)
     }
 
-    /// `count` times, evenly spaced from `start` to `end`, both included; the start alone when `count` is 1.
+    /// `count` times, evenly spaced from `start` to `end`, both included; the start alone when
+    /// `count` is 1.
     pub fn frames(&self, count: usize) -> Vec<f32> {
         let last = count.saturating_sub(1).max(1) as f64;
         let (start, end) = (f64::from(self.start), f64::from(self.end));
@@ -85,14 +87,16 @@ pub trait DynamicScene: Debug + Send + Sync {
         None
     }
 
-    /// Writes all splats at time `t` into `out`, reusing its memory. Stored parameters, world frame, deformation applied.
+    /// Writes all splats at time `t` into `out`, reusing its memory. Stored parameters, world
+    /// frame, deformation applied.
     ///
     /// # Errors
     /// If `t` is outside [`DynamicScene::time_range`] or the scene's data cannot be read.
     fn at_into(&self, t: f32, out: &mut Splats) -> Result<(), SceneError>;
 
-    /// As [`DynamicScene::at_into`], but only `means`, `quats` and `log_scales` need be those of time `t`; the other arrays may be
-    /// left as they are, even empty. Cheaper for scenes that deform colour.
+    /// As [`DynamicScene::at_into`], but only `means`, `quats` and `log_scales` need be those of
+    /// time `t`; the other arrays may be left as they are, even empty. Cheaper for scenes that
+    /// deform colour.
     ///
     /// # Errors
     /// As [`DynamicScene::at_into`].
@@ -110,13 +114,14 @@ pub trait DynamicScene: Debug + Send + Sync {
         Ok(out)
     }
 
-    /// Whether splats may appear and disappear: `false` promises the same opacities at every time, so that callers
-    /// that need only geometry can skip colours.
+    /// Whether splats may appear and disappear: `false` promises the same opacities at every time,
+    /// so that callers that need only geometry can skip colours.
     fn fades(&self) -> bool {
         true
     }
 
-    /// Which splats the scene itself declares moving (`[N]`), when its format says so; `None` when motion decides.
+    /// Which splats the scene itself declares moving (`[N]`), when its format says so; `None` when
+    /// motion decides.
     fn dynamic_mask(&self) -> Option<&[bool]> {
         None
     }

@@ -23,7 +23,8 @@ pub fn degree_of(coeffs: usize) -> Option<usize> {
     (0..=MAX_DEGREE).find(|&degree| num_coeffs(degree) == coeffs)
 }
 
-/// Basis values `Y_k(d)`, `k < 16`, at the unit direction `d` (camera centre to mean, world frame); zero above `degree`.
+/// Basis values `Y_k(d)`, `k < 16`, at the unit direction `d` (camera centre to mean, world frame);
+/// zero above `degree`.
 #[inline(always)]
 pub fn basis<V: Ring>(degree: usize, [x, y, z]: [V; 3]) -> [V; 16] {
     let mut out = [x.like(0.0); 16];
@@ -98,7 +99,8 @@ pub fn basis_gradient<V: Ring>(degree: usize, [x, y, z]: [V; 3]) -> [[V; 3]; 16]
     out
 }
 
-/// `0.5 + Σ_k Y_k(d)·sh_k` **before** the clamp at 0 (`rasteriser.md` step 10), for `sh` of at least `num_coeffs(degree)` rows.
+/// `0.5 + Σ_k Y_k(d)·sh_k` **before** the clamp at 0 (`rasteriser.md` step 10), for `sh` of at
+/// least `num_coeffs(degree)` rows.
 #[inline(always)]
 pub fn color<F: Real>(degree: usize, sh: &[[F; 3]], direction: [F; 3]) -> [F; 3] {
     let y = basis(degree, direction);
@@ -120,7 +122,8 @@ pub fn dc_from_rgb<F: Real>(rgb: [F; 3]) -> [F; 3] {
 mod tests {
     use super::*;
 
-    /// Orthonormality over the sphere pins constants and polynomials at once (signs are pinned by the raster goldens).
+    /// Orthonormality over the sphere pins constants and polynomials at once (signs are pinned by
+    /// the raster goldens).
     #[test]
     fn basis_is_orthonormal() {
         let (rings, sectors) = (64_u32, 128_u32);

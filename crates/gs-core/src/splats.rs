@@ -3,15 +3,17 @@
 use crate::{Real, activation, quat, sh};
 use thiserror::Error;
 
-/// `N` Gaussians, stored (pre-activation) parameters as 3DGS files hold them, `K = (sh_degree + 1)²`.
+/// `N` Gaussians, stored (pre-activation) parameters as 3DGS files hold them,
+/// `K = (sh_degree + 1)²`.
 ///
-/// Fields are public because every combination of equally long arrays is meaningful; [`Splats::check_shapes`] verifies
-/// the lengths at the doors of the crates that consume them.
+/// Fields are public because every combination of equally long arrays is meaningful;
+/// [`Splats::check_shapes`] verifies the lengths at the doors of the crates that consume them.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Splats<F = f32> {
     /// Centres, world units, `[N,3]`.
     pub means: Vec<[F; 3]>,
-    /// Rotations `wxyz`, raw: normalised on use, `[N,4]`. Deformation networks add to the raw components.
+    /// Rotations `wxyz`, raw: normalised on use, `[N,4]`. Deformation networks add to the raw
+    /// components.
     pub quats: Vec<[F; 4]>,
     /// Natural logarithms of the standard deviations along the local axes, `[N,3]`.
     pub log_scales: Vec<[F; 3]>,
@@ -169,8 +171,9 @@ impl<F: Real> Splats<F> {
         Self { sh: coeffs, sh_degree: degree, ..self.clone() }
     }
 
-    /// Whether every stored value of row `i` is finite and its quaternion is not zero. Infinite log-scales and logits of the
-    /// absorbing sign (`−∞` scale, `±∞` logit) count as not finite here.
+    /// Whether every stored value of row `i` is finite and its quaternion is not zero. Infinite
+    /// log-scales and logits of the absorbing sign (`−∞` scale, `±∞` logit) count as not finite
+    /// here.
     ///
     /// # Panics
     /// If `i` is out of range.
@@ -197,7 +200,8 @@ impl<F: Real> Splats<F> {
         }
     }
 
-    /// Axis-aligned box of the centres `(min, max)`, world units; `None` when there is no finite centre.
+    /// Axis-aligned box of the centres `(min, max)`, world units; `None` when there is no finite
+    /// centre.
     pub fn bounds(&self) -> Option<([F; 3], [F; 3])> {
         let mut finite =
             self.means.iter().filter(|mean| mean.iter().all(|value| value.is_finite()));

@@ -1,7 +1,8 @@
 //! Eigenvalues of small symmetric matrices.
 
-/// Eigenvalues (in no order) and unit eigenvectors (columns, in the same order) of a symmetric matrix, by cyclic Jacobi rotations.
-/// Exact to rounding for any symmetric matrix, equal eigenvalues included; meant for small `N`.
+/// Eigenvalues (in no order) and unit eigenvectors (columns, in the same order) of a symmetric
+/// matrix, by cyclic Jacobi rotations. Exact to rounding for any symmetric matrix, equal
+/// eigenvalues included; meant for small `N`.
 pub fn symmetric_eigen<const N: usize>(mut a: [[f64; N]; N]) -> ([f64; N], [[f64; N]; N]) {
     let mut v = [[0.0; N]; N];
     for (i, row) in v.iter_mut().enumerate() {

@@ -1,7 +1,8 @@
-//! Deformation of 100 000 Gaussians at one time by random networks of the three published configurations.
+//! Deformation of 100 000 Gaussians at one time by random networks of the three published
+//! configurations.
 //!
-//! `cached` is what every frame after the first costs, `uncached` what each costs when the spatial features do not fit
-//! the memory bound, `geometry` leaves colour and opacity out.
+//! `cached` is what every frame after the first costs, `uncached` what each costs when the spatial
+//! features do not fit the memory bound, `geometry` leaves colour and opacity out.
 
 use criterion::{BenchmarkId, Criterion, criterion_group, criterion_main};
 use gs_core::{DynamicScene, Splats};

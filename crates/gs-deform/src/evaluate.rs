@@ -154,7 +154,8 @@ pub(crate) fn features(
         None => spatial_products(&field.planes, coords, tile),
     }
     multiply_time(&field.planes, lines, coords, tile);
-    // Columns beyond the last Gaussian keep values of an earlier panel; they are computed and never read.
+    // Columns beyond the last Gaussian keep values of an earlier panel; they are computed and never
+    // read.
     for (f, feature) in scratch.a.chunks_exact_mut(PANEL).take(width).enumerate() {
         for (value, row) in feature.iter_mut().zip(tile.chunks_exact(width)) {
             *value = row[f];
@@ -270,11 +271,12 @@ fn copy(component: Component, panel: &mut Panel<'_>) {
 }
 
 impl HexPlaneField {
-    /// Deforms all of `canonical` to network time `t` into `out`, reusing its memory. Times and places outside the planes take
-    /// the border value.
+    /// Deforms all of `canonical` to network time `t` into `out`, reusing its memory. Times and
+    /// places outside the planes take the border value.
     ///
     /// # Errors
-    /// If `t` is not finite, the arrays of `canonical` disagree, or SH are deformed and their degree is not 3.
+    /// If `t` is not finite, the arrays of `canonical` disagree, or SH are deformed and their
+    /// degree is not 3.
     pub fn deform_into(
         &self,
         canonical: &Splats,

@@ -7,8 +7,9 @@ use std::borrow::Borrow;
 /// Gaussians one task blends.
 const CHUNK: usize = 4096;
 
-/// A scene of `n ≥ 1` frames at times `i/(n−1)`, at time `t`: a frame as `frame` gives it, or a blend of two (means, log-scales, logits
-/// and SH linearly, rotations by normalised linear interpolation). `geometry_only` leaves logits and SH of `out` as they are.
+/// A scene of `n ≥ 1` frames at times `i/(n−1)`, at time `t`: a frame as `frame` gives it, or a
+/// blend of two (means, log-scales, logits and SH linearly, rotations by normalised linear
+/// interpolation). `geometry_only` leaves logits and SH of `out` as they are.
 ///
 /// # Errors
 /// If `t` lies outside [0, 1], or `frame` fails.
@@ -44,7 +45,8 @@ enum Position {
     Between(usize, f32),
 }
 
-/// Position of `t`, 0 to 1, among `n ≥ 1` frames. Single-precision times of frames (`TimeRange::frames`) are recognised exactly.
+/// Position of `t`, 0 to 1, among `n ≥ 1` frames. Single-precision times of frames
+/// (`TimeRange::frames`) are recognised exactly.
 fn position(t: f32, n: usize) -> Position {
     let last = n.saturating_sub(1);
     if last == 0 {
@@ -69,8 +71,9 @@ fn position(t: f32, n: usize) -> Position {
     Position::Between(low, fraction)
 }
 
-/// Blends two frames with the same rows: means, log-scales, logits and SH linearly, rotations by normalised linear interpolation
-/// on one hemisphere. `geometry_only` leaves logits and SH of `out` as they are.
+/// Blends two frames with the same rows: means, log-scales, logits and SH linearly, rotations by
+/// normalised linear interpolation on one hemisphere. `geometry_only` leaves logits and SH of `out`
+/// as they are.
 ///
 /// # Panics
 /// If the frames differ in size or SH degree.

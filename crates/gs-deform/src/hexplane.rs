@@ -62,8 +62,8 @@ impl HexPlane {
         self.levels.len() * self.channels
     }
 
-    /// Box coordinates of a world point: maximum corner ↦ −1, minimum corner ↦ +1. In the order of operations of the
-    /// reference, factor first.
+    /// Box coordinates of a world point: maximum corner ↦ −1, minimum corner ↦ +1. In the order of
+    /// operations of the reference, factor first.
     pub fn normalize(&self, mean: [f32; 3]) -> [f32; 3] {
         let [maximum, minimum] = self.aabb;
         std::array::from_fn(|axis| {
@@ -72,8 +72,8 @@ impl HexPlane {
         })
     }
 
-    /// Value of plane `p` of `level` at box coordinates and time `coords` = (x, y, z, t): bilinear, corner-aligned, clamped at the
-    /// border. `[C]`.
+    /// Value of plane `p` of `level` at box coordinates and time `coords` = (x, y, z, t): bilinear,
+    /// corner-aligned, clamped at the border. `[C]`.
     ///
     /// # Panics
     /// If there is no such level or plane.
@@ -144,7 +144,8 @@ pub(crate) struct Tap {
 }
 
 impl Tap {
-    /// Corner-aligned position of `u` ∈ [−1,1] on an axis of `resolution` samples, clamped. NaN gives NaN weights.
+    /// Corner-aligned position of `u` ∈ [−1,1] on an axis of `resolution` samples, clamped. NaN
+    /// gives NaN weights.
     #[inline(always)]
     pub(crate) fn new(u: f32, resolution: usize) -> Self {
         let last = resolution - 1;
@@ -156,7 +157,8 @@ impl Tap {
         )]
         let low = position as usize;
         let w_high = position - low as f32;
-        // The neighbour beyond the last sample has weight 0; naming the last sample instead keeps reads in bounds.
+        // The neighbour beyond the last sample has weight 0; naming the last sample instead keeps
+        // reads in bounds.
         Self { low, high: (low + 1).min(last), w_low: 1.0 - w_high, w_high }
     }
 }

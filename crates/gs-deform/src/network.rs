@@ -76,7 +76,8 @@ impl Heads {
     }
 }
 
-/// The parts of a deformation network as a checkpoint stores them; [`HexPlaneField::new`] verifies that they fit.
+/// The parts of a deformation network as a checkpoint stores them; [`HexPlaneField::new`] verifies
+/// that they fit.
 #[derive(Debug, Clone, PartialEq)]
 pub struct HexPlaneNetwork {
     /// Feature planes.
@@ -87,7 +88,8 @@ pub struct HexPlaneNetwork {
     pub heads: Heads,
     /// What multiplies stored parameters.
     pub mask: Mask,
-    /// Frequency of the feature encoding `[g, sin(k·g), cos(k·g)]`; 0 means none. 1 cannot be evaluated.
+    /// Frequency of the feature encoding `[g, sin(k·g), cos(k·g)]`; 0 means none. 1 cannot be
+    /// evaluated.
     pub grid_pe: u32,
     /// Whether quaternions are composed `normalise(q ⊗ dq)` instead of added `q + dq`.
     pub apply_rotation: bool,

@@ -1,7 +1,7 @@
 //! Features of a panel of Gaussians: products over the planes, fused with their sampling.
 //!
-//! At a fixed time the planes (x,t), (y,t), (z,t) collapse to lines, once per call. What the planes (x,y), (x,z), (y,z)
-//! contribute never changes, so scenes may keep that product per Gaussian.
+//! At a fixed time the planes (x,t), (y,t), (z,t) collapse to lines, once per call. What the planes
+//! (x,y), (x,z), (y,z) contribute never changes, so scenes may keep that product per Gaussian.
 
 use crate::hexplane::{HexPlane, Tap};
 

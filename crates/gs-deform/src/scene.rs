@@ -42,8 +42,9 @@ impl HexPlaneScene {
         })
     }
 
-    /// Bounds the memory spent on features that do not depend on time: `N·L·C` floats are kept from the first evaluation on if
-    /// they take at most `bytes`; otherwise they are computed anew each time. 0 keeps nothing.
+    /// Bounds the memory spent on features that do not depend on time: `N·L·C` floats are kept from
+    /// the first evaluation on if they take at most `bytes`; otherwise they are computed anew each
+    /// time. 0 keeps nothing.
     #[must_use]
     pub fn with_cache_limit(self, bytes: usize) -> Self {
         Self {
@@ -54,8 +55,8 @@ impl HexPlaneScene {
         }
     }
 
-    /// Keeps some Gaussians as stored at every time: those whose entry is false, `[N]`. Early revisions of the reference had such
-    /// a table.
+    /// Keeps some Gaussians as stored at every time: those whose entry is false, `[N]`. Early
+    /// revisions of the reference had such a table.
     ///
     /// # Errors
     /// If there is not one entry per Gaussian.
@@ -89,8 +90,9 @@ impl HexPlaneScene {
         if floats * size_of::<f32>() > self.cache_limit || self.building.swap(true, Relaxed) {
             return None;
         }
-        // Whoever comes meanwhile computes without the cache, to the same bits. Waiting would deadlock: a thread that builds
-        // in parallel may pick up another evaluation of this scene while others work for it.
+        // Whoever comes meanwhile computes without the cache, to the same bits. Waiting would
+        // deadlock: a thread that builds in parallel may pick up another evaluation of this scene
+        // while others work for it.
         let features = self.field.spatial_features(&self.canonical.means);
         Some(self.spatial.get_or_init(|| features))
     }

@@ -2,7 +2,8 @@
 
 use gs_core::{DynamicScene, SceneError, Splats, SplatsError, TimeRange};
 
-/// The same splats at every time from 0 to 1: a plain 3DGS scene, or a model saved before its deformation was trained.
+/// The same splats at every time from 0 to 1: a plain 3DGS scene, or a model saved before its
+/// deformation was trained.
 #[derive(Debug, Clone, PartialEq)]
 pub struct StaticScene {
     splats: Splats,

@@ -37,8 +37,8 @@ pub enum TrajectoryError {
     },
 }
 
-/// `n` frames with persistent rows at times `i/(n−1)`: exact at the frames (stored bits), linear between them (rotations by
-/// normalised linear interpolation). A single frame holds at every time.
+/// `n` frames with persistent rows at times `i/(n−1)`: exact at the frames (stored bits), linear
+/// between them (rotations by normalised linear interpolation). A single frame holds at every time.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Trajectories {
     frames: Vec<Splats>,

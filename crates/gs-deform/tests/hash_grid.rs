@@ -1,5 +1,5 @@
-//! Hash grids of full size, filled by a formula, give the vectors of `fixtures/swift4d` under both index rules: every lattice index,
-//! every encoding and every head output.
+//! Hash grids of full size, filled by a formula, give the vectors of `fixtures/swift4d` under both
+//! index rules: every lattice index, every encoding and every head output.
 
 #![allow(clippy::unwrap_used, reason = "shared functions of tests fail by panicking, as tests do")]
 
@@ -119,7 +119,8 @@ fn full_size_fields_of_both_rules() {
             check(&golden, &format!("T{log2_table}.{name}"), &trace, 5e-6);
             trace
         });
-        // Negative control: the other rule is far off where the rules differ, and the same where they do not.
+        // Negative control: the other rule is far off where the rules differ, and the same where
+        // they do not.
         let apart = max_abs_diff(&widen(&traces[0].features), &widen(&traces[1].features));
         assert_eq!(apart > 0.05, log2_table > 15, "2^{log2_table} entries: {apart}");
     }

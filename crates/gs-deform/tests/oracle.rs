@@ -1,5 +1,5 @@
-//! The fused kernels agree with a field written down from its definition in double precision, for random networks of many shapes
-//! and all flags; finite input gives finite output.
+//! The fused kernels agree with a field written down from its definition in double precision, for
+//! random networks of many shapes and all flags; finite input gives finite output.
 
 use gs_core::{DynamicScene, Real, Splats, quat};
 use gs_deform::{

@@ -1,4 +1,5 @@
-//! Says what a scene is and where its Gaussians are over time: `cargo run --example inspect -- <PATH>`.
+//! Says what a scene is and where its Gaussians are over time:
+//! `cargo run --example inspect -- <PATH>`.
 
 use gs_core::{DynamicScene, Splats};
 use gs_io::{OpenOptions, open_scene};

@@ -88,7 +88,7 @@ impl AxesReading {
     pub fn assumption(&self) -> Option<String> {
         (!self.stated).then(|| {
             format!(
-                "the file does not say which way its axes point, read as {}; if it stands upside down, give --axes ply",
+                "the file does not state its axes; read as {}. If the scene is upside down, give --axes ply",
                 self.axes
             )
         })

@@ -3,8 +3,8 @@
 use gs_core::activation::logit;
 use gs_core::sh::C0;
 
-/// Opacity logit of a byte. The ends stand for all opacities that round to them, and get the logit of the middle of those
-/// (about ∓6.9) instead of an infinite one.
+/// Opacity logit of a byte. The ends stand for all opacities that round to them, and get the logit
+/// of the middle of those (about ∓6.9) instead of an infinite one.
 pub(crate) fn logit_of(byte: u8) -> f32 {
     let opacity = match byte {
         0 => 0.25,
@@ -50,7 +50,8 @@ pub(crate) fn largest_from(others: [f32; 3], largest: usize) -> [f32; 4] {
     })
 }
 
-/// The slot of the largest component, and the others on its positive side; of a zero quaternion, those of the identity rotation.
+/// The slot of the largest component, and the others on its positive side; of a zero quaternion,
+/// those of the identity rotation.
 pub(crate) fn without_largest(quat: [f32; 4]) -> (usize, [f32; 3]) {
     let unit = gs_core::quat::normalize(quat);
     let mut largest = 0;
@@ -64,7 +65,8 @@ pub(crate) fn without_largest(quat: [f32; 4]) -> (usize, [f32; 3]) {
     (largest, std::array::from_fn(|_| others.next().unwrap_or_default()))
 }
 
-/// Largest angle by which a rotation is off, radians, when each of the three smaller components is off by at most `component`:
+/// Largest angle by which a rotation is off, radians, when each of the three smaller components is
+/// off by at most `component`:
 /// |δq| ≤ √12·component, since the largest is at least 1/2, and the angle is twice that.
 pub(crate) fn smallest_three_rad(component: f32) -> f32 {
     2.0 * 12.0_f32.sqrt() * component

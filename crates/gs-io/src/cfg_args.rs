@@ -1,6 +1,7 @@
 //! `cfg_args`: the `repr` of a Python namespace, read as data.
 //!
-//! Forks add fields of any Python type. What is no literal stays text and is listed ([`CfgArgs::unread`]); the other fields are read.
+//! Forks add fields of any Python type. What is no literal stays text and is listed
+//! ([`CfgArgs::unread`]); the other fields are read.
 
 use thiserror::Error;
 
@@ -144,7 +145,8 @@ pub fn parse(text: &str) -> Result<CfgArgs, CfgError> {
 struct Parser<'a> {
     text: &'a str,
     at: usize,
-    /// Whether brackets and quotes matched wherever they were followed; where they did not, the next field is looked for instead.
+    /// Whether brackets and quotes matched wherever they were followed; where they did not, the
+    /// next field is looked for instead.
     balanced: bool,
 }
 
@@ -196,7 +198,8 @@ impl<'a> Parser<'a> {
         Ok(name)
     }
 
-    /// The value of a field, up to the comma or bracket behind it: a literal, or else what stands there.
+    /// The value of a field, up to the comma or bracket behind it: a literal, or else what stands
+    /// there.
     fn field_value(&mut self) -> Value {
         self.space();
         let start = self.at;
@@ -359,7 +362,8 @@ impl<'a> Parser<'a> {
     }
 }
 
-/// Whether the `repr` of an object of this class only wraps the literal in it: paths and NumPy's scalars.
+/// Whether the `repr` of an object of this class only wraps the literal in it: paths and NumPy's
+/// scalars.
 fn stands_for_its_argument(class: &str) -> bool {
     let class = class.rsplit('.').next().unwrap_or(class);
     class.ends_with("Path")
@@ -371,7 +375,8 @@ fn stands_for_its_argument(class: &str) -> bool {
             .is_some_and(|bits| ["8", "16", "32", "64"].contains(&bits))
 }
 
-/// Length of a value up to the comma or bracket that ends it, brackets and quotes followed; `None` if they do not match.
+/// Length of a value up to the comma or bracket that ends it, brackets and quotes followed; `None`
+/// if they do not match.
 fn balanced_length(text: &str) -> Option<usize> {
     let mut open = Vec::new();
     let mut chars = text.char_indices();
@@ -425,7 +430,8 @@ mod tests {
         assert!(parse("Namespace()").unwrap().items.is_empty(), "empty");
     }
 
-    /// One field more, as forks and Windows write it, in front of and behind fields that must be read; and what it is read as.
+    /// One field more, as forks and Windows write it, in front of and behind fields that must be
+    /// read; and what it is read as.
     #[test]
     fn a_field_of_any_type_is_skipped_alone() {
         for (field, read) in [

@@ -25,10 +25,7 @@ impl Clip<'_> {
             return Err(IoError::content(path, "no frames to write; ask for at least one"));
         }
         if self.scene.num_splats() == 0 {
-            return Err(IoError::content(
-                path,
-                "the scene has no splats: there is nothing to write",
-            ));
+            return Err(IoError::content(path, "the scene has no splats; nothing to write"));
         }
         if !(self.fps.is_finite() && self.fps > 0.0) {
             return Err(IoError::content(
@@ -49,7 +46,8 @@ impl Clip<'_> {
     }
 }
 
-/// Calls `visit` with every frame in order; one frame is in memory at a time. `path` is for messages.
+/// Calls `visit` with every frame in order; one frame is in memory at a time. `path` is for
+/// messages.
 ///
 /// # Errors
 /// If the scene cannot be evaluated or is no longer what it was, or `visit` fails.
@@ -103,14 +101,15 @@ impl SoundRows {
         if rows.is_empty() {
             return Err(IoError::content(
                 path,
-                "every splat is NaN, infinite or without rotation in some frame: there is nothing to write",
+                "every splat is NaN, infinite or without rotation in some frame; nothing to write",
             ));
         }
         Ok(rows)
     }
 }
 
-/// Rotations as unit quaternions whose sign follows from frame to frame; the first frame's have `w ≥ 0`.
+/// Rotations as unit quaternions whose sign follows from frame to frame; the first frame's have
+/// `w ≥ 0`.
 #[derive(Debug, Default)]
 pub(crate) struct Hemispheres(Vec<[f32; 4]>);
 
@@ -137,8 +136,8 @@ pub(crate) fn dropped_sentence(dropped: usize, of: usize) -> Option<String> {
     })
 }
 
-/// Size of a set of points: the diagonal of the box that holds the middle 98 % along each axis, world units. Points far away do not
-/// count, so that one floater does not decide.
+/// Size of a set of points: the diagonal of the box that holds the middle 98 % along each axis,
+/// world units. Points far away do not count, so that one floater does not decide.
 pub(crate) fn robust_size(points: &[[f32; 3]]) -> f64 {
     const TAIL: f64 = 0.01;
     let mut squared = 0.0_f64;

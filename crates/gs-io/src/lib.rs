@@ -55,7 +55,7 @@ pub use fs::{
     remove_unfinished,
 };
 pub use losses::Losses;
-pub use open_scene::{OpenOptions, Opened, open_scene};
+pub use open_scene::{OpenOptions, OpenedScene, open_scene};
 pub use scene_kind::SceneKind;
 
 #[cfg(doctest)]

@@ -2,10 +2,11 @@
 
 use std::fmt::{self, Display};
 
-/// What a format could not keep, one sentence each; empty when nothing is lost. `Display` puts one sentence on each line.
+/// What a format could not keep, one sentence each; empty when nothing is lost. `Display` puts one
+/// sentence on each line.
 ///
-/// A sentence says what is lost and, where it is a number, how much: "SH degree 3 becomes 0: colour no longer depends on
-/// the view", "positions are rounded to 1/8192 of a unit".
+/// A sentence says what is lost and, where it is a number, how much: "SH degree 3 becomes 0: colour
+/// no longer depends on the view", "positions are rounded to 1/8192 of a unit".
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Losses(Vec<String>);
 

@@ -26,7 +26,7 @@ pub struct OpenOptions {
 
 /// A scene of any kind.
 #[derive(Debug)]
-pub struct Opened {
+pub struct OpenedScene {
     /// The scene.
     pub scene: Box<dyn DynamicScene>,
     /// What it was made from.
@@ -41,7 +41,7 @@ pub struct Opened {
 ///
 /// # Errors
 /// If the path is something else, or as the readers of its kind.
-pub fn open_scene(path: impl AsRef<Path>, options: &OpenOptions) -> Result<Opened, IoError> {
+pub fn open_scene(path: impl AsRef<Path>, options: &OpenOptions) -> Result<OpenedScene, IoError> {
     let path = path.as_ref();
     let kind = detect(path)?;
     let mut warnings = Vec::new();
@@ -120,5 +120,5 @@ pub fn open_scene(path: impl AsRef<Path>, options: &OpenOptions) -> Result<Opene
             ));
         }
     };
-    Ok(Opened { scene, kind, report, warnings })
+    Ok(OpenedScene { scene, kind, report, warnings })
 }

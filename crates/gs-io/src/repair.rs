@@ -1,20 +1,26 @@
-//! What stored values of a splat mean: infinities that stand for something, and rows that no renderer can use.
+//! What stored values of a splat mean: infinities that stand for something, and rows that no
+//! renderer can use.
 //!
-//! Exporters write `logit(1)` for an opaque splat and `ln(0)` for a flat one. Such rows are sound, and get finite values that every
-//! later computation and format keeps finite: [`OPAQUE_LOGIT`], [`TRANSPARENT_LOGIT`], [`FLAT_LOG_SCALE`]. Damage is NaN anywhere, an
-//! infinite position, SH coefficient or rotation, a log-scale of +∞, and a zero quaternion. Every reader of this crate decides by
-//! this module. (Formats with one byte an opacity have no infinities: their end values stand for all opacities that round to them.)
+//! Exporters write `logit(1)` for an opaque splat and `ln(0)` for a flat one. Such rows are sound,
+//! and get finite values that every later computation and format keeps finite: [`OPAQUE_LOGIT`],
+//! [`TRANSPARENT_LOGIT`], [`FLAT_LOG_SCALE`]. Damage is NaN anywhere, an infinite position, SH
+//! coefficient or rotation, a log-scale of +∞, and a zero quaternion. Every reader of this crate
+//! decides by this module. (Formats with one byte an opacity have no infinities: their end values
+//! stand for all opacities that round to them.)
 
 use gs_core::Splats;
 use thiserror::Error;
 
-/// Opacity logit that a stored +∞ (opacity exactly 1) becomes: the largest whole number whose opacity is still below 1 in single
-/// precision, so that the logit of that opacity is finite again. It is 1 − 1.2·10⁻⁷, above every cap of a rasteriser.
+/// Opacity logit that a stored +∞ (opacity exactly 1) becomes: the largest whole number whose
+/// opacity is still below 1 in single precision, so that the logit of that opacity is finite again.
+/// It is 1 − 1.2·10⁻⁷, above every cap of a rasteriser.
 pub const OPAQUE_LOGIT: f32 = 16.0;
-/// Opacity logit that a stored −∞ (opacity exactly 0) becomes: opacity 1.1·10⁻⁷, far below the 1/255 that rasterisers draw.
+/// Opacity logit that a stored −∞ (opacity exactly 0) becomes: opacity 1.1·10⁻⁷, far below the
+/// 1/255 that rasterisers draw.
 pub const TRANSPARENT_LOGIT: f32 = -OPAQUE_LOGIT;
-/// Log-scale that a stored −∞ (no extent) becomes: a standard deviation of 2·10⁻⁹. Its square, its inverse and the square of its
-/// inverse are normal single-precision numbers, and it is the smallest that compressed PLY keeps.
+/// Log-scale that a stored −∞ (no extent) becomes: a standard deviation of 2·10⁻⁹. Its square, its
+/// inverse and the square of its inverse are normal single-precision numbers, and it is the
+/// smallest that compressed PLY keeps.
 pub const FLAT_LOG_SCALE: f32 = -20.0;
 
 /// What to do with damaged rows.
@@ -38,7 +44,8 @@ pub struct RepairReport {
     pub not_finite: usize,
     /// Finite rows whose quaternion is zero.
     pub zero_quaternion: usize,
-    /// Of the damaged rows of a clip, those that are sound in other frames: they are invisible in the damaged frames only.
+    /// Of the damaged rows of a clip, those that are sound in other frames: they are invisible in
+    /// the damaged frames only.
     pub hidden: usize,
     /// Infinities that were given finite values, over all frames read.
     pub infinities: Infinities,
@@ -50,7 +57,8 @@ impl RepairReport {
         self.not_finite + self.zero_quaternion
     }
 
-    /// Says what was done with damaged rows, if there are any; `dropped` tells whether they were left out.
+    /// Says what was done with damaged rows, if there are any; `dropped` tells whether they were
+    /// left out.
     pub fn warning(&self, dropped: bool) -> Option<String> {
         let (damaged, hidden) = (self.damaged(), self.hidden);
         if damaged == 0 {
@@ -152,7 +160,8 @@ pub struct DamagedRows {
     pub first: usize,
 }
 
-/// Rows that are not usable, or `broken` for another reason, counted; [`settle_infinities`] comes before.
+/// Rows that are not usable, or `broken` for another reason, counted; [`settle_infinities`] comes
+/// before.
 pub(crate) fn survey(
     splats: &Splats,
     broken: impl Fn(usize) -> bool,
@@ -178,8 +187,8 @@ pub(crate) fn only_rotation_missing(splats: &Splats, row: usize) -> bool {
         && splats.sh_of(row).iter().flatten().all(|v| v.is_finite())
 }
 
-/// Gives meaningful infinities of `splats` (arrays of equal length) finite values, counts damaged rows, and drops, keeps or refuses
-/// them.
+/// Gives meaningful infinities of `splats` (arrays of equal length) finite values, counts damaged
+/// rows, and drops, keeps or refuses them.
 ///
 /// # Errors
 /// With [`Damage::Fail`], if there are any; with [`Damage::Drop`], if nothing would be left.
@@ -187,7 +196,8 @@ pub fn sanitize(splats: Splats, damage: Damage) -> Result<Sanitized, DamagedRows
     sanitize_with(splats, damage, |_row| false)
 }
 
-/// As [`sanitize`], where `broken` names rows that are unusable for another reason; they count as not finite.
+/// As [`sanitize`], where `broken` names rows that are unusable for another reason; they count as
+/// not finite.
 pub(crate) fn sanitize_with(
     mut splats: Splats,
     damage: Damage,

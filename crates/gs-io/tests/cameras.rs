@@ -1,5 +1,5 @@
-//! Every layout's convention: a known camera, written the way each format writes it, projects known points to the same pixels; and what
-//! folders without goldens are taken for.
+//! Every layout's convention: a known camera, written the way each format writes it, projects known
+//! points to the same pixels; and what folders without goldens are taken for.
 
 #![allow(clippy::unwrap_used, reason = "shared functions of tests fail by panicking, as tests do")]
 

@@ -1,4 +1,5 @@
-//! Camera readers survive any bytes: malformed files are errors that say where, never a panic and never a large allocation.
+//! Camera readers survive any bytes: malformed files are errors that say where, never a panic and
+//! never a large allocation.
 
 #![allow(clippy::unwrap_used, reason = "shared functions of tests fail by panicking, as tests do")]
 

@@ -1,5 +1,5 @@
-//! Still frames of every format: files of the formats' own tool read within the stated precision, and our files decoded from their
-//! byte layout, independently of the readers.
+//! Still frames of every format: files of the formats' own tool read within the stated precision,
+//! and our files decoded from their byte layout, independently of the readers.
 
 #![allow(clippy::unwrap_used, reason = "shared functions of tests fail by panicking, as tests do")]
 #![allow(
@@ -34,7 +34,8 @@ fn nearest(splats: &Splats, mean: [f32; 3]) -> usize {
     (0..splats.len()).min_by(|a, b| distance(a).total_cmp(&distance(b))).unwrap()
 }
 
-/// Values of `frame` that lie farther from `truth` than `factor` times its stated precision, and the rows of `truth` that were hit.
+/// Values of `frame` that lie farther from `truth` than `factor` times its stated precision, and
+/// the rows of `truth` that were hit.
 fn violations(truth: &Splats, frame: &Frame, factor: f32) -> (usize, usize) {
     let precision = frame.precision.as_ref().unwrap();
     let mut hit = vec![false; truth.len()];
@@ -165,7 +166,8 @@ fn what_is_written_is_read_within_the_precision() {
     }
 }
 
-/// SPZ from its byte layout alone: `(means, log_scales, opacities, dc, sh[1])` in the frame of the file.
+/// SPZ from its byte layout alone: `(means, log_scales, opacities, dc, sh[1])` in the frame of the
+/// file.
 type Decoded = (Vec<[f64; 3]>, Vec<[f64; 3]>, Vec<f64>, Vec<[f64; 3]>, Vec<[f64; 3]>);
 
 fn decode_spz(n: usize, streams: &[&[u8]]) -> Decoded {
@@ -353,7 +355,8 @@ fn spz_version_2_and_large_scenes() {
     assert!(losses.to_string().contains("have 0 bits"), "two are no exception: {losses}");
 }
 
-/// The SPZ of `options`, unpacked, without extension records, packed again: what a tool that knows none writes.
+/// The SPZ of `options`, unpacked, without extension records, packed again: what a tool that knows
+/// none writes.
 fn without_records(splats: &Splats, options: &spz::WriteOptions) -> Vec<u8> {
     let mut bytes = Vec::new();
     spz::write(splats, options, &mut bytes).unwrap();
@@ -379,12 +382,14 @@ fn spz_axes_are_those_that_the_file_names() {
             let reading = read.axes.unwrap();
             assert_eq!((reading.axes, reading.stated), (axes, true), "{axes}");
             assert!(reading.assumption().is_none(), "{axes}: nothing is assumed");
-            // Harmonics of axes that exchange y and z mix before they are rounded: half a step becomes up to three.
+            // Harmonics of axes that exchange y and z mix before they are rounded: half a step
+            // becomes up to three.
             let factor = if code <= 8 { 1.0 } else { 3.0 };
             assert_eq!(violations(&truth, &read, factor), (0, 300), "{axes}, version {version}");
         }
     }
-    // Nothing named: as the format is described, which is wrong for tools that keep the axes of a PLY, until told.
+    // Nothing named: as the format is described, which is wrong for tools that keep the axes of a
+    // PLY, until told.
     let options = spz::WriteOptions { axes: Axes::PLY, ..spz::WriteOptions::default() };
     let read = frame::read(&without_records(&truth, &options)).unwrap();
     let reading = read.axes.unwrap();

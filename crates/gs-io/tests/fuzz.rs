@@ -1,4 +1,5 @@
-//! Readers survive any bytes: real files cut and overwritten at random, and rubbish, give a value or an error, never a panic.
+//! Readers survive any bytes: real files cut and overwritten at random, and rubbish, give a value
+//! or an error, never a panic.
 
 #![allow(clippy::unwrap_used, reason = "shared functions of tests fail by panicking, as tests do")]
 
@@ -28,7 +29,8 @@ fn read(path: &str) -> Vec<u8> {
     fs::read(fixture(path)).unwrap()
 }
 
-/// Cut somewhere, then some bytes overwritten: mostly near the start and the end, where the structure is.
+/// Cut somewhere, then some bytes overwritten: mostly near the start and the end, where the
+/// structure is.
 #[derive(Debug, Clone)]
 struct Damage {
     keep: f64,

@@ -1,5 +1,6 @@
-//! 4DGaussians model folders, read and evaluated, give the numbers of the reference implementation: every flag combination of
-//! the goldens, final parameters and intermediate values, within the tolerances of `fixtures/deform4dgs/README.md`.
+//! 4DGaussians model folders, read and evaluated, give the numbers of the reference implementation:
+//! every flag combination of the goldens, final parameters and intermediate values, within the
+//! tolerances of `fixtures/deform4dgs/README.md`.
 
 #![allow(clippy::unwrap_used, reason = "shared functions of tests fail by panicking, as tests do")]
 

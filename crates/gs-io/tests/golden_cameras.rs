@@ -1,5 +1,5 @@
-//! Data sets of every layout give the cameras and times of the reference's readers, within the tolerance of
-//! `fixtures/cameras/README.md`.
+//! Data sets of every layout give the cameras and times of the reference's readers, within the
+//! tolerance of `fixtures/cameras/README.md`.
 
 #![allow(clippy::unwrap_used, reason = "shared functions of tests fail by panicking, as tests do")]
 
@@ -107,7 +107,8 @@ fn dynerf() {
 fn hypernerf() {
     for kind in ["hypernerf_split", "hypernerf_nosplit"] {
         let set = check_splits(kind, Format::Nerfies);
-        // The reference's video is an artefact: as many views as are held out, from the start of the list.
+        // The reference's video is an artefact: as many views as are held out, from the start of
+        // the list.
         let count = set.split(Split::Test).count();
         let first: Vec<&Camera> = set.views[..count].iter().map(|view| &view.camera).collect();
         check(kind, "video", &first);

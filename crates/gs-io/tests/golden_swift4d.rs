@@ -1,5 +1,6 @@
-//! A Swift4D model folder, read and evaluated, gives the numbers of `fixtures/swift4d` within the tolerances of its README: masks,
-//! lattice, intermediate values and deformed Gaussians at six times.
+//! A Swift4D model folder, read and evaluated, gives the numbers of `fixtures/swift4d` within the
+//! tolerances of its README: masks, lattice, intermediate values and deformed Gaussians at six
+//! times.
 
 #![allow(clippy::unwrap_used, reason = "shared functions of tests fail by panicking, as tests do")]
 

@@ -1,5 +1,5 @@
-//! Model folders of every age and state of completeness: right choice of iteration and flags, each with its origin, and errors
-//! that name the file and the next step.
+//! Model folders of every age and state of completeness: right choice of iteration and flags, each
+//! with its origin, and errors that name the file and the next step.
 
 #![allow(clippy::unwrap_used, reason = "shared functions of tests fail by panicking, as tests do")]
 
@@ -373,7 +373,8 @@ fn networks_are_found_in_whatever_wraps_them() {
     // ({…}, 30000), as training checkpoints are.
     put(common::wrapped_state_dict(b"(", &plain, b"Mu0t"));
     same("a tuple");
-    // A whole module that was saved: an object of a class that is not known here, with the weights in its state.
+    // A whole module that was saved: an object of a class that is not known here, with the weights
+    // in its state.
     let before = [
         b"c__main__\nNet\n)\x81}(".to_vec(),
         key("training"),

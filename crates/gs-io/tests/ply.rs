@@ -1,5 +1,5 @@
-//! PLY files of every flavour read to the same Gaussians; hostile ones are refused with a sentence that helps; what is written
-//! is what INRIA's reader expects, bit for bit.
+//! PLY files of every flavour read to the same Gaussians; hostile ones are refused with a sentence
+//! that helps; what is written is what INRIA's reader expects, bit for bit.
 
 #![allow(clippy::unwrap_used, reason = "shared functions of tests fail by panicking, as tests do")]
 

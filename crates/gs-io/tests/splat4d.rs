@@ -1,6 +1,6 @@
-//! `.splat4d` files decode, by a decoder written here from the byte layout, to values within the stated bounds at every splat and
-//! frame, whatever changes, and the crate's own reader finds exactly those values; hostile clips and files are refused or repaired with
-//! a count.
+//! `.splat4d` files decode, by a decoder written here from the byte layout, to values within the
+//! stated bounds at every splat and frame, whatever changes, and the crate's own reader finds
+//! exactly those values; hostile clips and files are refused or repaired with a count.
 
 #![allow(clippy::unwrap_used, reason = "shared functions of tests fail by panicking, as tests do")]
 
@@ -145,8 +145,8 @@ fn decode(path: &Path) -> (serde_json::Value, Vec<Vec<Row>>) {
     (header, frames)
 }
 
-/// Largest errors: position, rotation, colour, opacity, log size. The order of the file is its own: decoded splats are matched to
-/// rows by where they are and how large in all frames.
+/// Largest errors: position, rotation, colour, opacity, log size. The order of the file is its own:
+/// decoded splats are matched to rows by where they are and how large in all frames.
 fn errors(scene: &Trajectories, frames: &[Vec<Row>]) -> [f64; 5] {
     let first = &scene.frames()[0];
     let distance = |i: usize, place: usize| {
@@ -195,7 +195,7 @@ fn write(
     scene: &dyn DynamicScene,
     frames: usize,
     options: &Options,
-) -> (tempfile::TempDir, splat4d::Report) {
+) -> (tempfile::TempDir, splat4d::WriteReport) {
     let dir = tempfile::tempdir().unwrap();
     let times = TimeRange::UNIT.frames(frames);
     let clip = Clip { scene, times: &times, fps: 24.0 };

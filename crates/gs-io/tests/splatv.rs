@@ -1,5 +1,6 @@
-//! `.splatv` files: what is written decodes, by a decoder written here from the byte layout, to motion within the reported error;
-//! what is read is evaluated by the format's formulas; any bytes are survived.
+//! `.splatv` files: what is written decodes, by a decoder written here from the byte layout, to
+//! motion within the reported error; what is read is evaluated by the format's formulas; any bytes
+//! are survived.
 
 #![allow(clippy::unwrap_used, reason = "shared functions of tests fail by panicking, as tests do")]
 
@@ -80,7 +81,7 @@ fn write(
     scene: &dyn DynamicScene,
     frames: usize,
     options: &Options,
-) -> splatv::Report {
+) -> splatv::WriteReport {
     let times = TimeRange::UNIT.frames(frames);
     let clip = Clip { scene, times: &times, fps: 30.0 };
     let mut steps = 0;

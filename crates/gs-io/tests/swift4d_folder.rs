@@ -1,5 +1,6 @@
-//! Swift4D model folders of every state of completeness: right flags with their origin, and for what is missing, contradictory or
-//! hostile an error that names the file and the next step, without large allocations.
+//! Swift4D model folders of every state of completeness: right flags with their origin, and for
+//! what is missing, contradictory or hostile an error that names the file and the next step,
+//! without large allocations.
 
 #![allow(clippy::unwrap_used, reason = "shared functions of tests fail by panicking, as tests do")]
 
@@ -396,7 +397,8 @@ fn any_damage_to_the_field_is_an_error_or_harmless() {
     assert!(opened > 0, "flipped weights still open");
 }
 
-/// The golden's own file, cut and rewritten by the test's writer, proves that the writer is as good as torch.save.
+/// The golden's own file, cut and rewritten by the test's writer, proves that the writer is as good
+/// as torch.save.
 #[test]
 fn rewritten_fields_read_back() {
     fn copy(from: &Path, to: &Path) {

@@ -1,4 +1,5 @@
-//! OpenUSD layers read back, by a parser written here, to the very bits of the scene; only what changes has time samples.
+//! OpenUSD layers read back, by a parser written here, to the very bits of the scene; only what
+//! changes has time samples.
 
 #![allow(clippy::unwrap_used, reason = "shared functions of tests fail by panicking, as tests do")]
 
@@ -16,7 +17,8 @@ use std::path::Path;
 /// Attribute name to its samples by time code; a value without samples is at `None`.
 type Layer = BTreeMap<String, BTreeMap<Option<usize>, Vec<f32>>>;
 
-/// Reads the arrays of a layer. Every other line must be one that a USD text may contain, braces must match.
+/// Reads the arrays of a layer. Every other line must be one that a USD text may contain, braces
+/// must match.
 fn parse(text: &str) -> Layer {
     let mut layer = Layer::new();
     let mut open: Option<String> = None;
@@ -76,7 +78,7 @@ fn write(
     scene: &dyn DynamicScene,
     frames: usize,
     options: &Options,
-) -> (Layer, usda::Report) {
+) -> (Layer, usda::WriteReport) {
     let times = TimeRange::UNIT.frames(frames);
     let clip = Clip { scene, times: &times, fps: 25.0 };
     let mut last = (0, 0);

@@ -306,7 +306,7 @@ fn several_series_in_one_folder() {
     let opened = open_scene(dir.path(), &OpenOptions::default()).unwrap();
     assert_eq!(opened.scene.num_frames(), Some(2), "the longer one");
     let said = opened.warnings.join("; ");
-    assert!(said.contains("a-*.ply (2 frames) was taken, left: b-*.ply (1)"), "{said}");
+    assert!(said.contains("using a-*.ply (2 frames), ignoring b-*.ply (1)"), "{said}");
 }
 
 #[test]

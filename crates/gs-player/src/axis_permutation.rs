@@ -1,7 +1,7 @@
 //! [`AxisPermutation`]: the 24 rotations of the cube, which permute a Gaussian's axes.
 //!
-//! Of the quaternions that describe the same ellipsoid, the one closest to the identity is kept. Its real part is at least 0.85, so it can be
-//! computed from the other three components.
+//! Of the quaternions that describe the same ellipsoid, the one closest to the identity is kept.
+//! Its real part is at least 0.85, so it can be computed from the other three components.
 
 use gs_core::quat;
 
@@ -45,7 +45,8 @@ impl AxisPermutation {
         Self { rotation, axes }
     }
 
-    /// Index in `permutations` of the one that brings `q` closest to no rotation; the first of equals.
+    /// Index in `permutations` of the one that brings `q` closest to no rotation; the first of
+    /// equals.
     pub(crate) fn best(permutations: &[Self], q: [f64; 4]) -> u8 {
         let mut best = (0, -1.0);
         for (index, axis_permutation) in (0_u8..).zip(permutations) {

@@ -1,6 +1,8 @@
-//! [`encode`]: bytes as text without characters that are special in HTML: 13 bits in two of the 91 printable ASCII characters other than space, `&`, `<` and `>`.
+//! [`encode`]: bytes as text without characters that are special in HTML: 13 bits in two of the 91
+//! printable ASCII characters other than space, `&`, `<` and `>`.
 //!
-//! 1.231 characters a byte (base64: 1.333), the same in every encoding a server may claim for the page.
+//! 1.231 characters a byte (base64: 1.333), the same in every encoding a server may claim for the
+//! page.
 
 /// Number of characters.
 const BASE: u32 = 91;
@@ -44,7 +46,8 @@ pub(crate) fn encode(bytes: &[u8], out: &mut String) {
 mod tests {
     use super::*;
 
-    /// From the description: pairs of digits, least significant first, 13 bits each, lowest bits first.
+    /// From the description: pairs of digits, least significant first, 13 bits each, lowest bits
+    /// first.
     fn decode(text: &str, bytes: usize) -> Vec<u8> {
         let digits: Vec<u32> = text
             .chars()

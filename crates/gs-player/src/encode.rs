@@ -22,12 +22,12 @@ pub struct Encoded {
     /// The payload, gzip.
     pub payload: Vec<u8>,
     /// What is in it.
-    pub report: Report,
+    pub report: EncodeReport,
 }
 
 /// What was kept, what was lost, and how large everything is.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Report {
+pub struct EncodeReport {
     /// Frames.
     pub frames: usize,
     /// Splats of the first scene that are drawn.
@@ -65,11 +65,12 @@ struct Header<'a> {
     attributes: &'a [Entry],
 }
 
-/// Encodes `first` and, if given, `second` at `times`, which become evenly spaced frames. `progress` is told how many of how many
-/// evaluations are done.
+/// Encodes `first` and, if given, `second` at `times`, which become evenly spaced frames.
+/// `progress` is told how many of how many evaluations are done.
 ///
 /// # Errors
-/// If there is no frame, no visible splat, an option out of range, or a scene cannot be evaluated. Damaged rows are left out and counted.
+/// If there is no frame, no visible splat, an option out of range, or a scene cannot be evaluated.
+/// Damaged rows are left out and counted.
 pub fn encode(
     first: &dyn DynamicScene,
     second: Option<&dyn DynamicScene>,
@@ -129,7 +130,7 @@ pub fn encode(
     let mut compressed = GzEncoder::new(Vec::new(), Compression::best());
     compressed.write_all(&raw)?;
     let payload = compressed.finish()?;
-    let report = Report {
+    let report = EncodeReport {
         frames: times.len(),
         first: a + twins + shared,
         second: if second.is_some() { twins + shared + b } else { 0 },
@@ -340,8 +341,8 @@ fn implied_real(imaginary: [i32; 3], step: f64) -> i32 {
     tracks::round((one * one - rest).max(0.0).sqrt())
 }
 
-/// Order of the geometry rows and of the looks: within each group, what moves before what rests (so that the player uploads few
-/// stretches), and neighbours in space beside each other.
+/// Order of the geometry rows and of the looks: within each group, what moves before what rests (so
+/// that the player uploads few stretches), and neighbours in space beside each other.
 fn order(groups: &Groups, positions: &[i32], moves: &[bool]) -> (Vec<usize>, Vec<usize>) {
     let codes = morton(positions);
     let mut rows: Vec<usize> = Vec::with_capacity(moves.len());
@@ -355,7 +356,8 @@ fn order(groups: &Groups, positions: &[i32], moves: &[bool]) -> (Vec<usize>, Vec
     let [a, twins, shared, _] = groups.counts();
     let second = a + twins + shared;
     let mut looks: Vec<usize> = rows[..second].to_vec();
-    // The second looks of the twins, in the order of their geometry; then those of `b`, which come after them.
+    // The second looks of the twins, in the order of their geometry; then those of `b`, which come
+    // after them.
     looks.extend(rows[a..a + twins].iter().map(|row| row - a + second));
     looks.extend(rows[second..].iter().map(|row| row + twins));
     (rows, looks)

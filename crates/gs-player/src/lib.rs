@@ -1,10 +1,13 @@
-//! A dynamic Gaussian-splat scene, and what an edit made of it, as **one HTML file** that plays from disk in any browser with WebGL 2.
+//! A dynamic Gaussian-splat scene, and what an edit made of it, as **one HTML file** that plays
+//! from disk in any browser with WebGL 2.
 //!
-//! [`encode()`] turns one or two scenes into a payload: values on a grid of stated steps, over time as few straight pieces within a stated
-//! tolerance, what both scenes share stored once, compressed with gzip (which browsers undo themselves). [`page()`] puts it into a page with
-//! the player (`player/`, plain JavaScript and GLSL). The crate's `README.md` documents the bytes.
+//! [`encode()`] turns one or two scenes into a payload: values on a grid of stated steps, over time
+//! as few straight pieces within a stated tolerance, what both scenes share stored once, compressed
+//! with gzip (which browsers undo themselves). [`page()`] puts it into a page with the player
+//! (`player/`, plain JavaScript and GLSL). The crate's `README.md` documents the bytes.
 //!
-//! Deliberately absent: files, rendering (the poster is given), networks: the page's own policy forbids any.
+//! Deliberately absent: files, rendering (the poster is given), networks: the page's own policy
+//! forbids any.
 //!
 //! ```
 //! use gs_player::{Options, encode};
@@ -26,7 +29,7 @@ mod page;
 mod survey;
 mod tracks;
 
-pub use encode::{Encoded, MAGIC, Report, encode};
+pub use encode::{EncodeReport, Encoded, MAGIC, encode};
 pub use error::{MAX_FRAMES, PlayerError};
 pub use options::Options;
 pub use page::{Page, Poster, page};

@@ -2,14 +2,16 @@
 
 use crate::PlayerError;
 
-/// How exactly a scene is kept. A *step* is the distance of two neighbouring stored values; the value of a frame is off by at most half
-/// a step where a splat rests, and by at most `tolerance` steps where it moves.
+/// How exactly a scene is kept. A *step* is the distance of two neighbouring stored values; the
+/// value of a frame is off by at most half a step where a splat rests, and by at most `tolerance`
+/// steps where it moves.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Options {
-    /// SH degree kept, 0 to 3; a scene of lower degree keeps its own. Default 1: diffuse colour and the first-order sheen. Each further
-    /// degree costs about as much again as all else that rests.
+    /// SH degree kept, 0 to 3; a scene of lower degree keeps its own. Default 1: diffuse colour and
+    /// the first-order sheen. Each further degree costs about as much again as all else that rests.
     pub sh_degree: usize,
-    /// Steps across the middle 90 % of the scene's longest side. Default 16 384: a 16th of a pixel when that side fills 1000 pixels.
+    /// Steps across the middle 90 % of the scene's longest side. Default 16 384: a 16th of a pixel
+    /// when that side fills 1000 pixels.
     pub position_steps: f64,
     /// Step of the components of unit quaternions. Default 1/1024: about a 10th of a degree.
     pub rotation_step: f64,

@@ -1,4 +1,5 @@
-//! Streams of integers as bytes that compress well: differences, interleaved signs, one plane per byte.
+//! Streams of integers as bytes that compress well: differences, interleaved signs, one plane per
+//! byte.
 
 use crate::tracks::{Knot, Tracks};
 use serde::Serialize;
@@ -73,7 +74,8 @@ fn write_planes(values: &[u32], channels: usize, planes: usize, out: &mut Vec<u8
     }
 }
 
-/// Of two ways to write the same, the one with less entropy: whether it is the second, its numbers and planes.
+/// Of two ways to write the same, the one with less entropy: whether it is the second, its numbers
+/// and planes.
 fn shorter(plain: Vec<u32>, other: Vec<u32>) -> (bool, Vec<u32>, usize) {
     let (plain_planes, other_planes) = (planes_of(&plain), planes_of(&other));
     if entropy(&other, other_planes) < entropy(&plain, plain_planes) {

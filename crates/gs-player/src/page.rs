@@ -174,7 +174,8 @@ mod tests {
     use super::*;
     use gs_core::image_formation::CONSTANTS;
 
-    /// Constants of a GLSL source that [`gs_core::image_formation`] does not know by name and value.
+    /// Constants of a GLSL source that [`gs_core::image_formation`] does not know by name and
+    /// value.
     fn findings(glsl: &str) -> Vec<String> {
         let number = |text: &str| text.trim().parse::<f32>().ok();
         glsl.lines()

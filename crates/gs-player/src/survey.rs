@@ -5,7 +5,8 @@ use gs_core::image_formation::ALPHA_THRESHOLD;
 use gs_core::{DynamicScene, Splats};
 use std::collections::HashMap;
 
-/// Share of the rows left out at either end when the size of the scene is measured: floaters and backdrops.
+/// Share of the rows left out at either end when the size of the scene is measured: floaters and
+/// backdrops.
 const TRIM: f64 = 0.05;
 
 /// What is known of the rows of one scene after seeing every frame.
@@ -25,8 +26,9 @@ pub(crate) struct Rows {
     pub(crate) invisible: usize,
 }
 
-/// Which rows make up the two scenes. Geometry rows are stored in the order `a`, `twins`, `shared`, `b`; looks (opacity and colour) in
-/// the order `a`, `twins` of the first scene, `shared`, `twins` of the second, `b`.
+/// Which rows make up the two scenes. Geometry rows are stored in the order `a`, `twins`, `shared`,
+/// `b`; looks (opacity and colour) in the order `a`, `twins` of the first scene, `shared`, `twins`
+/// of the second, `b`.
 #[derive(Debug, Default, Clone, PartialEq, Eq)]
 pub(crate) struct Groups {
     /// Rows of the first scene that the second does not have.
@@ -62,7 +64,8 @@ pub(crate) fn evaluate(
 }
 
 impl Rows {
-    /// Looks at every frame; `sh_coeffs` coefficients of each splat count. Calls `step` after each frame.
+    /// Looks at every frame; `sh_coeffs` coefficients of each splat count. Calls `step` after each
+    /// frame.
     pub(crate) fn survey(
         scene: &dyn DynamicScene,
         times: &[f32],
@@ -161,8 +164,8 @@ fn matched<K: Eq + std::hash::Hash>(
     (pairs, rest_first, rest_second)
 }
 
-/// Middle and size of the scenes, world units: the box of the middle 90 % of the centres along each axis, its centre and its
-/// longest side (1 when everything is in one place).
+/// Middle and size of the scenes, world units: the box of the middle 90 % of the centres along each
+/// axis, its centre and its longest side (1 when everything is in one place).
 pub(crate) fn extent(scenes: &[&Rows]) -> ([f64; 3], f64) {
     let mut origin = [0.0; 3];
     let (mut robust, mut full) = (0.0_f64, 0.0_f64);

@@ -1,5 +1,6 @@
-//! Values over time as few straight pieces: each piece ends at a *knot* on the grid of steps, and every frame between two knots lies
-//! within the tolerance of the straight line. One pass over the frames, memory for the rows that move only.
+//! Values over time as few straight pieces: each piece ends at a *knot* on the grid of steps, and
+//! every frame between two knots lies within the tolerance of the straight line. One pass over the
+//! frames, memory for the rows that move only.
 
 /// Longest piece, frames: gaps are stored as bytes.
 pub(crate) const MAX_GAP: u32 = 255;
@@ -155,8 +156,8 @@ impl Tracks {
         self.open[slot] = Piece { start: frame, rests: true };
     }
 
-    /// Ends all pieces at the last frame and sorts the knots by row and time. A row that has come to rest needs no last knot: its value
-    /// holds.
+    /// Ends all pieces at the last frame and sorts the knots by row and time. A row that has come
+    /// to rest needs no last knot: its value holds.
     pub(crate) fn finish(&mut self, last_frame: u32) {
         for row in 0..self.slots.len() {
             let slot = self.slots[row];

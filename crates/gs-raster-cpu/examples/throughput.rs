@@ -1,5 +1,6 @@
-//! Evaluated pixel–splat samples per second and core, and their fraction of the roof, on realistic scenes. The fractions compare best
-//! times of interleaved runs, so that they hold on a machine that is busy with other things.
+//! Evaluated pixel–splat samples per second and core, and their fraction of the roof, on realistic
+//! scenes. The fractions compare best times of interleaved runs, so that they hold on a machine
+//! that is busy with other things.
 //!
 //! `cargo run --release -p gs-raster-cpu --example throughput [index of the scene]`
 #![expect(clippy::print_stdout, reason = "an example reports to the terminal")]

@@ -1,4 +1,5 @@
-//! The backward passes: every tile on its own, then sums per splat in a fixed order, then (`splat_grads`) each splat's chain rule.
+//! The backward passes: every tile on its own, then sums per splat in a fixed order, then
+//! (`splat_grads`) each splat's chain rule.
 
 use crate::bins::{BLOCK, MACRO_TILES, Macro};
 use crate::forward::{check, passes, with_channels};
@@ -248,7 +249,8 @@ pub(crate) fn backward<F: Lane>(
     let stride = prepared.shade.stride;
 
     let start = Instant::now();
-    // Channels behind the last one with a gradient are zero: a render with depth costs nothing here if depth is not differentiated.
+    // Channels behind the last one with a gradient are zero: a render with depth costs nothing here
+    // if depth is not differentiated.
     let used = layout.used(upstream);
     let Prepared { view, macros, composited, .. } = &mut *prepared;
     let arch = lanes::arch();
@@ -282,7 +284,8 @@ pub(crate) fn backward<F: Lane>(
     Ok(())
 }
 
-/// Sums the macro tiles' shares of every splat, macro tile by macro tile: the order does not depend on the threads.
+/// Sums the macro tiles' shares of every splat, macro tile by macro tile: the order does not depend
+/// on the threads.
 fn collect<F: Lane>(prepared: &mut Prepared<F>, stride: usize) {
     let Prepared { sums, visible, blocks, macros, composited, .. } = prepared;
     sums.clear();

@@ -1,8 +1,9 @@
 //! Tile lists in depth order, built without a sort per tile and without shared mutable state.
 //!
-//! Splats arrive sorted by depth. Runs of them ([`Block`]s) are first distributed over [`Macro`] tiles of 4×4 tiles, each run on its own;
-//! then every macro tile collects its splats run by run, which restores depth order, and distributes them over its tiles. Both steps are
-//! parallel and the result does not depend on the number of threads.
+//! Splats arrive sorted by depth. Runs of them ([`Block`]s) are first distributed over [`Macro`]
+//! tiles of 4×4 tiles, each run on its own; then every macro tile collects its splats run by run,
+//! which restores depth order, and distributes them over its tiles. Both steps are parallel and the
+//! result does not depend on the number of threads.
 
 use crate::Culling;
 use crate::cull::Reach;
@@ -63,7 +64,8 @@ pub(crate) fn macro_grid(tiles: [usize; 2]) -> [usize; 2] {
     tiles.map(|n| n.div_ceil(MACRO))
 }
 
-/// Macro tiles that a splat may reach, `x0, y0, x1, y1`, upper bounds exclusive; `None` if it draws nothing.
+/// Macro tiles that a splat may reach, `x0, y0, x1, y1`, upper bounds exclusive; `None` if it draws
+/// nothing.
 fn macro_rect<F: Real>(p: &Projected<F>, culling: Culling) -> Option<[usize; 4]> {
     let mut rect = p.rect.map(usize::from);
     if let Some(log_opacity) = culling.log_opacity(p.log_opacity) {
@@ -127,7 +129,8 @@ pub(crate) fn bin<F: Real>(
                 end += *offset;
                 *offset = end;
             }
-            // Filled from the back, so that every offset ends at the start of its macro tile; ranks are reversed in place afterwards.
+            // Filled from the back, so that every offset ends at the start of its macro tile; ranks
+            // are reversed in place afterwards.
             block.items.resize(end as usize, 0);
             let (offsets, items) = (&mut block.offsets, &mut block.items);
             visit(&mut |macro_id, rank| {

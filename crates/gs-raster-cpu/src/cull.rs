@@ -4,7 +4,8 @@ use crate::project::Projected;
 use gs_core::Real;
 use gs_core::image_formation::ALPHA_THRESHOLD;
 
-/// The set of points where a splat's alpha reaches 1/255: `A x² + 2B x y + C y² ≤ τ` about its centre, slightly inflated.
+/// The set of points where a splat's alpha reaches 1/255: `A x² + 2B x y + C y² ≤ τ` about its
+/// centre, slightly inflated.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Reach<F> {
     /// Half extents of the ellipse, pixels.
@@ -21,8 +22,9 @@ pub(crate) struct Reach<F> {
 impl<F: Real> Reach<F> {
     /// `None` when the splat reaches 1/255 nowhere.
     ///
-    /// The inflation outweighs the rounding of the pixel stage, which grows with the conic's condition: culling must never remove a sample
-    /// that would be drawn. A wider margin only costs time.
+    /// The inflation outweighs the rounding of the pixel stage, which grows with the conic's
+    /// condition: culling must never remove a sample that would be drawn. A wider margin only costs
+    /// time.
     #[inline(always)]
     pub(crate) fn new(p: &Projected<F>, log_opacity: F) -> Option<Self> {
         let tau = F::of(2.0) * (log_opacity - F::of(ALPHA_THRESHOLD).ln());
@@ -46,7 +48,8 @@ impl<F: Real> Reach<F> {
         })
     }
 
-    /// Range of y about the centre where the ellipse meets the slab `left ≤ x ≤ right` about the centre; `None` if it does not.
+    /// Range of y about the centre where the ellipse meets the slab `left ≤ x ≤ right` about the
+    /// centre; `None` if it does not.
     #[inline(always)]
     pub(crate) fn rows(&self, left: F, right: F) -> Option<(F, F)> {
         let [ex, ey] = self.extent;
@@ -69,7 +72,8 @@ impl<F: Real> Reach<F> {
 mod tests {
     use super::*;
 
-    /// Brute force over a fine grid: no point of the ellipse in the slab lies outside the rows, and the rows are tight.
+    /// Brute force over a fine grid: no point of the ellipse in the slab lies outside the rows, and
+    /// the rows are tight.
     #[test]
     fn rows_enclose_the_ellipse_tightly() {
         for (a, b, c) in [(3.0_f64, 0.0, 3.0), (40.0, 18.0, 9.0), (5.0, -14.0, 60.0)] {

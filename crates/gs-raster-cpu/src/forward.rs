@@ -15,7 +15,8 @@ use std::time::Instant;
 /// Most channels composited at once; more are done in several passes.
 const MAX_CHANNELS: usize = 8;
 
-/// Channel counts of the passes that together composite `channels` channels: kernels exist for 1, 3, 4, 6 and 8, the rest is padding.
+/// Channel counts of the passes that together composite `channels` channels: kernels exist for 1,
+/// 3, 4, 6 and 8, the rest is padding.
 pub(crate) fn passes(channels: usize) -> impl Iterator<Item = (usize, usize)> {
     (0..channels.max(1)).step_by(MAX_CHANNELS).map(move |first| {
         let left = channels.saturating_sub(first);

@@ -9,7 +9,8 @@ use pulp::Simd;
 /// Terms whose values of three channels fill whole quads.
 const BLOCK: usize = 4;
 
-/// Brings the coefficients of the splats `first + i` into the cache: in a loop that does nothing else, the cache misses overlap.
+/// Brings the coefficients of the splats `first + i` into the cache: in a loop that does nothing
+/// else, the cache misses overlap.
 #[inline(always)]
 pub(crate) fn touch<F: Lane>(splats: &Splats<F>, first: usize, list: &[usize]) {
     let coeffs = splats.sh_coeffs();
@@ -24,7 +25,8 @@ pub(crate) fn touch<F: Lane>(splats: &Splats<F>, first: usize, list: &[usize]) {
     std::hint::black_box(sum);
 }
 
-/// Coefficients of a group of splats, or their gradients, side by side: a splat's row of `[K,3]` values, four at a time. Zero beyond.
+/// Coefficients of a group of splats, or their gradients, side by side: a splat's row of `[K,3]`
+/// values, four at a time. Zero beyond.
 #[derive(Debug, Clone)]
 pub(crate) struct Harmonics<F> {
     degree: usize,
@@ -95,8 +97,8 @@ impl<F: Lane> Harmonics<F> {
         rgb
     }
 
-    /// Gradient of means through the direction that their colours are seen from, given the gradients of the colours, the unit directions
-    /// and the distances.
+    /// Gradient of means through the direction that their colours are seen from, given the
+    /// gradients of the colours, the unit directions and the distances.
     #[inline(always)]
     pub(crate) fn mean_gradient<S: Simd>(
         &self,

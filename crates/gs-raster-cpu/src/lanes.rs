@@ -1,12 +1,13 @@
-//! [`Lane`]: vector registers of `f32` or `f64`, generic over the instruction set that `pulp` picked at run time.
+//! [`Lane`]: vector registers of `f32` or `f64`, generic over the instruction set that `pulp`
+//! picked at run time.
 
 use gs_core::Real;
 use pulp::{Arch, Simd};
 
 /// A float type whose vectors the kernels can compute with.
 ///
-/// The methods are the instructions the kernels need and nothing more. All of them inline into the function that `pulp` compiles once per
-/// instruction set.
+/// The methods are the instructions the kernels need and nothing more. All of them inline into the
+/// function that `pulp` compiles once per instruction set.
 pub trait Lane: Real {
     /// A register.
     type Vector<S: Simd>: Copy;
@@ -58,7 +59,8 @@ pub trait Lane: Real {
         a: Self::Vector<S>,
         b: Self::Vector<S>,
     ) -> Self::Vector<S>;
-    /// Whether any lane has its sign bit set; lanes start as 1 and only collect flips of values in (0,1].
+    /// Whether any lane has its sign bit set; lanes start as 1 and only collect flips of values in
+    /// (0,1].
     fn any_flip<S: Simd>(s: S, marks: Self::Vector<S>) -> bool;
     /// Sum of the lanes, in a fixed order.
     fn vsum<S: Simd>(s: S, a: Self::Vector<S>) -> Self;
@@ -86,12 +88,15 @@ pub trait Lane: Real {
     }
     /// Largest lane.
     fn vlargest<S: Simd>(s: S, a: Self::Vector<S>) -> Self;
-    /// `2^a`, relative error below 1e-7 (`f32`) or 1e-15 (`f64`) for `a` in about [−120, 120]; anything, NaN included, outside.
+    /// `2^a`, relative error below 1e-7 (`f32`) or 1e-15 (`f64`) for `a` in about [−120, 120];
+    /// anything, NaN included, outside.
     fn vexp2<S: Simd>(s: S, a: Self::Vector<S>) -> Self::Vector<S>;
-    /// `e^a`, relative error below 2e-7 (`f32`) or 1e-14 (`f64`); 0 or infinite where that is out of range, NaN for NaN.
+    /// `e^a`, relative error below 2e-7 (`f32`) or 1e-14 (`f64`); 0 or infinite where that is out
+    /// of range, NaN for NaN.
     fn vexp<S: Simd>(s: S, a: Self::Vector<S>) -> Self::Vector<S>;
-    /// Four registers that hold rows of four values, as registers of first, second, third and fourth values. The lanes come in an order of
-    /// the instruction set's own, the same for every call.
+    /// Four registers that hold rows of four values, as registers of first, second, third and
+    /// fourth values. The lanes come in an order of the instruction set's own, the same for every
+    /// call.
     fn vcolumns<S: Simd>(s: S, rows: [Self::Vector<S>; 4]) -> [Self::Vector<S>; 4];
     /// The inverse of [`Lane::vcolumns`].
     fn vrows<S: Simd>(s: S, columns: [Self::Vector<S>; 4]) -> [Self::Vector<S>; 4];
@@ -103,8 +108,9 @@ pub trait Lane: Real {
 
 /// Runs `body` compiled for the best instruction set of this machine.
 ///
-/// Takes the closure itself, marked `#[inline(always)]`: the bound here makes it an `FnOnce`, whose body is inlined into the function
-/// with the wider instruction set. Inferred as `Fn`, it would be called through a shim and stay at the baseline.
+/// Takes the closure itself, marked `#[inline(always)]`: the bound here makes it an `FnOnce`, whose
+/// body is inlined into the function with the wider instruction set. Inferred as `Fn`, it would be
+/// called through a shim and stay at the baseline.
 #[inline(always)]
 pub(crate) fn wide<R>(body: impl FnOnce() -> R) -> R {
     arch().dispatch(body)
@@ -142,7 +148,8 @@ const EXP2_DOUBLE: [f64; 14] = [
     1.369_148_885_390_412_9e-12,
 ];
 
-/// `1.5·2^(mantissa bits)`: adding it rounds to the nearest integer and leaves that integer in the low mantissa bits.
+/// `1.5·2^(mantissa bits)`: adding it rounds to the nearest integer and leaves that integer in the
+/// low mantissa bits.
 const ROUND_SINGLE: f32 = 12_582_912.0;
 const ROUND_DOUBLE: f64 = 6_755_399_441_055_744.0;
 
@@ -350,7 +357,8 @@ fn exp2_single<S: Simd>(s: S, a: S::f32s) -> S::f32s {
     };
     let f2 = s.mul_f32s(f, f);
     let p = s.mul_add_e_f32s(s.mul_add_e_f32s(pair(4), f2, pair(2)), f2, pair(0));
-    // The integer moves from the low mantissa bits into the exponent field, on top of the exponent of 2^f.
+    // The integer moves from the low mantissa bits into the exponent field, on top of the exponent
+    // of 2^f.
     let n = s.wrapping_dyn_shl_u32s(s.transmute_u32s_f32s(shifted), s.splat_u32s(23));
     s.transmute_f32s_u32s(s.add_u32s(s.transmute_u32s_f32s(p), n))
 }
@@ -459,7 +467,8 @@ mod tests {
         (out.rgb, arrays.map(widen))
     }
 
-    /// The machines of other people: the same image and gradients from every instruction set that this one has.
+    /// The machines of other people: the same image and gradients from every instruction set that
+    /// this one has.
     #[test]
     fn instruction_sets_agree() {
         let (best, best_grads) = gradients();

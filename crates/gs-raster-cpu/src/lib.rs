@@ -1,20 +1,27 @@
-//! Differentiable Gaussian-splat rasteriser for the CPU, [`CpuRasterizer`], behind [`gs_core::Rasterizer`].
+//! Differentiable Gaussian-splat rasteriser for the CPU, [`CpuRasterizer`], behind
+//! [`gs_core::Rasterizer`].
 //!
 //! Promises:
-//! - The image and the gradients of the 2023 tile rasteriser that 3DGS, 4DGS and Swift4D scenes were trained with: 16×16 tiles, clipping to
-//!   the 3σ rectangle, the low-pass of 0.3, the skips at 1/255, 0.99 and 1e-4, ties by index. Both gradient conventions,
+//! - The image and the gradients of the 2023 tile rasteriser that 3DGS, 4DGS and Swift4D scenes
+//!   were trained with: 16×16 tiles, clipping to the 3σ rectangle, the low-pass of 0.3, the skips
+//!   at 1/255, 0.99 and 1e-4, ties by index. Both gradient conventions,
 //!   [`gs_core::GradientConvention`].
-//! - Any number of channels per pass: RGB, camera depth, and the caller's features (flow, uncertainty, masks).
+//! - Any number of channels per pass: RGB, camera depth, and the caller's features (flow,
+//!   uncertainty, masks).
 //! - `f32` for work and `f64` as the oracle of finite differences: one generic implementation.
-//! - Bit-identical results for any number of threads: every sum has a fixed order. (Instruction sets differ in the last bits.)
-//! - Hostile values (NaN, infinities, zero or huge scales) never reach a pixel: a splat that is not finite in single precision is culled or
-//!   left out, as if it were absent, and its gradients are exactly zero. Finite splats whose gradient overflows get a zero gradient too.
-//! - No allocation per frame once the buffers have grown, except those of the thread pool: every stage reuses [`Prepared`].
+//! - Bit-identical results for any number of threads: every sum has a fixed order. (Instruction
+//!   sets differ in the last bits.)
+//! - Hostile values (NaN, infinities, zero or huge scales) never reach a pixel: a splat that is not
+//!   finite in single precision is culled or left out, as if it were absent, and its gradients are
+//!   exactly zero. Finite splats whose gradient overflows get a zero gradient too.
+//! - No allocation per frame once the buffers have grown, except those of the thread pool: every
+//!   stage reuses [`Prepared`].
 //!
-//! How it is fast: tile lists without the tiles that a splat does not reach ([`Culling`]), with the rows that it does reach; one macro tile
-//! of 4×4 tiles per task; vector lanes over the columns of a row, or over splats where the work is per splat (projection, colours, chain
-//! rule), compiled for the machine at hand (AVX2, AVX-512, NEON, scalar); splats that no pixel drew skipped by the chain rule; per-splat
-//! sums that stay in registers, so that gradients need no atomics.
+//! How it is fast: tile lists without the tiles that a splat does not reach ([`Culling`]), with the
+//! rows that it does reach; one macro tile of 4×4 tiles per task; vector lanes over the columns of
+//! a row, or over splats where the work is per splat (projection, colours, chain rule), compiled
+//! for the machine at hand (AVX2, AVX-512, NEON, scalar); splats that no pixel drew skipped by the
+//! chain rule; per-splat sums that stay in registers, so that gradients need no atomics.
 //!
 //! Deliberately absent: losses, files, GPU, antialiasing variants, gradients of the camera.
 #![expect(
@@ -50,7 +57,8 @@ use gs_core::{
 use lanes::Lane;
 use splat_grads::Scope;
 
-/// The CPU rasteriser; runs on the current rayon thread pool. Stateless: everything lives in [`Prepared`].
+/// The CPU rasteriser; runs on the current rayon thread pool. Stateless: everything lives in
+/// [`Prepared`].
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct CpuRasterizer {
     /// Default [`Culling::Opacity`].

@@ -14,11 +14,13 @@ use rayon::prelude::*;
 /// Splats projected by one task.
 const CHUNK: usize = 1024;
 
-/// Geometry seen by one camera, ready to composite: projected splats in depth order and the lists of every 16×16 tile.
+/// Geometry seen by one camera, ready to composite: projected splats in depth order and the lists
+/// of every 16×16 tile.
 ///
-/// Reusable while means, quaternions, log-scales and camera stay fixed. The lists leave out tiles that a splat does not reach with the
-/// opacity it has; when a later forward pass brings a larger opacity, they are made anew from the projection at hand (no projecting, no
-/// sorting), so the image is always that of a fresh [`Prepared`].
+/// Reusable while means, quaternions, log-scales and camera stay fixed. The lists leave out tiles
+/// that a splat does not reach with the opacity it has; when a later forward pass brings a larger
+/// opacity, they are made anew from the projection at hand (no projecting, no sorting), so the
+/// image is always that of a fresh [`Prepared`].
 #[derive(Debug, Clone, Default)]
 pub struct Prepared<F> {
     pub(crate) view: View<F>,
@@ -166,8 +168,9 @@ impl<F: Lane> Prepared<F> {
 }
 
 impl<F: Real> Prepared<F> {
-    /// Frees everything but the projection and the lists: what a cache of many prepared views should hold. The next forward pass
-    /// allocates again; a backward pass needs a forward pass first.
+    /// Frees everything but the projection and the lists: what a cache of many prepared views
+    /// should hold. The next forward pass allocates again; a backward pass needs a forward pass
+    /// first.
     pub fn trim(&mut self) {
         self.projected = Vec::new();
         self.chunk_keys = Vec::new();
@@ -216,8 +219,8 @@ impl<F: Real> Prepared<F> {
         self.composited.iter().map(|tile| tile.evaluated).sum()
     }
 
-    /// 3σ radius of a splat in pixels; 0 if it is culled, or left out of the last forward pass because its colour, opacity or a feature
-    /// was not finite.
+    /// 3σ radius of a splat in pixels; 0 if it is culled, or left out of the last forward pass
+    /// because its colour, opacity or a feature was not finite.
     ///
     /// # Panics
     /// If `id` is out of range.
@@ -225,8 +228,8 @@ impl<F: Real> Prepared<F> {
         self.drawn(id).map_or(0, |p| p.radius)
     }
 
-    /// Rectangle of 16-pixel tiles `x0, y0, x1, y1` (upper bounds exclusive) that a splat is clipped to; `None` where
-    /// [`Prepared::radius`] is 0.
+    /// Rectangle of 16-pixel tiles `x0, y0, x1, y1` (upper bounds exclusive) that a splat is
+    /// clipped to; `None` where [`Prepared::radius`] is 0.
     ///
     /// # Panics
     /// If `id` is out of range.

@@ -1,4 +1,5 @@
-//! Splats to the image plane: covariance, conic, radius, tile rectangle (forward; `project_grad` is its derivative).
+//! Splats to the image plane: covariance, conic, radius, tile rectangle (forward; `project_grad` is
+//! its derivative).
 
 use crate::lanes::Lane;
 use crate::vector::{GROUP, Quad, Vector, all_finite, registers};
@@ -153,7 +154,8 @@ pub(crate) struct ProjectedGroup<F> {
     ellipse: Quad<F>,
     /// Conic, depth.
     conic: Quad<F>,
-    /// Opacity; 3σ radius before rounding, −1 for a splat that is culled: behind, or not finite in single precision; padding.
+    /// Opacity; 3σ radius before rounding, −1 for a splat that is culled: behind, or not finite in
+    /// single precision; padding.
     rest: Quad<F>,
 }
 
@@ -177,7 +179,8 @@ impl<F: Lane> ProjectedGroup<F> {
         let det = a * c - b * b;
         let conic = [c / det, -b / det, a / det];
         let mid = half * (a + c);
-        // The square is tested because it overflows first in single precision: both float types must cull the same splats.
+        // The square is tested because it overflows first in single precision: both float types
+        // must cull the same splats.
         let mid2 = mid * mid;
         let lambda = mid + (mid2 - det).max(a.like(MIN_DISCRIMINANT)).sqrt();
         let radius = a.like(EXTENT_SIGMAS) * lambda.sqrt();
@@ -240,7 +243,8 @@ impl<F: Lane> ProjectedGroup<F> {
     }
 }
 
-/// Projects the splats from `first` on into `rows`; those that are not culled are reported to `visible`.
+/// Projects the splats from `first` on into `rows`; those that are not culled are reported to
+/// `visible`.
 #[inline(always)]
 pub(crate) fn project<S: Simd, F: Lane>(
     s: S,

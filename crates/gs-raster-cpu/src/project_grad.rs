@@ -1,4 +1,5 @@
-//! Derivative of `project`: from the moments of splats on the image plane to their stored parameters.
+//! Derivative of `project`: from the moments of splats on the image plane to their stored
+//! parameters.
 
 use crate::lanes::Lane;
 use crate::project::Frame;
@@ -62,7 +63,8 @@ pub(crate) fn project_gradient<S: Simd, F: Lane>(
     let z = frame.t[2];
     let (zz, zzz) = (z * z, z * z * z);
     let free = frame.free;
-    // The reference holds the clamped x fixed in the derivative by depth although it is proportional to depth.
+    // The reference holds the clamped x fixed in the derivative by depth although it is
+    // proportional to depth.
     let share = if reference { [two; 2] } else { [one + free[0], one + free[1]] };
     let mut v_t = [
         -free[0] * fx / zz * v_j02,
@@ -100,7 +102,8 @@ fn column<V: Copy>(a: &[[V; 3]; 3], k: usize) -> [V; 3] {
     [a[0][k], a[1][k], a[2][k]]
 }
 
-/// From the gradient `n` of the rotation matrix to that of the raw quaternion of length `norm`, whose normalisation is `q`.
+/// From the gradient `n` of the rotation matrix to that of the raw quaternion of length `norm`,
+/// whose normalisation is `q`.
 #[inline(always)]
 fn quat_gradient<S: Simd, F: Lane>(
     norm: Vector<S, F>,

@@ -1,4 +1,5 @@
-//! [`Shade`]: what a forward pass draws each visible splat with. The only stage that reads SH, opacities and features.
+//! [`Shade`]: what a forward pass draws each visible splat with. The only stage that reads SH,
+//! opacities and features.
 
 use crate::harmonics::{Harmonics, touch};
 use crate::lanes::{self, Lane, wide};
@@ -65,21 +66,24 @@ pub(crate) struct Shade<F> {
     pub layout: Layout,
     /// Channels per splat, padding included.
     pub stride: usize,
-    /// `[V, HEAD + stride]`: centre, coefficients of `dx²`, `dx dy`, `dy²` and constant of `log2 α` (−∞ for a splat that draws nothing),
-    /// channels. One record per splat, so that a tile touches as few cache lines as possible.
+    /// `[V, HEAD + stride]`: centre, coefficients of `dx²`, `dx dy`, `dy²` and constant of `log2 α`
+    /// (−∞ for a splat that draws nothing), channels. One record per splat, so that a tile touches
+    /// as few cache lines as possible.
     pub records: Vec<F>,
-    /// By splat: colour before the clamp, then opacity, 0 for a splat that is left out. SH is read in the order it is stored, which is
-    /// several times faster than in depth order.
+    /// By splat: colour before the clamp, then opacity, 0 for a splat that is left out. SH is read
+    /// in the order it is stored, which is several times faster than in depth order.
     shaded: Vec<[F; 4]>,
     /// By splat; bits 0 to 2: the colour channel was negative before the clamp.
     pub flags: Vec<u8>,
 }
 
-/// Marks, among the bits of [`Shade::flags`], a splat that is culled, or left out because its colour, opacity or a feature is not finite.
+/// Marks, among the bits of [`Shade::flags`], a splat that is culled, or left out because its
+/// colour, opacity or a feature is not finite.
 pub(crate) const DEAD: u8 = 128;
 
 impl<F: Lane> Shade<F> {
-    /// Evaluates opacities, colours and features. Returns whether every opacity is still covered by the one its lists were made with.
+    /// Evaluates opacities, colours and features. Returns whether every opacity is still covered by
+    /// the one its lists were made with.
     pub(crate) fn fill(
         &mut self,
         (visible, rank_of): (&[Projected<F>], &[u32]),
@@ -115,7 +119,8 @@ impl<F: Lane> Shade<F> {
                                 continue;
                             };
                             *head = exponent(p, opacity);
-                            // Without one loop over all channels: its calls would cost more than its work.
+                            // Without one loop over all channels: its calls would cost more than
+                            // its work.
                             if layout.rgb {
                                 let rgb = [r, g, b].map(|x| x.max(F::zero()));
                                 if let Some(channels) = channels.first_chunk_mut() {

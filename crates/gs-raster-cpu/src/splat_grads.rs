@@ -1,7 +1,8 @@
 //! From the pixel stage's sums to the gradients of every splat's stored parameters.
 //!
-//! Splats that no pixel has drawn, a third in a large scene, get their zeros at once; the others are staged in groups, one splat per
-//! lane. Each gradient is written once, in the order of the splats.
+//! Splats that no pixel has drawn, a third in a large scene, get their zeros at once; the others
+//! are staged in groups, one splat per lane. Each gradient is written once, in the order of the
+//! splats.
 
 use crate::harmonics::{Harmonics, touch};
 use crate::lanes::{self, Lane};
@@ -184,8 +185,8 @@ impl<F: Lane> WithSimd for Chunk<'_, F> {
 }
 
 impl<F: Lane> Chunk<'_, F> {
-    /// The sums of the splats, zero for those that draw nothing and for clamped colours. They lie in depth order; fetched in a loop that
-    /// does nothing else, their cache misses overlap.
+    /// The sums of the splats, zero for those that draw nothing and for clamped colours. They lie
+    /// in depth order; fetched in a loop that does nothing else, their cache misses overlap.
     #[inline(always)]
     fn fetch(&self) -> [SplatSums<F>; CHUNK] {
         let prepared = self.prepared;
@@ -249,7 +250,8 @@ impl<F: Lane> Chunk<'_, F> {
             let through = group.harmonics.mean_gradient(s, k, v_rgb, (direction, distance));
             v.mean = each!(axis => v.mean[axis] + through[axis]);
         }
-        // Covariances near the end of the number range overflow here; such a splat has no usable gradient.
+        // Covariances near the end of the number range overflow here; such a splat has no usable
+        // gradient.
         let usable = all_finite(v.mean)
             .and(all_finite(v.quat))
             .and(all_finite(v.log_scale))

@@ -1,7 +1,9 @@
-//! The pixel stage of one tile: staging of list entries, alpha of a row of pixels, front-to-back compositing.
+//! The pixel stage of one tile: staging of list entries, alpha of a row of pixels, front-to-back
+//! compositing.
 //!
-//! A tile's state lies in planes of 16×16 values, row by row, one row being one to sixteen registers. Lanes take no branches: skips, caps
-//! and stops are selects. A pixel that has stopped has the sign of its transmittance set.
+//! A tile's state lies in planes of 16×16 values, row by row, one row being one to sixteen
+//! registers. Lanes take no branches: skips, caps and stops are selects. A pixel that has stopped
+//! has the sign of its transmittance set.
 
 use crate::bins::TileList;
 use crate::lanes::Lane;
@@ -16,7 +18,8 @@ pub(crate) const BATCH: usize = 32;
 /// Registers per row when a register holds one lane.
 pub(crate) const MAX_ROW: usize = TILE;
 
-/// Splats relative to one tile, ready for the lanes, value by value. Logarithms have base 2, the base of the exponential.
+/// Splats relative to one tile, ready for the lanes, value by value. Logarithms have base 2, the
+/// base of the exponential.
 #[derive(Debug, Clone)]
 #[repr(align(64))]
 struct Batch<F, const C: usize> {
@@ -151,7 +154,8 @@ pub(crate) struct Alpha<S: Simd, F: Lane> {
 impl<S: Simd, F: Lane> Tests<S, F> {
     #[inline(always)]
     pub(crate) fn new(s: S) -> Self {
-        // The skip test compares logarithms, so that the exponential of arguments far below it is never used.
+        // The skip test compares logarithms, so that the exponential of arguments far below it is
+        // never used.
         let faintest = F::from_double(f64::from(ALPHA_THRESHOLD).log2());
         Self { s, faintest: F::vsplat(s, faintest), cap: F::vsplat(s, F::of(MAX_ALPHA)) }
     }
@@ -216,7 +220,8 @@ pub(crate) struct TileState<'a, F, const C: usize> {
     pub stops: &'a mut [u32; TILE_PIXELS],
 }
 
-/// Transmittance before the first splat: 1 in the image, −1 off it, for the tile whose first pixel is `origin` in an image of `size`.
+/// Transmittance before the first splat: 1 in the image, −1 off it, for the tile whose first pixel
+/// is `origin` in an image of `size`.
 #[inline(always)]
 pub(crate) fn clear<F: Lane>(
     transmittance: &mut [F; TILE_PIXELS],
@@ -242,7 +247,8 @@ pub(crate) fn live_rows<F: Lane>(transmittance: &[F]) -> (usize, usize) {
 
 /// Composites one tile; returns the number of evaluated pixel–splat samples.
 ///
-/// One register of pixels at a time takes all entries of a batch that reach its row: transmittance and sums stay in registers.
+/// One register of pixels at a time takes all entries of a batch that reach its row: transmittance
+/// and sums stay in registers.
 #[inline(always)]
 pub(crate) fn composite<S: Simd, F: Lane, const C: usize>(
     s: S,
@@ -293,8 +299,9 @@ pub(crate) fn composite<S: Simd, F: Lane, const C: usize>(
                 let column = F::vectors::<S>(&columns)[k];
                 let mut sums = planes.each_ref().map(|plane| F::vectors::<S>(plane)[at]);
                 let first = F::vectors::<S>(transmittance)[at];
-                // Where a pixel stops, this runs on below the threshold, so that no later splat passes the test: from one splat to the
-                // next there is a single multiply-add to wait for.
+                // Where a pixel stops, this runs on below the threshold, so that no later splat
+                // passes the test: from one splat to the next there is a single multiply-add to
+                // wait for.
                 let mut running = F::vmax(s, first, zero);
                 let (mut last, mut stop) = (first, zero);
                 let mut left = entries;

@@ -1,8 +1,9 @@
 //! Gradients of one tile's pixels with respect to its list entries (`tile` is the forward pass).
 //!
-//! Back to front, as in the scalar form of the chain rule: with `σ = Σ_ch g_ch f_ch` and the running sum `R` of everything behind,
-//! `∂L/∂α = T σ − R / (1 − α)`. A splat's sums over the tile's pixels stay in registers, one lane per column, until its rows are done:
-//! one addition per list entry and quantity, no atomics, a fixed order.
+//! Back to front, as in the scalar form of the chain rule: with `σ = Σ_ch g_ch f_ch` and the
+//! running sum `R` of everything behind, `∂L/∂α = T σ − R / (1 − α)`. A splat's sums over the
+//! tile's pixels stay in registers, one lane per column, until its rows are done: one addition per
+//! list entry and quantity, no atomics, a fixed order.
 
 use crate::bins::TileList;
 use crate::lanes::Lane;
@@ -14,7 +15,8 @@ use gs_core::image_formation::{MAX_ALPHA, TRANSMITTANCE_THRESHOLD};
 use pulp::Simd;
 use std::ops::Range;
 
-/// Sums per item before its channels: of `γ`, `γ dx`, `γ dy`, `γ dx²`, `γ dx dy`, `γ dy²` with `γ = ∂L/∂(exponent)`.
+/// Sums per item before its channels: of `γ`, `γ dx`, `γ dy`, `γ dx²`, `γ dx dy`, `γ dy²` with
+/// `γ = ∂L/∂(exponent)`.
 pub(crate) const MOMENTS: usize = 6;
 
 /// What the loss says about one tile.
@@ -30,7 +32,8 @@ pub(crate) struct TileUpstream<'a, F, const C: usize> {
     pub stops: &'a [u32],
 }
 
-/// Where the sums go: `stride` values per item of the macro tile, the pass's channels at `MOMENTS + first_channel`.
+/// Where the sums go: `stride` values per item of the macro tile, the pass's channels at
+/// `MOMENTS + first_channel`.
 #[derive(Debug)]
 pub(crate) struct Sums<'a, F> {
     pub values: &'a mut [F],
@@ -46,7 +49,8 @@ struct Entry<'a, F, const C: usize> {
     a: F,
     log2_opacity: F,
     channels: &'a [F],
-    /// Offset of the splat from each row, and the terms of the exponent that do not depend on the column.
+    /// Offset of the splat from each row, and the terms of the exponent that do not depend on the
+    /// column.
     dy: [F; TILE],
     b_dy: [F; TILE],
     rest: [F; TILE],
@@ -131,7 +135,8 @@ pub(crate) fn differentiate<S: Simd, F: Lane, const C: usize>(
             for (channel, &value) in channels.iter_mut().zip(entry.channels) {
                 *channel = F::vsplat(s, value);
             }
-            // Sums of γ, γ dy and γ dy² down the columns; dx is the same in every row and comes in afterwards.
+            // Sums of γ, γ dy and γ dy² down the columns; dx is the same in every row and comes in
+            // afterwards.
             let mut down = [[zero; 3]; MAX_ROW];
             let mut v_entry = [zero; C];
             let lanes = rows.start * per_row..rows.end * per_row;
@@ -210,7 +215,8 @@ pub(crate) fn differentiate<S: Simd, F: Lane, const C: usize>(
     }
 }
 
-/// Adds `Σ_p α T g` per channel to the sums of the items in the list, front to back; `transmittance` starts as 1 on the image, −1 off it.
+/// Adds `Σ_p α T g` per channel to the sums of the items in the list, front to back;
+/// `transmittance` starts as 1 on the image, −1 off it.
 #[inline(always)]
 pub(crate) fn differentiate_colors<S: Simd, F: Lane, const C: usize>(
     s: S,
@@ -228,7 +234,8 @@ pub(crate) fn differentiate_colors<S: Simd, F: Lane, const C: usize>(
     let per_row = row_registers::<S, F>();
     let mut start = 0;
     while start < list.items.len() {
-        // Where a pixel has stopped, its transmittance has run on below the threshold; zero keeps it from becoming denormal.
+        // Where a pixel has stopped, its transmittance has run on below the threshold; zero keeps
+        // it from becoming denormal.
         for t in &mut transmittance.0 {
             *t = if *t < F::of(TRANSMITTANCE_THRESHOLD) { F::zero() } else { *t };
         }

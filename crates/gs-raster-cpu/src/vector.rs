@@ -1,5 +1,5 @@
-//! [`Vector`]: a register with operators, so that the maths of a splat reads the same for many splats at once; [`Quad`]: where it is loaded
-//! from and stored to.
+//! [`Vector`]: a register with operators, so that the maths of a splat reads the same for many
+//! splats at once; [`Quad`]: where it is loaded from and stored to.
 
 use crate::lanes::Lane;
 use gs_core::Ring;
@@ -9,8 +9,9 @@ use std::ops::{Add, Div, Mul, Neg, Sub};
 /// Splats that are staged side by side. A whole number of registers of every instruction set.
 pub(crate) const GROUP: usize = 16;
 
-/// Four values of every splat of a group, splat by splat: what is copied in and out in one piece, and turned into registers of one value
-/// each by shuffles. A splat's lane is the same in all of them.
+/// Four values of every splat of a group, splat by splat: what is copied in and out in one piece,
+/// and turned into registers of one value each by shuffles. A splat's lane is the same in all of
+/// them.
 #[derive(Debug, Clone, Copy)]
 #[repr(align(64))]
 pub(crate) struct Quad<F>(pub [[F; 4]; GROUP]);

@@ -13,8 +13,8 @@ pub(crate) const TILE_PIXELS: usize = TILE * TILE;
 
 #[derive(Debug, Clone, Default)]
 pub(crate) struct View<F> {
-    /// Rows of the world-to-camera matrix; last, what is left of the translation when it is applied to points relative to
-    /// `position`: the rounding of `position`.
+    /// Rows of the world-to-camera matrix; last, what is left of the translation when it is applied
+    /// to points relative to `position`: the rounding of `position`.
     pub rows: [[F; 4]; 3],
     /// Focal lengths, pixels.
     pub focal: [F; 2],
@@ -109,7 +109,8 @@ impl<S: Simd, F: Lane> View<Vector<S, F>> {
     }
 }
 
-/// `each!(k => f(k))`: `[f(0), f(1), f(2)]`. No closure, because what is not inlined for certain is compiled for the baseline.
+/// `each!(k => f(k))`: `[f(0), f(1), f(2)]`. No closure, because what is not inlined for certain is
+/// compiled for the baseline.
 macro_rules! each {
     ($k:ident => $value:expr) => {
         [

@@ -1,5 +1,5 @@
-//! Proves that a frame allocates nothing once the buffers have grown. One thread, so that the counter sees all work; what a pool of several
-//! threads allocates for its queues is its own.
+//! Proves that a frame allocates nothing once the buffers have grown. One thread, so that the
+//! counter sees all work; what a pool of several threads allocates for its queues is its own.
 
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
 

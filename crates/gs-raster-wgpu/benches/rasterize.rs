@@ -1,8 +1,10 @@
-//! Forward and backward passes at 1352×1014 on whatever adapter is there; its name is printed first. On a software adapter the scene is
-//! small. Compares the two backward passes with the forward pass, and prints the times of single passes where the adapter has timestamps, and
-//! how the CPU rasteriser does on the same scene at the same time.
+//! Forward and backward passes at 1352×1014 on whatever adapter is there; its name is printed
+//! first. On a software adapter the scene is small. Compares the two backward passes with the
+//! forward pass, and prints the times of single passes where the adapter has timestamps, and how
+//! the CPU rasteriser does on the same scene at the same time.
 //!
-//! `C4D_BENCH_ADAPTER=<index>` picks an adapter; the default is hardware if there is any, else software.
+//! `C4D_BENCH_ADAPTER=<index>` picks an adapter; the default is hardware if there is any, else
+//! software.
 
 #![allow(
     clippy::print_stdout,
@@ -81,7 +83,8 @@ fn print_timings(splats: &Splats, camera: &Camera, upstream: &UpstreamGrads) {
     }
 }
 
-/// Milliseconds of preparation with forward pass, and of the backward pass, images and gradients to the host.
+/// Milliseconds of preparation with forward pass, and of the backward pass, images and gradients to
+/// the host.
 fn lap<R: Rasterizer>(
     raster: &R,
     (splats, camera, upstream): (&Splats, &Camera, &UpstreamGrads),

@@ -1,4 +1,5 @@
-//! Lists the adapters, renders a few splats on the best one (or a software one), and pulls one of them towards brightness.
+//! Lists the adapters, renders a few splats on the best one (or a software one), and pulls one of
+//! them towards brightness.
 //!
 //! `cargo run --release -p gs-raster-wgpu --example render`
 

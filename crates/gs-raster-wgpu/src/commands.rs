@@ -80,7 +80,8 @@ impl<'a> Commands<'a> {
         Self { context, uniforms: Vec::new(), steps: Vec::new() }
     }
 
-    /// Runs `kernel` over `items` (invocations or, with `per_group` of them, whole groups); buffers in the order of its bindings.
+    /// Runs `kernel` over `items` (invocations or, with `per_group` of them, whole groups); buffers
+    /// in the order of its bindings.
     ///
     /// # Errors
     /// If there are more items than a dispatch can hold.
@@ -143,7 +144,8 @@ impl<'a> Commands<'a> {
         }
     }
 
-    /// Submits everything as one command buffer; `during` names it in errors. Returns where the timings will be.
+    /// Submits everything as one command buffer; `during` names it in errors. Returns where the
+    /// timings will be.
     ///
     /// # Errors
     /// If a kernel does not compile, memory is exhausted, or the driver refuses.

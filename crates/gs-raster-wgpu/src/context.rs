@@ -10,13 +10,17 @@ use std::sync::{Arc, Mutex, PoisonError};
 /// How a device is used.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct GpuOptions {
-    /// Core WGSL and WebGPU's default limits only, even if the adapter has more. Gradients are then the same from run to run. Default false.
+    /// Core WGSL and WebGPU's default limits only, even if the adapter has more. Gradients are then
+    /// the same from run to run. Default false.
     pub portable: bool,
-    /// Gradients that are the same from run to run, at the price of more memory: no float atomics. Default false.
+    /// Gradients that are the same from run to run, at the price of more memory: no float atomics.
+    /// Default false.
     pub deterministic: bool,
-    /// Cap on the size of a storage binding, bytes. Default: the adapter's. Large arrays are split to fit.
+    /// Cap on the size of a storage binding, bytes. Default: the adapter's. Large arrays are split
+    /// to fit.
     pub max_binding_bytes: Option<u64>,
-    /// Times every pass, where the adapter can; see [`crate::WgpuRasterizer::timings`]. Default false: it separates the passes.
+    /// Times every pass, where the adapter can; see [`crate::WgpuRasterizer::timings`]. Default
+    /// false: it separates the passes.
     pub timestamps: bool,
 }
 

@@ -30,7 +30,8 @@ pub(crate) fn check(
     Ok(())
 }
 
-/// Harmonics as they lie in bindings: first splat and number of splats of each. Without colour nothing is read from them.
+/// Harmonics as they lie in bindings: first splat and number of splats of each. Without colour
+/// nothing is read from them.
 pub(crate) fn sh_chunks(
     context: &GpuContext,
     num_splats: usize,
@@ -69,7 +70,8 @@ pub(crate) fn upload_appearance(
     Ok(())
 }
 
-/// Verifies that the appearance on the device is what `params` needs, and makes room for the planes.
+/// Verifies that the appearance on the device is what `params` needs, and makes room for the
+/// planes.
 pub(crate) fn begin(
     context: &GpuContext,
     prepared: &mut GpuPrepared,
@@ -99,8 +101,8 @@ pub(crate) fn image_bytes(prepared: &GpuPrepared, channels: Channels) -> u64 {
     4 * channels.planes(prepared.num_pixels()).iter().sum::<usize>() as u64
 }
 
-/// Shades and composites with the appearance on the device, and waits until the lists are known to be complete. The planes stay there;
-/// with `readback` they are on their way to the host, too.
+/// Shades and composites with the appearance on the device, and waits until the lists are known to
+/// be complete. The planes stay there; with `readback` they are on their way to the host, too.
 pub(crate) fn composite(
     context: &GpuContext,
     prepared: &mut GpuPrepared,

@@ -1,5 +1,5 @@
-//! The kernels: source, entry point, bindings. Bind group layouts and pipelines are made from this table, and a test compares it with
-//! what the shaders declare.
+//! The kernels: source, entry point, bindings. Bind group layouts and pipelines are made from this
+//! table, and a test compares it with what the shaders declare.
 
 use crate::shaders::{self, Source};
 
@@ -131,7 +131,8 @@ impl Kernel {
         if channels == 4 { Self::Rasterize4 } else { Self::Rasterize8 }
     }
 
-    /// Backward over tiles of 4 or 8 channels, with geometry or for the channels alone, with what the device has.
+    /// Backward over tiles of 4 or 8 channels, with geometry or for the channels alone, with what
+    /// the device has.
     pub(crate) fn rasterize_bwd(channels: u32, geometry: bool, needs: Needs) -> Self {
         match (geometry, channels == 4, needs.subgroups, needs.float_atomics) {
             (true, true, false, false) => Self::Full4SharedSlots,

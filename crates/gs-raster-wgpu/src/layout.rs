@@ -1,4 +1,5 @@
-//! Structs that cross to the device, declared once with the table that a test compares with the shaders.
+//! Structs that cross to the device, declared once with the table that a test compares with the
+//! shaders.
 
 use gs_core::image_formation;
 
@@ -36,8 +37,8 @@ macro_rules! gpu_struct {
 gpu_struct! {
     /// Uniforms of a frame; see `shaders/shared/frame.wgsl`.
     Frame {
-        /// First row of the world-to-camera matrix; last, what is left of the translation when it is applied to points relative
-        /// to `camera_pos`.
+        /// First row of the world-to-camera matrix; last, what is left of the translation when it
+        /// is applied to points relative to `camera_pos`.
         view0: [f32; 4],
         /// Second row.
         view1: [f32; 4],

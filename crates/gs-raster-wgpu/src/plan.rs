@@ -22,7 +22,8 @@ impl Channels {
         3 * usize::from(self.rgb) + usize::from(self.depth) + self.num_features
     }
 
-    /// First channel and width (4 or 8) of every pass. There is one even without channels: alpha needs it.
+    /// First channel and width (4 or 8) of every pass. There is one even without channels: alpha
+    /// needs it.
     pub(crate) fn passes(self) -> Vec<(usize, usize)> {
         let mut passes = Vec::new();
         let mut first = 0;
@@ -36,7 +37,8 @@ impl Channels {
         }
     }
 
-    /// Values per row of the gradients of projected quantities: u, v, A, B, C, opacity, two unused, channels with padding.
+    /// Values per row of the gradients of projected quantities: u, v, A, B, C, opacity, two unused,
+    /// channels with padding.
     pub(crate) fn grad_stride(self) -> usize {
         8 + self.passes().iter().map(|(_, width)| width).sum::<usize>()
     }

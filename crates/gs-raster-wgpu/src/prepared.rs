@@ -18,14 +18,16 @@ const MAX_SPLATS: usize = 1 << 28;
 
 /// Geometry seen by one camera, on the device, and the memory of every later stage.
 ///
-/// Reusable while means, quaternions, log-scales and camera stay fixed: the tile lists hold for every opacity.
+/// Reusable while means, quaternions, log-scales and camera stay fixed: the tile lists hold for
+/// every opacity.
 #[derive(Debug)]
 pub struct GpuPrepared {
     /// The device that owns the memory.
     context: GpuContext,
     pub(crate) frame: Frame,
     pub(crate) num_splats: usize,
-    /// The lists on the device are not those of the geometry yet: they are made with the next submission.
+    /// The lists on the device are not those of the geometry yet: they are made with the next
+    /// submission.
     pub(crate) stale: bool,
     pub(crate) max_isects: u32,
     /// Pairs of the last submission.
@@ -215,7 +217,8 @@ impl GpuPrepared {
         }
     }
 
-    /// Uploads geometry; the lists follow with the next submission. After an error there are no splats.
+    /// Uploads geometry; the lists follow with the next submission. After an error there are no
+    /// splats.
     pub(crate) fn update(
         &mut self,
         context: &GpuContext,
@@ -254,7 +257,8 @@ impl GpuPrepared {
         self.resident = None;
     }
 
-    /// Looks at the splats on the device; the lists follow with the next submission. After an error there are no splats.
+    /// Looks at the splats on the device; the lists follow with the next submission. After an error
+    /// there are no splats.
     pub(crate) fn look(&mut self, context: &GpuContext, camera: &Camera) -> Result<(), GpuError> {
         let result = self.make_room(context, camera);
         if result.is_err() {
@@ -397,7 +401,8 @@ impl GpuPrepared {
         Ok(())
     }
 
-    /// After a submission: whether all pairs had room. If not, there is room now, and the submission is to be repeated.
+    /// After a submission: whether all pairs had room. If not, there is room now, and the
+    /// submission is to be repeated.
     pub(crate) fn settle(&mut self, context: &GpuContext) -> Result<bool, GpuError> {
         let mut counts = [0_u32; 2];
         let staging = self.memory.counts_staging.get(context)?;

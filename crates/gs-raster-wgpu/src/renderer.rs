@@ -18,8 +18,9 @@ pub struct WgpuRasterizer {
 /// What the preparation left on the device, for tests and curiosity.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Stages {
-    /// Per splat: u, v (pixels, pixel i sampled at i), conic A, B, C, opacity, camera depth, radius (pixels, 0 = culled), `[N,8]`. After a
-    /// forward pass the opacity of a splat that is left out because its colour, opacity or a feature is not finite is −1.
+    /// Per splat: u, v (pixels, pixel i sampled at i), conic A, B, C, opacity, camera depth, radius
+    /// (pixels, 0 = culled), `[N,8]`. After a forward pass the opacity of a splat that is left out
+    /// because its colour, opacity or a feature is not finite is −1.
     pub projected: Vec<[f32; 8]>,
     /// Per splat: tile rectangle x0, y0, x1, y1, upper bounds exclusive, `[N,4]`.
     pub rects: Vec<[u32; 4]>,
@@ -42,8 +43,8 @@ impl WgpuRasterizer {
         &self.context
     }
 
-    /// [`Rasterizer::forward`] without reading anything back but two counts: the planes stay on the device, ready for a backward pass or
-    /// [`WgpuRasterizer::image_buffer`].
+    /// [`Rasterizer::forward`] without reading anything back but two counts: the planes stay on the
+    /// device, ready for a backward pass or [`WgpuRasterizer::image_buffer`].
     ///
     /// # Errors
     /// As [`Rasterizer::forward`].
@@ -72,12 +73,14 @@ impl WgpuRasterizer {
         Ok(prepared.look(&self.context, camera)?)
     }
 
-    /// [`Rasterizer::forward_into`] with harmonics, opacities and features that are on the device since the last forward pass: after
-    /// [`WgpuRasterizer::set_camera`], or after [`Rasterizer::prepare_into`] of splats that only moved (opacities are those of that call).
+    /// [`Rasterizer::forward_into`] with harmonics, opacities and features that are on the device
+    /// since the last forward pass: after [`WgpuRasterizer::set_camera`], or after
+    /// [`Rasterizer::prepare_into`] of splats that only moved (opacities are those of that call).
     /// Nothing is uploaded. `params` must ask for the same channels.
     ///
     /// # Errors
-    /// [`RasterError::NoForward`] if nothing suitable is on the device; otherwise as [`Rasterizer::forward_into`].
+    /// [`RasterError::NoForward`] if nothing suitable is on the device; otherwise as
+    /// [`Rasterizer::forward_into`].
     pub fn forward_resident_into(
         &self,
         prepared: &mut GpuPrepared,
@@ -88,8 +91,9 @@ impl WgpuRasterizer {
         forward::download(&self.context, prepared, output)
     }
 
-    /// The planes of the last forward pass, one after the other: rgb `[H,W,3]`, alpha `[H,W]`, depth `[H,W]`, features `[H,W,F]`, without
-    /// those that were not requested. 32-bit floats; valid until the next call with `prepared`.
+    /// The planes of the last forward pass, one after the other: rgb `[H,W,3]`, alpha `[H,W]`,
+    /// depth `[H,W]`, features `[H,W,F]`, without those that were not requested. 32-bit floats;
+    /// valid until the next call with `prepared`.
     ///
     /// # Errors
     /// If there was no forward pass.
@@ -126,7 +130,8 @@ impl WgpuRasterizer {
         Ok(())
     }
 
-    /// Radius of each splat, pixels; 0 for a splat that is culled, by geometry or, after a forward pass, for values that are not finite.
+    /// Radius of each splat, pixels; 0 for a splat that is culled, by geometry or, after a forward
+    /// pass, for values that are not finite.
     ///
     /// # Errors
     /// If the device fails.

@@ -1,4 +1,5 @@
-//! Splats that stay on the device: further views of them, passes appended to others, parameters and gradients as buffers.
+//! Splats that stay on the device: further views of them, passes appended to others, parameters and
+//! gradients as buffers.
 
 use crate::backward::{self, Scope};
 use crate::buffers::GrowBuffer;
@@ -25,7 +26,8 @@ pub enum Group {
     Sh,
 }
 
-/// Rows of a group on the device, 32-bit floats. Groups larger than a binding lie in several of these.
+/// Rows of a group on the device, 32-bit floats. Groups larger than a binding lie in several of
+/// these.
 #[derive(Debug, Clone, Copy)]
 pub struct ParameterSlice<'a> {
     /// `[rows, columns]`, from the start of the buffer.
@@ -43,7 +45,8 @@ pub struct ParameterSlice<'a> {
 }
 
 impl WgpuRasterizer {
-    /// Uploads harmonics, opacities and features for the forward passes that `params` describes, without running one.
+    /// Uploads harmonics, opacities and features for the forward passes that `params` describes,
+    /// without running one.
     ///
     /// # Errors
     /// If shapes disagree with the prepared state, or the device fails.
@@ -57,8 +60,9 @@ impl WgpuRasterizer {
         forward::upload_appearance(self.context(), prepared, splats, features, params)
     }
 
-    /// Makes `num_features` channels per splat all that forward passes composite (neither colour nor depth; opacities are those of the
-    /// preparation), to be written by other passes, and returns their buffer: `[N,F]`, values undefined at first.
+    /// Makes `num_features` channels per splat all that forward passes composite (neither colour
+    /// nor depth; opacities are those of the preparation), to be written by other passes, and
+    /// returns their buffer: `[N,F]`, values undefined at first.
     ///
     /// # Errors
     /// If the device has too little memory.
@@ -94,8 +98,9 @@ impl WgpuRasterizer {
         Ok(prepared.memory.v_features.get(self.context())?)
     }
 
-    /// The splats of `of` through another camera. Nothing is uploaded: parameters are **shared**, what an optimiser changes in one view it
-    /// changes in all. (A later upload to one of them leaves the others as they were.)
+    /// The splats of `of` through another camera. Nothing is uploaded: parameters are **shared**,
+    /// what an optimiser changes in one view it changes in all. (A later upload to one of them
+    /// leaves the others as they were.)
     ///
     /// # Errors
     /// If the camera is malformed or the device has too little memory.
@@ -109,17 +114,20 @@ impl WgpuRasterizer {
         Ok(of.share(self.context(), camera)?)
     }
 
-    /// Says that geometry on the device has changed: projection and lists are made anew with the next forward pass.
+    /// Says that geometry on the device has changed: projection and lists are made anew with the
+    /// next forward pass.
     pub fn geometry_changed(&self, prepared: &mut GpuPrepared) {
         prepared.stale = true;
         prepared.forward = None;
     }
 
-    /// Appends a forward pass with what is on the device. Lists that are out of date are made first, in a submission of their own that
-    /// waits for two counts; otherwise nothing is read back.
+    /// Appends a forward pass with what is on the device. Lists that are out of date are made
+    /// first, in a submission of their own that waits for two counts; otherwise nothing is read
+    /// back.
     ///
     /// # Errors
-    /// [`RasterError::NoForward`] if no appearance with the channels of `params` is on the device; otherwise if the device fails.
+    /// [`RasterError::NoForward`] if no appearance with the channels of `params` is on the device;
+    /// otherwise if the device fails.
     pub fn encode_forward(
         &self,
         prepared: &mut GpuPrepared,
@@ -135,8 +143,9 @@ impl WgpuRasterizer {
         Ok(())
     }
 
-    /// Appends a backward pass of the forward pass before it, from the planes in [`WgpuRasterizer::upstream_buffer`]. With `geometry`, for
-    /// all groups; without, for harmonics and features alone.
+    /// Appends a backward pass of the forward pass before it, from the planes in
+    /// [`WgpuRasterizer::upstream_buffer`]. With `geometry`, for all groups; without, for harmonics
+    /// and features alone.
     ///
     /// # Errors
     /// If there was no forward pass, or the device fails.
@@ -153,7 +162,8 @@ impl WgpuRasterizer {
         Ok(backward::encode(self.context(), prepared, commands, params, forward, scope)?)
     }
 
-    /// Planes of the upstream gradient, laid out as in [`WgpuRasterizer::image_buffer`]; not cleared.
+    /// Planes of the upstream gradient, laid out as in [`WgpuRasterizer::image_buffer`]; not
+    /// cleared.
     ///
     /// # Errors
     /// If there was no forward pass.
@@ -210,7 +220,8 @@ impl WgpuRasterizer {
         Ok(vec![ParameterSlice { values, grads, first_grad, first_row: 0, rows, columns }])
     }
 
-    /// Copies the parameters on the device to `splats`, which must have their shape. Harmonics only if a forward pass with colour ran.
+    /// Copies the parameters on the device to `splats`, which must have their shape. Harmonics only
+    /// if a forward pass with colour ran.
     ///
     /// # Errors
     /// If shapes disagree, or the device fails.

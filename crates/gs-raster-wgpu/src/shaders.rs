@@ -1,6 +1,7 @@
 //! The WGSL sources, joined. The only file that includes them.
 
-/// A shader module: its parts and their concatenation. WGSL takes declarations in any order, so joining is the whole import system.
+/// A shader module: its parts and their concatenation. WGSL takes declarations in any order, so
+/// joining is the whole import system.
 #[derive(Debug)]
 pub struct Source {
     /// Name in `shaders/` and text of every part.

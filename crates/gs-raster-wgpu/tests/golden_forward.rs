@@ -1,4 +1,5 @@
-//! Proves that images, radii, tile rectangles and pair counts are those of the golden cases, in every mode.
+//! Proves that images, radii, tile rectangles and pair counts are those of the golden cases, in
+//! every mode.
 
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
 

@@ -1,4 +1,5 @@
-//! Proves that the gradients of every parameter are those of the golden cases: both conventions, every mode.
+//! Proves that the gradients of every parameter are those of the golden cases: both conventions,
+//! every mode.
 
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
 
@@ -85,7 +86,8 @@ fn exact_gradients_match() {
     check("grad_exact", GradientConvention::Exact, &[Mode::Portable, Mode::Native]);
 }
 
-/// Negative control: the stress case separates the conventions, so a comparison with the other one must fail.
+/// Negative control: the stress case separates the conventions, so a comparison with the other one
+/// must fail.
 #[test]
 fn conventions_differ_on_the_stress_case() {
     let case = Case::open("d_stress2000");
@@ -94,7 +96,8 @@ fn conventions_differ_on_the_stress_case() {
     assert!(error > 1e-4, "exact gradients pass for reference ones: {error:e}");
 }
 
-/// With geometry and opacity fixed, the single pass gives the same colour and feature gradients, and nothing else.
+/// With geometry and opacity fixed, the single pass gives the same colour and feature gradients,
+/// and nothing else.
 #[test]
 fn color_gradients_match_the_goldens() {
     for mode in MODES {

@@ -1,4 +1,5 @@
-//! Proves that hostile values, wrong arguments and lack of memory give finite images or errors, never rubbish.
+//! Proves that hostile values, wrong arguments and lack of memory give finite images or errors,
+//! never rubbish.
 
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
 
@@ -76,8 +77,8 @@ fn without(splats: &Splats, id: usize) -> Splats {
     splats.select(&kept)
 }
 
-/// Each poison in each lane of one splat: everything stays finite; where the CPU culls the splat, the image is the one without it and
-/// its gradients are zero.
+/// Each poison in each lane of one splat: everything stays finite; where the CPU culls the splat,
+/// the image is the one without it and its gradients are zero.
 #[test]
 fn poison_in_every_lane_leaves_finite_images_and_gradients() {
     for mode in [Mode::Portable, Mode::Native] {
@@ -216,7 +217,8 @@ fn a_state_of_another_device_is_refused_or_replaced() {
     assert!(other.forward(&mut prepared, &splats, &[], &params).is_ok(), "replaced");
 }
 
-/// Too little memory is an error in words, at the image and at the lists; the same state works again afterwards.
+/// Too little memory is an error in words, at the image and at the lists; the same state works
+/// again afterwards.
 #[test]
 fn too_little_memory_is_an_error() {
     let options =

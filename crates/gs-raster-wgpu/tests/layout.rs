@@ -1,5 +1,5 @@
-//! Proves, without a device, that shaders and Rust agree: structs, bindings, sizes, constants, and that core kernels need no optional
-//! feature. Each check is shown to fail.
+//! Proves, without a device, that shaders and Rust agree: structs, bindings, sizes, constants, and
+//! that core kernels need no optional feature. Each check is shown to fail.
 
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
 

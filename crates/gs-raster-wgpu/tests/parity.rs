@@ -1,4 +1,5 @@
-//! Proves that whole images and gradients are those of the CPU rasteriser, on five scenes and at awkward sizes; `stages` looks at what comes before.
+//! Proves that whole images and gradients are those of the CPU rasteriser, on five scenes and at
+//! awkward sizes; `stages` looks at what comes before.
 
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
 
@@ -182,7 +183,8 @@ fn splitting_changes_nothing() {
     assert_grads_match("split", &split.grads, &whole.grads, 1e-6);
 }
 
-/// The prepared state may be reused while colours, opacities and features change: same image as a fresh one.
+/// The prepared state may be reused while colours, opacities and features change: same image as a
+/// fresh one.
 #[test]
 fn prepared_state_is_reused_when_only_colours_and_opacities_change() {
     for mode in MODES {

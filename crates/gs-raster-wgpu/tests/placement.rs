@@ -1,4 +1,5 @@
-//! The picture does not depend on how large a scene is and where it lies, if its camera goes with it.
+//! The picture does not depend on how large a scene is and where it lies, if its camera goes with
+//! it.
 
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
 #![allow(clippy::cast_possible_truncation, reason = "single precision is what is tested")]
@@ -11,7 +12,8 @@ use gs_core::{Camera, Rasterizer, RenderParams, Splats};
 
 /// Peak signal-to-noise ratio that another size must keep, dB.
 const SCALED_DB: f64 = 90.0;
-/// The same a thousand scene sizes from the origin, where stored positions are rounded to 6e-5 of the scene.
+/// The same a thousand scene sizes from the origin, where stored positions are rounded to 6e-5 of
+/// the scene.
 const SHIFTED_DB: f64 = 65.0;
 
 fn placed(splats: &Splats, camera: &Camera, scale: f64, shift: [f64; 3]) -> (Splats, Camera) {

@@ -1,5 +1,6 @@
-//! Proves the sizes where counts leave their comfortable ranges. Slow, so it runs when `C4D_SLOW_TESTS` is set: a dispatch folded into two
-//! dimensions, lists that fill a binding of the default size to the last pair, a million splats.
+//! Proves the sizes where counts leave their comfortable ranges. Slow, so it runs when
+//! `C4D_SLOW_TESTS` is set: a dispatch folded into two dimensions, lists that fill a binding of the
+//! default size to the last pair, a million splats.
 
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
 
@@ -27,7 +28,8 @@ fn large_counts() {
         eprintln!("set C4D_SLOW_TESTS to run this");
         return;
     }
-    // 16384 splats on all of 1024 tiles: 2^24 pairs of 8 bytes, which is 128 MiB and more than 65535 groups of 256.
+    // 16384 splats on all of 1024 tiles: 2^24 pairs of 8 bytes, which is 128 MiB and more than
+    // 65535 groups of 256.
     let mut covering = cloud(20, 16_384, 0, 1.5);
     for (mean, logit) in covering.means.iter_mut().zip(&mut covering.opacity_logits) {
         *mean = [mean[0] * 0.1, mean[1] * 0.1, mean[2] + 2.0];

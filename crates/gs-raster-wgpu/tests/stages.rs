@@ -1,5 +1,6 @@
-//! Proves the stages before the image one by one, on five scenes and at awkward sizes: projection against double precision, culling, rectangles
-//! and counts against the CPU rasteriser, order and lists against plain references.
+//! Proves the stages before the image one by one, on five scenes and at awkward sizes: projection
+//! against double precision, culling, rectangles and counts against the CPU rasteriser, order and
+//! lists against plain references.
 
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
 
@@ -77,7 +78,8 @@ fn a_shifted_centre_is_noticed() {
     assert!(off > 0.4, "{off}");
 }
 
-/// Which splats are in view, their radii and rectangles, and how many pairs there are. Values at the edge of a pixel may round either way.
+/// Which splats are in view, their radii and rectangles, and how many pairs there are. Values at
+/// the edge of a pixel may round either way.
 #[test]
 fn culling_and_rectangles_are_those_of_the_cpu() {
     for scene in all_scenes() {
@@ -105,7 +107,8 @@ fn culling_and_rectangles_are_those_of_the_cpu() {
     }
 }
 
-/// Own small reference of lists: depth order with ties by index, tiles within the rectangle that the splat may reach.
+/// Own small reference of lists: depth order with ties by index, tiles within the rectangle that
+/// the splat may reach.
 #[test]
 fn lists_match_a_plain_reference() {
     for scene in all_scenes() {

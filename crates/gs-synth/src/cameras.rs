@@ -10,14 +10,16 @@ const FOV_Y_RAD: f64 = 0.52;
 const DISTANCE: f64 = 2.35;
 
 impl SynthScene {
-    /// The front view, then an orbit of twelve: `front`, `orbit_00` … `orbit_11`. Images of `width × height` pixels.
+    /// The front view, then an orbit of twelve: `front`, `orbit_00` … `orbit_11`. Images of
+    /// `width × height` pixels.
     pub fn suggested_cameras(&self, width: u32, height: u32) -> Vec<Camera> {
         let mut cameras = vec![self.front_camera(width, height)];
         cameras.extend(self.orbit_cameras(12, width, height));
         cameras
     }
 
-    /// From the front, a little to the figure's left and above its middle, so that both its front and the arm's depth are seen.
+    /// From the front, a little to the figure's left and above its middle, so that both its front
+    /// and the arm's depth are seen.
     pub fn front_camera(&self, width: u32, height: u32) -> Camera {
         self.camera(10.0_f64.to_radians(), 0.10, "front".to_owned(), width, height)
     }

@@ -51,7 +51,8 @@ pub enum TruthCase {
     StretchingCloth,
     /// 5 % floaters, 5 % of the surface splats with wrong motion; clothing of 1–2.5 %.
     FloatersOutliers,
-    /// Source positions off by 0.3 % and four times the usual trajectory noise; clothing of 1–2.5 %.
+    /// Source positions off by 0.3 % and four times the usual trajectory noise; clothing of 1–2.5
+    /// %.
     NoisyReconstruction,
     /// Recoloured, rows shuffled.
     ShuffledRows,
@@ -61,7 +62,8 @@ pub enum TruthCase {
     ScaleObject,
     /// The head turned by 40° and nodded a little, as a whole.
     TurnHead,
-    /// The lantern moved by 5 % of the figure, turned and shrunk, then jittered as in [`Self::Drift`]: no splat is an exact copy.
+    /// The lantern moved by 5 % of the figure, turned and shrunk, then jittered as in
+    /// [`Self::Drift`]: no splat is an exact copy.
     MoveObject,
 }
 
@@ -151,7 +153,8 @@ impl FromStr for TruthCase {
 
 /// Builds the case with a source of exactly `size` splats, 500 to 10 million.
 ///
-/// All sources have 18 % interior splats, 2 % floaters and trajectory noise of 0.05 % of the figure size per axis, unless the case says otherwise.
+/// All sources have 18 % interior splats, 2 % floaters and trajectory noise of 0.05 % of the figure
+/// size per axis, unless the case says otherwise.
 ///
 /// # Errors
 /// If `size` is out of range.

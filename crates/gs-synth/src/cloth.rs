@@ -1,7 +1,8 @@
 //! A hanging sheet that stretches and billows: a motion with no rigid part.
 //!
-//! At frame 1 the sheet is the rectangle `|x| ≤ 0.6`, `0.4 ≤ y ≤ 1.6` of the plane z = 0, so frame-1 world coordinates are
-//! material coordinates. A point at distance `z` from the sheet stays at that distance along the moving normal.
+//! At frame 1 the sheet is the rectangle `|x| ≤ 0.6`, `0.4 ≤ y ≤ 1.6` of the plane z = 0, so
+//! frame-1 world coordinates are material coordinates. A point at distance `z` from the sheet stays
+//! at that distance along the moving normal.
 
 use crate::{
     math::{narrow, wide, wxyz},
@@ -44,7 +45,8 @@ pub(crate) fn point(x: DVec3, t: f64) -> DVec3 {
     on_sheet + x.z * normal(along_x, along_y)
 }
 
-/// Where the frame-1 splat goes. Turn: of the frame (normal, x tangent). Scales: each local axis by its own stretch.
+/// Where the frame-1 splat goes. Turn: of the frame (normal, x tangent). Scales: each local axis by
+/// its own stretch.
 pub(crate) fn splat(mean: [f32; 3], rotation: [f32; 4], log_scales: [f32; 3], t: f64) -> Moved {
     let x = wide(mean);
     let (on_sheet, along_x, along_y) = surface(x.x, x.y, t);

@@ -1,5 +1,5 @@
-//! The control without correspondences: the nearest source of like normal that is no floater, and the rigid motion around it. It uses
-//! only the source's motion.
+//! The control without correspondences: the nearest source of like normal that is no floater, and
+//! the rigid motion around it. It uses only the source's motion.
 
 use crate::oracle::{Tree, likest_row};
 use crate::{EditedFrame, SynthError, SynthScene};
@@ -15,7 +15,8 @@ const STRAIN: f32 = 0.04;
 /// Share of a neighbourhood's weight below which a source is a floater.
 const MIN_SUPPORT: f32 = 0.3;
 
-/// For every edited splat, the sources around its nearest one that move with it, and weights that sum to 1.
+/// For every edited splat, the sources around its nearest one that move with it, and weights that
+/// sum to 1.
 ///
 /// # Errors
 /// If the scene cannot be evaluated.

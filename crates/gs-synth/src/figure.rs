@@ -1,4 +1,5 @@
-//! The figure in its bind pose: bodies, colours, what each point is attached to. Height 1.8, world units.
+//! The figure in its bind pose: bodies, colours, what each point is attached to. Height 1.8, world
+//! units.
 
 use crate::{
     body::Body,

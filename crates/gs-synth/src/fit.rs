@@ -1,10 +1,13 @@
-//! [`fit_hexplane`]: a deformation network of the 4DGaussians kind, trained on a scene's trajectories.
+//! [`fit_hexplane`]: a deformation network of the 4DGaussians kind, trained on a scene's
+//! trajectories.
 //!
-//! The effect of a deformation network on an edit can only be measured with a trained one: it maps *places* to motion, not splats, and an
-//! edit puts splats where there were none in training. Training is here and not in `gs-deform`, because only scenes with known truth are trained.
-//! The network is the published one: two levels of six planes, a trunk, a head for centres and one for quaternions (scales,
-//! opacity and colour are not deformed). Quaternion differences are added, as that network does: it cannot turn neighbours of
-//! unlike orientation alike, so rotations fit far worse than centres.
+//! The effect of a deformation network on an edit can only be measured with a trained one: it maps
+//! *places* to motion, not splats, and an edit puts splats where there were none in training.
+//! Training is here and not in `gs-deform`, because only scenes with known truth are trained. The
+//! network is the published one: two levels of six planes, a trunk, a head for centres and one for
+//! quaternions (scales, opacity and colour are not deformed). Quaternion differences are added, as
+//! that network does: it cannot turn neighbours of unlike orientation alike, so rotations fit far
+//! worse than centres.
 
 #![expect(
     clippy::inline_always,
@@ -67,7 +70,8 @@ impl FittedField {
     }
 }
 
-/// Trains a network on `scene`, whose figure is `figure_size` long (world units). The same for any number of threads.
+/// Trains a network on `scene`, whose figure is `figure_size` long (world units). The same for any
+/// number of threads.
 ///
 /// # Errors
 /// If a parameter is out of range or the scene cannot be evaluated.
@@ -110,7 +114,8 @@ fn check(params: &FitParams, figure_size: f32) -> Result<(), SynthError> {
     }
 }
 
-/// Maximum and minimum corner, with a margin: edits reach beyond the splats, and planes end at their box.
+/// Maximum and minimum corner, with a margin: edits reach beyond the splats, and planes end at
+/// their box.
 fn bounds(splats: &Splats) -> [[f32; 3]; 2] {
     let (mut low, mut high) = ([f32::INFINITY; 3], [f32::NEG_INFINITY; 3]);
     for mean in &splats.means {

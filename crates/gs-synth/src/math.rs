@@ -4,8 +4,8 @@ use glam::{DQuat, DVec3, Mat3, Quat, Vec3};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 
-/// A generator for one purpose: equal seeds with different `stream`s are independent, so that adding one kind of draw
-/// never changes another.
+/// A generator for one purpose: equal seeds with different `stream`s are independent, so that
+/// adding one kind of draw never changes another.
 pub(crate) fn rng(seed: u64, stream: u64) -> Pcg64 {
     Pcg64::seed_from_u64(seed ^ stream.wrapping_mul(0x9E37_79B9_7F4A_7C15))
 }

@@ -25,7 +25,8 @@ pub struct MotionError {
     pub num_contact: usize,
 }
 
-/// Scores `predicted` (rows as the truth's) at `times`, on the truth's `eval_mask`. A position that is not a number is infinitely far off.
+/// Scores `predicted` (rows as the truth's) at `times`, on the truth's `eval_mask`. A position that
+/// is not a number is infinitely far off.
 ///
 /// # Errors
 /// If the numbers of splats differ or a scene cannot be evaluated at a time.

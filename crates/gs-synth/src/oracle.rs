@@ -1,4 +1,5 @@
-//! Reference answers that only a scene with known parts can give: what rigid parts allow at best, and what plain nearness gives.
+//! Reference answers that only a scene with known parts can give: what rigid parts allow at best,
+//! and what plain nearness gives.
 
 use crate::{EditedFrame, Kind, Part, SynthError, SynthScene};
 use gs_core::{Splats, quat};
@@ -18,13 +19,13 @@ const NORMALS: f32 = 9.0;
 pub enum PartBy {
     /// The true part: the best that rigid parts allow, up to how soft they are.
     Truth,
-    /// That of the nearest source splat, unlike normals counting as distance. Floaters and outliers are known, so this is better
-    /// than any method without correspondences could do.
+    /// That of the nearest source splat, unlike normals counting as distance. Floaters and outliers
+    /// are known, so this is better than any method without correspondences could do.
     Nearness,
 }
 
-/// For every edited splat, source splats of one body part around it, and weights that sum to 1. None for splats of parts that have
-/// no trusted source splats, such as floaters.
+/// For every edited splat, source splats of one body part around it, and weights that sum to 1.
+/// None for splats of parts that have no trusted source splats, such as floaters.
 ///
 /// # Errors
 /// If the scene cannot be evaluated.

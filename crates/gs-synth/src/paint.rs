@@ -98,10 +98,12 @@ pub(crate) fn shade(point: Vec3, normal: Vec3, occluders: &[Occluder], casts: bo
     sun + fill * ambient
 }
 
-/// Degree-1 coefficients of a highlight: brighter by up to `gloss` where the view direction meets the mirrored light.
+/// Degree-1 coefficients of a highlight: brighter by up to `gloss` where the view direction meets
+/// the mirrored light.
 pub(crate) fn highlight(normal: Vec3, gloss: f32) -> [[f32; 3]; 3] {
     let mirrored = 2.0 * normal.dot(key_light()) * normal - key_light();
-    // the view direction runs from the camera to the splat: it is −mirrored when the highlight is seen
+    // the view direction runs from the camera to the splat: it is −mirrored when the highlight is
+    // seen
     let a = -mirrored * (gloss / gs_core::sh::C1);
     [[-a.y; 3], [a.z; 3], [-a.x; 3]]
 }

@@ -1,4 +1,5 @@
-//! [`Rig`]: where every bone is at every time, and [`Frame`]: the motion between two poses, applied to splats.
+//! [`Rig`]: where every bone is at every time, and [`Frame`]: the motion between two poses, applied
+//! to splats.
 
 use crate::{
     cloth,
@@ -84,7 +85,8 @@ struct Joint {
     still: bool,
 }
 
-/// The motion of all bones from one pose to another. Every point moves by a similarity of its own [`Attach`].
+/// The motion of all bones from one pose to another. Every point moves by a similarity of its own
+/// [`Attach`].
 #[derive(Debug, Clone)]
 pub(crate) struct Frame {
     joints: [Joint; NUM_BONES],

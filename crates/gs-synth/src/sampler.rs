@@ -25,7 +25,8 @@ pub(crate) struct Point {
     pub(crate) material: Material,
 }
 
-/// Surface points (exactly `num_surface`) and points inside (exactly `num_interior`), shared by area and density.
+/// Surface points (exactly `num_surface`) and points inside (exactly `num_interior`), shared by
+/// area and density.
 pub(crate) fn scatter(
     bodies: &[Body],
     num_surface: usize,

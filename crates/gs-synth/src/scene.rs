@@ -8,7 +8,8 @@ use glam::{Quat, Vec3};
 use gs_core::{DynamicScene, SceneError, Splats, TimeRange, quat};
 use std::f32::consts::TAU;
 
-/// What is known about one splat of a synthetic scene. Diagnostics: never an input of a method under test.
+/// What is known about one splat of a synthetic scene. Diagnostics: never an input of a method
+/// under test.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Row {
     /// What it belongs to.
@@ -17,7 +18,8 @@ pub struct Row {
     pub kind: Kind,
     /// Position in the bind pose, world units.
     pub rest: [f32; 3],
-    /// Outward unit normal at frame 1, world frame; for interior splats that of the nearest surface.
+    /// Outward unit normal at frame 1, world frame; for interior splats that of the nearest
+    /// surface.
     pub normal: [f32; 3],
     /// Mean distance between splats of the same body, world units.
     pub spacing: f32,
@@ -59,8 +61,9 @@ pub(crate) struct View {
 
 /// A synthetic dynamic scene: frame-1 splats and the exact motion of each.
 ///
-/// World units are about metres, y is up; a figure stands on y = 0 at the origin and faces +z. Times run over `[0,1]`; frame 1
-/// is `t = 0`, where the scene returns its frame-1 splats bit for bit. Colours and opacities do not change with time.
+/// World units are about metres, y is up; a figure stands on y = 0 at the origin and faces +z.
+/// Times run over `[0,1]`; frame 1 is `t = 0`, where the scene returns its frame-1 splats bit for
+/// bit. Colours and opacities do not change with time.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SynthScene {
     pub(crate) rig: Rig,
@@ -84,7 +87,8 @@ impl SynthScene {
         &self.rows
     }
 
-    /// Largest extent of what moves at frame 1, world units: the length unit of [`crate::motion_error`].
+    /// Largest extent of what moves at frame 1, world units: the length unit of
+    /// [`crate::motion_error`].
     pub fn figure_size(&self) -> f32 {
         self.figure_size
     }
@@ -94,8 +98,8 @@ impl SynthScene {
         self.rows.iter().map(|row| !Part::SCENERY.contains(&row.part)).collect()
     }
 
-    /// The same splats with their true motion: without trajectory noise, outliers follow the surface they lie on. Floaters keep the only
-    /// motion they have.
+    /// The same splats with their true motion: without trajectory noise, outliers follow the
+    /// surface they lie on. Floaters keep the only motion they have.
     #[must_use]
     pub fn noise_free(&self) -> Self {
         let strays = self.strays.iter().copied();

@@ -1,4 +1,5 @@
-//! What stands around the figure: ground disc, columns, crates, balls, backdrop; and the bodies of the small scenes.
+//! What stands around the figure: ground disc, columns, crates, balls, backdrop; and the bodies of
+//! the small scenes.
 
 use crate::{
     body::Body,

@@ -19,22 +19,25 @@ pub struct EditedFrame {
     pub truth: Truth,
 }
 
-/// The true motion of edited splats, and what is known of each; arrays are `[M]`, rows those of [`EditedFrame::splats`].
+/// The true motion of edited splats, and what is known of each; arrays are `[M]`, rows those of
+/// [`EditedFrame::splats`].
 ///
-/// A [`DynamicScene`]: at `t = 0` it equals the edited splats bit for bit, at other times it has their true positions, orientations and
-/// scales, with the edited colours.
+/// A [`DynamicScene`]: at `t = 0` it equals the edited splats bit for bit, at other times it has
+/// their true positions, orientations and scales, with the edited colours.
 #[derive(Debug, Clone)]
 pub struct Truth {
     /// Body part of each splat.
     pub parts: Vec<Part>,
     /// What the edits did to it.
     pub tags: Vec<Tag>,
-    /// Row of the source splat it descends from; `None` for new geometry. Several splats can have one parent.
+    /// Row of the source splat it descends from; `None` for new geometry. Several splats can have
+    /// one parent.
     pub source_rows: Vec<Option<u32>>,
-    /// Whether a score counts it. Floaters, and outliers that no edit moved, have no true motion worth the name.
+    /// Whether a score counts it. Floaters, and outliers that no edit moved, have no true motion
+    /// worth the name.
     pub eval_mask: Vec<bool>,
-    /// Whether it is scored and within 3 % of the figure size of a source splat whose motion would carry it more than 8 % of the figure
-    /// size astray: where motions get entangled.
+    /// Whether it is scored and within 3 % of the figure size of a source splat whose motion would
+    /// carry it more than 8 % of the figure size astray: where motions get entangled.
     pub contact_mask: Vec<bool>,
     scene: SynthScene,
 }

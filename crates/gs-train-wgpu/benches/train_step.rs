@@ -1,8 +1,9 @@
-//! A step on the device (forward, losses, backward of colours, Adam; nothing read back) against the same step with the images and
-//! gradients taken to the host and back, as `cuar` does it over any rasteriser. The adapter's name is printed first; on a software adapter
-//! the scene is small.
+//! A step on the device (forward, losses, backward of colours, Adam; nothing read back) against the
+//! same step with the images and gradients taken to the host and back, as `cuar` does it over any
+//! rasteriser. The adapter's name is printed first; on a software adapter the scene is small.
 //!
-//! `C4D_BENCH_ADAPTER=<index>` picks an adapter; the default is hardware if there is any, else software.
+//! `C4D_BENCH_ADAPTER=<index>` picks an adapter; the default is hardware if there is any, else
+//! software.
 
 #![allow(
     clippy::print_stdout,

@@ -5,7 +5,8 @@ use gs_core::RasterError;
 use gs_raster_wgpu::device::{Commands, GrowBuffer, download};
 use gs_raster_wgpu::{GpuContext, GpuError, ParameterSlice};
 
-/// Adam over rows of parameters, with a rate per column and rows that can be left out. Its conventions are those of `cuar::Adam`.
+/// Adam over rows of parameters, with a rate per column and rows that can be left out. Its
+/// conventions are those of `cuar::Adam`.
 #[derive(Debug)]
 pub struct DeviceAdam {
     /// Decay of the first moment. Default 0.9.
@@ -43,8 +44,8 @@ impl DeviceAdam {
         Ok(own)
     }
 
-    /// Appends one step down the gradients of `slices`, the same at every call. `skip` holds a flag per splat: rows with one that is not 0
-    /// are left alone, bit for bit.
+    /// Appends one step down the gradients of `slices`, the same at every call. `skip` holds a flag
+    /// per splat: rows with one that is not 0 are left alone, bit for bit.
     ///
     /// # Errors
     /// If a slice has another shape than in the step before, or the device has too little memory.
@@ -99,7 +100,8 @@ impl DeviceAdam {
         Ok(())
     }
 
-    /// Goes on after `step` steps that left these first and second moments, slices of `lengths` values one after the other.
+    /// Goes on after `step` steps that left these first and second moments, slices of `lengths`
+    /// values one after the other.
     ///
     /// # Errors
     /// If the lengths disagree, or the device has too little memory.
@@ -129,7 +131,8 @@ impl DeviceAdam {
         Ok(())
     }
 
-    /// First and second moments, slices one after the other; empty before the first step. Waits for the device.
+    /// First and second moments, slices one after the other; empty before the first step. Waits for
+    /// the device.
     ///
     /// # Errors
     /// If the device fails.

@@ -1,6 +1,6 @@
 //! [`DeviceDescent`]: `cuar`'s Adam with images, gradients and moments on the device.
 
-use crate::descent_memory::{Image, Run, Work};
+use crate::descent_memory::{Image, Run, StepBuffers};
 use crate::image_loss::{ImageLosses, Plane};
 use crate::kernels::{
     CHANGE_COLORS, CHANGE_COLORS_BWD, COMPOSE, COMPOSE_BWD, Crop, GROUP_SIZE, Offsets,
@@ -22,8 +22,9 @@ const TERMS: usize = 3;
 /// Most steps whose losses stay on the device.
 const MAX_PENDING: usize = 256;
 
-/// Steps of [`cuar::refine_with`] on the device. A step is one submission; what crosses to the host are the losses when they are asked for,
-/// and offsets and moments at a checkpoint. Images are uploaded once as long as they fit the memory of the task.
+/// Steps of [`cuar::refine_with`] on the device. A step is one submission; what crosses to the host
+/// are the losses when they are asked for, and offsets and moments at a checkpoint. Images are
+/// uploaded once as long as they fit the memory of the task.
 #[derive(Debug)]
 pub struct DeviceDescent {
     raster: WgpuRasterizer,
@@ -37,7 +38,7 @@ pub struct DeviceDescent {
     spare: Image,
     /// Bytes for images that are still free.
     free: usize,
-    work: Work,
+    work: StepBuffers,
     losses: ImageLosses,
     /// Steps whose losses are still on the device.
     pending: usize,
@@ -69,7 +70,7 @@ impl DeviceDescent {
             images: HashMap::new(),
             spare: Image::default(),
             free: 0,
-            work: Work::new(),
+            work: StepBuffers::new(),
             losses: ImageLosses::new(context, [1, 1], 3, TERMS * MAX_PENDING)?,
             pending: 0,
             finished: Vec::new(),
@@ -84,7 +85,8 @@ impl DeviceDescent {
         self.images.len()
     }
 
-    /// Times of the passes of the last step; see [`crate::Trainer::timings`]. Waits for the device; at most once per step.
+    /// Times of the passes of the last step; see [`crate::Trainer::timings`]. Waits for the device;
+    /// at most once per step.
     ///
     /// # Errors
     /// If the device fails.

@@ -67,7 +67,7 @@ impl Image {
 
 /// Memory of a step.
 #[derive(Debug)]
-pub(crate) struct Work {
+pub(crate) struct StepBuffers {
     pub changes: GrowBuffer,
     pub render: GrowBuffer,
     pub v_render: GrowBuffer,
@@ -77,7 +77,7 @@ pub(crate) struct Work {
     pub pixels: usize,
 }
 
-impl Work {
+impl StepBuffers {
     pub(crate) fn new() -> Self {
         let [changes, render, v_render, fore, back] =
             ["changes of colour", "crop", "gradient of a crop", "foreground", "background"]

@@ -16,7 +16,8 @@ pub struct Plane<'a> {
     pub first: usize,
 }
 
-/// Masked L1 and SSIM for images of one size at a time, with their work memory and running sums of their values.
+/// Masked L1 and SSIM for images of one size at a time, with their work memory and running sums of
+/// their values.
 #[derive(Debug)]
 pub struct ImageLosses {
     context: GpuContext,
@@ -97,8 +98,8 @@ impl ImageLosses {
         Ok(())
     }
 
-    /// Appends `norm · Σ m·|x − y|` (added to running sum `slot`) and `share` times its derivative (added to `v_x`, 0 at x = y). Pixels whose
-    /// weight is not above 0 are not looked at.
+    /// Appends `norm · Σ m·|x − y|` (added to running sum `slot`) and `share` times its derivative
+    /// (added to `v_x`, 0 at x = y). Pixels whose weight is not above 0 are not looked at.
     ///
     /// # Errors
     /// If sizes exceed 32 bits.
@@ -119,8 +120,9 @@ impl ImageLosses {
         self.add_up(commands, SumPartials { num_partials, slot, scale: norm, pad0: 0 })
     }
 
-    /// Appends `norm · Σ (1 − SSIM(m·x, m·y))` over windows and channels (added to running sum `slot`) and `share` times its derivative
-    /// (added to `v_x`). Windows are filled up with zeros beyond the image.
+    /// Appends `norm · Σ (1 − SSIM(m·x, m·y))` over windows and channels (added to running sum
+    /// `slot`) and `share` times its derivative (added to `v_x`). Windows are filled up with zeros
+    /// beyond the image.
     ///
     /// # Errors
     /// If sizes exceed 32 bits.
@@ -165,8 +167,9 @@ impl ImageLosses {
         Ok(sums)
     }
 
-    /// Masked L1 (with `ssim`, SSIM loss) of host images and its gradient with respect to `x`: [`ImageLosses::encode_masked_l1`] or
-    /// [`ImageLosses::encode_ssim`] alone, for callers without device buffers.
+    /// Masked L1 (with `ssim`, SSIM loss) of host images and its gradient with respect to `x`:
+    /// [`ImageLosses::encode_masked_l1`] or [`ImageLosses::encode_ssim`] alone, for callers without
+    /// device buffers.
     ///
     /// # Errors
     /// If a length does not fit the size, or the device fails.

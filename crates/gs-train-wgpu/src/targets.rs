@@ -23,8 +23,9 @@ impl Default for Targets {
 }
 
 impl Targets {
-    /// Uploads the targets of an image of `[W, H]` pixels: `warp` supervises where `fore > 0` (L1 and SSIM), `original` where `back > 0`
-    /// (L1). An empty `fore` or `back` is 0 everywhere, and its image may then be empty, too.
+    /// Uploads the targets of an image of `[W, H]` pixels: `warp` supervises where `fore > 0` (L1
+    /// and SSIM), `original` where `back > 0` (L1). An empty `fore` or `back` is 0 everywhere, and
+    /// its image may then be empty, too.
     ///
     /// # Errors
     /// If a length does not fit the size, or the device has too little memory.

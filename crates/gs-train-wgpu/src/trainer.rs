@@ -81,7 +81,8 @@ pub struct TrainOptions {
     pub weights: Weights,
     /// Learning rates.
     pub rates: Rates,
-    /// Background and convention of the gradients; colour is composited, depth and features are not, whatever it says.
+    /// Background and convention of the gradients; colour is composited, depth and features are
+    /// not, whatever it says.
     pub params: RenderParams,
 }
 
@@ -100,10 +101,13 @@ pub struct StepLosses {
     pub total: f32,
 }
 
-/// Steps forward → losses → backward → Adam over splats on the device, from as many views as there are.
+/// Steps forward → losses → backward → Adam over splats on the device, from as many views as there
+/// are.
 ///
-/// Prepare one view with [`gs_core::Rasterizer::prepare`], upload its colours with [`WgpuRasterizer::upload_appearance`], and make the other
-/// views with [`WgpuRasterizer::prepare_view`]: all share their parameters. Read the result with [`WgpuRasterizer::read_parameters`].
+/// Prepare one view with [`gs_core::Rasterizer::prepare`], upload its colours with
+/// [`WgpuRasterizer::upload_appearance`], and make the other views with
+/// [`WgpuRasterizer::prepare_view`]: all share their parameters. Read the result with
+/// [`WgpuRasterizer::read_parameters`].
 #[derive(Debug)]
 pub struct Trainer {
     raster: WgpuRasterizer,
@@ -119,7 +123,8 @@ pub struct Trainer {
 }
 
 impl Trainer {
-    /// For splats of degree `sh_degree`. Rows whose flag in `skip` is set keep their values; empty for none, else one flag per splat.
+    /// For splats of degree `sh_degree`. Rows whose flag in `skip` is set keep their values; empty
+    /// for none, else one flag per splat.
     ///
     /// # Errors
     /// If the device has too little memory.
@@ -163,16 +168,18 @@ impl Trainer {
         })
     }
 
-    /// What a forward pass must have on the device: the `params` for [`WgpuRasterizer::upload_appearance`].
+    /// What a forward pass must have on the device: the `params` for
+    /// [`WgpuRasterizer::upload_appearance`].
     pub fn params(&self) -> &RenderParams {
         &self.options.params
     }
 
-    /// One step from one view. Nothing is read back, except two counts when the view's lists have to be made: at its first step, and at every
-    /// step if geometry is trained.
+    /// One step from one view. Nothing is read back, except two counts when the view's lists have
+    /// to be made: at its first step, and at every step if geometry is trained.
     ///
     /// # Errors
-    /// If the targets have another size than the view, no colours are on the device, or the device fails.
+    /// If the targets have another size than the view, no colours are on the device, or the device
+    /// fails.
     pub fn step(
         &mut self,
         prepared: &mut GpuPrepared,
@@ -256,8 +263,9 @@ impl Trainer {
         Ok(StepLosses { steps, fore_l1, fore_ssim, back_l1, total })
     }
 
-    /// Times of the passes of the last step, if the context was made with [`timestamps`](gs_raster_wgpu::GpuOptions::timestamps) and the
-    /// adapter has them; otherwise empty. Waits for the device; at most once per step.
+    /// Times of the passes of the last step, if the context was made with
+    /// [`timestamps`](gs_raster_wgpu::GpuOptions::timestamps) and the adapter has them; otherwise
+    /// empty. Waits for the device; at most once per step.
     ///
     /// # Errors
     /// If the device fails.

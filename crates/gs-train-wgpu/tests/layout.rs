@@ -1,4 +1,5 @@
-//! Proves, without a device, that the training shaders and Rust agree and stay within default limits.
+//! Proves, without a device, that the training shaders and Rust agree and stay within default
+//! limits.
 
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
 

@@ -1,4 +1,5 @@
-//! Proves masked L1, SSIM and Adam on the device against the CPU ones in double precision, at sizes around the blocks of the shaders.
+//! Proves masked L1, SSIM and Adam on the device against the CPU ones in double precision, at sizes
+//! around the blocks of the shaders.
 
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
 
@@ -109,7 +110,8 @@ fn another_mask_is_noticed() {
     assert_grad_close("another mask", &widen(&v_got), &v_x, 1e-4);
 }
 
-/// What lies outside a mask may be anything; what lies inside and is no number is seen in the value, as on the CPU.
+/// What lies outside a mask may be anything; what lies inside and is no number is seen in the
+/// value, as on the CPU.
 #[test]
 fn numbers_that_are_none_behave_as_on_the_cpu() {
     let (size, pixels) = ([19, 13], 247);

@@ -1,5 +1,6 @@
-//! Proves that a refinement whose steps are done on the device is the one done on the host: step by step, resumed, with images that do not fit
-//! and offsets larger than a binding; and that the default solver gives the same over either rasteriser.
+//! Proves that a refinement whose steps are done on the device is the one done on the host: step by
+//! step, resumed, with images that do not fit and offsets larger than a binding; and that the
+//! default solver gives the same over either rasteriser.
 
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
 
@@ -105,7 +106,8 @@ fn assert_same_run(what: &str, got: &Keeper, expected: &Keeper) {
     assert_eq!(got.states.len(), STEPS, "{what}: a checkpoint per step");
     for (a, b) in got.states.iter().zip(&expected.states) {
         assert_eq!((a.step, a.fingerprint), (b.step, b.fingerprint), "{what}: the same run");
-        // Adam takes the sign of gradients that are almost zero: single values may differ, not many.
+        // Adam takes the sign of gradients that are almost zero: single values may differ, not
+        // many.
         for (name, most) in [("d_sh", 5e-3), ("sh_m", 5e-3), ("sh_v", 5e-3)] {
             let apart = deviation(array(a, name), array(b, name));
             assert!(apart < most, "{what}, step {}: {name} differs by {apart}", a.step);
@@ -197,7 +199,8 @@ fn assert_same_result(got: &Refined, expected: &Refined) {
     assert!(apart < 0.03, "offsets differ by {apart}");
 }
 
-/// The least-squares solver goes through the trait: forward and colour-only backward on the device, the rest on the host.
+/// The least-squares solver goes through the trait: forward and colour-only backward on the device,
+/// the rest on the host.
 #[test]
 fn the_default_solver_is_that_of_the_cpu() {
     let options = RefineOptions { samples: 12, ..RefineOptions::default() };
@@ -280,7 +283,8 @@ fn three_steps(raster: &WgpuRasterizer, rows: usize) -> (Vec<[f32; 3]>, cuar::Ad
     (d_sh, adam)
 }
 
-/// Offsets, gradients and moments larger than a binding are split, and change no bit. Rows that are not shown stay zero.
+/// Offsets, gradients and moments larger than a binding are split, and change no bit. Rows that are
+/// not shown stay zero.
 #[test]
 fn splitting_changes_nothing() {
     let rows = 3_000;

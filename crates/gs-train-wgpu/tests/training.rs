@@ -1,4 +1,5 @@
-//! Proves whole steps on the device against the same steps on the CPU: its rasteriser, `cuar`'s objective and `cuar`'s Adam.
+//! Proves whole steps on the device against the same steps on the CPU: its rasteriser, `cuar`'s
+//! objective and `cuar`'s Adam.
 
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
 
@@ -188,7 +189,8 @@ fn color_steps_are_those_of_the_cpu() {
             assert!((a - b).abs() < 2e-3 * b, "{mode:?}, step {step}: {a} {b}");
         }
         let (a, b, c) = (got.sh.as_flattened(), end.sh.as_flattened(), splats.sh.as_flattened());
-        // Adam takes the sign of gradients that are almost zero: single values may differ, not many.
+        // Adam takes the sign of gradients that are almost zero: single values may differ, not
+        // many.
         let apart = deviation(a, b, c);
         assert!(apart < 0.02, "{mode:?}: {apart}");
         let coeffs = splats.sh_coeffs();
@@ -324,7 +326,8 @@ fn splitting_changes_nothing() {
     assert_ne!(whole.0.sh, splats.sh, "it moves");
 }
 
-/// A million splats of degree 3 have 192 MB of harmonics, more than a default binding of 128 MiB. Slow.
+/// A million splats of degree 3 have 192 MB of harmonics, more than a default binding of 128 MiB.
+/// Slow.
 #[test]
 fn a_million_splats_fit_default_limits() {
     if std::env::var_os("C4D_SLOW_TESTS").is_none() {

@@ -1,4 +1,5 @@
-//! Comparators. Each has a negative control below: a comparator that has not been seen to fail is not a test.
+//! Comparators. Each has a negative control below: a comparator that has not been seen to fail is
+//! not a test.
 
 /// Largest absolute difference; infinite when exactly one side is not finite or the lengths differ.
 pub fn max_abs_diff(actual: &[f64], expected: &[f64]) -> f64 {
@@ -36,7 +37,8 @@ pub fn widen(values: &[f32]) -> Vec<f64> {
 /// Asserts `|a − e| ≤ atol + rtol·|e|` for every element.
 ///
 /// # Panics
-/// Names the worst element when the bound is exceeded, when lengths differ, or when one side only is not finite.
+/// Names the worst element when the bound is exceeded, when lengths differ, or when one side only
+/// is not finite.
 #[track_caller]
 pub fn assert_close(what: &str, actual: &[f64], expected: &[f64], atol: f64, rtol: f64) {
     assert_eq!(actual.len(), expected.len(), "{what}: lengths differ");
@@ -59,8 +61,8 @@ pub fn assert_close(what: &str, actual: &[f64], expected: &[f64], atol: f64, rto
     );
 }
 
-/// Asserts a gradient as a vector: relative L2 and largest error over largest entry both within `limit`, and not all zero
-/// where the expected one is not.
+/// Asserts a gradient as a vector: relative L2 and largest error over largest entry both within
+/// `limit`, and not all zero where the expected one is not.
 ///
 /// # Panics
 /// When a measure exceeds the limit.

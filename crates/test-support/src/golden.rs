@@ -3,8 +3,8 @@
 use safetensors::{Dtype, SafeTensors};
 use std::path::Path;
 
-/// A golden file held in memory. Every accessor panics with the tensor's name when the file is not what the test expects:
-/// a missing golden is a failure, never a skip.
+/// A golden file held in memory. Every accessor panics with the tensor's name when the file is not
+/// what the test expects: a missing golden is a failure, never a skip.
 #[derive(Debug)]
 pub struct Golden {
     bytes: Vec<u8>,

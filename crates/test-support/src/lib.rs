@@ -1,6 +1,7 @@
 //! Comparators that can fail, and readers of golden files. Development only.
 //!
-//! Works on plain slices, without types of ours, so that any crate of the workspace may use it in its tests.
+//! Works on plain slices, without types of ours, so that any crate of the workspace may use it in
+//! its tests.
 
 pub mod compare;
 pub mod golden;

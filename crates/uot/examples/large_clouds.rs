@@ -1,5 +1,6 @@
-//! Times the structured solver on two clouds of `n` points (first argument, default 10 000) on an articulated figure,
-//! before and after an edit. Further arguments: cutoff κ (6), `f32` or `f64` storage, tolerance (1e-9).
+//! Times the structured solver on two clouds of `n` points (first argument, default 10 000) on an
+//! articulated figure, before and after an edit. Further arguments: cutoff κ (6), `f32` or `f64`
+//! storage, tolerance (1e-9).
 #![expect(clippy::print_stdout, reason = "an example that prints its measurements")]
 
 mod figure;

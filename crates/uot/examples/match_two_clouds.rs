@@ -1,5 +1,5 @@
-//! Matches the points of two rings, the second larger, turned a little, and with three points that the first does not
-//! have.
+//! Matches the points of two rings, the second larger, turned a little, and with three points that
+//! the first does not have.
 #![expect(clippy::print_stdout, reason = "an example that prints its result")]
 
 use uot::{Bandwidth, Sinkhorn, SinkhornParams, UotError, UotProblem, WelschParams};

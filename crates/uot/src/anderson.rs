@@ -1,6 +1,7 @@
 //! Anderson mixing for a fixed-point map `x ← T(x)`.
 
-/// Differences kept; notes on depth: 8 was best or tied in every weight set tried, 4 needs up to half as many sweeps more.
+/// Differences kept; notes on depth: 8 was best or tied in every weight set tried, 4 needs up to
+/// half as many sweeps more.
 const DEPTH: usize = 12;
 /// Longest step in any coordinate (logarithm of a scaling).
 const MAX_STEP: f64 = 3.0;
@@ -77,8 +78,8 @@ impl Anderson {
         self.residuals.push(d_residual);
     }
 
-    /// Least-squares weights of the residual differences, newest first in the elimination: a difference that is
-    /// numerically dependent on newer ones gets weight zero.
+    /// Least-squares weights of the residual differences, newest first in the elimination: a
+    /// difference that is numerically dependent on newer ones gets weight zero.
     fn weights(&self, residual: &[f64]) -> Vec<f64> {
         let k = self.gram.len();
         let mut gamma = vec![0.0; k];

@@ -13,26 +13,29 @@ pub const NO_ROW: u32 = u32::MAX;
 /// The best row of every column; all arrays are `[m]`.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Correspondence {
-    /// Row of the largest entry of the column; among ties the lowest row. [`NO_ROW`] for a column without candidates.
+    /// Row of the largest entry of the column; among ties the lowest row. [`NO_ROW`] for a column
+    /// without candidates.
     pub rows: Vec<u32>,
     /// Rows within 1e-9, relatively, of the largest entry.
     pub tie_counts: Vec<u32>,
     /// `1 − second/first` of the column's entries; 1 when there is one row only.
     pub margins: Vec<f64>,
-    /// Share of the column's mass above the constant background of unrelated pairs, in [0, 1]; 1 where costs are sparse. Depends strongly on
-    /// λ0: compare it within one result, do not threshold it with a fixed number.
+    /// Share of the column's mass above the constant background of unrelated pairs, in [0, 1]; 1
+    /// where costs are sparse. Depends strongly on λ0: compare it within one result, do not
+    /// threshold it with a fixed number.
     pub near_share: Vec<f64>,
-    /// `far_cost − D` of the best row: for a Welsch cost the weight w in [0, 1], negligible beyond the
-    /// cutoff. The usable test
-    /// of coverage: `w_best > 0.02` means that the match is closer than 2.8 β. Transported mass is not such a
-    /// test: even an unrelated column keeps `exp(−1/(λ0+λ2))` of its mass.
+    /// `far_cost − D` of the best row: for a Welsch cost the weight w in [0, 1], negligible beyond
+    /// the cutoff. The usable test of coverage: `w_best > 0.02` means that the match is closer than
+    /// 2.8 β. Transported mass is not such a test: even an unrelated column keeps `exp(−1/(λ0+λ2))`
+    /// of its mass.
     pub w_best: Vec<f64>,
 }
 
 /// One of the best rows of a column.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct TopRow {
-    /// Row id; [`NO_ROW`], with share 0, where a column has fewer candidates than rows are asked for.
+    /// Row id; [`NO_ROW`], with share 0, where a column has fewer candidates than rows are asked
+    /// for.
     pub row: u32,
     /// `P_ij / Σ_i P_ij`, in [0, 1].
     pub share: f64,
@@ -60,8 +63,9 @@ impl<'l> Ranking<'l> {
         Self { logs, rows, complete }
     }
 
-    /// `(row, ln P without the column factor, w)` of the `k` best rows, best first, ties by row; then any further
-    /// rows that tie with the best are counted. At least two rows are ranked where the column has two.
+    /// `(row, ln P without the column factor, w)` of the `k` best rows, best first, ties by row;
+    /// then any further rows that tie with the best are counted. At least two rows are ranked where
+    /// the column has two.
     fn best(&self, entries: &[(u32, f64)], k: usize) -> Best {
         let mut top: Vec<Ranked> = Vec::with_capacity(k + 1);
         let mut listed: Vec<u32> = Vec::new();
@@ -190,7 +194,8 @@ impl UotOutput {
         })
     }
 
-    /// The `k` best rows of every column, `[m, min(k, n)]` row-major, best first, equal entries by row.
+    /// The `k` best rows of every column, `[m, min(k, n)]` row-major, best first, equal entries by
+    /// row.
     ///
     /// # Errors
     /// [`UotError::Mismatch`] for a problem of another size, [`UotError::BadParam`] for `k = 0`.

@@ -57,7 +57,8 @@ pub enum UotError {
         /// What to use instead.
         instead: &'static str,
     },
-    /// The reference measure cannot be reached by a global factor because the marginals are not uniform.
+    /// The reference measure cannot be reached by a global factor because the marginals are not
+    /// uniform.
     #[error(
         "entropy reference {reference:?} is defined for uniform marginals only: use EntropyReference::Kl"
     )]
@@ -65,7 +66,8 @@ pub enum UotError {
         /// Requested reference.
         reference: crate::EntropyReference,
     },
-    /// The reference measure cannot be reached by a global factor because pairs with no counterpart have a fixed cost.
+    /// The reference measure cannot be reached by a global factor because pairs with no counterpart
+    /// have a fixed cost.
     #[error(
         "entropy reference {reference:?} does not go with unmatched costs: use EntropyReference::Kl"
     )]

@@ -1,8 +1,9 @@
 //! Median of all pair distances between two clouds, exact without storing them.
 //!
-//! A random sample brackets the median; one pass over the tree then counts the pairs below the bracket and collects
-//! those inside. Boxes that lie wholly on one side are counted without looking at their points. If the bracket turns
-//! out too wide it is narrowed by interpolating the counts, so the result is exact whatever the sample was.
+//! A random sample brackets the median; one pass over the tree then counts the pairs below the
+//! bracket and collects those inside. Boxes that lie wholly on one side are counted without looking
+//! at their points. If the bracket turns out too wide it is narrowed by interpolating the counts,
+//! so the result is exact whatever the sample was.
 #![expect(
     clippy::inline_always,
     reason = "vectorised bodies must be compiled inside the dispatched caller"
@@ -31,7 +32,8 @@ const GROUP_LEAVES: u32 = 8;
 /// Median distance between two clouds.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct MedianDistance {
-    /// The median; for an even number of pairs the mean of the two middle distances. Unit of the points.
+    /// The median; for an even number of pairs the mean of the two middle distances. Unit of the
+    /// points.
     pub value: f64,
     /// The lower of the two middle distances (equal to the middle one for an odd number of pairs).
     pub lower: f64,
@@ -46,8 +48,8 @@ pub struct MedianDistance {
 /// Median of the `n·m` distances between `rows` and `cols`.
 ///
 /// # Errors
-/// [`UotError`] when a cloud is empty or has a coordinate that is not finite or beyond 1e150 in magnitude, or when
-/// zero pairs are to be drawn.
+/// [`UotError`] when a cloud is empty or has a coordinate that is not finite or beyond 1e150 in
+/// magnitude, or when zero pairs are to be drawn.
 pub fn median_distance<const D: usize>(
     rows: &[[f64; D]],
     cols: &[[f64; D]],
@@ -171,7 +173,8 @@ fn select(rows: &PointTree, cols: &PointTree, low: usize, high: usize) -> (f64, 
         }
         let between = ceiling.1 - floor.1;
         let width = MAX_COLLECTED / 3;
-        // interpolation wins by a large factor on smooth data, bisection of the bit pattern always ends
+        // interpolation wins by a large factor on smooth data, bisection of the bit pattern always
+        // ends
         (bracket, expected) = if between <= MAX_COLLECTED {
             ((floor.0, ceiling.0), between)
         } else if bisect || ceiling.0 >= f64::MAX {
@@ -189,8 +192,8 @@ fn select(rows: &PointTree, cols: &PointTree, low: usize, high: usize) -> (f64, 
     }
 }
 
-/// Quantiles of a sample, 2.5 standard deviations either side of its median, and the pairs expected between them;
-/// everything for small problems.
+/// Quantiles of a sample, 2.5 standard deviations either side of its median, and the pairs expected
+/// between them; everything for small problems.
 fn first_bracket(rows: &PointTree, cols: &PointTree, total: usize) -> ((f64, f64), usize) {
     if total <= MAX_COLLECTED / 8 {
         return ((0.0, f64::MAX), total);
@@ -327,7 +330,8 @@ fn point_distances(point: &[f64], bounds: &[[f64; 2]]) -> (f64, f64) {
 /// Largest number of points in a group.
 const GROUP_POINTS: usize = GROUP_LEAVES as usize * LANES;
 
-/// Squared distances of a node's points from one point, and how many are below and inside the bracket.
+/// Squared distances of a node's points from one point, and how many are below and inside the
+/// bracket.
 #[inline(always)]
 fn count(
     point: &[f64],

@@ -1,4 +1,5 @@
-//! Geometry of the near field: which pairs interact, and their Welsch weights, one 8×8 block at a time.
+//! Geometry of the near field: which pairs interact, and their Welsch weights, one 8×8 block at a
+//! time.
 #![expect(
     clippy::inline_always,
     reason = "vectorised bodies must be compiled inside the dispatched caller"
@@ -63,7 +64,8 @@ impl<'a> NearField<'a> {
 
     fn leaves_near(&self, tree: &PointTree, leaf_box: &[[f64; 2]], out: &mut Vec<u32>) {
         out.clear();
-        // the margin covers rounding of the box distance, so no pair that passes the exact test is lost
+        // the margin covers rounding of the box distance, so no pair that passes the exact test is
+        // lost
         let limit = self.largest_exponent * (1.0 + 1e-9);
         tree.walk(|id| {
             let near = box_distances(leaf_box, tree.bounds(id)).0 * self.inverse <= limit;
@@ -75,8 +77,9 @@ impl<'a> NearField<'a> {
         });
     }
 
-    /// Exponents `r²/(2β²) + extra` of a block, infinite for padding. True when any pair is within the cutoff: only
-    /// then does the block belong to the near field, with all its pairs (the far ones among them cost nothing more).
+    /// Exponents `r²/(2β²) + extra` of a block, infinite for padding. True when any pair is within
+    /// the cutoff: only then does the block belong to the near field, with all its pairs (the far
+    /// ones among them cost nothing more).
     #[inline(always)]
     pub(crate) fn exponents(&self, row_leaf: usize, col_leaf: usize, out: &mut Block) -> bool {
         *out = [[0.0; LANES]; LANES];
@@ -122,8 +125,8 @@ impl<'a> NearField<'a> {
         }
     }
 
-    /// Fills `entries` with the near rows of the columns of one column leaf, in the order of the row tree.
-    /// `leaves` is scratch.
+    /// Fills `entries` with the near rows of the columns of one column leaf, in the order of the
+    /// row tree. `leaves` is scratch.
     pub(crate) fn column_entries(
         &self,
         col_leaf: usize,

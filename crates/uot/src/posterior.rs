@@ -6,20 +6,21 @@ use crate::{UotError, UotOutput, UotProblem};
 /// Where the weight of each line (column or row) goes, in compressed form: entries of line k are
 /// `starts[k]..starts[k + 1]`.
 ///
-/// Shares are `P_ij / max(b_j, mass_j)` for columns, with `mass_j` what the column sends and leaves unmatched, and with
-/// `a_i` for rows: shares and `unmatched` of a line with weight sum to 1. A line without weight has shares 0 and
-/// `unmatched` 1.
+/// Shares are `P_ij / max(b_j, mass_j)` for columns, with `mass_j` what the column sends and leaves
+/// unmatched, and with `a_i` for rows: shares and `unmatched` of a line with weight sum to 1. A
+/// line without weight has shares 0 and `unmatched` 1.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub struct Posterior {
     /// Start of each line's entries, and the end of the last, `[lines + 1]`.
     pub starts: Vec<usize>,
-    /// Row ids (of columns) or column ids (of rows), `[nnz]`. By column: ascending. By row: in the problem's order.
+    /// Row ids (of columns) or column ids (of rows), `[nnz]`. By column: ascending. By row: in the
+    /// problem's order.
     pub ids: Vec<u32>,
     /// Share of the line's weight that goes there, in [0, 1], `[nnz]`.
     pub shares: Vec<f64>,
-    /// Share that goes nowhere, in [0, 1], `[lines]`: to the unmatched option, or given up because the marginal is not
-    /// held.
+    /// Share that goes nowhere, in [0, 1], `[lines]`: to the unmatched option, or given up because
+    /// the marginal is not held.
     pub unmatched: Vec<f64>,
 }
 
@@ -35,11 +36,12 @@ impl Posterior {
 }
 
 impl UotOutput {
-    /// Entries of the plan for the candidates of [`UotProblem::from_csr`], in the problem's order, `[nnz]`; for an
-    /// explicit matrix as [`Self::plan`].
+    /// Entries of the plan for the candidates of [`UotProblem::from_csr`], in the problem's order,
+    /// `[nnz]`; for an explicit matrix as [`Self::plan`].
     ///
     /// # Errors
-    /// [`UotError::Mismatch`] for a problem of another size, [`UotError::NotListed`] for a structured one.
+    /// [`UotError::Mismatch`] for a problem of another size, [`UotError::NotListed`] for a
+    /// structured one.
     pub fn plan_entries(&self, problem: &UotProblem<'_>) -> Result<Vec<f64>, UotError> {
         match &problem.cost {
             Cost::Dense { .. } => self.plan(problem),
@@ -62,7 +64,8 @@ impl UotOutput {
     /// For each column, the rows its weight comes from.
     ///
     /// # Errors
-    /// [`UotError::Mismatch`] for a problem of another size, [`UotError::NotListed`] for a structured one.
+    /// [`UotError::Mismatch`] for a problem of another size, [`UotError::NotListed`] for a
+    /// structured one.
     pub fn col_posterior(&self, problem: &UotProblem<'_>) -> Result<Posterior, UotError> {
         self.check(problem)?;
         if let Cost::Near { .. } = problem.cost {

@@ -1,7 +1,7 @@
 //! The few numeric loops that every kernel shares, written so that the compiler vectorises them.
 //!
-//! `mul_add` is used throughout: it is exact by definition, so results do not depend on the instruction set that
-//! [`pulp::Arch`] picks at run time.
+//! `mul_add` is used throughout: it is exact by definition, so results do not depend on the
+//! instruction set that [`pulp::Arch`] picks at run time.
 #![expect(
     clippy::inline_always,
     reason = "vectorised bodies must be compiled inside the dispatched caller"
@@ -12,11 +12,11 @@ pub(crate) const LANES: usize = 8;
 /// One group of lanes.
 pub(crate) type Lane = [f64; LANES];
 
-/// Runs `body` compiled for the best instruction set of this machine. Mark the closure `#[inline(always)]`, and every
-/// function it calls that should be vectorised too.
+/// Runs `body` compiled for the best instruction set of this machine. Mark the closure
+/// `#[inline(always)]`, and every function it calls that should be vectorised too.
 ///
-/// Takes `FnMut`: calling a closure by value goes through a shim of its own that is not inlined, which would leave the
-/// body outside the dispatched function.
+/// Takes `FnMut`: calling a closure by value goes through a shim of its own that is not inlined,
+/// which would leave the body outside the dispatched function.
 pub(crate) fn dispatch<R>(body: impl FnMut() -> R) -> R {
     struct Body<F>(F);
     impl<R, F: FnMut() -> R> pulp::WithSimd for Body<F> {
@@ -55,7 +55,8 @@ pub(crate) fn exp(x: f64) -> f64 {
     let shifted = clamped.mul_add(std::f64::consts::LOG2_E, MAGIC);
     let whole = shifted - MAGIC;
     let r = whole.mul_add(-LN2_LO, whole.mul_add(-LN2_HI, clamped));
-    // Taylor series to r^13: the remainder is below half a unit in the last place for |r| ≤ ln 2 / 2
+    // Taylor series to r^13: the remainder is below half a unit in the last place for |r| ≤ ln 2 /
+    // 2
     let mut p = 1.0 / 6_227_020_800.0_f64;
     for coefficient in INVERSE_FACTORIALS {
         p = p.mul_add(r, coefficient);

@@ -10,12 +10,14 @@ const WARM_UP: usize = 2;
 const RECOVERY: usize = 10;
 /// Sweeps without a better residual after which an acceleration is changed.
 const PATIENCE: usize = 30;
-/// Smallest λ0 for which [`Acceleration::Auto`] begins with Anderson mixing on a structured cost, whose range is 1.
+/// Smallest λ0 for which [`Acceleration::Auto`] begins with Anderson mixing on a structured cost,
+/// whose range is 1.
 const ANDERSON_LAMBDA: f64 = 0.05;
 /// Largest over-relaxation. Held marginals have no contraction bound to derive it from.
 const MAX_OMEGA: f64 = 1.95;
 
-/// Logarithms of the marginals, and of `e^(−c/λ0)` for sides that may have no counterpart; in the order of the kernel.
+/// Logarithms of the marginals, and of `e^(−c/λ0)` for sides that may have no counterpart; in the
+/// order of the kernel.
 #[derive(Debug, Clone)]
 pub(crate) struct Sides {
     pub(crate) log_a: Vec<f64>,
@@ -195,9 +197,10 @@ impl<'k> Sweeps<'k> {
         false
     }
 
-    /// Constant by which `f/λ0` should grow and `g/λ0` shrink: the exact maximiser of the dual along that direction,
-    /// `t/λ0 = λ1λ2/(λ0(λ1+λ2)) · ln(Σ a e^{−f/λ1} / Σ b e^{−g/λ2})`. None where the dual does not change along it (both
-    /// marginals held), or changes in another way (unmatched costs).
+    /// Constant by which `f/λ0` should grow and `g/λ0` shrink: the exact maximiser of the dual
+    /// along that direction, `t/λ0 = λ1λ2/(λ0(λ1+λ2)) · ln(Σ a e^{−f/λ1} / Σ b e^{−g/λ2})`. None
+    /// where the dual does not change along it (both marginals held), or changes in another way
+    /// (unmatched costs).
     fn translation(&self) -> f64 {
         let SinkhornParams { lambda_ent, lambda_a, lambda_b, .. } = self.params;
         let Sides { log_a, log_b, unmatched_a, unmatched_b } = &self.sides;
@@ -225,8 +228,8 @@ impl<'k> Sweeps<'k> {
     }
 }
 
-/// `x ← x + ω(−φ·k − x)`; returns the largest `|−φ·k − x|`. NaN counts as infinite. A row or column that nothing can be
-/// sent to gets 0.
+/// `x ← x + ω(−φ·k − x)`; returns the largest `|−φ·k − x|`. NaN counts as infinite. A row or column
+/// that nothing can be sent to gets 0.
 fn relax(x: &mut [f64], log_k: &[f64], unmatched: Option<&[f64]>, phi: f64, omega: f64) -> f64 {
     let mut worst = 0.0_f64;
     for (i, (x, &k)) in x.iter_mut().zip(log_k).enumerate() {

@@ -1,8 +1,8 @@
 //! Points in an order where neighbours in memory are neighbours in space.
 //!
-//! A balanced k-d tree whose leaves hold exactly [`LANES`] points (the last one may hold fewer), stored as one array
-//! per axis. Splits compare coordinates only, so the order does not depend on the order of the input; points with
-//! identical coordinates are interchangeable.
+//! A balanced k-d tree whose leaves hold exactly [`LANES`] points (the last one may hold fewer),
+//! stored as one array per axis. Splits compare coordinates only, so the order does not depend on
+//! the order of the input; points with identical coordinates are interchangeable.
 
 use crate::simd::{LANES, Lane};
 use std::cmp::Ordering;
@@ -13,7 +13,8 @@ pub(crate) struct PointTree {
     dim: usize,
     /// `order[k]` is the original id of the point at position `k`.
     pub(crate) order: Vec<u32>,
-    /// One array per axis, padded with NaN to whole leaves: every comparison with a padded lane is false.
+    /// One array per axis, padded with NaN to whole leaves: every comparison with a padded lane is
+    /// false.
     axes: Vec<Vec<Lane>>,
     /// Preorder; the left child of node `x` is `x + 1`.
     nodes: Vec<Node>,
@@ -82,7 +83,8 @@ impl PointTree {
         &self.boxes[id * self.dim..(id + 1) * self.dim]
     }
 
-    /// Calls `visit(node id)` top-down; children follow only where it returns true. Leaves come in ascending order.
+    /// Calls `visit(node id)` top-down; children follow only where it returns true. Leaves come in
+    /// ascending order.
     pub(crate) fn walk(&self, mut visit: impl FnMut(usize) -> bool) {
         let mut stack = vec![0_usize];
         while let Some(id) = stack.pop() {

@@ -1,5 +1,5 @@
-//! The goldens of `fixtures/uot` (80-bit arithmetic, stationary to 1e-15) are met by the dense and the structured solver,
-//! in values and in the number of products.
+//! The goldens of `fixtures/uot` (80-bit arithmetic, stationary to 1e-15) are met by the dense and
+//! the structured solver, in values and in the number of products.
 #![expect(clippy::unwrap_used, reason = "tests may unwrap, helpers included")]
 
 use test_support::compare::{assert_close, max_abs_diff};

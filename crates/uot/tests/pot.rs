@@ -1,4 +1,5 @@
-//! Plans of Python Optimal Transport (`fixtures/uot/make_pot.py`), and two problems from its reports.
+//! Plans of Python Optimal Transport (`fixtures/uot/make_pot.py`), and two problems from its
+//! reports.
 #![expect(clippy::unwrap_used, reason = "tests may unwrap, helpers included")]
 
 use test_support::compare::{assert_close, max_abs_diff};

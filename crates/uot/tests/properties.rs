@@ -1,4 +1,5 @@
-//! What must hold for any problem: symmetry, scaling laws, bounds, order and thread independence, degenerate clouds.
+//! What must hold for any problem: symmetry, scaling laws, bounds, order and thread independence,
+//! degenerate clouds.
 
 use proptest::prelude::*;
 use rand::{RngExt, SeedableRng};
@@ -218,7 +219,8 @@ fn both_dense_kernels_agree_where_they_meet() {
         (cost[0], cost[1]) = (0.0, range);
         UotProblem::from_cost(cost, 25, 35).unwrap()
     };
-    // (max − min)/λ0 = 200 is the border; one entry at the far end carries no mass on either side of it
+    // (max − min)/λ0 = 200 is the border; one entry at the far end carries no mass on either side
+    // of it
     let params = weights(0.01, 1.0, 1.0);
     let scaled = solve(&spread(1.999_999), &params).unwrap();
     let logs = solve(&spread(2.000_001), &params).unwrap();

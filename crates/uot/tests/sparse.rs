@@ -22,7 +22,8 @@ struct Pairs {
 }
 
 impl Pairs {
-    /// Random pairs, in random order within a row; every row and column has at least one unless `density` is 0.
+    /// Random pairs, in random order within a row; every row and column has at least one unless
+    /// `density` is 0.
     fn random(rows: usize, cols: usize, density: f64, scale: f64, seed: u64) -> Self {
         let mut rng = Pcg64Mcg::seed_from_u64(seed);
         let (mut starts, mut ids, mut costs) = (vec![0], Vec::new(), Vec::new());
@@ -233,7 +234,8 @@ proptest! {
                 prop_assert!((p - q).abs() <= 1e-7 * p, "entry {i},{j}: {p:e} {q:e}");
             }
         }
-        // warm from its own potentials: the same plan, at once; from those of another weight: the same plan
+        // warm from its own potentials: the same plan, at once; from those of another weight: the
+        // same plan
         let solver = Sinkhorn::new(params).unwrap();
         let warm = solver.solve_from(&problem, &out.g).unwrap();
         prop_assert!(warm.converged && warm.sweeps <= 3, "{} sweeps", warm.sweeps);

@@ -49,7 +49,8 @@ impl CrateTable {
         Ok(Self { rows })
     }
 
-    /// Differences between the table and `manifests` (the texts of every `Cargo.toml` of the workspace), both ways.
+    /// Differences between the table and `manifests` (the texts of every `Cargo.toml` of the
+    /// workspace), both ways.
     pub(super) fn compare(&self, manifests: &[String]) -> Result<Vec<String>> {
         let mut found = Vec::new();
         let mut crates = BTreeMap::new();
@@ -109,7 +110,8 @@ impl CrateTable {
         let mut below: BTreeSet<&str> = BTreeSet::new();
         let mut left: BTreeMap<&str, &Dependencies> =
             self.rows.iter().map(|(name, row)| (name.as_str(), row)).collect();
-        // Take away crates whose dependencies are all below. What is left is in a ring, or above one.
+        // Take away crates whose dependencies are all below. What is left is in a ring, or above
+        // one.
         loop {
             let ready: Vec<&str> = left
                 .iter()

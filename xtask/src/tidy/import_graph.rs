@@ -1,7 +1,8 @@
 //! Imports between the files of one crate, and the circles among them.
 //!
-//! An arrow from one file to another means that the first declares the second (`mod`), or names something that is defined in it: in a `use`,
-//! in a path that begins with `crate`, `self` or `super`, or in a macro. A name that a file only passes on (`pub use`) belongs to the file that
+//! An arrow from one file to another means that the first declares the second (`mod`), or names
+//! something that is defined in it: in a `use`, in a path that begins with `crate`, `self` or
+//! `super`, or in a macro. A name that a file only passes on (`pub use`) belongs to the file that
 //! defines it. Test modules do not count.
 
 use anyhow::{Context, Result};
@@ -150,7 +151,8 @@ struct Collector {
 }
 
 impl Collector {
-    /// `segments` from the crate's root; `None` for what is not of this crate, or local to the file.
+    /// `segments` from the crate's root; `None` for what is not of this crate, or local to the
+    /// file.
     fn path_from_root(&self, segments: &[String]) -> Option<Vec<String>> {
         let mut base = self.module.clone();
         let mut rest = segments;

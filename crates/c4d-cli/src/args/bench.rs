@@ -6,7 +6,8 @@ use std::path::PathBuf;
 
 #[derive(Debug, Subcommand)]
 pub(crate) enum BenchCommand {
-    /// End-point error, rotation, jitter and rendered PSNR of every motion method on synthetic scenes
+    /// End-point error, rotation, jitter and rendered PSNR of every motion method on synthetic
+    /// scenes
     Motion(BenchMotionArgs),
 }
 

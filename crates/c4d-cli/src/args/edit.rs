@@ -25,7 +25,8 @@ Options of selection and actions work in the order in which they stand. Example:
 #[derive(Debug, Args)]
 #[command(after_help = AFTER_HELP)]
 pub(crate) struct EditArgs {
-    /// What to edit: one frame in any format (as c4d propagate --edited), the folder of `c4d freeze`, or a scene, at --time
+    /// What to edit: one frame in any format (as c4d propagate --edited), the folder of
+    /// `c4d freeze`, or a scene, at --time
     #[arg(value_name = "SCENE|FRAME")]
     pub(crate) input: PathBuf,
     /// The edited frame, a 3DGS PLY; NAME.edit.json beside it notes the steps
@@ -72,13 +73,16 @@ impl EditArgs {
 #[derive(Debug, Clone, Args)]
 #[command(next_help_heading = "Edited pictures")]
 pub(crate) struct PictureFlags {
-    /// Folder with the edited pictures of `c4d freeze --views`: PNG or JPEG, names and sizes as they were
+    /// Folder with the edited pictures of `c4d freeze --views`: PNG or JPEG, names and sizes as
+    /// they were
     #[arg(long, value_name = "DIR")]
     pub(crate) views: Option<PathBuf>,
-    /// Cameras of the pictures [default: `cameras.json` in the folder of the pictures, else in that of the frame]
+    /// Cameras of the pictures [default: `cameras.json` in the folder of the pictures, else in that
+    /// of the frame]
     #[arg(long, value_name = "FILE", requires = "views")]
     pub(crate) cameras: Option<PathBuf>,
-    /// Where the pictures count: `auto`, where they differ from the scene, or a folder with a mask for each picture (white: edited)
+    /// Where the pictures count: `auto`, where they differ from the scene, or a folder with a mask
+    /// for each picture (white: edited)
     #[arg(long, value_name = "DIR|auto", default_value = "auto", requires = "views")]
     pub(crate) mask: PathBuf,
     /// Steps of the fit, one picture each
@@ -91,7 +95,8 @@ pub(crate) struct PictureFlags {
     /// Add and remove no splats, except faint ones
     #[arg(long, requires = "views")]
     pub(crate) no_densify: bool,
-    /// The picture whose colours and position hold where the pictures disagree [default: their mean]
+    /// The picture whose colours and position hold where the pictures disagree [default: their
+    /// mean]
     #[arg(long, value_name = "VIEW", requires = "views")]
     pub(crate) reference: Option<String>,
     /// Take the pictures as they are: do not align them with each other

@@ -10,7 +10,8 @@ use std::path::PathBuf;
 pub(crate) struct ExportArgs {
     /// The dynamic scene or run
     pub(crate) scene: PathBuf,
-    /// What to write [default: as the output is called: .splat4d, .splatv, .usda, .html, .zip, .spz, .splat, .glb, .gltf, .compressed.ply or .ply]
+    /// What to write [default: as the output is called: .splat4d, .splatv, .usda, .html, .zip,
+    /// .spz, .splat, .glb, .gltf, .compressed.ply or .ply]
     #[arg(long, value_enum)]
     pub(crate) to: Option<ExportFormat>,
     /// Folder (ply-seq, compressed-seq) or file
@@ -38,10 +39,12 @@ pub(crate) struct ExportArgs {
         help_heading = "Which frames"
     )]
     pub(crate) time: Option<f32>,
-    /// Frames per second of a clip; a sequence has none, its manifest notes them [default: so that the frames last as long as the clip]
+    /// Frames per second of a clip; a sequence has none, its manifest notes them [default: so that
+    /// the frames last as long as the clip]
     #[arg(long, allow_negative_numbers = true, help_heading = "Which frames")]
     pub(crate) fps: Option<f64>,
-    /// Length of the whole clip [default: that of the scene: its frames at its own rate, or at 30 a second]
+    /// Length of the whole clip [default: that of the scene: its frames at its own rate, or at 30 a
+    /// second]
     #[arg(
         long,
         value_name = "SECONDS",
@@ -49,14 +52,15 @@ pub(crate) struct ExportArgs {
         help_heading = "Which frames"
     )]
     pub(crate) duration: Option<f64>,
-    /// Keep SH up to this degree only [default: all of it; html: 1; splat, splat4d and splatv hold 0]
+    /// Keep SH up to this degree only [default: all of it; html: 1; splat, splat4d and splatv hold
+    /// 0]
     #[arg(long, value_name = "0-3", help_heading = "What is kept")]
     pub(crate) sh_degree: Option<usize>,
     /// ply, ply-seq, zip: leave out the unused normals (12 bytes a splat; some readers need them)
     #[arg(long, help_heading = "What is kept")]
     pub(crate) no_normals: bool,
-    /// splat4d, splatv: largest error of positions as a share of the scene's size [default: splat4d 0.0002; splatv 0.005, of one splat in a
-    /// hundred]
+    /// splat4d, splatv: largest error of positions as a share of the scene's size [default: splat4d
+    /// 0.0002; splatv 0.005, of one splat in a hundred]
     #[arg(
         long,
         value_name = "SHARE",
@@ -76,7 +80,8 @@ pub(crate) struct ExportArgs {
     /// spz: version 3, or 4, which few viewers read yet [default: 3]
     #[arg(long, value_name = "3|4", help_heading = "SPZ")]
     pub(crate) spz_version: Option<u32>,
-    /// spz: axes of the file [default: rub, as the format is described; splat-transform 3 and gsply take ply]
+    /// spz: axes of the file [default: rub, as the format is described; splat-transform 3 and gsply
+    /// take ply]
     #[arg(long, value_enum, help_heading = "SPZ")]
     pub(crate) spz_axes: Option<AxesArg>,
     /// spz: bits of SH coefficients, 1 to 8, or of degree 1 and of those above [default: 5,4]

@@ -17,8 +17,8 @@ pub(crate) struct FreezeArgs {
     /// Cameras to put beside the PLY, as `c4d render --cameras` [default: a rig around the scene]
     #[arg(long, value_name = "PATH")]
     pub(crate) cameras: Option<PathBuf>,
-    /// Render this many views into `views/`, to be edited as pictures for `c4d edit --views`; `cameras.json` then has their cameras [default:
-    /// no pictures]
+    /// Render this many views into `views/`, to be edited as pictures for `c4d edit --views`;
+    /// `cameras.json` then has their cameras [default: no pictures]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1000))]
     pub(crate) views: Option<u16>,
     /// Size of the pictures [default: that of the scene's own cameras, 512x512 for the rig]

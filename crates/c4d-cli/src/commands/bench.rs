@@ -62,7 +62,7 @@ pub(crate) fn motion(args: &BenchMotionArgs, global: &Global, console: &Console)
         let path = folder.path().join(name);
         std::fs::write(&path, text).map_err(|error| Failure::write(&path, &error))
     };
-    let report = Report { scores: &scores, networks: &networks.fits };
+    let report = MotionScores { scores: &scores, networks: &networks.fits };
     write("motion.json", &serde_json::to_string_pretty(&report).map_err(Failure::failed)?)?;
     write("motion.md", &table)?;
     folder.commit().map_err(|error| output_failure(&error))?;
@@ -72,12 +72,13 @@ pub(crate) fn motion(args: &BenchMotionArgs, global: &Global, console: &Console)
 
 /// What is written as JSON.
 #[derive(Debug, Serialize)]
-struct Report<'a> {
+struct MotionScores<'a> {
     scores: &'a [Score],
     networks: &'a [Fit],
 }
 
-/// A network trained on the source of a case: what it misses on the very splats and times it was trained on.
+/// A network trained on the source of a case: what it misses on the very splats and times it was
+/// trained on.
 #[derive(Debug, Serialize)]
 struct Fit {
     case: &'static str,

@@ -86,7 +86,7 @@ pub(crate) fn run(args: &DemoArgs, global: &Global, console: &Console) -> Outcom
     let error = gs_synth::motion_error(opened.scene.as_ref(), &edit.truth, &times)
         .map_err(Failure::failed)?;
     console.note(format!(
-        "true motion is known here: mean error {:.2} % of the figure's size over {} edited splats, 95th percentile {:.2} %",
+        "ground-truth motion is available: mean error {:.2} % of the figure's size over {} edited splats, 95th percentile {:.2} %",
         error.epe, error.num_scored, error.p95
     ));
     let front: Vec<Camera> = cameras.into_iter().take(1).collect();

@@ -51,7 +51,7 @@ pub(crate) fn run(args: &DoctorArgs, global: &Global, console: &Console) -> Outc
     } else {
         console.result(format!("c4d          {}", env!("CARGO_PKG_VERSION")));
         if cfg!(debug_assertions) {
-            console.result("build        debug: some ten times slower than --release");
+            console.result("build        debug: about ten times slower than --release");
         }
         console.result(format!("threads      {threads}"));
         console.result(format!("vector units {}", vector_units.join(", ")));
@@ -88,7 +88,9 @@ fn reason(choice: GpuChoice, device: &Device, adapters: &[AdapterSummary]) -> &'
     match (choice, device) {
         (GpuChoice::Cpu | GpuChoice::Index(_), _) => "as asked with --gpu",
         (GpuChoice::Auto, Device::Gpu(_)) => "the best hardware adapter",
-        (GpuChoice::Auto, Device::Cpu) if adapters.is_empty() => "no adapter found: none is needed",
+        (GpuChoice::Auto, Device::Cpu) if adapters.is_empty() => {
+            "no graphics adapter found; none is needed"
+        }
         (GpuChoice::Auto, Device::Cpu) => {
             "no usable hardware adapter; a software one is slower than the CPU rasteriser"
         }
@@ -119,7 +121,8 @@ fn probe_write(folder: &std::path::Path) -> std::io::Result<()> {
     std::fs::remove_file(&path)
 }
 
-/// Frames per second on the demo's scene; also proves that rendering works, by the picture not being empty.
+/// Frames per second on the demo's scene; also proves that rendering works, by the picture not
+/// being empty.
 fn render_speed(device: &Device) -> Outcome<f64> {
     let params = gs_synth::DemoParams { num_splats: SPLATS, ..gs_synth::DemoParams::default() };
     let scene = gs_synth::demo(&params).map_err(Failure::failed)?;

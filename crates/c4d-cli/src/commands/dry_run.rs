@@ -114,7 +114,7 @@ pub(super) fn show(
     let legend = Fate::ALL.map(|fate| (fate.color(), format!("{} {}", fate.name(), count(fate))));
     images::write_png(&mut file, &path, &caption::with_legend(&joined, &legend))?;
     file.commit().map_err(|error| output_failure(&error))?;
-    console.note(format!("nothing is written but the picture, of time {}; without --dry-run the edit is carried through all of time", args.time));
+    console.note(format!("nothing is written but the picture, of time {}; run without --dry-run to apply the edit at all times", args.time));
     console.result(path.display());
     Ok(())
 }

@@ -87,7 +87,7 @@ fn cameras_of(
     let count = args.views.map(usize::from);
     if let Some(file) = &args.cameras {
         if args.up.is_some() {
-            return Err(Failure::usage("--up is for the rig: the cameras of --cameras have poses")
+            return Err(Failure::usage("--up applies to the built-in cameras only; the cameras of --cameras have their own poses")
                 .next("Leave one of the two out."));
         }
         let stations = cameras::open(file, None, opened, console)?.stations();
@@ -110,7 +110,7 @@ fn cameras_of(
     let up = args.up.map_or(opened.up, crate::args::Up::vector);
     let rig = Rig::of_scene(opened.scene.as_ref(), up).map_err(Failure::bad_input)?;
     placement::warn_if_coarse(&rig.extent, console);
-    let origin = "a rig around the scene: the files name no cameras".to_owned();
+    let origin = "placed around the scene, because its files have no cameras".to_owned();
     if let Some(count) = count {
         return Ok((rig.views(count, args.size.unwrap_or(PICTURE_SIZE)), origin));
     }
@@ -180,7 +180,7 @@ fn visible(splats: Splats, args: &FreezeArgs, console: &Console) -> Outcome<Spla
     let (time, all) = (args.time, splats.len());
     if !args.visible {
         console.note(format!(
-            "{hidden} of {all} splats are invisible at time {time} and appear at others: an edit of all splats in a region changes them, too; --visible leaves them out"
+            "{hidden} of {all} splats are invisible at time {time} and appear at others: an edit of a region changes them too; --visible leaves them out"
         ));
         return Ok(splats);
     }

@@ -228,7 +228,7 @@ fn camera_set(path: &Path) -> Outcome<Report> {
         }
     }
     match set.times().as_slice() {
-        [] => report.add("times", json!("none: every camera looks at every time")),
+        [] => report.add("times", json!("none: each camera can be used at any time")),
         [only] => report.add("times", json!([short(*only)])),
         [first, .., last] => {
             report.add("times", json!([short(*first), short(*last)]));
@@ -301,9 +301,9 @@ fn folder(path: &Path, parts: &[(String, SceneKind)]) -> Report {
     report.add(
         "next",
         json!(if sorted_anew {
-            "Each is a frame of its own: SOG sorts every frame anew, so that they are no moving scene. Export the sequence as PLY."
+            "Each file is a separate frame: SOG sorts the splats of every frame anew, so rows do not persist. Export the sequence as PLY."
         } else {
-            "c4d info of what it holds says more; give that path to the other commands, too."
+            "Run c4d info on one of these paths for details; the other commands need that path too."
         }),
     );
     report
@@ -341,7 +341,7 @@ fn cameras_of_model(path: &Path) -> String {
         Ok(Some(source)) => {
             format!("{} in {} (--cameras this)", source.format, source.root.display())
         }
-        Ok(None) => "none: a rig around the scene stands in".to_owned(),
+        Ok(None) => "none: cameras around the scene are used instead".to_owned(),
         Err(error) => format!("none, a rig stands in: {}", chain(&error)),
     }
 }

@@ -1,4 +1,5 @@
-//! Pictures of one frame that show which splats are meant: a view that shows them, and their colours.
+//! Pictures of one frame that show which splats are meant: a view that shows them, and their
+//! colours.
 
 use crate::caption::Rgb;
 use crate::device::Device;
@@ -14,7 +15,8 @@ const PANEL: (u32, u32) = (640, 480);
 const SCOUT: (u32, u32) = (160, 120);
 /// Views around an object among which the picture's is chosen.
 const VIEWS: usize = 8;
-/// Another view is taken only if the front shows less than this share of the marked splats that it shows.
+/// Another view is taken only if the front shows less than this share of the marked splats that it
+/// shows.
 const FRONT_SHARE: f64 = 0.5;
 
 pub(super) fn render(
@@ -46,7 +48,8 @@ fn in_colors(splats: &Splats, color: impl Fn(usize) -> Rgb) -> Splats {
     }
 }
 
-/// The front view, or of those around an object the one that shows most of the marked splats, if the front hides it.
+/// The front view, or of those around an object the one that shows most of the marked splats, if
+/// the front hides it.
 pub(super) fn view(
     rig: &Rig,
     splats: &Splats,

@@ -6,7 +6,6 @@ use crate::console::Console;
 use crate::edited_axes;
 use crate::failure::{Failure, Outcome, chain};
 use crate::field::NetworkField;
-use crate::instead::{self, Needed};
 use crate::model_flags::damage;
 use crate::output::{existing, output_failure, refuse_overlap};
 use crate::ply_comments::TIME_COMMENT;
@@ -15,6 +14,7 @@ use crate::scene::{self, Opened};
 use crate::settings::{
     AnchorSettings, KnnSettings, PropagateJob, RefineSettings, Settings, TransportSettings,
 };
+use crate::suggestion::{self, Needed};
 use crate::{frames, memory, placement};
 use amg::{MotionGuide, MotionOptions, MotionReport, Preset, Propagation};
 use clap::ValueEnum;
@@ -101,7 +101,7 @@ pub(crate) fn propagate(
         .map_err(|error| output_failure(&error))?;
     let (edited, motion) = (Arc::new(edited), Instant::now());
     let propagation = {
-        let stage = Mutex::new(None::<(&'static str, crate::progress::Progress)>);
+        let stage = Mutex::new(None::<(&'static str, crate::progress::StageProgress)>);
         let progress = |name: &'static str, fraction: f32| {
             let Ok(mut current) = stage.lock() else { return };
             if current.as_ref().is_none_or(|(running, _)| *running != name)
@@ -226,7 +226,7 @@ fn read_edited(
     let (path, time, sh_degree) = (args.edited.as_path(), args.time, source.sh_degree);
     let frame = gs_io::frame::read_file(path).map_err(|error| {
         let failure = scene::bad_input(&error);
-        match instead::of(path, Needed::Frame).filter(|_| path.is_dir()) {
+        match suggestion::for_path(path, Needed::Frame).filter(|_| path.is_dir()) {
             Some(next) => failure.next(next),
             None => failure,
         }

@@ -119,7 +119,7 @@ fn resumed(args: &RefineArgs, checkpoint: Checkpoint, console: &Console) -> Outc
             args.run.display(),
             other.join(", ")
         ))
-        .next("Leave these flags out: --resume takes them from the checkpoint. Without --resume the refinement starts anew."));
+        .next("Leave these flags out: --resume takes them from the checkpoint. Without --resume the refinement starts again."));
     }
     let step = state.as_ref().map_or(0, |state| state.step);
     console.note(format!("going on from step {step} with the flags of the checkpoint"));
@@ -167,7 +167,7 @@ pub(crate) fn check(
         memory::require(
             &format!("--memory {asked}"),
             (asked as u64).saturating_mul(memory::MIB),
-            "Give less: images that do not fit are made again, or fewer are drawn.",
+            "Give a smaller value: images that do not fit are rendered again, or fewer are used.",
         )?;
     }
     if let Some(path) = &flags.refine_cameras {
@@ -266,7 +266,7 @@ pub(crate) fn refine(run: &Path, begun: Checkpoint, global: &Global, console: &C
             chain(&error)
         ))
         .next(
-            "The run or its source has changed: leave out --resume, and the refinement starts anew.",
+            "The run or its source has changed: leave out --resume, and the refinement starts again.",
         ),
         (_, error) => Failure::failed(format!("{}: {}", run.display(), chain(&error))),
     })?;
@@ -425,10 +425,10 @@ fn cameras(flags: &RefineFlags, loaded: &Run, console: &Console) -> Outcome<(Vec
         Layout::Forward => {
             let mut cameras = vec![rig.front(size)];
             cameras.extend(rig.spiral(RIG_CAMERAS - 1, size));
-            (cameras, "where a capture of this scene would have stood")
+            (cameras, "placed as a capture of this scene would be")
         }
     };
-    console.note(format!("no cameras given: {} views {what}", cameras.len()));
+    console.note(format!("no cameras given: using {} views {what}", cameras.len()));
     let name =
         |(i, camera): (usize, Camera)| Camera { name: format!("{}_{i:02}", camera.name), ..camera };
     Ok((cameras.into_iter().enumerate().map(name).collect(), "rig".to_owned()))
@@ -443,11 +443,11 @@ fn tell(report: &Report, changed: usize, cameras: &[Camera], console: &Console) 
     if stats.masked > 0 {
         let reasons = stats.reasons();
         console.note(format!(
-            "{:.1} % of the edited pixels look like artifacts; frame 1 shows the surface of {:.1} % of them, the splats of {:.1} %{}{reasons}",
+            "{:.1} % of the edited pixels look like artifacts; frame 1 shows the surface of {:.1} % of them, and the splats of {:.1} %{}{reasons}",
             share(stats.masked, stats.live),
             share(stats.surface, stats.masked),
             share(stats.splat_colors, stats.masked),
-            if reasons.is_empty() { "" } else { "; of the others it tells nothing: " },
+            if reasons.is_empty() { "" } else { "; the others have no supervision: " },
         ));
     }
     console.note(format!(

@@ -5,12 +5,12 @@ mod views;
 pub(crate) use views::Views;
 
 use super::export::say;
+use crate::animated_image::{AnimatedImage, GIF_MAX_FPS, GifWriter, WebpWriter};
 use crate::args::{Format, Global, Pass, RenderArgs};
 use crate::console::Console;
 use crate::device::Device;
 use crate::failure::{Failure, Outcome};
 use crate::frames::{self, Timing};
-use crate::loops::{GIF_MAX_FPS, GifWriter, LoopWriter, WebpWriter};
 use crate::output::{existing, output_failure, refuse_overlap};
 use crate::passes::{self, PassImage};
 use crate::renderer::{self, Renderer};
@@ -55,7 +55,9 @@ pub(crate) fn run(args: &RenderArgs, global: &Global, console: &Console) -> Outc
     let views = views::views(args, &opened, &mut times, console)?;
     let fps = timing.fps(&opened, &times)?;
     if playing && times.len() == 1 {
-        console.note("one frame does not play: --frames gives more, --cameras orbit walks around");
+        console.note(
+            "a video of one frame: --frames N renders more times, --cameras orbit more views",
+        );
     }
     for camera in views.cameras() {
         camera.check().map_err(Failure::bad_input)?;
@@ -107,13 +109,13 @@ fn format_of(output: &Path) -> Outcome<Format> {
         Some("gif") => Ok(Format::Gif),
         Some("png") => Ok(Format::Sheet),
         Some(name @ ("exr" | "npy" | "flo")) => Err(Failure::usage(format!(
-            "{}: one {name} file holds one image, and a render has many",
+            "{}: a {name} file holds one image, but there are several to write",
             output.display()
         ))
         .next(format!("Give a folder: --format {name} -o FOLDER."))),
         Some(name) if name.len() < 5 && !name.bytes().any(|byte| byte.is_ascii_digit()) => {
-            Err(Failure::usage(format!("{name} is no format of c4d render"))
-                .next("Videos are .mp4, loops .webp or .gif; images go into a folder as png, exr, npy or flo (--format png for a folder with a dot in its name)."))
+            Err(Failure::usage(format!("unsupported format `{name}`; expected png, exr, npy, flo, mp4, webp, gif or sheet"))
+                .next("Videos are .mp4, .webp or .gif. Images go into a folder (use --format png for a folder with a dot in its name)."))
         }
         _ => Ok(Format::Png),
     }
@@ -139,7 +141,7 @@ impl Shot<'_> {
             let what = if empty == count {
                 "no image shows".to_owned()
             } else {
-                format!("{empty} of {count} images do not show")
+                format!("{empty} of {count} images show none")
             };
             self.console
                 .warn(format!("{what} any of the scene's splats: do the cameras belong to it?"));
@@ -232,7 +234,7 @@ fn stills(args: &RenderArgs, global: &Global, shot: &Shot<'_>, format: Format) -
     if format == Format::Png && args.passes.contains(&Pass::Depth) {
         depth_range = depth_extent(shot)?;
         shot.console.note(format!(
-            "depth is stretched: black is {}, white {}",
+            "depth is scaled: black is {}, white is {}",
             depth_range.0, depth_range.1
         ));
     }
@@ -399,21 +401,23 @@ fn looping(
     let path = &args.output;
     let mut file =
         Some(AtomicFile::create(path, existing(global)).map_err(|error| output_failure(&error))?);
-    let mut writer: Option<LoopWriter<AtomicFile>> = None;
+    let mut writer: Option<AnimatedImage<AtomicFile>> = None;
     shot.render(|exposure| {
         let image = exposure.image(Pass::Rgb);
         let (width, height) = (image.width, image.height);
         if let Some(file) = file.take() {
             writer = Some(match format {
-                Format::Gif => LoopWriter::Gif(GifWriter::new(file, path, width, height, fps)?),
-                _ => LoopWriter::Webp(Box::new(WebpWriter::new(file, path, width, height, fps)?)),
+                Format::Gif => AnimatedImage::Gif(GifWriter::new(file, path, width, height, fps)?),
+                _ => {
+                    AnimatedImage::Webp(Box::new(WebpWriter::new(file, path, width, height, fps)?))
+                }
             });
         }
         writer.as_mut().map_or(Ok(()), |writer| writer.push(&image.to_bytes()))
     })?;
     let file = match writer {
         Some(writer) => writer.finish()?,
-        None => return Err(Failure::usage("a loop needs at least one frame")),
+        None => return Err(Failure::usage("an animated image needs at least one frame")),
     };
     file.commit().map_err(|error| output_failure(&error))?;
     shot.console.note(frames::playing(shot.times.len(), fps));
@@ -431,12 +435,10 @@ fn losses(format: Format, args: &RenderArgs, frames: usize, fps: f64) -> Losses 
             losses.push("sides are even: an odd last column or row is cut");
         }
         Format::Gif => {
-            losses.push(
-                "255 colours a frame, dithered; changes of up to 3 of 255 steps are not drawn",
-            );
+            losses.push("255 colours a frame, dithered; changes of at most 3/255 are not drawn");
             if fps > GIF_MAX_FPS {
                 losses.push(format!(
-                    "{} frames a second become {GIF_MAX_FPS}: browsers play no faster",
+                    "{} frames a second become {GIF_MAX_FPS}, the fastest that browsers play",
                     rates::rounded(fps)
                 ));
             } else {
@@ -447,9 +449,9 @@ fn losses(format: Format, args: &RenderArgs, frames: usize, fps: f64) -> Losses 
             losses.push("8 bits a channel, else exact; times are thousandths of a second");
         }
         Format::Png => {
-            losses.push("8 bits a channel; values are cut to 0 … 1");
+            losses.push("8 bits a channel; values are clipped to 0–1");
             if args.passes.contains(&Pass::Depth) {
-                losses.push("depth is stretched over its range");
+                losses.push("depth is scaled to its range");
             }
             if args.passes.contains(&Pass::Flow) {
                 losses.push("flow is shown as colours");
@@ -458,7 +460,7 @@ fn losses(format: Format, args: &RenderArgs, frames: usize, fps: f64) -> Losses 
         Format::Sheet if frames > 1 => {
             losses.push("8 bits a channel, reduced in size, twelve frames at most");
         }
-        Format::Sheet => losses.push("8 bits a channel; values are cut to 0 … 1"),
+        Format::Sheet => losses.push("8 bits a channel; values are clipped to 0–1"),
         Format::Exr | Format::Npy | Format::Flo => {}
     }
     losses

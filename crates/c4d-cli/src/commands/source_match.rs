@@ -71,7 +71,7 @@ pub(crate) fn fit(
         edited = map.restore_in_place(frame, &placed);
     } else if args.align {
         console.warn(format!(
-            "--align: {} is not the scene turned, scaled or moved as a whole; nothing is undone",
+            "--align: {} is not a rotated, scaled or translated copy of the scene; nothing to undo",
             args.edited.display()
         ));
     }
@@ -275,7 +275,7 @@ fn refuse_other_scene(
         away / size,
         ratio
     ))
-    .next("Edit the PLY that c4d freeze writes, in the same coordinates; --allow-far goes on regardless."))
+    .next("Edit the PLY that c4d freeze writes, in the same coordinates; --allow-far continues anyway."))
 }
 
 /// The PLY inside a model folder is canonical, not a frame: an edit of it would move twice.
@@ -308,7 +308,7 @@ fn refuse_canonical(
         return Ok(());
     }
     Err(Failure::bad_input(format!(
-        "{} is an edit of the model's own point_cloud.ply, which is canonical: no frame of the scene looks like it",
+        "{} is an edit of the model's own point_cloud.ply, which is canonical and not a frame of the scene",
         args.edited.display()
     ))
     .next(format!("Write the frame with c4d freeze {} -o DIR and edit DIR/point_cloud.ply.", args.scene.display())))
@@ -328,7 +328,7 @@ fn complete(
     if map.matched() == 0 {
         if args.keep_rest {
             return Err(Failure::usage(format!(
-                "--keep-rest: no splat of {file} is the scene's at time {time}, so there is no rest"
+                "--keep-rest: no splat of {file} matches the scene at time {time}, so there is nothing to add"
             ))
             .next("Leave out --keep-rest, or give the time at which the selection was saved with --time."));
         }
@@ -353,7 +353,7 @@ fn complete(
     };
     if selection_only && !args.keep_rest {
         console.warn(format!(
-            "{file} has {} of the scene's {num_shown} visible splats; the other {} are removed at all times. If only a selection was saved, --keep-rest keeps the rest",
+            "{file} has {} of the scene's {num_shown} visible splats; the other {} are removed at all times. If only a selection was saved, --keep-rest adds the rest",
             num_shown - shown.len(),
             shown.len()
         ));

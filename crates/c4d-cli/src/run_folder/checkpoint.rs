@@ -1,4 +1,5 @@
-//! `refine.state`: the checkpoint of an unfinished refinement, as safetensors, with the flags it was begun with.
+//! `refine.state`: the checkpoint of an unfinished refinement, as safetensors, with the flags it
+//! was begun with.
 
 use super::REFINE_STATE;
 use crate::args::{PresetArg, RefineFlags};
@@ -141,7 +142,7 @@ impl Checkpoint {
 
 fn damaged(path: &Path, what: &str) -> Failure {
     Failure::bad_input(format!("{}: {what}", path.display()))
-        .next("Leave out --resume: the refinement starts anew.")
+        .next("Leave out --resume: the refinement starts again.")
 }
 
 #[cfg(test)]

@@ -8,7 +8,8 @@ use std::path::PathBuf;
 
 /// Bytes read of a file in the middle of a long sequence.
 const SAMPLE: usize = 1 << 20;
-/// Lists up to this long are hashed whole; of longer ones, the first and last file are, and the others by size and start.
+/// Lists up to this long are hashed whole; of longer ones, the first and last file are, and the
+/// others by size and start.
 const MAX_WHOLE_FILES: usize = 8;
 
 /// SHA-256 over the files: whole content of a few, sizes and starts of many.

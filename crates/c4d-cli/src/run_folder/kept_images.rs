@@ -1,8 +1,9 @@
-//! `refine.images`: the images that an unfinished refinement has made, so that `--resume` does not render them again.
+//! `refine.images`: the images that an unfinished refinement has made, so that `--resume` does not
+//! render them again.
 //!
-//! A line of JSON that says what they were made from, then per image: view and length (u64), the time's bits and a CRC-32 (u32), bytes.
-//! Little-endian.
-//! It only grows, so a process that is killed leaves at most its last image in part, which is left out.
+//! A line of JSON that says what they were made from, then per image: view and length (u64), the
+//! time's bits and a CRC-32 (u32), bytes. Little-endian. It only grows, so a process that is killed
+//! leaves at most its last image in part, which is left out.
 
 use super::REFINE_IMAGES;
 use crate::failure::{Failure, Outcome};

@@ -1,4 +1,5 @@
-//! The run folder: everything `c4d propagate` made, small, and enough to open the edited scene again.
+//! The run folder: everything `c4d propagate` made, small, and enough to open the edited scene
+//! again.
 //!
 //! | file | content |
 //! |---|---|

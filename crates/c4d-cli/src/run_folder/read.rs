@@ -30,7 +30,7 @@ impl RunFiles {
             let file = path.join(name);
             let bytes = gs_io::read_file(&file).map_err(|error| {
                 Failure::bad_input(format!("cannot read {}: {error}", file.display()))
-                    .next("A run folder holds scene.c4d, c4d.toml and run.json; write it anew with c4d propagate.")
+                    .next("A run folder contains scene.c4d, c4d.toml and run.json; write it again with c4d propagate.")
             })?;
             match gs_io::UnsupportedFormat::stand_in(&bytes) {
                 Some(found) => Err(Failure::bad_input(format!(
@@ -57,5 +57,5 @@ impl RunFiles {
 /// Failure for a file of a run that does not hold what it should.
 pub(crate) fn damaged(path: &Path, name: &str, what: &str) -> Failure {
     Failure::bad_input(format!("{}: {what}", path.join(name).display()))
-        .next("The file is damaged or of another version; write the run anew with c4d propagate.")
+        .next("The file is damaged or of another version; run c4d propagate again.")
 }

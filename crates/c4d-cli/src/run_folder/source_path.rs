@@ -15,7 +15,7 @@ pub(super) fn locate(run: &Path, config: &RunConfig) -> Outcome<PathBuf> {
         return Ok(config.source.clone());
     }
     Err(Failure::bad_input(format!(
-        "the source scene of {} is gone: neither {} nor {} exists",
+        "the source scene of {} is missing: neither {} nor {} exists",
         run.display(),
         beside.display(),
         config.source.display()

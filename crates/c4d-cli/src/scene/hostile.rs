@@ -1,4 +1,5 @@
-//! Run folders whose files are damaged: each opens, or is refused with an error; none ends the process.
+//! Run folders whose files are damaged: each opens, or is refused with an error; none ends the
+//! process.
 
 use super::open;
 use crate::args::{Cli, Command, PresetArg, RefineFlags};
@@ -25,7 +26,8 @@ impl Numbers {
     }
 }
 
-/// Bytes overwritten, digits mostly near the start, where headers are; parts left out or doubled; the end cut off.
+/// Bytes overwritten, digits mostly near the start, where headers are; parts left out or doubled;
+/// the end cut off.
 fn damaged(bytes: &[u8], numbers: &mut Numbers) -> Vec<u8> {
     let mut bytes = bytes.to_vec();
     for _ in 0..=numbers.next(3) {

@@ -5,11 +5,11 @@ use crate::args::Global;
 use crate::console::Console;
 use crate::failure::{Failure, Outcome};
 use crate::field::Network;
-use crate::instead::{self, Needed};
 use crate::model_flags::{damage, overrides};
 use crate::passes::Mask;
 use crate::ply_comments::{fps_of, up_of};
 use crate::run_folder::{CONFIG, RefineConfig, RunFiles, SCENE, fingerprint};
+use crate::suggestion::{self, Needed};
 use amg::RowKind;
 use gs_core::DynamicScene;
 use gs_io::checkpoint4dgs;
@@ -44,10 +44,10 @@ pub(crate) fn refuse_model_flags(path: &Path) -> Outcome {
     match gs_io::detect(path) {
         Ok(kind) if !matches!(kind, SceneKind::Model4dgs | SceneKind::Swift4d) => {
             Err(Failure::usage(format!(
-                "--iteration and --set are for model folders; {} is none ({kind})",
+                "--iteration and --set apply to model folders; {} is not one ({kind})",
                 path.display()
             ))
-            .next("Leave them out. A run notes those of its source."))
+            .next("Leave them out. A run records those of its source."))
         }
         _ => Ok(()),
     }
@@ -90,9 +90,9 @@ fn open_within(
             "{} holds cameras ({format}) and no splats",
             path.display()
         ))
-        .next("Give the model that was trained on it as SCENE, and this with --cameras.")),
+        .next("Give the model trained on it as SCENE, and this path with --cameras.")),
         kind => {
-            let next = match (instead::of(path, Needed::Scene), &kind) {
+            let next = match (suggestion::for_path(path, Needed::Scene), &kind) {
                 (Some(next), _) => next,
                 (None, SceneKind::Unsupported(format)) => format.next.to_owned(),
                 (None, _) => SCENES.to_owned(),
@@ -109,9 +109,8 @@ fn open_model(path: &Path, kind: SceneKind, global: &Global, console: &Console) 
     let read = if swift4d { swift4d::open } else { checkpoint4dgs::open };
     let model = read(path, &overrides).map_err(|error| match &error {
         // The file is there, so flags decide.
-        IoError::Content { path, .. } if path.is_file() => bad_input(&error).next(
-            "Flags are given as --set FLAG=VALUE, several by repeating it; c4d --help lists them.",
-        ),
+        IoError::Content { path, .. } if path.is_file() => bad_input(&error)
+            .next("Give flags as --set FLAG=VALUE, repeated for several; c4d --help lists them."),
         _ => bad_input(&error),
     })?;
     let report = &model.report;
@@ -216,7 +215,7 @@ fn open_sequence(path: &Path, global: &Global, console: &Console) -> Outcome<Ope
     let drift = sequence.row_drift().map_err(|error| bad_input(&error))?;
     if drift > MAX_DRIFT {
         console.warn(format!(
-            "{}: rows hardly persist from frame to frame (they move {:.0} % of the distance of unrelated rows): frames that an editor or converter sorted anew make no scene",
+            "{}: rows hardly persist from frame to frame (they move {:.0} % of the distance of unrelated rows): frames whose rows an editor or converter sorted again are not a scene",
             path.display(),
             100.0 * drift
         ));
@@ -315,7 +314,7 @@ fn open_run_within(
     if runs.contains(&real) {
         return Err(Failure::bad_input(format!("the run {} is its own source", path.display()))
             .next(format!(
-                "Correct `source` in {}, or write the run anew with c4d propagate.",
+                "Correct `source` in {}, or run c4d propagate again.",
                 path.join(CONFIG).display()
             )));
     }

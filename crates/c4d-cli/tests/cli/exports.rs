@@ -1,4 +1,5 @@
-//! Animated exports and loops as users write them; a `.splatv` is a scene again; options that make no sense are refused.
+//! Animated exports and loops as users write them; a `.splatv` is a scene again; options that make
+//! no sense are refused.
 
 use crate::support::{c4d, failure, fixture, success};
 use std::fs;

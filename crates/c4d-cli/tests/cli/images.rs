@@ -1,5 +1,6 @@
-//! What `c4d render` writes, decoded here from the byte layouts: EXR, NumPy, Middlebury and PNG files show the same values, and the
-//! samples of an MP4, taken out of its boxes, decode to the same pictures.
+//! What `c4d render` writes, decoded here from the byte layouts: EXR, NumPy, Middlebury and PNG
+//! files show the same values, and the samples of an MP4, taken out of its boxes, decode to the
+//! same pictures.
 
 use crate::support::{c4d, fixture, success};
 use std::fs;

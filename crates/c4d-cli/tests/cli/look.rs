@@ -179,7 +179,7 @@ fn contradictory_and_useless_times_are_refused() {
         assert!(!out.exists(), "nothing is written");
     };
     let three = ["--frames", "3", "--fps", "5", "--duration", "2"];
-    refused(&three, "a.mp4", "two of them say the third");
+    refused(&three, "a.mp4", "any two determine the third");
     refused(&["--duration", "0"], "a.mp4", "--duration 0: expected seconds");
     refused(&["--duration", "-1"], "a.mp4", "expected seconds");
     refused(&["--duration", "nan"], "a.mp4", "expected seconds");
@@ -199,10 +199,10 @@ fn flags_that_would_do_nothing_are_refused() {
         assert!(!out.exists(), "nothing is written");
     };
     let given = ["--cameras", path(&cameras), "--up", "y"];
-    refused(&[&["render"], &given[..]].concat(), "--up is for front, orbit and spiral");
-    refused(&[&["freeze"], &given[..]].concat(), "--up is for the rig");
-    refused(&["render", "--iteration", "7"], "--iteration and --set are for model folders");
-    refused(&["export", "--to", "ply-seq", "--set", "no_dx=true"], "are for model folders");
+    refused(&[&["render"], &given[..]].concat(), "--up applies to front, orbit and spiral only");
+    refused(&[&["freeze"], &given[..]].concat(), "--up applies to the built-in cameras only");
+    refused(&["render", "--iteration", "7"], "--iteration and --set apply to model folders");
+    refused(&["export", "--to", "ply-seq", "--set", "no_dx=true"], "apply to model folders");
 }
 
 #[test]

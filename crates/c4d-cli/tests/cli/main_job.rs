@@ -1,4 +1,5 @@
-//! The main job end to end, as a user runs it, on a small synthetic scene with known truth and on a small 4DGS model.
+//! The main job end to end, as a user runs it, on a small synthetic scene with known truth and on a
+//! small 4DGS model.
 
 use crate::support::{c4d, fixture, listing, success};
 use gs_core::{DynamicScene, Splats};
@@ -219,7 +220,8 @@ pub(crate) fn recoloured(model: &Path, folder: &Path, edited: &Path) {
     ply::write_file(edited, &splats, &ply::WriteOptions::default(), Existing::Refuse).unwrap();
 }
 
-/// Colours of edited rows may change, nothing else; and `c4d refine` is the stage of `c4d propagate`.
+/// Colours of edited rows may change, nothing else; and `c4d refine` is the stage of
+/// `c4d propagate`.
 #[test]
 fn refinement_touches_edited_colours_only() {
     let folder = tempfile::tempdir().unwrap();

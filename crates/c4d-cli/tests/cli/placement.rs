@@ -1,4 +1,5 @@
-//! A scene of any size, anywhere, is seen: pictures of scaled and moved copies through rigs, and through cameras that go with them.
+//! A scene of any size, anywhere, is seen: pictures of scaled and moved copies through rigs, and
+//! through cameras that go with them.
 
 use crate::support::{c4d, failure, fixture, listing, success};
 use gs_core::image_formation::NEAR_PLANE;
@@ -145,7 +146,8 @@ fn a_model_seen_through_its_training_cameras_keeps_the_reference_near_plane() {
     let ModelScene::Deformed(scene) = opened.scene else { panic!("a deformed model") };
     let splats = gs_core::DynamicScene::at(scene.as_ref(), 0.0).unwrap();
     let extent = Extent::of(&splats);
-    // Before the most opaque splat, nearer than the near plane of the reference, farther than the scene's.
+    // Before the most opaque splat, nearer than the near plane of the reference, farther than the
+    // scene's.
     let row = |a: &usize, b: &usize| splats.opacity(*a).total_cmp(&splats.opacity(*b));
     let row = (0..splats.len()).max_by(row).unwrap();
     let [x, y, z] = splats.means[row].map(f64::from);

@@ -1,4 +1,5 @@
-//! A Swift4D model folder from `info` to an edited scene, and what is said when something about it is missing.
+//! A Swift4D model folder from `info` to an edited scene, and what is said when something about it
+//! is missing.
 
 use crate::support::{c4d, failure, fixture, listing, success};
 use gs_core::{DynamicScene, Splats};

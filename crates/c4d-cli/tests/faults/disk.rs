@@ -4,7 +4,8 @@ use crate::support::{failure, listing};
 use crate::workshop::Workshop;
 use std::process::Command;
 
-/// Runs a command that cannot write a byte to any file, and hears of it as an error: so it is on a disk without room.
+/// Runs a command that cannot write a byte to any file, and hears of it as an error: so it is on a
+/// disk without room.
 fn limited(command: &Command) -> assert_cmd::Command {
     let mut shell = assert_cmd::Command::new("bash");
     let script = "trap '' XFSZ; ulimit -f 0; exec \"$0\" \"$@\"";
@@ -12,7 +13,8 @@ fn limited(command: &Command) -> assert_cmd::Command {
     shell
 }
 
-/// Every command that runs out of room says so, and leaves neither a partial output nor a changed one.
+/// Every command that runs out of room says so, and leaves neither a partial output nor a changed
+/// one.
 #[test]
 fn full_disks_are_errors() {
     let workshop = Workshop::new();

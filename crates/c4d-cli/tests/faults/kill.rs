@@ -11,7 +11,8 @@ fn kills() -> u32 {
     std::env::var("C4D_KILLS").ok().and_then(|text| text.parse().ok()).unwrap_or(4)
 }
 
-/// A share of 1 that looks random, from a counter: the golden ratio's multiples are spread evenly, however many are taken.
+/// A share of 1 that looks random, from a counter: the golden ratio's multiples are spread evenly,
+/// however many are taken.
 fn share(index: u32) -> f64 {
     (f64::from(index) * 0.618_033_988_749_895).fract()
 }
@@ -27,7 +28,8 @@ fn killed_after(command: &mut Command, time: Duration) -> bool {
     done
 }
 
-/// A killed run leaves nothing under its name or everything, and the next run is not disturbed by what else it left.
+/// A killed run leaves nothing under its name or everything, and the next run is not disturbed by
+/// what else it left.
 #[test]
 fn killed_runs_are_absent_or_complete() {
     let workshop = Workshop::new();
@@ -76,7 +78,8 @@ fn killed_runs_are_absent_or_complete() {
     }
 }
 
-/// A refinement killed at any moment leaves a run that opens, goes on to the same bits, and can be replaced.
+/// A refinement killed at any moment leaves a run that opens, goes on to the same bits, and can be
+/// replaced.
 #[test]
 fn killed_refinements_resume_and_are_replaced() {
     let workshop = Workshop::new();

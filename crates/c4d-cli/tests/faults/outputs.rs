@@ -5,7 +5,8 @@ use crate::workshop::{Workshop, content, names};
 use std::fs;
 use std::os::unix::fs::symlink;
 
-/// A file of the user's, at any depth, a changed file of ours, a link: each ends the replacement before it begins.
+/// A file of the user's, at any depth, a changed file of ours, a link: each ends the replacement
+/// before it begins.
 #[test]
 fn folders_with_anything_else_are_kept() {
     let workshop = Workshop::new();
@@ -57,7 +58,8 @@ fn refused(workshop: &Workshop, job: &crate::workshop::Job, expected: &str) {
     assert!(content(&workshop.at(job.output)) == before, "{}: all is kept", job.name);
 }
 
-/// Links are neither replaced nor written through; a link to a folder is a folder to read from and to write into.
+/// Links are neither replaced nor written through; a link to a folder is a folder to read from and
+/// to write into.
 #[test]
 fn links_are_links() {
     let workshop = Workshop::new();

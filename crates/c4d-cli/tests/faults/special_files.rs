@@ -89,7 +89,8 @@ fn numbers_that_are_none_are_refused() {
     fs::write(&config, text).unwrap();
     let scene = workshop.at("run/scene.c4d");
     let mut bytes = fs::read(&scene).unwrap();
-    // safetensors: the length of a JSON header, the header, and tensors at the offsets that it says.
+    // safetensors: the length of a JSON header, the header, and tensors at the offsets that it
+    // says.
     let length = usize::try_from(u64::from_le_bytes(bytes[..8].try_into().unwrap())).unwrap();
     let header: serde_json::Value = serde_json::from_slice(&bytes[8..8 + length]).unwrap();
     let offset = header["edited.means"]["data_offsets"][0].as_u64().unwrap();

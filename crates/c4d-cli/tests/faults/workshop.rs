@@ -113,7 +113,8 @@ pub(crate) fn content(path: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
     found
 }
 
-/// Freezes the small model with view-dependent colours, and writes an edit of it that needs refinement.
+/// Freezes the small model with view-dependent colours, and writes an edit of it that needs
+/// refinement.
 pub(crate) fn recoloured(model: &Path, folder: &Path) -> PathBuf {
     let (frozen, edited) = (folder.join("frozen-model"), folder.join("recoloured.ply"));
     success(&mut c4d([Path::new("freeze"), model, Path::new("-o"), &frozen]));

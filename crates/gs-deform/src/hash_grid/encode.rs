@@ -1,7 +1,7 @@
 //! Features of a panel of points: sixteen lattice corners per level, interpolated.
 //!
-//! Per level, indices and weights of all points come first, in loops that fill vector registers; then table entries are gathered
-//! point by point with nothing left to compute but the sum.
+//! Per level, indices and weights of all points come first, in loops that fill vector registers;
+//! then table entries are gathered point by point with nothing left to compute but the sum.
 
 use super::grid::HashGrid;
 use super::level::Level;
@@ -30,7 +30,8 @@ impl Points {
     }
 }
 
-/// Both neighbours of every point along one coordinate: their terms of the index, and their weights.
+/// Both neighbours of every point along one coordinate: their terms of the index, and their
+/// weights.
 #[derive(Debug, Clone, Copy)]
 struct Taps<const P: usize> {
     terms: [[u32; P]; 2],
@@ -79,7 +80,8 @@ impl Corners {
     }
 }
 
-/// Writes the feature-major panel `[L·F, PANEL]` of points of the unit box at time `t`. Columns without a point are left as they are.
+/// Writes the feature-major panel `[L·F, PANEL]` of points of the unit box at time `t`. Columns
+/// without a point are left as they are.
 #[inline(always)]
 pub(super) fn encode(grid: &HashGrid, points: &Points, t: f32, out: &mut [f32]) {
     match grid.shape().features {

@@ -160,7 +160,8 @@ impl HashGridField {
         let mut work: Vec<(&Segment, Rows<'_>)> = Vec::with_capacity(moving.segments.len());
         for segment in &moving.segments {
             let count = segment.rows.len();
-            // Geometry alone: the appearance arrays of `out` stay as they are and no segment sees them.
+            // Geometry alone: the appearance arrays of `out` stay as they are and no segment sees
+            // them.
             let shown = if appearance { count } else { 0 };
             let rows = Rows {
                 means: means.split_off_mut(..count).expect(FITS),
@@ -202,7 +203,8 @@ impl HashGridField {
         Ok(())
     }
 
-    /// Intermediate values at `inputs`: position in the box and time, `[P, 4]`. Computed by the kernels of the full evaluation.
+    /// Intermediate values at `inputs`: position in the box and time, `[P, 4]`. Computed by the
+    /// kernels of the full evaluation.
     pub fn trace(&self, inputs: &[[f32; 4]]) -> Trace {
         let mut scratch = Scratch::new(self);
         let mut trace = Trace { heads: [const { Some(Vec::new()) }; 5], ..Trace::default() };

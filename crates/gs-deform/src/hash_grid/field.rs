@@ -28,8 +28,9 @@ impl FieldBox {
         if proper { Ok(()) } else { Err(FieldError::Box { maximum, minimum }) }
     }
 
-    /// Position in the box, 0 to 1 on each axis, of a world point; `None` outside, where nothing moves. Faces belong to the box. In
-    /// the order of operations of the reference: points an ulp from a face fall on the same side.
+    /// Position in the box, 0 to 1 on each axis, of a world point; `None` outside, where nothing
+    /// moves. Faces belong to the box. In the order of operations of the reference: points an ulp
+    /// from a face fall on the same side.
     pub fn normalize(&self, mean: [f32; 3]) -> Option<[f32; 3]> {
         let coords: [f32; 3] = std::array::from_fn(|axis| {
             let (min, max) = (self.min[axis], self.max[axis]);
@@ -39,8 +40,8 @@ impl FieldBox {
     }
 }
 
-/// The parts of a network as a checkpoint stores them; [`HashGridField::new`] verifies that they fit. Layers have no biases there:
-/// give zeros.
+/// The parts of a network as a checkpoint stores them; [`HashGridField::new`] verifies that they
+/// fit. Layers have no biases there: give zeros.
 #[derive(Debug, Clone, PartialEq)]
 pub struct HashGridNetwork {
     /// Where the field is defined.

@@ -111,7 +111,8 @@ impl HashGrid {
     /// A grid from its table, `[entries, F]`, levels one after the other.
     ///
     /// # Errors
-    /// If the shape makes no sense, the table does not have its size, or holds values that are not finite.
+    /// If the shape makes no sense, the table does not have its size, or holds values that are not
+    /// finite.
     pub fn new(shape: GridShape, rule: IndexRule, table: Vec<f32>) -> Result<Self, FieldError> {
         shape.check()?;
         let entries = shape.num_entries();

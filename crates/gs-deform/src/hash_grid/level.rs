@@ -1,19 +1,22 @@
 //! One resolution of a hash grid: where a lattice point lies in the table.
 
-/// How lattice points that do not fit a level's table are mapped into it. Two generations of the library that trains such grids
-/// differ on levels whose resolution to the fourth power is a multiple of 2³²; no file says which trained it.
+/// How lattice points that do not fit a level's table are mapped into it. Two generations of the
+/// library that trains such grids differ on levels whose resolution to the fourth power is a
+/// multiple of 2³²; no file says which trained it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum IndexRule {
     /// tiny-cuda-nn from 24 June 2025 on: every level that does not fit is hashed.
     Current,
-    /// tiny-cuda-nn before that date: a running stride that wraps at 2³² decides, so the finest levels may look only at x and y.
+    /// tiny-cuda-nn before that date: a running stride that wraps at 2³² decides, so the finest
+    /// levels may look only at x and y.
     Older,
 }
 
 /// Factors of the spatial hash, one per coordinate x, y, z, t.
 pub(crate) const PRIMES: [u32; 4] = [1, 2_654_435_761, 805_459_861, 3_674_653_429];
 
-/// How coordinates of a lattice point combine to an index, before reduction to the size of the level.
+/// How coordinates of a lattice point combine to an index, before reduction to the size of the
+/// level.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Addressing {
     /// Exclusive or of `q_d · PRIMES[d]`.
@@ -42,8 +45,8 @@ impl Level {
         Self { scale, resolution, start, size, addressing: addressing(resolution, size, rule) }
     }
 
-    /// Cell and position within it of a normalised coordinate. The sum is rounded once: with two roundings, or in double precision,
-    /// fine levels come out different.
+    /// Cell and position within it of a normalised coordinate. The sum is rounded once: with two
+    /// roundings, or in double precision, fine levels come out different.
     #[inline(always)]
     pub fn locate(&self, x: f32) -> (u32, f32) {
         let position = self.scale.mul_add(x, 0.5);
@@ -57,7 +60,8 @@ impl Level {
         (index, position - cell)
     }
 
-    /// Entry within the level of a lattice point (x, y, z, t). Nothing is clamped: points beyond the last plane wrap around.
+    /// Entry within the level of a lattice point (x, y, z, t). Nothing is clamped: points beyond
+    /// the last plane wrap around.
     pub fn index(&self, corner: [u32; 4]) -> u32 {
         let index = (0..4).fold(0, |index, d| self.join(index, self.term(d, corner[d])));
         self.reduce(index)

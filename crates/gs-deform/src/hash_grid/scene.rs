@@ -10,8 +10,9 @@ use std::sync::Arc;
 
 /// Canonical splats, which of them are dynamic, and the field that moves those: a Swift4D model.
 ///
-/// A Gaussian moves if it is declared dynamic *and* its stored centre lies in the field's box; all others are as stored at every
-/// time and cost a copy. The canonical splats are not a frame of the sequence.
+/// A Gaussian moves if it is declared dynamic *and* its stored centre lies in the field's box; all
+/// others are as stored at every time and cost a copy. The canonical splats are not a frame of the
+/// sequence.
 #[derive(Debug, Clone)]
 pub struct HashGridScene {
     canonical: Splats,
@@ -66,8 +67,9 @@ impl HashGridScene {
         })
     }
 
-    /// Declares the frames of the training video: frame `i` of `count` was trained at time `i / divisor`. The scene's times end with
-    /// its last frame: fine levels of the grid hold noise at times that were never trained.
+    /// Declares the frames of the training video: frame `i` of `count` was trained at time
+    /// `i / divisor`. The scene's times end with its last frame: fine levels of the grid hold noise
+    /// at times that were never trained.
     ///
     /// # Errors
     /// If there is no frame, or the last lies beyond time 1.

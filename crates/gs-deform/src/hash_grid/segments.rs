@@ -1,4 +1,5 @@
-//! How the rows of a scene are dealt to threads: contiguous segments with at most a panel of moving rows each.
+//! How the rows of a scene are dealt to threads: contiguous segments with at most a panel of moving
+//! rows each.
 
 use crate::linear::PANEL;
 use std::ops::Range;

@@ -4,7 +4,8 @@ use std::io::Read;
 
 /// What a stream may grow to, whatever its size: small files compress beyond any ratio.
 pub(crate) const FREE: u64 = 16 << 20;
-/// Growth allowed beyond that. Splat data, even of one colour and size, shrink to a twentieth at best.
+/// Growth allowed beyond that. Splat data, even of one colour and size, shrink to a twentieth at
+/// best.
 const MAX_RATIO: u64 = 64;
 
 /// Bytes that `compressed` bytes may become.

@@ -1,4 +1,5 @@
-//! Entries of zip archives as slices of the file: PyTorch checkpoints, whose tensors are never copied.
+//! Entries of zip archives as slices of the file: PyTorch checkpoints, whose tensors are never
+//! copied.
 
 use std::io::Cursor;
 use thiserror::Error;

@@ -1,18 +1,21 @@
 //! Zip archives of stored (uncompressed) entries, written to a stream.
 //!
-//! Real sizes and checksums are in the local headers, so that readers may stream, and every archive of the same content is the same bytes.
+//! Real sizes and checksums are in the local headers, so that readers may stream, and every archive
+//! of the same content is the same bytes.
 
 use std::io::{self, Write};
 
 const END: u32 = 0x0605_4b50;
 const CENTRAL: u32 = 0x0201_4b50;
 const LOCAL: u32 = 0x0403_4b50;
-/// Bytes of the end record without its comment, of a directory entry and of a local header without their names.
+/// Bytes of the end record without its comment, of a directory entry and of a local header without
+/// their names.
 const END_SIZE: usize = 22;
 const CENTRAL_SIZE: usize = 46;
 const LOCAL_SIZE: usize = 30;
 
-/// Writes stored entries one after the other to any stream. Never zip64: what does not fit is an error.
+/// Writes stored entries one after the other to any stream. Never zip64: what does not fit is an
+/// error.
 #[derive(Debug)]
 pub(crate) struct StoredWriter<W: Write> {
     out: W,

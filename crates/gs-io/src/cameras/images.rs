@@ -2,7 +2,8 @@
 
 use std::path::Path;
 
-/// Width and height of an image file, pixels; `None` when there is no such file or it is no PNG or JPEG.
+/// Width and height of an image file, pixels; `None` when there is no such file or it is no PNG or
+/// JPEG.
 pub(super) fn image_size(path: &Path) -> Option<(u32, u32)> {
     let reader = image::ImageReader::open(path).ok()?.with_guessed_format().ok()?;
     reader.into_dimensions().ok()

@@ -1,4 +1,5 @@
-//! Pinhole intrinsics with OpenCV's distortion, which is measured and left out: splats are drawn through pinholes.
+//! Pinhole intrinsics with OpenCV's distortion, which is measured and left out: splats are drawn
+//! through pinholes.
 
 use gs_core::Intrinsics;
 

@@ -1,5 +1,5 @@
-//! NumPy arrays of two dimensions. Their header is a Python dictionary, which this crate reads as data already (`cfg_args`); the usual
-//! library multiplies hostile shapes without a check.
+//! NumPy arrays of two dimensions. Their header is a Python dictionary, which this crate reads as
+//! data already (`cfg_args`); the usual library multiplies hostile shapes without a check.
 
 use super::CamerasError;
 use crate::cfg_args::{self, Value};

@@ -1,6 +1,7 @@
 //! Camera paths of the reference's videos.
 //!
-//! The reference's spiral comes out mirrored left to right (one axis of its average pose points the other way); ours is not.
+//! The reference's spiral comes out mirrored left to right (one axis of its average pose points the
+//! other way); ours is not.
 
 use super::pose::{self, Viewmat};
 use super::poses_bounds::Row;
@@ -9,7 +10,8 @@ use glam::DVec3;
 /// Frames of a spiral.
 pub(super) const SPIRAL_FRAMES: usize = 300;
 
-/// Camera-to-world matrix, OpenGL's axes, of a camera that looks at the origin of a z-up world: `F·R_θ·R_φ·T_z`.
+/// Camera-to-world matrix, OpenGL's axes, of a camera that looks at the origin of a z-up world:
+/// `F·R_θ·R_φ·T_z`.
 pub(super) fn on_sphere(azimuth_rad: f64, elevation_rad: f64, radius: f64) -> [[f64; 4]; 3] {
     let (sin_a, cos_a) = azimuth_rad.sin_cos();
     let (sin_e, cos_e) = elevation_rad.sin_cos();
@@ -24,7 +26,8 @@ pub(super) fn on_sphere(azimuth_rad: f64, elevation_rad: f64, radius: f64) -> [[
     flipped.map(|[x, y, z]| [x, y, z, radius * z])
 }
 
-/// World-to-camera matrices on two turns of a spiral about the average of the poses, focused inside their depth range.
+/// World-to-camera matrices on two turns of a spiral about the average of the poses, focused inside
+/// their depth range.
 pub(super) fn spiral(rows: &[Row]) -> Vec<Viewmat> {
     let count = rows.len().max(1) as f64;
     let mean = |pick: fn(&Row) -> DVec3| rows.iter().map(pick).sum::<DVec3>() / count;
@@ -32,7 +35,8 @@ pub(super) fn spiral(rows: &[Row]) -> Vec<Viewmat> {
     let unit = |v: DVec3, otherwise: DVec3| v.try_normalize().unwrap_or(otherwise);
     let back = unit(mean(|row| row.back), DVec3::Z);
     let mean_up = unit(mean(|row| row.up), DVec3::Y);
-    // This order of operands makes the axis point left, as the reference's does; the offsets below are along it.
+    // This order of operands makes the axis point left, as the reference's does; the offsets below
+    // are along it.
     let left = unit(back.cross(mean_up), DVec3::X);
     let up = left.cross(back);
     let near = 0.9 * rows.iter().map(|row| row.near.min(row.far)).fold(f64::INFINITY, f64::min);

@@ -1,4 +1,5 @@
-//! Camera poses of the formats, turned into world-to-camera matrices with OpenCV's axes (x right, y down, z forward).
+//! Camera poses of the formats, turned into world-to-camera matrices with OpenCV's axes (x right, y
+//! down, z forward).
 
 use glam::{DMat3, DVec3};
 use gs_core::Camera;
@@ -21,7 +22,8 @@ pub(crate) fn from_axes(right: DVec3, down: DVec3, forward: DVec3, centre: DVec3
     viewmat(rotation, -(rotation * centre))
 }
 
-/// From a world-to-camera quaternion (wxyz, any length but zero) and translation. `None` when the quaternion has no direction.
+/// From a world-to-camera quaternion (wxyz, any length but zero) and translation. `None` when the
+/// quaternion has no direction.
 pub(crate) fn from_quaternion(wxyz: [f64; 4], translation: [f64; 3]) -> Option<Viewmat> {
     let norm = wxyz.iter().map(|v| v * v).sum::<f64>().sqrt();
     if !(norm > 0.0 && norm.is_finite()) {
@@ -36,7 +38,8 @@ pub(crate) fn from_quaternion(wxyz: [f64; 4], translation: [f64; 3]) -> Option<V
     Some(viewmat(rotation, translation.into()))
 }
 
-/// From a camera-to-world matrix with OpenGL's axes (x right, y up, z backward), its first three rows.
+/// From a camera-to-world matrix with OpenGL's axes (x right, y up, z backward), its first three
+/// rows.
 pub(crate) fn from_opengl(camera_to_world: &[[f64; 4]; 3]) -> Viewmat {
     let column = |k: usize| DVec3::from(camera_to_world.map(|row| row[k]));
     // Inverted, not transposed: matrices rounded to single are not quite orthonormal.

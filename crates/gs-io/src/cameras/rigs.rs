@@ -1,5 +1,5 @@
-//! Camera rigs with COLMAP poses and one image a camera and time: the multiple-view layout of 4DGaussians, and the frame folders of
-//! MeetRoom and VRU that Swift4D reads.
+//! Camera rigs with COLMAP poses and one image a camera and time: the multiple-view layout of
+//! 4DGaussians, and the frame folders of MeetRoom and VRU that Swift4D reads.
 
 use super::colmap::{Model, image_paths, model_folder, share};
 use super::images::{Sizes, basename, is_image, stem};
@@ -32,7 +32,8 @@ fn time_of(frame: usize, count: usize, reading: Reading) -> f32 {
     }
 }
 
-/// Reads a multiple-view folder: COLMAP's `sparse_` names camera k `image<k>`, whose frames lie in `cam<k>`.
+/// Reads a multiple-view folder: COLMAP's `sparse_` names camera k `image<k>`, whose frames lie in
+/// `cam<k>`.
 pub(super) fn open_multi_view(root: &Path, reading: Reading) -> Result<CameraSet, IoError> {
     let folder = root.join("sparse_");
     let model = Model::read(&folder)?;

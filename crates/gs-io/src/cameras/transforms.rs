@@ -230,7 +230,7 @@ impl Context {
         }
         if self.slip > 1e-4 {
             notes.push(format!(
-                "4DGaussians mistakes the sign of x in these cameras' translations (up to {:.3} world units here) and trains with that; so it is repeated",
+                "4DGaussians reads these cameras' translations with the wrong sign of x (up to {:.3} world units here) and trains with it, so this reader does the same",
                 self.slip
             ));
         }

@@ -38,8 +38,8 @@ pub(super) fn decide(
 ) -> Result<Flags, String> {
     let given =
         [overrides.no_dx, overrides.no_ds, overrides.no_dr, overrides.no_do, overrides.no_dshs];
-    // A file with the network's group of arguments comes from a revision that had no other flags: those it lacks have their
-    // defaults. A file without that group says nothing about the network.
+    // A file with the network's group of arguments comes from a revision that had no other flags:
+    // those it lacks have their defaults. A file without that group says nothing about the network.
     let has_group = cfg.is_some_and(|cfg| cfg.get("net_width").is_some());
     let guess = family(shape).filter(|_| !has_group);
     let mut deform = [false; 5];
@@ -48,7 +48,8 @@ pub(super) fn decide(
         let in_cfg = cfg.and_then(|cfg| cfg.get(name)).and_then(Value::as_bool);
         let (no, origin) = match (given[index], in_cfg, guess) {
             (Some(no), _, _) => (no, Origin::Override),
-            // Before SH were deformed, the opacity that was rendered was the stored one whatever the flag said.
+            // Before SH were deformed, the opacity that was rendered was the stored one whatever
+            // the flag said.
             (None, _, _) if !shape.has_sh_head && index >= 3 => (true, Origin::Inferred),
             (None, Some(no), _) => (no, Origin::CfgArgs),
             (None, None, Some((_, appearance))) if index >= 3 => (!appearance, Origin::FamilyGuess),
@@ -91,7 +92,7 @@ fn decide_grid_pe(
         (true, Some(value), _) => (value, Origin::Override),
         (true, None, Some(value)) => (value, Origin::CfgArgs),
         (true, None, None) => {
-            return Err("its trunk takes encoded features, but nothing says at which frequency; give grid_pe (2 or more, as in training)".to_owned());
+            return Err("its trunk takes encoded features, but their frequency is not recorded; give grid_pe (2 or more, as in training)".to_owned());
         }
     };
     match (shape.encoded, value) {

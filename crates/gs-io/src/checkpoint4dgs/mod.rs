@@ -1,7 +1,7 @@
 //! Model folders of 4DGaussians: canonical PLY, deformation network, flags of the training run.
 //!
-//! Flags that the tensors do not reveal are trusted in this order: override, `cfg_args`, guess from the published
-//! configurations, defaults; [`ModelReport`] says where each came from.
+//! Flags that the tensors do not reveal are trusted in this order: override, `cfg_args`, guess from
+//! the published configurations, defaults; [`ModelReport`] says where each came from.
 
 mod describe;
 mod flags;
@@ -25,8 +25,8 @@ use std::path::Path;
 /// Opens a model folder, or one of its `iteration_<n>` folders.
 ///
 /// # Errors
-/// If files are missing or malformed, or the network is one that the reference implementation cannot evaluate either. Every
-/// error names the file.
+/// If files are missing or malformed, or the network is one that the reference implementation
+/// cannot evaluate either. Every error names the file.
 pub fn open(dir: impl AsRef<Path>, overrides: &Overrides) -> Result<Model, IoError> {
     let Canonical { iteration, splats, mut report, cfg } = read_canonical(dir.as_ref(), overrides)?;
     let scene = match iteration.stage {
@@ -83,7 +83,8 @@ fn read_field(
     Ok((field, shape.has_sh_head))
 }
 
-/// Rows of the table that early revisions did not move, `None` when all move or the (optional) table is missing.
+/// Rows of the table that early revisions did not move, `None` when all move or the (optional)
+/// table is missing.
 fn read_table(
     iteration: &Iteration,
     report: &mut ModelReport,
@@ -105,7 +106,7 @@ fn read_table(
         return Ok(None);
     }
     report.warnings.push(format!(
-        "{} holds {still} Gaussians still, as revisions of autumn 2023 did",
+        "{} marks {still} Gaussians as static, as revisions of autumn 2023 did",
         path.display()
     ));
     let moving = |row: usize| table[row] != 0.0;

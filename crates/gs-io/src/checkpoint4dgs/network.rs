@@ -17,7 +17,8 @@ pub(super) struct Tensors<'a> {
 }
 
 impl<'a> Tensors<'a> {
-    /// Whatever wraps the network is taken off its names. The last of equal names wins, as in Python.
+    /// Whatever wraps the network is taken off its names. The last of equal names wins, as in
+    /// Python.
     pub(super) fn new(tensors: Vec<(String, Tensor<'a>)>) -> Self {
         let known = [format!("{PREFIX}grid.aabb")];
         let tensors = pth::beside(tensors, &[&known[0]]);
@@ -198,8 +199,9 @@ impl<'a> Tensors<'a> {
         }
     }
 
-    /// Whether layer 1 of a head still lies within the bounds of its random initialisation, so that it was never trained; a hint,
-    /// since a head that barely moved lies there too. `None` without such a head.
+    /// Whether layer 1 of a head still lies within the bounds of its random initialisation, so that
+    /// it was never trained; a hint, since a head that barely moved lies there too. `None` without
+    /// such a head.
     pub(super) fn looks_untrained(&self, head: &str, width: usize) -> Option<bool> {
         let largest = |name: &str| {
             let values = self.get(name)?.to_f32s();

@@ -9,12 +9,13 @@ use gs_deform::{Component, HexPlaneNetwork, Linear, Mask, Plane};
 use std::fmt::Write as _;
 use std::path::Path;
 
-/// Writes `canonical` and `network` as iteration `number` of a model folder that the reference implementation and [`super::open`]
-/// read alike: every tensor of the reference is there, those that are never evaluated as zeros.
+/// Writes `canonical` and `network` as iteration `number` of a model folder that the reference
+/// implementation and [`super::open`] read alike: every tensor of the reference is there, those
+/// that are never evaluated as zeros.
 ///
 /// # Errors
-/// If the network has a mask (training runs with one are rare, and nobody needs to write them), `dir` may not be replaced, or
-/// cannot be written.
+/// If the network has a mask (training runs with one are rare, and nobody needs to write them),
+/// `dir` may not be replaced, or cannot be written.
 pub fn write(
     dir: impl AsRef<Path>,
     number: u64,

@@ -2,8 +2,8 @@
 
 /// Splats that share a row of `chunk`.
 pub(super) const CHUNK: usize = 256;
-/// Columns of `chunk`, in the order in which they are written. The colours are missing in files of older tools, whose colours lie
-/// between 0 and 1.
+/// Columns of `chunk`, in the order in which they are written. The colours are missing in files of
+/// older tools, whose colours lie between 0 and 1.
 pub(super) const COLUMNS: [&str; 18] = [
     "min_x",
     "min_y",

@@ -1,8 +1,9 @@
 //! PlayCanvas compressed PLY: what SuperSplat and `splat-transform` write, 16 bytes a splat.
 //!
-//! Elements `chunk` (one row per 256 splats: smallest and largest centre, log-scale and colour), `vertex` (four packed words a splat)
-//! and, above SH degree 0, `sh` (one byte a coefficient). Within a chunk, centres and log-scales have 11, 10 and 11 bits, colours and
-//! opacities 8, the three smaller components of the quaternion 10.
+//! Elements `chunk` (one row per 256 splats: smallest and largest centre, log-scale and colour),
+//! `vertex` (four packed words a splat) and, above SH degree 0, `sh` (one byte a coefficient).
+//! Within a chunk, centres and log-scales have 11, 10 and 11 bits, colours and opacities 8, the
+//! three smaller components of the quaternion 10.
 
 mod layout;
 mod pack;

@@ -30,7 +30,8 @@ pub(super) fn from_vector(word: u32) -> [f32; 3] {
     [from_unorm(word, 21, BITS[0]), from_unorm(word, 11, BITS[1]), from_unorm(word, 0, BITS[2])]
 }
 
-/// A quaternion `wxyz`: slot of its largest component in the top bits, then the others, 10 bits each.
+/// A quaternion `wxyz`: slot of its largest component in the top bits, then the others, 10 bits
+/// each.
 pub(super) fn rotation(quat: [f32; 4]) -> u32 {
     let (largest, others) = without_largest(quat);
     let slot = u32::try_from(largest).unwrap_or_default();

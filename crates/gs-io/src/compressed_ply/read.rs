@@ -226,7 +226,8 @@ impl Range {
         })
     }
 
-    /// Half a step per axis, with what single precision adds; all of a range that writers take for a single value.
+    /// Half a step per axis, with what single precision adds; all of a range that writers take for
+    /// a single value.
     fn half_steps(&self, bits: [u32; 3]) -> [f32; 3] {
         std::array::from_fn(|axis| {
             let magnitude = self.min[axis].abs().max(self.max[axis].abs());

@@ -16,13 +16,13 @@ pub struct WriteOptions {
     pub comments: Vec<String>,
     /// SH degree of the file, at most that of the splats; `None` takes [`kept_degree`].
     pub sh_degree: Option<usize>,
-    /// Rows in the order in which they are written; `None` keeps the splats' own. Neighbours in the file share a chunk: see
-    /// [`morton_order`].
+    /// Rows in the order in which they are written; `None` keeps the splats' own. Neighbours in the
+    /// file share a chunk: see [`morton_order`].
     pub order: Option<Vec<usize>>,
 }
 
-/// The highest SH degree with a coefficient that reaches half a quantisation step (1/64) in some splat. Above it, the format would turn
-/// nothing into ±1/64: it has no zero.
+/// The highest SH degree with a coefficient that reaches half a quantisation step (1/64) in some
+/// splat. Above it, the format would turn nothing into ±1/64: it has no zero.
 pub fn kept_degree(splats: &Splats) -> usize {
     let coeffs = splats.sh_coeffs();
     let reaches = |rgb: &[f32; 3]| rgb.iter().any(|value| value.abs() >= MAX_SH / 256.0);
@@ -37,8 +37,9 @@ pub fn kept_degree(splats: &Splats) -> usize {
         .unwrap_or(splats.sh_degree)
 }
 
-/// The rows of `splats` along a space-filling curve (Morton codes of 10 bits an axis): neighbours in the file are neighbours in space,
-/// which makes chunks small and their values exact. Rows of equal code keep their order.
+/// The rows of `splats` along a space-filling curve (Morton codes of 10 bits an axis): neighbours
+/// in the file are neighbours in space, which makes chunks small and their values exact. Rows of
+/// equal code keep their order.
 pub fn morton_order(splats: &Splats) -> Vec<usize> {
     let (min, max) = splats.bounds().unwrap_or_default();
     #[expect(
@@ -64,11 +65,12 @@ pub fn morton_order(splats: &Splats) -> Vec<usize> {
     order.into_iter().map(|(_, row)| row).collect()
 }
 
-/// Writes a compressed PLY and says what it does not keep. Rows that are not finite are written as zeros would be, counted in the
-/// losses.
+/// Writes a compressed PLY and says what it does not keep. Rows that are not finite are written as
+/// zeros would be, counted in the losses.
 ///
 /// # Errors
-/// If the arrays of `splats` disagree or `order` names rows that are not there ([`io::ErrorKind::InvalidInput`]), or writing fails.
+/// If the arrays of `splats` disagree or `order` names rows that are not there
+/// ([`io::ErrorKind::InvalidInput`]), or writing fails.
 pub fn write(splats: &Splats, options: &WriteOptions, out: &mut impl Write) -> io::Result<Losses> {
     let invalid = |what: String| io::Error::new(io::ErrorKind::InvalidInput, what);
     splats.check_shapes().map_err(|error| invalid(error.to_string()))?;
@@ -228,7 +230,9 @@ fn losses(splats: &Splats, degree: usize, chosen: bool, chunks: &[Chunk]) -> Los
     }
     let broken = (0..splats.len()).filter(|&row| !splats.is_finite(row)).count();
     if broken > 0 {
-        losses.push(format!("{broken} splats with values that are no numbers were written at the edge of their block"));
+        losses.push(format!(
+            "{broken} splats with NaN values were written at the edge of their block"
+        ));
     }
     losses
 }

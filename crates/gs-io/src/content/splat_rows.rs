@@ -7,7 +7,8 @@ pub(crate) const ROW: usize = 32;
 /// Rows looked at to tell such a file from any other.
 const SAMPLE: usize = 256;
 
-/// Whether `bytes`, at least the first rows of a file, make sense as rows: nothing else marks the format.
+/// Whether `bytes`, at least the first rows of a file, make sense as rows: nothing else marks the
+/// format.
 pub(crate) fn looks_like(bytes: &[u8]) -> bool {
     let rows = bytes.as_chunks::<ROW>().0;
     let step = rows.len().div_ceil(SAMPLE).max(1);

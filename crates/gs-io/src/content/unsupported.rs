@@ -77,7 +77,7 @@ pub(crate) const MANIFEST: UnsupportedFormat = known(
     0,
     b"",
     "the manifest of an exported sequence",
-    "It notes frame rate and times of the sequence of the same name: c4d info of that says more.",
+    "It records the frame rate and times of the sequence of the same name; run c4d info on that sequence.",
 );
 /// End of its name.
 pub(crate) const MANIFEST_ENDING: &str = ".manifest.json";

@@ -52,7 +52,7 @@ pub enum FrameError {
         what: String,
     },
     /// No rows.
-    #[error("the {format} holds no Gaussians; the export that wrote it removed everything")]
+    #[error("the {format} contains no Gaussians; export it again without removing everything")]
     Empty {
         /// Which format.
         format: &'static str,

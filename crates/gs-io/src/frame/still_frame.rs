@@ -15,7 +15,8 @@ pub struct Frame {
     pub format: FrameFormat,
     /// How coarsely it stores values; `None` where it keeps every bit.
     pub precision: Option<Arc<Precision>>,
-    /// In which axes the file was read, for formats that come in several; the splats are in those of PLYs.
+    /// In which axes the file was read, for formats that come in several; the splats are in those
+    /// of PLYs.
     pub axes: Option<AxesReading>,
     /// What was changed or left out on reading, counted, one sentence each.
     pub notes: Vec<String>,
@@ -24,7 +25,8 @@ pub struct Frame {
 }
 
 impl Frame {
-    /// The frame as if its file had these axes, whatever it says. Frames of formats that have one order of axes stay as they are.
+    /// The frame as if its file had these axes, whatever it says. Frames of formats that have one
+    /// order of axes stay as they are.
     #[must_use]
     pub fn in_axes(mut self, axes: Axes) -> Self {
         if let Some(reading) = &mut self.axes {

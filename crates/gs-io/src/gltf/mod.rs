@@ -6,9 +6,9 @@
 //! be quantised, sparse and interleaved; nodes place, turn and scale them, and all of that is
 //! applied. SPZ inside (`KHR_gaussian_splatting_compression_spz`, also `_2`) is read.
 //!
-//! Axes: glTF names the sides of an asset left (x), up (y), front (z), [`Axes::LUF`](crate::Axes::LUF);
-//! splat-transform writes that, others RUB, or the axes of a PLY unchanged. See
-//! [`AxesReading`](crate::AxesReading).
+//! Axes: glTF names the sides of an asset left (x), up (y), front (z),
+//! [`Axes::LUF`](crate::Axes::LUF); splat-transform writes that, others RUB, or the axes of a PLY
+//! unchanged. See [`AxesReading`](crate::AxesReading).
 
 mod accessor;
 mod container;

@@ -12,7 +12,8 @@ use gs_core::Splats;
 use gs_deform::StaticScene;
 use std::path::Path;
 
-/// What every kind of model folder holds: the splats before any deformation, and the flags of the training run.
+/// What every kind of model folder holds: the splats before any deformation, and the flags of the
+/// training run.
 #[derive(Debug)]
 pub(crate) struct Canonical {
     pub(crate) iteration: Iteration,

@@ -29,7 +29,8 @@ pub(crate) struct Iteration {
     pub(crate) notes: Vec<String>,
 }
 
-/// Stage and number of a folder of `point_cloud`: `iteration_<n>`, `coarse_iteration_<n>`, or a name without a number.
+/// Stage and number of a folder of `point_cloud`: `iteration_<n>`, `coarse_iteration_<n>`, or a
+/// name without a number.
 fn stage_and_number(name: &str) -> (Stage, Option<u64>) {
     let (stage, rest) = match name.strip_prefix("coarse") {
         Some(rest) => (Stage::Coarse, rest.trim_start_matches('_')),
@@ -41,8 +42,9 @@ fn stage_and_number(name: &str) -> (Stage, Option<u64>) {
     (stage, digits.and_then(|digits| digits.parse().ok()))
 }
 
-/// The newest iteration of the fine stage in numeric order, or the one asked for. Folders without a number (`iteration_best`) only when
-/// none has one, saves of the coarse stage only when there is nothing else.
+/// The newest iteration of the fine stage in numeric order, or the one asked for. Folders without a
+/// number (`iteration_best`) only when none has one, saves of the coarse stage only when there is
+/// nothing else.
 pub(crate) fn find(dir: &Path, wanted: Option<u64>) -> Result<Iteration, IoError> {
     if let Some(iteration) = as_iteration(dir) {
         return Ok(iteration);
@@ -58,7 +60,8 @@ pub(crate) fn find(dir: &Path, wanted: Option<u64>) -> Result<Iteration, IoError
         .into_iter()
         .map(|name| (stage_and_number(&name), name))
         .partition(|(_, name)| saves.join(name).join("point_cloud.ply").is_file());
-    // Fine beats coarse, then the higher number wins, any number before none; what is equal goes by name.
+    // Fine beats coarse, then the higher number wins, any number before none; what is equal goes by
+    // name.
     found.sort_by_key(|((stage, number), _)| (*stage == Stage::Fine, *number));
     let chosen = match wanted {
         Some(_) => found.iter().rev().find(|((_, number), _)| *number == wanted),
@@ -70,7 +73,7 @@ pub(crate) fn find(dir: &Path, wanted: Option<u64>) -> Result<Iteration, IoError
             (Some(wanted), false) => {
                 format!("has no iteration {wanted}; it has {}", available.join(", "))
             }
-            _ => "holds no iteration_<n>/point_cloud.ply; was the model saved?".to_owned(),
+            _ => "holds no iteration_<n>/point_cloud.ply; save the model first".to_owned(),
         };
         return Err(IoError::content(&saves, what));
     };
@@ -131,8 +134,8 @@ pub(crate) fn has_in_iterations(dir: &Path, file: &str) -> bool {
             .is_ok_and(|names| names.iter().any(|name| saves.join(name).join(file).is_file()))
 }
 
-/// The newest `point_cloud.ply` of a plain 3DGS model: a folder laid out like those of 4DGaussians, of which no save and no setting
-/// speaks of a deformation. `None` for anything else.
+/// The newest `point_cloud.ply` of a plain 3DGS model: a folder laid out like those of 4DGaussians,
+/// of which no save and no setting speaks of a deformation. `None` for anything else.
 pub(crate) fn still_model(dir: &Path) -> Option<PathBuf> {
     let iteration = find(dir, None).ok().filter(|iteration| iteration.stage == Stage::Fine)?;
     let moves = DEFORMED.iter().any(|file| {

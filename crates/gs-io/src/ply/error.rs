@@ -58,7 +58,7 @@ pub enum PlyError {
     },
     /// No rows.
     #[error(
-        "the PLY holds no Gaussians (element vertex 0); the export that wrote it removed everything"
+        "the PLY contains no Gaussians (element vertex 0); export it again without removing everything"
     )]
     Empty,
     /// Compressed by PlayCanvas tools.

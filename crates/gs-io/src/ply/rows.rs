@@ -29,8 +29,8 @@ impl<'a> Cursor<'a> {
         &self.bytes[self.position..]
     }
 
-    /// The rows of an element of fixed width in a binary file, `None` for any other; everything the caller allocates for them is
-    /// bounded by the size of the file.
+    /// The rows of an element of fixed width in a binary file, `None` for any other; everything the
+    /// caller allocates for them is bounded by the size of the file.
     pub(crate) fn fixed_rows(&self, element: &Element) -> Result<Option<&'a [u8]>, PlyError> {
         let Some(stride) = element.stride().filter(|_| self.encoding != Encoding::Ascii) else {
             return Ok(None);
@@ -45,7 +45,8 @@ impl<'a> Cursor<'a> {
 
     /// Fails if the element cannot possibly fit into the rest of the file.
     pub(crate) fn check_fits(&self, element: &Element) -> Result<(), PlyError> {
-        // A digit and a separator in text (but for the last value), the count alone for an empty binary list.
+        // A digit and a separator in text (but for the last value), the count alone for an empty
+        // binary list.
         let least: usize = match self.encoding {
             Encoding::Ascii => 2 * element.properties.len(),
             Encoding::LittleEndian | Encoding::BigEndian => element
@@ -111,7 +112,8 @@ impl<'a> Cursor<'a> {
         element: &Element,
         index: u64,
     ) -> Result<(), PlyError> {
-        // Counts are integers of at most 32 bits (the header accepts no others), so f64 holds them exactly.
+        // Counts are integers of at most 32 bits (the header accepts no others), so f64 holds them
+        // exactly.
         #[expect(
             clippy::cast_possible_truncation,
             clippy::cast_sign_loss,

@@ -13,7 +13,8 @@ const CHUNK: usize = 1 << 11;
 /// How to write a PLY file.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct WriteOptions {
-    /// Writes the unused columns `nx ny nz` as zeros. Default true: readers with fixed row sizes need them.
+    /// Writes the unused columns `nx ny nz` as zeros. Default true: readers with fixed row sizes
+    /// need them.
     pub normals: bool,
     /// Comment lines of the header; line breaks become spaces.
     pub comments: Vec<String>,

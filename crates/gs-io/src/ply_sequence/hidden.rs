@@ -1,5 +1,6 @@
-//! Rows that are damaged in some frames of a sequence only: there they are invisible, and lie as in the nearest frame in which they
-//! are sound, so that what fades in beside such a frame does not fly in from elsewhere.
+//! Rows that are damaged in some frames of a sequence only: there they are invisible, and lie as in
+//! the nearest frame in which they are sound, so that what fades in beside such a frame does not
+//! fly in from elsewhere.
 
 use crate::repair::TRANSPARENT_LOGIT;
 use gs_core::Splats;
@@ -17,8 +18,8 @@ struct Hidden {
 pub(super) struct HiddenRows(Vec<Vec<Hidden>>);
 
 impl HiddenRows {
-    /// From the damaged rows of each frame, ascending; with them the rows that are damaged in every frame, ascending. Frames and rows
-    /// are counted in 32 bits.
+    /// From the damaged rows of each frame, ascending; with them the rows that are damaged in every
+    /// frame, ascending. Frames and rows are counted in 32 bits.
     pub(super) fn of(damaged: &[Vec<usize>]) -> (Self, Vec<usize>) {
         let small = |n: usize| u32::try_from(n).unwrap_or(u32::MAX);
         let mut frames_of: BTreeMap<usize, Vec<u32>> = BTreeMap::new();
@@ -35,7 +36,8 @@ impl HiddenRows {
                 gone.push(row);
                 continue;
             }
-            // Runs of consecutive damaged frames, each between two sound ones or an end of the clip.
+            // Runs of consecutive damaged frames, each between two sound ones or an end of the
+            // clip.
             for run in frames.chunk_by(|a, b| a + 1 == *b) {
                 let (first, last) = (run[0], run[run.len() - 1]);
                 let before = first.checked_sub(1);

@@ -148,7 +148,7 @@ impl PlySequence {
         &self.beside.ignored
     }
 
-    /// Which of several series in the folder was taken and which were left, if there are several.
+    /// Which series of the folder is used and which are ignored, if there are several.
     pub fn series(&self) -> Option<&str> {
         self.beside.series.as_deref()
     }

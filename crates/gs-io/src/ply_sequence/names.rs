@@ -7,7 +7,7 @@ use std::collections::BTreeMap;
 pub(crate) struct Found {
     pub(crate) frames: Vec<String>,
     pub(crate) ignored: Vec<String>,
-    /// Which series was chosen and which were left, if there are several.
+    /// Which series is used and which are ignored, if there are several.
     pub(crate) series: Option<String>,
 }
 
@@ -54,7 +54,7 @@ pub(crate) fn find_frames(names: &[String]) -> Result<Found, String> {
             .map(|(pattern, group)| format!("{pattern} ({})", group.len()))
             .collect();
         format!(
-            "of several series {chosen} ({largest} frames) was taken, left: {}",
+            "several series in the folder: using {chosen} ({largest} frames), ignoring {}",
             left.join(", ")
         )
     });
@@ -115,7 +115,7 @@ mod tests {
         let found = find(&["a-0.ply", "a-1.ply", "b-0.ply"]).unwrap();
         assert_eq!(
             found.series.as_deref(),
-            Some("of several series a-*.ply (2 frames) was taken, left: b-*.ply (1)"),
+            Some("several series in the folder: using a-*.ply (2 frames), ignoring b-*.ply (1)"),
             "which was taken"
         );
         assert_eq!(find(&["a-0.ply", "a-1.ply", "notes.txt"]).unwrap().series, None, "one");

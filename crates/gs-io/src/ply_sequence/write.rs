@@ -1,7 +1,8 @@
 //! Sequences out, one frame in memory at a time.
 //!
-//! What every known player accepts: `frame_00000.ply` and so on from 0, nothing else beside them; in a zip archive, stored entries
-//! at the root with real sizes and checksums in their local headers, below the limits of zip64.
+//! What every known player accepts: `frame_00000.ply` and so on from 0, nothing else beside them;
+//! in a zip archive, stored entries at the root with real sizes and checksums in their local
+//! headers, below the limits of zip64.
 
 use crate::archive::StoredWriter;
 use crate::clip::each_frame;
@@ -47,7 +48,8 @@ impl FolderWriter {
     /// Begins a folder.
     ///
     /// # Errors
-    /// If `dir` has content that may not be replaced (only folders of frames ever are), or cannot be made.
+    /// If `dir` has content that may not be replaced (only folders of frames ever are), or cannot
+    /// be made.
     pub fn create(dir: impl AsRef<Path>, existing: Existing) -> Result<Self, IoError> {
         let path = dir.as_ref().to_owned();
         Ok(Self { dir: AtomicDir::create_bare(&path, existing)?, path, frames: 0 })
@@ -61,8 +63,8 @@ impl FolderWriter {
         self.add(&frame_name(self.frames), |file| ply::write(splats, options, file))
     }
 
-    /// Adds a frame as compressed PLY and says what it does not keep. For rows that persist, every frame needs the same
-    /// [`compressed_ply::WriteOptions::order`].
+    /// Adds a frame as compressed PLY and says what it does not keep. For rows that persist, every
+    /// frame needs the same [`compressed_ply::WriteOptions::order`].
     ///
     /// # Errors
     /// If it cannot be written.
@@ -163,9 +165,9 @@ pub fn write_folder(
     writer.finish()
 }
 
-/// Writes the scene at `times` as a folder of compressed frames and says what they do not keep; `progress` hears the number of frames
-/// done. Without [`compressed_ply::WriteOptions::order`], all frames have the order of the first one along a space-filling curve, so
-/// that rows persist.
+/// Writes the scene at `times` as a folder of compressed frames and says what they do not keep;
+/// `progress` hears the number of frames done. Without [`compressed_ply::WriteOptions::order`], all
+/// frames have the order of the first one along a space-filling curve, so that rows persist.
 ///
 /// # Errors
 /// As [`FolderWriter`]; also if the scene cannot be evaluated.
@@ -204,7 +206,8 @@ pub fn write_compressed_folder(
     Ok(losses)
 }
 
-/// Writes the scene at `times` as a zip archive of frames; `progress` hears the number of frames done.
+/// Writes the scene at `times` as a zip archive of frames; `progress` hears the number of frames
+/// done.
 ///
 /// # Errors
 /// As [`ZipWriter`]; also if the scene cannot be evaluated.

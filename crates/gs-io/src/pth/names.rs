@@ -1,7 +1,8 @@
 //! Names of tensors, whatever they were wrapped in when they were saved.
 //!
-//! Training scripts save `{'state_dict': …, 'epoch': …}`, `DataParallel` prefixes `module`, `torch.compile` `_orig_mod`, and a whole
-//! module that is saved keeps its tensors under `_modules` and `_parameters`.
+//! Training scripts save `{'state_dict': …, 'epoch': …}`, `DataParallel` prefixes `module`,
+//! `torch.compile` `_orig_mod`, and a whole module that is saved keeps its tensors under `_modules`
+//! and `_parameters`.
 
 use super::Tensor;
 
@@ -23,8 +24,9 @@ pub(super) fn canonical(name: &str) -> String {
     if parts().next().is_none() { name.to_owned() } else { parts().collect::<Vec<_>>().join(".") }
 }
 
-/// The tensors that lie beside one named `known`, by their names from there: what lies in front of it, as `state_dict.`, is taken off.
-/// Of several places the one with the shortest name is taken, then the first. Without such a tensor all stay as they are.
+/// The tensors that lie beside one named `known`, by their names from there: what lies in front of
+/// it, as `state_dict.`, is taken off. Of several places the one with the shortest name is taken,
+/// then the first. Without such a tensor all stay as they are.
 pub fn beside<'a>(tensors: Vec<(String, Tensor<'a>)>, known: &[&str]) -> Vec<(String, Tensor<'a>)> {
     let prefix_of = |name: &str| {
         let prefix = known.iter().find_map(|known| name.strip_suffix(known))?;

@@ -5,8 +5,9 @@ use super::{PthError, Tensor};
 /// What a PyTorch file holds.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Root<'a> {
-    /// Tensors by name, in file order; entries of other kinds are left out. Tensors in nested dictionaries have the names of these in
-    /// front, with dots between; parts that only say how a module was wrapped (`module`, `_orig_mod`) are left out.
+    /// Tensors by name, in file order; entries of other kinds are left out. Tensors in nested
+    /// dictionaries have the names of these in front, with dots between; parts that only say how a
+    /// module was wrapped (`module`, `_orig_mod`) are left out.
     StateDict(Vec<(String, Tensor<'a>)>),
     /// One tensor.
     Tensor(Tensor<'a>),

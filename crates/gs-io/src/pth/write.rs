@@ -1,4 +1,5 @@
-//! Tensors by name, written as `torch.save` writes them: a stored zip archive of a pickle and raw storages.
+//! Tensors by name, written as `torch.save` writes them: a stored zip archive of a pickle and raw
+//! storages.
 
 use crate::archive::StoredWriter;
 use std::io::{self, Write};
@@ -30,7 +31,8 @@ mod op {
     pub(super) const STOP: u8 = b'.';
 }
 
-/// Writes an ordered dictionary of tensors, as PyTorch 1.6 and later read it. Equal tensors give equal bytes.
+/// Writes an ordered dictionary of tensors, as PyTorch 1.6 and later read it. Equal tensors give
+/// equal bytes.
 ///
 /// # Errors
 /// If a shape does not fit its values, or the stream cannot be written.

@@ -136,7 +136,8 @@ fn part(value: f64) -> f32 {
     (value.clamp(-128.0, 127.0) / 128.0) as f32
 }
 
-/// A group of frames, unpacked: by attribute, the first frame's grid points and the differences from frame to frame.
+/// A group of frames, unpacked: by attribute, the first frame's grid points and the differences
+/// from frame to frame.
 #[derive(Debug)]
 struct Group {
     index: usize,

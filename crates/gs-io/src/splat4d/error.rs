@@ -7,7 +7,7 @@ use thiserror::Error;
 #[derive(Debug, Error)]
 pub enum Splat4dError {
     /// Another kind of file.
-    #[error("is no .splat4d: it does not begin with SP4D")]
+    #[error("is not a .splat4d file: it does not begin with SP4D")]
     Magic,
     /// A later version of the format.
     #[error("is a .splat4d of version {found}, expected 1; export it again as version 1")]

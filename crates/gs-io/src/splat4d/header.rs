@@ -29,10 +29,12 @@ pub(super) struct Header<'a> {
 }
 
 impl Header<'_> {
-    /// Everything before the static section: magic, version, flags and the JSON, given the lengths of what follows.
+    /// Everything before the static section: magic, version, flags and the JSON, given the lengths
+    /// of what follows.
     pub(super) fn place(&self, fixed: usize, chunks: &[Chunk]) -> Vec<u8> {
         const FRONT: usize = 12;
-        // The offsets' digits are part of the length they depend on; the length only grows from try to try, so this ends.
+        // The offsets' digits are part of the length they depend on; the length only grows from try
+        // to try, so this ends.
         let mut length = 0;
         loop {
             let json = self.json(FRONT + length, fixed, chunks).to_string();

@@ -3,14 +3,15 @@
 use crate::error::IoError;
 use std::path::Path;
 
-/// Default position bound as a share of the scene's size: a fifth of a pixel where the scene fills a thousand.
+/// Default position bound as a share of the scene's size: a fifth of a pixel where the scene fills
+/// a thousand.
 pub const DEFAULT_TOLERANCE: f64 = 2e-4;
 
 /// Largest errors of the decoded values, at every splat and frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Options {
-    /// Of each coordinate, as a share of the scene's size: the diagonal of the box around the middle 98 % of what moves (of
-    /// everything, if nothing does). Default [`DEFAULT_TOLERANCE`].
+    /// Of each coordinate, as a share of the scene's size: the diagonal of the box around the
+    /// middle 98 % of what moves (of everything, if nothing does). Default [`DEFAULT_TOLERANCE`].
     pub tolerance: f64,
     /// Of sizes, relative. Default 0.02.
     pub scale: f64,
@@ -18,7 +19,8 @@ pub struct Options {
     pub rgb: u8,
     /// Of opacity, steps of 255, besides the rounding to 8 bits. Default 2.
     pub alpha: u8,
-    /// Of each component of the unit quaternion, steps of 1/128, besides the rounding to 8 bits. Default 0.
+    /// Of each component of the unit quaternion, steps of 1/128, besides the rounding to 8 bits.
+    /// Default 0.
     pub rot: u8,
     /// Frames from one that can be decoded alone to the next. Default 30.
     pub gop: usize,

@@ -60,10 +60,12 @@ const FRONT: usize = 12;
 const MAX_FRAMES: u32 = 1 << 24;
 /// The largest grid step: 32-bit numbers of such steps are finite in single precision.
 const MAX_STEP: f64 = 1e20;
-/// What a group of frames may unpack to, bytes per byte of its own and of the whole file: where nothing moves, it packs to almost nothing.
+/// What a group of frames may unpack to, bytes per byte of its own and of the whole file: where
+/// nothing moves, it packs to almost nothing.
 const GROUP_RATIO: u64 = 256;
 const FILE_RATIO: u64 = 64;
-/// What all groups together may unpack to, bytes per byte of the file: it bounds the time that opening takes.
+/// What all groups together may unpack to, bytes per byte of the file: it bounds the time that
+/// opening takes.
 const TOTAL_RATIO: u64 = 2048;
 
 /// Consecutive frames that are decoded together.
@@ -73,8 +75,9 @@ struct Span {
     frames: Range<usize>,
 }
 
-/// A `.splat4d` clip: `n` frames with persistent rows at times `i/(n−1)`, linear between them as [`gs_deform::Trajectories`]. In
-/// memory are the compressed file, one unpacked group of frames and the last few frames used.
+/// A `.splat4d` clip: `n` frames with persistent rows at times `i/(n−1)`, linear between them as
+/// [`gs_deform::Trajectories`]. In memory are the compressed file, one unpacked group of frames and
+/// the last few frames used.
 #[derive(Debug)]
 pub struct Splat4dScene {
     bytes: Vec<u8>,
@@ -95,7 +98,8 @@ pub struct Splat4dScene {
 pub struct Read {
     /// The scene, times 0 to 1.
     pub scene: Splat4dScene,
-    /// Rows without rotation in some frame; those that have one in another frame are invisible in the frames without.
+    /// Rows without rotation in some frame; those that have one in another frame are invisible in
+    /// the frames without.
     pub repair: RepairReport,
     /// Frames per second.
     pub fps: f64,
@@ -103,12 +107,12 @@ pub struct Read {
     pub up: Option<[f64; 3]>,
 }
 
-/// Reads a scene. Every group of frames is unpacked once, so that what opens can be evaluated at every time. Opacities of 0 and 255 get
-/// the finite logits of 0.001 and 0.999.
+/// Reads a scene. Every group of frames is unpacked once, so that what opens can be evaluated at
+/// every time. Opacities of 0 and 255 get the finite logits of 0.001 and 0.999.
 ///
 /// # Errors
-/// If the bytes are no `.splat4d` of version 1, a part is missing or is not what the header says, or rows have no rotation and
-/// `damage` says to fail.
+/// If the bytes are no `.splat4d` of version 1, a part is missing or is not what the header says,
+/// or rows have no rotation and `damage` says to fail.
 pub fn read(bytes: Vec<u8>, damage: Damage) -> Result<Read, Splat4dError> {
     let header = header(&bytes)?;
     let n = header.n as usize;
@@ -200,7 +204,8 @@ fn grids(steps: &Steps) -> Result<Grids, Splat4dError> {
     }
 }
 
-/// The groups of frames, which must be in order, without gaps between frames and without bytes in common.
+/// The groups of frames, which must be in order, without gaps between frames and without bytes in
+/// common.
 fn spans(header: &Header, bytes: &[u8]) -> Result<Vec<Span>, Splat4dError> {
     let (mut frame, mut free) = (0, 0);
     let mut spans = Vec::with_capacity(header.gops.len());
@@ -246,7 +251,8 @@ fn within(
 }
 
 impl Splat4dScene {
-    /// Unpacks every group once and counts the frames in which each row has no rotation, `[N]` rows of the file.
+    /// Unpacks every group once and counts the frames in which each row has no rotation, `[N]` rows
+    /// of the file.
     fn frames_without_rotation(&self) -> Result<Vec<u32>, Splat4dError> {
         let changing = &self.fixed.changing;
         // Never more than 2²⁴ frames.

@@ -36,7 +36,8 @@ impl Head {
         }
     }
 
-    /// Unpacks the symbols, of which there must be `expected`; `room` is what all streams together may still become, bytes.
+    /// Unpacks the symbols, of which there must be `expected`; `room` is what all streams together
+    /// may still become, bytes.
     pub(super) fn unpack(
         self,
         payload: &[u8],

@@ -1,4 +1,5 @@
-//! First look at a clip: how far every value ranges, and so what moves and in which order splats are stored.
+//! First look at a clip: how far every value ranges, and so what moves and in which order splats
+//! are stored.
 
 use super::value::{Attribute, Steps, values};
 use crate::clip::{Hemispheres, robust_size};
@@ -112,7 +113,8 @@ impl Survey {
         [x, y, z, u, v, w]
     }
 
-    /// Grid point that is within the bound of everything the value is through the clip, by channel; `None` if there is none.
+    /// Grid point that is within the bound of everything the value is through the clip, by channel;
+    /// `None` if there is none.
     pub(super) fn held(&self, attribute: Attribute, row: usize, steps: &Steps) -> Option<[i32; 4]> {
         let range = &self.ranges[attribute as usize][row];
         let (step, bound) = (steps.fixed(attribute), steps.bound(attribute));
@@ -130,8 +132,9 @@ impl Survey {
         Some(bins)
     }
 
-    /// The order splats are stored in: by what changes about them, then along a curve through space, so that neighbours in the file
-    /// are neighbours in the scene and each attribute's changing splats are few runs.
+    /// The order splats are stored in: by what changes about them, then along a curve through
+    /// space, so that neighbours in the file are neighbours in the scene and each attribute's
+    /// changing splats are few runs.
     pub(super) fn order(&self, rows: &[usize], steps: &Steps) -> Order {
         let bounds = self.bounds(rows);
         let mut keyed: Vec<(u8, u64, usize)> = rows

@@ -2,8 +2,8 @@
 
 use std::io;
 
-/// zstd level: higher ones gain a few percent and cost several times as long. Levels up to 19 keep to windows of 8 MiB, which
-/// browsers decode.
+/// zstd level: higher ones gain a few percent and cost several times as long. Levels up to 19 keep
+/// to windows of 8 MiB, which browsers decode.
 const LEVEL: i32 = 12;
 
 /// Small integers of either sign as small unsigned ones: 0, −1, 1, −2 … become 0, 1, 2, 3 ….

@@ -8,8 +8,8 @@ use gs_core::Splats;
 use rayon::prelude::*;
 use std::io;
 
-/// Ten streams: which splats are static, by attribute, and what they are; changing ones have the value of the first frame, so that
-/// this section alone shows it.
+/// Ten streams: which splats are static, by attribute, and what they are; changing ones have the
+/// value of the first frame, so that this section alone shows it.
 pub(super) fn static_section(
     order: &Order,
     survey: &Survey,
@@ -107,8 +107,8 @@ impl Tracks {
         self.tracks.par_iter_mut().for_each(|track| track.push(splats, hemispheres, &steps, key));
     }
 
-    /// The chunk of the frames since the last one: number of streams, heads of all, payloads of all; keys first, so that a part of
-    /// the chunk already shows its first frame.
+    /// The chunk of the frames since the last one: number of streams, heads of all, payloads of
+    /// all; keys first, so that a part of the chunk already shows its first frame.
     pub(super) fn take_chunk(&mut self) -> io::Result<Vec<u8>> {
         let mut queues: Vec<(&mut Symbols, u8, Kind)> = Vec::new();
         let mut deltas: Vec<(&mut Symbols, u8, Kind)> = Vec::new();

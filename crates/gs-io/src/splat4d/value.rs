@@ -31,8 +31,8 @@ impl Attribute {
     }
 }
 
-/// The attribute's values in grid units' domain: world units; 128ths minus the file's offset; 255ths; log world units. Unused
-/// channels are 0. Exact in single precision.
+/// The attribute's values in grid units' domain: world units; 128ths minus the file's offset;
+/// 255ths; log world units. Unused channels are 0. Exact in single precision.
 pub(super) fn values(
     attribute: Attribute,
     splats: &Splats,

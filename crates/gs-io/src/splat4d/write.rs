@@ -12,12 +12,13 @@ use crate::losses::Losses;
 use std::io::Write;
 use std::path::Path;
 
-/// Frames of a clip are visited this often: `progress` of [`write()`] counts up to this many times their number.
+/// Frames of a clip are visited this often: `progress` of [`write()`] counts up to this many times
+/// their number.
 pub const PASSES: usize = 2;
 
 /// What was written.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Report {
+pub struct WriteReport {
     /// Bound of each coordinate, world units.
     pub position_bound: f64,
     /// Splats written.
@@ -30,21 +31,24 @@ pub struct Report {
     pub losses: Losses,
 }
 
-/// Writes the clip. The scene is evaluated [`PASSES`] times per frame; `progress` hears the number of evaluations done.
+/// Writes the clip. The scene is evaluated [`PASSES`] times per frame; `progress` hears the number
+/// of evaluations done.
 ///
-/// Memory besides one frame: about 200 bytes a splat, the symbols of one group of frames (one byte per changing value, seldom two)
-/// and the compressed file, whose header comes first and holds the places of everything.
+/// Memory besides one frame: about 200 bytes a splat, the symbols of one group of frames (one byte
+/// per changing value, seldom two) and the compressed file, whose header comes first and holds the
+/// places of everything.
 ///
 /// # Errors
-/// If there are no frames, splats or frames per second, an option is out of range, positions are so far out that the grid cannot
-/// number them, the scene cannot be evaluated, or the file cannot be written.
+/// If there are no frames, splats or frames per second, an option is out of range, positions are so
+/// far out that the grid cannot number them, the scene cannot be evaluated, or the file cannot be
+/// written.
 pub fn write(
     path: impl AsRef<Path>,
     clip: &Clip<'_>,
     options: &Options,
     existing: Existing,
     progress: &mut dyn FnMut(usize),
-) -> Result<Report, IoError> {
+) -> Result<WriteReport, IoError> {
     let path = path.as_ref();
     clip.check(path)?;
     options.check(path)?;
@@ -94,7 +98,7 @@ pub fn write(
         file.write_all(part).map_err(IoError::write(path))?;
     }
     file.commit()?;
-    Ok(Report {
+    Ok(WriteReport {
         position_bound,
         num_splats: rows.len(),
         moving: order.dynamic_count(Attribute::Pos),

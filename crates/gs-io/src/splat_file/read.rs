@@ -11,7 +11,8 @@ use std::sync::Arc;
 
 const FORMAT: &str = ".splat";
 
-/// What of a row is off by rounding: whole steps of the bytes, since writers cut as often as they round.
+/// What of a row is off by rounding: whole steps of the bytes, since writers cut as often as they
+/// round.
 fn precision() -> RowPrecision {
     RowPrecision {
         rotation_rad: 4.0 / 128.0,
@@ -23,7 +24,8 @@ fn precision() -> RowPrecision {
     }
 }
 
-/// Reads a `.splat` frame. Rows beyond the last whole one are an error; standard deviations of 0 become that of [`FLAT_LOG_SCALE`].
+/// Reads a `.splat` frame. Rows beyond the last whole one are an error; standard deviations of 0
+/// become that of [`FLAT_LOG_SCALE`].
 ///
 /// # Errors
 /// If there are no rows or the last one is cut.

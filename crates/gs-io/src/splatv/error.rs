@@ -8,7 +8,7 @@ use thiserror::Error;
 #[derive(Debug, Error)]
 pub enum SplatvError {
     /// Another kind of file.
-    #[error("is no .splatv: it does not begin with 0x674B")]
+    #[error("is not a .splatv file: it does not begin with 0x674B")]
     Magic,
     /// The header is cut off or no JSON of this schema.
     #[error("the header of this .splatv is damaged: {0}")]

@@ -45,7 +45,8 @@ impl Sums {
         self.square += weight * log * log;
     }
 
-    /// The Gaussian of time if it explains the opacities clearly better than a constant does, else their mean.
+    /// The Gaussian of time if it explains the opacities clearly better than a constant does, else
+    /// their mean.
     pub(super) fn fit(&self) -> Fade {
         let constant =
             Fade { opacity: self.total / self.count.max(1.0), centre: 0.0, width: ALWAYS };

@@ -3,7 +3,8 @@
 /// Highest power of time.
 const DEGREE: usize = 3;
 
-/// Polynomials up to degree 3 that are orthonormal over the frames' times. Fewer frames than coefficients: the degree is lower.
+/// Polynomials up to degree 3 that are orthonormal over the frames' times. Fewer frames than
+/// coefficients: the degree is lower.
 #[derive(Debug)]
 pub(super) struct Basis {
     /// `[DEGREE+1][frames]`; rows of zeros above the degree that the frames determine.
@@ -48,7 +49,8 @@ impl Basis {
         [0, 1, 2, 3].map(|j| self.values[j][f])
     }
 
-    /// Coefficients (lowest power first) of the best polynomial of at most `degree`, from the sums of samples times weights.
+    /// Coefficients (lowest power first) of the best polynomial of at most `degree`, from the sums
+    /// of samples times weights.
     pub(super) fn coefficients(&self, sums: [f64; DEGREE + 1], degree: usize) -> [f64; DEGREE + 1] {
         [0, 1, 2, 3].map(|p| (0..=degree).map(|j| sums[j] * self.powers[j][p]).sum())
     }

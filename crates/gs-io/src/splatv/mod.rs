@@ -7,9 +7,10 @@
 //! …  S  64 bytes a splat, zero padded to whole rows of the texture
 //! ```
 //!
-//! Little-endian; a splat is sixteen 32-bit words, `h` two IEEE halves: `0–2` position · `3–4` h quaternion wxyz · `5–6` h sizes ·
-//! `7` bytes R, G, B, A · `8–12` h velocities v₁, v₂, v₃ · `13–14` h ω · `15` h centre, width. Time runs from 0 to 1; see
-//! [`gs_deform::Polynomial`] for the motion. Colour does not depend on the view; sizes and colours do not change.
+//! Little-endian; a splat is sixteen 32-bit words, `h` two IEEE halves: `0–2` position · `3–4` h
+//! quaternion wxyz · `5–6` h sizes · `7` bytes R, G, B, A · `8–12` h velocities v₁, v₂, v₃ ·
+//! `13–14` h ω · `15` h centre, width. Time runs from 0 to 1; see [`gs_deform::Polynomial`] for the
+//! motion. Colour does not depend on the view; sizes and colours do not change.
 
 mod error;
 mod fade;
@@ -20,4 +21,4 @@ mod write;
 
 pub use error::SplatvError;
 pub use read::{Read, open, read};
-pub use write::{DEFAULT_TOLERANCE, Options, PASSES, Report, write};
+pub use write::{DEFAULT_TOLERANCE, Options, PASSES, WriteReport, write};

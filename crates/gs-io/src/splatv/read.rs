@@ -32,8 +32,9 @@ pub struct Read {
     pub up: Option<[f64; 3]>,
 }
 
-/// Reads a scene. Rows of zeros are padding. Sizes of zero are flat splats ([`repair::FLAT_LOG_SCALE`]); opacities of 0 and 255
-/// become 10⁻⁶ and 1 − 10⁻⁶, so that all stored parameters are finite.
+/// Reads a scene. Rows of zeros are padding. Sizes of zero are flat splats
+/// ([`repair::FLAT_LOG_SCALE`]); opacities of 0 and 255 become 10⁻⁶ and 1 − 10⁻⁶, so that all
+/// stored parameters are finite.
 ///
 /// # Errors
 /// If the bytes are no `.splatv`, hold no splats, or hold damaged rows and `damage` says to fail.

@@ -16,7 +16,8 @@ use rayon::prelude::*;
 use std::io::Write;
 use std::path::Path;
 
-/// Frames of a clip are visited this often: `progress` of [`write()`] counts up to this many times their number.
+/// Frames of a clip are visited this often: `progress` of [`write()`] counts up to this many times
+/// their number.
 pub const PASSES: usize = 2;
 
 /// Default of [`Options::tolerance`].
@@ -28,8 +29,9 @@ const SPLATS_PER_ROW: usize = 1024;
 /// How to write.
 #[derive(Debug, Clone)]
 pub struct Options {
-    /// The clip is refused if one splat in a hundred is ever farther from its place than this share of the scene's size (diagonal of
-    /// the box of the middle 98 % of the first and last frames). Default [`DEFAULT_TOLERANCE`].
+    /// The clip is refused if one splat in a hundred is ever farther from its place than this share
+    /// of the scene's size (diagonal of the box of the middle 98 % of the first and last frames).
+    /// Default [`DEFAULT_TOLERANCE`].
     pub tolerance: f64,
     /// Write whatever the fit misses. Default false.
     pub force: bool,
@@ -39,7 +41,8 @@ pub struct Options {
     pub up: [f64; 3],
 }
 
-/// Mean over splats and frames, the value that one splat in a hundred ever exceeds, and the largest.
+/// Mean over splats and frames, the value that one splat in a hundred ever exceeds, and the
+/// largest.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Misfit {
     /// Mean over all splats and frames.
@@ -52,7 +55,7 @@ pub struct Misfit {
 
 /// What was written.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Report {
+pub struct WriteReport {
     /// Splats written.
     pub num_splats: usize,
     /// Distance between the scene's centres and those in the file, world units.
@@ -65,19 +68,21 @@ pub struct Report {
     pub losses: Losses,
 }
 
-/// Writes the clip, its times stretched to 0 … 1. The scene is evaluated [`PASSES`] times per frame; `progress` hears the number of
-/// evaluations done. Memory besides one frame: about 500 bytes a splat, whatever the number of frames.
+/// Writes the clip, its times stretched to 0 … 1. The scene is evaluated [`PASSES`] times per
+/// frame; `progress` hears the number of evaluations done. Memory besides one frame: about 500
+/// bytes a splat, whatever the number of frames.
 ///
 /// # Errors
-/// If there are no frames, splats or frames per second, the tolerance is not a positive number, cubics miss the motion by more than
-/// it, a splat moves too far for 16-bit numbers, the scene cannot be evaluated, or the file cannot be written.
+/// If there are no frames, splats or frames per second, the tolerance is not a positive number,
+/// cubics miss the motion by more than it, a splat moves too far for 16-bit numbers, the scene
+/// cannot be evaluated, or the file cannot be written.
 pub fn write(
     path: impl AsRef<Path>,
     clip: &Clip<'_>,
     options: &Options,
     existing: Existing,
     progress: &mut dyn FnMut(usize),
-) -> Result<Report, IoError> {
+) -> Result<WriteReport, IoError> {
     let path = path.as_ref();
     clip.check(path)?;
     if !(options.tolerance.is_finite() && options.tolerance > 0.0) {
@@ -149,7 +154,7 @@ pub fn write(
     rows.iter().try_for_each(|row| write(&row.to_bytes()))?;
     write(&vec![0; (height * SPLATS_PER_ROW - rows.len()) * BYTES])?;
     file.commit()?;
-    Ok(Report {
+    Ok(WriteReport {
         num_splats: rows.len(),
         distance: misfit.distance,
         pixels: misfit.pixels,

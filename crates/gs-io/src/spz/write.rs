@@ -236,7 +236,7 @@ fn losses(
     losses.push(match options.axes {
         Axes::RUB => "axes are RUB, as SPZ is described; splat-transform 3 and gsply take files as they are and show this one upside down: --spz-axes ply for them".to_owned(),
         Axes::PLY => "axes are those of the PLY, as splat-transform 3 and gsply have them; tools that follow the description of SPZ show it upside down: --spz-axes rub for them".to_owned(),
-        other => format!("axes are {other}; tools that skip the record that says so show it turned"),
+        other => format!("axes are {other}; tools that ignore the record of the axes show it rotated"),
     });
     let outside = |value: &f32| !(-10.03..=5.97).contains(value);
     let clipped = splats.log_scales.iter().filter(|row| row.iter().any(outside)).count();

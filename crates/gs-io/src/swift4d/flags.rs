@@ -14,7 +14,8 @@ const CLIP: u32 = 300;
 /// The same for the windows in which VRU scenes are trained.
 const VRU_WINDOW: u32 = 20;
 
-/// A value of `cfg_args`; one that is no literal counts as missing, which was said when the file was read.
+/// A value of `cfg_args`; one that is no literal counts as missing, which was said when the file
+/// was read.
 fn literal<'a>(cfg: Option<&'a CfgArgs>, name: &str) -> Option<&'a Value> {
     cfg?.get(name).filter(|value| !matches!(value, Value::Other(_)))
 }
@@ -33,7 +34,7 @@ fn number(
         return Ok((default, Origin::Default));
     };
     let number = value.as_u64().and_then(|value| u32::try_from(value).ok());
-    let number = number.ok_or_else(|| format!("comes with a cfg_args whose {name} is no number of that kind ({value:?}); correct it or override {name}"))?;
+    let number = number.ok_or_else(|| format!("comes with a cfg_args whose {name} is not a valid number ({value:?}); correct it or override {name}"))?;
     Ok((number, Origin::CfgArgs))
 }
 
@@ -154,7 +155,7 @@ fn decide_activation(
         }
         (None, None) => {
             return Err(
-                "does not tell whether a ReLU ends its trunk, and there is no cfg_args that says so; give activation=none for coffee_martini, vrheadset, trimming and basketball, activation=relu for the other published scenes; if the motion looks torn, it is the other one"
+                "does not show whether its trunk ends in a ReLU, and there is no cfg_args to say; give activation=none for coffee_martini, vrheadset, trimming and basketball, activation=relu for the other published scenes; if the motion looks torn, use the other one"
                     .to_owned(),
             );
         }
@@ -170,7 +171,7 @@ fn decide_threshold(
     let (threshold, origin) = match (overrides.dynamic_thro, literal(cfg, "dynamic_thro")) {
         (Some(value), _) => (value, Origin::Override),
         (None, Some(value)) => {
-            let number = value.as_f64().ok_or_else(|| format!("comes with a cfg_args whose dynamic_thro is no number ({value:?}); correct it or override dynamic_thro"))?;
+            let number = value.as_f64().ok_or_else(|| format!("comes with a cfg_args whose dynamic_thro is not a number ({value:?}); correct it or override dynamic_thro"))?;
             #[expect(clippy::cast_possible_truncation, reason = "scores are single precision")]
             let single = number as f32;
             (single, Origin::CfgArgs)

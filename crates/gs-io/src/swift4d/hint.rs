@@ -1,9 +1,10 @@
 //! Which index rule trained a grid, read off the entries that training never touched.
 //!
-//! Table entries start within ±1e-4 and only change when looked up. Under the older rule, an entry of an affected level
-//! depends on x and at most a few low bits of y, so training reaches only entries whose x belongs to a place where something
-//! moves; under the current rule it reaches all alike. Where the moving Gaussians lie is known, so the two are told apart by
-//! how often entries *outside* that slice were touched.
+//! Table entries start within ±1e-4 and only change when looked up. Under the older rule, an entry
+//! of an affected level depends on x and at most a few low bits of y, so training reaches only
+//! entries whose x belongs to a place where something moves; under the current rule it reaches all
+//! alike. Where the moving Gaussians lie is known, so the two are told apart by how often entries
+//! *outside* that slice were touched.
 
 use gs_deform::{HashGrid, IndexRule};
 
@@ -16,7 +17,8 @@ const ENOUGH: usize = 1000;
 /// Share of touched entries inside the slice below which the grid was hardly trained.
 const TRAINED: f64 = 0.1;
 
-/// The rule that explains the table, from the x coordinates in the box of the Gaussians that move; `None` if both would.
+/// The rule that explains the table, from the x coordinates in the box of the Gaussians that move;
+/// `None` if both would.
 pub(super) fn index_rule(grid: &HashGrid, xs: &[f32]) -> Option<IndexRule> {
     let occupied = occupied(xs);
     // Touched entries and all entries, outside and inside the slice.
@@ -47,7 +49,8 @@ pub(super) fn index_rule(grid: &HashGrid, xs: &[f32]) -> Option<IndexRule> {
     }
 }
 
-/// Slices of x that hold something that moves, and their neighbours: Gaussians drift during training.
+/// Slices of x that hold something that moves, and their neighbours: Gaussians drift during
+/// training.
 fn occupied(xs: &[f32]) -> [bool; BINS] {
     let mut occupied = [false; BINS];
     for x in xs {
@@ -78,7 +81,8 @@ mod tests {
         (*seed >> 40) as f32 / (1_u64 << 24) as f32
     }
 
-    /// A table as training leaves it: what `rule` looks up for `points` Gaussians within `x` over some frames is changed.
+    /// A table as training leaves it: what `rule` looks up for `points` Gaussians within `x` over
+    /// some frames is changed.
     fn trained(rule: IndexRule, points: usize, x: (f32, f32)) -> (HashGrid, Vec<f32>) {
         let mut seed = 7;
         let mut table: Vec<f32> =

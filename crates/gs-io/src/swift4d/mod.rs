@@ -1,9 +1,11 @@
-//! Model folders of Swift4D: canonical PLY with a dynamic score per Gaussian, hash-grid field, flags of the training run.
+//! Model folders of Swift4D: canonical PLY with a dynamic score per Gaussian, hash-grid field,
+//! flags of the training run.
 //!
-//! A folder is read like one of 4DGaussians ([`crate::checkpoint4dgs`]), with `FDHash.pth` in place of `deformation.pth`, and gives
-//! the same kind of [`Model`]. Flags that the tensors do not reveal are trusted in the order override, `cfg_args`, what the
-//! tensors suggest, defaults. One is in no file: which of two index rules trained the grid. It matters for large tables only, and
-//! is then read off the table's untouched entries.
+//! A folder is read like one of 4DGaussians ([`crate::checkpoint4dgs`]), with `FDHash.pth` in place
+//! of `deformation.pth`, and gives the same kind of [`Model`]. Flags that the tensors do not reveal
+//! are trusted in the order override, `cfg_args`, what the tensors suggest, defaults. One is in no
+//! file: which of two index rules trained the grid. It matters for large tables only, and is then
+//! read off the table's untouched entries.
 
 mod flags;
 mod hint;
@@ -28,7 +30,8 @@ const FIELD: &str = "FDHash.pth";
 /// Column of the PLY with the dynamic score.
 const SCORE: &str = "dynamic";
 
-/// Whether a folder is a Swift4D model: its field, or else the score of its splats, lies in the iteration that would be opened.
+/// Whether a folder is a Swift4D model: its field, or else the score of its splats, lies in the
+/// iteration that would be opened.
 pub(crate) fn looks_like_model(dir: &Path) -> bool {
     let Ok(iteration) = model_folder::find(dir, None) else {
         return model_folder::has_in_iterations(dir, FIELD);
@@ -52,8 +55,8 @@ fn has_score(path: &Path) -> bool {
 /// Opens a model folder, or one of its `iteration_<n>` folders.
 ///
 /// # Errors
-/// If files are missing or malformed, contradict each other, or leave open what the motion depends on. Every error names the file,
-/// and the flag to give where one decides.
+/// If files are missing or malformed, contradict each other, or leave open what the motion depends
+/// on. Every error names the file, and the flag to give where one decides.
 pub fn open(dir: impl AsRef<Path>, overrides: &Overrides) -> Result<Model, IoError> {
     let Canonical { iteration, splats, mut report, cfg } =
         model_folder::read_canonical(dir.as_ref(), overrides)?;
@@ -142,10 +145,10 @@ fn index_rule(
             let xs: Vec<f32> =
                 moving.filter_map(|(mean, _)| bounds.normalize(*mean)).map(|[x, _, _]| x).collect();
             let rule = hint::index_rule(grid, &xs).ok_or_else(|| format!(
-                "is evaluated differently by tiny-cuda-nn from before and after 24 June 2025 (levels {ambiguous:?}), and its table does not tell which trained it; give index_rule=older for models trained before, among them all that the authors released, or index_rule=current"
+                "is evaluated differently by tiny-cuda-nn from before and after 24 June 2025 (levels {ambiguous:?}), and its table does not show which one trained it; give index_rule=older for models trained before that (all that the authors released), or index_rule=current"
             ))?;
             report.warnings.push(format!(
-                "nothing says which tiny-cuda-nn trained the model; the entries of its table that were never touched point to index_rule={}; if fine detail trembles, override it",
+                "the version of tiny-cuda-nn that trained the model is not recorded; the unused entries of its table suggest index_rule={}. If fine detail trembles, override it",
                 rule_name(rule)
             ));
             (rule, Origin::Inferred)
@@ -175,7 +178,7 @@ fn read_dynamic(
         return Err(IoError::content(
             &path,
             format!(
-                "has no column `{SCORE}`, so nothing says what moves; use the file that training wrote, editors drop this column"
+                "has no column `{SCORE}`, which marks what moves; use the file that training wrote (editors drop this column)"
             ),
         ));
     }

@@ -169,7 +169,8 @@ impl<'a> Params<'a> {
     }
 }
 
-/// The first `outputs` rows and `inputs` columns of a matrix whose rows hold `padded` values. There are no biases.
+/// The first `outputs` rows and `inputs` columns of a matrix whose rows hold `padded` values. There
+/// are no biases.
 fn layer(values: &[f32], padded: usize, inputs: usize, outputs: usize) -> Linear {
     let rows = values.chunks_exact(padded).take(outputs);
     let weight = rows.flat_map(|row| &row[..inputs]).copied().collect();

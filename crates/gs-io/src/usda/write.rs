@@ -35,7 +35,7 @@ impl Default for Options {
 
 /// What was written.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Report {
+pub struct WriteReport {
     /// Splats written.
     pub num_splats: usize,
     /// Attributes with time samples.
@@ -87,19 +87,20 @@ impl Attribute {
     }
 }
 
-/// Writes the clip. The scene is evaluated once per frame, and once more per frame and attribute that changes (or once, if it does
-/// not); `progress` hears the number of evaluations done and of all. Besides one frame and its text nothing is held in memory.
+/// Writes the clip. The scene is evaluated once per frame, and once more per frame and attribute
+/// that changes (or once, if it does not); `progress` hears the number of evaluations done and of
+/// all. Besides one frame and its text nothing is held in memory.
 ///
 /// # Errors
-/// If there are no frames, splats or frames per second, the up direction has no length, the text would be larger than the limit,
-/// the scene cannot be evaluated, or the file cannot be written.
+/// If there are no frames, splats or frames per second, the up direction has no length, the text
+/// would be larger than the limit, the scene cannot be evaluated, or the file cannot be written.
 pub fn write(
     path: impl AsRef<Path>,
     clip: &Clip<'_>,
     options: &Options,
     existing: Existing,
     progress: &mut dyn FnMut(usize, usize),
-) -> Result<Report, IoError> {
+) -> Result<WriteReport, IoError> {
     let path = path.as_ref();
     clip.check(path)?;
     let turn = turn_to_y(options.up)
@@ -126,7 +127,9 @@ pub fn write(
         let gigabytes = estimate as f64 / 1e9;
         return Err(IoError::Unfit {
             path: path.to_owned(),
-            what: format!("it would be a text of about {gigabytes:.1} GB, which few tools open"),
+            what: format!(
+                "it would be a text of about {gigabytes:.1} GB, too large for most tools"
+            ),
         });
     }
 
@@ -167,7 +170,7 @@ pub fn write(
     }
     file.write_all(b"    }\n}\n").map_err(failed(path))?;
     file.commit()?;
-    Ok(Report {
+    Ok(WriteReport {
         num_splats: rows.len(),
         sampled: Attribute::ALL.into_iter().filter(|&a| sampled(a)).map(Attribute::name).collect(),
         losses: losses(clip, degree, rows.len()),

@@ -1,4 +1,5 @@
-//! A small scene in which every attribute of some splats changes and of others does not, for tests of writers.
+//! A small scene in which every attribute of some splats changes and of others does not, for tests
+//! of writers.
 
 use gs_core::Splats;
 use gs_deform::Trajectories;
@@ -11,8 +12,9 @@ fn noise(counter: u32) -> f32 {
     ((x ^ x >> 16) >> 8) as f32 / 8_388_608.0 - 1.0
 }
 
-/// `n` splats over `frames` frames in a box of about 4 units. Row `i` moves if `i & 1`, turns if `i & 2`, changes colour if `i & 4`,
-/// opacity if `i & 8`, size if `i & 16`, smoothly; quaternions are unnormalised and of either sign.
+/// `n` splats over `frames` frames in a box of about 4 units. Row `i` moves if `i & 1`, turns if
+/// `i & 2`, changes colour if `i & 4`, opacity if `i & 8`, size if `i & 16`, smoothly; quaternions
+/// are unnormalised and of either sign.
 pub(crate) fn scene(n: usize, frames: usize, sh_degree: usize) -> Trajectories {
     let coeffs = (sh_degree + 1) * (sh_degree + 1);
     let frame = |f: usize| {

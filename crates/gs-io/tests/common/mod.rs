@@ -1,6 +1,7 @@
 //! Writes PyTorch archives, for tests.
 
-/// A state dictionary as `torch.save` writes it: stored zip, sizes of local headers left to data descriptors, pickle protocol 2.
+/// A state dictionary as `torch.save` writes it: stored zip, sizes of local headers left to data
+/// descriptors, pickle protocol 2.
 pub(crate) fn state_dict(tensors: &[(String, Vec<usize>, Vec<f32>)]) -> Vec<u8> {
     wrapped_state_dict(b"", tensors, b"")
 }

@@ -5,7 +5,8 @@ use gs_core::{DynamicScene, Splats, quat, rotation_matrix, sh};
 use gs_player::{Options, encode};
 use gs_synth::{DemoParams, apply_edits, demo, demo_edits};
 
-/// Whether row `(geometry, look)` of the payload is splat `i` at every frame. Steps: half a step in the first frame, the tolerance later.
+/// Whether row `(geometry, look)` of the payload is splat `i` at every frame. Steps: half a step in
+/// the first frame, the tolerance later.
 fn is(
     payload: &Payload,
     (geometry, look): (usize, usize),

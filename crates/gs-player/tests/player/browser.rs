@@ -1,5 +1,6 @@
-//! The page in headless Chromium: screenshots at two times and on both sides of the divider against our own renders of the scenes as
-//! they were before encoding; what JavaScript decoded against the decoder of the tests.
+//! The page in headless Chromium: screenshots at two times and on both sides of the divider against
+//! our own renders of the scenes as they were before encoding; what JavaScript decoded against the
+//! decoder of the tests.
 //!
 //! Without Chromium these tests fail, they do not skip.
 
@@ -68,7 +69,8 @@ impl Fixture {
         rasterizer.forward(&mut prepared, &splats, &[], &params).unwrap().rgb_image()
     }
 
-    /// Opens the page and waits for its first image: a screenshot of the window, and the document as it then is.
+    /// Opens the page and waits for its first image: a screenshot of the window, and the document
+    /// as it then is.
     fn open(&self, hash: &str, flags: &[&str]) -> (Image, String) {
         let picture = self.folder.path().join(format!("{}.png", hash.replace(['&', '='], "_")));
         let document = chromium(&self.folder.path().join("page.html"), hash, flags, &picture);

@@ -34,7 +34,8 @@ impl<'a> Bytes<'a> {
         taken
     }
 
-    /// `[channels, planes, rows]` bytes as `[rows, channels]` integers whose lowest bit is the sign.
+    /// `[channels, planes, rows]` bytes as `[rows, channels]` integers whose lowest bit is the
+    /// sign.
     fn integers(&mut self, rows: usize, channels: usize, planes: usize) -> Vec<i32> {
         let mut words = vec![0_u32; rows * channels];
         for channel in 0..channels {
@@ -176,7 +177,8 @@ impl Attribute {
         steps.iter().map(|value| value * self.step).collect()
     }
 
-    /// FNV-1a of the first frames, and of frames and values of all knots, as the page's report has them.
+    /// FNV-1a of the first frames, and of frames and values of all knots, as the page's report has
+    /// them.
     pub(crate) fn fingerprints(&self) -> [u32; 3] {
         let hash = |integers: &mut dyn Iterator<Item = i32>| {
             integers.flat_map(i32::to_le_bytes).fold(0x811c_9dc5_u32, |hash, byte| {

@@ -1,5 +1,5 @@
-//! The payload decoded from the documented layout, within the stated bounds; wrong inputs; and the page in a real browser against our
-//! own renders.
+//! The payload decoded from the documented layout, within the stated bounds; wrong inputs; and the
+//! page in a real browser against our own renders.
 
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 #![expect(

@@ -1,5 +1,5 @@
-//! The player's own decoder, in headless Chromium, on payloads changed at random: it reads them or refuses them with an error of its own
-//! that a visitor can understand, and never takes long.
+//! The player's own decoder, in headless Chromium, on payloads changed at random: it reads them or
+//! refuses them with an error of its own that a visitor can understand, and never takes long.
 
 use crate::browser::browser;
 use crate::still::{Frames, row_of};
@@ -10,7 +10,8 @@ use std::process::{Command, Stdio};
 
 const DECODER: &str = include_str!("../../player/decode.js");
 
-/// Changes a payload a few times over: numbers of its header, or bytes anywhere; decodes it; tells what went wrong.
+/// Changes a payload a few times over: numbers of its header, or bytes anywhere; decodes it; tells
+/// what went wrong.
 const HARNESS: &str = r#"
 let state = 1;
 function random(below) {

@@ -1,5 +1,6 @@
-//! The roof: how many pixel–splat samples per second the arithmetic alone allows, on one core, with everything in registers and the first
-//! cache. Exponent (two FMA), exponential, cap, transmittance, and one FMA per channel; no lists, tests, masks or sums in memory.
+//! The roof: how many pixel–splat samples per second the arithmetic alone allows, on one core, with
+//! everything in registers and the first cache. Exponent (two FMA), exponential, cap,
+//! transmittance, and one FMA per channel; no lists, tests, masks or sums in memory.
 
 use pulp::{Arch, Simd, WithSimd};
 

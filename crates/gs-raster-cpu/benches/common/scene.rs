@@ -1,4 +1,5 @@
-//! Seeded scenes that look like trained ones: clustered surfaces, log-normal scales, opacities at both ends.
+//! Seeded scenes that look like trained ones: clustered surfaces, log-normal scales, opacities at
+//! both ends.
 
 use gs_core::{Camera, Splats, sh};
 use rand::{RngExt, SeedableRng};
@@ -15,7 +16,8 @@ fn normal(rng: &mut Pcg64Mcg) -> f32 {
     (-2.0 * u.ln()).sqrt() * v.cos()
 }
 
-/// `count` splats: flat discs on 60 bumpy spheres inside a room of 8 units; their size shrinks with their number as on a surface.
+/// `count` splats: flat discs on 60 bumpy spheres inside a room of 8 units; their size shrinks with
+/// their number as on a surface.
 pub(crate) fn splats(count: usize, seed: u64) -> Splats<f32> {
     let mut rng = Pcg64Mcg::seed_from_u64(seed);
     let clusters: Vec<([f32; 3], f32)> = (0..60)

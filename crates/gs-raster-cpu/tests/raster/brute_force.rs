@@ -1,4 +1,5 @@
-//! Proves the images of odd scenes against a direct transcription of the image formation: every pixel walks every splat.
+//! Proves the images of odd scenes against a direct transcription of the image formation: every
+//! pixel walks every splat.
 
 use crate::scenes::{Scene, random};
 use gs_core::{Camera, Rasterizer, RenderParams, Splats, covariance, sh};
@@ -133,7 +134,8 @@ fn check(what: &str, scene: &Scene<f64>) {
         assert_close(&format!("{what}: feature {f}"), &ours, &channel(4 + f), 1e-11, 0.0);
     }
 
-    // Single precision may decide a borderline sample otherwise: compare loosely there, tightly on average.
+    // Single precision may decide a borderline sample otherwise: compare loosely there, tightly on
+    // average.
     let splats: Splats<f32> = scene.splats.cast();
     let features: Vec<f32> = scene.features.iter().map(|&f| gs_core::Real::as_f32(f)).collect();
     let mut prepared: Prepared<f32> = raster.prepare(&splats, &scene.camera).unwrap();

@@ -1,4 +1,5 @@
-//! Proves the exact gradients of every parameter group against central differences in double precision.
+//! Proves the exact gradients of every parameter group against central differences in double
+//! precision.
 
 use crate::scenes::{Scene, random, upstream};
 use gs_core::{GradientConvention, Rasterizer, RenderGrads, RenderParams, UpstreamGrads};
@@ -51,7 +52,8 @@ fn check(what: &str, mut scene: Scene<f64>, seed: u64) {
                 values(&mut scene)[i] = original + step;
                 loss(&scene, &upstream)
             };
-            // Two stencils: where a discrete decision flips inside one of them, they disagree and the parameter is left out.
+            // Two stencils: where a discrete decision flips inside one of them, they disagree and
+            // the parameter is left out.
             let h = 1e-5;
             let near = (at(h) - at(-h)) / (2.0 * h);
             let far = (at(2.0 * h) - at(-2.0 * h)) / (4.0 * h);
@@ -88,7 +90,8 @@ fn capped_stopped_and_clamped() {
     check("opaque", scene, 2);
 }
 
-/// Close to the camera and far to the side, beyond 1.3 half fields of view, with a footprint that still reaches the image.
+/// Close to the camera and far to the side, beyond 1.3 half fields of view, with a footprint that
+/// still reaches the image.
 #[test]
 fn guard_band() {
     let mut scene = random(6, 1, [24, 24], 23);

@@ -1,4 +1,5 @@
-//! Proves that images, radii, tile rectangles and entry counts are those of the golden cases, in both float types.
+//! Proves that images, radii, tile rectangles and entry counts are those of the golden cases, in
+//! both float types.
 
 use crate::cases::{CASES, Case, widen};
 use gs_core::{Rasterizer, Real, RenderOutput};
@@ -90,8 +91,9 @@ fn images_match_in_double_precision() {
     check::<f64>(true);
 }
 
-/// The culled lists are as short as the exact ellipse–tile test makes them (594 of 822 and 10 000 of 16 000 entries), give or take the
-/// safety margin and ellipses that slip between two rows of pixels.
+/// The culled lists are as short as the exact ellipse–tile test makes them (594 of 822 and 10 000
+/// of 16 000 entries), give or take the safety margin and ellipses that slip between two rows of
+/// pixels.
 #[test]
 fn culling_is_tight() {
     for (name, exact, rectangle) in [("c1_random200", 594, 822), ("d_stress2000", 10_000, 16_000)] {

@@ -1,4 +1,5 @@
-//! Proves that the gradients of every parameter are those of the golden cases: both conventions, both float types.
+//! Proves that the gradients of every parameter are those of the golden cases: both conventions,
+//! both float types.
 
 use crate::cases::{CASES, Case, widen, widen_rows};
 use gs_core::{GradientConvention, Rasterizer, Real, RenderGrads, RenderParams, sh};
@@ -99,7 +100,8 @@ fn exact_gradients_in_double_precision() {
     check::<f64>("grad_exact", GradientConvention::Exact, true);
 }
 
-/// Negative control: the stress case separates the conventions, so a comparison with the other one must fail.
+/// Negative control: the stress case separates the conventions, so a comparison with the other one
+/// must fail.
 #[test]
 fn conventions_differ_on_the_stress_case() {
     let case = Case::<f64>::open("d_stress2000");
@@ -108,7 +110,8 @@ fn conventions_differ_on_the_stress_case() {
     assert!(error > 1e-4, "exact gradients pass for reference ones: {error:e}");
 }
 
-/// With geometry and opacity fixed the single-pass backward gives the same colour and feature gradients, and nothing else.
+/// With geometry and opacity fixed the single-pass backward gives the same colour and feature
+/// gradients, and nothing else.
 #[test]
 fn color_gradients_match_the_full_backward() {
     for name in CASES {

@@ -1,4 +1,5 @@
-//! Proves that no value of any input lane reaches a pixel as NaN or infinity, and that a splat that is not finite counts as absent.
+//! Proves that no value of any input lane reaches a pixel as NaN or infinity, and that a splat that
+//! is not finite counts as absent.
 
 use crate::scenes::{Scene, random, upstream};
 use gs_core::{Rasterizer, RenderGrads, RenderOutput, RenderParams, UpstreamGrads};

@@ -1,4 +1,5 @@
-//! The picture does not depend on how large a scene is and where it lies, if its camera goes with it.
+//! The picture does not depend on how large a scene is and where it lies, if its camera goes with
+//! it.
 
 use crate::scenes;
 use gs_core::{Camera, Rasterizer, RenderParams, Splats};
@@ -7,7 +8,8 @@ use test_support::compare::{relative_l2, widen};
 
 /// Peak signal-to-noise ratio that another size must keep, dB. Worst seen 100.6.
 const SCALED_DB: f64 = 90.0;
-/// The same a thousand scene sizes from the origin, where stored positions are rounded to 6e-5 of the scene. Worst seen 91.3.
+/// The same a thousand scene sizes from the origin, where stored positions are rounded to 6e-5 of
+/// the scene. Worst seen 91.3.
 const SHIFTED_DB: f64 = 80.0;
 
 #[expect(clippy::cast_possible_truncation, reason = "single precision is what is tested")]

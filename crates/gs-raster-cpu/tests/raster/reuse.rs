@@ -1,4 +1,5 @@
-//! Proves that results do not depend on threads, on reused memory, on stale lists or on how tiles are culled: equality is bitwise.
+//! Proves that results do not depend on threads, on reused memory, on stale lists or on how tiles
+//! are culled: equality is bitwise.
 
 use crate::scenes::{Scene, random, upstream};
 use gs_core::{RasterError, Rasterizer, RenderGrads, RenderOutput, RenderParams, UpstreamGrads};
@@ -90,7 +91,8 @@ fn memory_is_reused_without_a_trace() {
     }
 }
 
-/// Only geometry and camera are prepared: colours, features and opacities (up or down) may change afterwards.
+/// Only geometry and camera are prepared: colours, features and opacities (up or down) may change
+/// afterwards.
 #[test]
 fn prepared_state_survives_new_colors_and_opacities() {
     for culling in [Culling::Opacity, Culling::Rectangle] {
@@ -131,7 +133,8 @@ fn planes_that_are_not_asked_for_are_empty() {
     assert_eq!((image.width, image.height, image.channels), (40, 30, 3), "as an image");
 }
 
-/// The backward pass of one channel is a mask's vote: `Σ m α T` per splat; over all splats and pixels it adds up to alpha.
+/// The backward pass of one channel is a mask's vote: `Σ m α T` per splat; over all splats and
+/// pixels it adds up to alpha.
 #[test]
 fn votes_add_up_to_alpha() {
     let scene = random::<f32>(300, 0, [64, 48], 46);

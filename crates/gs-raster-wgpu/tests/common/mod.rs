@@ -25,7 +25,8 @@ pub enum Mode {
 
 pub const MODES: [Mode; 4] = [Mode::Portable, Mode::Deterministic, Mode::Native, Mode::Tiny];
 
-/// The adapter named by `C4D_TEST_ADAPTER` (`auto` or an index), by default a software one. No adapter fails the test.
+/// The adapter named by `C4D_TEST_ADAPTER` (`auto` or an index), by default a software one. No
+/// adapter fails the test.
 pub fn choice() -> AdapterChoice {
     match std::env::var("C4D_TEST_ADAPTER").as_deref() {
         Ok("auto") => AdapterChoice::Auto,

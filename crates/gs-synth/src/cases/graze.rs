@@ -12,7 +12,8 @@ use crate::{
 /// Smallest distance between forearm and body wanted, splat spacings.
 const GAP: f64 = 1.5;
 
-/// The dance with the arm's angle such that the forearm passes the body at [`GAP`] spacings of a source of `num_surface` splats.
+/// The dance with the arm's angle such that the forearm passes the body at [`GAP`] spacings of a
+/// source of `num_surface` splats.
 pub(super) fn dance(bodies: &[Body], num_surface: usize, dance: Dance) -> Dance {
     let spacing = f64::from((weighted_area(bodies) / num_surface as f32).sqrt());
     let points = scatter(bodies, 4000, 0, &mut rng(0, 50));

@@ -60,7 +60,8 @@ fn unposed(posing: &Frame, row: &Row) -> Quat {
     quat::to_glam(posed.quat).conjugate()
 }
 
-/// Share of the offset that is left where clothing ends at neck and elbows: it hugs them, whatever its thickness.
+/// Share of the offset that is left where clothing ends at neck and elbows: it hugs them, whatever
+/// its thickness.
 fn hem(row: &Row) -> f32 {
     let y = row.rest[1];
     match row.part {

@@ -12,7 +12,8 @@ use gs_core::quat;
 
 /// Scales and turns the region about its middle, then moves it; `shift` in world units.
 ///
-/// What is placed is carried by the same bones as before: a lantern twice as large stays in its hand.
+/// What is placed is carried by the same bones as before: a lantern twice as large stays in its
+/// hand.
 pub(super) fn place(
     draft: &mut Draft,
     posing: &Frame,

@@ -18,7 +18,8 @@ impl Region {
         Self { parts: parts.to_vec(), ball: None }
     }
 
-    /// The whole figure and what it holds, both objects and the sheet: whatever moves, floaters excepted.
+    /// The whole figure and what it holds, both objects and the sheet: whatever moves, floaters
+    /// excepted.
     pub fn moving() -> Self {
         let mut parts = Part::FIGURE.to_vec();
         parts.extend([Part::ObjectA, Part::ObjectB, Part::Cloth, Part::Held]);

@@ -1,7 +1,8 @@
 //! Fully connected layers on panels, forward and backward.
 //!
-//! Activations are feature-major panels `[features][PANEL]`; columns are samples. Loops are written so that the compiler turns
-//! columns into vector lanes; no fused operations, so that every processor computes the same bits.
+//! Activations are feature-major panels `[features][PANEL]`; columns are samples. Loops are written
+//! so that the compiler turns columns into vector lanes; no fused operations, so that every
+//! processor computes the same bits.
 
 /// Samples side by side.
 pub(super) const PANEL: usize = 64;
@@ -9,7 +10,8 @@ pub(super) const PANEL: usize = 64;
 /// One feature of a panel of samples.
 pub(super) type Row = [f32; PANEL];
 
-/// Where a layer's weights (row-major `[outputs, inputs]`) and bias lie in the vector of all parameters.
+/// Where a layer's weights (row-major `[outputs, inputs]`) and bias lie in the vector of all
+/// parameters.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct LayerAt {
     pub(super) first: usize,

@@ -92,8 +92,8 @@ impl Layout {
         Self { planes, trunk, heads, plane_params, len }
     }
 
-    /// As the reference initialises: spatial planes uniform in 0.1–0.5, time planes 1, layers by Glorot; last layers small, so
-    /// that training starts near rest.
+    /// As the reference initialises: spatial planes uniform in 0.1–0.5, time planes 1, layers by
+    /// Glorot; last layers small, so that training starts near rest.
     pub(super) fn initial(&self, rng: &mut Pcg64) -> Vec<f32> {
         let mut params = vec![0.0; self.len];
         for plane in self.planes.iter().flatten().zip(PLANE_AXES.iter().cycle()) {
@@ -244,7 +244,8 @@ impl Layout {
         loss
     }
 
-    /// Gradient of the planes: each texel gets what the product of the other five planes lets through.
+    /// Gradient of the planes: each texel gets what the product of the other five planes lets
+    /// through.
     #[inline(always)]
     fn planes_backward(&self, coords: &[[f32; 4]; PANEL], scratch: &Scratch, grads: &mut [f32]) {
         for (s, (coords, values)) in coords.iter().zip(&scratch.values).enumerate() {

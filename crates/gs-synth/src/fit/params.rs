@@ -5,10 +5,11 @@
 pub struct FitParams {
     /// Optimiser steps of 2048 samples each. Default 600.
     pub steps: usize,
-    /// Texels along each spatial axis of the coarse level; the fine one has twice as many. Default 48.
+    /// Texels along each spatial axis of the coarse level; the fine one has twice as many. Default
+    /// 48.
     pub resolution: usize,
-    /// Texels along the time axis, of which the network uses the later half (its time runs from 0 to 1 on an axis from −1 to 1).
-    /// Default 49.
+    /// Texels along the time axis, of which the network uses the later half (its time runs from 0
+    /// to 1 on an axis from −1 to 1). Default 49.
     pub time_resolution: usize,
     /// Times trained on, evenly spread. Default 25.
     pub num_times: usize,

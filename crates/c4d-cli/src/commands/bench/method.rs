@@ -16,7 +16,8 @@ use std::sync::Arc;
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub(super) enum Method {
-    /// A deformation network trained on the source, asked about the edited splats (the paper's "DeformNet-Guide").
+    /// A deformation network trained on the source, asked about the edited splats (the paper's
+    /// "DeformNet-Guide").
     Network,
     /// Three nearest source splats, all rows (the paper's KNN-Guide).
     Knn,
@@ -24,7 +25,8 @@ pub(super) enum Method {
     Paper,
     /// The paper with anchors by farthest-point sampling instead of lines.
     PaperFarthest,
-    /// Rigid motion of the part of the nearest source with a like normal; floaters and parts are known.
+    /// Rigid motion of the part of the nearest source with a like normal; floaters and parts are
+    /// known.
     Nearest,
     /// Rigid motion around the nearest source with a like normal; nothing is known.
     Control,
@@ -72,7 +74,8 @@ impl Method {
         matches!(self, Self::Network | Self::DefaultOnNetwork)
     }
 
-    /// The edit, moving. Baselines follow the paper and estimate every row; the default keeps splats that were not edited.
+    /// The edit, moving. Baselines follow the paper and estimate every row; the default keeps
+    /// splats that were not edited.
     pub(super) fn apply(
         self,
         scene: &TruthScene,

@@ -35,7 +35,8 @@ pub(super) struct Shown {
     pub(super) count: usize,
 }
 
-/// Draws the three panels. `marks` are numbers of selections, from 0, of the input's splats (`[N]`).
+/// Draws the three panels. `marks` are numbers of selections, from 0, of the input's splats
+/// (`[N]`).
 pub(super) fn draw(
     opened: &Opened,
     up: [f64; 3],

@@ -90,8 +90,8 @@ pub(super) struct RecordFile {
 }
 
 impl RecordFile {
-    /// Begins the record of `output`. One of ours is replaced with the output that it belongs to, or if that is gone; other files
-    /// never are.
+    /// Begins the record of `output`. One of ours is replaced with the output that it belongs to,
+    /// or if that is gone; other files never are.
     pub(super) fn create(output: &Path, existing: Existing) -> Outcome<Self> {
         let path = path_of(output);
         let theirs = path.is_file() && Record::read(&path).is_err();

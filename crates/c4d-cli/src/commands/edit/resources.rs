@@ -104,7 +104,7 @@ pub(super) fn load(
 pub(super) fn read_bytes(path: &Path) -> Outcome<Vec<u8>> {
     gs_io::read_file(path).map_err(|error| {
         Failure::bad_input(format!("cannot read {}: {error}", path.display()))
-            .next("Check the name, and that it is a file that can be read.")
+            .next("Check that the name is right and that the file is readable.")
     })
 }
 

@@ -4,7 +4,7 @@ use super::checkpoint;
 use crate::failure::{Failure, Outcome};
 use crate::images;
 use crate::output::output_failure;
-use crate::progress::Progress;
+use crate::progress::StageProgress;
 use crate::renderer::side_by_side;
 use gs_fit::{FitObserver, FitPreview, FitProgress, FitState};
 use gs_io::{AtomicDir, Existing, FolderUpdate};
@@ -81,7 +81,7 @@ impl WorkFolder {
 /// Shows progress, writes checkpoints and previews. The first write that fails ends the fit.
 pub(super) struct Watch<'a> {
     pub(super) folder: &'a WorkFolder,
-    pub(super) progress: Progress,
+    pub(super) progress: StageProgress,
     pub(super) failure: Option<Failure>,
     /// Whether the checkpoint is there already, of this fit or of the one that is resumed.
     pub(super) has_state: bool,

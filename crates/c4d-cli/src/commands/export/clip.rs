@@ -124,7 +124,7 @@ fn write_splatv(
 fn failure(to: ExportFormat, error: &IoError) -> Failure {
     match error {
         IoError::Unfit { .. } if to == ExportFormat::Splatv => Failure::usage(error).next(
-            "Take times close together, as in --times 0,0.01,0.02. --tolerance SHARE allows more, --force anything; --to splat4d keeps any motion.",
+            "Choose times close together, for example --times 0,0.01,0.02. --tolerance SHARE allows larger errors, --force any error; --to splat4d keeps any motion.",
         ),
         IoError::Unfit { .. } => {
             Failure::usage(error).next("Give --frames N with a smaller N, --sh-degree 0, or --force.")

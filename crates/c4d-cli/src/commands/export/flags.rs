@@ -12,7 +12,7 @@ pub(super) fn format_of(args: &ExportArgs) -> Outcome<ExportFormat> {
         Some(format) => format,
         None => ExportFormat::called(&args.output).ok_or_else(|| {
             Failure::usage(format!(
-                "--to is missing, and the name {} does not say what to write",
+                "--to is missing, and the name {} does not imply a format",
                 args.output.display()
             ))
             .next("--to ply-seq writes a folder of PLYs, --to html a page that plays; c4d export --help lists all.")

@@ -11,7 +11,7 @@ use crate::rig::{DEFAULT_SIZE, Rig};
 use crate::scene::Opened;
 use gs_core::{Camera, DynamicScene, Image};
 use gs_io::{AtomicFile, Losses};
-use gs_player::{Options, Page, PlayerError, Poster, Report};
+use gs_player::{EncodeReport, Options, Page, PlayerError, Poster};
 use image::{ExtendedColorType, ImageEncoder, codecs::jpeg::JpegEncoder};
 use std::io::Write;
 use std::path::Path;
@@ -81,7 +81,7 @@ pub(super) fn write(
 fn failure(error: &PlayerError) -> Failure {
     match error {
         PlayerError::Scene { .. } | PlayerError::NothingVisible { .. } => {
-            Failure::bad_input(chain(error)).next("c4d info SCENE says what is in it.")
+            Failure::bad_input(chain(error)).next("c4d info SCENE shows what it contains.")
         }
         PlayerError::Option { .. } | PlayerError::TooManyFrames { .. } => {
             Failure::usage(chain(error))
@@ -90,7 +90,7 @@ fn failure(error: &PlayerError) -> Failure {
     }
 }
 
-fn counts(report: &Report) -> String {
+fn counts(report: &EncodeReport) -> String {
     if report.second == 0 {
         return format!("{} splats", report.first);
     }
@@ -101,7 +101,7 @@ fn counts(report: &Report) -> String {
 }
 
 /// What the page does not keep.
-fn losses(report: &Report, options: &Options, frames: usize) -> Losses {
+fn losses(report: &EncodeReport, options: &Options, frames: usize) -> Losses {
     let mut losses = Losses::none();
     let (available, kept) = report.sh_degree;
     if kept < available {
@@ -110,7 +110,7 @@ fn losses(report: &Report, options: &Options, frames: usize) -> Losses {
             if kept == 0 {
                 "colour no longer depends on the view"
             } else {
-                "colour depends on the view less sharply"
+                "view-dependent colour is smoother"
             }
         ));
     }
@@ -137,7 +137,10 @@ fn losses(report: &Report, options: &Options, frames: usize) -> Losses {
         ));
     }
     if report.clamped > 0 {
-        losses.push(format!("{} splats lie too far out and are moved nearer", report.clamped));
+        losses.push(format!(
+            "{} splats lie outside the range of positions and are moved inside it",
+            report.clamped
+        ));
     }
     losses
 }

@@ -1,6 +1,7 @@
 //! `NAME.manifest.json` beside an exported sequence: what its format has no place for.
 //!
-//! Beside it, never in it: players take a folder or an archive for a sequence only while nothing else lies in it.
+//! Beside it, never in it: players take a folder or an archive for a sequence only while nothing
+//! else lies in it.
 
 use crate::failure::{Failure, Outcome};
 use crate::output::output_failure;
@@ -29,7 +30,8 @@ pub(super) struct Manifest {
     path: PathBuf,
 }
 
-/// Name of the manifest of `output`: `frames.manifest.json` of `frames/`, `frames.zip.manifest.json` of `frames.zip`.
+/// Name of the manifest of `output`: `frames.manifest.json` of `frames/`,
+/// `frames.zip.manifest.json` of `frames.zip`.
 fn path_of(output: &Path) -> PathBuf {
     // Without the slash that a folder may end with.
     let output: PathBuf = output.components().collect();
@@ -47,8 +49,8 @@ fn is_ours(path: &Path) -> bool {
     serde_json::from_slice::<serde_json::Value>(&text).is_ok_and(|found| found["kind"] == KIND)
 }
 
-/// Begins the manifest of `output`; one that exists is refused or replaced like the output itself. One of ours whose output is gone
-/// says nothing about anything, and is replaced.
+/// Begins the manifest of `output`; one that exists is refused or replaced like the output itself.
+/// One of ours whose output is gone says nothing about anything, and is replaced.
 pub(super) fn create(output: &Path, existing: Existing) -> Outcome<Manifest> {
     let path = path_of(output);
     // The user named the output, not this file.

@@ -5,7 +5,7 @@ use crate::console::Console;
 use crate::failure::{Failure, Outcome};
 use crate::images;
 use crate::output::output_failure;
-use crate::progress::Progress;
+use crate::progress::StageProgress;
 use crate::renderer::side_by_side;
 use crate::run_folder::{Checkpoint, KeptImages, MadeFrom, PREVIEWS};
 use crate::settings::RefineSettings;
@@ -23,7 +23,7 @@ pub(super) struct Watch<'a> {
     pub(super) made_from: MadeFrom,
     /// Images kept for another process to go on from.
     pub(super) images: Option<KeptImages>,
-    pub(super) progress: Option<(&'static str, Progress)>,
+    pub(super) progress: Option<(&'static str, StageProgress)>,
     pub(super) failure: Option<Failure>,
 }
 
@@ -89,7 +89,8 @@ impl Observer for Watch<'_> {
     }
 
     fn keep_image(&mut self, at: ViewTime, bytes: &[u8]) {
-        // The refinement needs no images on disk: without room for them it only cannot be resumed as quickly.
+        // The refinement needs no images on disk: without room for them it only cannot be resumed
+        // as quickly.
         if let Some(images) = &mut self.images
             && let Err(error) = images.put(at, bytes)
         {

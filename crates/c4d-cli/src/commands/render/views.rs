@@ -58,7 +58,7 @@ pub(super) fn views(
     }
     if !from_rig && args.up.is_some() {
         return Err(Failure::usage(
-            "--up is for front, orbit and spiral: other cameras have poses",
+            "--up applies to front, orbit and spiral only; other cameras have their own poses",
         )
         .next("Leave it out."));
     }

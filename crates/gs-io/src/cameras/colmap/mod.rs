@@ -52,7 +52,7 @@ impl Model {
         } else {
             return Err(IoError::content(
                 folder,
-                "holds no whole COLMAP model; expected cameras.bin and images.bin, or cameras.txt and images.txt. Copy the missing file",
+                "has no complete COLMAP model; expected cameras.bin and images.bin, or cameras.txt and images.txt. Copy the missing file",
             ));
         }
         let (mut lenses, mut unusable) = (BTreeMap::new(), BTreeMap::new());

@@ -47,7 +47,8 @@ pub fn parse_cameras_txt(text: &str) -> Result<Vec<ColmapCamera>, CamerasError> 
     Ok(cameras)
 }
 
-/// Parses an `images.txt`: `IMAGE_ID QW QX QY QZ TX TY TZ CAMERA_ID NAME`, then a line of points (which may be empty), an image.
+/// Parses an `images.txt`: `IMAGE_ID QW QX QY QZ TX TY TZ CAMERA_ID NAME`, then a line of points
+/// (which may be empty), an image.
 ///
 /// # Errors
 /// If a line does not have that form.

@@ -1,8 +1,10 @@
-//! `poses_bounds.npy` of LLFF and DyNeRF (Neural 3D Video): a row a camera, its pose, image size, focal length and depth range.
+//! `poses_bounds.npy` of LLFF and DyNeRF (Neural 3D Video): a row a camera, its pose, image size,
+//! focal length and depth range.
 //!
-//! Row i belongs to the i-th of the sorted videos `cam*.mp4`, or of the frame folders `cam*/images`; or, for photographs, to the i-th
-//! of the sorted `images`. Trained reading: half the stored size, half the first row's focal length for all, times over 300 whatever
-//! the length of the clip, the first camera held out.
+//! Row i belongs to the i-th of the sorted videos `cam*.mp4`, or of the frame folders
+//! `cam*/images`; or, for photographs, to the i-th of the sorted `images`. Trained reading: half
+//! the stored size, half the first row's focal length for all, times over 300 whatever the length
+//! of the clip, the first camera held out.
 
 mod row;
 
@@ -39,13 +41,13 @@ pub fn cameras(rows: &[Row], reading: Reading) -> Result<Vec<Camera>, CamerasErr
 }
 
 /// Cameras of a DyNeRF folder with the names of their frames.
-struct Rig {
+struct CameraFrames {
     names: Vec<String>,
     frames: Vec<Vec<String>>,
 }
 
 /// Videos, else folders of frames. `None` when there are neither.
-fn rig(root: &Path, names: &[String]) -> Option<Rig> {
+fn camera_frames(root: &Path, names: &[String]) -> Option<CameraFrames> {
     let of_kind = |keep: &dyn Fn(&String) -> bool| -> Vec<String> {
         names.iter().filter(|name| name.starts_with("cam") && keep(name)).cloned().collect()
     };
@@ -61,7 +63,7 @@ fn rig(root: &Path, names: &[String]) -> Option<Rig> {
         frames.take(TRAINED_FRAMES).collect()
     };
     let frames = cameras.iter().map(frames).collect();
-    (!cameras.is_empty()).then_some(Rig { names: cameras, frames })
+    (!cameras.is_empty()).then_some(CameraFrames { names: cameras, frames })
 }
 
 /// Reads the data set of a folder.
@@ -85,7 +87,7 @@ pub(in crate::cameras) fn open(
     }
     let mut views = Vec::new();
     let single = |row: &Row, name: String| lens(row).camera(row.viewmat(), None, name);
-    if let Some(rig) = rig(root, &names) {
+    if let Some(rig) = camera_frames(root, &names) {
         if rig.names.len() != rows.len() {
             return Err(IoError::content(
                 root,

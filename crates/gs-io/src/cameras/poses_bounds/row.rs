@@ -36,7 +36,8 @@ impl Row {
         pose::from_axes(self.right, -self.up, -self.back, self.centre)
     }
 
-    /// Own size and focal length; in training half of the size, and of the first camera's focal length.
+    /// Own size and focal length; in training half of the size, and of the first camera's focal
+    /// length.
     pub(super) fn lens_of(&self, first: &Self, reading: Reading) -> Lens {
         let (focal, scale) = match reading {
             Reading::Trained => (first.focal, 0.5),

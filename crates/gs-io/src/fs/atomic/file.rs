@@ -8,10 +8,12 @@ use std::fs::{self, File};
 use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
 
-/// A file that appears under its name only when [`AtomicFile::commit`]ted; dropped uncommitted, nothing is left.
+/// A file that appears under its name only when [`AtomicFile::commit`]ted; dropped uncommitted,
+/// nothing is left.
 ///
-/// With [`Existing::Replace`], a file is replaced that was named for it, and whose content is of the kind that is written: an image by
-/// an image, a clip by a clip of the same format. A file of another kind was named by mistake.
+/// With [`Existing::Replace`], a file is replaced that was named for it, and whose content is of
+/// the kind that is written: an image by an image, a clip by a clip of the same format. A file of
+/// another kind was named by mistake.
 #[derive(Debug)]
 pub struct AtomicFile {
     path: PathBuf,
@@ -24,7 +26,8 @@ impl AtomicFile {
     /// Opens a temporary file next to `path`, making the folder if it is missing.
     ///
     /// # Errors
-    /// If `path` exists and may not be replaced, another process is writing it, or the file cannot be made.
+    /// If `path` exists and may not be replaced, another process is writing it, or the file cannot
+    /// be made.
     pub fn create(path: impl AsRef<Path>, existing: Existing) -> Result<Self, IoError> {
         let path: PathBuf = path.as_ref().components().collect();
         refuse(&path, existing, None)?;
@@ -38,7 +41,8 @@ impl AtomicFile {
     /// Puts the complete file under its name.
     ///
     /// # Errors
-    /// If the last bytes cannot be written, or what `path` holds by now may not be replaced by this.
+    /// If the last bytes cannot be written, or what `path` holds by now may not be replaced by
+    /// this.
     pub fn commit(mut self) -> Result<(), IoError> {
         if let Some(writer) = self.writer.take() {
             let file = writer

@@ -8,11 +8,13 @@ use crate::fs::list_names;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-/// A folder that appears under its name only when [`AtomicDir::commit`]ted; dropped uncommitted, nothing is left.
+/// A folder that appears under its name only when [`AtomicDir::commit`]ted; dropped uncommitted,
+/// nothing is left.
 ///
-/// An existing empty folder is always replaced. One with content is replaced only with [`Existing::Replace`], and only if every file in
-/// it, at every depth, is one that this program wrote there and nobody changed since: names, sizes and checksums of its files are in
-/// a record, `.c4d-files`, that is written with it.
+/// An existing empty folder is always replaced. One with content is replaced only with
+/// [`Existing::Replace`], and only if every file in it, at every depth, is one that this program
+/// wrote there and nobody changed since: names, sizes and checksums of its files are in a record,
+/// `.c4d-files`, that is written with it.
 #[derive(Debug)]
 pub struct AtomicDir {
     path: PathBuf,
@@ -25,12 +27,14 @@ impl AtomicDir {
     /// Makes a temporary folder next to `path`.
     ///
     /// # Errors
-    /// If `path` exists and may not be replaced, another process is writing it, or the folder cannot be made.
+    /// If `path` exists and may not be replaced, another process is writing it, or the folder
+    /// cannot be made.
     pub fn create(path: impl AsRef<Path>, existing: Existing) -> Result<Self, IoError> {
         Self::with_record(path, existing, Place::Inside)
     }
 
-    /// As [`AtomicDir::create`], with the record beside the folder: for formats whose readers take every file of a folder for one of theirs.
+    /// As [`AtomicDir::create`], with the record beside the folder: for formats whose readers take
+    /// every file of a folder for one of theirs.
     ///
     /// # Errors
     /// As [`AtomicDir::create`].
@@ -56,7 +60,8 @@ impl AtomicDir {
         self.reservation.partial()
     }
 
-    /// Puts the complete folder under its name; what was there before is removed only after that worked.
+    /// Puts the complete folder under its name; what was there before is removed only after that
+    /// worked.
     ///
     /// # Errors
     /// If renaming fails, or what `path` holds by now may not be replaced.
@@ -115,13 +120,15 @@ fn is_mount_point(path: &Path, found: &fs::Metadata) -> bool {
     parent.is_some_and(|parent| parent.dev() != found.dev())
 }
 
-/// Whether another file system begins at the folder `path`: of no concern where drives have letters.
+/// Whether another file system begins at the folder `path`: of no concern where drives have
+/// letters.
 #[cfg(not(unix))]
 fn is_mount_point(_path: &Path, _found: &fs::Metadata) -> bool {
     false
 }
 
-/// Refuses to remove `folder`, the present or former content of `output`, if anything in it is not ours.
+/// Refuses to remove `folder`, the present or former content of `output`, if anything in it is not
+/// ours.
 fn may_go(folder: &Path, output: &Path, compare: Compare) -> Result<(), IoError> {
     let failed = |source| IoError::Read { path: output.to_owned(), source };
     match unrecorded_entry(folder, output, compare).map_err(failed)? {

@@ -1,6 +1,7 @@
 //! Outputs that are complete or absent, and never replace what this program did not write.
 //!
-//! An output is written under a hidden name beside its own and renamed when it is complete. Of `out/clip.mp4` these names are
+//! An output is written under a hidden name beside its own and renamed when it is complete. Of
+//! `out/clip.mp4` these names are
 //!
 //! | name | content |
 //! |---|---|
@@ -8,10 +9,12 @@
 //! | `out/.clip.mp4.c4d-partial` | the output so far |
 //! | `out/.clip.mp4.c4d-replaced` | the folder that is being replaced, for the moment between two renames |
 //!
-//! The lock ends with its process, however that ends, so whoever holds it knows that the other two are left over from a process that is
-//! no more, and removes them. A second process on the same output is refused.
+//! The lock ends with its process, however that ends, so whoever holds it knows that the other two
+//! are left over from a process that is no more, and removes them. A second process on the same
+//! output is refused.
 //!
-//! What may be replaced: of folders, see [`AtomicDir`]; of files, see [`AtomicFile`]. Links, devices, FIFOs and sockets never are.
+//! What may be replaced: of folders, see [`AtomicDir`]; of files, see [`AtomicFile`]. Links,
+//! devices, FIFOs and sockets never are.
 
 mod existing;
 mod file;

@@ -1,4 +1,5 @@
-//! [`Record`]: the files of a folder as this program wrote them, so that nothing else in it is ever removed.
+//! [`Record`]: the files of a folder as this program wrote them, so that nothing else in it is ever
+//! removed.
 
 use super::reservation::{hidden_name, is_temporary};
 use super::special_name;
@@ -14,7 +15,8 @@ const INSIDE: &str = ".c4d-files";
 /// Bytes read at a time.
 const CHUNK: usize = 1 << 20;
 
-/// Whether a name is one that this program uses for itself, and that holds no output: a record, or what a killed process left.
+/// Whether a name is one that this program uses for itself, and that holds no output: a record, or
+/// what a killed process left.
 pub(crate) fn is_bookkeeping(name: &str) -> bool {
     name == INSIDE || name.starts_with('.') && name.ends_with(INSIDE) || is_temporary(name)
 }
@@ -24,7 +26,8 @@ pub(crate) fn is_bookkeeping(name: &str) -> bool {
 pub(super) enum Place {
     /// In the folder, so that it goes where the folder goes.
     Inside,
-    /// Beside it: for folders that other programs read, and in which they take every file for one of theirs.
+    /// Beside it: for folders that other programs read, and in which they take every file for one
+    /// of theirs.
     Beside,
 }
 
@@ -79,8 +82,9 @@ struct Line {
     stamp: Stamp,
 }
 
-/// The files of a folder, at every depth. A file that was rewritten has several stamps: the new one is added before the file is put in
-/// place, so that a process killed in between leaves a file that is recognised either way.
+/// The files of a folder, at every depth. A file that was rewritten has several stamps: the new one
+/// is added before the file is put in place, so that a process killed in between leaves a file that
+/// is recognised either way.
 #[derive(Debug, Default)]
 pub(super) struct Record(HashMap<String, Vec<Stamp>>);
 
@@ -94,7 +98,8 @@ pub(super) struct UnrecordedEntry {
 }
 
 impl Record {
-    /// Reads a record. Lines that are no entries are skipped, as is the last one if its writer was killed.
+    /// Reads a record. Lines that are no entries are skipped, as is the last one if its writer was
+    /// killed.
     pub(super) fn read(path: &Path) -> Self {
         let mut record = Self::default();
         if !fs::symlink_metadata(path).is_ok_and(|found| found.is_file()) {
@@ -148,7 +153,8 @@ impl Record {
         Ok(text)
     }
 
-    /// Adds the entries to the end of the file `path`, before the files they are of are put in place.
+    /// Adds the entries to the end of the file `path`, before the files they are of are put in
+    /// place.
     pub(super) fn append(&self, path: &Path) -> io::Result<()> {
         if fs::symlink_metadata(path).is_ok_and(|found| !found.is_file()) {
             return Err(io::Error::other("the record of the folder's files is not a file"));
@@ -200,8 +206,8 @@ pub(super) enum Compare {
     Sizes,
 }
 
-/// The first entry of `folder` that this program did not write as it is, if there is one. `recorded_as` is the folder's path as far as a
-/// record beside it is concerned.
+/// The first entry of `folder` that this program did not write as it is, if there is one.
+/// `recorded_as` is the folder's path as far as a record beside it is concerned.
 pub(super) fn unrecorded_entry(
     folder: &Path,
     recorded_as: &Path,
@@ -213,8 +219,8 @@ pub(super) fn unrecorded_entry(
 }
 
 struct Walk {
-    /// Records of the folders on the way, with their paths. A folder of ours in another one may have been rewritten since, and keeps
-    /// its own record.
+    /// Records of the folders on the way, with their paths. A folder of ours in another one may
+    /// have been rewritten since, and keeps its own record.
     records: Vec<(String, Record)>,
     compare: Compare,
 }

@@ -12,7 +12,8 @@ use std::path::{Path, PathBuf};
 const LOCK: &str = ".c4d-lock";
 const PARTIAL: &str = ".c4d-partial";
 const REPLACED: &str = ".c4d-replaced";
-/// Longest name of an output whose hidden names contain it whole, bytes: file systems allow 255 for a name.
+/// Longest name of an output whose hidden names contain it whole, bytes: file systems allow 255 for
+/// a name.
 const MAX_WHOLE_NAME: usize = 200;
 
 /// Whether a name is one that a [`Reservation`] makes.
@@ -30,8 +31,9 @@ pub(super) struct Reservation {
 }
 
 impl Reservation {
-    /// Takes the right to write `path`, makes the folder it goes into, and tidies up after processes that were killed while they wrote
-    /// it: a folder that was being replaced is put back.
+    /// Takes the right to write `path`, makes the folder it goes into, and tidies up after
+    /// processes that were killed while they wrote it: a folder that was being replaced is put
+    /// back.
     pub(super) fn take(path: &Path) -> Result<Self, IoError> {
         let name = path.file_name().ok_or_else(|| {
             IoError::content(path, "is not the name of a file or folder that can be written")
@@ -75,7 +77,8 @@ impl Reservation {
         fs::rename(partial, output).map_err(IoError::write(output))
     }
 
-    /// Puts the complete folder under its name. What was there is removed only after that, and only if `may_go` still agrees.
+    /// Puts the complete folder under its name. What was there is removed only after that, and only
+    /// if `may_go` still agrees.
     pub(super) fn commit_folder(
         self,
         may_go: impl Fn(&Path) -> Result<(), IoError>,
@@ -109,7 +112,8 @@ impl Reservation {
 
 impl Drop for Reservation {
     fn drop(&mut self) {
-        // After a commit there is nothing under this name; otherwise a failed removal cannot be reported from here.
+        // After a commit there is nothing under this name; otherwise a failed removal cannot be
+        // reported from here.
         let _ = remove(&self.names.partial);
         let _ = fs::remove_file(&self.names.lock);
         if let Ok(mut unfinished) = UNFINISHED.lock() {
@@ -118,7 +122,8 @@ impl Drop for Reservation {
     }
 }
 
-/// Swaps two folders in one step, where the system can: a process that is killed leaves the old one or the new one, never neither.
+/// Swaps two folders in one step, where the system can: a process that is killed leaves the old one
+/// or the new one, never neither.
 #[cfg(target_os = "linux")]
 fn exchange(one: &Path, other: &Path) -> bool {
     use rustix::fs::{CWD, RenameFlags, renameat_with};
@@ -170,7 +175,8 @@ fn lock(output: &Path, path: &Path) -> Result<File, IoError> {
             Err(TryLockError::Error(error)) if error.kind() == ErrorKind::Unsupported => {}
             Err(TryLockError::Error(error)) => return Err(failed(error)),
         }
-        // Whoever held it before may have removed it after it was opened here: then this is a lock that nobody else will see.
+        // Whoever held it before may have removed it after it was opened here: then this is a lock
+        // that nobody else will see.
         let own = file.try_clone().and_then(Handle::from_file).map_err(failed)?;
         if Handle::from_path(path).is_ok_and(|there| there == own) {
             return Ok(file);

@@ -15,15 +15,15 @@ pub(super) struct Unfinished {
 /// Outputs of this process that are neither committed nor dropped.
 pub(super) static UNFINISHED: Mutex<Vec<Unfinished>> = Mutex::new(Vec::new());
 
-/// Removes what unfinished outputs of this process have written so far: for the handler of an interrupt, which ends the process
-/// without dropping them.
+/// Removes what unfinished outputs of this process have written so far: for the handler of an
+/// interrupt, which ends the process without dropping them.
 pub fn remove_unfinished() {
     const CHECKS: usize = 200;
     const PAUSE: std::time::Duration = std::time::Duration::from_millis(2);
     let Ok(unfinished) = UNFINISHED.lock() else { return };
     for Unfinished { partial, lock, .. } in unfinished.iter() {
-        // A thread that is still writing may put a file, or the folder itself, back while it is being removed: done when it
-        // has stayed away for a while.
+        // A thread that is still writing may put a file, or the folder itself, back while it is
+        // being removed: done when it has stayed away for a while.
         let mut absent = 0;
         for _ in 0..CHECKS {
             if fs::symlink_metadata(partial).is_err() {
@@ -41,8 +41,8 @@ pub fn remove_unfinished() {
     }
 }
 
-/// The name under which an unfinished output of this process will appear, for messages: `out/frame.ply` of
-/// `.out.c4d-partial/frame.ply`.
+/// The name under which an unfinished output of this process will appear, for messages:
+/// `out/frame.ply` of `.out.c4d-partial/frame.ply`.
 pub fn final_path(path: &Path) -> PathBuf {
     let mut path = path.to_owned();
     let Ok(unfinished) = UNFINISHED.lock() else { return path };

@@ -8,8 +8,8 @@ use std::fs::{self, File};
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
-/// A folder of [`super::AtomicDir`] whose files are rewritten in place, each complete or as it was. While this lives, no other process
-/// writes to the folder.
+/// A folder of [`super::AtomicDir`] whose files are rewritten in place, each complete or as it was.
+/// While this lives, no other process writes to the folder.
 #[derive(Debug)]
 pub struct FolderUpdate {
     folder: PathBuf,
@@ -36,8 +36,8 @@ impl FolderUpdate {
         Ok(Self { folder, _reservation: reservation })
     }
 
-    /// Writes the file `name` of the folder. One that exists is replaced if it is ours, or if the caller `has_read` it and writes its
-    /// content anew.
+    /// Writes the file `name` of the folder. One that exists is replaced if it is ours, or if the
+    /// caller `has_read` it and writes its content anew.
     ///
     /// # Errors
     /// If it may not be replaced, or cannot be written.
@@ -67,8 +67,9 @@ impl FolderUpdate {
         reservation.commit_file()
     }
 
-    /// Opens the file `name` of the folder to read it and to write at its end, and makes it if it is missing. What it holds is not compared with
-    /// the record: this is for files that grow while they are written.
+    /// Opens the file `name` of the folder to read it and to write at its end, and makes it if it
+    /// is missing. What it holds is not compared with the record: this is for files that grow while
+    /// they are written.
     ///
     /// # Errors
     /// If the name is taken by something else, or the file cannot be opened.

@@ -9,12 +9,12 @@ use std::path::{Path, PathBuf};
 use webp_animation::{ColorMode, EncoderOptions, EncodingConfig, EncodingType};
 
 /// A looping image being written.
-pub(crate) enum LoopWriter<W: Write> {
+pub(crate) enum AnimatedImage<W: Write> {
     Gif(GifWriter<W>),
     Webp(Box<WebpWriter<W>>),
 }
 
-impl<W: Write> LoopWriter<W> {
+impl<W: Write> AnimatedImage<W> {
     /// Appends a frame of RGB bytes.
     pub(crate) fn push(&mut self, rgb: &[u8]) -> Outcome {
         match self {
@@ -32,19 +32,21 @@ impl<W: Write> LoopWriter<W> {
     }
 }
 
-/// Most frames a second that a GIF can ask for: browsers take shorter delays for a mistake and play at 10.
+/// Most frames a second that a GIF can ask for: browsers take shorter delays for a mistake and play
+/// at 10.
 pub(crate) const GIF_MAX_FPS: f64 = 50.0;
 /// Entry of every palette that means "as before".
 const TRANSPARENT: u8 = 255;
-/// A pixel is drawn again when a channel differs by more than this (of 255) from when it was last drawn: still parts neither flicker
-/// nor take space, whatever palette and dithering do.
+/// A pixel is drawn again when a channel differs by more than this (of 255) from when it was last
+/// drawn: still parts neither flicker nor take space, whatever palette and dithering do.
 const HOLD: u8 = 3;
 /// Share of the rounding error that goes to neighbouring pixels: all of it makes grain.
 const DITHER: i32 = 12;
 /// Of so many parts.
 const DITHER_PARTS: i32 = 16;
 
-/// A GIF: every frame has its own palette of 255 colours and draws only the rectangle, and in it only the pixels, that changed.
+/// A GIF: every frame has its own palette of 255 colours and draws only the rectangle, and in it
+/// only the pixels, that changed.
 pub(crate) struct GifWriter<W: Write> {
     encoder: gif::Encoder<W>,
     path: PathBuf,
@@ -66,8 +68,10 @@ impl<W: Write> GifWriter<W> {
         let failed = |error: gif::EncodingError| Failure::write(path, &error);
         let side = |pixels: usize| {
             u16::try_from(pixels).map_err(|_too_large| {
-                Failure::usage(format!("a GIF of {width}×{height} pixels: sides are 65535 at most"))
-                    .next("Give another --size.")
+                Failure::usage(format!(
+                    "a GIF of {width}×{height} pixels: the limit is 65535 a side"
+                ))
+                .next("Give another --size.")
             })
         };
         let mut encoder =
@@ -162,7 +166,8 @@ struct Palette {
 impl Palette {
     /// Entries besides the transparent one.
     const COLOURS: usize = TRANSPARENT as usize;
-    /// The network learns from about so many samples, from every pixel of smaller sets: rare colours must not be missed.
+    /// The network learns from about so many samples, from every pixel of smaller sets: rare
+    /// colours must not be missed.
     const SAMPLES: usize = 40_000;
 
     fn of(pixels: &[[u8; 3]], changed: &[bool]) -> Self {
@@ -190,8 +195,8 @@ impl Palette {
         }
     }
 
-    /// Palette indices of the area; what did not change is transparent. Rounding errors go to the neighbours still to be drawn
-    /// (Floyd and Steinberg's shares), rows in alternating directions.
+    /// Palette indices of the area; what did not change is transparent. Rounding errors go to the
+    /// neighbours still to be drawn (Floyd and Steinberg's shares), rows in alternating directions.
     fn draw(&self, pixels: &[[u8; 3]], changed: &[bool], area: &Area, width: usize) -> Vec<u8> {
         let mut indices = vec![TRANSPARENT; area.width * area.height];
         // Errors owed to this row and the next, one pixel of margin on either side.
@@ -322,9 +327,9 @@ mod tests {
     fn write(fps: f64, frames: usize, gif: bool) -> Vec<u8> {
         let path = Path::new("loop");
         let mut writer = if gif {
-            LoopWriter::Gif(GifWriter::new(Vec::new(), path, WIDTH, HEIGHT, fps).unwrap())
+            AnimatedImage::Gif(GifWriter::new(Vec::new(), path, WIDTH, HEIGHT, fps).unwrap())
         } else {
-            LoopWriter::Webp(Box::new(
+            AnimatedImage::Webp(Box::new(
                 WebpWriter::new(Vec::new(), path, WIDTH, HEIGHT, fps).unwrap(),
             ))
         };

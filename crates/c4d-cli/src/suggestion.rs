@@ -37,7 +37,7 @@ impl Needed {
 }
 
 /// Names what is needed and lies in `path`, a folder, or around it, where something does.
-pub(crate) fn of(path: &Path, needed: Needed) -> Option<String> {
+pub(crate) fn for_path(path: &Path, needed: Needed) -> Option<String> {
     if path.is_dir() { inside(path, needed) } else { around(path, needed) }
 }
 
@@ -46,13 +46,13 @@ fn inside(folder: &Path, needed: Needed) -> Option<String> {
     let named = |(path, kind): &(PathBuf, SceneKind)| format!("{} ({kind})", path.display());
     match &found[..] {
         [] => None,
-        [only] => Some(format!("The folder holds {}: give that.", named(only))),
+        [only] => Some(format!("The folder contains {}: give that path.", named(only))),
         several => {
             let mut names: Vec<String> = several.iter().take(SHOWN).map(named).collect();
             if several.len() > SHOWN {
                 names.push(format!("{} more", several.len() - SHOWN));
             }
-            Some(format!("The folder holds {}: give one of them.", names.join(", ")))
+            Some(format!("The folder contains {}: give one of these paths.", names.join(", ")))
         }
     }
 }
@@ -75,7 +75,7 @@ fn around(file: &Path, needed: Needed) -> Option<String> {
     let known = |folder: &&Path| gs_io::detect(folder).is_ok_and(|kind| needed.fits(&kind));
     let folder = file.ancestors().skip(1).take(DEPTH).filter(known).last()?;
     let kind = gs_io::detect(folder).ok()?;
-    Some(format!("It lies in {} ({kind}): give that folder.", folder.display()))
+    Some(format!("It belongs to {} ({kind}): give that folder.", folder.display()))
 }
 
 #[cfg(test)]
@@ -86,14 +86,14 @@ mod tests {
     #[test]
     fn what_fits_is_named() {
         let dir = tempfile::tempdir().unwrap();
-        assert_eq!(of(dir.path(), Needed::Scene), None, "nothing is there");
+        assert_eq!(for_path(dir.path(), Needed::Scene), None, "nothing is there");
         fs::write(dir.path().join("notes.txt"), "hello").unwrap();
         fs::write(dir.path().join("walk.splatv"), 0x674B_u32.to_le_bytes()).unwrap();
-        let said = of(dir.path(), Needed::Scene).unwrap();
+        let said = for_path(dir.path(), Needed::Scene).unwrap();
         assert!(said.contains("walk.splatv") && said.contains("give that"), "{said}");
-        assert_eq!(of(dir.path(), Needed::Frame), None, "a clip is no frame");
+        assert_eq!(for_path(dir.path(), Needed::Frame), None, "a clip is no frame");
         fs::write(dir.path().join("wave.splat4d"), "SP4D").unwrap();
-        let said = of(dir.path(), Needed::Scene).unwrap();
+        let said = for_path(dir.path(), Needed::Scene).unwrap();
         assert!(said.contains("wave.splat4d") && said.contains("one of them"), "{said}");
     }
 }

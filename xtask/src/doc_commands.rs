@@ -24,8 +24,10 @@ pub(crate) fn run() -> Result<()> {
         fs::remove_dir_all(&folder)?;
     }
     fs::create_dir_all(&folder)?;
+    // All programs, examples and benches at once: the features of dependencies are then those of the test suite, and neither this nor a
+    // documented command builds a dependency again.
     let built = Command::new("cargo")
-        .args(["build", "--release", "--quiet", "--package", "c4d-cli"])
+        .args(["build", "--release", "--quiet", "--workspace", "--bins", "--examples", "--benches"])
         .current_dir(&root)
         .env("CARGO_TARGET_DIR", root.join("target"))
         .status()?;
@@ -48,6 +50,7 @@ pub(crate) fn run() -> Result<()> {
             // Benches measure for minutes; here it matters that they run at all.
             let line = if line.starts_with("cargo bench") { line + " -- --test" } else { line };
             eprintln!("{document}: {line}");
+            refuse_package_flag(&line).with_context(|| document.to_owned())?;
             let words = words(&line).with_context(|| format!("{document}: `{line}`"))?;
             let status = Command::new(&words[0])
                 .args(&words[1..])
@@ -63,6 +66,16 @@ pub(crate) fn run() -> Result<()> {
         }
     }
     eprintln!("{count} documented commands ran");
+    Ok(())
+}
+
+/// Refuses `-p` in a documented `cargo` command: the dependencies would be built again with the features of that package alone, minutes
+/// each. `--example`, `--bench` and `--bin` find their target in any package.
+fn refuse_package_flag(line: &str) -> Result<()> {
+    let own = line.split(" -- ").next().unwrap_or_default();
+    if own.starts_with("cargo ") && own.split(' ').any(|word| matches!(word, "-p" | "--package")) {
+        bail!("`{line}` selects a package; name its target with --example, --bench or --bin");
+    }
     Ok(())
 }
 
@@ -116,6 +129,15 @@ mod tests {
     fn only_sh_blocks_are_commands() {
         let text = "```sh\n# note\na \\\n  b\nc\n```\n```text\nd\n```\ne";
         assert_eq!(commands(text), ["a b", "c"], "joined, in order");
+    }
+
+    #[test]
+    fn documented_commands_share_their_builds() {
+        assert!(
+            refuse_package_flag("cargo run --release --example sizes -- -p 3").is_ok(),
+            "its own"
+        );
+        assert!(refuse_package_flag("cargo bench -p anchors").is_err(), "a package");
     }
 
     #[test]

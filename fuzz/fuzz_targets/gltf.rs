@@ -1,4 +1,5 @@
-//! The JSON of a binary glTF, beside data that are there: what is mutated is accessors, views, nodes and attributes.
+//! The JSON of a binary glTF, beside data that are there: what is mutated is accessors, views,
+//! nodes and attributes.
 #![no_main]
 
 libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {

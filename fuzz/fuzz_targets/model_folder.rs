@@ -1,4 +1,5 @@
-//! Whole model folders of 4DGS: an input is a few files, each in place of a sound one, or beside them.
+//! Whole model folders of 4DGS: an input is a few files, each in place of a sound one, or beside
+//! them.
 #![no_main]
 
 use gs_io::{OpenOptions, open_scene};

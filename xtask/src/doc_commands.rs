@@ -50,7 +50,7 @@ pub(crate) fn run() -> Result<()> {
             // Benches measure for minutes; here it matters that they run at all.
             let line = if line.starts_with("cargo bench") { line + " -- --test" } else { line };
             eprintln!("{document}: {line}");
-            refuse_package_flag(&line).with_context(|| document.to_owned())?;
+            refuse_package_flag(&line).with_context(|| (*document).to_owned())?;
             let words = words(&line).with_context(|| format!("{document}: `{line}`"))?;
             let status = Command::new(&words[0])
                 .args(&words[1..])

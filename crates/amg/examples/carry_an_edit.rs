@@ -1,4 +1,5 @@
-//! Carries a small edit along a scene that swings by a quarter turn: `cargo run --release -p amg --example carry_an_edit`.
+//! Carries a small edit along a scene that swings by a quarter turn:
+//! `cargo run --release -p amg --example carry_an_edit`.
 
 use amg::{MotionOptions, propagate};
 use gs_core::{DynamicScene, SceneError, Splats, TimeRange, quat};

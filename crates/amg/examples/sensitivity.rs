@@ -1,6 +1,7 @@
-//! How much the end-point error changes when one parameter of the motion model is halved or doubled:
-//! `cargo run --release -p amg --example sensitivity -- 1000 2`, with the number of source splats and of seeds. Prints a table of ratios, geometric
-//! means over cases of `gs-synth` and, from another generator, over the goldens of `fixtures/amg`. Errors are those of edited splats.
+//! How much the end-point error changes when one parameter of the motion model is halved or
+//! doubled: `cargo run --release -p amg --example sensitivity -- 1000 2`, with the number of source
+//! splats and of seeds. Prints a table of ratios, geometric means over cases of `gs-synth` and,
+//! from another generator, over the goldens of `fixtures/amg`. Errors are those of edited splats.
 #![allow(
     clippy::unwrap_used,
     clippy::cast_possible_truncation,

@@ -1,6 +1,7 @@
-//! Seconds, memory and end-point error of the whole stage (estimate, then three frames) on a scene with known motion:
-//! `cargo run --release -p amg --example sizes -- clothing 20000 best`. A further number is how many edited splats there shall be: some are
-//! left out, or follow once more a little beside; then there is no end-point error.
+//! Seconds, memory and end-point error of the whole stage (estimate, then three frames) on a scene
+//! with known motion: `cargo run --release -p amg --example sizes -- clothing 20000 best`. A
+//! further number is how many edited splats there shall be: some are left out, or follow once more
+//! a little beside; then there is no end-point error.
 
 use amg::{MotionOptions, Preset, propagate};
 use gs_core::{DynamicScene, Splats};

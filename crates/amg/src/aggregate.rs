@@ -5,8 +5,8 @@ use crate::options::{Aggregation, PositionRule, RotationRule, ScaleRule};
 use crate::rigid::RigidFit;
 use gs_core::{Real, Splats, quat};
 
-/// Largest change of scale that an isotropic blend may cause, as a factor: a source that vanishes at the edit frame has no
-/// ratio. The ratio per axis is not limited.
+/// Largest change of scale that an isotropic blend may cause, as a factor: a source that vanishes
+/// at the edit frame has no ratio. The ratio per axis is not limited.
 const LN_MAX_SCALE_RATIO: f32 = 1.386_294_4;
 /// Logarithm of the largest ratio per axis; only keeps sums of ratios finite.
 const LN_FINITE_RATIO: f64 = 700.0;
@@ -14,7 +14,8 @@ const LN_FINITE_RATIO: f64 = 700.0;
 /// Geometry of one splat: mean, quaternion, log-scales.
 pub(crate) type Geometry = ([f32; 3], [f32; 4], [f32; 3]);
 
-/// What one source splat does from the edit frame to a time: computed once for all rows that follow it.
+/// What one source splat does from the edit frame to a time: computed once for all rows that follow
+/// it.
 #[derive(Debug, Clone, Copy, Default)]
 pub(crate) struct SourceMotion {
     from: [f32; 3],
@@ -57,7 +58,8 @@ pub(crate) struct SourceAt<'a> {
     pub(crate) motions: &'a [SourceMotion],
 }
 
-/// Geometry at a time of the edited splat `edited` (geometry at the edit frame), which moves with `ids`.
+/// Geometry at a time of the edited splat `edited` (geometry at the edit frame), which moves with
+/// `ids`.
 pub(crate) fn blend_geometry(
     edited: Geometry,
     (ids, weights): (&[u32], &[f32]),
@@ -82,7 +84,8 @@ pub(crate) fn blend_geometry(
     (new_mean, new_rotation, blend_scale((ids, weights), log_scale, source.motions, how.scale))
 }
 
-/// Rigid motion of a row's sources. Under [`PositionRule::Average`] the rotation is the mean of the sources' own.
+/// Rigid motion of a row's sources. Under [`PositionRule::Average`] the rotation is the mean of the
+/// sources' own.
 fn rigid_motion(
     (ids, weights): (&[u32], &[f32]),
     motions: &[SourceMotion],
@@ -103,7 +106,8 @@ fn rigid_motion(
     let own_rotations = how.rotation_prior > 0.0 || how.position == PositionRule::Average;
     for (&id, &weight) in ids.iter().zip(weights) {
         let motion = &motions[id as usize];
-        // The rotation is a property of the neighbourhood, the translation one of the nearest splats: a wider kernel.
+        // The rotation is a property of the neighbourhood, the translation one of the nearest
+        // splats: a wider kernel.
         let wide = f64::from(weight).sqrt();
         if how.position == PositionRule::Rigid {
             fit.add(wide, motion.from.map(f64::from), motion.to.map(f64::from));
@@ -164,8 +168,9 @@ fn add_rotations(
     sum.map(f32::from_double)
 }
 
-/// Weights of a row's sources at a time when some have faded, normalised, in `out`. As long as anyone is still there, the row
-/// follows those; if all fade, they fade together and keep their shares.
+/// Weights of a row's sources at a time when some have faded, normalised, in `out`. As long as
+/// anyone is still there, the row follows those; if all fade, they fade together and keep their
+/// shares.
 pub(crate) fn weights_seen(
     (ids, weights): (&[u32], &[f32]),
     seen: impl Fn(usize) -> f32,

@@ -10,17 +10,19 @@ use gs_core::Splats;
 pub enum RowKind {
     /// It stays where the edit put it.
     Static = 0,
-    /// It is a source splat, untouched: geometry, opacity and colour of that splat at every time, bit for bit.
+    /// It is a source splat, untouched: geometry, opacity and colour of that splat at every time,
+    /// bit for bit.
     Unchanged = 1,
-    /// It is a source splat with other colours or opacity: that splat's geometry bit for bit, the edit's appearance plus the
-    /// source's change of appearance.
+    /// It is a source splat with other colours or opacity: that splat's geometry bit for bit, the
+    /// edit's appearance plus the source's change of appearance.
     Recoloured = 2,
     /// Its motion is a weighted blend of the motion of its sources.
     Blended = 3,
     /// The deformation field is asked at its own position (baseline "w/o AMG").
     Field = 4,
-    /// It is a source splat that the edit moved with others, see [`MovedGroup`]: that splat's geometry under the group's similarity, the
-    /// edit's appearance plus the source's change of appearance.
+    /// It is a source splat that the edit moved with others, see [`MovedGroup`]: that splat's
+    /// geometry under the group's similarity, the edit's appearance plus the source's change of
+    /// appearance.
     Moved = 5,
 }
 
@@ -43,11 +45,13 @@ impl RowKind {
     }
 }
 
-/// A sparse matrix: for each of `M` edited splats, ids of source splats and normalised weights. Independent of time.
+/// A sparse matrix: for each of `M` edited splats, ids of source splats and normalised weights.
+/// Independent of time.
 ///
-/// Invariants, verified by [`Binding::from_parts`] and [`Binding::blending`]: rows in order and complete; ids below `num_sources`; weights finite,
-/// not negative, summing to 1 within 1e-4 per non-empty row; exact and moved rows have one entry, blended rows at least one, static
-/// and field rows none; moved rows have a group.
+/// Invariants, verified by [`Binding::from_parts`] and [`Binding::blending`]: rows in order and
+/// complete; ids below `num_sources`; weights finite, not negative, summing to 1 within 1e-4 per
+/// non-empty row; exact and moved rows have one entry, blended rows at least one, static and field
+/// rows none; moved rows have a group.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Binding {
     offsets: Vec<u32>,
@@ -61,7 +65,8 @@ pub struct Binding {
 }
 
 impl Binding {
-    /// A binding from its arrays: `offsets` `[M+1]`, `source_ids` and `weights` `[nnz]`, `kinds` `[M]`.
+    /// A binding from its arrays: `offsets` `[M+1]`, `source_ids` and `weights` `[nnz]`, `kinds`
+    /// `[M]`.
     ///
     /// # Errors
     /// If an invariant of the type does not hold; the message names the row.
@@ -83,8 +88,8 @@ impl Binding {
         )
     }
 
-    /// As [`Binding::from_parts`], with the groups of [`RowKind::Moved`] rows: `group_of` `[M]` holds an index into `groups` for each
-    /// moved row, and anything for others.
+    /// As [`Binding::from_parts`], with the groups of [`RowKind::Moved`] rows: `group_of` `[M]`
+    /// holds an index into `groups` for each moved row, and anything for others.
     ///
     /// # Errors
     /// As [`Binding::from_parts`], and if a similarity is not valid or a carrier does not exist.
@@ -100,11 +105,12 @@ impl Binding {
         Self { offsets, source_ids, weights, kinds, num_sources, groups, group_of }.verified()
     }
 
-    /// A binding of rows `[M]` of `(source id, weight)`: rows without sources stay where the edit put them, the others blend the motion
-    /// of theirs. Weights need not sum to 1.
+    /// A binding of rows `[M]` of `(source id, weight)`: rows without sources stay where the edit
+    /// put them, the others blend the motion of theirs. Weights need not sum to 1.
     ///
     /// # Errors
-    /// If an id is not below `num_sources`, or weights are negative, no numbers or all zero; the message names the row.
+    /// If an id is not below `num_sources`, or weights are negative, no numbers or all zero; the
+    /// message names the row.
     pub fn blending(rows: &[Vec<(u32, f32)>], num_sources: usize) -> Result<Self, AmgError> {
         let kind = |row: &[_]| if row.is_empty() { RowKind::Static } else { RowKind::Blended };
         let binding = Self::from_rows(rows.iter().map(|row| (kind(row), &row[..])), num_sources);

@@ -1,22 +1,23 @@
 //! Which displacements are motion, and which only tremble.
 //!
-//! Trajectories fitted to images are free wherever an image does not pin them down: splats of a bare wall slide along it, each
-//! its own way, and nobody sees it. Carried over to other splats, their sliding is seen. Motion differs from it in that
-//! neighbours share it.
+//! Trajectories fitted to images are free wherever an image does not pin them down: splats of a
+//! bare wall slide along it, each its own way, and nobody sees it. Carried over to other splats,
+//! their sliding is seen. Motion differs from it in that neighbours share it.
 
 use crate::keyframes::KeyFrames;
 use anchors::{KdTree, Neighbor};
 
-/// Splats looked at, the splat itself included: enough to see that little is shared, and few enough to be of one small thing.
+/// Splats looked at, the splat itself included: enough to see that little is shared, and few enough
+/// to be of one small thing.
 const NEIGHBORHOODS: [usize; 2] = [8, 25];
 
-/// Standard errors by which a neighbourhood's mean displacement must differ from zero: of independent displacements one
-/// neighbourhood in a thousand does.
+/// Standard errors by which a neighbourhood's mean displacement must differ from zero: of
+/// independent displacements one neighbourhood in a thousand does.
 const SIGNIFICANT: f64 = 3.3;
 
-/// Clears `moves` of splats whose neighbourhood goes nowhere at any key time: its mean displacement, weighted by how visible
-/// each splat is then, stays within what independent displacements would add up to. Scenes with fewer than 25 splats
-/// are left as they are.
+/// Clears `moves` of splats whose neighbourhood goes nowhere at any key time: its mean
+/// displacement, weighted by how visible each splat is then, stays within what independent
+/// displacements would add up to. Scenes with fewer than 25 splats are left as they are.
 pub(crate) fn keep_coherent(keys: &KeyFrames, moves: &mut [bool]) {
     let ids: Vec<usize> = (0..moves.len()).filter(|&i| !keys.broken[i]).collect();
     if ids.len() < NEIGHBORHOODS[1] || !moves.contains(&true) {

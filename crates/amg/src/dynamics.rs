@@ -8,19 +8,22 @@ use crate::pose::{self, quantile_index};
 
 /// The source, split into what moves and what does not.
 ///
-/// In order of authority: the user's mask or box; the scene's own mask; motion. By motion, a splat is dynamic when its
-/// largest displacement over the key times exceeds a threshold. The threshold is the valley of the distribution of
-/// log-displacements between a still and a moving population (Otsu), accepted only when both hold at least 0.1 % of the splats
-/// the typical mover moves at least 8 times as far as the typical still splat, and the valley lies below 0.5 % of the
-/// scene's size: deformation networks make still splats tremble, but less than that. Without such a valley, every splat that moves more than 0.2 % of the
-/// scene's size is dynamic. Of those, splats that tremble alone are still (see [`DynamicParams::coherent`]).
+/// In order of authority: the user's mask or box; the scene's own mask; motion. By motion, a splat
+/// is dynamic when its largest displacement over the key times exceeds a threshold. The threshold
+/// is the valley of the distribution of log-displacements between a still and a moving population
+/// (Otsu), accepted only when both hold at least 0.1 % of the splats the typical mover moves at
+/// least 8 times as far as the typical still splat, and the valley lies below 0.5 % of the scene's
+/// size: deformation networks make still splats tremble, but less than that. Without such a valley,
+/// every splat that moves more than 0.2 % of the scene's size is dynamic. Of those, splats that
+/// tremble alone are still (see [`DynamicParams::coherent`]).
 #[derive(Debug, Clone, PartialEq)]
 pub struct DynamicSplit {
     /// `[N]`.
     pub dynamic: Vec<bool>,
     /// Displacement from which a splat counted as moving, world units; 0 when a mask decided.
     pub threshold: f64,
-    /// Diameter of the ball about the mean of the dynamic splats that holds 92 % of them, at the edit frame, world units.
+    /// Diameter of the ball about the mean of the dynamic splats that holds 92 % of them, at the
+    /// edit frame, world units.
     pub figure_size: f64,
 }
 

@@ -1,8 +1,9 @@
 //! Eigenvectors of symmetric 4×4 matrices for their largest eigenvalues, several matrices at once.
 //!
-//! The eigenvalue is the largest root of the characteristic polynomial, by Newton's method from above, where it is convex; the
-//! eigenvector is a column of the adjugate. Where other eigenvalues are near, both lose digits, and Jacobi rotations are taken
-//! instead. What one lane finds does not depend on the others.
+//! The eigenvalue is the largest root of the characteristic polynomial, by Newton's method from
+//! above, where it is convex; the eigenvector is a column of the adjugate. Where other eigenvalues
+//! are near, both lose digits, and Jacobi rotations are taken instead. What one lane finds does not
+//! depend on the others.
 #![expect(
     clippy::inline_always,
     reason = "vectorised bodies must be compiled inside the dispatched caller"
@@ -14,8 +15,8 @@ use gs_core::{quat, symmetric_eigen};
 /// Newton steps; of the matrices met, nearly all need six or fewer.
 const STEPS: usize = 16;
 
-/// Product of the gaps to the other eigenvalues, in units of the matrix's size, below which too many digits are lost: about ten
-/// are left there.
+/// Product of the gaps to the other eigenvalues, in units of the matrix's size, below which too
+/// many digits are lost: about ten are left there.
 const GAPS: f64 = 1e-6;
 
 /// Matrices `[4][4]`, lane by lane.
@@ -83,7 +84,8 @@ fn simple<const L: usize>(a: &Matrices<L>) -> ([Lanes<L>; 4], [bool; L]) {
             let step = value.0[lane] / slope.0[lane];
             let active = active && good[lane];
             root.0[lane] = if active { root.0[lane] - step } else { root.0[lane] };
-            // Towards a simple root, the next step is the square of this one; towards a double one, half of it.
+            // Towards a simple root, the next step is the square of this one; towards a double one,
+            // half of it.
             settled[lane] |= active && step <= 1e-12;
             under_way |= active && !settled[lane];
         }
@@ -95,7 +97,8 @@ fn simple<const L: usize>(a: &Matrices<L>) -> ([Lanes<L>; 4], [bool; L]) {
     for i in 0..4 {
         m[i][i] = m[i][i] - root;
     }
-    // Every column of the adjugate is a multiple of the eigenvector; the longest one has the most digits.
+    // Every column of the adjugate is a multiple of the eigenvector; the longest one has the most
+    // digits.
     let columns = Adjugate::of(&m).columns;
     let mut vector = columns[0];
     let mut longest = columns[0][0].map(f64::abs);
@@ -174,8 +177,8 @@ impl<const L: usize> Adjugate<L> {
 mod tests {
     use super::*;
 
-    /// Both ways to the eigenvector agree wherever the quick one answers, in whatever lane, and it answers for what is met in
-    /// practice.
+    /// Both ways to the eigenvector agree wherever the quick one answers, in whatever lane, and it
+    /// answers for what is met in practice.
     #[test]
     fn quick_eigenvectors_are_those_of_jacobi_rotations() {
         let mut state = 1_u64;

@@ -3,7 +3,8 @@
 use gs_core::{SceneError, SplatsError};
 use thiserror::Error;
 
-/// Why no motion could be found or evaluated. Numerical trouble is not an error: it is counted in [`crate::MotionReport`].
+/// Why no motion could be found or evaluated. Numerical trouble is not an error: it is counted in
+/// [`crate::MotionReport`].
 #[derive(Debug, Error)]
 pub enum AmgError {
     /// The source scene failed to evaluate.

@@ -7,11 +7,12 @@ use std::fmt::Debug;
 ///
 /// Tabulated scenes have no such field, neural ones do.
 pub trait FieldAt: Debug + Send + Sync {
-    /// Writes into `out` what the field makes of `rest`, taken as canonical splats, at time `t`. Row `i` of `out` is row
-    /// `i` of `rest`; stored parameters, world frame. SH degree of `out` is that of `rest`.
+    /// Writes into `out` what the field makes of `rest`, taken as canonical splats, at time `t`.
+    /// Row `i` of `out` is row `i` of `rest`; stored parameters, world frame. SH degree of `out` is
+    /// that of `rest`.
     ///
-    /// The baseline takes the *difference* of two times, so a field that moves its canonical splats already at the
-    /// edit frame leaves that frame unmoved.
+    /// The baseline takes the *difference* of two times, so a field that moves its canonical splats
+    /// already at the edit frame leaves that frame unmoved.
     ///
     /// # Errors
     /// If the field has no value at `t` or its data cannot be read.

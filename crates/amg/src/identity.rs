@@ -20,25 +20,29 @@ use tolerance::{appearance_within, match_by_tolerance};
 
 /// Which edited splats are source splats, by value and never by row.
 ///
-/// First by bits (`−0` equals `0`), in the order: all fields, geometry. Rows with equal bits are paired in order, each
-/// source once as long as there are enough. Then, for rows still open, by tolerance against the nearest source splats:
+/// First by bits (`−0` equals `0`), in the order: all fields, geometry. Rows with equal bits are
+/// paired in order, each source once as long as there are enough. Then, for rows still open, by
+/// tolerance against the nearest source splats:
 ///
 /// * mean: 2e-6 of its largest coordinate (text PLY), or 1e-3 of the middle standard deviation;
-/// * shape: quaternions within 2e-3 rad whatever sign and norm, and scales within 1e-3; or, since editors reorder axes,
-///   sorted scales within 1e-3 and covariances within 5e-3;
-/// * opacity: 2e-3 after the sigmoid (editors clamp logits); colour: 1e-3 per SH coefficient, missing degrees being 0.
+/// * shape: quaternions within 2e-3 rad whatever sign and norm, and scales within 1e-3; or, since
+///   editors reorder axes, sorted scales within 1e-3 and covariances within 5e-3;
+/// * opacity: 2e-3 after the sigmoid (editors clamp logits); colour: 1e-3 per SH coefficient,
+///   missing degrees being 0.
 ///
 /// [`IdentityParams::tolerance`] scales all of them.
 ///
-/// With [`IdentityParams::precision`], instead of by bits: a row is the source splat that agrees with it in every stored value
-/// within what the file format can tell apart, the nearest one of several; what the format does not hold, it cannot contradict. The tolerances
-/// above are for rows that remain.
+/// With [`IdentityParams::precision`], instead of by bits: a row is the source splat that agrees
+/// with it in every stored value within what the file format can tell apart, the nearest one of
+/// several; what the format does not hold, it cannot contradict. The tolerances above are for rows
+/// that remain.
 ///
-/// Of the rows that still remain, groups of at least eight that share a signature (proportions, opacity, base colour) with source splats
-/// and one similarity with their places are source splats, moved ([`Identity::Moved`]): what an editor's move, turn and scale tools
-/// make of a selection, whether or not they turn and scale the splats themselves, or of the whole scene when it is saved with other axes.
-/// Residuals of that similarity are below 4e-6 of the largest coordinate or 2e-3 of the middle standard deviation, plus what the
-/// file format rounds.
+/// Of the rows that still remain, groups of at least eight that share a signature (proportions,
+/// opacity, base colour) with source splats and one similarity with their places are source splats,
+/// moved ([`Identity::Moved`]): what an editor's move, turn and scale tools make of a selection,
+/// whether or not they turn and scale the splats themselves, or of the whole scene when it is saved
+/// with other axes. Residuals of that similarity are below 4e-6 of the largest coordinate or 2e-3
+/// of the middle standard deviation, plus what the file format rounds.
 #[derive(Debug, Clone, PartialEq)]
 pub struct IdentityMap {
     /// One entry per edited splat, `[M]`.
@@ -58,8 +62,8 @@ pub struct IdentityMap {
 }
 
 impl IdentityMap {
-    /// Compares `edited` with `source`, both at the edit frame. With `params.enabled` off, every row is
-    /// [`Identity::Edited`].
+    /// Compares `edited` with `source`, both at the edit frame. With `params.enabled` off, every
+    /// row is [`Identity::Edited`].
     ///
     /// # Errors
     /// If the arrays of either cloud do not belong together.
@@ -86,9 +90,9 @@ impl IdentityMap {
         Ok(Self::count(rows, similarities, source.len()))
     }
 
-    /// `edited` with the source's own values wherever it is a source splat in its place: all of them
-    /// in unchanged rows, geometry in recoloured ones. Harmonics that the edited splats have no room
-    /// for are left out.
+    /// `edited` with the source's own values wherever it is a source splat in its place: all of
+    /// them in unchanged rows, geometry in recoloured ones. Harmonics that the edited splats have
+    /// no room for are left out.
     #[must_use]
     pub fn restore_in_place(&self, source: &Splats, edited: &Splats) -> Splats {
         let mut restored = edited.clone();
@@ -138,7 +142,8 @@ impl IdentityMap {
     }
 
     /// The group that is the whole scene, saved with other axes, scale or origin: the file's only
-    /// one, see [`IdentityMap::whole_file`], and a quarter of the scene or more. Less is a selection.
+    /// one, see [`IdentityMap::whole_file`], and a quarter of the scene or more. Less is a
+    /// selection.
     pub fn whole_scene(&self) -> Option<u32> {
         let group = self.whole_file()?;
         let mut sources: Vec<u32> = self.members(group).map(|(_, source)| source).collect();
@@ -205,7 +210,8 @@ fn geometry_key(splats: &Splats, i: usize) -> GeometryKey {
     key
 }
 
-/// Hash of opacity and colour. Trailing zero coefficients do not count: a missing degree is one of zeros.
+/// Hash of opacity and colour. Trailing zero coefficients do not count: a missing degree is one of
+/// zeros.
 fn appearance_hash(splats: &Splats, i: usize) -> u64 {
     let sh = splats.sh_of(i);
     let kept = sh.iter().rposition(|rgb| rgb.map(bits) != [0; 3]).map_or(0, |last| last + 1);

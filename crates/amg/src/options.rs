@@ -20,13 +20,15 @@ pub enum Preset {
 /// How correspondences between edited and source splats are found.
 #[derive(Debug, Clone)]
 pub enum MotionGuide {
-    /// Regions that move as one, transport of edited splats to regions with learned offsets, rigid aggregation (`docs/MOTION.md`).
+    /// Regions that move as one, transport of edited splats to regions with learned offsets, rigid
+    /// aggregation (`docs/MOTION.md`).
     Regions(MotionParams),
     /// Anchors, Sinkhorn, nearest matched anchor (Eqs. 5–10, 21–24).
     Paper(PaperParams),
     /// Average over the nearest source splats ("KNN-Guide").
     Knn(KnnParams),
-    /// The source's own deformation field, asked at the edited positions ("DeformNet-Guide", "w/o AMG").
+    /// The source's own deformation field, asked at the edited positions ("DeformNet-Guide", "w/o
+    /// AMG").
     Field(Arc<dyn FieldAt>),
 }
 
@@ -49,8 +51,8 @@ pub enum AnchorSampling {
     /// Neighbourhoods that lines through the scene's sphere hit (Eqs. 5–7).
     #[default]
     Lines,
-    /// Farthest-point sampling, the paper's "naive sampling": one anchor for `k + 1` splats, as many as there are
-    /// neighbourhoods, each standing for the splats nearest to it.
+    /// Farthest-point sampling, the paper's "naive sampling": one anchor for `k + 1` splats, as
+    /// many as there are neighbourhoods, each standing for the splats nearest to it.
     FarthestPoints,
 }
 
@@ -69,7 +71,8 @@ pub struct PaperParams {
     pub tol: f64,
     /// Sweeps after which transport is taken as it is, with a warning. Default 20 000.
     pub max_sweeps: usize,
-    /// Distance in β from which the cost counts as 1, above 0. Default 6: potentials are within 2e-9 of the dense problem's.
+    /// Distance in β from which the cost counts as 1, above 0. Default 6: potentials are within
+    /// 2e-9 of the dense problem's.
     pub cutoff: f64,
 }
 
@@ -96,15 +99,15 @@ pub struct Aggregation {
     pub rotation: RotationRule,
     /// Scales.
     pub scale: ScaleRule,
-    /// Whether blended and recoloured rows follow their sources' change of opacity logit and SH since the edit frame, too;
-    /// else they keep the edit's at all times.
+    /// Whether blended and recoloured rows follow their sources' change of opacity logit and SH
+    /// since the edit frame, too; else they keep the edit's at all times.
     pub appearance: bool,
-    /// Weight of the sources' own relative rotations in a local rigid motion, relative to their positions; 0 where the
-    /// scene does not model rotation. Default 3; [`crate::propagate()`] lowers it when the source's rotations disagree
-    /// with its positions.
+    /// Weight of the sources' own relative rotations in a local rigid motion, relative to their
+    /// positions; 0 where the scene does not model rotation. Default 3; [`crate::propagate()`]
+    /// lowers it when the source's rotations disagree with its positions.
     pub rotation_prior: f32,
-    /// Whether a source counts less at times when it is fainter than at the edit frame: where it would be is not seen then,
-    /// and was fitted to nothing. Default on.
+    /// Whether a source counts less at times when it is fainter than at the edit frame: where it
+    /// would be is not seen then, and was fitted to nothing. Default on.
     pub fading: bool,
 }
 
@@ -113,8 +116,8 @@ pub struct Aggregation {
 pub enum PositionRule {
     /// Weighted mean of the displacements (Eq. 9).
     Average,
-    /// The rigid motion that best explains how the row's sources move (weighted Kabsch), applied to the splat: a splat
-    /// 3 % off a limb that turns 80° needs the lever arm.
+    /// The rigid motion that best explains how the row's sources move (weighted Kabsch), applied to
+    /// the splat: a splat 3 % off a limb that turns 80° needs the lever arm.
     Rigid,
 }
 
@@ -132,7 +135,8 @@ pub enum RotationRule {
 pub enum ScaleRule {
     /// Mean of `s_t / s_1` per stored axis (Eq. 24, as printed).
     PerAxis,
-    /// Weighted geometric mean over sources and axes: stored axes of neighbours have no common order.
+    /// Weighted geometric mean over sources and axes: stored axes of neighbours have no common
+    /// order.
     Isotropic,
 }
 
@@ -166,13 +170,15 @@ impl Default for Aggregation {
 pub struct IdentityParams {
     /// Off: every edited splat is matched by the guide. Default on.
     pub enabled: bool,
-    /// Factor on the rounding that is forgiven (see [`crate::IdentityMap`]); 0 admits equal values only. Default 1.
+    /// Factor on the rounding that is forgiven (see [`crate::IdentityMap`]); 0 admits equal values
+    /// only. Default 1.
     pub tolerance: f32,
-    /// How coarsely the edited splats were stored, when their file does not keep every value; see [`crate::IdentityMap`].
-    /// Rows that agree within it are source splats, whose own values [`crate::propagate()`] puts back. Default none.
+    /// How coarsely the edited splats were stored, when their file does not keep every value; see
+    /// [`crate::IdentityMap`]. Rows that agree within it are source splats, whose own values
+    /// [`crate::propagate()`] puts back. Default none.
     pub precision: Option<Arc<Precision>>,
-    /// Whether groups of source splats that were moved, turned or scaled together are recognised. Default on; off in the presets
-    /// of the literature.
+    /// Whether groups of source splats that were moved, turned or scaled together are recognised.
+    /// Default on; off in the presets of the literature.
     pub moved: bool,
 }
 
@@ -201,11 +207,12 @@ pub enum DynamicOverride {
 pub struct DynamicParams {
     /// User's word, before the scene's own mask and before motion.
     pub override_with: Option<DynamicOverride>,
-    /// Displacement over the key times from which a splat counts as moving, world units. `None` (default): found from
-    /// the distribution of displacements, see [`crate::DynamicSplit`].
+    /// Displacement over the key times from which a splat counts as moving, world units. `None`
+    /// (default): found from the distribution of displacements, see [`crate::DynamicSplit`].
     pub threshold: Option<f32>,
-    /// Whether displacements that neighbours do not share count as none: splats of bare surfaces slide along them, each its
-    /// own way, unseen until others are made to follow. Default on; off in the presets of the literature.
+    /// Whether displacements that neighbours do not share count as none: splats of bare surfaces
+    /// slide along them, each its own way, unseen until others are made to follow. Default on; off
+    /// in the presets of the literature.
     pub coherent: bool,
 }
 
@@ -230,8 +237,9 @@ pub struct MotionOptions {
     pub identity: IdentityParams,
     /// Which source splats move.
     pub dynamics: DynamicParams,
-    /// Edited splats no nearer to a moving source than this share of the figure's size, and not joined by edited splats
-    /// to any that is, stay put. Default 0.25; infinite in the paper preset.
+    /// Edited splats no nearer to a moving source than this share of the figure's size, and not
+    /// joined by edited splats to any that is, stay put. Default 0.25; infinite in the paper
+    /// preset.
     pub reach: f32,
 }
 

@@ -1,4 +1,5 @@
-//! The paper to the letter: anchors on both clouds, unbalanced transport, nearest matched anchor, Mahalanobis weights.
+//! The paper to the letter: anchors on both clouds, unbalanced transport, nearest matched anchor,
+//! Mahalanobis weights.
 
 use crate::AmgError;
 use crate::binding::index;
@@ -10,10 +11,12 @@ use gs_core::{Real, Splats, quat};
 use rayon::prelude::*;
 use uot::{Bandwidth, SinkhornParams, UotProblem, WelschParams};
 
-/// An edited anchor whose best partner has a Welsch weight below this (farther than 2.8 β) is counted as unmatched.
+/// An edited anchor whose best partner has a Welsch weight below this (farther than 2.8 β) is
+/// counted as unmatched.
 const MATCHED: f64 = 0.02;
 
-/// For each row of `rows`, sources of `pool` and weights (Eqs. 5–10, 21–22). Empty lists if there are no anchors.
+/// For each row of `rows`, sources of `pool` and weights (Eqs. 5–10, 21–22). Empty lists if there
+/// are no anchors.
 pub(crate) fn bind(
     source: &Splats,
     pool: &[usize],
@@ -115,8 +118,8 @@ fn correspond(
     Ok(found.rows)
 }
 
-/// Eq. 10 in the log domain, relative to the best source: an edited splat a few standard deviations off underflows
-/// otherwise. Standard deviations below a millionth of the offset count as that.
+/// Eq. 10 in the log domain, relative to the best source: an edited splat a few standard deviations
+/// off underflows otherwise. Standard deviations below a millionth of the offset count as that.
 fn mahalanobis_weights(source: &Splats, ids: &[u32], x: [f32; 3]) -> Vec<(u32, f32)> {
     let logs: Vec<f64> = ids
         .iter()

@@ -1,12 +1,12 @@
 //! Where a cloud lies, how large it is and how it is turned, told by the cloud itself.
 //!
-//! Whatever needs an origin, an order, a length or axes takes them from here, so that results do not depend on where the scene lies,
-//! how it is turned and how large it is.
+//! Whatever needs an origin, an order, a length or axes takes them from here, so that results do
+//! not depend on where the scene lies, how it is turned and how large it is.
 
 use crate::rigid::{dot, eigen, sub};
 
-/// Share of the points within the radius that counts as the cloud's. With it, the size of most things is about the longest edge
-/// of their box, and one floater in twenty does not change it.
+/// Share of the points within the radius that counts as the cloud's. With it, the size of most
+/// things is about the longest edge of their box, and one floater in twenty does not change it.
 const INSIDE: f64 = 0.92;
 
 /// A cloud's own frame.
@@ -36,7 +36,8 @@ impl Pose {
     }
 }
 
-/// Diameter of the ball about the cloud's mean that holds 92 % of the points; 0 of none. About the height of a standing figure.
+/// Diameter of the ball about the cloud's mean that holds 92 % of the points; 0 of none. About the
+/// height of a standing figure.
 pub(crate) fn size(points: &[[f64; 3]]) -> f64 {
     if points.is_empty() {
         return 0.0;

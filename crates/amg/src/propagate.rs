@@ -28,12 +28,14 @@ pub struct Propagation {
     pub report: MotionReport,
 }
 
-/// Finds the motion of `edited`, an edit of `source` at the edit time. With [`crate::IdentityParams::precision`], the scene's
-/// [`EditedScene::edited`] differs from `edited`: splats of the source have their own values again.
+/// Finds the motion of `edited`, an edit of `source` at the edit time. With
+/// [`crate::IdentityParams::precision`], the scene's [`EditedScene::edited`] differs from `edited`:
+/// splats of the source have their own values again.
 ///
 /// # Errors
-/// If the source cannot be evaluated, arrays do not belong together, or an option is out of range. Data that is merely odd
-/// (splats without numbers, nothing that moves, no overlap) is counted in the report and stays put.
+/// If the source cannot be evaluated, arrays do not belong together, or an option is out of range.
+/// Data that is merely odd (splats without numbers, nothing that moves, no overlap) is counted in
+/// the report and stays put.
 pub fn propagate(
     source: Arc<dyn DynamicScene>,
     edited: Arc<Splats>,
@@ -160,8 +162,8 @@ impl<'a> Work<'a> {
         Ok(rows)
     }
 
-    /// Sources that may be followed, and the open rows that may follow: those whose nearest source moves and is within
-    /// reach.
+    /// Sources that may be followed, and the open rows that may follow: those whose nearest source
+    /// moves and is within reach.
     pub(crate) fn movers(&self, report: &mut MotionReport) -> (Vec<usize>, Vec<usize>) {
         let usable: Vec<usize> =
             (0..self.keys.at_edit.len()).filter(|&i| !self.keys.broken[i]).collect();

@@ -13,7 +13,8 @@ pub struct MotionReport {
     pub num_broken_sources: usize,
     /// Displacement from which a splat counted as moving, world units.
     pub dynamic_threshold: f64,
-    /// Length unit of all shares: largest edge of the moving object's robust box at the edit frame, world units.
+    /// Length unit of all shares: largest edge of the moving object's robust box at the edit frame,
+    /// world units.
     pub figure_size: f64,
     /// Edited splats.
     pub num_edited_splats: usize,

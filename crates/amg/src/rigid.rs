@@ -11,8 +11,8 @@ pub(crate) use gs_core::symmetric_eigen as eigen;
 
 /// Running sums of weighted rigid fits `y ≈ R (x − x̄) + ȳ`, one per lane.
 ///
-/// Solved as the largest eigenvectors of Davenport's 4×4 matrices: no sign cases, defined for any input, and rotations
-/// known beforehand enter as further terms of the same matrices.
+/// Solved as the largest eigenvectors of Davenport's 4×4 matrices: no sign cases, defined for any
+/// input, and rotations known beforehand enter as further terms of the same matrices.
 #[derive(Debug, Clone)]
 pub(crate) struct RigidFits<const L: usize> {
     from: [Lanes<L>; 3],
@@ -153,9 +153,9 @@ impl RigidFit {
         self.0.add_rotation(Lanes([weight]), lane(r));
     }
 
-    /// Unit quaternion `wxyz` of the best rotation; `prior` is the weight of the added rotations relative to the points.
-    /// Whatever the points leave open (coincident or collinear ones) is decided by the added rotations, then by turning
-    /// as little as possible.
+    /// Unit quaternion `wxyz` of the best rotation; `prior` is the weight of the added rotations
+    /// relative to the points. Whatever the points leave open (coincident or collinear ones) is
+    /// decided by the added rotations, then by turning as little as possible.
     pub(crate) fn rotation(&self, prior: f64) -> [f64; 4] {
         self.0.rotation(prior).map(|value| value.0[0])
     }
@@ -173,7 +173,8 @@ impl RigidFit {
         if spread > 0.0 { agreement / spread } else { 0.0 }
     }
 
-    /// Whether the points do not determine the rotation: at most one direction in which both sets spread.
+    /// Whether the points do not determine the rotation: at most one direction in which both sets
+    /// spread.
     pub(crate) fn is_linear(&self) -> bool {
         let s = self.cross();
         let mut squares = [[0.0; 3]; 3];

@@ -13,17 +13,21 @@ use std::collections::{BTreeSet, BinaryHeap};
 /// Edge of the cells that parts are put together from, as a share of the moving figure.
 const CELL_SIZE: f64 = 0.03;
 
-/// Cells are not smaller than so many spacings: smaller ones would be single splats, whose rotation is unknown.
+/// Cells are not smaller than so many spacings: smaller ones would be single splats, whose rotation
+/// is unknown.
 const SPACINGS: f64 = 2.0;
 
-/// Change of distance within a rigid body, relative to the distance: that of [`crate::MotionParams::strain`].
+/// Change of distance within a rigid body, relative to the distance: that of
+/// [`crate::MotionParams::strain`].
 const STRAIN: f64 = 0.04;
 
-/// Root mean square misfit, as a share of the moving figure, up to which two groups count as one rigid body. The figure of the demo
-/// comes apart into head, chest, hips, upper arms, forearms, thighs and shins.
+/// Root mean square misfit, as a share of the moving figure, up to which two groups count as one
+/// rigid body. The figure of the demo comes apart into head, chest, hips, upper arms, forearms,
+/// thighs and shins.
 const MISFIT: f64 = 0.01;
 
-/// Share of the moving splats below which a group joins the neighbour that it fits best: fragments are no parts.
+/// Share of the moving splats below which a group joins the neighbour that it fits best: fragments
+/// are no parts.
 const FRAGMENT: f64 = 0.01;
 
 /// A scene in parts.
@@ -31,7 +35,8 @@ const FRAGMENT: f64 = 0.01;
 pub struct RigidParts {
     /// Which splats move ([`DynamicSplit`]), `[N]`.
     pub moving: Vec<bool>,
-    /// Part of each splat, from 1, the part with most splats first, `[N]`; 0 for splats that do not move, or move with no others.
+    /// Part of each splat, from 1, the part with most splats first, `[N]`; 0 for splats that do not
+    /// move, or move with no others.
     pub parts: Vec<u32>,
     /// Number of parts.
     pub num_parts: u32,
@@ -40,10 +45,12 @@ pub struct RigidParts {
 impl RigidParts {
     /// Parts of the scene as it is at time `t`.
     ///
-    /// Moving splats are grouped in small cells of neighbours that move as one ([`Cells`]); then, adjacent groups `a` and `b` are joined,
-    /// in ascending order of `√((E(a∪b) − E(a) − E(b)) / min(n_a, n_b))`, where `E` is the largest squared error over the key times of the
-    /// best rigid motion of a group; up to 1 % of the moving figure's size. Groups of less than 1 % of the moving splats join the
-    /// neighbour they fit best. `progress` is told the share done.
+    /// Moving splats are grouped in small cells of neighbours that move as one ([`Cells`]); then,
+    /// adjacent groups `a` and `b` are joined, in ascending order of
+    /// `√((E(a∪b) − E(a) − E(b)) / min(n_a, n_b))`, where `E` is the largest squared error over the
+    /// key times of the best rigid motion of a group; up to 1 % of the moving figure's size. Groups
+    /// of less than 1 % of the moving splats join the neighbour they fit best. `progress` is told
+    /// the share done.
     ///
     /// # Errors
     /// If the scene cannot be evaluated.
@@ -158,8 +165,8 @@ impl Sums {
         }
     }
 
-    /// `min Σ w |R (x − x̄) − (y − ȳ)|²` over rotations: `Σ w |x − x̄|² + Σ w |y − ȳ|² − 2 λ`, with the largest eigenvalue `λ` of
-    /// Davenport's matrix.
+    /// `min Σ w |R (x − x̄) − (y − ȳ)|²` over rotations: `Σ w |x − x̄|² + Σ w |y − ȳ|² − 2 λ`, with
+    /// the largest eigenvalue `λ` of Davenport's matrix.
     fn error(&self) -> f64 {
         if self.weight <= 0.0 {
             return 0.0;
@@ -308,7 +315,8 @@ impl Merging {
 mod tests {
     use super::*;
 
-    /// Three bars of 20 × 4 points in a row along x: one rests, one turns about the first joint, one goes on turning about the second.
+    /// Three bars of 20 × 4 points in a row along x: one rests, one turns about the first joint,
+    /// one goes on turning about the second.
     #[test]
     fn joints_part_bodies() {
         let rest: Vec<[f64; 3]> = (0..240)

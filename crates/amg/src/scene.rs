@@ -20,7 +20,8 @@ const BLOCK: usize = 1024;
 /// A dynamic scene whose frame `t1` is the edited splats, and which moves with its source.
 ///
 /// * At `t1` it is the edited splats bit for bit.
-/// * At any other time the source is asked once; row kinds say what each row takes from it (see [`RowKind`]).
+/// * At any other time the source is asked once; row kinds say what each row takes from it (see
+///   [`RowKind`]).
 /// * Rows are those of the edited splats; SH degree is theirs, too.
 #[derive(Debug)]
 pub struct EditedScene {
@@ -57,8 +58,9 @@ impl EditedScene {
     /// Joins `edited` (frame `edit_time`) to `source` by `binding`. Evaluates the source once.
     ///
     /// # Errors
-    /// If the source cannot be evaluated at `edit_time`, the edited splats are malformed, the binding was made for other
-    /// clouds, or it has [`RowKind::Field`] rows (see [`EditedScene::with_field`]).
+    /// If the source cannot be evaluated at `edit_time`, the edited splats are malformed, the
+    /// binding was made for other clouds, or it has [`RowKind::Field`] rows (see
+    /// [`EditedScene::with_field`]).
     pub fn new(
         source: Arc<dyn DynamicScene>,
         edited: Arc<Splats>,
@@ -322,7 +324,8 @@ impl EditedScene {
             .for_each_init(Vec::new, move_row);
     }
 
-    /// Baseline "w/o AMG": stored parameters move by the difference of what the field says at `t` and at the edit frame.
+    /// Baseline "w/o AMG": stored parameters move by the difference of what the field says at `t`
+    /// and at the edit frame.
     fn add_field(&self, t: f32, appearance: bool, out: &mut Splats) -> Result<(), SceneError> {
         let Some(base) = &self.field else { return Ok(()) };
         let mut at_t = self.borrow_scratch();

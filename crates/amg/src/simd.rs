@@ -1,4 +1,5 @@
-//! Loops compiled for the best instruction set of the machine, chosen at run time, and a few numbers computed at once.
+//! Loops compiled for the best instruction set of the machine, chosen at run time, and a few
+//! numbers computed at once.
 #![expect(
     clippy::inline_always,
     reason = "vectorised bodies must be compiled inside the dispatched caller"
@@ -6,9 +7,10 @@
 
 use std::ops::{Add, AddAssign, Mul, Neg, Sub};
 
-/// Runs `body` compiled for the best instruction set of this machine. Mark the closure `#[inline(always)]`, and every function it
-/// calls that should be vectorised too; adaptors of iterators are not. Nothing in such bodies may depend on how sums are
-/// grouped: results are the same everywhere.
+/// Runs `body` compiled for the best instruction set of this machine. Mark the closure
+/// `#[inline(always)]`, and every function it calls that should be vectorised too; adaptors of
+/// iterators are not. Nothing in such bodies may depend on how sums are grouped: results are the
+/// same everywhere.
 pub(crate) fn dispatch<R>(body: impl FnMut() -> R) -> R {
     struct Body<F>(F);
     impl<R, F: FnMut() -> R> pulp::WithSimd for Body<F> {

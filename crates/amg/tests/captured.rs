@@ -1,5 +1,5 @@
-//! What scenes trained on footage have and drawn ones do not: splats of bare surfaces that slide, each its own way, and splats
-//! that are replaced by others.
+//! What scenes trained on footage have and drawn ones do not: splats of bare surfaces that slide,
+//! each its own way, and splats that are replaced by others.
 #![allow(
     clippy::unwrap_used,
     clippy::cast_possible_truncation,

@@ -52,7 +52,8 @@ fn errors(case: &str, seed: u64, size: usize) -> [Scores; 3] {
     [knn, control, best].map(|found| scored(&found, &scene.edited.truth, &is_edited))
 }
 
-/// Shares of KNN-Guide's error, a quarter or so above what was measured; and on splats that were edited, the control is not ahead.
+/// Shares of KNN-Guide's error, a quarter or so above what was measured; and on splats that were
+/// edited, the control is not ahead.
 #[test]
 fn the_default_is_far_ahead_of_the_nearest_neighbours() {
     for (case, share) in [
@@ -81,7 +82,8 @@ fn the_default_is_far_ahead_of_the_nearest_neighbours() {
             best.all.epe,
             knn.all.epe
         );
-        // Where two objects touch, which one a splat between them is on is a toss-up, and one splat is a fifth of the error.
+        // Where two objects touch, which one a splat between them is on is a toss-up, and one splat
+        // is a fifth of the error.
         let slack = if case == "touch-and-part" { 1.5 } else { 1.02 };
         assert!(
             best.edited.epe <= slack * control.edited.epe,

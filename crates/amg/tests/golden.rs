@@ -53,8 +53,9 @@ fn relative_rotations_reproduce_the_table() {
     }
 }
 
-/// The table of the goldens (lines of its own, so within 15 %), and what a second independent implementation of the paper found
-/// on two of the edits with the lines of seed 0: the same to the digits it gives.
+/// The table of the goldens (lines of its own, so within 15 %), and what a second independent
+/// implementation of the paper found on two of the edits with the lines of seed 0: the same to the
+/// digits it gives.
 #[test]
 fn the_paper_to_the_letter_agrees_with_independent_implementations() {
     let found = EDITS.map(|name| run(&MotionOptions::preset(Preset::Paper), &golden_edit(name)));
@@ -66,7 +67,8 @@ fn the_paper_to_the_letter_agrees_with_independent_implementations() {
     assert!((all.epe - 2.50).abs() <= 0.005, "all: {all}, expected EPE 2.50");
 }
 
-/// The paper estimates every splat, keeps the edit's opacity and colours, and neither limits nor refuses anything.
+/// The paper estimates every splat, keeps the edit's opacity and colours, and neither limits nor
+/// refuses anything.
 #[test]
 fn the_paper_to_the_letter_copies_nothing() {
     let (mut source, _) = golden_source();
@@ -102,8 +104,8 @@ fn the_paper_to_the_letter_copies_nothing() {
     assert_eq!(last.opacity_logits, recoloured.opacity_logits, "shared over all frames");
 }
 
-/// A further baseline. Measured .439, 1.286, 1.497, 2.381 (lines: .555, 1.380, 1.600, 2.503): on these scenes the literal method gains
-/// nothing from lines.
+/// A further baseline. Measured .439, 1.286, 1.497, 2.381 (lines: .555, 1.380, 1.600, 2.503): on
+/// these scenes the literal method gains nothing from lines.
 #[test]
 fn farthest_point_anchors_are_a_baseline() {
     let mut options = MotionOptions::preset(Preset::Paper);
@@ -126,7 +128,8 @@ fn the_default_beats_its_bars() {
     }
 }
 
-/// Nine tenths of a real capture are a still background without noise; it must not change how the figure is read.
+/// Nine tenths of a real capture are a still background without noise; it must not change how the
+/// figure is read.
 #[test]
 fn a_large_still_background_changes_little() {
     let (mut source, size) = golden_source();
@@ -148,8 +151,8 @@ fn a_large_still_background_changes_little() {
     assert!(error.epe < 0.35, "{error}");
 }
 
-/// Splats that move with nothing around them have no motion to offer to others, be they as many as one in twenty, amidst the figure and
-/// kept by the edit.
+/// Splats that move with nothing around them have no motion to offer to others, be they as many as
+/// one in twenty, amidst the figure and kept by the edit.
 #[test]
 fn floaters_that_the_edit_keeps_decide_nothing() {
     let (mut source, size) = golden_source();
@@ -176,7 +179,8 @@ fn floaters_that_the_edit_keeps_decide_nothing() {
     assert!(error.epe < 1.04 * alone.epe, "{error}, without: {alone}");
 }
 
-/// Negative control of the metric and of the rules: the default's matches with the paper's averages are far worse.
+/// Negative control of the metric and of the rules: the default's matches with the paper's averages
+/// are far worse.
 #[test]
 fn averaging_translations_costs_accuracy() {
     let options = MotionOptions { aggregation: Aggregation::PAPER, ..MotionOptions::default() };

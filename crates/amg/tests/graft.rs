@@ -126,8 +126,8 @@ fn carried(
     })
 }
 
-/// Share of the figure's height by which splats of `graft` miss the motion that `truth` gives them, at worst over splats
-/// and times.
+/// Share of the figure's height by which splats of `graft` miss the motion that `truth` gives them,
+/// at worst over splats and times.
 fn worst(
     carried: impl Iterator<Item = Vec<[f32; 3]>>,
     graft: &Splats,
@@ -157,7 +157,8 @@ fn shaken(splats: &Splats, size: f32) -> Splats {
     out
 }
 
-/// A block on the trunk's front, one edge of which lies on the arm. Nearest neighbours tear it: the negative control.
+/// A block on the trunk's front, one edge of which lies on the arm. Nearest neighbours tear it: the
+/// negative control.
 #[test]
 fn a_block_on_the_trunk_is_not_torn_by_an_arm_it_touches() {
     let source = figure();
@@ -174,7 +175,8 @@ fn a_block_on_the_trunk_is_not_torn_by_an_arm_it_touches() {
     }
 }
 
-/// A block held by trunk and arm about equally is no graft of either: each end moves with what it lies on.
+/// A block held by trunk and arm about equally is no graft of either: each end moves with what it
+/// lies on.
 #[test]
 fn a_block_that_two_parts_hold_equally_bends() {
     let source = figure();

@@ -1,4 +1,5 @@
-//! Which edited splats are source splats: by value, whatever editors do to order, signs and rounding.
+//! Which edited splats are source splats: by value, whatever editors do to order, signs and
+//! rounding.
 #![allow(
     clippy::unwrap_used,
     clippy::cast_possible_truncation,

@@ -1,4 +1,5 @@
-//! The default does not depend on where the scene lies, how it is turned, how large it is and in which order files list splats.
+//! The default does not depend on where the scene lies, how it is turned, how large it is and in
+//! which order files list splats.
 #![allow(
     clippy::unwrap_used,
     clippy::cast_possible_truncation,
@@ -91,8 +92,8 @@ fn strays(a: &[Splats], b: &[Splats], limit: f64) -> usize {
     (0..a[0].len()).filter(|&i| a.iter().zip(b).any(|(a, b)| apart(a.means[i], b.means[i]))).count()
 }
 
-/// How many splats end more than 1e-4 of the figure from where `placed` takes the result of the scene as it is, if source and
-/// edit are placed so before.
+/// How many splats end more than 1e-4 of the figure from where `placed` takes the result of the
+/// scene as it is, if source and edit are placed so before.
 fn misplaced(case: &Case, here: &[Splats], placed: Placement, edit: Placement) -> usize {
     misplaced_by(Preset::Regions, case, here, placed, edit)
 }
@@ -110,8 +111,8 @@ fn misplaced_by(
     strays(&there, &all(here), 1e-4 * size * f64::from(placed.scale))
 }
 
-/// Scales from a thousandth to a thousand, any rotation, up to ten figures off the origin. Rounding moves a splat in a thousand
-/// across the line between two decisions: none, one or two here.
+/// Scales from a thousandth to a thousand, any rotation, up to ten figures off the origin. Rounding
+/// moves a splat in a thousand across the line between two decisions: none, one or two here.
 #[test]
 fn placing_the_scene_places_the_result() {
     let cases = [

@@ -41,7 +41,8 @@ proptest! {
         ..ProptestConfig::default()
     })]
 
-    /// Whatever is matched with whatever: if all sources share one rigid motion, so does every edited splat.
+    /// Whatever is matched with whatever: if all sources share one rigid motion, so does every
+    /// edited splat.
     #[test]
     fn one_rigid_motion_for_all_is_exact(
         axis in prop::array::uniform3(-1.0_f32..1.0),
@@ -95,7 +96,8 @@ fn translation_only_moves_everything_alike_under_every_preset() {
     }
 }
 
-/// A checkpoint that does not model rotation: its quaternions never change, and must not hold the motion back.
+/// A checkpoint that does not model rotation: its quaternions never change, and must not hold the
+/// motion back.
 #[test]
 fn rotations_that_are_not_modelled_are_not_believed() {
     let (mut source, size) = golden_source();
@@ -121,7 +123,8 @@ fn edits_without_overlap_stay_put_and_are_counted() {
         let said = found.report.warnings.iter().any(|w| w.contains("do not overlap"));
         assert!(said, "{preset:?}: {:?}", found.report.warnings);
     }
-    // The paper's own method has no reach, so there nothing is too far: all follow what transport gives them.
+    // The paper's own method has no reach, so there nothing is too far: all follow what transport
+    // gives them.
     let found = run(&source, &far, &MotionOptions::preset(Preset::Paper));
     assert_eq!((found.report.out_of_reach, found.report.blended), (0, far.len()), "all follow");
     let moved = found.scene.at(1.0).unwrap();

@@ -1,7 +1,7 @@
 //! Cells: the other way to cut a cloud into regions, for clouds whose motion is known.
 //!
-//! Line-sampled anchors see one frame. Where points have trajectories, a region can be asked to move as one: then whatever is
-//! matched with it has one motion.
+//! Line-sampled anchors see one frame. Where points have trajectories, a region can be asked to
+//! move as one: then whatever is matched with it has one motion.
 
 use crate::trajectories::{RigidNeighbors, Trajectories};
 use crate::vec3::{Vec3, dot};
@@ -9,7 +9,8 @@ use crate::vec3::{Vec3, dot};
 /// Neighbours in one cell move at least this much as one, see [`RigidNeighbors::get`].
 const MIN_AGREEMENT: f64 = 0.5;
 
-/// Cells join points only where at least so many of their edges fit: otherwise merging would lose more than it steadies.
+/// Cells join points only where at least so many of their edges fit: otherwise merging would lose
+/// more than it steadies.
 const SPACINGS: f64 = 1.5;
 
 /// Directions shorter than this say nothing: almost a ball.
@@ -40,10 +41,12 @@ pub struct Cells {
 }
 
 impl Cells {
-    /// Joins neighbours that lie in one cube of the lattice about the origin, move as one and face alike. `directions` `[N,3]`
-    /// are normals of any sign, as long as they are sharp: 0 for a ball, 1 for a disc.
+    /// Joins neighbours that lie in one cube of the lattice about the origin, move as one and face
+    /// alike. `directions` `[N,3]` are normals of any sign, as long as they are sharp: 0 for a
+    /// ball, 1 for a disc.
     ///
-    /// Clouds whose typical spacing is above two thirds of the edge are not joined: every point is a cell.
+    /// Clouds whose typical spacing is above two thirds of the edge are not joined: every point is
+    /// a cell.
     pub fn build(
         points: &Trajectories,
         neighbors: &RigidNeighbors,
@@ -55,7 +58,8 @@ impl Cells {
         let joins = SPACINGS * neighbors.typical_spacing(points) < params.edge;
         let mut root: Vec<u32> = (0..num as u32).collect();
         if joins {
-            // Rounded, the lattice is its own mirror image: signs and order of the axes do not matter.
+            // Rounded, the lattice is its own mirror image: signs and order of the axes do not
+            // matter.
             let cube = |x: &Vec3| params.axes.map(|axis| (dot(&axis, x) / params.edge).round());
             let cubes: Vec<Vec3> = points.rest.iter().map(cube).collect();
             for i in (0..num).filter(|&i| !outliers[i]) {

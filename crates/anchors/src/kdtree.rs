@@ -55,8 +55,9 @@ const LEAF: usize = 8;
 /// Subtrees below this many points are built on one thread.
 const PARALLEL_BUILD: usize = 8192;
 
-/// Answers up to which they are kept in order while searching. Of more, twice as many are collected before the farther half is
-/// dropped: then an answer costs a step, not one for each of those behind it.
+/// Answers up to which they are kept in order while searching. Of more, twice as many are collected
+/// before the farther half is dropped: then an answer costs a step, not one for each of those
+/// behind it.
 const ORDERED: usize = 40;
 
 /// Queries handed to a thread at a time.
@@ -116,8 +117,9 @@ impl<const D: usize> KdTree<D> {
         }
     }
 
-    /// Calls `each` with the number of every query and the `k` points nearest to it, as [`Self::nearest`] finds them, and collects what
-    /// it returns in the order of `queries`. Queries that lie together run together, so that they share cache lines.
+    /// Calls `each` with the number of every query and the `k` points nearest to it, as
+    /// [`Self::nearest`] finds them, and collects what it returns in the order of `queries`.
+    /// Queries that lie together run together, so that they share cache lines.
     pub fn map<R: Send>(
         &self,
         queries: &[[f64; D]],
@@ -157,8 +159,8 @@ impl<const D: usize> KdTree<D> {
         node as u32
     }
 
-    /// The `k` nearest others of every point, `[N,k]`, each list in ascending order of (distance, id). There must be more than
-    /// `k` points.
+    /// The `k` nearest others of every point, `[N,k]`, each list in ascending order of (distance,
+    /// id). There must be more than `k` points.
     pub(crate) fn all_nearest(&self, k: usize) -> Vec<Neighbor> {
         let query = |found: &mut Vec<Neighbor>, (points, ids): (&[[f64; D]], &[u32])| {
             let mut lists = Vec::with_capacity(k * points.len());

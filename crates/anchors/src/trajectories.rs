@@ -8,13 +8,16 @@ use crate::points::distance_squared;
 /// Neighbours looked at per point.
 const NEIGHBORS: usize = 24;
 
-/// Rank of the neighbour whose distance, over √2, is called the spacing: on a surface about the distance between splats.
+/// Rank of the neighbour whose distance, over √2, is called the spacing: on a surface about the
+/// distance between splats.
 const SPACING_RANK: usize = 6;
 
-/// Neighbours per point whose changes of distance are pooled for the noise: the closest ones move as one nearly everywhere.
+/// Neighbours per point whose changes of distance are pooled for the noise: the closest ones move
+/// as one nearly everywhere.
 const NOISE_NEIGHBORS: usize = 8;
 
-/// Change of distance that noise alone explains, in units of the pooled median: three standard deviations and a little.
+/// Change of distance that noise alone explains, in units of the pooled median: three standard
+/// deviations and a little.
 const NOISE_REACH: f64 = 3.0;
 
 /// A point is an outlier if this share, or less, of its neighbourhood's weight moves with it.
@@ -30,13 +33,13 @@ pub struct Trajectories {
     pub rest: Vec<[f64; 3]>,
     /// Places at each other time, `[N,T,3]`: those of one point lie together.
     pub moved: Vec<[f64; 3]>,
-    /// How far each point is there at each other time, 0 to 1, `[N,T]`; empty if all always are. Where a point would be
-    /// while it is absent means nothing.
+    /// How far each point is there at each other time, 0 to 1, `[N,T]`; empty if all always are.
+    /// Where a point would be while it is absent means nothing.
     pub presence: Vec<f64>,
     /// Positive weights, `[N]`.
     pub weights: Vec<f64>,
-    /// Which points move at all, `[N]`. Noise and spacing are those of the moving ones: a still background has neither
-    /// their noise nor their density.
+    /// Which points move at all, `[N]`. Noise and spacing are those of the moving ones: a still
+    /// background has neither their noise nor their density.
     pub moving: Vec<bool>,
 }
 
@@ -48,7 +51,8 @@ pub struct RigidNeighbors {
     agreement: Vec<f64>,
     /// Local spacing, world units: distance of the sixth neighbour over √2, `[N]`.
     pub spacing: Vec<f64>,
-    /// Median change of distance between close neighbours over time: the noise of the trajectories, world units.
+    /// Median change of distance between close neighbours over time: the noise of the trajectories,
+    /// world units.
     pub noise: f64,
     /// Change of distance, relative to the distance, that counts as none.
     strain: f64,
@@ -73,7 +77,8 @@ impl Neighbors {
         &self.lists[i * self.per_point..(i + 1) * self.per_point]
     }
 
-    /// Distance of each point's sixth neighbour (the last, if there are fewer) over √2, `[N]`; 0 without neighbours.
+    /// Distance of each point's sixth neighbour (the last, if there are fewer) over √2, `[N]`; 0
+    /// without neighbours.
     pub fn spacing(&self, num_points: usize) -> Vec<f64> {
         let rank = SPACING_RANK.min(self.per_point);
         let of = |i: usize| {
@@ -111,7 +116,8 @@ impl Trajectories {
         if self.presence.is_empty() { 1.0 } else { self.presence[i * self.num_times() + k] }
     }
 
-    /// Largest change over time of the distance between `a` and `b`, `rest` apart at rest, as far as both are there.
+    /// Largest change over time of the distance between `a` and `b`, `rest` apart at rest, as far
+    /// as both are there.
     fn deviation(&self, a: usize, b: usize, rest: f64) -> f64 {
         let mut worst = 0.0_f64;
         for (k, (x, y)) in self.places(a).iter().zip(self.places(b)).enumerate() {
@@ -126,8 +132,8 @@ impl Trajectories {
 }
 
 impl RigidNeighbors {
-    /// The 24 nearest neighbours of every point, and how far they move with it; `strain` is the change of distance, relative to
-    /// the distance, that a body may show and still count as rigid.
+    /// The 24 nearest neighbours of every point, and how far they move with it; `strain` is the
+    /// change of distance, relative to the distance, that a body may show and still count as rigid.
     pub fn of(points: &Trajectories, strain: f64) -> Self {
         let near = Neighbors::of(&points.rest, NEIGHBORS);
         let spacing = near.spacing(points.len());
@@ -154,7 +160,8 @@ impl RigidNeighbors {
         Self { near, agreement, spacing, noise, strain }
     }
 
-    /// Neighbours of point `i`, nearest first, and how far each moves with it: 1 if their distance never changes, 0 if it does.
+    /// Neighbours of point `i`, nearest first, and how far each moves with it: 1 if their distance
+    /// never changes, 0 if it does.
     pub fn get(&self, i: usize) -> impl ExactSizeIterator<Item = (Neighbor, f64)> + '_ {
         let first = i * self.near.per_point;
         let own = &self.agreement[first..first + self.near.per_point];
@@ -180,7 +187,8 @@ impl RigidNeighbors {
         median(&mut moving.map(|(spacing, _)| *spacing).collect::<Vec<f64>>())
     }
 
-    /// Points with which less than a third or so of their neighbourhood moves, `[N]`: they belong to nothing.
+    /// Points with which less than a third or so of their neighbourhood moves, `[N]`: they belong
+    /// to nothing.
     pub fn outliers(&self, points: &Trajectories) -> Vec<bool> {
         (0..points.len())
             .into_par_iter()

@@ -24,13 +24,13 @@ pub struct Entry {
     pub towards: [f32; 3],
     /// Colour before refinement, not clamped.
     pub color: [f32; 3],
-    /// Whether this image constrains the splat's colour. If false, residuals of the pixel are attributed to splats that are not visible in
-    /// frame 1.
+    /// Whether this image constrains the splat's colour. If false, residuals of the pixel are
+    /// attributed to splats that are not visible in frame 1.
     pub is_constrained: bool,
 }
 
-/// One supervised image, for a [`crate::DescentEngine`]: what its render is compared with, in the crop that edited splats reach. Its content is the
-/// same in every step with the same `index`.
+/// One supervised image, for a [`crate::DescentEngine`]: what its render is compared with, in the
+/// crop that edited splats reach. Its content is the same in every step with the same `index`.
 #[derive(Debug, Clone, Copy)]
 pub struct DescentImage<'a> {
     /// Number of the image.

@@ -17,10 +17,13 @@ pub struct DescentTask<'a> {
     pub memory: usize,
 }
 
-/// Does the steps of [`crate::Solver::Adam`] for a [`crate::Backend`], on prepared states `P` of its rasteriser.
+/// Does the steps of [`crate::Solver::Adam`] for a [`crate::Backend`], on prepared states `P` of
+/// its rasteriser.
 ///
-/// With offsets `Δ` (`[E,K,3]`) the render of an image is `original + Σ (max(c + Y(d)·Δ, 0) − max(c, 0))·αT` over its entries, where it is
-/// live; the objective Eq. 20, exact L1, means over the whole image. A step is one of [`Adam`] with all rows, those without gradient, too.
+/// With offsets `Δ` (`[E,K,3]`) the render of an image is
+/// `original + Σ (max(c + Y(d)·Δ, 0) − max(c, 0))·αT` over its entries, where it is live; the
+/// objective Eq. 20, exact L1, means over the whole image. A step is one of [`Adam`] with all rows,
+/// those without gradient, too.
 pub trait DescentEngine<P> {
     /// Starts from these offsets, and the moments and steps of `adam`.
     ///

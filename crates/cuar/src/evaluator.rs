@@ -91,8 +91,8 @@ impl<P> Evaluator<P> {
         Ok(engine.step(&image, prepared)?)
     }
 
-    /// Renders `sample` with `offsets` and compares it with its targets. Fills `changes` and `render`, and `color_grads` unless
-    /// `derivatives` is [`Derivatives::Loss`].
+    /// Renders `sample` with `offsets` and compares it with its targets. Fills `changes` and
+    /// `render`, and `color_grads` unless `derivatives` is [`Derivatives::Loss`].
     pub(crate) fn evaluate<R: Rasterizer<Prepared = P>>(
         &mut self,
         raster: &R,

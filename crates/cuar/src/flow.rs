@@ -7,15 +7,16 @@ use rayon::prelude::*;
 /// Composited displacement of the surfaces seen at each pixel.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Flow {
-    /// `Σ f α T`, pixels, x right and y down, `[H,W,2]`. As the paper writes it: **not** divided by coverage, so it shrinks towards 0 where
-    /// splats cover a pixel in part.
+    /// `Σ f α T`, pixels, x right and y down, `[H,W,2]`. As the paper writes it: **not** divided by
+    /// coverage, so it shrinks towards 0 where splats cover a pixel in part.
     pub flow: Image,
     /// `Σ α T = 1 − T_final`, `[H,W,1]`.
     pub coverage: Image,
 }
 
 impl Flow {
-    /// Flow divided by coverage, pixels, `[H,W,2]`; NaN where the coverage is below `min_coverage` (or zero).
+    /// Flow divided by coverage, pixels, `[H,W,2]`; NaN where the coverage is below `min_coverage`
+    /// (or zero).
     pub fn normalized(&self, min_coverage: f32) -> Image {
         let mut out = self.flow.clone();
         for (flow, &alpha) in out.data.chunks_exact_mut(2).zip(&self.coverage.data) {
@@ -28,8 +29,8 @@ impl Flow {
     }
 }
 
-/// Eq. 11: `Proj(to.means) − Proj(from.means)` in pixels, `[N,2]`; `[0,0]` for splats that are not in front of the camera (at or before its
-/// near plane, or not finite) in both.
+/// Eq. 11: `Proj(to.means) − Proj(from.means)` in pixels, `[N,2]`; `[0,0]` for splats that are not
+/// in front of the camera (at or before its near plane, or not finite) in both.
 ///
 /// # Errors
 /// If the camera cannot see or the two differ in number.
@@ -77,9 +78,10 @@ pub(crate) struct AffineMotion {
 /// Pulls [`AffineMotion::linear`] of splats thinner than this towards the identity, pixels².
 const AFFINE_EPS: f64 = 0.1;
 
-/// Motion of row `i` of `from` to `to`, first order in the distance from its centre: the splat's own axes turn and stretch. A pixel's point on
-/// the splat is the one expected under the Gaussian, so with `K = J·R·S` (2×3, axes in pixels) the linear part is `K_to K_fromᵀ (K_from
-/// K_fromᵀ)⁻¹`. Displacements of centres alone (Eq. 11) are wrong by the rotation times the splat's size.
+/// Motion of row `i` of `from` to `to`, first order in the distance from its centre: the splat's
+/// own axes turn and stretch. A pixel's point on the splat is the one expected under the Gaussian,
+/// so with `K = J·R·S` (2×3, axes in pixels) the linear part is `K_to K_fromᵀ (K_from K_fromᵀ)⁻¹`.
+/// Displacements of centres alone (Eq. 11) are wrong by the rotation times the splat's size.
 pub(crate) fn affine_motion(
     camera: &Camera,
     from: &Splats,
@@ -149,10 +151,11 @@ fn project(camera: &Camera, mean: [f32; 3]) -> Option<([f64; 2], f64)> {
     (z > 0.0).then(|| ([k.fx * x / z + k.cx, k.fy * y / z + k.cy], z))
 }
 
-/// Eq. 12: the displacement `from → to`, composited with the geometry of `on`, the frame whose pixels carry the flow.
+/// Eq. 12: the displacement `from → to`, composited with the geometry of `on`, the frame whose
+/// pixels carry the flow.
 ///
-/// The paper's `F_{1→t}` on frame 1 is `render_flow(r, s1, s1, st, camera)`; the flow that fetches frame 1 into frame `t` without holes is
-/// `render_flow(r, st, st, s1, camera)`.
+/// The paper's `F_{1→t}` on frame 1 is `render_flow(r, s1, s1, st, camera)`; the flow that fetches
+/// frame 1 into frame `t` without holes is `render_flow(r, st, st, s1, camera)`.
 ///
 /// # Errors
 /// If shapes disagree, the camera cannot see, or the rasteriser fails.
@@ -171,7 +174,8 @@ pub fn render_flow<R: Rasterizer>(
     Ok(Flow { flow: output.features_image(), coverage: output.alpha_image() })
 }
 
-/// Eq. 12 on frame 1 towards `to`, and the camera depth there: `Σ (f, z) α T`, `[H,W,3]`, and coverage, `[H,W]`.
+/// Eq. 12 on frame 1 towards `to`, and the camera depth there: `Σ (f, z) α T`, `[H,W,3]`, and
+/// coverage, `[H,W]`.
 pub(crate) fn render_landing<R: Rasterizer>(
     raster: &R,
     first: &Splats,

@@ -12,8 +12,8 @@ const UNKNOWN: f32 = 1e10;
 /// Largest side read, pixels: keeps hostile headers from asking for terabytes.
 const MAX_SIDE: usize = 65_536;
 
-/// Middlebury `.flo` bytes of a flow in pixels, `[H,W,2]`: magic, `i32` width and height, then `f32 u, v` row by row, little-endian. NaN is
-/// written as the format's "unknown".
+/// Middlebury `.flo` bytes of a flow in pixels, `[H,W,2]`: magic, `i32` width and height, then
+/// `f32 u, v` row by row, little-endian. NaN is written as the format's "unknown".
 ///
 /// # Errors
 /// If the image has not two channels or a side does not fit the header.
@@ -92,9 +92,10 @@ fn wheel() -> [[f32; 3]; WHEEL_LEN] {
     colors
 }
 
-/// Picture of a flow `[H,W,2]`: `[H,W,3]`, values 0 to 1. Hue is the direction (Middlebury's wheel: red right, yellow down, cyan left, blue up),
-/// saturation the length relative to `max_px` (default: the largest finite length in the image); longer is darkened. Unknown (NaN) pixels
-/// are black. A flow of other than two channels gives an empty image.
+/// Picture of a flow `[H,W,2]`: `[H,W,3]`, values 0 to 1. Hue is the direction (Middlebury's wheel:
+/// red right, yellow down, cyan left, blue up), saturation the length relative to `max_px`
+/// (default: the largest finite length in the image); longer is darkened. Unknown (NaN) pixels are
+/// black. A flow of other than two channels gives an empty image.
 pub fn flow_wheel(flow: &Image, max_px: Option<f32>) -> Image {
     if flow.channels != 2 {
         return Image::default();

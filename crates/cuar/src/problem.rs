@@ -75,7 +75,8 @@ impl<R: Rasterizer<Prepared: Send> + Sync> Problem<'_, R> {
         Ok(())
     }
 
-    /// Evaluates the samples `range` with the offsets `d_sh` (`[E,K,3]`), at most as many as there are evaluators, each with the evaluator of its place.
+    /// Evaluates the samples `range` with the offsets `d_sh` (`[E,K,3]`), at most as many as there
+    /// are evaluators, each with the evaluator of its place.
     pub(crate) fn evaluate(
         &mut self,
         range: Range<usize>,
@@ -98,7 +99,8 @@ impl<R: Rasterizer<Prepared: Send> + Sync> Problem<'_, R> {
         first..end.min(first + self.lanes.len())
     }
 
-    /// Eq. 20, mean over the samples (0 without any): as it is, as the solver smooths it, and its foreground part alone.
+    /// Eq. 20, mean over the samples (0 without any): as it is, as the solver smooths it, and its
+    /// foreground part alone.
     pub(crate) fn loss(
         &mut self,
         d_sh: &[[f32; 3]],
@@ -147,7 +149,8 @@ pub struct TracePoint {
     pub secs: f64,
     /// Steps done.
     pub step: u64,
-    /// Eq. 20, mean over the last evaluation of every image; of the regression solver, before the fit that ends the pass.
+    /// Eq. 20, mean over the last evaluation of every image; of the regression solver, before the
+    /// fit that ends the pass.
     pub loss: f64,
 }
 

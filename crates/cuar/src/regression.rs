@@ -12,7 +12,8 @@ use rayon::prelude::*;
 /// Rows per task.
 const CHUNK: usize = 512;
 
-/// What one image observes of one splat: change of colour (RGB, before the clamp at 0) and weight. Weight 0: nothing.
+/// What one image observes of one splat: change of colour (RGB, before the clamp at 0) and weight.
+/// Weight 0: nothing.
 type Observation = [f32; 4];
 
 /// Normal equations of every splat's fit.
@@ -70,8 +71,9 @@ impl NormalEquations {
         });
     }
 
-    /// Solves the rows that have at least one observation. `anchor_weights[row]` is the weight of the terms that keep the row at its colour
-    /// in the edited frame; it does not strengthen the prior.
+    /// Solves the rows that have at least one observation. `anchor_weights[row]` is the weight of
+    /// the terms that keep the row at its colour in the edited frame; it does not strengthen the
+    /// prior.
     fn solve(
         &self,
         params: &RegressionParams,
@@ -123,7 +125,8 @@ impl NormalEquations {
 /// Ridge on every change, relative to the total weight: unobserved directions stay as they are.
 const CONDITIONING: f64 = 1e-6;
 
-/// Solves `(gram + diag(ridge))·X = x` for three right-hand sides `x`; `None` if the system is not positive definite.
+/// Solves `(gram + diag(ridge))·X = x` for three right-hand sides `x`; `None` if the system is not
+/// positive definite.
 fn cholesky_solve(
     gram: &[f64],
     mut x: [f64; 48],
@@ -170,7 +173,8 @@ fn cholesky_solve(
     x[..coeffs * 3].iter().all(|value| value.is_finite()).then_some(x)
 }
 
-/// Observations of the image just evaluated. `changes` are the current changes of colour, `color_grads` gradient and curvature.
+/// Observations of the image just evaluated. `changes` are the current changes of colour,
+/// `color_grads` gradient and curvature.
 fn observations(
     entries: &[Entry],
     changes: &[[f32; 3]],
@@ -214,7 +218,8 @@ pub(crate) struct Regression {
     frame_weights: Vec<Vec<f32>>,
     /// Largest weight that an image of another time gave each splat in the first pass, `[E]`.
     peaks: Vec<f32>,
-    /// The part of each row's weight from the edited frame that exceeds that of an ordinary observation, `[E]`.
+    /// The part of each row's weight from the edited frame that exceeds that of an ordinary
+    /// observation, `[E]`.
     anchor_weights: Vec<f64>,
     /// Evaluations done.
     step: usize,
@@ -394,7 +399,8 @@ impl Regression {
         }
     }
 
-    /// Sets the weights that keep colours of the edited frame: low for splats that are hardly visible there.
+    /// Sets the weights that keep colours of the edited frame: low for splats that are hardly
+    /// visible there.
     fn weigh_anchors<R: Rasterizer>(&mut self, problem: &Problem<R>, params: &RegressionParams) {
         if params.hold <= 0.0 {
             return;
@@ -430,8 +436,8 @@ impl Regression {
     }
 }
 
-/// Share of a splat's largest weight in any image, from which it counts as visible in the edited frame. Hidden splats have a small weight
-/// there, too.
+/// Share of a splat's largest weight in any image, from which it counts as visible in the edited
+/// frame. Hidden splats have a small weight there, too.
 const VISIBLE_SHARE: f32 = 0.025;
 
 /// A pass that lowers the loss by less than this share is the last.

@@ -47,7 +47,8 @@ impl<P> Sample<P> {
             + self.splats.len() * 56
     }
 
-    /// Bytes of a prepared state, roughly: per splat (projection, order, colours, lists) and per pixel (channels, transmittance).
+    /// Bytes of a prepared state, roughly: per splat (projection, order, colours, lists) and per
+    /// pixel (channels, transmittance).
     pub(crate) fn prepared_bytes(&self, camera: &Camera) -> usize {
         self.splats.len() * 400 + camera.width as usize * camera.height as usize * 28
     }
@@ -90,8 +91,8 @@ impl<P> Default for Builder<P> {
     }
 }
 
-/// Channels composited to make a sample: those of the warp, ξ, which splats are edited, how much of them frame 1 shows, and by how much the
-/// colours that it shows differ from those of now.
+/// Channels composited to make a sample: those of the warp, ξ, which splats are edited, how much of
+/// them frame 1 shows, and by how much the colours that it shows differ from those of now.
 const CHANNELS: usize = WARP_CHANNELS + 6;
 const XI: usize = WARP_CHANNELS;
 const EDITED: usize = WARP_CHANNELS + 1;
@@ -235,7 +236,8 @@ impl<P> Builder<P> {
         Ok(Some(Made { sample, stats, floored, uncertain }))
     }
 
-    /// Frame 1 at this frame's pixels, `[H,W,3]`, and where that comes from, `[H,W]`; both of the pixels `asked` for only.
+    /// Frame 1 at this frame's pixels, `[H,W,3]`, and where that comes from, `[H,W]`; both of the
+    /// pixels `asked` for only.
     fn warp<R: Rasterizer<Prepared = P>>(
         &self,
         source: &Source<R>,
@@ -291,7 +293,8 @@ impl<P> Builder<P> {
 }
 
 impl<R> Source<'_, R> {
-    /// `[N,CHANNELS]` at the time of `splats`; `weights` are those of the splats in frame 1, or empty.
+    /// `[N,CHANNELS]` at the time of `splats`; `weights` are those of the splats in frame 1, or
+    /// empty.
     fn features(&self, splats: &Splats, camera: &Camera, weights: &[f32]) -> Vec<f32> {
         let eye = eye(camera);
         let enough = self.options.warp_params.min_visible_share;

@@ -1,14 +1,16 @@
 //! Visibility culling for images of the edited splats.
 //!
-//! Geometry is fixed and only edited splats change colour. So per image only the pixels that edited splats reach matter, and for those
-//! only splats that reach the same cell of the image in front of an edited one. All other splats are left out once and for all. The
-//! weights `αT` of the edited splats at those pixels stay the same.
+//! Geometry is fixed and only edited splats change colour. So per image only the pixels that edited
+//! splats reach matter, and for those only splats that reach the same cell of the image in front of
+//! an edited one. All other splats are left out once and for all. The weights `αT` of the edited
+//! splats at those pixels stay the same.
 
 use gs_core::image_formation::TILE_SIZE;
 use gs_core::{Camera, Footprint, Rasterizer, Splats};
 use rayon::prelude::*;
 
-/// Side of a cell, pixels. Any size gives the same weights; that of a rasteriser's tile keeps the fewest rows.
+/// Side of a cell, pixels. Any size gives the same weights; that of a rasteriser's tile keeps the
+/// fewest rows.
 const CELL: usize = TILE_SIZE as usize;
 
 /// Rows needed to composite the edited splats at the `live` pixels (`[H,W]`), ascending.

@@ -52,7 +52,8 @@ pub struct Progress {
     pub done: usize,
     /// Steps of the stage in all.
     pub total: usize,
-    /// Eq. 20, mean over the images visited last (in this pass, by the regression solver); `None` before the first.
+    /// Eq. 20, mean over the images visited last (in this pass, by the regression solver); `None`
+    /// before the first.
     pub loss: Option<f64>,
     /// Since the stage began.
     pub elapsed_secs: f64,
@@ -91,17 +92,20 @@ pub trait Observer {
         let _ = preview;
     }
 
-    /// To be stored by the caller; called as often as the options say, and before a cancelled run returns.
+    /// To be stored by the caller; called as often as the options say, and before a cancelled run
+    /// returns.
     fn checkpoint(&mut self, state: &State) {
         let _ = state;
     }
 
-    /// Called before images are made, with a hash of the inputs that they depend on, the scene's motion aside.
+    /// Called before images are made, with a hash of the inputs that they depend on, the scene's
+    /// motion aside.
     fn begin_images(&mut self, fingerprint: u64) {
         let _ = fingerprint;
     }
 
-    /// An image as [`Observer::keep_image`] got it in a run with the same scene, rasteriser and hash; it is made if there is none.
+    /// An image as [`Observer::keep_image`] got it in a run with the same scene, rasteriser and
+    /// hash; it is made if there is none.
     fn kept_image(&mut self, at: ViewTime) -> Option<Vec<u8>> {
         let _ = at;
         None

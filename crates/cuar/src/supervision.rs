@@ -27,7 +27,8 @@ pub(crate) struct Supervision<'a, R: Rasterizer> {
     pub stats: SupervisionStats,
     /// Images in which the floor is the mask's threshold.
     pub num_floored: usize,
-    /// Per edited splat: in how many images it exceeds the mask's threshold (Eq. 17 for one splat), and how many there are.
+    /// Per edited splat: in how many images it exceeds the mask's threshold (Eq. 17 for one splat),
+    /// and how many there are.
     pub uncertain_counts: Vec<[u32; 2]>,
 }
 

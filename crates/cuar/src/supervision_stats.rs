@@ -7,7 +7,8 @@ pub enum Rejection {
     Uncovered,
     /// Several depths mix ([`crate::WarpParams::spread_tolerance`]).
     Mixed,
-    /// Turned away from the camera in frame 1, or seen at a grazing angle ([`crate::WarpParams::min_facing`]).
+    /// Turned away from the camera in frame 1, or seen at a grazing angle
+    /// ([`crate::WarpParams::min_facing`]).
     TurnedAway,
     /// Outside the image of frame 1.
     OutOfView,
@@ -50,9 +51,11 @@ pub struct SupervisionStats {
     pub masked: u64,
     /// Masked pixels whose surface is visible in frame 1.
     pub surface: u64,
-    /// Other masked pixels whose splats are visible in frame 1 ([`crate::WarpParams::min_known_color`]).
+    /// Other masked pixels whose splats are visible in frame 1
+    /// ([`crate::WarpParams::min_known_color`]).
     pub splat_colors: u64,
-    /// Masked pixels without supervision, by the reason why their surface was rejected, in the order of [`Rejection::ALL`].
+    /// Masked pixels without supervision, by the reason why their surface was rejected, in the
+    /// order of [`Rejection::ALL`].
     pub rejections: [u64; 6],
 }
 
@@ -62,7 +65,8 @@ impl SupervisionStats {
         self.surface + self.splat_colors
     }
 
-    /// The reasons that occur, most frequent first, each with its share of the masked pixels, as text.
+    /// The reasons that occur, most frequent first, each with its share of the masked pixels, as
+    /// text.
     pub fn reasons(&self) -> String {
         let mut found: Vec<(u64, Rejection)> = self
             .rejections

@@ -6,8 +6,8 @@ use gs_core::{Camera, TimeRange};
 /// Cameras and times to choose from.
 #[derive(Debug, Clone, Copy)]
 pub struct Views<'a> {
-    /// Every camera. One with a [`Camera::time`] looks at that time (a frame of a monocular video) and at most at the edited frame besides; the
-    /// others at every time.
+    /// Every camera. One with a [`Camera::time`] looks at that time (a frame of a monocular video)
+    /// and at most at the edited frame besides; the others at every time.
     pub cameras: &'a [Camera],
     /// Candidate times of cameras without one.
     pub times: &'a [f32],
@@ -133,7 +133,8 @@ impl Views<'_> {
         }
         if let Some(time) = keep_first {
             samples.extend(free.iter().map(|&view| ViewTime { view, time }));
-            // frame 1 supervises fixed views, too; some of a video's many are enough to say what is to stay
+            // frame 1 supervises fixed views, too; some of a video's many are enough to say what is
+            // to stay
             let some = fixed_share.min(FIRST_FRAMES);
             samples.extend(order[..some].iter().map(|&pick| ViewTime { view: fixed[pick], time }));
         }

@@ -5,12 +5,14 @@ use crate::Rejection;
 /// How the first frame is brought to frame `t`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum WarpForm {
-    /// Every pixel of frame `t` looks up where its surface was in frame 1, through flow defined at frame `t`, divided by coverage; it is
-    /// supervised only if that surface was really visible there. No holes.
+    /// Every pixel of frame `t` looks up where its surface was in frame 1, through flow defined at
+    /// frame `t`, divided by coverage; it is supervised only if that surface was really visible
+    /// there. No holes.
     #[default]
     Backward,
-    /// Eq. 13 as written: pixels of frame 1 pushed along the composited (not normalised) flow `F_{1→t}` of frame 1, without an occlusion
-    /// test. The equation does not say what happens where several land or none: here the nearest hides the others, and nothing is supervised.
+    /// Eq. 13 as written: pixels of frame 1 pushed along the composited (not normalised) flow
+    /// `F_{1→t}` of frame 1, without an occlusion test. The equation does not say what happens
+    /// where several land or none: here the nearest hides the others, and nothing is supervised.
     Paper,
 }
 
@@ -19,23 +21,28 @@ pub enum WarpForm {
 pub struct WarpParams {
     /// Pixels covered less than this, at `t` or in frame 1, have no defined surface. Default 0.5.
     pub min_coverage: f32,
-    /// How far the surface may lie from the depth rendered in frame 1, relative to that depth. Default 0.01.
+    /// How far the surface may lie from the depth rendered in frame 1, relative to that depth.
+    /// Default 0.01.
     pub depth_tolerance: f32,
-    /// Largest standard deviation of the places in frame 1 composited at one pixel, relative to their depth: beyond it two surfaces mix.
-    /// Default 0.015.
+    /// Largest standard deviation of the places in frame 1 composited at one pixel, relative to
+    /// their depth: beyond it two surfaces mix. Default 0.015.
     pub spread_tolerance: f32,
-    /// Least determinant of the motion from frame `t` to frame 1 at a pixel: how many pixels of frame 1 one pixel of frame `t` came from. A side
-    /// turned away from the camera in frame 1 gives a negative one (on a thin limb, depth alone does not show it), a grazing view a small one.
-    /// Default 0.4.
+    /// Least determinant of the motion from frame `t` to frame 1 at a pixel: how many pixels of
+    /// frame 1 one pixel of frame `t` came from. A side turned away from the camera in frame 1
+    /// gives a negative one (on a thin limb, depth alone does not show it), a grazing view a small
+    /// one. Default 0.4.
     pub min_facing: f32,
-    /// Pixels whose colour lies within the range of the 3×3 pixels of frame 1 around their source, widened by this much, agree with frame 1
-    /// and are asked to stay as they are: resampling must not teach textures to be blurred. `None` supervises every masked pixel, as the
-    /// paper does. Default 0.05.
+    /// Pixels whose colour lies within the range of the 3×3 pixels of frame 1 around their source,
+    /// widened by this much, agree with frame 1 and are asked to stay as they are: resampling must
+    /// not teach textures to be blurred. `None` supervises every masked pixel, as the paper does.
+    /// Default 0.05.
     pub slack: Option<f32>,
-    /// Where no surface can be fetched: share of a pixel's coverage that must belong to splats visible in frame 1. The pixel is then
-    /// supervised by their colours in frame 1. Above 1: never. Default 0.9.
+    /// Where no surface can be fetched: share of a pixel's coverage that must belong to splats
+    /// visible in frame 1. The pixel is then supervised by their colours in frame 1. Above 1:
+    /// never. Default 0.9.
     pub min_known_color: f32,
-    /// Share of its unoccluded weight from which a splat counts as fully visible in frame 1; below, in proportion. Default 0.1.
+    /// Share of its unoccluded weight from which a splat counts as fully visible in frame 1; below,
+    /// in proportion. Default 0.1.
     pub min_visible_share: f32,
 }
 
@@ -66,8 +73,8 @@ pub(crate) struct FirstFrame {
     pub splat_weights: Vec<f32>,
 }
 
-/// Channels of what [`trace`] reads at frame `t`: affine motion to frame 1 (shift 2, linear part 4), place there in the
-/// camera frame (3) and its square.
+/// Channels of what [`trace`] reads at frame `t`: affine motion to frame 1 (shift 2, linear part
+/// 4), place there in the camera frame (3) and its square.
 pub(crate) const WARP_CHANNELS: usize = 10;
 
 /// Surface composited at one pixel of frame `t`, divided by coverage.
@@ -79,7 +86,8 @@ pub(crate) struct Trace {
     pub depth: f32,
 }
 
-/// Undoes compositing: `sums` are the [`WARP_CHANNELS`] of one pixel, `alpha` its coverage, `(x, y)` its column and row.
+/// Undoes compositing: `sums` are the [`WARP_CHANNELS`] of one pixel, `alpha` its coverage,
+/// `(x, y)` its column and row.
 pub(crate) fn trace(
     sums: &[f32],
     alpha: f32,
@@ -104,7 +112,8 @@ pub(crate) fn trace(
     Ok(Trace { at: at.map(|value| value / alpha), depth })
 }
 
-/// Colour of frame 1 at `trace`, if the surface is what frame 1 shows there; or `shown`, the colour at frame `t`, if that agrees with it.
+/// Colour of frame 1 at `trace`, if the surface is what frame 1 shows there; or `shown`, the colour
+/// at frame `t`, if that agrees with it.
 pub(crate) fn fetch(
     frame: &FirstFrame,
     trace: Trace,
@@ -180,7 +189,8 @@ fn catmull_rom(f: f32, [a, b, c, d]: [f32; 4]) -> f32 {
     b + 0.5 * f * (c - a + f * (2.0 * a - 5.0 * b + 4.0 * c - d + f * (3.0 * (b - c) + d - a)))
 }
 
-/// [`WarpForm::Paper`]: colours `[H,W,3]` and validity `[H,W]` (0 or 1) at frame `t`, from what `flow::render_landing` composited on frame 1.
+/// [`WarpForm::Paper`]: colours `[H,W,3]` and validity `[H,W]` (0 or 1) at frame `t`, from what
+/// `flow::render_landing` composited on frame 1.
 pub(crate) fn push_forward(
     frame: &FirstFrame,
     (landing, coverage): (&[f32], &[f32]),
@@ -227,7 +237,8 @@ pub(crate) fn push_forward(
     (rgb, weight)
 }
 
-/// Pixels of a `w × h` image among which pixel `p`, `moved` by some pixels, is divided, each with its share.
+/// Pixels of a `w × h` image among which pixel `p`, `moved` by some pixels, is divided, each with
+/// its share.
 fn targets(w: usize, h: usize, p: usize, moved: &[f32]) -> impl Iterator<Item = (usize, f32)> {
     let (tx, ty) = ((p % w) as f32 + moved[0], (p / w) as f32 + moved[1]);
     let (floor_x, floor_y) = (tx.floor(), ty.floor());

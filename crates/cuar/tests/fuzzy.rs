@@ -1,4 +1,5 @@
-//! Broad splats that overlap in depth, as captures have them: no surface to fetch, but splats that frame 1 shows.
+//! Broad splats that overlap in depth, as captures have them: no surface to fetch, but splats that
+//! frame 1 shows.
 
 #![allow(clippy::unwrap_used, reason = "helpers of tests may")]
 

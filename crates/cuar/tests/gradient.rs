@@ -1,4 +1,5 @@
-//! From SH coefficients through the rasteriser to the whole loss (Eqs. 18–20), in double precision, against difference quotients.
+//! From SH coefficients through the rasteriser to the whole loss (Eqs. 18–20), in double precision,
+//! against difference quotients.
 
 #![allow(clippy::unwrap_used, reason = "helpers of tests may")]
 

@@ -175,8 +175,9 @@ fn crops_are_exact() {
     }
 }
 
-/// One step of size 1/curvature along any direction must not raise the smoothed objective: what the regression solver relies on. The bound
-/// freezes the windows' variances, so it is tested where the images are similar, with a small allowance.
+/// One step of size 1/curvature along any direction must not raise the smoothed objective: what the
+/// regression solver relies on. The bound freezes the windows' variances, so it is tested where the
+/// images are similar, with a small allowance.
 #[test]
 fn curvature_bounds_the_objective() {
     let case = Case::new();

@@ -82,7 +82,8 @@ fn uncovered_background_is_not_painted_with_the_foreground() {
     let camera = &Slide::cameras(128, 96)[1];
     let (before, now) = (render(&scene, 1.0, camera), render(&refined.scene(&scene), 1.0, camera));
     let control = render(&untested.scene(&scene), 1.0, camera);
-    // the board covered these pixels in frame 1 and has left them; before is the truth: the wall has no flaw
+    // the board covered these pixels in frame 1 and has left them; before is the truth: the wall
+    // has no flaw
     let (mut sum, mut painted) = (0.0_f32, 0.0_f32);
     for y in 28..68 {
         for x in 46..74 {

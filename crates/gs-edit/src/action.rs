@@ -109,7 +109,8 @@ pub struct ActionOption {
     pub help: &'static str,
 }
 
-/// The options that are actions, in the order of the documents. `sliced` modifies the `match-colors` before it.
+/// The options that are actions, in the order of the documents. `sliced` modifies the
+/// `match-colors` before it.
 pub const ACTION_OPTIONS: [ActionOption; 16] = [
     option("delete", None, "Remove the selected splats"),
     option("keep", None, "Remove all others"),

@@ -11,8 +11,9 @@ pub fn base_color(splats: &Splats, row: usize) -> [f64; 3] {
     dc.map(|value| 0.5 + f64::from(sh::C0) * f64::from(value))
 }
 
-/// What a splat counts in statistics of colour: opacity times the product of its two largest standard deviations, square world
-/// units. That is about the area it covers, seen from its flat side. 0 if it is not finite.
+/// What a splat counts in statistics of colour: opacity times the product of its two largest
+/// standard deviations, square world units. That is about the area it covers, seen from its flat
+/// side. 0 if it is not finite.
 pub(crate) fn weight(splats: &Splats, row: usize) -> f64 {
     let mut scales = splats.log_scales[row].map(|value| f64::from(value).exp());
     scales.sort_by(f64::total_cmp);
@@ -20,7 +21,8 @@ pub(crate) fn weight(splats: &Splats, row: usize) -> f64 {
     if weight.is_finite() { weight } else { 0.0 }
 }
 
-/// Hue in degrees, 0 to 360 (`None` for greys), saturation and value of an RGB colour, HSV, channels clamped to 0 to 1.
+/// Hue in degrees, 0 to 360 (`None` for greys), saturation and value of an RGB colour, HSV,
+/// channels clamped to 0 to 1.
 pub(crate) fn hsv(rgb: [f64; 3]) -> (Option<f64>, f64, f64) {
     let [r, g, b] = rgb.map(|c| c.clamp(0.0, 1.0));
     let (max, min) = (r.max(g).max(b), r.min(g).min(b));

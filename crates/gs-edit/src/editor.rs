@@ -11,7 +11,8 @@ use crate::transport;
 use amg::Similarity;
 use gs_core::{Image, Real, Splats, activation, quat};
 
-/// Opacities are not raised above this: rasterisers composite at most 0.99, and logits of 1 are infinite.
+/// Opacities are not raised above this: rasterisers composite at most 0.99, and logits of 1 are
+/// infinite.
 pub const MAX_OPACITY: f64 = 0.9999;
 
 /// Pixels of a picture used for statistics; of larger ones every n-th.
@@ -20,7 +21,8 @@ const MAX_PIXELS: usize = 1 << 16;
 /// Least coverage of a pixel whose colour counts.
 const MIN_COVERAGE: f32 = 0.5;
 
-/// Splats under edit. Rows that no step selects keep their bits and their order; copies and grafts come after them.
+/// Splats under edit. Rows that no step selects keep their bits and their order; copies and grafts
+/// come after them.
 #[derive(Debug, Clone)]
 pub struct Editor {
     splats: Splats,

@@ -3,14 +3,15 @@
 use gs_core::{CameraError, RasterError, SplatsError};
 use thiserror::Error;
 
-/// A text that is not in the language, with the place. Displayed as three lines: what was expected, the text, and a caret below
-/// the column.
+/// A text that is not in the language, with the place. Displayed as three lines: what was expected,
+/// the text, and a caret below the column.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
 #[error("{what} (column {column})\n    {text}\n    {:>column$}", '^')]
 pub struct SyntaxError {
     /// The whole text, control characters replaced by spaces.
     pub text: String,
-    /// Character of `text` at which it stops making sense, from 1; one after the last if the text ends too early.
+    /// Character of `text` at which it stops making sense, from 1; one after the last if the text
+    /// ends too early.
     pub column: usize,
     /// What was expected and what was found.
     pub what: String,

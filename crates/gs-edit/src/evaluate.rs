@@ -12,7 +12,8 @@ use gs_core::Splats;
 pub struct Frame<'a> {
     /// The splats.
     pub splats: &'a Splats,
-    /// Row of the input that each splat is, or is a copy of, `[N]`; `None` for splats that were grafted.
+    /// Row of the input that each splat is, or is a copy of, `[N]`; `None` for splats that were
+    /// grafted.
     pub origins: &'a [Option<u32>],
     /// What the selectors name.
     pub resources: &'a Resources,

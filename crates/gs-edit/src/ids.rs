@@ -5,8 +5,8 @@ use crate::error::SyntaxError;
 /// Longest range that a list may name, rows: more than any file of splats has.
 const MAX_RANGE: u64 = 1 << 32;
 
-/// Reads row numbers from 0, separated by spaces, commas, brackets or line ends; `10..20` is a range with both ends; `#` begins a
-/// comment. Duplicates are allowed. Ranges are returned as such.
+/// Reads row numbers from 0, separated by spaces, commas, brackets or line ends; `10..20` is a
+/// range with both ends; `#` begins a comment. Duplicates are allowed. Ranges are returned as such.
 ///
 /// # Errors
 /// Names the column of the line that is no list; the text of the error is that line.

@@ -1,9 +1,11 @@
 //! Selections of Gaussian splats in a small language, and edits of what they select.
 //!
-//! Promises: [`Selector`] reads expressions as `color #e33~.15 & !moving` and says the column of what it does not understand;
-//! [`Action`] reads what to do; [`Editor`] applies both in order. Splats that are not selected keep their bits and their order. Affine
-//! maps of colour ([`ColorMap`]) are exact on all bands of the spherical harmonics, rotations rotate them. Results are the same bits
-//! for any number of threads. `docs/EDITING.md` has the language and the equations.
+//! Promises: [`Selector`] reads expressions as `color #e33~.15 & !moving` and says the column of
+//! what it does not understand; [`Action`] reads what to do; [`Editor`] applies both in order.
+//! Splats that are not selected keep their bits and their order. Affine maps of colour
+//! ([`ColorMap`]) are exact on all bands of the spherical harmonics, rotations rotate them. Results
+//! are the same bits for any number of threads. `docs/EDITING.md` has the language and the
+//! equations.
 //!
 //! ```
 //! use gs_core::Splats;
@@ -19,7 +21,8 @@
 //! # }
 //! ```
 //!
-//! Deliberately absent: files (callers load what [`Script::needs`] lists), motion (given as [`Motion`]), fitting to pictures.
+//! Deliberately absent: files (callers load what [`Script::needs`] lists), motion (given as
+//! [`Motion`]), fitting to pictures.
 
 mod action;
 mod color;

@@ -6,9 +6,9 @@ use gs_core::{Camera, Image, RasterError, Rasterizer, RenderParams, Splats, Upst
 /// Share of a splat's visible weight that must lie in the masks.
 const MIN_SHARE: f32 = 0.5;
 
-/// Which splats the masks show, `[N]`: those with `Σ m α T > ½ Σ α T` over all pixels of all views, where `α T` is what the splat
-/// contributes to a pixel and `m` the mask there, 0 to 1. Splats that no view shows are not selected. A mask has one channel and the
-/// size of its camera.
+/// Which splats the masks show, `[N]`: those with `Σ m α T > ½ Σ α T` over all pixels of all views,
+/// where `α T` is what the splat contributes to a pixel and `m` the mask there, 0 to 1. Splats that
+/// no view shows are not selected. A mask has one channel and the size of its camera.
 ///
 /// # Errors
 /// If a mask has another size than its camera, or the rasteriser refuses.

@@ -11,7 +11,8 @@ use crate::error::SyntaxError;
 use crate::lexer::{Lexer, Token};
 use crate::selector::{Bounds, Field, Selector};
 
-/// Deepest nesting of parentheses, `!` and prefixes. Nobody writes more, and the stack holds many times as much.
+/// Deepest nesting of parentheses, `!` and prefixes. Nobody writes more, and the stack holds many
+/// times as much.
 const MAX_DEPTH: usize = 64;
 
 /// Tolerance of `color` if none is given: shades of one cloth.

@@ -48,8 +48,8 @@ pub(crate) fn default_gap(points: &[Point]) -> f64 {
     GAPS * *distances.select_nth_unstable_by(middle, f64::total_cmp).1
 }
 
-/// Which of `points` are connected with the one nearest to `seed` (the first of equally near ones) by steps of at most `gap`.
-/// None if there is no finite point.
+/// Which of `points` are connected with the one nearest to `seed` (the first of equally near ones)
+/// by steps of at most `gap`. None if there is no finite point.
 pub(crate) fn connected(points: &[Point], seed: Point, gap: f64) -> Vec<bool> {
     let mut selected = vec![false; points.len()];
     let usable: Vec<usize> = (0..points.len()).filter(|&i| finite(&points[i])).collect();

@@ -22,8 +22,8 @@ pub struct Script {
 }
 
 impl Script {
-    /// Reads options of the command line: names without dashes, and their arguments (empty if they have none). `select` takes an
-    /// expression, the others are [`crate::ACTION_OPTIONS`].
+    /// Reads options of the command line: names without dashes, and their arguments (empty if they
+    /// have none). `select` takes an expression, the others are [`crate::ACTION_OPTIONS`].
     ///
     /// # Errors
     /// At the first option that is unknown or malformed.

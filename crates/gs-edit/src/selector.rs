@@ -60,8 +60,8 @@ impl Bounds {
     }
 }
 
-/// Which splats. Lengths are world units in the frame of the file; colours are base colours, `½ + C₀·dc` clamped to 0 to 1.
-/// `docs/EDITING.md` has the language.
+/// Which splats. Lengths are world units in the frame of the file; colours are base colours,
+/// `½ + C₀·dc` clamped to 0 to 1. `docs/EDITING.md` has the language.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Selector {
     /// Every splat.
@@ -96,7 +96,8 @@ pub enum Selector {
         /// At most `√3`.
         tolerance: f64,
     },
-    /// Hues from `from` to `to` in increasing direction, degrees 0 to 360, across 360 if `from > to`. Greys have none.
+    /// Hues from `from` to `to` in increasing direction, degrees 0 to 360, across 360 if
+    /// `from > to`. Greys have none.
     Hue {
         /// First hue.
         from: f64,
@@ -109,7 +110,8 @@ pub enum Selector {
     Moving,
     /// Splats of the part with this number, from 1: parts move rigidly and are sorted by size.
     Part(u32),
-    /// What is connected to the splat nearest to a point: splats are linked whose centres are at most `gap` apart.
+    /// What is connected to the splat nearest to a point: splats are linked whose centres are at
+    /// most `gap` apart.
     Connected {
         /// The point.
         point: [f64; 3],

@@ -5,19 +5,20 @@ use crate::color_map::ColorMap;
 use gs_core::symmetric_eigen;
 use rand::{RngExt, SeedableRng};
 
-/// Variance added to both distributions: half a step of 8 bits, so that selections of one colour are not stretched without bound.
+/// Variance added to both distributions: half a step of 8 bits, so that selections of one colour
+/// are not stretched without bound.
 const NOISE_VARIANCE: f64 = 0.25 / (255.0 * 255.0);
 
-/// Random frames of the sliced transport, three directions each. With it, a normal distribution becomes two colours to within 0.1 for
-/// 95 % of its splats (the test below).
+/// Random frames of the sliced transport, three directions each. With it, a normal distribution
+/// becomes two colours to within 0.1 for 95 % of its splats (the test below).
 const FRAMES: usize = 32;
 
 /// Seed of the frames.
 const SEED: u64 = 7;
 
 /// The optimal map between normal distributions with these moments (squared Euclidean cost):
-/// `c ↦ μ_t + A·(c − μ_s)`, `A = Σ_s^{-½} (Σ_s^{½} Σ_t Σ_s^{½})^{½} Σ_s^{-½}`. `A` is symmetric and positive definite, the identity if
-/// both are equal.
+/// `c ↦ μ_t + A·(c − μ_s)`, `A = Σ_s^{-½} (Σ_s^{½} Σ_t Σ_s^{½})^{½} Σ_s^{-½}`. `A` is symmetric and
+/// positive definite, the identity if both are equal.
 pub(crate) fn gaussian(source: &ColorStats, target: &ColorStats) -> ColorMap {
     let [s, t] = [source, target].map(|stats| {
         let mut covariance = stats.covariance;
@@ -34,8 +35,8 @@ pub(crate) fn gaussian(source: &ColorStats, target: &ColorStats) -> ColorMap {
     ColorMap { matrix, offset: [0, 1, 2].map(|c| target.mean[c] - moved[c]) }
 }
 
-/// Moves weighted colours so that their distribution becomes that of `target` (weights above 0): one-dimensional transport along
-/// the axes of [`FRAMES`] random frames, one after the other.
+/// Moves weighted colours so that their distribution becomes that of `target` (weights above 0):
+/// one-dimensional transport along the axes of [`FRAMES`] random frames, one after the other.
 pub(crate) fn sliced(colors: &mut [[f64; 3]], weights: &[f64], target: &[([f64; 3], f64)]) {
     let mut rng = rand_pcg::Pcg64Mcg::seed_from_u64(SEED);
     let mut order: Vec<usize> = (0..colors.len()).collect();
@@ -64,8 +65,8 @@ pub(crate) fn sliced(colors: &mut [[f64; 3]], weights: &[f64], target: &[([f64; 
     }
 }
 
-/// For each weight of an ascending sequence, the value of the sorted `target` at the same share of the total weight, taken at the
-/// middle of the weight.
+/// For each weight of an ascending sequence, the value of the sorted `target` at the same share of
+/// the total weight, taken at the middle of the weight.
 fn quantiles(target: &[(f64, f64)], weights: impl Iterator<Item = f64> + Clone) -> Vec<f64> {
     let total: f64 = weights.clone().sum();
     let target_total: f64 = target.iter().map(|(_, weight)| weight).sum();

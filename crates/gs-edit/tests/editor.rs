@@ -10,7 +10,8 @@ use gs_raster_cpu::CpuRasterizer;
 use proptest::prelude::*;
 use rand::{RngExt, SeedableRng};
 
-/// A ball of `num` splats with SH of degree 3 whose colours stay between 0.15 and 0.85 in every direction.
+/// A ball of `num` splats with SH of degree 3 whose colours stay between 0.15 and 0.85 in every
+/// direction.
 fn ball(num: usize, seed: u64) -> Splats {
     let mut rng = rand_pcg::Pcg64Mcg::seed_from_u64(seed);
     let mut splats = Splats::with_capacity(num, 3);

@@ -1,4 +1,5 @@
-//! The fuzzer's own function on what users type, and on changes of it: nothing panics, every column lies in the text.
+//! The fuzzer's own function on what users type, and on changes of it: nothing panics, every column
+//! lies in the text.
 
 use rand::{RngExt, SeedableRng};
 

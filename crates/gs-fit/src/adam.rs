@@ -2,9 +2,11 @@
 
 use gs_core::Real;
 
-/// Adam (Kingma & Ba 2015) over rows of parameters, with a rate per column and rows that can be left out.
+/// Adam (Kingma & Ba 2015) over rows of parameters, with a rate per column and rows that can be
+/// left out.
 ///
-/// Parameters are `[rows, columns]`, flat. A rate of 0 freezes a column; a skipped row keeps value and moments, bit for bit.
+/// Parameters are `[rows, columns]`, flat. A rate of 0 freezes a column; a skipped row keeps value
+/// and moments, bit for bit.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Adam<F> {
     /// Decay of the first moment. Default 0.9.
@@ -34,8 +36,8 @@ impl<F: Real> Adam<F> {
         }
     }
 
-    /// One step down `grads`. `rates` holds one learning rate per column; rows for which `skip` says true are left alone (as 3DGS's sparse
-    /// Adam leaves out what a view does not see).
+    /// One step down `grads`. `rates` holds one learning rate per column; rows for which `skip`
+    /// says true are left alone (as 3DGS's sparse Adam leaves out what a view does not see).
     ///
     /// # Panics
     /// If the lengths disagree.
@@ -78,7 +80,8 @@ impl<F: Real> Adam<F> {
 mod tests {
     use super::*;
 
-    /// The first step is `rate · sign(g)` for any scale; later ones follow the recurrence, here written out by hand.
+    /// The first step is `rate · sign(g)` for any scale; later ones follow the recurrence, here
+    /// written out by hand.
     #[test]
     fn follows_the_recurrence() {
         let mut adam = Adam::<f64>::new(1);

@@ -77,10 +77,11 @@ pub struct Target<'a> {
     pub rect: Rect,
 }
 
-/// `(1 − s)·mean w|x − y| + s·mean(1 − SSIM)` and its gradient; means over the whole image. Owns its work memory.
+/// `(1 − s)·mean w|x − y| + s·mean(1 − SSIM)` and its gradient; means over the whole image. Owns
+/// its work memory.
 ///
-/// Where the weight is below 1, the picture that SSIM sees is the target blended with the render itself, so that pixels of weight 0 have no
-/// influence.
+/// Where the weight is below 1, the picture that SSIM sees is the target blended with the render
+/// itself, so that pixels of weight 0 have no influence.
 #[derive(Debug, Clone)]
 pub struct PictureLoss {
     /// Share of D-SSIM.

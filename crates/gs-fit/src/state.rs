@@ -53,7 +53,8 @@ pub trait FitObserver {
         let _ = preview;
     }
 
-    /// To be stored by the caller; called as often as the options say, and before a cancelled fit returns.
+    /// To be stored by the caller; called as often as the options say, and before a cancelled fit
+    /// returns.
     fn checkpoint(&mut self, state: &FitState) {
         let _ = state;
     }

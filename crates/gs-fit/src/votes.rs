@@ -3,7 +3,8 @@
 use crate::FitError;
 use gs_core::{Camera, RasterError, Rasterizer, RenderParams, Splats, UpstreamGrads};
 
-/// Sums over the pixels of one view, per splat: `Σ_p plane_p α T` for each of `planes` (`[P,F]`, channels innermost), `[N,F]`.
+/// Sums over the pixels of one view, per splat: `Σ_p plane_p α T` for each of `planes` (`[P,F]`,
+/// channels innermost), `[N,F]`.
 ///
 /// # Errors
 /// If the rasteriser fails.

@@ -7,7 +7,8 @@
 /// normalised columns are identical.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum EntropyReference {
-    /// `KL(P ‖ a bᵀ)`. The mass is at most 1 and does not depend on how finely the clouds are sampled.
+    /// `KL(P ‖ a bᵀ)`. The mass is at most 1 and does not depend on how finely the clouds are
+    /// sampled.
     #[default]
     Kl,
     /// `Σ (P ln P − P)`. Uniform marginals only.

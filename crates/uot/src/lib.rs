@@ -9,16 +9,19 @@
 //! ⟨D, P⟩ + λ0 KL(P ‖ a bᵀ) + λ1 KL(P1 ‖ a) + λ2 KL(Pᵀ1 ‖ b),     KL(x ‖ y) = Σ x ln(x/y) − x + y
 //! ```
 //!
-//! The entropy term is *added*, so the problem is strictly convex and has one solution. The reference
-//! measure is `a bᵀ`; [`EntropyReference`] names two others. λ0, λ1, λ2 are [`SinkhornParams::lambda_ent`],
-//! [`SinkhornParams::lambda_a`] and [`SinkhornParams::lambda_b`].
+//! The entropy term is *added*, so the problem is strictly convex and has one solution. The
+//! reference measure is `a bᵀ`; [`EntropyReference`] names two others. λ0, λ1, λ2 are
+//! [`SinkhornParams::lambda_ent`], [`SinkhornParams::lambda_a`] and [`SinkhornParams::lambda_b`].
 //!
 //! # Three ways to state the cost
 //!
-//! * [`UotProblem::from_cost`]: any finite matrix. Runs in the log domain where exponentials would underflow.
-//! * [`UotProblem::from_csr`]: costs of candidate pairs; all others are excluded. Read with [`UotOutput::col_posterior`].
-//! * [`UotProblem::welsch`]: the bounded cost `1 − exp(−r²/(2β²))` of two point clouds in any dimension.
-//!   All far pairs cost the same, so the kernel is a constant plus a sparse near field; nothing of size `n·m` is built.
+//! * [`UotProblem::from_cost`]: any finite matrix. Runs in the log domain where exponentials would
+//!   underflow.
+//! * [`UotProblem::from_csr`]: costs of candidate pairs; all others are excluded. Read with
+//!   [`UotOutput::col_posterior`].
+//! * [`UotProblem::welsch`]: the bounded cost `1 − exp(−r²/(2β²))` of two point clouds in any
+//!   dimension. All far pairs cost the same, so the kernel is a constant plus a sparse near field;
+//!   nothing of size `n·m` is built.
 //!
 //! ```
 //! use uot::{Sinkhorn, SinkhornParams, UotProblem, WelschParams};
@@ -32,13 +35,14 @@
 //! # Ok::<(), uot::UotError>(())
 //! ```
 //!
-//! An infinite λ1 or λ2 holds that marginal exactly (balanced, semi-relaxed). Rows and columns may be allowed to have no
-//! counterpart at a cost of their own ([`UotProblem::with_unmatched_cols`]). [`Sinkhorn::solve_from`] starts from the
-//! potentials of another problem.
+//! An infinite λ1 or λ2 holds that marginal exactly (balanced, semi-relaxed). Rows and columns may
+//! be allowed to have no counterpart at a cost of their own ([`UotProblem::with_unmatched_cols`]).
+//! [`Sinkhorn::solve_from`] starts from the potentials of another problem.
 //!
 //! # Promises
 //!
-//! * Results are bit-identical for any number of threads, and the structured solver's for any order of the points.
+//! * Results are bit-identical for any number of threads, and the structured solver's for any order
+//!   of the points.
 //! * Not converging is data ([`UotOutput::converged`], [`UotOutput::residuals`]), never an error.
 //! * Hostile input (empty, NaN, infinite, absurd sizes) gives a [`UotError`].
 //!

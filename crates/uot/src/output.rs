@@ -8,10 +8,10 @@ use rayon::prelude::*;
 /// Potentials and masses of the plan, and how the iteration went.
 ///
 /// With `ρ = a bᵀ` for [`EntropyReference::Kl`], 1 for `Entropy` and 1/e for `PLogP`, the plan is
-/// `P_ij = ρ_ij exp((f_i + g_j − D_ij)/λ0)`, and at the optimum `f = −λ1 ln(P1/a)`, `g = −λ2 ln(Pᵀ1/b)` (mass without
-/// counterpart, `ρ exp((f − c)/λ0)`, included in the sums). Where a marginal is held (λ = ∞), `P1 = a` or `Pᵀ1 = b`
-/// instead; where both are, a constant may be moved from `f` to `g`.
-/// The plan itself is produced on demand from the problem.
+/// `P_ij = ρ_ij exp((f_i + g_j − D_ij)/λ0)`, and at the optimum `f = −λ1 ln(P1/a)`,
+/// `g = −λ2 ln(Pᵀ1/b)` (mass without counterpart, `ρ exp((f − c)/λ0)`, included in the sums). Where
+/// a marginal is held (λ = ∞), `P1 = a` or `Pᵀ1 = b` instead; where both are, a constant may be
+/// moved from `f` to `g`. The plan itself is produced on demand from the problem.
 #[derive(Debug, Clone)]
 #[non_exhaustive]
 pub struct UotOutput {
@@ -121,7 +121,8 @@ impl UotOutput {
     /// The whole plan, `[n, m]` row-major.
     ///
     /// # Errors
-    /// [`UotError::TooLarge`] above 2e8 entries, [`UotError::Mismatch`] for a problem of another size.
+    /// [`UotError::TooLarge`] above 2e8 entries, [`UotError::Mismatch`] for a problem of another
+    /// size.
     pub fn plan(&self, problem: &UotProblem<'_>) -> Result<Vec<f64>, UotError> {
         self.check(problem)?;
         let (n, m) = (problem.num_rows(), problem.num_cols());
@@ -140,7 +141,8 @@ impl UotOutput {
     /// Column `j` of the plan, `[n]`.
     ///
     /// # Errors
-    /// [`UotError::Mismatch`] for a problem of another size, [`UotError::BadParam`] when `j` is not a column.
+    /// [`UotError::Mismatch`] for a problem of another size, [`UotError::BadParam`] when `j` is not
+    /// a column.
     pub fn plan_column(&self, problem: &UotProblem<'_>, j: usize) -> Result<Vec<f64>, UotError> {
         self.check(problem)?;
         if j >= problem.num_cols() {
@@ -242,8 +244,9 @@ fn divergence(x: &[f64], log_y: &[f64], sum_y: f64) -> f64 {
     terms.map(|(x, log_y)| x * (x.ln() - log_y) - x).sum::<f64>() + sum_y
 }
 
-/// Constant that the cost loses when the reference of the entropy changes from `a bᵀ` to the chosen one, cost units:
-/// potentials of the chosen one are lower by it, in the parts of [`SinkhornParams::level_shares`].
+/// Constant that the cost loses when the reference of the entropy changes from `a bᵀ` to the chosen
+/// one, cost units: potentials of the chosen one are lower by it, in the parts of
+/// [`SinkhornParams::level_shares`].
 pub(crate) fn reference_shift(problem: &UotProblem<'_>, params: &SinkhornParams) -> f64 {
     let log_pairs = (problem.num_rows() as f64).ln() + (problem.num_cols() as f64).ln();
     match params.reference {

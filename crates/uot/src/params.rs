@@ -6,7 +6,8 @@ use crate::entropy_reference::EntropyReference;
 /// How the fixed-point sweeps are accelerated. Every choice converges to the same plan.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Acceleration {
-    /// Anderson; on structured costs with `lambda_ent < 0.05` over-relaxation. Changes over when one stalls.
+    /// Anderson; on structured costs with `lambda_ent < 0.05` over-relaxation. Changes over when
+    /// one stalls.
     #[default]
     Auto,
     /// Alternating sweeps as they are. Slowest, monotone.
@@ -17,11 +18,13 @@ pub enum Acceleration {
     Anderson,
 }
 
-/// A sequence of decreasing entropy weights before the asked one, each started from the potentials of the last.
+/// A sequence of decreasing entropy weights before the asked one, each started from the potentials
+/// of the last.
 ///
-/// A small λ0 alone needs a number of sweeps in the order of (largest cost)/λ0; with the sequence it needs some per
-/// halving. Applies to explicit costs; the structured Welsch cost is bounded and does not need it. With both marginals
-/// held and costs of a thousand λ0 and more the problem is nearly a linear programme, and the last digits stay slow.
+/// A small λ0 alone needs a number of sweeps in the order of (largest cost)/λ0; with the sequence
+/// it needs some per halving. Applies to explicit costs; the structured Welsch cost is bounded and
+/// does not need it. With both marginals held and costs of a thousand λ0 and more the problem is
+/// nearly a linear programme, and the last digits stay slow.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub enum EpsilonScaling {
     /// From a tenth of the range of the costs, by factors of four, where that range exceeds 50 λ0.
@@ -45,7 +48,8 @@ pub struct SinkhornParams {
     pub lambda_ent: f64,
     /// λ1, weight of the row marginal, in cost units; `f64::INFINITY` holds it exactly. Default 1.
     pub lambda_a: f64,
-    /// λ2, weight of the column marginal, in cost units; `f64::INFINITY` holds it exactly. Default 1.
+    /// λ2, weight of the column marginal, in cost units; `f64::INFINITY` holds it exactly. Default
+    /// 1.
     pub lambda_b: f64,
     /// Reference measure of the entropy term. Default [`EntropyReference::Kl`].
     pub reference: EntropyReference,
@@ -76,8 +80,8 @@ impl Default for SinkhornParams {
 }
 
 impl SinkhornParams {
-    /// Share of the potentials' common level that the row side takes, λ1/(λ0+λ1+λ2), and the column side's. An infinite
-    /// side takes all, two take half each.
+    /// Share of the potentials' common level that the row side takes, λ1/(λ0+λ1+λ2), and the column
+    /// side's. An infinite side takes all, two take half each.
     pub(crate) fn level_shares(&self) -> (f64, f64) {
         match (self.lambda_a.is_infinite(), self.lambda_b.is_infinite()) {
             (true, true) => (0.5, 0.5),
@@ -159,8 +163,9 @@ pub enum Storage {
 pub struct WelschParams {
     /// Width of the cost. Default `MedianTimes(0.05)`.
     pub bandwidth: Bandwidth,
-    /// Pairs farther than `cutoff · β` (or with `w < exp(−cutoff²/2)`) may be taken to cost exactly 1. Default 6:
-    /// potentials good to 2e-9. 4 is enough for correspondences, 8 equals the dense problem.
+    /// Pairs farther than `cutoff · β` (or with `w < exp(−cutoff²/2)`) may be taken to cost exactly
+    /// 1. Default 6: potentials good to 2e-9. 4 is enough for correspondences, 8 equals the dense
+    /// problem.
     pub cutoff: f64,
     /// How the median is found. Default [`MedianMode::Auto`].
     pub median: MedianMode,

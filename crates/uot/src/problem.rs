@@ -65,13 +65,15 @@ impl UotProblem<'static> {
         Self::dense(cost, n, m, None, None)
     }
 
-    /// Costs of candidate pairs in compressed rows: the entries of row i are `row_starts[i]..row_starts[i + 1]` of
-    /// `cols` and `costs` `[nnz]`, in any order. Pairs that are not listed are excluded, as if their cost were +∞. A row
-    /// or column without candidates carries no mass and has potential 0.
+    /// Costs of candidate pairs in compressed rows: the entries of row i are
+    /// `row_starts[i]..row_starts[i + 1]` of `cols` and `costs` `[nnz]`, in any order. Pairs that
+    /// are not listed are excluded, as if their cost were +∞. A row or column without candidates
+    /// carries no mass and has potential 0.
     ///
     /// # Errors
-    /// [`UotError`] when there is no row, column or candidate, `row_starts` `[n + 1]` does not rise from 0 to `nnz`, a
-    /// column is out of range or repeated in a row, a cost is not finite, or there are 2³² candidates or more.
+    /// [`UotError`] when there is no row, column or candidate, `row_starts` `[n + 1]` does not rise
+    /// from 0 to `nnz`, a column is out of range or repeated in a row, a cost is not finite, or
+    /// there are 2³² candidates or more.
     pub fn from_csr(
         row_starts: Vec<usize>,
         cols: Vec<u32>,
@@ -83,8 +85,8 @@ impl UotProblem<'static> {
         Ok(Self::of(cost.num_rows(), num_cols, Cost::Sparse(cost), None))
     }
 
-    /// The Welsch cost `1 − exp(−r²/(2β²))` as an explicit matrix. For small problems and as an oracle:
-    /// `cutoff` and `storage` of the parameters have no effect.
+    /// The Welsch cost `1 − exp(−r²/(2β²))` as an explicit matrix. For small problems and as an
+    /// oracle: `cutoff` and `storage` of the parameters have no effect.
     ///
     /// # Errors
     /// [`UotError`] for empty or non-finite clouds, bad parameters, and more than 2e8 pairs.
@@ -109,11 +111,12 @@ impl UotProblem<'static> {
         Self::dense(cost, n, m, Some(1.0), Some(scale))
     }
 
-    /// The Welsch cost between two clouds, never stored: pairs beyond `cutoff · β` cost exactly 1, the
-    /// others are kept sparse. Memory is proportional to the number of near pairs.
+    /// The Welsch cost between two clouds, never stored: pairs beyond `cutoff · β` cost exactly 1,
+    /// the others are kept sparse. Memory is proportional to the number of near pairs.
     ///
-    /// Degenerate clouds are defined: one point on a side, coincident and duplicate points, and clouds that do not
-    /// overlap all give a problem whose plan is the exact one for the cost above (with β = 0 read as the limit).
+    /// Degenerate clouds are defined: one point on a side, coincident and duplicate points, and
+    /// clouds that do not overlap all give a problem whose plan is the exact one for the cost above
+    /// (with β = 0 read as the limit).
     ///
     /// # Errors
     /// [`UotError`] for empty or non-finite clouds and bad parameters.
@@ -153,9 +156,10 @@ impl<'a> UotProblem<'a> {
         Self { rows, cols, marginals: None, unmatched: Unmatched::default(), cost, scale }
     }
 
-    /// [`UotProblem::welsch`] with a second term in the exponent: `w_ij = exp(−r²/(2β²) − extra(i, j))`,
-    /// `D_ij = 1 − w_ij`. `extra` gets original ids and may be called several times for a pair, from several threads;
-    /// it must always return the same value. Negative values count as 0, +∞ as "not related", NaN as 0.
+    /// [`UotProblem::welsch`] with a second term in the exponent:
+    /// `w_ij = exp(−r²/(2β²) − extra(i, j))`, `D_ij = 1 − w_ij`. `extra` gets original ids and may
+    /// be called several times for a pair, from several threads; it must always return the same
+    /// value. Negative values count as 0, +∞ as "not related", NaN as 0.
     ///
     /// # Errors
     /// As [`UotProblem::welsch`].
@@ -182,8 +186,8 @@ impl<'a> UotProblem<'a> {
         Ok(Self::of(rows.len(), cols.len(), cost, Some(scale)))
     }
 
-    /// Replaces the uniform marginals by `a` `[n]` and `b` `[m]`: non-negative, finite, not all zero. A zero weight
-    /// gives an empty row or column.
+    /// Replaces the uniform marginals by `a` `[n]` and `b` `[m]`: non-negative, finite, not all
+    /// zero. A zero weight gives an empty row or column.
     ///
     /// # Errors
     /// [`UotError::BadLength`] and [`UotError::BadValue`].
@@ -203,10 +207,10 @@ impl<'a> UotProblem<'a> {
         Ok(self)
     }
 
-    /// Lets columns have no counterpart: mass `N_j` that comes from nowhere, at `costs[j]` per unit. Adds
-    /// `Σ_j c_j N_j + λ0 KL(N ‖ b)` to the objective and `N` to the column sums that are compared with `b`. With
-    /// λ2 = ∞ the column's weight is shared out between its rows and "none", the posterior of a mixture with an outlier
-    /// class.
+    /// Lets columns have no counterpart: mass `N_j` that comes from nowhere, at `costs[j]` per
+    /// unit. Adds `Σ_j c_j N_j + λ0 KL(N ‖ b)` to the objective and `N` to the column sums that are
+    /// compared with `b`. With λ2 = ∞ the column's weight is shared out between its rows and
+    /// "none", the posterior of a mixture with an outlier class.
     ///
     /// # Errors
     /// [`UotError::BadLength`], [`UotError::BadValue`] for a cost that is not finite.
@@ -226,7 +230,8 @@ impl<'a> UotProblem<'a> {
         Ok(self)
     }
 
-    /// Number of candidate pairs of [`UotProblem::from_csr`], n·m for an explicit matrix; `None` for a structured cost.
+    /// Number of candidate pairs of [`UotProblem::from_csr`], n·m for an explicit matrix; `None`
+    /// for a structured cost.
     pub fn num_pairs(&self) -> Option<usize> {
         match &self.cost {
             Cost::Dense { values, .. } => Some(values.len()),
@@ -277,8 +282,9 @@ impl<'a> UotProblem<'a> {
         }
     }
 
-    /// Calls `visit(column, entries)` for every column and returns the results in column order. `entries` are
-    /// `(row, far_cost − D)` of the near rows, in an order that depends on the points only.
+    /// Calls `visit(column, entries)` for every column and returns the results in column order.
+    /// `entries` are `(row, far_cost − D)` of the near rows, in an order that depends on the points
+    /// only.
     pub(crate) fn map_columns<R: Send>(
         &self,
         visit: impl Fn(usize, &[(u32, f64)]) -> R + Sync,

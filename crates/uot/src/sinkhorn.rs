@@ -34,8 +34,8 @@ impl Sinkhorn {
     /// Checks the parameters.
     ///
     /// # Errors
-    /// [`UotError::BadParam`] unless λ0 is positive and finite, the other weights are positive, the tolerance is finite and not negative,
-    /// and at least one sweep is allowed.
+    /// [`UotError::BadParam`] unless λ0 is positive and finite, the other weights are positive, the
+    /// tolerance is finite and not negative, and at least one sweep is allowed.
     pub fn new(params: SinkhornParams) -> Result<Self, UotError> {
         params.validate()?;
         Ok(Self { params })
@@ -49,21 +49,23 @@ impl Sinkhorn {
     /// Solves the problem. Not reaching the tolerance is reported in [`UotOutput::converged`].
     ///
     /// # Errors
-    /// [`UotError::LambdaTooSmall`] when λ0 is below what the structured kernel can represent (0.005, or 0.02 with
-    /// f32 storage), [`UotError::NonUniformMarginals`] or [`UotError::ReferenceWithUnmatched`] for a reference other than
-    /// `Kl` with given marginals or unmatched costs, [`UotError::UnequalMasses`] and [`UotError::Infeasible`] for
-    /// marginals that cannot be held, [`UotError::TooLarge`] when the near field would exceed 2³¹ entries.
+    /// [`UotError::LambdaTooSmall`] when λ0 is below what the structured kernel can represent
+    /// (0.005, or 0.02 with f32 storage), [`UotError::NonUniformMarginals`] or
+    /// [`UotError::ReferenceWithUnmatched`] for a reference other than `Kl` with given marginals or
+    /// unmatched costs, [`UotError::UnequalMasses`] and [`UotError::Infeasible`] for marginals that
+    /// cannot be held, [`UotError::TooLarge`] when the near field would exceed 2³¹ entries.
     pub fn solve(&self, problem: &UotProblem<'_>) -> Result<UotOutput, UotError> {
         self.start(problem, None)
     }
 
-    /// [`Self::solve`], started from column potentials `g` `[m]`, cost units: those of a similar problem
-    /// ([`UotOutput::g`]), of any λ. Row potentials follow from them in the first half-sweep. The result is that of a
-    /// cold start up to the tolerance, usually in fewer sweeps; ε-scaling is left out.
+    /// [`Self::solve`], started from column potentials `g` `[m]`, cost units: those of a similar
+    /// problem ([`UotOutput::g`]), of any λ. Row potentials follow from them in the first
+    /// half-sweep. The result is that of a cold start up to the tolerance, usually in fewer sweeps;
+    /// ε-scaling is left out.
     ///
     /// # Errors
-    /// As [`Self::solve`], and [`UotError::BadLength`] or [`UotError::BadValue`] for potentials of another length or not
-    /// finite.
+    /// As [`Self::solve`], and [`UotError::BadLength`] or [`UotError::BadValue`] for potentials of
+    /// another length or not finite.
     pub fn solve_from(&self, problem: &UotProblem<'_>, g: &[f64]) -> Result<UotOutput, UotError> {
         let expected = problem.num_cols();
         if g.len() != expected {
@@ -221,7 +223,8 @@ impl Sinkhorn {
         UotOutput::new(problem, &self.params, found, entries)
     }
 
-    /// Column potentials for [`EntropyReference::Kl`] that belong to those of the chosen reference; 0 without any.
+    /// Column potentials for [`EntropyReference::Kl`] that belong to those of the chosen reference;
+    /// 0 without any.
     fn plain_potentials(&self, problem: &UotProblem<'_>, g: Option<&[f64]>) -> Vec<f64> {
         let shift = reference_shift(problem, &self.params) * self.params.level_shares().1;
         match g {

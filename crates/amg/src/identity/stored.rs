@@ -8,7 +8,8 @@ use rayon::prelude::*;
 
 /// Source splats looked at first; more only while all of them lie within the precision.
 const CANDIDATES: usize = 8;
-/// Source splats looked at, at most: coarse positions put many splats of a small scene on one place.
+/// Source splats looked at, at most: coarse positions put many splats of a small scene on one
+/// place.
 const MAX_CANDIDATES: usize = 512;
 /// Rounding of the arithmetic on both sides of the file, relative to the values.
 const ROUNDING: f64 = 1e-6;
@@ -61,7 +62,8 @@ impl Pair<'_> {
         }
     }
 
-    /// The candidate with the smallest disagreement: in everything if there is one, else in geometry alone.
+    /// The candidate with the smallest disagreement: in everything if there is one, else in
+    /// geometry alone.
     fn best(&self, near: &[Neighbor], ids: &[u32]) -> Identity {
         let (mut whole, mut shape) = (None::<(f64, u32)>, None::<(f64, u32)>);
         let keep = |best: &mut Option<(f64, u32)>, found: f64, id: u32| {

@@ -20,7 +20,8 @@ pub(super) struct Candidate {
     pub(super) tangent_squared: f32,
     /// Product of the two flatnesses: 0 if either is a ball.
     pub(super) flat: f32,
-    /// `flat` less the inner product of the two normals, either sign of which is as good, both with their flatness.
+    /// `flat` less the inner product of the two normals, either sign of which is as good, both with
+    /// their flatness.
     pub(super) misaligned: f32,
     /// Squared difference of the two flatnesses.
     pub(super) unlike: f32,
@@ -31,7 +32,8 @@ pub(super) struct Candidate {
 pub(super) struct Candidates {
     /// Of each splat, those of one hypothesis nearest first.
     entries: Vec<Box<[Candidate]>>,
-    /// Distance of the nearest region, world units; infinite if there is none, or none was looked for.
+    /// Distance of the nearest region, world units; infinite if there is none, or none was looked
+    /// for.
     pub(super) distance: Vec<f64>,
 }
 
@@ -41,7 +43,8 @@ impl Candidates {
         &self.entries[e]
     }
 
-    /// Looks for the regions around every edited splat. `normals` are those of the regions, with their flatness for length.
+    /// Looks for the regions around every edited splat. `normals` are those of the regions, with
+    /// their flatness for length.
     pub(super) fn of(around: Surroundings<'_>, normals: &[[f64; 3]], cubes: &Cubes) -> Self {
         let flatness = normals.iter().map(|&n| norm(n)).collect();
         let find = Find { around, normals, flatness };
@@ -75,13 +78,15 @@ impl Find<'_> {
             (region != NO_CELL).then_some(region)
         };
         if let Some(point) = edit.exact[e] {
-            // A splat that is a source splat has that one's region, or none if that one is an outlier.
+            // A splat that is a source splat has that one's region, or none if that one is an
+            // outlier.
             let known = region_of(point).map(|region| self.candidate(e, region, 0));
             return (known.into_iter().collect(), f64::INFINITY);
         }
         let x = edit.means[e];
         let Scratch { grouping, regions: with_parent, nearest, found } = scratch;
-        // What descends from a region may have moved: its motion comes first, and is looked at in this place.
+        // What descends from a region may have moved: its motion comes first, and is looked at in
+        // this place.
         let (candidates, hypotheses) = if let Some(parent) = edit.parent[e].and_then(region_of) {
             with_parent.clear();
             with_parent.push(parent);

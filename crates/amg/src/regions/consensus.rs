@@ -1,9 +1,10 @@
 //! Which sources of a support really move as one.
 //!
-//! Near joints and contacts, neighbours within the tolerance of "one motion" still differ by more than noise, and their mean is nobody's
-//! motion. Where a part is rigid, all that differs is noise, which more sources average away. So sources are weighed by how
-//! well one rigid motion explains them, in units of the noise of the trajectories: supports stay wide on rigid parts and
-//! shrink to what agrees elsewhere.
+//! Near joints and contacts, neighbours within the tolerance of "one motion" still differ by more
+//! than noise, and their mean is nobody's motion. Where a part is rigid, all that differs is noise,
+//! which more sources average away. So sources are weighed by how well one rigid motion explains
+//! them, in units of the noise of the trajectories: supports stay wide on rigid parts and shrink to
+//! what agrees elsewhere.
 #![expect(
     clippy::inline_always,
     reason = "vectorised bodies must be compiled inside the dispatched caller"
@@ -37,7 +38,8 @@ const LEAST: f64 = 1e-6;
 /// Most sources a support has, see [`crate::MotionParams::sources_per_row`].
 pub(super) const MAX_SOURCES: usize = 64;
 
-/// What a source does at the times compared, one lane each: centres, rotations since the edit frame, how far it is there.
+/// What a source does at the times compared, one lane each: centres, rotations since the edit
+/// frame, how far it is there.
 #[derive(Debug, Clone, Copy)]
 struct Moved {
     place: [[f32; MAX_TIMES]; 3],
@@ -118,10 +120,12 @@ impl<'a> Consensus<'a> {
         }
     }
 
-    /// Squared distances, summed over the times, of where each entry goes from where the rigid motion of all of them takes it.
+    /// Squared distances, summed over the times, of where each entry goes from where the rigid
+    /// motion of all of them takes it.
     #[inline(always)]
     fn misfits(&self, entries: &[(u32, f64)], squares: &mut [f64]) {
-        // Motions are compared in place: rests are about the scene's origin, and what they move to is about the first.
+        // Motions are compared in place: rests are about the scene's origin, and what they move to
+        // is about the first.
         let origin = wide(&self.moved[entries[0].0 as usize].place);
         let rest = |point: u32| self.regions.means[point as usize].map(Times::all);
         let place = |moved: &Moved| {

@@ -1,9 +1,11 @@
 //! The source's marginal: what belonging to a region costs because of who else does.
 //!
-//! Where an edit pushes two surfaces through each other, each lies where the other is expected, and splat by splat both look like
-//! one. But then that one has twice its share of splats and the other has none. So regions are held to their share, as by the relaxed
-//! marginal of unbalanced transport, whose dual this is: λ₁ times the logarithm of how full they are, one damped step for each
-//! alternation. Counts are those of a smooth patch, against the rate of the body part: single regions have too few splats.
+//! Where an edit pushes two surfaces through each other, each lies where the other is expected, and
+//! splat by splat both look like one. But then that one has twice its share of splats and the other
+//! has none. So regions are held to their share, as by the relaxed marginal of unbalanced
+//! transport, whose dual this is: λ₁ times the logarithm of how full they are, one damped step for
+//! each alternation. Counts are those of a smooth patch, against the rate of the body part: single
+//! regions have too few splats.
 
 use super::diffusion::Diffusion;
 
@@ -11,17 +13,19 @@ use super::diffusion::Diffusion;
 const PATCH: usize = 3;
 const PART: usize = 40;
 
-/// Splats that every region is believed to have, as a share of its own: parts of which nothing is left are not crowded.
+/// Splats that every region is believed to have, as a share of its own: parts of which nothing is
+/// left are not crowded.
 const PRIOR: f64 = 0.3;
 
-/// Fuller or emptier than this by a factor, a patch costs or gains no more: edits remove parts, too.
+/// Fuller or emptier than this by a factor, a patch costs or gains no more: edits remove parts,
+/// too.
 const LIMIT: f64 = std::f64::consts::E;
 
 /// Share of the old cost kept from step to step.
 const DAMPING: f64 = 0.5;
 
-/// Updates `crowding` `[R]`, nats, from the number of edited splats that belong to each region and of its source splats;
-/// `strength` is λ₁.
+/// Updates `crowding` `[R]`, nats, from the number of edited splats that belong to each region and
+/// of its source splats; `strength` is λ₁.
 pub(super) fn update(
     diffusion: &Diffusion,
     counts: Vec<[f64; 2]>,

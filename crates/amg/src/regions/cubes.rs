@@ -113,8 +113,9 @@ pub(super) struct Grouping {
 }
 
 impl Surroundings<'_> {
-    /// Which of the motions at `x` each of `regions` has: the first region stands for its motion, the first that does not share
-    /// it for the next, and so on; [`MAX_HYPOTHESES`] for regions that have none of these.
+    /// Which of the motions at `x` each of `regions` has: the first region stands for its motion,
+    /// the first that does not share it for the next, and so on; [`MAX_HYPOTHESES`] for regions
+    /// that have none of these.
     pub(super) fn hypotheses<'b>(
         &self,
         x: [f64; 3],

@@ -4,8 +4,9 @@ use super::candidates::Candidate;
 use super::numeric::TINY;
 use gs_core::Real;
 
-/// Squared offsets, in standard deviations, beyond which more offset costs ever less: the Welsch cost of Eq. 21 with the learned
-/// spread for its scale. Half of it is the cost of leaving the surface altogether.
+/// Squared offsets, in standard deviations, beyond which more offset costs ever less: the Welsch
+/// cost of Eq. 21 with the learned spread for its scale. Half of it is the cost of leaving the
+/// surface altogether.
 const WELSCH: f64 = 12.0;
 
 /// Offsets are told apart no better than this share of the spacing: discs are rough.
@@ -50,8 +51,9 @@ impl Likelihood {
         }
     }
 
-    /// Half the squared distances, across (if both are flat: a ball has no side) and along the surface, and the squared difference
-    /// of flatness, in units of their variances; and the misalignment in units of its mean.
+    /// Half the squared distances, across (if both are flat: a ball has no side) and along the
+    /// surface, and the squared difference of flatness, in units of their variances; and the
+    /// misalignment in units of its mean.
     pub(super) fn cost(&self, of: &Candidate) -> f32 {
         let welsch = WELSCH.as_f32();
         let across = (of.offset - self.mean).powi(2) * self.per_offset;

@@ -1,10 +1,11 @@
 //! New geometry that stands out from the figure moves with what it is attached to.
 //!
-//! Wings that pass behind a swinging arm lie as near to it as to the back they grow from, over fewer splats. Splat by splat
-//! nothing tells the two apart; the whole piece does: it touches its carrier over the widest area. So each connected piece
-//! of new splats that reaches far from every source takes one motion, unless two parts hold it about equally well. Pieces that
-//! stay near the figure may be sticks, which are stiff, or sleeves, which bend: they take one motion only if all that they
-//! touch has it. What hovers touches nothing, and moves as one with what is nearest.
+//! Wings that pass behind a swinging arm lie as near to it as to the back they grow from, over
+//! fewer splats. Splat by splat nothing tells the two apart; the whole piece does: it touches its
+//! carrier over the widest area. So each connected piece of new splats that reaches far from every
+//! source takes one motion, unless two parts hold it about equally well. Pieces that stay near the
+//! figure may be sticks, which are stiff, or sleeves, which bend: they take one motion only if all
+//! that they touch has it. What hovers touches nothing, and moves as one with what is nearest.
 
 use super::edit::Edit;
 use super::graph::Link;
@@ -18,16 +19,18 @@ use rayon::prelude::*;
 /// Fewer splats are strays.
 const MIN_SPLATS: usize = 8;
 
-/// Share of a piece's splats that stand out by the full length. Other new geometry may line the figure, and must then bend with it.
+/// Share of a piece's splats that stand out by the full length. Other new geometry may line the
+/// figure, and must then bend with it.
 const MIN_SHARE: f64 = 1.0 / 3.0;
 
 /// Pieces of which this share stands out by [`FREE`] are looked at at all.
 const MIN_FREE: f64 = 0.1;
 
-/// Lengths in units of that by which geometry stands out, see [`crate::MotionParams::new_geometry`]: how far some splats of a piece
-/// must be from every source; how far what hovers stays from the rest of the edit; the width of a contact; by how much motions that
-/// carry a piece together may differ where it touches them; and by how much those of its own surroundings may differ from the
-/// carrier's and still keep its seam closed on a soft body.
+/// Lengths in units of that by which geometry stands out, see
+/// [`crate::MotionParams::new_geometry`]: how far some splats of a piece must be from every source;
+/// how far what hovers stays from the rest of the edit; the width of a contact; by how much motions
+/// that carry a piece together may differ where it touches them; and by how much those of its own
+/// surroundings may differ from the carrier's and still keep its seam closed on a soft body.
 const FREE: f64 = 2.0 / 3.0;
 const HOVERS: f64 = 0.5;
 const CONTACT: f64 = 1.0 / 6.0;
@@ -37,8 +40,9 @@ const SEAM: f64 = 1.0 / 6.0;
 /// Width of the contact of what hovers, as a share of its distance.
 const HOVERING_CONTACT: f64 = 0.5;
 
-/// A splat of a piece is this many times farther from its nearest source than another splat of the edit is: that one is the
-/// source's successor. At half of this, clones in swollen clothes pass for new.
+/// A splat of a piece is this many times farther from its nearest source than another splat of the
+/// edit is: that one is the source's successor. At half of this, clones in swollen clothes pass for
+/// new.
 const SURPLUS: f64 = 3.0;
 
 /// Longest step inside a piece, in spacings.
@@ -47,8 +51,9 @@ const STEP: f64 = 2.5;
 /// Regions asked whether they are the carrier.
 const CANDIDATES: usize = 256;
 
-/// How many times better than any other the carrier must hold a piece that touches the figure: twice as well for each step by which
-/// it is less plain that the piece is no clothing. It stands out; a tenth of it does; it stays near.
+/// How many times better than any other the carrier must hold a piece that touches the figure:
+/// twice as well for each step by which it is less plain that the piece is no clothing. It stands
+/// out; a tenth of it does; it stays near.
 const DOMINANT: f64 = 2.0;
 const CLEAR: f64 = 2.0 * DOMINANT;
 const UNANIMOUS: f64 = 2.0 * CLEAR;
@@ -95,8 +100,8 @@ struct Contact {
 }
 
 impl NewPieces<'_> {
-    /// For every splat of a new piece, the region that carries it; `None` for all others and for those that the motion they have
-    /// already makes part of the carrier.
+    /// For every splat of a new piece, the region that carries it; `None` for all others and for
+    /// those that the motion they have already makes part of the carrier.
     pub(super) fn carriers(&self) -> Vec<Option<u32>> {
         let mut carriers = vec![None; self.edit.len()];
         let unknown = |e: &usize| self.edit.exact[*e].is_none() && self.edit.parent[*e].is_none();
@@ -226,8 +231,8 @@ impl NewPieces<'_> {
         pieces
     }
 
-    /// The region whose motion holds the piece over the widest contact; none if another motion holds it nearly as well, or if
-    /// nothing is in touch.
+    /// The region whose motion holds the piece over the widest contact; none if another motion
+    /// holds it nearly as well, or if nothing is in touch.
     fn carrier(&self, touches: &[Touch], needed: f64) -> Option<u32> {
         let closest = touches.iter().map(|t| t.distance).reduce(f64::min)?;
         if closest > self.reach {
@@ -260,8 +265,8 @@ impl NewPieces<'_> {
         (held >= needed * rival).then_some(carrier)
     }
 
-    /// The region with whose motion the widest contacts agree, and how wide they are; the better they agree, the more they
-    /// count, so that it is a region amidst a part, not at a joint.
+    /// The region with whose motion the widest contacts agree, and how wide they are; the better
+    /// they agree, the more they count, so that it is a region amidst a part, not at a joint.
     fn strongest(&self, contacts: &[Contact]) -> Option<(u32, f64)> {
         let tolerance = (TOGETHER * self.stands_out).max(TINY);
         contacts

@@ -9,13 +9,14 @@ use rayon::prelude::*;
 /// Neighbours whose centre of mass says where the inside is, on two scales.
 const INSIDE: [usize; 2] = [24, 96];
 
-/// Rounds of mean-field annealing; the guess from mass fades from [`GUESS`] to a tenth of it meanwhile, so that the
-/// agreement of neighbours decides in the end.
+/// Rounds of mean-field annealing; the guess from mass fades from [`GUESS`] to a tenth of it
+/// meanwhile, so that the agreement of neighbours decides in the end.
 const ROUNDS: i32 = 40;
 const GUESS: f64 = 2.0;
 const BETA: [f64; 2] = [0.5, 4.0];
 
-/// Unit thin axis times flatness `1 − s₁/s₂` of the two smallest scales: 0 for a ball or needle, nearly 1 for a disc.
+/// Unit thin axis times flatness `1 − s₁/s₂` of the two smallest scales: 0 for a ball or needle,
+/// nearly 1 for a disc.
 pub(super) fn thin_axis(splats: &Splats, i: usize) -> [f64; 3] {
     let scale = splats.scale(i).map(f64::from);
     let mut order = [0, 1, 2];
@@ -28,8 +29,9 @@ pub(super) fn thin_axis(splats: &Splats, i: usize) -> [f64; 3] {
     if quat::dot(q, q) < 0.5 { axis } else { quat::rotate(q, axis) }
 }
 
-/// How well `nj` is the mirror image of `ni` seen along `d`, times nearness: true of both ends of a smooth arc, of two
-/// faces that look at each other across a gap, and of both faces of a plate, if all normals point outwards.
+/// How well `nj` is the mirror image of `ni` seen along `d`, times nearness: true of both ends of a
+/// smooth arc, of two faces that look at each other across a gap, and of both faces of a plate, if
+/// all normals point outwards.
 fn mirror_coupling(ni: [f64; 3], nj: [f64; 3], d: [f64; 3], spacing: f64) -> f64 {
     let squared = dot(d, d);
     if squared <= 0.0 {
@@ -41,8 +43,8 @@ fn mirror_coupling(ni: [f64; 3], nj: [f64; 3], d: [f64; 3], spacing: f64) -> f64
     dot(mirrored, nj) * (-0.5 * squared / (reach * reach)).exp()
 }
 
-/// Turns `axes` outwards. Only points that move as one speak to each other, so a limb that touches another part at the
-/// edit frame does not confuse it.
+/// Turns `axes` outwards. Only points that move as one speak to each other, so a limb that touches
+/// another part at the edit frame does not confuse it.
 pub(super) fn orient(regions: &Trajectories, neighbors: &RigidNeighbors, axes: &mut [[f64; 3]]) {
     let wide = Neighbors::of(&regions.rest, INSIDE[1]);
     let guess: Vec<f64> = (0..regions.len())
@@ -91,7 +93,8 @@ pub(super) fn orient(regions: &Trajectories, neighbors: &RigidNeighbors, axes: &
     }
 }
 
-/// How much mass lies behind the axis: a surface's neighbours, and what it encloses, lie on its inner side.
+/// How much mass lies behind the axis: a surface's neighbours, and what it encloses, lie on its
+/// inner side.
 fn outwardness(
     regions: &Trajectories,
     i: usize,

@@ -1,7 +1,8 @@
-//! Which motion each edited splat has, and how the edit displaced each region: expectation and maximisation in turns.
+//! Which motion each edited splat has, and how the edit displaced each region: expectation and
+//! maximisation in turns.
 //!
-//! Expectation is relaxed transport of splats to regions; maximisation are weighted moments, smooth over regions that move as one. See
-//! `docs/MOTION.md`.
+//! Expectation is relaxed transport of splats to regions; maximisation are weighted moments, smooth
+//! over regions that move as one. See `docs/MOTION.md`.
 
 use super::candidates::{Candidate, Candidates};
 use super::coverage;
@@ -26,8 +27,9 @@ const SAMPLE: usize = 20_000;
 /// Steps over which statistics are smoothed: a patch of a body part.
 const PATCH: usize = 5;
 
-/// Mean misalignment and mean squared difference of flatness believed in before anything is known; some remains believed in
-/// however well splats agree: normals and flatness of fitted splats are no better.
+/// Mean misalignment and mean squared difference of flatness believed in before anything is known;
+/// some remains believed in however well splats agree: normals and flatness of fitted splats are no
+/// better.
 const MISALIGNED: f64 = 0.2;
 const LEAST_MISALIGNED: f64 = 0.05;
 const UNLIKE: f64 = 0.1;
@@ -36,11 +38,12 @@ const LEAST_UNLIKE: f64 = 0.06;
 /// Factor on learned standard deviations: choices made so far are biased towards small ones.
 const SPREAD: f64 = 1.4;
 
-/// Cost of belonging to a region all of which the edit kept, nats: what is still there needs no descendants. An inflated sleeve that comes
-/// to lie on a bare hand is told from it by this.
+/// Cost of belonging to a region all of which the edit kept, nats: what is still there needs no
+/// descendants. An inflated sleeve that comes to lie on a bare hand is told from it by this.
 const KEPT: f64 = 1.0;
 
-/// Log-odds of a splat with known parent having that one's motion. Equal bits are no accident; but copies get moved.
+/// Log-odds of a splat with known parent having that one's motion. Equal bits are no accident; but
+/// copies get moved.
 const PARENT: f32 = 8.0;
 
 /// What is believed of one edited splat.
@@ -69,7 +72,8 @@ pub(super) struct Model<'a> {
     params: &'a MotionParams,
     diffusion: Diffusion,
     likelihoods: Vec<Likelihood>,
-    /// What belonging to each region costs because the edit kept its splats, and because of who else belongs to it, nats.
+    /// What belonging to each region costs because the edit kept its splats, and because of who
+    /// else belongs to it, nats.
     kept: Vec<f64>,
     crowding: Vec<f64>,
 }
@@ -133,7 +137,8 @@ impl<'a> Model<'a> {
             .collect();
     }
 
-    /// Upper quartile of the smallest offsets: generous, since the first round must not lock onto wrong parts.
+    /// Upper quartile of the smallest offsets: generous, since the first round must not lock onto
+    /// wrong parts.
     fn first_sigma(&self, figure_size: f64) -> f64 {
         let smallest = |e: usize| {
             let offsets = self.candidates.of_splat(e).iter().map(|c| f64::from(c.offset.abs()));
@@ -191,8 +196,8 @@ impl<'a> Model<'a> {
             .collect()
     }
 
-    /// Expectation and maximisation: statistics of the regions from the probabilities of the splats' best regions, and how full the
-    /// regions are. Each splat stands for `weight` of them.
+    /// Expectation and maximisation: statistics of the regions from the probabilities of the
+    /// splats' best regions, and how full the regions are. Each splat stands for `weight` of them.
     fn maximise(&mut self, best: &[Vec<Best>], (weight, believed): (f64, Statistics)) {
         let (mut sums, mut counts) = self.known();
         for best in best {
@@ -230,7 +235,8 @@ impl<'a> Model<'a> {
         coverage::update(&self.diffusion, counts, self.params.source_marginal, &mut self.crowding);
     }
 
-    /// Sums and counts of the splats that the edit kept, per region: they are where they were. Beside the counts, those of the source.
+    /// Sums and counts of the splats that the edit kept, per region: they are where they were.
+    /// Beside the counts, those of the source.
     fn known(&self) -> (Vec<[f64; 5]>, Vec<[f64; 2]>) {
         let mut sums = vec![[0.0; 5]; self.regions.len()];
         let mut counts: Vec<[f64; 2]> =
@@ -244,7 +250,8 @@ impl<'a> Model<'a> {
         (sums, counts)
     }
 
-    /// Posteriors of all edited splats, those outside the sample too: expectation with what was learned.
+    /// Posteriors of all edited splats, those outside the sample too: expectation with what was
+    /// learned.
     pub(super) fn posteriors(&self) -> Vec<Posterior> {
         (0..self.edit.len())
             .into_par_iter()

@@ -11,7 +11,8 @@ use anchors::{RigidNeighbors, Trajectories};
 use gs_core::{Real, quat};
 use rayon::prelude::*;
 
-/// Weight of the splats' own rotations relative to their positions, if they are as good as any; see [`crate::Aggregation`].
+/// Weight of the splats' own rotations relative to their positions, if they are as good as any; see
+/// [`crate::Aggregation`].
 pub(super) const ROTATION_PRIOR: f64 = 3.0;
 
 /// Weights below this share of a neighbour's are left out of fits: rounding.
@@ -115,8 +116,8 @@ impl RegionMotion {
         (out.region, out.from) = (i, x);
     }
 
-    /// For each of `regions`, the largest square over time of the distance between where it and `path` take the point, as far as
-    /// both regions are there. Replaces `out`.
+    /// For each of `regions`, the largest square over time of the distance between where it and
+    /// `path` take the point, as far as both regions are there. Replaces `out`.
     pub(super) fn apart(&self, path: &Path, regions: &[u32], out: &mut Vec<f32>) {
         out.clear();
         crate::simd::dispatch(
@@ -129,7 +130,8 @@ impl RegionMotion {
         );
     }
 
-    /// Largest distance over time between where regions `a` and `b` take point `x`, as far as both are there.
+    /// Largest distance over time between where regions `a` and `b` take point `x`, as far as both
+    /// are there.
     pub(super) fn disagreement(&self, a: usize, b: usize, x: [f32; 3]) -> f32 {
         if self.alike(a, b) {
             return 0.0;
@@ -158,8 +160,8 @@ impl RegionMotion {
         farthest
     }
 
-    /// The squares within one block of key times, where larger than `worst`: `places` is where block `p` takes `x`, `q` is the
-    /// other's.
+    /// The squares within one block of key times, where larger than `worst`: `places` is where
+    /// block `p` takes `x`, `q` is the other's.
     #[inline(always)]
     fn farther(
         &self,
@@ -324,9 +326,9 @@ fn at_times<const N: usize>(values: &[[f64; N]], times: &[usize; FITS]) -> [Time
 
 /// How good own rotations are, 0 to 1, from a sample of neighbourhoods.
 ///
-/// The mean own rotation of a neighbourhood and the one its positions show differ by the errors of both. That of the positions
-/// follows from how well they fit; the remainder is what own rotations miss, and the two are weighted by the inverse of their
-/// variances.
+/// The mean own rotation of a neighbourhood and the one its positions show differ by the errors of
+/// both. That of the positions follows from how well they fit; the remainder is what own rotations
+/// miss, and the two are weighted by the inverse of their variances.
 fn rotation_quality(
     regions: &Trajectories,
     turns: &[[f64; 4]],
@@ -362,7 +364,8 @@ fn rotation_quality(
     (positions.max(1e-7) / missed / ROTATION_PRIOR).min(1.0)
 }
 
-/// Expected square of the angle, radians², by which rotations fitted to the positions alone are wrong.
+/// Expected square of the angle, radians², by which rotations fitted to the positions alone are
+/// wrong.
 fn rotation_variance(
     regions: &Trajectories,
     stencil: &[(f64, usize)],

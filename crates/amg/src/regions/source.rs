@@ -1,7 +1,9 @@
-//! Regions of the source: cells of splats that move as one, from the `anchors` crate, and what is known of each.
+//! Regions of the source: cells of splats that move as one, from the `anchors` crate, and what is
+//! known of each.
 //!
-//! What decides between body parts (offsets of surfaces, contact zones) has the size of the figure, not of its splats. Regions
-//! give those decisions one scale whatever the number of splats; where splats are sparse, each is its own region.
+//! What decides between body parts (offsets of surfaces, contact zones) has the size of the figure,
+//! not of its splats. Regions give those decisions one scale whatever the number of splats; where
+//! splats are sparse, each is its own region.
 
 use super::normals::thin_axis;
 use crate::keyframes::{FADED, KeyFrames};
@@ -14,7 +16,8 @@ use rayon::prelude::*;
 /// Least weight of a splat: an invisible one still says a little about how its surroundings move.
 const LEAST_OPACITY: f64 = 1e-3;
 
-/// Power iterations for a mean axis. Normals within a region differ by less than 45°: each iteration at least halves the error.
+/// Power iterations for a mean axis. Normals within a region differ by less than 45°: each
+/// iteration at least halves the error.
 const ITERATIONS: usize = 8;
 
 /// Regions of the usable sources that are no outliers. "Point" is a position in `ids`.
@@ -39,7 +42,8 @@ pub(super) struct Regions {
     pub(super) noise: f64,
 }
 
-/// The usable sources. Those that do not move are where they were, seen or not: what they show is noise.
+/// The usable sources. Those that do not move are where they were, seen or not: what they show is
+/// noise.
 fn trajectories(
     keys: &KeyFrames,
     ids: &[usize],
@@ -72,8 +76,8 @@ fn opacity_weight(keys: &KeyFrames, i: usize) -> f64 {
 }
 
 impl Regions {
-    /// Groups the sources `ids` (from the inside out) in cubes of edge `size` along the axes of `pose`. Everything is about its
-    /// origin.
+    /// Groups the sources `ids` (from the inside out) in cubes of edge `size` along the axes of
+    /// `pose`. Everything is about its origin.
     pub(super) fn of(
         keys: &KeyFrames,
         ids: Vec<usize>,

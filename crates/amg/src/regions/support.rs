@@ -10,7 +10,8 @@ use crate::rigid::{dot, norm, sub};
 use anchors::{KdTree, Neighbor};
 use gs_core::Real;
 
-/// Regions whose splats are considered: enough for a choice, few enough to stay near, unless they have but a splat each.
+/// Regions whose splats are considered: enough for a choice, few enough to stay near, unless they
+/// have but a splat each.
 const MIN_REGIONS: usize = 8;
 const MAX_REGIONS: usize = 24;
 
@@ -20,12 +21,13 @@ const FAR_REGIONS: usize = 256;
 /// Sources of a support agree better than regions that count as one motion: share of the tolerance.
 const SAME: f32 = 0.7;
 
-/// Width of the weights, in spacings of the regions, and its growth with the squared distance of the nearest source.
+/// Width of the weights, in spacings of the regions, and its growth with the squared distance of
+/// the nearest source.
 const KERNEL: f64 = 1.8;
 const KERNEL_GROWTH: f64 = 0.09;
 
-/// Spread of a support across its surface, as a share of the whole, at which it is no direction to be centred in any more; and the
-/// factors on weights that centring may ask for.
+/// Spread of a support across its surface, as a share of the whole, at which it is no direction to
+/// be centred in any more; and the factors on weights that centring may ask for.
 const RIDGE: f64 = 0.15;
 const CENTRING: [f64; 2] = [0.1, 4.0];
 
@@ -103,7 +105,8 @@ impl Supports<'_> {
             add(own);
         }
         let order = |a: &(f64, u32), b: &(f64, u32)| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1));
-        // Half of them as near as possible, for the translation; the other half spread out, for the rotation.
+        // Half of them as near as possible, for the translation; the other half spread out, for the
+        // rotation.
         let half = self.sources_per_row.div_ceil(2);
         let near = half.max(self.sources_per_row.saturating_sub(first_of_region.len()));
         if points.len() > near {
@@ -135,9 +138,10 @@ impl Supports<'_> {
         entries.iter().map(|&(p, w)| (index(self.regions.ids[p as usize]), w.as_f32())).collect()
     }
 
-    /// Tilts the weights so that their centroid lies beside `x`, as in local linear regression: what a stretching or bending part does
-    /// more of with every step aside then does no harm, and supports may be wide. Along the normal, across which supports have no
-    /// spread, the rigid motion carries the offset.
+    /// Tilts the weights so that their centroid lies beside `x`, as in local linear regression:
+    /// what a stretching or bending part does more of with every step aside then does no harm, and
+    /// supports may be wide. Along the normal, across which supports have no spread, the rigid
+    /// motion carries the offset.
     fn centre(&self, entries: &mut [(u32, f64)], x: [f64; 3]) {
         let total: f64 = entries.iter().map(|entry| entry.1).sum();
         let place = |point: u32| self.regions.means[point as usize];
@@ -174,8 +178,8 @@ impl Supports<'_> {
         }
     }
 
-    /// Sources for a splat far from all of them that hangs on one which moves with region `own`: the wider the lever, the wider the
-    /// support, as far as it moves as one.
+    /// Sources for a splat far from all of them that hangs on one which moves with region `own`:
+    /// the wider the lever, the wider the support, as far as it moves as one.
     pub(super) fn far(&self, x: [f64; 3], own: u32, scratch: &mut Scratch) -> Vec<(u32, f32)> {
         let Scratch { apart, path, around, ids, .. } = scratch;
         let centre = self.regions.centroids.rest[own as usize];

@@ -1,4 +1,5 @@
-//! `c4d edit --select`: selections and actions from the command line, records and their replay, wrong inputs.
+//! `c4d edit --select`: selections and actions from the command line, records and their replay,
+//! wrong inputs.
 
 use crate::support::{c4d, failure, fixture, listing, success};
 use gs_core::Splats;

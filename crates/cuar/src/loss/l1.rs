@@ -2,8 +2,9 @@
 
 use gs_core::Real;
 
-/// `norm · Σ m·|x − y|` over `[P,C]` values with one weight `m ≥ 0` per pixel (`[P]`), and its derivative with respect to `x`, **added** to
-/// `v_x`. The mean over the image is `norm = 1/(P·C)`. The derivative at `x = y` is 0.
+/// `norm · Σ m·|x − y|` over `[P,C]` values with one weight `m ≥ 0` per pixel (`[P]`), and its
+/// derivative with respect to `x`, **added** to `v_x`. The mean over the image is `norm = 1/(P·C)`.
+/// The derivative at `x = y` is 0.
 ///
 /// # Panics
 /// If the lengths disagree.

@@ -28,7 +28,8 @@ pub struct LossParts {
     pub fore_ssim: f64,
     /// Eq. 19.
     pub back_l1: f64,
-    /// `fore_l1` and `back_l1` with the L1 of the given [`Shape`]: `√(r² + δ²) − δ` where that is smooth.
+    /// `fore_l1` and `back_l1` with the L1 of the given [`Shape`]: `√(r² + δ²) − δ` where that is
+    /// smooth.
     pub shaped_l1: [f64; 2],
 }
 
@@ -83,8 +84,9 @@ pub struct Objective<F> {
 }
 
 impl<F: Real> Objective<F> {
-    /// For crops of `width × height` out of an image of `full_pixels` pixels (the crop itself, if it is none): values are means over the
-    /// full image, whose rest is taken to contribute nothing.
+    /// For crops of `width × height` out of an image of `full_pixels` pixels (the crop itself, if
+    /// it is none): values are means over the full image, whose rest is taken to contribute
+    /// nothing.
     pub fn new(width: usize, height: usize, full_pixels: usize, weights: LossWeights) -> Self {
         Self {
             width,
@@ -99,8 +101,9 @@ impl<F: Real> Objective<F> {
         }
     }
 
-    /// Losses of `render` (`[H,W,3]`). Overwrites `v_render` (`[H,W,3]`) with the derivative of [`LossParts::total`], and with `curvature`
-    /// that (`[H,W]`) with a bound of its second derivative per pixel, mean over channels.
+    /// Losses of `render` (`[H,W,3]`). Overwrites `v_render` (`[H,W,3]`) with the derivative of
+    /// [`LossParts::total`], and with `curvature` that (`[H,W]`) with a bound of its second
+    /// derivative per pixel, mean over channels.
     ///
     /// # Panics
     /// If a length does not fit the size given to [`Objective::new`].
@@ -217,7 +220,8 @@ fn mask_into<F: Real>(image: &[F], mask: &[F], out: &mut Vec<F>) {
     }
 }
 
-/// Rectangle `x0, y0, x1, y1` (upper bounds exclusive, not cut to the image) of all windows that touch `mask`; `None` if it is empty.
+/// Rectangle `x0, y0, x1, y1` (upper bounds exclusive, not cut to the image) of all windows that
+/// touch `mask`; `None` if it is empty.
 fn around<F: Real>(mask: &[F], width: usize) -> Option<[usize; 4]> {
     let mut bounds: Option<[usize; 4]> = None;
     for (y, row) in mask.chunks(width.max(1)).enumerate() {

@@ -5,7 +5,8 @@ use cuar::{NoObserver, RefineOptions, Refined, Views, WarpParams, refine};
 use gs_core::{Camera, DynamicScene, SceneError, Splats, TimeRange, sh};
 use gs_raster_cpu::CpuRasterizer;
 
-/// A red board slides away from a green wall that it hid in frame 1; everything is edited, and every colour depends on the view.
+/// A red board slides away from a green wall that it hid in frame 1; everything is edited, and
+/// every colour depends on the view.
 #[derive(Debug, Clone)]
 pub struct Slide {
     splats: Splats,
@@ -26,7 +27,8 @@ impl Slide {
             .to_vec()
     }
 
-    /// The refinement with a mask as broad as it gets, with or without the occlusion test of the warp.
+    /// The refinement with a mask as broad as it gets, with or without the occlusion test of the
+    /// warp.
     pub fn refined(&self, tested: bool) -> Refined {
         let (cameras, times) = (Self::cameras(128, 96), TimeRange::UNIT.frames(9));
         let views = Views { cameras: &cameras, times: &times, held_out: &[] };
@@ -40,7 +42,8 @@ impl Slide {
             min_uncertainty: 0.0,
             epsilon: 0.0,
             warp_params,
-            // the structural part is stiff in flat colours: without it what is wrong is painted within the usual passes
+            // the structural part is stiff in flat colours: without it what is wrong is painted
+            // within the usual passes
             weights: LossWeights { eta: 0.0, ..LossWeights::default() },
             ..RefineOptions::default()
         };

@@ -1,8 +1,9 @@
 //! `K = c·11ᵀ + S` with the near field S stored as dense 8×8 blocks.
 //!
-//! Both products read the same blocks in the same order: rows accumulate across a row of blocks, columns are
-//! scattered into one buffer per chunk of rows, and the buffers are added in chunk order. There is no transpose, no
-//! index per entry, and the result does not depend on the number of threads.
+//! Both products read the same blocks in the same order: rows accumulate across a row of blocks,
+//! columns are scattered into one buffer per chunk of rows, and the buffers are added in chunk
+//! order. There is no transpose, no index per entry, and the result does not depend on the number
+//! of threads.
 #![expect(
     clippy::inline_always,
     reason = "vectorised bodies must be compiled inside the dispatched caller"
@@ -185,8 +186,8 @@ impl<T: Entry> Chunk<T> {
         }
     }
 
-    /// Lanes of `S x` for the rows of this chunk, still to be summed. Summing here would make the compiler transpose
-    /// every block.
+    /// Lanes of `S x` for the rows of this chunk, still to be summed. Summing here would make the
+    /// compiler transpose every block.
     #[inline(always)]
     fn rows(&self, x: &[Lane], sums: &mut [Block]) {
         for (k, sums) in sums.iter_mut().enumerate() {

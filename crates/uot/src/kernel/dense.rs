@@ -1,4 +1,5 @@
-//! Kernels of an explicit cost matrix: stored exponentials, or logarithms throughout when those would underflow.
+//! Kernels of an explicit cost matrix: stored exponentials, or logarithms throughout when those
+//! would underflow.
 #![expect(
     clippy::inline_always,
     reason = "vectorised bodies must be compiled inside the dispatched caller"
@@ -8,7 +9,8 @@ use super::gibbs::{Kernel, chunk_len, largest};
 use crate::simd::{LANES, Lane, dispatch, exp, exp_shifted, fold};
 use rayon::prelude::*;
 
-/// Largest `(max D − min D)/λ0` for which products of kernel and scalings stay far from the ends of f64.
+/// Largest `(max D − min D)/λ0` for which products of kernel and scalings stay far from the ends of
+/// f64.
 pub(crate) const MAX_SCALED_RANGE: f64 = 200.0;
 
 /// Stored `exp(−(D − min D)/λ0)`.

@@ -1,7 +1,7 @@
 //! What every form of the Gibbs kernel can do.
 
-/// `ln(K e^x)` and `ln(Kᵀ e^x)`. Vectors are in the kernel's own order; entries of x may be −∞ but not all of them.
-/// A row or column without pairs gives −∞.
+/// `ln(K e^x)` and `ln(Kᵀ e^x)`. Vectors are in the kernel's own order; entries of x may be −∞ but
+/// not all of them. A row or column without pairs gives −∞.
 pub(crate) trait Kernel: Send {
     /// `out_i = ln Σ_j K_ij e^{x_j}`, x `[m]`, out `[n]`.
     fn rows(&mut self, x: &[f64], out: &mut [f64]);
@@ -9,7 +9,8 @@ pub(crate) trait Kernel: Send {
     fn cols(&mut self, x: &[f64], out: &mut [f64]);
 }
 
-/// Rows or leaves per parallel task: at most 128 tasks, whatever the machine, so that sums keep their order.
+/// Rows or leaves per parallel task: at most 128 tasks, whatever the machine, so that sums keep
+/// their order.
 pub(super) fn chunk_len(count: usize, least: usize) -> usize {
     count.div_ceil(128).max(least)
 }

@@ -4,7 +4,8 @@ use super::gibbs::Kernel;
 use crate::sparse::SparseCost;
 use rayon::prelude::*;
 
-/// Growth of a scaling (natural logarithm) over the one the stored values were made for, above which they are made anew.
+/// Growth of a scaling (natural logarithm) over the one the stored values were made for, above
+/// which they are made anew.
 const MAX_GROWTH: f64 = 100.0;
 /// Sums outside `1/TRUSTED ..= TRUSTED` may have lost terms and are computed from the costs.
 const TRUSTED: f64 = 1e200;
@@ -15,8 +16,8 @@ const MIN_TASK: usize = 256;
 
 /// `exp(−D_ij/λ0 + row_shift_i + col_shift_j)` of the listed pairs, by row and by column.
 ///
-/// With the shifts near the scalings, the stored value is near the entry of the plan itself: what underflows is
-/// negligible in the plan, for any λ0.
+/// With the shifts near the scalings, the stored value is near the entry of the plan itself: what
+/// underflows is negligible in the plan, for any λ0.
 #[derive(Debug)]
 pub(crate) struct SparseKernel<'a> {
     cost: &'a SparseCost,

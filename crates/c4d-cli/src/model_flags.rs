@@ -1,10 +1,11 @@
 //! `--set` and `--iteration` as overrides of a model folder.
 
-use crate::args::Global;
+use crate::args::{AxesArg, Global};
 use crate::failure::{Failure, Outcome};
+use clap::ValueEnum;
 use gs_deform::IndexRule;
-use gs_io::SceneKind;
 use gs_io::model_folder::Overrides;
+use gs_io::Axes;
 use gs_io::repair::Damage;
 
 const FLAGS_4DGS: &str = "Flags of 4DGaussians models: no_dx, no_ds, no_dr, no_do, no_dshs, apply_rotation (true or false) and grid_pe (a number).";
@@ -13,6 +14,23 @@ const FLAGS_SWIFT4D: &str = "Flags of Swift4D models: activation (relu or none),
 /// What damaged rows do.
 pub(crate) fn damage(global: &Global) -> Damage {
     if global.strict { Damage::Fail } else { Damage::Drop }
+}
+
+const FLAGS_SEQUENCE: &str = "Flags of sequences: axes (ply, rub or luf), of SPZ and glTF files.";
+
+/// Axes of the files of a sequence, as the user decided.
+pub(crate) fn sequence_axes(global: &Global) -> Outcome<Option<Axes>> {
+    let mut chosen = None;
+    for setting in &global.set {
+        let value = setting.strip_prefix("axes=");
+        let axes =
+            value.and_then(|value| AxesArg::from_str(value, true).ok()).ok_or_else(|| {
+                Failure::usage(format!("--set {setting}: no such flag of a sequence"))
+                    .next(FLAGS_SEQUENCE)
+            })?;
+        chosen = Some(axes.axes());
+    }
+    Ok(chosen)
 }
 
 /// What the user decided about a model of this kind.

@@ -27,12 +27,12 @@ pub(crate) fn open(
     if !kind.is_frame() {
         if axes.is_some() {
             return Err(Failure::usage("--axes is for a single SPZ or glTF frame")
-                .next("Leave it out; scenes have fixed axes."));
+                .next("Leave it out. Sequences of SPZ or glTF frames take --set axes=…; other scenes have one order of axes."));
         }
         return scene::open(path, global, console);
     }
     if global.iteration.is_some() || !global.set.is_empty() {
-        scene::refuse_model_flags(path)?;
+        scene::refuse_model_flags(path, global.iteration)?;
     }
     let mut frame = frame::read_file(path).map_err(|error| scene::bad_input(&error))?;
     match (axes, &frame.axes) {
@@ -46,7 +46,10 @@ pub(crate) fn open(
         }
         (None, Some(reading)) => {
             if let Some(assumed) = reading.assumption() {
-                console.note(format!("{}: {assumed}", path.display()));
+                console.note(format!(
+                    "{}: {assumed}; if it stands upside down, give --axes ply",
+                    path.display()
+                ));
             }
         }
         (None, None) => {}

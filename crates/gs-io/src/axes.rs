@@ -83,14 +83,10 @@ pub struct AxesReading {
 }
 
 impl AxesReading {
-    /// What is assumed and how to change it, a sentence; nothing if the file says which axes it
-    /// has.
+    /// What is assumed, a sentence; nothing if the file says which axes it has.
     pub fn assumption(&self) -> Option<String> {
         (!self.stated).then(|| {
-            format!(
-                "the file does not state its axes; read as {}. If the scene is upside down, give --axes ply",
-                self.axes
-            )
+            format!("the file does not state its axes; read as {}", self.axes)
         })
     }
 }

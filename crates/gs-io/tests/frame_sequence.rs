@@ -4,7 +4,9 @@
 
 use gs_core::{DynamicScene, Splats};
 use gs_io::ply_sequence::{self, PlySequence, SequenceOptions};
-use gs_io::{Existing, OpenOptions, SceneKind, compressed_ply, detect, open_scene, spz};
+use gs_io::{
+    Axes, Existing, OpenOptions, SceneKind, compressed_ply, detect, gltf, open_scene, spz,
+};
 use std::fs::{self, File};
 use std::io::Write;
 use std::path::Path;
@@ -124,4 +126,35 @@ fn frames_of_other_formats_are_scenes_too() {
     assert!(apart(&read.at(0.0).unwrap(), &source().at(0.0).unwrap()) < 0.05, "SPZ frames");
     let drift = read.row_drift().unwrap();
     assert!(drift > 0.3, "a frame that was sorted anew is noticed: {drift}");
+}
+
+#[test]
+fn axes_of_sequences_are_those_of_their_files_or_as_chosen() {
+    let dir = tempfile::tempdir().unwrap();
+    let (packed, binary) = (dir.path().join("packed"), dir.path().join("binary"));
+    fs::create_dir(&packed).unwrap();
+    fs::create_dir(&binary).unwrap();
+    for (i, &t) in source().time_range().frames(6).iter().enumerate() {
+        let splats = source().at(t).unwrap();
+        let options = spz::WriteOptions { axes: Axes::PLY, ..spz::WriteOptions::default() };
+        let mut file = File::create(packed.join(format!("f{i}.spz"))).unwrap();
+        spz::write(&splats, &options, &mut file).unwrap();
+        let mut file = File::create(binary.join(format!("f{i}.glb"))).unwrap();
+        gltf::write(&splats, &gltf::WriteOptions::default(), &mut file).unwrap();
+    }
+    let truth = source().at(0.37).unwrap();
+    let open = |folder: &Path, axes| {
+        assert_eq!(detect(folder).unwrap(), SceneKind::PlySequence, "{}", folder.display());
+        PlySequence::open(folder, &SequenceOptions { axes, ..SequenceOptions::default() }).unwrap()
+    };
+    for folder in [&packed, &binary] {
+        let read = open(folder, None).at(0.37).unwrap();
+        assert!(apart(&read, &truth) < 0.05, "{}: {}", folder.display(), apart(&read, &truth));
+    }
+    let mut turned = open(&packed, Some(Axes::RUB)).at(0.37).unwrap();
+    assert!(apart(&turned, &truth) > 0.5, "other axes than the file's, as asked for");
+    for [_, y, z] in &mut turned.means {
+        (*y, *z) = (-*y, -*z);
+    }
+    assert!(apart(&turned, &truth) < 0.05, "half a turn about x");
 }

@@ -190,7 +190,7 @@ fn damaged_rows_are_invisible_in_their_frame() {
     assert!(lazy.at(0.0).is_ok(), "frame 0 is whole");
     let Err(SceneError::Source { source, .. }) = lazy.at(0.5) else { panic!("frame 1 is not") };
     assert!(source.to_string().contains("frame_00001.ply"), "{source}");
-    let options = SequenceOptions { damage: Damage::Drop, cached_frames: 0 };
+    let options = SequenceOptions { damage: Damage::Drop, cached_frames: 0, axes: None };
     let dropped = PlySequence::open(&path, &options).unwrap();
     assert_eq!(dropped.kept_rows(), None, "every row is sound in some frame");
     let repair = dropped.repair();

@@ -366,13 +366,15 @@ fn formats_that_are_not_read_are_named() {
 }
 
 /// What lies in the place of a file.
-const STAND_INS: [(&str, &[u8]); 3] = [
+const STAND_INS: [(&str, &[u8]); 5] = [
     (
         "Git LFS pointer",
         b"version https://git-lfs.github.com/spec/v1\noid sha256:4d7a214614ab2935c943f9e0ff69d22eadbb8f32b1258daaa5e2ca24d17e2393\nsize 12345\n",
     ),
     ("HTML page", b"\xef\xbb\xbf\n<!DOCTYPE html>\n<html><head><title>Sign in</title></head></html>\n"),
-    ("HTML page", b"404: Not Found"),
+    ("error message of a web server", b"404: Not Found"),
+    ("error message of a web server", b"<?xml version=\"1.0\"?>\n<Error><Code>NoSuchKey</Code></Error>"),
+    ("error message of a web server", b"{\"error\":\"Repository not found\"}"),
 ];
 
 #[test]

@@ -31,6 +31,9 @@ pub(crate) fn run(args: &InfoArgs, global: &Global, console: &Console) -> Outcom
 /// What there is to read.
 const READS: &str = "c4d reads 4DGS model folders (point_cloud/iteration_N with point_cloud.ply and deformation.pth), Swift4D model folders (the same with FDHash.pth), numbered frames in a folder or zip archive, .splatv and .splat4d clips, single frames (PLY, compressed PLY, .splat, .spz, .sog, .glb, or the folder of a 3DGS model), its own runs, and cameras of data sets.";
 
+/// What to do with a PLY that is none of ours.
+const OTHER_PLY: &str = "Export a PLY of 3D Gaussians from the program that made this one, or copy the file again if it is cut short.";
+
 fn report(args: &InfoArgs, global: &Global, console: &Console) -> Outcome {
     let path = &args.path;
     if !path.exists() {
@@ -68,10 +71,11 @@ fn report(args: &InfoArgs, global: &Global, console: &Console) -> Outcome {
                 return Ok(());
             }
             let failure = Failure::bad_input(format!("{}: {other}", path.display()));
-            if let Some(next) = within(path) {
-                return Err(failure.next(next));
-            }
-            return Err(failure);
+            return Err(match (within(path), other) {
+                (Some(next), _) => failure.next(next),
+                (None, SceneKind::OtherPly(_)) => failure.next(OTHER_PLY),
+                (None, _) => failure,
+            });
         }
     };
     show(&report, args, console);
@@ -168,7 +172,8 @@ fn frame(path: &Path, kind: &SceneKind, axes: Option<AxesArg>) -> Outcome<Report
         report.add("format", json!(frame.format.to_string()));
     }
     if let Some(reading) = &frame.axes {
-        let text = reading.assumption().unwrap_or_else(|| reading.axes.to_string());
+        let assumed = reading.assumption().map(|text| format!("{text}; --axes chooses others"));
+        let text = assumed.unwrap_or_else(|| reading.axes.to_string());
         report.add("axes", json!(text));
     }
     for note in &frame.notes {

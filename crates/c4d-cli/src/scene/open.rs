@@ -5,7 +5,7 @@ use crate::args::Global;
 use crate::console::Console;
 use crate::failure::{Failure, Outcome};
 use crate::field::Network;
-use crate::model_flags::{damage, overrides};
+use crate::model_flags::{damage, overrides, sequence_axes};
 use crate::passes::Mask;
 use crate::ply_comments::{fps_of, up_of};
 use crate::run_folder::{CONFIG, RefineConfig, RunFiles, SCENE, fingerprint};
@@ -34,17 +34,18 @@ const ALWAYS_THERE: f32 = 10.0;
 /// Opens a scene and reports what was found odd about it.
 pub(crate) fn open(path: &Path, global: &Global, console: &Console) -> Outcome<Opened> {
     if global.iteration.is_some() || !global.set.is_empty() {
-        refuse_model_flags(path)?;
+        refuse_model_flags(path, global.iteration)?;
     }
     open_within(path, &[], global, console)
 }
 
 /// Flags that only model folders have, given for something else: whoever gives them expects that they do something.
-pub(crate) fn refuse_model_flags(path: &Path) -> Outcome {
+pub(crate) fn refuse_model_flags(path: &Path, iteration: Option<u64>) -> Outcome {
     match gs_io::detect(path) {
+        Ok(SceneKind::PlySequence) if iteration.is_none() => Ok(()),
         Ok(kind) if !matches!(kind, SceneKind::Model4dgs | SceneKind::Swift4d) => {
             Err(Failure::usage(format!(
-                "--iteration and --set apply to model folders; {} is not one ({kind})",
+                "--iteration and --set apply to model folders (a sequence takes --set axes=…); {} is not one ({kind})",
                 path.display()
             ))
             .next("Leave them out. A run records those of its source."))
@@ -202,7 +203,8 @@ fn model_facts(report: &ModelReport) -> Vec<(&'static str, String)> {
 }
 
 fn open_sequence(path: &Path, global: &Global, console: &Console) -> Outcome<Opened> {
-    let options = SequenceOptions { damage: damage(global), ..SequenceOptions::default() };
+    let axes = sequence_axes(global)?;
+    let options = SequenceOptions { damage: damage(global), axes, ..SequenceOptions::default() };
     let sequence = PlySequence::open(path, &options).map_err(|error| bad_input(&error))?;
     if !sequence.ignored().is_empty() {
         console.detail(format!("{}: ignored {}", path.display(), sequence.ignored().join(", ")));

@@ -13,6 +13,7 @@ mod images;
 mod lens;
 pub mod nerfies;
 mod npy;
+mod number;
 mod paths;
 mod pose;
 pub mod poses_bounds;
@@ -23,11 +24,13 @@ pub mod transforms;
 
 pub use error::CamerasError;
 pub use format::Format;
+pub(crate) use set::Unusable;
 pub use set::{CameraSet, Reading, Split, View, stations};
 pub(crate) use source::data_set;
 pub use source::{Source, find};
 
 pub(crate) use images::{has_extension, pixels};
+pub(crate) use number::Number;
 
 use crate::cameras_json;
 use crate::error::IoError;
@@ -39,19 +42,19 @@ use std::path::Path;
 /// set.
 ///
 /// # Errors
-/// If nothing known is found there, a file is missing or malformed, or a camera cannot see.
+/// If nothing known is found there, a file is missing or malformed, or no camera can see. Single cameras that cannot are left out and noted.
 pub fn open(path: impl AsRef<Path>, reading: Reading) -> Result<CameraSet, IoError> {
     let path = path.as_ref();
     let source = find(path)?.ok_or_else(|| source::unknown(path))?;
     let mut set = match source.format {
         Format::CamerasJson => {
-            let cameras = cameras_json::read_file(&source.root)?;
+            let (cameras, notes) = cameras_json::read_file(&source.root)?;
             CameraSet {
                 format: Format::CamerasJson,
                 path: source.root.clone(),
                 views: cameras.into_iter().map(unlisted).collect(),
                 video: Vec::new(),
-                notes: Vec::new(),
+                notes,
             }
         }
         Format::Transforms => transforms::open(&source.root, source.file.as_deref(), reading)?,
@@ -61,7 +64,7 @@ pub fn open(path: impl AsRef<Path>, reading: Reading) -> Result<CameraSet, IoErr
         Format::FrameFolders => rigs::open_frame_folders(&source.root, reading)?,
         Format::MultiView => rigs::open_multi_view(&source.root, reading)?,
     };
-    set.check().map_err(IoError::cameras(&source.root))?;
+    set.leave_out_unusable().map_err(IoError::cameras(&source.root))?;
     if let Some(via) = source.via {
         set.notes.insert(0, via);
     }
@@ -75,13 +78,13 @@ fn unlisted(camera: Camera) -> View {
 /// Cameras of one file's bytes, where a file alone is enough: `cameras.json`, `transforms_*.json` or `poses_bounds.npy`, by content.
 ///
 /// # Errors
-/// If the bytes are none of these, are malformed, or a camera cannot see.
+/// If the bytes are none of these, are malformed, or no camera can see.
 pub fn from_slice(bytes: &[u8], reading: Reading) -> Result<Vec<Camera>, CamerasError> {
     if npy::is_npy(bytes) {
         return poses_bounds::cameras(&poses_bounds::parse(bytes)?, reading);
     }
     match text::utf8(bytes).trim_ascii_start().first() {
-        Some(b'[') => cameras_json::parse(bytes),
+        Some(b'[') => cameras_json::parse(bytes).map(|(cameras, _)| cameras),
         Some(b'{') => {
             let file = transforms::parse(bytes)?;
             let max_time = file.max_time();

@@ -7,7 +7,7 @@
 use super::colmap::share;
 use super::images::Sizes;
 use super::lens::{LeftOut, Lens};
-use super::{CameraSet, CamerasError, Format, Reading, Split, View, pose};
+use super::{CameraSet, CamerasError, Format, Number, Reading, Split, Unusable, View, pose};
 use crate::error::IoError;
 use crate::fs::read_bytes;
 use crate::fs::text;
@@ -40,10 +40,10 @@ struct Metadata {
 /// `camera/<id>.json`.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 pub struct NerfiesCamera {
-    orientation: [[f64; 3]; 3],
-    position: [f64; 3],
-    focal_length: f64,
-    principal_point: [f64; 2],
+    orientation: [[Number; 3]; 3],
+    position: [Number; 3],
+    focal_length: Number,
+    principal_point: [Number; 2],
     #[serde(default = "one")]
     pixel_aspect_ratio: f64,
     #[serde(default)]
@@ -52,7 +52,7 @@ pub struct NerfiesCamera {
     radial_distortion: Vec<f64>,
     #[serde(default, alias = "tangential")]
     tangential_distortion: Vec<f64>,
-    image_size: [f64; 2],
+    image_size: [Number; 2],
 }
 
 fn one() -> f64 {
@@ -65,7 +65,7 @@ fn one() -> f64 {
 /// If it is not JSON of this form, names no views, or an id could leave the folder.
 pub fn parse_dataset(bytes: &[u8]) -> Result<Dataset, CamerasError> {
     let dataset: Dataset =
-        serde_json::from_slice(&text::utf8(bytes)).map_err(CamerasError::json("dataset.json"))?;
+        serde_json::from_slice(&text::json(bytes)).map_err(CamerasError::json("dataset.json"))?;
     if dataset.ids.is_empty() {
         return Err(CamerasError::Empty);
     }
@@ -81,7 +81,7 @@ pub fn parse_dataset(bytes: &[u8]) -> Result<Dataset, CamerasError> {
 /// If it is not JSON of this form.
 pub fn parse_metadata(bytes: &[u8]) -> Result<BTreeMap<String, Option<u32>>, CamerasError> {
     let entries: BTreeMap<String, Metadata> =
-        serde_json::from_slice(&text::utf8(bytes)).map_err(CamerasError::json("metadata.json"))?;
+        serde_json::from_slice(&text::json(bytes)).map_err(CamerasError::json("metadata.json"))?;
     Ok(entries.into_iter().map(|(id, entry)| (id, entry.warp_id)).collect())
 }
 
@@ -90,20 +90,22 @@ pub fn parse_metadata(bytes: &[u8]) -> Result<BTreeMap<String, Option<u32>>, Cam
 /// # Errors
 /// If it is not JSON of this form.
 pub fn parse_camera(bytes: &[u8]) -> Result<NerfiesCamera, CamerasError> {
-    serde_json::from_slice(&text::utf8(bytes)).map_err(CamerasError::json("camera of Nerfies"))
+    serde_json::from_slice(&text::json(bytes)).map_err(CamerasError::json("camera of Nerfies"))
 }
 
 impl NerfiesCamera {
     fn viewmat(&self) -> pose::Viewmat {
         // Rows: right, down, forward in the world.
-        let rotation = DMat3::from_cols_array_2d(&self.orientation).transpose();
-        pose::viewmat(rotation, rotation * -DVec3::from(self.position))
+        let orientation = self.orientation.map(|row| row.map(|value| value.0));
+        let rotation = DMat3::from_cols_array_2d(&orientation).transpose();
+        let position = DVec3::from(self.position.map(|value| value.0));
+        pose::viewmat(rotation, rotation * -position)
     }
 
     fn lens(&self) -> Lens {
-        let (fx, fy) = (self.focal_length, self.focal_length * self.pixel_aspect_ratio);
-        let [cx, cy] = self.principal_point;
-        let [width, height] = self.image_size;
+        let (fx, fy) = (self.focal_length.0, self.focal_length.0 * self.pixel_aspect_ratio);
+        let [cx, cy] = self.principal_point.map(|value| value.0);
+        let [width, height] = self.image_size.map(|value| value.0);
         let term = |list: &[f64], k: usize| list.get(k).copied().unwrap_or(0.0);
         Lens {
             radial: [0, 1, 2].map(|k| term(&self.radial_distortion, k)),
@@ -146,6 +148,18 @@ fn parsed<T>(
     parse(&read_bytes(path)?).map_err(IoError::cameras(path))
 }
 
+/// The camera file of a view; what is wrong with it concerns this view alone.
+fn read_camera(root: &Path, id: &str) -> Result<NerfiesCamera, CamerasError> {
+    let path = root.join("camera").join(format!("{id}.json"));
+    let unreadable =
+        |what: String| CamerasError::malformed(format!("camera/{id}.json"), "a camera", what);
+    match read_bytes(&path) {
+        Ok(bytes) => parse_camera(&bytes).map_err(|error| unreadable(error.to_string())),
+        Err(IoError::Read { source, .. }) => Err(unreadable(source.to_string())),
+        Err(error) => Err(unreadable(error.to_string())),
+    }
+}
+
 /// Reads the data set of a folder.
 pub(super) fn open(root: &Path, reading: Reading) -> Result<CameraSet, IoError> {
     let dataset = parsed(&root.join("dataset.json"), parse_dataset)?;
@@ -153,23 +167,26 @@ pub(super) fn open(root: &Path, reading: Reading) -> Result<CameraSet, IoError> 
     let metadata = parsed(&metadata_path, parse_metadata)?;
     let warp_ids = dataset.ids.iter().map(|id| metadata.get(id).copied().flatten());
     let warp_ids: Vec<Option<u32>> = warp_ids.collect();
-    let untimed = warp_ids.iter().filter(|warp| warp.is_none()).count();
-    if untimed > 0 {
-        let at = format!("{untimed} of {} ids of dataset.json", dataset.ids.len());
-        return Err(IoError::cameras(&metadata_path)(CamerasError::malformed(
-            at,
-            "an entry with a warp_id",
-            "none",
-        )));
-    }
     let last = warp_ids.iter().flatten().copied().max().unwrap_or(0);
     let mut left_out = LeftOut::default();
     let mut sizes = Sizes::default();
     let mut first_size = None;
     let mut skewed = 0;
     let mut views = Vec::with_capacity(dataset.ids.len());
+    let mut unusable = Unusable::default();
     for ((id, split), warp_id) in dataset.ids.iter().zip(dataset.splits()).zip(warp_ids) {
-        let camera = parsed(&root.join("camera").join(format!("{id}.json")), parse_camera)?;
+        let camera = match read_camera(root, id) {
+            Ok(camera) if warp_id.is_some() => camera,
+            Ok(_) => {
+                let at = format!("`{id}` in metadata.json");
+                unusable.add(CamerasError::malformed(at, "an entry with a warp_id", "none"));
+                continue;
+            }
+            Err(error) => {
+                unusable.add(error);
+                continue;
+            }
+        };
         let mut lens = camera.lens();
         left_out.distortion(id, &lens);
         skewed += usize::from(camera.skew != 0.0);
@@ -182,7 +199,7 @@ pub(super) fn open(root: &Path, reading: Reading) -> Result<CameraSet, IoError> 
             );
             left_out.principal_point(id, &lens);
             // One focal length for both axes, over the first camera's size.
-            let f = camera.focal_length;
+            let f = camera.focal_length.0;
             let intrinsics = Intrinsics { fx: f, fy: f, cx: width / 2.0, cy: height / 2.0 };
             lens = Lens::pinhole(intrinsics, width, height).resized(w, h);
         }
@@ -190,6 +207,7 @@ pub(super) fn open(root: &Path, reading: Reading) -> Result<CameraSet, IoError> 
         views.push(View { camera: lens.camera(camera.viewmat(), time, id.clone()), split });
     }
     let mut notes = left_out.notes();
+    notes.extend(unusable.note(views.len()).map_err(IoError::cameras(root))?);
     notes.extend(sizes.note("half of the size in the camera files is assumed, as in training"));
     if skewed > 0 {
         notes.push(format!("{skewed} cameras have skew, which is left out"));

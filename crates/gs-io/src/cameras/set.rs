@@ -88,25 +88,60 @@ impl CameraSet {
         self.views.iter().map(|view| (view.camera.width, view.camera.height)).collect()
     }
 
-    /// Refuses an empty set and cameras that cannot see.
-    pub(super) fn check(&self) -> Result<(), CamerasError> {
+    /// Leaves out cameras that cannot see and notes the first reason, which is the error if none is left.
+    pub(super) fn leave_out_unusable(&mut self) -> Result<(), CamerasError> {
+        let mut unusable = Unusable::default();
+        let mut index = 0;
+        self.views.retain(|view| {
+            let checked = check(index, &view.camera);
+            index += 1;
+            checked.map_err(|error| unusable.add(error)).is_ok()
+        });
+        self.notes.extend(unusable.note(self.views.len())?);
         if self.views.is_empty() {
             return Err(CamerasError::Empty);
         }
-        check_all(self.views.iter().map(|view| &view.camera).chain(&self.video))
+        check_all(self.video.iter())
     }
+}
+
+/// Views of a data set that cannot be used, counted.
+#[derive(Debug, Default)]
+pub(crate) struct Unusable {
+    count: usize,
+    first: Option<CamerasError>,
+}
+
+impl Unusable {
+    pub(crate) fn add(&mut self, error: CamerasError) {
+        self.count += 1;
+        self.first.get_or_insert(error);
+    }
+
+    /// What is said of them beside `usable` others; the first reason is the error if there are none.
+    pub(crate) fn note(self, usable: usize) -> Result<Option<String>, CamerasError> {
+        match self.first {
+            Some(error) if usable == 0 => Err(error),
+            first => Ok(first.map(|error| {
+                format!("{} of {} views are left out: {error}", self.count, self.count + usable)
+            })),
+        }
+    }
+}
+
+/// Refuses a camera that cannot see, and a time that is none.
+fn check(index: usize, camera: &Camera) -> Result<(), CamerasError> {
+    camera.check().map_err(|source| CamerasError::Camera { index, source })?;
+    if let Some(time) = camera.time.filter(|time| !time.is_finite()) {
+        let at = format!("entry {index} (`{}`)", camera.name);
+        return Err(CamerasError::malformed(at, "a finite time", time));
+    }
+    Ok(())
 }
 
 /// Refuses cameras that cannot see, and times that are none.
 pub(super) fn check_all<'a>(cameras: impl Iterator<Item = &'a Camera>) -> Result<(), CamerasError> {
-    for (index, camera) in cameras.enumerate() {
-        camera.check().map_err(|source| CamerasError::Camera { index, source })?;
-        if let Some(time) = camera.time.filter(|time| !time.is_finite()) {
-            let at = format!("entry {index} (`{}`)", camera.name);
-            return Err(CamerasError::malformed(at, "a finite time", time));
-        }
-    }
-    Ok(())
+    cameras.enumerate().try_for_each(|(index, camera)| check(index, camera))
 }
 
 /// Distinct cameras in order of appearance; see [`CameraSet::stations`].

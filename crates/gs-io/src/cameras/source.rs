@@ -145,7 +145,7 @@ fn in_file(path: &Path) -> Result<Option<Source>, IoError> {
     match head.trim_ascii_start().first().filter(|_| is_text) {
         Some(b'[') => Ok(Some(Source::new(Format::CamerasJson, path))),
         Some(b'{') => {
-            let keys: Keys = serde_json::from_slice(&text::utf8(&read_bytes(path)?))
+            let keys: Keys = serde_json::from_slice(&text::json(&read_bytes(path)?))
                 .map_err(CamerasError::json("JSON file"))
                 .map_err(IoError::cameras(path))?;
             Ok(if keys.frames.is_some() {

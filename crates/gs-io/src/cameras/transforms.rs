@@ -8,7 +8,7 @@ use super::colmap::share;
 use super::images::{Sizes, is_image, pixels};
 use super::lens::{LeftOut, Lens};
 use super::set::check_all;
-use super::{CameraSet, CamerasError, Format, Reading, Split, View, paths, pose};
+use super::{CameraSet, CamerasError, Format, Number, Reading, Split, Unusable, View, paths, pose};
 use crate::error::IoError;
 use crate::fs::read_bytes;
 use crate::fs::text;
@@ -50,7 +50,7 @@ struct Optics {
 struct Frame {
     file_path: String,
     time: Option<f64>,
-    transform_matrix: Vec<Vec<f64>>,
+    transform_matrix: Vec<Vec<Number>>,
     #[serde(flatten)]
     optics: Optics,
 }
@@ -66,28 +66,16 @@ pub struct Transforms {
 /// Parses a `transforms` file. Poses are checked when cameras are made of them.
 ///
 /// # Errors
-/// If it is not JSON of this form, or a matrix is not 4×4 (or its first three rows).
+/// If it is not JSON of this form.
 pub fn parse(bytes: &[u8]) -> Result<Transforms, CamerasError> {
-    let file: Transforms = serde_json::from_slice(&text::utf8(bytes))
-        .map_err(CamerasError::json("transforms file"))?;
-    for (index, frame) in file.frames.iter().enumerate() {
-        let rows = &frame.transform_matrix;
-        if !(3..=4).contains(&rows.len()) || rows.iter().any(|row| row.len() != 4) {
-            return Err(CamerasError::malformed(
-                format!("frame {index} (`{}`)", frame.file_path),
-                "a transform_matrix of 4×4 numbers",
-                format!("{} rows of {:?}", rows.len(), rows.first().map_or(0, Vec::len)),
-            ));
-        }
-    }
-    Ok(file)
+    serde_json::from_slice(&text::json(bytes)).map_err(CamerasError::json("transforms file"))
 }
 
 impl Transforms {
     /// Cameras of the file at their own times over `max_time`, without looking at images.
     ///
     /// # Errors
-    /// If a camera cannot see, or a frame has no focal length.
+    /// If a camera cannot see, a matrix is not 4×4 (or its first three rows), or a frame has no focal length.
     pub fn cameras(&self, reading: Reading, max_time: f64) -> Result<Vec<Camera>, CamerasError> {
         let mut context = Context::new(reading, max_time);
         let cameras: Vec<Camera> = (0..self.frames.len())
@@ -142,9 +130,17 @@ impl Context {
     ) -> Result<Camera, CamerasError> {
         let frame = &file.frames[index];
         let at = || format!("frame {index} (`{}`)", frame.file_path);
+        let rows = &frame.transform_matrix;
+        if !(3..=4).contains(&rows.len()) || rows.iter().any(|row| row.len() != 4) {
+            return Err(CamerasError::malformed(
+                at(),
+                "a transform_matrix of 4×4 numbers",
+                format!("{} rows of {:?}", rows.len(), rows.first().map_or(0, Vec::len)),
+            ));
+        }
         let mut matrix = [[0.0; 4]; 3];
-        for (row, values) in matrix.iter_mut().zip(&frame.transform_matrix) {
-            row.copy_from_slice(values);
+        for (row, values) in matrix.iter_mut().zip(rows) {
+            *row = std::array::from_fn(|k| values[k].0);
         }
         let mut viewmat = pose::from_opengl(&matrix);
         let lens = match (self.reading, file.fov_x_rad()) {
@@ -282,27 +278,20 @@ pub(super) fn open(
         max_time = files.iter().map(|(_, file, _)| file.max_time()).fold(0.0, f64::max);
     }
     let mut context = Context::new(reading, max_time);
-    let (mut views, mut unusable, mut notes) = (Vec::new(), Vec::new(), Vec::new());
-    for (name, file, split) in &files {
+    let (mut views, mut unusable, mut notes) = (Vec::new(), Unusable::default(), Vec::new());
+    for (_, file, split) in &files {
         // Only D-NeRF's own files are what the reference trains on.
         context.reading = if *split == Split::None { Reading::Stored } else { reading };
         for index in 0..file.frames.len() {
             match context.camera(file, index, Some(root)) {
                 Ok(camera) => views.push(View { camera, split: *split }),
-                // A lens that is no pinhole concerns the views it took.
-                Err(error @ CamerasError::Lens { .. }) => unusable.push((name, error)),
-                Err(error) => return Err(IoError::cameras(&root.join(name))(error)),
+                // A lens or pose that cannot be used concerns the views it took.
+                Err(error) => unusable.add(error),
             }
         }
     }
-    let left_out = unusable.len();
-    let first = unusable.into_iter().next();
-    if let Some((name, error)) = first {
-        if views.is_empty() {
-            return Err(IoError::cameras(&root.join(name))(error));
-        }
-        notes.push(format!("{left_out} of {} views are left out: {error}", left_out + views.len()));
-    }
+    let first_file = files.first().map_or(FILES[0].0, |(name, ..)| name.as_str());
+    notes.extend(unusable.note(views.len()).map_err(IoError::cameras(&root.join(first_file)))?);
     let video = match files.iter().find(|(.., split)| *split == Split::Train) {
         Some((_, file, _)) => file.fov_x_rad().map(turn).unwrap_or_default(),
         None => Vec::new(),

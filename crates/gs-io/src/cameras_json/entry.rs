@@ -1,6 +1,6 @@
 //! A camera as the file has it.
 
-use crate::cameras::{CamerasError, pixels};
+use crate::cameras::{CamerasError, Number, pixels};
 use gs_core::image_formation::NEAR_PLANE;
 use gs_core::{Camera, Intrinsics};
 use serde::{Deserialize, Serialize};
@@ -11,13 +11,13 @@ pub(super) struct Entry {
     #[serde(default)]
     img_name: String,
     #[serde(serialize_with = "whole")]
-    width: f64,
+    width: Number,
     #[serde(serialize_with = "whole")]
-    height: f64,
-    position: [f64; 3],
-    rotation: [[f64; 3]; 3],
-    fx: f64,
-    fy: f64,
+    height: Number,
+    position: [Number; 3],
+    rotation: [[Number; 3]; 3],
+    fx: Number,
+    fy: Number,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     cx: Option<f64>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -30,19 +30,20 @@ pub(super) struct Entry {
 
 /// Writes a size as an integer: strict readers refuse `960.0`.
 #[expect(clippy::trivially_copy_pass_by_ref, reason = "serde's signature")]
-fn whole<S: serde::Serializer>(size: &f64, serializer: S) -> Result<S::Ok, S::Error> {
+fn whole<S: serde::Serializer>(size: &Number, serializer: S) -> Result<S::Ok, S::Error> {
     #[expect(
         clippy::cast_possible_truncation,
         clippy::cast_sign_loss,
         reason = "written from a u32"
     )]
-    serializer.serialize_u32(*size as u32)
+    serializer.serialize_u32(size.0 as u32)
 }
 
 impl Entry {
     pub(super) fn into_camera(self, index: usize) -> Result<Camera, CamerasError> {
         let name = if self.img_name.is_empty() { format!("{index}") } else { self.img_name };
-        let (r, p) = (self.rotation, self.position);
+        let r = self.rotation.map(|row| row.map(|value| value.0));
+        let p = self.position.map(|value| value.0);
         // The inverse of a camera-to-world pose: rows of the result are columns of `rotation`.
         let row = |k: usize| {
             let axis = [r[0][k], r[1][k], r[2][k]];
@@ -52,14 +53,14 @@ impl Entry {
         let camera = Camera {
             viewmat: [row(0), row(1), row(2), [0.0, 0.0, 0.0, 1.0]],
             intrinsics: Intrinsics {
-                fx: self.fx,
-                fy: self.fy,
-                cx: self.cx.unwrap_or(self.width / 2.0),
-                cy: self.cy.unwrap_or(self.height / 2.0),
+                fx: self.fx.0,
+                fy: self.fy.0,
+                cx: self.cx.unwrap_or(self.width.0 / 2.0),
+                cy: self.cy.unwrap_or(self.height.0 / 2.0),
             },
             // Sizes that are no pixel counts become 0, which the check below refuses by name.
-            width: pixels(self.width),
-            height: pixels(self.height),
+            width: pixels(self.width.0),
+            height: pixels(self.height.0),
             near: self.near.unwrap_or(NEAR_PLANE),
             time: self.time,
             name,
@@ -73,12 +74,12 @@ impl Entry {
         Self {
             id: Some(index.into()),
             img_name: camera.name.clone(),
-            width: camera.width.into(),
-            height: camera.height.into(),
-            position: camera.position(),
-            rotation: std::array::from_fn(|i| std::array::from_fn(|k| v[k][i])),
-            fx: camera.intrinsics.fx,
-            fy: camera.intrinsics.fy,
+            width: Number(camera.width.into()),
+            height: Number(camera.height.into()),
+            position: camera.position().map(Number),
+            rotation: std::array::from_fn(|i| std::array::from_fn(|k| Number(v[k][i]))),
+            fx: Number(camera.intrinsics.fx),
+            fy: Number(camera.intrinsics.fy),
             cx: Some(camera.intrinsics.cx),
             cy: Some(camera.intrinsics.cy),
             near: (camera.near != NEAR_PLANE).then_some(camera.near),

@@ -23,7 +23,7 @@ mod tests {
         camera.time = Some(0.25);
         camera.intrinsics.cx = 300.5;
         camera.near = 0.037;
-        let back = parse(to_json(std::slice::from_ref(&camera)).unwrap().as_bytes()).unwrap();
+        let (back, _) = parse(to_json(std::slice::from_ref(&camera)).unwrap().as_bytes()).unwrap();
         assert_eq!(back.len(), 1, "one");
         assert_eq!((&back[0].name, back[0].time), (&camera.name, Some(0.25)), "name and time");
         assert_eq!(back[0].intrinsics, camera.intrinsics, "intrinsics");
@@ -39,10 +39,27 @@ mod tests {
     fn reads_the_reference_schema() {
         let text = r#"[{"id": 0, "img_name": "r_0", "width": 800, "height": 600, "position": [1, 2, 3],
             "rotation": [[1, 0, 0], [0, 1, 0], [0, 0, 1]], "fy": 1100.0, "fx": 1111.0}]"#;
-        let cameras = parse(text.as_bytes()).unwrap();
+        let (cameras, _) = parse(text.as_bytes()).unwrap();
         assert_eq!(cameras[0].intrinsics.cy, 300.0, "centred");
         assert_eq!(cameras[0].position(), [1.0, 2.0, 3.0], "centre");
         assert_eq!(cameras[0].time, None, "every time");
+    }
+
+    #[test]
+    fn single_cameras_that_cannot_see_are_left_out() {
+        let camera = |fx: &str, position: &str| {
+            format!(
+                r#"{{"width": 8, "height": 6, "position": {position}, "rotation": [[1,0,0],[0,1,0],[0,0,1]], "fy": 1.0, "fx": {fx}}}"#
+            )
+        };
+        let good = camera("1.0", "[1, 2, 3]");
+        for bad in [camera("NaN", "[0, 0, 0]"), camera("1.0", "[0, null, -Infinity]")] {
+            let (cameras, notes) = parse(format!("[{bad}, {good}]").as_bytes()).unwrap();
+            assert_eq!(cameras.len(), 1, "the good one is kept");
+            assert_eq!(cameras[0].position(), [1.0, 2.0, 3.0], "and is the good one");
+            assert!(notes[0].starts_with("1 of 2 views are left out"), "{notes:?}");
+            assert!(parse(format!("[{bad}]").as_bytes()).is_err(), "none is left");
+        }
     }
 
     #[test]

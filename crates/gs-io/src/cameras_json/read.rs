@@ -1,30 +1,38 @@
 //! Reading a file.
 
 use super::entry::Entry;
-use crate::cameras::CamerasError;
+use crate::cameras::{CamerasError, Unusable};
 use crate::error::IoError;
 use crate::fs::{read_bytes, text};
 use gs_core::Camera;
 use std::path::Path;
 
-/// Parses a `cameras.json`.
+/// Parses a `cameras.json`: its cameras, and what is to be said of those that are left out because they cannot see.
 ///
 /// # Errors
-/// If the text is not such a list, it is empty, or a camera is out of range.
-pub fn parse(bytes: &[u8]) -> Result<Vec<Camera>, CamerasError> {
+/// If the text is not such a list, it is empty, or no camera can see.
+pub fn parse(bytes: &[u8]) -> Result<(Vec<Camera>, Vec<String>), CamerasError> {
     let entries: Vec<Entry> =
-        serde_json::from_slice(&text::utf8(bytes)).map_err(CamerasError::json("cameras.json"))?;
+        serde_json::from_slice(&text::json(bytes)).map_err(CamerasError::json("cameras.json"))?;
     if entries.is_empty() {
         return Err(CamerasError::Empty);
     }
-    entries.into_iter().enumerate().map(|(index, entry)| entry.into_camera(index)).collect()
+    let (mut cameras, mut unusable) = (Vec::with_capacity(entries.len()), Unusable::default());
+    for (index, entry) in entries.into_iter().enumerate() {
+        match entry.into_camera(index) {
+            Ok(camera) => cameras.push(camera),
+            Err(error) => unusable.add(error),
+        }
+    }
+    let note = unusable.note(cameras.len())?;
+    Ok((cameras, note.into_iter().collect()))
 }
 
-/// Reads a `cameras.json`.
+/// Reads a `cameras.json`: its cameras, and what is to be said of those left out.
 ///
 /// # Errors
 /// If it cannot be read or [`parse`]d.
-pub fn read_file(path: impl AsRef<Path>) -> Result<Vec<Camera>, IoError> {
+pub fn read_file(path: impl AsRef<Path>) -> Result<(Vec<Camera>, Vec<String>), IoError> {
     let path = path.as_ref();
     parse(&read_bytes(path)?).map_err(|source| IoError::Cameras { path: path.to_owned(), source })
 }

@@ -1,6 +1,6 @@
 //! What bytes are, from their content.
 
-use super::marks::{GLB, GZIP, SPZ, ZIP};
+use super::marks::{BYTE_ORDER_MARK, GLB, GZIP, SPZ, ZIP};
 use super::splat_rows;
 use super::unsupported::UnsupportedFormat;
 use crate::archive::decompress;
@@ -31,7 +31,8 @@ const MEMBERS: [&[u8]; 5] =
 
 /// Looks at the first bytes, and at some rows where there is no mark.
 pub(crate) fn container(bytes: &[u8]) -> Container {
-    if bytes.starts_with(b"ply\n") || bytes.starts_with(b"ply\r") || bytes.starts_with(b"ply ") {
+    let text = bytes.strip_prefix(BYTE_ORDER_MARK).unwrap_or(bytes);
+    if [&b"ply\n"[..], b"ply\r", b"ply "].iter().any(|line| text.starts_with(line)) {
         Container::Ply
     } else if bytes.starts_with(&ZIP) {
         Container::Zip
@@ -50,7 +51,7 @@ pub(crate) fn container(bytes: &[u8]) -> Container {
 
 /// Whether text is a JSON object with members that glTF has.
 fn looks_like_gltf(start: &[u8]) -> bool {
-    let text = start.strip_prefix(b"\xef\xbb\xbf").unwrap_or(start).trim_ascii_start();
+    let text = start.strip_prefix(BYTE_ORDER_MARK).unwrap_or(start).trim_ascii_start();
     text.starts_with(b"{")
         && MEMBERS.iter().any(|name| text.windows(name.len()).any(|found| found == *name))
 }
@@ -60,15 +61,23 @@ pub(crate) fn shown(bytes: &[u8]) -> String {
     if let Some(format) = UnsupportedFormat::of(bytes) {
         return format.name.to_owned();
     }
-    let found: String = String::from_utf8_lossy(&bytes[..bytes.len().min(12)])
+    let is_text = bytes.iter().all(|byte| *byte >= b' ' || byte.is_ascii_whitespace());
+    let (what, length) = if is_text { ("a text", 40) } else { ("a file", 12) };
+    let found: String = String::from_utf8_lossy(&bytes[..bytes.len().min(length)])
+        .trim()
         .chars()
         .map(|c| if c.is_control() { '·' } else { c })
         .collect();
-    if found.is_empty() {
+    if bytes.is_empty() {
         "an empty file".to_owned()
     } else {
-        format!("a file that starts with `{found}`")
+        format!("{what} that starts with `{found}`")
     }
+}
+
+/// Whether the size of a frame is known only after reading all of it: SOG and glTF have no header that says it.
+pub(crate) fn is_read_whole(start: &[u8]) -> bool {
+    matches!(container(start), Container::Zip | Container::Gltf)
 }
 
 #[cfg(test)]

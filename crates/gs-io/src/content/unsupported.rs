@@ -19,7 +19,9 @@ const USD: &str = "Export the splats as PLY from the program that made it, or gi
 const TORCH: &str =
     "It is a part of a model: give the model's folder, which holds point_cloud/iteration_N.";
 
-const KNOWN: [UnsupportedFormat; 15] = [
+const UNPACK: &str = "Unpack it and give what is inside.";
+
+const KNOWN: [UnsupportedFormat; 22] = [
     known(0, b"Kg\0\0", "a .splatv clip", "Copy it again: it should open as a scene."),
     known(0, b"SP4D", "a .splat4d clip", "Copy it again: it should open as a scene."),
     known(
@@ -50,6 +52,13 @@ const KNOWN: [UnsupportedFormat; 15] = [
         "Load and save it with a newer PyTorch; then give the folder of its model.",
     ),
     known(0, b"Namespace(", "the cfg_args of a model", TORCH),
+    known(0, b"\x1f\x8b", "a gzip archive", "Unpack it (gunzip) and give what is inside."),
+    known(0, b"BZh", "a bzip2 archive", UNPACK),
+    known(0, b"\xfd7zXZ\0", "an xz archive", UNPACK),
+    known(0, b"\x28\xb5\x2f\xfd", "a Zstandard archive", UNPACK),
+    known(0, b"7z\xbc\xaf\x27\x1c", "a 7-Zip archive", UNPACK),
+    known(0, b"Rar!\x1a\x07", "a RAR archive", UNPACK),
+    known(257, b"ustar", "a tar archive", UNPACK),
 ];
 
 const fn known(
@@ -118,7 +127,41 @@ const HTML: UnsupportedFormat = known(
     "A clip that c4d exported as HTML plays in a browser by itself; keep the scene or run that it was made from. Any other page was saved in place of a download: fetch the file itself.",
 );
 /// How such pages begin, after white space, in any case.
-const PAGES: [&[u8]; 4] = [b"<!doctype html", b"<html", b"<head", b"404: not found"];
+const PAGES: [&[u8]; 3] = [b"<!doctype html", b"<html", b"<head"];
+
+/// What a web server or its programming interface says in place of a file.
+const ANSWER: UnsupportedFormat = known(
+    0,
+    b"",
+    "an error message of a web server",
+    "Read it as text: it says why the download failed. Then fetch the file itself.",
+);
+/// How such answers begin, after white space, in any case; of JSON objects the first key.
+const ANSWERS: [&[u8]; 14] = [
+    b"<?xml",
+    b"<error",
+    b"404",
+    b"403",
+    b"not found",
+    b"entry not found",
+    b"repository not found",
+    b"access denied",
+    b"forbidden",
+    b"unauthorized",
+    b"invalid username or password",
+    b"too many requests",
+    b"internal server error",
+    b"bad gateway",
+];
+const ANSWER_KEYS: [&[u8]; 7] = [
+    b"\"error\"",
+    b"\"errors\"",
+    b"\"message\"",
+    b"\"detail\"",
+    b"\"status\"",
+    b"\"statuscode\"",
+    b"\"success\"",
+];
 
 /// Scenes of the GaussianSplats3D viewer.
 const KSPLAT: UnsupportedFormat = known(
@@ -139,16 +182,22 @@ impl UnsupportedFormat {
             .or_else(|| is_ksplat(start).then_some(KSPLAT))
     }
 
-    /// What lies in the place of a file, by its first bytes: a pointer of Git LFS and its like, or a web page.
+    /// What lies in the place of a file, by its first bytes: a pointer of Git LFS and its like, a web page, or a server's error message.
     pub fn stand_in(start: &[u8]) -> Option<Self> {
         if let Some(pointer) = POINTERS.iter().find(|kind| kind.is_at_start_of(start)) {
             return Some(*pointer);
         }
         let start = start.strip_prefix(b"\xef\xbb\xbf").unwrap_or(start).trim_ascii_start();
-        let begins = |page: &[u8]| {
-            start.get(..page.len()).is_some_and(|found| found.eq_ignore_ascii_case(page))
+        let begins = |text: &[u8], with: &[u8]| {
+            text.get(..with.len()).is_some_and(|found| found.eq_ignore_ascii_case(with))
         };
-        PAGES.iter().any(|page| begins(page)).then_some(HTML)
+        if PAGES.iter().any(|page| begins(start, page)) {
+            return Some(HTML);
+        }
+        let key = start.strip_prefix(b"{").map(<[u8]>::trim_ascii_start);
+        let is_answer = ANSWERS.iter().any(|answer| begins(start, answer))
+            || key.is_some_and(|text| ANSWER_KEYS.iter().any(|key| begins(text, key)));
+        is_answer.then_some(ANSWER)
     }
 
     fn is_at_start_of(&self, start: &[u8]) -> bool {
@@ -184,7 +233,17 @@ mod tests {
             Some("an HTML page"),
             "however it begins"
         );
-        assert_eq!(name(b"404: Not Found"), Some("an HTML page"), "an answer without markup");
+        for answer in [
+            &b"404: Not Found"[..],
+            b"<?xml version=\"1.0\"?><Error><Code>NoSuchKey</Code></Error>",
+            b"{\"error\":\"Repository not found\"}",
+            b"{ \"Message\": \"denied\"}",
+            b"Access Denied",
+        ] {
+            assert_eq!(name(answer), Some("an error message of a web server"), "{answer:?}");
+        }
+        assert_eq!(name(b"\x1f\x8b\x08"), Some("a gzip archive"), "packed");
+        assert_eq!(name(&[&[0; 257][..], b"ustar"].concat()), Some("a tar archive"), "packed");
         assert_eq!(name(b"RIFF"), None, "cut before the mark");
         assert_eq!(name(b""), None, "nothing");
     }
@@ -197,7 +256,9 @@ mod tests {
             Some("a Git LFS pointer"),
             "LFS"
         );
-        for whole in [&b"version 3"[..], b"ply\n", b"PK\x03\x04", b"[1, 2]", b""] {
+        for whole in
+            [&b"version 3"[..], b"ply\n", b"PK\x03\x04", b"[1, 2]", b"{\"frames\": []}", b""]
+        {
             assert_eq!(UnsupportedFormat::stand_in(whole), None, "{whole:?} is the file itself");
         }
     }

@@ -25,7 +25,7 @@ fn is_sog(folder: &Path, meta: &Path) -> bool {
     let lists_planes = || {
         let keys: Option<Map<String, Value>> = crate::fs::read_file(meta)
             .ok()
-            .and_then(|bytes| serde_json::from_slice(&text::utf8(&bytes)).ok());
+            .and_then(|bytes| serde_json::from_slice(&text::json(&bytes)).ok());
         keys.is_some_and(|keys| ["means", "quats", "sh0"].iter().all(|key| keys.contains_key(*key)))
     };
     folder.join("means_l.webp").is_file() || (small() && lists_planes())

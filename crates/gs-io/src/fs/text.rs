@@ -31,9 +31,57 @@ pub(crate) fn utf8(bytes: &[u8]) -> Cow<'_, [u8]> {
     }
 }
 
+/// Words that Python and JavaScript print for numbers that JSON does not have.
+const NOT_JSON: [&[u8]; 3] = [b"-Infinity", b"Infinity", b"NaN"];
+
+/// As [`utf8`], for parsers of JSON: numbers that JSON does not have become `null`, so that they spoil one value and not the file.
+pub(crate) fn json(bytes: &[u8]) -> Cow<'_, [u8]> {
+    let text = utf8(bytes);
+    if !NOT_JSON[1..].iter().any(|word| text.windows(word.len()).any(|found| found == *word)) {
+        return text;
+    }
+    let mut out = Vec::with_capacity(text.len());
+    let (mut rest, mut quoted) = (&text[..], false);
+    while let Some((&byte, after)) = rest.split_first() {
+        let word = NOT_JSON.iter().find(|word| !quoted && rest.starts_with(word));
+        if let Some(word) = word {
+            out.extend_from_slice(b"null");
+            rest = &rest[word.len()..];
+            continue;
+        }
+        out.push(byte);
+        rest = after;
+        match byte {
+            b'"' => quoted = !quoted,
+            b'\\' => {
+                // Whatever it is, it does not end the string.
+                if let Some((&escaped, after)) = rest.split_first() {
+                    out.push(escaped);
+                    rest = after;
+                }
+            }
+            _ => {}
+        }
+    }
+    Cow::Owned(out)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn numbers_that_json_lacks_become_null() {
+        for (text, expected) in [
+            (r#"{"a": NaN, "b": [-Infinity, Infinity]}"#, r#"{"a": null, "b": [null, null]}"#),
+            (r#"["NaN", "a \" NaN", NaN]"#, r#"["NaN", "a \" NaN", null]"#),
+            (r#"["\\", NaN]"#, r#"["\\", null]"#),
+            ("[1]", "[1]"),
+            ("\"\\", "\"\\"),
+        ] {
+            assert_eq!(String::from_utf8_lossy(&json(text.as_bytes())), expected, "{text}");
+        }
+    }
 
     #[test]
     fn every_way_to_save_text() {

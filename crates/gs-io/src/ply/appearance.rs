@@ -5,6 +5,7 @@
 //! | `filter_3D` | Mip-Splatting and its kin | s′ = √(s² + f²), o′ = o·Πs/Πs′ on activated values |
 //! | `red green blue` without `f_dc_*` | nerfstudio in its RGB mode, converters | degree-0 SH of that colour |
 //! | no `scale_2` | 2DGS, surfels | a thin disc |
+//! | only `scale_0` | trainers of isotropic splats | a ball |
 //! | `f_rest_*` of degree 4 and above | newer trainers | the coefficients of degree 3 |
 
 use super::header::{Element, PropertyKind, Scalar};
@@ -30,6 +31,8 @@ pub(crate) struct Appearance {
     pub(super) rgb: Option<Scalar>,
     /// Whether the third axis is missing.
     pub(super) surfels: bool,
+    /// Whether one size stands for all axes.
+    pub(super) isotropic: bool,
     /// Whether there is a filter; its column is then the last.
     pub(super) filter: bool,
     /// SH degree of the file, where it is more than what is kept.
@@ -58,6 +61,9 @@ impl Appearance {
                 "it has no scale_2 (2D Gaussians): its splats are read as discs 1e-6 units thick"
                     .to_owned(),
             );
+        }
+        if self.isotropic {
+            notes.push("it has one scale: its splats are read as balls of that size".to_owned());
         }
         if self.filter {
             notes.push(

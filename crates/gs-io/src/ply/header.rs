@@ -1,6 +1,7 @@
 //! The text at the start of a PLY file.
 
 use super::PlyError;
+use crate::content::marks::BYTE_ORDER_MARK;
 use std::borrow::Cow;
 use std::collections::HashSet;
 
@@ -147,17 +148,18 @@ pub struct Header {
 }
 
 impl Header {
-    /// Parses the header at the start of `bytes`. Lines may end in LF, CRLF or CR.
+    /// Parses the header at the start of `bytes`. Lines may end in LF, CRLF or CR; text may begin with the byte order mark of UTF-8.
     ///
     /// # Errors
     /// If this is not a PLY file or its header breaks the rules.
     pub fn parse(bytes: &[u8]) -> Result<Self, PlyError> {
         // Where the first line ends in a CR alone, all do: in files with CRLF an LF follows.
-        let end = match bytes.get(3..5) {
+        let start = if bytes.starts_with(BYTE_ORDER_MARK) { BYTE_ORDER_MARK.len() } else { 0 };
+        let end = match bytes.get(start + 3..start + 5) {
             Some([b'\r', next]) if *next != b'\n' => b'\r',
             _ => b'\n',
         };
-        let mut lines = Lines { bytes, position: 0, end };
+        let mut lines = Lines { bytes, position: start, end };
         if lines.next().is_none_or(|line| line.trim_end() != "ply") {
             let found: String = String::from_utf8_lossy(&bytes[..bytes.len().min(12)])
                 .chars()
@@ -297,6 +299,9 @@ mod tests {
         assert_eq!(header.elements[0].stride(), Some(4), "fixed rows");
         assert_eq!(header.elements[1].stride(), None, "list rows");
         assert_eq!(&text.as_bytes()[header.data_start..], b"DATA", "data");
+        let marked = [BYTE_ORDER_MARK, text.as_bytes()].concat();
+        let again = Header::parse(&marked).unwrap();
+        assert_eq!(&marked[again.data_start..], b"DATA", "data after a byte order mark");
     }
 
     #[test]

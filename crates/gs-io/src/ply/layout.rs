@@ -89,8 +89,13 @@ impl Header {
         columns.push(column(TRAILING[0]));
         let scales = [1, 2, 3].map(|axis| scalar(TRAILING[axis]));
         look.surfels = matches!(scales, [Some(_), Some(_), None]);
-        // Surfels: any column, its values are replaced.
-        let axes = if look.surfels { [1, 2, 2] } else { [1, 2, 3] };
+        look.isotropic = matches!(scales, [Some(_), None, None]);
+        let axes = match (look.isotropic, look.surfels) {
+            (true, _) => [1, 1, 1],
+            // Surfels: any column, its values are replaced.
+            (_, true) => [1, 2, 2],
+            _ => [1, 2, 3],
+        };
         columns.extend(axes.iter().map(|&axis| column(TRAILING[axis])));
         columns.extend(TRAILING[4..].iter().map(|name| column(name)));
         if let Some(filter) = scalar(appearance::FILTER) {
@@ -229,6 +234,9 @@ mod tests {
         assert!(layout(&rgb[..rgb.len() - 1], 1).is_err(), "two channels are no colour");
         assert!(layout(&without(&["scale_2"]), 1).unwrap().appearance.surfels, "surfels");
         assert!(layout(&without(&["scale_1"]), 1).is_err(), "another axis is missing");
+        let balls = layout(&without(&["scale_1", "scale_2"]), 1).unwrap();
+        assert!(balls.appearance.isotropic, "one size for all axes");
+        assert!(layout(&without(&["scale_0", "scale_1", "scale_2"]), 1).is_err(), "no size");
         let filtered = [all.clone(), vec!["filter_3D"]].concat();
         let found = layout(&filtered, 1).unwrap();
         assert!(found.appearance.filter && found.extra_columns.is_empty(), "a filter");

@@ -9,8 +9,9 @@ pub use write::{FolderWriter, ZipWriter, write_compressed_folder, write_folder, 
 
 pub(crate) use names::find_frames;
 
+use crate::axes::Axes;
 use crate::error::IoError;
-use crate::frame;
+use crate::frame::{self, Frame};
 use crate::frame_cache::FrameCache;
 use crate::fs::list_names;
 use crate::repair::{self, Damage, DamagedRows, Infinities, RepairReport};
@@ -30,11 +31,13 @@ pub struct SequenceOptions {
     /// [`Damage::Drop`] reads all files once on opening: a row that is damaged in some frames is invisible in these, one that is
     /// damaged in all of them is left out.
     pub damage: Damage,
+    /// Axes of the files, for formats that come in several (SPZ, glTF); `None`: those that each file names, else those of its format.
+    pub axes: Option<Axes>,
 }
 
 impl Default for SequenceOptions {
     fn default() -> Self {
-        Self { cached_frames: 4, damage: Damage::Fail }
+        Self { cached_frames: 4, damage: Damage::Fail, axes: None }
     }
 }
 
@@ -47,6 +50,7 @@ pub struct PlySequence {
     num_splats: usize,
     sh_degree: usize,
     damage: Damage,
+    axes: Option<Axes>,
     /// Rows of the files that are kept, if damaged ones were dropped.
     kept: Option<Vec<usize>>,
     hidden: HiddenRows,
@@ -99,6 +103,7 @@ impl PlySequence {
             num_splats,
             sh_degree: first.sh_degree,
             damage: options.damage,
+            axes: options.axes,
             kept: None,
             hidden: HiddenRows::default(),
             repair: RepairReport { rows: num_splats, ..RepairReport::default() },
@@ -158,9 +163,9 @@ impl PlySequence {
     /// # Errors
     /// If it cannot be read.
     pub fn notes(&self) -> Result<Vec<String>, IoError> {
-        let frame =
-            frame::read(&self.source.read(0)?).map_err(IoError::frame(&self.source.label(0)))?;
-        Ok(frame.notes)
+        let frame = self.read_file(0)?;
+        let assumption = frame.axes.and_then(|reading| reading.assumption());
+        Ok(frame.notes.into_iter().chain(assumption).collect())
     }
 
     /// Rows of the files that are kept, if damaged ones were dropped.
@@ -210,15 +215,22 @@ impl PlySequence {
         Ok(())
     }
 
+    fn read_file(&self, index: usize) -> Result<Frame, IoError> {
+        let label = self.source.label(index);
+        let frame = frame::read(&self.source.read(index)?).map_err(IoError::frame(&label))?;
+        Ok(match self.axes {
+            Some(axes) => frame.in_axes(axes),
+            None => frame,
+        })
+    }
+
     /// All rows of a frame, with finite values for infinities that have a meaning.
     fn read(&self, index: usize) -> Result<(Splats, Infinities), IoError> {
-        let label = self.source.label(index);
-        let mut splats =
-            frame::read(&self.source.read(index)?).map_err(IoError::frame(&label))?.splats;
+        let mut splats = self.read_file(index)?.splats;
         let rows = self.repair.rows;
         if (splats.len(), splats.sh_degree) != (rows, self.sh_degree) {
             return Err(IoError::content(
-                &label,
+                &self.source.label(index),
                 format!(
                     "now holds {} Gaussians of SH degree {}, but had {rows} of degree {} when the sequence was opened",
                     splats.len(),

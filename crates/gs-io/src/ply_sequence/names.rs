@@ -12,7 +12,7 @@ pub(crate) struct Found {
 }
 
 /// Ends of the names of frames, lower case.
-const ENDINGS: [&str; 4] = [".compressed.ply", ".ply", ".splat", ".spz"];
+const ENDINGS: [&str; 6] = [".compressed.ply", ".ply", ".splat", ".spz", ".sog", ".glb"];
 
 /// Prefix with ending, and number, of `<prefix><digits><ending>`. In archives the prefix has the folders, too.
 fn parse(name: &str) -> Option<(String, u64)> {

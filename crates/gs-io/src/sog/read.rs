@@ -108,7 +108,7 @@ pub(crate) fn read_planes(
     meta: &[u8],
     plane: &dyn Fn(&str) -> Result<Vec<u8>, String>,
 ) -> Result<Frame, FrameError> {
-    let meta: Meta = serde_json::from_slice(&text::utf8(meta))
+    let meta: Meta = serde_json::from_slice(&text::json(meta))
         .map_err(|error| damaged(format!("meta.json: {error}")))?;
     if meta.version != 2 {
         return Err(FrameError::Version {

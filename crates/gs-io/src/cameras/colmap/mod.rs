@@ -137,12 +137,12 @@ pub(super) fn open(root: &Path, reading: Reading) -> Result<CameraSet, IoError> 
     let mut left_out = LeftOut::default();
     let mut sizes = Sizes::default();
     let count = model.total;
+    let images = images_folder(root);
     let mut views = Vec::with_capacity(count);
     for (&position, image) in model.positions.iter().zip(&model.images) {
         let (lens, viewmat) = model.view(image).map_err(IoError::cameras(&folder))?;
         left_out.distortion(&image.name, lens);
-        let (width, height) =
-            sizes.of_first(&image_paths(&root.join("images"), &image.name)).unwrap_or((0, 0));
+        let (width, height) = sizes.of_first(&image_paths(&images, &image.name)).unwrap_or((0, 0));
         let mut lens = match (width, height) {
             (0, _) | (_, 0) => *lens,
             (width, height) => lens.resized(width.into(), height.into()),
@@ -170,6 +170,13 @@ pub(super) fn open(root: &Path, reading: Reading) -> Result<CameraSet, IoError> 
         ));
     }
     Ok(CameraSet { format: Format::Colmap, path: root.to_owned(), views, video: Vec::new(), notes })
+}
+
+/// The folder of the images: `images`, or where only smaller copies are, the largest of those.
+fn images_folder(root: &Path) -> PathBuf {
+    let folders = ["images", "images_2", "images_4", "images_8"].map(|name| root.join(name));
+    let found = folders.iter().find(|folder| folder.is_dir());
+    found.unwrap_or(&folders[0]).clone()
 }
 
 /// Where the image of a model may lie: under its whole name, folders included, or under the last part of it, as the reference has it.

@@ -1,0 +1,14 @@
+//! A number of a camera file, whatever stands in its place.
+
+use serde::{Deserialize, Serialize};
+
+/// A number; NaN where the file has none, so that only the camera that needs it is refused.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(from = "Option<f64>")]
+pub(crate) struct Number(pub(crate) f64);
+
+impl From<Option<f64>> for Number {
+    fn from(value: Option<f64>) -> Self {
+        Self(value.unwrap_or(f64::NAN))
+    }
+}

@@ -24,6 +24,10 @@ pub(crate) enum Exit {
 pub(crate) const ROOM: &str =
     "Check that the folder exists, is writable, and that the disk has space.";
 
+/// What to do about memory that is not enough.
+pub(crate) const MORE_MEMORY: &str =
+    "Close other programs, raise the limit of this process, or use a machine with more memory.";
+
 impl Exit {
     /// The next step when the failure names none of its own.
     fn next(self) -> &'static str {
@@ -70,6 +74,17 @@ impl Failure {
         Self { exit: Exit::BadInput, what: what.to_string(), next: None }
     }
 
+    /// Exit code 3 for an error about inputs, with its sources; exit code 1 if memory ran out.
+    #[expect(clippy::needless_pass_by_value, reason = "for map_err")]
+    pub(crate) fn input(error: impl std::error::Error + 'static) -> Self {
+        let what = chain(&error);
+        if is_out_of_memory(&error) {
+            Self::failed(what).next(MORE_MEMORY)
+        } else {
+            Self::bad_input(what)
+        }
+    }
+
     /// Exit code 1 for a file that could not be written.
     pub(crate) fn write(path: &Path, error: &dyn std::error::Error) -> Self {
         let path = gs_io::final_path(path);
@@ -89,6 +104,13 @@ impl fmt::Display for Failure {
         let next = self.next.as_deref().unwrap_or(self.exit.next());
         write!(f, "{}\n  next: {next}", self.what)
     }
+}
+
+/// Whether an error or one of its sources is that of memory that was asked for and not granted.
+pub(crate) fn is_out_of_memory(error: &(dyn std::error::Error + 'static)) -> bool {
+    std::iter::successors(Some(error), |error| error.source())
+        .filter_map(|error| error.downcast_ref::<std::io::Error>())
+        .any(|error| error.kind() == std::io::ErrorKind::OutOfMemory)
 }
 
 /// An error and its sources on one line, without repeating what a message already says.

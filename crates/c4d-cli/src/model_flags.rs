@@ -5,8 +5,8 @@ use crate::failure::{Failure, Outcome};
 use clap::ValueEnum;
 use gs_deform::IndexRule;
 use gs_io::model_folder::Overrides;
-use gs_io::Axes;
 use gs_io::repair::Damage;
+use gs_io::{Axes, SceneKind};
 
 const FLAGS_4DGS: &str = "Flags of 4DGaussians models: no_dx, no_ds, no_dr, no_do, no_dshs, apply_rotation (true or false) and grid_pe (a number).";
 const FLAGS_SWIFT4D: &str = "Flags of Swift4D models: activation (relu or none), index_rule (current or older), dynamic_thro, frames, time_divisor, n_levels, n_features_per_level, hashmap_size and base_resolution (numbers).";

@@ -13,7 +13,7 @@ const SCENE_SHARE: f64 = 1e-3;
 /// Extent of a scene's first frame; of a run, that of its source.
 pub(crate) fn of_scene(opened: &Opened) -> Outcome<Extent> {
     let scene = opened.original.as_ref().unwrap_or(&opened.scene);
-    let first = scene.at(scene.time_range().start).map_err(Failure::bad_input)?;
+    let first = scene.at(scene.time_range().start).map_err(Failure::input)?;
     Ok(Extent::of(&first))
 }
 

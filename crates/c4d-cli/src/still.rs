@@ -68,7 +68,7 @@ pub(crate) fn open(
     }
     let noted = frame.comments.iter().find_map(|comment| comment.strip_prefix(UP_COMMENT));
     let up = noted.and_then(up_axis).unwrap_or(scene::UP_CAPTURED);
-    let scene = Arc::new(StaticScene::new(frame.splats).map_err(Failure::bad_input)?);
+    let scene = Arc::new(StaticScene::new(frame.splats).map_err(Failure::input)?);
     Ok(Opened {
         edit_time: scene.time_range().start,
         scene,

@@ -13,6 +13,7 @@ use crate::args::{ExportArgs, ExportFormat, Global, Up};
 use crate::console::Console;
 use crate::failure::{Failure, Outcome};
 use crate::frames::{self, Timing};
+use crate::memory;
 use crate::output::{check_sh_degree, existing, output_failure, refuse_overlap};
 use crate::ply_comments::{FPS_COMMENT, up_comments};
 use crate::scene;
@@ -28,6 +29,7 @@ const ZIP_ENTRY: u64 = 256;
 pub(crate) fn run(args: &ExportArgs, global: &Global, console: &Console) -> Outcome {
     let to = flags::format_of(args)?;
     let mut opened = scene::open(&args.scene, global, console)?;
+    memory::require_frames(opened.scene.as_ref(), memory::FRAMES_PACKED)?;
     opened.up = args.up.map_or(opened.up, Up::vector);
     if to.is_snapshot() {
         return snapshot::write(args, to, &opened, global, console);
@@ -53,7 +55,7 @@ pub(crate) fn run(args: &ExportArgs, global: &Global, console: &Console) -> Outc
     comments.extend(up_comments(opened.up));
     let options = WriteOptions { normals: !args.no_normals, comments, sh_degree: args.sh_degree };
     if to == ExportFormat::Zip {
-        let splats = opened.scene.at(times[0]).map_err(Failure::bad_input)?;
+        let splats = opened.scene.at(times[0]).map_err(Failure::input)?;
         let frame = options.file_size(&splats) + ZIP_ENTRY;
         if frame * times.len() as u64 > ZIP_LIMIT {
             return Err(Failure::usage(format!(

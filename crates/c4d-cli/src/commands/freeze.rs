@@ -10,7 +10,7 @@ use crate::ply_comments::{BACKGROUND_COMMENT, TIME_COMMENT, up_comments};
 use crate::renderer::Renderer;
 use crate::rig::{DEFAULT_SIZE, Rig};
 use crate::scene::Opened;
-use crate::{cameras, frames, images, placement, scene};
+use crate::{cameras, frames, images, memory, placement, scene};
 use gs_core::{Camera, Splats};
 use gs_deform::StaticScene;
 use gs_io::ply::{self, WriteOptions};
@@ -29,9 +29,10 @@ const OURS: [&str; 2] = ["point_cloud.ply", "cameras.json"];
 
 pub(crate) fn run(args: &FreezeArgs, global: &Global, console: &Console) -> Outcome {
     let opened = scene::open(&args.scene, global, console)?;
+    memory::require_frames(opened.scene.as_ref(), memory::FRAMES_SEEN)?;
     frames::check(opened.scene.time_range(), args.time, "--time")?;
     check_sh_degree(args.sh_degree, opened.scene.sh_degree())?;
-    let splats = opened.scene.at(args.time).map_err(Failure::bad_input)?;
+    let splats = opened.scene.at(args.time).map_err(Failure::input)?;
     let splats = visible(splats, args, console)?;
     let (cameras, origin) = cameras_of(args, &opened, console)?;
     let output = &args.output;

@@ -327,7 +327,7 @@ fn dynamic(opened: &Opened) -> Outcome<Report> {
     if let Some(frames) = opened.scene.num_frames().filter(|_| opened.kind == SceneKind::Swift4d) {
         report.add("frames", json!(frames));
     }
-    let splats = opened.scene.at(range.start).map_err(Failure::bad_input)?;
+    let splats = opened.scene.at(range.start).map_err(Failure::input)?;
     describe(&mut report, &splats);
     report.add("up", json!(opened.up));
     if matches!(opened.kind, SceneKind::Model4dgs | SceneKind::Swift4d) {

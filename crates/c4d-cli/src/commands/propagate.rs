@@ -65,6 +65,7 @@ pub(crate) fn propagate(
 ) -> Outcome {
     let start = Instant::now();
     let source = scene::open(&args.scene, global, console)?;
+    memory::require_frames(source.scene.as_ref(), memory::FRAMES_SEEN)?;
     let mut inputs = source.roots.clone();
     inputs.push(args.edited.clone());
     refuse_overlap(&args.output, &inputs)?;
@@ -74,7 +75,7 @@ pub(crate) fn propagate(
     }
     frames::check(source.scene.time_range(), args.time, "--time")?;
     let mut options = options(args, &source)?;
-    let source_splats = source.scene.at(args.time).map_err(Failure::bad_input)?;
+    let source_splats = source.scene.at(args.time).map_err(Failure::input)?;
     let (edited, precision) = read_edited(args, &source_splats, global, console)?;
     options.identity.precision = precision;
     let edited =

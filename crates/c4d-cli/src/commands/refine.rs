@@ -418,7 +418,7 @@ fn cameras(flags: &RefineFlags, loaded: &Run, console: &Console) -> Outcome<(Vec
         return Ok((cameras, absolute.display().to_string()));
     }
     let rig = Rig::of_scene(source.scene.as_ref(), flags.refine_up.map_or(source.up, Up::vector))
-        .map_err(Failure::bad_input)?;
+        .map_err(Failure::input)?;
     let size = flags.refine_size.unwrap_or(RIG_SIZE);
     let (cameras, what) = match rig.layout {
         Layout::Object => (rig.orbit(RIG_CAMERAS, size), "on a circle around the object"),

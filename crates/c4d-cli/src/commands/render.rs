@@ -32,6 +32,7 @@ const SHEET_WIDTH: usize = 2400;
 
 pub(crate) fn run(args: &RenderArgs, global: &Global, console: &Console) -> Outcome {
     let opened = still::open(&args.scene, args.axes, global, console)?;
+    memory::require_frames(opened.scene.as_ref(), memory::FRAMES_SEEN)?;
     let timing = Timing {
         times: &args.times,
         frames: args.frames.or_else(|| still::frames(args, &opened)),
@@ -60,7 +61,7 @@ pub(crate) fn run(args: &RenderArgs, global: &Global, console: &Console) -> Outc
         );
     }
     for camera in views.cameras() {
-        camera.check().map_err(Failure::bad_input)?;
+        camera.check().map_err(Failure::input)?;
     }
     if args.side_by_side && args.passes.iter().any(|pass| pass.is_relative()) {
         return Err(Failure::usage("--side-by-side shows rgb, alpha or depth"));
@@ -239,7 +240,7 @@ fn stills(args: &RenderArgs, global: &Global, shot: &Shot<'_>, format: Format) -
         ));
     }
     let then = if args.passes.iter().any(|pass| pass.is_relative()) {
-        shot.scene.at(shot.edit_time).map_err(Failure::bad_input)?
+        shot.scene.at(shot.edit_time).map_err(Failure::input)?
     } else {
         Splats::default()
     };

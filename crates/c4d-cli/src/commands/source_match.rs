@@ -162,7 +162,7 @@ fn refuse_other_time(
     let mut progress = console.progress("other times", times.len() as u64);
     let mut frame = Splats::default();
     for (done, &t) in times.iter().enumerate() {
-        source.scene.at_into(t, &mut frame).map_err(Failure::bad_input)?;
+        source.scene.at_into(t, &mut frame).map_err(Failure::input)?;
         let near = frame.select(&cells.rows_in(&frame));
         let found = IdentityMap::of(&near, &sample, &params)
             .map_err(|error| Failure::bad_input(chain(&error)))?;

@@ -1,6 +1,6 @@
 //! [`bad_input`]: what to do about an input that cannot be read.
 
-use crate::failure::{Failure, chain};
+use crate::failure::{Failure, MORE_MEMORY, chain, is_out_of_memory};
 use gs_io::cameras::CamerasError;
 use gs_io::frame::FrameError;
 use gs_io::{IoError, SceneKind};
@@ -12,6 +12,7 @@ const FRAMES: &str = "Formats are recognised by content, not by file name. Expor
 pub(crate) fn bad_input(error: &IoError) -> Failure {
     let failure = Failure::bad_input(chain(error));
     match error {
+        _ if is_out_of_memory(error) => Failure::failed(chain(error)).next(MORE_MEMORY),
         IoError::Read { .. } => {
             failure.next("Check that the name is right and that the file is readable.")
         }

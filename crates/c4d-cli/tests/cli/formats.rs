@@ -191,7 +191,7 @@ fn info_names_frames_and_what_they_are_not() {
     assert!(said.contains("glTF version") && said.contains("next"), "{said}");
     fs::write(&clip, b"something else").unwrap();
     let said = failure(&mut c4d(["info", path(&clip)]), 3);
-    assert!(said.contains("starts with `something el`"), "{said}");
+    assert!(said.contains("starts with `something else`"), "{said}");
     let out = folder.path().join("a.spz");
     let said = failure(
         c4d(["export", path(&fixture("synth/source")), "--to", "spz", "-o", path(&out)])

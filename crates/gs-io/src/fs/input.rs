@@ -25,6 +25,9 @@ pub fn open_file(path: impl AsRef<Path>) -> io::Result<File> {
     File::open(path)
 }
 
+/// Memory beside that of a large file, bytes: stacks and small things of all threads.
+const MARGIN: usize = 32 << 20;
+
 /// Reads a file that [`open_file`] opens.
 ///
 /// # Errors
@@ -33,9 +36,10 @@ pub fn read_file(path: impl AsRef<Path>) -> io::Result<Vec<u8>> {
     let mut file = open_file(path)?;
     let length = file.metadata()?.len();
     let mut bytes: Vec<u8> = Vec::new();
-    // As much again for what the bytes become: found out now, not in the midst of reading.
+    // As much again for what the bytes become, and some for all else: found out now, not in the midst of reading.
     let mut has_room = |length: usize| {
-        length.checked_mul(2).is_some_and(|twice| bytes.try_reserve_exact(twice).is_ok())
+        let room = length.checked_mul(2).and_then(|twice| twice.checked_add(MARGIN));
+        room.is_some_and(|room| bytes.try_reserve_exact(room).is_ok())
     };
     let room = usize::try_from(length).ok().filter(|&length| has_room(length));
     bytes.shrink_to(room.ok_or_else(|| out_of_memory(length))?);

@@ -100,7 +100,7 @@ fn write_splatv(
     console: &Console,
 ) -> Outcome<Written> {
     let scene = opened.original.as_ref().unwrap_or(&opened.scene);
-    let rig = Rig::of_scene(scene.as_ref(), opened.up).map_err(Failure::bad_input)?;
+    let rig = Rig::of_scene(scene.as_ref(), opened.up).map_err(Failure::input)?;
     let options = splatv::Options {
         tolerance: args.tolerance.unwrap_or(splatv::DEFAULT_TOLERANCE),
         force: args.force,

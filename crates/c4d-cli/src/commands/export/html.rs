@@ -48,7 +48,7 @@ pub(super) fn write(
     .map_err(|error| failure(&error))?;
     let elapsed = progress.finish();
     // As `c4d render` frames it: by what was there before the edit.
-    let rig = Rig::of_scene(first, opened.up).map_err(Failure::bad_input)?;
+    let rig = Rig::of_scene(first, opened.up).map_err(Failure::input)?;
     let camera = rig.front(DEFAULT_SIZE);
     let poster = poster(opened, first, times[0], &camera, global)?;
     let title = args.title.clone().unwrap_or_else(|| title(&args.output));

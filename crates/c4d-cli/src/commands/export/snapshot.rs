@@ -25,7 +25,7 @@ pub(super) fn write(
     let spz = spz_options(args)?;
     refuse_overlap(&args.output, &opened.roots)?;
     let start = Instant::now();
-    let splats = opened.scene.at(time).map_err(Failure::bad_input)?;
+    let splats = opened.scene.at(time).map_err(Failure::input)?;
     let mut file = AtomicFile::create(&args.output, existing(global))
         .map_err(|error| output_failure(&error))?;
     let comments =

@@ -45,7 +45,7 @@ pub(super) fn views(
         // The rig frames what was there before the edit, so that a run and its source are seen alike.
         let scene = opened.original.as_ref().unwrap_or(&opened.scene);
         Rig::of_scene(scene.as_ref(), args.up.map_or(opened.up, crate::args::Up::vector))
-            .map_err(Failure::bad_input)
+            .map_err(Failure::input)
             .inspect(|rig| placement::warn_if_coarse(&rig.extent, console))
     };
     let from_rig = ["front", "orbit", "spiral"].contains(&args.cameras.as_str());

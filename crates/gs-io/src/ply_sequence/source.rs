@@ -3,8 +3,8 @@
 use super::{find_frames, list_names};
 use crate::archive::Archive;
 use crate::archive::decompress;
-use crate::error::IoError;
 use crate::content::is_read_whole;
+use crate::error::IoError;
 use crate::frame::{self, Shape};
 use crate::fs::{read_bytes, refuse_stand_in};
 use std::fs::File;

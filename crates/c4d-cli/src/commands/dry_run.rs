@@ -99,7 +99,7 @@ pub(super) fn show(
         both.push_from(before, row as usize);
     }
     let device = Device::open(global.gpu)?;
-    let rig = Rig::of_scene(source.scene.as_ref(), source.up).map_err(Failure::bad_input)?;
+    let rig = Rig::of_scene(source.scene.as_ref(), source.up).map_err(Failure::input)?;
     let camera = view(&rig, &both, |row| fates[row] != Fate::Unchanged, &device)?;
     let background = source.background;
     let panels = [

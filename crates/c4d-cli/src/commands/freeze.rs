@@ -109,7 +109,7 @@ fn cameras_of(
         }
     }
     let up = args.up.map_or(opened.up, crate::args::Up::vector);
-    let rig = Rig::of_scene(opened.scene.as_ref(), up).map_err(Failure::bad_input)?;
+    let rig = Rig::of_scene(opened.scene.as_ref(), up).map_err(Failure::input)?;
     placement::warn_if_coarse(&rig.extent, console);
     let origin = "placed around the scene, because its files have no cameras".to_owned();
     if let Some(count) = count {

@@ -25,7 +25,7 @@ pub(super) fn render(
     background: Rgb,
     device: &Device,
 ) -> Outcome<Image> {
-    let scene = StaticScene::new(splats).map_err(Failure::bad_input)?;
+    let scene = StaticScene::new(splats).map_err(Failure::input)?;
     let mut renderer = Renderer::new(device, background);
     renderer.seek(&scene, 0.0)?;
     Ok(renderer.render(camera)?.rgb_image())

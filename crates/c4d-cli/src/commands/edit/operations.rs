@@ -46,7 +46,7 @@ pub(super) fn run(args: &EditArgs, global: &Global, console: &Console) -> Outcom
     let opened = still::open(&path, args.axes, global, console)?;
     let time = args.time.or(plan.time).unwrap_or(opened.edit_time);
     frames::check(opened.scene.time_range(), time, "--time")?;
-    let before = opened.scene.at(time).map_err(Failure::bad_input)?;
+    let before = opened.scene.at(time).map_err(Failure::input)?;
     // Outputs that cannot be written are refused before the work, not after it.
     let needs = script.needs();
     let mut inputs = resources::paths(&needs, &plan.folders)?;

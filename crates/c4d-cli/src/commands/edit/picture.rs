@@ -44,7 +44,7 @@ pub(super) fn draw(
     (marks, selections): (&[Option<usize>], &[Shown]),
     device: &Device,
 ) -> Outcome<Image> {
-    let rig = Rig::of_scene(opened.scene.as_ref(), up).map_err(Failure::bad_input)?;
+    let rig = Rig::of_scene(opened.scene.as_ref(), up).map_err(Failure::input)?;
     let camera = view(&rig, before, |row| marks[row].is_some(), device)?;
     let color = |mark: usize| COLORS[mark % COLORS.len()];
     let panels = [

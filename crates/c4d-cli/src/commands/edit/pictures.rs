@@ -120,7 +120,12 @@ fn cameras(args: &EditArgs, folder: &Path) -> Outcome<Vec<Camera>> {
             ))
             .next("`c4d freeze SCENE --views 24 -o FRAME` writes pictures and their cameras; give FRAME, or the cameras with --cameras.")
         })?;
-    let cameras = cameras_json::read_file(&file).map_err(|error| scene::bad_input(&error))?;
+    let (cameras, notes) =
+        cameras_json::read_file(&file).map_err(|error| scene::bad_input(&error))?;
+    // Each picture needs its camera: one that cannot see is not left out here.
+    if let Some(note) = notes.first() {
+        return Err(Failure::bad_input(format!("{}: {note}", file.display())));
+    }
     let mut names: Vec<&str> = cameras.iter().map(|camera| camera.name.as_str()).collect();
     names.sort_unstable();
     if let Some(pair) = names.windows(2).find(|pair| pair[0] == pair[1]) {

@@ -64,7 +64,7 @@ pub(super) fn load(
             .next("Give a frame in any format; c4d freeze SCENE -o FRAME makes one of a scene."));
         }
         let opened = still::open(&path, None, global, console)?;
-        let splats = opened.scene.at(opened.edit_time).map_err(Failure::bad_input)?;
+        let splats = opened.scene.at(opened.edit_time).map_err(Failure::input)?;
         let degree = input.splats.sh_degree;
         if splats.sh_degree > degree {
             console.note(format!(

@@ -85,9 +85,7 @@ pub struct AxesReading {
 impl AxesReading {
     /// What is assumed, a sentence; nothing if the file says which axes it has.
     pub fn assumption(&self) -> Option<String> {
-        (!self.stated).then(|| {
-            format!("the file does not state its axes; read as {}", self.axes)
-        })
+        (!self.stated).then(|| format!("the file does not state its axes; read as {}", self.axes))
     }
 }
 

@@ -172,7 +172,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         if flag("--save") {
             for (k, camera) in held_out.iter().enumerate() {
                 save(
-                    &format!("/tmp/edit/{}_{k}", case.name),
+                    &format!("{}_{k}", case.name),
                     &render(camera, &fitted.splats)?,
                     &render(camera, &edited)?,
                 );

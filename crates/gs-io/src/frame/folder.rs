@@ -60,7 +60,7 @@ fn decoded(uri: &str) -> String {
     String::from_utf8_lossy(&bytes).into_owned()
 }
 
-/// The file that [`read_file`] reads: the path itself, or the one in the folder.
+/// The file that [`read_file`](super::read_file) reads: the path itself, or the one in the folder.
 pub fn file_of(path: impl AsRef<Path>) -> PathBuf {
     let path = path.as_ref();
     let inside = if path.is_dir() { still_of(path) } else { None };

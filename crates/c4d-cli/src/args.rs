@@ -24,7 +24,7 @@ use std::path::PathBuf;
 const AFTER_HELP: &str = "\
 Exit codes: 0 done, 1 failed, 2 usage, 3 bad input file, 4 no such GPU, 6 finished with warnings under --strict, 130 interrupted.
 
-SCENE is a model folder of 4DGaussians or Swift4D, a folder or zip archive of numbered PLYs with persistent rows, a .splatv or .splat4d clip, or a RUN folder of `c4d propagate`.";
+SCENE is a trained scene (4DGaussians, Swift4D, Deformable-3D-Gaussians, SC-GS, Grid4D, DASH, E-D3DGS, native 4D Gaussians, FreeTimeGS, Spacetime Gaussians, Dynamic 3D Gaussians), a folder or zip archive of numbered PLYs with persistent rows, a .splatv or .splat4d clip, or a RUN folder of `c4d propagate`.";
 
 /// Carry an edit of one frame of a dynamic Gaussian-splat scene through all of time.
 #[derive(Debug, Parser)]

@@ -24,7 +24,9 @@ fn reading(asked: Option<CamerasAs>, opened: &Opened) -> Reading {
 }
 
 fn is_model(root: &Path) -> bool {
-    matches!(gs_io::detect(root), Ok(SceneKind::Model4dgs | SceneKind::Swift4d))
+    gs_io::detect(root).is_ok_and(|kind| {
+        kind.is_source() || matches!(kind, SceneKind::Model4dgs | SceneKind::Swift4d)
+    })
 }
 
 /// Reads the cameras for views of `opened` and says what was assumed. Their near plane is the reference's where they are read as

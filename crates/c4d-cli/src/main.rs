@@ -14,6 +14,7 @@ mod failure;
 mod field;
 mod frames;
 mod images;
+mod lifetimes;
 mod memory;
 mod model_flags;
 mod output;

@@ -6,7 +6,7 @@ use clap::ValueEnum;
 use gs_deform::IndexRule;
 use gs_io::model_folder::Overrides;
 use gs_io::repair::Damage;
-use gs_io::{Axes, SceneKind};
+use gs_io::{Axes, SceneKind, SourceOptions};
 
 const FLAGS_4DGS: &str = "Flags of 4DGaussians models: no_dx, no_ds, no_dr, no_do, no_dshs, apply_rotation (true or false) and grid_pe (a number).";
 const FLAGS_SWIFT4D: &str = "Flags of Swift4D models: activation (relu or none), index_rule (current or older), dynamic_thro, frames, time_divisor, n_levels, n_features_per_level, hashmap_size and base_resolution (numbers).";
@@ -56,6 +56,54 @@ pub(crate) fn overrides(global: &Global, kind: &SceneKind) -> Outcome<Overrides>
         })?;
     }
     Ok(overrides)
+}
+
+const FLAGS_OTHERS: &str = "Flags of other trained scenes: time_duration=START,END for native 4D Gaussians, in the unit of training (0,10 for Neural 3D Video, 0,1 for D-NeRF); bound (a number) for Grid4D and DASH without cfg_args.";
+
+/// What the user decided about a trained scene of another kind.
+pub(crate) fn source_options(global: &Global, kind: &SceneKind) -> Outcome<SourceOptions> {
+    let mut options = SourceOptions {
+        iteration: global.iteration,
+        damage: damage(global),
+        ..SourceOptions::default()
+    };
+    for setting in &global.set {
+        set_source(&mut options, kind, setting).map_err(|what| {
+            Failure::usage(format!("--set {setting}: {what}")).next(FLAGS_OTHERS)
+        })?;
+    }
+    Ok(options)
+}
+
+fn set_source(
+    options: &mut SourceOptions,
+    kind: &SceneKind,
+    setting: &str,
+) -> Result<(), &'static str> {
+    let (name, value) = setting.split_once('=').ok_or("expected FLAG=VALUE")?;
+    match (kind, name) {
+        (SceneKind::Gaussian4d, "time_duration") => {
+            let wrong = "expected START,END, two numbers, the second larger";
+            let (start, end) = value.split_once(',').ok_or(wrong)?;
+            let parse = |text: &str| text.trim().parse::<f64>().map_err(|_not_a_number| wrong);
+            let (start, end) = (parse(start)?, parse(end)?);
+            if !(start.is_finite() && end.is_finite() && start < end) {
+                return Err(wrong);
+            }
+            options.time_duration = Some([start, end]);
+            Ok(())
+        }
+        (SceneKind::Grid4d | SceneKind::Dash, "bound") => {
+            let wrong = "expected a positive number";
+            let bound = value.parse::<f32>().map_err(|_not_a_number| wrong)?;
+            if !(bound.is_finite() && bound > 0.0) {
+                return Err(wrong);
+            }
+            options.bound = Some(bound);
+            Ok(())
+        }
+        _ => Err("no such flag of this kind of scene"),
+    }
 }
 
 fn number<T: std::str::FromStr>(value: &str) -> Result<Option<T>, &'static str> {

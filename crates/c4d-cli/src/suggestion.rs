@@ -23,15 +23,18 @@ impl Needed {
     fn fits(self, kind: &SceneKind) -> bool {
         match self {
             Self::Frame => kind.is_frame(),
-            Self::Scene => matches!(
-                kind,
-                SceneKind::Model4dgs
-                    | SceneKind::Swift4d
-                    | SceneKind::PlySequence
-                    | SceneKind::Splatv
-                    | SceneKind::Splat4d
-                    | SceneKind::RunFolder
-            ),
+            Self::Scene => {
+                kind.is_source()
+                    || matches!(
+                        kind,
+                        SceneKind::Model4dgs
+                            | SceneKind::Swift4d
+                            | SceneKind::PlySequence
+                            | SceneKind::Splatv
+                            | SceneKind::Splat4d
+                            | SceneKind::RunFolder
+                    )
+            }
         }
     }
 }

@@ -16,23 +16,32 @@
     reason = "kernels must inline into the function that run-time dispatch compiles for the processor's vector instructions"
 )]
 
+mod deform_mlp;
+mod embedding;
 mod error;
 mod evaluate;
 pub mod frames;
+mod gaussian4d;
 mod hash_grid;
 mod head;
 mod hexplane;
 mod linear;
 mod mask;
 mod network;
+mod node_graph;
 mod polynomial;
 mod sampling;
 mod scene;
+mod shape;
+mod smooth_grid;
 mod static_scene;
 mod trace;
 mod trajectories;
 
+pub use deform_mlp::{DeformMlp, DeformMlpParts, MlpOutputs, MlpScene, Warp};
+pub use embedding::{EmbeddingScene, EmbeddingStage};
 pub use error::FieldError;
+pub use gaussian4d::{Gaussian4dScene, Gaussians4d};
 pub use hash_grid::{
     FieldBox, GridShape, HashGrid, HashGridField, HashGridNetwork, HashGridScene, IndexRule, Level,
 };
@@ -41,8 +50,13 @@ pub use hexplane::{HexPlane, PLANE_AXES, Plane};
 pub use linear::Linear;
 pub use mask::{EmptyVoxel, Mask};
 pub use network::{Component, Heads, HexPlaneField, HexPlaneNetwork};
-pub use polynomial::{Polynomial, PolynomialError, PolynomialScene};
+pub use node_graph::{NodeGraph, NodeGraphScene};
+pub use polynomial::{Polynomial, PolynomialError, PolynomialScene, Visibility};
 pub use scene::{DEFAULT_CACHE_LIMIT, HexPlaneScene};
+pub use shape::RasterizedShapes;
+pub use smooth_grid::{
+    Attention, SmoothGrid, SmoothGridField, SmoothGridNetwork, SmoothGridParts, SmoothGridScene,
+};
 pub use static_scene::StaticScene;
 pub use trace::Trace;
 pub use trajectories::{Trajectories, TrajectoryError};

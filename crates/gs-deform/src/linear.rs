@@ -88,6 +88,11 @@ impl Packed {
         Self { inputs, outputs, weights, bias }
     }
 
+    /// Number of inputs.
+    pub(crate) fn num_inputs(&self) -> usize {
+        self.inputs
+    }
+
     /// Floats of an output panel: outputs are padded to whole tiles.
     pub(crate) fn panel_len(&self) -> usize {
         self.bias.len() * TILE * PANEL

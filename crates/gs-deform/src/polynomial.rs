@@ -25,10 +25,10 @@ pub enum PolynomialError {
     /// The arrays of the splats disagree.
     #[error(transparent)]
     Splats(#[from] SplatsError),
-    /// Not one motion per splat.
-    #[error("polynomials: {found} motions for {expected} splats")]
+    /// Not one motion, or window, per splat.
+    #[error("polynomials: {found} motions or windows for {expected} splats")]
     Rows {
-        /// Motions.
+        /// Motions or windows.
         found: usize,
         /// Splats.
         expected: usize,
@@ -38,11 +38,25 @@ pub enum PolynomialError {
 /// Opacities stay inside (0,1) by this much, so that their logits are finite. Far below the 1/255 under which renderers skip.
 const OPACITY_MARGIN: f32 = 1e-6;
 
+/// Ends of fading, the same for all splats of a scene.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct Visibility {
+    /// Opacity below which none falls; 0 for none.
+    pub floor: f32,
+    /// A splat whose fading factor `exp(−(dt/width)²)` is not above this is not drawn; 0 for none.
+    pub cutoff: f32,
+}
+
 /// Splats at times 0 to 1, each moving along its own polynomial and fading in and out around its own time.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PolynomialScene {
     rest: Splats,
     motions: Vec<Polynomial>,
+    visibility: Visibility,
+    /// First and last time of each splat, the last excluded; empty if all are there all the time.
+    windows: Vec<[f32; 2]>,
+    clock: [f64; 2],
+    num_frames: Option<usize>,
 }
 
 impl PolynomialScene {
@@ -55,7 +69,56 @@ impl PolynomialScene {
         if motions.len() != rest.len() {
             return Err(PolynomialError::Rows { found: motions.len(), expected: rest.len() });
         }
-        Ok(Self { rest, motions })
+        Ok(Self {
+            rest,
+            motions,
+            visibility: Visibility::default(),
+            windows: Vec::new(),
+            clock: [0.0, 1.0],
+            num_frames: None,
+        })
+    }
+
+    /// The scene with these ends of fading.
+    #[must_use]
+    pub fn with_visibility(self, visibility: Visibility) -> Self {
+        Self { visibility, ..self }
+    }
+
+    /// The scene whose splats exist from the first time of their windows until before the last, `[N, 2]` in the time of the motions.
+    ///
+    /// # Errors
+    /// If there is not one per splat.
+    pub fn with_windows(self, windows: Vec<[f32; 2]>) -> Result<Self, PolynomialError> {
+        if windows.len() != self.rest.len() {
+            return Err(PolynomialError::Rows { found: windows.len(), expected: self.rest.len() });
+        }
+        Ok(Self { windows, ..self })
+    }
+
+    /// Whether a splat exists at a time of the motions' clock.
+    fn exists(&self, row: usize, t: f64) -> bool {
+        let within = |[first, last]: &[f32; 2]| f64::from(*first) <= t && t < f64::from(*last);
+        self.windows.get(row).is_none_or(within)
+    }
+
+    /// The scene with motions whose times are those of another clock: the scene's 0 to 1 are `start` to `end` there. So that times are
+    /// rounded once, by whoever stored them.
+    #[must_use]
+    pub fn with_clock(self, start: f64, end: f64) -> Self {
+        Self { clock: [start, end], ..self }
+    }
+
+    /// The scene with the number of frames it was made from.
+    #[must_use]
+    pub fn with_frames(self, num_frames: usize) -> Self {
+        Self { num_frames: Some(num_frames), ..self }
+    }
+
+    /// Time of the motions' clock at scene time `t`.
+    pub(crate) fn clock_time(&self, t: f32) -> f64 {
+        let [start, end] = self.clock;
+        start + f64::from(t) * (end - start)
     }
 
     /// The splats at their centres of time.
@@ -75,8 +138,8 @@ impl PolynomialScene {
 }
 
 impl Polynomial {
-    fn mean(&self, rest: [f32; 3], t: f32) -> [f32; 3] {
-        let dt = f64::from(t) - f64::from(self.centre);
+    fn mean(&self, rest: [f32; 3], t: f64) -> [f32; 3] {
+        let dt = t - f64::from(self.centre);
         [0, 1, 2].map(|k| {
             let [v1, v2, v3] = [0, 1, 2].map(|power| f64::from(self.velocity[power][k]));
             #[expect(clippy::cast_possible_truncation, reason = "positions are single precision")]
@@ -85,14 +148,23 @@ impl Polynomial {
         })
     }
 
-    fn quat(&self, rest: [f32; 4], t: f32) -> [f32; 4] {
-        let dt = t - self.centre;
+    /// Time since the centre, single precision.
+    fn since(&self, t: f64) -> f32 {
+        #[expect(clippy::cast_possible_truncation, reason = "rotations and opacities are single")]
+        let dt = (t - f64::from(self.centre)) as f32;
+        dt
+    }
+
+    fn quat(&self, rest: [f32; 4], t: f64) -> [f32; 4] {
+        let dt = self.since(t);
         quat::normalize([0, 1, 2, 3].map(|k| rest[k] + self.omega[k] * dt))
     }
 
-    fn logit(&self, rest: f32, t: f32) -> f32 {
-        let fade = (-((t - self.centre) / self.width).powi(2)).exp();
-        let opacity = activation::sigmoid(rest) * fade;
+    fn logit(&self, rest: f32, t: f64, visibility: Visibility) -> f32 {
+        let fade = (-(self.since(t) / self.width).powi(2)).exp();
+        let drawn = visibility.cutoff == 0.0 || fade > visibility.cutoff;
+        let opacity = if drawn { activation::sigmoid(rest) * fade } else { 0.0 };
+        let opacity = opacity.max(visibility.floor);
         activation::logit(opacity.clamp(OPACITY_MARGIN, 1.0 - OPACITY_MARGIN))
     }
 }
@@ -110,11 +182,19 @@ impl DynamicScene for PolynomialScene {
         TimeRange::UNIT
     }
 
+    fn num_frames(&self) -> Option<usize> {
+        self.num_frames
+    }
+
     fn at_into(&self, t: f32, out: &mut Splats) -> Result<(), SceneError> {
         self.geometry_into(t, out)?;
-        let logits = self.motions.par_iter().zip(&self.rest.opacity_logits);
+        let (t, visibility) = (self.clock_time(t), self.visibility);
+        let logits = self.motions.par_iter().zip(&self.rest.opacity_logits).enumerate();
         logits
-            .map(|(motion, &rest)| motion.logit(rest, t))
+            .map(|(row, (motion, &rest))| {
+                let rest = if self.exists(row, t) { rest } else { f32::NEG_INFINITY };
+                motion.logit(rest, t, visibility)
+            })
             .collect_into_vec(&mut out.opacity_logits);
         out.sh.clone_from(&self.rest.sh);
         out.sh_degree = self.rest.sh_degree;
@@ -123,6 +203,7 @@ impl DynamicScene for PolynomialScene {
 
     fn geometry_into(&self, t: f32, out: &mut Splats) -> Result<(), SceneError> {
         self.check(t)?;
+        let t = self.clock_time(t);
         let means = self.motions.par_iter().zip(&self.rest.means);
         means.map(|(motion, &rest)| motion.mean(rest, t)).collect_into_vec(&mut out.means);
         let quats = self.motions.par_iter().zip(&self.rest.quats);
@@ -172,6 +253,25 @@ mod tests {
         }
         let gone = one(1e-3).at(0.0).unwrap();
         assert!(gone.is_finite(0) && gone.opacity(0) < 1e-5, "gone, but finite");
+    }
+
+    #[test]
+    fn floor_cutoff_and_clock() {
+        let faded = |visibility| one(0.25).with_visibility(visibility).at(1.0).unwrap().opacity(0);
+        let exact = 0.5 * (-4.0_f32).exp();
+        assert!((faded(Visibility::default()) - exact).abs() < 1e-6, "neither");
+        assert!((faded(Visibility { floor: 0.1, cutoff: 0.0 }) - 0.1).abs() < 1e-6, "floor");
+        assert!(faded(Visibility { floor: 0.0, cutoff: 0.05 }) < 1e-5, "cut off");
+        assert!((faded(Visibility { floor: 0.0, cutoff: 0.01 }) - exact).abs() < 1e-6, "above");
+        let clock = one(0.5).with_clock(-0.5, 1.5).with_frames(7);
+        assert_eq!(clock.at(0.5).unwrap(), one(0.5).at(0.5).unwrap(), "the middle");
+        assert_eq!(clock.at(0.75).unwrap(), one(0.5).at(1.0).unwrap(), "its end is earlier");
+        assert_eq!(clock.num_frames(), Some(7), "frames");
+        let windowed = one(f32::INFINITY).with_windows(vec![[0.25, 0.75]]).unwrap();
+        let opacity = |t: f32| windowed.at(t).unwrap().opacity(0);
+        assert!((opacity(0.25) - 0.5).abs() < 1e-6, "from its first time on");
+        assert!(opacity(0.2) < 1e-5 && opacity(0.75) < 1e-5, "until before its last");
+        assert!(one(1.0).with_windows(Vec::new()).is_err(), "a window each");
     }
 
     #[test]

@@ -6,6 +6,7 @@ use crate::content::{
     Container, MANIFEST, MANIFEST_ENDING, NUMPY_ARCHIVE, TORCH_ARCHIVE, UnsupportedFormat,
     container, marks, shown,
 };
+use crate::deform_folder::{self, Method};
 use crate::error::IoError;
 use crate::frame;
 use crate::fs::list_names;
@@ -13,7 +14,7 @@ use crate::model_folder;
 use crate::ply::{self, PlyError};
 use crate::ply_sequence::find_frames;
 use crate::scene_kind::SceneKind;
-use crate::swift4d;
+use crate::{dynamic3dgs, ed3dgs, freetime, gaussian4d, gsplat, spacetime, swift4d};
 use std::path::Path;
 
 /// Names shown of a folder that is nothing known.
@@ -37,11 +38,31 @@ fn detect_folder(path: &Path) -> Result<SceneKind, IoError> {
     if has("c4d.toml") || has("scene.c4d") {
         return Ok(SceneKind::RunFolder);
     }
+    if let Some(method) = deform_folder::method_of(path) {
+        return Ok(match method {
+            Method::Deformable3dgs => SceneKind::Deformable3dgs,
+            Method::Scgs => SceneKind::Scgs,
+            Method::Grid4d => SceneKind::Grid4d,
+            Method::Dash => SceneKind::Dash,
+        });
+    }
+    if ed3dgs::looks_like_model(path) {
+        return Ok(SceneKind::Ed3dgs);
+    }
+    if dynamic3dgs::file_of(path).is_some() {
+        return Ok(SceneKind::Dynamic3dgs);
+    }
+    if gaussian4d::looks_like_model(path) {
+        return Ok(SceneKind::Gaussian4d);
+    }
     if swift4d::looks_like_model(path) {
         return Ok(SceneKind::Swift4d);
     }
-    if model_folder::still_model(path).is_some() {
-        return Ok(SceneKind::Model3dgs);
+    if let Some(ply) = model_folder::still_model(path) {
+        return Ok(match detect_ply(&ply) {
+            Ok(SceneKind::Spacetime) => SceneKind::Spacetime,
+            _ => SceneKind::Model3dgs,
+        });
     }
     if model_folder::looks_like_model(path) {
         return Ok(SceneKind::Model4dgs);
@@ -78,6 +99,9 @@ fn detect_file(path: &Path) -> Result<SceneKind, IoError> {
     if start.starts_with(&marks::SPLATV) {
         return Ok(SceneKind::Splatv);
     }
+    if start.starts_with(&marks::FOURDGS) {
+        return Ok(SceneKind::Fourdgs);
+    }
     if start.starts_with(&marks::SPLAT4D) {
         return Ok(SceneKind::Splat4d);
     }
@@ -93,7 +117,7 @@ fn detect_file(path: &Path) -> Result<SceneKind, IoError> {
         Container::Spz => Ok(SceneKind::Spz),
         Container::Splat => Ok(SceneKind::Splat),
         Container::Gltf => Ok(SceneKind::Gltf),
-        Container::Zip => Ok(detect_zip(path)),
+        Container::Zip => Ok(detect_torch(&start).unwrap_or_else(|| detect_zip(path))),
         Container::Unknown if path.to_string_lossy().ends_with(MANIFEST_ENDING) => {
             Ok(SceneKind::Unsupported(MANIFEST))
         }
@@ -107,11 +131,24 @@ fn detect_file(path: &Path) -> Result<SceneKind, IoError> {
 fn detect_ply(path: &Path) -> Result<SceneKind, IoError> {
     let read = ply::read_header_file(path);
     match read.and_then(|header| header.gaussians().map_err(IoError::ply(path))) {
+        Ok(layout) if spacetime::has_columns(&layout.extra_columns) => Ok(SceneKind::Spacetime),
+        Ok(layout) if freetime::has_columns(&layout.extra_columns) => Ok(SceneKind::FreeTime),
         Ok(_) => Ok(SceneKind::Ply),
         Err(IoError::Ply { source: PlyError::Compressed, .. }) => Ok(SceneKind::CompressedPly),
         Err(IoError::Ply { source, .. }) => Ok(SceneKind::OtherPly(source.to_string())),
         Err(other) => Err(other),
     }
+}
+
+/// A PyTorch archive that is a scene by itself.
+fn detect_torch(start: &[u8]) -> Option<SceneKind> {
+    if gaussian4d::is_checkpoint(start) {
+        return Some(SceneKind::Gaussian4d);
+    }
+    Some(match gsplat::contents(start)? {
+        gsplat::Contents::Still => SceneKind::Gsplat,
+        gsplat::Contents::Moving => SceneKind::FreeTime,
+    })
 }
 
 /// SOG, a sequence, or what else an archive holds.
@@ -131,6 +168,9 @@ fn detect_zip(path: &Path) -> SceneKind {
     }
     if names.iter().any(|name| name == "data.pkl" || name.ends_with("/data.pkl")) {
         return SceneKind::Unsupported(TORCH_ARCHIVE);
+    }
+    if dynamic3dgs::is_archive(&names) {
+        return SceneKind::Dynamic3dgs;
     }
     if !names.is_empty() && names.iter().all(|name| cameras::has_extension(name, "npy")) {
         return SceneKind::Unsupported(NUMPY_ARCHIVE);

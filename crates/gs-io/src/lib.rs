@@ -1,7 +1,8 @@
 //! Gaussian-splat file formats in and out.
 //!
 //! Promises: still frames of every common format ([`frame`]: 3DGS PLY, compressed PLY, `.splat`, `.spz`, `.sog`, glTF), sequences of them
-//! ([`ply_sequence`]), model folders of 4DGaussians ([`checkpoint4dgs`]) and Swift4D ([`swift4d`]), `.splatv` ([`splatv`]) and `.splat4d`
+//! ([`ply_sequence`]), model folders of 4DGaussians ([`checkpoint4dgs`]) and Swift4D ([`swift4d`]), trained scenes of other methods ([`open_source()`]),
+//! `.splatv` ([`splatv`]) and `.splat4d`
 //! ([`splat4d`]) in and out, OpenUSD ([`usda`]) out, each with what it does not keep ([`Losses`]), cameras and times of data sets ([`cameras`], [`cameras_json`]);
 //! [`detect()`] says what a path is. Readers survive any bytes:
 //! malformed input is an error that names the file, what was found and what to do, memory is bounded by a small multiple
@@ -21,28 +22,42 @@ pub mod checkpoint4dgs;
 mod clip;
 pub mod compressed_ply;
 mod content;
+mod deform_folder;
+pub mod deformable3dgs;
 mod detect;
+pub mod dynamic3dgs;
+pub mod ed3dgs;
 mod error;
+pub mod fourdgs_file;
 pub mod frame;
 mod frame_cache;
+pub mod freetime;
 mod fs;
+pub mod gaussian4d;
 pub mod gltf;
+pub mod grid4d;
+mod gsplat;
 mod losses;
 pub mod model_folder;
 mod open_scene;
+mod open_source;
 pub mod ply;
 pub mod ply_sequence;
 pub mod pth;
 pub mod repair;
 mod scene_kind;
+pub mod scgs;
 mod sh_error;
 pub mod sog;
+mod source;
+pub mod spacetime;
 pub mod splat4d;
 pub mod splat_file;
 pub mod splatv;
 pub mod spz;
 pub mod swift4d;
 pub mod usda;
+mod wrong_network;
 
 pub use archive::ZipError;
 pub use axes::{Axes, AxesReading};
@@ -56,7 +71,9 @@ pub use fs::{
 };
 pub use losses::Losses;
 pub use open_scene::{OpenOptions, OpenedScene, open_scene};
+pub use open_source::open_source;
 pub use scene_kind::SceneKind;
+pub use source::{Source, SourceOptions};
 
 #[cfg(doctest)]
 #[doc = include_str!("../README.md")]

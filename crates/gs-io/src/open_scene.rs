@@ -4,9 +4,11 @@ use crate::detect::detect;
 use crate::error::IoError;
 use crate::frame;
 use crate::model_folder::{self, Overrides};
+use crate::open_source::open_source;
 use crate::ply_sequence::{PlySequence, SequenceOptions};
 use crate::repair::{self, Damage};
 use crate::scene_kind::SceneKind;
+use crate::source::SourceOptions;
 use crate::{checkpoint4dgs, splat4d, splatv, swift4d};
 use gs_core::DynamicScene;
 use gs_deform::StaticScene;
@@ -20,6 +22,8 @@ const MAX_SHOWN: usize = 8;
 pub struct OpenOptions {
     /// For models of 4DGaussians and Swift4D.
     pub overrides: Overrides,
+    /// For other trained scenes; their iteration is that of `overrides`.
+    pub source: SourceOptions,
     /// For every kind.
     pub damage: Damage,
 }
@@ -37,7 +41,7 @@ pub struct OpenedScene {
     pub warnings: Vec<String>,
 }
 
-/// Opens a model of 4DGaussians or Swift4D, a sequence of frames, a `.splatv` or `.splat4d` file, or a single frame of any format (which never moves).
+/// Opens a trained scene, a sequence of frames, a `.splatv` or `.splat4d` file, or a single frame of any format (which never moves).
 ///
 /// # Errors
 /// If the path is something else, or as the readers of its kind.
@@ -88,12 +92,34 @@ pub fn open_scene(path: impl AsRef<Path>, options: &OpenOptions) -> Result<Opene
             warnings.extend(damaged(read.repair));
             Box::new(read.scene)
         }
+        SceneKind::Deformable3dgs
+        | SceneKind::Scgs
+        | SceneKind::Grid4d
+        | SceneKind::Dash
+        | SceneKind::Ed3dgs
+        | SceneKind::Dynamic3dgs
+        | SceneKind::Spacetime
+        | SceneKind::FreeTime
+        | SceneKind::Fourdgs
+        | SceneKind::Gaussian4d => {
+            let source_options = SourceOptions {
+                iteration: options.overrides.iteration,
+                damage: options.damage,
+                ..options.source
+            };
+            let source = open_source(path, &kind, &source_options)?;
+            warnings.extend(source.warnings);
+            warnings.extend(source.notes);
+            warnings.extend(damaged(source.repair));
+            source.scene
+        }
         SceneKind::Ply
         | SceneKind::CompressedPly
         | SceneKind::Splat
         | SceneKind::Spz
         | SceneKind::Sog
         | SceneKind::Gltf
+        | SceneKind::Gsplat
         | SceneKind::EditorFolder
         | SceneKind::Model3dgs
         | SceneKind::OtherPly(_) => {
@@ -115,7 +141,7 @@ pub fn open_scene(path: impl AsRef<Path>, options: &OpenOptions) -> Result<Opene
             return Err(IoError::content(
                 path,
                 format!(
-                    "is not a scene ({kind}); expected a model folder of 4DGaussians or Swift4D, numbered frames in a folder or zip archive, a .splatv or .splat4d clip, or one frame (PLY, .splat, .spz, .sog, .glb)"
+                    "is not a scene ({kind}); expected a trained dynamic scene (a model folder or checkpoint), numbered frames in a folder or zip archive, a .splatv or .splat4d clip, or one frame (PLY, .splat, .spz, .sog, .glb)"
                 ),
             ));
         }

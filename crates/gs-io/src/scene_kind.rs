@@ -11,6 +11,26 @@ pub enum SceneKind {
     Model4dgs,
     /// A model folder of Swift4D.
     Swift4d,
+    /// A model folder of Deformable-3D-Gaussians, or of a method that saves its models in that form.
+    Deformable3dgs,
+    /// A model folder of SC-GS.
+    Scgs,
+    /// A model folder of Grid4D.
+    Grid4d,
+    /// A model folder of DASH.
+    Dash,
+    /// A model folder of E-D3DGS.
+    Ed3dgs,
+    /// `params.npz` of Dynamic 3D Gaussians, or the folder that holds it.
+    Dynamic3dgs,
+    /// A PLY of Spacetime Gaussians, or a model folder with one.
+    Spacetime,
+    /// A PLY or checkpoint of FreeTimeGS.
+    FreeTime,
+    /// A `.4dgs` container.
+    Fourdgs,
+    /// A checkpoint of native 4D Gaussians, or a model folder with one.
+    Gaussian4d,
     /// A model folder of plain 3DGS, whose newest save is one frame.
     Model3dgs,
     /// Numbered frames in a folder or a zip archive.
@@ -27,6 +47,8 @@ pub enum SceneKind {
     Sog,
     /// A `.glb` or `.gltf` frame.
     Gltf,
+    /// A checkpoint of gsplat's trainers with one frame.
+    Gsplat,
     /// A folder in which an editor left a frame.
     EditorFolder,
     /// A PLY file of something else; why it is no Gaussian scene.
@@ -53,6 +75,16 @@ impl Display for SceneKind {
         match self {
             Self::Model4dgs => f.write_str("4DGaussians model folder"),
             Self::Swift4d => f.write_str("Swift4D model folder"),
+            Self::Deformable3dgs => f.write_str("Deformable-3D-Gaussians model folder"),
+            Self::Scgs => f.write_str("SC-GS model folder"),
+            Self::Grid4d => f.write_str("Grid4D model folder"),
+            Self::Dash => f.write_str("DASH model folder"),
+            Self::Ed3dgs => f.write_str("E-D3DGS model folder"),
+            Self::Dynamic3dgs => f.write_str("Dynamic 3D Gaussians (params.npz)"),
+            Self::Spacetime => f.write_str("Spacetime Gaussians"),
+            Self::FreeTime => f.write_str("FreeTimeGS scene"),
+            Self::Fourdgs => f.write_str("animated splats (.4dgs)"),
+            Self::Gaussian4d => f.write_str("native 4D Gaussians checkpoint"),
             Self::Model3dgs => f.write_str("3DGS model folder (static, no deformation)"),
             Self::PlySequence => f.write_str("PLY sequence"),
             Self::Ply => f.write_str("3D Gaussian PLY"),
@@ -61,6 +93,7 @@ impl Display for SceneKind {
             Self::Spz => f.write_str("SPZ frame"),
             Self::Sog => f.write_str("SOG frame"),
             Self::Gltf => f.write_str("glTF frame"),
+            Self::Gsplat => f.write_str("gsplat checkpoint"),
             Self::EditorFolder => f.write_str("folder with one edited frame"),
             Self::OtherPly(what) => f.write_str(what),
             Self::Splatv => f.write_str("animated splats (.splatv)"),
@@ -87,8 +120,26 @@ impl SceneKind {
                 | Self::Spz
                 | Self::Sog
                 | Self::Gltf
+                | Self::Gsplat
                 | Self::EditorFolder
                 | Self::Model3dgs
+        )
+    }
+
+    /// Whether it is a trained dynamic scene that [`crate::open_source`] reads.
+    pub fn is_source(&self) -> bool {
+        matches!(
+            self,
+            Self::Deformable3dgs
+                | Self::Scgs
+                | Self::Grid4d
+                | Self::Dash
+                | Self::Ed3dgs
+                | Self::Dynamic3dgs
+                | Self::Spacetime
+                | Self::FreeTime
+                | Self::Fourdgs
+                | Self::Gaussian4d
         )
     }
 }

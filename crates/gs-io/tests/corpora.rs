@@ -33,6 +33,7 @@ targets! {
     cameras_json "../../../fuzz/fuzz_targets/cameras_json.rs",
     cfg_args "../../../fuzz/fuzz_targets/cfg_args.rs",
     colmap "../../../fuzz/fuzz_targets/colmap.rs",
+    deform_network "../../../fuzz/fuzz_targets/deform_network.rs",
     frame "../../../fuzz/fuzz_targets/frame.rs",
     gltf "../../../fuzz/fuzz_targets/gltf.rs",
     model_folder "../../../fuzz/fuzz_targets/model_folder.rs",
@@ -45,6 +46,7 @@ targets! {
     splatv "../../../fuzz/fuzz_targets/splatv.rs",
     spz_plain "../../../fuzz/fuzz_targets/spz_plain.rs",
     swift4d "../../../fuzz/fuzz_targets/swift4d.rs",
+    trained_scene "../../../fuzz/fuzz_targets/trained_scene.rs",
 }
 
 #[test]
@@ -70,6 +72,8 @@ fn kept_inputs_still_pass() {
     std::fs::remove_file(left("gs-io-fuzz-").with_added_extension("zip")).unwrap();
     std::fs::remove_dir_all(left("gs-io-fuzz-swift4d-")).unwrap();
     std::fs::remove_dir_all(left("gs-io-fuzz-model-")).unwrap();
+    std::fs::remove_dir_all(left("gs-io-fuzz-deform-")).unwrap();
+    std::fs::remove_file(left("gs-io-fuzz-trained-")).unwrap();
 }
 
 /// Seconds that each target gets in the ordinary suite; `C4D_FUZZ_SECONDS` asks for more.

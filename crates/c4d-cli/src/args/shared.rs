@@ -59,7 +59,7 @@ pub(crate) struct ModelFlags {
     pub(crate) iteration: Option<u64>,
     /// Override a flag of `cfg_args` or one that is in no file, for example `no_dshs=true`; 4DGS: no_dx, no_ds, no_dr, no_do, no_dshs,
     /// apply_rotation, grid_pe; Swift4D: activation, index_rule, dynamic_thro, frames, time_divisor, n_levels, n_features_per_level,
-    /// hashmap_size, base_resolution; sequences of SPZ or glTF: axes (ply, rub, luf)
+    /// hashmap_size, base_resolution; native 4D Gaussians: time_duration=START,END; Grid4D and DASH: bound; sequences of SPZ or glTF: axes (ply, rub, luf)
     #[arg(long = "set", value_name = "FLAG=VALUE")]
     pub(crate) set: Vec<String>,
 }

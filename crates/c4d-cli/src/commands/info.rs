@@ -5,6 +5,7 @@ mod products;
 use crate::args::{AxesArg, Global, InfoArgs};
 use crate::console::Console;
 use crate::failure::{Failure, Outcome, chain};
+use crate::lifetimes::Lifetimes;
 use crate::scene::{self, Opened};
 use gs_core::sh::C0;
 use gs_core::{Precision, RowPrecision, Splats};
@@ -29,7 +30,7 @@ pub(crate) fn run(args: &InfoArgs, global: &Global, console: &Console) -> Outcom
 }
 
 /// What there is to read.
-const READS: &str = "c4d reads 4DGS model folders (point_cloud/iteration_N with point_cloud.ply and deformation.pth), Swift4D model folders (the same with FDHash.pth), numbered frames in a folder or zip archive, .splatv and .splat4d clips, single frames (PLY, compressed PLY, .splat, .spz, .sog, .glb, or the folder of a 3DGS model), its own runs, and cameras of data sets.";
+const READS: &str = "c4d reads 4DGS model folders (point_cloud/iteration_N with point_cloud.ply and deformation.pth), Swift4D model folders (the same with FDHash.pth), model folders of Deformable-3D-Gaussians, SC-GS, Grid4D and DASH (deform/iteration_N/deform.pth beside point_cloud) and E-D3DGS, checkpoints of native 4D Gaussians (chkpnt*.pth) and FreeTimeGS (.pt, .ftgs.ply), PLYs of Spacetime Gaussians, params.npz of Dynamic 3D Gaussians, numbered frames in a folder or zip archive, .splatv and .splat4d clips, single frames (PLY, compressed PLY, .splat, .spz, .sog, .glb, or the folder of a 3DGS model), its own runs, and cameras of data sets.";
 
 /// What to do with a PLY that is none of ours.
 const OTHER_PLY: &str = "Export a PLY of 3D Gaussians from the program that made this one, or copy the file again if it is cut short.";
@@ -43,6 +44,7 @@ fn report(args: &InfoArgs, global: &Global, console: &Console) -> Outcome {
     let kind = gs_io::detect(path).map_err(|error| scene::bad_input(&error))?;
     let report = match &kind {
         _ if kind.is_frame() => frame(path, &kind, args.axes)?,
+        _ if kind.is_source() => dynamic(&scene::open(path, global, console)?)?,
         SceneKind::Model4dgs
         | SceneKind::Swift4d
         | SceneKind::PlySequence
@@ -92,13 +94,16 @@ fn within(path: &Path) -> Option<String> {
     const DEPTH: usize = 4;
     let path = path.canonicalize().ok().filter(|path| path.is_file())?;
     let known = |folder: &&Path| {
-        matches!(
-            gs_io::detect(folder),
-            Ok(SceneKind::Model4dgs
-                | SceneKind::Swift4d
-                | SceneKind::RunFolder
-                | SceneKind::Cameras(_))
-        )
+        gs_io::detect(folder).is_ok_and(|kind| {
+            let named = matches!(
+                kind,
+                SceneKind::Model4dgs
+                    | SceneKind::Swift4d
+                    | SceneKind::RunFolder
+                    | SceneKind::Cameras(_)
+            );
+            named || kind.is_source()
+        })
     };
     let folder = path.ancestors().skip(1).take(DEPTH).filter(known).last()?;
     let kind = gs_io::detect(folder).ok()?;
@@ -329,8 +334,12 @@ fn dynamic(opened: &Opened) -> Outcome<Report> {
     }
     let splats = opened.scene.at(range.start).map_err(Failure::input)?;
     describe(&mut report, &splats);
+    if let Some(lifetimes) = Lifetimes::of(&*opened.scene, opened.edit_time)? {
+        report.add("visible", json!(lifetimes.describe()));
+    }
     report.add("up", json!(opened.up));
-    if matches!(opened.kind, SceneKind::Model4dgs | SceneKind::Swift4d) {
+    let is_model = matches!(opened.kind, SceneKind::Model4dgs | SceneKind::Swift4d);
+    if is_model || (opened.kind.is_source() && opened.path.is_dir()) {
         report.add("cameras", json!(cameras_of_model(&opened.path)));
     }
     report.add(

@@ -6,6 +6,7 @@ use crate::console::Console;
 use crate::edited_axes;
 use crate::failure::{Failure, Outcome, chain};
 use crate::field::NetworkField;
+use crate::lifetimes::Lifetimes;
 use crate::model_flags::damage;
 use crate::output::{existing, output_failure, refuse_overlap};
 use crate::ply_comments::TIME_COMMENT;
@@ -87,6 +88,13 @@ pub(crate) fn propagate(
         args.time
     ));
     placement::warn_if_coarse(&Extent::of(&source_splats), console);
+    if let Some(lifetimes) = Lifetimes::of(&*source.scene, args.time)?.filter(Lifetimes::is_partial)
+    {
+        console.note(format!(
+            "{}: the edit reaches these, and fades where others take their place",
+            lifetimes.describe()
+        ));
+    }
     if args.dry_run {
         let (before, after) = ((&source, &source_splats), (&edited, &options.identity));
         return dry_run::show(args, before, after, global, console);

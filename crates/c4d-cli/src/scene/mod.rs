@@ -5,9 +5,12 @@ mod bad_input;
 mod hostile;
 mod open;
 mod opened;
+mod repaired;
 mod run;
+mod trained;
 
 pub(crate) use bad_input::bad_input;
-pub(crate) use open::{open, open_run, refuse_model_flags, say_repair};
+pub(crate) use open::{open, open_run, refuse_model_flags};
 pub(crate) use opened::{Opened, UP_CAPTURED};
+pub(crate) use repaired::say_repair;
 pub(crate) use run::Run;

@@ -1,6 +1,7 @@
 //! Opening SCENE: a model folder of 4DGS or Swift4D, a sequence of frames, a `.splatv` or `.splat4d` clip, or a run of ours.
 
-use super::{Opened, Run, UP_CAPTURED, bad_input};
+use super::repaired::say_repair;
+use super::{Opened, Run, UP_CAPTURED, bad_input, trained};
 use crate::args::Global;
 use crate::console::Console;
 use crate::failure::{Failure, Outcome};
@@ -15,14 +16,13 @@ use gs_core::DynamicScene;
 use gs_io::checkpoint4dgs;
 use gs_io::model_folder::{ModelReport, ModelScene};
 use gs_io::ply_sequence::{PlySequence, SequenceOptions};
-use gs_io::repair::{Damage, RepairReport};
 use gs_io::{IoError, SceneKind, swift4d};
 use std::path::Path;
 use std::path::PathBuf;
 use std::sync::Arc;
 
 /// What a scene may be.
-const SCENES: &str = "SCENE is a 4DGS or Swift4D model folder, numbered frames in a folder or zip archive, a .splatv or .splat4d clip, or a run folder.";
+const SCENES: &str = "SCENE is a trained scene (model folder, checkpoint or PLY of 4DGaussians, Swift4D, Deformable-3D-Gaussians, SC-GS, Grid4D, DASH, E-D3DGS, native 4D Gaussians, FreeTimeGS, Spacetime Gaussians or Dynamic 3D Gaussians), numbered frames in a folder or zip archive, a .splatv, .splat4d or .4dgs clip, or a run folder.";
 /// Share of the distance between unrelated rows above which the rows of a sequence do not persist.
 const MAX_DRIFT: f32 = 0.3;
 /// D-NeRF scenes: z points up.
@@ -43,7 +43,9 @@ pub(crate) fn open(path: &Path, global: &Global, console: &Console) -> Outcome<O
 pub(crate) fn refuse_model_flags(path: &Path, iteration: Option<u64>) -> Outcome {
     match gs_io::detect(path) {
         Ok(SceneKind::PlySequence) if iteration.is_none() => Ok(()),
-        Ok(kind) if !matches!(kind, SceneKind::Model4dgs | SceneKind::Swift4d) => {
+        Ok(kind)
+            if !matches!(kind, SceneKind::Model4dgs | SceneKind::Swift4d) && !kind.is_source() =>
+        {
             Err(Failure::usage(format!(
                 "--iteration and --set apply to model folders (a sequence takes --set axes=…); {} is not one ({kind})",
                 path.display()
@@ -68,16 +70,17 @@ fn open_within(
         kind @ (SceneKind::Model4dgs | SceneKind::Swift4d) => {
             open_model(path, kind, global, console)
         }
+        kind if kind.is_source() => trained::open(path, kind, global, console),
         SceneKind::PlySequence => open_sequence(path, global, console),
         SceneKind::Splatv => open_splatv(path, global, console),
         SceneKind::Splat4d => open_splat4d(path, global, console),
         SceneKind::RunFolder => open_edited(path, runs, global, console),
         kind @ SceneKind::Model3dgs => Err(Failure::bad_input(format!(
-            "{} is a {kind}: no save of it has a deformation.pth",
+            "{} is a {kind}: no save of it has a deformation",
             path.display()
         ))
         .next(format!(
-            "If it is a 4DGaussians model, copy deformation.pth beside its point_cloud.ply. As an edited frame: c4d propagate SCENE --edited {}. {SCENES}",
+            "If it is a 4DGaussians model, copy deformation.pth beside its point_cloud.ply; of Deformable-3D-Gaussians and methods like it, copy the folder deform beside point_cloud. As an edited frame: c4d propagate SCENE --edited {}. {SCENES}",
             path.display()
         ))),
         kind if kind.is_frame() => Err(Failure::bad_input(format!(
@@ -242,16 +245,6 @@ fn open_sequence(path: &Path, global: &Global, console: &Console) -> Outcome<Ope
         facts,
         files,
     })
-}
-
-/// Says what was done with damaged rows and with infinities that have a meaning.
-pub(crate) fn say_repair(path: &Path, report: RepairReport, global: &Global, console: &Console) {
-    if let Some(warning) = report.warning(damage(global) == Damage::Drop) {
-        console.warn(format!("{}: {warning}", path.display()));
-    }
-    if let Some(note) = report.infinities.note() {
-        console.note(format!("{}: {note}", path.display()));
-    }
 }
 
 fn open_splatv(path: &Path, global: &Global, console: &Console) -> Outcome<Opened> {

@@ -15,5 +15,6 @@ mod main_job;
 mod moved_edits;
 mod operations;
 mod placement;
+mod sources;
 mod support;
 mod swift4d;

@@ -14,5 +14,7 @@ pub(crate) const GLB: [u8; 4] = *b"glTF";
 pub(crate) const SPLATV: [u8; 4] = 0x674B_u32.to_le_bytes();
 /// `.splat4d`.
 pub(crate) const SPLAT4D: [u8; 4] = *b"SP4D";
+/// `.4dgs`.
+pub(crate) const FOURDGS: [u8; 5] = *b"\x894DGS";
 /// An array of NumPy.
 pub(crate) const NPY: [u8; 6] = *b"\x93NUMPY";

@@ -31,12 +31,7 @@ const KNOWN: [UnsupportedFormat; 22] = [
         "It opens in usdview, Omniverse and other programs with OpenUSD 26 or newer. It is an end product: keep the scene or run that it was made from, to edit and export again.",
     ),
     known(0, b"PXR-USDC", "a binary USD", USD),
-    known(
-        0,
-        b"\x894DGS",
-        "a .4dgs clip",
-        "Export it as a PLY sequence from the program that made it.",
-    ),
+    known(0, b"\x894DGS", "a .4dgs clip", "Copy it again: it should open as a scene."),
     known(4, b"ftyp", "an MP4 video", END),
     known(8, b"WEBP", "a WebP image or clip", END),
     known(0, b"GIF8", "a GIF image or clip", END),
@@ -78,7 +73,7 @@ pub(crate) const NUMPY_ARCHIVE: UnsupportedFormat = known(
     0,
     b"",
     "a NumPy archive",
-    "Of arrays, c4d reads poses_bounds.npy only: export the splats as PLY from the program that made them.",
+    "Of NumPy files, c4d reads poses_bounds.npy and the params.npz of Dynamic 3D Gaussians: export the splats as PLY from the program that made them.",
 );
 
 /// What `c4d export` writes beside a sequence; text, so its name says it.

@@ -51,6 +51,14 @@ pub enum FrameError {
         /// What was found, and what was expected.
         what: String,
     },
+    /// A scene that moves.
+    #[error(
+        "is a moving scene ({what}), expected one frame; give it as the scene, `c4d freeze` writes a frame of it"
+    )]
+    Moving {
+        /// Of which method.
+        what: &'static str,
+    },
     /// No rows.
     #[error("the {format} contains no Gaussians; export it again without removing everything")]
     Empty {

@@ -23,6 +23,8 @@ pub enum FrameFormat {
     Sog,
     /// `.glb` or `.gltf` with `KHR_gaussian_splatting`.
     Gltf,
+    /// A checkpoint of gsplat's trainers.
+    Gsplat,
 }
 
 impl Display for FrameFormat {
@@ -34,6 +36,7 @@ impl Display for FrameFormat {
             Self::Spz(version) => write!(f, "SPZ version {version}"),
             Self::Sog => f.write_str("SOG"),
             Self::Gltf => f.write_str("glTF"),
+            Self::Gsplat => f.write_str("gsplat checkpoint"),
         }
     }
 }

@@ -7,7 +7,9 @@ use crate::content::{Container, container, shown};
 use crate::error::IoError;
 use crate::fs::read_bytes;
 use crate::ply::{self, Header, PlyError};
-use crate::{compressed_ply, gltf, model_folder, sog, splat_file, spz};
+use crate::{
+    compressed_ply, freetime, gltf, gsplat, model_folder, sog, spacetime, splat_file, spz,
+};
 use std::path::Path;
 
 /// Reads a frame of any format.
@@ -22,6 +24,9 @@ pub fn read(bytes: &[u8]) -> Result<Frame, FrameError> {
                 return compressed_ply::read(bytes);
             }
             let read = ply::read(bytes)?;
+            if let Some(what) = moving(&read.extra_columns) {
+                return Err(FrameError::Moving { what });
+            }
             let mut notes = read.notes;
             if !read.extra_columns.is_empty() {
                 notes.push(format!("columns not used: {}", read.extra_columns.join(", ")));
@@ -36,6 +41,14 @@ pub fn read(bytes: &[u8]) -> Result<Frame, FrameError> {
             })
         }
         Container::Spz => spz::read(bytes),
+        Container::Zip if gsplat::contents(bytes).is_some() => Ok(Frame {
+            splats: gsplat::read(bytes)?,
+            format: FrameFormat::Gsplat,
+            precision: None,
+            axes: None,
+            notes: Vec::new(),
+            comments: Vec::new(),
+        }),
         Container::Zip => sog::read(bytes),
         Container::Splat => splat_file::read(bytes),
         Container::Gltf => gltf::read(bytes, &|uri| {
@@ -43,6 +56,14 @@ pub fn read(bytes: &[u8]) -> Result<Frame, FrameError> {
         }),
         Container::Unknown => Err(FrameError::Unknown { found: shown(bytes) }),
     }
+}
+
+/// The method of which a PLY with these further columns is a moving scene: its other columns are no frame of it.
+fn moving(extra_columns: &[String]) -> Option<&'static str> {
+    if spacetime::has_columns(extra_columns) {
+        return Some("Spacetime Gaussians");
+    }
+    freetime::has_columns(extra_columns).then_some("FreeTimeGS")
 }
 
 /// Reads a frame from a file, or from the folder an editor left: the `save/last.ply` of a GaussianEditor or DGE run, the

@@ -13,6 +13,6 @@ pub use error::PlyError;
 pub use file::{read_file, read_header_file, write_file};
 pub use header::{Element, Encoding, Header, Property, PropertyKind, Scalar};
 pub use layout::Layout;
-pub use read::{PlySplats, read, read_column};
+pub use read::{PlySplats, read, read_column, read_columns};
 pub(crate) use rows::Cursor;
 pub use write::{WriteOptions, write};

@@ -60,25 +60,39 @@ pub fn read(bytes: &[u8]) -> Result<PlySplats, PlyError> {
 /// # Errors
 /// If the file is malformed or has no such column.
 pub fn read_column(bytes: &[u8], name: &str) -> Result<Vec<f32>, PlyError> {
+    Ok(read_columns(bytes, &[name])?.swap_remove(0))
+}
+
+/// Reads some numeric columns of the vertices, `[columns][rows]`.
+///
+/// # Errors
+/// If the file is malformed, or lacks one of the columns.
+pub fn read_columns(bytes: &[u8], names: &[impl AsRef<str>]) -> Result<Vec<Vec<f32>>, PlyError> {
     let header = Header::parse(bytes)?;
     let found = header.elements.iter().enumerate().find(|(_, element)| element.name == "vertex");
-    let column = found.and_then(|(index, element)| {
+    let properties = found.map_or(&[][..], |(_, element)| &element.properties);
+    let position = |name: &str| {
         let is_wanted =
             |p: &super::Property| p.name == name && matches!(p.kind, PropertyKind::Scalar(_));
-        element.properties.iter().position(is_wanted).map(|column| (index, element, column))
-    });
-    let Some((index, element, column)) = column else {
-        let names = found.map_or(Vec::new(), |(_, element)| {
-            element.properties.iter().map(|property| property.name.clone()).collect()
-        });
-        return Err(PlyError::NoColumn { name: name.to_owned(), found: names });
+        properties.iter().position(is_wanted).ok_or_else(|| PlyError::NoColumn {
+            name: name.to_owned(),
+            found: properties.iter().map(|property| property.name.clone()).collect(),
+        })
     };
+    let places: Vec<usize> =
+        names.iter().map(|name| position(name.as_ref())).collect::<Result<_, _>>()?;
+    let mut columns = vec![Vec::new(); places.len()];
+    let Some((index, element)) = found.filter(|_| !places.is_empty()) else { return Ok(columns) };
     let mut cursor = Cursor::at_element(&header, bytes, index)?;
     cursor.check_fits(element)?;
     let mut row = Vec::new();
-    (0..element.count)
-        .map(|i| cursor.read_row(element, i, &mut row).map(|()| single(row[column])))
-        .collect()
+    for i in 0..element.count {
+        cursor.read_row(element, i, &mut row)?;
+        for (column, &place) in columns.iter_mut().zip(&places) {
+            column.push(single(row[place]));
+        }
+    }
+    Ok(columns)
 }
 
 #[expect(clippy::cast_possible_truncation, reason = "Gaussians are single precision")]

@@ -5,6 +5,7 @@
 //! views of the file until asked for. Memory is bounded by a small multiple of the file.
 
 mod error;
+mod layers;
 mod names;
 mod pickle;
 mod root;
@@ -12,7 +13,9 @@ mod tensor;
 mod write;
 
 pub use error::PthError;
+pub(crate) use layers::Layers;
 pub use names::beside;
+pub(crate) use pickle::Integers;
 pub use root::Root;
 pub use tensor::{Dtype, Tensor};
 pub use write::{NamedTensor, write};
@@ -30,6 +33,11 @@ const LEGACY: [u8; 8] = [0x80, 0x02, 0x8a, 0x0a, 0x6c, 0xfc, 0x9c, 0x46];
 /// # Errors
 /// Says what is wrong with the container, the pickle or a tensor.
 pub fn read(bytes: &[u8]) -> Result<Root<'_>, PthError> {
+    Ok(read_with_integers(bytes)?.0)
+}
+
+/// As [`read`], and the integers and flags of the outermost dictionary.
+pub(crate) fn read_with_integers(bytes: &[u8]) -> Result<(Root<'_>, Integers), PthError> {
     if bytes.starts_with(&LEGACY) {
         return Err(PthError::Legacy);
     }

@@ -24,7 +24,7 @@ enum Name<'a> {
 #[derive(Debug, Clone, Copy)]
 enum Value<'a> {
     None,
-    Bool,
+    Bool(bool),
     Int(i64),
     /// A number or bytes of no interest.
     Plain,
@@ -53,6 +53,9 @@ enum Node<'a> {
     },
 }
 
+/// Integers and flags (0 or 1) of the outermost dictionary, by name.
+pub(crate) type Integers = BTreeMap<String, i64>;
+
 /// Looks up the bytes of a storage by its key.
 type Storages<'a, 'f> = &'f dyn Fn(&str) -> Option<&'a [u8]>;
 
@@ -65,8 +68,11 @@ struct Machine<'a, 'f> {
     storages: Storages<'a, 'f>,
 }
 
-/// Runs the pickle and takes the tensors from its result.
-pub(super) fn load<'a>(bytes: &'a [u8], storages: Storages<'a, '_>) -> Result<Root<'a>, PthError> {
+/// Runs the pickle and takes the tensors from its result, and the integers beside them.
+pub(super) fn load<'a>(
+    bytes: &'a [u8],
+    storages: Storages<'a, '_>,
+) -> Result<(Root<'a>, Integers), PthError> {
     let mut machine = Machine {
         bytes,
         at: 0,
@@ -77,7 +83,8 @@ pub(super) fn load<'a>(bytes: &'a [u8], storages: Storages<'a, '_>) -> Result<Ro
     };
     while !machine.step()? {}
     let root = machine.pop()?;
-    machine.root(root)
+    let integers = machine.integers(root);
+    Ok((machine.root(root)?, integers))
 }
 
 impl<'a> Machine<'a, '_> {
@@ -181,7 +188,7 @@ impl<'a> Machine<'a, '_> {
             b'.' => return Ok(true),
             b'(' => self.stack.push(Value::Mark),
             b'N' => self.stack.push(Value::None),
-            0x88 | 0x89 => self.stack.push(Value::Bool),
+            0x88 | 0x89 => self.stack.push(Value::Bool(opcode == 0x88)),
             b'K' => {
                 let value = self.byte()?;
                 self.stack.push(Value::Int(value.into()));
@@ -443,6 +450,17 @@ impl<'a> Machine<'a, '_> {
             }
             _ => Err(self.error("a tensor without a storage")),
         }
+    }
+
+    fn integers(&self, root: Value<'a>) -> Integers {
+        let Value::Node(index) = root else { return Integers::new() };
+        let Node::Dict(items) = &self.arena[index] else { return Integers::new() };
+        let named = |&(key, value): &(Value<'a>, Value<'a>)| match (key, value) {
+            (Value::Text(name), Value::Int(value)) => Some((name.to_owned(), value)),
+            (Value::Text(name), Value::Bool(value)) => Some((name.to_owned(), value.into())),
+            _ => None,
+        };
+        items.iter().filter_map(named).collect()
     }
 
     fn root(self, root: Value<'a>) -> Result<Root<'a>, PthError> {

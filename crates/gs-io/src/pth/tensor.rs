@@ -155,22 +155,27 @@ impl<'a> Tensor<'a> {
 
     /// All elements as `f32`, row-major (last axis fastest); doubles and integers are rounded, booleans are 0 or 1.
     pub fn to_f32s(&self) -> Vec<f32> {
+        #[expect(clippy::cast_possible_truncation, reason = "rounding to single is asked for")]
+        self.map(|value| value as f32)
+    }
+
+    /// All elements as `f64`, row-major; integers beyond 2⁵³ are rounded.
+    pub fn to_f64s(&self) -> Vec<f64> {
+        self.map(|value| value)
+    }
+
+    fn map<T>(&self, convert: impl Fn(f64) -> T) -> Vec<T> {
         let count = self.len();
         let size = self.dtype.size();
         if self.is_contiguous() {
             let elements = self.bytes[..count * size].chunks_exact(size);
-            #[expect(
-                clippy::cast_possible_truncation,
-                reason = "rounding to single is asked for"
-            )]
-            return elements.map(|raw| self.dtype.read(raw) as f32).collect();
+            return elements.map(|raw| convert(self.dtype.read(raw))).collect();
         }
         let mut out = Vec::with_capacity(count);
         let mut index = vec![0; self.shape.len()];
         for _ in 0..count {
             let at: usize = index.iter().zip(&self.strides).map(|(i, stride)| i * stride).sum();
-            #[expect(clippy::cast_possible_truncation, reason = "rounding to single is asked for")]
-            out.push(self.dtype.read(&self.bytes[at * size..]) as f32);
+            out.push(convert(self.dtype.read(&self.bytes[at * size..])));
             for axis in (0..index.len()).rev() {
                 index[axis] += 1;
                 if index[axis] < self.shape[axis] {

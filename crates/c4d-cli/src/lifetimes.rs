@@ -1,0 +1,124 @@
+//! Which splats of a scene are visible at one time, and for how long: an edit of a frame reaches only those.
+
+use crate::failure::{Failure, Outcome};
+use gs_core::{DynamicScene, Splats};
+
+/// Scenes of more splats are not looked at: it would take longer than what it is said beside.
+const MAX_SPLATS: usize = 500_000;
+/// Times at which opacities are looked at.
+const SAMPLES: usize = 33;
+/// Opacity in 255ths above which a splat is visible, 0.02.
+const VISIBLE: u8 = 5;
+/// Share of its own largest opacity above which it is, too: what fades in or out is still there at a twentieth.
+const SHARE_OF_PEAK: f32 = 0.05;
+/// Share of visible splats below which an edit is said to reach only a part.
+const MOST: f64 = 0.95;
+
+/// Visible splats of a scene that fades.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Lifetimes {
+    /// Share of the splats visible at the time asked about, of those ever visible.
+    pub(crate) share: f64,
+    /// How long half of these are visible at most, without a break around that time, as a share of the clip.
+    pub(crate) median: f64,
+    time: f32,
+}
+
+impl Lifetimes {
+    /// Looks at a scene; `None` if nothing in it fades or is visible, or it has very many splats.
+    pub(crate) fn of(scene: &dyn DynamicScene, time: f32) -> Outcome<Option<Self>> {
+        if !scene.fades() || scene.num_splats() > MAX_SPLATS {
+            return Ok(None);
+        }
+        let (n, times) = (scene.num_splats(), scene.time_range().frames(SAMPLES));
+        let mut levels = Vec::with_capacity(SAMPLES);
+        let mut splats = Splats::default();
+        for &t in &times {
+            scene.at_into(t, &mut splats).map_err(Failure::bad_input)?;
+            #[expect(
+                clippy::cast_possible_truncation,
+                clippy::cast_sign_loss,
+                reason = "opacities lie between 0 and 1; NaN becomes 0"
+            )]
+            let opacity = |row: usize| (255.0 * splats.opacity(row)) as u8;
+            levels.push((0..n).map(opacity).collect::<Vec<u8>>());
+        }
+        let asked = times.iter().position(|&t| t >= time).unwrap_or(SAMPLES - 1);
+        let (mut ever, mut lives) = (0_usize, Vec::new());
+        for row in 0..n {
+            let peak = levels.iter().map(|levels| levels[row]).max().unwrap_or(0);
+            if peak <= VISIBLE {
+                continue;
+            }
+            ever += 1;
+            let least = f32::from(VISIBLE).max(SHARE_OF_PEAK * f32::from(peak));
+            let is_visible = |levels: &&Vec<u8>| f32::from(levels[row]) > least;
+            if !is_visible(&&levels[asked]) {
+                continue;
+            }
+            let after = levels[asked..].iter().take_while(is_visible).count();
+            let before = levels[..asked].iter().rev().take_while(is_visible).count();
+            lives.push(after + before - 1);
+        }
+        if lives.is_empty() {
+            return Ok((ever > 0).then_some(Self { share: 0.0, median: 0.0, time }));
+        }
+        lives.sort_unstable();
+        let median = lives[lives.len() / 2] as f64 / (SAMPLES - 1) as f64;
+        Ok(Some(Self { share: lives.len() as f64 / ever as f64, median, time }))
+    }
+
+    /// Whether an edit of that time reaches only a part of the scene.
+    pub(crate) fn is_partial(&self) -> bool {
+        self.share < MOST
+    }
+
+    /// For a report.
+    pub(crate) fn describe(&self) -> String {
+        format!(
+            "{:.0} % of the splats that are ever visible are visible at time {}, half of these for at most {:.2} of the clip",
+            100.0 * self.share,
+            self.time,
+            self.median
+        )
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use gs_deform::{Polynomial, PolynomialScene, StaticScene};
+
+    fn rest(n: usize) -> Splats {
+        Splats {
+            means: vec![[0.0; 3]; n],
+            quats: vec![[1.0, 0.0, 0.0, 0.0]; n],
+            log_scales: vec![[-1.0; 3]; n],
+            opacity_logits: vec![2.0; n],
+            sh: vec![[0.0; 3]; n],
+            sh_degree: 0,
+        }
+    }
+
+    #[test]
+    fn brief_and_lasting_splats_are_told_apart() {
+        let still = Polynomial {
+            velocity: [[0.0; 3]; 3],
+            omega: [0.0; 4],
+            centre: 0.5,
+            width: f32::INFINITY,
+        };
+        let brief = |centre: f32| Polynomial { centre, width: 0.05, ..still };
+        let motions = vec![still, brief(0.0), brief(0.5), brief(1.0)];
+        let scene = PolynomialScene::new(rest(4), motions).unwrap();
+        let found = Lifetimes::of(&scene, 0.0).unwrap().unwrap();
+        assert_eq!(found.share, 0.5, "the lasting one and the first of the brief ones");
+        assert!(found.is_partial() && found.median == 1.0, "{found:?}");
+        let found = Lifetimes::of(&scene, 0.25).unwrap().unwrap();
+        assert_eq!(found.share, 0.25, "only the lasting one");
+        let said = found.describe();
+        assert!(said.starts_with("25 % of the splats"), "{said}");
+        let static_scene = StaticScene::new(rest(2)).unwrap();
+        assert_eq!(Lifetimes::of(&static_scene, 0.0).unwrap(), None, "nothing fades");
+    }
+}

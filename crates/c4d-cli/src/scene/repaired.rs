@@ -1,0 +1,17 @@
+//! What is said of damaged rows.
+
+use crate::args::Global;
+use crate::console::Console;
+use crate::model_flags::damage;
+use gs_io::repair::{Damage, RepairReport};
+use std::path::Path;
+
+/// Says what was done with damaged rows and with infinities that have a meaning.
+pub(crate) fn say_repair(path: &Path, report: RepairReport, global: &Global, console: &Console) {
+    if let Some(warning) = report.warning(damage(global) == Damage::Drop) {
+        console.warn(format!("{}: {warning}", path.display()));
+    }
+    if let Some(note) = report.infinities.note() {
+        console.note(format!("{}: {note}", path.display()));
+    }
+}

@@ -1,0 +1,11 @@
+//! Fully connected deformation networks on encoded position and time, as Deformable-3D-Gaussians trains them.
+
+mod encoding;
+mod evaluate;
+mod network;
+mod scene;
+mod screw;
+
+pub use evaluate::MlpOutputs;
+pub use network::{DeformMlp, DeformMlpParts, Warp};
+pub use scene::MlpScene;

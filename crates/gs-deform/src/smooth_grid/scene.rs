@@ -1,0 +1,123 @@
+//! [`SmoothGridScene`]: canonical splats that such a field moves.
+
+use super::field::SmoothGridField;
+use crate::FieldError;
+use crate::shape::RasterizedShapes;
+use gs_core::{DynamicScene, SceneError, Splats, TimeRange, quat};
+
+/// Canonical splats and the field that moves them: a model of Grid4D or DASH, at times 0 to 1.
+///
+/// Changes of rotations are added to normalised quaternions and not normalised again, changes of scales to activated ones: the splats given
+/// out have the covariances that the reference's rasteriser makes of them. Opacity and colour stay.
+#[derive(Debug)]
+pub struct SmoothGridScene {
+    canonical: Splats,
+    field: SmoothGridField,
+    dynamic: Option<Vec<bool>>,
+    /// Rows that the field moves, and their centres.
+    rows: Vec<usize>,
+    points: Vec<[f32; 3]>,
+}
+
+impl SmoothGridScene {
+    /// A scene from its parts; `dynamic` (`[N]`) says which splats the field moves, all if `None`.
+    ///
+    /// # Errors
+    /// If the arrays disagree.
+    pub fn new(
+        canonical: Splats,
+        field: SmoothGridField,
+        dynamic: Option<Vec<bool>>,
+    ) -> Result<Self, FieldError> {
+        canonical.check_shapes()?;
+        let n = canonical.len();
+        if let Some(dynamic) = dynamic.as_ref().filter(|dynamic| dynamic.len() != n) {
+            return Err(FieldError::Shape {
+                tensor: "dynamic".to_owned(),
+                found: vec![dynamic.len()],
+                expected: format!("[{n}]"),
+            });
+        }
+        let moves = |row: &usize| dynamic.as_ref().is_none_or(|dynamic| dynamic[*row]);
+        let rows: Vec<usize> = (0..n).filter(moves).collect();
+        let points = rows.iter().map(|&row| canonical.means[row]).collect();
+        Ok(Self { canonical, field, dynamic, rows, points })
+    }
+
+    /// The stored splats, before any deformation.
+    pub fn canonical(&self) -> &Splats {
+        &self.canonical
+    }
+
+    /// The field.
+    pub fn field(&self) -> &SmoothGridField {
+        &self.field
+    }
+
+    /// What the reference gives its rasteriser at time `t`.
+    pub fn rasterized(&self, t: f32) -> RasterizedShapes {
+        let mut shapes = RasterizedShapes {
+            means: self.canonical.means.clone(),
+            quats: self.canonical.quats.iter().map(|&q| quat::normalize(q)).collect(),
+            scales: self.canonical.log_scales.iter().map(|log| log.map(f32::exp)).collect(),
+        };
+        let outputs = self.field.outputs(&self.points, t);
+        for (index, &row) in self.rows.iter().enumerate() {
+            let warp = outputs.warp[index];
+            let x = self.points[index];
+            shapes.means[row] = if self.field.turns {
+                let turn = quat::normalize([warp[0] + 1.0, warp[1], warp[2], warp[3]]);
+                let turned = quat::rotate(turn, x);
+                [turned[0] + warp[4], turned[1] + warp[5], turned[2] + warp[6]]
+            } else {
+                [x[0] + warp[0], x[1] + warp[1], x[2] + warp[2]]
+            };
+            for (value, change) in shapes.quats[row].iter_mut().zip(outputs.rotation[index]) {
+                *value += change;
+            }
+            for (value, change) in shapes.scales[row].iter_mut().zip(outputs.scaling[index]) {
+                *value += change;
+            }
+        }
+        shapes
+    }
+}
+
+impl DynamicScene for SmoothGridScene {
+    fn num_splats(&self) -> usize {
+        self.canonical.len()
+    }
+
+    fn sh_degree(&self) -> usize {
+        self.canonical.sh_degree
+    }
+
+    fn time_range(&self) -> TimeRange {
+        TimeRange::UNIT
+    }
+
+    fn at_into(&self, t: f32, out: &mut Splats) -> Result<(), SceneError> {
+        self.geometry_into(t, out)?;
+        out.opacity_logits.clone_from(&self.canonical.opacity_logits);
+        out.sh.clone_from(&self.canonical.sh);
+        out.sh_degree = self.canonical.sh_degree;
+        Ok(())
+    }
+
+    fn geometry_into(&self, t: f32, out: &mut Splats) -> Result<(), SceneError> {
+        let range = self.time_range();
+        if !range.contains(t) {
+            return Err(SceneError::Time { t, range });
+        }
+        self.rasterized(t).into_splats(out);
+        Ok(())
+    }
+
+    fn fades(&self) -> bool {
+        false
+    }
+
+    fn dynamic_mask(&self) -> Option<&[bool]> {
+        self.dynamic.as_deref()
+    }
+}

@@ -1,0 +1,53 @@
+//! From named tensors to the network.
+
+use crate::pth::Layers;
+use crate::wrong_network::WrongNetwork;
+use gs_deform::{DeformMlp, DeformMlpParts, Warp};
+
+/// The network whose names begin with `prefix`.
+pub(crate) fn network(layers: &Layers<'_>, prefix: &str) -> Result<DeformMlp, WrongNetwork> {
+    let name = |rest: &str| format!("{prefix}{rest}");
+    if let Some(grid) = layers.names().find(|name| is_grid(name)) {
+        return Err(WrongNetwork::Content(format!(
+            "holds `{grid}`: it was trained with a hash grid in place of its encoding, which is not supported; train without `use_hash`, or export the scene as a PLY sequence from its own viewer"
+        )));
+    }
+    if !layers.has(&name("linear.0.weight")) {
+        return Err(WrongNetwork::Content(format!(
+            "is not a deformation network of Deformable-3D-Gaussians or a method like it: it has no `{}`, but {}; c4d reads those of Deformable-3D-Gaussians, SC-GS, Grid4D and DASH",
+            name("linear.0.weight"),
+            layers.summary()
+        )));
+    }
+    let timenet = match layers.linear_if_there(&name("timenet.0"))? {
+        Some(hidden) => Some([hidden, layers.linear(&name("timenet.2"))?]),
+        None => None,
+    };
+    let warp = match layers.linear_if_there(&name("branch_w"))? {
+        Some(rotation) => Warp::Screw { rotation, translation: layers.linear(&name("branch_v"))? },
+        None => Warp::Translation(layers.linear(&name("gaussian_warp"))?),
+    };
+    let color = match layers.linear_if_there(&name("gaussian_color"))? {
+        Some(only) => Some(vec![only]),
+        None => {
+            let several =
+                layers.sequence(|index| name(&format!("gaussian_color.{}", 2 * index)))?;
+            Some(several).filter(|several| !several.is_empty())
+        }
+    };
+    Ok(DeformMlp::new(DeformMlpParts {
+        timenet,
+        layers: layers.sequence(|index| name(&format!("linear.{index}")))?,
+        warp,
+        rotation: layers.linear(&name("gaussian_rotation"))?,
+        scaling: layers.linear(&name("gaussian_scaling"))?,
+        opacity: layers.linear_if_there(&name("gaussian_opacity"))?,
+        color,
+        local_rotation: layers.linear_if_there(&name("local_rotation"))?,
+    })?)
+}
+
+/// Names of hash grids of tiny-cuda-nn and its kin.
+fn is_grid(name: &str) -> bool {
+    name.ends_with(".params") || name.ends_with("embeddings") || name.contains("hash")
+}

@@ -1,0 +1,100 @@
+//! Results of Dynamic 3D Gaussians (Luiten et al. 2024), `params.npz`: persistent splats, tabulated frame by frame.
+//!
+//! `means3D`, `rgb_colors` (plain RGB) and `unnorm_rotations` are `[T, N, …]`; `logit_opacities` `[N, 1]` and `log_scales` `[N, 3]` do not change.
+//! Cameras, segmentation colours and colour corrections per camera are left out.
+
+mod array;
+
+use crate::error::IoError;
+use crate::fs::read_bytes;
+use crate::repair::{self, Sanitized};
+use crate::source::{Source, SourceOptions};
+use array::Arrays;
+use gs_core::{Splats, sh};
+use gs_deform::Trajectories;
+use std::path::{Path, PathBuf};
+
+/// Name of the file.
+const FILE: &str = "params.npz";
+/// An array that only these archives have.
+const MARK: &str = "means3D.npy";
+
+/// Whether an archive with these entries is one.
+pub(crate) fn is_archive(names: &[String]) -> bool {
+    names.iter().any(|name| name == MARK)
+}
+
+/// The file of a folder, if it holds one.
+pub(crate) fn file_of(dir: &Path) -> Option<PathBuf> {
+    Some(dir.join(FILE)).filter(|path| path.is_file())
+}
+
+/// Opens a `params.npz`, or the folder that holds one.
+///
+/// # Errors
+/// If the file cannot be read, lacks arrays, or these do not fit.
+pub fn open(path: impl AsRef<Path>, options: &SourceOptions) -> Result<Source, IoError> {
+    let path = path.as_ref();
+    let path = file_of(path).unwrap_or_else(|| path.to_owned());
+    let wrong = |what: String| IoError::content(&path, what);
+    let mut arrays = Arrays::open(read_bytes(&path)?).map_err(wrong)?;
+    let frames = frames(&mut arrays).map_err(wrong)?;
+    let count = frames.len();
+    let (frames, report) = without_damage(frames, options)
+        .map_err(|source| IoError::Damaged { path: path.clone(), source })?;
+    let scene = Trajectories::new(frames).map_err(|error| wrong(error.to_string()))?;
+    Ok(Source {
+        facts: vec![("frames", count.to_string())],
+        repair: report,
+        ..Source::new(scene, vec![path])
+    })
+}
+
+fn frames(arrays: &mut Arrays) -> Result<Vec<Splats>, String> {
+    let means = arrays.read("means3D")?;
+    let &[count, n, 3] = &means.shape[..] else {
+        return Err(format!("`means3D` has shape {:?}, expected [frames, splats, 3]", means.shape));
+    };
+    if count == 0 || n == 0 {
+        return Err(format!("`means3D` has shape [{count}, {n}, 3]: no frames or no splats"));
+    }
+    let colors = arrays.of_shape("rgb_colors", &[count, n, 3])?;
+    let quats = arrays.of_shape("unnorm_rotations", &[count, n, 4])?;
+    let logits = arrays.of_shape("logit_opacities", &[n, 1])?;
+    let log_scales = arrays.of_shape("log_scales", &[n, 3])?;
+    let log_scales = log_scales.as_chunks::<3>().0;
+    let frames = (0..count).map(|frame| {
+        let rows = |width: usize| frame * n * width..(frame + 1) * n * width;
+        let rgb = colors[rows(3)].as_chunks::<3>().0;
+        Splats {
+            means: means.values[rows(3)].as_chunks::<3>().0.to_vec(),
+            quats: quats[rows(4)].as_chunks::<4>().0.to_vec(),
+            log_scales: log_scales.to_vec(),
+            opacity_logits: logits.clone(),
+            sh: rgb.iter().map(|&rgb| sh::dc_from_rgb(rgb)).collect(),
+            sh_degree: 0,
+        }
+    });
+    Ok(frames.collect())
+}
+
+/// Drops, keeps or refuses rows that are damaged in a frame.
+fn without_damage(
+    mut frames: Vec<Splats>,
+    options: &SourceOptions,
+) -> Result<(Vec<Splats>, repair::RepairReport), repair::DamagedRows> {
+    let (first, rest) = frames.split_at_mut(1);
+    for frame in rest.iter_mut() {
+        repair::settle_infinities(frame);
+    }
+    let broken = |row: usize| rest.iter().any(|frame| !frame.is_finite(row));
+    let splats = std::mem::take(&mut first[0]);
+    let Sanitized { splats, kept, report } = repair::sanitize_with(splats, options.damage, broken)?;
+    first[0] = splats;
+    if let Some(kept) = kept {
+        for frame in rest {
+            *frame = frame.select(&kept);
+        }
+    }
+    Ok((frames, report))
+}

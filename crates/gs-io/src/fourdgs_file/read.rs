@@ -1,0 +1,132 @@
+//! `.4dgs` files as scenes.
+
+use crate::error::IoError;
+use crate::fs::read_bytes;
+use crate::repair::{self, Sanitized};
+use crate::source::{Source, SourceOptions};
+use fourdgs::GaussianSet;
+use gs_core::{Splats, activation, sh};
+use gs_deform::{Polynomial, PolynomialScene, Visibility};
+use std::path::Path;
+
+/// The temporal model that is read.
+const BIRTH: &str = "gaussian-birth";
+/// Most bytes that the rows may take in memory for each byte of the file: streams are compressed, and what stands still shrinks to little.
+const MAX_GROWTH: u64 = 320;
+/// Bytes of a row in memory, at least.
+const ROW: u64 = 64;
+/// Opacities stay inside (0,1) by this much, so that their logits are finite.
+const OPACITY_MARGIN: f32 = 1e-6;
+/// Levels of a byte of SH: coefficient = 8·b/255 − 4.
+const SH_RANGE: f32 = 8.0;
+
+/// Opens a `.4dgs` file.
+///
+/// # Errors
+/// If the file cannot be read, is damaged, or has a temporal model that is not read.
+pub fn open(path: impl AsRef<Path>, options: &SourceOptions) -> Result<Source, IoError> {
+    let path = path.as_ref();
+    let wrong = |what: String| IoError::content(path, what);
+    let bytes = read_bytes(path)?;
+    let model = fourdgs::keyframe_delta_file::peek_temporal_model(&bytes)
+        .map_err(|error| wrong(format!("is a damaged .4dgs: {error}; copy or export it again")))?;
+    if model != BIRTH {
+        return Err(wrong(format!(
+            "is a .4dgs of the temporal model `{model}`, expected `{BIRTH}`; write it with that, or export the scene as a PLY sequence from the program that made it"
+        )));
+    }
+    let read_options = fourdgs::ReadOptions { recover_truncated: false, max_sh_band: 3 };
+    let scene = fourdgs::read_from(&bytes[..], &read_options)
+        .map_err(|error| wrong(format!("is a damaged .4dgs: {error}; copy or export it again")))?;
+    let rows = scene.gaussians.count() as u64;
+    if rows == 0 {
+        return Err(wrong("holds no splats; export it again".to_owned()));
+    }
+    if rows.saturating_mul(ROW) > (bytes.len() as u64).saturating_mul(MAX_GROWTH) {
+        return Err(wrong(format!("claims {rows} splats in {} bytes; copy it again", bytes.len())));
+    }
+    let duration = scene.duration_sec;
+    if !(duration.is_finite() && duration > 0.0) {
+        return Err(wrong(format!("lasts {duration} seconds, expected a positive number")));
+    }
+    let mut notes = Vec::new();
+    if !scene.audio_sources.is_empty() {
+        notes.push("its sound is left out".to_owned());
+    }
+    if scene.metadata.iter().any(says_linear) {
+        notes.push("its colours are linear light; they are shown as they are stored".to_owned());
+    }
+    if scene.gaussians.object_id.iter().flatten().any(|&id| id != 0) {
+        return Err(wrong(
+            "moves objects along tracks, which is not supported; export the scene as a PLY sequence from the program that made it"
+                .to_owned(),
+        ));
+    }
+    let (splats, motions, windows) = rows_of(&scene.gaussians);
+    let broken = |row: usize| {
+        let motion: &Polynomial = &motions[row];
+        let values = motion.velocity[0].iter().chain([&motion.centre]);
+        !values.into_iter().all(|value| value.is_finite())
+            || motion.width.is_nan()
+            || windows[row].iter().any(|time| time.is_nan())
+    };
+    let Sanitized { splats, kept, report } = repair::sanitize_with(splats, options.damage, broken)
+        .map_err(|source| IoError::Damaged { path: path.to_owned(), source })?;
+    let (motions, windows) = match kept {
+        None => (motions, windows),
+        Some(kept) => kept.into_iter().map(|row| (motions[row], windows[row])).unzip(),
+    };
+    #[expect(clippy::cast_possible_truncation, reason = "a threshold")]
+    let cutoff = (scene.header.cutoff as f32).next_down().max(0.0);
+    let facts = vec![
+        ("motion", "one line a splat".to_owned()),
+        ("seconds", duration.to_string()),
+        ("written by", scene.header.library.clone()),
+    ];
+    let scene = PolynomialScene::new(splats, motions)
+        .and_then(|scene| scene.with_windows(windows))
+        .map_err(|error| wrong(error.to_string()))?
+        .with_visibility(Visibility { floor: 0.0, cutoff })
+        .with_clock(0.0, duration.next_down());
+    Ok(Source { facts, notes, repair: report, ..Source::new(scene, vec![path.to_owned()]) })
+}
+
+/// Whether metadata say that colours are linear light.
+fn says_linear(metadata: &fourdgs::Metadata) -> bool {
+    metadata.entries.iter().any(|(key, value)| key == "color_space" && value == "linear")
+}
+
+/// Splats, their motions per second, and their windows in seconds.
+fn rows_of(set: &GaussianSet) -> (Splats, Vec<Polynomial>, Vec<[f32; 2]>) {
+    let n = set.count();
+    let three = |values: &[f32], row: usize| [0, 1, 2].map(|k| values[3 * row + k]);
+    let higher = set.sh.as_ref().map_or(0, |_| set.sh_coefficients);
+    let sh_degree = sh::degree_of(higher + 1).unwrap_or(0);
+    let higher = sh::num_coeffs(sh_degree) - 1;
+    let mut splats = Splats::with_capacity(n, sh_degree);
+    let (mut motions, mut windows) = (Vec::with_capacity(n), Vec::with_capacity(n));
+    for row in 0..n {
+        splats.means.push(three(&set.positions, row));
+        let [x, y, z, w] = [0, 1, 2, 3].map(|k| set.rotations[4 * row + k]);
+        splats.quats.push([w, x, y, z]);
+        splats.log_scales.push(three(&set.scales, row).map(f32::ln));
+        let [r, g, b, alpha] = [0, 1, 2, 3].map(|k| set.colors[4 * row + k]);
+        let opacity = alpha.clamp(OPACITY_MARGIN, 1.0 - OPACITY_MARGIN);
+        splats.opacity_logits.push(activation::logit(opacity));
+        splats.sh.push(sh::dc_from_rgb([r, g, b]));
+        let bytes = set.sh.as_deref().unwrap_or_default();
+        for k in 0..higher {
+            let level = |channel: usize| bytes[(3 * row + channel) * set.sh_coefficients + k];
+            let coefficient = |byte: u8| f32::from(byte) * SH_RANGE / 255.0 - SH_RANGE / 2.0;
+            splats.sh.push([0, 1, 2].map(|channel| coefficient(level(channel))));
+        }
+        motions.push(Polynomial {
+            velocity: [three(&set.motions, row), [0.0; 3], [0.0; 3]],
+            omega: [0.0; 4],
+            centre: set.mu_t[row],
+            width: std::f32::consts::SQRT_2 * set.sigma_t[row].max(f32::MIN_POSITIVE),
+        });
+        windows.push([set.win_lo[row], set.win_hi[row]]);
+    }
+    (splats, motions, windows)
+}

@@ -1,0 +1,33 @@
+//! Scenes of FreeTimeGS (Wang et al. 2025), as its open implementation saves them: `.ftgs.ply`, and checkpoints (`.pt`) of gsplat's form.
+//!
+//! Each splat moves on a line and fades in and out around its own time: `x + v·(t − τ)`, opacity `max(σ(o)·exp(−½((t − τ)/max(eᵈ, d_min))²), floor)`,
+//! t from 0 to 1, frame i of n at i/(n − 1).
+
+mod checkpoint;
+mod model;
+mod ply_file;
+
+use crate::error::IoError;
+use crate::source::{Source, SourceOptions};
+use std::path::Path;
+
+/// Whether a PLY with these columns beside those of 3DGS is one of FreeTimeGS.
+pub(crate) fn has_columns(extra_columns: &[String]) -> bool {
+    let has = |name: &str| extra_columns.iter().any(|column| column == name);
+    has("time") && has("log_duration")
+}
+
+/// Opens a `.ftgs.ply` or a checkpoint.
+///
+/// # Errors
+/// If the file cannot be read, lacks parts, or was trained with an option that is not supported.
+pub fn open(path: impl AsRef<Path>, options: &SourceOptions) -> Result<Source, IoError> {
+    let path = path.as_ref();
+    let bytes = crate::fs::read_bytes(path)?;
+    let model = if bytes.starts_with(b"PK") {
+        checkpoint::read(&bytes, path)?
+    } else {
+        ply_file::read(&bytes, path)?
+    };
+    model.into_source(path, options)
+}

@@ -1,0 +1,80 @@
+//! A model of FreeTimeGS, however it was stored.
+
+use crate::error::IoError;
+use crate::repair::{self, Sanitized};
+use crate::source::{Source, SourceOptions};
+use gs_core::Splats;
+use gs_deform::{Polynomial, PolynomialScene, Visibility};
+use std::path::Path;
+
+/// Smallest duration, if a file does not say it, as the trainer has it.
+pub(super) const MIN_DURATION: f32 = 0.02;
+/// Smallest opacity, likewise.
+pub(super) const OPACITY_FLOOR: f32 = 1e-4;
+/// Standard deviations to the width at which `exp(−(dt/width)²)` is the same Gaussian.
+const WIDTH: f32 = std::f32::consts::SQRT_2;
+
+/// The parameters, `[N]` each.
+#[derive(Debug)]
+pub(super) struct Model {
+    pub(super) splats: Splats,
+    pub(super) times: Vec<f32>,
+    /// Logarithms.
+    pub(super) durations: Vec<f32>,
+    pub(super) velocities: Vec<[f32; 3]>,
+    pub(super) use_velocity: bool,
+    pub(super) min_duration: f32,
+    pub(super) opacity_floor: f32,
+    pub(super) num_frames: Option<usize>,
+    pub(super) notes: Vec<String>,
+}
+
+impl Model {
+    pub(super) fn into_source(
+        self,
+        path: &Path,
+        options: &SourceOptions,
+    ) -> Result<Source, IoError> {
+        let Self { splats, times, durations, velocities, use_velocity, min_duration, .. } = self;
+        let mut motions: Vec<Polynomial> = (0..splats.len())
+            .map(|row| Polynomial {
+                velocity: [
+                    if use_velocity { velocities[row] } else { [0.0; 3] },
+                    [0.0; 3],
+                    [0.0; 3],
+                ],
+                omega: [0.0; 4],
+                centre: times[row],
+                width: WIDTH * durations[row].exp().max(min_duration),
+            })
+            .collect();
+        let broken = |row: usize| {
+            let values = [times[row], durations[row]];
+            !values.iter().chain(&velocities[row]).all(|value| value.is_finite())
+        };
+        let Sanitized { splats, kept, report } =
+            repair::sanitize_with(splats, options.damage, broken)
+                .map_err(|source| IoError::Damaged { path: path.to_owned(), source })?;
+        if let Some(kept) = kept {
+            motions = kept.into_iter().map(|row| motions[row]).collect();
+        }
+        let motion = if use_velocity { "one line a splat" } else { "none: use_velocity is off" };
+        let mut facts = vec![("motion", motion.to_owned())];
+        let scene = PolynomialScene::new(splats, motions)
+            .map_err(|error| IoError::content(path, error.to_string()))?
+            .with_visibility(Visibility { floor: self.opacity_floor, cutoff: 0.0 });
+        let scene = match self.num_frames {
+            Some(frames) => {
+                facts.push(("frames", frames.to_string()));
+                scene.with_frames(frames)
+            }
+            None => scene,
+        };
+        Ok(Source {
+            facts,
+            notes: self.notes,
+            repair: report,
+            ..Source::new(scene, vec![path.to_owned()])
+        })
+    }
+}

@@ -1,0 +1,108 @@
+//! The tuple of parameters: which place holds what.
+
+use crate::pth::{Layers, Tensor};
+use gs_core::{Splats, sh};
+use gs_deform::Gaussians4d;
+
+/// Places in the tuple, which lies in a tuple with the iteration.
+mod place {
+    pub(super) const MEANS: &str = "0.1";
+    pub(super) const DC: &str = "0.2";
+    pub(super) const REST: &str = "0.3";
+    pub(super) const LOG_SCALES: &str = "0.4";
+    pub(super) const QUATS: &str = "0.5";
+    pub(super) const OPACITIES: &str = "0.6";
+    pub(super) const TIMES: &str = "0.13";
+    pub(super) const LOG_SCALES_T: &str = "0.14";
+    pub(super) const RIGHT_QUATS: &str = "0.15";
+    pub(super) const ENV_MAP: &str = "0.17";
+}
+
+/// Coefficients of SH of degree 3, alone and with two waves in time.
+const STILL: usize = 16;
+const WAVING: usize = 3 * STILL;
+/// Coefficients that are allocated without 4D SH; those beyond the first 16 are never read.
+const UNREAD: usize = 33;
+
+/// The Gaussians, and what the user should know.
+pub(super) fn gaussians(
+    tensors: Vec<(String, Tensor<'_>)>,
+) -> Result<(Gaussians4d, Vec<String>), String> {
+    let layers = Layers::new(tensors);
+    let means = layers.get(place::MEANS).map(Tensor::shape);
+    let Some(&[n, 3]) = means else {
+        return Err(format!(
+            "is not a checkpoint of native 4D Gaussians: its second part has shape {:?}, expected [N, 3] (centres); it has {}",
+            means.unwrap_or_default(),
+            layers.summary()
+        ));
+    };
+    if !layers.has(place::TIMES) {
+        return Err(
+            "is a checkpoint of 3D Gaussians without times, which do not move; give the point_cloud.ply of the model as a frame"
+                .to_owned(),
+        );
+    }
+    if n == 0 {
+        return Err("holds no Gaussians".to_owned());
+    }
+    let named = |what: &str, place: &str, shape: &[usize]| {
+        layers.values(place, shape).map_err(|error| {
+            format!("{what}: {error}; it may be of another version of 4D Gaussian Splatting")
+        })
+    };
+    let means = named("centres", place::MEANS, &[n, 3])?;
+    let log_scales = named("scales", place::LOG_SCALES, &[n, 3])?;
+    let quats = named("rotations", place::QUATS, &[n, 4])?;
+    let opacity_logits = named("opacities", place::OPACITIES, &[n, 1])?;
+    let times = named("times", place::TIMES, &[n, 1])?;
+    let log_scales_t = named("extents in time", place::LOG_SCALES_T, &[n, 1])?;
+    // Empty, or no tensor at all, where space and time are not mixed.
+    let right_quats = match layers.get(place::RIGHT_QUATS).filter(|tensor| !tensor.is_empty()) {
+        Some(_) => named("right rotations", place::RIGHT_QUATS, &[n, 4])?,
+        None => Vec::new(),
+    };
+    let mut notes = Vec::new();
+    if layers.get(place::ENV_MAP).is_some_and(|map| !map.is_empty()) {
+        notes.push("its environment map is left out: only splats are drawn".to_owned());
+    }
+    let dc = named("base colours", place::DC, &[n, 1, 3])?;
+    let rest = layers.need(place::REST)?;
+    let &[rows, higher, 3] = rest.shape() else {
+        return Err(format!("colours have shape {:?}, expected [{n}, K − 1, 3]", rest.shape()));
+    };
+    let stored = higher + 1;
+    let (kept, waving) = match stored {
+        _ if rows != n => (None, false),
+        WAVING => (Some(STILL), true),
+        UNREAD => (Some(STILL), false),
+        _ => (sh::degree_of(stored).map(sh::num_coeffs), false),
+    };
+    let kept = kept.ok_or_else(|| {
+        format!(
+            "colours have shape [{rows}, {higher}, 3], expected [{n}, K − 1, 3] with K = {WAVING} (4D SH), {UNREAD}, or 1, 4, 9 or {STILL} (3D SH)"
+        )
+    })?;
+    let rest = rest.to_f32s();
+    let (mut coefficients, mut waves) = (Vec::with_capacity(n * kept), Vec::new());
+    for row in 0..n {
+        coefficients.push([dc[3 * row], dc[3 * row + 1], dc[3 * row + 2]]);
+        let own = rest[3 * higher * row..3 * higher * (row + 1)].as_chunks::<3>().0;
+        coefficients.extend_from_slice(&own[..kept - 1]);
+        if waving {
+            waves.extend_from_slice(&own[kept - 1..]);
+        }
+    }
+    let splats = Splats {
+        means: means.as_chunks::<3>().0.to_vec(),
+        quats: quats.as_chunks::<4>().0.to_vec(),
+        log_scales: log_scales.as_chunks::<3>().0.to_vec(),
+        opacity_logits,
+        sh: coefficients,
+        sh_degree: sh::degree_of(kept).unwrap_or_default(),
+    };
+    let right_quats = right_quats.as_chunks::<4>().0.to_vec();
+    let gaussians =
+        Gaussians4d { splats, times, log_scales_t, right_quats, waves, prefilter_var: 0.0 };
+    Ok((gaussians, notes))
+}

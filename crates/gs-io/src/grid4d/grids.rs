@@ -1,0 +1,42 @@
+//! One grid, out of the tensors of a file.
+
+use crate::pth::Layers;
+use crate::wrong_network::WrongNetwork;
+use gs_deform::{SmoothGrid, SmoothGridParts};
+
+/// The grid `name` over these of the coordinates x, y, z, t.
+pub(super) fn grid(
+    layers: &Layers<'_>,
+    name: &str,
+    axes: &[usize],
+) -> Result<SmoothGrid, WrongNetwork> {
+    let part = |part: &str| format!("0.{name}_encoding.{part}");
+    let embeddings = layers.need(&part("embeddings"))?;
+    let &[_, channels] = embeddings.shape() else {
+        return Err(WrongNetwork::Content(format!(
+            "`{}` has shape {:?}, expected [entries, channels]",
+            part("embeddings"),
+            embeddings.shape()
+        )));
+    };
+    let offsets = layers.need(&part("offsets"))?.to_f64s().into_iter().map(|value| {
+        #[expect(
+            clippy::cast_possible_truncation,
+            clippy::cast_sign_loss,
+            reason = "integers; others are no offsets, which the grid finds out"
+        )]
+        let offset = value.max(0.0) as usize;
+        offset
+    });
+    Ok(SmoothGrid::new(
+        &format!("{name}_encoding"),
+        SmoothGridParts {
+            axes: axes.to_vec(),
+            per_level_scale: layers.values(&part("per_level_scale"), &[axes.len()])?,
+            base_resolution: layers.values(&part("base_resolution"), &[axes.len()])?,
+            offsets: offsets.collect(),
+            embeddings: embeddings.to_f32s(),
+            channels,
+        },
+    )?)
+}

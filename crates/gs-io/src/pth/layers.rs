@@ -1,0 +1,79 @@
+//! Layers of networks, out of the tensors of a file.
+
+use super::Tensor;
+use gs_deform::Linear;
+use std::collections::BTreeMap;
+
+/// Tensors by name.
+#[derive(Debug)]
+pub(crate) struct Layers<'a> {
+    by_name: BTreeMap<String, Tensor<'a>>,
+}
+
+impl<'a> Layers<'a> {
+    /// The last of equal names wins, as in Python.
+    pub(crate) fn new(tensors: Vec<(String, Tensor<'a>)>) -> Self {
+        Self { by_name: tensors.into_iter().collect() }
+    }
+
+    pub(crate) fn get(&self, name: &str) -> Option<&Tensor<'a>> {
+        self.by_name.get(name)
+    }
+
+    pub(crate) fn has(&self, name: &str) -> bool {
+        self.by_name.contains_key(name)
+    }
+
+    pub(crate) fn names(&self) -> impl Iterator<Item = &str> {
+        self.by_name.keys().map(String::as_str)
+    }
+
+    /// A few of the names, and how many there are.
+    pub(crate) fn summary(&self) -> String {
+        let names: Vec<&str> = self.names().take(4).collect();
+        let more = if self.by_name.len() > names.len() { ", …" } else { "" };
+        format!("{} tensors ({}{more})", self.by_name.len(), names.join(", "))
+    }
+
+    pub(crate) fn need(&self, name: &str) -> Result<&Tensor<'a>, String> {
+        self.get(name).ok_or_else(|| format!("has no tensor `{name}`, but {}", self.summary()))
+    }
+
+    /// The values of a tensor of this shape.
+    pub(crate) fn values(&self, name: &str, shape: &[usize]) -> Result<Vec<f32>, String> {
+        let tensor = self.need(name)?;
+        if tensor.shape() != shape {
+            return Err(format!("`{name}` has shape {:?}, expected {shape:?}", tensor.shape()));
+        }
+        Ok(tensor.to_f32s())
+    }
+
+    /// The layer with these weights and biases.
+    pub(crate) fn linear(&self, name: &str) -> Result<Linear, String> {
+        let (weight, bias) =
+            (self.need(&format!("{name}.weight"))?, self.need(&format!("{name}.bias"))?);
+        match (weight.shape(), bias.shape()) {
+            (&[outputs, inputs], &[biases]) if outputs == biases && inputs > 0 && outputs > 0 => {
+                Ok(Linear { weight: weight.to_f32s(), bias: bias.to_f32s() })
+            }
+            (weight, bias) => Err(format!(
+                "`{name}` has weights of shape {weight:?} and biases of shape {bias:?}, expected [outputs, inputs] and [outputs]"
+            )),
+        }
+    }
+
+    /// The layer, if it is there.
+    pub(crate) fn linear_if_there(&self, name: &str) -> Result<Option<Linear>, String> {
+        self.has(&format!("{name}.weight")).then(|| self.linear(name)).transpose()
+    }
+
+    /// Consecutive layers, from the first on: `name(0)`, `name(1)`, …
+    pub(crate) fn sequence(&self, name: impl Fn(usize) -> String) -> Result<Vec<Linear>, String> {
+        // There cannot be more than there are tensors.
+        (0..self.by_name.len())
+            .map(name)
+            .take_while(|name| self.has(&format!("{name}.weight")))
+            .map(|name| self.linear(&name))
+            .collect()
+    }
+}

@@ -1,0 +1,124 @@
+//! Model folders of SC-GS (Huang et al. 2024): splats that follow control nodes.
+//!
+//! The layout is that of [`crate::deformable3dgs`]. The PLY has columns `fea_0 …`: hyper coordinates, and a last one for the motion mask if
+//! it was trained with one. `deform.pth` holds the nodes beside the network.
+
+use crate::cfg_args::Value;
+use crate::deform_folder::DeformFolder;
+use crate::deformable3dgs;
+use crate::error::IoError;
+use crate::fs::read_bytes;
+use crate::pth::{self, Layers};
+use crate::source::{Source, SourceOptions};
+use gs_core::activation;
+use gs_deform::{NodeGraph, NodeGraphScene};
+use std::path::Path;
+
+/// Nodes that a splat follows, if `cfg_args` does not say it.
+const NEIGHBORS: usize = 3;
+/// Most of them accepted.
+const MAX_NEIGHBORS: u64 = 64;
+/// Options that change the evaluation and are not supported.
+const UNSUPPORTED: [&str; 5] =
+    ["use_hash", "hash_time", "progressive_brand_time", "skinning", "d_rot_as_rotmat"];
+
+/// Opens a model folder, or one of the iterations of its point cloud.
+///
+/// # Errors
+/// If files are missing or malformed, or the model was trained with an option that is not supported. Every error names the file.
+pub fn open(dir: impl AsRef<Path>, options: &SourceOptions) -> Result<Source, IoError> {
+    let features = |extra: &[String]| -> Vec<String> {
+        let name = |index: usize| format!("fea_{index}");
+        (0..extra.len()).map(name).take_while(|name| extra.contains(name)).collect()
+    };
+    let mut folder = DeformFolder::read(dir.as_ref(), options, features)?;
+    if let Some(option) = UNSUPPORTED.iter().find(|name| folder.flag(name) == Some(true)) {
+        return Err(IoError::content(
+            folder.files.last().unwrap_or(&folder.network),
+            format!(
+                "says {option}=True, an option of SC-GS that is not supported; train without it, or export the scene as a PLY sequence from its own viewer"
+            ),
+        ));
+    }
+    let path = folder.network.clone();
+    let bytes = read_bytes(&path)?;
+    let tensors = pth::read(&bytes)
+        .and_then(pth::Root::into_state_dict)
+        .map_err(|source| IoError::Pth { path: path.clone(), source })?;
+    let layers = Layers::new(pth::beside(tensors, &["_node_radius"]));
+    let mlp = deformable3dgs::network(&layers, "network.").map_err(|error| error.of(&path))?;
+    let graph = graph(&layers, &folder).map_err(|what| IoError::content(&path, what))?;
+    let is_blender = layers.has("network.timenet.0.weight");
+    let background = folder.background();
+    folder
+        .facts
+        .push(("network", format!("{} layers, the last of width {}", mlp.depth(), mlp.width())));
+    folder.facts.push((
+        "nodes",
+        format!(
+            "{}, {} followed by each splat{}{}",
+            graph.log_radii.len(),
+            graph.neighbors,
+            if layers.has("network.local_rotation.weight") { ", local frames" } else { "" },
+            if graph.masks.is_empty() { "" } else { ", motion mask" }
+        ),
+    ));
+    let scene = NodeGraphScene::new(folder.splats, graph, mlp)
+        .map_err(|source| IoError::Field { path: path.clone(), source })?;
+    Ok(Source {
+        facts: folder.facts,
+        notes: folder.notes,
+        repair: folder.repair,
+        background,
+        up: is_blender.then_some(deformable3dgs::UP_SYNTHETIC),
+        ..Source::new(scene, folder.files)
+    })
+}
+
+/// The nodes, and the coordinates of the splats among them.
+fn graph(layers: &Layers<'_>, folder: &DeformFolder) -> Result<NodeGraph, String> {
+    let nodes = layers.need("nodes")?;
+    let &[count, dims] = nodes.shape() else {
+        return Err(format!("`nodes` has shape {:?}, expected [nodes, 3 or more]", nodes.shape()));
+    };
+    let hyper = dims.checked_sub(3).ok_or_else(|| {
+        format!("`nodes` has shape [{count}, {dims}], expected [nodes, 3 or more]")
+    })?;
+    let columns = &folder.columns;
+    let masked = match columns.len().checked_sub(hyper) {
+        Some(0) => false,
+        Some(1) => true,
+        _ => {
+            return Err(format!(
+                "its nodes have {hyper} hyper coordinates, but point_cloud.ply has {} columns fea_0, fea_1, …, expected {hyper}, or {} with a motion mask; the files belong to different runs, or an editor dropped the columns",
+                columns.len(),
+                hyper + 1
+            ));
+        }
+    };
+    let n = folder.splats.len();
+    let mut coordinates = Vec::with_capacity(n * hyper);
+    for row in 0..n {
+        coordinates.extend(columns[..hyper].iter().map(|column| column[row]));
+    }
+    let masks = columns[hyper..].iter().flatten().map(|&logit| activation::sigmoid(logit));
+    let neighbors = match folder.cfg.get("K").map(Value::as_u64) {
+        None => NEIGHBORS,
+        Some(Some(k @ 1..=MAX_NEIGHBORS)) => usize::try_from(k).unwrap_or(NEIGHBORS),
+        Some(_) => {
+            return Err(format!("cfg_args has no sensible K, expected 1 to {MAX_NEIGHBORS}"));
+        }
+    };
+    #[expect(clippy::cast_possible_truncation, reason = "an option")]
+    let max_scale = folder.cfg.get("max_d_scale").and_then(Value::as_f64).map(|bound| bound as f32);
+    Ok(NodeGraph {
+        nodes: nodes.to_f32s(),
+        dims,
+        log_radii: layers.values("_node_radius", &[count])?,
+        weight_logits: layers.values("_node_weight", &[count, 1])?,
+        hyper: coordinates,
+        masks: if masked { masks.collect() } else { Vec::new() },
+        neighbors,
+        max_scale: max_scale.filter(|bound| *bound > 0.0),
+    })
+}

@@ -1,0 +1,103 @@
+//! PLY files of Spacetime Gaussians (Li et al. 2024), lite model: splats that move along cubics of time and fade in and out.
+//!
+//! Columns beside those of 3DGS: `trbf_center`, `trbf_scale` (logarithm of the time after which opacity has fallen to 1/e), `motion_0 …
+//! motion_8` (velocities to the first, second and third power of time), `omega_0 … omega_3`. `f_dc_0 … f_dc_2` are plain RGB. Times are
+//! (frame − start)/duration, so that the last frame of n is at (n−1)/n.
+//!
+//! The full model has nine colour features and a decoder that depends on the ray of a pixel; it is no set of splats, and refused.
+
+use crate::error::IoError;
+use crate::fs::read_bytes;
+use crate::model_folder;
+use crate::ply;
+use crate::repair::{self, Sanitized};
+use crate::source::{Source, SourceOptions};
+use gs_core::sh;
+use gs_deform::{Polynomial, PolynomialScene};
+use std::path::{Path, PathBuf};
+
+/// Columns beside those of 3DGS.
+const COLUMNS: [&str; 15] = [
+    "trbf_center",
+    "trbf_scale",
+    "motion_0",
+    "motion_1",
+    "motion_2",
+    "motion_3",
+    "motion_4",
+    "motion_5",
+    "motion_6",
+    "motion_7",
+    "motion_8",
+    "omega_0",
+    "omega_1",
+    "omega_2",
+    "omega_3",
+];
+
+/// Whether a PLY with these columns beside those of 3DGS is one of Spacetime Gaussians, lite or full.
+pub(crate) fn has_columns(extra_columns: &[String]) -> bool {
+    let has = |name: &str| extra_columns.iter().any(|column| column == name);
+    has("trbf_center") && has("motion_0")
+}
+
+/// Opens a PLY file, or a model folder with such files in `point_cloud/iteration_N`.
+///
+/// # Errors
+/// If the file cannot be read, lacks columns, or is of the full model.
+pub fn open(path: impl AsRef<Path>, options: &SourceOptions) -> Result<Source, IoError> {
+    let (path, mut facts, mut notes) = locate(path.as_ref(), options)?;
+    let bytes = read_bytes(&path)?;
+    let read = ply::read(&bytes).map_err(IoError::ply(&path))?;
+    if read.extra_columns.iter().any(|column| column == "f_t_0" || column == "f_dc_3") {
+        return Err(IoError::content(
+            &path,
+            "is of the full model of Spacetime Gaussians, whose colours come from a decoder that depends on the ray of each pixel, so it is no set of splats; train the lite model (model=ours_lite), or export a .splatv from it",
+        ));
+    }
+    let columns = ply::read_columns(&bytes, &COLUMNS).map_err(IoError::ply(&path))?;
+    let mut motions: Vec<Polynomial> = (0..read.splats.len())
+        .map(|row| {
+            let value = |column: usize| columns[column][row];
+            let three = |first: usize| [0, 1, 2].map(|k| value(first + k));
+            Polynomial {
+                velocity: [three(2), three(5), three(8)],
+                omega: [0, 1, 2, 3].map(|k| value(11 + k)),
+                centre: value(0),
+                width: value(1).exp(),
+            }
+        })
+        .collect();
+    let broken = |row: usize| {
+        // A width beyond single precision is a splat that is always there.
+        let finite = columns.iter().all(|column| column[row].is_finite());
+        !finite || motions[row].width == 0.0
+    };
+    let mut splats = read.splats;
+    let coeffs = splats.sh_coeffs();
+    for dc in splats.sh.iter_mut().step_by(coeffs) {
+        *dc = sh::dc_from_rgb(*dc);
+    }
+    let Sanitized { splats, kept, report } = repair::sanitize_with(splats, options.damage, broken)
+        .map_err(|source| IoError::Damaged { path: path.clone(), source })?;
+    if let Some(kept) = kept {
+        motions = kept.into_iter().map(|row| motions[row]).collect();
+    }
+    notes.extend(read.notes);
+    facts.push(("motion", "one cubic a splat (lite model)".to_owned()));
+    let scene = PolynomialScene::new(splats, motions)
+        .map_err(|error| IoError::content(&path, error.to_string()))?;
+    Ok(Source { facts, notes, repair: report, ..Source::new(scene, vec![path]) })
+}
+
+type Facts = Vec<(&'static str, String)>;
+
+/// The file, and what is known of a folder that it lies in.
+fn locate(path: &Path, options: &SourceOptions) -> Result<(PathBuf, Facts, Vec<String>), IoError> {
+    if !path.is_dir() {
+        return Ok((path.to_owned(), Vec::new(), Vec::new()));
+    }
+    let iteration = model_folder::find(path, options.iteration)?;
+    let facts = vec![("iteration", iteration.number.to_string())];
+    Ok((iteration.dir.join("point_cloud.ply"), facts, iteration.notes))
+}

@@ -1,0 +1,27 @@
+//! Trained scenes that are one file (native 4D Gaussians, FreeTimeGS, Spacetime Gaussians, Dynamic 3D Gaussians), evaluated where they can be
+//! read.
+#![no_main]
+
+use gs_io::{SourceOptions, detect, open_source};
+use std::fs;
+use std::path::PathBuf;
+use std::sync::LazyLock;
+
+static FILE: LazyLock<PathBuf> = LazyLock::new(|| {
+    std::env::temp_dir().join(format!("gs-io-fuzz-trained-{}", std::process::id()))
+});
+
+libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
+    fs::write(&*FILE, bytes).expect("room for a file");
+    let Ok(kind) = detect(&*FILE) else { return };
+    if !kind.is_source() {
+        return;
+    }
+    let options = SourceOptions { time_duration: Some([0.0, 10.0]), ..SourceOptions::default() };
+    let Ok(source) = open_source(&*FILE, &kind, &options) else { return };
+    assert!(source.scene.num_splats() <= bytes.len(), "a splat is more than a byte");
+    for t in [0.0, 0.37, 1.0] {
+        let splats = source.scene.at(t).expect("times from 0 to 1 can be evaluated");
+        assert!(splats.check_shapes().is_ok(), "whatever is evaluated is consistent");
+    }
+});

@@ -1,6 +1,7 @@
 //! The source's geometry at the edit frame and at a few other times.
 
 use gs_core::{DynamicScene, SceneError, Splats, SplatsError, TimeRange, quat};
+use rayon::prelude::*;
 
 /// Share that sources which have faded keep of their weight: if all have, they count as before.
 pub(crate) const FADED: f64 = 1e-4;
@@ -51,10 +52,11 @@ impl KeyFrames {
             for (i, broken) in broken.iter_mut().enumerate() {
                 *broken |= is_broken(&splats, i);
             }
-            turns.push((0..splats.len()).map(|i| turn_between(&at_edit, &splats, i)).collect());
+            let rows = || (0..splats.len()).into_par_iter().with_min_len(1024);
+            turns.push(rows().map(|i| turn_between(&at_edit, &splats, i)).collect());
             means.push(splats.means.clone());
             if fades {
-                seen.push((0..splats.len()).map(|i| still_seen(&at_edit, &splats, i)).collect());
+                seen.push(rows().map(|i| still_seen(&at_edit, &splats, i)).collect());
             }
             progress((done + 1) as f32 / times.len() as f32);
         }

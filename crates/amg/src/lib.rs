@@ -6,6 +6,23 @@
 //! splats ([`IdentityMap`]) keep their motion bit for bit. Results do not depend on the order of rows or the number of threads.
 //!
 //! Deliberately absent: images, files, GPU, anything learned.
+//!
+//! # Glossary
+//!
+//! | word | meaning |
+//! |---|---|
+//! | region | source splats of one small cube that move as one and face alike: an anchor whose motion is known |
+//! | outlier | a source splat, or region, that moves with none of its neighbours ("floater") |
+//! | offset | signed distance of an edited splat from a region along its outward normal |
+//! | flatness | 1 − s₁/s₂ of the two smallest scales: 0 for a ball, nearly 1 for a disc |
+//! | hypothesis | one motion that an edited splat may have; several regions share it |
+//! | posterior | probability of an edited splat's regions, and of none, given all others |
+//! | crowding | what belonging to a region costs because more edited splats do than its share, or fewer |
+//! | parent | the source splat an edited one once was, told by equal bits |
+//! | new piece | connected edited splats that are in no source splat's place ("graft") |
+//! | support | the source splats whose motion an edited splat takes |
+//! | moved group | source splats that the edit moved, turned or scaled as one |
+//! | binding | per edited splat, the source splats it follows and their weights |
 
 mod aggregate;
 mod binding;

@@ -111,7 +111,7 @@ impl<'a> Search<'a> {
         by: By,
     ) -> Self {
         let key = |row: usize| edited.means[row].map(f64::from);
-        open.sort_by(|&a, &b| {
+        open.par_sort_unstable_by(|&a, &b| {
             let (x, y) = (key(a), key(b));
             x[0].total_cmp(&y[0])
                 .then(x[1].total_cmp(&y[1]))

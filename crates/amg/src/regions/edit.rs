@@ -49,9 +49,15 @@ impl Edit {
         for point in identity.rows.iter().filter_map(point) {
             kept[point as usize] = true;
         }
-        let centres = unique(ids.iter().map(|&i| centre_bits(source, i)));
-        let shapes = unique(ids.iter().map(|&i| shape_bits(source, i)));
-        let turns = unique(ids.iter().map(|&i| quat_bits(source, i)));
+        let ((centres, shapes), turns) = rayon::join(
+            || {
+                rayon::join(
+                    || unique(ids.iter().map(|&i| centre_bits(source, i))),
+                    || unique(ids.iter().map(|&i| shape_bits(source, i))),
+                )
+            },
+            || unique(ids.iter().map(|&i| quat_bits(source, i))),
+        );
         let parent = |&row: &usize| {
             let by_centre = centres.get(&centre_bits(edited, row)).copied().flatten();
             by_centre.or_else(|| shapes.get(&shape_bits(edited, row)).copied().flatten()).or_else(
@@ -64,7 +70,7 @@ impl Edit {
         Self {
             means: rows.iter().map(|&row| sub(edited.means[row].map(f64::from), origin)).collect(),
             axes: rows.par_iter().with_min_len(256).map(|&row| thin_axis(edited, row)).collect(),
-            parent: rows.iter().map(parent).collect(),
+            parent: rows.par_iter().with_min_len(256).map(parent).collect(),
             exact: rows.iter().map(|&row| known(identity.rows[row])).collect(),
             kept,
         }

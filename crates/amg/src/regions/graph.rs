@@ -1,6 +1,7 @@
 //! Who is beside whom in the edit.
 
 use anchors::Neighbors;
+use rayon::prelude::*;
 use std::cmp::Reverse;
 use std::collections::{BinaryHeap, HashMap};
 
@@ -31,7 +32,7 @@ pub(super) fn links(means: &[[f64; 3]]) -> (Vec<Link>, Vec<f64>) {
             }
         }
     }
-    links.sort_unstable();
+    links.par_sort_unstable();
     links.dedup();
     (links, spacing)
 }

@@ -5,27 +5,15 @@
 //! 1. Source splats that move with none of their neighbours are outliers; the others form regions that move as one
 //!    ([`source`], cells of the `anchors` crate).
 //! 2. Regions get rigid motions at the key times ([`region_motion`]) and outward normals ([`normals`]).
-//! 3. Each edited splat collects the regions around it, grouped by the motion they would give it ([`candidates`]).
+//! 3. Edited splats of one small cube share the search for the regions around them and for the motions these have ([`cubes`]); each collects
+//!    some of every motion ([`candidates`]).
 //! 4. Costs ([`likelihood`], [`coverage`]) say how probable each motion is; the regions' statistics, how the edit displaced them, follow,
 //!    smoothed by [`diffusion`]; and so on in turns ([`posterior`]).
 //! 5. Splats that no region explains follow the nearest ones that some region does ([`graph`]).
 //! 6. New connected pieces that stand out follow what they are attached to, as a whole ([`new_pieces`]).
 //! 7. Each takes some sources of its motion, those that agree best ([`support`], [`consensus`]); their weighted rigid motion is its own.
 //!
-//! # Glossary
-//!
-//! | word | meaning |
-//! |---|---|
-//! | region | source splats of one small cube that move as one and face alike: an anchor whose motion is known |
-//! | outlier | a source splat, or region, that moves with none of its neighbours ("floater") |
-//! | offset | signed distance of an edited splat from a region along its outward normal |
-//! | flatness | 1 − s₁/s₂ of the two smallest scales: 0 for a ball, nearly 1 for a disc |
-//! | hypothesis | one motion that an edited splat may have; several regions share it |
-//! | posterior | probability of an edited splat's regions, and of none, given all others |
-//! | crowding | what belonging to a region costs because more edited splats do than its share, or fewer |
-//! | parent | the source splat an edited one once was, told by equal bits |
-//! | new piece | connected edited splats that are in no source splat's place ("graft") |
-//! | support | the source splats whose motion an edited splat takes |
+//! Words are those of the glossary at the head of the crate.
 
 mod candidates;
 mod consensus;

@@ -415,8 +415,10 @@ pub(crate) enum Pass {
     Depth,
     /// Motion since the edited frame, pixels (Eq. 12)
     Flow,
-    /// Colour uncertainty since the edited frame (Eq. 16)
+    /// Colour uncertainty since the edited frame (Eq. 16): of view dependence, and of what frame 1 hid
     Uncertainty,
+    /// The part of it that what frame 1 hid contributes
+    Evidence,
     /// Artifact mask (Eq. 17)
     Mask,
 }
@@ -424,7 +426,12 @@ pub(crate) enum Pass {
 impl Pass {
     /// Whether the pass compares a frame with the edited one.
     pub(crate) fn is_relative(self) -> bool {
-        matches!(self, Self::Flow | Self::Uncertainty | Self::Mask)
+        matches!(self, Self::Flow | Self::Uncertainty | Self::Evidence | Self::Mask)
+    }
+
+    /// Whether it takes what frame 1 does not supervise.
+    pub(crate) fn needs_evidence(self) -> bool {
+        matches!(self, Self::Uncertainty | Self::Evidence | Self::Mask)
     }
 
     /// Folder and file-name part.
@@ -435,6 +442,7 @@ impl Pass {
             Self::Depth => "depth",
             Self::Flow => "flow",
             Self::Uncertainty => "uncertainty",
+            Self::Evidence => "evidence",
             Self::Mask => "mask",
         }
     }

@@ -3,8 +3,8 @@
 use crate::args::Pass;
 use crate::device::Device;
 use crate::failure::{Failure, Outcome, chain};
-use cuar::{Flow, RefineOptions};
-use gs_core::{Camera, Image, Rasterizer, Splats};
+use cuar::{BeforeEdit, Evidence, EvidenceParams, Flow, RefineOptions};
+use gs_core::{Camera, DynamicScene, Image, Rasterizer, Splats};
 use gs_raster_cpu::CpuRasterizer;
 
 /// Coverage below which a pixel has no flow.
@@ -17,13 +17,19 @@ pub(crate) struct Mask {
     pub(crate) epsilon: f32,
     /// Uncertainty below which nothing is one.
     pub(crate) min_uncertainty: f32,
+    /// How splats that frame 1 does not supervise are found, if they are.
+    pub(crate) evidence: Option<EvidenceParams>,
 }
 
 impl Default for Mask {
     /// What the refinement sees unless told otherwise.
     fn default() -> Self {
         let usual = RefineOptions::default();
-        Self { epsilon: usual.epsilon, min_uncertainty: usual.min_uncertainty }
+        Self {
+            epsilon: usual.epsilon,
+            min_uncertainty: usual.min_uncertainty,
+            evidence: usual.evidence,
+        }
     }
 }
 
@@ -36,18 +42,39 @@ pub(crate) enum PassImage {
     Grey(Image),
 }
 
-/// Renders `pass` for splats `now`, which were `then` in the edited frame.
+/// ξ′ of every splat of an edited scene, on `device`, from `cameras` that look at the edited frame.
+pub(crate) fn evidence(
+    device: &Device,
+    scene: &dyn DynamicScene,
+    before: &BeforeEdit<'_>,
+    edit_time: f32,
+    cameras: &[Camera],
+    params: &EvidenceParams,
+) -> Outcome<Vec<f32>> {
+    match device {
+        Device::Cpu => {
+            Evidence::of(&CpuRasterizer::default(), scene, before, edit_time, cameras, params)
+        }
+        Device::Gpu(raster) => Evidence::of(raster, scene, before, edit_time, cameras, params),
+    }
+    .map(|evidence| evidence.xi)
+    .map_err(|error| Failure::failed(chain(&error)))
+}
+
+/// Renders `pass` for splats `now`, which were `then` in the edited frame; `evidence` is their ξ′, or empty.
 pub(crate) fn render(
     pass: Pass,
     mask: Mask,
     device: &Device,
     now: &Splats,
-    then: &Splats,
+    (then, evidence): (&Splats, &[f32]),
     camera: &Camera,
 ) -> Outcome<PassImage> {
     match device {
-        Device::Cpu => render_with(pass, mask, &CpuRasterizer::default(), now, then, camera),
-        Device::Gpu(raster) => render_with(pass, mask, raster, now, then, camera),
+        Device::Cpu => {
+            render_with(pass, mask, &CpuRasterizer::default(), now, (then, evidence), camera)
+        }
+        Device::Gpu(raster) => render_with(pass, mask, raster, now, (then, evidence), camera),
     }
     .map_err(|error| Failure::failed(chain(&error)))
 }
@@ -57,13 +84,17 @@ fn render_with<R: Rasterizer>(
     mask: Mask,
     raster: &R,
     now: &Splats,
-    then: &Splats,
+    (then, evidence): (&Splats, &[f32]),
     camera: &Camera,
 ) -> Result<PassImage, cuar::CuarError> {
     if pass == Pass::Flow {
         return Ok(PassImage::Flow(cuar::render_flow(raster, now, then, now, camera)?));
     }
-    let uncertainty = cuar::render_uncertainty(raster, now, then, camera)?;
+    let uncertainty = match pass {
+        Pass::Evidence => cuar::render_evidence(raster, now, evidence, camera)?,
+        _ if evidence.is_empty() => cuar::render_uncertainty(raster, now, then, camera)?,
+        _ => cuar::render_total_uncertainty(raster, now, then, evidence, camera)?,
+    };
     Ok(PassImage::Grey(match pass {
         Pass::Mask => cuar::artifact_mask(&uncertainty, mask.epsilon, mask.min_uncertainty),
         _ => uncertainty,

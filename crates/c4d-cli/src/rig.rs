@@ -60,6 +60,9 @@ const NEAR_SHARE: f64 = 0.1;
 /// Vertical field of view around objects, radians (40°).
 const OBJECT_FOV_RAD: f64 = 0.698_132;
 
+/// Views of a refinement without cameras.
+const REFINING: usize = 10;
+
 impl Rig {
     /// Looks at a scene: at what moves in it, when it surrounds its origin (backdrops and sky domes would drive the cameras
     /// outside); at all of it, when it is a forward capture. `up` is the world's upward direction.
@@ -230,6 +233,18 @@ impl Rig {
         let lift = norm(self.centre) * upwards;
         let eye = [0, 1, 2].map(|k| self.centre[k] + back[k] + lift * self.up[k]);
         self.look_at(eye, self.centre, size)
+    }
+
+    /// The views of a refinement that has no cameras, and where they are, in words.
+    pub(crate) fn refining(&self, size: (u32, u32)) -> (Vec<Camera>, &'static str) {
+        match self.layout {
+            Layout::Object => (self.orbit(REFINING, size), "on a circle around the object"),
+            Layout::Forward => {
+                let mut cameras = vec![self.front(size)];
+                cameras.extend(self.spiral(REFINING - 1, size));
+                (cameras, "placed as a capture of this scene would be")
+            }
+        }
     }
 
     /// One camera a frame on a small spiral before the scene.

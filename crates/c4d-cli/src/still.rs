@@ -80,6 +80,7 @@ pub(crate) fn open(
         fps: None,
         background: [0.0; 3],
         mask: Mask::default(),
+        source_rows: None,
         facts: Vec::new(),
         roots: vec![path.to_owned()],
         files: vec![frame::file_of(path)],

@@ -5,7 +5,7 @@
 
 use crate::{CuarError, flow::axes};
 use gs_core::image_formation::{ALPHA_THRESHOLD, EPS2D};
-use gs_core::{Camera, Rasterizer, RenderGrads, RenderParams, Splats, UpstreamGrads};
+use gs_core::{Camera, Rasterizer, RenderGrads, RenderOutput, RenderParams, Splats, UpstreamGrads};
 use rayon::prelude::*;
 
 /// `Σ_p α T` per splat over the image of the last forward pass of `prepared` (which had one feature per splat), `[N]`.
@@ -51,6 +51,72 @@ fn unoccluded(splats: &Splats, i: usize, camera: &Camera) -> f64 {
     let det = (dot(u, u) + blur) * (dot(v, v) + blur) - dot(u, v).powi(2);
     let above = (f64::from(splats.opacity(i)) - f64::from(ALPHA_THRESHOLD)).max(0.0);
     std::f64::consts::TAU * det.max(0.0).sqrt() * above
+}
+
+/// How far frame 1 supervises each splat, `[N]` in [0, 1]: the largest share of its unoccluded weight `Σ_p α` that any of `cameras` shows,
+/// `max_v Σ_p α T / Σ_p α`. `splats` are those of frame 1.
+///
+/// # Errors
+/// If a camera cannot see, shapes disagree, or the rasteriser fails.
+pub fn first_frame_shares<R: Rasterizer>(
+    raster: &R,
+    splats: &Splats,
+    cameras: &[Camera],
+) -> Result<Vec<f32>, CuarError> {
+    survey(raster, splats, cameras, &[]).map(|(shares, _)| shares)
+}
+
+/// [`first_frame_shares`], and which of `places` (position and radius, world units) `splats` hide from every camera.
+pub(crate) fn survey<R: Rasterizer>(
+    raster: &R,
+    splats: &Splats,
+    cameras: &[Camera],
+    places: &[([f32; 3], f64)],
+) -> Result<(Vec<f32>, Vec<bool>), CuarError> {
+    let mut shares = vec![0.0_f32; splats.len()];
+    let mut hidden = vec![true; places.len()];
+    let params = RenderParams { rgb: false, depth: !places.is_empty(), ..RenderParams::default() };
+    let (mut prepared, mut output) = (None, RenderOutput::default());
+    let features = vec![0.0; splats.len()];
+    for camera in cameras {
+        let prepared = match &mut prepared {
+            Some(prepared) => {
+                raster.prepare_into(splats, camera, prepared)?;
+                prepared
+            }
+            none => none.insert(raster.prepare(splats, camera)?),
+        };
+        raster.forward_into(prepared, splats, &features, &params, &mut output)?;
+        let pixels = output.width * output.height;
+        let weights = splat_weights(raster, prepared, splats, &params, pixels)?;
+        let shown = visibility(splats, &weights, camera, 1.0);
+        shares.iter_mut().zip(shown).for_each(|(share, shown)| *share = share.max(shown));
+        for (hidden, place) in hidden.iter_mut().zip(places) {
+            *hidden &= !is_in_front(&output, camera, *place);
+        }
+    }
+    Ok((shares, hidden))
+}
+
+/// Coverage from which a pixel hides what lies behind it.
+const COVERED: f32 = 0.9;
+
+/// Whether `place` lies in view and no surface of the render hides it, farther before it than its radius.
+fn is_in_front(output: &RenderOutput, camera: &Camera, (place, radius): ([f32; 3], f64)) -> bool {
+    let place = place.map(f64::from);
+    let Some([u, v]) = camera.project(place) else { return false };
+    if !(u >= 0.0 && v >= 0.0 && u < output.width as f64 && v < output.height as f64) {
+        return false;
+    }
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        reason = "inside the image, checked above"
+    )]
+    let pixel = v as usize * output.width + u as usize;
+    let alpha = output.alpha[pixel];
+    let z = camera.to_camera(place)[2];
+    alpha < COVERED || z - radius <= f64::from(output.depth[pixel] / alpha)
 }
 
 #[cfg(test)]

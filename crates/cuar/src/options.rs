@@ -1,6 +1,6 @@
 //! [`RefineOptions`]: options of a refinement.
 
-use crate::{CuarError, WarpForm, WarpParams, loss::LossWeights};
+use crate::{CuarError, EvidenceParams, WarpForm, WarpParams, loss::LossWeights};
 
 /// Predefined [`RefineOptions`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -86,6 +86,8 @@ pub struct RefineOptions {
     pub weights: LossWeights,
     /// Minimiser.
     pub solver: Solver,
+    /// How splats that frame 1 does not supervise are found and repaired ([`crate::refine_edit`]). `None`: they are not, as in the paper.
+    pub evidence: Option<EvidenceParams>,
     /// Images (pairs of view and time) drawn. Default 240.
     pub samples: usize,
     /// Whether the edited frame, from every view (20 of those that have a time of their own), is among the images, so that it keeps its
@@ -114,6 +116,7 @@ impl Default for RefineOptions {
             warp_params: WarpParams::default(),
             weights: LossWeights::default(),
             solver: Solver::Regression(RegressionParams::default()),
+            evidence: Some(EvidenceParams::default()),
             samples: 240,
             keep_first_frame: true,
             seed: 0,
@@ -135,6 +138,7 @@ impl RefineOptions {
                 warp: WarpForm::Paper,
                 warp_params: WarpParams { slack: None, ..WarpParams::default() },
                 solver: Solver::Adam(AdamParams::default()),
+                evidence: None,
                 keep_first_frame: false,
                 ..Self::default()
             },
@@ -164,6 +168,15 @@ impl RefineOptions {
         within("min_visible_share", f64::from(self.warp_params.min_visible_share), 1e-6, 1e6)?;
         within("min_facing", f64::from(self.warp_params.min_facing), -1e6, 1e6)?;
         within("samples", self.samples as f64, 1.0, 1e7)?;
+        if let Some(evidence) = &self.evidence {
+            within("hidden", f64::from(evidence.hidden), 0.0, 1.0)?;
+            within("supervised", f64::from(evidence.supervised), f64::from(evidence.hidden), 1.0)?;
+            within("min_change", f64::from(evidence.min_change), 0.0, 3.0)?;
+            within("hue_spread", f64::from(evidence.hue_spread), 1e-4, 1e4)?;
+            within("light_spread", f64::from(evidence.light_spread), 1e-4, 1e4)?;
+            within("strain", evidence.strain, 1e-6, 1e6)?;
+            within("min_agreement", f64::from(evidence.min_agreement), 0.0, 1.0)?;
+        }
         for channel in self.background {
             within("background", channel, 0.0, 1.0)?;
         }

@@ -24,6 +24,8 @@ pub struct Refined {
     pub sh: Vec<[f32; 3]>,
     /// Offset of SH, the same at every time, `[rows,K,3]`.
     pub d_sh: Vec<[f32; 3]>,
+    /// Rows that fade: what only exists because a deletion missed it ([`crate::refine_edit`]); ascending, among `rows`.
+    pub faded: Vec<u32>,
     /// Counts, losses, timings and warnings.
     pub report: Report,
 }
@@ -35,11 +37,12 @@ impl Refined {
     /// If these are other splats than those refined.
     pub fn apply(&self, first: &mut Splats) {
         scene::add(first, &self.rows, &self.d_sh);
+        scene::fade(first, &self.faded);
     }
 
     /// `scene` with the refined colours at every time.
     pub fn scene<'a>(&'a self, scene: &'a dyn DynamicScene) -> OffsetScene<'a> {
-        OffsetScene::new(scene, &self.rows, &self.d_sh)
+        OffsetScene::new(scene, &self.rows, &self.d_sh, &self.faded)
     }
 }
 

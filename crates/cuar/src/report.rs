@@ -1,6 +1,6 @@
 //! [`Report`]: what a refinement did.
 
-use crate::{SupervisionStats, problem::TracePoint, view_sampler::ViewTime};
+use crate::{RepairCounts, SupervisionStats, problem::TracePoint, view_sampler::ViewTime};
 
 /// Counts, losses and timings of a refinement. Losses are Eq. 20, means over images; only pixels that an edited splat reaches contribute.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -9,6 +9,8 @@ pub struct Report {
     pub num_edited: usize,
     /// Edited splats that some image shows.
     pub num_visible: usize,
+    /// What evidence repaired, and what it left ([`crate::refine_edit`]).
+    pub repair: RepairCounts,
     /// Images that supervised.
     pub samples: Vec<ViewTime>,
     /// Images that only reported.

@@ -2,18 +2,24 @@
 
 use gs_core::{DynamicScene, SceneError, Splats, TimeRange};
 
-/// A dynamic scene whose edited rows carry a constant offset of SH.
+/// A dynamic scene some of whose rows carry a constant offset of SH, and some of whose rows are not drawn.
 #[derive(Debug, Clone)]
 pub struct OffsetScene<'a> {
     scene: &'a dyn DynamicScene,
     rows: &'a [u32],
     d_sh: &'a [[f32; 3]],
+    faded: &'a [u32],
 }
 
 impl<'a> OffsetScene<'a> {
-    /// `rows` of `scene` with `d_sh` (`[rows,K,3]`) added at every time.
-    pub(crate) fn new(scene: &'a dyn DynamicScene, rows: &'a [u32], d_sh: &'a [[f32; 3]]) -> Self {
-        Self { scene, rows, d_sh }
+    /// `rows` of `scene` with `d_sh` (`[rows,K,3]`) added at every time, and the rows `faded` invisible.
+    pub(crate) fn new(
+        scene: &'a dyn DynamicScene,
+        rows: &'a [u32],
+        d_sh: &'a [[f32; 3]],
+        faded: &'a [u32],
+    ) -> Self {
+        Self { scene, rows, d_sh, faded }
     }
 }
 
@@ -31,6 +37,16 @@ pub(crate) fn add(splats: &mut Splats, rows: &[u32], d_sh: &[[f32; 3]]) {
                 }
             }
         }
+    }
+}
+
+/// Opacity logit of what fades ([`crate::Refined::faded`]): below the faintest alpha that is drawn.
+pub const FADED_LOGIT: f32 = -12.0;
+
+/// Makes `rows` invisible.
+pub(crate) fn fade(splats: &mut Splats, rows: &[u32]) {
+    for &row in rows {
+        splats.opacity_logits[row as usize] = FADED_LOGIT;
     }
 }
 
@@ -54,6 +70,7 @@ impl DynamicScene for OffsetScene<'_> {
     fn at_into(&self, t: f32, out: &mut Splats) -> Result<(), SceneError> {
         self.scene.at_into(t, out)?;
         add(out, self.rows, self.d_sh);
+        fade(out, self.faded);
         Ok(())
     }
 

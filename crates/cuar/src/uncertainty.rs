@@ -65,9 +65,56 @@ pub fn render_uncertainty<R: Rasterizer>(
     camera: &Camera,
 ) -> Result<Image, CuarError> {
     let features = color_uncertainty(at_t, at_1, camera)?;
+    composite(raster, at_t, &features, camera)
+}
+
+/// Eq. 16 of ξ̂ = 1 − (1 − ξ)(1 − ξ′), where ξ′ `[N]` is that of [`crate::Evidence`]: view dependence and what frame 1 does not supervise,
+/// `[H,W,1]`.
+///
+/// # Errors
+/// As [`render_uncertainty`], and if `evidence` has another length.
+pub fn render_total_uncertainty<R: Rasterizer>(
+    raster: &R,
+    at_t: &Splats,
+    at_1: &Splats,
+    evidence: &[f32],
+    camera: &Camera,
+) -> Result<Image, CuarError> {
+    CuarError::check("evidence", evidence.len(), at_t.len())?;
+    let mut features = color_uncertainty(at_t, at_1, camera)?;
+    for (xi, evidence) in features.iter_mut().zip(evidence) {
+        *xi = 1.0 - (1.0 - *xi) * (1.0 - evidence);
+    }
+    composite(raster, at_t, &features, camera)
+}
+
+/// Eq. 16 of ξ′ alone, `[N]` or empty for zeros: `[H,W,1]`.
+///
+/// # Errors
+/// As [`render_total_uncertainty`].
+pub fn render_evidence<R: Rasterizer>(
+    raster: &R,
+    at_t: &Splats,
+    evidence: &[f32],
+    camera: &Camera,
+) -> Result<Image, CuarError> {
+    if evidence.is_empty() {
+        return composite(raster, at_t, &vec![0.0; at_t.len()], camera);
+    }
+    CuarError::check("evidence", evidence.len(), at_t.len())?;
+    composite(raster, at_t, evidence, camera)
+}
+
+/// `Σ f α T` of one feature per splat.
+fn composite<R: Rasterizer>(
+    raster: &R,
+    at_t: &Splats,
+    features: &[f32],
+    camera: &Camera,
+) -> Result<Image, CuarError> {
     let mut prepared = raster.prepare(at_t, camera)?;
     let params = RenderParams { rgb: false, depth: false, ..RenderParams::default() };
-    Ok(raster.forward(&mut prepared, at_t, &features, &params)?.features_image())
+    Ok(raster.forward(&mut prepared, at_t, features, &params)?.features_image())
 }
 
 /// Right-hand side of Eq. 17: `max(ε·mean(U), floor)`.

@@ -115,6 +115,25 @@ pub fn apply_edits(
     edits: &[Edit],
     seed: u64,
 ) -> Result<EditedFrame, SynthError> {
+    Ok(truth::finish(scene, drafted(scene, edits, seed, Removal::Whole)?))
+}
+
+/// What becomes of splats that [`Edit::Remove`] takes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Removal {
+    /// They go away.
+    Whole,
+    /// They stay, marked in [`Draft::doomed`].
+    Marked,
+}
+
+/// The splats after `edits`, with what is known of each.
+pub(crate) fn drafted(
+    scene: &SynthScene,
+    edits: &[Edit],
+    seed: u64,
+    removal: Removal,
+) -> Result<Draft, SynthError> {
     let mut draft = Draft::of(scene);
     for (step, edit) in edits.iter().enumerate() {
         edit.check()?;
@@ -152,12 +171,21 @@ pub fn apply_edits(
             }
             Edit::Remove { region } => {
                 let gone = draft.mask_of(region);
-                draft.retain(|i| !gone[i]);
+                match removal {
+                    Removal::Whole => draft.retain(|i| !gone[i]),
+                    Removal::Marked => {
+                        draft
+                            .doomed
+                            .iter_mut()
+                            .zip(gone)
+                            .for_each(|(doomed, gone)| *doomed |= gone);
+                    }
+                }
             }
             Edit::Shuffle => draft.shuffle(&mut rng),
         }
     }
-    Ok(truth::finish(scene, draft))
+    Ok(draft)
 }
 
 impl Edit {

@@ -1,6 +1,7 @@
 //! Seeded dynamic scenes, edits of their first frame, and the truth of both.
 //!
-//! Promises: [`demo()`], a dancer on a stage; [`apply_edits`], edits of its first frame; [`Truth`], the true motion of every edited splat;
+//! Promises: [`demo()`], a dancer on a stage; [`apply_edits`], edits of its first frame, and [`deliver`], the same as an editor that works on
+//! pictures leaves them; [`Truth`], the true motion of every edited splat;
 //! [`build`], hard cases; [`motion_error`], the score. Everything is a function of its seed; at `t = 0`
 //! scenes and truths return their frame-1 splats bit for bit.
 //!
@@ -28,6 +29,7 @@ mod cloth;
 mod contact;
 mod control;
 mod dance;
+mod deliver;
 mod demo;
 mod edit;
 mod error;
@@ -48,6 +50,7 @@ mod truth;
 
 pub use cases::{TruthCase, TruthScene, build};
 pub use control::rigid_neighbours;
+pub use deliver::{PICTURE_WEIGHT, deliver};
 pub use demo::{DemoParams, demo, demo_edits};
 pub use edit::{Edit, Graft, Paint, Region, apply_edits};
 pub use error::SynthError;

@@ -5,15 +5,16 @@ use super::render::{Shot, Views, write_sheet, write_video};
 use crate::args::{DemoArgs, Global, MotionArg, PresetArg, RefineFlags};
 use crate::console::Console;
 use crate::device::Device;
-use crate::failure::{Failure, Outcome};
+use crate::failure::{Failure, Outcome, chain};
 use crate::output::{existing, output_failure};
 use crate::ply_comments::up_comments;
 use crate::scene;
 use crate::settings::{PropagateJob, Settings};
-use gs_core::{Camera, DynamicScene};
+use gs_core::{Camera, DynamicScene, Splats};
 use gs_io::ply::{self, WriteOptions};
 use gs_io::{AtomicDir, Existing, cameras_json, ply_sequence};
-use gs_synth::{EditedFrame, SynthScene};
+use gs_raster_cpu::CpuRasterizer;
+use gs_synth::{EditedFrame, SynthError, SynthScene};
 use std::path::Path;
 use std::time::Instant;
 
@@ -26,6 +27,12 @@ const SIZE: (u32, u32) = (560, 640);
 /// Length of the video, seconds, and its highest frame rate: more frames last longer.
 const SECS: f64 = 2.0;
 const MAX_FPS: f64 = 60.0;
+/// Images that refine the edit, and their size, pixels: fewer and smaller than usual, so that the demo takes seconds.
+const REFINE_SAMPLES: usize = 40;
+const REFINE_SIZE: (u32, u32) = (240, 240);
+/// Pictures that the demo's editor works on, and their size, pixels.
+const PICTURES: usize = 24;
+const PICTURE_SIZE: u32 = 320;
 /// What this command writes.
 const SOURCE: &str = "source";
 const EDITED: &str = "edited.ply";
@@ -50,12 +57,10 @@ pub(crate) fn run(args: &DemoArgs, global: &Global, console: &Console) -> Outcom
     let params = gs_synth::DemoParams {
         num_splats: args.splats,
         seed: args.seed,
-        sh_degree: 0,
         ..gs_synth::DemoParams::default()
     };
     let synthetic = gs_synth::demo(&params).map_err(Failure::usage)?;
-    let edit = gs_synth::apply_edits(&synthetic, &gs_synth::demo_edits(), args.seed)
-        .map_err(Failure::failed)?;
+    let edit = delivered(&synthetic, args.seed)?;
     let cameras = synthetic.suggested_cameras(SIZE.0, SIZE.1);
     write_inputs(root, &synthetic, &edit, &cameras, console)?;
 
@@ -65,7 +70,7 @@ pub(crate) fn run(args: &DemoArgs, global: &Global, console: &Console) -> Outcom
         output: root.join(RUN),
         time: 0.0,
         axes: None,
-        no_refine: true,
+        no_refine: false,
         preset: PresetArg::Best,
         baseline: None,
         motion: MotionArg::Amg,
@@ -74,7 +79,11 @@ pub(crate) fn run(args: &DemoArgs, global: &Global, console: &Console) -> Outcom
         dry_run: false,
         align: false,
         keep_rest: false,
-        refine: RefineFlags::default(),
+        refine: RefineFlags {
+            samples: Some(REFINE_SAMPLES),
+            refine_size: Some(REFINE_SIZE),
+            ..RefineFlags::default()
+        },
         settings: Settings::default(),
     };
     let recorded = Recorded { scene: args.output.join(SOURCE), edited: args.output.join(EDITED) };
@@ -94,6 +103,7 @@ pub(crate) fn run(args: &DemoArgs, global: &Global, console: &Console) -> Outcom
         scene: opened.scene.as_ref(),
         edit_time: opened.edit_time,
         mask: opened.mask,
+        evidence: &[],
         original: opened.original.as_deref(),
         times: &times,
         views: &Views::Fixed(front),
@@ -114,6 +124,26 @@ pub(crate) fn run(args: &DemoArgs, global: &Global, console: &Console) -> Outcom
         console.result(args.output.join(name).display());
     }
     Ok(())
+}
+
+/// The demo's edit as an editor delivers it that works on pictures of frame 1: splats that none of them shows keep the scene's colour.
+fn delivered(synthetic: &SynthScene, seed: u64) -> Outcome<EditedFrame> {
+    let pictures = synthetic.orbit_cameras(PICTURES, PICTURE_SIZE, PICTURE_SIZE);
+    let shown = |splats: &Splats| {
+        cuar::first_frame_shares(&CpuRasterizer::default(), splats, &pictures)
+            .map_err(|error| Unmade(chain(&error)))
+    };
+    gs_synth::deliver(synthetic, &gs_synth::demo_edits(), seed, shown)
+        .map_err(|Unmade(what)| Failure::failed(what))
+}
+
+/// Why the demo's edit could not be made.
+struct Unmade(String);
+
+impl From<SynthError> for Unmade {
+    fn from(error: SynthError) -> Self {
+        Self(chain(&error))
+    }
 }
 
 fn write_inputs(

@@ -1,5 +1,6 @@
 //! `c4d refine`: repair the colours that motion reveals (CUAR), in a run that `c4d propagate` wrote.
 
+mod tell;
 mod watch;
 
 use crate::args::{Global, PresetArg, RefineArgs, RefineFlags, Up, WarpArg};
@@ -7,35 +8,34 @@ use crate::console::Console;
 use crate::device::{self, Device};
 use crate::failure::{Failure, Outcome, chain};
 use crate::output::output_failure;
-use crate::rig::{Layout, Rig};
+use crate::rig::Rig;
 use crate::run_folder::{
     self, CONFIG, Checkpoint, MadeFrom, REFINE_IMAGES, REFINE_REPORT, REFINE_STATE, RefineConfig,
     RefinedRows, SCENE,
 };
 use crate::scene::Run;
 use crate::settings::{
-    AdamSettings, OcclusionSettings, RefineSettings, RegressionSettings, Settings,
+    AdamSettings, EvidenceSettings, OcclusionSettings, RefineSettings, RegressionSettings, Settings,
 };
 use crate::{memory, scene};
 use amg::RowKind;
 use clap::ValueEnum;
-use cuar::{Backend, CuarError, Preset, RefineOptions, Report, Solver, Views, WarpForm};
-use gs_core::{Camera, DynamicScene};
+use cuar::{
+    Backend, BeforeEdit, CuarError, FADED_LOGIT, Preset, RefineOptions, Solver, Views, WarpForm,
+    refine_edit,
+};
+use gs_core::Camera;
 use gs_io::FolderUpdate;
 use gs_io::cameras::{Reading, Split};
 use gs_raster_cpu::CpuRasterizer;
 use gs_train_wgpu::DeviceDescent;
-use serde_json::{Value, json};
-use std::collections::BTreeSet;
 use std::path::Path;
 use watch::Watch;
 
 /// Size of the rig's images, pixels.
-const RIG_SIZE: (u32, u32) = (640, 480);
+pub(super) const RIG_SIZE: (u32, u32) = (640, 480);
 /// Times that images are drawn from.
 const FRAMES: usize = 30;
-/// Cameras of the rig.
-const RIG_CAMERAS: usize = 10;
 /// Most cameras of a data set used: each is drawn at the edited time and at others.
 const MAX_CAMERAS: usize = 64;
 /// Memory for images where none is asked for, MiB.
@@ -187,7 +187,9 @@ pub(crate) fn refine(run: &Path, begun: Checkpoint, global: &Global, console: &C
     let mut loaded = scene::open_run(run, global, console)?;
     let edited: Vec<bool> =
         loaded.stored.binding.kinds().iter().map(|kind| *kind != RowKind::Unchanged).collect();
-    if !edited.contains(&true) {
+    let binding = &loaded.stored.binding;
+    let source_rows = loaded.stored.source_rows();
+    if !edited.contains(&true) && binding.len() >= binding.num_sources() {
         console.note("nothing was edited: there is nothing to refine");
         return Ok(());
     }
@@ -201,17 +203,6 @@ pub(crate) fn refine(run: &Path, begun: Checkpoint, global: &Global, console: &C
     let times = crate::frames::times(&scene, &[], Some(flags.refine_frames.unwrap_or(FRAMES)))?;
     let views = Views { cameras: &cameras, times: &times, held_out: &held_out };
     let options = options(flags, preset, &settings, &loaded)?;
-    if !any_uncertain(&scene, &edited, &views, &options)? {
-        console.note(format!(
-            "no edited splat changes colour on its way (views: {}, times: {}, threshold: {:.0} of 255): there is nothing to refine. Only \
-             colours that depend on the direction can change; other views are given with --refine-cameras, more times with --refine-frames, \
-             and --preset paper has no threshold",
-            cameras.len(),
-            times.len(),
-            -255.0 * (1.0 - options.min_uncertainty).ln()
-        ));
-        return Ok(());
-    }
     let device = Device::open(global.gpu)?;
     console.detail(format!("refining on {}", device.describe()));
     if !is_resumed {
@@ -235,22 +226,18 @@ pub(crate) fn refine(run: &Path, begun: Checkpoint, global: &Global, console: &C
         failure: None,
     };
     let resumed = state.as_ref();
+    let before = BeforeEdit { scene: loaded.source.scene.as_ref(), source_rows: &source_rows };
+    let (edited, inputs) = (&edited, (&views, &options));
     let result = match &device {
-        Device::Cpu => cuar::refine(
-            &CpuRasterizer::default(),
-            &scene,
-            &edited,
-            &views,
-            &options,
-            resumed,
-            &mut watch,
-        ),
+        Device::Cpu => {
+            let backend = Backend { raster: &CpuRasterizer::default(), descent: None };
+            refine_edit(backend, &scene, &before, edited, inputs.0, inputs.1, resumed, &mut watch)
+        }
         Device::Gpu(raster) => {
             let mut engine =
                 DeviceDescent::new(raster.clone()).map_err(|error| device::failure(&error))?;
             let backend = Backend { raster, descent: Some(&mut engine) };
-            let edited = &edited;
-            cuar::refine_with(backend, &scene, edited, &views, &options, resumed, &mut watch)
+            refine_edit(backend, &scene, &before, edited, inputs.0, inputs.1, resumed, &mut watch)
         }
     };
     let failure = watch.finish();
@@ -276,7 +263,24 @@ pub(crate) fn refine(run: &Path, begun: Checkpoint, global: &Global, console: &C
         .chunks(coeffs.max(1))
         .filter(|d_sh| d_sh.iter().any(|d| *d != [0.0; 3]))
         .count();
-    tell(&refined.report, changed, &cameras, console);
+    tell::repair(&refined.report.repair, &options, console);
+    if refined.report.samples.is_empty() {
+        let lacks_views = if changed + refined.faded.len() > 0 { "" } else { tell::OTHER_VIEWS };
+        console.note(format!(
+            "no edited splat changes colour with the direction on its way (views: {}, times: {}, threshold: {:.0} of 255): no images are needed{lacks_views}",
+            cameras.len(),
+            times.len(),
+            -255.0 * (1.0 - options.min_uncertainty).ln()
+        ));
+    } else {
+        tell::refinement(&refined.report, changed, &cameras, console);
+    }
+    if refined.report.samples.is_empty() && changed + refined.faded.len() == 0 {
+        for name in [REFINE_STATE, REFINE_IMAGES] {
+            update.remove(name).map_err(|error| output_failure(&error))?;
+        }
+        return Ok(());
+    }
 
     loaded.config.refine = Some(RefineConfig {
         preset: format!("{preset:?}").to_lowercase(),
@@ -303,10 +307,15 @@ pub(crate) fn refine(run: &Path, begun: Checkpoint, global: &Global, console: &C
             Solver::Adam(_) => None,
         },
         occlusion: Some(OcclusionSettings::of(&options.warp_params)),
+        evidence: Some(EvidenceSettings::of(options.evidence.as_ref())),
     });
-    let report = report_json(&refined.report, changed, &cameras);
+    let report = tell::json(&refined.report, changed, &cameras);
     let logits = &loaded.stored.edited.opacity_logits;
-    let opacity_logits = refined.rows.iter().map(|&row| logits[row as usize]).collect();
+    let logit = |row: &u32| match refined.faded.binary_search(row) {
+        Ok(_) => FADED_LOGIT,
+        Err(_) => logits[*row as usize],
+    };
+    let opacity_logits = refined.rows.iter().map(logit).collect();
     loaded.stored.refined =
         Some(RefinedRows { rows: refined.rows, sh: refined.sh, opacity_logits });
     let write = |name: &str, bytes: &[u8], has_read: bool| {
@@ -322,30 +331,6 @@ pub(crate) fn refine(run: &Path, begun: Checkpoint, global: &Global, console: &C
         update.remove(name).map_err(|error| output_failure(&error))?;
     }
     Ok(())
-}
-
-/// Whether any edited splat's colour changes enough (Eq. 15) for an artifact to be possible. Costs a colour per splat instead of an
-/// image, and spares view-independent scenes the whole stage.
-fn any_uncertain(
-    scene: &dyn DynamicScene,
-    edited: &[bool],
-    views: &Views<'_>,
-    options: &RefineOptions,
-) -> Outcome<bool> {
-    let at = |t: f32| scene.at(t).map_err(|error| Failure::bad_input(chain(&error)));
-    let then = at(options.edit_time.unwrap_or(scene.time_range().start))?;
-    for &t in views.times {
-        let now = at(t)?;
-        for camera in views.cameras {
-            let uncertainty = cuar::color_uncertainty(&now, &then, camera)
-                .map_err(|error| Failure::failed(chain(&error)))?;
-            let mut changes = uncertainty.iter().zip(edited);
-            if changes.any(|(value, edited)| *edited && *value > options.min_uncertainty) {
-                return Ok(true);
-            }
-        }
-    }
-    Ok(false)
 }
 
 /// Preset, configuration and flags together; what depends on the run is still to be filled in.
@@ -420,97 +405,9 @@ fn cameras(flags: &RefineFlags, loaded: &Run, console: &Console) -> Outcome<(Vec
     let rig = Rig::of_scene(source.scene.as_ref(), flags.refine_up.map_or(source.up, Up::vector))
         .map_err(Failure::input)?;
     let size = flags.refine_size.unwrap_or(RIG_SIZE);
-    let (cameras, what) = match rig.layout {
-        Layout::Object => (rig.orbit(RIG_CAMERAS, size), "on a circle around the object"),
-        Layout::Forward => {
-            let mut cameras = vec![rig.front(size)];
-            cameras.extend(rig.spiral(RIG_CAMERAS - 1, size));
-            (cameras, "placed as a capture of this scene would be")
-        }
-    };
+    let (cameras, what) = rig.refining(size);
     console.note(format!("no cameras given: using {} views {what}", cameras.len()));
     let name =
         |(i, camera): (usize, Camera)| Camera { name: format!("{}_{i:02}", camera.name), ..camera };
     Ok((cameras.into_iter().enumerate().map(name).collect(), "rig".to_owned()))
-}
-
-fn tell(report: &Report, changed: usize, cameras: &[Camera], console: &Console) {
-    for warning in &report.warnings {
-        console.warn(warning);
-    }
-    let stats = &report.supervision;
-    let share = |part: u64, whole: u64| 100.0 * part as f64 / whole.max(1) as f64;
-    if stats.masked > 0 {
-        let reasons = stats.reasons();
-        console.note(format!(
-            "{:.1} % of the edited pixels look like artifacts; frame 1 shows the surface of {:.1} % of them, and the splats of {:.1} %{}{reasons}",
-            share(stats.masked, stats.live),
-            share(stats.surface, stats.masked),
-            share(stats.splat_colors, stats.masked),
-            if reasons.is_empty() { "" } else { "; the others have no supervision: " },
-        ));
-    }
-    console.note(format!(
-        "{changed} of {} edited splats have new colours, from {} images: loss {:.3e} to {:.3e}",
-        report.num_edited,
-        report.samples.len(),
-        report.loss_before,
-        report.loss_after
-    ));
-    if !report.held_out.is_empty() {
-        let names: BTreeSet<&str> =
-            report.held_out.iter().map(|at| cameras[at.view].name.as_str()).collect();
-        let [then, now] = report.held_out_artifacts;
-        console.note(format!(
-            "held-out views ({}): artifacts {then:.3e} to {now:.3e}, change elsewhere {:.3e}",
-            names.into_iter().collect::<Vec<_>>().join(", "),
-            report.held_out_after - now
-        ));
-    }
-    for (part, secs) in &report.timings {
-        console.detail(format!("  {part}: {secs:.2} s"));
-    }
-}
-
-fn report_json(report: &Report, changed: usize, cameras: &[Camera]) -> Value {
-    let at = |list: &[cuar::ViewTime]| {
-        list.iter().map(|at| json!([cameras[at.view].name, at.time])).collect::<Vec<_>>()
-    };
-    let trace: Vec<Value> =
-        report.trace.iter().map(|point| json!([point.secs, point.step, point.loss])).collect();
-    let timings: serde_json::Map<String, Value> =
-        report.timings.iter().map(|(part, secs)| ((*part).to_owned(), json!(secs))).collect();
-    let stats = &report.supervision;
-    let doubts: serde_json::Map<String, Value> = cuar::Rejection::ALL
-        .into_iter()
-        .zip(stats.rejections)
-        .map(|(rejection, count)| (rejection.name().replace(' ', "_"), json!(count)))
-        .collect();
-    json!({
-        "schema": 2,
-        "edited": report.num_edited,
-        "changed": changed,
-        "visible": report.num_visible,
-        "loss": { "before": report.loss_before, "after": report.loss_after },
-        "held_out_loss": {
-            "before": report.held_out_before,
-            "after": report.held_out_after,
-            "artifacts_before": report.held_out_artifacts[0],
-            "artifacts_after": report.held_out_artifacts[1],
-        },
-        "pixels": {
-            "edited": stats.live,
-            "masked": stats.masked,
-            "known_by_surface": stats.surface,
-            "known_by_splats": stats.splat_colors,
-            "unknown": doubts,
-        },
-        "images_with_threshold_at_floor": report.num_floored,
-        "images": at(&report.samples),
-        "held_out": at(&report.held_out),
-        "trace_secs_step_loss": trace,
-        "timings": timings,
-        "bytes": report.bytes,
-        "warnings": report.warnings,
-    })
 }

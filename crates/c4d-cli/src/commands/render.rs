@@ -14,8 +14,11 @@ use crate::frames::{self, Timing};
 use crate::output::{existing, output_failure, refuse_overlap};
 use crate::passes::{self, PassImage};
 use crate::renderer::{self, Renderer};
+use crate::rig::Rig;
+use crate::scene::Opened;
 use crate::video::VideoWriter;
 use crate::{images, memory, rates, still};
+use cuar::BeforeEdit;
 use gs_core::{Camera, DynamicScene, Image, RenderOutput, Splats};
 use gs_io::{AtomicDir, AtomicFile, Existing, Losses};
 use std::fs::File;
@@ -66,15 +69,22 @@ pub(crate) fn run(args: &RenderArgs, global: &Global, console: &Console) -> Outc
     if args.side_by_side && args.passes.iter().any(|pass| pass.is_relative()) {
         return Err(Failure::usage("--side-by-side shows rgb, alpha or depth"));
     }
+    let device = Device::open(global.gpu)?;
+    let evidence = if args.passes.iter().any(|pass| pass.needs_evidence()) {
+        evidence(&opened, &device)?
+    } else {
+        Vec::new()
+    };
     let shot = Shot {
         scene: opened.scene.as_ref(),
         edit_time: opened.edit_time,
         mask: opened.mask,
+        evidence: &evidence,
         original: opened.original.as_deref().filter(|_| args.side_by_side),
         times: &times,
         views: &views,
         background: args.background.unwrap_or(opened.background),
-        device: &Device::open(global.gpu)?,
+        device: &device,
         console,
     };
     console.detail(format!("rendering on {}", shot.device.describe()));
@@ -88,11 +98,27 @@ pub(crate) fn run(args: &RenderArgs, global: &Global, console: &Console) -> Outc
     }
 }
 
+/// ξ′ of a run's splats, seen in the edited frame from the views of a refinement without cameras; empty for other scenes.
+fn evidence(opened: &Opened, device: &Device) -> Outcome<Vec<f32>> {
+    let (Some(original), Some(source_rows), Some(params)) =
+        (&opened.original, &opened.source_rows, &opened.mask.evidence)
+    else {
+        return Ok(Vec::new());
+    };
+    let rig = Rig::of_scene(original.as_ref(), opened.up).map_err(Failure::bad_input)?;
+    let (cameras, _) = rig.refining(super::refine::RIG_SIZE);
+    let before = BeforeEdit { scene: original.as_ref(), source_rows };
+    let scene = opened.scene.as_ref();
+    passes::evidence(device, scene, &before, opened.edit_time, &cameras, params)
+}
+
 /// What is rendered, from where, when.
 pub(crate) struct Shot<'a> {
     pub(crate) scene: &'a dyn DynamicScene,
     pub(crate) edit_time: f32,
     pub(crate) mask: passes::Mask,
+    /// ξ′ of every splat, or empty.
+    pub(crate) evidence: &'a [f32],
     pub(crate) original: Option<&'a dyn DynamicScene>,
     pub(crate) times: &'a [f32],
     pub(crate) views: &'a Views,
@@ -252,7 +278,8 @@ fn stills(args: &RenderArgs, global: &Global, shot: &Shot<'_>, format: Format) -
             let path = |extension: &str| folder.join(format!("{:05}.{extension}", exposure.frame));
             let image = if pass.is_relative() {
                 let Exposure { splats, camera, .. } = exposure;
-                passes::render(pass, shot.mask, shot.device, splats, &then, camera)?
+                let then = (&then, shot.evidence);
+                passes::render(pass, shot.mask, shot.device, splats, then, camera)?
             } else {
                 PassImage::Grey(exposure.image(pass))
             };
@@ -299,7 +326,7 @@ fn channels(pass: Pass) -> &'static [&'static str] {
     match pass {
         Pass::Alpha => &["A"],
         Pass::Depth => &["Z"],
-        Pass::Uncertainty | Pass::Mask => &["Y"],
+        Pass::Uncertainty | Pass::Evidence | Pass::Mask => &["Y"],
         Pass::Rgb | Pass::Flow => &["R", "G", "B"],
     }
 }

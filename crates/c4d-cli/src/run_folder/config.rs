@@ -2,8 +2,8 @@
 
 use crate::passes::Mask;
 use crate::settings::{
-    AdamSettings, AnchorSettings, KnnSettings, OcclusionSettings, RegressionSettings,
-    TransportSettings,
+    AdamSettings, AnchorSettings, EvidenceSettings, KnnSettings, OcclusionSettings,
+    RegressionSettings, TransportSettings,
 };
 use amg::{Aggregation, PositionRule, RotationRule, ScaleRule};
 use serde::{Deserialize, Serialize};
@@ -133,6 +133,9 @@ pub(crate) struct RefineConfig {
     /// Which pixels frame 1 supervised.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub(crate) occlusion: Option<OcclusionSettings>,
+    /// How splats that frame 1 did not supervise were found.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(crate) evidence: Option<EvidenceSettings>,
 }
 
 fn usual_floor() -> f32 {
@@ -142,7 +145,12 @@ fn usual_floor() -> f32 {
 impl RefineConfig {
     /// Which pixels were artifacts.
     pub(crate) fn mask(&self) -> Mask {
-        Mask { epsilon: self.epsilon, min_uncertainty: self.min_uncertainty }
+        let usual = Mask::default().evidence;
+        let evidence = match &self.evidence {
+            Some(settings) => settings.over(usual.as_ref()),
+            None => usual,
+        };
+        Mask { epsilon: self.epsilon, min_uncertainty: self.min_uncertainty, evidence }
     }
 }
 

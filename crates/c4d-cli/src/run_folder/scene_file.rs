@@ -2,7 +2,7 @@
 
 use super::SCENE;
 use crate::failure::{Failure, Outcome};
-use amg::{Binding, MovedGroup, RowKind, Similarity};
+use amg::{AmgError, Binding, MovedGroup, RowKind, Similarity};
 use gs_core::Splats;
 use safetensors::{Dtype, SafeTensors, tensor::TensorView};
 use serde::{Deserialize, Serialize};
@@ -46,16 +46,39 @@ impl RefinedRows {
 
     /// How many rows have another colour or opacity than in `edited`.
     pub(crate) fn changed(&self, edited: &Splats) -> usize {
-        let coeffs = edited.sh_coeffs();
+        self.changes(edited).count()
+    }
+
+    /// Rows with another colour or opacity than in `edited`.
+    fn changes<'a>(&'a self, edited: &'a Splats) -> impl Iterator<Item = usize> + 'a {
         self.rows
             .iter()
-            .zip(self.sh.chunks(coeffs))
+            .zip(self.sh.chunks(edited.sh_coeffs()))
             .zip(&self.opacity_logits)
-            .filter(|((row, sh), logit)| {
-                let row = **row as usize;
-                *sh != edited.sh_of(row) || **logit != edited.opacity_logits[row]
+            .map(|((&row, sh), &logit)| (row as usize, sh, logit))
+            .filter(|(row, sh, logit)| {
+                *sh != edited.sh_of(*row) || *logit != edited.opacity_logits[*row]
             })
-            .count()
+            .map(|(row, ..)| row)
+    }
+
+    /// `binding` for the frame with these rows in place: source splats that the edit left, and the refinement did not, are recoloured.
+    pub(crate) fn rebind(&self, edited: &Splats, binding: &Binding) -> Result<Binding, AmgError> {
+        let mut kinds = binding.kinds().to_vec();
+        for row in self.changes(edited) {
+            if kinds[row] == RowKind::Unchanged {
+                kinds[row] = RowKind::Recoloured;
+            }
+        }
+        Binding::from_parts_with_groups(
+            binding.offsets().to_vec(),
+            binding.source_ids().to_vec(),
+            binding.weights().to_vec(),
+            kinds,
+            binding.num_sources(),
+            binding.groups().to_vec(),
+            binding.group_of().to_vec(),
+        )
     }
 
     fn fits(&self, edited: &Splats) -> bool {
@@ -81,6 +104,15 @@ impl Stored {
     /// The bytes of `scene.c4d`.
     pub(crate) fn serialize(&self) -> Outcome<Vec<u8>> {
         serialize(self)
+    }
+
+    /// For each edited splat, the source splat whose geometry it has, moved or not.
+    pub(crate) fn source_rows(&self) -> Vec<Option<u32>> {
+        let own = |(row, kind): (usize, &RowKind)| {
+            let is_source = kind.is_exact() || *kind == RowKind::Moved;
+            self.binding.row(row).0.first().copied().filter(|_| is_source)
+        };
+        self.binding.kinds().iter().enumerate().map(own).collect()
     }
 
     /// Reads the bytes of `scene.c4d`; every count is checked, so a damaged file is an error and no more.

@@ -23,6 +23,8 @@ pub(crate) struct Opened {
     pub(crate) path: PathBuf,
     /// The scene before the edit, for runs.
     pub(crate) original: Option<Arc<dyn DynamicScene>>,
+    /// For each splat of a run, the source splat whose geometry it has, moved or not.
+    pub(crate) source_rows: Option<Vec<Option<u32>>>,
     /// Time of the edited frame: a run's, else the start.
     pub(crate) edit_time: f32,
     /// The world's upward direction, as far as the files tell.

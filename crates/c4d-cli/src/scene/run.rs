@@ -21,8 +21,14 @@ impl Run {
     pub(crate) fn scene(&self, path: &Path, refined: bool) -> Outcome<EditedScene> {
         let Stored { edited, binding, .. } = &self.stored;
         let rows = self.stored.refined.as_ref().filter(|_| refined);
+        let binding = match rows {
+            Some(rows) => rows
+                .rebind(edited, binding)
+                .map_err(|error| damaged(path, SCENE, &chain(&error)))?,
+            None => binding.clone(),
+        };
         let edited = Arc::new(rows.map_or_else(|| edited.clone(), |rows| rows.apply(edited)));
-        let (source, binding) = (self.source.scene.clone(), Arc::new(binding.clone()));
+        let (source, binding) = (self.source.scene.clone(), Arc::new(binding));
         let time = self.config.edit_time;
         match &self.source.network {
             Some(network) if binding.count(RowKind::Field) > 0 => {

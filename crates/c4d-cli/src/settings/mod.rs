@@ -7,7 +7,9 @@ mod motion;
 mod refinement;
 
 pub(crate) use motion::{AnchorSettings, KnnSettings, TransportSettings};
-pub(crate) use refinement::{AdamSettings, OcclusionSettings, RefineSettings, RegressionSettings};
+pub(crate) use refinement::{
+    AdamSettings, EvidenceSettings, OcclusionSettings, RefineSettings, RegressionSettings,
+};
 
 use crate::args::{AxesArg, BaselineArg, Global, MotionArg, PresetArg, PropagateArgs, RefineFlags};
 use crate::failure::{Failure, Outcome};

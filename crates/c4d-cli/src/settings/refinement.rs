@@ -3,7 +3,9 @@
 use crate::args::{PresetArg, RefineFlags, Up, WarpArg};
 use crate::failure::{Failure, Outcome, chain};
 use clap::ValueEnum;
-use cuar::{AdamParams, CuarError, RefineOptions, RegressionParams, Solver, WarpParams};
+use cuar::{
+    AdamParams, CuarError, EvidenceParams, RefineOptions, RegressionParams, Solver, WarpParams,
+};
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 
@@ -29,6 +31,7 @@ pub(crate) struct RefineSettings {
     adam: Option<AdamSettings>,
     regression: Option<RegressionSettings>,
     occlusion: Option<OcclusionSettings>,
+    evidence: Option<EvidenceSettings>,
     /// Where it was read from, for messages.
     #[serde(skip)]
     path: PathBuf,
@@ -75,6 +78,21 @@ pub(crate) struct OcclusionSettings {
     supervise_all: Option<bool>,
     min_known_color: Option<f32>,
     min_visible_share: Option<f32>,
+}
+
+/// `[refine.evidence]`: how splats that frame 1 does not supervise are found.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub(crate) struct EvidenceSettings {
+    /// Whether they are repaired at all.
+    repair: Option<bool>,
+    hidden: Option<f32>,
+    supervised: Option<f32>,
+    min_change: Option<f32>,
+    hue_spread: Option<f32>,
+    light_spread: Option<f32>,
+    strain: Option<f64>,
+    min_agreement: Option<f32>,
 }
 
 impl RefineSettings {
@@ -174,6 +192,9 @@ impl RefineSettings {
         if let Some(occlusion) = &self.occlusion {
             occlusion.apply(&mut options.warp_params);
         }
+        if let Some(evidence) = &self.evidence {
+            options.evidence = evidence.over(options.evidence.as_ref());
+        }
         Ok(())
     }
 }
@@ -247,5 +268,39 @@ impl OcclusionSettings {
         }
         params.min_known_color = self.min_known_color.unwrap_or(params.min_known_color);
         params.min_visible_share = self.min_visible_share.unwrap_or(params.min_visible_share);
+    }
+}
+
+impl EvidenceSettings {
+    /// All values of a run.
+    pub(crate) fn of(params: Option<&EvidenceParams>) -> Self {
+        let Some(params) = params else { return Self { repair: Some(false), ..Self::default() } };
+        Self {
+            repair: Some(true),
+            hidden: Some(params.hidden),
+            supervised: Some(params.supervised),
+            min_change: Some(params.min_change),
+            hue_spread: Some(params.hue_spread),
+            light_spread: Some(params.light_spread),
+            strain: Some(params.strain),
+            min_agreement: Some(params.min_agreement),
+        }
+    }
+
+    /// `params` with these values; `None` if nothing is to be repaired.
+    pub(crate) fn over(&self, params: Option<&EvidenceParams>) -> Option<EvidenceParams> {
+        if !self.repair.unwrap_or(params.is_some()) {
+            return None;
+        }
+        let params = params.copied().unwrap_or_default();
+        Some(EvidenceParams {
+            hidden: self.hidden.unwrap_or(params.hidden),
+            supervised: self.supervised.unwrap_or(params.supervised),
+            min_change: self.min_change.unwrap_or(params.min_change),
+            hue_spread: self.hue_spread.unwrap_or(params.hue_spread),
+            light_spread: self.light_spread.unwrap_or(params.light_spread),
+            strain: self.strain.unwrap_or(params.strain),
+            min_agreement: self.min_agreement.unwrap_or(params.min_agreement),
+        })
     }
 }

@@ -7,6 +7,7 @@
     reason = "pixels inside the image, single-precision places"
 )]
 
+pub mod delivered;
 pub mod slide;
 
 use cuar::{artifact_mask, render_uncertainty};

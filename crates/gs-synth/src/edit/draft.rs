@@ -13,6 +13,8 @@ pub(crate) struct Draft {
     pub(crate) tags: Vec<Tag>,
     /// Source row a splat descends from; `None` for new geometry.
     pub(crate) source_rows: Vec<Option<u32>>,
+    /// Rows that an [`super::Edit::Remove`] took, and that are still here: an editor may miss them.
+    pub(crate) doomed: Vec<bool>,
 }
 
 impl Draft {
@@ -23,6 +25,7 @@ impl Draft {
             rows: scene.rows.clone(),
             tags: vec![Tag::Unchanged; count],
             source_rows: (0..count).map(|i| Some(row_id(i))).collect(),
+            doomed: vec![false; count],
         }
     }
 
@@ -48,10 +51,11 @@ impl Draft {
         self.rows.push(self.rows[i]);
         self.tags.push(self.tags[i]);
         self.source_rows.push(self.source_rows[i]);
+        self.doomed.push(self.doomed[i]);
         self.rows.len() - 1
     }
 
-    pub(super) fn retain(&mut self, keep: impl Fn(usize) -> bool) {
+    pub(crate) fn retain(&mut self, keep: impl Fn(usize) -> bool) {
         let order: Vec<usize> = (0..self.rows.len()).filter(|&i| keep(i)).collect();
         self.take(&order);
     }
@@ -69,5 +73,6 @@ impl Draft {
         self.rows = order.iter().map(|&i| self.rows[i]).collect();
         self.tags = order.iter().map(|&i| self.tags[i]).collect();
         self.source_rows = order.iter().map(|&i| self.source_rows[i]).collect();
+        self.doomed = order.iter().map(|&i| self.doomed[i]).collect();
     }
 }

@@ -72,6 +72,7 @@ pub(super) fn add(
         draft.rows.push(row);
         draft.tags.push(tag);
         draft.source_rows.push(None);
+        draft.doomed.push(false);
     }
 }
 

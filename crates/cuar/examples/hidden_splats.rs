@@ -1,0 +1,169 @@
+//! What evidence is worth where an editor of pictures missed splats that frame 1 hides: PSNR against the true edit at held-out views, in the
+//! pixels that motion reveals and elsewhere, in the paper's mask and outside it.
+//!
+//! `cargo run --release -p cuar --example hidden_splats [brief | cases | ablation | picture FILE]`; `brief` has fewer splats, `picture` draws
+//! a crop before and after.
+#![expect(clippy::print_stdout, reason = "a measurement for people")]
+#![allow(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "colours of 8 bits, and pixels inside the image"
+)]
+
+#[path = "../tests/common/mod.rs"]
+mod common;
+
+use common::delivered::{Delivered, Judge, cases, delivered, rings, with_unseen_sh, wrong_rows};
+use cuar::{
+    AdamParams, Backend, Evidence, EvidenceParams, NoObserver, Preset, RefineOptions, Refined,
+    Repair, Solver, Views, WarpForm, refine_edit,
+};
+use gs_core::{DynamicScene, TimeRange};
+use gs_raster_cpu::CpuRasterizer;
+use std::error::Error;
+use std::time::Instant;
+
+const EVAL: [f32; 4] = [0.2, 0.4, 0.6, 0.8];
+
+fn main() -> Result<(), Box<dyn Error>> {
+    let mode = std::env::args().nth(1).unwrap_or_else(|| "cases".to_owned());
+    match mode.as_str() {
+        "brief" => table(4_000, (120, 120)),
+        "cases" => table(12_000, (240, 240)),
+        "large" => table(60_000, (480, 480)),
+        "ablation" => ablation(),
+        "picture" => picture(&std::env::args().nth(2).ok_or("picture FILE")?),
+        other => Err(format!("{other}: expected brief, cases, large, ablation or picture").into()),
+    }
+}
+
+/// Every case, as delivered and as it should be.
+fn table(num_splats: usize, size: (u32, u32)) -> Result<(), Box<dyn Error>> {
+    let raster = CpuRasterizer::default();
+    println!("{num_splats} splats; PSNR, dB, before → after");
+    for (name, edits) in cases() {
+        let case = delivered(name, &edits, num_splats, 1, |scene| rings(scene, size));
+        for (form, case) in [("perfect", case.perfect()), ("delivered", case)] {
+            let clock = Instant::now();
+            let params = EvidenceParams::default();
+            let (scene, before) = (case.scene(), case.before());
+            let evidence = Evidence::of(&raster, scene, &before, 0.0, &case.pictures, &params)?;
+            let repair = Repair::of(&evidence, 0.02);
+            let secs = clock.elapsed().as_secs_f64();
+            let judge = Judge::of(&case, scene, &EVAL);
+            let before = judge.score(scene);
+            let [then, now] = [before.db(), judge.score(&repair.scene(scene)).db()];
+            let found = wrong_rows(&case).map_or_else(String::new, |wrong| {
+                let right = repair.rows.iter().filter(|&&row| wrong[row as usize]).count();
+                format!("; {} missed, {right} found", wrong.iter().filter(|wrong| **wrong).count())
+            });
+            println!(
+                "{name}, {form}: revealed {:.2} → {:.2} ({:.2} % of the pixels), elsewhere {:.2} → {:.2}{found}; {} recoloured, {} faded, {} undecided; {secs:.2} s",
+                then[0],
+                now[0],
+                100.0 * before.revealed.1 / (before.revealed.1 + before.elsewhere.1),
+                then[1],
+                now[1],
+                repair.rows.len(),
+                repair.faded.len(),
+                evidence.num_undecided,
+            );
+        }
+    }
+    Ok(())
+}
+
+fn refined(
+    case: &Delivered,
+    scene: &dyn DynamicScene,
+    options: &RefineOptions,
+) -> Result<Refined, Box<dyn Error>> {
+    let raster = CpuRasterizer::default();
+    let first = scene.at(0.0)?;
+    let before = case.source.frame1();
+    let edited: Vec<bool> = (0..first.len())
+        .map(|i| case.source_rows[i].is_none_or(|id| before.sh_of(id as usize) != first.sh_of(i)))
+        .collect();
+    let times = TimeRange::UNIT.frames(31);
+    let views = Views { cameras: &case.pictures, times: &times, held_out: &[] };
+    let backend = Backend { raster: &raster, descent: None };
+    let before = case.before();
+    Ok(refine_edit(backend, scene, &before, &edited, &views, options, None, &mut NoObserver)?)
+}
+
+/// Hidden splats and view dependence at once: ξ, evidence, both; solvers; the paper's warp.
+fn ablation() -> Result<(), Box<dyn Error>> {
+    let (name, edits) = cases().swap_remove(2);
+    let case = delivered(name, &edits, 12_000, 3, |_| {
+        let (mut cameras, held_out) = common::cameras(8, 320, 240);
+        let held = held_out.iter().map(|&view| cameras[view].clone()).collect();
+        cameras.truncate(8);
+        (cameras, held)
+    });
+    let scene = with_unseen_sh(&case, 1.5);
+    let judge = Judge::of(&case, &scene, &EVAL);
+    let then = judge.score(&scene).db();
+    println!(
+        "before: revealed {:.2}, elsewhere {:.2}, mask {:.2}, outside {:.2}",
+        then[0], then[1], then[2], then[3]
+    );
+    let best = RefineOptions::default();
+    let adam = Solver::Adam(AdamParams::default());
+    let runs = [
+        ("ξ alone, least squares", RefineOptions { evidence: None, ..best.clone() }),
+        ("both, least squares (default)", best.clone()),
+        ("both, Adam", RefineOptions { solver: adam, ..best.clone() }),
+        (
+            "both, least squares, warp as printed",
+            RefineOptions { warp: WarpForm::Paper, ..best.clone() },
+        ),
+        ("--preset paper", RefineOptions::preset(Preset::Paper)),
+    ];
+    let raster = CpuRasterizer::default();
+    let params = EvidenceParams::default();
+    let evidence = Evidence::of(&raster, &scene, &case.before(), 0.0, &case.pictures, &params)?;
+    let repair = Repair::of(&evidence, best.min_uncertainty);
+    let show = |name: &str, now: [f64; 4], secs: f64| {
+        println!(
+            "{name}: revealed {:+.2}, elsewhere {:+.2}, mask {:+.2}, outside {:+.2} dB; {secs:.1} s",
+            now[0] - then[0],
+            now[1] - then[1],
+            now[2] - then[2],
+            now[3] - then[3]
+        );
+    };
+    show("evidence alone", judge.score(&repair.scene(&scene)).db(), 0.0);
+    for (name, options) in runs {
+        let clock = Instant::now();
+        let refined = refined(&case, &scene, &options)?;
+        let secs = clock.elapsed().as_secs_f64();
+        show(name, judge.score(&refined.scene(&scene)).db(), secs);
+    }
+    Ok(())
+}
+
+/// The crop of the left arm: as delivered, repaired, and the truth.
+fn picture(path: &str) -> Result<(), Box<dyn Error>> {
+    let (name, edits) = cases().pop().ok_or("a case")?;
+    let case = delivered(name, &edits, 30_000, 1, |scene| rings(scene, (320, 320)));
+    let refined =
+        refined(&case, case.scene(), &RefineOptions { samples: 40, ..RefineOptions::default() })?;
+    let camera = case.source.front_camera(900, 900);
+    let (x, y, side) = (350, 330, 240_usize);
+    let mut image = image::RgbImage::new(3 * side as u32, side as u32);
+    let repaired = refined.scene(case.scene());
+    let scenes: [&dyn DynamicScene; 3] = [case.scene(), &repaired, &case.truth.truth];
+    for (k, scene) in scenes.into_iter().enumerate() {
+        let shown = common::render(scene, 0.5, &camera);
+        for row in 0..side {
+            for column in 0..side {
+                let pixel = shown.pixel(x + column, y + row);
+                let rgb = [0, 1, 2].map(|c| (255.0 * pixel[c].clamp(0.0, 1.0)).round() as u8);
+                image.put_pixel((k * side + column) as u32, row as u32, image::Rgb(rgb));
+            }
+        }
+    }
+    image.save(path)?;
+    println!("{path}: as delivered, refined, truth");
+    Ok(())
+}

@@ -1,0 +1,91 @@
+//! [`expected_changes`]: the change of colour that supervised splats of the same surface have.
+
+use super::{
+    EvidenceParams,
+    surface::{Nodes, Surface, scaled_tone},
+};
+use anchors::KdTree;
+use gs_core::{Splats, sh};
+use rayon::prelude::*;
+
+/// Supervised splats asked per splat.
+const TEACHERS: usize = 24;
+/// What the prior weighs that a brighter splat stays brighter by the same factor, relative to the teachers' spread of log-brightness.
+const PRIOR: f32 = 0.02;
+/// Added to colours under a logarithm.
+const DARK: f32 = 0.03;
+
+/// Per row of `missed`, the change of SH `[K,3]` that the nearest `teachers` of its surface have; `None` without any.
+///
+/// Teachers are near, face alike, move with the splat and had its hue. New base colours are a local power law of the old brightness `b`, per
+/// channel `log new = log new̅ + β (log b − log b̅)`: light and shadow are factors of both (β = 1, which is the prior), and paint that covers a
+/// texture of light and dark has β = 0. Higher bands take the teachers' mean change.
+pub(super) fn expected_changes(
+    nodes: &Nodes,
+    surface: &Surface,
+    first: &Splats,
+    old: &[[f32; 3]],
+    missed: &[usize],
+    teachers: &[usize],
+    params: &EvidenceParams,
+) -> Vec<Option<Vec<[f32; 3]>>> {
+    let coeffs = first.sh_coeffs();
+    let spacing = surface.rigid.typical_spacing(&surface.points);
+    let spacing = if spacing > 0.0 { spacing } else { 1e-6 };
+    let feature = |i: usize| {
+        let [x, y, z] = nodes.means[i].map(|x| x / (3.0 * spacing));
+        let [r, g, b] = scaled_tone(nodes.colors[i], params).map(f64::from);
+        [x, y, z, r, g, b]
+    };
+    let points: Vec<[f64; 6]> = teachers.iter().map(|&i| feature(i)).collect();
+    if points.is_empty() {
+        return vec![None; missed.len()];
+    }
+    let tree = KdTree::<6>::new(&points);
+    let rgb = |sh: [f32; 3]| sh.map(|x| 0.5 + sh::C0 * x);
+    missed
+        .par_iter()
+        .with_min_len(64)
+        .map(|&i| {
+            let mut found = Vec::new();
+            tree.nearest(&feature(i), TEACHERS, &mut found);
+            let nearest = found.first()?.distance_squared;
+            let mut total = 0.0_f32;
+            let mut weighted = Vec::with_capacity(found.len());
+            for neighbor in &found {
+                let j = teachers[neighbor.id as usize];
+                let together = surface.rigid.between(&surface.points, i, j);
+                let near = (-0.5 * (neighbor.distance_squared - nearest)).exp();
+                #[expect(clippy::cast_possible_truncation, reason = "weights are single precision")]
+                let weight = (near * (together + 1e-3)) as f32 * (nodes.facing(i, j) + 0.05);
+                total += weight;
+                weighted.push((j, weight));
+            }
+            if total.is_nan() || total <= 0.0 {
+                return None;
+            }
+            let mut change = vec![[0.0_f32; 3]; coeffs];
+            for &(j, weight) in &weighted {
+                for (k, sum) in change.iter_mut().enumerate() {
+                    let (now, then) = (first.sh_of(j)[k], old[j * coeffs + k]);
+                    (0..3).for_each(|c| sum[c] += weight / total * (now[c] - then[c]));
+                }
+            }
+            let mean = |of: &dyn Fn(usize) -> f32| {
+                weighted.iter().map(|&(j, w)| w / total * of(j)).sum::<f32>()
+            };
+            let light = |j: usize| nodes.colors[j][0];
+            let light_mean = mean(&light);
+            let spread = mean(&|j| (light(j) - light_mean).powi(2));
+            for c in 0..3 {
+                let new = |j: usize| (rgb(first.sh_of(j)[0])[c].max(0.0) + DARK).ln();
+                let new_mean = mean(&new);
+                let together = mean(&|j| (light(j) - light_mean) * (new(j) - new_mean));
+                let slope = ((together + PRIOR) / (spread + PRIOR)).clamp(0.0, 1.5);
+                let value = (new_mean + slope * (light(i) - light_mean)).exp() - DARK;
+                change[0][c] = (value - 0.5) / sh::C0 - old[i * coeffs][c];
+            }
+            change.iter().flatten().all(|x| x.is_finite()).then_some(change)
+        })
+        .collect()
+}

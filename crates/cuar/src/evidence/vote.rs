@@ -1,0 +1,49 @@
+//! [`harmonic`]: labels of supervised splats, continued over the surface.
+
+use super::surface::Surface;
+use rayon::prelude::*;
+
+/// Rounds: labels travel one neighbour per round, and hidden stretches are some tens of splats wide at most.
+const ROUNDS: usize = 100;
+/// Weight of a node's own label, relative to that of all its neighbours.
+const HOLD: f32 = 10.0;
+/// Neighbours weaker than this belong to another surface.
+const FAINT: f32 = 0.02;
+
+/// For every node of `surface`, two shares in 0 to 1: its own `label` as far as it is `known` (0 to 1), else the weighted mean of its
+/// neighbours' (the harmonic function with the known nodes as boundary). Nodes that no known one reaches have zeros.
+pub(super) fn harmonic(
+    surface: &Surface,
+    label: &(impl Fn(usize) -> [f32; 2] + Sync),
+    known: &(impl Fn(usize) -> f32 + Sync),
+) -> Vec<[f32; 2]> {
+    // shares, and whether any label has arrived
+    let mut now: Vec<([f32; 2], f32)> = (0..surface.len())
+        .map(|i| if known(i) > 0.0 { (label(i), 1.0) } else { ([0.0; 2], 0.0) })
+        .collect();
+    let open: Vec<usize> = (0..surface.len()).filter(|&i| known(i) < 1.0).collect();
+    for _ in 0..ROUNDS {
+        let next: Vec<([f32; 2], f32)> = open
+            .par_iter()
+            .with_min_len(512)
+            .map(|&i| {
+                let (mut sums, mut total, mut all) = ([0.0_f32; 2], 0.0_f32, 0.0_f32);
+                for (j, weight) in surface.of_node(i).filter(|(_, weight)| *weight > FAINT) {
+                    all += weight;
+                    let weight = weight * now[j].1;
+                    total += weight;
+                    sums[0] += weight * now[j].0[0];
+                    sums[1] += weight * now[j].0[1];
+                }
+                let own = HOLD * known(i) * all;
+                if total + own <= 0.0 {
+                    return now[i];
+                }
+                let held = label(i);
+                ([0, 1].map(|k| (sums[k] + own * held[k]) / (total + own)), 1.0)
+            })
+            .collect();
+        open.iter().zip(next).for_each(|(&i, next)| now[i] = next);
+    }
+    now.into_iter().map(|(shares, _)| shares).collect()
+}

@@ -1,0 +1,141 @@
+//! [`refine_edit`]: repair by evidence, then the refinement of [`crate::refine()`].
+
+use crate::{
+    Backend, BeforeEdit, CuarError, Evidence, Observer, RefineOptions, Refined, Repair, State,
+    Views, color_uncertainty, refine_with,
+};
+use gs_core::{Camera, DynamicScene, Rasterizer, sh};
+
+/// Counts of a [`Repair`].
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct RepairCounts {
+    /// Splats that frame 1 does not supervise.
+    pub hidden: usize,
+    /// Of these, splats that got the edit's change of colour.
+    pub recoloured: usize,
+    /// Of these, splats that a deletion missed, and that fade.
+    pub faded: usize,
+    /// Of these, splats near a change that stay as they are, because nothing tells what they should be.
+    pub undecided: usize,
+    /// Whether the edit reached hidden splats by itself.
+    pub reaches_hidden: bool,
+}
+
+impl RepairCounts {
+    /// The counts of `repair`, made from `evidence`.
+    pub fn of(evidence: &Evidence, repair: &Repair) -> Self {
+        Self {
+            hidden: evidence.supervision.iter().filter(|known| **known <= 0.0).count(),
+            recoloured: repair.rows.len(),
+            faded: repair.faded.len(),
+            undecided: evidence.num_undecided,
+            reaches_hidden: evidence.reaches_hidden,
+        }
+    }
+}
+
+/// [`crate::refine_with`] of an edit whose source is known: splats that frame 1 does not supervise first get what [`Evidence`] says of them
+/// ([`Repair`]), once and for all times; then view-dependent colours that only frame 1 ever saw are refined, those of the repaired splats, too.
+/// Without [`RefineOptions::evidence`] it is `refine_with` alone. The result's rows are the edited and the repaired ones; all other rows and
+/// all geometry stay as they are.
+///
+/// # Errors
+/// As [`crate::refine()`], and if `before` belongs to other splats.
+#[expect(clippy::too_many_arguments, reason = "those of `refine_with`, and what was before")]
+pub fn refine_edit<R: Rasterizer<Prepared: Send> + Sync>(
+    backend: Backend<'_, R>,
+    scene: &dyn DynamicScene,
+    before: &BeforeEdit<'_>,
+    edited: &[bool],
+    views: &Views,
+    options: &RefineOptions,
+    resume: Option<&State>,
+    observer: &mut dyn Observer,
+) -> Result<Refined, CuarError> {
+    let Some(params) = &options.evidence else {
+        return refine_with(backend, scene, edited, views, options, resume, observer);
+    };
+    options.check()?;
+    let edit_time = options.edit_time.unwrap_or(scene.time_range().start);
+    let cameras = supervising(views);
+    let evidence = Evidence::of(backend.raster, scene, before, edit_time, &cameras, params)?;
+    let repair = Repair::of(&evidence, options.min_uncertainty);
+    let counts = RepairCounts::of(&evidence, &repair);
+    let mut edited = edited.to_vec();
+    CuarError::check("edited", edited.len(), evidence.xi.len())?;
+    for &row in repair.rows.iter().chain(&repair.faded) {
+        edited[row as usize] = true;
+    }
+    let repaired = repair.scene(scene);
+    let coeffs = sh::num_coeffs(scene.sh_degree());
+    let mut refined = if any_uncertain(&repaired, &edited, views, options)? {
+        refine_with(backend, &repaired, &edited, views, options, resume, observer)?
+    } else {
+        unrefined(&edited, coeffs)
+    };
+    let mut next = 0;
+    for (k, row) in refined.rows.iter().enumerate() {
+        if repair.rows.get(next) == Some(row) {
+            let own = &mut refined.d_sh[k * coeffs..(k + 1) * coeffs];
+            for (own, more) in own.iter_mut().zip(&repair.d_sh[next * coeffs..]) {
+                (0..3).for_each(|c| own[c] += more[c]);
+            }
+            next += 1;
+        }
+    }
+    refined.faded = repair.faded;
+    refined.report.repair = counts;
+    let mut changed = scene.at(edit_time)?;
+    refined.apply(&mut changed);
+    refined.sh.clear();
+    for &row in &refined.rows {
+        refined.sh.extend_from_slice(changed.sh_of(row as usize));
+    }
+    Ok(refined)
+}
+
+/// Most cameras from which frame 1 is surveyed.
+const MAX_SURVEYED: usize = 32;
+
+/// The cameras of `views` that say what frame 1 supervises: those that are not held out, some of many, evenly.
+fn supervising(views: &Views) -> Vec<Camera> {
+    let held = |view: &usize| !views.held_out.contains(view);
+    let all: Vec<usize> = (0..views.cameras.len()).filter(held).collect();
+    let count = all.len().min(MAX_SURVEYED);
+    (0..count).map(|k| views.cameras[all[k * all.len() / count]].clone()).collect()
+}
+
+/// What [`refine_with`] would return where no colour is uncertain, its SH aside.
+fn unrefined(edited: &[bool], coeffs: usize) -> Refined {
+    #[expect(clippy::cast_possible_truncation, reason = "rows are numbered in 32 bits")]
+    let rows: Vec<u32> = (0..edited.len()).filter(|&i| edited[i]).map(|i| i as u32).collect();
+    let mut refined = Refined { d_sh: vec![[0.0; 3]; rows.len() * coeffs], ..Refined::default() };
+    refined.report.num_edited = rows.len();
+    refined.rows = rows;
+    refined
+}
+
+/// Whether any edited splat's colour changes enough over time (Eq. 15) for an artifact to be possible. Costs a colour per splat instead of an
+/// image, and spares view-independent scenes the whole stage.
+///
+/// # Errors
+/// If the scene cannot be evaluated or a camera cannot see.
+pub fn any_uncertain(
+    scene: &dyn DynamicScene,
+    edited: &[bool],
+    views: &Views<'_>,
+    options: &RefineOptions,
+) -> Result<bool, CuarError> {
+    let then = scene.at(options.edit_time.unwrap_or(scene.time_range().start))?;
+    for &t in views.times {
+        let now = scene.at(t)?;
+        for camera in views.cameras {
+            let uncertainty = color_uncertainty(&now, &then, camera)?;
+            let mut changes = uncertainty.iter().zip(edited);
+            if changes.any(|(value, edited)| *edited && *value > options.min_uncertainty) {
+                return Ok(true);
+            }
+        }
+    }
+    Ok(false)
+}

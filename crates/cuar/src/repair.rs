@@ -1,0 +1,49 @@
+//! [`Repair`]: hidden splats get the change of colour that the edit made around them.
+
+use crate::{Evidence, OffsetScene, scene};
+use gs_core::{DynamicScene, Splats};
+
+/// What [`Evidence`] asks to be changed: a change of SH of some rows, the same at every time, and rows that fade.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Repair {
+    /// Rows with other colours, ascending.
+    pub rows: Vec<u32>,
+    /// Their change of SH, `[rows,K,3]`.
+    pub d_sh: Vec<[f32; 3]>,
+    /// Rows that fade, ascending.
+    pub faded: Vec<u32>,
+}
+
+impl Repair {
+    /// The repair of rows with ξ′ above `min_uncertainty`.
+    pub fn of(evidence: &Evidence, min_uncertainty: f32) -> Self {
+        let mut repair = Self { faded: evidence.ghosts.clone(), ..Self::default() };
+        for (row, change) in &evidence.expected {
+            let is_ghost = evidence.ghosts.binary_search(row).is_ok();
+            if evidence.xi[*row as usize] > min_uncertainty && !is_ghost {
+                repair.rows.push(*row);
+                repair.d_sh.extend(change);
+            }
+        }
+        repair
+    }
+
+    /// Whether there is nothing to do.
+    pub fn is_empty(&self) -> bool {
+        self.rows.is_empty() && self.faded.is_empty()
+    }
+
+    /// Changes the splats of one time.
+    ///
+    /// # Panics
+    /// If these are other splats than those of the evidence.
+    pub fn apply(&self, splats: &mut Splats) {
+        scene::add(splats, &self.rows, &self.d_sh);
+        scene::fade(splats, &self.faded);
+    }
+
+    /// `scene` with the repair at every time.
+    pub fn scene<'a>(&'a self, scene: &'a dyn DynamicScene) -> OffsetScene<'a> {
+        OffsetScene::new(scene, &self.rows, &self.d_sh, &self.faded)
+    }
+}

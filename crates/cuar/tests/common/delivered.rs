@@ -1,0 +1,263 @@
+//! Edits in two forms, the true one and the one that an editor of pictures delivers, and their comparison at held-out views.
+
+use super::{Painted, render};
+use cuar::{BeforeEdit, CuarError, first_frame_shares};
+use gs_core::{Camera, DynamicScene, Image, Rasterizer, RenderParams, Splats};
+use gs_raster_cpu::CpuRasterizer;
+use gs_synth::{
+    DemoParams, Edit, EditedFrame, Paint, Part, Region, SynthError, SynthScene, apply_edits,
+    deliver, demo,
+};
+
+/// An edit that misses what its pictures do not show.
+pub struct Delivered {
+    pub name: &'static str,
+    pub source: SynthScene,
+    /// The edit as it should be.
+    pub truth: EditedFrame,
+    /// As it is.
+    pub given: EditedFrame,
+    /// The editor's, then those for judging.
+    pub pictures: Vec<Camera>,
+    pub held_out: Vec<Camera>,
+    pub source_rows: Vec<Option<u32>>,
+}
+
+#[derive(Debug)]
+pub enum Failed {
+    Synth(SynthError),
+    Cuar(CuarError),
+}
+
+impl From<SynthError> for Failed {
+    fn from(error: SynthError) -> Self {
+        Self::Synth(error)
+    }
+}
+
+/// The cases: name and edits.
+pub fn cases() -> Vec<(&'static str, Vec<Edit>)> {
+    let clothes = || Region::parts(&[Part::Chest, Part::UpperArmL, Part::UpperArmR]);
+    let legs =
+        || Region::parts(&[Part::Pelvis, Part::ThighL, Part::ThighR, Part::ShinL, Part::ShinR]);
+    let paint = |region, paint| Edit::Recolour { region, paint };
+    vec![
+        ("recolour", vec![paint(clothes(), Paint::Solid([0.85, 0.25, 0.2]))]),
+        ("local", vec![paint(clothes().within([0.0, 1.15, 0.0], 0.2), Paint::Hue(2.1))]),
+        ("textured", vec![paint(clothes(), Paint::Jacket)]),
+        ("trousers", vec![paint(legs(), Paint::Tint([0.62, 0.52, 0.34]))]),
+        (
+            "deleted",
+            vec![Edit::Remove { region: Region::parts(&[Part::UpperArmL, Part::ForearmL]) }],
+        ),
+        (
+            "deleted legs",
+            vec![Edit::Remove { region: Region::parts(&[Part::ThighL, Part::ThighR]) }],
+        ),
+        ("demo", gs_synth::demo_edits()),
+    ]
+}
+
+/// 24 pictures on two rings around the figure, and five views between them.
+pub fn rings(scene: &SynthScene, (w, h): (u32, u32)) -> (Vec<Camera>, Vec<Camera>) {
+    let (low, high) = (scene.orbit_cameras(24, w, h), scene_ring(scene, w, h));
+    let pictures = low.iter().step_by(2).chain(high.iter().step_by(2)).cloned().collect();
+    (pictures, low.into_iter().skip(1).step_by(4).take(5).collect())
+}
+
+/// A second ring, higher.
+fn scene_ring(scene: &SynthScene, w: u32, h: u32) -> Vec<Camera> {
+    scene
+        .orbit_cameras(24, w, h)
+        .iter()
+        .map(|camera| {
+            let eye = camera.position();
+            let eye = [0.85 * eye[0], eye[1] + 1.3, 0.85 * eye[2]];
+            Camera {
+                name: camera.name.clone(),
+                ..Camera::look_at(eye, [0.0, 0.95, 0.0], [0.0, 1.0, 0.0], 0.52, w, h)
+            }
+        })
+        .collect()
+}
+
+pub fn delivered(
+    name: &'static str,
+    edits: &[Edit],
+    num_splats: usize,
+    sh_degree: usize,
+    cameras: impl Fn(&SynthScene) -> (Vec<Camera>, Vec<Camera>),
+) -> Delivered {
+    let params = DemoParams { num_splats, sh_degree, ..DemoParams::default() };
+    let source = demo(&params).unwrap();
+    let (pictures, held_out) = cameras(&source);
+    let raster = CpuRasterizer::default();
+    let truth = apply_edits(&source, edits, 0).unwrap();
+    let given = deliver(&source, edits, 0, |splats: &Splats| {
+        first_frame_shares(&raster, splats, &pictures).map_err(Failed::Cuar)
+    })
+    .unwrap();
+    let source_rows = source_rows(&source, &given);
+    Delivered { name, source, truth, given, pictures, held_out, source_rows }
+}
+
+/// Source rows of splats with the geometry of a source splat.
+fn source_rows(source: &SynthScene, edited: &EditedFrame) -> Vec<Option<u32>> {
+    let (first, splats) = (source.frame1(), &edited.splats);
+    let same = |(i, id): (usize, &Option<u32>)| {
+        id.filter(|&id| {
+            let id = id as usize;
+            splats.means[i] == first.means[id] && splats.quats[i] == first.quats[id]
+        })
+    };
+    edited.truth.source_rows.iter().enumerate().map(same).collect()
+}
+
+impl Delivered {
+    /// The same with the edit as it should be.
+    pub fn perfect(&self) -> Self {
+        Self {
+            name: self.name,
+            source: self.source.clone(),
+            truth: self.truth.clone(),
+            given: self.truth.clone(),
+            pictures: self.pictures.clone(),
+            held_out: self.held_out.clone(),
+            source_rows: source_rows(&self.source, &self.truth),
+        }
+    }
+
+    pub fn before(&self) -> BeforeEdit<'_> {
+        BeforeEdit { scene: &self.source, source_rows: &self.source_rows }
+    }
+
+    /// The delivered scene.
+    pub fn scene(&self) -> &dyn DynamicScene {
+        &self.given.truth
+    }
+}
+
+/// Squared error and number of values.
+pub type Errors = (f64, f64);
+
+/// Errors in pixels that motion reveals and elsewhere, and in pixels of the paper's mask and outside it.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Score {
+    pub revealed: Errors,
+    pub elsewhere: Errors,
+    pub inside: Errors,
+    pub outside: Errors,
+}
+
+impl Score {
+    /// PSNR in that order, dB; 100 where nothing differs.
+    pub fn db(&self) -> [f64; 4] {
+        [self.revealed, self.elsewhere, self.inside, self.outside]
+            .map(|(error, count)| (-10.0 * (error / f64::max(count, 1.0)).log10()).min(100.0))
+    }
+}
+
+/// Which pixels motion reveals at `t`: what is seen has less than a tenth of its weight in the pictures of frame 1.
+pub fn revealed(case: &Delivered, shares: &[f32], t: f32, camera: &Camera) -> Vec<bool> {
+    let splats = case.given.truth.at(t).unwrap();
+    let raster = CpuRasterizer::default();
+    let mut prepared = raster.prepare(&splats, camera).unwrap();
+    let params = RenderParams { rgb: false, depth: false, ..RenderParams::default() };
+    // what stands still is larger than the pictures in part, and motion reveals none of it to these views
+    let moving = case.given.truth.scene().moving_mask();
+    let shares: Vec<f32> = shares
+        .iter()
+        .zip(moving)
+        .map(|(&share, moving)| if moving { share } else { 1.0 })
+        .collect();
+    let out = raster.forward(&mut prepared, &splats, &shares, &params).unwrap();
+    out.features.iter().zip(&out.alpha).map(|(shown, alpha)| *shown < 0.1 * alpha).collect()
+}
+
+/// One held-out view and time: the true image, what motion reveals there, and the paper's mask of the unrefined scene.
+struct Reference {
+    t: f32,
+    camera: Camera,
+    truth: Image,
+    revealed: Vec<bool>,
+    mask: Image,
+}
+
+/// What scenes are compared with.
+pub struct Judge(Vec<Reference>);
+
+impl Judge {
+    /// `scene` is the delivered one.
+    pub fn of(case: &Delivered, scene: &dyn DynamicScene, times: &[f32]) -> Self {
+        let raster = CpuRasterizer::default();
+        let shares = first_frame_shares(&raster, &case.given.splats, &case.pictures).unwrap();
+        let mut images = Vec::new();
+        for &t in times {
+            for camera in &case.held_out {
+                images.push(Reference {
+                    t,
+                    camera: camera.clone(),
+                    truth: render(&case.truth.truth, t, camera),
+                    revealed: revealed(case, &shares, t, camera),
+                    mask: super::mask(scene, t, camera, 0.5),
+                });
+            }
+        }
+        Self(images)
+    }
+
+    pub fn score(&self, scene: &dyn DynamicScene) -> Score {
+        let mut score = Score::default();
+        for Reference { t, camera, truth, revealed, mask } in &self.0 {
+            let ours = render(scene, *t, camera);
+            for (p, &revealed) in revealed.iter().enumerate() {
+                let error: f64 = (p * 3..p * 3 + 3)
+                    .map(|k| ours.data[k].clamp(0.0, 1.0) - truth.data[k].clamp(0.0, 1.0))
+                    .map(|difference| f64::from(difference).powi(2))
+                    .sum();
+                let masked = mask.data[p] > 0.0;
+                let motion = if revealed { &mut score.revealed } else { &mut score.elsewhere };
+                let view = if masked { &mut score.inside } else { &mut score.outside };
+                for (sum, count) in [motion, view] {
+                    *sum += error;
+                    *count += 3.0;
+                }
+            }
+        }
+        score
+    }
+}
+
+/// Rows that should have other colours than they have, of the two forms of a recolouring (whose rows agree).
+pub fn wrong_rows(case: &Delivered) -> Option<Vec<bool>> {
+    let (given, truth) = (&case.given.splats, &case.truth.splats);
+    (given.means == truth.means)
+        .then(|| (0..given.len()).map(|i| given.sh_of(i) != truth.sh_of(i)).collect())
+}
+
+/// The delivered scene with an SH component of size `unseen_sh` in every splat the edit changed, which no picture of frame 1 shows.
+pub fn with_unseen_sh(case: &Delivered, unseen_sh: f32) -> Painted {
+    let (splats, before) = (&case.given.splats, case.source.frame1());
+    let (coeffs, degree) = (splats.sh_coeffs(), splats.sh_degree);
+    let mut sh = splats.sh.clone();
+    let mut random = 7_u64;
+    for (i, source) in case.source_rows.iter().enumerate() {
+        if source.is_some_and(|id| before.sh_of(id as usize) == splats.sh_of(i)) {
+            continue;
+        }
+        let seen = super::seen_basis(degree, splats.means[i], &case.pictures);
+        for channel in 0..3 {
+            let mut extra: Vec<f32> = (0..coeffs).map(|_| super::uniform(&mut random)).collect();
+            for _ in 0..2 {
+                for direction in &seen {
+                    let along: f32 = extra.iter().zip(direction).map(|(a, b)| a * b).sum();
+                    extra.iter_mut().zip(direction).for_each(|(a, b)| *a -= along * b);
+                }
+            }
+            for (rgb, value) in sh[i * coeffs..].iter_mut().zip(&extra) {
+                rgb[channel] += unseen_sh * value;
+            }
+        }
+    }
+    Painted { truth: case.given.truth.clone(), sh }
+}

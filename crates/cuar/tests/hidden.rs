@@ -1,0 +1,179 @@
+//! Splats that no picture of frame 1 showed: what evidence must mend, and what it must leave alone.
+
+#![allow(clippy::unwrap_used, reason = "helpers of tests may")]
+
+mod common;
+
+use common::delivered::{Delivered, Judge, cases, delivered, rings, wrong_rows};
+use cuar::{
+    Backend, CuarError, Evidence, EvidenceParams, FADED_LOGIT, NoObserver, RefineOptions, Refined,
+    Repair, Views, refine_edit, render_evidence, render_total_uncertainty,
+};
+use gs_core::{DynamicScene, TimeRange};
+use gs_raster_cpu::CpuRasterizer;
+use std::sync::OnceLock;
+
+fn small() -> &'static Vec<Delivered> {
+    static CASES: OnceLock<Vec<Delivered>> = OnceLock::new();
+    CASES.get_or_init(|| {
+        let of = |(name, edits): (&'static str, Vec<_>)| {
+            delivered(name, &edits, 12_000, 1, |scene| rings(scene, (160, 160)))
+        };
+        let some =
+            cases().into_iter().filter(|(name, _)| !["trousers", "deleted legs"].contains(name));
+        some.map(of).collect()
+    })
+}
+
+fn named(name: &str) -> &'static Delivered {
+    small().iter().find(|case| case.name == name).expect("a case")
+}
+
+fn evidence(case: &Delivered) -> Evidence {
+    let (raster, params) = (CpuRasterizer::default(), EvidenceParams::default());
+    Evidence::of(&raster, case.scene(), &case.before(), 0.0, &case.pictures, &params).unwrap()
+}
+
+fn repair(case: &Delivered) -> Repair {
+    Repair::of(&evidence(case), RefineOptions::default().min_uncertainty)
+}
+
+#[test]
+fn what_motion_reveals_comes_nearer_the_truth_and_nothing_else_suffers() {
+    let mut gains = Vec::new();
+    for case in small() {
+        let judge = Judge::of(case, case.scene(), &[0.3, 0.6]);
+        let before = judge.score(case.scene()).db();
+        let after = judge.score(&repair(case).scene(case.scene())).db();
+        gains.push(after[0] - before[0]);
+        let name = case.name;
+        assert!(after[0] >= before[0], "{name}: revealed {before:?} → {after:?} dB");
+        assert!(after[1] >= before[1].min(50.0), "{name}: elsewhere {before:?} → {after:?} dB");
+        assert!(after[1] > before[1] - 0.02, "{name}: elsewhere {before:?} → {after:?} dB");
+    }
+    let mean = gains.iter().sum::<f64>() / gains.len() as f64;
+    assert!(mean > 6.0, "gains {gains:?}, {mean} dB in the mean");
+}
+
+#[test]
+fn what_is_repaired_is_what_was_missed() {
+    for name in ["recolour", "textured"] {
+        let case = named(name);
+        let (wrong, repair) = (wrong_rows(case).unwrap(), repair(case));
+        let missed = wrong.iter().filter(|wrong| **wrong).count();
+        let right = repair.rows.iter().filter(|&&row| wrong[row as usize]).count();
+        assert!(missed > 50, "{name}: {missed} missed");
+        assert!(10 * right > 8 * missed, "{name}: {right} of {missed} found");
+        assert!(
+            10 * right > 8 * repair.rows.len(),
+            "{name}: {right} of {} right",
+            repair.rows.len()
+        );
+    }
+    let case = named("deleted");
+    let ghosts = case.given.splats.len() - case.truth.splats.len();
+    let faded = repair(case).faded.len();
+    assert!(ghosts > 10 && 10 * faded > 6 * ghosts && faded <= ghosts, "{faded} of {ghosts} fade");
+}
+
+#[test]
+fn a_perfect_edit_comes_back_bit_for_bit() {
+    for case in small() {
+        let found = repair(&case.perfect());
+        assert!(
+            found.is_empty(),
+            "{}: {} rows, {} fade",
+            case.name,
+            found.rows.len(),
+            found.faded.len()
+        );
+    }
+}
+
+#[test]
+fn where_nothing_was_edited_there_is_no_evidence() {
+    let case = named("recolour");
+    let rows: Vec<Option<u32>> =
+        (0..case.source.num_splats()).map(|i| u32::try_from(i).ok()).collect();
+    let before = cuar::BeforeEdit { scene: &case.source, source_rows: &rows };
+    let (raster, params) = (CpuRasterizer::default(), EvidenceParams::default());
+    let of = |rows: &cuar::BeforeEdit<'_>| {
+        Evidence::of(&raster, &case.source, rows, 0.0, &case.pictures, &params)
+    };
+    let found = of(&before).unwrap();
+    assert!(found.xi.iter().all(|xi| *xi == 0.0) && found.ghosts.is_empty(), "nothing");
+    let short = cuar::BeforeEdit { source_rows: &rows[1..], ..before };
+    assert!(matches!(of(&short), Err(CuarError::Shape { .. })), "of another scene");
+    let mut far = rows.clone();
+    far[0] = Some(u32::MAX);
+    let far = cuar::BeforeEdit { source_rows: &far, ..before };
+    assert!(matches!(of(&far), Err(CuarError::Input { .. })), "no such splat");
+}
+
+fn refined(case: &Delivered, options: &RefineOptions) -> Refined {
+    let first = case.scene().at(0.0).unwrap();
+    let source = case.source.frame1();
+    let is_edited =
+        |i: usize| case.source_rows[i].is_none_or(|id| source.sh_of(id as usize) != first.sh_of(i));
+    let edited: Vec<bool> = (0..first.len()).map(is_edited).collect();
+    let times = TimeRange::UNIT.frames(6);
+    let views = Views { cameras: &case.pictures, times: &times, held_out: &[] };
+    let raster = CpuRasterizer::default();
+    let backend = Backend { raster: &raster, descent: None };
+    let before = case.before();
+    refine_edit(backend, case.scene(), &before, &edited, &views, options, None, &mut NoObserver)
+        .unwrap()
+}
+
+#[test]
+fn the_whole_stage_leaves_geometry_and_what_is_supervised_bit_for_bit() {
+    let case = named("demo");
+    let options = RefineOptions { samples: 6, ..RefineOptions::default() };
+    let on = |threads: usize| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        pool.install(|| refined(case, &options))
+    };
+    let (one, three) = (on(1), on(3));
+    assert_eq!((&one.d_sh, &one.sh, &one.faded), (&three.d_sh, &three.sh, &three.faded), "threads");
+    let (evidence, counts) = (evidence(case), one.report.repair);
+    assert!(counts.recoloured > 50 && !counts.reaches_hidden, "{counts:?}");
+    let original = case.scene().at(0.5).unwrap();
+    let now = one.scene(case.scene()).at(0.5).unwrap();
+    assert_eq!((&now.means, &now.quats), (&original.means, &original.quats), "geometry");
+    let source = case.source.frame1();
+    let mut changed = 0;
+    for i in 0..now.len() {
+        let is_source =
+            case.source_rows[i].is_some_and(|id| source.sh_of(id as usize) == original.sh_of(i));
+        if now.sh_of(i) == original.sh_of(i) {
+            continue;
+        }
+        changed += 1;
+        assert!(!is_source || evidence.xi[i] > 0.0, "unedited row {i} changed");
+        assert!(!is_source || evidence.supervision[i] < 1.0, "supervised row {i} changed");
+    }
+    assert!(changed >= counts.recoloured, "{changed} rows changed, {counts:?}");
+    let without = RefineOptions { evidence: None, ..options };
+    let counts = refined(case, &without).report.repair;
+    assert_eq!(counts.recoloured + counts.faded, 0, "not asked for");
+}
+
+#[test]
+fn ghosts_fade_and_passes_show_why() {
+    let case = named("deleted");
+    let (evidence, repair) = (evidence(case), repair(case));
+    assert!(!repair.faded.is_empty(), "ghosts");
+    let splats = repair.scene(case.scene()).at(0.7).unwrap();
+    for &row in &repair.faded {
+        assert_eq!(splats.opacity_logits[row as usize], FADED_LOGIT, "row {row}");
+        assert_eq!(evidence.xi[row as usize], 1.0, "row {row}");
+    }
+    let (raster, camera) = (CpuRasterizer::default(), &case.held_out[0]);
+    let [at_t, at_1] = [0.6, 0.0].map(|t| case.scene().at(t).unwrap());
+    let own = render_evidence(&raster, &at_t, &evidence.xi, camera).unwrap();
+    let total = render_total_uncertainty(&raster, &at_t, &at_1, &evidence.xi, camera).unwrap();
+    assert!(own.data.iter().zip(&total.data).all(|(own, total)| *own <= total + 1e-5), "a part");
+    assert!(own.data.iter().any(|own| *own > 0.1), "motion shows the ghosts");
+    let none = render_evidence(&raster, &at_t, &[], camera).unwrap();
+    assert!(none.data.iter().all(|own| *own == 0.0), "no evidence");
+}

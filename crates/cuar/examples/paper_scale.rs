@@ -7,9 +7,10 @@
 mod common;
 
 use common::{Flaws, case, flicker, psnr};
-use cuar::{NoObserver, RefineOptions, Views, refine};
+use cuar::{BeforeEdit, Evidence, EvidenceParams, NoObserver, RefineOptions, Views, refine};
 use gs_core::{DynamicScene, TimeRange};
 use gs_raster_cpu::CpuRasterizer;
+use gs_synth::{DemoParams, demo};
 use std::error::Error;
 use std::time::Instant;
 
@@ -46,6 +47,12 @@ fn main() -> Result<(), Box<dyn Error>> {
     for (part, secs) in &report.timings {
         println!("  {part:<9} {secs:7.1} s");
     }
+    let source = demo(&DemoParams { num_splats: 150_000, sh_degree: 3, ..DemoParams::default() })?;
+    let before = BeforeEdit { scene: &source, source_rows: &case.truth.source_rows };
+    let begun = Instant::now();
+    let params = EvidenceParams::default();
+    Evidence::of(&raster, &case.scene, &before, 0.0, &case.cameras[..20], &params)?;
+    println!("evidence {:.1} s", begun.elapsed().as_secs_f64());
     println!("loss {:.6} → {:.6}", report.loss_before, report.loss_after);
     println!("held-out loss {:.6} → {:.6}", report.held_out_before, report.held_out_after);
     for warning in &report.warnings {

@@ -4,7 +4,10 @@
 
 mod common;
 
-use common::delivered::{Delivered, Judge, cases, delivered, rings, wrong_rows};
+use common::{
+    delivered::{Delivered, Judge, cases, delivered, rings, wrong_rows},
+    flicker,
+};
 use cuar::{
     Backend, CuarError, Evidence, EvidenceParams, FADED_LOGIT, NoObserver, RefineOptions, Refined,
     Repair, Views, refine_edit, render_evidence, render_total_uncertainty,
@@ -74,6 +77,16 @@ fn what_is_repaired_is_what_was_missed() {
     let ghosts = case.given.splats.len() - case.truth.splats.len();
     let faded = repair(case).faded.len();
     assert!(ghosts > 10 && 10 * faded > 6 * ghosts && faded <= ghosts, "{faded} of {ghosts} fade");
+}
+
+#[test]
+fn nothing_flickers_more_than_the_truth() {
+    let delivered = named("recolour");
+    let (case, repair) = (delivered.as_case(), repair(delivered));
+    let clip = [0.3, 0.4, 0.5, 0.6];
+    let [now, ideal] = [&repair.scene(delivered.scene()) as &dyn DynamicScene, &case.truth]
+        .map(|scene| flicker(scene, &case, &[0, 4], &clip));
+    assert!(ideal > 0.0 && now <= 1.1 * ideal, "flicker {now} levels, truth {ideal}");
 }
 
 #[test]

@@ -131,6 +131,18 @@ impl Delivered {
         BeforeEdit { scene: &self.source, source_rows: &self.source_rows }
     }
 
+    /// The held-out views of a recolouring as a case of flicker.
+    pub fn as_case(&self) -> super::Case {
+        let truth = self.truth.truth.clone();
+        super::Case {
+            scene: Painted { truth: self.given.truth.clone(), sh: self.given.splats.sh.clone() },
+            edited: truth.tags.iter().map(|tag| *tag != gs_synth::Tag::Unchanged).collect(),
+            truth,
+            cameras: self.held_out.clone(),
+            held_out: (0..self.held_out.len()).collect(),
+        }
+    }
+
     /// The delivered scene.
     pub fn scene(&self) -> &dyn DynamicScene {
         &self.given.truth

@@ -1,38 +1,10 @@
 //! [`refine_edit`]: repair by evidence, then the refinement of [`crate::refine()`].
 
 use crate::{
-    Backend, BeforeEdit, CuarError, Evidence, Observer, RefineOptions, Refined, Repair, State,
-    Views, color_uncertainty, refine_with,
+    Backend, BeforeEdit, CuarError, Evidence, Observer, RefineOptions, Refined, Repair,
+    RepairCounts, State, Views, color_uncertainty, refine_with,
 };
 use gs_core::{Camera, DynamicScene, Rasterizer, sh};
-
-/// Counts of a [`Repair`].
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-pub struct RepairCounts {
-    /// Splats that frame 1 does not supervise.
-    pub hidden: usize,
-    /// Of these, splats that got the edit's change of colour.
-    pub recoloured: usize,
-    /// Of these, splats that a deletion missed, and that fade.
-    pub faded: usize,
-    /// Of these, splats near a change that stay as they are, because nothing tells what they should be.
-    pub undecided: usize,
-    /// Whether the edit reached hidden splats by itself.
-    pub reaches_hidden: bool,
-}
-
-impl RepairCounts {
-    /// The counts of `repair`, made from `evidence`.
-    pub fn of(evidence: &Evidence, repair: &Repair) -> Self {
-        Self {
-            hidden: evidence.supervision.iter().filter(|known| **known <= 0.0).count(),
-            recoloured: repair.rows.len(),
-            faded: repair.faded.len(),
-            undecided: evidence.num_undecided,
-            reaches_hidden: evidence.reaches_hidden,
-        }
-    }
-}
 
 /// [`crate::refine_with`] of an edit whose source is known: splats that frame 1 does not supervise first get what [`Evidence`] says of them
 /// ([`Repair`]), once and for all times; then view-dependent colours that only frame 1 ever saw are refined, those of the repaired splats, too.

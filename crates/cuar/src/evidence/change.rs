@@ -1,7 +1,7 @@
 //! [`expected_changes`]: the change of colour that supervised splats of the same surface have.
 
 use super::{
-    EvidenceParams,
+    params::EvidenceParams,
     surface::{Nodes, Surface, scaled_tone},
 };
 use anchors::KdTree;

@@ -7,66 +7,30 @@
 //! ξ′ = 1 − exp(−(1 − ω) · a · ‖Δ̂ − Δ‖₁)
 //! ```
 //!
-//! in the form of Eq. 15, where ω is how far frame 1 supervises it ([`first_frame_shares`], ramped from [`EvidenceParams::hidden`] to
+//! in the form of Eq. 15, where ω is how far frame 1 supervises it ([`crate::first_frame_shares`], ramped from [`EvidenceParams::hidden`] to
 //! [`EvidenceParams::supervised`]), `a` the share of the surface around it that the edit changed, Δ its own change of colour since before the
 //! edit, and Δ̂ the change that the surface around it has. Surface: neighbours in its tangent plane that move with it, face alike and had
-//! similar colours before ([`surface`]). The share `a` is the harmonic function on that graph with the supervised splats as boundary ([`vote`]).
+//! similar colours before. The share `a` is the harmonic function on that graph with the supervised splats as boundary.
 //! Together with view dependence, ξ̂ = 1 − (1 − ξ)(1 − ξ′).
 //!
 //! An edit that reaches hidden splats (a selection in 3D, not pictures) has changed those that it was to change: where more than half of the
 //! hidden splats with `a > ½` differ from the source, ξ′ is 0.
 
+mod before;
 mod change;
+mod params;
 mod source;
 mod surface;
 mod vote;
 
 use crate::{CuarError, first_frame_visibility::survey};
+pub use before::BeforeEdit;
+pub use params::EvidenceParams;
+
 use change::expected_changes;
 use gs_core::{Camera, DynamicScene, Rasterizer, Splats, sh};
+use source::row_id;
 use surface::{Nodes, Surface};
-
-/// The scene before the edit, and which of its splats the edit kept.
-#[derive(Debug, Clone, Copy)]
-pub struct BeforeEdit<'a> {
-    /// The scene that was edited, with `N` splats.
-    pub scene: &'a dyn DynamicScene,
-    /// For each edited splat, the source splat whose geometry it has, moved or not; `None` for other geometry. `[M]`, below `N`.
-    pub source_rows: &'a [Option<u32>],
-}
-
-/// Parameters of [`Evidence`].
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct EvidenceParams {
-    /// Share of its weight ([`first_frame_shares`]) up to which frame 1 does not supervise a splat. Default 0.1.
-    pub hidden: f32,
-    /// Share from which it does. Default 0.3.
-    pub supervised: f32,
-    /// Least change of base colour, summed over the channels, that is an edit. Default 0.02 (5 of 255).
-    pub min_change: f32,
-    /// Standard deviation of the shares of red and green in the base colour, between splats of one material. Default 0.04.
-    pub hue_spread: f32,
-    /// Standard deviation of the logarithm of brightness between them: light and shadow. Default 0.7.
-    pub light_spread: f32,
-    /// Change of the distance of two splats, relative to it, that bodies show. Default 0.08.
-    pub strain: f64,
-    /// Share of the surface around a splat that the edit must have changed. Default 0.5.
-    pub min_agreement: f32,
-}
-
-impl Default for EvidenceParams {
-    fn default() -> Self {
-        Self {
-            hidden: 0.1,
-            supervised: 0.3,
-            min_change: 0.02,
-            hue_spread: 0.04,
-            light_spread: 0.7,
-            strain: 0.08,
-            min_agreement: 0.5,
-        }
-    }
-}
 
 /// What frame 1 and the surface around tell of each edited splat; arrays are `[M]`.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -263,9 +227,4 @@ fn thresholds(shares: &[f32], sizes: &[f32], params: &EvidenceParams) -> [f32; 2
     let middle = changed.len() / 2;
     let typical = *changed.select_nth_unstable_by(middle, f32::total_cmp).1;
     [params.hidden.min(0.25 * typical), params.supervised.min(0.75 * typical)]
-}
-
-#[expect(clippy::cast_possible_truncation, reason = "the rasteriser numbers splats in 32 bits")]
-fn row_id(i: usize) -> u32 {
-    i as u32
 }

@@ -1,6 +1,6 @@
 //! What each edited splat was before the edit.
 
-use super::{BeforeEdit, row_id};
+use super::before::BeforeEdit;
 use anchors::KdTree;
 use gs_core::{Splats, rotation_matrix, sh};
 use rayon::prelude::*;
@@ -118,4 +118,10 @@ pub(super) fn gone(
         found.first().is_none_or(|n| n.distance_squared.sqrt() > reach)
     };
     gone.into_iter().filter(is_empty).map(row_id).collect()
+}
+
+/// A row's number, as the rasteriser has it.
+#[expect(clippy::cast_possible_truncation, reason = "the rasteriser numbers splats in 32 bits")]
+pub(super) fn row_id(i: usize) -> u32 {
+    i as u32
 }

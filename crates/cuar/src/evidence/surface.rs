@@ -1,6 +1,6 @@
 //! [`Surface`]: which splats are neighbours on one surface.
 
-use super::{EvidenceParams, source::thin_axis};
+use super::{params::EvidenceParams, source::thin_axis};
 use anchors::{RigidNeighbors, Trajectories};
 use gs_core::{Splats, sh};
 use rayon::prelude::*;

@@ -1,0 +1,12 @@
+//! [`BeforeEdit`]: what was edited.
+
+use gs_core::DynamicScene;
+
+/// The scene before the edit, and which of its splats the edit kept.
+#[derive(Debug, Clone, Copy)]
+pub struct BeforeEdit<'a> {
+    /// The scene that was edited, with `N` splats.
+    pub scene: &'a dyn DynamicScene,
+    /// For each edited splat, the source splat whose geometry it has, moved or not; `None` for other geometry. `[M]`, below `N`.
+    pub source_rows: &'a [Option<u32>],
+}

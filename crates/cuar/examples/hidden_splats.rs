@@ -1,8 +1,9 @@
-//! What evidence is worth where an editor of pictures missed splats that frame 1 hides: PSNR against the true edit at held-out views, in the
-//! pixels that motion reveals and elsewhere, in the paper's mask and outside it.
+//! What evidence is worth where an editor of pictures missed splats that frame 1 hides: PSNR
+//! against the true edit at held-out views, in the pixels that motion reveals and elsewhere, in the
+//! paper's mask and outside it.
 //!
-//! `cargo run --release -p cuar --example hidden_splats [brief | cases | ablation | picture FILE]`; `brief` has fewer splats, `picture` draws
-//! a crop before and after.
+//! `cargo run --release --example hidden_splats [brief | cases | ablation | picture FILE]`; `brief`
+//! has fewer splats, `picture` draws a crop before and after.
 #![expect(clippy::print_stdout, reason = "a measurement for people")]
 #![allow(
     clippy::cast_possible_truncation,

@@ -1,14 +1,16 @@
 //! How visible each splat is in frame 1.
 //!
-//! Where broad splats overlap, the composited depth is not a surface, and no colour can be fetched from frame 1. But a splat that is visible
-//! in frame 1 has a known colour. A pixel that is composited from such splats has a known colour, too, without resampling.
+//! Where broad splats overlap, the composited depth is not a surface, and no colour can be fetched
+//! from frame 1. But a splat that is visible in frame 1 has a known colour. A pixel that is
+//! composited from such splats has a known colour, too, without resampling.
 
 use crate::{CuarError, flow::axes};
 use gs_core::image_formation::{ALPHA_THRESHOLD, EPS2D};
 use gs_core::{Camera, Rasterizer, RenderGrads, RenderOutput, RenderParams, Splats, UpstreamGrads};
 use rayon::prelude::*;
 
-/// `Σ_p α T` per splat over the image of the last forward pass of `prepared` (which had one feature per splat), `[N]`.
+/// `Σ_p α T` per splat over the image of the last forward pass of `prepared` (which had one feature
+/// per splat), `[N]`.
 pub(crate) fn splat_weights<R: Rasterizer>(
     raster: &R,
     prepared: &mut R::Prepared,
@@ -23,7 +25,8 @@ pub(crate) fn splat_weights<R: Rasterizer>(
     Ok(grads.v_features)
 }
 
-/// Visibility of each splat in frame 1, `[N]` in [0, 1]: its weight in frame 1 (`weights`), relative to `enough` of its unoccluded weight now.
+/// Visibility of each splat in frame 1, `[N]` in [0, 1]: its weight in frame 1 (`weights`),
+/// relative to `enough` of its unoccluded weight now.
 pub(crate) fn visibility(
     splats: &Splats,
     weights: &[f32],
@@ -43,7 +46,8 @@ pub(crate) fn visibility(
         .collect()
 }
 
-/// `Σ_p α` of a splat that lies within the image: the volume of its Gaussian above the faintest alpha drawn.
+/// `Σ_p α` of a splat that lies within the image: the volume of its Gaussian above the faintest
+/// alpha drawn.
 fn unoccluded(splats: &Splats, i: usize, camera: &Camera) -> f64 {
     let [u, v] = axes(camera, splats, i);
     let dot = |x: [f64; 3], y: [f64; 3]| x[0] * y[0] + x[1] * y[1] + x[2] * y[2];
@@ -53,8 +57,9 @@ fn unoccluded(splats: &Splats, i: usize, camera: &Camera) -> f64 {
     std::f64::consts::TAU * det.max(0.0).sqrt() * above
 }
 
-/// How far frame 1 supervises each splat, `[N]` in [0, 1]: the largest share of its unoccluded weight `Σ_p α` that any of `cameras` shows,
-/// `max_v Σ_p α T / Σ_p α`. `splats` are those of frame 1.
+/// How far frame 1 supervises each splat, `[N]` in [0, 1]: the largest share of its unoccluded
+/// weight `Σ_p α` that any of `cameras` shows, `max_v Σ_p α T / Σ_p α`. `splats` are those of frame
+/// 1.
 ///
 /// # Errors
 /// If a camera cannot see, shapes disagree, or the rasteriser fails.
@@ -66,7 +71,8 @@ pub fn first_frame_shares<R: Rasterizer>(
     survey(raster, splats, cameras, &[]).map(|(shares, _)| shares)
 }
 
-/// [`first_frame_shares`], and which of `places` (position and radius, world units) `splats` hide from every camera.
+/// [`first_frame_shares`], and which of `places` (position and radius, world units) `splats` hide
+/// from every camera.
 pub(crate) fn survey<R: Rasterizer>(
     raster: &R,
     splats: &Splats,
@@ -101,7 +107,8 @@ pub(crate) fn survey<R: Rasterizer>(
 /// Coverage from which a pixel hides what lies behind it.
 const COVERED: f32 = 0.9;
 
-/// Whether `place` lies in view and no surface of the render hides it, farther before it than its radius.
+/// Whether `place` lies in view and no surface of the render hides it, farther before it than its
+/// radius.
 fn is_in_front(output: &RenderOutput, camera: &Camera, (place, radius): ([f32; 3], f64)) -> bool {
     let place = place.map(f64::from);
     let Some([u, v]) = camera.project(place) else { return false };

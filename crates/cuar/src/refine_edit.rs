@@ -6,10 +6,11 @@ use crate::{
 };
 use gs_core::{Camera, DynamicScene, Rasterizer, sh};
 
-/// [`crate::refine_with`] of an edit whose source is known: splats that frame 1 does not supervise first get what [`Evidence`] says of them
-/// ([`Repair`]), once and for all times; then view-dependent colours that only frame 1 ever saw are refined, those of the repaired splats, too.
-/// Without [`RefineOptions::evidence`] it is `refine_with` alone. The result's rows are the edited and the repaired ones; all other rows and
-/// all geometry stay as they are.
+/// [`crate::refine_with`] of an edit whose source is known: splats that frame 1 does not supervise
+/// first get what [`Evidence`] says of them ([`Repair`]), once and for all times; then
+/// view-dependent colours that only frame 1 ever saw are refined, those of the repaired splats,
+/// too. Without [`RefineOptions::evidence`] it is `refine_with` alone. The result's rows are the
+/// edited and the repaired ones; all other rows and all geometry stay as they are.
 ///
 /// # Errors
 /// As [`crate::refine()`], and if `before` belongs to other splats.
@@ -69,7 +70,8 @@ pub fn refine_edit<R: Rasterizer<Prepared: Send> + Sync>(
 /// Most cameras from which frame 1 is surveyed.
 const MAX_SURVEYED: usize = 32;
 
-/// The cameras of `views` that say what frame 1 supervises: those that are not held out, some of many, evenly.
+/// The cameras of `views` that say what frame 1 supervises: those that are not held out, some of
+/// many, evenly.
 fn supervising(views: &Views) -> Vec<Camera> {
     let held = |view: &usize| !views.held_out.contains(view);
     let all: Vec<usize> = (0..views.cameras.len()).filter(held).collect();
@@ -87,8 +89,9 @@ fn unrefined(edited: &[bool], coeffs: usize) -> Refined {
     refined
 }
 
-/// Whether any edited splat's colour changes enough over time (Eq. 15) for an artifact to be possible. Costs a colour per splat instead of an
-/// image, and spares view-independent scenes the whole stage.
+/// Whether any edited splat's colour changes enough over time (Eq. 15) for an artifact to be
+/// possible. Costs a colour per splat instead of an image, and spares view-independent scenes the
+/// whole stage.
 ///
 /// # Errors
 /// If the scene cannot be evaluated or a camera cannot see.

@@ -3,7 +3,8 @@
 use crate::{Evidence, OffsetScene, scene};
 use gs_core::{DynamicScene, Splats};
 
-/// What [`Evidence`] asks to be changed: a change of SH of some rows, the same at every time, and rows that fade.
+/// What [`Evidence`] asks to be changed: a change of SH of some rows, the same at every time, and
+/// rows that fade.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Repair {
     /// Rows with other colours, ascending.
@@ -57,7 +58,8 @@ pub struct RepairCounts {
     pub recoloured: usize,
     /// Of these, splats that a deletion missed, and that fade.
     pub faded: usize,
-    /// Of these, splats near a change that stay as they are, because nothing tells what they should be.
+    /// Of these, splats near a change that stay as they are, because nothing tells what they should
+    /// be.
     pub undecided: usize,
     /// Whether the edit reached hidden splats by itself.
     pub reaches_hidden: bool,

@@ -2,7 +2,8 @@
 
 use gs_core::{DynamicScene, SceneError, Splats, TimeRange};
 
-/// A dynamic scene some of whose rows carry a constant offset of SH, and some of whose rows are not drawn.
+/// A dynamic scene some of whose rows carry a constant offset of SH, and some of whose rows are not
+/// drawn.
 #[derive(Debug, Clone)]
 pub struct OffsetScene<'a> {
     scene: &'a dyn DynamicScene,
@@ -12,7 +13,8 @@ pub struct OffsetScene<'a> {
 }
 
 impl<'a> OffsetScene<'a> {
-    /// `rows` of `scene` with `d_sh` (`[rows,K,3]`) added at every time, and the rows `faded` invisible.
+    /// `rows` of `scene` with `d_sh` (`[rows,K,3]`) added at every time, and the rows `faded`
+    /// invisible.
     pub(crate) fn new(
         scene: &'a dyn DynamicScene,
         rows: &'a [u32],

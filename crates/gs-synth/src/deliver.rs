@@ -8,17 +8,21 @@ use crate::{
 };
 use gs_core::Splats;
 
-/// Share of a splat's unoccluded weight that some picture must show for the editor to change the splat.
+/// Share of a splat's unoccluded weight that some picture must show for the editor to change the
+/// splat.
 pub const PICTURE_WEIGHT: f32 = 0.1;
 
 /// Most rounds of removal: each may uncover splats for the next.
 const ROUNDS: usize = 12;
 
-/// As [`crate::apply_edits`], but splats that the editor's pictures of frame 1 do not show keep what they had: the source's colour, where they
-/// descend from a source splat, and their existence, where the edit removes them. `shown` gives the largest share of each splat's unoccluded
-/// weight that any picture shows, `[N]` in 0 to 1, for splats as they are then; it is asked again after every round of removal.
+/// As [`crate::apply_edits`], but splats that the editor's pictures of frame 1 do not show keep
+/// what they had: the source's colour, where they descend from a source splat, and their existence,
+/// where the edit removes them. `shown` gives the largest share of each splat's unoccluded weight
+/// that any picture shows, `[N]` in 0 to 1, for splats as they are then; it is asked again after
+/// every round of removal.
 ///
-/// Rows are not those of `apply_edits` where an edit removes something. The truth has the true motion of these splats, with these colours.
+/// Rows are not those of `apply_edits` where an edit removes something. The truth has the true
+/// motion of these splats, with these colours.
 ///
 /// # Errors
 /// As [`crate::apply_edits`], or if `shown` fails.

@@ -10,15 +10,18 @@ use rayon::prelude::*;
 
 /// Supervised splats asked per splat.
 const TEACHERS: usize = 24;
-/// What the prior weighs that a brighter splat stays brighter by the same factor, relative to the teachers' spread of log-brightness.
+/// What the prior weighs that a brighter splat stays brighter by the same factor, relative to the
+/// teachers' spread of log-brightness.
 const PRIOR: f32 = 0.02;
 /// Added to colours under a logarithm.
 const DARK: f32 = 0.03;
 
-/// Per row of `missed`, the change of SH `[K,3]` that the nearest `teachers` of its surface have; `None` without any.
+/// Per row of `missed`, the change of SH `[K,3]` that the nearest `teachers` of its surface have;
+/// `None` without any.
 ///
-/// Teachers are near, face alike, move with the splat and had its hue. New base colours are a local power law of the old brightness `b`, per
-/// channel `log new = log new̅ + β (log b − log b̅)`: light and shadow are factors of both (β = 1, which is the prior), and paint that covers a
+/// Teachers are near, face alike, move with the splat and had its hue. New base colours are a local
+/// power law of the old brightness `b`, per channel `log new = log new̅ + β (log b − log b̅)`:
+/// light and shadow are factors of both (β = 1, which is the prior), and paint that covers a
 /// texture of light and dark has β = 0. Higher bands take the teachers' mean change.
 pub(super) fn expected_changes(
     nodes: &Nodes,

@@ -1,20 +1,25 @@
-//! [`Evidence`]: which splats frame 1 does not supervise, and what the surface around them became (ξ′ beside the paper's ξ).
+//! [`Evidence`]: which splats frame 1 does not supervise, and what the surface around them became
+//! (ξ′ beside the paper's ξ).
 //!
-//! The paper's ξ (Eqs. 14–15) is zero where colours do not depend on the view. What an editor that works on pictures of frame 1 leaves
-//! undone then stays unnoticed: a splat that no picture showed keeps its old colour, and motion turns it to the camera. For such a splat
+//! The paper's ξ (Eqs. 14–15) is zero where colours do not depend on the view. What an editor that
+//! works on pictures of frame 1 leaves undone then stays unnoticed: a splat that no picture showed
+//! keeps its old colour, and motion turns it to the camera. For such a splat
 //!
 //! ```text
 //! ξ′ = 1 − exp(−(1 − ω) · a · ‖Δ̂ − Δ‖₁)
 //! ```
 //!
-//! in the form of Eq. 15, where ω is how far frame 1 supervises it ([`crate::first_frame_shares`], ramped from [`EvidenceParams::hidden`] to
-//! [`EvidenceParams::supervised`]), `a` the share of the surface around it that the edit changed, Δ its own change of colour since before the
-//! edit, and Δ̂ the change that the surface around it has. Surface: neighbours in its tangent plane that move with it, face alike and had
-//! similar colours before. The share `a` is the harmonic function on that graph with the supervised splats as boundary.
-//! Together with view dependence, ξ̂ = 1 − (1 − ξ)(1 − ξ′).
+//! in the form of Eq. 15, where ω is how far frame 1 supervises it ([`crate::first_frame_shares`],
+//! ramped from [`EvidenceParams::hidden`] to [`EvidenceParams::supervised`]), `a` the share of the
+//! surface around it that the edit changed, Δ its own change of colour since before the edit, and
+//! Δ̂ the change that the surface around it has. Surface: neighbours in its tangent plane that move
+//! with it, face alike and had similar colours before. The share `a` is the harmonic function on
+//! that graph with the supervised splats as boundary. Together with view dependence, ξ̂ = 1 − (1 −
+//! ξ)(1 − ξ′).
 //!
-//! An edit that reaches hidden splats (a selection in 3D, not pictures) has changed those that it was to change: where more than half of the
-//! hidden splats with `a > ½` differ from the source, ξ′ is 0.
+//! An edit that reaches hidden splats (a selection in 3D, not pictures) has changed those that it
+//! was to change: where more than half of the hidden splats with `a > ½` differ from the source, ξ′
+//! is 0.
 
 mod before;
 mod change;
@@ -37,7 +42,8 @@ use surface::{Nodes, Surface};
 pub struct Evidence {
     /// ω, how far frame 1 supervises it, 0 to 1.
     pub supervision: Vec<f32>,
-    /// `a`, the share of the surface around it that the edit changed, 0 to 1; of the supervised ones, whether it changed them.
+    /// `a`, the share of the surface around it that the edit changed, 0 to 1; of the supervised
+    /// ones, whether it changed them.
     pub agreement: Vec<f32>,
     /// The share of the surface around it that the edit deleted, 0 to 1.
     pub deleted: Vec<f32>,
@@ -49,7 +55,8 @@ pub struct Evidence {
     pub expected: Vec<(u32, Vec<[f32; 3]>)>,
     /// Rows that only exist because a deletion missed them.
     pub ghosts: Vec<u32>,
-    /// Whether the edit changed hidden splats by itself, so that those it left are meant to be as they are.
+    /// Whether the edit changed hidden splats by itself, so that those it left are meant to be as
+    /// they are.
     pub reaches_hidden: bool,
     /// Hidden rows near a change, of which nothing tells what they should be.
     pub num_undecided: usize,
@@ -59,7 +66,8 @@ pub struct Evidence {
 const KEY_TIMES: usize = 8;
 
 impl Evidence {
-    /// Evidence of the edit of `before` that `scene` carries, from `cameras` that look at frame 1 at `edit_time`.
+    /// Evidence of the edit of `before` that `scene` carries, from `cameras` that look at frame 1
+    /// at `edit_time`.
     ///
     /// # Errors
     /// If a scene cannot be evaluated, arrays disagree, or the rasteriser fails.
@@ -124,7 +132,8 @@ impl Evidence {
         Ok(evidence)
     }
 
-    /// Change of base colour from which a splat counts as edited: above the noise of an edit that moved every splat it saw a little.
+    /// Change of base colour from which a splat counts as edited: above the noise of an edit that
+    /// moved every splat it saw a little.
     fn least_change(&self, sizes: &[f32], params: &EvidenceParams) -> f32 {
         let seen = sizes.iter().zip(&self.supervision).filter(|(_, known)| **known > 0.5);
         let mut seen: Vec<f32> = seen.map(|(size, _)| *size).collect();
@@ -141,7 +150,8 @@ impl Evidence {
             Some(&changed) => [f32::from(u8::from(changed)), 0.0],
             None => [0.0, 1.0],
         };
-        // what is gone was taken by the edit, seen or not; what has no source tells nothing of a change
+        // what is gone was taken by the edit, seen or not; what has no source tells nothing of a
+        // change
         let seen = |i: usize| match self.supervision.get(i) {
             Some(&supervision) if nodes.has_source[i] => supervision,
             Some(_) => 0.0,
@@ -204,7 +214,8 @@ impl Evidence {
         let is_ghost =
             |i: &usize| self.deleted[*i] > params.min_agreement && self.supervision[*i] <= 0.0;
         let ghosts: Vec<usize> = rows.into_iter().filter(is_ghost).collect();
-        // A deletion that took splats from under what remains knew of them; and it took most of what it meant to.
+        // A deletion that took splats from under what remains knew of them; and it took most of
+        // what it meant to.
         let num_gone = nodes.len() - self.changed.len();
         if ghosts.len() > num_buried && ghosts.len() <= num_gone {
             for i in ghosts {
@@ -215,8 +226,9 @@ impl Evidence {
     }
 }
 
-/// Shares between which supervision grows from 0 to 1: those of the parameters, or less where splats overlap so much that those which the edit
-/// changed show less of themselves (a quarter, and three quarters, of their median share).
+/// Shares between which supervision grows from 0 to 1: those of the parameters, or less where
+/// splats overlap so much that those which the edit changed show less of themselves (a quarter, and
+/// three quarters, of their median share).
 fn thresholds(shares: &[f32], sizes: &[f32], params: &EvidenceParams) -> [f32; 2] {
     let changed = shares.iter().zip(sizes).filter(|(_, size)| **size > params.min_change);
     let mut changed: Vec<f32> =

@@ -3,15 +3,19 @@
 /// Parameters of [`crate::Evidence`].
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct EvidenceParams {
-    /// Share of its weight ([`crate::first_frame_shares`]) up to which frame 1 does not supervise a splat. Default 0.1.
+    /// Share of its weight ([`crate::first_frame_shares`]) up to which frame 1 does not supervise a
+    /// splat. Default 0.1.
     pub hidden: f32,
     /// Share from which it does. Default 0.3.
     pub supervised: f32,
-    /// Least change of base colour, summed over the channels, that is an edit. Default 0.02 (5 of 255).
+    /// Least change of base colour, summed over the channels, that is an edit. Default 0.02 (5 of
+    /// 255).
     pub min_change: f32,
-    /// Standard deviation of the shares of red and green in the base colour, between splats of one material. Default 0.04.
+    /// Standard deviation of the shares of red and green in the base colour, between splats of one
+    /// material. Default 0.04.
     pub hue_spread: f32,
-    /// Standard deviation of the logarithm of brightness between them: light and shadow. Default 0.7.
+    /// Standard deviation of the logarithm of brightness between them: light and shadow. Default
+    /// 0.7.
     pub light_spread: f32,
     /// Change of the distance of two splats, relative to it, that bodies show. Default 0.08.
     pub strain: f64,

@@ -10,7 +10,8 @@ const CANDIDATES: usize = 24;
 /// A splat farther from every source splat than this many times that one's size is new.
 const REACH: f64 = 6.0;
 
-/// The source splat that each edited splat is, or was before it was changed a little; `None` for what is new.
+/// The source splat that each edited splat is, or was before it was changed a little; `None` for
+/// what is new.
 pub(super) fn parents(
     before: &BeforeEdit<'_>,
     first: &Splats,
@@ -92,7 +93,8 @@ pub(super) fn changes(parents: &[Option<u32>], first: &Splats, old: &[[f32; 3]])
     parents.iter().enumerate().map(change).collect()
 }
 
-/// Source splats that the edit deleted: no edited splat comes from them, and nothing new is in their place.
+/// Source splats that the edit deleted: no edited splat comes from them, and nothing new is in
+/// their place.
 pub(super) fn gone(
     before: &BeforeEdit<'_>,
     parents: &[Option<u32>],

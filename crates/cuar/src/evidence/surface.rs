@@ -76,10 +76,12 @@ impl Nodes {
     }
 }
 
-/// Added to every channel, so that the tone of black is defined and that of dark colours is no noise.
+/// Added to every channel, so that the tone of black is defined and that of dark colours is no
+/// noise.
 const DARK: f32 = 0.03;
 
-/// Logarithm of brightness, and shares of red and green, of a base colour as SH. Light and shadow change the first alone.
+/// Logarithm of brightness, and shares of red and green, of a base colour as SH. Light and shadow
+/// change the first alone.
 pub(super) fn tone(base: [f32; 3]) -> [f32; 3] {
     let [r, g, b] = base.map(|x| {
         let value = 0.5 + sh::C0 * x;

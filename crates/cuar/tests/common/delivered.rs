@@ -1,4 +1,5 @@
-//! Edits in two forms, the true one and the one that an editor of pictures delivers, and their comparison at held-out views.
+//! Edits in two forms, the true one and the one that an editor of pictures delivers, and their
+//! comparison at held-out views.
 
 use super::{Painted, render};
 use cuar::{BeforeEdit, CuarError, first_frame_shares};
@@ -152,7 +153,8 @@ impl Delivered {
 /// Squared error and number of values.
 pub type Errors = (f64, f64);
 
-/// Errors in pixels that motion reveals and elsewhere, and in pixels of the paper's mask and outside it.
+/// Errors in pixels that motion reveals and elsewhere, and in pixels of the paper's mask and
+/// outside it.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Score {
     pub revealed: Errors,
@@ -169,13 +171,15 @@ impl Score {
     }
 }
 
-/// Which pixels motion reveals at `t`: what is seen has less than a tenth of its weight in the pictures of frame 1.
+/// Which pixels motion reveals at `t`: what is seen has less than a tenth of its weight in the
+/// pictures of frame 1.
 pub fn revealed(case: &Delivered, shares: &[f32], t: f32, camera: &Camera) -> Vec<bool> {
     let splats = case.given.truth.at(t).unwrap();
     let raster = CpuRasterizer::default();
     let mut prepared = raster.prepare(&splats, camera).unwrap();
     let params = RenderParams { rgb: false, depth: false, ..RenderParams::default() };
-    // what stands still is larger than the pictures in part, and motion reveals none of it to these views
+    // what stands still is larger than the pictures in part, and motion reveals none of it to these
+    // views
     let moving = case.given.truth.scene().moving_mask();
     let shares: Vec<f32> = shares
         .iter()
@@ -186,7 +190,8 @@ pub fn revealed(case: &Delivered, shares: &[f32], t: f32, camera: &Camera) -> Ve
     out.features.iter().zip(&out.alpha).map(|(shown, alpha)| *shown < 0.1 * alpha).collect()
 }
 
-/// One held-out view and time: the true image, what motion reveals there, and the paper's mask of the unrefined scene.
+/// One held-out view and time: the true image, what motion reveals there, and the paper's mask of
+/// the unrefined scene.
 struct Reference {
     t: f32,
     camera: Camera,
@@ -240,14 +245,16 @@ impl Judge {
     }
 }
 
-/// Rows that should have other colours than they have, of the two forms of a recolouring (whose rows agree).
+/// Rows that should have other colours than they have, of the two forms of a recolouring (whose
+/// rows agree).
 pub fn wrong_rows(case: &Delivered) -> Option<Vec<bool>> {
     let (given, truth) = (&case.given.splats, &case.truth.splats);
     (given.means == truth.means)
         .then(|| (0..given.len()).map(|i| given.sh_of(i) != truth.sh_of(i)).collect())
 }
 
-/// The delivered scene with an SH component of size `unseen_sh` in every splat the edit changed, which no picture of frame 1 shows.
+/// The delivered scene with an SH component of size `unseen_sh` in every splat the edit changed,
+/// which no picture of frame 1 shows.
 pub fn with_unseen_sh(case: &Delivered, unseen_sh: f32) -> Painted {
     let (splats, before) = (&case.given.splats, case.source.frame1());
     let (coeffs, degree) = (splats.sh_coeffs(), splats.sh_degree);

@@ -1,6 +1,7 @@
 //! `c4d demo`: the whole job on a synthetic scene, without any input.
 
 use super::propagate::{self, Recorded};
+use super::refine;
 use super::render::{Shot, Views, write_sheet, write_video};
 use crate::args::{DemoArgs, Global, MotionArg, PresetArg, RefineFlags};
 use crate::console::Console;
@@ -8,6 +9,7 @@ use crate::device::Device;
 use crate::failure::{Failure, Outcome, chain};
 use crate::output::{existing, output_failure};
 use crate::ply_comments::up_comments;
+use crate::run_folder::Checkpoint;
 use crate::scene;
 use crate::settings::{PropagateJob, Settings};
 use gs_core::{Camera, DynamicScene, Splats};
@@ -70,7 +72,7 @@ pub(crate) fn run(args: &DemoArgs, global: &Global, console: &Console) -> Outcom
         output: root.join(RUN),
         time: 0.0,
         axes: None,
-        no_refine: false,
+        no_refine: true,
         preset: PresetArg::Best,
         baseline: None,
         motion: MotionArg::Amg,
@@ -79,16 +81,19 @@ pub(crate) fn run(args: &DemoArgs, global: &Global, console: &Console) -> Outcom
         dry_run: false,
         align: false,
         keep_rest: false,
-        refine: RefineFlags {
-            samples: Some(REFINE_SAMPLES),
-            refine_size: Some(REFINE_SIZE),
-            ..RefineFlags::default()
-        },
+        refine: RefineFlags::default(),
         settings: Settings::default(),
     };
     let recorded = Recorded { scene: args.output.join(SOURCE), edited: args.output.join(EDITED) };
     let global = Global { overwrite: false, iteration: None, set: Vec::new(), ..global.clone() };
     propagate::propagate(&propagate_args, &recorded, &global, console)?;
+    let flags = RefineFlags {
+        samples: Some(REFINE_SAMPLES),
+        refine_size: Some(REFINE_SIZE),
+        ..RefineFlags::default()
+    };
+    let begun = Checkpoint::anew(PresetArg::Best, Settings::default().refine(), &flags);
+    refine::refine(&root.join(RUN), begun, &global, console)?;
 
     let opened = scene::open(&root.join(RUN), &global, console)?;
     let times = opened.scene.time_range().frames(args.frames);

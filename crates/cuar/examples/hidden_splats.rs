@@ -143,14 +143,14 @@ fn ablation() -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
-/// The crop of the left arm: as delivered, repaired, and the truth.
+/// The crop of the right sleeve: as delivered, repaired, and the truth.
 fn picture(path: &str) -> Result<(), Box<dyn Error>> {
     let (name, edits) = cases().pop().ok_or("a case")?;
     let case = delivered(name, &edits, 30_000, 1, |scene| rings(scene, (320, 320)));
     let refined =
         refined(&case, case.scene(), &RefineOptions { samples: 40, ..RefineOptions::default() })?;
     let camera = case.source.front_camera(900, 900);
-    let (x, y, side) = (350, 330, 240_usize);
+    let (x, y, side) = (250, 180, 240_usize);
     let mut image = image::RgbImage::new(3 * side as u32, side as u32);
     let repaired = refined.scene(case.scene());
     let scenes: [&dyn DynamicScene; 3] = [case.scene(), &repaired, &case.truth.truth];

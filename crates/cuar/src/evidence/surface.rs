@@ -108,19 +108,17 @@ pub(super) struct Surface {
 impl Surface {
     /// The graph of `nodes` with the places `moments` at other times, `[T][nodes]`.
     pub(super) fn of(nodes: &Nodes, moments: &[Vec<[f32; 3]>], params: &EvidenceParams) -> Self {
-        let moved: Vec<Vec<[f64; 3]>> = moments
-            .iter()
-            .map(|means| {
-                let place = |(mean, rest): (&[f32; 3], &[f64; 3])| {
-                    let mean = mean.map(f64::from);
-                    if mean.iter().all(|x| x.is_finite()) { mean } else { *rest }
-                };
-                means.iter().zip(&nodes.means).map(place).collect()
-            })
+        let place = |i: usize, means: &[[f32; 3]]| {
+            let mean = means[i].map(f64::from);
+            if mean.iter().all(|x| x.is_finite()) { mean } else { nodes.means[i] }
+        };
+        let moved: Vec<[f64; 3]> = (0..nodes.len())
+            .flat_map(|i| moments.iter().map(move |means| place(i, means)))
             .collect();
-        let moving = (0..nodes.len())
-            .map(|i| moved.iter().any(|means| means[i] != nodes.means[i]))
-            .collect();
+        let still = |i: usize| {
+            moved[i * moments.len()..(i + 1) * moments.len()].iter().all(|x| *x == nodes.means[i])
+        };
+        let moving = (0..nodes.len()).map(|i| !still(i)).collect();
         let points = Trajectories {
             rest: nodes.means.clone(),
             moved,

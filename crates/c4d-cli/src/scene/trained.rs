@@ -38,6 +38,7 @@ pub(crate) fn open(
         fps: None,
         background: source.background.unwrap_or([0.0; 3]),
         mask: Mask::default(),
+        source_rows: None,
         facts: source.facts,
         roots: vec![path.to_owned()],
         files: source.files,

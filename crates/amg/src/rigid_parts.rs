@@ -359,20 +359,25 @@ mod tests {
 
     #[test]
     fn errors_of_rigid_motions_are_zero() {
-        let mut sums = Sums::default();
-        for x in [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 2.0, 0.0], [0.3, 0.1, 1.0]] {
-            let y = [2.0 - x[1], x[0] + 1.0, x[2]];
-            let mut one = Sums { weight: 1.0, x, y, ..Sums::default() };
-            for a in 0..3 {
-                one.squares += x[a] * x[a] + y[a] * y[a];
-                for b in 0..3 {
-                    one.cross[a][b] = x[a] * y[b];
+        // A quarter turn about z and a step; the last point strays by `off` along z.
+        let error = |off: f64| {
+            let points = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 2.0, 0.0], [0.3, 0.1, 1.0]];
+            let mut sums = Sums::default();
+            for (i, x) in points.into_iter().enumerate() {
+                let stray = if i == 3 { off } else { 0.0 };
+                let y = [2.0 - x[1], x[0] + 1.0, x[2] + stray];
+                let mut one = Sums { weight: 1.0, x, y, ..Sums::default() };
+                for a in 0..3 {
+                    one.squares += x[a] * x[a] + y[a] * y[a];
+                    for b in 0..3 {
+                        one.cross[a][b] = x[a] * y[b];
+                    }
                 }
+                sums.add(&one);
             }
-            sums.add(&one);
-        }
-        assert!(sums.error() < 1e-12, "{}", sums.error());
-        sums.y[0] += 1.0;
-        assert!(sums.error() > 0.1, "something else is not: {}", sums.error());
+            sums.error()
+        };
+        assert!(error(0.0) < 1e-12, "a rigid motion: {}", error(0.0));
+        assert!(error(1.0) > 0.1, "something else: {}", error(1.0));
     }
 }

@@ -1,4 +1,5 @@
-//! Networks of Deformable-3D-Gaussians, SC-GS, Grid4D and DASH, beside sound splats and flags, evaluated where they can be read.
+//! Networks of Deformable-3D-Gaussians, SC-GS, Grid4D and DASH, beside sound splats and flags,
+//! evaluated where they can be read.
 #![no_main]
 
 use gs_io::{SourceOptions, detect, open_source};

@@ -1,5 +1,5 @@
-//! Trained scenes that are one file (native 4D Gaussians, FreeTimeGS, Spacetime Gaussians, Dynamic 3D Gaussians), evaluated where they can be
-//! read.
+//! Trained scenes that are one file (native 4D Gaussians, FreeTimeGS, Spacetime Gaussians, Dynamic
+//! 3D Gaussians), evaluated where they can be read.
 #![no_main]
 
 use gs_io::{SourceOptions, detect, open_source};

@@ -1,5 +1,6 @@
-//! Runs the commands of the documents: every line of every `sh` block, in order, in one new folder, with `c4d` on the path. A command may
-//! use what earlier ones wrote. There is no shell, so that this runs on every system: a line is a program and its arguments.
+//! Runs the commands of the documents: every line of every `sh` block, in order, in one new folder,
+//! with `c4d` on the path. A command may use what earlier ones wrote. There is no shell, so that
+//! this runs on every system: a line is a program and its arguments.
 
 use crate::workspace::workspace;
 use anyhow::{Context, Result, bail};
@@ -14,7 +15,8 @@ const DOCUMENTS: &[&str] = &[
     "docs/BENCHMARKS.md",
     "docs/DEVIATIONS.md",
 ];
-/// Commands that the continuous-integration script itself runs; naming them here is the list of exceptions.
+/// Commands that the continuous-integration script itself runs; naming them here is the list of
+/// exceptions.
 const RUN_ELSEWHERE: &[&str] = &["git clone", "cd ", "cargo test", "cargo install", "sudo apt-get"];
 
 pub(crate) fn run() -> Result<()> {
@@ -24,8 +26,8 @@ pub(crate) fn run() -> Result<()> {
         fs::remove_dir_all(&folder)?;
     }
     fs::create_dir_all(&folder)?;
-    // All programs, examples and benches at once: the features of dependencies are then those of the test suite, and neither this nor a
-    // documented command builds a dependency again.
+    // All programs, examples and benches at once: the features of dependencies are then those of
+    // the test suite, and neither this nor a documented command builds a dependency again.
     let built = Command::new("cargo")
         .args(["build", "--release", "--quiet", "--workspace", "--bins", "--examples", "--benches"])
         .current_dir(&root)
@@ -69,8 +71,9 @@ pub(crate) fn run() -> Result<()> {
     Ok(())
 }
 
-/// Refuses `-p` in a documented `cargo` command: the dependencies would be built again with the features of that package alone, minutes
-/// each. `--example`, `--bench` and `--bin` find their target in any package.
+/// Refuses `-p` in a documented `cargo` command: the dependencies would be built again with the
+/// features of that package alone, minutes each. `--example`, `--bench` and `--bin` find their
+/// target in any package.
 fn refuse_package_flag(line: &str) -> Result<()> {
     let own = line.split(" -- ").next().unwrap_or_default();
     if own.starts_with("cargo ") && own.split(' ').any(|word| matches!(word, "-p" | "--package")) {
@@ -96,8 +99,8 @@ fn words(line: &str) -> Result<Vec<String>> {
     Ok(words)
 }
 
-/// Lines of the `sh` blocks; a trailing backslash joins lines; comments are skipped. `cargo` finds the workspace from a folder
-/// below it, so commands are run as written.
+/// Lines of the `sh` blocks; a trailing backslash joins lines; comments are skipped. `cargo` finds
+/// the workspace from a folder below it, so commands are run as written.
 fn commands(text: &str) -> Vec<String> {
     let mut inside = false;
     let mut found: Vec<String> = Vec::new();

@@ -15,17 +15,19 @@ pub(crate) struct KeyFrames {
     pub(crate) times: Vec<f32>,
     /// Centres at each key time, `[T][N]`.
     pub(crate) means: Vec<Vec<[f32; 3]>>,
-    /// Unit relative rotations since the edit frame, at each key time, `[T][N]`; identity for zero quaternions.
+    /// Unit relative rotations since the edit frame, at each key time, `[T][N]`; identity for zero
+    /// quaternions.
     pub(crate) turns: Vec<Vec<[f32; 4]>>,
-    /// Opacity at each key time over that at the edit frame, at most 1, `[T][N]`; empty if the scene's never change.
+    /// Opacity at each key time over that at the edit frame, at most 1, `[T][N]`; empty if the
+    /// scene's never change.
     seen: Vec<Vec<f32>>,
     /// Rows with a value that is not finite at some time.
     pub(crate) broken: Vec<bool>,
 }
 
 impl KeyFrames {
-    /// Evaluates the source at `edit_time` and at up to `count` other times: its own frames if it has few enough, else
-    /// evenly spread ones.
+    /// Evaluates the source at `edit_time` and at up to `count` other times: its own frames if it
+    /// has few enough, else evenly spread ones.
     pub(crate) fn of(
         source: &dyn DynamicScene,
         edit_time: f32,

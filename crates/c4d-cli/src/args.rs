@@ -98,7 +98,8 @@ pub(crate) enum Command {
     Render(RenderArgs),
     /// Write frames and clips that other tools open, or a page that plays in any browser
     Export(ExportArgs),
-    /// Make a synthetic scene, edit it, propagate the edit and render both: the whole job without any input
+    /// Make a synthetic scene, edit it, propagate the edit and render both: the whole job without
+    /// any input
     Demo(DemoArgs),
     /// Measure methods against known truth
     Bench {
@@ -138,7 +139,8 @@ pub(crate) struct DoctorArgs {
 pub(crate) struct PropagateArgs {
     /// The dynamic scene
     pub(crate) scene: PathBuf,
-    /// The edited frame: 3DGS PLY, compressed PLY, .splat, .spz, .sog or .glb of any editor, or the run folder of one
+    /// The edited frame: 3DGS PLY, compressed PLY, .splat, .spz, .sog or .glb of any editor, or the
+    /// run folder of one
     #[arg(long, value_name = "FILE")]
     pub(crate) edited: PathBuf,
     /// Run folder to write; with --dry-run, the picture beside it, or a .png
@@ -147,7 +149,8 @@ pub(crate) struct PropagateArgs {
     /// Time of the edited frame [default: 0]
     #[arg(long, allow_negative_numbers = true)]
     pub(crate) time: Option<f32>,
-    /// Axes of an edited SPZ or glTF frame [default: those it names, else those in which it matches the scene]
+    /// Axes of an edited SPZ or glTF frame [default: those it names, else those in which it matches
+    /// the scene]
     #[arg(long, visible_alias = "spz-axes", value_enum)]
     pub(crate) axes: Option<AxesArg>,
     /// Motion only: leave out the appearance refinement
@@ -156,29 +159,33 @@ pub(crate) struct PropagateArgs {
     /// `best` is what measured best, `paper` the paper to the letter [default: best]
     #[arg(long, value_enum)]
     pub(crate) preset: Option<PresetArg>,
-    /// Options from a TOML file, such as the c4d.toml of a run to repeat; flags win over it, it over the preset
+    /// Options from a TOML file, such as the c4d.toml of a run to repeat; flags win over it, it
+    /// over the preset
     #[arg(long, value_name = "FILE")]
     pub(crate) config: Option<PathBuf>,
     /// Use a baseline instead of anchors and transport
     #[arg(long, value_enum)]
     pub(crate) baseline: Option<BaselineArg>,
-    /// `amg` keeps the exact motion of splats that were not edited; `amg-all` estimates all anew, as the paper does [default: amg;
-    /// amg-all with --preset paper]
+    /// `amg` keeps the exact motion of splats that were not edited; `amg-all` estimates all anew,
+    /// as the paper does [default: amg; amg-all with --preset paper]
     #[arg(long, value_enum)]
     pub(crate) motion: Option<MotionArg>,
     /// Seed of everything random [default: 0]
     #[arg(long)]
     pub(crate) seed: Option<u64>,
-    /// Go on although the edited file seems to belong to another scene, or is the whole scene turned, scaled or moved
+    /// Go on although the edited file seems to belong to another scene, or is the whole scene
+    /// turned, scaled or moved
     #[arg(long)]
     pub(crate) allow_far: bool,
-    /// If the edited file is the scene turned, scaled or moved as a whole, undo that: the result is in the scene's own frame
+    /// If the edited file is the scene turned, scaled or moved as a whole, undo that: the result is
+    /// in the scene's own frame
     #[arg(long)]
     pub(crate) align: bool,
     /// Add the splats of the scene that the edited file lacks, as when only a selection was saved
     #[arg(long)]
     pub(crate) keep_rest: bool,
-    /// Only look: count what the edit kept, changed, added and removed, and show it in a picture of the frame before and after
+    /// Only look: count what the edit kept, changed, added and removed, and show it in a picture of
+    /// the frame before and after
     #[arg(long)]
     pub(crate) dry_run: bool,
     #[command(flatten)]
@@ -198,7 +205,8 @@ pub(crate) struct PropagateArgs {
 #[command(next_help_heading = "Appearance refinement")]
 #[serde(default)]
 pub(crate) struct RefineFlags {
-    /// Cameras to refine from, as `c4d render --cameras`; each is used at every time [default: a rig around the scene]
+    /// Cameras to refine from, as `c4d render --cameras`; each is used at every time [default: a
+    /// rig around the scene]
     #[arg(long, visible_alias = "cameras", value_name = "PATH")]
     pub(crate) refine_cameras: Option<PathBuf>,
     /// Size of the images [default: that of the cameras, 640x480 for the rig]
@@ -263,7 +271,8 @@ pub(crate) struct RefineArgs {
     /// `best` is what measured best, `paper` the paper to the letter [default: best]
     #[arg(long, value_enum)]
     pub(crate) preset: Option<PresetArg>,
-    /// Options from the section `refine` of a TOML file, such as the c4d.toml of a run; flags win over it, it over the preset
+    /// Options from the section `refine` of a TOML file, such as the c4d.toml of a run; flags win
+    /// over it, it over the preset
     #[arg(long, value_name = "FILE")]
     pub(crate) config: Option<PathBuf>,
     /// Go on from the checkpoint of an interrupted refinement with the same flags
@@ -290,8 +299,9 @@ pub(crate) enum WarpArg {
 pub(crate) struct RenderArgs {
     /// The dynamic scene or run, or one frame: the edited file of any editor
     pub(crate) scene: PathBuf,
-    /// front, orbit, spiral, or a file or folder with cameras: a data set (D-NeRF, HyperNeRF, DyNeRF, COLMAP, MeetRoom, multiple-view), a
-    /// `cameras.json`, or a model folder that has or names one
+    /// front, orbit, spiral, or a file or folder with cameras: a data set (D-NeRF, HyperNeRF,
+    /// DyNeRF, COLMAP, MeetRoom, multiple-view), a `cameras.json`, or a model folder that has or
+    /// names one
     #[arg(long, default_value = "front", value_name = "PATH|front|orbit|spiral")]
     pub(crate) cameras: String,
     /// Only these views of the cameras: names, cameras (cam00), or indices
@@ -300,7 +310,8 @@ pub(crate) struct RenderArgs {
     /// Which views of a data set [default: test, else all]
     #[arg(long, value_enum)]
     pub(crate) split: Option<SplitArg>,
-    /// How a data set's cameras are read [default: trained for 4DGS and Swift4D models and their runs, else stored]
+    /// How a data set's cameras are read [default: trained for 4DGS and Swift4D models and their
+    /// runs, else stored]
     #[arg(long, value_enum)]
     pub(crate) cameras_as: Option<CamerasAs>,
     /// Times, comma-separated [default: those of the cameras, if they have any, else as --frames]
@@ -333,7 +344,8 @@ pub(crate) struct RenderArgs {
     /// Frames per second of videos [default: so that the frames last as long as the clip]
     #[arg(long, allow_negative_numbers = true)]
     pub(crate) fps: Option<f64>,
-    /// Length of videos of the whole clip [default: that of the clip: its frames at its own rate, or at 30 a second]
+    /// Length of videos of the whole clip [default: that of the clip: its frames at its own rate,
+    /// or at 30 a second]
     #[arg(long, value_name = "SECONDS", allow_negative_numbers = true)]
     pub(crate) duration: Option<f64>,
     /// Runs only: the original on the left, the edit on the right

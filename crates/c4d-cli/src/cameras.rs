@@ -29,8 +29,9 @@ fn is_model(root: &Path) -> bool {
     })
 }
 
-/// Reads the cameras for views of `opened` and says what was assumed. Their near plane is the reference's where they are read as
-/// a model's training read them, otherwise it follows the scene before the edit.
+/// Reads the cameras for views of `opened` and says what was assumed. Their near plane is the
+/// reference's where they are read as a model's training read them, otherwise it follows the scene
+/// before the edit.
 pub(crate) fn open(
     path: &Path,
     asked: Option<CamerasAs>,

@@ -1,4 +1,5 @@
-//! [`Failure`]: what went wrong, where, and the next step; and the exit code that says so to scripts.
+//! [`Failure`]: what went wrong, where, and the next step; and the exit code that says so to
+//! scripts.
 
 use std::fmt;
 use std::path::Path;

@@ -1,4 +1,5 @@
-//! Which splats of a scene are visible at one time, and for how long: an edit of a frame reaches only those.
+//! Which splats of a scene are visible at one time, and for how long: an edit of a frame reaches
+//! only those.
 
 use crate::failure::{Failure, Outcome};
 use gs_core::{DynamicScene, Splats};
@@ -9,7 +10,8 @@ const MAX_SPLATS: usize = 500_000;
 const SAMPLES: usize = 33;
 /// Opacity in 255ths above which a splat is visible, 0.02.
 const VISIBLE: u8 = 5;
-/// Share of its own largest opacity above which it is, too: what fades in or out is still there at a twentieth.
+/// Share of its own largest opacity above which it is, too: what fades in or out is still there at
+/// a twentieth.
 const SHARE_OF_PEAK: f32 = 0.05;
 /// Share of visible splats below which an edit is said to reach only a part.
 const MOST: f64 = 0.95;
@@ -19,7 +21,8 @@ const MOST: f64 = 0.95;
 pub(crate) struct Lifetimes {
     /// Share of the splats visible at the time asked about, of those ever visible.
     pub(crate) share: f64,
-    /// How long half of these are visible at most, without a break around that time, as a share of the clip.
+    /// How long half of these are visible at most, without a break around that time, as a share of
+    /// the clip.
     pub(crate) median: f64,
     time: f32,
 }

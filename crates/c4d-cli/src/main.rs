@@ -1,6 +1,7 @@
 //! `c4d`: carry an edit of one frame of a dynamic Gaussian-splat scene through all of time.
 //!
-//! Commands, progress, run folders and messages. Deliberately absent: algorithms, which live in the crates below.
+//! Commands, progress, run folders and messages. Deliberately absent: algorithms, which live in the
+//! crates below.
 
 mod animated_image;
 mod args;
@@ -46,7 +47,8 @@ fn main() -> ExitCode {
     let global = &cli.global();
     device::without_desktop(global.gpu);
     let console = Console::new(global.quiet, global.verbose, !global.no_progress);
-    // Best effort: without a handler an interrupt still ends the process, but may leave a hidden partial output.
+    // Best effort: without a handler an interrupt still ends the process, but may leave a hidden
+    // partial output.
     let _ = ctrlc::set_handler(|| {
         gs_io::remove_unfinished();
         eprintln!("\ninterrupted; nothing partial is left");

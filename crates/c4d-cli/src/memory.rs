@@ -7,7 +7,8 @@ use sysinfo::System;
 /// Bytes of a mebibyte.
 pub(crate) const MIB: u64 = 1 << 20;
 
-/// Memory that the machine, or the container, has left, bytes; `None` where the system does not say.
+/// Memory that the machine, or the container, has left, bytes; `None` where the system does not
+/// say.
 pub(crate) fn free() -> Option<u64> {
     let mut system = System::new().ok()?;
     system.refresh_memory();
@@ -34,8 +35,9 @@ pub(crate) fn require(what: &str, bytes: u64, next: &str) -> Outcome {
     if granted { Ok(()) } else { refuse("more than this process may have".to_owned()) }
 }
 
-/// Frames of a scene held at a time, beside those that opening it read: those between which a time lies, the file that is being read,
-/// and what is made of them. Measured: 580 MB in all where a frame has 94 MB.
+/// Frames of a scene held at a time, beside those that opening it read: those between which a time
+/// lies, the file that is being read, and what is made of them. Measured: 580 MB in all where a
+/// frame has 94 MB.
 pub(crate) const FRAMES_SEEN: u64 = 5;
 /// The same of exports, which also hold what they pack. Measured: 640 MB in all.
 pub(crate) const FRAMES_PACKED: u64 = 8;

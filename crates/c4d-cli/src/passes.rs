@@ -1,4 +1,5 @@
-//! Images of what happened since the edited frame: flow, colour uncertainty, artifact mask (Eqs. 11–17).
+//! Images of what happened since the edited frame: flow, colour uncertainty, artifact mask (Eqs.
+//! 11–17).
 
 use crate::args::Pass;
 use crate::device::Device;

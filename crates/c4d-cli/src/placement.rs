@@ -5,8 +5,8 @@ use crate::failure::{Failure, Outcome};
 use crate::scene::Opened;
 use gs_core::Extent;
 
-/// Steps of positions larger than these shares of a splat's size and of the scene's radius are seen: rounding moves splats by
-/// half a step, and pictures have some thousand pixels.
+/// Steps of positions larger than these shares of a splat's size and of the scene's radius are
+/// seen: rounding moves splats by half a step, and pictures have some thousand pixels.
 const SPLAT_SHARE: f64 = 0.25;
 const SCENE_SHARE: f64 = 1e-3;
 
@@ -17,7 +17,8 @@ pub(crate) fn of_scene(opened: &Opened) -> Outcome<Extent> {
     Ok(Extent::of(&first))
 }
 
-/// Warns of a scene so far from its origin that single-precision positions are coarser than its splats.
+/// Warns of a scene so far from its origin that single-precision positions are coarser than its
+/// splats.
 pub(crate) fn warn_if_coarse(extent: &Extent, console: &Console) {
     let step = extent.position_step();
     if step > (SPLAT_SHARE * extent.splat_size).min(SCENE_SHARE * extent.radius) {

@@ -1,8 +1,8 @@
 //! Where cameras come from when no data set gives them: a rig around (or before) the scene.
 //!
-//! 4DGS checkpoints hold no cameras. The rig is built from frame 1 alone: robust centre and size of the visible splats, and
-//! whether it fills the view of a camera at the origin (a forward capture: stand where the cameras stood) or not (an object,
-//! wherever it lies: walk around it).
+//! 4DGS checkpoints hold no cameras. The rig is built from frame 1 alone: robust centre and size of
+//! the visible splats, and whether it fills the view of a camera at the origin (a forward capture:
+//! stand where the cameras stood) or not (an object, wherever it lies: walk around it).
 
 use gs_core::{
     Camera, DynamicScene, Extent, SceneError, Splats, WeightedPoint, weighted_points,
@@ -42,7 +42,8 @@ const PROBED_TIMES: usize = 4;
 const MOVING_SHARE: f64 = 0.01;
 /// Fewer moving splats than this frame nothing.
 const MIN_MOVING: usize = 50;
-/// A scene this many times larger than what moves in it has a backdrop; a smaller one is framed whole.
+/// A scene this many times larger than what moves in it has a backdrop; a smaller one is framed
+/// whole.
 const BACKDROP: f64 = 3.0;
 /// Room around the moving part.
 const MARGIN: f64 = 1.8;
@@ -50,12 +51,15 @@ const MARGIN: f64 = 1.8;
 const FORWARD_SHARE: f64 = 0.97;
 /// Cosine of the half-angle of the cone before a forward capture, 75°.
 const FORWARD_CONE_COS: f64 = 0.258_819;
-/// A view direction closer than 15° to a coordinate axis is that axis: captures are aligned with their first camera.
+/// A view direction closer than 15° to a coordinate axis is that axis: captures are aligned with
+/// their first camera.
 const SNAP_COS: f64 = 0.965_926;
-/// Narrowest and widest vertical field of view of a forward capture, radians. What a camera at the origin would see under a
-/// smaller angle is an object away from the origin: captured scenes fill the view of their cameras.
+/// Narrowest and widest vertical field of view of a forward capture, radians. What a camera at the
+/// origin would see under a smaller angle is an object away from the origin: captured scenes fill
+/// the view of their cameras.
 const FORWARD_FOV_RAD: [f64; 2] = [0.6, 1.2];
-/// A camera's near plane is at most this share of its distance to what it looks at: a scene may be framed by a small part.
+/// A camera's near plane is at most this share of its distance to what it looks at: a scene may be
+/// framed by a small part.
 const NEAR_SHARE: f64 = 0.1;
 /// Vertical field of view around objects, radians (40°).
 const OBJECT_FOV_RAD: f64 = 0.698_132;
@@ -64,8 +68,9 @@ const OBJECT_FOV_RAD: f64 = 0.698_132;
 const REFINING: usize = 10;
 
 impl Rig {
-    /// Looks at a scene: at what moves in it, when it surrounds its origin (backdrops and sky domes would drive the cameras
-    /// outside); at all of it, when it is a forward capture. `up` is the world's upward direction.
+    /// Looks at a scene: at what moves in it, when it surrounds its origin (backdrops and sky domes
+    /// would drive the cameras outside); at all of it, when it is a forward capture. `up` is the
+    /// world's upward direction.
     pub(crate) fn of_scene(scene: &dyn DynamicScene, up: [f64; 3]) -> Result<Self, SceneError> {
         let range = scene.time_range();
         let first = scene.at(range.start)?;
@@ -118,7 +123,8 @@ impl Rig {
         let angle = |p: &WeightedPoint| {
             (dot(p.mean, forward) / norm(p.mean).max(f64::MIN_POSITIVE)).clamp(-1.0, 1.0).acos()
         };
-        // Three quarters of the scene inside the image's height: a capture's borders are unseen by most of its cameras.
+        // Three quarters of the scene inside the image's height: a capture's borders are unseen by
+        // most of its cameras.
         let angles = points.iter().map(|p| (angle(p), p.weight)).collect();
         let fov_y_rad = 2.0 * weighted_quantile(angles, 0.75);
         let [narrowest, widest] = FORWARD_FOV_RAD;
@@ -141,8 +147,8 @@ impl Rig {
         Self { layout, centre, radius, up, forward: towards, fov_y_rad, near, extent }
     }
 
-    /// Looks at the half of the splats that lies together, if the scene is much larger than that: at what stands before a
-    /// backdrop or under a sky dome, where no motion tells it apart.
+    /// Looks at the half of the splats that lies together, if the scene is much larger than that:
+    /// at what stands before a backdrop or under a sky dome, where no motion tells it apart.
     fn before_backdrop(self, splats: &Splats) -> Self {
         let median = |among: &[[f64; 3]]| {
             let axis = |k: usize| among.iter().map(|p| (p[k], 1.0)).collect();
@@ -188,7 +194,8 @@ impl Rig {
         }
     }
 
-    /// One camera a frame on a full turn around an object; on a swing of ±12° for a forward capture, whose back nobody has seen.
+    /// One camera a frame on a full turn around an object; on a swing of ±12° for a forward
+    /// capture, whose back nobody has seen.
     pub(crate) fn orbit(&self, frames: usize, size: (u32, u32)) -> Vec<Camera> {
         path(frames, "orbit", |phase| match self.layout {
             Layout::Object => self.around_at(phase * std::f64::consts::TAU, 0.25, size),
@@ -201,8 +208,9 @@ impl Rig {
         })
     }
 
-    /// Views that show the scene from many sides, for pictures to be edited: around an object at three heights; from where a forward capture's
-    /// cameras may have stood, spread in both directions. Names `view_00` ….
+    /// Views that show the scene from many sides, for pictures to be edited: around an object at
+    /// three heights; from where a forward capture's cameras may have stood, spread in both
+    /// directions. Names `view_00` ….
     pub(crate) fn views(&self, count: usize, size: (u32, u32)) -> Vec<Camera> {
         const HEIGHTS_RAD: [f64; 3] = [0.1, 0.35, 0.6];
         let digits = count.saturating_sub(1).to_string().len().max(2);
@@ -222,7 +230,8 @@ impl Rig {
             .collect()
     }
 
-    /// Evenly spread over a disc of ±12° sideways and ±6° up and down (sunflower seeds), looking at the centre.
+    /// Evenly spread over a disc of ±12° sideways and ±6° up and down (sunflower seeds), looking at
+    /// the centre.
     fn swung(&self, phase: f64, size: (u32, u32)) -> Camera {
         const GOLDEN_ANGLE_RAD: f64 = 2.399_963;
         let turn = GOLDEN_ANGLE_RAD * (phase * 997.0).round();
@@ -294,8 +303,8 @@ fn snap_to_axis(direction: [f64; 3]) -> [f64; 3] {
     direction
 }
 
-/// The side that faces the viewer: +z in y-up worlds (figures are modelled facing it), −z in y-down ones (where captures stand),
-/// −y in z-up ones.
+/// The side that faces the viewer: +z in y-up worlds (figures are modelled facing it), −z in y-down
+/// ones (where captures stand), −y in z-up ones.
 fn perpendicular(up: [f64; 3]) -> [f64; 3] {
     let candidate = if up[2].abs() > 0.9 {
         [0.0, -1.0, 0.0]

@@ -1,4 +1,5 @@
-//! Times the whole stage on a scene of the paper's size: 150 000 Gaussians, some 26 000 of them edited, 20 views, 60 times, 676×507.
+//! Times the whole stage on a scene of the paper's size: 150 000 Gaussians, some 26 000 of them
+//! edited, 20 views, 60 times, 676×507.
 //!
 //! `cargo run --release -p cuar --example paper_scale [samples] [memory in MiB] [flaws|flawless]`
 #![expect(clippy::print_stdout, reason = "a measurement for people")]

@@ -15,7 +15,8 @@ pub enum Preset {
 /// How the objective is minimised.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Solver {
-    /// Per splat, weighted least squares of the colours that the images ask for (see [`RegressionParams`]).
+    /// Per splat, weighted least squares of the colours that the images ask for (see
+    /// [`RegressionParams`]).
     Regression(RegressionParams),
     /// Adam, one image per step.
     Adam(AdamParams),
@@ -23,25 +24,32 @@ pub enum Solver {
 
 /// The regression solver: majorise–minimise.
 ///
-/// With geometry and opacity fixed a pixel is a sub-convex combination of splat colours, so the (reweighted) quadratic model of the objective
-/// separates over splats: every image observes one colour of every visible splat, with a weight. A splat's SH is the weighted least-squares fit of
-/// all observations and of its colours in the edited frame, seen from every view, which have a large weight. There is no step size.
+/// With geometry and opacity fixed a pixel is a sub-convex combination of splat colours, so the
+/// (reweighted) quadratic model of the objective separates over splats: every image observes one
+/// colour of every visible splat, with a weight. A splat's SH is the weighted least-squares fit of
+/// all observations and of its colours in the edited frame, seen from every view, which have a
+/// large weight. There is no step size.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RegressionParams {
-    /// Most evaluations of every image; it ends earlier after a pass that gains less than 0.5 %. Default 8.
+    /// Most evaluations of every image; it ends earlier after a pass that gains less than 0.5 %.
+    /// Default 8.
     pub passes: usize,
     /// Width δ of the smoothed L1, colour units. Default 0.01.
     pub delta: f64,
     /// Over-relaxation of the requested colours, in (0, 2). Default 1.5.
     pub relaxation: f64,
-    /// Weight of a splat's colours in the edited frame, relative to the weight that the background loss gives the same pixels; lower for
-    /// splats that are hardly visible there. These colours are right by definition, and pixels alone do not separate those of neighbours.
-    /// Default 1000; 0 treats the edited frame like any other image. No effect unless the edited frame is among the images.
+    /// Weight of a splat's colours in the edited frame, relative to the weight that the background
+    /// loss gives the same pixels; lower for splats that are hardly visible there. These colours
+    /// are right by definition, and pixels alone do not separate those of neighbours. Default 1000;
+    /// 0 treats the edited frame like any other image. No effect unless the edited frame is among
+    /// the images.
     pub hold: f64,
-    /// Smoothness over directions: ridge on the refined coefficients of degree `l`, relative to the weight of the splat's observations:
-    /// `prior · l²` times the share of images in which the splat's ξ exceeds the mask's threshold (and, on the change of DC, a thousandth of
-    /// `prior`). In unobserved directions, colours become those of the smoothest function through the observations,
-    /// instead of what an unsupervised fit left there. Default 0.03; 0 fits the images alone.
+    /// Smoothness over directions: ridge on the refined coefficients of degree `l`, relative to the
+    /// weight of the splat's observations: `prior · l²` times the share of images in which the
+    /// splat's ξ exceeds the mask's threshold (and, on the change of DC, a thousandth of `prior`).
+    /// In unobserved directions, colours become those of the smoothest function through the
+    /// observations, instead of what an unsupervised fit left there. Default 0.03; 0 fits the
+    /// images alone.
     pub prior: f64,
 }
 
@@ -75,8 +83,8 @@ pub struct RefineOptions {
     pub edit_time: Option<f32>,
     /// ε of Eq. 17, 0.5 to 2 in the paper (smaller: broader masks). Default 0.5.
     pub epsilon: f32,
-    /// Uncertainty below which nothing is an artifact, for any mean. Default 0.02 (a colour change of 5 of 255, summed over channels);
-    /// 0 in the paper.
+    /// Uncertainty below which nothing is an artifact, for any mean. Default 0.02 (a colour change
+    /// of 5 of 255, summed over channels); 0 in the paper.
     pub min_uncertainty: f32,
     /// Form of Eq. 13.
     pub warp: WarpForm,
@@ -90,13 +98,13 @@ pub struct RefineOptions {
     pub evidence: Option<EvidenceParams>,
     /// Images (pairs of view and time) drawn. Default 240.
     pub samples: usize,
-    /// Whether the edited frame, from every view (20 of those that have a time of their own), is among the images, so that it keeps its
-    /// colours. Default true; false in the paper.
+    /// Whether the edited frame, from every view (20 of those that have a time of their own), is
+    /// among the images, so that it keeps its colours. Default true; false in the paper.
     pub keep_first_frame: bool,
     /// Seed of the draw and of the order of steps. Default 0.
     pub seed: u64,
-    /// Memory for images and prepared states, bytes. What does not fit is prepared again at every evaluation; if even the images do not fit, fewer
-    /// are drawn. Default 2 GiB.
+    /// Memory for images and prepared states, bytes. What does not fit is prepared again at every
+    /// evaluation; if even the images do not fit, fewer are drawn. Default 2 GiB.
     pub memory: usize,
     /// Background of the renders. Default black.
     pub background: [f64; 3],

@@ -46,14 +46,16 @@ impl Refined {
     }
 }
 
-/// Refines the colours of the `edited` rows of `scene` (Eqs. 11–20): the edited frame, seen from each view, is warped to other times and
-/// supervises what looks uncertain there. One offset of SH per row, shared by all times. All other rows, and all geometry, stay as they are.
+/// Refines the colours of the `edited` rows of `scene` (Eqs. 11–20): the edited frame, seen from
+/// each view, is warped to other times and supervises what looks uncertain there. One offset of SH
+/// per row, shared by all times. All other rows, and all geometry, stay as they are.
 ///
-/// `resume` is a state that [`Observer::checkpoint`] got from a run with the same inputs; the result is then that of the uninterrupted run
-/// (bit-identical with a deterministic rasteriser).
+/// `resume` is a state that [`Observer::checkpoint`] got from a run with the same inputs; the
+/// result is then that of the uninterrupted run (bit-identical with a deterministic rasteriser).
 ///
 /// # Errors
-/// If inputs disagree or are out of range, the scene or the rasteriser fails, the state is of another run, or the observer cancels.
+/// If inputs disagree or are out of range, the scene or the rasteriser fails, the state is of
+/// another run, or the observer cancels.
 pub fn refine<R: Rasterizer<Prepared: Send> + Sync>(
     raster: &R,
     scene: &dyn DynamicScene,
@@ -67,7 +69,8 @@ pub fn refine<R: Rasterizer<Prepared: Send> + Sync>(
     refine_with(backend, scene, edited, views, options, resume, observer)
 }
 
-/// [`refine`], with Adam's steps done by the engine of `backend` if it has one: the same result within the engine's precision.
+/// [`refine`], with Adam's steps done by the engine of `backend` if it has one: the same result
+/// within the engine's precision.
 ///
 /// # Errors
 /// As [`refine`].
@@ -203,7 +206,8 @@ pub fn refine_with<R: Rasterizer<Prepared: Send> + Sync>(
     [report.held_out_before, _, report.held_out_artifacts[0]] = loss_of(&mut problem, &zero)?;
     [report.held_out_after, _, report.held_out_artifacts[1]] = loss_of(&mut problem, &outcome)?;
     (report.loss_before, report.loss_after) = (before[0], after[0]);
-    // A warning, not a refusal; and none if colours only change outside the mask, because what was there before may be wrong.
+    // A warning, not a refusal; and none if colours only change outside the mask, because what was
+    // there before may be wrong.
     let [then, now] = report.held_out_artifacts;
     if now > then {
         report.warnings.push(format!(
@@ -230,9 +234,11 @@ struct Outcome {
     regression: Option<Regression>,
 }
 
-/// The outcome if it lowers the loss, else the same fitted with less smoothness, else `zero`; its losses; and a warning for the user.
+/// The outcome if it lowers the loss, else the same fitted with less smoothness, else `zero`; its
+/// losses; and a warning for the user.
 ///
-/// The loss that decides is the one that the solver minimises: to exact L1 a change too small to see counts like any other.
+/// The loss that decides is the one that the solver minimises: to exact L1 a change too small to
+/// see counts like any other.
 fn accept<R: Rasterizer<Prepared: Send> + Sync>(
     problem: &mut Problem<R>,
     options: &RefineOptions,

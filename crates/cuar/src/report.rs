@@ -2,7 +2,8 @@
 
 use crate::{RepairCounts, SupervisionStats, problem::TracePoint, view_sampler::ViewTime};
 
-/// Counts, losses and timings of a refinement. Losses are Eq. 20, means over images; only pixels that an edited splat reaches contribute.
+/// Counts, losses and timings of a refinement. Losses are Eq. 20, means over images; only pixels
+/// that an edited splat reaches contribute.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Report {
     /// Edited splats.
@@ -23,11 +24,13 @@ pub struct Report {
     pub held_out_before: f64,
     /// On held-out images, after.
     pub held_out_after: f64,
-    /// Of these two, what artifacts contribute (Eq. 18); the rest is how much colours change elsewhere.
+    /// Of these two, what artifacts contribute (Eq. 18); the rest is how much colours change
+    /// elsewhere.
     pub held_out_artifacts: [f64; 2],
     /// Which masked pixels are supervised by frame 1, and why the others are not.
     pub supervision: SupervisionStats,
-    /// Images in which [`crate::RefineOptions::min_uncertainty`], not ε·mean(U), is the mask's threshold.
+    /// Images in which [`crate::RefineOptions::min_uncertainty`], not ε·mean(U), is the mask's
+    /// threshold.
     pub num_floored: usize,
     /// The loss over the run.
     pub trace: Vec<TracePoint>,

@@ -1,4 +1,5 @@
-//! [`EmbeddingScene`]: splats with an embedding each, deformed by what a network makes of it and of the time, as E-D3DGS trains them.
+//! [`EmbeddingScene`]: splats with an embedding each, deformed by what a network makes of it and of
+//! the time, as E-D3DGS trains them.
 
 use crate::linear::{Activation, Linear, PANEL, Packed};
 use crate::network::Component;
@@ -10,9 +11,11 @@ use rayon::prelude::*;
 /// One stage of the deformation as a checkpoint stores it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct EmbeddingStage {
-    /// Embeddings of evenly spaced times from 0 to 1, `[R, D]` row-major; between them they are interpolated linearly.
+    /// Embeddings of evenly spaced times from 0 to 1, `[R, D]` row-major; between them they are
+    /// interpolated linearly.
     pub times: Vec<f32>,
-    /// Layers on the time's embedding followed by the splat's: ReLU between them, none after the last.
+    /// Layers on the time's embedding followed by the splat's: ReLU between them, none after the
+    /// last.
     pub trunk: Vec<Linear>,
     /// Heads in use, in the order of [`Component::ALL`], each with the factor of its output.
     pub heads: [Option<(Head, f32)>; 5],
@@ -27,7 +30,8 @@ struct Stage {
     heads: Vec<(Component, [Packed; 2], f32)>,
 }
 
-/// Splats that two stages deform one after the other: a model of E-D3DGS, at times 0 to 1. Everything is added to stored parameters.
+/// Splats that two stages deform one after the other: a model of E-D3DGS, at times 0 to 1.
+/// Everything is added to stored parameters.
 #[derive(Debug)]
 pub struct EmbeddingScene {
     canonical: Splats,

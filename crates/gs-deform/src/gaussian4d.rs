@@ -1,4 +1,5 @@
-//! [`Gaussian4dScene`]: Gaussians of space and time, as 4D Gaussian Splatting (Yang et al. 2024) trains them.
+//! [`Gaussian4dScene`]: Gaussians of space and time, as 4D Gaussian Splatting (Yang et al. 2024)
+//! trains them.
 
 use crate::polynomial::{Polynomial, PolynomialError, PolynomialScene, Visibility};
 use crate::shape;
@@ -12,17 +13,20 @@ const MIN_MARGINAL: f32 = 0.05;
 /// The stored parameters of Gaussians of space and time, `[N]` each.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Gaussians4d {
-    /// The spatial part: centres, `_rotation` as quaternions, `_scaling`, `_opacity`, and the colour at the Gaussian's own time.
+    /// The spatial part: centres, `_rotation` as quaternions, `_scaling`, `_opacity`, and the
+    /// colour at the Gaussian's own time.
     pub splats: Splats,
     /// Centres in time, `_t`.
     pub times: Vec<f32>,
     /// Logarithms of the extents in time, `_scaling_t`.
     pub log_scales_t: Vec<f32>,
-    /// The right quaternion of the rotation of space and time, `_rotation_r`. Empty if space and time are not mixed: then nothing moves,
-    /// and the extent in time is a variance, not a standard deviation.
+    /// The right quaternion of the rotation of space and time, `_rotation_r`. Empty if space and
+    /// time are not mixed: then nothing moves, and the extent in time is a variance, not a standard
+    /// deviation.
     pub right_quats: Vec<[f32; 4]>,
-    /// Colour that changes with time, `[N, 2, K, 3]`: coefficients of `cos(2πΔ/T)` and `cos(4πΔ/T)`, where `Δ` is the time before the
-    /// Gaussian's own and `T` the scene's length. Empty if there is none.
+    /// Colour that changes with time, `[N, 2, K, 3]`: coefficients of `cos(2πΔ/T)` and
+    /// `cos(4πΔ/T)`, where `Δ` is the time before the Gaussian's own and `T` the scene's length.
+    /// Empty if there is none.
     pub waves: Vec<[f32; 3]>,
     /// Added to the variance in time before the marginal is taken; 0 for none.
     pub prefilter_var: f64,
@@ -30,9 +34,10 @@ pub struct Gaussians4d {
 
 /// Gaussians of space and time, cut at any time from 0 to 1.
 ///
-/// Cut at a time, each is a Gaussian of space of constant shape whose centre moves on a line and whose opacity rises and falls as its
-/// marginal in time; below 0.05 it is not drawn. Colours are given as SH coefficients; the reference looks them up in the direction of the
-/// stored centre, renderers of these splats in that of the moved one.
+/// Cut at a time, each is a Gaussian of space of constant shape whose centre moves on a line and
+/// whose opacity rises and falls as its marginal in time; below 0.05 it is not drawn. Colours are
+/// given as SH coefficients; the reference looks them up in the direction of the stored centre,
+/// renderers of these splats in that of the moved one.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Gaussian4dScene {
     cut: PolynomialScene,
@@ -155,7 +160,8 @@ impl Gaussian4dScene {
         self.cut.motions()
     }
 
-    /// Marginal of a Gaussian at time `t`: what its opacity is multiplied with, where it is drawn at all.
+    /// Marginal of a Gaussian at time `t`: what its opacity is multiplied with, where it is drawn
+    /// at all.
     ///
     /// # Panics
     /// If `row` is out of range.

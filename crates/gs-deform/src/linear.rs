@@ -1,7 +1,8 @@
 //! Fully connected layers on panels of Gaussians.
 //!
-//! Activations are feature-major panels `[features, PANEL]`: vector lanes are Gaussians, so a head with three outputs is
-//! as efficient as a square layer, and bias, ReLU and the next layer touch memory that is still in the first-level cache.
+//! Activations are feature-major panels `[features, PANEL]`: vector lanes are Gaussians, so a head
+//! with three outputs is as efficient as a square layer, and bias, ReLU and the next layer touch
+//! memory that is still in the first-level cache.
 
 use crate::FieldError;
 use pulp::{Simd, bytemuck};
@@ -98,7 +99,8 @@ impl Packed {
         self.bias.len() * TILE * PANEL
     }
 
-    /// `output = activation(W · input + b)`; `input` `[inputs, PANEL]`, `output` at least [`Packed::panel_len`].
+    /// `output = activation(W · input + b)`; `input` `[inputs, PANEL]`, `output` at least
+    /// [`Packed::panel_len`].
     #[inline(always)]
     pub(crate) fn apply<S: Simd>(
         &self,
@@ -112,7 +114,8 @@ impl Packed {
         let tiles = self.weights.chunks_exact(self.inputs).zip(&self.bias);
         for (index, ((weights, bias), out)) in tiles.zip(rows).enumerate() {
             let used = self.outputs - index * TILE;
-            // 8 × 3 accumulators need 32 registers; with 16, 4 × 3 fill 12 and leave room for the operands.
+            // 8 × 3 accumulators need 32 registers; with 16, 4 × 3 fill 12 and leave room for the
+            // operands.
             if S::REGISTER_COUNT >= 32 && used > 4 {
                 tile::<S, 8>(simd, input, weights, bias, 0, out, activation);
             } else {

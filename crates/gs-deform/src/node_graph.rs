@@ -27,14 +27,16 @@ pub struct NodeGraph {
     pub masks: Vec<f32>,
     /// Nearest nodes that a splat follows.
     pub neighbors: usize,
-    /// Largest change of scale as a factor, if the network was trained with a bound: the change is then `tanh(d)·ln(bound)`.
+    /// Largest change of scale as a factor, if the network was trained with a bound: the change is
+    /// then `tanh(d)·ln(bound)`.
     pub max_scale: Option<f32>,
 }
 
 /// Splats that follow the nodes nearest to them: a model of SC-GS, at times 0 to 1.
 ///
-/// The network is asked at the nodes; each splat takes a weighted mean of what it says at the nearest ones. Rotations are normalised after
-/// the change is added to the stored quaternion; scale changes are added to activated scales.
+/// The network is asked at the nodes; each splat takes a weighted mean of what it says at the
+/// nearest ones. Rotations are normalised after the change is added to the stored quaternion; scale
+/// changes are added to activated scales.
 #[derive(Debug)]
 pub struct NodeGraphScene {
     canonical: Splats,

@@ -1,11 +1,13 @@
-//! [`PolynomialScene`]: splats whose centres are cubics of time, as Spacetime Gaussians and `.splatv` files have them.
+//! [`PolynomialScene`]: splats whose centres are cubics of time, as Spacetime Gaussians and
+//! `.splatv` files have them.
 
 use gs_core::{DynamicScene, SceneError, Splats, SplatsError, TimeRange, activation, quat};
 use rayon::prelude::*;
 use thiserror::Error;
 
-/// Motion of one splat. With `dt = t − centre`:
-/// centre of the splat `mean + v₁·dt + v₂·dt² + v₃·dt³`, rotation `normalise(quat + ω·dt)`, opacity `α·exp(−(dt/width)²)`.
+/// Motion of one splat. With `dt = t − centre`: centre of the splat
+/// `mean + v₁·dt + v₂·dt² + v₃·dt³`, rotation `normalise(quat + ω·dt)`, opacity
+/// `α·exp(−(dt/width)²)`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Polynomial {
     /// `v₁, v₂, v₃`, world units per unit of time to the first, second and third power.
@@ -14,7 +16,8 @@ pub struct Polynomial {
     pub omega: [f32; 4],
     /// Time at which the splat is as stored.
     pub centre: f32,
-    /// Time from the centre after which opacity has fallen to 1/e; infinite for splats that are always there.
+    /// Time from the centre after which opacity has fallen to 1/e; infinite for splats that are
+    /// always there.
     pub width: f32,
 }
 
@@ -35,7 +38,8 @@ pub enum PolynomialError {
     },
 }
 
-/// Opacities stay inside (0,1) by this much, so that their logits are finite. Far below the 1/255 under which renderers skip.
+/// Opacities stay inside (0,1) by this much, so that their logits are finite. Far below the 1/255
+/// under which renderers skip.
 const OPACITY_MARGIN: f32 = 1e-6;
 
 /// Ends of fading, the same for all splats of a scene.
@@ -47,7 +51,8 @@ pub struct Visibility {
     pub cutoff: f32,
 }
 
-/// Splats at times 0 to 1, each moving along its own polynomial and fading in and out around its own time.
+/// Splats at times 0 to 1, each moving along its own polynomial and fading in and out around its
+/// own time.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PolynomialScene {
     rest: Splats,
@@ -85,7 +90,8 @@ impl PolynomialScene {
         Self { visibility, ..self }
     }
 
-    /// The scene whose splats exist from the first time of their windows until before the last, `[N, 2]` in the time of the motions.
+    /// The scene whose splats exist from the first time of their windows until before the last,
+    /// `[N, 2]` in the time of the motions.
     ///
     /// # Errors
     /// If there is not one per splat.
@@ -102,8 +108,8 @@ impl PolynomialScene {
         self.windows.get(row).is_none_or(within)
     }
 
-    /// The scene with motions whose times are those of another clock: the scene's 0 to 1 are `start` to `end` there. So that times are
-    /// rounded once, by whoever stored them.
+    /// The scene with motions whose times are those of another clock: the scene's 0 to 1 are
+    /// `start` to `end` there. So that times are rounded once, by whoever stored them.
     #[must_use]
     pub fn with_clock(self, start: f64, end: f64) -> Self {
         Self { clock: [start, end], ..self }

@@ -1,17 +1,20 @@
-//! Shapes of Gaussians as unit rotations and log-scales, from what rasterisers are given instead: quaternions that are not
-//! normalised, scales of any sign, covariances.
+//! Shapes of Gaussians as unit rotations and log-scales, from what rasterisers are given instead:
+//! quaternions that are not normalised, scales of any sign, covariances.
 
 use gs_core::{Splats, quat, rotation_matrix};
 use rayon::prelude::*;
 
-/// Log-scale of an axis without extent: a standard deviation of 2·10⁻⁹, whose square and its inverse are normal numbers.
+/// Log-scale of an axis without extent: a standard deviation of 2·10⁻⁹, whose square and its
+/// inverse are normal numbers.
 const FLAT_LOG_SCALE: f32 = -20.0;
-/// Distance of a squared norm from 1 up to which a quaternion counts as a rotation: what single precision leaves after normalising.
+/// Distance of a squared norm from 1 up to which a quaternion counts as a rotation: what single
+/// precision leaves after normalising.
 const UNIT: f64 = 1e-6;
 /// Sweeps of Jacobi rotations; three by three matrices need four or five.
 const MAX_SWEEPS: usize = 16;
 
-/// Splats as the reference implementation gives them to its rasteriser, which normalises no quaternion and squares every scale.
+/// Splats as the reference implementation gives them to its rasteriser, which normalises no
+/// quaternion and squares every scale.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct RasterizedShapes {
     /// Centres, world units, `[N,3]`.
@@ -42,8 +45,9 @@ pub(crate) fn log_scale(scale: f32) -> f32 {
     if log < FLAT_LOG_SCALE { FLAT_LOG_SCALE } else { log }
 }
 
-/// Unit rotation and log-scales of the covariance `M·diag(s²)·Mᵀ`, where `M` is the matrix of the quaternion `wxyz` **as given**. The
-/// rasteriser of 3DGS does not normalise: a quaternion of norm `n` gives `M = (1 − n²)·I + n²·R`, no rotation unless `n = 1`.
+/// Unit rotation and log-scales of the covariance `M·diag(s²)·Mᵀ`, where `M` is the matrix of the
+/// quaternion `wxyz` **as given**. The rasteriser of 3DGS does not normalise: a quaternion of norm
+/// `n` gives `M = (1 − n²)·I + n²·R`, no rotation unless `n = 1`.
 pub(crate) fn from_unnormalized(q: [f32; 4], scale: [f32; 3]) -> ([f32; 4], [f32; 3]) {
     let wide = q.map(f64::from);
     let norm_squared = quat::dot(wide, wide);
@@ -62,8 +66,9 @@ pub(crate) fn from_unnormalized(q: [f32; 4], scale: [f32; 3]) -> ([f32; 4], [f32
     principal_axes(covariance, unit)
 }
 
-/// Unit rotation and log-scales of a symmetric covariance. Of the many that give it, the one next to the unit quaternion `near`, so
-/// that a shape which changes little from one time to another has axes that change little.
+/// Unit rotation and log-scales of a symmetric covariance. Of the many that give it, the one next
+/// to the unit quaternion `near`, so that a shape which changes little from one time to another has
+/// axes that change little.
 pub(crate) fn principal_axes(covariance: [[f64; 3]; 3], near: [f64; 4]) -> ([f32; 4], [f32; 3]) {
     let r = rotation_matrix(near);
     // The covariance in the axes of `near`: Rᵀ·C·R.
@@ -97,7 +102,8 @@ pub(crate) fn principal_axes(covariance: [[f64; 3]; 3], near: [f64; 4]) -> ([f32
     (rotation, log_scales)
 }
 
-/// Makes entry (i, j) of `a` zero by the smaller of the two rotations that do, and returns `q` followed by it.
+/// Makes entry (i, j) of `a` zero by the smaller of the two rotations that do, and returns `q`
+/// followed by it.
 fn rotate_pair(a: &mut [[f64; 3]; 3], q: [f64; 4], i: usize, j: usize) -> [f64; 4] {
     let off = a[i][j];
     if off == 0.0 {
@@ -117,7 +123,8 @@ fn rotate_pair(a: &mut [[f64; 3]; 3], q: [f64; 4], i: usize, j: usize) -> [f64; 
     a[j][k] = sine * at_i + cosine * at_j;
     a[k][i] = a[i][k];
     a[k][j] = a[j][k];
-    // Columns i and j of the basis become c·eᵢ − s·eⱼ and s·eᵢ + c·eⱼ: a turn by −atan(t) in the plane from i to j.
+    // Columns i and j of the basis become c·eᵢ − s·eⱼ and s·eᵢ + c·eⱼ: a turn by −atan(t) in the
+    // plane from i to j.
     let half = 0.5 * -tangent.atan();
     let mut turn = [half.cos(), 0.0, 0.0, 0.0];
     // From x to y and from y to z is about +z and +x, from x to z about −y.

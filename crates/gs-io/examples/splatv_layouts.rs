@@ -1,5 +1,5 @@
-//! Writes a `.splatv` as PLY of Spacetime Gaussians (exact) and of FreeTimeGS (each splat on its tangent):
-//! `cargo run --example splatv_layouts -- CLIP.splatv FOLDER`.
+//! Writes a `.splatv` as PLY of Spacetime Gaussians (exact) and of FreeTimeGS (each splat on its
+//! tangent): `cargo run --example splatv_layouts -- CLIP.splatv FOLDER`.
 
 #![allow(clippy::unwrap_used, dead_code, reason = "shared with tests, which fail by panicking")]
 

@@ -1,5 +1,6 @@
-//! Model folders with `deform/iteration_N/deform.pth` beside `point_cloud/iteration_N/point_cloud.ply`: the layout of
-//! Deformable-3D-Gaussians, SC-GS, Grid4D and DASH.
+//! Model folders with `deform/iteration_N/deform.pth` beside
+//! `point_cloud/iteration_N/point_cloud.ply`: the layout of Deformable-3D-Gaussians, SC-GS, Grid4D
+//! and DASH.
 
 use crate::cfg_args::{self, CfgArgs, Value};
 use crate::error::IoError;
@@ -17,7 +18,8 @@ use std::path::{Path, PathBuf};
 const NETWORK: &str = "deform.pth";
 /// Folder of its saves.
 const SAVES: &str = "deform";
-/// Bytes at the start of the file in which its names are looked for; the pickle comes first and takes a few KiB.
+/// Bytes at the start of the file in which its names are looked for; the pickle comes first and
+/// takes a few KiB.
 const HEAD: u64 = 1 << 18;
 
 /// Which method trained a folder.
@@ -122,7 +124,8 @@ pub(crate) struct DeformFolder {
 }
 
 impl DeformFolder {
-    /// Reads all but the network. `columns` names further columns of the PLY, given those there are besides the usual ones.
+    /// Reads all but the network. `columns` names further columns of the PLY, given those there are
+    /// besides the usual ones.
     pub(crate) fn read(
         dir: &Path,
         options: &SourceOptions,

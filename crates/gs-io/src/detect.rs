@@ -106,7 +106,8 @@ fn detect_file(path: &Path) -> Result<SceneKind, IoError> {
         return Ok(SceneKind::Splat4d);
     }
     let container = container(&start);
-    // Text and arrays can look like rows of a `.splat`. Malformed JSON is nothing known; opening it as cameras says where it breaks.
+    // Text and arrays can look like rows of a `.splat`. Malformed JSON is nothing known; opening it
+    // as cameras says where it breaks.
     if matches!(container, Container::Splat | Container::Unknown)
         && let Ok(Some(cameras)) = cameras::find(path)
     {

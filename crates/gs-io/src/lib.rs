@@ -1,14 +1,17 @@
 //! Gaussian-splat file formats in and out.
 //!
-//! Promises: still frames of every common format ([`frame`]: 3DGS PLY, compressed PLY, `.splat`, `.spz`, `.sog`, glTF), sequences of them
-//! ([`ply_sequence`]), model folders of 4DGaussians ([`checkpoint4dgs`]) and Swift4D ([`swift4d`]), trained scenes of other methods ([`open_source()`]),
-//! `.splatv` ([`splatv`]) and `.splat4d`
-//! ([`splat4d`]) in and out, OpenUSD ([`usda`]) out, each with what it does not keep ([`Losses`]), cameras and times of data sets ([`cameras`], [`cameras_json`]);
-//! [`detect()`] says what a path is. Readers survive any bytes:
-//! malformed input is an error that names the file, what was found and what to do, memory is bounded by a small multiple
-//! of the input, and nothing in a file is ever executed. [`repair`] decides for all of them which values are damage and what infinities
-//! mean; a detail that is not understood (a field of `cfg_args`, one lens, an object beside the weights) is named or passed over and
-//! refuses no model; what only stands in the place of a file (a Git LFS pointer, a web page) is named by all of them. Outputs are complete or absent ([`AtomicFile`], [`AtomicDir`]).
+//! Promises: still frames of every common format ([`frame`]: 3DGS PLY, compressed PLY, `.splat`,
+//! `.spz`, `.sog`, glTF), sequences of them ([`ply_sequence`]), model folders of 4DGaussians
+//! ([`checkpoint4dgs`]) and Swift4D ([`swift4d`]), trained scenes of other methods
+//! ([`open_source()`]), `.splatv` ([`splatv`]) and `.splat4d` ([`splat4d`]) in and out, OpenUSD
+//! ([`usda`]) out, each with what it does not keep ([`Losses`]), cameras and times of data sets
+//! ([`cameras`], [`cameras_json`]); [`detect()`] says what a path is. Readers survive any bytes:
+//! malformed input is an error that names the file, what was found and what to do, memory is
+//! bounded by a small multiple of the input, and nothing in a file is ever executed. [`repair`]
+//! decides for all of them which values are damage and what infinities mean; a detail that is not
+//! understood (a field of `cfg_args`, one lens, an object beside the weights) is named or passed
+//! over and refuses no model; what only stands in the place of a file (a Git LFS pointer, a web
+//! page) is named by all of them. Outputs are complete or absent ([`AtomicFile`], [`AtomicDir`]).
 //!
 //! Deliberately absent: algorithms, GPU, networks of the neural formats (see `gs-deform`).
 

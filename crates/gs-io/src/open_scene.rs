@@ -41,7 +41,8 @@ pub struct OpenedScene {
     pub warnings: Vec<String>,
 }
 
-/// Opens a trained scene, a sequence of frames, a `.splatv` or `.splat4d` file, or a single frame of any format (which never moves).
+/// Opens a trained scene, a sequence of frames, a `.splatv` or `.splat4d` file, or a single frame
+/// of any format (which never moves).
 ///
 /// # Errors
 /// If the path is something else, or as the readers of its kind.

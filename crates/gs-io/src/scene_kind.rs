@@ -11,7 +11,8 @@ pub enum SceneKind {
     Model4dgs,
     /// A model folder of Swift4D.
     Swift4d,
-    /// A model folder of Deformable-3D-Gaussians, or of a method that saves its models in that form.
+    /// A model folder of Deformable-3D-Gaussians, or of a method that saves its models in that
+    /// form.
     Deformable3dgs,
     /// A model folder of SC-GS.
     Scgs,
@@ -110,7 +111,8 @@ impl Display for SceneKind {
 }
 
 impl SceneKind {
-    /// Whether it is one frame of Gaussians, which [`frame::read_file`](crate::frame::read_file) reads.
+    /// Whether it is one frame of Gaussians, which [`frame::read_file`](crate::frame::read_file)
+    /// reads.
     pub fn is_frame(&self) -> bool {
         matches!(
             self,

@@ -1,4 +1,5 @@
-//! What the readers of trained dynamic scenes give, whatever the method: [`Source`], and what a user decides: [`SourceOptions`].
+//! What the readers of trained dynamic scenes give, whatever the method: [`Source`], and what a
+//! user decides: [`SourceOptions`].
 
 use crate::repair::{Damage, RepairReport};
 use gs_core::DynamicScene;
@@ -11,9 +12,11 @@ pub struct SourceOptions {
     pub iteration: Option<u64>,
     /// What to do with damaged rows.
     pub damage: Damage,
-    /// Start and end of the scene in the unit of its Gaussians' times, for native 4D Gaussians, whose files do not say it.
+    /// Start and end of the scene in the unit of its Gaussians' times, for native 4D Gaussians,
+    /// whose files do not say it.
     pub time_duration: Option<[f64; 2]>,
-    /// Half the side of the cube that the grids of Grid4D and DASH cover, if `cfg_args` does not say it.
+    /// Half the side of the cube that the grids of Grid4D and DASH cover, if `cfg_args` does not
+    /// say it.
     pub bound: Option<f32>,
 }
 

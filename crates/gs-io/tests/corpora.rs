@@ -1,4 +1,5 @@
-//! What the fuzzers found worth keeping, through the very functions they call: nothing panics, every promise holds.
+//! What the fuzzers found worth keeping, through the very functions they call: nothing panics,
+//! every promise holds.
 
 #![allow(clippy::unwrap_used, reason = "shared functions of tests fail by panicking, as tests do")]
 
@@ -95,8 +96,8 @@ impl Numbers {
     }
 }
 
-/// An input changed as libFuzzer changes inputs: bytes, numbers at the ends of their range, digits, parts left out, doubled, or taken from
-/// another input.
+/// An input changed as libFuzzer changes inputs: bytes, numbers at the ends of their range, digits,
+/// parts left out, doubled, or taken from another input.
 fn mutated(kept: &[Vec<u8>], numbers: &mut Numbers) -> Vec<u8> {
     const EXTREMES: [u32; 6] = [0, 1, 0x7fff_ffff, 0x8000_0000, 0xffff_ffff, 0x7fc0_0000];
     let mut bytes = kept[numbers.next(kept.len())].clone();
@@ -140,7 +141,8 @@ fn corpus(name: &str) -> Vec<Vec<u8>> {
         .collect()
 }
 
-/// Every target on changed inputs, for a few seconds each: what a fuzzer does, without its instrumentation.
+/// Every target on changed inputs, for a few seconds each: what a fuzzer does, without its
+/// instrumentation.
 fn changed_inputs_pass_too() {
     use std::panic::{AssertUnwindSafe, catch_unwind};
     use std::time::Instant;

@@ -1,5 +1,5 @@
-//! Trained scenes of other methods, read and evaluated, give the numbers of their reference implementations (`fixtures/bases`) within the
-//! tolerances of its README.
+//! Trained scenes of other methods, read and evaluated, give the numbers of their reference
+//! implementations (`fixtures/bases`) within the tolerances of its README.
 
 #![allow(clippy::unwrap_used, reason = "shared functions of tests fail by panicking, as tests do")]
 
@@ -89,7 +89,8 @@ fn relative_to_traces(actual: &[f64], expected: &[f64]) -> f64 {
     errors.fold(0.0, f64::max)
 }
 
-/// Scenes whose quaternions reach the rasteriser without being normalised: their covariances are compared.
+/// Scenes whose quaternions reach the rasteriser without being normalised: their covariances are
+/// compared.
 fn check_rasterized(name: &str, kind: &SceneKind, tolerance: f64, of_trace: f64) {
     let source = open(&base(name).join("model"), kind, &SourceOptions::default());
     let golden = golden(name);
@@ -309,7 +310,8 @@ fn native_4d_gaussians() {
                 .collect();
             let error = relative_to_traces(&covariances(&splats), &upper);
             assert!(error < 1e-6, "{}: {error}", what("covariances"));
-            // The reference looks colours up in the direction of the stored centres: those of the moved ones at their own times.
+            // The reference looks colours up in the direction of the stored centres: those of the
+            // moved ones at their own times.
             let canonical = stored_centres(&model);
             let colors = (0..n).map(|row| {
                 let arm = [0, 1, 2].map(|k| canonical[row][k] - camera[k]);

@@ -1,4 +1,5 @@
-//! PLY sequences written are read back exactly, from folders; archives hold the same files; nothing partial is ever left.
+//! PLY sequences written are read back exactly, from folders; archives hold the same files; nothing
+//! partial is ever left.
 
 #![allow(clippy::unwrap_used, reason = "shared functions of tests fail by panicking, as tests do")]
 
@@ -77,7 +78,8 @@ fn archives_hold_the_same_files() {
     for i in 0..3 {
         let name = format!("frame_{i:05}.ply");
         let data = fs::read(folder.join(&name)).unwrap();
-        // A streaming reader walks local headers: signature, no flags, stored, checksum, sizes, name at the root.
+        // A streaming reader walks local headers: signature, no flags, stored, checksum, sizes,
+        // name at the root.
         let mut header = vec![0x50, 0x4b, 3, 4, 10, 0, 0, 0, 0, 0, 0, 0, 0x21, 0];
         let size = u32::try_from(data.len()).unwrap();
         header.extend(crc32fast::hash(&data).to_le_bytes());

@@ -1,4 +1,5 @@
-//! The scene of a `.splatv` is the same scene in the layouts of Spacetime Gaussians and FreeTimeGS, and is found to be what it is.
+//! The scene of a `.splatv` is the same scene in the layouts of Spacetime Gaussians and FreeTimeGS,
+//! and is found to be what it is.
 
 #![allow(clippy::unwrap_used, reason = "shared functions of tests fail by panicking, as tests do")]
 
@@ -48,7 +49,8 @@ fn as_splatv(scene: &PolynomialScene, path: &Path) -> PolynomialScene {
     splatv::open(path, Damage::Fail).unwrap().scene
 }
 
-/// Largest differences of two evaluations: centres, covariances over their traces, opacities, colours.
+/// Largest differences of two evaluations: centres, covariances over their traces, opacities,
+/// colours.
 fn differences(a: &Splats, b: &Splats, floor: f32) -> [f64; 4] {
     let mut worst = [0.0_f64; 4];
     for row in 0..a.len() {

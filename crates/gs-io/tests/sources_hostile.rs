@@ -1,5 +1,5 @@
-//! Trained scenes of other methods with parts missing, cut, of wrong shapes or not finite: each is refused by the file's name with what to
-//! do, or read without the damaged rows.
+//! Trained scenes of other methods with parts missing, cut, of wrong shapes or not finite: each is
+//! refused by the file's name with what to do, or read without the damaged rows.
 
 #![allow(clippy::unwrap_used, reason = "shared functions of tests fail by panicking, as tests do")]
 
@@ -89,7 +89,8 @@ fn cut_files_are_refused_by_name() {
     }
 }
 
-/// Writes the tensors of a file anew, each as `change` leaves it; flat names are those of nested parts with dots between.
+/// Writes the tensors of a file anew, each as `change` leaves it; flat names are those of nested
+/// parts with dots between.
 fn rewrite(path: &Path, change: impl Fn(&str, &mut Vec<usize>, &mut Vec<f32>)) {
     let bytes = fs::read(path).unwrap();
     let tensors = pth::read(&bytes).unwrap().into_state_dict().unwrap();

@@ -1,6 +1,7 @@
-//! Files as users bring them: what other trainers' columns mean, infinities that stand for something, folders of several series, plain
-//! 3DGS models, and what lies in the place of a file. The conditions are those of public bug reports; the right values are computed
-//! here from their definitions.
+//! Files as users bring them: what other trainers' columns mean, infinities that stand for
+//! something, folders of several series, plain 3DGS models, and what lies in the place of a file.
+//! The conditions are those of public bug reports; the right values are computed here from their
+//! definitions.
 
 #![allow(clippy::unwrap_used, reason = "shared functions of tests fail by panicking, as tests do")]
 
@@ -105,8 +106,8 @@ impl Table {
         fs::write(path, self.bytes()).unwrap();
     }
 
-    /// Reads the table as an edited frame, as a frame of a sequence and as the canonical cloud of a model; all must agree. With what
-    /// each of them notes.
+    /// Reads the table as an edited frame, as a frame of a sequence and as the canonical cloud of a
+    /// model; all must agree. With what each of them notes.
     fn read_everywhere(&self) -> (Splats, [Vec<String>; 3]) {
         let dir = tempfile::tempdir().unwrap();
         let still = frame::read(&self.bytes()).unwrap();

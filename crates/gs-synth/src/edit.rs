@@ -1,4 +1,5 @@
-//! [`Edit`]: what a static editor does to the frame-1 splats, keeping the truth of where each result belongs.
+//! [`Edit`]: what a static editor does to the frame-1 splats, keeping the truth of where each
+//! result belongs.
 
 mod blocky;
 mod clothing;
@@ -48,7 +49,8 @@ pub enum Edit {
     Clothing {
         /// Where.
         region: Region,
-        /// Smallest and largest offset, figure sizes; folds run between the two. Collar and cuffs of a figure lie closer.
+        /// Smallest and largest offset, figure sizes; folds run between the two. Collar and cuffs
+        /// of a figure lie closer.
         offset: [f32; 2],
         /// Splats afterwards per splat before, at least 1; the additional ones are jittered clones.
         copies: f32,
@@ -68,7 +70,8 @@ pub enum Edit {
     },
     /// New geometry appears.
     Graft(Graft),
-    /// Body parts become boxes of their size; the neck stays. Only parts of the figure that are still there are re-modelled.
+    /// Body parts become boxes of their size; the neck stays. Only parts of the figure that are
+    /// still there are re-modelled.
     Blocky {
         /// Parts of the figure to re-model.
         parts: Vec<Part>,
@@ -84,7 +87,8 @@ pub enum Edit {
         /// Noise of the logarithms of the scales.
         log_scale: f32,
     },
-    /// The region is scaled and turned about its middle, then moved, as a whole; it stays with what carries it.
+    /// The region is scaled and turned about its middle, then moved, as a whole; it stays with what
+    /// carries it.
     Place {
         /// Where.
         region: Region,
@@ -106,7 +110,8 @@ pub enum Edit {
 
 /// Applies `edits` in order to the frame-1 splats of `scene`.
 ///
-/// Splats that no edit touches stay bit-identical. The truth has the source's rig without its noise.
+/// Splats that no edit touches stay bit-identical. The truth has the source's rig without its
+/// noise.
 ///
 /// # Errors
 /// If a parameter is out of range or an edit needs a figure the scene does not have.

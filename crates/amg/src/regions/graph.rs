@@ -37,7 +37,8 @@ pub(super) fn links(means: &[[f64; 3]]) -> (Vec<Link>, Vec<f64>) {
     (links, spacing)
 }
 
-/// For every splat, the seed that is nearest along the links; `None` where no link leads to one. Ties go to the lower seed.
+/// For every splat, the seed that is nearest along the links; `None` where no link leads to one.
+/// Ties go to the lower seed.
 pub(super) fn nearest_seed(
     means: &[[f64; 3]],
     links: &[Link],

@@ -1,17 +1,22 @@
-//! The default guide: regions of the source, relaxed transport of edited splats to regions, rigid aggregation.
+//! The default guide: regions of the source, relaxed transport of edited splats to regions, rigid
+//! aggregation.
 //!
 //! The model and its estimation are written down in `docs/MOTION.md`. In the order of the code:
 //!
-//! 1. Source splats that move with none of their neighbours are outliers; the others form regions that move as one
-//!    ([`source`], cells of the `anchors` crate).
-//! 2. Regions get rigid motions at the key times ([`region_motion`]) and outward normals ([`normals`]).
-//! 3. Edited splats of one small cube share the search for the regions around them and for the motions these have ([`cubes`]); each collects
-//!    some of every motion ([`candidates`]).
-//! 4. Costs ([`likelihood`], [`coverage`]) say how probable each motion is; the regions' statistics, how the edit displaced them, follow,
-//!    smoothed by [`diffusion`]; and so on in turns ([`posterior`]).
+//! 1. Source splats that move with none of their neighbours are outliers; the others form regions
+//!    that move as one ([`source`], cells of the `anchors` crate).
+//! 2. Regions get rigid motions at the key times ([`region_motion`]) and outward normals
+//!    ([`normals`]).
+//! 3. Edited splats of one small cube share the search for the regions around them and for the
+//!    motions these have ([`cubes`]); each collects some of every motion ([`candidates`]).
+//! 4. Costs ([`likelihood`], [`coverage`]) say how probable each motion is; the regions'
+//!    statistics, how the edit displaced them, follow, smoothed by [`diffusion`]; and so on in
+//!    turns ([`posterior`]).
 //! 5. Splats that no region explains follow the nearest ones that some region does ([`graph`]).
-//! 6. New connected pieces that stand out follow what they are attached to, as a whole ([`new_pieces`]).
-//! 7. Each takes some sources of its motion, those that agree best ([`support`], [`consensus`]); their weighted rigid motion is its own.
+//! 6. New connected pieces that stand out follow what they are attached to, as a whole
+//!    ([`new_pieces`]).
+//! 7. Each takes some sources of its motion, those that agree best ([`support`], [`consensus`]);
+//!    their weighted rigid motion is its own.
 //!
 //! Words are those of the glossary at the head of the crate.
 
@@ -50,17 +55,19 @@ use region_motion::RegionMotion;
 use source::Regions;
 use std::cmp::Ordering;
 
-/// Untouched splats this near to an edited one, as a share of the figure, help to decide what it belongs to: a body part's width.
+/// Untouched splats this near to an edited one, as a share of the figure, help to decide what it
+/// belongs to: a body part's width.
 const NEIGHBORHOOD: f64 = 0.1;
 
-/// Motions of sources that support one splat differ by less than this share of those that are two hypotheses: a hypothesis may bend,
-/// a support must not.
+/// Motions of sources that support one splat differ by less than this share of those that are two
+/// hypotheses: a hypothesis may bend, a support must not.
 const RIGID: f64 = 0.4;
 
 /// Motions are told apart no better than this many times the noise of the regions' trajectories.
 const NOISES: f64 = 4.0;
 
-/// One row per entry of `work.open`, and the factor by which the sources' own rotations may be believed.
+/// One row per entry of `work.open`, and the factor by which the sources' own rotations may be
+/// believed.
 pub(crate) fn bind(
     work: &Work<'_>,
     params: &MotionParams,
@@ -214,7 +221,8 @@ fn compare(a: &[f32], b: &[f32]) -> Ordering {
     unlike.unwrap_or(Ordering::Equal)
 }
 
-/// Rows in an order that depends on what the splats are, `later` too, not on how the file lists them.
+/// Rows in an order that depends on what the splats are, `later` too, not on how the file lists
+/// them.
 fn lexicographic(mut rows: Vec<usize>, splats: &Splats, later: &[Vec<[f32; 3]>]) -> Vec<usize> {
     rows.par_sort_by(|&a, &b| {
         compare(&splats.means[a], &splats.means[b])
@@ -229,7 +237,8 @@ fn lexicographic(mut rows: Vec<usize>, splats: &Splats, later: &[Vec<[f32; 3]>])
     rows
 }
 
-/// Rows by their distance from the origin: an order that a rigid motion or a scale of the scene leaves as it is.
+/// Rows by their distance from the origin: an order that a rigid motion or a scale of the scene
+/// leaves as it is.
 fn outwards(rows: Vec<usize>, splats: &Splats, pose: &Pose) -> Vec<usize> {
     let mut keyed: Vec<(f64, usize)> = rows
         .into_iter()

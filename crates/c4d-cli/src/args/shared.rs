@@ -1,4 +1,5 @@
-//! Flags that several commands have. Each command lists in its help those that it uses, and refuses the others.
+//! Flags that several commands have. Each command lists in its help those that it uses, and refuses
+//! the others.
 
 use crate::device::GpuChoice;
 use clap::Args;
@@ -39,7 +40,8 @@ pub(crate) struct Bars {
 /// Of commands that render.
 #[derive(Debug, Clone, Default, Args)]
 pub(crate) struct Rendering {
-    /// Where to render: auto (a hardware GPU if there is one, else the CPU), cpu, or an adapter's number in `c4d doctor`
+    /// Where to render: auto (a hardware GPU if there is one, else the CPU), cpu, or an adapter's
+    /// number in `c4d doctor`
     #[arg(
         short,
         long,
@@ -57,9 +59,11 @@ pub(crate) struct ModelFlags {
     /// Use this iteration instead of the newest
     #[arg(long, value_name = "N")]
     pub(crate) iteration: Option<u64>,
-    /// Override a flag of `cfg_args` or one that is in no file, for example `no_dshs=true`; 4DGS: no_dx, no_ds, no_dr, no_do, no_dshs,
-    /// apply_rotation, grid_pe; Swift4D: activation, index_rule, dynamic_thro, frames, time_divisor, n_levels, n_features_per_level,
-    /// hashmap_size, base_resolution; native 4D Gaussians: time_duration=START,END; Grid4D and DASH: bound; sequences of SPZ or glTF: axes (ply, rub, luf)
+    /// Override a flag of `cfg_args` or one that is in no file, for example `no_dshs=true`; 4DGS:
+    /// no_dx, no_ds, no_dr, no_do, no_dshs, apply_rotation, grid_pe; Swift4D: activation,
+    /// index_rule, dynamic_thro, frames, time_divisor, n_levels, n_features_per_level,
+    /// hashmap_size, base_resolution; native 4D Gaussians: time_duration=START,END; Grid4D and
+    /// DASH: bound; sequences of SPZ or glTF: axes (ply, rub, luf)
     #[arg(long = "set", value_name = "FLAG=VALUE")]
     pub(crate) set: Vec<String>,
 }

@@ -22,7 +22,8 @@ use std::time::Instant;
 
 /// Frames of the PLY sequence that serves as the source scene.
 const SOURCE_FRAMES: usize = 31;
-/// Memory that the whole job takes per splat, bytes: source and edit in the motion stage, and frames of both.
+/// Memory that the whole job takes per splat, bytes: source and edit in the motion stage, and
+/// frames of both.
 const BYTES_PER_SPLAT: u64 = 4096;
 /// Size of each half of the video, pixels.
 const SIZE: (u32, u32) = (560, 640);

@@ -1,4 +1,5 @@
-//! `c4d propagate --dry-run`: what an edit changes, counted and shown in a picture, without the long job.
+//! `c4d propagate --dry-run`: what an edit changes, counted and shown in a picture, without the
+//! long job.
 
 use super::panels::{render, shaded, view};
 use crate::args::Global;
@@ -71,7 +72,8 @@ impl Fate {
     }
 }
 
-/// Counts what changed between `before` and `after`, both at the time of the edit, and writes the picture.
+/// Counts what changed between `before` and `after`, both at the time of the edit, and writes the
+/// picture.
 pub(super) fn show(
     args: &PropagateJob,
     (source, before): (&Opened, &Splats),

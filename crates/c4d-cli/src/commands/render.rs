@@ -25,8 +25,8 @@ use std::fs::File;
 use std::io::BufWriter;
 use std::path::{Path, PathBuf};
 
-/// Memory that one image takes, bytes per pixel: colour, coverage, depth and state of the rasteriser, two images side by side, and a
-/// copy for the encoder.
+/// Memory that one image takes, bytes per pixel: colour, coverage, depth and state of the
+/// rasteriser, two images side by side, and a copy for the encoder.
 const BYTES_PER_PIXEL: u64 = 64;
 /// Frames on a contact sheet.
 const SHEET_FRAMES: usize = 12;
@@ -127,7 +127,8 @@ pub(crate) struct Shot<'a> {
     pub(crate) console: &'a Console,
 }
 
-/// The format that the output's name asks for: `.mp4` a video, `.png` a contact sheet, no extension a folder of PNGs.
+/// The format that the output's name asks for: `.mp4` a video, `.png` a contact sheet, no extension
+/// a folder of PNGs.
 fn format_of(output: &Path) -> Outcome<Format> {
     let extension = output.extension().and_then(|extension| extension.to_str());
     match extension.map(str::to_ascii_lowercase).as_deref() {
@@ -149,7 +150,8 @@ fn format_of(output: &Path) -> Outcome<Format> {
 }
 
 impl Shot<'_> {
-    /// Calls `sink` for every image, frames in order. Warns of images that show nothing of the scene.
+    /// Calls `sink` for every image, frames in order. Warns of images that show nothing of the
+    /// scene.
     fn render(&self, mut sink: impl FnMut(&Exposure<'_>) -> Outcome) -> Outcome {
         let pixels = |camera: &Camera| u64::from(camera.width) * u64::from(camera.height);
         let largest = self.views.cameras().iter().map(pixels).max().unwrap_or(0);

@@ -25,8 +25,8 @@ const CANONICAL_SHARE: f64 = 0.5;
 const SAME_SCENE: f64 = 0.1;
 /// Share that matches at another time, above which the edit is of that time.
 const SAME_TIME: f64 = 0.5;
-/// Rows that are not where the scene has them, compared at other times, spread evenly over the file: the share is known within
-/// 4 %.
+/// Rows that are not where the scene has them, compared at other times, spread evenly over the
+/// file: the share is known within 4 %.
 const SAMPLED_ROWS: usize = 500;
 /// Such rows below which other times are not looked at.
 const FEW_ROWS: usize = 20;

@@ -1,4 +1,5 @@
-//! Opening SCENE: a model folder of 4DGS or Swift4D, a sequence of frames, a `.splatv` or `.splat4d` clip, or a run of ours.
+//! Opening SCENE: a model folder of 4DGS or Swift4D, a sequence of frames, a `.splatv` or
+//! `.splat4d` clip, or a run of ours.
 
 use super::repaired::say_repair;
 use super::{Opened, Run, UP_CAPTURED, bad_input, trained};
@@ -39,7 +40,8 @@ pub(crate) fn open(path: &Path, global: &Global, console: &Console) -> Outcome<O
     open_within(path, &[], global, console)
 }
 
-/// Flags that only model folders have, given for something else: whoever gives them expects that they do something.
+/// Flags that only model folders have, given for something else: whoever gives them expects that
+/// they do something.
 pub(crate) fn refuse_model_flags(path: &Path, iteration: Option<u64>) -> Outcome {
     match gs_io::detect(path) {
         Ok(SceneKind::PlySequence) if iteration.is_none() => Ok(()),

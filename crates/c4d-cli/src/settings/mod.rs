@@ -1,7 +1,8 @@
 //! Configuration files (`--config`): any part of the `c4d.toml` that a run folder records.
 //!
-//! A flag of the command line wins over the file, the file over the preset. Keys that say what a run read and found
-//! (paths, fingerprints, version, device) are accepted and change nothing, so that a record is a configuration.
+//! A flag of the command line wins over the file, the file over the preset. Keys that say what a
+//! run read and found (paths, fingerprints, version, device) are accepted and change nothing, so
+//! that a record is a configuration.
 
 mod motion;
 mod refinement;

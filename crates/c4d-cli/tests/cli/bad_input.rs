@@ -1,4 +1,5 @@
-//! Wrong inputs: each ends in an error that names the file and the next step, with its exit code, and leaves nothing behind.
+//! Wrong inputs: each ends in an error that names the file and the next step, with its exit code,
+//! and leaves nothing behind.
 
 use crate::support::{c4d, failure, fixture, listing, success};
 use gs_core::Splats;

@@ -1,4 +1,5 @@
-//! Edited frames in the formats that editors write: what only the format changed moves exactly as it did.
+//! Edited frames in the formats that editors write: what only the format changed moves exactly as
+//! it did.
 
 use crate::support::{c4d, failure, fixture, listing, success};
 use gs_core::Splats;
@@ -53,7 +54,8 @@ fn untouched_frames_of_lossy_formats_move_like_the_source() {
         for (t, (found, truth)) in
             exported(&at("run"), &at("out")).iter().zip(&original).enumerate()
         {
-            // Rows of compressed PLY have another order; every value is the source's own, at the edit time, too.
+            // Rows of compressed PLY have another order; every value is the source's own, at the
+            // edit time, too.
             assert_eq!(sorted(found), sorted(truth), "{format}, frame {t}: bit for bit");
         }
     }

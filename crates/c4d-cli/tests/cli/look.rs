@@ -1,4 +1,5 @@
-//! Looking before the long job: stills of edited frames, dry runs, how long videos last, what the help lists.
+//! Looking before the long job: stills of edited frames, dry runs, how long videos last, what the
+//! help lists.
 
 use crate::support::{c4d, failure, fixture, listing, success};
 use gs_io::{Existing, ply};

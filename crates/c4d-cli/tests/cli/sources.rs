@@ -1,4 +1,5 @@
-//! Trained scenes of other methods, each from `info` over a frozen frame to an edited scene and its frames.
+//! Trained scenes of other methods, each from `info` over a frozen frame to an edited scene and its
+//! frames.
 
 use crate::support::{c4d, failure, fixture, success};
 use gs_core::Splats;

@@ -42,7 +42,8 @@ fn failure_or_usage(arguments: &[&str], code: i32) -> String {
     said
 }
 
-/// A process that may have little: it works, or ends with an error that says so, and leaves nothing.
+/// A process that may have little: it works, or ends with an error that says so, and leaves
+/// nothing.
 #[test]
 fn limited_processes_end_with_errors() {
     let workshop = Workshop::new();

@@ -1,4 +1,5 @@
-//! A ground-truth case: a dancer in a new jacket whose colours are right in frame 1, and wrong where frame 1 does not show them.
+//! A ground-truth case: a dancer in a new jacket whose colours are right in frame 1, and wrong
+//! where frame 1 does not show them.
 #![allow(dead_code, unreachable_pub, reason = "shared by tests and examples; none uses all of it")]
 #![allow(clippy::unwrap_used, reason = "tests may")]
 #![allow(
@@ -214,8 +215,9 @@ pub fn psnr(scene: &dyn DynamicScene, case: &Case, views: &[usize], times: &[f32
     sums.map(|sum| sum / count)
 }
 
-/// Mean absolute change of colour from one time to the next at the true places of edited surface splats that are in view and inside the mask:
-/// flicker of a texture that is static in the object's frame. In view means within 1.5 cm of the rendered depth: limbs are thin. 8-bit levels.
+/// Mean absolute change of colour from one time to the next at the true places of edited surface
+/// splats that are in view and inside the mask: flicker of a texture that is static in the object's
+/// frame. In view means within 1.5 cm of the rendered depth: limbs are thin. 8-bit levels.
 pub fn flicker(scene: &dyn DynamicScene, case: &Case, views: &[usize], times: &[f32]) -> f64 {
     let rows = case.truth.scene().rows();
     let surface: Vec<usize> = (0..case.edited.len())

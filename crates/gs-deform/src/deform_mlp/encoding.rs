@@ -5,7 +5,8 @@ pub(super) const fn len(dims: usize, frequencies: usize) -> usize {
     dims * (1 + 2 * frequencies)
 }
 
-/// `[x, sin x, cos x, sin 2x, cos 2x, …, cos 2^(L−1)x]`, of each all coordinates, given to `put` in this order with its index.
+/// `[x, sin x, cos x, sin 2x, cos 2x, …, cos 2^(L−1)x]`, of each all coordinates, given to `put` in
+/// this order with its index.
 pub(super) fn encode<const D: usize>(
     x: [f32; D],
     frequencies: usize,

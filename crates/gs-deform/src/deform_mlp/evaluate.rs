@@ -73,7 +73,8 @@ impl WithSimd for Evaluate<'_, '_> {
         let Self { mlp, time, points, rows, scratch } = self;
         let inputs = mlp.inputs * PANEL;
         for (i, point) in points.iter().enumerate() {
-            // Columns beyond the last point keep values of an earlier panel; they are computed and never read.
+            // Columns beyond the last point keep values of an earlier panel; they are computed and
+            // never read.
             encoding::encode(*point, (POSITION / 3 - 1) / 2, |k, value| {
                 scratch.joined[k * PANEL + i] = value;
             });

@@ -1,4 +1,5 @@
-//! Fully connected deformation networks on encoded position and time, as Deformable-3D-Gaussians trains them.
+//! Fully connected deformation networks on encoded position and time, as Deformable-3D-Gaussians
+//! trains them.
 
 mod encoding;
 mod evaluate;

@@ -6,7 +6,8 @@ use crate::linear::{Linear, Packed};
 
 /// Frequencies of the position's encoding, the same in every published model.
 const POSITION_FREQUENCIES: usize = 10;
-/// Most frequencies accepted for time; published models have 6 or 10. Beyond 24 neighbouring frames alias in single precision.
+/// Most frequencies accepted for time; published models have 6 or 10. Beyond 24 neighbouring frames
+/// alias in single precision.
 const MAX_TIME_FREQUENCIES: usize = 24;
 /// Length of the position's encoding.
 pub(super) const POSITION: usize = encoding::len(3, POSITION_FREQUENCIES);
@@ -30,8 +31,8 @@ pub enum Warp {
 pub struct DeformMlpParts {
     /// Two layers with a ReLU between them that time goes through after its encoding, `timenet`.
     pub timenet: Option<[Linear; 2]>,
-    /// Hidden layers, a ReLU after each. A layer that takes more inputs than the one before puts out also takes the encoded position and
-    /// time, in front.
+    /// Hidden layers, a ReLU after each. A layer that takes more inputs than the one before puts
+    /// out also takes the encoded position and time, in front.
     pub layers: Vec<Linear>,
     /// What moves positions.
     pub warp: Warp,
@@ -41,7 +42,8 @@ pub struct DeformMlpParts {
     pub scaling: Linear,
     /// Change of the opacity, 1 output, `gaussian_opacity`.
     pub opacity: Option<Linear>,
-    /// Change of the colour's DC coefficient, 3 outputs; after hidden layers of its own with a ReLU each, `gaussian_color`.
+    /// Change of the colour's DC coefficient, 3 outputs; after hidden layers of its own with a ReLU
+    /// each, `gaussian_color`.
     pub color: Option<Vec<Linear>>,
     /// Rotation about a control node, 4 outputs, `local_rotation`.
     pub local_rotation: Option<Linear>,

@@ -7,11 +7,13 @@ use crate::shape::RasterizedShapes;
 use gs_core::{DynamicScene, SceneError, Splats, TimeRange, quat};
 use rayon::prelude::*;
 
-/// Canonical splats and the network that moves them: a model of Deformable-3D-Gaussians, at times 0 to 1.
+/// Canonical splats and the network that moves them: a model of Deformable-3D-Gaussians, at times 0
+/// to 1.
 ///
-/// With the outputs `d` of the network at a splat's canonical centre, centre `x + dₓ` (or `x` on a screw), rotation `normalise(q) + d_q`,
-/// scale `exp(s) + d_s`, none of them normalised again. Such a rotation is no rotation: the splats given out have the covariance that the
-/// reference's rasteriser makes of it. Opacity and colour stay.
+/// With the outputs `d` of the network at a splat's canonical centre, centre `x + dₓ` (or `x` on a
+/// screw), rotation `normalise(q) + d_q`, scale `exp(s) + d_s`, none of them normalised again. Such
+/// a rotation is no rotation: the splats given out have the covariance that the reference's
+/// rasteriser makes of it. Opacity and colour stay.
 #[derive(Debug)]
 pub struct MlpScene {
     canonical: Splats,

@@ -3,8 +3,9 @@
 /// Added to axis and moment after they were divided by the angle, as in training.
 const OFFSET: f64 = 1e-5;
 
-/// `x` under the screw motion of the twist `(w, v)`: with `θ = |w|`, axis `w/θ + 10⁻⁵` and moment `v/θ + 10⁻⁵`, the matrix exponential
-/// of the twist at angle `θ` (equations 10 and 11 of Nerfies). Without a rotation, the translation `v`.
+/// `x` under the screw motion of the twist `(w, v)`: with `θ = |w|`, axis `w/θ + 10⁻⁵` and moment
+/// `v/θ + 10⁻⁵`, the matrix exponential of the twist at angle `θ` (equations 10 and 11 of Nerfies).
+/// Without a rotation, the translation `v`.
 pub(super) fn moved(x: [f32; 3], twist: [f32; 6]) -> [f32; 3] {
     let [wx, wy, wz, vx, vy, vz] = twist.map(f64::from);
     let x = x.map(f64::from);

@@ -17,7 +17,8 @@ pub struct Attention {
     pub directional: bool,
 }
 
-/// The parts of a field as a checkpoint stores them; [`SmoothGridField::new`] verifies that they fit.
+/// The parts of a field as a checkpoint stores them; [`SmoothGridField::new`] verifies that they
+/// fit.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SmoothGridNetwork {
     /// Half the side of the cube that the grids cover, after positions were scaled.
@@ -32,7 +33,8 @@ pub struct SmoothGridNetwork {
     pub trunk: Linear,
     /// Further layers, a ReLU after each.
     pub hidden: Vec<Linear>,
-    /// Motion: 3 outputs (a translation), or 7 (a rotation about the world's origin, less 1 in its real part, then a translation).
+    /// Motion: 3 outputs (a translation), or 7 (a rotation about the world's origin, less 1 in its
+    /// real part, then a translation).
     pub warp: Linear,
     /// Change of the quaternion, 4 outputs.
     pub rotation: Linear,

@@ -1,4 +1,5 @@
-//! [`SmoothGrid`]: features at lattice points of several resolutions, over some of the coordinates x, y, z, t.
+//! [`SmoothGrid`]: features at lattice points of several resolutions, over some of the coordinates
+//! x, y, z, t.
 
 use crate::FieldError;
 
@@ -114,8 +115,8 @@ impl SmoothGrid {
         self.levels.len()
     }
 
-    /// Features at a point (x, y, z, t) of the unit box, levels one after the other, given to `put` with their indices. All are 0 if a
-    /// coordinate of the grid lies outside 0 to 1.
+    /// Features at a point (x, y, z, t) of the unit box, levels one after the other, given to `put`
+    /// with their indices. All are 0 if a coordinate of the grid lies outside 0 to 1.
     #[inline(always)]
     pub(super) fn encode(&self, point: [f32; 4], mut put: impl FnMut(usize, f32)) {
         let dims = self.axes.len();
@@ -171,7 +172,8 @@ impl SmoothGrid {
     }
 }
 
-/// A level; `None` if its resolution makes no sense. In single precision throughout, as in training: whether a level is hashed depends on it.
+/// A level; `None` if its resolution makes no sense. In single precision throughout, as in
+/// training: whether a level is hashed depends on it.
 fn level(index: usize, factor: &[f32], base: &[f32], start: usize, size: u32) -> Option<Level> {
     let (mut scale, mut factors) = ([0.0; MAX_AXES], [0; MAX_AXES]);
     let (mut points, mut hashed) = (1_u64, false);

@@ -1,4 +1,5 @@
-//! Deformation fields of Grid4D and DASH: hash grids of space and time with smoothstep weights, and a small network on their features.
+//! Deformation fields of Grid4D and DASH: hash grids of space and time with smoothstep weights, and
+//! a small network on their features.
 
 mod field;
 mod grid;

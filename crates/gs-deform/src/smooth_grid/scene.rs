@@ -7,8 +7,9 @@ use gs_core::{DynamicScene, SceneError, Splats, TimeRange, quat};
 
 /// Canonical splats and the field that moves them: a model of Grid4D or DASH, at times 0 to 1.
 ///
-/// Changes of rotations are added to normalised quaternions and not normalised again, changes of scales to activated ones: the splats given
-/// out have the covariances that the reference's rasteriser makes of them. Opacity and colour stay.
+/// Changes of rotations are added to normalised quaternions and not normalised again, changes of
+/// scales to activated ones: the splats given out have the covariances that the reference's
+/// rasteriser makes of them. Opacity and colour stay.
 #[derive(Debug)]
 pub struct SmoothGridScene {
     canonical: Splats,

@@ -1,10 +1,12 @@
-//! Cameras and times of data sets, of every layout that 4DGaussians, Swift4D and their kin train on.
+//! Cameras and times of data sets, of every layout that 4DGaussians, Swift4D and their kin train
+//! on.
 //!
-//! [`open`] detects what a file or folder is by its content and gives named views with split and normalised time, as
-//! [`gs_core::Camera`]s (world to camera, OpenCV's axes), and says what it assumed. [`Reading`] chooses between what training saw and
-//! what the files say.
+//! [`open`] detects what a file or folder is by its content and gives named views with split and
+//! normalised time, as [`gs_core::Camera`]s (world to camera, OpenCV's axes), and says what it
+//! assumed. [`Reading`] chooses between what training saw and what the files say.
 //!
-//! Images are never decoded; sizes come from the files or from image headers. Byte-level entry points (`parse…`) survive any bytes.
+//! Images are never decoded; sizes come from the files or from image headers. Byte-level entry
+//! points (`parse…`) survive any bytes.
 
 pub mod colmap;
 mod error;
@@ -38,11 +40,12 @@ use crate::fs::text;
 use gs_core::Camera;
 use std::path::Path;
 
-/// Reads the cameras of a file or folder: a data set, one of its camera files, or a model folder that has cameras or names its data
-/// set.
+/// Reads the cameras of a file or folder: a data set, one of its camera files, or a model folder
+/// that has cameras or names its data set.
 ///
 /// # Errors
-/// If nothing known is found there, a file is missing or malformed, or no camera can see. Single cameras that cannot are left out and noted.
+/// If nothing known is found there, a file is missing or malformed, or no camera can see. Single
+/// cameras that cannot are left out and noted.
 pub fn open(path: impl AsRef<Path>, reading: Reading) -> Result<CameraSet, IoError> {
     let path = path.as_ref();
     let source = find(path)?.ok_or_else(|| source::unknown(path))?;
@@ -75,7 +78,8 @@ fn unlisted(camera: Camera) -> View {
     View { camera, split: Split::None }
 }
 
-/// Cameras of one file's bytes, where a file alone is enough: `cameras.json`, `transforms_*.json` or `poses_bounds.npy`, by content.
+/// Cameras of one file's bytes, where a file alone is enough: `cameras.json`, `transforms_*.json`
+/// or `poses_bounds.npy`, by content.
 ///
 /// # Errors
 /// If the bytes are none of these, are malformed, or no camera can see.

@@ -1,8 +1,9 @@
-//! Nerfies, HyperNeRF and DyCheck folders: `dataset.json`, `metadata.json`, `scene.json`, and a file for each camera.
+//! Nerfies, HyperNeRF and DyCheck folders: `dataset.json`, `metadata.json`, `scene.json`, and a
+//! file for each camera.
 //!
-//! Both readings stay in the raw coordinates of the camera files: `scene.json`'s scale and centre are not applied, as in training.
-//! Trained reading: images of half size, own focal length over the first camera's image size, centred principal point. Times are
-//! `warp_id` over its maximum.
+//! Both readings stay in the raw coordinates of the camera files: `scene.json`'s scale and centre
+//! are not applied, as in training. Trained reading: images of half size, own focal length over the
+//! first camera's image size, centred principal point. Times are `warp_id` over its maximum.
 
 use super::colmap::share;
 use super::images::Sizes;
@@ -17,7 +18,8 @@ use serde::Deserialize;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
-/// Without lists, every so many views are trained on, and the one in the middle between two is held out.
+/// Without lists, every so many views are trained on, and the one in the middle between two is held
+/// out.
 const STRIDE: usize = 4;
 
 /// `dataset.json`: which views there are, and which lists they are in.

@@ -31,7 +31,8 @@ impl Split {
 /// One image of a data set, as a camera.
 #[derive(Debug, Clone, PartialEq)]
 pub struct View {
-    /// World-to-camera pose with OpenCV's axes, pinhole, image size, normalised time if the data set tells one, and name.
+    /// World-to-camera pose with OpenCV's axes, pinhole, image size, normalised time if the data
+    /// set tells one, and name.
     pub camera: Camera,
     /// Where it belongs.
     pub split: Split,
@@ -40,12 +41,13 @@ pub struct View {
 /// How views are taken from the files.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Reading {
-    /// As the readers of 4DGaussians and Swift4D hand them to training, so that their models are seen as they were trained: their image
-    /// sizes, centred principal points, shared focal lengths, times over the data set's constant, and their sign slip in D-NeRF
-    /// translations.
+    /// As the readers of 4DGaussians and Swift4D hand them to training, so that their models are
+    /// seen as they were trained: their image sizes, centred principal points, shared focal
+    /// lengths, times over the data set's constant, and their sign slip in D-NeRF translations.
     #[default]
     Trained,
-    /// As the files say: own focal lengths and principal points, full image sizes, and frame i of n at i/(n−1).
+    /// As the files say: own focal lengths and principal points, full image sizes, and frame i of n
+    /// at i/(n−1).
     Stored,
 }
 
@@ -70,7 +72,8 @@ impl CameraSet {
         self.views.iter().filter(move |view| view.split.includes(wanted)).map(|view| &view.camera)
     }
 
-    /// The distinct cameras: views that differ in time only become one, without time, named by what their names share.
+    /// The distinct cameras: views that differ in time only become one, without time, named by what
+    /// their names share.
     pub fn stations(&self) -> Vec<Camera> {
         stations(self.views.iter().map(|view| &view.camera))
     }
@@ -88,7 +91,8 @@ impl CameraSet {
         self.views.iter().map(|view| (view.camera.width, view.camera.height)).collect()
     }
 
-    /// Leaves out cameras that cannot see and notes the first reason, which is the error if none is left.
+    /// Leaves out cameras that cannot see and notes the first reason, which is the error if none is
+    /// left.
     pub(super) fn leave_out_unusable(&mut self) -> Result<(), CamerasError> {
         let mut unusable = Unusable::default();
         let mut index = 0;
@@ -118,7 +122,8 @@ impl Unusable {
         self.first.get_or_insert(error);
     }
 
-    /// What is said of them beside `usable` others; the first reason is the error if there are none.
+    /// What is said of them beside `usable` others; the first reason is the error if there are
+    /// none.
     pub(crate) fn note(self, usable: usize) -> Result<Option<String>, CamerasError> {
         match self.first {
             Some(error) if usable == 0 => Err(error),

@@ -105,7 +105,8 @@ fn is_transforms(name: &str) -> bool {
         || ["train", "test", "val"].iter().any(|part| name == format!("transforms_{part}.json"))
 }
 
-/// The data set that a folder of COLMAP files belongs to: what `sparse/0` lies in, else the folder itself.
+/// The data set that a folder of COLMAP files belongs to: what `sparse/0` lies in, else the folder
+/// itself.
 fn above_model(folder: &Path) -> PathBuf {
     let Ok(real) = folder.canonicalize() else { return folder.to_owned() };
     let named = |path: &Path, name: &str| path.file_name().is_some_and(|found| found == name);

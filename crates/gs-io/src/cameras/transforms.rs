@@ -1,8 +1,10 @@
-//! `transforms_*.json` of D-NeRF and Blender, and `transforms.json` of nerfstudio: camera-to-world matrices with OpenGL's axes.
+//! `transforms_*.json` of D-NeRF and Blender, and `transforms.json` of nerfstudio: camera-to-world
+//! matrices with OpenGL's axes.
 //!
-//! Trained reading: 800×800 images, the one field of view of each file, times over the largest of train and test, and a translation
-//! whose x keeps the sign it should lose (no difference for cameras that look at the origin, as D-NeRF's all do). Stored reading: own
-//! intrinsics and sizes, times over the same.
+//! Trained reading: 800×800 images, the one field of view of each file, times over the largest of
+//! train and test, and a translation whose x keeps the sign it should lose (no difference for
+//! cameras that look at the origin, as D-NeRF's all do). Stored reading: own intrinsics and sizes,
+//! times over the same.
 
 use super::colmap::share;
 use super::images::{Sizes, is_image, pixels};
@@ -75,7 +77,8 @@ impl Transforms {
     /// Cameras of the file at their own times over `max_time`, without looking at images.
     ///
     /// # Errors
-    /// If a camera cannot see, a matrix is not 4×4 (or its first three rows), or a frame has no focal length.
+    /// If a camera cannot see, a matrix is not 4×4 (or its first three rows), or a frame has no
+    /// focal length.
     pub fn cameras(&self, reading: Reading, max_time: f64) -> Result<Vec<Camera>, CamerasError> {
         let mut context = Context::new(reading, max_time);
         let cameras: Vec<Camera> = (0..self.frames.len())
@@ -145,7 +148,8 @@ impl Context {
         let mut viewmat = pose::from_opengl(&matrix);
         let lens = match (self.reading, file.fov_x_rad()) {
             (Reading::Trained, Some(fov)) => {
-                // The reference negates all three components where only y and z change sign with the axes.
+                // The reference negates all three components where only y and z change sign with
+                // the axes.
                 viewmat[0][3] = -viewmat[0][3];
                 self.slip = self.slip.max(2.0 * viewmat[0][3].abs());
                 let focal = TRAINED_SIDE / (2.0 * (fov / 2.0).tan());

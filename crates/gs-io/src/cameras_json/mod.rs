@@ -1,7 +1,8 @@
 //! `cameras.json` as the 3DGS reference writes it: camera-to-world poses, focal lengths in pixels.
 //!
-//! Keys beyond that schema: `cx`, `cy` (principal point in pixels, the image centre when absent), `near` (near plane in world units, that of
-//! training when absent) and `time` (scene time; when absent the camera looks at every time). Unknown keys are ignored.
+//! Keys beyond that schema: `cx`, `cy` (principal point in pixels, the image centre when absent),
+//! `near` (near plane in world units, that of training when absent) and `time` (scene time; when
+//! absent the camera looks at every time). Unknown keys are ignored.
 
 mod entry;
 mod read;

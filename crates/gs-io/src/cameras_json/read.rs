@@ -7,7 +7,8 @@ use crate::fs::{read_bytes, text};
 use gs_core::Camera;
 use std::path::Path;
 
-/// Parses a `cameras.json`: its cameras, and what is to be said of those that are left out because they cannot see.
+/// Parses a `cameras.json`: its cameras, and what is to be said of those that are left out because
+/// they cannot see.
 ///
 /// # Errors
 /// If the text is not such a list, it is empty, or no camera can see.

@@ -75,7 +75,8 @@ pub(crate) fn shown(bytes: &[u8]) -> String {
     }
 }
 
-/// Whether the size of a frame is known only after reading all of it: SOG and glTF have no header that says it.
+/// Whether the size of a frame is known only after reading all of it: SOG and glTF have no header
+/// that says it.
 pub(crate) fn is_read_whole(start: &[u8]) -> bool {
     matches!(container(start), Container::Zip | Container::Gltf)
 }

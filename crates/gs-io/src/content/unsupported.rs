@@ -177,7 +177,8 @@ impl UnsupportedFormat {
             .or_else(|| is_ksplat(start).then_some(KSPLAT))
     }
 
-    /// What lies in the place of a file, by its first bytes: a pointer of Git LFS and its like, a web page, or a server's error message.
+    /// What lies in the place of a file, by its first bytes: a pointer of Git LFS and its like, a
+    /// web page, or a server's error message.
     pub fn stand_in(start: &[u8]) -> Option<Self> {
         if let Some(pointer) = POINTERS.iter().find(|kind| kind.is_at_start_of(start)) {
             return Some(*pointer);

@@ -1,8 +1,10 @@
-//! Model folders of Deformable-3D-Gaussians (Yang et al. 2024), and of methods that save theirs in the same form, as TimeFormer does.
+//! Model folders of Deformable-3D-Gaussians (Yang et al. 2024), and of methods that save theirs in
+//! the same form, as TimeFormer does.
 //!
-//! `point_cloud/iteration_N/point_cloud.ply` holds canonical splats, `deform/iteration_M/deform.pth` a fully connected network; of each the
-//! newest is taken, as the reference does. The variants (time network of the Blender configuration, six degrees of freedom) and all widths
-//! are read off the tensors; `cfg_args` adds the background only.
+//! `point_cloud/iteration_N/point_cloud.ply` holds canonical splats,
+//! `deform/iteration_M/deform.pth` a fully connected network; of each the newest is taken, as the
+//! reference does. The variants (time network of the Blender configuration, six degrees of freedom)
+//! and all widths are read off the tensors; `cfg_args` adds the background only.
 
 mod network;
 

@@ -1,7 +1,9 @@
-//! Results of Dynamic 3D Gaussians (Luiten et al. 2024), `params.npz`: persistent splats, tabulated frame by frame.
+//! Results of Dynamic 3D Gaussians (Luiten et al. 2024), `params.npz`: persistent splats, tabulated
+//! frame by frame.
 //!
-//! `means3D`, `rgb_colors` (plain RGB) and `unnorm_rotations` are `[T, N, …]`; `logit_opacities` `[N, 1]` and `log_scales` `[N, 3]` do not change.
-//! Cameras, segmentation colours and colour corrections per camera are left out.
+//! `means3D`, `rgb_colors` (plain RGB) and `unnorm_rotations` are `[T, N, …]`; `logit_opacities`
+//! `[N, 1]` and `log_scales` `[N, 3]` do not change. Cameras, segmentation colours and colour
+//! corrections per camera are left out.
 
 mod array;
 

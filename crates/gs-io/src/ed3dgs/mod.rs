@@ -1,8 +1,10 @@
-//! Model folders of E-D3DGS (Bae et al. 2024): a network on an embedding per splat and one per time.
+//! Model folders of E-D3DGS (Bae et al. 2024): a network on an embedding per splat and one per
+//! time.
 //!
-//! `point_cloud/iteration_N/` holds `point_cloud.ply` with columns `embedding_0 …` and `deformation.pth`. Which heads are used, how the table of
-//! times is sampled, and the iteration at which the deformation began are in `cfg_args` only; without it the published defaults are taken, and
-//! said. The number of the iteration enters the evaluation: early checkpoints are annealed.
+//! `point_cloud/iteration_N/` holds `point_cloud.ply` with columns `embedding_0 …` and
+//! `deformation.pth`. Which heads are used, how the table of times is sampled, and the iteration at
+//! which the deformation began are in `cfg_args` only; without it the published defaults are taken,
+//! and said. The number of the iteration enters the evaluation: early checkpoints are annealed.
 
 mod options;
 mod stage;

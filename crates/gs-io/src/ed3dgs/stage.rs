@@ -90,7 +90,8 @@ fn resampled(table: &[f32], dims: usize, rows: usize) -> Vec<f32> {
     out
 }
 
-/// Mean of the offsets of the training cameras that have one: the time of a new view is late by as much.
+/// Mean of the offsets of the training cameras that have one: the time of a new view is late by as
+/// much.
 pub(super) fn mean_offset(layers: &Layers<'_>) -> f64 {
     let offsets = layers.get("offsets").map(crate::pth::Tensor::to_f32s).unwrap_or_default();
     let used: Vec<f64> =

@@ -11,7 +11,8 @@ use std::path::Path;
 
 /// The temporal model that is read.
 const BIRTH: &str = "gaussian-birth";
-/// Most bytes that the rows may take in memory for each byte of the file: streams are compressed, and what stands still shrinks to little.
+/// Most bytes that the rows may take in memory for each byte of the file: streams are compressed,
+/// and what stands still shrinks to little.
 const MAX_GROWTH: u64 = 320;
 /// Bytes of a row in memory, at least.
 const ROW: u64 = 64;

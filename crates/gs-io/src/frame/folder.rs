@@ -6,10 +6,12 @@ use crate::model_folder::still_model;
 use serde_json::{Map, Value};
 use std::path::{Component, Path, PathBuf};
 
-/// Where the frame lies, best first: runs of GaussianEditor and DGE (threestudio), their `save` folder, and `c4d freeze`.
+/// Where the frame lies, best first: runs of GaussianEditor and DGE (threestudio), their `save`
+/// folder, and `c4d freeze`.
 pub(super) const PLACES: [&str; 3] = ["save/last.ply", "last.ply", "point_cloud.ply"];
 
-/// The file that holds the frame of a folder: one that an editor left, an unbundled SOG, or the newest save of a 3DGS model.
+/// The file that holds the frame of a folder: one that an editor left, an unbundled SOG, or the
+/// newest save of a 3DGS model.
 pub(crate) fn still_of(folder: &Path) -> Option<PathBuf> {
     let meta = folder.join("meta.json");
     let sog = || (meta.is_file() && is_sog(folder, &meta)).then(|| meta.clone());
@@ -31,7 +33,8 @@ fn is_sog(folder: &Path, meta: &Path) -> bool {
     folder.join("means_l.webp").is_file() || (small() && lists_planes())
 }
 
-/// The bytes of a file that another one in `folder` names by a relative URI, at most `..` free and percent-encoded.
+/// The bytes of a file that another one in `folder` names by a relative URI, at most `..` free and
+/// percent-encoded.
 pub(super) fn beside(folder: &Path, uri: &str) -> Result<Vec<u8>, String> {
     let name = decoded(uri);
     let inside = Path::new(&name).components().all(|part| matches!(part, Component::Normal(_)));

@@ -15,8 +15,8 @@ use std::path::Path;
 /// Reads a frame of any format.
 ///
 /// # Errors
-/// Says what is wrong with the bytes or what they are instead. Memory is bounded by a multiple of their number: compressed data
-/// that would grow beyond all measure are refused.
+/// Says what is wrong with the bytes or what they are instead. Memory is bounded by a multiple of
+/// their number: compressed data that would grow beyond all measure are refused.
 pub fn read(bytes: &[u8]) -> Result<Frame, FrameError> {
     match container(bytes) {
         Container::Ply => {
@@ -58,7 +58,8 @@ pub fn read(bytes: &[u8]) -> Result<Frame, FrameError> {
     }
 }
 
-/// The method of which a PLY with these further columns is a moving scene: its other columns are no frame of it.
+/// The method of which a PLY with these further columns is a moving scene: its other columns are no
+/// frame of it.
 fn moving(extra_columns: &[String]) -> Option<&'static str> {
     if spacetime::has_columns(extra_columns) {
         return Some("Spacetime Gaussians");
@@ -66,8 +67,9 @@ fn moving(extra_columns: &[String]) -> Option<&'static str> {
     freetime::has_columns(extra_columns).then_some("FreeTimeGS")
 }
 
-/// Reads a frame from a file, or from the folder an editor left: the `save/last.ply` of a GaussianEditor or DGE run, the
-/// `point_cloud.ply` of a frozen frame, the `meta.json` of an unbundled SOG.
+/// Reads a frame from a file, or from the folder an editor left: the `save/last.ply` of a
+/// GaussianEditor or DGE run, the `point_cloud.ply` of a frozen frame, the `meta.json` of an
+/// unbundled SOG.
 ///
 /// # Errors
 /// If nothing there can be read as a frame; the file is named.
@@ -84,8 +86,8 @@ pub fn read_file(path: impl AsRef<Path>) -> Result<Frame, IoError> {
     read(&bytes).map_err(IoError::frame(path))
 }
 
-/// What the header of a frame declares. `start` is the first part of the file, at least its header (or all of it), `total` the size
-/// of the file, bytes.
+/// What the header of a frame declares. `start` is the first part of the file, at least its header
+/// (or all of it), `total` the size of the file, bytes.
 ///
 /// # Errors
 /// If it is no frame, or its header breaks the rules. SOG and glTF frames are not looked into.

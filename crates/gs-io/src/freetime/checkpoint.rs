@@ -1,4 +1,5 @@
-//! Checkpoints of gsplat's form ([`crate::gsplat`]) with `times`, `durations` (logarithms) and `velocities`.
+//! Checkpoints of gsplat's form ([`crate::gsplat`]) with `times`, `durations` (logarithms) and
+//! `velocities`.
 
 use super::model::{MIN_DURATION, Model, OPACITY_FLOOR};
 use crate::error::IoError;

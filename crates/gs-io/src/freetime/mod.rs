@@ -1,7 +1,8 @@
-//! Scenes of FreeTimeGS (Wang et al. 2025), as its open implementation saves them: `.ftgs.ply`, and checkpoints (`.pt`) of gsplat's form.
+//! Scenes of FreeTimeGS (Wang et al. 2025), as its open implementation saves them: `.ftgs.ply`, and
+//! checkpoints (`.pt`) of gsplat's form.
 //!
-//! Each splat moves on a line and fades in and out around its own time: `x + v·(t − τ)`, opacity `max(σ(o)·exp(−½((t − τ)/max(eᵈ, d_min))²), floor)`,
-//! t from 0 to 1, frame i of n at i/(n − 1).
+//! Each splat moves on a line and fades in and out around its own time: `x + v·(t − τ)`, opacity
+//! `max(σ(o)·exp(−½((t − τ)/max(eᵈ, d_min))²), floor)`, t from 0 to 1, frame i of n at i/(n − 1).
 
 mod checkpoint;
 mod model;

@@ -1,4 +1,5 @@
-//! `.ftgs.ply`: 3DGS columns, `time`, `log_duration`, `velocity_0 … velocity_2`, and comments with the settings.
+//! `.ftgs.ply`: 3DGS columns, `time`, `log_duration`, `velocity_0 … velocity_2`, and comments with
+//! the settings.
 
 use super::model::{MIN_DURATION, Model, OPACITY_FLOOR};
 use crate::error::IoError;

@@ -7,8 +7,8 @@ use std::fs::File;
 use std::io::{self, Read};
 use std::path::Path;
 
-/// Opens a file, or what a link leads to. A FIFO would block until somebody writes to it, and a device may never end: both are refused, as
-/// are sockets and folders.
+/// Opens a file, or what a link leads to. A FIFO would block until somebody writes to it, and a
+/// device may never end: both are refused, as are sockets and folders.
 ///
 /// # Errors
 /// If the path is not a regular file, or the file cannot be opened.
@@ -36,7 +36,8 @@ pub fn read_file(path: impl AsRef<Path>) -> io::Result<Vec<u8>> {
     let mut file = open_file(path)?;
     let length = file.metadata()?.len();
     let mut bytes: Vec<u8> = Vec::new();
-    // As much again for what the bytes become, and some for all else: found out now, not in the midst of reading.
+    // As much again for what the bytes become, and some for all else: found out now, not in the
+    // midst of reading.
     let mut has_room = |length: usize| {
         let room = length.checked_mul(2).and_then(|twice| twice.checked_add(MARGIN));
         room.is_some_and(|room| bytes.try_reserve_exact(room).is_ok())

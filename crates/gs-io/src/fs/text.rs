@@ -1,4 +1,5 @@
-//! Text as editors and shells save it: UTF-8 with or without a byte-order mark, or UTF-16 (Windows' Notepad and PowerShell).
+//! Text as editors and shells save it: UTF-8 with or without a byte-order mark, or UTF-16 (Windows'
+//! Notepad and PowerShell).
 
 use std::borrow::Cow;
 
@@ -10,7 +11,8 @@ pub(crate) fn decode(bytes: &[u8]) -> Cow<'_, str> {
     if let Some(rest) = bytes.strip_prefix(b"\xef\xbb\xbf") {
         return String::from_utf8_lossy(rest);
     }
-    // Without a mark, text in UTF-16 has a zero in every second byte where it is Latin, as all our formats are at their start.
+    // Without a mark, text in UTF-16 has a zero in every second byte where it is Latin, as all our
+    // formats are at their start.
     let unit: Option<(&[u8], Unit)> = match *bytes {
         [0xff, 0xfe, ref rest @ ..] => Some((rest, u16::from_le_bytes)),
         [0xfe, 0xff, ref rest @ ..] => Some((rest, u16::from_be_bytes)),
@@ -34,7 +36,8 @@ pub(crate) fn utf8(bytes: &[u8]) -> Cow<'_, [u8]> {
 /// Words that Python and JavaScript print for numbers that JSON does not have.
 const NOT_JSON: [&[u8]; 3] = [b"-Infinity", b"Infinity", b"NaN"];
 
-/// As [`utf8`], for parsers of JSON: numbers that JSON does not have become `null`, so that they spoil one value and not the file.
+/// As [`utf8`], for parsers of JSON: numbers that JSON does not have become `null`, so that they
+/// spoil one value and not the file.
 pub(crate) fn json(bytes: &[u8]) -> Cow<'_, [u8]> {
     let text = utf8(bytes);
     if !NOT_JSON[1..].iter().any(|word| text.windows(word.len()).any(|found| found == *word)) {

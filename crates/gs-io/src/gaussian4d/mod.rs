@@ -1,7 +1,9 @@
-//! Checkpoints of native 4D Gaussians (Yang et al. 2024, `chkpnt30000.pth`): Gaussians of space and time.
+//! Checkpoints of native 4D Gaussians (Yang et al. 2024, `chkpnt30000.pth`): Gaussians of space and
+//! time.
 //!
-//! The file is a tuple of parameters without names, and does not say which times the scene spans, nor does `cfg_args`: that is asked for
-//! ([`SourceOptions::time_duration`]), in the unit of training (0 to 10 for Neural 3D Video).
+//! The file is a tuple of parameters without names, and does not say which times the scene spans,
+//! nor does `cfg_args`: that is asked for ([`SourceOptions::time_duration`]), in the unit of
+//! training (0 to 10 for Neural 3D Video).
 
 mod tuple;
 

@@ -1,7 +1,9 @@
-//! Model folders of Grid4D (Xu et al. 2024) and DASH (Chen et al. 2025): hash grids of space and time.
+//! Model folders of Grid4D (Xu et al. 2024) and DASH (Chen et al. 2025): hash grids of space and
+//! time.
 //!
-//! The layout is that of [`crate::deformable3dgs`]; `deform.pth` is a tuple of the grids' and the network's tensors. DASH has one grid of four
-//! axes, and a column `dynamic` in the PLY: the other splats never move. `cfg_args` says the size of the cube that the grids cover.
+//! The layout is that of [`crate::deformable3dgs`]; `deform.pth` is a tuple of the grids' and the
+//! network's tensors. DASH has one grid of four axes, and a column `dynamic` in the PLY: the other
+//! splats never move. `cfg_args` says the size of the cube that the grids cover.
 
 mod grids;
 
@@ -21,7 +23,8 @@ const DYNAMIC: &str = "dynamic";
 /// Opens a model folder of Grid4D, or one of the iterations of its point cloud.
 ///
 /// # Errors
-/// If files are missing or malformed, or do not say what the evaluation depends on. Every error names the file.
+/// If files are missing or malformed, or do not say what the evaluation depends on. Every error
+/// names the file.
 pub fn open(dir: impl AsRef<Path>, options: &SourceOptions) -> Result<Source, IoError> {
     open_either(dir.as_ref(), options, |_| Vec::new())
 }

@@ -1,5 +1,6 @@
-//! Checkpoints of gsplat's trainers (`ckpt_*.pt`): a dictionary `splats` with `means`, `scales`, `quats`, `opacities`, `sh0`, `shN`. With
-//! `times`, `durations` and `velocities` beside them it is a moving scene ([`crate::freetime`]).
+//! Checkpoints of gsplat's trainers (`ckpt_*.pt`): a dictionary `splats` with `means`, `scales`,
+//! `quats`, `opacities`, `sh0`, `shN`. With `times`, `durations` and `velocities` beside them it is
+//! a moving scene ([`crate::freetime`]).
 
 use crate::frame::FrameError;
 use crate::pth::{self, Layers};
@@ -19,7 +20,8 @@ pub(crate) enum Contents {
     Moving,
 }
 
-/// What the first bytes of a PyTorch archive announce, if it is such a checkpoint; the names come first.
+/// What the first bytes of a PyTorch archive announce, if it is such a checkpoint; the names come
+/// first.
 pub(crate) fn contents(start: &[u8]) -> Option<Contents> {
     let start = &start[..start.len().min(HEAD)];
     let has = |name: &str| {

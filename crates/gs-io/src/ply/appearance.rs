@@ -17,7 +17,8 @@ use gs_core::sh::{C0, MAX_DEGREE};
 pub(super) const RGB: [&str; 3] = ["red", "green", "blue"];
 /// Column of the smoothing filter of Mip-Splatting, world units.
 pub(super) const FILTER: &str = "filter_3D";
-/// Log-scale of the axis that surfels do not have: a thickness of 10⁻⁶ world units, as their own viewers draw them.
+/// Log-scale of the axis that surfels do not have: a thickness of 10⁻⁶ world units, as their own
+/// viewers draw them.
 const SURFEL_LOG_SCALE: f32 = -13.815_511;
 /// What viewers are asked to do by this comment.
 const MIP_COMMENT: &str = "splatrendermode: mip";
@@ -81,7 +82,8 @@ impl Appearance {
         notes
     }
 
-    /// Turns values as stored in the columns into those of the 3DGS layout; `filters[row]` are world units, empty without a filter.
+    /// Turns values as stored in the columns into those of the 3DGS layout; `filters[row]` are
+    /// world units, empty without a filter.
     pub(super) fn apply(&self, splats: &mut Splats, filters: &[f32]) {
         if let Some(scalar) = self.rgb {
             let coeffs = splats.sh_coeffs();
@@ -101,7 +103,8 @@ impl Appearance {
     }
 }
 
-/// The number that stands for full intensity. Floating-point colours go to 1, or to 255 if one of them is above 1.
+/// The number that stands for full intensity. Floating-point colours go to 1, or to 255 if one of
+/// them is above 1.
 fn white(scalar: Scalar, mut channels: impl Iterator<Item = f32>) -> f32 {
     match scalar {
         Scalar::U16 | Scalar::I16 => 65535.0,
@@ -112,7 +115,8 @@ fn white(scalar: Scalar, mut channels: impl Iterator<Item = f32>) -> f32 {
     }
 }
 
-/// Applies the 3D smoothing filter of Mip-Splatting (Yu et al. 2024, equation 9) of standard deviation `filter` to a splat.
+/// Applies the 3D smoothing filter of Mip-Splatting (Yu et al. 2024, equation 9) of standard
+/// deviation `filter` to a splat.
 fn smooth(log_scale: &mut [f32; 3], opacity_logit: &mut f32, filter: f32) {
     if filter == 0.0 {
         return;

@@ -148,7 +148,8 @@ pub struct Header {
 }
 
 impl Header {
-    /// Parses the header at the start of `bytes`. Lines may end in LF, CRLF or CR; text may begin with the byte order mark of UTF-8.
+    /// Parses the header at the start of `bytes`. Lines may end in LF, CRLF or CR; text may begin
+    /// with the byte order mark of UTF-8.
     ///
     /// # Errors
     /// If this is not a PLY file or its header breaks the rules.
@@ -170,7 +171,8 @@ impl Header {
         }
         let mut encoding = None;
         let mut elements: Vec<Element> = Vec::new();
-        // Names of the last element's properties: a search through the list for each would be quadratic.
+        // Names of the last element's properties: a search through the list for each would be
+        // quadratic.
         let mut names: HashSet<String> = HashSet::new();
         let mut comments = Vec::new();
         loop {

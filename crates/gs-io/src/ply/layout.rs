@@ -19,7 +19,8 @@ pub struct Layout {
     pub extra_columns: Vec<String>,
     /// Index of the element.
     pub(crate) element: usize,
-    /// Property index of: x y z, dc, rest (channel-major), opacity, scale, rot, and the filter if there is one.
+    /// Property index of: x y z, dc, rest (channel-major), opacity, scale, rot, and the filter if
+    /// there is one.
     pub(crate) columns: Vec<usize>,
     pub(crate) appearance: Appearance,
 }

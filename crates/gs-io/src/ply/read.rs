@@ -27,14 +27,16 @@ pub struct PlySplats {
     pub encoding: Encoding,
 }
 
-/// Reads a 3DGS PLY: any column order, any number types, any encoding, SH degree 0 to 3 (higher ones are cut).
+/// Reads a 3DGS PLY: any column order, any number types, any encoding, SH degree 0 to 3 (higher
+/// ones are cut).
 ///
-/// Values are kept as stored, quaternions unnormalised; see [`crate::repair`] for infinities and damaged rows. Columns of other
-/// trainers that change what a splat looks like are honoured and noted: colours instead of SH, Mip-Splatting's filter, surfels.
+/// Values are kept as stored, quaternions unnormalised; see [`crate::repair`] for infinities and
+/// damaged rows. Columns of other trainers that change what a splat looks like are honoured and
+/// noted: colours instead of SH, Mip-Splatting's filter, surfels.
 ///
 /// # Errors
-/// Says what is wrong with the file or what it is instead. Memory is bounded by a small multiple of the file's size, whatever
-/// counts its header claims.
+/// Says what is wrong with the file or what it is instead. Memory is bounded by a small multiple of
+/// the file's size, whatever counts its header claims.
 pub fn read(bytes: &[u8]) -> Result<PlySplats, PlyError> {
     let header = Header::parse(bytes)?;
     let layout = header.gaussians()?;

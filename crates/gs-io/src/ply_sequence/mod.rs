@@ -1,4 +1,5 @@
-//! Numbered frames in a folder or zip archive, PLY or any other still format, as a scene; and the writers of such folders and archives.
+//! Numbered frames in a folder or zip archive, PLY or any other still format, as a scene; and the
+//! writers of such folders and archives.
 
 mod hidden;
 mod names;
@@ -27,11 +28,13 @@ use std::sync::Arc;
 pub struct SequenceOptions {
     /// Frames kept in memory, at least 2. Default 4: both neighbours of a time, for two readers.
     pub cached_frames: usize,
-    /// What to do with damaged rows. [`Damage::Fail`] (default) and [`Damage::Keep`] read frames when they are needed;
-    /// [`Damage::Drop`] reads all files once on opening: a row that is damaged in some frames is invisible in these, one that is
-    /// damaged in all of them is left out.
+    /// What to do with damaged rows. [`Damage::Fail`] (default) and [`Damage::Keep`] read frames
+    /// when they are needed; [`Damage::Drop`] reads all files once on opening: a row that is
+    /// damaged in some frames is invisible in these, one that is damaged in all of them is left
+    /// out.
     pub damage: Damage,
-    /// Axes of the files, for formats that come in several (SPZ, glTF); `None`: those that each file names, else those of its format.
+    /// Axes of the files, for formats that come in several (SPZ, glTF); `None`: those that each
+    /// file names, else those of its format.
     pub axes: Option<Axes>,
 }
 
@@ -41,8 +44,8 @@ impl Default for SequenceOptions {
     }
 }
 
-/// `n ≥ 2` frames with the same rows, frame `i` at time `i/(n−1)`; between frames as [`gs_deform::Trajectories`]. Frames are
-/// read when needed and the last few kept.
+/// `n ≥ 2` frames with the same rows, frame `i` at time `i/(n−1)`; between frames as
+/// [`gs_deform::Trajectories`]. Frames are read when needed and the last few kept.
 #[derive(Debug)]
 pub struct PlySequence {
     source: Source,
@@ -59,11 +62,12 @@ pub struct PlySequence {
 }
 
 impl PlySequence {
-    /// Opens a folder or a zip archive. Reads the headers of all frames and verifies that they have the same rows and SH degree.
-    /// Nothing is unpacked to disk.
+    /// Opens a folder or a zip archive. Reads the headers of all frames and verifies that they have
+    /// the same rows and SH degree. Nothing is unpacked to disk.
     ///
     /// # Errors
-    /// If there are fewer than two frames, numbers are missing, or a file differs from the first; the file is named.
+    /// If there are fewer than two frames, numbers are missing, or a file differs from the first;
+    /// the file is named.
     pub fn open(path: impl AsRef<Path>, options: &SequenceOptions) -> Result<Self, IoError> {
         let path = path.as_ref();
         let (source, beside) =
@@ -120,8 +124,9 @@ impl PlySequence {
         self.source.paths()
     }
 
-    /// Shows that rows hardly persist: how far a row's centre moves from one frame to the next (median), over the distance of rows that
-    /// have nothing to do with each other. Far below 1 for a scene; near 1 where each frame was sorted anew. Reads two frames.
+    /// Shows that rows hardly persist: how far a row's centre moves from one frame to the next
+    /// (median), over the distance of rows that have nothing to do with each other. Far below 1 for
+    /// a scene; near 1 where each frame was sorted anew. Reads two frames.
     ///
     /// # Errors
     /// If one of them cannot be read.
@@ -173,7 +178,8 @@ impl PlySequence {
         self.kept.as_deref()
     }
 
-    /// Rows damaged in at least one frame, and infinities with a meaning, as far as they were looked for.
+    /// Rows damaged in at least one frame, and infinities with a meaning, as far as they were
+    /// looked for.
     pub fn repair(&self) -> RepairReport {
         self.repair
     }

@@ -14,7 +14,8 @@ pub(crate) struct Found {
 /// Ends of the names of frames, lower case.
 const ENDINGS: [&str; 6] = [".compressed.ply", ".ply", ".splat", ".spz", ".sog", ".glb"];
 
-/// Prefix with ending, and number, of `<prefix><digits><ending>`. In archives the prefix has the folders, too.
+/// Prefix with ending, and number, of `<prefix><digits><ending>`. In archives the prefix has the
+/// folders, too.
 fn parse(name: &str) -> Option<(String, u64)> {
     let lower = name.to_lowercase();
     let file = lower.rsplit('/').next()?;
@@ -29,7 +30,8 @@ fn parse(name: &str) -> Option<(String, u64)> {
     Some((format!("{prefix}*{ending}"), number))
 }
 
-/// Picks the largest group of numbered frames with one prefix and ending. Numbers may start anywhere and have any constant step.
+/// Picks the largest group of numbered frames with one prefix and ending. Numbers may start
+/// anywhere and have any constant step.
 ///
 /// # Errors
 /// If a number occurs twice or one is missing.

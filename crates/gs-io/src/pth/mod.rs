@@ -1,8 +1,9 @@
 //! PyTorch archives (`.pth`): zip containers of a pickle and raw storages.
 //!
-//! The pickle is interpreted as data by a machine that knows some forty opcodes and a dozen names; nothing is ever
-//! imported or executed. Objects of any other class are passed over, opcodes that checkpoints do not use are refused. Tensors stay
-//! views of the file until asked for. Memory is bounded by a small multiple of the file.
+//! The pickle is interpreted as data by a machine that knows some forty opcodes and a dozen names;
+//! nothing is ever imported or executed. Objects of any other class are passed over, opcodes that
+//! checkpoints do not use are refused. Tensors stay views of the file until asked for. Memory is
+//! bounded by a small multiple of the file.
 
 mod error;
 mod layers;

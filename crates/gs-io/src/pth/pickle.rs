@@ -1,8 +1,9 @@
 //! A pickle machine for checkpoints: data only.
 //!
-//! Containers live in an arena and values are small copies, so memory grows with the length of the pickle, sharing
-//! costs nothing, and nesting of any depth is harmless. Objects of classes that are no part of a tensor (NumPy scalars beside the
-//! weights, whole modules) are inert: their class is a name, their state is data.
+//! Containers live in an arena and values are small copies, so memory grows with the length of the
+//! pickle, sharing costs nothing, and nesting of any depth is harmless. Objects of classes that are
+//! no part of a tensor (NumPy scalars beside the weights, whole modules) are inert: their class is
+//! a name, their state is data.
 
 use super::names;
 use super::tensor::{Dtype, Tensor};
@@ -363,7 +364,8 @@ impl<'a> Machine<'a, '_> {
         });
     }
 
-    /// `('storage', class, key, device, count)` to the bytes of that storage; the device is of no interest.
+    /// `('storage', class, key, device, count)` to the bytes of that storage; the device is of no
+    /// interest.
     fn persistent(&mut self) -> Result<(), PthError> {
         let id = self.pop()?;
         // A number type that is not read: the tensor is inert, too.
@@ -490,7 +492,8 @@ impl<'a> Machine<'a, '_> {
         Err(PthError::Root { found, expected: "tensors by name, or a tensor" })
     }
 
-    /// Tensors by name, in file order, in dictionaries, tuples and objects, each of which is visited once.
+    /// Tensors by name, in file order, in dictionaries, tuples and objects, each of which is
+    /// visited once.
     fn tensors(&self, root: Value<'a>) -> Result<Vec<(String, Tensor<'a>)>, PthError> {
         // Names may be written once and used often.
         let mut room = NAMES_FREE + NAMES_RATIO * self.bytes.len();

@@ -90,7 +90,8 @@ impl<'a> Tensor<'a> {
     /// A view of `storage`; `offset` and `strides` in elements.
     ///
     /// # Errors
-    /// If an element would lie outside the storage, or there would be more elements than the storage holds.
+    /// If an element would lie outside the storage, or there would be more elements than the
+    /// storage holds.
     pub(crate) fn new(
         dtype: Dtype,
         storage: &'a [u8],
@@ -153,7 +154,8 @@ impl<'a> Tensor<'a> {
         })
     }
 
-    /// All elements as `f32`, row-major (last axis fastest); doubles and integers are rounded, booleans are 0 or 1.
+    /// All elements as `f32`, row-major (last axis fastest); doubles and integers are rounded,
+    /// booleans are 0 or 1.
     pub fn to_f32s(&self) -> Vec<f32> {
         #[expect(clippy::cast_possible_truncation, reason = "rounding to single is asked for")]
         self.map(|value| value as f32)

@@ -1,7 +1,8 @@
 //! Model folders of SC-GS (Huang et al. 2024): splats that follow control nodes.
 //!
-//! The layout is that of [`crate::deformable3dgs`]. The PLY has columns `fea_0 …`: hyper coordinates, and a last one for the motion mask if
-//! it was trained with one. `deform.pth` holds the nodes beside the network.
+//! The layout is that of [`crate::deformable3dgs`]. The PLY has columns `fea_0 …`: hyper
+//! coordinates, and a last one for the motion mask if it was trained with one. `deform.pth` holds
+//! the nodes beside the network.
 
 use crate::cfg_args::Value;
 use crate::deform_folder::DeformFolder;
@@ -25,7 +26,8 @@ const UNSUPPORTED: [&str; 5] =
 /// Opens a model folder, or one of the iterations of its point cloud.
 ///
 /// # Errors
-/// If files are missing or malformed, or the model was trained with an option that is not supported. Every error names the file.
+/// If files are missing or malformed, or the model was trained with an option that is not
+/// supported. Every error names the file.
 pub fn open(dir: impl AsRef<Path>, options: &SourceOptions) -> Result<Source, IoError> {
     let features = |extra: &[String]| -> Vec<String> {
         let name = |index: usize| format!("fea_{index}");

@@ -13,7 +13,8 @@ use std::io::Cursor;
 use std::sync::Arc;
 
 const FORMAT: &str = "SOG";
-/// Gap between values of a codebook that still says how far from them the written values lay, in median gaps.
+/// Gap between values of a codebook that still says how far from them the written values lay, in
+/// median gaps.
 const WIDEST_GAP: f32 = 8.0;
 /// Palette entries in a row of the plane of centroids.
 const PALETTE_ROW: usize = 64;
@@ -172,7 +173,8 @@ pub(crate) fn read_planes(
         if let Some(harmonics) = &harmonics {
             splats.sh.extend(harmonics.of_splat(i));
         }
-        // Encoders of WebP clear the colour of pixels without alpha, so that of an invisible splat is not known.
+        // Encoders of WebP clear the colour of pixels without alpha, so that of an invisible splat
+        // is not known.
         let color_off = |byte: u8| {
             if alpha == 0 { f32::INFINITY } else { color_book.off[usize::from(byte)] }
         };
@@ -231,8 +233,9 @@ impl Book {
         })?;
         let mut sorted = values;
         sorted.sort_by(f32::total_cmp);
-        // What was written lies nearer to its value than to any other, so within the wider gap beside it; beside a gap of
-        // unusual width, nearer still, or there would be a value in the gap.
+        // What was written lies nearer to its value than to any other, so within the wider gap
+        // beside it; beside a gap of unusual width, nearer still, or there would be a value in the
+        // gap.
         let mut gaps: Vec<f32> = sorted.windows(2).map(|pair| pair[1] - pair[0]).collect();
         gaps.retain(|gap| *gap > 0.0);
         gaps.sort_by(f32::total_cmp);

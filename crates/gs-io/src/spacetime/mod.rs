@@ -1,10 +1,13 @@
-//! PLY files of Spacetime Gaussians (Li et al. 2024), lite model: splats that move along cubics of time and fade in and out.
+//! PLY files of Spacetime Gaussians (Li et al. 2024), lite model: splats that move along cubics of
+//! time and fade in and out.
 //!
-//! Columns beside those of 3DGS: `trbf_center`, `trbf_scale` (logarithm of the time after which opacity has fallen to 1/e), `motion_0 …
-//! motion_8` (velocities to the first, second and third power of time), `omega_0 … omega_3`. `f_dc_0 … f_dc_2` are plain RGB. Times are
-//! (frame − start)/duration, so that the last frame of n is at (n−1)/n.
+//! Columns beside those of 3DGS: `trbf_center`, `trbf_scale` (logarithm of the time after which
+//! opacity has fallen to 1/e), `motion_0 … motion_8` (velocities to the first, second and third
+//! power of time), `omega_0 … omega_3`. `f_dc_0 … f_dc_2` are plain RGB. Times are (frame −
+//! start)/duration, so that the last frame of n is at (n−1)/n.
 //!
-//! The full model has nine colour features and a decoder that depends on the ray of a pixel; it is no set of splats, and refused.
+//! The full model has nine colour features and a decoder that depends on the ray of a pixel; it is
+//! no set of splats, and refused.
 
 use crate::error::IoError;
 use crate::fs::read_bytes;
@@ -35,7 +38,8 @@ const COLUMNS: [&str; 15] = [
     "omega_3",
 ];
 
-/// Whether a PLY with these columns beside those of 3DGS is one of Spacetime Gaussians, lite or full.
+/// Whether a PLY with these columns beside those of 3DGS is one of Spacetime Gaussians, lite or
+/// full.
 pub(crate) fn has_columns(extra_columns: &[String]) -> bool {
     let has = |name: &str| extra_columns.iter().any(|column| column == name);
     has("trbf_center") && has("motion_0")

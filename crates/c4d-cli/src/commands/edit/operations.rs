@@ -315,7 +315,8 @@ impl Outputs {
     }
 }
 
-/// What the result notes: of a PLY what that notes, as the time at which it was frozen; else time and upward axis.
+/// What the result notes: of a PLY what that notes, as the time at which it was frozen; else time
+/// and upward axis.
 fn comments(opened: &Opened, time: f32) -> Vec<String> {
     let frame = opened.files.first().filter(|_| opened.kind.is_frame());
     if let Some(header) = frame.and_then(|file| ply::read_header_file(file).ok()) {

@@ -180,7 +180,8 @@ fn read_mask(path: &Path) -> Outcome<Image> {
     Image::from_data(width, height, 1, grey).map_err(Failure::failed)
 }
 
-/// Pictures of a folder by the names of the cameras in its `cameras.json`, or in that of the folder around it.
+/// Pictures of a folder by the names of the cameras in its `cameras.json`, or in that of the folder
+/// around it.
 fn read_masks(folder: &Path, opened: &Opened, console: &Console) -> Outcome<Vec<(Camera, Image)>> {
     let inside = folder.join("cameras.json");
     let around = folder.join("..").join("cameras.json");

@@ -1,4 +1,5 @@
-//! `c4d export --to html`: the scene, beside its original if it is a run, as one page that plays anywhere.
+//! `c4d export --to html`: the scene, beside its original if it is a run, as one page that plays
+//! anywhere.
 
 use super::written::say_written;
 use crate::args::{ExportArgs, Global};
@@ -145,7 +146,8 @@ fn losses(report: &EncodeReport, options: &Options, frames: usize) -> Losses {
     losses
 }
 
-/// The first frame from the first view, as the page shows it before it can play: a run's left half is the original.
+/// The first frame from the first view, as the page shows it before it can play: a run's left half
+/// is the original.
 fn poster(
     opened: &Opened,
     first: &dyn DynamicScene,

@@ -33,7 +33,8 @@ impl Views {
     }
 }
 
-/// The cameras asked for. `times` become those of the cameras, when they have any and nobody asks for others.
+/// The cameras asked for. `times` become those of the cameras, when they have any and nobody asks
+/// for others.
 pub(super) fn views(
     args: &RenderArgs,
     opened: &Opened,
@@ -42,7 +43,8 @@ pub(super) fn views(
 ) -> Outcome<Views> {
     let size = args.size.unwrap_or(DEFAULT_SIZE);
     let rig = || -> Outcome<Rig> {
-        // The rig frames what was there before the edit, so that a run and its source are seen alike.
+        // The rig frames what was there before the edit, so that a run and its source are seen
+        // alike.
         let scene = opened.original.as_ref().unwrap_or(&opened.scene);
         Rig::of_scene(scene.as_ref(), args.up.map_or(opened.up, crate::args::Up::vector))
             .map_err(Failure::input)
@@ -70,7 +72,8 @@ pub(super) fn views(
     }
 }
 
-/// Cameras of a file or data set: each at its own time, or, when they have none or others are asked for, each at all times.
+/// Cameras of a file or data set: each at its own time, or, when they have none or others are asked
+/// for, each at all times.
 fn of_files(
     args: &RenderArgs,
     opened: &Opened,

@@ -1,7 +1,8 @@
 //! COLMAP models, binary and text: world-to-camera quaternions and translations.
 //!
-//! Trained reading: views sorted by name, every eighth a test view; times by position in the file *before* sorting, over the number of
-//! images; centred principal points; field of view from COLMAP's image size. Stored reading: own principal points, no times.
+//! Trained reading: views sorted by name, every eighth a test view; times by position in the file
+//! *before* sorting, over the number of images; centred principal points; field of view from
+//! COLMAP's image size. Stored reading: own principal points, no times.
 
 mod binary;
 mod lens_models;
@@ -26,7 +27,8 @@ use std::path::{Path, PathBuf};
 /// Every so many views of a sorted list, the first included, is a test view.
 const HOLD: usize = 8;
 
-/// A COLMAP model: lenses by id, and images in file order. Single images that cannot be used are left out and noted.
+/// A COLMAP model: lenses by id, and images in file order. Single images that cannot be used are
+/// left out and noted.
 #[derive(Debug)]
 pub(super) struct Model {
     pub(super) lenses: BTreeMap<u32, Lens>,
@@ -68,7 +70,8 @@ impl Model {
         Ok(model)
     }
 
-    /// Leaves out images without a usable lens or pose; the first reason is the error if none is left.
+    /// Leaves out images without a usable lens or pose; the first reason is the error if none is
+    /// left.
     fn leave_out_unusable(
         &mut self,
         mut unusable: BTreeMap<u32, CamerasError>,
@@ -179,7 +182,8 @@ fn images_folder(root: &Path) -> PathBuf {
     found.unwrap_or(&folders[0]).clone()
 }
 
-/// Where the image of a model may lie: under its whole name, folders included, or under the last part of it, as the reference has it.
+/// Where the image of a model may lie: under its whole name, folders included, or under the last
+/// part of it, as the reference has it.
 pub(super) fn image_paths(images: &Path, name: &str) -> [PathBuf; 2] {
     let inside = name.split(['/', '\\']).filter(|part| !["", ".", ".."].contains(part));
     [images.join(inside.collect::<PathBuf>()), images.join(basename(name))]
@@ -199,7 +203,8 @@ pub(super) fn share(part: usize, whole: usize) -> f32 {
 }
 
 impl Lens {
-    /// A camera with this lens. Sizes that are no pixel counts become 0, which the check of cameras refuses by name.
+    /// A camera with this lens. Sizes that are no pixel counts become 0, which the check of cameras
+    /// refuses by name.
     pub(super) fn camera(&self, viewmat: Viewmat, time: Option<f32>, name: String) -> Camera {
         Camera {
             viewmat,

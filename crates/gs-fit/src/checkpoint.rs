@@ -1,6 +1,6 @@
 //! A running fit as [`FitState`], and back.
 
-use crate::alignment::Alignment;
+use crate::alignment::{Aligning, Alignment};
 use crate::state::FitState;
 use crate::view::View;
 use crate::working::Working;
@@ -46,7 +46,10 @@ pub(crate) fn save(
     let counts = vec![
         ("steps".to_owned(), steps),
         ("source".to_owned(), working.source.clone()),
+        ("aligning".to_owned(), vec![working.aligning as u32]),
         ("selected".to_owned(), selected),
+        ("chosen".to_owned(), working.chosen.iter().map(|&on| u32::from(on)).collect()),
+        ("fading".to_owned(), working.fading.iter().map(|&on| u32::from(on)).collect()),
         ("visits".to_owned(), working.visits.clone()),
     ];
     FitState { fingerprint, step: step as u64, arrays, counts }
@@ -102,6 +105,12 @@ pub(crate) fn restore(
     working.source = counts("source")?;
     working.visits = counts("visits")?;
     working.selected = counts("selected")?.iter().map(|&on| on != 0).collect();
+    let chosen = find(&state.counts, "chosen")?;
+    if chosen.len() != working.chosen.len() {
+        return Err(damaged(format!("`chosen` has {} rows", chosen.len())));
+    }
+    working.chosen = chosen.iter().map(|&on| on != 0).collect();
+    working.fading = counts("fading")?.iter().map(|&on| on != 0).collect();
     working.gradient = find(&state.arrays, "gradient")?.to_vec();
     if working.gradient.len() != n || working.anchors.len() != n {
         return Err(damaged("arrays of different lengths"));
@@ -120,6 +129,12 @@ pub(crate) fn restore(
         let step = steps.get(k).copied().ok_or_else(|| damaged("`steps` is cut"))?;
         *adam = Adam { step: u64::from(step), m: m.to_vec(), v: v.to_vec(), ..Adam::new(0) };
     }
+    working.aligning = match find(&state.counts, "aligning")? {
+        [0] => Aligning::Nothing,
+        [1] => Aligning::Whole,
+        [2] => Aligning::Local,
+        _ => return Err(damaged("`aligning` is not 0, 1 or 2")),
+    };
     for (v, view) in views.iter_mut().enumerate() {
         let flat = find(&state.arrays, &format!("align.{v}"))?;
         let &[g0, g1, g2, o0, o1, o2, x, y] = flat else {

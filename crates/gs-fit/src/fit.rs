@@ -1,6 +1,6 @@
 //! [`fit()`]: splats to pictures.
 
-use crate::alignment::hold_common;
+use crate::alignment::{Aligning, Alignment, hold_common, needed};
 use crate::loss::{PictureLoss, Rect, Target};
 use crate::report::{self, FitReport};
 use crate::state::{FitObserver, FitPreview, FitProgress, FitState};
@@ -15,17 +15,29 @@ use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 use std::time::Instant;
 
-/// Densification: first step, steps between, and last share of the fit.
+/// Densification: most steps between, how many times at least, and last share of the fit.
 const DENSIFY_EVERY: usize = 100;
+const DENSIFY_TIMES: usize = 8;
 const DENSIFY_UNTIL: f64 = 0.7;
 /// Registration of the pictures: first step, steps between, and last share of the fit.
 const ALIGN_FROM: usize = 40;
 const ALIGN_EVERY: usize = 30;
 const ALIGN_UNTIL: f64 = 0.9;
+/// Estimates after which it is decided whether the pictures disagree, and how.
+const DECIDES_AFTER: usize = 2;
 /// Difference of a channel below which a picture shows what lies behind the selection.
 const BEHIND: f32 = 10.0 / 255.0;
+/// Splats of which more than this share looks as before belong to what is behind.
+const SAME_SHARE: f32 = 0.5;
+/// Rounds of removal before the first step.
+const CARVING_ROUNDS: usize = 3;
+/// Passes in which what is behind and what is in front of it are told apart.
+const CARVING_PASSES: usize = 3;
 /// Share of a splat's visible pixels at which all pictures show what lies behind it: it is removed.
 const BEHIND_SHARE: f32 = 0.85;
+/// Share from which on it fades: until [`FADE_UNTIL`] of the fit only its opacity is fitted.
+const FADING_SHARE: f32 = 0.3;
+const FADE_UNTIL: f64 = 0.5;
 /// Share of the fit after which anchors no longer pull.
 const ANCHOR_UNTIL: f64 = 0.3;
 /// Width of the band around the selection in which unedited pictures say nothing, as a share of the longer image side.
@@ -38,7 +50,7 @@ pub struct Fitted {
     pub splats: Splats,
     /// Row of the start of each splat; `None` for new ones.
     pub source_rows: Vec<Option<u32>>,
-    /// Rows of the start that were selected.
+    /// Rows of the start that were selected, at once or when they came to light.
     pub selected: Vec<bool>,
     /// What was found and done.
     pub report: FitReport,
@@ -85,6 +97,10 @@ pub fn fit<R: Rasterizer>(
     weigh_unedited(raster, start, &mut views, &selected)?;
 
     let fingerprint = crate::fingerprint::of(start, pictures, options);
+    // Fewer pictures say nothing of where a surface is.
+    report.geometry_held = options.geometry && edited.len() < usize::from(report::ENOUGH_VIEWS);
+    let options =
+        &FitOptions { geometry: options.geometry && !report.geometry_held, ..options.clone() };
     let mut run = Run {
         raster,
         options,
@@ -102,12 +118,21 @@ pub fn fit<R: Rasterizer>(
         }
         step = crate::checkpoint::restore(state, &mut run.working, &mut run.views)?;
     } else if options.geometry && options.densify {
-        report.carved = run.carve()?;
+        // What was hidden by removed splats comes to light.
+        for _ in 0..CARVING_ROUNDS {
+            let removed = run.carve()?;
+            report.carved += removed;
+            if removed == 0 {
+                break;
+            }
+            run.select_more()?;
+        }
     }
     run.reach();
     run.descend(step, fingerprint, observer)?;
     let gone = vec![false; run.working.selected.len()];
     run.working.prune(&gone, true);
+    let selected = std::mem::take(&mut run.working.chosen);
     report.finish(&run.working.source, &selected);
     let source_rows = run.working.source.iter().map(|&row| (row != NEW).then_some(row)).collect();
     Ok(Fitted { splats: run.working.splats, source_rows, selected, report })
@@ -216,7 +241,7 @@ impl<R: Rasterizer> Run<'_, R> {
         let (mut saved, mut shown) = (Instant::now(), Instant::now());
         for step in first..steps {
             if step > 0
-                && step % DENSIFY_EVERY == 0
+                && step.is_multiple_of(self.densify_every())
                 && densify
                 && geometry
                 && (step as f64) < DENSIFY_UNTIL * steps as f64
@@ -224,6 +249,7 @@ impl<R: Rasterizer> Run<'_, R> {
                 self.densify(step)?;
             }
             if self.options.align
+                && self.working.aligning != Aligning::Nothing
                 && self.edited.len() > 1
                 && step >= ALIGN_FROM
                 && (step - ALIGN_FROM).is_multiple_of(ALIGN_EVERY)
@@ -272,6 +298,10 @@ impl<R: Rasterizer> Run<'_, R> {
         Ok(())
     }
 
+    fn densify_every(&self) -> usize {
+        (self.options.steps / DENSIFY_TIMES).clamp(1, DENSIFY_EVERY)
+    }
+
     /// Adds to the densification statistic.
     fn collect(&mut self, grads: &RenderGrads, half: [f32; 2]) {
         for (i, v) in grads.v_means2d.iter().enumerate() {
@@ -289,8 +319,8 @@ impl<R: Rasterizer> Run<'_, R> {
         let options = self.options;
         let working = &mut self.working;
         let rates = FitRates { means: rates.means * working.size * decay, ..*rates };
-        let Working { splats, optimizer, selected, .. } = working;
-        optimizer.step(splats, grads, &rates, options.geometry, selected);
+        let Working { splats, optimizer, selected, fading, .. } = working;
+        optimizer.step(splats, grads, &rates, options.geometry, selected, fading);
         if options.geometry && done < ANCHOR_UNTIL {
             #[expect(clippy::cast_possible_truncation, reason = "a factor")]
             let fade = (1.0 - done / ANCHOR_UNTIL) as f32;
@@ -334,45 +364,82 @@ impl<R: Rasterizer> Run<'_, R> {
 
     /// Removes what the pictures contradict, adds detail, and selects what came to light.
     fn densify(&mut self, step: usize) -> Result<(), FitError> {
-        self.carve()?;
+        if (step as f64) < FADE_UNTIL * self.options.steps as f64 {
+            self.carve()?;
+        } else {
+            self.working.fading.fill(false);
+        }
         self.working.densify(self.options.seed ^ (0x5_0000_0000 + step as u64));
-        let votes = vote(self.raster, &self.working.splats, &self.views)?;
-        self.working.select_more(&votes, self.options.vote);
+        self.select_more()?;
         self.reach();
         Ok(())
     }
 
-    /// Removes selected splats where every picture shows what lies behind the selection, and faint ones. Returns how many.
+    /// Selects splats that are now mainly seen in the masks.
+    fn select_more(&mut self) -> Result<(), FitError> {
+        let votes = vote(self.raster, &self.working.splats, &self.views)?;
+        self.working.select_more(&votes, self.options.vote);
+        Ok(())
+    }
+
+    /// Finds selected splats where the pictures show what lies behind them: with all pictures they are removed, with some they fade.
+    /// Returns how many were removed.
     fn carve(&mut self) -> Result<usize, FitError> {
-        let (splats, selected) = (&self.working.splats, &self.working.selected);
-        let kept: Vec<usize> = (0..splats.len()).filter(|&i| !selected[i]).collect();
-        let behind = splats.select(&kept);
-        let params = self.params();
-        let n = splats.len();
-        let (mut seen, mut open) = (vec![0.0_f32; n], vec![0.0_f32; n]);
+        let n = self.working.splats.len();
+        // Splats whose pictures differ from the scene; those that only lie beside an edit belong to what is behind.
+        let (seen, same) = self.agreement(|view| Ok(view.original.clone()))?;
+        let mut front: Vec<bool> =
+            (0..n).map(|i| self.working.selected[i] && same[i] < SAME_SHARE * seen[i]).collect();
+        let mut gone = vec![false; n];
+        for _ in 0..CARVING_PASSES {
+            let share = self.share_behind(&front)?;
+            for i in 0..n {
+                gone[i] |= front[i] && share[i] > BEHIND_SHARE;
+                front[i] &= share[i] > FADING_SHARE || gone[i];
+            }
+        }
+        self.working.fading = front;
+        Ok(self.working.prune(&gone, false))
+    }
+
+    /// Share of each splat's visible pixels that look as without the splats in `front`; 1 for splats of `front` that are hidden by others of it.
+    fn share_behind(&self, front: &[bool]) -> Result<Vec<f32>, FitError> {
+        let kept: Vec<usize> = (0..front.len()).filter(|&i| !front[i]).collect();
+        let behind = self.working.splats.select(&kept);
+        let (raster, params) = (self.raster, self.params());
+        let (seen, open) = self.agreement(|view| {
+            let mut prepared = raster.prepare(&behind, &view.camera)?;
+            Ok(raster.forward(&mut prepared, &behind, &[], &params)?.rgb)
+        })?;
+        let share = |i: usize| if seen[i] > 1e-3 { open[i] / seen[i] } else { 1.0 };
+        Ok((0..front.len()).map(share).collect())
+    }
+
+    /// Per splat, pixels of the edited pictures that show it, and those of them where the picture looks like `other` (`[H,W,3]`).
+    fn agreement(
+        &self,
+        other: impl Fn(&View) -> Result<Vec<f32>, FitError>,
+    ) -> Result<(Vec<f32>, Vec<f32>), FitError> {
+        let splats = &self.working.splats;
+        let (mut seen, mut same) = (vec![0.0_f32; splats.len()], vec![0.0_f32; splats.len()]);
         for &v in &self.edited {
             let view = &self.views[v];
-            let mut prepared = self.raster.prepare(&behind, &view.camera)?;
-            let render = self.raster.forward(&mut prepared, &behind, &[], &params)?;
-            let planes: Vec<f32> = render
-                .rgb
+            let other = other(view)?;
+            let planes: Vec<f32> = other
                 .chunks_exact(3)
                 .zip(view.target.chunks_exact(3))
-                .zip(&view.mask)
-                .flat_map(|((a, b), &masked)| {
-                    let agrees = masked && a.iter().zip(b).all(|(a, b)| (a - b).abs() < BEHIND);
+                .flat_map(|(a, b)| {
+                    let agrees = a.iter().zip(b).all(|(a, b)| (a - b).abs() < BEHIND);
                     [1.0, f32::from(u8::from(agrees))]
                 })
                 .collect();
             let sums = lift(self.raster, splats, &view.camera, planes, 2)?;
             for (i, sum) in sums.as_chunks::<2>().0.iter().enumerate() {
                 seen[i] += sum[0];
-                open[i] += sum[1];
+                same[i] += sum[1];
             }
         }
-        let gone: Vec<bool> =
-            (0..n).map(|i| seen[i] > 1e-3 && open[i] > BEHIND_SHARE * seen[i]).collect();
-        Ok(self.working.prune(&gone, false))
+        Ok((seen, same))
     }
 
     /// What the selection reaches in each view: only there the loss can change.
@@ -401,7 +468,8 @@ impl<R: Rasterizer> Run<'_, R> {
             self.render(v, &params, &mut output)?;
             let view = &mut self.views[v];
             let mut alignment = std::mem::take(&mut view.alignment);
-            let radius = self.local_radius(step, v);
+            let radius =
+                self.local_radius(step, v).filter(|_| self.working.aligning == Aligning::Local);
             let view = &self.views[v];
             alignment.estimate(view.as_picture(), &output.rgb, &view.mask, radius);
             self.views[v].alignment = alignment;
@@ -415,6 +483,16 @@ impl<R: Rasterizer> Run<'_, R> {
             .reference
             .and_then(|reference| self.edited.iter().position(|&v| v == reference));
         hold_common(&mut alignments, &cameras, centre, reference);
+        if step == ALIGN_FROM + DECIDES_AFTER * ALIGN_EVERY {
+            self.working.aligning = needed(&alignments);
+            for alignment in &mut alignments {
+                match self.working.aligning {
+                    Aligning::Nothing => *alignment = Alignment::default(),
+                    Aligning::Whole => alignment.local.clear(),
+                    Aligning::Local => {}
+                }
+            }
+        }
         for (&v, alignment) in self.edited.iter().zip(alignments) {
             self.views[v].alignment = alignment;
             self.views[v].retarget();
@@ -427,8 +505,8 @@ impl<R: Rasterizer> Run<'_, R> {
         let done = step as f64 / self.options.steps as f64;
         let side = self.views[view].width.max(self.views[view].height);
         match done {
-            ..0.2 => None,
-            0.2..0.5 => Some(side / 20),
+            _ if step == ALIGN_FROM => None,
+            ..0.5 => Some(side / 20),
             _ => Some(side / 32),
         }
     }

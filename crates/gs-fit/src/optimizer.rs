@@ -39,7 +39,8 @@ impl Optimizer {
         ]
     }
 
-    /// One step of the selected rows. `rates.means` is in world units here. Without `geometry`, colour and opacity only.
+    /// One step of the selected rows; of those that are `fading`, of their opacity only. `rates.means` is in world units here. Without
+    /// `geometry`, colour and opacity only.
     pub(crate) fn step(
         &mut self,
         splats: &mut Splats,
@@ -47,8 +48,9 @@ impl Optimizer {
         rates: &FitRates,
         geometry: bool,
         selected: &[bool],
+        fading: &[bool],
     ) {
-        let skip = |row: usize| !selected[row];
+        let skip = |row: usize| !selected[row] || fading[row];
         let coeffs = splats.sh_coeffs();
         let mut sh_rates = vec![rates.sh / 20.0; 3 * coeffs];
         sh_rates[..3].fill(rates.sh);
@@ -59,7 +61,8 @@ impl Optimizer {
                 self.sh.step(sh.as_flattened_mut(), grads, &sh_rates, skip);
             });
             let rate = [rates.opacity_logits];
-            self.opacity_logits.step(opacity_logits, &grads.v_opacity_logits, &rate, skip);
+            let skip_opacity = |row: usize| !selected[row];
+            self.opacity_logits.step(opacity_logits, &grads.v_opacity_logits, &rate, skip_opacity);
             if geometry {
                 let (means, v_means) = (means.as_flattened_mut(), grads.v_means.as_flattened());
                 self.means.step(means, v_means, &[rates.means; 3], skip);

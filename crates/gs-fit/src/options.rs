@@ -20,7 +20,7 @@ pub struct FitRates {
 
 impl Default for FitRates {
     fn default() -> Self {
-        Self { means: 0.4, quats: 0.001, log_scales: 0.005, opacity_logits: 0.03, sh: 0.01 }
+        Self { means: 0.8, quats: 0.004, log_scales: 0.02, opacity_logits: 0.06, sh: 0.02 }
     }
 }
 

@@ -26,6 +26,8 @@ pub struct FitReport {
     pub removed: usize,
     /// New splats.
     pub added: usize,
+    /// Whether geometry was left as it is because fewer than three pictures are edited.
+    pub geometry_held: bool,
     /// Masked regions that fewer than three pictures show, if there are any.
     pub poorly_seen: Option<PoorlySeen>,
 }
@@ -68,15 +70,20 @@ pub(crate) fn poorly_seen<R: Rasterizer>(
     votes: &Votes,
 ) -> Result<Option<PoorlySeen>, FitError> {
     let poor = |i: usize| selected[i] && votes.views[i] < ENOUGH_VIEWS;
-    let features: Vec<f32> = (0..start.len()).map(|i| f32::from(u8::from(poor(i)))).collect();
+    let flag = |on: bool| f32::from(u8::from(on));
+    let features: Vec<f32> =
+        (0..start.len()).flat_map(|i| [flag(poor(i)), flag(selected[i])]).collect();
     let params = RenderParams { rgb: false, depth: false, ..RenderParams::default() };
+    // Of what a pixel shows of the selection, more than half.
+    let is_poor = |poor: f32, selected: f32| selected > 0.1 && poor > 0.5 * selected;
     let mut found: Option<(usize, PoorlySeen)> = None;
     let mut total = 0;
     for view in views.iter().filter(|view| view.is_edited()) {
         let mut prepared = raster.prepare(start, &view.camera)?;
         let shown = raster.forward(&mut prepared, start, &features, &params)?.features;
-        let pixels: Vec<usize> =
-            (0..shown.len()).filter(|&p| view.mask[p] && shown[p] > 0.5).collect();
+        let pixels: Vec<usize> = (0..view.mask.len())
+            .filter(|&p| view.mask[p] && is_poor(shown[2 * p], shown[2 * p + 1]))
+            .collect();
         total += pixels.len();
         if pixels.len() > found.as_ref().map_or(0, |(most, _)| *most) {
             let mut image = Image {

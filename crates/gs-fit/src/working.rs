@@ -1,5 +1,6 @@
 //! [`Working`]: the splats of a running fit, with what is known of each row.
 
+use crate::alignment::Aligning;
 use crate::optimizer::Optimizer;
 use crate::votes::Votes;
 use gs_core::{Splats, activation, quat};
@@ -17,6 +18,8 @@ const FAINT_AT_END: f32 = 0.02;
 const DENSIFIED_SHARE: f64 = 0.125;
 /// Mean gradient of the projected centre, in half image sizes, above which a splat is cloned or split, as 3DGS does.
 const GRADIENT: f32 = 2e-4;
+/// Splats whose largest scale is beyond this many sizes of the selection are split, smaller ones cloned.
+const LARGE: f32 = 2.0;
 /// A split divides the scales by this, as 3DGS does.
 const SPLIT: f32 = 1.6;
 /// Splats that grew beyond this many sizes of the selection are removed unless they began larger.
@@ -32,11 +35,18 @@ pub(crate) struct Working {
     pub source: Vec<u32>,
     /// Whether the fit may change the row.
     pub selected: Vec<bool>,
+    /// Rows of the start that are or were selected.
+    pub chosen: Vec<bool>,
+    /// Whether some pictures show what lies behind the splat: at first only its opacity is fitted, so that it fades rather than take the colour of
+    /// what is behind it.
+    pub fading: Vec<bool>,
     /// Sum of gradient norms of the projected centre since the last densification.
     pub gradient: Vec<f32>,
     /// Steps in which the splat was seen since then.
     pub visits: Vec<u32>,
     pub optimizer: Optimizer,
+    /// How the pictures are aligned.
+    pub aligning: Aligning,
     /// Median size of the selected splats at the start, world units.
     pub size: f32,
 }
@@ -54,9 +64,12 @@ impl Working {
             splats: start.clone(),
             anchors: start.clone(),
             source: (0..n).map(|i| u32::try_from(i).unwrap_or(NEW)).collect(),
+            chosen: selected.clone(),
+            fading: vec![false; n],
             gradient: vec![0.0; n],
             visits: vec![0; n],
             optimizer: Optimizer::new(start),
+            aligning: Aligning::Local,
             size: sizes.get(sizes.len() / 2).copied().unwrap_or(1.0),
             selected,
         }
@@ -114,6 +127,7 @@ impl Working {
         self.anchors = self.anchors.select(&ids);
         self.source = ids.iter().map(|&i| self.source[i]).collect();
         self.selected = ids.iter().map(|&i| self.selected[i]).collect();
+        self.fading = ids.iter().map(|&i| self.fading[i]).collect();
         self.gradient = ids.iter().map(|&i| self.gradient[i]).collect();
         self.visits = ids.iter().map(|&i| self.visits[i]).collect();
     }
@@ -122,7 +136,7 @@ impl Working {
     pub(crate) fn densify(&mut self, seed: u64) -> usize {
         let mean = |i: usize| self.gradient[i] / self.visits[i].max(1) as f32;
         let mut pulled: Vec<usize> =
-            self.rows().into_iter().filter(|&i| mean(i) > GRADIENT).collect();
+            self.rows().into_iter().filter(|&i| mean(i) > GRADIENT && !self.fading[i]).collect();
         pulled.sort_by(|&a, &b| mean(b).total_cmp(&mean(a)).then(a.cmp(&b)));
         #[expect(
             clippy::cast_possible_truncation,
@@ -133,34 +147,25 @@ impl Working {
         pulled.truncate(most);
         let mut rng = Pcg64::seed_from_u64(seed);
         for &i in &pulled {
-            let scale = self.splats.scale(i);
-            let largest = scale.iter().copied().fold(0.0, f32::max);
-            let offset = |rng: &mut Pcg64| {
-                let local = scale.map(|s| s * normal(rng));
-                quat::rotate(self.splats.rotation(i), local)
+            let (centre, scale) = (self.splats.means[i], self.splats.scale(i));
+            let rotation = self.splats.rotation(i);
+            let mut drawn = |spread: f32| {
+                let offset = quat::rotate(rotation, scale.map(|s| spread * s * normal(&mut rng)));
+                [0, 1, 2].map(|k| centre[k] + offset[k])
             };
-            let (here, there) = (offset(&mut rng), offset(&mut rng));
-            if largest > 2.0 * self.size {
+            let is_large = scale.iter().copied().fold(0.0, f32::max) > LARGE * self.size;
+            let places = if is_large { [drawn(1.0), drawn(1.0)] } else { [centre, drawn(0.5)] };
+            if is_large {
                 for log_scale in &mut self.splats.log_scales[i] {
                     *log_scale -= SPLIT.ln();
                 }
-                let mean = self.splats.means[i];
-                self.push_copy(i);
-                self.splats.means[i] = [0, 1, 2].map(|k| mean[k] + here[k]);
-                self.anchors.means[i] = self.splats.means[i];
                 self.anchors.log_scales[i] = self.splats.log_scales[i];
-            } else {
-                self.push_copy(i);
             }
-            let last = self.splats.len() - 1;
-            let mean = self.splats.means[i];
-            if largest > 2.0 * self.size {
-                let centre = [0, 1, 2].map(|k| mean[k] - here[k]);
-                self.splats.means[last] = [0, 1, 2].map(|k| centre[k] + there[k]);
-            } else {
-                self.splats.means[last] = [0, 1, 2].map(|k| mean[k] + 0.5 * there[k]);
+            self.push_copy(i);
+            for (row, place) in [i, self.splats.len() - 1].into_iter().zip(places) {
+                self.splats.means[row] = place;
+                self.anchors.means[row] = place;
             }
-            self.anchors.means[last] = self.splats.means[last];
         }
         self.gradient.fill(0.0);
         self.visits.fill(0);
@@ -173,6 +178,7 @@ impl Working {
         self.anchors.push_from(&copy, 0);
         self.source.push(NEW);
         self.selected.push(true);
+        self.fading.push(false);
         self.gradient.push(0.0);
         self.visits.push(0);
         self.optimizer.append(1, self.splats.sh_coeffs());
@@ -184,6 +190,9 @@ impl Working {
         for i in 0..self.selected.len() {
             if !self.selected[i] && votes.share(i) > share && votes.seen[i] > 1.0 {
                 self.selected[i] = true;
+                if let Some(chosen) = self.chosen.get_mut(self.source[i] as usize) {
+                    *chosen = true;
+                }
                 count += 1;
             }
         }

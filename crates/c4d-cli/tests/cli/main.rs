@@ -5,6 +5,7 @@
 mod bad_input;
 mod cameras;
 mod configuration;
+mod edit_pictures;
 mod exports;
 mod formats;
 mod gpu;

@@ -5,6 +5,7 @@ use crate::failure::{Failure, Outcome};
 use gs_core::{Camera, Image};
 use image::{DynamicImage, ImageReader};
 use std::collections::BTreeMap;
+use std::fmt::Write as _;
 use std::io::Cursor;
 use std::path::{Path, PathBuf};
 
@@ -115,7 +116,7 @@ fn find(folder: &Path, cameras: &[Camera], what: &str) -> Outcome<Vec<PathBuf>> 
 fn listed(names: &[&str]) -> String {
     let mut text = names.iter().take(SHOWN).copied().collect::<Vec<_>>().join(", ");
     if names.len() > SHOWN {
-        text.push_str(&format!(" and {} more", names.len() - SHOWN));
+        let _ = write!(text, " and {} more", names.len() - SHOWN);
     }
     text
 }

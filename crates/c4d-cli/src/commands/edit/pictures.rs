@@ -245,6 +245,11 @@ fn say(output: &Path, fitted: &Fitted, console: &Console, secs: f64) {
         ));
         return;
     }
+    if report.geometry_held {
+        console.note(
+            "fewer than three pictures are edited: colours and opacities are fitted, positions stay",
+        );
+    }
     console.note(format!(
         "{} of {} pictures are edited; {} splats selected, of which {} removed; {} new ({secs:.0} s)",
         report.edited_views, report.views, report.selected, report.removed, report.added

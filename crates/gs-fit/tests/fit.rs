@@ -1,0 +1,262 @@
+//! The fit on a small scene whose edit is known.
+
+#![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
+
+use gs_core::{Camera, DynamicScene, Image, Rasterizer, RenderParams, Splats};
+use gs_fit::{EditedPicture, FitError, FitObserver, FitOptions, FitState, Fitted, NoObserver, fit};
+use gs_raster_cpu::CpuRasterizer;
+use gs_synth::{DemoParams, Edit, Paint, Part, Region, SynthScene, apply_edits, demo};
+
+const SIDE: u32 = 96;
+
+fn scene() -> SynthScene {
+    demo(&DemoParams { num_splats: 3_000, seed: 3, sh_degree: 1, ..DemoParams::default() }).unwrap()
+}
+
+/// Red trousers, a graft of size, and one prop gone.
+fn edits() -> Vec<Edit> {
+    vec![
+        Edit::Recolour {
+            region: Region::parts(&[Part::Pelvis, Part::ThighL, Part::ThighR]),
+            paint: Paint::Solid([0.8, 0.1, 0.1]),
+        },
+        Edit::Clothing {
+            region: Region::parts(&[Part::Chest]),
+            offset: [0.010, 0.016],
+            copies: 1.2,
+            jitter: 0.001,
+            paint: Some(Paint::Solid([0.1, 0.6, 0.2])),
+        },
+    ]
+}
+
+fn render(camera: &Camera, splats: &Splats) -> Image {
+    let raster = CpuRasterizer::default();
+    let mut prepared = raster.prepare(splats, camera).unwrap();
+    let params = RenderParams::default();
+    let mut image = raster.forward(&mut prepared, splats, &[], &params).unwrap().rgb_image();
+    for value in &mut image.data {
+        *value = (value.clamp(0.0, 1.0) * 255.0).round() / 255.0;
+    }
+    image
+}
+
+fn pictures(cameras: &[Camera], splats: &Splats) -> Vec<EditedPicture> {
+    cameras
+        .iter()
+        .map(|camera| EditedPicture {
+            camera: camera.clone(),
+            image: render(camera, splats),
+            mask: None,
+        })
+        .collect()
+}
+
+fn run(start: &Splats, pictures: &[EditedPicture], options: &FitOptions) -> Fitted {
+    fit(&CpuRasterizer::default(), start, pictures, options, None, &mut NoObserver).unwrap()
+}
+
+/// Mean squared error of held-out views, in all of the picture.
+fn error(cameras: &[Camera], splats: &Splats, truth: &Splats) -> f64 {
+    let sum: f64 = cameras
+        .iter()
+        .map(|camera| {
+            let (a, b) = (render(camera, splats), render(camera, truth));
+            let squares = a.data.iter().zip(&b.data).map(|(a, b)| f64::from(a - b).powi(2));
+            squares.sum::<f64>() / a.data.len() as f64
+        })
+        .sum();
+    sum / cameras.len() as f64
+}
+
+fn gain_db(before: f64, after: f64) -> f64 {
+    10.0 * (before / after).log10()
+}
+
+/// Rows that were not selected are where they were, bit for bit; new ones come last.
+fn assert_rest_is_kept(start: &Splats, fitted: &Fitted) {
+    let old: Vec<u32> = fitted.source_rows.iter().map_while(|row| *row).collect();
+    assert!(old.is_sorted_by(|a, b| a < b), "in the order of the start");
+    assert!(fitted.source_rows[old.len()..].iter().all(Option::is_none), "new ones last");
+    let kept: Vec<usize> = (0..start.len()).filter(|&i| !fitted.selected[i]).collect();
+    let now: Vec<usize> = (0..old.len()).filter(|&i| !fitted.selected[old[i] as usize]).collect();
+    assert!(start.select(&kept) == fitted.splats.select(&now), "not selected, not changed");
+    assert_eq!(fitted.source_rows.len(), fitted.splats.len(), "one row each");
+}
+
+#[test]
+fn unedited_pictures_give_the_start_back() {
+    let scene = scene();
+    let start = scene.frame1();
+    let fitted =
+        run(start, &pictures(&scene.orbit_cameras(3, SIDE, SIDE), start), &FitOptions::default());
+    assert!(&fitted.splats == start, "the same bits");
+    assert_eq!(fitted.report.edited_views, 0, "no edit");
+}
+
+#[test]
+fn edits_are_fitted_and_the_rest_is_kept() {
+    let scene = scene();
+    let start = scene.frame1();
+    let truth = apply_edits(&scene, &edits(), 1).unwrap().splats;
+    let cameras = scene.orbit_cameras(10, SIDE, SIDE);
+    let held_out: Vec<Camera> =
+        scene.orbit_cameras(20, SIDE, SIDE).into_iter().skip(1).step_by(4).collect();
+    let options = FitOptions { steps: 150, ..FitOptions::default() };
+    let fitted = run(start, &pictures(&cameras, &truth), &options);
+    assert_rest_is_kept(start, &fitted);
+    let (before, after) =
+        (error(&held_out, start, &truth), error(&held_out, &fitted.splats, &truth));
+    assert!(gain_db(before, after) > 10.0, "held-out views: {before:.2e}, then {after:.2e}");
+    assert!(fitted.report.poorly_seen.is_none(), "every side has its pictures");
+
+    let colors = FitOptions { geometry: false, ..options };
+    let painted = run(start, &pictures(&cameras, &truth), &colors);
+    assert_rest_is_kept(start, &painted);
+    for (i, row) in painted.source_rows.iter().enumerate() {
+        let row = row.expect("none is new") as usize;
+        assert_eq!(painted.splats.means[i], start.means[row], "geometry is kept");
+        assert_eq!(painted.splats.quats[i], start.quats[row], "geometry is kept");
+    }
+}
+
+/// Stops after some steps; keeps what was saved.
+struct Stops {
+    after: usize,
+    steps: usize,
+    saved: Option<FitState>,
+}
+
+impl FitObserver for Stops {
+    fn checkpoint(&mut self, state: &FitState) {
+        self.saved = Some(state.clone());
+    }
+
+    fn cancelled(&mut self) -> bool {
+        self.steps += 1;
+        self.steps == self.after
+    }
+}
+
+#[test]
+fn threads_and_interruptions_do_not_change_a_bit() {
+    let scene = scene();
+    let start = scene.frame1();
+    let truth = apply_edits(&scene, &edits(), 1).unwrap().splats;
+    let pictures = pictures(&scene.orbit_cameras(5, 64, 64), &truth);
+    let options = FitOptions { steps: 60, ..FitOptions::default() };
+    let with_threads = |threads: usize| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        pool.install(|| run(start, &pictures, &options))
+    };
+    let whole = with_threads(1);
+    assert!(whole == with_threads(3), "threads");
+    for after in [17, 45] {
+        let mut stops = Stops { after, steps: 0, saved: None };
+        let raster = CpuRasterizer::default();
+        let stopped = fit(&raster, start, &pictures, &options, None, &mut stops);
+        assert!(matches!(stopped, Err(FitError::Cancelled)), "stopped");
+        let state = stops.saved.unwrap();
+        let resumed =
+            fit(&raster, start, &pictures, &options, Some(&state), &mut NoObserver).unwrap();
+        assert!(resumed.splats == whole.splats, "resumed after {after} steps");
+        assert_eq!(resumed.source_rows, whole.source_rows, "rows after {after} steps");
+
+        let other = FitOptions { seed: 1, ..options.clone() };
+        let refused = fit(&raster, start, &pictures, &other, Some(&state), &mut NoObserver);
+        assert!(matches!(refused, Err(FitError::State { .. })), "another fit's state");
+        let mut cut = state;
+        cut.arrays.iter_mut().for_each(|(_, values)| values.truncate(7));
+        let refused = fit(&raster, start, &pictures, &options, Some(&cut), &mut NoObserver);
+        assert!(refused.is_err(), "a damaged state");
+    }
+}
+
+#[test]
+fn deleted_objects_fade() {
+    let scene = scene();
+    let start = scene.frame1();
+    let gone = Edit::Remove { region: Region::parts(&[Part::Ball]) };
+    let truth = apply_edits(&scene, &[gone], 1).unwrap();
+    let mut is_ball = vec![true; start.len()];
+    for row in truth.truth.source_rows.iter().flatten() {
+        is_ball[*row as usize] = false;
+    }
+    let pictures = pictures(&scene.orbit_cameras(12, SIDE, SIDE), &truth.splats);
+    let fitted = run(start, &pictures, &FitOptions { steps: 200, ..FitOptions::default() });
+    assert_rest_is_kept(start, &fitted);
+    let held_out: Vec<Camera> =
+        scene.orbit_cameras(24, SIDE, SIDE).into_iter().skip(1).step_by(4).collect();
+    let coverage = |splats: &Splats, counted: &dyn Fn(usize) -> bool| -> f64 {
+        let raster = CpuRasterizer::default();
+        let features: Vec<f32> =
+            (0..splats.len()).map(|i| f32::from(u8::from(counted(i)))).collect();
+        let params = RenderParams { rgb: false, depth: false, ..RenderParams::default() };
+        let shown = held_out.iter().map(|camera| {
+            let mut prepared = raster.prepare(splats, camera).unwrap();
+            let shown = raster.forward(&mut prepared, splats, &features, &params).unwrap().features;
+            shown.iter().map(|&x| f64::from(x)).sum::<f64>()
+        });
+        shown.sum()
+    };
+    let before = coverage(start, &|i| is_ball[i]);
+    let after = coverage(&fitted.splats, &|i| {
+        fitted.source_rows[i].is_some_and(|row| is_ball[row as usize])
+    });
+    assert!(before > 100.0, "there was something: {before}");
+    // Pictures of 96² hardly show the undersides; at 320² nothing is left (docs/BENCHMARKS.md).
+    assert!(after < 0.15 * before, "{:.2} % of it are left", 100.0 * after / before);
+}
+
+/// One edited picture of several: the others show the scene as it was, and must not undo the edit.
+#[test]
+fn one_edited_picture_is_enough() {
+    let scene = scene();
+    let start = scene.frame1();
+    let truth = apply_edits(&scene, &edits()[..1], 1).unwrap().splats;
+    let cameras = scene.orbit_cameras(6, SIDE, SIDE);
+    let mut all = pictures(&cameras, start);
+    all[0].image = render(&cameras[0], &truth);
+    let fitted = run(start, &all, &FitOptions { steps: 120, ..FitOptions::default() });
+    assert_rest_is_kept(start, &fitted);
+    let seen = &cameras[..1];
+    let gain = gain_db(error(seen, start, &truth), error(seen, &fitted.splats, &truth));
+    assert!(gain > 8.0, "in the picture: {gain:.1} dB");
+    let behind = &cameras[3..4];
+    let harm = error(behind, &fitted.splats, start);
+    assert!(harm < 5e-4, "from behind, where nothing is known: {harm:.2e}");
+    let report = &fitted.report;
+    let counts = [report.edited_views, report.masked_pixels, report.selected];
+    assert!(report.poorly_seen.is_some(), "said: {counts:?}");
+}
+
+#[test]
+fn what_does_not_fit_is_refused() {
+    let scene = scene();
+    let start = scene.frame1();
+    let cameras = scene.orbit_cameras(2, 64, 48);
+    let good = pictures(&cameras, start);
+    let refused = |pictures: &[EditedPicture], options: &FitOptions| -> String {
+        let raster = CpuRasterizer::default();
+        fit(&raster, start, pictures, options, None, &mut NoObserver).unwrap_err().to_string()
+    };
+    let options = FitOptions::default();
+    assert!(refused(&[], &options).contains("no pictures"), "none");
+    let mut small = good.clone();
+    small[1].image = Image::zeros(32, 48, 3);
+    assert!(refused(&small, &options).contains("expected 64×48"), "another size");
+    let mut mask = good.clone();
+    mask[0].mask = Some(vec![true; 5]);
+    assert!(refused(&mask, &options).contains("the mask is 5 pixels"), "another mask");
+    // Only the sky, which no splat is mainly seen in.
+    let mut sky = good.clone();
+    let mut corner = vec![false; 64 * 48];
+    corner[..3].fill(true);
+    sky[0].mask = Some(corner);
+    assert!(refused(&sky, &options).contains("no splat is mainly seen there"), "nothing selected");
+    let bad = FitOptions { steps: 0, ..FitOptions::default() };
+    assert!(refused(&good, &bad).contains("steps is 0"), "no steps");
+    let bad = FitOptions { reference: Some(7), ..FitOptions::default() };
+    assert!(refused(&good, &bad).contains("reference"), "no such view");
+    assert_eq!(scene.num_splats(), start.len(), "one row a splat");
+}

@@ -1,7 +1,7 @@
 //! What moves as one of what the edit moved, and which source splats show how.
 
 use crate::binding::index;
-use crate::identity::IdentityMap;
+use crate::identity::{Identity, IdentityMap};
 use crate::keyframes::{FADED, KeyFrames};
 use crate::moved_group::MovedGroup;
 use crate::rigid::{RigidFit, norm, sub};
@@ -32,13 +32,17 @@ pub(crate) struct Groups {
 pub(crate) fn groups(keys: &KeyFrames, dynamic: &[bool], identity: &IdentityMap) -> Groups {
     let mut found = Groups { groups: Vec::new(), of_row: vec![0; identity.rows.len()] };
     let whole = identity.whole_scene();
+    let in_place = in_place(identity, keys.at_edit.len());
     for (number, similarity) in (0..).zip(&identity.similarities) {
         let members: Vec<(usize, u32)> = identity.members(number).collect();
         let mut ids: Vec<u32> = members.iter().map(|member| member.1).collect();
         ids.sort_unstable();
         ids.dedup();
         let first = found.groups.len();
-        let pieces = if whole == Some(number) { vec![0; ids.len()] } else { pieces(keys, &ids) };
+        // A copy, whose source is still there, belongs to nothing that moves: it does the same in a place of its own, as one.
+        let copied = 2 * ids.iter().filter(|&&id| in_place[id as usize]).count() > ids.len();
+        let as_one = copied || whole == Some(number);
+        let pieces = if as_one { vec![0; ids.len()] } else { pieces(keys, &ids) };
         for piece in 0..=pieces.iter().copied().max().unwrap_or(0) {
             let of_piece: Vec<u32> = ids
                 .iter()
@@ -47,13 +51,24 @@ pub(crate) fn groups(keys: &KeyFrames, dynamic: &[bool], identity: &IdentityMap)
                 .map(|(id, _)| *id)
                 .collect();
             let moves = of_piece.iter().filter(|&&id| dynamic[id as usize]).count();
-            let carried = whole != Some(number) && 2 * moves > of_piece.len();
+            let carried = !as_one && 2 * moves > of_piece.len();
             let carriers = if carried { carriers(keys, &of_piece) } else { Vec::new() };
             found.groups.push(MovedGroup { similarity: *similarity, carriers });
         }
         for (row, id) in members {
             let at = ids.binary_search(&id).map_or(0, |at| pieces[at]);
             found.of_row[row] = index(first + at);
+        }
+    }
+    found
+}
+
+/// Source splats that are in the edit where they were.
+fn in_place(identity: &IdentityMap, num_sources: usize) -> Vec<bool> {
+    let mut found = vec![false; num_sources];
+    for row in &identity.rows {
+        if let Identity::Unchanged(id) | Identity::Recoloured(id) = *row {
+            found[id as usize] = true;
         }
     }
     found

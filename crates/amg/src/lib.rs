@@ -25,6 +25,7 @@
 //! | binding | per edited splat, the source splats it follows and their weights |
 
 mod aggregate;
+mod beside_moved;
 mod binding;
 mod bit_map;
 mod carriers;

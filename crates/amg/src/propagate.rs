@@ -1,5 +1,6 @@
 //! The whole stage: from a source scene and edited splats to a scene that moves.
 
+use crate::beside_moved::companions;
 use crate::binding::{Binding, RowKind};
 use crate::carriers;
 use crate::dynamics::DynamicSplit;
@@ -66,12 +67,26 @@ pub fn propagate(
 
     report.num_dynamic = split.dynamic.iter().filter(|&&d| d).count();
     let mut rows = exact_rows(&identity);
-    let work = Work::of(&keys, &split, &edited, &identity, options, &mut report);
+    let beside = match options.guide {
+        MotionGuide::Regions(_) => {
+            let reach = f64::from(options.reach) * split.figure_size;
+            companions(&keys, &edited, &identity, reach)
+        }
+        _ => Vec::new(),
+    };
+    let mut work = Work::of(&keys, &split, &edited, &identity, options, &mut report);
+    // Both in order of rows.
+    work.open.retain(|row| beside.binary_search_by_key(row, |companion| companion.row).is_err());
     let mut aggregation = options.aggregation;
     for (&row, found) in work.open.iter().zip(work.bind(&mut aggregation, &mut report, progress)?) {
         rows[row] = found;
     }
-    let groups = carriers::groups(&keys, &split.dynamic, &identity);
+    let mut groups = carriers::groups(&keys, &split.dynamic, &identity);
+    for companion in &beside {
+        rows[companion.row] = (RowKind::Moved, vec![(companion.source, 1.0)]);
+        groups.of_row[companion.row] = groups.of_row[companion.neighbor];
+    }
+    report.beside_moved = beside.len();
     let binding = Binding::from_rows(
         rows.iter().map(|(kind, entries)| (*kind, &entries[..])),
         keys.at_edit.len(),

@@ -26,8 +26,11 @@ pub struct MotionReport {
     pub moved: usize,
     /// Splats of each such group, and what the edit did to it, in words.
     pub moved_groups: Vec<(usize, String)>,
-    /// ... that are none of these, matched by the guide (`blended + static_rows + field_rows`).
+    /// ... that are none of these, matched by the guide (`blended + static_rows + field_rows +
+    /// beside_moved`).
     pub edited: usize,
+    /// Edited rows beside a moved group, which go with it.
+    pub beside_moved: usize,
     /// Source splats that no edited splat is.
     pub vanished: usize,
     /// Rows that blend sources.

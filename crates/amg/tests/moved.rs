@@ -375,3 +375,49 @@ fn moved_rows_fade_as_their_sources_do_and_neither_order_nor_threads_matter() {
     }
     assert_eq!(one.at(0.0).unwrap(), edited, "the edit time is the edit");
 }
+
+#[test]
+fn a_copy_does_the_same_in_a_place_of_its_own_with_what_was_added_to_it() {
+    let scene = scene();
+    let source = scene.at(0.0).unwrap();
+    let count = source.len();
+    let all: Vec<usize> = (0..count).collect();
+    let similarity = about(centre(&source, &all), 0.6, [0.96, 0.0, 0.28, 0.0], [4.0, 0.3, -1.0]);
+    let copy = similarity.place(&source);
+    let mut edited = source.clone();
+    for row in 0..count {
+        edited.push_from(&copy, row);
+    }
+    // Some of the copy was edited further: these are no splats of the source any more.
+    const NUDGE: f32 = 0.01;
+    let (changed, coeffs) = (|row: usize| row % 9 == 0, edited.sh_coeffs());
+    for row in all.iter().copied().filter(|&row| changed(row)) {
+        edited.means[count + row][1] += NUDGE;
+        edited.log_scales[count + row][row % 3] += 0.7;
+        edited.sh[(count + row) * coeffs] = [1.0, -0.5, 0.2];
+    }
+    let source_scene: Arc<dyn DynamicScene> = Arc::new(scene.clone());
+    let options = MotionOptions::preset(Preset::Regions);
+    let found = propagate(source_scene, Arc::new(edited), &options, &|_, _| {}).unwrap();
+    assert_eq!(found.report.moved_groups.len(), 1, "one copy: {:?}", found.report.moved_groups);
+    let binding = found.scene.binding();
+    assert_eq!(binding.groups().len(), 1, "its parts do not part");
+    assert_eq!(found.report.beside_moved, count.div_ceil(9), "what was added goes along");
+    for t in TIMES {
+        let (now, moved) = (scene.at(t).unwrap(), found.scene.at(t).unwrap());
+        assert_eq!(moved.means[..count], now.means[..], "the original is untouched at {t}");
+        let mut added = Vec::new();
+        for row in 0..count {
+            let expected = similarity.apply(now.means[row].map(f64::from));
+            let off = distance(moved.means[count + row], expected);
+            if changed(row) {
+                added.push(off);
+            } else {
+                assert!(off < 1e-4, "row {row} at {t}: {off}");
+            }
+        }
+        // It was put beside its old place, and keeps that distance.
+        let mean = added.iter().sum::<f64>() / added.len() as f64;
+        assert!(mean < 1.2 * f64::from(NUDGE), "mean error of what was added at {t}: {mean}");
+    }
+}

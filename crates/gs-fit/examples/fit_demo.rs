@@ -1,4 +1,5 @@
-//! Quality of the fit against known truth: the demo scene's edit, judged by views between those that are given.
+//! Quality of the fit against known truth: the demo scene's edit, judged by views between those
+//! that are given.
 //!
 //! `cargo run --release --workspace --example fit_demo [CASE …]`; without a case, all. [docs/BENCHMARKS.md](../../../docs/BENCHMARKS.md)
 //! has the results.
@@ -202,7 +203,8 @@ fn normal(rng: &mut Pcg64) -> f32 {
     (-2.0 * (1.0 - u).ln()).sqrt() * (std::f32::consts::TAU * v).cos()
 }
 
-/// Smooth noise of unit variance: waves of random direction and phase, some `wavelength` pixels long.
+/// Smooth noise of unit variance: waves of random direction and phase, some `wavelength` pixels
+/// long.
 fn waves(rng: &mut Pcg64, wavelength: f32) -> impl Fn(f32, f32) -> f32 + use<> {
     let list: Vec<[f32; 3]> = (0..12)
         .map(|_| {

@@ -1,7 +1,8 @@
 //! [`Alignment`]: gain, offset and displacement that bring one picture to the splats as they are.
 //!
-//! Pictures that were edited one by one disagree: in brightness, in position by some pixels, in shape. A fit to all of them is their blur.
-//! Each picture is therefore registered to the current render now and then, and the fit goes on with the registered picture.
+//! Pictures that were edited one by one disagree: in brightness, in position by some pixels, in
+//! shape. A fit to all of them is their blur. Each picture is therefore registered to the current
+//! render now and then, and the fit goes on with the registered picture.
 
 use glam::{DMat3, DVec3};
 use gs_core::Camera;
@@ -90,8 +91,9 @@ impl Alignment {
         picture.sample(x as f32 + self.shift[0] + lx, y as f32 + self.shift[1] + ly)
     }
 
-    /// Registers the picture to `render` (`[H,W,3]`) inside `mask`, starting from what is known. `radius` is half the width of the window in
-    /// which local displacements are constant, pixels; `None` for a common displacement only.
+    /// Registers the picture to `render` (`[H,W,3]`) inside `mask`, starting from what is known.
+    /// `radius` is half the width of the window in which local displacements are constant, pixels;
+    /// `None` for a common displacement only.
     pub(crate) fn estimate(
         &mut self,
         picture: Picture,
@@ -135,7 +137,8 @@ impl Alignment {
         }
     }
 
-    /// The whole-pixel step from the present displacement with the least absolute difference, refined by a parabola per axis.
+    /// The whole-pixel step from the present displacement with the least absolute difference,
+    /// refined by a parabola per axis.
     fn common_shift(&mut self, picture: Picture, render: &[f32], mask: &[bool]) {
         let width = picture.width;
         let pixels: Vec<usize> = (0..mask.len()).filter(|&p| mask[p]).collect();
@@ -182,7 +185,8 @@ impl Alignment {
         Self { local: Vec::new(), ..*self }
     }
 
-    /// One pass of windowed least squares (Lucas–Kanade): the local displacement that explains the differences left.
+    /// One pass of windowed least squares (Lucas–Kanade): the local displacement that explains the
+    /// differences left.
     fn refine_locally(&mut self, picture: Picture, render: &[f32], mask: &[bool], radius: usize) {
         let Picture { width, height, .. } = picture;
         let pixels = width * height;
@@ -290,11 +294,12 @@ pub(crate) enum Aligning {
     Local,
 }
 
-/// Medians from which on pictures disagree: displacement in pixels, logarithm of the gain. Pictures that agree reach 0.13 pixels and 0.02 while
-/// the fit is under way; a gain of σ 0.15 and a shift of σ 2 pixels are found as 0.05 and 2.4.
+/// Medians from which on pictures disagree: displacement in pixels, logarithm of the gain. Pictures
+/// that agree reach 0.13 pixels and 0.02 while the fit is under way; a gain of σ 0.15 and a shift
+/// of σ 2 pixels are found as 0.05 and 2.4.
 const DISAGREE: [f32; 2] = [0.4, 0.03];
-/// Median of the local displacements, root mean square in pixels, from which on they are real; pictures without any reach 0.4, a warp of σ 2
-/// pixels is found as 0.9.
+/// Median of the local displacements, root mean square in pixels, from which on they are real;
+/// pictures without any reach 0.4, a warp of σ 2 pixels is found as 0.9.
 const DISAGREE_LOCALLY: f32 = 0.6;
 
 /// What the first estimates show to be needed.
@@ -321,8 +326,9 @@ pub(crate) fn needed(alignments: &[Alignment]) -> Aligning {
     }
 }
 
-/// Takes out of the alignments what all pictures have in common: the geometric mean of the gains, the mean offset, and the displacement that a
-/// translation of the content by one vector explains; relative to view `reference` all but the translation, if there is one.
+/// Takes out of the alignments what all pictures have in common: the geometric mean of the gains,
+/// the mean offset, and the displacement that a translation of the content by one vector explains;
+/// relative to view `reference` all but the translation, if there is one.
 pub(crate) fn hold_common(
     alignments: &mut [Alignment],
     cameras: &[&Camera],

@@ -40,13 +40,15 @@ const FADING_SHARE: f32 = 0.3;
 const FADE_UNTIL: f64 = 0.5;
 /// Share of the fit after which anchors no longer pull.
 const ANCHOR_UNTIL: f64 = 0.3;
-/// Width of the band around the selection in which unedited pictures say nothing, as a share of the longer image side.
+/// Width of the band around the selection in which unedited pictures say nothing, as a share of the
+/// longer image side.
 const UNSURE_BAND: f32 = 0.03;
 
 /// The result of a fit.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Fitted {
-    /// Splats that were not selected, bit for bit, and selected ones that are left, in the order of the start; then new ones.
+    /// Splats that were not selected, bit for bit, and selected ones that are left, in the order of
+    /// the start; then new ones.
     pub splats: Splats,
     /// Row of the start of each splat; `None` for new ones.
     pub source_rows: Vec<Option<u32>>,
@@ -56,12 +58,14 @@ pub struct Fitted {
     pub report: FitReport,
 }
 
-/// Fits the splats that the pictures show edited; see the crate's documentation. With `state`, goes on from there to the same bits.
+/// Fits the splats that the pictures show edited; see the crate's documentation. With `state`, goes
+/// on from there to the same bits.
 ///
 /// Pictures that do not differ from the scene, in no view, give the start back.
 ///
 /// # Errors
-/// If pictures, masks, options or state do not fit the scene, nothing is selected, the rasteriser fails, or the observer stops the fit.
+/// If pictures, masks, options or state do not fit the scene, nothing is selected, the rasteriser
+/// fails, or the observer stops the fit.
 pub fn fit<R: Rasterizer>(
     raster: &R,
     start: &Splats,
@@ -144,7 +148,8 @@ fn vote<R: Rasterizer>(raster: &R, splats: &Splats, views: &[View]) -> Result<Vo
     Votes::of(raster, splats, edited.map(|view| (&view.camera, view.mask.as_slice())))
 }
 
-/// Unedited pictures say nothing of what was edited elsewhere: they have no weight where they show the selection.
+/// Unedited pictures say nothing of what was edited elsewhere: they have no weight where they show
+/// the selection.
 fn weigh_unedited<R: Rasterizer>(
     raster: &R,
     start: &Splats,
@@ -382,11 +387,12 @@ impl<R: Rasterizer> Run<'_, R> {
         Ok(())
     }
 
-    /// Finds selected splats where the pictures show what lies behind them: with all pictures they are removed, with some they fade.
-    /// Returns how many were removed.
+    /// Finds selected splats where the pictures show what lies behind them: with all pictures they
+    /// are removed, with some they fade. Returns how many were removed.
     fn carve(&mut self) -> Result<usize, FitError> {
         let n = self.working.splats.len();
-        // Splats whose pictures differ from the scene; those that only lie beside an edit belong to what is behind.
+        // Splats whose pictures differ from the scene; those that only lie beside an edit belong to
+        // what is behind.
         let (seen, same) = self.agreement(|view| Ok(view.original.clone()))?;
         let mut front: Vec<bool> =
             (0..n).map(|i| self.working.selected[i] && same[i] < SAME_SHARE * seen[i]).collect();
@@ -402,7 +408,8 @@ impl<R: Rasterizer> Run<'_, R> {
         Ok(self.working.prune(&gone, false))
     }
 
-    /// Share of each splat's visible pixels that look as without the splats in `front`; 1 for splats of `front` that are hidden by others of it.
+    /// Share of each splat's visible pixels that look as without the splats in `front`; 1 for
+    /// splats of `front` that are hidden by others of it.
     fn share_behind(&self, front: &[bool]) -> Result<Vec<f32>, FitError> {
         let kept: Vec<usize> = (0..front.len()).filter(|&i| !front[i]).collect();
         let behind = self.working.splats.select(&kept);
@@ -415,7 +422,8 @@ impl<R: Rasterizer> Run<'_, R> {
         Ok((0..front.len()).map(share).collect())
     }
 
-    /// Per splat, pixels of the edited pictures that show it, and those of them where the picture looks like `other` (`[H,W,3]`).
+    /// Per splat, pixels of the edited pictures that show it, and those of them where the picture
+    /// looks like `other` (`[H,W,3]`).
     fn agreement(
         &self,
         other: impl Fn(&View) -> Result<Vec<f32>, FitError>,

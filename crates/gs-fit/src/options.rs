@@ -2,8 +2,8 @@
 
 use crate::FitError;
 
-/// Adam's learning rates. Those of positions are in sizes of the selected splats (median of their mean standard deviation), so that they
-/// follow the scene's scale.
+/// Adam's learning rates. Those of positions are in sizes of the selected splats (median of their
+/// mean standard deviation), so that they follow the scene's scale.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct FitRates {
     /// Of means, splat sizes; falls to a tenth over the fit.
@@ -31,23 +31,29 @@ pub struct FitOptions {
     pub steps: usize,
     /// Learning rates.
     pub rates: FitRates,
-    /// Whether positions, rotations and scales are fitted; colour and opacity always are. Default true.
+    /// Whether positions, rotations and scales are fitted; colour and opacity always are. Default
+    /// true.
     pub geometry: bool,
-    /// Whether splats are added where the gradient asks for detail, and removed where the pictures show what lies behind. Default true.
+    /// Whether splats are added where the gradient asks for detail, and removed where the pictures
+    /// show what lies behind. Default true.
     pub densify: bool,
     /// Share of D-SSIM in the loss. Default 0.2, as 3DGS trains.
     pub dssim: f32,
-    /// Difference of a channel (0 to 1) above which a pixel is edited. Default 8/255: more than a lossy format adds.
+    /// Difference of a channel (0 to 1) above which a pixel is edited. Default 8/255: more than a
+    /// lossy format adds.
     pub threshold: f32,
     /// Masks are dilated by this share of the longer image side. Default 0.01.
     pub dilation: f32,
-    /// Share of a splat's visible pixels that must lie in the masks for it to be selected. Default 0.5.
+    /// Share of a splat's visible pixels that must lie in the masks for it to be selected. Default
+    /// 0.5.
     pub vote: f32,
-    /// Share of its distance to the start by which geometry is pulled back in a step; fades to 0 over the first third of the fit. Default 0.02.
+    /// Share of its distance to the start by which geometry is pulled back in a step; fades to 0
+    /// over the first third of the fit. Default 0.02.
     pub anchor: f32,
     /// Background colour that the pictures are composited over, 0 to 1.
     pub background: [f64; 3],
-    /// Whether differences between the pictures (gain, offset, displacement) are estimated and taken out. Default true.
+    /// Whether differences between the pictures (gain, offset, displacement) are estimated and
+    /// taken out. Default true.
     pub align: bool,
     /// View whose picture the others are aligned to; `None` for their mean.
     pub reference: Option<usize>,

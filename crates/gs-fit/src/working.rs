@@ -16,9 +16,11 @@ const FAINT: f32 = 0.005;
 const FAINT_AT_END: f32 = 0.02;
 /// At most this share of the selection is cloned or split at a time.
 const DENSIFIED_SHARE: f64 = 0.125;
-/// Mean gradient of the projected centre, in half image sizes, above which a splat is cloned or split, as 3DGS does.
+/// Mean gradient of the projected centre, in half image sizes, above which a splat is cloned or
+/// split, as 3DGS does.
 const GRADIENT: f32 = 2e-4;
-/// Splats whose largest scale is beyond this many sizes of the selection are split, smaller ones cloned.
+/// Splats whose largest scale is beyond this many sizes of the selection are split, smaller ones
+/// cloned.
 const LARGE: f32 = 2.0;
 /// A split divides the scales by this, as 3DGS does.
 const SPLIT: f32 = 1.6;
@@ -37,8 +39,8 @@ pub(crate) struct Working {
     pub selected: Vec<bool>,
     /// Rows of the start that are or were selected.
     pub chosen: Vec<bool>,
-    /// Whether some pictures show what lies behind the splat: at first only its opacity is fitted, so that it fades rather than take the colour of
-    /// what is behind it.
+    /// Whether some pictures show what lies behind the splat: at first only its opacity is fitted,
+    /// so that it fades rather than take the colour of what is behind it.
     pub fading: Vec<bool>,
     /// Sum of gradient norms of the projected centre since the last densification.
     pub gradient: Vec<f32>,
@@ -80,7 +82,8 @@ impl Working {
         (0..self.selected.len()).filter(|&i| self.selected[i]).collect()
     }
 
-    /// Pulls geometry and opacity of the selected rows towards their anchors by this share of the distance.
+    /// Pulls geometry and opacity of the selected rows towards their anchors by this share of the
+    /// distance.
     pub(crate) fn pull(&mut self, share: f32) {
         for i in 0..self.selected.len() {
             if !self.selected[i] {
@@ -132,7 +135,8 @@ impl Working {
         self.visits = ids.iter().map(|&i| self.visits[i]).collect();
     }
 
-    /// Clones small and splits large selected splats whose projected centres are pulled about most; the new rows come last.
+    /// Clones small and splits large selected splats whose projected centres are pulled about most;
+    /// the new rows come last.
     pub(crate) fn densify(&mut self, seed: u64) -> usize {
         let mean = |i: usize| self.gradient[i] / self.visits[i].max(1) as f32;
         let mut pulled: Vec<usize> =
@@ -184,7 +188,8 @@ impl Working {
         self.optimizer.append(1, self.splats.sh_coeffs());
     }
 
-    /// Selects rows of the start that the votes now see mainly in the masks: those that came to light. Returns how many.
+    /// Selects rows of the start that the votes now see mainly in the masks: those that came to
+    /// light. Returns how many.
     pub(crate) fn select_more(&mut self, votes: &Votes, share: f32) -> usize {
         let mut count = 0;
         for i in 0..self.selected.len() {

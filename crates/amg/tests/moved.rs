@@ -378,6 +378,7 @@ fn moved_rows_fade_as_their_sources_do_and_neither_order_nor_threads_matter() {
 
 #[test]
 fn a_copy_does_the_same_in_a_place_of_its_own_with_what_was_added_to_it() {
+    const NUDGE: f32 = 0.01;
     let scene = scene();
     let source = scene.at(0.0).unwrap();
     let count = source.len();
@@ -389,8 +390,7 @@ fn a_copy_does_the_same_in_a_place_of_its_own_with_what_was_added_to_it() {
         edited.push_from(&copy, row);
     }
     // Some of the copy was edited further: these are no splats of the source any more.
-    const NUDGE: f32 = 0.01;
-    let (changed, coeffs) = (|row: usize| row % 9 == 0, edited.sh_coeffs());
+    let (changed, coeffs) = (|row: usize| row.is_multiple_of(9), edited.sh_coeffs());
     for row in all.iter().copied().filter(|&row| changed(row)) {
         edited.means[count + row][1] += NUDGE;
         edited.log_scales[count + row][row % 3] += 0.7;

@@ -76,7 +76,6 @@ impl Failure {
     }
 
     /// Exit code 3 for an error about inputs, with its sources; exit code 1 if memory ran out.
-    #[expect(clippy::needless_pass_by_value, reason = "for map_err")]
     pub(crate) fn input(error: impl std::error::Error + 'static) -> Self {
         let what = chain(&error);
         if is_out_of_memory(&error) {

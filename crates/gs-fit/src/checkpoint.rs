@@ -148,5 +148,5 @@ pub(crate) fn restore(
             Alignment { gain: [g0, g1, g2], offset: [o0, o1, o2], shift: [x, y], local };
         view.retarget();
     }
-    usize::try_from(state.step).map_err(|_| damaged("more steps than fit in memory"))
+    usize::try_from(state.step).map_err(|_too_large| damaged("more steps than fit in memory"))
 }

@@ -334,7 +334,7 @@ impl<R: Rasterizer> Run<'_, R> {
     }
 
     fn report(&mut self, done: usize, observer: &mut dyn FitObserver) {
-        if done % 10 == 0 || done == self.options.steps {
+        if done.is_multiple_of(10) || done == self.options.steps {
             let mean = self.losses.iter().sum::<f32>() / self.losses.len().max(1) as f32;
             self.losses.clear();
             observer.progress(&FitProgress {

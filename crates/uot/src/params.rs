@@ -163,8 +163,8 @@ pub enum Storage {
 pub struct WelschParams {
     /// Width of the cost. Default `MedianTimes(0.05)`.
     pub bandwidth: Bandwidth,
-    /// Pairs farther than `cutoff · β` (or with `w < exp(−cutoff²/2)`) may be taken to cost exactly
-    /// 1. Default 6: potentials good to 2e-9. 4 is enough for correspondences, 8 equals the dense
+    /// Pairs farther than `cutoff · β` (or with `w < exp(−cutoff²/2)`) may be taken to cost one.
+    /// Default 6: potentials good to 2e-9. For correspondences 4 is enough; 8 equals the dense
     /// problem.
     pub cutoff: f64,
     /// How the median is found. Default [`MedianMode::Auto`].

@@ -72,6 +72,7 @@ impl EditArgs {
 /// Flags of the fit to edited pictures.
 #[derive(Debug, Clone, Args)]
 #[command(next_help_heading = "Edited pictures")]
+#[expect(clippy::struct_excessive_bools, reason = "flags of a command line")]
 pub(crate) struct PictureFlags {
     /// Folder with the edited pictures of `c4d freeze --views`: PNG or JPEG, names and sizes as
     /// they were

@@ -136,6 +136,7 @@ fn take<const D: usize>(panel: &[f32], rows: &mut [[f32; D]]) {
 }
 
 /// The next `count` rows of an array, or none of an empty one.
+#[expect(clippy::mut_mut, reason = "the slice itself is shortened")]
 fn next<'a, T>(rest: &mut &'a mut [T], count: usize) -> &'a mut [T] {
     let count = count.min(rest.len());
     let (head, tail) = std::mem::take(rest).split_at_mut(count);

@@ -82,7 +82,8 @@ impl Entry {
             fy: Number(camera.intrinsics.fy),
             cx: Some(camera.intrinsics.cx),
             cy: Some(camera.intrinsics.cy),
-            near: (camera.near != NEAR_PLANE).then_some(camera.near),
+            // To the bit: what is not noted is read as the default.
+            near: (camera.near.to_bits() != NEAR_PLANE.to_bits()).then_some(camera.near),
             time: camera.time,
         }
     }

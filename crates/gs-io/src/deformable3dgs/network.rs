@@ -27,13 +27,11 @@ pub(crate) fn network(layers: &Layers<'_>, prefix: &str) -> Result<DeformMlp, Wr
         Some(rotation) => Warp::Screw { rotation, translation: layers.linear(&name("branch_v"))? },
         None => Warp::Translation(layers.linear(&name("gaussian_warp"))?),
     };
-    let color = match layers.linear_if_there(&name("gaussian_color"))? {
-        Some(only) => Some(vec![only]),
-        None => {
-            let several =
-                layers.sequence(|index| name(&format!("gaussian_color.{}", 2 * index)))?;
-            Some(several).filter(|several| !several.is_empty())
-        }
+    let color = if let Some(only) = layers.linear_if_there(&name("gaussian_color"))? {
+        Some(vec![only])
+    } else {
+        let several = layers.sequence(|index| name(&format!("gaussian_color.{}", 2 * index)))?;
+        Some(several).filter(|several| !several.is_empty())
     };
     Ok(DeformMlp::new(DeformMlpParts {
         timenet,

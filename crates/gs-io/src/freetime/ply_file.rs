@@ -69,7 +69,7 @@ pub(super) fn read(bytes: &[u8], path: &Path) -> Result<Model, IoError> {
         notes.push(format!("columns not used: {}", others.join(", ")));
     }
     let velocities = (0..read.splats.len()).map(|row| [2, 3, 4].map(|k| columns[k][row])).collect();
-    let [times, durations, ..] = columns.try_into().unwrap_or_else(|_| [const { Vec::new() }; 5]);
+    let [times, durations, ..] = columns.try_into().unwrap_or([const { Vec::new() }; 5]);
     Ok(Model {
         splats: read.splats,
         times,

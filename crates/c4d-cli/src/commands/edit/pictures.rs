@@ -128,11 +128,11 @@ fn cameras(args: &EditArgs, folder: &Path) -> Outcome<Vec<Camera>> {
     }
     let mut names: Vec<&str> = cameras.iter().map(|camera| camera.name.as_str()).collect();
     names.sort_unstable();
-    if let Some(pair) = names.windows(2).find(|pair| pair[0] == pair[1]) {
+    if let Some(pair) = names.array_windows().find(|[a, b]| a == b) {
+        let [name, _] = pair;
         return Err(Failure::bad_input(format!(
-            "{}: two cameras are called {}",
-            file.display(),
-            pair[0]
+            "{}: two cameras are called {name}",
+            file.display()
         )));
     }
     Ok(cameras)

@@ -16,7 +16,7 @@ pub(super) fn repair(counts: &RepairCounts, options: &RefineOptions, console: &C
     if options.evidence.is_none() {
         return;
     }
-    let mut text = if recoloured + faded > 0 {
+    let text = if recoloured + faded > 0 {
         let mut parts = Vec::new();
         if recoloured > 0 {
             parts.push(format!("{recoloured} got the change of colour of the surface around them"));
@@ -37,12 +37,14 @@ pub(super) fn repair(counts: &RepairCounts, options: &RefineOptions, console: &C
             "frame 1 hides {hidden} splats; none of them lies on a surface that the edit changed or deleted"
         )
     };
-    if undecided > 0 {
-        text += &format!(
+    let left = if undecided > 0 {
+        format!(
             "; {undecided} near a change stay as they are: the surface around them does not say what they should be"
-        );
-    }
-    console.note(text);
+        )
+    } else {
+        String::new()
+    };
+    console.note(format!("{text}{left}"));
 }
 
 /// Says what the images changed.

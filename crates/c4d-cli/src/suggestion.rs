@@ -97,6 +97,6 @@ mod tests {
         assert_eq!(for_path(dir.path(), Needed::Frame), None, "a clip is no frame");
         fs::write(dir.path().join("wave.splat4d"), "SP4D").unwrap();
         let said = for_path(dir.path(), Needed::Scene).unwrap();
-        assert!(said.contains("wave.splat4d") && said.contains("one of them"), "{said}");
+        assert!(said.contains("wave.splat4d") && said.contains("one of these paths"), "{said}");
     }
 }

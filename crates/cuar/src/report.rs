@@ -10,7 +10,7 @@ pub struct Report {
     pub num_edited: usize,
     /// Edited splats that some image shows.
     pub num_visible: usize,
-    /// What evidence repaired, and what it left ([`crate::refine_edit`]).
+    /// What evidence repaired, and what it left ([`crate::refine_edit()`]).
     pub repair: RepairCounts,
     /// Images that supervised.
     pub samples: Vec<ViewTime>,

@@ -51,7 +51,8 @@ pub(crate) fn log_scale(scale: f32) -> f32 {
 pub(crate) fn from_unnormalized(q: [f32; 4], scale: [f32; 3]) -> ([f32; 4], [f32; 3]) {
     let wide = q.map(f64::from);
     let norm_squared = quat::dot(wide, wide);
-    if (norm_squared - 1.0).abs() <= UNIT {
+    // What is no number stays so, to be recognised as damage.
+    if !norm_squared.is_finite() || (norm_squared - 1.0).abs() <= UNIT {
         return (quat::normalize(q), scale.map(log_scale));
     }
     let unit = if norm_squared > 0.0 { quat::normalize(wide) } else { [1.0, 0.0, 0.0, 0.0] };
@@ -187,6 +188,6 @@ mod tests {
         let (q, log_scales) = principal_axes([[0.0; 3]; 3], [1.0, 0.0, 0.0, 0.0]);
         assert_eq!((q, log_scales), ([1.0, 0.0, 0.0, 0.0], [FLAT_LOG_SCALE; 3]), "a point");
         let (q, _) = from_unnormalized([f32::NAN, 0.0, 0.0, 0.0], [1.0; 3]);
-        assert!(q[0].is_nan(), "ends");
+        assert!(q[0].is_nan(), "NaN stays NaN");
     }
 }

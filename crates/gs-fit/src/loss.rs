@@ -210,7 +210,9 @@ mod tests {
                 assert!(error < 4e-5, "value {k}: {slope} {}", v[k]);
             }
             if !weights.is_empty() {
-                assert_eq!(v[3 * 2], 0.0, "no influence far inside the weightless part");
+                // A pixel with weight has a slope of 1e-3; this is rounding of SSIM's variances.
+                let slope = v[3 * 2].abs();
+                assert!(slope < 1e-6, "no influence far inside the weightless part: {slope}");
             }
         }
     }

@@ -128,7 +128,7 @@ impl SceneKind {
         )
     }
 
-    /// Whether it is a trained dynamic scene that [`crate::open_source`] reads.
+    /// Whether it is a trained dynamic scene that [`crate::open_source()`] reads.
     pub fn is_source(&self) -> bool {
         matches!(
             self,

@@ -3,7 +3,8 @@
 
 #![allow(clippy::unwrap_used, reason = "shared functions of tests fail by panicking, as tests do")]
 
-use gs_io::cameras::{self, Reading, colmap, nerfies, poses_bounds, transforms};
+use gs_io::IoError;
+use gs_io::cameras::{self, CameraSet, Reading, colmap, nerfies, poses_bounds, transforms};
 use proptest::prelude::*;
 use std::fs;
 use std::sync::LazyLock;
@@ -105,8 +106,12 @@ fn absurd_counts_cost_nothing() {
     assert!(refused.contains("image 1 of 9"), "{refused}");
 }
 
-/// A folder with one changed file, opened; the message.
-fn refusal(kind: &str, file: &str, change: impl Fn(String) -> String) -> String {
+/// A folder with one changed file, opened.
+fn changed(
+    kind: &str,
+    file: &str,
+    change: impl Fn(String) -> String,
+) -> Result<CameraSet, IoError> {
     let folder = tempfile::tempdir().unwrap();
     copy(&fixture("cameras").join(kind), folder.path());
     let path = folder.path().join(file);
@@ -114,9 +119,25 @@ fn refusal(kind: &str, file: &str, change: impl Fn(String) -> String) -> String 
     let changed = change(text.clone());
     assert_ne!(text, changed, "the change changes something");
     fs::write(&path, changed).unwrap();
-    let message = cameras::open(folder.path(), Reading::Stored).unwrap_err().to_string();
-    assert!(message.contains(folder.path().to_str().unwrap()), "names the file: {message}");
-    message
+    let opened = cameras::open(folder.path(), Reading::Stored);
+    if let Err(error) = &opened {
+        let message = error.to_string();
+        assert!(message.contains(folder.path().to_str().unwrap()), "names the file: {message}");
+    }
+    opened
+}
+
+/// The message of a folder that cannot be used at all.
+fn refusal(kind: &str, file: &str, change: impl Fn(String) -> String) -> String {
+    changed(kind, file, change).unwrap_err().to_string()
+}
+
+/// What is said of a folder of which single views cannot be used.
+fn noted(kind: &str, file: &str, change: impl Fn(String) -> String) -> String {
+    let whole = cameras::open(fixture("cameras").join(kind), Reading::Stored).unwrap();
+    let left = changed(kind, file, change).unwrap();
+    assert!(!left.views.is_empty() && left.views.len() < whole.views.len(), "some are left");
+    left.notes.join("; ")
 }
 
 fn copy(from: &std::path::Path, to: &std::path::Path) {
@@ -136,24 +157,23 @@ fn malformed_values_are_named() {
     let file = "transforms_train.json";
     let message = refusal("dnerf", file, |text| text[..text.len() / 2].to_owned());
     assert!(message.contains("EOF") && message.contains("line"), "cut: {message}");
-    let message = refusal("dnerf", file, |text| text.replacen("4.0", "NaN", 1));
-    assert!(message.contains("line"), "NaN: {message}");
-    let message = refusal("dnerf", file, |text| text.replacen("camera_angle_x", "angle", 1));
+    let message = noted("dnerf", file, |text| text.replacen("4.0", "NaN", 1));
+    assert!(message.contains("the pose is not finite"), "NaN: {message}");
+    let message = noted("dnerf", file, |text| text.replacen("camera_angle_x", "angle", 1));
     assert!(message.contains("camera_angle_x or fl_x"), "no lens: {message}");
-    let message = refusal("dnerf", file, |text| text.replacen("0.6911112070083618", "-1.5", 1));
+    let message = noted("dnerf", file, |text| text.replacen("0.6911112070083618", "-1.5", 1));
     assert!(message.contains("focal lengths"), "negative lens: {message}");
-    let message = refusal("dnerf", file, |text| text.replacen("1.0,", "1e200,", 1));
+    let message = noted("dnerf", file, |text| text.replacen("1.0,", "1e200,", 1));
     assert!(message.contains("entry 0"), "no rotation: {message}");
 
     let camera = "camera/000003.json";
-    let message =
-        refusal("hypernerf_split", camera, |text| text.replacen("[48, 64]", "[0, 64]", 1));
+    let message = noted("hypernerf_split", camera, |text| text.replacen("[48, 64]", "[0, 64]", 1));
     assert!(message.contains("image size 0×64"), "zero size: {message}");
-    let message = refusal("hypernerf_split", camera, |text| text.replacen("focal_length", "f", 1));
+    let message = noted("hypernerf_split", camera, |text| text.replacen("focal_length", "f", 1));
     assert!(message.contains("focal_length") && message.contains(camera), "no focal: {message}");
     let message =
-        refusal("hypernerf_split", "metadata.json", |text| text.replacen("000003", "000099", 1));
-    assert!(message.contains("1 of 10 ids"), "no time: {message}");
+        noted("hypernerf_split", "metadata.json", |text| text.replacen("000003", "000099", 1));
+    assert!(message.contains("000003") && message.contains("warp_id"), "no time: {message}");
     let message =
         refusal("hypernerf_split", "dataset.json", |text| text.replacen("000002", "../x", 1));
     assert!(message.contains("names without folders"), "leaves the folder: {message}");
@@ -164,8 +184,8 @@ fn missing_files_are_named() {
     let folder = tempfile::tempdir().unwrap();
     copy(&fixture("cameras/hypernerf_split"), folder.path());
     fs::remove_file(folder.path().join("camera/000004.json")).unwrap();
-    let message = cameras::open(folder.path(), Reading::Trained).unwrap_err().to_string();
-    assert!(message.contains("000004.json"), "{message}");
+    let notes = cameras::open(folder.path(), Reading::Trained).unwrap().notes.join("; ");
+    assert!(notes.contains("1 of 10 views") && notes.contains("000004.json"), "{notes}");
 
     let folder = tempfile::tempdir().unwrap();
     copy(&fixture("cameras/colmap"), folder.path());

@@ -152,7 +152,9 @@ fn axes_of_sequences_are_those_of_their_files_or_as_chosen() {
         assert!(apart(&read, &truth) < 0.05, "{}: {}", folder.display(), apart(&read, &truth));
     }
     let mut turned = open(&packed, Some(Axes::RUB)).at(0.37).unwrap();
-    assert!(apart(&turned, &truth) > 0.5, "other axes than the file's, as asked for");
+    let tall = truth.means.iter().flat_map(|mean| [mean[1].abs(), mean[2].abs()]);
+    let tall = tall.fold(0.0, f32::max);
+    assert!(apart(&turned, &truth) > tall.max(0.1), "other axes than the file's, as asked for");
     for [_, y, z] in &mut turned.means {
         (*y, *z) = (-*y, -*z);
     }

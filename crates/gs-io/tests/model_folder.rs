@@ -238,7 +238,7 @@ fn revisions_of_2023_obey_their_table() {
     edit(&dir, |named| named.retain(|(name, ..)| !name.contains("shs_deform")));
     let model = open(&dir).unwrap();
     assert_eq!(unmoved(&model), [7], "row 7 stays");
-    assert!(model.report.warnings.iter().any(|w| w.contains("1 Gaussians still")), "said so");
+    assert!(model.report.warnings.iter().any(|w| w.contains("1 Gaussians as static")), "said so");
     fs::write(&path, fs::read(iteration(&dir).join("deformation.pth")).unwrap()).unwrap();
     let error = message(&dir, &Overrides::default());
     assert!(error.contains("deformation_table.pth") && error.contains("single tensor"), "{error}");

@@ -1,6 +1,6 @@
 //! Seeded dynamic scenes, edits of their first frame, and the truth of both.
 //!
-//! Promises: [`demo()`], a dancer on a stage; [`apply_edits`], edits of its first frame, and [`deliver`], the same as an editor that works on
+//! Promises: [`demo()`], a dancer on a stage; [`apply_edits`], edits of its first frame, and [`deliver()`], the same as an editor that works on
 //! pictures leaves them; [`Truth`], the true motion of every edited splat;
 //! [`build`], hard cases; [`motion_error`], the score. Everything is a function of its seed; at `t = 0`
 //! scenes and truths return their frame-1 splats bit for bit.

@@ -11,7 +11,7 @@ pub enum Identity {
     Moved {
         /// Its id.
         source: u32,
-        /// Which of [`IdentityMap::similarities`].
+        /// Which of [`crate::IdentityMap::similarities`].
         group: u32,
     },
     /// No source splat.

@@ -105,7 +105,11 @@ impl CameraSet {
         if self.views.is_empty() {
             return Err(CamerasError::Empty);
         }
-        check_all(self.video.iter())
+        if let Err(error) = check_all(self.video.iter()) {
+            self.notes.push(format!("the camera path of videos is left out: {error}"));
+            self.video.clear();
+        }
+        Ok(())
     }
 }
 

@@ -1,6 +1,6 @@
 //! One still frame of Gaussians, in whatever format an editor left it.
 //!
-//! [`read`] goes by content, never by name: 3DGS PLY, PlayCanvas compressed PLY, `.splat`, `.spz`
+//! [`read()`] goes by content, never by name: 3DGS PLY, PlayCanvas compressed PLY, `.splat`, `.spz`
 //! versions 2 to 4, `.sog`, glTF. All give stored (pre-activation) parameters. Formats that round
 //! also say how coarsely ([`Frame::precision`]), so that what only the format changed can be told
 //! from what a person changed.

@@ -214,7 +214,7 @@ fn the_help_lists_what_a_command_uses_and_no_more() {
     let expected: [(&[&str], [bool; 6]); 9] = [
         (&["info"], [false, false, true, true, false, true]),
         (&["doctor"], [false, true, false, false, false, true]),
-        (&["freeze"], [true, true, true, true, false, true]),
+        (&["freeze"], [true, true, true, true, true, true]),
         (&["propagate"], [true, true, true, true, true, true]),
         (&["refine"], [false, true, false, false, true, true]),
         (&["render"], [true, true, true, true, true, true]),

@@ -9,6 +9,10 @@ use crate::keyframes::KeyFrames;
 use anchors::KdTree;
 use gs_core::Splats;
 
+/// A row goes with a group if undoing the similarity brings it to less than this share of its
+/// distance from the source: any share well below 1 tells a place of its own from an edit in place.
+const NEARER: f64 = 0.5;
+
 /// A row that goes with a group.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct Companion {
@@ -53,8 +57,14 @@ pub(crate) fn companions(
         if near[0].distance_squared.sqrt() > reach {
             continue;
         }
-        let undone = identity.similarities[group as usize].inverse().apply(place(row));
-        source_tree.nearest(&undone, 1, &mut near);
+        let similarity = &identity.similarities[group as usize];
+        source_tree.nearest(&place(row), 1, &mut near);
+        let in_place = near[0].distance_squared.sqrt();
+        source_tree.nearest(&similarity.inverse().apply(place(row)), 1, &mut near);
+        // What lies about as close to the source as it is needs no group: the guide knows more.
+        if near[0].distance_squared.sqrt() * similarity.scale > NEARER * in_place {
+            continue;
+        }
         let source = crate::binding::index(usable[near[0].id as usize]);
         found.push(Companion { row, source, neighbor });
     }

@@ -16,6 +16,9 @@ const SHARE_OF_PEAK: f32 = 0.05;
 /// Share of visible splats below which an edit is said to reach only a part.
 const MOST: f64 = 0.95;
 
+/// Share of the clip that counts as all of it: one sample less.
+const WHOLE: f64 = 0.96;
+
 /// Visible splats of a scene that fades.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Lifetimes {
@@ -78,11 +81,15 @@ impl Lifetimes {
 
     /// For a report.
     pub(crate) fn describe(&self) -> String {
+        let lives = if self.median < WHOLE {
+            format!("half of these for at most {:.0} % of the clip", 100.0 * self.median)
+        } else {
+            "most of these during the whole clip".to_owned()
+        };
         format!(
-            "{:.0} % of the splats that are ever visible are visible at time {}, half of these for at most {:.2} of the clip",
+            "{:.0} % of the splats that are ever visible are visible at time {}, {lives}",
             100.0 * self.share,
-            self.time,
-            self.median
+            self.time
         )
     }
 }

@@ -32,16 +32,15 @@ pub(crate) struct Groups {
 pub(crate) fn groups(keys: &KeyFrames, dynamic: &[bool], identity: &IdentityMap) -> Groups {
     let mut found = Groups { groups: Vec::new(), of_row: vec![0; identity.rows.len()] };
     let whole = identity.whole_scene();
-    let in_place = in_place(identity, keys.at_edit.len());
+    let copies = copies(identity, keys.at_edit.len());
     for (number, similarity) in (0..).zip(&identity.similarities) {
         let members: Vec<(usize, u32)> = identity.members(number).collect();
         let mut ids: Vec<u32> = members.iter().map(|member| member.1).collect();
         ids.sort_unstable();
         ids.dedup();
         let first = found.groups.len();
-        // A copy, whose source is still there, belongs to nothing that moves: it does the same in a place of its own, as one.
-        let copied = 2 * ids.iter().filter(|&&id| in_place[id as usize]).count() > ids.len();
-        let as_one = copied || whole == Some(number);
+        // A copy belongs to nothing that moves: it does the same in a place of its own, as one.
+        let as_one = copies[number as usize] || whole == Some(number);
         let pieces = if as_one { vec![0; ids.len()] } else { pieces(keys, &ids) };
         for piece in 0..=pieces.iter().copied().max().unwrap_or(0) {
             let of_piece: Vec<u32> = ids
@@ -63,15 +62,23 @@ pub(crate) fn groups(keys: &KeyFrames, dynamic: &[bool], identity: &IdentityMap)
     found
 }
 
-/// Source splats that are in the edit where they were.
-fn in_place(identity: &IdentityMap, num_sources: usize) -> Vec<bool> {
-    let mut found = vec![false; num_sources];
+/// Which groups are copies: most of their source splats are in the edit where they were, too.
+pub(crate) fn copies(identity: &IdentityMap, num_sources: usize) -> Vec<bool> {
+    let mut in_place = vec![false; num_sources];
     for row in &identity.rows {
         if let Identity::Unchanged(id) | Identity::Recoloured(id) = *row {
-            found[id as usize] = true;
+            in_place[id as usize] = true;
         }
     }
-    found
+    let mut counts = vec![(0_usize, 0_usize); identity.similarities.len()];
+    for row in &identity.rows {
+        if let Identity::Moved { source, group } = *row {
+            let (members, still_there) = &mut counts[group as usize];
+            *members += 1;
+            *still_there += usize::from(in_place[source as usize]);
+        }
+    }
+    counts.into_iter().map(|(members, still_there)| 2 * still_there > members).collect()
 }
 
 /// Piece of each of `ids`: neighbours that keep their distance, at all times when both are seen,

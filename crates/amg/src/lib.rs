@@ -1,9 +1,11 @@
-//! Anchor-based motion guidance: carries an edited frame of a dynamic Gaussian scene along the scene's motion.
+//! Anchor-based motion guidance: carries an edited frame of a dynamic Gaussian scene along the
+//! scene's motion.
 //!
-//! Promises: [`propagate()`] takes a source [`gs_core::DynamicScene`] and the edited splats of one of its frames and
-//! returns an [`EditedScene`], itself a `DynamicScene`, defined at every time of the source. What it finds is a
-//! [`Binding`]: per edited splat a few source splats and weights, independent of time. Edited splats that *are* source
-//! splats ([`IdentityMap`]) keep their motion bit for bit. Results do not depend on the order of rows or the number of threads.
+//! Promises: [`propagate()`] takes a source [`gs_core::DynamicScene`] and the edited splats of one
+//! of its frames and returns an [`EditedScene`], itself a `DynamicScene`, defined at every time of
+//! the source. What it finds is a [`Binding`]: per edited splat a few source splats and weights,
+//! independent of time. Edited splats that *are* source splats ([`IdentityMap`]) keep their motion
+//! bit for bit. Results do not depend on the order of rows or the number of threads.
 //!
 //! Deliberately absent: images, files, GPU, anything learned.
 //!
@@ -11,13 +13,13 @@
 //!
 //! | word | meaning |
 //! |---|---|
-//! | region | source splats of one small cube that move as one and face alike: an anchor whose motion is known |
+//! | region | source splats of a small cube that move as one and face alike: an anchor |
 //! | outlier | a source splat, or region, that moves with none of its neighbours ("floater") |
 //! | offset | signed distance of an edited splat from a region along its outward normal |
 //! | flatness | 1 − s₁/s₂ of the two smallest scales: 0 for a ball, nearly 1 for a disc |
 //! | hypothesis | one motion that an edited splat may have; several regions share it |
 //! | posterior | probability of an edited splat's regions, and of none, given all others |
-//! | crowding | what belonging to a region costs because more edited splats do than its share, or fewer |
+//! | crowding | cost of a region that has more edited splats than its share, or fewer |
 //! | parent | the source splat an edited one once was, told by equal bits |
 //! | new piece | connected edited splats that are in no source splat's place ("graft") |
 //! | support | the source splats whose motion an edited splat takes |
@@ -25,7 +27,7 @@
 //! | binding | per edited splat, the source splats it follows and their weights |
 
 mod aggregate;
-mod beside_moved;
+mod beside_copies;
 mod binding;
 mod bit_map;
 mod carriers;

@@ -1,6 +1,6 @@
 //! The whole stage: from a source scene and edited splats to a scene that moves.
 
-use crate::beside_moved::companions;
+use crate::beside_copies::companions;
 use crate::binding::{Binding, RowKind};
 use crate::carriers;
 use crate::dynamics::DynamicSplit;
@@ -86,7 +86,7 @@ pub fn propagate(
         rows[companion.row] = (RowKind::Moved, vec![(companion.source, 1.0)]);
         groups.of_row[companion.row] = groups.of_row[companion.neighbor];
     }
-    report.beside_moved = beside.len();
+    report.beside_copies = beside.len();
     let binding = Binding::from_rows(
         rows.iter().map(|(kind, entries)| (*kind, &entries[..])),
         keys.at_edit.len(),

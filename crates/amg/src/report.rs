@@ -27,10 +27,10 @@ pub struct MotionReport {
     /// Splats of each such group, and what the edit did to it, in words.
     pub moved_groups: Vec<(usize, String)>,
     /// ... that are none of these, matched by the guide (`blended + static_rows + field_rows +
-    /// beside_moved`).
+    /// beside_copies`).
     pub edited: usize,
-    /// Edited rows beside a moved group, which go with it.
-    pub beside_moved: usize,
+    /// Edited rows beside a copy, which go with it.
+    pub beside_copies: usize,
     /// Source splats that no edited splat is.
     pub vanished: usize,
     /// Rows that blend sources.

@@ -402,7 +402,7 @@ fn a_copy_does_the_same_in_a_place_of_its_own_with_what_was_added_to_it() {
     assert_eq!(found.report.moved_groups.len(), 1, "one copy: {:?}", found.report.moved_groups);
     let binding = found.scene.binding();
     assert_eq!(binding.groups().len(), 1, "its parts do not part");
-    assert_eq!(found.report.beside_moved, count.div_ceil(9), "what was added goes along");
+    assert_eq!(found.report.beside_copies, count.div_ceil(9), "what was added goes along");
     for t in TIMES {
         let (now, moved) = (scene.at(t).unwrap(), found.scene.at(t).unwrap());
         assert_eq!(moved.means[..count], now.means[..], "the original is untouched at {t}");

@@ -7,7 +7,7 @@
 //! ```text
 //! cargo run --release -p c4d-cli --example captured_refine -- MODEL --region=-2,1,12,2,6,16 -o pictures
 //! ```
-#![expect(clippy::print_stdout, reason = "a measurement for people")]
+#![expect(clippy::print_stdout, reason = "prints its results")]
 #![allow(dead_code, reason = "the rig is the command's")]
 
 #[path = "../src/rig.rs"]

@@ -3,7 +3,7 @@
 //! `cargo run --release -p cuar --example compare_solvers [brief | paper | warps]`; `brief` leaves
 //! out all but the defaults, a run without prior, and Adam; `paper` takes the paper's preset apart;
 //! `warps` only compares what the warps ask for with the truth.
-#![expect(clippy::print_stdout, reason = "a measurement for people")]
+#![expect(clippy::print_stdout, reason = "prints its results")]
 
 #[path = "../tests/common/mod.rs"]
 mod common;

@@ -4,7 +4,7 @@
 //!
 //! `cargo run --release --example hidden_splats [brief | cases | ablation | picture FILE]`; `brief`
 //! has fewer splats, `picture` draws a crop before and after.
-#![expect(clippy::print_stdout, reason = "a measurement for people")]
+#![expect(clippy::print_stdout, reason = "prints its results")]
 #![allow(
     clippy::cast_possible_truncation,
     clippy::cast_sign_loss,

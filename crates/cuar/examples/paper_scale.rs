@@ -2,7 +2,7 @@
 //! edited, 20 views, 60 times, 676×507.
 //!
 //! `cargo run --release -p cuar --example paper_scale [samples] [memory in MiB] [flaws|flawless]`
-#![expect(clippy::print_stdout, reason = "a measurement for people")]
+#![expect(clippy::print_stdout, reason = "prints its results")]
 
 #[path = "../tests/common/mod.rs"]
 mod common;

@@ -6,7 +6,7 @@
 //! board.
 //!
 //! `cargo run --release -p cuar --example uncovered [uncovered.png]`
-#![expect(clippy::print_stdout, reason = "a measurement for people")]
+#![expect(clippy::print_stdout, reason = "prints its results")]
 
 #[path = "../tests/common/mod.rs"]
 mod common;

@@ -51,7 +51,7 @@ pub(crate) fn log_scale(scale: f32) -> f32 {
 pub(crate) fn from_unnormalized(q: [f32; 4], scale: [f32; 3]) -> ([f32; 4], [f32; 3]) {
     let wide = q.map(f64::from);
     let norm_squared = quat::dot(wide, wide);
-    // What is no number stays so, to be recognised as damage.
+    // NaN stays NaN, so that readers recognise the row as damaged.
     if !norm_squared.is_finite() || (norm_squared - 1.0).abs() <= UNIT {
         return (quat::normalize(q), scale.map(log_scale));
     }

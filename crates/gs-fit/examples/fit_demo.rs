@@ -4,7 +4,7 @@
 //! `cargo run --release --workspace --example fit_demo [CASE …]`; without a case, all. [docs/BENCHMARKS.md](../../../docs/BENCHMARKS.md)
 //! has the results.
 
-#![expect(clippy::print_stdout, reason = "a measurement for people")]
+#![expect(clippy::print_stdout, reason = "prints its results")]
 #![expect(
     clippy::cast_possible_truncation,
     clippy::cast_sign_loss,

@@ -110,8 +110,8 @@ fn another_mask_is_noticed() {
     assert_grad_close("another mask", &widen(&v_got), &v_x, 1e-4);
 }
 
-/// What lies outside a mask may be anything; what lies inside and is no number is seen in the
-/// value, as on the CPU.
+/// Values outside the mask are ignored, even NaN. A NaN inside it makes the loss NaN, as on the
+/// CPU.
 #[test]
 fn numbers_that_are_none_behave_as_on_the_cpu() {
     let (size, pixels) = ([19, 13], 247);

@@ -348,8 +348,8 @@ fn report(report: &MotionReport, motion: MotionArg, seconds: f64, console: &Cons
     for (count, what) in &report.moved_groups {
         console.note(format!("{count} splats moved as one: {what}; they keep their own motion"));
     }
-    if report.beside_moved > 0 {
-        console.note(format!("{} edited splats beside them go with them", report.beside_moved));
+    if report.beside_copies > 0 {
+        console.note(format!("{} edited splats beside a copy go with it", report.beside_copies));
     }
     console.note(format!(
         "motion of {} edited splats from {} moving source splats in {seconds:.2} s; {} stay put",
@@ -391,7 +391,7 @@ fn report_json(report: &MotionReport, seconds: f64) -> Value {
             "removed": report.vanished,
             "blended": report.blended,
             "static": report.static_rows,
-            "beside_moved": report.beside_moved,
+            "beside_copies": report.beside_copies,
             "field": report.field_rows,
             "out_of_reach": report.out_of_reach,
             "broken": report.broken_rows,

@@ -1,4 +1,5 @@
-//! `c4d refine`: repair the colours that motion reveals (CUAR), in a run that `c4d propagate` wrote.
+//! `c4d refine`: repair the colours that motion reveals (CUAR), in a run that `c4d propagate`
+//! wrote.
 
 mod tell;
 mod watch;
@@ -84,8 +85,8 @@ pub(crate) fn run(args: &RefineArgs, global: &Global, console: &Console) -> Outc
     Ok(())
 }
 
-/// The checkpoint to go on from, with those flags of `args` that only change how a refinement is watched. A flag that would change its
-/// result is refused.
+/// The checkpoint to go on from, with those flags of `args` that only change how a refinement is
+/// watched. A flag that would change its result is refused.
 fn resumed(args: &RefineArgs, checkpoint: Checkpoint, console: &Console) -> Outcome<Checkpoint> {
     let Checkpoint { preset, settings, mut flags, state, is_resumed } = checkpoint;
     let (given, usual) = (args.flags.absolute()?, RefineFlags::default());
@@ -176,7 +177,8 @@ pub(crate) fn check(
     Device::open(global.gpu).map(|_| ())
 }
 
-/// Refines the run in place, from where `begun` stands. Its motion, and the edited frame as it was given, stay.
+/// Refines the run in place, from where `begun` stands. Its motion, and the edited frame as it was
+/// given, stay.
 pub(crate) fn refine(run: &Path, begun: Checkpoint, global: &Global, console: &Console) -> Outcome {
     let Checkpoint { preset, settings, flags, state, is_resumed } = begun;
     let flags = &flags.absolute()?;
@@ -374,7 +376,8 @@ fn options(
     Ok(options)
 }
 
-/// Memory for images, bytes: what was asked for, else [`USUAL_MEMORY`], or half of what is free if that is less.
+/// Memory for images, bytes: what was asked for, else [`USUAL_MEMORY`], or half of what is free if
+/// that is less.
 fn image_memory(flags: &RefineFlags) -> usize {
     let mib = flags.memory.unwrap_or_else(|| {
         let half = memory::free().map_or(USUAL_MEMORY as u64, |free| free / 2 / memory::MIB);
@@ -388,7 +391,8 @@ fn cameras(flags: &RefineFlags, loaded: &Run, console: &Console) -> Outcome<(Vec
     let source = &loaded.source;
     if let Some(path) = &flags.refine_cameras {
         let set = crate::cameras::open(path, None, source, console)?;
-        // Held-out views stay out, and every camera sees every time: the scene itself is the ground truth.
+        // Held-out views stay out, and every camera sees every time: the scene itself is the ground
+        // truth.
         let train = gs_io::cameras::stations(set.split(Split::Train));
         let cameras = if train.is_empty() { set.stations() } else { train };
         let count = cameras.len();

@@ -1,4 +1,5 @@
-//! `scene.c4d`: the edited frame, its binding to the source, and the refined colours, as safetensors.
+//! `scene.c4d`: the edited frame, its binding to the source, and the refined colours, as
+//! safetensors.
 
 use super::SCENE;
 use crate::failure::{Failure, Outcome};
@@ -62,7 +63,8 @@ impl RefinedRows {
             .map(|(row, ..)| row)
     }
 
-    /// `binding` for the frame with these rows in place: source splats that the edit left, and the refinement did not, are recoloured.
+    /// `binding` for the frame with these rows in place: source splats that the edit left, and the
+    /// refinement did not, are recoloured.
     pub(crate) fn rebind(&self, edited: &Splats, binding: &Binding) -> Result<Binding, AmgError> {
         let mut kinds = binding.kinds().to_vec();
         for row in self.changes(edited) {
@@ -115,7 +117,8 @@ impl Stored {
         self.binding.kinds().iter().enumerate().map(own).collect()
     }
 
-    /// Reads the bytes of `scene.c4d`; every count is checked, so a damaged file is an error and no more.
+    /// Reads the bytes of `scene.c4d`; every count is checked, so a damaged file is an error and no
+    /// more.
     pub(crate) fn deserialize(bytes: &[u8]) -> Result<Self, String> {
         deserialize(bytes)
     }

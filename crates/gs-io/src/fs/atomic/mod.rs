@@ -5,9 +5,9 @@
 //!
 //! | name | content |
 //! |---|---|
-//! | `out/.clip.mp4.c4d-lock` | nothing; locked (see [`std::fs::File::try_lock`]) while a process writes the output |
+//! | `out/.clip.mp4.c4d-lock` | empty; locked ([`std::fs::File::try_lock`]) while in use |
 //! | `out/.clip.mp4.c4d-partial` | the output so far |
-//! | `out/.clip.mp4.c4d-replaced` | the folder that is being replaced, for the moment between two renames |
+//! | `out/.clip.mp4.c4d-replaced` | the old folder, between two renames |
 //!
 //! The lock ends with its process, however that ends, so whoever holds it knows that the other two
 //! are left over from a process that is no more, and removes them. A second process on the same

@@ -1,19 +1,17 @@
-//! Edited splats beside a group that was moved: a hat on a copy, a lid on a pan that was enlarged.
+//! Edited splats beside a copy of something: a hat on the copy of a dancer.
 //!
-//! What they belong to is where the group is, not where the source is. Each takes the source splat
-//! that is nearest once the group's similarity is undone, and moves as a member of the group would
-//! that is that splat.
+//! What they belong to is where the copy is, not where the source is. Each takes the source splat
+//! that is nearest once the copy's similarity is undone, and moves as that splat's copy would.
+//! Splats beside a selection that was moved, and not copied, are left to the motion guide: there
+//! the source shows what moves.
 
+use crate::carriers::copies;
 use crate::identity::{Identity, IdentityMap};
 use crate::keyframes::KeyFrames;
 use anchors::KdTree;
 use gs_core::Splats;
 
-/// A row goes with a group if undoing the similarity brings it to less than this share of its
-/// distance from the source: any share well below 1 tells a place of its own from an edit in place.
-const NEARER: f64 = 0.5;
-
-/// A row that goes with a group.
+/// A row that goes with a copy.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct Companion {
     /// Row of the edit.
@@ -24,7 +22,7 @@ pub(crate) struct Companion {
     pub(crate) neighbor: usize,
 }
 
-/// Edited rows whose nearest recognised splat is one that was moved, within `reach` (world units).
+/// Edited rows whose nearest recognised splat is one of a copy, within `reach` (world units).
 pub(crate) fn companions(
     keys: &KeyFrames,
     edited: &Splats,
@@ -32,6 +30,10 @@ pub(crate) fn companions(
     reach: f64,
 ) -> Vec<Companion> {
     if identity.similarities.is_empty() || identity.edited == 0 {
+        return Vec::new();
+    }
+    let copies = copies(identity, keys.at_edit.len());
+    if !copies.contains(&true) {
         return Vec::new();
     }
     let place = |row: usize| edited.means[row].map(f64::from);
@@ -54,17 +56,11 @@ pub(crate) fn companions(
         known_tree.nearest(&place(row), 1, &mut near);
         let neighbor = known[near[0].id as usize];
         let Identity::Moved { group, .. } = identity.rows[neighbor] else { continue };
-        if near[0].distance_squared.sqrt() > reach {
+        if !copies[group as usize] || near[0].distance_squared.sqrt() > reach {
             continue;
         }
-        let similarity = &identity.similarities[group as usize];
-        source_tree.nearest(&place(row), 1, &mut near);
-        let in_place = near[0].distance_squared.sqrt();
-        source_tree.nearest(&similarity.inverse().apply(place(row)), 1, &mut near);
-        // What lies about as close to the source as it is needs no group: the guide knows more.
-        if near[0].distance_squared.sqrt() * similarity.scale > NEARER * in_place {
-            continue;
-        }
+        let undone = identity.similarities[group as usize].inverse().apply(place(row));
+        source_tree.nearest(&undone, 1, &mut near);
         let source = crate::binding::index(usable[near[0].id as usize]);
         found.push(Companion { row, source, neighbor });
     }

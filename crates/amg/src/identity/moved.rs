@@ -9,7 +9,10 @@
 //!    scales show, if neighbouring pairs agree, else the one that positions of its neighbours fit:
 //!    some tools leave rotations or scales of the splats as they were.
 //! 3. *Growth*: pairs within four radii of the group that the fit explains join; it is fitted anew.
-//! 4. *Rest*: open rows whose place, size and orientation the similarity explains belong, too,
+//! 4. *Border*: what a similarity moved ends where it ends. A smooth warp is nearly a similarity in
+//!    any small patch; there, pairs around the patch miss the fit by little, and ever more of them
+//!    the more misfit is forgiven. Such a patch is no group.
+//! 5. *Rest*: open rows whose place, size and orientation the similarity explains belong, too,
 //!    whatever their colours.
 
 use super::row::Identity;
@@ -44,6 +47,19 @@ const ROUNDING: f64 = 4e-6;
 const OF_DEVIATION: f64 = 2e-3;
 /// A group is at least so many residual limits wide, or any pairs would do.
 const WIDTH: f64 = 12.0;
+/// Residual limits within which a group's last pairs are explained: limits are those of one splat,
+/// and the fit has errors of its own.
+const EXPLAINED: f64 = 2.0;
+/// Four times that is nearly explained. The misfit of a smooth warp grows with the square of the
+/// distance, so that at least as many pairs as are explained nearly are (on a limb, three times
+/// as many on a surface); of a selection that was moved, none are but at a joint with another.
+/// Half as many as the group has is the middle.
+const NEARLY: f64 = 4.0 * EXPLAINED;
+const FRINGE: f64 = 0.5;
+/// Pairs that a patch of a smooth warp explains to within so many limits start no further search:
+/// they are the same warp.
+const SAME_WARP: f64 = 32.0 * EXPLAINED;
+
 /// Marks the open rows of `rows` that belong to a group, and returns the similarity of each group.
 pub(super) fn find(
     source: &Splats,
@@ -135,9 +151,11 @@ impl<'a> Search<'a> {
         let points: Vec<[f64; 3]> = paired.iter().map(|&at| self.places[at]).collect();
         let tree = KdTree::<3>::new(&points);
         let mut taken = vec![false; self.open.len()];
+        let mut smooth = vec![false; self.open.len()];
         let mut failed = 0;
         for block in paired.chunks(SEED_BLOCK) {
-            let free: Vec<usize> = block.iter().copied().filter(|&at| !taken[at]).collect();
+            let free: Vec<usize> =
+                block.iter().copied().filter(|&at| !taken[at] && !smooth[at]).collect();
             let proposals: Vec<Vec<Similarity>> = free
                 .par_iter()
                 .with_min_len(16)
@@ -152,13 +170,20 @@ impl<'a> Search<'a> {
                 })
                 .collect();
             for (at, proposals) in free.into_iter().zip(proposals) {
-                if taken[at] || proposals.is_empty() {
+                if taken[at] || smooth[at] || proposals.is_empty() {
                     continue;
                 }
                 let grown = proposals.iter().filter_map(|start| self.grow(at, start, &taken));
                 // The first of equals: proper similarities are proposed before mirrored ones.
                 let best = grown.reduce(|a, b| if b.pairs.len() > a.pairs.len() { b } else { a });
-                let Some(group) = best else {
+                let Some(group) = best.filter(|group| {
+                    let ends = self.ends(group, &taken);
+                    if !ends {
+                        let warped = self.explained(&group.similarity, SAME_WARP, &taken);
+                        warped.iter().for_each(|&(at, _)| smooth[at] = true);
+                    }
+                    ends
+                }) else {
                     failed += 1;
                     if failed >= MAX_FAILED {
                         return found;
@@ -284,13 +309,28 @@ impl<'a> Search<'a> {
             (centre, radius) = self.spread(&pairs);
         }
         // All pairs at once, however far from the others.
-        let limit = |at: usize| 2.0 * self.limits[at];
-        let pairs: Vec<(usize, u32)> = (0..self.open.len())
-            .filter(|&at| !taken[at] && !self.candidates[at].is_empty())
-            .filter_map(|at| Some((at, self.best_candidate(at, &similarity, limit(at))?)))
-            .collect();
+        let pairs = self.explained(&similarity, EXPLAINED, taken);
         let similarity = self.fitted(&pairs, start.mirrored)?;
         (pairs.len() >= MIN_GROUP).then_some(Group { similarity, pairs })
+    }
+
+    /// Free pairs that the similarity explains to within so many residual limits.
+    fn explained(&self, similarity: &Similarity, limits: f64, taken: &[bool]) -> Vec<(usize, u32)> {
+        (0..self.open.len())
+            .into_par_iter()
+            .with_min_len(1024)
+            .filter(|&at| !taken[at] && !self.candidates[at].is_empty())
+            .filter_map(|at| {
+                let limit = limits * self.limits[at];
+                Some((at, self.best_candidate(at, similarity, limit)?))
+            })
+            .collect()
+    }
+
+    /// Whether hardly any pairs are nearly explained: see [`NEARLY`].
+    fn ends(&self, group: &Group, taken: &[bool]) -> bool {
+        let nearly = self.explained(&group.similarity, NEARLY, taken).len();
+        nearly as f64 <= (1.0 + FRINGE) * group.pairs.len() as f64
     }
 
     /// The fit of pairs that lie far enough apart to show one.

@@ -2,7 +2,7 @@
 //! evaluated where they can be read.
 #![no_main]
 
-use gs_io::{SourceOptions, detect, open_source};
+use gs_io::{OpenOptions, detect, open_scene_as};
 use std::fs;
 use std::path::PathBuf;
 use std::sync::LazyLock;
@@ -35,7 +35,7 @@ static FOLDER: LazyLock<PathBuf> = LazyLock::new(|| {
 libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
     fs::write(FOLDER.join("deform/iteration_1/deform.pth"), bytes).expect("room for a file");
     let Ok(kind) = detect(&*FOLDER) else { return };
-    let Ok(source) = open_source(&*FOLDER, &kind, &SourceOptions::default()) else { return };
+    let Ok(source) = open_scene_as(&*FOLDER, &kind, &OpenOptions::default()) else { return };
     for t in [0.0, 0.5] {
         let splats = source.scene.at(t).expect("times from 0 to 1 can be evaluated");
         assert!(splats.check_shapes().is_ok(), "whatever is evaluated is consistent");

@@ -2,7 +2,7 @@
 //! 3D Gaussians), evaluated where they can be read.
 #![no_main]
 
-use gs_io::{SourceOptions, detect, open_source};
+use gs_io::{OpenOptions, detect, open_scene_as};
 use std::fs;
 use std::path::PathBuf;
 use std::sync::LazyLock;
@@ -14,11 +14,11 @@ static FILE: LazyLock<PathBuf> = LazyLock::new(|| {
 libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
     fs::write(&*FILE, bytes).expect("room for a file");
     let Ok(kind) = detect(&*FILE) else { return };
-    if !kind.is_source() {
+    if !kind.is_trained() {
         return;
     }
-    let options = SourceOptions { time_duration: Some([0.0, 10.0]), ..SourceOptions::default() };
-    let Ok(source) = open_source(&*FILE, &kind, &options) else { return };
+    let options = OpenOptions { time_duration: Some([0.0, 10.0]), ..OpenOptions::default() };
+    let Ok(source) = open_scene_as(&*FILE, &kind, &options) else { return };
     assert!(source.scene.num_splats() <= bytes.len(), "a splat is more than a byte");
     for t in [0.0, 0.37, 1.0] {
         let splats = source.scene.at(t).expect("times from 0 to 1 can be evaluated");

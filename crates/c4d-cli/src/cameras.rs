@@ -6,7 +6,6 @@ use crate::failure::{Failure, Outcome};
 use crate::placement;
 use crate::scene::{self, Opened};
 use gs_core::Camera;
-use gs_io::SceneKind;
 use gs_io::cameras::{self, CameraSet, Reading, Split};
 use std::path::Path;
 
@@ -24,9 +23,7 @@ fn reading(asked: Option<CamerasAs>, opened: &Opened) -> Reading {
 }
 
 fn is_model(root: &Path) -> bool {
-    gs_io::detect(root).is_ok_and(|kind| {
-        kind.is_source() || matches!(kind, SceneKind::Model4dgs | SceneKind::Swift4d)
-    })
+    gs_io::detect(root).is_ok_and(|kind| kind.is_trained())
 }
 
 /// Reads the cameras for views of `opened` and says what was assumed. Their near plane is the

@@ -21,7 +21,6 @@ mod model_flags;
 mod output;
 mod passes;
 mod placement;
-mod ply_comments;
 mod progress;
 mod rates;
 mod renderer;

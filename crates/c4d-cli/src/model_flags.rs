@@ -1,4 +1,4 @@
-//! `--set` and `--iteration` as overrides of a model folder.
+//! `--set`, `--iteration` and `--strict` as options of a scene's reader.
 
 use crate::args::{AxesArg, Global};
 use crate::failure::{Failure, Outcome};
@@ -6,92 +6,50 @@ use clap::ValueEnum;
 use gs_deform::IndexRule;
 use gs_io::model_folder::Overrides;
 use gs_io::repair::Damage;
-use gs_io::{Axes, SceneKind, SourceOptions};
+use gs_io::{OpenOptions, SceneKind};
 
 const FLAGS_4DGS: &str = "Flags of 4DGaussians models: no_dx, no_ds, no_dr, no_do, no_dshs, apply_rotation (true or false) and grid_pe (a number).";
 const FLAGS_SWIFT4D: &str = "Flags of Swift4D models: activation (relu or none), index_rule (current or older), dynamic_thro, frames, time_divisor, n_levels, n_features_per_level, hashmap_size and base_resolution (numbers).";
+const FLAGS_SEQUENCE: &str = "Flags of sequences: axes (ply, rub or luf), of SPZ and glTF files.";
+const FLAGS_OTHERS: &str = "Flags of other trained scenes: time_duration=START,END for native 4D Gaussians, in the unit of training (0,10 for Neural 3D Video, 0,1 for D-NeRF); bound (a number) for Grid4D and DASH without cfg_args.";
 
 /// What damaged rows do.
 pub(crate) fn damage(global: &Global) -> Damage {
     if global.strict { Damage::Fail } else { Damage::Drop }
 }
 
-const FLAGS_SEQUENCE: &str = "Flags of sequences: axes (ply, rub or luf), of SPZ and glTF files.";
-
-/// Axes of the files of a sequence, as the user decided.
-pub(crate) fn sequence_axes(global: &Global) -> Outcome<Option<Axes>> {
-    let mut chosen = None;
-    for setting in &global.set {
-        let value = setting.strip_prefix("axes=");
-        let axes =
-            value.and_then(|value| AxesArg::from_str(value, true).ok()).ok_or_else(|| {
-                Failure::usage(format!("--set {setting}: no such flag of a sequence"))
-                    .next(FLAGS_SEQUENCE)
-            })?;
-        chosen = Some(axes.axes());
-    }
-    Ok(chosen)
-}
-
-/// What the user decided about a model of this kind.
-pub(crate) fn overrides(global: &Global, kind: &SceneKind) -> Outcome<Overrides> {
-    let mut overrides =
-        Overrides { iteration: global.iteration, damage: damage(global), ..Overrides::default() };
-    let swift4d = *kind == SceneKind::Swift4d;
-    for setting in &global.set {
-        let set = |overrides: &mut Overrides| {
-            let (name, value) = setting.split_once('=').ok_or("expected FLAG=VALUE")?;
-            if swift4d {
-                set_swift4d(overrides, name, value)
-            } else {
-                set_4dgs(overrides, name, value)
-            }
-        };
-        set(&mut overrides).map_err(|what| {
-            Failure::usage(format!("--set {setting}: {what}")).next(if swift4d {
-                FLAGS_SWIFT4D
-            } else {
-                FLAGS_4DGS
-            })
-        })?;
-    }
-    Ok(overrides)
-}
-
-const FLAGS_OTHERS: &str = "Flags of other trained scenes: time_duration=START,END for native 4D Gaussians, in the unit of training (0,10 for Neural 3D Video, 0,1 for D-NeRF); bound (a number) for Grid4D and DASH without cfg_args.";
-
-/// What the user decided about a trained scene of another kind.
-pub(crate) fn source_options(global: &Global, kind: &SceneKind) -> Outcome<SourceOptions> {
-    let mut options = SourceOptions {
+/// What the user decided about a scene of this kind.
+pub(crate) fn open_options(global: &Global, kind: &SceneKind) -> Outcome<OpenOptions> {
+    let mut options = OpenOptions {
         iteration: global.iteration,
         damage: damage(global),
-        ..SourceOptions::default()
+        ..OpenOptions::default()
+    };
+    let flags = match kind {
+        SceneKind::Model4dgs => FLAGS_4DGS,
+        SceneKind::Swift4d => FLAGS_SWIFT4D,
+        SceneKind::PlySequence => FLAGS_SEQUENCE,
+        _ => FLAGS_OTHERS,
     };
     for setting in &global.set {
-        set_source(&mut options, kind, setting).map_err(|what| {
-            Failure::usage(format!("--set {setting}: {what}")).next(FLAGS_OTHERS)
-        })?;
+        set(&mut options, kind, setting)
+            .map_err(|what| Failure::usage(format!("--set {setting}: {what}")).next(flags))?;
     }
     Ok(options)
 }
 
-fn set_source(
-    options: &mut SourceOptions,
-    kind: &SceneKind,
-    setting: &str,
-) -> Result<(), &'static str> {
+fn set(options: &mut OpenOptions, kind: &SceneKind, setting: &str) -> Result<(), &'static str> {
     let (name, value) = setting.split_once('=').ok_or("expected FLAG=VALUE")?;
     match (kind, name) {
+        (SceneKind::Model4dgs, _) => set_4dgs(&mut options.overrides, name, value)?,
+        (SceneKind::Swift4d, _) => set_swift4d(&mut options.overrides, name, value)?,
+        (SceneKind::PlySequence, "axes") => {
+            let axes =
+                AxesArg::from_str(value, true).map_err(|_no_axes| "expected ply, rub or luf")?;
+            options.axes = Some(axes.axes());
+        }
         (SceneKind::Gaussian4d, "time_duration") => {
-            let wrong = "expected START,END, two numbers, the second larger";
-            let (start, end) = value.split_once(',').ok_or(wrong)?;
-            let parse = |text: &str| text.trim().parse::<f64>().map_err(|_not_a_number| wrong);
-            let (start, end) = (parse(start)?, parse(end)?);
-            if !(start.is_finite() && end.is_finite() && start < end) {
-                return Err(wrong);
-            }
-            options.time_duration = Some([start, end]);
-            Ok(())
+            options.time_duration = Some(duration(value)?);
         }
         (SceneKind::Grid4d | SceneKind::Dash, "bound") => {
             let wrong = "expected a positive number";
@@ -100,10 +58,21 @@ fn set_source(
                 return Err(wrong);
             }
             options.bound = Some(bound);
-            Ok(())
         }
-        _ => Err("no such flag of this kind of scene"),
+        _ => return Err("no such flag of this kind of scene"),
     }
+    Ok(())
+}
+
+fn duration(value: &str) -> Result<[f64; 2], &'static str> {
+    let wrong = "expected START,END, two numbers, the second larger";
+    let (start, end) = value.split_once(',').ok_or(wrong)?;
+    let parse = |text: &str| text.trim().parse::<f64>().map_err(|_not_a_number| wrong);
+    let (start, end) = (parse(start)?, parse(end)?);
+    if !(start.is_finite() && end.is_finite() && start < end) {
+        return Err(wrong);
+    }
+    Ok([start, end])
 }
 
 fn number<T: std::str::FromStr>(value: &str) -> Result<Option<T>, &'static str> {

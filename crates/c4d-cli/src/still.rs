@@ -5,11 +5,11 @@ use crate::console::Console;
 use crate::failure::{Failure, Outcome, chain};
 use crate::model_flags::damage;
 use crate::passes::Mask;
-use crate::ply_comments::{UP_COMMENT, up_axis};
 use crate::scene::{self, Opened};
 use gs_core::DynamicScene;
 use gs_deform::StaticScene;
 use gs_io::frame;
+use gs_io::ply::comments;
 use std::path::Path;
 use std::sync::Arc;
 
@@ -66,8 +66,8 @@ pub(crate) fn open(
         return Err(Failure::bad_input(format!("{}: no usable splats", path.display()))
             .next("Export the frame again; c4d info FILE says what is in it."));
     }
-    let noted = frame.comments.iter().find_map(|comment| comment.strip_prefix(UP_COMMENT));
-    let up = noted.and_then(up_axis).unwrap_or(scene::UP_CAPTURED);
+    let noted = frame.comments.iter().find_map(|comment| comment.strip_prefix(comments::UP));
+    let up = noted.and_then(comments::axis).unwrap_or(scene::UP_CAPTURED);
     let scene = Arc::new(StaticScene::new(frame.splats).map_err(Failure::input)?);
     Ok(Opened {
         edit_time: scene.time_range().start,

@@ -23,18 +23,7 @@ impl Needed {
     fn fits(self, kind: &SceneKind) -> bool {
         match self {
             Self::Frame => kind.is_frame(),
-            Self::Scene => {
-                kind.is_source()
-                    || matches!(
-                        kind,
-                        SceneKind::Model4dgs
-                            | SceneKind::Swift4d
-                            | SceneKind::PlySequence
-                            | SceneKind::Splatv
-                            | SceneKind::Splat4d
-                            | SceneKind::RunFolder
-                    )
-            }
+            Self::Scene => kind.is_dynamic() || *kind == SceneKind::RunFolder,
         }
     }
 }

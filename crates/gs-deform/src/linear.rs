@@ -11,8 +11,6 @@ use pulp::{Simd, bytemuck};
 pub(crate) const PANEL: usize = 48;
 /// Outputs whose weights are interleaved in memory.
 const TILE: usize = 8;
-/// Vectors of Gaussians per register tile.
-const VECTORS: usize = 3;
 
 /// A fully connected layer `y = W·x + b`.
 #[derive(Debug, Clone, PartialEq)]
@@ -114,23 +112,24 @@ impl Packed {
         let tiles = self.weights.chunks_exact(self.inputs).zip(&self.bias);
         for (index, ((weights, bias), out)) in tiles.zip(rows).enumerate() {
             let used = self.outputs - index * TILE;
-            // 8 × 3 accumulators need 32 registers; with 16, 4 × 3 fill 12 and leave room for the
-            // operands.
+            // 8 × 3 accumulators need 32 registers. With 16, 4 × 2 fill 8 and leave room for the
+            // operands; 4 × 3 spill.
             if S::REGISTER_COUNT >= 32 && used > 4 {
-                tile::<S, 8>(simd, input, weights, bias, 0, out, activation);
+                tile::<S, 8, 3>(simd, input, weights, bias, 0, out, activation);
             } else {
-                tile::<S, 4>(simd, input, weights, bias, 0, out, activation);
+                tile::<S, 4, 2>(simd, input, weights, bias, 0, out, activation);
                 if used > 4 {
-                    tile::<S, 4>(simd, input, weights, bias, 4, out, activation);
+                    tile::<S, 4, 2>(simd, input, weights, bias, 4, out, activation);
                 }
             }
         }
     }
 }
 
-/// `ROWS` outputs, starting at `first` within the tile, for the whole panel.
+/// `ROWS` outputs, starting at `first` within the tile, for the whole panel, `VECTORS` vectors of
+/// Gaussians at a time.
 #[inline(always)]
-fn tile<S: Simd, const ROWS: usize>(
+fn tile<S: Simd, const ROWS: usize, const VECTORS: usize>(
     simd: S,
     input: &[f32],
     weights: &[[f32; TILE]],

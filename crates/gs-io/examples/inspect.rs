@@ -31,7 +31,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         });
         writeln!(out, "  t = {t}: mean centre {mean:.5?}, first {:.5?}", splats.means[0])?;
     }
-    for warning in &opened.warnings {
+    for warning in opened.warnings.iter().chain(&opened.notes) {
         writeln!(out, "  note: {warning}")?;
     }
     Ok(())

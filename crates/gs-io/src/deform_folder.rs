@@ -7,9 +7,9 @@ use crate::error::IoError;
 use crate::fs::text;
 use crate::fs::{list_names, read_bytes};
 use crate::model_folder;
+use crate::open_options::OpenOptions;
 use crate::ply;
 use crate::repair::{self, RepairReport};
-use crate::source::SourceOptions;
 use gs_core::Splats;
 use std::io::Read;
 use std::path::{Path, PathBuf};
@@ -128,7 +128,7 @@ impl DeformFolder {
     /// besides the usual ones.
     pub(crate) fn read(
         dir: &Path,
-        options: &SourceOptions,
+        options: &OpenOptions,
         columns: impl FnOnce(&[String]) -> Vec<String>,
     ) -> Result<Self, IoError> {
         let iteration = model_folder::find(dir, options.iteration)?;

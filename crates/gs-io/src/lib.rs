@@ -3,7 +3,7 @@
 //! Promises: still frames of every common format ([`frame`]: 3DGS PLY, compressed PLY, `.splat`,
 //! `.spz`, `.sog`, glTF), sequences of them ([`ply_sequence`]), model folders of 4DGaussians
 //! ([`checkpoint4dgs`]) and Swift4D ([`swift4d`]), trained scenes of other methods
-//! ([`open_source()`]), `.splatv` ([`splatv`]) and `.splat4d` ([`splat4d`]) in and out, OpenUSD
+//! ([`open_scene()`]), `.splatv` ([`splatv`]) and `.splat4d` ([`splat4d`]) in and out, OpenUSD
 //! ([`usda`]) out, each with what it does not keep ([`Losses`]), cameras and times of data sets
 //! ([`cameras`], [`cameras_json`]); [`detect()`] says what a path is. Readers survive any bytes:
 //! malformed input is an error that names the file, what was found and what to do, memory is
@@ -27,6 +27,7 @@ pub mod compressed_ply;
 mod content;
 mod deform_folder;
 pub mod deformable3dgs;
+mod deformed_model;
 mod detect;
 pub mod dynamic3dgs;
 pub mod ed3dgs;
@@ -42,8 +43,9 @@ pub mod grid4d;
 mod gsplat;
 mod losses;
 pub mod model_folder;
+mod open_options;
 mod open_scene;
-mod open_source;
+mod opened_scene;
 pub mod ply;
 pub mod ply_sequence;
 pub mod pth;
@@ -52,7 +54,6 @@ mod scene_kind;
 pub mod scgs;
 mod sh_error;
 pub mod sog;
-mod source;
 pub mod spacetime;
 pub mod splat4d;
 pub mod splat_file;
@@ -66,6 +67,7 @@ pub use archive::ZipError;
 pub use axes::{Axes, AxesReading};
 pub use clip::Clip;
 pub use content::UnsupportedFormat;
+pub use deformed_model::DeformedModel;
 pub use detect::detect;
 pub use error::IoError;
 pub use fs::{
@@ -73,10 +75,10 @@ pub use fs::{
     remove_unfinished,
 };
 pub use losses::Losses;
-pub use open_scene::{OpenOptions, OpenedScene, open_scene};
-pub use open_source::open_source;
+pub use open_options::OpenOptions;
+pub use open_scene::{open_scene, open_scene_as};
+pub use opened_scene::OpenedScene;
 pub use scene_kind::SceneKind;
-pub use source::{Source, SourceOptions};
 
 #[cfg(doctest)]
 #[doc = include_str!("../README.md")]

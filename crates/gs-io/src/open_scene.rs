@@ -1,119 +1,74 @@
-//! [`open_scene`]: a scene of any kind from its path.
+//! [`open_scene()`]: a scene of any kind from its path.
 
 use crate::detect::detect;
 use crate::error::IoError;
 use crate::frame;
-use crate::model_folder::{self, Overrides};
-use crate::open_source::open_source;
+use crate::model_folder::{Overrides, opened};
+use crate::open_options::OpenOptions;
+use crate::opened_scene::OpenedScene;
+use crate::ply::comments;
 use crate::ply_sequence::{PlySequence, SequenceOptions};
-use crate::repair::{self, Damage};
+use crate::repair::Damage;
 use crate::scene_kind::SceneKind;
-use crate::source::SourceOptions;
-use crate::{checkpoint4dgs, splat4d, splatv, swift4d};
+use crate::{
+    checkpoint4dgs, deformable3dgs, dynamic3dgs, ed3dgs, fourdgs_file, freetime, gaussian4d,
+    grid4d, scgs, spacetime, splat4d, splatv, swift4d,
+};
 use gs_core::DynamicScene;
 use gs_deform::StaticScene;
 use std::path::Path;
 
-/// Most entries of a folder that a warning lists.
+/// Most entries of a folder that a detail lists.
 const MAX_SHOWN: usize = 8;
+/// Share of the distance between unrelated rows above which the rows of a sequence do not persist.
+const MAX_DRIFT: f32 = 0.3;
+/// Splats of a `.splatv` that fade more slowly than this (the clip lasts 1) are visible throughout.
+const ALWAYS_VISIBLE: f32 = 10.0;
 
-/// How to open a scene of any kind.
-#[derive(Debug, Clone, Copy, Default, PartialEq)]
-pub struct OpenOptions {
-    /// For models of 4DGaussians and Swift4D.
-    pub overrides: Overrides,
-    /// For other trained scenes; their iteration is that of `overrides`.
-    pub source: SourceOptions,
-    /// For every kind.
-    pub damage: Damage,
-}
-
-/// A scene of any kind.
-#[derive(Debug)]
-pub struct OpenedScene {
-    /// The scene.
-    pub scene: Box<dyn DynamicScene>,
-    /// What it was made from.
-    pub kind: SceneKind,
-    /// What was found, for model folders.
-    pub report: Option<model_folder::ModelReport>,
-    /// What the user should know.
-    pub warnings: Vec<String>,
-}
-
-/// Opens a trained scene, a sequence of frames, a `.splatv` or `.splat4d` file, or a single frame
+/// Opens a trained scene, a sequence of frames, a `.splatv` or `.splat4d` clip, or a single frame
 /// of any format (which never moves).
 ///
 /// # Errors
 /// If the path is something else, or as the readers of its kind.
 pub fn open_scene(path: impl AsRef<Path>, options: &OpenOptions) -> Result<OpenedScene, IoError> {
     let path = path.as_ref();
-    let kind = detect(path)?;
-    let mut warnings = Vec::new();
-    let damaged = |report: repair::RepairReport| {
-        report.warning(options.damage == Damage::Drop).into_iter().chain(report.infinities.note())
-    };
-    let mut report = None;
-    let scene: Box<dyn DynamicScene> = match kind {
+    open_scene_as(path, &detect(path)?, options)
+}
+
+/// As [`open_scene()`], for a path whose kind is known.
+///
+/// # Errors
+/// If the kind is no scene, or as its reader.
+pub fn open_scene_as(
+    path: impl AsRef<Path>,
+    kind: &SceneKind,
+    options: &OpenOptions,
+) -> Result<OpenedScene, IoError> {
+    let path = path.as_ref();
+    let mut opened = match kind {
         SceneKind::Model4dgs | SceneKind::Swift4d => {
-            let overrides = Overrides { damage: options.damage, ..options.overrides };
-            let model = if kind == SceneKind::Swift4d {
-                swift4d::open(path, &overrides)?
-            } else {
-                checkpoint4dgs::open(path, &overrides)?
-            };
-            warnings.clone_from(&model.report.warnings);
-            warnings.extend(model.report.notes.iter().cloned());
-            report = Some(model.report);
-            Box::new(model.scene)
-        }
-        SceneKind::PlySequence => {
-            let sequence_options =
-                SequenceOptions { damage: options.damage, ..SequenceOptions::default() };
-            let sequence = PlySequence::open(path, &sequence_options)?;
-            warnings.extend(sequence.notes()?);
-            warnings.extend(sequence.series().map(str::to_owned));
-            warnings.extend(damaged(sequence.repair()));
-            if !sequence.ignored().is_empty() {
-                warnings.push(format!(
-                    "{} other entries of the folder were ignored: {}",
-                    sequence.ignored().len(),
-                    sequence.ignored()[..sequence.ignored().len().min(MAX_SHOWN)].join(", ")
-                ));
-            }
-            Box::new(sequence)
-        }
-        SceneKind::Splatv => {
-            let read = splatv::open(path, options.damage)?;
-            warnings.extend(damaged(read.repair));
-            Box::new(read.scene)
-        }
-        SceneKind::Splat4d => {
-            let read = splat4d::open(path, options.damage)?;
-            warnings.extend(damaged(read.repair));
-            Box::new(read.scene)
-        }
-        SceneKind::Deformable3dgs
-        | SceneKind::Scgs
-        | SceneKind::Grid4d
-        | SceneKind::Dash
-        | SceneKind::Ed3dgs
-        | SceneKind::Dynamic3dgs
-        | SceneKind::Spacetime
-        | SceneKind::FreeTime
-        | SceneKind::Fourdgs
-        | SceneKind::Gaussian4d => {
-            let source_options = SourceOptions {
-                iteration: options.overrides.iteration,
+            let overrides = Overrides {
+                iteration: options.iteration,
                 damage: options.damage,
-                ..options.source
+                ..options.overrides
             };
-            let source = open_source(path, &kind, &source_options)?;
-            warnings.extend(source.warnings);
-            warnings.extend(source.notes);
-            warnings.extend(damaged(source.repair));
-            source.scene
+            let is_swift4d = *kind == SceneKind::Swift4d;
+            let read = if is_swift4d { swift4d::open } else { checkpoint4dgs::open };
+            return Ok(opened(path, kind.clone(), read(path, &overrides)?));
         }
+        SceneKind::PlySequence => open_sequence(path, options),
+        SceneKind::Splatv => open_splatv(path, options.damage),
+        SceneKind::Splat4d => open_splat4d(path, options.damage),
+        SceneKind::Deformable3dgs => deformable3dgs::open(path, options),
+        SceneKind::Scgs => scgs::open(path, options),
+        SceneKind::Grid4d => grid4d::open(path, options),
+        SceneKind::Dash => grid4d::open_dash(path, options),
+        SceneKind::Ed3dgs => ed3dgs::open(path, options),
+        SceneKind::Dynamic3dgs => dynamic3dgs::open(path, options),
+        SceneKind::Spacetime => spacetime::open(path, options),
+        SceneKind::FreeTime => freetime::open(path, options),
+        SceneKind::Fourdgs => fourdgs_file::open(path, options),
+        SceneKind::Gaussian4d => gaussian4d::open(path, options),
         SceneKind::Ply
         | SceneKind::CompressedPly
         | SceneKind::Splat
@@ -123,18 +78,7 @@ pub fn open_scene(path: impl AsRef<Path>, options: &OpenOptions) -> Result<Opene
         | SceneKind::Gsplat
         | SceneKind::EditorFolder
         | SceneKind::Model3dgs
-        | SceneKind::OtherPly(_) => {
-            let read = frame::read_file(path)?;
-            warnings.extend(read.notes.iter().cloned());
-            warnings.extend(read.axes.and_then(|reading| reading.assumption()));
-            let (frame, found) = read
-                .sanitize(options.damage)
-                .map_err(|source| IoError::Damaged { path: path.to_owned(), source })?;
-            warnings.extend(damaged(found));
-            let scene = StaticScene::new(frame.splats)
-                .map_err(|error| IoError::content(path, error.to_string()))?;
-            Box::new(scene)
-        }
+        | SceneKind::OtherPly(_) => open_frame(path, kind.clone(), options.damage),
         SceneKind::RunFolder
         | SceneKind::Cameras(_)
         | SceneKind::Unsupported(_)
@@ -146,6 +90,87 @@ pub fn open_scene(path: impl AsRef<Path>, options: &OpenOptions) -> Result<Opene
                 ),
             ));
         }
+    }?;
+    opened.warnings.extend(opened.repair.warning(options.damage == Damage::Drop));
+    opened.notes.extend(opened.repair.infinities.note());
+    Ok(opened)
+}
+
+fn open_sequence(path: &Path, options: &OpenOptions) -> Result<OpenedScene, IoError> {
+    let sequence_options = SequenceOptions {
+        damage: options.damage,
+        axes: options.axes,
+        ..SequenceOptions::default()
     };
-    Ok(OpenedScene { scene, kind, report, warnings })
+    let sequence = PlySequence::open(path, &sequence_options)?;
+    let series = sequence.series().map(str::to_owned);
+    let mut facts = vec![("frames", sequence.num_frames().unwrap_or_default().to_string())];
+    facts.extend(series.iter().map(|series| ("series", series.clone())));
+    let mut warnings = Vec::new();
+    let drift = sequence.row_drift()?;
+    if drift > MAX_DRIFT {
+        warnings.push(format!(
+            "rows hardly persist from frame to frame (they move {:.0} % of the distance of unrelated rows): frames whose rows an editor or converter sorted again are not a scene",
+            100.0 * drift
+        ));
+    }
+    let ignored = sequence.ignored();
+    let details = (!ignored.is_empty()).then(|| {
+        let shown = ignored[..ignored.len().min(MAX_SHOWN)].join(", ");
+        let more = if ignored.len() > MAX_SHOWN { ", …" } else { "" };
+        format!("{} other entries were ignored: {shown}{more}", ignored.len())
+    });
+    let files = sequence.paths().to_vec();
+    let first = files.first();
+    Ok(OpenedScene {
+        facts,
+        warnings,
+        notes: series.into_iter().chain(sequence.notes()?).collect(),
+        details: details.into_iter().collect(),
+        repair: sequence.repair(),
+        up: first.and_then(|first| comments::up_of(first)),
+        fps: first.and_then(|first| comments::fps_of(first)),
+        ..OpenedScene::new(SceneKind::PlySequence, sequence, files)
+    })
+}
+
+fn open_splatv(path: &Path, damage: Damage) -> Result<OpenedScene, IoError> {
+    let read = splatv::open(path, damage)?;
+    let widths = read.scene.motions().iter().map(|motion| motion.width);
+    let always = widths.filter(|&width| width > ALWAYS_VISIBLE).count();
+    Ok(OpenedScene {
+        facts: vec![
+            ("motion", "one cubic per splat".to_owned()),
+            ("always visible", always.to_string()),
+        ],
+        repair: read.repair,
+        up: read.up,
+        ..OpenedScene::new(SceneKind::Splatv, read.scene, vec![path.to_owned()])
+    })
+}
+
+fn open_splat4d(path: &Path, damage: Damage) -> Result<OpenedScene, IoError> {
+    let read = splat4d::open(path, damage)?;
+    Ok(OpenedScene {
+        facts: vec![
+            ("frames", read.scene.num_frames().unwrap_or_default().to_string()),
+            ("fps", read.fps.to_string()),
+        ],
+        repair: read.repair,
+        up: read.up,
+        fps: Some(read.fps),
+        ..OpenedScene::new(SceneKind::Splat4d, read.scene, vec![path.to_owned()])
+    })
+}
+
+fn open_frame(path: &Path, kind: SceneKind, damage: Damage) -> Result<OpenedScene, IoError> {
+    let read = frame::read_file(path)?;
+    let notes = read.notes.iter().cloned();
+    let notes = notes.chain(read.axes.and_then(|reading| reading.assumption())).collect();
+    let (frame, repair) = read
+        .sanitize(damage)
+        .map_err(|source| IoError::Damaged { path: path.to_owned(), source })?;
+    let scene = StaticScene::new(frame.splats)
+        .map_err(|error| IoError::content(path, error.to_string()))?;
+    Ok(OpenedScene { notes, repair, ..OpenedScene::new(kind, scene, vec![path.to_owned()]) })
 }

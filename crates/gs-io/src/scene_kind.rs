@@ -128,11 +128,19 @@ impl SceneKind {
         )
     }
 
-    /// Whether it is a trained dynamic scene that [`crate::open_source()`] reads.
-    pub fn is_source(&self) -> bool {
+    /// Whether it is a dynamic scene that [`crate::open_scene()`] reads.
+    pub fn is_dynamic(&self) -> bool {
+        matches!(self, Self::PlySequence | Self::Splatv | Self::Splat4d) || self.is_trained()
+    }
+
+    /// Whether it is what training a dynamic scene leaves: these have iterations and training
+    /// flags.
+    pub fn is_trained(&self) -> bool {
         matches!(
             self,
-            Self::Deformable3dgs
+            Self::Model4dgs
+                | Self::Swift4d
+                | Self::Deformable3dgs
                 | Self::Scgs
                 | Self::Grid4d
                 | Self::Dash

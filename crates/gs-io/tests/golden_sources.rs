@@ -4,7 +4,7 @@
 #![allow(clippy::unwrap_used, reason = "shared functions of tests fail by panicking, as tests do")]
 
 use gs_core::{Splats, covariance, sh};
-use gs_io::{SceneKind, Source, SourceOptions, detect, open_source};
+use gs_io::{OpenOptions, OpenedScene, SceneKind, detect, open_scene_as};
 use std::path::{Path, PathBuf};
 use test_support::compare::{assert_close, max_abs_diff, widen};
 use test_support::fixture;
@@ -18,9 +18,9 @@ fn golden(name: &str) -> Golden {
     Golden::open(base(name).join("expected.safetensors"))
 }
 
-fn open(path: &Path, kind: &SceneKind, options: &SourceOptions) -> Source {
+fn open(path: &Path, kind: &SceneKind, options: &OpenOptions) -> OpenedScene {
     assert_eq!(detect(path).unwrap(), *kind, "{}", path.display());
-    let source = open_source(path, kind, options).unwrap();
+    let source = open_scene_as(path, kind, options).unwrap();
     assert!(source.warnings.is_empty(), "{:?}", source.warnings);
     assert_eq!(source.repair.damaged(), 0, "sound rows");
     source
@@ -92,7 +92,7 @@ fn relative_to_traces(actual: &[f64], expected: &[f64]) -> f64 {
 /// Scenes whose quaternions reach the rasteriser without being normalised: their covariances are
 /// compared.
 fn check_rasterized(name: &str, kind: &SceneKind, tolerance: f64, of_trace: f64) {
-    let source = open(&base(name).join("model"), kind, &SourceOptions::default());
+    let source = open(&base(name).join("model"), kind, &OpenOptions::default());
     let golden = golden(name);
     assert!(!source.scene.fades(), "{name}: opacities stay");
     for (index, t) in golden.f32s("times").into_iter().enumerate() {
@@ -135,7 +135,7 @@ fn grid4d() {
 fn dash() {
     let name = "dash/n3v_w64";
     check_rasterized(name, &SceneKind::Dash, 1e-5, 1e-4);
-    let options = SourceOptions::default();
+    let options = OpenOptions::default();
     let source = open(&base(name).join("model"), &SceneKind::Dash, &options);
     let expected = golden(name).u8s("dynamic");
     let found = source.scene.dynamic_mask().unwrap();
@@ -145,7 +145,7 @@ fn dash() {
 #[test]
 fn ed3dgs() {
     for name in ["ed3dgs/early_anneal", "ed3dgs/hyper_d0"] {
-        let options = SourceOptions::default();
+        let options = OpenOptions::default();
         let source = open(&base(name).join("model"), &SceneKind::Ed3dgs, &options);
         let golden = golden(name);
         let (mut tested, shown) = (0, golden.shape("shs")[1]);
@@ -175,7 +175,7 @@ fn ed3dgs() {
 
 #[test]
 fn dynamic3dgs() {
-    let (name, options) = ("dynamic3dgs", SourceOptions::default());
+    let (name, options) = ("dynamic3dgs", OpenOptions::default());
     let golden = golden(name);
     let folder = base(name).join("model/output/exp1/blob");
     for path in [folder.clone(), folder.join("params.npz")] {
@@ -200,7 +200,7 @@ fn dynamic3dgs() {
 fn scgs() {
     for name in ["scgs/blender_w64", "scgs/real_local_frame_mask_w64"] {
         let kind = SceneKind::Scgs;
-        let source = open(&base(name).join("model"), &kind, &SourceOptions::default());
+        let source = open(&base(name).join("model"), &kind, &OpenOptions::default());
         let golden = golden(name);
         for (index, t) in golden.f32s("times").into_iter().enumerate() {
             let splats = source.scene.at(t).unwrap();
@@ -225,7 +225,7 @@ fn spacetime_lite() {
     let model = base(name).join("model");
     let file = model.join("point_cloud/iteration_30000/point_cloud.ply");
     for path in [&model, &file] {
-        let source = open(path, &SceneKind::Spacetime, &SourceOptions::default());
+        let source = open(path, &SceneKind::Spacetime, &OpenOptions::default());
         for (index, t) in golden.f32s("times").into_iter().enumerate() {
             let splats = source.scene.at(t).unwrap();
             let close = |part: &str, actual: &[f64], expected: &[f64]| {
@@ -251,7 +251,7 @@ fn freetimegs() {
     for (name, file) in files {
         let golden = golden(&format!("freetimegs/{name}"));
         let path = base("freetimegs").join(name).join("ckpts").join(file);
-        let source = open(&path, &SceneKind::FreeTime, &SourceOptions::default());
+        let source = open(&path, &SceneKind::FreeTime, &OpenOptions::default());
         let frames = (name == "vanilla").then_some(60);
         assert_eq!(source.scene.num_frames(), frames, "{file}: frames");
         for (index, t) in golden.f32s("times").into_iter().enumerate() {
@@ -278,10 +278,9 @@ fn native_4d_gaussians() {
     for name in ["fudan4dgs/shfs4d", "fudan4dgs/no_shfs4d"] {
         let golden = golden(name);
         let (model, kind) = (base(name).join("model"), SceneKind::Gaussian4d);
-        let error = open_source(&model, &kind, &SourceOptions::default()).unwrap_err();
+        let error = open_scene_as(&model, &kind, &OpenOptions::default()).unwrap_err();
         assert!(error.to_string().contains("--set time_duration=START,END"), "{error}");
-        let options =
-            SourceOptions { time_duration: Some([0.0, 10.0]), ..SourceOptions::default() };
+        let options = OpenOptions { time_duration: Some([0.0, 10.0]), ..OpenOptions::default() };
         let source = open(&model, &kind, &options);
         let camera = golden.f32s("camera_center");
         let visible = golden.u8s("visible");
@@ -326,7 +325,7 @@ fn native_4d_gaussians() {
 #[test]
 fn fourdgs_container() {
     let (path, golden) = (base("4dgs/birth/scene.4dgs"), golden("4dgs/birth"));
-    let source = open(&path, &SceneKind::Fourdgs, &SourceOptions::default());
+    let source = open(&path, &SceneKind::Fourdgs, &OpenOptions::default());
     let n = source.scene.num_splats();
     let (visible, times) = (golden.u8s("visible"), golden.f64s("times"));
     let (means_at, opacity_at) = (golden.f64s("means"), golden.f64s("opacity"));

@@ -12,7 +12,7 @@ mod lively;
 use gs_core::{Camera, DynamicScene, Splats, covariance};
 use gs_deform::{Polynomial, PolynomialScene};
 use gs_io::repair::Damage;
-use gs_io::{Clip, Existing, SceneKind, SourceOptions, detect, open_source, splatv};
+use gs_io::{Clip, Existing, OpenOptions, SceneKind, detect, open_scene_as, splatv};
 use std::fs;
 use std::path::Path;
 
@@ -106,7 +106,7 @@ fn a_splatv_is_the_same_scene_in_other_layouts() {
         let path = at(&format!("{index}"));
         fs::write(&path, bytes).unwrap();
         assert_eq!(detect(&path).unwrap(), kind, "by content, whatever the name");
-        let read = open_source(&path, &kind, &SourceOptions::default()).unwrap().scene;
+        let read = open_scene_as(&path, &kind, &OpenOptions::default()).unwrap().scene;
         for t in [0.0, 0.31, 0.77, 1.0] {
             let (expected, found) = (truth.at(t).unwrap(), read.at(t).unwrap());
             let [means, shapes, opacities, colours] = differences(&expected, &found, floor);

@@ -5,14 +5,14 @@
 
 use gs_io::pth::{self, NamedTensor};
 use gs_io::repair::Damage;
-use gs_io::{SceneKind, SourceOptions, detect, frame, open_source};
+use gs_io::{OpenOptions, SceneKind, detect, frame, open_scene_as};
 use std::fs;
 use std::path::{Path, PathBuf};
 use tempfile::TempDir;
 use test_support::fixture;
 
-fn options() -> SourceOptions {
-    SourceOptions { time_duration: Some([0.0, 10.0]), ..SourceOptions::default() }
+fn options() -> OpenOptions {
+    OpenOptions { time_duration: Some([0.0, 10.0]), ..OpenOptions::default() }
 }
 
 fn copy(from: &Path, to: &Path) {
@@ -81,7 +81,7 @@ fn cut_files_are_refused_by_name() {
         for keep in [0, 1, 30, whole.len() / 3, whole.len() / 2, whole.len() - 1] {
             fs::write(&path, &whole[..keep]).unwrap();
             let _ = detect(dir.path());
-            let error = open_source(scene_of(dir.path(), &kind, &path), &kind, &options());
+            let error = open_scene_as(scene_of(dir.path(), &kind, &path), &kind, &options());
             let error = error.expect_err(&format!("{file}: {keep} of {} bytes", whole.len()));
             let named = error.to_string().contains(path.file_name().unwrap().to_str().unwrap());
             assert!(named, "{file}, {keep} bytes: {error}");
@@ -136,7 +136,7 @@ fn wrong_shapes_and_lost_tensors_are_named() {
                 }
             });
             let scene = scene_of(dir.path(), &kind, &path);
-            match open_source(scene, &kind, &options()) {
+            match open_scene_as(scene, &kind, &options()) {
                 // Statistics of training are read by nobody.
                 Ok(_) => {}
                 Err(error) => {
@@ -167,7 +167,7 @@ fn weights_that_are_not_finite_are_refused() {
                     values[0] = value;
                 }
             });
-            let error = open_source(dir.path(), &kind, &options()).unwrap_err().to_string();
+            let error = open_scene_as(dir.path(), &kind, &options()).unwrap_err().to_string();
             // Of names with parts, one says which it is.
             let known =
                 tensor.split('.').find(|part| part.contains('_') || part.contains("linear"));
@@ -187,19 +187,19 @@ fn damaged_rows_are_dropped_and_counted() {
     ] {
         let (dir, path) = model(name, file);
         let scene = scene_of(dir.path(), &kind, &path);
-        let whole = open_source(scene, &kind, &options()).unwrap();
+        let whole = open_scene_as(scene, &kind, &options()).unwrap();
         let splats = whole.scene.at(0.4).unwrap();
         rewrite(&path, |name, _, values| {
             if name == tensor {
                 values[0] = f32::NAN;
             }
         });
-        let read = open_source(scene, &kind, &options()).unwrap();
+        let read = open_scene_as(scene, &kind, &options()).unwrap();
         assert_eq!(read.repair.damaged(), 1, "{tensor}: counted");
         let rows: Vec<usize> = (1..splats.len()).collect();
         assert_eq!(read.scene.at(0.4).unwrap(), splats.select(&rows), "{tensor}: the others");
-        let strict = SourceOptions { damage: Damage::Fail, ..options() };
-        assert!(open_source(scene, &kind, &strict).is_err(), "{tensor}: refused");
+        let strict = OpenOptions { damage: Damage::Fail, ..options() };
+        assert!(open_scene_as(scene, &kind, &strict).is_err(), "{tensor}: refused");
     }
 }
 
@@ -209,10 +209,10 @@ fn a_model_without_its_network_says_what_to_copy() {
         let (dir, _) = model(name, "cfg_args");
         fs::remove_dir_all(dir.path().join("deform")).unwrap();
         assert_eq!(detect(dir.path()).unwrap(), *kind, "the settings of its training tell");
-        let error = open_source(dir.path(), kind, &options()).unwrap_err().to_string();
+        let error = open_scene_as(dir.path(), kind, &options()).unwrap_err().to_string();
         assert!(error.contains("copy the folder `deform`"), "{error}");
         fs::create_dir_all(dir.path().join("deform/iteration_9")).unwrap();
-        let error = open_source(dir.path(), kind, &options()).unwrap_err().to_string();
+        let error = open_scene_as(dir.path(), kind, &options()).unwrap_err().to_string();
         assert!(error.contains("copy the folder `deform`"), "an empty save: {error}");
     }
 }
@@ -222,19 +222,19 @@ fn what_cfg_args_alone_says_is_asked_for() {
     for part in [9, 10] {
         let (name, kind, _) = PARTS[part].clone();
         let (dir, cfg) = model(name, "cfg_args");
-        let whole = open_source(dir.path(), &kind, &options()).unwrap().scene.at(0.4).unwrap();
+        let whole = open_scene_as(dir.path(), &kind, &options()).unwrap().scene.at(0.4).unwrap();
         fs::remove_file(&cfg).unwrap();
         assert_eq!(detect(dir.path()).unwrap(), kind, "the network tells");
-        let error = open_source(dir.path(), &kind, &options()).unwrap_err().to_string();
+        let error = open_scene_as(dir.path(), &kind, &options()).unwrap_err().to_string();
         assert!(error.contains("--set bound="), "{error}");
         let bound = if kind == SceneKind::Dash { 1.0 } else { 2.0 };
-        let given = SourceOptions { bound: Some(bound), ..options() };
-        let found = open_source(dir.path(), &kind, &given).unwrap().scene.at(0.4).unwrap();
+        let given = OpenOptions { bound: Some(bound), ..options() };
+        let found = open_scene_as(dir.path(), &kind, &given).unwrap().scene.at(0.4).unwrap();
         assert_eq!(found, whole, "{name}: as with cfg_args");
     }
     let (dir, cfg) = model(PARTS[12].0, "cfg_args");
     fs::remove_file(&cfg).unwrap();
-    let source = open_source(dir.path(), &SceneKind::Ed3dgs, &options()).unwrap();
+    let source = open_scene_as(dir.path(), &SceneKind::Ed3dgs, &options()).unwrap();
     assert!(source.warnings[0].contains("cfg_args is missing"), "{:?}", source.warnings);
 }
 
@@ -245,7 +245,7 @@ fn columns_that_an_editor_dropped_are_missed() {
     let mut bytes = Vec::new();
     gs_io::ply::write(&splats, &gs_io::ply::WriteOptions::default(), &mut bytes).unwrap();
     fs::write(&path, bytes).unwrap();
-    let error = open_source(dir.path(), &SceneKind::Scgs, &options()).unwrap_err().to_string();
+    let error = open_scene_as(dir.path(), &SceneKind::Scgs, &options()).unwrap_err().to_string();
     assert!(error.contains("fea_0") && error.contains("editor dropped"), "{error}");
 }
 
@@ -254,12 +254,12 @@ fn options_that_are_not_supported_are_named() {
     let (dir, path) = model(PARTS[3].0, "cfg_args");
     let text = fs::read_to_string(&path).unwrap();
     fs::write(&path, text.replace("use_hash=False", "use_hash=True")).unwrap();
-    let error = open_source(dir.path(), &SceneKind::Scgs, &options()).unwrap_err().to_string();
+    let error = open_scene_as(dir.path(), &SceneKind::Scgs, &options()).unwrap_err().to_string();
     assert!(error.contains("use_hash=True") && error.contains("not supported"), "{error}");
 
     let full = fixture("bases/spacetime_full_refuse/model");
     assert_eq!(detect(&full).unwrap(), SceneKind::Spacetime, "named");
-    let error = open_source(&full, &SceneKind::Spacetime, &options()).unwrap_err().to_string();
+    let error = open_scene_as(&full, &SceneKind::Spacetime, &options()).unwrap_err().to_string();
     assert!(error.contains("full model") && error.contains("ours_lite"), "{error}");
 
     let (_dir, path) = model(PARTS[7].0, PARTS[7].2);
@@ -275,7 +275,7 @@ fn options_that_are_not_supported_are_named() {
         let mut changed = bytes.clone();
         changed[at..at + to.len()].copy_from_slice(to);
         fs::write(&path, changed).unwrap();
-        let error = open_source(&path, &SceneKind::FreeTime, &options()).unwrap_err().to_string();
+        let error = open_scene_as(&path, &SceneKind::FreeTime, &options()).unwrap_err().to_string();
         let name = String::from_utf8_lossy(to).split(' ').next().unwrap().to_owned();
         assert!(error.contains(&name) && error.contains("expected"), "{error}");
     }
@@ -293,7 +293,7 @@ fn moving_scenes_are_no_frames_and_frames_do_not_move() {
     }
     // The same checkpoint without its times is one of gsplat's own trainer.
     let (_dir, path) = model(PARTS[6].0, PARTS[6].2);
-    let splats = open_source(&path, &SceneKind::FreeTime, &options()).unwrap().scene.at(0.5);
+    let splats = open_scene_as(&path, &SceneKind::FreeTime, &options()).unwrap().scene.at(0.5);
     let bytes = fs::read(&path).unwrap();
     let tensors = pth::read(&bytes).unwrap().into_state_dict().unwrap();
     let still: Vec<(String, Vec<usize>, Vec<f32>)> = tensors

@@ -5,48 +5,11 @@
 
 mod common;
 
-use common::{CASES, Case, MODES, Mode, raster, widen};
+use common::{MODES, Mode, raster};
 use gs_core::{Rasterizer, RenderOutput};
+use test_support::raster::{CASES, Case, check_images, image_errors};
 
-/// Largest error on pixels whose decisions are clear, and on the others.
-fn errors(case: &Case, plane: &str, actual: &[f32]) -> (f64, f64) {
-    let expected = case.golden.f64s(&format!("out.{plane}"));
-    assert_eq!(actual.len(), expected.len(), "{} {plane}: length", case.name);
-    let ambiguous = case.golden.u8s("out.ambiguous");
-    let channels = expected.len() / ambiguous.len();
-    let mut worst = (0.0_f64, 0.0_f64);
-    for (i, (a, e)) in widen(actual).iter().zip(&expected).enumerate() {
-        let error = (a - e).abs();
-        let error = if error.is_nan() { f64::INFINITY } else { error };
-        if ambiguous[i / channels] == 0 {
-            worst.0 = worst.0.max(error);
-        } else {
-            worst.1 = worst.1.max(error);
-        }
-    }
-    worst
-}
-
-fn check_images(mode: Mode, case: &Case, out: &RenderOutput) {
-    let finite = case.features.iter().filter(|feature| feature.is_finite());
-    let largest = finite.fold(1.0_f64, |m, &feature| m.max(f64::from(feature.abs())));
-    for (plane, values, limit) in [
-        ("rgb", &out.rgb, 3e-5),
-        ("alpha", &out.alpha, 3e-5),
-        ("depth", &out.depth, 1e-4),
-        ("features", &out.features, 1e-4),
-    ] {
-        let (clean, ambiguous) = errors(case, plane, values);
-        if std::env::var_os("C4D_SHOW_ERRORS").is_some() {
-            eprintln!("{mode:?} {} {plane}: {clean:.2e}, borderline {ambiguous:.2e}", case.name);
-        }
-        assert!(clean <= limit, "{mode:?} {} {plane}: {clean:e} exceeds {limit:e}", case.name);
-        let limit = 0.02 * largest;
-        assert!(ambiguous <= limit, "{mode:?} {} {plane}, borderline: {ambiguous:e}", case.name);
-    }
-}
-
-fn render(mode: Mode, case: &Case) -> RenderOutput {
+fn render(mode: Mode, case: &Case<f32>) -> RenderOutput {
     let raster = raster(mode);
     let mut prepared = raster.prepare(&case.splats, &case.camera).unwrap();
     raster.forward(&mut prepared, &case.splats, &case.features, &case.params).unwrap()
@@ -57,8 +20,8 @@ fn render(mode: Mode, case: &Case) -> RenderOutput {
 fn images_match() {
     for mode in MODES {
         for name in CASES {
-            let case = Case::open(name);
-            check_images(mode, &case, &render(mode, &case));
+            let case = Case::<f32>::open(name);
+            check_images(&format!("{mode:?}"), &case, &render(mode, &case));
         }
     }
 }
@@ -66,7 +29,7 @@ fn images_match() {
 #[test]
 fn radii_rectangles_and_pairs_match_exactly() {
     for name in CASES {
-        let case = Case::open(name);
+        let case = Case::<f32>::open(name);
         let raster = raster(Mode::Portable);
         let mut prepared = raster.prepare(&case.splats, &case.camera).unwrap();
         // Colours that are not finite are seen when they are used.
@@ -92,7 +55,7 @@ fn radii_rectangles_and_pairs_match_exactly() {
 #[test]
 fn projection_matches() {
     for name in CASES {
-        let case = Case::open(name);
+        let case = Case::<f32>::open(name);
         let raster = raster(Mode::Portable);
         let mut prepared = raster.prepare(&case.splats, &case.camera).unwrap();
         let stages = raster.stages(&mut prepared).unwrap();
@@ -128,11 +91,11 @@ fn projection_matches() {
 /// Negative control: a picture with one splat's opacity changed must be refused.
 #[test]
 fn a_wrong_picture_is_found() {
-    let mut case = Case::open("c1_random200");
+    let mut case = Case::<f32>::open("c1_random200");
     for logit in &mut case.splats.opacity_logits[..20] {
         *logit += 0.01;
     }
     let out = render(Mode::Portable, &case);
-    let (clean, _) = errors(&case, "rgb", &out.rgb);
-    assert!(clean > 3e-5, "a changed scene passes: {clean:e}");
+    let (clear, _) = image_errors(&case, "rgb", &out.rgb);
+    assert!(clear > 3e-5, "a changed scene passes: {clear:e}");
 }

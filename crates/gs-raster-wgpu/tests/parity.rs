@@ -5,15 +5,14 @@
 
 mod common;
 
-use common::{
-    MODES, Mode, Scene, awkward_scenes, camera, cloud, noise, raster, scenes, widen, widen_rows,
-};
+use common::{MODES, Mode, Scene, awkward_scenes, camera, cloud, noise, raster, scenes};
 use gs_core::{
     Camera, GradientConvention, Rasterizer, RenderGrads, RenderOutput, RenderParams, Splats,
     UpstreamGrads,
 };
 use gs_raster_cpu::CpuRasterizer;
 use test_support::compare::{assert_grad_close, relative_l2};
+use test_support::raster::{widen, widen_rows};
 
 const BACKGROUND: [f64; 3] = [0.2, 0.5, 0.8];
 

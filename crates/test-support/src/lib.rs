@@ -1,10 +1,12 @@
 //! Comparators that can fail, and readers of golden files. Development only.
 //!
-//! Works on plain slices, without types of ours, so that any crate of the workspace may use it in
-//! its tests.
+//! Works on plain slices, so that any crate of the workspace may use it in its tests. The feature
+//! `raster` adds the golden cases of the rasteriser, with types of `gs-core`.
 
 pub mod compare;
 pub mod golden;
+#[cfg(feature = "raster")]
+pub mod raster;
 
 use std::path::PathBuf;
 

@@ -8,11 +8,11 @@ use crate::console::Console;
 use crate::device::Device;
 use crate::failure::{Failure, Outcome, chain};
 use crate::output::{existing, output_failure};
-use crate::ply_comments::up_comments;
 use crate::run_folder::Checkpoint;
 use crate::scene;
 use crate::settings::{PropagateJob, Settings};
 use gs_core::{Camera, DynamicScene, Splats};
+use gs_io::ply::comments;
 use gs_io::ply::{self, WriteOptions};
 use gs_io::{AtomicDir, Existing, cameras_json, ply_sequence};
 use gs_raster_cpu::CpuRasterizer;
@@ -162,7 +162,7 @@ fn write_inputs(
     let times = synthetic.time_range().frames(SOURCE_FRAMES);
     let options = WriteOptions {
         normals: false,
-        comments: up_comments([0.0, 1.0, 0.0]),
+        comments: comments::up_comments([0.0, 1.0, 0.0]),
         ..WriteOptions::default()
     };
     let mut progress = console.progress("source", SOURCE_FRAMES as u64);

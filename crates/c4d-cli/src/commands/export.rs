@@ -15,9 +15,9 @@ use crate::failure::{Failure, Outcome};
 use crate::frames::{self, Timing};
 use crate::memory;
 use crate::output::{check_sh_degree, existing, output_failure, refuse_overlap};
-use crate::ply_comments::{FPS_COMMENT, up_comments};
 use crate::scene;
 use gs_io::ply::WriteOptions;
+use gs_io::ply::comments;
 use gs_io::{compressed_ply, ply_sequence};
 use written::{plain_losses, say_written};
 
@@ -51,8 +51,8 @@ pub(crate) fn run(args: &ExportArgs, global: &Global, console: &Console) -> Outc
     }
     check_sh_degree(args.sh_degree, opened.scene.sh_degree())?;
     refuse_overlap(&args.output, &opened.roots)?;
-    let mut comments = vec![format!("{}{fps}", FPS_COMMENT)];
-    comments.extend(up_comments(opened.up));
+    let mut comments = vec![format!("{}{fps}", comments::FPS)];
+    comments.extend(comments::up_comments(opened.up));
     let options = WriteOptions { normals: !args.no_normals, comments, sh_degree: args.sh_degree };
     if to == ExportFormat::Zip {
         let splats = opened.scene.at(times[0]).map_err(Failure::input)?;

@@ -6,13 +6,13 @@ use crate::console::Console;
 use crate::device::Device;
 use crate::failure::{Failure, Outcome};
 use crate::output::{check_sh_degree, existing, output_failure, refuse_overlap};
-use crate::ply_comments::{BACKGROUND_COMMENT, TIME_COMMENT, up_comments};
 use crate::renderer::Renderer;
 use crate::rig::{DEFAULT_SIZE, Rig};
 use crate::scene::Opened;
 use crate::{cameras, frames, images, memory, placement, scene};
 use gs_core::{Camera, Splats};
 use gs_deform::StaticScene;
+use gs_io::ply::comments;
 use gs_io::ply::{self, WriteOptions};
 use gs_io::{AtomicDir, Existing, SceneKind, cameras_json};
 use std::collections::HashSet;
@@ -41,9 +41,9 @@ pub(crate) fn run(args: &FreezeArgs, global: &Global, console: &Console) -> Outc
     let folder =
         AtomicDir::create(output, existing(global)).map_err(|error| output_failure(&error))?;
     let options = WriteOptions {
-        comments: std::iter::once(format!("{TIME_COMMENT}{}", args.time))
+        comments: std::iter::once(format!("{}{}", comments::TIME, args.time))
             .chain(device.as_ref().map(|_| background_comment(opened.background)))
-            .chain(up_comments(opened.up))
+            .chain(comments::up_comments(opened.up))
             .collect(),
         sh_degree: args.sh_degree,
         ..WriteOptions::default()
@@ -168,7 +168,7 @@ fn write_views(
 
 /// The PLY comment that notes the background of the pictures.
 fn background_comment([r, g, b]: [f32; 3]) -> String {
-    format!("{BACKGROUND_COMMENT}{r} {g} {b}")
+    format!("{}{r} {g} {b}", comments::BACKGROUND)
 }
 
 /// Says how many splats cannot be seen, and leaves them out if asked.

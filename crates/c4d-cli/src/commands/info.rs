@@ -44,13 +44,9 @@ fn report(args: &InfoArgs, global: &Global, console: &Console) -> Outcome {
     let kind = gs_io::detect(path).map_err(|error| scene::bad_input(&error))?;
     let report = match &kind {
         _ if kind.is_frame() => frame(path, &kind, args.axes)?,
-        _ if kind.is_source() => dynamic(&scene::open(path, global, console)?)?,
-        SceneKind::Model4dgs
-        | SceneKind::Swift4d
-        | SceneKind::PlySequence
-        | SceneKind::Splatv
-        | SceneKind::Splat4d
-        | SceneKind::RunFolder => dynamic(&scene::open(path, global, console)?)?,
+        _ if kind.is_dynamic() || kind == SceneKind::RunFolder => {
+            dynamic(&scene::open(path, global, console)?)?
+        }
         SceneKind::Cameras(_) if path.is_dir() && path.join("cameras.json").is_file() => {
             match parts(path) {
                 parts if parts.len() > 1 => folder(path, &parts),
@@ -95,14 +91,8 @@ fn within(path: &Path) -> Option<String> {
     let path = path.canonicalize().ok().filter(|path| path.is_file())?;
     let known = |folder: &&Path| {
         gs_io::detect(folder).is_ok_and(|kind| {
-            let named = matches!(
-                kind,
-                SceneKind::Model4dgs
-                    | SceneKind::Swift4d
-                    | SceneKind::RunFolder
-                    | SceneKind::Cameras(_)
-            );
-            named || kind.is_source()
+            let named = matches!(kind, SceneKind::RunFolder | SceneKind::Cameras(_));
+            named || kind.is_trained()
         })
     };
     let folder = path.ancestors().skip(1).take(DEPTH).filter(known).last()?;
@@ -338,8 +328,7 @@ fn dynamic(opened: &Opened) -> Outcome<Report> {
         report.add("visible", json!(lifetimes.describe()));
     }
     report.add("up", json!(opened.up));
-    let is_model = matches!(opened.kind, SceneKind::Model4dgs | SceneKind::Swift4d);
-    if is_model || (opened.kind.is_source() && opened.path.is_dir()) {
+    if opened.kind.is_trained() && opened.path.is_dir() {
         report.add("cameras", json!(cameras_of_model(&opened.path)));
     }
     report.add(

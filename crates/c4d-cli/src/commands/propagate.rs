@@ -9,7 +9,6 @@ use crate::field::NetworkField;
 use crate::lifetimes::Lifetimes;
 use crate::model_flags::damage;
 use crate::output::{existing, output_failure, refuse_overlap};
-use crate::ply_comments::TIME_COMMENT;
 use crate::run_folder::{self, CONFIG, Checkpoint, REPORT, RunConfig, SCENE, Stored};
 use crate::scene::{self, Opened};
 use crate::settings::{
@@ -21,6 +20,7 @@ use amg::{MotionGuide, MotionOptions, MotionReport, Preset, Propagation};
 use clap::ValueEnum;
 use gs_core::{Extent, Precision, Splats};
 use gs_io::AtomicDir;
+use gs_io::ply::comments;
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex};
@@ -247,7 +247,7 @@ fn read_edited(
     let noted = frame
         .comments
         .iter()
-        .find_map(|comment| comment.strip_prefix(TIME_COMMENT)?.trim().parse::<f32>().ok());
+        .find_map(|comment| comment.strip_prefix(comments::TIME)?.trim().parse::<f32>().ok());
     if let Some(noted) = noted
         && (noted - time).abs() > 1e-6
     {

@@ -7,7 +7,6 @@ mod open;
 mod opened;
 mod repaired;
 mod run;
-mod trained;
 
 pub(crate) use bad_input::bad_input;
 pub(crate) use open::{open, open_run, refuse_model_flags};

@@ -1,9 +1,8 @@
 //! [`Opened`]: a scene with what its files say about it.
 
-use crate::field::Network;
 use crate::passes::Mask;
 use gs_core::DynamicScene;
-use gs_io::SceneKind;
+use gs_io::{DeformedModel, SceneKind};
 use std::path::PathBuf;
 use std::sync::Arc;
 
@@ -16,7 +15,7 @@ pub(crate) struct Opened {
     /// The scene itself.
     pub(crate) scene: Arc<dyn DynamicScene>,
     /// The scene's own deformation network with its canonical splats, where it has one.
-    pub(crate) network: Option<Network>,
+    pub(crate) network: Option<DeformedModel>,
     /// What the path is.
     pub(crate) kind: SceneKind,
     /// As given.

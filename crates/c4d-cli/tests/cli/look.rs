@@ -203,8 +203,11 @@ fn flags_that_would_do_nothing_are_refused() {
     refused(&[&["render"], &given[..]].concat(), "--up applies to front, orbit and spiral only");
     refused(&[&["freeze"], &given[..]].concat(), "--up applies to the built-in cameras only");
     refused(&["render", "--iteration", "7"], "--iteration and --set apply to model folders");
-    refused(&["export", "--to", "ply-seq", "--set", "no_dx=true"], "no such flag of a sequence");
-    refused(&["export", "--to", "ply-seq", "--set", "axes=up"], "no such flag of a sequence");
+    refused(
+        &["export", "--to", "ply-seq", "--set", "no_dx=true"],
+        "no such flag of this kind of scene",
+    );
+    refused(&["export", "--to", "ply-seq", "--set", "axes=up"], "expected ply, rub or luf");
 }
 
 #[test]

@@ -3,7 +3,7 @@
 
 use crate::support::{c4d, failure, fixture, success};
 use gs_core::Splats;
-use gs_io::{Existing, SceneKind, SourceOptions, ply};
+use gs_io::{Existing, OpenOptions, SceneKind, ply};
 use std::path::{Path, PathBuf};
 
 fn path(path: &Path) -> &str {
@@ -90,9 +90,8 @@ fn unedited_moves_bit_for_bit_like_the_source() {
             "-o",
             path(&out),
         ]));
-        let options =
-            SourceOptions { time_duration: Some([0.0, 10.0]), ..SourceOptions::default() };
-        let source = gs_io::open_source(&scene, &kind, &options).unwrap().scene;
+        let options = OpenOptions { time_duration: Some([0.0, 10.0]), ..OpenOptions::default() };
+        let source = gs_io::open_scene_as(&scene, &kind, &options).unwrap().scene;
         for (index, t) in source.time_range().frames(3).into_iter().enumerate() {
             let frames: Vec<PathBuf> = {
                 let entries = std::fs::read_dir(&out).unwrap();

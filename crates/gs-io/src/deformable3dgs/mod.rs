@@ -13,8 +13,10 @@ pub(crate) use network::network;
 use crate::deform_folder::DeformFolder;
 use crate::error::IoError;
 use crate::fs::read_bytes;
+use crate::open_options::OpenOptions;
+use crate::opened_scene::OpenedScene;
 use crate::pth::{self, Layers};
-use crate::source::{Source, SourceOptions};
+use crate::scene_kind::SceneKind;
 use gs_deform::MlpScene;
 use std::path::Path;
 
@@ -25,7 +27,7 @@ pub(crate) const UP_SYNTHETIC: [f64; 3] = [0.0, 0.0, 1.0];
 ///
 /// # Errors
 /// If files are missing or malformed, or the network is another. Every error names the file.
-pub fn open(dir: impl AsRef<Path>, options: &SourceOptions) -> Result<Source, IoError> {
+pub fn open(dir: impl AsRef<Path>, options: &OpenOptions) -> Result<OpenedScene, IoError> {
     let mut folder = DeformFolder::read(dir.as_ref(), options, |_| Vec::new())?;
     let path = folder.network.clone();
     let bytes = read_bytes(&path)?;
@@ -48,12 +50,12 @@ pub fn open(dir: impl AsRef<Path>, options: &SourceOptions) -> Result<Source, Io
     ));
     let scene = MlpScene::new(folder.splats, mlp)
         .map_err(|source| IoError::Field { path: folder.files[0].clone(), source })?;
-    Ok(Source {
+    Ok(OpenedScene {
         facts: folder.facts,
         notes: folder.notes,
         repair: folder.repair,
         background,
         up: is_blender.then_some(UP_SYNTHETIC),
-        ..Source::new(scene, folder.files)
+        ..OpenedScene::new(SceneKind::Deformable3dgs, scene, folder.files)
     })
 }

@@ -9,8 +9,10 @@ mod array;
 
 use crate::error::IoError;
 use crate::fs::read_bytes;
+use crate::open_options::OpenOptions;
+use crate::opened_scene::OpenedScene;
 use crate::repair::{self, Sanitized};
-use crate::source::{Source, SourceOptions};
+use crate::scene_kind::SceneKind;
 use array::Arrays;
 use gs_core::{Splats, sh};
 use gs_deform::Trajectories;
@@ -35,7 +37,7 @@ pub(crate) fn file_of(dir: &Path) -> Option<PathBuf> {
 ///
 /// # Errors
 /// If the file cannot be read, lacks arrays, or these do not fit.
-pub fn open(path: impl AsRef<Path>, options: &SourceOptions) -> Result<Source, IoError> {
+pub fn open(path: impl AsRef<Path>, options: &OpenOptions) -> Result<OpenedScene, IoError> {
     let path = path.as_ref();
     let path = file_of(path).unwrap_or_else(|| path.to_owned());
     let wrong = |what: String| IoError::content(&path, what);
@@ -45,10 +47,10 @@ pub fn open(path: impl AsRef<Path>, options: &SourceOptions) -> Result<Source, I
     let (frames, report) = without_damage(frames, options)
         .map_err(|source| IoError::Damaged { path: path.clone(), source })?;
     let scene = Trajectories::new(frames).map_err(|error| wrong(error.to_string()))?;
-    Ok(Source {
+    Ok(OpenedScene {
         facts: vec![("frames", count.to_string())],
         repair: report,
-        ..Source::new(scene, vec![path])
+        ..OpenedScene::new(SceneKind::Dynamic3dgs, scene, vec![path])
     })
 }
 
@@ -83,7 +85,7 @@ fn frames(arrays: &mut Arrays) -> Result<Vec<Splats>, String> {
 /// Drops, keeps or refuses rows that are damaged in a frame.
 fn without_damage(
     mut frames: Vec<Splats>,
-    options: &SourceOptions,
+    options: &OpenOptions,
 ) -> Result<(Vec<Splats>, repair::RepairReport), repair::DamagedRows> {
     let (first, rest) = frames.split_at_mut(1);
     for frame in rest.iter_mut() {

@@ -14,10 +14,12 @@ use crate::error::IoError;
 use crate::fs::text;
 use crate::fs::{list_names, read_bytes};
 use crate::model_folder;
+use crate::open_options::OpenOptions;
+use crate::opened_scene::OpenedScene;
 use crate::ply;
 use crate::pth::{self, Layers};
 use crate::repair::{self, Sanitized};
-use crate::source::{Source, SourceOptions};
+use crate::scene_kind::SceneKind;
 use gs_deform::EmbeddingScene;
 use options::Options;
 use std::path::Path;
@@ -43,7 +45,7 @@ pub(crate) fn looks_like_model(dir: &Path) -> bool {
 ///
 /// # Errors
 /// If files are missing or malformed. Every error names the file.
-pub fn open(dir: impl AsRef<Path>, options: &SourceOptions) -> Result<Source, IoError> {
+pub fn open(dir: impl AsRef<Path>, options: &OpenOptions) -> Result<OpenedScene, IoError> {
     let iteration = model_folder::find(dir.as_ref(), options.iteration)?;
     let ply_path = iteration.dir.join("point_cloud.ply");
     let bytes = read_bytes(&ply_path)?;
@@ -101,12 +103,12 @@ pub fn open(dir: impl AsRef<Path>, options: &SourceOptions) -> Result<Source, Io
         .map_err(|source| IoError::Field { path: path.clone(), source })?;
     let mut files = vec![ply_path, path];
     files.extend(Some(cfg_path).filter(|path| path.is_file()));
-    Ok(Source {
+    Ok(OpenedScene {
         facts,
         notes,
         warnings,
         repair: report,
         background: Some(if chosen.white_background { [1.0; 3] } else { [0.0; 3] }),
-        ..Source::new(scene, files)
+        ..OpenedScene::new(SceneKind::Ed3dgs, scene, files)
     })
 }

@@ -2,8 +2,10 @@
 
 use crate::error::IoError;
 use crate::fs::read_bytes;
+use crate::open_options::OpenOptions;
+use crate::opened_scene::OpenedScene;
 use crate::repair::{self, Sanitized};
-use crate::source::{Source, SourceOptions};
+use crate::scene_kind::SceneKind;
 use fourdgs::GaussianSet;
 use gs_core::{Splats, activation, sh};
 use gs_deform::{Polynomial, PolynomialScene, Visibility};
@@ -25,7 +27,7 @@ const SH_RANGE: f32 = 8.0;
 ///
 /// # Errors
 /// If the file cannot be read, is damaged, or has a temporal model that is not read.
-pub fn open(path: impl AsRef<Path>, options: &SourceOptions) -> Result<Source, IoError> {
+pub fn open(path: impl AsRef<Path>, options: &OpenOptions) -> Result<OpenedScene, IoError> {
     let path = path.as_ref();
     let wrong = |what: String| IoError::content(path, what);
     let bytes = read_bytes(path)?;
@@ -89,7 +91,12 @@ pub fn open(path: impl AsRef<Path>, options: &SourceOptions) -> Result<Source, I
         .map_err(|error| wrong(error.to_string()))?
         .with_visibility(Visibility { floor: 0.0, cutoff })
         .with_clock(0.0, duration.next_down());
-    Ok(Source { facts, notes, repair: report, ..Source::new(scene, vec![path.to_owned()]) })
+    Ok(OpenedScene {
+        facts,
+        notes,
+        repair: report,
+        ..OpenedScene::new(SceneKind::Fourdgs, scene, vec![path.to_owned()])
+    })
 }
 
 /// Whether metadata say that colours are linear light.

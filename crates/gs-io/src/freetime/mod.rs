@@ -9,7 +9,8 @@ mod model;
 mod ply_file;
 
 use crate::error::IoError;
-use crate::source::{Source, SourceOptions};
+use crate::open_options::OpenOptions;
+use crate::opened_scene::OpenedScene;
 use std::path::Path;
 
 /// Whether a PLY with these columns beside those of 3DGS is one of FreeTimeGS.
@@ -22,7 +23,7 @@ pub(crate) fn has_columns(extra_columns: &[String]) -> bool {
 ///
 /// # Errors
 /// If the file cannot be read, lacks parts, or was trained with an option that is not supported.
-pub fn open(path: impl AsRef<Path>, options: &SourceOptions) -> Result<Source, IoError> {
+pub fn open(path: impl AsRef<Path>, options: &OpenOptions) -> Result<OpenedScene, IoError> {
     let path = path.as_ref();
     let bytes = crate::fs::read_bytes(path)?;
     let model = if bytes.starts_with(b"PK") {

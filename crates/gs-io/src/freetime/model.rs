@@ -1,8 +1,10 @@
 //! A model of FreeTimeGS, however it was stored.
 
 use crate::error::IoError;
+use crate::open_options::OpenOptions;
+use crate::opened_scene::OpenedScene;
 use crate::repair::{self, Sanitized};
-use crate::source::{Source, SourceOptions};
+use crate::scene_kind::SceneKind;
 use gs_core::Splats;
 use gs_deform::{Polynomial, PolynomialScene, Visibility};
 use std::path::Path;
@@ -33,8 +35,8 @@ impl Model {
     pub(super) fn into_source(
         self,
         path: &Path,
-        options: &SourceOptions,
-    ) -> Result<Source, IoError> {
+        options: &OpenOptions,
+    ) -> Result<OpenedScene, IoError> {
         let Self { splats, times, durations, velocities, use_velocity, min_duration, .. } = self;
         let mut motions: Vec<Polynomial> = (0..splats.len())
             .map(|row| Polynomial {
@@ -70,11 +72,11 @@ impl Model {
             }
             None => scene,
         };
-        Ok(Source {
+        Ok(OpenedScene {
             facts,
             notes: self.notes,
             repair: report,
-            ..Source::new(scene, vec![path.to_owned()])
+            ..OpenedScene::new(SceneKind::FreeTime, scene, vec![path.to_owned()])
         })
     }
 }

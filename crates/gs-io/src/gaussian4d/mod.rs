@@ -2,7 +2,7 @@
 //! time.
 //!
 //! The file is a tuple of parameters without names, and does not say which times the scene spans,
-//! nor does `cfg_args`: that is asked for ([`SourceOptions::time_duration`]), in the unit of
+//! nor does `cfg_args`: that is asked for ([`OpenOptions::time_duration`]), in the unit of
 //! training (0 to 10 for Neural 3D Video).
 
 mod tuple;
@@ -11,9 +11,11 @@ use crate::cfg_args::{self, CfgArgs, Value};
 use crate::error::IoError;
 use crate::fs::text;
 use crate::fs::{list_names, read_bytes};
+use crate::open_options::OpenOptions;
+use crate::opened_scene::OpenedScene;
 use crate::pth;
 use crate::repair::{self, Sanitized};
-use crate::source::{Source, SourceOptions};
+use crate::scene_kind::SceneKind;
 use gs_deform::{Gaussian4dScene, Gaussians4d};
 use std::io::Read;
 use std::path::{Path, PathBuf};
@@ -65,7 +67,7 @@ pub(crate) fn looks_like_model(dir: &Path) -> bool {
 ///
 /// # Errors
 /// If the file cannot be read or is another one, or the times of the scene are not given.
-pub fn open(path: impl AsRef<Path>, options: &SourceOptions) -> Result<Source, IoError> {
+pub fn open(path: impl AsRef<Path>, options: &OpenOptions) -> Result<OpenedScene, IoError> {
     let given = path.as_ref();
     let (path, mut facts) = if given.is_dir() {
         let (path, name) = checkpoint_of(given, options.iteration)?.ok_or_else(|| {
@@ -121,12 +123,12 @@ pub fn open(path: impl AsRef<Path>, options: &SourceOptions) -> Result<Source, I
     let background = cfg.get("white_background").and_then(Value::as_bool);
     let mut files = vec![path];
     files.extend(cfg_path);
-    Ok(Source {
+    Ok(OpenedScene {
         facts,
         notes,
         repair: report,
         background: background.map(|white| if white { [1.0; 3] } else { [0.0; 3] }),
-        ..Source::new(scene, files)
+        ..OpenedScene::new(SceneKind::Gaussian4d, scene, files)
     })
 }
 
@@ -158,7 +160,7 @@ fn read_cfg(checkpoint: &Path) -> Result<(CfgArgs, Option<PathBuf>), IoError> {
 fn without_damage(
     path: &Path,
     gaussians: Gaussians4d,
-    options: &SourceOptions,
+    options: &OpenOptions,
 ) -> Result<(Gaussians4d, repair::RepairReport), IoError> {
     let Gaussians4d {
         splats,

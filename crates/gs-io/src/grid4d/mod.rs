@@ -11,8 +11,10 @@ use crate::cfg_args::Value;
 use crate::deform_folder::DeformFolder;
 use crate::error::IoError;
 use crate::fs::read_bytes;
+use crate::open_options::OpenOptions;
+use crate::opened_scene::OpenedScene;
 use crate::pth::{self, Layers};
-use crate::source::{Source, SourceOptions};
+use crate::scene_kind::SceneKind;
 use crate::wrong_network::WrongNetwork;
 use gs_deform::{Attention, SmoothGrid, SmoothGridField, SmoothGridNetwork, SmoothGridScene};
 use std::path::Path;
@@ -25,23 +27,24 @@ const DYNAMIC: &str = "dynamic";
 /// # Errors
 /// If files are missing or malformed, or do not say what the evaluation depends on. Every error
 /// names the file.
-pub fn open(dir: impl AsRef<Path>, options: &SourceOptions) -> Result<Source, IoError> {
-    open_either(dir.as_ref(), options, |_| Vec::new())
+pub fn open(dir: impl AsRef<Path>, options: &OpenOptions) -> Result<OpenedScene, IoError> {
+    open_either(dir.as_ref(), options, SceneKind::Grid4d, |_| Vec::new())
 }
 
 /// Opens a model folder of DASH, or one of the iterations of its point cloud.
 ///
 /// # Errors
 /// As [`open`].
-pub fn open_dash(dir: impl AsRef<Path>, options: &SourceOptions) -> Result<Source, IoError> {
-    open_either(dir.as_ref(), options, |_| vec![DYNAMIC.to_owned()])
+pub fn open_dash(dir: impl AsRef<Path>, options: &OpenOptions) -> Result<OpenedScene, IoError> {
+    open_either(dir.as_ref(), options, SceneKind::Dash, |_| vec![DYNAMIC.to_owned()])
 }
 
 fn open_either(
     dir: &Path,
-    options: &SourceOptions,
+    options: &OpenOptions,
+    kind: SceneKind,
     columns: impl FnOnce(&[String]) -> Vec<String>,
-) -> Result<Source, IoError> {
+) -> Result<OpenedScene, IoError> {
     let mut folder = DeformFolder::read(dir, options, columns)?;
     let path = folder.network.clone();
     let bytes = read_bytes(&path)?;
@@ -65,19 +68,19 @@ fn open_either(
     }
     let scene = SmoothGridScene::new(folder.splats, field, dynamic)
         .map_err(|source| IoError::Field { path, source })?;
-    Ok(Source {
+    Ok(OpenedScene {
         facts: folder.facts,
         notes: folder.notes,
         repair: folder.repair,
         background,
-        ..Source::new(scene, folder.files)
+        ..OpenedScene::new(kind, scene, folder.files)
     })
 }
 
 fn field(
     layers: &Layers<'_>,
     folder: &DeformFolder,
-    options: &SourceOptions,
+    options: &OpenOptions,
 ) -> Result<SmoothGridField, WrongNetwork> {
     let grids_of = |names: &[(&str, &[usize])]| -> Result<Vec<SmoothGrid>, WrongNetwork> {
         names.iter().map(|(name, axes)| grids::grid(layers, name, axes)).collect()
@@ -113,7 +116,7 @@ fn single(value: f64) -> f32 {
 }
 
 /// Half the side of the cube: the user's, or that of `cfg_args`.
-fn bound(folder: &DeformFolder, options: &SourceOptions) -> Result<f32, String> {
+fn bound(folder: &DeformFolder, options: &OpenOptions) -> Result<f32, String> {
     let stated = || folder.cfg.get("grid_args")?.get("bound")?.as_f64().map(single);
     options.bound.or_else(stated).ok_or_else(|| {
         "cannot be evaluated: cfg_args does not say `bound` in its grid_args, half the side of the cube that the grids cover; copy cfg_args from the machine that trained the model, or give --set bound=… (1.6 for D-NeRF, 1 for DASH)"

@@ -7,6 +7,7 @@
 mod canonical;
 mod flags;
 mod iteration;
+mod opened;
 mod overrides;
 mod report;
 mod scene;
@@ -19,3 +20,4 @@ pub use scene::{Model, ModelScene};
 
 pub(crate) use canonical::{Canonical, never_moving, read_canonical};
 pub(crate) use iteration::{Iteration, find, has_in_iterations, looks_like_model, still_model};
+pub(crate) use opened::opened;

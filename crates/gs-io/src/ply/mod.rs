@@ -1,6 +1,7 @@
 //! 3DGS PLY files: read whatever tools write, write what every tool reads.
 
 mod appearance;
+pub mod comments;
 mod error;
 mod file;
 mod header;

@@ -9,8 +9,10 @@ use crate::deform_folder::DeformFolder;
 use crate::deformable3dgs;
 use crate::error::IoError;
 use crate::fs::read_bytes;
+use crate::open_options::OpenOptions;
+use crate::opened_scene::OpenedScene;
 use crate::pth::{self, Layers};
-use crate::source::{Source, SourceOptions};
+use crate::scene_kind::SceneKind;
 use gs_core::activation;
 use gs_deform::{NodeGraph, NodeGraphScene};
 use std::path::Path;
@@ -28,7 +30,7 @@ const UNSUPPORTED: [&str; 5] =
 /// # Errors
 /// If files are missing or malformed, or the model was trained with an option that is not
 /// supported. Every error names the file.
-pub fn open(dir: impl AsRef<Path>, options: &SourceOptions) -> Result<Source, IoError> {
+pub fn open(dir: impl AsRef<Path>, options: &OpenOptions) -> Result<OpenedScene, IoError> {
     let features = |extra: &[String]| -> Vec<String> {
         let name = |index: usize| format!("fea_{index}");
         (0..extra.len()).map(name).take_while(|name| extra.contains(name)).collect()
@@ -67,13 +69,13 @@ pub fn open(dir: impl AsRef<Path>, options: &SourceOptions) -> Result<Source, Io
     ));
     let scene = NodeGraphScene::new(folder.splats, graph, mlp)
         .map_err(|source| IoError::Field { path: path.clone(), source })?;
-    Ok(Source {
+    Ok(OpenedScene {
         facts: folder.facts,
         notes: folder.notes,
         repair: folder.repair,
         background,
         up: is_blender.then_some(deformable3dgs::UP_SYNTHETIC),
-        ..Source::new(scene, folder.files)
+        ..OpenedScene::new(SceneKind::Scgs, scene, folder.files)
     })
 }
 

@@ -12,9 +12,11 @@
 use crate::error::IoError;
 use crate::fs::read_bytes;
 use crate::model_folder;
+use crate::open_options::OpenOptions;
+use crate::opened_scene::OpenedScene;
 use crate::ply;
 use crate::repair::{self, Sanitized};
-use crate::source::{Source, SourceOptions};
+use crate::scene_kind::SceneKind;
 use gs_core::sh;
 use gs_deform::{Polynomial, PolynomialScene};
 use std::path::{Path, PathBuf};
@@ -49,7 +51,7 @@ pub(crate) fn has_columns(extra_columns: &[String]) -> bool {
 ///
 /// # Errors
 /// If the file cannot be read, lacks columns, or is of the full model.
-pub fn open(path: impl AsRef<Path>, options: &SourceOptions) -> Result<Source, IoError> {
+pub fn open(path: impl AsRef<Path>, options: &OpenOptions) -> Result<OpenedScene, IoError> {
     let (path, mut facts, mut notes) = locate(path.as_ref(), options)?;
     let bytes = read_bytes(&path)?;
     let read = ply::read(&bytes).map_err(IoError::ply(&path))?;
@@ -91,13 +93,18 @@ pub fn open(path: impl AsRef<Path>, options: &SourceOptions) -> Result<Source, I
     facts.push(("motion", "one cubic a splat (lite model)".to_owned()));
     let scene = PolynomialScene::new(splats, motions)
         .map_err(|error| IoError::content(&path, error.to_string()))?;
-    Ok(Source { facts, notes, repair: report, ..Source::new(scene, vec![path]) })
+    Ok(OpenedScene {
+        facts,
+        notes,
+        repair: report,
+        ..OpenedScene::new(SceneKind::Spacetime, scene, vec![path])
+    })
 }
 
 type Facts = Vec<(&'static str, String)>;
 
 /// The file, and what is known of a folder that it lies in.
-fn locate(path: &Path, options: &SourceOptions) -> Result<(PathBuf, Facts, Vec<String>), IoError> {
+fn locate(path: &Path, options: &OpenOptions) -> Result<(PathBuf, Facts, Vec<String>), IoError> {
     if !path.is_dir() {
         return Ok((path.to_owned(), Vec::new(), Vec::new()));
     }

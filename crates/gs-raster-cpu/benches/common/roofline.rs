@@ -7,6 +7,9 @@ use pulp::{Arch, Simd, WithSimd};
 /// Channels of the measured passes: RGB and depth.
 const CHANNELS: usize = 4;
 const PIXELS: usize = 256;
+/// Splats after which the transmittance starts again at 1: it must not become denormal, which no
+/// rasteriser's does.
+const RESET: usize = 64;
 
 /// Transmittance of a tile, aligned as in the rasteriser.
 #[repr(C, align(64))]
@@ -34,6 +37,9 @@ impl WithSimd for Arithmetic<'_> {
             [1.0, std::f32::consts::LN_2, 0.240_22, 0.055_51, 0.009_67, 0.001_33].map(splat);
         let mut sums = [splat(0.0); CHANNELS];
         for i in 0..self.splats {
+            if i.is_multiple_of(RESET) {
+                transmittance.fill(splat(1.0));
+            }
             let shade = i as f32 * 1e-6;
             let (a, b, c) = (splat(-0.01 - shade), splat(0.002), splat(-3.0 - shade));
             let channels = [0.1, 0.2, 0.3, 0.4].map(|x| splat(x + shade));

@@ -1,28 +1,9 @@
 //! Proves that images, radii, tile rectangles and entry counts are those of the golden cases, in
 //! both float types.
 
-use crate::cases::{CASES, Case, widen};
 use gs_core::{Rasterizer, Real, RenderOutput};
 use gs_raster_cpu::{CpuRasterizer, Prepared};
-
-/// Largest error on pixels whose decisions are clear, and on the others.
-fn errors<F: Real>(case: &Case<F>, plane: &str, actual: &[F]) -> (f64, f64) {
-    let expected = case.golden.f64s(&format!("out.{plane}"));
-    assert_eq!(actual.len(), expected.len(), "{} {plane}: length", case.name);
-    let ambiguous = case.golden.u8s("out.ambiguous");
-    let channels = expected.len() / ambiguous.len();
-    let mut worst = (0.0_f64, 0.0_f64);
-    for (i, (a, e)) in widen(actual).iter().zip(&expected).enumerate() {
-        let error = (a - e).abs();
-        let error = if error.is_nan() { f64::INFINITY } else { error };
-        if ambiguous[i / channels] == 0 {
-            worst.0 = worst.0.max(error);
-        } else {
-            worst.1 = worst.1.max(error);
-        }
-    }
-    worst
-}
+use test_support::raster::{CASES, Case, check_images, image_errors};
 
 fn check<F: Real>(double: bool)
 where
@@ -35,7 +16,11 @@ where
         let out =
             raster.forward(&mut prepared, &case.splats, &case.features, &case.params).unwrap();
         check_lists(&case, &prepared);
-        check_images(&case, &out, double);
+        if double {
+            check_double(&case, &out);
+        } else {
+            check_images("f32", &case, &out);
+        }
     }
 }
 
@@ -56,28 +41,20 @@ where
     assert!(prepared.num_isects() <= prepared.num_rect_isects(), "{}: culling adds", case.name);
 }
 
-fn check_images<F: Real>(case: &Case<F>, out: &RenderOutput<F>, double: bool) {
-    let largest = case
-        .features
-        .iter()
-        .filter(|f| f.is_finite())
-        .fold(1.0, |m: f64, f| m.max(f.as_f64().abs()));
-    let d = case.name == "d_stress2000";
-    for (plane, values, single, stored) in [
-        ("rgb", &out.rgb, 3e-5, 1e-7),
-        ("alpha", &out.alpha, 3e-5, 1e-7),
-        ("depth", &out.depth, 1e-4, 3e-7),
-        ("features", &out.features, 1e-4, 3e-7),
+/// The stress case is stored in single precision.
+fn check_double<F: Real>(case: &Case<F>, out: &RenderOutput<F>) {
+    let is_stress = case.name == "d_stress2000";
+    for (plane, values, stored) in [
+        ("rgb", &out.rgb, 1e-7),
+        ("alpha", &out.alpha, 1e-7),
+        ("depth", &out.depth, 3e-7),
+        ("features", &out.features, 3e-7),
     ] {
-        let (clean, ambiguous) = errors(case, plane, values);
-        let limit = match (double, d) {
-            (true, true) => stored,
-            (true, false) => 1e-12,
-            _ => single,
-        };
-        assert!(clean <= limit, "{} {plane}: {clean:e} exceeds {limit:e}", case.name);
-        let limit = if double { limit.max(if d { 3e-7 } else { 0.0 }) } else { 0.02 * largest };
-        assert!(ambiguous <= limit, "{} {plane}, borderline pixels: {ambiguous:e}", case.name);
+        let (clear, borderline) = image_errors(case, plane, values);
+        let limit = if is_stress { stored } else { 1e-12 };
+        assert!(clear <= limit, "{} {plane}: {clear:e} exceeds {limit:e}", case.name);
+        let limit = if is_stress { 3e-7 } else { limit };
+        assert!(borderline <= limit, "{} {plane}, borderline: {borderline:e}", case.name);
     }
 }
 

@@ -4,7 +4,6 @@
 #[cfg(test)]
 mod brute_force;
 #[cfg(test)]
-mod cases;
 #[cfg(test)]
 mod finite_differences;
 #[cfg(test)]

@@ -1,14 +1,12 @@
-//! One device per test binary and mode, golden cases and scenes.
+//! One device per test binary and mode, and scenes.
 
 #![allow(dead_code, unreachable_pub, reason = "each test binary uses a part")]
 
-use gs_core::{Camera, Intrinsics, RenderParams, Splats, UpstreamGrads};
+use gs_core::{Camera, Splats};
 use gs_raster_wgpu::{AdapterChoice, GpuContext, GpuOptions, WgpuRasterizer};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 use std::sync::OnceLock;
-use test_support::fixture;
-use test_support::golden::Golden;
 
 /// Ways to use the same adapter; every test of the image and the gradients runs in several.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -49,88 +47,6 @@ pub fn raster(mode: Mode) -> WgpuRasterizer {
         GpuContext::with_options(choice(), options).unwrap_or_else(|error| panic!("{error}"))
     });
     WgpuRasterizer::new(context.clone())
-}
-
-pub const CASES: [&str; 8] = [
-    "a_single",
-    "b1_pair_front",
-    "b2_pair_back",
-    "b3_pair_tie",
-    "c1_random200",
-    "c2_random200_offcentre",
-    "d_stress2000",
-    "e_degenerate",
-];
-
-pub struct Case {
-    pub name: &'static str,
-    pub golden: Golden,
-    pub splats: Splats,
-    /// SH coefficients stored in the file, which may be more than the active degree uses.
-    pub stored_coeffs: usize,
-    pub features: Vec<f32>,
-    pub camera: Camera,
-    pub params: RenderParams,
-    pub upstream: UpstreamGrads,
-}
-
-fn rows<const N: usize>(values: &[f32]) -> Vec<[f32; N]> {
-    values.as_chunks::<N>().0.to_vec()
-}
-
-impl Case {
-    pub fn open(name: &'static str) -> Self {
-        let golden = Golden::open(fixture(&format!("raster/{name}.safetensors")));
-        let sizes = golden.i32s("cam.size");
-        let view = golden.f64s("cam.viewmat");
-        let k = golden.f64s("cam.intrinsics");
-        let background = golden.f64s("cam.background");
-        let camera = Camera {
-            viewmat: [0, 1, 2, 3].map(|i| [0, 1, 2, 3].map(|j| view[4 * i + j])),
-            intrinsics: Intrinsics { fx: k[0], fy: k[1], cx: k[2], cy: k[3] },
-            width: sizes[0].unsigned_abs(),
-            height: sizes[1].unsigned_abs(),
-            near: gs_core::image_formation::NEAR_PLANE,
-            time: None,
-            name: name.to_owned(),
-        };
-        let stored_coeffs = golden.shape("in.sh")[1];
-        let stored = Splats {
-            means: rows(&golden.f32s("in.means")),
-            quats: rows(&golden.f32s("in.quats")),
-            log_scales: rows(&golden.f32s("in.log_scales")),
-            opacity_logits: golden.f32s("in.opacity_logits"),
-            sh: rows(&golden.f32s("in.sh")),
-            sh_degree: gs_core::sh::degree_of(stored_coeffs).unwrap(),
-        };
-        let degree = usize::try_from(golden.i32s("cam.sh_degree")[0]).unwrap();
-        Self {
-            name,
-            splats: stored.with_sh_degree(degree),
-            stored_coeffs,
-            features: golden.f32s("in.features"),
-            camera,
-            params: RenderParams {
-                background: [background[0], background[1], background[2]],
-                ..RenderParams::default()
-            },
-            upstream: UpstreamGrads {
-                v_rgb: golden.f32s("up.rgb"),
-                v_alpha: golden.f32s("up.alpha"),
-                v_depth: golden.f32s("up.depth"),
-                v_features: golden.f32s("up.features"),
-            },
-            golden,
-        }
-    }
-}
-
-pub fn widen(values: &[f32]) -> Vec<f64> {
-    values.iter().map(|&value| f64::from(value)).collect()
-}
-
-pub fn widen_rows<const N: usize>(rows: &[[f32; N]]) -> Vec<f64> {
-    rows.iter().flatten().map(|&value| f64::from(value)).collect()
 }
 
 /// A scene with a camera that sees it.

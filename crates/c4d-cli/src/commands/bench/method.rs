@@ -1,13 +1,14 @@
 //! What is compared.
 
 use crate::failure::{Failure, Outcome};
-use crate::field::{Network, NetworkField};
+use crate::field::NetworkField;
 use amg::{
     Aggregation, AnchorSampling, Binding, EditedScene, MotionGuide, MotionOptions, PaperParams,
     Preset,
 };
 use gs_core::DynamicScene;
 use gs_deform::HexPlaneScene;
+use gs_io::DeformedModel;
 use gs_synth::{PartBy, TruthScene, part_neighbours, rigid_neighbours};
 use serde::Serialize;
 use std::sync::Arc;
@@ -87,7 +88,7 @@ impl Method {
         let (source, mut options): (Arc<dyn DynamicScene>, _) = match self {
             Self::Network => {
                 let network = trained()?;
-                let field = Arc::new(NetworkField(Network::HexPlane(Arc::clone(&network))));
+                let field = Arc::new(NetworkField(DeformedModel::HexPlane(Arc::clone(&network))));
                 (network, MotionOptions::field(field))
             }
             Self::Knn => (plain(), MotionOptions::preset(Preset::Knn)),

@@ -8,12 +8,12 @@ use crate::console::Console;
 use crate::device::Device;
 use crate::failure::{Failure, Outcome, chain};
 use crate::output::{existing, output_failure, refuse_overlap};
-use crate::ply_comments::{TIME_COMMENT, up_comments};
 use crate::scene::Opened;
 use crate::{frames, still};
 use gs_core::Splats;
 use gs_edit::{EditError, Editor, Resources, Script, Step, Summary};
 use gs_io::AtomicFile;
+use gs_io::ply::comments;
 use gs_io::ply::{self, WriteOptions};
 use std::path::{Path, PathBuf};
 
@@ -322,8 +322,8 @@ fn comments(opened: &Opened, time: f32) -> Vec<String> {
     if let Some(header) = frame.and_then(|file| ply::read_header_file(file).ok()) {
         return header.comments;
     }
-    let time = (!opened.kind.is_frame()).then(|| format!("{TIME_COMMENT}{time}"));
-    time.into_iter().chain(up_comments(opened.up)).collect()
+    let time = (!opened.kind.is_frame()).then(|| format!("{}{time}", comments::TIME));
+    time.into_iter().chain(comments::up_comments(opened.up)).collect()
 }
 
 #[cfg(test)]

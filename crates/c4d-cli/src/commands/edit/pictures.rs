@@ -7,13 +7,13 @@ use crate::console::Console;
 use crate::device::{self, Device};
 use crate::failure::{Failure, Outcome, chain};
 use crate::output::{existing, output_failure, refuse_overlap};
-use crate::ply_comments::{BACKGROUND_COMMENT, TIME_COMMENT};
 use crate::renderer::{Renderer, contact_sheet, side_by_side};
 use crate::{images, scene};
 use gs_core::{Camera, Image, Splats};
 use gs_deform::StaticScene;
 use gs_fit::{EditedPicture, FitError, FitOptions, Fitted, fit};
 use gs_io::frame::{self, Frame, FrameFormat};
+use gs_io::ply::comments;
 use gs_io::{AtomicFile, cameras_json, ply};
 use gs_raster_cpu::CpuRasterizer;
 use std::io::Write;
@@ -92,7 +92,7 @@ pub(super) fn run(args: &EditArgs, folder: &Path, global: &Global, console: &Con
         write_image(path, &sheet, existing(global))?;
     }
     work.remove();
-    let time = noted(&frame, TIME_COMMENT).unwrap_or("0");
+    let time = noted(&frame, comments::TIME).unwrap_or("0");
     console.note(format!(
         "next: c4d propagate SCENE --edited {} --time {time} -o RUN",
         output.display()
@@ -169,7 +169,7 @@ fn options(args: &EditArgs, frame: &Frame, cameras: &[Camera]) -> Outcome<FitOpt
             })
         })
         .transpose()?;
-    let background = noted(frame, BACKGROUND_COMMENT)
+    let background = noted(frame, comments::BACKGROUND)
         .and_then(|text| {
             let rgb: Vec<f64> = text.split_whitespace().filter_map(|x| x.parse().ok()).collect();
             <[f64; 3]>::try_from(rgb).ok()

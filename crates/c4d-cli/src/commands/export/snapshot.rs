@@ -6,8 +6,8 @@ use crate::console::Console;
 use crate::failure::{Failure, Outcome};
 use crate::frames;
 use crate::output::{check_sh_degree, existing, output_failure, refuse_overlap};
-use crate::ply_comments::{TIME_COMMENT, up_comments};
 use crate::scene::Opened;
+use gs_io::ply::comments;
 use gs_io::{AtomicFile, compressed_ply, gltf, ply, splat_file, spz};
 use std::time::Instant;
 
@@ -28,8 +28,9 @@ pub(super) fn write(
     let splats = opened.scene.at(time).map_err(Failure::input)?;
     let mut file = AtomicFile::create(&args.output, existing(global))
         .map_err(|error| output_failure(&error))?;
-    let comments =
-        std::iter::once(format!("{TIME_COMMENT}{time}")).chain(up_comments(opened.up)).collect();
+    let comments = std::iter::once(format!("{}{time}", comments::TIME))
+        .chain(comments::up_comments(opened.up))
+        .collect();
     let sh_degree = args.sh_degree;
     let written = match to {
         ExportFormat::Splat => splat_file::write(&splats, &mut file),

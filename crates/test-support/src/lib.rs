@@ -4,16 +4,12 @@
 //! `raster` adds the golden cases of the rasteriser, with types of `gs-core`.
 
 pub mod compare;
+mod fixture;
 pub mod golden;
 #[cfg(feature = "raster")]
 pub mod raster;
 
-use std::path::PathBuf;
-
-/// Path of `fixtures/<relative>` at the top of the workspace.
-pub fn fixture(relative: &str) -> PathBuf {
-    PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../fixtures").join(relative)
-}
+pub use fixture::fixture;
 
 #[cfg(doctest)]
 #[doc = include_str!("../README.md")]

@@ -1,8 +1,10 @@
 //! Golden cases of the rasteriser, with the checks that every implementation of
 //! [`gs_core::Rasterizer`] has to pass.
 
+#![allow(clippy::unwrap_used, reason = "a check that cannot go on has failed")]
+
 use crate::compare::{assert_grad_close, relative_l2};
-use crate::fixture;
+use crate::fixture::fixture;
 use crate::golden::Golden;
 use gs_core::{
     Camera, GradientConvention, Intrinsics, Rasterizer, Real, RenderGrads, RenderOutput,

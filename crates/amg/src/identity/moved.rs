@@ -180,7 +180,9 @@ impl<'a> Search<'a> {
                     let ends = self.ends(group, &taken);
                     if !ends {
                         let warped = self.explained(&group.similarity, SAME_WARP, &taken);
-                        warped.iter().for_each(|&(at, _)| smooth[at] = true);
+                        for &(at, _) in &warped {
+                            smooth[at] = true;
+                        }
                     }
                     ends
                 }) else {

@@ -49,7 +49,7 @@ fn open_within(
         return Err(Failure::bad_input(format!("{} does not exist", path.display())).next(SCENES));
     }
     match gs_io::detect(path).map_err(|error| bad_input(&error))? {
-        kind if kind.is_dynamic() => open_dynamic(path, kind, global, console),
+        kind if kind.is_dynamic() => open_dynamic(path, &kind, global, console),
         SceneKind::RunFolder => open_edited(path, runs, global, console),
         kind @ SceneKind::Model3dgs => Err(Failure::bad_input(format!(
             "{} is a {kind}: no save of it has a deformation",
@@ -85,13 +85,13 @@ fn open_within(
 
 fn open_dynamic(
     path: &Path,
-    kind: SceneKind,
+    kind: &SceneKind,
     global: &Global,
     console: &Console,
 ) -> Outcome<Opened> {
-    let options = open_options(global, &kind)?;
+    let options = open_options(global, kind)?;
     let has_training_flags = matches!(kind, SceneKind::Model4dgs | SceneKind::Swift4d);
-    let opened = gs_io::open_scene_as(path, &kind, &options).map_err(|error| match &error {
+    let opened = gs_io::open_scene_as(path, kind, &options).map_err(|error| match &error {
         // The file is there, so flags decide.
         IoError::Content { path, .. } if has_training_flags && path.is_file() => bad_input(&error)
             .next("Give flags as --set FLAG=VALUE, repeated for several; c4d --help lists them."),

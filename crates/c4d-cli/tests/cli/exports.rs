@@ -32,7 +32,7 @@ fn every_clip_format_is_written_and_says_what_it_loses() {
     success(&mut c4d(export("splatv", &path, &["-w"])));
     let clip = path.to_str().unwrap();
     let (out, _) = success(&mut c4d(["info", clip]));
-    assert!(out.contains("animated splats") && out.contains("one cubic a splat"), "{out}");
+    assert!(out.contains("animated splats") && out.contains("one cubic per splat"), "{out}");
     let path = folder.path().join("clip.splat4d");
     let up = ["-w", "--frames", "4", "--fps", "12", "--up", "z"];
     success(&mut c4d(export("splat4d", &path, &up)));

@@ -90,7 +90,7 @@ pub fn open(path: impl AsRef<Path>, options: &OpenOptions) -> Result<OpenedScene
         motions = kept.into_iter().map(|row| motions[row]).collect();
     }
     notes.extend(read.notes);
-    facts.push(("motion", "one cubic a splat (lite model)".to_owned()));
+    facts.push(("motion", "one cubic per splat (lite model)".to_owned()));
     let scene = PolynomialScene::new(splats, motions)
         .map_err(|error| IoError::content(&path, error.to_string()))?;
     Ok(OpenedScene {

@@ -357,7 +357,7 @@ fn losses(clip: &Clip<'_>, misfit: &Measured, written: usize) -> Losses {
     }
     let Measured { distance, pixels, degrees, .. } = misfit;
     losses.push(format!(
-        "motion becomes one cubic a splat: off by {:.2e} scene units ({:.2} pixels) on average, {:.2e} ({:.2}) for the worst hundredth, {:.2e} ({:.2}) at most",
+        "motion becomes one cubic per splat: off by {:.2e} scene units ({:.2} pixels) on average, {:.2e} ({:.2}) for the worst hundredth, {:.2e} ({:.2}) at most",
         distance.mean, pixels.mean, distance.p99, pixels.p99, distance.max, pixels.max
     ));
     losses.push(format!(

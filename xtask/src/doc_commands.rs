@@ -11,6 +11,7 @@ const DOCUMENTS: &[&str] = &[
     "README.md",
     "docs/CONFIGURATION.md",
     "docs/EDITING.md",
+    "docs/OUTPUTS.md",
     "docs/ARCHITECTURE.md",
     "docs/BENCHMARKS.md",
     "docs/DEVIATIONS.md",

@@ -76,6 +76,8 @@ impl Cli {
             Command::Bench { what: BenchCommand::Motion(args) } => {
                 global.writes(&args.writes).bars(&args.bars)
             }
+            Command::Completions(_) => global,
+            Command::Man(args) => global.writes(&args.writes),
         }
     }
 }
@@ -106,6 +108,29 @@ pub(crate) enum Command {
         #[command(subcommand)]
         what: BenchCommand,
     },
+    /// Print the completions of a shell
+    Completions(CompletionsArgs),
+    /// Write manual pages, one per command
+    Man(ManArgs),
+}
+
+#[derive(Debug, Args)]
+#[command(after_help = "bash: c4d completions bash > ~/.local/share/bash-completion/completions/c4d
+zsh: c4d completions zsh > a folder of $fpath, as _c4d
+fish: c4d completions fish > ~/.config/fish/completions/c4d.fish
+PowerShell: c4d completions powershell | Out-String | Invoke-Expression, in $PROFILE")]
+pub(crate) struct CompletionsArgs {
+    /// Whose completions
+    pub(crate) shell: clap_complete::Shell,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct ManArgs {
+    /// Folder to write, with `man1/c4d.1` and one page per command
+    #[arg(short, long)]
+    pub(crate) output: PathBuf,
+    #[command(flatten)]
+    pub(crate) writes: Overwriting,
 }
 
 #[derive(Debug, Args)]

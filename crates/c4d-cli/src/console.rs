@@ -65,10 +65,15 @@ impl Console {
     fn shown(&self) -> Shown {
         if !self.bars {
             Shown::Nowhere
-        } else if std::io::stderr().is_terminal() {
+        } else if std::io::stderr().is_terminal() && !is_dumb() {
             Shown::Bar
         } else {
             Shown::Lines
         }
     }
+}
+
+/// Whether the terminal says that it cannot move its cursor, as an editor's shell does.
+fn is_dumb() -> bool {
+    std::env::var_os("TERM").is_some_and(|name| name == "dumb")
 }

@@ -95,5 +95,7 @@ fn run(cli: &Cli, global: &Global, console: &Console) -> Outcome {
         Command::Bench { what: BenchCommand::Motion(args) } => {
             commands::bench::motion(args, global, console)
         }
+        Command::Completions(args) => commands::shell::completions(args),
+        Command::Man(args) => commands::shell::manual(args, global, console),
     }
 }

@@ -12,4 +12,5 @@ mod panels;
 pub(crate) mod propagate;
 pub(crate) mod refine;
 pub(crate) mod render;
+pub(crate) mod shell;
 pub(crate) mod source_match;

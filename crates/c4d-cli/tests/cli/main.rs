@@ -16,6 +16,7 @@ mod main_job;
 mod moved_edits;
 mod operations;
 mod placement;
+mod shell;
 mod sources;
 mod support;
 mod swift4d;

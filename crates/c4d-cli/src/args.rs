@@ -115,10 +115,12 @@ pub(crate) enum Command {
 }
 
 #[derive(Debug, Args)]
-#[command(after_help = "bash: c4d completions bash > ~/.local/share/bash-completion/completions/c4d
+#[command(
+    after_help = "bash: c4d completions bash > ~/.local/share/bash-completion/completions/c4d
 zsh: c4d completions zsh > a folder of $fpath, as _c4d
 fish: c4d completions fish > ~/.config/fish/completions/c4d.fish
-PowerShell: c4d completions powershell | Out-String | Invoke-Expression, in $PROFILE")]
+PowerShell: c4d completions powershell | Out-String | Invoke-Expression, in $PROFILE"
+)]
 pub(crate) struct CompletionsArgs {
     /// Whose completions
     pub(crate) shell: clap_complete::Shell,

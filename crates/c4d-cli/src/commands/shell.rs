@@ -3,21 +3,24 @@
 
 use crate::args::{Cli, CompletionsArgs, Global, ManArgs};
 use crate::console::Console;
-use crate::failure::{Failure, Outcome};
+use crate::failure::{Failure, Outcome, ROOM};
 use crate::output::{existing, output_failure};
 use clap::CommandFactory;
 use clap_mangen::Man;
 use gs_io::AtomicDir;
 use std::fs;
-use std::io::Write;
+use std::io::{ErrorKind, Write};
 
 /// Prints the completions of a shell.
 pub(crate) fn completions(args: &CompletionsArgs) -> Outcome {
     let mut script = Vec::new();
     clap_complete::generate(args.shell, &mut Cli::command(), "c4d", &mut script);
-    // A closed pipe is not an error.
-    let _ = std::io::stdout().lock().write_all(&script);
-    Ok(())
+    match std::io::stdout().lock().write_all(&script) {
+        Err(error) if error.kind() != ErrorKind::BrokenPipe => {
+            Err(Failure::failed(format!("standard output: {error}")).next(ROOM))
+        }
+        _ => Ok(()),
+    }
 }
 
 /// Writes the manual pages of the program and of each command.
@@ -39,9 +42,7 @@ pub(crate) fn manual(args: &ManArgs, global: &Global, console: &Console) -> Outc
         fs::write(section.join(format!("{name}.1")), page).map_err(failed)?;
     }
     folder.commit().map_err(|error| output_failure(&error))?;
-    console.note(format!(
-        "wrote {0}; `man -M {0} c4d` shows the first page",
-        args.output.display()
-    ));
+    console
+        .note(format!("wrote {0}; `man -M {0} c4d` shows the first page", args.output.display()));
     Ok(())
 }

@@ -3,17 +3,8 @@
 use crate::support::{c4d, failure, fixture, listing, success};
 use std::process::Command;
 
-const COMMANDS: [&str; 9] = [
-    "info",
-    "doctor",
-    "freeze",
-    "edit",
-    "propagate",
-    "refine",
-    "render",
-    "export",
-    "demo",
-];
+const COMMANDS: [&str; 9] =
+    ["info", "doctor", "freeze", "edit", "propagate", "refine", "render", "export", "demo"];
 
 #[test]
 fn completions_know_every_command_and_parse() {

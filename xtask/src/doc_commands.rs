@@ -1,11 +1,13 @@
 //! Runs the commands of the documents: every line of every `sh` block, in order, in one new folder,
 //! with `c4d` on the path. A command may use what earlier ones wrote. There is no shell, so that
-//! this runs on every system: a line is a program and its arguments.
+//! this runs on every system: a line is a program and its arguments. What the last command of a
+//! block prints on standard output is compared with the `output` block that follows, if one does.
 
+use crate::expected_output;
 use crate::workspace::workspace;
 use anyhow::{Context, Result, bail};
 use std::fs;
-use std::process::Command;
+use std::process::{Command, Stdio};
 
 const DOCUMENTS: &[&str] = &[
     "README.md",
@@ -46,7 +48,7 @@ pub(crate) fn run() -> Result<()> {
     for document in DOCUMENTS {
         let text =
             fs::read_to_string(root.join(document)).with_context(|| (*document).to_owned())?;
-        for line in commands(&text) {
+        for Documented { line, output } in commands(&text) {
             if RUN_ELSEWHERE.iter().any(|prefix| line.starts_with(prefix)) {
                 continue;
             }
@@ -55,15 +57,23 @@ pub(crate) fn run() -> Result<()> {
             eprintln!("{document}: {line}");
             refuse_package_flag(&line).with_context(|| (*document).to_owned())?;
             let words = words(&line).with_context(|| format!("{document}: `{line}`"))?;
-            let status = Command::new(&words[0])
+            let ran = Command::new(&words[0])
                 .args(&words[1..])
                 .current_dir(&folder)
                 .env("CARGO_TARGET_DIR", root.join("target"))
                 .env("PATH", &path)
-                .status()
+                .stdin(Stdio::null())
+                .stdout(if output.is_some() { Stdio::piped() } else { Stdio::inherit() })
+                .stderr(Stdio::inherit())
+                .output()
                 .with_context(|| line.clone())?;
-            if !status.success() {
-                bail!("{document}: `{line}` ended with {status}");
+            if !ran.status.success() {
+                bail!("{document}: `{line}` ended with {}", ran.status);
+            }
+            if let Some(expected) = output {
+                let printed = String::from_utf8_lossy(&ran.stdout);
+                expected_output::compare(&expected, &printed)
+                    .with_context(|| format!("{document}: `{line}`"))?;
             }
             count += 1;
         }
@@ -100,27 +110,53 @@ fn words(line: &str) -> Result<Vec<String>> {
     Ok(words)
 }
 
+/// A command of a document.
+#[derive(Debug, PartialEq, Eq)]
+struct Documented {
+    line: String,
+    /// What the document says that it prints.
+    output: Option<String>,
+}
+
 /// Lines of the `sh` blocks; a trailing backslash joins lines; comments are skipped. `cargo` finds
 /// the workspace from a folder below it, so commands are run as written.
-fn commands(text: &str) -> Vec<String> {
-    let mut inside = false;
-    let mut found: Vec<String> = Vec::new();
+fn commands(text: &str) -> Vec<Documented> {
+    let mut block = None;
+    let mut found: Vec<Documented> = Vec::new();
     let mut joined = String::new();
+    // Whether nothing but empty lines has followed the last `sh` block.
+    let mut follows = false;
     for line in text.lines() {
         if let Some(fence) = line.trim_start().strip_prefix("```") {
-            inside = fence.trim() == "sh";
+            let fence = fence.trim();
+            block = if block.is_some() { None } else { Some(fence) };
+            if let (Some("output"), true, Some(last)) = (block, follows, found.last_mut()) {
+                last.output = Some(String::new());
+            }
+            follows = fence.is_empty() && follows || block == Some("sh");
             continue;
         }
-        let line = line.trim();
-        if !inside || line.is_empty() || line.starts_with('#') {
-            continue;
+        match block {
+            Some("output") => {
+                if let Some(output) = found.last_mut().and_then(|last| last.output.as_mut()) {
+                    output.push_str(line);
+                    output.push('\n');
+                }
+            }
+            Some("sh") => {
+                let line = line.trim();
+                if line.is_empty() || line.starts_with('#') {
+                    continue;
+                }
+                if let Some(start) = line.strip_suffix('\\') {
+                    joined.push_str(start);
+                    continue;
+                }
+                joined.push_str(line);
+                found.push(Documented { line: std::mem::take(&mut joined), output: None });
+            }
+            _ => follows &= line.trim().is_empty(),
         }
-        if let Some(start) = line.strip_suffix('\\') {
-            joined.push_str(start);
-            continue;
-        }
-        joined.push_str(line);
-        found.push(std::mem::take(&mut joined));
     }
     found
 }
@@ -132,7 +168,15 @@ mod tests {
     #[test]
     fn only_sh_blocks_are_commands() {
         let text = "```sh\n# note\na \\\n  b\nc\n```\n```text\nd\n```\ne";
-        assert_eq!(commands(text), ["a b", "c"], "joined, in order");
+        let lines: Vec<String> = commands(text).into_iter().map(|found| found.line).collect();
+        assert_eq!(lines, ["a b", "c"], "joined, in order");
+    }
+
+    #[test]
+    fn an_output_block_belongs_to_the_command_before_it() {
+        let text = "```sh\na\nb\n```\n\n```output\n1 s\n2 s\n```\n\n```sh\nc\n```\nWords.\n```output\n3\n```\n";
+        let outputs: Vec<_> = commands(text).into_iter().map(|found| found.output).collect();
+        assert_eq!(outputs, [None, Some("1 s\n2 s\n".to_owned()), None], "directly after it");
     }
 
     #[test]

@@ -1,6 +1,7 @@
 //! Chores that cargo cannot express. `cargo xtask --help` lists them.
 
 mod doc_commands;
+mod expected_output;
 mod fixtures;
 mod interop;
 mod stability;

@@ -1,13 +1,13 @@
-//! Fidelity of images.
+//! Image fidelity.
 
 use gs_core::Image;
 
 /// Mean squared errors below this are reported as 100 dB.
 const FLOOR: f64 = 1e-10;
 
-/// `−10 log₁₀ MSE`, dB, data range 1, over all pixels and channels of 8-bit-rounded images (so that
-/// it equals the value computed from saved PNGs); at most 100 dB. More is better. `None` when the
-/// images differ in shape or are empty.
+/// `−10 log₁₀ MSE`, dB, data range 1, over all pixels and channels of 8-bit-rounded
+/// images (the value computed from saved PNGs); at most 100 dB. Higher is better.
+/// `None` if the images differ in shape or are empty.
 pub fn psnr(image: &Image, reference: &Image) -> Option<f64> {
     let shape = |image: &Image| (image.width, image.height, image.channels);
     if shape(image) != shape(reference) || image.data.is_empty() {

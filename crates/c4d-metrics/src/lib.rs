@@ -1,8 +1,8 @@
 //! Metrics of edited dynamic scenes: images ([`psnr`], [`Ssim`] with its gradient) and motion
 //! ([`MotionTrack`]).
 //!
-//! Each function states its formula, its unit and whether more is better. Deliberately absent:
-//! files, rendering, neural weights, and thresholds that decide.
+//! Each function documents its formula, its unit and whether higher is better. Deliberately absent:
+//! files, rendering, neural weights and pass/fail thresholds.
 
 mod image;
 mod motion;

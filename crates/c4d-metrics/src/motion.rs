@@ -1,4 +1,4 @@
-//! Smoothness of motion and persistence of neighbourhoods.
+//! Smoothness of motion and stability of neighbourhoods.
 
 use gs_core::{DynamicScene, SceneError};
 use kiddo::{ImmutableKdTree, SquaredEuclidean};
@@ -13,7 +13,7 @@ pub struct MotionTrack {
 }
 
 impl MotionTrack {
-    /// Asks `scene` for its centres at `times`.
+    /// Evaluates the centres of `scene` at `times`.
     ///
     /// # Errors
     /// If the scene cannot be evaluated.
@@ -34,9 +34,9 @@ impl MotionTrack {
         self.frames.first().map_or(&[], Vec::as_slice)
     }
 
-    /// Mean over splats and times of `‖x_{t+1} − 2x_t + x_{t−1}‖ / size`. Less is smoother; a scene
-    /// that accelerates has some of its own, so compare with the truth's or the source's. 0 for
-    /// fewer than three times.
+    /// Mean over splats and times of `‖x_{t+1} − 2x_t + x_{t−1}‖ / size`. Lower is
+    /// smoother. Accelerated motion has jitter of its own, so compare with the ground
+    /// truth or the source. 0 for fewer than three times.
     pub fn jitter(&self, size: f64) -> f64 {
         let mut total = 0.0;
         let mut count = 0_usize;
@@ -52,13 +52,13 @@ impl MotionTrack {
     }
 }
 
-/// Neighbours of each point.
+/// Neighbours per point.
 const NEIGHBOURS: usize = 8;
 
-/// Neighbourhood distance deviation: how much the distances to the 8 nearest neighbours of the
-/// first frame change, relative to them, averaged over splats and later times. Dimensionless; real
-/// deformation raises it and averaged, entangled motion *lowers* it, so it measures stability
-/// across settings, not accuracy. 0 for fewer than two times or nine splats.
+/// Neighbourhood distance deviation: relative change of the distances to the 8 nearest neighbours
+/// of the first frame, averaged over splats and later times. Dimensionless. Real deformation raises
+/// it and over-smoothed motion *lowers* it, so it measures stability across settings, not accuracy.
+/// 0 for fewer than two times or nine splats.
 pub fn neighbourhood_distance_deviation(track: &MotionTrack) -> f64 {
     let first = track.first();
     let Some(query) = NonZero::new(NEIGHBOURS + 1).filter(|_| first.len() > NEIGHBOURS) else {
@@ -102,7 +102,7 @@ fn distance(a: [f32; 3], b: [f32; 3]) -> f64 {
 mod tests {
     use super::*;
 
-    /// A grid that is at rest, moves rigidly at constant speed, or shakes.
+    /// A grid of points; `offset(time, point)` is added to each.
     fn track(offset: impl Fn(usize, usize) -> [f32; 3]) -> MotionTrack {
         let point = |i: usize| [(i % 4) as f32, (i / 4 % 4) as f32, (i / 16) as f32];
         let frame = |t: usize| {

@@ -11,20 +11,20 @@ const SIGMA: f64 = 1.5;
 const C1: f64 = 0.01 * 0.01;
 const C2: f64 = 0.03 * 0.03;
 
-/// Which windows count.
+/// Windows that are averaged.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum SsimBorder {
-    /// Every pixel; beyond the image, windows are filled with zeros. What 3DGS training uses.
+    /// The window of every pixel, zero-padded beyond the image, as in 3DGS training.
     #[default]
     Zero,
-    /// Only windows that lie inside the image (scikit-image's `structural_similarity` with
-    /// `gaussian_weights`).
+    /// Only windows entirely inside the image (scikit-image's
+    /// `structural_similarity` with `gaussian_weights`).
     Valid,
 }
 
 /// Structural similarity of two images `[H,W,C]` with data range 1: Gaussian window of σ = 1.5 cut
 /// to 11×11 and normalised to sum 1, population variances, `C1 = 0.01²`, `C2 = 0.03²`, per channel.
-/// Owns the work memory for one image size.
+/// Owns the working memory for one image size.
 #[derive(Debug, Clone)]
 pub struct Ssim<F> {
     width: usize,
@@ -96,9 +96,9 @@ impl<F: Real> Ssim<F> {
 
     /// `norm · Σ (1 − SSIM)` over all windows and channels ([`SsimBorder::Zero`]); its derivative
     /// with respect to `x`, times `scale`, is **added** to `v_x`. With `curvature`, a bound of the
-    /// second derivative of `norm · scale · Σ (1 − SSIM)` per value of `x` is added there: the
-    /// windows' variances frozen, `1 − SSIM ≤ (Δμ)²/D₁ + var(Δ)/D₂`, whose Hessian is at most the
-    /// diagonal `2·G∗max(1/D₁, 1/D₂)`.
+    /// second derivative of `norm · scale · Σ (1 − SSIM)` per value of `x` is added there: with the
+    /// variances of the windows held constant, `1 − SSIM ≤ (Δμ)²/D₁ + var(Δ)/D₂`, whose Hessian is
+    /// at most the diagonal `2·G∗max(1/D₁, 1/D₂)`.
     ///
     /// # Panics
     /// If a length is not `H·W·C`.
@@ -137,7 +137,8 @@ impl<F: Real> Ssim<F> {
                 });
                 let (x, y) = (&x[row * row_len..][..row_len], &y[row * row_len..][..row_len]);
                 for k in 0..row_len {
-                    // the gradient of the mean similarity; the loss falls as it rises
+                    // the planes hold the gradient of the similarity;
+                    // the loss has the opposite sign
                     v_x[k] -= factor * (mean[k] + two * x[k] * square[k] + y[k] * cross[k]);
                 }
                 if bends {
@@ -149,7 +150,8 @@ impl<F: Real> Ssim<F> {
         norm * (F::from_double(self.map.len() as f64) - self.sum())
     }
 
-    /// Row sums first, so that the result does not depend on how rows are spread over threads.
+    /// Sums each row first, so that the result does not depend on
+    /// how rows are distributed over threads.
     fn sum(&self) -> F {
         let row_len = (self.width * self.channels).max(1);
         self.map.chunks(row_len).map(|row| row.iter().copied().sum::<F>()).sum()

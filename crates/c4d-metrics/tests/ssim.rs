@@ -1,9 +1,9 @@
-//! SSIM: scikit-image's values, finite differences in double precision.
+//! SSIM equals scikit-image's values; its gradient equals finite differences in double precision.
 
 use c4d_metrics::{Ssim, SsimBorder};
 use std::fs;
 
-/// Values in [0,1) from a linear congruential generator, as the fixture's script makes them.
+/// Values in [0,1) from a linear congruential generator, the same as in the fixture's script.
 struct Lcg(u32);
 
 impl Lcg {
@@ -16,7 +16,7 @@ impl Lcg {
     }
 }
 
-/// `W × H × C` of noise, and the same disturbed.
+/// A noise image `W × H × C`, and the same image with more noise added.
 fn pair(width: usize, height: usize, channels: usize, seed: u32, noise: f64) -> [Vec<f64>; 2] {
     let mut lcg = Lcg(seed);
     let len = width * height * channels;
@@ -45,7 +45,7 @@ fn ssim_equals_scikit_image() {
         assert!((ours - expected).abs() < 1e-12, "{line}: {ours}");
         let zero = Ssim::new(w, h, c).value(&x, &y, SsimBorder::Zero);
         assert!((zero - expected).abs() > 1e-6 || noise == 0.0, "{line}: the border matters");
-        #[expect(clippy::cast_possible_truncation, reason = "single precision is the point")]
+        #[expect(clippy::cast_possible_truncation, reason = "the test compares single precision")]
         let single = |values: &[f64]| values.iter().map(|&v| v as f32).collect::<Vec<f32>>();
         let ours = Ssim::<f32>::new(w, h, c).value(&single(&x), &single(&y), SsimBorder::Valid);
         assert!((f64::from(ours) - expected).abs() < 2e-5, "{line}: {ours} in single precision");

@@ -35,14 +35,14 @@ pub struct Camera {
     /// [`NEAR_PLANE`] for cameras a model was trained with; otherwise it follows the scene's size
     /// ([`crate::Extent::near_plane`]).
     pub near: f64,
-    /// Scene time at which the camera looks, for cameras of a data set; `None` for cameras that
-    /// look at every time.
+    /// Scene time of the camera's image, for cameras of a data set;
+    /// `None` for cameras used at any time.
     pub time: Option<f32>,
-    /// Name of the view (image name of a data set), for files written from it.
+    /// Name of the view (the image name in a data set); used in names of output files.
     pub name: String,
 }
 
-/// A camera that cannot see.
+/// An invalid camera.
 #[derive(Debug, Clone, PartialEq, Error)]
 #[non_exhaustive]
 pub enum CameraError {
@@ -56,7 +56,7 @@ pub enum CameraError {
     },
 }
 
-/// Largest image side, pixels: keeps hostile camera files from asking for terabytes.
+/// Largest image side, pixels: bounds the memory that a hostile camera file can request.
 const MAX_SIDE: u32 = 16_384;
 
 impl Camera {
@@ -94,8 +94,8 @@ impl Camera {
         }
     }
 
-    /// Camera centre in the world: translation of the inverse of `viewmat`. Solved, not `−Rᵀt`:
-    /// rotations rounded to single are not quite orthonormal.
+    /// Camera centre, world units: translation of the inverse of `viewmat`. Solved rather than
+    /// `−Rᵀt`, because rotations rounded to single precision are not exactly orthonormal.
     pub fn position(&self) -> [f64; 3] {
         let v = &self.viewmat;
         let rotation = DMat3::from_cols_array_2d(&[

@@ -1,4 +1,4 @@
-//! [`Extent`]: where a scene is and how large, for cameras and lengths that follow it.
+//! [`Extent`]: position and size of a scene, from which cameras and length scales are derived.
 
 use crate::Splats;
 
@@ -6,31 +6,32 @@ use crate::Splats;
 const RADIUS_SHARE: f64 = 0.9;
 /// Share of the splats, by number, that lies within [`Extent::core`] of one of them.
 const CORE_SHARE: f64 = 0.1;
-/// Splats between which distances are measured for [`Extent::core`]; twice as many change it by 5 %
-/// at most on captured scenes.
+/// Sample size for the distances of [`Extent::core`]. Doubling it changes
+/// the result by at most 5 % on captured scenes.
 const CORE_SAMPLE: usize = 1024;
-/// Near plane in core radii. On captures of Neural 3D Video it is then 0.17 to 0.23 world units,
-/// about the reference's 0.2.
+/// Near plane in core radii. For captures of Neural 3D Video this gives 0.17 to 0.23 world units,
+/// close to the reference's 0.2.
 const NEAR_SHARE: f64 = 0.06;
 
-/// Robust centre and sizes of the splats that are seen, world units. Floaters and haze count
-/// little; NaN rows do not count.
+/// Robust centre and size measures of the visible splats, world units. Floaters and haze have
+/// little influence; NaN rows have none.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Extent {
     /// Median of the centres per axis, each splat weighted by its opacity times its size.
     pub centre: [f64; 3],
-    /// Distance from the centre within which 90 % of that weight lies; positive. Backdrops, which
-    /// are large splats, count.
+    /// Distance from the centre within which 90 % of that weight lies; positive. Includes
+    /// backdrops, because their splats are large.
     pub radius: f64,
-    /// Radius of the smallest ball around a splat that holds a tenth of all splats; positive. A
-    /// backdrop of less than nine tenths of the splats does not change it.
+    /// Radius of the smallest ball around a splat that contains a tenth of all splats; positive. A
+    /// backdrop with fewer than nine tenths of the splats does not affect it.
     pub core: f64,
     /// Median of the splats' sizes: geometric mean of the two larger standard deviations.
     pub splat_size: f64,
 }
 
 impl Extent {
-    /// Of the finite splats of one frame. Without any: the unit ball around the origin.
+    /// Extent of the finite splats of one frame. If there are
+    /// none, the unit ball around the origin.
     pub fn of(splats: &Splats) -> Self {
         let points = weighted_points(splats);
         let axis = |k: usize| points.iter().map(|p| (p.mean[k], p.weight)).collect();
@@ -40,26 +41,26 @@ impl Extent {
         let sizes = points.iter().map(|p| (p.size, 1.0)).collect();
         let splat_size = positive(weighted_quantile(sizes, 0.5), 1.0);
         let radius = positive(weighted_quantile(distances, RADIUS_SHARE), splat_size);
-        // Splats in one place have no spread but their own.
+        // Splats that all lie at one point have no spread; their own size stands in.
         let core = positive(core_radius(&points), splat_size);
         Self { centre, radius, core, splat_size }
     }
 
-    /// Near plane for cameras that no training fixed, world units: 6 % of [`Extent::core`].
+    /// Near plane for cameras that were not used in training, world units: 6 % of [`Extent::core`].
     pub fn near_plane(&self) -> f64 {
         NEAR_SHARE * self.core
     }
 
-    /// Distance between neighbouring single-precision coordinates at the centre, world units.
+    /// Spacing of single-precision coordinates at the centre, world units.
     pub fn position_step(&self) -> f64 {
         let farthest = self.centre.iter().fold(0.0_f64, |far, x| far.max(x.abs()));
-        #[expect(clippy::cast_possible_truncation, reason = "the rounding is what is asked for")]
+        #[expect(clippy::cast_possible_truncation, reason = "the rounding is intended")]
         let farthest = farthest as f32;
         f64::from(farthest.next_up()) - f64::from(farthest)
     }
 }
 
-/// A splat that is seen.
+/// A visible splat, reduced to a weighted point.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct WeightedPoint {
     /// Centre, world units.
@@ -70,7 +71,7 @@ pub struct WeightedPoint {
     pub weight: f64,
 }
 
-/// The finite splats of positive weight.
+/// The finite splats with positive weight.
 pub fn weighted_points(splats: &Splats) -> Vec<WeightedPoint> {
     (0..splats.len())
         .filter(|&i| splats.is_finite(i))
@@ -85,7 +86,8 @@ pub fn weighted_points(splats: &Splats) -> Vec<WeightedPoint> {
         .collect()
 }
 
-/// Smallest of (value, weight) up to which `share` of the weight lies; 0 when there is nothing.
+/// Weighted quantile of `(value, weight)` pairs: the smallest value up to which `share` of the
+/// total weight lies; 0 for an empty list.
 pub fn weighted_quantile(mut values: Vec<(f64, f64)>, share: f64) -> f64 {
     values.sort_by(|a, b| a.0.total_cmp(&b.0));
     let target = share * values.iter().map(|(_, weight)| weight).sum::<f64>();
@@ -99,12 +101,12 @@ pub fn weighted_quantile(mut values: Vec<(f64, f64)>, share: f64) -> f64 {
     values.last().map_or(0.0, |(value, _)| *value)
 }
 
-/// Radius of the smallest ball around a point of an even sample that holds [`CORE_SHARE`] of the
-/// sample.
+/// Radius of the smallest ball around a point of an evenly spaced sample that contains
+/// [`CORE_SHARE`] of the sample.
 #[expect(
     clippy::cast_possible_truncation,
     clippy::cast_sign_loss,
-    reason = "a share of a count is a count"
+    reason = "a fraction of a count fits a count"
 )]
 fn core_radius(points: &[WeightedPoint]) -> f64 {
     let count = points.len().min(CORE_SAMPLE);
@@ -125,8 +127,8 @@ fn distance(a: [f64; 3], b: [f64; 3]) -> f64 {
 mod tests {
     use super::*;
 
-    /// A grid of 10×10×10 splats with sides of 2, times `scale`, at `shift`, and `dome` large
-    /// splats 5000 units above and around.
+    /// A cube of 10×10×10 splats with side 2, scaled by `scale` and moved by `shift`, plus `dome`
+    /// large splats about 5000 units away.
     fn scene(scale: f32, shift: f32, dome: usize) -> Splats {
         let mut splats = Splats::default();
         let mut push = |mean: [f32; 3], size: f32| {
@@ -174,7 +176,7 @@ mod tests {
     }
 
     #[test]
-    fn nothing_and_one_splat_have_an_extent() {
+    fn empty_scenes_and_single_splats_have_an_extent() {
         let none = Extent::of(&Splats::default());
         assert!(none.radius == 1.0 && none.near_plane() > 0.0, "{none:?}");
         let one = Extent::of(&scene(1.0, 0.0, 0).select(&[0]));
@@ -182,11 +184,11 @@ mod tests {
         let mut broken = scene(1.0, 0.0, 0);
         broken.means[0] = [f32::NAN; 3];
         broken.log_scales[1] = [f32::INFINITY; 3];
-        assert!(Extent::of(&broken).near_plane() > 0.0, "damaged rows do not count");
+        assert!(Extent::of(&broken).near_plane() > 0.0, "NaN rows are ignored");
     }
 
     #[test]
-    fn steps_grow_with_the_distance_from_the_origin() {
+    fn position_step_grows_with_the_distance_from_the_origin() {
         let step = |shift| Extent::of(&scene(1.0, shift, 0)).position_step();
         assert!(
             step(0.0) < 1e-6 && (0.05..0.1).contains(&step(1e6)),

@@ -1,9 +1,9 @@
-//! [`Footprint`]: the part of an image that a splat can reach, without rendering it.
+//! [`Footprint`]: the part of an image that a splat can affect, found without rendering.
 
 use crate::image_formation::{EPS2D, EXTENT_SIGMAS, GUARD_BAND, TILE_SIZE};
 use crate::{Camera, Real, Splats};
 
-/// A rectangle of pixels outside of which a splat draws nothing, and the splat's depth.
+/// A rectangle of pixels outside which a splat draws nothing, and the splat's depth.
 ///
 /// Conservative: the rectangle may be larger than what is drawn, never smaller.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -41,7 +41,8 @@ impl Footprint {
         let stretch = 1.0 + slope[0] * slope[0] + slope[1] * slope[1];
         let log_scale =
             splats.log_scales[row].iter().fold(f64::NEG_INFINITY, |a, b| a.max(b.as_f64()));
-        // The floored discriminant adds at most its square root, 0.32, to the larger eigenvalue.
+        // The floor of the discriminant adds at most its square
+        // root, 0.32, to the larger eigenvalue.
         let dilation = f64::from(EPS2D) + 0.32;
         let variance = (2.0 * log_scale).exp() * focal * focal * stretch + dilation;
         let radius = f64::from(EXTENT_SIGMAS) * variance.sqrt() + 2.0;
@@ -84,7 +85,7 @@ mod tests {
     }
 
     #[test]
-    fn a_small_splat_reaches_only_the_tiles_around_its_centre() {
+    fn a_small_splat_covers_only_the_tiles_around_its_centre() {
         let camera = Camera::look_at([0.0; 3], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0], 0.8, 160, 96);
         let found = Footprint::of(&one([0.0, 0.0, 4.0]), 0, &camera).unwrap();
         assert!((found.depth - 4.0).abs() < 1e-9, "{found:?}");
@@ -93,10 +94,10 @@ mod tests {
     }
 
     #[test]
-    fn what_draws_nothing_has_no_footprint() {
+    fn invisible_splats_have_no_footprint() {
         let camera = Camera::look_at([0.0; 3], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0], 0.8, 160, 96);
         let none = |splats: Splats| Footprint::of(&splats, 0, &camera).is_none();
-        assert!(none(one([0.0, 0.0, 0.1])), "before the near plane");
+        assert!(none(one([0.0, 0.0, 0.1])), "in front of the near plane");
         assert!(none(one([0.0, 0.0, -4.0])), "behind the camera");
         assert!(none(one([90.0, 0.0, 4.0])), "outside the image");
         assert!(none(one([f32::NAN, 0.0, 4.0])), "not a number");

@@ -2,8 +2,8 @@
 
 use thiserror::Error;
 
-/// Interleaved float image, row-major, `[height, width, channels]`, values linear in the quantity
-/// of the channel.
+/// Interleaved float image, row-major, `[height, width, channels]`;
+/// values are linear in the channel's quantity.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Image {
     /// Columns, pixels.
@@ -16,7 +16,7 @@ pub struct Image {
     pub data: Vec<f32>,
 }
 
-/// The data do not fill the image.
+/// The number of values does not match the image size.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
 #[error("image: {found} values, expected {width}×{height}×{channels}")]
 pub struct ImageError {
@@ -32,10 +32,9 @@ impl Image {
         Self { width, height, channels, data: vec![0.0; width * height * channels] }
     }
 
-    /// Takes `[height, width, channels]` values.
+    /// Image from `[height, width, channels]` values.
     ///
-    /// # Errors
-    /// If the number of values is another.
+    /// # Errors If the number of values differs from `height · width · channels`.
     pub fn from_data(
         width: usize,
         height: usize,

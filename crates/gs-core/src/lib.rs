@@ -1,8 +1,8 @@
 //! Data and maths of Gaussian splats, shared by every crate of the workspace.
 //!
-//! Promises: [`Splats`] (structure of arrays of *stored* parameters), [`Camera`], spherical
+//! Contents: [`Splats`] (structure of arrays of *stored* parameters), [`Camera`], spherical
 //! harmonics, covariances, activations, float images, and the traits [`DynamicScene`] and
-//! [`Rasterizer`] through which everything else meets.
+//! [`Rasterizer`] that connect the other crates.
 //!
 //! Deliberately absent: files, paths, GPU, command line, training.
 //!

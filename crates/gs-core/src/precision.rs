@@ -1,8 +1,9 @@
-//! [`Precision`]: how far the values of a file may lie from those that were written to it.
+//! [`Precision`]: bounds of the difference between the values
+//! written to a file and those read back.
 
-/// How coarsely one row was stored: the largest difference, per attribute, between what is read and
-/// what was written. An infinite value says that the file does not hold the attribute at all. What
-/// was written beyond the ends of a range reads as its end.
+/// Storage precision of one row: the largest difference, per attribute, between the
+/// value read and the value written. Infinite if the file does not store the
+/// attribute. Values outside a range are clamped to it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct RowPrecision {
     /// Centres, world units, per axis.
@@ -26,7 +27,7 @@ pub struct RowPrecision {
 }
 
 impl RowPrecision {
-    /// Stores every value.
+    /// Every value is stored exactly.
     pub const EXACT: Self = Self {
         means: [0.0; 3],
         rotation_rad: 0.0,
@@ -48,29 +49,27 @@ pub struct Precision {
 }
 
 impl Precision {
-    /// The same for all rows.
+    /// The same precision for all rows.
     pub fn uniform(row: RowPrecision) -> Self {
         Self { entries: vec![row], rows_per_entry: usize::MAX }
     }
 
-    /// Entry `i` holds for the rows from `i·rows_per_entry` on; the last one for all that follow.
+    /// Entry `i` applies to the rows from `i·rows_per_entry`; the
+    /// last entry applies to all further rows.
     ///
     /// # Panics
     /// If there are no entries or `rows_per_entry` is 0.
     pub fn by_chunk(entries: Vec<RowPrecision>, rows_per_entry: usize) -> Self {
-        assert!(
-            !entries.is_empty() && rows_per_entry > 0,
-            "a precision says something of each row"
-        );
+        assert!(!entries.is_empty() && rows_per_entry > 0, "a precision needs at least one entry");
         Self { entries, rows_per_entry }
     }
 
-    /// That of row `row`.
+    /// Precision of row `row`.
     pub fn of(&self, row: usize) -> &RowPrecision {
         &self.entries[(row / self.rows_per_entry).min(self.entries.len() - 1)]
     }
 
-    /// That of the rows `rows`, in that order.
+    /// Precision of the rows `rows`, in that order.
     #[must_use]
     pub fn select(&self, rows: &[usize]) -> Self {
         if self.entries.len() == 1 || rows.is_empty() {
@@ -89,7 +88,7 @@ mod tests {
         let entry = |opacity| RowPrecision { opacity, ..RowPrecision::EXACT };
         let chunks = Precision::by_chunk(vec![entry(1.0), entry(2.0)], 256);
         assert_eq!((chunks.of(255).opacity, chunks.of(256).opacity), (1.0, 2.0), "by chunk");
-        assert_eq!(chunks.of(9999).opacity, 2.0, "the last one goes on");
+        assert_eq!(chunks.of(9999).opacity, 2.0, "the last entry applies to all further rows");
         let picked = chunks.select(&[300, 3]);
         assert_eq!((picked.of(0).opacity, picked.of(1).opacity), (2.0, 1.0), "selected");
         assert_eq!(Precision::uniform(entry(3.0)).select(&[7]).of(7).opacity, 3.0, "uniform");

@@ -1,8 +1,8 @@
-//! Quaternions `wxyz`, and the only two doors to `glam`, which stores `xyzw`.
+//! Quaternions `wxyz`, and the only two conversions to and from `glam`, which stores `xyzw`.
 
 use crate::{Real, image_formation::MIN_QUAT_NORM};
 
-/// The rotation that rotates nothing.
+/// The identity rotation.
 pub const IDENTITY: [f32; 4] = [1.0, 0.0, 0.0, 0.0];
 
 /// `q / max(‖q‖, 1e-12)`: a zero quaternion stays zero, as in the reference.
@@ -31,7 +31,7 @@ pub fn conjugate<F: Real>(q: [F; 4]) -> [F; 4] {
     [q[0], -q[1], -q[2], -q[3]]
 }
 
-/// The one of `q`, `−q` (the same rotation) on the hemisphere of `reference`.
+/// `q` or `−q` (the same rotation), whichever lies in the hemisphere of `reference`.
 pub fn align<F: Real>(q: [F; 4], reference: [F; 4]) -> [F; 4] {
     if dot(q, reference) < F::zero() { q.map(|component| -component) } else { q }
 }

@@ -1,15 +1,15 @@
-//! [`Rasterizer`]: prepare once, composite as often as colours change, differentiate.
+//! [`Rasterizer`]: prepare once, composite whenever colours change, differentiate.
 
 use crate::{Camera, CameraError, Footprint, Image, Real, Splats, SplatsError};
 use thiserror::Error;
 
-/// What a render needs besides splats and camera. Nothing here concerns the prepared state.
+/// Settings of a render besides splats and camera. None of them affects the prepared state.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct RenderParams {
     /// Background colour, 0 to 1, added to RGB only, as `T_final · background`. Default black.
     pub background: [f64; 3],
-    /// Whether to composite the splats' own colours (SH towards the camera). Default true; without
-    /// it SH is not even read.
+    /// Whether to composite the splats' own colours (SH evaluated towards the camera). Default
+    /// true; if false, SH is not read.
     pub rgb: bool,
     /// Whether to composite camera depth. Default true.
     pub depth: bool,
@@ -28,14 +28,14 @@ impl Default for RenderParams {
     }
 }
 
-/// Two conventions for the backward pass. They differ where opacity is capped at 0.99, where the
-/// guard band of the projection is active, and by a damping term of the covariance's inverse.
+/// Two conventions for the backward pass. They differ where alpha is capped at 0.99, where the
+/// guard band of the projection is active, and by a damping term in the inverse of the covariance.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum GradientConvention {
-    /// What the reference kernels compute; published training used it.
+    /// The gradients of the reference kernels, with which published models were trained.
     #[default]
     Reference,
-    /// The true derivative with all discrete decisions (lists, order, skips, stops) frozen.
+    /// The true derivative, with all discrete decisions (lists, order, skips, stops) held fixed.
     Exact,
 }
 
@@ -128,17 +128,17 @@ pub struct RenderGrads<F = f32> {
     pub v_means2d: Vec<[F; 2]>,
 }
 
-/// Why a rasteriser refused.
+/// Error of a rasteriser.
 #[derive(Debug, Error)]
 #[non_exhaustive]
 pub enum RasterError {
-    /// The camera cannot see.
+    /// The camera is invalid.
     #[error(transparent)]
     Camera(#[from] CameraError),
-    /// The splats' arrays disagree.
+    /// The splats' arrays have inconsistent lengths.
     #[error(transparent)]
     Splats(#[from] SplatsError),
-    /// An argument has another shape than the prepared state.
+    /// The shape of an argument does not match the prepared state.
     #[error("rasteriser: `{what}` has {found} values, expected {expected}")]
     Shape {
         /// Name of the argument.
@@ -151,7 +151,7 @@ pub enum RasterError {
     /// A backward pass without the forward pass it differentiates.
     #[error("rasteriser: backward without a preceding forward on the same prepared state")]
     NoForward,
-    /// The device refused or ran out of memory.
+    /// The device failed or ran out of memory.
     #[error("rasteriser: {0}")]
     Device(String),
 }
@@ -159,27 +159,27 @@ pub enum RasterError {
 /// A differentiable splat rasteriser: prepare (geometry, camera) → forward (colours, opacities,
 /// features) → backward.
 ///
-/// The prepared state owns what depends on geometry and camera alone (projection, depth order, tile
-/// lists), the memory of every later stage, and what the last forward pass leaves for its backward
-/// pass; device buffers live there. It stays valid while `means`, `quats`, `log_scales` and the
-/// camera stay as they were: SH, opacities and features may change between forward passes without a
-/// new `prepare`, and the image is the same as if one had been made. (A splat whose opacity was NaN
-/// at `prepare` stays culled.)
+/// The prepared state owns what depends on geometry and camera alone (projection, depth
+/// order, tile lists), the memory of every later stage, and what the last forward pass keeps
+/// for its backward pass, including device buffers. It stays valid while `means`, `quats`,
+/// `log_scales` and the camera are unchanged: SH, opacities and features may change between
+/// forward passes without a new `prepare`, and the image is the same as after a new one. (A
+/// splat whose opacity was NaN at `prepare` stays culled.)
 ///
 /// The `_into` methods reuse the memory of their output argument; nothing is read back from a
 /// device except the requested planes.
 pub trait Rasterizer<F: Real = f32> {
-    /// Geometry seen by one camera, ready to composite.
+    /// Geometry projected for one camera, ready to composite.
     type Prepared;
 
     /// Projects, culls, sorts and bins.
     ///
     /// # Errors
-    /// If the camera or the splats' shapes are malformed, or the device fails. Hostile values are
-    /// no error: such splats are culled.
+    /// If the camera or the splats' shapes are malformed, or the device fails. Splats with invalid
+    /// values are culled and are not an error.
     fn prepare(&self, splats: &Splats<F>, camera: &Camera) -> Result<Self::Prepared, RasterError>;
 
-    /// [`Rasterizer::prepare`] in the memory of an earlier prepared state.
+    /// As [`Rasterizer::prepare`], reusing the memory of an earlier prepared state.
     ///
     /// # Errors
     /// As [`Rasterizer::prepare`].
@@ -192,9 +192,9 @@ pub trait Rasterizer<F: Real = f32> {
 
     /// The part of the image that splat `row` can reach from `camera`, and its depth; `None` if it
     /// draws nothing. Never smaller than what a forward pass would draw, for any opacity. Lets
-    /// callers leave out splats that cannot matter to them.
+    /// callers skip splats that cannot affect their result.
     ///
-    /// The default is that of [`crate::image_formation`]; rasterisers with another image formation
+    /// The default follows [`crate::image_formation`]; rasterisers with a different image formation
     /// override it.
     ///
     /// # Panics
@@ -203,8 +203,8 @@ pub trait Rasterizer<F: Real = f32> {
         Footprint::of(splats, row, camera)
     }
 
-    /// Composites the splats' colours and depth (as `params` asks) and `features` (`[N,F]`, flat;
-    /// empty for none).
+    /// Composites the splats' colours and depth (as `params` selects) and
+    /// `features` (`[N,F]`, flat; empty for none).
     ///
     /// # Errors
     /// If shapes disagree with the prepared state, or the device fails.
@@ -232,12 +232,12 @@ pub trait Rasterizer<F: Real = f32> {
         grads: &mut RenderGrads<F>,
     ) -> Result<(), RasterError>;
 
-    /// As [`Rasterizer::backward_into`] for SH and features alone, geometry and opacity held fixed:
-    /// fills `v_sh` and `v_features` in one front-to-back pass and leaves the other arrays empty.
-    /// `v_alpha` and `v_depth` have no influence.
+    /// As [`Rasterizer::backward_into`] for SH and features alone, with geometry and opacity held
+    /// fixed: fills `v_sh` and `v_features` in one front-to-back pass and leaves the other arrays
+    /// empty. `v_alpha` and `v_depth` are not read.
     ///
-    /// With one feature and a pixel mask as `v_features`, `v_features` of the result is the mask's
-    /// vote `Σ_p m_p α T` per splat.
+    /// With one feature and a pixel mask as `v_features`, `v_features` of the result is the weight
+    /// of the mask in each splat, `Σ_p m_p α T`.
     ///
     /// # Errors
     /// As [`Rasterizer::backward_into`].

@@ -1,4 +1,4 @@
-//! The float types that the maths is generic over.
+//! The float types over which the maths is generic.
 
 #![expect(clippy::inline_always, reason = "constants in vectorised loops of the rasterisers")]
 
@@ -7,10 +7,10 @@ use std::fmt::Debug;
 use std::iter::Sum;
 use std::ops::{Add, AddAssign, DivAssign, Mul, MulAssign, Neg, Sub, SubAssign};
 
-/// `f32` (production) or `f64` (oracle of finite differences).
+/// `f32` (production) or `f64` (reference for finite differences).
 ///
 /// Constants of the reference are single-precision: [`Real::of`] widens an `f32`, so an `f64` run
-/// uses the very same thresholds.
+/// uses exactly the same thresholds.
 pub trait Real:
     Float
     + AddAssign
@@ -24,17 +24,17 @@ pub trait Real:
     + Sync
     + 'static
 {
-    /// Widens (or keeps) a single-precision constant.
+    /// Converts from single precision, exactly.
     fn of(value: f32) -> Self;
-    /// Rounds (or keeps) a double.
+    /// Converts from double precision, rounded to `Self`.
     fn from_double(value: f64) -> Self;
-    /// As double.
+    /// The value in double precision.
     fn as_f64(self) -> f64;
-    /// As single, rounded.
+    /// The value rounded to single precision.
     fn as_f32(self) -> f32;
 }
 
-/// What polynomials need: one number, or a register of numbers.
+/// Addition, subtraction and multiplication for polynomials: a single number or a SIMD register.
 pub trait Ring:
     Copy + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Self> + Neg<Output = Self>
 {
@@ -54,10 +54,7 @@ impl Real for f32 {
     fn of(value: f32) -> Self {
         value
     }
-    #[expect(
-        clippy::cast_possible_truncation,
-        reason = "rounding to single is what this function is for"
-    )]
+    #[expect(clippy::cast_possible_truncation, reason = "this function rounds to single precision")]
     fn from_double(value: f64) -> Self {
         value as f32
     }
@@ -79,10 +76,7 @@ impl Real for f64 {
     fn as_f64(self) -> f64 {
         self
     }
-    #[expect(
-        clippy::cast_possible_truncation,
-        reason = "rounding to single is what this function is for"
-    )]
+    #[expect(clippy::cast_possible_truncation, reason = "this function rounds to single precision")]
     fn as_f32(self) -> f32 {
         self as f32
     }

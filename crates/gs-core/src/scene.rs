@@ -18,13 +18,13 @@ impl TimeRange {
     /// `[0, 1]`.
     pub const UNIT: Self = Self { start: 0.0, end: 1.0 };
 
-    /// Whether `t` lies inside, ends included. NaN does not.
+    /// Whether `t` lies in the range, ends included. False for NaN.
     pub fn contains(&self, t: f32) -> bool {
         (self.start..=self.end).contains(&t)
     }
 
-    /// `count` times, evenly spaced from `start` to `end`, both included; the start alone when
-    /// `count` is 1.
+    /// `count` times, evenly spaced from `start` to `end`, both
+    /// included; only the start if `count` is 1.
     pub fn frames(&self, count: usize) -> Vec<f32> {
         let last = count.saturating_sub(1).max(1) as f64;
         let (start, end) = (f64::from(self.start), f64::from(self.end));
@@ -42,7 +42,7 @@ impl TimeRange {
     }
 }
 
-/// Why a scene could not be evaluated.
+/// Error of a scene's evaluation.
 #[derive(Debug, Error)]
 #[non_exhaustive]
 pub enum SceneError {
@@ -51,16 +51,16 @@ pub enum SceneError {
     Time {
         /// The requested time.
         t: f32,
-        /// The times there are.
+        /// The valid times.
         range: TimeRange,
     },
-    /// Arrays of the scene disagree.
+    /// The scene's arrays have inconsistent lengths.
     #[error(transparent)]
     Shape(#[from] SplatsError),
-    /// What the scene is made of could not be read.
+    /// The scene's data could not be read.
     #[error("scene: {what}")]
     Source {
-        /// What was being read.
+        /// The data that was being read.
         what: String,
         /// The cause.
         #[source]
@@ -70,7 +70,7 @@ pub enum SceneError {
 
 /// A set of splats in motion. Rows persist: row `i` is the same Gaussian at every time.
 ///
-/// Everything downstream (rendering, refining, exporting, editing again) sees only this trait.
+/// Everything downstream (rendering, refinement, export, further edits) uses only this trait.
 pub trait DynamicScene: Debug + Send + Sync {
     /// `N`, the same at every time.
     fn num_splats(&self) -> usize;
@@ -94,9 +94,9 @@ pub trait DynamicScene: Debug + Send + Sync {
     /// If `t` is outside [`DynamicScene::time_range`] or the scene's data cannot be read.
     fn at_into(&self, t: f32, out: &mut Splats) -> Result<(), SceneError>;
 
-    /// As [`DynamicScene::at_into`], but only `means`, `quats` and `log_scales` need be those of
-    /// time `t`; the other arrays may be left as they are, even empty. Cheaper for scenes that
-    /// deform colour.
+    /// As [`DynamicScene::at_into`], but only `means`, `quats` and `log_scales` are
+    /// guaranteed to be those of time `t`; the other arrays may be left unchanged,
+    /// even empty. Cheaper for scenes that deform colour.
     ///
     /// # Errors
     /// As [`DynamicScene::at_into`].
@@ -114,14 +114,14 @@ pub trait DynamicScene: Debug + Send + Sync {
         Ok(out)
     }
 
-    /// Whether splats may appear and disappear: `false` promises the same opacities at every time,
-    /// so that callers that need only geometry can skip colours.
+    /// Whether opacities may change over time. If false, they are the same at every time, so that
+    /// callers that need only geometry can use [`DynamicScene::geometry_into`].
     fn fades(&self) -> bool {
         true
     }
 
-    /// Which splats the scene itself declares moving (`[N]`), when its format says so; `None` when
-    /// motion decides.
+    /// Splats that the scene's format declares to be dynamic (`[N]`); `None` if the format has no
+    /// such flag and motion has to be measured.
     fn dynamic_mask(&self) -> Option<&[bool]> {
         None
     }
@@ -136,6 +136,6 @@ mod tests {
         assert_eq!(TimeRange::UNIT.frames(5), [0.0, 0.25, 0.5, 0.75, 1.0], "five");
         assert_eq!(TimeRange::UNIT.frames(1), [0.0], "one");
         assert!(TimeRange::UNIT.frames(0).is_empty(), "none");
-        assert!(!TimeRange::UNIT.contains(f32::NAN), "NaN is no time");
+        assert!(!TimeRange::UNIT.contains(f32::NAN), "NaN is not a valid time");
     }
 }

@@ -1,15 +1,16 @@
-//! Real spherical harmonics up to degree 3 and their derivative, 3DGS constants and signs.
+//! Real spherical harmonics up to degree 3 and their
+//! derivatives, with the constants and signs of 3DGS.
 #![expect(clippy::inline_always, reason = "inlined into vectorised loops of the rasterisers")]
 
 use crate::{Real, Ring};
 
-/// Highest degree with a basis here.
+/// Highest supported degree.
 pub const MAX_DEGREE: usize = 3;
 /// Degree-0 basis value: `rgb = 0.5 + C0·dc`.
 pub const C0: f32 = 0.282_094_8;
 /// Magnitude of the degree-1 basis.
 pub const C1: f32 = 0.488_602_52;
-// Magnitudes of the higher bases, rounded to single precision as the reference has them.
+// Magnitudes of the higher bases, rounded to single precision as in the reference.
 const C2: [f32; 3] = [1.092_548_5, 0.315_391_57, 0.546_274_24];
 const C3: [f32; 5] = [0.590_043_6, 2.890_611_4, 0.457_045_8, 0.373_176_34, 1.445_305_7];
 
@@ -122,8 +123,8 @@ pub fn dc_from_rgb<F: Real>(rgb: [F; 3]) -> [F; 3] {
 mod tests {
     use super::*;
 
-    /// Orthonormality over the sphere pins constants and polynomials at once (signs are pinned by
-    /// the raster goldens).
+    /// Orthonormality over the sphere verifies constants and polynomials
+    /// together; the rasteriser goldens verify the signs.
     #[test]
     fn basis_is_orthonormal() {
         let (rings, sectors) = (64_u32, 128_u32);

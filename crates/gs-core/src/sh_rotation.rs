@@ -1,4 +1,4 @@
-//! [`ShRotation`]: spherical harmonics of a scene that is rotated.
+//! [`ShRotation`]: spherical harmonics of a rotated scene.
 
 use crate::sh::{MAX_DEGREE, basis, num_coeffs};
 use crate::{Real, quat};
@@ -26,8 +26,8 @@ pub struct ShRotation {
 }
 
 impl ShRotation {
-    /// The map of the rotation by the quaternion `wxyz`, which need not have length 1; a zero
-    /// quaternion rotates nothing.
+    /// The map of the rotation by the quaternion `wxyz`, which need not have unit length; a zero
+    /// quaternion gives the identity.
     pub fn new(rotation: [f64; 4]) -> Self {
         let inverse = match quat::normalize(rotation) {
             [0.0, 0.0, 0.0, 0.0] => [1.0, 0.0, 0.0, 0.0],
@@ -55,8 +55,8 @@ impl ShRotation {
         Self { matrix }
     }
 
-    /// Rotates the coefficients `[K,3]` of one splat in place. `K` is that of a whole degree, at
-    /// most 16.
+    /// Rotates the coefficients `[K,3]` of one splat in place. `K`
+    /// is `(degree + 1)²` for a degree up to 3.
     pub fn apply<F: Real>(&self, coeffs: &mut [[F; 3]]) {
         let mut rotated = [[0.0; 3]; 16];
         for (m, out) in rotated.iter_mut().enumerate().take(coeffs.len()) {
@@ -66,7 +66,7 @@ impl ShRotation {
                 }
             }
         }
-        // Degree 0 does not depend on the direction and keeps its bits.
+        // Degree 0 does not depend on the direction; it stays bit-identical.
         for (rgb, out) in coeffs.iter_mut().zip(rotated).skip(1) {
             *rgb = out.map(F::from_double);
         }
@@ -78,7 +78,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn colours_turn_with_the_scene() {
+    fn colours_rotate_with_the_scene() {
         let rotation = quat::normalize([0.3, -0.8, 0.4, 0.2]);
         let turn = ShRotation::new(rotation.map(|value| 3.0 * value));
         let before: Vec<[f64; 3]> =
@@ -100,7 +100,7 @@ mod tests {
         ShRotation::new([0.0; 4]).apply(&mut still);
         assert!(
             still.iter().flatten().zip(before.iter().flatten()).all(|(a, b)| (a - b).abs() < 1e-6),
-            "a zero quaternion rotates nothing"
+            "a zero quaternion gives the identity"
         );
     }
 }

@@ -7,7 +7,7 @@ use thiserror::Error;
 /// `K = (sh_degree + 1)²`.
 ///
 /// Fields are public because every combination of equally long arrays is meaningful;
-/// [`Splats::check_shapes`] verifies the lengths at the doors of the crates that consume them.
+/// [`Splats::check_shapes`] verifies the lengths where other crates take splats in.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Splats<F = f32> {
     /// Centres, world units, `[N,3]`.
@@ -25,11 +25,11 @@ pub struct Splats<F = f32> {
     pub sh_degree: usize,
 }
 
-/// The arrays of a [`Splats`] do not belong together.
+/// The arrays of a [`Splats`] have inconsistent lengths.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
 #[non_exhaustive]
 pub enum SplatsError {
-    /// One array has another length than `means` requires.
+    /// The length of an array does not match `means`.
     #[error("splats: `{field}` has {found} rows, expected {expected} for {num_splats} splats")]
     Shape {
         /// Name of the array.
@@ -41,13 +41,13 @@ pub enum SplatsError {
         /// Length of `means`.
         num_splats: usize,
     },
-    /// SH degrees above 3 have no basis here.
+    /// SH degrees above 3 are not supported.
     #[error("splats: SH degree {0} is not supported, expected 0 to 3")]
     ShDegree(usize),
 }
 
 impl<F: Real> Splats<F> {
-    /// No splats, room for `capacity`.
+    /// No splats; memory for `capacity` is reserved.
     pub fn with_capacity(capacity: usize, sh_degree: usize) -> Self {
         Self {
             means: Vec::with_capacity(capacity),
@@ -99,7 +99,7 @@ impl<F: Real> Splats<F> {
         self.log_scales[i].map(F::exp)
     }
 
-    /// Unit rotation of splat `i`, `wxyz`; zero for a zero quaternion, as the reference normalises.
+    /// Unit rotation of splat `i`, `wxyz`; zero for a zero quaternion, as in the reference.
     ///
     /// # Panics
     /// If `i` is out of range.
@@ -109,8 +109,7 @@ impl<F: Real> Splats<F> {
 
     /// Verifies that all arrays have the same number of rows.
     ///
-    /// # Errors
-    /// Names the first array that does not fit.
+    /// # Errors Names the first array of a different length.
     pub fn check_shapes(&self) -> Result<(), SplatsError> {
         if self.sh_degree > sh::MAX_DEGREE {
             return Err(SplatsError::ShDegree(self.sh_degree));
@@ -171,9 +170,9 @@ impl<F: Real> Splats<F> {
         Self { sh: coeffs, sh_degree: degree, ..self.clone() }
     }
 
-    /// Whether every stored value of row `i` is finite and its quaternion is not zero. Infinite
-    /// log-scales and logits of the absorbing sign (`−∞` scale, `±∞` logit) count as not finite
-    /// here.
+    /// Whether every stored value of row `i` is finite and its quaternion is
+    /// not zero. Infinite log-scales and logits that activate to finite values
+    /// (`−∞` log-scale, `±∞` logit) count as not finite.
     ///
     /// # Panics
     /// If `i` is out of range.
@@ -187,7 +186,7 @@ impl<F: Real> Splats<F> {
             && self.quats[i].iter().any(|&q| q != F::zero())
     }
 
-    /// The same values in another float type.
+    /// The same values converted to another float type.
     pub fn cast<G: Real>(&self) -> Splats<G> {
         let cast = |value: F| G::from_double(value.as_f64());
         Splats {
@@ -200,8 +199,8 @@ impl<F: Real> Splats<F> {
         }
     }
 
-    /// Axis-aligned box of the centres `(min, max)`, world units; `None` when there is no finite
-    /// centre.
+    /// Axis-aligned bounding box of the centres `(min, max)`, world
+    /// units; `None` if there is no finite centre.
     pub fn bounds(&self) -> Option<([F; 3], [F; 3])> {
         let mut finite =
             self.means.iter().filter(|mean| mean.iter().all(|value| value.is_finite()));

@@ -1,8 +1,8 @@
 //! Eigenvalues of small symmetric matrices.
 
-/// Eigenvalues (in no order) and unit eigenvectors (columns, in the same order) of a symmetric
-/// matrix, by cyclic Jacobi rotations. Exact to rounding for any symmetric matrix, equal
-/// eigenvalues included; meant for small `N`.
+/// Eigenvalues (unordered) and unit eigenvectors (columns, in the same order) of a symmetric
+/// matrix, by cyclic Jacobi rotations. Accurate to rounding for any symmetric matrix, including
+/// repeated eigenvalues; meant for small `N`.
 pub fn symmetric_eigen<const N: usize>(mut a: [[f64; N]; N]) -> ([f64; N], [[f64; N]; N]) {
     let mut v = [[0.0; N]; N];
     for (i, row) in v.iter_mut().enumerate() {
@@ -53,7 +53,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn eigenvectors_rebuild_the_matrix() {
+    fn eigendecomposition_reconstructs_the_matrix() {
         let a = [[4.0, 1.0, -2.0], [1.0, 3.0, 0.5], [-2.0, 0.5, 1.0]];
         let (values, v) = symmetric_eigen(a);
         for i in 0..3 {

@@ -1,7 +1,6 @@
-//! Comparators. Each has a negative control below: a comparator that has not been seen to fail is
-//! not a test.
+//! Comparators. Each has a negative control below, a test in which it fails.
 
-/// Largest absolute difference; infinite when exactly one side is not finite or the lengths differ.
+/// Largest absolute difference; infinite if exactly one side is not finite or the lengths differ.
 pub fn max_abs_diff(actual: &[f64], expected: &[f64]) -> f64 {
     if actual.len() != expected.len() {
         return f64::INFINITY;
@@ -18,7 +17,7 @@ pub fn max_abs_diff(actual: &[f64], expected: &[f64]) -> f64 {
     worst
 }
 
-/// Relative L2 error `‖a − e‖ / ‖e‖`; the plain norm of `a` when `e` is zero.
+/// Relative L2 error `‖a − e‖ / ‖e‖`; the norm of `a` if `e` is zero.
 pub fn relative_l2(actual: &[f64], expected: &[f64]) -> f64 {
     if actual.len() != expected.len() {
         return f64::INFINITY;
@@ -37,8 +36,8 @@ pub fn widen(values: &[f32]) -> Vec<f64> {
 /// Asserts `|a − e| ≤ atol + rtol·|e|` for every element.
 ///
 /// # Panics
-/// Names the worst element when the bound is exceeded, when lengths differ, or when one side only
-/// is not finite.
+/// If the bound is exceeded, the lengths differ, or exactly one
+/// side is not finite; names the worst element.
 #[track_caller]
 pub fn assert_close(what: &str, actual: &[f64], expected: &[f64], atol: f64, rtol: f64) {
     assert_eq!(actual.len(), expected.len(), "{what}: lengths differ");
@@ -61,8 +60,8 @@ pub fn assert_close(what: &str, actual: &[f64], expected: &[f64], atol: f64, rto
     );
 }
 
-/// Asserts a gradient as a vector: relative L2 and largest error over largest entry both within
-/// `limit`, and not all zero where the expected one is not.
+/// Compares gradients as vectors: relative L2 error and largest error over largest entry are both
+/// at most `limit`, and the gradient is not all zero unless the expected one is.
 ///
 /// # Panics
 /// When a measure exceeds the limit.

@@ -3,8 +3,8 @@
 use safetensors::{Dtype, SafeTensors};
 use std::path::Path;
 
-/// A golden file held in memory. Every accessor panics with the tensor's name when the file is not
-/// what the test expects: a missing golden is a failure, never a skip.
+/// A golden file in memory. Every accessor panics with the tensor's name if the tensor is missing
+/// or of another type: a missing golden is a failure, never a skip.
 #[derive(Debug)]
 pub struct Golden {
     bytes: Vec<u8>,
@@ -35,7 +35,7 @@ impl Golden {
 
     fn typed(&self, tensor: &str, dtype: Dtype) -> safetensors::tensor::TensorView<'_> {
         let view = self.view(tensor);
-        assert_eq!(view.dtype(), dtype, "golden {}: {tensor} has another type", self.name);
+        assert_eq!(view.dtype(), dtype, "golden {}: {tensor} has an unexpected type", self.name);
         view
     }
 

@@ -1,7 +1,7 @@
-//! Comparators that can fail, and readers of golden files. Development only.
+//! Comparators and golden-file readers for tests. Development only.
 //!
-//! Works on plain slices, so that any crate of the workspace may use it in its tests. The feature
-//! `raster` adds the golden cases of the rasteriser, with types of `gs-core`.
+//! Uses plain slices, so that every crate of the workspace can use it in its tests. The feature
+//! `raster` adds the golden cases of the rasterisers, with types of `gs-core`.
 
 pub mod compare;
 mod fixture;

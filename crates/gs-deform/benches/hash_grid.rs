@@ -1,8 +1,8 @@
-//! Swift4D networks of the two published table sizes, random weights, at one time: 100 000
-//! Gaussians that all move, and the same among 300 000 that do not.
+//! Swift4D networks with the two published table sizes and random weights, at one time: 100 000
+//! dynamic Gaussians, alone and among 300 000 static ones.
 //!
-//! `all` deforms everything, `geometry` leaves colour and opacity out, `with_static` shows what
-//! still Gaussians cost.
+//! `all` deforms everything, `geometry` skips colour and opacity,
+//! `with_static` measures the cost of static Gaussians.
 
 use criterion::{BenchmarkId, Criterion, criterion_group, criterion_main};
 use gs_core::{DynamicScene, Splats};
@@ -49,8 +49,7 @@ fn field(log2_table: u32) -> HashGridField {
     .expect("a consistent network")
 }
 
-/// A figure of dynamic Gaussians in a room of static ones, in random order, as densification leaves
-/// them.
+/// A figure of dynamic Gaussians in a room of static ones, in random order, as after densification.
 fn scene(field: &Arc<HashGridField>, still: usize) -> HashGridScene {
     let mut rng = Pcg64::seed_from_u64(29);
     let n = DYNAMIC + still;

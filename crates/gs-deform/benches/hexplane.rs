@@ -1,8 +1,8 @@
-//! Deformation of 100 000 Gaussians at one time by random networks of the three published
-//! configurations.
+//! Deformation of 100 000 Gaussians at one time by networks with random
+//! weights in the three published configurations.
 //!
-//! `cached` is what every frame after the first costs, `uncached` what each costs when the spatial
-//! features do not fit the memory bound, `geometry` leaves colour and opacity out.
+//! `cached` is the cost of every frame after the first, `uncached` the cost of each frame if the
+//! spatial features exceed the memory bound; `geometry` skips colour and opacity.
 
 use criterion::{BenchmarkId, Criterion, criterion_group, criterion_main};
 use gs_core::{DynamicScene, Splats};

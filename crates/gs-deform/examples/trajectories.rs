@@ -1,4 +1,4 @@
-//! A scene from three frames, evaluated between them.
+//! Builds a scene from three frames and evaluates it between them.
 
 use gs_core::{DynamicScene, Splats};
 use gs_deform::Trajectories;

@@ -1,5 +1,5 @@
-//! [`EmbeddingScene`]: splats with an embedding each, deformed by what a network makes of it and of
-//! the time, as E-D3DGS trains them.
+//! [`EmbeddingScene`]: splats with one embedding each; a network maps it
+//! and the time to a deformation, as in E-D3DGS.
 
 use crate::linear::{Activation, Linear, PANEL, Packed};
 use crate::network::Component;
@@ -14,10 +14,10 @@ pub struct EmbeddingStage {
     /// Embeddings of evenly spaced times from 0 to 1, `[R, D]` row-major; between them they are
     /// interpolated linearly.
     pub times: Vec<f32>,
-    /// Layers on the time's embedding followed by the splat's: ReLU between them, none after the
-    /// last.
+    /// Layers on the embeddings of time and splat, concatenated:
+    /// ReLU between them, none after the last.
     pub trunk: Vec<Linear>,
-    /// Heads in use, in the order of [`Component::ALL`], each with the factor of its output.
+    /// Heads in use, in the order of [`Component::ALL`], each with a factor for its output.
     pub heads: [Option<(Head, f32)>; 5],
 }
 
@@ -30,8 +30,8 @@ struct Stage {
     heads: Vec<(Component, [Packed; 2], f32)>,
 }
 
-/// Splats that two stages deform one after the other: a model of E-D3DGS, at times 0 to 1.
-/// Everything is added to stored parameters.
+/// Splats deformed by two stages in sequence: a model of E-D3DGS, at times 0 to
+/// 1. All changes are added to stored parameters.
 #[derive(Debug)]
 pub struct EmbeddingScene {
     canonical: Splats,
@@ -180,7 +180,7 @@ impl Stage {
     fn embedding(&self, t: f64) -> Vec<f32> {
         let rows = self.times.len() / self.dims;
         let last = (rows - 1) as f64;
-        // Reflection has twice the length as its period.
+        // Reflection has a period of twice the length.
         let folded = if last > 0.0 { (t * last).rem_euclid(2.0 * last) } else { 0.0 };
         let position = if folded > last { 2.0 * last - folded } else { folded };
         #[expect(
@@ -258,7 +258,7 @@ impl WithSimd for Evaluate<'_, '_> {
                 input[(time.len() + k) * PANEL + i] = *value;
             }
         }
-        // The heads begin with a ReLU, so that the last layer has one, too.
+        // Heads begin with a ReLU; it is applied here, after the last layer.
         for (index, layer) in stage.trunk.iter().enumerate() {
             let from: &[f32] = if index == 0 { input } else { a };
             layer.apply(simd, from, b, Activation::Relu);

@@ -1,4 +1,4 @@
-//! Why a deformation field cannot be built or evaluated.
+//! Errors of building and evaluating deformation fields.
 
 use gs_core::SplatsError;
 use thiserror::Error;
@@ -7,17 +7,17 @@ use thiserror::Error;
 #[derive(Debug, Clone, PartialEq, Error)]
 #[non_exhaustive]
 pub enum FieldError {
-    /// A tensor does not have the shape the others ask for.
+    /// A tensor's shape does not match the others.
     #[error("deformation field: `{tensor}` has shape {found:?}, expected {expected}")]
     Shape {
         /// Which tensor.
         tensor: String,
         /// Its shape.
         found: Vec<usize>,
-        /// What would fit.
+        /// The shape expected.
         expected: String,
     },
-    /// A tensor that takes part in the evaluation holds NaN or infinity.
+    /// A tensor used in the evaluation contains NaN or infinity.
     #[error("deformation field: `{tensor}` holds NaN or infinite values, expected finite weights")]
     NotFinite {
         /// Which tensor.
@@ -36,7 +36,7 @@ pub enum FieldError {
     /// The reference implementation cannot evaluate this network either.
     #[error("deformation field: {0}")]
     Unsupported(String),
-    /// The time is not a number.
+    /// The time is not finite.
     #[error("deformation field: time {0} is not finite")]
     Time(f32),
     /// The canonical splats are malformed.

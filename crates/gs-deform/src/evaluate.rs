@@ -67,7 +67,7 @@ impl Scratch {
         &self.hidden
     }
 
-    /// What a trunk run with [`Activation::Relu`] would have left.
+    /// Trunk output with [`Activation::Relu`] applied.
     pub(crate) fn relu_hidden(&mut self) {
         for value in &mut self.hidden {
             *value = value.max(0.0);
@@ -85,7 +85,7 @@ impl Scratch {
     }
 }
 
-/// Rows `first..first + len` of all the arrays that a panel reads and writes.
+/// Rows `first..first + len` of every array that a panel reads or writes.
 struct Panel<'a> {
     means: &'a [[f32; 3]],
     log_scales: &'a [[f32; 3]],
@@ -154,8 +154,8 @@ pub(crate) fn features(
         None => spatial_products(&field.planes, coords, tile),
     }
     multiply_time(&field.planes, lines, coords, tile);
-    // Columns beyond the last Gaussian keep values of an earlier panel; they are computed and never
-    // read.
+    // Columns beyond the last Gaussian hold values of an earlier
+    // panel; their results are never read.
     for (f, feature) in scratch.a.chunks_exact_mut(PANEL).take(width).enumerate() {
         for (value, row) in feature.iter_mut().zip(tile.chunks_exact(width)) {
             *value = row[f];
@@ -272,11 +272,11 @@ fn copy(component: Component, panel: &mut Panel<'_>) {
 
 impl HexPlaneField {
     /// Deforms all of `canonical` to network time `t` into `out`, reusing its memory. Times and
-    /// places outside the planes take the border value.
+    /// positions outside the planes take the border value.
     ///
     /// # Errors
-    /// If `t` is not finite, the arrays of `canonical` disagree, or SH are deformed and their
-    /// degree is not 3.
+    /// If `t` is not finite, the arrays of `canonical` have inconsistent lengths, or SH are
+    /// deformed and their degree is not 3.
     pub fn deform_into(
         &self,
         canonical: &Splats,
@@ -334,7 +334,7 @@ impl HexPlaneField {
         out.means.resize(n, [0.0; 3]);
         out.log_scales.resize(n, [0.0; 3]);
         out.quats.resize(n, [0.0; 4]);
-        // Geometry alone: the appearance arrays of `out` stay as they are and no panel sees them.
+        // Geometry only: no panel reads or writes the appearance arrays of `out`.
         let (mut no_logits, mut no_sh) = (Vec::new(), Vec::new());
         let (out_logits, out_sh) = if wanted == Wanted::All {
             out.opacity_logits.resize(n, 0.0);
@@ -380,7 +380,7 @@ impl HexPlaneField {
     }
 }
 
-/// Chunks, then empty ones for ever.
+/// The chunks, followed by endless empty ones.
 fn padded<'a, T: 'a>(
     chunks: impl Iterator<Item = &'a mut [T]>,
 ) -> impl Iterator<Item = &'a mut [T]> {

@@ -1,15 +1,15 @@
-//! Frames at evenly spaced times, and what lies between them.
+//! Frames at evenly spaced times, and interpolation between them.
 
 use gs_core::{SceneError, Splats, TimeRange, quat};
 use rayon::prelude::*;
 use std::borrow::Borrow;
 
-/// Gaussians one task blends.
+/// Gaussians per task.
 const CHUNK: usize = 4096;
 
-/// A scene of `n ≥ 1` frames at times `i/(n−1)`, at time `t`: a frame as `frame` gives it, or a
-/// blend of two (means, log-scales, logits and SH linearly, rotations by normalised linear
-/// interpolation). `geometry_only` leaves logits and SH of `out` as they are.
+/// Evaluates a scene of `n ≥ 1` frames at times `i/(n−1)` at time `t`: a frame as returned by
+/// `frame`, or a blend of two (means, log-scales, logits and SH linearly, rotations by normalised
+/// linear interpolation). `geometry_only` leaves logits and SH of `out` unchanged.
 ///
 /// # Errors
 /// If `t` lies outside [0, 1], or `frame` fails.
@@ -36,7 +36,7 @@ pub fn evaluate<F: Borrow<Splats>>(
     Ok(())
 }
 
-/// Where a time falls among `n` frames at `i/(n−1)`.
+/// Position of a time among `n` frames at `i/(n−1)`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Position {
     /// On frame `i`.
@@ -71,9 +71,9 @@ fn position(t: f32, n: usize) -> Position {
     Position::Between(low, fraction)
 }
 
-/// Blends two frames with the same rows: means, log-scales, logits and SH linearly, rotations by
-/// normalised linear interpolation on one hemisphere. `geometry_only` leaves logits and SH of `out`
-/// as they are.
+/// Blends two frames with the same rows: means, log-scales, logits and SH
+/// linearly, rotations by normalised linear interpolation on one hemisphere.
+/// `geometry_only` leaves logits and SH of `out` unchanged.
 ///
 /// # Panics
 /// If the frames differ in size or SH degree.
@@ -82,7 +82,7 @@ fn blend(a: &Splats, b: &Splats, fraction: f32, geometry_only: bool, out: &mut S
     rows(&a.means, &b.means, &mut out.means, |x, y| mix(x, y, fraction));
     rows(&a.log_scales, &b.log_scales, &mut out.log_scales, |x, y| mix(x, y, fraction));
     rows(&a.quats, &b.quats, &mut out.quats, |x, y| {
-        // Stored quaternions have any length; the turn between them must not depend on it.
+        // Stored quaternions have any length; the interpolation must not depend on it.
         let (x, y) = (quat::normalize(x), quat::normalize(y));
         quat::normalize(mix(x, quat::align(y, x), fraction))
     });
@@ -95,7 +95,7 @@ fn blend(a: &Splats, b: &Splats, fraction: f32, geometry_only: bool, out: &mut S
     }
 }
 
-/// Copies a frame; `geometry_only` leaves logits and SH of `out` as they are.
+/// Copies a frame; `geometry_only` leaves logits and SH of `out` unchanged.
 fn copy(from: &Splats, geometry_only: bool, out: &mut Splats) {
     if geometry_only {
         out.means.clone_from(&from.means);
@@ -111,7 +111,7 @@ pub fn time_of(i: usize, n: usize) -> f32 {
     TimeRange::UNIT.frames(n).get(i).copied().unwrap_or(0.0)
 }
 
-/// `(1−f)·x + f·y`: equal ends stay exactly where they are, unlike `x + f·(y−x)` with infinities.
+/// `(1−f)·x + f·y`: exact for equal ends, also infinite ones, unlike `x + f·(y−x)`.
 fn mix<const D: usize>(x: [f32; D], y: [f32; D], fraction: f32) -> [f32; D] {
     std::array::from_fn(
         |k| if x[k] == y[k] { x[k] } else { (1.0 - fraction) * x[k] + fraction * y[k] },
@@ -149,7 +149,7 @@ mod tests {
     }
 
     #[test]
-    fn between_frames() {
+    fn times_between_frames_are_fractions() {
         assert_eq!(position(0.375, 5), Position::Between(1, 0.5), "half way");
         let Position::Between(low, fraction) = position(1.0_f32.next_down(), 5) else {
             panic!("just before the end is not a frame");

@@ -1,5 +1,5 @@
-//! [`Gaussian4dScene`]: Gaussians of space and time, as 4D Gaussian Splatting (Yang et al. 2024)
-//! trains them.
+//! [`Gaussian4dScene`]: Gaussians in space and time, as in 4D
+//! Gaussian Splatting (Yang et al. 2024).
 
 use crate::polynomial::{Polynomial, PolynomialError, PolynomialScene, Visibility};
 use crate::shape;
@@ -7,10 +7,10 @@ use gs_core::{DynamicScene, SceneError, Splats, SplatsError, TimeRange, quat};
 use rayon::prelude::*;
 use std::f64::consts::TAU;
 
-/// Marginals not above this are not drawn, as the reference's rasteriser has it.
+/// Gaussians whose marginal is at most this are not drawn, as in the reference's rasteriser.
 const MIN_MARGINAL: f32 = 0.05;
 
-/// The stored parameters of Gaussians of space and time, `[N]` each.
+/// The stored parameters of Gaussians in space and time, `[N]` each.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Gaussians4d {
     /// The spatial part: centres, `_rotation` as quaternions, `_scaling`, `_opacity`, and the
@@ -20,24 +20,24 @@ pub struct Gaussians4d {
     pub times: Vec<f32>,
     /// Logarithms of the extents in time, `_scaling_t`.
     pub log_scales_t: Vec<f32>,
-    /// The right quaternion of the rotation of space and time, `_rotation_r`. Empty if space and
-    /// time are not mixed: then nothing moves, and the extent in time is a variance, not a standard
-    /// deviation.
+    /// The right quaternion of the rotation of space and time, `_rotation_r`. Empty
+    /// if space and time are not mixed: then nothing moves, and the stored extent
+    /// in time is a variance, not a standard deviation.
     pub right_quats: Vec<[f32; 4]>,
     /// Colour that changes with time, `[N, 2, K, 3]`: coefficients of `cos(2πΔ/T)` and
-    /// `cos(4πΔ/T)`, where `Δ` is the time before the Gaussian's own and `T` the scene's length.
-    /// Empty if there is none.
+    /// `cos(4πΔ/T)`, where `Δ` is the Gaussian's own time minus the current time and `T` the
+    /// scene's duration. Empty if colours are constant.
     pub waves: Vec<[f32; 3]>,
-    /// Added to the variance in time before the marginal is taken; 0 for none.
+    /// Added to the variance in time before the marginal is computed; 0 for none.
     pub prefilter_var: f64,
 }
 
-/// Gaussians of space and time, cut at any time from 0 to 1.
+/// Gaussians in space and time, sliced at any time from 0 to 1.
 ///
-/// Cut at a time, each is a Gaussian of space of constant shape whose centre moves on a line and
-/// whose opacity rises and falls as its marginal in time; below 0.05 it is not drawn. Colours are
-/// given as SH coefficients; the reference looks them up in the direction of the stored centre,
-/// renderers of these splats in that of the moved one.
+/// Each slice is a spatial Gaussian of constant shape whose centre moves along a line and whose
+/// opacity is scaled by its marginal in time; it is not drawn where the marginal is at most 0.05.
+/// Colours are returned as SH coefficients; the reference evaluates them in the direction of the
+/// stored centre, renderers of these splats in the direction of the moved centre.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Gaussian4dScene {
     cut: PolynomialScene,
@@ -54,14 +54,14 @@ fn rotation(l: [f64; 4], r: [f64; 4]) -> [[f64; 4]; 4] {
     let mut out = [[0.0; 4]; 4];
     for i in 0..4 {
         for j in 0..4 {
-            // Time comes first in the product, last in the result.
+            // Time is the first axis of the product and the last axis of the result.
             out[3 - i][3 - j] = (0..4).map(|k| left[i][k] * right[k][j]).sum();
         }
     }
     out
 }
 
-/// A Gaussian of space and time, cut.
+/// A time slice of a Gaussian in space and time.
 struct Cut {
     quat: [f32; 4],
     log_scale: [f32; 3],
@@ -150,18 +150,17 @@ impl Gaussian4dScene {
         Ok(Self { cut, waves, length: end - start })
     }
 
-    /// The Gaussians at their own times: stored centres, shapes cut.
+    /// The Gaussians at their own times: stored centres, sliced shapes.
     pub fn rest(&self) -> &Splats {
         self.cut.rest()
     }
 
-    /// Their motions, in the unit of their times.
+    /// The motions of the Gaussians, in the unit of their times.
     pub fn motions(&self) -> &[Polynomial] {
         self.cut.motions()
     }
 
-    /// Marginal of a Gaussian at time `t`: what its opacity is multiplied with, where it is drawn
-    /// at all.
+    /// Marginal of a Gaussian at time `t`: the factor of its opacity where it is drawn.
     ///
     /// # Panics
     /// If `row` is out of range.

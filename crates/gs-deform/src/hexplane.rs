@@ -19,8 +19,7 @@ pub struct Plane {
 impl Plane {
     /// From a tensor `[C, rows, columns]`, as checkpoints store it.
     ///
-    /// # Errors
-    /// If the values are not `C · rows · columns`, or one of these is 0.
+    /// # Errors If there are not `C · rows · columns` values, or one of these factors is 0.
     pub fn from_channels_first(
         values: &[f32],
         channels: usize,
@@ -62,8 +61,8 @@ impl HexPlane {
         self.levels.len() * self.channels
     }
 
-    /// Box coordinates of a world point: maximum corner ↦ −1, minimum corner ↦ +1. In the order of
-    /// operations of the reference, factor first.
+    /// Box coordinates of a world point: maximum corner ↦ −1, minimum corner ↦ +1. Uses the
+    /// reference's order of operations, factor first.
     pub fn normalize(&self, mean: [f32; 3]) -> [f32; 3] {
         let [maximum, minimum] = self.aabb;
         std::array::from_fn(|axis| {
@@ -157,8 +156,8 @@ impl Tap {
         )]
         let low = position as usize;
         let w_high = position - low as f32;
-        // The neighbour beyond the last sample has weight 0; naming the last sample instead keeps
-        // reads in bounds.
+        // The neighbour beyond the last sample has weight 0; the last sample
+        // stands in for it to keep reads in bounds.
         Self { low, high: (low + 1).min(last), w_low: 1.0 - w_high, w_high }
     }
 }
@@ -168,7 +167,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn box_is_mirrored() {
+    fn box_axes_are_mirrored() {
         let plane = Plane::from_channels_first(&[0.0], 1, 1, 1).unwrap();
         let field = HexPlane {
             aabb: [[3.0, 2.0, 1.0], [-1.0, -2.0, -3.0]],
@@ -197,7 +196,7 @@ mod tests {
     }
 
     #[test]
-    fn channels_move_last() {
+    fn channels_first_tensors_become_channels_last() {
         let plane = Plane::from_channels_first(&[1.0, 2.0, 3.0, 4.0], 2, 1, 2).unwrap();
         assert_eq!(plane.texels, [1.0, 3.0, 2.0, 4.0], "interleaved");
         assert!(Plane::from_channels_first(&[1.0], 2, 1, 2).is_err(), "too few values");

@@ -1,12 +1,12 @@
 //! Deformation fields of dynamic Gaussian splats, evaluated at any time for all Gaussians at once.
 //!
-//! Promises: [`HexPlaneScene`] gives the numbers of the 4DGaussians reference implementation within
-//! single-precision rounding, for every combination of flags that implementation can evaluate;
+//! [`HexPlaneScene`] matches the 4DGaussians reference implementation within single-precision
+//! rounding, for every combination of flags which that implementation can evaluate;
 //! [`HashGridScene`] evaluates Swift4D models in single precision; [`Trajectories`] interpolates
 //! tabulated frames and is exact at them; [`PolynomialScene`] moves every splat along its own
 //! cubic; [`StaticScene`] never moves. All are [`gs_core::DynamicScene`]s, run on all cores, and
-//! give the same bits for any number of threads (but not for any processor: vector width changes
-//! rounding).
+//! give bit-identical results for any number of threads (but not on every processor, because the
+//! vector width changes rounding).
 //!
 //! Deliberately absent: files (see `gs-io`), GPU, training.
 //!

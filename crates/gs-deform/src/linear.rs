@@ -54,14 +54,14 @@ impl Linear {
     }
 }
 
-/// What follows a layer.
+/// Activation after a layer.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Activation {
     None,
     Relu,
 }
 
-/// A layer with its weights in the order the kernel reads them.
+/// A layer whose weights are stored in the order in which the kernel reads them.
 #[derive(Debug, Clone)]
 pub(crate) struct Packed {
     inputs: usize,

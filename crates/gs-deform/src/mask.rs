@@ -1,19 +1,19 @@
-//! Masks that let parts of a scene stay put.
+//! Masks that keep parts of a scene static.
 
 use crate::{FieldError, Head};
 
-/// What multiplies the stored parameters before a head's output is added (spec §6.4).
+/// Factor of the stored parameters before a head's output is added (spec §6.4).
 #[derive(Debug, Clone, PartialEq)]
 pub enum Mask {
-    /// Nothing.
+    /// No mask: the factor is 1.
     One,
-    /// A head with one output, no final activation: any real number, and it varies with time.
+    /// A head with one output and no final activation: any real number, varying over time.
     StaticMlp(Head),
     /// A voxel grid, constant in time.
     EmptyVoxel(EmptyVoxel),
 }
 
-/// A grid of mask values over a box of its own, fading to 0 outside (spec §6.5).
+/// A grid of mask values with its own box, fading to 0 outside (spec §6.5).
 #[derive(Debug, Clone, PartialEq)]
 pub struct EmptyVoxel {
     /// Values `[R, R, R]`: x slowest, z fastest.
@@ -36,7 +36,7 @@ impl EmptyVoxel {
             let v = (mean[axis] - self.xyz_min[axis]) / (self.xyz_max[axis] - self.xyz_min[axis])
                 * 2.0
                 - 1.0;
-            // One cell beyond either end already gives 0; the clamp keeps the cast exact.
+            // The value is 0 from one cell beyond either end; the clamp keeps the cast exact.
             let position = ((v + 1.0) * 0.5 * last).clamp(-2.0, last + 2.0);
             #[expect(
                 clippy::cast_possible_truncation,

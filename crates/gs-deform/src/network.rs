@@ -3,10 +3,10 @@
 use crate::linear::{Linear, Packed};
 use crate::{FieldError, Head, HexPlane, Mask};
 
-/// SH values a colour head puts out: 16 coefficients of three channels, for any degree in use.
+/// Outputs of the SH head: 16 coefficients of three channels, for any degree in use.
 const SH_OUTPUTS: usize = 48;
 
-/// What a head changes.
+/// Parameter that a head changes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Component {
     /// Centres, 3 outputs.
@@ -22,11 +22,11 @@ pub enum Component {
 }
 
 impl Component {
-    /// All, in the order of checkpoints.
+    /// All components, in the order of checkpoints.
     pub const ALL: [Self; 5] =
         [Self::Means, Self::LogScales, Self::Quats, Self::OpacityLogits, Self::Sh];
 
-    /// Outputs of its head.
+    /// Number of outputs of the component's head.
     pub const fn num_outputs(self) -> usize {
         match self {
             Self::Means | Self::LogScales => 3,
@@ -36,7 +36,7 @@ impl Component {
         }
     }
 
-    /// Name of the head in checkpoints.
+    /// Name of the component's head in checkpoints.
     pub const fn head_name(self) -> &'static str {
         match self {
             Self::Means => "pos_deform",
@@ -48,7 +48,7 @@ impl Component {
     }
 }
 
-/// Heads in use; a component without a head passes through unchanged, also unmasked.
+/// Heads in use; a component without a head passes through unchanged and unmasked.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Heads {
     /// Centres.
@@ -86,7 +86,7 @@ pub struct HexPlaneNetwork {
     pub trunk: Vec<Linear>,
     /// Heads in use.
     pub heads: Heads,
-    /// What multiplies stored parameters.
+    /// Factor of the stored parameters.
     pub mask: Mask,
     /// Frequency of the feature encoding `[g, sin(k·g), cos(k·g)]`; 0 means none. 1 cannot be
     /// evaluated.
@@ -172,7 +172,7 @@ impl HexPlaneField {
         Ok(Self { planes, trunk, heads: packed, mask, grid_pe, apply_rotation, width })
     }
 
-    /// Whether a component is deformed.
+    /// Whether the field deforms `component`.
     pub fn deforms(&self, component: Component) -> bool {
         self.heads[component as usize].is_some()
     }
@@ -217,7 +217,7 @@ mod tests {
     }
 
     #[test]
-    fn misfits_are_named() {
+    fn tensors_of_wrong_shape_are_named() {
         assert!(HexPlaneField::new(network()).is_ok(), "fits");
         let mut bad = network();
         bad.trunk[0] = linear(3, 4);
@@ -237,7 +237,7 @@ mod tests {
     }
 
     #[test]
-    fn unusable_encoding_is_refused() {
+    fn grid_pe_of_one_is_refused() {
         let error = HexPlaneField::new(HexPlaneNetwork { grid_pe: 1, ..network() }).unwrap_err();
         assert!(matches!(error, FieldError::Unsupported(_)), "{error}");
         let wide = HexPlaneNetwork { grid_pe: 2, trunk: vec![linear(6, 4)], ..network() };

@@ -1,16 +1,16 @@
-//! [`NodeGraphScene`]: splats that follow control nodes, as SC-GS trains them.
+//! [`NodeGraphScene`]: splats driven by control nodes, as in SC-GS.
 
 use crate::deform_mlp::{DeformMlp, MlpOutputs};
 use crate::{FieldError, shape};
 use gs_core::{DynamicScene, SceneError, Splats, TimeRange, activation, quat};
 use rayon::prelude::*;
 
-/// Opacities stay inside (0,1) by this much, so that their logits are finite.
+/// Opacities are clamped to this distance from 0 and 1, so that their logits are finite.
 const OPACITY_MARGIN: f32 = 1e-6;
-/// Added to each weight before they are normalised.
+/// Added to each weight before normalisation.
 const WEIGHT_FLOOR: f32 = 1e-7;
 
-/// Control nodes, and what binds splats to them.
+/// Control nodes, and the binding of splats to them.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct NodeGraph {
     /// Coordinates of the nodes: position, then hyper coordinates, `[M, D]` row-major.
@@ -23,20 +23,20 @@ pub struct NodeGraph {
     pub weight_logits: Vec<f32>,
     /// Hyper coordinates of the splats, `[N, D − 3]` row-major.
     pub hyper: Vec<f32>,
-    /// How much of the motion each splat takes, 0 to 1, `[N]`; empty if all take all.
+    /// Share of the motion applied to each splat, 0 to 1, `[N]`; empty if 1 for all.
     pub masks: Vec<f32>,
-    /// Nearest nodes that a splat follows.
+    /// Number of nearest nodes that drive a splat.
     pub neighbors: usize,
-    /// Largest change of scale as a factor, if the network was trained with a bound: the change is
-    /// then `tanh(d)·ln(bound)`.
+    /// Bound of the scale change as a factor, if the network was trained with
+    /// one: the change is then `tanh(d)·ln(bound)`.
     pub max_scale: Option<f32>,
 }
 
-/// Splats that follow the nodes nearest to them: a model of SC-GS, at times 0 to 1.
+/// Splats driven by their nearest nodes: a model of SC-GS, at times 0 to 1.
 ///
-/// The network is asked at the nodes; each splat takes a weighted mean of what it says at the
-/// nearest ones. Rotations are normalised after the change is added to the stored quaternion; scale
-/// changes are added to activated scales.
+/// The network is evaluated at the nodes; each splat takes a weighted mean of the outputs at its
+/// nearest nodes. Rotations are normalised after the change is added to the stored quaternion;
+/// scale changes are added to activated scales.
 #[derive(Debug)]
 pub struct NodeGraphScene {
     canonical: Splats,
@@ -49,7 +49,7 @@ pub struct NodeGraphScene {
 }
 
 impl NodeGraphScene {
-    /// A scene from its parts; finds the nodes that each splat follows.
+    /// A scene from its parts; finds the nodes that drive each splat.
     ///
     /// # Errors
     /// Names the first array that does not fit or is not finite.
@@ -107,7 +107,7 @@ impl NodeGraphScene {
         &self.mlp
     }
 
-    /// Nodes that splat `row` follows, nearest first, and their weights, which sum to 1.
+    /// Nodes that drive splat `row`, nearest first, and their weights, which sum to 1.
     pub fn bonds(&self, row: usize) -> impl Iterator<Item = (usize, f32)> + '_ {
         let bonds = row * self.graph.neighbors..(row + 1) * self.graph.neighbors;
         self.indices[bonds.clone()]
@@ -128,7 +128,7 @@ impl NodeGraphScene {
             let by = match frames.get(node) {
                 None => [warp[0], warp[1], warp[2]],
                 Some(&frame) => {
-                    // The splat turns about the node, and moves with it.
+                    // The splat rotates about the node and translates with it.
                     let centre = self.positions[node];
                     let arm = [0, 1, 2].map(|k| x[k] - centre[k]);
                     let turned = quat::rotate(frame, arm);

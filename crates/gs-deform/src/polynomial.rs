@@ -1,5 +1,5 @@
-//! [`PolynomialScene`]: splats whose centres are cubics of time, as Spacetime Gaussians and
-//! `.splatv` files have them.
+//! [`PolynomialScene`]: splats whose centres are cubic polynomials of time, as in Spacetime
+//! Gaussians and `.splatv` files.
 
 use gs_core::{DynamicScene, SceneError, Splats, SplatsError, TimeRange, activation, quat};
 use rayon::prelude::*;
@@ -14,40 +14,41 @@ pub struct Polynomial {
     pub velocity: [[f32; 3]; 3],
     /// `ω`, change of the quaternion (wxyz, added before it is normalised) per unit of time.
     pub omega: [f32; 4],
-    /// Time at which the splat is as stored.
+    /// Time at which the splat has its stored parameters.
     pub centre: f32,
-    /// Time from the centre after which opacity has fallen to 1/e; infinite for splats that are
-    /// always there.
+    /// Time from the centre at which opacity has fallen to 1/e of its
+    /// peak; infinite for splats that do not fade.
     pub width: f32,
 }
 
-/// Parts that do not make a scene.
+/// Error of building a [`PolynomialScene`].
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
 #[non_exhaustive]
 pub enum PolynomialError {
     /// The arrays of the splats disagree.
     #[error(transparent)]
     Splats(#[from] SplatsError),
-    /// Not one motion, or window, per splat.
+    /// The number of motions or windows differs from the number of splats.
     #[error("polynomials: {found} motions or windows for {expected} splats")]
     Rows {
-        /// Motions or windows.
+        /// Number of motions or windows.
         found: usize,
-        /// Splats.
+        /// Number of splats.
         expected: usize,
     },
 }
 
-/// Opacities stay inside (0,1) by this much, so that their logits are finite. Far below the 1/255
-/// under which renderers skip.
+/// Opacities are clamped to this distance from 0 and 1, so that their logits are finite. Far below
+/// 1/255, the smallest alpha that is drawn.
 const OPACITY_MARGIN: f32 = 1e-6;
 
-/// Ends of fading, the same for all splats of a scene.
+/// Limits of fading, the same for all splats of a scene.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Visibility {
-    /// Opacity below which none falls; 0 for none.
+    /// Lower bound of the opacity; 0 for none.
     pub floor: f32,
-    /// A splat whose fading factor `exp(−(dt/width)²)` is not above this is not drawn; 0 for none.
+    /// A splat is not drawn where its fading factor
+    /// `exp(−(dt/width)²)` is at most this; 0 for no cutoff.
     pub cutoff: f32,
 }
 
@@ -58,14 +59,14 @@ pub struct PolynomialScene {
     rest: Splats,
     motions: Vec<Polynomial>,
     visibility: Visibility,
-    /// First and last time of each splat, the last excluded; empty if all are there all the time.
+    /// Start and end time of each splat, the end excluded; empty if all exist at all times.
     windows: Vec<[f32; 2]>,
     clock: [f64; 2],
     num_frames: Option<usize>,
 }
 
 impl PolynomialScene {
-    /// A scene from the splats as they are at their centres of time, and their motions, `[N]`.
+    /// A scene from the splats at their own centre times, and their motions, `[N]`.
     ///
     /// # Errors
     /// If the arrays disagree.
@@ -84,17 +85,16 @@ impl PolynomialScene {
         })
     }
 
-    /// The scene with these ends of fading.
+    /// The scene with these limits of fading.
     #[must_use]
     pub fn with_visibility(self, visibility: Visibility) -> Self {
         Self { visibility, ..self }
     }
 
-    /// The scene whose splats exist from the first time of their windows until before the last,
-    /// `[N, 2]` in the time of the motions.
+    /// The scene whose splats exist in half-open time windows `[start, end)`,
+    /// `[N, 2]`, in the time unit of the motions.
     ///
-    /// # Errors
-    /// If there is not one per splat.
+    /// # Errors If there is not one window per splat.
     pub fn with_windows(self, windows: Vec<[f32; 2]>) -> Result<Self, PolynomialError> {
         if windows.len() != self.rest.len() {
             return Err(PolynomialError::Rows { found: windows.len(), expected: self.rest.len() });
@@ -102,20 +102,20 @@ impl PolynomialScene {
         Ok(Self { windows, ..self })
     }
 
-    /// Whether a splat exists at a time of the motions' clock.
+    /// Whether a splat exists at time `t` of the motions' clock.
     fn exists(&self, row: usize, t: f64) -> bool {
         let within = |[first, last]: &[f32; 2]| f64::from(*first) <= t && t < f64::from(*last);
         self.windows.get(row).is_none_or(within)
     }
 
-    /// The scene with motions whose times are those of another clock: the scene's 0 to 1 are
-    /// `start` to `end` there. So that times are rounded once, by whoever stored them.
+    /// The scene with motions in another clock, where the scene's times 0 to 1 are `start` to
+    /// `end`. Stored times are used unconverted, which avoids a second rounding.
     #[must_use]
     pub fn with_clock(self, start: f64, end: f64) -> Self {
         Self { clock: [start, end], ..self }
     }
 
-    /// The scene with the number of frames it was made from.
+    /// The scene with the number of frames of its source.
     #[must_use]
     pub fn with_frames(self, num_frames: usize) -> Self {
         Self { num_frames: Some(num_frames), ..self }
@@ -127,12 +127,12 @@ impl PolynomialScene {
         start + f64::from(t) * (end - start)
     }
 
-    /// The splats at their centres of time.
+    /// The splats at their own centre times.
     pub fn rest(&self) -> &Splats {
         &self.rest
     }
 
-    /// Their motions.
+    /// The motions of the splats.
     pub fn motions(&self) -> &[Polynomial] {
         &self.motions
     }
@@ -258,7 +258,7 @@ mod tests {
             assert!((splats.opacity(0) - 0.5).abs() < 1e-6, "always there");
         }
         let gone = one(1e-3).at(0.0).unwrap();
-        assert!(gone.is_finite(0) && gone.opacity(0) < 1e-5, "gone, but finite");
+        assert!(gone.is_finite(0) && gone.opacity(0) < 1e-5, "faded, but finite");
     }
 
     #[test]
@@ -271,12 +271,12 @@ mod tests {
         assert!((faded(Visibility { floor: 0.0, cutoff: 0.01 }) - exact).abs() < 1e-6, "above");
         let clock = one(0.5).with_clock(-0.5, 1.5).with_frames(7);
         assert_eq!(clock.at(0.5).unwrap(), one(0.5).at(0.5).unwrap(), "the middle");
-        assert_eq!(clock.at(0.75).unwrap(), one(0.5).at(1.0).unwrap(), "its end is earlier");
+        assert_eq!(clock.at(0.75).unwrap(), one(0.5).at(1.0).unwrap(), "its window ends earlier");
         assert_eq!(clock.num_frames(), Some(7), "frames");
         let windowed = one(f32::INFINITY).with_windows(vec![[0.25, 0.75]]).unwrap();
         let opacity = |t: f32| windowed.at(t).unwrap().opacity(0);
-        assert!((opacity(0.25) - 0.5).abs() < 1e-6, "from its first time on");
-        assert!(opacity(0.2) < 1e-5 && opacity(0.75) < 1e-5, "until before its last");
+        assert!((opacity(0.25) - 0.5).abs() < 1e-6, "from its start time");
+        assert!(opacity(0.2) < 1e-5 && opacity(0.75) < 1e-5, "until before its end time");
         assert!(one(1.0).with_windows(Vec::new()).is_err(), "a window each");
     }
 

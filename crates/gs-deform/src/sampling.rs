@@ -1,7 +1,7 @@
 //! Features of a panel of Gaussians: products over the planes, fused with their sampling.
 //!
-//! At a fixed time the planes (x,t), (y,t), (z,t) collapse to lines, once per call. What the planes
-//! (x,y), (x,z), (y,z) contribute never changes, so scenes may keep that product per Gaussian.
+//! At a fixed time the planes (x,t), (y,t), (z,t) collapse to lines, once per call. The product of
+//! the planes (x,y), (x,z), (y,z) is constant over time, so scenes may cache it per Gaussian.
 
 use crate::hexplane::{HexPlane, Tap};
 
@@ -35,7 +35,7 @@ impl TimeLines {
 /// Product of the three spatial planes per level: writes `[rows of coords, L·C]`.
 #[inline(always)]
 pub(crate) fn spatial_products(planes: &HexPlane, coords: &[[f32; 3]], out: &mut [f32]) {
-    // The two published widths get loops of constant length.
+    // The two published widths use loops of constant length.
     match planes.channels {
         16 => spatial_body(planes, 16, coords, out),
         32 => spatial_body(planes, 32, coords, out),

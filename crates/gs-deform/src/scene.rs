@@ -1,4 +1,4 @@
-//! [`HexPlaneScene`]: canonical splats under a deformation field.
+//! [`HexPlaneScene`]: canonical splats and their deformation field.
 
 use crate::evaluate::Wanted;
 use crate::{Component, FieldError, HexPlaneField};
@@ -6,10 +6,10 @@ use gs_core::{DynamicScene, SceneError, Splats, TimeRange};
 use std::sync::OnceLock;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 
-/// Default bound of the memory a scene spends on features that do not depend on time, bytes.
+/// Default bound of the memory for cached time-independent features, bytes.
 pub const DEFAULT_CACHE_LIMIT: usize = 512 << 20;
 
-/// Canonical splats and the field that moves them: a 4DGaussians model, at times 0 to 1.
+/// Canonical splats and the field that deforms them: a 4DGaussians model, at times 0 to 1.
 ///
 /// The canonical splats are not a frame of the sequence: the field deforms at every time.
 #[derive(Debug)]
@@ -17,11 +17,11 @@ pub struct HexPlaneScene {
     canonical: Splats,
     field: HexPlaneField,
     cache_limit: usize,
-    /// Rows that the field does not reach.
+    /// Rows that the field does not deform.
     still: Vec<usize>,
     /// Spatial products `[N, L·C]`, built by the first evaluation when they fit the limit.
     spatial: OnceLock<Vec<f32>>,
-    /// Whether someone has begun to build them.
+    /// Whether a thread has begun to build them.
     building: AtomicBool,
 }
 
@@ -42,9 +42,9 @@ impl HexPlaneScene {
         })
     }
 
-    /// Bounds the memory spent on features that do not depend on time: `N·L·C` floats are kept from
-    /// the first evaluation on if they take at most `bytes`; otherwise they are computed anew each
-    /// time. 0 keeps nothing.
+    /// Bounds the memory for cached time-independent features: the first evaluation
+    /// stores `N·L·C` floats if they take at most `bytes`; otherwise they are
+    /// recomputed at every evaluation. 0 disables the cache.
     #[must_use]
     pub fn with_cache_limit(self, bytes: usize) -> Self {
         Self {
@@ -55,8 +55,8 @@ impl HexPlaneScene {
         }
     }
 
-    /// Keeps some Gaussians as stored at every time: those whose entry is false, `[N]`. Early
-    /// revisions of the reference had such a table.
+    /// Gaussians whose entry in `moving` (`[N]`) is false keep their stored parameters at every
+    /// time. Early revisions of the reference had such a table.
     ///
     /// # Errors
     /// If there is not one entry per Gaussian.
@@ -90,9 +90,9 @@ impl HexPlaneScene {
         if floats * size_of::<f32>() > self.cache_limit || self.building.swap(true, Relaxed) {
             return None;
         }
-        // Whoever comes meanwhile computes without the cache, to the same bits. Waiting would
-        // deadlock: a thread that builds in parallel may pick up another evaluation of this scene
-        // while others work for it.
+        // Concurrent evaluations compute without the cache and give the same bits.
+        // Waiting could deadlock: while the building thread waits for its parallel tasks,
+        // it may pick up another evaluation of this scene.
         let features = self.field.spatial_features(&self.canonical.means);
         Some(self.spatial.get_or_init(|| features))
     }

@@ -1,5 +1,5 @@
-//! Shapes of Gaussians as unit rotations and log-scales, from what rasterisers are given instead:
-//! quaternions that are not normalised, scales of any sign, covariances.
+//! Shapes of Gaussians as unit rotations and log-scales, computed from other inputs of rasterisers:
+//! unnormalised quaternions, scales of any sign, covariances.
 
 use gs_core::{Splats, quat, rotation_matrix};
 use rayon::prelude::*;
@@ -7,14 +7,14 @@ use rayon::prelude::*;
 /// Log-scale of an axis without extent: a standard deviation of 2·10⁻⁹, whose square and its
 /// inverse are normal numbers.
 const FLAT_LOG_SCALE: f32 = -20.0;
-/// Distance of a squared norm from 1 up to which a quaternion counts as a rotation: what single
-/// precision leaves after normalising.
+/// Largest distance of a squared norm from 1 at which a quaternion counts as a unit quaternion: the
+/// error of normalising in single precision.
 const UNIT: f64 = 1e-6;
-/// Sweeps of Jacobi rotations; three by three matrices need four or five.
+/// Largest number of Jacobi sweeps; 3×3 matrices need four or five.
 const MAX_SWEEPS: usize = 16;
 
-/// Splats as the reference implementation gives them to its rasteriser, which normalises no
-/// quaternion and squares every scale.
+/// Splats as passed to the reference's rasteriser, which does not
+/// normalise quaternions and squares every scale.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct RasterizedShapes {
     /// Centres, world units, `[N,3]`.
@@ -39,7 +39,7 @@ impl RasterizedShapes {
     }
 }
 
-/// `ln |scale|`; of 0, that of a flat axis. NaN stays NaN.
+/// `ln |scale|`; [`FLAT_LOG_SCALE`] for 0. NaN stays NaN.
 pub(crate) fn log_scale(scale: f32) -> f32 {
     let log = scale.abs().ln();
     if log < FLAT_LOG_SCALE { FLAT_LOG_SCALE } else { log }
@@ -47,11 +47,11 @@ pub(crate) fn log_scale(scale: f32) -> f32 {
 
 /// Unit rotation and log-scales of the covariance `M·diag(s²)·Mᵀ`, where `M` is the matrix of the
 /// quaternion `wxyz` **as given**. The rasteriser of 3DGS does not normalise: a quaternion of norm
-/// `n` gives `M = (1 − n²)·I + n²·R`, no rotation unless `n = 1`.
+/// `n` gives `M = (1 − n²)·I + n²·R`, which is not a rotation unless `n = 1`.
 pub(crate) fn from_unnormalized(q: [f32; 4], scale: [f32; 3]) -> ([f32; 4], [f32; 3]) {
     let wide = q.map(f64::from);
     let norm_squared = quat::dot(wide, wide);
-    // NaN stays NaN, so that readers recognise the row as damaged.
+    // NaN stays NaN, so that callers can detect the invalid row.
     if !norm_squared.is_finite() || (norm_squared - 1.0).abs() <= UNIT {
         return (quat::normalize(q), scale.map(log_scale));
     }
@@ -67,9 +67,9 @@ pub(crate) fn from_unnormalized(q: [f32; 4], scale: [f32; 3]) -> ([f32; 4], [f32
     principal_axes(covariance, unit)
 }
 
-/// Unit rotation and log-scales of a symmetric covariance. Of the many that give it, the one next
-/// to the unit quaternion `near`, so that a shape which changes little from one time to another has
-/// axes that change little.
+/// Unit rotation and log-scales of a symmetric covariance. Among the equivalent
+/// choices of axes, the one closest to the unit quaternion `near`, so that a shape
+/// that changes little over time has axes that change little.
 pub(crate) fn principal_axes(covariance: [[f64; 3]; 3], near: [f64; 4]) -> ([f32; 4], [f32; 3]) {
     let r = rotation_matrix(near);
     // The covariance in the axes of `near`: Rᵀ·C·R.
@@ -103,8 +103,8 @@ pub(crate) fn principal_axes(covariance: [[f64; 3]; 3], near: [f64; 4]) -> ([f32
     (rotation, log_scales)
 }
 
-/// Makes entry (i, j) of `a` zero by the smaller of the two rotations that do, and returns `q`
-/// followed by it.
+/// Zeroes entry (i, j) of `a` with the smaller of the two possible
+/// rotations, and returns `q` composed with it.
 fn rotate_pair(a: &mut [[f64; 3]; 3], q: [f64; 4], i: usize, j: usize) -> [f64; 4] {
     let off = a[i][j];
     if off == 0.0 {
@@ -128,7 +128,7 @@ fn rotate_pair(a: &mut [[f64; 3]; 3], q: [f64; 4], i: usize, j: usize) -> [f64; 
     // plane from i to j.
     let half = 0.5 * -tangent.atan();
     let mut turn = [half.cos(), 0.0, 0.0, 0.0];
-    // From x to y and from y to z is about +z and +x, from x to z about −y.
+    // Turns from x to y and from y to z are about +z and +x; from x to z about −y.
     turn[1 + k] = if k == 1 { -half.sin() } else { half.sin() };
     quat::mul(q, turn)
 }
@@ -147,7 +147,7 @@ mod tests {
     }
 
     #[test]
-    fn covariance_is_that_of_the_numbers_as_given() {
+    fn covariance_equals_that_of_the_unnormalised_input() {
         let quats: [[f32; 4]; 5] = [
             [0.9, 0.3, -0.2, 0.4],
             [1.2, -0.5, 0.1, 0.3],
@@ -170,7 +170,7 @@ mod tests {
     }
 
     #[test]
-    fn axes_stay_next_to_those_before() {
+    fn axes_stay_close_to_the_previous_ones() {
         let scale = [0.3, 0.1, 0.2];
         let mut last = from_unnormalized([0.9, 0.3, -0.2, 0.3], scale).0;
         for step in 1_u8..50 {
@@ -182,7 +182,7 @@ mod tests {
     }
 
     #[test]
-    fn flat_and_broken_values_pass() {
+    fn flat_axes_stay_finite_and_nan_stays_nan() {
         assert_eq!(log_scale(0.0), FLAT_LOG_SCALE, "no extent");
         assert!(log_scale(f32::NAN).is_nan(), "NaN stays");
         let (q, log_scales) = principal_axes([[0.0; 3]; 3], [1.0, 0.0, 0.0, 0.0]);

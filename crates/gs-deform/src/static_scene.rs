@@ -1,4 +1,4 @@
-//! [`StaticScene`]: splats that never move.
+//! [`StaticScene`]: splats that do not change over time.
 
 use gs_core::{DynamicScene, SceneError, Splats, SplatsError, TimeRange};
 
@@ -10,8 +10,7 @@ pub struct StaticScene {
 }
 
 impl StaticScene {
-    /// # Errors
-    /// If the arrays disagree.
+    /// # Errors If the arrays have inconsistent lengths.
     pub fn new(splats: Splats) -> Result<Self, SplatsError> {
         splats.check_shapes()?;
         Ok(Self { splats })

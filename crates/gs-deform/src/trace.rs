@@ -6,8 +6,8 @@ use crate::network::{Component, HexPlaneField, PackedMask};
 use crate::sampling::TimeLines;
 use pulp::{Arch, Simd, WithSimd};
 
-/// What the stages of the field give for some points at one time. Computed by the kernels of the
-/// full evaluation.
+/// Outputs of the field's stages for some points at one time,
+/// computed by the kernels of the full evaluation.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Trace {
     /// Box coordinates and time, `[P,4]`.
@@ -15,8 +15,8 @@ pub struct Trace {
     /// Products over the planes (HexPlane) or table features (hash grid), levels concatenated:
     /// `[P, L·C]`.
     pub features: Vec<f32>,
-    /// Trunk output, `[P, W]`: for HexPlane before the ReLU of the heads, for hash grids what the
-    /// heads take.
+    /// Trunk output, `[P, W]`: for HexPlane before the ReLU of the
+    /// heads, for hash grids the input of the heads.
     pub hidden: Vec<f32>,
     /// Mask per point, if the field has one: `[P]`.
     pub mask: Option<Vec<f32>>,

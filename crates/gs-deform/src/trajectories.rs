@@ -4,30 +4,30 @@ use crate::frames;
 use gs_core::{DynamicScene, SceneError, Splats, SplatsError, TimeRange};
 use thiserror::Error;
 
-/// Frames that do not make a scene.
+/// Error of building [`Trajectories`].
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
 #[non_exhaustive]
 pub enum TrajectoryError {
     /// No frames.
     #[error("trajectories: no frames, expected at least 1")]
     Empty,
-    /// A frame has other rows than the first.
+    /// A frame differs from frame 0 in number of splats or SH degree.
     #[error(
         "trajectories: frame {frame} has {found} splats of SH degree {found_degree}, expected {expected} of degree {expected_degree} as in frame 0"
     )]
     Rows {
         /// Which frame.
         frame: usize,
-        /// Its splats.
+        /// Number of splats in that frame.
         found: usize,
-        /// Its SH degree.
+        /// SH degree of that frame.
         found_degree: usize,
-        /// Splats of frame 0.
+        /// Number of splats in frame 0.
         expected: usize,
         /// SH degree of frame 0.
         expected_degree: usize,
     },
-    /// The arrays of a frame disagree.
+    /// The arrays of a frame have inconsistent lengths.
     #[error("trajectories: frame {frame}: {source}")]
     Splats {
         /// Which frame.
@@ -37,8 +37,9 @@ pub enum TrajectoryError {
     },
 }
 
-/// `n` frames with persistent rows at times `i/(n−1)`: exact at the frames (stored bits), linear
-/// between them (rotations by normalised linear interpolation). A single frame holds at every time.
+/// `n` frames with persistent rows at times `i/(n−1)`: exact at the frames
+/// (stored bits), linear between them (rotations by normalised linear
+/// interpolation). A single frame is valid at every time.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Trajectories {
     frames: Vec<Splats>,
@@ -125,7 +126,8 @@ mod tests {
     #[test]
     fn exact_at_frames_and_linear_between() {
         let half = std::f32::consts::FRAC_1_SQRT_2;
-        // The second quaternion has another length and sign: the same hemisphere must be taken.
+        // The second quaternion has another length and sign;
+        // interpolation must use the same hemisphere.
         let frames = vec![
             frame(0.0, [2.0, 0.0, 0.0, 0.0]),
             frame(1.0, [-half, 0.0, 0.0, -half]),
@@ -144,7 +146,7 @@ mod tests {
     }
 
     #[test]
-    fn geometry_agrees_and_leaves_colour_alone() {
+    fn geometry_only_agrees_and_leaves_colour_unchanged() {
         let q = [1.0, 0.0, 0.0, 0.0];
         let scene = Trajectories::new(vec![frame(0.0, q), frame(1.0, q)]).unwrap();
         let mut out = frame(9.0, q);
@@ -163,6 +165,6 @@ mod tests {
         let scene = Trajectories::new(vec![frame(0.0, q)]).unwrap();
         assert!(scene.at(1.5).is_err(), "outside");
         assert!(scene.at(f32::NAN).is_err(), "NaN");
-        assert!(scene.at(0.3).is_ok(), "one frame holds at every time");
+        assert!(scene.at(0.3).is_ok(), "a single frame is valid at every time");
     }
 }

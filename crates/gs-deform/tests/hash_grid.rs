@@ -1,5 +1,5 @@
-//! Hash grids of full size, filled by a formula, give the vectors of `fixtures/swift4d` under both
-//! index rules: every lattice index, every encoding and every head output.
+//! Full-size hash grids, filled by a formula, reproduce the vectors of `fixtures/swift4d` under
+//! both index rules: every lattice index, every encoding and every head output.
 
 #![allow(clippy::unwrap_used, reason = "shared functions of tests fail by panicking, as tests do")]
 
@@ -48,10 +48,10 @@ fn lattice_indices_of_both_rules() {
         });
         apart += usize::from(found[0] != found[1]);
     }
-    assert!(apart > 40, "the rules part on {apart} of {} vectors", level.len());
+    assert!(apart > 40, "the rules differ on {apart} of {} vectors", level.len());
 }
 
-/// The formula of the fixture's README, rounded to half precision as the reference evaluates it.
+/// The formula of the fixture's README, rounded to half precision as in the reference.
 fn value(i: u32, seed: u32, amplitude: f64) -> f32 {
     let mut x = i.wrapping_mul(2_654_435_761).wrapping_add(seed);
     x = (x ^ (x >> 16)).wrapping_mul(2_246_822_519);
@@ -119,8 +119,8 @@ fn full_size_fields_of_both_rules() {
             check(&golden, &format!("T{log2_table}.{name}"), &trace, 5e-6);
             trace
         });
-        // Negative control: the other rule is far off where the rules differ, and the same where
-        // they do not.
+        // Negative control: the other rule gives very different features where
+        // the rules differ, and equal ones elsewhere.
         let apart = max_abs_diff(&widen(&traces[0].features), &widen(&traces[1].features));
         assert_eq!(apart > 0.05, log2_table > 15, "2^{log2_table} entries: {apart}");
     }
@@ -171,7 +171,12 @@ fn only_dynamic_splats_in_the_box_move() {
         assert_ne!(now.sh_of(row), canonical.sh_of(row), "row {row} changes colour");
     }
     for row in [1, 2] {
-        assert_eq!(now.select(&[row]), canonical.select(&[row]), "row {row} stays, bit for bit");
+        assert_eq!(
+            now.select(&[row]),
+            canonical.select(&[row]),
+            "row {row} is unchanged, bit for \
+            bit"
+        );
     }
     let mut geometry = Splats::default();
     scene.geometry_into(0.3, &mut geometry).unwrap();
@@ -188,7 +193,7 @@ fn only_dynamic_splats_in_the_box_move() {
 }
 
 #[test]
-fn frames_of_the_training_video() {
+fn frame_times_are_those_of_the_training_video() {
     let scene = HashGridScene::new(splats(&[[0.0; 3]]), vec![true], small()).unwrap();
     assert_eq!((scene.time_range().end, scene.num_frames()), (1.0, None), "unknown");
     assert!(scene.clone().with_frames(0, 300).is_err(), "none");
@@ -206,7 +211,7 @@ fn frames_of_the_training_video() {
 }
 
 #[test]
-fn misfits_are_refused() {
+fn inconsistent_parts_are_refused() {
     let mask = HashGridScene::new(splats(&[[0.0; 3]]), vec![true; 2], small()).unwrap_err();
     assert!(mask.to_string().contains("dynamic"), "{mask}");
     let plain = splats(&[[0.0; 3]]).with_sh_degree(1);

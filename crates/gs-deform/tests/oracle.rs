@@ -1,4 +1,4 @@
-//! The fused kernels agree with a field written down from its definition in double precision, for
+//! The fused kernels agree with a double-precision implementation of the field's definition, for
 //! random networks of many shapes and all flags; finite input gives finite output.
 
 use gs_core::{DynamicScene, Real, Splats, quat};
@@ -291,7 +291,7 @@ fn agrees_with_the_definition() {
 }
 
 #[test]
-fn memory_is_reused_whatever_was_there() {
+fn output_memory_is_reused_for_any_previous_content() {
     let mut rng = Pcg64::seed_from_u64(9);
     let field = HexPlaneField::new(network(&CASES[1], &mut rng)).unwrap();
     let small = HexPlaneScene::new(canonical(&mut rng, 50), field.clone()).unwrap();
@@ -304,7 +304,7 @@ fn memory_is_reused_whatever_was_there() {
 }
 
 #[test]
-fn many_times_at_once_on_a_fresh_scene() {
+fn concurrent_evaluations_of_a_new_scene_agree() {
     let mut rng = Pcg64::seed_from_u64(14);
     let field = HexPlaneField::new(network(&CASES[0], &mut rng)).unwrap();
     let splats = canonical(&mut rng, 5000);
@@ -317,7 +317,7 @@ fn many_times_at_once_on_a_fresh_scene() {
 }
 
 #[test]
-fn still_rows_stay_as_stored() {
+fn static_rows_keep_their_stored_values() {
     let mut rng = Pcg64::seed_from_u64(12);
     let field = HexPlaneField::new(network(&CASES[1], &mut rng)).unwrap();
     let splats = canonical(&mut rng, 5);
@@ -332,7 +332,7 @@ fn still_rows_stay_as_stored() {
 }
 
 #[test]
-fn odd_input_is_survived() {
+fn invalid_rows_do_not_affect_other_rows() {
     let mut rng = Pcg64::seed_from_u64(10);
     let field = HexPlaneField::new(network(&CASES[3], &mut rng)).unwrap();
     let empty = HexPlaneScene::new(canonical(&mut rng, 0), field.clone()).unwrap();
@@ -341,7 +341,7 @@ fn odd_input_is_survived() {
     splats.means[1] = [f32::NAN, f32::INFINITY, 1e30];
     let scene = HexPlaneScene::new(splats.clone(), field.clone()).unwrap();
     let out = scene.at(0.5).unwrap();
-    assert!(out.is_finite(0) && out.is_finite(2), "a damaged row harms no other");
+    assert!(out.is_finite(0) && out.is_finite(2), "an invalid row does not affect other rows");
     assert!(scene.at(f32::NAN).is_err() && scene.at(-0.1).is_err(), "times outside");
     assert!(field.deform_into(&splats, f32::NAN, &mut Splats::default()).is_err(), "no time");
     splats.quats.pop();

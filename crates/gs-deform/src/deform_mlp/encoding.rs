@@ -5,8 +5,8 @@ pub(super) const fn len(dims: usize, frequencies: usize) -> usize {
     dims * (1 + 2 * frequencies)
 }
 
-/// `[x, sin x, cos x, sin 2x, cos 2x, …, cos 2^(L−1)x]`, of each all coordinates, given to `put` in
-/// this order with its index.
+/// `[x, sin x, cos x, sin 2x, cos 2x, …, cos 2^(L−1)x]`, each entry for all coordinates; calls
+/// `put` with index and value in this order.
 pub(super) fn encode<const D: usize>(
     x: [f32; D],
     frequencies: usize,
@@ -32,7 +32,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn order_and_frequencies() {
+    fn encoding_order_and_frequencies() {
         let mut out = vec![f32::NAN; len(2, 2)];
         encode([0.3, -0.7], 2, |k, value| out[k] = value);
         let expected = [

@@ -1,4 +1,4 @@
-//! The network at many points and one time.
+//! Evaluation of the network at many points and one time.
 
 use super::encoding;
 use super::network::{DeformMlp, POSITION};
@@ -6,10 +6,11 @@ use crate::linear::{Activation, PANEL, Packed};
 use pulp::{Arch, Simd, WithSimd};
 use rayon::prelude::*;
 
-/// What the network puts out, a row a point. Optional heads that a network does not have are empty.
+/// Outputs of the network, one row per point. Empty for
+/// optional heads that the network does not have.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct MlpOutputs {
-    /// Translation in the first three, or the twist of a screw motion, `[P, 6]`.
+    /// Translation in the first three entries, or the twist of a screw motion, `[P, 6]`.
     pub warp: Vec<[f32; 6]>,
     /// Change of the quaternion `wxyz`, `[P, 4]`.
     pub rotation: Vec<[f32; 4]>,
@@ -47,7 +48,7 @@ impl Scratch {
     }
 }
 
-/// Rows of one panel in all the arrays that are written.
+/// Rows of one panel in every output array.
 struct Rows<'a> {
     warp: &'a mut [[f32; 6]],
     rotation: &'a mut [[f32; 4]],
@@ -73,8 +74,8 @@ impl WithSimd for Evaluate<'_, '_> {
         let Self { mlp, time, points, rows, scratch } = self;
         let inputs = mlp.inputs * PANEL;
         for (i, point) in points.iter().enumerate() {
-            // Columns beyond the last point keep values of an earlier panel; they are computed and
-            // never read.
+            // Columns beyond the last point hold values of an earlier
+            // panel; their results are never read.
             encoding::encode(*point, (POSITION / 3 - 1) / 2, |k, value| {
                 scratch.joined[k * PANEL + i] = value;
             });
@@ -145,7 +146,7 @@ fn next<'a, T>(rest: &mut &'a mut [T], count: usize) -> &'a mut [T] {
 }
 
 impl DeformMlp {
-    /// What the network puts out at `points` (world units) and time `t`.
+    /// Outputs of the network at `points` (world units) and time `t`.
     pub fn outputs(&self, points: &[[f32; 3]], t: f32) -> MlpOutputs {
         let count = |used: bool| if used { points.len() } else { 0 };
         let mut outputs = MlpOutputs {

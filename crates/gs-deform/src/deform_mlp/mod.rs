@@ -1,5 +1,5 @@
-//! Fully connected deformation networks on encoded position and time, as Deformable-3D-Gaussians
-//! trains them.
+//! Fully connected deformation networks on encoded position and
+//! time, as in Deformable-3D-Gaussians.
 
 mod encoding;
 mod evaluate;

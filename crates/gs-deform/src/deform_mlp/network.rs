@@ -4,20 +4,20 @@ use super::encoding;
 use crate::FieldError;
 use crate::linear::{Linear, Packed};
 
-/// Frequencies of the position's encoding, the same in every published model.
+/// Frequencies of the position encoding, the same in every published model.
 const POSITION_FREQUENCIES: usize = 10;
-/// Most frequencies accepted for time; published models have 6 or 10. Beyond 24 neighbouring frames
-/// alias in single precision.
+/// Largest accepted number of time frequencies; published models have 6 or 10. Above 24,
+/// neighbouring frames alias in single precision.
 const MAX_TIME_FREQUENCIES: usize = 24;
-/// Length of the position's encoding.
+/// Length of the position encoding.
 pub(super) const POSITION: usize = encoding::len(3, POSITION_FREQUENCIES);
 
-/// What moves positions.
+/// Head that moves positions.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Warp {
     /// A translation, 3 outputs.
     Translation(Linear),
-    /// Rotational and translational part of a screw motion of the world, 3 outputs each.
+    /// Rotational and translational part of a screw motion, 3 outputs each.
     Screw {
         /// `branch_w`.
         rotation: Linear,
@@ -29,12 +29,12 @@ pub enum Warp {
 /// The parts of a network as a checkpoint stores them; [`DeformMlp::new`] verifies that they fit.
 #[derive(Debug, Clone, PartialEq)]
 pub struct DeformMlpParts {
-    /// Two layers with a ReLU between them that time goes through after its encoding, `timenet`.
+    /// `timenet`: two layers with a ReLU between them, applied to the encoded time.
     pub timenet: Option<[Linear; 2]>,
-    /// Hidden layers, a ReLU after each. A layer that takes more inputs than the one before puts
-    /// out also takes the encoded position and time, in front.
+    /// Hidden layers, a ReLU after each. A layer with more inputs than the previous layer has
+    /// outputs takes the encoded position and time as its first inputs (skip connection).
     pub layers: Vec<Linear>,
-    /// What moves positions.
+    /// Head that moves positions.
     pub warp: Warp,
     /// Change of the quaternion, 4 outputs.
     pub rotation: Linear,
@@ -42,8 +42,8 @@ pub struct DeformMlpParts {
     pub scaling: Linear,
     /// Change of the opacity, 1 output, `gaussian_opacity`.
     pub opacity: Option<Linear>,
-    /// Change of the colour's DC coefficient, 3 outputs; after hidden layers of its own with a ReLU
-    /// each, `gaussian_color`.
+    /// `gaussian_color`: change of the DC coefficient, 3 outputs, after
+    /// hidden layers of its own with a ReLU each.
     pub color: Option<Vec<Linear>>,
     /// Rotation about a control node, 4 outputs, `local_rotation`.
     pub local_rotation: Option<Linear>,
@@ -54,9 +54,9 @@ pub struct DeformMlpParts {
 pub struct DeformMlp {
     pub(super) timenet: Option<[Linear; 2]>,
     pub(super) time_frequencies: usize,
-    /// Length of encoded position and time.
+    /// Length of encoded position and time together.
     pub(super) inputs: usize,
-    /// Each with whether it takes position and time again.
+    /// Each layer, and whether it has the skip connection.
     pub(super) layers: Vec<(Packed, bool)>,
     pub(super) warp: Vec<Packed>,
     pub(super) rotation: Packed,
@@ -110,7 +110,8 @@ impl DeformMlp {
         let frequencies = (0..=MAX_TIME_FREQUENCIES).find(|&l| encoding::len(1, l) == encoded);
         let time_frequencies = frequencies.ok_or_else(|| {
             FieldError::Unsupported(format!(
-                "time is encoded to {encoded} numbers, expected an odd number up to {}; a network of a changed version of Deformable-3D-Gaussians",
+                "time is encoded to {encoded} numbers, expected an odd number up to {}; the \
+                network comes from a modified version of Deformable-3D-Gaussians",
                 encoding::len(1, MAX_TIME_FREQUENCIES)
             ))
         })?;
@@ -166,12 +167,12 @@ impl DeformMlp {
         self.width
     }
 
-    /// Hidden layers.
+    /// Number of hidden layers.
     pub fn depth(&self) -> usize {
         self.layers.len()
     }
 
-    /// Whether positions move on screws instead of by translations.
+    /// Whether positions move by screw motions instead of translations.
     pub fn is_screw(&self) -> bool {
         self.warp.len() == 2
     }

@@ -1,4 +1,4 @@
-//! [`MlpScene`]: canonical splats that a network moves.
+//! [`MlpScene`]: canonical splats deformed by a network.
 
 use super::network::DeformMlp;
 use super::screw;
@@ -7,13 +7,13 @@ use crate::shape::RasterizedShapes;
 use gs_core::{DynamicScene, SceneError, Splats, TimeRange, quat};
 use rayon::prelude::*;
 
-/// Canonical splats and the network that moves them: a model of Deformable-3D-Gaussians, at times 0
-/// to 1.
+/// Canonical splats and the network that deforms them: a model of
+/// Deformable-3D-Gaussians, at times 0 to 1.
 ///
-/// With the outputs `d` of the network at a splat's canonical centre, centre `x + dₓ` (or `x` on a
-/// screw), rotation `normalise(q) + d_q`, scale `exp(s) + d_s`, none of them normalised again. Such
-/// a rotation is no rotation: the splats given out have the covariance that the reference's
-/// rasteriser makes of it. Opacity and colour stay.
+/// With the network's outputs `d` at a splat's canonical centre, the centre is `x + dₓ` (or a screw
+/// motion of `x`), the rotation `normalise(q) + d_q`, the scale `exp(s) + d_s`. The quaternion is
+/// not normalised again, so it is not a rotation; the returned splats have the covariance that the
+/// reference's rasteriser computes from it. Opacity and colour are constant.
 #[derive(Debug)]
 pub struct MlpScene {
     canonical: Splats,
@@ -40,7 +40,7 @@ impl MlpScene {
         &self.mlp
     }
 
-    /// What the reference gives its rasteriser at time `t`.
+    /// Input of the reference's rasteriser at time `t`.
     pub fn rasterized(&self, t: f32) -> RasterizedShapes {
         let outputs = self.mlp.outputs(&self.canonical.means, t);
         let is_screw = self.mlp.is_screw();

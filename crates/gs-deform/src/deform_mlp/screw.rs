@@ -1,6 +1,6 @@
-//! Screw motions: what the warp of networks with six degrees of freedom puts out.
+//! Screw motions: the warp of networks with six degrees of freedom.
 
-/// Added to axis and moment after they were divided by the angle, as in training.
+/// Added to axis and moment after the division by the angle, as in training.
 const OFFSET: f64 = 1e-5;
 
 /// `x` under the screw motion of the twist `(w, v)`: with `θ = |w|`, axis `w/θ + 10⁻⁵` and moment

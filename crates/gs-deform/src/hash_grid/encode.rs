@@ -1,7 +1,7 @@
 //! Features of a panel of points: sixteen lattice corners per level, interpolated.
 //!
-//! Per level, indices and weights of all points come first, in loops that fill vector registers;
-//! then table entries are gathered point by point with nothing left to compute but the sum.
+//! Per level, indices and weights of all points are computed first, in vectorised loops; then table
+//! entries are gathered and summed point by point.
 
 use super::grid::HashGrid;
 use super::level::Level;
@@ -81,7 +81,7 @@ impl Corners {
 }
 
 /// Writes the feature-major panel `[L·F, PANEL]` of points of the unit box at time `t`. Columns
-/// without a point are left as they are.
+/// without a point are left unchanged.
 #[inline(always)]
 pub(super) fn encode(grid: &HashGrid, points: &Points, t: f32, out: &mut [f32]) {
     match grid.shape().features {

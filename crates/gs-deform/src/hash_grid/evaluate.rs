@@ -11,7 +11,7 @@ use gs_core::Splats;
 use pulp::{Arch, Simd, WithSimd};
 use rayon::prelude::*;
 
-/// The rows a field moves. Neither they nor their place in the box change with time.
+/// The rows that a field moves. Neither they nor their positions in the box change over time.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Moving {
     /// Ascending.
@@ -58,7 +58,7 @@ fn run_head<S: Simd>(simd: S, head: &[Packed; 3], scratch: &mut Scratch) {
     head[2].apply(simd, &scratch.b, &mut scratch.out, Activation::None);
 }
 
-/// The rows of a segment in all the arrays it writes.
+/// The rows of a segment in every output array.
 struct Rows<'a> {
     means: &'a mut [[f32; 3]],
     log_scales: &'a mut [[f32; 3]],
@@ -71,7 +71,7 @@ struct Evaluate<'a, 'b> {
     field: &'a HashGridField,
     t: f32,
     wanted: Wanted,
-    /// Moving rows, counted from the start of the segment.
+    /// Moving rows, relative to the start of the segment.
     moving: &'a [u32],
     first: usize,
     coords: &'a [[f32; 3]],
@@ -128,8 +128,8 @@ fn add_to<const D: usize>(value: &mut [f32; D], delta: impl Fn(usize) -> f32) {
     }
 }
 
-/// Why arrays can be cut into segments.
-const FITS: &str = "segments cover the rows of the canonical splats once";
+/// Invariant that makes splitting the arrays into segments valid.
+const FITS: &str = "segments cover each row of the canonical splats once";
 
 impl HashGridField {
     /// Splats at network time `t`: `canonical`, with the moving rows deformed.
@@ -160,8 +160,7 @@ impl HashGridField {
         let mut work: Vec<(&Segment, Rows<'_>)> = Vec::with_capacity(moving.segments.len());
         for segment in &moving.segments {
             let count = segment.rows.len();
-            // Geometry alone: the appearance arrays of `out` stay as they are and no segment sees
-            // them.
+            // Geometry only: no segment reads or writes the appearance arrays of `out`.
             let shown = if appearance { count } else { 0 };
             let rows = Rows {
                 means: means.split_off_mut(..count).expect(FITS),

@@ -29,8 +29,8 @@ impl FieldBox {
     }
 
     /// Position in the box, 0 to 1 on each axis, of a world point; `None` outside, where nothing
-    /// moves. Faces belong to the box. In the order of operations of the reference: points an ulp
-    /// from a face fall on the same side.
+    /// moves. The faces belong to the box. Uses the reference's order of operations, so that points
+    /// within an ulp of a face are classified the same.
     pub fn normalize(&self, mean: [f32; 3]) -> Option<[f32; 3]> {
         let coords: [f32; 3] = std::array::from_fn(|axis| {
             let (min, max) = (self.min[axis], self.max[axis]);
@@ -41,10 +41,10 @@ impl FieldBox {
 }
 
 /// The parts of a network as a checkpoint stores them; [`HashGridField::new`] verifies that they
-/// fit. Layers have no biases there: give zeros.
+/// fit. Checkpoints have no biases: pass zeros.
 #[derive(Debug, Clone, PartialEq)]
 pub struct HashGridNetwork {
-    /// Where the field is defined.
+    /// Box in which the field is defined.
     pub bounds: FieldBox,
     /// Features.
     pub grid: HashGrid,
@@ -105,7 +105,7 @@ impl HashGridField {
         self.width
     }
 
-    /// Where it is defined.
+    /// Box in which the field is defined.
     pub fn bounds(&self) -> &FieldBox {
         &self.bounds
     }

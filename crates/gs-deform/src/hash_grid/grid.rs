@@ -3,29 +3,28 @@
 use super::level::{IndexRule, Level, resolution};
 use crate::FieldError;
 
-/// Most levels accepted; published models have 16.
+/// Largest accepted number of levels; published models have 16.
 const MAX_LEVELS: usize = 32;
-/// Largest resolution accepted, log₂.
+/// Largest accepted resolution, log₂.
 const MAX_LOG2_RESOLUTION: u32 = 30;
 
-/// What determines the layout of a grid, names as in the training options.
+/// Parameters of a grid's layout, named as in the training options.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct GridShape {
     /// `L`, `n_levels`.
     pub levels: usize,
     /// `F`, `n_features_per_level`: 1, 2, 4 or 8.
     pub features: usize,
-    /// `T`, `hashmap_size`: log₂ of the most entries a level has.
+    /// `T`, `hashmap_size`: log₂ of the largest number of entries per level.
     pub log2_table: u32,
     /// `B`, `base_resolution`; the resolution doubles from level to level.
     pub base: u32,
 }
 
 impl GridShape {
-    /// Verifies that the numbers make sense; nothing is allocated.
+    /// Verifies the ranges of the parameters without allocating.
     ///
-    /// # Errors
-    /// Names the first that does not.
+    /// # Errors Names the first parameter out of range.
     pub fn check(&self) -> Result<(), FieldError> {
         let refuse = |what: String| Err(FieldError::Unsupported(what));
         if !(1..=MAX_LEVELS).contains(&self.levels) {
@@ -58,12 +57,12 @@ impl GridShape {
         self.levels * self.features
     }
 
-    /// Entries of all levels together. Meaningful for shapes that pass [`GridShape::check`].
+    /// Total number of entries. Valid for shapes that pass [`GridShape::check`].
     pub fn num_entries(&self) -> usize {
         (0..self.levels).map(|level| self.size(level) as usize).sum()
     }
 
-    /// The levels under an index rule. Meaningful for shapes that pass [`GridShape::check`].
+    /// The levels under an index rule. Valid for shapes that pass [`GridShape::check`].
     pub fn levels(&self, rule: IndexRule) -> Vec<Level> {
         let mut start = 0;
         (0..self.levels)
@@ -110,9 +109,7 @@ pub struct HashGrid {
 impl HashGrid {
     /// A grid from its table, `[entries, F]`, levels one after the other.
     ///
-    /// # Errors
-    /// If the shape makes no sense, the table does not have its size, or holds values that are not
-    /// finite.
+    /// # Errors If the shape is out of range, or the table has a different size or non-finite values.
     pub fn new(shape: GridShape, rule: IndexRule, table: Vec<f32>) -> Result<Self, FieldError> {
         shape.check()?;
         let entries = shape.num_entries();
@@ -129,18 +126,18 @@ impl HashGrid {
         Ok(Self { shape, levels: shape.levels(rule), table })
     }
 
-    /// The same table read under another rule.
+    /// The same table with another index rule.
     #[must_use]
     pub fn with_rule(self, rule: IndexRule) -> Self {
         Self { levels: self.shape.levels(rule), ..self }
     }
 
-    /// Its layout.
+    /// Layout of the grid.
     pub fn shape(&self) -> GridShape {
         self.shape
     }
 
-    /// Its levels, coarse to fine.
+    /// Levels, coarse to fine.
     pub fn levels(&self) -> &[Level] {
         &self.levels
     }
@@ -159,7 +156,7 @@ mod tests {
     const PUBLISHED: GridShape = GridShape { levels: 16, features: 4, log2_table: 15, base: 16 };
 
     #[test]
-    fn sizes_of_the_published_tables() {
+    fn table_sizes_of_published_models() {
         for (log2_table, floats) in
             [(15, 2_121_728), (16, 4_218_880), (17, 8_151_040), (18, 16_015_360), (19, 31_744_000)]
         {

@@ -1,22 +1,22 @@
-//! One resolution of a hash grid: where a lattice point lies in the table.
+//! One level of a hash grid: table index of a lattice point.
 
-/// How lattice points that do not fit a level's table are mapped into it. Two generations of the
-/// library that trains such grids differ on levels whose resolution to the fourth power is a
-/// multiple of 2³²; no file says which trained it.
+/// How lattice points that do not fit a level's table are mapped into it. Two versions of the
+/// training library differ on levels whose resolution to the fourth power is a multiple of 2³²;
+/// checkpoints do not record which version trained them.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum IndexRule {
     /// tiny-cuda-nn from 24 June 2025 on: every level that does not fit is hashed.
     Current,
-    /// tiny-cuda-nn before that date: a running stride that wraps at 2³² decides, so the finest
-    /// levels may look only at x and y.
+    /// tiny-cuda-nn before that date: hashing is decided by a running stride that wraps at 2³², so
+    /// the finest levels may use only x and y.
     Older,
 }
 
 /// Factors of the spatial hash, one per coordinate x, y, z, t.
 pub(crate) const PRIMES: [u32; 4] = [1, 2_654_435_761, 805_459_861, 3_674_653_429];
 
-/// How coordinates of a lattice point combine to an index, before reduction to the size of the
-/// level.
+/// How the coordinates of a lattice point are combined to an index,
+/// before reduction modulo the level's size.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Addressing {
     /// Exclusive or of `q_d · PRIMES[d]`.
@@ -30,7 +30,7 @@ pub(crate) enum Addressing {
 pub struct Level {
     /// Lattice cells per unit of the normalised box: `base · 2^l − 1`.
     pub scale: f32,
-    /// Lattice points per axis that the level was laid out for; corners may reach one further.
+    /// Lattice points per axis in the level's layout; cell corners may lie one beyond.
     pub resolution: u32,
     /// First entry within the whole table.
     pub start: usize,
@@ -45,8 +45,8 @@ impl Level {
         Self { scale, resolution, start, size, addressing: addressing(resolution, size, rule) }
     }
 
-    /// Cell and position within it of a normalised coordinate. The sum is rounded once: with two
-    /// roundings, or in double precision, fine levels come out different.
+    /// Cell and position within the cell of a normalised coordinate. The sum is rounded once, as in
+    /// training; two roundings, or double precision, change the cell on fine levels.
     #[inline(always)]
     pub fn locate(&self, x: f32) -> (u32, f32) {
         let position = self.scale.mul_add(x, 0.5);
@@ -54,14 +54,15 @@ impl Level {
         #[expect(
             clippy::cast_possible_truncation,
             clippy::cast_sign_loss,
-            reason = "as the reference: through a signed integer, wrapping below zero, saturating beyond"
+            reason = "as in the reference: through a signed integer, wrapping below zero, \
+                     saturating above"
         )]
         let index = cell as i32 as u32;
         (index, position - cell)
     }
 
-    /// Entry within the level of a lattice point (x, y, z, t). Nothing is clamped: points beyond
-    /// the last plane wrap around.
+    /// Entry within the level of a lattice point (x, y, z, t). Not clamped:
+    /// points beyond the last plane wrap around.
     pub fn index(&self, corner: [u32; 4]) -> u32 {
         let index = (0..4).fold(0, |index, d| self.join(index, self.term(d, corner[d])));
         self.reduce(index)
@@ -135,7 +136,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn upper_end_runs_on() {
+    fn points_beyond_the_upper_end_wrap() {
         let level = Level::new(15.0, 0, 65_536, IndexRule::Current);
         assert_eq!(level.resolution, 16, "nominal points");
         assert_eq!(level.locate(1.0), (15, 0.5), "the last cell, half way");
@@ -145,14 +146,14 @@ mod tests {
     }
 
     #[test]
-    fn sizes_that_are_no_power_of_two_wrap_too() {
+    fn sizes_that_are_not_powers_of_two_wrap() {
         let level = Level::new(2.0, 0, 88, IndexRule::Older);
         assert_eq!(level.addressing, Addressing::Strides([1, 3, 9, 27]), "81 points fit 88");
         assert_eq!(level.index([0, 0, 1, 3]), 2, "90 mod 88");
     }
 
     #[test]
-    fn rules_part_where_the_stride_wraps() {
+    fn rules_differ_where_the_stride_wraps() {
         let fine = |rule| Level::new(65_535.0, 0, 1 << 16, rule);
         assert_eq!(fine(IndexRule::Current).addressing, Addressing::Hash, "hashed today");
         let older = fine(IndexRule::Older);

@@ -1,9 +1,9 @@
-//! Deformation by a four-dimensional multi-resolution hash grid, as Swift4D models have it.
+//! Deformation by a four-dimensional multi-resolution hash grid, as in Swift4D models.
 //!
 //! Position in a box and time index a table of features at several resolutions ([`HashGrid`]); two
-//! fused layers and five heads turn them into additive changes of the stored parameters
+//! fused layers and five heads map the features to additive changes of the stored parameters
 //! ([`HashGridField`]). Only Gaussians that are declared dynamic and lie in the box are evaluated;
-//! all others stay as stored ([`HashGridScene`]).
+//! all others keep their stored values ([`HashGridScene`]).
 
 mod encode;
 mod evaluate;

@@ -1,4 +1,4 @@
-//! [`HashGridScene`]: canonical splats of which the dynamic ones move under a hash-grid field.
+//! [`HashGridScene`]: canonical splats whose dynamic ones are deformed by a hash-grid field.
 
 use super::evaluate::Moving;
 use super::field::HashGridField;
@@ -8,11 +8,12 @@ use crate::evaluate::Wanted;
 use gs_core::{DynamicScene, SceneError, Splats, TimeRange};
 use std::sync::Arc;
 
-/// Canonical splats, which of them are dynamic, and the field that moves those: a Swift4D model.
+/// Canonical splats, the flags of the dynamic ones, and the
+/// field that deforms them: a Swift4D model.
 ///
 /// A Gaussian moves if it is declared dynamic *and* its stored centre lies in the field's box; all
-/// others are as stored at every time and cost a copy. The canonical splats are not a frame of the
-/// sequence.
+/// others keep their stored values at every time; their only cost is a copy. The canonical splats
+/// are not a frame of the sequence.
 #[derive(Debug, Clone)]
 pub struct HashGridScene {
     canonical: Splats,
@@ -67,16 +68,15 @@ impl HashGridScene {
         })
     }
 
-    /// Declares the frames of the training video: frame `i` of `count` was trained at time
-    /// `i / divisor`. The scene's times end with its last frame: fine levels of the grid hold noise
-    /// at times that were never trained.
+    /// Declares the frames of the training video: frame `i` of `count` was trained at
+    /// time `i / divisor`. The scene's times end with its last frame, because fine
+    /// levels of the grid contain noise at untrained times.
     ///
-    /// # Errors
-    /// If there is no frame, or the last lies beyond time 1.
+    /// # Errors If there are no frames, or the last lies beyond time 1.
     pub fn with_frames(self, count: usize, divisor: usize) -> Result<Self, FieldError> {
         if count == 0 || divisor == 0 || count - 1 > divisor {
             return Err(FieldError::Unsupported(format!(
-                "{count} frames at times i/{divisor}, expected at least one and none beyond time 1"
+                "{count} frames at times i/{divisor}, expected at least one, and none beyond time 1"
             )));
         }
         #[expect(clippy::cast_possible_truncation, reason = "scene times are single precision")]
@@ -94,7 +94,7 @@ impl HashGridScene {
         &self.field
     }
 
-    /// Which Gaussians are declared dynamic, `[N]`.
+    /// Whether each Gaussian is declared dynamic, `[N]`.
     pub fn dynamic(&self) -> &[bool] {
         &self.dynamic
     }
@@ -104,7 +104,7 @@ impl HashGridScene {
         &self.moving.rows
     }
 
-    /// The splats at any time, also beyond the frames.
+    /// The splats at any time, including times beyond the frames.
     ///
     /// # Errors
     /// If `t` is not finite.

@@ -1,20 +1,21 @@
-//! How the rows of a scene are dealt to threads: contiguous segments with at most a panel of moving
-//! rows each.
+//! Distribution of a scene's rows over threads: contiguous segments
+//! with at most one panel of moving rows each.
 
 use crate::linear::PANEL;
 use std::ops::Range;
 
-/// Rows of a segment at most, so that long stretches of still rows are copied by several threads.
+/// Largest number of rows in a segment, so that several threads share long runs of static rows.
 const MAX_ROWS: usize = 8192;
 
-/// Contiguous rows, and which of the moving rows are among them.
+/// Contiguous rows, and the range of moving rows among them.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct Segment {
     pub(super) rows: Range<usize>,
     pub(super) moving: Range<usize>,
 }
 
-/// Cuts `0..num_rows` such that no segment holds more than a panel of the ascending rows `moving`.
+/// Splits `0..num_rows` so that each segment contains at most a
+/// panel of the ascending rows `moving`.
 pub(super) fn segments(num_rows: usize, moving: &[u32]) -> Vec<Segment> {
     let mut segments = Vec::new();
     let (mut row, mut first) = (0, 0);
@@ -39,7 +40,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_row_once_and_no_panel_overfull() {
+    fn segments_cover_every_row_once_with_at_most_a_panel_each() {
         let every = |step: u32, n: u32| (0..n).step_by(step as usize).collect::<Vec<u32>>();
         for (n, moving) in [
             (0, vec![]),

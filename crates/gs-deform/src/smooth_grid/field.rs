@@ -6,14 +6,14 @@ use crate::linear::{Activation, Linear, PANEL, Packed};
 use pulp::{Arch, Simd, WithSimd};
 use rayon::prelude::*;
 
-/// What multiplies the features of space and time, from space alone: `σ(layer(grid))`, or `2σ − 1`.
+/// Factor of the space-time features, computed from position alone: `σ(layer(grid))`, or `2σ − 1`.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Attention {
     /// Grid of x, y, z.
     pub grid: SmoothGrid,
-    /// `spatial_mlp`, to the width of the network.
+    /// `spatial_mlp`; its outputs are the width of the network.
     pub layer: Linear,
-    /// Whether it is `2σ − 1`.
+    /// Whether the factor is `2σ − 1`.
     pub directional: bool,
 }
 
@@ -21,20 +21,20 @@ pub struct Attention {
 /// fit.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SmoothGridNetwork {
-    /// Half the side of the cube that the grids cover, after positions were scaled.
+    /// Half the side of the cube covered by the grids, in scaled positions.
     pub bound: f32,
-    /// Factors of positions.
+    /// Factor of positions per axis.
     pub scale: [f32; 3],
     /// Attention, if there is one.
     pub attention: Option<Attention>,
-    /// Grids of space and time; their features are joined in this order.
+    /// Grids of space and time; their features are concatenated in this order.
     pub grids: Vec<SmoothGrid>,
     /// First layer, on their features.
     pub trunk: Linear,
     /// Further layers, a ReLU after each.
     pub hidden: Vec<Linear>,
-    /// Motion: 3 outputs (a translation), or 7 (a rotation about the world's origin, less 1 in its
-    /// real part, then a translation).
+    /// Motion: 3 outputs (a translation), or 7 (a quaternion about the world origin with 1
+    /// subtracted from its real part, then a translation).
     pub warp: Linear,
     /// Change of the quaternion, 4 outputs.
     pub rotation: Linear,
@@ -58,7 +58,7 @@ pub struct SmoothGridField {
     width: usize,
 }
 
-/// What the field puts out, a row a point.
+/// Outputs of the field, one row per point.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Outputs {
     pub(super) warp: Vec<[f32; 7]>,
@@ -117,14 +117,14 @@ impl SmoothGridField {
         self.width
     }
 
-    /// Where a position and a time lie in the unit box. Time takes nine tenths of it.
+    /// Position and time in the unit box. Time spans nine tenths of its axis.
     fn locate(&self, x: [f32; 3], t: f32) -> [f32; 4] {
         let unit = |value: f32| (value + self.bound) / (2.0 * self.bound);
         let [x, y, z] = [0, 1, 2].map(|k| unit(x[k] * self.scale[k]));
         [x, y, z, unit((2.0 * t - 1.0) * (0.9 * self.bound))]
     }
 
-    /// What the field puts out at `points` (world units) and time `t`.
+    /// Outputs of the field at `points` (world units) and time `t`.
     pub(super) fn outputs(&self, points: &[[f32; 3]], t: f32) -> Outputs {
         let mut outputs = Outputs {
             warp: vec![[0.0; 7]; points.len()],

@@ -5,15 +5,15 @@ use crate::FieldError;
 
 /// Factors of the spatial hash, one per axis of the grid.
 const PRIMES: [u32; 4] = [1, 2_654_435_761, 805_459_861, 3_674_653_429];
-/// Most axes.
+/// Largest number of axes.
 const MAX_AXES: usize = 4;
-/// Largest resolution accepted.
+/// Largest accepted resolution.
 const MAX_RESOLUTION: f32 = 1e9;
 
 /// A grid as a checkpoint stores it; [`SmoothGrid::new`] verifies that the parts fit.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SmoothGridParts {
-    /// Coordinates that the axes take, of (x, y, z, t).
+    /// Coordinates of the axes, as indices into (x, y, z, t).
     pub axes: Vec<usize>,
     /// Factor from one level's resolution to the next, per axis.
     pub per_level_scale: Vec<f32>,
@@ -50,8 +50,7 @@ pub struct SmoothGrid {
 impl SmoothGrid {
     /// Verifies that all parts fit.
     ///
-    /// # Errors
-    /// Names the first that does not; `name` is that of the grid.
+    /// # Errors Names the first part that does not fit; `name` is the grid's name.
     pub fn new(name: &str, parts: SmoothGridParts) -> Result<Self, FieldError> {
         let SmoothGridParts {
             axes,
@@ -98,7 +97,8 @@ impl SmoothGrid {
             let level = level(index, &per_level_scale, &base_resolution, bounds[0], size);
             levels.push(level.ok_or_else(|| {
                 FieldError::Unsupported(format!(
-                    "{name}: level {index} has no sensible resolution with base {base_resolution:?} and factors {per_level_scale:?}"
+                    "{name}: the resolution of level {index} is out of range with base \
+                    {base_resolution:?} and factors {per_level_scale:?}"
                 ))
             })?);
         }
@@ -115,8 +115,8 @@ impl SmoothGrid {
         self.levels.len()
     }
 
-    /// Features at a point (x, y, z, t) of the unit box, levels one after the other, given to `put`
-    /// with their indices. All are 0 if a coordinate of the grid lies outside 0 to 1.
+    /// Features at a point (x, y, z, t) of the unit box, level by level; calls `put` with index and
+    /// value. All are 0 if a coordinate of the grid lies outside 0 to 1.
     #[inline(always)]
     pub(super) fn encode(&self, point: [f32; 4], mut put: impl FnMut(usize, f32)) {
         let dims = self.axes.len();
@@ -172,8 +172,8 @@ impl SmoothGrid {
     }
 }
 
-/// A level; `None` if its resolution makes no sense. In single precision throughout, as in
-/// training: whether a level is hashed depends on it.
+/// A level; `None` if its resolution is out of range. Computed in single precision, as in training,
+/// because whether a level is hashed depends on the rounding.
 fn level(index: usize, factor: &[f32], base: &[f32], start: usize, size: u32) -> Option<Level> {
     let (mut scale, mut factors) = ([0.0; MAX_AXES], [0; MAX_AXES]);
     let (mut points, mut hashed) = (1_u64, false);
@@ -228,7 +228,11 @@ mod tests {
     #[test]
     fn dense_levels_are_exact_at_lattice_points_and_smooth_between() {
         let grid = SmoothGrid::new("g", parts()).unwrap();
-        assert!(!grid.levels[0].hashed && grid.levels[1].hashed, "6 points fit 6, 18 not 8");
+        assert!(
+            !grid.levels[0].hashed && grid.levels[1].hashed,
+            "6 points fit in 6 entries, 18 \
+            do not fit in 8"
+        );
         // Level 0 has 3 × 2 points: x = 1/2 and z = 1 is the point (1, 1), entry 4.
         let at = features(&grid, [0.5, 9.0, 1.0, 9.0]);
         assert_eq!(at[..2], [8.0, 9.0], "entry 4; y and t do not matter");
@@ -236,8 +240,8 @@ mod tests {
         let weight = 0.25_f32 * 0.25 * (3.0 - 0.5);
         assert!((quarter - 2.0 * weight).abs() < 1e-6, "{quarter}");
         let outside = features(&grid, [0.5, 0.0, 1.000_001, 0.0]);
-        assert_eq!(outside, [0.0; 4], "outside there is nothing");
-        assert_eq!(features(&grid, [f32::NAN, 0.0, 0.5, 0.0]), [0.0; 4], "nor at NaN");
+        assert_eq!(outside, [0.0; 4], "outside, features are 0");
+        assert_eq!(features(&grid, [f32::NAN, 0.0, 0.5, 0.0]), [0.0; 4], "and at NaN");
     }
 
     #[test]

@@ -1,15 +1,15 @@
-//! [`SmoothGridScene`]: canonical splats that such a field moves.
+//! [`SmoothGridScene`]: canonical splats deformed by a [`SmoothGridField`].
 
 use super::field::SmoothGridField;
 use crate::FieldError;
 use crate::shape::RasterizedShapes;
 use gs_core::{DynamicScene, SceneError, Splats, TimeRange, quat};
 
-/// Canonical splats and the field that moves them: a model of Grid4D or DASH, at times 0 to 1.
+/// Canonical splats and the field that deforms them: a model of Grid4D or DASH, at times 0 to 1.
 ///
-/// Changes of rotations are added to normalised quaternions and not normalised again, changes of
-/// scales to activated ones: the splats given out have the covariances that the reference's
-/// rasteriser makes of them. Opacity and colour stay.
+/// Rotation changes are added to normalised quaternions, which are not normalised again, and scale
+/// changes to activated scales. The returned splats have the covariances that the reference's
+/// rasteriser computes from these values. Opacity and colour are constant.
 #[derive(Debug)]
 pub struct SmoothGridScene {
     canonical: Splats,
@@ -21,10 +21,10 @@ pub struct SmoothGridScene {
 }
 
 impl SmoothGridScene {
-    /// A scene from its parts; `dynamic` (`[N]`) says which splats the field moves, all if `None`.
+    /// A scene from its parts; `dynamic` (`[N]`) selects the splats
+    /// that the field moves, all if `None`.
     ///
-    /// # Errors
-    /// If the arrays disagree.
+    /// # Errors If the arrays have inconsistent lengths.
     pub fn new(
         canonical: Splats,
         field: SmoothGridField,
@@ -55,7 +55,7 @@ impl SmoothGridScene {
         &self.field
     }
 
-    /// What the reference gives its rasteriser at time `t`.
+    /// Input of the reference's rasteriser at time `t`.
     pub fn rasterized(&self, t: f32) -> RasterizedShapes {
         let mut shapes = RasterizedShapes {
             means: self.canonical.means.clone(),

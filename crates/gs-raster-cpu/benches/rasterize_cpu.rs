@@ -1,5 +1,5 @@
 //! Prepare, forward, backward and colour-only backward on realistic scenes, in evaluated
-//! pixel–splat samples per second, next to the roof that the arithmetic alone allows on one core.
+//! pixel–splat samples per second, next to the one-core roofline of the arithmetic.
 
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
 use gs_core::{Rasterizer, RenderGrads, RenderOutput, RenderParams, UpstreamGrads};

@@ -1,8 +1,8 @@
-//! Evaluated pixel–splat samples per second and core, and their fraction of the roof, on realistic
-//! scenes. The fractions compare best times of interleaved runs, so that they hold on a machine
-//! that is busy with other things.
+//! Evaluated pixel–splat samples per second and core, and their fraction of the roofline, on
+//! realistic scenes. The fractions compare the best times of interleaved runs, so that load from
+//! other programs affects both alike.
 //!
-//! `cargo run --release -p gs-raster-cpu --example throughput [index of the scene]`
+//! `cargo run --release --example throughput [SCENE_INDEX]`
 #![expect(clippy::print_stdout, reason = "an example reports to the terminal")]
 
 use gs_core::{Rasterizer, RenderGrads, RenderOutput, RenderParams, UpstreamGrads};
@@ -17,7 +17,7 @@ mod scene;
 
 const STAGES: [&str; 5] = ["roof", "prepare", "forward", "backward", "backward_colors"];
 
-/// Stages of a preparation, a forward and a backward pass.
+/// Stages of preparation, forward pass and backward pass.
 const SPLIT: [&str; 9] = [
     "project",
     "sort",
@@ -74,7 +74,7 @@ fn main() -> Result<(), gs_core::RasterError> {
                 }
                 *best = best.min(start.elapsed().as_secs_f64());
                 if stage == 3 {
-                    // Before the colours-only pass overwrites some.
+                    // Read before the colours-only pass overwrites some of them.
                     let t = prepared.stage_times();
                     let now = [
                         t.project,
@@ -106,7 +106,7 @@ fn main() -> Result<(), gs_core::RasterError> {
         for (stage, best) in STAGES.iter().zip(best).skip(1) {
             let rate = evaluated / best / cores;
             println!(
-                "  {stage:16} {:8.2} ms  {:6.2} G samples/s and core, {:4.0} % of the roof",
+                "  {stage:16} {:8.2} ms  {:6.2} G samples/s and core, {:4.0} % of the roofline",
                 best * 1e3,
                 rate * 1e-9,
                 100.0 * rate / roof
@@ -116,7 +116,7 @@ fn main() -> Result<(), gs_core::RasterError> {
             let rate = evaluated / seconds / cores;
             let loops = matches!(*name, "composite" | "differentiate");
             let share = if loops {
-                format!("{:4.0} % of the roof", 100.0 * rate / roof)
+                format!("{:4.0} % of the roofline", 100.0 * rate / roof)
             } else {
                 String::new()
             };

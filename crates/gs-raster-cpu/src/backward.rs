@@ -1,5 +1,5 @@
-//! The backward passes: every tile on its own, then sums per splat in a fixed order, then
-//! (`splat_grads`) each splat's chain rule.
+//! The backward passes: gradients per tile, sums per splat in a fixed order,
+//! then the chain rule of each splat (`splat_grads`).
 
 use crate::bins::{BLOCK, MACRO_TILES, Macro};
 use crate::forward::{check, passes, with_channels};
@@ -46,7 +46,8 @@ fn differentiate_macro<S: Simd, F: Lane, const C: usize>(s: S, job: Differentiat
     let DifferentiateMacro { view, layout, stride, first_channel, macro_id, target, .. } = job;
     let (upstream, params) = (job.upstream, job.params);
     let pass = Pass { records: &target.records, length: HEAD + stride, first_channel };
-    // Once through in order, into the cache: the tiles read the records by their lists.
+    // Reads all records once in order to bring them into the
+    // cache; the tiles read them in list order.
     std::hint::black_box(target.records.iter().step_by(16).copied().sum::<F>());
     let mut sums = Sums { values: &mut target.sums, stride: MOMENTS + stride };
     let mut v_channels = [Plane::<F>::zero(); C];
@@ -114,7 +115,7 @@ fn differentiate_macro<S: Simd, F: Lane, const C: usize>(s: S, job: Differentiat
     }
 }
 
-/// The pixels of a tile that lie on the image.
+/// The pixels of a tile that lie inside the image.
 struct TilePixels<'a, F> {
     view: &'a View<F>,
     first: [usize; 2],
@@ -131,7 +132,7 @@ impl<F: Lane> TilePixels<'_, F> {
         }
     }
 
-    /// Upstream gradients of the colour; zero off the image.
+    /// Upstream gradients of the colour; zero outside the image.
     #[inline(always)]
     fn load_rgb(&self, upstream: &UpstreamGrads<F>, planes: &mut [Plane<F>; 3]) {
         for plane in &mut *planes {
@@ -150,7 +151,7 @@ impl<F: Lane> TilePixels<'_, F> {
         });
     }
 
-    /// Upstream gradient of a channel; zero off the image and for padding.
+    /// Upstream gradient of a channel; zero outside the image and for padding.
     #[inline(always)]
     fn load_channel(
         &self,
@@ -249,8 +250,8 @@ pub(crate) fn backward<F: Lane>(
     let stride = prepared.shade.stride;
 
     let start = Instant::now();
-    // Channels behind the last one with a gradient are zero: a render with depth costs nothing here
-    // if depth is not differentiated.
+    // Channels after the last one with a gradient are zero and skipped: depth
+    // costs nothing here if it is not differentiated.
     let used = layout.used(upstream);
     let Prepared { view, macros, composited, .. } = &mut *prepared;
     let arch = lanes::arch();
@@ -284,8 +285,8 @@ pub(crate) fn backward<F: Lane>(
     Ok(())
 }
 
-/// Sums the macro tiles' shares of every splat, macro tile by macro tile: the order does not depend
-/// on the threads.
+/// Adds up the contributions of the macro tiles to every splat, macro tile by macro tile, so that
+/// the order does not depend on the number of threads.
 fn collect<F: Lane>(prepared: &mut Prepared<F>, stride: usize) {
     let Prepared { sums, visible, blocks, macros, composited, .. } = prepared;
     sums.clear();

@@ -1,11 +1,10 @@
-//! Tile lists in depth order, built without a sort per tile and without shared mutable state.
+//! Tile lists in depth order, built without sorting per tile and without shared mutable state.
 //!
 //! Splats arrive sorted by depth. Runs of them ([`Block`]s) are first distributed over [`Macro`]
-//! tiles of 4×4 tiles, each run on its own; then every macro tile collects its splats run by run,
-//! which restores depth order, and distributes them over its tiles. Both steps are parallel and the
-//! result does not depend on the number of threads.
+//! tiles of 4×4 tiles, independently of each other; then every macro tile collects its splats run
+//! by run, which restores depth order, and distributes them over its tiles. Both steps are parallel
+//! and the result does not depend on the number of threads.
 
-use crate::Culling;
 use crate::cull::Reach;
 use crate::lanes::wide;
 use crate::project::Projected;
@@ -26,14 +25,14 @@ const GROUP: usize = 32;
 /// Macro-tile lists of one run of depth-sorted splats.
 #[derive(Debug, Default, Clone)]
 pub(crate) struct Block {
-    /// Start of every macro tile's items; one more at the end.
+    /// Start of every macro tile's items, and the end of the last.
     offsets: Vec<u32>,
     /// Ranks (positions in depth order).
     items: Vec<u32>,
 }
 
 impl Block {
-    /// Ranks that fall into a macro tile.
+    /// Ranks of the splats in a macro tile.
     pub(crate) fn items_of(&self, macro_id: usize) -> &[u32] {
         &self.items[self.offsets[macro_id] as usize..self.offsets[macro_id + 1] as usize]
     }
@@ -44,7 +43,7 @@ impl Block {
 pub(crate) struct TileList {
     /// Index into the macro tile's items.
     pub items: Vec<u32>,
-    /// First and last pixel row that the splat can reach, in the low and high four bits.
+    /// First and last pixel row that the splat can affect, in the low and high four bits.
     pub rows: Vec<u8>,
 }
 
@@ -55,7 +54,7 @@ pub(crate) struct Macro {
     pub items: Vec<u32>,
     /// Start of each block's items in `items`.
     pub block_starts: Vec<u32>,
-    /// Row by row. Tiles off the image have empty lists.
+    /// Row by row. Tiles outside the image have empty lists.
     pub lists: [TileList; MACRO_TILES],
 }
 
@@ -64,29 +63,26 @@ pub(crate) fn macro_grid(tiles: [usize; 2]) -> [usize; 2] {
     tiles.map(|n| n.div_ceil(MACRO))
 }
 
-/// Macro tiles that a splat may reach, `x0, y0, x1, y1`, upper bounds exclusive; `None` if it draws
-/// nothing.
-fn macro_rect<F: Real>(p: &Projected<F>, culling: Culling) -> Option<[usize; 4]> {
+/// Macro tiles that a splat may affect, `x0, y0, x1, y1`, upper
+/// bounds exclusive; `None` if it draws nothing.
+fn macro_rect<F: Real>(p: &Projected<F>) -> Option<[usize; 4]> {
     let mut rect = p.rect.map(usize::from);
-    if let Some(log_opacity) = culling.log_opacity(p.log_opacity) {
-        let reach = Reach::new(p, log_opacity)?;
-        for axis in 0..2 {
-            let (low, high) =
-                (p.mean[axis] - reach.extent[axis], p.mean[axis] + reach.extent[axis]);
-            let tile = |x: F, bound: usize| {
-                let limit = F::from_double(bound as f64);
-                #[expect(
-                    clippy::cast_possible_truncation,
-                    clippy::cast_sign_loss,
-                    reason = "clamped to the tile rectangle"
-                )]
-                let tile =
-                    (x / F::from_double(TILE as f64)).max(F::zero()).min(limit).as_f64() as usize;
-                tile
-            };
-            rect[axis] = rect[axis].max(tile(low, rect[axis + 2]));
-            rect[axis + 2] = rect[axis + 2].min(tile(high, rect[axis + 2]) + 1);
-        }
+    let reach = Reach::new(p)?;
+    for axis in 0..2 {
+        let (low, high) = (p.mean[axis] - reach.extent[axis], p.mean[axis] + reach.extent[axis]);
+        let tile = |x: F, bound: usize| {
+            let limit = F::from_double(bound as f64);
+            #[expect(
+                clippy::cast_possible_truncation,
+                clippy::cast_sign_loss,
+                reason = "clamped to the tile rectangle"
+            )]
+            let tile =
+                (x / F::from_double(TILE as f64)).max(F::zero()).min(limit).as_f64() as usize;
+            tile
+        };
+        rect[axis] = rect[axis].max(tile(low, rect[axis + 2]));
+        rect[axis + 2] = rect[axis + 2].min(tile(high, rect[axis + 2]) + 1);
     }
     (rect[0] < rect[2] && rect[1] < rect[3]).then(|| {
         [rect[0] / MACRO, rect[1] / MACRO, (rect[2] - 1) / MACRO + 1, (rect[3] - 1) / MACRO + 1]
@@ -96,12 +92,11 @@ fn macro_rect<F: Real>(p: &Projected<F>, culling: Culling) -> Option<[usize; 4]>
 /// Distributes depth-sorted `splats` over blocks, then over macro tiles and tiles.
 #[expect(
     clippy::cast_possible_truncation,
-    reason = "ranks are below 2^32: there are no more splats"
+    reason = "ranks are below 2^32, the limit on the number of splats"
 )]
 pub(crate) fn bin<F: Real>(
     splats: &[Projected<F>],
     view: &View<F>,
-    culling: Culling,
     blocks: &mut Vec<Block>,
     macros: &mut Vec<Macro>,
 ) {
@@ -115,7 +110,7 @@ pub(crate) fn bin<F: Real>(
             block.offsets.resize(num_macros + 1, 0);
             let visit = |action: &mut dyn FnMut(usize, u32)| {
                 for (i, splat) in run.iter().enumerate() {
-                    let Some([x0, y0, x1, y1]) = macro_rect(splat, culling) else { continue };
+                    let Some([x0, y0, x1, y1]) = macro_rect(splat) else { continue };
                     for y in y0..y1 {
                         for x in x0..x1 {
                             action(y * grid[0] + x, (first_rank + i) as u32);
@@ -129,7 +124,7 @@ pub(crate) fn bin<F: Real>(
                 end += *offset;
                 *offset = end;
             }
-            // Filled from the back, so that every offset ends at the start of its macro tile; ranks
+            // Filled from the back, which leaves every offset at the start of its macro tile; ranks
             // are reversed in place afterwards.
             block.items.resize(end as usize, 0);
             let (offsets, items) = (&mut block.offsets, &mut block.items);
@@ -155,7 +150,7 @@ pub(crate) fn bin<F: Real>(
         let corner = [macro_id % grid[0] * MACRO, macro_id / grid[0] * MACRO];
         wide(
             #[inline(always)]
-            || fill_lists(splats, view, culling, corner, target),
+            || fill_lists(splats, view, corner, target),
         );
     });
 }
@@ -166,7 +161,6 @@ pub(crate) fn bin<F: Real>(
 fn fill_lists<F: Real>(
     splats: &[Projected<F>],
     view: &View<F>,
-    culling: Culling,
     corner: [usize; 2],
     target: &mut Macro,
 ) {
@@ -178,7 +172,7 @@ fn fill_lists<F: Real>(
     let last_column = F::from_double((view.width - 1) as f64);
     let mut group = [Projected::default(); GROUP];
     for item in 0..target.items.len() {
-        // Copied in groups, because the cache misses of a group overlap.
+        // Copied in groups, so that the cache misses of a group overlap.
         if item % GROUP == 0 {
             for (p, &rank) in group.iter_mut().zip(&target.items[item..]) {
                 *p = splats[rank as usize];
@@ -190,23 +184,11 @@ fn fill_lists<F: Real>(
             (low.max(corner[axis]), high.min(corner[axis] + MACRO))
         };
         let ((x0, x1), (y0, y1)) = (clip(rect[0], rect[2], 0), clip(rect[1], rect[3], 1));
-        let reach = match culling.log_opacity(p.log_opacity) {
-            None => None,
-            Some(log_opacity) => match Reach::new(p, log_opacity) {
-                None => continue,
-                reach => reach,
-            },
-        };
+        let Some(reach) = Reach::new(p) else { continue };
         for tx in x0..x1 {
             let left = F::from_double(tx as f64) * tile;
             let right = (left + tile - F::one()).min(last_column);
-            let reached = match &reach {
-                None => (F::neg_infinity(), F::infinity()),
-                Some(reach) => match reach.rows(left - p.mean[0], right - p.mean[0]) {
-                    None => continue,
-                    Some(rows) => rows,
-                },
-            };
+            let Some(reached) = reach.rows(left - p.mean[0], right - p.mean[0]) else { continue };
             for ty in y0..y1 {
                 let centre = p.mean[1] - F::from_double(ty as f64) * tile;
                 let last = F::from_double((TILE - 1) as f64);

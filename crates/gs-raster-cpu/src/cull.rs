@@ -1,11 +1,11 @@
-//! Exact culling: which pixel rows of a tile column a splat can reach, inside its 3σ rectangle.
+//! Exact culling: the pixel rows of a tile column that a splat can affect, inside its 3σ rectangle.
 
 use crate::project::Projected;
 use gs_core::Real;
 use gs_core::image_formation::ALPHA_THRESHOLD;
 
-/// The set of points where a splat's alpha reaches 1/255: `A x² + 2B x y + C y² ≤ τ` about its
-/// centre, slightly inflated.
+/// The set of points where a splat's alpha is at least 1/255: `A x² + 2B x y +
+/// C y² ≤ τ` about its centre, slightly enlarged.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Reach<F> {
     /// Half extents of the ellipse, pixels.
@@ -13,26 +13,26 @@ pub(crate) struct Reach<F> {
     tau: F,
     /// Slope of the line of midpoints of vertical chords, `−B/C`.
     shear: F,
-    /// x of the topmost point minus centre.
+    /// x of the topmost point relative to the centre.
     x_top: F,
     inverse_c: F,
     inverse_a: F,
 }
 
 impl<F: Real> Reach<F> {
-    /// `None` when the splat reaches 1/255 nowhere.
+    /// `None` if alpha is below 1/255 everywhere.
     ///
-    /// The inflation outweighs the rounding of the pixel stage, which grows with the conic's
-    /// condition: culling must never remove a sample that would be drawn. A wider margin only costs
-    /// time.
+    /// The margin exceeds the rounding error of the pixel stage, which grows with
+    /// the condition number of the conic: culling must never remove a sample that
+    /// would be drawn. A larger margin only costs time.
     #[inline(always)]
-    pub(crate) fn new(p: &Projected<F>, log_opacity: F) -> Option<Self> {
-        let tau = F::of(2.0) * (log_opacity - F::of(ALPHA_THRESHOLD).ln());
+    pub(crate) fn new(p: &Projected<F>) -> Option<Self> {
+        let tau = F::of(2.0) * (p.log_opacity - F::of(ALPHA_THRESHOLD).ln());
         let [a, b, c] = p.conic;
         let condition = a * p.spread[0];
         let margin = F::of(1e-3) + F::of(16.0) * F::epsilon() * condition;
         let tau = tau + margin * (F::one() + tau.abs());
-        // Also false for NaN: an opacity that is no number draws nothing.
+        // Also false for NaN: a splat with NaN opacity draws nothing.
         let drawn = tau > F::zero();
         if !drawn {
             return None;
@@ -81,9 +81,10 @@ mod tests {
             let p = Projected {
                 conic: [c / det, -b / det, a / det],
                 spread: [a, c],
+                log_opacity: 0.8_f64.ln(),
                 ..Projected::default()
             };
-            let reach = Reach::new(&p, 0.8_f64.ln()).unwrap();
+            let reach = Reach::new(&p).unwrap();
             let tau = reach.tau;
             for (left, right) in
                 [(-30.0, 30.0), (-4.0, 1.0), (1.5, 3.0), (-9.0, -6.0), (11.0, 26.0)]
@@ -113,11 +114,14 @@ mod tests {
     }
 
     #[test]
-    fn faint_splats_reach_nothing() {
-        let p = Projected { conic: [1.0_f32, 0.0, 1.0], spread: [1.0; 2], ..Projected::default() };
-        assert!(Reach::new(&p, 0.003_f32.ln()).is_none(), "below 1/255");
-        assert!(Reach::new(&p, 0.0_f32.ln()).is_none(), "transparent");
-        assert!(Reach::new(&p, f32::NAN).is_none(), "not a number");
-        assert!(Reach::new(&p, 0.01_f32.ln()).is_some(), "above 1/255");
+    fn faint_splats_are_culled() {
+        let reaches = |log_opacity: f32| {
+            let (conic, spread) = ([1.0, 0.0, 1.0], [1.0; 2]);
+            Reach::new(&Projected { conic, spread, log_opacity, ..Projected::default() }).is_some()
+        };
+        assert!(!reaches(0.003_f32.ln()), "below 1/255");
+        assert!(!reaches(0.0_f32.ln()), "transparent");
+        assert!(!reaches(f32::NAN), "not a number");
+        assert!(reaches(0.01_f32.ln()), "above 1/255");
     }
 }

@@ -12,11 +12,11 @@ use pulp::{Simd, WithSimd};
 use rayon::prelude::*;
 use std::time::Instant;
 
-/// Most channels composited at once; more are done in several passes.
+/// Largest number of channels per pass; more take several passes.
 const MAX_CHANNELS: usize = 8;
 
-/// Channel counts of the passes that together composite `channels` channels: kernels exist for 1,
-/// 3, 4, 6 and 8, the rest is padding.
+/// Channels and kernel width of each pass over `channels` channels: kernels exist for 1, 3, 4, 6
+/// and 8 channels, the rest is padding.
 pub(crate) fn passes(channels: usize) -> impl Iterator<Item = (usize, usize)> {
     (0..channels.max(1)).step_by(MAX_CHANNELS).map(move |first| {
         let left = channels.saturating_sub(first);
@@ -122,7 +122,7 @@ pub(crate) fn forward<F: Lane>(
             shade.fill((visible, rank_of), view, splats, features, layout, stride)
         })
     };
-    if !covered && prepared.culling == crate::Culling::Opacity {
+    if !covered {
         for p in &mut prepared.visible {
             p.opacity = prepared.shade.opacity(p.id);
             p.log_opacity = p.opacity.ln();
@@ -180,7 +180,7 @@ fn assemble<F: Lane>(
 
     let background = params.background.map(F::from_double);
     let macros_across = macro_grid(view.tiles)[0];
-    // A plane that was not asked for yields empty rows.
+    // A plane that was not requested has empty rows.
     let row_lengths = [
         if layout.rgb { 3 * width } else { 0 },
         width,
@@ -212,7 +212,7 @@ fn assemble<F: Lane>(
                     if layout.rgb {
                         let target = rgb[3 * x0..3 * (x0 + count)].as_chunks_mut::<3>().0;
                         let (r, g, b) = (plane(0), plane(1), plane(2));
-                        // Mixed plane by plane, then interleaved: the first half vectorises.
+                        // Mixed plane by plane, which vectorises, then interleaved.
                         let mut mixed = [[F::zero(); TILE]; 3];
                         for ((mixed, plane), background) in
                             mixed.iter_mut().zip([r, g, b]).zip(background)

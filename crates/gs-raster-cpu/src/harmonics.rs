@@ -6,18 +6,18 @@ use crate::view::{dot, each};
 use gs_core::{Ring, Splats, sh};
 use pulp::Simd;
 
-/// Terms whose values of three channels fill whole quads.
+/// Number of terms whose values in three channels fill whole quads.
 const BLOCK: usize = 4;
 
-/// Brings the coefficients of the splats `first + i` into the cache: in a loop that does nothing
-/// else, the cache misses overlap.
+/// Prefetches the coefficients of the splats `first + i`: in a loop
+/// without other work, the cache misses overlap.
 #[inline(always)]
 pub(crate) fn touch<F: Lane>(splats: &Splats<F>, first: usize, list: &[usize]) {
     let coeffs = splats.sh_coeffs();
     let mut sum = [F::zero(); 3];
     for &i in list {
         let row = &splats.sh[(first + i) * coeffs..(first + i + 1) * coeffs];
-        // One value per cache line, or nearly so.
+        // Approximately one value per cache line.
         for (line, sum) in sum.iter_mut().enumerate() {
             *sum += row[line * coeffs / 3][0];
         }
@@ -25,8 +25,8 @@ pub(crate) fn touch<F: Lane>(splats: &Splats<F>, first: usize, list: &[usize]) {
     std::hint::black_box(sum);
 }
 
-/// Coefficients of a group of splats, or their gradients, side by side: a splat's row of `[K,3]`
-/// values, four at a time. Zero beyond.
+/// Coefficients of a group of splats, or their gradients, side by side: each splat's row of `[K,3]`
+/// values, four at a time, padded with zeros.
 #[derive(Debug, Clone)]
 pub(crate) struct Harmonics<F> {
     degree: usize,
@@ -78,7 +78,7 @@ impl<F: Lane> Harmonics<F> {
         [[r0, g0, b0], [r1, g1, b1], [r2, g2, b2], [r3, g3, b3]]
     }
 
-    /// Colours before the clamp, seen along unit vectors.
+    /// Colours before the clamp, in the directions of unit vectors.
     #[inline(always)]
     pub(crate) fn colors<S: Simd>(
         &self,
@@ -97,8 +97,8 @@ impl<F: Lane> Harmonics<F> {
         rgb
     }
 
-    /// Gradient of means through the direction that their colours are seen from, given the
-    /// gradients of the colours, the unit directions and the distances.
+    /// Gradient of the means through the viewing direction of their colours, given the gradients of
+    /// the colours, the unit directions and the distances.
     #[inline(always)]
     pub(crate) fn mean_gradient<S: Simd>(
         &self,

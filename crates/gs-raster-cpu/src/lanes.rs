@@ -1,17 +1,17 @@
-//! [`Lane`]: vector registers of `f32` or `f64`, generic over the instruction set that `pulp`
-//! picked at run time.
+//! [`Lane`]: vector registers of `f32` or `f64`, generic over the
+//! instruction set that `pulp` selects at run time.
 
 use gs_core::Real;
 use pulp::{Arch, Simd};
 
-/// A float type whose vectors the kernels can compute with.
+/// A float type with vector registers for the kernels.
 ///
-/// The methods are the instructions the kernels need and nothing more. All of them inline into the
+/// The methods are exactly the instructions that the kernels use. All of them inline into the
 /// function that `pulp` compiles once per instruction set.
 pub trait Lane: Real {
     /// A register.
     type Vector<S: Simd>: Copy;
-    /// A register of truth values.
+    /// A register of lane masks.
     type Mask<S: Simd>: Copy;
 
     fn vsplat<S: Simd>(s: S, x: Self) -> Self::Vector<S>;
@@ -56,14 +56,14 @@ pub trait Lane: Real {
     fn any_negative<S: Simd>(s: S, a: Self::Vector<S>) -> bool;
     /// Sum of the lanes, in a fixed order.
     fn vsum<S: Simd>(s: S, a: Self::Vector<S>) -> Self;
-    /// Sum of the lanes of each register, in a fixed order: cheaper than one by one.
+    /// Sum of the lanes of each register, in a fixed order; cheaper than four separate sums.
     #[inline(always)]
     fn vsums<S: Simd>(s: S, registers: [Self::Vector<S>; 4]) -> [Self; 4] {
         let [mut a, b, c, d] = Self::vrows(s, registers);
         let mut sums = [[Self::zero(); 4]; 4];
         let lanes = size_of::<Self::Vector<S>>() / size_of::<Self>();
         if lanes < 4 {
-            // A row of four values takes several registers.
+            // Fewer than four lanes: a row of four values takes several registers.
             let mut rows = [[Self::zero(); 4]; 4];
             Self::vectors_mut::<S>(rows.as_flattened_mut())[..4].copy_from_slice(&[a, b, c, d]);
             sums = rows;
@@ -86,9 +86,9 @@ pub trait Lane: Real {
     /// `e^a`, relative error below 2e-7 (`f32`) or 1e-14 (`f64`); 0 or infinite where that is out
     /// of range, NaN for NaN.
     fn vexp<S: Simd>(s: S, a: Self::Vector<S>) -> Self::Vector<S>;
-    /// Four registers that hold rows of four values, as registers of first, second, third and
-    /// fourth values. The lanes come in an order of the instruction set's own, the same for every
-    /// call.
+    /// Transposes four registers of rows of four values into registers of first,
+    /// second, third and fourth values. The order of the lanes depends on the
+    /// instruction set but is the same for every call.
     fn vcolumns<S: Simd>(s: S, rows: [Self::Vector<S>; 4]) -> [Self::Vector<S>; 4];
     /// The inverse of [`Lane::vcolumns`].
     fn vrows<S: Simd>(s: S, columns: [Self::Vector<S>; 4]) -> [Self::Vector<S>; 4];
@@ -100,9 +100,9 @@ pub trait Lane: Real {
 
 /// Runs `body` compiled for the best instruction set of this machine.
 ///
-/// Takes the closure itself, marked `#[inline(always)]`: the bound here makes it an `FnOnce`, whose
+/// Takes the closure directly, marked `#[inline(always)]`: the bound makes it an `FnOnce`, whose
 /// body is inlined into the function with the wider instruction set. Inferred as `Fn`, it would be
-/// called through a shim and stay at the baseline.
+/// called through a shim and be compiled for the baseline.
 #[inline(always)]
 pub(crate) fn wide<R>(body: impl FnOnce() -> R) -> R {
     arch().dispatch(body)
@@ -122,7 +122,7 @@ pub(crate) use tests::arch;
 const EXP2_SINGLE: [f32; 6] =
     [1.0, 0.693_147, 0.240_222_42, 0.055_507_336, 0.009_671_513, 0.001_326_473];
 
-/// 2^f on [−½, ½]: Taylor coefficients ln(2)^k / k!; the first one left out is below 1e-17.
+/// 2^f on [−½, ½]: Taylor coefficients ln(2)^k / k!; the first omitted term is below 1e-17.
 const EXP2_DOUBLE: [f64; 14] = [
     1.0,
     std::f64::consts::LN_2,
@@ -332,7 +332,7 @@ fn exp2_single<S: Simd>(s: S, a: S::f32s) -> S::f32s {
     let round = s.splat_f32s(ROUND_SINGLE);
     let shifted = s.add_f32s(a, round);
     let f = s.sub_f32s(a, s.sub_f32s(shifted, round));
-    // Pairs first (Estrin): a shorter chain of dependent instructions than Horner's.
+    // Estrin's scheme has a shorter dependency chain than Horner's.
     let pair = |k: usize| {
         s.mul_add_e_f32s(f, s.splat_f32s(EXP2_SINGLE[k + 1]), s.splat_f32s(EXP2_SINGLE[k]))
     };
@@ -391,7 +391,7 @@ fn exp2_double<S: Simd>(s: S, a: S::f64s) -> S::f64s {
     for k in (0..13).rev() {
         p = s.mul_add_e_f64s(p, f, s.splat_f64s(EXP2_DOUBLE[k]));
     }
-    // A product by 2^52 modulo 2^64 is the shift that `pulp` lacks for 64-bit lanes.
+    // `pulp` has no shift for 64-bit lanes; multiplying by 2^52 modulo 2^64 is equivalent.
     let n = s.mul_u64s(s.transmute_u64s_f64s(shifted), s.splat_u64s(1 << 52));
     s.transmute_f64s_u64s(s.add_u64s(s.transmute_u64s_f64s(p), n))
 }
@@ -426,7 +426,7 @@ mod tests {
             quats: (0..count).map(|i| [3, 4, 5, 6].map(|k| phase(i, k))).collect(),
             log_scales: (0..count).map(|i| [7, 8, 9].map(|k| phase(i, k) - 2.5)).collect(),
             opacity_logits: (0..count).map(|i| 3.0 * phase(i, 10)).collect(),
-            // A degree whose coefficients do not fill whole quads.
+            // The coefficients of degree 2 do not fill whole quads.
             sh: (0..9 * count).map(|i| [11, 12, 13].map(|k| phase(i, k))).collect(),
             sh_degree: 2,
         };
@@ -448,8 +448,8 @@ mod tests {
         (out.rgb, arrays.map(widen))
     }
 
-    /// The machines of other people: the same image and gradients from every instruction set that
-    /// this one has.
+    /// Image and gradients agree for every instruction set of
+    /// this machine, so that they do on others.
     #[test]
     fn instruction_sets_agree() {
         let (best, best_grads) = gradients();

@@ -1,6 +1,5 @@
-//! [`Prepared`]: geometry seen by one camera, and the memory of every later stage.
+//! [`Prepared`]: geometry projected for one camera, and the memory of every later stage.
 
-use crate::Culling;
 use crate::bins::{self, Block, MACRO, MACRO_TILES, Macro};
 use crate::lanes::{self, Lane};
 use crate::project::{CULLED, Projected, project};
@@ -11,26 +10,25 @@ use gs_core::{Camera, RasterError, Real, Splats};
 use pulp::{Simd, WithSimd};
 use rayon::prelude::*;
 
-/// Splats projected by one task.
+/// Splats projected per task.
 const CHUNK: usize = 1024;
 
-/// Geometry seen by one camera, ready to composite: projected splats in depth order and the lists
-/// of every 16×16 tile.
+/// Geometry projected for one camera, ready to composite: projected splats in
+/// depth order and the list of every 16×16 tile.
 ///
-/// Reusable while means, quaternions, log-scales and camera stay fixed. The lists leave out tiles
-/// that a splat does not reach with the opacity it has; when a later forward pass brings a larger
-/// opacity, they are made anew from the projection at hand (no projecting, no sorting), so the
-/// image is always that of a fresh [`Prepared`].
+/// Reusable while means, quaternions, log-scales and camera are unchanged. The lists omit tiles in
+/// which a splat's alpha is below 1/255 at its current opacity. If a later forward pass has a
+/// larger opacity, the lists are rebuilt from the existing projection (without projecting or
+/// sorting), so the image always equals that of a new [`Prepared`].
 #[derive(Debug, Clone, Default)]
 pub struct Prepared<F> {
     pub(crate) view: View<F>,
     pub(crate) num_splats: usize,
     pub(crate) sh_degree: usize,
-    pub(crate) culling: Culling,
     /// Indexed by splat; rows of culled splats are stale.
     projected: Vec<Projected<F>>,
     chunk_keys: Vec<Vec<u64>>,
-    /// Depth bits, then index: unique, so an unstable sort is as good as a stable one.
+    /// Depth bits, then index: keys are unique, so an unstable sort suffices.
     keys: Vec<u64>,
     /// In depth order; the position is the splat's rank.
     pub(crate) visible: Vec<Projected<F>>,
@@ -47,10 +45,10 @@ pub struct Prepared<F> {
     pub(crate) times: StageTimes,
 }
 
-/// What compositing leaves of one macro tile, tile by tile; `sums` is written by the backward pass.
+/// Results of compositing one macro tile, tile by tile; `sums` is written by the backward pass.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Composited<F> {
-    /// Records of the macro tile's items, side by side: its tiles share most of them.
+    /// Records of the macro tile's items, side by side; its tiles share most of them.
     pub records: Vec<F>,
     /// `[tiles, channels, 256]`.
     pub planes: Vec<F>,
@@ -99,7 +97,6 @@ impl<F: Lane> Prepared<F> {
         &mut self,
         splats: &Splats<F>,
         camera: &Camera,
-        culling: Culling,
     ) -> Result<(), RasterError> {
         camera.check()?;
         splats.check_shapes()?;
@@ -112,7 +109,6 @@ impl<F: Lane> Prepared<F> {
         self.view = View::new(camera);
         self.num_splats = num_splats;
         self.sh_degree = splats.sh_degree;
-        self.culling = culling;
         self.has_forward = false;
 
         let mut times = self.times;
@@ -160,17 +156,16 @@ impl<F: Lane> Prepared<F> {
         }
     }
 
-    /// Makes the lists for the opacities in `visible`.
+    /// Builds the lists for the opacities in `visible`.
     pub(crate) fn bin(&mut self) {
-        let Self { visible, view, culling, blocks, macros, times, .. } = self;
-        timed(&mut times.bin, || bins::bin(visible, view, *culling, blocks, macros));
+        let Self { visible, view, blocks, macros, times, .. } = self;
+        timed(&mut times.bin, || bins::bin(visible, view, blocks, macros));
     }
 }
 
 impl<F: Real> Prepared<F> {
-    /// Frees everything but the projection and the lists: what a cache of many prepared views
-    /// should hold. The next forward pass allocates again; a backward pass needs a forward pass
-    /// first.
+    /// Frees everything except the projection and the lists, for caches of many prepared views. The
+    /// next forward pass allocates again; a backward pass needs a forward pass first.
     pub fn trim(&mut self) {
         self.projected = Vec::new();
         self.chunk_keys = Vec::new();
@@ -181,7 +176,7 @@ impl<F: Real> Prepared<F> {
         self.has_forward = false;
     }
 
-    /// Where the last calls with this state spent their time.
+    /// Times of the stages of the last calls with this state.
     pub fn stage_times(&self) -> StageTimes {
         self.times
     }
@@ -191,7 +186,7 @@ impl<F: Real> Prepared<F> {
         [self.view.width, self.view.height]
     }
 
-    /// Number of splats given to `prepare`.
+    /// Number of splats passed to `prepare`.
     pub fn num_splats(&self) -> usize {
         self.num_splats
     }
@@ -219,8 +214,8 @@ impl<F: Real> Prepared<F> {
         self.composited.iter().map(|tile| tile.evaluated).sum()
     }
 
-    /// 3σ radius of a splat in pixels; 0 if it is culled, or left out of the last forward pass
-    /// because its colour, opacity or a feature was not finite.
+    /// 3σ radius of a splat in pixels; 0 if it is culled, or was excluded from the last forward
+    /// pass because its colour, opacity or a feature was not finite.
     ///
     /// # Panics
     /// If `id` is out of range.
@@ -243,11 +238,58 @@ impl<F: Real> Prepared<F> {
         (rank != CULLED && !dead()).then(|| &self.visible[rank as usize])
     }
 
-    /// First pixel of tile `tile` of macro tile `macro_id`; `None` if it lies off the image.
+    /// First pixel of tile `tile` of macro tile `macro_id`; `None` if it lies outside the image.
     pub(crate) fn tile_origin(view: &View<F>, macro_id: usize, tile: usize) -> Option<[usize; 2]> {
         let grid = bins::macro_grid(view.tiles);
         let tx = macro_id % grid[0] * MACRO + tile % MACRO;
         let ty = macro_id / grid[0] * MACRO + tile / MACRO;
         (tx < view.tiles[0] && ty < view.tiles[1]).then_some([tx * TILE, ty * TILE])
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::CpuRasterizer;
+    use gs_core::{Rasterizer, RenderGrads, RenderOutput, RenderParams, UpstreamGrads};
+
+    /// The exact culling removes entries of the rectangle lists, and image and gradients stay
+    /// bit-identical.
+    #[test]
+    fn culling_does_not_change_the_image() {
+        let phase = |i: usize, k: usize| ((i * 37 + k * 101) % 89) as f32 / 44.0 - 1.0;
+        let count = 400;
+        let splats = Splats::<f32> {
+            means: (0..count).map(|i| [0, 1, 2].map(|k| phase(i, k))).collect(),
+            quats: (0..count).map(|i| [3, 4, 5, 6].map(|k| phase(i, k))).collect(),
+            log_scales: (0..count).map(|i| [7, 8, 9].map(|k| phase(i, k) - 2.5)).collect(),
+            opacity_logits: (0..count).map(|i| 3.0 * phase(i, 10)).collect(),
+            sh: (0..count).map(|i| [11, 12, 13].map(|k| phase(i, k))).collect(),
+            sh_degree: 0,
+        };
+        let camera = Camera::look_at([0.0, 0.0, -4.0], [0.0; 3], [0.0, -1.0, 0.0], 0.8, 130, 90);
+        let (raster, params) = (CpuRasterizer::default(), RenderParams::default());
+        let upstream = UpstreamGrads {
+            v_rgb: (0..3 * 130 * 90).map(|i| phase(i, 14)).collect(),
+            ..UpstreamGrads::default()
+        };
+        let run = |prepared: &mut Prepared<f32>| -> (RenderOutput, RenderGrads, RenderGrads) {
+            let out = raster.forward(prepared, &splats, &[], &params).unwrap();
+            let grads = raster.backward(prepared, &splats, &[], &params, &upstream).unwrap();
+            let colors =
+                raster.backward_colors(prepared, &splats, &[], &params, &upstream).unwrap();
+            (out, grads, colors)
+        };
+        let mut culled = raster.prepare(&splats, &camera).unwrap();
+        let mut listed = culled.clone();
+        // With this opacity every ellipse contains its rectangle.
+        for p in &mut listed.visible {
+            (p.opacity, p.log_opacity) = (f32::INFINITY, 1e6);
+        }
+        listed.bin();
+        assert_eq!(listed.num_isects(), listed.num_rect_isects(), "the whole rectangles");
+        assert!(culled.num_isects() < culled.num_rect_isects(), "the ellipse culls");
+        assert!(run(&mut culled) == run(&mut listed), "image and gradients");
+        assert_eq!(listed.num_isects(), listed.num_rect_isects(), "still the whole rectangles");
     }
 }

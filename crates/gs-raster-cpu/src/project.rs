@@ -1,5 +1,5 @@
-//! Splats to the image plane: covariance, conic, radius, tile rectangle (forward; `project_grad` is
-//! its derivative).
+//! Projection of splats to the image plane: covariance, conic, radius, tile rectangle
+//! (`project_grad` is the derivative).
 
 use crate::lanes::Lane;
 use crate::vector::{GROUP, Quad, Vector, all_finite, registers};
@@ -22,9 +22,9 @@ pub(crate) struct Projected<F> {
     pub spread: [F; 2],
     /// Camera depth.
     pub depth: F,
-    /// Opacity when the lists were made.
+    /// Opacity for which the lists were built.
     pub opacity: F,
-    /// Its natural logarithm.
+    /// Natural logarithm of `opacity`.
     pub log_opacity: F,
     /// Index among the caller's splats.
     pub id: u32,
@@ -40,7 +40,7 @@ pub(crate) struct Geometry<F> {
     /// Mean and opacity logit.
     pub means: Quad<F>,
     pub quats: Quad<F>,
-    /// And padding.
+    /// Log-scales and padding.
     pub log_scales: Quad<F>,
 }
 
@@ -59,7 +59,7 @@ impl<F: Lane> Geometry<F> {
     }
 }
 
-/// What forward and backward projection share.
+/// Values shared by forward and backward projection.
 #[derive(Clone, Copy)]
 pub(crate) struct Frame<S: Simd, F: Lane> {
     pub opacity: Vector<S, F>,
@@ -71,9 +71,9 @@ pub(crate) struct Frame<S: Simd, F: Lane> {
     pub free: [Vector<S, F>; 2],
     /// Norm of the raw quaternion, at least 1e-12.
     pub norm: Vector<S, F>,
-    /// The normalised quaternion; zero for a zero quaternion, as the reference normalises.
+    /// The normalised quaternion; zero for a zero quaternion, as in the reference.
     pub quat: [Vector<S, F>; 4],
-    /// Its rotation matrix.
+    /// Rotation matrix of `quat`.
     pub rotation: [[Vector<S, F>; 3]; 3],
     /// Standard deviations along the local axes.
     pub scale: [Vector<S, F>; 3],
@@ -134,7 +134,7 @@ impl<S: Simd, F: Lane> Frame<S, F> {
     }
 }
 
-/// `x` clamped to the guard band at depth `z`, and 0 where that changed it, else 1.
+/// `x` clamped to the guard band at depth `z`, and 0 where the clamp is active, else 1.
 #[inline(always)]
 fn clamp<S: Simd, F: Lane>(
     x: Vector<S, F>,
@@ -154,8 +154,8 @@ pub(crate) struct ProjectedGroup<F> {
     ellipse: Quad<F>,
     /// Conic, depth.
     conic: Quad<F>,
-    /// Opacity; 3σ radius before rounding, −1 for a splat that is culled: behind, or not finite in
-    /// single precision; padding.
+    /// Opacity; 3σ radius before rounding, −1 for a culled splat (behind the near plane, or not
+    /// finite in single precision); padding.
     rest: Quad<F>,
 }
 
@@ -202,7 +202,7 @@ impl<F: Lane> ProjectedGroup<F> {
         self.rest.store(s, k, [frame.opacity, radius, zero, zero]);
     }
 
-    /// The splat at `place`, whose index is `id`; `None` when it is culled, for whatever reason.
+    /// The splat at `place`, whose index is `id`; `None` if it is culled for any reason.
     #[inline(always)]
     #[expect(
         clippy::cast_possible_truncation,
@@ -243,8 +243,7 @@ impl<F: Lane> ProjectedGroup<F> {
     }
 }
 
-/// Projects the splats from `first` on into `rows`; those that are not culled are reported to
-/// `visible`.
+/// Projects the splats from `first` into `rows`; calls `visible` for those that are not culled.
 #[inline(always)]
 pub(crate) fn project<S: Simd, F: Lane>(
     s: S,

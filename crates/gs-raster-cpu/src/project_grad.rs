@@ -9,7 +9,7 @@ use crate::view::{View, dot, each};
 use gs_core::{GradientConvention, Ring};
 use pulp::Simd;
 
-/// Keeps the reference's inverse of the covariance finite; part of its gradient convention.
+/// Keeps the inverse of the covariance finite; part of the reference's gradient convention.
 const EPS_INVERSE: f32 = 1e-7;
 
 /// Gradients of geometry and opacity, one splat per lane.
@@ -102,8 +102,8 @@ fn column<V: Copy>(a: &[[V; 3]; 3], k: usize) -> [V; 3] {
     [a[0][k], a[1][k], a[2][k]]
 }
 
-/// From the gradient `n` of the rotation matrix to that of the raw quaternion of length `norm`,
-/// whose normalisation is `q`.
+/// Maps the gradient `n` of the rotation matrix to that of the raw
+/// quaternion with length `norm` and normalised value `q`.
 #[inline(always)]
 fn quat_gradient<S: Simd, F: Lane>(
     norm: Vector<S, F>,

@@ -1,5 +1,5 @@
-//! [`Shade`]: what a forward pass draws each visible splat with. The only stage that reads SH,
-//! opacities and features.
+//! [`Shade`]: colours, opacities and features of the visible splats for a forward pass. The only
+//! stage that reads SH, opacities and features.
 
 use crate::harmonics::{Harmonics, touch};
 use crate::lanes::{self, Lane, wide};
@@ -11,7 +11,7 @@ use gs_core::{Real, RenderParams, Ring, Splats, UpstreamGrads};
 use pulp::{Simd, WithSimd};
 use rayon::prelude::*;
 
-/// Splats shaded by one task.
+/// Splats shaded per task.
 const CHUNK: usize = 256;
 
 /// The order of channels: RGB, depth, the caller's features, zero padding.
@@ -60,30 +60,30 @@ impl Layout {
 /// Values of a record before its channels.
 pub(crate) const HEAD: usize = 6;
 
-/// Everything the pixel stage reads of every visible splat, by rank.
+/// All values that the pixel stage reads of the visible splats, by rank.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Shade<F> {
     pub layout: Layout,
     /// Channels per splat, padding included.
     pub stride: usize,
     /// `[V, HEAD + stride]`: centre, coefficients of `dx²`, `dx dy`, `dy²` and constant of `log2 α`
-    /// (−∞ for a splat that draws nothing), channels. One record per splat, so that a tile touches
-    /// as few cache lines as possible.
+    /// (−∞ for a splat that draws nothing), channels. One record per splat, so that a tile reads as
+    /// few cache lines as possible.
     pub records: Vec<F>,
-    /// By splat: colour before the clamp, then opacity, 0 for a splat that is left out. SH is read
-    /// in the order it is stored, which is several times faster than in depth order.
+    /// By splat: colour before the clamp, then opacity, 0 for an excluded splat. SH is read in
+    /// storage order, which is several times faster than in depth order.
     shaded: Vec<[F; 4]>,
     /// By splat; bits 0 to 2: the colour channel was negative before the clamp.
     pub flags: Vec<u8>,
 }
 
-/// Marks, among the bits of [`Shade::flags`], a splat that is culled, or left out because its
-/// colour, opacity or a feature is not finite.
+/// Bit of [`Shade::flags`] for a splat that is culled, or excluded because
+/// its colour, opacity or a feature is not finite.
 pub(crate) const DEAD: u8 = 128;
 
 impl<F: Lane> Shade<F> {
-    /// Evaluates opacities, colours and features. Returns whether every opacity is still covered by
-    /// the one its lists were made with.
+    /// Evaluates opacities, colours and features. Returns whether no opacity
+    /// exceeds the one for which its lists were built.
     pub(crate) fn fill(
         &mut self,
         (visible, rank_of): (&[Projected<F>], &[u32]),
@@ -106,7 +106,7 @@ impl<F: Lane> Shade<F> {
                     #[inline(always)]
                     || {
                         let mut covered = true;
-                        // Fetched in one go: their cache misses overlap.
+                        // Fetched in one loop, so that the cache misses overlap.
                         let mut fetched = [[F::zero(); 4]; CHUNK];
                         for (target, p) in fetched.iter_mut().zip(visible) {
                             *target = shaded[p.id as usize];
@@ -119,8 +119,8 @@ impl<F: Lane> Shade<F> {
                                 continue;
                             };
                             *head = exponent(p, opacity);
-                            // Without one loop over all channels: its calls would cost more than
-                            // its work.
+                            // No loop over all channels here: the copy calls
+                            // would cost more than the work.
                             if layout.rgb {
                                 let rgb = [r, g, b].map(|x| x.max(F::zero()));
                                 if let Some(channels) = channels.first_chunk_mut() {
@@ -150,7 +150,7 @@ impl<F: Lane> Shade<F> {
             .reduce(|| true, |a, b| a && b)
     }
 
-    /// Opacity of a splat in the last forward pass, 0 if it was left out.
+    /// Opacity of a splat in the last forward pass, 0 if it was excluded.
     pub(crate) fn opacity(&self, id: u32) -> F {
         self.shaded[id as usize][3]
     }
@@ -181,7 +181,7 @@ impl<F: Lane> Shade<F> {
     }
 }
 
-/// Colours and opacities of consecutive splats from `first` on.
+/// Colours and opacities of consecutive splats from `first`.
 struct Chunk<'a, F> {
     view: &'a View<F>,
     splats: &'a Splats<F>,
@@ -236,7 +236,7 @@ impl<F: Lane> WithSimd for Chunk<'_, F> {
                 let values = out.0[place];
                 let id = first + i;
                 let features = &self.features[id * layout.features..(id + 1) * layout.features];
-                // Before the clamp: −∞ would become a colour.
+                // Tested before the clamp, which would turn −∞ into 0.
                 let alive = values.iter().chain(features).all(|x| x.as_f32().is_finite());
                 let negative = |c: usize| u8::from(values[c] < F::zero()) << c;
                 (shaded[i], flags[i]) = if alive {
@@ -249,7 +249,7 @@ impl<F: Lane> WithSimd for Chunk<'_, F> {
     }
 }
 
-/// Centre and the coefficients of `log2 α`: base 2 is the base of the vector exponential.
+/// Centre and the coefficients of `log2 α`; base 2, because the vector exponential is `2^x`.
 #[inline(always)]
 fn exponent<F: Real>(p: &Projected<F>, opacity: F) -> [F; HEAD] {
     let log2_e = F::from_double(std::f64::consts::LOG2_E);

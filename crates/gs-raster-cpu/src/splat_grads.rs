@@ -1,8 +1,7 @@
-//! From the pixel stage's sums to the gradients of every splat's stored parameters.
+//! Chain rule from the sums of the pixel stage to the gradients of every splat's stored parameters.
 //!
-//! Splats that no pixel has drawn, a third in a large scene, get their zeros at once; the others
-//! are staged in groups, one splat per lane. Each gradient is written once, in the order of the
-//! splats.
+//! Splats that no pixel has drawn (a third of a large scene) get zeros directly; the others are
+//! staged in groups, one splat per lane. Each gradient is written once, in the order of the splats.
 
 use crate::harmonics::{Harmonics, touch};
 use crate::lanes::{self, Lane};
@@ -17,14 +16,14 @@ use gs_core::{GradientConvention, RenderGrads, Splats};
 use pulp::{Simd, WithSimd};
 use rayon::prelude::*;
 
-/// Which parameters a backward pass differentiates.
+/// Parameters that a backward pass differentiates.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Scope {
     Everything,
     Colors,
 }
 
-/// Splats differentiated by one task.
+/// Splats differentiated per task.
 const CHUNK: usize = 256;
 
 /// Chain rule of every splat.
@@ -87,7 +86,7 @@ pub(crate) fn write<F: Lane>(
         });
 }
 
-/// Where the gradients of geometry and opacity of a chunk go.
+/// Output arrays for the gradients of geometry and opacity of a chunk.
 struct Targets<'a, F> {
     means: &'a mut [[F; 3]],
     quats: &'a mut [[F; 4]],
@@ -96,7 +95,7 @@ struct Targets<'a, F> {
     means2d: &'a mut [[F; 2]],
 }
 
-/// Consecutive splats from `first` on, as many as `sh` has room for.
+/// Consecutive splats from `first`, as many as `sh` holds.
 struct Chunk<'a, F> {
     prepared: &'a Prepared<F>,
     splats: &'a Splats<F>,
@@ -108,7 +107,7 @@ struct Chunk<'a, F> {
     sh: &'a mut [[F; 3]],
 }
 
-/// What the pixel stage says about one splat: moments, colour, depth, padding.
+/// Sums of the pixel stage for one splat: moments, colour, depth, padding.
 type SplatSums<F> = [[F; 4]; 3];
 
 /// A group of splats, side by side.
@@ -118,7 +117,7 @@ struct Group<F> {
     /// [`SplatSums`].
     sums: [Quad<F>; 3],
     v_harmonics: Harmonics<F>,
-    /// Of means, and of opacity logits.
+    /// Gradients of means and opacity logits.
     v_means: Quad<F>,
     v_quats: Quad<F>,
     /// And padding.
@@ -185,8 +184,8 @@ impl<F: Lane> WithSimd for Chunk<'_, F> {
 }
 
 impl<F: Lane> Chunk<'_, F> {
-    /// The sums of the splats, zero for those that draw nothing and for clamped colours. They lie
-    /// in depth order; fetched in a loop that does nothing else, their cache misses overlap.
+    /// The sums of the splats, zero for those that draw nothing and for clamped colours. They are
+    /// stored in depth order; a loop without other work lets the cache misses overlap.
     #[inline(always)]
     fn fetch(&self) -> [SplatSums<F>; CHUNK] {
         let prepared = self.prepared;
@@ -196,7 +195,7 @@ impl<F: Lane> Chunk<'_, F> {
         let mut out = [[[F::zero(); 4]; 3]; CHUNK];
         let used = MOMENTS + if layout.rgb { 3 } else { 0 };
         for (out, &rank) in out.iter_mut().zip(ranks) {
-            // A culled splat reads the last row instead of none.
+            // A culled splat reads the last row, and the value is discarded.
             let start = (rank as usize).min(prepared.visible.len().max(1) - 1) * self.stride;
             let out = out.as_flattened_mut();
             let Some(sums) = prepared.sums.get(start..start + self.stride) else { break };
@@ -250,8 +249,7 @@ impl<F: Lane> Chunk<'_, F> {
             let through = group.harmonics.mean_gradient(s, k, v_rgb, (direction, distance));
             v.mean = each!(axis => v.mean[axis] + through[axis]);
         }
-        // Covariances near the end of the number range overflow here; such a splat has no usable
-        // gradient.
+        // Very large covariances overflow here; such a splat has no usable gradient.
         let usable = all_finite(v.mean)
             .and(all_finite(v.quat))
             .and(all_finite(v.log_scale))
@@ -264,7 +262,7 @@ impl<F: Lane> Chunk<'_, F> {
         group.v_means2d.store(s, k, usable.select_all([v.mean2d[0], v.mean2d[1], zero, zero]));
     }
 
-    /// Writes the gradients at `place` of a group to those of the chunk's `i`th splat.
+    /// Writes the gradients at `place` of a group to the chunk's `i`th splat.
     #[inline(always)]
     fn write(&mut self, group: &Group<F>, place: usize, i: usize) {
         if let Some(targets) = &mut self.geometry {
@@ -292,7 +290,7 @@ impl<F: Lane> Chunk<'_, F> {
             targets.means2d[i] = [zero; 2];
         }
         let coeffs = self.splats.sh_coeffs();
-        // Flat: a fill of triples is not vectorised.
+        // Flattened, because a fill of triples is not vectorised.
         self.sh[i * coeffs..(i + 1) * coeffs].as_flattened_mut().fill(zero);
     }
 }

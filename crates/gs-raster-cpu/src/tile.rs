@@ -1,9 +1,9 @@
 //! The pixel stage of one tile: staging of list entries, alpha of a row of pixels, front-to-back
 //! compositing.
 //!
-//! A tile's state lies in planes of 16×16 values, row by row, one row being one to sixteen
-//! registers. Lanes take no branches: skips, caps and stops are selects. A pixel that has stopped
-//! has the sign of its transmittance set.
+//! A tile's state is stored in planes of 16×16 values, row by row; one row takes one to sixteen
+//! registers. Lanes do not branch: skips, caps and stops are selects. The transmittance of a
+//! stopped pixel has its sign bit set.
 
 use crate::bins::TileList;
 use crate::lanes::Lane;
@@ -18,8 +18,8 @@ pub(crate) const BATCH: usize = 32;
 /// Registers per row when a register holds one lane.
 pub(crate) const MAX_ROW: usize = TILE;
 
-/// Splats relative to one tile, ready for the lanes, value by value. Logarithms have base 2, the
-/// base of the exponential.
+/// Splats relative to one tile, as a structure of arrays. Logarithms
+/// have base 2, the base of the exponential.
 #[derive(Debug, Clone)]
 #[repr(align(64))]
 struct Batch<F, const C: usize> {
@@ -32,7 +32,7 @@ struct Batch<F, const C: usize> {
     c: [F; BATCH],
     log2_opacity: [F; BATCH],
     channels: [[F; BATCH]; C],
-    /// First and last pixel row that can be reached.
+    /// First and last pixel row that the splat can affect.
     rows: [(u8, u8); BATCH],
 }
 
@@ -51,12 +51,12 @@ impl<F: Lane, const C: usize> Batch<F, C> {
         }
     }
 
-    /// For every row, a bit per entry that can reach it.
+    /// For every row, a bit per entry that can affect it.
     #[inline(always)]
     fn entries_of_rows(&self, count: usize) -> [u32; TILE] {
         let mut rows = [0_u32; TILE];
         for (e, &(first, last)) in self.rows[..count].iter().enumerate() {
-            // All rows, so that one vector holds them.
+            // Loops over all rows, so that it vectorises.
             for (number, row) in (0_u8..).zip(&mut rows) {
                 *row |= u32::from(first <= number && number <= last) << e;
             }
@@ -65,7 +65,7 @@ impl<F: Lane, const C: usize> Batch<F, C> {
     }
 }
 
-/// What all tiles of a macro tile read in one pass.
+/// Input of all tiles of a macro tile in one pass.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Pass<'a, F> {
     /// Records of the macro tile's items.
@@ -109,7 +109,7 @@ impl<F: Lane> Pass<'_, F> {
     }
 }
 
-/// One value per pixel of a tile, row by row, aligned so that no register straddles a cache line.
+/// One value per pixel of a tile, row by row, aligned so that no register crosses a cache line.
 #[derive(Debug, Clone, Copy)]
 #[repr(C, align(64))]
 pub(crate) struct Plane<F>(pub [F; TILE_PIXELS]);
@@ -147,15 +147,15 @@ pub(crate) struct Alpha<S: Simd, F: Lane> {
     pub raw: F::Vector<S>,
     /// After the cap.
     pub capped: F::Vector<S>,
-    /// Neither too faint nor with a positive exponent.
+    /// Neither below the alpha threshold nor with a positive exponent.
     pub passes: F::Mask<S>,
 }
 
 impl<S: Simd, F: Lane> Tests<S, F> {
     #[inline(always)]
     pub(crate) fn new(s: S) -> Self {
-        // The skip test compares logarithms, so that the exponential of arguments far below it is
-        // never used.
+        // The skip test compares logarithms, so that exponentials of
+        // very negative arguments are never used.
         let faintest = F::from_double(f64::from(ALPHA_THRESHOLD).log2());
         Self { s, faintest: F::vsplat(s, faintest), cap: F::vsplat(s, F::of(MAX_ALPHA)) }
     }
@@ -209,7 +209,7 @@ pub(crate) fn offsets<S: Simd, F: Lane>(
     dx
 }
 
-/// What compositing leaves of one tile; whatever was there before is overwritten.
+/// Results of compositing one tile; previous contents are overwritten.
 #[derive(Debug)]
 pub(crate) struct TileState<'a, F, const C: usize> {
     /// Sums of the channels.
@@ -220,8 +220,8 @@ pub(crate) struct TileState<'a, F, const C: usize> {
     pub stops: &'a mut [u32; TILE_PIXELS],
 }
 
-/// Transmittance before the first splat: 1 in the image, −1 off it, for the tile whose first pixel
-/// is `origin` in an image of `size`.
+/// Transmittance before the first splat: 1 inside the image, −1 outside, for the tile whose first
+/// pixel is `origin` in an image of `size`.
 #[inline(always)]
 pub(crate) fn clear<F: Lane>(
     transmittance: &mut [F; TILE_PIXELS],
@@ -436,7 +436,7 @@ pub(crate) fn composite<S: Simd, F: Lane, const C: usize>(
     evaluated
 }
 
-/// List index of `end` in the batch that begins at `start`; nothing for infinity.
+/// List index of `end` in the batch that begins at `start`; `u32::MAX` for infinity.
 #[inline(always)]
 #[expect(
     clippy::cast_possible_truncation,
@@ -447,7 +447,7 @@ fn stop_number<F: Lane>(start: usize, end: F) -> u32 {
     if end < F::infinity() { start as u32 + end.as_f32() as u32 } else { u32::MAX }
 }
 
-/// Numbers 1 to `BATCH`: where the list goes on after each entry of a batch.
+/// Numbers 1 to `BATCH`: the position after each entry of a batch.
 #[inline(always)]
 fn numbers<F: Lane>() -> [F; BATCH] {
     let mut numbers = [F::one(); BATCH];

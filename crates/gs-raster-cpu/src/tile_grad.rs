@@ -2,8 +2,8 @@
 //!
 //! Back to front, as in the scalar form of the chain rule: with `σ = Σ_ch g_ch f_ch` and the
 //! running sum `R` of everything behind, `∂L/∂α = T σ − R / (1 − α)`. A splat's sums over the
-//! tile's pixels stay in registers, one lane per column, until its rows are done: one addition per
-//! list entry and quantity, no atomics, a fixed order.
+//! tile's pixels stay in registers, one lane per column, until all its rows are done: one addition
+//! to memory per list entry and quantity, without atomics and in a fixed order.
 
 use crate::bins::TileList;
 use crate::lanes::Lane;
@@ -19,7 +19,7 @@ use std::ops::Range;
 /// `γ = ∂L/∂(exponent)`.
 pub(crate) const MOMENTS: usize = 6;
 
-/// What the loss says about one tile.
+/// Upstream gradients of one tile.
 #[derive(Debug)]
 pub(crate) struct TileUpstream<'a, F, const C: usize> {
     /// Gradients of this pass's channels.
@@ -32,8 +32,8 @@ pub(crate) struct TileUpstream<'a, F, const C: usize> {
     pub stops: &'a [u32],
 }
 
-/// Where the sums go: `stride` values per item of the macro tile, the pass's channels at
-/// `MOMENTS + first_channel`.
+/// Output of the sums: `stride` values per item of the macro tile, the
+/// pass's channels at `MOMENTS + first_channel`.
 #[derive(Debug)]
 pub(crate) struct Sums<'a, F> {
     pub values: &'a mut [F],
@@ -90,7 +90,7 @@ fn rows_within(list: &TileList, e: usize, live: (usize, usize)) -> Range<usize> 
     usize::from(rows & 15).max(live.0)..(usize::from(rows >> 4) + 1).min(live.1)
 }
 
-/// Adds the tile's share to the sums of the items in its list.
+/// Adds the tile's contribution to the sums of the items in its list.
 #[inline(always)]
 pub(crate) fn differentiate<S: Simd, F: Lane, const C: usize>(
     s: S,
@@ -104,7 +104,7 @@ pub(crate) fn differentiate<S: Simd, F: Lane, const C: usize>(
     let tests = Tests::<S, F>::new(s);
     let columns = columns::<F>();
     let (zero, one) = (F::vsplat(s, F::zero()), F::vsplat(s, F::one()));
-    // Where alpha is capped, the reference lets the gradient through; the true derivative is zero.
+    // Where alpha is capped, the reference passes the gradient on; the true derivative is zero.
     let open = match convention {
         GradientConvention::Reference => F::vsplat(s, F::infinity()),
         GradientConvention::Exact => F::vsplat(s, F::of(MAX_ALPHA)),
@@ -135,12 +135,12 @@ pub(crate) fn differentiate<S: Simd, F: Lane, const C: usize>(
             for (channel, &value) in channels.iter_mut().zip(entry.channels) {
                 *channel = F::vsplat(s, value);
             }
-            // Sums of γ, γ dy and γ dy² down the columns; dx is the same in every row and comes in
-            // afterwards.
+            // Sums of γ, γ dy and γ dy² down the columns; dx is the same
+            // in every row and is applied afterwards.
             let mut down = [[zero; 3]; MAX_ROW];
             let mut v_entry = [zero; C];
             let lanes = rows.start * per_row..rows.end * per_row;
-            // Slices of one known length each: the loop below needs no bounds checks.
+            // Slices of known length, so that the loop below has no bounds checks.
             let t_rows = transmittance.lanes_mut::<S>(&lanes);
             let r_rows = behind.lanes_mut::<S>(&lanes);
             let ends = ends.lanes::<S>(&lanes);
@@ -216,7 +216,7 @@ pub(crate) fn differentiate<S: Simd, F: Lane, const C: usize>(
 }
 
 /// Adds `Σ_p α T g` per channel to the sums of the items in the list, front to back;
-/// `transmittance` starts as 1 on the image, −1 off it.
+/// `transmittance` starts as 1 inside the image, −1 outside.
 #[inline(always)]
 pub(crate) fn differentiate_colors<S: Simd, F: Lane, const C: usize>(
     s: S,
@@ -234,8 +234,8 @@ pub(crate) fn differentiate_colors<S: Simd, F: Lane, const C: usize>(
     let per_row = row_registers::<S, F>();
     let mut start = 0;
     while start < list.items.len() {
-        // Where a pixel has stopped, its transmittance has run on below the threshold; zero keeps
-        // it from becoming denormal.
+        // The transmittance of a stopped pixel keeps falling below
+        // the threshold; zero prevents denormals.
         for t in &mut transmittance.0 {
             *t = if *t < F::of(TRANSMITTANCE_THRESHOLD) { F::zero() } else { *t };
         }

@@ -1,4 +1,4 @@
-//! [`StageTimes`]: where the last calls spent their time.
+//! [`StageTimes`]: times of the stages of the last calls.
 
 use std::time::Instant;
 
@@ -25,7 +25,7 @@ pub struct StageTimes {
     pub chain: f64,
 }
 
-/// Runs `work` and leaves its duration in `seconds`.
+/// Runs `work` and stores its duration in `seconds`.
 pub(crate) fn timed<T>(seconds: &mut f64, work: impl FnOnce() -> T) -> T {
     let start = Instant::now();
     let value = work();

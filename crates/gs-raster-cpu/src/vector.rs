@@ -1,17 +1,16 @@
-//! [`Vector`]: a register with operators, so that the maths of a splat reads the same for many
-//! splats at once; [`Quad`]: where it is loaded from and stored to.
+//! [`Vector`]: a register with operators, so that the maths of one splat also works for many splats
+//! at once; [`Quad`]: the memory from which registers are loaded and to which they are stored.
 
 use crate::lanes::Lane;
 use gs_core::Ring;
 use pulp::Simd;
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
-/// Splats that are staged side by side. A whole number of registers of every instruction set.
+/// Splats staged side by side. A whole number of registers for every instruction set.
 pub(crate) const GROUP: usize = 16;
 
-/// Four values of every splat of a group, splat by splat: what is copied in and out in one piece,
-/// and turned into registers of one value each by shuffles. A splat's lane is the same in all of
-/// them.
+/// Four values of every splat of a group, splat by splat. Copied as one block, and transposed into
+/// registers of one value each by shuffles; a splat has the same lane in all of them.
 #[derive(Debug, Clone, Copy)]
 #[repr(align(64))]
 pub(crate) struct Quad<F>(pub [[F; 4]; GROUP]);
@@ -67,7 +66,7 @@ pub(crate) struct Vector<S: Simd, F: Lane> {
     lanes: F::Vector<S>,
 }
 
-/// A truth value per lane.
+/// A boolean per lane.
 #[derive(Clone, Copy)]
 pub(crate) struct Truth<S: Simd, F: Lane> {
     s: S,
@@ -208,7 +207,7 @@ impl<S: Simd, F: Lane> Neg for Vector<S, F> {
     type Output = Self;
     #[inline(always)]
     fn neg(self) -> Self {
-        // A flipped sign, not a difference: 0 becomes −0, as for a number.
+        // Flips the sign instead of subtracting from 0, so that 0 becomes −0 as for scalars.
         Self { lanes: F::vneg(self.s, self.lanes), ..self }
     }
 }

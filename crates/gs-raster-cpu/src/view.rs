@@ -1,4 +1,4 @@
-//! [`View`]: a camera with everything the per-splat stages read, in the rasteriser's float type.
+//! [`View`]: all camera values that the per-splat stages read, in the rasteriser's float type.
 
 use crate::lanes::Lane;
 use crate::vector::{Vector, splat};
@@ -13,8 +13,8 @@ pub(crate) const TILE_PIXELS: usize = TILE * TILE;
 
 #[derive(Debug, Clone, Default)]
 pub(crate) struct View<F> {
-    /// Rows of the world-to-camera matrix; last, what is left of the translation when it is applied
-    /// to points relative to `position`: the rounding of `position`.
+    /// Rows of the world-to-camera matrix for points relative to `position`. The last entry is the
+    /// remaining translation, which is the rounding error of `position`.
     pub rows: [[F; 4]; 3],
     /// Focal lengths, pixels.
     pub focal: [F; 2],
@@ -44,14 +44,14 @@ impl<F: Real> View<F> {
         let band = camera.tan_half_fov().map(|tan| F::of(GUARD_BAND) * cast(tan));
         let (width, height) = (camera.width as usize, camera.height as usize);
         let position = camera.position().map(cast);
-        // Subtracting the camera centre first keeps the digits of scenes far from the origin.
+        // Subtracting the camera centre first preserves precision in scenes far from the origin.
         let rest = camera.to_camera(position.map(F::as_f64));
         let row = |i: usize| {
             let [x, y, z, _] = camera.viewmat[i];
             [x, y, z, rest[i]].map(cast)
         };
-        // In single precision for every float type, so that all cull the same splats.
-        #[expect(clippy::cast_possible_truncation, reason = "a length that single precision holds")]
+        // Single precision for every float type, so that all cull the same splats.
+        #[expect(clippy::cast_possible_truncation, reason = "the near plane fits single precision")]
         let single = |value: f64| F::of(value as f32);
         Self {
             rows: [0, 1, 2].map(row),
@@ -109,8 +109,8 @@ impl<S: Simd, F: Lane> View<Vector<S, F>> {
     }
 }
 
-/// `each!(k => f(k))`: `[f(0), f(1), f(2)]`. No closure, because what is not inlined for certain is
-/// compiled for the baseline.
+/// `each!(k => f(k))`: `[f(0), f(1), f(2)]`. A macro, because a closure that is not inlined would
+/// be compiled for the baseline instruction set.
 macro_rules! each {
     ($k:ident => $value:expr) => {
         [

@@ -1,7 +1,7 @@
-//! Proves that a frame allocates nothing once the buffers have grown. One thread, so that the
-//! counter sees all work; what a pool of several threads allocates for its queues is its own.
+//! A frame allocates nothing once the buffers have grown. Uses one thread, so that the counter
+//! covers all work and no thread-pool queues.
 
-#![allow(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
+#![allow(clippy::unwrap_used, reason = "a failed step fails the test")]
 
 use gs_core::{Camera, Rasterizer, RenderGrads, RenderOutput, RenderParams, Splats, UpstreamGrads};
 use gs_raster_cpu::CpuRasterizer;

@@ -1,5 +1,5 @@
-//! The roof: how many pixel–splat samples per second the arithmetic alone allows, on one core, with
-//! everything in registers and the first cache. Exponent (two FMA), exponential, cap,
+//! The roofline: pixel–splat samples per second that the arithmetic alone allows on one core, with
+//! all data in registers and the first-level cache. Exponent (two FMA), exponential, cap,
 //! transmittance, and one FMA per channel; no lists, tests, masks or sums in memory.
 
 use pulp::{Arch, Simd, WithSimd};
@@ -67,7 +67,7 @@ impl WithSimd for Arithmetic<'_> {
 /// Samples that one call of [`run`] evaluates.
 pub(crate) const SAMPLES: u64 = 4096 * PIXELS as u64;
 
-/// Evaluates [`SAMPLES`] samples; the value keeps the optimiser from dropping them.
+/// Evaluates [`SAMPLES`] samples; returning the value keeps the optimiser from removing them.
 pub(crate) fn run() -> f32 {
     let mut columns = Tile([0.0; PIXELS]);
     for (i, column) in columns.0.iter_mut().enumerate() {

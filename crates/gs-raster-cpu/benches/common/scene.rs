@@ -1,5 +1,5 @@
-//! Seeded scenes that look like trained ones: clustered surfaces, log-normal scales, opacities at
-//! both ends.
+//! Seeded scenes with the statistics of trained ones: clustered surfaces, log-normal scales, mostly
+//! very low or very high opacities.
 
 use gs_core::{Camera, Splats, sh};
 use rand::{RngExt, SeedableRng};
@@ -17,7 +17,7 @@ fn normal(rng: &mut Pcg64Mcg) -> f32 {
 }
 
 /// `count` splats: flat discs on 60 bumpy spheres inside a room of 8 units; their size shrinks with
-/// their number as on a surface.
+/// their number, as on a surface of fixed area.
 pub(crate) fn splats(count: usize, seed: u64) -> Splats<f32> {
     let mut rng = Pcg64Mcg::seed_from_u64(seed);
     let clusters: Vec<([f32; 3], f32)> = (0..60)
@@ -51,7 +51,7 @@ pub(crate) fn camera(width: u32, height: u32) -> Camera {
     Camera::look_at([0.3, -0.4, -5.2], [0.0; 3], [0.0, -1.0, 0.0], 0.8, width, height)
 }
 
-/// A gradient that looks like an image loss's: bounded, of both signs.
+/// A gradient like that of an image loss: bounded, of both signs.
 pub(crate) fn upstream(values: usize) -> Vec<f32> {
     let mut rng = Pcg64Mcg::seed_from_u64(2);
     (0..values).map(|_| rng.random_range(-0.5..0.5)).collect()

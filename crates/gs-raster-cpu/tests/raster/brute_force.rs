@@ -1,5 +1,5 @@
-//! Proves the images of odd scenes against a direct transcription of the image formation: every
-//! pixel walks every splat.
+//! Images of unusual scenes equal a direct implementation of the image
+//! formation, in which every pixel visits every splat.
 
 use crate::scenes::{Scene, random};
 use gs_core::{Camera, Rasterizer, RenderParams, Splats, covariance, sh};
@@ -134,8 +134,8 @@ fn check(what: &str, scene: &Scene<f64>) {
         assert_close(&format!("{what}: feature {f}"), &ours, &channel(4 + f), 1e-11, 0.0);
     }
 
-    // Single precision may decide a borderline sample otherwise: compare loosely there, tightly on
-    // average.
+    // Single precision may decide borderline samples differently: the bound per
+    // value is loose, the bound of the mean tight.
     let splats: Splats<f32> = scene.splats.cast();
     let features: Vec<f32> = scene.features.iter().map(|&f| gs_core::Real::as_f32(f)).collect();
     let mut prepared: Prepared<f32> = raster.prepare(&splats, &scene.camera).unwrap();
@@ -155,7 +155,7 @@ fn counts_around_the_batch_and_chunk_sizes() {
 }
 
 #[test]
-fn odd_image_sizes() {
+fn image_sizes_that_are_not_multiples_of_the_tile() {
     for size in [[1, 1], [1, 40], [17, 1], [16, 16], [15, 33], [65, 64], [129, 70]] {
         check(&format!("{size:?}"), &random(40, 1, size, 11));
     }
@@ -197,7 +197,7 @@ fn ten_thousand_in_one_tile() {
 }
 
 #[test]
-fn nothing_to_see() {
+fn empty_and_off_screen_scenes() {
     let mut scene = random::<f64>(50, 1, [30, 20], 17);
     check(
         "no splats",
@@ -215,10 +215,10 @@ fn nothing_to_see() {
     check("all off-screen", &scene);
 }
 
-/// Negative control: the comparison notices one splat fewer.
+/// Negative control: the comparison detects one missing splat.
 #[test]
 #[should_panic(expected = "control")]
-fn a_missing_splat_is_noticed() {
+fn a_missing_splat_is_detected() {
     let scene = random::<f64>(40, 0, [50, 37], 7);
     let truth = brute_force(&scene);
     let fewer: Vec<usize> = (1..40).collect();

@@ -1,5 +1,4 @@
-//! Proves the exact gradients of every parameter group against central differences in double
-//! precision.
+//! The exact gradients of every parameter group equal central differences in double precision.
 
 use crate::scenes::{Scene, random, upstream};
 use gs_core::{GradientConvention, Rasterizer, RenderGrads, RenderParams, UpstreamGrads};
@@ -52,8 +51,8 @@ fn check(what: &str, mut scene: Scene<f64>, seed: u64) {
                 values(&mut scene)[i] = original + step;
                 loss(&scene, &upstream)
             };
-            // Two stencils: where a discrete decision flips inside one of them, they disagree and
-            // the parameter is left out.
+            // Two stencils: if a discrete decision flips inside one of them,
+            // they disagree and the parameter is skipped.
             let h = 1e-5;
             let near = (at(h) - at(-h)) / (2.0 * h);
             let far = (at(2.0 * h) - at(-2.0 * h)) / (4.0 * h);
@@ -71,7 +70,7 @@ fn check(what: &str, mut scene: Scene<f64>, seed: u64) {
                 analytic[i]
             );
         }
-        assert!(flips * 10 <= analytic.len(), "{what} {group}: {flips} flips are too many");
+        assert!(flips * 10 <= analytic.len(), "{what} {group}: {flips} parameters skipped");
     }
 }
 

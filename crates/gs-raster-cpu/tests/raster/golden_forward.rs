@@ -1,5 +1,5 @@
-//! Proves that images, radii, tile rectangles and entry counts are those of the golden cases, in
-//! both float types.
+//! Images, radii, tile rectangles and entry counts equal those of
+//! the golden cases, in both float types.
 
 use gs_core::{Rasterizer, Real, RenderOutput};
 use gs_raster_cpu::{CpuRasterizer, Prepared};
@@ -68,9 +68,8 @@ fn images_match_in_double_precision() {
     check::<f64>(true);
 }
 
-/// The culled lists are as short as the exact ellipse–tile test makes them (594 of 822 and 10 000
-/// of 16 000 entries), give or take the safety margin and ellipses that slip between two rows of
-/// pixels.
+/// The culled lists are as short as with the exact ellipse–tile test (594 of 822 and 10 000 of 16
+/// 000 entries), up to the safety margin and ellipses that lie between two rows of pixel centres.
 #[test]
 fn culling_is_tight() {
     for (name, exact, rectangle) in [("c1_random200", 594, 822), ("d_stress2000", 10_000, 16_000)] {

@@ -1,5 +1,5 @@
-//! Proves that the gradients of every parameter are those of the golden cases: both conventions,
-//! both float types.
+//! The gradients of every parameter equal those of the golden cases,
+//! in both conventions and both float types.
 
 use gs_core::GradientConvention;
 use gs_raster_cpu::CpuRasterizer;

@@ -1,5 +1,5 @@
-//! Proves that no value of any input lane reaches a pixel as NaN or infinity, and that a splat that
-//! is not finite counts as absent.
+//! Invalid input values never reach a pixel as NaN or infinity, and a
+//! splat that is not finite is treated as absent.
 
 use crate::scenes::{Scene, random, upstream};
 use gs_core::{Rasterizer, RenderGrads, RenderOutput, RenderParams, UpstreamGrads};
@@ -44,7 +44,7 @@ fn assert_no_gradient(what: &str, grads: &RenderGrads) {
         && grads.v_sh[VICTIM * coeffs..(VICTIM + 1) * coeffs].iter().all(|v| *v == [0.0; 3])
         && grads.v_features[VICTIM * FEATURES..(VICTIM + 1) * FEATURES].iter().all(|v| *v == 0.0)
         && grads.v_means2d[VICTIM] == [0.0; 2];
-    assert!(zero, "{what}: an absent splat has a gradient");
+    assert!(zero, "{what}: gradient of an absent splat");
 }
 
 type Lane = (&'static str, usize, fn(&mut Scene<f32>, usize) -> &mut f32);
@@ -59,7 +59,7 @@ const LANES: [Lane; 6] = [
 ];
 
 #[test]
-fn poison_in_every_lane() {
+fn invalid_values_in_every_parameter() {
     let clean: Scene<f32> = random(40, FEATURES, [44, 35], 31);
     let up = upstream(44 * 35, FEATURES, 8);
     let mut absent = random(40, FEATURES, [44, 35], 31);
@@ -93,10 +93,10 @@ fn poison_in_every_lane() {
                 *access(&mut scene, component) = poison;
                 let (out, grads) = render(&scene, &up);
                 assert_finite(&what, &out, &grads);
-                // A scale of zero and opacities of 0 and 1 are legitimate limits.
+                // A scale of zero and opacities of 0 and 1 are valid limits.
                 let limit = lane == "opacity_logit" || (lane == "log_scale" && poison < 0.0);
                 if poison.is_nan() || (poison.is_infinite() && !limit) {
-                    assert!(out == without, "{what}: the image is not that without the splat");
+                    assert!(out == without, "{what}: differs from the image without the splat");
                     assert_no_gradient(&what, &grads);
                     for id in (0..40).filter(|&id| id != VICTIM) {
                         assert_eq!(grads.v_means[id], grads_without.v_means[id], "{what}: {id}");
@@ -115,13 +115,17 @@ fn zero_quaternion_and_zero_scale_are_drawn() {
     scene.splats.log_scales[VICTIM] = [f32::NEG_INFINITY; 3];
     let (out, grads) = render(&scene, &up);
     assert_finite("zero rotation and scale", &out, &grads);
-    assert!(grads.v_means[VICTIM] != [0.0; 3], "a point is still drawn through the low-pass");
+    assert!(
+        grads.v_means[VICTIM] != [0.0; 3],
+        "a splat of zero size is drawn with the low-pass \
+        filter"
+    );
     assert_eq!(grads.v_quats[VICTIM], [0.0; 4], "no rotation gradient");
     assert_eq!(grads.v_log_scales[VICTIM], [0.0; 3], "no scale gradient");
 }
 
 #[test]
-fn everything_is_poison() {
+fn a_scene_of_only_invalid_values_draws_nothing() {
     let up = upstream(20 * 20, 1, 8);
     let mut scene: Scene<f32> = random(300, 1, [20, 20], 31);
     for (i, mean) in scene.splats.means.iter_mut().enumerate() {

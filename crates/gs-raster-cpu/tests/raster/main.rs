@@ -1,5 +1,5 @@
-//! Proves the rasteriser: golden cases, brute force, finite differences, hostile values, reuse and
-//! determinism.
+//! Tests of the rasteriser: golden cases, brute force, finite
+//! differences, hostile values, reuse and determinism.
 
 #[cfg(test)]
 mod brute_force;

@@ -1,18 +1,17 @@
-//! The picture does not depend on how large a scene is and where it lies, if its camera goes with
-//! it.
+//! The image does not depend on a scene's size and position if its camera is transformed alike.
 
 use crate::scenes;
 use gs_core::{Camera, Rasterizer, RenderParams, Splats};
 use gs_raster_cpu::CpuRasterizer;
 use test_support::compare::{relative_l2, widen};
 
-/// Peak signal-to-noise ratio that another size must keep, dB. Worst seen 100.6.
+/// Smallest PSNR against the original after scaling, dB. Worst seen 100.6.
 const SCALED_DB: f64 = 90.0;
-/// The same a thousand scene sizes from the origin, where stored positions are rounded to 6e-5 of
-/// the scene. Worst seen 91.3.
+/// Smallest PSNR at a thousand scene sizes from the origin, where stored positions are rounded to
+/// 6e-5 of the scene, dB. Worst seen 91.3.
 const SHIFTED_DB: f64 = 80.0;
 
-#[expect(clippy::cast_possible_truncation, reason = "single precision is what is tested")]
+#[expect(clippy::cast_possible_truncation, reason = "the test is about single precision")]
 fn to_f32(value: f64) -> f32 {
     value as f32
 }
@@ -45,10 +44,10 @@ fn psnr(a: &[f32], b: &[f32]) -> f64 {
 }
 
 #[test]
-fn size_and_place_do_not_change_the_picture() {
+fn scaling_and_translation_do_not_change_the_image() {
     let scene = scenes::random::<f32>(800, 0, [160, 120], 5);
     let here = render(&scene.splats, &scene.camera);
-    assert!(here.iter().any(|value| *value > 0.5), "something is seen");
+    assert!(here.iter().any(|value| *value > 0.5), "the scene is visible");
     for scale in [1e-6, 1e-3, 1e-2, 1e2, 1e3, 1e6] {
         let (splats, camera) = placed(&scene.splats, &scene.camera, scale, [0.0; 3]);
         let there = psnr(&render(&splats, &camera), &here);
@@ -61,9 +60,9 @@ fn size_and_place_do_not_change_the_picture() {
     }
 }
 
-/// Negative control of the above, and what the near plane means.
+/// Negative control of the above, and a test of the near plane.
 #[test]
-fn the_near_plane_is_the_cameras() {
+fn the_cameras_near_plane_culls() {
     let scene = scenes::random::<f32>(800, 0, [160, 120], 5);
     let small = placed(&scene.splats, &scene.camera, 0.01, [0.0; 3]);
     let cut = small.1.clone().with_near(gs_core::image_formation::NEAR_PLANE);
@@ -76,7 +75,11 @@ fn the_near_plane_is_the_cameras() {
         .collect();
     assert!(behind.len() > 100 && behind.len() < 700, "{} splats", behind.len());
     let kept = render(&scene.splats.select(&behind), &middle);
-    assert!(relative_l2(&widen(&seen), &widen(&kept)) < 1e-6, "the others draw as before");
+    assert!(
+        relative_l2(&widen(&seen), &widen(&kept)) < 1e-6,
+        "the other splats are drawn as \
+        before"
+    );
 }
 
 fn camera_depth(camera: &Camera, mean: [f32; 3]) -> f64 {

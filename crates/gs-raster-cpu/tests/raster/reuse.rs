@@ -1,9 +1,8 @@
-//! Proves that results do not depend on threads, on reused memory, on stale lists or on how tiles
-//! are culled: equality is bitwise.
+//! Results are bit-identical for any number of threads, with reused memory and with outdated lists.
 
 use crate::scenes::{Scene, random, upstream};
 use gs_core::{RasterError, Rasterizer, RenderGrads, RenderOutput, RenderParams, UpstreamGrads};
-use gs_raster_cpu::{CpuRasterizer, Culling, Prepared};
+use gs_raster_cpu::{CpuRasterizer, Prepared};
 
 const PARAMS: RenderParams = RenderParams {
     background: [0.1, 0.2, 0.3],
@@ -35,7 +34,7 @@ fn fresh(
 }
 
 #[test]
-fn threads_do_not_matter() {
+fn results_are_equal_for_any_number_of_threads() {
     let scene = random(9000, 1, [210, 150], 41);
     let up = upstream(210 * 150, 1, 4);
     let results: Vec<_> = [1, 2, 3, 7]
@@ -50,25 +49,7 @@ fn threads_do_not_matter() {
 }
 
 #[test]
-fn culling_does_not_change_the_image() {
-    let scene = random(700, 1, [130, 90], 42);
-    let up = upstream(130 * 90, 1, 4);
-    let with = |culling| fresh(CpuRasterizer { culling }, &scene, &up);
-    let (out, grads, colors) = with(Culling::Rectangle);
-    let (other, other_grads, other_colors) = with(Culling::Opacity);
-    assert!(out == other, "image");
-    assert!(grads == other_grads && colors == other_colors, "gradients");
-    let entries = |culling| {
-        let raster = CpuRasterizer { culling };
-        let prepared: Prepared<f32> = raster.prepare(&scene.splats, &scene.camera).unwrap();
-        assert!(prepared.num_isects() <= prepared.num_rect_isects(), "{culling:?}: more entries");
-        prepared.num_isects()
-    };
-    assert!(entries(Culling::Opacity) < entries(Culling::Rectangle), "the ellipse culls");
-}
-
-#[test]
-fn memory_is_reused_without_a_trace() {
+fn reused_memory_does_not_affect_results() {
     let raster = CpuRasterizer::default();
     let mut prepared = Prepared::default();
     let (mut out, mut grads) = (RenderOutput::default(), RenderGrads::default());
@@ -94,36 +75,34 @@ fn memory_is_reused_without_a_trace() {
 /// Only geometry and camera are prepared: colours, features and opacities (up or down) may change
 /// afterwards.
 #[test]
-fn prepared_state_survives_new_colors_and_opacities() {
-    for culling in [Culling::Opacity, Culling::Rectangle] {
-        let raster = CpuRasterizer { culling };
-        let mut scene = random(600, 1, [100, 75], 44);
-        let up = upstream(100 * 75, 1, 6);
-        let mut prepared = raster.prepare(&scene.splats, &scene.camera).unwrap();
-        for (step, shift) in [0.0, 3.0, -5.0, 4.0].into_iter().enumerate() {
-            for logit in &mut scene.splats.opacity_logits {
-                *logit += shift;
-            }
-            scene.splats.sh.reverse();
-            scene.features.reverse();
-            let reused = run(raster, &mut prepared, &scene, &up);
-            assert!(reused == fresh(raster, &scene, &up), "{culling:?}, step {step}");
-            if step == 2 {
-                prepared.trim();
-            }
+fn prepared_state_stays_valid_for_new_colors_and_opacities() {
+    let raster = CpuRasterizer::default();
+    let mut scene = random(600, 1, [100, 75], 44);
+    let up = upstream(100 * 75, 1, 6);
+    let mut prepared = raster.prepare(&scene.splats, &scene.camera).unwrap();
+    for (step, shift) in [0.0, 3.0, -5.0, 4.0].into_iter().enumerate() {
+        for logit in &mut scene.splats.opacity_logits {
+            *logit += shift;
+        }
+        scene.splats.sh.reverse();
+        scene.features.reverse();
+        let reused = run(raster, &mut prepared, &scene, &up);
+        assert!(reused == fresh(raster, &scene, &up), "step {step}");
+        if step == 2 {
+            prepared.trim();
         }
     }
 }
 
 #[test]
-fn planes_that_are_not_asked_for_are_empty() {
+fn planes_that_are_not_requested_are_empty() {
     let scene = random::<f32>(60, 2, [40, 30], 45);
     let raster = CpuRasterizer::default();
     let mut prepared = raster.prepare(&scene.splats, &scene.camera).unwrap();
     let all = raster.forward(&mut prepared, &scene.splats, &scene.features, &PARAMS).unwrap();
     let params = RenderParams { rgb: false, depth: false, ..PARAMS };
     let some = raster.forward(&mut prepared, &scene.splats, &scene.features, &params).unwrap();
-    assert!(some.rgb.is_empty() && some.depth.is_empty(), "not asked for");
+    assert!(some.rgb.is_empty() && some.depth.is_empty(), "not requested");
     assert_eq!(some.features, all.features, "features do not depend on the other planes");
     assert_eq!(some.alpha, all.alpha, "neither does alpha");
     let none = raster.forward(&mut prepared, &scene.splats, &[], &params).unwrap();
@@ -133,10 +112,10 @@ fn planes_that_are_not_asked_for_are_empty() {
     assert_eq!((image.width, image.height, image.channels), (40, 30, 3), "as an image");
 }
 
-/// The backward pass of one channel is a mask's vote: `Σ m α T` per splat; over all splats and
-/// pixels it adds up to alpha.
+/// The backward pass of one channel gives the weight `Σ m α T` of a mask in each splat; summed over
+/// all splats it equals the sum of alpha.
 #[test]
-fn votes_add_up_to_alpha() {
+fn mask_weights_sum_to_alpha() {
     let scene = random::<f32>(300, 0, [64, 48], 46);
     let raster = CpuRasterizer::default();
     let params = RenderParams { rgb: false, depth: false, ..PARAMS };
@@ -144,14 +123,14 @@ fn votes_add_up_to_alpha() {
     let feature = vec![0.0; 300];
     let out = raster.forward(&mut prepared, &scene.splats, &feature, &params).unwrap();
     let up = UpstreamGrads { v_features: vec![1.0; 64 * 48], ..UpstreamGrads::default() };
-    let votes =
+    let weights =
         raster.backward_colors(&mut prepared, &scene.splats, &feature, &params, &up).unwrap();
-    let (votes, alpha): (f32, f32) = (votes.v_features.iter().sum(), out.alpha.iter().sum());
-    assert!((votes - alpha).abs() < 1e-4 * alpha, "{votes} votes, {alpha} pixels covered");
+    let (weights, alpha): (f32, f32) = (weights.v_features.iter().sum(), out.alpha.iter().sum());
+    assert!((weights - alpha).abs() < 1e-4 * alpha, "{weights} weights, {alpha} pixels covered");
 }
 
 #[test]
-fn misuse_is_an_error() {
+fn invalid_arguments_are_errors() {
     let scene = random::<f32>(10, 1, [20, 20], 47);
     let raster = CpuRasterizer::default();
     let mut prepared = raster.prepare(&scene.splats, &scene.camera).unwrap();

@@ -1,8 +1,10 @@
 // Needs: shared/dispatch.wgsl, shared/frame.wgsl
-// The (splat, tile) pairs in depth order. One invocation = one pair: however large a splat, no invocation does more than another.
+// The (splat, tile) pairs in depth order. One invocation = one pair, so
+// that large splats do not unbalance the work.
 //
-// In: `isect_offsets` [N+1], prefix sum of the tile counts by depth rank; `splat_ids`; `rects`; `projected`. Out: `isect_keys` [I] =
-// tile id, or the number of tiles for pairs that cannot draw (they end up behind all tiles); `isect_splats` [I].
+// In: `isect_offsets` [N+1], prefix sum of the tile counts by depth rank; `splat_ids`; `rects`;
+// `projected`. Out: `isect_keys` [I] = tile id, or the number of tiles for pairs that cannot draw
+// (they are sorted behind all tiles); `isect_splats` [I].
 
 @group(0) @binding(0) var<uniform> frame: Frame;
 @group(0) @binding(1) var<storage, read> isect_offsets: array<u32>;
@@ -12,22 +14,24 @@
 @group(0) @binding(5) var<storage, read_write> isect_keys: array<u32>;
 @group(0) @binding(6) var<storage, read_write> isect_splats: array<u32>;
 
-// 2 ln 255: beyond it even an opaque splat stays below 1/255. Opacities may change without new lists, so the bound is opacity 1.
+// 2 ln 255: beyond it even an opaque splat has alpha below 1/255. Opacities may change without new
+// lists, so the bound assumes opacity 1.
 const REACH: f32 = 11.0825305;
 
-// A dx^2 + 2 B dx dy + C dy^2, minus what rounding may have added.
+// A dx^2 + 2 B dx dy + C dy^2, minus a bound of the rounding error.
 fn quad_below(conic: vec3f, d: vec2f) -> f32 {
     let squares = conic.x * d.x * d.x + conic.z * d.y * d.y;
     let cross = 2.0 * conic.y * d.x * d.y;
     return squares + cross - 2e-6 * (squares + abs(cross));
 }
 
-// Whether the splat reaches 1/255 somewhere on the pixel centres of the box.
+// Whether the splat's alpha is at least 1/255 at some pixel centre of the box.
 fn reaches(mean: vec2f, conic: vec3f, low: vec2f, high: vec2f) -> bool {
     if all(mean >= low) && all(mean <= high) {
         return true;
     }
-    // The minimum of a convex function outside its own minimum lies on an edge; on each edge it is a clamped parabola.
+    // If the minimum of a convex function lies outside the box, the minimum over the box lies on an
+    // edge; along each edge the function is a parabola.
     let near = low - mean;
     let far = high - mean;
     let bend = -conic.y / vec2f(conic.x, conic.z);
@@ -44,7 +48,8 @@ fn emit_isects(@builtin(workgroup_id) workgroup: vec3u, @builtin(local_invocatio
     if k >= min(isect_offsets[frame.num_splats], frame.max_isects) {
         return;
     }
-    // The last rank whose pairs begin at or before k; ranks without pairs come last and begin behind every k.
+    // The last rank whose pairs begin at or before k; ranks without
+    // pairs are last and begin after every k.
     var rank = 0u;
     var end = frame.num_splats;
     while rank + 1u < end {

@@ -39,7 +39,8 @@ fn project(@builtin(workgroup_id) workgroup: vec3u, @builtin(local_invocation_in
     if radius <= 0.0 {
         return;
     }
-    // The upper bounds lean one pixel short of the lower ones, as in the reference: they clip the image.
+    // The upper bounds are one pixel tighter than the lower ones, as in
+    // the reference; this is visible in the image.
     let grid = vec2f(frame.tile_bounds);
     let low = vec2u(clamp(trunc((o.mean2d - radius) / 16.0), vec2f(0.0), grid));
     let high = vec2u(clamp(trunc((o.mean2d + radius + 15.0) / 16.0), vec2f(0.0), grid));

@@ -1,9 +1,10 @@
 // Needs: shared/dispatch.wgsl, shared/frame.wgsl, shared/activation.wgsl, shared/projection.wgsl
 // Backward of `project`, down to the stored parameters. One invocation = one splat.
 //
-// In: stored parameters; `projected`; `splat_grads` [N,grad_stride] = gradients of u, v, A, B, C, opacity, two unused, then the channels.
-// Out: `v_params` = means [N,3] (added to what is there), quats [N,4], log_scales [N,3], opacity_logits [N], means2d [N,2].
-// Rows of splats that draw nothing are zero.
+// In: stored parameters; `projected`; `splat_grads` [N,grad_stride] = gradients of u,
+// v, A, B, C, opacity, two unused, then the channels. Out: `v_params` = means [N,3]
+// (added to the existing values), quats [N,4], log_scales [N,3], opacity_logits [N],
+// means2d [N,2]. Rows of splats that draw nothing are zero.
 
 @group(0) @binding(0) var<uniform> frame: Frame;
 @group(0) @binding(1) var<storage, read> means: array<f32>;

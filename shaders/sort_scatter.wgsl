@@ -1,8 +1,10 @@
 // Needs: shared/dispatch.wgsl, shared/sort.wgsl
-// Moves keys and values to their places by one digit, stably. One group = one block of 2048 keys, 256 at a time.
+// Moves keys and values to their positions by one digit, stably. One
+// group = one block of 2048 keys, 256 at a time.
 //
-// Among the 256, a key's rank is the number of earlier lanes with its digit: each lane sets its bit in the digit's mask and counts
-// the bits below. Atomic, yet independent of order.
+// Among the 256, a key's rank is the number of earlier lanes with its digit:
+// each lane sets its bit in the digit's mask and counts the lower bits. The
+// result does not depend on the order of the atomics.
 
 @group(0) @binding(0) var<uniform> sort: Sort;
 @group(0) @binding(1) var<storage, read> counts: array<u32>;
@@ -14,7 +16,7 @@
 
 const MASK_WORDS: u32 = 8u;
 
-// Word-major, so that neighbouring digits lie in neighbouring banks.
+// Word-major, so that neighbouring digits are in neighbouring memory banks.
 var<workgroup> masks: array<atomic<u32>, 2048>;
 var<workgroup> places: array<u32, 256>;
 
@@ -55,7 +57,7 @@ fn sort_scatter(@builtin(workgroup_id) workgroup: vec3u, @builtin(local_invocati
             keys_out[place] = key;
             values_out[place] = value;
         }
-        // The masks are complete and read before they are counted and cleared.
+        // The masks must be complete and read before they are counted and cleared.
         workgroupBarrier();
         var count = 0u;
         for (var word = 0u; word < MASK_WORDS; word++) {

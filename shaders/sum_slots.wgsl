@@ -1,6 +1,6 @@
 // Needs: shared/dispatch.wgsl, shared/frame.wgsl, variants/channels, variants/backward
-// Adds the slots of each splat, in the order of its tiles, to its gradient. One invocation = one vector of four of one splat, vectors
-// innermost: reads are contiguous.
+// Adds the slots of each splat, in the order of its tiles, to its gradient. One invocation = one
+// vector of four of one splat, vectors innermost, so that reads are contiguous.
 //
 // In: `isect_offsets` [N+1] and `splat_ids` by depth rank; `slots` [num_slots,ENTRY_QUADS]. Out: `splat_grads` [N,grad_stride/4] +=
 // sums.

@@ -1,9 +1,10 @@
 // Needs: shared/dispatch.wgsl, shared/frame.wgsl
 // The pairs of each tile. One invocation = one sorted pair.
 //
-// In: `isect_offsets`, whose last entry is I; `isect_keys` [I] sorted by tile, depth kept; `isect_slots` [I] = position before the
-// sort; `isect_splats` [I] by position before the sort. Out: `entries` [I] = (splat, slot); `tile_ranges` [tiles] = (first, end),
-// cleared beforehand.
+// In: `isect_offsets`, whose last entry is I; `isect_keys` [I] sorted by tile,
+// keeping the depth order; `isect_slots` [I] = position before the sort;
+// `isect_splats` [I] by position before the sort. Out: `entries` [I] = (splat, slot);
+// `tile_ranges` [tiles] = (first, end), cleared beforehand.
 
 @group(0) @binding(0) var<uniform> frame: Frame;
 @group(0) @binding(1) var<storage, read> isect_offsets: array<u32>;

@@ -1,5 +1,6 @@
 // Needs: nothing
-// Numbering of invocations. A dispatch has at most 65535 groups per dimension, so long ones are folded into y.
+// Index of an invocation. A dispatch has at most 65535 groups per
+// dimension, so long ones are folded into y.
 
 const GROUP_SIZE: u32 = 256u;
 const FOLD: u32 = 65535u;

@@ -2,7 +2,8 @@
 // Uniforms of a frame, constants of the image formation, and tests of finiteness.
 
 struct Frame {
-    // Rows of the world-to-camera matrix; last, the translation of points relative to `camera_pos`: the rounding of `camera_pos`.
+    // Rows of the world-to-camera matrix for points relative to `camera_pos`; the last entry is the
+    // remaining translation (rounding error of `camera_pos`).
     view0: vec4f,
     view1: vec4f,
     view2: vec4f,
@@ -24,24 +25,24 @@ struct Frame {
     depth: u32,
     num_features: u32,
     grad_stride: u32,
-    // Where the planes of an image buffer begin; colour begins at 0.
+    // Offsets of the planes in an image buffer; colour begins at 0.
     alpha_base: u32,
     depth_base: u32,
     features_base: u32,
-    // The part of the work this dispatch does.
+    // The part of the work done by this dispatch.
     first_channel: u32,
     first_splat: u32,
     num_chunk_splats: u32,
     first_slot: u32,
     num_slots: u32,
-    // Near plane, and what is added to the depth in the perspective divide, world units.
+    // Near plane, and the offset of the depth in the perspective division, world units.
     near: f32,
     divide: f32,
     pad0: u32,
     pad1: u32,
 }
 
-// Those of gs_core::image_formation, which documents them; a test compares them.
+// Documented in gs_core::image_formation; a test compares the values.
 const TILE_SIZE: u32 = 16u;
 const MAX_ALPHA: f32 = 0.99;
 const ALPHA_THRESHOLD: f32 = 0.003921569;
@@ -51,7 +52,7 @@ const EXTENT_SIGMAS: f32 = 3.0;
 const MIN_DISCRIMINANT: f32 = 0.1;
 const MIN_QUAT_NORM: f32 = 1e-12;
 
-// Tests on bits: a compiler may assume that floats are never NaN.
+// Tests on bits, because a compiler may assume that floats are never NaN.
 fn is_nan(x: f32) -> bool {
     return (bitcast<u32>(x) & 0x7fffffffu) > 0x7f800000u;
 }

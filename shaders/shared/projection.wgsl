@@ -31,7 +31,7 @@ struct Projection {
 
 fn projection_of(frame: Frame, mean: vec3f, raw_quat: vec4f, log_scale: vec3f) -> Projection {
     var o: Projection;
-    // Subtracting the camera centre first keeps the digits of scenes far from the origin.
+    // Subtracting the camera centre first preserves precision in scenes far from the origin.
     let d = mean - frame.camera_pos;
     o.t = vec3f(
         dot(frame.view0.xyz, d) + frame.view0.w,
@@ -85,6 +85,6 @@ fn projection_radius(frame: Frame, o: Projection) -> f32 {
     if !is_finite(radius) || !is_finite(o.mean2d.x) || !is_finite(o.mean2d.y) {
         return 0.0;
     }
-    // 2^30 pixels cover every image; larger values would not survive the conversion to an integer.
+    // 2^30 pixels cover every image; larger values could not be converted to an integer.
     return min(radius, 1073741824.0);
 }

@@ -1,5 +1,5 @@
 // Needs: nothing
-// Real spherical harmonics up to degree 3, constants and signs of 3DGS.
+// Real spherical harmonics up to degree 3, with the constants and signs of 3DGS.
 
 const SH_C0: f32 = 0.28209479177387814;
 const SH_C1: f32 = 0.4886025119029199;
@@ -12,7 +12,7 @@ const SH_C3C: f32 = 0.4570457994644658;
 const SH_C3D: f32 = 0.3731763325901154;
 const SH_C3E: f32 = 1.445305721320277;
 
-// Unit direction from the camera to a mean; zero for a mean at the camera, which is culled anyway.
+// Unit direction from the camera to a mean; zero for a mean at the camera centre, which is culled.
 fn sh_direction(mean: vec3f, camera_pos: vec3f) -> vec3f {
     let ray = mean - camera_pos;
     return ray / max(sqrt(dot(ray, ray)), 1e-30);
@@ -47,7 +47,8 @@ fn sh_basis(degree: u32, d: vec3f) -> array<f32, 16> {
     return y;
 }
 
-// Gradient of sum_k weight_k * Y_k with respect to the direction, its three components taken as independent.
+// Gradient of sum_k weight_k * Y_k with respect to the direction,
+// treating its three components as independent.
 fn sh_direction_gradient(degree: u32, d: vec3f, weight: array<f32, 16>) -> vec3f {
     var g = vec3f(0.0);
     if degree >= 1u {

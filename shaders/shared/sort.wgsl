@@ -4,10 +4,11 @@
 struct Sort {
     shift: u32,
     num_blocks: u32,
-    // The number of items is counts[count_index], at most max_items: it is known on the device only.
+    // The number of items is counts[count_index], at most
+    // max_items; it is known only on the device.
     count_index: u32,
     max_items: u32,
-    // 1: the values are the positions themselves, nothing is read for them.
+    // 1: the values are the positions themselves; no values are read.
     iota: u32,
     pad0: u32,
     pad1: u32,

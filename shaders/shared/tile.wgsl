@@ -1,11 +1,12 @@
 // Needs: shared/frame.wgsl
-// How a tile is walked: 64 lanes, each with a block of 2x2 pixels in the four components of a vector; 64 entries staged at a time.
+// Traversal of a tile: 64 lanes, each with a block of 2x2 pixels in the four components of a
+// vector; 64 entries staged at a time.
 
 const TILE_LANES: u32 = 64u;
 
 // Mean and conic A, B.
 var<workgroup> stage_near: array<vec4f, 64>;
-// Conic C, opacity, least exponent that can still reach 1/255, unused.
+// Conic C, opacity, smallest exponent at which alpha can be 1/255, unused.
 var<workgroup> stage_far: array<vec4f, 64>;
 // Splat and slot.
 var<workgroup> stage_ids: array<vec2u, 64>;
@@ -15,7 +16,7 @@ struct Block {
     x: vec4u,
     y: vec4u,
     inside: vec4<bool>,
-    // Row-major index in the image; meaningless outside.
+    // Row-major index in the image; undefined outside.
     pixel: vec4u,
 }
 
@@ -30,7 +31,8 @@ fn block_of(frame: Frame, tile: vec2u, lane: u32) -> Block {
 
 fn stage_entry(at: u32, entry: vec2u, g0: vec4f, g1: vec4f) {
     stage_near[at] = g0;
-    // A hidden splat (opacity 0 or less) gets an exponent that none reaches. The margin keeps the test below the exact one.
+    // A hidden splat (opacity 0 or less) gets a threshold that no exponent reaches. The margin
+    // makes this test weaker than the exact one.
     let least = select(1.0, -log(255.0 * max(g1.y, 1e-30)) - 0.001, g1.y > 0.0);
     stage_far[at] = vec4f(g1.xy, least, 0.0);
     stage_ids[at] = entry;

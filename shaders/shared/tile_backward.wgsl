@@ -1,5 +1,6 @@
 // Needs: shared/frame.wgsl, shared/tile.wgsl, variants/channels, variants/backward, variants/sum, variants/sink
-// What both backward passes over tiles share: bindings, upstream gradients, delivery of a group of entries.
+// Shared by both backward passes over tiles: bindings, upstream
+// gradients, summation of a group of entries.
 
 @group(0) @binding(0) var<uniform> frame: Frame;
 @group(0) @binding(1) var<storage, read> tile_ranges: array<u32>;
@@ -39,7 +40,8 @@ fn read_pixel(block: Block, k: u32) {
     v_out[k] = color;
 }
 
-// Reads the lane's pixels and returns the number of entries that any pixel of the tile used. Uniform.
+// Reads the lane's pixels and returns the number of list entries
+// used by any pixel of the tile. Uniform.
 fn open_tile(block: Block, lane: u32) -> u32 {
     if lane == 0u {
         atomicStore(&tile_last, 0u);
@@ -67,7 +69,7 @@ fn weigh_upstream(weight: vec4f) -> Color {
     return color_add_scaled(sum, weight.w, v_out[3]);
 }
 
-// Hands in the lane's gradient of the channels of the group's entry `e`.
+// Stores the lane's gradient of the channels of the group's entry `e`.
 fn put_color(e: u32, lane: u32, color: Color) {
     let at = e * ENTRY_QUADS + GEOMETRY_QUADS;
     put_quad(at, lane, color_quad(color, 0u));
@@ -76,7 +78,8 @@ fn put_color(e: u32, lane: u32, color: Color) {
     }
 }
 
-// Adds the lanes' shares of a group of entries staged from `base` on, if any lane drew. Uniform control flow.
+// Adds the lanes' contributions to a group of entries staged from
+// `base`, if any lane drew. Uniform control flow.
 fn deliver_group(base: u32, count: u32, drew: bool, lane: u32) {
     if drew {
         atomicStore(&group_drawn, 1u);
@@ -92,7 +95,8 @@ fn deliver_group(base: u32, count: u32, drew: bool, lane: u32) {
     if lane < 4u * count * ENTRY_QUADS {
         quarters[lane] = take_quarter(lane / 4u, lane % 4u);
     }
-    // The shares are read before the next group overwrites them, and the quarters are complete.
+    // The contributions must be read before the next group overwrites
+    // them, and the quarters must be complete.
     workgroupBarrier();
     if lane < count * ENTRY_QUADS {
         let sum = (quarters[4u * lane] + quarters[4u * lane + 1u]) + (quarters[4u * lane + 2u] + quarters[4u * lane + 3u]);

@@ -1,8 +1,10 @@
 // Needs: shared/dispatch.wgsl
-// Adam (Kingma & Ba 2015) over rows of parameters, a rate per column, rows left out by a flag. One invocation = one value.
+// Adam (Kingma & Ba 2015) over rows of parameters, with a rate per column and a flag that skips
+// rows. One invocation = one value.
 //
-// In: `grads` [rows,columns] from `first_grad` on; `rates` [columns]; `skip`, one flag per splat, read from `first_row` on if `skips`.
-// In and out: `params`, `m`, `v` [rows,columns]. A skipped row keeps value and moments, bit for bit.
+// In: `grads` [rows,columns] from `first_grad`; `rates` [columns]; `skip`, one flag per splat, read
+// from `first_row` if `skips`. In and out: `params`, `m`, `v` [rows,columns]. A skipped row keeps
+// value and moments, bit for bit.
 
 struct AdamStep {
     num_values: u32,

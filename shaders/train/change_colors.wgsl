@@ -1,8 +1,9 @@
 // Needs: shared/dispatch.wgsl, shared/sh.wgsl, train/offsets.wgsl
-// What offsets of harmonics change in the colours of the splats that an image shows. One invocation = one entry.
+// Change of the colours of visible splats due to offsets of their
+// harmonics. One invocation = one entry.
 //
-// In: `entries`; `d_sh` [rows,K,3] from `first_row` on. Out, for entries with such rows: `changes` [entries,3], before the clamp at 0;
-// `features` [N,3], after it.
+// In: `entries`; `d_sh` [rows,K,3] from `first_row`. Out, for entries with such rows: `changes`
+// [entries,3], before the clamp at 0; `features` [N,3], after it.
 
 @group(0) @binding(0) var<uniform> offsets: Offsets;
 @group(0) @binding(1) var<storage, read> entries: array<Entry>;

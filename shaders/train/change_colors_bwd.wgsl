@@ -1,7 +1,8 @@
 // Needs: shared/dispatch.wgsl, shared/sh.wgsl, train/offsets.wgsl
 // Backward of `change_colors`. One invocation = one entry; no two have the same row.
 //
-// In: `entries`; `changes` [entries,3]; `v_features` [N,3]. Out, for entries with rows of this dispatch: `v_sh` [rows,K,3] from `first_row` on.
+// In: `entries`; `changes` [entries,3]; `v_features` [N,3]. Out, for entries with rows of this
+// dispatch: `v_sh` [rows,K,3] from `first_row`.
 
 @group(0) @binding(0) var<uniform> offsets: Offsets;
 @group(0) @binding(1) var<storage, read> entries: array<Entry>;

@@ -1,8 +1,9 @@
 // Needs: shared/dispatch.wgsl, train/crop.wgsl
-// The render of a crop: what it was, and the change where edited splats show; and the masks of its losses. One invocation = one pixel.
+// The render of a crop: the original, plus the change where edited splats are visible; and the
+// masks of the losses. One invocation = one pixel.
 //
-// In: `planes` of the whole image, [H,W,3] from `features_base` on; `original` [h,w,3]; `pixel_flags` [h,w]. Out: `render` [h,w,3]; `fore`
-// and `back` [h,w].
+// In: `planes` of the whole image, [H,W,3] from `features_base`; `original` [h,w,3]; `pixel_flags`
+// [h,w]. Out: `render` [h,w,3]; `fore` and `back` [h,w].
 
 @group(0) @binding(0) var<uniform> crop: Crop;
 @group(0) @binding(1) var<storage, read> planes: array<f32>;

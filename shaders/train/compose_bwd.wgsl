@@ -1,7 +1,8 @@
 // Needs: shared/dispatch.wgsl, train/crop.wgsl
 // Backward of `compose`. One invocation = one pixel of the crop.
 //
-// In: `v_render` [h,w,3]; `pixel_flags` [h,w]. Out, where edited splats show: `v_planes` of the whole image, [H,W,3] from `features_base` on.
+// In: `v_render` [h,w,3]; `pixel_flags` [h,w]. Out, where edited splats are visible: `v_planes` of
+// the whole image, [H,W,3] from `features_base`.
 
 @group(0) @binding(0) var<uniform> crop: Crop;
 @group(0) @binding(1) var<storage, read> v_render: array<f32>;

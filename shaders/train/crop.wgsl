@@ -1,8 +1,8 @@
 // Needs: nothing
-// A crop of an image, and what its pixels are for. Flags are four to a word.
+// A crop of an image, and flags of its pixels. Four flags are packed in a word.
 
 struct Crop {
-    // Of the whole image.
+    // Size of the whole image.
     img_size: vec2u,
     origin: vec2u,
     size: vec2u,
@@ -11,14 +11,14 @@ struct Crop {
     pad0: u32,
 }
 
-// The warp supervises.
+// Supervised by the warp.
 const FORE: u32 = 1u;
-// The render before supervises.
+// Supervised by the previous render.
 const BACK: u32 = 2u;
-// An edited splat shows.
+// An edited splat is visible.
 const LIVE: u32 = 4u;
 
-// Where pixel `p` of the crop lies in the whole image.
+// Position of pixel `p` of the crop in the whole image.
 fn whole_pixel(crop: Crop, p: u32) -> u32 {
     return (crop.origin.y + p / crop.size.x) * crop.img_size.x + crop.origin.x + p % crop.size.x;
 }

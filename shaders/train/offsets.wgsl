@@ -1,10 +1,10 @@
 // Needs: nothing
-// Offsets of harmonics, and the edited splats that an image shows.
+// Offsets of harmonics, and the edited splats that are visible in an image.
 
 struct Offsets {
     num_entries: u32,
     sh_degree: u32,
-    // Rows of the offsets that this dispatch has before it.
+    // First row of the offsets of this dispatch.
     first_row: u32,
     num_rows: u32,
 }

@@ -16,7 +16,8 @@ const C2: f32 = 0.0009;
 
 var<workgroup> seen_x: array<f32, SEEN_PIXELS>;
 var<workgroup> seen_y: array<f32, SEEN_PIXELS>;
-// Windows across: of x and y, then of x^2, then of y^2 and x y. One at a time: workgroup memory is small.
+// Horizontal pass over (x, y), then (x^2, y^2), then x y. One pair at
+// a time, because workgroup memory is small.
 var<workgroup> across: array<vec2f, STRIP>;
 
 // `kind` 0: (x, y); 1: (x^2, y^2); 2: (x y, 0).
@@ -34,7 +35,7 @@ fn weigh2(a: vec2f, b: vec2f, c: vec2f, d: vec2f, e: vec2f, f: vec2f) -> vec2f {
 
 // Means of products over the window of `lane`. Uniform control flow.
 fn window_mean(lane: u32, kind: u32) -> vec2f {
-    // The pixels are there, and the strip has been read.
+    // The pixels must be loaded, and the previous strip read.
     workgroupBarrier();
     for (var i = lane; i < STRIP; i += GROUP_SIZE) {
         let at = i / BLOCK * SEEN + i % BLOCK;

@@ -1,5 +1,6 @@
 // Needs: shared/dispatch.wgsl, train/image_loss.wgsl, train/window.wgsl
-// Backward of `ssim`: every pixel collects from the windows that see it; the window is symmetric. One invocation = one pixel, one channel.
+// Backward of `ssim`: every pixel gathers from the windows that contain it; the window is
+// symmetric. One invocation = one pixel, one channel.
 //
 // In: `x`, `y` [H,W,C]; `mask` [H,W]; `planes` [3,H,W]. Out: `v_x` [H,W,C] -= factor m dSSIM/d(m x).
 
@@ -38,7 +39,8 @@ fn window_mean(group: vec2u, lane: u32, plane: u32) -> f32 {
         );
     }
     workgroupBarrier();
-    // The next plane's pixels overwrite what everyone has read by now; its strip comes after another barrier.
+    // All lanes have read the pixels, so the next plane may overwrite them;
+    // its strip is written after another barrier.
     return weigh(
         across[lane] + across[lane + 160u],
         across[lane + 16u] + across[lane + 144u],

@@ -1,5 +1,6 @@
 // Needs: shared/dispatch.wgsl, train/group_sum.wgsl
-// Adds the sums that the groups of a loss left, in a fixed order, to the running sum of that loss. One group.
+// Adds the partial sums of a loss's groups, in a fixed order, to
+// the running sum of that loss. One group.
 //
 // In: `partials`. Out: `losses[slot]` += scale * sum.
 

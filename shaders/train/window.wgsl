@@ -1,7 +1,8 @@
 // Needs: nothing
-// The 11x11 Gaussian window of SSIM (sigma 1.5, sum 1) as two passes of 11 taps, and the block of an image that a group sees through it.
+// The 11x11 Gaussian window of SSIM (sigma 1.5, sum 1) as two passes of 11
+// taps, and the block of an image that a group reads.
 //
-// One group = 16x16 windows of one channel; it sees 26x26 pixels. Beyond the image everything is 0.
+// One group = 16x16 windows of one channel; it reads 26x26 pixels. Values beyond the image are 0.
 
 const REACH: u32 = 5u;
 const BLOCK: u32 = 16u;
@@ -18,7 +19,7 @@ const TAP_2: f32 = 0.1093606895;
 const TAP_1: f32 = 0.2130055377;
 const TAP_0: f32 = 0.2660117249;
 
-// The pixel of a group's block that `seen` (0 to 675) is; x and y may lie off the image.
+// Pixel of entry `seen` (0 to 675) of a group's block; x and y may lie outside the image.
 fn seen_pixel(group: vec2u, seen: u32) -> vec2i {
     return vec2i(vec2u(group.x * BLOCK + seen % SEEN, group.y * BLOCK + seen / SEEN)) - vec2i(i32(REACH));
 }

@@ -1,6 +1,6 @@
 // Needs: shared/frame.wgsl, variants/backward
-// Where a tile's sum of an entry goes: straight to the splat, by native float atomics. The order of the tiles, hence the rounding,
-// varies from run to run.
+// Adds a tile's sum of an entry directly to the splat with native float atomics. The order of the
+// tiles, and hence the rounding, varies from run to run.
 
 @group(0) @binding(7) var<storage, read_write> splat_grads: array<atomic<f32>>;
 

@@ -1,6 +1,6 @@
 // Needs: shared/frame.wgsl, variants/backward
-// Where a tile's sum of an entry goes: to the entry's own slot, cleared beforehand. A later pass adds the slots of each splat in a
-// fixed order. Slots outside the part that is kept this time are dropped.
+// Writes a tile's sum of an entry to the entry's slot, cleared beforehand. A later pass adds the
+// slots of each splat in a fixed order. Slots outside the range of this dispatch are skipped.
 
 @group(0) @binding(7) var<storage, read_write> slots: array<vec4f>;
 

@@ -3,12 +3,13 @@
 
 var<workgroup> lane_sums: array<vec4f, ENTRY_QUADS * SUM_ENTRIES * TILE_LANES>;
 
-// Hands in the lane's share of the group's vector `at`.
+// Stores the lane's contribution to the group's vector `at`.
 fn put_quad(at: u32, lane: u32, value: vec4f) {
     lane_sums[at * TILE_LANES + lane] = value;
 }
 
-// A quarter of the sum of vector `at`. Each quarter of each vector starts elsewhere: neighbours read different banks.
+// A quarter of the sum of vector `at`. The quarters start at different offsets, so that
+// neighbouring lanes read different memory banks.
 fn take_quarter(at: u32, quarter: u32) -> vec4f {
     let first = at * TILE_LANES;
     let turn = 5u * at + quarter;

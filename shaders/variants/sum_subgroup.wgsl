@@ -1,5 +1,6 @@
 // Needs: shared/tile.wgsl, variants/backward
-// Sum over the lanes of a tile: within subgroups by their own operation, across them through workgroup memory. Needs subgroups.
+// Sum over the lanes of a tile: within subgroups by the subgroup operation, across them through
+// workgroup memory. Needs subgroups.
 
 // A tile of 64 lanes has at most 16 subgroups, since none is smaller than 4.
 const MAX_SUBGROUPS: u32 = 16u;
@@ -9,7 +10,7 @@ var<private> lane_in_subgroup: u32;
 var<private> subgroups_in_tile: u32;
 var<workgroup> subgroup_sums: array<vec4f, ENTRY_QUADS * SUM_ENTRIES * MAX_SUBGROUPS>;
 
-// Hands in the lane's share of the group's vector `at`. Uniform control flow.
+// Stores the lane's contribution to the group's vector `at`. Uniform control flow.
 fn put_quad(at: u32, lane: u32, value: vec4f) {
     let sum = subgroupAdd(value);
     if lane_in_subgroup == 0u {

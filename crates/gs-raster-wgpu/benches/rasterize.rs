@@ -1,10 +1,10 @@
-//! Forward and backward passes at 1352×1014 on whatever adapter is there; its name is printed
-//! first. On a software adapter the scene is small. Compares the two backward passes with the
-//! forward pass, and prints the times of single passes where the adapter has timestamps, and how
-//! the CPU rasteriser does on the same scene at the same time.
+//! Forward and backward passes at 1352×1014 on the best available adapter, whose name is printed
+//! first. Software adapters get a small scene. Compares the two backward passes with the forward
+//! pass, and prints the times of single passes where the adapter has timestamps, and the times of
+//! the CPU rasteriser on the same scene, interleaved.
 //!
-//! `C4D_BENCH_ADAPTER=<index>` picks an adapter; the default is hardware if there is any, else
-//! software.
+//! `C4D_BENCH_ADAPTER=<index>` selects an adapter; the default
+//! is hardware if available, else software.
 
 #![allow(
     clippy::print_stdout,
@@ -63,7 +63,7 @@ fn print_timings(splats: &Splats, camera: &Camera, upstream: &UpstreamGrads) {
     let Ok(mut prepared) = raster.prepare(splats, camera) else { return };
     for what in ["forward, with preparation", "backward"] {
         let done = if what == "backward" {
-            // Twice: the first compiles.
+            // Runs twice, because the first run compiles the kernels.
             let mut run = || raster.backward(&mut prepared, splats, &[], &params, upstream);
             run().and_then(|_| run()).map(|_| ())
         } else {
@@ -83,8 +83,8 @@ fn print_timings(splats: &Splats, camera: &Camera, upstream: &UpstreamGrads) {
     }
 }
 
-/// Milliseconds of preparation with forward pass, and of the backward pass, images and gradients to
-/// the host.
+/// Milliseconds of preparation plus forward pass, and of the backward pass, including the transfer
+/// of images and gradients to the host.
 fn lap<R: Rasterizer>(
     raster: &R,
     (splats, camera, upstream): (&Splats, &Camera, &UpstreamGrads),
@@ -106,12 +106,12 @@ fn lap<R: Rasterizer>(
     Some([forward, start.elapsed()].map(|time| 1e3 * time.as_secs_f64()))
 }
 
-/// The adapter and the CPU rasteriser in turns, so that both see the same machine.
+/// Runs the adapter and the CPU rasteriser in turns, so that both have the same machine load.
 fn print_ratio(raster: &WgpuRasterizer, splats: &Splats, camera: &Camera, up: &UpstreamGrads) {
     let cpu = CpuRasterizer::default();
     let (mut on_gpu, mut on_cpu) = (None, None);
     let mut laps = Vec::new();
-    // The first lap compiles.
+    // The first lap compiles the kernels.
     for round in 0..8 {
         let gpu = lap(raster, (splats, camera, up), &mut on_gpu);
         let cpu = lap(&cpu, (splats, camera, up), &mut on_cpu);

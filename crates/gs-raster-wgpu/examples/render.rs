@@ -1,7 +1,7 @@
-//! Lists the adapters, renders a few splats on the best one (or a software one), and pulls one of
-//! them towards brightness.
+//! Lists the adapters, renders a few splats on the best one (or a software one), and computes the
+//! gradient of the image's brightness.
 //!
-//! `cargo run --release -p gs-raster-wgpu --example render`
+//! `cargo run --release --example render`
 
 #![allow(clippy::print_stdout, reason = "an example prints")]
 

@@ -1,14 +1,14 @@
-//! [`AdapterSummary`]: what there is to run on, for people and for choosing.
+//! [`AdapterSummary`]: the available graphics adapters, for display and selection.
 
 use crate::GpuError;
 use std::fmt;
 
-/// Whether an adapter is worth using for speed.
+/// Whether an adapter is a GPU or runs on the CPU.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum AdapterKind {
     /// A graphics processor.
     Hardware,
-    /// A driver that computes on the CPU: right, but slower than the CPU rasteriser. For tests.
+    /// A driver that runs on the CPU: correct, but slower than the CPU rasteriser. For tests.
     Software,
 }
 
@@ -18,18 +18,18 @@ pub enum AdapterChoice {
     /// The best hardware adapter: discrete before integrated before virtual. Never software.
     #[default]
     Auto,
-    /// The adapter with this index in [`crate::GpuContext::adapters`], whatever it is.
+    /// The adapter with this index in [`crate::GpuContext::adapters`], of any kind.
     Index(usize),
     /// A software adapter, for tests.
     Software,
 }
 
-/// One adapter, in words and numbers.
+/// Description of one adapter.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct AdapterSummary {
     /// Position in [`crate::GpuContext::adapters`].
     pub index: usize,
-    /// Name that the driver gives.
+    /// Name reported by the driver.
     pub name: String,
     /// Vulkan, Metal or Dx12.
     pub backend: String,
@@ -43,15 +43,15 @@ pub struct AdapterSummary {
     pub max_binding_bytes: u64,
     /// Largest buffer, bytes.
     pub max_buffer_bytes: u64,
-    /// Storage buffers per stage; 8 are needed.
+    /// Storage buffers per shader stage; 8 are required.
     pub max_storage_buffers: u32,
-    /// Whether floats can be added atomically.
+    /// Whether float atomics (addition) are supported.
     pub float_atomics: bool,
-    /// Whether there are subgroup operations.
+    /// Whether subgroup operations are supported.
     pub subgroups: bool,
-    /// Whether passes can be timed.
+    /// Whether timestamps of passes are supported.
     pub timestamps: bool,
-    /// Smaller is preferred.
+    /// Preference rank; smaller is better.
     pub(crate) rank: u32,
 }
 
@@ -113,7 +113,7 @@ impl fmt::Display for AdapterSummary {
     }
 }
 
-/// Adapters in a readable list.
+/// Adapters as a list for messages.
 fn listed(adapters: &[AdapterSummary]) -> String {
     if adapters.is_empty() {
         return "none".to_owned();
@@ -122,7 +122,7 @@ fn listed(adapters: &[AdapterSummary]) -> String {
     lines.join("; ")
 }
 
-/// Index of the adapter that `choice` means.
+/// Index of the adapter selected by `choice`.
 pub(crate) fn choose(
     adapters: &[AdapterSummary],
     choice: AdapterChoice,

@@ -1,4 +1,4 @@
-//! Backward pass: upstream gradients up, tiles, projection, gradients down.
+//! Backward pass: upload of upstream gradients, tiles, projection, download of gradients.
 
 use crate::buffers::{GrowBuffer, write};
 use crate::commands::{Commands, read_with};
@@ -12,10 +12,11 @@ use gs_core::{RasterError, RenderGrads, RenderParams, Splats, UpstreamGrads};
 
 /// Means, quaternions, log-scales, opacities, projected centres.
 pub(crate) const PARAMS: usize = 3 + 4 + 3 + 1 + 2;
-/// Memory for gradients of pairs; with more pairs the tiles are walked several times.
+/// Memory limit for gradients of pairs, bytes; with more pairs
+/// the tiles are processed several times.
 const MAX_SLOT_BYTES: u64 = 1 << 30;
 
-/// Whether geometry and opacity are differentiated too.
+/// Whether geometry and opacity are also differentiated.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Scope {
     Everything,
@@ -231,7 +232,7 @@ fn encode_splats(
     Ok(())
 }
 
-/// The gradients' way to the host.
+/// Appends the copies of the gradients to host-visible memory.
 fn encode_readback(
     context: &GpuContext,
     prepared: &mut GpuPrepared,
@@ -260,7 +261,7 @@ fn encode_readback(
     Ok(())
 }
 
-/// Takes the first `rows` rows off `rest`.
+/// Moves the first `rows` rows of `rest` to `target`.
 fn take<T: bytemuck::Pod>(rest: &mut &[u8], rows: usize, target: &mut Vec<T>) {
     let (head, tail) = rest.split_at(rows * size_of::<T>());
     target.extend_from_slice(bytemuck::cast_slice(head));

@@ -1,4 +1,4 @@
-//! [`GrowBuffer`]: a device buffer that lives across frames and grows when a frame needs more.
+//! [`GrowBuffer`]: a device buffer that is kept across frames and grows when a frame needs more.
 
 use crate::{GpuContext, GpuError};
 use wgpu::BufferUsages;
@@ -15,7 +15,7 @@ pub struct GrowBuffer {
 
 /// Zero-sized bindings are invalid, and a `vec4f` must fit.
 const LEAST_BYTES: u64 = 16;
-/// Uploads are flushed after this much, so that staging memory stays bounded.
+/// Uploads are flushed after this many bytes, so that staging memory stays bounded.
 const FLUSH_BYTES: usize = 64 << 20;
 
 impl GrowBuffer {
@@ -38,7 +38,7 @@ impl GrowBuffer {
         Self { what, usage, buffer: None }
     }
 
-    /// Makes room for `bytes`.
+    /// Ensures room for `bytes`.
     ///
     /// # Errors
     /// If that exceeds a limit of the device or its memory.
@@ -48,7 +48,7 @@ impl GrowBuffer {
             if self.usage.contains(BufferUsages::STORAGE) {
                 context.check_size(self.what, bytes)?;
             }
-            // The old one goes first: both together may not fit.
+            // The old buffer is dropped first, because both together may not fit.
             self.buffer = None;
             let (label, usage) = (Some(self.what), self.usage);
             let descriptor =
@@ -73,7 +73,7 @@ impl GrowBuffer {
         self.buffer.as_ref().ok_or_else(|| context.failed("preparation", "buffer not allocated"))
     }
 
-    /// Makes room for `values` and uploads them, in pieces.
+    /// Ensures room for `values` and uploads them in pieces.
     ///
     /// # Errors
     /// As [`GrowBuffer::ensure`].

@@ -1,4 +1,4 @@
-//! [`Commands`]: a frame as a list of dispatches, clears and copies, submitted at once.
+//! [`Commands`]: a list of dispatches, clears and copies, submitted together.
 
 use crate::buffers::{GrowBuffer, write};
 use crate::kernels::{Access, KernelDef};
@@ -9,7 +9,7 @@ use std::sync::mpsc;
 /// Time of one pass on the device.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PassTiming {
-    /// Kernel.
+    /// Name of the kernel.
     pub name: &'static str,
     /// Nanoseconds.
     pub nanoseconds: f64,
@@ -35,7 +35,7 @@ enum Step {
     },
 }
 
-/// Steps in the order in which they run; nothing happens before [`Commands::submit`].
+/// Steps in execution order; nothing runs before [`Commands::submit`].
 pub struct Commands<'a> {
     context: &'a GpuContext,
     uniforms: Vec<u8>,
@@ -75,7 +75,7 @@ pub(crate) fn groups_for(items: u64, size: u32) -> Option<[u32; 2]> {
 }
 
 impl<'a> Commands<'a> {
-    /// Nothing to do yet on `context`.
+    /// An empty list for `context`.
     pub fn new(context: &'a GpuContext) -> Self {
         Self { context, uniforms: Vec::new(), steps: Vec::new() }
     }
@@ -144,11 +144,10 @@ impl<'a> Commands<'a> {
         }
     }
 
-    /// Submits everything as one command buffer; `during` names it in errors. Returns where the
-    /// timings will be.
+    /// Submits all steps as one command buffer; `during` describes them in
+    /// errors. Returns the timestamps to read later.
     ///
-    /// # Errors
-    /// If a kernel does not compile, memory is exhausted, or the driver refuses.
+    /// # Errors If a kernel does not compile, memory is exhausted, or the driver fails.
     pub fn submit(
         self,
         memory: &mut CommandMemory,
@@ -218,7 +217,7 @@ fn encode(
                 encoder.copy_buffer_to_buffer(from, *offset, to, *to_offset, *bytes);
             }
             Step::Dispatch { kernel, uniform, buffers, groups } => {
-                // Compiled before encoding began.
+                // Compiled before encoding; an error was returned then.
                 let Ok(pipeline) = context.pipeline(kernel) else { continue };
                 if query_set.is_some() {
                     open = None;
@@ -322,7 +321,7 @@ pub fn read(
     read_with(context, buffer, bytes, during, |view| target.copy_from_slice(view))
 }
 
-/// Waits for the device and shows the start of a staging buffer.
+/// Waits for the device and passes the start of a staging buffer to a closure.
 pub(crate) fn read_with(
     context: &GpuContext,
     buffer: &wgpu::Buffer,
@@ -335,7 +334,7 @@ pub(crate) fn read_with(
     }
     let (sender, receiver) = mpsc::channel();
     buffer.map_async(wgpu::MapMode::Read, 0..bytes, move |result| {
-        // The receiver lives until the answer has arrived.
+        // The receiver outlives the callback, so sending cannot fail.
         let _ = sender.send(result);
     });
     context
@@ -356,7 +355,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn long_dispatches_are_folded() {
+    fn long_dispatches_are_folded_into_two_dimensions() {
         assert_eq!(groups_for(0, 256), Some([0, 0]), "nothing");
         assert_eq!(groups_for(257, 256), Some([2, 1]), "one row");
         let at_limit = 65_535 * 256;

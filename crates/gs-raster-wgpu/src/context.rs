@@ -1,4 +1,4 @@
-//! [`GpuContext`]: a device, its limits, and the pipelines made for it so far.
+//! [`GpuContext`]: a device, its limits, and its compiled pipelines.
 
 use crate::GpuError;
 use crate::adapter::{AdapterChoice, AdapterSummary, choose};
@@ -7,20 +7,20 @@ use std::collections::HashMap;
 use std::fmt;
 use std::sync::{Arc, Mutex, PoisonError};
 
-/// How a device is used.
+/// Options for using a device.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct GpuOptions {
-    /// Core WGSL and WebGPU's default limits only, even if the adapter has more. Gradients are then
-    /// the same from run to run. Default false.
+    /// Use only core WGSL and WebGPU's default limits, even if the adapter has more. Gradients are
+    /// then identical from run to run. Default false.
     pub portable: bool,
-    /// Gradients that are the same from run to run, at the price of more memory: no float atomics.
-    /// Default false.
+    /// Make gradients identical from run to run by not using float
+    /// atomics; needs more memory. Default false.
     pub deterministic: bool,
     /// Cap on the size of a storage binding, bytes. Default: the adapter's. Large arrays are split
     /// to fit.
     pub max_binding_bytes: Option<u64>,
-    /// Times every pass, where the adapter can; see [`crate::WgpuRasterizer::timings`]. Default
-    /// false: it separates the passes.
+    /// Time every pass where the adapter supports it; see [`crate::WgpuRasterizer::timings`].
+    /// Default false, because timing prevents passes from overlapping.
     pub timestamps: bool,
 }
 
@@ -38,9 +38,10 @@ struct Inner {
     max_binding_bytes: u64,
     max_buffer_bytes: u64,
     timestamp_period: Option<f32>,
-    /// By address of the kernel's definition: kernels of other crates are compiled here, too.
+    /// Keyed by the address of the kernel's definition, so that
+    /// kernels of other crates can be compiled too.
     pipelines: Mutex<HashMap<usize, Arc<Pipeline>>>,
-    /// What the driver reported outside every error scope.
+    /// Error reported by the driver outside all error scopes.
     stray_error: Arc<Mutex<Option<String>>>,
 }
 
@@ -63,12 +64,12 @@ fn enumerate() -> Vec<wgpu::Adapter> {
 }
 
 impl GpuContext {
-    /// Every adapter that a driver offers, hardware and software.
+    /// All available adapters, hardware and software.
     pub fn adapters() -> Vec<AdapterSummary> {
         enumerate().iter().enumerate().map(|(i, a)| AdapterSummary::new(i, a)).collect()
     }
 
-    /// A device on the chosen adapter, using all that it has.
+    /// A device on the chosen adapter, with all its supported features and limits.
     ///
     /// # Errors
     /// If there is no such adapter or it cannot run the kernels.
@@ -91,7 +92,8 @@ impl GpuContext {
 
         let mut features = wgpu::Features::empty();
         if !options.portable {
-            // The kernels hold the sums of 64 lanes in 16 subgroups of at least 4.
+            // The kernels have room for 16 subgroups per 64 lanes,
+            // so subgroups need at least 4 lanes.
             if adapter.get_info().subgroup_min_size >= 4 {
                 features |= wgpu::Features::SUBGROUP;
             }
@@ -152,7 +154,7 @@ impl GpuContext {
         &self.inner.adapter
     }
 
-    /// Whether both are the same device.
+    /// Whether `self` and `other` share one device.
     pub(crate) fn is(&self, other: &Self) -> bool {
         Arc::ptr_eq(&self.inner, &other.inner)
     }
@@ -177,7 +179,7 @@ impl GpuContext {
         self.inner.max_binding_bytes
     }
 
-    /// Nanoseconds per tick where passes are timed.
+    /// Nanoseconds per timestamp tick; `None` without timestamps.
     pub(crate) fn timestamp_period(&self) -> Option<f32> {
         self.inner.timestamp_period
     }
@@ -194,13 +196,13 @@ impl GpuContext {
         GpuError::Memory { what, bytes, adapter: self.inner.adapter.name.clone(), limit }
     }
 
-    /// The error of something that failed while `during`.
+    /// The error for a failure during `during`.
     pub fn failed(&self, during: &'static str, message: impl std::fmt::Display) -> GpuError {
         let adapter = self.inner.adapter.name.clone();
         GpuError::Failed { adapter, during, message: message.to_string() }
     }
 
-    /// Runs `work` with every error of the device caught.
+    /// Runs `work` inside error scopes and returns the first device error.
     pub(crate) fn guarded<T>(
         &self,
         during: &'static str,
@@ -214,7 +216,7 @@ impl GpuContext {
         .map(|filter| self.inner.device.push_error_scope(filter));
         let value = work();
         let mut caught = None;
-        // Innermost first.
+        // Innermost scope first.
         for scope in scopes.into_iter().rev() {
             let error = pollster::block_on(scope.pop());
             caught = caught.or(error);
@@ -225,13 +227,13 @@ impl GpuContext {
         }
     }
 
-    /// Fails if the driver complained outside every scope since the last call.
+    /// Fails if the driver reported an error outside all scopes since the last call.
     pub(crate) fn check_stray(&self, during: &'static str) -> Result<(), GpuError> {
         let stray = self.inner.stray_error.lock().unwrap_or_else(PoisonError::into_inner).take();
         stray.map_or(Ok(()), |message| Err(self.failed(during, message)))
     }
 
-    /// The compiled kernel, compiling it at first use.
+    /// The compiled kernel; compiled at first use.
     pub(crate) fn pipeline(&self, def: &'static KernelDef) -> Result<Arc<Pipeline>, GpuError> {
         let key = std::ptr::from_ref(def).addr();
         let known = || self.inner.pipelines.lock().unwrap_or_else(PoisonError::into_inner);
@@ -239,7 +241,7 @@ impl GpuContext {
             return Ok(Arc::clone(pipeline));
         }
         let pipeline = Arc::new(self.guarded(def.name, || compile(&self.inner.device, def))?);
-        // Another thread may have been faster; both are the same.
+        // Another thread may have inserted it meanwhile; both are equivalent.
         known().insert(key, Arc::clone(&pipeline));
         Ok(pipeline)
     }

@@ -1,20 +1,20 @@
-//! [`GpuError`]: why there is no usable device, or why it gave up.
+//! [`GpuError`]: errors of finding and using a graphics device.
 
 use gs_core::RasterError;
 use thiserror::Error;
 
-/// What can go wrong between us and a graphics processor.
+/// Error of finding or using a graphics device.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
 #[non_exhaustive]
 pub enum GpuError {
-    /// Nothing to run on.
+    /// No suitable adapter.
     #[error(
         "no {wanted} graphics adapter found; adapters present: {present}. Install a Vulkan, Metal or Direct3D 12 driver, or use the CPU rasteriser"
     )]
     NoAdapter {
         /// What was requested.
         wanted: &'static str,
-        /// What there is.
+        /// Adapters present.
         present: String,
     },
     /// The index is out of range.
@@ -24,23 +24,23 @@ pub enum GpuError {
         index: usize,
         /// Number of adapters.
         count: usize,
-        /// What there is.
+        /// Adapters present.
         present: String,
     },
-    /// The adapter lacks something without which nothing runs.
+    /// The adapter lacks a required feature or failed to open.
     #[error("graphics adapter `{adapter}` cannot be used: {reason}")]
     Unusable {
-        /// Its name.
+        /// Name of the adapter.
         adapter: String,
-        /// What is missing, or what the driver said.
+        /// The missing feature, or the driver's message.
         reason: String,
     },
-    /// A buffer exceeds what the device allows or has.
+    /// A buffer exceeds a limit or the memory of the device.
     #[error("{what} needs {bytes} bytes, more than graphics adapter `{adapter}` {limit}")]
     Memory {
-        /// Which buffer.
+        /// Name of the buffer.
         what: &'static str,
-        /// Its size.
+        /// Size of the buffer, bytes.
         bytes: u64,
         /// Name of the adapter.
         adapter: String,
@@ -52,14 +52,14 @@ pub enum GpuError {
     Failed {
         /// Name of the adapter.
         adapter: String,
-        /// What was being done.
+        /// The operation that failed.
         during: &'static str,
-        /// What the driver said.
+        /// The driver's message.
         message: String,
     },
 }
 
-/// The numbers of `count` adapters.
+/// The valid indices of `count` adapters, for messages.
 fn numbers(count: usize) -> String {
     if count > 1 { format!("0 to {}", count - 1) } else { "0".to_owned() }
 }

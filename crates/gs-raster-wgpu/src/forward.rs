@@ -30,8 +30,8 @@ pub(crate) fn check(
     Ok(())
 }
 
-/// Harmonics as they lie in bindings: first splat and number of splats of each. Without colour
-/// nothing is read from them.
+/// Split of the harmonics into bindings: first splat and number of
+/// splats of each. Not read without colour.
 pub(crate) fn sh_chunks(
     context: &GpuContext,
     num_splats: usize,
@@ -45,14 +45,14 @@ pub(crate) fn sh_chunks(
     row_chunks(num_splats, row_bytes, context.max_binding_bytes())
 }
 
-/// Makes room for `count` buffers.
+/// Extends `buffers` to at least `count` buffers.
 pub(crate) fn at_least(buffers: &mut Vec<GrowBuffer>, count: usize, make: impl Fn() -> GrowBuffer) {
     while buffers.len() < count {
         buffers.push(make());
     }
 }
 
-/// Uploads what may have changed since the preparation.
+/// Uploads the values that may have changed since the preparation: opacities, harmonics, features.
 pub(crate) fn upload_appearance(
     context: &GpuContext,
     prepared: &mut GpuPrepared,
@@ -63,15 +63,14 @@ pub(crate) fn upload_appearance(
     check(context, prepared, splats, features)?;
     prepared.forward = None;
     prepared.resident = None;
-    prepared.own_appearance();
+    prepared.unshare_appearance();
     let channels = Channels::new(params, prepared.num_splats, features.len());
     upload(context, prepared, splats, features, channels)?;
     prepared.resident = Some(Forward { channels, sh_degree: splats.sh_degree });
     Ok(())
 }
 
-/// Verifies that the appearance on the device is what `params` needs, and makes room for the
-/// planes.
+/// Verifies that the appearance on the device matches `params`, and allocates the planes.
 pub(crate) fn begin(
     context: &GpuContext,
     prepared: &mut GpuPrepared,
@@ -101,8 +100,9 @@ pub(crate) fn image_bytes(prepared: &GpuPrepared, channels: Channels) -> u64 {
     4 * channels.planes(prepared.num_pixels()).iter().sum::<usize>() as u64
 }
 
-/// Shades and composites with the appearance on the device, and waits until the lists are known to
-/// be complete. The planes stay there; with `readback` they are on their way to the host, too.
+/// Shades and composites with the appearance on the device, and waits until the
+/// lists are known to be complete. The planes stay on the device; with
+/// `readback` they are also copied to host-visible memory.
 pub(crate) fn composite(
     context: &GpuContext,
     prepared: &mut GpuPrepared,
@@ -127,7 +127,7 @@ pub(crate) fn composite(
             commands.copy((m.image.get(context)?, 0), (staging, 0), image_bytes);
         }
         let stamps = commands.submit(&mut prepared.memory.commands, "forward pass")?;
-        let complete = prepared.settle(context)?;
+        let complete = prepared.check_room(context)?;
         prepared.timings = stamps.read(context)?;
         if complete {
             break;

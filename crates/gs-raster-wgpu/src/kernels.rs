@@ -1,9 +1,9 @@
-//! The kernels: source, entry point, bindings. Bind group layouts and pipelines are made from this
-//! table, and a test compares it with what the shaders declare.
+//! The kernels: source, entry point, bindings. Bind group layouts and pipelines are built from this
+//! table, and a test compares it with the shaders' declarations.
 
 use crate::shaders::{self, Source};
 
-/// What a binding is.
+/// Kind of a binding.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Access {
     /// Uniform buffer.
@@ -12,11 +12,11 @@ pub enum Access {
     Read,
     /// Storage buffer, read and written.
     Write,
-    /// Number not used by this kernel.
+    /// Binding number not used by this kernel.
     None,
 }
 
-/// What the device must have beyond core WGSL.
+/// Required device features beyond core WGSL.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Needs {
     /// Subgroup operations.
@@ -52,7 +52,7 @@ macro_rules! kernels {
     ($($id:ident: $source:ident $entry:literal [$($access:ident)*] $size:literal $needs:expr;)+) => {
         /// Names the kernels; an index into [`KERNELS`].
         #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-        #[allow(missing_docs, reason = "each is documented by the header of its shader")]
+        #[allow(missing_docs, reason = "each kernel is documented in the header of its shader")]
         pub enum Kernel { $($id,)+ }
 
         /// All kernels, in the order of [`Kernel`].
@@ -131,8 +131,8 @@ impl Kernel {
         if channels == 4 { Self::Rasterize4 } else { Self::Rasterize8 }
     }
 
-    /// Backward over tiles of 4 or 8 channels, with geometry or for the channels alone, with what
-    /// the device has.
+    /// Backward over tiles of 4 or 8 channels, with geometry or for the
+    /// channels alone, using the features of the device.
     pub(crate) fn rasterize_bwd(channels: u32, geometry: bool, needs: Needs) -> Self {
         match (geometry, channels == 4, needs.subgroups, needs.float_atomics) {
             (true, true, false, false) => Self::Full4SharedSlots,

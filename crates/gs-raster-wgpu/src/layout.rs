@@ -1,16 +1,16 @@
-//! Structs that cross to the device, declared once with the table that a test compares with the
-//! shaders.
+//! Structs shared with the device, declared once together with the
+//! table that a test compares with the shaders.
 
 use gs_core::image_formation;
 
 /// Name, offset and size of a field, bytes.
 pub type Field = (&'static str, usize, usize);
 
-/// Where a struct's fields lie.
+/// Layout of a struct in memory.
 pub trait GpuLayout {
     /// Name of the struct, the same in WGSL.
     const NAME: &'static str;
-    /// Bytes.
+    /// Size, bytes.
     const SIZE: usize;
     /// Name, offset and size of every field, bytes.
     const FIELDS: &'static [Field];
@@ -37,8 +37,8 @@ macro_rules! gpu_struct {
 gpu_struct! {
     /// Uniforms of a frame; see `shaders/shared/frame.wgsl`.
     Frame {
-        /// First row of the world-to-camera matrix; last, what is left of the translation when it
-        /// is applied to points relative to `camera_pos`.
+        /// First row of the world-to-camera matrix for points relative to `camera_pos`; the last
+        /// entry is the remaining translation (rounding error of `camera_pos`).
         view0: [f32; 4],
         /// Second row.
         view1: [f32; 4],
@@ -62,15 +62,15 @@ gpu_struct! {
         img_size: [u32; 2],
         /// Tiles per row and column.
         tile_bounds: [u32; 2],
-        /// N.
+        /// `N`, number of splats.
         num_splats: u32,
-        /// Room for (splat, tile) pairs.
+        /// Capacity, (splat, tile) pairs.
         max_isects: u32,
         /// 1 if colour is composited.
         rgb: u32,
         /// 1 if depth is composited.
         depth: u32,
-        /// F.
+        /// `F`, features per splat.
         num_features: u32,
         /// Values per row of the gradients of projected quantities.
         grad_stride: u32,
@@ -104,7 +104,7 @@ gpu_struct! {
 gpu_struct! {
     /// Uniforms of a prefix sum.
     Scan {
-        /// Values.
+        /// Number of values.
         num_items: u32,
         /// Unused.
         pad0: u32,
@@ -122,11 +122,11 @@ gpu_struct! {
         shift: u32,
         /// Blocks of keys.
         num_blocks: u32,
-        /// Where the number of items is.
+        /// Index of the number of items in the counts.
         count_index: u32,
-        /// Room for items.
+        /// Capacity, items.
         max_items: u32,
-        /// 1 if the values are the positions.
+        /// 1 if the values are the positions 0, 1, 2, ….
         iota: u32,
         /// Unused.
         pad0: u32,
@@ -140,7 +140,7 @@ gpu_struct! {
 gpu_struct! {
     /// Channels of a splat in a pass of 4.
     Color4 {
-        /// All of them.
+        /// The four channels.
         a: [f32; 4],
     }
 }
@@ -150,7 +150,7 @@ gpu_struct! {
     Color8 {
         /// The first four.
         a: [f32; 4],
-        /// The others.
+        /// The last four.
         b: [f32; 4],
     }
 }
@@ -164,17 +164,17 @@ pub const LAYOUTS: &[(&str, usize, &[Field])] = &[
     (Color8::NAME, Color8::SIZE, Color8::FIELDS),
 ];
 
-/// Invocations of a group of a pass over splats or pairs.
+/// Invocations per group in passes over splats or pairs.
 pub const GROUP_SIZE: u32 = 256;
-/// Invocations of a group of a pass over tiles.
+/// Invocations per group in passes over tiles.
 pub const TILE_LANES: u32 = 64;
-/// Most groups along one dimension of a dispatch.
+/// Largest number of groups along one dimension of a dispatch.
 pub const FOLD: u32 = 65_535;
 /// Values per block of the prefix sum.
 pub const SCAN_BLOCK: u32 = 1024;
 /// Keys per block of the sort.
 pub const SORT_BLOCK: u32 = 2048;
-/// Values of a digit of the sort.
+/// Number of values of one digit of the sort.
 pub const RADIX: u32 = 256;
 
 /// Value of a constant that exists in Rust and in WGSL.

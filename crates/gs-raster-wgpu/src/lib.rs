@@ -1,21 +1,21 @@
-//! Differentiable Gaussian-splat rasteriser in WGSL compute shaders, on any adapter that wgpu
-//! reaches.
+//! Differentiable Gaussian-splat rasteriser in WGSL compute
+//! shaders, on any adapter that wgpu supports.
 //!
-//! Promises: the image formation and the gradients of the reference kernels
-//! ([`gs_core::image_formation`]; conventions `Reference` and `Exact`), within single precision,
-//! behind [`gs_core::Rasterizer`]. Core WGSL within WebGPU's default limits; subgroups, float
-//! atomics and larger limits are used where the adapter has them. Splats with values that are not
-//! finite draw nothing and have zero gradients. Running out of memory is an error, never an image
-//! of zeros.
+//! Computes the image formation and the gradients of the reference kernels
+//! ([`gs_core::image_formation`]; conventions `Reference` and `Exact`), within single
+//! precision, behind [`gs_core::Rasterizer`]. Core WGSL within WebGPU's default
+//! limits; subgroups, float atomics and larger limits are used where the adapter
+//! supports them. Splats with non-finite values draw nothing and have zero gradients.
+//! Running out of memory is an error, never an image of zeros.
 //!
-//! Determinism: images are the same from run to run. Gradients are too, with
-//! [`GpuOptions::deterministic`] or [`GpuOptions::portable`]; otherwise, with float atomics, the
-//! order in which tiles add to a splat varies, and with it the last bits.
+//! Determinism: images are bit-identical from run to run. So are gradients with
+//! [`GpuOptions::deterministic`] or [`GpuOptions::portable`]; otherwise float atomics are used, the
+//! order in which tiles add to a splat varies, and the last bits with it.
 //!
 //! Deliberately absent: losses, optimisers, files, windows.
 
-/// Building blocks for passes of other crates on the same device: buffers that grow, and commands
-/// submitted together.
+/// Building blocks for passes of other crates on the same device:
+/// growing buffers, and commands submitted together.
 pub mod device {
     pub use crate::buffers::{GrowBuffer, write};
     pub use crate::commands::{CommandMemory, Commands, Stamps, read};

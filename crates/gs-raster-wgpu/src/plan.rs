@@ -1,4 +1,4 @@
-//! How a frame is cut: channels into passes, harmonics into bindings, planes into one image buffer.
+//! Partition of a frame: channels into passes, harmonics into bindings, planes of one image buffer.
 
 use crate::layout::Frame;
 use gs_core::image_formation::{EPS_DIVIDE, GUARD_BAND, TILE_SIZE};
@@ -22,8 +22,8 @@ impl Channels {
         3 * usize::from(self.rgb) + usize::from(self.depth) + self.num_features
     }
 
-    /// First channel and width (4 or 8) of every pass. There is one even without channels: alpha
-    /// needs it.
+    /// First channel and width (4 or 8) of every pass. There is at
+    /// least one pass, because alpha needs it.
     pub(crate) fn passes(self) -> Vec<(usize, usize)> {
         let mut passes = Vec::new();
         let mut first = 0;
@@ -54,7 +54,7 @@ impl Channels {
     }
 }
 
-/// Saturates: sizes that do not fit are refused when memory for them is allocated.
+/// Saturating conversion: sizes that do not fit are refused when their memory is allocated.
 pub(crate) fn to_u32(value: usize) -> u32 {
     u32::try_from(value).unwrap_or(u32::MAX)
 }
@@ -129,7 +129,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn channels_are_cut_into_passes() {
+    fn channels_are_split_into_passes() {
         let passes = |rgb, depth, num_features| Channels { rgb, depth, num_features }.passes();
         assert_eq!(passes(false, false, 0), [(0, 4)], "alpha alone");
         assert_eq!(passes(true, true, 0), [(0, 4)], "colour and depth");
@@ -139,7 +139,7 @@ mod tests {
     }
 
     #[test]
-    fn rows_are_cut_to_fit() {
+    fn rows_are_split_to_fit_bindings() {
         assert_eq!(row_chunks(5, 12, 30), [(0, 2), (2, 2), (4, 1)], "two rows fit");
         assert_eq!(row_chunks(0, 12, 30), [], "nothing");
         assert_eq!(

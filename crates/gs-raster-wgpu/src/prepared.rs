@@ -1,4 +1,4 @@
-//! [`GpuPrepared`]: geometry seen by one camera, and the device memory of every stage.
+//! [`GpuPrepared`]: geometry projected for one camera, and the device memory of every stage.
 
 use crate::buffers::GrowBuffer;
 use crate::commands::{CommandMemory, Commands, PassTiming};
@@ -10,33 +10,32 @@ use crate::sort::{SortJob, SortMemory};
 use crate::{GpuContext, GpuError};
 use gs_core::{Camera, RasterError, Splats};
 
-/// Room for (splat, tile) pairs at first, per splat; it grows when a frame needs more.
+/// Initial capacity for (splat, tile) pairs, per splat; it grows when a frame needs more.
 const FIRST_ISECTS_PER_SPLAT: usize = 4;
 const LEAST_ISECTS: usize = 4096;
-/// More splats than this would overflow 32-bit indices into their parameters.
+/// Largest number of splats whose parameters can be indexed with 32 bits.
 const MAX_SPLATS: usize = 1 << 28;
 
-/// Geometry seen by one camera, on the device, and the memory of every later stage.
+/// Geometry projected for one camera, on the device, and the memory of every later stage.
 ///
-/// Reusable while means, quaternions, log-scales and camera stay fixed: the tile lists hold for
-/// every opacity.
+/// Reusable while means, quaternions, log-scales and camera are
+/// unchanged; the tile lists are valid for every opacity.
 #[derive(Debug)]
 pub struct GpuPrepared {
     /// The device that owns the memory.
     context: GpuContext,
     pub(crate) frame: Frame,
     pub(crate) num_splats: usize,
-    /// The lists on the device are not those of the geometry yet: they are made with the next
-    /// submission.
+    /// Whether the lists on the device are out of date; the next submission rebuilds them.
     pub(crate) stale: bool,
     pub(crate) max_isects: u32,
     /// Pairs of the last submission.
     pub(crate) num_isects: u32,
-    /// What the last forward pass left for its backward pass.
+    /// The last forward pass, for its backward pass.
     pub(crate) forward: Option<Forward>,
     /// The appearance that is on the device.
     pub(crate) resident: Option<Forward>,
-    /// The buffers of the parameters are those of other views, too.
+    /// Whether the parameter buffers are shared with other views.
     pub(crate) shared: bool,
     pub(crate) timings: Vec<PassTiming>,
     pub(crate) memory: Memory,
@@ -168,7 +167,7 @@ impl GpuPrepared {
         self.frame.img_size.map(|side| side as usize).iter().product()
     }
 
-    /// The same splats through another camera, in the same buffers: what changes one, changes both.
+    /// The same splats for another camera, in the same buffers: changes to one affect both.
     pub(crate) fn share(
         &mut self,
         context: &GpuContext,
@@ -184,13 +183,13 @@ impl GpuPrepared {
         m.features = own.features.clone();
         other.num_splats = self.num_splats;
         other.resident = self.resident;
-        other.look(context, camera)?;
+        other.set_camera(context, camera)?;
         (self.shared, other.shared) = (true, true);
         Ok(other)
     }
 
-    /// Before an upload of appearance: other views keep what they look at.
-    pub(crate) fn own_appearance(&mut self) {
+    /// Replaces shared appearance buffers before an upload, so that other views keep theirs.
+    pub(crate) fn unshare_appearance(&mut self) {
         if self.shared {
             let (m, fresh) = (&mut self.memory, Memory::default());
             m.opacity_logits = fresh.opacity_logits;
@@ -199,15 +198,15 @@ impl GpuPrepared {
         }
     }
 
-    /// Before features are written: other views keep what they look at.
-    pub(crate) fn own_features(&mut self) {
+    /// Replaces a shared feature buffer before it is written, so that other views keep theirs.
+    pub(crate) fn unshare_features(&mut self) {
         if self.shared {
             self.memory.features = Memory::default().features;
         }
     }
 
-    /// Before an upload of geometry: other views keep what they look at.
-    fn own_geometry(&mut self) {
+    /// Replaces shared geometry buffers before an upload, so that other views keep theirs.
+    fn unshare_geometry(&mut self) {
         if self.shared {
             let (m, fresh) = (&mut self.memory, Memory::default());
             m.means = fresh.means;
@@ -217,8 +216,7 @@ impl GpuPrepared {
         }
     }
 
-    /// Uploads geometry; the lists follow with the next submission. After an error there are no
-    /// splats.
+    /// Uploads geometry; the next submission builds the lists. After an error there are no splats.
     pub(crate) fn update(
         &mut self,
         context: &GpuContext,
@@ -236,8 +234,8 @@ impl GpuPrepared {
             *self = Self::new(context.clone());
         }
         let resident = self.resident.filter(|_| self.num_splats == num_splats);
-        self.forget();
-        self.own_geometry();
+        self.clear();
+        self.unshare_geometry();
         let m = &mut self.memory;
         m.means.upload(context, &splats.means)?;
         m.quats.upload(context, &splats.quats)?;
@@ -245,11 +243,11 @@ impl GpuPrepared {
         m.opacity_logits.upload(context, &splats.opacity_logits)?;
         self.num_splats = num_splats;
         self.resident = resident;
-        Ok(self.look(context, camera)?)
+        Ok(self.set_camera(context, camera)?)
     }
 
-    /// Forgets the splats, but keeps the memory.
-    fn forget(&mut self) {
+    /// Removes the splats but keeps the memory.
+    fn clear(&mut self) {
         self.num_splats = 0;
         self.frame.num_splats = 0;
         self.stale = true;
@@ -257,22 +255,26 @@ impl GpuPrepared {
         self.resident = None;
     }
 
-    /// Looks at the splats on the device; the lists follow with the next submission. After an error
-    /// there are no splats.
-    pub(crate) fn look(&mut self, context: &GpuContext, camera: &Camera) -> Result<(), GpuError> {
-        let result = self.make_room(context, camera);
+    /// Sets the camera for the splats on the device; the next submission builds
+    /// the lists. After an error there are no splats.
+    pub(crate) fn set_camera(
+        &mut self,
+        context: &GpuContext,
+        camera: &Camera,
+    ) -> Result<(), GpuError> {
+        let result = self.allocate(context, camera);
         if result.is_err() {
-            self.forget();
+            self.clear();
         }
         result
     }
 
-    fn make_room(&mut self, context: &GpuContext, camera: &Camera) -> Result<(), GpuError> {
+    fn allocate(&mut self, context: &GpuContext, camera: &Camera) -> Result<(), GpuError> {
         self.stale = true;
         self.forward = None;
         let num_splats = self.num_splats;
         let mut frame = camera_frame(camera, to_u32(num_splats));
-        // The last frame says how many pairs the next one has, give or take a quarter.
+        // The number of pairs of the last frame predicts that of the next one within a quarter.
         let guess = to_u32((num_splats * FIRST_ISECTS_PER_SPLAT).max(LEAST_ISECTS));
         let last = self.num_isects.saturating_add(self.num_isects / 4);
         self.max_isects = guess.max(last).min(max_isects(context));
@@ -301,7 +303,7 @@ impl GpuPrepared {
         Ok(())
     }
 
-    /// Makes room for `needed` pairs.
+    /// Ensures capacity for `needed` pairs.
     pub(crate) fn grow_isects(
         &mut self,
         context: &GpuContext,
@@ -309,14 +311,14 @@ impl GpuPrepared {
     ) -> Result<(), GpuError> {
         let allowed = max_isects(context);
         if needed > allowed {
-            // Nothing to learn from for the next frame.
+            // The count is no prediction for the next frame.
             self.num_isects = 0;
             let many = if needed == u32::MAX { "at least " } else { "" };
             let limit =
                 format!("allows: {many}{needed} (splat, tile) pairs, expected at most {allowed}");
             return Err(context.memory_error("tile lists", 8 * u64::from(needed), limit));
         }
-        // A quarter more, so that a moving camera does not grow them every frame.
+        // A quarter more, so that the lists do not grow every frame while the camera moves.
         self.max_isects = needed.saturating_add(needed / 4).min(allowed);
         self.frame.max_isects = self.max_isects;
         self.stale = true;
@@ -369,7 +371,7 @@ impl GpuPrepared {
         let buffers = [offsets, splat_ids, rects, projected, keys, isect_splats];
         commands.dispatch(Kernel::EmitIsects, &frame, &buffers, pairs, GROUP_SIZE)?;
         let tiles = frame.tile_bounds[0] * frame.tile_bounds[1];
-        // The number of tiles itself is a key: that of pairs which cannot draw.
+        // The number of tiles is itself a key: that of pairs that cannot draw.
         let bits = u32::BITS - tiles.leading_zeros();
         let job = SortJob {
             counts: offsets,
@@ -388,7 +390,7 @@ impl GpuPrepared {
         Ok(())
     }
 
-    /// Appends the copy of the counts that [`GpuPrepared::settle`] reads.
+    /// Appends the copy of the counts that [`GpuPrepared::check_room`] reads.
     pub(crate) fn encode_counts(
         &self,
         context: &GpuContext,
@@ -401,9 +403,9 @@ impl GpuPrepared {
         Ok(())
     }
 
-    /// After a submission: whether all pairs had room. If not, there is room now, and the
-    /// submission is to be repeated.
-    pub(crate) fn settle(&mut self, context: &GpuContext) -> Result<bool, GpuError> {
+    /// Whether all pairs of the last submission fit. If not, grows the
+    /// lists; the caller then repeats the submission.
+    pub(crate) fn check_room(&mut self, context: &GpuContext) -> Result<bool, GpuError> {
         let mut counts = [0_u32; 2];
         let staging = self.memory.counts_staging.get(context)?;
         crate::commands::read(context, staging, "counting", bytemuck::bytes_of_mut(&mut counts))?;
@@ -417,7 +419,7 @@ impl GpuPrepared {
     }
 }
 
-/// Most (splat, tile) pairs: the lists are one binding.
+/// Largest number of (splat, tile) pairs: each list is one binding.
 fn max_isects(context: &GpuContext) -> u32 {
     u32::try_from(context.max_binding_bytes() / 8).unwrap_or(u32::MAX - 1).min(1 << 30)
 }

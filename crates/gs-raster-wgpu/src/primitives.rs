@@ -1,4 +1,5 @@
-//! The building blocks on their own: prefix sum and stable sort of host slices on the device.
+//! The building blocks as separate functions: prefix sum and
+//! stable sort of host slices on the device.
 
 use crate::buffers::GrowBuffer;
 use crate::commands::{CommandMemory, Commands, read};
@@ -6,7 +7,7 @@ use crate::scan::ScanMemory;
 use crate::sort::{SortJob, SortMemory};
 use crate::{GpuContext, GpuError};
 
-/// Largest number of values, so that every index fits 32 bits.
+/// Largest number of values for which every index fits 32 bits.
 const MAX_ITEMS: usize = 1 << 30;
 
 fn count(context: &GpuContext, items: usize) -> Result<u32, GpuError> {
@@ -36,7 +37,7 @@ pub fn download<T: bytemuck::Pod>(
 }
 
 impl GpuContext {
-    /// Exclusive prefix sum; sums beyond 32 bits stay at the largest value.
+    /// Exclusive prefix sum; sums beyond 32 bits saturate.
     ///
     /// # Errors
     /// If the device fails or has too little memory.

@@ -1,4 +1,4 @@
-//! [`WgpuRasterizer`]: the trait, and what the device offers beyond it.
+//! [`WgpuRasterizer`]: the implementation of the trait, and methods specific to devices.
 
 use crate::backward::{self, Request, Scope};
 use crate::commands::{Commands, PassTiming};
@@ -15,12 +15,12 @@ pub struct WgpuRasterizer {
     context: GpuContext,
 }
 
-/// What the preparation left on the device, for tests and curiosity.
+/// Intermediate results of the preparation, for tests and debugging.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Stages {
     /// Per splat: u, v (pixels, pixel i sampled at i), conic A, B, C, opacity, camera depth, radius
-    /// (pixels, 0 = culled), `[N,8]`. After a forward pass the opacity of a splat that is left out
-    /// because its colour, opacity or a feature is not finite is −1.
+    /// (pixels, 0 = culled), `[N,8]`. After a forward pass, the opacity is −1 for splats excluded
+    /// because their colour, opacity or a feature is not finite.
     pub projected: Vec<[f32; 8]>,
     /// Per splat: tile rectangle x0, y0, x1, y1, upper bounds exclusive, `[N,4]`.
     pub rects: Vec<[u32; 4]>,
@@ -28,7 +28,7 @@ pub struct Stages {
     pub depth_order: Vec<u32>,
     /// Number of (splat, tile) pairs of all rectangles.
     pub num_rect_isects: usize,
-    /// Splats of each tile, front to back; pairs that cannot draw are left out. Tiles row by row.
+    /// Splats of each tile, front to back; without pairs that cannot draw. Tiles row by row.
     pub tile_lists: Vec<Vec<u32>>,
 }
 
@@ -43,8 +43,8 @@ impl WgpuRasterizer {
         &self.context
     }
 
-    /// [`Rasterizer::forward`] without reading anything back but two counts: the planes stay on the
-    /// device, ready for a backward pass or [`WgpuRasterizer::image_buffer`].
+    /// [`Rasterizer::forward`] that reads back only two counts: the planes stay on the device for a
+    /// backward pass or [`WgpuRasterizer::image_buffer`].
     ///
     /// # Errors
     /// As [`Rasterizer::forward`].
@@ -59,7 +59,7 @@ impl WgpuRasterizer {
         forward::composite(&self.context, prepared, params, false)
     }
 
-    /// Looks at the splats of the last preparation through another camera. Nothing is uploaded.
+    /// Changes the camera for the splats of the last preparation, without uploading them again.
     ///
     /// # Errors
     /// If the camera is malformed or the device has too little memory.
@@ -70,13 +70,13 @@ impl WgpuRasterizer {
     ) -> Result<(), RasterError> {
         camera.check()?;
         prepared.check_owner(&self.context)?;
-        Ok(prepared.look(&self.context, camera)?)
+        Ok(prepared.set_camera(&self.context, camera)?)
     }
 
-    /// [`Rasterizer::forward_into`] with harmonics, opacities and features that are on the device
-    /// since the last forward pass: after [`WgpuRasterizer::set_camera`], or after
+    /// [`Rasterizer::forward_into`] with the harmonics, opacities and features that remain on the
+    /// device from the last forward pass: after [`WgpuRasterizer::set_camera`], or after
     /// [`Rasterizer::prepare_into`] of splats that only moved (opacities are those of that call).
-    /// Nothing is uploaded. `params` must ask for the same channels.
+    /// Uploads nothing. `params` must select the same channels.
     ///
     /// # Errors
     /// [`RasterError::NoForward`] if nothing suitable is on the device; otherwise as
@@ -107,13 +107,14 @@ impl WgpuRasterizer {
         Ok(prepared.memory.image.get(&self.context)?)
     }
 
-    /// Times of the passes of the last call with `prepared`, if the context was made with
-    /// [`timestamps`](crate::GpuOptions::timestamps) and the adapter has them; otherwise empty.
+    /// Times of the passes of the last call with `prepared`, if the context
+    /// was created with [`timestamps`](crate::GpuOptions::timestamps) and
+    /// the adapter supports them; otherwise empty.
     pub fn timings<'a>(&self, prepared: &'a GpuPrepared) -> &'a [PassTiming] {
         &prepared.timings
     }
 
-    /// Makes the lists now instead of with the next forward pass.
+    /// Builds the lists now instead of with the next forward pass.
     ///
     /// # Errors
     /// If the device fails.
@@ -124,7 +125,7 @@ impl WgpuRasterizer {
             prepared.encode_prepare(&self.context, &mut commands)?;
             prepared.encode_counts(&self.context, &mut commands)?;
             let stamps = commands.submit(&mut prepared.memory.commands, "preparation")?;
-            prepared.settle(&self.context)?;
+            prepared.check_room(&self.context)?;
             prepared.timings = stamps.read(&self.context)?;
         }
         Ok(())

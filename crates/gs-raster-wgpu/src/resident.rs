@@ -1,5 +1,5 @@
-//! Splats that stay on the device: further views of them, passes appended to others, parameters and
-//! gradients as buffers.
+//! Splats that stay on the device: further views of them, passes appended to other commands, and
+//! buffers of parameters and gradients.
 
 use crate::backward::{self, Scope};
 use crate::buffers::GrowBuffer;
@@ -11,7 +11,7 @@ use crate::primitives::download;
 use crate::{GpuError, WgpuRasterizer};
 use gs_core::{Camera, RasterError, RenderParams, Splats, sh};
 
-/// A group of parameters, as they are stored.
+/// A group of stored parameters.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Group {
     /// `[N,3]`.
@@ -26,19 +26,19 @@ pub enum Group {
     Sh,
 }
 
-/// Rows of a group on the device, 32-bit floats. Groups larger than a binding lie in several of
-/// these.
+/// Rows of a group on the device, 32-bit floats. Groups larger than
+/// a binding are split into several slices.
 #[derive(Debug, Clone, Copy)]
 pub struct ParameterSlice<'a> {
     /// `[rows, columns]`, from the start of the buffer.
     pub values: &'a wgpu::Buffer,
-    /// Where the backward pass leaves the gradient.
+    /// Buffer in which the backward pass writes the gradient.
     pub grads: &'a wgpu::Buffer,
     /// First value of the gradient in its buffer.
     pub first_grad: usize,
     /// Splat of the first row.
     pub first_row: usize,
-    /// Splats.
+    /// Number of splats.
     pub rows: usize,
     /// Values per splat.
     pub columns: usize,
@@ -60,9 +60,9 @@ impl WgpuRasterizer {
         forward::upload_appearance(self.context(), prepared, splats, features, params)
     }
 
-    /// Makes `num_features` channels per splat all that forward passes composite (neither colour
-    /// nor depth; opacities are those of the preparation), to be written by other passes, and
-    /// returns their buffer: `[N,F]`, values undefined at first.
+    /// Makes forward passes composite only `num_features` channels per splat (neither colour nor
+    /// depth; opacities are those of the preparation), written by other passes. Returns their
+    /// buffer, `[N,F]`, with undefined initial values.
     ///
     /// # Errors
     /// If the device has too little memory.
@@ -75,10 +75,10 @@ impl WgpuRasterizer {
         prepared.check_owner(context)?;
         prepared.forward = None;
         prepared.resident = None;
-        prepared.own_features();
+        prepared.unshare_features();
         let rows = prepared.num_splats;
         let m = &mut prepared.memory;
-        // Bound, but not read.
+        // Bound but not read.
         forward::at_least(&mut m.sh, 1, || GrowBuffer::storage("harmonics"));
         m.sh[0].ensure(context, 0)?;
         let buffer = m.features.ensure(context, 4 * (rows * num_features) as u64)?.clone();
@@ -87,7 +87,7 @@ impl WgpuRasterizer {
         Ok(buffer)
     }
 
-    /// Where the backward pass leaves the gradient of the features, `[N,F]`.
+    /// Buffer in which the backward pass writes the gradient of the features, `[N,F]`.
     ///
     /// # Errors
     /// If there was no backward pass.
@@ -98,9 +98,9 @@ impl WgpuRasterizer {
         Ok(prepared.memory.v_features.get(self.context())?)
     }
 
-    /// The splats of `of` through another camera. Nothing is uploaded: parameters are **shared**,
-    /// what an optimiser changes in one view it changes in all. (A later upload to one of them
-    /// leaves the others as they were.)
+    /// The splats of `of` prepared for another camera. Uploads nothing:
+    /// parameters are **shared**, so an optimiser's changes affect all views. (A
+    /// later upload to one view does not change the others.)
     ///
     /// # Errors
     /// If the camera is malformed or the device has too little memory.
@@ -114,16 +114,16 @@ impl WgpuRasterizer {
         Ok(of.share(self.context(), camera)?)
     }
 
-    /// Says that geometry on the device has changed: projection and lists are made anew with the
-    /// next forward pass.
+    /// Must be called after other passes change geometry on the device: the next forward pass then
+    /// projects again and rebuilds the lists.
     pub fn geometry_changed(&self, prepared: &mut GpuPrepared) {
         prepared.stale = true;
         prepared.forward = None;
     }
 
-    /// Appends a forward pass with what is on the device. Lists that are out of date are made
-    /// first, in a submission of their own that waits for two counts; otherwise nothing is read
-    /// back.
+    /// Appends a forward pass with the parameters on the device. Lists that
+    /// are out of date are rebuilt first, in a separate submission that waits
+    /// for two counts; otherwise nothing is read back.
     ///
     /// # Errors
     /// [`RasterError::NoForward`] if no appearance with the channels of `params` is on the device;
@@ -143,9 +143,9 @@ impl WgpuRasterizer {
         Ok(())
     }
 
-    /// Appends a backward pass of the forward pass before it, from the planes in
-    /// [`WgpuRasterizer::upstream_buffer`]. With `geometry`, for all groups; without, for harmonics
-    /// and features alone.
+    /// Appends the backward pass of the preceding forward pass, from the planes in
+    /// [`WgpuRasterizer::upstream_buffer`]. If `geometry` is true, for all groups; otherwise for
+    /// harmonics and features only.
     ///
     /// # Errors
     /// If there was no forward pass, or the device fails.
@@ -186,7 +186,7 @@ impl WgpuRasterizer {
         Ok(forward::image_bytes(prepared, forward.channels))
     }
 
-    /// Where the parameters of a group and their gradients lie, after a backward pass was appended.
+    /// Buffers of a group's parameters and their gradients, after a backward pass was appended.
     ///
     /// # Errors
     /// If there was no forward or backward pass.
@@ -220,8 +220,8 @@ impl WgpuRasterizer {
         Ok(vec![ParameterSlice { values, grads, first_grad, first_row: 0, rows, columns }])
     }
 
-    /// Copies the parameters on the device to `splats`, which must have their shape. Harmonics only
-    /// if a forward pass with colour ran.
+    /// Copies the parameters on the device to `splats`, which must have the same shape. Harmonics
+    /// are copied only if a forward pass with colour ran.
     ///
     /// # Errors
     /// If shapes disagree, or the device fails.

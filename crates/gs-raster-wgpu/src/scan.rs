@@ -13,7 +13,7 @@ pub(crate) struct ScanMemory {
 }
 
 impl ScanMemory {
-    /// Makes room for a scan of `num_items` values.
+    /// Ensures capacity for a scan of `num_items` values.
     pub(crate) fn ensure(&mut self, context: &GpuContext, num_items: u64) -> Result<(), GpuError> {
         let mut blocks = num_items.div_ceil(u64::from(SCAN_BLOCK)).max(1);
         let mut level = 0;

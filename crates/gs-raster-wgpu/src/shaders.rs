@@ -1,12 +1,12 @@
-//! The WGSL sources, joined. The only file that includes them.
+//! The concatenated WGSL sources. The only file that includes them.
 
-/// A shader module: its parts and their concatenation. WGSL takes declarations in any order, so
-/// joining is the whole import system.
+/// A shader module: its parts and their concatenation. WGSL allows declarations in any order, so
+/// concatenation is sufficient as an import system.
 #[derive(Debug)]
 pub struct Source {
-    /// Name in `shaders/` and text of every part.
+    /// File name in `shaders/` and text of every part.
     pub parts: &'static [(&'static str, &'static str)],
-    /// The parts, one after the other.
+    /// The concatenated parts.
     pub text: &'static str,
 }
 
@@ -79,7 +79,7 @@ sources! {
     PROJECT_BWD = ["shared/dispatch.wgsl", "shared/frame.wgsl", "shared/activation.wgsl", "shared/projection.wgsl", "project_bwd.wgsl"];
 }
 
-/// A backward pass over tiles with its variants chosen.
+/// A backward pass over tiles with its chosen variants.
 macro_rules! tile_backward {
     ($($id:ident = $body:literal $scope:literal $channels:literal $sum:literal $sink:literal $entry:literal;)+) => {
         sources! { $(

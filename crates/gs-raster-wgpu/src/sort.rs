@@ -9,18 +9,18 @@ use crate::{GpuContext, GpuError};
 
 const DIGIT_BITS: u32 = RADIX.trailing_zeros();
 
-/// What is to be sorted. The number of items is known on the device only.
+/// Input of a sort. The number of items is known only on the device.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct SortJob<'a> {
-    /// Buffer that holds the number of items,
+    /// Buffer that contains the number of items.
     pub counts: &'a wgpu::Buffer,
-    /// and where.
+    /// Index of the number of items in `counts`.
     pub count_index: u32,
-    /// Room for items.
+    /// Capacity, items.
     pub max_items: u32,
-    /// Key bits that matter.
+    /// Number of low key bits to sort by.
     pub bits: u32,
-    /// The values are the positions 0, 1, 2 …; nothing is read for them.
+    /// Whether the values are the positions 0, 1, 2, …, which need no buffer.
     pub iota: bool,
 }
 
@@ -43,7 +43,7 @@ impl SortMemory {
         }
     }
 
-    /// Makes room for `max_items` pairs.
+    /// Ensures capacity for `max_items` pairs.
     pub(crate) fn ensure(&mut self, context: &GpuContext, max_items: u32) -> Result<(), GpuError> {
         for buffer in self.keys.iter_mut().chain(&mut self.values) {
             buffer.ensure(context, 4 * u64::from(max_items))?;
@@ -53,7 +53,7 @@ impl SortMemory {
         self.scan.ensure(context, counts)
     }
 
-    /// Sorts what lies in `keys[0]`, `values[0]`; returns the index of the buffers with the result.
+    /// Sorts `keys[0]` and `values[0]`; returns the index of the buffers with the result.
     pub(crate) fn encode(
         &self,
         context: &GpuContext,

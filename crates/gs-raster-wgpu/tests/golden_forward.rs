@@ -1,5 +1,4 @@
-//! Proves that images, radii, tile rectangles and pair counts are those of the golden cases, in
-//! every mode.
+//! Images, radii, tile rectangles and pair counts equal those of the golden cases, in every mode.
 
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
 
@@ -32,7 +31,7 @@ fn radii_rectangles_and_pairs_match_exactly() {
         let case = Case::<f32>::open(name);
         let raster = raster(Mode::Portable);
         let mut prepared = raster.prepare(&case.splats, &case.camera).unwrap();
-        // Colours that are not finite are seen when they are used.
+        // Non-finite colours are detected only when they are used.
         raster.forward(&mut prepared, &case.splats, &case.features, &case.params).unwrap();
         let radii: Vec<i32> =
             raster.radii(&mut prepared).unwrap().iter().map(|&r| r.cast_signed()).collect();
@@ -51,7 +50,7 @@ fn radii_rectangles_and_pairs_match_exactly() {
     }
 }
 
-/// Stage parity with the golden projection: means, conics, depth.
+/// The projection stage equals the golden means, conics and depths.
 #[test]
 fn projection_matches() {
     for name in CASES {
@@ -73,12 +72,13 @@ fn projection_matches() {
             };
             for axis in 0..2 {
                 let expected = means[2 * id + axis];
-                // Coordinates are sums of terms as large as the image.
+                // Coordinates are sums of terms of the order of the image size.
                 let size = expected.abs() + f64::from(case.camera.width);
                 close("mean", row[axis], expected, 1e-6 * size);
             }
             let [a, b, c] = [conics[3 * id], conics[3 * id + 1], conics[3 * id + 2]];
-            // A needle's determinant cancels: its conic is worse by that factor.
+            // Cancellation in the determinant of thin splats enlarges
+            // the error of the conic by this factor.
             let condition = a * c / (a * c - b * b);
             for (ours, expected) in [(row[2], a), (row[3], b), (row[4], c)] {
                 close("conic", ours, expected, 4e-6 * condition * (a + c));
@@ -88,9 +88,9 @@ fn projection_matches() {
     }
 }
 
-/// Negative control: a picture with one splat's opacity changed must be refused.
+/// Negative control: the comparison detects an image with one splat's opacity changed.
 #[test]
-fn a_wrong_picture_is_found() {
+fn a_changed_opacity_is_detected() {
     let mut case = Case::<f32>::open("c1_random200");
     for logit in &mut case.splats.opacity_logits[..20] {
         *logit += 0.01;

@@ -1,5 +1,5 @@
-//! Proves that the gradients of every parameter are those of the golden cases: both conventions,
-//! every mode.
+//! The gradients of every parameter equal those of the golden
+//! cases, in both conventions and every mode.
 
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
 
@@ -43,7 +43,7 @@ fn color_gradients_match_the_goldens() {
     }
 }
 
-/// Without float atomics the gradients are the same from run to run, to the bit.
+/// Without float atomics the gradients are bit-identical from run to run.
 #[test]
 fn gradients_repeat_exactly_without_float_atomics() {
     let case = Case::open("c1_random200");

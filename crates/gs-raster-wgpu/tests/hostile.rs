@@ -1,5 +1,4 @@
-//! Proves that hostile values, wrong arguments and lack of memory give finite images or errors,
-//! never rubbish.
+//! Hostile values, invalid arguments and lack of memory give finite images or errors.
 
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
 
@@ -27,7 +26,7 @@ const POISON: [f32; 12] = [
     0.0,
 ];
 
-/// The number of lanes of a splat with harmonics of degree 1.
+/// Number of parameters of a splat with harmonics of degree 1.
 const LANES: usize = 3 + 4 + 3 + 1 + 12;
 
 fn poison(splats: &mut Splats, id: usize, lane: usize, value: f32) {
@@ -67,7 +66,7 @@ fn all_finite(out: &RenderOutput, grads: &RenderGrads) -> bool {
         && finite(grads.v_means2d.as_flattened())
 }
 
-/// Colours near the largest float are finite, but no sum of them is: an image cannot be.
+/// Colours near the largest float are finite, but their sums in an image are not.
 fn overflows(lane: usize, value: f32) -> bool {
     lane >= 11 && value.is_finite() && value.abs() > 1e30
 }
@@ -77,10 +76,10 @@ fn without(splats: &Splats, id: usize) -> Splats {
     splats.select(&kept)
 }
 
-/// Each poison in each lane of one splat: everything stays finite; where the CPU culls the splat,
-/// the image is the one without it and its gradients are zero.
+/// Each invalid value in each parameter of one splat: images and gradients stay finite; where the
+/// CPU culls the splat, the image equals the one without it and its gradients are zero.
 #[test]
-fn poison_in_every_lane_leaves_finite_images_and_gradients() {
+fn invalid_values_in_every_parameter_leave_images_and_gradients_finite() {
     for mode in [Mode::Portable, Mode::Native] {
         check_poison(mode, 5);
     }
@@ -114,12 +113,12 @@ fn check_poison(mode: Mode, id: usize) {
             }
         }
     }
-    assert_eq!(culled, 3 * (LANES - 1 - 3) + 1 + 2 * 3, "every lane was tried");
+    assert_eq!(culled, 3 * (LANES - 1 - 3) + 1 + 2 * 3, "every parameter was tested");
 }
 
-/// Values that are kept (denormal, zero, huge but finite) draw what the CPU draws.
+/// Valid extreme values (denormal, zero, huge but finite) give the image of the CPU rasteriser.
 #[test]
-fn odd_but_finite_values_match_the_cpu() {
+fn extreme_finite_values_match_the_cpu() {
     let id = 3;
     let clean = cloud(13, 10, 1, -1.5);
     let raster = raster(Mode::Portable);
@@ -150,7 +149,7 @@ fn odd_but_finite_values_match_the_cpu() {
 }
 
 #[test]
-fn a_scene_of_nothing_but_poison_is_background() {
+fn a_scene_of_only_invalid_values_is_background() {
     let mut splats = cloud(14, 64, 1, -2.0);
     for (i, mean) in splats.means.iter_mut().enumerate() {
         mean[i % 3] = f32::NAN;
@@ -178,7 +177,7 @@ fn features_that_are_not_finite_remove_their_splat() {
 }
 
 #[test]
-fn wrong_arguments_are_refused_in_words() {
+fn invalid_arguments_are_explained() {
     let raster = raster(Mode::Portable);
     let splats = cloud(16, 10, 1, -2.0);
     let params = RenderParams::default();
@@ -199,10 +198,10 @@ fn wrong_arguments_are_refused_in_words() {
     assert!(matches!(error, RasterError::NoForward), "other channels: {error}");
     let mut broken = splats.clone();
     broken.quats.pop();
-    assert!(raster.prepare(&broken, &camera(16, 16)).is_err(), "arrays that disagree");
+    assert!(raster.prepare(&broken, &camera(16, 16)).is_err(), "inconsistent array lengths");
     let mut blind = camera(16, 16);
     blind.intrinsics.fx = 0.0;
-    assert!(raster.prepare(&splats, &blind).is_err(), "a camera that cannot see");
+    assert!(raster.prepare(&splats, &blind).is_err(), "invalid camera");
 }
 
 #[test]
@@ -217,8 +216,8 @@ fn a_state_of_another_device_is_refused_or_replaced() {
     assert!(other.forward(&mut prepared, &splats, &[], &params).is_ok(), "replaced");
 }
 
-/// Too little memory is an error in words, at the image and at the lists; the same state works
-/// again afterwards.
+/// Lack of memory for the image or the lists is an error that says
+/// so; the same state is usable afterwards.
 #[test]
 fn too_little_memory_is_an_error() {
     let options =
@@ -245,7 +244,7 @@ fn too_little_memory_is_an_error() {
     let error = raster.forward(&mut prepared, &many, &[], &params).unwrap_err().to_string();
     assert!(error.contains("(splat, tile) pairs"), "{error}");
 
-    // An error in the preparation that is ignored does not give a wrong image later.
+    // A preparation whose error is ignored does not give a wrong image later.
     let huge = camera(4000, 4000);
     assert!(raster.prepare_into(&splats, &huge, &mut prepared).is_err(), "too many tiles");
     assert!(raster.forward(&mut prepared, &splats, &[], &params).is_err(), "no splats");
@@ -255,7 +254,7 @@ fn too_little_memory_is_an_error() {
 }
 
 #[test]
-fn an_adapter_that_does_not_exist_is_refused_in_words() {
+fn a_missing_adapter_is_an_error_that_lists_adapters() {
     let error = GpuContext::new(AdapterChoice::Index(999)).unwrap_err().to_string();
     assert!(error.contains("999 does not exist"), "{error}");
     let listed = GpuContext::adapters();

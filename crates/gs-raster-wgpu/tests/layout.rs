@@ -1,5 +1,5 @@
-//! Proves, without a device, that shaders and Rust agree: structs, bindings, sizes, constants, and
-//! that core kernels need no optional feature. Each check is shown to fail.
+//! Shaders and Rust agree on structs, bindings, sizes and constants, and core kernels need no
+//! optional feature. Needs no device. Each check has a negative control.
 
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
 
@@ -40,14 +40,14 @@ fn optional_kernels_really_need_their_features() {
     for def in KERNELS.iter().filter(|def| def.needs != Needs::default()) {
         assert!(
             parse(def.source.text, Capabilities::empty()).is_err(),
-            "{} is valid without optional features: the validation proves nothing",
+            "{} is valid without optional features, so the check cannot fail",
             def.name
         );
     }
 }
 
 #[test]
-fn every_shader_file_is_used_and_says_what_it_needs() {
+fn every_shader_file_is_used_and_declares_its_needs() {
     let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shaders");
     let mut files = Vec::new();
     for sub in ["", "shared", "variants"] {
@@ -61,7 +61,10 @@ fn every_shader_file_is_used_and_says_what_it_needs() {
     for file in files {
         let part = KERNELS.iter().flat_map(|def| def.source.parts).find(|(name, _)| *name == file);
         let Some((_, text)) = part else { panic!("shaders/{file} is in no kernel") };
-        assert!(text.starts_with("// Needs: "), "shaders/{file} does not begin with what it needs");
+        assert!(
+            text.starts_with("// Needs: "),
+            "shaders/{file} does not begin with its `Needs:` line"
+        );
     }
 }
 
@@ -90,7 +93,7 @@ fn sample_def(bindings: &'static [Access], workgroup_size: u32) -> KernelDef {
 #[test]
 fn struct_differences_are_found() {
     let (module, _) = parse(SAMPLE, Capabilities::empty()).unwrap();
-    assert!(struct_findings(&module, &[GOOD]).is_empty(), "the right twin passes");
+    assert!(struct_findings(&module, &[GOOD]).is_empty(), "the matching layout passes");
     let swapped: Layout = ("S", 32, &[("a", 0, 12), ("b", 12, 4), ("d", 16, 8), ("c", 24, 8)]);
     assert_eq!(struct_findings(&module, &[swapped]).len(), 1, "swapped fields");
     let short: Layout = ("S", 28, GOOD.2);
@@ -106,14 +109,14 @@ fn binding_size_and_constant_differences_are_found() {
     use Access::{Read, Uniform, Write};
     let (module, info) = parse(SAMPLE, Capabilities::empty()).unwrap();
     let findings = |def: &KernelDef| entry_findings(&module, &info, def).len();
-    assert_eq!(findings(&sample_def(&[Uniform, Read, Write], 64)), 0, "the right table passes");
+    assert_eq!(findings(&sample_def(&[Uniform, Read, Write], 64)), 0, "the matching table passes");
     assert_eq!(findings(&sample_def(&[Uniform, Read], 64)), 1, "missing binding");
     assert_eq!(findings(&sample_def(&[Uniform, Write, Write], 64)), 1, "wrong access");
     assert_eq!(findings(&sample_def(&[Uniform, Read, Write], 32)), 1, "wrong group size");
     let (module, _) = parse(SAMPLE, Capabilities::empty()).unwrap();
     assert!(
         constant_findings(&module, &[("SIZE", Constant::Uint(64))]).is_empty(),
-        "the right constant passes"
+        "the matching constant passes"
     );
     assert_eq!(
         constant_findings(&module, &[("SIZE", Constant::Uint(65))]).len(),

@@ -1,5 +1,5 @@
-//! Proves that whole images and gradients are those of the CPU rasteriser, on five scenes and at
-//! awkward sizes; `stages` looks at what comes before.
+//! Images and gradients equal those of the CPU rasteriser, on five scenes and at awkward sizes;
+//! `stages` tests the stages before them.
 
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
 
@@ -56,7 +56,7 @@ fn assert_images_match(what: &str, ours: &RenderOutput, theirs: &RenderOutput) {
     ];
     for (plane, ours, theirs) in planes {
         let (off, mean) = image_errors(ours, theirs);
-        // Decisions at a threshold may fall either way: a few pixels, by at most a few thousandths.
+        // Decisions at a threshold may differ: in a few pixels, by at most a few thousandths.
         assert!(
             mean < 1e-5 && off <= 1e-3,
             "{what} {plane}: mean error {mean:e}, {off:e} of the values off"
@@ -137,7 +137,7 @@ fn awkward_sizes_match() {
     }
 }
 
-/// Any subset of channels, and more of them than fit one pass.
+/// Any subset of channels, and more channels than fit one pass.
 #[test]
 fn channels_can_be_chosen() {
     let scene = &scenes()[1];
@@ -170,7 +170,7 @@ fn exact_gradients_match() {
     assert_grads_match("exact", &ours.grads, &theirs.grads, 1e-3);
 }
 
-/// Harmonics and gradients of pairs larger than a binding are split; nothing changes.
+/// Splitting harmonics and gradients of pairs that exceed a binding does not change the result.
 #[test]
 fn splitting_changes_nothing() {
     let (splats, camera) = (cloud(11, 9000, 3, -3.5), camera(64, 48));
@@ -178,12 +178,11 @@ fn splitting_changes_nothing() {
     let split = gpu(Mode::Tiny, &splats, &camera, &[], &params());
     assert!(12 * splats.sh.len() > 640 << 10, "the scene is large enough to be split");
     assert_eq!(whole.out, split.out, "image");
-    // Slots are added in the same order, in one go or in several.
+    // Slots are added in the same order with and without splitting.
     assert_grads_match("split", &split.grads, &whole.grads, 1e-6);
 }
 
-/// The prepared state may be reused while colours, opacities and features change: same image as a
-/// fresh one.
+/// A prepared state reused with new colours, opacities and features gives the image of a new one.
 #[test]
 fn prepared_state_is_reused_when_only_colours_and_opacities_change() {
     for mode in MODES {
@@ -220,9 +219,9 @@ fn prepare_into_equals_prepare() {
     }
 }
 
-/// A pixel mask as the upstream gradient of one feature gives each splat's share of the mask.
+/// A pixel mask as the upstream gradient of one feature gives the mask's weight in each splat.
 #[test]
-fn a_mask_votes_for_splats() {
+fn a_mask_as_gradient_gives_weights_of_splats() {
     let scene = &scenes()[0];
     let ones = vec![1.0; scene.splats.len()];
     let params = RenderParams { rgb: false, depth: false, ..RenderParams::default() };
@@ -236,12 +235,12 @@ fn a_mask_votes_for_splats() {
         let grads = raster
             .backward_colors(&mut prepared, &scene.splats, &ones, &params, &upstream)
             .unwrap();
-        let votes: f64 = widen(&grads.v_features).iter().sum();
+        let weights: f64 = widen(&grads.v_features).iter().sum();
         let covered: f64 =
             out.alpha.iter().zip(&mask).map(|(&a, &m)| f64::from(a) * f64::from(m)).sum();
         assert!(
-            (votes - covered).abs() < 1e-4 * covered,
-            "{mode:?}: {votes} votes, {covered} covered"
+            (weights - covered).abs() < 1e-4 * covered,
+            "{mode:?}: {weights} weights, {covered} covered"
         );
     }
 }
@@ -261,7 +260,7 @@ fn colour_only_gradients_match_the_cpu() {
     assert_grad_close("features", &widen(&ours.v_features), &widen(&theirs.grads.v_features), 1e-3);
 }
 
-/// Splats on the device, seen by another camera or moved, give the image of a fresh upload.
+/// Splats on the device, with another camera or moved, give the image of a new upload.
 #[test]
 fn resident_splats_give_the_same_image() {
     let scene = &scenes()[1];
@@ -297,9 +296,9 @@ fn resident_splats_give_the_same_image() {
     );
 }
 
-/// Every pass of a frame is timed where the adapter can; asking is free otherwise.
+/// Every pass of a frame is timed where the adapter supports it; otherwise the timings are empty.
 #[test]
-fn passes_are_timed_where_the_adapter_can() {
+fn passes_are_timed_where_supported() {
     let scene = &scenes()[1];
     for mode in [Mode::Native, Mode::Portable] {
         let raster = raster(mode);
@@ -317,7 +316,7 @@ fn passes_are_timed_where_the_adapter_can() {
     }
 }
 
-/// The planes may stay on the device; a backward pass follows just as well.
+/// The planes may stay on the device, and a backward pass works as usual.
 #[test]
 fn planes_may_stay_on_the_device() {
     let scene = &scenes()[1];
@@ -334,9 +333,9 @@ fn planes_may_stay_on_the_device() {
     assert!(grads.v_opacity_logits.iter().any(|&v| v > 0.0), "more opacity, more alpha");
 }
 
-/// Negative control: the comparators refuse another scene's picture and gradients.
+/// Negative control: the comparators detect the image and gradients of another scene.
 #[test]
-fn another_scene_is_refused() {
+fn another_scene_is_detected() {
     let (one, other) = (cloud(1, 200, 1, -2.5), cloud(2, 200, 1, -2.5));
     let (a, b) = (
         cpu(&one, &camera(48, 40), &[], &params()),

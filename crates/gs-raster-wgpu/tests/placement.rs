@@ -1,8 +1,7 @@
-//! The picture does not depend on how large a scene is and where it lies, if its camera goes with
-//! it.
+//! The image does not depend on a scene's size and position if its camera is transformed alike.
 
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
-#![allow(clippy::cast_possible_truncation, reason = "single precision is what is tested")]
+#![allow(clippy::cast_possible_truncation, reason = "the test is about single precision")]
 
 mod common;
 
@@ -10,10 +9,10 @@ use common::{Mode, camera, cloud, raster};
 use gs_core::image_formation::NEAR_PLANE;
 use gs_core::{Camera, Rasterizer, RenderParams, Splats};
 
-/// Peak signal-to-noise ratio that another size must keep, dB.
+/// Smallest PSNR against the original after scaling, dB.
 const SCALED_DB: f64 = 90.0;
-/// The same a thousand scene sizes from the origin, where stored positions are rounded to 6e-5 of
-/// the scene.
+/// Smallest PSNR at a thousand scene sizes from the origin, where stored
+/// positions are rounded to 6e-5 of the scene, dB.
 const SHIFTED_DB: f64 = 65.0;
 
 fn placed(splats: &Splats, camera: &Camera, scale: f64, shift: [f64; 3]) -> (Splats, Camera) {
@@ -44,10 +43,10 @@ fn psnr(a: &[f32], b: &[f32]) -> f64 {
 }
 
 #[test]
-fn size_and_place_do_not_change_the_picture() {
+fn scaling_and_translation_do_not_change_the_image() {
     let (splats, camera) = (cloud(11, 800, 2, -3.0), camera(160, 120));
     let here = render(&splats, &camera);
-    assert!(here.iter().any(|value| *value > 0.5), "something is seen");
+    assert!(here.iter().any(|value| *value > 0.5), "the scene is visible");
     for scale in [1e-6, 1e-3, 1e-2, 1e2, 1e3, 1e6] {
         let (splats, camera) = placed(&splats, &camera, scale, [0.0; 3]);
         let there = psnr(&render(&splats, &camera), &here);
@@ -58,7 +57,7 @@ fn size_and_place_do_not_change_the_picture() {
         let there = psnr(&render(&splats, &camera), &here);
         assert!(there > SHIFTED_DB, "moved by {shift:?}: {there:.1} dB");
     }
-    // Negative control: the near plane of the reference culls a scene of a hundredth of the size.
+    // Negative control: the reference's near plane culls a scene scaled to a hundredth.
     let (splats, camera) = placed(&splats, &camera, 0.01, [0.0; 3]);
     let cut = render(&splats, &camera.with_near(NEAR_PLANE));
     assert!(psnr(&cut, &here) < 30.0, "nothing is left");

@@ -1,4 +1,4 @@
-//! Proves prefix sum and stable sort alone, at the lengths where blocks begin and end.
+//! Prefix sum and stable sort in isolation, at lengths around block boundaries.
 
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
 
@@ -9,7 +9,7 @@ use gs_raster_wgpu::kernels::Needs;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 
-/// 0, 1, around one group, one block of the scan, one of the sort, and two levels.
+/// Lengths 0, 1, and around one group, one scan block, one sort block and two scan levels.
 const LENGTHS: [usize; 15] =
     [0, 1, 2, 255, 256, 257, 1023, 1024, 1025, 2047, 2048, 2049, 4096, 100_003, 1 << 20];
 
@@ -76,12 +76,12 @@ fn sort_is_stable_at_every_length() {
 }
 
 #[test]
-fn sort_ignores_bits_that_do_not_matter() {
+fn sort_ignores_bits_above_the_requested_ones() {
     let keys: Vec<u32> = numbers(4, 5000, 1 << 16).iter().map(|key| key | 0xabcd_0000).collect();
     check_sort(&keys, 16, "high bits set");
 }
 
-/// The two-stage sort, by depth and then by tile, is the sort by (tile, depth, index).
+/// Sorting by depth and then by tile equals sorting by (tile, depth, index).
 #[test]
 fn two_stable_sorts_order_by_tile_then_depth_then_index() {
     let context = raster(Mode::Portable).context().clone();
@@ -97,9 +97,9 @@ fn two_stable_sorts_order_by_tile_then_depth_then_index() {
     assert_eq!(ours, expected, "order");
 }
 
-/// Negative control: an unstable order is not accepted as stable.
+/// Negative control: the check of stability detects an unstable order.
 #[test]
-fn a_swapped_tie_is_found() {
+fn a_swapped_tie_is_detected() {
     let keys = [1_u32, 1, 0];
     let (_, order) = raster(Mode::Portable).context().sort_pairs(&keys, &[10, 11, 12], 32).unwrap();
     assert_eq!(order, [12, 10, 11], "stable");
@@ -107,7 +107,7 @@ fn a_swapped_tie_is_found() {
 }
 
 #[test]
-fn lengths_that_differ_are_refused() {
+fn different_lengths_are_refused() {
     let error = raster(Mode::Portable).context().sort_pairs(&[1, 2], &[1], 32).unwrap_err();
     assert!(error.to_string().contains("1 values for 2 keys"), "{error}");
 }

@@ -1,6 +1,5 @@
-//! Proves the sizes where counts leave their comfortable ranges. Slow, so it runs when
-//! `C4D_SLOW_TESTS` is set: a dispatch folded into two dimensions, lists that fill a binding of the
-//! default size to the last pair, a million splats.
+//! Very large counts: a dispatch folded into two dimensions, lists that fill a binding of the
+//! default size completely, a million splats. Slow, so it runs only if `C4D_SLOW_TESTS` is set.
 
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
 

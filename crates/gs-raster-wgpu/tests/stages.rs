@@ -1,6 +1,6 @@
-//! Proves the stages before the image one by one, on five scenes and at awkward sizes: projection
-//! against double precision, culling, rectangles and counts against the CPU rasteriser, order and
-//! lists against plain references.
+//! Tests each stage before the image, on five scenes and at awkward sizes: projection
+//! against double precision; culling, rectangles and counts against the CPU
+//! rasteriser; order and lists against simple references.
 
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
 
@@ -46,7 +46,7 @@ fn projected(scene: &Scene, id: usize) -> [f64; 7] {
 }
 
 #[test]
-fn projection_is_that_of_double_precision() {
+fn projection_matches_double_precision() {
     let mut compared = 0;
     for scene in all_scenes() {
         let stages = stages(&scene);
@@ -68,9 +68,9 @@ fn projection_is_that_of_double_precision() {
     assert!(compared > 10_000, "{compared} splats compared");
 }
 
-/// Negative control: half a pixel is noticed by the tolerances above.
+/// Negative control: the tolerances above detect a shift of half a pixel.
 #[test]
-fn a_shifted_centre_is_noticed() {
+fn a_shifted_centre_is_detected() {
     let scene = &scenes()[0];
     let stages = stages(scene);
     let id = stages.projected.iter().position(|row| row[7] > 0.0).unwrap();
@@ -78,10 +78,10 @@ fn a_shifted_centre_is_noticed() {
     assert!(off > 0.4, "{off}");
 }
 
-/// Which splats are in view, their radii and rectangles, and how many pairs there are. Values at
-/// the edge of a pixel may round either way.
+/// Visible splats, their radii and rectangles, and the number of pairs.
+/// Values at a pixel boundary may round differently.
 #[test]
-fn culling_and_rectangles_are_those_of_the_cpu() {
+fn culling_and_rectangles_match_the_cpu() {
     for scene in all_scenes() {
         let theirs = CpuRasterizer::default().prepare(&scene.splats, &scene.camera).unwrap();
         let ours = stages(&scene);
@@ -100,17 +100,18 @@ fn culling_and_rectangles_are_those_of_the_cpu() {
             let apart = ours.abs_diff(theirs);
             assert!(apart * 1000 <= theirs, "{}: {ours} {what}, {theirs} on the CPU", scene.name);
         }
-        // Ours hold for every opacity, the CPU's for those of the preparation.
+        // These lists are valid for every opacity, those of the CPU
+        // for the opacities of the preparation.
         let pairs: usize = ours.tile_lists.iter().map(Vec::len).sum();
         let least = theirs.num_isects() - theirs.num_isects() / 1000;
         assert!((least..=ours.num_rect_isects).contains(&pairs), "{}: {pairs}", scene.name);
     }
 }
 
-/// Own small reference of lists: depth order with ties by index, tiles within the rectangle that
-/// the splat may reach.
+/// The lists equal a simple reference: depth order with ties by index, tiles
+/// within the rectangle in which the splat can draw.
 #[test]
-fn lists_match_a_plain_reference() {
+fn lists_match_a_simple_reference() {
     for scene in all_scenes() {
         let raster = raster(Mode::Portable);
         let mut prepared = raster.prepare(&scene.splats, &scene.camera).unwrap();
@@ -125,7 +126,7 @@ fn lists_match_a_plain_reference() {
     }
 }
 
-/// Least value of the quadratic form on the tile's pixel centres, by trying all.
+/// Smallest value of the quadratic form on the tile's pixel centres, by brute force.
 fn least_quad(row: &[f32; 8], tile: [u32; 2], camera: &Camera) -> f64 {
     let [u, v, a, b, c] = [row[0], row[1], row[2], row[3], row[4]].map(f64::from);
     let mut least = f64::INFINITY;
@@ -165,7 +166,7 @@ fn radii_match_the_cpu() {
         let raster = raster(Mode::Portable);
         let mut prepared = raster.prepare(&scene.splats, &scene.camera).unwrap();
         let ours = raster.radii(&mut prepared).unwrap();
-        // 3 sigma may round to either side of a whole pixel.
+        // 3σ may round to either side of a whole pixel.
         let differ = (0..scene.splats.len())
             .filter(|&id| i64::from(theirs.radius(id)) != i64::from(ours[id]))
             .count();

@@ -8,14 +8,14 @@ use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 use std::sync::OnceLock;
 
-/// Ways to use the same adapter; every test of the image and the gradients runs in several.
+/// Configurations of the same adapter; every test of images and gradients runs in several.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Mode {
     /// Core WGSL, default limits.
     Portable,
-    /// Everything the adapter has, but no float atomics.
+    /// All features of the adapter except float atomics.
     Deterministic,
-    /// Everything the adapter has.
+    /// All features of the adapter.
     Native,
     /// Core WGSL with bindings so small that harmonics and gradients of pairs are split.
     Tiny,
@@ -23,8 +23,8 @@ pub enum Mode {
 
 pub const MODES: [Mode; 4] = [Mode::Portable, Mode::Deterministic, Mode::Native, Mode::Tiny];
 
-/// The adapter named by `C4D_TEST_ADAPTER` (`auto` or an index), by default a software one. No
-/// adapter fails the test.
+/// The adapter named by `C4D_TEST_ADAPTER` (`auto` or an index), by
+/// default a software one. Fails if there is none.
 pub fn choice() -> AdapterChoice {
     match std::env::var("C4D_TEST_ADAPTER").as_deref() {
         Ok("auto") => AdapterChoice::Auto,
@@ -49,7 +49,7 @@ pub fn raster(mode: Mode) -> WgpuRasterizer {
     WgpuRasterizer::new(context.clone())
 }
 
-/// A scene with a camera that sees it.
+/// A scene and a camera that looks at it.
 pub struct Scene {
     pub name: &'static str,
     pub splats: Splats,
@@ -85,7 +85,8 @@ pub fn noise(seed: u64, num: usize) -> Vec<f32> {
     (0..num).map(|_| rng.random_range(-1.0..1.0)).collect()
 }
 
-/// Counts around a group, images around a tile, nothing in view.
+/// Splat counts around the group size, image sizes around the
+/// tile size, and scenes with nothing in view.
 pub fn awkward_scenes() -> Vec<Scene> {
     let scene = |name, splats, camera| Scene { name, splats, camera };
     let counts = [("0 splats", 0), ("1 splat", 1), ("255 splats", 255), ("256 splats", 256)];
@@ -107,7 +108,7 @@ pub fn awkward_scenes() -> Vec<Scene> {
     scenes
 }
 
-/// The scenes on which the CPU rasteriser is the oracle.
+/// Scenes compared with the CPU rasteriser.
 pub fn scenes() -> Vec<Scene> {
     let scene = |name, splats, camera| Scene { name, splats, camera };
     let mut covering = cloud(5, 3, 1, -2.0);

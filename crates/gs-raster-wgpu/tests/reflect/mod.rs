@@ -1,4 +1,4 @@
-//! What a shader declares, by naga, against what Rust says.
+//! Compares the declarations of a shader, parsed by naga, with those in Rust.
 
 #![allow(unreachable_pub, reason = "each test binary uses it as a module")]
 
@@ -31,7 +31,7 @@ pub fn capabilities(def: &KernelDef) -> Capabilities {
     needed
 }
 
-/// Structs behind uniform and storage bindings against `layouts`.
+/// Differences between structs of uniform and storage bindings and `layouts`.
 pub fn struct_findings(module: &Module, layouts: &[Layout]) -> Vec<String> {
     let mut found = Vec::new();
     for (_, global) in module.global_variables.iter() {
@@ -50,11 +50,11 @@ pub fn struct_findings(module: &Module, layouts: &[Layout]) -> Vec<String> {
         let TypeInner::Struct { members, span } = &ty.inner else { continue };
         let name = ty.name.clone().unwrap_or_default();
         let Some((_, size, fields)) = layouts.iter().find(|(twin, ..)| *twin == name) else {
-            found.push(format!("struct {name} has no twin"));
+            found.push(format!("struct {name} has no Rust struct"));
             continue;
         };
         if *span as usize != *size || stride.is_some_and(|bytes| bytes as usize != *size) {
-            found.push(format!("struct {name} has {span} bytes, its twin {size}"));
+            found.push(format!("struct {name} has {span} bytes, in Rust {size}"));
         }
         let mut layouter = naga::proc::Layouter::default();
         layouter.update(module.to_ctx()).unwrap();
@@ -74,7 +74,7 @@ pub fn struct_findings(module: &Module, layouts: &[Layout]) -> Vec<String> {
     found
 }
 
-/// Bindings that an entry point uses, and its group size, against the table.
+/// Differences between an entry point's bindings and group size and the table.
 pub fn entry_findings(module: &Module, info: &ModuleInfo, def: &KernelDef) -> Vec<String> {
     let mut found = Vec::new();
     let Some(index) = module.entry_points.iter().position(|entry| entry.name == def.entry) else {
@@ -127,7 +127,7 @@ pub fn entry_findings(module: &Module, info: &ModuleInfo, def: &KernelDef) -> Ve
     found
 }
 
-/// Values of the constants that WGSL and Rust share.
+/// Differences between constants that exist in WGSL and in Rust.
 pub fn constant_findings(module: &Module, constants: &[(&str, Constant)]) -> Vec<String> {
     let mut found = Vec::new();
     for (_, constant) in module.constants.iter() {

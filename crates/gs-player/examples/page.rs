@@ -1,7 +1,8 @@
-//! Makes a page of the synthetic dancer before and after its edit, and says where the bytes go.
+//! Writes a page of the synthetic dancer before and after its
+//! edit, and prints the bytes of each part.
 //!
 //! ```text
-//! cargo run --release -p gs-player --example page -- dancer.html 100000 60
+//! cargo run --release --example page -- dancer.html 100000 60
 //! ```
 
 use gs_core::{Camera, DynamicScene};
@@ -41,7 +42,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let report = &encoded.report;
     eprintln!("{report:#?}");
     eprintln!(
-        "{output}: {:.2} MB, of which {:.2} MB payload before it became text; {:.2} s",
+        "{output}: {:.2} MB, payload {:.2} MB before text encoding; {:.2} s",
         text.len() as f64 / 1e6,
         report.bytes.1 as f64 / 1e6,
         begun.elapsed().as_secs_f64()

@@ -1,4 +1,5 @@
-// A camera that turns around a point: orbit, pan, zoom. World units, radians; the camera frame is x right, y down, z forward.
+// A camera that orbits a point: orbit, pan, zoom. World units, radians;
+// the camera frame is x right, y down, z forward.
 
 const sub = (a, b) => a.map((value, k) => value - b[k]);
 const add = (a, b, scale = 1) => a.map((value, k) => value + scale * b[k]);
@@ -6,10 +7,10 @@ const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
 const cross = (a, b) => [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
 const unit = (a) => a.map((value) => value / (Math.hypot(...a) || 1));
 
-/** The near plane is at most this share of the way to the target, so that zooming in does not cut what is looked at. */
+/** The near plane is at most this share of the way to the target, so that zooming in does not clip the target. */
 const NEAR_SHARE = 0.1;
 
-/** Closest the view comes to straight up or down. */
+/** Smallest angle between the view direction and the up axis. */
 const POLE = 0.02;
 
 class OrbitCamera {
@@ -17,7 +18,7 @@ class OrbitCamera {
   constructor(camera, target, up) {
     this.camera = camera;
     this.up = unit(up);
-    // Two level directions to measure the turn from.
+    // Two horizontal directions from which the azimuth is measured.
     const other = Math.abs(this.up[0]) < 0.9 ? [1, 0, 0] : [0, 1, 0];
     this.east = unit(cross(other, this.up));
     this.north = cross(this.up, this.east);
@@ -35,21 +36,21 @@ class OrbitCamera {
     this.now = { ...this.home, target: [...this.home.target] };
   }
 
-  /** Turns by angles, radians. */
+  /** Orbits by angles, radians. */
   orbit(right, up) {
     this.now.turn += right;
     const limit = Math.PI / 2 - POLE;
     this.now.rise = Math.max(-limit, Math.min(limit, this.now.rise + up));
   }
 
-  /** Moves so that what is at the target follows by that many pixels. */
+  /** Pans so that the image at the target moves by that many pixels. */
   pan(x, y, size) {
     const { rows } = this.view(size);
     const perPixel = this.now.distance / this.focal(size);
     this.now.target = add(add(this.now.target, rows[0].slice(0, 3), -x * perPixel), rows[1].slice(0, 3), -y * perPixel);
   }
 
-  /** Goes nearer (below 1) or farther. */
+  /** Multiplies the distance to the target: below 1 moves nearer. */
   zoom(factor) {
     const { distance } = this.home;
     this.now.distance = Math.max(distance * 0.02, Math.min(distance * 20, this.now.distance * factor));
@@ -61,12 +62,13 @@ class OrbitCamera {
     return this.camera.focal[0] * Math.min(width / w, height / h);
   }
 
-  /** What the renderer needs for an image of `size` pixels. */
+  /** Camera parameters for an image of `size` pixels. */
   view(size) {
     const { target, distance, turn, rise } = this.now;
     const level = add(this.east.map((value) => value * Math.cos(turn)), this.north, Math.sin(turn));
     const arm = add(level.map((value) => value * Math.cos(rise)), this.up, Math.sin(rise));
-    // As the shader has it, so that points relative to the eye keep their digits far from the origin.
+    // Computed as in the shader, so that points relative to the eye
+    // keep their precision far from the origin.
     const eye = add(target, arm, distance).map(Math.fround);
     const forward = arm.map((value) => -value);
     const right = unit(cross(forward, this.up));
@@ -124,10 +126,10 @@ function attachControls(canvas, camera, changed) {
     });
   }
   canvas.addEventListener("contextmenu", (event) => event.preventDefault());
-  // On the whole stage: the divider lies over the image.
+  // On the whole stage, because the divider covers part of the image.
   canvas.parentElement.addEventListener("wheel", (event) => {
     event.preventDefault();
-    // Lines and pages, where a browser counts in those.
+    // Some browsers report lines or pages instead of pixels.
     const unitPixels = [1, 16, 400][event.deltaMode] ?? 1;
     camera.zoom(Math.exp(Math.max(-240, Math.min(240, event.deltaY * unitPixels)) * 0.0012));
     changed();

@@ -1,4 +1,5 @@
-// The playhead. Time is counted in frames, fractions included; the last frame is shown as long as any other.
+// The playhead. Time is in frames, including fractions; the
+// last frame is shown as long as any other.
 
 const REPEATS = ["loop", "pingpong", "once"];
 const REPEAT_NAMES = { loop: "loop", pingpong: "back and forth", once: "once" };
@@ -30,7 +31,7 @@ class Clock {
 
   play(playing) {
     this.playing = playing && this.frames > 1;
-    // Playing on from the end starts anew.
+    // Playing from the end restarts.
     if (this.playing && this.repeat === "once" && this.position >= this.last) this.position = 0;
     if (this.repeat !== "pingpong") this.direction = 1;
   }
@@ -40,7 +41,7 @@ class Clock {
     this.direction = 1;
   }
 
-  /** Moves on by `seconds`. */
+  /** Advances by `seconds`. */
   advance(seconds) {
     if (!this.playing) return;
     this.position += this.direction * seconds * this.fps * this.speed;
@@ -49,7 +50,7 @@ class Clock {
         this.position = ((this.position % this.frames) + this.frames) % this.frames;
         break;
       case "pingpong":
-        // Longer steps than the clip are possible in slow browsers, and no reason to leave it.
+        // In slow browsers a step can be longer than the clip; the position must stay inside.
         if (this.position > this.last) [this.position, this.direction] = [Math.max(0, 2 * this.last - this.position), -1];
         if (this.position < 0) [this.position, this.direction] = [Math.min(this.last, -this.position), 1];
         break;

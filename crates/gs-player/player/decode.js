@@ -1,7 +1,8 @@
-// From text to numbers. Runs in the worker. The byte layout is described in the crate's README.
+// Decodes the payload's text into numbers. Runs in the worker. The byte
+// layout is described in the crate's README.
 
 /** Bytes of a block of text: 13 bits in two of 91 characters, least significant first. */
-function unarmor(text, length) {
+function decodeBase91(text, length) {
   const digits = new Uint8Array(128);
   let digit = 0;
   for (let code = 33; code < 127; code++) {
@@ -18,11 +19,11 @@ function unarmor(text, length) {
       count -= 8;
     }
   }
-  if (at < length) throw new Error("a block of the file is cut short");
+  if (at < length) throw new Error("a block of the file is truncated");
   return bytes;
 }
 
-/** Decompresses gzip; tells how far it is, 0 to 1. The checksum of gzip finds damage. */
+/** Decompresses gzip; calls `progress` with 0 to 1. The gzip checksum detects damage. */
 async function gunzip(blocks, length, progress) {
   const stream = new Blob(blocks).stream().pipeThrough(new DecompressionStream("gzip"));
   const reader = stream.getReader();
@@ -31,12 +32,12 @@ async function gunzip(blocks, length, progress) {
   for (;;) {
     const { done, value } = await reader.read();
     if (done) break;
-    if (at + value.length > length) throw new Error("the payload is longer than announced");
+    if (at + value.length > length) throw new Error("the payload is longer than declared");
     bytes.set(value, at);
     at += value.length;
     progress(at / length);
   }
-  if (at !== length) throw new Error("the payload is shorter than announced");
+  if (at !== length) throw new Error("the payload is shorter than declared");
   return bytes;
 }
 
@@ -55,18 +56,18 @@ function readPlanes(bytes, at, rows, channels, planes) {
   return values;
 }
 
-/** The real part that makes a unit quaternion of three imaginary ones, in steps. */
+/** Real part of the unit quaternion with the given imaginary parts, in steps. */
 function impliedReal(x, y, z, step) {
   const one = 1 / step;
   return Math.floor(Math.sqrt(Math.max(0, one * one - (x * x + y * y + z * z))) + 0.5);
 }
 
-/** Refuses what does not fit: everything below trusts the counts of the header. */
+/** Throws if `fits` is false. The code below relies on the header's counts being consistent. */
 function check(fits, what) {
   if (!fits) throw new Error(`the payload is damaged: ${what}`);
 }
 
-/** The header, its counts within what a payload of `size` bytes can hold. */
+/** The header, with counts that fit a payload of `size` bytes. */
 function readHeader(text, size) {
   let header;
   try {
@@ -78,7 +79,7 @@ function readHeader(text, size) {
   const isList = (value) => Array.isArray(value);
   check(header !== null && typeof header === "object", "no header");
   check(isCount(header.frames, 65535) && header.frames > 0, "number of frames");
-  // A row may take no byte at all, if all of them are the same.
+  // Rows may take no bytes at all if they are all equal.
   check(isList(header.groups) && header.groups.length === 4 && header.groups.every((n) => isCount(n, size + 65536)), "groups");
   check(isList(header.attributes), "attributes");
   for (const entry of header.attributes) {
@@ -87,20 +88,21 @@ function readHeader(text, size) {
     check(table === "geometry" || table === "look", "table of an attribute");
     check(isCount(channels, 64) && channels > 0, "channels");
     check(stored === channels || (stored === 3 && channels === 4), "stored channels");
-    check(isCount(base_planes, 4) && isCount(knot_planes, 4), "bytes of a number");
-    check([movers, knots, gap_bytes].every((n) => isCount(n, size)), "counts of what moves");
+    check(isCount(base_planes, 4) && isCount(knot_planes, 4), "bytes per number");
+    check([movers, knots, gap_bytes].every((n) => isCount(n, size)), "counts of movers, knots or \
+        gaps");
     check(Number.isFinite(step) && step > 0, "step");
   }
   return header;
 }
 
-/** One attribute: first frame of every row, and the knots of those that move. */
+/** One attribute: first frame of every row, and the knots of the rows that move. */
 function readAttribute(entry, rows, frames, bytes, start) {
   const { channels, step } = entry;
   let at = start;
   const needed = rows * entry.base_channels * entry.base_planes + (entry.movers > 0 ? (rows + 7) >> 3 : 0) +
     entry.gap_bytes + entry.knots * channels * entry.knot_planes;
-  check(at + needed <= bytes.length, "an attribute is cut short");
+  check(at + needed <= bytes.length, "an attribute is truncated");
   const stored = readPlanes(bytes, at, rows, entry.base_channels, entry.base_planes);
   at += stored.length * entry.base_planes;
   if (entry.base_delta) {
@@ -126,15 +128,15 @@ function readAttribute(entry, rows, frames, bytes, start) {
     for (let row = 0; row < rows; row++) {
       if ((bytes[at + (row >> 3)] >> (row & 7)) & 1) movers[mover++] = row;
     }
-    check(mover === entry.movers, "another number of rows moves");
+    check(mover === entry.movers, "number of moving rows");
     at += (rows + 7) >> 3;
   }
-  // Knot 0 of every mover is its first frame, so that a piece always has two ends.
+  // Knot 0 of every mover is its first frame, so that every segment has two ends.
   const first = new Uint32Array(entry.movers + 1);
   const knotFrames = new Uint16Array(entry.knots + entry.movers);
   let ended = 0;
   for (let knot = 0, end = at + entry.gap_bytes; at < end; at++) {
-    check(ended < entry.movers, "more tracks than rows that move");
+    check(ended < entry.movers, "more tracks than moving rows");
     if (knot === first[ended]) knotFrames[knot++] = 0;
     if (bytes[at] > 0) {
       const frame = knotFrames[knot - 1] + bytes[at];
@@ -144,7 +146,7 @@ function readAttribute(entry, rows, frames, bytes, start) {
       first[++ended] = knot;
     }
   }
-  check(ended === entry.movers && first[ended] === knotFrames.length, "another number of knots");
+  check(ended === entry.movers && first[ended] === knotFrames.length, "number of knots");
   const differences = readPlanes(bytes, at, entry.knots, channels, entry.knot_planes);
   at += differences.length * entry.knot_planes;
 
@@ -169,7 +171,7 @@ function readAttribute(entry, rows, frames, bytes, start) {
   return { ...entry, rows, base, movers, first, knotFrames, values, end: at };
 }
 
-/** A mover at every frame, rounded as the encoder rounds: what the next mover is told apart from. */
+/** Values of a mover at every frame, rounded as in the encoder; the next mover is stored relative to them. */
 function everyFrame(knotFrames, values, start, end, channels, out) {
   for (let knot = start + 1; knot < end; knot++) {
     const from = knotFrames[knot - 1], to = knotFrames[knot];
@@ -187,9 +189,10 @@ function everyFrame(knotFrames, values, start, end, channels, out) {
 /** The whole payload. */
 function readPayload(bytes) {
   const text = (from, to) => new TextDecoder().decode(bytes.subarray(from, to));
-  if (bytes.length < 12 || text(0, 8) !== "C4DPLAY1") throw new Error("this is not a payload of this player");
+  if (bytes.length < 12 || text(0, 8) !== "C4DPLAY1") throw new Error("not a payload of this \
+      player");
   const length = new DataView(bytes.buffer, bytes.byteOffset).getUint32(8, true);
-  check(12 + length <= bytes.length, "its header is cut short");
+  check(12 + length <= bytes.length, "the header is truncated");
   const header = readHeader(text(12, 12 + length), bytes.length);
   const [a, twins, shared, b] = header.groups;
   const rows = { geometry: a + twins + shared + b, look: a + 2 * twins + shared + b };
@@ -200,7 +203,8 @@ function readPayload(bytes) {
     at = attribute.end;
     attributes[entry.name] = attribute;
   }
-  if (at !== bytes.length) throw new Error("the payload has another size than its header says");
+  if (at !== bytes.length) throw new Error("the payload's size differs from the size in its \
+      header");
   return { header, rows, attributes };
 }
 

@@ -1,9 +1,10 @@
-// The worker's door: takes blocks of text, then answers requests for a time and a view with texels and orders.
+// Message handling of the worker: receives blocks of text, then answers requests for a time and a
+// view with texels and draw orders.
 
 let stage = null, sorter = null, shownTime = NaN;
 const blocks = [];
 
-/** Buffers that came back from the page, to be used again. */
+/** Buffers returned by the page for reuse. */
 const spare = [];
 const take = (Kind, length) => {
   const index = spare.findIndex((buffer) => buffer.byteLength === length * 4);
@@ -50,7 +51,7 @@ function frame({ id, time, view, near, returned }) {
   postMessage(answer, transfer);
 }
 
-/** What was decoded, for tests: integers as fingerprints, the scene at a time as sums. */
+/** Report of the decoded payload for tests: fingerprints of the integers, sums of the scene at a time. */
 function report({ time }) {
   stage.seek(time);
   const attributes = Object.values(stage.attributes).map((attribute) => ({
@@ -59,7 +60,7 @@ function report({ time }) {
     frames: fingerprint(attribute.knotFrames),
     values: fingerprint(attribute.values),
   }));
-  // What is on the screen is still another time.
+  // The screen still shows another time.
   shownTime = NaN;
   const sum = (data) => data.reduce((total, value) => total + value, 0);
   postMessage({
@@ -72,7 +73,7 @@ onmessage = async ({ data }) => {
   try {
     switch (data.kind) {
       case "block":
-        blocks.push(unarmor(data.text, data.bytes));
+        blocks.push(decodeBase91(data.text, data.bytes));
         break;
       case "open":
         await open(data);

@@ -1,11 +1,11 @@
-// Puts the parts together.
+// Connects the page, the worker and the renderer.
 //
-// The address may say how to start, after `#`, joined by `&`:
+// Start options in the address, after `#`, joined by `&`:
 //   t=0.5      time, 0 first to 1 last frame        paused     do not play
-//   wipe=0.3   share that shows the original        ui=0       the image alone
-//   turn=30    degrees around, rise= up, zoom= factor, from the first view
-//   help       with the help open                   hold       the page's load event waits for the first image (for screenshots)
-//   report     says in #report what was decoded (for tests)
+//   wipe=0.3   share that shows the original        ui=0       only the image
+//   turn=30    degrees around, rise= up, zoom= factor, from the initial view
+//   help       open the help                        report     write a decoding report to #report (for tests)
+//   hold       delay the page's load event until the first image is shown (for screenshots)
 
 const config = JSON.parse(byId("config").textContent);
 const asked = new URLSearchParams(location.hash.slice(1));
@@ -13,7 +13,7 @@ const number = (name, otherwise) => (asked.has(name) && Number.isFinite(Number(a
 
 /** Highest resolution, device pixels per CSS pixel. */
 const MAX_DENSITY = 2;
-/** Slowest acceptable frame and fastest that leaves room for more pixels, milliseconds. */
+/** Frame times above which the resolution is reduced, and below which it is raised, milliseconds. */
 const SLOW = 45, FAST = 22;
 
 function fail(error) {
@@ -24,7 +24,7 @@ function fail(error) {
   release();
 }
 
-/** Keeps the page's load event waiting: a frame that is never done loading. */
+/** Delays the page's load event with a frame that does not finish loading. */
 function holdLoading() {
   const frame = document.createElement("iframe");
   frame.hidden = true;
@@ -46,7 +46,7 @@ function start() {
   const renderer = new Renderer(canvas, config.background);
   canvas.addEventListener("webglcontextlost", () => fail(new Error("The graphics device was lost; reload the page")));
 
-  // Everything that takes long happens in the worker; here is only drawing.
+  // Slow work runs in the worker; this thread only draws.
   const engine = new Worker(URL.createObjectURL(new Blob([byId("engine").textContent], { type: "text/javascript" })));
   engine.addEventListener("error", (event) => fail(new Error(`The scene's worker stopped: ${event.message ?? "it could not start"}`)));
   for (const block of document.querySelectorAll("script[data-bytes]")) {
@@ -78,7 +78,7 @@ function start() {
   new ResizeObserver(resize).observe(canvas);
   resize();
 
-  // One question to the worker at a time; what it answers is drawn with the newest view.
+  // One request to the worker at a time; its answer is drawn with the newest view.
   let ready = false, waiting = false, shown = false, question = "", spare = [];
   let scale = 1, slowness = 30, lastTick = 0, lastActive = 0;
   const currentView = () => camera.view([canvas.width, canvas.height]);
@@ -132,7 +132,7 @@ function start() {
     }
   });
 
-  /** The first image is there: the poster goes, the clip starts. */
+  /** Called with the first image: removes the poster and starts the clip. */
   function reveal() {
     document.body.classList.remove("loading");
     const calm = matchMedia("(prefers-reduced-motion: reduce)").matches;
@@ -141,7 +141,7 @@ function start() {
     const poster = byId("poster");
     if (asked.has("hold")) {
       poster?.remove();
-      // Two frames later the image is certainly on the screen.
+      // After two frames the image is on the screen.
       requestAnimationFrame(() => requestAnimationFrame(release));
     } else if (poster) {
       poster.classList.add("gone");
@@ -157,7 +157,7 @@ function start() {
     if (shown) clock.advance(Math.min(elapsed, 250) / 1000);
     if (clock.playing) changed();
     if (!dirty) {
-      // At rest the image is drawn once more in full.
+      // At rest the image is drawn once more at full resolution.
       if (scale < 1 && now - lastActive > 200 && shown) {
         scale = 1;
         renderer.draw(currentView(), wipe.value, 1);
@@ -165,7 +165,7 @@ function start() {
       return;
     }
     dirty = false;
-    // A device that cannot keep up gets fewer pixels while things move.
+    // Slow devices render fewer pixels while the scene moves.
     const active = now - lastActive < 100;
     lastActive = now;
     if (active && !asked.has("hold")) {

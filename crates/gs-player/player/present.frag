@@ -1,5 +1,5 @@
 #version 300 es
-// What was blended, over the background.
+// Composites the blended image over the background.
 precision highp float;
 precision highp sampler2D;
 

@@ -1,8 +1,9 @@
-// Drawing with WebGL 2. One image holds both scenes: each is drawn within its side of the divider, then everything goes over the
-// background. Blending happens in 16-bit floats where the device can, since hundreds of thin layers would add up their rounding.
+// Drawing with WebGL 2. One image contains both scenes: each is drawn on its side of the divider,
+// then the result is composited over the background. Blending uses 16-bit floats where supported,
+// because the rounding errors of hundreds of thin layers would add up in 8 bits.
 
 class Renderer {
-  /** Throws with a message for people when the browser cannot draw. */
+  /** Throws an error with a user-readable message if the browser cannot draw. */
   constructor(canvas, background) {
     const gl = canvas.getContext("webgl2", { alpha: false, antialias: false, depth: false, powerPreference: "high-performance" });
     if (!gl) throw new Error("WebGL 2 is not available");
@@ -43,7 +44,7 @@ class Renderer {
     return { program, uniforms };
   }
 
-  /** Takes the decoded scene: tables of texels, and which of their lines move. */
+  /** Loads the decoded scene: tables of texels, and the ranges of lines that move. */
   load({ header, geometry, look, moving }) {
     const { gl } = this;
     const most = gl.getParameter(gl.MAX_TEXTURE_SIZE);
@@ -85,7 +86,7 @@ class Renderer {
     return { texture, width };
   }
 
-  /** Takes what the worker answered: new texels of the lines that move, and both orders. */
+  /** Uploads an answer of the worker: new texels of the moving lines, and both draw orders. */
   update(frame) {
     const { gl } = this;
     for (const name of ["geometry", "look"]) {
@@ -106,7 +107,7 @@ class Renderer {
     });
   }
 
-  /** Makes the blended image `width` × `height`. */
+  /** Allocates the blended image with `width` × `height` pixels. */
   resize(width, height) {
     const { gl } = this;
     if (this.imageSize[0] === width && this.imageSize[1] === height) return;

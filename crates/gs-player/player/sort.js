@@ -1,6 +1,7 @@
 // Back-to-front order by camera depth. Runs in the worker.
 //
-// Two counting sorts over the halves of the bits of the depth as a 32-bit float: exact, stable, linear.
+// Two counting sorts over the 16-bit halves of the depth as a
+// 32-bit float: exact, stable, linear time.
 
 class Sorter {
   /** `groups`: rows of the first scene alone, twins, shared, second scene alone. */

@@ -10,7 +10,7 @@ flat in vec4 v_color;
 
 out vec4 pixel;
 
-// Those of gs_core::image_formation, which documents them; a test compares them.
+// Documented in gs_core::image_formation; a test compares the values.
 const float MAX_ALPHA = 0.99;
 const float ALPHA_THRESHOLD = 1.0 / 255.0;
 

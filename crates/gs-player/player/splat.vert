@@ -12,7 +12,7 @@ uniform int u_geometry_per_line;
 uniform int u_look_per_line;
 uniform int u_look_texels;
 uniform int u_sh_degree;
-// Rows of the first scene alone, twins, shared; 1 for the second scene.
+// Row counts of groups a, twins and shared; 1 for the second scene.
 uniform ivec3 u_groups;
 uniform int u_second;
 // World to camera by rows; camera centre; near plane; focal lengths, principal point and size of the image, pixels.
@@ -29,7 +29,7 @@ flat out vec2 v_center;
 flat out vec3 v_conic;
 flat out vec4 v_color;
 
-// Those of gs_core::image_formation, which documents them; a test compares them.
+// Documented in gs_core::image_formation; a test compares the values.
 const float GUARD_BAND = 1.3;
 const float EPS2D = 0.3;
 const float EXTENT_SIGMAS = 3.0;
@@ -113,7 +113,7 @@ void main() {
   m[1] *= scale.y;
   m[2] *= scale.z;
   mat3 rows = transpose(m);
-  // Rows of J times the matrix whose product with its transpose is the covariance.
+  // Rows of J times the square root of the covariance (the covariance is its product with its transpose).
   vec3 jx = rows * vec3(u_focal.x / t.z, 0.0, -u_focal.x * clamped.x / (t.z * t.z));
   vec3 jy = rows * vec3(0.0, u_focal.y / t.z, -u_focal.y * clamped.y / (t.z * t.z));
   float a = dot(jx, jx) + EPS2D;
@@ -124,12 +124,12 @@ void main() {
 
   float mid = 0.5 * (a + c);
   float radius = ceil(EXTENT_SIGMAS * sqrt(mid + sqrt(max(MIN_DISCRIMINANT, mid * mid - det))));
-  // The reference samples pixel i at coordinate i: half a pixel less.
+  // The reference samples pixel i at coordinate i, half a pixel less.
   vec2 corner = center - 0.5;
   vec2 tiles = ceil(u_size / TILE_SIZE);
   vec2 low = clamp(trunc((corner - radius) / TILE_SIZE), vec2(0.0), tiles) * TILE_SIZE;
   vec2 high = clamp(trunc((corner + radius + TILE_SIZE - 1.0) / TILE_SIZE), vec2(0.0), tiles) * TILE_SIZE;
-  // Within the tiles only where the opacity can reach 1/255; a pixel more against rounding.
+  // Limited to the pixels where alpha can be 1/255 or more, plus a margin of one pixel for rounding.
   vec2 reach = sqrt(2.0 * log(color.a / ALPHA_THRESHOLD) * vec2(a, c)) + 1.0;
   low = max(low, floor(center - reach));
   high = min(min(high, ceil(center + reach)), u_size);

@@ -1,4 +1,4 @@
-// The scene at a time, as texels. Runs in the worker.
+// The scene at one time, as texels. Runs in the worker.
 //
 // Geometry texels of a row: centre; unit quaternion (x, y, z, w); standard deviations.
 // Look texels of a row: colour and opacity; then one texel per SH coefficient above degree 0.
@@ -7,12 +7,12 @@ const GEOMETRY_TEXELS = 3;
 /** Texels of a line of the textures; every WebGL 2 device has at least this width. */
 const LINE_TEXELS = 2048;
 
-/** A texture's mirror: `texels` RGBA texels for each of `rows` rows, a whole number of rows in a line. */
+/** Contents of a texture: `texels` RGBA texels for each of `rows` rows, a whole number of rows per line. */
 function makeTable(rows, texels) {
   const perLine = Math.floor(LINE_TEXELS / texels);
   const lines = Math.max(1, Math.ceil(rows / perLine));
   const data = new Float32Array(lines * perLine * texels * 4);
-  // A whole number of rows fits in a line, so a row's texels lie one after the other, lines included.
+  // A whole number of rows fits in a line, so the texels of a row are contiguous.
   return { texels, perLine, lines, width: perLine * texels, data };
 }
 
@@ -25,9 +25,9 @@ class Stage {
     this.geometry = makeTable(rows.geometry, GEOMETRY_TEXELS);
     this.look = makeTable(rows.look, coefficients);
     this.rows = rows;
-    // Where the playhead was, per mover: times mostly go forward.
+    // Last knot of each mover; the search starts there, because time mostly moves forward.
     this.cursors = {};
-    // What the movers are at the time at hand.
+    // Values of the movers at the current time.
     this.now = {};
     for (const [name, attribute] of Object.entries(attributes)) {
       this.cursors[name] = attribute.first.slice(0, attribute.movers.length);
@@ -40,7 +40,7 @@ class Stage {
     };
   }
 
-  /** Stretches of lines that hold a moving row, as [first, count]. */
+  /** Ranges of lines that contain a moving row, as [first, count]. */
   movingLines(table, { perLine, lines }) {
     const moving = new Uint8Array(lines);
     for (const attribute of Object.values(this.attributes)) {
@@ -57,7 +57,7 @@ class Stage {
     return stretches;
   }
 
-  /** Puts the values of rows, in steps, where the shader finds them. */
+  /** Writes the values of rows, given in steps, to their texels. */
   write(name, rows, values) {
     const { step, channels } = this.attributes[name];
     const geometry = this.geometry.data, look = this.look.data;
@@ -110,7 +110,7 @@ class Stage {
     }
   }
 
-  /** Moves everything to `time`, in frames, fractions included. */
+  /** Sets the scene to `time`, in frames, including fractions. */
   seek(time) {
     for (const name of Object.keys(this.attributes)) {
       this.evaluate(this.attributes[name], this.cursors[name], time, this.now[name]);
@@ -137,7 +137,7 @@ class Stage {
   }
 }
 
-/** Copies the stretches of lines of a table one after the other. */
+/** Copies the ranges of lines of a table into a contiguous buffer. */
 function copyLines(table, stretches, out) {
   const floats = table.width * 4;
   let at = 0;

@@ -1,6 +1,6 @@
-// Buttons, keys and words.
+// Buttons, keys and labels.
 
-/** Seconds without a touch after which a playing scene is left alone on the screen. */
+/** Seconds without input after which the controls are hidden during playback. */
 const QUIET_AFTER = 3;
 
 const byId = (id) => document.getElementById(id);
@@ -106,7 +106,7 @@ class Interface {
     if (event.ctrlKey || event.metaKey || event.altKey) return;
     const { key, shiftKey, target } = event;
     if (key === "?") return this.help();
-    // Form controls keep the keys they have a meaning for.
+    // Form controls handle their own keys.
     if (byId("help").open || target.closest("select")) return;
     const slides = target.matches("input[type=range]") && (/^(Arrow|Page)/.test(key) || key === "Home" || key === "End");
     if (slides || (key === " " && target.closest("button"))) return;

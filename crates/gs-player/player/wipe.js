@@ -1,4 +1,4 @@
-// The divider between the two scenes: left of it the first, right of it the second.
+// The divider between the first scene (left) and the second (right).
 
 class Wipe {
   /** `both`: whether there are two scenes. */
@@ -47,7 +47,7 @@ class Wipe {
     this.changed();
   }
 
-  /** Puts line and names where they belong. */
+  /** Positions the line and the names. */
   place() {
     const visible = this.show === "both";
     const percent = `${this.at * 100}%`;

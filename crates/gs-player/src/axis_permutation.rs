@@ -1,7 +1,7 @@
 //! [`AxisPermutation`]: the 24 rotations of the cube, which permute a Gaussian's axes.
 //!
-//! Of the quaternions that describe the same ellipsoid, the one closest to the identity is kept.
-//! Its real part is at least 0.85, so it can be computed from the other three components.
+//! Of the quaternions that describe the same ellipsoid, the one closest to the identity is stored.
+//! Its real part is at least 0.85 and can be computed from the other three components.
 
 use gs_core::quat;
 
@@ -29,7 +29,7 @@ impl AxisPermutation {
                 4 => 0.5,
                 _ => continue,
             };
-            // A quaternion and its negative are one rotation.
+            // A quaternion and its negative are the same rotation.
             if raw.iter().find(|value| **value != 0.0) == Some(&1.0) {
                 found.push(Self::of(raw.map(|value| value * size)));
             }
@@ -45,8 +45,8 @@ impl AxisPermutation {
         Self { rotation, axes }
     }
 
-    /// Index in `permutations` of the one that brings `q` closest to no rotation; the first of
-    /// equals.
+    /// Index in `permutations` of the one that brings `q` closest
+    /// to the identity; the first of equals.
     pub(crate) fn best(permutations: &[Self], q: [f64; 4]) -> u8 {
         let mut best = (0, -1.0);
         for (index, axis_permutation) in (0_u8..).zip(permutations) {
@@ -75,7 +75,7 @@ mod tests {
     use gs_core::covariance;
 
     #[test]
-    fn every_permutation_describes_the_same_ellipsoid_and_the_best_is_near_no_rotation() {
+    fn every_permutation_describes_the_same_ellipsoid_and_the_best_is_near_the_identity() {
         let permutations = AxisPermutation::all();
         assert_eq!(permutations.len(), 24, "rotations of a cube");
         let scale = [1.0, 2.0, 5.0];

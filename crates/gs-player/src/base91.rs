@@ -1,8 +1,8 @@
 //! [`encode`]: bytes as text without characters that are special in HTML: 13 bits in two of the 91
 //! printable ASCII characters other than space, `&`, `<` and `>`.
 //!
-//! 1.231 characters a byte (base64: 1.333), the same in every encoding a server may claim for the
-//! page.
+//! 1.231 characters per byte (base64: 1.333). The text is the same in every character encoding that
+//! a server may declare for the page.
 
 /// Number of characters.
 const BASE: u32 = 91;
@@ -12,7 +12,7 @@ const BITS: u32 = 13;
 /// Bytes in one block of text: a whole number of character pairs, about half a megabyte.
 pub(crate) const BLOCK: usize = 13 * 32_000;
 
-/// Character of a digit below 91: from `!`, leaving out `&`, `<` and `>`.
+/// Character of a digit below 91: from `!`, skipping `&`, `<` and `>`.
 fn character(digit: u32) -> char {
     #[expect(clippy::cast_possible_truncation, reason = "a digit is below 91")]
     let mut code = b'!' + digit as u8;
@@ -46,8 +46,8 @@ pub(crate) fn encode(bytes: &[u8], out: &mut String) {
 mod tests {
     use super::*;
 
-    /// From the description: pairs of digits, least significant first, 13 bits each, lowest bits
-    /// first.
+    /// Decoder written from the description: pairs of digits, least
+    /// significant first, 13 bits each, lowest bits first.
     fn decode(text: &str, bytes: usize) -> Vec<u8> {
         let digits: Vec<u32> = text
             .chars()
@@ -67,7 +67,7 @@ mod tests {
     }
 
     #[test]
-    fn every_byte_comes_back_from_inert_text() {
+    fn bytes_round_trip_through_text_without_markup_characters() {
         for length in [0, 1, 2, 12, 13, 14, 1000] {
             let bytes: Vec<u8> =
                 (0..length).map(|i: u32| (i * 31 + 7) as u8 ^ (i / 8) as u8).collect();
@@ -80,7 +80,7 @@ mod tests {
     }
 
     #[test]
-    fn digits_skip_what_html_reads() {
+    fn digits_skip_html_special_characters() {
         let all: String = (0..BASE).map(character).collect();
         assert_eq!(all.len(), 91, "ascii");
         assert!(

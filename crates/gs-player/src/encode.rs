@@ -1,4 +1,4 @@
-//! Two scenes over time as one compressed payload.
+//! Encodes one or two scenes over time as a compressed payload.
 
 use crate::axis_permutation::AxisPermutation;
 use crate::options::Options;
@@ -16,39 +16,39 @@ pub const MAGIC: &[u8; 8] = b"C4DPLAY1";
 /// Bits of each coordinate in the order of rows.
 const MORTON_BITS: u32 = 20;
 
-/// A scene, and the scene an edit made of it, ready to be put into a page.
+/// A scene and optionally its edited version, encoded for a page.
 #[derive(Debug)]
 pub struct Encoded {
     /// The payload, gzip.
     pub payload: Vec<u8>,
-    /// What is in it.
+    /// Contents and losses.
     pub report: EncodeReport,
 }
 
-/// What was kept, what was lost, and how large everything is.
+/// Counts, errors and sizes of an encoded payload.
 #[derive(Debug, Clone, PartialEq)]
 pub struct EncodeReport {
-    /// Frames.
+    /// Number of frames.
     pub frames: usize,
     /// Splats of the first scene that are drawn.
     pub first: usize,
     /// Splats of the second scene that are drawn; 0 without one.
     pub second: usize,
-    /// Splats the two have in common, stored once.
+    /// Splats that both scenes share, stored once.
     pub shared: usize,
-    /// Splats that move alike and look different, whose motion is stored once.
+    /// Splats with the same motion but different appearance, whose motion is stored once.
     pub twins: usize,
-    /// Stored splats whose place, rotation or size changes.
+    /// Stored splats whose position, rotation or size changes over time.
     pub moving: usize,
-    /// Rows left out because a value is not finite, or the quaternion zero, in some frame.
+    /// Rows omitted because a value is not finite, or the quaternion is zero, in some frame.
     pub not_finite: usize,
-    /// Rows left out because their opacity never reaches 1/255: they draw nothing.
+    /// Rows omitted because their opacity is always below 1/255, so that they draw nothing.
     pub invisible: usize,
-    /// Centres too far out for the grid, moved to its rim.
+    /// Centres outside the range of the grid, clamped to it.
     pub clamped: usize,
-    /// SH degree of the scenes, and the degree kept.
+    /// SH degree of the scenes, and the degree stored.
     pub sh_degree: (usize, usize),
-    /// Largest error of a coordinate, world units: of splats that rest, and of those that move.
+    /// Largest error of a coordinate, world units: of static splats, and of moving splats.
     pub position_error: (f64, f64),
     /// Bytes before and after compression.
     pub bytes: (usize, usize),
@@ -66,11 +66,9 @@ struct Header<'a> {
 }
 
 /// Encodes `first` and, if given, `second` at `times`, which become evenly spaced frames.
-/// `progress` is told how many of how many evaluations are done.
+/// `progress` is called with the number of finished evaluations and their total.
 ///
-/// # Errors
-/// If there is no frame, no visible splat, an option out of range, or a scene cannot be evaluated.
-/// Damaged rows are left out and counted.
+/// # Errors If there is no frame, no visible splat, an option out of range, or a scene cannot be evaluated. Invalid rows are omitted and counted.
 pub fn encode(
     first: &dyn DynamicScene,
     second: Option<&dyn DynamicScene>,
@@ -147,7 +145,7 @@ pub fn encode(
     Ok(Encoded { payload, report })
 }
 
-/// The tracks of all attributes while frames come in.
+/// The tracks of all attributes while frames are added.
 struct Recorder {
     position: Tracks,
     rotation: Tracks,
@@ -160,7 +158,7 @@ struct Recorder {
     position_step: f64,
     permutations: Vec<AxisPermutation>,
     permutation_of: Vec<u8>,
-    /// Rotation of the last frame in its permutation, for the sign of the next.
+    /// Rotation of the previous frame after its permutation, which determines the sign of the next.
     last_quat: Vec<[f64; 4]>,
     clamped: usize,
 }
@@ -180,7 +178,8 @@ impl Recorder {
         let rest = sh::num_coeffs(degree) - 1;
         Self {
             position: tracks(rows, 3),
-            // The first frame's real part is implied, which may cost it a step more than rounding.
+            // The real part of the first frame is implied, which can add
+            // an error of one step to the rounding.
             rotation: Tracks::new(rows, 4, options.tolerance.max(1.5)),
             scale: tracks(rows, 3),
             opacity: tracks(looks, 1),
@@ -206,7 +205,7 @@ impl Recorder {
         }
     }
 
-    /// Adds a frame of the second scene: only what the first does not have.
+    /// Adds a frame of the second scene: only the rows that the first does not share.
     fn second(&mut self, groups: &Groups, splats: &Splats, frame: u32) {
         let [a, twins, shared, _] = groups.counts();
         for (i, pair) in groups.twins.iter().enumerate() {
@@ -267,7 +266,7 @@ impl Recorder {
         }
     }
 
-    /// Puts the rows in order and writes everything. Also counts the geometry rows that move.
+    /// Sorts the rows and writes all streams. Also counts the geometry rows that move.
     fn finish(
         mut self,
         groups: &Groups,
@@ -312,7 +311,7 @@ impl Recorder {
             attributes: &attributes,
         })?;
         let mut raw = MAGIC.to_vec();
-        #[expect(clippy::cast_possible_truncation, reason = "a kilobyte or two")]
+        #[expect(clippy::cast_possible_truncation, reason = "the header is a few kilobytes")]
         raw.extend((header.len() as u32).to_le_bytes());
         raw.extend(header);
         raw.append(&mut streams);
@@ -320,7 +319,7 @@ impl Recorder {
     }
 }
 
-/// Adds a value: the first frame rounded, later ones as they are.
+/// Adds a value: rounded for the first frame, exact for later ones.
 fn record(tracks: &mut Tracks, row: usize, frame: u32, values: &[f64]) {
     if frame == 0 {
         let mut rounded = [0_i32; 45];
@@ -341,8 +340,8 @@ fn implied_real(imaginary: [i32; 3], step: f64) -> i32 {
     tracks::round((one * one - rest).max(0.0).sqrt())
 }
 
-/// Order of the geometry rows and of the looks: within each group, what moves before what rests (so
-/// that the player uploads few stretches), and neighbours in space beside each other.
+/// Order of the geometry rows and of the looks. Within each group, moving rows precede static ones,
+/// so that the player uploads few ranges, and spatial neighbours are adjacent.
 fn order(groups: &Groups, positions: &[i32], moves: &[bool]) -> (Vec<usize>, Vec<usize>) {
     let codes = morton(positions);
     let mut rows: Vec<usize> = Vec::with_capacity(moves.len());
@@ -356,14 +355,13 @@ fn order(groups: &Groups, positions: &[i32], moves: &[bool]) -> (Vec<usize>, Vec
     let [a, twins, shared, _] = groups.counts();
     let second = a + twins + shared;
     let mut looks: Vec<usize> = rows[..second].to_vec();
-    // The second looks of the twins, in the order of their geometry; then those of `b`, which come
-    // after them.
+    // The second looks of the twins, in the order of their geometry, followed by those of `b`.
     looks.extend(rows[a..a + twins].iter().map(|row| row - a + second));
     looks.extend(rows[second..].iter().map(|row| row + twins));
     (rows, looks)
 }
 
-/// Positions along a curve that fills their box (interleaved bits).
+/// Positions along the Morton curve of their box (interleaved bits).
 fn morton(positions: &[i32]) -> Vec<u64> {
     let rows = || positions.chunks_exact(3);
     let bound =

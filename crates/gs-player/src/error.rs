@@ -1,27 +1,28 @@
-//! Why a player could not be made.
+//! [`PlayerError`]: errors of making a player.
 
 use gs_core::SceneError;
 use thiserror::Error;
 
-/// Most frames of one payload.
+/// Largest number of frames of a payload.
 pub const MAX_FRAMES: usize = 65_535;
 
-/// Why a player could not be made.
+/// Error of making a player.
 #[derive(Debug, Error)]
 #[non_exhaustive]
 pub enum PlayerError {
-    /// There is nothing to play.
-    #[error("player: no frames were asked for, expected at least 1")]
+    /// No frames were requested.
+    #[error("player: no frames were requested, expected at least 1")]
     NoFrames,
-    /// More frames than the format counts.
+    /// More frames than the format allows.
     #[error("player: {found} frames, expected at most {MAX_FRAMES}")]
     TooManyFrames {
-        /// Requested frames.
+        /// Number of requested frames.
         found: usize,
     },
-    /// No splat of either scene can ever be seen.
+    /// No splat of either scene is visible at any time.
     #[error(
-        "player: none of the {rows} splats can be seen: {not_finite} are damaged, the others never reach an opacity of 1/255"
+        "player: none of the {rows} splats is visible: {not_finite} have invalid values, the \
+        others have opacities below 1/255"
     )]
     NothingVisible {
         /// Rows of all scenes.
@@ -34,9 +35,9 @@ pub enum PlayerError {
     Option {
         /// Name of the option.
         name: &'static str,
-        /// What was given.
+        /// The value given.
         found: String,
-        /// What is possible.
+        /// The valid values.
         expected: &'static str,
     },
     /// A scene could not be evaluated at one of the times.
@@ -48,12 +49,12 @@ pub enum PlayerError {
         #[source]
         source: SceneError,
     },
-    /// A scene changed its number of rows between frames.
+    /// The number of rows of a scene changed between frames.
     #[error("player: the scene has {found} splats at time {time}, expected {expected}")]
     Rows {
         /// The time.
         time: f32,
-        /// Rows then.
+        /// Rows at that time.
         found: usize,
         /// Rows of the first frame.
         expected: usize,

@@ -1,13 +1,14 @@
-//! A dynamic Gaussian-splat scene, and what an edit made of it, as **one HTML file** that plays
-//! from disk in any browser with WebGL 2.
+//! Exports a dynamic Gaussian-splat scene, and optionally its edited version, as **one HTML file**
+//! that plays from disk in any browser with WebGL 2.
 //!
-//! [`encode()`] turns one or two scenes into a payload: values on a grid of stated steps, over time
-//! as few straight pieces within a stated tolerance, what both scenes share stored once, compressed
-//! with gzip (which browsers undo themselves). [`page()`] puts it into a page with the player
-//! (`player/`, plain JavaScript and GLSL). The crate's `README.md` documents the bytes.
+//! [`encode()`] converts one or two scenes into a payload: values are quantised to configurable
+//! steps and approximated over time by few linear segments within a tolerance; data that both
+//! scenes share are stored once; the result is compressed with gzip, which browsers decompress
+//! natively. [`page()`] embeds it in a page with the player (`player/`, plain JavaScript and GLSL).
+//! The crate's `README.md` documents the byte layout.
 //!
-//! Deliberately absent: files, rendering (the poster is given), networks: the page's own policy
-//! forbids any.
+//! Deliberately absent: files, rendering (the caller provides the poster), and network access,
+//! which the page's policy forbids.
 //!
 //! ```
 //! use gs_player::{Options, encode};

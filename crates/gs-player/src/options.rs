@@ -1,14 +1,15 @@
-//! How exactly a scene is kept.
+//! [`Options`]: precision of the stored scene.
 
 use crate::PlayerError;
 
-/// How exactly a scene is kept. A *step* is the distance of two neighbouring stored values; the
-/// value of a frame is off by at most half a step where a splat rests, and by at most `tolerance`
-/// steps where it moves.
+/// Precision of the stored scene. A *step* is the distance of two neighbouring
+/// stored values. The error of a value is at most half a step for static
+/// splats, and at most `tolerance` steps for moving ones.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Options {
-    /// SH degree kept, 0 to 3; a scene of lower degree keeps its own. Default 1: diffuse colour and
-    /// the first-order sheen. Each further degree costs about as much again as all else that rests.
+    /// Stored SH degree, 0 to 3; a scene of lower degree keeps its own. Default
+    /// 1: diffuse colour and first-order view dependence. Each further degree
+    /// takes about as many bytes as all other static data.
     pub sh_degree: usize,
     /// Steps across the middle 90 % of the scene's longest side. Default 16 384: a 16th of a pixel
     /// when that side fills 1000 pixels.
@@ -43,7 +44,7 @@ impl Default for Options {
 }
 
 impl Options {
-    /// Refuses values that mean nothing.
+    /// Verifies the ranges of all options.
     pub(crate) fn check(&self) -> Result<(), PlayerError> {
         let refuse =
             |name, found: String, expected| Err(PlayerError::Option { name, found, expected });

@@ -1,5 +1,5 @@
-//! Streams of integers as bytes that compress well: differences, interleaved signs, one plane per
-//! byte.
+//! Converts streams of integers to bytes that compress well: differences,
+//! signs in the lowest bit, one plane per byte.
 
 use crate::tracks::{Knot, Tracks};
 use serde::Serialize;
@@ -8,24 +8,24 @@ use serde::Serialize;
 #[derive(Debug, Serialize)]
 pub(crate) struct Entry {
     pub(crate) name: &'static str,
-    /// Whether rows are those of the geometry or of the looks.
+    /// Table of the rows: `geometry` or `look`.
     pub(crate) table: &'static str,
     pub(crate) channels: usize,
-    /// Channels stored for the first frame; the others follow from them.
+    /// Channels stored for the first frame; the others are computed from them.
     pub(crate) base_channels: usize,
     pub(crate) step: f64,
     pub(crate) base_planes: usize,
-    /// First frame stored as differences to the row before.
+    /// Whether the first frame is stored as differences to the previous row.
     pub(crate) base_delta: bool,
     pub(crate) movers: usize,
     pub(crate) gap_bytes: usize,
     pub(crate) knots: usize,
     pub(crate) knot_planes: usize,
-    /// Knots stored as differences to the motion of the mover before.
+    /// Whether knots are stored as differences to the motion of the previous mover.
     pub(crate) neighbour: bool,
 }
 
-/// What an attribute is called and how it is stepped.
+/// Name, table and step of an attribute.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Label {
     pub(crate) name: &'static str,
@@ -35,18 +35,18 @@ pub(crate) struct Label {
     pub(crate) step: f64,
 }
 
-/// Signs in the lowest bit: small magnitudes become small numbers.
+/// Moves the sign to the lowest bit, so that small magnitudes become small numbers.
 fn zigzag(value: i32) -> u32 {
     ((value << 1) ^ (value >> 31)).cast_unsigned()
 }
 
-/// Bytes that the largest number needs; 1 to 4.
+/// Bytes needed for the largest number; 1 to 4.
 fn planes_of(values: &[u32]) -> usize {
     let largest = values.iter().copied().max().unwrap_or(0);
     (4 - largest.leading_zeros() as usize / 8).max(1)
 }
 
-/// Bits that an ideal coder of single bytes would need.
+/// Bits needed by an ideal coder of single bytes.
 fn entropy(values: &[u32], planes: usize) -> f64 {
     (0..planes)
         .map(|plane| {
@@ -74,8 +74,8 @@ fn write_planes(values: &[u32], channels: usize, planes: usize, out: &mut Vec<u8
     }
 }
 
-/// Of two ways to write the same, the one with less entropy: whether it is the second, its numbers
-/// and planes.
+/// The encoding with the lower entropy of two: whether it is the
+/// second, its numbers and number of planes.
 fn shorter(plain: Vec<u32>, other: Vec<u32>) -> (bool, Vec<u32>, usize) {
     let (plain_planes, other_planes) = (planes_of(&plain), planes_of(&other));
     if entropy(&other, other_planes) < entropy(&plain, plain_planes) {
@@ -85,7 +85,7 @@ fn shorter(plain: Vec<u32>, other: Vec<u32>) -> (bool, Vec<u32>, usize) {
     }
 }
 
-/// Appends finished tracks, rows in the given order, and describes them.
+/// Appends finished tracks with the rows in the given order, and returns their header entry.
 pub(crate) fn write(label: Label, tracks: &Tracks, order: &[usize], out: &mut Vec<u8>) -> Entry {
     let channels = tracks.channels;
     let base_channels = channels - label.implied;
@@ -143,14 +143,14 @@ fn spans(tracks: &Tracks) -> Vec<std::ops::Range<usize>> {
     spans
 }
 
-/// Frames from knot to knot; 0 ends a row.
+/// Numbers of frames between knots; 0 ends a row.
 fn gaps(tracks: &Tracks, movers: &[usize], spans: &[std::ops::Range<usize>]) -> Vec<u8> {
     let mut gaps = Vec::new();
     for &row in movers {
         let mut frame = 0;
         for knot in &tracks.knots[spans[row].clone()] {
             let gap = u8::try_from(knot.frame - frame);
-            gaps.push(gap.expect("pieces end after 255 frames at most"));
+            gaps.push(gap.expect("segments have at most 255 frames"));
             frame = knot.frame;
         }
         gaps.push(0);
@@ -158,7 +158,8 @@ fn gaps(tracks: &Tracks, movers: &[usize], spans: &[std::ops::Range<usize>]) -> 
     gaps
 }
 
-/// Differences from knot to knot, bare or less those of the mover before: neighbours move alike.
+/// Differences between knots, or those minus the differences of the
+/// previous mover (neighbours have similar motion).
 fn knot_values(
     tracks: &Tracks,
     movers: &[usize],
@@ -190,7 +191,7 @@ fn knot_values(
     shorter(plain, other)
 }
 
-/// A row at every frame, rounded: `[frames, channels]`.
+/// Values of a row at every frame, rounded: `[frames, channels]`.
 fn every_frame(base: &[i32], knots: &[Knot], values: &[i32], out: &mut [i32]) {
     let channels = base.len();
     let (mut frame, mut last) = (0, base);
@@ -229,9 +230,9 @@ mod tests {
     }
 
     #[test]
-    fn of_two_ways_the_shorter_is_taken() {
+    fn the_encoding_with_lower_entropy_is_chosen() {
         let noise: Vec<u32> = (0..1000).map(|i| i * 7919 % 251).collect();
-        assert!(shorter(noise.clone(), vec![3; 1000]).0, "constant beats noise");
+        assert!(shorter(noise.clone(), vec![3; 1000]).0, "constant has lower entropy than noise");
         assert!(!shorter(vec![3; 1000], noise).0, "and the other way round");
     }
 }

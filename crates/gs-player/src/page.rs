@@ -29,33 +29,33 @@ const MAIN: [&str; 6] = [
     include_str!("../player/main.js"),
 ];
 
-/// An image that stands in until the scene is decoded.
+/// An image shown until the scene is decoded.
 #[derive(Debug, Clone, Copy)]
 pub struct Poster<'a> {
     /// Media type, such as `image/jpeg`.
     pub media_type: &'a str,
-    /// The file.
+    /// The file's bytes.
     pub bytes: &'a [u8],
 }
 
-/// What a page says and how it starts.
+/// Texts and initial state of a page.
 #[derive(Debug, Clone)]
 pub struct Page<'a> {
     /// Title of the window and heading.
     pub title: &'a str,
-    /// What the two scenes are called.
+    /// Names of the two scenes.
     pub names: [&'a str; 2],
     /// Frames per second.
     pub fps: f64,
-    /// First view; the image it frames always fits into the window.
+    /// Initial view; its image always fits into the window.
     pub camera: &'a Camera,
-    /// What the view turns around, world units.
+    /// Point that the view orbits, world units.
     pub target: [f64; 3],
     /// The world's upward direction.
     pub up: [f64; 3],
     /// Colour behind the splats, 0 to 1.
     pub background: [f32; 3],
-    /// Image of the first frame from the first view.
+    /// Image of the first frame from the initial view.
     pub poster: Option<Poster<'a>>,
 }
 
@@ -81,14 +81,13 @@ struct View {
     near: f64,
 }
 
-/// The page as text, UTF-8 (ASCII but for the title and names).
+/// The page as UTF-8 text (ASCII except for title and names).
 ///
-/// # Errors
-/// If the camera cannot see or the frame rate is not positive.
+/// # Errors If the camera is invalid or the frame rate is not positive.
 pub fn page(encoded: &Encoded, page: &Page<'_>) -> Result<String, PlayerError> {
     let refuse = |name, found: String, expected| Err(PlayerError::Option { name, found, expected });
     if let Err(error) = page.camera.check() {
-        return refuse("camera", error.to_string(), "a camera that can see");
+        return refuse("camera", error.to_string(), "a valid camera");
     }
     if !(page.fps > 0.0 && page.fps.is_finite()) {
         return refuse("fps", page.fps.to_string(), "a positive number");
@@ -111,7 +110,7 @@ pub fn page(encoded: &Encoded, page: &Page<'_>) -> Result<String, PlayerError> {
         up: page.up,
         background: page.background,
     };
-    // Inside a script element only `<` could end the data early.
+    // In a script element only `<` could end the data early.
     let config = serde_json::to_string(&config)?.replace('<', "\\u003c");
     let shader = |text: &str| text.replace('`', "'");
     let shaders = format!(
@@ -139,7 +138,7 @@ pub fn page(encoded: &Encoded, page: &Page<'_>) -> Result<String, PlayerError> {
     ];
     let mut out = String::with_capacity(encoded.payload.len() * 5 / 4 + 200_000);
     let mut rest = HTML;
-    // One pass: what is filled in is never searched for placeholders.
+    // A single pass: inserted text is never searched for placeholders.
     while let Some((before, after)) = rest.split_once("{{") {
         let (name, after) = after.split_once("}}").unwrap_or((after, ""));
         out.push_str(before);
@@ -174,8 +173,7 @@ mod tests {
     use super::*;
     use gs_core::image_formation::CONSTANTS;
 
-    /// Constants of a GLSL source that [`gs_core::image_formation`] does not know by name and
-    /// value.
+    /// Constants of a GLSL source that differ from [`gs_core::image_formation`] in name or value.
     fn findings(glsl: &str) -> Vec<String> {
         let number = |text: &str| text.trim().parse::<f32>().ok();
         glsl.lines()
@@ -193,7 +191,7 @@ mod tests {
     }
 
     #[test]
-    fn constants_of_the_shaders_are_those_of_the_image_formation() {
+    fn constants_of_the_shaders_equal_those_of_the_image_formation() {
         for (name, glsl) in [("splat.vert", VERTEX), ("splat.frag", FRAGMENT)] {
             assert!(glsl.contains("const float ALPHA_THRESHOLD"), "{name} declares constants");
             assert_eq!(findings(glsl), Vec::<String>::new(), "{name}");

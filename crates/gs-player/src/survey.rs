@@ -1,22 +1,22 @@
-//! Survey of the scenes: visible rows, rows that both share, and the size of the scene.
+//! Analysis of the scenes: visible rows, rows that both scenes share, and the extent.
 
 use crate::PlayerError;
 use gs_core::image_formation::ALPHA_THRESHOLD;
 use gs_core::{DynamicScene, Splats};
 use std::collections::HashMap;
 
-/// Share of the rows left out at either end when the size of the scene is measured: floaters and
-/// backdrops.
+/// Share of the rows excluded at either end when the extent is
+/// measured, to ignore floaters and backdrops.
 const TRIM: f64 = 0.05;
 
-/// What is known of the rows of one scene after seeing every frame.
+/// Properties of the rows of one scene over all frames.
 #[derive(Debug)]
 pub(crate) struct Rows {
-    /// Finite in every frame and visible in some.
+    /// Whether the row is finite in every frame and visible in at least one.
     usable: Vec<bool>,
     /// Fingerprint of means, quaternions and scales of all frames.
     geometry: Vec<u64>,
-    /// Fingerprint of opacities and kept SH of all frames.
+    /// Fingerprint of opacities and stored SH of all frames.
     look: Vec<u64>,
     /// Centres in the first frame.
     means: Vec<[f32; 3]>,
@@ -26,18 +26,18 @@ pub(crate) struct Rows {
     pub(crate) invisible: usize,
 }
 
-/// Which rows make up the two scenes. Geometry rows are stored in the order `a`, `twins`, `shared`,
-/// `b`; looks (opacity and colour) in the order `a`, `twins` of the first scene, `shared`, `twins`
-/// of the second, `b`.
+/// Rows of the two scenes by what they share. Geometry rows are stored in the order `a`, `twins`,
+/// `shared`, `b`; looks (opacity and colour) in the order `a`, `twins` of the first scene,
+/// `shared`, `twins` of the second, `b`.
 #[derive(Debug, Default, Clone, PartialEq, Eq)]
 pub(crate) struct Groups {
-    /// Rows of the first scene that the second does not have.
+    /// Rows only in the first scene.
     pub(crate) a: Vec<usize>,
-    /// Rows `(first, second)` that move alike and look different.
+    /// Rows `(first, second)` with the same motion but different appearance.
     pub(crate) twins: Vec<(usize, usize)>,
     /// Rows `(first, second)` that are the same in every frame.
     pub(crate) shared: Vec<(usize, usize)>,
-    /// Rows of the second scene that the first does not have.
+    /// Rows only in the second scene.
     pub(crate) b: Vec<usize>,
 }
 
@@ -64,8 +64,8 @@ pub(crate) fn evaluate(
 }
 
 impl Rows {
-    /// Looks at every frame; `sh_coeffs` coefficients of each splat count. Calls `step` after each
-    /// frame.
+    /// Evaluates every frame and compares `sh_coeffs` coefficients of
+    /// each splat. Calls `step` after each frame.
     pub(crate) fn survey(
         scene: &dyn DynamicScene,
         times: &[f32],
@@ -117,7 +117,7 @@ fn mix(state: u64, value: f32) -> u64 {
     z ^ (z >> 31)
 }
 
-/// Finds what both scenes share, by value, for any order of the rows.
+/// Finds shared rows by value, for any order of the rows.
 pub(crate) fn group(first: &Rows, second: Option<&Rows>) -> Groups {
     let Some(second) = second else {
         return Groups { a: first.usable_rows().collect(), ..Groups::default() };
@@ -139,7 +139,8 @@ pub(crate) fn group(first: &Rows, second: Option<&Rows>) -> Groups {
     groups
 }
 
-/// Pairs of equal keys, lowest rows first, and the rows left over on either side, ascending.
+/// Pairs of rows with equal keys, lowest rows first, and the
+/// unpaired rows of either side, ascending.
 fn matched<K: Eq + std::hash::Hash>(
     first: impl Iterator<Item = (K, usize)>,
     second: impl Iterator<Item = (K, usize)>,
@@ -147,7 +148,7 @@ fn matched<K: Eq + std::hash::Hash>(
     let first: Vec<(K, usize)> = first.collect();
     let mut rest_first: Vec<usize> = first.iter().map(|entry| entry.1).collect();
     let mut waiting: HashMap<K, Vec<usize>> = HashMap::new();
-    // Backwards, so that the lowest row is on top.
+    // In reverse, so that the lowest row is popped first.
     for (key, row) in first.into_iter().rev() {
         waiting.entry(key).or_default().push(row);
     }
@@ -164,8 +165,8 @@ fn matched<K: Eq + std::hash::Hash>(
     (pairs, rest_first, rest_second)
 }
 
-/// Middle and size of the scenes, world units: the box of the middle 90 % of the centres along each
-/// axis, its centre and its longest side (1 when everything is in one place).
+/// Centre and longest side (1 if it is zero) of the box that contains the middle 90 % of the
+/// centres along each axis, world units.
 pub(crate) fn extent(scenes: &[&Rows]) -> ([f64; 3], f64) {
     let mut origin = [0.0; 3];
     let (mut robust, mut full) = (0.0_f64, 0.0_f64);
@@ -177,7 +178,7 @@ pub(crate) fn extent(scenes: &[&Rows]) -> ([f64; 3], f64) {
         #[expect(
             clippy::cast_possible_truncation,
             clippy::cast_sign_loss,
-            reason = "a twentieth of a length"
+            reason = "a fraction of a length fits a length"
         )]
         let cut = (last as f64 * TRIM) as usize;
         let (low, high) = (f64::from(values[cut]), f64::from(values[last - cut]));
@@ -194,11 +195,11 @@ mod tests {
     use super::*;
 
     #[test]
-    fn equal_rows_are_paired_whatever_their_order() {
+    fn equal_rows_are_paired_in_any_order() {
         let first = [(7, 0), (8, 1), (7, 2), (9, 3)];
         let second = [(9, 0), (7, 1), (5, 2), (7, 3), (7, 4)];
         let (pairs, left, right) = matched(first.into_iter(), second.into_iter());
         assert_eq!(pairs, [(0, 1), (2, 3), (3, 0)], "duplicates are paired one to one");
-        assert_eq!((left, right), (vec![1], vec![2, 4]), "the rest, ascending");
+        assert_eq!((left, right), (vec![1], vec![2, 4]), "unpaired rows, ascending");
     }
 }

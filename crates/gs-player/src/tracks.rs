@@ -1,10 +1,10 @@
-//! Values over time as few straight pieces: each piece ends at a *knot* on the grid of steps, and
-//! every frame between two knots lies within the tolerance of the straight line. One pass over the
-//! frames, memory for the rows that move only.
+//! Approximates values over time by few linear segments: each segment ends at a *knot* on the grid
+//! of steps, and every frame between two knots lies within the tolerance of the straight line. One
+//! pass over the frames; memory is used only for rows that move.
 
-/// Longest piece, frames: gaps are stored as bytes.
+/// Longest segment, frames; gaps are stored as bytes.
 pub(crate) const MAX_GAP: u32 = 255;
-/// Largest stored magnitude: differences of two values stay in 32 bits.
+/// Largest stored magnitude, so that differences of two values fit 32 bits.
 const LIMIT: f64 = 1_073_741_823.0;
 /// Marks rows that have not moved yet.
 const RESTING: u32 = u32::MAX;
@@ -20,7 +20,7 @@ pub(crate) fn is_beyond(value: f64) -> bool {
     value.abs() > LIMIT
 }
 
-/// End of a straight piece of one row.
+/// End of a segment of one row.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct Knot {
     pub(crate) row: u32,
@@ -43,21 +43,21 @@ pub(crate) struct Tracks {
     lines: Vec<Line>,
 }
 
-/// The unfinished piece of a row.
+/// The open segment of a row.
 #[derive(Debug)]
 struct Piece {
     start: u32,
-    /// Every frame since the start lies within the tolerance of its value.
+    /// Whether every frame since the start lies within the tolerance of its value.
     rests: bool,
 }
 
-/// One channel of an unfinished piece.
+/// One channel of an open segment.
 #[derive(Debug, Clone, Copy)]
 struct Line {
     start: i32,
-    /// Value at the newest frame: where the piece ends if the next frame does not fit.
+    /// Value at the newest frame; end of the segment if the next frame does not fit.
     end: i32,
-    /// Slopes that keep all frames so far within the tolerance.
+    /// Range of slopes that keep all frames so far within the tolerance.
     low: f64,
     high: f64,
 }
@@ -101,13 +101,13 @@ impl Tracks {
         }
     }
 
-    /// Opens the first piece of a row that rested until `frame`.
+    /// Opens the first segment of a row that was static until `frame`.
     fn depart(&mut self, row: u32, frame: u32) -> usize {
         let slot = self.open.len();
         #[expect(clippy::cast_possible_truncation, reason = "no more slots than rows")]
         let stored = slot as u32;
         self.slots[row as usize] = stored;
-        // The resting time is as many pieces as its length needs.
+        // The static time takes as many segments as its length needs.
         let mut reached = 0;
         while reached < frame {
             reached = frame.min(reached + MAX_GAP);
@@ -123,7 +123,7 @@ impl Tracks {
         slot
     }
 
-    /// Tries to let the open piece reach `frame`.
+    /// Tries to extend the open segment to `frame`.
     fn extend(&mut self, slot: usize, frame: u32, values: &[f64]) -> bool {
         let piece = &mut self.open[slot];
         let elapsed = frame - piece.start;
@@ -146,7 +146,7 @@ impl Tracks {
         true
     }
 
-    /// Ends the open piece at `frame` and opens the next.
+    /// Ends the open segment at `frame` and opens the next.
     fn knot(&mut self, row: u32, slot: usize, frame: u32) {
         self.knots.push(Knot { row, frame });
         for line in &mut self.lines[slot * self.channels..][..self.channels] {
@@ -156,8 +156,8 @@ impl Tracks {
         self.open[slot] = Piece { start: frame, rests: true };
     }
 
-    /// Ends all pieces at the last frame and sorts the knots by row and time. A row that has come
-    /// to rest needs no last knot: its value holds.
+    /// Ends all segments at the last frame and sorts the knots by row and time. A row that has
+    /// stopped moving needs no last knot, because its value is held.
     pub(crate) fn finish(&mut self, last_frame: u32) {
         for row in 0..self.slots.len() {
             let slot = self.slots[row];
@@ -230,7 +230,7 @@ mod tests {
             let values: Vec<f64> = (0..700)
                 .map(|i| {
                     let t = f64::from(i);
-                    // Rests, swings, jumps, and rests again, longer than a gap.
+                    // Static, oscillating, jumping, then static for longer than a gap.
                     if i < 280 {
                         3.2
                     } else if i < 400 {
@@ -254,7 +254,7 @@ mod tests {
     }
 
     #[test]
-    fn what_rests_has_no_knots_and_a_line_has_one() {
+    fn static_rows_have_no_knots_and_a_line_has_one() {
         let still = tracked(&[5.1, 5.9, 4.2, 5.0], 1.5);
         assert!(still.knots.is_empty() && !still.moves(0), "within the tolerance of its start");
         let line = tracked(&[0.0, 10.0, 20.0, 30.0], 1.5);

@@ -1,4 +1,4 @@
-//! Every splat of both scenes comes back at every frame, within the bounds that the options state.
+//! Every splat of both scenes is decoded at every frame within the error bounds of the options.
 
 use crate::decoder::{Payload, decode};
 use gs_core::{DynamicScene, Splats, quat, rotation_matrix, sh};
@@ -30,7 +30,7 @@ fn is(
             && near("color", look, &color)
             && (payload.sh_degree == 0 || near("shading", look, &rest))
             && {
-                // The same ellipsoid under other names of its axes.
+                // The same ellipsoid with permuted axes.
                 let found = gets("rotation", geometry, frame);
                 let found =
                     rotation_matrix(quat::normalize([found[0], found[1], found[2], found[3]]));
@@ -50,10 +50,10 @@ fn is(
     })
 }
 
-/// Splats of `truth` that no row of the payload is.
+/// Splats of `truth` without a matching row in the payload.
 fn missing(payload: &Payload, second: bool, truth: &[Splats], tolerance: f64) -> usize {
     let mut rows = payload.rows(second);
-    // By one coordinate, so that few pairs are compared.
+    // Sorted by one coordinate, so that few pairs are compared.
     let x = |row: &(usize, usize)| {
         payload.attributes["position"].value(row.0, 0)[0] + payload.origin[0]
     };
@@ -73,7 +73,7 @@ fn missing(payload: &Payload, second: bool, truth: &[Splats], tolerance: f64) ->
 }
 
 #[test]
-fn both_scenes_come_back_within_the_bounds() {
+fn both_scenes_are_decoded_within_the_bounds() {
     let original = demo(&DemoParams { num_splats: 1_500, ..DemoParams::default() }).unwrap();
     let edited = apply_edits(&original, &demo_edits(), 3).unwrap().truth;
     let times = original.time_range().frames(13);
@@ -88,11 +88,7 @@ fn both_scenes_come_back_within_the_bounds() {
         let [a, twins, shared, b] = payload.groups;
         assert_eq!(a + twins + shared, original.num_splats(), "the first scene");
         assert_eq!(twins + shared + b, edited.num_splats(), "the second scene");
-        assert!(
-            shared > 500 && twins > 50,
-            "what is the same is stored once: {:?}",
-            payload.groups
-        );
+        assert!(shared > 500 && twins > 50, "equal rows are stored once: {:?}", payload.groups);
         for (name, attribute) in &payload.attributes {
             assert_eq!(
                 attribute.table == "look",
@@ -110,12 +106,12 @@ fn both_scenes_come_back_within_the_bounds() {
             0,
             "splats of the second scene"
         );
-        // Negative control: against the wrong frames the same comparison fails.
+        // Negative control: the same comparison fails with the wrong frames.
         let mut wrong = first.clone();
         wrong[6] = first[7].clone();
         assert!(
             missing(&payload, false, &wrong, options.tolerance) > 300,
-            "other frames are noticed"
+            "other frames are detected"
         );
     }
 }

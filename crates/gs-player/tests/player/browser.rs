@@ -1,8 +1,8 @@
-//! The page in headless Chromium: screenshots at two times and on both sides of the divider against
-//! our own renders of the scenes as they were before encoding; what JavaScript decoded against the
-//! decoder of the tests.
+//! The page in headless Chromium: screenshots at two times and on both sides of the
+//! divider are compared with renders of the scenes before encoding, and the values
+//! decoded by JavaScript with the decoder of these tests.
 //!
-//! Without Chromium these tests fail, they do not skip.
+//! Without Chromium these tests fail rather than skip.
 
 use crate::decoder::decode;
 use gs_core::{Camera, DynamicScene, Image, Rasterizer, RenderParams, Splats};
@@ -59,7 +59,7 @@ impl Fixture {
         Self { original, edited, times, camera, encoded, folder }
     }
 
-    /// Our own render of the scene as it was given.
+    /// Reference render of the scene before encoding.
     fn render(&self, scene: &dyn DynamicScene, frame: usize) -> Image {
         let splats: Splats = scene.at(self.times[frame]).unwrap();
         let rasterizer = CpuRasterizer::default();
@@ -69,8 +69,7 @@ impl Fixture {
         rasterizer.forward(&mut prepared, &splats, &[], &params).unwrap().rgb_image()
     }
 
-    /// Opens the page and waits for its first image: a screenshot of the window, and the document
-    /// as it then is.
+    /// Opens the page and waits for its first image; returns a screenshot and the document.
     fn open(&self, hash: &str, flags: &[&str]) -> (Image, String) {
         let picture = self.folder.path().join(format!("{}.png", hash.replace(['&', '='], "_")));
         let document = chromium(&self.folder.path().join("page.html"), hash, flags, &picture);
@@ -124,7 +123,7 @@ fn chromium(page: &Path, hash: &str, flags: &[&str], picture: &Path) -> String {
     String::from_utf8_lossy(&output.stdout).into_owned()
 }
 
-/// What the page says went wrong.
+/// The error message on the page.
 fn problem(document: &str) -> String {
     between(document, "<p id=\"problem-text\">", "</p>").unwrap_or(document).to_owned()
 }
@@ -160,11 +159,11 @@ fn assert_alike(what: &str, found: &Image, expected: &Image, columns: std::ops::
 
 fn assert_different(what: &str, found: &Image, expected: &Image, columns: std::ops::Range<usize>) {
     let (psnr, _) = compare(found, expected, columns.start, columns.end);
-    assert!(psnr < CONTROL_PSNR, "{what}: {psnr:.1} dB, too similar: the test could not fail");
+    assert!(psnr < CONTROL_PSNR, "{what}: {psnr:.1} dB, too similar for a negative control");
 }
 
 #[test]
-fn the_page_shows_what_we_render_and_decodes_what_we_encoded() {
+fn the_page_matches_our_renders_and_decodes_our_payload() {
     let fixture = Fixture::new();
     let whole = 0..SIZE.0 as usize;
     let render = |second: bool, frame: usize| {
@@ -174,7 +173,7 @@ fn the_page_shows_what_we_render_and_decodes_what_we_encoded() {
     let (first_2, second_2) = (render(false, 2), render(true, 2));
     let (first_6, second_6) = (render(false, 6), render(true, 6));
 
-    // Frame 2 of 0 to 8, all original, then all edited.
+    // Frame 2 of 0 to 8, first only the original, then only the edited scene.
     let (before, document) = fixture.open("paused&ui=0&t=0.25&wipe=1&report", &[]);
     assert_alike("original at frame 2", &before, &first_2, whole.clone());
     assert_different("un-wiped", &before, &second_2, whole.clone());
@@ -193,7 +192,7 @@ fn the_page_shows_what_we_render_and_decodes_what_we_encoded() {
     assert_different("wrong time right", &both, &second_2, split..SIZE.0 as usize);
 }
 
-/// The page's report: integers as fingerprints, the scene at the time as sums.
+/// Compares the page's report: fingerprints of the integers, sums of the scene at the time.
 fn check_report(fixture: &Fixture, document: &str) {
     let report = between(document, "<pre id=\"report\" hidden=\"\">", "</pre>").expect("a report");
     let report: serde_json::Value = serde_json::from_str(report).unwrap();
@@ -204,7 +203,7 @@ fn check_report(fixture: &Fixture, document: &str) {
         let name = entry["name"].as_str().unwrap();
         let found = ["base", "frames", "values"].map(|key| entry[key].as_u64().unwrap());
         let expected = payload.attributes[name].fingerprints().map(u64::from);
-        assert_eq!(found, expected, "{name}: the same integers in JavaScript and here");
+        assert_eq!(found, expected, "{name}: integers decoded in JavaScript and here");
     }
     assert_eq!(report["time"].as_f64(), Some(2.0), "frame");
     let rows = payload.groups.iter().sum::<usize>();
@@ -225,11 +224,11 @@ fn check_report(fixture: &Fixture, document: &str) {
 }
 
 #[test]
-fn what_cannot_be_shown_is_said_in_words() {
+fn errors_are_shown_on_the_page() {
     let fixture = Fixture::new();
     let (_, document) = fixture.open("paused", &["--disable-3d-apis"]);
     let said = problem(&document);
-    assert!(said.contains("WebGL 2 is not available"), "said: {said}");
+    assert!(said.contains("WebGL 2 is not available"), "message: {said}");
     let path = fixture.folder.path().join("page.html");
     let text = std::fs::read_to_string(&path).unwrap();
     // One character of the payload.
@@ -240,5 +239,5 @@ fn what_cannot_be_shown_is_said_in_words() {
     std::fs::write(&path, damaged).unwrap();
     let (_, document) = fixture.open("paused", &[]);
     let said = problem(&document);
-    assert!(said.contains("damaged"), "said: {said}");
+    assert!(said.contains("damaged"), "message: {said}");
 }

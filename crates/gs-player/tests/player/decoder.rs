@@ -1,4 +1,4 @@
-//! A decoder written from the layout in the crate's README, without a line of the encoder.
+//! A decoder written from the layout in the crate's README, sharing no code with the encoder.
 
 use serde_json::Value;
 use std::collections::BTreeMap;
@@ -70,7 +70,7 @@ pub(crate) fn decode(gzip: &[u8]) -> Payload {
         let attribute = attribute(entry, table, rows, frames, &mut bytes);
         attributes.insert(entry["name"].as_str().unwrap().to_owned(), attribute);
     }
-    assert!(bytes.0.is_empty(), "nothing is left over");
+    assert!(bytes.0.is_empty(), "no trailing bytes");
     let origin = [0, 1, 2].map(|axis| header["origin"][axis].as_f64().unwrap());
     Payload { frames, groups, sh_degree: number(&header, "sh_degree"), origin, attributes }
 }
@@ -108,7 +108,7 @@ fn attribute(
         let mask = bytes.take(rows.div_ceil(8));
         moving.extend((0..rows).filter(|row| mask[row / 8] >> (row % 8) & 1 == 1));
     }
-    assert_eq!(moving.len(), movers, "as many as announced");
+    assert_eq!(moving.len(), movers, "as many as declared");
     let mut frames_of: Vec<Vec<u32>> = vec![vec![0]];
     for &gap in bytes.take(number("gap_bytes")) {
         match gap {
@@ -149,7 +149,7 @@ fn attribute(
     Attribute { channels, step, table, base, knots }
 }
 
-/// Straight from knot to knot, then held.
+/// Linear between knots, then constant.
 fn at(track: &[(u32, Vec<i32>)], time: f64) -> Vec<f64> {
     let next = track.iter().position(|knot| f64::from(knot.0) > time);
     let values = |knot: &(u32, Vec<i32>)| knot.1.iter().map(|&v| f64::from(v)).collect::<Vec<_>>();
@@ -177,8 +177,7 @@ impl Attribute {
         steps.iter().map(|value| value * self.step).collect()
     }
 
-    /// FNV-1a of the first frames, and of frames and values of all knots, as the page's report has
-    /// them.
+    /// FNV-1a of the first frames, and of frames and values of all knots, as in the page's report.
     pub(crate) fn fingerprints(&self) -> [u32; 3] {
         let hash = |integers: &mut dyn Iterator<Item = i32>| {
             integers.flat_map(i32::to_le_bytes).fold(0x811c_9dc5_u32, |hash, byte| {

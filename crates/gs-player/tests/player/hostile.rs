@@ -1,4 +1,4 @@
-//! Damaged scenes and options that make no sense.
+//! Invalid scenes and options.
 
 use crate::decoder::decode;
 use crate::still::{Frames, row_of};
@@ -10,7 +10,7 @@ fn encoded(scene: &Frames, times: &[f32]) -> Result<Encoded, PlayerError> {
 }
 
 #[test]
-fn nothing_to_play_is_an_error() {
+fn missing_frames_and_invisible_scenes_are_errors() {
     let error = encoded(&Frames(vec![row_of(3)]), &[]).unwrap_err();
     assert!(matches!(error, PlayerError::NoFrames), "{error}");
     let error = encoded(&Frames(vec![row_of(0)]), &[0.0]).unwrap_err();
@@ -20,7 +20,7 @@ fn nothing_to_play_is_an_error() {
 }
 
 #[test]
-fn damaged_and_invisible_rows_are_left_out_and_counted() {
+fn invalid_and_invisible_rows_are_omitted_and_counted() {
     let mut frames = vec![row_of(9), row_of(9)];
     frames[1].means[0][1] = f32::NAN;
     frames[0].quats[1] = [0.0; 4];
@@ -38,7 +38,7 @@ fn damaged_and_invisible_rows_are_left_out_and_counted() {
 }
 
 #[test]
-fn far_away_rows_are_moved_to_the_rim_and_counted() {
+fn distant_rows_are_clamped_to_the_grid_and_counted() {
     let mut splats = row_of(40);
     splats.means[7] = [3e38, -3e38, 0.0];
     let encoded = encoded(&Frames(vec![splats]), &[0.0]).unwrap();
@@ -47,7 +47,7 @@ fn far_away_rows_are_moved_to_the_rim_and_counted() {
 }
 
 #[test]
-fn one_frame_and_one_place_are_scenes() {
+fn single_frames_and_single_points_are_valid_scenes() {
     let mut splats = row_of(4);
     splats.means.fill([1.0, 2.0, 3.0]);
     let encoded = encoded(&Frames(vec![splats]), &[0.0]).unwrap();
@@ -58,7 +58,7 @@ fn one_frame_and_one_place_are_scenes() {
         [0.0; 3],
         "at the origin of the payload"
     );
-    assert_eq!(payload.origin, [1.0, 2.0, 3.0], "which is where they are");
+    assert_eq!(payload.origin, [1.0, 2.0, 3.0], "the origin is their position");
     assert_eq!(encoded.report.moving, 0, "nothing moves");
 }
 
@@ -94,9 +94,9 @@ fn titles_cannot_break_the_page() {
     };
     let text = page(&encoded, &settings).unwrap();
     assert!(!text.contains("<script>alert") && !text.contains("</script><b>"), "escaped");
-    assert_eq!(text.matches("data-bytes=").count(), 1, "one block, not one more for the title");
+    assert_eq!(text.matches("data-bytes=").count(), 1, "one block, none from the title");
     for word in ["http://", "https://", "fetch(", "XMLHttpRequest", "@import", "url("] {
-        assert!(!text.contains(word), "nothing is ever loaded: {word}");
+        assert!(!text.contains(word), "no external resources: {word}");
     }
     settings.fps = f64::NAN;
     assert!(page(&encoded, &settings).unwrap_err().to_string().contains("fps"), "no frame rate");

@@ -1,5 +1,5 @@
-//! The player's own decoder, in headless Chromium, on payloads changed at random: it reads them or
-//! refuses them with an error of its own that a visitor can understand, and never takes long.
+//! The player's decoder, in headless Chromium, on randomly mutated payloads: it decodes them or
+//! rejects them with an error of its own, in bounded time.
 
 use crate::browser::browser;
 use crate::still::{Frames, row_of};
@@ -10,8 +10,8 @@ use std::process::{Command, Stdio};
 
 const DECODER: &str = include_str!("../../player/decode.js");
 
-/// Changes a payload a few times over: numbers of its header, or bytes anywhere; decodes it; tells
-/// what went wrong.
+/// Mutates a payload repeatedly (header values, or bytes
+/// anywhere), decodes it, and reports problems.
 const HARNESS: &str = r#"
 let state = 1;
 function random(below) {
@@ -74,7 +74,7 @@ document.body.textContent = "TALLY" + JSON.stringify(tally) + "END";
 "#;
 
 #[test]
-fn changed_payloads_are_read_or_refused() {
+fn mutated_payloads_are_decoded_or_refused() {
     let mut frames = vec![row_of(40); 6];
     for (time, frame) in frames.iter_mut().enumerate() {
         for row in (0..40).step_by(3) {

@@ -1,8 +1,8 @@
-//! Scenes with given frames.
+//! Test scenes made of given frames.
 
 use gs_core::{DynamicScene, SceneError, Splats, TimeRange};
 
-/// Frames as given, the nearest one at any time.
+/// Returns the nearest of the given frames at any time.
 #[derive(Debug)]
 pub(crate) struct Frames(pub(crate) Vec<Splats>);
 

@@ -1,4 +1,4 @@
-//! Making, editing and moving scenes.
+//! Generation, editing and evaluation of scenes.
 
 use criterion::{Criterion, criterion_group, criterion_main};
 use gs_core::{DynamicScene, Splats};

@@ -1,4 +1,4 @@
-//! Prints what the demo scene, its edit and the truth cases contain.
+//! Prints the contents of the demo scene, its edit and the truth cases.
 #![expect(clippy::print_stdout, reason = "an example reports to the terminal")]
 
 use gs_core::DynamicScene;
@@ -15,7 +15,7 @@ fn main() -> Result<(), gs_synth::SynthError> {
         count(&edited.truth.eval_mask),
         count(&edited.truth.contact_mask),
     );
-    println!("{:>22} {:>7} {:>8} {:>22}", "case", "edited", "contact", "EPE of standing still");
+    println!("{:>22} {:>7} {:>8} {:>22}", "case", "edited", "contact", "EPE of no motion");
     for case in TruthCase::ALL {
         let built = build(case, 0, 5_000)?;
         let truth = &built.edited.truth;
@@ -32,7 +32,7 @@ fn main() -> Result<(), gs_synth::SynthError> {
     Ok(())
 }
 
-/// A prediction that nothing moves.
+/// A prediction without motion.
 #[derive(Debug)]
 struct Still(gs_core::Splats);
 

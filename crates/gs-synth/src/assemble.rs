@@ -1,4 +1,4 @@
-//! From points to a scene: pose, light, noise.
+//! Builds a scene from points: pose, lighting, noise.
 
 use crate::{
     SynthScene,
@@ -24,7 +24,7 @@ pub(crate) struct Group {
     pub(crate) num_interior: usize,
 }
 
-/// What a reconstruction of the bodies would get wrong. Lengths in figure sizes, shares in splats.
+/// Simulated reconstruction errors. Lengths in figure sizes, shares of the splats.
 #[derive(Debug, Clone, Copy, Default)]
 pub(crate) struct Flaws {
     pub(crate) trajectory_noise: f32,
@@ -36,7 +36,7 @@ pub(crate) struct Flaws {
 /// Height of the bind pose: the unit of [`Flaws`] before the scene exists.
 const NOMINAL_SIZE: f32 = 1.8;
 
-/// Poses, lights and disturbs.
+/// Poses and lights the bodies and adds the errors.
 pub(crate) fn assemble(
     rig: Rig,
     groups: &[Group],
@@ -55,7 +55,7 @@ pub(crate) fn assemble(
             &mut placement,
         ));
     }
-    let dresser = Dresser::new(&frame, &points, sh_degree);
+    let dresser = SplatBuilder::new(&frame, &points, sh_degree);
     let mut look = rng(seed, 2);
     let mut splats = Splats::with_capacity(points.len() + flaws.num_floaters, sh_degree);
     let mut rows = Vec::with_capacity(points.len() + flaws.num_floaters);
@@ -85,21 +85,21 @@ pub(crate) fn assemble(
     SynthScene { rig, frame1: splats, rows, wobbles, strays, figure_size, view }
 }
 
-/// Turns points into lit splats of frame 1.
+/// Converts points to lit splats of frame 1.
 #[derive(Debug)]
-pub(crate) struct Dresser<'a> {
+pub(crate) struct SplatBuilder<'a> {
     frame: &'a Frame,
     occluders: Vec<Occluder>,
     sh_degree: usize,
 }
 
-impl<'a> Dresser<'a> {
+impl<'a> SplatBuilder<'a> {
     fn new(frame: &'a Frame, points: &[Point], sh_degree: usize) -> Self {
         let has = |part: Part| points.iter().any(|point| point.part == part);
         Self::with_parts(frame, has(Part::Chest), has(Part::Column), sh_degree)
     }
 
-    /// `frame` goes from the bind pose to frame 1.
+    /// `frame` maps the bind pose to frame 1.
     pub(crate) fn with_parts(
         frame: &'a Frame,
         has_figure: bool,
@@ -119,7 +119,7 @@ impl<'a> Dresser<'a> {
         Self { frame, occluders, sh_degree }
     }
 
-    /// Appends the splat of `point` and says what it is.
+    /// Appends the splat of `point` and returns its description.
     pub(crate) fn push(&self, point: &Point, splats: &mut Splats, rng: &mut Pcg64) -> Row {
         let (rotation, log_scales) = disc(point, rng);
         let moved = self.frame.splat(
@@ -142,7 +142,7 @@ impl<'a> Dresser<'a> {
         } else {
             uniform(rng, 0.93, 0.985)
         };
-        // either sign of a quaternion is the same rotation; files hold both
+        // both signs of a quaternion describe the same rotation, and files contain both
         let sign = if uniform(rng, 0.0, 1.0) < 0.5 { -1.0 } else { 1.0 };
         splats.means.push(moved.mean);
         splats.quats.push(quat::normalize(moved.quat).map(|component| sign * component));
@@ -207,7 +207,7 @@ pub(crate) fn push_color(
     }
 }
 
-/// Reconstruction noise of frame 1: places, orientations, sizes. `amount` in world units.
+/// Adds reconstruction noise to frame 1: positions, orientations, sizes. `amount` in world units.
 fn jitter(splats: &mut Splats, rows: &[Row], amount: f32, rng: &mut Pcg64) {
     for (i, row) in rows.iter().enumerate() {
         if Part::SCENERY.contains(&row.part) {
@@ -223,7 +223,7 @@ fn jitter(splats: &mut Splats, rows: &[Row], amount: f32, rng: &mut Pcg64) {
     }
 }
 
-/// Box of what moves.
+/// Bounding box of the moving splats.
 fn bounds(means: &[[f32; 3]], rows: &[Row]) -> (Vec3, Vec3) {
     let (mut low, mut high) = (Vec3::INFINITY, Vec3::NEG_INFINITY);
     for (mean, row) in means.iter().zip(rows) {
@@ -235,12 +235,12 @@ fn bounds(means: &[[f32; 3]], rows: &[Row]) -> (Vec3, Vec3) {
     (low, high)
 }
 
-/// Box of what moves over the clip.
+/// Bounding box of the moving splats over the clip.
 fn view(rig: &Rig, splats: &Splats, rows: &[Row]) -> View {
     let (mut low, mut high) = bounds(&splats.means, rows);
     for t in [0.2, 0.4, 0.5, 0.6, 0.8, 1.0] {
         let frame = rig.motion(t);
-        // every eighth splat is enough for a box
+        // every eighth splat suffices for a bounding box
         for (mean, row) in splats.means.iter().zip(rows).step_by(8) {
             if !Part::SCENERY.contains(&row.part) {
                 let at = frame.point(row.attach, wide(*mean)).as_vec3();
@@ -248,14 +248,14 @@ fn view(rig: &Rig, splats: &Splats, rows: &[Row]) -> View {
             }
         }
     }
-    // the middle of frame 1 stays in the middle of the image, except in height
+    // centred on frame 1, except in height
     let (first_low, first_high) = bounds(&splats.means, rows);
     let center = ((first_low + first_high) / 2.0).with_y(f32::midpoint(low.y, high.y));
     let extent = 2.0 * (high - center).max(center - low).max_element();
     View { center: center.into(), extent }
 }
 
-/// Makes a share of the moving surface splats lose track of their surface.
+/// Gives a share of the moving surface splats a wrong motion.
 fn mark_outliers(
     rows: &mut [Row],
     strays: &mut Vec<Stray>,
@@ -317,7 +317,7 @@ fn wobbles(rows: &[Row], amount: f32, figure_size: f32, rng: &mut Pcg64) -> Vec<
     let length = amount * figure_size;
     rows.iter()
         .map(|row| {
-            // a trained field is quiet where nothing ever moves
+            // a trained field has no noise where nothing moves
             let quiet = if Part::SCENERY.contains(&row.part) { 0.0 } else { 1.0 };
             Wobble {
                 sine: normal3(rng) * (length * quiet),
@@ -328,7 +328,7 @@ fn wobbles(rows: &[Row], amount: f32, figure_size: f32, rng: &mut Pcg64) -> Vec<
         .collect()
 }
 
-/// `count` splats split into surface and interior by `share` of interior.
+/// Splits `count` splats into surface and interior; `share` is that of the interior.
 pub(crate) fn split(count: usize, share: f32) -> (usize, usize) {
     let interior = round_count(count as f32 * share).min(count);
     (count - interior, interior)

@@ -14,10 +14,10 @@ pub(crate) struct Body {
     pub(crate) part: Part,
     pub(crate) shape: Shape,
     pub(crate) paint: fn(&Spot) -> Material,
-    /// Splats per area against the other bodies of its group.
+    /// Splats per area relative to the other bodies of its group.
     pub(crate) density: f32,
     pub(crate) keep: fn(Vec3) -> bool,
-    /// Carries all points, instead of what [`crate::figure::attach`] says.
+    /// Attachment of all points, instead of that of [`crate::figure::attach`].
     pub(crate) carrier: Option<Attach>,
 }
 

@@ -1,4 +1,4 @@
-//! Views that frame a scene well.
+//! Cameras that frame a scene.
 
 use crate::{SynthScene, math::wide};
 use glam::DVec3;
@@ -6,7 +6,7 @@ use gs_core::Camera;
 
 /// Vertical field of view, radians.
 const FOV_Y_RAD: f64 = 0.52;
-/// Distance of the cameras, in extents of what they frame.
+/// Distance of the cameras, in extents of the framed box.
 const DISTANCE: f64 = 2.35;
 
 impl SynthScene {
@@ -18,8 +18,8 @@ impl SynthScene {
         cameras
     }
 
-    /// From the front, a little to the figure's left and above its middle, so that both its front
-    /// and the arm's depth are seen.
+    /// View from the front, slightly to the figure's left and above its middle, which shows its
+    /// front and the depth of the arm.
     pub fn front_camera(&self, width: u32, height: u32) -> Camera {
         self.camera(10.0_f64.to_radians(), 0.10, "front".to_owned(), width, height)
     }

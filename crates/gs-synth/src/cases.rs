@@ -1,4 +1,4 @@
-//! [`TruthCase`]: scenes in which every method can be wrong in a known way.
+//! [`TruthCase`]: test scenes with known motion.
 
 mod graze;
 
@@ -16,16 +16,16 @@ use crate::{
 use gs_core::Camera;
 use std::{f64::consts::PI, fmt, str::FromStr};
 
-/// What a truth scene tests.
+/// A test scene with known motion, by what it tests.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum TruthCase {
-    /// Colours change, nothing else.
+    /// Only colours change.
     Recolour,
-    /// Every splat of the figure jittered by 0.2 % of its size, 6° and 5 %.
+    /// Every splat of the figure jittered by 0.2 % of the figure size, 6° and 5 % of its scale.
     Drift,
-    /// Torso, upper arms and thighs offset by 2–5 %, half as many splats again.
+    /// Torso, upper arms and thighs offset by 2–5 %, with 50 % more splats.
     Clothing,
-    /// 30 % of the splats go, half of the others split.
+    /// 30 % of the splats removed, half of the others split.
     PruneSplit,
     /// A hat.
     GraftHat,
@@ -58,16 +58,16 @@ pub enum TruthCase {
     ShuffledRows,
     /// Clothing of 1–3 %, boxes, a hat, pruning, splitting, jitter, shuffled rows.
     Everything,
-    /// The lantern in a hand half as large again, every splat of it scaled exactly.
+    /// The lantern in a hand enlarged by half, with all its splats scaled exactly.
     ScaleObject,
-    /// The head turned by 40° and nodded a little, as a whole.
+    /// The head rotated rigidly by 40° and tilted slightly.
     TurnHead,
-    /// The lantern moved by 5 % of the figure, turned and shrunk, then jittered as in
-    /// [`Self::Drift`]: no splat is an exact copy.
+    /// The lantern moved by 5 % of the figure size, rotated and shrunk, then jittered as in
+    /// [`Self::Drift`], so that no splat is an exact copy.
     MoveObject,
 }
 
-/// A source, an edit of its first frame, and its truth.
+/// A source, an edit of its first frame, and the true motion of the edit.
 #[derive(Debug, Clone)]
 pub struct TruthScene {
     /// The dynamic source.
@@ -169,7 +169,8 @@ pub fn build(case: TruthCase, seed: u64, size: usize) -> Result<TruthScene, Synt
     Ok(TruthScene { source, edited, figure_size, cameras })
 }
 
-/// Lets the left arm hang half a percent of the figure size from hip and thigh.
+/// Abduction of the left arm that leaves a gap of half a
+/// percent of the figure size to hip and thigh.
 const ABDUCT_RAD: f64 = 0.026;
 
 fn source(case: TruthCase, seed: u64, size: usize) -> SynthScene {

@@ -1,8 +1,8 @@
-//! A hanging sheet that stretches and billows: a motion with no rigid part.
+//! A hanging sheet that stretches and billows: motion without rigid parts.
 //!
 //! At frame 1 the sheet is the rectangle `|x| ≤ 0.6`, `0.4 ≤ y ≤ 1.6` of the plane z = 0, so
-//! frame-1 world coordinates are material coordinates. A point at distance `z` from the sheet stays
-//! at that distance along the moving normal.
+//! frame-1 world coordinates are material coordinates. A point at distance `z` from the sheet keeps
+//! that distance along the moving normal.
 
 use crate::{
     math::{narrow, wide, wxyz},
@@ -39,14 +39,14 @@ fn normal(along_x: DVec3, along_y: DVec3) -> DVec3 {
     along_x.cross(along_y).try_normalize().unwrap_or(DVec3::Z)
 }
 
-/// Where the frame-1 point goes.
+/// Position at time `t` of a frame-1 point.
 pub(crate) fn point(x: DVec3, t: f64) -> DVec3 {
     let (on_sheet, along_x, along_y) = surface(x.x, x.y, t);
     on_sheet + x.z * normal(along_x, along_y)
 }
 
-/// Where the frame-1 splat goes. Turn: of the frame (normal, x tangent). Scales: each local axis by
-/// its own stretch.
+/// A frame-1 splat at time `t`. It rotates with the frame (normal, x
+/// tangent); each local axis is scaled by its own stretch.
 pub(crate) fn splat(mean: [f32; 3], rotation: [f32; 4], log_scales: [f32; 3], t: f64) -> Moved {
     let x = wide(mean);
     let (on_sheet, along_x, along_y) = surface(x.x, x.y, t);

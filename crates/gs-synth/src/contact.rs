@@ -9,16 +9,16 @@ use crate::{
 use glam::{DVec3, Vec3};
 use std::collections::{HashMap, HashSet};
 
-/// How close is close, figure sizes.
+/// Largest distance of splats in contact, figure sizes.
 const NEAR: f32 = 0.03;
-/// How different is different, figure sizes.
+/// Smallest difference of motions in a contact zone, figure sizes.
 const ASTRAY: f64 = 0.08;
 /// Times at which motions are compared.
 const TIMES: [f64; 6] = [0.15, 0.3, 0.5, 0.7, 0.85, 1.0];
 
 type Cell = [i32; 3];
 
-/// Marks rows of `edited` (those of `scored`).
+/// Mask of the rows of `edited` in a contact zone; only rows of `scored`.
 pub(crate) fn mask(source: &SynthScene, edited: &SynthScene, scored: &[bool]) -> Vec<bool> {
     let radius = NEAR * source.figure_size;
     let grid = Grid::build(source, radius);
@@ -39,7 +39,7 @@ pub(crate) fn mask(source: &SynthScene, edited: &SynthScene, scored: &[bool]) ->
         .collect()
 }
 
-/// Whether the motion `other` would carry `x` away from where `own` carries it.
+/// Whether the motions `own` and `other` move `x` apart by more than `limit`.
 fn strays(frames: &[Frame], x: DVec3, own: Attach, other: Attach, limit: f64) -> bool {
     frames.iter().any(|frame| (frame.point(own, x) - frame.point(other, x)).length() > limit)
 }
@@ -48,7 +48,7 @@ fn strays(frames: &[Frame], x: DVec3, own: Attach, other: Attach, limit: f64) ->
 struct Grid {
     radius: f32,
     cells: HashMap<Cell, Vec<(Vec3, Attach)>>,
-    /// Which bones are in a cell or the cells around it, one bit each: most queries end here.
+    /// Bones in a cell and its neighbours, one bit each; answers most queries.
     bones_around: HashMap<Cell, u32>,
 }
 

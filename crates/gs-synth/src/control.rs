@@ -1,18 +1,19 @@
-//! The control without correspondences: the nearest source of like normal that is no floater, and
-//! the rigid motion around it. It uses only the source's motion.
+//! Baseline without correspondences: the nearest source splat with a similar normal that is not a
+//! floater, and the rigid motion around it. Uses only the source's motion.
 
-use crate::oracle::{Tree, likest_row};
+use crate::oracle::{Tree, nearest_similar};
 use crate::{EditedFrame, SynthError, SynthScene};
 use gs_core::{DynamicScene, Splats};
 
-/// Neighbours whose motion makes that of a source.
+/// Number of neighbours that define the motion at a source splat.
 const NEIGHBORS: usize = 24;
 /// Times at which motions are compared.
 const TIMES: usize = 9;
-/// Change of distance between rigid companions: noises, and per length.
+/// Largest change of distance between rigidly connected splats: in units
+/// of the noise, and relative to the distance.
 const NOISES: f32 = 3.0;
 const STRAIN: f32 = 0.04;
-/// Share of a neighbourhood's weight below which a source is a floater.
+/// Share of a neighbourhood's weight below which a source splat counts as a floater.
 const MIN_SUPPORT: f32 = 0.3;
 
 /// For every edited splat, the sources around its nearest one that move with it, and weights that
@@ -62,7 +63,7 @@ pub fn rigid_neighbours(
     let rigid = (0..near.len()).filter(|&i| supports[i] > MIN_SUPPORT).collect();
     let rigid = Tree::new(frame1, rigid);
     let rows = (0..edited.splats.len()).map(|e| {
-        let Some(nearest) = likest_row(frame1, &rigid, &edited.splats, e) else {
+        let Some(nearest) = nearest_similar(frame1, &rigid, &edited.splats, e) else {
             return Vec::new();
         };
         let mut row = weights(nearest).0;
@@ -75,7 +76,7 @@ pub fn rigid_neighbours(
     Ok(rows.collect())
 }
 
-/// The middle value; 0 of nothing.
+/// Median; 0 for an empty slice.
 fn median(values: &mut [f32]) -> f32 {
     let middle = values.len() / 2;
     values.sort_by(f32::total_cmp);

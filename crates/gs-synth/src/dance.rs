@@ -4,7 +4,7 @@ use crate::{part::Bone, pose::Pose};
 use glam::{DQuat, DVec3};
 use std::f64::consts::{PI, TAU};
 
-/// What the figure (or the two bodies) does.
+/// Motion of the figure (or of the two bodies).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Dance {
     /// The left arm's movement.
@@ -71,12 +71,12 @@ fn wave(x: f64) -> f64 {
 }
 
 impl Dance {
-    /// Pose of a bone against its parent, in the bind pose's coordinates.
+    /// Pose of a bone relative to its parent, in the coordinates of the bind pose.
     pub(crate) fn local(&self, bone: Bone, t: f64) -> Pose {
         let phase = TAU * t;
         let sway = phase.sin();
         let (sway_m, tilt) = (-0.04 * sway, 2.5 * sway);
-        // keeps the soles where they are while the hips move sideways
+        // keeps the soles fixed while the hips move sideways
         let roll = -(sway_m / 0.82).asin().to_degrees() - tilt;
         let mut scale = 1.0;
         let mut shift = DVec3::ZERO;
@@ -145,7 +145,7 @@ impl Dance {
     }
 }
 
-/// How far a foot is lifted, given the sway away from it.
+/// Height of a foot, given the sway away from it.
 fn lift(sway: f64) -> f64 {
     let up = sway.max(0.0);
     up * up

@@ -1,4 +1,4 @@
-//! [`deliver`]: an edit as an editor leaves it that only sees pictures of frame 1.
+//! [`deliver`]: the result of an editor that works only on images of frame 1.
 
 use crate::{
     Edit, EditedFrame, SynthError, SynthScene,
@@ -8,21 +8,20 @@ use crate::{
 };
 use gs_core::Splats;
 
-/// Share of a splat's unoccluded weight that some picture must show for the editor to change the
-/// splat.
+/// Share of a splat's unoccluded weight that must be visible in some
+/// image for the editor to change the splat.
 pub const PICTURE_WEIGHT: f32 = 0.1;
 
-/// Most rounds of removal: each may uncover splats for the next.
+/// Largest number of removal rounds; each may uncover splats for the next.
 const ROUNDS: usize = 12;
 
-/// As [`crate::apply_edits`], but splats that the editor's pictures of frame 1 do not show keep
-/// what they had: the source's colour, where they descend from a source splat, and their existence,
-/// where the edit removes them. `shown` gives the largest share of each splat's unoccluded weight
-/// that any picture shows, `[N]` in 0 to 1, for splats as they are then; it is asked again after
-/// every round of removal.
+/// As [`crate::apply_edits`], but splats that are hidden in the editor's images of frame 1 are not
+/// changed: they keep the colour of the source splat from which they descend, and are not removed.
+/// `shown` returns the largest share of each splat's unoccluded weight that is visible in any
+/// image, `[N]` in 0 to 1; it is called again after every round of removal.
 ///
-/// Rows are not those of `apply_edits` where an edit removes something. The truth has the true
-/// motion of these splats, with these colours.
+/// If an edit removes splats, rows differ from those of `apply_edits`. The truth has the true
+/// motion of the returned splats, with their colours.
 ///
 /// # Errors
 /// As [`crate::apply_edits`], or if `shown` fails.
@@ -36,7 +35,7 @@ pub fn deliver<E: From<SynthError>>(
     let mut visible = shown(&draft.splats)?;
     for _ in 0..ROUNDS {
         let found: Vec<bool> = (0..draft.rows.len())
-            .map(|i| draft.doomed[i] && visible[i] >= PICTURE_WEIGHT)
+            .map(|i| draft.removed[i] && visible[i] >= PICTURE_WEIGHT)
             .collect();
         if !found.contains(&true) {
             break;
@@ -48,7 +47,7 @@ pub fn deliver<E: From<SynthError>>(
     Ok(truth::finish(scene, draft))
 }
 
-/// Gives splats that no picture shows their source's colour back.
+/// Restores the source's colour of splats that are hidden in all images.
 fn keep_unseen(scene: &SynthScene, draft: &mut Draft, visible: &[f32]) {
     let coeffs = draft.splats.sh_coeffs();
     for i in (0..draft.rows.len()).filter(|&i| visible[i] < PICTURE_WEIGHT) {

@@ -11,22 +11,22 @@ use crate::{
     stage,
 };
 
-/// What [`demo`] makes.
+/// Parameters of [`demo`].
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct DemoParams {
-    /// Gaussians, exactly. Default 30 000, at least 1 000.
+    /// Exact number of Gaussians. Default 30 000, at least 1 000.
     pub num_splats: usize,
     /// Seed of every random choice. Default 0.
     pub seed: u64,
     /// Degree of the spherical harmonics, 0–3; highlights need 1. Default 1.
     pub sh_degree: usize,
     /// Smooth deviation of every trajectory from the truth, root mean square per axis, figure
-    /// sizes. Default 0; 0.0005 is like a trained field.
+    /// sizes. Default 0; 0.0005 is typical of a trained field.
     pub trajectory_noise: f32,
-    /// Share of splats that float in the air with a motion of their own, 0–0.5. Default 0.
+    /// Share of floaters, which move independently, 0–0.5. Default 0.
     pub floaters: f32,
-    /// Noise of the frame-1 positions of what moves, figure sizes; orientations and sizes are
-    /// disturbed too. Default 0.
+    /// Noise of the frame-1 positions of moving splats, figure sizes;
+    /// orientations and sizes are disturbed too. Default 0.
     pub jitter: f32,
 }
 
@@ -43,7 +43,7 @@ impl Default for DemoParams {
     }
 }
 
-/// A dancer on a mosaic stage: waves with the right arm, sweeps the left one across the belly,
+/// A dancer on a mosaic stage who waves with the right arm, sweeps the left one across the belly,
 /// steps and sways. The clip loops.
 ///
 /// # Errors
@@ -93,8 +93,8 @@ fn check(params: &DemoParams) -> Result<(), SynthError> {
     Ok(())
 }
 
-/// The demo's edit: other trousers, a jacket that inflates torso and upper arms, a hat, one ball
-/// gone, rows shuffled.
+/// The demo's edit: recoloured trousers, a jacket that inflates torso and
+/// upper arms, a hat, one ball removed, rows shuffled.
 pub fn demo_edits() -> Vec<Edit> {
     vec![
         Edit::Recolour {

@@ -1,5 +1,5 @@
-//! [`Edit`]: what a static editor does to the frame-1 splats, keeping the truth of where each
-//! result belongs.
+//! [`Edit`]: an operation of a static editor on the frame-1 splats, which
+//! keeps track of the true motion of each result.
 
 mod blocky;
 mod clothing;
@@ -22,63 +22,64 @@ use gs_core::{activation, quat, sh};
 use rand_pcg::Pcg64;
 pub use region::Region;
 
-/// New colours. The light baked into the old ones is kept.
+/// New colours. The baked light is kept.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Paint {
     /// One colour (sRGB, 0–1), without texture.
     Solid([f32; 3]),
     /// One colour (sRGB, 0–1) times the texture's brightness.
     Tint([f32; 3]),
-    /// Every hue turned by this angle, radians.
+    /// All hues rotated by this angle, radians.
     Hue(f32),
     /// A quilted jacket with zip, collar and cuffs.
     Jacket,
 }
 
-/// One step of an editing session. Lengths are shares of the figure size.
+/// One step of an editing session. Lengths are relative to the figure size.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Edit {
     /// New colours, same geometry.
     Recolour {
-        /// Where.
+        /// Affected region.
         region: Region,
-        /// Which.
+        /// The new colours.
         paint: Paint,
     },
-    /// Surface splats move out along their normals and multiply.
+    /// Surface splats are moved outwards along their normals and cloned.
     Clothing {
-        /// Where.
+        /// Affected region.
         region: Region,
-        /// Smallest and largest offset, figure sizes; folds run between the two. Collar and cuffs
-        /// of a figure lie closer.
+        /// Smallest and largest offset, figure sizes; folds vary between the
+        /// two. Collar and cuffs of a figure lie closer.
         offset: [f32; 2],
-        /// Splats afterwards per splat before, at least 1; the additional ones are jittered clones.
+        /// Number of splats after the edit per splat before, at least 1;
+        /// the additional ones are jittered clones.
         copies: f32,
         /// Position noise, figure sizes.
         jitter: f32,
         /// New colours, if any.
         paint: Option<Paint>,
     },
-    /// A share of the splats goes away, a share of the others becomes two smaller ones.
+    /// A share of the splats is removed, a share of the others is split into two smaller ones.
     PruneSplit {
-        /// Where.
+        /// Affected region.
         region: Region,
         /// Share removed, 0–1.
         prune: f32,
         /// Share of the remaining that is split, 0–1.
         split: f32,
     },
-    /// New geometry appears.
+    /// New geometry is added.
     Graft(Graft),
-    /// Body parts become boxes of their size; the neck stays. Only parts of the figure that are
-    /// still there are re-modelled.
+    /// Body parts are replaced by boxes of their size; the neck is unchanged. Only existing parts
+    /// of the figure are re-modelled.
     Blocky {
         /// Parts of the figure to re-model.
         parts: Vec<Part>,
     },
-    /// Every splat of the region is disturbed a little, as by a few optimiser steps.
+    /// Every splat of the region is disturbed slightly, as by a few optimiser steps.
     Drift {
-        /// Where.
+        /// Affected region.
         region: Region,
         /// Position noise, root mean square per axis, figure sizes.
         position: f32,
@@ -87,31 +88,30 @@ pub enum Edit {
         /// Noise of the logarithms of the scales.
         log_scale: f32,
     },
-    /// The region is scaled and turned about its middle, then moved, as a whole; it stays with what
-    /// carries it.
+    /// The region is scaled and rotated about its centre, then translated, as a whole; its
+    /// attachment to bones does not change.
     Place {
-        /// Where.
+        /// Affected region.
         region: Region,
-        /// Factor on its size.
+        /// Scale factor.
         scale: f32,
         /// Rotation vector, radians.
         turn_rad: [f32; 3],
         /// Displacement, figure sizes.
         shift: [f32; 3],
     },
-    /// The splats of the region go away.
+    /// The splats of the region are removed.
     Remove {
-        /// Where.
+        /// Affected region.
         region: Region,
     },
-    /// Rows change places.
+    /// Rows are permuted.
     Shuffle,
 }
 
 /// Applies `edits` in order to the frame-1 splats of `scene`.
 ///
-/// Splats that no edit touches stay bit-identical. The truth has the source's rig without its
-/// noise.
+/// Splats that no edit touches stay bit-identical. The truth uses the source's rig without noise.
 ///
 /// # Errors
 /// If a parameter is out of range or an edit needs a figure the scene does not have.
@@ -123,16 +123,16 @@ pub fn apply_edits(
     Ok(truth::finish(scene, drafted(scene, edits, seed, Removal::Whole)?))
 }
 
-/// What becomes of splats that [`Edit::Remove`] takes.
+/// Treatment of splats removed by [`Edit::Remove`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Removal {
-    /// They go away.
+    /// They are removed.
     Whole,
-    /// They stay, marked in [`Draft::doomed`].
+    /// They stay, marked in [`Draft::removed`].
     Marked,
 }
 
-/// The splats after `edits`, with what is known of each.
+/// The splats after `edits`, with their descriptions.
 pub(crate) fn drafted(
     scene: &SynthScene,
     edits: &[Edit],
@@ -180,10 +180,10 @@ pub(crate) fn drafted(
                     Removal::Whole => draft.retain(|i| !gone[i]),
                     Removal::Marked => {
                         draft
-                            .doomed
+                            .removed
                             .iter_mut()
                             .zip(gone)
-                            .for_each(|(doomed, gone)| *doomed |= gone);
+                            .for_each(|(removed, gone)| *removed |= gone);
                     }
                 }
             }
@@ -241,7 +241,7 @@ impl Edit {
     }
 }
 
-/// Repaints the rows; their other SH coefficients stay.
+/// Repaints the rows; their other SH coefficients are unchanged.
 fn recolour(draft: &mut Draft, rows: &[usize], paint: Paint) {
     let coeffs = draft.splats.sh_coeffs();
     let albedo = |draft: &Draft, i: usize| {
@@ -282,7 +282,7 @@ fn drift(draft: &mut Draft, region: &Region, noise: [f32; 3], rng: &mut Pcg64) {
     }
 }
 
-/// A split replaces a splat by two of 0.65 its size, displaced along its longest axis.
+/// A split replaces a splat by two of 0.65 times its size, displaced along its longest axis.
 fn prune_split(draft: &mut Draft, region: &Region, prune: f32, split: f32, rng: &mut Pcg64) {
     let inside = draft.mask_of(region);
     let gone: Vec<bool> =

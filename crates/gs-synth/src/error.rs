@@ -3,7 +3,7 @@
 use gs_core::SceneError;
 use thiserror::Error;
 
-/// Why a scene, an edit or a score could not be made.
+/// Error of generating a scene, an edit or a score.
 #[derive(Debug, Error)]
 #[non_exhaustive]
 pub enum SynthError {
@@ -14,7 +14,7 @@ pub enum SynthError {
         name: &'static str,
         /// Its value.
         found: String,
-        /// What is allowed.
+        /// The allowed range.
         expected: &'static str,
     },
     /// An edit needs a body part the scene does not have.
@@ -23,10 +23,10 @@ pub enum SynthError {
         /// The edit.
         edit: &'static str,
     },
-    /// No such case.
-    #[error("gs-synth: no truth case is called `{0}`")]
+    /// Unknown truth case.
+    #[error("gs-synth: unknown truth case `{0}`")]
     UnknownCase(String),
-    /// The prediction has another number of splats than the truth.
+    /// The number of splats of the prediction differs from the truth.
     #[error("gs-synth: the predicted scene has {found} splats, the truth has {expected}")]
     Count {
         /// Splats predicted.
@@ -37,7 +37,7 @@ pub enum SynthError {
     /// A scene could not be evaluated.
     #[error(transparent)]
     Scene(#[from] SceneError),
-    /// A fitted network is not one.
+    /// A fitted network is invalid.
     #[error(transparent)]
     Field(#[from] gs_deform::FieldError),
 }

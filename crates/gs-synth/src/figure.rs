@@ -1,5 +1,4 @@
-//! The figure in its bind pose: bodies, colours, what each point is attached to. Height 1.8, world
-//! units.
+//! The figure in its bind pose: bodies, colours, attachment of points. Height 1.8 world units.
 
 use crate::{
     body::Body,
@@ -247,7 +246,7 @@ fn shoe(x: f32) -> Shape {
     }
 }
 
-/// What carries a point of the figure.
+/// Attachment of a point of the figure.
 pub(crate) fn attach(part: Part, rest: Vec3) -> Attach {
     let below = |y: f32, half: f32| smoothstep(-half, half, y - rest.y);
     match part {
@@ -282,7 +281,7 @@ fn leg_attach([thigh, shin]: [Bone; 2], y: f32) -> Attach {
     }
 }
 
-/// Spheres that stand for the figure when light is baked: part, bind centre, radius.
+/// Spheres that represent the figure when light is baked: part, bind centre, radius.
 pub(crate) fn occluders() -> Vec<(Part, Occluder)> {
     let mut spheres: Vec<(Part, [f32; 3], f32)> = vec![
         (Part::Pelvis, [0.06, 0.90, 0.0], 0.105),

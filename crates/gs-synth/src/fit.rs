@@ -1,13 +1,13 @@
 //! [`fit_hexplane`]: a deformation network of the 4DGaussians kind, trained on a scene's
 //! trajectories.
 //!
-//! The effect of a deformation network on an edit can only be measured with a trained one: it maps
-//! *places* to motion, not splats, and an edit puts splats where there were none in training.
-//! Training is here and not in `gs-deform`, because only scenes with known truth are trained. The
+//! The effect of a deformation network on an edit can be measured only with a trained one: it maps
+//! *positions*, not splats, to motion, and an edit puts splats where there were none in training.
+//! Training is here and not in `gs-deform`, because only scenes with known motion are trained. The
 //! network is the published one: two levels of six planes, a trunk, a head for centres and one for
 //! quaternions (scales, opacity and colour are not deformed). Quaternion differences are added, as
-//! that network does: it cannot turn neighbours of unlike orientation alike, so rotations fit far
-//! worse than centres.
+//! in that network, which cannot rotate neighbours of different orientation alike; rotations
+//! therefore fit far worse than centres.
 
 #![expect(
     clippy::inline_always,
@@ -31,7 +31,7 @@ use samples::{PANELS, Samples};
 
 /// Groups of panels with a gradient each.
 const GROUPS: usize = 4;
-/// Learning rates at the start; they fall by a cosine to a fiftieth.
+/// Initial learning rates; they decay by a cosine schedule to one fiftieth.
 const PLANE_RATE: f32 = 2e-2;
 const LAYER_RATE: f32 = 4e-3;
 /// Margin of the planes' box around the splats, share of its size.
@@ -40,15 +40,15 @@ const MARGIN: f32 = 0.1;
 /// A trained network.
 #[derive(Debug, Clone)]
 pub struct FittedField {
-    /// The splats that it deforms: those of the scene's start, bit for bit.
+    /// The splats that the network deforms: those of the scene at time 0, bit for bit.
     pub canonical: Splats,
-    /// The network. Deformed by it, `canonical` follows the scene at any time.
+    /// The network, which deforms `canonical` to approximate the scene at any time.
     pub network: HexPlaneNetwork,
-    /// How well it does, on the splats and times it was trained on.
+    /// Errors on the splats and times of the training.
     pub residual: FitResidual,
 }
 
-/// What a trained network misses.
+/// Errors of a trained network.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct FitResidual {
     /// Mean distance of centres from the scene's, % of the figure size.
@@ -62,16 +62,15 @@ pub struct FitResidual {
 impl FittedField {
     /// The network as a scene.
     ///
-    /// # Errors
-    /// Never for what [`fit_hexplane`] gives.
+    /// # Errors Never for results of [`fit_hexplane`].
     pub fn scene(&self) -> Result<HexPlaneScene, SynthError> {
         let field = HexPlaneField::new(self.network.clone())?;
         Ok(HexPlaneScene::new(self.canonical.clone(), field)?)
     }
 }
 
-/// Trains a network on `scene`, whose figure is `figure_size` long (world units). The same for any
-/// number of threads.
+/// Trains a network on `scene`, whose figure is `figure_size` long (world units). The result is the
+/// same for any number of threads.
 ///
 /// # Errors
 /// If a parameter is out of range or the scene cannot be evaluated.
@@ -114,8 +113,8 @@ fn check(params: &FitParams, figure_size: f32) -> Result<(), SynthError> {
     }
 }
 
-/// Maximum and minimum corner, with a margin: edits reach beyond the splats, and planes end at
-/// their box.
+/// Maximum and minimum corner, with a margin, because edits extend beyond
+/// the splats and planes are clamped to their box.
 fn bounds(splats: &Splats) -> [[f32; 3]; 2] {
     let (mut low, mut high) = ([f32::INFINITY; 3], [f32::NEG_INFINITY; 3]);
     for mean in &splats.means {
@@ -266,13 +265,14 @@ mod tests {
     }
 
     #[test]
-    fn gradients_are_gradients() {
+    fn gradients_equal_finite_differences() {
         let scene = build(TruthCase::TouchAndPart, 1, 500).unwrap();
         let small = FitParams { resolution: 3, ..params() };
         let layout = Layout::new(&small);
         let mut random = rng(5, 5);
         let mut weights = layout.initial(&mut random);
-        // Away from the start, where time planes and last layers are special.
+        // Moved away from the initial weights, where time planes
+        // and last layers have special values.
         for weight in &mut weights {
             *weight += 0.1 * crate::math::normal(&mut random);
         }
@@ -330,11 +330,11 @@ mod tests {
             fitted.residual,
             untrained.residual
         );
-        assert_eq!(fitted.canonical, scene.source.at(0.0).unwrap(), "the start, bit for bit");
+        assert_eq!(fitted.canonical, scene.source.at(0.0).unwrap(), "time 0, bit for bit");
     }
 
     #[test]
-    fn senseless_parameters_are_refused() {
+    fn parameters_out_of_range_are_refused() {
         let scene = build(TruthCase::TouchAndPart, 0, 500).unwrap();
         let bad = FitParams { resolution: 1, ..params() };
         let error = fit_hexplane(&scene.source, 1.0, &bad).unwrap_err().to_string();

@@ -1,17 +1,17 @@
-//! Seeded dynamic scenes, edits of their first frame, and the truth of both.
+//! Seeded dynamic scenes, edits of their first frame, and the true motion of both.
 //!
-//! Promises: [`demo()`], a dancer on a stage; [`apply_edits`], edits of its first frame, and
-//! [`deliver()`], the same as an editor that works on pictures leaves them; [`Truth`], the true
-//! motion of every edited splat; [`build`], hard cases; [`motion_error`], the score. Everything is
-//! a function of its seed; at `t = 0` scenes and truths return their frame-1 splats bit for bit.
+//! Contents: [`demo()`], a dancer on a stage; [`apply_edits`], edits of its first frame, and
+//! [`deliver()`], the same edits made by an editor that works on images; [`Truth`], the true motion
+//! of every edited splat; [`build`], hard cases; [`motion_error`], the score. Every result is a
+//! function of its seed; at `t = 0` scenes and truths return their frame-1 splats bit for bit.
 //!
-//! Conventions: world units are about metres, y is up, a figure stands on y = 0 at the origin and
-//! faces +z (its left is +x); times run over `[0,1]` and frame 1 is `t = 0`; quaternions are
-//! `wxyz`; colours are sRGB values taken as they are.
+//! Conventions: world units are approximately metres, y is up, a figure stands on y = 0 at the
+//! origin and faces +z (its left is +x); times run over `[0,1]` and frame 1 is `t = 0`; quaternions
+//! are `wxyz`; colours are sRGB values taken as they are.
 //!
-//! Deliberately absent: files, and the methods under test. Two controls are here:
-//! [`part_neighbours`] uses the truth, [`rigid_neighbours`] only distances and normals. So is the
-//! training of the deformation network that is compared with ([`fit_hexplane`]).
+//! Deliberately absent: files, and the methods under test. Included are two baselines
+//! ([`part_neighbours`] uses the truth, [`rigid_neighbours`] only distances and normals) and the
+//! training of the deformation network for comparison ([`fit_hexplane`]).
 //!
 //! ```
 //! use gs_synth::{DemoParams, apply_edits, demo, demo_edits, motion_error};

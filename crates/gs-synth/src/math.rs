@@ -5,7 +5,7 @@ use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 
 /// A generator for one purpose: equal seeds with different `stream`s are independent, so that
-/// adding one kind of draw never changes another.
+/// adding draws of one kind does not change others.
 pub(crate) fn rng(seed: u64, stream: u64) -> Pcg64 {
     Pcg64::seed_from_u64(seed ^ stream.wrapping_mul(0x9E37_79B9_7F4A_7C15))
 }

@@ -1,4 +1,4 @@
-//! [`motion_error`]: how far predicted splats are from where they should be.
+//! [`motion_error`]: errors of predicted motion.
 
 use crate::{SynthError, Truth};
 use glam::Vec3;
@@ -13,7 +13,7 @@ pub struct MotionError {
     pub p95: f64,
     /// Share of splats whose largest error over time exceeds 5 % of the figure size, %.
     pub bad5: f64,
-    /// Mean end-point error over the contact zone, % of the figure size; 0 when there is none.
+    /// Mean end-point error over the contact zone, % of the figure size; 0 if there is none.
     pub contact: f64,
     /// Mean rotation error, degrees.
     pub rot_deg: f64,
@@ -25,8 +25,8 @@ pub struct MotionError {
     pub num_contact: usize,
 }
 
-/// Scores `predicted` (rows as the truth's) at `times`, on the truth's `eval_mask`. A position that
-/// is not a number is infinitely far off.
+/// Errors of `predicted` (rows as in the truth) at `times`, on the truth's `eval_mask`. The error
+/// of a non-finite position is infinite.
 ///
 /// # Errors
 /// If the numbers of splats differ or a scene cannot be evaluated at a time.
@@ -104,7 +104,7 @@ pub(crate) fn angle_between(a: [f32; 4], b: [f32; 4]) -> f64 {
     2.0 * (x * x + y * y + z * z).sqrt().atan2(w.abs())
 }
 
-/// Linear between the two nearest ranks; 0 of nothing.
+/// Percentile, linear between the two nearest ranks; 0 for an empty slice.
 pub(crate) fn percentile(values: &mut [f64], share: f64) -> f64 {
     values.sort_by(f64::total_cmp);
     let Some(last) = values.len().checked_sub(1) else { return 0.0 };

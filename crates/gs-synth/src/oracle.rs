@@ -1,5 +1,5 @@
-//! Reference answers that only a scene with known parts can give: what rigid parts allow at best,
-//! and what plain nearness gives.
+//! Reference results that need known parts: the best result with rigid
+//! parts, and the result of nearest neighbours.
 
 use crate::{EditedFrame, Kind, Part, SynthError, SynthScene};
 use gs_core::{Splats, quat};
@@ -7,25 +7,25 @@ use kiddo::{ImmutableKdTree, SquaredEuclidean};
 use std::collections::BTreeMap;
 use std::num::NonZero;
 
-/// Sources per edited splat.
+/// Source splats per edited splat.
 const SOURCES: usize = 16;
-/// Sources among which the one with the likest normal is looked for.
+/// Number of nearest source splats among which the most similar normal is selected.
 const CANDIDATES: usize = 24;
-/// What opposite normals are worth, squared local spacings.
+/// Penalty of opposite normals, squared local spacings.
 const NORMALS: f32 = 9.0;
 
-/// How an edited splat gets the body part it is to move with.
+/// How the body part that moves an edited splat is determined.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum PartBy {
-    /// The true part: the best that rigid parts allow, up to how soft they are.
+    /// The true part: the best result with rigid parts, up to their soft joints.
     Truth,
-    /// That of the nearest source splat, unlike normals counting as distance. Floaters and outliers
-    /// are known, so this is better than any method without correspondences could do.
+    /// The part of the nearest source splat, with different normals counting as distance. Floaters
+    /// and outliers are known, so this is better than any method without correspondences.
     Nearness,
 }
 
 /// For every edited splat, source splats of one body part around it, and weights that sum to 1.
-/// None for splats of parts that have no trusted source splats, such as floaters.
+/// None for splats of parts without valid source splats, such as floaters.
 ///
 /// # Errors
 /// If the scene cannot be evaluated.
@@ -46,7 +46,7 @@ pub fn part_neighbours(
     let rows = (0..edited.splats.len()).map(|e| {
         let part = match by {
             PartBy::Truth => Some(edited.truth.parts[e]),
-            PartBy::Nearness => likest(source, &all, &edited.splats, e),
+            PartBy::Nearness => nearest_similar_part(source, &all, &edited.splats, e),
         };
         let tree = part.and_then(|part| trees.get(&part));
         tree.map_or_else(Vec::new, |tree| blend(&tree.nearest(edited.splats.means[e], SOURCES)))
@@ -54,13 +54,23 @@ pub fn part_neighbours(
     Ok(rows.collect())
 }
 
-/// Part of the nearest source, unlike normals counting as distance.
-fn likest(source: &SynthScene, all: &Tree, edited: &Splats, e: usize) -> Option<Part> {
-    likest_row(source.frame1(), all, edited, e).map(|row| source.rows()[row].part)
+/// Part of the nearest source splat, with different normals counting as distance.
+fn nearest_similar_part(
+    source: &SynthScene,
+    all: &Tree,
+    edited: &Splats,
+    e: usize,
+) -> Option<Part> {
+    nearest_similar(source.frame1(), all, edited, e).map(|row| source.rows()[row].part)
 }
 
-/// The nearest source, unlike normals counting as distance.
-pub(crate) fn likest_row(source: &Splats, all: &Tree, edited: &Splats, e: usize) -> Option<usize> {
+/// The nearest source splat, with different normals counting as distance.
+pub(crate) fn nearest_similar(
+    source: &Splats,
+    all: &Tree,
+    edited: &Splats,
+    e: usize,
+) -> Option<usize> {
     let near = all.nearest(edited.means[e], CANDIDATES);
     let spacing = near.get(6).or(near.last())?.1;
     let normal = thin_axis(edited, e);
@@ -80,7 +90,7 @@ fn thin_axis(splats: &Splats, i: usize) -> [f32; 3] {
     quat::rotate(quat::normalize(splats.quats[i]), axis)
 }
 
-/// Gaussian weights about the nearest; the farther that is, the wider.
+/// Gaussian weights around the nearest; their width grows with its distance.
 fn blend(near: &[(usize, f32)]) -> Vec<(u32, f32)> {
     let Some(&(_, nearest)) = near.first() else { return Vec::new() };
     let width = (0.5 * near[near.len().min(7) - 1].1 + 0.09 * nearest).max(f32::MIN_POSITIVE);
@@ -93,7 +103,7 @@ fn blend(near: &[(usize, f32)]) -> Vec<(u32, f32)> {
         .collect()
 }
 
-/// Source splats by place.
+/// Source splats in a spatial index.
 pub(crate) struct Tree {
     ids: Vec<usize>,
     tree: Option<ImmutableKdTree<f32, 3>>,

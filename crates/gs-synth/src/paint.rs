@@ -1,9 +1,9 @@
-//! Colours: what a body looks like before light, and the light baked into it.
+//! Colours: the unlit appearance of a body, and the baked light.
 
 use crate::{math::smoothstep, part::Part};
 use glam::Vec3;
 
-/// Where on which body.
+/// A point on a body's surface.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Spot {
     pub(crate) part: Part,
@@ -15,7 +15,7 @@ pub(crate) struct Spot {
     pub(crate) uv: [f32; 2],
 }
 
-/// Colour before shading (sRGB values, 0–1) and how much the surface shines.
+/// Colour before shading (sRGB values, 0–1) and gloss of the surface.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Material {
     pub(crate) rgb: Vec3,
@@ -58,7 +58,7 @@ pub(crate) fn blob(offset: [f32; 2], radii: [f32; 2]) -> f32 {
     1.0 - smoothstep(0.8, 1.15, d)
 }
 
-/// Something that darkens what is near it.
+/// A sphere that casts soft shadows.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Occluder {
     pub(crate) center: Vec3,
@@ -84,7 +84,7 @@ pub(crate) fn shade(point: Vec3, normal: Vec3, occluders: &[Occluder], casts: bo
             let along = to.dot(light);
             if along > occluder.radius {
                 let miss = (distance2 - along * along).max(0.0).sqrt();
-                // penumbra widens with the distance to what casts it
+                // the penumbra widens with the distance from the occluder
                 let soft = 0.25 * occluder.radius + 0.06 * along;
                 let cover = 1.0 - smoothstep(occluder.radius - soft, occluder.radius + soft, miss);
                 key *= 1.0 - 0.75 * cover;
@@ -98,12 +98,12 @@ pub(crate) fn shade(point: Vec3, normal: Vec3, occluders: &[Occluder], casts: bo
     sun + fill * ambient
 }
 
-/// Degree-1 coefficients of a highlight: brighter by up to `gloss` where the view direction meets
-/// the mirrored light.
+/// Degree-1 coefficients of a highlight: brighter by up to `gloss` where the view direction equals
+/// the mirrored light direction.
 pub(crate) fn highlight(normal: Vec3, gloss: f32) -> [[f32; 3]; 3] {
     let mirrored = 2.0 * normal.dot(key_light()) * normal - key_light();
-    // the view direction runs from the camera to the splat: it is −mirrored when the highlight is
-    // seen
+    // the view direction points from the camera to the splat; it is
+    // −mirrored where the highlight is visible
     let a = -mirrored * (gloss / gs_core::sh::C1);
     [[-a.y; 3], [a.z; 3], [-a.x; 3]]
 }
@@ -113,7 +113,7 @@ pub(crate) fn luma(rgb: Vec3) -> f32 {
     rgb.dot(Vec3::new(0.299, 0.587, 0.114))
 }
 
-/// Turns the hue by `angle_rad` about the grey axis; keeps grey.
+/// Rotates the hue by `angle_rad` about the grey axis; grey is unchanged.
 pub(crate) fn turn_hue(rgb: Vec3, angle_rad: f32) -> Vec3 {
     let grey = Vec3::splat(1.0 / 3.0_f32.sqrt());
     (glam::Quat::from_axis_angle(grey, angle_rad) * rgb).clamp(Vec3::ZERO, Vec3::ONE)

@@ -1,6 +1,6 @@
-//! What a splat is: [`Part`], [`Bone`], [`Kind`], [`Tag`].
+//! Labels of splats: [`Part`], [`Bone`], [`Kind`], [`Tag`].
 
-/// What a splat belongs to.
+/// Object or body part of a splat.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 #[repr(u8)]
 pub enum Part {
@@ -46,9 +46,9 @@ pub enum Part {
     ObjectB,
     /// A hanging sheet.
     Cloth,
-    /// Belongs to nothing.
+    /// A floater, which belongs to no object.
     Floater,
-    /// What the right hand holds.
+    /// The object in the right hand.
     Held,
 }
 
@@ -73,7 +73,7 @@ impl Part {
     pub const SCENERY: [Self; 5] =
         [Self::Backdrop, Self::Ground, Self::Column, Self::Ball, Self::Crate];
 
-    /// The bone that carries the part.
+    /// The bone that moves the part.
     pub const fn bone(self) -> Bone {
         match self {
             Self::Backdrop
@@ -102,7 +102,7 @@ impl Part {
     }
 }
 
-/// What moves. A parent always comes before its children.
+/// A rigid element of the rig. A parent always comes before its children.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 #[repr(u8)]
 pub enum Bone {
@@ -110,29 +110,29 @@ pub enum Bone {
     World,
     /// Root of the figure.
     Pelvis,
-    /// Carried by the pelvis.
+    /// Attached to the pelvis.
     Chest,
-    /// Carried by the chest.
+    /// Attached to the chest.
     Head,
-    /// Carried by the chest.
+    /// Attached to the chest.
     UpperArmL,
-    /// Carried by the left upper arm.
+    /// Attached to the left upper arm.
     ForearmL,
-    /// Carried by the chest.
+    /// Attached to the chest.
     UpperArmR,
-    /// Carried by the right upper arm.
+    /// Attached to the right upper arm.
     ForearmR,
-    /// Carried by the pelvis.
+    /// Attached to the pelvis.
     ThighL,
-    /// Carried by the left thigh.
+    /// Attached to the left thigh.
     ShinL,
-    /// Carried by the left shin.
+    /// Attached to the left shin.
     FootL,
-    /// Carried by the pelvis.
+    /// Attached to the pelvis.
     ThighR,
-    /// Carried by the right thigh.
+    /// Attached to the right thigh.
     ShinR,
-    /// Carried by the right shin.
+    /// Attached to the right shin.
     FootR,
     /// First of two touching bodies.
     ObjectA,
@@ -164,7 +164,7 @@ impl Bone {
         Self::Cloth,
     ];
 
-    /// The bone that carries this one.
+    /// Parent of this bone.
     #[must_use]
     pub const fn parent(self) -> Self {
         match self {
@@ -181,21 +181,21 @@ impl Bone {
     }
 }
 
-/// How a splat of a reconstruction came to be where it is.
+/// Kind of a reconstructed splat.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 #[repr(u8)]
 pub enum Kind {
     /// Flat disc on a surface.
     Surface,
-    /// Blob inside a body, hidden until something moves.
+    /// Blob inside a body, hidden unless parts move apart.
     Interior,
-    /// In the air, with a motion of its own that no surface has.
+    /// In empty space, with independent motion.
     Floater,
-    /// On a surface, but the reconstruction lost track of it: its motion is wrong.
+    /// On a surface, but with wrong motion, as after a tracking failure.
     Outlier,
 }
 
-/// What the last edit that touched a splat did to it.
+/// Effect of the last edit that affected a splat.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 #[repr(u8)]
 pub enum Tag {
@@ -203,11 +203,11 @@ pub enum Tag {
     Unchanged,
     /// Geometry bit-identical to its source splat, other colour.
     Recoloured,
-    /// Moved, turned and scaled a little.
+    /// Slightly moved, rotated and scaled.
     Drifted,
-    /// Scaled, turned or moved with all of its part.
+    /// Scaled, rotated or moved together with its part.
     Placed,
-    /// Offset along its normal, or a clone of one that is.
+    /// Offset along its normal, or a clone of such a splat.
     Clothing,
     /// One half of a splat that was split.
     SplitChild,

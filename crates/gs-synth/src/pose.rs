@@ -1,8 +1,8 @@
-//! [`Pose`]: a similarity of space.
+//! [`Pose`]: a similarity transform.
 
 use glam::{DQuat, DVec3};
 
-/// A similarity `x ↦ s·R·x + p`.
+/// A similarity transform `x ↦ s·R·x + p`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Pose {
     pub(crate) scale: f64,
@@ -14,7 +14,7 @@ impl Pose {
     pub(crate) const IDENTITY: Self =
         Self { scale: 1.0, rotation: DQuat::IDENTITY, translation: DVec3::ZERO };
 
-    /// Scales and turns about `pivot`, then moves by `shift`.
+    /// Scales and rotates about `pivot`, then translates by `shift`.
     pub(crate) fn about(pivot: DVec3, scale: f64, rotation: DQuat, shift: DVec3) -> Self {
         Self { scale, rotation, translation: pivot + shift - scale * (rotation * pivot) }
     }
@@ -23,7 +23,7 @@ impl Pose {
         self.scale * (self.rotation * x) + self.translation
     }
 
-    /// First `inner`, then `self`.
+    /// Composition: first `inner`, then `self`.
     pub(crate) fn after(&self, inner: &Self) -> Self {
         Self {
             scale: self.scale * inner.scale,

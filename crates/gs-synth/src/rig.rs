@@ -1,5 +1,5 @@
-//! [`Rig`]: where every bone is at every time, and [`Frame`]: the motion between two poses, applied
-//! to splats.
+//! [`Rig`]: poses of all bones at any time, and [`Frame`]: the
+//! motion between two poses, applied to splats.
 
 use crate::{
     cloth,
@@ -13,7 +13,7 @@ use gs_core::quat;
 
 const NUM_BONES: usize = Bone::ALL.len();
 
-/// Where all bones are at all times, `t` in `[0,1]`.
+/// Poses of all bones at times `t` in `[0,1]`.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Rig {
     pub(crate) dance: Dance,
@@ -46,7 +46,7 @@ impl Rig {
     }
 }
 
-/// What moves a splat: a bone, or a point between a bone (`weight` 1) and its parent (`weight` 0).
+/// Attachment of a splat: to a bone, or between a bone (`weight` 1) and its parent (`weight` 0).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Attach {
     pub(crate) bone: Bone,
@@ -76,7 +76,7 @@ struct Joint {
     whole: Pose,
     whole_wxyz: [f32; 4],
     ln_scale: f32,
-    /// Motion of the parent, and of the bone against it: a turn about `pivot`.
+    /// Motion of the parent, and of the bone relative to it: a rotation about `pivot`.
     parent: Pose,
     pivot: DVec3,
     axis: DVec3,
@@ -85,8 +85,8 @@ struct Joint {
     still: bool,
 }
 
-/// The motion of all bones from one pose to another. Every point moves by a similarity of its own
-/// [`Attach`].
+/// The motion of all bones from one pose to another. Every point moves by
+/// the similarity transform of its [`Attach`].
 #[derive(Debug, Clone)]
 pub(crate) struct Frame {
     joints: [Joint; NUM_BONES],
@@ -101,7 +101,7 @@ impl Frame {
             let whole = to[id].after(&from[id].inverse());
             let parent = to[up].after(&from[up].inverse());
             let against = parent.inverse().after(&whole);
-            // the short way round: a joint half-way must not swing through the body
+            // the shorter rotation: a half-way joint must not swing through the body
             let turn = if against.rotation.w < 0.0 { -against.rotation } else { against.rotation };
             let (axis, angle) = turn.to_axis_angle();
             Joint {
@@ -119,14 +119,14 @@ impl Frame {
         Self { joints, t }
     }
 
-    /// Whether splats of this bone, at any weight, stay where they are.
+    /// Whether splats of this attachment do not move, for any weight.
     pub(crate) fn is_still(&self, attach: Attach) -> bool {
         attach.bone != Bone::Cloth
             && self.joints[attach.bone as usize].still
             && (attach.weight >= 1.0 || self.joints[attach.bone.parent() as usize].still)
     }
 
-    /// The similarity of a point attached so; not meaningful for cloth.
+    /// The similarity transform of an attached point; undefined for cloth.
     pub(crate) fn pose(&self, attach: Attach) -> Pose {
         let joint = &self.joints[attach.bone as usize];
         if attach.weight >= 1.0 {
@@ -138,7 +138,7 @@ impl Frame {
         joint.parent.after(&part)
     }
 
-    /// Where a point attached so goes.
+    /// New position of an attached point.
     pub(crate) fn point(&self, attach: Attach, x: DVec3) -> DVec3 {
         if attach.bone == Bone::Cloth {
             return cloth::point(x, self.t);
@@ -146,7 +146,7 @@ impl Frame {
         self.pose(attach).apply(x)
     }
 
-    /// Where a splat attached so goes, how it turns and grows.
+    /// New position, rotation and scale of an attached splat.
     pub(crate) fn splat(
         &self,
         attach: Attach,
@@ -177,7 +177,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn joints_are_continuous_in_weight_and_hold_their_pivot() {
+    fn joints_are_continuous_in_weight_and_keep_their_pivot() {
         let frame = Rig { dance: Dance::default() }.motion(0.4);
         let bone = Bone::ForearmL;
         let pivot = frame.joints[bone as usize].pivot;

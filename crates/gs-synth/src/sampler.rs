@@ -1,4 +1,4 @@
-//! From bodies to points: how many each gets, where they lie, what they look like before light.
+//! Samples points on bodies: numbers, positions and unlit colours.
 
 use crate::{
     body::Body,
@@ -12,7 +12,7 @@ use crate::{
 use glam::Vec3;
 use rand_pcg::Pcg64;
 
-/// A splat to be, in bind coordinates.
+/// A sampled point that becomes a splat, in bind coordinates.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Point {
     pub(crate) part: Part,

@@ -1,4 +1,4 @@
-//! [`SynthScene`]: splats on a rig, exact at every time.
+//! [`SynthScene`]: splats on a rig, with exact motion at every time.
 
 use crate::{
     part::{Bone, Kind, Part},
@@ -8,11 +8,11 @@ use glam::{Quat, Vec3};
 use gs_core::{DynamicScene, SceneError, Splats, TimeRange, quat};
 use std::f32::consts::TAU;
 
-/// What is known about one splat of a synthetic scene. Diagnostics: never an input of a method
-/// under test.
+/// Description of one splat of a synthetic scene. For diagnostics
+/// only; never an input of a method under test.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Row {
-    /// What it belongs to.
+    /// Object or body part.
     pub part: Part,
     /// Surface, interior, floater or outlier.
     pub kind: Kind,
@@ -29,7 +29,7 @@ pub struct Row {
 }
 
 impl Row {
-    /// The single bone with which the splat moves; `None` between two bones and on cloth.
+    /// The single bone that moves the splat; `None` between two bones and on cloth.
     pub fn rigid_bone(&self) -> Option<Bone> {
         let is_rigid = self.attach.weight >= 1.0 && self.attach.bone != Bone::Cloth;
         is_rigid.then_some(self.attach.bone)
@@ -44,7 +44,7 @@ pub(crate) struct Wobble {
     pub(crate) turn: Vec3,
 }
 
-/// A splat whose motion has little to do with its place.
+/// A splat whose motion is unrelated to its surroundings.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Stray {
     pub(crate) row: u32,
@@ -52,7 +52,7 @@ pub(crate) struct Stray {
     pub(crate) swing: Vec3,
 }
 
-/// The box swept by what moves: what cameras frame. World units.
+/// Bounding box of all motion, which cameras frame. World units.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct View {
     pub(crate) center: [f32; 3],
@@ -61,9 +61,9 @@ pub(crate) struct View {
 
 /// A synthetic dynamic scene: frame-1 splats and the exact motion of each.
 ///
-/// World units are about metres, y is up; a figure stands on y = 0 at the origin and faces +z.
-/// Times run over `[0,1]`; frame 1 is `t = 0`, where the scene returns its frame-1 splats bit for
-/// bit. Colours and opacities do not change with time.
+/// World units are approximately metres, y is up; a figure stands on y = 0 at the origin and faces
+/// +z. Times run over `[0,1]`; frame 1 is `t = 0`, where the scene returns its frame-1 splats bit
+/// for bit. Colours and opacities are constant.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SynthScene {
     pub(crate) rig: Rig,
@@ -82,24 +82,24 @@ impl SynthScene {
         &self.frame1
     }
 
-    /// What is known about each splat, `[N]`.
+    /// Descriptions of the splats, `[N]`.
     pub fn rows(&self) -> &[Row] {
         &self.rows
     }
 
-    /// Largest extent of what moves at frame 1, world units: the length unit of
-    /// [`crate::motion_error`].
+    /// Largest extent of the moving splats at frame 1, world units; the
+    /// length unit of [`crate::motion_error`].
     pub fn figure_size(&self) -> f32 {
         self.figure_size
     }
 
-    /// Which splats belong to something that moves, `[N]`. Floaters do.
+    /// Whether each splat belongs to a moving object, `[N]`. True for floaters.
     pub fn moving_mask(&self) -> Vec<bool> {
         self.rows.iter().map(|row| !Part::SCENERY.contains(&row.part)).collect()
     }
 
-    /// The same splats with their true motion: without trajectory noise, outliers follow the
-    /// surface they lie on. Floaters keep the only motion they have.
+    /// The same splats with their true motion: without trajectory noise, and with outliers moving
+    /// with their surface. Floaters keep their motion.
     #[must_use]
     pub fn noise_free(&self) -> Self {
         let strays = self.strays.iter().copied();

@@ -70,7 +70,7 @@ impl Shape {
         faces
     }
 
-    /// The shape without a border of this width, so that discs do not stick out over sharp edges.
+    /// The shape without a border of this width, so that discs do not extend beyond sharp edges.
     pub(crate) fn inset(&self, border: f32) -> Self {
         match self.clone() {
             Self::Quad { corner, across, up } => {
@@ -163,7 +163,7 @@ impl Shape {
 
     fn normal(&self, u: f32, v: f32) -> Vec3 {
         const H: f32 = 2e-3;
-        // poles have no derivative around them
+        // derivatives vanish at the poles
         let (u, v) = (u.clamp(0.01, 0.99), v);
         let along = self.point(u + H, v) - self.point(u - H, v);
         let around = self.point(u, v + H) - self.point(u, v - H);
@@ -217,7 +217,7 @@ pub(crate) struct Sampler<'a> {
 }
 
 impl<'a> Sampler<'a> {
-    /// `keep` cuts parts of the surface away.
+    /// `keep` selects the parts of the surface that are sampled.
     pub(crate) fn new(shape: &'a Shape, keep: fn(Vec3) -> bool) -> Self {
         let [nu, nv] = CELLS;
         let corner = |i: usize, j: usize| shape.point(i as f32 / nu as f32, j as f32 / nv as f32);
@@ -248,14 +248,14 @@ impl<'a> Sampler<'a> {
         self.rows[CELLS[0] - 1]
     }
 
-    /// `count` samples; fewer only if nothing is kept.
+    /// Draws `count` samples; fewer only if `keep` rejects everything.
     pub(crate) fn draw(&self, count: usize, rng: &mut Pcg64) -> Vec<Sample> {
         let mut samples = Vec::with_capacity(count);
         if self.area() <= 0.0 {
             return samples;
         }
         let shift = [uniform(rng, 0.0, 1.0), uniform(rng, 0.0, 1.0)];
-        // samples of half-kept cells can be refused, hence more tries than samples
+        // samples in partially kept cells may be rejected, hence more attempts than samples
         for k in 0..count.saturating_mul(64) {
             if samples.len() == count {
                 break;
@@ -271,7 +271,7 @@ impl<'a> Sampler<'a> {
         samples
     }
 
-    /// Uniform unit square to parameters uniform by area.
+    /// Maps uniform points of the unit square to parameters that are uniform by area.
     fn warp(&self, [a, b]: [f32; 2]) -> [f32; 2] {
         let [nu, nv] = CELLS;
         let (i, fu) = invert(&self.rows, a);
@@ -280,7 +280,7 @@ impl<'a> Sampler<'a> {
     }
 }
 
-/// Cell of a running sum at fraction `x` of the whole, and the fraction inside that cell.
+/// Cell of a running sum at fraction `x` of the total, and the fraction inside that cell.
 fn invert(running: &[f32], x: f32) -> (usize, f32) {
     let target = x * running[running.len() - 1];
     let cell = running.partition_point(|&sum| sum <= target).min(running.len() - 1);

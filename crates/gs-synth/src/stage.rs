@@ -1,5 +1,5 @@
-//! What stands around the figure: ground disc, columns, crates, balls, backdrop; and the bodies of
-//! the small scenes.
+//! Surroundings of the figure: ground disc, columns, crates, balls,
+//! backdrop; and the bodies of the small scenes.
 
 use crate::{
     body::Body,
@@ -13,7 +13,7 @@ use glam::{Mat3, Vec3};
 
 /// Radius of the ground disc, world units.
 const DISC: f32 = 1.5;
-/// Where the backdrop's wall stands, world units.
+/// Distance of the backdrop's wall, world units.
 const WALL: f32 = 6.5;
 
 /// A column: base, fluted shaft, capital.
@@ -203,7 +203,7 @@ fn beach_ball(p: Vec3) -> Material {
 }
 
 fn beach(spot: &Spot) -> Material {
-    // tilted, so that the seams are seen
+    // tilted, so that the seams are visible
     beach_ball(Mat3::from_rotation_x(0.6) * Mat3::from_rotation_z(0.35) * spot.normal)
 }
 

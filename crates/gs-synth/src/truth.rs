@@ -1,4 +1,4 @@
-//! [`EditedFrame`] and [`Truth`]: edited splats, and how each of them really moves.
+//! [`EditedFrame`] and [`Truth`]: edited splats and their true motion.
 
 use crate::{
     SynthScene, contact,
@@ -13,14 +13,14 @@ use gs_core::{DynamicScene, SceneError, Splats, TimeRange};
 /// An edit of the first frame.
 #[derive(Debug, Clone)]
 pub struct EditedFrame {
-    /// What the editor saved: the only input of a method under test besides the source.
+    /// Output of the editor: the only input of a method under test besides the source.
     pub splats: Splats,
-    /// Where each of them really goes.
+    /// Their true motion.
     pub truth: Truth,
 }
 
-/// The true motion of edited splats, and what is known of each; arrays are `[M]`, rows those of
-/// [`EditedFrame::splats`].
+/// The true motion of edited splats, and labels of each; arrays are
+/// `[M]` with the rows of [`EditedFrame::splats`].
 ///
 /// A [`DynamicScene`]: at `t = 0` it equals the edited splats bit for bit, at other times it has
 /// their true positions, orientations and scales, with the edited colours.
@@ -28,32 +28,33 @@ pub struct EditedFrame {
 pub struct Truth {
     /// Body part of each splat.
     pub parts: Vec<Part>,
-    /// What the edits did to it.
+    /// Effect of the edits on each splat.
     pub tags: Vec<Tag>,
-    /// Row of the source splat it descends from; `None` for new geometry. Several splats can have
-    /// one parent.
+    /// Row of the source splat from which each splat descends; `None` for new geometry. Several
+    /// splats can have the same parent.
     pub source_rows: Vec<Option<u32>>,
-    /// Whether a score counts it. Floaters, and outliers that no edit moved, have no true motion
-    /// worth the name.
+    /// Whether each splat is scored. Floaters, and outliers that no
+    /// edit moved, have no meaningful true motion.
     pub eval_mask: Vec<bool>,
-    /// Whether it is scored and within 3 % of the figure size of a source splat whose motion would
-    /// carry it more than 8 % of the figure size astray: where motions get entangled.
+    /// Whether each splat is scored and within 3 % of the figure size of a
+    /// source splat whose motion would displace it by more than 8 % of the
+    /// figure size: the zones in which methods mix motions.
     pub contact_mask: Vec<bool>,
     scene: SynthScene,
 }
 
 impl Truth {
-    /// The edited splats as a scene of their own.
+    /// The edited splats as a separate scene.
     pub fn scene(&self) -> &SynthScene {
         &self.scene
     }
 
-    /// What is known of each splat beyond the public arrays.
+    /// Descriptions of the splats beyond the public arrays.
     pub fn rows(&self) -> &[Row] {
         self.scene.rows()
     }
 
-    /// That of the source scene, world units.
+    /// Figure size of the source scene, world units.
     pub fn figure_size(&self) -> f32 {
         self.scene.figure_size()
     }
@@ -81,7 +82,7 @@ impl DynamicScene for Truth {
     }
 }
 
-/// Closes an editing session.
+/// Ends an editing session.
 pub(crate) fn finish(source: &SynthScene, draft: Draft) -> EditedFrame {
     let strays = strays_of(source, &draft.rows, &draft.source_rows);
     let eval_mask: Vec<bool> = draft
@@ -115,7 +116,7 @@ pub(crate) fn finish(source: &SynthScene, draft: Draft) -> EditedFrame {
     EditedFrame { splats: draft.splats, truth }
 }
 
-/// Floaters that the edits left keep their own motion.
+/// Remaining floaters keep their motion.
 fn strays_of(source: &SynthScene, rows: &[Row], source_rows: &[Option<u32>]) -> Vec<Stray> {
     let mut strays = Vec::new();
     for (i, (row, parent)) in rows.iter().zip(source_rows).enumerate() {

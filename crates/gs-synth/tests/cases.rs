@@ -1,4 +1,4 @@
-//! Truth cases have what their names say; the metric measures what it says.
+//! Properties of the truth cases; the metric reproduces known errors.
 
 use glam::Vec3;
 use gs_core::{DynamicScene, SceneError, Splats, TimeRange, quat};
@@ -29,7 +29,7 @@ fn nearest(splats: &Splats, a: &[usize], b: &[usize]) -> f32 {
 }
 
 #[test]
-fn every_case_is_whole() {
+fn every_case_is_complete() {
     for case in TruthCase::ALL {
         let scene = make(case);
         assert_eq!(scene.source.num_splats(), 2_000, "{case}: size");
@@ -42,7 +42,7 @@ fn every_case_is_whole() {
             }
         }
         let self_score = motion_error(&edited.truth, &edited.truth, &TIMES).unwrap();
-        assert_eq!(self_score.epe, 0.0, "{case}: the truth is right");
+        assert_eq!(self_score.epe, 0.0, "{case}: the truth has no error");
         assert!(self_score.num_scored > 1_000, "{case}: scored");
         assert_eq!(case.name().parse::<TruthCase>().unwrap(), case, "name");
     }
@@ -63,7 +63,7 @@ fn cases_are_functions_of_their_seed() {
 fn untouched_source_scores_its_own_noise() {
     let scene = make(TruthCase::Recolour);
     let score = motion_error(&scene.source, &scene.edited.truth, &TIMES).unwrap();
-    assert!((0.03..0.12).contains(&score.epe), "like a trained field: {score:?}");
+    assert!((0.03..0.12).contains(&score.epe), "typical of a trained field: {score:?}");
     assert!(score.rot_deg < 1.5 && score.bad5 == 0.0, "{score:?}");
     let noisy = make(TruthCase::NoisyReconstruction);
     assert_ne!(noisy.source.frame1(), scene.source.frame1(), "jittered");
@@ -88,7 +88,7 @@ fn grazing_limb_passes_within_two_spacings() {
 }
 
 #[test]
-fn objects_touch_and_part() {
+fn objects_touch_and_separate() {
     let scene = make(TruthCase::TouchAndPart);
     let (a, b) = (rows_of(&scene, Part::ObjectA), rows_of(&scene, Part::ObjectB));
     let spacing = scene.source.rows()[a[0]].spacing;
@@ -98,7 +98,7 @@ fn objects_touch_and_part() {
 }
 
 #[test]
-fn fast_rotation_turns_half_round() {
+fn fast_rotation_turns_by_180_degrees() {
     let scene = make(TruthCase::FastRotation);
     let end = scene.source.noise_free().at(1.0).unwrap();
     let foot = rows_of(&scene, Part::FootL)[0];
@@ -120,7 +120,7 @@ fn cloth_is_not_rigid() {
 }
 
 #[test]
-fn floaters_and_outliers_are_there_and_wrong() {
+fn floaters_and_outliers_exist_and_move_wrongly() {
     let scene = make(TruthCase::FloatersOutliers);
     let count = |kind| scene.source.rows().iter().filter(|row| row.kind == kind).count();
     assert_eq!(count(Kind::Floater), 100, "5 %");
@@ -141,7 +141,7 @@ fn floaters_and_outliers_are_there_and_wrong() {
 }
 
 #[test]
-fn what_is_placed_keeps_its_shape_and_stays_with_what_carries_it() {
+fn placed_regions_move_rigidly_with_their_bones() {
     for (case, part, scale) in
         [(TruthCase::ScaleObject, Part::Held, 1.5), (TruthCase::TurnHead, Part::Head, 1.0)]
     {
@@ -161,7 +161,7 @@ fn what_is_placed_keeps_its_shape_and_stays_with_what_carries_it() {
             row.rigid_bone() == Some(part.bone()) && truth.tags[i] == Tag::Unchanged
         });
         for (i, &row) in rows.iter().enumerate() {
-            assert_eq!(truth.parts[row], part, "{case}: nothing else is touched");
+            assert_eq!(truth.parts[row], part, "{case}: other splats are unchanged");
             let other = rows[(i + 7) % rows.len()];
             let (was, is) =
                 (gap(source, parent(row), parent(other)), gap(&scene.edited.splats, row, other));
@@ -173,19 +173,19 @@ fn what_is_placed_keeps_its_shape_and_stays_with_what_carries_it() {
         for pair in rigid.windows(2) {
             let (was, is) =
                 (gap(&scene.edited.splats, pair[0], pair[1]), gap(&end, pair[0], pair[1]));
-            assert!((was - is).abs() < 1e-5, "{case}: it is rigid");
+            assert!((was - is).abs() < 1e-5, "{case}: rigid");
         }
-        // The head turns as a whole, the hand does not.
+        // The head moves rigidly, the hand does not.
         if let Some(hand) = hand {
             let was = gap(&scene.edited.splats, rigid[0], hand);
-            assert!((gap(&end, rigid[0], hand) - was).abs() < 1e-5, "{case}: it stays in the hand");
+            assert!((gap(&end, rigid[0], hand) - was).abs() < 1e-5, "{case}: stays in the hand");
         } else {
-            assert_eq!(case, TruthCase::TurnHead, "only the head leaves nothing of its bone");
+            assert_eq!(case, TruthCase::TurnHead, "only the head is not in a hand");
         }
     }
 }
 
-/// The truth, displaced, turned and grown by known amounts.
+/// The truth, translated, rotated and scaled by known amounts.
 #[derive(Debug)]
 struct Off<'a> {
     scene: &'a TruthScene,

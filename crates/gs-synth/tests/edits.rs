@@ -1,4 +1,4 @@
-//! Edits and their truth: what stays is bit-identical, what changes belongs where it should.
+//! Edits and their truth: unedited splats are bit-identical, edited ones move with the right parts.
 
 use glam::Vec3;
 use gs_core::{DynamicScene, Splats};
@@ -54,7 +54,7 @@ fn same_geometry(a: &Splats, i: usize, b: &Splats, j: usize) -> bool {
 }
 
 #[test]
-fn demo_edit_is_whole_and_uses_every_tool() {
+fn demo_edit_is_complete_and_uses_every_tool() {
     let scene = scene();
     let edited = edit(&scene, &demo_edits());
     check_whole(&edited);
@@ -63,7 +63,7 @@ fn demo_edit_is_whole_and_uses_every_tool() {
     }
     let balls = |splats: &[Part]| splats.iter().filter(|&&part| part == Part::Ball).count();
     let before: Vec<Part> = scene.rows().iter().map(|row| row.part).collect();
-    assert!(balls(&edited.truth.parts) < balls(&before), "a ball is gone");
+    assert!(balls(&edited.truth.parts) < balls(&before), "a ball is removed");
     assert!(edited.truth.contact_mask.iter().any(|&mark| mark), "contact exists");
     let again = edit(&scene, &demo_edits());
     assert_eq!(again.splats, edited.splats, "deterministic");
@@ -71,7 +71,7 @@ fn demo_edit_is_whole_and_uses_every_tool() {
 }
 
 #[test]
-fn unedited_splats_move_as_the_noise_free_source() {
+fn unedited_splats_move_like_the_noise_free_source() {
     let scene = scene();
     let edited = edit(&scene, &demo_edits());
     let clean = scene.noise_free();
@@ -101,12 +101,12 @@ fn recolouring_changes_colours_only() {
             .filter(|&i| edited.splats.sh_of(i) != scene.frame1().sh_of(i))
             .all(|i| edited.truth.parts[i] == Part::Chest);
         assert!(changed, "{paint:?} stays in its region");
-        assert_ne!(edited.splats.sh, scene.frame1().sh, "{paint:?} does something");
+        assert_ne!(edited.splats.sh, scene.frame1().sh, "{paint:?} changes colours");
     }
 }
 
 #[test]
-fn clothing_lies_where_asked_and_multiplies() {
+fn clothing_has_the_requested_offset_and_number_of_copies() {
     let scene = scene();
     let region = Region::parts(&[Part::ThighL]);
     let [low, high] = [0.02, 0.05];
@@ -131,7 +131,7 @@ fn clothing_lies_where_asked_and_multiplies() {
 }
 
 #[test]
-fn pruning_and_splitting_give_the_shares_asked_for() {
+fn pruning_and_splitting_give_the_requested_shares() {
     let scene = scene();
     let region = Region::moving();
     let before = scene.rows().iter().filter(|row| region.parts.contains(&row.part)).count() as f32;
@@ -149,7 +149,7 @@ fn pruning_and_splitting_give_the_shares_asked_for() {
 }
 
 #[test]
-fn grafts_follow_their_carriers() {
+fn grafts_move_with_their_bones() {
     let scene = scene();
     let grafts = [
         (Graft::Hat, Tag::Hat, Part::Head),
@@ -193,20 +193,20 @@ fn boxes_replace_their_parts() {
     let boxes = rows_with(&edited, Tag::Box);
     let forearm = edited.truth.parts.iter().zip(&edited.truth.tags);
     let old = forearm.filter(|&(&part, &tag)| part == Part::ForearmR && tag != Tag::Box).count();
-    assert_eq!(old, 0, "nothing of the forearm is left");
+    assert_eq!(old, 0, "no splat of the forearm remains");
     assert!(boxes.len() > 100, "boxes have splats: {}", boxes.len());
 }
 
 #[test]
-fn removal_respects_the_ball_and_shuffling_the_lineage() {
+fn removal_is_limited_to_the_ball_and_shuffling_keeps_the_lineage() {
     let scene = scene();
     let center = [0.80, 0.15, 0.50];
     let region = Region::parts(&[Part::Ball]).within(center, 0.3);
     let edited = edit(&scene, &[Edit::Remove { region }, Edit::Shuffle]);
     check_whole(&edited);
-    assert!(edited.truth.parts.contains(&Part::Ball), "other balls stay");
+    assert!(edited.truth.parts.contains(&Part::Ball), "other balls remain");
     let ordered = edited.truth.source_rows.windows(2).all(|pair| pair[0] < pair[1]);
-    assert!(!ordered, "rows changed places");
+    assert!(!ordered, "rows are permuted");
     for (i, parent) in edited.truth.source_rows.iter().enumerate() {
         let parent = parent.unwrap() as usize;
         assert!(same_geometry(&edited.splats, i, scene.frame1(), parent), "row {i}");
@@ -214,7 +214,7 @@ fn removal_respects_the_ball_and_shuffling_the_lineage() {
 }
 
 #[test]
-fn drift_moves_a_little() {
+fn drift_moves_splats_slightly() {
     let scene = scene();
     let position = 0.002;
     let region = Region::parts(&[Part::Head]);
@@ -231,7 +231,7 @@ fn drift_moves_a_little() {
 }
 
 #[test]
-fn floaters_are_not_scored_and_contact_is_near_what_moves() {
+fn floaters_are_not_scored_and_contact_is_near_moving_parts() {
     let scene = scene();
     let edited = edit(&scene, &demo_edits());
     for (i, row) in edited.truth.rows().iter().enumerate() {
@@ -243,11 +243,11 @@ fn floaters_are_not_scored_and_contact_is_near_what_moves() {
         }
     }
     let count = edited.truth.contact_mask.iter().filter(|&&mark| mark).count();
-    assert!(count * 3 < edited.splats.len(), "contact is a zone, not everything: {count}");
+    assert!(count * 3 < edited.splats.len(), "contact is limited to a zone: {count}");
 }
 
 #[test]
-fn impossible_edits_are_refused() {
+fn invalid_edits_are_refused() {
     let cloth = build(TruthCase::StretchingCloth, 0, 500).unwrap().source;
     let hat = apply_edits(&cloth, &[Edit::Graft(Graft::Hat)], 0);
     assert!(matches!(hat, Err(SynthError::NoFigure { .. })), "no head");

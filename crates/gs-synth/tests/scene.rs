@@ -15,7 +15,7 @@ fn distance(splats: &Splats, a: usize, b: usize) -> f32 {
 }
 
 #[test]
-fn sizes_are_as_asked() {
+fn sizes_are_exact() {
     for num_splats in [1_000, 1_001, 7_777, 30_000] {
         for sh_degree in 0..=3 {
             let params =
@@ -83,7 +83,7 @@ fn everything_is_finite_and_rotations_are_unit() {
 #[test]
 fn rigid_parts_keep_their_distances() {
     let scene = small();
-    // the chest breathes, so it is left out
+    // the chest breathes, so it is excluded
     let parts = [Part::Head, Part::ForearmL, Part::ForearmR, Part::ShinL, Part::FootR];
     for part in parts {
         let rigid: Vec<usize> = (0..scene.num_splats())
@@ -126,7 +126,7 @@ fn the_arm_moves_far_and_passes_close_to_the_torso() {
 }
 
 #[test]
-fn scenery_stands_still_and_the_figure_does_not() {
+fn scenery_is_static_and_the_figure_moves() {
     let scene = small();
     let moving = scene.moving_mask();
     let later = scene.at(0.4).unwrap();
@@ -138,7 +138,7 @@ fn scenery_stands_still_and_the_figure_does_not() {
 }
 
 #[test]
-fn trajectory_noise_has_the_size_asked_for() {
+fn trajectory_noise_has_the_requested_amplitude() {
     let noise = 0.001;
     let params = DemoParams { num_splats: 4_000, trajectory_noise: noise, ..DemoParams::default() };
     let noisy = demo(&params).unwrap();
@@ -157,7 +157,7 @@ fn trajectory_noise_has_the_size_asked_for() {
 }
 
 #[test]
-fn floaters_drift() {
+fn floaters_move() {
     let params = DemoParams { num_splats: 2_000, floaters: 0.05, ..DemoParams::default() };
     let scene = demo(&params).unwrap();
     let floaters: Vec<usize> =
@@ -183,7 +183,7 @@ fn surfaces_are_flat_and_opaque() {
 }
 
 #[test]
-fn bad_parameters_are_refused() {
+fn invalid_parameters_are_refused() {
     let bad = [
         DemoParams { num_splats: 10, ..DemoParams::default() },
         DemoParams { sh_degree: 4, ..DemoParams::default() },

@@ -1,4 +1,4 @@
-//! How close the arm must hang to graze the body.
+//! Arm angle at which the swinging forearm grazes the body.
 
 use crate::{
     body::Body,
@@ -9,7 +9,7 @@ use crate::{
     sampler::{Point, scatter, weighted_area},
 };
 
-/// Smallest distance between forearm and body wanted, splat spacings.
+/// Target for the smallest distance between forearm and body, splat spacings.
 const GAP: f64 = 1.5;
 
 /// The dance with the arm's angle such that the forearm passes the body at [`GAP`] spacings of a

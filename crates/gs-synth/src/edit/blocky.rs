@@ -13,7 +13,7 @@ use crate::{
 use glam::{Mat3, Vec3};
 use rand_pcg::Pcg64;
 
-/// Share of splats a box needs against the part it replaces.
+/// Splats of a box, as a share of those of the part it replaces.
 const BOX_SHARE: f32 = 0.9;
 
 pub(super) fn remodel(
@@ -38,7 +38,7 @@ pub(super) fn remodel(
         let mut low = old.iter().copied().reduce(Vec3::min).unwrap_or_default();
         let high = old.iter().copied().reduce(Vec3::max).unwrap_or_default();
         if part == Part::Head {
-            // the box is the head; the neck keeps to itself
+            // the box replaces the head without the neck
             low.y = low.y.max(1.475);
         }
         let half = (high - low) * Vec3::new(0.46, 0.5, 0.46);

@@ -1,4 +1,4 @@
-//! Clothing: the surface moves out along its normals, and multiplies.
+//! Clothing: moves the surface outwards along its normals and clones splats.
 
 use super::{Draft, Region};
 use crate::{
@@ -29,7 +29,7 @@ fn puff(row: &Row) -> f32 {
     phase.sin().abs().sqrt()
 }
 
-/// Inflates the region's surface; gives the rows of all that is worn afterwards.
+/// Inflates the region's surface; returns the rows of the clothing.
 pub(super) fn dress(
     draft: &mut Draft,
     posing: &Frame,
@@ -60,8 +60,8 @@ fn unposed(posing: &Frame, row: &Row) -> Quat {
     quat::to_glam(posed.quat).conjugate()
 }
 
-/// Share of the offset that is left where clothing ends at neck and elbows: it hugs them, whatever
-/// its thickness.
+/// Factor of the offset near the ends of the clothing at neck and
+/// elbows, where it fits tightly for any thickness.
 fn hem(row: &Row) -> f32 {
     let y = row.rest[1];
     match row.part {
@@ -71,7 +71,8 @@ fn hem(row: &Row) -> f32 {
     }
 }
 
-/// Moves one row out; `spread` (in spacings) scatters clones over the gaps between the originals.
+/// Moves one row outwards; `spread` (in spacings) scatters
+/// clones over the gaps between the originals.
 fn offset(
     draft: &mut Draft,
     posing: &Frame,
@@ -84,7 +85,7 @@ fn offset(
     let [low, high] = wear.offset;
     let out = (low + (high - low) * puff(&row)) * hem(&row);
     let across = normal3(rng) * (wear.jitter + spread * row.spacing);
-    // seams and cuffs are painted by the bind position: a clone has its own
+    // seams and cuffs are painted by bind position, so a clone has its own
     let sideways = across - n * across.dot(n);
     draft.rows[i].rest = (Vec3::from(row.rest) + unposed(posing, &row) * sideways).into();
     let step = n * (out + wear.jitter * normal(rng)) + sideways;

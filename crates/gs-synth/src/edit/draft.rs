@@ -1,4 +1,4 @@
-//! [`Draft`]: edited splats with what is known of each, kept in step.
+//! [`Draft`]: edited splats and their descriptions, kept consistent.
 
 use super::Region;
 use crate::{SynthScene, math::row_id, part::Tag, scene::Row};
@@ -13,8 +13,9 @@ pub(crate) struct Draft {
     pub(crate) tags: Vec<Tag>,
     /// Source row a splat descends from; `None` for new geometry.
     pub(crate) source_rows: Vec<Option<u32>>,
-    /// Rows that an [`super::Edit::Remove`] took, and that are still here: an editor may miss them.
-    pub(crate) doomed: Vec<bool>,
+    /// Rows that [`super::Edit::Remove`] marked but that still
+    /// exist, because an editor may miss them.
+    pub(crate) removed: Vec<bool>,
 }
 
 impl Draft {
@@ -25,7 +26,7 @@ impl Draft {
             rows: scene.rows.clone(),
             tags: vec![Tag::Unchanged; count],
             source_rows: (0..count).map(|i| Some(row_id(i))).collect(),
-            doomed: vec![false; count],
+            removed: vec![false; count],
         }
     }
 
@@ -39,7 +40,7 @@ impl Draft {
         (0..mask.len()).filter(|&i| mask[i]).collect()
     }
 
-    /// Appends a copy of row `i`; gives the row of the copy.
+    /// Appends a copy of row `i`; returns its row.
     pub(super) fn push_clone(&mut self, i: usize) -> usize {
         let coeffs = self.splats.sh_coeffs();
         let splats = &mut self.splats;
@@ -51,7 +52,7 @@ impl Draft {
         self.rows.push(self.rows[i]);
         self.tags.push(self.tags[i]);
         self.source_rows.push(self.source_rows[i]);
-        self.doomed.push(self.doomed[i]);
+        self.removed.push(self.removed[i]);
         self.rows.len() - 1
     }
 
@@ -73,6 +74,6 @@ impl Draft {
         self.rows = order.iter().map(|&i| self.rows[i]).collect();
         self.tags = order.iter().map(|&i| self.tags[i]).collect();
         self.source_rows = order.iter().map(|&i| self.source_rows[i]).collect();
-        self.doomed = order.iter().map(|&i| self.doomed[i]).collect();
+        self.removed = order.iter().map(|&i| self.removed[i]).collect();
     }
 }

@@ -3,7 +3,7 @@
 use super::Draft;
 use crate::{
     SynthError, SynthScene,
-    assemble::Dresser,
+    assemble::SplatBuilder,
     body::Body,
     math::round_count,
     paint::{Material, Spot, matt, rgb, ripple, shiny, stripes},
@@ -22,9 +22,9 @@ pub enum Graft {
     Hat,
     /// Two horns on the head.
     Horns,
-    /// Two wings on the back, carried by the chest.
+    /// Two wings on the back, attached to the chest.
     Wings,
-    /// A block on the chest that touches the left arm, carried by the chest.
+    /// A block that touches the left arm, attached to the chest.
     Block,
     /// A thin stick in the right hand, beside the thigh.
     Stick,
@@ -66,13 +66,13 @@ pub(super) fn add(
     rng: &mut Pcg64,
 ) {
     let posing = scene.rig.posing();
-    let dresser = Dresser::with_parts(&posing, true, false, scene.frame1.sh_degree);
+    let dresser = SplatBuilder::with_parts(&posing, true, false, scene.frame1.sh_degree);
     for point in scatter(bodies, count, 0, rng) {
         let row = dresser.push(&point, &mut draft.splats, rng);
         draft.rows.push(row);
         draft.tags.push(tag);
         draft.source_rows.push(None);
-        draft.doomed.push(false);
+        draft.removed.push(false);
     }
 }
 
@@ -163,7 +163,7 @@ fn wood(spot: &Spot) -> Material {
     matt(rgb(0.55, 0.38, 0.22) * (1.0 + 0.1 * ripple(spot.rest, 6.0)))
 }
 
-/// On the chest's left front; its lower face lies on the upper arm.
+/// A block on the chest's left front; its lower face touches the upper arm.
 fn block() -> Vec<Body> {
     Shape::cuboid(Vec3::new(0.09, 1.20, 0.14), Mat3::IDENTITY, Vec3::new(0.14, 0.10, 0.08))
         .into_iter()
@@ -171,7 +171,7 @@ fn block() -> Vec<Body> {
         .collect()
 }
 
-/// Through the right hand, along the thigh.
+/// A stick through the right hand, along the thigh.
 fn stick() -> Vec<Body> {
     Shape::cuboid(Vec3::new(-0.2, 0.76, 0.1), Mat3::IDENTITY, Vec3::new(0.012, 0.012, 0.32))
         .into_iter()
@@ -179,7 +179,7 @@ fn stick() -> Vec<Body> {
         .collect()
 }
 
-/// Above the head, joined to nothing.
+/// A ring above the head, without contact.
 fn halo() -> Body {
     let round = |y: f32, radius: f32| ring(y, [0.0, 0.0], [radius, radius]);
     let rings = [

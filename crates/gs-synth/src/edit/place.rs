@@ -1,4 +1,4 @@
-//! Placement: a part of the scene is scaled, turned and moved as a whole.
+//! Placement: scales, rotates and translates a part of the scene as a whole.
 
 use super::{Draft, Region};
 use crate::{
@@ -10,10 +10,9 @@ use crate::{
 use glam::{DQuat, DVec3, Vec3};
 use gs_core::quat;
 
-/// Scales and turns the region about its middle, then moves it; `shift` in world units.
+/// Scales and rotates the region about its centre, then translates it; `shift` in world units.
 ///
-/// What is placed is carried by the same bones as before: a lantern twice as large stays in its
-/// hand.
+/// The attachment to bones does not change: an enlarged lantern stays in the hand.
 pub(super) fn place(
     draft: &mut Draft,
     posing: &Frame,
@@ -46,7 +45,7 @@ pub(super) fn place(
     }
 }
 
-/// Turns the linear harmonics, the only ones that these scenes have: basis functions −y, z, −x.
+/// Rotates the linear harmonics, the only ones of these scenes; basis functions −y, z, −x.
 fn turn_highlight(linear: &mut [[f32; 3]], turn: DQuat) {
     for channel in 0..3 {
         let slope = [-linear[2][channel], -linear[0][channel], linear[1][channel]];

@@ -1,9 +1,9 @@
-//! [`Region`]: which splats an edit touches.
+//! [`Region`]: the splats that an edit affects.
 
 use crate::part::Part;
 use glam::Vec3;
 
-/// Which splats an edit touches: those of some parts, inside an optional ball.
+/// The splats that an edit affects: those of some parts, inside an optional ball.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Region {
     /// Body parts.
@@ -13,20 +13,20 @@ pub struct Region {
 }
 
 impl Region {
-    /// Everything of these parts.
+    /// All splats of these parts.
     pub fn parts(parts: &[Part]) -> Self {
         Self { parts: parts.to_vec(), ball: None }
     }
 
-    /// The whole figure and what it holds, both objects and the sheet: whatever moves, floaters
-    /// excepted.
+    /// All moving parts except floaters: the figure and the object
+    /// it holds, both bodies and the sheet.
     pub fn moving() -> Self {
         let mut parts = Part::FIGURE.to_vec();
         parts.extend([Part::ObjectA, Part::ObjectB, Part::Cloth, Part::Held]);
         Self { parts, ball: None }
     }
 
-    /// Only within `radius` of `center` (frame-1 world).
+    /// Restricts the region to a ball around `center` (frame-1 world units).
     #[must_use]
     pub fn within(mut self, center: [f32; 3], radius: f32) -> Self {
         self.ball = Some((center, radius));

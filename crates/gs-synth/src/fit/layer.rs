@@ -1,8 +1,8 @@
 //! Fully connected layers on panels, forward and backward.
 //!
-//! Activations are feature-major panels `[features][PANEL]`; columns are samples. Loops are written
-//! so that the compiler turns columns into vector lanes; no fused operations, so that every
-//! processor computes the same bits.
+//! Activations are feature-major panels `[features][PANEL]`; columns are samples.
+//! Loops are written so that the compiler vectorises over columns, without fused
+//! operations, so that every processor computes the same bits.
 
 /// Samples side by side.
 pub(super) const PANEL: usize = 64;
@@ -10,8 +10,8 @@ pub(super) const PANEL: usize = 64;
 /// One feature of a panel of samples.
 pub(super) type Row = [f32; PANEL];
 
-/// Where a layer's weights (row-major `[outputs, inputs]`) and bias lie in the vector of all
-/// parameters.
+/// Position of a layer's weights (row-major `[outputs, inputs]`)
+/// and bias in the vector of all parameters.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct LayerAt {
     pub(super) first: usize,
@@ -71,7 +71,7 @@ impl LayerAt {
     }
 }
 
-/// Rows computed together, so that what they read is read once. Divides every number of inputs.
+/// Rows computed together, so that their input is read once. Divides every number of inputs.
 const TILE: usize = 4;
 /// Columns of a tile.
 const COLUMNS: usize = 32;

@@ -1,4 +1,4 @@
-//! The network under training: one vector of parameters, forward and backward through it.
+//! The network during training: one vector of parameters, forward and backward passes.
 
 use super::layer::{LayerAt, PANEL, Row, relu, relu_backward};
 use super::params::FitParams;
@@ -23,7 +23,7 @@ struct PlaneAt {
     rows: usize,
 }
 
-/// Where everything lies in the vector of parameters.
+/// Layout of the vector of parameters.
 #[derive(Debug, Clone)]
 pub(super) struct Layout {
     planes: [[PlaneAt; 6]; LEVELS],
@@ -43,7 +43,7 @@ struct Tap {
 }
 
 impl Tap {
-    /// Corner-aligned and clamped, as [`HexPlane`] samples.
+    /// Corner-aligned and clamped, as in [`HexPlane`].
     #[inline(always)]
     fn new(u: f32, resolution: usize) -> Self {
         let last = resolution - 1;
@@ -92,8 +92,8 @@ impl Layout {
         Self { planes, trunk, heads, plane_params, len }
     }
 
-    /// As the reference initialises: spatial planes uniform in 0.1–0.5, time planes 1, layers by
-    /// Glorot; last layers small, so that training starts near rest.
+    /// Initialisation as in the reference: spatial planes uniform in 0.1–0.5, time planes 1, Glorot
+    /// for layers; last layers small, so that training starts with little motion.
     pub(super) fn initial(&self, rng: &mut Pcg64) -> Vec<f32> {
         let mut params = vec![0.0; self.len];
         for plane in self.planes.iter().flatten().zip(PLANE_AXES.iter().cycle()) {
@@ -211,7 +211,7 @@ impl Layout {
         }
     }
 
-    /// Adds the gradient of the loss over the panel's samples to `grads`; gives the summed loss.
+    /// Adds the gradient of the loss over the panel's samples to `grads`; returns the summed loss.
     #[inline(always)]
     pub(super) fn backward(
         &self,
@@ -244,8 +244,8 @@ impl Layout {
         loss
     }
 
-    /// Gradient of the planes: each texel gets what the product of the other five planes lets
-    /// through.
+    /// Gradient of the planes: for each plane, the upstream gradient
+    /// times the product of the other five planes.
     #[inline(always)]
     fn planes_backward(&self, coords: &[[f32; 4]; PANEL], scratch: &Scratch, grads: &mut [f32]) {
         for (s, (coords, values)) in coords.iter().zip(&scratch.values).enumerate() {

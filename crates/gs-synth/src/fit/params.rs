@@ -1,6 +1,6 @@
-//! [`FitParams`]: how a network is trained.
+//! [`FitParams`]: parameters of the training.
 
-/// How [`crate::fit_hexplane`] trains.
+/// Parameters of [`crate::fit_hexplane`].
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct FitParams {
     /// Optimiser steps of 2048 samples each. Default 600.
@@ -11,7 +11,7 @@ pub struct FitParams {
     /// Texels along the time axis, of which the network uses the later half (its time runs from 0
     /// to 1 on an axis from −1 to 1). Default 49.
     pub time_resolution: usize,
-    /// Times trained on, evenly spread. Default 25.
+    /// Number of evenly spaced training times. Default 25.
     pub num_times: usize,
     /// Seed of weights and samples. Default 0.
     pub seed: u64,

@@ -1,20 +1,20 @@
-//! [`Samples`]: what a network is trained on, and its loss.
+//! [`Samples`]: training data and loss.
 
 use super::layer::{PANEL, Row};
 
 /// Panels per step. Their gradients are added in this order for any number of threads.
 pub(super) const PANELS: usize = 32;
-/// Weight of squared quaternion differences against squared distances in figure sizes.
+/// Weight of squared quaternion differences relative to squared distances in figure sizes.
 const QUAT_WEIGHT: f32 = 0.02;
 
-/// What is trained on.
+/// Training data.
 pub(super) struct Samples<'a> {
     /// Box coordinates of every splat.
     pub(super) places: Vec<[f32; 3]>,
     pub(super) times: &'a [f32],
-    /// `[T][N]` displacements since the start, figure sizes.
+    /// `[T][N]` displacements from time 0, figure sizes.
     pub(super) shifts: Vec<Vec<[f32; 3]>>,
-    /// `[T][N]` differences of unit quaternions since the start, on the start's hemisphere.
+    /// `[T][N]` differences of unit quaternions from time 0, on the same hemisphere.
     pub(super) turns: Vec<Vec<[f32; 4]>>,
     pub(super) figure_size: f32,
 }
@@ -26,7 +26,7 @@ impl Samples<'_> {
         [x, y, z, self.times[time as usize]]
     }
 
-    /// Replaces outputs by the gradient of the loss; gives the loss.
+    /// Replaces the outputs by the gradient of the loss; returns the loss.
     #[inline(always)]
     pub(super) fn residuals(&self, picks: &[(u32, u32); PANEL], out: &mut [Vec<Row>; 2]) -> f32 {
         let mut loss = 0.0;

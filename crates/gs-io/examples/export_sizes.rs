@@ -1,6 +1,6 @@
-//! Time and size of every format a clip can be written in, as a table.
+//! Prints a table of write times and sizes of a clip in every format.
 //!
-//! `cargo run --release -p gs-io --example export_sizes -- SPLATS FRAMES`
+//! `cargo run --release --example export_sizes -- SPLATS FRAMES`
 
 use gs_core::{Camera, DynamicScene, TimeRange};
 use gs_io::ply::WriteOptions;

@@ -1,5 +1,5 @@
-//! Says what a scene is and where its Gaussians are over time:
-//! `cargo run --example inspect -- <PATH>`.
+//! Prints the kind of a scene and the positions of its Gaussians over
+//! time: `cargo run --example inspect -- PATH`.
 
 use gs_core::{DynamicScene, Splats};
 use gs_io::{OpenOptions, open_scene};

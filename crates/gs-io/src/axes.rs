@@ -1,14 +1,13 @@
-//! [`Axes`]: which way x, y and z of a file point, and the change to the axes of 3DGS PLYs.
+//! [`Axes`]: directions of a file's x, y and z axes, and the conversion to the axes of 3DGS PLYs.
 //!
-//! Splats have a place but no up. Formats that define their axes still get written in others: SPZ
-//! is x right, y up, z back by its description, and many tools write it in the axes of the PLY they
-//! had. [`AxesReading`] therefore keeps, with a frame, in which axes it was read and what else it
-//! may have been.
+//! Even formats that define their axes are written with others: SPZ specifies x right, y up, z
+//! back, but many tools write it with the axes of their input PLY. [`AxesReading`] therefore
+//! stores, with a frame, the axes in which it was read and the alternatives.
 
 use gs_core::{ShRotation, Splats, quat};
 use rayon::prelude::*;
 
-/// What x, y and z point to, one letter each: left or right, up or down, front or back. The values
+/// Directions of x, y and z, one letter each: left or right, up or down, front or back. The values
 /// are the codes of Niantic's `CoordinateSystem` (SPZ, extension `0xADBE0003`).
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub struct Axes(u8);
@@ -20,11 +19,11 @@ const NAMES: [&str; 16] = [
 ];
 
 impl Axes {
-    /// Right, up, back: OpenGL, three.js, and SPZ by its description.
+    /// Right, up, back: OpenGL, three.js, and the SPZ specification.
     pub const RUB: Self = Self(4);
-    /// Right, down, front: COLMAP and 3DGS PLYs, and everything in memory here.
+    /// Right, down, front: COLMAP and 3DGS PLYs, and all splats in memory.
     pub const PLY: Self = Self(6);
-    /// Left, up, front: glTF as its specification names the sides of an asset.
+    /// Left, up, front: glTF, in the specification's terms for the sides of an asset.
     pub const LUF: Self = Self(7);
 
     /// The axes with this code, 1 to 16.
@@ -56,7 +55,7 @@ impl Axes {
     }
 }
 
-/// In words, for example "RUB (x right, y up, z back)".
+/// Description, for example "RUB (x right, y up, z back)".
 impl std::fmt::Display for Axes {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         let words = self.columns().map(|column| match column {
@@ -71,26 +70,26 @@ impl std::fmt::Display for Axes {
     }
 }
 
-/// In which axes a frame was read, for formats whose files come in several.
+/// The axes in which a frame was read, for formats whose files use different axes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct AxesReading {
     /// The axes the file was read in.
     pub axes: Axes,
-    /// Whether the file itself names them.
+    /// Whether the file states its axes.
     pub stated: bool,
     /// Axes in which files of this format are written, [`AxesReading::axes`] by default first.
     pub usual: &'static [Axes],
 }
 
 impl AxesReading {
-    /// What is assumed, a sentence; nothing if the file says which axes it has.
+    /// The assumption as a sentence; `None` if the file states its axes.
     pub fn assumption(&self) -> Option<String> {
         (!self.stated).then(|| format!("the file does not state its axes; read as {}", self.axes))
     }
 }
 
-/// Changes splats stored in `from` to `to`. Between axes of the same order, which is all but the
-/// codes from 9 on, only signs change.
+/// Converts splats from axes `from` to `to`. Between axes of the same
+/// order (codes up to 8), only signs change.
 pub(crate) fn convert(splats: &mut Splats, from: Axes, to: Axes) {
     if from == to {
         return;
@@ -107,7 +106,7 @@ pub(crate) fn convert(splats: &mut Splats, from: Axes, to: Axes) {
         flip(splats, [0, 1, 2].map(|axis| f32::from(matrix[axis][axis])));
         return;
     }
-    // y and z change places: a mirror image in x if handedness changes, then a rotation.
+    // y and z are swapped: a reflection in x if the handedness changes, then a rotation.
     let determinant = f32::from(determinant(&matrix));
     if determinant < 0.0 {
         flip(splats, [-1.0, 1.0, 1.0]);
@@ -128,7 +127,7 @@ fn determinant(m: &[[i8; 3]; 3]) -> i8 {
         + m[0][2] * (m[1][0] * m[2][1] - m[1][1] * m[2][0])
 }
 
-/// Turns all splats about the origin by the unit quaternion `wxyz`.
+/// Rotates all splats about the origin by the unit quaternion `wxyz`.
 pub(crate) fn rotate(splats: &mut Splats, rotation: [f32; 4]) {
     let coeffs = splats.sh_coeffs();
     let turn = ShRotation::new(rotation.map(f64::from));
@@ -137,7 +136,7 @@ pub(crate) fn rotate(splats: &mut Splats, rotation: [f32; 4]) {
     splats.sh.par_chunks_exact_mut(coeffs).for_each(|sh| turn.apply(sh));
 }
 
-/// Odd powers of x, y and z in each SH basis function.
+/// Whether each SH basis function is odd in x, y and z.
 const ODD: [[bool; 3]; 16] = {
     const N: bool = false;
     const Y: bool = true;
@@ -163,8 +162,7 @@ const ODD: [[bool; 3]; 16] = {
 
 /// Multiplies the coordinates by `signs`, each ±1: exact, and its own inverse.
 fn flip(splats: &mut Splats, signs: [f32; 3]) {
-    // A mirror image turns rotations about the other way, so an axis gets the signs of the other
-    // two.
+    // A reflection reverses the sense of rotations, so each axis gets the signs of the other two.
     let about = [signs[1] * signs[2], signs[0] * signs[2], signs[0] * signs[1]];
     let sh_signs: [f32; 16] = std::array::from_fn(|k| {
         (0..3).map(|axis| if ODD[k][axis] { signs[axis] } else { 1.0 }).product()
@@ -209,7 +207,7 @@ mod tests {
     }
 
     #[test]
-    fn every_change_of_axes_keeps_shapes_and_colours() {
+    fn every_conversion_of_axes_keeps_shapes_and_colours() {
         assert_eq!(Axes::RUB.to_string(), "RUB (x right, y up, z back)", "words");
         assert_eq!(turned([1.0, 2.0, 3.0], Axes::RUB, Axes::PLY), [1.0, -2.0, -3.0], "half turn");
         for code in 1..=16 {

@@ -1,10 +1,10 @@
-//! Values that several formats keep in a byte or in three small numbers.
+//! Encodings shared by several formats: values in a byte, quaternions in three small numbers.
 
 use gs_core::activation::logit;
 use gs_core::sh::C0;
 
-/// Opacity logit of a byte. The ends stand for all opacities that round to them, and get the logit
-/// of the middle of those (about ∓6.9) instead of an infinite one.
+/// Opacity logit of a byte. The end values represent all opacities that round to them; they get the
+/// logit of the middle of that range (about ∓6.9) instead of an infinite one.
 pub(crate) fn logit_of(byte: u8) -> f32 {
     let opacity = match byte {
         0 => 0.25,
@@ -14,7 +14,7 @@ pub(crate) fn logit_of(byte: u8) -> f32 {
     logit(opacity / 255.0)
 }
 
-/// Opacities at an end of the byte, counted, as a sentence.
+/// A note with the number of opacities stored as 0 or 255.
 pub(crate) fn ends_note(bytes: impl Iterator<Item = u8>) -> Option<String> {
     let ends = bytes.filter(|&byte| byte == 0 || byte == 255).count();
     (ends > 0)
@@ -26,7 +26,7 @@ pub(crate) fn dc_of(channel: f32) -> f32 {
     (channel - 0.5) / C0
 }
 
-/// Colour channel of a DC coefficient, 0 to 1 where displays show it.
+/// Colour channel of a DC coefficient; 0 to 1 is the displayable range.
 pub(crate) fn channel_of(dc: f32) -> f32 {
     0.5 + C0 * dc
 }
@@ -37,7 +37,8 @@ pub(crate) fn unorm8(value: f32) -> u8 {
     (value * 255.0 + 0.5).clamp(0.0, 255.0) as u8
 }
 
-/// The unit quaternion whose components but the `largest` are `others`, in order.
+/// The unit quaternion with components `others`, in order, and
+/// a positive component in slot `largest`.
 pub(crate) fn largest_from(others: [f32; 3], largest: usize) -> [f32; 4] {
     let squares: f32 = others.iter().map(|q| q * q).sum();
     let mut rest = others.into_iter();
@@ -50,8 +51,8 @@ pub(crate) fn largest_from(others: [f32; 3], largest: usize) -> [f32; 4] {
     })
 }
 
-/// The slot of the largest component, and the others on its positive side; of a zero quaternion,
-/// those of the identity rotation.
+/// The slot of the largest component, and the other components with the sign that makes it
+/// positive; those of the identity for a zero quaternion.
 pub(crate) fn without_largest(quat: [f32; 4]) -> (usize, [f32; 3]) {
     let unit = gs_core::quat::normalize(quat);
     let mut largest = 0;
@@ -65,8 +66,8 @@ pub(crate) fn without_largest(quat: [f32; 4]) -> (usize, [f32; 3]) {
     (largest, std::array::from_fn(|_| others.next().unwrap_or_default()))
 }
 
-/// Largest angle by which a rotation is off, radians, when each of the three smaller components is
-/// off by at most `component`:
+/// Largest error of a rotation, radians, if the error of each of the
+/// three smaller components is at most `component`:
 /// |δq| ≤ √12·component, since the largest is at least 1/2, and the angle is twice that.
 pub(crate) fn smallest_three_rad(component: f32) -> f32 {
     2.0 * 12.0_f32.sqrt() * component
@@ -77,7 +78,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn quaternions_survive_losing_their_largest() {
+    fn quaternions_are_restored_from_their_smaller_components() {
         for quat in [[0.1, -0.9, 0.3, 0.2], [0.5, 0.5, -0.5, 0.5], [0.0, 0.0, 0.0, -2.0]] {
             let (largest, others) = without_largest(quat);
             let back = largest_from(others, largest);

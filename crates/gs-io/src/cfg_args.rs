@@ -1,14 +1,14 @@
-//! `cfg_args`: the `repr` of a Python namespace, read as data.
+//! `cfg_args`: the `repr` of a Python namespace, parsed as data.
 //!
-//! Forks add fields of any Python type. What is no literal stays text and is listed
-//! ([`CfgArgs::unread`]); the other fields are read.
+//! Forks add fields of any Python type. Values that are not literals stay text and are listed
+//! ([`CfgArgs::unread`]); the other fields are parsed.
 
 use thiserror::Error;
 
 /// Deepest nesting accepted; real files have three levels.
 const MAX_DEPTH: usize = 32;
 
-/// A text that is no whole `cfg_args`.
+/// A text that is not a complete `cfg_args`.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
 #[error(
     "malformed cfg_args: {what} at character {at}; copy the file again, or remove the file (flags are then guessed)"
@@ -42,7 +42,7 @@ pub enum Value {
 }
 
 impl Value {
-    /// As a flag: booleans, and integers the way Python takes them.
+    /// As a flag: booleans, and integers with Python's truth value.
     pub fn as_bool(&self) -> Option<bool> {
         match self {
             Self::Bool(value) => Some(*value),
@@ -93,7 +93,7 @@ impl Value {
 pub struct CfgArgs {
     /// Names and values.
     pub items: Vec<(String, Value)>,
-    /// Names whose values are no literals ([`Value::Other`]).
+    /// Names whose values are not literals ([`Value::Other`]).
     pub unread: Vec<String>,
 }
 
@@ -104,10 +104,9 @@ impl CfgArgs {
     }
 }
 
-/// Parses `Namespace(key=value, …)`. Values that are no literals are skipped and named.
+/// Parses `Namespace(key=value, …)`. Values that are not literals are skipped and listed.
 ///
-/// # Errors
-/// If the text is no namespace, or ends before its closing bracket.
+/// # Errors If the text is not a namespace, or ends before its closing bracket.
 pub fn parse(text: &str) -> Result<CfgArgs, CfgError> {
     let mut parser = Parser { text, at: 0, balanced: true };
     parser.space();
@@ -128,7 +127,7 @@ pub fn parse(text: &str) -> Result<CfgArgs, CfgError> {
         let name = parser.identifier().map(str::to_owned);
         parser.space();
         let Some(name) = name.ok().filter(|_| parser.eat("=")) else {
-            // No field: go on at the next one.
+            // Not a field: continue with the next one.
             parser.at = start;
             parser.skip_to_next_field();
             continue;
@@ -145,8 +144,8 @@ pub fn parse(text: &str) -> Result<CfgArgs, CfgError> {
 struct Parser<'a> {
     text: &'a str,
     at: usize,
-    /// Whether brackets and quotes matched wherever they were followed; where they did not, the
-    /// next field is looked for instead.
+    /// Whether brackets and quotes have matched so far; if not, the
+    /// parser searches for the next field instead.
     balanced: bool,
 }
 
@@ -198,8 +197,7 @@ impl<'a> Parser<'a> {
         Ok(name)
     }
 
-    /// The value of a field, up to the comma or bracket behind it: a literal, or else what stands
-    /// there.
+    /// The value of a field, up to the following comma or bracket: a literal, or else the raw text.
     fn field_value(&mut self) -> Value {
         self.space();
         let start = self.at;
@@ -219,7 +217,7 @@ impl<'a> Parser<'a> {
         Value::Other(self.text[start..self.at].trim_end().to_owned())
     }
 
-    /// Goes to the comma before the next `name=`, else to the bracket at the end, else to the end.
+    /// Advances to the comma before the next `name=`, else to the final bracket, else to the end.
     fn skip_to_next_field(&mut self) {
         let rest = self.rest();
         let is_field = |&(at, _): &(usize, &str)| {
@@ -253,7 +251,7 @@ impl<'a> Parser<'a> {
                 name if self.rest().starts_with('(') => {
                     let mut arguments = self.call(depth)?;
                     let text = || Value::Other(self.text[start..self.at].to_owned());
-                    Ok(match (arguments.len(), stands_for_its_argument(name)) {
+                    Ok(match (arguments.len(), wraps_a_literal(name)) {
                         (1, true) => arguments.pop().unwrap_or_else(text),
                         _ => text(),
                     })
@@ -353,7 +351,7 @@ impl<'a> Parser<'a> {
                     let code = u32::from_str_radix(&hex, 16).ok().and_then(char::from_u32);
                     out.push(code.ok_or_else(|| self.error("a character code"))?);
                 }
-                // Python keeps a backslash it does not know, and so do Windows paths typed by hand.
+                // Python keeps the backslash of an unknown escape, as in hand-typed Windows paths.
                 Some(other) => out.extend(['\\', other]),
                 None => break,
             }
@@ -362,9 +360,8 @@ impl<'a> Parser<'a> {
     }
 }
 
-/// Whether the `repr` of an object of this class only wraps the literal in it: paths and NumPy's
-/// scalars.
-fn stands_for_its_argument(class: &str) -> bool {
+/// Whether the `repr` of this class only wraps a literal: paths and NumPy's scalars.
+fn wraps_a_literal(class: &str) -> bool {
     let class = class.rsplit('.').next().unwrap_or(class);
     class.ends_with("Path")
         || ["str_", "bool_", "float16", "float32", "float64"].contains(&class)
@@ -375,8 +372,8 @@ fn stands_for_its_argument(class: &str) -> bool {
             .is_some_and(|bits| ["8", "16", "32", "64"].contains(&bits))
 }
 
-/// Length of a value up to the comma or bracket that ends it, brackets and quotes followed; `None`
-/// if they do not match.
+/// Length of a value up to the comma or bracket that ends it, skipping nested
+/// brackets and quotes; `None` if they do not match.
 fn balanced_length(text: &str) -> Option<usize> {
     let mut open = Vec::new();
     let mut chars = text.char_indices();
@@ -424,14 +421,14 @@ mod tests {
         let resolution = get("h").get("k").and_then(|k| k.get("r"));
         assert_eq!(resolution, Some(&Value::List(vec![Value::Int(64), Value::Int(25)])), "nested");
         assert_eq!(get("k").as_str(), Some("a, b)"), "a path");
-        assert_eq!(cfg.unread, ["n"], "what is no literal");
+        assert_eq!(cfg.unread, ["n"], "values that are not literals");
         assert!(matches!(get("m"), Value::Float(_)), "huge integer");
         assert!(cfg.get("z").is_none(), "absent");
         assert!(parse("Namespace()").unwrap().items.is_empty(), "empty");
     }
 
-    /// One field more, as forks and Windows write it, in front of and behind fields that must be
-    /// read; and what it is read as.
+    /// Fields as written by forks and on Windows, inserted before and after fields that must be
+    /// parsed, with their expected values.
     #[test]
     fn a_field_of_any_type_is_skipped_alone() {
         for (field, read) in [
@@ -490,9 +487,14 @@ mod tests {
     }
 
     #[test]
-    fn nesting_without_end_is_one_field() {
+    fn excessive_nesting_is_one_field() {
         let deep = format!("Namespace(a={}, b=2)", "[".repeat(100_000));
-        assert_eq!(parse(&deep).unwrap().get("b"), Some(&Value::Int(2)), "the next is read");
+        assert_eq!(
+            parse(&deep).unwrap().get("b"),
+            Some(&Value::Int(2)),
+            "the next field is \
+            parsed"
+        );
     }
 
     #[test]
@@ -510,7 +512,7 @@ mod tests {
         }
         for cut in ["Namespace(", "Namespace(a", "Namespace(a=", "Namespace(a=1", "Namespace(a='x"]
         {
-            assert!(parse(cut).is_err(), "{cut}: a file that is cut off is no detail");
+            assert!(parse(cut).is_err(), "{cut}: a truncated file is an error");
         }
     }
 }

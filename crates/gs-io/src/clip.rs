@@ -1,10 +1,10 @@
-//! [`Clip`]: what the writers of animated formats are given.
+//! [`Clip`]: input of the writers of animated formats.
 
 use crate::error::IoError;
 use gs_core::{DynamicScene, Splats, quat};
 use std::path::Path;
 
-/// A scene at some times, one frame each.
+/// A scene and the times of its frames.
 #[derive(Debug, Clone, Copy)]
 pub struct Clip<'a> {
     /// The scene.
@@ -16,13 +16,13 @@ pub struct Clip<'a> {
 }
 
 impl Clip<'_> {
-    /// Refuses what no format can hold.
+    /// Verifies what all formats require.
     ///
     /// # Errors
     /// If there are no frames or no splats, or the frame rate is not a positive number.
     pub(crate) fn check(&self, path: &Path) -> Result<(), IoError> {
         if self.times.is_empty() {
-            return Err(IoError::content(path, "no frames to write; ask for at least one"));
+            return Err(IoError::content(path, "no frames to write; expected at least one"));
         }
         if self.scene.num_splats() == 0 {
             return Err(IoError::content(path, "the scene has no splats; nothing to write"));
@@ -49,8 +49,7 @@ impl Clip<'_> {
 /// Calls `visit` with every frame in order; one frame is in memory at a time. `path` is for
 /// messages.
 ///
-/// # Errors
-/// If the scene cannot be evaluated or is no longer what it was, or `visit` fails.
+/// # Errors If the scene cannot be evaluated or changes its number of splats, or `visit` fails.
 pub(crate) fn each_frame(
     scene: &dyn DynamicScene,
     times: &[f32],
@@ -66,7 +65,7 @@ pub(crate) fn each_frame(
             return Err(IoError::content(
                 path,
                 format!(
-                    "frame {index} has {} splats, expected {} as the scene says",
+                    "frame {index} has {} splats, expected the scene's {}",
                     splats.len(),
                     scene.num_splats()
                 ),
@@ -77,11 +76,11 @@ pub(crate) fn each_frame(
     Ok(())
 }
 
-/// Rows that are usable (finite, with a rotation) in every frame seen.
+/// Rows that are valid (finite, with a non-zero quaternion) in every frame so far.
 #[derive(Debug)]
-pub(crate) struct SoundRows(Vec<bool>);
+pub(crate) struct ValidRows(Vec<bool>);
 
-impl SoundRows {
+impl ValidRows {
     pub(crate) fn new(num_splats: usize) -> Self {
         Self(vec![true; num_splats])
     }
@@ -101,20 +100,21 @@ impl SoundRows {
         if rows.is_empty() {
             return Err(IoError::content(
                 path,
-                "every splat is NaN, infinite or without rotation in some frame; nothing to write",
+                "every splat has NaN or infinite values or a zero quaternion in some frame; \
+                nothing to write",
             ));
         }
         Ok(rows)
     }
 }
 
-/// Rotations as unit quaternions whose sign follows from frame to frame; the first frame's have
-/// `w ≥ 0`.
+/// Rotations as unit quaternions with signs that are continuous over
+/// frames; those of the first frame have `w ≥ 0`.
 #[derive(Debug, Default)]
 pub(crate) struct Hemispheres(Vec<[f32; 4]>);
 
 impl Hemispheres {
-    /// Goes on to the next frame.
+    /// Advances to the next frame.
     pub(crate) fn follow(&mut self, splats: &Splats) {
         self.0.resize(splats.len(), quat::IDENTITY);
         for (held, &raw) in self.0.iter_mut().zip(&splats.quats) {
@@ -127,17 +127,18 @@ impl Hemispheres {
     }
 }
 
-/// What the user should know about rows left out.
+/// Note on omitted rows.
 pub(crate) fn dropped_sentence(dropped: usize, of: usize) -> Option<String> {
     (dropped > 0).then(|| {
         format!(
-            "{dropped} of {of} splats are left out: NaN, infinite or without rotation in some frame"
+            "{dropped} of {of} splats are omitted: NaN or infinite values or a zero quaternion in \
+            some frame"
         )
     })
 }
 
-/// Size of a set of points: the diagonal of the box that holds the middle 98 % along each axis,
-/// world units. Points far away do not count, so that one floater does not decide.
+/// Size of a set of points, world units: the diagonal of the box that contains the middle 98 %
+/// along each axis, so that single floaters have no influence.
 pub(crate) fn robust_size(points: &[[f32; 3]]) -> f64 {
     const TAIL: f64 = 0.01;
     let mut squared = 0.0_f64;
@@ -162,19 +163,19 @@ mod tests {
     use super::*;
 
     #[test]
-    fn outliers_do_not_decide_the_size() {
+    fn outliers_do_not_affect_the_size() {
         let mut points: Vec<[f32; 3]> =
             (0..1000_u16).map(|i| [f32::from(i) / 999.0, 0.0, 0.0]).collect();
         points[500][0] = 1e9;
         points[501][1] = f32::NAN;
         let size = robust_size(&points);
         assert!((0.97..1.0).contains(&size), "{size}");
-        assert_eq!(robust_size(&[]), 0.0, "nothing has no size");
-        assert_eq!(robust_size(&[[3.0; 3]]), 0.0, "a point has no size");
+        assert_eq!(robust_size(&[]), 0.0, "no points have size 0");
+        assert_eq!(robust_size(&[[3.0; 3]]), 0.0, "one point has size 0");
     }
 
     #[test]
-    fn signs_follow() {
+    fn signs_are_continuous() {
         let frame = |q| Splats {
             means: vec![[0.0; 3]],
             quats: vec![q],
@@ -187,6 +188,6 @@ mod tests {
         hemispheres.follow(&frame([-0.6, 0.0, 0.8, 0.0]));
         assert_eq!(hemispheres.get(0), [0.6, 0.0, -0.8, 0.0], "w ≥ 0 at first");
         hemispheres.follow(&frame([0.1, 0.0, 1.0, 0.0]));
-        assert!(hemispheres.get(0)[2] < 0.0, "the sign nearest to the last");
+        assert!(hemispheres.get(0)[2] < 0.0, "the sign closest to the previous rotation");
     }
 }

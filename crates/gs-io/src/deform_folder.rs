@@ -14,15 +14,15 @@ use gs_core::Splats;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
-/// Name of the network's file.
+/// File name of the network.
 const NETWORK: &str = "deform.pth";
-/// Folder of its saves.
+/// Folder of saved networks.
 const SAVES: &str = "deform";
-/// Bytes at the start of the file in which its names are looked for; the pickle comes first and
-/// takes a few KiB.
+/// Number of bytes at the start of the file that are searched for tensor
+/// names; the pickle comes first and takes a few KiB.
 const HEAD: u64 = 1 << 18;
 
-/// Which method trained a folder.
+/// Method that trained a folder.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Method {
     Deformable3dgs,
@@ -31,7 +31,7 @@ pub(crate) enum Method {
     Dash,
 }
 
-/// Names in the network's file by which methods are told apart, the first that is there.
+/// Names in the network's file that identify the methods; the first one found decides.
 const MARKS: [(&str, Method); 5] = [
     ("xyzt_encoding", Method::Dash),
     ("d4_mlp", Method::Dash),
@@ -52,7 +52,7 @@ pub(crate) fn method_of(dir: &Path) -> Option<Method> {
         let found = MARKS.iter().find(|(mark, _)| has(mark)).map(|(_, method)| *method);
         return Some(found.unwrap_or(Method::Deformable3dgs));
     }
-    // Without the network, its folder or the settings of its training tell.
+    // Without the network, its folder or the training settings decide.
     let ply = iteration.as_ref()?.dir.join("point_cloud.ply");
     let cfg = read_cfg(model).ok().flatten().map(|(cfg, _)| cfg);
     let set = |name: &str| cfg.as_ref().is_some_and(|cfg| cfg.get(name).is_some());
@@ -70,14 +70,15 @@ pub(crate) fn method_of(dir: &Path) -> Option<Method> {
     (set("is_6dof") || model.join(SAVES).is_dir()).then_some(Method::Deformable3dgs)
 }
 
-/// The newest save of the network and its number, or that of the iteration asked for.
+/// The newest saved network and its number, or that of the requested iteration.
 fn network_of(model: &Path, wanted: Option<u64>) -> Result<(u64, PathBuf), IoError> {
     let saves = model.join(SAVES);
     let missing = || {
         IoError::content(
             &saves,
             format!(
-                "holds no iteration_N/{NETWORK}, so the model cannot move; copy the folder `{SAVES}` from the machine that trained the model"
+                "contains no iteration_N/{NETWORK}, without which the model cannot move; copy the \
+                folder `{SAVES}` from the machine that trained the model"
             ),
         )
     };
@@ -108,13 +109,13 @@ fn read_cfg(model: &Path) -> Result<Option<(CfgArgs, PathBuf)>, IoError> {
     }
 }
 
-/// The parts that all these methods have.
+/// The parts common to all these methods.
 #[derive(Debug)]
 pub(crate) struct DeformFolder {
     /// Undamaged splats.
     pub(crate) splats: Splats,
     pub(crate) repair: RepairReport,
-    /// The columns asked for, `[columns][N]`.
+    /// The requested columns, `[columns][N]`.
     pub(crate) columns: Vec<Vec<f32>>,
     pub(crate) network: PathBuf,
     pub(crate) cfg: CfgArgs,
@@ -124,8 +125,8 @@ pub(crate) struct DeformFolder {
 }
 
 impl DeformFolder {
-    /// Reads all but the network. `columns` names further columns of the PLY, given those there are
-    /// besides the usual ones.
+    /// Reads everything except the network. `columns` selects further
+    /// columns of the PLY from its extra ones.
     pub(crate) fn read(
         dir: &Path,
         options: &OpenOptions,

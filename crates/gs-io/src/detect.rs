@@ -1,4 +1,4 @@
-//! What a path is, from its names and first bytes alone.
+//! Detects the kind of a path from names and first bytes.
 
 use crate::archive::Archive;
 use crate::cameras;
@@ -17,10 +17,10 @@ use crate::scene_kind::SceneKind;
 use crate::{dynamic3dgs, ed3dgs, freetime, gaussian4d, gsplat, spacetime, swift4d};
 use std::path::Path;
 
-/// Names shown of a folder that is nothing known.
+/// Number of entries listed for a folder of unknown kind.
 const SHOWN: usize = 8;
 
-/// Says what a path is. Reads names and headers, not the data.
+/// Detects the kind of a path. Reads names and headers, not the data.
 ///
 /// # Errors
 /// If the path does not exist or cannot be read.
@@ -70,7 +70,7 @@ fn detect_folder(path: &Path) -> Result<SceneKind, IoError> {
     if let Some(found) = cameras::data_set(path)? {
         return Ok(SceneKind::Cameras(found.format));
     }
-    // A folder with gaps in its numbers is still a sequence; opening it says what is missing.
+    // A folder with missing numbers is still a sequence; opening it reports what is missing.
     if find_frames(&names).map_or(true, |found| found.frames.len() >= 2) {
         return Ok(SceneKind::PlySequence);
     }
@@ -87,7 +87,7 @@ fn detect_folder(path: &Path) -> Result<SceneKind, IoError> {
     Ok(SceneKind::Unknown { found })
 }
 
-/// Bytes of a file looked at where its first ones are no PLY header.
+/// Number of bytes examined of a file without a PLY header.
 const START: u64 = 16 << 10;
 
 fn detect_file(path: &Path) -> Result<SceneKind, IoError> {
@@ -106,8 +106,8 @@ fn detect_file(path: &Path) -> Result<SceneKind, IoError> {
         return Ok(SceneKind::Splat4d);
     }
     let container = container(&start);
-    // Text and arrays can look like rows of a `.splat`. Malformed JSON is nothing known; opening it
-    // as cameras says where it breaks.
+    // Text and arrays can look like rows of a `.splat`. Malformed JSON is of unknown kind; opening
+    // it as cameras reports the error.
     if matches!(container, Container::Splat | Container::Unknown)
         && let Ok(Some(cameras)) = cameras::find(path)
     {
@@ -141,7 +141,7 @@ fn detect_ply(path: &Path) -> Result<SceneKind, IoError> {
     }
 }
 
-/// A PyTorch archive that is a scene by itself.
+/// Kind of a PyTorch archive that is a complete scene.
 fn detect_torch(start: &[u8]) -> Option<SceneKind> {
     if gaussian4d::is_checkpoint(start) {
         return Some(SceneKind::Gaussian4d);
@@ -152,7 +152,7 @@ fn detect_torch(start: &[u8]) -> Option<SceneKind> {
     })
 }
 
-/// SOG, a sequence, or what else an archive holds.
+/// Kind of a zip archive: SOG, a sequence, or something else.
 fn detect_zip(path: &Path) -> SceneKind {
     let unknown = |what: String| SceneKind::Unknown { found: vec![what] };
     let names = match archive_names(path) {

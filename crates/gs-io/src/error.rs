@@ -1,4 +1,4 @@
-//! [`IoError`]: what went wrong with which file.
+//! [`IoError`]: errors of reading and writing, with the file concerned.
 
 use crate::cameras::CamerasError;
 use crate::cfg_args::CfgError;
@@ -14,7 +14,7 @@ use gs_deform::FieldError;
 use std::path::{Path, PathBuf};
 use thiserror::Error;
 
-/// A file or folder that cannot be read or written. Every variant names it.
+/// Error of reading or writing a file or folder. Every variant names it.
 #[derive(Debug, Error)]
 pub enum IoError {
     /// The operating system refused to read.
@@ -39,22 +39,23 @@ pub enum IoError {
         /// Which file or folder.
         path: PathBuf,
     },
-    /// The folder to replace holds something that this program did not write as it is.
+    /// The folder to replace contains something that this program
+    /// did not write, or that was changed since.
     #[error("{} is not replaced: this program wrote it, but `{entry}` in it {what}", path.display())]
     NotOurs {
         /// Which folder.
         path: PathBuf,
         /// First such entry, relative to it.
         entry: String,
-        /// What is known of the entry, completing a sentence.
+        /// Predicate about the entry, to complete a sentence.
         what: &'static str,
     },
-    /// The name of the output is that of something that is never replaced.
+    /// The path of the output is taken by something that is never replaced.
     #[error("{} {what}", path.display())]
     Taken {
-        /// Which name.
+        /// Path of the output.
         path: PathBuf,
-        /// What is there, completing a sentence.
+        /// Predicate about it, to complete a sentence.
         what: String,
         /// What to do.
         next: String,
@@ -65,12 +66,12 @@ pub enum IoError {
         /// Which output.
         path: PathBuf,
     },
-    /// Something else lies in the place of the file: a pointer to it, or a page about it.
+    /// The file is a stand-in: a pointer to the actual file, or a web page.
     #[error("{}: is {}, not the file itself", path.display(), found.name)]
     StandIn {
         /// Which file.
         path: PathBuf,
-        /// What lies there, and what to do.
+        /// What was found, and the next step.
         found: UnsupportedFormat,
     },
     /// A PLY file is malformed or not a Gaussian scene.
@@ -81,7 +82,7 @@ pub enum IoError {
         /// What is wrong.
         source: PlyError,
     },
-    /// A still frame is malformed or something else.
+    /// A still frame is malformed or of another kind.
     #[error("{}: {source}", path.display())]
     Frame {
         /// Which file.
@@ -129,7 +130,7 @@ pub enum IoError {
         /// What is wrong.
         source: Splat4dError,
     },
-    /// The tensors of a file do not make a deformation field.
+    /// The tensors of a file do not form a deformation field.
     #[error("{}: {source}", path.display())]
     Field {
         /// Which file.
@@ -142,21 +143,21 @@ pub enum IoError {
     Damaged {
         /// Which file.
         path: PathBuf,
-        /// How many of what.
+        /// Number and kind of damaged rows.
         source: DamagedRows,
     },
-    /// A folder or archive does not have the content its kind needs.
+    /// A folder or archive lacks required content.
     #[error("{}: {what}", path.display())]
     Content {
         /// Which folder or file.
         path: PathBuf,
-        /// What is missing or does not fit, and what to do.
+        /// What is missing or inconsistent, and the next step.
         what: String,
     },
-    /// A clip is not written because the format does not suit it, unless asked to nevertheless.
+    /// A clip is not written because the format does not suit it; can be overridden.
     #[error("cannot write {}: {what}", path.display())]
     Unfit {
-        /// What was being written.
+        /// Path of the output.
         path: PathBuf,
         /// Why.
         what: String,
@@ -164,9 +165,9 @@ pub enum IoError {
     /// The scene that was being written could not be evaluated.
     #[error("cannot write {}: {source}", path.display())]
     Scene {
-        /// What was being written.
+        /// Path of the output.
         path: PathBuf,
-        /// What the scene says.
+        /// Error of the scene.
         source: gs_core::SceneError,
     },
 }
@@ -180,7 +181,7 @@ impl IoError {
         move |source| Self::Ply { path: path.to_owned(), source }
     }
 
-    /// Errors of PLY files stay those of PLY files.
+    /// Keeps errors of PLY files as PLY errors.
     pub(crate) fn frame(path: &Path) -> impl FnOnce(FrameError) -> Self {
         move |source| match source {
             FrameError::Ply(source) => Self::Ply { path: path.to_owned(), source },

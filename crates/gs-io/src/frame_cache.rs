@@ -1,4 +1,4 @@
-//! The last few frames used, for scenes that read or decode them when they are needed.
+//! A cache of the most recently used frames, for scenes that read or decode frames on demand.
 
 use gs_core::Splats;
 use std::collections::VecDeque;
@@ -12,12 +12,12 @@ pub(crate) struct FrameCache {
 }
 
 impl FrameCache {
-    /// A cache of at least two frames: both neighbours of a time.
+    /// A cache of at least two frames, the neighbours of a time.
     pub(crate) fn new(capacity: usize) -> Self {
         Self { capacity: capacity.max(2), frames: Mutex::default() }
     }
 
-    /// The frame, from memory or else made by `make`.
+    /// The frame from the cache, or else made by `make`.
     pub(crate) fn get<E>(
         &self,
         index: usize,
@@ -34,7 +34,8 @@ impl FrameCache {
                 return Ok(splats);
             }
         }
-        // Made without the lock: other threads go on, at worst two make the same frame.
+        // Made without holding the lock, so that other threads
+        // continue; at worst two make the same frame.
         let splats = Arc::new(make()?);
         let mut frames = lock();
         frames.retain(|(held, _)| *held != index);

@@ -1,17 +1,17 @@
-//! Gaussian-splat file formats in and out.
+//! Readers and writers of Gaussian-splat file formats.
 //!
-//! Promises: still frames of every common format ([`frame`]: 3DGS PLY, compressed PLY, `.splat`,
+//! Contents: still frames of every common format ([`frame`]: 3DGS PLY, compressed PLY, `.splat`,
 //! `.spz`, `.sog`, glTF), sequences of them ([`ply_sequence`]), model folders of 4DGaussians
 //! ([`checkpoint4dgs`]) and Swift4D ([`swift4d`]), trained scenes of other methods
-//! ([`open_scene()`]), `.splatv` ([`splatv`]) and `.splat4d` ([`splat4d`]) in and out, OpenUSD
-//! ([`usda`]) out, each with what it does not keep ([`Losses`]), cameras and times of data sets
-//! ([`cameras`], [`cameras_json`]); [`detect()`] says what a path is. Readers survive any bytes:
-//! malformed input is an error that names the file, what was found and what to do, memory is
-//! bounded by a small multiple of the input, and nothing in a file is ever executed. [`repair`]
-//! decides for all of them which values are damage and what infinities mean; a detail that is not
-//! understood (a field of `cfg_args`, one lens, an object beside the weights) is named or passed
-//! over and refuses no model; what only stands in the place of a file (a Git LFS pointer, a web
-//! page) is named by all of them. Outputs are complete or absent ([`AtomicFile`], [`AtomicDir`]).
+//! ([`open_scene()`]), reading and writing of `.splatv` ([`splatv`]) and `.splat4d` ([`splat4d`]),
+//! writing of OpenUSD ([`usda`]), cameras and times of data sets ([`cameras`], [`cameras_json`]).
+//! Writers report their losses ([`Losses`]); [`detect()`] detects the kind of a path. Readers
+//! accept arbitrary bytes: malformed input is an error with the file, what was found and the next
+//! step; memory is bounded by a small multiple of the input size; nothing in a file is executed.
+//! [`repair`] defines, for all readers, which values are damage and how infinities are interpreted.
+//! Unknown details (a field of `cfg_args`, one lens, an object beside the weights) are noted or
+//! skipped without rejecting the model. Stand-ins for files (a Git LFS pointer, a web page) are
+//! reported as such. Outputs are complete or absent ([`AtomicFile`], [`AtomicDir`]).
 //!
 //! Deliberately absent: algorithms, GPU, networks of the neural formats (see `gs-deform`).
 

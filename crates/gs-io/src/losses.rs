@@ -1,12 +1,12 @@
-//! [`Losses`]: what a written file does not keep of the scene, in sentences for people.
+//! [`Losses`]: sentences that describe the losses of a written file.
 
 use std::fmt::{self, Display};
 
-/// What a format could not keep, one sentence each; empty when nothing is lost. `Display` puts one
-/// sentence on each line.
+/// Losses of a written file, one sentence each; empty if nothing is
+/// lost. `Display` writes one sentence per line.
 ///
-/// A sentence says what is lost and, where it is a number, how much: "SH degree 3 becomes 0: colour
-/// no longer depends on the view", "positions are rounded to 1/8192 of a unit".
+/// A sentence states the loss and, if possible, its size: "SH degree 3 becomes 0: colour no longer
+/// depends on the view", "positions are rounded to 1/8192 of a unit".
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Losses(Vec<String>);
 
@@ -16,7 +16,8 @@ impl Losses {
         Self::default()
     }
 
-    /// Adds a sentence, unless it is there already (every frame of a sequence reports its own).
+    /// Adds a sentence unless it is already present (frames of a
+    /// sequence report their losses separately).
     pub fn push(&mut self, sentence: impl Into<String>) {
         let sentence = sentence.into();
         if !self.0.contains(&sentence) {
@@ -24,7 +25,7 @@ impl Losses {
         }
     }
 
-    /// Adds the sentences of `other` that are not there already.
+    /// Adds the sentences of `other` that are not yet present.
     pub fn merge(&mut self, other: Self) {
         for sentence in other.0 {
             self.push(sentence);
@@ -53,9 +54,9 @@ mod tests {
     use super::*;
 
     #[test]
-    fn sentences_are_said_once() {
+    fn sentences_are_not_repeated() {
         let mut losses = Losses::none();
-        assert!(losses.is_empty() && losses.to_string().is_empty(), "nothing to say");
+        assert!(losses.is_empty() && losses.to_string().is_empty(), "no losses");
         losses.push("normals are zero");
         losses.merge(losses.clone());
         losses.push("colours are 8 bit");

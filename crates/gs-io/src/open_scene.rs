@@ -1,4 +1,4 @@
-//! [`open_scene()`]: a scene of any kind from its path.
+//! [`open_scene()`]: opens a scene of any kind.
 
 use crate::detect::detect;
 use crate::error::IoError;
@@ -18,7 +18,7 @@ use gs_core::DynamicScene;
 use gs_deform::StaticScene;
 use std::path::Path;
 
-/// Most entries of a folder that a detail lists.
+/// Largest number of folder entries listed in a warning.
 const MAX_SHOWN: usize = 8;
 /// Share of the distance between unrelated rows above which the rows of a sequence do not persist.
 const MAX_DRIFT: f32 = 0.3;
@@ -26,10 +26,9 @@ const MAX_DRIFT: f32 = 0.3;
 const ALWAYS_VISIBLE: f32 = 10.0;
 
 /// Opens a trained scene, a sequence of frames, a `.splatv` or `.splat4d` clip, or a single frame
-/// of any format (which never moves).
+/// of any format (as a static scene).
 ///
-/// # Errors
-/// If the path is something else, or as the readers of its kind.
+/// # Errors If the path is of another kind, or its reader fails.
 pub fn open_scene(path: impl AsRef<Path>, options: &OpenOptions) -> Result<OpenedScene, IoError> {
     let path = path.as_ref();
     open_scene_as(path, &detect(path)?, options)

@@ -1,53 +1,52 @@
-//! What stored values of a splat mean: infinities that stand for something, and rows that no
-//! renderer can use.
+//! Interpretation of stored values: meaningful infinities, and rows that no renderer can use.
 //!
-//! Exporters write `logit(1)` for an opaque splat and `ln(0)` for a flat one. Such rows are sound,
-//! and get finite values that every later computation and format keeps finite: [`OPAQUE_LOGIT`],
+//! Exporters write `logit(1)` for an opaque splat and `ln(0)` for a flat one. Such rows are valid,
+//! and get finite values that stay finite in every later computation and format: [`OPAQUE_LOGIT`],
 //! [`TRANSPARENT_LOGIT`], [`FLAT_LOG_SCALE`]. Damage is NaN anywhere, an infinite position, SH
 //! coefficient or rotation, a log-scale of +∞, and a zero quaternion. Every reader of this crate
-//! decides by this module. (Formats with one byte an opacity have no infinities: their end values
-//! stand for all opacities that round to them.)
+//! uses these rules. (Formats with one byte per opacity have no infinities: their end values
+//! represent all opacities that round to them.)
 
 use gs_core::Splats;
 use thiserror::Error;
 
-/// Opacity logit that a stored +∞ (opacity exactly 1) becomes: the largest whole number whose
-/// opacity is still below 1 in single precision, so that the logit of that opacity is finite again.
-/// It is 1 − 1.2·10⁻⁷, above every cap of a rasteriser.
+/// Opacity logit that replaces +∞ (opacity exactly 1): the largest integer whose opacity is below 1
+/// in single precision, so that the logit of that opacity is finite. The opacity is 1 − 1.2·10⁻⁷,
+/// above the cap of every rasteriser.
 pub const OPAQUE_LOGIT: f32 = 16.0;
-/// Opacity logit that a stored −∞ (opacity exactly 0) becomes: opacity 1.1·10⁻⁷, far below the
-/// 1/255 that rasterisers draw.
+/// Opacity logit that replaces −∞ (opacity exactly 0): opacity 1.1·10⁻⁷,
+/// far below the 1/255 that rasterisers draw.
 pub const TRANSPARENT_LOGIT: f32 = -OPAQUE_LOGIT;
-/// Log-scale that a stored −∞ (no extent) becomes: a standard deviation of 2·10⁻⁹. Its square, its
-/// inverse and the square of its inverse are normal single-precision numbers, and it is the
-/// smallest that compressed PLY keeps.
+/// Log-scale that replaces −∞ (no extent): a standard deviation of 2·10⁻⁹. Its square,
+/// its inverse and the square of its inverse are normal single-precision numbers, and
+/// it is the smallest value that compressed PLY stores.
 pub const FLAT_LOG_SCALE: f32 = -20.0;
 
-/// What to do with damaged rows.
+/// Treatment of damaged rows.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub enum Damage {
-    /// Drop them and say how many.
+    /// Drop them and report their number.
     #[default]
     Drop,
     /// Fail.
     Fail,
-    /// Leave them in, counted.
+    /// Keep and count them.
     Keep,
 }
 
-/// Count of damaged rows, and of infinities that have a meaning.
+/// Numbers of damaged rows and of meaningful infinities.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct RepairReport {
     /// Rows examined.
     pub rows: usize,
-    /// Rows with NaN, or an infinity that has no meaning.
+    /// Rows with NaN or a meaningless infinity.
     pub not_finite: usize,
     /// Finite rows whose quaternion is zero.
     pub zero_quaternion: usize,
-    /// Of the damaged rows of a clip, those that are sound in other frames: they are invisible in
-    /// the damaged frames only.
+    /// Damaged rows of a clip that are valid in other frames: they
+    /// are invisible only in the damaged frames.
     pub hidden: usize,
-    /// Infinities that were given finite values, over all frames read.
+    /// Infinities replaced by finite values, over all frames read.
     pub infinities: Infinities,
 }
 
@@ -57,8 +56,7 @@ impl RepairReport {
         self.not_finite + self.zero_quaternion
     }
 
-    /// Says what was done with damaged rows, if there are any; `dropped` tells whether they were
-    /// left out.
+    /// Warning about damaged rows, if there are any; `dropped` is whether they were dropped.
     pub fn warning(&self, dropped: bool) -> Option<String> {
         let (damaged, hidden) = (self.damaged(), self.hidden);
         if damaged == 0 {
@@ -79,7 +77,7 @@ impl RepairReport {
     }
 }
 
-/// Infinities with a meaning, counted.
+/// Numbers of meaningful infinities.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Infinities {
     /// Opacities of exactly 1 (logit +∞).
@@ -91,12 +89,12 @@ pub struct Infinities {
 }
 
 impl Infinities {
-    /// Says what there was, if anything.
+    /// Note on the infinities, if there were any.
     pub fn note(&self) -> Option<String> {
         let parts = [
             (self.opaque, "opacities of exactly 1"),
             (self.transparent, "opacities of exactly 0"),
-            (self.flat, "splats with an axis of no extent"),
+            (self.flat, "splats with an axis without extent"),
         ];
         let said: Vec<String> = parts
             .into_iter()
@@ -104,7 +102,7 @@ impl Infinities {
             .map(|(count, what)| format!("{count} {what}"))
             .collect();
         (!said.is_empty()).then(|| {
-            format!("{} (stored as infinities) were kept as finite values", said.join(", "))
+            format!("{} (stored as infinities) were replaced by finite values", said.join(", "))
         })
     }
 
@@ -115,8 +113,8 @@ impl Infinities {
     }
 }
 
-/// Gives infinities that have a meaning their finite values; everything else stays as it is.
-pub fn settle_infinities(splats: &mut Splats) -> Infinities {
+/// Replaces meaningful infinities by finite values; other values are unchanged.
+pub fn replace_infinities(splats: &mut Splats) -> Infinities {
     let mut found = Infinities::default();
     for logit in &mut splats.opacity_logits {
         if *logit == f32::INFINITY {
@@ -138,15 +136,15 @@ pub fn settle_infinities(splats: &mut Splats) -> Infinities {
 /// Splats after [`sanitize`].
 #[derive(Debug, Clone, PartialEq)]
 pub struct Sanitized {
-    /// The splats left.
+    /// The remaining splats.
     pub splats: Splats,
-    /// Which input rows they are, if any were dropped.
+    /// Their input rows, if any were dropped.
     pub kept: Option<Vec<usize>>,
-    /// What was found.
+    /// Counts of damaged rows and infinities.
     pub report: RepairReport,
 }
 
-/// Damaged rows where none are allowed, or none left without them.
+/// Error: damaged rows where none are allowed, or no rows left without them.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Error)]
 #[error(
     "{} of {} Gaussians are damaged ({} with NaN or infinite values, {} with a zero quaternion), first at row {first}; {}",
@@ -154,14 +152,14 @@ pub struct Sanitized {
     if report.damaged() == report.rows { "none would be left" } else { "allow dropping them, or clean the file" }
 )]
 pub struct DamagedRows {
-    /// What was found.
+    /// Counts of damaged rows and infinities.
     pub report: RepairReport,
     /// First damaged row.
     pub first: usize,
 }
 
-/// Rows that are not usable, or `broken` for another reason, counted; [`settle_infinities`] comes
-/// before.
+/// Counts rows that are not usable, or `broken` for another
+/// reason; [`replace_infinities`] must run first.
 pub(crate) fn survey(
     splats: &Splats,
     broken: impl Fn(usize) -> bool,
@@ -179,7 +177,7 @@ pub(crate) fn survey(
     (report, damaged)
 }
 
-/// Whether a row that is not usable is finite, and has a zero quaternion only.
+/// Whether the only damage of a row is a zero quaternion.
 pub(crate) fn only_rotation_missing(splats: &Splats, row: usize) -> bool {
     splats.quats[row] == [0.0; 4]
         && splats.means[row].iter().chain(&splats.log_scales[row]).all(|v| v.is_finite())
@@ -187,23 +185,22 @@ pub(crate) fn only_rotation_missing(splats: &Splats, row: usize) -> bool {
         && splats.sh_of(row).iter().flatten().all(|v| v.is_finite())
 }
 
-/// Gives meaningful infinities of `splats` (arrays of equal length) finite values, counts damaged
-/// rows, and drops, keeps or refuses them.
+/// Replaces meaningful infinities of `splats` (arrays of equal length) by finite values, counts
+/// damaged rows, and drops, keeps or refuses them.
 ///
-/// # Errors
-/// With [`Damage::Fail`], if there are any; with [`Damage::Drop`], if nothing would be left.
+/// # Errors With [`Damage::Fail`], if there are any; with [`Damage::Drop`], if no row would be left.
 pub fn sanitize(splats: Splats, damage: Damage) -> Result<Sanitized, DamagedRows> {
     sanitize_with(splats, damage, |_row| false)
 }
 
-/// As [`sanitize`], where `broken` names rows that are unusable for another reason; they count as
-/// not finite.
+/// As [`sanitize`]; `broken` selects rows that are unusable for
+/// another reason, which count as not finite.
 pub(crate) fn sanitize_with(
     mut splats: Splats,
     damage: Damage,
     broken: impl Fn(usize) -> bool,
 ) -> Result<Sanitized, DamagedRows> {
-    let infinities = settle_infinities(&mut splats);
+    let infinities = replace_infinities(&mut splats);
     let (mut report, damaged) = survey(&splats, broken);
     report.infinities = infinities;
     let Some(&first) = damaged.first() else {
@@ -241,7 +238,7 @@ mod tests {
     }
 
     #[test]
-    fn whole_rows_pass_untouched() {
+    fn valid_rows_are_unchanged() {
         let out = sanitize(three(), Damage::Fail).unwrap();
         assert_eq!((out.splats, out.kept), (three(), None), "nothing to do");
     }
@@ -252,7 +249,7 @@ mod tests {
         splats.sh[0][1] = f32::NAN;
         splats.quats[2] = [0.0; 4];
         let out = sanitize(splats.clone(), Damage::Drop).unwrap();
-        assert_eq!(out.kept, Some(vec![1]), "row 1 is left");
+        assert_eq!(out.kept, Some(vec![1]), "row 1 remains");
         assert_eq!((out.report.not_finite, out.report.zero_quaternion), (1, 1), "one of each");
         assert_eq!(out.splats.means, [[1.0; 3]], "row 1");
         let error = sanitize(splats.clone(), Damage::Fail).unwrap_err();
@@ -264,7 +261,7 @@ mod tests {
     }
 
     #[test]
-    fn infinities_with_a_meaning_are_no_damage() {
+    fn meaningful_infinities_are_not_damage() {
         let mut splats = three();
         splats.opacity_logits = vec![f32::INFINITY, f32::NEG_INFINITY, 0.5];
         splats.log_scales[2][1] = f32::NEG_INFINITY;
@@ -282,7 +279,7 @@ mod tests {
     }
 
     #[test]
-    fn infinities_without_a_meaning_stay_damage() {
+    fn meaningless_infinities_are_damage() {
         let changes: [fn(&mut Splats); 6] = [
             |s| s.means[1][0] = f32::INFINITY,
             |s| s.means[1][0] = f32::NEG_INFINITY,
@@ -306,7 +303,7 @@ mod tests {
             assert!(logit(sigmoid(value)).is_finite(), "{value}");
             assert!(
                 (logit(sigmoid(value)) - value).abs() < 0.1,
-                "{value} survives being activated"
+                "{value} is finite after activation"
             );
         }
         assert!(!logit(sigmoid(OPAQUE_LOGIT + 2.0)).is_finite(), "a larger one would not");

@@ -1,18 +1,17 @@
-//! [`SceneKind`]: what a path holds.
+//! [`SceneKind`]: the kind of a path's content.
 
 use crate::cameras;
 use crate::content::UnsupportedFormat;
 use std::fmt::{self, Display};
 
-/// What a path holds.
+/// Kind of a path's content.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum SceneKind {
     /// A model folder of 4DGaussians.
     Model4dgs,
     /// A model folder of Swift4D.
     Swift4d,
-    /// A model folder of Deformable-3D-Gaussians, or of a method that saves its models in that
-    /// form.
+    /// A model folder of Deformable-3D-Gaussians, or of a method with the same format.
     Deformable3dgs,
     /// A model folder of SC-GS.
     Scgs,
@@ -22,7 +21,7 @@ pub enum SceneKind {
     Dash,
     /// A model folder of E-D3DGS.
     Ed3dgs,
-    /// `params.npz` of Dynamic 3D Gaussians, or the folder that holds it.
+    /// `params.npz` of Dynamic 3D Gaussians, or a folder that contains it.
     Dynamic3dgs,
     /// A PLY of Spacetime Gaussians, or a model folder with one.
     Spacetime,
@@ -50,11 +49,11 @@ pub enum SceneKind {
     Gltf,
     /// A checkpoint of gsplat's trainers with one frame.
     Gsplat,
-    /// A folder in which an editor left a frame.
+    /// A folder with a frame written by an editor.
     EditorFolder,
-    /// A PLY file of something else; why it is no Gaussian scene.
+    /// A PLY file of another kind, with the reason why it is not a Gaussian scene.
     OtherPly(String),
-    /// A `.splatv` file: splats that move along cubics of time.
+    /// A `.splatv` file: splats that move along cubic polynomials of time.
     Splatv,
     /// A `.splat4d` clip.
     Splat4d,
@@ -62,11 +61,11 @@ pub enum SceneKind {
     RunFolder,
     /// Cameras of a data set, without splats.
     Cameras(cameras::Format),
-    /// A file that is known but not read here.
+    /// A file of a known but unsupported format.
     Unsupported(UnsupportedFormat),
-    /// Something else.
+    /// Unknown content.
     Unknown {
-        /// What was found there.
+        /// Entries or bytes found.
         found: Vec<String>,
     },
 }
@@ -111,8 +110,8 @@ impl Display for SceneKind {
 }
 
 impl SceneKind {
-    /// Whether it is one frame of Gaussians, which [`frame::read_file`](crate::frame::read_file)
-    /// reads.
+    /// Whether it is one frame of Gaussians, readable by
+    /// [`frame::read_file`](crate::frame::read_file) reads.
     pub fn is_frame(&self) -> bool {
         matches!(
             self,

@@ -1,4 +1,4 @@
-//! [`ShError`]: what rounding of SH coefficients does to colours.
+//! [`ShError`]: colour error of rounded SH coefficients.
 
 /// Colour error of rounded SH coefficients over many splats, in steps of 1/255.
 #[derive(Debug, Clone, Copy, Default)]
@@ -11,15 +11,14 @@ pub(crate) struct ShError {
 }
 
 impl ShError {
-    /// Adds a splat: its coefficients above degree 0, and those that a reader gets. Missing ones
-    /// are zeros.
+    /// Adds a splat: its coefficients above degree 0, and those read back. Missing ones are zeros.
     pub(crate) fn add(&mut self, written: &[[f32; 3]], read: &[[f32; 3]]) {
         let coeffs = written.len().max(read.len());
         let of = |sh: &[[f32; 3]], k: usize, channel: usize| {
             sh.get(k).map_or(0.0, |rgb| f64::from(rgb[channel]))
         };
-        // The basis is orthonormal: the mean square over directions is Σδ²/4π. At any direction ΣY²
-        // over degrees 1 to L is ((L+1)²−1)/4π, so that the error there is at most the root of Σδ²
+        // The basis is orthonormal: the mean square over directions is Σδ²/4π. In any direction ΣY²
+        // over degrees 1 to L is ((L+1)²−1)/4π, so the error is at most the square root of Σδ²
         // times that (Cauchy-Schwarz).
         for channel in 0..3 {
             let square: f64 =
@@ -50,13 +49,13 @@ mod tests {
     use gs_core::sh;
 
     #[test]
-    fn is_the_error_of_colours() {
+    fn equals_the_measured_error_of_colours() {
         let written = [[0.1, 0.0, 0.0], [-0.2, 0.0, 0.0], [0.05, 0.0, 0.0]];
         let mut error = ShError::default();
         error.add(&written, &[]);
         let mut largest = 0.0_f64;
         let (mut square, mut count) = (0.0, 0.0);
-        // Equal areas: a grid of height and longitude.
+        // An equal-area grid of height and longitude.
         for i in 0..200 {
             for j in 0..200 {
                 let z = (f64::from(i) + 0.5) / 100.0 - 1.0;

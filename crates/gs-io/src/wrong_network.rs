@@ -1,10 +1,10 @@
-//! [`WrongNetwork`]: why tensors do not make a network.
+//! [`WrongNetwork`]: error of building a network from tensors.
 
 use crate::error::IoError;
 use gs_deform::FieldError;
 use std::path::Path;
 
-/// Why tensors do not make a network.
+/// Error of building a network from tensors.
 #[derive(Debug)]
 pub(crate) enum WrongNetwork {
     Content(String),
@@ -12,7 +12,7 @@ pub(crate) enum WrongNetwork {
 }
 
 impl WrongNetwork {
-    /// As an error of a file.
+    /// Converts to an error of a file.
     pub(crate) fn of(self, path: &Path) -> IoError {
         match self {
             Self::Content(what) => IoError::content(path, what),

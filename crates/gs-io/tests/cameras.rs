@@ -1,7 +1,7 @@
-//! Every layout's convention: a known camera, written the way each format writes it, projects known
-//! points to the same pixels; and what folders without goldens are taken for.
+//! Conventions of every layout: a known camera, written in each format, projects known points to
+//! the same pixels; and detection of folders without goldens.
 
-#![allow(clippy::unwrap_used, reason = "shared functions of tests fail by panicking, as tests do")]
+#![allow(clippy::unwrap_used, reason = "helpers of tests may panic")]
 
 use glam::{DMat3, DQuat, DVec3};
 use gs_core::Camera;
@@ -137,7 +137,7 @@ proptest! {
     #![proptest_config(ProptestConfig { cases: 24, failure_persistence: None, ..ProptestConfig::default() })]
 
     #[test]
-    fn all_layouts_mean_the_same_camera(
+    fn all_layouts_describe_the_same_camera(
         eye in point(), target in point(), seen in point(), focal in 20.0..90.0_f64, square in any::<bool>(),
     ) {
         let mut camera = Camera::look_at(eye, target, [0.1, 1.0, 0.2], 0.8, 64, 48);
@@ -150,7 +150,7 @@ proptest! {
         nerfies(&at("nerfies"), &camera);
         colmap_text(&at("text/sparse/0"), &camera, "a b.png");
         colmap_binary(&at("binary/sparse/0"), &camera, &["a.png"]);
-        // LLFF knows one focal length and no principal point.
+        // LLFF has one focal length and no principal point.
         let mut plain = camera.clone();
         plain.intrinsics.fy = focal;
         (plain.intrinsics.cx, plain.intrinsics.cy) = (32.0, 24.0);
@@ -186,7 +186,7 @@ fn frame_folders_of_meetroom() {
         fs::create_dir_all(root.join(format!("frame{frame:06}/images"))).unwrap();
     }
     let set = cameras::open(root, Reading::Trained).unwrap();
-    assert_eq!(set.format, Format::FrameFolders, "not mere COLMAP");
+    assert_eq!(set.format, Format::FrameFolders, "not plain COLMAP");
     let test: Vec<&str> = set.split(Split::Test).map(|camera| camera.name.as_str()).collect();
     assert_eq!(test.first(), Some(&"cam00/frame000000"), "sorted by camera, the first held out");
     assert_eq!((test.len(), set.views.len()), (5, 15), "three cameras, five frames");
@@ -221,12 +221,12 @@ fn dynerf_with_a_missing_video_is_refused() {
 }
 
 #[test]
-fn a_model_folder_leads_to_its_data_set() {
+fn a_model_folder_refers_to_its_data_set() {
     let folder = tempfile::tempdir().unwrap();
     let model = folder.path().join("output/lego");
     write(&model.join("cfg_args"), "Namespace(sh_degree=3, source_path='data/lego')");
     let missing = cameras::open(&model, Reading::Trained).unwrap_err().to_string();
-    assert!(missing.contains("data/lego") && missing.contains("not there"), "{missing}");
+    assert!(missing.contains("data/lego") && missing.contains("does not exist"), "{missing}");
     transforms(&folder.path().join("data/lego"), &some_camera());
     let set = cameras::open(&model, Reading::Trained).unwrap();
     assert_eq!(set.format, Format::Transforms, "found above the model");
@@ -239,7 +239,7 @@ fn a_model_folder_leads_to_its_data_set() {
 }
 
 #[test]
-fn single_files_are_taken_for_what_they_hold() {
+fn single_files_are_detected_by_content() {
     let folder = tempfile::tempdir().unwrap();
     let camera = some_camera();
     transforms(&folder.path().join("d"), &camera);
@@ -329,11 +329,11 @@ fn images_in_subfolders_are_found() {
         let k = camera.intrinsics;
         assert_eq!([k.fx, k.fy, k.cx, k.cy], [50.0, 55.0, 35.0, 20.0], "{}", camera.name);
     }
-    assert!(set.notes.iter().all(|note| !note.contains("not there")), "{:?}", set.notes);
+    assert!(set.notes.iter().all(|note| !note.contains("missing")), "{:?}", set.notes);
 }
 
 #[test]
-fn a_lens_that_cannot_be_used_leaves_out_its_images_only() {
+fn an_unusable_lens_omits_only_its_images() {
     let dir = tempfile::tempdir().unwrap();
     let image = |id: u8, camera: u8| format!("{id} 1 0 0 0 0.{id} 0 4 {camera} {id}.png");
     let images = [image(1, 1), image(2, 2), image(3, 9), image(4, 1)];
@@ -347,7 +347,7 @@ fn a_lens_that_cannot_be_used_leaves_out_its_images_only() {
     assert_eq!(set.times(), [0.0, 0.75], "times are positions in the whole file");
     let said = set.notes.join("; ");
     assert!(
-        said.contains("2 of 4 images are left out") && said.contains("OPENCV_FISHEYE"),
+        said.contains("2 of 4 images are omitted") && said.contains("OPENCV_FISHEYE"),
         "{said}"
     );
     colmap_model(dir.path(), lenses, &images[1..2], &[]);

@@ -1,7 +1,7 @@
-//! Camera readers survive any bytes: malformed files are errors that say where, never a panic and
-//! never a large allocation.
+//! Camera readers accept arbitrary bytes: malformed files are errors with a
+//! location, without panics or large allocations.
 
-#![allow(clippy::unwrap_used, reason = "shared functions of tests fail by panicking, as tests do")]
+#![allow(clippy::unwrap_used, reason = "helpers of tests may panic")]
 
 use gs_io::IoError;
 use gs_io::cameras::{self, CameraSet, Reading, colmap, nerfies, poses_bounds, transforms};
@@ -43,7 +43,11 @@ fn read_all(bytes: &[u8]) {
     let _ = transforms::parse(bytes);
     for reading in [Reading::Trained, Reading::Stored] {
         if let Ok(cameras) = cameras::from_slice(bytes, reading) {
-            assert!(cameras.iter().all(|camera| camera.check().is_ok()), "what is read can see");
+            assert!(
+                cameras.iter().all(|camera| camera.check().is_ok()),
+                "cameras that are read \
+                are valid"
+            );
         }
     }
 }
@@ -57,7 +61,8 @@ proptest! {
         changes in prop::collection::vec((any::<prop::sample::Index>(), any::<u8>()), 0..6),
     ) {
         let file = &FILES[which];
-        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a share of a length")]
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a fraction \
+            of a length")]
         let mut bytes = file[..(file.len() as f64 * keep) as usize].to_vec();
         for (at, value) in &changes {
             if !bytes.is_empty() {
@@ -69,14 +74,14 @@ proptest! {
     }
 
     #[test]
-    fn rubbish(bytes in prop::collection::vec(any::<u8>(), 0..300)) {
+    fn random_bytes(bytes in prop::collection::vec(any::<u8>(), 0..300)) {
         read_all(&bytes);
         read_all(&[b"\x93NUMPY\x01\x00", bytes.as_slice()].concat());
     }
 }
 
 #[test]
-fn every_cut_is_an_error() {
+fn every_truncation_is_an_error() {
     let (cameras, images) = (&FILES[5], &FILES[6]);
     assert!(colmap::parse_cameras_bin(cameras).is_ok(), "whole");
     assert!(colmap::parse_images_bin(images).is_ok(), "whole");
@@ -93,12 +98,12 @@ fn every_cut_is_an_error() {
 }
 
 #[test]
-fn absurd_counts_cost_nothing() {
+fn absurd_counts_are_refused_without_allocating() {
     let huge = u64::MAX.to_le_bytes();
     let refused = colmap::parse_images_bin(&huge).unwrap_err().to_string();
     assert!(refused.contains("18446744073709551615 images"), "{refused}");
     assert!(colmap::parse_cameras_bin(&[huge.as_slice(), &[0; 64]].concat()).is_err(), "cameras");
-    // One image that claims more points than there are.
+    // One image that declares more points than the file has.
     let mut images = FILES[6].clone();
     let name = images.windows(4).position(|window| window == b".png").unwrap() + 5;
     images[name..name + 8].copy_from_slice(&huge);
@@ -127,16 +132,16 @@ fn changed(
     opened
 }
 
-/// The message of a folder that cannot be used at all.
+/// The error message for a folder that cannot be used.
 fn refusal(kind: &str, file: &str, change: impl Fn(String) -> String) -> String {
     changed(kind, file, change).unwrap_err().to_string()
 }
 
-/// What is said of a folder of which single views cannot be used.
+/// The notes for a folder with single unusable views.
 fn noted(kind: &str, file: &str, change: impl Fn(String) -> String) -> String {
     let whole = cameras::open(fixture("cameras").join(kind), Reading::Stored).unwrap();
     let left = changed(kind, file, change).unwrap();
-    assert!(!left.views.is_empty() && left.views.len() < whole.views.len(), "some are left");
+    assert!(!left.views.is_empty() && left.views.len() < whole.views.len(), "some remain");
     left.notes.join("; ")
 }
 
@@ -198,5 +203,5 @@ fn missing_files_are_named() {
 
     let empty = tempfile::tempdir().unwrap();
     let message = cameras::open(empty.path(), Reading::Trained).unwrap_err().to_string();
-    assert!(message.contains("holds no cameras; expected"), "{message}");
+    assert!(message.contains("contains no cameras; expected"), "{message}");
 }

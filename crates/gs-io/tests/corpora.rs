@@ -1,14 +1,15 @@
-//! What the fuzzers found worth keeping, through the very functions they call: nothing panics,
-//! every promise holds.
+//! Runs the kept inputs of the fuzzers through the same
+//! functions: no panics, and all properties hold.
 
-#![allow(clippy::unwrap_used, reason = "shared functions of tests fail by panicking, as tests do")]
+#![allow(clippy::unwrap_used, reason = "helpers of tests may panic")]
 
 use std::io::{Cursor, Read};
 use std::path::Path;
 
 extern crate self as libfuzzer_sys;
 
-/// In place of the fuzzer's own macro, which makes a program of its argument: a function.
+/// Replaces the fuzzer's macro, which turns its argument into a
+/// program, by one that makes a function.
 #[macro_export]
 macro_rules! fuzz_target {
     (|$bytes:ident: &[u8]| $body:block) => {
@@ -16,11 +17,11 @@ macro_rules! fuzz_target {
     };
 }
 
-/// The targets, each a module of its own and a test.
+/// The targets, each as a module and a test.
 macro_rules! targets {
     ($($name:ident $file:literal,)*) => {
         $(
-            #[allow(unused_attributes, reason = "as a program, the target has no `main` of its own")]
+            #[allow(unused_attributes, reason = "the target has no `main` when built as a program")]
             #[path = $file]
             mod $name;
         )*
@@ -68,7 +69,7 @@ fn kept_inputs_still_pass() {
         }
     }
     changed_inputs_pass_too();
-    // What targets that read from disk leave behind.
+    // Temporary files of targets that read from disk.
     let left = |name: &str| std::env::temp_dir().join(format!("{name}{}", std::process::id()));
     std::fs::remove_file(left("gs-io-fuzz-").with_added_extension("zip")).unwrap();
     std::fs::remove_dir_all(left("gs-io-fuzz-swift4d-")).unwrap();
@@ -77,7 +78,7 @@ fn kept_inputs_still_pass() {
     std::fs::remove_file(left("gs-io-fuzz-trained-")).unwrap();
 }
 
-/// Seconds that each target gets in the ordinary suite; `C4D_FUZZ_SECONDS` asks for more.
+/// Seconds per target; set `C4D_FUZZ_SECONDS` for more.
 fn seconds() -> f64 {
     let asked = std::env::var("C4D_FUZZ_SECONDS").ok().and_then(|text| text.parse().ok());
     asked.unwrap_or(2.0)
@@ -96,8 +97,8 @@ impl Numbers {
     }
 }
 
-/// An input changed as libFuzzer changes inputs: bytes, numbers at the ends of their range, digits,
-/// parts left out, doubled, or taken from another input.
+/// An input mutated as by libFuzzer: bytes, extreme numbers, digits, parts
+/// removed, duplicated, or taken from another input.
 fn mutated(kept: &[Vec<u8>], numbers: &mut Numbers) -> Vec<u8> {
     const EXTREMES: [u32; 6] = [0, 1, 0x7fff_ffff, 0x8000_0000, 0xffff_ffff, 0x7fc0_0000];
     let mut bytes = kept[numbers.next(kept.len())].clone();
@@ -141,9 +142,8 @@ fn corpus(name: &str) -> Vec<Vec<u8>> {
         .collect()
 }
 
-/// Every target on changed inputs, for a few seconds each: what a fuzzer does, without its
-/// instrumentation.
-fn changed_inputs_pass_too() {
+/// Every target on mutated inputs, for a few seconds each, like a fuzzer without instrumentation.
+fn mutated_inputs_pass() {
     use std::panic::{AssertUnwindSafe, catch_unwind};
     use std::time::Instant;
     let next = std::sync::atomic::AtomicUsize::new(0);

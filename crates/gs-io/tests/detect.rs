@@ -1,6 +1,6 @@
-//! What a path is, and that opening agrees.
+//! Detection of the kind of a path, and consistency of opening with it.
 
-#![allow(clippy::unwrap_used, reason = "shared functions of tests fail by panicking, as tests do")]
+#![allow(clippy::unwrap_used, reason = "helpers of tests may panic")]
 
 use gs_core::Splats;
 use gs_io::ply::{self, WriteOptions};
@@ -20,7 +20,7 @@ fn one() -> Splats {
 }
 
 #[test]
-fn kinds_are_told_apart() {
+fn kinds_are_distinguished() {
     let model = fixture("deform4dgs/dnerf_like/model");
     assert_eq!(detect(&model).unwrap(), SceneKind::Model4dgs, "model folder");
     let iteration = model.join("point_cloud/iteration_20000");
@@ -38,7 +38,7 @@ fn kinds_are_told_apart() {
     assert_eq!(detect(dir.path()).unwrap(), SceneKind::Unknown { found: vec![] }, "empty");
     fs::write(path("notes.txt"), b"hello").unwrap();
     assert!(detect(path("notes.txt")).unwrap().to_string().contains("`hello`"), "text file");
-    assert!(detect(dir.path()).unwrap().to_string().contains("notes.txt"), "says what is there");
+    assert!(detect(dir.path()).unwrap().to_string().contains("notes.txt"), "lists the entries");
     let error = open_scene(dir.path(), &OpenOptions::default()).unwrap_err().to_string();
     assert!(error.contains("notes.txt") && error.contains("expected"), "{error}");
     fs::write(path("a.ply"), b"ply\nformat ascii 1.0\nelement chunk 0\nend_header\n").unwrap();
@@ -68,7 +68,7 @@ fn kinds_are_told_apart() {
 }
 
 #[test]
-fn a_single_ply_never_moves() {
+fn a_single_ply_is_static() {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("scene.ply");
     let mut splats = one().select(&[0, 0]);

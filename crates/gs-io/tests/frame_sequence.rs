@@ -1,6 +1,6 @@
-//! Sequences in archives and of other formats than plain PLY are the same scenes.
+//! Sequences in archives, and in formats other than plain PLY, are the same scenes.
 
-#![allow(clippy::unwrap_used, reason = "shared functions of tests fail by panicking, as tests do")]
+#![allow(clippy::unwrap_used, reason = "helpers of tests may panic")]
 
 use gs_core::{DynamicScene, Splats};
 use gs_io::ply_sequence::{self, PlySequence, SequenceOptions};
@@ -33,7 +33,7 @@ fn entries() -> Vec<(String, Vec<u8>)> {
 }
 
 #[test]
-fn archives_are_the_scenes_inside() {
+fn archives_equal_their_folders() {
     let dir = tempfile::tempdir().unwrap();
     let mut entries = entries();
     entries.push(("__MACOSX/clip/._frame_0.ply".to_owned(), b"rubbish".to_vec()));
@@ -49,7 +49,7 @@ fn archives_are_the_scenes_inside() {
             assert_eq!(zipped.at(t).unwrap(), source().at(t).unwrap(), "{method:?} at {t}");
         }
     }
-    // What we write is read.
+    // Archives of our own writer are read.
     let path = dir.path().join("ours.zip");
     let (times, options) = (source().time_range().frames(6), gs_io::ply::WriteOptions::default());
     ply_sequence::write_zip(&path, &source(), &times, &options, Existing::Refuse, &mut |_| {})
@@ -77,12 +77,12 @@ fn broken_archives_are_named() {
     zip_of(&path, &entries, zip::CompressionMethod::Deflated);
     assert!(
         open().contains("frame_1.ply"),
-        "a bomb is opened no further than its start: {}",
+        "only the start of a zip bomb is decompressed: {}",
         open()
     );
     fs::write(&path, b"PK\x03\x04 and no more").unwrap();
     assert!(matches!(detect(&path).unwrap(), SceneKind::Unknown { .. }), "damaged");
-    assert!(open().contains("no readable zip"), "{}", open());
+    assert!(open().contains("not a readable zip"), "{}", open());
     zip_of(&path, &entries[..1], zip::CompressionMethod::Stored);
     assert!(detect(&path).unwrap().to_string().contains("clip/frame_0.ply"), "says what is in it");
 }
@@ -94,7 +94,7 @@ fn apart(a: &Splats, b: &Splats) -> f32 {
 }
 
 #[test]
-fn frames_of_other_formats_are_scenes_too() {
+fn sequences_of_other_formats_are_scenes() {
     let dir = tempfile::tempdir().unwrap();
     let (compressed, packed) = (dir.path().join("compressed"), dir.path().join("packed"));
     let times = source().time_range().frames(6);
@@ -102,7 +102,7 @@ fn frames_of_other_formats_are_scenes_too() {
     let write = ply_sequence::write_compressed_folder;
     let losses =
         write(&compressed, &source(), &times, &options, Existing::Refuse, &mut |_| {}).unwrap();
-    assert!(!losses.is_empty(), "says what is lost");
+    assert!(!losses.is_empty(), "reports losses");
     let read = PlySequence::open(&compressed, &SequenceOptions::default()).unwrap();
     let order = compressed_ply::morton_order(&source().at(0.0).unwrap());
     for t in [0.0, 0.5, 1.0] {
@@ -125,11 +125,11 @@ fn frames_of_other_formats_are_scenes_too() {
     let read = PlySequence::open(&packed, &SequenceOptions::default()).unwrap();
     assert!(apart(&read.at(0.0).unwrap(), &source().at(0.0).unwrap()) < 0.05, "SPZ frames");
     let drift = read.row_drift().unwrap();
-    assert!(drift > 0.3, "a frame that was sorted anew is noticed: {drift}");
+    assert!(drift > 0.3, "a frame with permuted rows is detected: {drift}");
 }
 
 #[test]
-fn axes_of_sequences_are_those_of_their_files_or_as_chosen() {
+fn axes_of_sequences_are_those_of_their_files_or_of_the_options() {
     let dir = tempfile::tempdir().unwrap();
     let (packed, binary) = (dir.path().join("packed"), dir.path().join("binary"));
     fs::create_dir(&packed).unwrap();
@@ -154,7 +154,11 @@ fn axes_of_sequences_are_those_of_their_files_or_as_chosen() {
     let mut turned = open(&packed, Some(Axes::RUB)).at(0.37).unwrap();
     let tall = truth.means.iter().flat_map(|mean| [mean[1].abs(), mean[2].abs()]);
     let tall = tall.fold(0.0, f32::max);
-    assert!(apart(&turned, &truth) > tall.max(0.1), "other axes than the file's, as asked for");
+    assert!(
+        apart(&turned, &truth) > tall.max(0.1),
+        "the axes of the options override those of \
+        the file"
+    );
     for [_, y, z] in &mut turned.means {
         (*y, *z) = (-*y, -*z);
     }

@@ -1,12 +1,12 @@
-//! Still frames of every format: files of the formats' own tool read within the stated precision,
-//! and our files decoded from their byte layout, independently of the readers.
+//! Still frames of every format: files of each format's own tool are read within the stated
+//! precision, and our files are decoded from their byte layout, independently of the readers.
 
-#![allow(clippy::unwrap_used, reason = "shared functions of tests fail by panicking, as tests do")]
+#![allow(clippy::unwrap_used, reason = "helpers of tests may panic")]
 #![allow(
     clippy::cast_possible_truncation,
     clippy::cast_sign_loss,
     clippy::cast_possible_wrap,
-    reason = "decoders of tests take known bytes apart"
+    reason = "test decoders read known bytes"
 )]
 
 use gs_core::{Precision, RowPrecision, Splats, quat};
@@ -34,8 +34,8 @@ fn nearest(splats: &Splats, mean: [f32; 3]) -> usize {
     (0..splats.len()).min_by(|a, b| distance(a).total_cmp(&distance(b))).unwrap()
 }
 
-/// Values of `frame` that lie farther from `truth` than `factor` times its stated precision, and
-/// the rows of `truth` that were hit.
+/// Number of values of `frame` that differ from `truth` by more than `factor` times its stated
+/// precision, and number of matched rows of `truth`.
 fn violations(truth: &Splats, frame: &Frame, factor: f32) -> (usize, usize) {
     let precision = frame.precision.as_ref().unwrap();
     let mut hit = vec![false; truth.len()];
@@ -99,7 +99,7 @@ fn files_of_other_tools_are_read_within_their_precision() {
         assert_eq!((frame.splats.len(), frame.splats.sh_degree), (300, 3), "{name}");
         assert!(frame.splats.check_shapes().is_ok(), "{name}");
         assert_eq!(violations(&truth, &frame, 1.0), (0, 300), "{name}: violations, rows found");
-        // Negative control: the precision is not stated so wide that anything would pass.
+        // Negative control: the stated precision is not excessively wide.
         let (count, _) = violations(&truth, &frame, 0.25);
         assert!(count > 500, "{name}: only {count} values are off by a quarter of what is stated");
     }
@@ -113,7 +113,7 @@ fn files_of_other_tools_are_read_within_their_precision() {
 }
 
 #[test]
-fn what_is_written_is_read_within_the_precision() {
+fn written_frames_are_read_within_the_precision() {
     let truth = truth();
     let order = morton_order(&truth);
     assert_eq!(order.iter().copied().collect::<std::collections::BTreeSet<_>>().len(), 300, "all");
@@ -146,7 +146,7 @@ fn what_is_written_is_read_within_the_precision() {
     let read = frame::read(&bytes).unwrap();
     assert_eq!(read.format, FrameFormat::Splat, "found by its rows");
     assert_eq!(violations(&truth.with_sh_degree(0), &read, 1.0), (0, 300), ".splat");
-    assert_eq!(read.splats.means, truth.means, "centres keep every bit");
+    assert_eq!(read.splats.means, truth.means, "centres are exact");
     // From the byte layout: three floats, three floats, RGBA, wxyz.
     let byte = |value: f32| (value * 255.0).round().clamp(0.0, 255.0);
     for (i, row) in bytes.as_chunks::<32>().0.iter().enumerate() {
@@ -191,7 +191,7 @@ fn compare_spz(truth: &Splats, (means, log_scales, opacities, dc, first): &Decod
     };
     for i in 0..truth.len() {
         for axis in 0..3 {
-            // The file's y and z point the other way.
+            // y and z of the file point in the opposite directions.
             let sign = if axis == 0 { 1.0 } else { -1.0 };
             close(sign * means[i][axis], truth.means[i][axis], 2.0 / 4096.0, "mean");
             close(log_scales[i][axis], truth.log_scales[i][axis], 0.0313, "log-scale");
@@ -238,7 +238,7 @@ fn spz_decodes_from_its_byte_layout() {
             stream
         })
         .collect();
-    assert_eq!(start, v4.len(), "nothing after the streams");
+    assert_eq!(start, v4.len(), "no bytes after the streams");
     let views: Vec<&[u8]> = streams.iter().map(Vec::as_slice).collect();
     compare_spz(&truth, &decode_spz(300, &views));
     assert_eq!(views[..], parts[..], "the same values in both versions");
@@ -338,7 +338,7 @@ fn spz_version_2_and_large_scenes() {
     assert_eq!(read.splats.means[0], large.means[0], "fits with fewer bits");
     assert_eq!(violations(&large, &read, 1.0).0, 0, "within the wider precision");
 
-    // One floater in a thousand does not cost the others their precision.
+    // One floater in a thousand does not reduce the precision of the others.
     let mut rows: Vec<usize> = (0..300).cycle().take(1000).collect();
     rows[0] = 299;
     let mut floating = truth.select(&rows);
@@ -352,11 +352,15 @@ fn spz_version_2_and_large_scenes() {
     assert!(off <= 0.5 / 256.0, "the others are within 1/512: {off}");
     floating.means[1] = [-1e9, 0.0, 0.0];
     let losses = spz::write(&floating, &spz::WriteOptions::default(), &mut Vec::new()).unwrap();
-    assert!(losses.to_string().contains("have 0 bits"), "two are no exception: {losses}");
+    assert!(
+        losses.to_string().contains("have 0 bits"),
+        "two are too many for the exception: \
+        {losses}"
+    );
 }
 
-/// The SPZ of `options`, unpacked, without extension records, packed again: what a tool that knows
-/// none writes.
+/// The SPZ of `options` without its extension records, as
+/// written by tools that do not support them.
 fn without_records(splats: &Splats, options: &spz::WriteOptions) -> Vec<u8> {
     let mut bytes = Vec::new();
     spz::write(splats, options, &mut bytes).unwrap();
@@ -370,7 +374,7 @@ fn without_records(splats: &Splats, options: &spz::WriteOptions) -> Vec<u8> {
 }
 
 #[test]
-fn spz_axes_are_those_that_the_file_names() {
+fn spz_axes_are_those_stated_in_the_file() {
     let truth = truth();
     for code in 1..=16 {
         let axes = Axes::from_code(code).unwrap();
@@ -382,23 +386,23 @@ fn spz_axes_are_those_that_the_file_names() {
             let reading = read.axes.unwrap();
             assert_eq!((reading.axes, reading.stated), (axes, true), "{axes}");
             assert!(reading.assumption().is_none(), "{axes}: nothing is assumed");
-            // Harmonics of axes that exchange y and z mix before they are rounded: half a step
-            // becomes up to three.
+            // Axes that swap y and z mix harmonics before rounding,
+            // so half a step becomes up to three.
             let factor = if code <= 8 { 1.0 } else { 3.0 };
             assert_eq!(violations(&truth, &read, factor), (0, 300), "{axes}, version {version}");
         }
     }
-    // Nothing named: as the format is described, which is wrong for tools that keep the axes of a
-    // PLY, until told.
+    // Without a record, the axes of the specification are assumed, which is
+    // wrong for tools that keep the axes of a PLY.
     let options = spz::WriteOptions { axes: Axes::PLY, ..spz::WriteOptions::default() };
     let read = frame::read(&without_records(&truth, &options)).unwrap();
     let reading = read.axes.unwrap();
     assert_eq!((reading.axes, reading.stated), (Axes::RUB, false), "assumed");
     assert!(reading.assumption().unwrap().contains("RUB (x right, y up, z back)"), "said");
-    assert!((read.splats.means[0][1] + truth.means[0][1]).abs() < 1e-3, "half a turn off");
+    assert!((read.splats.means[0][1] + truth.means[0][1]).abs() < 1e-3, "rotated by 180°");
     let turned = read.in_axes(Axes::PLY);
     assert_eq!(violations(&truth, &turned, 1.0), (0, 300), "as told");
-    // A record of another type is stepped over; one cut short ends them.
+    // A record of another type is skipped; a truncated one ends the list.
     let mut bytes = Vec::new();
     spz::write(&truth, &options, &mut bytes).unwrap();
     let mut plain = Vec::new();
@@ -418,7 +422,7 @@ fn spz_axes_are_those_that_the_file_names() {
 }
 
 #[test]
-fn spz_harmonics_have_the_bits_asked_for() {
+fn spz_harmonics_have_the_requested_bits() {
     let truth = truth();
     let mut last = f32::INFINITY;
     for bits in [2, 3, 5, 8] {
@@ -429,7 +433,7 @@ fn spz_harmonics_have_the_bits_asked_for() {
         let stated: f32 = stated.split(' ').next().unwrap().parse().unwrap();
         let read = frame::read(&bytes).unwrap();
         assert_eq!(violations(&truth, &read, 1.0), (0, 300), "{bits} bits");
-        // Colours of all splats along many directions, against what was said.
+        // Measured colour error of all splats in many directions, compared with the reported one.
         let (mut square, mut count) = (0.0_f64, 0.0);
         for i in 0..300 {
             for j in 0..64 {
@@ -449,16 +453,20 @@ fn spz_harmonics_have_the_bits_asked_for() {
             }
         }
         let measured = 255.0 * (square / count).sqrt() as f32;
-        assert!((measured / stated - 1.0).abs() < 0.1, "{bits} bits: {measured}, said {stated}");
+        assert!(
+            (measured / stated - 1.0).abs() < 0.1,
+            "{bits} bits: {measured}, reported \
+            {stated}"
+        );
         assert!(measured < last, "more bits, less error: {bits}");
         last = measured;
     }
     let options = spz::WriteOptions { sh_bits: [9, 4], ..spz::WriteOptions::default() };
-    assert!(spz::write(&truth, &options, &mut Vec::new()).is_err(), "no such number of bits");
+    assert!(spz::write(&truth, &options, &mut Vec::new()).is_err(), "invalid number of bits");
 }
 
 #[test]
-fn spz_says_that_splats_were_antialiased_and_keeps_small_scenes() {
+fn spz_notes_antialiasing_and_keeps_small_scenes() {
     let mut truth = truth();
     let mut bytes = without_records(&truth, &spz::WriteOptions::default());
     let mut plain = Vec::new();
@@ -484,7 +492,7 @@ fn spz_says_that_splats_were_antialiased_and_keeps_small_scenes() {
 }
 
 #[test]
-fn compressed_ply_leaves_out_bands_that_it_would_only_blur() {
+fn compressed_ply_omits_bands_below_half_a_step() {
     let mut truth = truth();
     for i in 0..truth.len() {
         for k in 4..16 {
@@ -502,13 +510,13 @@ fn compressed_ply_leaves_out_bands_that_it_would_only_blur() {
     bytes.clear();
     let asked = compressed_ply::WriteOptions { sh_degree: Some(3), ..options };
     compressed_ply::write(&truth, &asked, &mut bytes).unwrap();
-    assert_eq!(frame::read(&bytes).unwrap().splats.sh_degree, 3, "unless asked for");
+    assert_eq!(frame::read(&bytes).unwrap().splats.sh_degree, 3, "unless requested");
     truth.sh[16 * 7 + 15] = [0.0, 0.016, 0.0];
     assert_eq!(compressed_ply::kept_degree(&truth), 3, "one splat reaches half a step");
 }
 
 #[test]
-fn content_decides_and_damage_is_named() {
+fn formats_are_detected_by_content_and_damage_is_named() {
     let path = |name: &str| fixture("frames").join(name);
     let dir = tempfile::tempdir().unwrap();
     let misnamed = dir.path().join("scene.compressed.ply");
@@ -526,7 +534,7 @@ fn content_decides_and_damage_is_named() {
         fs::copy(path(name), &other).unwrap();
         assert_eq!(gs_io::detect(&other).unwrap(), kind, "{name}");
     }
-    // Runs of GaussianEditor and DGE leave the result here.
+    // Runs of GaussianEditor and DGE write the result here.
     fs::create_dir_all(dir.path().join("trial/save")).unwrap();
     fs::copy(path("frame.ply"), dir.path().join("trial/save/last.ply")).unwrap();
     let trial = dir.path().join("trial");
@@ -558,7 +566,7 @@ fn content_decides_and_damage_is_named() {
 }
 
 #[test]
-fn odd_rows_are_counted() {
+fn unusual_rows_are_counted() {
     let mut bytes = Vec::new();
     splat_file::write(&truth(), &mut bytes).unwrap();
     bytes[27] = 255;
@@ -577,5 +585,5 @@ fn odd_rows_are_counted() {
     frame.precision = Some(std::sync::Arc::new(Precision::by_chunk(entries.collect(), 1)));
     let (clean, _) = frame.sanitize(gs_io::repair::Damage::Drop).unwrap();
     assert_eq!(clean.precision.unwrap().of(2).opacity, 4.0, "precision follows its row");
-    assert!(Losses::none().is_empty(), "nothing lost by reading");
+    assert!(Losses::none().is_empty(), "no losses on reading");
 }

@@ -1,7 +1,7 @@
-//! Readers survive any bytes: real files cut and overwritten at random, and rubbish, give a value
-//! or an error, never a panic.
+//! Readers accept arbitrary bytes: real files truncated and overwritten at random, and random
+//! bytes, give a value or an error, never a panic.
 
-#![allow(clippy::unwrap_used, reason = "shared functions of tests fail by panicking, as tests do")]
+#![allow(clippy::unwrap_used, reason = "helpers of tests may panic")]
 
 use gs_core::DynamicScene;
 use gs_io::checkpoint4dgs;
@@ -29,8 +29,8 @@ fn read(path: &str) -> Vec<u8> {
     fs::read(fixture(path)).unwrap()
 }
 
-/// Cut somewhere, then some bytes overwritten: mostly near the start and the end, where the
-/// structure is.
+/// Truncation at some point, and overwritten bytes, mostly near the
+/// start and the end, where the structure is.
 #[derive(Debug, Clone)]
 struct Damage {
     keep: f64,
@@ -64,19 +64,19 @@ fn read_all(bytes: &[u8]) {
     if let Ok(read) = splat4d::read(bytes.to_vec(), gs_io::repair::Damage::Drop) {
         for t in [0.0, 0.9, 0.2] {
             let splats = read.scene.at(t).unwrap();
-            assert!(splats.check_shapes().is_ok(), "whatever opens evaluates");
+            assert!(splats.check_shapes().is_ok(), "an opened scene can be evaluated");
         }
     }
     if let Ok(read) = ply::read(bytes) {
-        assert!(read.splats.check_shapes().is_ok(), "whatever is read is consistent");
+        assert!(read.splats.check_shapes().is_ok(), "splats that are read are consistent");
     }
     let _ = ply::read_column(bytes, "x");
     if let Ok(read) = frame::read(bytes) {
-        assert!(read.splats.check_shapes().is_ok(), "whatever is read is consistent");
+        assert!(read.splats.check_shapes().is_ok(), "splats that are read are consistent");
         let most = 64 * bytes.len().max(1 << 18);
         assert!(read.splats.len() < most, "{} splats of {} bytes", read.splats.len(), bytes.len());
         if let Some(precision) = &read.precision {
-            assert!(precision.of(read.splats.len() - 1).opacity > 0.0, "each row has one");
+            assert!(precision.of(read.splats.len() - 1).opacity > 0.0, "one entry per row");
         }
         let _ = read.sanitize(gs_io::repair::Damage::Drop);
     }
@@ -105,7 +105,7 @@ proptest! {
     }
 
     #[test]
-    fn rubbish(bytes in prop::collection::vec(any::<u8>(), 0..300)) {
+    fn random_bytes(bytes in prop::collection::vec(any::<u8>(), 0..300)) {
         read_all(&bytes);
         read_all(&[b"ply\nformat ascii 1.0\n", &bytes[..]].concat());
         read_all(&[b"PK\x03\x04", &bytes[..]].concat());
@@ -115,7 +115,7 @@ proptest! {
 const FRAMES: [&str; 5] =
     ["frame.ply", "frame.compressed.ply", "frame_v3.spz", "frame_v4.spz", "frame.sog"];
 
-/// Those, and a small one as binary glTF.
+/// These files, and a small one as binary glTF.
 static STILLS: LazyLock<Vec<Vec<u8>>> = LazyLock::new(|| {
     let mut stills: Vec<Vec<u8>> =
         FRAMES.iter().map(|name| read(&format!("frames/{name}"))).collect();
@@ -169,7 +169,7 @@ proptest! {
     }
 
     #[test]
-    fn rubbish_after_every_mark(which in 0..6_usize, bytes in prop::collection::vec(any::<u8>(), 0..200)) {
+    fn random_bytes_after_every_magic(which in 0..6_usize, bytes in prop::collection::vec(any::<u8>(), 0..200)) {
         let marks: [&[u8]; 6] = [
             b"NGSP\x04\0\0\0\x05\0\0\0\0\x0c\0\x05\x20\0\0\0",
             b"\x1f\x8b\x08\0\0\0\0\0\0\0",

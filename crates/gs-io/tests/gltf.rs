@@ -1,7 +1,7 @@
-//! glTF with Gaussian splats: our files decoded from their layout alone, scenes of others with
-//! nodes, quantised and sparse values, SPZ inside, and hostile ones.
+//! glTF with Gaussian splats: our files decoded independently from their layout; scenes with nodes,
+//! quantised and sparse values, and embedded SPZ; hostile files.
 
-#![allow(clippy::unwrap_used, reason = "shared functions of tests fail by panicking, as tests do")]
+#![allow(clippy::unwrap_used, reason = "helpers of tests may panic")]
 #![allow(clippy::cast_possible_truncation, reason = "known values in known ranges")]
 
 use base64::Engine;
@@ -60,7 +60,7 @@ fn put_together(json: &Value, data: &[u8]) -> Vec<u8> {
     bytes
 }
 
-/// `frame` has the splats `truth`, up to what activation rounds.
+/// Asserts that `frame` has the splats `truth`, up to the rounding of activations.
 fn assert_same(frame: &Frame, truth: &Splats, what: &str) {
     let splats = &frame.splats;
     assert_eq!((splats.len(), splats.sh_degree), (truth.len(), truth.sh_degree), "{what}");
@@ -93,8 +93,8 @@ fn frames_round_trip() {
         let precision = *frame.precision.as_ref().unwrap().of(0);
         assert_eq!((precision.means, precision.sh_rest), ([0.0; 3], [0.0; 3]), "floats");
         assert!(frame.notes.is_empty(), "{:?}", frame.notes);
-        assert_eq!(frame.splats.means, truth.means, "centres keep every bit");
-        assert_eq!(frame.splats.sh, truth.sh, "SH keeps every bit");
+        assert_eq!(frame.splats.means, truth.means, "centres are exact");
+        assert_eq!(frame.splats.sh, truth.sh, "SH is exact");
         assert_same(&frame, &truth, "round trip");
     }
     let options = gltf::WriteOptions { sh_degree: Some(1), ..gltf::WriteOptions::default() };
@@ -106,7 +106,7 @@ fn frames_round_trip() {
     broken.means[3][1] = f32::NAN;
     bytes.clear();
     let losses = gltf::write(&broken, &gltf::WriteOptions::default(), &mut bytes).unwrap();
-    assert!(losses.to_string().contains("1 damaged splats are left out"), "{losses}");
+    assert!(losses.to_string().contains("1 damaged splats are omitted"), "{losses}");
     assert_eq!(frame::read(&bytes).unwrap().splats.len(), 299, "JSON has no NaN");
 }
 
@@ -148,7 +148,7 @@ fn a_file_decodes_from_its_layout() {
     };
     let (dc, y, xyz) = (harmonics(0, 0), harmonics(1, 0), harmonics(3, 1));
     for i in 0..300 {
-        // Left, up, front: x and y point the other way.
+        // Left, up, front: x and y point in the opposite directions.
         let [px, py, pz] = truth.means[i];
         assert_eq!(means[i], [-px, -py, pz], "centre {i}");
         let [w, x, y_, z] = truth.rotation(i);
@@ -169,14 +169,14 @@ fn a_file_decodes_from_its_layout() {
     assert_eq!((bounds("min"), bounds("max")), (3, 3), "positions have bounds");
 }
 
-/// A scene of `truth` in the axes LUF, with the members of a node given.
+/// A glTF scene of `truth` in the axes LUF, with the given nodes.
 fn with_nodes(truth: &Splats, nodes: &Value) -> Vec<u8> {
     let (mut json, data) = taken_apart(&written(truth, false));
     json["nodes"] = nodes.clone();
     put_together(&json, &data)
 }
 
-/// One round splat with a colour that depends on the view, in memory's axes.
+/// One round splat with view-dependent colour, in the axes of splats in memory.
 fn one() -> Splats {
     Splats {
         means: vec![[1.0, 2.0, 3.0]],
@@ -199,48 +199,51 @@ fn color(splats: &Splats, direction: [f32; 3]) -> f32 {
 }
 
 #[test]
-fn nodes_place_turn_and_scale() {
+fn nodes_translate_rotate_and_scale() {
     let splats = one();
-    // A parent that turns by a quarter about y and lifts, a child that doubles: glTF axes, x → −z.
+    // A parent that rotates by 90° about y and translates upwards, a
+    // child that scales by two: glTF axes, x → −z.
     let half = std::f64::consts::FRAC_1_SQRT_2;
     let nodes = json!([
         { "children": [1], "rotation": [0.0, half, 0.0, half], "translation": [0.0, 10.0, 0.0] },
         { "mesh": 0, "scale": [2.0, 2.0, 2.0] },
     ]);
     let read = frame::read(&with_nodes(&splats, &nodes)).unwrap().splats;
-    // In the file (−1, −2, 3), doubled (−2, −4, 6), turned (6, −4, 2), lifted (6, 6, 2), and back.
+    // In the file (−1, −2, 3), scaled (−2, −4, 6), rotated (6, −4, 2),
+    // translated (6, 6, 2), and converted back.
     let expected = [-6.0, -6.0, 2.0];
     for axis in 0..3 {
         assert!((read.means[0][axis] - expected[axis]).abs() < 1e-5, "{:?}", read.means[0]);
         let larger = splats.log_scales[0][axis] + 2.0_f32.ln();
         assert!((read.log_scales[0][axis] - larger).abs() < 1e-6, "twice as large");
     }
-    // The same turn in memory's axes: (x, y, z) of the file is (−x, −y, z) here, so x → z about −y.
+    // The same rotation in the axes of splats in memory: (x, y, z) of the
+    // file is (−x, −y, z) here, so x → z about −y.
     let turned = |[x, y, z]: [f32; 3]| [-z, y, x];
     let (before, after) = (sigma(&splats), sigma(&read));
-    // xx of the turned one is zz of the other.
+    // xx of the rotated covariance is zz of the original.
     assert!((after[0] - 4.0 * before[5]).abs() < 1e-5, "{before:?} {after:?}");
     assert!((after[5] - 4.0 * before[0]).abs() < 1e-5, "{before:?} {after:?}");
     for direction in [[0.48, -0.6, 0.64], [1.0, 0.0, 0.0], [0.0, 0.6, -0.8]] {
         let (a, b) = (color(&splats, direction), color(&read, turned(direction)));
-        assert!((a - b).abs() < 1e-5, "colour turns along: {a} {b}");
+        assert!((a - b).abs() < 1e-5, "colour rotates with the splat: {a} {b}");
     }
 
-    // Along one axis only: an ellipsoid between the axes changes its own.
+    // Scaling along one axis changes the principal axes of an oblique ellipsoid.
     let nodes = json!([{ "mesh": 0, "scale": [1.0, 3.0, 1.0] }]);
     let stretched = frame::read(&with_nodes(&splats, &nodes)).unwrap().splats;
     let (a, b) = (sigma(&splats), sigma(&stretched));
     let factors = [1.0, 3.0, 1.0, 9.0, 3.0, 1.0];
     assert!((0..6).all(|k| (b[k] - factors[k] * a[k]).abs() < 1e-6), "{a:?} {b:?}");
 
-    // The same mesh twice, once through a matrix.
+    // The same mesh twice, once with a matrix.
     let matrix = [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 5, 0, 0, 1];
     let (mut document, data) = taken_apart(&written(&splats, false));
     document["nodes"] = json!([{ "mesh": 0 }, { "mesh": 0, "matrix": matrix }]);
     document["scenes"] = json!([{ "nodes": [0, 1] }]);
     let twice = frame::read(&put_together(&document, &data)).unwrap().splats;
     assert_eq!(twice.means, [[1.0, 2.0, 3.0], [-4.0, 2.0, 3.0]], "moved by 5 to the left");
-    // Other scenes do not count; nodes that show no splats neither.
+    // Other scenes are ignored, as are nodes without splats.
     document["scenes"] = json!([{ "nodes": [1] }, { "nodes": [0] }]);
     document["scene"] = json!(1);
     assert_eq!(
@@ -255,11 +258,11 @@ fn nodes_place_turn_and_scale() {
 }
 
 #[test]
-fn nodes_that_splats_cannot_follow_are_named() {
+fn unsupported_node_transformations_are_named() {
     let splats = one();
     for (node, why) in [
         (json!({ "mesh": 0, "scale": [-1.0, 1.0, 1.0], "name": "wing" }), "`wing` is mirrored"),
-        (json!({ "mesh": 0, "scale": [0.0, 1.0, 1.0] }), "scaled to nothing"),
+        (json!({ "mesh": 0, "scale": [0.0, 1.0, 1.0] }), "scaled to zero"),
         (
             json!({ "mesh": 0, "matrix": [1, 0, 0, 0, 1, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1] }),
             "sheared",
@@ -281,8 +284,7 @@ fn nodes_that_splats_cannot_follow_are_named() {
     }
 }
 
-/// Attributes of `truth` (LUF) as the specification allows them to be quantised, interleaved where
-/// it can be.
+/// Attributes of `truth` (LUF), quantised and interleaved as the specification allows.
 #[expect(clippy::cast_sign_loss, reason = "values from 0 to 1")]
 fn quantised(truth: &Splats) -> Vec<u8> {
     let count = truth.len();
@@ -332,7 +334,7 @@ fn quantised(truth: &Splats) -> Vec<u8> {
         "extensionsRequired": ["KHR_mesh_quantization"],
         "scene": 0,
         "scenes": [{ "nodes": [0] }],
-        // Undoes the normalisation of positions, and then of sizes, which it scales, too.
+        // Undoes the normalisation of positions; this also scales the sizes.
         "nodes": [{ "mesh": 0, "translation": [-max[0], -max[1], min[2]], "scale": [width, width, width] }],
         "meshes": [{ "primitives": [{ "mode": 0,
             "attributes": {
@@ -381,7 +383,7 @@ fn quantised_interleaved_and_sparse_values_are_read_within_their_precision() {
             let off = (frame.splats.means[i][axis] - truth.means[i][axis]).abs();
             assert!(off <= row.means[axis] + 1e-6 * width, "centre of {i}: {off} {row:?}");
             tight += usize::from(off > 0.1 * row.means[axis]);
-            // Sizes are scaled by the node: what is stored is the share of the largest.
+            // Sizes are scaled by the node; stored values are relative to the largest.
             let size = truth.log_scales[i][axis] - largest.ln() + width.ln();
             let off = (frame.splats.log_scales[i][axis] - size.max(row.log_scale_range[0])).abs();
             assert!(off <= row.log_scales[axis] + 1e-4, "size of {i}: {off} {row:?}");
@@ -392,13 +394,13 @@ fn quantised_interleaved_and_sparse_values_are_read_within_their_precision() {
             2.0 * quat::dot(frame.splats.rotation(i), truth.rotation(i)).abs().min(1.0).acos();
         assert!(angle <= row.rotation_rad + 1e-3, "rotation of {i}: {angle} {}", row.rotation_rad);
     }
-    assert!(tight > 500, "the precision is not stated so wide that anything would pass: {tight}");
-    assert_eq!(frame.splats.sh[..299], truth.sh[..299], "floats keep every bit");
+    assert!(tight > 500, "the stated precision is not excessively wide: {tight}");
+    assert_eq!(frame.splats.sh[..299], truth.sh[..299], "floats are exact");
     assert_eq!(frame.splats.sh[299], [1.0, -1.0, -1.0], "replaced");
 }
 
 #[test]
-fn data_of_other_files_and_spz_inside() {
+fn external_data_and_embedded_spz() {
     let truth = truth();
     let folder = tempfile::tempdir().unwrap();
     let (mut document, data) = taken_apart(&written(&truth, false));
@@ -411,7 +413,7 @@ fn data_of_other_files_and_spz_inside() {
     assert_same(&frame::read_file(&path).unwrap(), &truth, "beside it");
     assert_eq!(gs_io::detect(&path).unwrap(), gs_io::SceneKind::Gltf, "found by content");
     let error = frame::read(document.to_string().as_bytes()).unwrap_err().to_string();
-    assert!(error.contains("the%20data.bin") && error.contains("by its path"), "{error}");
+    assert!(error.contains("the%20data.bin") && error.contains("path of the .gltf"), "{error}");
     for outside in ["../the%20data.bin", "/etc/passwd", "https://example.org/a.bin", "", "%2e%2e/a"]
     {
         document["buffers"][0]["uri"] = json!(outside);
@@ -449,7 +451,7 @@ fn data_of_other_files_and_spz_inside() {
 }
 
 #[test]
-fn colours_of_linear_spaces_are_shown_as_such() {
+fn linear_colours_are_converted() {
     let (mut document, data) = taken_apart(&written(&one(), false));
     let extension =
         &mut document["meshes"][0]["primitives"][0]["extensions"]["KHR_gaussian_splatting"];
@@ -469,7 +471,7 @@ fn colours_of_linear_spaces_are_shown_as_such() {
 type Change<'a> = &'a dyn Fn(&mut Value);
 
 #[test]
-fn what_cannot_be_read_is_named() {
+fn unsupported_files_are_named() {
     let truth = one();
     let bytes = written(&truth, false);
     let (document, data) = taken_apart(&bytes);
@@ -483,7 +485,7 @@ fn what_cannot_be_read_is_named() {
         (&|d| d["asset"]["version"] = json!("1.0"), "version `1.0`, expected 2.0"),
         (
             &|d| d["extensionsRequired"] = json!(["EXT_meshopt_compression"]),
-            "needs the extension EXT_meshopt_compression",
+            "requires the unsupported extension EXT_meshopt_compression",
         ),
         (
             &|d| {
@@ -518,14 +520,14 @@ fn what_cannot_be_read_is_named() {
     let mut missing = document.clone();
     let _ = primitive(&mut missing);
     assert!(frame::read(&put_together(&missing, &data)).is_err(), "null for a primitive");
-    // A hundred million splats of one, and one of them shown ten million times.
+    // A file that declares a hundred million splats, and one that uses a splat ten million times.
     let mut many = document.clone();
     for accessor in many["accessors"].as_array_mut().unwrap() {
         accessor["count"] = json!(100_000_000_u64);
         accessor.as_object_mut().unwrap().remove("bufferView");
     }
     let found = frame::read(&put_together(&many, &data)).unwrap_err();
-    assert!(found.to_string().contains("cannot hold"), "{found}");
+    assert!(found.to_string().contains("can contain"), "{found}");
     for length in 0..bytes.len() {
         let found = frame::read(&bytes[..length]);
         assert!(found.is_err(), "cut at {length} of {}", bytes.len());

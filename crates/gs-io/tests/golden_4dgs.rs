@@ -1,8 +1,8 @@
-//! 4DGaussians model folders, read and evaluated, give the numbers of the reference implementation:
-//! every flag combination of the goldens, final parameters and intermediate values, within the
-//! tolerances of `fixtures/deform4dgs/README.md`.
+//! 4DGaussians model folders, read and evaluated, match the reference implementation: every flag
+//! combination of the goldens, final parameters and intermediate values, within the tolerances of
+//! `fixtures/deform4dgs/README.md`.
 
-#![allow(clippy::unwrap_used, reason = "shared functions of tests fail by panicking, as tests do")]
+#![allow(clippy::unwrap_used, reason = "helpers of tests may panic")]
 
 use gs_core::{DynamicScene, Splats};
 use gs_deform::{Component, HexPlaneScene, Trace};
@@ -66,7 +66,7 @@ fn check_final(case: &str, golden: &Golden, splats: &Splats, t: usize, tolerance
         close("opacity_logit", &widen(&splats.opacity_logits));
     }
     if !golden.has("sh") {
-        return; // The variants record SH only where they are deformed.
+        return; // The variants record SH only if they are deformed.
     }
     let sh_times = golden.shape("sh")[0];
     let sh_ids = golden.has("sh_ids").then(|| golden.i32s("sh_ids"));
@@ -82,7 +82,7 @@ fn check_final(case: &str, golden: &Golden, splats: &Splats, t: usize, tolerance
     assert_close(&what("sh"), &sh, &expected_sh, tolerance.values, 0.0);
 }
 
-/// Sums over all points catch rows that the recorded ones do not show.
+/// Sums over all points detect errors in rows that are not recorded.
 fn check_sums(case: &str, golden: &Golden, splats: &Splats, t: usize) {
     let sums = golden.f64s("allpoint_sums.means");
     for axis in 0..3 {
@@ -151,7 +151,7 @@ fn check(case: &str, tolerance: &Tolerance) {
     let (scene, golden) = open(case);
     let mut splats = Splats::default();
     for (t, &time) in golden.f32s("times").iter().enumerate() {
-        // The field clamps times outside the sequence, which the scene refuses.
+        // The field clamps times outside the sequence; the scene refuses them.
         scene.field().deform_into(scene.canonical(), time, &mut splats).unwrap();
         check_final(case, &golden, &splats, t, tolerance);
         let trace = scene.field().trace(&probe_means(&golden, scene.canonical()), time);
@@ -193,7 +193,7 @@ fn every_flag_combination() {
     }
 }
 
-/// Negative control: the mistakes the README lists exceed the tolerance by far.
+/// Negative control: the mistakes listed in the README exceed the tolerance by far.
 #[test]
 fn flags_matter() {
     let dir = fixture("deform4dgs/dynerf_like");
@@ -211,11 +211,11 @@ fn flags_matter() {
         let caught = std::panic::catch_unwind(|| {
             check_final("wrong flag", &golden, &splats, 1, &TIGHT);
         });
-        assert!(caught.is_err(), "{overrides:?} goes unnoticed");
+        assert!(caught.is_err(), "{overrides:?} is not detected");
     }
 }
 
-/// The per-frame export of the reference holds the deformed parameters but the stored opacity.
+/// The per-frame export of the reference contains the deformed parameters but the stored opacity.
 #[test]
 fn per_frame_export_agrees() {
     let dir = fixture("deform4dgs/variants/static_mlp_all_heads");

@@ -1,7 +1,7 @@
-//! Data sets of every layout give the cameras and times of the reference's readers, within the
+//! Cameras and times of data sets of every layout match the reference's readers, within the
 //! tolerance of `fixtures/cameras/README.md`.
 
-#![allow(clippy::unwrap_used, reason = "shared functions of tests fail by panicking, as tests do")]
+#![allow(clippy::unwrap_used, reason = "helpers of tests may panic")]
 
 use gs_core::Camera;
 use gs_io::cameras::{self, CameraSet, Format, Reading, Split};
@@ -27,7 +27,7 @@ fn numbers(value: &Value) -> Vec<f64> {
     }
 }
 
-/// Largest difference between a camera and what the reference makes of it.
+/// Largest difference between a camera and the reference's camera.
 fn difference(camera: &Camera, expected: &Value) -> f64 {
     let v = &camera.viewmat;
     let [tan_x, tan_y] = camera.tan_half_fov();
@@ -107,8 +107,7 @@ fn dynerf() {
 fn hypernerf() {
     for kind in ["hypernerf_split", "hypernerf_nosplit"] {
         let set = check_splits(kind, Format::Nerfies);
-        // The reference's video is an artefact: as many views as are held out, from the start of
-        // the list.
+        // The reference's video path is the first views of the list, as many as are held out.
         let count = set.split(Split::Test).count();
         let first: Vec<&Camera> = set.views[..count].iter().map(|view| &view.camera).collect();
         check(kind, "video", &first);
@@ -134,7 +133,7 @@ fn the_comparison_can_fail() {
     let set = open("dnerf");
     let listed = &expected("dnerf")["train"]["cameras"][1];
     let camera = set.split(Split::Train).nth(1).unwrap();
-    assert!(difference(camera, listed) < TOLERANCE, "as it is");
+    assert!(difference(camera, listed) < TOLERANCE, "unchanged");
     let mut off = camera.clone();
     off.time = Some(camera.time.unwrap() + 1e-4);
     assert!(difference(&off, listed) > TOLERANCE, "another time");
@@ -143,5 +142,5 @@ fn the_comparison_can_fail() {
     assert!(difference(&off, listed) > TOLERANCE, "another lens");
     let stored = cameras::open(fixture("cameras/dnerf"), Reading::Stored).unwrap();
     let stored = stored.split(Split::Train).nth(1).unwrap().resized(800, 800);
-    assert!(difference(&stored, listed) > 0.1, "the sign slip shows");
+    assert!(difference(&stored, listed) > 0.1, "the sign error is detected");
 }

@@ -1,7 +1,7 @@
-//! Trained scenes of other methods, read and evaluated, give the numbers of their reference
-//! implementations (`fixtures/bases`) within the tolerances of its README.
+//! Trained scenes of other methods, read and evaluated, match their reference implementations
+//! (`fixtures/bases`) within the tolerances of its README.
 
-#![allow(clippy::unwrap_used, reason = "shared functions of tests fail by panicking, as tests do")]
+#![allow(clippy::unwrap_used, reason = "helpers of tests may panic")]
 
 use gs_core::{Splats, covariance, sh};
 use gs_io::{OpenOptions, OpenedScene, SceneKind, detect, open_scene_as};
@@ -76,7 +76,7 @@ fn covariances(splats: &Splats) -> Vec<f64> {
         .collect()
 }
 
-/// Covariances that the rasteriser makes of quaternions and scales as given.
+/// Covariances that the rasteriser computes from quaternions and scales as given.
 fn rasterized(quats: &[f64], scales: &[f64]) -> Vec<f64> {
     let quats = quats.as_chunks::<4>().0.iter();
     quats.zip(scales.as_chunks::<3>().0).flat_map(|(q, s)| covariance(*q, *s)).collect()
@@ -89,12 +89,12 @@ fn relative_to_traces(actual: &[f64], expected: &[f64]) -> f64 {
     errors.fold(0.0, f64::max)
 }
 
-/// Scenes whose quaternions reach the rasteriser without being normalised: their covariances are
-/// compared.
+/// Compares covariances of scenes whose quaternions are passed
+/// to the rasteriser without normalisation.
 fn check_rasterized(name: &str, kind: &SceneKind, tolerance: f64, of_trace: f64) {
     let source = open(&base(name).join("model"), kind, &OpenOptions::default());
     let golden = golden(name);
-    assert!(!source.scene.fades(), "{name}: opacities stay");
+    assert!(!source.scene.fades(), "{name}: opacities are constant");
     for (index, t) in golden.f32s("times").into_iter().enumerate() {
         let splats = source.scene.at(t).unwrap();
         let what = |part: &str| format!("{name} at {t}: {part}");
@@ -109,7 +109,7 @@ fn check_rasterized(name: &str, kind: &SceneKind, tolerance: f64, of_trace: f64)
         let expected = rasterized(&quats, &sizes);
         let error = relative_to_traces(&covariances(&splats), &expected);
         assert!(error < of_trace, "{}: {error}", what("covariances"));
-        // Negative control: with the quaternions normalised, shapes are others.
+        // Negative control: with normalised quaternions, shapes differ.
         let unit = |q: &[f64; 4]| gs_core::quat::normalize(*q);
         let normalized: Vec<f64> = quats.as_chunks::<4>().0.iter().flat_map(unit).collect();
         let other = relative_to_traces(&rasterized(&normalized, &sizes), &expected);
@@ -260,7 +260,7 @@ fn freetimegs() {
                 assert_close(&format!("{file} at {t}: {part}"), actual, expected, 2e-6, 0.0);
             };
             close("means", &means(&splats), &at(&golden, "means", index));
-            // As handed to gsplat, which normalises them.
+            // As passed to gsplat, which normalises them.
             let quats = at(&golden, "rotations", index);
             let unit = |q: &[f64; 4]| gs_core::quat::normalize(*q);
             let expected: Vec<f64> = quats.as_chunks::<4>().0.iter().flat_map(unit).collect();
@@ -309,8 +309,8 @@ fn native_4d_gaussians() {
                 .collect();
             let error = relative_to_traces(&covariances(&splats), &upper);
             assert!(error < 1e-6, "{}: {error}", what("covariances"));
-            // The reference looks colours up in the direction of the stored centres: those of the
-            // moved ones at their own times.
+            // The reference evaluates colours in the direction of the stored centres, which are
+            // those of the moved splats at their own times.
             let canonical = stored_centres(&model);
             let colors = (0..n).map(|row| {
                 let arm = [0, 1, 2].map(|k| canonical[row][k] - camera[k]);
@@ -332,7 +332,7 @@ fn fourdgs_container() {
     let duration: f64 = 4.0;
     for (index, time) in times.into_iter().enumerate() {
         if time >= duration {
-            continue; // Windows are half open: at the very end nothing is visible, and our last time is the instant before.
+            continue; // Windows are half-open: at the very end nothing is visible, and our last time is the instant before.
         }
         #[expect(clippy::cast_possible_truncation, reason = "scene times are single precision")]
         let t = (time / duration.next_down()) as f32;
@@ -344,7 +344,7 @@ fn fourdgs_container() {
                 assert!(opacities[row] < 2e-6, "row {row} at {time}: {}", opacities[row]);
                 continue;
             }
-            // Our times are single precision; motions are up to a few units a second.
+            // Our times are single precision; velocities are up to a few units per second.
             let close = |a: f64, b: f64| (a - b).abs() < 3e-6;
             let centre = (0..3).all(|k| close(found[3 * row + k], means_at[3 * at + k]));
             assert!(centre, "row {row} at {time}");
@@ -377,7 +377,7 @@ fn fourdgs_container() {
     }
 }
 
-/// Centres as a checkpoint stores them.
+/// Centres stored in a checkpoint.
 fn stored_centres(model: &Path) -> Vec<[f32; 3]> {
     let file = std::fs::read_dir(model)
         .unwrap()

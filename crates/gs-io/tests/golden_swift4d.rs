@@ -1,8 +1,7 @@
-//! A Swift4D model folder, read and evaluated, gives the numbers of `fixtures/swift4d` within the
-//! tolerances of its README: masks, lattice, intermediate values and deformed Gaussians at six
-//! times.
+//! A Swift4D model folder, read and evaluated, matches `fixtures/swift4d` within the tolerances of
+//! its README: masks, lattice, intermediate values and deformed Gaussians at six times.
 
-#![allow(clippy::unwrap_used, reason = "shared functions of tests fail by panicking, as tests do")]
+#![allow(clippy::unwrap_used, reason = "helpers of tests may panic")]
 
 use gs_core::{DynamicScene, Splats};
 use gs_deform::HashGridScene;
@@ -35,7 +34,7 @@ fn masks(name: &str) -> Vec<bool> {
     expected("masks").u8s(name).into_iter().map(|flag| flag != 0).collect()
 }
 
-/// Compares the Gaussians that the golden lists: all, or those that move.
+/// Compares the Gaussians listed in the golden: all, or the moving ones.
 fn check(what: &str, splats: &Splats, golden: &Golden) {
     let rows: Vec<usize> = if golden.shape("means")[0] == splats.len() {
         (0..splats.len()).collect()
@@ -77,7 +76,7 @@ fn deformed_gaussians_at_six_times() {
         let splats = at(&scene, t);
         check(&format!("time {name}"), &splats, &expected(&format!("expected_t{name}")));
         scene.deform_into(t, &mut reused).unwrap();
-        assert_eq!(reused, splats, "memory of another time is reused");
+        assert_eq!(reused, splats, "memory of another time can be reused");
         if scene.time_range().contains(t) {
             assert_eq!(scene.at(t).unwrap(), splats, "through the trait");
             scene.geometry_into(t, &mut geometry).unwrap();
@@ -90,7 +89,7 @@ fn deformed_gaussians_at_six_times() {
 }
 
 #[test]
-fn what_is_still_stays_bit_for_bit() {
+fn static_gaussians_are_unchanged_bit_for_bit() {
     let scene = open(&Overrides::default());
     let deformed = masks("deformed");
     let still: Vec<usize> = (0..deformed.len()).filter(|&row| !deformed[row]).collect();
@@ -161,7 +160,7 @@ fn intermediate_values() {
 fn rounding_and_flags_matter() {
     let fails = |what: &str, splats: &Splats, golden: &Golden| {
         let caught = std::panic::catch_unwind(|| check("wrong", splats, golden));
-        assert!(caught.is_err(), "{what} goes unnoticed");
+        assert!(caught.is_err(), "{what} is not detected");
     };
     let golden = expected("expected_t0.25");
     let right = at(&open(&Overrides::default()), 0.25);
@@ -172,7 +171,7 @@ fn rounding_and_flags_matter() {
     let mut wrong = Overrides::default();
     wrong.swift4d.dynamic_thro = Some(7.0_f32.next_down());
     fails("threshold an ulp lower", &at(&open(&wrong), 0.25), &golden);
-    // The older index rule agrees for a table as small as this.
+    // The older index rule agrees for such a small table.
     let mut older = Overrides::default();
     older.swift4d.index_rule = Some(gs_deform::IndexRule::Older);
     check("older rule", &at(&open(&older), 0.25), &golden);
@@ -189,9 +188,9 @@ fn results_do_not_depend_on_threads() {
 }
 
 #[test]
-fn one_iteration_opens_too() {
+fn an_iteration_folder_can_be_opened() {
     let path: PathBuf = fixture("swift4d/model/point_cloud/iteration_13000");
     let model = swift4d::open(path, &Overrides::default()).unwrap();
-    assert_eq!(model.report.iteration, 13_000, "straight to the folder");
+    assert_eq!(model.report.iteration, 13_000, "path of the iteration's folder");
     assert_eq!(model.report.white_background, Some(true), "its cfg_args is found");
 }

@@ -1,7 +1,7 @@
-//! Model folders of every age and state of completeness: right choice of iteration and flags, each
-//! with its origin, and errors that name the file and the next step.
+//! Model folders of all revisions, complete and incomplete: choice of iteration and flags with
+//! their origins, and errors that name the file and the next step.
 
-#![allow(clippy::unwrap_used, reason = "shared functions of tests fail by panicking, as tests do")]
+#![allow(clippy::unwrap_used, reason = "helpers of tests may panic")]
 
 mod common;
 
@@ -97,7 +97,7 @@ fn newest_iteration_and_its_report() {
 
 #[test]
 fn rewritten_networks_read_back() {
-    // The test's own writer must be as good as torch.save, or the tests below prove nothing.
+    // The tests below are valid only if the test's own writer is equivalent to torch.save.
     let (_guard, dir) = copy("variants/apply_rotation");
     let before = open(&dir).unwrap().scene.at(0.37).unwrap();
     edit(&dir, |_| {});
@@ -122,7 +122,7 @@ fn optional_files_may_be_missing() {
 }
 
 #[test]
-fn without_cfg_args_flags_are_guessed_and_said_so() {
+fn without_cfg_args_flags_are_guessed_with_a_warning() {
     let (_guard, dir) = copy("dynerf_like");
     let before = open(&dir).unwrap().scene.at(0.5).unwrap();
     fs::remove_file(dir.join("cfg_args")).unwrap();
@@ -143,7 +143,7 @@ fn without_cfg_args_flags_are_guessed_and_said_so() {
 }
 
 #[test]
-fn overrides_beat_cfg_args() {
+fn overrides_take_precedence_over_cfg_args() {
     let (_guard, dir) = copy("variants/default_flags");
     let overrides =
         Overrides { no_dx: Some(true), apply_rotation: Some(true), ..Overrides::default() };
@@ -162,7 +162,7 @@ fn malformed_cfg_args_is_an_error_not_a_guess() {
 }
 
 #[test]
-fn contradictions_are_warned_of() {
+fn contradictions_cause_warnings() {
     let (_guard, dir) = copy("variants/default_flags");
     edit_cfg(&dir, "net_width=16", "net_width=64");
     let model = open(&dir).unwrap();
@@ -207,7 +207,7 @@ fn revisions_of_2023_keep_opacity_and_sh() {
     assert_eq!(
         origin(&model, "no_do"),
         ("true".to_owned(), Origin::Inferred),
-        "whatever cfg_args says"
+        "regardless of cfg_args"
     );
     let splats = model.scene.at(0.5).unwrap();
     assert_eq!(splats.opacity_logits, model.scene.canonical().opacity_logits, "stored opacity");
@@ -223,7 +223,7 @@ fn revisions_of_2023_keep_opacity_and_sh() {
 }
 
 #[test]
-fn revisions_of_2023_obey_their_table() {
+fn revisions_of_2023_use_their_table() {
     let (_guard, dir) = copy("variants/no_dr_with_do_dshs");
     let path = iteration(&dir).join("deformation_table.pth");
     let mut table = fs::read(&path).unwrap();
@@ -245,7 +245,7 @@ fn revisions_of_2023_obey_their_table() {
 }
 
 #[test]
-fn foreign_networks_are_refused() {
+fn networks_of_other_methods_are_refused() {
     let (_guard, dir) = copy("variants/default_flags");
     edit(&dir, |named| named.retain(|(name, ..)| !name.contains("grid")));
     let error = message(&dir, &Overrides::default());
@@ -313,7 +313,7 @@ fn damaged_rows_are_dropped_and_counted() {
 const NUMPY_SCALAR: &[u8] = b"cnumpy.core.multiarray\nscalar\n(cnumpy\ndtype\n(X\x02\0\0\0f8K\0K\x01tR(K\x03X\x01\0\0\0<NNNJ\xff\xff\xff\xffJ\xff\xff\xff\xffK\0tbc_codecs\nencode\n(X\x02\0\0\0ab\x8a\x09123456789tRtR";
 
 #[test]
-fn networks_are_found_in_whatever_wraps_them() {
+fn networks_are_found_in_any_wrapper() {
     let (_guard, dir) = copy("variants/default_flags");
     let expected = open(&dir).unwrap().scene.at(0.4).unwrap();
     let plain = tensors(&dir);
@@ -370,11 +370,10 @@ fn networks_are_found_in_whatever_wraps_them() {
     .concat();
     put(common::wrapped_state_dict(&before, &plain, b"su"));
     same("nested");
-    // ({…}, 30000), as training checkpoints are.
+    // ({…}, 30000), the layout of training checkpoints.
     put(common::wrapped_state_dict(b"(", &plain, b"Mu0t"));
     same("a tuple");
-    // A whole module that was saved: an object of a class that is not known here, with the weights
-    // in its state.
+    // A saved module: an object of an unknown class, with the weights in its state.
     let before = [
         b"c__main__\nNet\n)\x81}(".to_vec(),
         key("training"),
@@ -387,7 +386,7 @@ fn networks_are_found_in_whatever_wraps_them() {
 }
 
 #[test]
-fn cfg_args_as_forks_and_windows_write_them() {
+fn cfg_args_of_forks_and_windows_are_parsed() {
     let (_guard, dir) = copy("variants/default_flags");
     let path = dir.join("cfg_args");
     let text = fs::read_to_string(&path).unwrap();
@@ -413,7 +412,7 @@ fn cfg_args_as_forks_and_windows_write_them() {
             report.notes.iter().any(|note| note.contains("not needed") && note.contains(name));
         assert!(named, "{field}: {:?}", report.notes);
     }
-    // A field that matters is warned of.
+    // An unreadable field that affects the motion causes a warning.
     fs::write(&path, text.replacen("no_dx=False", "no_dx=<Flag.OFF: 0>", 1)).unwrap();
     let report = open(&dir).unwrap().report;
     assert!(report.warnings.iter().any(|w| w.contains("no_dx")), "{:?}", report.warnings);

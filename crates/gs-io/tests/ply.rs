@@ -1,7 +1,7 @@
-//! PLY files of every flavour read to the same Gaussians; hostile ones are refused with a sentence
-//! that helps; what is written is what INRIA's reader expects, bit for bit.
+//! PLY files of every variant give the same Gaussians; hostile ones are refused with helpful
+//! errors; written files are bit-identical to those of the reference.
 
-#![allow(clippy::unwrap_used, reason = "shared functions of tests fail by panicking, as tests do")]
+#![allow(clippy::unwrap_used, reason = "helpers of tests may panic")]
 
 use gs_core::Splats;
 use gs_io::ply::{self, Encoding, PlyError, WriteOptions};
@@ -113,7 +113,7 @@ fn exotic(splats: &Splats, encoding: Encoding, eol: &str) -> Vec<u8> {
 }
 
 #[test]
-fn every_flavour_reads_the_same() {
+fn every_variant_gives_the_same_splats() {
     for degree in 0..=3 {
         let expected = splats(5, degree);
         for encoding in [Encoding::Ascii, Encoding::LittleEndian, Encoding::BigEndian] {
@@ -155,13 +155,13 @@ fn lists_inside_vertices_are_skipped() {
 }
 
 #[test]
-fn writes_what_the_reference_writes() {
+fn written_files_equal_those_of_the_reference() {
     let bytes = reference_bytes();
     let read = ply::read(&bytes).unwrap();
     assert!(read.has_normals, "the reference writes normals");
     let mut out = Vec::new();
     ply::write(&read.splats, &WriteOptions::default(), &mut out).unwrap();
-    assert!(out == bytes, "byte for byte the file of the reference");
+    assert!(out == bytes, "identical to the file of the reference");
     assert_eq!(WriteOptions::default().file_size(&read.splats), out.len() as u64, "size");
 }
 
@@ -171,7 +171,7 @@ fn write_options() {
     let write = |options: &WriteOptions| {
         let mut out = Vec::new();
         ply::write(&original, options, &mut out).unwrap();
-        assert_eq!(options.file_size(&original), out.len() as u64, "size is known beforehand");
+        assert_eq!(options.file_size(&original), out.len() as u64, "predicted size");
         ply::read(&out).unwrap()
     };
     let bare = write(&WriteOptions { normals: false, ..WriteOptions::default() });
@@ -182,14 +182,14 @@ fn write_options() {
     assert_eq!(degree(3).splats, original.with_sh_degree(3), "padded");
     let comments = vec!["c4d_fps 30".to_owned(), "two\nlines".to_owned()];
     let commented = write(&WriteOptions { comments, ..WriteOptions::default() });
-    assert_eq!(commented.comments, ["c4d_fps 30", "two lines"], "comments stay one line");
+    assert_eq!(commented.comments, ["c4d_fps 30", "two lines"], "comments stay on one line");
     let mut broken = original.clone();
     broken.quats.pop();
     assert!(ply::write(&broken, &WriteOptions::default(), &mut Vec::new()).is_err(), "shapes");
 }
 
 #[test]
-fn absurd_counts_allocate_nothing() {
+fn absurd_counts_are_refused_without_allocating() {
     let expected = splats(1, 0);
     for encoding in [Encoding::Ascii, Encoding::LittleEndian] {
         let bytes = exotic(&expected, encoding, "\n");
@@ -213,7 +213,7 @@ fn absurd_counts_allocate_nothing() {
 }
 
 #[test]
-fn truncation_says_how_much_is_missing() {
+fn truncation_reports_the_missing_amount() {
     let bytes = reference_bytes();
     let error = ply::read(&bytes[..bytes.len() - 100]).unwrap_err();
     let expected = 48 * 248;
@@ -233,7 +233,7 @@ fn truncation_says_how_much_is_missing() {
 }
 
 #[test]
-fn bad_numbers_are_located() {
+fn invalid_numbers_are_located() {
     let mut ascii = exotic(&splats(2, 0), Encoding::Ascii, "\n");
     let at = ascii.windows(2).rposition(|w| w == b"e0").unwrap();
     ascii[at] = b'q';

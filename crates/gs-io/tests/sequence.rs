@@ -1,7 +1,7 @@
-//! PLY sequences written are read back exactly, from folders; archives hold the same files; nothing
-//! partial is ever left.
+//! Written PLY sequences are read back exactly; archives contain
+//! the same files; no partial output remains.
 
-#![allow(clippy::unwrap_used, reason = "shared functions of tests fail by panicking, as tests do")]
+#![allow(clippy::unwrap_used, reason = "helpers of tests may panic")]
 
 use gs_core::{DynamicScene, SceneError, Splats, TimeRange};
 use gs_deform::Trajectories;
@@ -40,7 +40,7 @@ fn write(dir: &Path, frames: u8) -> Trajectories {
 }
 
 #[test]
-fn written_is_read() {
+fn written_sequences_are_read_back() {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("frames");
     let scene = write(&path, 12);
@@ -67,7 +67,7 @@ fn written_is_read() {
 }
 
 #[test]
-fn archives_hold_the_same_files() {
+fn archives_contain_the_same_files() {
     let dir = tempfile::tempdir().unwrap();
     let (folder, archive) = (dir.path().join("frames"), dir.path().join("frames.zip"));
     let scene = write(&folder, 3);
@@ -78,8 +78,8 @@ fn archives_hold_the_same_files() {
     for i in 0..3 {
         let name = format!("frame_{i:05}.ply");
         let data = fs::read(folder.join(&name)).unwrap();
-        // A streaming reader walks local headers: signature, no flags, stored, checksum, sizes,
-        // name at the root.
+        // A streaming reader needs the local headers: signature, no flags,
+        // stored, checksum, sizes, name at the root.
         let mut header = vec![0x50, 0x4b, 3, 4, 10, 0, 0, 0, 0, 0, 0, 0, 0x21, 0];
         let size = u32::try_from(data.len()).unwrap();
         header.extend(crc32fast::hash(&data).to_le_bytes());
@@ -96,7 +96,7 @@ fn archives_hold_the_same_files() {
 }
 
 #[test]
-fn nothing_partial_is_left() {
+fn no_partial_output_remains() {
     #[derive(Debug)]
     struct Failing;
     impl DynamicScene for Failing {
@@ -139,13 +139,13 @@ fn nothing_partial_is_left() {
         |existing| write_folder(&folder, &scene, &[0.0, 1.0], &options, existing, &mut |_| {});
     assert!(matches!(again(Existing::Refuse), Err(IoError::Exists { .. })), "not overwritten");
     again(Existing::Replace).unwrap();
-    assert_eq!(fs::read_dir(&folder).unwrap().count(), 2, "replaced when told");
+    assert_eq!(fs::read_dir(&folder).unwrap().count(), 2, "replaced when requested");
     assert!(dir.path().join(".f.c4d-files").is_file(), "the record of what was written");
     assert_eq!(names(), 2, "no leftovers");
 }
 
 #[test]
-fn bad_folders_are_refused_by_file() {
+fn errors_of_folders_name_the_file() {
     let dir = tempfile::tempdir().unwrap();
     let open = || PlySequence::open(dir.path(), &SequenceOptions::default());
     assert!(open().unwrap_err().to_string().contains("at least 2"), "empty");
@@ -167,7 +167,7 @@ fn bad_folders_are_refused_by_file() {
     put("time_00002.ply", &frame(2, 7));
     fs::write(dir.path().join("notes.txt"), b"").unwrap();
     let sequence = open().unwrap();
-    assert_eq!(sequence.ignored(), ["notes.txt"], "others are reported");
+    assert_eq!(sequence.ignored(), ["notes.txt"], "other entries are reported");
     fs::write(dir.path().join("time_00002.ply"), b"ply\n").unwrap();
     let error = format!("{:#?}", sequence.frame(2).unwrap_err());
     assert!(error.contains("time_00002.ply"), "changed since: {error}");
@@ -189,12 +189,12 @@ fn damaged_rows_are_invisible_in_their_frame() {
     )
     .unwrap();
     let lazy = PlySequence::open(&path, &SequenceOptions::default()).unwrap();
-    assert!(lazy.at(0.0).is_ok(), "frame 0 is whole");
+    assert!(lazy.at(0.0).is_ok(), "frame 0 is undamaged");
     let Err(SceneError::Source { source, .. }) = lazy.at(0.5) else { panic!("frame 1 is not") };
     assert!(source.to_string().contains("frame_00001.ply"), "{source}");
     let options = SequenceOptions { damage: Damage::Drop, cached_frames: 0, axes: None };
     let dropped = PlySequence::open(&path, &options).unwrap();
-    assert_eq!(dropped.kept_rows(), None, "every row is sound in some frame");
+    assert_eq!(dropped.kept_rows(), None, "every row is valid in some frame");
     let repair = dropped.repair();
     assert_eq!((repair.not_finite, repair.zero_quaternion), (1, 1), "counted by kind");
     assert_eq!(repair.hidden, 2, "both are hidden");
@@ -203,7 +203,7 @@ fn damaged_rows_are_invisible_in_their_frame() {
         assert_eq!(splats.len(), 7, "same rows at {t}");
         assert!((0..7).all(|i| splats.is_finite(i)), "whole at {t}");
         for row in 0..7 {
-            // Between frames these rows fade.
+            // Between frames these rows are faded.
             let hidden = t == 0.5 && (row == 2 || row == 4);
             let visible = splats.opacity(row) >= 1.0 / 255.0;
             assert!(t == 0.3 || visible != hidden, "row {row} at {t}");

@@ -1,6 +1,6 @@
-//! SOG files whose encoder cleared the colours that cannot be seen.
+//! SOG files whose encoder cleared the colours of invisible splats.
 
-#![allow(clippy::unwrap_used, reason = "shared functions of tests fail by panicking, as tests do")]
+#![allow(clippy::unwrap_used, reason = "helpers of tests may panic")]
 
 use gs_io::frame;
 use std::io::Write;
@@ -11,7 +11,7 @@ fn bytes(name: &str) -> Vec<u8> {
 }
 
 #[test]
-fn colours_of_invisible_splats_of_sog_are_not_known() {
+fn colours_of_invisible_splats_of_sog_are_unknown() {
     let frame = frame::read(&bytes("frame.sog")).unwrap();
     let precision = frame.precision.unwrap();
     let invisible = gs_core::activation::sigmoid(frame.splats.opacity_logits[0]) < 1.0 / 255.0;
@@ -25,7 +25,7 @@ fn colours_of_invisible_splats_of_sog_are_not_known() {
     }
 }
 
-/// The same archive with all opacities 0, saved by an encoder that clears what cannot be seen.
+/// The same archive with all opacities 0, as saved by an encoder that clears invisible colours.
 fn sog_without_alpha(bytes: &[u8]) -> Vec<u8> {
     let mut archive = zip::ZipArchive::new(std::io::Cursor::new(bytes)).unwrap();
     let mut out = zip::ZipWriter::new(std::io::Cursor::new(Vec::new()));

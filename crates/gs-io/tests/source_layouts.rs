@@ -1,11 +1,11 @@
-//! The scene of a `.splatv` is the same scene in the layouts of Spacetime Gaussians and FreeTimeGS,
-//! and is found to be what it is.
+//! The scene of a `.splatv` is the same in the layouts of Spacetime
+//! Gaussians and FreeTimeGS, and each layout is detected.
 
-#![allow(clippy::unwrap_used, reason = "shared functions of tests fail by panicking, as tests do")]
+#![allow(clippy::unwrap_used, reason = "helpers of tests may panic")]
 
 #[path = "common/layouts.rs"]
 mod layouts;
-#[allow(dead_code, reason = "other tests use the rest")]
+#[allow(dead_code, reason = "the rest is used by other tests")]
 #[path = "common/lively.rs"]
 mod lively;
 
@@ -16,7 +16,7 @@ use gs_io::{Clip, Existing, OpenOptions, SceneKind, detect, open_scene_as, splat
 use std::fs;
 use std::path::Path;
 
-/// Splats that appear, disappear, and move along cubics, or along lines.
+/// Splats that appear and disappear, and move along cubic polynomials or lines.
 fn scene(n: usize, lines: bool) -> PolynomialScene {
     let rest = lively::scene(n, 2, 0).at(0.0).unwrap();
     let motions = (0..n)
@@ -34,7 +34,7 @@ fn scene(n: usize, lines: bool) -> PolynomialScene {
     PolynomialScene::new(rest, motions).unwrap()
 }
 
-/// A `.splatv` of it, read again: its values are those of the file.
+/// The scene written as `.splatv` and read back, which has the file's rounded values.
 fn as_splatv(scene: &PolynomialScene, path: &Path) -> PolynomialScene {
     let times = scene.time_range().frames(30);
     let clip = Clip { scene, times: &times, fps: 30.0 };
@@ -83,7 +83,8 @@ fn a_splatv_is_the_same_scene_in_other_layouts() {
     let at = |name: &str| dir.path().join(name);
     let cubics = as_splatv(&scene(200, false), &at("cubics.splatv"));
     let lines = as_splatv(&scene(200, true), &at("lines.splatv"));
-    // What a fit leaves of curves and turns is none of the layouts' matter.
+    // Linear motion without rotation, so that errors of the fit do
+    // not affect the comparison of layouts.
     let straight = PolynomialScene::new(
         lines.rest().clone(),
         lines
@@ -105,7 +106,7 @@ fn a_splatv_is_the_same_scene_in_other_layouts() {
     for (index, (truth, bytes, kind, floor)) in cases.into_iter().enumerate() {
         let path = at(&format!("{index}"));
         fs::write(&path, bytes).unwrap();
-        assert_eq!(detect(&path).unwrap(), kind, "by content, whatever the name");
+        assert_eq!(detect(&path).unwrap(), kind, "by content, for any name");
         let read = open_scene_as(&path, &kind, &OpenOptions::default()).unwrap().scene;
         for t in [0.0, 0.31, 0.77, 1.0] {
             let (expected, found) = (truth.at(t).unwrap(), read.at(t).unwrap());
@@ -113,7 +114,7 @@ fn a_splatv_is_the_same_scene_in_other_layouts() {
             assert!(means < 1e-6 && shapes < 1e-6, "layout {index} at {t}: {means} {shapes}");
             assert!(opacities < 2e-6 && colours < 1e-6, "at {t}: {opacities} {colours}");
         }
-        // Negative control: another time is another scene.
+        // Negative control: the comparison fails at another time.
         let (early, late) = (truth.at(0.0).unwrap(), read.at(1.0).unwrap());
         assert!(differences(&early, &late, floor)[0] > 0.1, "it moves");
     }

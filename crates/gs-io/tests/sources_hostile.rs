@@ -1,7 +1,7 @@
-//! Trained scenes of other methods with parts missing, cut, of wrong shapes or not finite: each is
-//! refused by the file's name with what to do, or read without the damaged rows.
+//! Trained scenes of other methods with missing, truncated, misshaped or non-finite parts: each is
+//! refused with the file's name and the next step, or read without the damaged rows.
 
-#![allow(clippy::unwrap_used, reason = "shared functions of tests fail by panicking, as tests do")]
+#![allow(clippy::unwrap_used, reason = "helpers of tests may panic")]
 
 use gs_io::pth::{self, NamedTensor};
 use gs_io::repair::Damage;
@@ -68,13 +68,13 @@ const PARTS: [(&str, SceneKind, &str); 15] = [
     ("dynamic3dgs/model/output/exp1/blob", SceneKind::Dynamic3dgs, "params.npz"),
 ];
 
-/// What to open: the model folder, or the file where that is the scene.
+/// The path to open: the model folder, or the file if that is the scene.
 fn scene_of<'a>(dir: &'a Path, kind: &SceneKind, file: &'a Path) -> &'a Path {
     if *kind == SceneKind::FreeTime { file } else { dir }
 }
 
 #[test]
-fn cut_files_are_refused_by_name() {
+fn truncated_files_are_named() {
     for (name, kind, file) in PARTS {
         let (dir, path) = model(name, file);
         let whole = fs::read(&path).unwrap();
@@ -89,8 +89,8 @@ fn cut_files_are_refused_by_name() {
     }
 }
 
-/// Writes the tensors of a file anew, each as `change` leaves it; flat names are those of nested
-/// parts with dots between.
+/// Rewrites the tensors of a file after applying `change`;
+/// names of nested parts are joined with dots.
 fn rewrite(path: &Path, change: impl Fn(&str, &mut Vec<usize>, &mut Vec<f32>)) {
     let bytes = fs::read(path).unwrap();
     let tensors = pth::read(&bytes).unwrap().into_state_dict().unwrap();
@@ -109,11 +109,11 @@ fn rewrite(path: &Path, change: impl Fn(&str, &mut Vec<usize>, &mut Vec<f32>)) {
     fs::write(path, out).unwrap();
 }
 
-/// Of those, the ones whose file holds tensors.
+/// Indices of the parts whose file contains tensors.
 const NETWORKS: [usize; 7] = [0, 3, 6, 8, 9, 10, 12];
 
 #[test]
-fn wrong_shapes_and_lost_tensors_are_named() {
+fn wrong_shapes_and_missing_tensors_are_named() {
     for part in NETWORKS {
         let (name, kind, file) = PARTS[part].clone();
         let (_keep, whole) = model(name, file);
@@ -137,7 +137,7 @@ fn wrong_shapes_and_lost_tensors_are_named() {
             });
             let scene = scene_of(dir.path(), &kind, &path);
             match open_scene_as(scene, &kind, &options()) {
-                // Statistics of training are read by nobody.
+                // Training statistics are not read.
                 Ok(_) => {}
                 Err(error) => {
                     assert!(error.to_string().contains("shape"), "{file}, {wanted}: {error}");
@@ -168,7 +168,7 @@ fn weights_that_are_not_finite_are_refused() {
                 }
             });
             let error = open_scene_as(dir.path(), &kind, &options()).unwrap_err().to_string();
-            // Of names with parts, one says which it is.
+            // One part of a dotted name identifies the tensor.
             let known =
                 tensor.split('.').find(|part| part.contains('_') || part.contains("linear"));
             let known = known.unwrap().trim_end_matches("_f");
@@ -204,11 +204,11 @@ fn damaged_rows_are_dropped_and_counted() {
 }
 
 #[test]
-fn a_model_without_its_network_says_what_to_copy() {
+fn a_missing_network_is_an_error_with_the_folder_to_copy() {
     for (name, kind) in [(PARTS[0].0, &PARTS[0].1), (PARTS[3].0, &PARTS[3].1)] {
         let (dir, _) = model(name, "cfg_args");
         fs::remove_dir_all(dir.path().join("deform")).unwrap();
-        assert_eq!(detect(dir.path()).unwrap(), *kind, "the settings of its training tell");
+        assert_eq!(detect(dir.path()).unwrap(), *kind, "detected by the training settings");
         let error = open_scene_as(dir.path(), kind, &options()).unwrap_err().to_string();
         assert!(error.contains("copy the folder `deform`"), "{error}");
         fs::create_dir_all(dir.path().join("deform/iteration_9")).unwrap();
@@ -218,13 +218,13 @@ fn a_model_without_its_network_says_what_to_copy() {
 }
 
 #[test]
-fn what_cfg_args_alone_says_is_asked_for() {
+fn settings_only_in_cfg_args_are_requested_if_missing() {
     for part in [9, 10] {
         let (name, kind, _) = PARTS[part].clone();
         let (dir, cfg) = model(name, "cfg_args");
         let whole = open_scene_as(dir.path(), &kind, &options()).unwrap().scene.at(0.4).unwrap();
         fs::remove_file(&cfg).unwrap();
-        assert_eq!(detect(dir.path()).unwrap(), kind, "the network tells");
+        assert_eq!(detect(dir.path()).unwrap(), kind, "detected by the network");
         let error = open_scene_as(dir.path(), &kind, &options()).unwrap_err().to_string();
         assert!(error.contains("--set bound="), "{error}");
         let bound = if kind == SceneKind::Dash { 1.0 } else { 2.0 };
@@ -239,7 +239,7 @@ fn what_cfg_args_alone_says_is_asked_for() {
 }
 
 #[test]
-fn columns_that_an_editor_dropped_are_missed() {
+fn missing_columns_are_reported() {
     let (dir, path) = model(PARTS[4].0, PARTS[4].2);
     let splats = gs_io::ply::read_file(&path).unwrap().splats;
     let mut bytes = Vec::new();
@@ -250,7 +250,7 @@ fn columns_that_an_editor_dropped_are_missed() {
 }
 
 #[test]
-fn options_that_are_not_supported_are_named() {
+fn unsupported_options_are_named() {
     let (dir, path) = model(PARTS[3].0, "cfg_args");
     let text = fs::read_to_string(&path).unwrap();
     fs::write(&path, text.replace("use_hash=False", "use_hash=True")).unwrap();
@@ -282,16 +282,16 @@ fn options_that_are_not_supported_are_named() {
 }
 
 #[test]
-fn moving_scenes_are_no_frames_and_frames_do_not_move() {
+fn dynamic_scenes_are_not_frames_and_frames_are_static() {
     for part in [5, 6, 7] {
         let (_dir, path) = model(PARTS[part].0, PARTS[part].2);
         let error = frame::read_file(&path).unwrap_err().to_string();
         assert!(
-            error.contains("moving scene") && error.contains("give it as the scene"),
+            error.contains("dynamic scene") && error.contains("give it as the scene"),
             "{error}"
         );
     }
-    // The same checkpoint without its times is one of gsplat's own trainer.
+    // The same checkpoint without times is one of gsplat's own trainer.
     let (_dir, path) = model(PARTS[6].0, PARTS[6].2);
     let splats = open_scene_as(&path, &SceneKind::FreeTime, &options()).unwrap().scene.at(0.5);
     let bytes = fs::read(&path).unwrap();

@@ -1,8 +1,8 @@
-//! `.splat4d` files decode, by a decoder written here from the byte layout, to values within the
-//! stated bounds at every splat and frame, whatever changes, and the crate's own reader finds
-//! exactly those values; hostile clips and files are refused or repaired with a count.
+//! `.splat4d` files, decoded by an independent decoder written from the byte layout, are within the
+//! stated bounds at every splat and frame for all changing attributes, and the crate's reader gives
+//! exactly the same values. Hostile clips and files are refused, or repaired with a count.
 
-#![allow(clippy::unwrap_used, reason = "shared functions of tests fail by panicking, as tests do")]
+#![allow(clippy::unwrap_used, reason = "helpers of tests may panic")]
 
 #[path = "common/lively.rs"]
 mod lively;
@@ -118,7 +118,7 @@ fn decode(path: &Path) -> (serde_json::Value, Vec<Vec<Row>>) {
             let mut rows = base.clone();
             for a in 0..5 {
                 let dynamic: Vec<usize> = (0..n).filter(|&i| !is_static(a, i)).collect();
-                assert_eq!(bins[a].len(), dynamic.len() * CHANNELS[a], "a key for each");
+                assert_eq!(bins[a].len(), dynamic.len() * CHANNELS[a], "a key per group");
                 if f > 0 {
                     let length = bins[a].len();
                     for (bin, &delta) in bins[a].iter_mut().zip(&deltas[a][(f - 1) * length..]) {
@@ -145,8 +145,8 @@ fn decode(path: &Path) -> (serde_json::Value, Vec<Vec<Row>>) {
     (header, frames)
 }
 
-/// Largest errors: position, rotation, colour, opacity, log size. The order of the file is its own:
-/// decoded splats are matched to rows by where they are and how large in all frames.
+/// Largest errors: position, rotation, colour, opacity, log size. The file has its own order, so
+/// decoded splats are matched to rows by position and size in all frames.
 fn errors(scene: &Trajectories, frames: &[Vec<Row>]) -> [f64; 5] {
     let first = &scene.frames()[0];
     let distance = |i: usize, place: usize| {
@@ -211,7 +211,7 @@ fn write(
         },
     )
     .unwrap();
-    assert_eq!(steps, PASSES * frames, "progress ends at its announced end");
+    assert_eq!(steps, PASSES * frames, "progress ends at its declared total");
     (dir, report)
 }
 
@@ -226,7 +226,7 @@ fn every_value_is_within_its_bound() {
         let (dir, report) = write(&scene, 40, &options);
         let (header, frames) = decode(&dir.path().join("clip.splat4d"));
         let worst = errors(&scene, &frames);
-        // A component is rounded to 1/128 before its bound counts, and 1 itself becomes 127/128.
+        // A component is rounded to 1/128 before its bound applies, and 1 becomes 127/128.
         let rot = f64::from(options.rot) + 1.0;
         let bounds = [
             report.position_bound,
@@ -242,7 +242,7 @@ fn every_value_is_within_its_bound() {
             );
             assert!(
                 bound == 0.0 || *error > 0.2 * bound,
-                "attribute {what}: {error} never near {bound}: is it tested?"
+                "attribute {what}: {error} is far below {bound}, so the bound is not tested"
             );
         }
         let stated = header["bounds"]["pos_m"].as_f64().unwrap();
@@ -262,7 +262,7 @@ fn every_value_is_within_its_bound() {
     }
 }
 
-/// The values that the reader makes of a decoded splat.
+/// Whether splat `i` of the reader equals a decoded splat.
 fn matches(row: &Row, splats: &Splats, i: usize) -> bool {
     let close = |a: f64, b: f32| (a - f64::from(b)).abs() <= 1e-6 * a.abs().max(1.0);
     let three = |a: [f64; 3], b: [f32; 3]| (0..3).all(|k| close(a[k], b[k]));
@@ -275,7 +275,7 @@ fn matches(row: &Row, splats: &Splats, i: usize) -> bool {
 }
 
 #[test]
-fn what_is_written_is_a_scene_again() {
+fn written_clips_are_read_back() {
     let scene = lively::scene(333, 40, 1);
     let up = [0.0, -1.0, 0.0];
     for options in [
@@ -304,7 +304,7 @@ fn what_is_written_is_a_scene_again() {
         let (before, after) = (clip.at(times[4]).unwrap(), clip.at(times[5]).unwrap());
         let between = clip.at(0.5 * (times[4] + times[5])).unwrap();
         let middle = 0.5 * (before.means[1][0] + after.means[1][0]);
-        assert!((between.means[1][0] - middle).abs() < 1e-5, "straight between frames");
+        assert!((between.means[1][0] - middle).abs() < 1e-5, "linear between frames");
         assert!(clip.at(1.5).is_err(), "outside");
         let mut geometry = Splats::default();
         clip.geometry_into(0.3, &mut geometry).unwrap();
@@ -317,7 +317,7 @@ fn rows_without_rotation_are_dropped_and_counted() {
     let (dir, _) = write(&lively::scene(60, 9, 0), 9, &Options { gop: 4, ..Options::default() });
     let bytes = fs::read(dir.path().join("clip.splat4d")).unwrap();
     let whole = splat4d::read(bytes.clone(), Damage::Fail).unwrap().scene;
-    // The static rotations of all splats become zero: those that turn have others in every frame.
+    // Zeroes the static rotations of all splats; splats that rotate have others in every frame.
     let json_len = u32::from_le_bytes(bytes[8..12].try_into().unwrap()) as usize;
     let mut header: serde_json::Value = serde_json::from_slice(&bytes[12..12 + json_len]).unwrap();
     let whole_number =
@@ -384,11 +384,11 @@ fn damaged_files_are_errors() {
     };
     fails(&edit("\"n\":40", "\"n\":41"), "symbols, expected");
     fails(&edit("\"n\":40", "\"n\":00"), "damaged");
-    fails(&edit("\"t\":12", "\"t\":13"), "groups hold 12 frames, expected 13");
-    fails(&edit("\"f0\":5", "\"f0\":4"), "expected from 5 on");
-    fails(&edit("\"f1\":9", "\"f1\":8"), "expected from 9 on");
+    fails(&edit("\"t\":12", "\"t\":13"), "groups have 12 frames, expected 13");
+    fails(&edit("\"f0\":5", "\"f0\":4"), "expected to start at 5");
+    fails(&edit("\"f1\":9", "\"f1\":8"), "expected to start at 9");
     fails(&edit("\"base_pos\":", "\"base_pos\":-"), "header");
-    fails(&edit("\"offset\":", "\"offset\":9"), "cut off: its group 0 of frames ends at");
+    fails(&edit("\"offset\":", "\"offset\":9"), "truncated: its group 0 of frames ends at");
     let path = dir.path().join("clip.splat4d");
     fs::write(&path, &bytes[..200]).unwrap();
     let error = splat4d::open(&path, Damage::Drop).unwrap_err().to_string();
@@ -396,7 +396,7 @@ fn damaged_files_are_errors() {
 }
 
 #[test]
-fn small_files_do_not_unpack_to_large_scenes() {
+fn small_files_do_not_decompress_to_large_scenes() {
     // A hundred million splats in a few kilobytes: every stream is one value repeated.
     let n = 100_000_000_u32;
     let mut section = Vec::new();
@@ -419,7 +419,7 @@ fn small_files_do_not_unpack_to_large_scenes() {
     file.resize(4096, b' ');
     file.extend(section);
     let error = splat4d::read(file, Damage::Drop).unwrap_err().to_string();
-    assert!(error.contains("do not hold 100000000 splats"), "{error}");
+    assert!(error.contains("cannot contain 100000000 splats"), "{error}");
 }
 
 #[test]
@@ -428,11 +428,11 @@ fn the_comparison_can_fail() {
     let (dir, report) = write(&scene, 5, &Options::default());
     let (_, mut frames) = decode(&dir.path().join("clip.splat4d"));
     frames[3][7].pos[1] += 3.0 * report.position_bound;
-    assert!(errors(&scene, &frames)[0] > report.position_bound, "a wrong value is seen");
+    assert!(errors(&scene, &frames)[0] > report.position_bound, "a wrong value is detected");
 }
 
 #[test]
-fn what_stands_still_is_stored_once() {
+fn static_values_are_stored_once() {
     let still = lively::scene(2000, 2, 0).at(0.0).unwrap();
     let scene = StaticScene::new(still).unwrap();
     let (_one_dir, one) = write(&scene, 1, &Options::default());
@@ -449,7 +449,7 @@ fn what_stands_still_is_stored_once() {
 fn noise_within_the_bound_costs_nothing() {
     let mut frames = vec![lively::scene(1000, 2, 0).at(0.0).unwrap(); 30];
     for (f, frame) in frames.iter_mut().enumerate() {
-        // A slow drift with jitter far below the bound on top.
+        // A slow drift plus jitter far below the bound.
         for (i, mean) in frame.means.iter_mut().enumerate() {
             mean[0] +=
                 f as f32 * 0.01 + if (i * 7 + f * 13).is_multiple_of(2) { 1e-4 } else { -1e-4 };
@@ -470,7 +470,7 @@ fn hostile_clips() {
             .unwrap_err()
             .to_string();
         assert!(error.contains(expected) && error.contains("clip.splat4d"), "{error}");
-        assert_eq!(fs::read_dir(dir.path()).unwrap().count(), 0, "nothing is left: {error}");
+        assert_eq!(fs::read_dir(dir.path()).unwrap().count(), 0, "no output remains: {error}");
     };
     let clip = Clip { scene: &scene, times: &[0.0, 1.0], fps: 30.0 };
     refuse(&Clip { times: &[], ..clip }, &Options::default(), "no frames");
@@ -487,7 +487,7 @@ fn hostile_clips() {
     let mut far = scene.at(0.0).unwrap();
     far.means[3][1] = 1e30;
     let far = StaticScene::new(far).unwrap();
-    refuse(&Clip { scene: &far, ..clip }, &Options::default(), "too far out");
+    refuse(&Clip { scene: &far, ..clip }, &Options::default(), "too large for a grid step");
     let mut broken = scene.at(0.0).unwrap();
     broken.means.fill([f32::NAN; 3]);
     let broken = StaticScene::new(broken).unwrap();
@@ -502,7 +502,7 @@ fn damaged_rows_are_dropped_and_counted() {
     let scene = Trajectories::new(frames).unwrap();
     let (dir, report) = write(&scene, 4, &Options::default());
     assert_eq!(report.num_splats, 48, "two rows less");
-    assert!(report.losses.to_string().contains("2 of 50 splats are left out"), "{}", report.losses);
+    assert!(report.losses.to_string().contains("2 of 50 splats are omitted"), "{}", report.losses);
     let (header, _) = decode(&dir.path().join("clip.splat4d"));
     assert_eq!(header["n"].as_u64(), Some(48), "in the file too");
 }

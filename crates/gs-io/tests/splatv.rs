@@ -1,8 +1,8 @@
-//! `.splatv` files: what is written decodes, by a decoder written here from the byte layout, to
-//! motion within the reported error; what is read is evaluated by the format's formulas; any bytes
-//! are survived.
+//! `.splatv` files: written clips, decoded by an independent decoder written from
+//! the byte layout, have motion within the reported error; read clips follow the
+//! format's formulas; arbitrary bytes do not cause panics.
 
-#![allow(clippy::unwrap_used, reason = "shared functions of tests fail by panicking, as tests do")]
+#![allow(clippy::unwrap_used, reason = "helpers of tests may panic")]
 
 #[path = "common/lively.rs"]
 mod lively;
@@ -70,7 +70,7 @@ fn decode(bytes: &[u8], t: f64) -> (serde_json::Value, Vec<Decoded>) {
     (header, splats.collect())
 }
 
-/// Every row of the lively scene changes smoothly and slowly enough for cubics.
+/// A scene whose rows change smoothly and slowly enough for cubic polynomials.
 fn gentle(n: usize, frames: usize) -> Trajectories {
     let whole = lively::scene(n, 40 * frames, 1);
     Trajectories::new(whole.frames()[..frames].to_vec()).unwrap()
@@ -90,7 +90,7 @@ fn write(
         assert_eq!(done, steps, "progress");
     })
     .unwrap();
-    assert_eq!(steps, PASSES * frames, "progress ends at its announced end");
+    assert_eq!(steps, PASSES * frames, "progress ends at its declared total");
     report
 }
 
@@ -128,23 +128,23 @@ fn written_motion_is_within_the_reported_error() {
             assert!((splat.opacity - f64::from(truth.opacity(i))).abs() < 0.05, "opacity of {i}");
         }
         let padding = &splats[1500..];
-        // Without width, the formula gives 0/0 at the centre of time.
+        // With width 0, the formula gives 0/0 at the centre time.
         let invisible = |splat: &Decoded| splat.opacity == 0.0 || splat.opacity.is_nan();
         assert!(padding.iter().all(invisible), "padding is invisible");
     }
     assert!((worst - report.distance.max).abs() < 1e-5, "{worst}, said {}", report.distance.max);
     let mean = total / (1500.0 * 12.0);
     assert!((mean - report.distance.mean).abs() < 1e-6, "{mean}, said {}", report.distance.mean);
-    assert!(worst < 2e-3, "cubics follow a short clip: {worst}");
+    assert!(worst < 2e-3, "cubic polynomials fit a short clip: {worst}");
     assert!(report.pixels.max > 0.0 && report.pixels.max < 1.0, "{:?}", report.pixels);
     assert!(report.losses.to_string().contains("cubic"), "{}", report.losses);
 }
 
 #[test]
-fn written_is_read_and_written_again() {
+fn written_clips_are_read_and_rewritten() {
     let dir = tempfile::tempdir().unwrap();
     let [first, second] = ["1.splatv", "2.splatv"].map(|name| dir.path().join(name));
-    // Splats that appear, disappear and move fast: what the format can say exactly.
+    // Splats that appear, disappear and move fast, which the format represents exactly.
     let n = 200;
     let rest = lively::scene(n, 2, 0).at(0.0).unwrap();
     let motions = (0..n)
@@ -162,7 +162,7 @@ fn written_is_read_and_written_again() {
     let report = write(&first, &scene, 30, &options());
     assert!(report.distance.max < 5e-3, "only rounding to halves: {:?}", report.distance);
     let read = splatv::open(&first, Damage::Fail).unwrap();
-    assert_eq!(read.repair.rows, n, "padding is no row");
+    assert_eq!(read.repair.rows, n, "padding is not a row");
     assert_eq!(read.up, Some(options().up), "noted");
     for t in [0.0, 0.31, 0.77, 1.0] {
         let (a, b) = (scene.at(t).unwrap(), read.scene.at(t).unwrap());
@@ -188,7 +188,7 @@ fn written_is_read_and_written_again() {
 }
 
 #[test]
-fn motion_that_is_no_cubic_is_refused() {
+fn motion_that_cubics_do_not_fit_is_refused() {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("clip.splatv");
     let still = lively::scene(100, 2, 0).at(0.0).unwrap();
@@ -206,7 +206,7 @@ fn motion_that_is_no_cubic_is_refused() {
         .unwrap_err()
         .to_string();
     assert!(error.contains("pixels") && error.contains("shorter"), "{error}");
-    assert_eq!(fs::read_dir(dir.path()).unwrap().count(), 0, "nothing is left");
+    assert_eq!(fs::read_dir(dir.path()).unwrap().count(), 0, "no output remains");
     let forced = write(&path, &scene, 30, &Options { force: true, ..options() });
     assert!(forced.distance.max > 0.5, "said nevertheless: {:?}", forced.distance);
     let short = Clip { times: &times[..3], ..clip };
@@ -224,7 +224,7 @@ fn hostile_clips() {
             .unwrap_err()
             .to_string();
         assert!(error.contains(expected) && error.contains("x.splatv"), "{error}");
-        assert_eq!(fs::read_dir(dir.path()).unwrap().count(), 0, "nothing is left: {error}");
+        assert_eq!(fs::read_dir(dir.path()).unwrap().count(), 0, "no output remains: {error}");
     };
     refuse(&Clip { times: &[], ..clip }, &options(), "no frames");
     refuse(&Clip { fps: 0.0, ..clip }, &options(), "frames per second");
@@ -242,10 +242,10 @@ fn hostile_clips() {
     assert!(report.losses.to_string().contains("1 of 20"), "{}", report.losses);
     let one = dir.path().join("one.splatv");
     let report = write(&one, &scene, 1, &options());
-    assert!(report.distance.max < 1e-6, "one frame stands still");
+    assert!(report.distance.max < 1e-6, "a single frame is static");
 }
 
-/// A file of these texels, without padding as some writers leave it.
+/// A file of these texels without padding, as some writers produce.
 fn file(texels: &[[u8; 64]]) -> Vec<u8> {
     let header = format!(r#"[{{"type":"splat","size":{},"texwidth":4096,"texheight":1}}]"#, 65536);
     let mut bytes = 0x674B_u32.to_le_bytes().to_vec();
@@ -265,7 +265,7 @@ fn texel(quat: f32, width: f32) -> [u8; 64] {
 }
 
 #[test]
-fn files_as_found() {
+fn files_of_other_writers() {
     let good = texel(1.0, f32::INFINITY);
     let read = splatv::read(&file(&[good, [0; 64], good]), Damage::Fail).unwrap();
     assert_eq!(read.scene.num_splats(), 2, "rows of zeros are padding");
@@ -301,7 +301,7 @@ proptest! {
     #![proptest_config(ProptestConfig { cases: 256, failure_persistence: None, ..ProptestConfig::default() })]
 
     #[test]
-    fn any_bytes_are_survived(bytes in proptest::collection::vec(any::<u8>(), 0..300), front in any::<bool>()) {
+    fn arbitrary_bytes_do_not_panic(bytes in proptest::collection::vec(any::<u8>(), 0..300), front in any::<bool>()) {
         let bytes = if front { [file(&[]), bytes].concat() } else { bytes };
         if let Ok(read) = splatv::read(&bytes, Damage::Keep) {
             prop_assert!(read.scene.at(0.5).is_ok(), "evaluates");

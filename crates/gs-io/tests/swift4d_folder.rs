@@ -1,8 +1,8 @@
-//! Swift4D model folders of every state of completeness: right flags with their origin, and for
-//! what is missing, contradictory or hostile an error that names the file and the next step,
-//! without large allocations.
+//! Swift4D model folders, complete and incomplete: flags with their origin,
+//! and for missing, contradictory or hostile parts an error that names the
+//! file and the next step, without large allocations.
 
-#![allow(clippy::unwrap_used, reason = "shared functions of tests fail by panicking, as tests do")]
+#![allow(clippy::unwrap_used, reason = "helpers of tests may panic")]
 
 mod common;
 
@@ -21,7 +21,7 @@ type Named = (String, Vec<usize>, Vec<f32>);
 const GAUSSIANS: usize = 6;
 const CFG: &str = "Namespace(n_levels=2, n_features_per_level=2, hashmap_size=6, base_resolution=2, n_neurons=16, activation='None', dynamic_thro=7.0, white_background=True, configs='arguments/dynerf/x.py')";
 
-/// A PLY as training writes it: Gaussian `i` at `(i, 0, 0)/10` with score `i + 4.0`.
+/// A PLY as written by training: Gaussian `i` at `(i, 0, 0)/10` with score `i + 4.0`.
 fn ply(score_column: &str, scores: [f32; GAUSSIANS]) -> Vec<u8> {
     let mut names: Vec<String> =
         ["x", "y", "z", "nx", "ny", "nz", "f_dc_0", "f_dc_1", "f_dc_2"].map(str::to_owned).into();
@@ -147,7 +147,7 @@ fn flag(model: &Model, name: &str) -> (String, Origin) {
 }
 
 #[test]
-fn whole_folder_and_its_report() {
+fn complete_folder_and_its_report() {
     let folder = Folder::new();
     assert_eq!(detect(&folder.path).unwrap(), SceneKind::Swift4d, "detected");
     assert_eq!(detect(folder.save()).unwrap(), SceneKind::Swift4d, "its iteration, too");
@@ -169,7 +169,7 @@ fn whole_folder_and_its_report() {
 }
 
 #[test]
-fn overrides_beat_cfg_args() {
+fn overrides_take_precedence_over_cfg_args() {
     let folder = Folder::new();
     let model = folder.open_with(Swift4dOverrides {
         trunk_relu: Some(true),
@@ -198,7 +198,7 @@ fn vru_windows_have_twenty_frames() {
 }
 
 #[test]
-fn without_cfg_args_the_user_is_asked() {
+fn without_cfg_args_the_error_requests_flags() {
     let folder = Folder::new();
     fs::remove_file(folder.path.join("cfg_args")).unwrap();
     folder.refused(&["FDHash.pth", "n_levels 16", "as in training"]);
@@ -274,8 +274,8 @@ fn missing_parts_are_named() {
 fn wrong_sizes_are_refused() {
     let folder = Folder::new();
     for (name, size, part) in [
-        ("xyz_deform", 769, "fits no width"),
-        ("xyz_deform", 0, "fits no width"),
+        ("xyz_deform", 769, "matches no width"),
+        ("xyz_deform", 0, "matches no width"),
         ("xyz_deform", 2560, "`scales_deform.params` has 768 values, expected 2560"),
         ("shs_deform", 768, "`shs_deform.params` has 768 values, expected 1280"),
         ("enc_model", 671, "has 671 values"),
@@ -334,12 +334,12 @@ fn values_that_are_not_finite_are_refused() {
     let scores = [4.0, 5.0, 6.0, f32::NAN, 8.0, f32::INFINITY];
     fs::write(folder.save().join("point_cloud.ply"), ply("dynamic", scores)).unwrap();
     let model = folder.open();
-    assert_eq!(model.report.split.unwrap().num_dynamic, 2, "NaN is static");
+    assert_eq!(model.report.split.unwrap().num_dynamic, 2, "NaN scores are static");
     assert!(model.report.warnings[0].contains("1 of 6 dynamic scores are NaN"), "and counted");
 }
 
 #[test]
-fn damaged_rows_keep_their_scores_apart() {
+fn dropping_damaged_rows_keeps_scores_aligned() {
     let folder = Folder::new();
     let mut bytes = ply("dynamic", SCORES);
     let start = bytes.len() - GAUSSIANS * 63 * 4;
@@ -347,21 +347,21 @@ fn damaged_rows_keep_their_scores_apart() {
     fs::write(folder.save().join("point_cloud.ply"), bytes).unwrap();
     let model = folder.open();
     let expected = [false, false, false, true, true];
-    assert_eq!(model.scene.dynamic_mask().unwrap(), expected, "row 0 is gone");
+    assert_eq!(model.scene.dynamic_mask().unwrap(), expected, "row 0 is dropped");
     assert!(model.report.warnings[0].contains("1 of 6 Gaussians are damaged"), "counted");
 }
 
 #[test]
-fn nothing_dynamic_is_warned_of() {
+fn models_without_dynamic_splats_cause_a_warning() {
     let folder = Folder::new();
     folder.cfg(&CFG.replace("dynamic_thro=7.0", "dynamic_thro=70"));
     let model = folder.open();
     assert!(model.report.warnings[0].contains("nothing moves"), "{:?}", model.report.warnings);
-    assert_eq!(&model.scene.at(0.5).unwrap(), model.scene.canonical(), "and nothing does");
+    assert_eq!(&model.scene.at(0.5).unwrap(), model.scene.canonical(), "and nothing moves");
 }
 
 #[test]
-fn coarse_saves_never_win_and_never_move() {
+fn coarse_saves_have_lowest_priority_and_are_static() {
     let folder = Folder::new();
     let coarse = folder.path.join("point_cloud/coarse_iteration_30000");
     fs::create_dir(&coarse).unwrap();
@@ -377,7 +377,7 @@ fn coarse_saves_never_win_and_never_move() {
 }
 
 #[test]
-fn any_damage_to_the_field_is_an_error_or_harmless() {
+fn damage_to_the_field_is_an_error_or_harmless() {
     let folder = Folder::new();
     let bytes = fs::read(folder.field()).unwrap();
     for cut in (0..bytes.len()).step_by(197) {
@@ -397,8 +397,8 @@ fn any_damage_to_the_field_is_an_error_or_harmless() {
     assert!(opened > 0, "flipped weights still open");
 }
 
-/// The golden's own file, cut and rewritten by the test's writer, proves that the writer is as good
-/// as torch.save.
+/// The golden's file, rewritten by the test's writer, shows that
+/// the writer is equivalent to torch.save.
 #[test]
 fn rewritten_fields_read_back() {
     fn copy(from: &Path, to: &Path) {

@@ -1,7 +1,7 @@
-//! OpenUSD layers read back, by a parser written here, to the very bits of the scene; only what
-//! changes has time samples.
+//! OpenUSD layers, parsed independently, give exactly the bits of the scene; only changing
+//! attributes have time samples.
 
-#![allow(clippy::unwrap_used, reason = "shared functions of tests fail by panicking, as tests do")]
+#![allow(clippy::unwrap_used, reason = "helpers of tests may panic")]
 
 #[path = "common/lively.rs"]
 mod lively;
@@ -17,8 +17,8 @@ use std::path::Path;
 /// Attribute name to its samples by time code; a value without samples is at `None`.
 type Layer = BTreeMap<String, BTreeMap<Option<usize>, Vec<f32>>>;
 
-/// Reads the arrays of a layer. Every other line must be one that a USD text may contain, braces
-/// must match.
+/// Parses the arrays of a layer. Checks that all other lines are
+/// valid in USD text and that braces match.
 fn parse(text: &str) -> Layer {
     let mut layer = Layer::new();
     let mut open: Option<String> = None;
@@ -87,7 +87,7 @@ fn write(
         last = (done, of);
     })
     .unwrap();
-    assert_eq!(last.0, last.1, "progress ends at its end");
+    assert_eq!(last.0, last.1, "progress ends at its total");
     (parse(&fs::read_to_string(path).unwrap()), report)
 }
 
@@ -96,7 +96,7 @@ fn flat<const C: usize>(rows: &[[f32; C]]) -> Vec<f32> {
 }
 
 #[test]
-fn every_value_reads_back() {
+fn every_value_round_trips() {
     let dir = tempfile::tempdir().unwrap();
     let scene = lively::scene(40, 6, 2);
     let options = Options { up: [0.0, -1.0, 0.0], ..Options::default() };
@@ -119,7 +119,11 @@ fn every_value_reads_back() {
             if f > 0 {
                 let before = &layer["orientations"][&Some(f - 1)][4 * i..4 * i + 4];
                 let dot: f32 = (0..4).map(|k| before[k] * q[k]).sum();
-                assert!(dot > 0.0, "signs follow, so that blending turns the short way");
+                assert!(
+                    dot > 0.0,
+                    "signs are continuous, so that interpolation takes the shorter \
+                                   rotation"
+                );
             }
             for k in 0..3 {
                 let centre = splats.means[i][k];
@@ -141,7 +145,7 @@ fn every_value_reads_back() {
 }
 
 #[test]
-fn only_what_changes_has_samples() {
+fn only_changing_attributes_have_samples() {
     let dir = tempfile::tempdir().unwrap();
     let mut frames = vec![lively::scene(30, 2, 1).at(0.0).unwrap(); 4];
     frames[3].means[5][1] += 0.5;
@@ -172,7 +176,7 @@ fn hostile_clips() {
             .unwrap_err()
             .to_string();
         assert!(error.contains(expected) && error.contains("x.usda"), "{error}");
-        assert_eq!(fs::read_dir(dir.path()).unwrap().count(), 0, "nothing is left: {error}");
+        assert_eq!(fs::read_dir(dir.path()).unwrap().count(), 0, "no output remains: {error}");
     };
     refuse(&Clip { times: &[], ..clip }, &Options::default(), "no frames");
     refuse(&Clip { fps: f64::NAN, ..clip }, &Options::default(), "frames per second");
@@ -189,5 +193,5 @@ fn hostile_clips() {
     assert_eq!(report.num_splats, 19, "one row less");
     assert!(report.losses.to_string().contains("1 of 20"), "{}", report.losses);
     let all = layer.values().flat_map(BTreeMap::values).flatten();
-    assert!(all.copied().all(f32::is_finite), "no number that USD cannot read");
+    assert!(all.copied().all(f32::is_finite), "no numbers that USD cannot parse");
 }

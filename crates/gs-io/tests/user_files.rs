@@ -1,9 +1,8 @@
-//! Files as users bring them: what other trainers' columns mean, infinities that stand for
-//! something, folders of several series, plain 3DGS models, and what lies in the place of a file.
-//! The conditions are those of public bug reports; the right values are computed here from their
-//! definitions.
+//! Files from users: columns of other trainers, meaningful infinities, folders with several series,
+//! plain 3DGS models, and stand-ins for files. The cases are those of public bug reports; the
+//! expected values are computed here from their definitions.
 
-#![allow(clippy::unwrap_used, reason = "shared functions of tests fail by panicking, as tests do")]
+#![allow(clippy::unwrap_used, reason = "helpers of tests may panic")]
 
 use gs_core::activation::sigmoid;
 use gs_core::{DynamicScene, Splats};
@@ -81,7 +80,7 @@ impl Table {
     #[expect(
         clippy::cast_possible_truncation,
         clippy::cast_sign_loss,
-        reason = "values are made for their types"
+        reason = "values fit their types"
     )]
     fn bytes(&self) -> Vec<u8> {
         let mut header = format!("ply\nformat binary_little_endian 1.0\nelement vertex {ROWS}\n");
@@ -107,7 +106,7 @@ impl Table {
     }
 
     /// Reads the table as an edited frame, as a frame of a sequence and as the canonical cloud of a
-    /// model; all must agree. With what each of them notes.
+    /// model; all must agree. Also returns the notes of each.
     fn read_everywhere(&self) -> (Splats, [Vec<String>; 3]) {
         let dir = tempfile::tempdir().unwrap();
         let still = frame::read(&self.bytes()).unwrap();
@@ -130,7 +129,7 @@ fn close(found: f32, expected: f64, what: &str) {
     assert!(off <= 2e-6 * expected.abs().max(1.0), "{what}: {found}, expected {expected}");
 }
 
-fn all_say(notes: &[Vec<String>; 3], part: &str) {
+fn all_contain(notes: &[Vec<String>; 3], part: &str) {
     for (place, notes) in ["frame", "sequence", "model"].iter().zip(notes) {
         assert!(notes.iter().any(|note| note.contains(part)), "{place}: {notes:?}");
     }
@@ -165,7 +164,7 @@ fn opaque_and_transparent_rows_are_kept() {
 }
 
 #[test]
-fn what_is_odd_in_one_frame_is_odd_there_only() {
+fn damage_in_one_frame_affects_only_that_frame() {
     let dir = tempfile::tempdir().unwrap();
     for i in 0..3_u8 {
         let mut table = Table::scene(0, f64::from(i));
@@ -180,13 +179,13 @@ fn what_is_odd_in_one_frame_is_odd_there_only() {
                 table.edit(&format!("rot_{k}"), |rot| rot[33] = 0.0);
             }
         }
-        // Damaged everywhere: this row leaves.
+        // Damaged in all frames: this row is dropped.
         table.edit("f_dc_1", |dc| dc[34] = f64::NEG_INFINITY);
         table.write(dir.path().join(format!("frame_{i}.ply")));
     }
     let options = SequenceOptions { damage: Damage::Drop, ..SequenceOptions::default() };
     let sequence = PlySequence::open(dir.path(), &options).unwrap();
-    assert_eq!(sequence.num_splats(), ROWS - 1, "only what is damaged everywhere leaves");
+    assert_eq!(sequence.num_splats(), ROWS - 1, "only rows damaged in all frames are dropped");
     let repair = sequence.repair();
     assert_eq!((repair.damaged(), repair.hidden), (4, 3), "{repair:?}");
     assert_eq!((repair.infinities.opaque, repair.infinities.transparent), (30, 1), "counted");
@@ -198,17 +197,17 @@ fn what_is_odd_in_one_frame_is_odd_there_only() {
             assert!(other.opacity(row) > 0.5, "row {row} is visible in the other frames");
         }
     }
-    // What fades in lies where it lay last, not at some origin.
+    // Rows that fade in have their last valid position, not the origin.
     for row in 31..34 {
-        assert_eq!(at.means[row], before.means[row], "row {row} is where it was");
-        assert_eq!(at.quats[row], before.quats[row], "row {row} is turned as it was");
+        assert_eq!(at.means[row], before.means[row], "row {row} keeps its position");
+        assert_eq!(at.quats[row], before.quats[row], "row {row} keeps its rotation");
     }
     for t in [0.2, 0.4, 0.6, 0.9] {
         let splats = sequence.at(t).unwrap();
         assert!((0..splats.len()).all(|row| splats.is_finite(row)), "finite at {t}");
     }
     let strict = PlySequence::open(dir.path(), &SequenceOptions::default()).unwrap();
-    assert!(strict.at(0.5).is_err(), "NaN is refused where it is to be");
+    assert!(strict.at(0.5).is_err(), "NaN is refused with this option");
 }
 
 #[test]
@@ -226,12 +225,12 @@ fn mip_splatting_filters_are_applied() {
         let opacity = sigmoid(table.get("opacity")[row]) * ratio;
         close(splats.opacity(row), opacity, "opacity");
     }
-    all_say(&notes, "filter_3D");
-    all_say(&notes, "antialiasing");
+    all_contain(&notes, "filter_3D");
+    all_contain(&notes, "antialiasing");
 }
 
 #[test]
-fn colours_stand_in_for_sh() {
+fn colour_columns_replace_missing_sh() {
     let levels = |shift: usize| (0..ROWS).map(|i| ((37 * i + shift) % 256) as f64).collect();
     let rgb: [Vec<f64>; 3] = [levels(0), levels(90), levels(200)];
     for (kind, unit) in [("uchar", 1.0), ("ushort", 257.0), ("float", 1.0 / 255.0), ("float", 1.0)]
@@ -247,14 +246,14 @@ fn colours_stand_in_for_sh() {
                 close(splats.sh_of(row)[0][channel], expected, kind);
             }
         }
-        all_say(&notes, "red, green and blue");
+        all_contain(&notes, "red, green and blue");
     }
     let mut both = Table::scene(3, 0.0);
     for (name, values) in ["red", "green", "blue"].iter().zip(rgb) {
         both = both.with(name, "uchar", values);
     }
     let (splats, notes) = both.read_everywhere();
-    close(splats.sh_of(9)[0][1], both.get("f_dc_1")[9], "SH win over colours");
+    close(splats.sh_of(9)[0][1], both.get("f_dc_1")[9], "SH take precedence over colours");
     assert!(notes[0].iter().any(|note| note.contains("not used: red")), "{notes:?}");
 }
 
@@ -263,10 +262,10 @@ fn surfels_are_thin_discs() {
     let table = Table::scene(3, 0.0).without(&["scale_2"]);
     let (splats, notes) = table.read_everywhere();
     for row in 0..ROWS {
-        close(splats.log_scales[row][1], table.get("scale_1")[row], "the other axes stay");
+        close(splats.log_scales[row][1], table.get("scale_1")[row], "the other axes are unchanged");
         close(splats.log_scales[row][2], 1e-6_f64.ln(), "thickness");
     }
-    all_say(&notes, "scale_2");
+    all_contain(&notes, "scale_2");
 }
 
 #[test]
@@ -282,7 +281,7 @@ fn sh_of_degree_4_is_cut_by_channel() {
             }
         }
     }
-    all_say(&notes, "SH degree 4 was cut to 3");
+    all_contain(&notes, "SH degree 4 was cut to 3");
 }
 
 #[test]
@@ -331,22 +330,22 @@ fn plain_3dgs_models_are_one_frame() {
     close(read.splats.means[0][0], Table::scene(3, 5.0).get("x")[0], "the newest save");
     assert!(frame::file_of(dir.path()).ends_with("iteration_30000/point_cloud.ply"), "named");
     let opened = open_scene(dir.path(), &OpenOptions::default()).unwrap();
-    assert_eq!(opened.scene.at(0.0).unwrap(), opened.scene.at(1.0).unwrap(), "it does not move");
+    assert_eq!(opened.scene.at(0.0).unwrap(), opened.scene.at(1.0).unwrap(), "it is static");
     for older in ["iteration_7000", "iteration_30000"] {
         fs::remove_dir_all(dir.path().join("point_cloud").join(older)).unwrap();
     }
     assert_eq!(detect(dir.path()).unwrap(), SceneKind::Model3dgs, "iteration_best alone");
     let read = frame::read_file(dir.path()).unwrap();
     close(read.splats.means[0][0], Table::scene(3, 9.0).get("x")[0], "iteration_best");
-    // One that moves, whose network was lost, is no plain model.
+    // A dynamic model whose network is missing is not a plain model.
     fs::write(dir.path().join("cfg_args"), "Namespace(sh_degree=3, net_width=64)").unwrap();
-    assert_eq!(detect(dir.path()).unwrap(), SceneKind::Model4dgs, "its settings say so");
+    assert_eq!(detect(dir.path()).unwrap(), SceneKind::Model4dgs, "detected by its settings");
     let error = frame::read_file(dir.path()).unwrap_err().to_string();
     assert!(error.contains("canonical") && error.contains("c4d freeze"), "{error}");
 }
 
 #[test]
-fn formats_that_are_not_read_are_named() {
+fn unsupported_formats_are_named() {
     let dir = tempfile::tempdir().unwrap();
     let counts = [1_u32, 1, 40, 40].iter().flat_map(|count| count.to_le_bytes());
     let ksplat: Vec<u8> = [0_u8, 1, 0, 0].into_iter().chain(counts).chain([0; 4076]).collect();
@@ -366,16 +365,17 @@ fn formats_that_are_not_read_are_named() {
     assert!(error.contains("SOG version 1") && error.contains("expected 2"), "{error}");
 }
 
-/// What lies in the place of a file.
+/// Stand-ins for files.
 const STAND_INS: [(&str, &[u8]); 5] = [
     (
         "Git LFS pointer",
         b"version https://git-lfs.github.com/spec/v1\noid sha256:4d7a214614ab2935c943f9e0ff69d22eadbb8f32b1258daaa5e2ca24d17e2393\nsize 12345\n",
     ),
     ("HTML page", b"\xef\xbb\xbf\n<!DOCTYPE html>\n<html><head><title>Sign in</title></head></html>\n"),
-    ("error message of a web server", b"404: Not Found"),
-    ("error message of a web server", b"<?xml version=\"1.0\"?>\n<Error><Code>NoSuchKey</Code></Error>"),
-    ("error message of a web server", b"{\"error\":\"Repository not found\"}"),
+    ("error message from a web server", b"404: Not Found"),
+    ("error message from a web server", b"<?xml \
+     version=\"1.0\"?>\n<Error><Code>NoSuchKey</Code></Error>"),
+    ("error message from a web server", b"{\"error\":\"Repository not found\"}"),
 ];
 
 #[test]

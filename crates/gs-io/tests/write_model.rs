@@ -1,5 +1,5 @@
-//! Model folders out and in again.
-#![allow(clippy::unwrap_used, reason = "helpers of tests may fail loudly")]
+//! Model folders are written and read back.
+#![allow(clippy::unwrap_used, reason = "helpers of tests may panic")]
 
 use gs_core::{DynamicScene, Splats};
 use gs_deform::{
@@ -8,7 +8,7 @@ use gs_deform::{
 };
 use gs_io::{Existing, checkpoint4dgs};
 
-/// Values that look random and are the same everywhere.
+/// Deterministic pseudo-random values.
 fn values(count: usize, seed: usize) -> Vec<f32> {
     (0..count).map(|i| ((i * 7919 + seed * 104_729) % 1009) as f32 / 1009.0 - 0.3).collect()
 }
@@ -54,7 +54,7 @@ fn splats() -> Splats {
 }
 
 #[test]
-fn a_written_model_is_the_same_field() {
+fn a_written_model_has_the_same_field() {
     let folder = tempfile::tempdir().unwrap();
     let dir = folder.path().join("model");
     checkpoint4dgs::write(&dir, 600, &splats(), &network(), Existing::Refuse).unwrap();
@@ -66,7 +66,7 @@ fn a_written_model_is_the_same_field() {
     }
     assert_ne!(written.at(0.37).unwrap().means, splats().means, "the comparison can fail");
     let again = checkpoint4dgs::write(&dir, 600, &splats(), &network(), Existing::Refuse);
-    assert!(again.is_err(), "nothing is overwritten unasked");
+    assert!(again.is_err(), "existing output is not overwritten by default");
     checkpoint4dgs::write(&dir, 601, &splats(), &network(), Existing::Replace).unwrap();
 }
 
@@ -78,5 +78,5 @@ fn networks_with_a_mask_are_refused() {
     let dir = folder.path().join("model");
     let error = checkpoint4dgs::write(&dir, 1, &splats(), &masked, Existing::Refuse).unwrap_err();
     assert!(error.to_string().contains("mask"), "{error}");
-    assert!(!dir.exists(), "nothing is left");
+    assert!(!dir.exists(), "no output remains");
 }

@@ -154,7 +154,7 @@ fn wrong_cameras_are_refused() {
     render(&["--cameras", &dnerf, "--views", "r_9"], 2, &["r_9", "train/r_000"]);
     let colmap = text(&fixture("cameras/colmap"));
     render(&["--cameras", &colmap, "--split", "val"], 2, &["train 7, test 2, val 0"]);
-    render(&["--cameras", &source], 3, &["holds no cameras"]);
+    render(&["--cameras", &source], 3, &["contains no cameras"]);
 
     let fisheye = folder.path().join("fisheye");
     fs::create_dir(&fisheye).unwrap();

@@ -1,19 +1,19 @@
-//! Compressed bytes, unpacked within bounds.
+//! Decompression with bounded output.
 
 use std::io::Read;
 
-/// What a stream may grow to, whatever its size: small files compress beyond any ratio.
+/// Size, bytes, to which any stream may grow; the compression ratio of small files is unbounded.
 pub(crate) const FREE: u64 = 16 << 20;
-/// Growth allowed beyond that. Splat data, even of one colour and size, shrink to a twentieth at
-/// best.
+/// Largest compression ratio beyond that size. Splat data compress to a twentieth at best, even if
+/// all splats have the same colour and size.
 const MAX_RATIO: u64 = 64;
 
-/// Bytes that `compressed` bytes may become.
+/// Largest size to which `compressed` bytes may decompress.
 pub(crate) fn limit(compressed: usize) -> u64 {
     FREE.max(MAX_RATIO.saturating_mul(compressed as u64))
 }
 
-/// Unpacks a gzip stream of at most [`limit`] bytes; what is wrong, otherwise.
+/// Decompresses a gzip stream to at most [`limit`] bytes; the error is a message.
 pub(crate) fn gunzip(bytes: &[u8]) -> Result<Vec<u8>, String> {
     read_within(flate2::read::GzDecoder::new(bytes), limit(bytes.len()))
 }
@@ -21,17 +21,17 @@ pub(crate) fn gunzip(bytes: &[u8]) -> Result<Vec<u8>, String> {
 /// The first `count` bytes of a gzip stream, fewer if it ends early or breaks.
 pub(crate) fn gunzip_start(bytes: &[u8], count: u64) -> Vec<u8> {
     let mut start = Vec::new();
-    // What was unpacked before an error is kept.
+    // Bytes decompressed before an error are kept.
     let _broken = flate2::read::GzDecoder::new(bytes).take(count).read_to_end(&mut start);
     start
 }
 
-/// Unpacks a zstd frame of exactly `size` bytes, at most [`limit`].
+/// Decompresses a zstd frame to exactly `size` bytes, at most [`limit`].
 pub(crate) fn unzstd(bytes: &[u8], size: u64) -> Result<Vec<u8>, String> {
     unzstd_within(bytes, size, limit(bytes.len()))
 }
 
-/// Unpacks a zstd frame of exactly `size` bytes, at most `limit`.
+/// Decompresses a zstd frame to exactly `size` bytes, at most `limit`.
 pub(crate) fn unzstd_within(bytes: &[u8], size: u64, limit: u64) -> Result<Vec<u8>, String> {
     let size = usize::try_from(size)
         .ok()
@@ -44,7 +44,7 @@ pub(crate) fn unzstd_within(bytes: &[u8], size: u64, limit: u64) -> Result<Vec<u
     if written == size { Ok(out) } else { Err(format!("{written} bytes, expected {size}")) }
 }
 
-/// Everything of `reader`, if that is at most `limit` bytes.
+/// All bytes of `reader`, if there are at most `limit`.
 pub(crate) fn read_within(reader: impl Read, limit: u64) -> Result<Vec<u8>, String> {
     let mut out = Vec::new();
     reader
@@ -55,7 +55,7 @@ pub(crate) fn read_within(reader: impl Read, limit: u64) -> Result<Vec<u8>, Stri
 }
 
 fn too_large(limit: u64) -> String {
-    format!("unpacks to more than {limit} bytes, which no splats of this size do")
+    format!("decompresses to more than {limit} bytes, more than splat data of this size can")
 }
 
 #[cfg(test)]
@@ -69,7 +69,7 @@ mod tests {
         let mut gzip = flate2::write::GzEncoder::new(Vec::new(), flate2::Compression::fast());
         gzip.write_all(&zeros).unwrap();
         let gzip = gzip.finish().unwrap();
-        assert!(gunzip(&gzip).unwrap_err().contains("unpacks to more"), "gzip");
+        assert!(gunzip(&gzip).unwrap_err().contains("decompresses to more"), "gzip");
         assert_eq!(gunzip_start(&gzip, 16), [0; 16], "its start");
         let packed = zstd::bulk::compress(&zeros, 1).unwrap();
         assert!(unzstd(&packed, zeros.len() as u64).unwrap_err().contains("more than"), "zstd");

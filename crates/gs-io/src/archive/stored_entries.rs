@@ -1,5 +1,5 @@
-//! Entries of zip archives as slices of the file: PyTorch checkpoints, whose tensors are never
-//! copied.
+//! Entries of zip archives as slices of the file, for PyTorch
+//! checkpoints, whose tensors are not copied.
 
 use std::io::Cursor;
 use thiserror::Error;
@@ -9,9 +9,9 @@ use zip::{CompressionMethod, ZipArchive};
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
 pub enum ZipError {
     /// No usable directory at its end.
-    #[error("not a complete zip archive ({0}): the file is truncated or something else")]
+    #[error("not a complete zip archive ({0}): the file is truncated or not a zip archive")]
     NoDirectory(String),
-    /// An entry of the directory contradicts the file.
+    /// An entry of the directory is inconsistent with the file.
     #[error("damaged zip archive: {0}")]
     Damaged(String),
     /// An entry is compressed.
@@ -19,7 +19,7 @@ pub enum ZipError {
     NotStored(String),
 }
 
-/// An entry and where its data lie.
+/// Name and data of an entry.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) struct Entry<'a> {
     pub(crate) name: String,
@@ -63,7 +63,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_written_is_read() {
+    fn written_entries_are_read_back() {
         let bytes = archive();
         let entries = entries(&bytes).unwrap();
         assert_eq!(entries.len(), 2, "both");

@@ -1,7 +1,7 @@
 //! Zip archives of stored (uncompressed) entries, written to a stream.
 //!
-//! Real sizes and checksums are in the local headers, so that readers may stream, and every archive
-//! of the same content is the same bytes.
+//! Sizes and checksums are in the local headers, so that archives can be read as a stream. Equal
+//! contents give identical bytes.
 
 use std::io::{self, Write};
 
@@ -14,8 +14,8 @@ const END_SIZE: usize = 22;
 const CENTRAL_SIZE: usize = 46;
 const LOCAL_SIZE: usize = 30;
 
-/// Writes stored entries one after the other to any stream. Never zip64: what does not fit is an
-/// error.
+/// Writes stored entries sequentially to any stream. Does not use
+/// zip64: too large archives are an error.
 #[derive(Debug)]
 pub(crate) struct StoredWriter<W: Write> {
     out: W,
@@ -24,7 +24,8 @@ pub(crate) struct StoredWriter<W: Write> {
     count: u16,
 }
 
-/// 1 January 1980, the first date of the format: archives of the same content are the same bytes.
+/// 1 January 1980, the first date of the format; a constant, so
+/// that equal contents give identical bytes.
 const DATE: u16 = 0x21;
 
 impl<W: Write> StoredWriter<W> {
@@ -36,7 +37,7 @@ impl<W: Write> StoredWriter<W> {
         let crc = crc32fast::hash(data);
         let size = u32::try_from(data.len()).ok();
         let name_length = u16::try_from(name.len()).ok();
-        // Room for the directory is kept free: the whole archive stays below 4 GiB.
+        // Reserves room for the directory, so that the whole archive stays below 4 GiB.
         let end = size.and_then(|size| self.offset.checked_add(size)).and_then(|end| {
             let directory =
                 self.central.len() + CENTRAL_SIZE + LOCAL_SIZE + 2 * name.len() + END_SIZE;
@@ -47,7 +48,8 @@ impl<W: Write> StoredWriter<W> {
         else {
             return Err(io::Error::new(
                 io::ErrorKind::FileTooLarge,
-                "a zip archive that every player reads holds at most 4 GiB and 65534 files; write fewer frames, a lower SH degree, or a folder",
+                "a zip archive without zip64 extensions is limited to 4 GiB and 65534 files; \
+                write fewer frames, a lower SH degree, or a folder",
             ));
         };
         let mut common = Vec::new();
@@ -75,7 +77,7 @@ impl<W: Write> StoredWriter<W> {
         Ok(())
     }
 
-    /// Writes the directory and gives the stream back.
+    /// Writes the directory and returns the stream.
     pub(crate) fn finish(mut self) -> io::Result<W> {
         let size = u32::try_from(self.central.len()).map_err(io::Error::other)?;
         self.out.write_all(&self.central)?;

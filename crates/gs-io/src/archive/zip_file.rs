@@ -1,4 +1,5 @@
-//! Zip archives of users: stored or deflated entries, read one at a time and within bounds.
+//! Zip archives provided by users: stored or deflated entries,
+//! read one at a time with bounded size.
 
 use crate::archive::decompress;
 use std::io::{Read, Seek};
@@ -12,7 +13,7 @@ pub(crate) struct Archive<R> {
 }
 
 impl<R: Read + Seek> Archive<R> {
-    /// Reads the directory; what is wrong, otherwise.
+    /// Reads the directory; the error is a message.
     pub(crate) fn open(reader: R) -> Result<Self, String> {
         let zip = ZipArchive::new(reader).map_err(|error| error.to_string())?;
         let names = zip
@@ -27,7 +28,8 @@ impl<R: Read + Seek> Archive<R> {
         &self.names
     }
 
-    /// The whole of an entry, at most `limit` bytes and what its packed size can account for.
+    /// A whole entry, limited to `limit` bytes and to the largest
+    /// size plausible for its compressed size.
     pub(crate) fn read(&mut self, name: &str, limit: u64) -> Result<Vec<u8>, String> {
         let failed = |error: &dyn std::fmt::Display| format!("{name}: {error}");
         let entry = self.zip.by_name(name).map_err(|error| failed(&error))?;

@@ -1,12 +1,12 @@
-//! [`CamerasError`]: what is wrong inside a camera file.
+//! [`CamerasError`]: errors in camera files.
 
 use gs_core::CameraError;
 use thiserror::Error;
 
-/// A camera file that cannot be used.
+/// Error in a camera file.
 #[derive(Debug, Error)]
 pub enum CamerasError {
-    /// Not JSON, or not the schema of this file.
+    /// Not JSON, or not of the expected schema.
     #[error("not a {schema}: {source}")]
     Json {
         /// Which schema.
@@ -14,7 +14,7 @@ pub enum CamerasError {
         /// Where and why.
         source: serde_json::Error,
     },
-    /// A camera that cannot see.
+    /// An invalid camera.
     #[error("entry {index}: {source}")]
     Camera {
         /// Position in the list.
@@ -25,8 +25,11 @@ pub enum CamerasError {
     /// No cameras.
     #[error("the list of cameras is empty, expected at least one")]
     Empty,
-    /// The bytes end early, or a count asks for more than there are.
-    #[error("{at}: needs {needed} bytes, {left} are left; the file is cut off or of another kind")]
+    /// The bytes end early, or a count exceeds the bytes left.
+    #[error(
+        "{at}: needs {needed} bytes, {left} are left; the file is truncated or of another \
+            kind"
+    )]
     Truncated {
         /// What was being read.
         at: String,
@@ -35,20 +38,21 @@ pub enum CamerasError {
         /// Bytes that are left.
         left: usize,
     },
-    /// A value that does not fit.
+    /// An invalid value.
     #[error("{at}: expected {expected}, found {found}")]
     Malformed {
         /// Where.
         at: String,
-        /// What belongs there.
+        /// What was expected.
         expected: String,
-        /// What is there.
+        /// What was found.
         found: String,
     },
-    /// A lens that no pinhole camera approximates.
+    /// A lens model that a pinhole camera does not approximate.
     #[error(
-        "camera {camera} has the lens model {model}; pinhole cameras with moderate distortion are read: \
-         undistort the images (colmap image_undistorter) and give the model that makes"
+        "camera {camera} has the unsupported lens model {model}; expected a pinhole camera with \
+        moderate distortion: undistort the images (colmap image_undistorter) and give the model \
+        that this writes"
     )]
     Lens {
         /// Which camera.

@@ -7,7 +7,7 @@ use std::fmt::{self, Display};
 pub enum Format {
     /// `cameras.json` of 3DGS.
     CamerasJson,
-    /// `transforms_train.json` and its like.
+    /// `transforms_train.json` and similar files.
     Transforms,
     /// `dataset.json`, `metadata.json`, `camera/`.
     Nerfies,

@@ -1,15 +1,14 @@
-//! Image sizes from image headers; nothing is decoded.
+//! Image sizes from image headers, without decoding.
 
 use std::path::Path;
 
-/// Width and height of an image file, pixels; `None` when there is no such file or it is no PNG or
-/// JPEG.
+/// Width and height of an image file, pixels; `None` if the file is missing or not a PNG or JPEG.
 pub(super) fn image_size(path: &Path) -> Option<(u32, u32)> {
     let reader = image::ImageReader::open(path).ok()?.with_guessed_format().ok()?;
     reader.into_dimensions().ok()
 }
 
-/// Looks sizes up and counts what was there.
+/// Looks up image sizes and counts missing images.
 #[derive(Debug, Default)]
 pub(super) struct Sizes {
     found: usize,
@@ -21,18 +20,18 @@ impl Sizes {
         self.of_first(&[path])
     }
 
-    /// The size of the first of these files that is there.
+    /// The size of the first of these files that exists.
     pub(super) fn of_first(&mut self, paths: &[impl AsRef<Path>]) -> Option<(u32, u32)> {
         let size = paths.iter().find_map(|path| image_size(path.as_ref()));
         *(if size.is_some() { &mut self.found } else { &mut self.missing }) += 1;
         size
     }
 
-    /// Says how many images are missing, and what was done instead.
+    /// A note with the number of missing images and the fallback.
     pub(super) fn note(&self, instead: &str) -> Option<String> {
         (self.missing > 0).then(|| {
             format!(
-                "{} of {} images are not there: {instead}",
+                "{} of {} images are missing: {instead}",
                 self.missing,
                 self.found + self.missing
             )
@@ -40,7 +39,7 @@ impl Sizes {
     }
 }
 
-/// A size of a file as a pixel count; 0, which no camera may have, when it is none.
+/// A size from a file as a pixel count; 0, which is invalid for cameras, if it is not one.
 pub(crate) fn pixels(size: f64) -> u32 {
     let whole = size.round();
     #[expect(
@@ -62,7 +61,7 @@ pub(super) fn stem(name: &str) -> &str {
     name.rsplit_once('.').map_or(name, |(stem, _)| stem)
 }
 
-/// Whether a name ends with this extension, in either case.
+/// Whether a name has this extension, ignoring case.
 pub(crate) fn has_extension(name: &str, extension: &str) -> bool {
     name.rsplit_once('.').is_some_and(|(_, found)| found.eq_ignore_ascii_case(extension))
 }

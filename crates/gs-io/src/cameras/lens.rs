@@ -1,5 +1,5 @@
-//! Pinhole intrinsics with OpenCV's distortion, which is measured and left out: splats are drawn
-//! through pinholes.
+//! Pinhole intrinsics with OpenCV's distortion. The distortion is measured and ignored, because
+//! splats are rendered with pinhole cameras.
 
 use gs_core::Intrinsics;
 
@@ -29,7 +29,7 @@ impl Lens {
         }
     }
 
-    /// Longest way that distortion moves a point of the image border, pixels.
+    /// Largest displacement of a point of the image border by the distortion, pixels.
     pub(crate) fn bend_px(&self) -> f64 {
         let k = &self.intrinsics;
         let shares = [0.0, 0.5, 1.0];
@@ -60,19 +60,19 @@ impl Lens {
         }
     }
 
-    /// The same lens with the principal point in the middle.
+    /// The same lens with the principal point in the image centre.
     pub(crate) fn centred(&self) -> Self {
         let (cx, cy) = (self.width / 2.0, self.height / 2.0);
         Self { intrinsics: Intrinsics { cx, cy, ..self.intrinsics }, ..*self }
     }
 
-    /// Way from the middle of the image to the principal point, pixels.
+    /// Distance from the image centre to the principal point, pixels.
     pub(crate) fn off_centre_px(&self) -> f64 {
         (self.intrinsics.cx - self.width / 2.0).hypot(self.intrinsics.cy - self.height / 2.0)
     }
 }
 
-/// What was left out of a set of lenses, as notes: the worst of each kind.
+/// Ignored properties of a set of lenses, for notes: the largest of each kind.
 #[derive(Debug, Default)]
 pub(crate) struct LeftOut {
     bend_px: f64,
@@ -81,11 +81,11 @@ pub(crate) struct LeftOut {
     off_centre: String,
 }
 
-/// Less than this is not worth a word, pixels.
+/// Displacements below this are not noted, pixels.
 const NOTABLE_PX: f64 = 0.05;
 
 impl LeftOut {
-    /// Notes the distortion of a lens, left out in any case.
+    /// Records the distortion of a lens, which is always ignored.
     pub(crate) fn distortion(&mut self, name: &str, lens: &Lens) {
         let bend = lens.bend_px();
         if bend > self.bend_px {
@@ -94,7 +94,7 @@ impl LeftOut {
         }
     }
 
-    /// Notes the principal point of a lens that is being centred.
+    /// Records the principal point of a lens that is being centred.
     pub(crate) fn principal_point(&mut self, name: &str, lens: &Lens) {
         let off = lens.off_centre_px();
         if off > self.off_centre_px {
@@ -107,13 +107,15 @@ impl LeftOut {
         let mut notes = Vec::new();
         if self.bend_px > NOTABLE_PX {
             notes.push(format!(
-                "lens distortion is left out: up to {:.1} px at the image border ({}); undistort the images to compare with them",
+                "lens distortion is ignored: up to {:.1} px at the image border ({}); undistort \
+                the images before comparing with them",
                 self.bend_px, self.bent
             ));
         }
         if self.off_centre_px > NOTABLE_PX {
             notes.push(format!(
-                "principal points are taken as the image centres, as in training; up to {:.1} px off ({})",
+                "principal points are set to the image centres, as in training; they differ by up \
+                to {:.1} px ({})",
                 self.off_centre_px, self.off_centre
             ));
         }
@@ -131,8 +133,8 @@ mod tests {
     }
 
     #[test]
-    fn bend_is_that_of_the_farthest_corner() {
-        assert_eq!(lens().bend_px(), 0.0, "a pinhole bends nothing");
+    fn displacement_is_that_of_the_farthest_corner() {
+        assert_eq!(lens().bend_px(), 0.0, "a pinhole has no distortion");
         let bent = Lens { radial: [0.1, 0.0, 0.0], ..lens() };
         // Corner at (0.5, 0.4): r² = 0.41, moved by r·0.1·r² = 0.02625 of the focal length.
         assert!((bent.bend_px() - 100.0 * 0.1 * 0.41_f64.powf(1.5)).abs() < 1e-12, "corner");

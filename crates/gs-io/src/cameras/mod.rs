@@ -1,12 +1,13 @@
-//! Cameras and times of data sets, of every layout that 4DGaussians, Swift4D and their kin train
-//! on.
+//! Cameras and times of data sets, in every layout used to train
+//! 4DGaussians, Swift4D and related methods.
 //!
-//! [`open`] detects what a file or folder is by its content and gives named views with split and
-//! normalised time, as [`gs_core::Camera`]s (world to camera, OpenCV's axes), and says what it
-//! assumed. [`Reading`] chooses between what training saw and what the files say.
+//! [`open`] detects the layout of a file or folder by its content and returns named
+//! views with split and normalised time, as [`gs_core::Camera`]s (world to camera,
+//! OpenCV's axes), with notes on its assumptions. [`Reading`] chooses between the
+//! cameras used in training and those stored in the files.
 //!
 //! Images are never decoded; sizes come from the files or from image headers. Byte-level entry
-//! points (`parse…`) survive any bytes.
+//! points (`parse…`) accept arbitrary bytes without panicking.
 
 pub mod colmap;
 mod error;
@@ -41,11 +42,9 @@ use gs_core::Camera;
 use std::path::Path;
 
 /// Reads the cameras of a file or folder: a data set, one of its camera files, or a model folder
-/// that has cameras or names its data set.
+/// that contains cameras or names its data set.
 ///
-/// # Errors
-/// If nothing known is found there, a file is missing or malformed, or no camera can see. Single
-/// cameras that cannot are left out and noted.
+/// # Errors If no known layout is found, a file is missing or malformed, or no camera is valid. Invalid cameras are omitted and noted.
 pub fn open(path: impl AsRef<Path>, reading: Reading) -> Result<CameraSet, IoError> {
     let path = path.as_ref();
     let source = find(path)?.ok_or_else(|| source::unknown(path))?;
@@ -78,11 +77,10 @@ fn unlisted(camera: Camera) -> View {
     View { camera, split: Split::None }
 }
 
-/// Cameras of one file's bytes, where a file alone is enough: `cameras.json`, `transforms_*.json`
-/// or `poses_bounds.npy`, by content.
+/// Cameras from the bytes of a single file, `cameras.json`, `transforms_*.json` or
+/// `poses_bounds.npy`, detected by content.
 ///
-/// # Errors
-/// If the bytes are none of these, are malformed, or no camera can see.
+/// # Errors If the bytes are none of these or malformed, or no camera is valid.
 pub fn from_slice(bytes: &[u8], reading: Reading) -> Result<Vec<Camera>, CamerasError> {
     if npy::is_npy(bytes) {
         return poses_bounds::cameras(&poses_bounds::parse(bytes)?, reading);

@@ -1,9 +1,10 @@
-//! Nerfies, HyperNeRF and DyCheck folders: `dataset.json`, `metadata.json`, `scene.json`, and a
-//! file for each camera.
+//! Nerfies, HyperNeRF and DyCheck folders: `dataset.json`,
+//! `metadata.json`, `scene.json`, and one file per camera.
 //!
-//! Both readings stay in the raw coordinates of the camera files: `scene.json`'s scale and centre
-//! are not applied, as in training. Trained reading: images of half size, own focal length over the
-//! first camera's image size, centred principal point. Times are `warp_id` over its maximum.
+//! Both readings stay in the raw coordinates of the camera files: `scene.json`'s
+//! scale and centre are not applied, as in training. Trained reading: images of half
+//! size, each camera's focal length with the first camera's image size, centred
+//! principal point. Times are `warp_id` over its maximum.
 
 use super::colmap::share;
 use super::images::Sizes;
@@ -18,11 +19,10 @@ use serde::Deserialize;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
-/// Without lists, every so many views are trained on, and the one in the middle between two is held
-/// out.
+/// Without lists, every fourth view is a training view, and the one midway between two is held out.
 const STRIDE: usize = 4;
 
-/// `dataset.json`: which views there are, and which lists they are in.
+/// `dataset.json`: all views, and the lists that contain them.
 #[derive(Debug, Clone, PartialEq, Eq, Deserialize)]
 pub struct Dataset {
     ids: Vec<String>,
@@ -121,7 +121,7 @@ impl Dataset {
     /// Splits in the order of `ids`.
     fn splits(&self) -> Vec<Split> {
         if self.val_ids.is_empty() {
-            // The list of held-out positions lacks its last one.
+            // The reference's list of held-out positions omits the last one.
             let held_out = self.ids.len().div_ceil(STRIDE) - 1;
             return (0..self.ids.len())
                 .map(|position| match position % STRIDE {
@@ -150,7 +150,7 @@ fn parsed<T>(
     parse(&read_bytes(path)?).map_err(IoError::cameras(path))
 }
 
-/// The camera file of a view; what is wrong with it concerns this view alone.
+/// The camera file of a view; errors in it affect only this view.
 fn read_camera(root: &Path, id: &str) -> Result<NerfiesCamera, CamerasError> {
     let path = root.join("camera").join(format!("{id}.json"));
     let unreadable =
@@ -200,7 +200,7 @@ pub(super) fn open(root: &Path, reading: Reading) -> Result<CameraSet, IoError> 
                 |(w, h)| (f64::from(w), f64::from(h)),
             );
             left_out.principal_point(id, &lens);
-            // One focal length for both axes, over the first camera's size.
+            // One focal length for both axes, with the first camera's size.
             let f = camera.focal_length.0;
             let intrinsics = Intrinsics { fx: f, fy: f, cx: width / 2.0, cy: height / 2.0 };
             lens = Lens::pinhole(intrinsics, width, height).resized(w, h);
@@ -212,11 +212,13 @@ pub(super) fn open(root: &Path, reading: Reading) -> Result<CameraSet, IoError> 
     notes.extend(unusable.note(views.len()).map_err(IoError::cameras(root))?);
     notes.extend(sizes.note("half of the size in the camera files is assumed, as in training"));
     if skewed > 0 {
-        notes.push(format!("{skewed} cameras have skew, which is left out"));
+        notes.push(format!("{skewed} cameras have skew, which is ignored"));
     }
     if dataset.val_ids.is_empty() {
         notes.push(
-            "no val_ids: every fourth view is trained on, the middle ones are held out".to_owned(),
+            "no val_ids: every fourth view is a training view, the views midway between are held \
+            out"
+            .to_owned(),
         );
     }
     notes.push(

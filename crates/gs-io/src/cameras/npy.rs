@@ -1,5 +1,5 @@
-//! NumPy arrays of two dimensions. Their header is a Python dictionary, which this crate reads as
-//! data already (`cfg_args`); the usual library multiplies hostile shapes without a check.
+//! Two-dimensional NumPy arrays. The header is a Python dictionary, for which this crate already
+//! has a parser (`cfg_args`); the usual library multiplies hostile shapes without overflow checks.
 
 use super::CamerasError;
 use crate::cfg_args::{self, Value};
@@ -8,7 +8,7 @@ use crate::content::marks::NPY;
 /// Longest header accepted, bytes; NumPy writes 118.
 const MAX_HEADER: usize = 1024;
 
-/// Whether bytes begin as a NumPy array does.
+/// Whether bytes begin with the magic of NumPy arrays.
 pub(super) fn is_npy(bytes: &[u8]) -> bool {
     bytes.starts_with(&NPY)
 }
@@ -18,7 +18,7 @@ pub(super) fn rows(bytes: &[u8], columns: usize) -> Result<Vec<Vec<f64>>, Camera
     let header =
         |found: String| CamerasError::malformed("the header", "a NumPy array (.npy)", found);
     if !is_npy(bytes) {
-        return Err(header("other bytes at its start".to_owned()));
+        return Err(header("other bytes at the start".to_owned()));
     }
     let (length, start) = match bytes[NPY.len()..] {
         [1, _, a, b, ..] => (usize::from(u16::from_le_bytes([a, b])), 10),
@@ -41,7 +41,7 @@ pub(super) fn rows(bytes: &[u8], columns: usize) -> Result<Vec<Vec<f64>>, Camera
     };
     let shape: Vec<Option<u64>> = match value("shape")? {
         Value::List(shape) => shape.iter().map(Value::as_u64).collect(),
-        _ => return Err(header("a shape that is no list".to_owned())),
+        _ => return Err(header("a shape that is not a tuple".to_owned())),
     };
     let &[Some(count), Some(width)] = shape.as_slice() else {
         return Err(wrong_shape(columns, &shape));

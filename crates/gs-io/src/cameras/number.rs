@@ -1,8 +1,8 @@
-//! A number of a camera file, whatever stands in its place.
+//! A number in a camera file, tolerant of other values.
 
 use serde::{Deserialize, Serialize};
 
-/// A number; NaN where the file has none, so that only the camera that needs it is refused.
+/// A number; NaN if the file has something else, so that only the camera that needs it is rejected.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(from = "Option<f64>")]
 pub(crate) struct Number(pub(crate) f64);

@@ -1,7 +1,7 @@
 //! Camera paths of the reference's videos.
 //!
-//! The reference's spiral comes out mirrored left to right (one axis of its average pose points the
-//! other way); ours is not.
+//! The reference's spiral is mirrored horizontally (one axis of its average
+//! pose points the other way); this one is not.
 
 use super::pose::{self, Viewmat};
 use super::poses_bounds::Row;
@@ -35,8 +35,8 @@ pub(super) fn spiral(rows: &[Row]) -> Vec<Viewmat> {
     let unit = |v: DVec3, otherwise: DVec3| v.try_normalize().unwrap_or(otherwise);
     let back = unit(mean(|row| row.back), DVec3::Z);
     let mean_up = unit(mean(|row| row.up), DVec3::Y);
-    // This order of operands makes the axis point left, as the reference's does; the offsets below
-    // are along it.
+    // This order of operands makes the axis point left, as in the
+    // reference; the offsets below are along it.
     let left = unit(back.cross(mean_up), DVec3::X);
     let up = left.cross(back);
     let near = 0.9 * rows.iter().map(|row| row.near.min(row.far)).fold(f64::INFINITY, f64::min);

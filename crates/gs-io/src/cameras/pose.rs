@@ -22,8 +22,8 @@ pub(crate) fn from_axes(right: DVec3, down: DVec3, forward: DVec3, centre: DVec3
     viewmat(rotation, -(rotation * centre))
 }
 
-/// From a world-to-camera quaternion (wxyz, any length but zero) and translation. `None` when the
-/// quaternion has no direction.
+/// From a world-to-camera quaternion (wxyz, any length but zero) and
+/// translation. `None` for a zero or non-finite quaternion.
 pub(crate) fn from_quaternion(wxyz: [f64; 4], translation: [f64; 3]) -> Option<Viewmat> {
     let norm = wxyz.iter().map(|v| v * v).sum::<f64>().sqrt();
     if !(norm > 0.0 && norm.is_finite()) {
@@ -42,14 +42,15 @@ pub(crate) fn from_quaternion(wxyz: [f64; 4], translation: [f64; 3]) -> Option<V
 /// rows.
 pub(crate) fn from_opengl(camera_to_world: &[[f64; 4]; 3]) -> Viewmat {
     let column = |k: usize| DVec3::from(camera_to_world.map(|row| row[k]));
-    // Inverted, not transposed: matrices rounded to single are not quite orthonormal.
+    // Inverted rather than transposed, because matrices rounded to
+    // single precision are not exactly orthonormal.
     let inverse = DMat3::from_cols(column(0), column(1), column(2)).inverse();
     let flip = DVec3::new(1.0, -1.0, -1.0);
     let rotation = DMat3::from_diagonal(flip) * inverse;
     viewmat(rotation, rotation * -column(3))
 }
 
-/// Whether two cameras see the same: pose, intrinsics and size.
+/// Whether two cameras have the same pose, intrinsics and size.
 pub(crate) fn same_view(a: &Camera, b: &Camera) -> bool {
     a.viewmat == b.viewmat
         && a.intrinsics == b.intrinsics

@@ -1,4 +1,4 @@
-//! Camera rigs with COLMAP poses and one image a camera and time: the multiple-view layout of
+//! Camera rigs with COLMAP poses and one image per camera and time: the multiple-view layout of
 //! 4DGaussians, and the frame folders of MeetRoom and VRU that Swift4D reads.
 
 use super::colmap::{Model, image_paths, model_folder, share};
@@ -37,7 +37,7 @@ fn time_of(frame: usize, count: usize, reading: Reading) -> f32 {
 pub(super) fn open_multi_view(root: &Path, reading: Reading) -> Result<CameraSet, IoError> {
     let folder = root.join("sparse_");
     let model = Model::read(&folder)?;
-    // The reference takes the first camera's first number for all cameras and both axes.
+    // The reference uses the first camera's first parameter for all cameras and both axes.
     let shared = model.lenses.get(&1).or_else(|| model.lenses.values().next()).copied();
     let mut left_out = LeftOut::default();
     let mut sizes = Sizes::default();
@@ -54,7 +54,11 @@ pub(super) fn open_multi_view(root: &Path, reading: Reading) -> Result<CameraSet
         let number: u32 = digits.parse().map_err(|_no_number| {
             let at = format!("image {} (`{}`)", image.id, image.name);
             let found = "no number in its name";
-            IoError::cameras(&folder)(CamerasError::malformed(at, "a name as image1.jpg", found))
+            IoError::cameras(&folder)(CamerasError::malformed(
+                at,
+                "a name such as image1.jpg",
+                found,
+            ))
         })?;
         let rig = format!("cam{number:02}");
         let mut frames = list_names(&root.join(&rig)).unwrap_or_default();
@@ -95,13 +99,16 @@ pub(super) fn open_multi_view(root: &Path, reading: Reading) -> Result<CameraSet
     }
     if counts.iter().all(|count| *count == 0) {
         notes.push(
-            "no frames beside the poses (cam01/frame_00001.jpg): the cameras look at every time"
+            "no frames beside the poses (cam01/frame_00001.jpg): the cameras have no times"
                 .to_owned(),
         );
     } else if counts.iter().any(|other| *other != count) {
-        notes.push(format!("cameras have {counts:?} frames; times are frame indices over {count}"));
+        notes.push(format!(
+            "cameras have {counts:?} frames; times are frame indices divided by \
+                           {count}"
+        ));
     } else {
-        notes.push(format!("times are frame indices over {count} frames"));
+        notes.push(format!("times are frame indices divided by the number of frames, {count}"));
     }
     notes.extend(left_out.notes());
     let spiral = root.join(SPIRAL_FILE);
@@ -172,7 +179,8 @@ pub(super) fn open_frame_folders(root: &Path, reading: Reading) -> Result<Camera
     notes.extend(sizes.note("COLMAP's sizes are used"));
     if reading == Reading::Trained {
         notes.push(format!(
-            "times are frame indices over the number of frame folders, {}; Swift4D divides by 300 for MeetRoom and by 20 for windows of VRU",
+            "times are frame indices divided by the number of frame folders, {}; Swift4D divides \
+            by 300 for MeetRoom and by 20 for windows of VRU",
             frames.len()
         ));
     }

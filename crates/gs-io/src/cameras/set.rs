@@ -6,18 +6,18 @@ use gs_core::Camera;
 use std::collections::{BTreeSet, HashMap};
 use std::path::PathBuf;
 
-/// Which part of a data set a view belongs to.
+/// Part of a data set to which a view belongs.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Split {
-    /// Trained on.
+    /// Training view.
     Train,
-    /// Held out.
+    /// Held-out test view.
     Test,
-    /// Trained on, and evaluated on too (multi-view data sets).
+    /// Used for training and for evaluation (multi-view data sets).
     TrainAndTest,
     /// The third list of D-NeRF data sets.
     Val,
-    /// In the data set and in none of its lists; or the data set has no lists.
+    /// Not in any list of the data set, or the data set has no lists.
     None,
 }
 
@@ -31,38 +31,38 @@ impl Split {
 /// One image of a data set, as a camera.
 #[derive(Debug, Clone, PartialEq)]
 pub struct View {
-    /// World-to-camera pose with OpenCV's axes, pinhole, image size, normalised time if the data
-    /// set tells one, and name.
+    /// World-to-camera pose with OpenCV's axes, pinhole, image size,
+    /// normalised time if the data set has one, and name.
     pub camera: Camera,
-    /// Where it belongs.
+    /// Split of the view.
     pub split: Split,
 }
 
-/// How views are taken from the files.
+/// How views are derived from the files.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Reading {
-    /// As the readers of 4DGaussians and Swift4D hand them to training, so that their models are
-    /// seen as they were trained: their image sizes, centred principal points, shared focal
-    /// lengths, times over the data set's constant, and their sign slip in D-NeRF translations.
+    /// As in the data loaders of 4DGaussians and Swift4D, so that their models are rendered as they
+    /// were trained: their image sizes, centred principal points, shared focal lengths, times
+    /// divided by the data set's constant, and their sign error in D-NeRF translations.
     #[default]
     Trained,
-    /// As the files say: own focal lengths and principal points, full image sizes, and frame i of n
-    /// at i/(n−1).
+    /// As stored in the files: individual focal lengths and principal points,
+    /// full image sizes, and frame i of n at i/(n−1).
     Stored,
 }
 
 /// The views of a data set.
 #[derive(Debug, Clone)]
 pub struct CameraSet {
-    /// What it was read from.
+    /// Layout from which it was read.
     pub format: Format,
-    /// The file or folder that holds it.
+    /// The file or folder of the data set.
     pub path: PathBuf,
     /// All views, in the order of the data set.
     pub views: Vec<View>,
     /// The camera path of the reference's videos, with times; empty for data sets without one.
     pub video: Vec<Camera>,
-    /// What was assumed, left out or not found.
+    /// Assumptions, omissions and missing files, one sentence each.
     pub notes: Vec<String>,
 }
 
@@ -72,13 +72,13 @@ impl CameraSet {
         self.views.iter().filter(move |view| view.split.includes(wanted)).map(|view| &view.camera)
     }
 
-    /// The distinct cameras: views that differ in time only become one, without time, named by what
-    /// their names share.
+    /// The distinct cameras: views that differ only in time become one, without
+    /// time, named by the common part of their names.
     pub fn stations(&self) -> Vec<Camera> {
         stations(self.views.iter().map(|view| &view.camera))
     }
 
-    /// Distinct times, ascending; empty when the data set has none.
+    /// Distinct times, ascending; empty if the data set has none.
     pub fn times(&self) -> Vec<f32> {
         let mut times: Vec<f32> = self.views.iter().filter_map(|view| view.camera.time).collect();
         times.sort_by(f32::total_cmp);
@@ -91,8 +91,7 @@ impl CameraSet {
         self.views.iter().map(|view| (view.camera.width, view.camera.height)).collect()
     }
 
-    /// Leaves out cameras that cannot see and notes the first reason, which is the error if none is
-    /// left.
+    /// Omits invalid cameras and notes the first reason, which is the error if none is left.
     pub(super) fn leave_out_unusable(&mut self) -> Result<(), CamerasError> {
         let mut unusable = Unusable::default();
         let mut index = 0;
@@ -106,14 +105,14 @@ impl CameraSet {
             return Err(CamerasError::Empty);
         }
         if let Err(error) = check_all(self.video.iter()) {
-            self.notes.push(format!("the camera path of videos is left out: {error}"));
+            self.notes.push(format!("the camera path of videos is omitted: {error}"));
             self.video.clear();
         }
         Ok(())
     }
 }
 
-/// Views of a data set that cannot be used, counted.
+/// Number of unusable views of a data set, and the first reason.
 #[derive(Debug, Default)]
 pub(crate) struct Unusable {
     count: usize,
@@ -126,19 +125,19 @@ impl Unusable {
         self.first.get_or_insert(error);
     }
 
-    /// What is said of them beside `usable` others; the first reason is the error if there are
-    /// none.
+    /// The note on them, given `usable` other views; if there are
+    /// none, the first reason is the error.
     pub(crate) fn note(self, usable: usize) -> Result<Option<String>, CamerasError> {
         match self.first {
             Some(error) if usable == 0 => Err(error),
             first => Ok(first.map(|error| {
-                format!("{} of {} views are left out: {error}", self.count, self.count + usable)
+                format!("{} of {} views are omitted: {error}", self.count, self.count + usable)
             })),
         }
     }
 }
 
-/// Refuses a camera that cannot see, and a time that is none.
+/// Refuses an invalid camera or time.
 fn check(index: usize, camera: &Camera) -> Result<(), CamerasError> {
     camera.check().map_err(|source| CamerasError::Camera { index, source })?;
     if let Some(time) = camera.time.filter(|time| !time.is_finite()) {
@@ -148,7 +147,7 @@ fn check(index: usize, camera: &Camera) -> Result<(), CamerasError> {
     Ok(())
 }
 
-/// Refuses cameras that cannot see, and times that are none.
+/// Refuses invalid cameras and times.
 pub(super) fn check_all<'a>(cameras: impl Iterator<Item = &'a Camera>) -> Result<(), CamerasError> {
     cameras.enumerate().try_for_each(|(index, camera)| check(index, camera))
 }
@@ -161,7 +160,7 @@ pub fn stations<'a>(cameras: impl Iterator<Item = &'a Camera>) -> Vec<Camera> {
         let key = [0, 1, 2].map(|i| camera.viewmat[i][3].to_bits());
         let known = by_pose.entry(key).or_default();
         if let Some(&index) = known.iter().find(|&&index| same_view(&found[index], camera)) {
-            // What the names share, if they share it: `cam00` of `cam00/0000` and `cam00/0001`.
+            // The common folder of the names: `cam00` of `cam00/0000` and `cam00/0001`.
             let rig = |name: &str| name.rsplit_once('/').map(|(rig, _)| rig.len());
             let name = &mut found[index].name;
             if let (Some(end), Some(known_end)) = (rig(&camera.name), rig(name))
@@ -199,7 +198,7 @@ mod tests {
         let found = stations(cameras.iter());
         let names: Vec<&str> = found.iter().map(|camera| camera.name.as_str()).collect();
         assert_eq!(names, ["cam00", "cam01/0000", "alone/0007"], "shared part of the name");
-        assert!(found.iter().all(|camera| camera.time.is_none()), "they look at every time");
+        assert!(found.iter().all(|camera| camera.time.is_none()), "they have no time");
     }
 
     #[test]

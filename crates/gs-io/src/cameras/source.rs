@@ -1,4 +1,4 @@
-//! Which camera files a path leads to.
+//! Finds the camera files of a path.
 
 use super::{CamerasError, Format, colmap, npy, poses_bounds, rigs};
 use crate::cfg_args;
@@ -10,16 +10,16 @@ use serde::de::IgnoredAny;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
-/// Camera files that were found.
+/// The camera files found for a path.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Source {
     /// Their layout.
     pub format: Format,
     /// The folder of the data set; for `cameras.json` the file.
     pub root: PathBuf,
-    /// The only file to read, when a file was named.
+    /// The only file to read, if a file was given.
     pub file: Option<String>,
-    /// How a model folder led here.
+    /// How a model folder refers to this data set.
     pub via: Option<String>,
 }
 
@@ -46,18 +46,20 @@ fn parent(path: &Path) -> &Path {
     }
 }
 
-/// Error for a path that holds no cameras.
+/// Error for a path without cameras.
 pub(super) fn unknown(path: &Path) -> IoError {
     IoError::content(
         path,
-        "holds no cameras; expected cameras.json, transforms_*.json, poses_bounds.npy, a COLMAP model (sparse/0), dataset.json with camera/, frame folders with sparse/0, sparse_ with cam01, …, or a model folder whose cfg_args names such a data set",
+        "contains no cameras; expected cameras.json, transforms_*.json, poses_bounds.npy, a \
+        COLMAP model (sparse/0), dataset.json with camera/, frame folders with sparse/0, sparse_ \
+        with cam01, …, or a model folder whose cfg_args names such a data set",
     )
 }
 
-/// Looks at names and first bytes; `None` when there are no cameras.
+/// Finds cameras by names and first bytes; `None` if there are none.
 ///
 /// # Errors
-/// If the path cannot be read, or is a model folder whose data set is not there.
+/// If the path cannot be read, or is a model folder whose data set is missing.
 pub fn find(path: impl AsRef<Path>) -> Result<Option<Source>, IoError> {
     let path = path.as_ref();
     let metadata = std::fs::metadata(path)
@@ -75,7 +77,7 @@ pub fn find(path: impl AsRef<Path>) -> Result<Option<Source>, IoError> {
     of_model(path)
 }
 
-/// The data set of a folder, in the order in which the reference looks.
+/// The data set of a folder, tested in the reference's order.
 pub(crate) fn data_set(root: &Path) -> Result<Option<Source>, IoError> {
     let names = list_names(root)?;
     let has = |name: &str| names.iter().any(|found| found == name);
@@ -105,8 +107,8 @@ fn is_transforms(name: &str) -> bool {
         || ["train", "test", "val"].iter().any(|part| name == format!("transforms_{part}.json"))
 }
 
-/// The data set that a folder of COLMAP files belongs to: what `sparse/0` lies in, else the folder
-/// itself.
+/// The data set of a folder of COLMAP files: the folder that
+/// contains `sparse/0`, else the folder itself.
 fn above_model(folder: &Path) -> PathBuf {
     let Ok(real) = folder.canonicalize() else { return folder.to_owned() };
     let named = |path: &Path, name: &str| path.file_name().is_some_and(|found| found == name);
@@ -117,14 +119,14 @@ fn above_model(folder: &Path) -> PathBuf {
     }
 }
 
-/// Keys that tell JSON files apart.
+/// Keys that distinguish JSON files.
 #[derive(Deserialize)]
 struct Keys {
     frames: Option<IgnoredAny>,
     ids: Option<IgnoredAny>,
 }
 
-/// What a file is, by its first bytes; COLMAP's files, which have no mark, by name.
+/// Identifies a file by its first bytes; COLMAP's files, which have no magic, by name.
 fn in_file(path: &Path) -> Result<Option<Source>, IoError> {
     let failed = |source| IoError::Read { path: path.to_owned(), source };
     let mut head = Vec::new();
@@ -190,7 +192,8 @@ fn of_model(model: &Path) -> Result<Option<Source>, IoError> {
     Err(IoError::content(
         model,
         format!(
-            "is a model without cameras: its cfg_args names the data set `{named}`, which is not there; give the data set's folder or a cameras.json"
+            "is a model without cameras: its cfg_args names the data set `{named}`, which does \
+            not exist; give the data set's folder or a cameras.json"
         ),
     ))
 }

@@ -1,10 +1,10 @@
 //! `transforms_*.json` of D-NeRF and Blender, and `transforms.json` of nerfstudio: camera-to-world
 //! matrices with OpenGL's axes.
 //!
-//! Trained reading: 800×800 images, the one field of view of each file, times over the largest of
-//! train and test, and a translation whose x keeps the sign it should lose (no difference for
-//! cameras that look at the origin, as D-NeRF's all do). Stored reading: own intrinsics and sizes,
-//! times over the same.
+//! Trained reading: 800×800 images, one field of view per file, times divided by the
+//! largest of train and test, and a translation whose x has the wrong sign (without
+//! effect for cameras that look at the origin, as all of D-NeRF's do). Stored reading:
+//! individual intrinsics and sizes, times divided by the same.
 
 use super::colmap::share;
 use super::images::{Sizes, is_image, pixels};
@@ -65,7 +65,7 @@ pub struct Transforms {
     frames: Vec<Frame>,
 }
 
-/// Parses a `transforms` file. Poses are checked when cameras are made of them.
+/// Parses a `transforms` file. Poses are checked when cameras are built from them.
 ///
 /// # Errors
 /// If it is not JSON of this form.
@@ -74,11 +74,9 @@ pub fn parse(bytes: &[u8]) -> Result<Transforms, CamerasError> {
 }
 
 impl Transforms {
-    /// Cameras of the file at their own times over `max_time`, without looking at images.
+    /// Cameras of the file at their times divided by `max_time`, without reading images.
     ///
-    /// # Errors
-    /// If a camera cannot see, a matrix is not 4×4 (or its first three rows), or a frame has no
-    /// focal length.
+    /// # Errors If a camera is invalid, a matrix is not 4×4 (or its first three rows), or a frame has no focal length.
     pub fn cameras(&self, reading: Reading, max_time: f64) -> Result<Vec<Camera>, CamerasError> {
         let mut context = Context::new(reading, max_time);
         let cameras: Vec<Camera> = (0..self.frames.len())
@@ -88,7 +86,7 @@ impl Transforms {
         Ok(cameras)
     }
 
-    /// Largest time of the file; 0 when it has none.
+    /// Largest time of the file; 0 if it has none.
     pub fn max_time(&self) -> f64 {
         self.frames.iter().filter_map(|frame| frame.time).fold(0.0, f64::max)
     }
@@ -101,14 +99,14 @@ impl Transforms {
     }
 }
 
-/// What cameras are made with, and what is noted on the way.
+/// Settings for building cameras, and notes collected on the way.
 struct Context {
     reading: Reading,
     max_time: f64,
     left_out: LeftOut,
     sizes: Sizes,
     assumed_size: usize,
-    /// Largest change that the reference's sign slip makes, world units.
+    /// Largest displacement by the reference's sign error, world units.
     slip: f64,
 }
 
@@ -124,7 +122,7 @@ impl Context {
         }
     }
 
-    /// The camera of a frame; `root` is where its image may lie.
+    /// The camera of a frame; `root` is the folder to which image paths are relative.
     fn camera(
         &mut self,
         file: &Transforms,
@@ -148,8 +146,8 @@ impl Context {
         let mut viewmat = pose::from_opengl(&matrix);
         let lens = match (self.reading, file.fov_x_rad()) {
             (Reading::Trained, Some(fov)) => {
-                // The reference negates all three components where only y and z change sign with
-                // the axes.
+                // The reference negates all three components, although the
+                // change of axes negates only y and z.
                 viewmat[0][3] = -viewmat[0][3];
                 self.slip = self.slip.max(2.0 * viewmat[0][3].abs());
                 let focal = TRAINED_SIDE / (2.0 * (fov / 2.0).tan());
@@ -221,7 +219,8 @@ impl Context {
         let mut notes = self.left_out.notes();
         if self.assumed_size > 0 {
             notes.push(format!(
-                "{} views have no size in the files and no image: D-NeRF's 800×800 is assumed",
+                "{} views have neither a size in the files nor an image: D-NeRF's 800×800 is \
+                assumed",
                 self.assumed_size
             ));
         }
@@ -230,7 +229,8 @@ impl Context {
         }
         if self.slip > 1e-4 {
             notes.push(format!(
-                "4DGaussians reads these cameras' translations with the wrong sign of x (up to {:.3} world units here) and trains with it, so this reader does the same",
+                "4DGaussians reads these cameras' translations with the wrong sign of x (up to \
+                {:.3} world units here) and trains with them, so this reader does the same",
                 self.slip
             ));
         }
@@ -238,7 +238,7 @@ impl Context {
     }
 }
 
-/// Why a stored lens cannot be made.
+/// Missing data for a stored lens.
 enum Missing {
     Focal,
     Pinhole(String),
@@ -271,7 +271,7 @@ pub(super) fn open(
         for (name, split) in FILES {
             let file = match rest.next() {
                 Some(file) => file,
-                // A file for everything beside files for its parts would count views twice.
+                // If there are files per split, a file with all views would count them twice.
                 None if split == Split::None && !files.is_empty() => None,
                 None => read(name)?,
             };
@@ -284,12 +284,12 @@ pub(super) fn open(
     let mut context = Context::new(reading, max_time);
     let (mut views, mut unusable, mut notes) = (Vec::new(), Unusable::default(), Vec::new());
     for (_, file, split) in &files {
-        // Only D-NeRF's own files are what the reference trains on.
+        // The reference trains only on D-NeRF's own files.
         context.reading = if *split == Split::None { Reading::Stored } else { reading };
         for index in 0..file.frames.len() {
             match context.camera(file, index, Some(root)) {
                 Ok(camera) => views.push(View { camera, split: *split }),
-                // A lens or pose that cannot be used concerns the views it took.
+                // An unusable lens or pose affects only its own views.
                 Err(error) => unusable.add(error),
             }
         }
@@ -302,7 +302,7 @@ pub(super) fn open(
     };
     notes.extend(context.notes());
     if max_time > 0.0 && (max_time - 1.0).abs() > 1e-9 {
-        notes.push(format!("times are divided by the largest of train and test, {max_time}"));
+        notes.push(format!("times are divided by the largest time of train and test, {max_time}"));
     }
     Ok(CameraSet { format: Format::Transforms, path: root.to_owned(), views, video, notes })
 }

@@ -1,4 +1,4 @@
-//! A camera as the file has it.
+//! A camera as stored in the file.
 
 use crate::cameras::{CamerasError, Number, pixels};
 use gs_core::image_formation::NEAR_PLANE;
@@ -58,7 +58,7 @@ impl Entry {
                 cx: self.cx.unwrap_or(self.width.0 / 2.0),
                 cy: self.cy.unwrap_or(self.height.0 / 2.0),
             },
-            // Sizes that are no pixel counts become 0, which the check below refuses by name.
+            // Invalid sizes become 0, which the check below reports with the camera's name.
             width: pixels(self.width.0),
             height: pixels(self.height.0),
             near: self.near.unwrap_or(NEAR_PLANE),
@@ -82,7 +82,7 @@ impl Entry {
             fy: Number(camera.intrinsics.fy),
             cx: Some(camera.intrinsics.cx),
             cy: Some(camera.intrinsics.cy),
-            // To the bit: what is not noted is read as the default.
+            // Compared bitwise: an omitted value is read as the default.
             near: (camera.near.to_bits() != NEAR_PLANE.to_bits()).then_some(camera.near),
             time: camera.time,
         }

@@ -1,8 +1,8 @@
-//! `cameras.json` as the 3DGS reference writes it: camera-to-world poses, focal lengths in pixels.
+//! `cameras.json` of the 3DGS reference: camera-to-world poses, focal lengths in pixels.
 //!
-//! Keys beyond that schema: `cx`, `cy` (principal point in pixels, the image centre when absent),
-//! `near` (near plane in world units, that of training when absent) and `time` (scene time; when
-//! absent the camera looks at every time). Unknown keys are ignored.
+//! Keys beyond that schema: `cx`, `cy` (principal point in pixels, default the image centre),
+//! `near` (near plane in world units, default that of training) and `time` (scene time; if absent,
+//! the camera is used at any time). Unknown keys are ignored.
 
 mod entry;
 mod read;
@@ -47,7 +47,7 @@ mod tests {
     }
 
     #[test]
-    fn single_cameras_that_cannot_see_are_left_out() {
+    fn invalid_cameras_are_omitted() {
         let camera = |fx: &str, position: &str| {
             format!(
                 r#"{{"width": 8, "height": 6, "position": {position}, "rotation": [[1,0,0],[0,1,0],[0,0,1]], "fy": 1.0, "fx": {fx}}}"#
@@ -56,15 +56,15 @@ mod tests {
         let good = camera("1.0", "[1, 2, 3]");
         for bad in [camera("NaN", "[0, 0, 0]"), camera("1.0", "[0, null, -Infinity]")] {
             let (cameras, notes) = parse(format!("[{bad}, {good}]").as_bytes()).unwrap();
-            assert_eq!(cameras.len(), 1, "the good one is kept");
-            assert_eq!(cameras[0].position(), [1.0, 2.0, 3.0], "and is the good one");
-            assert!(notes[0].starts_with("1 of 2 views are left out"), "{notes:?}");
+            assert_eq!(cameras.len(), 1, "the valid one is kept");
+            assert_eq!(cameras[0].position(), [1.0, 2.0, 3.0], "and is the valid one");
+            assert!(notes[0].starts_with("1 of 2 views are omitted"), "{notes:?}");
             assert!(parse(format!("[{bad}]").as_bytes()).is_err(), "none is left");
         }
     }
 
     #[test]
-    fn bad_files_are_refused() {
+    fn malformed_files_are_refused() {
         let camera = |width: &str, rotation: &str| {
             format!(
                 r#"[{{"width": {width}, "height": 6, "position": [1, 2, 3], "rotation": {rotation}, "fy": 1.0, "fx": 1.0}}]"#

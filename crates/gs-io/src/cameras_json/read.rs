@@ -7,11 +7,9 @@ use crate::fs::{read_bytes, text};
 use gs_core::Camera;
 use std::path::Path;
 
-/// Parses a `cameras.json`: its cameras, and what is to be said of those that are left out because
-/// they cannot see.
+/// Parses a `cameras.json`: its valid cameras, and notes on omitted ones.
 ///
-/// # Errors
-/// If the text is not such a list, it is empty, or no camera can see.
+/// # Errors If the text is not such a list, it is empty, or no camera is valid.
 pub fn parse(bytes: &[u8]) -> Result<(Vec<Camera>, Vec<String>), CamerasError> {
     let entries: Vec<Entry> =
         serde_json::from_slice(&text::json(bytes)).map_err(CamerasError::json("cameras.json"))?;
@@ -29,7 +27,7 @@ pub fn parse(bytes: &[u8]) -> Result<(Vec<Camera>, Vec<String>), CamerasError> {
     Ok((cameras, note.into_iter().collect()))
 }
 
-/// Reads a `cameras.json`: its cameras, and what is to be said of those left out.
+/// Reads a `cameras.json`: its valid cameras, and notes on omitted ones.
 ///
 /// # Errors
 /// If it cannot be read or [`parse`]d.

@@ -8,7 +8,7 @@ use gs_core::Camera;
 use std::io::Write;
 use std::path::Path;
 
-/// The text of a `cameras.json`, principal points and times included.
+/// The text of a `cameras.json`, including principal points and times.
 ///
 /// # Errors
 /// If a camera is out of range.

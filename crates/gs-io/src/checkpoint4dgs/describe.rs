@@ -1,4 +1,4 @@
-//! What a report says of a network.
+//! Description of a network in the report.
 
 use super::flags::Flags;
 use super::network::Tensors;
@@ -6,7 +6,7 @@ use super::shape::Shape;
 use crate::model_folder::{ModelReport, Origin};
 use gs_deform::Component;
 
-/// Adds what is known of the network to `report`.
+/// Adds a description of the network to `report`.
 pub(super) fn describe(
     report: &mut ModelReport,
     shape: &Shape,
@@ -22,7 +22,8 @@ pub(super) fn describe(
     };
     if !shape.has_sh_head {
         report.warnings.push(
-            "the network has no SH head: a revision of autumn 2023, whose opacity and SH stay as stored"
+            "the network has no SH head: it is from a revision of autumn 2023, which does not \
+            deform opacity and SH"
                 .to_owned(),
         );
     }

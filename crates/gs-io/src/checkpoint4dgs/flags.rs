@@ -1,10 +1,10 @@
-//! Flags of a 4DGaussians training run: which the network, `cfg_args` or the user decides.
+//! Flags of a 4DGaussians training run, determined by the network, `cfg_args` or the user.
 
 use super::shape::Shape;
 use crate::cfg_args::{CfgArgs, Value};
 use crate::model_folder::{FlagReport, ModelReport, Origin, Overrides};
 
-/// Decided flags.
+/// Resolved flags.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Flags {
     /// Deformed components in the order of `Component::ALL`.
@@ -15,7 +15,7 @@ pub(super) struct Flags {
 
 /// Names of the `no_*` flags in the order of `Component::ALL`.
 const NO_FLAGS: [&str; 5] = ["no_dx", "no_ds", "no_dr", "no_do", "no_dshs"];
-/// Their defaults: opacity and SH stay.
+/// Their defaults: opacity and SH are not deformed.
 const NO_DEFAULTS: [bool; 5] = [false, false, false, true, true];
 
 /// A configuration family, by the shape of the network: whether opacity and SH are deformed.
@@ -29,7 +29,7 @@ fn family(shape: &Shape) -> Option<(&'static str, bool)> {
     }
 }
 
-/// Decides all flags and reports them.
+/// Resolves all flags and reports them.
 pub(super) fn decide(
     shape: &Shape,
     cfg: Option<&CfgArgs>,
@@ -38,8 +38,8 @@ pub(super) fn decide(
 ) -> Result<Flags, String> {
     let given =
         [overrides.no_dx, overrides.no_ds, overrides.no_dr, overrides.no_do, overrides.no_dshs];
-    // A file with the network's group of arguments comes from a revision that had no other flags:
-    // those it lacks have their defaults. A file without that group says nothing about the network.
+    // If the file has the network's group of arguments, flags missing from it did not exist in that
+    // revision and have their defaults. A file without that group does not describe the network.
     let has_group = cfg.is_some_and(|cfg| cfg.get("net_width").is_some());
     let guess = family(shape).filter(|_| !has_group);
     let mut deform = [false; 5];
@@ -48,8 +48,7 @@ pub(super) fn decide(
         let in_cfg = cfg.and_then(|cfg| cfg.get(name)).and_then(Value::as_bool);
         let (no, origin) = match (given[index], in_cfg, guess) {
             (Some(no), _, _) => (no, Origin::Override),
-            // Before SH were deformed, the opacity that was rendered was the stored one whatever
-            // the flag said.
+            // Revisions that did not deform SH rendered the stored opacity regardless of the flag.
             (None, _, _) if !shape.has_sh_head && index >= 3 => (true, Origin::Inferred),
             (None, Some(no), _) => (no, Origin::CfgArgs),
             (None, None, Some((_, appearance))) if index >= 3 => (!appearance, Origin::FamilyGuess),
@@ -61,7 +60,8 @@ pub(super) fn decide(
     if let (Some((family, appearance)), false) = (guess, given[3].is_some() && given[4].is_some()) {
         let what = if appearance { "are deformed" } else { "are not deformed" };
         report.warnings.push(format!(
-            "cfg_args does not describe the network; its shape is that of {family} models, so opacity and SH {what}"
+            "cfg_args does not describe the network; it has the shape of {family} models, so \
+            opacity and SH {what}"
         ));
     }
     let in_cfg = cfg.and_then(|cfg| cfg.get("apply_rotation")).and_then(Value::as_bool);
@@ -92,12 +92,18 @@ fn decide_grid_pe(
         (true, Some(value), _) => (value, Origin::Override),
         (true, None, Some(value)) => (value, Origin::CfgArgs),
         (true, None, None) => {
-            return Err("its trunk takes encoded features, but their frequency is not recorded; give grid_pe (2 or more, as in training)".to_owned());
+            return Err(
+                "its trunk expects encoded features, but their frequency is not recorded; \
+                       give grid_pe (2 or more, as in training)"
+                    .to_owned(),
+            );
         }
     };
     match (shape.encoded, value) {
         (true, 0) => {
-            return Err("its trunk takes encoded features, which contradicts grid_pe = 0; give grid_pe (2 or more, as in training)".to_owned());
+            return Err("its trunk expects encoded features, which contradicts grid_pe = 0; give \
+                       grid_pe (2 or more, as in training)"
+                .to_owned());
         }
         (true, 1) => {
             return Err("was trained with grid_pe = 1, which the reference implementation cannot evaluate either: its trunk expects an encoding that is then not computed".to_owned());
@@ -108,7 +114,8 @@ fn decide_grid_pe(
     Ok(value)
 }
 
-/// Tensors win over `cfg_args`; a contradiction means the files are from different runs.
+/// Tensors take precedence over `cfg_args`; a contradiction means
+/// that the files are from different runs.
 fn check_against_cfg(
     shape: &Shape,
     cfg: Option<&CfgArgs>,
@@ -135,7 +142,8 @@ fn check_against_cfg(
     for (name, stated, found) in stated {
         if let Some(stated) = stated.filter(|&stated| stated != found as u64) {
             report.warnings.push(format!(
-                "cfg_args says {name} {stated}, the network has {found}: cfg_args may belong to another run, check the flags"
+                "cfg_args has {name} {stated}, the network has {found}: cfg_args may belong to \
+                another run, check the flags"
             ));
         }
     }

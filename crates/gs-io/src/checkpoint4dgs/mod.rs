@@ -1,7 +1,7 @@
 //! Model folders of 4DGaussians: canonical PLY, deformation network, flags of the training run.
 //!
-//! Flags that the tensors do not reveal are trusted in this order: override, `cfg_args`, guess from
-//! the published configurations, defaults; [`ModelReport`] says where each came from.
+//! Flags that cannot be inferred from the tensors are taken, in this order, from overrides,
+//! `cfg_args`, the published configurations, or defaults; [`ModelReport`] lists the origin of each.
 
 mod describe;
 mod flags;
@@ -25,8 +25,8 @@ use std::path::Path;
 /// Opens a model folder, or one of its `iteration_<n>` folders.
 ///
 /// # Errors
-/// If files are missing or malformed, or the network is one that the reference implementation
-/// cannot evaluate either. Every error names the file.
+/// If files are missing or malformed, or the reference implementation cannot evaluate the network
+/// either. Every error names the file.
 pub fn open(dir: impl AsRef<Path>, overrides: &Overrides) -> Result<Model, IoError> {
     let Canonical { iteration, splats, mut report, cfg } = read_canonical(dir.as_ref(), overrides)?;
     let scene = match iteration.stage {
@@ -56,7 +56,7 @@ pub fn open(dir: impl AsRef<Path>, overrides: &Overrides) -> Result<Model, IoErr
     Ok(Model { scene, report })
 }
 
-/// The network, and whether it is of a revision that deforms SH (and ignores the table).
+/// The network, and whether it is from a revision that deforms SH (and ignores the table).
 fn read_field(
     iteration: &Iteration,
     cfg: Option<&CfgArgs>,
@@ -83,8 +83,8 @@ fn read_field(
     Ok((field, shape.has_sh_head))
 }
 
-/// Rows of the table that early revisions did not move, `None` when all move or the (optional)
-/// table is missing.
+/// Rows that move according to the table of early revisions; `None` if
+/// all move or the (optional) table is missing.
 fn read_table(
     iteration: &Iteration,
     report: &mut ModelReport,

@@ -1,4 +1,4 @@
-//! From named tensors to a deformation network.
+//! Builds a deformation network from named tensors.
 
 use super::flags::Flags;
 use super::shape::Shape;
@@ -17,8 +17,8 @@ pub(super) struct Tensors<'a> {
 }
 
 impl<'a> Tensors<'a> {
-    /// Whatever wraps the network is taken off its names. The last of equal names wins, as in
-    /// Python.
+    /// Strips the prefixes of wrapping modules from the names. The
+    /// last of equal names is used, as in Python.
     pub(super) fn new(tensors: Vec<(String, Tensor<'a>)>) -> Self {
         let known = [format!("{PREFIX}grid.aabb")];
         let tensors = pth::beside(tensors, &[&known[0]]);
@@ -37,13 +37,13 @@ impl<'a> Tensors<'a> {
         self.get(name).is_some()
     }
 
-    /// How many consecutive names there are.
+    /// Number of consecutive names.
     fn count(&self, name: impl Fn(usize) -> String) -> usize {
-        // There cannot be more than there are tensors.
+        // At most the number of tensors.
         (0..self.by_name.len()).take_while(|&index| self.has(&name(index))).count()
     }
 
-    /// Reads the shape of the network off the tensors.
+    /// Infers the shape of the network from the tensors.
     pub(super) fn shape(&self) -> Result<Shape, String> {
         if !(self.has("grid.aabb") && self.has("grid.grids.0.0")) {
             let names: Vec<&str> = self.by_name.keys().map(String::as_str).take(4).collect();
@@ -79,7 +79,7 @@ impl<'a> Tensors<'a> {
             channels,
             levels,
             depth,
-            // Any other width is refused with its name when the network is built.
+            // Any other width is refused, with the tensor's name, when the network is built.
             encoded: inputs == 3 * features,
             has_sh_head: self.has("shs_deform.1.weight"),
             has_static_mlp: self.has("static_mlp.1.weight"),
@@ -87,7 +87,7 @@ impl<'a> Tensors<'a> {
         })
     }
 
-    /// The network with the heads that the flags switch on.
+    /// The network with the heads enabled by the flags.
     pub(super) fn network(&self, shape: &Shape, flags: &Flags) -> Result<HexPlaneNetwork, String> {
         let mut heads = Heads::default();
         for component in Component::ALL {
@@ -199,9 +199,9 @@ impl<'a> Tensors<'a> {
         }
     }
 
-    /// Whether layer 1 of a head still lies within the bounds of its random initialisation, so that
-    /// it was never trained; a hint, since a head that barely moved lies there too. `None` without
-    /// such a head.
+    /// Whether the weights of layer 1 of a head are within the bounds of random initialisation,
+    /// which suggests that it was not trained; only a hint, because weights that barely changed are
+    /// also within them. `None` without such a head.
     pub(super) fn looks_untrained(&self, head: &str, width: usize) -> Option<bool> {
         let largest = |name: &str| {
             let values = self.get(name)?.to_f32s();
@@ -209,7 +209,7 @@ impl<'a> Tensors<'a> {
         };
         let weight = largest(&format!("{head}.1.weight"))? / (6.0 / (2.0 * width as f64)).sqrt();
         let bias = largest(&format!("{head}.1.bias"))? * (width as f64).sqrt();
-        // Single-precision bounds round up by an ulp.
+        // Allows for the rounding of single-precision bounds.
         Some(weight <= 1.0 + 1e-6 && bias <= 1.0 + 1e-6)
     }
 }

@@ -1,4 +1,4 @@
-//! A deformation network and its splats as a model folder.
+//! Writes a deformation network and its splats as a model folder.
 
 use crate::error::IoError;
 use crate::fs::{AtomicDir, Existing};
@@ -9,13 +9,11 @@ use gs_deform::{Component, HexPlaneNetwork, Linear, Mask, Plane};
 use std::fmt::Write as _;
 use std::path::Path;
 
-/// Writes `canonical` and `network` as iteration `number` of a model folder that the reference
-/// implementation and [`super::open`] read alike: every tensor of the reference is there, those
-/// that are never evaluated as zeros.
+/// Writes `canonical` and `network` as iteration `number` of a model folder that
+/// both the reference implementation and [`super::open`] can read. All tensors of
+/// the reference are written, unused ones as zeros.
 ///
-/// # Errors
-/// If the network has a mask (training runs with one are rare, and nobody needs to write them),
-/// `dir` may not be replaced, or cannot be written.
+/// # Errors If the network has a mask (not supported, because such training runs are rare), or `dir` must not be replaced or cannot be written.
 pub fn write(
     dir: impl AsRef<Path>,
     number: u64,
@@ -50,7 +48,7 @@ pub fn write(
 
 type Named = (String, Vec<usize>, Vec<f32>);
 
-/// Everything the reference's network has, in its order.
+/// All tensors of the reference's network, in its order.
 fn tensors(network: &HexPlaneNetwork) -> Vec<Named> {
     let powers = |n: usize| (0..n).map(|i| f32::from(1_u16 << i)).collect::<Vec<f32>>();
     let mut out: Vec<Named> =

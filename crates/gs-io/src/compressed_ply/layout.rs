@@ -1,9 +1,9 @@
 //! Constants of the format.
 
-/// Splats that share a row of `chunk`.
+/// Splats per row of `chunk`.
 pub(super) const CHUNK: usize = 256;
-/// Columns of `chunk`, in the order in which they are written. The colours are missing in files of
-/// older tools, whose colours lie between 0 and 1.
+/// Columns of `chunk`, in the order in which they are written. Files of older tools have no colour
+/// columns; their colour range is 0 to 1.
 pub(super) const COLUMNS: [&str; 18] = [
     "min_x",
     "min_y",
@@ -27,9 +27,9 @@ pub(super) const COLUMNS: [&str; 18] = [
 /// Columns of `vertex`.
 pub(super) const WORDS: [&str; 4] =
     ["packed_position", "packed_rotation", "packed_scale", "packed_color"];
-/// Log-scales beyond ± this are clamped on writing.
+/// Largest absolute log-scale; larger ones are clamped on writing.
 pub(super) const MAX_LOG_SCALE: f32 = 20.0;
-/// Largest SH coefficient, either sign.
+/// Largest absolute SH coefficient.
 pub(super) const MAX_SH: f32 = 4.0;
 /// Bits of the three coordinates of a packed vector.
 pub(super) const BITS: [u32; 3] = [11, 10, 11];

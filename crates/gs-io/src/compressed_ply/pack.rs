@@ -1,12 +1,12 @@
-//! Numbers in the bits of a word.
+//! Packing of numbers into the bits of a word.
 
 use super::layout::{BITS, MAX_SH};
 use crate::bytes8::{largest_from, without_largest};
 
-/// √½: no component but the largest exceeds it.
+/// √½, the upper bound of all components except the largest.
 const HALF_ROOT: f32 = std::f32::consts::FRAC_1_SQRT_2;
 
-/// The largest number of `bits` bits.
+/// The largest number with `bits` bits.
 pub(super) fn top(bits: u32) -> f32 {
     ((1_u32 << bits) - 1) as f32
 }
@@ -48,13 +48,13 @@ pub(super) fn rotation_component() -> f32 {
     0.5 / top(10) / HALF_ROOT
 }
 
-/// An SH coefficient as a byte: the bin it lies in.
+/// An SH coefficient as a byte: the index of its bin.
 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to a byte")]
 pub(super) fn harmonic(value: f32) -> u8 {
     ((value / (2.0 * MAX_SH) + 0.5) * 256.0).clamp(0.0, 255.0) as u8
 }
 
-/// The middle of the bin, the ends of the range for the outer ones.
+/// The centre of a bin; the end of the range for the first and last bin.
 pub(super) fn from_harmonic(byte: u8) -> f32 {
     let unit = match byte {
         0 => 0.0,

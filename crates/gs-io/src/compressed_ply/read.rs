@@ -1,4 +1,4 @@
-//! Compressed PLY in.
+//! Reading compressed PLY.
 
 use super::layout::{BITS, CHUNK, COLUMNS, MAX_LOG_SCALE, MAX_SH, WORDS};
 use super::pack::{from_harmonic, from_rotation, from_vector, rotation_component, top};
@@ -11,9 +11,9 @@ use rayon::prelude::*;
 use std::sync::Arc;
 
 const FORMAT: &str = "compressed PLY";
-/// Width of a range below which PlayCanvas writes every value as its smallest.
+/// Range width below which PlayCanvas writes every value as the minimum.
 const FLAT: f32 = 1e-5;
-/// Rounding of other writers' arithmetic, in half steps.
+/// Allowance for the rounding of other writers, in half steps.
 const SLACK: f32 = 1.1;
 
 /// Whether `bytes` start with the header of a compressed PLY.
@@ -26,7 +26,7 @@ fn element<'a>(header: &'a Header, name: &str) -> Option<(usize, &'a Element)> {
 }
 
 fn missing(what: &str) -> FrameError {
-    FrameError::damaged(FORMAT, format!("it has no {what}"))
+    FrameError::damaged(FORMAT, format!("missing {what}"))
 }
 
 /// Size of the frame, from its header.
@@ -45,8 +45,7 @@ pub(crate) fn shape(header: &Header) -> Result<Shape, FrameError> {
 
 /// Reads a compressed PLY, with or without colour ranges and SH.
 ///
-/// # Errors
-/// If it is something else, text, truncated, or lacks a column.
+/// # Errors If it is another format, text, truncated, or lacks a column.
 pub fn read(bytes: &[u8]) -> Result<Frame, FrameError> {
     let header = Header::parse(bytes)?;
     if header.encoding == Encoding::Ascii {
@@ -184,7 +183,7 @@ impl<'a> Table<'a> {
         column.scalar.read(&self.bytes[row * self.stride + column.offset..], self.big_endian)
     }
 
-    /// Bits of a word, whatever sign the header gives it.
+    /// Bits of a word, declared signed or unsigned.
     #[expect(
         clippy::cast_possible_truncation,
         clippy::cast_sign_loss,
@@ -226,8 +225,8 @@ impl Range {
         })
     }
 
-    /// Half a step per axis, with what single precision adds; all of a range that writers take for
-    /// a single value.
+    /// Half a step per axis plus the error of single precision; the whole
+    /// range if writers treat it as a single value.
     fn half_steps(&self, bits: [u32; 3]) -> [f32; 3] {
         std::array::from_fn(|axis| {
             let magnitude = self.min[axis].abs().max(self.max[axis].abs());
@@ -239,7 +238,7 @@ impl Range {
     }
 }
 
-/// What the splats of a chunk share.
+/// Value ranges of a chunk.
 #[derive(Debug, Clone, Copy)]
 struct ChunkRange {
     mean: Range,

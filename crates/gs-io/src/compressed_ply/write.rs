@@ -1,4 +1,4 @@
-//! Compressed PLY out.
+//! Writing compressed PLY.
 
 use super::layout::{BITS, CHUNK, COLUMNS, MAX_LOG_SCALE, MAX_SH, WORDS};
 use super::pack::{from_harmonic, harmonic, rotation, top, vector};
@@ -9,20 +9,20 @@ use gs_core::{Splats, sh};
 use rayon::prelude::*;
 use std::io::{self, Write};
 
-/// How to write a compressed PLY.
+/// Options for writing a compressed PLY.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct WriteOptions {
     /// Comment lines of the header; control characters become spaces.
     pub comments: Vec<String>,
     /// SH degree of the file, at most that of the splats; `None` takes [`kept_degree`].
     pub sh_degree: Option<usize>,
-    /// Rows in the order in which they are written; `None` keeps the splats' own. Neighbours in the
-    /// file share a chunk: see [`morton_order`].
+    /// Rows in the order in which they are written; `None` keeps the order of the splats.
+    /// Neighbours in the file share a chunk; see [`morton_order`].
     pub order: Option<Vec<usize>>,
 }
 
 /// The highest SH degree with a coefficient that reaches half a quantisation step (1/64) in some
-/// splat. Above it, the format would turn nothing into ±1/64: it has no zero.
+/// splat. Above it, the format would turn zeros into ±1/64, because it cannot store 0.
 pub fn kept_degree(splats: &Splats) -> usize {
     let coeffs = splats.sh_coeffs();
     let reaches = |rgb: &[f32; 3]| rgb.iter().any(|value| value.abs() >= MAX_SH / 256.0);
@@ -37,9 +37,9 @@ pub fn kept_degree(splats: &Splats) -> usize {
         .unwrap_or(splats.sh_degree)
 }
 
-/// The rows of `splats` along a space-filling curve (Morton codes of 10 bits an axis): neighbours
-/// in the file are neighbours in space, which makes chunks small and their values exact. Rows of
-/// equal code keep their order.
+/// The rows of `splats` along a space-filling curve (Morton codes of 10 bits an axis):
+/// neighbours in the file are neighbours in space, which makes chunks small and their
+/// values precise. Rows of equal code keep their order.
 pub fn morton_order(splats: &Splats) -> Vec<usize> {
     let (min, max) = splats.bounds().unwrap_or_default();
     #[expect(
@@ -65,11 +65,10 @@ pub fn morton_order(splats: &Splats) -> Vec<usize> {
     order.into_iter().map(|(_, row)| row).collect()
 }
 
-/// Writes a compressed PLY and says what it does not keep. Rows that are not finite are written as
-/// zeros would be, counted in the losses.
+/// Writes a compressed PLY and returns the losses. Rows that are not finite
+/// are written as zeros and counted in the losses.
 ///
-/// # Errors
-/// If the arrays of `splats` disagree or `order` names rows that are not there
+/// # Errors If the arrays of `splats` have inconsistent lengths or `order` contains rows out of range
 /// ([`io::ErrorKind::InvalidInput`]), or writing fails.
 pub fn write(splats: &Splats, options: &WriteOptions, out: &mut impl Write) -> io::Result<Losses> {
     let invalid = |what: String| io::Error::new(io::ErrorKind::InvalidInput, what);
@@ -190,7 +189,7 @@ fn span(rows: &[usize], value: impl Fn(usize) -> [f32; 3]) -> ([f32; 3], [f32; 3
     span
 }
 
-/// What the bytes of coefficients do to colours.
+/// Effect of quantised coefficients on colours.
 fn sh_error(splats: &Splats, degree: usize) -> ShError {
     let mut error = ShError::default();
     let mut read = Vec::new();
@@ -222,7 +221,7 @@ fn losses(splats: &Splats, degree: usize, chosen: bool, chunks: &[Chunk]) -> Los
     losses.push("log-scales have 10 or 11 bits, colours and opacities 8 bits within their blocks; rotations are within 0.3°");
     if splats.sh_degree > 0 {
         let kept = if degree == 0 {
-            "no SH is kept".to_owned()
+            "no SH is stored".to_owned()
         } else {
             format!("SH coefficients are rounded to 1/32 and clipped to ±{MAX_SH}")
         };

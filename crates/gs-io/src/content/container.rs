@@ -1,35 +1,35 @@
-//! What bytes are, from their content.
+//! Detects the container format of bytes by content.
 
 use super::marks::{BYTE_ORDER_MARK, GLB, GZIP, SPZ, ZIP};
 use super::splat_rows;
 use super::unsupported::UnsupportedFormat;
 use crate::archive::decompress;
 
-/// What the first bytes announce.
+/// Container format indicated by the first bytes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Container {
     /// `ply`, plain or compressed.
     Ply,
     /// `NGSP`, plain or in gzip.
     Spz,
-    /// A zip archive: SOG, or something else.
+    /// A zip archive, such as SOG.
     Zip,
     /// A binary glTF, or JSON that looks like one.
     Gltf,
-    /// No mark, but rows that make sense as `.splat`.
+    /// No magic, but plausible rows of `.splat`.
     Splat,
     /// None of them.
     Unknown,
 }
 
-/// Bytes of a JSON file looked at.
+/// Number of bytes of a JSON file that are examined.
 const JSON_START: usize = 16 << 10;
 
-/// Names of which a glTF has one near its start, in whatever order it was written.
+/// Member names; a glTF has one of them near its start, in any order.
 const MEMBERS: [&[u8]; 5] =
     [b"\"asset\"", b"\"accessors\"", b"\"bufferViews\"", b"\"meshes\"", b"\"extensionsUsed\""];
 
-/// Looks at the first bytes, and at some rows where there is no mark.
+/// Detects the format by its magic, or by some rows if there is none.
 pub(crate) fn container(bytes: &[u8]) -> Container {
     let text = bytes.strip_prefix(BYTE_ORDER_MARK).unwrap_or(bytes);
     if [&b"ply\n"[..], b"ply\r", b"ply "].iter().any(|line| text.starts_with(line)) {
@@ -49,14 +49,15 @@ pub(crate) fn container(bytes: &[u8]) -> Container {
     }
 }
 
-/// Whether text is a JSON object with members that glTF has.
+/// Whether text is a JSON object with members of glTF.
 fn looks_like_gltf(start: &[u8]) -> bool {
     let text = start.strip_prefix(BYTE_ORDER_MARK).unwrap_or(start).trim_ascii_start();
     text.starts_with(b"{")
         && MEMBERS.iter().any(|name| text.windows(name.len()).any(|found| found == *name))
 }
 
-/// What bytes of no frame are, for a message: a format by name, or what they start with.
+/// Description of bytes that are not a frame, for messages: the
+/// name of a format, or the first bytes.
 pub(crate) fn shown(bytes: &[u8]) -> String {
     if let Some(format) = UnsupportedFormat::of(bytes) {
         return format.name.to_owned();
@@ -75,8 +76,8 @@ pub(crate) fn shown(bytes: &[u8]) -> String {
     }
 }
 
-/// Whether the size of a frame is known only after reading all of it: SOG and glTF have no header
-/// that says it.
+/// Whether the size of a frame is known only after reading all of it, as
+/// for SOG and glTF, whose headers do not state it.
 pub(crate) fn is_read_whole(start: &[u8]) -> bool {
     matches!(container(start), Container::Zip | Container::Gltf)
 }
@@ -86,8 +87,12 @@ mod tests {
     use super::*;
 
     #[test]
-    fn gltf_is_told_from_other_json() {
-        assert!(looks_like_gltf(b"\xef\xbb\xbf\n {\"asset\": {}}"), "marks and space before it");
+    fn gltf_is_distinguished_from_other_json() {
+        assert!(
+            looks_like_gltf(b"\xef\xbb\xbf\n {\"asset\": {}}"),
+            "byte order mark and space \
+                                 before it"
+        );
         assert!(!looks_like_gltf(b"{\"frames\": [], \"camera_angle_x\": 1}"), "cameras");
         assert!(!looks_like_gltf(b"\"asset\""), "no object");
     }

@@ -1,4 +1,4 @@
-//! [`FileContent`]: what kind of file a file is, as far as replacing it is concerned.
+//! [`FileContent`]: kinds of files, for deciding whether one may be replaced.
 
 use super::container::{Container, container};
 use super::marks::{GLB, NPY, SPLAT4D, SPLATV};
@@ -28,13 +28,13 @@ pub(crate) enum FileContent {
     Exr,
     Npy,
     Flo,
-    /// Nothing to lose.
+    /// An empty file.
     Empty,
-    /// Something else.
+    /// Any other content.
     Unknown,
 }
 
-/// First bytes of a kind, and where.
+/// Magic bytes of a kind, and their offset.
 const MAGIC: [(usize, &[u8], FileContent); 11] = [
     (0, &SPLATV, FileContent::Splatv),
     (0, &SPLAT4D, FileContent::Splat4d),
@@ -49,11 +49,11 @@ const MAGIC: [(usize, &[u8], FileContent); 11] = [
     (0, b"PIEH", FileContent::Flo),
 ];
 
-/// Bytes looked at: rows of a `.splat` have no magic, so a few of them are.
+/// Number of bytes examined; `.splat` has no magic, so some of its rows are needed.
 const START: u64 = 16 << 10;
 
 impl FileContent {
-    /// What a file holds.
+    /// Kind of content of a file.
     pub(crate) fn of(path: &Path) -> io::Result<Self> {
         let mut start = Vec::new();
         File::open(path)?.take(START).read_to_end(&mut start)?;
@@ -86,7 +86,7 @@ impl FileContent {
         })
     }
 
-    /// What a file of this name is expected to hold.
+    /// Kind of content expected for a file name.
     pub(crate) fn of_name(path: &Path) -> Self {
         let ending = path.extension().unwrap_or_default().to_string_lossy().to_ascii_lowercase();
         match ending.as_str() {

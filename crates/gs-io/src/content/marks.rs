@@ -1,6 +1,6 @@
 //! First bytes of the formats, by which they are recognised.
 
-/// What some programs of Windows write before text.
+/// Byte order mark that some Windows programs write before text.
 pub(crate) const BYTE_ORDER_MARK: &[u8] = b"\xef\xbb\xbf";
 /// A zip archive with entries.
 pub(crate) const ZIP: [u8; 4] = *b"PK\x03\x04";

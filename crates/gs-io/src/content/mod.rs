@@ -1,4 +1,4 @@
-//! What bytes are, told from their content: below the readers, which need not be run for it.
+//! Detection of formats by content, below the readers, without running them.
 
 mod container;
 mod file_content;

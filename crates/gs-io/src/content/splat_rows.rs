@@ -1,14 +1,13 @@
-//! Rows of `.splat` files, which nothing else marks.
+//! Rows of `.splat` files, a format without magic bytes.
 
 use gs_core::quat;
 
 /// Bytes of a row.
 pub(crate) const ROW: usize = 32;
-/// Rows looked at to tell such a file from any other.
+/// Number of rows examined to recognise such a file.
 const SAMPLE: usize = 256;
 
-/// Whether `bytes`, at least the first rows of a file, make sense as rows: nothing else marks the
-/// format.
+/// Whether `bytes`, at least the first rows of a file, are plausible rows; the format has no magic.
 pub(crate) fn looks_like(bytes: &[u8]) -> bool {
     let rows = bytes.as_chunks::<ROW>().0;
     let step = rows.len().div_ceil(SAMPLE).max(1);

@@ -1,37 +1,40 @@
-//! Files that are known but not read here, by their first bytes: what they are, and what to do.
+//! Known file formats that are not read, recognised by their
+//! first bytes, with a next step for the user.
 
-/// A kind of file that is known but not read.
+/// A known file format that is not read.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct UnsupportedFormat {
-    /// What it is, as in "found …".
+    /// Name of the format, to complete "found …".
     pub name: &'static str,
-    /// What to do with it, a sentence.
+    /// Next step for the user, a sentence.
     pub next: &'static str,
     offset: usize,
     mark: &'static [u8],
 }
 
 /// For files that `c4d` writes and does not read.
-const END: &str =
-    "It is an end product: keep the scene or run that it was made from, to edit and export again.";
-const PICTURE: &str = "c4d renders images and reads none: give the scene, not a picture of it.";
-const USD: &str = "Export the splats as PLY from the program that made it, or give the scene that it was made from.";
+const END: &str = "It cannot be read back: keep the scene or run from which it was made for further edits and \
+    exports.";
+const PICTURE: &str = "c4d does not read images: give the scene instead.";
+const USD: &str = "Export the splats as PLY from the program that made it, or give the scene from \
+                  which it was made.";
 const TORCH: &str =
-    "It is a part of a model: give the model's folder, which holds point_cloud/iteration_N.";
+    "It is part of a model: give the model's folder, which contains point_cloud/iteration_N.";
 
 const UNPACK: &str = "Unpack it and give what is inside.";
 
 const KNOWN: [UnsupportedFormat; 22] = [
-    known(0, b"Kg\0\0", "a .splatv clip", "Copy it again: it should open as a scene."),
-    known(0, b"SP4D", "a .splat4d clip", "Copy it again: it should open as a scene."),
+    known(0, b"Kg\0\0", "a .splatv clip", "Copy it again: it should be readable as a scene."),
+    known(0, b"SP4D", "a .splat4d clip", "Copy it again: it should be readable as a scene."),
     known(
         0,
         b"#usda",
         "an OpenUSD text layer",
-        "It opens in usdview, Omniverse and other programs with OpenUSD 26 or newer. It is an end product: keep the scene or run that it was made from, to edit and export again.",
+        "It opens in usdview, Omniverse and other programs with OpenUSD 26 or newer, but cannot \
+        be read back: keep the scene or run from which it was made for further edits and exports.",
     ),
     known(0, b"PXR-USDC", "a binary USD", USD),
-    known(0, b"\x894DGS", "a .4dgs clip", "Copy it again: it should open as a scene."),
+    known(0, b"\x894DGS", "a .4dgs clip", "Copy it again: it should be readable as a scene."),
     known(4, b"ftyp", "an MP4 video", END),
     known(8, b"WEBP", "a WebP image or clip", END),
     known(0, b"GIF8", "a GIF image or clip", END),
@@ -39,12 +42,12 @@ const KNOWN: [UnsupportedFormat; 22] = [
     known(0, b"\xff\xd8\xff", "a JPEG image", PICTURE),
     known(0, b"\x76\x2f\x31\x01", "an OpenEXR image", PICTURE),
     known(0, b"PIEH", "a Middlebury flow image", PICTURE),
-    known(0, b"\x93NUMPY", "a NumPy array", "Of arrays, c4d reads poses_bounds.npy only."),
+    known(0, b"\x93NUMPY", "a NumPy array", "c4d reads only the array file poses_bounds.npy."),
     known(
         0,
         b"\x80\x02\x8a\x0al\xfc\x9cF",
-        "a PyTorch file of before version 1.6",
-        "Load and save it with a newer PyTorch; then give the folder of its model.",
+        "a PyTorch file from before version 1.6",
+        "Load it and save it again with a newer PyTorch, then give the folder of its model.",
     ),
     known(0, b"Namespace(", "the cfg_args of a model", TORCH),
     known(0, b"\x1f\x8b", "a gzip archive", "Unpack it (gunzip) and give what is inside."),
@@ -65,7 +68,7 @@ const fn known(
     UnsupportedFormat { name, next, offset, mark }
 }
 
-/// A PyTorch archive: a zip whose entries say so.
+/// A PyTorch archive, recognised by its zip entries.
 pub(crate) const TORCH_ARCHIVE: UnsupportedFormat = known(0, b"", "a PyTorch archive", TORCH);
 
 /// Arrays of NumPy in a zip archive.
@@ -73,20 +76,21 @@ pub(crate) const NUMPY_ARCHIVE: UnsupportedFormat = known(
     0,
     b"",
     "a NumPy archive",
-    "Of NumPy files, c4d reads poses_bounds.npy and the params.npz of Dynamic 3D Gaussians: export the splats as PLY from the program that made them.",
+    "c4d reads only the NumPy files poses_bounds.npy and params.npz (Dynamic 3D Gaussians): \
+    export the splats as PLY from the program that made them.",
 );
 
-/// What `c4d export` writes beside a sequence; text, so its name says it.
+/// The manifest that `c4d export` writes beside a sequence; a text file, recognised by its name.
 pub(crate) const MANIFEST: UnsupportedFormat = known(
     0,
     b"",
     "the manifest of an exported sequence",
     "It records the frame rate and times of the sequence of the same name; run c4d info on that sequence.",
 );
-/// End of its name.
+/// End of the manifest's name.
 pub(crate) const MANIFEST_ENDING: &str = ".manifest.json";
 
-/// What a version-control system leaves in the place of a large file.
+/// Pointers that version-control systems write in place of large files.
 const POINTERS: [UnsupportedFormat; 4] = [
     known(
         0,
@@ -114,24 +118,25 @@ const POINTERS: [UnsupportedFormat; 4] = [
     ),
 ];
 
-/// What a web server sent instead of a file, or a page that was saved.
+/// A web page saved or sent instead of a file.
 const HTML: UnsupportedFormat = known(
     0,
     b"",
     "an HTML page",
-    "A clip that c4d exported as HTML plays in a browser by itself; keep the scene or run that it was made from. Any other page was saved in place of a download: fetch the file itself.",
+    "A clip that c4d exported as HTML plays in a browser; keep the scene or run from which it was \
+    made. Any other page was saved instead of the download: download the file itself.",
 );
-/// How such pages begin, after white space, in any case.
+/// Beginnings of such pages after white space, ignoring case.
 const PAGES: [&[u8]; 3] = [b"<!doctype html", b"<html", b"<head"];
 
-/// What a web server or its programming interface says in place of a file.
+/// An error message of a web server or API in place of a file.
 const ANSWER: UnsupportedFormat = known(
     0,
     b"",
-    "an error message of a web server",
-    "Read it as text: it says why the download failed. Then fetch the file itself.",
+    "an error message from a web server",
+    "Open it as text to see why the download failed, then download the file itself.",
 );
-/// How such answers begin, after white space, in any case; of JSON objects the first key.
+/// Beginnings of such messages after white space, ignoring case; for JSON objects the first key.
 const ANSWERS: [&[u8]; 14] = [
     b"<?xml",
     b"<error",
@@ -163,22 +168,23 @@ const KSPLAT: UnsupportedFormat = known(
     0,
     b"",
     "a .ksplat scene",
-    "Convert it to PLY, for example with SuperSplat or splat-transform, or give the file that it was made from.",
+    "Convert it to PLY, for example with SuperSplat or splat-transform, or give the file from \
+    which it was made.",
 );
-/// Most sections and splats of a `.ksplat` believed: its mark alone is that of other files, too.
+/// Largest plausible numbers of sections and splats of a `.ksplat`; its magic alone is not unique.
 const KSPLAT_MAX_SECTIONS: u32 = 1 << 20;
 const KSPLAT_MAX_SPLATS: u32 = 1 << 30;
 
 impl UnsupportedFormat {
-    /// The kind that the first bytes of a file announce.
+    /// The format indicated by the first bytes of a file.
     pub(crate) fn of(start: &[u8]) -> Option<Self> {
         Self::stand_in(start)
             .or_else(|| KNOWN.iter().find(|kind| kind.is_at_start_of(start)).copied())
             .or_else(|| is_ksplat(start).then_some(KSPLAT))
     }
 
-    /// What lies in the place of a file, by its first bytes: a pointer of Git LFS and its like, a
-    /// web page, or a server's error message.
+    /// A stand-in for a file, by its first bytes: a pointer of Git LFS or
+    /// similar, a web page, or a server's error message.
     pub fn stand_in(start: &[u8]) -> Option<Self> {
         if let Some(pointer) = POINTERS.iter().find(|kind| kind.is_at_start_of(start)) {
             return Some(*pointer);
@@ -203,7 +209,7 @@ impl UnsupportedFormat {
     }
 }
 
-/// Version 0.1, then most sections, sections, most splats, splats.
+/// Version 0.1, then the capacity and number of sections, the capacity and number of splats.
 fn is_ksplat(start: &[u8]) -> bool {
     let Some(rest) = start.strip_prefix(&[0, 1, 0, 0]) else { return false };
     let mut counts = rest.as_chunks::<4>().0.iter().map(|bytes| u32::from_le_bytes(*bytes));
@@ -220,14 +226,14 @@ mod tests {
     use super::*;
 
     #[test]
-    fn marks_are_found_where_they_are() {
+    fn magic_bytes_are_found_at_their_offsets() {
         let name = |start: &[u8]| UnsupportedFormat::of(start).map(|kind| kind.name);
         assert_eq!(name(b"\0\0\0\x18ftypisom"), Some("an MP4 video"), "not at the start");
-        assert_eq!(name(b"<!DOCTYPE html>"), Some("an HTML page"), "whatever the case");
+        assert_eq!(name(b"<!DOCTYPE html>"), Some("an HTML page"), "ignoring case");
         assert_eq!(
             name(b"\xef\xbb\xbf\r\n<HTML lang=en>"),
             Some("an HTML page"),
-            "however it begins"
+            "any form of beginning"
         );
         for answer in [
             &b"404: Not Found"[..],
@@ -236,7 +242,7 @@ mod tests {
             b"{ \"Message\": \"denied\"}",
             b"Access Denied",
         ] {
-            assert_eq!(name(answer), Some("an error message of a web server"), "{answer:?}");
+            assert_eq!(name(answer), Some("an error message from a web server"), "{answer:?}");
         }
         assert_eq!(name(b"\x1f\x8b\x08"), Some("a gzip archive"), "packed");
         assert_eq!(name(&[&[0; 257][..], b"ustar"].concat()), Some("a tar archive"), "packed");
@@ -245,7 +251,7 @@ mod tests {
     }
 
     #[test]
-    fn pointers_are_told_from_files() {
+    fn pointers_are_distinguished_from_files() {
         let lfs = b"version https://git-lfs.github.com/spec/v1\noid sha256:0\nsize 9\n";
         assert_eq!(
             UnsupportedFormat::stand_in(lfs).map(|kind| kind.name),
@@ -260,7 +266,7 @@ mod tests {
     }
 
     #[test]
-    fn formats_without_a_mark_are_known_by_their_numbers() {
+    fn formats_without_magic_are_recognised_by_their_numbers() {
         let ksplat = |counts: [u32; 4]| {
             let counts = counts.iter().flat_map(|count| count.to_le_bytes());
             [0_u8, 1, 0, 0].into_iter().chain(counts).collect::<Vec<u8>>()

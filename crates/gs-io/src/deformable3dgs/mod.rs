@@ -1,10 +1,10 @@
-//! Model folders of Deformable-3D-Gaussians (Yang et al. 2024), and of methods that save theirs in
-//! the same form, as TimeFormer does.
+//! Model folders of Deformable-3D-Gaussians (Yang et al. 2024), and of
+//! methods with the same format, such as TimeFormer.
 //!
-//! `point_cloud/iteration_N/point_cloud.ply` holds canonical splats,
-//! `deform/iteration_M/deform.pth` a fully connected network; of each the newest is taken, as the
-//! reference does. The variants (time network of the Blender configuration, six degrees of freedom)
-//! and all widths are read off the tensors; `cfg_args` adds the background only.
+//! `point_cloud/iteration_N/point_cloud.ply` contains canonical splats,
+//! `deform/iteration_M/deform.pth` a fully connected network; the newest of each is used, as in the
+//! reference. The variants (time network of the Blender configuration, six degrees of freedom) and
+//! all widths are inferred from the tensors; `cfg_args` provides only the background.
 
 mod network;
 
@@ -26,7 +26,7 @@ pub(crate) const UP_SYNTHETIC: [f64; 3] = [0.0, 0.0, 1.0];
 /// Opens a model folder, or one of the iterations of its point cloud.
 ///
 /// # Errors
-/// If files are missing or malformed, or the network is another. Every error names the file.
+/// If files are missing or malformed, or the network is of another kind. Every error names the file.
 pub fn open(dir: impl AsRef<Path>, options: &OpenOptions) -> Result<OpenedScene, IoError> {
     let mut folder = DeformFolder::read(dir.as_ref(), options, |_| Vec::new())?;
     let path = folder.network.clone();

@@ -1,4 +1,4 @@
-//! From named tensors to the network.
+//! Builds the network from named tensors.
 
 use crate::pth::Layers;
 use crate::wrong_network::WrongNetwork;
@@ -9,12 +9,15 @@ pub(crate) fn network(layers: &Layers<'_>, prefix: &str) -> Result<DeformMlp, Wr
     let name = |rest: &str| format!("{prefix}{rest}");
     if let Some(grid) = layers.names().find(|name| is_grid(name)) {
         return Err(WrongNetwork::Content(format!(
-            "holds `{grid}`: it was trained with a hash grid in place of its encoding, which is not supported; train without `use_hash`, or export the scene as a PLY sequence from its own viewer"
+            "holds `{grid}`: it was trained with a hash grid instead of its encoding, which is \
+            not supported; train without `use_hash`, or export the scene as a PLY sequence from \
+            its own viewer"
         )));
     }
     if !layers.has(&name("linear.0.weight")) {
         return Err(WrongNetwork::Content(format!(
-            "is not a deformation network of Deformable-3D-Gaussians or a method like it: it has no `{}`, but {}; c4d reads those of Deformable-3D-Gaussians, SC-GS, Grid4D and DASH",
+            "is not a supported deformation network: it has no `{}`, but {}; expected one of \
+            Deformable-3D-Gaussians, SC-GS, Grid4D or DASH",
             name("linear.0.weight"),
             layers.summary()
         )));
@@ -45,7 +48,7 @@ pub(crate) fn network(layers: &Layers<'_>, prefix: &str) -> Result<DeformMlp, Wr
     })?)
 }
 
-/// Names of hash grids of tiny-cuda-nn and its kin.
+/// Whether a name is that of a hash grid of tiny-cuda-nn or similar libraries.
 fn is_grid(name: &str) -> bool {
     name.ends_with(".params") || name.ends_with("embeddings") || name.contains("hash")
 }

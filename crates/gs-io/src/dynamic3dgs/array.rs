@@ -24,7 +24,7 @@ impl Arrays {
     pub(super) fn open(bytes: Vec<u8>) -> Result<Self, String> {
         let size = bytes.len() as u64;
         let archive = Archive::open(Cursor::new(bytes)).map_err(|error| {
-            format!("is no NumPy archive, or a damaged one: {error}; copy the file again")
+            format!("is not a NumPy archive, or is damaged: {error}; copy the file again")
         })?;
         Ok(Self { archive, size })
     }
@@ -40,7 +40,7 @@ impl Arrays {
                 names.collect::<Vec<_>>().join(", ")
             ));
         }
-        // Random numbers hardly shrink; an archive that unpacks to much more is none of these.
+        // Random numbers hardly compress, so a valid archive does not decompress to much more.
         let limit = self.size.saturating_mul(64).max(1 << 20);
         let bytes = self.archive.read(&entry, limit)?;
         parse(&bytes).map_err(|what| format!("its array `{name}` {what}"))

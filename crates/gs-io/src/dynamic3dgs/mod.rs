@@ -2,8 +2,8 @@
 //! frame by frame.
 //!
 //! `means3D`, `rgb_colors` (plain RGB) and `unnorm_rotations` are `[T, N, …]`; `logit_opacities`
-//! `[N, 1]` and `log_scales` `[N, 3]` do not change. Cameras, segmentation colours and colour
-//! corrections per camera are left out.
+//! `[N, 1]` and `log_scales` `[N, 3]` do not change. Cameras, segmentation colours and per-camera
+//! colour corrections are ignored.
 
 mod array;
 
@@ -20,23 +20,23 @@ use std::path::{Path, PathBuf};
 
 /// Name of the file.
 const FILE: &str = "params.npz";
-/// An array that only these archives have.
+/// An array that identifies these archives.
 const MARK: &str = "means3D.npy";
 
-/// Whether an archive with these entries is one.
+/// Whether an archive with these entries is of this kind.
 pub(crate) fn is_archive(names: &[String]) -> bool {
     names.iter().any(|name| name == MARK)
 }
 
-/// The file of a folder, if it holds one.
+/// The file in a folder, if present.
 pub(crate) fn file_of(dir: &Path) -> Option<PathBuf> {
     Some(dir.join(FILE)).filter(|path| path.is_file())
 }
 
-/// Opens a `params.npz`, or the folder that holds one.
+/// Opens a `params.npz`, or the folder that contains one.
 ///
 /// # Errors
-/// If the file cannot be read, lacks arrays, or these do not fit.
+/// If the file cannot be read, or arrays are missing or have inconsistent shapes.
 pub fn open(path: impl AsRef<Path>, options: &OpenOptions) -> Result<OpenedScene, IoError> {
     let path = path.as_ref();
     let path = file_of(path).unwrap_or_else(|| path.to_owned());
@@ -82,14 +82,14 @@ fn frames(arrays: &mut Arrays) -> Result<Vec<Splats>, String> {
     Ok(frames.collect())
 }
 
-/// Drops, keeps or refuses rows that are damaged in a frame.
+/// Drops, keeps or refuses rows that are damaged in any frame.
 fn without_damage(
     mut frames: Vec<Splats>,
     options: &OpenOptions,
 ) -> Result<(Vec<Splats>, repair::RepairReport), repair::DamagedRows> {
     let (first, rest) = frames.split_at_mut(1);
     for frame in rest.iter_mut() {
-        repair::settle_infinities(frame);
+        repair::replace_infinities(frame);
     }
     let broken = |row: usize| rest.iter().any(|frame| !frame.is_finite(row));
     let splats = std::mem::take(&mut first[0]);

@@ -2,9 +2,10 @@
 //! time.
 //!
 //! `point_cloud/iteration_N/` holds `point_cloud.ply` with columns `embedding_0 …` and
-//! `deformation.pth`. Which heads are used, how the table of times is sampled, and the iteration at
-//! which the deformation began are in `cfg_args` only; without it the published defaults are taken,
-//! and said. The number of the iteration enters the evaluation: early checkpoints are annealed.
+//! `deformation.pth`. The heads in use, the sampling of the table of times, and the
+//! iteration at which the deformation began are stored only in `cfg_args`; without it
+//! the published defaults are used, with a note. The iteration number affects the
+//! evaluation, because early checkpoints are annealed.
 
 mod options;
 mod stage;
@@ -37,7 +38,7 @@ pub(crate) fn looks_like_model(dir: &Path) -> bool {
         let layout = header.gaussians().ok()?;
         Some(layout.extra_columns.iter().any(|column| column == FIRST))
     };
-    // An empty or unreadable folder is none.
+    // An empty or unreadable folder is not one.
     list_names(dir).is_ok_and(|names| !names.is_empty()) && has_embeddings().unwrap_or(false)
 }
 
@@ -68,7 +69,8 @@ pub fn open(dir: impl AsRef<Path>, options: &OpenOptions) -> Result<OpenedScene,
     if !path.is_file() {
         return Err(IoError::content(
             &path,
-            "is missing, so the model cannot move; copy it from the machine that trained the model (training writes it beside point_cloud.ply)",
+            "is missing, without which the model cannot move; copy it from the machine that \
+            trained the model (training writes it beside point_cloud.ply)",
         ));
     }
     let cfg_path = iteration.model.join("cfg_args");
@@ -81,7 +83,8 @@ pub fn open(dir: impl AsRef<Path>, options: &OpenOptions) -> Result<OpenedScene,
             .map_err(|source| IoError::Cfg { path: cfg_path.clone(), source })?
     } else {
         warnings.push(format!(
-            "{} is missing: the defaults of E-D3DGS are taken for it; if the motion looks wrong, copy it from the machine that trained the model",
+            "{} is missing: the defaults of E-D3DGS are used; if the motion looks wrong, copy it \
+            from the machine that trained the model",
             cfg_path.display()
         ));
         cfg_args::CfgArgs::default()

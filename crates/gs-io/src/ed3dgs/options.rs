@@ -1,13 +1,13 @@
-//! What the evaluation depends on beside the tensors.
+//! Options besides the tensors on which the evaluation depends.
 
 use crate::cfg_args::{CfgArgs, Value};
 
-/// Iterations over which the deformation sets in.
+/// Iterations over which the deformation is blended in.
 const ANNEALING: f64 = 1000.0;
 
 /// Options of the training run, with the defaults of its classes, and the iteration.
 #[derive(Debug, Clone, Copy, PartialEq)]
-#[expect(clippy::struct_excessive_bools, reason = "options are recorded as training has them")]
+#[expect(clippy::struct_excessive_bools, reason = "options are named as in training")]
 pub(super) struct Options {
     pub(super) iteration: f64,
     pub(super) min_embeddings: f64,
@@ -19,7 +19,7 @@ pub(super) struct Options {
     pub(super) no_c2f_temporal_embedding: bool,
     pub(super) no_coarse_deform: bool,
     pub(super) no_fine_deform: bool,
-    /// Whether each component is deformed, in the order of `Component::ALL`; means always are.
+    /// Whether each component is deformed, in the order of `Component::ALL`; always true for means.
     pub(super) deforms: [bool; 5],
     pub(super) white_background: bool,
 }
@@ -63,7 +63,8 @@ impl Options {
         [first, first * second, first, first * second, second]
     }
 
-    /// Rows that a table of `entries` is resampled to, for the coarse and the fine stage.
+    /// Number of rows to which a table of `entries` is
+    /// resampled, for the coarse and the fine stage.
     pub(super) fn rows(&self, entries: usize) -> [f64; 2] {
         let (entries, least) = (entries as f64, self.min_embeddings);
         let fine = if self.no_c2f_temporal_embedding {

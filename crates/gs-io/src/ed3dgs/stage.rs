@@ -1,4 +1,4 @@
-//! The two stages, out of the tensors of a file.
+//! Builds the two stages from the tensors of a file.
 
 use super::options::Options;
 use crate::pth::Layers;
@@ -7,7 +7,7 @@ use gs_deform::{EmbeddingStage, Head};
 /// Names of the heads in the order of `Component::ALL`.
 const HEADS: [&str; 5] =
     ["pos_deform", "scales_deform", "rotations_deform", "opacity_deform", "rgb_deform"];
-/// Most rows of a table; published ones have up to 250.
+/// Largest number of rows of a table; published ones have up to 250.
 const MAX_ROWS: f64 = 1e6;
 
 /// The stages in use, coarse first.
@@ -67,7 +67,7 @@ pub(super) fn stages(
     Ok(stages)
 }
 
-/// A table of `dims` columns with `rows` rows, linear between those there are, ends on ends.
+/// A table of `dims` columns resampled linearly to `rows` rows, with the ends aligned.
 fn resampled(table: &[f32], dims: usize, rows: usize) -> Vec<f32> {
     let last = table.len() / dims - 1;
     let mut out = Vec::with_capacity(rows * dims);
@@ -90,8 +90,7 @@ fn resampled(table: &[f32], dims: usize, rows: usize) -> Vec<f32> {
     out
 }
 
-/// Mean of the offsets of the training cameras that have one: the time of a new view is late by as
-/// much.
+/// Mean time offset of the training cameras, which is added to the time of a new view.
 pub(super) fn mean_offset(layers: &Layers<'_>) -> f64 {
     let offsets = layers.get("offsets").map(crate::pth::Tensor::to_f32s).unwrap_or_default();
     let used: Vec<f64> =

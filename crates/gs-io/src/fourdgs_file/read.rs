@@ -1,4 +1,4 @@
-//! `.4dgs` files as scenes.
+//! Reading `.4dgs` files as scenes.
 
 use crate::error::IoError;
 use crate::fs::read_bytes;
@@ -11,14 +11,14 @@ use gs_core::{Splats, activation, sh};
 use gs_deform::{Polynomial, PolynomialScene, Visibility};
 use std::path::Path;
 
-/// The temporal model that is read.
+/// The supported temporal model.
 const BIRTH: &str = "gaussian-birth";
-/// Most bytes that the rows may take in memory for each byte of the file: streams are compressed,
-/// and what stands still shrinks to little.
+/// Largest number of bytes that rows may take in memory per byte of the file. Streams are
+/// compressed, and static data compress well.
 const MAX_GROWTH: u64 = 320;
-/// Bytes of a row in memory, at least.
+/// Smallest size of a row in memory, bytes.
 const ROW: u64 = 64;
-/// Opacities stay inside (0,1) by this much, so that their logits are finite.
+/// Opacities are clamped to this distance from 0 and 1, so that their logits are finite.
 const OPACITY_MARGIN: f32 = 1e-6;
 /// Levels of a byte of SH: coefficient = 8·b/255 − 4.
 const SH_RANGE: f32 = 8.0;
@@ -26,7 +26,7 @@ const SH_RANGE: f32 = 8.0;
 /// Opens a `.4dgs` file.
 ///
 /// # Errors
-/// If the file cannot be read, is damaged, or has a temporal model that is not read.
+/// If the file cannot be read, is damaged, or has an unsupported temporal model.
 pub fn open(path: impl AsRef<Path>, options: &OpenOptions) -> Result<OpenedScene, IoError> {
     let path = path.as_ref();
     let wrong = |what: String| IoError::content(path, what);
@@ -43,10 +43,13 @@ pub fn open(path: impl AsRef<Path>, options: &OpenOptions) -> Result<OpenedScene
         .map_err(|error| wrong(format!("is a damaged .4dgs: {error}; copy or export it again")))?;
     let rows = scene.gaussians.count() as u64;
     if rows == 0 {
-        return Err(wrong("holds no splats; export it again".to_owned()));
+        return Err(wrong("contains no splats; export it again".to_owned()));
     }
     if rows.saturating_mul(ROW) > (bytes.len() as u64).saturating_mul(MAX_GROWTH) {
-        return Err(wrong(format!("claims {rows} splats in {} bytes; copy it again", bytes.len())));
+        return Err(wrong(format!(
+            "declares {rows} splats in {} bytes; copy it again",
+            bytes.len()
+        )));
     }
     let duration = scene.duration_sec;
     if !(duration.is_finite() && duration > 0.0) {
@@ -54,10 +57,10 @@ pub fn open(path: impl AsRef<Path>, options: &OpenOptions) -> Result<OpenedScene
     }
     let mut notes = Vec::new();
     if !scene.audio_sources.is_empty() {
-        notes.push("its sound is left out".to_owned());
+        notes.push("its sound is ignored".to_owned());
     }
     if scene.metadata.iter().any(says_linear) {
-        notes.push("its colours are linear light; they are shown as they are stored".to_owned());
+        notes.push("its colours are in linear light; they are shown as stored".to_owned());
     }
     if scene.gaussians.object_id.iter().flatten().any(|&id| id != 0) {
         return Err(wrong(
@@ -82,7 +85,7 @@ pub fn open(path: impl AsRef<Path>, options: &OpenOptions) -> Result<OpenedScene
     #[expect(clippy::cast_possible_truncation, reason = "a threshold")]
     let cutoff = (scene.header.cutoff as f32).next_down().max(0.0);
     let facts = vec![
-        ("motion", "one line a splat".to_owned()),
+        ("motion", "linear".to_owned()),
         ("seconds", duration.to_string()),
         ("written by", scene.header.library.clone()),
     ];
@@ -99,7 +102,7 @@ pub fn open(path: impl AsRef<Path>, options: &OpenOptions) -> Result<OpenedScene
     })
 }
 
-/// Whether metadata say that colours are linear light.
+/// Whether the metadata declare linear-light colours.
 fn says_linear(metadata: &fourdgs::Metadata) -> bool {
     metadata.entries.iter().any(|(key, value)| key == "color_space" && value == "linear")
 }

@@ -1,32 +1,32 @@
-//! What can be wrong with a still frame.
+//! [`FrameError`]: errors of reading a still frame.
 
 use crate::ply::PlyError;
 use thiserror::Error;
 
-/// Bytes that are no frame, or a damaged one.
+/// Error of reading a still frame.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
 pub enum FrameError {
     /// A PLY file that is malformed or not of Gaussians.
     #[error(transparent)]
     Ply(#[from] PlyError),
-    /// None of the formats.
+    /// Not a supported format.
     #[error(
         "not a splat file but {found}; expected a 3DGS PLY, a compressed PLY, .splat, .spz, .sog or .glb"
     )]
     Unknown {
-        /// What it is instead.
+        /// What was found instead.
         found: String,
     },
-    /// A version that is not read.
+    /// An unsupported version.
     #[error("{format} version {found}, expected {expected}; {next}")]
     Version {
         /// Which format.
         format: &'static str,
-        /// Its version.
+        /// Version found.
         found: u32,
-        /// Versions that are read.
+        /// Supported versions.
         expected: &'static str,
-        /// What to do.
+        /// Next step.
         next: &'static str,
     },
     /// The data end early.
@@ -38,12 +38,12 @@ pub enum FrameError {
         format: &'static str,
         /// Which part.
         part: &'static str,
-        /// Needed.
+        /// Bytes needed.
         expected: u128,
-        /// Found.
+        /// Bytes found.
         found: u128,
     },
-    /// The data contradict the format.
+    /// The data are inconsistent with the format.
     #[error("damaged {format}: {what}")]
     Damaged {
         /// Which format.
@@ -51,12 +51,13 @@ pub enum FrameError {
         /// What was found, and what was expected.
         what: String,
     },
-    /// A scene that moves.
+    /// A dynamic scene instead of a frame.
     #[error(
-        "is a moving scene ({what}), expected one frame; give it as the scene, `c4d freeze` writes a frame of it"
+        "is a dynamic scene ({what}), expected one frame; give it as the scene, or write a frame \
+        of it with `c4d freeze`"
     )]
     Moving {
-        /// Of which method.
+        /// Method of the scene.
         what: &'static str,
     },
     /// No rows.

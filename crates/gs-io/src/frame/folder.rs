@@ -1,4 +1,4 @@
-//! Folders in which editors leave one frame.
+//! Folders in which editors write one frame.
 
 use crate::fs::read_bytes;
 use crate::fs::text;
@@ -6,12 +6,12 @@ use crate::model_folder::still_model;
 use serde_json::{Map, Value};
 use std::path::{Component, Path, PathBuf};
 
-/// Where the frame lies, best first: runs of GaussianEditor and DGE (threestudio), their `save`
-/// folder, and `c4d freeze`.
+/// Paths of the frame, in order of preference: runs of GaussianEditor and DGE (threestudio), their
+/// `save` folder, and `c4d freeze`.
 pub(super) const PLACES: [&str; 3] = ["save/last.ply", "last.ply", "point_cloud.ply"];
 
-/// The file that holds the frame of a folder: one that an editor left, an unbundled SOG, or the
-/// newest save of a 3DGS model.
+/// The file with the frame of a folder: an editor's output, an
+/// unbundled SOG, or the newest save of a 3DGS model.
 pub(crate) fn still_of(folder: &Path) -> Option<PathBuf> {
     let meta = folder.join("meta.json");
     let sog = || (meta.is_file() && is_sog(folder, &meta)).then(|| meta.clone());
@@ -19,9 +19,9 @@ pub(crate) fn still_of(folder: &Path) -> Option<PathBuf> {
     placed.or_else(sog).or_else(|| still_model(folder))
 }
 
-/// Whether a `meta.json` is that of a SOG, by its planes or by its content.
+/// Whether a `meta.json` belongs to a SOG, by its planes or its content.
 fn is_sog(folder: &Path, meta: &Path) -> bool {
-    /// Larger ones are something else.
+    /// Larger files are not SOG metadata.
     const MAX_META: u64 = 1 << 20;
     let small = || std::fs::metadata(meta).is_ok_and(|meta| meta.len() <= MAX_META);
     let lists_planes = || {
@@ -33,13 +33,13 @@ fn is_sog(folder: &Path, meta: &Path) -> bool {
     folder.join("means_l.webp").is_file() || (small() && lists_planes())
 }
 
-/// The bytes of a file that another one in `folder` names by a relative URI, at most `..` free and
-/// percent-encoded.
+/// The bytes of a file referenced by a relative URI in `folder`; the URI may
+/// be percent-encoded but must not contain `..`.
 pub(super) fn beside(folder: &Path, uri: &str) -> Result<Vec<u8>, String> {
     let name = decoded(uri);
     let inside = Path::new(&name).components().all(|part| matches!(part, Component::Normal(_)));
     if !inside || name.is_empty() || name.contains(':') {
-        return Err(format!("its data lie at `{uri}`, which is not beside it"));
+        return Err(format!("its data are at `{uri}`, which is not beside it"));
     }
     let path = folder.join(&name);
     if !path.is_file() {

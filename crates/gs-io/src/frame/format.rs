@@ -8,14 +8,14 @@ use std::fmt::{self, Display};
 pub enum FrameFormat {
     /// 3DGS PLY.
     Ply {
-        /// How the data are written.
+        /// Encoding of the data.
         encoding: Encoding,
         /// Whether the file has (unused) normals.
         normals: bool,
     },
     /// PlayCanvas compressed PLY.
     CompressedPly,
-    /// `.splat`, 32 bytes a row.
+    /// `.splat`, 32 bytes per row.
     Splat,
     /// `.spz` of this version.
     Spz(u32),
@@ -44,7 +44,7 @@ impl Display for FrameFormat {
 /// Size of a frame, from its header.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Shape {
-    /// What the file is.
+    /// Format of the file.
     pub format: FrameFormat,
     /// `N`, as declared.
     pub num_splats: u64,

@@ -1,9 +1,9 @@
-//! One still frame of Gaussians, in whatever format an editor left it.
+//! One still frame of Gaussians, in any common format.
 //!
-//! [`read()`] goes by content, never by name: 3DGS PLY, PlayCanvas compressed PLY, `.splat`, `.spz`
-//! versions 2 to 4, `.sog`, glTF. All give stored (pre-activation) parameters. Formats that round
-//! also say how coarsely ([`Frame::precision`]), so that what only the format changed can be told
-//! from what a person changed.
+//! [`read()`] detects the format by content, not by name: 3DGS PLY, PlayCanvas compressed
+//! PLY, `.splat`, `.spz` versions 2 to 4, `.sog`, glTF. All return stored
+//! (pre-activation) parameters. Lossy formats also report their precision
+//! ([`Frame::precision`]), so that rounding can be distinguished from edits.
 
 mod error;
 mod folder;

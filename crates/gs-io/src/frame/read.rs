@@ -14,9 +14,7 @@ use std::path::Path;
 
 /// Reads a frame of any format.
 ///
-/// # Errors
-/// Says what is wrong with the bytes or what they are instead. Memory is bounded by a multiple of
-/// their number: compressed data that would grow beyond all measure are refused.
+/// # Errors Describes the error, or the kind of the bytes if they are not a frame. Memory is bounded by a multiple of their number; compressed data that would grow far beyond it are refused.
 pub fn read(bytes: &[u8]) -> Result<Frame, FrameError> {
     match container(bytes) {
         Container::Ply => {
@@ -52,14 +50,14 @@ pub fn read(bytes: &[u8]) -> Result<Frame, FrameError> {
         Container::Zip => sog::read(bytes),
         Container::Splat => splat_file::read(bytes),
         Container::Gltf => gltf::read(bytes, &|uri| {
-            Err(format!("its data lie in another file, `{uri}`; give the .gltf by its path"))
+            Err(format!("its data are in another file, `{uri}`; give the path of the .gltf"))
         }),
         Container::Unknown => Err(FrameError::Unknown { found: shown(bytes) }),
     }
 }
 
-/// The method of which a PLY with these further columns is a moving scene: its other columns are no
-/// frame of it.
+/// The method of a dynamic scene with these extra PLY columns,
+/// whose other columns are not a frame of it.
 fn moving(extra_columns: &[String]) -> Option<&'static str> {
     if spacetime::has_columns(extra_columns) {
         return Some("Spacetime Gaussians");
@@ -67,12 +65,11 @@ fn moving(extra_columns: &[String]) -> Option<&'static str> {
     freetime::has_columns(extra_columns).then_some("FreeTimeGS")
 }
 
-/// Reads a frame from a file, or from the folder an editor left: the `save/last.ply` of a
-/// GaussianEditor or DGE run, the `point_cloud.ply` of a frozen frame, the `meta.json` of an
-/// unbundled SOG.
+/// Reads a frame from a file, or from the output folder of an editor: the
+/// `save/last.ply` of a GaussianEditor or DGE run, the `point_cloud.ply` of a
+/// frozen frame, the `meta.json` of an unbundled SOG.
 ///
-/// # Errors
-/// If nothing there can be read as a frame; the file is named.
+/// # Errors If nothing there can be read as a frame; the error names the file.
 pub fn read_file(path: impl AsRef<Path>) -> Result<Frame, IoError> {
     let path = path.as_ref();
     if path.is_dir() {
@@ -89,8 +86,7 @@ pub fn read_file(path: impl AsRef<Path>) -> Result<Frame, IoError> {
 /// What the header of a frame declares. `start` is the first part of the file, at least its header
 /// (or all of it), `total` the size of the file, bytes.
 ///
-/// # Errors
-/// If it is no frame, or its header breaks the rules. SOG and glTF frames are not looked into.
+/// # Errors If it is not a frame, or its header is malformed. SOG and glTF frames are not examined.
 pub fn shape(start: &[u8], total: u64) -> Result<Shape, FrameError> {
     let unknown = || FrameError::Unknown { found: shown(start) };
     match container(start) {
@@ -123,7 +119,8 @@ fn read_dir(folder: &Path) -> Result<Frame, IoError> {
         return Err(IoError::content(
             folder,
             if model_folder::looks_like_model(folder) {
-                "is a model that moves, whose point_cloud.ply is canonical and no frame of it; edit the frame that `c4d freeze` writes"
+                "is a dynamic model, whose point_cloud.ply is canonical and not a frame; write a \
+                frame with `c4d freeze` and edit that"
                     .to_owned()
             } else {
                 format!("is a folder without an edited frame: it has none of {}", PLACES.join(", "))
@@ -132,11 +129,11 @@ fn read_dir(folder: &Path) -> Result<Frame, IoError> {
     };
     if path.ends_with("meta.json") {
         let meta = read_bytes(&path)?;
-        // Planes are named by the file, and must lie beside it.
+        // Planes are named by the file, and must be in the same folder.
         let plane = |name: &str| {
             let plain = Path::new(name).file_name().is_some_and(|file| file == name);
             if !plain {
-                return Err(format!("its plane `{name}` is no plain file name"));
+                return Err(format!("its plane `{name}` is not a plain file name"));
             }
             read_bytes(&folder.join(name)).map_err(|error| format!("its plane {error}"))
         };

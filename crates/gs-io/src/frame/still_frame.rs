@@ -11,26 +11,26 @@ use std::sync::Arc;
 pub struct Frame {
     /// The Gaussians, stored parameters, rows in file order.
     pub splats: Splats,
-    /// What the file is.
+    /// Format of the file.
     pub format: FrameFormat,
-    /// How coarsely it stores values; `None` where it keeps every bit.
+    /// Precision of the stored values; `None` if exact.
     pub precision: Option<Arc<Precision>>,
-    /// In which axes the file was read, for formats that come in several; the splats are in those
-    /// of PLYs.
+    /// Axes in which the file was read, for formats whose files use
+    /// different axes; the splats have those of PLYs.
     pub axes: Option<AxesReading>,
-    /// What was changed or left out on reading, counted, one sentence each.
+    /// Changes and omissions on reading, with counts, one sentence each.
     pub notes: Vec<String>,
     /// Comments of the file.
     pub comments: Vec<String>,
 }
 
 impl Frame {
-    /// The frame as if its file had these axes, whatever it says. Frames of formats that have one
-    /// order of axes stay as they are.
+    /// The frame read as if its file had these axes, regardless of the axes it states. Frames of
+    /// formats with fixed axes are unchanged.
     #[must_use]
     pub fn in_axes(mut self, axes: Axes) -> Self {
         if let Some(reading) = &mut self.axes {
-            // Back to how the file has it, then on.
+            // Converts back to the file's axes, then from the new ones.
             axes::convert(&mut self.splats, Axes::PLY, reading.axes);
             axes::convert(&mut self.splats, axes, Axes::PLY);
             *reading = AxesReading { axes, stated: true, ..*reading };

@@ -1,5 +1,5 @@
-//! Checkpoints of gsplat's form ([`crate::gsplat`]) with `times`, `durations` (logarithms) and
-//! `velocities`.
+//! Checkpoints in gsplat's format ([`crate::gsplat`]) with `times`,
+//! `durations` (logarithms) and `velocities`.
 
 use super::model::{MIN_DURATION, Model, OPACITY_FLOOR};
 use crate::error::IoError;
@@ -16,7 +16,7 @@ fn parts<'a>(bytes: &'a [u8], path: &Path) -> Result<(Layers<'a>, Integers), IoE
     Ok((Layers::new(pth::beside(tensors, &["means"])), integers))
 }
 
-/// Reads a checkpoint whose splats move.
+/// Reads a checkpoint of moving splats.
 pub(super) fn read(bytes: &[u8], path: &Path) -> Result<Model, IoError> {
     let (layers, integers) = parts(bytes, path)?;
     let wrong = |what: String| IoError::content(path, what);

@@ -1,7 +1,7 @@
-//! Scenes of FreeTimeGS (Wang et al. 2025), as its open implementation saves them: `.ftgs.ply`, and
-//! checkpoints (`.pt`) of gsplat's form.
+//! Scenes of FreeTimeGS (Wang et al. 2025), in the formats of its open implementation: `.ftgs.ply`,
+//! and checkpoints (`.pt`) in gsplat's format.
 //!
-//! Each splat moves on a line and fades in and out around its own time: `x + v·(t − τ)`, opacity
+//! Each splat moves along a line and fades in and out around its own time: `x + v·(t − τ)`, opacity
 //! `max(σ(o)·exp(−½((t − τ)/max(eᵈ, d_min))²), floor)`, t from 0 to 1, frame i of n at i/(n − 1).
 
 mod checkpoint;
@@ -13,7 +13,7 @@ use crate::open_options::OpenOptions;
 use crate::opened_scene::OpenedScene;
 use std::path::Path;
 
-/// Whether a PLY with these columns beside those of 3DGS is one of FreeTimeGS.
+/// Whether a PLY with these columns besides those of 3DGS is from FreeTimeGS.
 pub(crate) fn has_columns(extra_columns: &[String]) -> bool {
     let has = |name: &str| extra_columns.iter().any(|column| column == name);
     has("time") && has("log_duration")

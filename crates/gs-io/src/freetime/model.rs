@@ -1,4 +1,4 @@
-//! A model of FreeTimeGS, however it was stored.
+//! A model of FreeTimeGS, independent of its file format.
 
 use crate::error::IoError;
 use crate::open_options::OpenOptions;
@@ -9,11 +9,12 @@ use gs_core::Splats;
 use gs_deform::{Polynomial, PolynomialScene, Visibility};
 use std::path::Path;
 
-/// Smallest duration, if a file does not say it, as the trainer has it.
+/// Default of the smallest duration, as in training.
 pub(super) const MIN_DURATION: f32 = 0.02;
-/// Smallest opacity, likewise.
+/// Default of the smallest opacity, as in training.
 pub(super) const OPACITY_FLOOR: f32 = 1e-4;
-/// Standard deviations to the width at which `exp(−(dt/width)²)` is the same Gaussian.
+/// Factor from a standard deviation to the width for which
+/// `exp(−(dt/width)²)` is the same Gaussian.
 const WIDTH: f32 = std::f32::consts::SQRT_2;
 
 /// The parameters, `[N]` each.
@@ -60,7 +61,7 @@ impl Model {
         if let Some(kept) = kept {
             motions = kept.into_iter().map(|row| motions[row]).collect();
         }
-        let motion = if use_velocity { "one line a splat" } else { "none: use_velocity is off" };
+        let motion = if use_velocity { "linear" } else { "none: use_velocity is off" };
         let mut facts = vec![("motion", motion.to_owned())];
         let scene = PolynomialScene::new(splats, motions)
             .map_err(|error| IoError::content(path, error.to_string()))?

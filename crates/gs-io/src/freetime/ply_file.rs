@@ -7,9 +7,9 @@ use crate::ply;
 use std::path::Path;
 
 const COLUMNS: [&str; 5] = ["time", "log_duration", "velocity_0", "velocity_1", "velocity_2"];
-/// Version of the comments that is understood.
+/// Supported version of the comments.
 const VERSION: &str = "1";
-/// Most frames believed.
+/// Largest plausible number of frames.
 const MAX_FRAMES: usize = 1 << 20;
 
 pub(super) fn read(bytes: &[u8], path: &Path) -> Result<Model, IoError> {
@@ -26,7 +26,8 @@ pub(super) fn read(bytes: &[u8], path: &Path) -> Result<Model, IoError> {
         None | Some(VERSION) => {}
         Some(other) => {
             return Err(wrong(format!(
-                "says ftgs_version {other}, expected {VERSION}; export it again with the exporter of version {VERSION}"
+                "has ftgs_version {other}, expected {VERSION}; export it again with the exporter \
+                of version {VERSION}"
             )));
         }
     }
@@ -34,7 +35,7 @@ pub(super) fn read(bytes: &[u8], path: &Path) -> Result<Model, IoError> {
         None | Some("normalized") => {}
         Some(other) => {
             return Err(wrong(format!(
-                "says time_units {other}, expected normalized; export it again with normalised times"
+                "has time_units {other}, expected normalized; export it again with normalised times"
             )));
         }
     }
@@ -44,18 +45,18 @@ pub(super) fn read(bytes: &[u8], path: &Path) -> Result<Model, IoError> {
             .parse()
             .ok()
             .filter(|value: &f32| (0.0..=1.0).contains(value))
-            .ok_or_else(|| wrong(format!("says {name} {text}, expected a number from 0 to 1"))),
+            .ok_or_else(|| wrong(format!("has {name} {text}, expected a number from 0 to 1"))),
     };
     let (min_duration, opacity_floor) =
         (number("min_duration", MIN_DURATION)?, number("opacity_floor", OPACITY_FLOOR)?);
     let use_velocity = match said("use_velocity").as_deref() {
         None | Some("1" | "true" | "True") => true,
         Some("0" | "false" | "False") => false,
-        Some(other) => return Err(wrong(format!("says use_velocity {other}, expected 0 or 1"))),
+        Some(other) => return Err(wrong(format!("has use_velocity {other}, expected 0 or 1"))),
     };
     let frames = said("n_frames").map(|text| {
         let count = text.parse().ok().filter(|count| (1..=MAX_FRAMES).contains(count));
-        count.ok_or_else(|| wrong(format!("says n_frames {text}, expected 1 to {MAX_FRAMES}")))
+        count.ok_or_else(|| wrong(format!("has n_frames {text}, expected 1 to {MAX_FRAMES}")))
     });
     let columns = ply::read_columns(bytes, &COLUMNS).map_err(IoError::ply(path))?;
     let others: Vec<&str> = read

@@ -1,4 +1,4 @@
-//! Opening inputs: files, and nothing that blocks or never ends.
+//! Opening of input files, excluding special files that block or never end.
 
 use super::atomic::special_name;
 use crate::content::UnsupportedFormat;
@@ -7,8 +7,8 @@ use std::fs::File;
 use std::io::{self, Read};
 use std::path::Path;
 
-/// Opens a file, or what a link leads to. A FIFO would block until somebody writes to it, and a
-/// device may never end: both are refused, as are sockets and folders.
+/// Opens a file, following links. FIFOs, which would block, and devices, which may never end, are
+/// refused, as are sockets and folders.
 ///
 /// # Errors
 /// If the path is not a regular file, or the file cannot be opened.
@@ -25,10 +25,10 @@ pub fn open_file(path: impl AsRef<Path>) -> io::Result<File> {
     File::open(path)
 }
 
-/// Memory beside that of a large file, bytes: stacks and small things of all threads.
+/// Memory needed besides that of a large file, bytes: stacks and small allocations of all threads.
 const MARGIN: usize = 32 << 20;
 
-/// Reads a file that [`open_file`] opens.
+/// Reads a whole file opened by [`open_file`].
 ///
 /// # Errors
 /// As [`open_file`]; also if it does not fit into memory.
@@ -36,8 +36,7 @@ pub fn read_file(path: impl AsRef<Path>) -> io::Result<Vec<u8>> {
     let mut file = open_file(path)?;
     let length = file.metadata()?.len();
     let mut bytes: Vec<u8> = Vec::new();
-    // As much again for what the bytes become, and some for all else: found out now, not in the
-    // midst of reading.
+    // Twice the size, for the decoded data, plus a margin; tested before reading starts.
     let mut has_room = |length: usize| {
         let room = length.checked_mul(2).and_then(|twice| twice.checked_add(MARGIN));
         room.is_some_and(|room| bytes.try_reserve_exact(room).is_ok())
@@ -48,7 +47,7 @@ pub fn read_file(path: impl AsRef<Path>) -> io::Result<Vec<u8>> {
     Ok(bytes)
 }
 
-/// Reads a whole file; every reader of files comes through here, or through [`refuse_stand_in`].
+/// Reads a whole file; every file reader uses this function or [`refuse_stand_in`].
 pub(crate) fn read_bytes(path: &Path) -> Result<Vec<u8>, IoError> {
     let bytes =
         read_file(path).map_err(|source| IoError::Read { path: path.to_owned(), source })?;
@@ -56,7 +55,7 @@ pub(crate) fn read_bytes(path: &Path) -> Result<Vec<u8>, IoError> {
     Ok(bytes)
 }
 
-/// Refuses bytes, at least the first of a file, that only stand in its place.
+/// Refuses a stand-in for a file, given at least its first bytes.
 pub(crate) fn refuse_stand_in(path: &Path, start: &[u8]) -> Result<(), IoError> {
     match UnsupportedFormat::stand_in(start) {
         Some(found) => Err(IoError::StandIn { path: path.to_owned(), found }),
@@ -76,7 +75,7 @@ pub(crate) fn list_names(path: &Path) -> Result<Vec<String>, IoError> {
     Ok(names)
 }
 
-/// The error of an allocation that failed; says how much was asked for.
+/// The error of a failed allocation, with its size.
 fn out_of_memory(bytes: u64) -> io::Error {
     let what = format!("not enough memory for its {} MiB", bytes.div_ceil(1 << 20));
     io::Error::new(io::ErrorKind::OutOfMemory, what)

@@ -1,18 +1,18 @@
-//! Text as editors and shells save it: UTF-8 with or without a byte-order mark, or UTF-16 (Windows'
-//! Notepad and PowerShell).
+//! Decoding of text files: UTF-8 with or without a byte order mark,
+//! or UTF-16 (Windows Notepad and PowerShell).
 
 use std::borrow::Cow;
 
-/// Puts two bytes together as a unit of UTF-16.
+/// Joins two bytes to a unit of UTF-16.
 type Unit = fn([u8; 2]) -> u16;
 
-/// The text of a file. What is no valid character is replaced.
+/// The text of a file. Invalid characters are replaced.
 pub(crate) fn decode(bytes: &[u8]) -> Cow<'_, str> {
     if let Some(rest) = bytes.strip_prefix(b"\xef\xbb\xbf") {
         return String::from_utf8_lossy(rest);
     }
-    // Without a mark, text in UTF-16 has a zero in every second byte where it is Latin, as all our
-    // formats are at their start.
+    // Without a byte order mark, UTF-16 is recognised by zeros in every second byte, because all
+    // formats here begin with Latin characters.
     let unit: Option<(&[u8], Unit)> = match *bytes {
         [0xff, 0xfe, ref rest @ ..] => Some((rest, u16::from_le_bytes)),
         [0xfe, 0xff, ref rest @ ..] => Some((rest, u16::from_be_bytes)),
@@ -33,11 +33,11 @@ pub(crate) fn utf8(bytes: &[u8]) -> Cow<'_, [u8]> {
     }
 }
 
-/// Words that Python and JavaScript print for numbers that JSON does not have.
+/// Non-finite numbers as printed by Python and JavaScript, which JSON does not allow.
 const NOT_JSON: [&[u8]; 3] = [b"-Infinity", b"Infinity", b"NaN"];
 
-/// As [`utf8`], for parsers of JSON: numbers that JSON does not have become `null`, so that they
-/// spoil one value and not the file.
+/// As [`utf8`], for parsers of JSON: numbers that JSON does not allow become
+/// `null`, so that they invalidate only one value.
 pub(crate) fn json(bytes: &[u8]) -> Cow<'_, [u8]> {
     let text = utf8(bytes);
     if !NOT_JSON[1..].iter().any(|word| text.windows(word.len()).any(|found| found == *word)) {
@@ -57,7 +57,7 @@ pub(crate) fn json(bytes: &[u8]) -> Cow<'_, [u8]> {
         match byte {
             b'"' => quoted = !quoted,
             b'\\' => {
-                // Whatever it is, it does not end the string.
+                // An escaped character does not end the string.
                 if let Some((&escaped, after)) = rest.split_first() {
                     out.push(escaped);
                     rest = after;
@@ -74,7 +74,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn numbers_that_json_lacks_become_null() {
+    fn non_finite_numbers_become_null() {
         for (text, expected) in [
             (r#"{"a": NaN, "b": [-Infinity, Infinity]}"#, r#"{"a": null, "b": [null, null]}"#),
             (r#"["NaN", "a \" NaN", NaN]"#, r#"["NaN", "a \" NaN", null]"#),
@@ -87,7 +87,7 @@ mod tests {
     }
 
     #[test]
-    fn every_way_to_save_text() {
+    fn text_encodings_are_detected() {
         let text = "Namespace(a='椅子')";
         let utf16: Vec<u16> = text.encode_utf16().collect();
         let little: Vec<u8> = utf16.iter().flat_map(|unit| unit.to_le_bytes()).collect();

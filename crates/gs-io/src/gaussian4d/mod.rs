@@ -1,8 +1,8 @@
-//! Checkpoints of native 4D Gaussians (Yang et al. 2024, `chkpnt30000.pth`): Gaussians of space and
-//! time.
+//! Checkpoints of native 4D Gaussians (Yang et al. 2024,
+//! `chkpnt30000.pth`): Gaussians in space and time.
 //!
-//! The file is a tuple of parameters without names, and does not say which times the scene spans,
-//! nor does `cfg_args`: that is asked for ([`OpenOptions::time_duration`]), in the unit of
+//! The file is a tuple of unnamed parameters. Neither it nor `cfg_args` states the time range of
+//! the scene, so the user must provide it ([`OpenOptions::time_duration`]), in the unit of
 //! training (0 to 10 for Neural 3D Video).
 
 mod tuple;
@@ -20,19 +20,19 @@ use gs_deform::{Gaussian4dScene, Gaussians4d};
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
-/// Names of parameter groups that only this method's optimiser has.
+/// Names of parameter groups that identify this method's optimiser.
 const MARKS: [&[u8]; 2] = [b"scaling_t", b"rotation_r"];
-/// Bytes at the start of a file in which they are looked for.
+/// Number of bytes at the start of a file that are searched for them.
 const HEAD: u64 = 1 << 18;
 /// Best checkpoint by the trainer's own measure.
 const BEST: &str = "chkpnt_best.pth";
 
-/// Whether the first bytes of a PyTorch archive are those of such a checkpoint.
+/// Whether the first bytes of a PyTorch archive indicate such a checkpoint.
 pub(crate) fn is_checkpoint(start: &[u8]) -> bool {
     MARKS.iter().all(|mark| start.windows(mark.len()).any(|window| window == *mark))
 }
 
-/// The newest checkpoint of a folder, or the one asked for; `None` if it holds none.
+/// The newest checkpoint of a folder, or the requested one; `None` if there is none.
 fn checkpoint_of(dir: &Path, wanted: Option<u64>) -> Result<Option<(PathBuf, String)>, IoError> {
     let number = |name: &str| -> Option<u64> {
         name.strip_prefix("chkpnt")?.strip_suffix(".pth")?.parse().ok()
@@ -54,7 +54,7 @@ fn checkpoint_of(dir: &Path, wanted: Option<u64>) -> Result<Option<(PathBuf, Str
     })
 }
 
-/// Whether a folder holds such a checkpoint.
+/// Whether a folder contains such a checkpoint.
 pub(crate) fn looks_like_model(dir: &Path) -> bool {
     let Ok(Some((path, _))) = checkpoint_of(dir, None) else { return false };
     let mut start = Vec::new();
@@ -66,14 +66,14 @@ pub(crate) fn looks_like_model(dir: &Path) -> bool {
 /// Opens a checkpoint, or the newest of a model folder.
 ///
 /// # Errors
-/// If the file cannot be read or is another one, or the times of the scene are not given.
+/// If the file cannot be read or is of another kind, or the time range is not given.
 pub fn open(path: impl AsRef<Path>, options: &OpenOptions) -> Result<OpenedScene, IoError> {
     let given = path.as_ref();
     let (path, mut facts) = if given.is_dir() {
         let (path, name) = checkpoint_of(given, options.iteration)?.ok_or_else(|| {
             let what = match options.iteration {
-                Some(wanted) => format!("has no chkpnt{wanted}.pth; ask for another iteration"),
-                None => "holds no chkpnt*.pth; give the folder that training wrote".to_owned(),
+                Some(wanted) => format!("has no chkpnt{wanted}.pth; choose another iteration"),
+                None => "contains no chkpnt*.pth; give the folder that training wrote".to_owned(),
             };
             IoError::content(given, what)
         })?;
@@ -107,7 +107,7 @@ pub fn open(path: impl AsRef<Path>, options: &OpenOptions) -> Result<OpenedScene
     facts.push(("times of training", format!("{start} to {end}")));
     facts.push((
         "motion",
-        if mixed { "one line a splat" } else { "none: rot_4d is off, splats only fade" }.to_owned(),
+        if mixed { "linear" } else { "none: rot_4d is off, so splats only fade" }.to_owned(),
     ));
     if !gaussians.waves.is_empty() {
         facts.push(("colour", "changes with time (4D spherical harmonics)".to_owned()));
@@ -117,7 +117,8 @@ pub fn open(path: impl AsRef<Path>, options: &OpenOptions) -> Result<OpenedScene
     let scene = Gaussian4dScene::new(gaussians, start / ratio, end / ratio)
         .map_err(|error| IoError::content(&path, error.to_string()))?;
     notes.push(
-        "view dependence is taken from where a splat is; its own renderer takes it from where the splat is at its own time"
+        "view dependence is evaluated at a splat's current position; the method's own renderer \
+        uses its position at its own time"
             .to_owned(),
     );
     let background = cfg.get("white_background").and_then(Value::as_bool);
@@ -132,7 +133,7 @@ pub fn open(path: impl AsRef<Path>, options: &OpenOptions) -> Result<OpenedScene
     })
 }
 
-/// What to say where the times of the scene are not given.
+/// Error for a missing time range.
 fn unknown_times(path: &Path, gaussians: &Gaussians4d, ratio: f64) -> IoError {
     let finite = || gaussians.times.iter().copied().filter(|time| time.is_finite());
     let low = f64::from(finite().fold(f32::INFINITY, f32::min)) * ratio;
@@ -140,7 +141,9 @@ fn unknown_times(path: &Path, gaussians: &Gaussians4d, ratio: f64) -> IoError {
     IoError::content(
         path,
         format!(
-            "holds native 4D Gaussians, and no file says which times they span; give --set time_duration=START,END as in the training's configuration (0,10 for Neural 3D Video, 0,1 for D-NeRF): the splats' own times go from {low:.2} to {high:.2}"
+            "contains native 4D Gaussians, and no file states their time range; give --set \
+            time_duration=START,END as in the training's configuration (0,10 for Neural 3D Video, \
+            0,1 for D-NeRF): the splats' own times range from {low:.2} to {high:.2}"
         ),
     )
 }

@@ -1,10 +1,10 @@
-//! The tuple of parameters: which place holds what.
+//! The tuple of parameters: the meaning of each position.
 
 use crate::pth::{Layers, Tensor};
 use gs_core::{Splats, sh};
 use gs_deform::Gaussians4d;
 
-/// Places in the tuple, which lies in a tuple with the iteration.
+/// Positions in the tuple, which is nested in a tuple with the iteration.
 mod place {
     pub(super) const MEANS: &str = "0.1";
     pub(super) const DC: &str = "0.2";
@@ -21,10 +21,10 @@ mod place {
 /// Coefficients of SH of degree 3, alone and with two waves in time.
 const STILL: usize = 16;
 const WAVING: usize = 3 * STILL;
-/// Coefficients that are allocated without 4D SH; those beyond the first 16 are never read.
+/// Number of coefficients allocated without 4D SH; those after the first 16 are never used.
 const UNREAD: usize = 33;
 
-/// The Gaussians, and what the user should know.
+/// The Gaussians, and notes for the user.
 pub(super) fn gaussians(
     tensors: Vec<(String, Tensor<'_>)>,
 ) -> Result<(Gaussians4d, Vec<String>), String> {
@@ -57,14 +57,14 @@ pub(super) fn gaussians(
     let opacity_logits = named("opacities", place::OPACITIES, &[n, 1])?;
     let times = named("times", place::TIMES, &[n, 1])?;
     let log_scales_t = named("extents in time", place::LOG_SCALES_T, &[n, 1])?;
-    // Empty, or no tensor at all, where space and time are not mixed.
+    // Empty or missing if space and time are not mixed.
     let right_quats = match layers.get(place::RIGHT_QUATS).filter(|tensor| !tensor.is_empty()) {
         Some(_) => named("right rotations", place::RIGHT_QUATS, &[n, 4])?,
         None => Vec::new(),
     };
     let mut notes = Vec::new();
     if layers.get(place::ENV_MAP).is_some_and(|map| !map.is_empty()) {
-        notes.push("its environment map is left out: only splats are drawn".to_owned());
+        notes.push("its environment map is ignored: only splats are drawn".to_owned());
     }
     let dc = named("base colours", place::DC, &[n, 1, 3])?;
     let rest = layers.need(place::REST)?;

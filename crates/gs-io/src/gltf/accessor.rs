@@ -5,17 +5,17 @@ use super::extension::FORMAT;
 use crate::frame::FrameError;
 use std::borrow::Cow;
 
-/// Buffers with the views and accessors into them.
+/// Buffers, with their views and accessors.
 pub(super) struct Source<'a> {
     pub(super) document: &'a Document,
     pub(super) buffers: &'a [Cow<'a, [u8]>],
 }
 
-/// Values of an attribute, and how far each may lie from what was written.
+/// Values of an attribute, and their largest error.
 #[derive(Debug, Clone)]
 pub(super) struct Values<const N: usize> {
     pub(super) rows: Vec<[f32; N]>,
-    /// Half a step of quantised values, 0 of floats.
+    /// Half a step for quantised values, 0 for floats.
     pub(super) half_step: f32,
 }
 
@@ -62,7 +62,7 @@ impl Component {
         }
     }
 
-    /// The number at the start of `bytes`, which hold at least [`Component::size`].
+    /// The number at the start of `bytes`, which have at least [`Component::size`] bytes.
     fn read(self, bytes: &[u8]) -> f64 {
         match *bytes {
             [a, ..] if self == Self::I8 => f64::from(i8::from_le_bytes([a])),
@@ -153,8 +153,8 @@ impl<'a> Source<'a> {
         Ok(Rows { bytes, stride })
     }
 
-    /// The values of accessor `index`, which `what` names in messages. `count` rows are expected, a
-    /// number that the caller has found to be in proportion to the file.
+    /// The values of accessor `index`; `what` is its name in messages. `count` rows are expected;
+    /// the caller has checked that this number is proportionate to the file size.
     pub(super) fn values<const N: usize>(
         &self,
         index: usize,
@@ -200,7 +200,7 @@ impl<'a> Source<'a> {
                 #[expect(
                     clippy::cast_possible_truncation,
                     clippy::cast_sign_loss,
-                    reason = "what is no index saturates to one that is not there, or to 0"
+                    reason = "invalid indices saturate to one out of range, or to 0"
                 )]
                 let row = kind.read(&indices.bytes[i * indices.stride..]) as usize;
                 let slot = rows.get_mut(row);

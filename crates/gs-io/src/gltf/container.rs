@@ -13,7 +13,7 @@ pub(super) const CHUNK_JSON: u32 = 0x4E4F_534A;
 pub(super) const CHUNK_BIN: u32 = 0x004E_4942;
 const GLB_HEADER: usize = 12;
 const CHUNK_HEADER: usize = 8;
-/// JSON, and the chunk of bytes that a `.glb` may have beside it.
+/// The JSON, and the binary chunk of a `.glb`, if any.
 #[derive(Debug)]
 pub(super) struct Parts<'a> {
     pub(super) json: &'a [u8],
@@ -21,7 +21,7 @@ pub(super) struct Parts<'a> {
 }
 
 impl<'a> Parts<'a> {
-    /// Takes a file apart.
+    /// Splits a file into its parts.
     pub(super) fn of(bytes: &'a [u8]) -> Result<Self, FrameError> {
         if !bytes.starts_with(&GLB) {
             let json = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
@@ -62,8 +62,7 @@ impl<'a> Parts<'a> {
     }
 }
 
-/// The bytes of every buffer, none longer than its file: from the binary chunk, from the URI
-/// itself, or from `external`.
+/// The bytes of every buffer: from the binary chunk, from the URI itself, or from `external`.
 pub(super) fn buffers<'a>(
     document: &Document,
     binary: Option<&'a [u8]>,
@@ -91,7 +90,7 @@ pub(super) fn buffers<'a>(
     document.buffers.iter().enumerate().map(one).collect()
 }
 
-/// The bytes of a `data:` URI; `None` if it is another one.
+/// The bytes of a `data:` URI; `None` for other URIs.
 fn data_of(uri: &str) -> Option<Result<Vec<u8>, FrameError>> {
     let rest = uri.strip_prefix("data:")?;
     let decoded = match rest.split_once(',') {

@@ -1,4 +1,4 @@
-//! The JSON of a glTF file, as far as splats need it.
+//! The JSON of a glTF file, limited to what splats need.
 
 use serde::Deserialize;
 use serde_json::Value;

@@ -1,13 +1,13 @@
-//! Ellipsoids that a node stretches along axes that are not theirs.
+//! Ellipsoids that a node scales along axes other than their own.
 
 use glam::{DMat3, DQuat, DVec3};
 
-/// Rounds of rotations, each of which squares what is left to do; a handful suffices.
+/// Largest number of Jacobi sweeps; convergence is quadratic, so a few suffice.
 const SWEEPS: usize = 32;
 
-/// Axes and standard deviations of the Gaussian with covariance `map · mapᵀ`: one-sided Jacobi
-/// rotations make the columns of `map` orthogonal, which are then the axes, as long as the
-/// deviations.
+/// Axes and standard deviations of the Gaussian with covariance `map · mapᵀ`:
+/// one-sided Jacobi rotations make the columns of `map` orthogonal; they are
+/// then the axes, with the deviations as lengths.
 pub(super) fn axes_of(map: DMat3) -> (DQuat, DVec3) {
     let mut columns = [map.x_axis, map.y_axis, map.z_axis];
     for _ in 0..SWEEPS {
@@ -31,7 +31,7 @@ pub(super) fn axes_of(map: DMat3) -> (DQuat, DVec3) {
     }
     let deviations = DVec3::from_array(columns.map(DVec3::length));
     let [x, y, z] = [0, 1, 2].map(|k| columns[k] / deviations[k]);
-    // Axes have no sign; a rotation has.
+    // The sign of an axis is free; the result must be a rotation.
     let z = if x.cross(y).dot(z) < 0.0 { -z } else { z };
     (DQuat::from_mat3(&DMat3::from_cols(x, y, z)).normalize(), deviations)
 }
@@ -52,6 +52,6 @@ mod tests {
         assert!(a.abs_diff_eq(b, 1e-12), "{a} {b}");
         assert!((deviations.min_element() / 1e-6 - 1.0).abs() < 3.0, "thin stays thin");
         let (axes, deviations) = axes_of(DMat3::IDENTITY);
-        assert!(axes.w.abs() > 0.999 && deviations == DVec3::ONE, "nothing to do");
+        assert!(axes.w.abs() > 0.999 && deviations == DVec3::ONE, "already orthogonal");
     }
 }

@@ -9,8 +9,8 @@ pub(super) const SPZ_EXTENSIONS: [&str; 2] =
 /// Axes in which files are written, those of the specification first.
 pub(super) const USUAL_AXES: [Axes; 3] = [Axes::LUF, Axes::PLY, Axes::RUB];
 
-/// Attribute of SH coefficient `k` of all, for example `KHR_gaussian_splatting:SH_DEGREE_1_COEF_0`
-/// for 1.
+/// Attribute name of SH coefficient `k`, for example
+/// `KHR_gaussian_splatting:SH_DEGREE_1_COEF_0` for 1.
 pub(super) fn harmonic_name(k: usize) -> String {
     let degree = k.isqrt();
     format!("{EXTENSION}:SH_DEGREE_{degree}_COEF_{}", k - degree * degree)
@@ -26,7 +26,7 @@ mod tests {
         assert_eq!(
             [0, 1, 3, 4, 8, 9, 15].map(short),
             ["0_COEF_0", "1_COEF_0", "1_COEF_2", "2_COEF_0", "2_COEF_4", "3_COEF_0", "3_COEF_6"],
-            "degree and place in it"
+            "degree and index within it"
         );
     }
 }

@@ -1,12 +1,12 @@
-//! glTF 2.0 with Gaussian splats (`KHR_gaussian_splatting`, ratified by Khronos): `.glb` and
-//! `.gltf` in and out, one frame.
+//! glTF 2.0 with Gaussian splats (`KHR_gaussian_splatting`, ratified by Khronos): reading and
+//! writing one frame as `.glb` or `.gltf`.
 //!
-//! Splats are point primitives with an attribute each for centre, rotation (`xyzw`), standard
+//! Splats are point primitives with one attribute each for centre, rotation (`xyzw`), standard
 //! deviations (linear), opacity (linear) and every SH coefficient (the 3DGS basis). Attributes may
-//! be quantised, sparse and interleaved; nodes place, turn and scale them, and all of that is
-//! applied. SPZ inside (`KHR_gaussian_splatting_compression_spz`, also `_2`) is read.
+//! be quantised, sparse and interleaved; transformations of nodes are applied. Embedded SPZ
+//! (`KHR_gaussian_splatting_compression_spz`, also `_2`) is read.
 //!
-//! Axes: glTF names the sides of an asset left (x), up (y), front (z),
+//! Axes: glTF defines the sides of an asset as left (x), up (y), front (z),
 //! [`Axes::LUF`](crate::Axes::LUF); splat-transform writes that, others RUB, or the axes of a PLY
 //! unchanged. See [`AxesReading`](crate::AxesReading).
 

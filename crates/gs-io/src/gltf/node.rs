@@ -1,16 +1,16 @@
-//! Nodes: where the scene places a mesh.
+//! Nodes: placement of meshes in the scene.
 
 use super::document::{Document, Node};
 use super::extension::FORMAT;
 use crate::frame::FrameError;
 use glam::{DMat3, DMat4, DQuat, DVec3};
 
-/// Largest difference of a column product, or of the determinant, from that of a rotation:
-/// hand-written matrices have few digits.
+/// Tolerance for the column products and the determinant of a
+/// rotation; hand-written matrices have few digits.
 const SLACK: f64 = 1e-3;
 
-/// A mesh and how the scene places it: turned by `rotation` after being scaled by `scale` along the
-/// mesh's own axes, then moved.
+/// A mesh and its placement in the scene: scaled by `scale` along the mesh's
+/// axes, then rotated by `rotation`, then translated.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Placement {
     pub(super) mesh: usize,
@@ -19,8 +19,8 @@ pub(super) struct Placement {
     pub(super) translation: DVec3,
 }
 
-/// Every mesh with at least one primitive for which `wanted` holds, once per node that shows it in
-/// the default scene, depth first. A file without nodes has its meshes where they are.
+/// Every mesh with at least one primitive for which `wanted` is true, once per node of the default
+/// scene that uses it, depth first. In a file without nodes, meshes are used untransformed.
 pub(super) fn placements(
     document: &Document,
     wanted: &dyn Fn(usize) -> bool,
@@ -32,7 +32,7 @@ pub(super) fn placements(
     let mut seen = vec![false; nodes.len()];
     while let Some((index, parent)) = open.pop() {
         let node = nodes.get(index).ok_or_else(|| damaged(format!("node {index} is missing")))?;
-        // A tree, says the specification: this also ends every cycle.
+        // The specification requires a tree; this also ends cycles.
         if std::mem::replace(&mut seen[index], true) {
             return Err(damaged(format!("node {index} has two parents or is below itself")));
         }
@@ -54,7 +54,7 @@ pub(super) fn placements(
     Ok(found)
 }
 
-/// Roots of the default scene; without scenes, the nodes that are no children.
+/// Roots of the default scene; without scenes, the nodes that are not children.
 fn roots(document: &Document) -> Result<Vec<usize>, FrameError> {
     if document.scenes.is_empty() {
         let mut child = vec![false; document.nodes.len()];
@@ -87,12 +87,13 @@ fn local(node: &Node) -> DMat4 {
 }
 
 impl Placement {
-    /// Takes a matrix apart, which must be a rotation, a positive scale along each axis, and a
-    /// translation: what splats can follow.
+    /// Decomposes a matrix into a rotation, a positive scale along each axis, and a translation.
+    /// Other matrices cannot be applied to splats.
     fn of(mesh: usize, global: &DMat4, node: &Node, index: usize) -> Result<Self, FrameError> {
         let refused = |why: &str| {
             damaged(format!(
-                "node {index} `{}` {why}, which Gaussians cannot follow; apply its transformation in the program that made it",
+                "node {index} `{}` {why}, which cannot be applied to Gaussians; apply its \
+                transformation in the program that made it",
                 node.name
             ))
         };
@@ -103,7 +104,7 @@ impl Placement {
         let columns = [linear.x_axis, linear.y_axis, linear.z_axis];
         let scale = DVec3::from_array(columns.map(DVec3::length));
         if scale.min_element() <= 0.0 || !scale.is_finite() {
-            return Err(refused("is scaled to nothing"));
+            return Err(refused("is scaled to zero"));
         }
         let [x, y, z] = [columns[0] / scale.x, columns[1] / scale.y, columns[2] / scale.z];
         if [x.dot(y), y.dot(z), z.dot(x)].iter().any(|product| product.abs() > SLACK) {
@@ -116,7 +117,7 @@ impl Placement {
         Ok(Self { mesh, rotation, scale, translation: global.w_axis.truncate() })
     }
 
-    /// Whether nothing changes.
+    /// Whether this is the identity.
     pub(super) fn is_still(&self) -> bool {
         self.rotation.w.abs() >= 1.0 && self.scale == DVec3::ONE && self.translation == DVec3::ZERO
     }

@@ -1,4 +1,4 @@
-//! One primitive: its splats as they are in the mesh, and then as the scene places it.
+//! One primitive: its splats in mesh coordinates, and their placement in the scene.
 
 use super::accessor::{Source, Values};
 use super::document::Primitive;
@@ -15,12 +15,12 @@ use gs_core::{RowPrecision, ShRotation, Splats};
 use rayon::prelude::*;
 use serde_json::Value;
 
-/// Rounding of other writers' arithmetic, in half steps.
+/// Allowance for the rounding of other writers, in half steps.
 const SLACK: f32 = 1.1;
-/// Opacities of floats nearer to 0 or 1 than this get the logit of it.
+/// Floating-point opacities are clamped to this distance from 0 and 1.
 const MIN_OPACITY: f32 = 1e-7;
 
-/// Splats with how coarsely each row is stored.
+/// Splats and the precision of each row.
 #[derive(Debug)]
 pub(super) struct Part {
     pub(super) splats: Splats,
@@ -32,7 +32,7 @@ fn extension(primitive: &Primitive) -> Option<&Value> {
     primitive.extensions.get(EXTENSION)
 }
 
-/// Whether a primitive is of splats.
+/// Whether a primitive contains splats.
 pub(super) fn is_splats(primitive: &Primitive) -> bool {
     extension(primitive).is_some()
 }
@@ -47,7 +47,7 @@ fn spz_view(primitive: &Primitive) -> Option<u64> {
     })
 }
 
-/// Rows and SH degree of the attributes; SPZ inside bounds itself.
+/// Rows and SH degree of the attributes; embedded SPZ has its own bounds.
 pub(super) fn size(source: &Source<'_>, primitive: &Primitive) -> Result<(u64, usize), FrameError> {
     if spz_view(primitive).is_some() {
         return Ok((0, 0));
@@ -65,7 +65,7 @@ fn attribute(primitive: &Primitive, name: &str) -> Result<usize, FrameError> {
     })
 }
 
-/// Highest degree of which there is a coefficient. All of it and of those below must be there.
+/// Highest degree with a coefficient. All coefficients up to that degree are required.
 fn degree(primitive: &Primitive) -> Result<usize, FrameError> {
     let has = |k: &usize| primitive.attributes.contains_key(&harmonic_name(*k));
     let highest = (0..num_coeffs(MAX_DEGREE)).rfind(has).unwrap_or_default();
@@ -76,8 +76,7 @@ fn degree(primitive: &Primitive) -> Result<usize, FrameError> {
     Ok(degree)
 }
 
-/// What the extension says, where it is not what is always so; or an error where splats would be
-/// something else.
+/// Notes on non-default properties of the extension; an error if they change the meaning of splats.
 pub(super) fn notes(primitive: &Primitive) -> Result<Vec<String>, FrameError> {
     let Some(extension) = extension(primitive) else { return Ok(Vec::new()) };
     let text = |name: &str, usual: &'static str| -> String {
@@ -91,14 +90,16 @@ pub(super) fn notes(primitive: &Primitive) -> Result<Vec<String>, FrameError> {
     let mut notes = Vec::new();
     let projection = text("projection", "perspective");
     if projection != "perspective" {
-        notes.push(format!("it is made for {projection} projection; shown in perspective here"));
+        notes.push(format!("it is made for {projection} projection; rendered in perspective"));
     }
     match text("colorSpace", "srgb_rec709_display").as_str() {
         "srgb_rec709_display" => {}
         "lin_rec709_display" => notes.push(
-            "its colours are linear and were converted to sRGB: exact for base colours, to first order for SH; where splats blend, they look slightly different".to_owned(),
+            "its colours are linear and were converted to sRGB, exactly for base colours and to \
+            first order for SH; blended colours differ slightly"
+                .to_owned(),
         ),
-        other => notes.push(format!("its colour space `{other}` is not known; read as sRGB")),
+        other => notes.push(format!("its colour space `{other}` is unknown; read as sRGB")),
     }
     Ok(notes)
 }
@@ -166,7 +167,7 @@ fn attributes(
     let row = |scale: &[f32; 3]| RowPrecision {
         means: [SLACK * means.half_step; 3],
         rotation_rad: SLACK * 4.0 * rotations.half_step,
-        // What was written lies within half a step on either side.
+        // The written value lies within half a step on either side.
         log_scales: scale.map(|value| {
             if value > off { SLACK * (value / (value - off)).ln() } else { std::f32::consts::LN_2 }
         }),
@@ -180,7 +181,7 @@ fn attributes(
     let splats = Splats {
         means: means.rows,
         quats: rotations.rows.into_iter().map(|[x, y, z, w]| [w, x, y, z]).collect(),
-        // Negative ones are damage, and become no numbers.
+        // Negative scales are damage and become NaN.
         log_scales: scales
             .rows
             .iter()
@@ -197,8 +198,8 @@ fn attributes(
     Ok(Part { splats, precision })
 }
 
-/// Colours of a linear space in sRGB: the curve at the base colour, its slope for what depends on
-/// the view.
+/// Converts linear colours to sRGB: the transfer curve for the base
+/// colour, its slope for view-dependent coefficients.
 fn encode_srgb(sh: &mut [[f32; 3]]) {
     for channel in 0..3 {
         let linear = 0.5 + C0 * sh[0][channel];
@@ -215,7 +216,7 @@ fn encode_srgb(sh: &mut [[f32; 3]]) {
 }
 
 impl Part {
-    /// Puts the splats of a mesh where the scene has it.
+    /// Transforms the splats of a mesh to the scene.
     #[expect(clippy::cast_possible_truncation, reason = "splats are single precision")]
     pub(super) fn place(&mut self, placement: &Placement) {
         if placement.is_still() {
@@ -239,7 +240,7 @@ impl Part {
             let stretch = DMat3::from_diagonal(placement.scale);
             splats.quats.par_iter_mut().zip(&mut splats.log_scales).for_each(|(q, row)| {
                 let unit = quat(*q);
-                // A zero quaternion stays one: damage, as everywhere.
+                // A zero quaternion is damage and stays zero.
                 if unit.length_squared() > 0.0 {
                     let scale = DVec3::from_array(row.map(|value| f64::from(value).exp()));
                     let shape = DMat3::from_quat(unit.normalize()) * DMat3::from_diagonal(scale);
@@ -261,7 +262,7 @@ impl Part {
                 (turned.row(axis).abs().dot(local) * (1.0 + f64::from(f32::EPSILON))) as f32
             });
             if stretched {
-                // Axes change places and lengths mix: the coarsest axis bounds all.
+                // Axes are permuted and lengths mixed, so the coarsest axis bounds all.
                 row.log_scales = [row.log_scales.into_iter().fold(0.0, f32::max); 3];
             }
             if placement.uniform_scale() != Some(1.0) {

@@ -1,4 +1,4 @@
-//! glTF in.
+//! Reading glTF.
 
 use super::accessor::Source;
 use super::container::{Parts, buffers};
@@ -13,7 +13,7 @@ use gs_core::sh::num_coeffs;
 use gs_core::{Precision, RowPrecision, Splats};
 use std::sync::Arc;
 
-/// Extensions that change nothing that is not handled here.
+/// Required extensions that are supported or irrelevant for splats.
 const KNOWN: [&str; 5] = [
     EXTENSION,
     SPZ_EXTENSIONS[0],
@@ -22,16 +22,14 @@ const KNOWN: [&str; 5] = [
     "KHR_materials_unlit",
 ];
 
-/// Gives the bytes of a file that a glTF names, by its URI, or says why not.
+/// Returns the bytes of an external file of a glTF by its URI, or an error message.
 pub type External<'a> = dyn Fn(&str) -> Result<Vec<u8>, String> + 'a;
 
-/// Reads all splats of the default scene of a `.glb` or `.gltf`, every mesh where its nodes place
-/// it, and turns them to the axes of PLYs; [`Frame::axes`] says from which. `external` gives the
-/// bytes of other files that it names.
+/// Reads all splats of the default scene of a `.glb` or `.gltf`, with the
+/// transformations of their nodes, converted to the axes of PLYs; [`Frame::axes`] has
+/// the original axes. `external` returns the bytes of external files.
 ///
-/// # Errors
-/// If it is damaged, has no splats, needs an extension that is not read, mirrors or shears splats,
-/// or declares more of them than its size can account for.
+/// # Errors If it is damaged, has no splats, requires an unsupported extension, mirrors or shears splats, or declares more of them than its size allows.
 pub fn read(bytes: &[u8], external: &External<'_>) -> Result<Frame, FrameError> {
     let parts = Parts::of(bytes)?;
     let document: Document = serde_json::from_slice(parts.json)
@@ -42,7 +40,7 @@ pub fn read(bytes: &[u8], external: &External<'_>) -> Result<Frame, FrameError> 
     }
     let unknown = |name: &&String| !KNOWN.contains(&name.as_str());
     if let Some(name) = document.extensions_required.iter().find(unknown) {
-        let what = format!("it needs the extension {name}, which is not read; export it without");
+        let what = format!("it requires the unsupported extension {name}; export it without");
         return Err(FrameError::damaged(FORMAT, what));
     }
     let has_splats = |mesh: usize| {
@@ -67,7 +65,7 @@ pub fn read(bytes: &[u8], external: &External<'_>) -> Result<Frame, FrameError> 
         })
         .collect();
 
-    // Sizes first: accessors may share bytes, and nodes meshes.
+    // Sizes are checked first, because accessors may share bytes, and nodes meshes.
     let available = decompress::limit(bytes.len() + buffers.iter().map(|b| b.len()).sum::<usize>());
     let mut needed = 0_u64;
     let mut sizes = Vec::with_capacity(primitives.len());
@@ -81,8 +79,10 @@ pub fn read(bytes: &[u8], external: &External<'_>) -> Result<Frame, FrameError> 
     let mut read: Vec<Part> = Vec::with_capacity(primitives.len());
     for ((placement, found), size) in primitives.iter().zip(sizes) {
         if needed > available {
-            let what =
-                format!("its splats take {needed} bytes, which a file of this size cannot hold");
+            let what = format!(
+                "its splats need {needed} bytes, more than a file of this size can \
+                        contain"
+            );
             return Err(FrameError::damaged(FORMAT, what));
         }
         for note in primitive::notes(found)? {
@@ -93,7 +93,7 @@ pub fn read(bytes: &[u8], external: &External<'_>) -> Result<Frame, FrameError> 
         let mut part = primitive::read(&source, found, size)?;
         part.place(placement);
         if size.0 == 0 {
-            // SPZ inside, whose size is known only now; nodes may show it again and again.
+            // Embedded SPZ, whose size is known only now; several nodes may use it.
             needed = needed.saturating_add(size_of_val(&part.splats.means[..]) as u64 * 20);
         }
         read.push(part);
@@ -114,7 +114,7 @@ pub fn read(bytes: &[u8], external: &External<'_>) -> Result<Frame, FrameError> 
     })
 }
 
-/// All parts as one, with the highest SH degree of them.
+/// Joins all parts, with the highest SH degree among them.
 fn join(parts: Vec<Part>) -> (Splats, Vec<RowPrecision>) {
     let degree = parts.iter().map(|part| part.splats.sh_degree).max().unwrap_or_default();
     let count = parts.iter().map(|part| part.splats.len()).sum();
@@ -136,7 +136,7 @@ fn join(parts: Vec<Part>) -> (Splats, Vec<RowPrecision>) {
     (all, rows)
 }
 
-/// Comments that our writer keeps in `asset.extras`, as PLYs have them in their header.
+/// Comments, which our writer stores in `asset.extras`.
 fn comments(document: &Document) -> Vec<String> {
     let texts = document.asset.extras["comments"].as_array();
     let texts = texts.into_iter().flatten().filter_map(|text| text.as_str());

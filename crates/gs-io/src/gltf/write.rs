@@ -1,4 +1,4 @@
-//! glTF out.
+//! Writing glTF.
 
 use super::container::{CHUNK_BIN, CHUNK_JSON};
 use super::extension::{EXTENSION, harmonic_name};
@@ -18,13 +18,12 @@ const F32: u32 = 5126;
 /// Target of a buffer view with attributes.
 const ARRAY_BUFFER: u32 = 34_962;
 
-/// How to write glTF.
+/// Options for writing glTF.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct WriteOptions {
     /// SH degree of the file, at most that of the splats; `None` keeps theirs.
     pub sh_degree: Option<usize>,
-    /// One text file (`.gltf`) with the data inside as base64, instead of binary (`.glb`). A third
-    /// larger.
+    /// Write one text file (`.gltf`) with base64 data instead of binary (`.glb`); a third larger.
     pub text: bool,
     /// Notes for `asset.extras.comments`.
     pub comments: Vec<String>,
@@ -65,11 +64,10 @@ fn floats<'a>(values: impl Iterator<Item = &'a f32>) -> Vec<u8> {
 }
 
 /// Writes one frame as glTF 2.0 with `KHR_gaussian_splatting`, in the axes of the specification
-/// (left, up, front), and says what it does not keep. Centres and SH keep every bit; scales and
-/// opacities are stored after their activation. A colour per point serves viewers without splats.
+/// (left, up, front), and returns the losses. Centres and SH are exact; scales and opacities are
+/// stored after activation. A colour per point supports viewers without splats.
 ///
-/// # Errors
-/// If the arrays of `splats` disagree, no row is finite, or a binary file would exceed 4 GiB
+/// # Errors If the arrays of `splats` have inconsistent lengths, no row is finite, or a binary file would exceed 4 GiB
 /// ([`io::ErrorKind::InvalidInput`]); if writing fails.
 pub fn write(splats: &Splats, options: &WriteOptions, out: &mut impl Write) -> io::Result<Losses> {
     let invalid = |what: String| io::Error::new(io::ErrorKind::InvalidInput, what);
@@ -117,7 +115,7 @@ pub fn write(splats: &Splats, options: &WriteOptions, out: &mut impl Write) -> i
     if text {
         out.write_all(&json)?;
     } else {
-        // Chunks end at multiples of four bytes.
+        // Chunks are padded to multiples of four bytes.
         json.resize(json.len().next_multiple_of(4), b' ');
         let padding = bytes.len().next_multiple_of(4) - bytes.len();
         let word = |value: usize| {
@@ -187,15 +185,15 @@ fn losses(splats: &Splats, degree: usize, broken: usize) -> Losses {
         losses.push(format!("SH degree {} becomes {degree}", splats.sh_degree));
     }
     losses.push(
-        "scales and opacities are stored after their activation: within a few parts in 10 million",
+        "scales and opacities are stored after activation, exact to a few parts in 10 million",
     );
     let flat = splats.log_scales.iter().filter(|row| row.iter().any(|value| value.exp() == 0.0));
     let flat = flat.count();
     if flat > 0 {
-        losses.push(format!("scales of {flat} splats are too small for a number and become 0"));
+        losses.push(format!("scales of {flat} splats underflow and become 0"));
     }
     if broken > 0 {
-        losses.push(format!("{broken} damaged splats are left out"));
+        losses.push(format!("{broken} damaged splats are omitted"));
     }
     losses
 }

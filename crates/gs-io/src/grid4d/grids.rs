@@ -1,4 +1,4 @@
-//! One grid, out of the tensors of a file.
+//! Builds one grid from the tensors of a file.
 
 use crate::pth::Layers;
 use crate::wrong_network::WrongNetwork;
@@ -23,7 +23,7 @@ pub(super) fn grid(
         #[expect(
             clippy::cast_possible_truncation,
             clippy::cast_sign_loss,
-            reason = "integers; others are no offsets, which the grid finds out"
+            reason = "integers; invalid offsets are detected by the grid"
         )]
         let offset = value.max(0.0) as usize;
         offset

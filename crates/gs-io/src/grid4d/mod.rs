@@ -1,9 +1,9 @@
-//! Model folders of Grid4D (Xu et al. 2024) and DASH (Chen et al. 2025): hash grids of space and
-//! time.
+//! Model folders of Grid4D (Xu et al. 2024) and DASH (Chen et al.
+//! 2025): hash grids over space and time.
 //!
 //! The layout is that of [`crate::deformable3dgs`]; `deform.pth` is a tuple of the grids' and the
-//! network's tensors. DASH has one grid of four axes, and a column `dynamic` in the PLY: the other
-//! splats never move. `cfg_args` says the size of the cube that the grids cover.
+//! network's tensors. DASH has one grid with four axes, and a column `dynamic` in the PLY; the
+//! other splats are static. `cfg_args` contains the size of the cube covered by the grids.
 
 mod grids;
 
@@ -25,8 +25,7 @@ const DYNAMIC: &str = "dynamic";
 /// Opens a model folder of Grid4D, or one of the iterations of its point cloud.
 ///
 /// # Errors
-/// If files are missing or malformed, or do not say what the evaluation depends on. Every error
-/// names the file.
+/// If files are missing or malformed, or required settings are missing. Every error names the file.
 pub fn open(dir: impl AsRef<Path>, options: &OpenOptions) -> Result<OpenedScene, IoError> {
     open_either(dir.as_ref(), options, SceneKind::Grid4d, |_| Vec::new())
 }
@@ -63,7 +62,7 @@ fn open_either(
         let moving = dynamic.iter().filter(|dynamic| **dynamic).count();
         folder.facts.push((
             "dynamic",
-            format!("{moving} of {} splats; the others never move", dynamic.len()),
+            format!("{moving} of {} splats; the others are static", dynamic.len()),
         ));
     }
     let scene = SmoothGridScene::new(folder.splats, field, dynamic)
@@ -115,22 +114,24 @@ fn single(value: f64) -> f32 {
     value as f32
 }
 
-/// Half the side of the cube: the user's, or that of `cfg_args`.
+/// Half the side of the cube, given by the user or by `cfg_args`.
 fn bound(folder: &DeformFolder, options: &OpenOptions) -> Result<f32, String> {
     let stated = || folder.cfg.get("grid_args")?.get("bound")?.as_f64().map(single);
     options.bound.or_else(stated).ok_or_else(|| {
-        "cannot be evaluated: cfg_args does not say `bound` in its grid_args, half the side of the cube that the grids cover; copy cfg_args from the machine that trained the model, or give --set bound=… (1.6 for D-NeRF, 1 for DASH)"
+        "cannot be evaluated: the grid_args of cfg_args have no `bound`, half the side of the \
+        cube covered by the grids; copy cfg_args from the machine that trained the model, or give \
+        --set bound=… (1.6 for D-NeRF, 1 for DASH)"
             .to_owned()
     })
 }
 
-/// Whether attention is `2σ − 1`; every published configuration has it so.
+/// Whether attention is `2σ − 1`, as in every published configuration.
 fn directional(folder: &DeformFolder) -> bool {
     let stated = || folder.cfg.get("network_args")?.get("directional")?.as_bool();
     stated().unwrap_or(true)
 }
 
-/// Factors of positions.
+/// Factor of positions per axis.
 fn scale(folder: &DeformFolder) -> Result<[f32; 3], String> {
     let wrong = || "cfg_args has a scale_xyz that is neither a number nor three".to_owned();
     match folder.cfg.get("scale_xyz") {

@@ -1,17 +1,17 @@
-//! Checkpoints of gsplat's trainers (`ckpt_*.pt`): a dictionary `splats` with `means`, `scales`,
-//! `quats`, `opacities`, `sh0`, `shN`. With `times`, `durations` and `velocities` beside them it is
-//! a moving scene ([`crate::freetime`]).
+//! Checkpoints of gsplat's trainers (`ckpt_*.pt`): a dictionary `splats` with `means`,
+//! `scales`, `quats`, `opacities`, `sh0`, `shN`. With `times`, `durations` and
+//! `velocities` it is a dynamic scene ([`crate::freetime`]).
 
 use crate::frame::FrameError;
 use crate::pth::{self, Layers};
 use gs_core::{Splats, sh};
 
-/// Parameters that change what a splat looks like and are not supported.
+/// Unsupported parameters that affect the appearance.
 const UNSUPPORTED: [&str; 3] = ["features", "colors", "color_velocities"];
-/// Bytes at the start of a file in which names are looked for.
+/// Number of bytes at the start of a file that are searched for names.
 const HEAD: usize = 1 << 16;
 
-/// What a checkpoint holds.
+/// Contents of a checkpoint.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Contents {
     /// One frame.
@@ -20,12 +20,12 @@ pub(crate) enum Contents {
     Moving,
 }
 
-/// What the first bytes of a PyTorch archive announce, if it is such a checkpoint; the names come
-/// first.
+/// Contents according to the first bytes of a PyTorch archive, which
+/// contain the names; `None` for other archives.
 pub(crate) fn contents(start: &[u8]) -> Option<Contents> {
     let start = &start[..start.len().min(HEAD)];
     let has = |name: &str| {
-        // As pickles write text: its length, then its bytes.
+        // Encoding of text in pickles: length, then bytes.
         let mut written = vec![b'X'];
         written.extend(u32::try_from(name.len()).unwrap_or_default().to_le_bytes());
         written.extend(name.bytes());
@@ -40,8 +40,7 @@ pub(crate) fn contents(start: &[u8]) -> Option<Contents> {
 
 /// Reads a checkpoint of one frame.
 ///
-/// # Errors
-/// If the bytes are something else, or a scene that moves.
+/// # Errors If the bytes are of another kind, or a dynamic scene.
 pub(crate) fn read(bytes: &[u8]) -> Result<Splats, FrameError> {
     let damaged = |what: String| FrameError::damaged("gsplat checkpoint", what);
     let tensors = pth::read(bytes)
@@ -54,7 +53,7 @@ pub(crate) fn read(bytes: &[u8]) -> Result<Splats, FrameError> {
     splats(&layers).map_err(damaged)
 }
 
-/// One value a splat, `[N]` or `[N, 1]`.
+/// One value per splat, `[N]` or `[N, 1]`.
 pub(crate) fn column(layers: &Layers<'_>, name: &str, n: usize) -> Result<Vec<f32>, String> {
     let tensor = layers.need(name)?;
     match *tensor.shape() {
@@ -67,7 +66,8 @@ pub(crate) fn column(layers: &Layers<'_>, name: &str, n: usize) -> Result<Vec<f3
 pub(crate) fn splats(layers: &Layers<'_>) -> Result<Splats, String> {
     if let Some(name) = UNSUPPORTED.iter().find(|name| layers.has(name)) {
         return Err(format!(
-            "holds `{name}`: a model whose colours are no spherical harmonics, which is not supported; train with SH colours (sh0, shN)"
+            "contains `{name}`: colours other than spherical harmonics are not supported; train \
+            with SH colours (sh0, shN)"
         ));
     }
     let &[n, 3] = layers.need("means")?.shape() else {
@@ -77,7 +77,7 @@ pub(crate) fn splats(layers: &Layers<'_>) -> Result<Splats, String> {
         ));
     };
     if n == 0 {
-        return Err("holds no splats".to_owned());
+        return Err("contains no splats".to_owned());
     }
     let three = |name: &str| layers.values(name, &[n, 3]);
     let (means, log_scales) = (three("means")?, three("scales")?);

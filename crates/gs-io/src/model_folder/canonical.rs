@@ -12,8 +12,8 @@ use gs_core::Splats;
 use gs_deform::StaticScene;
 use std::path::Path;
 
-/// What every kind of model folder holds: the splats before any deformation, and the flags of the
-/// training run.
+/// Contents common to all model folders: the splats before
+/// deformation, and the flags of the training run.
 #[derive(Debug)]
 pub(crate) struct Canonical {
     pub(crate) iteration: Iteration,
@@ -40,14 +40,14 @@ pub(crate) fn read_canonical(dir: &Path, overrides: &Overrides) -> Result<Canoni
     Ok(Canonical { iteration, splats, report, cfg })
 }
 
-/// The scene of a save from before the deformation was trained.
+/// The scene of a save made before the deformation was trained.
 pub(crate) fn never_moving(
     iteration: &Iteration,
     splats: Splats,
     report: &mut ModelReport,
 ) -> Result<ModelScene, IoError> {
     report.warnings.push(
-        "the folder holds only saves of the coarse stage: nothing moves in this model".to_owned(),
+        "the folder contains only saves of the coarse stage: this model is static".to_owned(),
     );
     let scene = StaticScene::new(splats)
         .map_err(|error| IoError::content(&iteration.dir, error.to_string()))?;
@@ -58,7 +58,7 @@ fn read_cfg(iteration: &Iteration, report: &mut ModelReport) -> Result<Option<Cf
     let path = iteration.model.join("cfg_args");
     if !path.is_file() {
         if iteration.stage == Stage::Coarse {
-            return Ok(None); // There is no network to guess the flags of.
+            return Ok(None); // There is no network whose flags could be guessed.
         }
         report.warnings.push(format!(
             "{} is missing: flags of the training run are guessed from the network; override them if the motion looks wrong",
@@ -74,19 +74,21 @@ fn read_cfg(iteration: &Iteration, report: &mut ModelReport) -> Result<Option<Cf
         cfg.unread.iter().map(String::as_str).partition(|name| DECISIVE.contains(name));
     if !decisive.is_empty() {
         report.warnings.push(format!(
-            "cfg_args: values of {} are not understood and count as missing; override them if the motion looks wrong",
+            "cfg_args: values of {} cannot be parsed and are treated as missing; override them if \
+            the motion looks wrong",
             decisive.join(", ")
         ));
     }
     if !rest.is_empty() {
-        report
-            .notes
-            .push(format!("cfg_args: fields not understood, and not needed: {}", rest.join(", ")));
+        report.notes.push(format!(
+            "cfg_args: fields that cannot be parsed, and are not needed: {}",
+            rest.join(", ")
+        ));
     }
     Ok(Some(cfg))
 }
 
-/// Fields of `cfg_args` on which the motion or the look depends.
+/// Fields of `cfg_args` that affect motion or appearance.
 const DECISIVE: [&str; 20] = [
     "no_dx",
     "no_ds",

@@ -1,15 +1,15 @@
-//! Flags of a training run as they are reported, and where each comes from.
+//! Flags of a training run in reports, with the origin of each.
 
-/// Where the value of a flag comes from.
+/// Origin of a flag's value.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Origin {
     /// The user.
     Override,
     /// The file `cfg_args`.
     CfgArgs,
-    /// The published configuration the network's shape belongs to.
+    /// The published configuration that matches the network's shape.
     FamilyGuess,
-    /// Read off the tensors.
+    /// Inferred from the tensors.
     Inferred,
     /// The reference's default.
     Default,
@@ -22,6 +22,6 @@ pub struct FlagReport {
     pub name: &'static str,
     /// Value as text.
     pub value: String,
-    /// Where it comes from.
+    /// Origin of the value.
     pub origin: Origin,
 }

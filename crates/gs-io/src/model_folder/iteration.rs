@@ -1,4 +1,4 @@
-//! [`Iteration`]: which save of a model folder to open.
+//! [`Iteration`]: the save of a model folder to open.
 
 use crate::cfg_args;
 use crate::error::IoError;
@@ -6,10 +6,10 @@ use crate::fs::list_names;
 use crate::fs::text;
 use std::path::{Path, PathBuf};
 
-/// Stage of the training in which an iteration was saved.
+/// Training stage in which an iteration was saved.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Stage {
-    /// Before the deformation was trained: nothing moves.
+    /// Before the deformation was trained; static.
     Coarse,
     /// With deformation.
     Fine,
@@ -18,14 +18,14 @@ pub enum Stage {
 /// A saved iteration.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) struct Iteration {
-    /// The model folder, where `cfg_args` lies.
+    /// The model folder, which contains `cfg_args`.
     pub(crate) model: PathBuf,
     /// The folder of the iteration.
     pub(crate) dir: PathBuf,
-    /// 0 where the folder's name has none, as `iteration_best`.
+    /// 0 if the folder's name has no number, as in `iteration_best`.
     pub(crate) number: u64,
     pub(crate) stage: Stage,
-    /// What the user should know about the other saves.
+    /// Notes about other saves.
     pub(crate) notes: Vec<String>,
 }
 
@@ -42,9 +42,9 @@ fn stage_and_number(name: &str) -> (Stage, Option<u64>) {
     (stage, digits.and_then(|digits| digits.parse().ok()))
 }
 
-/// The newest iteration of the fine stage in numeric order, or the one asked for. Folders without a
-/// number (`iteration_best`) only when none has one, saves of the coarse stage only when there is
-/// nothing else.
+/// The newest iteration of the fine stage in numeric order, or the requested one.
+/// Folders without a number (`iteration_best`) are used only if none has one, saves
+/// of the coarse stage only if there are no others.
 pub(crate) fn find(dir: &Path, wanted: Option<u64>) -> Result<Iteration, IoError> {
     if let Some(iteration) = as_iteration(dir) {
         return Ok(iteration);
@@ -60,8 +60,7 @@ pub(crate) fn find(dir: &Path, wanted: Option<u64>) -> Result<Iteration, IoError
         .into_iter()
         .map(|name| (stage_and_number(&name), name))
         .partition(|(_, name)| saves.join(name).join("point_cloud.ply").is_file());
-    // Fine beats coarse, then the higher number wins, any number before none; what is equal goes by
-    // name.
+    // Fine before coarse, then the highest number, any number before none, then by name.
     found.sort_by_key(|((stage, number), _)| (*stage == Stage::Fine, *number));
     let chosen = match wanted {
         Some(_) => found.iter().rev().find(|((_, number), _)| *number == wanted),
@@ -73,7 +72,7 @@ pub(crate) fn find(dir: &Path, wanted: Option<u64>) -> Result<Iteration, IoError
             (Some(wanted), false) => {
                 format!("has no iteration {wanted}; it has {}", available.join(", "))
             }
-            _ => "holds no iteration_<n>/point_cloud.ply; save the model first".to_owned(),
+            _ => "contains no iteration_<n>/point_cloud.ply; save the model first".to_owned(),
         };
         return Err(IoError::content(&saves, what));
     };
@@ -84,7 +83,7 @@ pub(crate) fn find(dir: &Path, wanted: Option<u64>) -> Result<Iteration, IoError
         };
         for (_, newer) in incomplete.iter().filter(newer) {
             notes.push(format!(
-                "{newer} is newer but holds no point_cloud.ply: {name} is used instead"
+                "{newer} is newer but contains no point_cloud.ply: {name} is used instead"
             ));
         }
         let unnumbered: Vec<&str> = found
@@ -96,7 +95,7 @@ pub(crate) fn find(dir: &Path, wanted: Option<u64>) -> Result<Iteration, IoError
             .collect();
         if !unnumbered.is_empty() {
             notes.push(format!(
-                "{name} is used, not {}; give {} to use that",
+                "{name} is used, not {}; give {} to use the latter",
                 unnumbered.join(" or "),
                 saves.join(unnumbered[0]).display()
             ));
@@ -106,14 +105,14 @@ pub(crate) fn find(dir: &Path, wanted: Option<u64>) -> Result<Iteration, IoError
     Ok(Iteration { model: dir.to_owned(), dir: saves.join(name), number, stage, notes })
 }
 
-/// A path straight to an iteration's folder.
+/// The iteration, if the path is that of an iteration's folder.
 fn as_iteration(dir: &Path) -> Option<Iteration> {
-    // Made absolute first: `.` and `..` have no name and no parent to look at.
+    // Made absolute first, because `.` and `..` have neither name nor parent.
     let dir =
         if dir.join("point_cloud.ply").is_file() { dir.canonicalize().ok()? } else { return None };
     let (stage, number) = stage_and_number(dir.file_name()?.to_str()?);
     let saves = dir.parent()?;
-    // A folder without a number is one only where it lies as one.
+    // A folder without a number is an iteration only inside `point_cloud`.
     if number.is_none() && saves.file_name()? != "point_cloud" {
         return None;
     }
@@ -126,7 +125,7 @@ pub(crate) fn looks_like_model(dir: &Path) -> bool {
     find(dir, None).is_ok()
 }
 
-/// Whether a file of this name lies in an iteration of the folder.
+/// Whether an iteration of the folder contains a file of this name.
 pub(crate) fn has_in_iterations(dir: &Path, file: &str) -> bool {
     let saves = dir.join("point_cloud");
     dir.join(file).is_file()
@@ -134,8 +133,8 @@ pub(crate) fn has_in_iterations(dir: &Path, file: &str) -> bool {
             .is_ok_and(|names| names.iter().any(|name| saves.join(name).join(file).is_file()))
 }
 
-/// The newest `point_cloud.ply` of a plain 3DGS model: a folder laid out like those of 4DGaussians,
-/// of which no save and no setting speaks of a deformation. `None` for anything else.
+/// The newest `point_cloud.ply` of a plain 3DGS model: a folder with the layout of 4DGaussians
+/// whose saves and settings contain no deformation. `None` for anything else.
 pub(crate) fn still_model(dir: &Path) -> Option<PathBuf> {
     let iteration = find(dir, None).ok().filter(|iteration| iteration.stage == Stage::Fine)?;
     let moves = DEFORMED.iter().any(|file| {
@@ -149,10 +148,10 @@ pub(crate) fn still_model(dir: &Path) -> Option<PathBuf> {
     (!moves && !trained_to_move().unwrap_or(false)).then(|| iteration.dir.join("point_cloud.ply"))
 }
 
-/// Files that only models with a deformation have.
+/// Files that identify models with a deformation.
 const DEFORMED: [&str; 4] =
     ["deformation.pth", "deformation_table.pth", "deformation_accum.pth", "FDHash.pth"];
-/// Settings that only their training has.
+/// Settings that identify their training.
 const DEFORMING: [&str; 6] =
     ["kplanes_config", "net_width", "defor_depth", "dynamic_thro", "n_levels", "no_dx"];
 
@@ -178,7 +177,7 @@ mod tests {
         let error = find(dir.path(), Some(1)).unwrap_err().to_string();
         assert!(error.contains("no iteration 1") && error.contains("iteration_7000"), "{error}");
         let direct = find(&saves.join("iteration_7000"), None).unwrap();
-        assert_eq!(direct.number, 7000, "straight to the folder");
+        assert_eq!(direct.number, 7000, "path of the iteration's folder");
         assert!(direct.model.join("point_cloud").is_dir(), "its model folder is found");
     }
 
@@ -209,10 +208,14 @@ mod tests {
                 "{name}"
             );
             let direct = find(&save, None).unwrap();
-            assert!(direct.model.join("point_cloud").is_dir(), "{name}: straight to the folder");
+            assert!(
+                direct.model.join("point_cloud").is_dir(),
+                "{name}: path of the iteration's \
+                                      folder"
+            );
         }
         let dir = tempfile::tempdir().unwrap();
         fs::write(dir.path().join("point_cloud.ply"), b"").unwrap();
-        assert!(find(dir.path(), None).is_err(), "a frozen frame is no model");
+        assert!(find(dir.path(), None).is_err(), "a frozen frame is not a model");
     }
 }

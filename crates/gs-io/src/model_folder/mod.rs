@@ -1,5 +1,5 @@
-//! Model folders of 4DGaussians and its kin: what [`crate::checkpoint4dgs`] and [`crate::swift4d`]
-//! have in common.
+//! Model folders of 4DGaussians and related methods: the common parts of
+//! [`crate::checkpoint4dgs`] and [`crate::swift4d`].
 //!
 //! A folder has `cfg_args` (flags of the training run) and `point_cloud/iteration_<n>/` with
 //! `point_cloud.ply` and the deformation.

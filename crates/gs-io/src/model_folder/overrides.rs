@@ -1,12 +1,12 @@
-//! [`Overrides`]: what the user decides instead of the files.
+//! [`Overrides`]: settings by the user that replace those of the files.
 
 use crate::repair::Damage;
 use gs_deform::IndexRule;
 
-/// What a user may decide instead of the files.
+/// Settings by the user that replace those of the files.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Overrides {
-    /// Which saved iteration; the newest when `None`.
+    /// Saved iteration; the newest if `None`.
     pub iteration: Option<u64>,
     /// Centres are not deformed.
     pub no_dx: Option<bool>,
@@ -22,31 +22,31 @@ pub struct Overrides {
     pub apply_rotation: Option<bool>,
     /// Frequency of the feature encoding, for networks that have one.
     pub grid_pe: Option<u32>,
-    /// What to do with damaged rows of the PLY.
+    /// Treatment of damaged rows of the PLY.
     pub damage: Damage,
-    /// For Swift4D models, which have flags of their own.
+    /// Flags of Swift4D models.
     pub swift4d: Swift4dOverrides,
 }
 
-/// What a user may decide instead of the files of a Swift4D model.
+/// Settings by the user for a Swift4D model.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Swift4dOverrides {
-    /// How lattice points are mapped into large tables. In no file.
+    /// How lattice points are mapped into large tables. Not stored in any file.
     pub index_rule: Option<IndexRule>,
-    /// Whether a ReLU ends the trunk (`activation`); both look the same in the tensors.
+    /// Whether a ReLU follows the trunk (`activation`); not visible in the tensors.
     pub trunk_relu: Option<bool>,
     /// Score above which a Gaussian is dynamic.
     pub dynamic_thro: Option<f32>,
-    /// Levels of the grid.
+    /// Number of levels of the grid.
     pub n_levels: Option<u32>,
     /// Features per level.
     pub n_features_per_level: Option<u32>,
-    /// log₂ of the most entries of a level.
+    /// log₂ of the largest number of entries per level.
     pub hashmap_size: Option<u32>,
     /// Resolution of the coarsest level.
     pub base_resolution: Option<u32>,
-    /// Frames of the training video. In no file.
+    /// Number of frames of the training video. Not stored in any file.
     pub frames: Option<u32>,
-    /// Frame `i` was trained at time `i / time_divisor`. In no file.
+    /// Frame `i` was trained at time `i / time_divisor`. Not stored in any file.
     pub time_divisor: Option<u32>,
 }

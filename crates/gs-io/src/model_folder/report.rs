@@ -1,4 +1,4 @@
-//! [`ModelReport`]: what was found in a model folder, and what was decided.
+//! [`ModelReport`]: contents of a model folder and the resolved settings.
 
 use super::flags::FlagReport;
 use super::iteration::{Iteration, Stage};
@@ -10,16 +10,16 @@ use std::path::PathBuf;
 pub struct Split {
     /// Splats declared dynamic.
     pub num_dynamic: usize,
-    /// Of these, how many lie in the field's box: only they move.
+    /// Number of these in the field's box; only they move.
     pub num_moving: usize,
 }
 
-/// What a model folder holds, and where every decision comes from.
+/// Contents of a model folder, and the resolved settings with their origin.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ModelReport {
-    /// Which iteration.
+    /// Iteration number.
     pub iteration: u64,
-    /// Its stage.
+    /// Stage of the iteration.
     pub stage: Stage,
     /// The PLY file read.
     pub ply: PathBuf,
@@ -37,23 +37,24 @@ pub struct ModelReport {
     pub channels: usize,
     /// Resolution levels `L`.
     pub levels: usize,
-    /// Layers of the trunk.
+    /// Number of layers of the trunk.
     pub depth: usize,
     /// Heads in use, names as in the checkpoint.
     pub heads: Vec<&'static str>,
-    /// Which mask multiplies the stored parameters.
+    /// Mask that multiplies the stored parameters.
     pub mask: &'static str,
-    /// What the model itself declares dynamic, if it does.
+    /// Splats that the model declares dynamic, if it does.
     pub split: Option<Split>,
     /// Flags of the training run.
     pub flags: Vec<FlagReport>,
-    /// Background of the training images, if `cfg_args` says so (the reference's default is white).
+    /// Whether the background of the training images is white, if `cfg_args` states it (the
+    /// reference's default is white).
     pub white_background: Option<bool>,
-    /// Heads whose weights never left their random initialisation (a hint, not a decision).
+    /// Heads whose weights are within the bounds of random initialisation (only a hint).
     pub untrained_heads: Vec<&'static str>,
-    /// What was read otherwise than stored, or not understood and not needed.
+    /// Values that were read differently from how they are stored, or ignored.
     pub notes: Vec<String>,
-    /// What the user should know.
+    /// Warnings for the user.
     pub warnings: Vec<String>,
 }
 

@@ -9,14 +9,14 @@ use gs_deform::{HashGridScene, HexPlaneScene, StaticScene};
 pub enum ModelScene {
     /// With its deformation network.
     Deformed(Box<HexPlaneScene>),
-    /// With its hash grid, which moves a part of the splats: a Swift4D model.
+    /// With its hash grid, which moves some of the splats: a Swift4D model.
     HashGrid(Box<HashGridScene>),
     /// Saved in the coarse stage, before any deformation.
     Static(StaticScene),
 }
 
 impl ModelScene {
-    /// The scene as its trait.
+    /// The scene as a trait object.
     pub fn as_dyn(&self) -> &dyn DynamicScene {
         match self {
             Self::Deformed(scene) => &**scene,
@@ -69,11 +69,11 @@ impl DynamicScene for ModelScene {
     }
 }
 
-/// A model folder, read.
+/// An opened model folder.
 #[derive(Debug)]
 pub struct Model {
     /// The scene, at times from 0.
     pub scene: ModelScene,
-    /// What was found and decided.
+    /// Contents and resolved settings.
     pub report: ModelReport,
 }

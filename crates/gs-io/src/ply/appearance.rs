@@ -1,9 +1,9 @@
-//! Columns that change what a splat looks like, beside those of the 3DGS layout.
+//! Columns beyond the 3DGS layout that affect the appearance of splats.
 //!
-//! | columns | who writes them | what is done |
+//! | columns | written by | interpretation |
 //! |---|---|---|
-//! | `filter_3D` | Mip-Splatting and its kin | s′ = √(s² + f²), o′ = o·Πs/Πs′ on activated values |
-//! | `red green blue` without `f_dc_*` | nerfstudio in its RGB mode, converters | degree-0 SH of that colour |
+//! | `filter_3D` | Mip-Splatting and related methods | s′ = √(s² + f²), o′ = o·Πs/Πs′ on activated values |
+//! | `red green blue` without `f_dc_*` | nerfstudio in RGB mode, converters | degree-0 SH of that colour |
 //! | no `scale_2` | 2DGS, surfels | a thin disc |
 //! | only `scale_0` | trainers of isotropic splats | a ball |
 //! | `f_rest_*` of degree 4 and above | newer trainers | the coefficients of degree 3 |
@@ -13,30 +13,32 @@ use gs_core::Splats;
 use gs_core::activation::{logit, sigmoid};
 use gs_core::sh::{C0, MAX_DEGREE};
 
-/// Colour columns that stand in for `f_dc_*`.
+/// Colour columns used instead of `f_dc_*`.
 pub(super) const RGB: [&str; 3] = ["red", "green", "blue"];
 /// Column of the smoothing filter of Mip-Splatting, world units.
 pub(super) const FILTER: &str = "filter_3D";
-/// Log-scale of the axis that surfels do not have: a thickness of 10⁻⁶ world units, as their own
-/// viewers draw them.
+/// Log-scale of the missing axis of surfels: a thickness of
+/// 10⁻⁶ world units, as in their own viewers.
 const SURFEL_LOG_SCALE: f32 = -13.815_511;
-/// What viewers are asked to do by this comment.
+/// Comment that requests Mip-Splatting's rendering.
 const MIP_COMMENT: &str = "splatrendermode: mip";
-/// What is said of splats that were trained with antialiasing.
-const ANTIALIASED: &str = "trained with antialiasing (Mip-Splatting's 2D filter), which is not drawn here: splats smaller than a pixel look bolder than in their own viewer";
+/// Note on splats that were trained with antialiasing.
+const ANTIALIASED: &str = "trained with antialiasing (Mip-Splatting's 2D filter), which is not \
+                          supported: splats smaller than a pixel look larger than in their own \
+                          viewer";
 
-/// What the columns say beyond the 3DGS layout.
+/// Properties of the columns beyond the 3DGS layout.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub(crate) struct Appearance {
-    /// Type of the colour columns, if they stand in for SH of degree 0.
+    /// Type of the colour columns, if they replace SH of degree 0.
     pub(super) rgb: Option<Scalar>,
     /// Whether the third axis is missing.
     pub(super) surfels: bool,
-    /// Whether one size stands for all axes.
+    /// Whether one scale applies to all axes.
     pub(super) isotropic: bool,
     /// Whether there is a filter; its column is then the last.
     pub(super) filter: bool,
-    /// SH degree of the file, where it is more than what is kept.
+    /// SH degree of the file, if it is higher than the degree read.
     pub(super) cut_degree: Option<usize>,
 }
 
@@ -49,22 +51,25 @@ pub(super) fn scalar_type(element: &Element, column: usize) -> Option<Scalar> {
 }
 
 impl Appearance {
-    /// What was done, a sentence each.
+    /// Notes on the interpretation, one sentence each.
     pub(super) fn notes(&self, comments: &[String]) -> Vec<String> {
         let mut notes = Vec::new();
         if self.rgb.is_some() {
             notes.push(
-                "colours are those of red, green and blue: it has no f_dc columns".to_owned(),
+                "colours are read from red, green and blue, because it has no f_dc \
+                columns"
+                    .to_owned(),
             );
         }
         if self.surfels {
             notes.push(
-                "it has no scale_2 (2D Gaussians): its splats are read as discs 1e-6 units thick"
+                "it has no scale_2 (2D Gaussians): splats are read as discs with a thickness of \
+                1e-6 units"
                     .to_owned(),
             );
         }
         if self.isotropic {
-            notes.push("it has one scale: its splats are read as balls of that size".to_owned());
+            notes.push("it has a single scale: splats are read as spheres of that size".to_owned());
         }
         if self.filter {
             notes.push(
@@ -82,7 +87,7 @@ impl Appearance {
         notes
     }
 
-    /// Turns values as stored in the columns into those of the 3DGS layout; `filters[row]` are
+    /// Converts the stored values of the columns to those of the 3DGS layout; `filters[row]` are
     /// world units, empty without a filter.
     pub(super) fn apply(&self, splats: &mut Splats, filters: &[f32]) {
         if let Some(scalar) = self.rgb {
@@ -103,8 +108,8 @@ impl Appearance {
     }
 }
 
-/// The number that stands for full intensity. Floating-point colours go to 1, or to 255 if one of
-/// them is above 1.
+/// The number for full intensity. For floating-point colours it
+/// is 1, or 255 if one of them is above 1.
 fn white(scalar: Scalar, mut channels: impl Iterator<Item = f32>) -> f32 {
     match scalar {
         Scalar::U16 | Scalar::I16 => 65535.0,
@@ -126,7 +131,7 @@ fn smooth(log_scale: &mut [f32; 3], opacity_logit: &mut f32, filter: f32) {
     let mut log_ratio = 0.0;
     for axis in log_scale {
         let stored = f64::from(*axis);
-        // √(s² + f²) in logarithms, so that sizes of any magnitude stay finite.
+        // √(s² + f²) computed with logarithms, so that sizes of any magnitude stay finite.
         let larger = stored.max(log_filter);
         let square = |log: f64| (2.0 * (log - larger)).exp();
         let smoothed = larger + 0.5 * (square(stored) + square(log_filter)).ln();
@@ -147,7 +152,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn smoothing_is_that_of_activated_values() {
+    fn smoothing_applies_to_activated_values() {
         let (mut log_scale, mut opacity_logit) = ([-3.0, -2.5, -2.0], 1.5);
         smooth(&mut log_scale, &mut opacity_logit, 0.2);
         let mut ratio = 1.0;
@@ -170,14 +175,18 @@ mod tests {
         let expected = ((-2.0_f64).exp() / (-2.0_f64).exp().hypot(0.2)).powi(3);
         assert!(
             (sigmoid(f64::from(opaque(0.2).1)) - expected).abs() < 1e-7,
-            "opaque becomes less so"
+            "opaque splats become less opaque"
         );
         assert_eq!(opaque(0.0), ([-2.0; 3], f32::INFINITY), "no filter");
-        assert!(opaque(f32::NAN).1.is_nan(), "damage stays damage");
+        assert!(opaque(f32::NAN).1.is_nan(), "damaged values stay damaged");
         let (mut log_scale, mut logit) = ([f32::NEG_INFINITY, -2.0, -2.0], 3.0);
         smooth(&mut log_scale, &mut logit, 0.2);
-        assert!((log_scale[0] - 0.2_f32.ln()).abs() < 1e-6, "flat becomes as thick as the filter");
-        assert_eq!(logit, f32::NEG_INFINITY, "and has no weight");
+        assert!(
+            (log_scale[0] - 0.2_f32.ln()).abs() < 1e-6,
+            "flat splats get the thickness of the \
+            filter"
+        );
+        assert_eq!(logit, f32::NEG_INFINITY, "and opacity 0");
     }
 
     #[test]

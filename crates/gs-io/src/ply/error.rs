@@ -1,8 +1,8 @@
-//! What can be wrong with a PLY file.
+//! [`PlyError`]: errors of reading a PLY file.
 
 use thiserror::Error;
 
-/// A PLY file that is malformed or not a Gaussian scene.
+/// Error of reading a PLY file.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
 pub enum PlyError {
     /// The first line is not `ply`.
@@ -11,7 +11,7 @@ pub enum PlyError {
         /// The first bytes, printable.
         found: String,
     },
-    /// The header breaks the rules of the format.
+    /// The header is malformed.
     #[error("malformed PLY header: {0}")]
     Header(String),
     /// The data end early.
@@ -21,9 +21,9 @@ pub enum PlyError {
     Truncated {
         /// Which element.
         element: String,
-        /// Needed.
+        /// Amount needed.
         expected: u128,
-        /// Found.
+        /// Amount found.
         found: u128,
         /// `bytes` or `rows`.
         unit: &'static str,
@@ -38,17 +38,17 @@ pub enum PlyError {
         /// The text found.
         token: String,
     },
-    /// The vertices lack the columns of Gaussians.
+    /// Required columns of Gaussians are missing.
     #[error("not a 3D Gaussian PLY: it has no {} (it looks like {looks_like}); {next}", missing.join(", "))]
     MissingColumns {
-        /// Columns that are missing.
+        /// Missing columns.
         missing: Vec<String>,
-        /// What the file seems to be.
+        /// Probable kind of the file.
         looks_like: String,
-        /// What to do.
+        /// Next step.
         next: &'static str,
     },
-    /// The number of SH columns fits no degree.
+    /// The number of SH columns matches no degree.
     #[error(
         "not a 3D Gaussian PLY: it has {found} f_rest columns, expected 0, 9, 24 or 45 (SH degree 0 to 3), or 72 (degree 4, which is cut)"
     )]
@@ -69,9 +69,9 @@ pub enum PlyError {
     /// The requested column is missing.
     #[error("the PLY has no numeric vertex column `{name}`; its columns are {}", found.join(", "))]
     NoColumn {
-        /// The column asked for.
+        /// The requested column.
         name: String,
-        /// Those there are.
+        /// The existing columns.
         found: Vec<String>,
     },
 }

@@ -27,7 +27,7 @@ pub fn read_header_file(path: impl AsRef<Path>) -> Result<Header, IoError> {
     let failed = |source| IoError::Read { path: path.to_owned(), source };
     let mut file = crate::fs::open_file(path).map_err(failed)?;
     let mut bytes = Vec::new();
-    // Headers of Gaussian files take two kilobytes; only longer ones cost a second read.
+    // Headers of Gaussian files take about two kilobytes; only longer ones need a second read.
     for limit in [8 << 10, MAX_HEADER as u64] {
         let missing = limit - bytes.len() as u64;
         let read = (&mut file).take(missing).read_to_end(&mut bytes).map_err(failed)?;

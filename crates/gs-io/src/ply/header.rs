@@ -5,9 +5,10 @@ use crate::content::marks::BYTE_ORDER_MARK;
 use std::borrow::Cow;
 use std::collections::HashSet;
 
-/// Longest header accepted, bytes: the longest real ones have a few hundred columns.
+/// Longest accepted header, bytes; real headers have at most a few hundred columns.
 pub(crate) const MAX_HEADER: usize = 1 << 20;
-/// Most properties of one element: scenes with a feature vector per splat have up to about 600.
+/// Largest number of properties of one element; scenes with a
+/// feature vector per splat have up to about 600.
 pub(crate) const MAX_PROPERTIES: usize = 4096;
 
 /// How the data are written.
@@ -67,7 +68,7 @@ impl Scalar {
         }
     }
 
-    /// The number at the start of `bytes`, which holds at least [`Scalar::size`].
+    /// The number at the start of `bytes`, which have at least [`Scalar::size`] bytes.
     pub(crate) fn read(self, bytes: &[u8], big_endian: bool) -> f64 {
         fn take<const N: usize>(bytes: &[u8], big_endian: bool) -> [u8; N] {
             let mut raw = [0; N];
@@ -90,12 +91,12 @@ impl Scalar {
     }
 }
 
-/// What one property of an element holds.
+/// Type of a property of an element.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum PropertyKind {
     /// One number.
     Scalar(Scalar),
-    /// A count, then as many numbers.
+    /// A count, followed by that many numbers.
     List {
         /// Type of the count.
         count: Scalar,
@@ -118,7 +119,7 @@ pub struct Property {
 pub struct Element {
     /// Its name.
     pub name: String,
-    /// Rows.
+    /// Number of rows.
     pub count: u64,
     /// Columns.
     pub properties: Vec<Property>,
@@ -151,10 +152,9 @@ impl Header {
     /// Parses the header at the start of `bytes`. Lines may end in LF, CRLF or CR; text may begin
     /// with the byte order mark of UTF-8.
     ///
-    /// # Errors
-    /// If this is not a PLY file or its header breaks the rules.
+    /// # Errors If this is not a PLY file or its header is malformed.
     pub fn parse(bytes: &[u8]) -> Result<Self, PlyError> {
-        // Where the first line ends in a CR alone, all do: in files with CRLF an LF follows.
+        // If the first line ends in CR without LF, all lines do.
         let start = if bytes.starts_with(BYTE_ORDER_MARK) { BYTE_ORDER_MARK.len() } else { 0 };
         let end = match bytes.get(start + 3..start + 5) {
             Some([b'\r', next]) if *next != b'\n' => b'\r',
@@ -171,8 +171,8 @@ impl Header {
         }
         let mut encoding = None;
         let mut elements: Vec<Element> = Vec::new();
-        // Names of the last element's properties: a search through the list for each would be
-        // quadratic.
+        // Names of the current element's properties; searching the
+        // list for each would take quadratic time.
         let mut names: HashSet<String> = HashSet::new();
         let mut comments = Vec::new();
         loop {
@@ -264,7 +264,7 @@ fn parse_property(line: &str) -> Result<Property, PlyError> {
     })
 }
 
-/// The start of a line that may be binary rubbish, for a message.
+/// The start of a line, which may be binary data, for a message.
 fn shown(line: &str) -> String {
     line.chars().take(60).map(|c| if c.is_control() { '·' } else { c }).collect()
 }
@@ -278,7 +278,7 @@ struct Lines<'a> {
 }
 
 impl<'a> Lines<'a> {
-    /// Comments may be in any encoding; what is not UTF-8 is replaced.
+    /// Comments may have any encoding; invalid UTF-8 is replaced.
     fn next(&mut self) -> Option<Cow<'a, str>> {
         let rest = &self.bytes[self.position..self.bytes.len().min(MAX_HEADER).max(self.position)];
         let end = rest.iter().position(|&byte| byte == self.end)?;
@@ -321,7 +321,7 @@ mod tests {
         let error = header(MAX_PROPERTIES + 1).unwrap_err().to_string();
         assert!(error.contains("more than 4096 properties"), "{error}");
         let again = "ply\nformat ascii 1.0\nelement a 1\nproperty int x\nelement b 1\nproperty int x\nend_header\n";
-        assert!(Header::parse(again.as_bytes()).is_ok(), "names are an element's own");
+        assert!(Header::parse(again.as_bytes()).is_ok(), "names are local to an element");
     }
 
     #[test]

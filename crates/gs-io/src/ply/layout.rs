@@ -1,4 +1,4 @@
-//! Which columns of a PLY file hold which parameters of a Gaussian.
+//! Mapping of PLY columns to the parameters of a Gaussian.
 
 use super::PlyError;
 use super::appearance::{self, Appearance};
@@ -6,14 +6,14 @@ use super::header::{Element, Header, PropertyKind};
 use gs_core::sh;
 use std::collections::HashMap;
 
-/// A Gaussian scene as its header declares it.
+/// A Gaussian scene as declared in the header.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Layout {
     /// `N`.
     pub num_splats: u64,
     /// SH degree, from the number of `f_rest_*` columns; at most 3, higher ones are cut.
     pub sh_degree: usize,
-    /// Whether all of `nx`, `ny`, `nz` are there.
+    /// Whether all of `nx`, `ny`, `nz` are present.
     pub has_normals: bool,
     /// Columns that are not part of the 3DGS layout.
     pub extra_columns: Vec<String>,
@@ -36,8 +36,7 @@ pub(crate) const NORMALS: [&str; 3] = ["nx", "ny", "nz"];
 impl Header {
     /// Finds the columns of a Gaussian scene.
     ///
-    /// # Errors
-    /// If the file is something else, or has no rows.
+    /// # Errors If the file is of another kind, or has no rows.
     pub fn gaussians(&self) -> Result<Layout, PlyError> {
         let element = self.elements.iter().position(|element| element.name == "vertex");
         let packed =
@@ -59,7 +58,7 @@ impl Header {
             });
         };
         let vertex = &self.elements[element];
-        // One pass over the names: a search through the list for each would be quadratic.
+        // One pass over the names; searching the list for each would take quadratic time.
         let scalars: HashMap<&str, usize> = vertex
             .properties
             .iter()
@@ -93,7 +92,7 @@ impl Header {
         look.isotropic = matches!(scales, [Some(_), None, None]);
         let axes = match (look.isotropic, look.surfels) {
             (true, _) => [1, 1, 1],
-            // Surfels: any column, its values are replaced.
+            // Surfels: an arbitrary column, whose values are replaced.
             (_, true) => [1, 2, 2],
             _ => [1, 2, 3],
         };
@@ -110,7 +109,7 @@ impl Header {
         let stored = degree_of_rest(rest).ok_or(PlyError::ShColumns { found: rest })?;
         let sh_degree = stored.min(sh::MAX_DEGREE);
         look.cut_degree = (stored > sh_degree).then_some(stored);
-        // Of each channel the first ones are kept.
+        // The first coefficients of each channel are kept.
         let kept = sh::num_coeffs(sh_degree) - 1;
         let channels = rest_columns.chunks(rest_columns.len() / 3 + usize::from(rest == 0));
         let kept: Vec<usize> = channels.flat_map(|channel| &channel[..kept]).copied().collect();
@@ -138,9 +137,9 @@ impl Header {
     }
 }
 
-/// SH degree of a file with so many `f_rest_*` columns.
+/// SH degree of a file with `rest` `f_rest_*` columns.
 fn degree_of_rest(rest: usize) -> Option<usize> {
-    /// Highest degree that is cut; no trainer goes beyond 4.
+    /// Highest degree that is accepted and cut; no trainer exceeds 4.
     const HIGHEST: usize = 10;
     (0..=HIGHEST).find(|degree| 3 * ((degree + 1) * (degree + 1) - 1) == rest)
 }
@@ -155,12 +154,12 @@ fn list_or_none(names: &[&str]) -> String {
     if names.is_empty() { "(none)".to_owned() } else { names.join(", ") }
 }
 
-/// What a vertex table without the Gaussian columns probably is.
+/// Probable kind of a vertex table without the Gaussian columns.
 fn looks_like(names: &[String]) -> String {
     let has = |name: &str| names.iter().any(|found| found == name);
     let starts = |prefix: &str| names.iter().any(|found| found.starts_with(prefix));
     let guess = if starts("f_anchor_feat") || starts("f_offset") {
-        "anchors of Scaffold-GS, whose Gaussians only its network can make"
+        "anchors of Scaffold-GS, whose Gaussians only its network can generate"
     } else if has("scale_1") && !has("scale_2") && has("rot_0") {
         "2D Gaussian surfels (2DGS)"
     } else if has("x") && has("red") && !has("rot_0") {
@@ -220,7 +219,7 @@ mod tests {
     }
 
     #[test]
-    fn columns_that_change_the_look_are_found() {
+    fn columns_that_affect_the_appearance_are_found() {
         let all: Vec<&str> = LEADING.iter().chain(&TRAILING).copied().collect();
         let without = |gone: &[&str]| -> Vec<&str> {
             all.iter().copied().filter(|name| !gone.contains(name)).collect()
@@ -232,7 +231,7 @@ mod tests {
         let both = [all.clone(), vec!["red", "green", "blue"]].concat();
         let found = layout(&both, 1).unwrap();
         assert_eq!((found.appearance.rgb, found.extra_columns.len()), (None, 3), "SH win");
-        assert!(layout(&rgb[..rgb.len() - 1], 1).is_err(), "two channels are no colour");
+        assert!(layout(&rgb[..rgb.len() - 1], 1).is_err(), "two channels are not a colour");
         assert!(layout(&without(&["scale_2"]), 1).unwrap().appearance.surfels, "surfels");
         assert!(layout(&without(&["scale_1"]), 1).is_err(), "another axis is missing");
         let balls = layout(&without(&["scale_1", "scale_2"]), 1).unwrap();
@@ -246,7 +245,7 @@ mod tests {
         let higher = [all, names.iter().map(String::as_str).collect()].concat();
         let found = layout(&higher, 1).unwrap();
         assert_eq!((found.sh_degree, found.appearance.cut_degree), (3, Some(4)), "degree 4");
-        // Channel 1 begins at f_rest_24 in the file, at the 16th of the kept.
+        // Channel 1 begins at f_rest_24 in the file, and at the 16th kept coefficient.
         assert_eq!((found.columns[6], found.columns[6 + 15]), (14, 14 + 24), "by channel");
     }
 

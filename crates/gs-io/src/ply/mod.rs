@@ -1,4 +1,4 @@
-//! 3DGS PLY files: read whatever tools write, write what every tool reads.
+//! 3DGS PLY files: reads the variants of all common tools, writes the most compatible one.
 
 mod appearance;
 pub mod comments;

@@ -1,4 +1,4 @@
-//! 3DGS PLY files in.
+//! Reading 3DGS PLY files.
 
 use super::PlyError;
 use super::header::{Element, Encoding, Header, PropertyKind, Scalar};
@@ -7,7 +7,7 @@ use super::rows::Cursor;
 use gs_core::{Splats, sh};
 use rayon::prelude::*;
 
-/// Rows one task converts.
+/// Rows converted per task.
 const CHUNK: usize = 4096;
 
 /// A Gaussian scene from a PLY file, values as stored.
@@ -15,15 +15,15 @@ const CHUNK: usize = 4096;
 pub struct PlySplats {
     /// The Gaussians.
     pub splats: Splats,
-    /// Columns that are not part of the 3DGS layout and were left out.
+    /// Columns that are not part of the 3DGS layout and were ignored.
     pub extra_columns: Vec<String>,
-    /// What was read otherwise than stored because its columns say so, one sentence each.
+    /// Notes on columns that changed the interpretation of stored values, one sentence each.
     pub notes: Vec<String>,
     /// Comments of the header.
     pub comments: Vec<String>,
     /// Whether the file has (unused) normals.
     pub has_normals: bool,
-    /// How the data were written.
+    /// Encoding of the data.
     pub encoding: Encoding,
 }
 
@@ -31,12 +31,10 @@ pub struct PlySplats {
 /// ones are cut).
 ///
 /// Values are kept as stored, quaternions unnormalised; see [`crate::repair`] for infinities and
-/// damaged rows. Columns of other trainers that change what a splat looks like are honoured and
-/// noted: colours instead of SH, Mip-Splatting's filter, surfels.
+/// damaged rows. Columns of other trainers that affect the appearance are applied and noted:
+/// colours instead of SH, Mip-Splatting's filter, surfels.
 ///
-/// # Errors
-/// Says what is wrong with the file or what it is instead. Memory is bounded by a small multiple of
-/// the file's size, whatever counts its header claims.
+/// # Errors Describes the error, or the kind of the file if it is not a Gaussian scene. Memory is bounded by a small multiple of the file's size, regardless of the counts in its header.
 pub fn read(bytes: &[u8]) -> Result<PlySplats, PlyError> {
     let header = Header::parse(bytes)?;
     let layout = header.gaussians()?;
@@ -102,7 +100,7 @@ fn single(value: f64) -> f32 {
     value as f32
 }
 
-/// Where a column lies in a fixed-width row.
+/// Position of a column in a fixed-width row.
 #[derive(Clone, Copy)]
 struct Column {
     offset: usize,
@@ -208,7 +206,7 @@ fn zeroed(count: usize, sh_degree: usize) -> Splats {
     }
 }
 
-/// The places one row of the file goes to.
+/// Destinations of one row of the file.
 struct Row<'a> {
     mean: &'a mut [f32; 3],
     quat: &'a mut [f32; 4],
@@ -225,7 +223,7 @@ impl Row<'_> {
         *self.mean = std::array::from_fn(&value);
         self.sh[0] = std::array::from_fn(|channel| value(3 + channel));
         for k in 0..higher {
-            // Files are channel-major, memory is coefficient-major.
+            // Channel-major in the file, coefficient-major in memory.
             self.sh[1 + k] = std::array::from_fn(|channel| value(6 + channel * higher + k));
         }
         *self.opacity_logit = value(tail);

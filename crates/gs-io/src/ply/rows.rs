@@ -1,9 +1,9 @@
-//! Walking the tables of a PLY file.
+//! Traversal of the tables of a PLY file.
 
 use super::PlyError;
 use super::header::{Element, Encoding, Header, PropertyKind, Scalar};
 
-/// A place in the data, between two values.
+/// A position in the data, between two values.
 #[derive(Debug, Clone)]
 pub(crate) struct Cursor<'a> {
     bytes: &'a [u8],
@@ -12,7 +12,7 @@ pub(crate) struct Cursor<'a> {
 }
 
 impl<'a> Cursor<'a> {
-    /// Start of element `index`, the ones before it skipped.
+    /// Start of element `index`, skipping the ones before it.
     pub(crate) fn at_element(
         header: &Header,
         bytes: &'a [u8],
@@ -29,8 +29,8 @@ impl<'a> Cursor<'a> {
         &self.bytes[self.position..]
     }
 
-    /// The rows of an element of fixed width in a binary file, `None` for any other; everything the
-    /// caller allocates for them is bounded by the size of the file.
+    /// The rows of an element of fixed width in a binary file, `None` for any other; the caller's
+    /// allocations for them are bounded by the size of the file.
     pub(crate) fn fixed_rows(&self, element: &Element) -> Result<Option<&'a [u8]>, PlyError> {
         let Some(stride) = element.stride().filter(|_| self.encoding != Encoding::Ascii) else {
             return Ok(None);
@@ -45,8 +45,8 @@ impl<'a> Cursor<'a> {
 
     /// Fails if the element cannot possibly fit into the rest of the file.
     pub(crate) fn check_fits(&self, element: &Element) -> Result<(), PlyError> {
-        // A digit and a separator in text (but for the last value), the count alone for an empty
-        // binary list.
+        // In text a digit and a separator (except after the last value); in
+        // binary only the count for an empty list.
         let least: usize = match self.encoding {
             Encoding::Ascii => 2 * element.properties.len(),
             Encoding::LittleEndian | Encoding::BigEndian => element
@@ -112,8 +112,8 @@ impl<'a> Cursor<'a> {
         element: &Element,
         index: u64,
     ) -> Result<(), PlyError> {
-        // Counts are integers of at most 32 bits (the header accepts no others), so f64 holds them
-        // exactly.
+        // Counts are integers of at most 32 bits (enforced by the
+        // header), which f64 represents exactly.
         #[expect(
             clippy::cast_possible_truncation,
             clippy::cast_sign_loss,

@@ -1,4 +1,4 @@
-//! 3DGS PLY files out.
+//! Writing 3DGS PLY files.
 
 use super::layout::{LEADING, NORMALS, TRAILING};
 use gs_core::{Splats, sh};
@@ -7,14 +7,14 @@ use std::io::{self, Write};
 
 /// Rows formatted between two writes.
 const BLOCK: usize = 1 << 15;
-/// Rows one task formats.
+/// Rows formatted per task.
 const CHUNK: usize = 1 << 11;
 
-/// How to write a PLY file.
+/// Options for writing a PLY file.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct WriteOptions {
-    /// Writes the unused columns `nx ny nz` as zeros. Default true: readers with fixed row sizes
-    /// need them.
+    /// Write the unused columns `nx ny nz` as zeros. Default true,
+    /// because readers with fixed row sizes need them.
     pub normals: bool,
     /// Comment lines of the header; line breaks become spaces.
     pub comments: Vec<String>,
@@ -60,7 +60,7 @@ impl WriteOptions {
         lines.join("\n")
     }
 
-    /// Size of the file [`write()`] makes, bytes.
+    /// Size of the file written by [`write()`], bytes.
     pub fn file_size(&self, splats: &Splats) -> u64 {
         let degree = self.degree(splats);
         let header = self.header(splats.len(), degree).len() as u64;
@@ -70,8 +70,7 @@ impl WriteOptions {
 
 /// Writes a binary little-endian 3DGS PLY, columns in the order of the reference implementation.
 ///
-/// # Errors
-/// If the arrays of `splats` disagree ([`io::ErrorKind::InvalidInput`]) or writing fails.
+/// # Errors If the arrays of `splats` have inconsistent lengths ([`io::ErrorKind::InvalidInput`]) or writing fails.
 pub fn write(splats: &Splats, options: &WriteOptions, out: &mut impl Write) -> io::Result<()> {
     splats.check_shapes().map_err(|error| io::Error::new(io::ErrorKind::InvalidInput, error))?;
     let degree = options.degree(splats);

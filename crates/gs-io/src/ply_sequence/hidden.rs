@@ -1,12 +1,12 @@
-//! Rows that are damaged in some frames of a sequence only: there they are invisible, and lie as in
-//! the nearest frame in which they are sound, so that what fades in beside such a frame does not
-//! fly in from elsewhere.
+//! Rows that are damaged only in some frames of a sequence: there they are
+//! invisible and have the geometry of the nearest undamaged frame, so that they do
+//! not move while they fade in next to such a frame.
 
 use crate::repair::TRANSPARENT_LOGIT;
 use gs_core::Splats;
 use std::collections::BTreeMap;
 
-/// A damaged row, and the frame whose values stand in for it.
+/// A damaged row, and the frame whose values replace it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 struct Hidden {
     stand_in: u32,
@@ -18,8 +18,8 @@ struct Hidden {
 pub(super) struct HiddenRows(Vec<Vec<Hidden>>);
 
 impl HiddenRows {
-    /// From the damaged rows of each frame, ascending; with them the rows that are damaged in every
-    /// frame, ascending. Frames and rows are counted in 32 bits.
+    /// From the damaged rows of each frame, ascending. Also returns the rows that are damaged in
+    /// every frame, ascending. Frames and rows are counted in 32 bits.
     pub(super) fn of(damaged: &[Vec<usize>]) -> (Self, Vec<usize>) {
         let small = |n: usize| u32::try_from(n).unwrap_or(u32::MAX);
         let mut frames_of: BTreeMap<usize, Vec<u32>> = BTreeMap::new();
@@ -36,8 +36,8 @@ impl HiddenRows {
                 gone.push(row);
                 continue;
             }
-            // Runs of consecutive damaged frames, each between two sound ones or an end of the
-            // clip.
+            // Runs of consecutive damaged frames, bounded by
+            // undamaged ones or the ends of the clip.
             for run in frames.chunk_by(|a, b| a + 1 == *b) {
                 let (first, last) = (run[0], run[run.len() - 1]);
                 let before = first.checked_sub(1);
@@ -58,7 +58,7 @@ impl HiddenRows {
         (Self(hidden), gone)
     }
 
-    /// The frames that stand in for rows of a frame, and for which rows.
+    /// The replacement frames for a frame, each with its rows.
     pub(super) fn of_frame(&self, frame: usize) -> impl Iterator<Item = (usize, Vec<usize>)> + '_ {
         let hidden = self.0.get(frame).map_or(&[][..], Vec::as_slice);
         hidden.chunk_by(|a, b| a.stand_in == b.stand_in).map(|group| {
@@ -67,7 +67,7 @@ impl HiddenRows {
     }
 }
 
-/// Gives `rows` of a frame the values of `stand_in`, without its opacity.
+/// Sets `rows` of a frame to the values of `stand_in`, but invisible.
 pub(super) fn hide(splats: &mut Splats, stand_in: &Splats, rows: Vec<usize>) {
     let coeffs = splats.sh_coeffs();
     for row in rows {
@@ -84,15 +84,16 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_nearest_sound_frame_stands_in() {
-        // Row 1: damaged at first. Row 2: in the middle. Row 3: at last. Row 4: everywhere.
+    fn the_nearest_undamaged_frame_replaces_damaged_rows() {
+        // Row 1 is damaged at the start, row 2 in the middle, row
+        // 3 at the end, row 4 in all frames.
         let damaged = [vec![1, 4], vec![1, 2, 4], vec![2, 4], vec![2, 4], vec![3, 4], vec![3, 4]];
         let (hidden, gone) = HiddenRows::of(&damaged);
         assert_eq!(gone, [4], "never sound");
         let of = |frame: usize| hidden.of_frame(frame).collect::<Vec<_>>();
         assert_eq!(of(0), [(2, vec![1])], "the first frame after the run");
         assert_eq!(of(1), [(0, vec![2]), (2, vec![1])], "either side");
-        assert_eq!(of(2), [(0, vec![2])], "as near: the one before");
+        assert_eq!(of(2), [(0, vec![2])], "equally near: the one before");
         assert_eq!(of(3), [(4, vec![2])], "nearer: the one after");
         assert_eq!(of(5), [(3, vec![3])], "the last frame before the run");
         assert!(HiddenRows::default().of_frame(3).next().is_none(), "nothing is damaged");

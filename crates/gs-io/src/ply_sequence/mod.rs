@@ -1,4 +1,4 @@
-//! Numbered frames in a folder or zip archive, PLY or any other still format, as a scene; and the
+//! Scenes made of numbered frames in a folder or zip archive, PLY or any other still format; and
 //! writers of such folders and archives.
 
 mod hidden;
@@ -23,18 +23,18 @@ use source::{Beside, Source};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// How to open a sequence.
+/// Options for opening a sequence.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct SequenceOptions {
-    /// Frames kept in memory, at least 2. Default 4: both neighbours of a time, for two readers.
+    /// Frames kept in memory, at least 2. Default 4: the two
+    /// neighbours of a time, for two concurrent readers.
     pub cached_frames: usize,
-    /// What to do with damaged rows. [`Damage::Fail`] (default) and [`Damage::Keep`] read frames
-    /// when they are needed; [`Damage::Drop`] reads all files once on opening: a row that is
-    /// damaged in some frames is invisible in these, one that is damaged in all of them is left
-    /// out.
+    /// Treatment of damaged rows. [`Damage::Fail`] (default) and [`Damage::Keep`] read frames on
+    /// demand. [`Damage::Drop`] reads all files once on opening; a row that is damaged in some
+    /// frames is invisible there, a row that is damaged in all frames is dropped.
     pub damage: Damage,
-    /// Axes of the files, for formats that come in several (SPZ, glTF); `None`: those that each
-    /// file names, else those of its format.
+    /// Axes of the files, for formats whose files use different axes (SPZ, glTF); `None` for those
+    /// stated in each file, else those of its format.
     pub axes: Option<Axes>,
 }
 
@@ -44,8 +44,8 @@ impl Default for SequenceOptions {
     }
 }
 
-/// `n ≥ 2` frames with the same rows, frame `i` at time `i/(n−1)`; between frames as
-/// [`gs_deform::Trajectories`]. Frames are read when needed and the last few kept.
+/// `n ≥ 2` frames with the same rows, frame `i` at time `i/(n−1)`; between frames as in
+/// [`gs_deform::Trajectories`]. Frames are read on demand, and the most recent ones are cached.
 #[derive(Debug)]
 pub struct PlySequence {
     source: Source,
@@ -54,7 +54,7 @@ pub struct PlySequence {
     sh_degree: usize,
     damage: Damage,
     axes: Option<Axes>,
-    /// Rows of the files that are kept, if damaged ones were dropped.
+    /// Rows of the files that were kept, if damaged ones were dropped.
     kept: Option<Vec<usize>>,
     hidden: HiddenRows,
     repair: RepairReport,
@@ -63,7 +63,7 @@ pub struct PlySequence {
 
 impl PlySequence {
     /// Opens a folder or a zip archive. Reads the headers of all frames and verifies that they have
-    /// the same rows and SH degree. Nothing is unpacked to disk.
+    /// the same rows and SH degree. Nothing is extracted to disk.
     ///
     /// # Errors
     /// If there are fewer than two frames, numbers are missing, or a file differs from the first;
@@ -76,7 +76,8 @@ impl PlySequence {
             return Err(IoError::content(
                 path,
                 format!(
-                    "holds {} numbered frames, a sequence needs at least 2 (frame_00000.ply, frame_00001.ply, …)",
+                    "contains {} numbered frames, a sequence needs at least 2 (frame_00000.ply, \
+                    frame_00001.ply, …)",
                     source.len()
                 ),
             ));
@@ -88,7 +89,8 @@ impl PlySequence {
                 return Err(IoError::content(
                     &source.label(index),
                     format!(
-                        "holds {} Gaussians of SH degree {}, but {} holds {} of degree {}; rows must persist through a sequence",
+                        "has {} Gaussians of SH degree {}, but {} has {} of degree {}; all frames \
+                        of a sequence must have the same rows",
                         other.num_splats,
                         other.sh_degree,
                         source.name(0),
@@ -119,14 +121,14 @@ impl PlySequence {
         Ok(sequence)
     }
 
-    /// Files that are read: the frames in order of time, or the archive.
+    /// Input files: the frames in order of time, or the archive.
     pub fn paths(&self) -> &[PathBuf] {
         self.source.paths()
     }
 
-    /// Shows that rows hardly persist: how far a row's centre moves from one frame to the next
-    /// (median), over the distance of rows that have nothing to do with each other. Far below 1 for
-    /// a scene; near 1 where each frame was sorted anew. Reads two frames.
+    /// Measures whether rows persist: median distance of a row's centre between two frames, divided
+    /// by the distance of unrelated rows. Far below 1 for a scene; near 1 if each frame was sorted
+    /// separately. Reads two frames.
     ///
     /// # Errors
     /// If one of them cannot be read.
@@ -146,7 +148,7 @@ impl PlySequence {
         };
         let rows = self.num_splats;
         let moved = median((0..rows).map(|i| distance(first.means[i], second.means[i])).collect());
-        // A stride that is prime to most lengths mixes rows well enough.
+        // A stride coprime to most lengths mixes rows sufficiently.
         let other = |i: usize| (i * 7919 + rows / 2) % rows;
         let apart = (0..rows).map(|i| distance(first.means[i], first.means[other(i)])).collect();
         let apart = median(apart);
@@ -158,12 +160,12 @@ impl PlySequence {
         &self.beside.ignored
     }
 
-    /// Which series of the folder is used and which are ignored, if there are several.
+    /// Note on the series used and those ignored, if the folder has several.
     pub fn series(&self) -> Option<&str> {
         self.beside.series.as_deref()
     }
 
-    /// What was read otherwise than stored in the first frame, one sentence each. Reads that frame.
+    /// Notes on reading the first frame, one sentence each. Reads that frame.
     ///
     /// # Errors
     /// If it cannot be read.
@@ -173,13 +175,13 @@ impl PlySequence {
         Ok(frame.notes.into_iter().chain(assumption).collect())
     }
 
-    /// Rows of the files that are kept, if damaged ones were dropped.
+    /// Rows of the files that were kept, if damaged ones were dropped.
     pub fn kept_rows(&self) -> Option<&[usize]> {
         self.kept.as_deref()
     }
 
-    /// Rows damaged in at least one frame, and infinities with a meaning, as far as they were
-    /// looked for.
+    /// Rows damaged in at least one frame, and interpreted
+    /// infinities, as far as frames were examined.
     pub fn repair(&self) -> RepairReport {
         self.repair
     }
@@ -194,7 +196,7 @@ impl PlySequence {
             self.repair.infinities.add(infinities);
             let rows = repair::survey(&splats, |_row| false).1;
             for &row in &rows {
-                // A row counts once, by what is wrong with it in the first frame that shows it.
+                // A row counts once, by its first damage.
                 if !std::mem::replace(&mut seen[row], true) {
                     first.get_or_insert_with(|| (self.source.label(index), row));
                     if repair::only_rotation_missing(&splats, row) {
@@ -230,7 +232,7 @@ impl PlySequence {
         })
     }
 
-    /// All rows of a frame, with finite values for infinities that have a meaning.
+    /// All rows of a frame, with interpreted infinities replaced by finite values.
     fn read(&self, index: usize) -> Result<(Splats, Infinities), IoError> {
         let mut splats = self.read_file(index)?.splats;
         let rows = self.repair.rows;
@@ -238,21 +240,21 @@ impl PlySequence {
             return Err(IoError::content(
                 &self.source.label(index),
                 format!(
-                    "now holds {} Gaussians of SH degree {}, but had {rows} of degree {} when the sequence was opened",
+                    "now has {} Gaussians of SH degree {}, but had {rows} of degree {} when the \
+                    sequence was opened",
                     splats.len(),
                     splats.sh_degree,
                     self.sh_degree
                 ),
             ));
         }
-        let infinities = repair::settle_infinities(&mut splats);
+        let infinities = repair::replace_infinities(&mut splats);
         Ok((splats, infinities))
     }
 
-    /// The kept rows of a frame, from memory if it is among the last ones used.
+    /// The kept rows of a frame, from the cache if possible.
     ///
-    /// # Errors
-    /// If the file cannot be read, has changed, or holds damaged rows where none are allowed.
+    /// # Errors If the file cannot be read, has changed, or contains damaged rows where none are allowed.
     ///
     /// # Panics
     /// If there is no such frame.

@@ -1,25 +1,25 @@
-//! Which files of a folder are frames, and in which order.
+//! Finds the frames among file names, and their order.
 
 use std::collections::BTreeMap;
 
-/// Frames of a folder in numeric order, and everything else in it.
+/// Frames of a folder in numeric order, and its other entries.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub(crate) struct Found {
     pub(crate) frames: Vec<String>,
     pub(crate) ignored: Vec<String>,
-    /// Which series is used and which are ignored, if there are several.
+    /// Note on the series used and those ignored, if there are several.
     pub(crate) series: Option<String>,
 }
 
-/// Ends of the names of frames, lower case.
+/// Extensions of frames, lower case.
 const ENDINGS: [&str; 6] = [".compressed.ply", ".ply", ".splat", ".spz", ".sog", ".glb"];
 
-/// Prefix with ending, and number, of `<prefix><digits><ending>`. In archives the prefix has the
-/// folders, too.
+/// Prefix with extension, and number, of `<prefix><digits><extension>`.
+/// In archives the prefix includes the folders.
 fn parse(name: &str) -> Option<(String, u64)> {
     let lower = name.to_lowercase();
     let file = lower.rsplit('/').next()?;
-    // What macOS puts beside every file of an archive.
+    // Metadata files that macOS adds to archives.
     if file.starts_with("._") || lower.starts_with("__macosx/") {
         return None;
     }
@@ -30,7 +30,7 @@ fn parse(name: &str) -> Option<(String, u64)> {
     Some((format!("{prefix}*{ending}"), number))
 }
 
-/// Picks the largest group of numbered frames with one prefix and ending. Numbers may start
+/// Finds the largest group of numbered frames with the same prefix and extension. Numbers may start
 /// anywhere and have any constant step.
 ///
 /// # Errors
@@ -94,7 +94,7 @@ mod tests {
     }
 
     #[test]
-    fn order_is_numeric_and_the_rest_is_ignored() {
+    fn order_is_numeric_and_other_files_are_ignored() {
         let found =
             find(&["f10.ply", "f9.PLY", "F8.ply", "notes.txt", "other.ply", "g1.ply"]).unwrap();
         assert_eq!(found.frames, ["F8.ply", "f9.PLY", "f10.ply"], "numeric");
@@ -118,13 +118,13 @@ mod tests {
         assert_eq!(
             found.series.as_deref(),
             Some("several series in the folder: using a-*.ply (2 frames), ignoring b-*.ply (1)"),
-            "which was taken"
+            "which series is used"
         );
         assert_eq!(find(&["a-0.ply", "a-1.ply", "notes.txt"]).unwrap().series, None, "one");
     }
 
     #[test]
-    fn gaps_and_doubles_are_named() {
+    fn missing_and_duplicate_frames_are_named() {
         let error = find(&["f0.ply", "f1.ply", "f3.ply"]).unwrap_err();
         assert!(error.contains("f1.ply and f3.ply"), "{error}");
         let error = find(&["f1.ply", "f01.ply", "f2.ply"]).unwrap_err();

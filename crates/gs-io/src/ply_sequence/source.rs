@@ -1,4 +1,4 @@
-//! Where the frames of a sequence lie.
+//! [`Source`]: location of a sequence's frames.
 
 use super::{find_frames, list_names};
 use crate::archive::Archive;
@@ -12,42 +12,42 @@ use std::io::{BufReader, Read, Seek};
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 
-/// Bytes that hold the header of nearly every frame, and those that hold every header.
+/// Numbers of bytes that contain the header of nearly every frame, and of every frame.
 const STARTS: [u64; 2] = [16 << 10, 1 << 20];
 
-/// What lies beside the frames.
+/// Other entries beside the frames.
 #[derive(Debug, Default)]
 pub(super) struct Beside {
     /// Names of the other entries.
     pub(super) ignored: Vec<String>,
-    /// Which of several series the frames are.
+    /// Note on the series used, if there are several.
     pub(super) series: Option<String>,
 }
 
 /// Frames in order of time.
 #[derive(Debug)]
 pub(super) enum Source {
-    /// One file each.
+    /// One file per frame.
     Folder(Vec<PathBuf>),
     /// Entries of a zip archive.
     Zip {
         path: [PathBuf; 1],
         names: Vec<String>,
         archive: Mutex<Archive<BufReader<File>>>,
-        /// Bytes of a frame, at most.
+        /// Largest size of a frame, bytes.
         limit: u64,
     },
 }
 
 impl Source {
-    /// The frames of a folder, and what else is in it.
+    /// The frames of a folder, and its other entries.
     pub(super) fn folder(dir: &Path) -> Result<(Self, Beside), IoError> {
         let found = find_frames(&list_names(dir)?).map_err(|what| IoError::content(dir, what))?;
         let paths = found.frames.iter().map(|name| dir.join(name)).collect();
         Ok((Self::Folder(paths), Beside { ignored: found.ignored, series: found.series }))
     }
 
-    /// The frames of an archive, and what else is in it.
+    /// The frames of an archive, and its other entries.
     pub(super) fn zip(path: &Path) -> Result<(Self, Beside), IoError> {
         let failed = |source| IoError::Read { path: path.to_owned(), source };
         let mut file = crate::fs::open_file(path).map_err(failed)?;
@@ -58,7 +58,7 @@ impl Source {
         file.rewind().map_err(failed)?;
         let limit = decompress::limit(usize::try_from(size).unwrap_or(usize::MAX));
         let archive = Archive::open(BufReader::new(file)).map_err(|what| {
-            IoError::content(path, format!("is no readable zip archive: {what}"))
+            IoError::content(path, format!("is not a readable zip archive: {what}"))
         })?;
         let found = find_frames(archive.names()).map_err(|what| IoError::content(path, what))?;
         let mut ignored = found.ignored;
@@ -92,7 +92,7 @@ impl Source {
         }
     }
 
-    /// Path of a frame, for messages; that of an entry goes through its archive.
+    /// Path of a frame, for messages; for an entry it includes the archive's path.
     pub(super) fn label(&self, index: usize) -> PathBuf {
         match self {
             Self::Folder(paths) => paths[index].clone(),

@@ -1,7 +1,7 @@
-//! Sequences out, one frame in memory at a time.
+//! Writing sequences, with one frame in memory at a time.
 //!
-//! What every known player accepts: `frame_00000.ply` and so on from 0, nothing else beside them;
-//! in a zip archive, stored entries at the root with real sizes and checksums in their local
+//! The layout that every known player accepts: `frame_00000.ply` and so on from 0, without other
+//! files; in a zip archive, stored entries at the root with sizes and checksums in their local
 //! headers, below the limits of zip64.
 
 use crate::archive::StoredWriter;
@@ -21,7 +21,7 @@ fn frame_name(index: usize) -> String {
     format!("frame_{index:05}.ply")
 }
 
-/// Name of frame `index` of a compressed sequence, as SuperSplat expects it.
+/// Name of frame `index` of a compressed sequence, as expected by SuperSplat.
 fn compressed_name(index: usize) -> String {
     format!("frame_{index:05}.compressed.ply")
 }
@@ -32,7 +32,7 @@ fn too_short(path: &Path, frames: usize) -> Result<(), IoError> {
     }
     Err(IoError::content(
         path,
-        format!("{frames} frames do not make a sequence; ask for at least 2, or for a single PLY"),
+        format!("{frames} frames are not a sequence; write at least 2, or a single PLY"),
     ))
 }
 
@@ -47,9 +47,7 @@ pub struct FolderWriter {
 impl FolderWriter {
     /// Begins a folder.
     ///
-    /// # Errors
-    /// If `dir` has content that may not be replaced (only folders of frames ever are), or cannot
-    /// be made.
+    /// # Errors If `dir` has content that must not be replaced (only folders of frames are), or cannot be created.
     pub fn create(dir: impl AsRef<Path>, existing: Existing) -> Result<Self, IoError> {
         let path = dir.as_ref().to_owned();
         Ok(Self { dir: AtomicDir::create_bare(&path, existing)?, path, frames: 0 })
@@ -63,8 +61,8 @@ impl FolderWriter {
         self.add(&frame_name(self.frames), |file| ply::write(splats, options, file))
     }
 
-    /// Adds a frame as compressed PLY and says what it does not keep. For rows that persist, every
-    /// frame needs the same [`compressed_ply::WriteOptions::order`].
+    /// Adds a frame as compressed PLY and returns the losses. For rows to persist, every frame
+    /// needs the same [`compressed_ply::WriteOptions::order`].
     ///
     /// # Errors
     /// If it cannot be written.
@@ -142,7 +140,8 @@ impl ZipWriter {
     }
 }
 
-/// Writes the scene at `times` as a folder of frames; `progress` hears the number of frames done.
+/// Writes the scene at `times` as a folder of frames; `progress` is
+/// called with the number of finished frames.
 ///
 /// # Errors
 /// As [`FolderWriter`]; also if the scene cannot be evaluated.
@@ -165,9 +164,9 @@ pub fn write_folder(
     writer.finish()
 }
 
-/// Writes the scene at `times` as a folder of compressed frames and says what they do not keep;
-/// `progress` hears the number of frames done. Without [`compressed_ply::WriteOptions::order`], all
-/// frames have the order of the first one along a space-filling curve, so that rows persist.
+/// Writes the scene at `times` as a folder of compressed frames and returns the losses; `progress`
+/// is called with the number of finished frames. Without [`compressed_ply::WriteOptions::order`],
+/// all frames have the order of the first one along a space-filling curve, so that rows persist.
 ///
 /// # Errors
 /// As [`FolderWriter`]; also if the scene cannot be evaluated.
@@ -184,7 +183,7 @@ pub fn write_compressed_folder(
     let mut writer = FolderWriter::create(dir, existing)?;
     let (mut options, mut losses) = (options.clone(), Losses::none());
     if options.sh_degree.is_none() {
-        // One for all frames, since rows persist; most scenes reach theirs in the first frame.
+        // One degree for all frames; most scenes need their highest degree in the first frame.
         let mut kept = 0;
         for &time in times {
             if kept == scene.sh_degree() {
@@ -206,8 +205,8 @@ pub fn write_compressed_folder(
     Ok(losses)
 }
 
-/// Writes the scene at `times` as a zip archive of frames; `progress` hears the number of frames
-/// done.
+/// Writes the scene at `times` as a zip archive of frames; `progress` is
+/// called with the number of finished frames.
 ///
 /// # Errors
 /// As [`ZipWriter`]; also if the scene cannot be evaluated.

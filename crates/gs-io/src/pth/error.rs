@@ -1,9 +1,9 @@
-//! [`PthError`]: what is wrong with a PyTorch file.
+//! [`PthError`]: errors of reading a PyTorch file.
 
 use crate::archive::ZipError;
 use thiserror::Error;
 
-/// A PyTorch file that cannot be read.
+/// Error of reading a PyTorch file.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
 pub enum PthError {
     /// The stream format of PyTorch before 1.6.
@@ -17,13 +17,13 @@ pub enum PthError {
         /// First bytes, in hexadecimal.
         found: String,
     },
-    /// The container is broken.
+    /// The container is damaged.
     #[error("PyTorch file: {0}")]
     Zip(#[from] ZipError),
-    /// The container lacks a part.
+    /// An entry is missing from the container.
     #[error("PyTorch file: no entry `{0}` in the archive")]
     MissingEntry(String),
-    /// The pickle is broken or does what a checkpoint never does.
+    /// The pickle is malformed or uses operations that checkpoints do not.
     #[error("PyTorch file: byte {at} of its pickle: {what}")]
     Pickle {
         /// Position.
@@ -34,12 +34,12 @@ pub enum PthError {
     /// A tensor does not fit its storage.
     #[error("PyTorch file: {0}")]
     Tensor(String),
-    /// The file holds something other than tensors by name or a tensor.
-    #[error("PyTorch file: it holds {found}, expected {expected}")]
+    /// The root is neither a dictionary of tensors nor a tensor.
+    #[error("PyTorch file: it contains {found}, expected {expected}")]
     Root {
-        /// What it holds.
+        /// What was found.
         found: String,
-        /// What was asked for.
+        /// What was expected.
         expected: &'static str,
     },
 }

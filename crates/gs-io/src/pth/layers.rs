@@ -1,4 +1,4 @@
-//! Layers of networks, out of the tensors of a file.
+//! Builds layers of networks from the tensors of a file.
 
 use super::Tensor;
 use gs_deform::Linear;
@@ -11,7 +11,7 @@ pub(crate) struct Layers<'a> {
 }
 
 impl<'a> Layers<'a> {
-    /// The last of equal names wins, as in Python.
+    /// The last of equal names is used, as in Python.
     pub(crate) fn new(tensors: Vec<(String, Tensor<'a>)>) -> Self {
         Self { by_name: tensors.into_iter().collect() }
     }
@@ -62,14 +62,14 @@ impl<'a> Layers<'a> {
         }
     }
 
-    /// The layer, if it is there.
+    /// The layer, if it exists.
     pub(crate) fn linear_if_there(&self, name: &str) -> Result<Option<Linear>, String> {
         self.has(&format!("{name}.weight")).then(|| self.linear(name)).transpose()
     }
 
-    /// Consecutive layers, from the first on: `name(0)`, `name(1)`, …
+    /// Consecutive layers `name(0)`, `name(1)`, …
     pub(crate) fn sequence(&self, name: impl Fn(usize) -> String) -> Result<Vec<Linear>, String> {
-        // There cannot be more than there are tensors.
+        // At most the number of tensors.
         (0..self.by_name.len())
             .map(name)
             .take_while(|name| self.has(&format!("{name}.weight")))

@@ -1,8 +1,8 @@
 //! PyTorch archives (`.pth`): zip containers of a pickle and raw storages.
 //!
-//! The pickle is interpreted as data by a machine that knows some forty opcodes and a dozen names;
-//! nothing is ever imported or executed. Objects of any other class are passed over, opcodes that
-//! checkpoints do not use are refused. Tensors stay views of the file until asked for. Memory is
+//! The pickle is interpreted as data by a machine with about forty opcodes and a dozen names;
+//! nothing is imported or executed. Objects of other classes are skipped, opcodes that checkpoints
+//! do not use are refused. Tensors are views of the file until they are converted. Memory is
 //! bounded by a small multiple of the file.
 
 mod error;
@@ -31,8 +31,7 @@ const LEGACY: [u8; 8] = [0x80, 0x02, 0x8a, 0x0a, 0x6c, 0xfc, 0x9c, 0x46];
 
 /// Reads a PyTorch file; tensors are views of `bytes`.
 ///
-/// # Errors
-/// Says what is wrong with the container, the pickle or a tensor.
+/// # Errors Describes the error in the container, the pickle or a tensor.
 pub fn read(bytes: &[u8]) -> Result<Root<'_>, PthError> {
     Ok(read_with_integers(bytes)?.0)
 }
@@ -64,7 +63,7 @@ pub(crate) fn read_with_integers(bytes: &[u8]) -> Result<(Root<'_>, Integers), P
     })
 }
 
-/// Reads a PyTorch file and gives its root to `with`.
+/// Reads a PyTorch file and passes its root to `with`.
 ///
 /// # Errors
 /// If the file cannot be read, or `with` fails.

@@ -1,4 +1,4 @@
-//! Names of tensors, whatever they were wrapped in when they were saved.
+//! Names of tensors, without the prefixes of wrapping modules.
 //!
 //! Training scripts save `{'state_dict': …, 'epoch': …}`, `DataParallel` prefixes `module`,
 //! `torch.compile` `_orig_mod`, and a whole module that is saved keeps its tensors under `_modules`
@@ -6,10 +6,10 @@
 
 use super::Tensor;
 
-/// Parts of names that only say how a module was wrapped.
+/// Parts of names that come from wrapping a module.
 const WRAPPERS: [&str; 5] = ["module", "_orig_mod", "_modules", "_parameters", "_buffers"];
 
-/// `path` and `name` with a dot between.
+/// `path` and `name` joined by a dot.
 pub(super) fn joined(path: &str, name: Option<&str>) -> String {
     match name {
         None => path.to_owned(),
@@ -18,15 +18,15 @@ pub(super) fn joined(path: &str, name: Option<&str>) -> String {
     }
 }
 
-/// A name without the parts that wrapping adds.
+/// A name without parts that come from wrapping.
 pub(super) fn canonical(name: &str) -> String {
     let parts = || name.split('.').filter(|part| !WRAPPERS.contains(part));
     if parts().next().is_none() { name.to_owned() } else { parts().collect::<Vec<_>>().join(".") }
 }
 
-/// The tensors that lie beside one named `known`, by their names from there: what lies in front of
-/// it, as `state_dict.`, is taken off. Of several places the one with the shortest name is taken,
-/// then the first. Without such a tensor all stay as they are.
+/// The tensors at the same level as one named `known`, with the common prefix (such as
+/// `state_dict.`) removed. Of several levels the one with the shortest prefix is used, then the
+/// first. Without such a tensor all are unchanged.
 pub fn beside<'a>(tensors: Vec<(String, Tensor<'a>)>, known: &[&str]) -> Vec<(String, Tensor<'a>)> {
     let prefix_of = |name: &str| {
         let prefix = known.iter().find_map(|known| name.strip_suffix(known))?;
@@ -50,7 +50,7 @@ mod tests {
     use crate::pth::Dtype;
 
     #[test]
-    fn wrapping_leaves_no_trace() {
+    fn wrapping_prefixes_are_removed() {
         assert_eq!(canonical("module.net._orig_mod.0.weight"), "net.0.weight", "wrapped twice");
         assert_eq!(canonical("_modules.net._parameters.weight"), "net.weight", "a whole module");
         assert_eq!(canonical("module"), "module", "a name of its own");

@@ -1,9 +1,9 @@
 //! A pickle machine for checkpoints: data only.
 //!
-//! Containers live in an arena and values are small copies, so memory grows with the length of the
-//! pickle, sharing costs nothing, and nesting of any depth is harmless. Objects of classes that are
-//! no part of a tensor (NumPy scalars beside the weights, whole modules) are inert: their class is
-//! a name, their state is data.
+//! Containers are stored in an arena and values are small copies, so memory grows
+//! with the length of the pickle, sharing costs nothing, and deep nesting is
+//! harmless. Objects of other classes (NumPy scalars beside the weights, whole
+//! modules) are inert: their class is a name, their state is data.
 
 use super::names;
 use super::tensor::{Dtype, Tensor};
@@ -11,7 +11,7 @@ use super::{PthError, Root};
 use std::borrow::Cow;
 use std::collections::BTreeMap;
 
-/// What a pickle refers to by name.
+/// A class or function referenced by name.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Name<'a> {
     OrderedDict,
@@ -27,7 +27,7 @@ enum Value<'a> {
     None,
     Bool(bool),
     Int(i64),
-    /// A number or bytes of no interest.
+    /// A number or bytes that are not needed.
     Plain,
     Text(&'a str),
     Name(Name<'a>),
@@ -46,7 +46,7 @@ enum Node<'a> {
         bytes: &'a [u8],
     },
     Tensor(Tensor<'a>),
-    /// Of the class `module.name`: what it was given as state, and its items.
+    /// An object of the class `module.name`, with its state and items.
     Object {
         class: (&'a str, &'a str),
         state: Value<'a>,
@@ -69,7 +69,7 @@ struct Machine<'a, 'f> {
     storages: Storages<'a, 'f>,
 }
 
-/// Runs the pickle and takes the tensors from its result, and the integers beside them.
+/// Runs the pickle and returns the tensors of its result, and the integers beside them.
 pub(super) fn load<'a>(
     bytes: &'a [u8],
     storages: Storages<'a, '_>,
@@ -164,7 +164,7 @@ impl<'a> Machine<'a, '_> {
         Err(PthError::Pickle { at, what: "expected a dictionary on the stack".to_owned() })
     }
 
-    /// Top of the stack must be a list; its items are of no use to us.
+    /// Requires a list at the top of the stack; its items are not needed.
     fn top_list(&self) -> Result<(), PthError> {
         match self.stack.last() {
             Some(&Value::Node(index))
@@ -238,11 +238,11 @@ impl<'a> Machine<'a, '_> {
             0x93 => {
                 let (name, module) = (self.pop()?, self.pop()?);
                 let (Value::Text(module), Value::Text(name)) = (module, name) else {
-                    return Err(self.error("a name that is no text"));
+                    return Err(self.error("a name that is not text"));
                 };
                 self.stack.push(Value::Name(name_of(module, name)));
             }
-            // The length of a frame, of no use in memory.
+            // The length of a frame, which is not needed in memory.
             0x95 => {
                 self.take(8)?;
             }
@@ -344,7 +344,8 @@ impl<'a> Machine<'a, '_> {
         Ok(())
     }
 
-    /// Keeps the state of an inert object; that of an ordered dictionary is module metadata.
+    /// Stores the state of an inert object; the state of an ordered
+    /// dictionary is module metadata and is dropped.
     fn build(&mut self) -> Result<(), PthError> {
         let given = self.pop()?;
         if let Some(&Value::Node(index)) = self.stack.last()
@@ -364,11 +365,11 @@ impl<'a> Machine<'a, '_> {
         });
     }
 
-    /// `('storage', class, key, device, count)` to the bytes of that storage; the device is of no
-    /// interest.
+    /// Resolves `('storage', class, key, device, count)` to the bytes
+    /// of that storage; the device is ignored.
     fn persistent(&mut self) -> Result<(), PthError> {
         let id = self.pop()?;
-        // A number type that is not read: the tensor is inert, too.
+        // For unsupported number types the tensor is inert.
         if let &[Value::Text("storage"), Value::Name(Name::Other(module, name)), ..] =
             self.tuple(id)?
         {
@@ -492,10 +493,10 @@ impl<'a> Machine<'a, '_> {
         Err(PthError::Root { found, expected: "tensors by name, or a tensor" })
     }
 
-    /// Tensors by name, in file order, in dictionaries, tuples and objects, each of which is
-    /// visited once.
+    /// Tensors by name, in file order, in dictionaries, tuples and
+    /// objects; each container is visited once.
     fn tensors(&self, root: Value<'a>) -> Result<Vec<(String, Tensor<'a>)>, PthError> {
-        // Names may be written once and used often.
+        // A name may be stored once and used often.
         let mut room = NAMES_FREE + NAMES_RATIO * self.bytes.len();
         let mut out = Vec::new();
         let mut seen = vec![false; self.arena.len()];
@@ -521,7 +522,7 @@ impl<'a> Machine<'a, '_> {
                 let path = names::joined(&path, name.as_deref());
                 room = room.checked_sub(path.len()).ok_or_else(|| {
                     PthError::Tensor(
-                        "its names are longer than any file of this size needs".to_owned(),
+                        "its names are longer than plausible for a file of this size".to_owned(),
                     )
                 })?;
                 if depth < MAX_DEPTH {
@@ -533,9 +534,9 @@ impl<'a> Machine<'a, '_> {
     }
 }
 
-/// Deepest nesting in which tensors are looked for; modules of modules have a dozen levels.
+/// Largest nesting depth that is searched for tensors; nested modules have about a dozen levels.
 const MAX_DEPTH: usize = 64;
-/// Bytes of names beside a pickle of any length, and by its length.
+/// Limit on the total length of names, bytes: a constant, and a multiple of the pickle's length.
 const NAMES_FREE: usize = 1 << 20;
 const NAMES_RATIO: usize = 64;
 

@@ -1,13 +1,13 @@
-//! [`Root`]: the object that a PyTorch file holds.
+//! [`Root`]: the top-level object of a PyTorch file.
 
 use super::{PthError, Tensor};
 
-/// What a PyTorch file holds.
+/// Top-level object of a PyTorch file.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Root<'a> {
-    /// Tensors by name, in file order; entries of other kinds are left out. Tensors in nested
-    /// dictionaries have the names of these in front, with dots between; parts that only say how a
-    /// module was wrapped (`module`, `_orig_mod`) are left out.
+    /// Tensors by name, in file order; entries of other kinds are skipped. Names of
+    /// tensors in nested dictionaries are joined with dots, without parts that come
+    /// from wrapping a module (`module`, `_orig_mod`).
     StateDict(Vec<(String, Tensor<'a>)>),
     /// One tensor.
     Tensor(Tensor<'a>),
@@ -28,10 +28,9 @@ impl<'a> Root<'a> {
         }
     }
 
-    /// The single tensor, or that of a dictionary of one.
+    /// The single tensor, or the only one of a dictionary.
     ///
-    /// # Errors
-    /// If the root is a dictionary of none or several.
+    /// # Errors If the root is a dictionary with no or several tensors.
     pub fn into_tensor(self) -> Result<Tensor<'a>, PthError> {
         match self {
             Self::Tensor(tensor) => Ok(tensor),

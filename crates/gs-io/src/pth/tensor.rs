@@ -82,16 +82,14 @@ pub struct Tensor<'a> {
     dtype: Dtype,
     shape: Vec<usize>,
     strides: Vec<usize>,
-    /// From the first element on.
+    /// Bytes from the first element.
     bytes: &'a [u8],
 }
 
 impl<'a> Tensor<'a> {
     /// A view of `storage`; `offset` and `strides` in elements.
     ///
-    /// # Errors
-    /// If an element would lie outside the storage, or there would be more elements than the
-    /// storage holds.
+    /// # Errors If an element would be outside the storage, or the tensor has more elements than the storage.
     pub(crate) fn new(
         dtype: Dtype,
         storage: &'a [u8],
@@ -105,11 +103,11 @@ impl<'a> Tensor<'a> {
             )))
         };
         if shape.len() != strides.len() {
-            return refuse("has another number of strides than axes");
+            return refuse("has different numbers of strides and axes");
         }
         let available = storage.len() / dtype.size();
         let count = shape.iter().try_fold(1_usize, |product, &length| product.checked_mul(length));
-        // Views that repeat elements could claim any size; no checkpoint has them.
+        // Views that repeat elements could have any size; checkpoints do not contain them.
         let Some(count) = count.filter(|&count| count <= available) else {
             return refuse(&format!("has more elements than its storage of {available}"));
         };
@@ -139,12 +137,12 @@ impl<'a> Tensor<'a> {
         self.shape.iter().product()
     }
 
-    /// Whether there are none.
+    /// Whether there are no elements.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
 
-    /// Whether elements lie in the file in the order of their indices.
+    /// Whether elements are stored in the order of their indices.
     fn is_contiguous(&self) -> bool {
         let mut expected = 1;
         self.shape.iter().zip(&self.strides).rev().all(|(&length, &stride)| {
@@ -157,7 +155,11 @@ impl<'a> Tensor<'a> {
     /// All elements as `f32`, row-major (last axis fastest); doubles and integers are rounded,
     /// booleans are 0 or 1.
     pub fn to_f32s(&self) -> Vec<f32> {
-        #[expect(clippy::cast_possible_truncation, reason = "rounding to single is asked for")]
+        #[expect(
+            clippy::cast_possible_truncation,
+            reason = "rounding to single precision is \
+            intended"
+        )]
         self.map(|value| value as f32)
     }
 

@@ -1,5 +1,5 @@
-//! Tensors by name, written as `torch.save` writes them: a stored zip archive of a pickle and raw
-//! storages.
+//! Writes tensors by name in the format of `torch.save`: a stored
+//! zip archive of a pickle and raw storages.
 
 use crate::archive::StoredWriter;
 use std::io::{self, Write};
@@ -15,7 +15,7 @@ pub struct NamedTensor<'a> {
     pub values: &'a [f32],
 }
 
-/// Opcodes of pickle protocol 2 in use here.
+/// Opcodes of pickle protocol 2 used here.
 mod op {
     pub(super) const PROTOCOL_2: [u8; 2] = [0x80, 2];
     pub(super) const MARK: u8 = b'(';
@@ -31,8 +31,8 @@ mod op {
     pub(super) const STOP: u8 = b'.';
 }
 
-/// Writes an ordered dictionary of tensors, as PyTorch 1.6 and later read it. Equal tensors give
-/// equal bytes.
+/// Writes an ordered dictionary of tensors, for PyTorch 1.6 and
+/// later. Equal tensors give equal bytes.
 ///
 /// # Errors
 /// If a shape does not fit its values, or the stream cannot be written.
@@ -73,14 +73,14 @@ impl Pickle {
 
     fn text(&mut self, text: &str) {
         self.0.push(op::TEXT);
-        // Names are short; a longer one than 4 GiB cannot exist in memory next to its pickle.
+        // Names are far shorter than 4 GiB.
         let length = u32::try_from(text.len()).unwrap_or(u32::MAX);
         self.0.extend(length.to_le_bytes());
         self.0.extend(text.bytes());
     }
 
     fn integer(&mut self, value: usize) {
-        // Two's complement; no length in memory has the top bit.
+        // Two's complement; lengths never have the top bit set.
         self.0.extend([op::LONG, 8]);
         self.0.extend((value as u64).to_le_bytes());
     }
@@ -127,7 +127,7 @@ mod tests {
     use crate::pth;
 
     #[test]
-    fn what_is_written_is_read() {
+    fn written_tensors_are_read_back() {
         let values: Vec<f32> = (0..24_u8).map(|i| f32::from(i) - 3.5).collect();
         let tensors = [
             NamedTensor { name: "a.weight", shape: &[2, 3, 4], values: &values },

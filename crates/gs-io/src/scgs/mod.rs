@@ -1,8 +1,8 @@
-//! Model folders of SC-GS (Huang et al. 2024): splats that follow control nodes.
+//! Model folders of SC-GS (Huang et al. 2024): splats driven by control nodes.
 //!
 //! The layout is that of [`crate::deformable3dgs`]. The PLY has columns `fea_0 …`: hyper
-//! coordinates, and a last one for the motion mask if it was trained with one. `deform.pth` holds
-//! the nodes beside the network.
+//! coordinates, and a last one for the motion mask if it was trained with one. `deform.pth`
+//! contains the nodes and the network.
 
 use crate::cfg_args::Value;
 use crate::deform_folder::DeformFolder;
@@ -17,9 +17,9 @@ use gs_core::activation;
 use gs_deform::{NodeGraph, NodeGraphScene};
 use std::path::Path;
 
-/// Nodes that a splat follows, if `cfg_args` does not say it.
+/// Number of nodes per splat, if `cfg_args` does not state it.
 const NEIGHBORS: usize = 3;
-/// Most of them accepted.
+/// Largest accepted number of nodes per splat.
 const MAX_NEIGHBORS: u64 = 64;
 /// Options that change the evaluation and are not supported.
 const UNSUPPORTED: [&str; 5] =
@@ -40,7 +40,8 @@ pub fn open(dir: impl AsRef<Path>, options: &OpenOptions) -> Result<OpenedScene,
         return Err(IoError::content(
             folder.files.last().unwrap_or(&folder.network),
             format!(
-                "says {option}=True, an option of SC-GS that is not supported; train without it, or export the scene as a PLY sequence from its own viewer"
+                "has {option}=True, an option of SC-GS that is not supported; train without it, \
+                or export the scene as a PLY sequence from its own viewer"
             ),
         ));
     }
@@ -60,7 +61,7 @@ pub fn open(dir: impl AsRef<Path>, options: &OpenOptions) -> Result<OpenedScene,
     folder.facts.push((
         "nodes",
         format!(
-            "{}, {} followed by each splat{}{}",
+            "{}, {} per splat{}{}",
             graph.log_radii.len(),
             graph.neighbors,
             if layers.has("network.local_rotation.weight") { ", local frames" } else { "" },
@@ -79,7 +80,7 @@ pub fn open(dir: impl AsRef<Path>, options: &OpenOptions) -> Result<OpenedScene,
     })
 }
 
-/// The nodes, and the coordinates of the splats among them.
+/// The nodes, and the hyper coordinates of the splats.
 fn graph(layers: &Layers<'_>, folder: &DeformFolder) -> Result<NodeGraph, String> {
     let nodes = layers.need("nodes")?;
     let &[count, dims] = nodes.shape() else {
@@ -110,7 +111,7 @@ fn graph(layers: &Layers<'_>, folder: &DeformFolder) -> Result<NodeGraph, String
         None => NEIGHBORS,
         Some(Some(k @ 1..=MAX_NEIGHBORS)) => usize::try_from(k).unwrap_or(NEIGHBORS),
         Some(_) => {
-            return Err(format!("cfg_args has no sensible K, expected 1 to {MAX_NEIGHBORS}"));
+            return Err(format!("cfg_args has K out of range, expected 1 to {MAX_NEIGHBORS}"));
         }
     };
     #[expect(clippy::cast_possible_truncation, reason = "an option")]

@@ -1,4 +1,4 @@
-//! Reading a frame.
+//! Reading SOG.
 
 use crate::archive::Archive;
 use crate::archive::decompress;
@@ -13,8 +13,8 @@ use std::io::Cursor;
 use std::sync::Arc;
 
 const FORMAT: &str = "SOG";
-/// Gap between values of a codebook that still says how far from them the written values lay, in
-/// median gaps.
+/// Largest gap between codebook values, in median gaps, that is
+/// used as a bound of the rounding error.
 const WIDEST_GAP: f32 = 8.0;
 /// Palette entries in a row of the plane of centroids.
 const PALETTE_ROW: usize = 64;
@@ -104,7 +104,7 @@ impl Plane {
     }
 }
 
-/// Reads `meta.json`; `plane` gives the bytes of a file it names, or says why not.
+/// Reads `meta.json`; `plane` returns the bytes of a file named there, or an error message.
 pub(crate) fn read_planes(
     meta: &[u8],
     plane: &dyn Fn(&str) -> Result<Vec<u8>, String>,
@@ -128,7 +128,7 @@ pub(crate) fn read_planes(
     ];
     let packed = names.map(|name| plane(name).map_err(damaged));
     let packed = packed.into_iter().collect::<Result<Vec<_>, _>>()?;
-    // A plane of one colour takes a few bytes, so the bound is that of all of them.
+    // A plane of one colour takes only a few bytes, so the limit applies to all planes together.
     let limit = decompress::limit(packed.iter().map(Vec::len).sum());
     let planes = packed.iter().map(|bytes| decode(bytes, limit)).collect::<Result<Vec<_>, _>>()?;
     let [low, high, scales, quats, colors] = &planes[..] else {
@@ -173,8 +173,8 @@ pub(crate) fn read_planes(
         if let Some(harmonics) = &harmonics {
             splats.sh.extend(harmonics.of_splat(i));
         }
-        // Encoders of WebP clear the colour of pixels without alpha, so that of an invisible splat
-        // is not known.
+        // WebP encoders clear the colour of pixels with alpha 0, so the
+        // colour of an invisible splat is unknown.
         let color_off = |byte: u8| {
             if alpha == 0 { f32::INFINITY } else { color_book.off[usize::from(byte)] }
         };
@@ -184,7 +184,7 @@ pub(crate) fn read_planes(
             log_scales: [0, 1, 2].map(|axis| scale_book.off[usize::from(scale[axis])]),
             opacity: 1.1 / 255.0,
             sh_dc: [r, g, b].map(color_off),
-            // Palettes are fitted to the scene: how far a splat lies from its entry is not known.
+            // Palettes are fitted to the scene, so the error of a splat's entry is unknown.
             sh_rest: [f32::INFINITY; 3],
             ..RowPrecision::EXACT
         });
@@ -192,7 +192,7 @@ pub(crate) fn read_planes(
     let mut notes: Vec<String> =
         ends_note((0..count).map(|i| colors.at(i)[3])).into_iter().collect();
     if bad_slots > 0 {
-        notes.push(format!("{bad_slots} damaged rotations were read as none"));
+        notes.push(format!("{bad_slots} damaged rotations were read as the identity"));
     }
     Ok(Frame {
         splats,
@@ -205,7 +205,7 @@ pub(crate) fn read_planes(
 }
 
 impl Means {
-    /// A centre and how far it may be off.
+    /// A centre and its largest error.
     fn at(&self, low: [u8; 4], high: [u8; 4]) -> ([f32; 3], [f32; 3]) {
         let (mut mean, mut off) = ([0.0; 3], [0.0; 3]);
         for axis in 0..3 {
@@ -213,14 +213,14 @@ impl Means {
             let unit = f32::from(u16::from_le_bytes([low[axis], high[axis]])) / 65535.0;
             let log = self.mins[axis] + width * unit;
             mean[axis] = log.abs().exp_m1().copysign(log);
-            // A whole step: writers cut as often as they round.
+            // A whole step, because some writers truncate and some round.
             off[axis] = 1.1 * width.abs() / 65535.0 * (mean[axis].abs() + 1.0);
         }
         (mean, off)
     }
 }
 
-/// 256 values, and how far what was written may lie from each.
+/// 256 values, and the largest rounding error of each.
 struct Book {
     values: [f32; 256],
     off: [f32; 256],
@@ -233,9 +233,8 @@ impl Book {
         })?;
         let mut sorted = values;
         sorted.sort_by(f32::total_cmp);
-        // What was written lies nearer to its value than to any other, so within the wider gap
-        // beside it; beside a gap of unusual width, nearer still, or there would be a value in the
-        // gap.
+        // A written value is closest to its codebook value, hence within the wider adjacent gap.
+        // Unusually wide gaps are limited, because otherwise they would contain a codebook value.
         let mut gaps: Vec<f32> = sorted.windows(2).map(|pair| pair[1] - pair[0]).collect();
         gaps.retain(|gap| *gap > 0.0);
         gaps.sort_by(f32::total_cmp);
@@ -301,13 +300,18 @@ impl Harmonics {
 
 /// A WebP image of at most `limit` bytes of pixels.
 fn decode(bytes: &[u8], limit: u64) -> Result<Plane, FrameError> {
-    let failed = |error: image::ImageError| damaged(format!("a plane is no WebP image: {error}"));
+    let failed = |error: image::ImageError| {
+        damaged(format!(
+            "a plane is not a WebP image: \
+        {error}"
+        ))
+    };
     let decoder = image::codecs::webp::WebPDecoder::new(Cursor::new(bytes)).map_err(failed)?;
     let (width, height) = decoder.dimensions();
     let pixels = u64::from(width) * u64::from(height);
     if pixels * 4 > limit {
         return Err(damaged(format!(
-            "a plane of {width}×{height} pixels, more than the file can hold"
+            "a plane of {width}×{height} pixels, more than the file can contain"
         )));
     }
     let pixels = image::DynamicImage::from_decoder(decoder).map_err(failed)?.into_rgba8();

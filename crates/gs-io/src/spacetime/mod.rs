@@ -1,13 +1,13 @@
-//! PLY files of Spacetime Gaussians (Li et al. 2024), lite model: splats that move along cubics of
-//! time and fade in and out.
+//! PLY files of Spacetime Gaussians (Li et al. 2024), lite model: splats that move along cubic
+//! polynomials of time and fade in and out.
 //!
 //! Columns beside those of 3DGS: `trbf_center`, `trbf_scale` (logarithm of the time after which
 //! opacity has fallen to 1/e), `motion_0 … motion_8` (velocities to the first, second and third
 //! power of time), `omega_0 … omega_3`. `f_dc_0 … f_dc_2` are plain RGB. Times are (frame −
 //! start)/duration, so that the last frame of n is at (n−1)/n.
 //!
-//! The full model has nine colour features and a decoder that depends on the ray of a pixel; it is
-//! no set of splats, and refused.
+//! The full model has nine colour features and a decoder that depends on the ray of a pixel; it
+//! cannot be represented as splats and is refused.
 
 use crate::error::IoError;
 use crate::fs::read_bytes;
@@ -40,8 +40,8 @@ const COLUMNS: [&str; 15] = [
     "omega_3",
 ];
 
-/// Whether a PLY with these columns beside those of 3DGS is one of Spacetime Gaussians, lite or
-/// full.
+/// Whether a PLY with these columns besides those of 3DGS is
+/// from Spacetime Gaussians, lite or full.
 pub(crate) fn has_columns(extra_columns: &[String]) -> bool {
     let has = |name: &str| extra_columns.iter().any(|column| column == name);
     has("trbf_center") && has("motion_0")
@@ -58,7 +58,9 @@ pub fn open(path: impl AsRef<Path>, options: &OpenOptions) -> Result<OpenedScene
     if read.extra_columns.iter().any(|column| column == "f_t_0" || column == "f_dc_3") {
         return Err(IoError::content(
             &path,
-            "is of the full model of Spacetime Gaussians, whose colours come from a decoder that depends on the ray of each pixel, so it is no set of splats; train the lite model (model=ours_lite), or export a .splatv from it",
+            "is of the full model of Spacetime Gaussians, whose colours come from a decoder that \
+            depends on the ray of each pixel, so it cannot be represented as splats; train the \
+            lite model (model=ours_lite), or export a .splatv from it",
         ));
     }
     let columns = ply::read_columns(&bytes, &COLUMNS).map_err(IoError::ply(&path))?;
@@ -75,7 +77,7 @@ pub fn open(path: impl AsRef<Path>, options: &OpenOptions) -> Result<OpenedScene
         })
         .collect();
     let broken = |row: usize| {
-        // A width beyond single precision is a splat that is always there.
+        // A width beyond single precision means that the splat does not fade.
         let finite = columns.iter().all(|column| column[row].is_finite());
         !finite || motions[row].width == 0.0
     };
@@ -103,7 +105,7 @@ pub fn open(path: impl AsRef<Path>, options: &OpenOptions) -> Result<OpenedScene
 
 type Facts = Vec<(&'static str, String)>;
 
-/// The file, and what is known of a folder that it lies in.
+/// The file, with facts and warnings about its model folder.
 fn locate(path: &Path, options: &OpenOptions) -> Result<(PathBuf, Facts, Vec<String>), IoError> {
     if !path.is_dir() {
         return Ok((path.to_owned(), Vec::new(), Vec::new()));

@@ -1,4 +1,4 @@
-//! Values of every frame: what is stored once, and a place in the changing rest.
+//! Decoding of frames: values stored once, and a cursor into the changing values.
 
 use super::Splat4dError;
 use super::streams::{HEAD, Head, Symbols, attribute, unzigzag};
@@ -9,14 +9,14 @@ use gs_core::Splats;
 /// Grid steps, in the units of [`super::value::values`].
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Grids {
-    /// Of changing values, by attribute.
+    /// Steps of changing values, by attribute.
     pub(super) moving: [f64; 5],
-    /// Of positions and logarithmic sizes that are stored once.
+    /// Step of positions and logarithmic sizes that are stored once.
     pub(super) fixed_pos: f64,
     pub(super) fixed_scale: f64,
 }
 
-/// What is stored once.
+/// Values that are stored once.
 #[derive(Debug)]
 pub(super) struct Fixed {
     /// All splats, with the first frame's values where they change.
@@ -25,7 +25,8 @@ pub(super) struct Fixed {
     pub(super) changing: [Vec<u32>; 5],
 }
 
-/// Attributes of the static section's streams, in order: which splats are static, then values.
+/// Attributes of the static section's streams, in order: a bit
+/// map of the static splats, then values.
 const ORDER: [Attribute; 10] = {
     use Attribute::{Alpha, Pos, Rgb, Rot, Scale};
     [Pos, Rot, Rgb, Alpha, Scale, Pos, Scale, Rgb, Alpha, Rot]
@@ -43,12 +44,12 @@ pub(super) fn fixed(
     grids: &Grids,
     room: &mut u64,
 ) -> Result<Fixed, Splat4dError> {
-    let cut = || Splat4dError::Stream("the static section is cut off".to_owned());
-    // Before anything is made of that size: values alone take this many bytes a splat.
+    let cut = || Splat4dError::Stream("the static section is truncated".to_owned());
+    // Tested before allocating: the values alone take this many bytes per splat.
     let least: usize = Attribute::ALL.iter().map(|attribute| attribute.channels()).sum();
     if n.saturating_mul(least) as u64 > *room {
         return Err(Splat4dError::Stream(format!(
-            "{} bytes do not hold {n} splats",
+            "{} bytes cannot contain {n} splats",
             section.len()
         )));
     }
@@ -116,7 +117,7 @@ fn whole(symbol: u32) -> f64 {
 #[expect(
     clippy::cast_possible_truncation,
     clippy::cast_sign_loss,
-    reason = "clamped to a byte, as the format says"
+    reason = "clamped to a byte, as the format specifies"
 )]
 fn level(value: f64) -> u8 {
     value.round().clamp(0.0, 255.0) as u8
@@ -136,8 +137,8 @@ fn part(value: f64) -> f32 {
     (value.clamp(-128.0, 127.0) / 128.0) as f32
 }
 
-/// A group of frames, unpacked: by attribute, the first frame's grid points and the differences
-/// from frame to frame.
+/// A decompressed group of frames: by attribute, the first frame's grid
+/// points and the differences between frames.
 #[derive(Debug)]
 struct Group {
     index: usize,
@@ -154,7 +155,7 @@ fn group(
     room: &mut u64,
 ) -> Result<Group, Splat4dError> {
     let broken = |what: String| Splat4dError::Stream(format!("group {index} of frames: {what}"));
-    let cut = || broken("it is cut off".to_owned());
+    let cut = || broken("it is truncated".to_owned());
     let (count, rest) = chunk.split_first_chunk::<2>().ok_or_else(cut)?;
     let count = usize::from(u16::from_le_bytes(*count));
     let (heads, mut rest) = rest.split_at_checked(count * HEAD).ok_or_else(cut)?;
@@ -185,7 +186,7 @@ fn group(
     Ok(group)
 }
 
-/// A place in the clip: grid points of the changing values at one frame.
+/// A position in the clip: grid points of the changing values at one frame.
 #[derive(Debug, Default)]
 pub(super) struct Cursor {
     group: Option<Group>,
@@ -195,7 +196,7 @@ pub(super) struct Cursor {
 }
 
 impl Cursor {
-    /// Goes to the first frame of a group, unpacking it if it is another than the last.
+    /// Moves to the first frame of a group, decompressing it if it is not the current one.
     pub(super) fn enter(
         &mut self,
         chunk: &[u8],
@@ -204,7 +205,7 @@ impl Cursor {
         changing: &[Vec<u32>; 5],
         room: &mut u64,
     ) -> Result<(), Splat4dError> {
-        // The old group's memory is given back before the new one's is taken.
+        // The old group is freed before the new one is allocated.
         let held = self.group.take().filter(|group| group.index == index);
         let held = match held {
             Some(held) => held,
@@ -219,12 +220,12 @@ impl Cursor {
         Ok(())
     }
 
-    /// Whether `frame` of group `index` lies ahead, so that [`Cursor::advance`] reaches it.
+    /// Whether `frame` of group `index` is ahead, so that [`Cursor::advance`] can reach it.
     pub(super) fn is_before(&self, index: usize, frame: usize) -> bool {
         self.group.as_ref().is_some_and(|group| group.index == index) && self.frame <= frame
     }
 
-    /// Goes on to a later `frame` of the group at hand.
+    /// Advances to a later `frame` of the current group.
     pub(super) fn advance(&mut self, frame: usize) {
         let Some(group) = &self.group else { return };
         for step in self.frame..frame {
@@ -238,7 +239,7 @@ impl Cursor {
         self.frame = frame;
     }
 
-    /// Rows whose changing rotation is zero here.
+    /// Rows whose changing rotation is zero at this frame.
     pub(super) fn without_rotation<'a>(
         &'a self,
         changing: &'a [Vec<u32>; 5],

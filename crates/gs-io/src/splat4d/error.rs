@@ -1,9 +1,9 @@
-//! [`Splat4dError`]: what is wrong with a `.splat4d` file.
+//! [`Splat4dError`]: errors of reading a `.splat4d` file.
 
 use crate::repair::DamagedRows;
 use thiserror::Error;
 
-/// Bytes that are no `.splat4d` scene.
+/// Error of reading a `.splat4d` file.
 #[derive(Debug, Error)]
 pub enum Splat4dError {
     /// Another kind of file.
@@ -15,22 +15,23 @@ pub enum Splat4dError {
         /// Version of the file.
         found: u16,
     },
-    /// The header is cut off, no JSON of this schema, or does not fit the file.
+    /// The header is truncated, not JSON of this schema, or inconsistent with the file.
     #[error("the header of this .splat4d is damaged: {0}")]
     Header(String),
     /// A part ends after the end of the file.
     #[error(
-        "this .splat4d is cut off: its {part} ends at byte {end}, the file at {found}; copy it again"
+        "this .splat4d is truncated: its {part} ends at byte {end}, the file at {found}; copy it \
+        again"
     )]
     Truncated {
         /// Which part.
         part: String,
-        /// Where it would end.
+        /// Expected end, bytes.
         end: u64,
-        /// Bytes of the file.
+        /// Size of the file, bytes.
         found: usize,
     },
-    /// A stream does not hold what the header says.
+    /// A stream is inconsistent with the header.
     #[error("this .splat4d is damaged: {0}; copy the file again")]
     Stream(String),
     /// Damaged rows where none are allowed.

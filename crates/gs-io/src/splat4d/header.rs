@@ -1,4 +1,4 @@
-//! The JSON header, which holds the absolute place of everything after it.
+//! The JSON header, which contains the absolute offsets of all following parts.
 
 use super::Options;
 use super::survey::Order;
@@ -17,24 +17,24 @@ pub(super) struct Chunk {
     pub(super) bytes: Vec<u8>,
 }
 
-/// What the header tells.
+/// Contents of the header.
 #[derive(Debug)]
 pub(super) struct Header<'a> {
     pub(super) clip: &'a Clip<'a>,
     pub(super) options: &'a Options,
     pub(super) steps: &'a Steps,
     pub(super) order: &'a Order,
-    /// Box around all positions of all frames.
+    /// Bounding box of the positions of all frames.
     pub(super) aabb: [f32; 6],
 }
 
 impl Header<'_> {
-    /// Everything before the static section: magic, version, flags and the JSON, given the lengths
-    /// of what follows.
+    /// The bytes before the static section: magic, version, flags and the
+    /// JSON, given the lengths of the following parts.
     pub(super) fn place(&self, fixed: usize, chunks: &[Chunk]) -> Vec<u8> {
         const FRONT: usize = 12;
-        // The offsets' digits are part of the length they depend on; the length only grows from try
-        // to try, so this ends.
+        // The length depends on the number of digits of the offsets, which depend on the length.
+        // The length only grows with each iteration, so the loop ends.
         let mut length = 0;
         loop {
             let json = self.json(FRONT + length, fixed, chunks).to_string();
@@ -48,7 +48,7 @@ impl Header<'_> {
         }
     }
 
-    /// `pos_m` is in scene units, whatever its name says; steps of whole numbers are whole numbers.
+    /// `pos_m` is in scene units despite its name; steps that are integers are written as integers.
     fn json(&self, start: usize, fixed: usize, chunks: &[Chunk]) -> Value {
         let Self { clip, options, steps, order, aabb } = self;
         let odd = |bound: u8| 2 * u32::from(bound) + 1;

@@ -1,4 +1,4 @@
-//! `.splat4d` version 1: one streamable file with a bound on every error.
+//! `.splat4d` version 1: one streamable file with bounded errors.
 //!
 //! ```text
 //! 0   4  "SP4D"
@@ -8,12 +8,12 @@
 //! 12  …  JSON header, static section, one chunk per group of frames
 //! ```
 //!
-//! Little-endian. Every value is put on a grid whose step is twice its bound. What stays within its
-//! bound of one value through the whole clip is stored once, on a grid twice as fine; of the rest
-//! each group of frames (GOP) stores its first frame and the differences from frame to frame. A
-//! value keeps its grid point until it would violate the bound, so that noise costs nothing and
-//! nothing flickers. Symbols are unsigned (zigzag), split into byte planes and compressed with
-//! zstd.
+//! Little-endian. Every value is rounded to a grid whose step is twice its error bound.
+//! Values that stay within the bound of one value for the whole clip are stored once, on a
+//! grid twice as fine; for the others each group of frames (GOP) stores its first frame and
+//! the differences between frames. A value keeps its grid point until it would violate the
+//! bound, so that noise costs no bytes and causes no flicker. Symbols are unsigned
+//! (zigzag), split into byte planes and compressed with zstd.
 //!
 //! Kept: positions, sizes, rotations, base colour, opacity. Not kept: view-dependent colour.
 

@@ -3,28 +3,29 @@
 use crate::error::IoError;
 use std::path::Path;
 
-/// Default position bound as a share of the scene's size: a fifth of a pixel where the scene fills
-/// a thousand.
+/// Default position bound as a share of the scene's size: a fifth of a
+/// pixel if the scene is a thousand pixels wide.
 pub const DEFAULT_TOLERANCE: f64 = 2e-4;
 
 /// Largest errors of the decoded values, at every splat and frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Options {
-    /// Of each coordinate, as a share of the scene's size: the diagonal of the box around the
-    /// middle 98 % of what moves (of everything, if nothing does). Default [`DEFAULT_TOLERANCE`].
+    /// Error of each coordinate, as a share of the scene's size: the diagonal
+    /// of the box around the middle 98 % of the moving splats (of all splats,
+    /// if none move). Default [`DEFAULT_TOLERANCE`].
     pub tolerance: f64,
-    /// Of sizes, relative. Default 0.02.
+    /// Relative error of sizes. Default 0.02.
     pub scale: f64,
-    /// Of each colour channel, steps of 255, besides the rounding to 8 bits. Default 2.
+    /// Error of each colour channel, steps of 255, besides the rounding to 8 bits. Default 2.
     pub rgb: u8,
-    /// Of opacity, steps of 255, besides the rounding to 8 bits. Default 2.
+    /// Error of opacity, steps of 255, besides the rounding to 8 bits. Default 2.
     pub alpha: u8,
-    /// Of each component of the unit quaternion, steps of 1/128, besides the rounding to 8 bits.
-    /// Default 0.
+    /// Error of each component of the unit quaternion, steps of 1/128,
+    /// besides the rounding to 8 bits. Default 0.
     pub rot: u8,
-    /// Frames from one that can be decoded alone to the next. Default 30.
+    /// Frames per group, each of which can be decoded separately. Default 30.
     pub gop: usize,
-    /// The world's upward direction, noted for our own reader. Default none.
+    /// The world's upward direction, a note for our own reader. Default none.
     pub up: Option<[f64; 3]>,
 }
 
@@ -43,7 +44,7 @@ impl Default for Options {
 }
 
 impl Options {
-    /// Refuses options that are out of range.
+    /// Verifies the ranges of the options.
     pub(super) fn check(&self, path: &Path) -> Result<(), IoError> {
         let share = |value: f64| value.is_finite() && value > 0.0 && value <= 1.0;
         let wrong = if !share(self.tolerance) {

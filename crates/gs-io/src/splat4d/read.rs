@@ -1,4 +1,4 @@
-//! `.splat4d` files as scenes.
+//! Reading `.splat4d` files as scenes.
 
 use super::Splat4dError;
 use super::decode::{self, Cursor, Fixed, Grids};
@@ -24,7 +24,7 @@ struct Header {
     steps: Steps,
     static_section: Section,
     gops: Vec<Gop>,
-    /// Our own note; other writers have no such key, other readers ignore it.
+    /// A note of our own writer; other writers do not write this key, other readers ignore it.
     #[serde(default)]
     c4d_up: Option<[f64; 3]>,
 }
@@ -56,16 +56,16 @@ struct Gop {
 
 /// Bytes before the JSON.
 const FRONT: usize = 12;
-/// Frames of a clip, at most: days of video.
+/// Largest number of frames of a clip: days of video.
 const MAX_FRAMES: u32 = 1 << 24;
-/// The largest grid step: 32-bit numbers of such steps are finite in single precision.
+/// Largest grid step; 32-bit multiples of it are finite in single precision.
 const MAX_STEP: f64 = 1e20;
-/// What a group of frames may unpack to, bytes per byte of its own and of the whole file: where
-/// nothing moves, it packs to almost nothing.
+/// Limits of the decompressed size of a group of frames, bytes per byte of the group and of the
+/// whole file. Groups without motion compress to almost nothing.
 const GROUP_RATIO: u64 = 256;
 const FILE_RATIO: u64 = 64;
-/// What all groups together may unpack to, bytes per byte of the file: it bounds the time that
-/// opening takes.
+/// Limit of the decompressed size of all groups together, bytes per byte of
+/// the file, which bounds the time for opening.
 const TOTAL_RATIO: u64 = 2048;
 
 /// Consecutive frames that are decoded together.
@@ -75,9 +75,9 @@ struct Span {
     frames: Range<usize>,
 }
 
-/// A `.splat4d` clip: `n` frames with persistent rows at times `i/(n−1)`, linear between them as
-/// [`gs_deform::Trajectories`]. In memory are the compressed file, one unpacked group of frames and
-/// the last few frames used.
+/// A `.splat4d` clip: `n` frames with persistent rows at times `i/(n−1)`, linear between them as in
+/// [`gs_deform::Trajectories`]. Keeps the compressed file, one decompressed group of frames and the
+/// most recently used frames in memory.
 #[derive(Debug)]
 pub struct Splat4dScene {
     bytes: Vec<u8>,
@@ -85,21 +85,21 @@ pub struct Splat4dScene {
     fixed: Fixed,
     spans: Vec<Span>,
     num_frames: usize,
-    /// Rows of the file that are kept, if damaged ones were dropped.
+    /// Rows of the file that were kept, if damaged ones were dropped.
     kept: Option<Vec<usize>>,
-    /// Whether rows are made invisible in the frames in which they have no rotation; some are.
+    /// Whether some rows have to be made invisible in frames in which they have no rotation.
     hides: bool,
     cursor: Mutex<Cursor>,
     cache: FrameCache,
 }
 
-/// A `.splat4d` scene and what was found.
+/// A `.splat4d` scene and its properties.
 #[derive(Debug)]
 pub struct Read {
     /// The scene, times 0 to 1.
     pub scene: Splat4dScene,
-    /// Rows without rotation in some frame; those that have one in another frame are invisible in
-    /// the frames without.
+    /// Rows without rotation in some frame; if they have one in another frame,
+    /// they are invisible only in the frames without.
     pub repair: RepairReport,
     /// Frames per second.
     pub fps: f64,
@@ -107,12 +107,10 @@ pub struct Read {
     pub up: Option<[f64; 3]>,
 }
 
-/// Reads a scene. Every group of frames is unpacked once, so that what opens can be evaluated at
-/// every time. Opacities of 0 and 255 get the finite logits of 0.001 and 0.999.
+/// Reads a scene. Every group of frames is decompressed once, so that an opened scene can be
+/// evaluated at every time. Opacities of 0 and 255 get the finite logits of 0.001 and 0.999.
 ///
-/// # Errors
-/// If the bytes are no `.splat4d` of version 1, a part is missing or is not what the header says,
-/// or rows have no rotation and `damage` says to fail.
+/// # Errors If the bytes are not a `.splat4d` of version 1, a part is missing or inconsistent with the header, or rows have no rotation and `damage` is [`Damage::Fail`].
 pub fn read(bytes: Vec<u8>, damage: Damage) -> Result<Read, Splat4dError> {
     let header = header(&bytes)?;
     let n = header.n as usize;
@@ -170,7 +168,7 @@ pub fn open(path: impl AsRef<Path>, damage: Damage) -> Result<Read, IoError> {
 fn header(bytes: &[u8]) -> Result<Header, Splat4dError> {
     let damaged = |what: String| Splat4dError::Header(what);
     let rest = bytes.strip_prefix(&SPLAT4D).ok_or(Splat4dError::Magic)?;
-    let cut = || damaged("it is cut off".to_owned());
+    let cut = || damaged("it is truncated".to_owned());
     let (front, rest) = rest.split_first_chunk::<{ FRONT - 4 }>().ok_or_else(cut)?;
     let [v0, v1, _, _, l0, l1, l2, l3] = *front;
     let version = u16::from_le_bytes([v0, v1]);
@@ -204,15 +202,15 @@ fn grids(steps: &Steps) -> Result<Grids, Splat4dError> {
     }
 }
 
-/// The groups of frames, which must be in order, without gaps between frames and without bytes in
-/// common.
+/// The groups of frames, which must be in order, without
+/// missing frames and without overlapping bytes.
 fn spans(header: &Header, bytes: &[u8]) -> Result<Vec<Span>, Splat4dError> {
     let (mut frame, mut free) = (0, 0);
     let mut spans = Vec::with_capacity(header.gops.len());
     for (index, gop) in header.gops.iter().enumerate() {
         if gop.f0 != frame || gop.f1 < gop.f0 || gop.f1 >= header.t {
             return Err(Splat4dError::Header(format!(
-                "group {index} holds frames {} to {}; expected from {frame} on, of {} frames",
+                "group {index} has frames {} to {}; expected to start at {frame}, of {} frames",
                 gop.f0, gop.f1, header.t
             )));
         }
@@ -229,14 +227,14 @@ fn spans(header: &Header, bytes: &[u8]) -> Result<Vec<Span>, Splat4dError> {
     }
     if frame != header.t {
         return Err(Splat4dError::Header(format!(
-            "groups hold {frame} frames, expected {}",
+            "groups have {frame} frames, expected {}",
             header.t
         )));
     }
     Ok(spans)
 }
 
-/// The place of a part, if it lies in the file.
+/// The byte range of a part, if it is inside the file.
 fn within(
     bytes: &[u8],
     offset: u64,
@@ -251,11 +249,11 @@ fn within(
 }
 
 impl Splat4dScene {
-    /// Unpacks every group once and counts the frames in which each row has no rotation, `[N]` rows
-    /// of the file.
+    /// Decompresses every group once and counts the frames in which
+    /// each row of the file has no rotation, `[N]`.
     fn frames_without_rotation(&self) -> Result<Vec<u32>, Splat4dError> {
         let changing = &self.fixed.changing;
-        // Never more than 2²⁴ frames.
+        // At most 2²⁴ frames.
         let all = u32::try_from(self.num_frames).unwrap_or(u32::MAX);
         let missing = |q: &[f32; 4]| if *q == [0.0; 4] { all } else { 0 };
         let mut lost: Vec<u32> = self.fixed.base.quats.iter().map(missing).collect();
@@ -282,7 +280,7 @@ impl Splat4dScene {
         Ok(lost)
     }
 
-    /// What a group may unpack to, bytes.
+    /// Limit of the decompressed size of a group, bytes.
     fn room(&self, span: &Span) -> u64 {
         let own = GROUP_RATIO * span.bytes.len() as u64;
         decompress::FREE.max(own + FILE_RATIO * self.bytes.len() as u64)
@@ -319,7 +317,7 @@ impl Splat4dScene {
         })
     }
 
-    /// Makes rows without a rotation invisible, turned as in the first frame.
+    /// Makes rows without a rotation invisible, with the rotation of the first frame.
     fn hide(&self, splats: &mut Splats) {
         for &row in &self.fixed.changing[Attribute::Rot as usize] {
             let row = row as usize;

@@ -1,4 +1,4 @@
-//! Streams as they are read: heads, and symbols that stay in byte planes.
+//! Reading of streams: heads, and symbols in byte planes.
 
 use super::Splat4dError;
 use super::value::Attribute;
@@ -8,7 +8,7 @@ use std::ops::Range;
 /// Bytes of a stream's head: `u8 attribute, u8 kind, u8 width, u32 symbols, u32 compressed bytes`.
 pub(super) const HEAD: usize = 11;
 
-/// Small unsigned integers to small ones of either sign: the inverse of [`super::symbols::zigzag`].
+/// Inverse of [`super::symbols::zigzag`].
 pub(super) fn unzigzag(symbol: u32) -> i32 {
     (symbol >> 1).cast_signed() ^ -(symbol & 1).cast_signed()
 }
@@ -36,8 +36,8 @@ impl Head {
         }
     }
 
-    /// Unpacks the symbols, of which there must be `expected`; `room` is what all streams together
-    /// may still become, bytes.
+    /// Decompresses the symbols, whose number must be `expected`; `room` is the remaining
+    /// decompressed size allowed for all streams, bytes.
     pub(super) fn unpack(
         self,
         payload: &[u8],
@@ -58,7 +58,7 @@ impl Head {
         }
         let size = u64::from(count) * u64::from(width);
         let planes = decompress::unzstd_within(payload, size, *room)
-            .map_err(|what| damaged(format!("does not unpack: {what}")))?;
+            .map_err(|what| damaged(format!("cannot be decompressed: {what}")))?;
         *room -= size;
         Ok(Symbols { planes, count: expected })
     }
@@ -72,7 +72,7 @@ pub(super) struct Symbols {
 }
 
 impl Symbols {
-    /// Calls `visit` with the place in `range`, from 0, and the value of every symbol there.
+    /// Calls `visit` with the index within `range`, from 0, and the value of every symbol.
     pub(super) fn each(&self, range: Range<usize>, mut visit: impl FnMut(usize, u32)) {
         let first = range.start;
         if self.planes.len() == self.count {
@@ -94,7 +94,7 @@ impl Symbols {
     }
 }
 
-/// What an attribute's number is.
+/// The attribute with number `id`.
 pub(super) fn attribute(id: u8) -> Result<Attribute, Splat4dError> {
     Attribute::ALL.get(usize::from(id)).copied().ok_or_else(|| {
         Splat4dError::Stream(format!("a stream is of attribute {id}, expected 0 to 4"))
@@ -107,7 +107,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn streams_come_back_whatever_their_width() {
+    fn streams_round_trip_for_any_width() {
         for symbols in [vec![0, 255, 7], vec![1, 256, 65_535], vec![u32::MAX, 0, 1 << 30]] {
             let mut written: symbols::Symbols = symbols.iter().copied().collect();
             let mut bytes = Vec::new();
@@ -129,7 +129,7 @@ mod tests {
     }
 
     #[test]
-    fn signs_come_back() {
+    fn signs_round_trip() {
         for value in [0, -1, 1, 77, -12_345, i32::MAX, i32::MIN] {
             assert_eq!(unzigzag(zigzag(value)), value, "{value}");
         }

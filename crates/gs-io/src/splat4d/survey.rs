@@ -1,5 +1,5 @@
-//! First look at a clip: how far every value ranges, and so what moves and in which order splats
-//! are stored.
+//! First pass over a clip: ranges of all values, which determine the
+//! moving attributes and the storage order of splats.
 
 use super::value::{Attribute, Steps, values};
 use crate::clip::{Hemispheres, robust_size};
@@ -51,7 +51,7 @@ impl Survey {
 
     /// The scene's size, world units: see [`super::Options::tolerance`].
     pub(super) fn size(&self, rows: &[usize]) -> f64 {
-        /// What moves by less of the whole scene's size stands still.
+        /// Splats that move by less than this share of the whole scene's size count as static.
         const MOVING_SHARE: f64 = 0.002;
         let first: Vec<[f32; 3]> = rows.iter().map(|&row| self.first[row]).collect();
         let least = MOVING_SHARE * robust_size(&first);
@@ -78,7 +78,7 @@ impl Survey {
         f64::from(rows.iter().map(largest).fold(0.0, f32::max))
     }
 
-    /// Refuses values whose grid points have no number that, and whose differences, fit 32 bits.
+    /// Refuses values whose grid indices, or differences of them, exceed 32 bits.
     pub(super) fn check_range(
         &self,
         path: &Path,
@@ -92,7 +92,8 @@ impl Survey {
                 return Err(IoError::content(
                     path,
                     format!(
-                        "a {} of {largest:.3e} is too far out for a grid of {:.3e}; remove that splat, or raise the tolerance",
+                        "a {} of {largest:.3e} is too large for a grid step of {:.3e}; remove \
+                        that splat, or raise the tolerance",
                         if attribute == Attribute::Pos { "coordinate" } else { "logarithmic size" },
                         steps.fixed(attribute)
                     ),
@@ -102,7 +103,7 @@ impl Survey {
         Ok(())
     }
 
-    /// Box around all positions of all frames: x, y, z smallest, then largest.
+    /// Bounding box of the positions of all frames: smallest x, y, z, then largest.
     pub(super) fn bounds(&self, rows: &[usize]) -> [f32; 6] {
         let mut all = Range::EMPTY;
         for &row in rows {
@@ -113,8 +114,7 @@ impl Survey {
         [x, y, z, u, v, w]
     }
 
-    /// Grid point that is within the bound of everything the value is through the clip, by channel;
-    /// `None` if there is none.
+    /// Grid point within the bound of all values of the clip, by channel; `None` if there is none.
     pub(super) fn held(&self, attribute: Attribute, row: usize, steps: &Steps) -> Option<[i32; 4]> {
         let range = &self.ranges[attribute as usize][row];
         let (step, bound) = (steps.fixed(attribute), steps.bound(attribute));
@@ -132,9 +132,9 @@ impl Survey {
         Some(bins)
     }
 
-    /// The order splats are stored in: by what changes about them, then along a curve through
-    /// space, so that neighbours in the file are neighbours in the scene and each attribute's
-    /// changing splats are few runs.
+    /// Storage order of the splats: by their changing attributes, then along a
+    /// space-filling curve, so that neighbours in the file are neighbours in the scene and
+    /// the changing splats of each attribute form few runs.
     pub(super) fn order(&self, rows: &[usize], steps: &Steps) -> Order {
         let bounds = self.bounds(rows);
         let mut keyed: Vec<(u8, u64, usize)> = rows
@@ -155,7 +155,7 @@ impl Survey {
     }
 }
 
-/// Size of what moves, else of everything.
+/// Size of the moving splats, or of all splats if none move.
 fn size_of(first: &[[f32; 3]], moved: &[bool]) -> f64 {
     let whole = robust_size(first);
     let moving: Vec<[f32; 3]> =
@@ -163,10 +163,11 @@ fn size_of(first: &[[f32; 3]], moved: &[bool]) -> f64 {
     if moving.len() >= MIN_MOVING.max(first.len() / 100) { robust_size(&moving) } else { whole }
 }
 
-/// Fewer moving splats than this, or than one in a hundred, do not decide the scene's size.
+/// If fewer splats move than this, or than one in a hundred,
+/// the scene's size is that of all splats.
 const MIN_MOVING: usize = 50;
 
-/// Interleaved bits of the coordinates' places in the box, 21 each.
+/// Morton code of a point in the box, 21 bits per axis.
 fn morton(point: [f32; 3], bounds: [f32; 6]) -> u64 {
     const CELLS: f64 = ((1 << 21) - 1) as f64;
     let mut code = 0;
@@ -182,7 +183,7 @@ fn morton(point: [f32; 3], bounds: [f32; 6]) -> u64 {
     code
 }
 
-/// Which splat is stored where.
+/// Storage order of the splats.
 #[derive(Debug)]
 pub(super) struct Order {
     /// Rows of the scene in the order of the file.

@@ -2,8 +2,8 @@
 
 use std::io;
 
-/// zstd level: higher ones gain a few percent and cost several times as long. Levels up to 19 keep
-/// to windows of 8 MiB, which browsers decode.
+/// zstd level: higher ones save a few percent and take several times as long. Levels up to 19 use
+/// windows of at most 8 MiB, which browsers can decode.
 const LEVEL: i32 = 12;
 
 /// Small integers of either sign as small unsigned ones: 0, −1, 1, −2 … become 0, 1, 2, 3 ….
@@ -11,11 +11,11 @@ pub(super) fn zigzag(value: i32) -> u32 {
     ((value << 1) ^ (value >> 31)).cast_unsigned()
 }
 
-/// Unsigned symbols, held as byte planes that are added when a symbol needs them.
+/// Unsigned symbols in byte planes; planes are added when a symbol needs them.
 #[derive(Debug, Default)]
 pub(super) struct Symbols {
     planes: [Vec<u8>; 4],
-    /// Bytes a symbol: 1, 2 or 4; 0 before the first.
+    /// Bytes per symbol: 1, 2 or 4; 0 before the first.
     width: usize,
 }
 
@@ -42,7 +42,7 @@ impl Symbols {
         self.planes[0].len()
     }
 
-    /// Compresses all symbols and forgets them.
+    /// Compresses all symbols and clears them.
     ///
     /// # Errors
     /// If there are more symbols than the format can count.
@@ -72,12 +72,12 @@ impl FromIterator<u32> for Symbols {
     }
 }
 
-/// What a stream holds, numbered as in the file.
+/// Kind of a stream, numbered as in the file.
 #[derive(Debug, Clone, Copy)]
 pub(super) enum Kind {
     /// First frame of a group.
     Key = 0,
-    /// Differences of the others.
+    /// Differences of the other frames.
     Delta = 1,
     /// Valid for the whole clip.
     Static = 2,
@@ -94,7 +94,7 @@ pub(super) struct Stream {
 impl Stream {
     const HEAD: usize = 11;
 
-    /// Head and payload, one after the other.
+    /// Appends head and payload.
     pub(super) fn append_to(&self, bytes: &mut Vec<u8>) {
         bytes.extend_from_slice(&self.head);
         bytes.extend_from_slice(&self.payload);

@@ -1,4 +1,4 @@
-//! The binary parts: what is stored once, and the chunks of changing values.
+//! The binary parts: the static section, and the chunks of changing values.
 
 use super::survey::{Order, Survey};
 use super::symbols::{Kind, Stream, Symbols, zigzag};
@@ -8,8 +8,8 @@ use gs_core::Splats;
 use rayon::prelude::*;
 use std::io;
 
-/// Ten streams: which splats are static, by attribute, and what they are; changing ones have the
-/// value of the first frame, so that this section alone shows it.
+/// Ten streams: by attribute, a bit map of the static splats, and values; changing splats have the
+/// value of the first frame, so that this section alone is sufficient to show it.
 pub(super) fn static_section(
     order: &Order,
     survey: &Survey,
@@ -58,7 +58,7 @@ pub(super) fn static_section(
     Ok(bytes)
 }
 
-/// One bit a splat, set where the attribute is static, first splat in the highest bit.
+/// One bit per splat, set if the attribute is static, first splat in the highest bit.
 fn static_map(order: &Order, attribute: Attribute) -> Symbols {
     let places: Vec<usize> = (0..order.rows.len()).collect();
     places
@@ -71,7 +71,7 @@ fn static_map(order: &Order, attribute: Attribute) -> Symbols {
         .collect()
 }
 
-/// Changing values of the group of frames at hand.
+/// Changing values of the current group of frames.
 #[derive(Debug)]
 pub(super) struct Tracks {
     tracks: Vec<Track>,
@@ -107,8 +107,8 @@ impl Tracks {
         self.tracks.par_iter_mut().for_each(|track| track.push(splats, hemispheres, &steps, key));
     }
 
-    /// The chunk of the frames since the last one: number of streams, heads of all, payloads of
-    /// all; keys first, so that a part of the chunk already shows its first frame.
+    /// The chunk of the frames since the last chunk: number of streams, all heads, all payloads;
+    /// keys first, so that a partial chunk is sufficient to show its first frame.
     pub(super) fn take_chunk(&mut self) -> io::Result<Vec<u8>> {
         let mut queues: Vec<(&mut Symbols, u8, Kind)> = Vec::new();
         let mut deltas: Vec<(&mut Symbols, u8, Kind)> = Vec::new();

@@ -4,7 +4,7 @@ use super::Options;
 use crate::clip::Hemispheres;
 use gs_core::{Splats, sh};
 
-/// What a splat has, numbered as in the file.
+/// Attribute of a splat, numbered as in the file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Attribute {
     Pos = 0,
@@ -58,7 +58,7 @@ fn byte(value: f32) -> f32 {
     (value * 255.0).round().clamp(0.0, 255.0)
 }
 
-/// Grid steps of changing values, and of what is stored once.
+/// Grid steps of changing values, and of values stored once.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Steps {
     bounds: [f64; 5],
@@ -69,7 +69,7 @@ pub(super) struct Steps {
 impl Steps {
     pub(super) fn new(options: &Options, position_bound: f64) -> Self {
         let [rot, rgb, alpha] = [options.rot, options.rgb, options.alpha].map(f64::from);
-        // A scene without extent has one position: any grid will do.
+        // A scene without extent has one position, so any step is valid.
         let pos = if position_bound > 0.0 { position_bound } else { f64::from(f32::MIN_POSITIVE) };
         let scale = options.scale.ln_1p();
         Self {
@@ -91,10 +91,10 @@ impl Steps {
         self.fixed[attribute as usize]
     }
 
-    /// The number of the grid point next to `value`.
+    /// Index of the grid point closest to `value`.
     #[expect(
         clippy::cast_possible_truncation,
-        reason = "Survey::check_range has seen every value that is written"
+        reason = "Survey::check_range has verified every value that is written"
     )]
     pub(super) fn bin(value: f32, step: f64) -> i32 {
         (f64::from(value) / step).round() as i32

@@ -1,22 +1,22 @@
-//! Writing a clip.
+//! Writing `.splat4d`.
 
 use super::Options;
 use super::header::{Chunk, Header};
 use super::survey::Survey;
 use super::tracks::{self, Tracks};
 use super::value::{Attribute, Steps};
-use crate::clip::{Clip, Hemispheres, SoundRows, dropped_sentence};
+use crate::clip::{Clip, Hemispheres, ValidRows, dropped_sentence};
 use crate::error::IoError;
 use crate::fs::{AtomicFile, Existing};
 use crate::losses::Losses;
 use std::io::Write;
 use std::path::Path;
 
-/// Frames of a clip are visited this often: `progress` of [`write()`] counts up to this many times
-/// their number.
+/// Number of passes over the frames of a clip: `progress` of [`write()`]
+/// counts up to this many times their number.
 pub const PASSES: usize = 2;
 
-/// What was written.
+/// Result of writing a clip.
 #[derive(Debug, Clone, PartialEq)]
 pub struct WriteReport {
     /// Bound of each coordinate, world units.
@@ -27,21 +27,20 @@ pub struct WriteReport {
     pub moving: usize,
     /// Bytes of the file.
     pub bytes: u64,
-    /// What the file does not keep.
+    /// Losses of the file.
     pub losses: Losses,
 }
 
-/// Writes the clip. The scene is evaluated [`PASSES`] times per frame; `progress` hears the number
-/// of evaluations done.
+/// Writes the clip. The scene is evaluated [`PASSES`] times per frame; `progress` is called with
+/// the number of finished evaluations.
 ///
-/// Memory besides one frame: about 200 bytes a splat, the symbols of one group of frames (one byte
-/// per changing value, seldom two) and the compressed file, whose header comes first and holds the
-/// places of everything.
+/// Memory besides one frame: about 200 bytes per splat, the symbols of one group of
+/// frames (one byte per changing value, rarely two) and the compressed file,
+/// because its header comes first and contains all offsets.
 ///
 /// # Errors
-/// If there are no frames, splats or frames per second, an option is out of range, positions are so
-/// far out that the grid cannot number them, the scene cannot be evaluated, or the file cannot be
-/// written.
+/// If there are no frames, splats or frames per second, an option is out of range, positions exceed
+/// the range of the grid, the scene cannot be evaluated, or the file cannot be written.
 pub fn write(
     path: impl AsRef<Path>,
     clip: &Clip<'_>,
@@ -55,7 +54,7 @@ pub fn write(
     let mut file = AtomicFile::create(path, existing)?;
 
     let mut survey = Survey::new(clip.scene.num_splats());
-    let mut sound = SoundRows::new(clip.scene.num_splats());
+    let mut sound = ValidRows::new(clip.scene.num_splats());
     let mut hemispheres = Hemispheres::default();
     clip.each_frame(path, |index, splats| {
         hemispheres.follow(splats);
@@ -119,7 +118,8 @@ fn losses(clip: &Clip<'_>, options: &Options, position_bound: f64, written: usiz
         100.0 * options.scale
     ));
     losses.push(format!(
-        "8-bit colour within {} and opacity within {} of 255 steps; rotations have 8 bits a component, within {} of 128 steps",
+        "8-bit colour within {} and opacity within {} of 255 steps; rotations have 8 bits per \
+        component, within {} of 128 steps",
         options.rgb, options.alpha, options.rot
     ));
     if let Some(sentence) =

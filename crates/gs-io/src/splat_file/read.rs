@@ -1,4 +1,4 @@
-//! Reading a frame.
+//! Reading `.splat`.
 
 use crate::bytes8::{dc_of, ends_note, logit_of};
 use crate::content::splat_rows::{ROW, float, rotation};
@@ -11,8 +11,8 @@ use std::sync::Arc;
 
 const FORMAT: &str = ".splat";
 
-/// What of a row is off by rounding: whole steps of the bytes, since writers cut as often as they
-/// round.
+/// Rounding errors of a row: whole steps of the bytes, because
+/// some writers truncate and some round.
 fn precision() -> RowPrecision {
     RowPrecision {
         rotation_rad: 4.0 / 128.0,
@@ -24,11 +24,10 @@ fn precision() -> RowPrecision {
     }
 }
 
-/// Reads a `.splat` frame. Rows beyond the last whole one are an error; standard deviations of 0
-/// become that of [`FLAT_LOG_SCALE`].
+/// Reads a `.splat` frame. A partial last row is an error; standard
+/// deviations of 0 become that of [`FLAT_LOG_SCALE`].
 ///
-/// # Errors
-/// If there are no rows or the last one is cut.
+/// # Errors If there are no rows or the last one is truncated.
 pub fn read(bytes: &[u8]) -> Result<Frame, FrameError> {
     let (rows, rest) = bytes.as_chunks::<ROW>();
     if !rest.is_empty() {
@@ -45,7 +44,7 @@ pub fn read(bytes: &[u8]) -> Result<Frame, FrameError> {
     let mut notes: Vec<String> = ends_note(rows.iter().map(|row| row[27])).into_iter().collect();
     let flat = rows.iter().filter(|row| (3..6).any(|axis| float(row, 4 * axis) == 0.0)).count();
     if flat > 0 {
-        notes.push(format!("{flat} rows with a standard deviation of 0 are kept as flat splats"));
+        notes.push(format!("{flat} rows with a standard deviation of 0 are read as flat splats"));
     }
     let log = |scale: f32| if scale == 0.0 { FLAT_LOG_SCALE } else { scale.ln() };
     let splats = Splats {

@@ -1,4 +1,4 @@
-//! Writing a frame.
+//! Writing `.splat`.
 
 use crate::bytes8::{channel_of, unorm8};
 use crate::content::splat_rows::ROW;
@@ -7,10 +7,9 @@ use gs_core::{Splats, quat};
 use rayon::prelude::*;
 use std::io::{self, Write};
 
-/// Writes a `.splat` frame and says what it does not keep.
+/// Writes a `.splat` frame and returns the losses.
 ///
-/// # Errors
-/// If the arrays of `splats` disagree ([`io::ErrorKind::InvalidInput`]) or writing fails.
+/// # Errors If the arrays of `splats` have inconsistent lengths ([`io::ErrorKind::InvalidInput`]) or writing fails.
 pub fn write(splats: &Splats, out: &mut impl Write) -> io::Result<Losses> {
     splats.check_shapes().map_err(|error| io::Error::new(io::ErrorKind::InvalidInput, error))?;
     let rows: Vec<[u8; ROW]> =
@@ -30,7 +29,7 @@ pub fn write(splats: &Splats, out: &mut impl Write) -> io::Result<Losses> {
     let coeffs = splats.sh_coeffs();
     let count = splats.sh.iter().step_by(coeffs).filter(|dc| dc.iter().any(clipped)).count();
     if count > 0 {
-        losses.push(format!("colours of {count} splats beyond 0 to 1 are clipped"));
+        losses.push(format!("colours of {count} splats outside 0 to 1 are clipped"));
     }
     Ok(losses)
 }
@@ -46,7 +45,7 @@ fn format_row(splats: &Splats, i: usize) -> [u8; ROW] {
     row[27] = unorm8(splats.opacity(i));
     let q = quat::normalize(splats.quats[i]);
     for (component, value) in q.into_iter().enumerate() {
-        // 1 does not fit: 127/128 is the largest.
+        // 127/128 is the largest value; 1 cannot be stored.
         row[28 + component] = unorm8((value * 128.0 + 128.0) / 255.0);
     }
     row

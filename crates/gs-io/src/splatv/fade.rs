@@ -1,9 +1,9 @@
-//! Opacity over time as the format has it: `α·exp(−((t − centre)/width)²)`, or constant.
+//! Opacity over time in the format: `α·exp(−((t − centre)/width)²)`, or constant.
 
-/// Width that means "always there": nearly the largest half.
+/// Width of splats that do not fade: nearly the largest half-precision number.
 pub(super) const ALWAYS: f64 = 1e4;
 
-/// Opacities as small as this are no evidence.
+/// Opacities at most this large are ignored in the fit.
 const LEAST: f64 = 1e-4;
 
 /// Running sums of one splat's opacities.
@@ -11,7 +11,7 @@ const LEAST: f64 = 1e-4;
 pub(super) struct Sums {
     count: f64,
     total: f64,
-    /// `Σ α²·tᵏ`: errors of opacity count, not of its logarithm.
+    /// `Σ α²·tᵏ`; the weights α² make the fit minimise errors of the opacity, not of its logarithm.
     moments: [f64; 5],
     /// `Σ α²·tᵏ·ln α`.
     logs: [f64; 3],
@@ -45,15 +45,15 @@ impl Sums {
         self.square += weight * log * log;
     }
 
-    /// The Gaussian of time if it explains the opacities clearly better than a constant does, else
-    /// their mean.
+    /// The Gaussian in time if it fits the opacities clearly
+    /// better than a constant, else their mean.
     pub(super) fn fit(&self) -> Fade {
         let constant =
             Fade { opacity: self.total / self.count.max(1.0), centre: 0.0, width: ALWAYS };
         let [m0, ..] = self.moments;
         let unexplained = |explained: f64| (self.square - explained).max(0.0) / m0;
         let spread = unexplained(self.logs[0] * self.logs[0] / m0);
-        // Less than about a percent of change is none.
+        // Changes below about one percent are ignored.
         if spread < 1e-4 {
             return constant;
         }
@@ -77,7 +77,7 @@ impl Sums {
         let c12 = m1 * m2 - m0 * m3;
         let c22 = m0 * m2 - m1 * m1;
         let determinant = m0 * c00 + m1 * c01 + m2 * c02;
-        // Fewer than three times that matter determine no parabola.
+        // A parabola needs at least three times with significant weight.
         (determinant > 1e-9 * m0 * m2 * m4).then(|| {
             [
                 (c00 * l0 + c01 * l1 + c02 * l2) / determinant,
@@ -102,7 +102,7 @@ mod tests {
     }
 
     #[test]
-    fn gaussians_are_found() {
+    fn gaussians_are_recovered() {
         for (centre, width) in [(0.0, 0.3), (-0.4, 0.15), (0.6, 0.5)] {
             let found = fit(|t| 0.8 * (-((t - centre) / width).powi(2)).exp());
             assert!((found.centre - centre).abs() < 0.02, "{found:?}, centre {centre}");
@@ -112,7 +112,7 @@ mod tests {
     }
 
     #[test]
-    fn the_rest_is_constant() {
+    fn other_opacities_are_fitted_by_a_constant() {
         assert_eq!(fit(|_| 0.4).width, ALWAYS, "constant");
         assert!((fit(|_| 0.4).opacity - 0.4).abs() < 1e-12, "its value");
         assert_eq!(fit(|t| 0.3 + 0.5 * t * t).width, ALWAYS, "fading out in the middle");

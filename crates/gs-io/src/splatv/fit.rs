@@ -1,13 +1,13 @@
-//! Least-squares cubics through samples at the frames' times, from running sums.
+//! Least-squares cubic fits to samples at the frames' times, from running sums.
 
 /// Highest power of time.
 const DEGREE: usize = 3;
 
-/// Polynomials up to degree 3 that are orthonormal over the frames' times. Fewer frames than
-/// coefficients: the degree is lower.
+/// Polynomials up to degree 3 that are orthonormal over the frames' times. With fewer frames than
+/// coefficients, the degree is lower.
 #[derive(Debug)]
 pub(super) struct Basis {
-    /// `[DEGREE+1][frames]`; rows of zeros above the degree that the frames determine.
+    /// `[DEGREE+1][frames]`; rows above the degree determined by the frames are zero.
     values: Vec<Vec<f64>>,
     /// Coefficients of each polynomial, lowest power first.
     powers: [[f64; DEGREE + 1]; DEGREE + 1],
@@ -23,7 +23,7 @@ impl Basis {
             let mut column: Vec<f64> = times.iter().map(|t| t.powi(exponent)).collect();
             powers[j][j] = 1.0;
             let before = dot(&column, &column).sqrt();
-            // Twice, for orthogonality to rounding.
+            // Applied twice for orthogonality up to rounding.
             for _ in 0..2 {
                 for i in 0..j {
                     let share = dot(&column, &values[i]);
@@ -34,7 +34,7 @@ impl Basis {
                 }
             }
             let norm = dot(&column, &column).sqrt();
-            // What lower powers explain up to rounding is nothing new.
+            // A power that depends linearly on lower ones, up to rounding, is dropped.
             let factor = if norm > 1e-9 * before { 1.0 / norm } else { 0.0 };
             for value in column.iter_mut().chain(&mut powers[j]) {
                 *value *= factor;
@@ -44,7 +44,7 @@ impl Basis {
         Self { values, powers }
     }
 
-    /// What a sample at frame `f` counts for each polynomial.
+    /// Weight of a sample at frame `f` for each polynomial.
     pub(super) fn weights(&self, f: usize) -> [f64; DEGREE + 1] {
         [0, 1, 2, 3].map(|j| self.values[j][f])
     }
@@ -82,7 +82,7 @@ mod tests {
     }
 
     #[test]
-    fn cubics_are_found_exactly() {
+    fn cubics_are_recovered_exactly() {
         let times: Vec<f64> = (0..20_i32).map(|i| f64::from(i) / 19.0 - 0.5).collect();
         let found = fit(&times, 3, |t| 3.0 - 2.0 * t + 5.0 * t * t - 7.0 * t * t * t);
         for (found, expected) in found.into_iter().zip([3.0, -2.0, 5.0, -7.0]) {
@@ -106,7 +106,7 @@ mod tests {
     }
 
     #[test]
-    fn shifting_changes_nothing() {
+    fn shifting_keeps_the_polynomial() {
         let p = [1.0, -2.0, 3.0, 0.5];
         let q = shifted(p, 0.7);
         let at = |p: [f64; 4], t: f64| p[0] + t * (p[1] + t * (p[2] + t * p[3]));

@@ -1,4 +1,4 @@
-//! `.splatv` files as scenes.
+//! Reading `.splatv` files as scenes.
 
 use super::SplatvError;
 use super::row::{BYTES, Row};
@@ -16,12 +16,12 @@ struct Part {
     #[serde(rename = "type")]
     kind: String,
     size: u64,
-    /// Our own note; other writers have no such key, other readers ignore it.
+    /// A note of our own writer; other writers do not write this key, other readers ignore it.
     #[serde(default)]
     c4d_up: Option<[f64; 3]>,
 }
 
-/// A `.splatv` scene and what was found.
+/// A `.splatv` scene and its properties.
 #[derive(Debug)]
 pub struct Read {
     /// The scene, times 0 to 1.
@@ -36,11 +36,10 @@ pub struct Read {
 /// ([`repair::FLAT_LOG_SCALE`]); opacities of 0 and 255 become 10⁻⁶ and 1 − 10⁻⁶, so that all
 /// stored parameters are finite.
 ///
-/// # Errors
-/// If the bytes are no `.splatv`, hold no splats, or hold damaged rows and `damage` says to fail.
+/// # Errors If the bytes are not a `.splatv` or contain no splats, or if rows are damaged and `damage` is [`Damage::Fail`].
 pub fn read(bytes: &[u8], damage: Damage) -> Result<Read, SplatvError> {
     let rest = bytes.strip_prefix(&SPLATV).ok_or(SplatvError::Magic)?;
-    let cut = || SplatvError::Header("it is cut off".to_owned());
+    let cut = || SplatvError::Header("it is truncated".to_owned());
     let (length, rest) = rest.split_first_chunk::<4>().ok_or_else(cut)?;
     let length = u32::from_le_bytes(*length) as usize;
     let (header, payload) = rest.split_at_checked(length).ok_or_else(cut)?;
@@ -52,7 +51,7 @@ pub fn read(bytes: &[u8], damage: Damage) -> Result<Read, SplatvError> {
         let size = usize::try_from(part.size).unwrap_or(usize::MAX);
         if part.kind == "splat" {
             let from = payload.get(start..).unwrap_or_default();
-            // Files in the wild leave out the padding that the header counts.
+            // Some files omit the padding that the header includes in the size.
             splats = Some(&from[..from.len().min(size)]);
             let length = |up: &[f64; 3]| up.iter().map(|c| c * c).sum::<f64>().sqrt();
             up = part.c4d_up.filter(|up| (0.5..2.0).contains(&length(up)));

@@ -4,13 +4,13 @@ use gs_core::sh;
 use gs_deform::Polynomial;
 use half::f16;
 
-/// Bytes a splat.
+/// Bytes per splat.
 pub(super) const BYTES: usize = 64;
 
-/// Opacities stay inside (0,1) by this much, so that their logits are finite.
+/// Opacities are clamped to this distance from 0 and 1, so that their logits are finite.
 const OPACITY_MARGIN: f32 = 1e-6;
 
-/// A splat as the file holds it.
+/// A splat as stored in the file.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Row {
     pub(super) mean: [f32; 3],
@@ -62,14 +62,14 @@ impl Row {
         bytes
     }
 
-    /// Whether its motion is damaged: NaN, infinities, or no width in time.
+    /// Whether its motion is damaged: NaN, infinities, or a width in time that is not positive.
     pub(super) fn motion_is_damaged(&self) -> bool {
         let Polynomial { velocity, omega, centre, width } = &self.motion;
         let finite = velocity.as_flattened().iter().chain(omega).chain([centre]);
         !finite.into_iter().all(|value| value.is_finite()) || width.is_nan() || *width == 0.0
     }
 
-    /// Whether a value did not fit a half, or no rotation is left.
+    /// Whether a value exceeds half precision, or the rotation is zero.
     pub(super) fn is_damaged(&self) -> bool {
         let values = self.mean.iter().chain(&self.quat).chain(&self.scale);
         !values.into_iter().all(|value| value.is_finite())
@@ -77,7 +77,7 @@ impl Row {
             || self.motion_is_damaged()
     }
 
-    /// −∞ where a size is 0.
+    /// Logarithms of the sizes; −∞ for size 0.
     pub(super) fn log_scale(&self) -> [f32; 3] {
         self.scale.map(|scale| scale.abs().ln())
     }

@@ -1,9 +1,9 @@
-//! Clips as `.splatv`: cubics fitted by least squares, with what the fit misses.
+//! Writing `.splatv`: cubic polynomials fitted by least squares, with the errors of the fit.
 
 use super::fade::{ALWAYS, Sums as FadeSums};
 use super::fit::{Basis, shifted};
 use super::row::{BYTES, Row, level};
-use crate::clip::{Clip, Hemispheres, SoundRows, dropped_sentence, robust_size};
+use crate::clip::{Clip, Hemispheres, ValidRows, dropped_sentence, robust_size};
 use crate::content::marks::SPLATV;
 use crate::error::IoError;
 use crate::fs::{AtomicFile, Existing};
@@ -16,66 +16,65 @@ use rayon::prelude::*;
 use std::io::Write;
 use std::path::Path;
 
-/// Frames of a clip are visited this often: `progress` of [`write()`] counts up to this many times
-/// their number.
+/// Number of passes over the frames of a clip: `progress` of [`write()`]
+/// counts up to this many times their number.
 pub const PASSES: usize = 2;
 
 /// Default of [`Options::tolerance`].
 pub const DEFAULT_TOLERANCE: f64 = 0.005;
 
-/// Splats a row of the texture holds.
+/// Splats per row of the texture.
 const SPLATS_PER_ROW: usize = 1024;
 
-/// How to write.
+/// Options for writing.
 #[derive(Debug, Clone)]
 pub struct Options {
-    /// The clip is refused if one splat in a hundred is ever farther from its place than this share
-    /// of the scene's size (diagonal of the box of the middle 98 % of the first and last frames).
-    /// Default [`DEFAULT_TOLERANCE`].
+    /// Largest position error exceeded by at most one splat in a hundred, as a share of the scene's
+    /// size (diagonal of the box of the middle 98 % of the first and last frames); the clip is
+    /// refused above it. Default [`DEFAULT_TOLERANCE`].
     pub tolerance: f64,
-    /// Write whatever the fit misses. Default false.
+    /// Write the file regardless of the errors of the fit. Default false.
     pub force: bool,
-    /// The camera that players start from, and whose pixels errors are given in.
+    /// The initial camera of players; errors are reported in its pixels.
     pub camera: Camera,
     /// The scene's upward direction, world frame: a note for our own reader.
     pub up: [f64; 3],
 }
 
-/// Mean over splats and frames, the value that one splat in a hundred ever exceeds, and the
-/// largest.
+/// Errors of a fit: mean over splats and frames, 99th percentile over splats, and largest.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Misfit {
     /// Mean over all splats and frames.
     pub mean: f64,
-    /// 99th percentile over splats of each one's largest.
+    /// 99th percentile over splats of each splat's largest error.
     pub p99: f64,
-    /// Largest.
+    /// Largest error.
     pub max: f64,
 }
 
-/// What was written.
+/// Result of writing a clip.
 #[derive(Debug, Clone, PartialEq)]
 pub struct WriteReport {
     /// Splats written.
     pub num_splats: usize,
     /// Distance between the scene's centres and those in the file, world units.
     pub distance: Misfit,
-    /// The same in pixels of the camera; splats behind it do not count.
+    /// The same in pixels of the camera, without splats behind it.
     pub pixels: Misfit,
     /// Angle between the scene's rotations and those in the file, degrees.
     pub degrees: Misfit,
-    /// What the file does not keep.
+    /// Losses of the file.
     pub losses: Losses,
 }
 
-/// Writes the clip, its times stretched to 0 … 1. The scene is evaluated [`PASSES`] times per
-/// frame; `progress` hears the number of evaluations done. Memory besides one frame: about 500
-/// bytes a splat, whatever the number of frames.
+/// Writes the clip with its times scaled to 0 … 1. The scene is evaluated [`PASSES`] times per
+/// frame; `progress` is called with the number of finished evaluations. Memory besides one frame:
+/// about 500 bytes per splat, for any number of frames.
 ///
 /// # Errors
-/// If there are no frames, splats or frames per second, the tolerance is not a positive number,
-/// cubics miss the motion by more than it, a splat moves too far for 16-bit numbers, the scene
-/// cannot be evaluated, or the file cannot be written.
+/// If there are no frames, splats or frames per second, the tolerance is not a positive number, the
+/// error of the fit exceeds it, a splat moves too far for 16-bit numbers, the scene cannot be
+/// evaluated, or the file cannot be written.
 pub fn write(
     path: impl AsRef<Path>,
     clip: &Clip<'_>,
@@ -97,7 +96,7 @@ pub fn write(
     let times: Vec<f64> = (0..clip.times.len()).map(|i| i as f64 / last - 0.5).collect();
     let basis = Basis::new(&times);
     let mut sums = vec![Sums::default(); clip.scene.num_splats()];
-    let mut sound = SoundRows::new(clip.scene.num_splats());
+    let mut sound = ValidRows::new(clip.scene.num_splats());
     let mut hemispheres = Hemispheres::default();
     let mut ends = Vec::new();
     clip.each_frame(path, |index, splats| {
@@ -124,7 +123,8 @@ pub fn write(
         return Err(IoError::content(
             path,
             format!(
-                "splat {} moves or turns too far for the format's 16-bit numbers; shorten the clip",
+                "splat {} moves or rotates too far for the format's 16-bit numbers; shorten the \
+                clip",
                 kept[place]
             ),
         ));
@@ -136,7 +136,9 @@ pub fn write(
         return Err(IoError::Unfit {
             path: path.to_owned(),
             what: format!(
-                "cubics do not follow this motion: one splat in a hundred is off by more than {:.2} % of the scene's size ({:.1} pixels), the limit is {} %; a shorter clip may fit",
+                "cubic polynomials do not fit this motion: for one splat in a hundred the error \
+                exceeds {:.2} % of the scene's size ({:.1} pixels), the limit is {} %; a shorter \
+                clip may fit",
                 100.0 * misfit.distance.p99 / size,
                 misfit.pixels.p99,
                 100.0 * options.tolerance
@@ -166,9 +168,9 @@ pub fn write(
 /// Running sums of one splat.
 #[derive(Debug, Clone, Copy, Default)]
 struct Sums {
-    /// Of coordinates, by axis, times the basis.
+    /// Sums of coordinates, by axis, times the basis.
     mean: [[f64; 4]; 3],
-    /// Of quaternion components, likewise.
+    /// Sums of quaternion components times the basis.
     quat: [[f64; 4]; 4],
     log_scale: [f64; 3],
     dc: [f64; 3],
@@ -195,12 +197,12 @@ impl Sums {
         self.count += 1.0;
     }
 
-    /// The splat as the file will hold it; `means` are the mean powers of time.
+    /// The splat as it will be stored; `means` are the mean powers of time.
     fn row(&self, basis: &Basis, means: [f64; 4]) -> Row {
         let fade = self.fade.fit();
         let half = |value: f64| f16::from_f64(value).to_f64();
         let centre = half(fade.centre + 0.5) - 0.5;
-        // Mean powers of the time since the splat's own centre.
+        // Mean powers of the time relative to the splat's own centre.
         let powers = [
             1.0,
             means[1] - centre,
@@ -210,7 +212,7 @@ impl Sums {
         let (mut mean, mut velocity) = ([0.0; 3], [[0.0_f32; 3]; 3]);
         for k in 0..3 {
             let exact = shifted(basis.coefficients(self.mean[k], 3), centre);
-            // What rounding takes from the velocities, the constant makes good on average.
+            // The constant compensates the rounding of the velocities on average.
             let mut constant = exact[0];
             for power in 1..4 {
                 constant += (exact[power] - half(exact[power])) * powers[power];
@@ -246,7 +248,7 @@ fn single(value: f64) -> f32 {
     value as f32
 }
 
-/// What the fit misses.
+/// Errors of the fit.
 #[derive(Debug, Default)]
 struct Measured {
     distance: Misfit,
@@ -278,7 +280,7 @@ fn measure(
         rest.opacity_logits.push(row.opacity_logit());
         rest.sh.push(row.sh_dc());
     }
-    repair::settle_infinities(&mut rest);
+    repair::replace_infinities(&mut rest);
     let motions = rows.iter().map(|row| row.motion).collect();
     let scene = PolynomialScene::new(rest, motions)
         .map_err(|error| IoError::content(path, error.to_string()))?;
@@ -287,7 +289,7 @@ fn measure(
     let mut totals = [0.0_f64; 6];
     let mut fitted = Splats::default();
     clip.each_frame(path, |index, truth| {
-        // One frame has its fit in the middle of time, as everything that does not change.
+        // A single frame is fitted at the middle of time, like all constant values.
         let t = if clip.times.len() == 1 { 0.0 } else { single(index as f64 / steps) };
         scene
             .at_into(t, &mut fitted)
@@ -335,7 +337,7 @@ fn errors_of(truth: &Splats, row: usize, fitted: &Splats, place: usize, camera: 
         dx.hypot(dy)
     });
     let (p, q) = (truth.rotation(row).map(f64::from), fitted.rotation(place).map(f64::from));
-    // The sine of half the angle, which keeps small angles apart.
+    // The sine of half the angle, which is accurate for small angles.
     let q = quat::align(q, p);
     let chord = (0..4).map(|k| (p[k] - q[k]).powi(2)).sum::<f64>().sqrt();
     let degrees = (4.0 * (chord / 2.0).min(1.0).asin()).to_degrees();
@@ -357,23 +359,26 @@ fn losses(clip: &Clip<'_>, misfit: &Measured, written: usize) -> Losses {
     }
     let Measured { distance, pixels, degrees, .. } = misfit;
     losses.push(format!(
-        "motion becomes one cubic per splat: off by {:.2e} scene units ({:.2} pixels) on average, {:.2e} ({:.2}) for the worst hundredth, {:.2e} ({:.2}) at most",
+        "motion becomes one cubic polynomial per splat: error {:.2e} scene units ({:.2} pixels) \
+        on average, {:.2e} ({:.2}) at the 99th percentile, {:.2e} ({:.2}) at most",
         distance.mean, pixels.mean, distance.p99, pixels.p99, distance.max, pixels.max
     ));
     losses.push(format!(
-        "rotation becomes linear in time: off by {:.2}° on average, {:.1}° for the worst hundredth, {:.1}° at most",
+        "rotation becomes linear in time: error {:.2}° on average, {:.1}° at the 99th percentile, \
+        {:.1}° at most",
         degrees.mean, degrees.p99, degrees.max
     ));
     losses.push(format!(
-        "sizes and colours stand still: off by at most {:.1} % and {:.0} of 255 steps",
+        "sizes and colours become constant: errors at most {:.1} % and {:.0} of 255 steps",
         100.0 * misfit.scale,
         255.0 * misfit.rgb
     ));
     losses.push(format!(
-        "opacity is constant or one Gaussian of time: off by {:.3} on average, {:.2} for the worst hundredth, {:.2} at most",
+        "opacity becomes constant or one Gaussian in time: error {:.3} on average, {:.2} at the \
+        99th percentile, {:.2} at most",
         misfit.opacity.mean, misfit.opacity.p99, misfit.opacity.max
     ));
-    losses.push("the format has no frame rate: players choose how fast time runs");
+    losses.push("the format has no frame rate: players choose the playback speed");
     if let Some(sentence) =
         dropped_sentence(clip.scene.num_splats() - written, clip.scene.num_splats())
     {

@@ -1,4 +1,4 @@
-//! Values and the bytes that stand for them.
+//! Conversion between values and their bytes.
 
 use super::layout::{COLOR_SCALE, LOG_SCALE_MIN, LOG_SCALE_STEPS};
 use crate::bytes8::{largest_from, unorm8, without_largest};
@@ -6,10 +6,10 @@ use crate::bytes8::{largest_from, unorm8, without_largest};
 /// Largest magnitude of a stored quaternion component, 9 bits.
 const MAGNITUDE: f32 = 511.0;
 const HALF_ROOT: f32 = std::f32::consts::FRAC_1_SQRT_2;
-/// Largest number of 24 bits, with a sign.
+/// Largest signed 24-bit number.
 pub(super) const MAX_FIXED: f32 = 8_388_607.0;
 
-/// A 24-bit fixed-point number, little-endian; what does not fit gets the nearest end.
+/// A 24-bit fixed-point number, little-endian, clamped to the range.
 #[expect(clippy::cast_possible_truncation, reason = "clamped to 24 bits; NaN is 0")]
 pub(super) fn fixed(value: f32, fractional_bits: u8) -> [u8; 3] {
     let scaled = (f64::from(value) * f64::from(1_u32 << fractional_bits)).round();
@@ -48,15 +48,15 @@ pub(super) fn harmonic(value: f32, bits: u32) -> u8 {
     ((fine / bucket).round() * bucket).clamp(0.0, 255.0) as u8
 }
 
-/// Steps of a byte that are one value, with so many `bits` left.
+/// Number of byte values per step if `bits` bits are used.
 pub(super) fn bucket(bits: u32) -> f32 {
     (1_u32 << (8 - bits.clamp(1, 8))) as f32
 }
 
-/// Bits that SH bytes use: what they all are multiples of says how they were rounded. Bytes that
-/// are all 128 (zeros) do not tell: the coefficients may have been anything that rounds to it.
+/// Bits that SH bytes use, determined from their common divisor. `None` if all bytes are 128
+/// (zeros), from which the rounding cannot be determined.
 pub(super) fn used_bits(bytes: impl Iterator<Item = u8>) -> Option<u32> {
-    // 255 is what 256 is clamped to.
+    // 255 represents 256, which is clamped.
     let (all, zero) = bytes.fold((0, true), |(all, zero), byte| {
         (if byte == 255 { all } else { all | byte }, zero && byte == 128)
     });
@@ -124,9 +124,9 @@ mod tests {
         }
         for bits in 1..=8 {
             let bytes = (0..200).map(|i| harmonic(i as f32 / 100.0 - 1.0, bits));
-            assert_eq!(used_bits(bytes), Some(bits), "seen in the bytes");
+            assert_eq!(used_bits(bytes), Some(bits), "determined from the bytes");
         }
-        assert_eq!(used_bits([128, 128].into_iter()), None, "nothing to see");
+        assert_eq!(used_bits([128, 128].into_iter()), None, "not determined");
         for q in [[0.1, -0.8, 0.5, 0.2], [0.0, 0.0, 0.0, 1.0], [-0.5, 0.5, 0.5, -0.5]] {
             let (back, unit) =
                 (from_smallest_three(smallest_three(q)), gs_core::quat::normalize(q));

@@ -1,4 +1,4 @@
-//! SPZ in.
+//! Reading SPZ.
 
 use super::layout::{
     COLOR_SCALE, EXTENSION_AXES, FLAG_ANTIALIASED, FLAG_EXTENSIONS, FORMAT, HEADER, HEADER_4,
@@ -18,7 +18,7 @@ use gs_core::{Precision, RowPrecision, Splats};
 use rayon::prelude::*;
 use std::sync::Arc;
 
-/// Rounding of other writers' arithmetic, in half steps.
+/// Allowance for the rounding of other writers, in half steps.
 const SLACK: f32 = 1.1;
 /// Highest SH degree the format has.
 const FORMAT_DEGREE: usize = 4;
@@ -73,7 +73,8 @@ impl Header {
         Ok(Self { version, num_splats, degree, fractional_bits, flags: bytes[14] })
     }
 
-    /// Bytes a splat of centres, opacities, colours, scales, rotations, SH: the order of the data.
+    /// Bytes per splat of centres, opacities, colours, scales,
+    /// rotations, SH, in the order of the data.
     fn widths(&self) -> [usize; 6] {
         [9, 1, 3, 3, if self.version == 2 { 3 } else { 4 }, 3 * (self.coeffs() - 1)]
     }
@@ -82,8 +83,8 @@ impl Header {
         (self.degree + 1) * (self.degree + 1)
     }
 
-    /// The axes that the extension records name: `u32` type, `u32` number of bytes, then those
-    /// bytes, one record after the other. A record cut short ends them.
+    /// The axes stated in the extension records: `u32` type, `u32` number of bytes, then those
+    /// bytes, one record after the other. A truncated record ends the list.
     fn axes(&self, mut records: &[u8]) -> Option<Axes> {
         if self.flags & FLAG_EXTENSIONS == 0 {
             return None;
@@ -115,12 +116,10 @@ pub(crate) fn shape(start: &[u8]) -> Result<Shape, FrameError> {
     })
 }
 
-/// Reads an SPZ frame, version 2, 3 or 4, and turns it to the axes of PLYs: from those that the
-/// file names, else from [`Axes::RUB`]; [`Frame::axes`] says which.
+/// Reads an SPZ frame, version 2, 3 or 4, and converts it to the axes of PLYs from those stated in
+/// the file, else from [`Axes::RUB`]; [`Frame::axes`] has the original axes.
 ///
-/// # Errors
-/// If it is something else, of another version, truncated, or unpacks to more than its size can
-/// account for.
+/// # Errors If it is of another kind or version, truncated, or decompresses to more than plausible for its size.
 pub fn read(bytes: &[u8]) -> Result<Frame, FrameError> {
     let (layout, mut frame, stated) = read_stored(bytes)?;
     let axes = stated.unwrap_or(USUAL_AXES[0]);
@@ -130,7 +129,7 @@ pub fn read(bytes: &[u8]) -> Result<Frame, FrameError> {
     Ok(frame)
 }
 
-/// A frame in the axes of the file, and those that the file names.
+/// A frame in the axes of the file, and the axes stated there.
 fn read_stored(bytes: &[u8]) -> Result<(Layout, Frame, Option<Axes>), FrameError> {
     if bytes.starts_with(&SPZ) {
         let header = Header::parse(bytes)?;
@@ -170,7 +169,7 @@ fn table_offset(bytes: &[u8]) -> usize {
     u32::from_le_bytes([16, 17, 18, 19].map(|at: usize| bytes[at])) as usize
 }
 
-/// The streams of version 4, unpacked; empty where the file has none.
+/// The decompressed streams of version 4; empty for those absent from the file.
 fn streams_4(bytes: &[u8], header: &Header) -> Result<[Vec<u8>; 6], FrameError> {
     let truncated = |part, expected: u128| FrameError::Truncated {
         format: FORMAT,
@@ -218,14 +217,14 @@ fn streams_4(bytes: &[u8], header: &Header) -> Result<[Vec<u8>; 6], FrameError> 
     Ok(streams)
 }
 
-/// What the precision of a file depends on.
+/// Properties that determine the precision of a file.
 struct Layout {
     header: Header,
-    /// Bits of SH coefficients of degree 1 and of those above, if there are any but zeros.
+    /// Bits of SH coefficients of degree 1 and of higher degrees, if any are non-zero.
     sh_bits: [Option<u32>; 2],
 }
 
-/// Everything in `parts`, whose lengths fit the header, in the axes of the file.
+/// Decodes `parts`, whose lengths match the header, in the axes of the file.
 fn decode(header: &Header, parts: &[&[u8]; 6]) -> (Layout, Frame) {
     let [means, opacities, colors, scales, rotations, harmonics] = parts;
     let degree = header.degree.min(MAX_DEGREE);
@@ -254,7 +253,12 @@ fn decode(header: &Header, parts: &[&[u8]; 6]) -> (Layout, Frame) {
         notes.push(format!("SH degree {} was cut to {degree}", header.degree));
     }
     if header.flags & FLAG_ANTIALIASED != 0 {
-        notes.push("the file says its splats were trained with antialiasing (a mip filter), which is not rendered here: small and distant splats look brighter and wider than in such a viewer".to_owned());
+        notes.push(
+            "the file states that its splats were trained with antialiasing (a mip \
+                   filter), which is not supported: small and distant splats look brighter and \
+                   larger than in viewers with it"
+                .to_owned(),
+        );
     }
     let of_rows = |first: usize, last: usize| {
         harmonics.chunks_exact((3 * stored).max(1)).flat_map(move |row| {
@@ -286,7 +290,7 @@ fn decode(header: &Header, parts: &[&[u8]; 6]) -> (Layout, Frame) {
 }
 
 impl Layout {
-    /// How coarsely the rows with rotations `quats` are stored.
+    /// Precision of the rows with rotations `quats`.
     fn precision(&self, quats: &[[f32; 4]]) -> Precision {
         let degree = self.header.degree.min(MAX_DEGREE);
         let held = |of: usize| {
@@ -303,13 +307,13 @@ impl Layout {
             sh_dc: [SLACK * 0.5 / 255.0 / COLOR_SCALE; 3],
             sh_dc_range: [-0.5 / COLOR_SCALE, 0.5 / COLOR_SCALE],
             sh_rest: [1, 2, 3].map(held),
-            // Either end, since a change of axes may turn the sign.
+            // Symmetric, because a conversion of axes may change the sign.
             sh_rest_range: [-1.0, 1.0],
         };
         if self.header.version != 2 {
             return Precision::uniform(row);
         }
-        // w comes from the other three: the smaller it is, the less is known of it.
+        // w is computed from the other three, so its error grows as it gets smaller.
         let off = 3.0_f32.sqrt() * FIRST_THREE_COMPONENT;
         let by_row = quats.iter().map(|q| {
             let w_off = (off / q[0].max(f32::MIN_POSITIVE)).min((2.0 * off).sqrt());

@@ -1,4 +1,4 @@
-//! SPZ out.
+//! Writing SPZ.
 
 use super::layout::{EXTENSION_AXES, FLAG_EXTENSIONS, FRACTIONAL_BITS, HEADER, HEADER_4, SH_BITS};
 use super::quantize::{
@@ -12,21 +12,21 @@ use crate::sh_error::ShError;
 use gs_core::{Splats, sh};
 use std::io::{self, Write};
 
-/// Effort of the compressors: the reference encoder's own.
+/// Compression level, as in the reference encoder.
 const ZSTD_LEVEL: i32 = 12;
 
-/// How to write SPZ.
+/// Options for writing SPZ.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct WriteOptions {
-    /// 3 (gzip) or 4 (zstd, a little smaller, read by few viewers). Default 3.
+    /// 3 (gzip) or 4 (zstd, slightly smaller, supported by few viewers). Default 3.
     pub version: u32,
     /// SH degree of the file, at most that of the splats; `None` keeps theirs.
     pub sh_degree: Option<usize>,
-    /// Axes of the file, named in it by an extension record, which most readers skip. Default
-    /// [`Axes::RUB`], as the format is described.
+    /// Axes of the file, stated in an extension record, which most readers skip. Default
+    /// [`Axes::RUB`], as in the specification.
     pub axes: Axes,
-    /// Bits of SH coefficients of degree 1 and of the degrees above, 1 to 8 each. Fewer pack
-    /// smaller. Default 5 and 4, as the reference encoder.
+    /// Bits of SH coefficients of degree 1 and of the degrees above, 1 to 8 each. Fewer bits
+    /// compress better. Default 5 and 4, as in the reference encoder.
     pub sh_bits: [u32; 2],
 }
 
@@ -36,11 +36,10 @@ impl Default for WriteOptions {
     }
 }
 
-/// Writes an SPZ frame and says what it does not keep. Scenes beyond ±2048 units get fewer bits of
-/// fraction, so that all of them fits, but for floaters beyond ±32768.
+/// Writes an SPZ frame and returns the losses. Scenes beyond ±2048 units get fewer fractional bits,
+/// so that all splats fit, except floaters beyond ±32768.
 ///
-/// # Errors
-/// If the arrays of `splats` disagree, there are none or too many, or an option is out of range
+/// # Errors If the arrays of `splats` have inconsistent lengths, there are none or too many, or an option is out of range
 /// ([`io::ErrorKind::InvalidInput`]); if writing fails.
 pub fn write(splats: &Splats, options: &WriteOptions, out: &mut impl Write) -> io::Result<Losses> {
     let invalid = |what: String| io::Error::new(io::ErrorKind::InvalidInput, what);
@@ -49,7 +48,7 @@ pub fn write(splats: &Splats, options: &WriteOptions, out: &mut impl Write) -> i
     let num_splats =
         num_splats.ok_or_else(|| invalid(format!("{} splats, expected 1 to 2³²", splats.len())))?;
     if let Some(bits) = options.sh_bits.iter().find(|bits| !(1..=8).contains(*bits)) {
-        return Err(invalid(format!("{bits} bits a harmonic, expected 1 to 8")));
+        return Err(invalid(format!("{bits} bits per SH coefficient, expected 1 to 8")));
     }
     let degree = options.sh_degree.map_or(splats.sh_degree, |degree| degree.min(splats.sh_degree));
     let bits = fractional_bits(splats);
@@ -106,25 +105,26 @@ fn write_4(
     packed.iter().try_for_each(|(_, stream)| out.write_all(stream))
 }
 
-/// Bits of fraction that are given up for splats far away, however few: 1/256 units are left.
+/// Smallest number of fractional bits for the sake of a few distant splats: a step of 1/256 units.
 const LEAST_FOR_FEW: u8 = 8;
-/// Steps across a scene below which more bits of fraction are used: a pixel of a large image is
-/// several steps.
+/// Number of steps across a scene below which more fractional bits are
+/// used; a pixel of a large image is several steps.
 const STEPS: f32 = 16_384.0;
 /// Bits of a centre without its sign.
 const MAX_FRACTIONAL_BITS: u8 = 23;
-/// Share of the splats, far away, that do not cost the others more bits than that: floaters.
+/// Share of distant splats (floaters) that may be clamped rather
+/// than reduce the fractional bits further.
 const FEW: f64 = 0.001;
 
-/// Whether a finite centre lies beyond what `bits` of fraction leave room for.
+/// Whether a finite centre is out of range with `bits` fractional bits.
 fn is_beyond(mean: &[f32; 3], bits: u8) -> bool {
     let scale = (1_u32 << bits) as f32;
     mean.iter().any(|value| value.is_finite() && value.abs() * scale > MAX_FIXED)
 }
 
-/// Bits of fraction with which all centres fit: the usual 12, fewer where the scene is larger than
-/// that leaves room for (below [`LEAST_FOR_FEW`], all but a [`FEW`] have to fit), more where it is
-/// so small that steps of 1/4096 would show.
+/// Fractional bits with which all centres fit: usually 12, fewer for larger scenes
+/// (below [`LEAST_FOR_FEW`], all but a share of [`FEW`] have to fit), more for
+/// scenes so small that steps of 1/4096 would be visible.
 fn fractional_bits(splats: &Splats) -> u8 {
     let beyond = |bits: u8| splats.means.iter().filter(|mean| is_beyond(mean, bits)).count();
     let few = |count: usize| count as f64 <= FEW * splats.len() as f64;
@@ -161,7 +161,7 @@ fn parts(splats: &Splats, degree: usize, bits: u8, sh_bits: [u32; 2]) -> [Vec<u8
     ]
 }
 
-/// What `harmonics`, the SH bytes of `turned`, do to colours.
+/// Colour error of `harmonics`, the SH bytes of `turned`.
 fn sh_error(turned: &Splats, degree: usize, harmonics: &[u8]) -> ShError {
     let mut error = ShError::default();
     let stored = sh::num_coeffs(degree) - 1;
@@ -175,7 +175,7 @@ fn sh_error(turned: &Splats, degree: usize, harmonics: &[u8]) -> ShError {
     error
 }
 
-/// Bits with which the scene is at least [`STEPS`] steps wide.
+/// Fractional bits with which the scene is at least [`STEPS`] steps wide.
 fn fine_bits(splats: &Splats) -> u8 {
     let (min, max) = splats.bounds().unwrap_or_default();
     let width = (0..3).map(|axis| max[axis] - min[axis]).fold(0.0, f32::max);
@@ -202,15 +202,23 @@ fn losses(
     let half = 0.5 / f64::from(1_u32 << bits);
     losses.push(format!("positions are rounded by at most {half:.1e} units"));
     if bits > FRACTIONAL_BITS {
-        losses.push(format!("the scene is small: positions have {bits} bits of fraction instead of {FRACTIONAL_BITS}, which a player that ignores the header shows at the wrong size"));
+        losses.push(format!(
+            "the scene is small: positions have {bits} fractional bits instead of \
+                            {FRACTIONAL_BITS}; players that ignore the header show it at the \
+                            wrong size"
+        ));
     }
     if bits < FRACTIONAL_BITS {
-        losses.push(format!("the scene reaches beyond ±2048 units: positions have {bits} bits of fraction instead of {FRACTIONAL_BITS}, which some players do not expect; scale the scene down if one shows it wrong"));
+        losses.push(format!(
+            "the scene extends beyond ±2048 units: positions have {bits} \
+                            fractional bits instead of {FRACTIONAL_BITS}, which some players do \
+                            not support; scale the scene down if it looks wrong"
+        ));
     }
     let beyond = splats.means.iter().filter(|mean| is_beyond(mean, bits)).count();
     if beyond > 0 {
         losses.push(format!(
-            "{beyond} splats beyond ±{:.0} units are moved to there",
+            "{beyond} splats beyond ±{:.0} units are clamped",
             f64::from(MAX_FIXED) / f64::from(1_u32 << bits)
         ));
     }
@@ -219,7 +227,7 @@ fn losses(
     if splats.sh_degree > 0 {
         let [first, above] = options.sh_bits;
         let kept = match degree {
-            0 => "no SH is kept".to_owned(),
+            0 => "no SH is stored".to_owned(),
             1 => format!("SH coefficients have {first} bits, clipped to ±1"),
             _ => format!(
                 "SH coefficients have {first} bits (degree 1) and {above} (above), clipped to ±1"
@@ -231,12 +239,23 @@ fn losses(
         ));
     }
     if options.version >= 4 {
-        losses.push("viewers for version 3 cannot open version 4 (three.js and Spark among them, at the time of writing): --spz-version 3");
+        losses.push(
+            "viewers for version 3 (including three.js and Spark at the time of writing) \
+                    cannot open version 4: --spz-version 3",
+        );
     }
     losses.push(match options.axes {
-        Axes::RUB => "axes are RUB, as SPZ is described; splat-transform 3 and gsply take files as they are and show this one upside down: --spz-axes ply for them".to_owned(),
-        Axes::PLY => "axes are those of the PLY, as splat-transform 3 and gsply have them; tools that follow the description of SPZ show it upside down: --spz-axes rub for them".to_owned(),
-        other => format!("axes are {other}; tools that ignore the record of the axes show it rotated"),
+        Axes::RUB => "axes are RUB, as specified for SPZ; splat-transform 3 and gsply ignore the \
+                     axes and show the file upside down: use --spz-axes ply for them"
+            .to_owned(),
+        Axes::PLY => "axes are those of the PLY, as in splat-transform 3 and gsply; tools that \
+                     follow the SPZ specification show the file upside down: use --spz-axes rub \
+                     for them"
+            .to_owned(),
+        other => format!(
+            "axes are {other}; tools that ignore the axes record show the file \
+                         rotated"
+        ),
     });
     let outside = |value: &f32| !(-10.03..=5.97).contains(value);
     let clipped = splats.log_scales.iter().filter(|row| row.iter().any(outside)).count();

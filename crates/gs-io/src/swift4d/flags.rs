@@ -1,4 +1,4 @@
-//! Flags of a Swift4D training run: which the tensors, `cfg_args` or the user decides.
+//! Flags of a Swift4D training run, determined by the tensors, `cfg_args` or the user.
 
 use super::network::Params;
 use super::settings::Settings;
@@ -11,11 +11,11 @@ const PUBLISHED: GridShape = GridShape { levels: 16, features: 4, log2_table: 15
 const DYNAMIC_THRO: f32 = 7.0;
 /// Frames of DyNeRF and MeetRoom clips, and the divisor of their times.
 const CLIP: u32 = 300;
-/// The same for the windows in which VRU scenes are trained.
+/// The same for the time windows of VRU scenes.
 const VRU_WINDOW: u32 = 20;
 
-/// A value of `cfg_args`; one that is no literal counts as missing, which was said when the file
-/// was read.
+/// A value of `cfg_args`. Values that are not literals count as
+/// missing, with a warning when the file was read.
 fn literal<'a>(cfg: Option<&'a CfgArgs>, name: &str) -> Option<&'a Value> {
     cfg?.get(name).filter(|value| !matches!(value, Value::Other(_)))
 }
@@ -38,7 +38,7 @@ fn number(
     Ok((number, Origin::CfgArgs))
 }
 
-/// Decides all flags but the index rule, and reports them.
+/// Resolves all flags except the index rule, and reports them.
 pub(super) fn decide(
     params: &Params<'_>,
     cfg: Option<&CfgArgs>,
@@ -58,13 +58,15 @@ pub(super) fn decide(
     push(report, "time_divisor", &time_divisor, origin);
     if frames == 0 || time_divisor == 0 || frames - 1 > time_divisor {
         return Err(format!(
-            "cannot have {frames} frames at times i/{time_divisor}: the last must not lie beyond time 1; correct frames or time_divisor"
+            "cannot have {frames} frames at times i/{time_divisor}: the last must not be beyond \
+            time 1; correct frames or time_divisor"
         ));
     }
     let stated = cfg.and_then(|cfg| cfg.get("n_neurons")).and_then(Value::as_u64);
     if let Some(stated) = stated.filter(|&stated| stated != params.width() as u64) {
         report.warnings.push(format!(
-            "cfg_args says n_neurons {stated}, the network has {}: cfg_args may belong to another run, check the flags",
+            "cfg_args has n_neurons {stated}, the network has {}: cfg_args may belong to another \
+            run, check the flags",
             params.width()
         ));
     }
@@ -110,7 +112,7 @@ fn decide_shape(
         number("hashmap_size", overrides.hashmap_size, cfg, PUBLISHED.log2_table)?;
     shape.log2_table = log2_table;
     if table_from == Origin::Default {
-        // Without a statement the length of the table tells its size.
+        // If it is not stated, the size of the table is inferred from its length.
         let fits = |log2_table: &u32| {
             params.expected_len(&GridShape { log2_table: *log2_table, ..shape }) == found
         };
@@ -155,7 +157,10 @@ fn decide_activation(
         }
         (None, None) => {
             return Err(
-                "does not show whether its trunk ends in a ReLU, and there is no cfg_args to say; give activation=none for coffee_martini, vrheadset, trimming and basketball, activation=relu for the other published scenes; if the motion looks torn, use the other one"
+                "does not record whether its trunk ends in a ReLU, and there is no cfg_args; give \
+                activation=none for coffee_martini, vrheadset, trimming and basketball, \
+                activation=relu for the other published scenes; if the motion looks torn apart, \
+                use the other one"
                     .to_owned(),
             );
         }
@@ -184,7 +189,8 @@ fn decide_threshold(
     Ok((threshold, origin))
 }
 
-/// Whether the configuration or the data belong to the VRU data set, whose time runs differently.
+/// Whether the configuration or the data belong to the VRU data
+/// set, whose times are scaled differently.
 fn is_vru(cfg: Option<&CfgArgs>) -> bool {
     ["configs", "source_path", "expname"].iter().any(|key| {
         cfg.and_then(|cfg| cfg.get(key))

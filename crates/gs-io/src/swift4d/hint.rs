@@ -1,34 +1,35 @@
-//! Which index rule trained a grid, read off the entries that training never touched.
+//! Infers the index rule with which a grid was trained from the
+//! entries that training did not change.
 //!
-//! Table entries start within ±1e-4 and only change when looked up. Under the older rule, an entry
-//! of an affected level depends on x and at most a few low bits of y, so training reaches only
-//! entries whose x belongs to a place where something moves; under the current rule it reaches all
-//! alike. Where the moving Gaussians lie is known, so the two are told apart by how often entries
-//! *outside* that slice were touched.
+//! Table entries are initialised within ±1e-4 and change only when looked up. Under the older rule,
+//! an entry of an affected level depends on x and at most a few low bits of y, so training changes
+//! only entries whose x is that of a moving Gaussian; under the current rule it changes all entries
+//! alike. The positions of the moving Gaussians are known, so the rules are distinguished by how
+//! many entries *outside* their x slices were changed.
 
 use gs_deform::{HashGrid, IndexRule};
 
-/// Magnitude below which an entry is as it was initialised; half precision rounds 1e-4 up.
+/// Magnitude below which an entry is unchanged since initialisation; half precision rounds 1e-4 up.
 const UNTOUCHED: f32 = 1.01e-4;
 /// Slices of the x axis.
 const BINS: usize = 256;
-/// Entries needed on either side for an answer.
+/// Smallest number of entries on either side for a result.
 const ENOUGH: usize = 1000;
-/// Share of touched entries inside the slice below which the grid was hardly trained.
+/// Share of changed entries inside the slices below which the grid was hardly trained.
 const TRAINED: f64 = 0.1;
 
-/// The rule that explains the table, from the x coordinates in the box of the Gaussians that move;
-/// `None` if both would.
+/// The rule that explains the table, from the x coordinates in the box
+/// of the moving Gaussians; `None` if both do.
 pub(super) fn index_rule(grid: &HashGrid, xs: &[f32]) -> Option<IndexRule> {
     let occupied = occupied(xs);
-    // Touched entries and all entries, outside and inside the slice.
+    // Changed entries and all entries, outside and inside the slices.
     let mut counts = [[0_usize; 2]; 2];
     let older = grid.shape().levels(IndexRule::Older);
     for level in grid.shape().ambiguous_levels() {
         let resolution = older[level].resolution as usize;
         let entries = grid.entries(&older[level]).chunks_exact(grid.shape().features);
         if !(older[level].size as usize).is_multiple_of(resolution) {
-            continue; // x could not be told from an index.
+            continue; // x cannot be determined from an index.
         }
         for (index, entry) in entries.enumerate() {
             let inside = occupied[(index % resolution) * BINS / resolution];
@@ -49,8 +50,8 @@ pub(super) fn index_rule(grid: &HashGrid, xs: &[f32]) -> Option<IndexRule> {
     }
 }
 
-/// Slices of x that hold something that moves, and their neighbours: Gaussians drift during
-/// training.
+/// Slices of x that contain moving Gaussians, and their neighbours,
+/// because Gaussians drift during training.
 fn occupied(xs: &[f32]) -> [bool; BINS] {
     let mut occupied = [false; BINS];
     for x in xs {
@@ -81,8 +82,8 @@ mod tests {
         (*seed >> 40) as f32 / (1_u64 << 24) as f32
     }
 
-    /// A table as training leaves it: what `rule` looks up for `points` Gaussians within `x` over
-    /// some frames is changed.
+    /// A table after training: entries that `rule` looks up for `points`
+    /// Gaussians within `x` over some frames are changed.
     fn trained(rule: IndexRule, points: usize, x: (f32, f32)) -> (HashGrid, Vec<f32>) {
         let mut seed = 7;
         let mut table: Vec<f32> =
@@ -106,7 +107,7 @@ mod tests {
     }
 
     #[test]
-    fn untouched_entries_tell_the_rule() {
+    fn unchanged_entries_reveal_the_rule() {
         for rule in [IndexRule::Current, IndexRule::Older] {
             let (grid, xs) = trained(rule, 4000, (0.3, 0.6));
             assert_eq!(index_rule(&grid, &xs), Some(rule), "something in the middle moves");

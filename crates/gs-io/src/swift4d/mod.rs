@@ -1,11 +1,11 @@
 //! Model folders of Swift4D: canonical PLY with a dynamic score per Gaussian, hash-grid field,
 //! flags of the training run.
 //!
-//! A folder is read like one of 4DGaussians ([`crate::checkpoint4dgs`]), with `FDHash.pth` in place
-//! of `deformation.pth`, and gives the same kind of [`Model`]. Flags that the tensors do not reveal
-//! are trusted in the order override, `cfg_args`, what the tensors suggest, defaults. One is in no
-//! file: which of two index rules trained the grid. It matters for large tables only, and is then
-//! read off the table's untouched entries.
+//! A folder is read like one of 4DGaussians ([`crate::checkpoint4dgs`]), with `FDHash.pth` instead
+//! of `deformation.pth`, and gives the same kind of [`Model`]. Flags that cannot be inferred from
+//! the tensors are taken, in this order, from overrides, `cfg_args`, hints in the tensors, or
+//! defaults. The index rule of the grid is not stored in any file. It matters only for large
+//! tables, and is then inferred from unchanged table entries.
 
 mod flags;
 mod hint;
@@ -30,8 +30,8 @@ const FIELD: &str = "FDHash.pth";
 /// Column of the PLY with the dynamic score.
 const SCORE: &str = "dynamic";
 
-/// Whether a folder is a Swift4D model: its field, or else the score of its splats, lies in the
-/// iteration that would be opened.
+/// Whether a folder is a Swift4D model: the iteration that would be opened contains its field, or
+/// else the score of its splats.
 pub(crate) fn looks_like_model(dir: &Path) -> bool {
     let Ok(iteration) = model_folder::find(dir, None) else {
         return model_folder::has_in_iterations(dir, FIELD);
@@ -40,7 +40,7 @@ pub(crate) fn looks_like_model(dir: &Path) -> bool {
     match (has(FIELD), has("deformation.pth")) {
         (true, false) => true,
         (false, true) => false,
-        // Both, or neither: the PLY decides.
+        // If both or neither exist, the PLY decides.
         _ => has_score(&iteration.dir.join("point_cloud.ply")),
     }
 }
@@ -54,9 +54,7 @@ fn has_score(path: &Path) -> bool {
 
 /// Opens a model folder, or one of its `iteration_<n>` folders.
 ///
-/// # Errors
-/// If files are missing or malformed, contradict each other, or leave open what the motion depends
-/// on. Every error names the file, and the flag to give where one decides.
+/// # Errors If files are missing, malformed or inconsistent, or do not determine the motion. Every error names the file, and the flag that would resolve it, if any.
 pub fn open(dir: impl AsRef<Path>, overrides: &Overrides) -> Result<Model, IoError> {
     let Canonical { iteration, splats, mut report, cfg } =
         model_folder::read_canonical(dir.as_ref(), overrides)?;
@@ -68,7 +66,9 @@ pub fn open(dir: impl AsRef<Path>, overrides: &Overrides) -> Result<Model, IoErr
     if !path.is_file() {
         return Err(IoError::content(
             &path,
-            "is missing, so the model cannot move; copy it from the machine that trained the model (training writes it beside point_cloud.ply), or ask for another iteration",
+            "is missing, without which the model cannot move; copy it from the machine that \
+            trained the model (training writes it beside point_cloud.ply), or choose another \
+            iteration",
         ));
     }
     let bytes = read_bytes(&path)?;
@@ -94,7 +94,7 @@ pub fn open(dir: impl AsRef<Path>, overrides: &Overrides) -> Result<Model, IoErr
     Ok(Model { scene: ModelScene::HashGrid(Box::new(scene)), report })
 }
 
-/// Why tensors do not make a field.
+/// Error of building a field from tensors.
 enum Unusable {
     Content(String),
     Field(gs_deform::FieldError),
@@ -120,7 +120,7 @@ fn field(
     HashGridField::new(gs_deform::HashGridNetwork { grid, ..network }).map_err(Unusable::Field)
 }
 
-/// Which index rule trained the grid.
+/// The index rule with which the grid was trained.
 fn index_rule(
     grid: &gs_deform::HashGrid,
     bounds: &FieldBox,
@@ -135,7 +135,7 @@ fn index_rule(
         None if ambiguous.is_empty() => {
             report.flags.push(FlagReport {
                 name: "index_rule",
-                value: "either, they agree for this table".to_owned(),
+                value: "either (they agree for this table)".to_owned(),
                 origin: Origin::Inferred,
             });
             return Ok(IndexRule::Current);
@@ -145,7 +145,10 @@ fn index_rule(
             let xs: Vec<f32> =
                 moving.filter_map(|(mean, _)| bounds.normalize(*mean)).map(|[x, _, _]| x).collect();
             let rule = hint::index_rule(grid, &xs).ok_or_else(|| format!(
-                "is evaluated differently by tiny-cuda-nn from before and after 24 June 2025 (levels {ambiguous:?}), and its table does not show which one trained it; give index_rule=older for models trained before that (all that the authors released), or index_rule=current"
+                "is evaluated differently by tiny-cuda-nn before and after 24 June 2025 (levels \
+                {ambiguous:?}), and the table does not show which version trained it; give \
+                index_rule=older for models trained before that date (including all released by \
+                the authors), or index_rule=current"
             ))?;
             report.warnings.push(format!(
                 "the version of tiny-cuda-nn that trained the model is not recorded; the unused entries of its table suggest index_rule={}. If fine detail trembles, override it",
@@ -167,7 +170,7 @@ fn rule_name(rule: IndexRule) -> &'static str {
     }
 }
 
-/// Which of the splats left are dynamic: those whose score exceeds the threshold, strictly.
+/// Whether each remaining splat is dynamic: its score is strictly above the threshold.
 fn read_dynamic(
     iteration: &Iteration,
     threshold: f32,
@@ -178,7 +181,8 @@ fn read_dynamic(
         return Err(IoError::content(
             &path,
             format!(
-                "has no column `{SCORE}`, which marks what moves; use the file that training wrote (editors drop this column)"
+                "has no column `{SCORE}`, which marks the moving splats; use the file that \
+                training wrote (editors drop this column)"
             ),
         ));
     }
@@ -214,7 +218,8 @@ fn describe(
     report.split = Some(Split { num_dynamic, num_moving });
     if num_moving == 0 {
         report.warnings.push(format!(
-            "nothing moves in this model: of {} Gaussians {num_dynamic} have a dynamic score above {}, none of them in the field's box; check dynamic_thro",
+            "this model is static: of {} Gaussians {num_dynamic} have a dynamic score above {}, \
+            none of them in the field's box; check dynamic_thro",
             report.num_splats, settings.dynamic_thro
         ));
     }

@@ -1,4 +1,4 @@
-//! From the flat tensors of `FDHash.pth` to a hash-grid network.
+//! Builds a hash-grid network from the flat tensors of `FDHash.pth`.
 
 use super::settings::Settings;
 use crate::pth::{self, Tensor};
@@ -12,7 +12,7 @@ use std::collections::BTreeMap;
 pub(super) const HEADS: [&str; 5] =
     ["xyz_deform", "scales_deform", "rotations_deform", "opacity_deform", "shs_deform"];
 const ENCODER: &str = "enc_model";
-/// Widths of the fused layers there are.
+/// Supported widths of fused layers.
 const WIDTHS: [usize; 4] = [16, 32, 64, 128];
 /// Inputs and outputs of fused layers are padded to multiples of this.
 const PADDING: usize = 16;
@@ -24,7 +24,7 @@ pub(super) struct Params<'a> {
     width: usize,
 }
 
-/// Why tensors do not make a network.
+/// Error of building a network from tensors.
 pub(super) enum Wrong {
     Content(String),
     Field(FieldError),
@@ -36,13 +36,13 @@ impl From<String> for Wrong {
     }
 }
 
-/// Parameters of a head: two square layers and one to its outputs.
+/// Number of parameters of a head: two square layers and the output layer.
 fn head_len(width: usize, component: Component) -> usize {
     2 * width * width + component.num_outputs().next_multiple_of(PADDING) * width
 }
 
 impl<'a> Params<'a> {
-    /// Reads the width off the heads; all must agree.
+    /// Infers the width from the heads, which must all agree.
     pub(super) fn new(tensors: Vec<(String, Tensor<'a>)>) -> Result<Self, String> {
         let tensors = pth::beside(tensors, &["enc_model.params"]);
         let mut params = Self { by_name: tensors.into_iter().collect(), width: 0 };
@@ -58,7 +58,8 @@ impl<'a> Params<'a> {
         let fits = |width: &usize| head_len(*width, Component::Means) == first;
         params.width = WIDTHS.into_iter().find(fits).ok_or_else(|| {
             format!(
-                "`{}.params` has {first} values, which fits no width of fused layers (16, 32, 64 or 128)",
+                "`{}.params` has {first} values, which matches no width of fused layers (16, 32, \
+                64 or 128)",
                 HEADS[0]
             )
         })?;
@@ -85,7 +86,7 @@ impl<'a> Params<'a> {
         self.get(ENCODER).map_or(0, Tensor::len)
     }
 
-    /// What that length would be for a grid, of a shape that passes its check.
+    /// Expected length for a grid with a valid shape.
     pub(super) fn expected_len(&self, shape: &GridShape) -> usize {
         self.trunk_len(shape) + shape.num_entries() * shape.features
     }
@@ -102,7 +103,7 @@ impl<'a> Params<'a> {
         self.get(name).ok_or_else(|| format!("has no tensor `{name}.params`"))
     }
 
-    /// Parameters as the reference evaluates them: rounded to half precision, subnormals kept.
+    /// Parameters as evaluated by the reference: rounded to half precision, keeping subnormals.
     fn halves(&self, name: &str) -> Result<Vec<f32>, String> {
         let mut values = self.need(name)?.to_f32s();
         let mut halves = [half::f16::ZERO; 1024];
@@ -114,7 +115,7 @@ impl<'a> Params<'a> {
         Ok(values)
     }
 
-    /// The box. Always the stored one: Gaussians of the PLY may lie outside.
+    /// The stored box; Gaussians of the PLY may be outside.
     pub(super) fn bounds(&self) -> Result<FieldBox, String> {
         let corner = |name: &str| {
             let tensor = self.by_name.get(name).ok_or_else(|| format!("has no tensor `{name}`"))?;
@@ -169,8 +170,8 @@ impl<'a> Params<'a> {
     }
 }
 
-/// The first `outputs` rows and `inputs` columns of a matrix whose rows hold `padded` values. There
-/// are no biases.
+/// The first `outputs` rows and `inputs` columns of a matrix with
+/// rows of `padded` values. There are no biases.
 fn layer(values: &[f32], padded: usize, inputs: usize, outputs: usize) -> Linear {
     let rows = values.chunks_exact(padded).take(outputs);
     let weight = rows.flat_map(|row| &row[..inputs]).copied().collect();

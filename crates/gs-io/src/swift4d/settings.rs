@@ -1,8 +1,8 @@
-//! [`Settings`]: the decided flags of a training run.
+//! [`Settings`]: the resolved flags of a training run.
 
 use gs_deform::GridShape;
 
-/// Decided flags of a Swift4D training run.
+/// Resolved flags of a Swift4D training run.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Settings {
     pub(super) shape: GridShape,

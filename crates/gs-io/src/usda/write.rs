@@ -1,6 +1,6 @@
-//! Writing a clip.
+//! Writing OpenUSD.
 
-use crate::clip::{Clip, Hemispheres, SoundRows, dropped_sentence};
+use crate::clip::{Clip, Hemispheres, ValidRows, dropped_sentence};
 use crate::error::IoError;
 use crate::fs::{AtomicFile, Existing};
 use crate::losses::Losses;
@@ -10,20 +10,20 @@ use std::fmt::Write as _;
 use std::io::Write;
 use std::path::Path;
 
-/// Larger texts are refused by default: few tools open them.
+/// Default limit of the text's size, bytes; few tools open larger files.
 pub const SIZE_LIMIT: u64 = 1_000_000_000;
 
-/// Bytes a number takes with its punctuation, on average.
+/// Average number of bytes per number with punctuation.
 const BYTES_PER_NUMBER: u64 = 12;
 
-/// How to write.
+/// Options for writing.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Options {
     /// The scene's upward direction, world frame. Default +y, which needs no transform.
     pub up: [f64; 3],
-    /// SH up to this degree; the scene's if `None`. Default `None`.
+    /// SH degree of the file; that of the scene if `None`. Default `None`.
     pub sh_degree: Option<usize>,
-    /// Refuse a text estimated above so many bytes. Default [`SIZE_LIMIT`].
+    /// Largest estimated size of the text, bytes; larger ones are refused. Default [`SIZE_LIMIT`].
     pub size_limit: u64,
 }
 
@@ -33,18 +33,18 @@ impl Default for Options {
     }
 }
 
-/// What was written.
+/// Result of writing a clip.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct WriteReport {
     /// Splats written.
     pub num_splats: usize,
     /// Attributes with time samples.
     pub sampled: Vec<&'static str>,
-    /// What the file does not keep.
+    /// Losses of the file.
     pub losses: Losses,
 }
 
-/// What a splat has, as the schema names it.
+/// Attribute of a splat, named as in the schema.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Attribute {
     Positions,
@@ -87,9 +87,9 @@ impl Attribute {
     }
 }
 
-/// Writes the clip. The scene is evaluated once per frame, and once more per frame and attribute
-/// that changes (or once, if it does not); `progress` hears the number of evaluations done and of
-/// all. Besides one frame and its text nothing is held in memory.
+/// Writes the clip. The scene is evaluated once per frame, and once more per frame for each
+/// changing attribute (or once, if it is constant); `progress` is called with the number of
+/// finished evaluations and their total. Only one frame and its text are in memory.
 ///
 /// # Errors
 /// If there are no frames, splats or frames per second, the up direction has no length, the text
@@ -128,7 +128,7 @@ pub fn write(
         return Err(IoError::Unfit {
             path: path.to_owned(),
             what: format!(
-                "it would be a text of about {gigabytes:.1} GB, too large for most tools"
+                "the file would be a text of about {gigabytes:.1} GB, too large for most tools"
             ),
         });
     }
@@ -183,7 +183,10 @@ fn losses(clip: &Clip<'_>, degree: usize, written: usize) -> Losses {
     if degree < stored {
         losses.push(format!("SH degree {stored} becomes {degree}"));
     }
-    losses.push("colours stay as displayed (sRGB), while the schema means linear light: a renderer that converts shows them brighter");
+    losses.push(
+        "colours are written as displayed (sRGB), although the schema specifies linear \
+                light: renderers that convert them show brighter colours",
+    );
     if clip.times.len() > 1 {
         losses.push("between frames, USD interpolates linearly");
     }
@@ -195,7 +198,7 @@ fn losses(clip: &Clip<'_>, degree: usize, written: usize) -> Losses {
     losses
 }
 
-/// Everything above the attributes that differ from splat to splat.
+/// The text before the per-splat attributes.
 fn head(clip: &Clip<'_>, turn: &[[f64; 3]; 3], degree: usize) -> String {
     // USD multiplies row vectors: the rows of its matrix are the columns of the rotation.
     let row = |k: usize| format!("({}, {}, {}, 0)", turn[0][k], turn[1][k], turn[2][k]);
@@ -241,20 +244,20 @@ fn turn_to_y(up: [f64; 3]) -> Option<[[f64; 3]; 3]> {
     }
     let [x, y, z] = up.map(|c| c / length);
     if y < -1.0 + 1e-9 {
-        // Half a turn about x.
+        // Rotation by 180° about x.
         return Some([[1.0, 0.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, -1.0]]);
     }
     let k = 1.0 / (1.0 + y);
-    // `+ 0.0` turns −0 into 0.
+    // `+ 0.0` converts −0 to 0.
     Some(
         [[1.0 - x * x * k, -x, -x * z * k], [x, y, z], [-x * z * k, -z, 1.0 - z * z * k]]
             .map(|row| row.map(|c| c + 0.0)),
     )
 }
 
-/// First look at the clip.
+/// First pass over the clip.
 struct Survey {
-    sound: SoundRows,
+    sound: ValidRows,
     first: Splats,
     changes: [bool; 5],
     /// Box of each frame, three standard deviations around every usable splat.
@@ -264,7 +267,7 @@ struct Survey {
 impl Survey {
     fn new(num_splats: usize) -> Self {
         Self {
-            sound: SoundRows::new(num_splats),
+            sound: ValidRows::new(num_splats),
             first: Splats::default(),
             changes: [false; 5],
             extents: Vec::new(),
@@ -391,7 +394,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn up_is_turned_to_y() {
+    fn up_is_rotated_to_y() {
         for up in
             [[0.0, 1.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, 2.0], [-1.0, 0.0, 0.0], [0.3, -0.5, 0.7]]
         {
@@ -411,7 +414,7 @@ mod tests {
     }
 
     #[test]
-    fn numbers_read_back() {
+    fn numbers_round_trip() {
         for value in [0.0, -0.0, 1.0, 0.1, -3.402_823_5e38, 1e-45, 1.234_567_9e-5, 16_777_216.0] {
             let mut text = String::new();
             number(&mut text, value);

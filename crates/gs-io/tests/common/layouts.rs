@@ -34,7 +34,7 @@ fn columns<const D: usize>(
     (0..D).map(move |k| (format!("{name}_{k}"), rows.clone().map(|row| row[k]).collect()))
 }
 
-/// Columns that both PLYs have; `dc` are their colours.
+/// Columns common to both PLYs; `dc` are their colours.
 fn shared(scene: &PolynomialScene, dc: &[[f32; 3]]) -> Vec<(String, Vec<f32>)> {
     let rest = scene.rest();
     let mut all: Vec<(String, Vec<f32>)> = ["x", "y", "z"]
@@ -49,7 +49,7 @@ fn shared(scene: &PolynomialScene, dc: &[[f32; 3]]) -> Vec<(String, Vec<f32>)> {
     all
 }
 
-/// `point_cloud.ply` of Spacetime Gaussians, lite model: says the same.
+/// `point_cloud.ply` of Spacetime Gaussians, lite model, equivalent to `scene`.
 pub(crate) fn spacetime(scene: &PolynomialScene) -> Vec<u8> {
     let rgb: Vec<[f32; 3]> =
         scene.rest().sh.iter().map(|dc| dc.map(|channel| channel * sh::C0 + 0.5)).collect();
@@ -73,7 +73,7 @@ fn log_durations(scene: &PolynomialScene) -> Vec<f32> {
     scene.motions().iter().map(|motion| (motion.width.abs() * half).ln()).collect()
 }
 
-/// `.ftgs.ply`: says the same of splats that move on lines and do not turn.
+/// `.ftgs.ply`, equivalent to `scene` for splats that move linearly and do not rotate.
 pub(crate) fn freetime_ply(scene: &PolynomialScene) -> Vec<u8> {
     let mut all = shared(scene, &scene.rest().sh);
     all.push(("time".to_owned(), scene.motions().iter().map(|m| m.centre).collect()));
@@ -90,7 +90,7 @@ pub(crate) fn freetime_ply(scene: &PolynomialScene) -> Vec<u8> {
     ply(&comments, &all)
 }
 
-/// A checkpoint of FreeTimeGS, likewise; no opacity falls below 10⁻⁴ there.
+/// A checkpoint of FreeTimeGS, equivalent likewise; its opacities are at least 10⁻⁴.
 pub(crate) fn freetime_checkpoint(scene: &PolynomialScene) -> Vec<u8> {
     let (rest, n) = (scene.rest(), scene.rest().len());
     let times: Vec<f32> = scene.motions().iter().map(|motion| motion.centre).collect();

@@ -12,7 +12,7 @@ fn noise(counter: u32) -> f32 {
     ((x ^ x >> 16) >> 8) as f32 / 8_388_608.0 - 1.0
 }
 
-/// `n` splats over `frames` frames in a box of about 4 units. Row `i` moves if `i & 1`, turns if
+/// `n` splats over `frames` frames in a box of about 4 units. Row `i` moves if `i & 1`, rotates if
 /// `i & 2`, changes colour if `i & 4`, opacity if `i & 8`, size if `i & 16`, smoothly; quaternions
 /// are unnormalised and of either sign.
 pub(crate) fn scene(n: usize, frames: usize, sh_degree: usize) -> Trajectories {

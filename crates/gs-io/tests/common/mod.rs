@@ -1,12 +1,12 @@
 //! Writes PyTorch archives, for tests.
 
-/// A state dictionary as `torch.save` writes it: stored zip, sizes of local headers left to data
-/// descriptors, pickle protocol 2.
+/// A state dictionary in the format of `torch.save`: stored zip with
+/// sizes in data descriptors, pickle protocol 2.
 pub(crate) fn state_dict(tensors: &[(String, Vec<usize>, Vec<f32>)]) -> Vec<u8> {
     wrapped_state_dict(b"", tensors, b"")
 }
 
-/// As [`state_dict`], with opcodes in front of the dictionary and behind it.
+/// As [`state_dict`], with opcodes before and after the dictionary.
 pub(crate) fn wrapped_state_dict(
     before: &[u8],
     tensors: &[(String, Vec<usize>, Vec<f32>)],

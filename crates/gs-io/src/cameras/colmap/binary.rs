@@ -3,9 +3,10 @@
 use super::{ColmapCamera, ColmapImage, lens_models::MODELS};
 use crate::cameras::CamerasError;
 
-/// Fewest bytes of a camera: id, model, width, height, two parameters.
+/// Smallest size of a camera, bytes: id, model, width, height, two parameters.
 const MIN_CAMERA: u64 = 4 + 4 + 8 + 8 + 2 * 8;
-/// Fewest bytes of an image: id, quaternion, translation, camera, empty name, count of points.
+/// Smallest size of an image, bytes: id, quaternion,
+/// translation, camera, empty name, count of points.
 const MIN_IMAGE: u64 = 4 + 4 * 8 + 3 * 8 + 4 + 1 + 8;
 /// Bytes of a point of an image.
 const POINT: u64 = 24;
@@ -47,7 +48,7 @@ impl<'a> Reader<'a> {
         Ok(f64::from_le_bytes(self.array(at)?))
     }
 
-    /// A count of records of at least `size` bytes each, checked against the bytes there are.
+    /// A count of records of at least `size` bytes each, checked against the bytes left.
     fn count(&mut self, what: &str, size: u64) -> Result<u64, CamerasError> {
         let count = self.u64(|| format!("the count of {what}"))?;
         if count > self.bytes.len() as u64 / size {
@@ -86,7 +87,7 @@ pub fn parse_cameras_bin(bytes: &[u8]) -> Result<Vec<ColmapCamera>, CamerasError
         .collect()
 }
 
-/// Parses an `images.bin`, without the points seen.
+/// Parses an `images.bin`, without the observed points.
 ///
 /// # Errors
 /// If the bytes end early.

@@ -24,11 +24,10 @@ use gs_core::image_formation::NEAR_PLANE;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-/// Every so many views of a sorted list, the first included, is a test view.
+/// Every n-th view of the sorted list, from the first, is a test view.
 const HOLD: usize = 8;
 
-/// A COLMAP model: lenses by id, and images in file order. Single images that cannot be used are
-/// left out and noted.
+/// A COLMAP model: lenses by id, and images in file order. Unusable images are omitted and noted.
 #[derive(Debug)]
 pub(super) struct Model {
     pub(super) lenses: BTreeMap<u32, Lens>,
@@ -70,8 +69,7 @@ impl Model {
         Ok(model)
     }
 
-    /// Leaves out images without a usable lens or pose; the first reason is the error if none is
-    /// left.
+    /// Omits images without a usable lens or pose; if none is left, the first reason is the error.
     fn leave_out_unusable(
         &mut self,
         mut unusable: BTreeMap<u32, CamerasError>,
@@ -95,7 +93,7 @@ impl Model {
             Some((name, error)) => {
                 let (total, left_out) = (self.total, self.total - self.images.len());
                 self.notes.push(format!(
-                    "{left_out} of {total} images are left out, the first `{name}`: {error}"
+                    "{left_out} of {total} images are omitted; the first is `{name}`: {error}"
                 ));
                 Ok(())
             }
@@ -122,7 +120,7 @@ fn parsed<T>(path: &Path, parse: impl Fn(&[u8]) -> Result<T, CamerasError>) -> R
     parse(&read_bytes(path)?).map_err(IoError::cameras(path))
 }
 
-/// The folder of the model below a data set, or of the data set that a model folder is.
+/// The model folder in a data set, or `root` itself if it is a model folder.
 pub(super) fn model_folder(root: &Path) -> Option<PathBuf> {
     ["sparse/0", "sparse", "colmap/sparse/0", "dense/sparse", "."]
         .iter()
@@ -169,27 +167,28 @@ pub(super) fn open(root: &Path, reading: Reading) -> Result<CameraSet, IoError> 
     notes.extend(sizes.note("COLMAP's sizes are used"));
     if reading == Reading::Trained {
         notes.push(format!(
-            "times are positions in the file of images over their number ({count}), as in training"
+            "times are positions in the images file divided by the number of images ({count}), as \
+            in training"
         ));
     }
     Ok(CameraSet { format: Format::Colmap, path: root.to_owned(), views, video: Vec::new(), notes })
 }
 
-/// The folder of the images: `images`, or where only smaller copies are, the largest of those.
+/// The folder of the images: `images`, or if only reduced copies exist, the largest of those.
 fn images_folder(root: &Path) -> PathBuf {
     let folders = ["images", "images_2", "images_4", "images_8"].map(|name| root.join(name));
     let found = folders.iter().find(|folder| folder.is_dir());
     found.unwrap_or(&folders[0]).clone()
 }
 
-/// Where the image of a model may lie: under its whole name, folders included, or under the last
-/// part of it, as the reference has it.
+/// Possible paths of a model's image: its full name including folders, or
+/// only the last part of it, as in the reference.
 pub(super) fn image_paths(images: &Path, name: &str) -> [PathBuf; 2] {
     let inside = name.split(['/', '\\']).filter(|part| !["", ".", ".."].contains(part));
     [images.join(inside.collect::<PathBuf>()), images.join(basename(name))]
 }
 
-/// The reference sorts by the file's name up to its first dot.
+/// Sort key of the reference: the file name up to its first dot.
 fn sort_key(name: &str) -> &str {
     let base = basename(name);
     base.split('.').next().unwrap_or(base)
@@ -203,8 +202,8 @@ pub(super) fn share(part: usize, whole: usize) -> f32 {
 }
 
 impl Lens {
-    /// A camera with this lens. Sizes that are no pixel counts become 0, which the check of cameras
-    /// refuses by name.
+    /// A camera with this lens. Invalid sizes become 0, which the check
+    /// of cameras reports with the camera's name.
     pub(super) fn camera(&self, viewmat: Viewmat, time: Option<f32>, name: String) -> Camera {
         Camera {
             viewmat,

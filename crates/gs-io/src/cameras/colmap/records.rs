@@ -1,9 +1,9 @@
-//! Entries of a COLMAP model as its files have them.
+//! Records of a COLMAP model as stored.
 
 /// A lens of a COLMAP model.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ColmapCamera {
-    /// Referred to by images.
+    /// Id, to which images refer.
     pub id: u32,
     /// COLMAP's name of the lens model.
     pub model: &'static str,
@@ -11,21 +11,21 @@ pub struct ColmapCamera {
     pub width: u64,
     /// Image rows, pixels.
     pub height: u64,
-    /// In the order of the lens model.
+    /// Parameters in the order of the lens model.
     pub params: Vec<f64>,
 }
 
 /// A registered image of a COLMAP model.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ColmapImage {
-    /// Its number.
+    /// Id of the image.
     pub id: u32,
     /// Rotation world to camera, wxyz.
     pub quat: [f64; 4],
     /// Translation world to camera, world units.
     pub translation: [f64; 3],
-    /// Its lens.
+    /// Id of the image's lens.
     pub camera_id: u32,
-    /// File name, folders included.
+    /// File name, including folders.
     pub name: String,
 }

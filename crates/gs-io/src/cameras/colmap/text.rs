@@ -1,10 +1,10 @@
-//! `cameras.txt` and `images.txt`: a record a line, two lines an image, `#` for comments.
+//! `cameras.txt` and `images.txt`: one line per camera, two lines per image, comments after `#`.
 
 use super::{ColmapCamera, ColmapImage, lens_models::by_name};
 use crate::cameras::CamerasError;
 use std::str::FromStr;
 
-/// Most characters of a line shown in a message.
+/// Largest number of characters of a line that are quoted in a message.
 const SHOWN: usize = 60;
 
 fn lines(text: &str) -> impl Iterator<Item = (usize, &str)> {
@@ -20,7 +20,7 @@ fn number<T: FromStr>(field: Option<&str>, at: &str, what: &str) -> Result<T, Ca
     text.parse().map_err(|_unparsable| CamerasError::malformed(at, what, shown(text)))
 }
 
-/// Parses a `cameras.txt`: `CAMERA_ID MODEL WIDTH HEIGHT PARAMS…` a line.
+/// Parses a `cameras.txt`: lines `CAMERA_ID MODEL WIDTH HEIGHT PARAMS…`.
 ///
 /// # Errors
 /// If a line does not have that form, or names an unknown model.
@@ -35,7 +35,7 @@ pub fn parse_cameras_txt(text: &str) -> Result<Vec<ColmapCamera>, CamerasError> 
         let id = number(fields.next(), &at, "a camera id")?;
         let name = fields.next().unwrap_or_default();
         let (model, params) = by_name(name).ok_or_else(|| {
-            CamerasError::malformed(&at, "the name of a lens model, as PINHOLE", shown(name))
+            CamerasError::malformed(&at, "the name of a lens model, such as PINHOLE", shown(name))
         })?;
         let width = number(fields.next(), &at, "a width")?;
         let height = number(fields.next(), &at, "a height")?;
@@ -47,8 +47,8 @@ pub fn parse_cameras_txt(text: &str) -> Result<Vec<ColmapCamera>, CamerasError> 
     Ok(cameras)
 }
 
-/// Parses an `images.txt`: `IMAGE_ID QW QX QY QZ TX TY TZ CAMERA_ID NAME`, then a line of points
-/// (which may be empty), an image.
+/// Parses an `images.txt`: per image a line `IMAGE_ID QW QX QY QZ TX TY TZ CAMERA_ID NAME`, then a
+/// line of points, which may be empty.
 ///
 /// # Errors
 /// If a line does not have that form.
@@ -68,7 +68,7 @@ pub fn parse_images_txt(text: &str) -> Result<Vec<ColmapImage>, CamerasError> {
         }
         let [w, x, y, z, tx, ty, tz] = numbers;
         let camera_id = number(fields.next(), &at, "a camera id")?;
-        // Names may hold spaces: what is left of the line.
+        // The rest of the line, because names may contain spaces.
         let name = fields.collect::<Vec<_>>().join(" ");
         if name.is_empty() {
             return Err(CamerasError::malformed(&at, "an image name", "the end of the line"));

@@ -1,10 +1,10 @@
-//! `poses_bounds.npy` of LLFF and DyNeRF (Neural 3D Video): a row a camera, its pose, image size,
-//! focal length and depth range.
+//! `poses_bounds.npy` of LLFF and DyNeRF (Neural 3D Video): one row per camera with pose, image
+//! size, focal length and depth range.
 //!
 //! Row i belongs to the i-th of the sorted videos `cam*.mp4`, or of the frame folders
 //! `cam*/images`; or, for photographs, to the i-th of the sorted `images`. Trained reading: half
-//! the stored size, half the first row's focal length for all, times over 300 whatever the length
-//! of the clip, the first camera held out.
+//! the stored size, half the first row's focal length for all, times divided by 300 for any clip
+//! length, the first camera held out.
 
 mod row;
 
@@ -21,9 +21,9 @@ use std::path::Path;
 
 /// Name of the file.
 pub(in crate::cameras) const FILE: &str = "poses_bounds.npy";
-/// The reference divides the frame index by this, and reads no more frames a camera.
+/// The reference divides the frame index by this, and reads at most this many frames per camera.
 const TRAINED_FRAMES: usize = 300;
-/// Every so many photographs are held out.
+/// Every n-th photograph is held out.
 const HOLD: usize = 8;
 
 /// A camera a row, named by number, without time.
@@ -46,7 +46,7 @@ struct CameraFrames {
     frames: Vec<Vec<String>>,
 }
 
-/// Videos, else folders of frames. `None` when there are neither.
+/// Videos, else folders of frames. `None` if there are neither.
 fn camera_frames(root: &Path, names: &[String]) -> Option<CameraFrames> {
     let of_kind = |keep: &dyn Fn(&String) -> bool| -> Vec<String> {
         names.iter().filter(|name| name.starts_with("cam") && keep(name)).cloned().collect()
@@ -92,7 +92,9 @@ pub(in crate::cameras) fn open(
             return Err(IoError::content(
                 root,
                 format!(
-                    "has {} cameras (cam*.mp4 or cam*/images) but {file} has {} rows, one a camera; remove the videos that have no row, or get the file that belongs to them",
+                    "has {} cameras (cam*.mp4 or cam*/images) but {file} has {} rows, expected \
+                    one per camera; remove the videos without a row, or use the file that belongs \
+                    to them",
                     rig.names.len(),
                     rows.len()
                 ),
@@ -100,11 +102,12 @@ pub(in crate::cameras) fn open(
         }
         let longest = rig.frames.iter().map(Vec::len).max().unwrap_or(0);
         if longest == 0 {
-            notes.push(
-                "no frames are extracted (cam*/images): the cameras look at every time".to_owned(),
-            );
+            notes.push("no extracted frames (cam*/images): the cameras have no times".to_owned());
         } else if trained {
-            notes.push(format!("times are frame indices over {TRAINED_FRAMES}, as in training"));
+            notes.push(format!(
+                "times are frame indices divided by {TRAINED_FRAMES}, as in \
+                               training"
+            ));
         }
         for (index, row) in rows.iter().enumerate() {
             let split = if index == 0 { Split::Test } else { Split::Train };
@@ -125,10 +128,11 @@ pub(in crate::cameras) fn open(
         photographs.retain(|name| is_image(name));
         let matched = photographs.len() == rows.len();
         notes.push(if matched {
-            "photographs, not videos: the cameras look at every time".to_owned()
+            "photographs, not videos: the cameras have no times".to_owned()
         } else {
             format!(
-                "no videos or frames beside {file}: cameras are named by their row and look at every time"
+                "no videos or frames beside {file}: cameras are named by their row and have no \
+                times"
             )
         });
         for (index, row) in rows.iter().enumerate() {

@@ -15,7 +15,7 @@ pub struct Row {
     pub right: DVec3,
     /// Camera's up, world frame.
     pub up: DVec3,
-    /// Away from what it sees, world frame.
+    /// Camera's backward axis, world frame.
     pub back: DVec3,
     /// Camera centre, world frame.
     pub centre: DVec3,
@@ -36,8 +36,8 @@ impl Row {
         pose::from_axes(self.right, -self.up, -self.back, self.centre)
     }
 
-    /// Own size and focal length; in training half of the size, and of the first camera's focal
-    /// length.
+    /// Stored size and focal length; in training half the size, and
+    /// half the first camera's focal length.
     pub(super) fn lens_of(&self, first: &Self, reading: Reading) -> Lens {
         let (focal, scale) = match reading {
             Reading::Trained => (first.focal, 0.5),

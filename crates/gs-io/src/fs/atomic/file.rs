@@ -8,12 +8,12 @@ use std::fs::{self, File};
 use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
 
-/// A file that appears under its name only when [`AtomicFile::commit`]ted; dropped uncommitted,
-/// nothing is left.
+/// A file that appears under its name only when
+/// [`AtomicFile::commit`]ted; if dropped uncommitted, nothing remains.
 ///
-/// With [`Existing::Replace`], a file is replaced that was named for it, and whose content is of
-/// the kind that is written: an image by an image, a clip by a clip of the same format. A file of
-/// another kind was named by mistake.
+/// With [`Existing::Replace`], a file is replaced only if its content is of the
+/// kind being written: an image by an image, a clip by a clip of the same format. A
+/// file of another kind was probably named by mistake.
 #[derive(Debug)]
 pub struct AtomicFile {
     path: PathBuf,
@@ -23,11 +23,9 @@ pub struct AtomicFile {
 }
 
 impl AtomicFile {
-    /// Opens a temporary file next to `path`, making the folder if it is missing.
+    /// Opens a temporary file next to `path`; creates the folder if it is missing.
     ///
-    /// # Errors
-    /// If `path` exists and may not be replaced, another process is writing it, or the file cannot
-    /// be made.
+    /// # Errors If `path` exists and must not be replaced, another process is writing it, or the file cannot be created.
     pub fn create(path: impl AsRef<Path>, existing: Existing) -> Result<Self, IoError> {
         let path: PathBuf = path.as_ref().components().collect();
         refuse(&path, existing, None)?;
@@ -38,11 +36,9 @@ impl AtomicFile {
         Ok(Self { path, existing, writer, reservation })
     }
 
-    /// Puts the complete file under its name.
+    /// Moves the complete file to its name.
     ///
-    /// # Errors
-    /// If the last bytes cannot be written, or what `path` holds by now may not be replaced by
-    /// this.
+    /// # Errors If the last bytes cannot be written, or the current content of `path` must not be replaced by this file.
     pub fn commit(mut self) -> Result<(), IoError> {
         if let Some(writer) = self.writer.take() {
             let file = writer
@@ -69,7 +65,7 @@ impl Write for AtomicFile {
     }
 }
 
-/// Refuses what may not be replaced: by anything, or, once it is complete, by the file `by`.
+/// Refuses content that must not be replaced at all, or, once it is complete, by the file `by`.
 fn refuse(path: &Path, existing: Existing, by: Option<&Path>) -> Result<(), IoError> {
     let Ok(found) = fs::symlink_metadata(path) else { return Ok(()) };
     refuse_special(path, found.file_type())?;
@@ -89,7 +85,7 @@ fn refuse(path: &Path, existing: Existing, by: Option<&Path>) -> Result<(), IoEr
     };
     let fits = match expected {
         _ if old == FileContent::Empty => true,
-        // The name says nothing; what is written will.
+        // The name is unspecific; the written content decides later.
         FileContent::Unknown if by.is_none() => old != FileContent::Unknown,
         expected => old == expected && old != FileContent::Unknown,
     };
@@ -97,8 +93,8 @@ fn refuse(path: &Path, existing: Existing, by: Option<&Path>) -> Result<(), IoEr
         return Ok(());
     }
     let what = match expected {
-        FileContent::Unknown => format!("holds {old}, which this program does not write"),
-        expected => format!("holds {old}, expected {expected}"),
+        FileContent::Unknown => format!("contains {old}, which this program does not write"),
+        expected => format!("contains {old}, expected {expected}"),
     };
     Err(IoError::Taken {
         path: path.to_owned(),
@@ -120,7 +116,7 @@ mod tests {
         let mut file = AtomicFile::create(&path, Existing::Refuse).unwrap();
         file.write_all(b"ply half").unwrap();
         drop(file);
-        assert!(names().is_empty(), "nothing partial is left");
+        assert!(names().is_empty(), "no partial file remains");
         let mut file = AtomicFile::create(&path, Existing::Refuse).unwrap();
         file.write_all(b"ply whole").unwrap();
         file.commit().unwrap();
@@ -150,7 +146,7 @@ mod tests {
         let mut file = AtomicFile::create(&path, Existing::Replace).unwrap();
         file.write_all(b"no image").unwrap();
         let error = file.commit().unwrap_err();
-        assert!(matches!(error, IoError::Taken { .. }), "an image is not replaced by no image");
+        assert!(matches!(error, IoError::Taken { .. }), "an image is not replaced by other data");
         assert!(fs::read(&path).unwrap().starts_with(b"\x89PNG"), "untouched");
         let unnamed = dir.path().join("notes");
         fs::write(&unnamed, "dear diary").unwrap();
@@ -161,7 +157,7 @@ mod tests {
     }
 
     #[test]
-    fn one_process_at_a_time_and_leftovers_go() {
+    fn one_process_at_a_time_and_leftovers_are_removed() {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("out.bin");
         fs::write(dir.path().join(".out.bin.c4d-partial"), "of a killed process").unwrap();
@@ -171,13 +167,13 @@ mod tests {
         assert!(matches!(second, IoError::Busy { .. }), "{second}");
         file.write_all(b"whole").unwrap();
         file.commit().unwrap();
-        assert_eq!(list_names(dir.path()).unwrap(), ["out.bin"], "nothing else is left");
+        assert_eq!(list_names(dir.path()).unwrap(), ["out.bin"], "nothing else remains");
         assert_eq!(fs::read(&path).unwrap(), b"whole", "only what was written now");
     }
 
     #[cfg(unix)]
     #[test]
-    fn links_and_fifos_are_left_alone() {
+    fn links_and_fifos_are_not_replaced() {
         use std::os::unix::fs::symlink;
         let dir = tempfile::tempdir().unwrap();
         let (own, link) = (dir.path().join("own.png"), dir.path().join("link.png"));

@@ -8,13 +8,12 @@ use crate::fs::list_names;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-/// A folder that appears under its name only when [`AtomicDir::commit`]ted; dropped uncommitted,
-/// nothing is left.
+/// A folder that appears under its name only when
+/// [`AtomicDir::commit`]ted; if dropped uncommitted, nothing remains.
 ///
 /// An existing empty folder is always replaced. One with content is replaced only with
-/// [`Existing::Replace`], and only if every file in it, at every depth, is one that this program
-/// wrote there and nobody changed since: names, sizes and checksums of its files are in a record,
-/// `.c4d-files`, that is written with it.
+/// [`Existing::Replace`], and only if this program wrote every file in it, at every depth, and none
+/// has changed since. Names, sizes and checksums of its files are stored in a record, `.c4d-files`.
 #[derive(Debug)]
 pub struct AtomicDir {
     path: PathBuf,
@@ -24,17 +23,15 @@ pub struct AtomicDir {
 }
 
 impl AtomicDir {
-    /// Makes a temporary folder next to `path`.
+    /// Creates a temporary folder next to `path`.
     ///
-    /// # Errors
-    /// If `path` exists and may not be replaced, another process is writing it, or the folder
-    /// cannot be made.
+    /// # Errors If `path` exists and must not be replaced, another process is writing it, or the folder cannot be created.
     pub fn create(path: impl AsRef<Path>, existing: Existing) -> Result<Self, IoError> {
         Self::with_record(path, existing, Place::Inside)
     }
 
-    /// As [`AtomicDir::create`], with the record beside the folder: for formats whose readers take
-    /// every file of a folder for one of theirs.
+    /// As [`AtomicDir::create`], with the record beside the folder, for formats whose readers
+    /// interpret every file of a folder.
     ///
     /// # Errors
     /// As [`AtomicDir::create`].
@@ -60,11 +57,10 @@ impl AtomicDir {
         self.reservation.partial()
     }
 
-    /// Puts the complete folder under its name; what was there before is removed only after that
-    /// worked.
+    /// Moves the complete folder to its name; previous content
+    /// is removed only after that succeeded.
     ///
-    /// # Errors
-    /// If renaming fails, or what `path` holds by now may not be replaced.
+    /// # Errors If renaming fails, or the current content of `path` must not be replaced.
     pub fn commit(self) -> Result<(), IoError> {
         let Self { path, existing, record, reservation } = self;
         let failed = |source| IoError::Write { path: super::final_path(&path), source };
@@ -80,7 +76,7 @@ impl AtomicDir {
         reservation.commit_folder(|old| may_go(old, &path, Compare::Sizes))?;
         match record {
             Place::Inside => {
-                // Best effort: a record of a folder that is gone is of no use, and does no harm.
+                // Best effort: a leftover record of a removed folder is harmless.
                 let _ = fs::remove_file(beside);
                 Ok(())
             }
@@ -89,7 +85,7 @@ impl AtomicDir {
     }
 }
 
-/// Refuses what may not be replaced.
+/// Refuses content that must not be replaced.
 fn refuse(path: &Path, existing: Existing) -> Result<(), IoError> {
     let Ok(found) = fs::symlink_metadata(path) else { return Ok(()) };
     refuse_special(path, found.file_type())?;
@@ -99,8 +95,8 @@ fn refuse(path: &Path, existing: Existing) -> Result<(), IoError> {
     if is_mount_point(path, &found) {
         return Err(IoError::Taken {
             path: path.to_owned(),
-            what: "is where another file system begins, and cannot be replaced".to_owned(),
-            next: format!("Name a folder in it, as in {}.", path.join("NAME").display()),
+            what: "is a mount point and cannot be replaced".to_owned(),
+            next: format!("Give a folder inside it, such as {}.", path.join("NAME").display()),
         });
     }
     if list_names(path)?.is_empty() {
@@ -112,7 +108,7 @@ fn refuse(path: &Path, existing: Existing) -> Result<(), IoError> {
     may_go(path, path, Compare::Content)
 }
 
-/// Whether another file system begins at the folder `path`: nothing can be renamed to it.
+/// Whether the folder `path` is a mount point, to which nothing can be renamed.
 #[cfg(unix)]
 fn is_mount_point(path: &Path, found: &fs::Metadata) -> bool {
     use std::os::unix::fs::MetadataExt;
@@ -120,15 +116,14 @@ fn is_mount_point(path: &Path, found: &fs::Metadata) -> bool {
     parent.is_some_and(|parent| parent.dev() != found.dev())
 }
 
-/// Whether another file system begins at the folder `path`: of no concern where drives have
-/// letters.
+/// Whether the folder `path` is a mount point; not tested on systems with drive letters.
 #[cfg(not(unix))]
 fn is_mount_point(_path: &Path, _found: &fs::Metadata) -> bool {
     false
 }
 
-/// Refuses to remove `folder`, the present or former content of `output`, if anything in it is not
-/// ours.
+/// Refuses to remove `folder`, the current or previous content of
+/// `output`, if this program did not write all of it.
 fn may_go(folder: &Path, output: &Path, compare: Compare) -> Result<(), IoError> {
     let failed = |source| IoError::Read { path: output.to_owned(), source };
     match unrecorded_entry(folder, output, compare).map_err(failed)? {
@@ -168,7 +163,7 @@ mod tests {
         let second = AtomicDir::create(&path, Existing::Refuse).unwrap_err();
         assert!(matches!(second, IoError::Busy { .. }), "one at a time: {second}");
         drop(folder);
-        assert!(names(dir.path()).is_empty(), "nothing partial is left");
+        assert!(names(dir.path()).is_empty(), "no partial folder remains");
         write(&path, Existing::Refuse, &[("frame_0", "x")]).unwrap();
         assert_eq!(names(&path), [".c4d-files", "frame_0"], "complete");
         assert!(
@@ -208,7 +203,7 @@ mod tests {
             let link = || std::os::unix::fs::symlink("a.png", path.join("z.png")).unwrap();
             refused(&link, "z.png", "is a link");
         }
-        // Without its record nothing is known of a folder.
+        // Without its record a folder is unknown.
         let forget = || fs::remove_file(path.join(".c4d-files")).unwrap();
         refused(&forget, "a.png", "was not written by it");
         fs::remove_dir_all(&path).unwrap();
@@ -217,21 +212,21 @@ mod tests {
     }
 
     #[test]
-    fn a_killed_replacement_is_put_back() {
+    fn an_interrupted_replacement_is_restored() {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("out");
         write(&path, Existing::Refuse, &[("a", "old")]).unwrap();
         fs::rename(&path, dir.path().join(".out.c4d-replaced")).unwrap();
         fs::create_dir(dir.path().join(".out.c4d-partial")).unwrap();
         let error = write(&path, Existing::Refuse, &[("a", "new")]).unwrap_err();
-        assert!(matches!(error, IoError::Exists { .. }), "the old one is there again: {error}");
+        assert!(matches!(error, IoError::Exists { .. }), "the old one is restored: {error}");
         assert_eq!(names(dir.path()), ["out"], "no leftovers");
         write(&path, Existing::Replace, &[("a", "new")]).unwrap();
         assert_eq!(fs::read(path.join("a")).unwrap(), b"new", "replaced");
     }
 
     #[test]
-    fn a_record_may_lie_beside() {
+    fn a_record_may_be_beside_the_folder() {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("out");
         let write = |text: &str| {
@@ -241,7 +236,7 @@ mod tests {
         };
         write("one").unwrap();
         write("other").unwrap();
-        assert_eq!(names(&path), ["frame_0"], "nothing but frames");
+        assert_eq!(names(&path), ["frame_0"], "only frames");
         assert_eq!(names(dir.path()), [".out.c4d-files", "out"], "beside");
         fs::write(path.join("frame_0"), "edited").unwrap();
         let error = write("third").unwrap_err().to_string();
@@ -255,7 +250,12 @@ mod tests {
         let folder = AtomicDir::create(&path, Existing::Refuse).unwrap();
         let inside = folder.path().join("rgb/00000.png");
         assert_ne!(inside, path.join("rgb/00000.png"), "written elsewhere");
-        assert_eq!(crate::final_path(&inside), path.join("rgb/00000.png"), "named as it will be");
+        assert_eq!(
+            crate::final_path(&inside),
+            path.join("rgb/00000.png"),
+            "named by its final \
+            path"
+        );
         let nested = AtomicDir::create(folder.path().join("run"), Existing::Refuse).unwrap();
         assert_eq!(crate::final_path(&nested.path().join("a")), path.join("run/a"), "nested");
         for plain in ["a/.hidden/b.c", "/x/y.z", "rel", "../up"] {
@@ -271,7 +271,7 @@ mod tests {
         #[cfg(target_os = "linux")]
         {
             let error = AtomicDir::create("/proc", Existing::Replace).unwrap_err();
-            assert!(error.to_string().contains("another file system"), "{error}");
+            assert!(error.to_string().contains("a mount point"), "{error}");
         }
         #[cfg(unix)]
         {

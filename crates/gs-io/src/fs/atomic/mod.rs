@@ -1,6 +1,6 @@
-//! Outputs that are complete or absent, and never replace what this program did not write.
+//! Outputs that are complete or absent, and never replace files that this program did not write.
 //!
-//! An output is written under a hidden name beside its own and renamed when it is complete. Of
+//! An output is written under a hidden name beside its own and renamed when it is complete. For
 //! `out/clip.mp4` these names are
 //!
 //! | name | content |
@@ -9,12 +9,12 @@
 //! | `out/.clip.mp4.c4d-partial` | the output so far |
 //! | `out/.clip.mp4.c4d-replaced` | the old folder, between two renames |
 //!
-//! The lock ends with its process, however that ends, so whoever holds it knows that the other two
-//! are left over from a process that is no more, and removes them. A second process on the same
-//! output is refused.
+//! The operating system releases the lock when its process ends, so a process
+//! that acquires it can remove the other two as leftovers of a killed process.
+//! A second process on the same output is refused.
 //!
-//! What may be replaced: of folders, see [`AtomicDir`]; of files, see [`AtomicFile`]. Links,
-//! devices, FIFOs and sockets never are.
+//! For the rules of replacement see [`AtomicDir`] and [`AtomicFile`]. Links,
+//! devices, FIFOs and sockets are never replaced.
 
 mod existing;
 mod file;

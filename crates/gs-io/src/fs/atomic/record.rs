@@ -1,5 +1,5 @@
-//! [`Record`]: the files of a folder as this program wrote them, so that nothing else in it is ever
-//! removed.
+//! [`Record`]: the files of a folder as this program wrote them, so
+//! that other files in it are never removed.
 
 use super::reservation::{hidden_name, is_temporary};
 use super::special_name;
@@ -10,24 +10,23 @@ use std::fs::{self, File};
 use std::io::{self, Read, Write};
 use std::path::{Path, PathBuf};
 
-/// Name of a record in the folder that it is of.
+/// Name of a record inside its folder.
 const INSIDE: &str = ".c4d-files";
 /// Bytes read at a time.
 const CHUNK: usize = 1 << 20;
 
-/// Whether a name is one that this program uses for itself, and that holds no output: a record, or
-/// what a killed process left.
+/// Whether a name is for internal use and is not an output: a
+/// record, or a leftover of a killed process.
 pub(crate) fn is_bookkeeping(name: &str) -> bool {
     name == INSIDE || name.starts_with('.') && name.ends_with(INSIDE) || is_temporary(name)
 }
 
-/// Where the record of a folder lies.
+/// Location of a folder's record.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Place {
-    /// In the folder, so that it goes where the folder goes.
+    /// In the folder, so that it moves with the folder.
     Inside,
-    /// Beside it: for folders that other programs read, and in which they take every file for one
-    /// of theirs.
+    /// Beside the folder, for folders in which other programs interpret every file.
     Beside,
 }
 
@@ -44,7 +43,7 @@ impl Place {
     }
 }
 
-/// What tells a file from a changed one.
+/// Size and checksum, by which a changed file is recognised.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub(super) struct Stamp {
     bytes: u64,
@@ -52,7 +51,7 @@ pub(super) struct Stamp {
 }
 
 impl Stamp {
-    /// Of a file that grows while it is written, and whose content is not compared.
+    /// Stamp of a file that grows while it is written, and whose content is not compared.
     pub(super) const GROWING: Self = Self { bytes: u64::MAX, crc32: 0 };
 
     pub(super) fn of_bytes(bytes: &[u8]) -> Self {
@@ -82,9 +81,9 @@ struct Line {
     stamp: Stamp,
 }
 
-/// The files of a folder, at every depth. A file that was rewritten has several stamps: the new one
-/// is added before the file is put in place, so that a process killed in between leaves a file that
-/// is recognised either way.
+/// The files of a folder, at every depth. A rewritten file has several stamps: the
+/// new one is added before the file is moved into place, so that the file is
+/// recognised even if the process is killed in between.
 #[derive(Debug, Default)]
 pub(super) struct Record(HashMap<String, Vec<Stamp>>);
 
@@ -93,13 +92,12 @@ pub(super) struct Record(HashMap<String, Vec<Stamp>>);
 pub(super) struct UnrecordedEntry {
     /// Relative to the folder.
     pub(super) entry: String,
-    /// What is known of it.
+    /// Predicate about the entry, to complete a sentence.
     pub(super) what: &'static str,
 }
 
 impl Record {
-    /// Reads a record. Lines that are no entries are skipped, as is the last one if its writer was
-    /// killed.
+    /// Reads a record. Invalid lines are skipped, such as the last one if its writer was killed.
     pub(super) fn read(path: &Path) -> Self {
         let mut record = Self::default();
         if !fs::symlink_metadata(path).is_ok_and(|found| found.is_file()) {
@@ -114,7 +112,7 @@ impl Record {
         record
     }
 
-    /// The files that are in `folder` now.
+    /// The current files of `folder`.
     pub(super) fn of_folder(folder: &Path) -> io::Result<Self> {
         let mut record = Self::default();
         record.add_folder(folder, "")?;
@@ -153,19 +151,19 @@ impl Record {
         Ok(text)
     }
 
-    /// Adds the entries to the end of the file `path`, before the files they are of are put in
-    /// place.
+    /// Appends the entries to the file `path`; must be called
+    /// before their files are moved into place.
     pub(super) fn append(&self, path: &Path) -> io::Result<()> {
         if fs::symlink_metadata(path).is_ok_and(|found| !found.is_file()) {
             return Err(io::Error::other("the record of the folder's files is not a file"));
         }
         let mut file = File::options().create(true).append(true).open(path)?;
-        // After a line that was cut short, the next one begins on a line of its own.
+        // Begins with a line break, in case the previous line is truncated.
         file.write_all(format!("\n{}", self.text()?).as_bytes())?;
         file.sync_all()
     }
 
-    /// Writes the entries, and no others, to the file `path`.
+    /// Writes the file `path` with exactly these entries.
     pub(super) fn write(&self, path: &Path) -> io::Result<()> {
         fs::write(path, self.text()?)
     }
@@ -180,8 +178,8 @@ impl Record {
         self.stamps(path).iter().any(fits)
     }
 
-    /// Whether a file of this path and stamp is one that this program wrote.
-    pub(super) fn knows(&self, path: &str, stamp: Stamp) -> bool {
+    /// Whether this program wrote a file with this path and stamp.
+    pub(super) fn contains(&self, path: &str, stamp: Stamp) -> bool {
         let stamps = self.stamps(path);
         stamps.contains(&stamp) || stamps.contains(&Stamp::GROWING)
     }
@@ -197,7 +195,7 @@ impl Record {
     }
 }
 
-/// How closely files are compared with their records.
+/// How files are compared with their records.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Compare {
     /// By name, size and checksum.
@@ -206,8 +204,8 @@ pub(super) enum Compare {
     Sizes,
 }
 
-/// The first entry of `folder` that this program did not write as it is, if there is one.
-/// `recorded_as` is the folder's path as far as a record beside it is concerned.
+/// The first entry of `folder` that differs from what this program wrote, if any. `recorded_as` is
+/// the folder's path for a record beside it.
 pub(super) fn unrecorded_entry(
     folder: &Path,
     recorded_as: &Path,
@@ -219,8 +217,8 @@ pub(super) fn unrecorded_entry(
 }
 
 struct Walk {
-    /// Records of the folders on the way, with their paths. A folder of ours in another one may
-    /// have been rewritten since, and keeps its own record.
+    /// Records of the enclosing folders, with their paths. A nested folder written by this program
+    /// may have been rewritten since, and has its own record.
     records: Vec<(String, Record)>,
     compare: Compare,
 }
@@ -244,7 +242,7 @@ impl Walk {
             }
             if kind.is_dir() {
                 let own = format!("{path}/");
-                if !self.ours(&path, Record::has_folder)
+                if !self.any_record(&path, Record::has_folder)
                     && Record::read(&Place::Inside.of(&entry.path())).0.is_empty()
                 {
                     return unrecorded(UNKNOWN);
@@ -254,14 +252,14 @@ impl Walk {
                 }
                 continue;
             }
-            if !self.ours(&path, |record, path| !record.stamps(path).is_empty()) {
+            if !self.any_record(&path, |record, path| !record.stamps(path).is_empty()) {
                 return unrecorded(UNKNOWN);
             }
             let bytes = entry.metadata()?.len();
-            let same = self.ours(&path, |record, path| record.sizes_fit(path, bytes))
+            let same = self.any_record(&path, |record, path| record.sizes_fit(path, bytes))
                 && (self.compare == Compare::Sizes || {
                     let stamp = Stamp::of_file(&entry.path())?;
-                    self.ours(&path, |record, path| record.knows(path, stamp))
+                    self.any_record(&path, |record, path| record.contains(path, stamp))
                 });
             if !same {
                 return unrecorded("was changed since");
@@ -271,10 +269,10 @@ impl Walk {
         Ok(None)
     }
 
-    /// Whether some record says so of `path`, seen from its folder.
-    fn ours(&self, path: &str, says: impl Fn(&Record, &str) -> bool) -> bool {
+    /// Whether `test` is true for `path`, relative to the record's folder, in any record.
+    fn any_record(&self, path: &str, test: impl Fn(&Record, &str) -> bool) -> bool {
         self.records.iter().any(|(prefix, record)| {
-            path.strip_prefix(prefix).is_some_and(|path| says(record, path))
+            path.strip_prefix(prefix).is_some_and(|path| test(record, path))
         })
     }
 }

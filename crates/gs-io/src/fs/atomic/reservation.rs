@@ -8,32 +8,31 @@ use std::fs::{self, File, OpenOptions, TryLockError};
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
-/// Endings of the hidden names; their reason is in the module above.
+/// Extensions of the hidden names, explained in the parent module.
 const LOCK: &str = ".c4d-lock";
 const PARTIAL: &str = ".c4d-partial";
 const REPLACED: &str = ".c4d-replaced";
-/// Longest name of an output whose hidden names contain it whole, bytes: file systems allow 255 for
-/// a name.
+/// Longest output name that hidden names contain completely,
+/// bytes; file systems allow 255 bytes per name.
 const MAX_WHOLE_NAME: usize = 200;
 
-/// Whether a name is one that a [`Reservation`] makes.
+/// Whether a name is one used by a [`Reservation`].
 pub(super) fn is_temporary(name: &str) -> bool {
     name.starts_with('.') && [LOCK, PARTIAL, REPLACED].iter().any(|ending| name.ends_with(ending))
 }
 
-/// The right to write one output. Dropped, it removes what is not in place yet.
+/// The right to write one output. When dropped, it removes an uncommitted output.
 #[derive(Debug)]
 pub(super) struct Reservation {
     names: Unfinished,
     replaced: PathBuf,
-    /// Keeps the lock for as long as it is open.
+    /// Holds the lock while open.
     _lock: File,
 }
 
 impl Reservation {
-    /// Takes the right to write `path`, makes the folder it goes into, and tidies up after
-    /// processes that were killed while they wrote it: a folder that was being replaced is put
-    /// back.
+    /// Acquires the right to write `path`, creates its parent folder, and cleans up after processes
+    /// that were killed while writing it: a folder that was being replaced is restored.
     pub(super) fn take(path: &Path) -> Result<Self, IoError> {
         let name = path.file_name().ok_or_else(|| {
             IoError::content(path, "is not the name of a file or folder that can be written")
@@ -51,7 +50,7 @@ impl Reservation {
         Ok(reservation)
     }
 
-    /// Where to write.
+    /// Path to write to.
     pub(super) fn partial(&self) -> &Path {
         &self.names.partial
     }
@@ -71,14 +70,14 @@ impl Reservation {
         Ok(())
     }
 
-    /// Puts the complete file under its name.
+    /// Moves the complete file to its name.
     pub(super) fn commit_file(self) -> Result<(), IoError> {
         let Unfinished { output, partial, .. } = &self.names;
         fs::rename(partial, output).map_err(IoError::write(output))
     }
 
-    /// Puts the complete folder under its name. What was there is removed only after that, and only
-    /// if `may_go` still agrees.
+    /// Moves the complete folder to its name. Previous content is removed only after that, and only
+    /// if `may_go` still allows it.
     pub(super) fn commit_folder(
         self,
         may_go: impl Fn(&Path) -> Result<(), IoError>,
@@ -98,7 +97,7 @@ impl Reservation {
         fs::rename(output, &self.replaced).map_err(failed)?;
         let put_back = || fs::rename(&self.replaced, output);
         if let Err(error) = fs::rename(partial, output) {
-            // Best effort: the caller hears about the first failure either way.
+            // Best effort: the first failure is returned either way.
             let _ = put_back();
             return Err(failed(error));
         }
@@ -112,8 +111,8 @@ impl Reservation {
 
 impl Drop for Reservation {
     fn drop(&mut self) {
-        // After a commit there is nothing under this name; otherwise a failed removal cannot be
-        // reported from here.
+        // After a commit nothing has this name; before it, a failed
+        // removal cannot be reported from here.
         let _ = remove(&self.names.partial);
         let _ = fs::remove_file(&self.names.lock);
         if let Ok(mut unfinished) = UNFINISHED.lock() {
@@ -122,21 +121,21 @@ impl Drop for Reservation {
     }
 }
 
-/// Swaps two folders in one step, where the system can: a process that is killed leaves the old one
-/// or the new one, never neither.
+/// Swaps two folders atomically where the system supports it, so that a killed process leaves
+/// either the old or the new one.
 #[cfg(target_os = "linux")]
 fn exchange(one: &Path, other: &Path) -> bool {
     use rustix::fs::{CWD, RenameFlags, renameat_with};
     renameat_with(CWD, one, CWD, other, RenameFlags::EXCHANGE).is_ok()
 }
 
-/// Swaps two folders in one step, where the system can.
+/// Swaps two folders atomically where the system supports it; not supported here.
 #[cfg(not(target_os = "linux"))]
 fn exchange(_one: &Path, _other: &Path) -> bool {
     false
 }
 
-/// `.NAME` with an ending; of long names the start and a checksum.
+/// `.NAME` with an extension; long names are replaced by their start and a checksum.
 pub(super) fn hidden_name(name: &OsStr, ending: &str) -> OsString {
     let mut hidden = OsString::from(".");
     if name.len() <= MAX_WHOLE_NAME {
@@ -153,7 +152,7 @@ pub(super) fn hidden_name(name: &OsStr, ending: &str) -> OsString {
 fn lock(output: &Path, path: &Path) -> Result<File, IoError> {
     let failed = |source| IoError::Write { path: final_path(output), source };
     loop {
-        // Whatever else has this name is in the way; a FIFO would not even open.
+        // Anything else with this name is in the way; opening a FIFO would block.
         if let Ok(found) = fs::symlink_metadata(path)
             && !found.is_file()
         {
@@ -171,12 +170,13 @@ fn lock(output: &Path, path: &Path) -> Result<File, IoError> {
             Err(TryLockError::WouldBlock) => {
                 return Err(IoError::Busy { path: final_path(output) });
             }
-            // Some network file systems have no locks: better without one than not at all.
+            // Some network file systems do not support locks; writing
+            // without one is better than failing.
             Err(TryLockError::Error(error)) if error.kind() == ErrorKind::Unsupported => {}
             Err(TryLockError::Error(error)) => return Err(failed(error)),
         }
-        // Whoever held it before may have removed it after it was opened here: then this is a lock
-        // that nobody else will see.
+        // The previous holder may have removed the file after it was opened
+        // here; then this lock has no effect on others.
         let own = file.try_clone().and_then(Handle::from_file).map_err(failed)?;
         if Handle::from_path(path).is_ok_and(|there| there == own) {
             return Ok(file);
@@ -184,7 +184,7 @@ fn lock(output: &Path, path: &Path) -> Result<File, IoError> {
     }
 }
 
-/// Makes the folder that `path` goes into.
+/// Creates the parent folder of `path`.
 fn make_parent(path: &Path) -> Result<(), IoError> {
     match path.parent() {
         Some(parent) if !parent.as_os_str().is_empty() => {
@@ -193,7 +193,7 @@ fn make_parent(path: &Path) -> Result<(), IoError> {
                 && !found.is_dir()
             {
                 let what = if found.is_symlink() {
-                    "is a link that leads nowhere, expected a folder to write into"
+                    "is a dangling link, expected a folder to write into"
                 } else {
                     "is a file, expected a folder to write into"
                 };

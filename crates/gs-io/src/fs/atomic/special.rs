@@ -1,8 +1,8 @@
-//! What is neither a file nor a folder.
+//! Names of file types other than files and folders.
 
 use std::fs::FileType;
 
-/// Name of what is neither file nor folder.
+/// Name of a file type other than file and folder.
 pub(crate) fn special_name(kind: FileType) -> &'static str {
     #[cfg(unix)]
     {

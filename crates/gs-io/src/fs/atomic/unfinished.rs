@@ -15,15 +15,15 @@ pub(super) struct Unfinished {
 /// Outputs of this process that are neither committed nor dropped.
 pub(super) static UNFINISHED: Mutex<Vec<Unfinished>> = Mutex::new(Vec::new());
 
-/// Removes what unfinished outputs of this process have written so far: for the handler of an
-/// interrupt, which ends the process without dropping them.
+/// Removes the partial files of unfinished outputs of this process. For interrupt handlers, which
+/// end the process without dropping them.
 pub fn remove_unfinished() {
     const CHECKS: usize = 200;
     const PAUSE: std::time::Duration = std::time::Duration::from_millis(2);
     let Ok(unfinished) = UNFINISHED.lock() else { return };
     for Unfinished { partial, lock, .. } in unfinished.iter() {
-        // A thread that is still writing may put a file, or the folder itself, back while it is
-        // being removed: done when it has stayed away for a while.
+        // A thread that is still writing may recreate a file or the folder during removal, so
+        // removal is repeated until it stays absent for a while.
         let mut absent = 0;
         for _ in 0..CHECKS {
             if fs::symlink_metadata(partial).is_err() {
@@ -41,14 +41,14 @@ pub fn remove_unfinished() {
     }
 }
 
-/// The name under which an unfinished output of this process will appear, for messages:
-/// `out/frame.ply` of `.out.c4d-partial/frame.ply`.
+/// The final path of an unfinished output of this process, for messages: `out/frame.ply` for
+/// `.out.c4d-partial/frame.ply`.
 pub fn final_path(path: &Path) -> PathBuf {
     let mut path = path.to_owned();
     let Ok(unfinished) = UNFINISHED.lock() else { return path };
-    // An output may lie in another one, so at most each is stepped out of once.
+    // Outputs may be nested; each is replaced at most once.
     for _ in 0..unfinished.len() {
-        // The innermost first: its output lies in the partial folder of the outer one.
+        // The innermost first, because it is in the partial folder of the outer one.
         let within = unfinished
             .iter()
             .filter_map(|other| Some((&other.output, path.strip_prefix(&other.partial).ok()?)))
@@ -62,7 +62,7 @@ pub fn final_path(path: &Path) -> PathBuf {
     path
 }
 
-/// Removes a file or a folder; a link, not what it leads to.
+/// Removes a file or a folder; for a link, only the link.
 pub(super) fn remove(path: &Path) -> std::io::Result<()> {
     if fs::symlink_metadata(path)?.is_dir() {
         fs::remove_dir_all(path)

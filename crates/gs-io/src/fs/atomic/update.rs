@@ -1,4 +1,4 @@
-//! [`FolderUpdate`]: single files of a folder that this program wrote, replaced one by one.
+//! [`FolderUpdate`]: replaces single files of a folder that this program wrote.
 
 use super::existing::refuse_special;
 use super::record::{Place, Record, Stamp};
@@ -8,8 +8,8 @@ use std::fs::{self, File};
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
-/// A folder of [`super::AtomicDir`] whose files are rewritten in place, each complete or as it was.
-/// While this lives, no other process writes to the folder.
+/// A folder written by [`super::AtomicDir`] whose files are rewritten in place; each file is either
+/// new and complete, or unchanged. While this exists, no other process can write to the folder.
 #[derive(Debug)]
 pub struct FolderUpdate {
     folder: PathBuf,
@@ -17,7 +17,7 @@ pub struct FolderUpdate {
 }
 
 impl FolderUpdate {
-    /// Begins the update of `folder`; a link to a folder stands for the folder.
+    /// Begins the update of `folder`, which may be a link to a folder.
     ///
     /// # Errors
     /// If it is not a folder, cannot be written to, or another process is writing it.
@@ -30,17 +30,16 @@ impl FolderUpdate {
             return Err(IoError::content(given, "is not a folder"));
         }
         let reservation = Reservation::take(&folder)?;
-        // Found out before the work, not after it.
+        // Tested before the work, not after it.
         let record = Place::Inside.of(&folder);
         Record::default().append(&record).map_err(IoError::write(given))?;
         Ok(Self { folder, _reservation: reservation })
     }
 
-    /// Writes the file `name` of the folder. One that exists is replaced if it is ours, or if the
-    /// caller `has_read` it and writes its content anew.
+    /// Writes the file `name` of the folder. An existing file is replaced if this program wrote it,
+    /// or if the caller `has_read` it and rewrites its content.
     ///
-    /// # Errors
-    /// If it may not be replaced, or cannot be written.
+    /// # Errors If it must not be replaced, or cannot be written.
     pub fn write(&self, name: &str, bytes: &[u8], has_read: bool) -> Result<(), IoError> {
         let path = self.folder.join(name);
         let record = Place::Inside.of(&self.folder);
@@ -51,7 +50,7 @@ impl FolderUpdate {
                 return Err(IoError::content(&path, "is a folder, expected a file"));
             }
             let stamp = Stamp::of_file(&path).map_err(failed)?;
-            if !has_read && !Record::read(&record).knows(name, stamp) {
+            if !has_read && !Record::read(&record).contains(name, stamp) {
                 return Err(IoError::NotOurs {
                     path: self.folder.clone(),
                     entry: name.to_owned(),
@@ -67,9 +66,8 @@ impl FolderUpdate {
         reservation.commit_file()
     }
 
-    /// Opens the file `name` of the folder to read it and to write at its end, and makes it if it
-    /// is missing. What it holds is not compared with the record: this is for files that grow while
-    /// they are written.
+    /// Opens the file `name` of the folder for reading and appending; creates it if it is missing.
+    /// Its content is not compared with the record, because it grows while it is written.
     ///
     /// # Errors
     /// If the name is taken by something else, or the file cannot be opened.
@@ -77,7 +75,7 @@ impl FolderUpdate {
         let path = self.folder.join(name);
         let record = Place::Inside.of(&self.folder);
         let failed = |source| IoError::Write { path: path.clone(), source };
-        let known = Record::read(&record).knows(name, Stamp::GROWING);
+        let known = Record::read(&record).contains(name, Stamp::GROWING);
         if let Ok(found) = fs::symlink_metadata(&path) {
             refuse_special(&path, found.file_type())?;
             if !known {
@@ -100,7 +98,7 @@ impl FolderUpdate {
             .map_err(failed)
     }
 
-    /// Removes the file `name` of the folder, if it is there.
+    /// Removes the file `name` of the folder, if it exists.
     ///
     /// # Errors
     /// If it cannot be removed.
@@ -121,7 +119,7 @@ mod tests {
     use crate::{AtomicDir, Existing};
 
     #[test]
-    fn an_updated_folder_is_still_ours() {
+    fn an_updated_folder_can_still_be_replaced() {
         let dir = tempfile::tempdir().unwrap();
         let outer = AtomicDir::create(dir.path().join("outer"), Existing::Refuse).unwrap();
         let inner = AtomicDir::create(outer.path().join("run"), Existing::Refuse).unwrap();

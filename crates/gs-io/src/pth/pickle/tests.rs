@@ -1,4 +1,4 @@
-//! What is read, and what is refused.
+//! Tests of the pickle machine.
 
 use super::*;
 
@@ -44,7 +44,7 @@ fn sharing_and_depth_cost_nothing() {
         doubled.extend_from_slice(b"h\x00\x86q\x00");
     }
     doubled.push(b'.');
-    assert!(matches!(run(&doubled), Err(PthError::Root { .. })), "a tuple is no checkpoint");
+    assert!(matches!(run(&doubled), Err(PthError::Root { .. })), "a tuple is not a checkpoint");
     let mut deep = b"N".to_vec();
     deep.extend(std::iter::repeat_n(0x85, 200_000));
     deep.push(b'.');

@@ -1,10 +1,10 @@
-//! Edits a frozen frame without an editor, the way editors do: recolours and inflates what lies in
-//! one box (with cloned and jittered splats), prunes another, grafts a block, and shuffles all
-//! rows.
+//! Edits a frozen frame like an editor: recolours and inflates the splats in one box (with clones
+//! and jitter), prunes another, grafts a block, and shuffles all rows.
 //!
 //! ```text
-//! cargo run --release -p c4d-cli --example scripted_edit -- frozen/point_cloud.ply edited.ply \
-//!     --recolour=-2,1,12,2,6,16 --color 0.1,0.5,0.2 --inflate 0.1 --prune=3,2,10,6,4,14 --graft=0,-1,13,0.6
+//! cargo run --release --example scripted_edit -- frozen/point_cloud.ply
+//! edited.ply \ --recolour=-2,1,12,2,6,16 --color 0.1,0.5,0.2 --inflate
+//! 0.1 --prune=3,2,10,6,4,14 --graft=0,-1,13,0.6
 //! ```
 
 use clap::Parser;

@@ -23,7 +23,7 @@ impl<W: Write> AnimatedImage<W> {
         }
     }
 
-    /// Completes the image and gives the writer back.
+    /// Completes the image and returns the writer.
     pub(crate) fn finish(self) -> Outcome<W> {
         match self {
             Self::Gif(writer) => writer.finish(),
@@ -32,28 +32,29 @@ impl<W: Write> AnimatedImage<W> {
     }
 }
 
-/// Most frames a second that a GIF can ask for: browsers take shorter delays for a mistake and play
-/// at 10.
+/// Largest frame rate of a GIF; browsers treat shorter delays as
+/// errors and play at 10 frames per second.
 pub(crate) const GIF_MAX_FPS: f64 = 50.0;
-/// Entry of every palette that means "as before".
+/// Palette entry for unchanged pixels.
 const TRANSPARENT: u8 = 255;
-/// A pixel is drawn again when a channel differs by more than this (of 255) from when it was last
-/// drawn: still parts neither flicker nor take space, whatever palette and dithering do.
+/// A pixel is redrawn if a channel differs by more than this (of 255) from its last drawn value, so
+/// that static parts neither flicker nor take space, regardless of palette and dithering.
 const HOLD: u8 = 3;
-/// Share of the rounding error that goes to neighbouring pixels: all of it makes grain.
+/// Share of the rounding error that is diffused to neighbouring pixels, in parts of
+/// [`DITHER_PARTS`]; diffusing all of it causes grain.
 const DITHER: i32 = 12;
-/// Of so many parts.
+/// Denominator of [`DITHER`].
 const DITHER_PARTS: i32 = 16;
 
-/// A GIF: every frame has its own palette of 255 colours and draws only the rectangle, and in it
-/// only the pixels, that changed.
+/// A GIF: every frame has its own palette of 255 colours and draws only the changed rectangle, and
+/// in it only the changed pixels.
 pub(crate) struct GifWriter<W: Write> {
     encoder: gif::Encoder<W>,
     path: PathBuf,
     width: usize,
     fps: f64,
     frames: u32,
-    /// What every pixel was when it was last drawn, before dithering.
+    /// Colour of every pixel when it was last drawn, before dithering.
     drawn: Vec<[u8; 3]>,
 }
 
@@ -117,7 +118,7 @@ impl<W: Write> GifWriter<W> {
         self.encoder.write_frame(&frame).map_err(|error| Failure::write(&self.path, &error))
     }
 
-    /// Hundredths of a second, rounded so that the clip as a whole keeps its speed.
+    /// Delay in hundredths of a second, rounded so that the clip keeps its total duration.
     fn delay(&self) -> u16 {
         let fps = self.fps.min(GIF_MAX_FPS);
         let start = |frame: u32| (f64::from(frame) * 100.0 / fps).round();
@@ -131,7 +132,7 @@ impl<W: Write> GifWriter<W> {
     }
 }
 
-/// The smallest rectangle that holds everything that changed; one pixel if nothing did.
+/// The smallest rectangle that contains all changed pixels; one pixel if there are none.
 struct Area {
     left: usize,
     top: usize,
@@ -159,15 +160,15 @@ impl Area {
 /// Colours of one frame.
 struct Palette {
     colours: Vec<[u8; 3]>,
-    /// `None` when every colour has its own entry.
+    /// `None` if every colour has its own entry.
     quantiser: Option<NeuQuant>,
 }
 
 impl Palette {
     /// Entries besides the transparent one.
     const COLOURS: usize = TRANSPARENT as usize;
-    /// The network learns from about so many samples, from every pixel of smaller sets: rare
-    /// colours must not be missed.
+    /// Approximate number of samples for training the quantiser; smaller sets are used completely,
+    /// so that rare colours are not missed.
     const SAMPLES: usize = 40_000;
 
     fn of(pixels: &[[u8; 3]], changed: &[bool]) -> Self {
@@ -195,11 +196,11 @@ impl Palette {
         }
     }
 
-    /// Palette indices of the area; what did not change is transparent. Rounding errors go to the
-    /// neighbours still to be drawn (Floyd and Steinberg's shares), rows in alternating directions.
+    /// Palette indices of the area; unchanged pixels are transparent. Rounding errors are diffused
+    /// to the pixels not yet drawn (Floyd–Steinberg), rows in alternating directions.
     fn draw(&self, pixels: &[[u8; 3]], changed: &[bool], area: &Area, width: usize) -> Vec<u8> {
         let mut indices = vec![TRANSPARENT; area.width * area.height];
-        // Errors owed to this row and the next, one pixel of margin on either side.
+        // Diffused errors of this row and the next, with one pixel of margin on either side.
         let mut here = vec![[0_i32; 3]; area.width + 2];
         let mut below = here.clone();
         for y in 0..area.height {
@@ -237,7 +238,7 @@ impl Palette {
     }
 }
 
-/// An animated WebP without loss: what is read back are the very bytes.
+/// A lossless animated WebP.
 pub(crate) struct WebpWriter<W: Write> {
     encoder: webp_animation::Encoder,
     writer: W,
@@ -249,7 +250,7 @@ pub(crate) struct WebpWriter<W: Write> {
 impl<W: Write> WebpWriter<W> {
     /// Largest side, pixels.
     const MAX_SIDE: usize = 16_383;
-    /// Effort: more costs much time and gains little.
+    /// Compression effort; higher values take much longer for little gain.
     const EFFORT: f32 = 30.0;
 
     pub(crate) fn new(
@@ -282,7 +283,7 @@ impl<W: Write> WebpWriter<W> {
         Ok(Self { encoder, writer, path: path.to_owned(), fps, frames: 0 })
     }
 
-    /// Milliseconds at which a frame begins.
+    /// Start time of a frame, milliseconds.
     fn start(&self, frame: u32) -> i32 {
         #[expect(clippy::cast_possible_truncation, reason = "saturates")]
         let start = (f64::from(frame) * 1000.0 / self.fps).round() as i32;
@@ -314,7 +315,7 @@ mod tests {
     const WIDTH: usize = 48;
     const HEIGHT: usize = 33;
 
-    /// A bright square that wanders over a gradient.
+    /// A bright square that moves over a gradient.
     fn frame(f: usize) -> Vec<u8> {
         let pixel = |x: usize, y: usize| -> [u8; 3] {
             let inside = (5 * f..5 * f + 12).contains(&x) && (4..16).contains(&y);
@@ -361,7 +362,7 @@ mod tests {
                 found.data().chunks(4).flat_map(|rgba| &rgba[..3]).copied().collect();
             assert!(rgb == frame(f), "frame {f} reads back exactly");
         }
-        // The second reader rounds when it lays frames over each other.
+        // The second reader rounds when it composites frames.
         let frames = read(bytes, false);
         assert_eq!(frames.len(), 7, "frames");
         for (f, found) in frames.iter().enumerate() {
@@ -373,7 +374,7 @@ mod tests {
     }
 
     #[test]
-    fn gif_is_close_and_still_parts_stay() {
+    fn gif_is_close_and_static_parts_do_not_change() {
         let frames = read(write(30.0, 6, true), true);
         assert_eq!(frames.len(), 6, "frames");
         let mut last: Option<Vec<u8>> = None;
@@ -387,7 +388,7 @@ mod tests {
             if let Some(last) = &last {
                 // The last row never changes.
                 let row = 3 * WIDTH * (HEIGHT - 1)..;
-                assert!(rgb[row.clone()] == last[row], "what stands still does not flicker");
+                assert!(rgb[row.clone()] == last[row], "static parts do not flicker");
             }
             last = Some(rgb);
         }
@@ -395,7 +396,7 @@ mod tests {
     }
 
     #[test]
-    fn few_colours_are_exact_and_nothing_new_is_nothing() {
+    fn few_colours_are_exact_and_unchanged_frames_draw_nothing() {
         let flat = |level: u8| [level, 0, 90].repeat(WIDTH * HEIGHT);
         let mut writer = GifWriter::new(Vec::new(), Path::new("x"), WIDTH, HEIGHT, 200.0).unwrap();
         for level in [10, 10, 11, 200] {
@@ -408,7 +409,7 @@ mod tests {
     }
 
     #[test]
-    fn sizes_no_format_holds_are_refused() {
+    fn unsupported_sizes_are_refused() {
         let path = Path::new("x");
         assert!(GifWriter::new(Vec::new(), path, 70_000, 8, 30.0).is_err(), "GIF");
         assert!(WebpWriter::new(Vec::new(), path, 16_384, 8, 30.0).is_err(), "WebP");

@@ -26,7 +26,7 @@ Exit codes: 0 done, 1 failed, 2 usage, 3 bad input file, 4 no such GPU, 6 finish
 
 SCENE is a trained scene (4DGaussians, Swift4D, Deformable-3D-Gaussians, SC-GS, Grid4D, DASH, E-D3DGS, native 4D Gaussians, FreeTimeGS, Spacetime Gaussians, Dynamic 3D Gaussians), a folder or zip archive of numbered PLYs with persistent rows, a .splatv or .splat4d clip, or a RUN folder of `c4d propagate`.";
 
-/// Carry an edit of one frame of a dynamic Gaussian-splat scene through all of time.
+/// Propagate an edit of one frame of a dynamic Gaussian-splat scene to all other times.
 #[derive(Debug, Parser)]
 #[command(name = "c4d", version, after_help = AFTER_HELP)]
 pub(crate) struct Cli {
@@ -38,7 +38,7 @@ pub(crate) struct Cli {
 }
 
 impl Cli {
-    /// The shared flags, whichever of them the command has.
+    /// The shared flags of the command.
     pub(crate) fn global(&self) -> Global {
         let global = Global::of(&self.common);
         match &self.command {
@@ -84,7 +84,7 @@ impl Cli {
 
 #[derive(Debug, Subcommand)]
 pub(crate) enum Command {
-    /// Say what a file or folder is, what is missing and what to do with it
+    /// Show what a file or folder is, what is missing and what to do with it
     Info(InfoArgs),
     /// Check that this machine can run c4d, and how fast
     Doctor(DoctorArgs),
@@ -98,12 +98,11 @@ pub(crate) enum Command {
     Refine(RefineArgs),
     /// Render images or a video
     Render(RenderArgs),
-    /// Write frames and clips that other tools open, or a page that plays in any browser
+    /// Write frames and clips for other tools, or a page that plays in any browser
     Export(ExportArgs),
-    /// Make a synthetic scene, edit it, propagate the edit and render both: the whole job without
-    /// any input
+    /// Make a synthetic scene, edit it, propagate the edit and render both, without any input
     Demo(DemoArgs),
-    /// Measure methods against known truth
+    /// Measure methods against ground truth
     Bench {
         #[command(subcommand)]
         what: BenchCommand,
@@ -139,10 +138,10 @@ pub(crate) struct ManArgs {
 pub(crate) struct InfoArgs {
     /// A scene folder, a run, or a splat file
     pub(crate) path: PathBuf,
-    /// Machine-readable
+    /// Print JSON
     #[arg(long)]
     pub(crate) json: bool,
-    /// Axes of an SPZ or glTF frame [default: those it names, else those of its format]
+    /// Axes of an SPZ or glTF frame [default: those stated in the file, else those of its format]
     #[arg(long, visible_alias = "spz-axes", value_enum)]
     pub(crate) axes: Option<AxesArg>,
     #[command(flatten)]
@@ -151,7 +150,7 @@ pub(crate) struct InfoArgs {
 
 #[derive(Debug, Args)]
 pub(crate) struct DoctorArgs {
-    /// Machine-readable
+    /// Print JSON
     #[arg(long)]
     pub(crate) json: bool,
     #[command(flatten)]
@@ -326,15 +325,15 @@ pub(crate) enum WarpArg {
 pub(crate) struct RenderArgs {
     /// The dynamic scene or run, or one frame: the edited file of any editor
     pub(crate) scene: PathBuf,
-    /// front, orbit, spiral, or a file or folder with cameras: a data set (D-NeRF, HyperNeRF,
-    /// DyNeRF, COLMAP, MeetRoom, multiple-view), a `cameras.json`, or a model folder that has or
-    /// names one
+    /// front, orbit, spiral, or a file or folder with cameras: a data set
+    /// (D-NeRF, HyperNeRF, DyNeRF, COLMAP, MeetRoom, multiple-view), a
+    /// `cameras.json`, or a model folder that contains or names one
     #[arg(long, default_value = "front", value_name = "PATH|front|orbit|spiral")]
     pub(crate) cameras: String,
     /// Only these views of the cameras: names, cameras (cam00), or indices
     #[arg(long, value_delimiter = ',', value_name = "NAME,…")]
     pub(crate) views: Vec<String>,
-    /// Which views of a data set [default: test, else all]
+    /// Views of a data set [default: test, else all]
     #[arg(long, value_enum)]
     pub(crate) split: Option<SplitArg>,
     /// How a data set's cameras are read [default: trained for 4DGS and Swift4D models and their
@@ -353,7 +352,7 @@ pub(crate) struct RenderArgs {
     /// Number of frames, evenly spaced over the whole clip [default: that of the sequence, else 60]
     #[arg(long)]
     pub(crate) frames: Option<usize>,
-    /// Axes of an SPZ or glTF frame [default: those it names, else those of its format]
+    /// Axes of an SPZ or glTF frame [default: those stated in the file, else those of its format]
     #[arg(long, visible_alias = "spz-axes", value_enum)]
     pub(crate) axes: Option<AxesArg>,
     /// Image size [default: that of the cameras, else 960x720]
@@ -368,17 +367,17 @@ pub(crate) struct RenderArgs {
     /// Folder (png, exr, npy, flo) or file (mp4, webp, gif, sheet)
     #[arg(short, long)]
     pub(crate) output: PathBuf,
-    /// Frames per second of videos [default: so that the frames last as long as the clip]
+    /// Frames per second of videos [default: the rate at which the frames last as long as the clip]
     #[arg(long, allow_negative_numbers = true)]
     pub(crate) fps: Option<f64>,
-    /// Length of videos of the whole clip [default: that of the clip: its frames at its own rate,
-    /// or at 30 a second]
+    /// Length of videos of the whole clip [default: that of the clip, its
+    /// frames at its own rate or at 30 per second]
     #[arg(long, value_name = "SECONDS", allow_negative_numbers = true)]
     pub(crate) duration: Option<f64>,
     /// Runs only: the original on the left, the edit on the right
     #[arg(long)]
     pub(crate) side_by_side: bool,
-    /// Background colour [default: what the model was trained with, else black]
+    /// Background colour [default: that of the model's training, else black]
     #[arg(long, value_name = "R,G,B", value_parser = parse_background)]
     pub(crate) background: Option<[f32; 3]>,
     /// The world's upward direction, for front, orbit and spiral
@@ -443,7 +442,7 @@ pub(crate) enum MotionArg {
     AmgAll,
 }
 
-/// Images to render.
+/// Kinds of images to render.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub(crate) enum Pass {
     /// Colour
@@ -490,7 +489,7 @@ impl Pass {
 /// Formats of renders.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub(crate) enum Format {
-    /// 8 bits; depth stretched over its range
+    /// 8 bits; depth scaled to its range
     Png,
     /// 32-bit float
     Exr,
@@ -502,7 +501,7 @@ pub(crate) enum Format {
     Mp4,
     /// Lossless animated WebP that loops
     Webp,
-    /// Animated GIF that loops, 255 colours a frame
+    /// Animated GIF that loops, 255 colours per frame
     Gif,
     /// One PNG with up to twelve frames side by side
     Sheet,
@@ -514,7 +513,12 @@ fn parse_size(text: &str) -> Result<(u32, u32), String> {
     };
     text.split_once(['x', 'X', '×'])
         .and_then(|(width, height)| Some((side(width)?, side(height)?)))
-        .ok_or_else(|| format!("invalid image size `{text}`: expected WIDTHxHEIGHT, 1 to 16384 pixels each, as in 960x720"))
+        .ok_or_else(|| {
+            format!(
+                "invalid image size `{text}`: expected WIDTHxHEIGHT, 1 to 16384 \
+                               pixels each, for example 960x720"
+            )
+        })
 }
 
 fn parse_background(text: &str) -> Result<[f32; 3], String> {

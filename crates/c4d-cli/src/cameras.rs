@@ -1,4 +1,4 @@
-//! Cameras that the user names: a data set, one of its camera files, or a model folder.
+//! Cameras given by the user: a data set, one of its camera files, or a model folder.
 
 use crate::args::{CamerasAs, SplitArg};
 use crate::console::Console;
@@ -9,10 +9,10 @@ use gs_core::Camera;
 use gs_io::cameras::{self, CameraSet, Reading, Split};
 use std::path::Path;
 
-/// Names shown when one is not found.
+/// Number of names listed if one is not found.
 const SHOWN: usize = 12;
 
-/// How the cameras of a scene's data set are read: as its training read them, where that is known.
+/// How the cameras of a scene's data set are read: as in its training, if that is known.
 fn reading(asked: Option<CamerasAs>, opened: &Opened) -> Reading {
     // The source of a run is among its roots.
     let trained = asked.map_or_else(
@@ -26,9 +26,9 @@ fn is_model(root: &Path) -> bool {
     gs_io::detect(root).is_ok_and(|kind| kind.is_trained())
 }
 
-/// Reads the cameras for views of `opened` and says what was assumed. Their near plane is the
-/// reference's where they are read as a model's training read them, otherwise it follows the scene
-/// before the edit.
+/// Reads the cameras for views of `opened` and reports the assumptions. Their near
+/// plane is that of the reference if they are read as in a model's training;
+/// otherwise it is derived from the scene before the edit.
 pub(crate) fn open(
     path: &Path,
     asked: Option<CamerasAs>,
@@ -53,7 +53,7 @@ pub(crate) fn open(
     Ok(set)
 }
 
-/// The cameras of a split; without a choice the held-out ones, where the data set holds some out.
+/// The cameras of a split; by default the held-out ones, if the data set has any.
 pub(crate) fn of_split(set: &CameraSet, asked: Option<SplitArg>) -> Outcome<Vec<Camera>> {
     let all = || set.views.iter().map(|view| view.camera.clone()).collect::<Vec<_>>();
     let of = |split| set.split(split).cloned().collect::<Vec<_>>();
@@ -110,12 +110,12 @@ pub(crate) fn by_name(cameras: &[Camera], wanted: &[String], shown: &str) -> Out
     Ok(chosen)
 }
 
-/// Their own times, if all have one.
+/// The times of the cameras, if all have one.
 pub(crate) fn own_times(cameras: &[Camera]) -> Option<Vec<f32>> {
     cameras.iter().map(|camera| camera.time).collect()
 }
 
-/// At most `limit` of them, evenly.
+/// At most `limit` cameras, evenly spaced.
 pub(crate) fn thinned(cameras: Vec<Camera>, limit: usize) -> Vec<Camera> {
     let count = cameras.len();
     if count <= limit {
@@ -142,7 +142,12 @@ mod tests {
             let wanted: Vec<String> = wanted.iter().map(|&name| name.to_owned()).collect();
             by_name(&rig(), &wanted, "x").unwrap().into_iter().map(|camera| camera.name).collect()
         };
-        assert_eq!(names(&["cam1"]), ["cam1/a", "cam1/b"], "a camera, not those it begins");
+        assert_eq!(
+            names(&["cam1"]),
+            ["cam1/a", "cam1/b"],
+            "the camera with this name, not those \
+                           with this prefix"
+        );
         assert_eq!(names(&["cam1/b", "2"]), ["cam1/b", "cam10/a"], "a name and an index");
         assert_eq!(names(&["7"]), ["7"], "a name before an index");
         let refused = by_name(&rig(), &["cam2".to_owned()], "x").unwrap_err();

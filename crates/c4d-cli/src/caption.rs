@@ -21,7 +21,7 @@ const MARGIN: usize = 6;
 /// Side of a swatch, pixels.
 const SWATCH: usize = 16;
 
-/// An image of three channels that text is drawn on.
+/// An image of three channels on which text is drawn.
 struct Canvas<'a>(&'a mut Image);
 
 impl OriginDimensions for Canvas<'_> {
@@ -58,7 +58,7 @@ pub(crate) fn titled(image: &Image, title: &str) -> Image {
     out
 }
 
-/// The image above a line with coloured squares and what they mean.
+/// The image above a legend of coloured squares and labels.
 pub(crate) fn with_legend(image: &Image, entries: &[(Rgb, String)]) -> Image {
     let mut out = Image::zeros(image.width, image.height + LINE, 3);
     out.data[..image.data.len()].copy_from_slice(&image.data);
@@ -76,7 +76,7 @@ pub(crate) fn with_legend(image: &Image, entries: &[(Rgb, String)]) -> Image {
     out
 }
 
-/// Writes white text whose upper left corner is `at`; what does not fit is cut.
+/// Writes white text with its upper left corner at `at`, clipped to the image.
 fn write(image: &mut Image, text: &str, at: (usize, usize)) {
     let place = |pixels: usize| i32::try_from(pixels).unwrap_or(i32::MAX);
     let style = MonoTextStyle::new(&FONT_9X18, Rgb888::WHITE);
@@ -104,7 +104,7 @@ mod tests {
         assert_eq!(keyed.pixel(MARGIN, 2 + MARGIN), [1.0, 0.0, 0.0], "first swatch");
         let green = keyed.data.chunks(3).filter(|pixel| *pixel == [0.0, 1.0, 0.0]).count();
         assert_eq!(green, SWATCH * SWATCH, "second swatch");
-        // Text that does not fit is cut, not refused.
+        // Text that does not fit is clipped.
         with_legend(&image, &[([1.0; 3], "long ".repeat(40))]);
     }
 }

@@ -1,5 +1,5 @@
-//! What the user reads while `c4d` works: results on standard output; progress, notes and warnings
-//! on standard error.
+//! Output to the terminal: results on standard output;
+//! progress, notes and warnings on standard error.
 
 use crate::progress::{Shown, StageProgress};
 use std::fmt::Display;
@@ -16,18 +16,19 @@ pub(crate) struct Console {
 }
 
 impl Console {
-    /// `progress` off silences bars and progress lines, `quiet` all but warnings and errors.
+    /// If `progress` is false, bars and progress lines are off;
+    /// `quiet` prints only warnings and errors.
     pub(crate) fn new(quiet: bool, verbose: bool, progress: bool) -> Self {
         Self { quiet, verbose, bars: progress && !quiet, warnings: AtomicUsize::new(0) }
     }
 
     /// A result, on standard output. A closed pipe is not an error.
-    #[expect(clippy::unused_self, reason = "the console decides where results go")]
+    #[expect(clippy::unused_self, reason = "the console decides where results are printed")]
     pub(crate) fn result(&self, text: impl Display) {
         let _ = writeln!(std::io::stdout().lock(), "{text}");
     }
 
-    /// What is being done, on standard error.
+    /// A note on the current work, on standard error.
     pub(crate) fn note(&self, text: impl Display) {
         if !self.quiet {
             let _ = writeln!(std::io::stderr().lock(), "{text}");
@@ -41,13 +42,13 @@ impl Console {
         }
     }
 
-    /// Something the user should know; counted for `--strict`.
+    /// A warning; counted for `--strict`.
     pub(crate) fn warn(&self, text: impl Display) {
         self.warnings.fetch_add(1, Ordering::Relaxed);
         let _ = writeln!(std::io::stderr().lock(), "warning: {text}");
     }
 
-    /// Warnings so far.
+    /// Number of warnings so far.
     pub(crate) fn warnings(&self) -> usize {
         self.warnings.load(Ordering::Relaxed)
     }

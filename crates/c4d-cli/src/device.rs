@@ -1,4 +1,4 @@
-//! Which rasteriser renders: the CPU's, or a GPU's through wgpu.
+//! Choice of the rasteriser: CPU, or GPU through wgpu.
 
 use crate::failure::{Exit, Failure, Outcome};
 use gs_core::RasterError;
@@ -31,12 +31,12 @@ impl FromStr for GpuChoice {
     }
 }
 
-/// The rasteriser chosen.
+/// The chosen rasteriser.
 #[derive(Debug, Clone)]
 pub(crate) enum Device {
-    /// No GPU needed.
+    /// The CPU rasteriser.
     Cpu,
-    /// Through wgpu.
+    /// The GPU rasteriser.
     Gpu(WgpuRasterizer),
 }
 
@@ -59,7 +59,7 @@ impl Device {
         }
     }
 
-    /// What it is, for messages.
+    /// Description for messages.
     pub(crate) fn describe(&self) -> String {
         match self {
             Self::Cpu => format!("CPU, {} threads", rayon::current_num_threads()),
@@ -68,7 +68,7 @@ impl Device {
     }
 }
 
-/// A rasteriser's error, with what to do about one of the adapter.
+/// A rasteriser's error, with the next step for errors of the adapter.
 pub(crate) fn failure(error: &RasterError) -> Failure {
     let failure = Failure::failed(crate::failure::chain(error));
     match error {
@@ -79,10 +79,10 @@ pub(crate) fn failure(error: &RasterError) -> Failure {
     }
 }
 
-/// Begins anew without Mesa's device selection when there is no desktop session: that Vulkan layer
-/// asks the desktop which adapter shows it, and libwayland then prints errors about
-/// `XDG_RUNTIME_DIR`, which look like ours. Only the environment switches the layer off, and it is
-/// read-only once a program runs.
+/// Restarts the program without Mesa's device selection if there is no desktop session. That Vulkan
+/// layer queries the desktop for its adapter, and libwayland then prints errors about
+/// `XDG_RUNTIME_DIR` that look like ours. The layer can be disabled only by an environment
+/// variable, which cannot be changed in a running program.
 pub(crate) fn without_desktop(choice: GpuChoice) {
     #[cfg(target_os = "linux")]
     {
@@ -95,7 +95,7 @@ pub(crate) fn without_desktop(choice: GpuChoice) {
         }
         let mut arguments = std::env::args_os();
         if let (Ok(own), Some(name)) = (std::env::current_exe(), arguments.next()) {
-            // Returns only if it could not; then there are two lines too many, and that is all.
+            // Returns only on failure; the only consequence is two additional lines of output.
             let _ = std::process::Command::new(own).arg0(name).args(arguments).env(OFF, "1").exec();
         }
     }

@@ -1,4 +1,4 @@
-//! In which axes an edited frame was saved, for formats whose files come in several (SPZ, glTF).
+//! Axes of an edited frame, for formats whose files use different axes (SPZ, glTF).
 
 use crate::args::AxesArg;
 use crate::console::Console;
@@ -9,12 +9,13 @@ use gs_io::frame::Frame;
 use std::path::Path;
 use std::sync::Arc;
 
-/// Splats compared for each reading: enough for a share within 2 %, in a fraction of a second.
+/// Number of splats compared per choice of axes: determines the share
+/// to within 2 % in a fraction of a second.
 const SAMPLE: usize = 2000;
 
-/// The frame in the axes that were asked for, else in those that it names, else in those in which
-/// most of its splats are splats of `source`; says which, where it matters.
-pub(crate) fn settle(
+/// The frame in the requested axes, else in those stated in the file, else in those in which most
+/// of its splats match splats of `source`. Reports the choice if it matters.
+pub(crate) fn resolve(
     frame: Frame,
     path: &Path,
     source: &Splats,
@@ -35,7 +36,7 @@ pub(crate) fn settle(
         return Ok(frame.in_axes(chosen.axes()));
     }
     if reading.stated {
-        console.detail(format!("{}: the file says its axes are {}", path.display(), reading.axes));
+        console.detail(format!("{}: the file states its axes as {}", path.display(), reading.axes));
         return Ok(frame);
     }
     let step = frame.splats.len().div_ceil(SAMPLE).max(1);
@@ -66,7 +67,8 @@ pub(crate) fn settle(
     if best.0 == 0 {
         let others: Vec<&str> = reading.usual.iter().map(|axes| axes.name()).collect();
         console.warn(format!(
-            "{}: the file does not say which way its axes point, and no splat of it matches the scene in any usual order ({}); read as {}. --axes chooses",
+            "{}: the file does not state its axes, and none of its splats matches the scene in \
+            any common axes ({}); read as {}. Use --axes to choose",
             path.display(),
             others.join(", "),
             reading.axes
@@ -74,7 +76,8 @@ pub(crate) fn settle(
         return Ok(frame);
     }
     console.note(format!(
-        "{}: axes read as {}, in which it matches the scene (of {of} splats compared: {}); --axes chooses others",
+        "{}: axes read as {}, in which it matches the scene (of {of} splats compared: {}); use \
+        --axes for others",
         path.display(),
         best.1,
         counts.join(", ")

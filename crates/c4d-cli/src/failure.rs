@@ -1,5 +1,4 @@
-//! [`Failure`]: what went wrong, where, and the next step; and the exit code that says so to
-//! scripts.
+//! [`Failure`]: an error with its location and next step, and the exit code for scripts.
 
 use std::fmt;
 use std::path::Path;
@@ -7,13 +6,13 @@ use std::path::Path;
 /// Exit codes of `c4d`, the same for every command.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Exit {
-    /// Anything without a code of its own.
+    /// Any failure without its own code.
     Failed = 1,
-    /// The command line asks for something that does not exist or does not fit together.
+    /// The command line is invalid or inconsistent.
     Usage = 2,
     /// An input file is missing, malformed or of another kind.
     BadInput = 3,
-    /// No usable GPU where one was asked for.
+    /// No usable GPU although one was requested.
     NoGpu = 4,
     /// Finished, but with warnings, under `--strict`.
     Warnings = 6,
@@ -21,16 +20,16 @@ pub(crate) enum Exit {
     Interrupted = 130,
 }
 
-/// What to do about output that cannot be written.
+/// Next step if output cannot be written.
 pub(crate) const ROOM: &str =
     "Check that the folder exists, is writable, and that the disk has space.";
 
-/// What to do about memory that is not enough.
+/// Next step if memory is insufficient.
 pub(crate) const MORE_MEMORY: &str =
     "Close other programs, raise the limit of this process, or use a machine with more memory.";
 
 impl Exit {
-    /// The next step when the failure names none of its own.
+    /// The general next step for failures without their own.
     fn next(self) -> &'static str {
         match self {
             Self::Usage => "c4d COMMAND --help lists the flags and their values.",
@@ -45,14 +44,14 @@ impl Exit {
     }
 }
 
-/// An error as the user sees it.
+/// An error as shown to the user.
 #[derive(Debug)]
 pub(crate) struct Failure {
     /// Code for scripts.
     pub(crate) exit: Exit,
-    /// What, where, expected against found.
+    /// What happened, where, what was expected and found.
     pub(crate) what: String,
-    /// What to do next; a general hint when there is none.
+    /// The next step; a general hint if `None`.
     pub(crate) next: Option<String>,
 }
 
@@ -106,14 +105,14 @@ impl fmt::Display for Failure {
     }
 }
 
-/// Whether an error or one of its sources is that of memory that was asked for and not granted.
+/// Whether an error or one of its sources is a failed allocation.
 pub(crate) fn is_out_of_memory(error: &(dyn std::error::Error + 'static)) -> bool {
     std::iter::successors(Some(error), |error| error.source())
         .filter_map(|error| error.downcast_ref::<std::io::Error>())
         .any(|error| error.kind() == std::io::ErrorKind::OutOfMemory)
 }
 
-/// An error and its sources on one line, without repeating what a message already says.
+/// An error and its sources on one line, without repeating parts that a message already contains.
 pub(crate) fn chain(error: &dyn std::error::Error) -> String {
     let mut text = error.to_string();
     let mut source = error.source();

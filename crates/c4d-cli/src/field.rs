@@ -1,12 +1,12 @@
-//! A scene's own deformation network, asked about splats it was not trained on (the paper's
-//! baseline "w/o AMG").
+//! A scene's own deformation network, evaluated for splats outside its
+//! training (the paper's baseline "w/o AMG").
 
 use amg::FieldAt;
 use gs_core::{DynamicScene, SceneError, Splats};
 use gs_deform::{FieldError, HashGridScene, HexPlaneScene};
 use gs_io::DeformedModel;
 
-/// Adapts a network to the hook of `amg`.
+/// Adapter of a network to the interface of `amg`.
 #[derive(Debug)]
 pub(crate) struct NetworkField(pub(crate) DeformedModel);
 
@@ -26,8 +26,8 @@ impl FieldAt for NetworkField {
     }
 }
 
-/// `rest` under the network of `model`. A hash grid is asked about all of `rest`: its model says of
-/// its own splats only which are dynamic.
+/// `rest` deformed by the network of `model`. A hash grid deforms all of `rest`, because its model
+/// has dynamic flags only for its own splats.
 fn deformed(rest: &Splats, model: &DeformedModel) -> Result<Box<dyn DynamicScene>, FieldError> {
     Ok(match model {
         DeformedModel::HexPlane(scene) => {

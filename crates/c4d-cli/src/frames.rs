@@ -1,21 +1,21 @@
-//! Which times a command works on, and how fast they are played.
+//! Times that a command processes, and their playback rate.
 
 use crate::failure::{Failure, Outcome};
 use crate::rates;
 use crate::scene::Opened;
 use gs_core::{DynamicScene, TimeRange};
 
-/// Frames of a continuous scene when nobody says how many.
+/// Default number of frames of a continuous scene.
 pub(crate) const DEFAULT_FRAMES: usize = 60;
-/// Frames per second of scenes that note none.
+/// Default frame rate of scenes that do not store one.
 const DEFAULT_FPS: f64 = 30.0;
-/// More frames than this are a slip of the keyboard.
+/// Largest accepted number of frames; more are assumed to be a typing error.
 const MAX_FRAMES: usize = 100_000;
-/// Most frames a second that players take.
+/// Largest frame rate that players accept.
 const MAX_FPS: f64 = 1000.0;
 /// Longest clip, seconds: a day.
 const MAX_SECS: f64 = 86_400.0;
-/// Times that span all of the clip but this share of it span the clip.
+/// Times that span the clip except for this share count as spanning the whole clip.
 const WHOLE: f64 = 1e-4;
 
 /// Flags about times and rate, as given.
@@ -32,7 +32,7 @@ pub(crate) struct Timing<'a> {
 }
 
 impl Timing<'_> {
-    /// Refuses values that no clip has, and three of which two say the third.
+    /// Refuses values out of range, and combinations in which two determine the third.
     pub(crate) fn check(&self) -> Outcome {
         if let Some(fps) = self.fps.filter(|&fps| !(fps > 0.0 && fps <= MAX_FPS)) {
             return Err(Failure::usage(format!(
@@ -50,13 +50,13 @@ impl Timing<'_> {
             return Err(Failure::usage(format!(
                 "{given}, --fps and --duration contradict each other: any two determine the third"
             ))
-            .next("Leave one of them out."));
+            .next("Omit one of them."));
         }
         Ok(())
     }
 
-    /// The times of `--times` or `--frames`, or as many as `--fps` makes of `--duration`; else
-    /// every frame the scene was stored with, else [`DEFAULT_FRAMES`].
+    /// The times given by `--times` or `--frames`, or by `--fps` and `--duration`; else the scene's
+    /// stored frames, else [`DEFAULT_FRAMES`].
     pub(crate) fn times(&self, scene: &dyn DynamicScene) -> Outcome<Vec<f32>> {
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "saturates")]
         let filling = self.fps.zip(self.duration).map(|(fps, secs)| (fps * secs).round() as usize);
@@ -73,15 +73,15 @@ impl Timing<'_> {
             return Ok(fps);
         }
         Err(Failure::usage(format!(
-            "{} frames in {secs:.3} s are {fps:.0} a second, players take at most {MAX_FPS}",
+            "{} frames in {secs:.3} s are {fps:.0} per second, players accept at most {MAX_FPS}",
             times.len()
         ))
         .next("Give fewer frames, a longer --duration, or --fps."))
     }
 }
 
-/// Frames per second at which ascending `times` take their share of a clip of `secs`; `None` where
-/// the times do not say.
+/// Frames per second at which ascending `times` take their share of a clip of
+/// `secs`; `None` if the times do not determine it.
 fn rate(times: &[f32], range: TimeRange, secs: f64) -> Option<f64> {
     let (first, last) = (f64::from(*times.first()?), f64::from(*times.last()?));
     let share = (last - first) / (f64::from(range.end) - f64::from(range.start));
@@ -89,12 +89,12 @@ fn rate(times: &[f32], range: TimeRange, secs: f64) -> Option<f64> {
         return None;
     }
     let count = times.len() as f64;
-    // Every frame of a whole clip is shown for as long as the others, the last one too.
+    // In a whole clip every frame has the same duration, including the last.
     Some(if share > 1.0 - WHOLE { count / secs } else { (count - 1.0) / (share * secs) })
 }
 
-/// The times of `--times` or `--frames`, else every frame the scene was stored with, else
-/// [`DEFAULT_FRAMES`].
+/// The times given by `--times` or `--frames`, else the scene's
+/// stored frames, else [`DEFAULT_FRAMES`].
 pub(crate) fn times(
     scene: &dyn DynamicScene,
     times: &[f32],
@@ -114,13 +114,13 @@ pub(crate) fn times(
     Ok(range.frames(count))
 }
 
-/// Number of frames, their rate and how long they last, in words.
+/// Number of frames, their rate and their duration, as text.
 pub(crate) fn playing(frames: usize, fps: f64) -> String {
     if frames == 1 {
         return "one frame".to_owned();
     }
     let secs = frames as f64 / fps;
-    format!("{frames} frames at {} a second, {secs:.1} s", rates::rounded(fps))
+    format!("{frames} frames at {} per second, {secs:.1} s", rates::rounded(fps))
 }
 
 /// Refuses a time outside the scene.
@@ -129,7 +129,7 @@ pub(crate) fn check(range: TimeRange, t: f32, flag: &str) -> Outcome {
         return Ok(());
     }
     Err(Failure::usage(format!(
-        "{flag} {t} lies outside the scene's times, {} to {}",
+        "{flag} {t} is outside the scene's times, {} to {}",
         range.start, range.end
     ))
     .next(format!(

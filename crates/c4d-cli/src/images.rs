@@ -8,7 +8,7 @@ use std::fs::File;
 use std::io::{BufWriter, Write};
 use std::path::Path;
 
-/// Writes 8 bits a channel: RGB for three channels, grey for one. `path` is for messages.
+/// Writes 8 bits per channel: RGB for three channels, grey for one. `path` is for messages.
 pub(crate) fn write_png(writer: impl Write, path: &Path, image: &Image) -> Outcome {
     let color = match image.channels {
         1 => image::ExtendedColorType::L8,

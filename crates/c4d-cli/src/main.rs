@@ -1,7 +1,7 @@
-//! `c4d`: carry an edit of one frame of a dynamic Gaussian-splat scene through all of time.
+//! `c4d`: propagates an edit of one frame of a dynamic Gaussian-splat scene to all other times.
 //!
-//! Commands, progress, run folders and messages. Deliberately absent: algorithms, which live in the
-//! crates below.
+//! Contains commands, progress, run folders and messages. Deliberately
+//! absent: algorithms, which are in the other crates.
 
 mod animated_image;
 mod args;
@@ -38,7 +38,7 @@ use console::Console;
 use failure::{Exit, Failure, Outcome};
 use std::process::ExitCode;
 
-/// More threads than any machine has cores are a slip of the keyboard.
+/// Largest accepted number of threads; more are assumed to be a typing error.
 const MAX_THREADS: usize = 1024;
 
 fn main() -> ExitCode {
@@ -50,7 +50,7 @@ fn main() -> ExitCode {
     // partial output.
     let _ = ctrlc::set_handler(|| {
         gs_io::remove_unfinished();
-        eprintln!("\ninterrupted; nothing partial is left");
+        eprintln!("\ninterrupted; no partial output remains");
         std::process::exit(i32::from(Exit::Interrupted as u8));
     });
     match run(&cli, global, &console) {
@@ -71,7 +71,7 @@ fn run(cli: &Cli, global: &Global, console: &Console) -> Outcome {
     if let Some(threads) = threads.filter(|threads| !(1..=MAX_THREADS).contains(threads)) {
         return Err(Failure::usage(format!("--threads {threads}: expected 1 to {MAX_THREADS}")));
     }
-    // Here, where a failure is an error, and not at first use, where it would be a panic.
+    // Started here, where a failure is an error; at first use it would be a panic.
     rayon::ThreadPoolBuilder::new().num_threads(threads.unwrap_or(0)).build_global().map_err(
         |error| {
             Failure::failed(format!("cannot start the threads: {error}"))

@@ -1,4 +1,4 @@
-//! Memory that there is not: said before the work, not found out in the midst of it.
+//! Memory checks before the work begins.
 
 use crate::failure::{Failure, MORE_MEMORY, Outcome};
 use gs_core::DynamicScene;
@@ -7,8 +7,7 @@ use sysinfo::System;
 /// Bytes of a mebibyte.
 pub(crate) const MIB: u64 = 1 << 20;
 
-/// Memory that the machine, or the container, has left, bytes; `None` where the system does not
-/// say.
+/// Available memory of the machine or container, bytes; `None` if the system does not report it.
 pub(crate) fn free() -> Option<u64> {
     let mut system = System::new().ok()?;
     system.refresh_memory();
@@ -19,7 +18,7 @@ pub(crate) fn free() -> Option<u64> {
     (free > 0).then_some(free)
 }
 
-/// Refuses `what` (a clause) if `bytes`, an estimate, are more than there are.
+/// Refuses `what` (a clause) if `bytes`, an estimate, exceed the available memory.
 pub(crate) fn require(what: &str, bytes: u64, next: &str) -> Outcome {
     let refuse = |found: String| {
         let needed = bytes.div_ceil(MIB);
@@ -29,20 +28,19 @@ pub(crate) fn require(what: &str, bytes: u64, next: &str) -> Outcome {
     if let Some(free) = free().filter(|free| *free < bytes) {
         return refuse(format!("and {} MiB are free", free / MIB));
     }
-    // A limit of the process, as of `ulimit -v`, shows only when memory is asked for.
+    // A limit of the process, such as `ulimit -v`, shows only on allocation.
     let granted =
         usize::try_from(bytes).is_ok_and(|bytes| Vec::<u8>::new().try_reserve_exact(bytes).is_ok());
-    if granted { Ok(()) } else { refuse("more than this process may have".to_owned()) }
+    if granted { Ok(()) } else { refuse("more than this process may allocate".to_owned()) }
 }
 
-/// Frames of a scene held at a time, beside those that opening it read: those between which a time
-/// lies, the file that is being read, and what is made of them. Measured: 580 MB in all where a
-/// frame has 94 MB.
+/// Number of frames of a scene in memory, besides those read on opening: the neighbours of a time,
+/// the file being read, and the result. Measured: 580 MB in total for frames of 94 MB.
 pub(crate) const FRAMES_SEEN: u64 = 5;
-/// The same of exports, which also hold what they pack. Measured: 640 MB in all.
+/// The same for exports, which also hold the compressed data. Measured: 640 MB in total.
 pub(crate) const FRAMES_PACKED: u64 = 8;
 
-/// Refuses to work on a scene if so many of its frames do not fit into memory.
+/// Refuses a scene if `frames` of its frames do not fit into memory.
 pub(crate) fn require_frames(scene: &dyn DynamicScene, frames: u64) -> Outcome {
     let (splats, degree) = (scene.num_splats() as u64, scene.sh_degree() as u64);
     // Centre, rotation, scale, opacity, and SH of three channels.
@@ -56,7 +54,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_does_not_fit_is_refused_with_its_size() {
+    fn too_large_requests_are_refused_with_their_size() {
         require("nothing", 0, "").unwrap();
         let failure = require("counting grains of sand", 1 << 60, "Count fewer.").unwrap_err();
         let text = failure.to_string();

@@ -13,12 +13,12 @@ const FLAGS_SWIFT4D: &str = "Flags of Swift4D models: activation (relu or none),
 const FLAGS_SEQUENCE: &str = "Flags of sequences: axes (ply, rub or luf), of SPZ and glTF files.";
 const FLAGS_OTHERS: &str = "Flags of other trained scenes: time_duration=START,END for native 4D Gaussians, in the unit of training (0,10 for Neural 3D Video, 0,1 for D-NeRF); bound (a number) for Grid4D and DASH without cfg_args.";
 
-/// What damaged rows do.
+/// Treatment of damaged rows.
 pub(crate) fn damage(global: &Global) -> Damage {
     if global.strict { Damage::Fail } else { Damage::Drop }
 }
 
-/// What the user decided about a scene of this kind.
+/// Options given by the user for a scene of this kind.
 pub(crate) fn open_options(global: &Global, kind: &SceneKind) -> Outcome<OpenOptions> {
     let mut options = OpenOptions {
         iteration: global.iteration,

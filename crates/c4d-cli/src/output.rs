@@ -1,16 +1,16 @@
-//! Outputs of commands: what may be in their place, and what failures mean.
+//! Outputs of commands: treatment of existing ones, and errors.
 
 use crate::args::Global;
 use crate::failure::{Failure, Outcome, ROOM, chain};
 use gs_io::{Existing, IoError};
 use std::path::{Path, PathBuf};
 
-/// What happens to output that is already there.
+/// Treatment of existing output.
 pub(crate) fn existing(global: &Global) -> Existing {
     if global.overwrite { Existing::Replace } else { Existing::Refuse }
 }
 
-/// Failure to write output; refusing to overwrite is a matter of usage.
+/// Failure to write output; a refusal to overwrite is a usage error.
 pub(crate) fn output_failure(error: &IoError) -> Failure {
     let text = chain(error);
     match error {
@@ -31,7 +31,8 @@ pub(crate) fn output_failure(error: &IoError) -> Failure {
     }
 }
 
-/// Refuses an output that is, holds, or lies in one of the inputs: writing it would destroy them.
+/// Refuses an output that is, contains, or is inside one of the
+/// inputs, because writing it would destroy them.
 pub(crate) fn refuse_overlap(output: &Path, inputs: &[PathBuf]) -> Outcome {
     let Some(output_real) = real(output) else { return Ok(()) };
     for input in inputs {
@@ -48,8 +49,8 @@ pub(crate) fn refuse_overlap(output: &Path, inputs: &[PathBuf]) -> Outcome {
     Ok(())
 }
 
-/// The path with links resolved; of a path that does not exist yet, its nearest existing folder
-/// resolved.
+/// The path with links resolved; for a path that does not exist yet,
+/// with its nearest existing folder resolved.
 fn real(path: &Path) -> Option<PathBuf> {
     let absolute = std::path::absolute(path).ok()?;
     absolute.ancestors().find_map(|ancestor| {

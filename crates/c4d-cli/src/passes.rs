@@ -1,5 +1,5 @@
-//! Images of what happened since the edited frame: flow, colour uncertainty, artifact mask (Eqs.
-//! 11–17).
+//! Images of changes relative to the edited frame: flow, colour
+//! uncertainty, artifact mask (Eqs. 11–17).
 
 use crate::args::Pass;
 use crate::device::Device;
@@ -11,19 +11,19 @@ use gs_raster_cpu::CpuRasterizer;
 /// Coverage below which a pixel has no flow.
 const MIN_COVERAGE: f32 = 0.5;
 
-/// Which pixels are artifacts (Eq. 17).
+/// Parameters of the artifact mask (Eq. 17).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Mask {
     /// ε.
     pub(crate) epsilon: f32,
-    /// Uncertainty below which nothing is one.
+    /// Uncertainty below which no pixel is an artifact.
     pub(crate) min_uncertainty: f32,
-    /// How splats that frame 1 does not supervise are found, if they are.
+    /// Parameters for finding splats that frame 1 does not supervise, if they are used.
     pub(crate) evidence: Option<EvidenceParams>,
 }
 
 impl Default for Mask {
-    /// What the refinement sees unless told otherwise.
+    /// The refinement's default.
     fn default() -> Self {
         let usual = RefineOptions::default();
         Self {
@@ -37,7 +37,7 @@ impl Default for Mask {
 /// The image of one pass.
 #[derive(Debug)]
 pub(crate) enum PassImage {
-    /// Motion from the edited frame to this one, carried by the pixels of this one.
+    /// Motion from the edited frame to this one, at the pixels of this one.
     Flow(Flow),
     /// One channel in [0, 1].
     Grey(Image),

@@ -11,7 +11,7 @@ use std::sync::{Arc, Mutex};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-/// Time between two lines of progress.
+/// Time between progress lines.
 const LINE_INTERVAL: Duration = Duration::from_secs(5);
 /// Time between two redraws of a bar whose stage does not advance.
 const REDRAW_INTERVAL: Duration = Duration::from_millis(500);
@@ -30,15 +30,14 @@ struct Tally {
     stage: String,
     done: AtomicU64,
     total: u64,
-    /// Steps are hundredths of the stage, of no meaning of their own.
+    /// Whether steps are only hundredths of the stage.
     percent: bool,
     message: Mutex<String>,
     start: Instant,
 }
 
 impl Tally {
-    /// `render: 12 of 60, 3.4 a second, 14 s left`; without a step done, how long it has been
-    /// running.
+    /// `render: 12 of 60, 3.4 per second, 14 s left`; before the first step, the elapsed time.
     fn line(&self) -> String {
         let done = self.done.load(Ordering::Relaxed).min(self.total);
         let elapsed = self.start.elapsed().as_secs_f64();
@@ -53,7 +52,7 @@ impl Tally {
         } else {
             let rate = done as f64 / elapsed.max(1e-9);
             if !self.percent {
-                let _ = write!(line, "{} a second, ", rounded(rate));
+                let _ = write!(line, "{} per second, ", rounded(rate));
             }
             let _ = write!(line, "{} left", time((self.total - done) as f64 / rate));
         }
@@ -66,7 +65,7 @@ impl Tally {
     }
 }
 
-/// A length of time in words: `14 s`, `3 min 20 s`, `2 h 5 min`.
+/// A duration as text: `14 s`, `3 min 20 s`, `2 h 5 min`.
 fn time(secs: f64) -> String {
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "saturates")]
     let secs = secs.round() as u64;
@@ -77,7 +76,7 @@ fn time(secs: f64) -> String {
     }
 }
 
-/// A running stage. When it is dropped, its bar or its lines end.
+/// A running stage. When it is dropped, its bar or lines end.
 #[derive(Debug)]
 pub(crate) struct StageProgress {
     tally: Arc<Tally>,
@@ -85,7 +84,7 @@ pub(crate) struct StageProgress {
     lines: Option<Lines>,
 }
 
-/// The thread that writes lines; it ends when the sender is dropped.
+/// The thread that prints lines; it ends when the sender is dropped.
 #[derive(Debug)]
 struct Lines {
     ends: Option<Sender<()>>,
@@ -115,7 +114,7 @@ impl Drop for Lines {
 }
 
 impl StageProgress {
-    /// Of `total` equal steps; with `percent`, of hundredths of the stage.
+    /// A stage of `total` equal steps; with `percent`, of hundredths.
     pub(crate) fn new(shown: Shown, stage: &str, total: u64, percent: bool) -> Self {
         let tally = Arc::new(Tally {
             stage: stage.to_owned(),
@@ -130,7 +129,7 @@ impl StageProgress {
         Self { tally, bar, lines }
     }
 
-    /// One step further.
+    /// Advances by one step.
     pub(crate) fn step(&mut self) {
         self.set(self.tally.done.load(Ordering::Relaxed) + 1);
     }
@@ -212,13 +211,13 @@ mod tests {
     }
 
     #[test]
-    fn lines_have_rounded_rates_and_the_time_left() {
+    fn lines_have_rounded_rates_and_the_remaining_time() {
         let line = |done, total, percent, secs| tally(done, total, percent, secs).line();
-        assert_eq!(line(12, 60, false, 4), "render: 12 of 60, 3 a second, 16 s left", "steps");
-        assert_eq!(line(1, 1000, false, 3), "render: 1 of 1000, 0.33 a second, 49 min 57 s left");
+        assert_eq!(line(12, 60, false, 4), "render: 12 of 60, 3 per second, 16 s left", "steps");
+        assert_eq!(line(1, 1000, false, 3), "render: 1 of 1000, 0.33 per second, 49 min 57 s left");
         assert_eq!(line(0, 60, false, 70), "render: 0 of 60, running for 1 min 10 s", "none yet");
         assert_eq!(line(25, 100, true, 5), "render: 25 %, 15 s left", "hundredths");
         assert_eq!(line(0, 100, true, 5), "render: running for 5 s", "no hundredth yet");
-        assert_eq!(line(70, 60, false, 7), "render: 60 of 60, 8.57 a second, 0 s left", "beyond");
+        assert_eq!(line(70, 60, false, 7), "render: 60 of 60, 8.57 per second, 0 s left", "beyond");
     }
 }

@@ -1,6 +1,6 @@
 //! Rates as text.
 
-/// A rate with as many digits as it is good for: `30`, `7.5`, `0.33`.
+/// A rate with two to three significant digits: `30`, `7.5`, `0.33`.
 pub(crate) fn rounded(rate: f64) -> String {
     let decimals = if rate >= 99.95 {
         0

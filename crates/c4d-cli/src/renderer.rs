@@ -1,4 +1,4 @@
-//! Renders of a scene at a time, memory reused from frame to frame.
+//! Renders a scene at given times, reusing memory between frames.
 
 use crate::device::{self, Device};
 use crate::failure::{Failure, Outcome, chain};
@@ -62,12 +62,12 @@ impl Renderer {
         Self { engine, splats: Splats::default(), output: RenderOutput::default(), params }
     }
 
-    /// Moves the scene to time `t`; following renders show it there.
+    /// Sets the time of the scene for following renders.
     pub(crate) fn seek(&mut self, scene: &dyn DynamicScene, t: f32) -> Outcome {
         scene.at_into(t, &mut self.splats).map_err(|error| Failure::bad_input(chain(&error)))
     }
 
-    /// Renders the scene as [`Renderer::seek`] left it.
+    /// Renders the scene at the time set by [`Renderer::seek`].
     pub(crate) fn render(&mut self, camera: &Camera) -> Outcome<&RenderOutput> {
         let Self { engine, splats, output, params } = self;
         match engine {
@@ -78,7 +78,7 @@ impl Renderer {
         Ok(output)
     }
 
-    /// As [`Renderer::render`], with the splats shown.
+    /// As [`Renderer::render`]; also returns the rendered splats.
     pub(crate) fn render_with_splats(
         &mut self,
         camera: &Camera,
@@ -105,8 +105,8 @@ pub(crate) fn side_by_side(left: &Image, right: &Image) -> Image {
     joined
 }
 
-/// Images of one size in a grid, each shrunk by averaging so that the sheet stays below `max_width`
-/// pixels. The number of columns makes the sheet about as wide as a screen.
+/// Images of one size in a grid, each reduced by averaging so that the sheet is at most `max_width`
+/// pixels wide. The number of columns gives the sheet about the aspect ratio of a screen.
 pub(crate) fn contact_sheet(images: &[Image], max_width: usize) -> Image {
     const GAP: usize = 4;
     const SCREEN_ASPECT: f64 = 1.6;

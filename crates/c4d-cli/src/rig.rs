@@ -1,27 +1,27 @@
-//! Where cameras come from when no data set gives them: a rig around (or before) the scene.
+//! A camera rig around (or in front of) the scene, used without a data set.
 //!
-//! 4DGS checkpoints hold no cameras. The rig is built from frame 1 alone: robust centre and size of
-//! the visible splats, and whether it fills the view of a camera at the origin (a forward capture:
-//! stand where the cameras stood) or not (an object, wherever it lies: walk around it).
+//! 4DGS checkpoints contain no cameras. The rig is built from frame 1 alone: robust centre and size
+//! of the visible splats, and whether the scene fills the view of a camera at the origin (a forward
+//! capture, viewed from there) or not (an object, viewed from all around).
 
 use gs_core::{
     Camera, DynamicScene, Extent, SceneError, Splats, WeightedPoint, weighted_points,
     weighted_quantile,
 };
 
-/// Image size when nobody says one.
+/// Default image size.
 pub(crate) const DEFAULT_SIZE: (u32, u32) = (960, 720);
 
-/// How a rig looks at the scene.
+/// Layout of a rig.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Layout {
     /// Around an object.
     Object,
-    /// From the origin towards a scene that lies on one side of it.
+    /// From the origin towards a scene on one side of it.
     Forward,
 }
 
-/// What the rig knows of the scene. World units.
+/// A camera rig. World units.
 #[derive(Debug, Clone)]
 pub(crate) struct Rig {
     /// Which of the two layouts.
@@ -36,41 +36,41 @@ pub(crate) struct Rig {
     pub(crate) extent: Extent,
 }
 
-/// Later times looked at to find what moves.
+/// Number of later times examined to find moving splats.
 const PROBED_TIMES: usize = 4;
-/// Displacement, as a share of the scene's radius, above which a splat moves.
+/// Displacement, as a share of the scene's radius, above which a splat counts as moving.
 const MOVING_SHARE: f64 = 0.01;
-/// Fewer moving splats than this frame nothing.
+/// Smallest number of moving splats that determine the framing.
 const MIN_MOVING: usize = 50;
-/// A scene this many times larger than what moves in it has a backdrop; a smaller one is framed
-/// whole.
+/// A scene this many times larger than its moving part has a
+/// backdrop; a smaller one is framed completely.
 const BACKDROP: f64 = 3.0;
-/// Room around the moving part.
+/// Factor of the framed radius around the moving part.
 const MARGIN: f64 = 1.8;
-/// Share of the splats' weight that a forward scene keeps within [`FORWARD_CONE_COS`] of its axis.
+/// Share of the splats' weight within [`FORWARD_CONE_COS`] of the axis in a forward capture.
 const FORWARD_SHARE: f64 = 0.97;
-/// Cosine of the half-angle of the cone before a forward capture, 75°.
+/// Cosine of the half-angle of the cone of a forward capture, 75°.
 const FORWARD_CONE_COS: f64 = 0.258_819;
-/// A view direction closer than 15° to a coordinate axis is that axis: captures are aligned with
-/// their first camera.
+/// View directions within 15° of a coordinate axis are snapped to it, because
+/// captures are aligned with their first camera.
 const SNAP_COS: f64 = 0.965_926;
-/// Narrowest and widest vertical field of view of a forward capture, radians. What a camera at the
-/// origin would see under a smaller angle is an object away from the origin: captured scenes fill
-/// the view of their cameras.
+/// Narrowest and widest vertical field of view of a forward capture, radians. A scene with a
+/// smaller angle seen from the origin is an object away from the origin, because captured scenes
+/// fill the view of their cameras.
 const FORWARD_FOV_RAD: [f64; 2] = [0.6, 1.2];
-/// A camera's near plane is at most this share of its distance to what it looks at: a scene may be
-/// framed by a small part.
+/// Largest near plane as a share of the camera's distance to its target,
+/// because the target may be a small part of the scene.
 const NEAR_SHARE: f64 = 0.1;
 /// Vertical field of view around objects, radians (40°).
 const OBJECT_FOV_RAD: f64 = 0.698_132;
 
-/// Views of a refinement without cameras.
+/// Number of views of a refinement without cameras.
 const REFINING: usize = 10;
 
 impl Rig {
-    /// Looks at a scene: at what moves in it, when it surrounds its origin (backdrops and sky domes
-    /// would drive the cameras outside); at all of it, when it is a forward capture. `up` is the
-    /// world's upward direction.
+    /// Rig for a scene. Frames the moving part of a scene that surrounds its origin
+    /// (backdrops and sky domes would push the cameras outside), or all of a
+    /// forward capture. `up` is the world's upward direction.
     pub(crate) fn of_scene(scene: &dyn DynamicScene, up: [f64; 3]) -> Result<Self, SceneError> {
         let range = scene.time_range();
         let first = scene.at(range.start)?;
@@ -100,12 +100,12 @@ impl Rig {
         around.layout = Layout::Object;
         around.extent = whole.extent;
         around.fov_y_rad = OBJECT_FOV_RAD;
-        // Room for the motion itself and for what stands beside the figure.
+        // Room for the motion and for the surroundings of the figure.
         around.radius = (MARGIN * around.radius).min(whole.radius);
         Ok(around)
     }
 
-    /// Looks at the splats of one frame.
+    /// Rig for the splats of one frame.
     pub(crate) fn around(splats: &Splats, up: [f64; 3]) -> Self {
         let extent = Extent::of(splats);
         let Extent { centre, radius, .. } = extent;
@@ -123,8 +123,8 @@ impl Rig {
         let angle = |p: &WeightedPoint| {
             (dot(p.mean, forward) / norm(p.mean).max(f64::MIN_POSITIVE)).clamp(-1.0, 1.0).acos()
         };
-        // Three quarters of the scene inside the image's height: a capture's borders are unseen by
-        // most of its cameras.
+        // Three quarters of the scene fit into the image's height; most
+        // cameras of a capture do not see its borders.
         let angles = points.iter().map(|p| (angle(p), p.weight)).collect();
         let fov_y_rad = 2.0 * weighted_quantile(angles, 0.75);
         let [narrowest, widest] = FORWARD_FOV_RAD;
@@ -147,8 +147,8 @@ impl Rig {
         Self { layout, centre, radius, up, forward: towards, fov_y_rad, near, extent }
     }
 
-    /// Looks at the half of the splats that lies together, if the scene is much larger than that:
-    /// at what stands before a backdrop or under a sky dome, where no motion tells it apart.
+    /// Frames the most compact half of the splats if the scene is much larger: a static object in
+    /// front of a backdrop or under a sky dome.
     fn before_backdrop(self, splats: &Splats) -> Self {
         let median = |among: &[[f64; 3]]| {
             let axis = |k: usize| among.iter().map(|p| (p[k], 1.0)).collect();
@@ -176,7 +176,7 @@ impl Rig {
         Camera::look_at(eye, target, self.up, self.fov_y_rad, width, height).with_near(near)
     }
 
-    /// The still view: before the object, or where the capture's cameras stood.
+    /// The front view: in front of the object, or from the position of the capture's cameras.
     pub(crate) fn front(&self, size: (u32, u32)) -> Camera {
         let mut camera = match self.layout {
             Layout::Object => self.around_at(0.0, 0.2, size),
@@ -186,7 +186,7 @@ impl Rig {
         camera
     }
 
-    /// What the still view looks at.
+    /// Target of the front view.
     pub(crate) fn target(&self) -> [f64; 3] {
         match self.layout {
             Layout::Object => self.centre,
@@ -194,8 +194,8 @@ impl Rig {
         }
     }
 
-    /// One camera a frame on a full turn around an object; on a swing of ±12° for a forward
-    /// capture, whose back nobody has seen.
+    /// One camera per frame on a full circle around an object, or on a swing of ±12° for a forward
+    /// capture, whose back was not captured.
     pub(crate) fn orbit(&self, frames: usize, size: (u32, u32)) -> Vec<Camera> {
         path(frames, "orbit", |phase| match self.layout {
             Layout::Object => self.around_at(phase * std::f64::consts::TAU, 0.25, size),
@@ -208,9 +208,9 @@ impl Rig {
         })
     }
 
-    /// Views that show the scene from many sides, for pictures to be edited: around an object at
-    /// three heights; from where a forward capture's cameras may have stood, spread in both
-    /// directions. Names `view_00` ….
+    /// Views of the scene from many sides, for images to be edited: around an
+    /// object at three heights, or spread in both directions around the position of
+    /// a forward capture's cameras. Names `view_00` ….
     pub(crate) fn views(&self, count: usize, size: (u32, u32)) -> Vec<Camera> {
         const HEIGHTS_RAD: [f64; 3] = [0.1, 0.35, 0.6];
         let digits = count.saturating_sub(1).to_string().len().max(2);
@@ -244,7 +244,7 @@ impl Rig {
         self.look_at(eye, self.centre, size)
     }
 
-    /// The views of a refinement that has no cameras, and where they are, in words.
+    /// The views of a refinement without cameras, and a description of their positions.
     pub(crate) fn refining(&self, size: (u32, u32)) -> (Vec<Camera>, &'static str) {
         match self.layout {
             Layout::Object => (self.orbit(REFINING, size), "on a circle around the object"),
@@ -256,7 +256,7 @@ impl Rig {
         }
     }
 
-    /// One camera a frame on a small spiral before the scene.
+    /// One camera per frame on a small spiral in front of the scene.
     pub(crate) fn spiral(&self, frames: usize, size: (u32, u32)) -> Vec<Camera> {
         let front = self.front(size);
         let (eye, target) = (front.position(), self.target());
@@ -303,8 +303,8 @@ fn snap_to_axis(direction: [f64; 3]) -> [f64; 3] {
     direction
 }
 
-/// The side that faces the viewer: +z in y-up worlds (figures are modelled facing it), −z in y-down
-/// ones (where captures stand), −y in z-up ones.
+/// Direction towards the front viewer: +z in y-up worlds (figures are modelled facing it), −z in
+/// y-down worlds (the cameras of captures), −y in z-up worlds.
 fn perpendicular(up: [f64; 3]) -> [f64; 3] {
     let candidate = if up[2].abs() > 0.9 {
         [0.0, -1.0, 0.0]
@@ -318,7 +318,7 @@ fn perpendicular(up: [f64; 3]) -> [f64; 3] {
     scaled(level, 1.0 / norm(level))
 }
 
-/// `v` turned about the unit `axis` (Rodrigues).
+/// `v` rotated about the unit vector `axis` (Rodrigues).
 fn rotated(v: [f64; 3], axis: [f64; 3], angle_rad: f64) -> [f64; 3] {
     let (sin, cos) = angle_rad.sin_cos();
     let cross = [
@@ -364,7 +364,7 @@ mod tests {
     }
 
     #[test]
-    fn an_object_is_walked_around_and_always_in_view() {
+    fn an_object_is_orbited_and_always_in_view() {
         let rig = Rig::around(&cloud([0.0; 3]), [0.0, 1.0, 0.0]);
         assert_eq!(rig.layout, Layout::Object, "the origin is inside");
         for camera in rig.orbit(7, (64, 48)) {
@@ -374,11 +374,15 @@ mod tests {
                 "{centre:?}"
             );
             let top = camera.project([0.0, 1.0, 0.0]).unwrap();
-            assert!(top[1] < 24.0 && top[1] > 0.0, "up is up and inside: {top:?}");
+            assert!(
+                top[1] < 24.0 && top[1] > 0.0,
+                "the top is above the centre and inside: \
+                {top:?}"
+            );
         }
     }
 
-    /// Scaled about the origin, then moved.
+    /// `splats` scaled about the origin, then translated.
     fn placed(splats: &Splats, scale: f32, shift: [f32; 3]) -> Splats {
         let mut splats = splats.clone();
         for mean in &mut splats.means {
@@ -391,7 +395,7 @@ mod tests {
     }
 
     #[test]
-    fn an_object_away_from_the_origin_is_walked_around_wherever_it_lies() {
+    fn an_object_away_from_the_origin_is_orbited() {
         let up = [0.0, 1.0, 0.0];
         let here = Rig::around(&cloud([0.0; 3]), up);
         for shift in [[0.0, 0.0, 8.0], [-12.0, 3.0, 0.0], [2000.0, 0.0, -900.0]] {

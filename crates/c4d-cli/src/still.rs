@@ -1,4 +1,4 @@
-//! One frame, the edited file of any editor, opened as a scene that does not move: to look at it.
+//! Opens one frame, such as an editor's output, as a static scene, to render it.
 
 use crate::args::{AxesArg, Global, RenderArgs};
 use crate::console::Console;
@@ -26,8 +26,10 @@ pub(crate) fn open(
     let kind = gs_io::detect(path).map_err(|error| scene::bad_input(&error))?;
     if !kind.is_frame() {
         if axes.is_some() {
-            return Err(Failure::usage("--axes is for a single SPZ or glTF frame")
-                .next("Leave it out. Sequences of SPZ or glTF frames take --set axes=…; other scenes have one order of axes."));
+            return Err(Failure::usage("--axes is for a single SPZ or glTF frame").next(
+                "Omit it. Sequences of SPZ or glTF frames take --set axes=…; other scenes \
+                      have fixed axes.",
+            ));
         }
         return scene::open(path, global, console);
     }
@@ -42,12 +44,12 @@ pub(crate) fn open(
                 "--axes does not apply to {}, whose axes are fixed",
                 frame.format
             ))
-            .next("Leave it out; --up sets the upward direction."));
+            .next("Omit it; --up sets the upward direction."));
         }
         (None, Some(reading)) => {
             if let Some(assumed) = reading.assumption() {
                 console.note(format!(
-                    "{}: {assumed}; if it stands upside down, give --axes ply",
+                    "{}: {assumed}; if it appears upside down, give --axes ply",
                     path.display()
                 ));
             }
@@ -64,7 +66,7 @@ pub(crate) fn open(
     scene::say_repair(path, damaged, global, console);
     if frame.splats.is_empty() {
         return Err(Failure::bad_input(format!("{}: no usable splats", path.display()))
-            .next("Export the frame again; c4d info FILE says what is in it."));
+            .next("Export the frame again; c4d info FILE shows its contents."));
     }
     let noted = frame.comments.iter().find_map(|comment| comment.strip_prefix(comments::UP));
     let up = noted.and_then(comments::axis).unwrap_or(scene::UP_CAPTURED);
@@ -87,7 +89,7 @@ pub(crate) fn open(
     })
 }
 
-/// Frames of a render when nobody says how many: one of what neither moves nor is walked around.
+/// Default number of frames of a render: one for a static scene with fixed cameras.
 pub(crate) fn frames(args: &RenderArgs, opened: &Opened) -> Option<usize> {
     let walked = args.cameras == "orbit" || args.cameras == "spiral";
     (opened.kind.is_frame() && args.times.is_empty() && !walked).then_some(1)

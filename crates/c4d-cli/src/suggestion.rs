@@ -1,21 +1,21 @@
-//! What to give in place of a path that is not what a command needs.
+//! Suggestions for paths that are not what a command needs.
 
 use gs_io::SceneKind;
 use std::path::{Path, PathBuf};
 
-/// Entries of a folder looked at.
+/// Largest number of folder entries examined.
 const MAX_ENTRIES: usize = 256;
-/// Entries named.
+/// Largest number of entries listed.
 const SHOWN: usize = 6;
 /// Folders between a model or data set and its innermost files.
 const DEPTH: usize = 4;
 
-/// What a command needs.
+/// Kind of input that a command needs.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Needed {
-    /// A scene that moves.
+    /// A dynamic scene.
     Scene,
-    /// One frame, edited.
+    /// An edited frame.
     Frame,
 }
 
@@ -28,7 +28,7 @@ impl Needed {
     }
 }
 
-/// Names what is needed and lies in `path`, a folder, or around it, where something does.
+/// Suggests suitable paths in the folder `path`, or the folder around it, if there are any.
 pub(crate) fn for_path(path: &Path, needed: Needed) -> Option<String> {
     if path.is_dir() { inside(path, needed) } else { around(path, needed) }
 }
@@ -54,7 +54,7 @@ fn entries(folder: &Path, needed: Needed) -> Vec<(PathBuf, SceneKind)> {
     let mut paths: Vec<PathBuf> = entries.flatten().map(|entry| entry.path()).collect();
     paths.sort();
     let fitting = |path: PathBuf| {
-        // Only plain files and folders: a pipe would be waited for.
+        // Only plain files and folders, because reading a pipe would block.
         let plain = path.metadata().is_ok_and(|found| found.is_file() || found.is_dir());
         let kind = gs_io::detect(&path).ok().filter(|_| plain)?;
         needed.fits(&kind).then_some((path, kind))
@@ -76,14 +76,14 @@ mod tests {
     use std::fs;
 
     #[test]
-    fn what_fits_is_named() {
+    fn suitable_paths_are_suggested() {
         let dir = tempfile::tempdir().unwrap();
-        assert_eq!(for_path(dir.path(), Needed::Scene), None, "nothing is there");
+        assert_eq!(for_path(dir.path(), Needed::Scene), None, "the folder is empty");
         fs::write(dir.path().join("notes.txt"), "hello").unwrap();
         fs::write(dir.path().join("walk.splatv"), 0x674B_u32.to_le_bytes()).unwrap();
         let said = for_path(dir.path(), Needed::Scene).unwrap();
         assert!(said.contains("walk.splatv") && said.contains("give that"), "{said}");
-        assert_eq!(for_path(dir.path(), Needed::Frame), None, "a clip is no frame");
+        assert_eq!(for_path(dir.path(), Needed::Frame), None, "a clip is not a frame");
         fs::write(dir.path().join("wave.splat4d"), "SP4D").unwrap();
         let said = for_path(dir.path(), Needed::Scene).unwrap();
         assert!(said.contains("wave.splat4d") && said.contains("one of these paths"), "{said}");

@@ -11,7 +11,7 @@ use openh264::formats::{RgbSliceU8, YUVBuffer};
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
-/// Quantiser range: constant quality at which splat renders show no visible loss.
+/// Quantiser range: constant quality without visible loss for splat renders.
 const QP: QpRange = QpRange::new(16, 20);
 /// Smallest side of the built-in encoder, pixels.
 const MIN_SIDE: usize = 16;
@@ -31,8 +31,8 @@ pub(crate) struct VideoWriter<W: Write> {
     frames: u32,
 }
 
-/// H.264 needs even sides: the size a video of a `width`×`height` render has (the last odd column
-/// and row are cut).
+/// Size of a video of a `width`×`height` render. H.264 needs even
+/// sides, so an odd last column or row is cut.
 pub(crate) fn even_size(width: usize, height: usize) -> (usize, usize) {
     (width & !1, height & !1)
 }
@@ -51,7 +51,8 @@ impl<W: Write> VideoWriter<W> {
         let (long, short) = (width.max(height), width.min(height));
         if short < MIN_SIDE || long > MAX_SIDES.0 || short > MAX_SIDES.1 {
             return Err(Failure::usage(format!(
-                "a video of {width}×{height} pixels: the built-in encoder takes {MIN_SIDE} to {}×{}",
+                "a video of {width}×{height} pixels: the built-in encoder supports {MIN_SIDE} to \
+                {}×{}",
                 MAX_SIDES.0, MAX_SIDES.1
             ))
             .next("Choose another --size (--side-by-side doubles the width)."));
@@ -66,8 +67,8 @@ impl<W: Write> VideoWriter<W> {
             .skip_frames(false)
             .max_frame_rate(FrameRate::from_hz(fps as f32))
             .intra_frame_period(IntraFramePeriod::from_num_frames(key_period))
-            // The colour conversion of this encoder's library is BT.601, limited range: say so in
-            // the stream.
+            // The encoder library converts colours with BT.601,
+            // limited range; the stream must declare it.
             .vui(VuiConfig::bt601());
         let encoder = Encoder::with_api_config(OpenH264API::from_source(), config)
             .map_err(|error| Failure::failed(format!("video encoder: {error}")))?;
@@ -99,7 +100,7 @@ impl<W: Write> VideoWriter<W> {
         Ok(())
     }
 
-    /// Completes the video and gives the writer back.
+    /// Completes the video and returns the writer.
     pub(crate) fn finish(mut self) -> Outcome<W> {
         self.muxer.finish_in_place().map_err(|error| Failure::write(&self.path, &error))?;
         Ok(self.muxer.into_writer())

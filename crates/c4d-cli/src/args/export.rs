@@ -10,15 +10,15 @@ use std::path::PathBuf;
 pub(crate) struct ExportArgs {
     /// The dynamic scene or run
     pub(crate) scene: PathBuf,
-    /// What to write [default: as the output is called: .splat4d, .splatv, .usda, .html, .zip,
-    /// .spz, .splat, .glb, .gltf, .compressed.ply or .ply]
+    /// Format to write [default: by the output's name: .splat4d, .splatv, .usda, .html, .zip, .spz,
+    /// .splat, .glb, .gltf, .compressed.ply or .ply]
     #[arg(long, value_enum)]
     pub(crate) to: Option<ExportFormat>,
     /// Folder (ply-seq, compressed-seq) or file
     #[arg(short, long)]
     pub(crate) output: PathBuf,
     /// Number of frames, evenly spaced over the whole clip [default: that of the sequence, else 60]
-    #[arg(long, help_heading = "Which frames")]
+    #[arg(long, help_heading = "Frames")]
     pub(crate) frames: Option<usize>,
     /// Times, comma-separated
     #[arg(
@@ -27,64 +27,54 @@ pub(crate) struct ExportArgs {
         value_name = "T,…",
         conflicts_with = "frames",
         allow_negative_numbers = true,
-        help_heading = "Which frames"
+        help_heading = "Frames"
     )]
     pub(crate) times: Vec<f32>,
-    /// Time of the one frame of ply, compressed-ply, spz, splat, glb and gltf [default: 0]
+    /// Time of the frame for ply, compressed-ply, spz, splat, glb and gltf [default: 0]
     #[arg(
         long,
         value_name = "T",
         allow_negative_numbers = true,
         conflicts_with_all = ["times", "frames"],
-        help_heading = "Which frames"
+        help_heading = "Frames"
     )]
     pub(crate) time: Option<f32>,
-    /// Frames per second of a clip; a sequence has none, its manifest notes them [default: so that
-    /// the frames last as long as the clip]
-    #[arg(long, allow_negative_numbers = true, help_heading = "Which frames")]
+    /// Frames per second of a clip; for sequences, it is stored in the manifest [default: the rate
+    /// at which the frames last as long as the clip]
+    #[arg(long, allow_negative_numbers = true, help_heading = "Frames")]
     pub(crate) fps: Option<f64>,
-    /// Length of the whole clip [default: that of the scene: its frames at its own rate, or at 30 a
-    /// second]
-    #[arg(
-        long,
-        value_name = "SECONDS",
-        allow_negative_numbers = true,
-        help_heading = "Which frames"
-    )]
+    /// Length of the whole clip [default: that of the scene, its
+    /// frames at its own rate or at 30 per second]
+    #[arg(long, value_name = "SECONDS", allow_negative_numbers = true, help_heading = "Frames")]
     pub(crate) duration: Option<f64>,
-    /// Keep SH up to this degree only [default: all of it; html: 1; splat, splat4d and splatv hold
-    /// 0]
-    #[arg(long, value_name = "0-3", help_heading = "What is kept")]
+    /// Keep SH up to this degree only [default: all; html: 1; splat,
+    /// splat4d and splatv store only degree 0]
+    #[arg(long, value_name = "0-3", help_heading = "Content")]
     pub(crate) sh_degree: Option<usize>,
-    /// ply, ply-seq, zip: leave out the unused normals (12 bytes a splat; some readers need them)
-    #[arg(long, help_heading = "What is kept")]
+    /// ply, ply-seq, zip: omit the unused normals (12 bytes per splat; some readers need them)
+    #[arg(long, help_heading = "Content")]
     pub(crate) no_normals: bool,
-    /// splat4d, splatv: largest error of positions as a share of the scene's size [default: splat4d
-    /// 0.0002; splatv 0.005, of one splat in a hundred]
-    #[arg(
-        long,
-        value_name = "SHARE",
-        allow_negative_numbers = true,
-        help_heading = "What is kept"
-    )]
+    /// splat4d, splatv: largest position error as a share of the scene's size [default: splat4d
+    /// 0.0002; splatv 0.005, exceeded by at most one splat in a hundred]
+    #[arg(long, value_name = "SHARE", allow_negative_numbers = true, help_heading = "Content")]
     pub(crate) tolerance: Option<f64>,
-    /// splatv, usda: write it although cubics miss the motion, or the text is huge
-    #[arg(long, help_heading = "What is kept")]
+    /// splatv, usda: write the file even if cubic polynomials do not
+    /// fit the motion, or the text is very large
+    #[arg(long, help_heading = "Content")]
     pub(crate) force: bool,
-    /// The world's upward direction, as noted in the file [default: what the scene says]
-    #[arg(long, value_enum, allow_hyphen_values = true, help_heading = "What is noted")]
+    /// The world's upward direction to store in the file [default: that of the scene]
+    #[arg(long, value_enum, allow_hyphen_values = true, help_heading = "Metadata")]
     pub(crate) up: Option<Up>,
     /// html: title of the page [default: the output's name]
-    #[arg(long, help_heading = "What is noted")]
+    #[arg(long, help_heading = "Metadata")]
     pub(crate) title: Option<String>,
-    /// spz: version 3, or 4, which few viewers read yet [default: 3]
+    /// spz: version 3, or 4, which few viewers support yet [default: 3]
     #[arg(long, value_name = "3|4", help_heading = "SPZ")]
     pub(crate) spz_version: Option<u32>,
-    /// spz: axes of the file [default: rub, as the format is described; splat-transform 3 and gsply
-    /// take ply]
+    /// spz: axes of the file [default: rub, as specified; splat-transform 3 and gsply expect ply]
     #[arg(long, value_enum, help_heading = "SPZ")]
     pub(crate) spz_axes: Option<AxesArg>,
-    /// spz: bits of SH coefficients, 1 to 8, or of degree 1 and of those above [default: 5,4]
+    /// spz: bits of SH coefficients, 1 to 8, or of degree 1 and of higher degrees [default: 5,4]
     #[arg(long, value_name = "N[,N]", value_parser = parse_bits, help_heading = "SPZ")]
     pub(crate) spz_sh_bits: Option<[u32; 2]>,
     #[command(flatten)]

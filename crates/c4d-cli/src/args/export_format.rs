@@ -1,4 +1,4 @@
-//! [`ExportFormat`]: what `c4d export` writes.
+//! [`ExportFormat`]: formats of `c4d export`.
 
 use clap::ValueEnum;
 use std::path::Path;
@@ -8,15 +8,15 @@ use std::path::Path;
 pub(crate) enum ExportFormat {
     /// A folder of frame_00000.ply …
     PlySeq,
-    /// The same in one stored zip
+    /// The same PLYs in one uncompressed zip
     Zip,
-    /// One page that plays in any browser, beside the original if it is a run
+    /// One page that plays in any browser; for a run, with a comparison to the original
     Html,
     /// One frame as 3DGS PLY, every value exact
     Ply,
     /// One frame as PlayCanvas compressed PLY
     CompressedPly,
-    /// A folder of such frames, frame_00000.compressed.ply …
+    /// A folder of compressed PLYs, frame_00000.compressed.ply …
     CompressedSeq,
     /// One frame as SPZ
     Spz,
@@ -24,18 +24,18 @@ pub(crate) enum ExportFormat {
     Splat,
     /// One frame as binary glTF with KHR_gaussian_splatting
     Glb,
-    /// The same as text, with the data inside
+    /// The same as text, with embedded data
     Gltf,
-    /// One .splat4d: compressed, every error bounded, streams
+    /// One .splat4d: compressed, with bounded errors, streamable
     Splat4d,
     /// One OpenUSD text layer with time samples, exact
     Usda,
-    /// One .splatv: a cubic for every splat, for short clips
+    /// One .splatv: a cubic polynomial per splat, for short clips
     Splatv,
 }
 
 impl ExportFormat {
-    /// Whether it holds one frame.
+    /// Whether the format stores one frame.
     pub(crate) fn is_snapshot(self) -> bool {
         matches!(
             self,
@@ -43,7 +43,7 @@ impl ExportFormat {
         )
     }
 
-    /// Whether the whole clip goes into one file that `export_clip` writes.
+    /// Whether the format stores the whole clip in one file, written by `export_clip`.
     pub(crate) fn is_clip(self) -> bool {
         matches!(self, Self::Splat4d | Self::Usda | Self::Splatv)
     }
@@ -61,7 +61,7 @@ impl ExportFormat {
     }
 }
 
-/// Endings of names that one format alone has.
+/// File extensions that identify a format.
 const ENDINGS: [(&str, ExportFormat); 12] = [
     (".splat4d", ExportFormat::Splat4d),
     (".splatv", ExportFormat::Splatv),
@@ -82,10 +82,10 @@ mod tests {
     use super::*;
 
     #[test]
-    fn names_say_the_format_where_only_one_has_it() {
+    fn unique_extensions_imply_the_format() {
         let called = |name: &str| ExportFormat::called(Path::new(name));
-        assert_eq!(called("a/Clip.SPLAT4D"), Some(ExportFormat::Splat4d), "whatever the case");
-        assert_eq!(called("clip.splatv"), Some(ExportFormat::Splatv), "not its shorter cousin");
+        assert_eq!(called("a/Clip.SPLAT4D"), Some(ExportFormat::Splat4d), "ignoring case");
+        assert_eq!(called("clip.splatv"), Some(ExportFormat::Splatv), "not the shorter extension");
         assert_eq!(called("one.compressed.ply"), Some(ExportFormat::CompressedPly), "two dots");
         assert_eq!(called("one.ply"), Some(ExportFormat::Ply), "one frame");
         for name in ["frames", "frames/", "clip.mp4", "..", ""] {

@@ -1,5 +1,5 @@
-//! Flags that several commands have. Each command lists in its help those that it uses, and refuses
-//! the others.
+//! Flags shared by several commands. Each command lists those that it
+//! uses in its help, and refuses the others.
 
 use crate::device::GpuChoice;
 use clap::Args;
@@ -7,29 +7,29 @@ use clap::Args;
 /// Flags of every command.
 #[derive(Debug, Clone, Default, Args)]
 pub(crate) struct Common {
-    /// Say nothing but warnings and errors
+    /// Print only warnings and errors
     #[arg(short, long, global = true)]
     pub(crate) quiet: bool,
-    /// Say more
+    /// Print more details
     #[arg(short, long, global = true)]
     pub(crate) verbose: bool,
     /// Threads to use [default: all cores]
     #[arg(long, global = true, value_name = "N")]
     pub(crate) threads: Option<usize>,
-    /// Damaged rows fail, and a finish with warnings exits with code 6
+    /// Fail on damaged rows, and exit with code 6 after warnings
     #[arg(long, global = true)]
     pub(crate) strict: bool,
 }
 
-/// Of commands that write.
+/// Flags of commands that write.
 #[derive(Debug, Clone, Default, Args)]
 pub(crate) struct Overwriting {
-    /// Replace an existing file, or a folder that holds nothing but output of c4d
+    /// Replace an existing file, or a folder that contains only output of c4d
     #[arg(short = 'w', long)]
     pub(crate) overwrite: bool,
 }
 
-/// Of commands that take a while.
+/// Flags of long-running commands.
 #[derive(Debug, Clone, Default, Args)]
 pub(crate) struct Bars {
     /// No progress bars
@@ -37,7 +37,7 @@ pub(crate) struct Bars {
     pub(crate) no_progress: bool,
 }
 
-/// Of commands that render.
+/// Flags of commands that render.
 #[derive(Debug, Clone, Default, Args)]
 pub(crate) struct Rendering {
     /// Where to render: auto (a hardware GPU if there is one, else the CPU), cpu, or an adapter's
@@ -52,23 +52,23 @@ pub(crate) struct Rendering {
     pub(crate) gpu: GpuChoice,
 }
 
-/// Of commands that read a model folder.
+/// Flags of commands that read a model folder.
 #[derive(Debug, Clone, Default, Args)]
 #[command(next_help_heading = "Model folders")]
 pub(crate) struct ModelFlags {
     /// Use this iteration instead of the newest
     #[arg(long, value_name = "N")]
     pub(crate) iteration: Option<u64>,
-    /// Override a flag of `cfg_args` or one that is in no file, for example `no_dshs=true`; 4DGS:
-    /// no_dx, no_ds, no_dr, no_do, no_dshs, apply_rotation, grid_pe; Swift4D: activation,
-    /// index_rule, dynamic_thro, frames, time_divisor, n_levels, n_features_per_level,
+    /// Override a flag of `cfg_args`, or set one that is not stored in any file, for example
+    /// `no_dshs=true`; 4DGS: no_dx, no_ds, no_dr, no_do, no_dshs, apply_rotation, grid_pe; Swift4D:
+    /// activation, index_rule, dynamic_thro, frames, time_divisor, n_levels, n_features_per_level,
     /// hashmap_size, base_resolution; native 4D Gaussians: time_duration=START,END; Grid4D and
     /// DASH: bound; sequences of SPZ or glTF: axes (ply, rub, luf)
     #[arg(long = "set", value_name = "FLAG=VALUE")]
     pub(crate) set: Vec<String>,
 }
 
-/// The shared flags of one call; those that its command does not have are at their defaults.
+/// The shared flags of one call; flags that the command does not have are at their defaults.
 #[derive(Debug, Clone, Default)]
 #[expect(
     clippy::struct_excessive_bools,
@@ -87,7 +87,7 @@ pub(crate) struct Global {
 }
 
 impl Global {
-    /// Those of every command.
+    /// The flags of every command.
     pub(super) fn of(common: &Common) -> Self {
         let Common { quiet, verbose, threads, strict } = *common;
         Self { quiet, verbose, threads, strict, ..Self::default() }

@@ -1,4 +1,4 @@
-//! From where a scene is seen, as options: views of a data set, how they are read, which way is up.
+//! Options for viewpoints: views of a data set, how they are read, the upward direction.
 
 use clap::ValueEnum;
 use serde::{Deserialize, Serialize};
@@ -6,9 +6,9 @@ use serde::{Deserialize, Serialize};
 /// Views of a data set.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub(crate) enum SplitArg {
-    /// Trained on
+    /// Training views
     Train,
-    /// Held out
+    /// Held-out views
     Test,
     /// The third list of D-NeRF data sets
     Val,
@@ -21,21 +21,21 @@ pub(crate) enum SplitArg {
 /// How the cameras of a data set are read.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub(crate) enum CamerasAs {
-    /// As 4DGaussians and Swift4D hand them to training
+    /// As used in training by 4DGaussians and Swift4D
     Trained,
-    /// As the files say: own principal points, full sizes, frame i of n at i/(n−1)
+    /// As stored in the files: individual principal points, full sizes, frame i of n at i/(n−1)
     Stored,
 }
 
-/// Axes of a file whose format does not settle them.
+/// Axes of a file whose format does not fix them.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub(crate) enum AxesArg {
-    /// x right, y down, z front, as 3DGS PLYs have them: splat-transform 3, gsply
+    /// x right, y down, z front, as in 3DGS PLYs: splat-transform 3, gsply
     #[value(alias = "rdf")]
     Ply,
-    /// x right, y up, z back: SPZ as it is described, three.js
+    /// x right, y up, z back: the SPZ specification, three.js
     Rub,
-    /// x left, y up, z front: glTF as it is specified
+    /// x left, y up, z front: the glTF specification
     Luf,
 }
 
@@ -61,7 +61,7 @@ pub(crate) enum Up {
     /// −x
     #[value(name = "-x")]
     NegX,
-    /// −y, the habit of captured scenes
+    /// −y, usual for captured scenes
     #[value(name = "-y")]
     NegY,
     /// −z

@@ -1,4 +1,4 @@
-//! `c4d demo`: the whole job on a synthetic scene, without any input.
+//! `c4d demo`: all steps on a synthetic scene, without any input.
 
 use super::propagate::{self, Recorded};
 use super::refine;
@@ -20,23 +20,23 @@ use gs_synth::{EditedFrame, SynthError, SynthScene};
 use std::path::Path;
 use std::time::Instant;
 
-/// Frames of the PLY sequence that serves as the source scene.
+/// Number of frames of the PLY sequence used as the source scene.
 const SOURCE_FRAMES: usize = 31;
-/// Memory that the whole job takes per splat, bytes: source and edit in the motion stage, and
-/// frames of both.
+/// Memory per splat, bytes: source and edit in the motion stage, and frames of both.
 const BYTES_PER_SPLAT: u64 = 4096;
 /// Size of each half of the video, pixels.
 const SIZE: (u32, u32) = (560, 640);
-/// Length of the video, seconds, and its highest frame rate: more frames last longer.
+/// Length of the video, seconds, and its largest frame rate; more frames make the video longer.
 const SECS: f64 = 2.0;
 const MAX_FPS: f64 = 60.0;
-/// Images that refine the edit, and their size, pixels: fewer and smaller than usual, so that the demo takes seconds.
+/// Number of images for the refinement, and their size, pixels: fewer and smaller than usual, so
+/// that the demo takes only seconds.
 const REFINE_SAMPLES: usize = 40;
 const REFINE_SIZE: (u32, u32) = (240, 240);
-/// Pictures that the demo's editor works on, and their size, pixels.
+/// Number of images used by the demo's simulated editor, and their size, pixels.
 const PICTURES: usize = 24;
 const PICTURE_SIZE: u32 = 320;
-/// What this command writes.
+/// Output files of this command.
 const SOURCE: &str = "source";
 const EDITED: &str = "edited.ply";
 const RUN: &str = "run";
@@ -132,7 +132,8 @@ pub(crate) fn run(args: &DemoArgs, global: &Global, console: &Console) -> Outcom
     Ok(())
 }
 
-/// The demo's edit as an editor delivers it that works on pictures of frame 1: splats that none of them shows keep the scene's colour.
+/// The demo's edit as made by an editor that works on images of frame 1: splats hidden in all of
+/// them keep the scene's colour.
 fn delivered(synthetic: &SynthScene, seed: u64) -> Outcome<EditedFrame> {
     let pictures = synthetic.orbit_cameras(PICTURES, PICTURE_SIZE, PICTURE_SIZE);
     let shown = |splats: &Splats| {
@@ -143,7 +144,7 @@ fn delivered(synthetic: &SynthScene, seed: u64) -> Outcome<EditedFrame> {
         .map_err(|Unmade(what)| Failure::failed(what))
 }
 
-/// Why the demo's edit could not be made.
+/// Error of making the demo's edit.
 struct Unmade(String);
 
 impl From<SynthError> for Unmade {

@@ -1,4 +1,4 @@
-//! `c4d doctor`: can this machine run c4d, and how fast.
+//! `c4d doctor`: whether and how fast this machine runs c4d.
 
 use crate::args::{DoctorArgs, Global};
 use crate::console::Console;
@@ -12,7 +12,7 @@ use std::time::Instant;
 
 /// Splats of the test scene.
 const SPLATS: usize = 20_000;
-/// Frames timed.
+/// Number of timed frames.
 const FRAMES: usize = 5;
 
 pub(crate) fn run(args: &DoctorArgs, global: &Global, console: &Console) -> Outcome {
@@ -83,7 +83,7 @@ pub(crate) fn run(args: &DoctorArgs, global: &Global, console: &Console) -> Outc
     writable.map_err(|error| Failure::write(&temp, &error))
 }
 
-/// Why this device renders.
+/// The reason why this device is used.
 fn reason(choice: GpuChoice, device: &Device, adapters: &[AdapterSummary]) -> &'static str {
     match (choice, device) {
         (GpuChoice::Cpu | GpuChoice::Index(_), _) => "as asked with --gpu",
@@ -121,8 +121,8 @@ fn probe_write(folder: &std::path::Path) -> std::io::Result<()> {
     std::fs::remove_file(&path)
 }
 
-/// Frames per second on the demo's scene; also proves that rendering works, by the picture not
-/// being empty.
+/// Frames per second on the demo's scene; also checks that rendering
+/// works, by testing that the image is not empty.
 fn render_speed(device: &Device) -> Outcome<f64> {
     let params = gs_synth::DemoParams { num_splats: SPLATS, ..gs_synth::DemoParams::default() };
     let scene = gs_synth::demo(&params).map_err(Failure::failed)?;

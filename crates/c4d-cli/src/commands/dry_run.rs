@@ -1,5 +1,5 @@
-//! `c4d propagate --dry-run`: what an edit changes, counted and shown in a picture, without the
-//! long job.
+//! `c4d propagate --dry-run`: counts the changes of an edit and shows
+//! them in an image, without propagating it.
 
 use super::panels::{render, shaded, view};
 use crate::args::Global;
@@ -18,7 +18,7 @@ use gs_core::Splats;
 use gs_io::AtomicFile;
 use std::path::{Path, PathBuf};
 
-/// What became of a splat.
+/// Change of a splat by the edit.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Fate {
     Unchanged,
@@ -41,17 +41,17 @@ impl Fate {
         }
     }
 
-    /// What the propagation does with such splats.
+    /// How the propagation moves such splats.
     fn motion(self) -> &'static str {
         match self {
             Self::Unchanged | Self::Recoloured => "they keep their own motion, exactly",
-            Self::Moved => "they keep their own motion, carried along with their group",
+            Self::Moved => "they keep their own motion, transformed with their group",
             Self::New => "their motion is estimated from the splats around them",
-            Self::Gone => "of the scene's; they are left out",
+            Self::Gone => "of the scene's; they are removed",
         }
     }
 
-    /// Its colour in the picture.
+    /// Colour in the image.
     fn color(self) -> Rgb {
         match self {
             Self::Unchanged => [0.45, 0.45, 0.45],
@@ -72,8 +72,8 @@ impl Fate {
     }
 }
 
-/// Counts what changed between `before` and `after`, both at the time of the edit, and writes the
-/// picture.
+/// Counts the changes between `before` and `after`, both at the
+/// time of the edit, and writes the image.
 pub(super) fn show(
     args: &PropagateJob,
     (source, before): (&Opened, &Splats),
@@ -82,7 +82,7 @@ pub(super) fn show(
     console: &Console,
 ) -> Outcome {
     let path = picture_path(&args.output);
-    // Refused before the work, not after it.
+    // Refuse the output before the work, not after it.
     let mut file =
         AtomicFile::create(&path, existing(global)).map_err(|error| output_failure(&error))?;
     let params = IdentityParams { enabled: true, ..identity.clone() };
@@ -116,17 +116,21 @@ pub(super) fn show(
     let legend = Fate::ALL.map(|fate| (fate.color(), format!("{} {}", fate.name(), count(fate))));
     images::write_png(&mut file, &path, &caption::with_legend(&joined, &legend))?;
     file.commit().map_err(|error| output_failure(&error))?;
-    console.note(format!("nothing is written but the picture, of time {}; run without --dry-run to apply the edit at all times", args.time));
+    console.note(format!(
+        "only the image is written, at time {}; run without --dry-run to apply \
+                         the edit at all times",
+        args.time
+    ));
     console.result(path.display());
     Ok(())
 }
 
-/// The output itself if it is a PNG, else a picture beside it.
+/// The output itself if it is a PNG, else an image beside it.
 fn picture_path(output: &Path) -> PathBuf {
     if output.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("png")) {
         return output.to_owned();
     }
-    // Without the slash that a folder may end with.
+    // Removes a trailing slash.
     let output: PathBuf = output.components().collect();
     let mut name = output.file_name().unwrap_or_default().to_owned();
     name.push(".preview.png");
@@ -138,7 +142,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_picture_lies_beside_the_run() {
+    fn the_image_is_beside_the_run() {
         let path = |output: &str| picture_path(Path::new(output)).display().to_string();
         assert_eq!(path("out/run/"), "out/run.preview.png", "a folder");
         assert_eq!(path("run.v2"), "run.v2.preview.png", "a dot");

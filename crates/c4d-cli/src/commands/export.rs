@@ -1,4 +1,4 @@
-//! `c4d export`: the scene as files that other tools open.
+//! `c4d export`: writes the scene as files for other tools.
 
 mod clip;
 mod flags;
@@ -21,9 +21,9 @@ use gs_io::ply::comments;
 use gs_io::{compressed_ply, ply_sequence};
 use written::{plain_losses, say_written};
 
-/// Bytes of a plain zip: players that stream archives know no zip64.
+/// Largest size of a plain zip, bytes; players that stream archives do not support zip64.
 const ZIP_LIMIT: u64 = u32::MAX as u64;
-/// Bytes of an entry besides its data, at most.
+/// Largest overhead of an entry besides its data, bytes.
 const ZIP_ENTRY: u64 = 256;
 
 pub(crate) fn run(args: &ExportArgs, global: &Global, console: &Console) -> Outcome {
@@ -59,7 +59,7 @@ pub(crate) fn run(args: &ExportArgs, global: &Global, console: &Console) -> Outc
         let frame = options.file_size(&splats) + ZIP_ENTRY;
         if frame * times.len() as u64 > ZIP_LIMIT {
             return Err(Failure::usage(format!(
-                "{} frames of {:.1} MB are more than the 4 GiB of a plain zip",
+                "{} frames of {:.1} MB exceed the 4 GiB of a plain zip",
                 times.len(),
                 frame as f64 / 1e6
             ))
@@ -69,7 +69,7 @@ pub(crate) fn run(args: &ExportArgs, global: &Global, console: &Console) -> Outc
             )));
         }
     }
-    // Refused before the work, not after it.
+    // Refuse the output before the work, not after it.
     let manifest = manifest::create(&args.output, existing(global))?;
     let mut progress = console.progress("export", times.len() as u64);
     let mut step = |done: usize| progress.set(done as u64);

@@ -1,4 +1,4 @@
-//! `c4d info`: what a path is, what is missing, what to do with it.
+//! `c4d info`: shows what a path is, what is missing, and what to do with it.
 
 mod products;
 
@@ -16,24 +16,25 @@ use gs_io::repair::{self, Damage};
 use serde_json::{Value, json};
 use std::path::Path;
 
-/// Image sizes shown.
+/// Number of image sizes listed.
 const SIZES: usize = 6;
-/// Entries of a folder looked at.
+/// Largest number of folder entries examined.
 const MAX_PARTS: usize = 64;
 
 pub(crate) fn run(args: &InfoArgs, global: &Global, console: &Console) -> Outcome {
-    // Whoever asks `c4d info` is not sent there again.
+    // The next step must not be `c4d info` again.
     report(args, global, console).map_err(|failure| match failure.next {
         Some(_) => failure,
         None => failure.next(READS),
     })
 }
 
-/// What there is to read.
+/// Supported inputs.
 const READS: &str = "c4d reads 4DGS model folders (point_cloud/iteration_N with point_cloud.ply and deformation.pth), Swift4D model folders (the same with FDHash.pth), model folders of Deformable-3D-Gaussians, SC-GS, Grid4D and DASH (deform/iteration_N/deform.pth beside point_cloud) and E-D3DGS, checkpoints of native 4D Gaussians (chkpnt*.pth) and FreeTimeGS (.pt, .ftgs.ply), PLYs of Spacetime Gaussians, params.npz of Dynamic 3D Gaussians, numbered frames in a folder or zip archive, .splatv and .splat4d clips, single frames (PLY, compressed PLY, .splat, .spz, .sog, .glb, or the folder of a 3DGS model), its own runs, and cameras of data sets.";
 
-/// What to do with a PLY that is none of ours.
-const OTHER_PLY: &str = "Export a PLY of 3D Gaussians from the program that made this one, or copy the file again if it is cut short.";
+/// Next step for a PLY that is not a Gaussian scene.
+const OTHER_PLY: &str = "Export a PLY of 3D Gaussians from the program that made this one, or \
+                        copy the file again if it is truncated.";
 
 fn report(args: &InfoArgs, global: &Global, console: &Console) -> Outcome {
     let path = &args.path;
@@ -84,7 +85,7 @@ fn show(report: &Report, args: &InfoArgs, console: &Console) {
     console.result(if args.json { report.json() } else { report.text() });
 }
 
-/// What to do with a file that is a part of something known.
+/// Next step for a file that is part of a known folder.
 fn within(path: &Path) -> Option<String> {
     /// Folders between a model or data set and its innermost files.
     const DEPTH: usize = 4;
@@ -97,15 +98,15 @@ fn within(path: &Path) -> Option<String> {
     };
     let folder = path.ancestors().skip(1).take(DEPTH).filter(known).last()?;
     let kind = gs_io::detect(folder).ok()?;
-    Some(format!("It lies in a {kind}: c4d info {}.", folder.display()))
+    Some(format!("It is part of a {kind}: c4d info {}.", folder.display()))
 }
 
-/// Whether a report may hold several facts of this name.
+/// Whether a report may have several entries with this name.
 fn is_list(name: &str) -> bool {
     matches!(name, "flag" | "note" | "holds")
 }
 
-/// Facts in the order shown.
+/// Entries in display order.
 #[derive(Default)]
 struct Report {
     lines: Vec<(String, Value)>,
@@ -126,7 +127,7 @@ impl Report {
     fn json(&self) -> String {
         let mut object = serde_json::Map::new();
         for (name, value) in &self.lines {
-            // Facts that may come several times become a list.
+            // Entries that may occur several times become a list.
             match object.get_mut(name) {
                 Some(Value::Array(list)) if is_list(name) => list.push(value.clone()),
                 Some(other) => *other = value.clone(),
@@ -181,14 +182,14 @@ fn frame(path: &Path, kind: &SceneKind, axes: Option<AxesArg>) -> Outcome<Report
     report.add(
         "next",
         json!(format!(
-            "As an edited frame: c4d propagate SCENE --edited {} -o RUN. As a scene it does not move.",
+            "As an edited frame: c4d propagate SCENE --edited {} -o RUN. As a scene it is static.",
             path.display()
         )),
     );
     Ok(report)
 }
 
-/// How coarse the values of a frame are, at half of the rows.
+/// Median precision of the values of a frame.
 fn precision_of(precision: &Precision, rows: usize) -> String {
     let median = |of: fn(&RowPrecision) -> f32| {
         let mut values: Vec<f32> = (0..rows).map(|row| of(precision.of(row))).collect();
@@ -212,7 +213,7 @@ fn precision_of(precision: &Precision, rows: usize) -> String {
     )
 }
 
-/// Cameras of a data set: how many, of which times and sizes, and what was assumed.
+/// Cameras of a data set: numbers, times, sizes, and assumptions.
 fn camera_set(path: &Path) -> Outcome<Report> {
     let set = cameras::open(path, Reading::Trained).map_err(|error| scene::bad_input(&error))?;
     let mut report = Report::new(path, &SceneKind::Cameras(set.format));
@@ -252,17 +253,17 @@ fn camera_set(path: &Path) -> Outcome<Report> {
     Ok(report)
 }
 
-/// The double that prints as the single does.
+/// The double with the same decimal representation as the single.
 fn short(time: f32) -> f64 {
     time.to_string().parse().unwrap_or(f64::from(time))
 }
 
-/// Whether a file seems to be JSON; a malformed one is opened to say where it breaks.
+/// Whether a file seems to be JSON; a malformed one is opened to report the position of the error.
 fn is_json(path: &Path) -> bool {
     path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("json"))
 }
 
-/// Entries of a folder that can be read.
+/// Readable entries of a folder.
 fn parts(path: &Path) -> Vec<(String, SceneKind)> {
     let Ok(entries) = std::fs::read_dir(path) else { return Vec::new() };
     let mut entries: Vec<_> = entries.flatten().map(|entry| entry.path()).collect();
@@ -281,7 +282,7 @@ fn parts(path: &Path) -> Vec<(String, SceneKind)> {
 fn products_of(path: &Path, lines: &[String], next: &str) -> Report {
     let mut report = Report::default();
     report.add("path", json!(path.display().to_string()));
-    report.add("kind", json!("folder of what is not read"));
+    report.add("kind", json!("folder with no supported files"));
     for line in lines {
         report.add("holds", json!(line));
     }
@@ -293,7 +294,7 @@ fn folder(path: &Path, parts: &[(String, SceneKind)]) -> Report {
     let mut report = Report::default();
     report.add("path", json!(path.display().to_string()));
     let several = parts.len() > 1;
-    report.add("kind", json!(if several { "folder of several things" } else { "folder" }));
+    report.add("kind", json!(if several { "folder with several inputs" } else { "folder" }));
     for (name, kind) in parts {
         report.add("holds", json!(format!("{name}: {kind}")));
     }
@@ -301,9 +302,10 @@ fn folder(path: &Path, parts: &[(String, SceneKind)]) -> Report {
     report.add(
         "next",
         json!(if sorted_anew {
-            "Each file is a separate frame: SOG sorts the splats of every frame anew, so rows do not persist. Export the sequence as PLY."
+            "Each file is a separate frame: SOG sorts the splats of every frame separately, so \
+            rows do not persist. Export the sequence as PLY."
         } else {
-            "Run c4d info on one of these paths for details; the other commands need that path too."
+            "Run c4d info on one of these paths for details, and give that path to other commands."
         }),
     );
     report
@@ -338,14 +340,14 @@ fn dynamic(opened: &Opened) -> Outcome<Report> {
     Ok(report)
 }
 
-/// Where a model's cameras come from.
+/// Source of a model's cameras.
 fn cameras_of_model(path: &Path) -> String {
     match cameras::find(path) {
         Ok(Some(source)) => {
             format!("{} in {} (--cameras this)", source.format, source.root.display())
         }
         Ok(None) => "none: cameras around the scene are used instead".to_owned(),
-        Err(error) => format!("none, a rig stands in: {}", chain(&error)),
+        Err(error) => format!("none, a rig is used instead: {}", chain(&error)),
     }
 }
 

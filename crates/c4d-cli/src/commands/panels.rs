@@ -1,5 +1,4 @@
-//! Pictures of one frame that show which splats are meant: a view that shows them, and their
-//! colours.
+//! Images of one frame that show marked splats: choice of the view, and colours.
 
 use crate::caption::Rgb;
 use crate::device::Device;
@@ -11,12 +10,12 @@ use gs_deform::StaticScene;
 
 /// Size of each image, pixels.
 const PANEL: (u32, u32) = (640, 480);
-/// Size of the images from which the view is chosen, pixels.
+/// Size of the images used to choose the view, pixels.
 const SCOUT: (u32, u32) = (160, 120);
-/// Views around an object among which the picture's is chosen.
+/// Number of candidate views around an object.
 const VIEWS: usize = 8;
-/// Another view is taken only if the front shows less than this share of the marked splats that it
-/// shows.
+/// Another view is chosen only if the front view shows less than this
+/// share of the marked splats that the other shows.
 const FRONT_SHARE: f64 = 0.5;
 
 pub(super) fn render(
@@ -31,7 +30,7 @@ pub(super) fn render(
     Ok(renderer.render(camera)?.rgb_image())
 }
 
-/// The splats in these colours, as bright as they are, so that shapes can be made out.
+/// The splats in these colours with their own brightness, so that shapes remain visible.
 pub(super) fn shaded(splats: &Splats, color: impl Fn(usize) -> Rgb) -> Splats {
     let brightness = |row: usize| {
         let rgb = sh::color(0, &splats.sh_of(row)[..1], [0.0, 0.0, 1.0]).map(|c| c.min(1.0));
@@ -48,8 +47,8 @@ fn in_colors(splats: &Splats, color: impl Fn(usize) -> Rgb) -> Splats {
     }
 }
 
-/// The front view, or of those around an object the one that shows most of the marked splats, if
-/// the front hides it.
+/// The front view, or, if it hides the marked splats, the view
+/// around the object that shows most of them.
 pub(super) fn view(
     rig: &Rig,
     splats: &Splats,

@@ -267,7 +267,7 @@ fn read_edited(
             frame.format
         ));
     }
-    let frame = edited_axes::settle(frame, path, source, args.axes, console)?;
+    let frame = edited_axes::resolve(frame, path, source, args.axes, console)?;
     let rows = frame.splats.len();
     let (frame, damaged) = frame.sanitize(damage(global)).map_err(|error| {
         Failure::bad_input(format!("{}: {}", path.display(), chain(&error))).next(

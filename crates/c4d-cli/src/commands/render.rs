@@ -25,10 +25,10 @@ use std::fs::File;
 use std::io::BufWriter;
 use std::path::{Path, PathBuf};
 
-/// Memory that one image takes, bytes per pixel: colour, coverage, depth and state of the
-/// rasteriser, two images side by side, and a copy for the encoder.
+/// Memory per pixel of an image, bytes: colour, coverage, depth and state of the rasteriser, two
+/// images side by side, and a copy for the encoder.
 const BYTES_PER_PIXEL: u64 = 64;
-/// Frames on a contact sheet.
+/// Largest number of frames on a contact sheet.
 const SHEET_FRAMES: usize = 12;
 /// Widest contact sheet, pixels.
 const SHEET_WIDTH: usize = 2400;
@@ -98,7 +98,8 @@ pub(crate) fn run(args: &RenderArgs, global: &Global, console: &Console) -> Outc
     }
 }
 
-/// ξ′ of a run's splats, seen in the edited frame from the views of a refinement without cameras; empty for other scenes.
+/// ξ′ of a run's splats in the edited frame, from the views of a
+/// refinement without cameras; empty for other scenes.
 fn evidence(opened: &Opened, device: &Device) -> Outcome<Vec<f32>> {
     let (Some(original), Some(source_rows), Some(params)) =
         (&opened.original, &opened.source_rows, &opened.mask.evidence)
@@ -112,7 +113,7 @@ fn evidence(opened: &Opened, device: &Device) -> Outcome<Vec<f32>> {
     passes::evidence(device, scene, &before, opened.edit_time, &cameras, params)
 }
 
-/// What is rendered, from where, when.
+/// Scene, views and times of a render.
 pub(crate) struct Shot<'a> {
     pub(crate) scene: &'a dyn DynamicScene,
     pub(crate) edit_time: f32,
@@ -127,8 +128,8 @@ pub(crate) struct Shot<'a> {
     pub(crate) console: &'a Console,
 }
 
-/// The format that the output's name asks for: `.mp4` a video, `.png` a contact sheet, no extension
-/// a folder of PNGs.
+/// The format implied by the output's name: `.mp4` for a video, `.png` for a contact sheet, no
+/// extension for a folder of PNGs.
 fn format_of(output: &Path) -> Outcome<Format> {
     let extension = output.extension().and_then(|extension| extension.to_str());
     match extension.map(str::to_ascii_lowercase).as_deref() {
@@ -137,7 +138,7 @@ fn format_of(output: &Path) -> Outcome<Format> {
         Some("gif") => Ok(Format::Gif),
         Some("png") => Ok(Format::Sheet),
         Some(name @ ("exr" | "npy" | "flo")) => Err(Failure::usage(format!(
-            "{}: a {name} file holds one image, but there are several to write",
+            "{}: a {name} file contains one image, but there are several to write",
             output.display()
         ))
         .next(format!("Give a folder: --format {name} -o FOLDER."))),
@@ -150,8 +151,8 @@ fn format_of(output: &Path) -> Outcome<Format> {
 }
 
 impl Shot<'_> {
-    /// Calls `sink` for every image, frames in order. Warns of images that show nothing of the
-    /// scene.
+    /// Calls `sink` for every image, frames in order. Warns about images
+    /// in which no splat of the scene is visible.
     fn render(&self, mut sink: impl FnMut(&Exposure<'_>) -> Outcome) -> Outcome {
         let pixels = |camera: &Camera| u64::from(camera.width) * u64::from(camera.height);
         let largest = self.views.cameras().iter().map(pixels).max().unwrap_or(0);
@@ -172,8 +173,10 @@ impl Shot<'_> {
             } else {
                 format!("{empty} of {count} images show none")
             };
-            self.console
-                .warn(format!("{what} any of the scene's splats: do the cameras belong to it?"));
+            self.console.warn(format!(
+                "{what} any of the scene's splats: check that the cameras belong to \
+                              it"
+            ));
         }
         Ok(())
     }
@@ -209,7 +212,7 @@ impl Shot<'_> {
     }
 }
 
-/// One rendered image and what it shows.
+/// One rendered image with its view and time.
 struct Exposure<'a> {
     frame: usize,
     camera: &'a Camera,
@@ -219,7 +222,7 @@ struct Exposure<'a> {
 }
 
 impl Exposure<'_> {
-    /// The image of the pass, beside the original's if there is one.
+    /// The image of the pass, next to that of the original if there is one.
     fn image(&self, pass: Pass) -> Image {
         let image = pass_image(pass, self.output);
         match self.original {
@@ -237,7 +240,7 @@ fn pass_image(pass: Pass, output: &RenderOutput) -> Image {
     }
 }
 
-/// Folder of one view and pass: a single view needs no level of its own.
+/// Folder of one view and pass; a single view has no subfolder.
 fn stills_folder(root: &Path, views: &Views, camera: &Camera, pass: Pass) -> PathBuf {
     match views {
         Views::Fixed(cameras) if cameras.len() > 1 => {
@@ -255,7 +258,7 @@ fn stills_folder(root: &Path, views: &Views, camera: &Camera, pass: Pass) -> Pat
 
 fn stills(args: &RenderArgs, global: &Global, shot: &Shot<'_>, format: Format) -> Outcome {
     if format == Format::Flo && args.passes != [Pass::Flow] {
-        return Err(Failure::usage("--format flo holds flow only").next("Add --passes flow."));
+        return Err(Failure::usage("--format flo contains flow only").next("Add --passes flow."));
     }
     let folder = AtomicDir::create(&args.output, existing(global))
         .map_err(|error| output_failure(&error))?;
@@ -333,7 +336,7 @@ fn channels(pass: Pass) -> &'static [&'static str] {
     }
 }
 
-/// Smallest and largest depth over the clip, so that one stretch fits all frames.
+/// Smallest and largest depth over the clip, for the same scaling of all frames.
 fn depth_extent(shot: &Shot<'_>) -> Outcome<(f32, f32)> {
     let mut range = (f32::INFINITY, f32::NEG_INFINITY);
     shot.expose(|exposure| {
@@ -399,7 +402,7 @@ fn video(args: &RenderArgs, fps: f64, global: &Global, shot: &Shot<'_>) -> Outco
     Ok(())
 }
 
-/// Renders the shot into an MP4.
+/// Renders the shot to an MP4.
 pub(crate) fn write_video(path: &Path, existing: Existing, fps: f64, shot: &Shot<'_>) -> Outcome {
     let mut file =
         Some(AtomicFile::create(path, existing).map_err(|error| output_failure(&error))?);
@@ -418,7 +421,7 @@ pub(crate) fn write_video(path: &Path, existing: Existing, fps: f64, shot: &Shot
     file.commit().map_err(|error| output_failure(&error))
 }
 
-/// Renders the shot into an image that loops.
+/// Renders the shot to a looping image.
 fn looping(
     args: &RenderArgs,
     fps: f64,
@@ -456,41 +459,48 @@ fn looping(
     Ok(())
 }
 
-/// What a render's format does not keep.
+/// Losses of a render's format.
 fn losses(format: Format, args: &RenderArgs, frames: usize, fps: f64) -> Losses {
     let mut losses = Losses::none();
     match format {
         Format::Mp4 => {
-            losses.push("8 bits a channel, colour at half the resolution, slightly lossy (H.264, quantiser 16 to 20)");
-            losses.push("sides are even: an odd last column or row is cut");
+            losses.push(
+                "8 bits per channel, colour at half the resolution, slightly lossy \
+                        (H.264, quantiser 16 to 20)",
+            );
+            losses.push("sides must be even: an odd last column or row is cut");
         }
         Format::Gif => {
-            losses.push("255 colours a frame, dithered; changes of at most 3/255 are not drawn");
+            losses.push("255 colours per frame, dithered; changes of at most 3/255 are not drawn");
             if fps > GIF_MAX_FPS {
                 losses.push(format!(
-                    "{} frames a second become {GIF_MAX_FPS}, the fastest that browsers play",
+                    "{} frames per second become {GIF_MAX_FPS}, the highest rate that browsers \
+                    play",
                     rates::rounded(fps)
                 ));
             } else {
-                losses.push("times are hundredths of a second");
+                losses.push("times are rounded to hundredths of a second");
             }
         }
         Format::Webp => {
-            losses.push("8 bits a channel, else exact; times are thousandths of a second");
+            losses.push(
+                "8 bits per channel, else exact; times are rounded to thousandths of a \
+                        second",
+            );
         }
         Format::Png => {
-            losses.push("8 bits a channel; values are clipped to 0–1");
+            losses.push("8 bits per channel; values are clipped to 0–1");
             if args.passes.contains(&Pass::Depth) {
                 losses.push("depth is scaled to its range");
             }
             if args.passes.contains(&Pass::Flow) {
-                losses.push("flow is shown as colours");
+                losses.push("flow is encoded as colours");
             }
         }
         Format::Sheet if frames > 1 => {
-            losses.push("8 bits a channel, reduced in size, twelve frames at most");
+            losses.push("8 bits per channel, reduced in size, at most twelve frames");
         }
-        Format::Sheet => losses.push("8 bits a channel; values are clipped to 0–1"),
+        Format::Sheet => losses.push("8 bits per channel; values are clipped to 0–1"),
         Format::Exr | Format::Npy | Format::Flo => {}
     }
     losses

@@ -1,7 +1,6 @@
-//! How an edited file relates to the scene: as a whole turned or moved, of which time, and what it
-//! lacks.
+//! Relation of an edited file to the scene: global transformation, time, and missing splats.
 //!
-//! Everything here is decided by which splats are the scene's, before the slow part begins.
+//! All decisions are based on the splats that match the scene, before the slow part begins.
 
 use crate::console::Console;
 use crate::failure::{Failure, Outcome, chain};
@@ -13,35 +12,37 @@ use gs_core::{Precision, RowPrecision, Splats};
 use std::collections::HashSet;
 use std::sync::Arc;
 
-/// An edited cloud whose middle lies further from the source's than this many source sizes is of
-/// another scene.
+/// Largest distance between the centres of edit and source, in source
+/// sizes; a larger one means another scene.
 const FAR: f64 = 3.0;
-/// An edited cloud this many times larger than the source, or smaller, is in other units.
+/// Largest ratio of the sizes of edit and source, either way; a larger one means other units.
 const LARGER: f64 = 50.0;
-/// Share of edited rows equal to canonical rows above which the edit was made on the wrong file.
+/// Share of edited rows equal to canonical rows above which the
+/// edit was made from the canonical file.
 const CANONICAL_SHARE: f64 = 0.5;
-/// Share of the edit's splats, or of the scene's, that are the same: above it this is an edit of
-/// the scene, wherever the rest lies.
+/// Share of matching splats, of the edit or of the scene, above which the file is an edit of the
+/// scene, regardless of the others.
 const SAME_SCENE: f64 = 0.1;
-/// Share that matches at another time, above which the edit is of that time.
+/// Share of matches at another time above which the edit is of that time.
 const SAME_TIME: f64 = 0.5;
-/// Rows that are not where the scene has them, compared at other times, spread evenly over the
-/// file: the share is known within 4 %.
+/// Number of unmatched rows compared at other times, spread evenly over
+/// the file; determines the share to within 4 %.
 const SAMPLED_ROWS: usize = 500;
-/// Such rows below which other times are not looked at.
+/// Smallest number of unmatched rows for a comparison with other times.
 const FEW_ROWS: usize = 20;
-/// An edit of another time lacks about as many of the scene's splats as it has others: those that
-/// move. Largest difference, as a share.
+/// In an edit of another time, the numbers of missing and of unmatched splats are similar (the
+/// moving ones). Largest difference, as a share.
 const EXCHANGED: f64 = 0.2;
-/// Other times looked at.
+/// Largest number of other times examined.
 const OTHER_TIMES: usize = 64;
-/// Edge of the cells in which rows are looked for at other times, as a share of the scene's size.
+/// Side of the cells for the comparison with other times, as a share of the scene's size.
 const CELL: f64 = 0.005;
-/// Opacity below which no renderer draws a splat: one step of 255.
+/// Opacity below which renderers do not draw a splat: one step of 255.
 pub(crate) const INVISIBLE: f32 = 1.0 / 255.0;
 
-/// Refuses files that belong to another scene, time or frame of reference, and returns the edited
-/// splats in the scene's frame with what they lack added, as the flags ask. `params` follows them.
+/// Refuses files that belong to another scene, time or frame of reference.
+/// Returns the edited splats in the scene's frame, with missing splats added if
+/// the flags request it, and adapts `params` to them.
 pub(crate) fn fit(
     args: &PropagateJob,
     source: &Opened,
@@ -59,7 +60,7 @@ pub(crate) fn fit(
         if few(&map, &edited) {
             refuse_other_scene(args, frame, &edited, &map)?;
         }
-        // Before anything is said of moved parts: at other times, the scene's own have moved.
+        // Tested before moved parts, because at other times the scene's own parts have moved.
         refuse_other_time(args, source, &edited, &map, params, console)?;
     }
     let whole = if args.align { map.whole_file() } else { map.whole_scene() };
@@ -67,7 +68,7 @@ pub(crate) fn fit(
         && let Some(placed) = undo(args, frame, &edited, &map, group, params, console)?
     {
         map = compare(frame, &placed, params)?;
-        // Undoing rounds: what is the scene's has the scene's own values again.
+        // Undoing the transformation rounds values; matching splats get the scene's exact values.
         edited = map.restore_in_place(frame, &placed);
     } else if args.align {
         console.warn(format!(
@@ -89,7 +90,7 @@ fn compare(frame: &Splats, edited: &Splats, params: &IdentityParams) -> Outcome<
     IdentityMap::of(frame, edited, &params).map_err(|error| Failure::bad_input(chain(&error)))
 }
 
-/// The edited splats in the scene's frame; `None` if they are there already.
+/// The edited splats in the scene's frame; `None` if they are already in it.
 fn undo(
     args: &PropagateJob,
     frame: &Splats,
@@ -112,26 +113,24 @@ fn undo(
             params.precision = Some(Arc::new(back.place_precision(precision, edited.len())));
         }
         console.note(format!(
-            "{file} is the scene {what}: undone, the result is in the scene's own frame"
+            "{file} is the scene {what}: undone, so the result is in the scene's own frame"
         ));
         return Ok(Some(back.place(edited)));
     }
     if args.allow_far {
-        console.warn(format!("{file} is the scene {what}: the result stays like that"));
+        console.warn(format!("{file} is the scene {what}: the result stays so"));
         return Ok(None);
     }
     Err(Failure::bad_input(format!(
-        "{file} is the scene {what}: {} of its {} splats are the scene's under that",
+        "{file} is the scene {what}: {} of its {} splats match the scene after that transformation",
         map.members(group).count(),
         edited.len()
     ))
-    .next(
-        "--align undoes it and delivers the result in the scene's own frame; --allow-far keeps it.",
-    ))
+    .next("--align undoes it, with the result in the scene's own frame; --allow-far keeps it."))
 }
 
-/// An edit of another frame: most of the splats that are not where the scene has them at the time
-/// given are where it has them at another.
+/// Refuses an edit of another time: most splats that do not match the
+/// scene at the given time match it at another time.
 fn refuse_other_time(
     args: &PropagateJob,
     source: &Opened,
@@ -177,7 +176,8 @@ fn refuse_other_time(
             Some(format!(" (frame {} of {frames})", number + 1))
         });
         return Err(Failure::usage(format!(
-            "{} is an edit of the scene at time {t}{}, not at --time {}: of {} splats compared that are not where the scene has them here, {} are there",
+            "{} is an edit of the scene at time {t}{}, not at --time {}: of {} compared splats \
+            that do not match the scene here, {} match it there",
             args.edited.display(),
             of_frames.unwrap_or_default(),
             args.time,
@@ -190,7 +190,7 @@ fn refuse_other_time(
     Ok(())
 }
 
-/// Cells of space around some splats, so that only what is near them need be compared.
+/// Grid cells around some splats, so that only nearby splats have to be compared.
 struct Cells {
     edge: f64,
     occupied: HashSet<[i64; 3]>,
@@ -222,8 +222,8 @@ impl Cells {
     }
 }
 
-/// Times at which an edit may have been made: the scene's frames; of a scene without, such as
-/// people choose, the roundest first.
+/// Candidate times of an edit: the scene's frames, or, for continuous
+/// scenes, round numbers in order of simplicity.
 fn other_times(source: &Opened, given: f32) -> Vec<f32> {
     let range = source.scene.time_range();
     let mut times = if let Some(count) = source.scene.num_frames() {
@@ -258,15 +258,16 @@ fn refuse_other_scene(
     let size = source_ball.1.max(f64::MIN_POSITIVE);
     let away = (0..3).map(|k| (source_ball.0[k] - edited_ball.0[k]).powi(2)).sum::<f64>().sqrt();
     let ratio = edited_ball.1 / size;
-    // A small object that was cut out of a scene is an edit of it; as many splats in a tiny space
-    // are a scene in other units.
+    // A small object cut out of a scene is an edit of it; a similar number of splats in a tiny
+    // space is a scene in other units.
     let shrunk = ratio < 1.0 / LARGER && edited.len() > source.len() / 10;
     let apart = map.matched() == 0 && away > source_ball.1 + edited_ball.1;
     if away < FAR * size && ratio < LARGER && !shrunk && !apart {
         return Ok(());
     }
     Err(Failure::bad_input(format!(
-        "{} does not look like an edit of {} at time {}: {} of its {} splats are the scene's, its middle is {:.1} scene sizes away and it is {:.2} times as large",
+        "{} does not look like an edit of {} at time {}: {} of its {} splats match the scene, its \
+        centre is {:.1} scene sizes away and it is {:.2} times as large",
         args.edited.display(),
         args.scene.display(),
         args.time,
@@ -288,7 +289,7 @@ fn refuse_canonical(
 ) -> Outcome {
     let Some(network) = &source.network else { return Ok(()) };
     let canonical = network.canonical();
-    // Splats that the network leaves alone are the same in both and tell nothing.
+    // Splats that the network does not move are the same in both and carry no information.
     let (still, moved): (Vec<usize>, Vec<usize>) =
         (0..frame.len()).partition(|&row| canonical.means[row] == frame.means[row]);
     let params = IdentityParams { enabled: true, moved: false, ..identity.clone() };
@@ -314,8 +315,8 @@ fn refuse_canonical(
     .next(format!("Write the frame with c4d freeze {} -o DIR and edit DIR/point_cloud.ply.", args.scene.display())))
 }
 
-/// Adds what the file lacks and the user did not mean to delete; says what is missing, and which
-/// edits nobody saw.
+/// Adds missing splats that the user did not delete on purpose; reports
+/// missing splats, and edits of invisible ones.
 fn complete(
     args: &PropagateJob,
     frame: &Splats,
@@ -330,7 +331,8 @@ fn complete(
             return Err(Failure::usage(format!(
                 "--keep-rest: no splat of {file} matches the scene at time {time}, so there is nothing to add"
             ))
-            .next("Leave out --keep-rest, or give the time at which the selection was saved with --time."));
+            .next("Omit --keep-rest, or give the time at which the selection was saved with \
+                  --time."));
         }
         return Ok(edited);
     }
@@ -345,7 +347,8 @@ fn complete(
         &map.vanished
     } else if left_out {
         console.note(format!(
-            "{num_hidden} splats of the scene that are invisible at time {time} are not in {file}: they are kept"
+            "{num_hidden} splats of the scene that are invisible at time {time} are not in {file} \
+            and are kept"
         ));
         &hidden
     } else {
@@ -366,7 +369,8 @@ fn complete(
     let changed = map.rows.iter().filter(unseen).count();
     if changed + removed > 0 {
         console.note(format!(
-            "the edit touches splats that are invisible at time {time}: {changed} changed, {removed} removed; it shows when they appear"
+            "the edit affects splats that are invisible at time {time}: {changed} changed, \
+            {removed} removed; it becomes visible when they appear"
         ));
     }
     Ok(appended(frame, edited, added, params))
@@ -393,7 +397,7 @@ fn appended(
     edited
 }
 
-/// Median centre and the distance within which 90 % of the splats lie.
+/// Median centre, and the radius that contains 90 % of the splats.
 fn robust_ball(splats: &Splats) -> Option<([f64; 3], f64)> {
     let finite: Vec<[f64; 3]> = splats
         .means

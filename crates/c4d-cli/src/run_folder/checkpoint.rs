@@ -1,5 +1,5 @@
-//! `refine.state`: the checkpoint of an unfinished refinement, as safetensors, with the flags it
-//! was begun with.
+//! `refine.state`: the checkpoint of an unfinished refinement,
+//! as safetensors, with its original flags.
 
 use super::REFINE_STATE;
 use crate::args::{PresetArg, RefineFlags};
@@ -15,20 +15,20 @@ use std::path::Path;
 /// An unfinished refinement.
 #[derive(Debug)]
 pub(crate) struct Checkpoint {
-    /// As it was begun.
+    /// Original preset.
     pub(crate) preset: PresetArg,
-    /// Configuration as it was begun.
+    /// Original configuration.
     pub(crate) settings: RefineSettings,
-    /// As it was begun, paths absolute.
+    /// Original flags, with absolute paths.
     pub(crate) flags: RefineFlags,
-    /// How far the solver is, if it has begun.
+    /// State of the solver, if it has started.
     pub(crate) state: Option<State>,
-    /// Whether it is the rest of an earlier process' work.
+    /// Whether it continues the work of an earlier process.
     pub(crate) is_resumed: bool,
 }
 
 impl Checkpoint {
-    /// A refinement that nothing is done of.
+    /// A new refinement.
     pub(crate) fn anew(preset: PresetArg, settings: RefineSettings, flags: &RefineFlags) -> Self {
         Self { preset, settings, flags: flags.clone(), state: None, is_resumed: false }
     }

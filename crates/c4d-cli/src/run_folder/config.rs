@@ -11,16 +11,13 @@ use std::path::PathBuf;
 
 /// The resolved configuration, `c4d.toml`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[expect(
-    clippy::struct_excessive_bools,
-    reason = "options are recorded as the command line has them"
-)]
+#[expect(clippy::struct_excessive_bools, reason = "options are named as on the command line")]
 pub(crate) struct RunConfig {
     /// Version of c4d that wrote it.
     pub(crate) version: String,
     /// Source scene, absolute.
     pub(crate) source: PathBuf,
-    /// Source scene as seen from the run folder; tried first, so that both may be moved together.
+    /// Source scene relative to the run folder; tried first, so that both may be moved together.
     pub(crate) source_from_run: PathBuf,
     /// Fingerprint of the source.
     pub(crate) source_sha256: String,
@@ -30,16 +27,16 @@ pub(crate) struct RunConfig {
     pub(crate) edited_sha256: String,
     /// Time of the edited frame.
     pub(crate) edit_time: f32,
-    /// Axes of the edited frame, if they were asked for.
+    /// Axes of the edited frame, if they were given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub(crate) axes: Option<String>,
     /// Whether a placement of the whole edit was undone.
     #[serde(default)]
     pub(crate) align: bool,
-    /// Whether splats that the edit lacks were added.
+    /// Whether splats missing from the edit were added.
     #[serde(default)]
     pub(crate) keep_rest: bool,
-    /// Whether an edit that seems to be of another scene was taken.
+    /// Whether an edit that seems to belong to another scene was accepted.
     #[serde(default)]
     pub(crate) allow_far: bool,
     /// `best` or `paper`.
@@ -50,7 +47,7 @@ pub(crate) struct RunConfig {
     pub(crate) motion: String,
     /// Seed of everything random.
     pub(crate) seed: u64,
-    /// Model folders: iteration asked for.
+    /// Model folders: requested iteration.
     pub(crate) iteration: Option<u64>,
     /// Model folders: flags overridden.
     pub(crate) set: Vec<String>,
@@ -64,13 +61,13 @@ pub(crate) struct RunConfig {
     pub(crate) appearance: bool,
     /// Weight of the source's rotations in local rigid motions.
     pub(crate) rotation_prior: f32,
-    /// Whether faint sources count less.
+    /// Whether faint source splats have less weight.
     #[serde(default)]
     pub(crate) fading: bool,
-    /// Anchors, if there were any.
+    /// Anchors, if they were used.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub(crate) anchors: Option<AnchorSettings>,
-    /// Transport, if there was any.
+    /// Transport, if it was used.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub(crate) transport: Option<TransportSettings>,
     /// Baseline `knn`, if it was used.
@@ -79,7 +76,7 @@ pub(crate) struct RunConfig {
     /// Parameters of the default guide, if it was used.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub(crate) regions: Option<amg::MotionParams>,
-    /// Appearance refinement, if it was run.
+    /// Appearance refinement, if it ran.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub(crate) refine: Option<RefineConfig>,
 }
@@ -93,22 +90,22 @@ pub(crate) struct RefineConfig {
     pub(crate) warp: String,
     /// Cameras: a file, or `rig`.
     pub(crate) cameras: String,
-    /// Image size asked for, pixels.
+    /// Requested image size, pixels.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub(crate) size: Option<[u32; 2]>,
-    /// Upward direction asked for.
+    /// Requested upward direction.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub(crate) up: Option<String>,
     /// Candidate times.
     pub(crate) frames: usize,
-    /// Images drawn.
+    /// Number of sampled images.
     pub(crate) samples: usize,
     /// Memory for images, MiB.
     #[serde(default)]
     pub(crate) memory: usize,
     /// ε of Eq. 17.
     pub(crate) epsilon: f32,
-    /// Uncertainty below which nothing is an artifact.
+    /// Uncertainty below which no pixel is an artifact.
     #[serde(default = "usual_floor")]
     pub(crate) min_uncertainty: f32,
     /// η of Eq. 18.
@@ -120,7 +117,7 @@ pub(crate) struct RefineConfig {
     /// Whether the edited frame was among the images.
     #[serde(default)]
     pub(crate) keep_first_frame: Option<bool>,
-    /// Seed of the draw.
+    /// Seed of the sampling.
     pub(crate) seed: u64,
     /// Device that rendered.
     pub(crate) device: String,
@@ -130,10 +127,10 @@ pub(crate) struct RefineConfig {
     /// Minimiser, if it was least squares.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub(crate) regression: Option<RegressionSettings>,
-    /// Which pixels frame 1 supervised.
+    /// Parameters of the pixels supervised by frame 1.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub(crate) occlusion: Option<OcclusionSettings>,
-    /// How splats that frame 1 did not supervise were found.
+    /// Parameters for finding splats not supervised by frame 1.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub(crate) evidence: Option<EvidenceSettings>,
 }
@@ -143,7 +140,7 @@ fn usual_floor() -> f32 {
 }
 
 impl RefineConfig {
-    /// Which pixels were artifacts.
+    /// Parameters of the artifact mask.
     pub(crate) fn mask(&self) -> Mask {
         let usual = Mask::default().evidence;
         let evidence = match &self.evidence {
@@ -155,7 +152,7 @@ impl RefineConfig {
 }
 
 impl RunConfig {
-    /// Refuses numbers that mean nothing.
+    /// Refuses numbers that are not finite.
     pub(crate) fn check(&self) -> Result<(), String> {
         let finite = |name: &str, value: f32| {
             if value.is_finite() {
@@ -198,7 +195,7 @@ impl RunConfig {
 
     /// How blended rows are evaluated.
     pub(crate) fn aggregation(&self) -> Result<Aggregation, String> {
-        let unknown = |name: &str, value: &str| Err(format!("{name} = \"{value}\" is not known"));
+        let unknown = |name: &str, value: &str| Err(format!("{name} = \"{value}\" is unknown"));
         Ok(Aggregation {
             position: match self.position.as_str() {
                 "average" => PositionRule::Average,

@@ -1,4 +1,4 @@
-//! Fingerprints of inputs, to notice when they change.
+//! Fingerprints of inputs, to detect changes.
 
 use crate::failure::{Failure, Outcome};
 use sha2::{Digest, Sha256};
@@ -6,13 +6,13 @@ use std::fmt::Write;
 use std::io::Read;
 use std::path::PathBuf;
 
-/// Bytes read of a file in the middle of a long sequence.
+/// Number of bytes hashed of a file in the middle of a long sequence.
 const SAMPLE: usize = 1 << 20;
-/// Lists up to this long are hashed whole; of longer ones, the first and last file are, and the
-/// others by size and start.
+/// Lists up to this length are hashed completely. Of longer ones, the first and last file are
+/// hashed completely, the others by size and start.
 const MAX_WHOLE_FILES: usize = 8;
 
-/// SHA-256 over the files: whole content of a few, sizes and starts of many.
+/// SHA-256 of the files: complete content of a few, sizes and starts of many.
 pub(crate) fn fingerprint(files: &[PathBuf]) -> Outcome<String> {
     let mut hasher = Sha256::new();
     for (i, file) in files.iter().enumerate() {

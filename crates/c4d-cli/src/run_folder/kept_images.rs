@@ -1,9 +1,9 @@
-//! `refine.images`: the images that an unfinished refinement has made, so that `--resume` does not
-//! render them again.
+//! `refine.images`: the images of an unfinished refinement, so
+//! that `--resume` does not render them again.
 //!
-//! A line of JSON that says what they were made from, then per image: view and length (u64), the
-//! time's bits and a CRC-32 (u32), bytes. Little-endian. It only grows, so a process that is killed
-//! leaves at most its last image in part, which is left out.
+//! A line of JSON with the inputs of the images, then per image: view and length (u64), the time's
+//! bits and a CRC-32 (u32), bytes. Little-endian. The file only grows, so a killed process leaves
+//! at most one partial image at the end, which is ignored.
 
 use super::REFINE_IMAGES;
 use crate::failure::{Failure, Outcome};
@@ -14,31 +14,31 @@ use std::collections::HashMap;
 use std::fs::File;
 use std::io::{self, BufRead, BufReader, Read, Seek, SeekFrom, Write};
 
-/// What the images depend on.
+/// Inputs on which the images depend.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub(crate) struct MadeFrom {
     /// Edit, options and cameras.
     pub(crate) fingerprint: u64,
     /// The source scene.
     pub(crate) source_sha256: String,
-    /// What rendered them.
+    /// Device that rendered them.
     pub(crate) device: String,
 }
 
-/// Bytes before those of an image.
+/// Size of the header of an image, bytes.
 const HEAD: usize = 8 + 8 + 4 + 4;
 
 /// An open `refine.images`.
 #[derive(Debug)]
 pub(crate) struct KeptImages {
     file: File,
-    /// Where the bytes of each view and time (its bits) lie.
+    /// Offset and length of each view and time (its bits).
     places: HashMap<(usize, u32), (u64, usize)>,
     end: u64,
 }
 
 impl KeptImages {
-    /// Opens the images of a run; those made from anything else are discarded.
+    /// Opens the images of a run; images with other inputs are discarded.
     pub(crate) fn open(update: &FolderUpdate, made_from: &MadeFrom) -> Outcome<Self> {
         let file =
             update.growing(REFINE_IMAGES).map_err(|error| crate::output::output_failure(&error))?;
@@ -55,7 +55,7 @@ impl KeptImages {
         Ok(kept)
     }
 
-    /// How many images there are.
+    /// Number of images.
     pub(crate) fn len(&self) -> usize {
         self.places.len()
     }
@@ -93,7 +93,7 @@ impl KeptImages {
         Ok(true)
     }
 
-    /// The bytes kept for a view and time.
+    /// The stored bytes of a view and time.
     pub(crate) fn get(&mut self, at: ViewTime) -> Option<Vec<u8>> {
         let (place, length) = *self.places.get(&(at.view, at.time.to_bits()))?;
         let mut bytes = vec![0; length];
@@ -102,7 +102,7 @@ impl KeptImages {
         Some(bytes)
     }
 
-    /// Keeps the bytes for a view and time.
+    /// Stores the bytes of a view and time.
     pub(crate) fn put(&mut self, at: ViewTime, bytes: &[u8]) -> io::Result<()> {
         let mut head = Vec::with_capacity(HEAD + bytes.len());
         head.extend((at.view as u64).to_le_bytes());
@@ -117,10 +117,10 @@ impl KeptImages {
         Ok(())
     }
 
-    /// Gives the room back: for a disk that is full.
+    /// Empties the file, for a full disk.
     pub(crate) fn clear(&mut self) {
         self.places.clear();
-        // Best effort: what is left is removed when the refinement ends.
+        // Best effort: the file is removed when the refinement ends.
         let _ = self.file.set_len(0);
     }
 }
@@ -130,7 +130,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn images_are_kept_until_what_they_were_made_from_changes() {
+    fn images_are_kept_until_their_inputs_change() {
         let dir = tempfile::tempdir().unwrap();
         let update = FolderUpdate::begin(dir.path()).unwrap();
         let made_from = MadeFrom {
@@ -146,7 +146,7 @@ mod tests {
         drop(kept);
         let path = dir.path().join(REFINE_IMAGES);
         let whole = std::fs::read(&path).unwrap();
-        // A process killed while it wrote a third one.
+        // A process killed while writing a third image.
         std::fs::write(&path, [&whole[..], &[9; 30]].concat()).unwrap();
         let mut kept = KeptImages::open(&update, &made_from).unwrap();
         assert_eq!(kept.len(), 2, "the complete ones");

@@ -1,15 +1,14 @@
-//! The run folder: everything `c4d propagate` made, small, and enough to open the edited scene
-//! again.
+//! The run folder: the small output of `c4d propagate`, sufficient to reopen the edited scene.
 //!
 //! | file | content |
 //! |---|---|
 //! | `scene.c4d` | safetensors: the edited splats of the edit frame, the sparse binding to the source, refined colours |
 //! | `c4d.toml` | resolved configuration: inputs with fingerprints, options, seed, version |
-//! | `run.json` | what happened: counts, convergence, timings, warnings |
+//! | `run.json` | report: counts, convergence, timings, warnings |
 //! | `refine.json` | report of the refinement |
 //! | `refine.state`, `refine.images` | its checkpoint and its images while it is unfinished |
 //!
-//! The source scene is referred to, not copied; its fingerprint is checked when the run is opened.
+//! The source scene is referenced, not copied; its fingerprint is checked when the run is opened.
 
 mod checkpoint;
 mod config;

@@ -1,11 +1,11 @@
-//! [`RunFiles`]: a run folder as it is stored.
+//! [`RunFiles`]: the stored files of a run folder.
 
 use super::files::{CONFIG, SCENE};
 use super::{RunConfig, Stored, source_path};
 use crate::failure::{Failure, Outcome};
 use std::path::{Path, PathBuf};
 
-/// Refuses what is not a folder.
+/// Refuses a path that is not a folder.
 pub(crate) fn check_is_folder(run: &Path) -> Outcome {
     if run.is_dir() {
         return Ok(());
@@ -14,12 +14,12 @@ pub(crate) fn check_is_folder(run: &Path) -> Outcome {
         .next("Give the folder that c4d propagate wrote."))
 }
 
-/// A run as it is stored.
+/// A run as stored.
 #[derive(Debug)]
 pub(crate) struct RunFiles {
     pub(crate) config: RunConfig,
     pub(crate) stored: Stored,
-    /// Where its source lies.
+    /// Path of its source.
     pub(crate) source: PathBuf,
 }
 
@@ -54,7 +54,7 @@ impl RunFiles {
     }
 }
 
-/// Failure for a file of a run that does not hold what it should.
+/// Failure for a damaged file of a run.
 pub(crate) fn damaged(path: &Path, name: &str, what: &str) -> Failure {
     Failure::bad_input(format!("{}: {what}", path.join(name).display()))
         .next("The file is damaged or of another version; run c4d propagate again.")

@@ -9,19 +9,20 @@ use safetensors::{Dtype, SafeTensors, tensor::TensorView};
 use serde::{Deserialize, Serialize};
 use std::collections::HashMap;
 
-/// Version of the layout: 2 if it has groups of moved rows, which readers of 1 do not know, else 1.
+/// Version of the layout: 2 if it has groups of moved rows, which
+/// readers of version 1 do not support, else 1.
 const FORMATS: [u32; 2] = [1, 2];
 /// Key of the [`Header`] in the metadata.
 const METADATA: &str = "c4d";
 
-/// What the tensors do not say, as JSON in the metadata.
+/// Information besides the tensors, as JSON in the metadata.
 #[derive(Debug, Serialize, Deserialize)]
 struct Header {
     format: u32,
     num_sources: usize,
 }
 
-/// Colours of edited rows after refinement; the frame as it was given stays beside them.
+/// Colours of edited rows after refinement; the original frame is stored separately.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub(crate) struct RefinedRows {
     /// Rows, ascending.
@@ -33,7 +34,7 @@ pub(crate) struct RefinedRows {
 }
 
 impl RefinedRows {
-    /// The frame with these rows in place.
+    /// The frame with these rows replaced.
     pub(crate) fn apply(&self, edited: &Splats) -> Splats {
         let (mut refined, coeffs) = (edited.clone(), edited.sh_coeffs());
         for (i, &row) in self.rows.iter().enumerate() {
@@ -45,12 +46,12 @@ impl RefinedRows {
         refined
     }
 
-    /// How many rows have another colour or opacity than in `edited`.
+    /// Number of rows whose colour or opacity differs from `edited`.
     pub(crate) fn changed(&self, edited: &Splats) -> usize {
         self.changes(edited).count()
     }
 
-    /// Rows with another colour or opacity than in `edited`.
+    /// Rows whose colour or opacity differs from `edited`.
     fn changes<'a>(&'a self, edited: &'a Splats) -> impl Iterator<Item = usize> + 'a {
         self.rows
             .iter()
@@ -63,8 +64,8 @@ impl RefinedRows {
             .map(|(row, ..)| row)
     }
 
-    /// `binding` for the frame with these rows in place: source splats that the edit left, and the
-    /// refinement did not, are recoloured.
+    /// `binding` for the frame with these rows replaced: source splats that the refinement changed
+    /// and the edit did not are recoloured.
     pub(crate) fn rebind(&self, edited: &Splats, binding: &Binding) -> Result<Binding, AmgError> {
         let mut kinds = binding.kinds().to_vec();
         for row in self.changes(edited) {
@@ -91,10 +92,10 @@ impl RefinedRows {
     }
 }
 
-/// What a scene file holds.
+/// Contents of a scene file.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Stored {
-    /// The edited frame as it was given.
+    /// The original edited frame.
     pub(crate) edited: Splats,
     /// Its binding to the source.
     pub(crate) binding: Binding,
@@ -108,7 +109,7 @@ impl Stored {
         serialize(self)
     }
 
-    /// For each edited splat, the source splat whose geometry it has, moved or not.
+    /// For each edited splat, the source splat with the same geometry, moved or not.
     pub(crate) fn source_rows(&self) -> Vec<Option<u32>> {
         let own = |(row, kind): (usize, &RowKind)| {
             let is_source = kind.is_exact() || *kind == RowKind::Moved;
@@ -117,8 +118,8 @@ impl Stored {
         self.binding.kinds().iter().enumerate().map(own).collect()
     }
 
-    /// Reads the bytes of `scene.c4d`; every count is checked, so a damaged file is an error and no
-    /// more.
+    /// Reads the bytes of `scene.c4d`; every count is checked, so
+    /// a damaged file causes only an error.
     pub(crate) fn deserialize(bytes: &[u8]) -> Result<Self, String> {
         deserialize(bytes)
     }
@@ -160,7 +161,7 @@ fn serialize(stored: &Stored) -> Outcome<Vec<u8>> {
     for (name, dtype, shape, bytes) in &entries {
         views.push((*name, TensorView::new(*dtype, shape.clone(), bytes).map_err(failed)?));
     }
-    // One entry only: the order of several is not reproducible.
+    // A single entry, because the order of several is not reproducible.
     let format = FORMATS[usize::from(!groups.is_empty())];
     let header = Header { format, num_sources: binding.num_sources() };
     let header = serde_json::to_string(&header).map_err(Failure::failed)?;
@@ -218,7 +219,7 @@ impl StoredGroups {
             || self.offsets[similarities.len()] as usize != entries
             || self.weights.len() != entries
         {
-            return Err("the arrays of moved groups do not belong together".to_owned());
+            return Err("the arrays of moved groups are inconsistent".to_owned());
         }
         let group = |(values, range): (&[f64; SIMILARITY], &[u32])| {
             let [scale, w, x, y, z, mirrored, tx, ty, tz] = *values;
@@ -412,7 +413,7 @@ mod tests {
             let mut flipped = bytes.clone();
             flipped[i] ^= 0x55;
             if let Ok(read) = Stored::deserialize(&flipped) {
-                assert_eq!(read.binding.groups().len(), 2, "byte {i}: groups are all there");
+                assert_eq!(read.binding.groups().len(), 2, "byte {i}: groups are complete");
             }
         }
     }
@@ -421,7 +422,7 @@ mod tests {
     fn refined_rows_replace_colours_only() {
         let stored = sample();
         let refined = stored.refined.as_ref().unwrap().apply(&stored.edited);
-        assert_eq!(refined.sh_of(0), stored.edited.sh_of(0), "other rows stay");
+        assert_eq!(refined.sh_of(0), stored.edited.sh_of(0), "other rows are unchanged");
         assert_eq!(refined.sh_of(1), [[0.7; 3]; 4], "refined row");
         assert_eq!(refined.means, stored.edited.means, "geometry stays");
     }
@@ -435,7 +436,7 @@ mod tests {
         for i in 0..bytes.len() {
             let mut flipped = bytes.clone();
             flipped[i] ^= 0x55;
-            // Values may change; nothing may panic, and what is accepted is consistent.
+            // Values may change, but nothing may panic, and an accepted scene must be consistent.
             if let Ok(stored) = Stored::deserialize(&flipped) {
                 assert!(stored.edited.check_shapes().is_ok(), "byte {i}");
                 assert_eq!(stored.binding.len(), stored.edited.len(), "byte {i}");

@@ -5,7 +5,7 @@ use super::files::CONFIG;
 use crate::failure::{Failure, Outcome};
 use std::path::{Component, Path, PathBuf};
 
-/// The source of the run in `run`: where it lies as seen from there, else where it lay.
+/// The source of the run in `run`: by its path relative to the run, else by its absolute path.
 pub(super) fn locate(run: &Path, config: &RunConfig) -> Outcome<PathBuf> {
     let beside = run.join(&config.source_from_run);
     if beside.exists() {
@@ -23,7 +23,7 @@ pub(super) fn locate(run: &Path, config: &RunConfig) -> Outcome<PathBuf> {
     .next(format!("Put it back, or correct `source` in {}.", run.join(CONFIG).display())))
 }
 
-/// `target` as seen from the folder `from`; both absolute. `target` itself when they share no root.
+/// `target` relative to the folder `from`; both absolute. `target` itself if they share no root.
 pub(crate) fn relative(from: &Path, target: &Path) -> PathBuf {
     let (from, target): (Vec<Component<'_>>, Vec<Component<'_>>) =
         (from.components().collect(), target.components().collect());

@@ -1,14 +1,14 @@
-//! [`bad_input`]: what to do about an input that cannot be read.
+//! [`bad_input`]: errors of inputs with the next step.
 
 use crate::failure::{Failure, MORE_MEMORY, chain, is_out_of_memory};
 use gs_io::cameras::CamerasError;
 use gs_io::frame::FrameError;
 use gs_io::{IoError, SceneKind};
 
-/// What an edited frame may be.
+/// Supported formats of an edited frame.
 const FRAMES: &str = "Formats are recognised by content, not by file name. Export the splats as 3DGS PLY, compressed PLY, .splat, .spz, .sog or .glb.";
 
-/// Converts a reader's error; its message names the file and what was found.
+/// Converts a reader's error, whose message names the file and what was found.
 pub(crate) fn bad_input(error: &IoError) -> Failure {
     let failure = Failure::bad_input(chain(error));
     match error {
@@ -36,7 +36,7 @@ pub(crate) fn bad_input(error: &IoError) -> Failure {
             failure.next("Copy the file again, or export the splats again as a 3DGS PLY.")
         }
         IoError::Splatv { .. } | IoError::Splat4d { .. } => {
-            failure.next("Copy or export the clip again, or give the scene it was made from.")
+            failure.next("Copy or export the clip again, or give the scene from which it was made.")
         }
         IoError::Cameras { .. } => failure.next(
             "Export the file again, or give other cameras; c4d info PATH shows what a file or folder contains.",

@@ -1,5 +1,4 @@
-//! Run folders whose files are damaged: each opens, or is refused with an error; none ends the
-//! process.
+//! Run folders with damaged files: each opens or is refused with an error; none causes a panic.
 
 use super::open;
 use crate::args::{Cli, Command, PresetArg, RefineFlags};
@@ -26,8 +25,8 @@ impl Numbers {
     }
 }
 
-/// Bytes overwritten, digits mostly near the start, where headers are; parts left out or doubled;
-/// the end cut off.
+/// Damages bytes: overwritten bytes and digits, mostly near the start, where headers are; parts
+/// removed or duplicated; truncation.
 fn damaged(bytes: &[u8], numbers: &mut Numbers) -> Vec<u8> {
     let mut bytes = bytes.to_vec();
     for _ in 0..=numbers.next(3) {
@@ -90,7 +89,7 @@ fn damaged_run_folders_are_errors() {
         };
         let outcome = catch_unwind(AssertUnwindSafe(look));
         opened += u64::from(*outcome.as_ref().unwrap_or_else(|_| {
-            panic!("{name}, seed {tried}: a damaged run folder ends the process")
+            panic!("{name}, seed {tried}: a damaged run folder causes a panic")
         }));
         fs::write(run.join(name), sound).unwrap();
         tried += 1;

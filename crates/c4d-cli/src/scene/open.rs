@@ -1,4 +1,4 @@
-//! Opening SCENE: a dynamic scene of any kind, or a run of ours.
+//! Opening SCENE: a dynamic scene of any kind, or a run.
 
 use super::{Opened, Run, UP_CAPTURED, bad_input};
 use crate::args::Global;
@@ -13,10 +13,10 @@ use gs_io::{IoError, SceneKind};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// What a scene may be.
+/// Supported scenes.
 const SCENES: &str = "SCENE is a trained scene (model folder, checkpoint or PLY of 4DGaussians, Swift4D, Deformable-3D-Gaussians, SC-GS, Grid4D, DASH, E-D3DGS, native 4D Gaussians, FreeTimeGS, Spacetime Gaussians or Dynamic 3D Gaussians), numbered frames in a folder or zip archive, a .splatv, .splat4d or .4dgs clip, or a run folder.";
 
-/// Opens a scene and reports what was found odd about it.
+/// Opens a scene and reports warnings about it.
 pub(crate) fn open(path: &Path, global: &Global, console: &Console) -> Outcome<Opened> {
     if global.iteration.is_some() || !global.set.is_empty() {
         refuse_model_flags(path, global.iteration)?;
@@ -24,8 +24,7 @@ pub(crate) fn open(path: &Path, global: &Global, console: &Console) -> Outcome<O
     open_within(path, &[], global, console)
 }
 
-/// Flags that only trained scenes have, given for something else, are an error: otherwise they
-/// would be ignored silently.
+/// Refuses flags of model folders for other inputs, where they would have no effect.
 pub(crate) fn refuse_model_flags(path: &Path, iteration: Option<u64>) -> Outcome {
     match gs_io::detect(path) {
         Ok(SceneKind::PlySequence) if iteration.is_none() => Ok(()),
@@ -33,12 +32,12 @@ pub(crate) fn refuse_model_flags(path: &Path, iteration: Option<u64>) -> Outcome
             "--iteration and --set apply to model folders (a sequence takes --set axes=…); {} is not one ({kind})",
             path.display()
         ))
-        .next("Leave them out. A run records those of its source.")),
+        .next("Omit them. A run records those of its source.")),
         _ => Ok(()),
     }
 }
 
-/// As [`open`], for the source of runs: `runs` are the run folders on the way, outermost first.
+/// As [`open`], for the source of runs: `runs` are the enclosing run folders, outermost first.
 fn open_within(
     path: &Path,
     runs: &[PathBuf],
@@ -52,7 +51,7 @@ fn open_within(
         kind if kind.is_dynamic() => open_dynamic(path, &kind, global, console),
         SceneKind::RunFolder => open_edited(path, runs, global, console),
         kind @ SceneKind::Model3dgs => Err(Failure::bad_input(format!(
-            "{} is a {kind}: no save of it has a deformation",
+            "{} is a {kind}: none of its saves has a deformation",
             path.display()
         ))
         .next(format!(
@@ -60,14 +59,14 @@ fn open_within(
             path.display()
         ))),
         kind if kind.is_frame() => Err(Failure::bad_input(format!(
-            "{} is a single frame ({kind}): it does not move",
+            "{} is a single frame ({kind}), expected a dynamic scene",
             path.display()
         ))
         .next(format!(
             "Give the dynamic scene here; c4d propagate SCENE --edited takes the frame, c4d render shows it. {SCENES}"
         ))),
         SceneKind::Cameras(format) => Err(Failure::bad_input(format!(
-            "{} holds cameras ({format}) and no splats",
+            "{} contains cameras ({format}) but no splats",
             path.display()
         ))
         .next("Give the model trained on it as SCENE, and this path with --cameras.")),
@@ -92,7 +91,7 @@ fn open_dynamic(
     let options = open_options(global, kind)?;
     let has_training_flags = matches!(kind, SceneKind::Model4dgs | SceneKind::Swift4d);
     let opened = gs_io::open_scene_as(path, kind, &options).map_err(|error| match &error {
-        // The file is there, so flags decide.
+        // The file exists, so flags are the next step.
         IoError::Content { path, .. } if has_training_flags && path.is_file() => bad_input(&error)
             .next("Give flags as --set FLAG=VALUE, repeated for several; c4d --help lists them."),
         _ => bad_input(&error),

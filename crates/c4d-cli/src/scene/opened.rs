@@ -1,4 +1,4 @@
-//! [`Opened`]: a scene with what its files say about it.
+//! [`Opened`]: a scene with the metadata of its files.
 
 use crate::passes::Mask;
 use gs_core::DynamicScene;
@@ -9,35 +9,35 @@ use std::sync::Arc;
 /// Captured scenes: y points down.
 pub(crate) const UP_CAPTURED: [f64; 3] = [0.0, -1.0, 0.0];
 
-/// A scene ready to be asked for any time.
+/// An opened scene.
 #[derive(Debug)]
 pub(crate) struct Opened {
     /// The scene itself.
     pub(crate) scene: Arc<dyn DynamicScene>,
-    /// The scene's own deformation network with its canonical splats, where it has one.
+    /// The scene's own deformation network with its canonical splats, if it has one.
     pub(crate) network: Option<DeformedModel>,
-    /// What the path is.
+    /// Kind of the path.
     pub(crate) kind: SceneKind,
-    /// As given.
+    /// Path as given.
     pub(crate) path: PathBuf,
     /// The scene before the edit, for runs.
     pub(crate) original: Option<Arc<dyn DynamicScene>>,
-    /// For each splat of a run, the source splat whose geometry it has, moved or not.
+    /// For each splat of a run, the source splat with the same geometry, moved or not.
     pub(crate) source_rows: Option<Vec<Option<u32>>>,
     /// Time of the edited frame: a run's, else the start.
     pub(crate) edit_time: f32,
-    /// The world's upward direction, as far as the files tell.
+    /// The world's upward direction, according to the files.
     pub(crate) up: [f64; 3],
-    /// Frames per second of the clip, where its files note them.
+    /// Frames per second of the clip, if its files store them.
     pub(crate) fps: Option<f64>,
-    /// Background the model was trained with, else black.
+    /// Background used in the model's training, else black.
     pub(crate) background: [f32; 3],
-    /// Which pixels are artifacts: as a run was refined, else as usual.
+    /// Parameters of the artifact mask: those of the run's refinement, else the defaults.
     pub(crate) mask: Mask,
-    /// Facts to show, name and value.
+    /// Properties for display: name and value.
     pub(crate) facts: Vec<(&'static str, String)>,
-    /// Folders the scene is read from, sources of runs included.
+    /// Folders from which the scene is read, including sources of runs.
     pub(crate) roots: Vec<PathBuf>,
-    /// Files whose content decides what the scene is, for fingerprints.
+    /// Files whose content determines the scene, for fingerprints.
     pub(crate) files: Vec<PathBuf>,
 }

@@ -1,4 +1,4 @@
-//! What is said of damaged rows.
+//! Messages about damaged rows.
 
 use crate::args::Global;
 use crate::console::Console;
@@ -6,7 +6,7 @@ use crate::model_flags::damage;
 use gs_io::repair::{Damage, RepairReport};
 use std::path::Path;
 
-/// Says what was done with damaged rows and with infinities that have a meaning.
+/// Reports the treatment of damaged rows and of meaningful infinities.
 pub(crate) fn say_repair(path: &Path, report: RepairReport, global: &Global, console: &Console) {
     if let Some(warning) = report.warning(damage(global) == Damage::Drop) {
         console.warn(format!("{}: {warning}", path.display()));

@@ -17,7 +17,7 @@ pub(crate) struct Run {
 }
 
 impl Run {
-    /// The edited scene; with its refined colours, if it has any and they are wanted.
+    /// The edited scene; with its refined colours if it has any and `refined` is true.
     pub(crate) fn scene(&self, path: &Path, refined: bool) -> Outcome<EditedScene> {
         let Stored { edited, binding, .. } = &self.stored;
         let rows = self.stored.refined.as_ref().filter(|_| refined);

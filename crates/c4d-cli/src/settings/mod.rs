@@ -1,8 +1,8 @@
 //! Configuration files (`--config`): any part of the `c4d.toml` that a run folder records.
 //!
-//! A flag of the command line wins over the file, the file over the preset. Keys that say what a
-//! run read and found (paths, fingerprints, version, device) are accepted and change nothing, so
-//! that a record is a configuration.
+//! A flag of the command line wins over the file, the file over the preset. Keys that describe the
+//! inputs and results of a run (paths, fingerprints, version, device) are accepted and ignored, so
+//! that the record of a run is a valid configuration.
 
 mod motion;
 mod refinement;
@@ -19,7 +19,7 @@ use clap::ValueEnum;
 use serde::Deserialize;
 use std::path::{Path, PathBuf};
 
-/// A configuration file; what it leaves out keeps the preset's value.
+/// A configuration file; missing keys have the preset's values.
 #[derive(Debug, Clone, Default, PartialEq, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub(crate) struct Settings {
@@ -44,7 +44,7 @@ pub(crate) struct Settings {
     rotation: Option<String>,
     scale: Option<String>,
     appearance: Option<bool>,
-    /// What a run found; not an option.
+    /// Result of a run, ignored.
     rotation_prior: Option<f32>,
     fading: Option<bool>,
     anchors: Option<AnchorSettings>,
@@ -53,12 +53,12 @@ pub(crate) struct Settings {
     /// Parameters of the default guide.
     regions: Option<MotionParams>,
     refine: Option<RefineSettings>,
-    /// Where it was read from, for messages.
+    /// Path of the file, for messages.
     #[serde(skip)]
     path: PathBuf,
 }
 
-/// What `c4d propagate` is asked to do: flags, configuration and preset together.
+/// Options of `c4d propagate`: flags, configuration and preset combined.
 #[derive(Debug, Clone)]
 #[expect(
     clippy::struct_excessive_bools,
@@ -105,7 +105,7 @@ impl Settings {
         self.refine.clone().unwrap_or_default().read_from(&self.path)
     }
 
-    /// Whether this is the record of a run without refinement: repeating it does without, too.
+    /// Whether this is the record of a run without refinement, which is repeated without it.
     fn records_no_refinement(&self) -> bool {
         self.source_sha256.is_some() && self.refine.is_none()
     }
@@ -126,7 +126,7 @@ impl Settings {
         )))
     }
 
-    /// Puts flags, file and preset together.
+    /// Combines flags, file and preset.
     pub(crate) fn job(self, args: &PropagateArgs) -> Outcome<PropagateJob> {
         let preset = match (args.preset, self.preset.as_deref()) {
             (Some(preset), _) => preset,
@@ -183,14 +183,14 @@ impl Settings {
         })
     }
 
-    /// Changes the options that the file names.
+    /// Sets the options given in the file.
     pub(crate) fn apply(&self, options: &mut MotionOptions) -> Outcome {
         let unused = |section: &str, applies: &str| {
             Err(Failure::bad_input(format!(
                 "{}: [{section}] applies to {applies} only",
                 self.path.display()
             ))
-            .next(format!("Leave [{section}] out, or choose {applies}.")))
+            .next(format!("Omit [{section}], or choose {applies}.")))
         };
         match (&mut options.guide, &self.anchors, &self.transport) {
             (MotionGuide::Paper(params), anchors, transport) => {

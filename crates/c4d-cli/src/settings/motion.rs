@@ -11,7 +11,7 @@ use std::path::Path;
 pub(crate) struct AnchorSettings {
     /// `lines` or `farthest-points`.
     sampling: Option<String>,
-    /// Nearest neighbours that join a splat.
+    /// Number of nearest neighbours connected to a splat.
     k: Option<usize>,
     /// `disjoint` or `overlapping`.
     grouping: Option<String>,
@@ -43,7 +43,7 @@ pub(crate) struct TransportSettings {
     cutoff: Option<f64>,
     /// Largest last change of a potential, λ0.
     tol: Option<f64>,
-    /// Most sweeps.
+    /// Largest number of sweeps.
     max_sweeps: Option<usize>,
 }
 
@@ -51,7 +51,7 @@ pub(crate) struct TransportSettings {
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub(crate) struct KnnSettings {
-    /// Source splats averaged.
+    /// Number of averaged source splats.
     k: Option<usize>,
 }
 
@@ -111,7 +111,7 @@ impl AnchorSettings {
             (None | Some("fixed"), Some(radius)) => Radius::Fixed(radius),
             (Some("fixed"), None) => return wrong("radius", "missing", "δ in world units"),
             (Some("global" | "local"), Some(radius)) => {
-                return wrong("radius", &radius.to_string(), "nothing beside this radius_rule");
+                return wrong("radius", &radius.to_string(), "no radius with this radius_rule");
             }
             (Some(other), _) => return wrong("radius_rule", other, "global, local or fixed"),
         };

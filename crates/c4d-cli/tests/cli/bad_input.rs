@@ -1,5 +1,5 @@
-//! Wrong inputs: each ends in an error that names the file and the next step, with its exit code,
-//! and leaves nothing behind.
+//! Invalid inputs: each ends in an error that names the file and the next
+//! step, with its exit code, and without output.
 
 use crate::support::{c4d, failure, fixture, listing, success};
 use gs_core::Splats;
@@ -137,7 +137,7 @@ fn scene_problems() {
     };
     assert!(freeze(&bench.at("nowhere"), 3).contains("nowhere"), "names what is missing");
     let said = freeze(&fixture("synth/edited.ply"), 3);
-    assert!(said.contains("does not move"), "{said}");
+    assert!(said.contains("is a single frame"), "{said}");
     let empty = bench.at("empty");
     fs::create_dir(&empty).unwrap();
     assert!(freeze(&empty, 3).contains("empty"), "names the folder");
@@ -188,7 +188,7 @@ fn usage_problems() {
 }
 
 #[test]
-fn existing_and_foreign_output_is_kept() {
+fn existing_and_unrelated_output_is_kept() {
     let bench = Bench::new();
     let model = fixture("deform4dgs/dnerf_like/model");
     let model = model.to_str().unwrap();
@@ -209,7 +209,7 @@ fn existing_and_foreign_output_is_kept() {
     failure(&mut c4d(arguments), 2);
     assert_eq!(fs::read(&file).unwrap(), b"somebody's film", "kept");
     let unwritable = c4d(["freeze", model, "-o", "/proc/c4d/out"]).output().unwrap();
-    assert_eq!(unwritable.status.code(), Some(1), "an unwritable place");
+    assert_eq!(unwritable.status.code(), Some(1), "an unwritable folder");
 }
 
 #[test]
@@ -310,14 +310,14 @@ fn copy_folder(from: &Path, to: &Path) {
     }
 }
 
-/// Runs a command on a path and expects it to be refused as input; returns what was said.
+/// Runs a command on a path and expects it to be refused as input; returns the messages.
 fn refused(command: &str, path: &Path, more: &[&str]) -> String {
     let path = path.to_str().unwrap();
     failure(c4d([command, path]).args(more), 3)
 }
 
 #[test]
-fn next_steps_name_what_is_there() {
+fn next_steps_name_suitable_paths() {
     let bench = Bench::new();
     let out = bench.at("out");
     let output = ["-o", out.to_str().unwrap()];
@@ -344,7 +344,7 @@ fn next_steps_name_what_is_there() {
     let (_, said) = success(&mut propagate);
     assert!(said.contains("iteration_30000"), "says which frame: {said}");
     fs::remove_dir_all(&out).unwrap();
-    // A folder of an edited frame under another name, and one of a model that moves.
+    // A folder of an edited frame under another name, and one of a dynamic model.
     let edits = bench.at("edits");
     fs::create_dir(&edits).unwrap();
     fs::copy(fixture("synth/edited.ply"), edits.join("hat.ply")).unwrap();

@@ -1,4 +1,4 @@
-//! Cameras of data sets: rendered from, refined from, frozen and named.
+//! Cameras of data sets in render, refine, freeze and info.
 
 use crate::support::{c4d, failure, fixture, listing, success};
 use gs_io::{Existing, ply};
@@ -13,7 +13,7 @@ fn images(folder: &Path) -> Vec<String> {
     listing(folder).into_iter().filter(|name| Path::new(name).extension().is_some()).collect()
 }
 
-/// Renders a 4DGS fixture through the cameras of a fixture; the folder's images and what was said.
+/// Renders a 4DGS fixture through the cameras of a fixture; the folder's images and the messages.
 fn render(model: &str, data: &str, more: &[&str], output: &Path) -> (Vec<String>, String) {
     let scene = text(&fixture("deform4dgs").join(model).join("model"));
     let cameras = text(&fixture("cameras").join(data));
@@ -34,7 +34,7 @@ fn views_are_rendered_at_their_own_times() {
     let all = [small.as_slice(), &["--split", "all"]].concat();
     let (found, said) = render("dnerf_like", "dnerf", &all, &out);
     assert_eq!(found.len(), 5, "train, test and val but for the one beyond the last time");
-    assert!(said.contains("1 of 6 views lie outside"), "and that is said: {said}");
+    assert!(said.contains("1 of 6 views lie outside"), "the message: {said}");
 
     let cam = [small.as_slice(), &["--views", "cam01"]].concat();
     let (found, _) = render("dynerf_like", "dynerf", &cam, &out);
@@ -57,7 +57,7 @@ fn views_are_rendered_at_their_own_times() {
 }
 
 #[test]
-fn readings_differ_where_the_reference_slips() {
+fn readings_differ_where_the_reference_has_sign_errors() {
     let folder = tempfile::tempdir().unwrap();
     let image = |reading: &str| {
         let out = folder.path().join(reading);
@@ -99,10 +99,10 @@ fn refined_from_a_data_set() {
     let flags = ["--refine-size", "24x24", "--refine-frames", "3", "--samples", "6"];
     success(c4d(arguments).args(flags).args(["-g", "cpu"]));
     let config = fs::read_to_string(at("run/c4d.toml")).unwrap();
-    assert!(config.contains("cameras/dynerf"), "the cameras are noted: {config}");
+    assert!(config.contains("cameras/dynerf"), "the cameras are recorded: {config}");
     let report = fs::read_to_string(at("run/refine.json")).unwrap();
     let used = report.contains("cam01") && report.contains("cam02");
-    assert!(used && !report.contains("cam00"), "held-out cameras stay out: {report}");
+    assert!(used && !report.contains("cam00"), "held-out cameras are not used: {report}");
 }
 
 #[test]
@@ -123,9 +123,9 @@ fn info_names_data_sets() {
         }
     }
     let model = info(&fixture("deform4dgs/dnerf_like/model"));
-    assert!(model.contains("cameras      none, a rig stands in"), "{model}");
+    assert!(model.contains("cameras      none, a rig is used instead"), "{model}");
     let several = info(&fixture("synth"));
-    assert!(several.contains("source: PLY sequence"), "a folder of several things: {several}");
+    assert!(several.contains("source: PLY sequence"), "a folder with several inputs: {several}");
     let json = success(&mut c4d([
         "info".to_owned(),
         text(&fixture("cameras/hypernerf_split")),
@@ -137,7 +137,7 @@ fn info_names_data_sets() {
 }
 
 #[test]
-fn wrong_cameras_are_refused() {
+fn invalid_cameras_are_refused() {
     let folder = tempfile::tempdir().unwrap();
     let source = text(&fixture("synth/source"));
     let out = text(&folder.path().join("out"));

@@ -59,7 +59,7 @@ fn a_run_is_repeated_from_its_own_record() {
     ] {
         assert!(record.contains(line), "`{line}` is recorded: {record}");
     }
-    // no flag but the record: without --no-refine, too, as the run was not refined
+    // no flag except the record: also without --no-refine, because the run was not refined
     let config = runs[0].join("c4d.toml");
     success(&mut propagate(&runs[1], &["--config", path(&config)]));
     for name in ["c4d.toml", "scene.c4d"] {
@@ -71,7 +71,7 @@ fn a_run_is_repeated_from_its_own_record() {
 }
 
 #[test]
-fn the_default_and_baselines_are_repeated_too() {
+fn the_default_and_baselines_are_repeated() {
     let folder = tempfile::tempdir().unwrap();
     for (name, flags) in [
         ("best", &["--time", "0", "--seed", "3"][..]),
@@ -102,7 +102,7 @@ fn farthest_points_are_an_option() {
 }
 
 #[test]
-fn bad_configurations_are_refused() {
+fn invalid_configurations_are_refused() {
     let folder = tempfile::tempdir().unwrap();
     let (file, run) = (folder.path().join("options.toml"), folder.path().join("run"));
     for (text, expected) in [
@@ -145,7 +145,7 @@ fn bad_configurations_are_refused() {
         let said = failure(&mut propagate(&run, &flags), 3);
         let expected = if expected == "unknown" { "[transport] applies to" } else { expected };
         assert!(said.contains(expected), "{text:?} should mention {expected:?}: {said}");
-        assert!(!run.exists(), "{text:?}: nothing is written");
+        assert!(!run.exists(), "{text:?}: no output is written");
     }
     for (text, expected) in [
         ("[refine]\neta = 2", "eta"),
@@ -156,7 +156,7 @@ fn bad_configurations_are_refused() {
         std::fs::write(&file, text).unwrap();
         let said = failure(&mut propagate(&run, &["--config", path(&file), "--gpu", "cpu"]), 3);
         assert!(said.contains(expected), "{text:?} should mention {expected:?}: {said}");
-        assert!(!run.exists(), "{text:?}: nothing is written");
+        assert!(!run.exists(), "{text:?}: no output is written");
     }
     let said = failure(&mut propagate(&run, &["--config", "/nowhere/c4d.toml"]), 3);
     assert!(said.contains("/nowhere/c4d.toml"), "{said}");

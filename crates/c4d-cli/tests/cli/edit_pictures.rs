@@ -94,7 +94,7 @@ fn pictures_that_do_not_fit_are_refused() {
     let refused = |what: &str| {
         let said = failure(&mut edit(&frame, &views, &output), 3);
         assert!(said.contains(what) && said.contains("next: "), "{what}: {said}");
-        assert!(!output.exists(), "{what}: nothing is written");
+        assert!(!output.exists(), "{what}: no output is written");
         fs::write(&picture, &good).unwrap();
     };
     fs::remove_file(&picture).unwrap();

@@ -1,5 +1,4 @@
-//! Animated exports and loops as users write them; a `.splatv` is a scene again; options that make
-//! no sense are refused.
+//! Animated exports and loops; a `.splatv` is a scene again; options without effect are refused.
 
 use crate::support::{c4d, failure, fixture, success};
 use std::fs;
@@ -12,7 +11,7 @@ fn export<'a>(to: &'a str, output: &'a Path, more: &[&'a str]) -> Vec<String> {
 }
 
 #[test]
-fn every_clip_format_is_written_and_says_what_it_loses() {
+fn every_clip_format_is_written_and_reports_losses() {
     let folder = tempfile::tempdir().unwrap();
     for (to, start, expected) in [
         ("splat4d", &b"SP4D"[..], "within"),
@@ -32,7 +31,7 @@ fn every_clip_format_is_written_and_says_what_it_loses() {
     success(&mut c4d(export("splatv", &path, &["-w"])));
     let clip = path.to_str().unwrap();
     let (out, _) = success(&mut c4d(["info", clip]));
-    assert!(out.contains("animated splats") && out.contains("one cubic per splat"), "{out}");
+    assert!(out.contains("animated splats") && out.contains("cubic"), "{out}");
     let path = folder.path().join("clip.splat4d");
     let up = ["-w", "--frames", "4", "--fps", "12", "--up", "z"];
     success(&mut c4d(export("splat4d", &path, &up)));
@@ -63,7 +62,7 @@ fn every_clip_format_is_written_and_says_what_it_loses() {
 }
 
 #[test]
-fn options_that_make_no_sense() {
+fn options_without_effect_are_refused() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("clip");
     for (to, more, expected) in [
@@ -72,13 +71,13 @@ fn options_that_make_no_sense() {
         ("usda", &["--fps", "NaN"], "--fps"),
         ("splat4d", &["--tolerance", "0"], "--tolerance"),
         ("splatv", &["--tolerance", "NaN"], "--tolerance"),
-        ("usda", &["--tolerance", "0.1"], "--tolerance means nothing for usda"),
+        ("usda", &["--tolerance", "0.1"], "--tolerance does not apply to usda"),
         ("splat4d", &["--force"], "--force"),
         ("splatv", &["--times", "0,7"], "--times 7"),
-        ("spz", &["--frames", "3"], "--frames means nothing for spz"),
-        ("html", &["--time", "0.5"], "--time means nothing for html"),
-        ("splatv", &["--sh-degree", "1"], "--sh-degree above 0 means nothing for splatv"),
-        ("zip", &["--title", "A walk"], "it is for html"),
+        ("spz", &["--frames", "3"], "--frames does not apply to spz"),
+        ("html", &["--time", "0.5"], "--time does not apply to html"),
+        ("splatv", &["--sh-degree", "1"], "--sh-degree above 0 does not apply to splatv"),
+        ("zip", &["--title", "A walk"], "it applies to html"),
     ] {
         let said = failure(&mut c4d(export(to, &path, more)), 2);
         assert!(said.contains(expected), "{to} {more:?}: {said}");
@@ -92,11 +91,11 @@ fn options_that_make_no_sense() {
     fs::write(&broken, [0x4b, 0x67, 0, 0, 255, 255, 255, 255]).unwrap();
     let said = failure(c4d(["info"]).arg(&broken), 3);
     assert!(said.contains("broken.splatv") && said.contains("header"), "{said}");
-    assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1, "nothing else is left");
+    assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1, "nothing else remains");
 }
 
 #[test]
-fn the_name_says_the_format() {
+fn the_name_implies_the_format() {
     let folder = tempfile::tempdir().unwrap();
     let source = fixture("synth/source");
     let source = source.to_str().unwrap();
@@ -109,7 +108,7 @@ fn the_name_says_the_format() {
 }
 
 #[test]
-fn info_names_what_only_comes_out() {
+fn info_names_formats_that_are_only_written() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("clip.usda");
     success(&mut c4d(export("usda", &path, &["--frames", "2"])));
@@ -131,7 +130,7 @@ fn info_names_what_only_comes_out() {
 }
 
 #[test]
-fn a_manifest_lies_beside_a_sequence() {
+fn a_manifest_is_beside_a_sequence() {
     let folder = tempfile::tempdir().unwrap();
     let times = ["--times", "0,0.25,1", "--fps", "12.5"];
     for (to, name) in [("ply-seq", "frames"), ("compressed-seq", "small"), ("zip", "frames.zip")] {
@@ -151,7 +150,7 @@ fn a_manifest_lies_beside_a_sequence() {
         assert!(out.contains("manifest of an exported sequence"), "{out}");
         assert!(found["sh_degree"].as_u64().unwrap() <= 3, "{found}");
 
-        // With its output gone it is in nobody's way, unless it is something else.
+        // A manifest without its output is replaced, but other files are not.
         if output.is_dir() {
             fs::remove_dir_all(&output).unwrap();
         } else {
@@ -161,7 +160,7 @@ fn a_manifest_lies_beside_a_sequence() {
         assert_eq!(read()["num_frames"], 2, "replaced");
         let said = failure(&mut c4d(export(to, &output, &["--frames", "4"])), 2);
         assert!(said.contains(&format!("{name} already exists")), "{said}");
-        assert_eq!(read()["num_frames"], 2, "as it was");
+        assert_eq!(read()["num_frames"], 2, "unchanged");
         let other = folder.path().join(format!("other_{name}.manifest.json"));
         fs::write(&other, "{\"kind\": \"of my own\"}").unwrap();
         let unwritten = folder.path().join(format!("other_{name}"));
@@ -171,7 +170,7 @@ fn a_manifest_lies_beside_a_sequence() {
     }
     let names: Vec<_> = fs::read_dir(folder.path()).unwrap().flatten().collect();
     let records = [".frames.c4d-files", ".small.c4d-files"].map(|name| folder.path().join(name));
-    assert!(records.iter().all(|record| record.is_file()), "what was written is noted: {names:?}");
+    assert!(records.iter().all(|record| record.is_file()), "the output is recorded: {names:?}");
     assert_eq!(names.len(), 6 + 2, "an output and a manifest each, nothing else: {names:?}");
     let mut frames = fs::read_dir(folder.path().join("frames")).unwrap().flatten();
     assert!(frames.all(|entry| entry.path().extension().unwrap() == "ply"), "frames alone");

@@ -1,5 +1,5 @@
-//! Edited frames in the formats that editors write: what only the format changed moves exactly as
-//! it did.
+//! Edited frames in lossy formats: splats that differ only by the
+//! format's rounding keep their exact motion.
 
 use crate::support::{c4d, failure, fixture, listing, success};
 use gs_core::Splats;
@@ -54,12 +54,12 @@ fn untouched_frames_of_lossy_formats_move_like_the_source() {
         for (t, (found, truth)) in
             exported(&at("run"), &at("out")).iter().zip(&original).enumerate()
         {
-            // Rows of compressed PLY have another order; every value is the source's own, at the
-            // edit time, too.
+            // Rows of compressed PLY have another order; every value
+            // equals the source's, also at the edit time.
             assert_eq!(sorted(found), sorted(truth), "{format}, frame {t}: bit for bit");
         }
     }
-    // A run is a source again, and a zip of frames is one, too.
+    // A run and a zip of frames can be sources.
     let run = at("run");
     let again = at("again");
     success(&mut c4d([
@@ -83,7 +83,7 @@ fn untouched_frames_of_lossy_formats_move_like_the_source() {
 }
 
 #[test]
-fn edits_in_lossy_formats_are_seen() {
+fn edits_in_lossy_formats_are_detected() {
     let folder = tempfile::tempdir().unwrap();
     let at = |name: &str| folder.path().join(name);
     let source = fixture("synth/source");
@@ -115,7 +115,7 @@ fn one_frame_as_ply_is_exact() {
     success(&mut c4d(["export", path(&source), "--time", "1", "-o", path(&file)]));
     let read = ply::read_file(&file).unwrap();
     assert_eq!(read.splats, frames[2], "every bit of the last frame");
-    assert!(read.has_normals, "as older readers need it");
+    assert!(read.has_normals, "as required by older readers");
     let again = ["export", path(&source), "--time", "1", "--no-normals", "-w", "-o", path(&file)];
     success(&mut c4d(again));
     assert!(!ply::read_file(&file).unwrap().has_normals, "unless asked");
@@ -128,7 +128,8 @@ fn axes_are_those_in_which_the_frame_matches() {
     let source = fixture("synth/source");
     let original = exported(&source, &at("original")).swap_remove(0);
     let unchanged = format!("{} unchanged (exact), 0 recoloured", original.len());
-    // A glTF whose data are in the axes of a PLY: read as glTF is specified, it is half a turn off.
+    // A glTF whose data are in the axes of a PLY: with the axes of the
+    // specification, it would be rotated by 180°.
     let mut bytes = Vec::new();
     gltf::write(&original, &gltf::WriteOptions::default(), &mut bytes).unwrap();
     let turned = frame::read(&bytes).unwrap().in_axes(Axes::PLY).splats;
@@ -138,7 +139,7 @@ fn axes_are_those_in_which_the_frame_matches() {
     let said = propagate(&source, &file, &at("run"));
     assert!(said.contains("axes read as RDF (x right, y down, z front)"), "{said}");
     assert!(said.contains(&unchanged), "{said}");
-    // Forced, rightly and wrongly.
+    // Forced to the right and to the wrong axes.
     let forced = |axes: &str| {
         let run = at("run");
         let arguments = ["propagate", path(&source), "--edited", path(&file), "-o", path(&run)];
@@ -151,7 +152,7 @@ fn axes_are_those_in_which_the_frame_matches() {
     assert!(said.contains(&unchanged), "{said}");
     let said = String::from_utf8(forced("luf").stderr).unwrap();
     assert!(!said.contains(&unchanged), "{said}");
-    // SPZ of ours names its axes, so nothing is tried.
+    // Our SPZ states its axes, so no others are tried.
     let file = at("ours.spz");
     success(
         c4d(["export", path(&source), "--spz-axes", "ply", "-o", path(&file)])
@@ -159,7 +160,7 @@ fn axes_are_those_in_which_the_frame_matches() {
     );
     let said = propagate(&source, &file, &at("run"));
     assert!(said.contains(&unchanged) && !said.contains("axes read as"), "{said}");
-    // A file by itself: what is assumed is said.
+    // A single file: the assumption is reported.
     let (text, _) = success(&mut c4d(["info", path(&fixture("frames/frame_v3.spz"))]));
     assert!(text.contains("read as RUB (x right, y up, z back)"), "{text}");
     let (text, _) = success(&mut c4d(["info", path(&file)]));
@@ -174,18 +175,21 @@ fn axes_are_those_in_which_the_frame_matches() {
         c4d(["export", path(&source), "--spz-axes", "ply", "-o", path(&at("no.glb"))]).args(["-q"]),
         2,
     );
-    assert!(said.contains("--spz-axes means nothing for glb"), "{said}");
+    assert!(said.contains("--spz-axes does not apply to glb"), "{said}");
 }
 
 #[test]
-fn info_names_frames_and_what_they_are_not() {
+fn info_shows_frames_and_scenes_refuse_them() {
     let (text, _) = success(&mut c4d(["info", path(&fixture("frames/frame_v4.spz"))]));
     assert!(text.contains("SPZ version 4") && text.contains("rotations within"), "{text}");
     let (text, _) = success(&mut c4d(["info", path(&fixture("frames/frame.sog"))]));
     assert!(text.contains("SOG") && text.contains("sh_degree    3"), "{text}");
     let still = fixture("frames/frame.sog");
     let said = failure(&mut c4d(["export", path(&still), "--to", "html", "-o", "unwritten"]), 3);
-    assert!(said.contains("does not move") && said.contains("propagate SCENE --edited"), "{said}");
+    assert!(
+        said.contains("is a single frame") && said.contains("propagate SCENE --edited"),
+        "{said}"
+    );
     let folder = tempfile::tempdir().unwrap();
     let clip = folder.path().join("clip");
     fs::write(&clip, b"glTF and so on").unwrap();

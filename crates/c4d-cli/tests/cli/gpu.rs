@@ -1,5 +1,5 @@
-//! `--gpu`: adapters that are not there, no driver at all, and the same refinement on an adapter as
-//! on the CPU. Needs a Vulkan driver, be it in software; without one these tests fail.
+//! `--gpu`: missing adapters, missing drivers, and the same refinement on an adapter as on the CPU.
+//! Needs a Vulkan driver, which may be a software one; without one these tests fail.
 
 use crate::main_job::recoloured;
 use crate::support::{c4d, failure, fixture, success};
@@ -20,7 +20,7 @@ fn devices_that_do_not_exist_are_refused_with_the_next_step() {
         let said = failure(c4d([command, "-g", "999"]).current_dir(folder.path()), 4);
         assert!(said.contains("adapter 999 does not exist, expected 0"), "{said}");
         assert!(said.contains("next: c4d doctor lists the adapters"), "{said}");
-        assert!(std::fs::read_dir(folder.path()).unwrap().next().is_none(), "nothing is written");
+        assert!(std::fs::read_dir(folder.path()).unwrap().next().is_none(), "no output is written");
     }
     let said = failure(&mut c4d(["doctor", "--gpu", "cuda"]), 2);
     assert!(said.contains("unknown device `cuda`: expected auto, cpu or the number"), "{said}");
@@ -28,7 +28,7 @@ fn devices_that_do_not_exist_are_refused_with_the_next_step() {
 
 #[test]
 #[cfg(target_os = "linux")]
-fn without_a_driver_the_cpu_renders_unless_an_adapter_was_asked_for() {
+fn without_a_driver_the_cpu_renders_unless_an_adapter_was_requested() {
     let (told, _) = success(c4d(["doctor"]).envs(NO_DRIVER));
     assert!(
         told.contains("CPU, ") && told.contains("no graphics adapter found; none is needed"),
@@ -39,10 +39,10 @@ fn without_a_driver_the_cpu_renders_unless_an_adapter_was_asked_for() {
     assert!(said.contains("--gpu cpu works without one"), "{said}");
 }
 
-/// Drivers' complaints about a missing desktop session are not ours to pass on.
+/// Drivers' errors about a missing desktop session are suppressed.
 #[test]
 #[cfg(target_os = "linux")]
-fn without_a_desktop_nothing_is_said_about_it() {
+fn without_a_desktop_no_driver_errors_are_printed() {
     let mut command = c4d(["doctor", "-g", "0"]);
     let (told, said) = success(command.env_remove("NODEVICE_SELECT").env_remove("XDG_RUNTIME_DIR"));
     assert_eq!(said, "", "standard error");
@@ -50,7 +50,7 @@ fn without_a_desktop_nothing_is_said_about_it() {
 }
 
 #[test]
-fn refinement_on_an_adapter_is_that_on_the_cpu() {
+fn refinement_on_an_adapter_equals_that_on_the_cpu() {
     let folder = tempfile::tempdir().unwrap();
     let at = |name: &str| folder.path().join(name);
     let model = fixture("deform4dgs/dynerf_like/model");

@@ -1,4 +1,4 @@
-//! `c4d export --to html`. What the page shows is tested in `gs-player`, in a browser.
+//! `c4d export --to html`. The page itself is tested in a browser in `gs-player`.
 
 use crate::support::{c4d, failure, fixture, success};
 
@@ -15,7 +15,7 @@ fn a_run_becomes_one_page_with_both_scenes() {
         success(&mut c4d(["export", &run, "--to", "html", "--frames", "3", "-o", &page]));
     assert!(out.contains("first_walk.html"), "names the file: {out}");
     assert!(said.contains("before the edit and") && said.contains("the same"), "counts: {said}");
-    assert!(said.contains("positions are within"), "says what is lost: {said}");
+    assert!(said.contains("positions are within"), "reports losses: {said}");
     let text = std::fs::read_to_string(&page).unwrap();
     assert!(text.contains("<title>First walk</title>"), "title from the name");
     assert!(text.contains("src=\"data:image/jpeg;base64,"), "a poster");
@@ -25,7 +25,7 @@ fn a_run_becomes_one_page_with_both_scenes() {
     );
     assert!(text.trim_end().ends_with("</html>"), "complete");
 
-    // A scene that is not a run has nothing to compare; one frame is a still.
+    // A scene that is not a run has no comparison; one frame is a still image.
     let still = path("still.html");
     let arguments =
         ["export", source, "--to", "html", "--frames", "1", "--title", "A & B", "-o", &still];
@@ -37,7 +37,7 @@ fn a_run_becomes_one_page_with_both_scenes() {
 }
 
 #[test]
-fn pages_refuse_what_other_exports_refuse() {
+fn pages_refuse_invalid_inputs_like_other_exports() {
     let folder = tempfile::tempdir().unwrap();
     let page = folder.path().join("page.html");
     let page = page.to_str().unwrap();

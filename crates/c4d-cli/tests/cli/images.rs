@@ -1,6 +1,6 @@
-//! What `c4d render` writes, decoded here from the byte layouts: EXR, NumPy, Middlebury and PNG
-//! files show the same values, and the samples of an MP4, taken out of its boxes, decode to the
-//! same pictures.
+//! Output of `c4d render`, decoded independently from the byte layouts: EXR, NumPy,
+//! Middlebury and PNG files have the same values, and the samples of an MP4,
+//! extracted from its boxes, decode to the same images.
 
 use crate::support::{c4d, fixture, success};
 use std::fs;
@@ -109,7 +109,7 @@ fn channel(values: &[f32], channels: usize, which: usize) -> Vec<f32> {
 }
 
 #[test]
-fn stills_of_every_format_show_the_same_values() {
+fn stills_of_every_format_have_the_same_values() {
     let folder = tempfile::tempdir().unwrap();
     let at = |name: &str| folder.path().join(name);
     let passes = ["--passes", "rgb,depth,flow", "--format"];
@@ -129,7 +129,7 @@ fn stills_of_every_format_show_the_same_values() {
             }
         }
         let (_, rgb) = npy(&at(&format!("npy/rgb/{frame}.npy")));
-        assert!(rgb.iter().any(|&value| value > 0.3), "something is seen");
+        assert!(rgb.iter().any(|&value| value > 0.3), "the scene is visible");
         let png = image::open(at(&format!("png/rgb/{frame}.png"))).unwrap().to_rgb8();
         assert_eq!((png.width(), png.height()), (64, 48), "size");
         for (byte, value) in png.as_raw().iter().zip(&rgb) {
@@ -150,8 +150,8 @@ fn stills_of_every_format_show_the_same_values() {
         }
     }
     let still = |frame: &str| npy(&at(&format!("npy/flow/{frame}.npy"))).1;
-    assert!(still("00000").iter().all(|&value| value == 0.0), "nothing moved at the edit's time");
-    assert!(still("00001").iter().any(|&value| value.abs() > 0.5), "later something did");
+    assert!(still("00000").iter().all(|&value| value == 0.0), "no motion at the edit's time");
+    assert!(still("00001").iter().any(|&value| value.abs() > 0.5), "motion at a later time");
 }
 
 /// The content of the box `path` within `bytes`, big-endian sizes.
@@ -210,7 +210,7 @@ fn mp4_samples(bytes: &[u8]) -> Vec<Vec<u8>> {
 }
 
 #[test]
-fn videos_decode_to_the_pictures() {
+fn videos_decode_to_the_images() {
     use openh264::formats::YUVSource;
     let folder = tempfile::tempdir().unwrap();
     let at = |name: &str| folder.path().join(name);
@@ -225,7 +225,7 @@ fn videos_decode_to_the_pictures() {
     let mut decoder = openh264::decoder::Decoder::new().unwrap();
     let mut decoded = Vec::new();
     for sample in &samples {
-        let picture = decoder.decode(sample).unwrap().expect("a picture for every sample");
+        let picture = decoder.decode(sample).unwrap().expect("an image for every sample");
         assert_eq!(picture.dimensions(), SIZE, "size");
         let mut rgb = vec![0; 3 * SIZE.0 * SIZE.1];
         picture.write_rgb8(&mut rgb);

@@ -1,5 +1,5 @@
-//! Looking before the long job: stills of edited frames, dry runs, how long videos last, what the
-//! help lists.
+//! Previews and help: stills of edited frames, dry runs,
+//! durations of videos, flags listed by the help.
 
 use crate::support::{c4d, failure, fixture, listing, success};
 use gs_io::{Existing, ply};
@@ -24,7 +24,7 @@ fn a_frame_of_any_format_is_rendered_as_a_still() {
     success(c4d(["render", path(&edited), "-o", path(&at("a.png"))]).args(small));
     let (width, height, still) = pixels(&at("a.png"));
     assert_eq!((width, height), (96, 72), "one image, not a sheet of sixty");
-    assert!(still.iter().filter(|pixel| pixel[0] > 60).count() > 500, "something is seen");
+    assert!(still.iter().filter(|pixel| pixel[0] > 60).count() > 500, "the scene is visible");
     success(c4d(["render", path(&edited), "-o", path(&at("stills"))]).args(small));
     assert_eq!(listing(&at("stills")), ["rgb/00000.png"], "one frame in a folder");
 
@@ -39,16 +39,16 @@ fn a_frame_of_any_format_is_rendered_as_a_still() {
         let png = at(&format!("{name}.png"));
         success(c4d(["render", path(&frame), "--up", "y", "-o", path(&png)]).args(small));
         let (_, _, found) = pixels(&png);
-        assert!(found.iter().filter(|pixel| pixel[0] > 60).count() > 500, "{name} is seen");
+        assert!(found.iter().filter(|pixel| pixel[0] > 60).count() > 500, "{name} is visible");
     }
-    // Walked around, a still has frames.
+    // With an orbit, a still has several frames.
     let orbit = ["render", path(&edited), "--cameras", "orbit", "--frames", "3"];
     success(c4d(orbit).args(["-o", path(&at("orbit"))]).args(small));
     assert_eq!(listing(&at("orbit")).len(), 3, "three frames of a turn");
 }
 
 #[test]
-fn stills_of_what_is_no_frame_are_refused() {
+fn stills_of_other_files_are_refused() {
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().join("a.png");
     let text = folder.path().join("a.ply");
@@ -57,7 +57,7 @@ fn stills_of_what_is_no_frame_are_refused() {
     failure(&mut c4d(["render", "missing.ply", "-o", path(&out)]), 3);
     let edited = fixture("synth/edited.ply");
     failure(&mut c4d(["render", path(&edited), "--side-by-side", "-o", path(&out)]), 2);
-    assert!(!out.exists(), "nothing is written");
+    assert!(!out.exists(), "no output is written");
 }
 
 /// The edit: some splats recoloured, some removed, some added.
@@ -87,7 +87,7 @@ fn dry_run(folder: &Path, more: &[&str]) -> assert_cmd::Command {
 }
 
 #[test]
-fn a_dry_run_counts_and_shows_what_changed_and_writes_nothing_else() {
+fn a_dry_run_counts_and_shows_changes_and_writes_nothing_else() {
     let folder = tempfile::tempdir().unwrap();
     let run = folder.path().join("run");
     let (said, _) = success(&mut dry_run(folder.path(), &["-o", path(&run)]));
@@ -113,9 +113,9 @@ fn a_dry_run_counts_and_shows_what_changed_and_writes_nothing_else() {
     let green: fn(&[u8; 3]) -> bool = |p| p[1] > 100 && p[1] > p[0] + 60 && p[1] > p[2] + 50;
     let red: fn(&[u8; 3]) -> bool = |p| p[0] > 100 && p[0] > p[1] + 70 && p[0] > p[2] + 60;
     assert!(in_panel(2, green) > 20, "new splats are green: {}", in_panel(2, green));
-    assert!(in_panel(2, red) > 5, "gone ones red: {}", in_panel(2, red));
+    assert!(in_panel(2, red) > 5, "removed ones are red: {}", in_panel(2, red));
 
-    // A second one replaces the picture only when asked to; a name may be given.
+    // A second run replaces the image only with -w; a name may be given.
     failure(&mut dry_run(folder.path(), &["-o", path(&run)]), 2);
     success(&mut dry_run(folder.path(), &["-o", path(&run), "-w"]));
     let named = folder.path().join("look.png");
@@ -150,13 +150,16 @@ fn fewer_frames_do_not_mean_faster_action() {
         assert!(near(secs, 0.1), "{frames} frames last {secs} s");
     }
     let (secs, said) = render("long.mp4", &["--frames", "6", "--duration", "3"]);
-    assert!(near(secs, 3.0) && said.contains("6 frames at 2 a second, 3.0 s"), "{secs} s: {said}");
+    assert!(
+        near(secs, 3.0) && said.contains("6 frames at 2 per second, 3.0 s"),
+        "{secs} s: {said}"
+    );
     let (secs, _) = render("rate.mp4", &["--duration", "2", "--fps", "5"]);
     assert!(near(secs, 2.0), "{secs} s");
     let (secs, _) = render("both.mp4", &["--frames", "8", "--fps", "4"]);
     assert!(near(secs, 2.0), "{secs} s");
 
-    // An exported sequence notes its rate, and its clip lasts as long as it says.
+    // An exported sequence stores its rate, and its clip has that duration.
     let slow = folder.path().join("slow");
     let export = ["export", path(&source), "--to", "ply-seq", "--frames", "4", "--duration", "2"];
     success(c4d(export).args(["-o", path(&slow)]));
@@ -169,7 +172,7 @@ fn fewer_frames_do_not_mean_faster_action() {
 }
 
 #[test]
-fn contradictory_and_useless_times_are_refused() {
+fn contradictory_and_ineffective_times_are_refused() {
     let folder = tempfile::tempdir().unwrap();
     let source = fixture("synth/source");
     let refused = |more: &[&str], name: &str, expected: &str| {
@@ -177,7 +180,7 @@ fn contradictory_and_useless_times_are_refused() {
         let mut command = c4d(["render", path(&source), "--size", "32x32", "-o", path(&out)]);
         let said = failure(command.args(more), 2);
         assert!(said.contains(expected), "{more:?}: {said}");
-        assert!(!out.exists(), "nothing is written");
+        assert!(!out.exists(), "no output is written");
     };
     let three = ["--frames", "3", "--fps", "5", "--duration", "2"];
     refused(&three, "a.mp4", "any two determine the third");
@@ -185,19 +188,19 @@ fn contradictory_and_useless_times_are_refused() {
     refused(&["--duration", "-1"], "a.mp4", "expected seconds");
     refused(&["--duration", "nan"], "a.mp4", "expected seconds");
     refused(&["--fps", "0"], "a.mp4", "--fps 0: expected above 0");
-    refused(&["--frames", "5000"], "a.mp4", "a second, players take at most 1000");
+    refused(&["--frames", "5000"], "a.mp4", "per second, players accept at most 1000");
     refused(&["--fps", "12"], "stills", "are for videos");
 }
 
 #[test]
-fn flags_that_would_do_nothing_are_refused() {
+fn flags_without_effect_are_refused() {
     let folder = tempfile::tempdir().unwrap();
     let (source, cameras) = (fixture("synth/source"), fixture("cameras/dnerf"));
     let out = folder.path().join("out");
     let refused = |command: &[&str], expected: &str| {
         let said = failure(c4d(command).args([path(&source), "-o", path(&out)]), 2);
         assert!(said.contains(expected), "{command:?}: {said}");
-        assert!(!out.exists(), "nothing is written");
+        assert!(!out.exists(), "no output is written");
     };
     let given = ["--cameras", path(&cameras), "--up", "y"];
     refused(&[&["render"], &given[..]].concat(), "--up applies to front, orbit and spiral only");
@@ -211,7 +214,7 @@ fn flags_that_would_do_nothing_are_refused() {
 }
 
 #[test]
-fn the_help_lists_what_a_command_uses_and_no_more() {
+fn the_help_lists_exactly_the_flags_of_a_command() {
     let help = |command: &[&str]| success(c4d(command).arg("--help")).0;
     let flags = ["--overwrite", "--gpu", "--iteration", "--set", "--no-progress", "--strict"];
     let expected: [(&[&str], [bool; 6]); 9] = [
@@ -232,7 +235,7 @@ fn the_help_lists_what_a_command_uses_and_no_more() {
             assert_eq!(listed, used, "{command:?} {flag}");
         }
     }
-    // What is not listed is not taken either.
+    // Flags that are not listed are not accepted.
     let said = failure_of_usage(&["doctor", "-w"]);
     assert!(said.contains("unexpected argument"), "{said}");
 }

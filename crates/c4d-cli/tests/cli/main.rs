@@ -1,4 +1,4 @@
-//! `c4d` as users run it: the main job end to end, and wrong inputs.
+//! `c4d` on the command line: the main workflow end to end, and invalid inputs.
 
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 

@@ -1,5 +1,5 @@
-//! The main job end to end, as a user runs it, on a small synthetic scene with known truth and on a
-//! small 4DGS model.
+//! The main workflow end to end, on a small synthetic scene with
+//! ground truth and on a small 4DGS model.
 
 use crate::support::{c4d, fixture, listing, success};
 use gs_core::{DynamicScene, Splats};
@@ -30,7 +30,7 @@ fn mean_error(found: &Splats, expected: &Splats) -> f64 {
 }
 
 #[test]
-fn edit_is_carried_and_exported() {
+fn edit_is_propagated_and_exported() {
     let folder = tempfile::tempdir().unwrap();
     let (run, out) = (folder.path().join("run"), folder.path().join("out"));
     let source = fixture("synth/source");
@@ -51,12 +51,12 @@ fn edit_is_carried_and_exported() {
     let truth = frames(&fixture("synth/truth"));
     assert_eq!(exported.len(), 3, "frames");
     let frame_1 = ply::read_file(&edited).unwrap().splats;
-    assert_eq!(exported[0], frame_1, "the edited frame comes back as it was given");
+    assert_eq!(exported[0], frame_1, "the edited frame is returned unchanged");
     for (frame, (found, expected)) in exported.iter().zip(&truth).enumerate() {
         let error = mean_error(found, expected);
         assert!(error < 0.0005, "frame {frame}: mean error {error} of the scene's size");
     }
-    // What is exported is what the scene says, re-read from disk.
+    // Exported files, read back from disk, equal the scene.
     let frozen = folder.path().join("frozen");
     success(&mut c4d(["freeze", path(&run), "--time", "0.5", "-o", path(&frozen)]));
     assert_eq!(
@@ -223,13 +223,13 @@ pub(crate) fn recoloured(model: &Path, folder: &Path, edited: &Path) {
 /// Colours of edited rows may change, nothing else; and `c4d refine` is the stage of
 /// `c4d propagate`.
 #[test]
-fn refinement_touches_edited_colours_only() {
+fn refinement_changes_only_edited_colours() {
     let folder = tempfile::tempdir().unwrap();
     let at = |name: &str| folder.path().join(name);
     let model = fixture("deform4dgs/dynerf_like/model");
     let edited = at("edited.ply");
     recoloured(&model, folder.path(), &edited);
-    // bits do not depend on the threads, but on the rasteriser
+    // results depend on the rasteriser, but not on the number of threads
     let refine =
         ["--refine-size", "96x72", "--refine-frames", "3", "--samples", "12", "--gpu", "cpu"];
     let (plain, refined) = (at("plain"), at("refined"));
@@ -269,7 +269,7 @@ fn refinement_touches_edited_colours_only() {
             changed += usize::from(!same);
         }
     }
-    assert!(changed > 100, "refinement does something: {changed} rows");
+    assert!(changed > 100, "refinement changes colours: {changed} rows");
     let mut arguments = vec!["refine", path(&plain)];
     arguments.extend(refine);
     success(&mut c4d(arguments));
@@ -277,9 +277,9 @@ fn refinement_touches_edited_colours_only() {
     assert!(scene(&plain) == scene(&refined), "the same, bit for bit");
 }
 
-/// A refinement killed without warning, twice, ends as if it had not been.
+/// A refinement that is killed twice gives the same result as an uninterrupted one.
 #[test]
-fn killed_refinement_resumes_to_the_same_bits() {
+fn killed_refinement_resumes_to_the_same_result() {
     let folder = tempfile::tempdir().unwrap();
     let at = |name: &str| folder.path().join(name);
     let model = fixture("deform4dgs/dynerf_like/model");
@@ -305,7 +305,7 @@ fn killed_refinement_resumes_to_the_same_bits() {
             .stderr(std::process::Stdio::null())
             .spawn()
             .unwrap();
-        // until it has got further than before
+        // until it has progressed
         while std::fs::read(&state).unwrap_or_default() == saved {
             assert!(child.try_wait().unwrap().is_none(), "it ended before it could be killed");
             std::thread::sleep(std::time::Duration::from_millis(2));
@@ -313,12 +313,12 @@ fn killed_refinement_resumes_to_the_same_bits() {
         child.kill().unwrap();
         child.wait().unwrap();
         saved = std::fs::read(&state).unwrap();
-        assert!(std::fs::read(run.join("scene.c4d")).unwrap() == plain, "nothing half-written");
+        assert!(std::fs::read(run.join("scene.c4d")).unwrap() == plain, "no partial files");
     }
     success(&mut c4d(refine(&run).into_iter().chain(["--resume".to_owned()])));
     let scene = |run: &Path| std::fs::read(run.join("scene.c4d")).unwrap();
     assert!(scene(&at("whole")) == scene(&run), "the same, bit for bit");
-    assert!(scene(&run) != plain, "refinement did something");
+    assert!(scene(&run) != plain, "refinement changed colours");
 }
 
 #[test]
@@ -348,7 +348,7 @@ fn unedited_export_keeps_rows_and_values() {
 }
 
 #[test]
-fn results_do_not_depend_on_threads() {
+fn results_do_not_depend_on_the_number_of_threads() {
     let folder = tempfile::tempdir().unwrap();
     let mut scenes = Vec::new();
     for threads in ["1", "2"] {

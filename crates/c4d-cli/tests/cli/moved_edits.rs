@@ -1,5 +1,5 @@
-//! Edits that were moved, of another time, or only a part: what is said, what is refused, what the
-//! flags do.
+//! Edits that were moved, are of another time, or are only a part:
+//! messages, refusals, and the effect of the flags.
 
 use crate::support::{c4d, failure, fixture, success};
 use amg::Similarity;
@@ -99,22 +99,22 @@ fn with_placed(splats: &Splats, rows: &[usize], similarity: &Similarity) -> Spla
 }
 
 #[test]
-fn a_turned_scene_is_named_and_align_undoes_it() {
+fn a_rotated_scene_is_detected_and_align_undoes_it() {
     let (desk, frames) = (Desk::new(), originals());
     let edited = desk.save("turned.ply", &HALF_TURN_ABOUT_X.place(&frames[0]));
     let said = failure(&mut desk.propagate(&edited, "refused", &[]), 3);
     assert!(said.contains("is the scene turned 180° about x"), "{said}");
     assert!(said.contains("--align"), "the next step: {said}");
-    assert!(!desk.at("refused").exists(), "nothing is written");
+    assert!(!desk.at("refused").exists(), "no output is written");
 
     let (_, said) = success(&mut desk.propagate(&edited, "run", &["--align"]));
     assert!(said.contains("turned 180° about x: undone"), "{said}");
     for (found, original) in desk.frames("run").iter().zip(&frames) {
         assert_eq!(found, original, "the source's own values, bit for bit");
     }
-    // Kept as it is, the scene moves in the turned frame.
+    // Without --align, the scene moves in the rotated frame.
     let (_, said) = success(&mut desk.propagate(&edited, "kept", &["--allow-far"]));
-    assert!(said.contains("stays like that"), "{said}");
+    assert!(said.contains("stays so"), "{said}");
     let last = HALF_TURN_ABOUT_X.place(frames.last().unwrap());
     let found = desk.frames("kept");
     let far = |a: &Splats, b: &Splats| {
@@ -160,7 +160,7 @@ fn axes_scale_and_handedness_of_other_tools() {
         success(&mut desk.propagate(&edited, name, &["--align"]));
         assert_eq!(desk.frames(name)[1], frames[1], "{name}: bit for bit");
     }
-    // An untouched edit has nothing to undo.
+    // An unchanged edit has nothing to undo.
     let same = desk.save("same.ply", &frames[0]);
     let (_, said) = success(&mut desk.propagate(&same, "same", &["--align"]));
     assert!(said.contains("nothing to undo"), "{said}");
@@ -185,7 +185,7 @@ fn a_scaled_selection_is_counted_and_stored() {
     assert_eq!(json["edited"]["moved"], rows.len(), "run.json");
     let (shown, _) = success(&mut c4d(["info", text(&desk.at("run"))]));
     assert!(shown.contains(&format!("{} moved", rows.len())), "info: {shown}");
-    // What was read back from the run is 1.3 times as wide as the source's at every time.
+    // The frames of the run are 1.3 times as wide as the source's at every time.
     let width = |splats: &Splats| {
         let at = |i: usize| splats.means[rows[i]];
         (1..rows.len())
@@ -196,13 +196,13 @@ fn a_scaled_selection_is_counted_and_stored() {
         let ratio = width(found) / width(original);
         assert!((ratio - 1.3).abs() < 1e-3, "{ratio} times as wide");
     }
-    // The baseline of the paper does not know of it.
+    // The paper's baseline ignores it.
     let (_, said) = success(&mut desk.propagate(&edited, "knn", &["--baseline", "knn"]));
     assert!(!said.contains("moved as one"), "{said}");
 }
 
 #[test]
-fn a_saved_selection_is_warned_of_and_the_rest_kept_if_asked() {
+fn a_saved_selection_causes_a_warning_and_the_rest_is_kept_on_request() {
     let (desk, frames) = (Desk::new(), originals());
     let rows = top(&frames, 0.4);
     let mut selection = frames[0].select(&rows);
@@ -226,8 +226,8 @@ fn a_saved_selection_is_warned_of_and_the_rest_kept_if_asked() {
         "the rest is the source, bit for bit"
     );
 
-    // A selection scaled before it was saved alone does not make the whole scene another size,
-    // unless --align is given.
+    // A selection that was scaled before it was saved does not change the size
+    // of the whole scene, unless --align is given.
     let larger = Similarity { scale: 1.5, ..Similarity::IDENTITY };
     let edited = desk.save("larger.ply", &larger.place(&frames[0].select(&rows)));
     let (_, said) = success(&mut desk.propagate(&edited, "larger", &[]));
@@ -237,7 +237,7 @@ fn a_saved_selection_is_warned_of_and_the_rest_kept_if_asked() {
     let (found, order) = (&desk.frames("aligned")[1], [&rows[..], &others[..]].concat());
     assert_eq!(*found, frames[1].select(&order), "the scene as it was, bit for bit");
 
-    // Of another scene there is no rest.
+    // For an edit of another scene there is nothing to add.
     let mut other = frames[0].clone();
     for (i, (scale, dc)) in (0_u16..).zip(other.log_scales.iter_mut().zip(&mut other.sh)) {
         let odd = f32::from(i * 37 % 101) / 101.0 + 0.01;
@@ -271,8 +271,8 @@ fn matched_splats_decide_before_bounds_and_none_is_a_refusal() {
     let (_, said) = success(&mut desk.propagate(&edited, "dome", &[]));
     assert!(said.contains(&format!("{} unchanged", frames[0].len())), "{said}");
 
-    // Other splats beside the scene: near enough for the old bounds, but none of them is the
-    // scene's.
+    // Other splats beside the scene: near enough for the
+    // bounds, but none of them matches the scene.
     let mut beside = frames[0].clone();
     let (min, max) = frames[0].bounds().unwrap();
     let extent = (0..3).map(|k| max[k] - min[k]).fold(0.0, f32::max);
@@ -288,7 +288,7 @@ fn matched_splats_decide_before_bounds_and_none_is_a_refusal() {
 }
 
 #[test]
-fn an_edit_of_another_time_is_told_which() {
+fn the_time_of_an_edit_of_another_time_is_reported() {
     let (desk, frames) = (Desk::new(), originals());
     assert!(frames.len() >= 3, "a middle frame");
     let middle = 1;
@@ -334,19 +334,19 @@ fn invisible_splats_are_counted_left_out_and_kept() {
     let visible = ply::read_file(&file).unwrap().splats;
     assert_eq!(visible.len(), frames[0].len() - hidden.len(), "left out");
 
-    // An editor writes the file anew, and deletes a tenth of it.
+    // An editor rewrites the file and deletes a tenth of the splats.
     let kept: Vec<usize> = (0..visible.len()).filter(|i| i % 10 != 0).collect();
     let edited = desk.save("edited.ply", &visible.select(&kept));
     let (run, out) = (desk.at("run"), desk.at("out"));
     let (_, said) = success(&mut propagate(&scene, &edited, &run, &[]));
-    assert!(said.contains("are not in") && said.contains("they are kept"), "{said}");
+    assert!(said.contains("are not in") && said.contains("and are kept"), "{said}");
     success(&mut c4d(["export", text(&run), "--to", "ply-seq", "--frames", "2", "-o", text(&out)]));
     let last = &read_frames(&out)[1];
     assert_eq!(last.len(), kept.len() + hidden.len(), "they are back");
     let back: Vec<usize> = (kept.len()..last.len()).collect();
     assert_eq!(last.select(&back), frames[1].select(&hidden), "with their own values");
 
-    // Of an edit that has some of them, the missing ones were deleted, and that is said.
+    // In an edit with some of them, the missing ones count as deleted, which is reported.
     let some: Vec<usize> = (0..frames[0].len()).filter(|i| i % 10 != 0).collect();
     let mut edit = frames[0].select(&some);
     let coeffs = edit.sh_coeffs();

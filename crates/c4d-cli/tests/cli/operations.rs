@@ -177,7 +177,7 @@ fn a_frozen_frame_is_edited_through_masks() {
     image::GrayImage::new(64, 64).save(masks.join("orbit_00.png")).unwrap();
     let said = failure(&mut run(&["--select", "mask frozen/masks", "--delete", "-o", "a.ply"]), 3);
     assert!(said.contains("expected the proportions of its camera"), "{said}");
-    assert!(!folder.path().join("a.ply").exists(), "nothing is written");
+    assert!(!folder.path().join("a.ply").exists(), "no output is written");
 }
 
 #[test]
@@ -216,7 +216,7 @@ fn wrong_edits_are_said_and_nothing_is_written() {
         let said = failure(&mut edit(folder.path(), &arguments), code);
         assert!(said.contains(expected), "{arguments:?}: {said}");
         assert!(said.contains("next: "), "{arguments:?}: {said}");
-        assert_eq!(listing(folder.path()), before, "{arguments:?}: nothing is written");
+        assert_eq!(listing(folder.path()), before, "{arguments:?}: no output is written");
     }
     for (arguments, expected) in [
         (vec!["--hue", "9"], "no -o"),

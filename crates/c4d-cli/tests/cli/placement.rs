@@ -1,5 +1,5 @@
-//! A scene of any size, anywhere, is seen: pictures of scaled and moved copies through rigs, and
-//! through cameras that go with them.
+//! Scenes of any size and position are rendered alike: images of scaled and moved copies with rigs,
+//! and with correspondingly transformed cameras.
 
 use crate::support::{c4d, failure, fixture, listing, success};
 use gs_core::image_formation::NEAR_PLANE;
@@ -10,9 +10,9 @@ use gs_io::{Existing, cameras_json, ply};
 use gs_raster_cpu::CpuRasterizer;
 use std::path::{Path, PathBuf};
 
-/// Least agreement of pictures of 8 bits through rigs, which are built from rounded positions, dB.
+/// Smallest PSNR of 8-bit images with rigs, which are built from rounded positions, dB.
 const RIG_DB: f64 = 45.0;
-/// Through given cameras.
+/// Smallest PSNR with given cameras, dB.
 const CAMERA_DB: f64 = 50.0;
 
 /// The fixture's scene, scaled about the origin and moved.
@@ -39,7 +39,8 @@ fn moved(mut splats: Splats, scale: f64, shift: [f64; 3]) -> Splats {
     splats
 }
 
-/// Renders two times of the scene; `more` says from where. The picture, and what was said.
+/// Renders two times of the scene, with the cameras given by
+/// `more`. Returns the image and the messages.
 fn picture(scene: &Path, more: &[&str]) -> (Vec<u8>, String) {
     let png = scene.with_extension("png");
     let mut command = c4d(["render", "--size", "160x120", "--times", "0,0.5", "-w", "-g", "cpu"]);
@@ -54,12 +55,16 @@ fn psnr(a: &[u8], b: &[u8]) -> f64 {
 }
 
 #[test]
-fn rigs_show_any_size_and_place_alike() {
+fn rigs_render_any_size_and_position_alike() {
     let folder = tempfile::tempdir().unwrap();
     let here = placed(folder.path(), 1.0, [0.0; 3]);
     for cameras in ["front", "orbit"] {
         let (expected, _) = picture(&here, &["--cameras", cameras]);
-        assert!(expected.iter().filter(|value| **value > 60).count() > 3000, "something is seen");
+        assert!(
+            expected.iter().filter(|value| **value > 60).count() > 3000,
+            "the scene is \
+            visible"
+        );
         for (scale, shift) in [
             (0.001, [0.0; 3]),
             (0.01, [0.0; 3]),
@@ -78,7 +83,7 @@ fn rigs_show_any_size_and_place_alike() {
 }
 
 #[test]
-fn cameras_of_a_file_see_a_small_scene_and_a_run_of_it() {
+fn cameras_of_a_file_render_a_small_scene_and_its_run() {
     let folder = tempfile::tempdir().unwrap();
     let camera = |scale: f64| {
         let at = |p: [f64; 3]| p.map(|x| scale * x);
@@ -92,7 +97,7 @@ fn cameras_of_a_file_see_a_small_scene_and_a_run_of_it() {
         let cameras = cameras.to_str().unwrap();
         pictures.push(picture(&scene, &["--cameras", cameras]).0);
 
-        // An edit of it, carried and refined: the near plane is that of the source.
+        // A propagated and refined edit of it: the near plane is that of the source.
         let edit = folder.path().join(format!("edit_{scale}.ply"));
         let splats = ply::read_file(fixture("synth/edited.ply")).unwrap().splats;
         let options = ply::WriteOptions::default();
@@ -108,11 +113,11 @@ fn cameras_of_a_file_see_a_small_scene_and_a_run_of_it() {
     let (a, b) = (psnr(source, small_source), psnr(run, small_run));
     assert!(a > CAMERA_DB && b > CAMERA_DB, "source {a:.1} dB, run {b:.1} dB");
     let edit = psnr(source, run);
-    assert!(edit < a.min(b) - 10.0, "negative control: the edit is seen: {edit:.1} dB");
+    assert!(edit < a.min(b) - 10.0, "negative control: the edit is visible: {edit:.1} dB");
 }
 
 #[test]
-fn positions_that_single_precision_cannot_hold_are_warned_of() {
+fn positions_too_coarse_in_single_precision_cause_a_warning() {
     let folder = tempfile::tempdir().unwrap();
     let scene = placed(folder.path(), 1.0, [1e6, 0.0, 0.0]);
     let (_, said) = picture(&scene, &[]);
@@ -120,7 +125,7 @@ fn positions_that_single_precision_cannot_hold_are_warned_of() {
 }
 
 #[test]
-fn a_picture_of_nothing_is_warned_of() {
+fn an_empty_image_causes_a_warning() {
     let folder = tempfile::tempdir().unwrap();
     let away = Camera::look_at([0.0, 1.0, 9.0], [0.0, 1.0, 20.0], [0.0, 1.0, 0.0], 0.7, 64, 48);
     let cameras = folder.path().join("cameras.json");
@@ -139,15 +144,15 @@ fn a_picture_of_nothing_is_warned_of() {
 }
 
 #[test]
-fn a_model_seen_through_its_training_cameras_keeps_the_reference_near_plane() {
+fn training_cameras_keep_the_reference_near_plane() {
     let folder = tempfile::tempdir().unwrap();
     let model = fixture("deform4dgs/dnerf_like/model");
     let opened = checkpoint4dgs::open(&model, &Overrides::default()).unwrap();
     let ModelScene::Deformed(scene) = opened.scene else { panic!("a deformed model") };
     let splats = gs_core::DynamicScene::at(scene.as_ref(), 0.0).unwrap();
     let extent = Extent::of(&splats);
-    // Before the most opaque splat, nearer than the near plane of the reference, farther than the
-    // scene's.
+    // In front of the most opaque splat, nearer than the reference's
+    // near plane but farther than the scene's.
     let row = |a: &usize, b: &usize| splats.opacity(*a).total_cmp(&splats.opacity(*b));
     let row = (0..splats.len()).max_by(row).unwrap();
     let [x, y, z] = splats.means[row].map(f64::from);

@@ -1,5 +1,4 @@
-//! Trained scenes of other methods, each from `info` over a frozen frame to an edited scene and its
-//! frames.
+//! Trained scenes of other methods: info, freeze, propagate and export of each.
 
 use crate::support::{c4d, failure, fixture, success};
 use gs_core::Splats;
@@ -79,7 +78,7 @@ fn unedited_moves_bit_for_bit_like_the_source() {
             "-o",
             path(&run),
         ]));
-        // The run notes the flags of its source.
+        // The run records the flags of its source.
         success(&mut c4d([
             "export",
             path(&run),

@@ -1,4 +1,4 @@
-//! Running `c4d` as a user does.
+//! Helpers to run `c4d`.
 
 use assert_cmd::Command;
 use std::path::{Path, PathBuf};
@@ -15,7 +15,7 @@ pub(crate) fn fixture(relative: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../../fixtures").join(relative)
 }
 
-/// Every file below `folder` but the records of what was written, relative, sorted.
+/// Every file below `folder` except records of written files, relative, sorted.
 pub(crate) fn listing(folder: &Path) -> Vec<String> {
     let mut found = Vec::new();
     let mut pending = vec![folder.to_owned()];
@@ -33,7 +33,7 @@ pub(crate) fn listing(folder: &Path) -> Vec<String> {
     found
 }
 
-/// Runs, expects failure with `code`, and returns what was said on standard error.
+/// Runs, expects failure with `code`, and returns standard error.
 pub(crate) fn failure(command: &mut Command, code: i32) -> String {
     let output = command.output().unwrap();
     let said = String::from_utf8_lossy(&output.stderr).into_owned();

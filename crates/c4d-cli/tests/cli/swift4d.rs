@@ -1,5 +1,4 @@
-//! A Swift4D model folder from `info` to an edited scene, and what is said when something about it
-//! is missing.
+//! A Swift4D model folder from `info` to an edited scene, and errors for missing parts.
 
 use crate::support::{c4d, failure, fixture, listing, success};
 use gs_core::{DynamicScene, Splats};
@@ -16,7 +15,7 @@ fn write(path: &Path, splats: &Splats) {
     ply::write_file(path, splats, &ply::WriteOptions::default(), Existing::Refuse).unwrap();
 }
 
-/// A copy of the fixture to break.
+/// A copy of the fixture, to be damaged.
 fn copy(to: &Path) -> (PathBuf, PathBuf) {
     let (model, save) = (to.join("model"), to.join("model/point_cloud/iteration_13000"));
     fs::create_dir_all(&save).unwrap();
@@ -79,7 +78,7 @@ fn unedited_moves_bit_for_bit_like_the_source() {
 }
 
 #[test]
-fn edits_are_carried_rendered_and_exported() {
+fn edits_are_propagated_rendered_and_exported() {
     let folder = tempfile::tempdir().unwrap();
     let at = |name: &str| folder.path().join(name);
     let model = fixture("swift4d/model");
@@ -142,7 +141,7 @@ fn edits_are_carried_rendered_and_exported() {
 }
 
 #[test]
-fn what_is_missing_is_said_with_the_next_step() {
+fn missing_parts_are_reported_with_the_next_step() {
     let folder = tempfile::tempdir().unwrap();
     let (model, save) = copy(folder.path());
     let refused = |extra: &[&str], parts: &[&str]| {

@@ -4,8 +4,8 @@ use crate::support::{failure, listing};
 use crate::workshop::Workshop;
 use std::process::Command;
 
-/// Runs a command that cannot write a byte to any file, and hears of it as an error: so it is on a
-/// disk without room.
+/// Runs a command that cannot write any byte to a file and gets
+/// an error instead, as on a full disk.
 fn limited(command: &Command) -> assert_cmd::Command {
     let mut shell = assert_cmd::Command::new("bash");
     let script = "trap '' XFSZ; ulimit -f 0; exec \"$0\" \"$@\"";
@@ -13,8 +13,7 @@ fn limited(command: &Command) -> assert_cmd::Command {
     shell
 }
 
-/// Every command that runs out of room says so, and leaves neither a partial output nor a changed
-/// one.
+/// Every command reports a full disk, and leaves neither a partial nor a changed output.
 #[test]
 fn full_disks_are_errors() {
     let workshop = Workshop::new();
@@ -22,6 +21,6 @@ fn full_disks_are_errors() {
     for job in workshop.jobs() {
         let said = failure(&mut limited(&workshop.command(&job, &[])), 1);
         assert!(said.contains("cannot write") && said.contains("  next: "), "{}: {said}", job.name);
-        assert_eq!(listing(&workshop.at("")), before, "{}: nothing is left", job.name);
+        assert_eq!(listing(&workshop.at("")), before, "{}: no output remains", job.name);
     }
 }

@@ -6,30 +6,30 @@ use std::path::Path;
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
-/// Moments of each job, as many as a quick test affords. `C4D_KILLS` asks for more.
+/// Number of kills per job for a quick test; set `C4D_KILLS` for more.
 fn kills() -> u32 {
     std::env::var("C4D_KILLS").ok().and_then(|text| text.parse().ok()).unwrap_or(4)
 }
 
-/// A share of 1 that looks random, from a counter: the golden ratio's multiples are spread evenly,
-/// however many are taken.
+/// A pseudo-random number in 0 to 1 from a counter; multiples of the golden
+/// ratio are evenly spread for any number of draws.
 fn share(index: u32) -> f64 {
     (f64::from(index) * 0.618_033_988_749_895).fract()
 }
 
-/// Runs for a while, then ends without warning. Whether it had ended by itself.
+/// Runs a command for some time, then kills it. Returns whether it had already ended.
 fn killed_after(command: &mut Command, time: Duration) -> bool {
     let mut child = command.stderr(Stdio::null()).spawn().unwrap();
     std::thread::sleep(time);
     let done = child.try_wait().unwrap().is_some_and(|status| status.success());
-    // A child that has ended cannot be killed any more.
+    // Killing a child that has ended fails, which is fine.
     let _ = child.kill();
     child.wait().unwrap();
     done
 }
 
-/// A killed run leaves nothing under its name or everything, and the next run is not disturbed by
-/// what else it left.
+/// A killed run leaves either no output or the complete one, and
+/// its leftovers do not disturb the next run.
 #[test]
 fn killed_runs_are_absent_or_complete() {
     let workshop = Workshop::new();
@@ -42,7 +42,8 @@ fn killed_runs_are_absent_or_complete() {
         let (took, files) = (begun.elapsed(), content(&output).len());
         let complete = workshop.names();
         for kill in 0..kills() {
-            // The first in place of nothing, the others in place of what the ones before left.
+            // The first run has no existing output, the others replace
+            // the leftovers of the previous ones.
             if kill == 0 {
                 success(&mut assert_cmd::Command::from_std(workshop.command(&job, &["-w"])));
             }
@@ -51,7 +52,7 @@ fn killed_runs_are_absent_or_complete() {
             let wait = took.mul_f64(share(index));
             killed_after(&mut workshop.command(&job, &["-w"]), wait);
             let left = content(&output);
-            assert_eq!(left.len(), files, "{} killed after {wait:?}: in part", job.name);
+            assert_eq!(left.len(), files, "{} killed after {wait:?}: partial output", job.name);
             assert!(
                 left == old || left.keys().eq(old.keys()),
                 "{} killed after {wait:?}: neither the old one nor a new one",
@@ -59,7 +60,7 @@ fn killed_runs_are_absent_or_complete() {
             );
         }
         success(&mut assert_cmd::Command::from_std(workshop.command(&job, &["-w"])));
-        assert_eq!(workshop.names(), complete, "{}: nothing else is left", job.name);
+        assert_eq!(workshop.names(), complete, "{}: nothing else remains", job.name);
         for name in complete.iter().filter(|name| !before.contains(name)) {
             let path = workshop.at(name);
             let removed = if path.is_dir() {
@@ -69,17 +70,17 @@ fn killed_runs_are_absent_or_complete() {
             };
             removed.unwrap();
         }
-        // And in place of nothing, without -w.
+        // Also without existing output, without -w.
         index += 1;
         let done = killed_after(&mut workshop.command(&job, &[]), took.mul_f64(share(index)));
         let again = if done || output.exists() { vec!["-w"] } else { vec![] };
         success(&mut assert_cmd::Command::from_std(workshop.command(&job, &again)));
-        assert_eq!(workshop.names(), complete, "{}: nothing else is left", job.name);
+        assert_eq!(workshop.names(), complete, "{}: nothing else remains", job.name);
     }
 }
 
-/// A refinement killed at any moment leaves a run that opens, goes on to the same bits, and can be
-/// replaced.
+/// A refinement killed at any time leaves a run that can be opened,
+/// resumed to the same result, and replaced.
 #[test]
 fn killed_refinements_resume_and_are_replaced() {
     let workshop = Workshop::new();
@@ -118,11 +119,11 @@ fn killed_refinements_resume_and_are_replaced() {
             assert!(said.contains("--samples"), "{said}");
             success(&mut assert_cmd::Command::from_std(refine(&run, &["--resume"])));
         } else {
-            // Killed before it had begun, or after it had ended.
+            // Killed before it had started, or after it had ended.
             success(&mut assert_cmd::Command::from_std(refine(&run, &flags)));
         }
         assert!(scene(&run) == scene(&whole), "kill {kill}: the same, bit for bit");
-        assert!(!state.exists(), "kill {kill}: the checkpoint is gone");
+        assert!(!state.exists(), "kill {kill}: the checkpoint is removed");
     }
     let run = Path::new(&run);
     let said =

@@ -1,6 +1,6 @@
-//! Faults that no program can prevent: it is killed, the disk is full, memory runs out, another
-//! process writes the same output. Whatever happens, outputs are complete or absent, nothing of the
-//! user's is lost, and the next run works.
+//! External faults: the process is killed, the disk is full, memory runs out,
+//! another process writes the same output. In all cases outputs are complete or
+//! absent, no user data is lost, and the next run works.
 
 #![cfg(unix)]
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]

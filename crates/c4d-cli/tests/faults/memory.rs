@@ -3,9 +3,9 @@
 use crate::support::{c4d, failure, fixture};
 use crate::workshop::Workshop;
 
-/// Asked for what no machine has, a command says how much it is and what to do.
+/// Requests beyond any machine's memory are refused with the size and the next step.
 #[test]
-fn sizes_that_no_machine_has_are_refused() {
+fn sizes_beyond_any_memory_are_refused() {
     let workshop = Workshop::new();
     let (run, out) = (workshop.text("run"), workshop.text("out"));
     let demo = ["demo", "--splats", "4000000000000", "-o", &out];
@@ -32,7 +32,7 @@ fn sizes_that_no_machine_has_are_refused() {
         let said = failure_or_usage(&["refine", &run, &format!("--memory={memory}")], code);
         assert!(said.contains("--memory"), "{said}");
     }
-    assert!(!workshop.at("out").exists(), "nothing is written");
+    assert!(!workshop.at("out").exists(), "no output is written");
 }
 
 fn failure_or_usage(arguments: &[&str], code: i32) -> String {
@@ -42,12 +42,12 @@ fn failure_or_usage(arguments: &[&str], code: i32) -> String {
     said
 }
 
-/// A process that may have little: it works, or ends with an error that says so, and leaves
-/// nothing.
+/// A process with a memory limit works, or ends with an error about memory and without output.
 #[test]
 fn limited_processes_end_with_errors() {
     let workshop = Workshop::new();
-    // A scene of some size: 3 frames of 84 kB are read in any memory in which a process starts.
+    // A larger scene: the 3 frames of 84 kB of the fixture fit into
+    // the memory of any process that starts.
     let source = fixture("synth/source");
     let large = workshop.at("large.ply");
     let file = std::fs::File::create(&large).unwrap();
@@ -62,5 +62,5 @@ fn limited_processes_end_with_errors() {
     let said = failure(&mut shell, 1);
     assert!(said.contains("not enough memory") && said.contains("3072 MiB"), "{said}");
     assert!(said.contains("more memory"), "the next step is about memory: {said}");
-    assert!(!workshop.at("out").exists(), "nothing is written");
+    assert!(!workshop.at("out").exists(), "no output is written");
 }

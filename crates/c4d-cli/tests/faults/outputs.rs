@@ -1,12 +1,11 @@
-//! `-w` on what this program did not write.
+//! `-w` on output that this program did not write.
 
 use crate::support::{c4d, failure, success};
 use crate::workshop::{Workshop, content, names};
 use std::fs;
 use std::os::unix::fs::symlink;
 
-/// A file of the user's, at any depth, a changed file of ours, a link: each ends the replacement
-/// before it begins.
+/// A user's file at any depth, a changed output file, or a link prevents the replacement.
 #[test]
 fn folders_with_anything_else_are_kept() {
     let workshop = Workshop::new();
@@ -36,7 +35,7 @@ fn folders_with_anything_else_are_kept() {
             files.iter().find(|(name, _)| !name.to_string_lossy().ends_with(".c4d-files")).unwrap();
         let file = if output.is_dir() { output.join(name) } else { output.clone() };
         let changed = if output.is_dir() {
-            // One bit, as an editor that saves in place changes at least.
+            // One bit, the smallest change by an editor that saves in place.
             let mut changed = bytes.clone();
             *changed.last_mut().unwrap() ^= 1;
             changed
@@ -55,13 +54,13 @@ fn refused(workshop: &Workshop, job: &crate::workshop::Job, expected: &str) {
     let before = content(&workshop.at(job.output));
     let said = failure(&mut assert_cmd::Command::from_std(workshop.command(job, &["-w"])), 2);
     assert!(said.contains(expected) && said.contains("  next: "), "{}: {said}", job.name);
-    assert!(content(&workshop.at(job.output)) == before, "{}: all is kept", job.name);
+    assert!(content(&workshop.at(job.output)) == before, "{}: everything is kept", job.name);
 }
 
 /// Links are neither replaced nor written through; a link to a folder is a folder to read from and
 /// to write into.
 #[test]
-fn links_are_links() {
+fn links_are_not_replaced() {
     let workshop = Workshop::new();
     fs::create_dir(workshop.at("mine")).unwrap();
     fs::write(workshop.at("mine/thesis.tex"), "years of work").unwrap();
@@ -90,9 +89,9 @@ fn links_are_links() {
     assert_eq!(names(&workshop.at("mine")), ["frozen", "thesis.tex"], "through the link");
 }
 
-/// Names that are legal, if odd.
+/// Unusual but valid names.
 #[test]
-fn odd_names() {
+fn unusual_names() {
     let workshop = Workshop::new();
     let run = workshop.text("run");
     let long = "x".repeat(251);

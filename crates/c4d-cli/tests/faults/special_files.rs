@@ -1,4 +1,4 @@
-//! FIFOs and devices among the inputs and outputs, and numbers that are none.
+//! FIFOs and devices as inputs and outputs, and non-finite numbers.
 
 use crate::support::{c4d, failure, success};
 use crate::workshop::Workshop;
@@ -10,14 +10,14 @@ fn make_fifo(path: &std::path::Path) {
     assert!(Command::new("mkfifo").arg(path).status().unwrap().success(), "mkfifo");
 }
 
-/// Reading a FIFO would block for ever: a minute is enough to know.
+/// Reading a FIFO would block forever; the timeout is one minute.
 fn refused(arguments: &[&str], code: i32, expected: &str) {
     let said = failure(c4d(arguments).timeout(Duration::from_mins(1)), code);
     assert!(said.contains(expected) && said.contains("  next: "), "{arguments:?}: {said}");
 }
 
 #[test]
-fn fifos_and_devices_are_no_inputs() {
+fn fifos_and_devices_are_refused_as_inputs() {
     let workshop = Workshop::new();
     let (fifo, run) = (workshop.text("fifo"), workshop.text("run"));
     make_fifo(&workshop.at("fifo"));
@@ -54,7 +54,7 @@ fn fifos_and_devices_are_no_inputs() {
 }
 
 #[test]
-fn fifos_and_devices_are_no_outputs() {
+fn fifos_and_devices_are_refused_as_outputs() {
     let workshop = Workshop::new();
     for job in workshop.jobs() {
         make_fifo(&workshop.at(job.output));
@@ -68,7 +68,7 @@ fn fifos_and_devices_are_no_outputs() {
 }
 
 #[test]
-fn numbers_that_are_none_are_refused() {
+fn non_finite_numbers_are_refused() {
     let workshop = Workshop::new();
     let run = workshop.text("run");
     let config = workshop.at("run/c4d.toml");
@@ -89,8 +89,7 @@ fn numbers_that_are_none_are_refused() {
     fs::write(&config, text).unwrap();
     let scene = workshop.at("run/scene.c4d");
     let mut bytes = fs::read(&scene).unwrap();
-    // safetensors: the length of a JSON header, the header, and tensors at the offsets that it
-    // says.
+    // safetensors: the length of a JSON header, the header, and tensors at its offsets.
     let length = usize::try_from(u64::from_le_bytes(bytes[..8].try_into().unwrap())).unwrap();
     let header: serde_json::Value = serde_json::from_slice(&bytes[8..8 + length]).unwrap();
     let offset = header["edited.means"]["data_offsets"][0].as_u64().unwrap();

@@ -1,9 +1,10 @@
-//! Two processes on one output.
+//! Two processes with the same output.
 
 use crate::workshop::{Workshop, content};
 use std::process::Stdio;
 
-/// Of two at once, one writes the whole output; the other one does so too, later, or is refused.
+/// Of two concurrent processes, one writes the whole output; the
+/// other also does, later, or is refused.
 #[test]
 fn one_output_is_written_by_one_process() {
     let workshop = Workshop::new();

@@ -1,4 +1,4 @@
-//! Small inputs, and every command that writes.
+//! Small inputs, and all commands that write.
 
 use crate::support::{c4d, fixture, success};
 use gs_io::{Existing, ply};
@@ -23,7 +23,7 @@ pub(crate) struct Job {
 }
 
 impl Workshop {
-    /// A sequence and an edit of it. `run` is what the commands that take one are given.
+    /// A sequence, an edit of it, and a run.
     pub(crate) fn new() -> Self {
         let workshop = Self { folder: tempfile::tempdir().unwrap() };
         let (source, edited) = (fixture("synth/source"), workshop.at("edited.ply"));
@@ -43,7 +43,7 @@ impl Workshop {
         self.at(name).to_str().unwrap().to_owned()
     }
 
-    /// One job of every command that writes, and of every kind of output.
+    /// One job for every command that writes and every kind of output.
     pub(crate) fn jobs(&self) -> Vec<Job> {
         let (source, run) = (fixture("synth/source"), self.text("run"));
         let source = source.to_str().unwrap();
@@ -74,7 +74,7 @@ impl Workshop {
         ]
     }
 
-    /// `c4d` doing a job.
+    /// The `c4d` command of a job.
     pub(crate) fn command(&self, job: &Job, extra: &[&str]) -> std::process::Command {
         let mut command = std::process::Command::new(assert_cmd::cargo::cargo_bin!("c4d"));
         command.args(&job.arguments).arg("-o").arg(self.at(job.output)).args(extra);
@@ -88,7 +88,7 @@ impl Workshop {
     }
 }
 
-/// Names in a folder, sorted; records of what was written left out.
+/// Names in a folder, sorted, without records of written files.
 pub(crate) fn names(folder: &Path) -> Vec<String> {
     let mut names: Vec<String> = fs::read_dir(folder)
         .unwrap()

@@ -43,7 +43,7 @@ fn check(args: &ExportArgs, opened: &Opened) -> Outcome {
     }
 }
 
-/// What was written, in words, and what was not.
+/// Description of the written file, and its losses.
 type Written = (String, Losses);
 
 fn write_splat4d(
@@ -61,7 +61,8 @@ fn write_splat4d(
         .map_err(|error| failure(ExportFormat::Splat4d, &error))?;
     progress.finish();
     let written = format!(
-        "{} splats of which {} move; at every splat and frame, coordinates are within {:.2e} scene units",
+        "{} splats, {} of them moving; coordinates are within {:.2e} scene units at every splat \
+        and frame",
         report.num_splats, report.moving, report.position_bound
     );
     Ok((written, report.losses))
@@ -120,7 +121,7 @@ fn write_splatv(
     Ok((written, report.losses))
 }
 
-/// What to do when a format does not suit the clip.
+/// Adds the next step to an error about a format that does not suit the clip.
 fn failure(to: ExportFormat, error: &IoError) -> Failure {
     match error {
         IoError::Unfit { .. } if to == ExportFormat::Splatv => Failure::usage(error).next(

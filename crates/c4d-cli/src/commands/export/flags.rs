@@ -1,12 +1,12 @@
-//! Which format an export writes, and which flags mean something for it.
+//! The format of an export, and the flags that apply to it.
 
 use crate::args::{ExportArgs, ExportFormat};
 use crate::failure::{Failure, Outcome};
 
-/// A flag, the formats that heed it, and whether it is given.
+/// A flag, the formats to which it applies, and whether it is given.
 type Flag = (&'static str, &'static [ExportFormat], fn(&ExportArgs) -> bool);
 
-/// The format asked for, or the one that the output is called after.
+/// The requested format, or the one implied by the output's name.
 pub(super) fn format_of(args: &ExportArgs) -> Outcome<ExportFormat> {
     let format = match args.to {
         Some(format) => format,
@@ -22,7 +22,7 @@ pub(super) fn format_of(args: &ExportArgs) -> Outcome<ExportFormat> {
     Ok(format)
 }
 
-/// Refuses flags that would change nothing: whoever gives them expects that they do.
+/// Refuses flags that would have no effect.
 fn check_flags(to: ExportFormat, args: &ExportArgs) -> Outcome {
     use ExportFormat::{
         CompressedPly, CompressedSeq, Glb, Gltf, Html, Ply, PlySeq, Splat, Splat4d, Splatv, Spz,
@@ -56,8 +56,8 @@ fn check_flags(to: ExportFormat, args: &ExportArgs) -> Outcome {
     for (flag, formats, given) in FLAGS {
         if given(args) && !formats.contains(&to) {
             let names: Vec<String> = formats.iter().map(|format| format.name()).collect();
-            return Err(Failure::usage(format!("{flag} means nothing for {}", to.name()))
-                .next(format!("Leave it out; it is for {}.", names.join(", "))));
+            return Err(Failure::usage(format!("{flag} does not apply to {}", to.name()))
+                .next(format!("Omit it; it applies to {}.", names.join(", "))));
         }
     }
     Ok(())

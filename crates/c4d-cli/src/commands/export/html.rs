@@ -1,5 +1,5 @@
-//! `c4d export --to html`: the scene, beside its original if it is a run, as one page that plays
-//! anywhere.
+//! `c4d export --to html`: writes the scene, for a run together with its
+//! original, as one page that plays in any browser.
 
 use super::written::say_written;
 use crate::args::{ExportArgs, Global};
@@ -33,7 +33,7 @@ pub(super) fn write(
         sh_degree: args.sh_degree.unwrap_or(Options::default().sh_degree),
         ..Options::default()
     };
-    // Refused before the work, not after it.
+    // Refuse the output before the work, not after it.
     let mut file = AtomicFile::create(&args.output, existing(global))
         .map_err(|error| output_failure(&error))?;
     let original = opened.original.as_ref();
@@ -48,7 +48,7 @@ pub(super) fn write(
     })
     .map_err(|error| failure(&error))?;
     let elapsed = progress.finish();
-    // As `c4d render` frames it: by what was there before the edit.
+    // Framed as in `c4d render`, by the scene before the edit.
     let rig = Rig::of_scene(first, opened.up).map_err(Failure::input)?;
     let camera = rig.front(DEFAULT_SIZE);
     let poster = poster(opened, first, times[0], &camera, global)?;
@@ -96,12 +96,12 @@ fn counts(report: &EncodeReport) -> String {
         return format!("{} splats", report.first);
     }
     format!(
-        "{} splats before the edit and {} after it ({} the same, {} moving alike)",
+        "{} splats before the edit and {} after it ({} identical, {} with the same motion)",
         report.first, report.second, report.shared, report.twins
     )
 }
 
-/// What the page does not keep.
+/// Losses of the page.
 fn losses(report: &EncodeReport, options: &Options, frames: usize) -> Losses {
     let mut losses = Losses::none();
     let (available, kept) = report.sh_degree;
@@ -117,37 +117,39 @@ fn losses(report: &EncodeReport, options: &Options, frames: usize) -> Losses {
     }
     let (resting, moving) = report.position_error;
     losses.push(format!(
-        "positions are within {resting:.1e} units where they rest and {moving:.1e} where they move"
+        "positions are within {resting:.1e} units for static splats and {moving:.1e} for moving \
+        ones"
     ));
     losses.push(format!(
-        "rotations are within about {:.2} degrees, sizes {:.1} %, opacities and colours {:.1} of 255 steps, three times that where they change",
+        "rotations are within about {:.2} degrees, sizes {:.1} %, opacities and colours {:.1} of \
+        255 steps; three times that for changing values",
         (options.rotation_step * 3.0_f64.sqrt()).to_degrees(),
         100.0 * options.scale_step / 2.0,
         255.0 * options.color_step / 2.0,
     ));
     if frames > 1 {
-        losses.push(format!("between the {frames} frames motion is straight"));
+        losses.push(format!("motion is linear between the {frames} frames"));
     }
     if report.not_finite > 0 {
-        losses.push(format!("{} damaged splats are left out", report.not_finite));
+        losses.push(format!("{} damaged splats are omitted", report.not_finite));
     }
     if report.invisible > 0 {
         losses.push(format!(
-            "{} splats that never reach an opacity of 1/255 are left out: they draw nothing",
+            "{} splats with opacities below 1/255 at all times are omitted: they draw nothing",
             report.invisible
         ));
     }
     if report.clamped > 0 {
         losses.push(format!(
-            "{} splats lie outside the range of positions and are moved inside it",
+            "{} splats are outside the range of positions and are clamped to it",
             report.clamped
         ));
     }
     losses
 }
 
-/// The first frame from the first view, as the page shows it before it can play: a run's left half
-/// is the original.
+/// The first frame from the initial view, shown before the page can
+/// play; for a run, the left half is the original.
 fn poster(
     opened: &Opened,
     first: &dyn DynamicScene,
@@ -198,6 +200,11 @@ mod tests {
             "Flame steak edit",
             "words"
         );
-        assert_eq!(title(Path::new("ünter.html")), "ünter", "no first ASCII letter to raise");
+        assert_eq!(
+            title(Path::new("ünter.html")),
+            "ünter",
+            "the first letter is not ASCII and \
+                                   stays unchanged"
+        );
     }
 }

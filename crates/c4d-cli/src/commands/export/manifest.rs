@@ -1,7 +1,7 @@
-//! `NAME.manifest.json` beside an exported sequence: what its format has no place for.
+//! `NAME.manifest.json` beside an exported sequence: metadata that the format cannot store.
 //!
-//! Beside it, never in it: players take a folder or an archive for a sequence only while nothing
-//! else lies in it.
+//! It is beside the sequence and not in it, because players recognise a folder or archive as a
+//! sequence only if it contains no other files.
 
 use crate::failure::{Failure, Outcome};
 use crate::output::output_failure;
@@ -10,7 +10,7 @@ use serde_json::json;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
-/// What is noted.
+/// Contents of a manifest.
 #[derive(Debug)]
 pub(super) struct Content<'a> {
     /// Frames per second.
@@ -23,37 +23,37 @@ pub(super) struct Content<'a> {
     pub(super) up: [f64; 3],
 }
 
-/// A manifest that appears when it is written.
+/// A manifest that appears only when it is written.
 #[derive(Debug)]
 pub(super) struct Manifest {
     file: AtomicFile,
     path: PathBuf,
 }
 
-/// Name of the manifest of `output`: `frames.manifest.json` of `frames/`,
-/// `frames.zip.manifest.json` of `frames.zip`.
+/// Path of the manifest of `output`: `frames.manifest.json` for `frames/`,
+/// `frames.zip.manifest.json` for `frames.zip`.
 fn path_of(output: &Path) -> PathBuf {
-    // Without the slash that a folder may end with.
+    // Removes a trailing slash.
     let output: PathBuf = output.components().collect();
     let mut name = output.file_name().unwrap_or_default().to_owned();
     name.push(".manifest.json");
     output.with_file_name(name)
 }
 
-/// What kind of file it is.
+/// Value of the key `kind`.
 const KIND: &str = "sequence of 3D Gaussian frames";
 
-/// Whether a file is a manifest of ours.
+/// Whether a file is a manifest written by c4d.
 fn is_ours(path: &Path) -> bool {
     let text = gs_io::read_file(path).unwrap_or_default();
     serde_json::from_slice::<serde_json::Value>(&text).is_ok_and(|found| found["kind"] == KIND)
 }
 
-/// Begins the manifest of `output`; one that exists is refused or replaced like the output itself.
-/// One of ours whose output is gone says nothing about anything, and is replaced.
+/// Begins the manifest of `output`; an existing one is refused or replaced like the output itself.
+/// A manifest of c4d whose output no longer exists is replaced.
 pub(super) fn create(output: &Path, existing: Existing) -> Outcome<Manifest> {
     let path = path_of(output);
-    // The user named the output, not this file.
+    // The user gave the output, not this file.
     let theirs = path.is_file() && !is_ours(&path);
     let orphan = !output.exists() && !theirs;
     let existing = match existing {
@@ -62,7 +62,7 @@ pub(super) fn create(output: &Path, existing: Existing) -> Outcome<Manifest> {
         existing => existing,
     };
     let file = AtomicFile::create(&path, existing).map_err(|error| match error {
-        // Of two that exist, the one that was asked for.
+        // If both exist, report the output, which the user gave.
         IoError::Exists { .. } if output.exists() && !theirs => {
             output_failure(&IoError::Exists { path: output.to_owned() })
         }
@@ -94,10 +94,15 @@ mod tests {
     use super::*;
 
     #[test]
-    fn lies_beside_the_output() {
+    fn manifest_is_beside_the_output() {
         let named = |output: &str| path_of(Path::new(output)).display().to_string();
         assert_eq!(named("out/frames/"), "out/frames.manifest.json", "a folder");
-        assert_eq!(named("frames.zip"), "frames.zip.manifest.json", "an archive keeps its ending");
-        assert_eq!(named("take.1"), "take.1.manifest.json", "no ending, but a dot");
+        assert_eq!(
+            named("frames.zip"),
+            "frames.zip.manifest.json",
+            "an archive keeps its \
+                         extension"
+        );
+        assert_eq!(named("take.1"), "take.1.manifest.json", "a dot, but no extension");
     }
 }

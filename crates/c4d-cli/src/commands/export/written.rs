@@ -1,4 +1,4 @@
-//! What is said of a written export.
+//! Messages about a written export.
 
 use crate::args::ExportArgs;
 use crate::console::Console;
@@ -6,7 +6,7 @@ use gs_io::Losses;
 use std::path::Path;
 use std::time::Duration;
 
-/// What a sequence of 32-bit floats loses.
+/// Losses of a sequence of 32-bit floats.
 pub(super) fn plain_losses(args: &ExportArgs, available: usize) -> Losses {
     let mut losses = Losses::none();
     if let Some(degree) = args.sh_degree.filter(|&degree| degree < available) {
@@ -15,7 +15,7 @@ pub(super) fn plain_losses(args: &ExportArgs, available: usize) -> Losses {
     losses
 }
 
-/// Shows how large the output is and what it does not keep, and names it.
+/// Prints the size, the losses and the path of the output.
 pub(super) fn say_written(
     output: &Path,
     elapsed: Duration,
@@ -29,7 +29,7 @@ pub(super) fn say_written(
     console.result(output.display());
 }
 
-/// Shows what was lost.
+/// Prints the losses.
 pub(crate) fn say(losses: &Losses, console: &Console) {
     for sentence in losses.sentences() {
         console.note(format!("not kept: {sentence}"));

@@ -1,18 +1,19 @@
-//! Folders of what is known but not read: images of a render, exports, arrays.
+//! Folders of known but unsupported files: rendered images, exports, arrays.
 
 use gs_io::{SceneKind, UnsupportedFormat};
 use std::path::{Path, PathBuf};
 
-/// Files of a folder, and folders in it, looked at.
+/// Largest numbers of files and subfolders examined.
 const MAX_FILES: usize = 4096;
 const MAX_FOLDERS: usize = 64;
 
-/// What a folder holds, a line each, and what to do with it; `None` if it holds nothing known.
+/// Contents of a folder, one line per kind, and the next step;
+/// `None` if it contains no known files.
 pub(super) fn of_folder(path: &Path) -> Option<(Vec<String>, &'static str)> {
     let entries = entries(path);
     let mut found: Vec<(String, UnsupportedFormat, usize)> =
         kinds(&entries).into_iter().map(|(kind, count)| (String::new(), kind, count)).collect();
-    // The passes of a render lie in folders of their own.
+    // The passes of a render are in separate folders.
     for folder in entries.iter().filter(|entry| entry.is_dir()).take(MAX_FOLDERS) {
         let name = folder.file_name().unwrap_or_default().to_string_lossy();
         let inside = kinds(&self::entries(folder));
@@ -33,7 +34,7 @@ fn entries(folder: &Path) -> Vec<PathBuf> {
     entries
 }
 
-/// Kinds of the files among `entries` that are known but not read, and how many there are of each.
+/// Known but unsupported formats among `entries`, and the number of files of each.
 fn kinds(entries: &[PathBuf]) -> Vec<(UnsupportedFormat, usize)> {
     let mut found: Vec<(UnsupportedFormat, usize)> = Vec::new();
     for file in entries.iter().filter(|entry| entry.is_file()).take(MAX_FILES) {

@@ -1,4 +1,4 @@
-//! From where a render sees the scene.
+//! Views of a render.
 
 use crate::args::{RenderArgs, SplitArg};
 use crate::console::Console;
@@ -11,9 +11,9 @@ use std::path::Path;
 
 /// Cameras of a render.
 pub(crate) enum Views {
-    /// Every camera sees every time.
+    /// Every camera renders every time.
     Fixed(Vec<Camera>),
-    /// Camera `i` sees time `i`.
+    /// Camera `i` renders time `i`.
     Path(Vec<Camera>),
 }
 
@@ -33,8 +33,8 @@ impl Views {
     }
 }
 
-/// The cameras asked for. `times` become those of the cameras, when they have any and nobody asks
-/// for others.
+/// The requested cameras. `times` become those of the cameras, if
+/// they have any and no others are requested.
 pub(super) fn views(
     args: &RenderArgs,
     opened: &Opened,
@@ -43,8 +43,8 @@ pub(super) fn views(
 ) -> Outcome<Views> {
     let size = args.size.unwrap_or(DEFAULT_SIZE);
     let rig = || -> Outcome<Rig> {
-        // The rig frames what was there before the edit, so that a run and its source are seen
-        // alike.
+        // The rig frames the scene before the edit, so that a run
+        // and its source have the same views.
         let scene = opened.original.as_ref().unwrap_or(&opened.scene);
         Rig::of_scene(scene.as_ref(), args.up.map_or(opened.up, crate::args::Up::vector))
             .map_err(Failure::input)
@@ -54,7 +54,7 @@ pub(super) fn views(
     let chooses = !args.views.is_empty() || args.split.is_some() || args.cameras_as.is_some();
     if from_rig && chooses {
         return Err(Failure::usage(
-            "--views, --split and --cameras-as choose among the cameras of a file or data set",
+            "--views, --split and --cameras-as select cameras of a file or data set",
         )
         .next("Add --cameras PATH."));
     }
@@ -62,7 +62,7 @@ pub(super) fn views(
         return Err(Failure::usage(
             "--up applies to front, orbit and spiral only; other cameras have their own poses",
         )
-        .next("Leave it out."));
+        .next("Omit it."));
     }
     match args.cameras.as_str() {
         "front" => Ok(Views::Fixed(vec![rig()?.front(size)])),
@@ -72,8 +72,8 @@ pub(super) fn views(
     }
 }
 
-/// Cameras of a file or data set: each at its own time, or, when they have none or others are asked
-/// for, each at all times.
+/// Cameras of a file or data set: each at its own time, or each at all
+/// times if they have none or others are requested.
 fn of_files(
     args: &RenderArgs,
     opened: &Opened,
@@ -114,7 +114,7 @@ fn of_files(
             }
             if chosen.len() < count {
                 console.warn(format!(
-                    "{} of {count} views lie outside the scene's times, {} to {}, and are left out",
+                    "{} of {count} views are outside the scene's times, {} to {}, and are omitted",
                     count - chosen.len(),
                     range.start,
                     range.end

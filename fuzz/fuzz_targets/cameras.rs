@@ -1,5 +1,5 @@
-//! Camera files that say themselves what they are: `cameras.json`, `transforms_*.json`,
-//! `poses_bounds.npy`.
+//! Camera files that are recognised by name: `cameras.json`,
+//! `transforms_*.json`, `poses_bounds.npy`.
 #![no_main]
 
 use gs_io::cameras::{self, Reading, poses_bounds, transforms};

@@ -1,4 +1,4 @@
-//! Networks of Deformable-3D-Gaussians, SC-GS, Grid4D and DASH, beside sound splats and flags,
+//! Networks of Deformable-3D-Gaussians, SC-GS, Grid4D and DASH, with valid splats and flags,
 //! evaluated where they can be read.
 #![no_main]
 
@@ -7,7 +7,7 @@ use std::fs;
 use std::path::PathBuf;
 use std::sync::LazyLock;
 
-/// Two splats with the further columns of all these methods.
+/// Two splats with the additional columns of all these methods.
 const PLY: &str = "ply\nformat ascii 1.0\nelement vertex 2
 property float x\nproperty float y\nproperty float z
 property float f_dc_0\nproperty float f_dc_1\nproperty float f_dc_2
@@ -20,11 +20,11 @@ end_header
 -0.4 0 0.6 0 1 0 2 -2 -3 -4 0.5 0.5 0 0.1 -0.5 0
 ";
 
-/// A model folder; every input becomes its network.
+/// A model folder; each input replaces its network.
 static FOLDER: LazyLock<PathBuf> = LazyLock::new(|| {
     let folder = std::env::temp_dir().join(format!("gs-io-fuzz-deform-{}", std::process::id()));
     for part in ["point_cloud/iteration_1", "deform/iteration_1"] {
-        fs::create_dir_all(folder.join(part)).expect("room for a temporary folder");
+        fs::create_dir_all(folder.join(part)).expect("a temporary folder");
     }
     fs::write(folder.join("point_cloud/iteration_1/point_cloud.ply"), PLY).expect("room");
     let cfg = "Namespace(grid_args={'bound': 1.0}, network_args={'directional': True}, K=1)";
@@ -33,11 +33,11 @@ static FOLDER: LazyLock<PathBuf> = LazyLock::new(|| {
 });
 
 libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
-    fs::write(FOLDER.join("deform/iteration_1/deform.pth"), bytes).expect("room for a file");
+    fs::write(FOLDER.join("deform/iteration_1/deform.pth"), bytes).expect("the file is written");
     let Ok(kind) = detect(&*FOLDER) else { return };
     let Ok(source) = open_scene_as(&*FOLDER, &kind, &OpenOptions::default()) else { return };
     for t in [0.0, 0.5] {
         let splats = source.scene.at(t).expect("times from 0 to 1 can be evaluated");
-        assert!(splats.check_shapes().is_ok(), "whatever is evaluated is consistent");
+        assert!(splats.check_shapes().is_ok(), "evaluated splats are consistent");
     }
 });

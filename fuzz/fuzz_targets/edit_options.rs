@@ -1,4 +1,4 @@
-//! Expressions, arguments of actions and lists of rows of `c4d edit`.
+//! Expressions, action arguments and row lists of `c4d edit`.
 #![no_main]
 
 libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {

@@ -7,7 +7,7 @@ use gs_io::repair::Damage;
 libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
     let _ = frame::shape(bytes, bytes.len() as u64);
     if let Ok(read) = frame::read(bytes) {
-        assert!(read.splats.check_shapes().is_ok(), "whatever is read is consistent");
+        assert!(read.splats.check_shapes().is_ok(), "splats that were read are consistent");
         let _ = read.sanitize(Damage::Drop);
     }
 });

@@ -1,5 +1,5 @@
-//! The JSON of a binary glTF, beside data that are there: what is mutated is accessors, views,
-//! nodes and attributes.
+//! The JSON of a binary glTF with a fixed data chunk: accessors,
+//! views, nodes and attributes are mutated.
 #![no_main]
 
 libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
@@ -13,7 +13,7 @@ libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
     for file in [&glb[..], bytes] {
         let no_other_file = |_: &str| Err(String::new());
         if let Ok(read) = gs_io::gltf::read(file, &no_other_file) {
-            assert!(read.splats.check_shapes().is_ok(), "whatever is read is consistent");
+            assert!(read.splats.check_shapes().is_ok(), "splats that were read are consistent");
             let most = 64 * file.len().max(1 << 18);
             assert!(read.splats.len() < most, "in proportion to the file");
             let _ = read.in_axes(gs_io::Axes::PLY).sanitize(gs_io::repair::Damage::Drop);

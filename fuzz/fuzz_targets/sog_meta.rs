@@ -1,4 +1,4 @@
-//! The `meta.json` of SOG beside planes that are in order.
+//! The `meta.json` of SOG, with valid planes.
 #![no_main]
 
 use std::io::{Cursor, Read, Write};
@@ -27,10 +27,10 @@ libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
     let meta = ("meta.json".to_owned(), bytes.to_vec());
     for (name, plane) in PLANES.iter().chain([&meta]) {
         zip.start_file(name, stored).expect("a new name");
-        zip.write_all(plane).expect("memory takes everything");
+        zip.write_all(plane).expect("writing to memory succeeds");
     }
-    let archive = zip.finish().expect("memory takes everything").into_inner();
+    let archive = zip.finish().expect("writing to memory succeeds").into_inner();
     if let Ok(read) = gs_io::frame::read(&archive) {
-        assert!(read.splats.check_shapes().is_ok(), "whatever is read is consistent");
+        assert!(read.splats.check_shapes().is_ok(), "splats that were read are consistent");
     }
 });

@@ -1,4 +1,4 @@
-//! `.splat4d` clips: what opens can be evaluated.
+//! `.splat4d` clips: every clip that opens can be evaluated.
 #![no_main]
 
 use gs_core::DynamicScene;
@@ -8,11 +8,11 @@ use gs_io::splat4d;
 libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
     let Ok(read) = splat4d::read(bytes.to_vec(), Damage::Drop) else { return };
     for t in [0.0, 0.93, 0.37, 1.0] {
-        let splats = read.scene.at(t).expect("whatever opens evaluates");
-        assert!(splats.check_shapes().is_ok(), "whatever is evaluated is consistent");
+        let splats = read.scene.at(t).expect("a clip that opens can be evaluated");
+        assert!(splats.check_shapes().is_ok(), "evaluated splats are consistent");
         assert!(
             (0..splats.len()).all(|row| splats.is_finite(row)),
-            "rows that no renderer can use are dropped"
+            "unusable rows are dropped"
         );
     }
 });

@@ -9,7 +9,7 @@ libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
     assert!(read.scene.num_splats() <= bytes.len(), "a splat is more than a byte");
     for t in [0.0, 0.37, 1.0] {
         if let Ok(splats) = read.scene.at(t) {
-            assert!(splats.check_shapes().is_ok(), "whatever is evaluated is consistent");
+            assert!(splats.check_shapes().is_ok(), "evaluated splats are consistent");
         }
     }
 });

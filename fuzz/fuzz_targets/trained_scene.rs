@@ -1,5 +1,5 @@
-//! Trained scenes that are one file (native 4D Gaussians, FreeTimeGS, Spacetime Gaussians, Dynamic
-//! 3D Gaussians), evaluated where they can be read.
+//! Single-file trained scenes (native 4D Gaussians, FreeTimeGS, Spacetime Gaussians, Dynamic 3D
+//! Gaussians), evaluated where they can be read.
 #![no_main]
 
 use gs_io::{OpenOptions, detect, open_scene_as};
@@ -12,7 +12,7 @@ static FILE: LazyLock<PathBuf> = LazyLock::new(|| {
 });
 
 libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
-    fs::write(&*FILE, bytes).expect("room for a file");
+    fs::write(&*FILE, bytes).expect("the file is written");
     let Ok(kind) = detect(&*FILE) else { return };
     if !kind.is_trained() {
         return;
@@ -22,6 +22,6 @@ libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
     assert!(source.scene.num_splats() <= bytes.len(), "a splat is more than a byte");
     for t in [0.0, 0.37, 1.0] {
         let splats = source.scene.at(t).expect("times from 0 to 1 can be evaluated");
-        assert!(splats.check_shapes().is_ok(), "whatever is evaluated is consistent");
+        assert!(splats.check_shapes().is_ok(), "evaluated splats are consistent");
     }
 });

@@ -1,7 +1,7 @@
-//! Runs the commands of the documents: every line of every `sh` block, in order, in one new folder,
-//! with `c4d` on the path. A command may use what earlier ones wrote. There is no shell, so that
-//! this runs on every system: a line is a program and its arguments. What the last command of a
-//! block prints on standard output is compared with the `output` block that follows, if one does.
+//! Runs the commands in the documents: every line of every `sh` block, in order, in one new folder,
+//! with `c4d` on the path. A command may use the output of earlier ones. No shell is involved, so
+//! this runs on every system: a line is a program and its arguments. The standard output of the
+//! last command of a block is compared with the `output` block that follows it, if there is one.
 
 use crate::expected_output;
 use crate::workspace::workspace;
@@ -18,8 +18,7 @@ const DOCUMENTS: &[&str] = &[
     "docs/BENCHMARKS.md",
     "docs/DEVIATIONS.md",
 ];
-/// Commands that the continuous-integration script itself runs; naming them here is the list of
-/// exceptions.
+/// Commands skipped here because the continuous-integration script runs them.
 const RUN_ELSEWHERE: &[&str] = &["git clone", "cd ", "cargo test", "cargo install", "sudo apt-get"];
 
 pub(crate) fn run() -> Result<()> {
@@ -29,8 +28,8 @@ pub(crate) fn run() -> Result<()> {
         fs::remove_dir_all(&folder)?;
     }
     fs::create_dir_all(&folder)?;
-    // All programs, examples and benches at once: the features of dependencies are then those of
-    // the test suite, and neither this nor a documented command builds a dependency again.
+    // Build all programs, examples and benches together: dependencies then have the same features
+    // as in the test suite, and neither this build nor a documented command rebuilds them.
     let built = Command::new("cargo")
         .args(["build", "--release", "--quiet", "--workspace", "--bins", "--examples", "--benches"])
         .current_dir(&root)
@@ -39,7 +38,7 @@ pub(crate) fn run() -> Result<()> {
     if !built.success() {
         bail!("c4d does not build");
     }
-    // What `cargo install` would have put on the path.
+    // Where `cargo install` would have put the program.
     let inherited = std::env::var_os("PATH").unwrap_or_default();
     let folders =
         std::iter::once(root.join("target/release")).chain(std::env::split_paths(&inherited));
@@ -52,7 +51,7 @@ pub(crate) fn run() -> Result<()> {
             if RUN_ELSEWHERE.iter().any(|prefix| line.starts_with(prefix)) {
                 continue;
             }
-            // Benches measure for minutes; here it matters that they run at all.
+            // A full benchmark takes minutes; here it is enough that it runs.
             let line = if line.starts_with("cargo bench") { line + " -- --test" } else { line };
             eprintln!("{document}: {line}");
             refuse_package_flag(&line).with_context(|| (*document).to_owned())?;
@@ -82,28 +81,28 @@ pub(crate) fn run() -> Result<()> {
     Ok(())
 }
 
-/// Refuses `-p` in a documented `cargo` command: the dependencies would be built again with the
-/// features of that package alone, minutes each. `--example`, `--bench` and `--bin` find their
-/// target in any package.
+/// Rejects `-p` in a documented `cargo` command: it would rebuild the
+/// dependencies with that package's features alone, which takes minutes.
+/// `--example`, `--bench` and `--bin` find their target in any package.
 fn refuse_package_flag(line: &str) -> Result<()> {
     let own = line.split(" -- ").next().unwrap_or_default();
     if own.starts_with("cargo ") && own.split(' ').any(|word| matches!(word, "-p" | "--package")) {
-        bail!("`{line}` selects a package; name its target with --example, --bench or --bin");
+        bail!("`{line}` selects a package; name the target with --example, --bench or --bin");
     }
     Ok(())
 }
 
-/// Program and arguments of a line.
+/// Splits a line into program and arguments.
 ///
 /// # Errors
 /// If the line needs a shell.
 fn words(line: &str) -> Result<Vec<String>> {
-    // What stands in single quotes is no shell's business.
+    // Text in single quotes needs no shell.
     let unquoted: String = line.split('\'').step_by(2).collect();
     if let Some(found) = unquoted.chars().find(|c| "|&;<>$`*?(){}".contains(*c)) {
         bail!("`{found}` needs a shell; documented commands run without one");
     }
-    let words = shlex::split(line).context("an open quote")?;
+    let words = shlex::split(line).context("an unclosed quote")?;
     if words.is_empty() {
         bail!("no command");
     }
@@ -194,6 +193,6 @@ mod tests {
         assert!(words("c4d info a | head").is_err(), "a pipe");
         assert_eq!(words("c4d edit 'a & b'").unwrap()[2], "a & b", "quoted operators");
         assert!(words("c4d edit 'a' & b").is_err(), "operators after quotes");
-        assert!(words("c4d info 'a").is_err(), "an open quote");
+        assert!(words("c4d info 'a").is_err(), "an unclosed quote");
     }
 }

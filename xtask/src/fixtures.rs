@@ -1,8 +1,8 @@
 //! Fixtures that the project generates itself: a small synthetic scene, an edit of its first frame,
 //! and the truth.
 //!
-//! Goldens of reference implementations (`fixtures/*/README.md` names their origin) are not
-//! generated here.
+//! Goldens from reference implementations are not generated here; `fixtures/*/README.md` states
+//! their origin.
 
 use crate::workspace::workspace;
 use anyhow::{Context, Result, bail};
@@ -11,17 +11,17 @@ use gs_io::ply::{self, WriteOptions};
 use std::fs;
 use std::path::Path;
 
-/// Splats of the fixture scene: small enough for the repository, enough for a figure.
+/// Splats of the fixture scene: few enough for the repository, enough to form a figure.
 const SPLATS: usize = 1500;
 /// Frames of the source sequence and of the truth.
 const FRAMES: usize = 3;
 /// Seed of scene and edit.
 const SEED: u64 = 11;
-/// Largest difference between a stored value and its regeneration: another machine's `sin` may
-/// round otherwise.
+/// Largest allowed difference between a stored and a regenerated value:
+/// `sin` may round differently on another machine.
 const TOLERANCE: f32 = 1e-5;
 
-/// Writes `fixtures/synth`, or compares it with what would be written.
+/// Writes `fixtures/synth`, or with `check` compares it with what would be written.
 pub(crate) fn regenerate(check: bool) -> Result<()> {
     let folder = workspace().join("fixtures/synth");
     let mut differing = Vec::new();

@@ -19,12 +19,12 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-/// Splats of the scene: enough for palettes and blocks of every format, few enough for minutes in
-/// all.
+/// Splats of the scene: enough to fill palettes and blocks of every format,
+/// few enough for the whole run to take minutes.
 const SPLATS: usize = 5000;
-/// Every so many splats is invisible in the first frame and appears later.
+/// One splat in this many is invisible in the first frame and appears later.
 const FADING: usize = 10;
-/// Opacity logit of those: rounds to byte 0.
+/// Opacity logit of the invisible splats: rounds to byte 0.
 const INVISIBLE: f32 = -12.0;
 const TIMES: [f32; 3] = [0.0, 0.5, 1.0];
 const DOCUMENT: &str = "docs/INTEROP.md";
@@ -32,9 +32,9 @@ const DOCUMENT: &str = "docs/INTEROP.md";
 /// Tables of the document.
 #[derive(Default)]
 struct Tables {
-    /// What `c4d` makes of unedited frames that others wrote.
+    /// How `c4d` reads unedited frames that other tools wrote.
     read: Vec<String>,
-    /// What others make of frames that `c4d` wrote.
+    /// How other tools read frames that `c4d` wrote.
     written: Vec<String>,
 }
 
@@ -66,11 +66,11 @@ pub(crate) fn run(program: Option<PathBuf>) -> Result<()> {
     let usd = trip.usd(&folder)?;
     let text = document(&peers, &tables, &usd);
     fs::write(root.join(DOCUMENT), text).context(DOCUMENT)?;
-    eprintln!("{DOCUMENT} is written");
+    eprintln!("wrote {DOCUMENT}");
     Ok(())
 }
 
-/// Builds `c4d` and says where it is.
+/// Builds `c4d` and returns its path.
 fn build(root: &Path) -> Result<PathBuf> {
     let built = Command::new("cargo")
         .args(["build", "--release", "--quiet", "--package", "c4d-cli"])
@@ -96,7 +96,7 @@ fn source(files: &Path) -> Result<Vec<Splats>> {
     for time in TIMES {
         let mut splats = scene.at(time)?;
         let coeffs = splats.sh_coeffs();
-        // The scene has no harmonics above degree 1 of its own.
+        // The generated scene has no harmonics above degree 1.
         for (i, rgb) in splats.sh.iter_mut().enumerate() {
             if i % coeffs >= 4 {
                 *rgb = [0.0, 1.0, 2.0].map(|phase| 0.1 * (0.7 * i as f32 + phase).sin());
@@ -127,7 +127,7 @@ impl Trip {
         Ok(())
     }
 
-    /// The first frame, written by a peer and given back as an edit that changed nothing.
+    /// The first frame, written by a peer and used as an edit that changes nothing.
     fn read(&self, peer: &Peer, format: &str) -> Result<String> {
         self.c4d(&["export", "source", "--time", "0", "-w", "-o", "frame.ply"])?;
         let file = format!("theirs{}", peers::ending(format));

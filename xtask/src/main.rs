@@ -1,4 +1,4 @@
-//! Chores that cargo cannot express. `cargo xtask --help` lists them.
+//! Maintenance tasks that cargo cannot express. `cargo xtask --help` lists them.
 
 mod doc_commands;
 mod expected_output;
@@ -14,7 +14,7 @@ use clap::{Parser, Subcommand};
 use std::path::PathBuf;
 
 #[derive(Debug, Parser)]
-#[command(name = "xtask", about = "Chores of the workspace")]
+#[command(name = "xtask", about = "Maintenance tasks of the workspace")]
 struct Cli {
     #[command(subcommand)]
     task: Task,
@@ -22,8 +22,8 @@ struct Cli {
 
 #[derive(Debug, Subcommand)]
 enum Task {
-    /// Write the generated fixtures anew (reference goldens are not generated here and stay as they
-    /// are)
+    /// Regenerate the generated fixtures (reference goldens are
+    /// not generated here and stay unchanged)
     RegenerateFixtures {
         /// Compare only; fail when a fixture differs from what would be written
         #[arg(long)]

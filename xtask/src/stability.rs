@@ -1,4 +1,4 @@
-//! How much the weights of the transport matter (the supplement's figure): end-point error and
+//! Sensitivity to the transport weights (the supplement's figure): end-point error and
 //! correspondences of the paper preset over λ₀ and λ₁ = λ₂, on scenes with known motion. Draws
 //! `docs/stability.svg` and prints the numbers.
 
@@ -22,7 +22,8 @@ struct Point {
     lambda12: f64,
     /// Mean end-point error, % of the figure's size.
     epe: f64,
-    /// Share of edited splats whose strongest source is the one at the paper's weights (0.1, 1, 1).
+    /// Fraction of edited splats with the same strongest source
+    /// as at the paper's weights (0.1, 1, 1).
     same: f64,
 }
 
@@ -49,7 +50,7 @@ pub(crate) fn run() -> Result<()> {
     Ok(())
 }
 
-/// End-point error, and the strongest source of every edited splat.
+/// End-point error, and the strongest source of each edited splat.
 fn solve(scene: &TruthScene, lambdas: [f64; 3]) -> Result<(f64, Vec<Option<u32>>)> {
     let mut options = MotionOptions::preset(Preset::Paper);
     options.guide = MotionGuide::Paper(PaperParams { lambdas, ..PaperParams::default() });

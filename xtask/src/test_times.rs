@@ -1,4 +1,4 @@
-//! `docs/TESTS.md`: the test suite with its times, made from the output of `cargo test`.
+//! `docs/TESTS.md`: the test suite with its times, generated from the output of `cargo test`.
 
 use crate::workspace::workspace;
 use anyhow::{Result, bail};
@@ -32,7 +32,7 @@ struct Row {
 pub(crate) fn write(path: &Path) -> Result<()> {
     let rows = rows(&fs::read_to_string(path)?);
     if rows.is_empty() {
-        bail!("{} holds no output of cargo test (both streams are needed)", path.display());
+        bail!("{} contains no output of cargo test (both streams are needed)", path.display());
     }
     let mut out = HEAD.to_owned();
     for row in rows.iter().filter(|row| row.passed > 0) {
@@ -104,8 +104,8 @@ fn rows(log: &str) -> Vec<Row> {
     rows
 }
 
-/// Test files without a row in `document`, and rows without a test file. `files` are crates and
-/// names of test files.
+/// Test files without a row in `document`, and rows without a test file.
+/// `files` are pairs of crate and test-file name.
 fn stale(document: &str, files: &BTreeSet<(String, String)>) -> Vec<String> {
     let listed: BTreeSet<(String, String)> = document
         .lines()
@@ -120,7 +120,7 @@ fn stale(document: &str, files: &BTreeSet<(String, String)>) -> Vec<String> {
         format!("docs/TESTS.md has no row for `{tests}` of `{krate}`: cargo xtask test-times")
     });
     let gone = listed.difference(files).map(|(krate, tests)| {
-        format!("docs/TESTS.md lists `{tests}` of `{krate}`, which is no test file")
+        format!("docs/TESTS.md lists `{tests}` of `{krate}`, which is not a test file")
     });
     missing.chain(gone).collect()
 }

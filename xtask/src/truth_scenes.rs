@@ -1,4 +1,4 @@
-//! Scenes with known motion as files: for other tools, and to look at.
+//! Scenes with known motion as files: for other tools and for inspection.
 
 use anyhow::{Context, Result};
 use gs_core::{Camera, DynamicScene, Image, Rasterizer, RenderOutput, RenderParams};
@@ -11,20 +11,20 @@ use std::path::Path;
 /// Frames of the source and of the truth.
 const FRAMES: usize = 25;
 
-/// Cameras with a video, evenly taken from all, and size of its images in pixels.
+/// Cameras with a video, evenly spaced among all, and the size of its images in pixels.
 const VIEWS: usize = 4;
 const IMAGE: (u32, u32) = (400, 300);
 
 /// Writes one case into the new folder `output`: the source as a PLY sequence (`source`) and as a
 /// deformation network trained on it (`source_4dgs`), the edited first frame (`edited.ply`), its
-/// true motion as a PLY sequence (`truth`) and as PNG frames (`video/<camera>`), and cameras.
-/// Nothing is left of a scene that could not be finished.
+/// true motion as a PLY sequence (`truth`) and as PNG frames (`video/<camera>`), and cameras. On
+/// failure nothing is left behind.
 pub(crate) fn write(case: &str, seed: u64, size: usize, output: &Path) -> Result<()> {
     let case: TruthCase = case.parse().with_context(|| {
         let known: Vec<&str> = TruthCase::ALL.iter().map(|case| case.name()).collect();
         format!("cases are {}", known.join(", "))
     })?;
-    // No entry of an older folder counts as ours, so nothing is ever replaced.
+    // Never replace an existing folder.
     let folder = AtomicDir::create(output, Existing::Refuse)?;
     let out = folder.path();
     let scene = gs_synth::build(case, seed, size)?;
@@ -50,7 +50,7 @@ pub(crate) fn write(case: &str, seed: u64, size: usize, output: &Path) -> Result
     folder.commit()?;
     let residual = fitted.residual;
     eprintln!(
-        "the network misses its own training by {:.2} % of the figure (p95 {:.2} %), {:.1}°",
+        "training error of the network: {:.2} % of the figure (p95 {:.2} %), {:.1}°",
         residual.mean, residual.p95, residual.rot_deg
     );
     Ok(())
@@ -69,7 +69,7 @@ fn sequence(scene: &dyn DynamicScene, folder: &Path) -> Result<()> {
     Ok(())
 }
 
-/// One PNG per frame, over grey.
+/// One PNG per frame, over a grey background.
 fn video(scene: &dyn DynamicScene, camera: &Camera, folder: &Path) -> Result<()> {
     std::fs::create_dir_all(folder).with_context(|| folder.display().to_string())?;
     let camera = camera.resized(IMAGE.0, IMAGE.1);

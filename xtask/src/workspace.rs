@@ -1,8 +1,8 @@
-//! Where the workspace is.
+//! Location of the workspace.
 
 use std::path::{Path, PathBuf};
 
-/// Top of the workspace.
+/// Root folder of the workspace.
 pub(crate) fn workspace() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR"))
         .parent()

@@ -1,20 +1,20 @@
-//! How far a cloud is from what was written, whatever the order of its rows.
+//! Difference between a cloud and what was written, independent of row order.
 
 use gs_core::Splats;
 use gs_core::sh::C0;
 use rayon::prelude::*;
 
-/// Opacity below which a splat draws nothing.
+/// Opacity below which a splat is not drawn.
 const VISIBLE: f32 = 1.0 / 255.0;
 
-/// Largest differences over all splats that can be seen.
+/// Largest differences over all visible splats.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Difference {
-    /// Of centres, share of the size of the scene.
+    /// Of centres, as a fraction of the scene's size.
     pub(super) position: f32,
-    /// Of base colours, steps of 1/255.
+    /// Of base colours, in steps of 1/255.
     color: f32,
-    /// Of opacities, steps of 1/255.
+    /// Of opacities, in steps of 1/255.
     opacity: f32,
 }
 
@@ -29,7 +29,7 @@ impl Difference {
         )
     }
 
-    /// As if `read` had been turned by half a turn about x.
+    /// Like [`difference`], after rotating `read` by half a turn about x.
     pub(super) fn of_half_turn(truth: &Splats, read: &Splats) -> Self {
         let mut turned = read.clone();
         turned.means.iter_mut().for_each(|mean| *mean = [mean[0], -mean[1], -mean[2]]);
@@ -37,7 +37,7 @@ impl Difference {
     }
 }
 
-/// Compares every visible splat of `truth` with the nearest of `read`.
+/// Compares every visible splat of `truth` with the nearest splat of `read`.
 pub(super) fn difference(truth: &Splats, read: &Splats) -> Difference {
     let (min, max) = truth.bounds().unwrap_or_default();
     let size = (0..3).map(|axis| max[axis] - min[axis]).fold(f32::MIN_POSITIVE, f32::max);
@@ -53,7 +53,7 @@ pub(super) fn difference(truth: &Splats, read: &Splats) -> Difference {
             .unwrap_or_default();
         let dc = |splats: &Splats, row: usize| splats.sh_of(row)[0];
         let (a, b) = (dc(truth, row), dc(read, nearest));
-        // Colours beyond what displays show are clipped by every format.
+        // Every format clips colours outside the displayable range.
         let shown = |dc: f32| (0.5 + C0 * dc).clamp(0.0, 1.0);
         Difference {
             position: distance(&read.means[nearest], mean).sqrt() / size,

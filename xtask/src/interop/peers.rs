@@ -4,10 +4,10 @@ use anyhow::{Context, Result, bail};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
-/// Versions of the converter of PlayCanvas: the last whose SPZ is in the axes of the description,
-/// and one of those after it.
+/// Versions of PlayCanvas's converter: the last one whose SPZ uses the
+/// axes of the specification, and a later one.
 const SPLAT_TRANSFORM: [&str; 2] = ["2.7.1", "3.7.0"];
-/// Versions of the packages of Python.
+/// Versions of the Python packages.
 const GSPLY: &str = "0.4.6";
 const USD: &str = "26.11";
 
@@ -20,17 +20,17 @@ pub(super) enum Peer {
 /// A format, with flags of `c4d export`.
 pub(super) type Written = (&'static str, &'static [&'static str]);
 
-/// Ending of files of a format, whose name may have a version after it.
+/// File extension of a format, whose name may be followed by a version.
 pub(super) fn ending(format: &str) -> String {
     format!(".{}", format.split(' ').next().unwrap_or(format))
 }
 
-/// The library of OpenUSD, with its version.
+/// The OpenUSD library, with its version.
 pub(super) fn usd() -> String {
     format!("usd-core {USD}")
 }
 
-/// Python with the packages.
+/// Python with these packages.
 pub(super) fn python(folder: &Path) -> Command {
     Command::new(folder.join("python/bin/python"))
 }
@@ -93,7 +93,7 @@ impl Peer {
         format!("{} ({registry})", self.name())
     }
 
-    /// Formats it writes that `c4d` reads.
+    /// Formats that it writes and `c4d` reads.
     pub(super) fn writes(&self) -> &'static [&'static str] {
         match self {
             Self::SplatTransform { .. } => {
@@ -103,7 +103,7 @@ impl Peer {
         }
     }
 
-    /// Formats it reads that `c4d` writes.
+    /// Formats that it reads and `c4d` writes.
     pub(super) fn reads(&self) -> &'static [Written] {
         match self {
             Self::SplatTransform { .. } => &[
@@ -125,7 +125,7 @@ impl Peer {
         }
     }
 
-    /// Converts a file in `folder`, named by its ending, to another.
+    /// Converts the file with extension `from` in `folder` to the one with extension `to`.
     pub(super) fn convert(&self, folder: &Path, from: &str, to: &str, format: &str) -> Result<()> {
         match self {
             Self::SplatTransform { program, .. } => {

@@ -1,20 +1,20 @@
-//! The table of crates in `docs/ARCHITECTURE.md`, and the manifests it must agree with.
+//! The crate table in `docs/ARCHITECTURE.md`, and its comparison with the manifests.
 
 use anyhow::{Context, Result, bail};
 use std::collections::{BTreeMap, BTreeSet};
 
-/// Heading of the table's columns, in order.
+/// The table's column headings, in order.
 const COLUMNS: [&str; 5] =
     ["crate", "promises", "depends on", "in tests only", "deliberately absent"];
 /// Keys that a published crate's manifest must have.
 const PUBLISHED: [&str; 5] = ["description", "readme", "keywords", "categories", "repository"];
 
-/// Crates of ours that one crate depends on.
+/// Workspace crates that one crate depends on.
 #[derive(Debug, Default, PartialEq, Eq)]
 pub(super) struct Dependencies {
     /// `[dependencies]`.
     pub normal: BTreeSet<String>,
-    /// `[dev-dependencies]` that are no dependencies.
+    /// `[dev-dependencies]` that are not also in `[dependencies]`.
     pub tests_only: BTreeSet<String>,
 }
 
@@ -25,10 +25,10 @@ pub(super) struct CrateTable {
 }
 
 impl CrateTable {
-    /// Finds the table in the text of `docs/ARCHITECTURE.md`.
+    /// Parses the table in the text of `docs/ARCHITECTURE.md`.
     ///
     /// # Errors
-    /// If there is no table with these columns, or a row has another number of cells.
+    /// If there is no table with these columns, or a row has a different number of cells.
     pub(super) fn parse(document: &str) -> Result<Self> {
         let mut lines = document.lines().map(cells).skip_while(|row| row[..] != COLUMNS).skip(2);
         let mut rows = BTreeMap::new();
@@ -49,13 +49,13 @@ impl CrateTable {
         Ok(Self { rows })
     }
 
-    /// Differences between the table and `manifests` (the texts of every `Cargo.toml` of the
-    /// workspace), both ways.
+    /// Differences in either direction between the table and `manifests` (the text of every
+    /// `Cargo.toml` in the workspace).
     pub(super) fn compare(&self, manifests: &[String]) -> Result<Vec<String>> {
         let mut found = Vec::new();
         let mut crates = BTreeMap::new();
         for text in manifests {
-            let manifest: toml::Table = text.parse().context("a manifest is no TOML")?;
+            let manifest: toml::Table = text.parse().context("a manifest is not TOML")?;
             let package = manifest.get("package").and_then(toml::Value::as_table);
             let package = package.context("a manifest has no [package]")?;
             let name = package.get("name").and_then(toml::Value::as_str);
@@ -98,20 +98,20 @@ impl CrateTable {
         }
         for name in self.rows.keys().filter(|name| !crates.contains_key(*name)) {
             found.push(format!(
-                "the crate table lists `{name}`, which is no crate of the workspace"
+                "the crate table lists `{name}`, which is not a crate of the workspace"
             ));
         }
-        found.extend(self.rings());
+        found.extend(self.cycles());
         Ok(found)
     }
 
-    /// Crates that depend on themselves through others.
-    fn rings(&self) -> Vec<String> {
+    /// Crates in dependency cycles.
+    fn cycles(&self) -> Vec<String> {
         let mut below: BTreeSet<&str> = BTreeSet::new();
         let mut left: BTreeMap<&str, &Dependencies> =
             self.rows.iter().map(|(name, row)| (name.as_str(), row)).collect();
-        // Take away crates whose dependencies are all below. What is left is in a ring, or above
-        // one.
+        // Remove crates whose dependencies have all been removed. What
+        // remains is in a cycle, or depends on one.
         loop {
             let ready: Vec<&str> = left
                 .iter()
@@ -127,12 +127,12 @@ impl CrateTable {
             }
         }
         left.keys()
-            .map(|name| format!("crate `{name}` is in a ring of dependencies, or depends on one"))
+            .map(|name| format!("crate `{name}` is in a dependency cycle, or depends on one"))
             .collect()
     }
 }
 
-/// Cells of a table row; empty for a line that is none.
+/// Cells of a table row; empty for any other line.
 fn cells(line: &str) -> Vec<&str> {
     let line = line.trim();
     let Some(inner) = line.strip_prefix('|').and_then(|rest| rest.strip_suffix('|')) else {
@@ -141,7 +141,7 @@ fn cells(line: &str) -> Vec<&str> {
     inner.split('|').map(str::trim).collect()
 }
 
-/// What stands in backticks.
+/// Names in backticks.
 fn quoted(cell: &str) -> BTreeSet<String> {
     cell.split('`').skip(1).step_by(2).map(str::to_owned).collect()
 }
@@ -174,12 +174,12 @@ mod tests {
     }
 
     #[test]
-    fn agreement_is_silent() {
+    fn an_agreeing_table_has_no_findings() {
         assert_eq!(findings(DOCUMENT, &good()), Vec::<String>::new(), "no finding");
     }
 
     #[test]
-    fn an_arrow_that_the_table_lacks_is_found() {
+    fn a_dependency_missing_from_the_table_is_found() {
         let mut manifests = good();
         manifests[0] = manifest("low", "[dependencies]\naid = \"1\"\n");
         assert_eq!(findings(DOCUMENT, &manifests).len(), 1, "dependency");
@@ -188,7 +188,7 @@ mod tests {
     }
 
     #[test]
-    fn an_arrow_that_the_manifest_lacks_is_found() {
+    fn a_dependency_missing_from_the_manifest_is_found() {
         let document = DOCUMENT.replace("| `low` | x | – |", "| `low` | x | `aid` |");
         assert_eq!(findings(&document, &good()).len(), 1, "stale arrow");
     }
@@ -197,15 +197,15 @@ mod tests {
     fn missing_rows_and_crates_are_found() {
         let document = DOCUMENT.replace("| `aid` | x | – | – | y |\n", "");
         assert_eq!(findings(&document, &good()).len(), 1, "crate without a row");
-        assert_eq!(findings(DOCUMENT, &good()[..2]).len(), 2, "row and arrow without a crate");
+        assert_eq!(findings(DOCUMENT, &good()[..2]).len(), 2, "row and dependency without a crate");
     }
 
     #[test]
-    fn rings_of_crates_are_found() {
+    fn dependency_cycles_are_found() {
         let document = DOCUMENT.replace("| `low` | x | – |", "| `low` | x | `high` |");
         let mut manifests = good();
         manifests[0] = manifest("low", "[dependencies]\nhigh = \"1\"\n");
-        assert_eq!(findings(&document, &manifests).len(), 2, "both crates of the ring");
+        assert_eq!(findings(&document, &manifests).len(), 2, "both crates of the cycle");
     }
 
     #[test]

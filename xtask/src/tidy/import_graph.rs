@@ -1,9 +1,8 @@
-//! Imports between the files of one crate, and the circles among them.
+//! Imports between the files of one crate, and the cycles among them.
 //!
-//! An arrow from one file to another means that the first declares the second (`mod`), or names
-//! something that is defined in it: in a `use`, in a path that begins with `crate`, `self` or
-//! `super`, or in a macro. A name that a file only passes on (`pub use`) belongs to the file that
-//! defines it. Test modules do not count.
+//! A file imports another if it declares it (`mod`) or names an item defined in it: in a `use`, in
+//! a path that begins with `crate`, `self` or `super`, or in a macro. A re-exported name
+//! (`pub use`) belongs to the file that defines it. Test modules do not count.
 
 use anyhow::{Context, Result};
 use std::collections::{BTreeMap, BTreeSet};
@@ -14,20 +13,20 @@ use syn::visit::{self, Visit};
 /// Path of a module within its crate; empty for the root.
 type Module = Vec<String>;
 
-/// What one file says.
+/// Declarations and names found in one file.
 #[derive(Debug, Default)]
 struct FileFacts {
     /// File, relative to `src`.
     file: PathBuf,
-    /// Modules that it declares.
+    /// Modules that the file declares.
     children: Vec<String>,
-    /// Names that a `use` brings in, and where from.
+    /// Names imported by `use`, and their paths.
     imports: BTreeMap<String, Vec<String>>,
-    /// Every path that it names, from the crate's root.
+    /// Every path in the file, from the crate root.
     paths: Vec<Vec<String>>,
 }
 
-/// Arrows between the files of a crate, by file name relative to `src`.
+/// Imports between the files of a crate, by file name relative to `src`.
 #[derive(Debug, Default)]
 pub(super) struct ImportGraph {
     arrows: BTreeMap<PathBuf, BTreeSet<PathBuf>>,
@@ -55,22 +54,22 @@ impl ImportGraph {
         Ok(Self { arrows })
     }
 
-    /// Groups of files that reach each other, in order.
-    pub(super) fn circles(&self) -> Vec<Vec<PathBuf>> {
+    /// Groups of files that import each other, in order.
+    pub(super) fn cycles(&self) -> Vec<Vec<PathBuf>> {
         let reached: BTreeMap<&PathBuf, BTreeSet<&PathBuf>> =
             self.arrows.keys().map(|file| (file, self.reach(file))).collect();
-        let mut circles: Vec<Vec<PathBuf>> = Vec::new();
+        let mut cycles: Vec<Vec<PathBuf>> = Vec::new();
         for (file, beyond) in &reached {
-            if !beyond.contains(file) || circles.iter().any(|circle| circle.contains(file)) {
+            if !beyond.contains(file) || cycles.iter().any(|cycle| cycle.contains(file)) {
                 continue;
             }
             let back = |to: &&&PathBuf| reached[**to].contains(file);
-            circles.push(beyond.iter().filter(back).map(|to| (*to).clone()).collect());
+            cycles.push(beyond.iter().filter(back).map(|to| (*to).clone()).collect());
         }
-        circles
+        cycles
     }
 
-    /// Files that can be reached from `from` by one arrow or more.
+    /// Files that can be reached from `from` through one or more imports.
     fn reach(&self, from: &PathBuf) -> BTreeSet<&PathBuf> {
         let mut reached = BTreeSet::new();
         let mut open: Vec<&PathBuf> = self.arrows[from].iter().collect();
@@ -82,13 +81,13 @@ impl ImportGraph {
         reached
     }
 
-    /// The arrows inside `circle`, one a line.
-    pub(super) fn describe(&self, circle: &[PathBuf]) -> String {
+    /// The imports inside `cycle`, one per line.
+    pub(super) fn describe(&self, cycle: &[PathBuf]) -> String {
         let mut lines = Vec::new();
-        for from in circle {
+        for from in cycle {
             let to: Vec<String> = self.arrows[from]
                 .iter()
-                .filter(|to| circle.contains(to))
+                .filter(|to| cycle.contains(to))
                 .map(|to| to.display().to_string())
                 .collect();
             lines.push(format!("    {} -> {}", from.display(), to.join(", ")));
@@ -97,7 +96,7 @@ impl ImportGraph {
     }
 }
 
-/// Reads the file of `module` and those of its children, which lie in `folder`.
+/// Reads the file of `module` and those of its children in `folder`.
 fn read_module(
     file: &Path,
     folder: &Path,
@@ -138,7 +137,7 @@ fn definer<'a>(
     let facts = &modules[&path[..known]];
     let passed_on = path.get(known).and_then(|name| facts.imports.get(name));
     match passed_on {
-        // Re-exports can name each other in a ring.
+        // Re-exports can refer to each other in a cycle.
         Some(origin) if depth < 16 => definer(modules, origin, depth + 1),
         _ => Some(facts),
     }
@@ -151,8 +150,8 @@ struct Collector {
 }
 
 impl Collector {
-    /// `segments` from the crate's root; `None` for what is not of this crate, or local to the
-    /// file.
+    /// `segments` as a path from the crate root; `None` if it leads
+    /// outside the crate or is local to the file.
     fn path_from_root(&self, segments: &[String]) -> Option<Vec<String>> {
         let mut base = self.module.clone();
         let mut rest = segments;
@@ -208,7 +207,7 @@ impl Collector {
         }
     }
 
-    /// Paths in the tokens of a macro, which are no syntax tree.
+    /// Paths in the tokens of a macro, which `syn` does not parse.
     fn tokens(&mut self, tokens: &str) {
         let spaced = tokens.replace("$ crate", "crate").replace(" :: ", "::");
         for word in spaced.split(|c: char| !(c.is_alphanumeric() || c == '_' || c == ':')) {
@@ -231,7 +230,7 @@ fn is_test(attributes: &[syn::Attribute]) -> bool {
 
 impl<'ast> Visit<'ast> for Collector {
     fn visit_file(&mut self, file: &'ast syn::File) {
-        // Children first: paths may begin with their names before they are declared.
+        // Child modules first: a path may begin with a module's name before its declaration.
         for item in &file.items {
             if let syn::Item::Mod(module) = item
                 && module.content.is_none()
@@ -280,8 +279,8 @@ mod tests {
     use super::*;
     use std::env;
 
-    /// Circles of a crate made of `files`, names and texts.
-    fn circles(name: &str, files: &[(&str, &str)]) -> Vec<Vec<String>> {
+    /// Import cycles of a crate made of `files` (name and text).
+    fn cycles(name: &str, files: &[(&str, &str)]) -> Vec<Vec<String>> {
         let folder = env::temp_dir().join(format!("c4d-tidy-{name}-{}", std::process::id()));
         for (file, text) in files {
             let path = folder.join(file);
@@ -290,17 +289,17 @@ mod tests {
         }
         let graph = ImportGraph::read(&folder.join("lib.rs")).unwrap();
         fs::remove_dir_all(&folder).unwrap();
-        let names = |circle: Vec<PathBuf>| -> Vec<String> {
-            circle.iter().map(|file| file.to_str().unwrap().replace('\\', "/")).collect()
+        let names = |cycle: Vec<PathBuf>| -> Vec<String> {
+            cycle.iter().map(|file| file.to_str().unwrap().replace('\\', "/")).collect()
         };
-        graph.circles().into_iter().map(names).collect()
+        graph.cycles().into_iter().map(names).collect()
     }
 
     const ROOT: &str = "mod a; mod b; pub use a::A; pub use b::B;";
 
     #[test]
-    fn files_that_import_each_other_are_a_circle() {
-        let found = circles(
+    fn files_that_import_each_other_are_a_cycle() {
+        let found = cycles(
             "pair",
             &[
                 ("lib.rs", ROOT),
@@ -312,20 +311,20 @@ mod tests {
     }
 
     #[test]
-    fn a_name_passed_on_by_the_root_belongs_to_its_file() {
+    fn a_re_exported_name_belongs_to_the_file_that_defines_it() {
         let files = [
             ("lib.rs", ROOT),
             ("a.rs", "pub struct A;"),
             ("b.rs", "use crate::A; pub struct B(A);"),
         ];
-        assert_eq!(circles("re-export", &files), Vec::<Vec<String>>::new(), "no circle");
+        assert_eq!(cycles("re-export", &files), Vec::<Vec<String>>::new(), "no cycle");
         let files = [files[0], ("a.rs", "use super::{B, b::*};"), files[2]];
-        assert_eq!(circles("through-root", &files), [["a.rs", "b.rs"]], "through the root");
+        assert_eq!(cycles("through-root", &files), [["a.rs", "b.rs"]], "through the root");
     }
 
     #[test]
-    fn a_child_that_needs_its_parent_is_a_circle() {
-        let found = circles(
+    fn a_child_that_uses_its_parent_is_a_cycle() {
+        let found = cycles(
             "parent",
             &[
                 ("lib.rs", "mod a; pub struct Shared;"),
@@ -338,7 +337,7 @@ mod tests {
 
     #[test]
     fn tests_may_import_anything() {
-        let found = circles(
+        let found = cycles(
             "tests",
             &[
                 ("lib.rs", ROOT),
@@ -346,6 +345,6 @@ mod tests {
                 ("b.rs", "use crate::a::A; pub struct B(A);"),
             ],
         );
-        assert_eq!(found, Vec::<Vec<String>>::new(), "no circle");
+        assert_eq!(found, Vec::<Vec<String>>::new(), "no cycle");
     }
 }

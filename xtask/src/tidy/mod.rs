@@ -1,4 +1,4 @@
-//! Rules that a compiler does not check. Each has a test that shows it can fail.
+//! Rules that the compiler does not check. Each has a test that shows it can fail.
 
 mod crate_table;
 mod import_graph;
@@ -10,7 +10,7 @@ use import_graph::ImportGraph;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-/// Longest source file; beyond it a file holds more than one concept.
+/// Most lines in a source file; longer files cover more than one concept.
 const MAX_LINES: usize = 600;
 /// Highest equation number of the paper with its supplement.
 const LAST_EQUATION: u32 = 24;
@@ -34,7 +34,7 @@ fn findings(root: &Path) -> Result<Vec<String>> {
     found.extend(CrateTable::parse(&architecture)?.compare(&texts)?);
     for folder in manifests.iter().filter_map(|manifest| manifest.parent()) {
         check_readme(root, folder, &mut found)?;
-        check_circles(folder, &mut found)?;
+        check_cycles(folder, &mut found)?;
     }
     for file in files(root)? {
         let shown = file.strip_prefix(root).unwrap_or(&file).display().to_string();
@@ -58,7 +58,7 @@ fn check_text(shown: &str, extension: &str, text: &str, found: &mut Vec<String>)
         let place = format!("{shown}:{}", number + 1);
         for folder in ["work", "tmp", "root", "home"] {
             if line.contains(&format!("\u{2f}{folder}/")) {
-                found.push(format!("{place}: names a path of one machine"));
+                found.push(format!("{place}: contains a machine-specific path"));
             }
         }
         for equation in equations(line) {
@@ -80,7 +80,7 @@ fn equations(line: &str) -> Vec<u32> {
         .collect()
 }
 
-/// Every library has a README that its documentation tests compile.
+/// Every library has a README that is compiled as a doctest.
 fn check_readme(root: &Path, folder: &Path, found: &mut Vec<String>) -> Result<()> {
     let shown = folder.strip_prefix(root).unwrap_or(folder).display();
     if !folder.join("README.md").is_file() {
@@ -94,18 +94,18 @@ fn check_readme(root: &Path, folder: &Path, found: &mut Vec<String>) -> Result<(
     Ok(())
 }
 
-/// No files of a crate may import each other in circles.
-fn check_circles(folder: &Path, found: &mut Vec<String>) -> Result<()> {
+/// Files of a crate may not import each other in cycles.
+fn check_cycles(folder: &Path, found: &mut Vec<String>) -> Result<()> {
     let name = folder.file_name().and_then(|name| name.to_str()).unwrap_or_default();
     let roots = ["src/lib.rs", "src/main.rs"].map(|root| folder.join(root));
     let root = roots.iter().find(|root| root.is_file()).context("a crate has a root file")?;
     let graph = ImportGraph::read(root)?;
-    let circles = graph.circles();
-    let files: usize = circles.iter().map(Vec::len).sum();
+    let cycles = graph.cycles();
+    let files: usize = cycles.iter().map(Vec::len).sum();
     if files > 0 {
-        let drawn: Vec<String> = circles.iter().map(|circle| graph.describe(circle)).collect();
+        let drawn: Vec<String> = cycles.iter().map(|cycle| graph.describe(cycle)).collect();
         found.push(format!(
-            "crate `{name}`: {files} files import each other in circles:\n{}",
+            "crate `{name}`: {files} files import each other in a cycle:\n{}",
             drawn.join("\n    and\n")
         ));
     }

@@ -25,13 +25,6 @@ impl Losses {
         }
     }
 
-    /// Adds the sentences of `other` that are not yet present.
-    pub fn merge(&mut self, other: Self) {
-        for sentence in other.0 {
-            self.push(sentence);
-        }
-    }
-
     /// Whether nothing is lost.
     pub fn is_empty(&self) -> bool {
         self.0.is_empty()
@@ -58,7 +51,7 @@ mod tests {
         let mut losses = Losses::none();
         assert!(losses.is_empty() && losses.to_string().is_empty(), "no losses");
         losses.push("normals are zero");
-        losses.merge(losses.clone());
+        losses.push("normals are zero");
         losses.push("colours are 8 bit");
         assert_eq!(losses.to_string(), "normals are zero\ncolours are 8 bit", "in order, once");
     }

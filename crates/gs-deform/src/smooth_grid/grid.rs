@@ -110,11 +110,6 @@ impl SmoothGrid {
         self.levels.len() * self.channels
     }
 
-    /// `L`.
-    pub fn num_levels(&self) -> usize {
-        self.levels.len()
-    }
-
     /// Features at a point (x, y, z, t) of the unit box, level by level; calls `put` with index and
     /// value. All are 0 if a coordinate of the grid lies outside 0 to 1.
     #[inline(always)]

@@ -1,5 +1,5 @@
-//! What a documented command prints, as the document shows it: numbers go stale unless something
-//! compares them.
+//! Compares the output of a documented command with the output that the document shows, so that
+//! its numbers cannot become outdated unnoticed.
 
 use anyhow::{Result, bail};
 
@@ -9,9 +9,8 @@ const TOLERANCE: f64 = 0.02;
 /// Matches any one word: a time, a path.
 const ANY: &str = "…";
 
-/// Compares what a command printed with the block of the document, line by line and word by word.
-/// Lines of the block must be found in this order; what the command prints between them is not
-/// shown in the document.
+/// Compares the output of a command with the block in the document, line by line and word by word.
+/// The lines of the block must occur in this order; the command may print other lines in between.
 ///
 /// # Errors
 /// Names the first line of the block that was not printed.
@@ -48,7 +47,7 @@ fn are_close(word: &str, other: &str) -> bool {
         && (a - b).abs() <= TOLERANCE * f64::max(a.abs(), b.abs())
 }
 
-/// The number in a word, and what stands around it: `(12%)`.
+/// The number in a word and the text around it, as in `(12%)`.
 fn number(word: &str) -> Option<(&str, f64, &str)> {
     let is_part = |c: char| c.is_ascii_digit() || matches!(c, '.' | '-' | '+' | '−');
     let start = word.find(is_part)?;
@@ -69,7 +68,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_stale_is_found() {
+    fn outdated_lines_are_found() {
         let printed = "a 10.0 dB\nb 20.0 dB\n";
         for stale in ["a 10.5 dB", "a 10 B", "a 10", "b 20 dB\na 10 dB", "c 1", "a -10 dB"] {
             assert!(compare(stale, printed).is_err(), "{stale}");

@@ -78,7 +78,7 @@ fn main() -> Done {
         usda::write(path, &clip, &options, Existing::Refuse, &mut |_, _| ())?;
         Ok(())
     })?;
-    row("`.splatv` (forced: cubics miss a clip of this length)", &mut |path| {
+    row("`.splatv` (forced: cubics do not fit a clip of this length)", &mut |path| {
         let camera =
             Camera::look_at([0.0, 1.0, 4.0], [0.0, 1.0, 0.0], [0.0, 1.0, 0.0], 0.7, 960, 720);
         let options = splatv::Options {

@@ -111,7 +111,7 @@ mod tests {
     }
 
     #[test]
-    fn brief_and_lasting_splats_are_told_apart() {
+    fn brief_and_lasting_splats_are_distinguished() {
         let still = Polynomial {
             velocity: [[0.0; 3]; 3],
             omega: [0.0; 4],

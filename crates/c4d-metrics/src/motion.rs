@@ -124,7 +124,7 @@ mod tests {
     }
 
     #[test]
-    fn shaking_shows_in_both() {
+    fn alternating_motion_increases_both_metrics() {
         let shaking = track(|t, i| [if (t + i) % 2 == 0 { 0.1 } else { -0.1 }, 0.0, 0.0]);
         assert!(
             (shaking.jitter(1.0) - 0.4).abs() < 1e-5,

@@ -240,7 +240,7 @@ mod tests {
     }
 
     #[test]
-    fn degree_change_pads_and_cuts() {
+    fn degree_changes_pad_or_truncate() {
         let up = two().with_sh_degree(2);
         assert_eq!(up.sh_of(1)[..4], two().sh_of(1)[..], "kept coefficients");
         assert!(up.sh_of(1)[4..].iter().all(|rgb| *rgb == [0.0; 3]), "padding is zero");

@@ -446,7 +446,7 @@ fn static_values_are_stored_once() {
 }
 
 #[test]
-fn noise_within_the_bound_costs_nothing() {
+fn noise_within_the_bound_does_not_enlarge_the_file() {
     let mut frames = vec![lively::scene(1000, 2, 0).at(0.0).unwrap(); 30];
     for (f, frame) in frames.iter_mut().enumerate() {
         // A slow drift plus jitter far below the bound.

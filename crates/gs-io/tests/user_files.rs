@@ -269,7 +269,7 @@ fn surfels_are_thin_discs() {
 }
 
 #[test]
-fn sh_of_degree_4_is_cut_by_channel() {
+fn sh_of_degree_4_is_truncated_per_channel() {
     let table = Table::scene(4, 0.0);
     let (splats, notes) = table.read_everywhere();
     assert_eq!(splats.sh_degree, 3, "degree");

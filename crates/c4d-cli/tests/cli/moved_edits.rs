@@ -317,7 +317,7 @@ fn fading(desk: &Desk) -> (PathBuf, Vec<Splats>, Vec<usize>) {
 }
 
 #[test]
-fn invisible_splats_are_counted_left_out_and_kept() {
+fn invisible_splats_are_counted_omitted_and_kept() {
     let desk = Desk::new();
     let (scene, frames, hidden) = fading(&desk);
     let freeze = |name: &str, flags: &[&str]| {

@@ -107,7 +107,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn uris_hold_bytes() {
+    fn data_uris_are_decoded() {
         let bytes = data_of("data:application/octet-stream;base64,AAEC").unwrap().unwrap();
         assert_eq!(bytes, [0, 1, 2], "decoded");
         assert!(data_of("data:text/plain,abc").unwrap().is_err(), "not base64");

@@ -80,7 +80,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn states_round_trip_and_cut_files_are_refused() {
+    fn states_round_trip_and_truncated_files_are_refused() {
         let state = FitState {
             fingerprint: u64::MAX,
             step: 12,

@@ -37,7 +37,7 @@ fn stacks_and_memos_are_checked() {
 }
 
 #[test]
-fn sharing_and_depth_cost_nothing() {
+fn shared_and_deeply_nested_objects_take_linear_time() {
     // A tuple of itself twice, forty times over: 2⁴⁰ leaves if anything were copied.
     let mut doubled = b"N\x85q\x00".to_vec();
     for _ in 0..40 {

@@ -34,7 +34,8 @@ impl Image {
 
     /// Image from `[height, width, channels]` values.
     ///
-    /// # Errors If the number of values differs from `height · width · channels`.
+    /// # Errors
+    /// If the number of values differs from `height · width · channels`.
     pub fn from_data(
         width: usize,
         height: usize,

@@ -109,7 +109,8 @@ impl<F: Real> Splats<F> {
 
     /// Verifies that all arrays have the same number of rows.
     ///
-    /// # Errors Names the first array of a different length.
+    /// # Errors
+    /// Names the first array of a different length.
     pub fn check_shapes(&self) -> Result<(), SplatsError> {
         if self.sh_degree > sh::MAX_DEGREE {
             return Err(SplatsError::ShDegree(self.sh_degree));

@@ -19,7 +19,8 @@ pub struct Plane {
 impl Plane {
     /// From a tensor `[C, rows, columns]`, as checkpoints store it.
     ///
-    /// # Errors If there are not `C · rows · columns` values, or one of these factors is 0.
+    /// # Errors
+    /// If there are not `C · rows · columns` values, or one of these factors is 0.
     pub fn from_channels_first(
         values: &[f32],
         channels: usize,

@@ -94,7 +94,8 @@ impl PolynomialScene {
     /// The scene whose splats exist in half-open time windows `[start, end)`,
     /// `[N, 2]`, in the time unit of the motions.
     ///
-    /// # Errors If there is not one window per splat.
+    /// # Errors
+    /// If there is not one window per splat.
     pub fn with_windows(self, windows: Vec<[f32; 2]>) -> Result<Self, PolynomialError> {
         if windows.len() != self.rest.len() {
             return Err(PolynomialError::Rows { found: windows.len(), expected: self.rest.len() });

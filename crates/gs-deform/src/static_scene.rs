@@ -10,7 +10,8 @@ pub struct StaticScene {
 }
 
 impl StaticScene {
-    /// # Errors If the arrays have inconsistent lengths.
+    /// # Errors
+    /// If the arrays have inconsistent lengths.
     pub fn new(splats: Splats) -> Result<Self, SplatsError> {
         splats.check_shapes()?;
         Ok(Self { splats })

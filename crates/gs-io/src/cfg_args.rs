@@ -106,7 +106,8 @@ impl CfgArgs {
 
 /// Parses `Namespace(key=value, …)`. Values that are not literals are skipped and listed.
 ///
-/// # Errors If the text is not a namespace, or ends before its closing bracket.
+/// # Errors
+/// If the text is not a namespace, or ends before its closing bracket.
 pub fn parse(text: &str) -> Result<CfgArgs, CfgError> {
     let mut parser = Parser { text, at: 0, balanced: true };
     parser.space();

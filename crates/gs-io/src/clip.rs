@@ -49,7 +49,8 @@ impl Clip<'_> {
 /// Calls `visit` with every frame in order; one frame is in memory at a time. `path` is for
 /// messages.
 ///
-/// # Errors If the scene cannot be evaluated or changes its number of splats, or `visit` fails.
+/// # Errors
+/// If the scene cannot be evaluated or changes its number of splats, or `visit` fails.
 pub(crate) fn each_frame(
     scene: &dyn DynamicScene,
     times: &[f32],

@@ -28,7 +28,8 @@ const ALWAYS_VISIBLE: f32 = 10.0;
 /// Opens a trained scene, a sequence of frames, a `.splatv` or `.splat4d` clip, or a single frame
 /// of any format (as a static scene).
 ///
-/// # Errors If the path is of another kind, or its reader fails.
+/// # Errors
+/// If the path is of another kind, or its reader fails.
 pub fn open_scene(path: impl AsRef<Path>, options: &OpenOptions) -> Result<OpenedScene, IoError> {
     let path = path.as_ref();
     open_scene_as(path, &detect(path)?, options)

@@ -188,7 +188,8 @@ pub(crate) fn only_rotation_missing(splats: &Splats, row: usize) -> bool {
 /// Replaces meaningful infinities of `splats` (arrays of equal length) by finite values, counts
 /// damaged rows, and drops, keeps or refuses them.
 ///
-/// # Errors With [`Damage::Fail`], if there are any; with [`Damage::Drop`], if no row would be left.
+/// # Errors
+/// With [`Damage::Fail`], if there are any; with [`Damage::Drop`], if no row would be left.
 pub fn sanitize(splats: Splats, damage: Damage) -> Result<Sanitized, DamagedRows> {
     sanitize_with(splats, damage, |_row| false)
 }

@@ -68,7 +68,9 @@ struct Header<'a> {
 /// Encodes `first` and, if given, `second` at `times`, which become evenly spaced frames.
 /// `progress` is called with the number of finished evaluations and their total.
 ///
-/// # Errors If there is no frame, no visible splat, an option out of range, or a scene cannot be evaluated. Invalid rows are omitted and counted.
+/// # Errors
+/// If there is no frame, no visible splat, an option out of range, or a scene cannot be evaluated.
+/// Invalid rows are omitted and counted.
 pub fn encode(
     first: &dyn DynamicScene,
     second: Option<&dyn DynamicScene>,

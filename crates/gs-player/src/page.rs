@@ -83,7 +83,8 @@ struct View {
 
 /// The page as UTF-8 text (ASCII except for title and names).
 ///
-/// # Errors If the camera is invalid or the frame rate is not positive.
+/// # Errors
+/// If the camera is invalid or the frame rate is not positive.
 pub fn page(encoded: &Encoded, page: &Page<'_>) -> Result<String, PlayerError> {
     let refuse = |name, found: String, expected| Err(PlayerError::Option { name, found, expected });
     if let Err(error) = page.camera.check() {

@@ -147,7 +147,8 @@ impl<'a> Commands<'a> {
     /// Submits all steps as one command buffer; `during` describes them in
     /// errors. Returns the timestamps to read later.
     ///
-    /// # Errors If a kernel does not compile, memory is exhausted, or the driver fails.
+    /// # Errors
+    /// If a kernel does not compile, memory is exhausted, or the driver fails.
     pub fn submit(
         self,
         memory: &mut CommandMemory,

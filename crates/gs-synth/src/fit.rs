@@ -62,7 +62,8 @@ pub struct FitResidual {
 impl FittedField {
     /// The network as a scene.
     ///
-    /// # Errors Never for results of [`fit_hexplane`].
+    /// # Errors
+    /// Never for results of [`fit_hexplane`].
     pub fn scene(&self) -> Result<HexPlaneScene, SynthError> {
         let field = HexPlaneField::new(self.network.clone())?;
         Ok(HexPlaneScene::new(self.canonical.clone(), field)?)

@@ -24,7 +24,8 @@ pub struct GridShape {
 impl GridShape {
     /// Verifies the ranges of the parameters without allocating.
     ///
-    /// # Errors Names the first parameter out of range.
+    /// # Errors
+    /// Names the first parameter out of range.
     pub fn check(&self) -> Result<(), FieldError> {
         let refuse = |what: String| Err(FieldError::Unsupported(what));
         if !(1..=MAX_LEVELS).contains(&self.levels) {
@@ -109,7 +110,8 @@ pub struct HashGrid {
 impl HashGrid {
     /// A grid from its table, `[entries, F]`, levels one after the other.
     ///
-    /// # Errors If the shape is out of range, or the table has a different size or non-finite values.
+    /// # Errors
+    /// If the shape is out of range, or the table has a different size or non-finite values.
     pub fn new(shape: GridShape, rule: IndexRule, table: Vec<f32>) -> Result<Self, FieldError> {
         shape.check()?;
         let entries = shape.num_entries();

@@ -72,7 +72,8 @@ impl HashGridScene {
     /// time `i / divisor`. The scene's times end with its last frame, because fine
     /// levels of the grid contain noise at untrained times.
     ///
-    /// # Errors If there are no frames, or the last lies beyond time 1.
+    /// # Errors
+    /// If there are no frames, or the last lies beyond time 1.
     pub fn with_frames(self, count: usize, divisor: usize) -> Result<Self, FieldError> {
         if count == 0 || divisor == 0 || count - 1 > divisor {
             return Err(FieldError::Unsupported(format!(

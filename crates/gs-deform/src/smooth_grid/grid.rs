@@ -50,7 +50,8 @@ pub struct SmoothGrid {
 impl SmoothGrid {
     /// Verifies that all parts fit.
     ///
-    /// # Errors Names the first part that does not fit; `name` is the grid's name.
+    /// # Errors
+    /// Names the first part that does not fit; `name` is the grid's name.
     pub fn new(name: &str, parts: SmoothGridParts) -> Result<Self, FieldError> {
         let SmoothGridParts {
             axes,

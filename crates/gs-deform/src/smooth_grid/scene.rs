@@ -24,7 +24,8 @@ impl SmoothGridScene {
     /// A scene from its parts; `dynamic` (`[N]`) selects the splats
     /// that the field moves, all if `None`.
     ///
-    /// # Errors If the arrays have inconsistent lengths.
+    /// # Errors
+    /// If the arrays have inconsistent lengths.
     pub fn new(
         canonical: Splats,
         field: SmoothGridField,

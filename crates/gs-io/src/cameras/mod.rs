@@ -44,7 +44,9 @@ use std::path::Path;
 /// Reads the cameras of a file or folder: a data set, one of its camera files, or a model folder
 /// that contains cameras or names its data set.
 ///
-/// # Errors If no known layout is found, a file is missing or malformed, or no camera is valid. Invalid cameras are omitted and noted.
+/// # Errors
+/// If no known layout is found, a file is missing or malformed, or no camera is valid. Invalid
+/// cameras are omitted and noted.
 pub fn open(path: impl AsRef<Path>, reading: Reading) -> Result<CameraSet, IoError> {
     let path = path.as_ref();
     let source = find(path)?.ok_or_else(|| source::unknown(path))?;
@@ -80,7 +82,8 @@ fn unlisted(camera: Camera) -> View {
 /// Cameras from the bytes of a single file, `cameras.json`, `transforms_*.json` or
 /// `poses_bounds.npy`, detected by content.
 ///
-/// # Errors If the bytes are none of these or malformed, or no camera is valid.
+/// # Errors
+/// If the bytes are none of these or malformed, or no camera is valid.
 pub fn from_slice(bytes: &[u8], reading: Reading) -> Result<Vec<Camera>, CamerasError> {
     if npy::is_npy(bytes) {
         return poses_bounds::cameras(&poses_bounds::parse(bytes)?, reading);

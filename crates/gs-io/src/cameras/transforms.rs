@@ -76,7 +76,9 @@ pub fn parse(bytes: &[u8]) -> Result<Transforms, CamerasError> {
 impl Transforms {
     /// Cameras of the file at their times divided by `max_time`, without reading images.
     ///
-    /// # Errors If a camera is invalid, a matrix is not 4×4 (or its first three rows), or a frame has no focal length.
+    /// # Errors
+    /// If a camera is invalid, a matrix is not 4×4 (or its first three rows), or a frame has no
+    /// focal length.
     pub fn cameras(&self, reading: Reading, max_time: f64) -> Result<Vec<Camera>, CamerasError> {
         let mut context = Context::new(reading, max_time);
         let cameras: Vec<Camera> = (0..self.frames.len())

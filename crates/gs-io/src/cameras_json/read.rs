@@ -9,7 +9,8 @@ use std::path::Path;
 
 /// Parses a `cameras.json`: its valid cameras, and notes on omitted ones.
 ///
-/// # Errors If the text is not such a list, it is empty, or no camera is valid.
+/// # Errors
+/// If the text is not such a list, it is empty, or no camera is valid.
 pub fn parse(bytes: &[u8]) -> Result<(Vec<Camera>, Vec<String>), CamerasError> {
     let entries: Vec<Entry> =
         serde_json::from_slice(&text::json(bytes)).map_err(CamerasError::json("cameras.json"))?;

@@ -13,7 +13,9 @@ use std::path::Path;
 /// both the reference implementation and [`super::open`] can read. All tensors of
 /// the reference are written, unused ones as zeros.
 ///
-/// # Errors If the network has a mask (not supported, because such training runs are rare), or `dir` must not be replaced or cannot be written.
+/// # Errors
+/// If the network has a mask (not supported, because such training runs are rare), or `dir` must
+/// not be replaced or cannot be written.
 pub fn write(
     dir: impl AsRef<Path>,
     number: u64,

@@ -45,7 +45,8 @@ pub(crate) fn shape(header: &Header) -> Result<Shape, FrameError> {
 
 /// Reads a compressed PLY, with or without colour ranges and SH.
 ///
-/// # Errors If it is another format, text, truncated, or lacks a column.
+/// # Errors
+/// If it is another format, text, truncated, or lacks a column.
 pub fn read(bytes: &[u8]) -> Result<Frame, FrameError> {
     let header = Header::parse(bytes)?;
     if header.encoding == Encoding::Ascii {

@@ -68,7 +68,8 @@ pub fn morton_order(splats: &Splats) -> Vec<usize> {
 /// Writes a compressed PLY and returns the losses. Rows that are not finite
 /// are written as zeros and counted in the losses.
 ///
-/// # Errors If the arrays of `splats` have inconsistent lengths or `order` contains rows out of range
+/// # Errors
+/// If the arrays of `splats` have inconsistent lengths or `order` contains rows out of range
 /// ([`io::ErrorKind::InvalidInput`]), or writing fails.
 pub fn write(splats: &Splats, options: &WriteOptions, out: &mut impl Write) -> io::Result<Losses> {
     let invalid = |what: String| io::Error::new(io::ErrorKind::InvalidInput, what);

@@ -14,7 +14,9 @@ use std::path::Path;
 
 /// Reads a frame of any format.
 ///
-/// # Errors Describes the error, or the kind of the bytes if they are not a frame. Memory is bounded by a multiple of their number; compressed data that would grow far beyond it are refused.
+/// # Errors
+/// Describes the error, or the kind of the bytes if they are not a frame. Memory is bounded by a
+/// multiple of their number; compressed data that would grow far beyond it are refused.
 pub fn read(bytes: &[u8]) -> Result<Frame, FrameError> {
     match container(bytes) {
         Container::Ply => {
@@ -69,7 +71,8 @@ fn moving(extra_columns: &[String]) -> Option<&'static str> {
 /// `save/last.ply` of a GaussianEditor or DGE run, the `point_cloud.ply` of a
 /// frozen frame, the `meta.json` of an unbundled SOG.
 ///
-/// # Errors If nothing there can be read as a frame; the error names the file.
+/// # Errors
+/// If nothing there can be read as a frame; the error names the file.
 pub fn read_file(path: impl AsRef<Path>) -> Result<Frame, IoError> {
     let path = path.as_ref();
     if path.is_dir() {
@@ -86,7 +89,8 @@ pub fn read_file(path: impl AsRef<Path>) -> Result<Frame, IoError> {
 /// What the header of a frame declares. `start` is the first part of the file, at least its header
 /// (or all of it), `total` the size of the file, bytes.
 ///
-/// # Errors If it is not a frame, or its header is malformed. SOG and glTF frames are not examined.
+/// # Errors
+/// If it is not a frame, or its header is malformed. SOG and glTF frames are not examined.
 pub fn shape(start: &[u8], total: u64) -> Result<Shape, FrameError> {
     let unknown = || FrameError::Unknown { found: shown(start) };
     match container(start) {

@@ -29,7 +29,9 @@ pub type External<'a> = dyn Fn(&str) -> Result<Vec<u8>, String> + 'a;
 /// transformations of their nodes, converted to the axes of PLYs; [`Frame::axes`] has
 /// the original axes. `external` returns the bytes of external files.
 ///
-/// # Errors If it is damaged, has no splats, requires an unsupported extension, mirrors or shears splats, or declares more of them than its size allows.
+/// # Errors
+/// If it is damaged, has no splats, requires an unsupported extension, mirrors or shears splats, or
+/// declares more of them than its size allows.
 pub fn read(bytes: &[u8], external: &External<'_>) -> Result<Frame, FrameError> {
     let parts = Parts::of(bytes)?;
     let document: Document = serde_json::from_slice(parts.json)

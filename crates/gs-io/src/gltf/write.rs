@@ -67,8 +67,9 @@ fn floats<'a>(values: impl Iterator<Item = &'a f32>) -> Vec<u8> {
 /// (left, up, front), and returns the losses. Centres and SH are exact; scales and opacities are
 /// stored after activation. A colour per point supports viewers without splats.
 ///
-/// # Errors If the arrays of `splats` have inconsistent lengths, no row is finite, or a binary file would exceed 4 GiB
-/// ([`io::ErrorKind::InvalidInput`]); if writing fails.
+/// # Errors
+/// If the arrays of `splats` have inconsistent lengths, no row is finite, or a binary file would
+/// exceed 4 GiB ([`io::ErrorKind::InvalidInput`]); if writing fails.
 pub fn write(splats: &Splats, options: &WriteOptions, out: &mut impl Write) -> io::Result<Losses> {
     let invalid = |what: String| io::Error::new(io::ErrorKind::InvalidInput, what);
     splats.check_shapes().map_err(|error| invalid(error.to_string()))?;

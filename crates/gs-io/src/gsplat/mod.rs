@@ -40,7 +40,8 @@ pub(crate) fn contents(start: &[u8]) -> Option<Contents> {
 
 /// Reads a checkpoint of one frame.
 ///
-/// # Errors If the bytes are of another kind, or a dynamic scene.
+/// # Errors
+/// If the bytes are of another kind, or a dynamic scene.
 pub(crate) fn read(bytes: &[u8]) -> Result<Splats, FrameError> {
     let damaged = |what: String| FrameError::damaged("gsplat checkpoint", what);
     let tensors = pth::read(bytes)

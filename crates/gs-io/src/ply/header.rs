@@ -152,7 +152,8 @@ impl Header {
     /// Parses the header at the start of `bytes`. Lines may end in LF, CRLF or CR; text may begin
     /// with the byte order mark of UTF-8.
     ///
-    /// # Errors If this is not a PLY file or its header is malformed.
+    /// # Errors
+    /// If this is not a PLY file or its header is malformed.
     pub fn parse(bytes: &[u8]) -> Result<Self, PlyError> {
         // If the first line ends in CR without LF, all lines do.
         let start = if bytes.starts_with(BYTE_ORDER_MARK) { BYTE_ORDER_MARK.len() } else { 0 };

@@ -36,7 +36,8 @@ pub(crate) const NORMALS: [&str; 3] = ["nx", "ny", "nz"];
 impl Header {
     /// Finds the columns of a Gaussian scene.
     ///
-    /// # Errors If the file is of another kind, or has no rows.
+    /// # Errors
+    /// If the file is of another kind, or has no rows.
     pub fn gaussians(&self) -> Result<Layout, PlyError> {
         let element = self.elements.iter().position(|element| element.name == "vertex");
         let packed =

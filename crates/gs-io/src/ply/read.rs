@@ -34,7 +34,9 @@ pub struct PlySplats {
 /// damaged rows. Columns of other trainers that affect the appearance are applied and noted:
 /// colours instead of SH, Mip-Splatting's filter, surfels.
 ///
-/// # Errors Describes the error, or the kind of the file if it is not a Gaussian scene. Memory is bounded by a small multiple of the file's size, regardless of the counts in its header.
+/// # Errors
+/// Describes the error, or the kind of the file if it is not a Gaussian scene. Memory is bounded by
+/// a small multiple of the file's size, regardless of the counts in its header.
 pub fn read(bytes: &[u8]) -> Result<PlySplats, PlyError> {
     let header = Header::parse(bytes)?;
     let layout = header.gaussians()?;

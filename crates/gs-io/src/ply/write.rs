@@ -70,7 +70,9 @@ impl WriteOptions {
 
 /// Writes a binary little-endian 3DGS PLY, columns in the order of the reference implementation.
 ///
-/// # Errors If the arrays of `splats` have inconsistent lengths ([`io::ErrorKind::InvalidInput`]) or writing fails.
+/// # Errors
+/// If the arrays of `splats` have inconsistent lengths ([`io::ErrorKind::InvalidInput`]) or writing
+/// fails.
 pub fn write(splats: &Splats, options: &WriteOptions, out: &mut impl Write) -> io::Result<()> {
     splats.check_shapes().map_err(|error| io::Error::new(io::ErrorKind::InvalidInput, error))?;
     let degree = options.degree(splats);

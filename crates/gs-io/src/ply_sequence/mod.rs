@@ -254,7 +254,8 @@ impl PlySequence {
 
     /// The kept rows of a frame, from the cache if possible.
     ///
-    /// # Errors If the file cannot be read, has changed, or contains damaged rows where none are allowed.
+    /// # Errors
+    /// If the file cannot be read, has changed, or contains damaged rows where none are allowed.
     ///
     /// # Panics
     /// If there is no such frame.

@@ -47,7 +47,9 @@ pub struct FolderWriter {
 impl FolderWriter {
     /// Begins a folder.
     ///
-    /// # Errors If `dir` has content that must not be replaced (only folders of frames are), or cannot be created.
+    /// # Errors
+    /// If `dir` has content that must not be replaced (only folders of frames are), or cannot be
+    /// created.
     pub fn create(dir: impl AsRef<Path>, existing: Existing) -> Result<Self, IoError> {
         let path = dir.as_ref().to_owned();
         Ok(Self { dir: AtomicDir::create_bare(&path, existing)?, path, frames: 0 })

@@ -31,7 +31,8 @@ const LEGACY: [u8; 8] = [0x80, 0x02, 0x8a, 0x0a, 0x6c, 0xfc, 0x9c, 0x46];
 
 /// Reads a PyTorch file; tensors are views of `bytes`.
 ///
-/// # Errors Describes the error in the container, the pickle or a tensor.
+/// # Errors
+/// Describes the error in the container, the pickle or a tensor.
 pub fn read(bytes: &[u8]) -> Result<Root<'_>, PthError> {
     Ok(read_with_integers(bytes)?.0)
 }

@@ -30,7 +30,8 @@ impl<'a> Root<'a> {
 
     /// The single tensor, or the only one of a dictionary.
     ///
-    /// # Errors If the root is a dictionary with no or several tensors.
+    /// # Errors
+    /// If the root is a dictionary with no or several tensors.
     pub fn into_tensor(self) -> Result<Tensor<'a>, PthError> {
         match self {
             Self::Tensor(tensor) => Ok(tensor),

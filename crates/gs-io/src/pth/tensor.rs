@@ -89,7 +89,9 @@ pub struct Tensor<'a> {
 impl<'a> Tensor<'a> {
     /// A view of `storage`; `offset` and `strides` in elements.
     ///
-    /// # Errors If an element would be outside the storage, or the tensor has more elements than the storage.
+    /// # Errors
+    /// If an element would be outside the storage, or the tensor has more elements than the
+    /// storage.
     pub(crate) fn new(
         dtype: Dtype,
         storage: &'a [u8],

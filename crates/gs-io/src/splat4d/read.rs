@@ -110,7 +110,9 @@ pub struct Read {
 /// Reads a scene. Every group of frames is decompressed once, so that an opened scene can be
 /// evaluated at every time. Opacities of 0 and 255 get the finite logits of 0.001 and 0.999.
 ///
-/// # Errors If the bytes are not a `.splat4d` of version 1, a part is missing or inconsistent with the header, or rows have no rotation and `damage` is [`Damage::Fail`].
+/// # Errors
+/// If the bytes are not a `.splat4d` of version 1, a part is missing or inconsistent with the
+/// header, or rows have no rotation and `damage` is [`Damage::Fail`].
 pub fn read(bytes: Vec<u8>, damage: Damage) -> Result<Read, Splat4dError> {
     let header = header(&bytes)?;
     let n = header.n as usize;

@@ -27,7 +27,8 @@ fn precision() -> RowPrecision {
 /// Reads a `.splat` frame. A partial last row is an error; standard
 /// deviations of 0 become that of [`FLAT_LOG_SCALE`].
 ///
-/// # Errors If there are no rows or the last one is truncated.
+/// # Errors
+/// If there are no rows or the last one is truncated.
 pub fn read(bytes: &[u8]) -> Result<Frame, FrameError> {
     let (rows, rest) = bytes.as_chunks::<ROW>();
     if !rest.is_empty() {

@@ -9,7 +9,9 @@ use std::io::{self, Write};
 
 /// Writes a `.splat` frame and returns the losses.
 ///
-/// # Errors If the arrays of `splats` have inconsistent lengths ([`io::ErrorKind::InvalidInput`]) or writing fails.
+/// # Errors
+/// If the arrays of `splats` have inconsistent lengths ([`io::ErrorKind::InvalidInput`]) or writing
+/// fails.
 pub fn write(splats: &Splats, out: &mut impl Write) -> io::Result<Losses> {
     splats.check_shapes().map_err(|error| io::Error::new(io::ErrorKind::InvalidInput, error))?;
     let rows: Vec<[u8; ROW]> =

@@ -36,7 +36,9 @@ pub struct Read {
 /// ([`repair::FLAT_LOG_SCALE`]); opacities of 0 and 255 become 10⁻⁶ and 1 − 10⁻⁶, so that all
 /// stored parameters are finite.
 ///
-/// # Errors If the bytes are not a `.splatv` or contain no splats, or if rows are damaged and `damage` is [`Damage::Fail`].
+/// # Errors
+/// If the bytes are not a `.splatv` or contain no splats, or if rows are damaged and `damage` is
+/// [`Damage::Fail`].
 pub fn read(bytes: &[u8], damage: Damage) -> Result<Read, SplatvError> {
     let rest = bytes.strip_prefix(&SPLATV).ok_or(SplatvError::Magic)?;
     let cut = || SplatvError::Header("it is truncated".to_owned());

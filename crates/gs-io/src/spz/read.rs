@@ -119,7 +119,9 @@ pub(crate) fn shape(start: &[u8]) -> Result<Shape, FrameError> {
 /// Reads an SPZ frame, version 2, 3 or 4, and converts it to the axes of PLYs from those stated in
 /// the file, else from [`Axes::RUB`]; [`Frame::axes`] has the original axes.
 ///
-/// # Errors If it is of another kind or version, truncated, or decompresses to more than plausible for its size.
+/// # Errors
+/// If it is of another kind or version, truncated, or decompresses to more than plausible for its
+/// size.
 pub fn read(bytes: &[u8]) -> Result<Frame, FrameError> {
     let (layout, mut frame, stated) = read_stored(bytes)?;
     let axes = stated.unwrap_or(USUAL_AXES[0]);

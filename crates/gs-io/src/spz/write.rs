@@ -39,8 +39,9 @@ impl Default for WriteOptions {
 /// Writes an SPZ frame and returns the losses. Scenes beyond ±2048 units get fewer fractional bits,
 /// so that all splats fit, except floaters beyond ±32768.
 ///
-/// # Errors If the arrays of `splats` have inconsistent lengths, there are none or too many, or an option is out of range
-/// ([`io::ErrorKind::InvalidInput`]); if writing fails.
+/// # Errors
+/// If the arrays of `splats` have inconsistent lengths, there are none or too many, or an option is
+/// out of range ([`io::ErrorKind::InvalidInput`]); if writing fails.
 pub fn write(splats: &Splats, options: &WriteOptions, out: &mut impl Write) -> io::Result<Losses> {
     let invalid = |what: String| io::Error::new(io::ErrorKind::InvalidInput, what);
     splats.check_shapes().map_err(|error| invalid(error.to_string()))?;

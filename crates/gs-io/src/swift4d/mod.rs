@@ -54,7 +54,9 @@ fn has_score(path: &Path) -> bool {
 
 /// Opens a model folder, or one of its `iteration_<n>` folders.
 ///
-/// # Errors If files are missing, malformed or inconsistent, or do not determine the motion. Every error names the file, and the flag that would resolve it, if any.
+/// # Errors
+/// If files are missing, malformed or inconsistent, or do not determine the motion. Every error
+/// names the file, and the flag that would resolve it, if any.
 pub fn open(dir: impl AsRef<Path>, overrides: &Overrides) -> Result<Model, IoError> {
     let Canonical { iteration, splats, mut report, cfg } =
         model_folder::read_canonical(dir.as_ref(), overrides)?;

@@ -25,7 +25,9 @@ pub struct AtomicFile {
 impl AtomicFile {
     /// Opens a temporary file next to `path`; creates the folder if it is missing.
     ///
-    /// # Errors If `path` exists and must not be replaced, another process is writing it, or the file cannot be created.
+    /// # Errors
+    /// If `path` exists and must not be replaced, another process is writing it, or the file cannot
+    /// be created.
     pub fn create(path: impl AsRef<Path>, existing: Existing) -> Result<Self, IoError> {
         let path: PathBuf = path.as_ref().components().collect();
         refuse(&path, existing, None)?;
@@ -38,7 +40,9 @@ impl AtomicFile {
 
     /// Moves the complete file to its name.
     ///
-    /// # Errors If the last bytes cannot be written, or the current content of `path` must not be replaced by this file.
+    /// # Errors
+    /// If the last bytes cannot be written, or the current content of `path` must not be replaced
+    /// by this file.
     pub fn commit(mut self) -> Result<(), IoError> {
         if let Some(writer) = self.writer.take() {
             let file = writer

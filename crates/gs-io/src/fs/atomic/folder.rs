@@ -25,7 +25,9 @@ pub struct AtomicDir {
 impl AtomicDir {
     /// Creates a temporary folder next to `path`.
     ///
-    /// # Errors If `path` exists and must not be replaced, another process is writing it, or the folder cannot be created.
+    /// # Errors
+    /// If `path` exists and must not be replaced, another process is writing it, or the folder
+    /// cannot be created.
     pub fn create(path: impl AsRef<Path>, existing: Existing) -> Result<Self, IoError> {
         Self::with_record(path, existing, Place::Inside)
     }
@@ -60,7 +62,8 @@ impl AtomicDir {
     /// Moves the complete folder to its name; previous content
     /// is removed only after that succeeded.
     ///
-    /// # Errors If renaming fails, or the current content of `path` must not be replaced.
+    /// # Errors
+    /// If renaming fails, or the current content of `path` must not be replaced.
     pub fn commit(self) -> Result<(), IoError> {
         let Self { path, existing, record, reservation } = self;
         let failed = |source| IoError::Write { path: super::final_path(&path), source };

@@ -39,7 +39,8 @@ impl FolderUpdate {
     /// Writes the file `name` of the folder. An existing file is replaced if this program wrote it,
     /// or if the caller `has_read` it and rewrites its content.
     ///
-    /// # Errors If it must not be replaced, or cannot be written.
+    /// # Errors
+    /// If it must not be replaced, or cannot be written.
     pub fn write(&self, name: &str, bytes: &[u8], has_read: bool) -> Result<(), IoError> {
         let path = self.folder.join(name);
         let record = Place::Inside.of(&self.folder);

@@ -14,6 +14,7 @@ const DOCUMENTS: &[&str] = &[
     "docs/CONFIGURATION.md",
     "docs/EDITING.md",
     "docs/OUTPUTS.md",
+    "docs/EVALUATION.md",
     "docs/ARCHITECTURE.md",
     "docs/BENCHMARKS.md",
     "docs/DEVIATIONS.md",

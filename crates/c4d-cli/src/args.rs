@@ -1,7 +1,9 @@
 //! The command line.
 
 mod bench;
+mod compare;
 mod edit;
+mod eval;
 mod export;
 mod export_format;
 mod freeze;
@@ -9,7 +11,9 @@ mod shared;
 mod views;
 
 pub(crate) use bench::{BenchCommand, BenchMotionArgs};
+pub(crate) use compare::CompareArgs;
 pub(crate) use edit::EditArgs;
+pub(crate) use eval::{EvalArgs, JudgeArg, MeasureFlags};
 pub(crate) use export::ExportArgs;
 pub(crate) use export_format::ExportFormat;
 pub(crate) use freeze::FreezeArgs;
@@ -70,6 +74,14 @@ impl Cli {
                 .bars(&args.bars)
                 .rendering(&args.rendering)
                 .model(&args.model),
+            Command::Eval(args) => global
+                .writes(&args.writes)
+                .bars(&args.bars)
+                .rendering(&args.rendering)
+                .model(&args.model),
+            Command::Compare(args) => {
+                global.writes(&args.writes).bars(&args.bars).rendering(&args.rendering)
+            }
             Command::Demo(args) => {
                 global.writes(&args.writes).bars(&args.bars).rendering(&args.rendering)
             }
@@ -100,6 +112,10 @@ pub(crate) enum Command {
     Render(RenderArgs),
     /// Write frames and clips for other tools, or a page that plays in any browser
     Export(ExportArgs),
+    /// Measure a run: what it keeps, how it moves, how it compares with the truth
+    Eval(EvalArgs),
+    /// Show runs side by side in one page: where to look first, pictures, curves, numbers
+    Compare(CompareArgs),
     /// Make a synthetic scene, edit it, propagate the edit and render both, without any input
     Demo(DemoArgs),
     /// Measure methods against ground truth

@@ -11,6 +11,7 @@ mod commands;
 mod console;
 mod device;
 mod edited_axes;
+mod evaluation;
 mod failure;
 mod field;
 mod frames;
@@ -24,6 +25,7 @@ mod placement;
 mod progress;
 mod rates;
 mod renderer;
+mod report;
 mod rig;
 mod run_folder;
 mod scene;
@@ -91,6 +93,8 @@ fn run(cli: &Cli, global: &Global, console: &Console) -> Outcome {
         Command::Refine(args) => commands::refine::run(args, global, console),
         Command::Render(args) => commands::render::run(args, global, console),
         Command::Export(args) => commands::export::run(args, global, console),
+        Command::Eval(args) => commands::eval::run(args, global, console),
+        Command::Compare(args) => commands::compare::run(args, global, console),
         Command::Demo(args) => commands::demo::run(args, global, console),
         Command::Bench { what: BenchCommand::Motion(args) } => {
             commands::bench::motion(args, global, console)

@@ -22,6 +22,13 @@ pub enum SsimBorder {
     Valid,
 }
 
+/// What of SSIM the map holds.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Term {
+    Whole,
+    ContrastStructure,
+}
+
 /// Structural similarity of two images `[H,W,C]` with data range 1: Gaussian window of σ = 1.5 cut
 /// to 11×11 and normalised to sum 1, population variances, `C1 = 0.01²`, `C2 = 0.03²`, per channel.
 /// Owns the working memory for one image size.
@@ -76,7 +83,21 @@ impl<F: Real> Ssim<F> {
     /// # Panics
     /// If a length is not `H·W·C`.
     pub fn value(&mut self, x: &[F], y: &[F], border: SsimBorder) -> F {
-        self.windows(x, y, false);
+        self.windows(x, y, Term::Whole, false);
+        self.mean(border)
+    }
+
+    /// Mean of the contrast–structure term of `x` and `y`, `(2σ_xy + C2)/(σ_x² + σ_y² + C2)`.
+    ///
+    /// # Panics
+    /// If a length is not `H·W·C`.
+    pub fn contrast_structure(&mut self, x: &[F], y: &[F], border: SsimBorder) -> F {
+        self.windows(x, y, Term::ContrastStructure, false);
+        self.mean(border)
+    }
+
+    /// Mean of the last call's [`Ssim::map`] over the windows that count.
+    pub fn mean(&self, border: SsimBorder) -> F {
         match border {
             SsimBorder::Zero => self.sum() / F::from_double(self.map.len().max(1) as f64),
             SsimBorder::Valid => {
@@ -111,7 +132,7 @@ impl<F: Real> Ssim<F> {
         v_x: &mut [F],
         curvature: Option<&mut [F]>,
     ) -> F {
-        self.windows(x, y, true);
+        self.windows(x, y, Term::Whole, true);
         assert!(v_x.len() == x.len(), "ssim: {} gradients, {} values", v_x.len(), x.len());
         let (row_len, c, height) = (self.width * self.channels, self.channels, self.height);
         let (taps, planes, two) = (&self.taps, &self.planes, F::of(2.0));
@@ -157,8 +178,8 @@ impl<F: Real> Ssim<F> {
         self.map.chunks(row_len).map(|row| row.iter().copied().sum::<F>()).sum()
     }
 
-    /// Fills the map and, if `derive`, the planes.
-    fn windows(&mut self, x: &[F], y: &[F], derive: bool) {
+    /// Fills the map with `term` and, if `derive`, the planes.
+    fn windows(&mut self, x: &[F], y: &[F], term: Term, derive: bool) {
         let (row_len, c, height) = (self.width * self.channels, self.channels, self.height);
         let len = row_len * height;
         assert!(
@@ -188,7 +209,10 @@ impl<F: Real> Ssim<F> {
                 let b2 = (xx[k] - ux * ux) + (yy[k] - uy * uy) + c2;
                 let both = F::one() / (b1 * b2);
                 let s = a1 * a2 * both;
-                map[k] = s;
+                map[k] = match term {
+                    Term::Whole => s,
+                    Term::ContrastStructure => a2 / b2,
+                };
                 if let Some([mean, square, cross, bend]) = &mut out {
                     mean[k] = two * (uy * (a2 - a1) * both - s * ux / b1 + s * ux / b2);
                     square[k] = -s / b2;

@@ -1,10 +1,12 @@
 //! One module per command.
 
 pub(crate) mod bench;
+pub(crate) mod compare;
 pub(crate) mod demo;
 pub(crate) mod doctor;
 mod dry_run;
 pub(crate) mod edit;
+pub(crate) mod eval;
 pub(crate) mod export;
 pub(crate) mod freeze;
 pub(crate) mod info;

@@ -9,7 +9,8 @@ use crate::field::NetworkField;
 use crate::lifetimes::Lifetimes;
 use crate::model_flags::damage;
 use crate::output::{existing, output_failure, refuse_overlap};
-use crate::run_folder::{self, CONFIG, Checkpoint, REPORT, RunConfig, SCENE, Stored};
+use crate::report::{RunReport, run_report};
+use crate::run_folder::{self, CONFIG, Checkpoint, REPORT, REPORT_PAGE, RunConfig, SCENE, Stored};
 use crate::scene::{self, Opened};
 use crate::settings::{
     AnchorSettings, KnnSettings, PropagateJob, RefineSettings, Settings, TransportSettings,
@@ -188,6 +189,24 @@ pub(crate) fn propagate(
     write(CONFIG, toml::to_string(&config).map_err(Failure::failed)?.as_bytes())?;
     let json = report_json(&propagation.report, seconds);
     write(REPORT, serde_json::to_string_pretty(&json).map_err(Failure::failed)?.as_bytes())?;
+    let begun = Instant::now();
+    let page = RunReport {
+        name: args
+            .output
+            .file_name()
+            .map_or_else(String::new, |n| n.to_string_lossy().into_owned()),
+        scene: &propagation.scene,
+        source: source.scene.as_ref(),
+        up: source.up,
+        background: source.background,
+        facts: facts(&config, &propagation.report, seconds),
+        warnings: propagation.report.warnings.clone(),
+    };
+    match run_report(&page) {
+        Ok(html) => write(REPORT_PAGE, html.as_bytes())?,
+        Err(failure) => console.warn(format!("{REPORT_PAGE} is not written: {}", failure.what)),
+    }
+    console.detail(format!("  {REPORT_PAGE}: {:.3} s", begun.elapsed().as_secs_f64()));
     folder.commit().map_err(|error| output_failure(&error))?;
     console.detail(format!("run written {:.2} s after the start", start.elapsed().as_secs_f64()));
     Ok(())
@@ -360,6 +379,36 @@ fn report(report: &MotionReport, motion: MotionArg, seconds: f64, console: &Cons
     for (stage, secs) in &report.timings {
         console.detail(format!("  {stage}: {secs:.3} s"));
     }
+}
+
+/// What the run's page says was done.
+fn facts(config: &RunConfig, report: &MotionReport, seconds: f64) -> Vec<(String, String)> {
+    let method = match config.baseline.as_str() {
+        "none" => format!("preset {}, motion {}", config.preset, config.motion),
+        baseline => format!("baseline {baseline}, motion {}", config.motion),
+    };
+    [
+        ("source", config.source.display().to_string()),
+        ("edited", config.edited.display().to_string()),
+        ("time of the edit", config.edit_time.to_string()),
+        ("method", method),
+        ("splats of the source", format!("{}, {} move", report.num_sources, report.num_dynamic)),
+        (
+            "splats of the edit",
+            format!(
+                "{}: {} unchanged, {} recoloured, {} moved as groups, {} edited or new",
+                report.num_edited_splats,
+                report.unchanged,
+                report.recoloured,
+                report.moved,
+                report.edited
+            ),
+        ),
+        ("removed", report.vanished.to_string()),
+        ("motion", format!("{seconds:.2} s")),
+    ]
+    .map(|(name, value)| (name.to_owned(), value))
+    .into()
 }
 
 fn report_json(report: &MotionReport, seconds: f64) -> Value {

@@ -9,10 +9,11 @@ use crate::console::Console;
 use crate::device::{self, Device};
 use crate::failure::{Failure, Outcome, chain};
 use crate::output::output_failure;
+use crate::report::{RunReport, run_report};
 use crate::rig::Rig;
 use crate::run_folder::{
-    self, CONFIG, Checkpoint, MadeFrom, REFINE_IMAGES, REFINE_REPORT, REFINE_STATE, RefineConfig,
-    RefinedRows, SCENE,
+    self, CONFIG, Checkpoint, MadeFrom, REFINE_IMAGES, REFINE_REPORT, REFINE_STATE, REPORT_PAGE,
+    RefineConfig, RefinedRows, SCENE,
 };
 use crate::scene::Run;
 use crate::settings::{
@@ -328,9 +329,49 @@ pub(crate) fn refine(run: &Path, begun: Checkpoint, global: &Global, console: &C
     write(REFINE_REPORT, report.as_bytes(), false)?;
     write(SCENE, &loaded.stored.serialize()?, true)?;
     write(CONFIG, toml::to_string(&loaded.config).map_err(Failure::failed)?.as_bytes(), true)?;
+    page(run, &loaded, &refined.report, changed, &update, console)?;
     // The refinement is complete: its checkpoint is of no more use.
     for name in [REFINE_STATE, REFINE_IMAGES] {
         update.remove(name).map_err(|error| output_failure(&error))?;
+    }
+    Ok(())
+}
+
+/// The run's page with the refined colours. One that is not ours any more stays as it is.
+fn page(
+    run: &Path,
+    loaded: &Run,
+    report: &cuar::Report,
+    changed: usize,
+    update: &FolderUpdate,
+    console: &Console,
+) -> Outcome {
+    let scene = loaded.scene(run, true)?;
+    let facts = [
+        ("source", loaded.config.source.display().to_string()),
+        ("edited", loaded.config.edited.display().to_string()),
+        ("time of the edit", loaded.config.edit_time.to_string()),
+        ("method", format!("preset {}, motion {}", loaded.config.preset, loaded.config.motion)),
+        ("refined", format!("{changed} of {} edited splats have new colours", report.num_edited)),
+        ("faded", report.repair.faded.to_string()),
+        ("images of the refinement", report.samples.len().to_string()),
+    ];
+    let page = RunReport {
+        name: run.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned()),
+        scene: &scene,
+        source: loaded.source.scene.as_ref(),
+        up: loaded.source.up,
+        background: loaded.source.background,
+        facts: facts.map(|(name, value)| (name.to_owned(), value)).into(),
+        warnings: report.warnings.clone(),
+    };
+    let html = run_report(&page);
+    let written = html.and_then(|html| {
+        let written = update.write(REPORT_PAGE, html.as_bytes(), false);
+        written.map_err(|error| output_failure(&error))
+    });
+    if let Err(failure) = written {
+        console.warn(format!("{REPORT_PAGE} is not written anew: {}", failure.what));
     }
     Ok(())
 }

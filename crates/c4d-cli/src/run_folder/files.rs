@@ -14,3 +14,5 @@ pub(crate) const REFINE_STATE: &str = "refine.state";
 pub(crate) const REFINE_IMAGES: &str = "refine.images";
 /// Previews of a refinement.
 pub(crate) const PREVIEWS: &str = "previews";
+/// Small report with pictures.
+pub(crate) const REPORT_PAGE: &str = "report.html";

@@ -5,6 +5,7 @@
 //! | `scene.c4d` | safetensors: the edited splats of the edit frame, the sparse binding to the source, refined colours |
 //! | `c4d.toml` | resolved configuration: inputs with fingerprints, options, seed, version |
 //! | `run.json` | report: counts, convergence, timings, warnings |
+//! | `report.html` | pictures before and after, warnings, what was done; one page that opens offline |
 //! | `refine.json` | report of the refinement |
 //! | `refine.state`, `refine.images` | its checkpoint and its images while it is unfinished |
 //!
@@ -22,7 +23,7 @@ mod source_path;
 pub(crate) use checkpoint::Checkpoint;
 pub(crate) use config::{RefineConfig, RunConfig};
 pub(crate) use files::{
-    CONFIG, PREVIEWS, REFINE_IMAGES, REFINE_REPORT, REFINE_STATE, REPORT, SCENE,
+    CONFIG, PREVIEWS, REFINE_IMAGES, REFINE_REPORT, REFINE_STATE, REPORT, REPORT_PAGE, SCENE,
 };
 pub(crate) use fingerprint::fingerprint;
 pub(crate) use kept_images::{KeptImages, MadeFrom};

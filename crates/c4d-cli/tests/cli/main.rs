@@ -4,8 +4,10 @@
 
 mod bad_input;
 mod cameras;
+mod compare;
 mod configuration;
 mod edit_pictures;
+mod eval;
 mod exports;
 mod formats;
 mod gpu;

@@ -45,7 +45,7 @@ fn edit_is_propagated_and_exported() {
         path(&run),
     ]));
     assert!(said.contains("unchanged (exact)"), "reports the identity map: {said}");
-    assert_eq!(listing(&run), ["c4d.toml", "run.json", "scene.c4d"], "run folder");
+    assert_eq!(listing(&run), ["c4d.toml", "report.html", "run.json", "scene.c4d"], "run folder");
     success(&mut c4d(["export", path(&run), "--to", "ply-seq", "--frames", "3", "-o", path(&out)]));
     let exported = frames(&out);
     let truth = frames(&fixture("synth/truth"));
@@ -243,7 +243,7 @@ fn refinement_changes_only_edited_colours() {
     propagate(&refined, &refine);
     assert_eq!(
         listing(&refined),
-        ["c4d.toml", "refine.json", "run.json", "scene.c4d"],
+        ["c4d.toml", "refine.json", "report.html", "run.json", "scene.c4d"],
         "run folder"
     );
     for (run, out) in [(&plain, at("a")), (&refined, at("b"))] {

@@ -1,4 +1,4 @@
-//! Image fidelity.
+//! Peak signal-to-noise ratio.
 
 use gs_core::Image;
 

@@ -1,0 +1,114 @@
+//! Arguments of `c4d eval`.
+
+use super::{Bars, ModelFlags, Overwriting, Rendering, SplitArg, Up};
+use clap::{Args, ValueEnum};
+use std::path::PathBuf;
+
+/// From where, when and against what is measured, in `c4d eval` and `c4d compare`.
+#[derive(Debug, Clone, Default, Args)]
+#[command(next_help_heading = "Views and frames")]
+pub(crate) struct MeasureFlags {
+    /// Cameras, as `c4d render --cameras`; each sees every frame [default: two views of a rig
+    /// around the scene]
+    #[arg(long, value_name = "PATH")]
+    pub(crate) cameras: Option<PathBuf>,
+    /// Only these views of the cameras: names, cameras (cam00), or indices
+    #[arg(long, value_delimiter = ',', value_name = "NAME,…")]
+    pub(crate) views: Vec<String>,
+    /// Which views of a data set [default: test, else all; at most 8, evenly]
+    #[arg(long, value_enum)]
+    pub(crate) split: Option<SplitArg>,
+    /// What it should look like: another scene or run, or the folder of a data set's photographs,
+    /// whose views --cameras names
+    #[arg(long, value_name = "SCENE|IMAGES")]
+    pub(crate) truth: Option<PathBuf>,
+    /// Times, comma-separated [default: those of the cameras, if they have several, else as
+    /// --frames]
+    #[arg(
+        long,
+        value_delimiter = ',',
+        value_name = "T,…",
+        conflicts_with = "frames",
+        allow_negative_numbers = true
+    )]
+    pub(crate) times: Vec<f32>,
+    /// Number of frames, evenly spaced over the whole clip [default: that of the sequence, else 60]
+    #[arg(long)]
+    pub(crate) frames: Option<usize>,
+    /// Image size [default: that of the cameras, 480x360 for the rig]
+    #[arg(long, value_name = "WxH", value_parser = super::parse_size)]
+    pub(crate) size: Option<(u32, u32)>,
+    /// Background colour [default: what the model was trained with, else black]
+    #[arg(long, value_name = "R,G,B", value_parser = super::parse_background)]
+    pub(crate) background: Option<[f32; 3]>,
+    /// The world's upward direction, for the rig
+    #[arg(long, value_enum, allow_hyphen_values = true)]
+    pub(crate) up: Option<Up>,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct EvalArgs {
+    /// The run to measure; or a scene, to compare with --truth
+    pub(crate) run: PathBuf,
+    /// JSON file for every number with its parameters; a table is printed in any case
+    #[arg(short, long, value_name = "FILE")]
+    pub(crate) output: Option<PathBuf>,
+    /// Metrics and groups to measure: core, truth, preservation, time, motion, matches, cost, or
+    /// single ones
+    #[arg(long, value_delimiter = ',', default_value = "core", value_name = "core|NAME,…")]
+    pub(crate) metrics: Vec<String>,
+    /// Propagate an edit of the scene given in place of a run in every way of the paper's ablations
+    /// and by default, measure each, and print one table; -o names the folder for the runs
+    #[arg(long, requires = "edited", requires = "output")]
+    pub(crate) ablation: bool,
+    /// The edited frame of --ablation
+    #[arg(long, value_name = "FILE")]
+    pub(crate) edited: Option<PathBuf>,
+    /// Time of the edited frame of --ablation
+    #[arg(long, default_value_t = 0.0, allow_negative_numbers = true, requires = "ablation")]
+    pub(crate) time: f32,
+    /// Also vary the paper's weights of transport (λ0 0.05 to 0.3, λ1 and λ2 0.6 to 11)
+    #[arg(long, requires = "ablation")]
+    pub(crate) sweep: bool,
+    /// Images of the refinements of --ablation [default: 240]
+    #[arg(long, value_name = "N", requires = "ablation")]
+    pub(crate) samples: Option<usize>,
+    /// Their size [default: that of the cameras, 640x480 for the rig]
+    #[arg(long, value_name = "WxH", value_parser = super::parse_size, requires = "ablation")]
+    pub(crate) refine_size: Option<(u32, u32)>,
+    /// Only write what a learned judge takes: pictures before and after, and jobs.jsonl
+    /// (editscore: pairs of 30 frames; vebench: clips as folders of frames)
+    #[arg(
+        long,
+        num_args = 2,
+        value_names = ["editscore|vebench", "DIR"],
+        requires = "prompt",
+        conflicts_with_all = ["ablation", "output"]
+    )]
+    pub(crate) emit: Vec<String>,
+    /// The instruction of the edit, for --emit
+    #[arg(long, requires = "emit")]
+    pub(crate) prompt: Option<String>,
+    /// Add the scores that a learned judge found: lines of {"id": …, "scores": {NAME: NUMBER}}
+    #[arg(long, value_name = "SCORES.JSONL", conflicts_with = "ablation")]
+    pub(crate) ingest: Option<PathBuf>,
+    #[command(flatten)]
+    pub(crate) measure: MeasureFlags,
+    #[command(flatten)]
+    pub(crate) writes: Overwriting,
+    #[command(flatten)]
+    pub(crate) bars: Bars,
+    #[command(flatten)]
+    pub(crate) rendering: Rendering,
+    #[command(flatten)]
+    pub(crate) model: ModelFlags,
+}
+
+/// Learned judges.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum JudgeArg {
+    /// Pairs of pictures and the instruction
+    Editscore,
+    /// Pairs of clips and the instruction
+    Vebench,
+}

@@ -1,0 +1,185 @@
+//! Measuring one run.
+
+use crate::args::{Global, MeasureFlags};
+use crate::console::Console;
+use crate::device::Device;
+use crate::evaluation::{
+    self, Group, Header, Item, Photos, Sight, Subject, Truth, ViewFlags, Viewpoints, document,
+};
+use crate::failure::{Failure, Outcome};
+use crate::run_folder::{REFINE_REPORT, REPORT, RunFiles, SCENE};
+use crate::scene::Opened;
+use crate::{frames, memory, still};
+use gs_io::SceneKind;
+use serde_json::Value;
+use std::path::Path;
+
+/// Memory of a view from frame to frame, bytes a pixel: pictures of two scenes at two times, flows,
+/// and sums over time.
+const BYTES_PER_PIXEL: u64 = 192;
+
+/// As the views are looked for.
+pub(super) fn view_flags(flags: &MeasureFlags) -> ViewFlags<'_> {
+    ViewFlags {
+        cameras: flags.cameras.as_deref(),
+        views: &flags.views,
+        split: flags.split,
+        size: flags.size,
+        up: flags.up,
+        frames: flags.frames,
+        times: &flags.times,
+    }
+}
+
+/// What was measured.
+pub(crate) struct Evaluated {
+    /// As it is stored.
+    pub(crate) document: Value,
+    pub(crate) items: Vec<Item>,
+}
+
+/// Measures what is `wanted` of `run`.
+pub(crate) fn evaluate(
+    run: &Path,
+    args: &MeasureFlags,
+    wanted: &[&str],
+    global: &Global,
+    console: &Console,
+) -> Outcome<Evaluated> {
+    let opened = still::open(run, None, global, console)?;
+    memory::require_frames(opened.scene.as_ref(), 2 * memory::FRAMES_SEEN)?;
+    let files = match opened.kind {
+        SceneKind::RunFolder => Some(RunFiles::read(run)?),
+        _ => None,
+    };
+    if files.is_none() && args.truth.is_none() {
+        console.note(format!(
+            "{} is not a run: there is no edit to measure, and without --truth nothing to compare with",
+            run.display()
+        ));
+    }
+    let at = evaluation::viewpoints(&view_flags(args), &opened, console)?;
+    let truth = match &args.truth {
+        Some(path) => Some(truth(path, &at, global, console)?),
+        None => None,
+    };
+    let pixels: u64 =
+        at.cameras.iter().map(|camera| u64::from(camera.width) * u64::from(camera.height)).sum();
+    memory::require(
+        &format!("measuring {} views", at.cameras.len()),
+        pixels * BYTES_PER_PIXEL,
+        "Give a smaller --size or fewer --views.",
+    )?;
+    let device = Device::open(global.gpu)?;
+    console.detail(format!("rendering on {}", device.describe()));
+    let edited = match (&opened.original, &files) {
+        (Some(source), Some(files)) => {
+            Some((source.as_ref(), &files.stored.edited, &files.stored.binding))
+        }
+        _ => None,
+    };
+    let subject = Subject::new(opened.scene.as_ref(), edited, opened.edit_time)?;
+    let background = args.background.unwrap_or(opened.background);
+    let is_wanted = |group: Group| {
+        evaluation::DEFINITIONS.iter().any(|d| d.group == group && wanted.contains(&d.id))
+    };
+    let mut items: Vec<Item> = Vec::new();
+    if [Group::Truth, Group::Preservation, Group::Time].into_iter().any(is_wanted) {
+        let truth = truth.as_ref().map(|truth| match truth {
+            Known::Scene(opened) => Truth::scene(opened.scene.as_ref(), &device, background),
+            Known::Photos(photos) => Truth::Photos(photos),
+        });
+        let mut sight = Sight {
+            subject: &subject,
+            cameras: &at.cameras,
+            times: &at.times,
+            background,
+            truth,
+            retouch: None,
+            console,
+        };
+        items.extend(evaluation::pictures(&mut sight, &device)?);
+    }
+    if is_wanted(Group::Motion) {
+        items.extend(evaluation::motion(&subject, &at.times)?);
+    }
+    let report = |name: &str| files.as_ref().map_or(Value::Null, |_| read_json(&run.join(name)));
+    let record = report(REPORT);
+    if is_wanted(Group::Matches) {
+        items.extend(evaluation::matches(&subject, &record)?);
+    }
+    if is_wanted(Group::Cost) {
+        let bytes = std::fs::metadata(run.join(SCENE)).ok().map(|metadata| metadata.len());
+        items.extend(evaluation::cost(&subject, &record, &report(REFINE_REPORT), bytes));
+    }
+    items.retain(|item| wanted.contains(&item.definition.id));
+    items.sort_by_key(|item| wanted.iter().position(|id| *id == item.definition.id));
+    let header = Header {
+        scene: run.display().to_string(),
+        edit: files.as_ref().map(|files| files.config.edited_sha256.clone()),
+        cameras: &at.cameras,
+        origin: at.origin.clone(),
+        times: &at.times,
+        edit_time: opened.edit_time,
+        background,
+        truth: args.truth.as_ref().map(|path| path.display().to_string()),
+        renderer: match device {
+            Device::Cpu => "cpu",
+            Device::Gpu(_) => "gpu",
+        },
+    };
+    console.note(format!(
+        "{} frames, {} views ({})",
+        at.times.len(),
+        at.cameras.len(),
+        at.cameras.iter().map(|camera| camera.name.as_str()).collect::<Vec<_>>().join(", ")
+    ));
+    Ok(Evaluated { document: document(&header, &items), items })
+}
+
+/// What to compare with.
+enum Known {
+    Scene(Box<Opened>),
+    Photos(Photos),
+}
+
+fn truth(path: &Path, at: &Viewpoints, global: &Global, console: &Console) -> Outcome<Known> {
+    if !path.exists() {
+        return Err(Failure::bad_input(format!(
+            "--truth {}: no such file or folder",
+            path.display()
+        )));
+    }
+    if evaluation::is_video(path) {
+        return Err(Failure::usage(format!("--truth {}: a compressed video", path.display()))
+            .next(
+                "Its compression changes what is measured. Give the frames as PNG, or the scene.",
+            ));
+    }
+    let kind = gs_io::detect(path).map_err(|error| crate::scene::bad_input(&error))?;
+    let shows = matches!(kind, SceneKind::Cameras(_) | SceneKind::Unknown { .. });
+    if shows && evaluation::holds_images(path) {
+        if at.path.is_none() {
+            return Err(Failure::usage("--truth names photographs, and their views are not known")
+                .next("Add --cameras with the data set."));
+        }
+        let photos = Photos::find(path, &at.shots)?;
+        console.note(format!("{} photographs in {}", photos.len(), path.display()));
+        return Ok(Known::Photos(photos));
+    }
+    let source = Global { iteration: None, set: Vec::new(), ..global.clone() };
+    let opened = still::open(path, None, &source, console)?;
+    // One frame is the truth of all times.
+    if !opened.kind.is_frame() {
+        for &t in &at.times {
+            frames::check(opened.scene.time_range(), t, "--truth: time")?;
+        }
+    }
+    Ok(Known::Scene(Box::new(opened)))
+}
+
+/// A report of a run; nothing if it is not there or not JSON.
+fn read_json(path: &Path) -> Value {
+    let bytes = gs_io::read_file(path).ok();
+    bytes.and_then(|bytes| serde_json::from_slice(&bytes).ok()).unwrap_or(Value::Null)
+}

@@ -1,0 +1,113 @@
+//! From where a scene is measured.
+
+use crate::args::{SplitArg, Up};
+use crate::console::Console;
+use crate::failure::{Failure, Outcome};
+use crate::rig::Rig;
+use crate::scene::Opened;
+use crate::{cameras, frames, placement};
+use gs_core::Camera;
+use gs_io::cameras::stations;
+use std::path::{Path, PathBuf};
+
+/// Views of the rig.
+const RIG_VIEWS: usize = 2;
+/// Size of the rig's images, pixels.
+const RIG_SIZE: (u32, u32) = (480, 360);
+/// Most views of a data set when nobody chooses: every one of them sees every frame.
+const MAX_VIEWS: usize = 8;
+
+/// Flags about views and times, as given.
+#[derive(Debug, Default)]
+pub(crate) struct ViewFlags<'a> {
+    pub(crate) cameras: Option<&'a Path>,
+    pub(crate) views: &'a [String],
+    pub(crate) split: Option<SplitArg>,
+    pub(crate) size: Option<(u32, u32)>,
+    pub(crate) up: Option<Up>,
+    pub(crate) frames: Option<usize>,
+    pub(crate) times: &'a [f32],
+}
+
+/// Views, each of which sees every time, and the times.
+#[derive(Debug)]
+pub(crate) struct Viewpoints {
+    pub(crate) cameras: Vec<Camera>,
+    pub(crate) times: Vec<f32>,
+    /// Where they come from, for the record.
+    pub(crate) origin: String,
+    /// Views of the data set with their own times, among which photographs are looked for.
+    pub(crate) shots: Vec<Camera>,
+    /// The file or folder, absolute.
+    pub(crate) path: Option<PathBuf>,
+}
+
+/// The views and times asked for: those of a file or data set (held out, where it has such), else
+/// two of a rig around the scene; and the times of the data set, if nobody asks for others.
+pub(crate) fn viewpoints(
+    flags: &ViewFlags<'_>,
+    opened: &Opened,
+    console: &Console,
+) -> Outcome<Viewpoints> {
+    let scene = opened.scene.as_ref();
+    let told = !flags.times.is_empty() || flags.frames.is_some();
+    let Some(path) = flags.cameras else {
+        if !flags.views.is_empty() || flags.split.is_some() {
+            return Err(Failure::usage(
+                "--views and --split choose among the cameras of a file or data set",
+            )
+            .next("Add --cameras PATH."));
+        }
+        let before = opened.original.as_ref().unwrap_or(&opened.scene);
+        let rig = Rig::of_scene(before.as_ref(), flags.up.map_or(opened.up, Up::vector))
+            .map_err(Failure::input)?;
+        placement::warn_if_coarse(&rig.extent, console);
+        return Ok(Viewpoints {
+            cameras: rig.views(RIG_VIEWS, flags.size.unwrap_or(RIG_SIZE)),
+            times: frames::times(scene, flags.times, flags.frames)?,
+            origin: "rig".to_owned(),
+            shots: Vec::new(),
+            path: None,
+        });
+    };
+    if flags.up.is_some() {
+        return Err(Failure::usage("--up is for the rig: cameras of a file have poses"));
+    }
+    if !path.exists() {
+        return Err(Failure::bad_input(format!(
+            "--cameras {}: no such file or folder",
+            path.display()
+        ))
+        .next(
+            "Give a data set or a cameras.json; without --cameras, a rig around the scene is used.",
+        ));
+    }
+    let set = cameras::open(path, None, opened, console)?;
+    let mut shots = if flags.views.is_empty() {
+        cameras::of_split(&set, flags.split)?
+    } else {
+        let among = cameras::of_split(&set, Some(flags.split.unwrap_or(SplitArg::All)))?;
+        cameras::by_name(&among, flags.views, &path.display().to_string())?
+    };
+    if let Some((width, height)) = flags.size {
+        shots = shots.iter().map(|camera| camera.resized(width, height)).collect();
+    }
+    let mut views = stations(shots.iter());
+    let count = views.len();
+    if flags.views.is_empty() && flags.split.is_none() && count > MAX_VIEWS {
+        views = cameras::thinned(views, MAX_VIEWS);
+        console.note(format!("{MAX_VIEWS} of {count} views, evenly (others: --views, --split)"));
+    }
+    for camera in &views {
+        camera.check().map_err(Failure::input)?;
+    }
+    let range = scene.time_range();
+    let mut own: Vec<f32> =
+        shots.iter().filter_map(|camera| camera.time).filter(|&t| range.contains(t)).collect();
+    own.sort_unstable_by(f32::total_cmp);
+    own.dedup();
+    let times =
+        if told || own.len() < 2 { frames::times(scene, flags.times, flags.frames)? } else { own };
+    let path = std::path::absolute(path).map_err(Failure::failed)?;
+    Ok(Viewpoints { cameras: views, times, origin: "cameras".to_owned(), shots, path: Some(path) })
+}

@@ -1,0 +1,142 @@
+//! How splats move: smoothness, lengths, and splats that were not edited.
+
+use super::item::Item;
+use super::subject::Subject;
+use crate::failure::{Failure, Outcome, chain};
+use c4d_metrics::{
+    MotionTrack, NDD_NEIGHBOURS, Neighbours, deviation_among, drift, isometry, nearest,
+};
+use gs_core::{DynamicScene, Splats};
+
+/// Splats that are followed; more are thinned evenly.
+const MAX_ROWS: usize = 20_000;
+/// An axis of more than this many times its first length has blown up.
+const BLOWN_UP: f32 = 4.0;
+
+/// Measures the motion of the edit's splats at `times`, the first of which is taken as the start.
+pub(crate) fn motion(subject: &Subject<'_>, times: &[f32]) -> Outcome<Vec<Item>> {
+    let refused = |error: &gs_core::SceneError| Failure::bad_input(chain(error));
+    let mut frames = vec![subject.edit_time];
+    frames.extend(times.iter().filter(|&&t| t != subject.edit_time));
+    let whole = Whole::of(subject.scene, &frames)?;
+    let mut items = Vec::new();
+    let source = MotionTrack::of(subject.source, &frames).map_err(|error| refused(&error))?;
+    let rows = |wanted: &dyn Fn(usize) -> bool| -> Vec<usize> {
+        let all: Vec<usize> = (0..whole.track.first().len()).filter(|&row| wanted(row)).collect();
+        let step = all.len().div_ceil(MAX_ROWS).max(1);
+        all.into_iter().step_by(step).collect()
+    };
+    let edit = subject.edit.as_ref();
+    let touched = edit.filter(|edit| edit.touched.contains(&true));
+    // Of a scene in which nothing was edited, every splat.
+    let edited = rows(&|row| touched.is_none_or(|edit| edit.touched[row]));
+    let track = whole.track.select(&edited);
+    let near = nearest(track.first(), source.first());
+    let counted = |item: Item| item.finding("splats", edited.len()).with("frames", frames.len());
+    let none = "the scene has no splats";
+    if let Some(near) = near.filter(|_| !edited.is_empty()) {
+        let same: Vec<usize> = near.iter().map(|&row| row as usize).collect();
+        let of_source = source.select(&same);
+        let (a, b) = (track.jitter(subject.radius), of_source.jitter(subject.radius));
+        let sized = |item: Item| counted(item).with("radius", subject.radius);
+        items.push(sized(Item::scalar("jitter", a)));
+        items.push(sized(Item::scalar("jitter_src", b)));
+        items.push(sized(Item::optional(
+            "jitter_ratio",
+            (b > 0.0).then(|| a / b),
+            "the source's splats do not accelerate",
+        )));
+        let around = Neighbours::of(track.first(), NDD_NEIGHBOURS);
+        let with_neighbours = |item: Item| counted(item).with("neighbours", NDD_NEIGHBOURS);
+        let (a, b) = (isometry(&track, &around), isometry(&of_source, &around));
+        let few = "fewer than nine splats were edited, or there is one frame";
+        items.push(with_neighbours(Item::optional("isometry", a, few)));
+        items.push(with_neighbours(Item::optional("isometry_src", b, few)));
+        let excess = a.zip(b).map(|(a, b)| a - b);
+        items.push(with_neighbours(Item::optional("isometry_excess", excess, few)));
+        let (a, b) = (deviation_among(&track, &around), deviation_among(&of_source, &around));
+        items.push(with_neighbours(Item::scalar("ndd_edit", a)));
+        items.push(with_neighbours(Item::scalar("ndd_src", b)));
+        items.push(with_neighbours(Item::scalar("ndd_excess", a - b)));
+    } else {
+        for id in [
+            "jitter",
+            "jitter_src",
+            "jitter_ratio",
+            "isometry",
+            "isometry_src",
+            "isometry_excess",
+            "ndd_edit",
+            "ndd_src",
+            "ndd_excess",
+        ] {
+            items.push(Item::missing(id, none));
+        }
+    }
+    let ids = ["drift", "drift_median", "drift_p95", "drift_max"];
+    let own = |row: usize| edit.and_then(|edit| edit.source_row[row]);
+    let kept = rows(&|row| own(row).is_some());
+    let truth: Vec<usize> = kept.iter().filter_map(|&row| own(row)).map(|id| id as usize).collect();
+    let truth = source.select(&truth);
+    if let Some(found) = drift(&whole.track.select(&kept), &truth, subject.radius) {
+        let values = [found.mean, found.median, found.p95, found.max];
+        for (id, value) in ids.into_iter().zip(values) {
+            items.push(
+                Item::scalar(id, value)
+                    .finding("splats", kept.len())
+                    .with("frames", frames.len())
+                    .with("radius", subject.radius),
+            );
+        }
+    } else {
+        let reason = if edit.is_some() {
+            "no splat of the edit is one of the source's, or there is one frame"
+        } else {
+            "the scene is not a run: nothing was edited"
+        };
+        items.extend(ids.map(|id| Item::missing(id, reason)));
+    }
+    items.push(Item::scalar("scale_blowup", whole.blown_up).with("factor", f64::from(BLOWN_UP)));
+    items.push(Item::scalar("nan_count", whole.not_finite as f64));
+    Ok(items)
+}
+
+/// A scene at all times.
+struct Whole {
+    track: MotionTrack,
+    /// Share of the splats.
+    blown_up: f64,
+    not_finite: usize,
+}
+
+impl Whole {
+    fn of(scene: &dyn DynamicScene, times: &[f32]) -> Outcome<Self> {
+        let mut frames = Vec::new();
+        let mut first_scales: Vec<[f32; 3]> = Vec::new();
+        let mut blown = Vec::new();
+        let mut not_finite = 0;
+        let mut splats = Splats::default();
+        for &t in times {
+            scene
+                .geometry_into(t, &mut splats)
+                .map_err(|error| Failure::bad_input(chain(&error)))?;
+            let finite = |values: &[f32]| values.iter().filter(|value| !value.is_finite()).count();
+            not_finite += splats.means.iter().map(|v| finite(v)).sum::<usize>()
+                + splats.quats.iter().map(|v| finite(v)).sum::<usize>()
+                + splats.log_scales.iter().map(|v| finite(v)).sum::<usize>();
+            if first_scales.is_empty() {
+                first_scales.clone_from(&splats.log_scales);
+                blown = vec![false; first_scales.len()];
+            }
+            let limit = BLOWN_UP.ln();
+            for ((blown, now), first) in blown.iter_mut().zip(&splats.log_scales).zip(&first_scales)
+            {
+                *blown |= (0..3).any(|k| now[k] - first[k] > limit);
+            }
+            frames.push(splats.means.clone());
+        }
+        let count = blown.iter().filter(|blown| **blown).count();
+        let blown_up = count as f64 / blown.len().max(1) as f64;
+        Ok(Self { track: MotionTrack::from_frames(frames), blown_up, not_finite })
+    }
+}

@@ -1,0 +1,147 @@
+//! [`Photos`]: the photographs of a data set, found by the names of its views.
+
+use crate::failure::{Failure, Outcome};
+use gs_core::{Camera, Image};
+use image::imageops::FilterType;
+use std::path::{Path, PathBuf};
+
+/// Ends of names of the formats that are read.
+const ENDINGS: [&str; 3] = ["png", "jpg", "jpeg"];
+/// Ends of names of videos: compression changes what flickers, so they are no truth.
+const VIDEOS: [&str; 4] = ["mp4", "mkv", "mov", "webm"];
+/// Folders between a camera's name and its images.
+const IMAGE_FOLDERS: [&str; 4] = ["images", "rgb", "1x", "2x"];
+/// Deepest folder looked into.
+const MAX_DEPTH: usize = 6;
+/// Times of a photograph and a frame that differ by more belong to different frames.
+const SAME_TIME: f32 = 1e-4;
+
+/// Where the photographs of views are.
+#[derive(Debug)]
+pub(crate) struct Photos {
+    /// Camera (with time) of each photograph, and its file.
+    shots: Vec<(Camera, PathBuf)>,
+}
+
+impl Photos {
+    /// Looks for the photographs of `cameras`, which have times, below `folder`.
+    pub(crate) fn find(folder: &Path, cameras: &[Camera]) -> Outcome<Self> {
+        let mut files = Vec::new();
+        list(folder, 0, &mut files)?;
+        files.sort();
+        let named: Vec<(Vec<String>, &PathBuf)> = files
+            .iter()
+            .map(|file| (parts(file.strip_prefix(folder).unwrap_or(file)), file))
+            .collect();
+        let shots: Vec<(Camera, PathBuf)> = cameras
+            .iter()
+            .filter_map(|camera| {
+                let name = parts(Path::new(&camera.name));
+                let found =
+                    named.iter().find(|(file, _)| file.ends_with(&name) && !name.is_empty());
+                found.map(|(_, file)| (camera.clone(), (*file).clone()))
+            })
+            .collect();
+        if shots.is_empty() {
+            let names: Vec<&str> = cameras.iter().take(3).map(|c| c.name.as_str()).collect();
+            return Err(Failure::bad_input(format!(
+                "--truth {}: none of its {} images has the name of a view ({} …)",
+                folder.display(),
+                files.len(),
+                names.join(", ")
+            ))
+            .next("Give the folder of the data set whose cameras --cameras names."));
+        }
+        Ok(Self { shots })
+    }
+
+    /// Number of photographs found.
+    pub(crate) fn len(&self) -> usize {
+        self.shots.len()
+    }
+
+    /// The photograph of a view at time `t`, in the view's size.
+    pub(crate) fn picture(&self, view: &Camera, t: f32) -> Outcome<Option<Image>> {
+        let is_of = |camera: &Camera| {
+            let station = camera.name == view.name
+                || camera.name.strip_prefix(&view.name).is_some_and(|rest| rest.starts_with('/'));
+            station && camera.time.is_none_or(|time| (time - t).abs() < SAME_TIME)
+        };
+        let Some((_, file)) = self.shots.iter().find(|(camera, _)| is_of(camera)) else {
+            return Ok(None);
+        };
+        let refused = |error: &dyn std::fmt::Display| {
+            Failure::bad_input(format!("{}: {error}", file.display()))
+        };
+        let bytes = gs_io::read_file(file).map_err(|error| refused(&error))?;
+        let picture = image::load_from_memory(&bytes).map_err(|error| refused(&error))?;
+        let mut rgb = picture.to_rgb8();
+        if (rgb.width(), rgb.height()) != (view.width, view.height) {
+            rgb = image::imageops::resize(&rgb, view.width, view.height, FilterType::Lanczos3);
+        }
+        let data = rgb.into_raw().into_iter().map(|value| f32::from(value) / 255.0).collect();
+        Image::from_data(view.width as usize, view.height as usize, 3, data)
+            .map(Some)
+            .map_err(|error| refused(&error))
+    }
+}
+
+fn list(folder: &Path, depth: usize, files: &mut Vec<PathBuf>) -> Outcome {
+    let refused = |error: std::io::Error| {
+        Failure::bad_input(format!("cannot read the folder {}: {error}", folder.display()))
+    };
+    for entry in std::fs::read_dir(folder).map_err(refused)? {
+        let path = entry.map_err(refused)?.path();
+        if path.is_dir() && depth < MAX_DEPTH {
+            list(&path, depth + 1, files)?;
+        } else if has_ending(&path, &ENDINGS) {
+            files.push(path);
+        }
+    }
+    Ok(())
+}
+
+/// Whether a file's name has one of these ends.
+fn has_ending(path: &Path, endings: &[&str]) -> bool {
+    let extension = path.extension().and_then(|extension| extension.to_str());
+    extension.is_some_and(|extension| {
+        endings.iter().any(|ending| extension.eq_ignore_ascii_case(ending))
+    })
+}
+
+/// Whether a path names a video.
+pub(crate) fn is_video(path: &Path) -> bool {
+    has_ending(path, &VIDEOS)
+}
+
+/// Whether a path is a folder in which some file, at any depth, is an image and none is a scene's.
+pub(crate) fn holds_images(path: &Path) -> bool {
+    let mut files = Vec::new();
+    path.is_dir() && list(path, 0, &mut files).is_ok() && !files.is_empty()
+}
+
+/// Folders and stem of a name, without folders that only separate images from other files.
+fn parts(path: &Path) -> Vec<String> {
+    let stem = if has_ending(path, &ENDINGS) { path.with_extension("") } else { path.to_owned() };
+    stem.components()
+        .filter_map(|part| match part {
+            std::path::Component::Normal(name) => Some(name.to_string_lossy().into_owned()),
+            _ => None,
+        })
+        .filter(|name| !IMAGE_FOLDERS.contains(&name.as_str()))
+        .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_of_views_lead_to_files() {
+        let at = |text: &str| parts(Path::new(text));
+        assert!(at("cam00/images/0007.png").ends_with(&at("cam00/0007")), "DyNeRF");
+        assert!(at("test/r_003.png").ends_with(&at("./test/r_003")), "D-NeRF");
+        assert!(at("rgb/2x/000012.png").ends_with(&at("000012")), "HyperNeRF");
+        assert!(!at("cam01/images/0007.png").ends_with(&at("cam00/0007")), "another camera");
+    }
+}

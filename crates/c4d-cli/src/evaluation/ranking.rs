@@ -1,0 +1,36 @@
+//! Which of several values is best.
+
+use c4d_metrics::Better;
+
+/// Values whose badness differs by less than this share are equally good: they look the same in
+/// four digits.
+const SAME: f64 = 5e-4;
+
+/// Indices of the best values, several if they are the same in four digits; none if all are, or
+/// none is better by definition.
+pub(crate) fn best(better: Better, values: &[Option<f64>]) -> Vec<usize> {
+    let badness: Vec<Option<f64>> =
+        values.iter().map(|value| value.and_then(|value| better.badness(value))).collect();
+    let Some(least) = badness.iter().flatten().copied().min_by(f64::total_cmp) else {
+        return Vec::new();
+    };
+    let is_best = |bad: f64| bad <= least + SAME * least.abs();
+    let found: Vec<usize> =
+        (0..values.len()).filter(|&k| badness[k].is_some_and(is_best)).collect();
+    let known = badness.iter().flatten().count();
+    if found.len() == known { Vec::new() } else { found }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_best_are_found() {
+        let values = [Some(1.0), None, Some(3.0), Some(3.0001)];
+        assert_eq!(best(Better::Higher, &values), [2, 3], "two are the same");
+        assert_eq!(best(Better::Lower, &values), [0], "one");
+        assert!(best(Better::Neither, &values).is_empty(), "none is better");
+        assert!(best(Better::Lower, &[Some(0.0), Some(0.0)]).is_empty(), "all are");
+    }
+}

@@ -1,0 +1,15 @@
+//! Reports: one HTML file that opens offline.
+//!
+//! Pictures are JPEG inside the file, plots are SVG, and nothing is fetched: the page's own policy
+//! forbids it.
+
+mod color_ramp;
+mod page;
+mod picture;
+mod plot;
+mod run_report;
+
+pub(crate) use page::{MAX_BYTES, Page, escape};
+pub(crate) use picture::{Triple, wipe};
+pub(crate) use plot::{Curve, Plot};
+pub(crate) use run_report::{RunReport, run_report};

@@ -1,0 +1,160 @@
+//! `c4d eval`.
+
+use crate::support::{c4d, failure, fixture, success};
+use serde_json::Value;
+use std::path::{Path, PathBuf};
+
+/// The synthetic fixture's edit, propagated.
+fn run(folder: &Path) -> PathBuf {
+    let run = folder.join("run");
+    success(
+        c4d(["propagate"])
+            .arg(fixture("synth/source"))
+            .arg("--edited")
+            .arg(fixture("synth/edited.ply"))
+            .arg("--no-refine")
+            .arg("-o")
+            .arg(&run),
+    );
+    run
+}
+
+fn value(document: &Value, id: &str) -> Value {
+    let items = document["items"].as_array().unwrap();
+    items.iter().find(|item| item["id"] == id).unwrap_or_else(|| panic!("no {id}"))["value"].clone()
+}
+
+#[test]
+fn a_run_is_measured_alike_on_any_number_of_threads() {
+    let folder = tempfile::tempdir().unwrap();
+    let run = run(folder.path());
+    let mut files = Vec::new();
+    for threads in ["1", "2", "7"] {
+        let file = folder.path().join(format!("{threads}.json"));
+        let (said, _) = success(
+            c4d(["eval"])
+                .arg(&run)
+                .args(["--frames", "4", "--size", "96x72", "--threads", threads, "-o"])
+                .arg(&file),
+        );
+        assert!(said.contains("warp_error_ratio") && said.contains("→1"), "a table: {said}");
+        assert!(
+            said.contains("not measured (there is nothing to compare with: --truth)"),
+            "{said}"
+        );
+        files.push(std::fs::read_to_string(file).unwrap());
+    }
+    assert!(files[0] == files[1] && files[1] == files[2], "the same file");
+    let document: Value = serde_json::from_str(&files[0]).unwrap();
+    assert_eq!(document["source"], "render", "no video");
+    assert_eq!(document["frames"], 4, "frames");
+    assert_eq!(value(&document, "bg_changed_frac"), 0.0, "the background is kept");
+    assert_eq!(value(&document, "drift_max"), 0.0, "unedited splats keep their motion");
+    assert!(value(&document, "psnr").is_null(), "without a truth");
+    assert!(value(&document, "time_total").is_number(), "recorded by the run");
+}
+
+#[test]
+fn a_run_is_its_own_truth() {
+    let folder = tempfile::tempdir().unwrap();
+    let run = run(folder.path());
+    let file = folder.path().join("metrics.json");
+    let (said, _) = success(
+        c4d(["eval"])
+            .arg(&run)
+            .args(["--frames", "3", "--size", "96x72", "--metrics", "truth,drift", "--truth"])
+            .arg(&run)
+            .arg("-o")
+            .arg(&file),
+    );
+    assert!(!said.contains("warp_error"), "only what was asked for: {said}");
+    let document: Value = serde_json::from_slice(&std::fs::read(file).unwrap()).unwrap();
+    assert_eq!(value(&document, "psnr"), 100.0, "equal");
+    assert_eq!(value(&document, "flip"), 0.0, "equal");
+    assert_eq!(document["items"].as_array().unwrap().len(), 6, "five and one");
+}
+
+#[test]
+fn pictures_of_a_data_set_are_found_by_name() {
+    let folder = tempfile::tempdir().unwrap();
+    let source = fixture("synth/source");
+    let cameras = folder.path().join("cameras");
+    success(
+        c4d(["freeze"]).arg(&source).args(["--views", "2", "--size", "96x72", "-o"]).arg(&cameras),
+    );
+    let (said, _) = success(
+        c4d(["eval"])
+            .arg(&source)
+            .args(["--times", "0", "--cameras"])
+            .arg(cameras.join("cameras.json"))
+            .arg("--truth")
+            .arg(cameras.join("views")),
+    );
+    assert!(
+        said.contains("psnr") && said.contains(" 100 "),
+        "renders equal their pictures: {said}"
+    );
+}
+
+#[test]
+fn what_cannot_be_measured_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let run = run(folder.path());
+    let eval = |args: &[&str], code: i32| failure(c4d(["eval"]).arg(&run).args(args), code);
+    let said = eval(&["--metrics", "lpips"], 2);
+    assert!(said.contains("no such metric or group") && said.contains("Groups: core"), "{said}");
+    let video = folder.path().join("truth.mp4");
+    std::fs::write(&video, b"no video").unwrap();
+    let said = eval(&["--truth", video.to_str().unwrap()], 2);
+    assert!(said.contains("compressed video"), "{said}");
+    let said = eval(&["--truth", "nowhere"], 3);
+    assert!(said.contains("no such file"), "{said}");
+    let said = eval(&["--views", "0"], 2);
+    assert!(said.contains("Add --cameras"), "{said}");
+    let inside = run.join("metrics.json");
+    let said = eval(&["--frames", "2", "-o", inside.to_str().unwrap()], 2);
+    assert!(said.contains("overlap"), "{said}");
+    assert!(!inside.exists(), "nothing is left");
+}
+
+#[test]
+fn judges_get_pairs_and_return_scores() {
+    let folder = tempfile::tempdir().unwrap();
+    let run = run(folder.path());
+    let at = |name: &str| folder.path().join(name);
+    for (judge, jobs) in [("editscore", 6), ("vebench", 2)] {
+        let out = at(judge);
+        let (said, _) = success(
+            c4d(["eval"])
+                .arg(&run)
+                .args(["--frames", "3", "--size", "48x36", "--prompt", "a hat", "--emit", judge])
+                .arg(&out),
+        );
+        assert!(said.contains(&format!("({jobs} jobs)")), "{said}");
+        let text = std::fs::read_to_string(out.join("jobs.jsonl")).unwrap();
+        assert_eq!(text.lines().count(), jobs, "{judge}");
+        for line in text.lines() {
+            let job: Value = serde_json::from_str(line).unwrap();
+            for side in ["src", "dst"] {
+                assert!(out.join(job[side].as_str().unwrap()).exists(), "{line}");
+            }
+            assert_eq!(job["prompt"], "a hat", "{line}");
+        }
+    }
+    let scores = at("scores.jsonl");
+    std::fs::write(&scores, "{\"id\":\"view_00/00000\",\"scores\":{\"overall\":7}}\n").unwrap();
+    let file = at("metrics.json");
+    let (said, _) = success(
+        c4d(["eval"])
+            .arg(&run)
+            .args(["--frames", "2", "--size", "48x36", "--metrics", "drift", "--ingest"])
+            .arg(&scores)
+            .arg("-o")
+            .arg(&file),
+    );
+    assert!(said.contains("judged: overall 7"), "{said}");
+    let document: Value = serde_json::from_slice(&std::fs::read(file).unwrap()).unwrap();
+    assert_eq!(document["judged"][0]["value"], 7.0, "merged");
+    let said = failure(c4d(["eval"]).arg(&run).args(["--prompt", "x", "--emit", "clip", "x"]), 2);
+    assert!(said.contains("expected editscore or vebench"), "{said}");
+}

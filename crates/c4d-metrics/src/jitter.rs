@@ -1,0 +1,37 @@
+//! Smoothness of motion.
+
+use crate::MotionTrack;
+
+impl MotionTrack {
+    /// Mean over splats and times of `‖x_{t+1} − 2x_t + x_{t−1}‖ / size`. Less is smoother; a scene
+    /// that accelerates has some of its own, so compare with the truth's or the source's. 0 for
+    /// fewer than three times.
+    pub fn jitter(&self, size: f64) -> f64 {
+        let mut total = 0.0;
+        let mut count = 0_usize;
+        for window in self.frames().windows(3) {
+            for ((a, b), c) in window[0].iter().zip(&window[1]).zip(&window[2]) {
+                let second: f64 =
+                    (0..3).map(|k| f64::from(a[k] - 2.0 * b[k] + c[k]).powi(2)).sum::<f64>();
+                total += second.sqrt();
+                count += 1;
+            }
+        }
+        total / count.max(1) as f64 / size
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn shaking_is_measured_and_uniform_motion_is_not() {
+        let along = |x: fn(usize) -> f32| {
+            MotionTrack::from_frames((0..4).map(|t| vec![[x(t), 0.0, 0.0]; 5]).collect())
+        };
+        assert!(along(|t| t as f32).jitter(1.0) < 1e-6, "constant velocity");
+        let shaking = along(|t| if t % 2 == 0 { 0.1 } else { -0.1 }).jitter(1.0);
+        assert!((shaking - 0.4).abs() < 1e-5, "±0.1 each frame: {shaking}");
+    }
+}

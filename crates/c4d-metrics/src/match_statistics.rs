@@ -1,0 +1,99 @@
+//! How decided and how near the matches of an edit are.
+
+/// Weighted matches of edited splats to source splats: what each row follows, and how far away.
+#[derive(Debug, Clone, Copy)]
+pub struct Match {
+    /// Weight, positive; those of a row sum to 1.
+    pub weight: f64,
+    /// Distance in the frame of the edit, world units.
+    pub distance: f64,
+}
+
+/// Diagnostics of matches; no scores of quality.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct MatchStatistics {
+    /// Mean over rows of `Σ w·d`, world units.
+    pub mean_distance: f64,
+    /// `exp` of the mean entropy of the rows' weights: how many source splats a row follows.
+    pub perplexity: f64,
+    /// Mean over rows of `(w₁ − w₂) / w₁`, the two largest weights: 1 where one is followed alone.
+    pub argmax_margin: f64,
+    /// Share of the weight that goes farther than 3 times the median distance to the nearest source
+    /// splat; `None` where most rows lie exactly where a source splat is.
+    pub cross_region_rate: Option<f64>,
+}
+
+/// Far, in median distances to the nearest source splat.
+const FAR: f64 = 3.0;
+
+/// Statistics of `rows`; `nearest` is each row's distance to the nearest source splat, `[N]`.
+/// `None` without rows.
+pub fn match_statistics(rows: &[Vec<Match>], nearest: &[f64]) -> Option<MatchStatistics> {
+    if rows.is_empty() || nearest.is_empty() {
+        return None;
+    }
+    let mut sorted = nearest.to_vec();
+    sorted.sort_unstable_by(f64::total_cmp);
+    let far = FAR * sorted[sorted.len() / 2];
+    let (mut distance, mut entropy, mut margin, mut crossing) = (0.0, 0.0, 0.0, 0.0);
+    for row in rows {
+        let (mut first, mut second) = (0.0_f64, 0.0_f64);
+        for entry in row {
+            distance += entry.weight * entry.distance;
+            if entry.weight > 0.0 {
+                entropy -= entry.weight * entry.weight.ln();
+            }
+            if entry.distance > far {
+                crossing += entry.weight;
+            }
+            second = second.max(entry.weight.min(first));
+            first = first.max(entry.weight);
+        }
+        margin += if first > 0.0 { (first - second) / first } else { 0.0 };
+    }
+    let count = rows.len() as f64;
+    Some(MatchStatistics {
+        mean_distance: distance / count,
+        perplexity: (entropy / count).exp(),
+        argmax_margin: margin / count,
+        cross_region_rate: (far > 0.0).then_some(crossing / count),
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Rows on a line that follow the splat below them, and one in twenty that follows another's.
+    #[test]
+    fn swapped_matches_cross_regions() {
+        let rate = |swap: bool| {
+            let row = |i: usize| {
+                let distance = if swap && i.is_multiple_of(20) { 40.0 } else { 1.0 };
+                vec![Match { weight: 1.0, distance }]
+            };
+            let rows: Vec<_> = (0..200_usize).map(row).collect();
+            match_statistics(&rows, &[1.0; 200]).unwrap().cross_region_rate.unwrap()
+        };
+        assert_eq!(rate(false), 0.0, "all are near");
+        assert!((rate(true) - 0.05).abs() < 1e-9, "one in twenty: {}", rate(true));
+    }
+
+    #[test]
+    fn even_and_single_matches() {
+        let at = |weight: f64, distance: f64| Match { weight, distance };
+        let even = vec![vec![at(0.25, 1.0); 4]; 3];
+        let found = match_statistics(&even, &[1.0; 3]).unwrap();
+        assert!((found.perplexity - 4.0).abs() < 1e-9, "four: {found:?}");
+        assert_eq!(found.argmax_margin, 0.0, "undecided");
+        assert_eq!(found.cross_region_rate, Some(0.0), "near");
+        let single = vec![vec![at(1.0, 1.0)], vec![at(1.0, 4.0)]];
+        let found = match_statistics(&single, &[1.0; 2]).unwrap();
+        assert!((found.perplexity - 1.0).abs() < 1e-9, "one: {found:?}");
+        assert_eq!(found.argmax_margin, 1.0, "decided");
+        assert_eq!(found.cross_region_rate, Some(0.5), "one of two is far");
+        let found = match_statistics(&single, &[0.0; 2]).unwrap();
+        assert_eq!(found.cross_region_rate, None, "every row lies on a source splat");
+        assert_eq!(match_statistics(&[], &[]), None, "nothing matched");
+    }
+}

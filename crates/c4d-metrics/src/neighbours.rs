@@ -1,0 +1,54 @@
+//! [`Neighbours`]: which points of a cloud lie next to each other.
+
+use kiddo::{ImmutableKdTree, SquaredEuclidean};
+use rayon::prelude::*;
+use std::num::NonZero;
+
+/// Nearest neighbours of each point.
+#[derive(Debug, Clone, Default)]
+pub struct Neighbours {
+    /// `[N]`, each with at most as many as were wanted, nearest first, itself left out.
+    of: Vec<Vec<u32>>,
+}
+
+impl Neighbours {
+    /// The `count` nearest of each of `points`; none where there are no more points than that, or
+    /// they cannot be sorted into a tree.
+    pub fn of(points: &[[f32; 3]], count: usize) -> Self {
+        let Some(query) = NonZero::new(count + 1).filter(|_| points.len() > count) else {
+            return Self::default();
+        };
+        let Ok(tree) = ImmutableKdTree::<f32, 3>::new_from_slice(points) else {
+            return Self::default();
+        };
+        let of = (0..points.len())
+            .into_par_iter()
+            .map(|i| {
+                let hits =
+                    tree.query(&points[i]).nearest_n::<SquaredEuclidean<f32>>(query).execute();
+                let others = hits.iter().map(|hit| hit.item).filter(|&j| j as usize != i);
+                others.take(count).collect()
+            })
+            .collect();
+        Self { of }
+    }
+
+    /// Neighbours of each point, `[N]`, or nothing.
+    pub fn rows(&self) -> &[Vec<u32>] {
+        &self.of
+    }
+}
+
+/// The nearest of `among` for each of `points`, `[N]`; `None` without any, or if they cannot be
+/// sorted into a tree.
+pub fn nearest(points: &[[f32; 3]], among: &[[f32; 3]]) -> Option<Vec<u32>> {
+    let tree = ImmutableKdTree::<f32, 3>::new_from_slice(among).ok()?;
+    let one = NonZero::new(1).filter(|_| !among.is_empty())?;
+    points
+        .par_iter()
+        .map(|point| {
+            let hits = tree.query(point).nearest_n::<SquaredEuclidean<f32>>(one).execute();
+            hits.first().map(|hit| hit.item)
+        })
+        .collect()
+}

@@ -392,7 +392,7 @@ fn damaged_files_are_errors() {
     let path = dir.path().join("clip.splat4d");
     fs::write(&path, &bytes[..200]).unwrap();
     let error = splat4d::open(&path, Damage::Drop).unwrap_err().to_string();
-    assert!(error.contains("clip.splat4d") && error.contains("cut off"), "{error}");
+    assert!(error.contains("clip.splat4d") && error.contains("truncated"), "{error}");
 }
 
 #[test]

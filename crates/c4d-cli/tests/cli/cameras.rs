@@ -34,7 +34,7 @@ fn views_are_rendered_at_their_own_times() {
     let all = [small.as_slice(), &["--split", "all"]].concat();
     let (found, said) = render("dnerf_like", "dnerf", &all, &out);
     assert_eq!(found.len(), 5, "train, test and val but for the one beyond the last time");
-    assert!(said.contains("1 of 6 views lie outside"), "the message: {said}");
+    assert!(said.contains("1 of 6 views are outside"), "the message: {said}");
 
     let cam = [small.as_slice(), &["--views", "cam01"]].concat();
     let (found, _) = render("dynerf_like", "dynerf", &cam, &out);

@@ -50,7 +50,7 @@ fn every_clip_format_is_written_and_reports_losses() {
     assert!(said.contains("0 recoloured (exact motion), 0 edited"), "{said}");
     fs::write(&path, &fs::read(&path).unwrap()[..1000]).unwrap();
     let said = failure(c4d(["info"]).arg(&path), 3);
-    assert!(said.contains("cut off") && said.contains("next: Copy or export"), "{said}");
+    assert!(said.contains("truncated") && said.contains("next: Copy or export"), "{said}");
     for (name, start) in [("loop.gif", &b"GIF89a"[..]), ("loop.webp", b"RIFF")] {
         let image = folder.path().join(name);
         let arguments =

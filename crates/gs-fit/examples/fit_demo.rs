@@ -33,65 +33,39 @@ enum Disagreement {
 }
 
 /// A row of the table.
-#[derive(Debug)]
+#[derive(Debug, Clone, Copy)]
 struct Case {
     name: &'static str,
+    splats: usize,
     views: usize,
     side: u32,
     steps: usize,
     disagreement: Disagreement,
+    /// Whether pictures are aligned.
     align: bool,
 }
 
-const CASES: [Case; 6] = [
-    Case {
-        name: "agree",
-        views: 24,
-        side: 400,
-        steps: 800,
-        disagreement: Disagreement::None,
-        align: true,
-    },
-    Case {
-        name: "eight",
-        views: 8,
-        side: 320,
-        steps: 300,
-        disagreement: Disagreement::None,
-        align: true,
-    },
-    Case {
-        name: "jitter",
-        views: 24,
-        side: 320,
-        steps: 600,
-        disagreement: Disagreement::Jitter,
-        align: true,
-    },
-    Case {
-        name: "jitter-plain",
-        views: 24,
-        side: 320,
-        steps: 600,
-        disagreement: Disagreement::Jitter,
-        align: false,
-    },
-    Case {
-        name: "detail",
-        views: 24,
-        side: 320,
-        steps: 600,
-        disagreement: Disagreement::Detail,
-        align: true,
-    },
-    Case {
-        name: "detail-plain",
-        views: 24,
-        side: 320,
-        steps: 600,
-        disagreement: Disagreement::Detail,
-        align: false,
-    },
+const AGREE: Case = Case {
+    name: "agree",
+    splats: 30_000,
+    views: 24,
+    side: 400,
+    steps: 800,
+    disagreement: Disagreement::None,
+    align: true,
+};
+const JITTER: Case =
+    Case { name: "jitter", side: 320, steps: 600, disagreement: Disagreement::Jitter, ..AGREE };
+const DETAIL: Case = Case { name: "detail", disagreement: Disagreement::Detail, ..JITTER };
+
+const CASES: [Case; 7] = [
+    AGREE,
+    Case { name: "eight", views: 8, side: 320, steps: 300, ..AGREE },
+    JITTER,
+    Case { name: "jitter-plain", align: false, ..JITTER },
+    DETAIL,
+    Case { name: "detail-plain", align: false, ..DETAIL },
+    Case { name: "large", splats: 100_000, side: 512, steps: 1000, ..AGREE },
 ];
 
 /// Says now and then how far the fit is.
@@ -113,9 +87,6 @@ impl FitObserver for Lines {
 
 fn main() -> Result<(), Box<dyn Error>> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
-    let scene = demo(&DemoParams { seed: 7, sh_degree: 0, ..DemoParams::default() })?;
-    let edited = apply_edits(&scene, &demo_edits(), 7)?.splats;
-    let start = scene.frame1();
     println!(
         "| case | views | steps | before all / inside | after all / inside | outside | ball left | splats | s |"
     );
@@ -124,8 +95,13 @@ fn main() -> Result<(), Box<dyn Error>> {
     for case in
         CASES.iter().filter(|case| named.is_empty() || named.iter().any(|a| *a == case.name))
     {
+        let params =
+            DemoParams { seed: 7, sh_degree: 0, num_splats: case.splats, ..DemoParams::default() };
+        let scene = demo(&params)?;
+        let edited = apply_edits(&scene, &demo_edits(), 7)?.splats;
+        let start = scene.frame1();
         let cameras = ring(&scene.orbit_cameras(1, case.side, case.side)[0], case.views, 0.0);
-        let mut pictures = pictures(&cameras, &edited)?;
+        let mut pictures = pictures_of(&cameras, &edited)?;
         disagree(&mut pictures, start, case.disagreement)?;
         let options = FitOptions { steps: case.steps, align: case.align, ..FitOptions::default() };
         let began = Instant::now();
@@ -185,7 +161,7 @@ fn render(camera: &Camera, splats: &Splats) -> Result<Image, Box<dyn Error>> {
     Ok(raster.forward(&mut prepared, splats, &[], &RenderParams::default())?.rgb_image())
 }
 
-fn pictures(cameras: &[Camera], splats: &Splats) -> Result<Vec<EditedPicture>, Box<dyn Error>> {
+fn pictures_of(cameras: &[Camera], splats: &Splats) -> Result<Vec<EditedPicture>, Box<dyn Error>> {
     cameras
         .iter()
         .map(|camera| {

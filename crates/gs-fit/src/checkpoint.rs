@@ -28,7 +28,7 @@ pub(crate) fn save(
 ) -> FitState {
     let mut arrays = Vec::new();
     put(&mut arrays, "splats", &working.splats);
-    put(&mut arrays, "anchors", &working.anchors);
+    arrays.push(("largest".to_owned(), working.largest.clone()));
     let coeffs = working.splats.sh_coeffs();
     let mut steps = Vec::new();
     for (name, adam, _) in working.optimizer.groups(coeffs) {
@@ -37,9 +37,9 @@ pub(crate) fn save(
         steps.push(u32::try_from(adam.step).unwrap_or(u32::MAX));
     }
     arrays.push(("gradient".to_owned(), working.gradient.clone()));
-    for (v, View { alignment, .. }) in views.iter().enumerate() {
+    for (v, View { alignment, noise, .. }) in views.iter().enumerate() {
         let Alignment { gain, offset, shift, local } = alignment;
-        arrays.push((format!("align.{v}"), [&gain[..], offset, shift].concat()));
+        arrays.push((format!("align.{v}"), [&gain[..], offset, shift, &[*noise]].concat()));
         arrays.push((format!("local.{v}"), local.as_flattened().to_vec()));
     }
     let selected = working.selected.iter().map(|&on| u32::from(on)).collect();
@@ -92,7 +92,7 @@ pub(crate) fn restore(
 ) -> Result<usize, FitError> {
     let degree = working.splats.sh_degree;
     working.splats = splats(state, "splats", degree)?;
-    working.anchors = splats(state, "anchors", degree)?;
+    working.largest = find(&state.arrays, "largest")?.to_vec();
     let n = working.splats.len();
     let counts = |name: &str| -> Result<Vec<u32>, FitError> {
         let values = find(&state.counts, name)?;
@@ -112,7 +112,7 @@ pub(crate) fn restore(
     working.chosen = chosen.iter().map(|&on| on != 0).collect();
     working.fading = counts("fading")?.iter().map(|&on| on != 0).collect();
     working.gradient = find(&state.arrays, "gradient")?.to_vec();
-    if working.gradient.len() != n || working.anchors.len() != n {
+    if working.gradient.len() != n || working.largest.len() != n {
         return Err(damaged("arrays of different lengths"));
     }
     let steps = find(&state.counts, "steps")?.to_vec();
@@ -137,13 +137,14 @@ pub(crate) fn restore(
     };
     for (v, view) in views.iter_mut().enumerate() {
         let flat = find(&state.arrays, &format!("align.{v}"))?;
-        let &[g0, g1, g2, o0, o1, o2, x, y] = flat else {
+        let &[g0, g1, g2, o0, o1, o2, x, y, noise] = flat else {
             return Err(damaged(format!("`align.{v}` has {} values", flat.len())));
         };
         let local: Vec<[f32; 2]> = rows(state, &format!("local.{v}"))?;
         if !local.is_empty() && local.len() != view.width * view.height {
             return Err(damaged(format!("`local.{v}` has {} pixels", local.len())));
         }
+        view.noise = noise;
         view.alignment =
             Alignment { gain: [g0, g1, g2], offset: [o0, o1, o2], shift: [x, y], local };
         view.retarget();

@@ -27,6 +27,9 @@ const ALIGN_UNTIL: f64 = 0.9;
 const DECIDES_AFTER: usize = 2;
 /// Difference of a channel below which a picture shows what lies behind the selection.
 const BEHIND: f32 = 10.0 / 255.0;
+/// To which so many times the noise of a picture is added, up to a limit.
+const NOISES: f32 = 1.5;
+const MOST_BEHIND: f32 = 0.12;
 /// Splats of which more than this share looks as before belong to what is behind.
 const SAME_SHARE: f32 = 0.5;
 /// Rounds of removal before the first step.
@@ -38,8 +41,6 @@ const BEHIND_SHARE: f32 = 0.85;
 /// Share from which on it fades: until [`FADE_UNTIL`] of the fit only its opacity is fitted.
 const FADING_SHARE: f32 = 0.3;
 const FADE_UNTIL: f64 = 0.5;
-/// Share of the fit after which anchors no longer pull.
-const ANCHOR_UNTIL: f64 = 0.3;
 /// Width of the band around the selection in which unedited pictures say nothing, as a share of the
 /// longer image side.
 const UNSURE_BAND: f32 = 0.03;
@@ -326,11 +327,6 @@ impl<R: Rasterizer> Run<'_, R> {
         let rates = FitRates { means: rates.means * working.size * decay, ..*rates };
         let Working { splats, optimizer, selected, fading, .. } = working;
         optimizer.step(splats, grads, &rates, options.geometry, selected, fading);
-        if options.geometry && done < ANCHOR_UNTIL {
-            #[expect(clippy::cast_possible_truncation, reason = "a factor")]
-            let fade = (1.0 - done / ANCHOR_UNTIL) as f32;
-            working.pull(options.anchor * fade);
-        }
     }
 
     fn report(&mut self, done: usize, observer: &mut dyn FitObserver) {
@@ -369,9 +365,8 @@ impl<R: Rasterizer> Run<'_, R> {
 
     /// Removes what the pictures contradict, adds detail, and selects what came to light.
     fn densify(&mut self, step: usize) -> Result<(), FitError> {
-        if (step as f64) < FADE_UNTIL * self.options.steps as f64 {
-            self.carve()?;
-        } else {
+        self.carve()?;
+        if step as f64 >= FADE_UNTIL * self.options.steps as f64 {
             self.working.fading.fill(false);
         }
         self.working.densify(self.options.seed ^ (0x5_0000_0000 + step as u64));
@@ -433,11 +428,12 @@ impl<R: Rasterizer> Run<'_, R> {
         for &v in &self.edited {
             let view = &self.views[v];
             let other = other(view)?;
+            let limit = (BEHIND + NOISES * view.noise).min(MOST_BEHIND);
             let planes: Vec<f32> = other
                 .chunks_exact(3)
                 .zip(view.target.chunks_exact(3))
                 .flat_map(|(a, b)| {
-                    let agrees = a.iter().zip(b).all(|(a, b)| (a - b).abs() < BEHIND);
+                    let agrees = a.iter().zip(b).all(|(a, b)| (a - b).abs() < limit);
                     [1.0, f32::from(u8::from(agrees))]
                 })
                 .collect();
@@ -475,11 +471,14 @@ impl<R: Rasterizer> Run<'_, R> {
         for &v in &self.edited.clone() {
             self.render(v, &params, &mut output)?;
             let view = &mut self.views[v];
+            if step > ALIGN_FROM + DECIDES_AFTER * ALIGN_EVERY {
+                view.measure_noise(&output.rgb);
+            }
             let mut alignment = std::mem::take(&mut view.alignment);
             let radius =
                 self.local_radius(step, v).filter(|_| self.working.aligning == Aligning::Local);
             let view = &self.views[v];
-            alignment.estimate(view.as_picture(), &output.rgb, &view.mask, radius);
+            alignment.estimate(view.as_picture(), &output.rgb, &view.changed, radius);
             self.views[v].alignment = alignment;
         }
         let centre = self.centre();

@@ -71,7 +71,7 @@ pub struct Target<'a> {
     pub height: usize,
     /// Colours, `[H,W,3]`.
     pub rgb: &'a [f32],
-    /// Weight of each pixel, 0 to 1, `[H,W]`; empty for 1 everywhere.
+    /// Weight of each pixel, 0 or more, `[H,W]`; empty for 1 everywhere. D-SSIM has at most 1.
     pub weights: &'a [f32],
     /// The part of the image that is compared; the rest is taken to agree.
     pub rect: Rect,
@@ -145,7 +145,7 @@ impl PictureLoss {
                         let r = x[k] - y[k];
                         sum += weight * r.abs();
                         v[k] = if r == 0.0 { 0.0 } else { factor * weight * r.signum() };
-                        y[k] += (1.0 - weight) * r;
+                        y[k] += (1.0 - weight.min(1.0)) * r;
                     }
                 }
                 sum

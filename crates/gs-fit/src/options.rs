@@ -47,9 +47,6 @@ pub struct FitOptions {
     /// Share of a splat's visible pixels that must lie in the masks for it to be selected. Default
     /// 0.5.
     pub vote: f32,
-    /// Share of its distance to the start by which geometry is pulled back in a step; fades to 0
-    /// over the first third of the fit. Default 0.02.
-    pub anchor: f32,
     /// Background colour that the pictures are composited over, 0 to 1.
     pub background: [f64; 3],
     /// Whether differences between the pictures (gain, offset, displacement) are estimated and
@@ -76,7 +73,6 @@ impl Default for FitOptions {
             threshold: 8.0 / 255.0,
             dilation: 0.01,
             vote: 0.5,
-            anchor: 0.02,
             background: [0.0; 3],
             align: true,
             reference: None,
@@ -103,7 +99,6 @@ impl FitOptions {
             ("threshold", self.threshold),
             ("dilation", self.dilation),
             ("vote", self.vote),
-            ("anchor", self.anchor),
         ] {
             if !unit.contains(&value) {
                 return refuse(name, value.to_string(), "0 to 1");

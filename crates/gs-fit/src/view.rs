@@ -30,9 +30,15 @@ pub(crate) struct View {
     pub picture: Vec<f32>,
     /// Render of the start.
     pub original: Vec<f32>,
-    /// Where the picture counts, dilated; empty for pictures that were not edited.
+    /// Where the picture was edited, `[H,W]`; empty for pictures that were not.
+    pub changed: Vec<bool>,
+    /// The same, dilated, if it was found and not given: splats that are seen here are selected.
     pub mask: Vec<bool>,
-    /// Edited·mask + original·(1 − mask), `[H,W,3]`.
+    /// How far the aligned picture is from the fit, median over what was edited, 0 to 1; 0 for
+    /// pictures that agree.
+    pub noise: f32,
+    /// Aligned picture where it was edited, scene elsewhere, `[H,W,3]`. Around an edit, a displaced
+    /// picture would put background that nobody edited in the wrong place.
     pub target: Vec<f32>,
     /// Weights of the loss; empty for 1.
     pub weights: Vec<f32>,
@@ -79,40 +85,35 @@ pub(crate) fn open<R: Rasterizer>(
         }
         let mut prepared = raster.prepare(start, camera)?;
         let render = raster.forward(&mut prepared, start, &[], &params)?;
-        let mask = if let Some(mask) = mask {
-            mask.clone()
-        } else {
-            // The picture has eight bits a channel; so must what it is compared with.
-            let mut rounded = render.rgb_image();
-            for value in &mut rounded.data {
-                *value = (value.clamp(0.0, 1.0) * 255.0).round() / 255.0;
-            }
-            let mut mask = difference_mask(&rounded, image, options.threshold);
-            #[expect(
-                clippy::cast_possible_truncation,
-                clippy::cast_sign_loss,
-                reason = "a share of a count"
-            )]
-            let smallest = (mask.len() as f64 * SPECK_SHARE).ceil() as usize;
-            remove_specks(&mut mask, width, smallest);
-            #[expect(
-                clippy::cast_possible_truncation,
-                clippy::cast_sign_loss,
-                reason = "a share of a count"
-            )]
-            let radius = (options.dilation * width.max(height) as f32).round() as usize;
-            dilated(&mask, width, radius)
+        let changed = match mask {
+            Some(mask) => mask.clone(),
+            None => found(&render.rgb_image(), image, options.threshold),
         };
-        let mask = if mask.contains(&true) { mask } else { Vec::new() };
+        #[expect(
+            clippy::cast_possible_truncation,
+            clippy::cast_sign_loss,
+            reason = "a share of a count"
+        )]
+        let radius = (options.dilation * width.max(height) as f32).round() as usize;
+        let is_edited = changed.contains(&true);
+        let dilation = if mask.is_some() { 0 } else { radius };
+        let (changed, mask) = if is_edited {
+            let mask = dilated(&changed, width, dilation);
+            (changed, mask)
+        } else {
+            (Vec::new(), Vec::new())
+        };
         let mut view = View {
             camera: camera.clone(),
             width,
             height,
-            picture: if mask.is_empty() { Vec::new() } else { image.data.clone() },
+            picture: if is_edited { image.data.clone() } else { Vec::new() },
             target: render.rgb.clone(),
             original: render.rgb,
             rect: Rect::around(&mask, width),
+            changed,
             mask,
+            noise: 0.0,
             weights: Vec::new(),
             alignment: Alignment::default(),
         };
@@ -122,13 +123,44 @@ pub(crate) fn open<R: Rasterizer>(
     Ok(views)
 }
 
+/// Pixels that differ from the scene, without specks.
+fn found(scene: &Image, picture: &Image, threshold: f32) -> Vec<bool> {
+    // The picture has eight bits a channel; so must what it is compared with.
+    let mut rounded = scene.clone();
+    for value in &mut rounded.data {
+        *value = (value.clamp(0.0, 1.0) * 255.0).round() / 255.0;
+    }
+    let mut mask = difference_mask(&rounded, picture, threshold);
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        reason = "a share of a count"
+    )]
+    let smallest = (mask.len() as f64 * SPECK_SHARE).ceil() as usize;
+    remove_specks(&mut mask, scene.width, smallest);
+    mask
+}
+
 impl View {
     /// Makes the target from the picture as aligned.
     pub(crate) fn retarget(&mut self) {
         if self.is_edited() {
             let mut target = std::mem::take(&mut self.target);
-            self.alignment.apply(self.as_picture(), &self.mask, &self.original, &mut target);
+            self.alignment.apply(self.as_picture(), &self.changed, &self.original, &mut target);
             self.target = target;
+        }
+    }
+
+    /// Finds how far the target is from `render` (`[H,W,3]`).
+    pub(crate) fn measure_noise(&mut self, render: &[f32]) {
+        let pixels = self.target.chunks_exact(3).zip(render.chunks_exact(3)).zip(&self.changed);
+        let mut differences: Vec<f32> = pixels
+            .filter(|(_, on)| **on)
+            .map(|((a, b), _)| (0..3).fold(0.0, |most, c| f32::max(most, (a[c] - b[c]).abs())))
+            .collect();
+        if !differences.is_empty() {
+            let middle = differences.len() / 2;
+            self.noise = *differences.select_nth_unstable_by(middle, f32::total_cmp).1;
         }
     }
 

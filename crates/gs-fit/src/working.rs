@@ -31,8 +31,8 @@ const HUGE: f32 = 30.0;
 #[derive(Debug, Clone)]
 pub(crate) struct Working {
     pub splats: Splats,
-    /// Values that anchors pull to: the start, or those at birth.
-    pub anchors: Splats,
+    /// Logarithm of the largest scale at the start, or at birth.
+    pub largest: Vec<f32>,
     /// Row of the start, or [`NEW`].
     pub source: Vec<u32>,
     /// Whether the fit may change the row.
@@ -64,7 +64,7 @@ impl Working {
         sizes.sort_by(f32::total_cmp);
         Self {
             splats: start.clone(),
-            anchors: start.clone(),
+            largest: (0..n).map(|i| largest(start, i)).collect(),
             source: (0..n).map(|i| u32::try_from(i).unwrap_or(NEW)).collect(),
             chosen: selected.clone(),
             fading: vec![false; n],
@@ -82,38 +82,17 @@ impl Working {
         (0..self.selected.len()).filter(|&i| self.selected[i]).collect()
     }
 
-    /// Pulls geometry and opacity of the selected rows towards their anchors by this share of the
-    /// distance.
-    pub(crate) fn pull(&mut self, share: f32) {
-        for i in 0..self.selected.len() {
-            if !self.selected[i] {
-                continue;
-            }
-            let pull = |value: &mut [f32], anchor: &[f32]| {
-                for (value, anchor) in value.iter_mut().zip(anchor) {
-                    *value += share * (anchor - *value);
-                }
-            };
-            pull(&mut self.splats.means[i], &self.anchors.means[i]);
-            pull(&mut self.splats.quats[i], &self.anchors.quats[i]);
-            pull(&mut self.splats.log_scales[i], &self.anchors.log_scales[i]);
-        }
-    }
-
     /// Removes selected rows that are flagged, faint, or not finite.
     pub(crate) fn prune(&mut self, gone: &[bool], at_end: bool) -> usize {
         let faint = activation::logit(if at_end { FAINT_AT_END } else { FAINT });
         let huge = (HUGE * self.size).ln();
         let keep: Vec<bool> = (0..self.selected.len())
             .map(|i| {
-                let largest = |splats: &Splats| {
-                    splats.log_scales[i].iter().copied().fold(f32::NEG_INFINITY, f32::max)
-                };
                 !self.selected[i]
                     || (!gone[i]
                         && self.splats.opacity_logits[i] >= faint
                         && self.splats.is_finite(i)
-                        && largest(&self.splats) <= huge.max(largest(&self.anchors)))
+                        && largest(&self.splats, i) <= huge.max(self.largest[i]))
             })
             .collect();
         let removed = keep.iter().filter(|keep| !**keep).count();
@@ -127,7 +106,7 @@ impl Working {
         let ids: Vec<usize> = (0..keep.len()).filter(|&i| keep[i]).collect();
         self.optimizer.retain(keep, self.splats.sh_coeffs());
         self.splats = self.splats.select(&ids);
-        self.anchors = self.anchors.select(&ids);
+        self.largest = ids.iter().map(|&i| self.largest[i]).collect();
         self.source = ids.iter().map(|&i| self.source[i]).collect();
         self.selected = ids.iter().map(|&i| self.selected[i]).collect();
         self.fading = ids.iter().map(|&i| self.fading[i]).collect();
@@ -163,12 +142,11 @@ impl Working {
                 for log_scale in &mut self.splats.log_scales[i] {
                     *log_scale -= SPLIT.ln();
                 }
-                self.anchors.log_scales[i] = self.splats.log_scales[i];
+                self.largest[i] = largest(&self.splats, i);
             }
             self.push_copy(i);
             for (row, place) in [i, self.splats.len() - 1].into_iter().zip(places) {
                 self.splats.means[row] = place;
-                self.anchors.means[row] = place;
             }
         }
         self.gradient.fill(0.0);
@@ -179,7 +157,7 @@ impl Working {
     fn push_copy(&mut self, i: usize) {
         let copy = self.splats.select(&[i]);
         self.splats.push_from(&copy, 0);
-        self.anchors.push_from(&copy, 0);
+        self.largest.push(self.largest[i]);
         self.source.push(NEW);
         self.selected.push(true);
         self.fading.push(false);
@@ -203,6 +181,11 @@ impl Working {
         }
         count
     }
+}
+
+/// Logarithm of the largest scale.
+fn largest(splats: &Splats, i: usize) -> f32 {
+    splats.log_scales[i].iter().copied().fold(f32::NEG_INFINITY, f32::max)
 }
 
 /// Standard normal, Box–Muller.

@@ -77,6 +77,10 @@ fn the_paper_to_the_letter_copies_nothing() {
         for logit in &mut frame.opacity_logits {
             *logit += 0.1 * k as f32;
         }
+        // To ten times the size, far beyond what the default lets splats grow.
+        for scale in frame.log_scales.iter_mut().flatten() {
+            *scale += if k == 0 { 0.0 } else { 10.0_f32.ln() };
+        }
     }
     let options = MotionOptions::preset(Preset::Paper);
     let found = propagate(Arc::new(source.clone()), Arc::new(edited.clone()), &options, &|_, _| {})
@@ -89,6 +93,8 @@ fn the_paper_to_the_letter_copies_nothing() {
     let last = found.scene.at(source.time_range().end).unwrap();
     assert_eq!(last.opacity_logits, edited.opacity_logits, "shared over all frames");
     assert_eq!(last.sh, edited.sh, "shared over all frames");
+    let mut grown = last.log_scales.iter().zip(&edited.log_scales).map(|(a, b)| a[0] - b[0]);
+    assert!(grown.all(|ln| ln > 8.0_f32.ln()), "changes of scale are not limited");
     // known copies, as with --motion amg, share them as well
     let mut known = MotionOptions::preset(Preset::Paper);
     known.identity.enabled = true;

@@ -1,6 +1,8 @@
 //! [`Binding`]: what an edited Gaussian's motion is made of, for every time at once.
 
 use crate::AmgError;
+use crate::inheritance::Inherited;
+use crate::lasting::Lasting;
 use crate::moved_group::MovedGroup;
 use gs_core::Splats;
 
@@ -24,14 +26,25 @@ pub enum RowKind {
     /// geometry under the group's similarity, the edit's appearance plus the source's change of
     /// appearance.
     Moved = 5,
+    /// It is a source splat that the edit frame does not show, untouched there; it inherits what
+    /// the edit did to the surface that it stands for at other times, see [`Inherited`].
+    Descendant = 6,
 }
 
 impl RowKind {
     /// The kind stored as `code`, if there is one.
     pub fn from_code(code: u8) -> Option<Self> {
-        [Self::Static, Self::Unchanged, Self::Recoloured, Self::Blended, Self::Field, Self::Moved]
-            .into_iter()
-            .find(|kind| *kind as u8 == code)
+        [
+            Self::Static,
+            Self::Unchanged,
+            Self::Recoloured,
+            Self::Blended,
+            Self::Field,
+            Self::Moved,
+            Self::Descendant,
+        ]
+        .into_iter()
+        .find(|kind| *kind as u8 == code)
     }
 
     /// The number under which files store it.
@@ -43,6 +56,15 @@ impl RowKind {
     pub fn is_exact(self) -> bool {
         matches!(self, Self::Unchanged | Self::Recoloured)
     }
+}
+
+/// What a binding says of surfaces whose splats change over time.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Surface {
+    /// Splats that others follow, as if they lasted.
+    pub lasting: Lasting,
+    /// What rows of kind [`RowKind::Descendant`] inherit, by row.
+    pub inherited: Vec<Inherited>,
 }
 
 /// A sparse matrix: for each of `M` edited splats, ids of source splats and normalised weights.
@@ -62,6 +84,8 @@ pub struct Binding {
     groups: Vec<MovedGroup>,
     /// Group of each row, `[M]`, if there are groups.
     group_of: Vec<u32>,
+    /// If edits belong to surfaces, not to splats.
+    surface: Option<Surface>,
 }
 
 impl Binding {
@@ -102,7 +126,9 @@ impl Binding {
         groups: Vec<MovedGroup>,
         group_of: Vec<u32>,
     ) -> Result<Self, AmgError> {
-        Self { offsets, source_ids, weights, kinds, num_sources, groups, group_of }.verified()
+        let surface = None;
+        Self { offsets, source_ids, weights, kinds, num_sources, groups, group_of, surface }
+            .verified()
     }
 
     /// A binding of rows `[M]` of `(source id, weight)`: rows without sources stay where the edit
@@ -131,6 +157,7 @@ impl Binding {
             num_sources,
             groups: Vec::new(),
             group_of: Vec::new(),
+            surface: None,
         };
         binding.offsets.push(0);
         for (kind, entries) in rows {
@@ -146,6 +173,37 @@ impl Binding {
     /// The same with the groups of its moved rows.
     pub(crate) fn with_groups(self, groups: Vec<MovedGroup>, group_of: Vec<u32>) -> Self {
         if groups.is_empty() { self } else { Self { groups, group_of, ..self } }
+    }
+
+    /// The same with what it says of surfaces.
+    ///
+    /// # Errors
+    /// If ids are out of range, values are no numbers, or rows that inherit are not exactly those
+    /// of kind [`RowKind::Descendant`], in order.
+    pub fn with_surface(self, surface: Surface) -> Result<Self, AmgError> {
+        let binding = Self { surface: Some(surface), ..self };
+        match binding.surface_fault() {
+            Some(what) => Err(AmgError::Binding { what }),
+            None => Ok(binding),
+        }
+    }
+
+    fn surface_fault(&self) -> Option<String> {
+        let none = Surface::default();
+        let surface = self.surface.as_ref().unwrap_or(&none);
+        let descendants = (0..self.len()).filter(|&row| self.kinds[row] == RowKind::Descendant);
+        if !descendants.eq(surface.inherited.iter().map(|inherited| inherited.row as usize)) {
+            return Some(format!(
+                "{} rows inherit an edit, expected the {} descendants in order",
+                surface.inherited.len(),
+                self.count(RowKind::Descendant)
+            ));
+        }
+        let (rows, groups) = (self.len(), self.groups.len());
+        if let Some(at) = surface.inherited.iter().position(|i| i.fault(rows, groups)) {
+            return Some(format!("inheritance {at} is not valid: {:?}", surface.inherited[at]));
+        }
+        surface.lasting.fault(self.num_sources)
     }
 
     fn verified(self) -> Result<Self, AmgError> {
@@ -208,7 +266,9 @@ impl Binding {
         let kind = self.kinds[row];
         let entries_fit = match kind {
             RowKind::Static | RowKind::Field => ids.is_empty(),
-            RowKind::Unchanged | RowKind::Recoloured | RowKind::Moved => ids.len() == 1,
+            RowKind::Unchanged | RowKind::Recoloured | RowKind::Moved | RowKind::Descendant => {
+                ids.len() == 1
+            }
             RowKind::Blended => !ids.is_empty(),
         };
         if !entries_fit {
@@ -286,6 +346,18 @@ impl Binding {
         &self.group_of
     }
 
+    /// What it says of surfaces, if edits belong to those.
+    pub fn surface(&self) -> Option<&Surface> {
+        self.surface.as_ref()
+    }
+
+    /// What row `row` inherits.
+    pub(crate) fn inherited(&self, row: usize) -> Option<&Inherited> {
+        let inherited = &self.surface.as_ref()?.inherited;
+        let at = inherited.binary_search_by_key(&row, |inherited| inherited.row as usize).ok()?;
+        inherited.get(at)
+    }
+
     /// Index of the group of moved row `row`.
     pub(crate) fn group_number(&self, row: usize) -> Option<usize> {
         self.group_of.get(row).map(|&group| group as usize)
@@ -307,7 +379,10 @@ impl Binding {
                 ),
             });
         }
-        Ok(())
+        match self.surface_fault() {
+            Some(what) => Err(AmgError::Binding { what }),
+            None => Ok(()),
+        }
     }
 }
 

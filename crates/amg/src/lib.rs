@@ -24,6 +24,9 @@
 //! | new piece | connected edited splats that are in no source splat's place ("graft") |
 //! | support | the source splats whose motion an edited splat takes |
 //! | moved group | source splats that the edit moved, turned or scaled as one |
+//! | generation | source splats that stand for a surface at one time, where others have faded |
+//! | rest place | where a splat would be at the edit time, had it been there |
+//! | descendant | a splat that the edit frame does not show, of a surface that it does |
 //! | binding | per edited splat, the source splats it follows and their weights |
 
 mod aggregate;
@@ -32,13 +35,17 @@ mod binding;
 mod bit_map;
 mod carriers;
 mod coherence;
+mod colour_change;
 mod dynamics;
 mod eigenvector;
 mod error;
 mod field;
+mod generations;
 mod identity;
+mod inheritance;
 mod keyframes;
 mod knn;
+mod lasting;
 mod motion_params;
 mod moved_group;
 mod options;
@@ -56,15 +63,18 @@ mod similarity_words;
 mod work;
 
 pub use anchors::{AnchorParams, Grouping, Radius};
-pub use binding::{Binding, RowKind};
+pub use binding::{Binding, RowKind, Surface};
+pub use colour_change::ColourChange;
 pub use dynamics::DynamicSplit;
 pub use error::AmgError;
 pub use field::FieldAt;
 pub use identity::{Identity, IdentityMap};
+pub use inheritance::{DescentReport, Inherited};
+pub use lasting::{Carrier, Lasting};
 pub use motion_params::MotionParams;
 pub use moved_group::MovedGroup;
 pub use options::{
-    Aggregation, AnchorSampling, DynamicOverride, DynamicParams, IdentityParams, KnnParams,
+    Aggregation, AnchorSampling, DynamicOverride, DynamicParams, Follow, IdentityParams, KnnParams,
     MotionGuide, MotionOptions, PaperParams, PositionRule, Preset, RotationRule, ScaleRule,
 };
 pub use propagate::{Propagation, propagate};

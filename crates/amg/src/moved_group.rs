@@ -89,6 +89,19 @@ impl MovedGroup {
     }
 }
 
+/// Carries a splat that stands for a group's surface, but was not placed by the edit, to where the
+/// group is.
+pub(crate) fn carry(
+    pose: &GroupPose,
+    mean: &mut [f32; 3],
+    rotation: &mut [f32; 4],
+    log_scale: &mut [f32; 3],
+) {
+    *mean = pose.now.apply(mean.map(f64::from)).map(Real::as_f32);
+    *rotation = quat::mul(pose.now.rotation.map(Real::as_f32), *rotation);
+    *log_scale = log_scale.map(|value| value + pose.now.scale.ln().as_f32());
+}
+
 /// Geometry of a moved row at a time: see the head of this file. `edited`, the row at the edit
 /// time, keeps what the similarity does not explain: residuals of its place, and rotations and
 /// scales that the tool did not change as it changed the places.

@@ -222,6 +222,16 @@ impl Default for DynamicParams {
     }
 }
 
+/// What an edit belongs to.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Follow {
+    /// The splats of the edit frame: it lives as long as they do.
+    #[default]
+    Splats,
+    /// The surface that they show: splats that stand for it at other times inherit the edit.
+    Surface,
+}
+
 /// All options of [`crate::propagate()`].
 #[derive(Debug, Clone)]
 pub struct MotionOptions {
@@ -237,6 +247,9 @@ pub struct MotionOptions {
     pub identity: IdentityParams,
     /// Which source splats move.
     pub dynamics: DynamicParams,
+    /// What the edit belongs to. Default: the splats; for scenes whose splats live for a part of the
+    /// clip, the surface. For guides with identity only.
+    pub follow: Follow,
     /// Edited splats no nearer to a moving source than this share of the figure's size, and not
     /// joined by edited splats to any that is, stay put. Default 0.25; infinite in the paper
     /// preset.
@@ -264,6 +277,7 @@ impl MotionOptions {
                 moved: preset == Preset::Regions,
                 ..Default::default()
             },
+            follow: Follow::Splats,
             dynamics: DynamicParams { coherent: preset == Preset::Regions, ..Default::default() },
             reach: if preset == Preset::Paper { f32::INFINITY } else { 0.25 },
         }

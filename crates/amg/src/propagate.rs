@@ -1,12 +1,15 @@
 //! The whole stage: from a source scene and edited splats to a scene that moves.
 
 use crate::beside_copies::companions;
-use crate::binding::{Binding, RowKind};
+use crate::binding::{Binding, RowKind, Surface};
 use crate::carriers;
 use crate::dynamics::DynamicSplit;
+use crate::generations::Generations;
 use crate::identity::{Identity, IdentityMap};
+use crate::inheritance::{DescentReport, inherit};
 use crate::keyframes::KeyFrames;
-use crate::options::{MotionGuide, MotionOptions};
+use crate::lasting::LastingScene;
+use crate::options::{Follow, MotionGuide, MotionOptions};
 use crate::report::MotionReport;
 use crate::scene::EditedScene;
 use crate::work::{Progress, Row, Work};
@@ -49,9 +52,26 @@ pub fn propagate(
     let edit_time = options.edit_time.unwrap_or(source.time_range().start);
 
     let clock = Instant::now();
-    let keys = KeyFrames::of(&*source, edit_time, options.num_key_times, &|done| {
+    let followed = match options.follow {
+        Follow::Splats => None,
+        Follow::Surface => {
+            let found = Generations::of(&*source, edit_time, &|done| progress("lives", done))?;
+            let lasting = LastingScene::new(Arc::clone(&source), &found, edit_time)?;
+            report.timings.push(("lives", clock.elapsed().as_secs_f64()));
+            Some((found, lasting))
+        }
+    };
+    let scene = followed.as_ref().map_or(&*source, |(_, lasting)| lasting);
+    let mut keys = KeyFrames::of(scene, edit_time, options.num_key_times, &|done| {
         progress("source", done);
     })?;
+    report.num_broken_sources = keys.broken.iter().filter(|&&b| b).count();
+    if let Some((generations, _)) = &followed {
+        // What the edit frame does not show is nowhere then: nothing can follow it.
+        for (i, broken) in keys.broken.iter_mut().enumerate() {
+            *broken |= !generations.is_shown(i);
+        }
+    }
     report.timings.push(("source", clock.elapsed().as_secs_f64()));
 
     let clock = Instant::now();
@@ -87,11 +107,27 @@ pub fn propagate(
         groups.of_row[companion.row] = groups.of_row[companion.neighbor];
     }
     report.beside_copies = beside.len();
+    let inherited = match &followed {
+        Some((generations, _)) => {
+            let frames = (&keys.at_edit, &*edited);
+            inherit(generations, frames, &identity, &groups.of_row, &mut rows)
+        }
+        None => Vec::new(),
+    };
     let binding = Binding::from_rows(
         rows.iter().map(|(kind, entries)| (*kind, &entries[..])),
         keys.at_edit.len(),
     );
-    let binding = Arc::new(binding.with_groups(groups.groups, groups.of_row));
+    let binding = binding.with_groups(groups.groups, groups.of_row);
+    let binding = match &followed {
+        Some((generations, scene)) => {
+            let lasting = scene.lasting.only(followed_ids(&binding));
+            report.descent = Some(DescentReport::of(generations, &inherited, lasting.ids.len()));
+            binding.with_surface(Surface { lasting, inherited })?
+        }
+        None => binding,
+    };
+    let binding = Arc::new(binding);
     fill_report(&mut report, &keys, &identity, &split, &binding);
     report.rotation_prior = aggregation.rotation_prior;
 
@@ -103,6 +139,18 @@ pub fn propagate(
         _ => EditedScene::new(source, edited, edit_time, binding, aggregation)?,
     };
     Ok(Propagation { scene, identity, split, report })
+}
+
+/// Whether a source splat is followed by a blended row or carries a group.
+fn followed_ids(binding: &Binding) -> impl Fn(u32) -> bool {
+    let mut wanted = vec![false; binding.num_sources()];
+    let blended = (0..binding.len()).filter(|&row| binding.kinds()[row] == RowKind::Blended);
+    let of_rows = blended.flat_map(|row| binding.row(row).0.iter().copied());
+    let of_groups = binding.groups().iter().flat_map(|group| group.carriers.iter().map(|c| c.0));
+    for id in of_rows.chain(of_groups) {
+        wanted[id as usize] = true;
+    }
+    move |id| wanted[id as usize]
 }
 
 fn exact_rows(identity: &IdentityMap) -> Vec<Row> {
@@ -229,7 +277,6 @@ fn fill_report(
     binding: &Binding,
 ) {
     report.num_sources = keys.at_edit.len();
-    report.num_broken_sources = keys.broken.iter().filter(|&&b| b).count();
     report.dynamic_threshold = split.threshold;
     report.figure_size = split.figure_size;
     report.unchanged = identity.unchanged;

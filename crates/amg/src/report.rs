@@ -1,5 +1,7 @@
 //! [`MotionReport`]: what was found, in numbers.
 
+use crate::inheritance::DescentReport;
+
 /// What [`crate::propagate()`] found. Plain values, for reports and run folders.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct MotionReport {
@@ -31,6 +33,8 @@ pub struct MotionReport {
     pub edited: usize,
     /// Edited rows beside a copy, which go with it.
     pub beside_copies: usize,
+    /// What edits reached by descent, if they belong to surfaces.
+    pub descent: Option<DescentReport>,
     /// Source splats that no edited splat is.
     pub vanished: usize,
     /// Rows that blend sources.

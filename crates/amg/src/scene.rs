@@ -4,7 +4,9 @@ use crate::AmgError;
 use crate::aggregate::{SourceAt, SourceMotion, blend_change, blend_geometry, weights_seen};
 use crate::binding::{Binding, RowKind};
 use crate::field::FieldAt;
+use crate::inheritance::changed_dc;
 use crate::keyframes::check_rows;
+use crate::lasting::Motion;
 use crate::moved_group::{self, GroupPose};
 use crate::options::Aggregation;
 use gs_core::{DynamicScene, SceneError, Splats, TimeRange};
@@ -33,6 +35,8 @@ pub struct EditedScene {
     source_1: Splats,
     /// Sources that blended rows follow, `[N]`.
     followed: Vec<bool>,
+    /// Motions of lasting splats from rest to the edit time.
+    rest: Vec<Motion>,
     field: Option<FieldBase>,
     dynamic: Option<Vec<bool>>,
     scratch: Mutex<Vec<Splats>>,
@@ -42,6 +46,8 @@ pub struct EditedScene {
 #[derive(Clone, Copy)]
 struct Moment<'a> {
     source_t: &'a Splats,
+    /// Where what is followed is: the source, or its splats as if they lasted.
+    followed_t: &'a Splats,
     /// Of the sources that are followed, `[N]`.
     motions: &'a [SourceMotion],
     /// Whether sources that have faded count less.
@@ -113,7 +119,9 @@ impl EditedScene {
         for &id in blended.flat_map(|row| binding.row(row).0) {
             followed[id as usize] = true;
         }
+        let rest = binding.surface().map_or_else(Vec::new, |s| s.lasting.motions(&source_1));
         Ok(Self {
+            rest,
             source,
             edited,
             binding,
@@ -170,26 +178,37 @@ impl EditedScene {
             return Ok(());
         }
         let mut source_t = self.borrow_scratch();
-        let fading = self.aggregation.fading && self.source.fades();
-        if appearance || fading {
+        let surface = self.binding.surface();
+        let fading = surface.is_none() && self.aggregation.fading && self.source.fades();
+        let opacities = fading || surface.is_some();
+        if appearance || opacities {
             self.source.at_into(t, &mut source_t)?;
         } else {
             self.source.geometry_into(t, &mut source_t)?;
         }
         check_rows(&source_t, self.source_1.len())?;
-        if appearance || fading {
+        if appearance || opacities {
             source_t.check_shapes()?;
         }
+        let mut lasting = surface.map(|_| self.borrow_scratch());
+        if let (Some(surface), Some(lasting)) = (surface, &mut lasting) {
+            lasting.clone_from(&self.source_1);
+            surface.lasting.move_into(&self.rest, &source_t, lasting);
+        }
+        let followed_t = lasting.as_ref().unwrap_or(&source_t);
         let motion = |(id, &followed): (usize, &bool)| {
-            let between = || SourceMotion::between(&self.source_1, &source_t, id, fading);
+            let between = || SourceMotion::between(&self.source_1, followed_t, id, fading);
             if followed { between() } else { SourceMotion::default() }
         };
         let motions: Vec<SourceMotion> =
             self.followed.par_iter().enumerate().with_min_len(BLOCK).map(motion).collect();
-        let moment = Moment { source_t: &source_t, motions: &motions, fading };
+        let moment = Moment { source_t: &source_t, followed_t, motions: &motions, fading };
         self.move_geometry(moment, out);
         if appearance {
             self.move_appearance(moment, out);
+        }
+        if let Some(lasting) = lasting {
+            self.return_scratch(lasting);
         }
         self.return_scratch(source_t);
         self.add_field(t, appearance, out)
@@ -221,9 +240,9 @@ impl EditedScene {
     }
 
     fn move_geometry(&self, at: Moment<'_>, out: &mut Splats) {
-        let Moment { source_t, motions, fading } = at;
+        let Moment { source_t, followed_t, motions, fading } = at;
         let kinds = self.binding.kinds();
-        let poses = self.group_poses(source_t, fading);
+        let poses = self.group_poses(followed_t, fading);
         let move_row =
             |seen: &mut Vec<f32>,
              (row, ((mean, rotation), log_scale)): (usize, GeometryMut<'_>)| {
@@ -236,6 +255,15 @@ impl EditedScene {
                         *rotation = source_t.quats[id];
                         *log_scale = source_t.log_scales[id];
                     }
+                    RowKind::Descendant => {
+                        let id = sources.0[0] as usize;
+                        (*mean, *rotation, *log_scale) =
+                            (source_t.means[id], source_t.quats[id], source_t.log_scales[id]);
+                        let group = self.binding.inherited(row).and_then(|found| found.group);
+                        if let Some(group) = group {
+                            moved_group::carry(&poses[group as usize], mean, rotation, log_scale);
+                        }
+                    }
                     RowKind::Moved => {
                         let Some(group) = self.binding.group_number(row) else { return };
                         let (edited, id) = ((*mean, *rotation, *log_scale), sources.0[0] as usize);
@@ -245,7 +273,8 @@ impl EditedScene {
                     RowKind::Blended => {
                         let edited = (*mean, *rotation, *log_scale);
                         let sources = Self::seen_at(sources, at, seen);
-                        let source = SourceAt { source_1: &self.source_1, source_t, motions };
+                        let source =
+                            SourceAt { source_1: &self.source_1, source_t: followed_t, motions };
                         (*mean, *rotation, *log_scale) =
                             blend_geometry(edited, sources, source, self.aggregation);
                     }
@@ -277,6 +306,7 @@ impl EditedScene {
         // Most formats give colours once for all times; then nothing below would change a bit.
         let sh_moves = source_t.sh != source_1.sh;
         let kinds = self.binding.kinds();
+        let on_surface = self.binding.surface().is_some();
         let move_row =
             |seen: &mut Vec<f32>, (row, (logit, sh)): (usize, (&mut f32, &mut [[f32; 3]]))| {
                 let sources = self.binding.row(row);
@@ -288,6 +318,13 @@ impl EditedScene {
                         sh[..shared].copy_from_slice(&source_t.sh_of(id)[..shared]);
                         return;
                     }
+                    RowKind::Descendant => {
+                        self.inherit_appearance(row, sources.0[0] as usize, source_t, logit, sh);
+                        return;
+                    }
+                    // What follows a surface has the edit's own opacity and colours: those of the
+                    // splats that stand for the surface come and go.
+                    RowKind::Blended if on_surface => return,
                     RowKind::Recoloured | RowKind::Blended | RowKind::Moved => {
                         if !self.aggregation.appearance {
                             return;
@@ -322,6 +359,34 @@ impl EditedScene {
             .enumerate()
             .with_min_len(BLOCK)
             .for_each_init(Vec::new, move_row);
+    }
+
+    /// The source's appearance with the change that the row inherits. What a refinement changed in
+    /// the edited frame is added.
+    fn inherit_appearance(
+        &self,
+        row: usize,
+        id: usize,
+        source_t: &Splats,
+        logit: &mut f32,
+        sh: &mut [[f32; 3]],
+    ) {
+        let Some(inherited) = self.binding.inherited(row) else { return };
+        let refined = |edited: f32, source: f32| {
+            let change = edited - source;
+            if change.is_finite() { change } else { 0.0 }
+        };
+        let more = refined(*logit, self.source_1.opacity_logits[id]);
+        *logit = inherited.logit(source_t.opacity_logits[id]) + more;
+        let before = self.source_1.sh_of(id);
+        for (k, (rgb, now)) in sh.iter_mut().zip(source_t.sh_of(id)).enumerate() {
+            let changed = if k == 0 {
+                changed_dc(&inherited.colour, *now)
+            } else {
+                now.map(|c| inherited.colour.harmonics * c)
+            };
+            *rgb = [0, 1, 2].map(|i| changed[i] + refined(rgb[i], before[k][i]));
+        }
     }
 
     /// Baseline "w/o AMG": stored parameters move by the difference of what the field says at `t`
@@ -368,7 +433,7 @@ impl EditedScene {
 fn inherit_mask(mask: &[bool], binding: &Binding) -> Vec<bool> {
     let row = |row: usize| match binding.kinds()[row] {
         RowKind::Static => false,
-        RowKind::Unchanged | RowKind::Recoloured | RowKind::Moved => {
+        RowKind::Unchanged | RowKind::Recoloured | RowKind::Moved | RowKind::Descendant => {
             mask.get(binding.row(row).0[0] as usize).copied().unwrap_or(true)
         }
         RowKind::Blended | RowKind::Field => true,

@@ -212,6 +212,11 @@ pub(crate) struct PropagateArgs {
     /// as the paper does [default: amg; amg-all with --preset paper]
     #[arg(long, value_enum)]
     pub(crate) motion: Option<MotionArg>,
+    /// What the edit belongs to: the splats of its frame, or the surface they show, so that splats
+    /// that stand for it at other times inherit the edit [default: surface where splats live for a
+    /// part of the clip, with --preset best; else splats]
+    #[arg(long, value_enum)]
+    pub(crate) follow: Option<FollowArg>,
     /// Seed of everything random [default: 0]
     #[arg(long)]
     pub(crate) seed: Option<u64>,
@@ -456,6 +461,25 @@ pub(crate) enum MotionArg {
     Amg,
     /// All
     AmgAll,
+}
+
+/// What an edit belongs to.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum FollowArg {
+    /// The splats of the edited frame
+    Splats,
+    /// The surface that they show
+    Surface,
+}
+
+impl FollowArg {
+    /// As records have it.
+    pub(crate) fn name(self) -> &'static str {
+        match self {
+            Self::Splats => "splats",
+            Self::Surface => "surface",
+        }
+    }
 }
 
 /// Kinds of images to render.

@@ -2,7 +2,8 @@
 //!
 //! Contents: [`demo()`], a dancer on a stage; [`apply_edits`], edits of its first frame, and
 //! [`deliver()`], the same edits made by an editor that works on images; [`Truth`], the true motion
-//! of every edited splat; [`build`], hard cases; [`motion_error`], the score. Every result is a
+//! of every edited splat; [`build`], hard cases; [`build_brief`],
+//! cases whose splats live briefly; [`motion_error`], the score. Every result is a
 //! function of its seed; at `t = 0` scenes and truths return their frame-1 splats bit for bit.
 //!
 //! Conventions: world units are approximately metres, y is up, a figure stands on y = 0 at the
@@ -25,6 +26,7 @@
 
 mod assemble;
 mod body;
+mod brief;
 mod cameras;
 mod cases;
 mod cloth;
@@ -50,6 +52,9 @@ mod shape;
 mod stage;
 mod truth;
 
+pub use brief::{
+    BriefCase, BriefParams, BriefScene, BriefTruth, BriefTruthScene, build_brief, label_transport,
+};
 pub use cases::{TruthCase, TruthScene, build};
 pub use control::rigid_neighbours;
 pub use deliver::{PICTURE_WEIGHT, deliver};

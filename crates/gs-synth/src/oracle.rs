@@ -82,7 +82,7 @@ pub(crate) fn nearest_similar(
     near.iter().min_by(|a, b| cost(a).total_cmp(&cost(b))).map(|best| best.0)
 }
 
-fn thin_axis(splats: &Splats, i: usize) -> [f32; 3] {
+pub(crate) fn thin_axis(splats: &Splats, i: usize) -> [f32; 3] {
     let scale = splats.log_scales[i];
     let thin = (0..3).fold(0, |best, axis| if scale[axis] < scale[best] { axis } else { best });
     let mut axis = [0.0; 3];

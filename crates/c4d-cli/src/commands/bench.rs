@@ -1,5 +1,6 @@
 //! `c4d bench motion`: every motion method against known truth.
 
+mod brief;
 mod method;
 mod score;
 mod table;
@@ -14,7 +15,7 @@ use c4d_metrics::{MotionTrack, neighbourhood_distance_deviation, psnr};
 use gs_core::DynamicScene;
 use gs_deform::HexPlaneScene;
 use gs_io::AtomicDir;
-use gs_synth::{FitParams, FitResidual, SynthScene, Tag, TruthCase, TruthScene};
+use gs_synth::{BriefCase, FitParams, FitResidual, SynthScene, Tag, TruthCase, TruthScene};
 use method::{METHODS, Method};
 use score::Score;
 use serde::Serialize;
@@ -30,14 +31,14 @@ const RENDERED: usize = 3;
 const SIZE: (u32, u32) = (320, 240);
 
 pub(crate) fn motion(args: &BenchMotionArgs, global: &Global, console: &Console) -> Outcome {
-    let cases = cases(&args.cases)?;
+    let (cases, brief_cases) = cases(&args.cases)?;
     let folder = AtomicDir::create(&args.output, existing(global))
         .map_err(|error| output_failure(&error))?;
     let mut scores = Vec::new();
     let mut networks = Networks::default();
     let methods: Vec<Method> =
         METHODS.into_iter().filter(|m| !(args.no_network && m.on_network())).collect();
-    let total = cases.len() as u64 * args.seeds * methods.len() as u64;
+    let total = (cases.len() * methods.len() + brief_cases.len()) as u64 * args.seeds;
     let mut progress = console.progress("motion", total);
     for &case in &cases {
         for seed in 0..args.seeds {
@@ -56,13 +57,28 @@ pub(crate) fn motion(args: &BenchMotionArgs, global: &Global, console: &Console)
             }
         }
     }
+    let mut brief = Vec::new();
+    for &case in &brief_cases {
+        for seed in 0..args.seeds {
+            progress.message(case.name());
+            brief.extend(brief::scores(case, seed, args.size)?);
+            progress.step();
+        }
+    }
     progress.finish();
-    let table = table::motion(&cases, &methods, &scores);
+    let mut tables = Vec::new();
+    if !cases.is_empty() {
+        tables.push(table::motion(&cases, &methods, &scores));
+    }
+    if !brief.is_empty() {
+        tables.push(brief::table(&brief));
+    }
+    let table = tables.join("\n");
     let write = |name: &str, text: &str| {
         let path = folder.path().join(name);
         std::fs::write(&path, text).map_err(|error| Failure::write(&path, &error))
     };
-    let report = MotionScores { scores: &scores, networks: &networks.fits };
+    let report = MotionScores { scores: &scores, networks: &networks.fits, brief: &brief };
     write("motion.json", &serde_json::to_string_pretty(&report).map_err(Failure::failed)?)?;
     write("motion.md", &table)?;
     folder.commit().map_err(|error| output_failure(&error))?;
@@ -75,6 +91,7 @@ pub(crate) fn motion(args: &BenchMotionArgs, global: &Global, console: &Console)
 struct MotionScores<'a> {
     scores: &'a [Score],
     networks: &'a [Fit],
+    brief: &'a [brief::BriefScore],
 }
 
 /// A network trained on the source of a case: what it misses on the very splats and times it was
@@ -120,20 +137,24 @@ impl Networks {
     }
 }
 
-fn cases(names: &[String]) -> Outcome<Vec<TruthCase>> {
+fn cases(names: &[String]) -> Outcome<(Vec<TruthCase>, Vec<BriefCase>)> {
     if names.is_empty() {
-        return Ok(TruthCase::ALL.to_vec());
+        return Ok((TruthCase::ALL.to_vec(), BriefCase::ALL.to_vec()));
     }
-    let known: Vec<&str> = TruthCase::ALL.iter().map(|case| case.name()).collect();
-    names
-        .iter()
-        .map(|name| {
-            TruthCase::from_str(name).map_err(|error| {
-                Failure::usage(format!("--cases {name}: {error}"))
-                    .next(format!("Cases: {}.", known.join(", ")))
-            })
-        })
-        .collect()
+    let lasting = TruthCase::ALL.iter().map(|case| case.name());
+    let known: Vec<&str> = lasting.chain(BriefCase::ALL.iter().map(|case| case.name())).collect();
+    let (mut cases, mut brief) = (Vec::new(), Vec::new());
+    for name in names {
+        if let Ok(case) = BriefCase::from_str(name) {
+            brief.push(case);
+            continue;
+        }
+        cases.push(TruthCase::from_str(name).map_err(|error| {
+            Failure::usage(format!("--cases {name}: {error}"))
+                .next(format!("Cases: {}.", known.join(", ")))
+        })?);
+    }
+    Ok((cases, brief))
 }
 
 fn score(

@@ -77,6 +77,7 @@ pub(crate) fn run(args: &DemoArgs, global: &Global, console: &Console) -> Outcom
         preset: PresetArg::Best,
         baseline: None,
         motion: MotionArg::Amg,
+        follow: None,
         seed: args.seed,
         allow_far: false,
         dry_run: false,

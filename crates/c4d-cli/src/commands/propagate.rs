@@ -1,7 +1,7 @@
 //! `c4d propagate`: carry an edited frame through all of time.
 
 use super::{dry_run, refine, source_match};
-use crate::args::{BaselineArg, Global, MotionArg, PresetArg, PropagateArgs};
+use crate::args::{BaselineArg, FollowArg, Global, MotionArg, PresetArg, PropagateArgs};
 use crate::console::Console;
 use crate::edited_axes;
 use crate::failure::{Failure, Outcome, chain};
@@ -17,7 +17,7 @@ use crate::settings::{
 };
 use crate::suggestion::{self, Needed};
 use crate::{frames, memory, placement};
-use amg::{MotionGuide, MotionOptions, MotionReport, Preset, Propagation};
+use amg::{Follow, MotionGuide, MotionOptions, MotionReport, Preset, Propagation};
 use clap::ValueEnum;
 use gs_core::{Extent, Precision, Splats};
 use gs_io::AtomicDir;
@@ -29,6 +29,9 @@ use std::time::Instant;
 
 /// Most memory that the motion stage takes per splat of the source and of the edit, bytes (measured: 1.2 KiB, see the benchmarks).
 const BYTES_PER_SPLAT: u64 = 1536;
+/// The same more per splat of the source when edits belong to surfaces: 65 key times of 16 bytes, and
+/// carriers.
+const BYTES_PER_LIFE: u64 = 2048;
 
 /// Paths to note in the run, where they differ from those read.
 pub(crate) struct Recorded {
@@ -89,13 +92,11 @@ pub(crate) fn propagate(
         args.time
     ));
     placement::warn_if_coarse(&Extent::of(&source_splats), console);
-    if let Some(lifetimes) = Lifetimes::of(&*source.scene, args.time)?.filter(Lifetimes::is_partial)
-    {
-        console.note(format!(
-            "{}: the edit reaches these, and fades where others take their place",
-            lifetimes.describe()
-        ));
-    }
+    let follow = follow(args, &source, console)?;
+    options.follow = match follow {
+        FollowArg::Splats => Follow::Splats,
+        FollowArg::Surface => Follow::Surface,
+    };
     if args.dry_run {
         let (before, after) = ((&source, &source_splats), (&edited, &options.identity));
         return dry_run::show(args, before, after, global, console);
@@ -103,7 +104,12 @@ pub(crate) fn propagate(
     let splats = (source_splats.len() + edited.len()) as u64;
     memory::require(
         &format!("carrying {splats} splats"),
-        splats * BYTES_PER_SPLAT,
+        splats * BYTES_PER_SPLAT
+            + if follow == FollowArg::Surface {
+                source_splats.len() as u64 * BYTES_PER_LIFE
+            } else {
+                0
+            },
         "Close other programs, use a machine with more memory, or edit a scene with fewer splats.",
     )?;
     // Refuse existing output before the work, not after it.
@@ -152,6 +158,7 @@ pub(crate) fn propagate(
         preset: format!("{:?}", args.preset).to_lowercase(),
         baseline: args.baseline.map_or("none".to_owned(), |b| format!("{b:?}").to_lowercase()),
         motion: if args.motion == MotionArg::Amg { "amg" } else { "amg-all" }.to_owned(),
+        follow: follow.name().to_owned(),
         seed: args.seed,
         iteration: global.iteration,
         set: global.set.clone(),
@@ -210,6 +217,35 @@ pub(crate) fn propagate(
     folder.commit().map_err(|error| output_failure(&error))?;
     console.detail(format!("run written {:.2} s after the start", start.elapsed().as_secs_f64()));
     Ok(())
+}
+
+/// What the edit belongs to: as asked, or as the lifetimes of the scene's splats are.
+fn follow(args: &PropagateJob, source: &Opened, console: &Console) -> Outcome<FollowArg> {
+    if args.follow == Some(FollowArg::Surface) && args.baseline == Some(BaselineArg::Deformnet) {
+        return Err(Failure::usage(
+            "--follow surface: --baseline deformnet asks a network about the edited splats, and follows nothing",
+        )
+        .next("Leave one of them out."));
+    }
+    let lifetimes = Lifetimes::of(&*source.scene, args.time)?.filter(Lifetimes::is_partial);
+    // The literature's methods follow splats.
+    let usual =
+        args.preset == PresetArg::Best && args.baseline.is_none() && args.motion == MotionArg::Amg;
+    let follow = match (args.follow, &lifetimes) {
+        (Some(asked), _) => asked,
+        (None, Some(_)) if usual => FollowArg::Surface,
+        (None, _) => FollowArg::Splats,
+    };
+    if let Some(lifetimes) = lifetimes {
+        let becomes = match follow {
+            FollowArg::Splats => {
+                "the edit reaches these, and fades where others take their place (--follow splats)"
+            }
+            FollowArg::Surface => "those that take their place inherit the edit (--follow surface)",
+        };
+        console.note(format!("{}: {becomes}", lifetimes.describe()));
+    }
+    Ok(follow)
 }
 
 fn options(args: &PropagateJob, source: &Opened) -> Outcome<MotionOptions> {
@@ -376,6 +412,16 @@ fn report(report: &MotionReport, motion: MotionArg, seconds: f64, console: &Cons
         report.num_dynamic,
         report.static_rows
     ));
+    if let Some(descent) = &report.descent {
+        console.note(format!(
+            "the edit frame shows {} of {} splats that are ever visible; {} of the others descend from these",
+            descent.shown, descent.visible, descent.descended
+        ));
+        console.note(format!(
+            "reached by descent: {} recoloured, {} removed, {} moved; confidence {:.2}, {} below 0.5",
+            descent.recoloured, descent.removed, descent.moved, descent.confidence, descent.unsure
+        ));
+    }
     for (stage, secs) in &report.timings {
         console.detail(format!("  {stage}: {secs:.3} s"));
     }
@@ -445,6 +491,17 @@ fn report_json(report: &MotionReport, seconds: f64) -> Value {
             "out_of_reach": report.out_of_reach,
             "broken": report.broken_rows,
         },
+        "descent": report.descent.as_ref().map(|descent| json!({
+            "visible": descent.visible,
+            "shown": descent.shown,
+            "descended": descent.descended,
+            "recoloured": descent.recoloured,
+            "removed": descent.removed,
+            "moved": descent.moved,
+            "confidence": descent.confidence,
+            "unsure": descent.unsure,
+            "lasting": descent.lasting,
+        })),
         "anchors": { "source": report.anchors[0], "edited": report.anchors[1], "unmatched": report.unmatched_anchors },
         "transport": report.transport.as_ref().map(|transport| json!({
             "converged": transport.converged,

@@ -45,6 +45,9 @@ pub(crate) struct RunConfig {
     pub(crate) baseline: String,
     /// `amg` or `amg-all`.
     pub(crate) motion: String,
+    /// `splats` or `surface`.
+    #[serde(default = "splats")]
+    pub(crate) follow: String,
     /// Seed of everything random.
     pub(crate) seed: u64,
     /// Model folders: requested iteration.
@@ -133,6 +136,11 @@ pub(crate) struct RefineConfig {
     /// Parameters for finding splats not supervised by frame 1.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub(crate) evidence: Option<EvidenceSettings>,
+}
+
+/// What runs recorded before edits could belong to surfaces.
+fn splats() -> String {
+    "splats".to_owned()
 }
 
 fn usual_floor() -> f32 {

@@ -19,6 +19,7 @@ mod kept_images;
 mod read;
 mod scene_file;
 mod source_path;
+mod surface_entries;
 
 pub(crate) use checkpoint::Checkpoint;
 pub(crate) use config::{RefineConfig, RunConfig};

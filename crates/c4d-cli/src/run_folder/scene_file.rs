@@ -2,6 +2,7 @@
 //! safetensors.
 
 use super::SCENE;
+use super::surface_entries;
 use crate::failure::{Failure, Outcome};
 use amg::{AmgError, Binding, MovedGroup, RowKind, Similarity};
 use gs_core::Splats;
@@ -9,9 +10,9 @@ use safetensors::{Dtype, SafeTensors, tensor::TensorView};
 use serde::{Deserialize, Serialize};
 use std::collections::HashMap;
 
-/// Version of the layout: 2 if it has groups of moved rows, which
-/// readers of version 1 do not support, else 1.
-const FORMATS: [u32; 2] = [1, 2];
+/// Version of the layout: 3 if it contains a surface, 2 if it has groups of moved rows, which
+/// readers of earlier ones do not know, else 1.
+const FORMATS: [u32; 3] = [1, 2, 3];
 /// Key of the [`Header`] in the metadata.
 const METADATA: &str = "c4d";
 
@@ -82,6 +83,10 @@ impl RefinedRows {
             binding.groups().to_vec(),
             binding.group_of().to_vec(),
         )
+        .and_then(|rebound| match binding.surface() {
+            Some(surface) => rebound.with_surface(surface.clone()),
+            None => Ok(rebound),
+        })
     }
 
     fn fits(&self, edited: &Splats) -> bool {
@@ -112,7 +117,7 @@ impl Stored {
     /// For each edited splat, the source splat with the same geometry, moved or not.
     pub(crate) fn source_rows(&self) -> Vec<Option<u32>> {
         let own = |(row, kind): (usize, &RowKind)| {
-            let is_source = kind.is_exact() || *kind == RowKind::Moved;
+            let is_source = kind.is_exact() || matches!(kind, RowKind::Moved | RowKind::Descendant);
             self.binding.row(row).0.first().copied().filter(|_| is_source)
         };
         self.binding.kinds().iter().enumerate().map(own).collect()
@@ -150,6 +155,9 @@ fn serialize(stored: &Stored) -> Outcome<Vec<u8>> {
     if !groups.is_empty() {
         entries.extend(group_entries(binding));
     }
+    if let Some(surface) = binding.surface() {
+        entries.extend(surface_entries::write(surface));
+    }
     if let Some(refined) = refined {
         let rows = refined.rows.len();
         entries.push(ints("refined.rows", &refined.rows));
@@ -162,7 +170,11 @@ fn serialize(stored: &Stored) -> Outcome<Vec<u8>> {
         views.push((*name, TensorView::new(*dtype, shape.clone(), bytes).map_err(failed)?));
     }
     // A single entry, because the order of several is not reproducible.
-    let format = FORMATS[usize::from(!groups.is_empty())];
+    let format = match binding.surface() {
+        Some(_) => 3,
+        None if groups.is_empty() => 1,
+        None => 2,
+    };
     let header = Header { format, num_sources: binding.num_sources() };
     let header = serde_json::to_string(&header).map_err(Failure::failed)?;
     let metadata = HashMap::from([(METADATA.to_owned(), header)]);
@@ -170,7 +182,7 @@ fn serialize(stored: &Stored) -> Outcome<Vec<u8>> {
 }
 
 /// Name, type, shape and bytes of a tensor.
-type Entry = (&'static str, Dtype, Vec<usize>, Vec<u8>);
+pub(super) type Entry = (&'static str, Dtype, Vec<usize>, Vec<u8>);
 
 /// Values of a stored similarity: scale, rotation `wxyz`, 1 or 0 for mirrored, translation.
 const SIMILARITY: usize = 9;
@@ -239,7 +251,10 @@ impl StoredGroups {
     }
 }
 
-fn le_bytes<T: Copy, const N: usize>(values: &[T], to_bytes: impl Fn(T) -> [u8; N]) -> Vec<u8> {
+pub(super) fn le_bytes<T: Copy, const N: usize>(
+    values: &[T],
+    to_bytes: impl Fn(T) -> [u8; N],
+) -> Vec<u8> {
     values.iter().flat_map(|&value| to_bytes(value)).collect()
 }
 
@@ -251,7 +266,7 @@ fn deserialize(bytes: &[u8]) -> Result<Stored, String> {
         .ok_or_else(|| format!("no `{METADATA}` entry: not a scene of c4d"))
         .and_then(|text| serde_json::from_str(text).map_err(|error| error.to_string()))?;
     if !FORMATS.contains(&header.format) {
-        return Err(format!("format {}, expected 1 or 2", header.format));
+        return Err(format!("format {}, expected 1 to 3", header.format));
     }
     let file = SafeTensors::deserialize(bytes).map_err(text)?;
     let data = |name: &str, dtype: Dtype| -> Result<Vec<u8>, String> {
@@ -325,6 +340,10 @@ fn deserialize(bytes: &[u8]) -> Result<Stored, String> {
         group_of,
     )
     .map_err(|error| error.to_string())?;
+    let binding = match surface_entries::read(&floats, &ints, &file)? {
+        Some(surface) => binding.with_surface(surface).map_err(|error| error.to_string())?,
+        None => binding,
+    };
     if binding.len() != edited.len() {
         return Err(format!("{} bound rows for {} splats", binding.len(), edited.len()));
     }

@@ -170,12 +170,16 @@ fn open_edited(
     let Run { config, stored, source } = run;
     let count = |kind| stored.binding.count(kind);
     let rows = format!(
-        "{} unchanged, {} recoloured, {} moved, {} blended, {} static",
+        "{} unchanged, {} recoloured, {} moved, {} blended, {} static{}",
         count(RowKind::Unchanged),
         count(RowKind::Recoloured),
         count(RowKind::Moved),
         count(RowKind::Blended),
-        count(RowKind::Static)
+        count(RowKind::Static),
+        match count(RowKind::Descendant) {
+            0 => String::new(),
+            descendants => format!(", {descendants} reached by descent"),
+        }
     );
     let refined = stored.refined.as_ref().map_or("no".to_owned(), |refined| {
         format!("{} splats have new colours", refined.changed(&stored.edited))
@@ -186,7 +190,10 @@ fn open_edited(
         ("edit time", config.edit_time.to_string()),
         (
             "method",
-            format!("{}, baseline {}, motion {}", config.preset, config.baseline, config.motion),
+            format!(
+                "{}, baseline {}, motion {}, follow {}",
+                config.preset, config.baseline, config.motion, config.follow
+            ),
         ),
         ("rows", rows),
         ("refined", refined),

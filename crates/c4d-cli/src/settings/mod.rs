@@ -12,7 +12,9 @@ pub(crate) use refinement::{
     AdamSettings, EvidenceSettings, OcclusionSettings, RefineSettings, RegressionSettings,
 };
 
-use crate::args::{AxesArg, BaselineArg, Global, MotionArg, PresetArg, PropagateArgs, RefineFlags};
+use crate::args::{
+    AxesArg, BaselineArg, FollowArg, Global, MotionArg, PresetArg, PropagateArgs, RefineFlags,
+};
 use crate::failure::{Failure, Outcome};
 use amg::{MotionGuide, MotionOptions, MotionParams};
 use clap::ValueEnum;
@@ -37,6 +39,7 @@ pub(crate) struct Settings {
     preset: Option<String>,
     baseline: Option<String>,
     motion: Option<String>,
+    follow: Option<String>,
     seed: Option<u64>,
     iteration: Option<u64>,
     set: Option<Vec<String>>,
@@ -74,6 +77,8 @@ pub(crate) struct PropagateJob {
     pub(crate) preset: PresetArg,
     pub(crate) baseline: Option<BaselineArg>,
     pub(crate) motion: MotionArg,
+    /// None: as the lifetimes of the scene's splats are.
+    pub(crate) follow: Option<FollowArg>,
     pub(crate) seed: u64,
     pub(crate) allow_far: bool,
     pub(crate) dry_run: bool,
@@ -152,6 +157,13 @@ impl Settings {
             (None, None) if preset == PresetArg::Paper && baseline.is_none() => MotionArg::AmgAll,
             (None, None) => MotionArg::Amg,
         };
+        let follow = match (args.follow, self.follow.as_deref()) {
+            (Some(follow), _) => Some(follow),
+            (None, Some("splats")) => Some(FollowArg::Splats),
+            (None, Some("surface")) => Some(FollowArg::Surface),
+            (None, Some(other)) => return self.wrong("follow", other, "splats or surface"),
+            (None, None) => None,
+        };
         let axes = match self.axes.as_deref().map(|name| AxesArg::from_str(name, false)) {
             Some(Err(_)) => {
                 let found = self.axes.as_deref().unwrap_or_default();
@@ -173,6 +185,7 @@ impl Settings {
             preset,
             baseline,
             motion,
+            follow,
             seed: args.seed.or(self.seed).unwrap_or(0),
             allow_far: args.allow_far || self.allow_far == Some(true),
             dry_run: args.dry_run,

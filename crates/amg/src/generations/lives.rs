@@ -1,0 +1,133 @@
+//! [`Lives`]: which source splats are there at which key times, and where.
+
+use gs_core::{DynamicScene, SceneError, Splats};
+
+/// Opacity below which a splat is not there.
+const LEAST_OPACITY: f32 = 0.02;
+/// Share of its own largest opacity below which it is not, either.
+const SHARE_OF_PEAK: f32 = 0.05;
+/// Key times: three in the shortest lives that these scenes have, a twentieth of the clip.
+const KEY_TIMES: usize = 65;
+/// Splats times key times kept, at most (16 bytes each); scenes of more splats have fewer key times.
+const MAX_KEPT: usize = 24_000_000;
+const LEAST_KEY_TIMES: usize = 17;
+
+/// When a splat is there: its opacity then, and its largest.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Visibility {
+    /// Above this it is there.
+    pub(crate) floor: f32,
+    /// Largest opacity at a key time.
+    pub(crate) peak: f32,
+}
+
+impl Visibility {
+    const NEVER: Self = Self { floor: f32::INFINITY, peak: f32::INFINITY };
+
+    fn of(peak: f32) -> Self {
+        let floor = LEAST_OPACITY.max(SHARE_OF_PEAK * peak);
+        if peak > floor { Self { floor, peak } } else { Self::NEVER }
+    }
+
+    /// How far it is there with this opacity, 0 to 1, without a jump.
+    pub(crate) fn presence(self, opacity: f32) -> f64 {
+        let share = f64::from(opacity - self.floor) / f64::from(self.peak - self.floor);
+        if share.is_nan() { 0.0 } else { share.clamp(0.0, 1.0) }
+    }
+}
+
+/// All source splats at the key times.
+#[derive(Debug)]
+pub(crate) struct Lives {
+    /// Ascending; one of them is the edit time.
+    pub(crate) times: Vec<f32>,
+    /// Which one.
+    pub(crate) edit: usize,
+    /// `[T][N]`.
+    pub(crate) means: Vec<Vec<[f32; 3]>>,
+    /// `[T][N]`.
+    pub(crate) opacities: Vec<Vec<f32>>,
+    /// `[N]`.
+    pub(crate) visibility: Vec<Visibility>,
+    /// Key time of the largest opacity, `[N]`.
+    pub(crate) prime: Vec<usize>,
+}
+
+impl Lives {
+    pub(crate) fn of(
+        source: &dyn DynamicScene,
+        edit_time: f32,
+        progress: &dyn Fn(f32),
+    ) -> Result<Self, SceneError> {
+        let n = source.num_splats();
+        let count = (MAX_KEPT / n.max(1)).clamp(LEAST_KEY_TIMES, KEY_TIMES);
+        let times = key_times(source, edit_time, count);
+        let edit = times.iter().position(|&t| t >= edit_time).unwrap_or(times.len() - 1);
+        let (mut means, mut opacities) = (Vec::new(), Vec::new());
+        let mut splats = Splats::default();
+        let mut broken = vec![false; n];
+        for (k, &t) in times.iter().enumerate() {
+            source.at_into(t, &mut splats)?;
+            splats.check_shapes()?;
+            for (i, broken) in broken.iter_mut().enumerate() {
+                let finite = |values: &[f32]| values.iter().all(|value| value.is_finite());
+                *broken |= !(finite(&splats.means[i]) && finite(&splats.quats[i]));
+            }
+            means.push(splats.means.clone());
+            opacities.push((0..n).map(|i| splats.opacity(i)).collect::<Vec<f32>>());
+            progress((k + 1) as f32 / times.len() as f32);
+        }
+        let prime: Vec<usize> = (0..n)
+            .map(|i| {
+                let brightest = |best: usize, k: usize| {
+                    if opacities[k][i] > opacities[best][i] { k } else { best }
+                };
+                (0..times.len()).fold(0, brightest)
+            })
+            .collect();
+        let visibility = (0..n)
+            .map(|i| {
+                let peak = opacities[prime[i]][i];
+                if broken[i] || peak.is_nan() { Visibility::NEVER } else { Visibility::of(peak) }
+            })
+            .collect();
+        Ok(Self { times, edit, means, opacities, visibility, prime })
+    }
+
+    /// Number of splats.
+    pub(crate) fn len(&self) -> usize {
+        self.visibility.len()
+    }
+
+    /// Whether splat `i` is there at key time `k`.
+    pub(crate) fn is_there(&self, k: usize, i: usize) -> bool {
+        self.opacities[k][i] > self.visibility[i].floor
+    }
+
+    /// How far splat `i` is there at key time `k`.
+    pub(crate) fn presence(&self, k: usize, i: usize) -> f64 {
+        self.visibility[i].presence(self.opacities[k][i])
+    }
+
+    /// Place of splat `i` at key time `k`.
+    pub(crate) fn place(&self, k: usize, i: usize) -> [f64; 3] {
+        self.means[k][i].map(f64::from)
+    }
+}
+
+/// Ascending, the edit time and both ends among them; of a sequence, only its frames.
+fn key_times(source: &dyn DynamicScene, edit_time: f32, count: usize) -> Vec<f32> {
+    let range = source.time_range();
+    let mut times = match source.num_frames() {
+        Some(frames) if frames <= count => range.frames(frames),
+        Some(frames) => {
+            let all = range.frames(frames);
+            (0..count).map(|i| all[i * (frames - 1) / (count - 1)]).collect()
+        }
+        None => range.frames(count),
+    };
+    times.push(edit_time);
+    times.sort_by(f32::total_cmp);
+    times.dedup();
+    times
+}

@@ -1,0 +1,342 @@
+//! [`Lasting`]: the splats of the edit frame as if they lasted, moved on by the generations that
+//! stand for the same surface after and before them.
+//!
+//! A splat `a` of the edit frame has a few carriers `s`, each with a rest place `p_s`: where it
+//! would be at the edit time. At any time, `a` moves by the rigid motion that best takes the rest
+//! places to where the carriers are,
+//!
+//! ```text
+//! M_a(t) = argmin Σ_s w_as v_s(t)² |M p_s − x_s(t)|²,    x_a(t) = M_a(t) x_a
+//! ```
+//!
+//! with `v_s(t)`, how far a carrier is there, 0 to 1 and continuous: one generation hands over to
+//! the next without a jump. What `M_a` is at the edit time is undone first, so that `a` starts where
+//! the edit frame shows it.
+
+use crate::AmgError;
+use crate::binding::index;
+use crate::generations::{Generations, Visibility};
+use crate::rigid::{RigidFit, dot, norm};
+use crate::similarity::Similarity;
+use anchors::KdTree;
+use gs_core::{DynamicScene, Real, SceneError, Splats, TimeRange, quat};
+use rayon::prelude::*;
+use std::sync::Arc;
+
+/// Carriers at any one time.
+const CARRIERS: usize = 12;
+/// Times at which carriers are chosen, at most; lives are longer than the steps between them.
+const CHOICES: usize = 33;
+/// Presence from which a splat is chosen: one that has hardly come says little.
+const PRESENT: f64 = 0.2;
+/// Presence that all carriers keep: when none is there, those that were go on as they would.
+const GONE: f64 = 1e-3;
+
+/// A splat that carries others, where it would be at the edit time.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Carrier {
+    /// Source splat.
+    pub source: u32,
+    /// Rest place, world units.
+    pub rest: [f32; 3],
+    /// Opacity up to which it is not there.
+    pub floor: f32,
+    /// Opacity at which it is there entirely, above `floor`.
+    pub peak: f32,
+}
+
+/// Who is near a splat at rest, at all times at which carriers are chosen.
+#[derive(Debug, Clone, Default)]
+struct Near {
+    /// Mean squared distance of the middle one.
+    width: f64,
+    /// Source ids, squared distances, misalignments.
+    found: Vec<(u32, f64, f64)>,
+}
+
+impl Carrier {
+    fn visibility(&self) -> Visibility {
+        Visibility { floor: self.floor, peak: self.peak }
+    }
+
+    pub(crate) fn fault(&self, num_sources: usize) -> bool {
+        let finite = self.rest.iter().chain([&self.floor, &self.peak]).all(|v| v.is_finite());
+        !finite || self.peak <= self.floor || self.source as usize >= num_sources
+    }
+}
+
+/// Source splats of the edit frame that others are made to follow, and what carries them.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Lasting {
+    /// Source ids, ascending, `[A]`.
+    pub ids: Vec<u32>,
+    /// Start of each one's carriers, and the end of the last, `[A + 1]`.
+    pub offsets: Vec<u32>,
+    /// Indices into `carriers`, `[nnz]`.
+    pub carried_by: Vec<u32>,
+    /// Weights above 0, `[nnz]`.
+    pub weights: Vec<f32>,
+    /// All carriers, by source id.
+    pub carriers: Vec<Carrier>,
+}
+
+impl Lasting {
+    /// What carries the splats `ids` (ascending).
+    pub(crate) fn of(generations: &Generations, at_edit: &Splats, ids: &[u32]) -> Self {
+        let lives = &generations.lives;
+        let step = lives.times.len().div_ceil(CHOICES).max(1);
+        let mut chosen_at: Vec<usize> = (0..lives.times.len()).step_by(step).collect();
+        chosen_at.push(lives.edit);
+        chosen_at.push(lives.times.len() - 1);
+        chosen_at.sort_unstable();
+        chosen_at.dedup();
+        let places: Vec<[f64; 3]> =
+            ids.iter().map(|&id| at_edit.means[id as usize].map(f64::from)).collect();
+        let mut near_of: Vec<Near> = vec![Near::default(); ids.len()];
+        for &k in &chosen_at {
+            let there: Vec<usize> = (0..lives.len())
+                .filter(|&i| generations.rest[i].is_some() && lives.presence(k, i) > PRESENT)
+                .collect();
+            if there.is_empty() {
+                continue;
+            }
+            let rest = |&i: &usize| generations.rest[i].map_or([0.0; 3], |rest| rest.place);
+            let tree = KdTree::<3>::new(&there.iter().map(rest).collect::<Vec<_>>());
+            let found = tree.map(&places, CARRIERS, |at, near| {
+                let own = generations.axis(ids[at] as usize);
+                let width = near[near.len() / 2].distance_squared;
+                let entry = |n: &anchors::Neighbor| {
+                    let i = there[n.id as usize];
+                    let axis = generations.axis(i);
+                    let facing = norm(own) * norm(axis) - dot(own, axis).abs();
+                    (index(i), n.distance_squared, facing.max(0.0))
+                };
+                (width, near.iter().map(entry).collect::<Vec<(u32, f64, f64)>>())
+            });
+            for (all, (width, found)) in near_of.iter_mut().zip(found) {
+                all.width += width / chosen_at.len() as f64;
+                all.found.extend(found);
+            }
+        }
+        let rows: Vec<Vec<(u32, f32)>> = near_of
+            .into_par_iter()
+            .map(|Near { width, found: mut near }| {
+                near.sort_unstable_by_key(|entry| entry.0);
+                near.dedup_by_key(|entry| entry.0);
+                let width = width.max(f64::MIN_POSITIVE);
+                let weigh = |&(id, squared, facing): &(u32, f64, f64)| {
+                    let confidence =
+                        generations.rest[id as usize].map_or(0.0, |rest| rest.confidence);
+                    let weight = confidence * (-0.5 * squared / width - 3.0 * facing).exp();
+                    (id, weight.as_f32())
+                };
+                near.iter().map(weigh).filter(|entry| entry.1 > 1e-4).collect()
+            })
+            .collect();
+        Self::from_rows(generations, ids, &rows)
+    }
+
+    fn from_rows(generations: &Generations, ids: &[u32], rows: &[Vec<(u32, f32)>]) -> Self {
+        let mut used: Vec<u32> = rows.iter().flatten().map(|entry| entry.0).collect();
+        used.sort_unstable();
+        used.dedup();
+        let carrier = |&source: &u32| {
+            let i = source as usize;
+            let Visibility { floor, peak } = generations.lives.visibility[i];
+            let rest = generations.rest[i].map_or([0.0; 3], |rest| rest.place.map(Real::as_f32));
+            Carrier { source, rest, floor, peak }
+        };
+        let mut lasting = Self {
+            ids: ids.to_vec(),
+            offsets: vec![0],
+            carriers: used.iter().map(carrier).collect(),
+            ..Self::default()
+        };
+        for row in rows {
+            for (id, weight) in row {
+                lasting.carried_by.push(used.binary_search(id).map_or(0, index));
+                lasting.weights.push(*weight);
+            }
+            lasting.offsets.push(index(lasting.carried_by.len()));
+        }
+        lasting
+    }
+
+    /// The same for some of the splats only, and without carriers that nothing follows.
+    pub(crate) fn only(&self, wanted: impl Fn(u32) -> bool) -> Self {
+        let kept: Vec<usize> = (0..self.ids.len()).filter(|&a| wanted(self.ids[a])).collect();
+        let mut used = vec![false; self.carriers.len()];
+        for &a in &kept {
+            self.row(a).0.iter().for_each(|&c| used[c as usize] = true);
+        }
+        let mut place = vec![0; self.carriers.len()];
+        let mut carriers = Vec::new();
+        for (c, _) in used.iter().enumerate().filter(|(_, used)| **used) {
+            place[c] = index(carriers.len());
+            carriers.push(self.carriers[c]);
+        }
+        let mut lasting = Self { offsets: vec![0], carriers, ..Self::default() };
+        for a in kept {
+            let (ids, weights) = self.row(a);
+            lasting.ids.push(self.ids[a]);
+            lasting.carried_by.extend(ids.iter().map(|&c| place[c as usize]));
+            lasting.weights.extend(weights);
+            lasting.offsets.push(index(lasting.carried_by.len()));
+        }
+        lasting
+    }
+
+    /// Whether nothing is carried.
+    pub fn is_empty(&self) -> bool {
+        self.ids.is_empty()
+    }
+
+    fn row(&self, a: usize) -> (&[u32], &[f32]) {
+        let range = self.offsets[a] as usize..self.offsets[a + 1] as usize;
+        (&self.carried_by[range.clone()], &self.weights[range])
+    }
+
+    /// What is wrong with it, if anything.
+    pub(crate) fn fault(&self, num_sources: usize) -> Option<String> {
+        let entries = self.carried_by.len();
+        let ascending = |ids: &[u32]| ids.windows(2).all(|pair| pair[0] < pair[1]);
+        let rising = self.offsets.windows(2).all(|pair| pair[0] <= pair[1]);
+        if self.ids.is_empty() && self.offsets.len() <= 1 && entries == 0 {
+            return None;
+        }
+        if self.offsets.len() != self.ids.len() + 1
+            || self.offsets[0] != 0
+            || !rising
+            || self.offsets[self.ids.len()] as usize != entries
+            || self.weights.len() != entries
+            || !ascending(&self.ids)
+        {
+            return Some("the arrays of lasting splats do not belong together".to_owned());
+        }
+        if let Some(id) = self.ids.iter().find(|&&id| id as usize >= num_sources) {
+            return Some(format!("source {id} lasts, expected below {num_sources}"));
+        }
+        if let Some(at) = self.carriers.iter().position(|c| c.fault(num_sources)) {
+            return Some(format!("carrier {at} is not valid: {:?}", self.carriers[at]));
+        }
+        if let Some(at) = self.carried_by.iter().position(|&c| c as usize >= self.carriers.len()) {
+            return Some(format!("entry {at} of lasting splats names no carrier"));
+        }
+        let positive = |w: &f32| *w > 0.0 && w.is_finite();
+        let at = self.weights.iter().position(|w| !positive(w))?;
+        Some(format!("weight {at} of lasting splats is {}, expected above 0", self.weights[at]))
+    }
+
+    /// Writes where the lasting splats are when the source is `source_t` into `out`, which is the
+    /// source at the edit time: places and rotations. `from` are the motions then.
+    pub(crate) fn move_into(&self, from: &[Motion], source_t: &Splats, out: &mut Splats) {
+        let motions = self.motions(source_t);
+        for ((&id, from), to) in self.ids.iter().zip(from).zip(&motions) {
+            let id = id as usize;
+            let Some((from, to)) = from.0.as_ref().zip(to.0.as_ref()) else { continue };
+            let place = to.apply(from.inverse().apply(out.means[id].map(f64::from)));
+            let turn = quat::mul(to.rotation, quat::conjugate(from.rotation));
+            out.means[id] = place.map(Real::as_f32);
+            out.quats[id] = quat::mul(turn.map(Real::as_f32), out.quats[id]);
+        }
+    }
+
+    /// Motions of the lasting splats from rest to when the source is `source_t`.
+    pub(crate) fn motions(&self, source_t: &Splats) -> Vec<Motion> {
+        let present: Vec<f64> = self
+            .carriers
+            .iter()
+            .map(|carrier| carrier.visibility().presence(source_t.opacity(carrier.source as usize)))
+            .collect();
+        (0..self.ids.len())
+            .into_par_iter()
+            .with_min_len(64)
+            .map(|a| {
+                let (carried_by, weights) = self.row(a);
+                if carried_by.is_empty() {
+                    return Motion(None);
+                }
+                let pairs = carried_by.iter().zip(weights).map(|(&c, &weight)| {
+                    let carrier = &self.carriers[c as usize];
+                    let there = present[c as usize].powi(2) + GONE * GONE;
+                    let to = source_t.means[carrier.source as usize].map(f64::from);
+                    (f64::from(weight) * there, carrier.rest.map(f64::from), to)
+                });
+                let fit = RigidFit::of(pairs);
+                let turn = fit.rotation(0.0);
+                let motion = Similarity {
+                    scale: 1.0,
+                    rotation: turn,
+                    mirrored: false,
+                    translation: fit.apply(turn, [0.0; 3]),
+                };
+                Motion(motion.is_valid().then_some(motion))
+            })
+            .collect()
+    }
+}
+
+/// Motion of a lasting splat from rest; none if nothing carries it.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Motion(Option<Similarity>);
+
+/// The source as its edit frame shows it, lasting: what the guides look at. Splats that it does not
+/// show stay where they are then.
+#[derive(Debug)]
+pub(crate) struct LastingScene {
+    pub(crate) source: Arc<dyn DynamicScene>,
+    pub(crate) at_edit: Splats,
+    pub(crate) edit_time: f32,
+    pub(crate) lasting: Lasting,
+    from: Vec<Motion>,
+}
+
+impl LastingScene {
+    pub(crate) fn new(
+        source: Arc<dyn DynamicScene>,
+        generations: &Generations,
+        edit_time: f32,
+    ) -> Result<Self, AmgError> {
+        let at_edit = source.at(edit_time)?;
+        let ids: Vec<u32> =
+            (0..at_edit.len()).filter(|&i| generations.is_shown(i)).map(index).collect();
+        let lasting = Lasting::of(generations, &at_edit, &ids);
+        let from = lasting.motions(&at_edit);
+        Ok(Self { source, at_edit, edit_time, lasting, from })
+    }
+}
+
+impl DynamicScene for LastingScene {
+    fn num_splats(&self) -> usize {
+        self.source.num_splats()
+    }
+
+    fn sh_degree(&self) -> usize {
+        self.source.sh_degree()
+    }
+
+    fn time_range(&self) -> TimeRange {
+        self.source.time_range()
+    }
+
+    fn num_frames(&self) -> Option<usize> {
+        self.source.num_frames()
+    }
+
+    fn at_into(&self, t: f32, out: &mut Splats) -> Result<(), SceneError> {
+        out.clone_from(&self.at_edit);
+        if t != self.edit_time {
+            let source_t = self.source.at(t)?;
+            self.lasting.move_into(&self.from, &source_t, out);
+        }
+        Ok(())
+    }
+
+    fn fades(&self) -> bool {
+        false
+    }
+
+    fn dynamic_mask(&self) -> Option<&[bool]> {
+        self.source.dynamic_mask()
+    }
+}

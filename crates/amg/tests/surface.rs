@@ -1,0 +1,236 @@
+//! Edits that belong to surfaces: what splats that the edit frame does not show inherit.
+#![allow(
+    clippy::unwrap_used,
+    clippy::cast_precision_loss,
+    reason = "helpers of tests may fail loudly; counts are small"
+)]
+
+use amg::{EditedScene, Follow, MotionOptions, Propagation, RowKind, propagate};
+use gs_core::{DynamicScene, Splats, TimeRange};
+use gs_synth::{BriefCase, BriefParams, BriefTruthScene, DemoParams, build_brief};
+use std::sync::Arc;
+
+fn scene(case: BriefCase) -> BriefTruthScene {
+    build_brief(case, &BriefParams { num_splats: 4_000, seed: 3, ..BriefParams::default() })
+        .unwrap()
+}
+
+fn carried(scene: &BriefTruthScene, follow: Follow) -> Propagation {
+    let options = MotionOptions { follow, ..MotionOptions::default() };
+    let (source, edited) = (Arc::new(scene.source.clone()), Arc::new(scene.edited.clone()));
+    propagate(source, edited, &options, &|_, _| {}).unwrap()
+}
+
+/// Source splats that are well visible at some time.
+fn ever_visible(scene: &BriefTruthScene) -> Vec<bool> {
+    let mut visible = vec![false; scene.source.num_splats()];
+    for t in TimeRange::UNIT.frames(31) {
+        let now = scene.source.at(t).unwrap();
+        visible.iter_mut().enumerate().for_each(|(row, seen)| *seen |= now.opacity(row) > 0.1);
+    }
+    visible
+}
+
+/// Rows by the source splat they are.
+fn row_of(scene: &EditedScene) -> Vec<Option<usize>> {
+    let mut rows = vec![None; scene.binding().num_sources()];
+    for row in 0..scene.binding().len() {
+        if let [id] = scene.binding().row(row).0 {
+            rows[*id as usize] = Some(row);
+        }
+    }
+    rows
+}
+
+/// Shares of the edited surface that `is_edited` misses, and of wrongly edited ones.
+fn missed_and_wrong(scene: &BriefTruthScene, is_edited: impl Fn(usize) -> bool) -> (f64, f64) {
+    let visible = ever_visible(scene);
+    let count = |of: &dyn Fn(usize) -> bool| {
+        (0..visible.len()).filter(|&id| visible[id] && of(id)).count() as f64
+    };
+    let all = count(&|id| scene.touched[id]);
+    let missed = count(&|id| scene.touched[id] && !is_edited(id));
+    (missed / all, count(&|id| !scene.touched[id] && is_edited(id)) / all)
+}
+
+#[test]
+fn deletions_reach_descendants_and_nobody_else() {
+    let scene = scene(BriefCase::Delete);
+    let gone = |follow| {
+        let found = carried(&scene, follow).scene;
+        let rows = row_of(&found);
+        let late: Vec<Splats> =
+            TimeRange::UNIT.frames(31)[1..].iter().map(|&t| found.at(t).unwrap()).collect();
+        let hidden = |id: usize| {
+            rows[id].is_none_or(|row| late.iter().all(|splats| splats.opacity(row) < 1e-3))
+        };
+        missed_and_wrong(&scene, hidden)
+    };
+    let (missed, wrong) = gone(Follow::Surface);
+    assert!(missed < 0.03 && wrong < 0.06, "missed {missed:.3}, wrong {wrong:.3}");
+    // Negative control: carried by splats, the forearm grows back.
+    let (missed, _) = gone(Follow::Splats);
+    assert!(missed > 0.4, "missed {missed:.3}");
+}
+
+#[test]
+fn recolouring_is_a_change_not_a_coat() {
+    let scene = scene(BriefCase::Recolour);
+    let found = carried(&scene, Follow::Surface).scene;
+    let rows = row_of(&found);
+    let visible = ever_visible(&scene);
+    let (before, truth) = (scene.source.at(0.6).unwrap(), scene.truth.at(0.6).unwrap());
+    let now = found.at(0.6).unwrap();
+    let rgb = |splats: &Splats, row: usize| splats.sh_of(row)[0].map(|c| 0.5 + 0.282_094_8 * c);
+    let apart =
+        |a: [f32; 3], b: [f32; 3]| (0..3).map(|i| (a[i] - b[i]).abs()).fold(0.0_f32, f32::max);
+    let (mut off, mut unedited, mut flat, mut count) = (0.0, 0.0, 0.0, 0.0);
+    let touched: Vec<usize> =
+        (0..visible.len()).filter(|&id| visible[id] && scene.touched[id]).collect();
+    let mean =
+        |k: usize| touched.iter().map(|&id| rgb(&truth, id)[k]).sum::<f32>() / touched.len() as f32;
+    let coat = [mean(0), mean(1), mean(2)];
+    for &id in &touched {
+        let expected = rgb(&truth, id);
+        off += apart(rgb(&now, rows[id].unwrap()), expected);
+        unedited += apart(rgb(&before, id), expected);
+        flat += apart(coat, expected);
+        count += 1.0;
+    }
+    let [off, unedited, flat] = [off, unedited, flat].map(|sum: f32| sum / count);
+    assert!(off < 0.02, "off by {off:.4}");
+    // Negative controls: the old colours, and one coat of paint.
+    assert!(unedited > 0.2 && flat > 2.0 * off, "unedited {unedited:.4}, flat {flat:.4}");
+}
+
+#[test]
+fn what_does_not_descend_stays_bit_exact() {
+    for case in [BriefCase::Recolour, BriefCase::Delete, BriefCase::Scale] {
+        let scene = scene(case);
+        let found = carried(&scene, Follow::Surface);
+        let descent = found.report.descent.unwrap();
+        assert!(descent.shown < descent.visible && descent.descended > 0, "{descent:?}");
+        let scene_4d = &found.scene;
+        let at_edit = scene_4d.at(0.0).unwrap();
+        assert_eq!(at_edit, scene.edited, "{case}: the edited frame");
+        let mut exact = 0;
+        for t in [0.2, 0.55, 1.0] {
+            let (now, source) = (scene_4d.at(t).unwrap(), scene.source.at(t).unwrap());
+            for (row, kind) in scene_4d.binding().kinds().iter().enumerate() {
+                if *kind != RowKind::Unchanged {
+                    continue;
+                }
+                let id = scene_4d.binding().row(row).0[0] as usize;
+                assert_eq!(now.select(&[row]), source.select(&[id]), "{case}: row {row} at {t}");
+                exact += 1;
+            }
+        }
+        assert!(exact > 3 * 2_500, "{case}: {exact} rows");
+    }
+}
+
+#[test]
+fn grafts_stay_where_they_are_and_never_fade() {
+    let scene = scene(BriefCase::Hat);
+    let new: Vec<usize> =
+        (0..scene.truth.num_splats()).filter(|&row| scene.truth.new_rows()[row]).collect();
+    let worst = |follow| {
+        let found = carried(&scene, follow).scene;
+        let (mut off, mut opacity) = (0.0_f32, 1.0_f32);
+        for t in TimeRange::UNIT.frames(41) {
+            let (now, truth) = (found.at(t).unwrap(), scene.truth.at(t).unwrap());
+            for &row in &new {
+                let apart: f32 =
+                    (0..3).map(|k| (now.means[row][k] - truth.means[row][k]).powi(2)).sum();
+                off = off.max(apart.sqrt() / scene.source.figure_size());
+                opacity = opacity.min(now.opacity(row) / truth.opacity(row));
+            }
+        }
+        (off, opacity)
+    };
+    let (off, opacity) = worst(Follow::Surface);
+    assert!(off < 3e-3 && opacity > 0.98, "every splat, at all times: {off:.5}, {opacity:.3}");
+    // Negative control: with the splats of frame 1 it drifts and fades.
+    let (off, opacity) = worst(Follow::Splats);
+    assert!(off > 0.01 && opacity < 0.5, "{off:.5}, {opacity:.3}");
+}
+
+#[test]
+fn generations_hand_over_without_a_jump() {
+    let scene = scene(BriefCase::Hat);
+    let found = carried(&scene, Follow::Surface).scene;
+    let times = TimeRange::UNIT.frames(401);
+    let row = scene.truth.new_rows().iter().position(|new| *new).unwrap();
+    let at = |t: f32| found.at(t).unwrap().means[row];
+    let track: Vec<[f32; 3]> = times.iter().map(|&t| at(t)).collect();
+    let truth: Vec<[f32; 3]> =
+        times.iter().map(|&t| scene.truth.at(t).unwrap().means[row]).collect();
+    let largest_step = |track: &[[f32; 3]]| {
+        track
+            .windows(2)
+            .map(|pair| (0..3).map(|k| (pair[1][k] - pair[0][k]).powi(2)).sum::<f32>().sqrt())
+            .fold(0.0_f32, f32::max)
+    };
+    let (ours, theirs) = (largest_step(&track), largest_step(&truth));
+    assert!(ours < 1.5 * theirs, "{ours} {theirs}");
+}
+
+#[test]
+fn scaled_parts_take_their_descendants_along() {
+    let scene = scene(BriefCase::Scale);
+    let found = carried(&scene, Follow::Surface).scene;
+    let rows = row_of(&found);
+    let size = scene.source.figure_size();
+    let (mut off, mut before_off, mut count) = (0.0_f32, 0.0_f32, 0);
+    for t in [0.3, 0.6, 0.9] {
+        let (now, truth) = (found.at(t).unwrap(), scene.truth.at(t).unwrap());
+        let before = scene.source.at(t).unwrap();
+        for id in (0..rows.len()).filter(|&id| scene.touched[id]) {
+            let Some(row) = rows[id].filter(|_| before.opacity(id) > 0.2) else { continue };
+            let apart = |a: [f32; 3], b: [f32; 3]| {
+                (0..3).map(|k| (a[k] - b[k]).powi(2)).sum::<f32>().sqrt() / size
+            };
+            off += apart(now.means[row], truth.means[id]);
+            before_off += apart(before.means[id], truth.means[id]);
+            count += 1;
+        }
+    }
+    let count = count as f32;
+    assert!(off / count < 0.25 * before_off / count, "{off} {before_off} {count}");
+}
+
+#[test]
+fn results_do_not_depend_on_threads() {
+    let scene = scene(BriefCase::Hat);
+    let with = |threads| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        pool.install(|| {
+            let found = carried(&scene, Follow::Surface).scene;
+            (found.binding().as_ref().clone(), found.at(0.7).unwrap())
+        })
+    };
+    let one = with(1);
+    for threads in [2, 7] {
+        assert!(with(threads) == one, "{threads} threads: bit for bit");
+    }
+}
+
+#[test]
+fn lasting_scenes_are_as_before() {
+    let source =
+        gs_synth::demo(&DemoParams { num_splats: 2_000, ..DemoParams::default() }).unwrap();
+    let edit = gs_synth::apply_edits(&source, &gs_synth::demo_edits(), 0).unwrap();
+    let run = |follow| {
+        let options = MotionOptions { follow, ..MotionOptions::default() };
+        let (source, edited) = (Arc::new(source.clone()), Arc::new(edit.splats.clone()));
+        propagate(source, edited, &options, &|_, _| {}).unwrap()
+    };
+    let plain = run(Follow::default());
+    assert_eq!(plain.scene.binding().surface(), None, "the default says nothing of surfaces");
+    assert_eq!(plain.report.descent, None, "nor does the report");
+    // Asked for, it changes nothing that the edit frame shows.
+    let asked = run(Follow::Surface);
+    assert_eq!(asked.scene.binding().kinds(), plain.scene.binding().kinds(), "kinds of rows");
+    let inherited = asked.scene.binding().surface().unwrap().inherited.len();
+    assert_eq!(inherited, 0, "all splats are shown: nothing descends");
+}

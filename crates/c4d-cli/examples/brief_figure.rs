@@ -1,0 +1,48 @@
+//! Writes a dancer whose splats live for a part of the clip, as frames, and an edit of the splats
+//! that its first frame shows: another jacket, a hat, or a forearm less.
+//!
+//! ```text
+//! cargo run --release --example brief_figure -- brief 6000
+//! c4d propagate brief/source --edited brief/recolour.ply -o run --no-refine
+//! ```
+
+use gs_io::ply::{self, WriteOptions};
+use gs_io::{Existing, ply_sequence};
+use gs_synth::{BriefCase, BriefParams, build_brief};
+use std::error::Error;
+use std::path::PathBuf;
+
+/// Frames of the clip: several in every life.
+const FRAMES: usize = 41;
+
+fn main() -> Result<(), Box<dyn Error>> {
+    let mut args = std::env::args().skip(1);
+    let folder = PathBuf::from(args.next().ok_or("usage: brief_figure FOLDER [SPLATS]")?);
+    let num_splats = args.next().map_or(Ok(6_000), |count| count.parse())?;
+    let params = BriefParams { num_splats, lives: [0.1, 0.3], ..BriefParams::default() };
+    std::fs::create_dir_all(&folder)?;
+    let options = WriteOptions::default();
+    let edits = [
+        (BriefCase::Recolour, "recolour.ply"),
+        (BriefCase::Delete, "delete.ply"),
+        (BriefCase::Hat, "hat.ply"),
+    ];
+    for (case, name) in edits {
+        let scene = build_brief(case, &params)?;
+        if case == BriefCase::Recolour {
+            let times = gs_core::TimeRange::UNIT.frames(FRAMES);
+            let source = folder.join("source");
+            let existing = Existing::Replace;
+            ply_sequence::write_folder(
+                source,
+                &scene.source,
+                &times,
+                &options,
+                existing,
+                &mut |_| {},
+            )?;
+        }
+        ply::write_file(folder.join(name), &scene.edited, &options, Existing::Replace)?;
+    }
+    Ok(())
+}

@@ -1,0 +1,101 @@
+//! Arrays of `scene.c4d` for edits that belong to surfaces: lasting splats with their carriers, and
+//! what rows inherit.
+
+use super::scene_file::{Entry, le_bytes};
+use amg::{Carrier, ColourChange, Inherited, Lasting, Surface};
+use safetensors::{Dtype, SafeTensors};
+
+/// Values of a carrier: rest place, floor, peak.
+const CARRIER: usize = 5;
+/// Values of an inheritance: confidence, factor on the opacity, matrix, offset, harmonics.
+const INHERITED: usize = 15;
+/// Stands for no group.
+const NO_GROUP: u32 = u32::MAX;
+
+pub(super) fn write(surface: &Surface) -> Vec<Entry> {
+    let Surface { lasting, inherited } = surface;
+    let ints =
+        |name, data: &[u32]| (name, Dtype::U32, vec![data.len()], le_bytes(data, u32::to_le_bytes));
+    let floats =
+        |name, shape, data: &[f32]| (name, Dtype::F32, shape, le_bytes(data, f32::to_le_bytes));
+    let sources: Vec<u32> = lasting.carriers.iter().map(|carrier| carrier.source).collect();
+    let carriers: Vec<f32> = lasting
+        .carriers
+        .iter()
+        .flat_map(|c| [c.rest[0], c.rest[1], c.rest[2], c.floor, c.peak])
+        .collect();
+    let rows: Vec<u32> = inherited.iter().map(|i| i.row).collect();
+    let groups: Vec<u32> = inherited.iter().map(|i| i.group.unwrap_or(NO_GROUP)).collect();
+    let mut values = Vec::with_capacity(INHERITED * inherited.len());
+    for i in inherited {
+        values.extend([i.confidence, i.opacity]);
+        values.extend(i.colour.matrix.as_flattened());
+        values.extend(i.colour.offset);
+        values.push(i.colour.harmonics);
+    }
+    vec![
+        ints("lasting.ids", &lasting.ids),
+        ints("lasting.offsets", &lasting.offsets),
+        ints("lasting.carried_by", &lasting.carried_by),
+        floats("lasting.weights", vec![lasting.weights.len()], &lasting.weights),
+        ints("carriers.sources", &sources),
+        floats("carriers.values", vec![sources.len(), CARRIER], &carriers),
+        ints("inherited.rows", &rows),
+        ints("inherited.groups", &groups),
+        floats("inherited.values", vec![rows.len(), INHERITED], &values),
+    ]
+}
+
+/// Nothing for files without; arrays that do not belong together are an error.
+pub(super) fn read(
+    floats: &impl Fn(&str) -> Result<Vec<f32>, String>,
+    ints: &impl Fn(&str) -> Result<Vec<u32>, String>,
+    file: &SafeTensors<'_>,
+) -> Result<Option<Surface>, String> {
+    if file.tensor("inherited.rows").is_err() {
+        return Ok(None);
+    }
+    let sources = ints("carriers.sources")?;
+    let values = floats("carriers.values")?;
+    if values.len() != CARRIER * sources.len() {
+        return Err("the arrays of carriers do not belong together".to_owned());
+    }
+    let carrier = |(&source, values): (&u32, &[f32; CARRIER])| {
+        let [x, y, z, floor, peak] = *values;
+        Carrier { source, rest: [x, y, z], floor, peak }
+    };
+    let carriers = sources.iter().zip(values.as_chunks::<CARRIER>().0).map(carrier).collect();
+    let (rows, groups) = (ints("inherited.rows")?, ints("inherited.groups")?);
+    let values = floats("inherited.values")?;
+    if groups.len() != rows.len() || values.len() != INHERITED * rows.len() {
+        return Err("the arrays of inheritance do not belong together".to_owned());
+    }
+    let inherited = rows
+        .iter()
+        .zip(&groups)
+        .zip(values.as_chunks::<INHERITED>().0)
+        .map(|((&row, &group), values)| {
+            let [confidence, opacity, a, b, c, d, e, f, g, h, i, red, green, blue, harmonics] =
+                *values;
+            Inherited {
+                row,
+                confidence,
+                opacity,
+                colour: ColourChange {
+                    matrix: [[a, b, c], [d, e, f], [g, h, i]],
+                    offset: [red, green, blue],
+                    harmonics,
+                },
+                group: (group != NO_GROUP).then_some(group),
+            }
+        })
+        .collect();
+    let lasting = Lasting {
+        ids: ints("lasting.ids")?,
+        offsets: ints("lasting.offsets")?,
+        carried_by: ints("lasting.carried_by")?,
+        weights: floats("lasting.weights")?,
+        carriers,
+    };
+    Ok(Some(Surface { lasting, inherited }))
+}

@@ -1,0 +1,228 @@
+//! Scenes whose splats live for a part of the clip: what `--follow` does, says and records.
+
+use crate::support::{c4d, failure, fixture, success};
+use gs_core::{Splats, TimeRange};
+use gs_io::{Existing, ply, ply_sequence};
+use gs_synth::{BriefCase, BriefParams, BriefTruthScene, build_brief};
+use std::path::{Path, PathBuf};
+
+const FRAMES: usize = 21;
+
+struct Desk {
+    folder: tempfile::TempDir,
+    scene: BriefTruthScene,
+}
+
+impl Desk {
+    /// A scene as frames, and an edit of what the first one shows.
+    fn new(case: BriefCase) -> Self {
+        let folder = tempfile::tempdir().unwrap();
+        let params = BriefParams { num_splats: 2_000, lives: [0.2, 0.4], ..BriefParams::default() };
+        let scene = build_brief(case, &params).unwrap();
+        let desk = Self { folder, scene };
+        let (times, options) = (TimeRange::UNIT.frames(FRAMES), ply::WriteOptions::default());
+        let source = &desk.scene.source;
+        ply_sequence::write_folder(
+            desk.at("source"),
+            source,
+            &times,
+            &options,
+            Existing::Refuse,
+            &mut |_| {},
+        )
+        .unwrap();
+        let edited = &desk.scene.edited;
+        ply::write_file(desk.at("edited.ply"), edited, &options, Existing::Refuse).unwrap();
+        desk
+    }
+
+    fn at(&self, name: &str) -> PathBuf {
+        self.folder.path().join(name)
+    }
+
+    fn propagate(&self, run: &str, flags: &[&str]) -> String {
+        let (source, edited, run) = (self.at("source"), self.at("edited.ply"), self.at(run));
+        let fixed = ["propagate", text(&source), "--edited", text(&edited), "-o", text(&run)];
+        success(&mut c4d(fixed.iter().chain(flags).copied().collect::<Vec<_>>())).1
+    }
+
+    /// Five frames of a scene or run.
+    fn frames(&self, name: &str) -> Vec<Splats> {
+        let (scene, out) = (self.at(name), self.at(&format!("{name}-frames")));
+        success(&mut c4d([
+            "export",
+            text(&scene),
+            "--to",
+            "ply-seq",
+            "--frames",
+            "5",
+            "-o",
+            text(&out),
+        ]));
+        let mut files: Vec<PathBuf> =
+            std::fs::read_dir(&out).unwrap().map(|entry| entry.unwrap().path()).collect();
+        files.retain(|file| file.extension().is_some_and(|extension| extension == "ply"));
+        files.sort();
+        files.iter().map(|file| ply::read_file(file).unwrap().splats).collect()
+    }
+
+    fn toml(&self, run: &str) -> String {
+        std::fs::read_to_string(self.at(run).join("c4d.toml")).unwrap()
+    }
+}
+
+fn text(path: &Path) -> &str {
+    path.to_str().unwrap()
+}
+
+/// Share of the well visible splats of the edited surface that have their old colours.
+fn still_old(scene: &BriefTruthScene, frame: &Splats, t: f32) -> f64 {
+    use gs_core::DynamicScene;
+    let before = scene.source.at(t).unwrap();
+    let seen = |row: &usize| scene.touched[*row] && before.opacity(*row) > 0.3;
+    let (mut all, mut old) = (0, 0);
+    for row in (0..before.len()).filter(seen) {
+        all += 1;
+        let apart = (0..3).map(|k| (frame.sh_of(row)[0][k] - before.sh_of(row)[0][k]).abs());
+        old += usize::from(apart.fold(0.0, f32::max) < 0.1);
+    }
+    f64::from(u32::try_from(old).unwrap()) / f64::from(u32::try_from(all).unwrap())
+}
+
+#[test]
+fn lifetimes_decide_and_runs_remember() {
+    let desk = Desk::new(BriefCase::Recolour);
+    let said = desk.propagate("run", &["--no-refine"]);
+    assert!(said.contains("inherit the edit (--follow surface)"), "{said}");
+    assert!(said.contains("reached by descent: ") && said.contains("confidence 0."), "{said}");
+    assert!(desk.toml("run").contains("follow = \"surface\""), "{}", desk.toml("run"));
+    let report = std::fs::read_to_string(desk.at("run").join("run.json")).unwrap();
+    let report: serde_json::Value = serde_json::from_str(&report).unwrap();
+    assert!(report["descent"]["recoloured"].as_u64().unwrap() > 50, "{report}");
+    let (shown, _) = success(&mut c4d(["info", text(&desk.at("run"))]));
+    assert!(shown.contains("follow surface") && shown.contains("reached by descent"), "{shown}");
+    let late = &desk.frames("run")[3];
+    let share = still_old(&desk.scene, late, 0.75);
+    assert!(share < 0.1, "{share}");
+
+    // Asked for splats, the old colours come back.
+    let said = desk.propagate("splats", &["--no-refine", "--follow", "splats"]);
+    assert!(said.contains("fades where others take their place"), "{said}");
+    assert!(desk.toml("splats").contains("follow = \"splats\""), "{}", desk.toml("splats"));
+    let share = still_old(&desk.scene, &desk.frames("splats")[3], 0.75);
+    assert!(share > 0.3, "{share}");
+
+    // A record is a configuration: the same bytes again.
+    let config = desk.at("run").join("c4d.toml");
+    desk.propagate("again", &["--config", text(&config)]);
+    let bytes = |run: &str| std::fs::read(desk.at(run).join("scene.c4d")).unwrap();
+    assert!(bytes("run") == bytes("again"), "bit for bit");
+    for threads in ["1", "7"] {
+        let run = format!("with-{threads}");
+        desk.propagate(&run, &["--no-refine", "--threads", threads]);
+        assert!(bytes("run") == bytes(&run), "{threads} threads: bit for bit");
+    }
+}
+
+#[test]
+fn runs_on_surfaces_are_refined_and_shown_as_others() {
+    let desk = Desk::new(BriefCase::Hat);
+    let refine = ["--samples", "6", "--refine-frames", "3", "--refine-size", "96x72"];
+    let said = desk.propagate("run", &refine);
+    assert!(said.contains("refin"), "{said}");
+    let run = desk.at("run");
+    let (page, pictures) = (desk.at("page.html"), desk.at("pictures"));
+    success(&mut c4d([
+        "render",
+        text(&run),
+        "--frames",
+        "3",
+        "--size",
+        "64x48",
+        "-o",
+        text(&pictures),
+    ]));
+    success(&mut c4d(["export", text(&run), "--to", "html", "--frames", "4", "-o", text(&page)]));
+    assert!(page.metadata().unwrap().len() > 10_000, "a page");
+    let frames = desk.frames("run");
+    let new = desk.scene.truth.new_rows().iter().filter(|new| **new).count();
+    for frame in &frames {
+        let first = frame.len() - new;
+        for row in first..frame.len() {
+            assert!(frame.opacity(row) > 0.85, "row {row}: {}", frame.opacity(row));
+        }
+    }
+    // Edited again: a run is a source.
+    let again = desk.at("again");
+    let edited = desk.at("second.ply");
+    ply::write_file(&edited, &frames[0], &ply::WriteOptions::default(), Existing::Refuse).unwrap();
+    success(&mut c4d([
+        "propagate",
+        text(&run),
+        "--edited",
+        text(&edited),
+        "-o",
+        text(&again),
+        "--no-refine",
+    ]));
+}
+
+#[test]
+fn damaged_records_of_surfaces_are_refused() {
+    let desk = Desk::new(BriefCase::Delete);
+    desk.propagate("run", &["--no-refine"]);
+    let file = desk.at("run").join("scene.c4d");
+    let bytes = std::fs::read(&file).unwrap();
+    let config = desk.toml("run");
+    // A row beyond the frame: the last of the inherited rows is the first value behind its name.
+    let header = u64::from_le_bytes(bytes[..8].try_into().unwrap());
+    let names: serde_json::Value =
+        serde_json::from_slice(&bytes[8..8 + usize::try_from(header).unwrap()]).unwrap();
+    let begin = names["inherited.rows"]["data_offsets"][0].as_u64().unwrap();
+    let at = usize::try_from(8 + header + begin).unwrap();
+    let mut broken = bytes.clone();
+    broken[at..at + 4].copy_from_slice(&u32::MAX.to_le_bytes());
+    std::fs::write(&file, broken).unwrap();
+    let said = failure(&mut c4d(["info", text(&desk.at("run"))]), 3);
+    assert!(said.contains("scene.c4d") && said.contains("descendants"), "{said}");
+    std::fs::write(&file, bytes).unwrap();
+    let config = config.replace("follow = \"surface\"", "follow = \"water\"");
+    let path = desk.at("other.toml");
+    std::fs::write(&path, config).unwrap();
+    let said = failure(
+        &mut c4d([
+            "propagate",
+            text(&desk.at("source")),
+            "--edited",
+            text(&desk.at("edited.ply")),
+            "--config",
+            text(&path),
+            "-o",
+            text(&desk.at("third")),
+        ]),
+        3,
+    );
+    assert!(said.contains("`follow` is \"water\", expected splats or surface"), "{said}");
+}
+
+#[test]
+fn lasting_scenes_follow_splats() {
+    let folder = tempfile::tempdir().unwrap();
+    let run = |name: &str, flags: &[&str]| {
+        let (source, edited) = (fixture("synth/source"), fixture("synth/edited.ply"));
+        let out = folder.path().join(name);
+        let fixed = [
+            "propagate",
+            text(&source),
+            "--edited",
+            text(&edited),
+            "--no-refine",
+            "-o",
+            text(&out),
+        ];
+        let said = success(&mut c4d(fixed.iter().chain(flags).copied().collect::<Vec<_>>())).1;
+        assert!(!said.contains("descent"), "{said}");
+        std::fs::read(out.join("scene.c4d")).unwrap()
+    };
+    assert!(run("usual", &[]) == run("asked", &["--follow", "splats"]), "bit for bit");
+}

@@ -1,0 +1,261 @@
+//! [`BriefScene`]: a figure made of splats that live for a part of the clip, as Spacetime Gaussians
+//! and native 4D Gaussians are; edits of its first frame, and their truth.
+//!
+//! Every splat has a place of its own on the true surface. One that lives briefly is there at its
+//! centre time `c`, moves with the surface's velocity at `c` in a straight line, and its opacity is
+//! multiplied by `exp(−½((t − c)/σ)²)`. So where one generation has faded, others stand for the
+//! same surface.
+
+mod cases;
+mod labels;
+
+pub use cases::{BriefCase, BriefTruth, BriefTruthScene, build_brief};
+pub use labels::label_transport;
+
+use crate::{
+    SynthError, SynthScene,
+    assemble::{Flaws, Group, assemble},
+    body::Body,
+    dance::Dance,
+    math::{normal3, rng, uniform, wide},
+    rig::{Attach, Frame, Rig},
+};
+use glam::{Quat, Vec3};
+use gs_core::{DynamicScene, SceneError, Splats, TimeRange, activation, quat};
+
+/// Standard deviations in a visible life: opacity is above a twentieth of its peak for so long.
+const SIGMAS_PER_LIFE: f32 = 4.896;
+/// Half the time over which velocities are taken, shares of the clip.
+const VELOCITY_STEP: f64 = 1e-3;
+/// Centre times lie this far beyond both ends of the clip, so that both ends are covered, too.
+const BEYOND: f32 = 0.1;
+/// Logit of what has faded entirely: an opacity of 1e-6.
+const FADED_LOGIT: f32 = -13.8;
+
+/// What [`BriefScene`]s are made of.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct BriefParams {
+    /// Splats, at least 1 000.
+    pub num_splats: usize,
+    /// Seed of every random choice.
+    pub seed: u64,
+    /// Share of splats that live briefly, 0–1.
+    pub share: f32,
+    /// Shortest and longest visible life, shares of the clip.
+    pub lives: [f32; 2],
+    /// How far generations are from the true surface, root mean square per axis, figure sizes.
+    pub jitter: f32,
+}
+
+impl Default for BriefParams {
+    fn default() -> Self {
+        Self { num_splats: 6_000, seed: 0, share: 0.8, lives: [0.05, 0.3], jitter: 0.001 }
+    }
+}
+
+impl BriefParams {
+    fn check(&self) -> Result<(), SynthError> {
+        if !(1_000..=10_000_000).contains(&self.num_splats) {
+            return Err(SynthError::param("num_splats", self.num_splats, "1000 to 10 million"));
+        }
+        if !(0.0..=1.0).contains(&self.share) {
+            return Err(SynthError::param("share", self.share, "0 to 1"));
+        }
+        let [low, high] = self.lives;
+        if !(low > 0.0 && low <= high && high <= 10.0) {
+            return Err(SynthError::param("lives", low, "above 0, ascending, at most 10"));
+        }
+        if !(0.0..=0.1).contains(&self.jitter) {
+            return Err(SynthError::param("jitter", self.jitter, "0 to 0.1"));
+        }
+        Ok(())
+    }
+}
+
+/// One brief life.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Life {
+    centre: f32,
+    sigma: f32,
+    /// At the centre time.
+    mean: Vec3,
+    velocity: Vec3,
+    quat: [f32; 4],
+    log_scales: [f32; 3],
+}
+
+/// A figure of which most splats live briefly.
+#[derive(Debug, Clone, PartialEq)]
+pub struct BriefScene {
+    /// The same splats as if they lasted.
+    lasting: SynthScene,
+    lives: Vec<Option<Life>>,
+}
+
+impl BriefScene {
+    /// The figure of the demo, of surface splats only, with lives.
+    ///
+    /// # Errors
+    /// If a parameter is out of range.
+    pub fn figure(params: &BriefParams) -> Result<Self, SynthError> {
+        Self::of_bodies(crate::figure::bodies(), params)
+    }
+
+    pub(crate) fn of_bodies(bodies: Vec<Body>, params: &BriefParams) -> Result<Self, SynthError> {
+        params.check()?;
+        let groups = [Group { bodies, num_surface: params.num_splats, num_interior: 0 }];
+        let rig = Rig { dance: Dance::default() };
+        let mut lasting = assemble(rig, &groups, Flaws::default(), 1, params.seed);
+        let mut draw = rng(params.seed, 20);
+        let times: Vec<Option<(f32, f32)>> = (0..params.num_splats)
+            .map(|_| {
+                let is_brief = uniform(&mut draw, 0.0, 1.0) < params.share;
+                let centre = uniform(&mut draw, -BEYOND, 1.0 + BEYOND);
+                let life = uniform(&mut draw, params.lives[0], params.lives[1]);
+                is_brief.then_some((centre, life / SIGMAS_PER_LIFE))
+            })
+            .collect();
+        // As many splats are seen at a time as cover the surface: fewer ones are larger.
+        let presence = |life: &Option<(f32, f32)>| {
+            life.map_or(1.0, |(_, sigma)| sigma * 2.507 / (1.0 + 2.0 * BEYOND))
+        };
+        let seen = times.iter().map(presence).sum::<f32>() / times.len() as f32;
+        let grow = -0.5 * seen.max(1e-3).ln();
+        for log_scale in &mut lasting.frame1.log_scales {
+            // Discs grow in their plane.
+            let thin = (0..3).min_by(|&a, &b| log_scale[a].total_cmp(&log_scale[b])).unwrap_or(0);
+            for axis in (0..3).filter(|&axis| axis != thin) {
+                log_scale[axis] += grow;
+            }
+        }
+        let jitter = params.jitter * lasting.figure_size;
+        let lives = times
+            .into_iter()
+            .enumerate()
+            .map(|(row, life)| {
+                let (offset, turn) = (normal3(&mut draw) * jitter, normal3(&mut draw) * 0.05);
+                let (centre, sigma) = life?;
+                Some(life_of(&lasting, row, (centre, sigma), offset, turn))
+            })
+            .collect();
+        Ok(Self { lasting, lives })
+    }
+
+    /// The same splats as if they lasted, exactly where the surface is.
+    pub fn lasting(&self) -> &SynthScene {
+        &self.lasting
+    }
+
+    /// Largest extent of the figure at frame 1, world units.
+    pub fn figure_size(&self) -> f32 {
+        self.lasting.figure_size()
+    }
+
+    /// Opacity at `t` over its own largest.
+    fn presence(&self, row: usize, t: f32) -> f32 {
+        self.lives[row].map_or(1.0, |life| (-0.5 * ((t - life.centre) / life.sigma).powi(2)).exp())
+    }
+}
+
+fn life_of(
+    lasting: &SynthScene,
+    row: usize,
+    (centre, sigma): (f32, f32),
+    offset: Vec3,
+    turn: Vec3,
+) -> Life {
+    let attach = lasting.rows[row].attach;
+    let frame1 = &lasting.frame1;
+    let c = f64::from(centre);
+    let at = |t: f64| lasting.rig.motion(t).point(attach, wide(frame1.means[row]));
+    let velocity = (at(c + VELOCITY_STEP) - at(c - VELOCITY_STEP)) / (2.0 * VELOCITY_STEP);
+    let moved = lasting.rig.motion(c).splat(
+        attach,
+        frame1.means[row],
+        frame1.quats[row],
+        frame1.log_scales[row],
+    );
+    Life {
+        centre,
+        sigma,
+        mean: Vec3::from(moved.mean) + offset,
+        velocity: velocity.as_vec3(),
+        quat: quat::mul(quat::from_glam(Quat::from_scaled_axis(turn)), moved.quat),
+        log_scales: moved.log_scales,
+    }
+}
+
+/// Motion of a bone since frame 1.
+pub(crate) fn bone_motion(frame: &Frame, attach: Attach) -> crate::pose::Pose {
+    frame.pose(attach)
+}
+
+impl DynamicScene for BriefScene {
+    fn num_splats(&self) -> usize {
+        self.lasting.num_splats()
+    }
+
+    fn sh_degree(&self) -> usize {
+        self.lasting.sh_degree()
+    }
+
+    fn time_range(&self) -> TimeRange {
+        TimeRange::UNIT
+    }
+
+    fn at_into(&self, t: f32, out: &mut Splats) -> Result<(), SceneError> {
+        self.lasting.at_into(t, out)?;
+        for (row, life) in self.lives.iter().enumerate() {
+            let Some(life) = life else { continue };
+            out.means[row] = (life.mean + life.velocity * (t - life.centre)).into();
+            out.quats[row] = life.quat;
+            out.log_scales[row] = life.log_scales;
+            let opacity = activation::sigmoid(out.opacity_logits[row]) * self.presence(row, t);
+            out.opacity_logits[row] =
+                if opacity > 1e-6 { activation::logit(opacity) } else { FADED_LOGIT };
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn generations_stand_for_the_same_surface() {
+        let params = BriefParams { num_splats: 2_000, jitter: 0.0, ..BriefParams::default() };
+        let scene = BriefScene::figure(&params).unwrap();
+        let size = scene.figure_size();
+        for t in [0.0, 0.4, 1.0] {
+            let (now, truth) = (scene.at(t).unwrap(), scene.lasting().at(t).unwrap());
+            let mut visible = 0;
+            for row in 0..now.len() {
+                if now.opacity(row) < 0.5 {
+                    continue;
+                }
+                visible += 1;
+                let miss = Vec3::from(now.means[row]).distance(Vec3::from(truth.means[row]));
+                assert!(miss < 0.01 * size, "row {row} at {t}: {miss}");
+            }
+            assert!(visible > 400 && visible < 1_400, "{visible} of 2000 at {t}");
+        }
+        // Negative control: what has faded is elsewhere.
+        let (first, last) = (scene.at(0.0).unwrap(), scene.lasting().at(0.0).unwrap());
+        let astray = (0..first.len())
+            .filter(|&row| {
+                Vec3::from(first.means[row]).distance(Vec3::from(last.means[row])) > 0.05 * size
+            })
+            .count();
+        assert!(astray > 200, "{astray}");
+    }
+
+    #[test]
+    fn parameters_are_checked() {
+        let wrong = |params: BriefParams| BriefScene::figure(&params).is_err();
+        let usual = BriefParams::default();
+        assert!(wrong(BriefParams { share: 1.5, ..usual }), "share");
+        assert!(wrong(BriefParams { lives: [0.3, 0.1], ..usual }), "lives");
+        assert!(wrong(BriefParams { num_splats: 10, ..usual }), "size");
+    }
+}

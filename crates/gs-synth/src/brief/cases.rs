@@ -1,0 +1,286 @@
+//! [`BriefCase`]: edits of what frame 1 shows, and what they should be at every time.
+
+use super::{BriefParams, BriefScene, bone_motion};
+use crate::{
+    Edit, EditedFrame, Graft, Paint, Region, SynthError, SynthScene, apply_edits,
+    math::{narrow, wide, wxyz},
+    part::{Part, Tag},
+    pose::Pose,
+};
+use glam::{DQuat, DVec3};
+use gs_core::{Camera, DynamicScene, SceneError, Splats, TimeRange, quat};
+use std::{fmt, str::FromStr};
+
+/// Opacity above which an editor shows a splat, so that an edit reaches it.
+const VISIBLE: f32 = 0.02;
+
+/// An edit of a scene whose splats live briefly.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum BriefCase {
+    /// A jacket of another colour: chest and upper arms.
+    Recolour,
+    /// A forearm goes away.
+    Delete,
+    /// A hat of new splats.
+    Hat,
+    /// The lantern in a hand half as large again.
+    Scale,
+}
+
+impl BriefCase {
+    /// All cases.
+    pub const ALL: [Self; 4] = [Self::Recolour, Self::Delete, Self::Hat, Self::Scale];
+
+    /// Name in reports and on command lines.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Recolour => "brief-recolour",
+            Self::Delete => "brief-delete",
+            Self::Hat => "brief-hat",
+            Self::Scale => "brief-scale",
+        }
+    }
+
+    fn edit(self) -> Edit {
+        let jacket = [Part::Chest, Part::UpperArmL, Part::UpperArmR];
+        match self {
+            Self::Recolour => Edit::Recolour {
+                region: Region::parts(&jacket),
+                paint: Paint::Tint([0.95, 0.75, 0.15]),
+            },
+            Self::Delete => Edit::Remove { region: Region::parts(&[Part::ForearmR]) },
+            Self::Hat => Edit::Graft(Graft::Hat),
+            Self::Scale => Edit::Place {
+                region: Region::parts(&[Part::Held]),
+                scale: 1.5,
+                turn_rad: [0.0; 3],
+                shift: [0.0; 3],
+            },
+        }
+    }
+}
+
+impl fmt::Display for BriefCase {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name())
+    }
+}
+
+impl FromStr for BriefCase {
+    type Err = SynthError;
+
+    fn from_str(name: &str) -> Result<Self, SynthError> {
+        let found = Self::ALL.into_iter().find(|case| case.name() == name);
+        found.ok_or_else(|| SynthError::UnknownCase(name.to_owned()))
+    }
+}
+
+/// A source, the edit of what its first frame shows, and what that should be at every time.
+#[derive(Debug, Clone)]
+pub struct BriefTruthScene {
+    /// The dynamic source.
+    pub source: BriefScene,
+    /// What the editor saved. Splats that frame 1 does not show are as they were.
+    pub edited: Splats,
+    /// The edit of the whole surface.
+    pub truth: BriefTruth,
+    /// Which source splats lie on the edited surface, `[N]`.
+    pub touched: Vec<bool>,
+    /// Colours of all source splats under the case's paint, for controls that know it; as they
+    /// were, if the case has none. `[N,K,3]`.
+    pub painted: Vec<[f32; 3]>,
+    /// Views of it, 400 × 400 pixels.
+    pub cameras: Vec<Camera>,
+}
+
+/// What a splat of the truth is.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Is {
+    /// A source splat, perhaps with other colours.
+    Source(usize),
+    /// The same, placed with its part.
+    Placed(usize),
+    /// New.
+    New,
+}
+
+/// An edit of the whole surface: a source splat at any time is edited as frame 1 would have been,
+/// had it been there. Rows are those of the edited frame without those that it should lack.
+#[derive(Debug, Clone)]
+pub struct BriefTruth {
+    source: BriefScene,
+    /// The same edit of the lasting splats.
+    lasting: SynthScene,
+    rows: Vec<Is>,
+    /// What placed splats were placed by at frame 1.
+    placed: Option<Pose>,
+}
+
+impl BriefTruth {
+    /// Which rows are new geometry, `[M]`.
+    pub fn new_rows(&self) -> Vec<bool> {
+        self.rows.iter().map(|row| *row == Is::New).collect()
+    }
+
+    /// Where a row is at `t` and how it is turned and sized, if it is placed.
+    fn place(&self, i: usize, source: usize, t: f32, now: &Splats, out: &mut Splats) {
+        let Some(placed) = self.placed else { return };
+        let attach = self.source.lasting.rows[source].attach;
+        let motion = bone_motion(&self.source.lasting.rig.motion(f64::from(t)), attach);
+        let by = motion.after(&placed).after(&motion.inverse());
+        out.means[i] = by.apply(wide(now.means[source])).as_vec3().into();
+        out.quats[i] = quat::mul(wxyz(by.rotation), now.quats[source]);
+        out.log_scales[i] = now.log_scales[source].map(|value| value + narrow(by.scale.ln()));
+    }
+}
+
+impl DynamicScene for BriefTruth {
+    fn num_splats(&self) -> usize {
+        self.rows.len()
+    }
+
+    fn sh_degree(&self) -> usize {
+        self.source.sh_degree()
+    }
+
+    fn time_range(&self) -> TimeRange {
+        TimeRange::UNIT
+    }
+
+    fn at_into(&self, t: f32, out: &mut Splats) -> Result<(), SceneError> {
+        // New geometry, and all colours.
+        self.lasting.at_into(t, out)?;
+        let now = self.source.at(t)?;
+        for (i, row) in self.rows.iter().enumerate() {
+            let (Is::Source(source) | Is::Placed(source)) = *row else { continue };
+            out.means[i] = now.means[source];
+            out.quats[i] = now.quats[source];
+            out.log_scales[i] = now.log_scales[source];
+            out.opacity_logits[i] = now.opacity_logits[source];
+            if matches!(row, Is::Placed(_)) {
+                self.place(i, source, t, &now, out);
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Builds the case.
+///
+/// # Errors
+/// If a parameter is out of range.
+pub fn build_brief(case: BriefCase, params: &BriefParams) -> Result<BriefTruthScene, SynthError> {
+    let mut bodies = crate::figure::bodies();
+    if case == BriefCase::Scale {
+        bodies.extend(crate::figure::lantern());
+    }
+    let source = BriefScene::of_bodies(bodies, params)?;
+    let edit = case.edit();
+    let EditedFrame { splats: all, truth } =
+        apply_edits(&source.lasting, std::slice::from_ref(&edit), params.seed)?;
+    let at_edit = source.at(0.0)?;
+    let mut touched = vec![true; at_edit.len()];
+    let rows: Vec<Is> = truth
+        .source_rows
+        .iter()
+        .zip(&truth.tags)
+        .map(|(parent, tag)| match *parent {
+            Some(id) => {
+                touched[id as usize] = *tag != Tag::Unchanged;
+                if *tag == Tag::Placed { Is::Placed(id as usize) } else { Is::Source(id as usize) }
+            }
+            None => Is::New,
+        })
+        .collect();
+    let placed = placed_by(&edit, &rows, &source.lasting.frame1, &all);
+    let truth = BriefTruth { lasting: truth.scene().clone(), rows, placed, source: source.clone() };
+    // The edited frame: what is seen is edited, what is not is as it was.
+    let visible = |row: usize| at_edit.opacity(row) > VISIBLE;
+    let whole = truth.at(0.0)?;
+    let mut place_of = vec![None; at_edit.len()];
+    for (i, row) in truth.rows.iter().enumerate() {
+        if let Is::Source(id) | Is::Placed(id) = *row {
+            place_of[id] = Some(i);
+        }
+    }
+    let mut edited = Splats::with_capacity(whole.len(), whole.sh_degree);
+    for (row, place) in place_of.iter().enumerate() {
+        match place {
+            Some(i) if visible(row) => edited.push_from(&whole, *i),
+            None if visible(row) => {}
+            _ => edited.push_from(&at_edit, row),
+        }
+    }
+    for i in (0..truth.rows.len()).filter(|&i| truth.rows[i] == Is::New) {
+        edited.push_from(&whole, i);
+    }
+    let mut painted = match edit {
+        Edit::Recolour { paint, .. } => {
+            let all = Edit::Recolour { region: Region::moving(), paint };
+            apply_edits(&source.lasting, &[all], params.seed)?.splats.sh
+        }
+        _ => source.lasting.frame1.sh.clone(),
+    };
+    let coeffs = whole.sh_coeffs();
+    for (i, row) in truth.rows.iter().enumerate() {
+        if let Is::Source(id) = *row
+            && touched[id]
+        {
+            painted[id * coeffs..(id + 1) * coeffs].copy_from_slice(whole.sh_of(i));
+        }
+    }
+    let cameras = source.lasting.suggested_cameras(400, 400);
+    Ok(BriefTruthScene { source, edited, truth, touched, painted, cameras })
+}
+
+/// The similarity of an [`Edit::Place`]: its middle follows from any splat that it placed.
+fn placed_by(edit: &Edit, rows: &[Is], before: &Splats, after: &Splats) -> Option<Pose> {
+    let Edit::Place { scale, turn_rad, .. } = edit else { return None };
+    let (i, source) = rows.iter().enumerate().find_map(|(i, row)| match row {
+        Is::Placed(source) => Some((i, *source)),
+        _ => None,
+    })?;
+    let turn = DQuat::from_scaled_axis(wide(*turn_rad));
+    let about = Pose::about(DVec3::ZERO, f64::from(*scale), turn, DVec3::ZERO);
+    let shift = wide(after.means[i]) - about.apply(wide(before.means[source]));
+    Some(Pose { translation: shift, ..about })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn small(case: BriefCase) -> BriefTruthScene {
+        build_brief(case, &BriefParams { num_splats: 2_000, ..BriefParams::default() }).unwrap()
+    }
+
+    #[test]
+    fn edits_reach_what_frame_1_shows_and_truths_the_rest() {
+        let scene = small(BriefCase::Recolour);
+        let before = scene.source.at(0.0).unwrap();
+        let changed = |row: usize| scene.edited.sh_of(row) != before.sh_of(row);
+        for row in 0..before.len() {
+            let visible = before.opacity(row) > VISIBLE;
+            assert_eq!(changed(row), visible && scene.touched[row], "row {row}");
+        }
+        let (late, truth) = (scene.source.at(0.7).unwrap(), scene.truth.at(0.7).unwrap());
+        let reached = (0..late.len()).filter(|&row| truth.sh_of(row) != late.sh_of(row)).count();
+        assert_eq!(reached, scene.touched.iter().filter(|t| **t).count(), "the whole surface");
+    }
+
+    #[test]
+    fn other_edits_are_what_they_say() {
+        let delete = small(BriefCase::Delete);
+        let gone = delete.touched.iter().filter(|t| **t).count();
+        assert_eq!(delete.truth.num_splats() + gone, delete.source.num_splats(), "removed");
+        assert!(delete.edited.len() > delete.truth.num_splats(), "what is not seen is still there");
+        let hat = small(BriefCase::Hat);
+        let new = hat.truth.new_rows().iter().filter(|new| **new).count();
+        assert!(new > 30 && !hat.touched.contains(&true), "{new}");
+        assert_eq!(hat.edited, hat.truth.at(0.0).unwrap(), "a graft is seen whole");
+        let scale = small(BriefCase::Scale);
+        let (before, truth) = (scale.source.at(0.5).unwrap(), scale.truth.at(0.5).unwrap());
+        let moved = (0..before.len()).filter(|&row| before.means[row] != truth.means[row]).count();
+        assert_eq!(moved, scale.touched.iter().filter(|t| **t).count(), "the lantern");
+    }
+}

@@ -6,6 +6,7 @@
 //! c4d propagate brief/source --edited brief/recolour.ply -o run --no-refine
 //! ```
 
+use gs_io::ply::comments::up_comments;
 use gs_io::ply::{self, WriteOptions};
 use gs_io::{Existing, ply_sequence};
 use gs_synth::{BriefCase, BriefParams, build_brief};
@@ -21,7 +22,8 @@ fn main() -> Result<(), Box<dyn Error>> {
     let num_splats = args.next().map_or(Ok(6_000), |count| count.parse())?;
     let params = BriefParams { num_splats, lives: [0.1, 0.3], ..BriefParams::default() };
     std::fs::create_dir_all(&folder)?;
-    let options = WriteOptions::default();
+    let options =
+        WriteOptions { comments: up_comments([0.0, 1.0, 0.0]), ..WriteOptions::default() };
     let edits = [
         (BriefCase::Recolour, "recolour.ply"),
         (BriefCase::Delete, "delete.ply"),

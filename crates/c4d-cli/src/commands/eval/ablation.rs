@@ -184,6 +184,7 @@ fn make(
         preset: variant.preset,
         baseline: variant.baseline,
         motion,
+        follow: None,
         seed: 0,
         allow_far: true,
         dry_run: false,

@@ -21,7 +21,9 @@ const NOISE_NEIGHBORS: usize = 8;
 const NOISE_REACH: f64 = 3.0;
 
 /// A point is an outlier if this share, or less, of its neighbourhood's weight moves with it.
-const MIN_SUPPORT: f64 = 0.3;
+/// Measured on scenes it was not chosen on, geometric means of the end-point error against 0.3: .97
+/// (20 cases), .91 (goldens), .81 (articulated robots); no case was worse.
+const MIN_SUPPORT: f64 = 0.15;
 
 /// Stands in for lengths that are zero; its square is a positive number, too.
 const TINY: f64 = 1e-100;

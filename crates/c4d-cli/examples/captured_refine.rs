@@ -10,9 +10,10 @@
 #![expect(clippy::print_stdout, reason = "prints its results")]
 #![allow(dead_code, reason = "the rig is the command's")]
 
-#[path = "../src/rig.rs"]
-mod rig;
+#[path = "../src/camera_rig.rs"]
+mod camera_rig;
 
+use camera_rig::{CameraRig, Layout};
 use clap::Parser;
 use cuar::{NoObserver, RefineOptions, Rejection, Views, WarpForm, WarpParams, refine};
 use gs_core::{
@@ -24,7 +25,6 @@ use gs_io::model_folder::Overrides;
 use gs_io::repair::Damage;
 use gs_io::{splatv, swift4d};
 use gs_raster_cpu::CpuRasterizer;
-use rig::{Layout, Rig};
 use std::error::Error;
 use std::path::{Path, PathBuf};
 
@@ -97,7 +97,7 @@ fn main() -> Outcome<()> {
     let inside =
         |mean: &[f32; 3]| (0..3).all(|k| (args.region[k]..=args.region[k + 3]).contains(&mean[k]));
     let edited: Vec<bool> = first.means.iter().map(inside).collect();
-    let rig = Rig::of_scene(scene.as_ref(), [0.0, -1.0, 0.0])?;
+    let rig = CameraRig::of_scene(scene.as_ref(), [0.0, -1.0, 0.0])?;
     let size = (args.size[0], args.size[1]);
     let count = args.views + 2;
     let cameras = match rig.layout {

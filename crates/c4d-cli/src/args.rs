@@ -395,9 +395,20 @@ pub(crate) struct RenderArgs {
     /// frames at its own rate or at 30 per second]
     #[arg(long, value_name = "SECONDS", allow_negative_numbers = true)]
     pub(crate) duration: Option<f64>,
-    /// Runs only: the original on the left, the edit on the right
-    #[arg(long)]
-    pub(crate) side_by_side: bool,
+    /// Only this part of the images: size, and column and row of its first pixel
+    #[arg(long, value_name = "WxH+X+Y", value_parser = parse_crop)]
+    pub(crate) crop: Option<Crop>,
+    /// Runs only: on the left what the run was made from, or with =unrefined the run without its
+    /// refinement
+    #[arg(
+        long,
+        value_enum,
+        value_name = "LEFT",
+        num_args = 0..=1,
+        require_equals = true,
+        default_missing_value = "original"
+    )]
+    pub(crate) side_by_side: Option<LeftHalf>,
     /// Background colour [default: that of the model's training, else black]
     #[arg(long, value_name = "R,G,B", value_parser = parse_background)]
     pub(crate) background: Option<[f32; 3]>,
@@ -434,6 +445,23 @@ pub(crate) struct DemoArgs {
     pub(crate) bars: Bars,
     #[command(flatten)]
     pub(crate) rendering: Rendering,
+}
+
+/// Left half of `c4d render --side-by-side`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum LeftHalf {
+    /// The scene before the edit
+    Original,
+    /// The edited scene before its refinement
+    Unrefined,
+}
+
+/// Part of an image, pixels.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct Crop {
+    pub(crate) size: (u32, u32),
+    /// Column and row of the first pixel.
+    pub(crate) origin: [u32; 2],
 }
 
 /// Presets of the motion stage.
@@ -545,6 +573,17 @@ pub(crate) enum Format {
     Gif,
     /// One PNG with up to twelve frames side by side
     Sheet,
+}
+
+fn parse_crop(text: &str) -> Result<Crop, String> {
+    let parse = || {
+        let mut parts = text.split('+');
+        let size = parse_size(parts.next()?).ok()?;
+        let mut side = || parts.next()?.trim().parse().ok().filter(|side| *side <= 16_384);
+        let origin = [side()?, side()?];
+        parts.next().is_none().then_some(Crop { size, origin })
+    };
+    parse().ok_or_else(|| "expected WxH+X+Y in pixels, as 240x240+250+180".to_owned())
 }
 
 fn parse_size(text: &str) -> Result<(u32, u32), String> {

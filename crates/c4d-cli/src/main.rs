@@ -5,6 +5,7 @@
 
 mod animated_image;
 mod args;
+mod camera_rig;
 mod cameras;
 mod caption;
 mod commands;
@@ -26,7 +27,6 @@ mod progress;
 mod rates;
 mod renderer;
 mod report;
-mod rig;
 mod run_folder;
 mod scene;
 mod settings;

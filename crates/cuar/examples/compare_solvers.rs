@@ -11,8 +11,8 @@ mod common;
 use common::{Flaws, case, flicker, psnr};
 use cuar::loss::LossWeights;
 use cuar::{
-    AdamParams, NoObserver, Observer, Preset, Preview, RefineOptions, RegressionParams, Solver,
-    Views, WarpForm, WarpParams, refine,
+    AdamParams, NoObserver, Observer, Preview, RefineOptions, RefinePreset, RegressionParams,
+    Solver, Views, WarpForm, WarpParams, refine,
 };
 use gs_core::{Image, TimeRange};
 use gs_raster_cpu::CpuRasterizer;
@@ -113,7 +113,7 @@ fn main() -> Result<(), Box<dyn Error>> {
             (name, RefineOptions { solver, warp, warp_params, ..RefineOptions::default() })
         })
         .collect();
-    let paper = RefineOptions::preset(Preset::Paper);
+    let paper = RefineOptions::preset(RefinePreset::Paper);
     runs.push(("--preset paper".to_owned(), paper.clone()));
     let never = WarpParams { min_known_color: 2.0, ..best };
     runs.push((

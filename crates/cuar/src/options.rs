@@ -4,7 +4,7 @@ use crate::{CuarError, EvidenceParams, WarpForm, WarpParams, loss::LossWeights};
 
 /// Predefined [`RefineOptions`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum Preset {
+pub enum RefinePreset {
     /// The options with the best measured result.
     #[default]
     Best,
@@ -138,10 +138,10 @@ impl Default for RefineOptions {
 
 impl RefineOptions {
     /// The options of a preset.
-    pub fn preset(preset: Preset) -> Self {
+    pub fn preset(preset: RefinePreset) -> Self {
         match preset {
-            Preset::Best => Self::default(),
-            Preset::Paper => Self {
+            RefinePreset::Best => Self::default(),
+            RefinePreset::Paper => Self {
                 min_uncertainty: 0.0,
                 warp: WarpForm::Paper,
                 warp_params: WarpParams { slack: None, ..WarpParams::default() },

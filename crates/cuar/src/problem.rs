@@ -4,8 +4,9 @@ use crate::{
     Crop, CuarError, RefineOptions, Solver,
     evaluator::{Derivatives, Evaluator, Offsets},
     loss::LossParts,
+    observer::{Observer, Preview, RefineProgress},
     sample::Sample,
-    state::{Observer, Preview, Progress, State},
+    state::State,
     view_sampler::ViewTime,
 };
 use gs_core::{Camera, Image, Rasterizer};
@@ -201,7 +202,14 @@ impl<'a> Watch<'a> {
         let eta_secs = (since > 0)
             .then(|| elapsed_secs / since as f64 * self.total.saturating_sub(done) as f64);
         let (stage, total) = (self.stage, self.total);
-        self.observer.progress(&Progress { stage, done, total, loss, elapsed_secs, eta_secs });
+        self.observer.progress(&RefineProgress {
+            stage,
+            done,
+            total,
+            loss,
+            elapsed_secs,
+            eta_secs,
+        });
     }
 
     pub(crate) fn preview(

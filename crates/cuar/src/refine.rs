@@ -1,18 +1,19 @@
 //! The stage: [`refine`].
 
 use crate::{
-    Backend, CuarError, DescentEngine, OffsetScene, RefineOptions, RegressionParams, Report,
-    Solver, Views,
-    descent::Descent,
+    Backend, CuarError, OffsetScene, RefineOptions, RefineReport, Views,
     evaluator::Evaluator,
-    problem::{Problem, TracePoint, Watch, num_lanes},
-    regression::Regression,
-    sample::{Sample, Source},
+    fingerprint::{fingerprint, fingerprint_of_inputs},
+    observer::Observer,
+    problem::{Problem, Watch, num_lanes},
+    sample::Sample,
+    sample_source::Source,
     scene,
-    state::{Observer, State},
+    solve::{Outcome, accept, solve},
+    state::State,
     supervision::Supervision,
 };
-use gs_core::{Camera, DynamicScene, Rasterizer, Splats};
+use gs_core::{DynamicScene, Rasterizer, Splats};
 use std::time::Instant;
 
 /// Result of a refinement.
@@ -27,7 +28,7 @@ pub struct Refined {
     /// Rows that fade: what only exists because a deletion missed it ([`crate::refine_edit()`]); ascending, among `rows`.
     pub faded: Vec<u32>,
     /// Counts, losses, timings and warnings.
-    pub report: Report,
+    pub report: RefineReport,
 }
 
 impl Refined {
@@ -92,7 +93,7 @@ pub fn refine_with<R: Rasterizer<Prepared: Send> + Sync>(
     first.check_shapes()?;
     CuarError::check("edited", edited.len(), first.len())?;
     let (rows, row_of) = number(edited);
-    let mut report = Report { num_edited: rows.len(), ..Report::default() };
+    let mut report = RefineReport { num_edited: rows.len(), ..RefineReport::default() };
 
     let begun = Instant::now();
     let num_lanes = num_lanes(views.cameras, options.memory);
@@ -224,97 +225,6 @@ pub fn refine_with<R: Rasterizer<Prepared: Send> + Sync>(
     Ok(refined)
 }
 
-/// Result of a solver.
-#[derive(Clone, Default)]
-struct Outcome {
-    d_sh: Vec<[f32; 3]>,
-    /// The losses without offsets, if the solver saw them.
-    before: Option<[f64; 2]>,
-    /// The solver itself, if it can fit again.
-    regression: Option<Regression>,
-}
-
-/// The outcome if it lowers the loss, else the same fitted with less smoothness, else `zero`; its
-/// losses; and a warning for the user.
-///
-/// The loss that decides is the one that the solver minimises: to exact L1 a change too small to
-/// see counts like any other.
-fn accept<R: Rasterizer<Prepared: Send> + Sync>(
-    problem: &mut Problem<R>,
-    options: &RefineOptions,
-    outcome: Outcome,
-    zero: Outcome,
-    before: [f64; 2],
-    mut loss_of: impl FnMut(&mut Problem<R>, &Outcome) -> Result<[f64; 3], CuarError>,
-) -> Result<(Outcome, [f64; 2], Option<String>), CuarError> {
-    let [exact, shaped, _] = loss_of(problem, &outcome)?;
-    let after = [exact, shaped];
-    if after[1] <= before[1] {
-        return Ok((outcome, after, None));
-    }
-    // The images support colours that are not smooth: the prior was too strong.
-    if let (Some(run), Solver::Regression(params)) = (&outcome.regression, &options.solver) {
-        for factor in [0.1, 0.01, 0.0] {
-            let params = RegressionParams { prior: factor * params.prior, ..params.clone() };
-            let d_sh = run.refit(problem, &params);
-            let other = Outcome { d_sh, ..Outcome::default() };
-            let [exact, shaped, _] = loss_of(problem, &other)?;
-            let after = [exact, shaped];
-            if after[1] <= before[1] {
-                let note = format!(
-                    "smoothness was lowered to {}, or the loss would have risen",
-                    params.prior
-                );
-                return Ok((other, after, Some(note)));
-            }
-        }
-    }
-    let note = format!(
-        "the loss rose from {:.3e} to {:.3e}: colours stay as they are",
-        before[1], after[1]
-    );
-    Ok((zero, before, Some(note)))
-}
-
-fn solve<R: Rasterizer<Prepared: Send> + Sync>(
-    problem: &mut Problem<R>,
-    engine: Option<&mut dyn DescentEngine<R::Prepared>>,
-    resume: Option<&State>,
-    fingerprint: u64,
-    observer: &mut dyn Observer,
-    trace: &mut Vec<TracePoint>,
-) -> Result<Outcome, CuarError> {
-    let options = problem.options;
-    let first = resume.map_or(0, |state| usize::try_from(state.step).unwrap_or(0));
-    match &options.solver {
-        Solver::Regression(params) => {
-            let mut run = match resume {
-                Some(state) => Regression::resume(problem, state)?,
-                None => Regression::new(problem),
-            };
-            let total = params.passes * problem.samples.len();
-            let mut watch = Watch::new(observer, options, "refine", total, first);
-            run.run(problem, params, fingerprint, &mut watch, trace)?;
-            let d_sh = run.d_sh.clone();
-            Ok(Outcome { d_sh, before: Some(run.before), regression: Some(run) })
-        }
-        Solver::Adam(params) => {
-            let mut run = match resume {
-                Some(state) => Descent::resume(problem, state)?,
-                None => Descent::new(problem),
-            };
-            let mut watch = Watch::new(observer, options, "refine", params.steps, first);
-            match engine {
-                Some(engine) => {
-                    run.run_on(engine, problem, params, fingerprint, &mut watch, trace)?;
-                }
-                None => run.run(problem, params, fingerprint, &mut watch, trace)?,
-            }
-            Ok(Outcome { d_sh: run.d_sh, ..Outcome::default() })
-        }
-    }
-}
-
 /// Edited rows, and for each splat its place among them.
 fn number(edited: &[bool]) -> (Vec<u32>, Vec<u32>) {
     let mut rows = Vec::new();
@@ -328,60 +238,4 @@ fn number(edited: &[bool]) -> (Vec<u32>, Vec<u32>) {
         }
     }
     (rows, row_of)
-}
-
-/// FNV-1a, 64 bits.
-struct Fnv(u64);
-
-impl Fnv {
-    fn eat(&mut self, value: u64) {
-        for byte in value.to_le_bytes() {
-            self.0 = (self.0 ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3);
-        }
-    }
-}
-
-/// Hash of what images are made from, the scene's motion aside.
-fn fingerprint_of_inputs(
-    first: &Splats,
-    rows: &[u32],
-    options: &RefineOptions,
-    cameras: &[Camera],
-) -> u64 {
-    let mut hash = Fnv(0xcbf2_9ce4_8422_2325);
-    let options = RefineOptions {
-        // these change how a run is watched, not what it computes
-        preview_secs: None,
-        checkpoint_secs: None,
-        memory: 0,
-        ..options.clone()
-    };
-    for byte in format!("{options:?}").bytes() {
-        hash.eat(u64::from(byte));
-    }
-    for &row in rows {
-        hash.eat(u64::from(row));
-    }
-    for value in first.sh.iter().flatten().chain(first.means.iter().flatten()) {
-        hash.eat(u64::from(value.to_bits()));
-    }
-    for camera in cameras {
-        hash.eat(u64::from(camera.width) << 32 | u64::from(camera.height));
-        let lens = &camera.intrinsics;
-        let lens = [lens.fx, lens.fy, lens.cx, lens.cy];
-        let values = lens.iter().chain(camera.viewmat.as_flattened());
-        values.for_each(|value| hash.eat(value.to_bits()));
-    }
-    hash.0
-}
-
-/// Hash of what a run depends on.
-fn fingerprint<P>(inputs: u64, samples: &[Sample<P>]) -> u64 {
-    let mut hash = Fnv(inputs);
-    for sample in samples {
-        hash.eat(sample.at.view as u64);
-        hash.eat(u64::from(sample.at.time.to_bits()));
-        hash.eat(sample.entries.len() as u64);
-    }
-    hash.0
 }

@@ -73,8 +73,8 @@ const MAX_SURVEYED: usize = 32;
 /// The cameras of `views` that say what frame 1 supervises: those that are not held out, some of
 /// many, evenly.
 fn supervising(views: &Views) -> Vec<Camera> {
-    let held = |view: &usize| !views.held_out.contains(view);
-    let all: Vec<usize> = (0..views.cameras.len()).filter(held).collect();
+    let supervises = |view: &usize| !views.held_out.contains(view);
+    let all: Vec<usize> = (0..views.cameras.len()).filter(supervises).collect();
     let count = all.len().min(MAX_SURVEYED);
     (0..count).map(|k| views.cameras[all[k * all.len() / count]].clone()).collect()
 }

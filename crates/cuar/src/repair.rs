@@ -19,9 +19,8 @@ impl Repair {
     /// The repair of rows with ξ′ above `min_uncertainty`.
     pub fn of(evidence: &Evidence, min_uncertainty: f32) -> Self {
         let mut repair = Self { faded: evidence.ghosts.clone(), ..Self::default() };
-        for (row, change) in &evidence.expected {
-            let is_ghost = evidence.ghosts.binary_search(row).is_ok();
-            if evidence.xi[*row as usize] > min_uncertainty && !is_ghost {
+        for (row, change) in &evidence.lacking {
+            if evidence.xi[*row as usize] > min_uncertainty {
                 repair.rows.push(*row);
                 repair.d_sh.extend(change);
             }
@@ -54,8 +53,10 @@ impl Repair {
 pub struct RepairCounts {
     /// Splats that frame 1 does not supervise.
     pub hidden: usize,
-    /// Of these, splats that got the edit's change of colour.
+    /// Of these, splats that got the change of colour of the surface around them.
     pub recoloured: usize,
+    /// Of the recoloured ones, splats whose colour the edit had left meaningless.
+    pub meaningless: usize,
     /// Of these, splats that a deletion missed, and that fade.
     pub faded: usize,
     /// Of these, splats near a change that stay as they are, because nothing tells what they should
@@ -68,9 +69,11 @@ pub struct RepairCounts {
 impl RepairCounts {
     /// The counts of `repair`, made from `evidence`.
     pub fn of(evidence: &Evidence, repair: &Repair) -> Self {
+        let is_meaningless = |row: &u32| evidence.meaningless.binary_search(row).is_ok();
         Self {
             hidden: evidence.supervision.iter().filter(|known| **known <= 0.0).count(),
             recoloured: repair.rows.len(),
+            meaningless: repair.rows.iter().filter(|row| is_meaningless(row)).count(),
             faded: repair.faded.len(),
             undecided: evidence.num_undecided,
             reaches_hidden: evidence.reaches_hidden,

@@ -1,15 +1,17 @@
 //! [`Sample`]: one supervised image; [`Builder`] makes them.
 
 use crate::{
-    CuarError, RefineOptions, Rejection, SupervisionStats, WarpForm,
+    CuarError, Rejection, SupervisionStats, WarpForm,
     descent_image::{Crop, DescentImage, Entry},
     first_frame_visibility,
-    flow::{affine_motion, render_landing},
+    flow::render_landing,
+    push_forward::push_forward,
+    sample_source::{CHANNELS, COLOR_CHANGE, EDITED, KNOWN_SHARE, Source, XI},
     splat_visibility::{gather, needed_rows},
     supervision_stats::PixelSource,
-    uncertainty::{change, direction, eye, shown, threshold},
+    uncertainty::{direction, eye, threshold},
     view_sampler::ViewTime,
-    warp::{FirstFrame, WARP_CHANNELS, fetch, push_forward, trace},
+    warp::{FirstFrame, fetch, trace},
 };
 use gs_core::{Camera, Rasterizer, RenderOutput, RenderParams, Splats, sh};
 use rayon::prelude::*;
@@ -69,16 +71,6 @@ pub(crate) struct Made<P> {
     pub uncertain: Vec<bool>,
 }
 
-/// What samples are made from.
-pub(crate) struct Source<'a, R> {
-    pub raster: &'a R,
-    pub options: &'a RefineOptions,
-    pub edited: &'a [bool],
-    /// Row among the edited splats, or `u32::MAX`.
-    pub row_of: &'a [u32],
-    pub first: &'a Splats,
-}
-
 /// Makes samples one at a time; owns the memory of full-scene passes.
 pub(crate) struct Builder<P> {
     prepared: Option<P>,
@@ -90,14 +82,6 @@ impl<P> Default for Builder<P> {
         Self { prepared: None, output: RenderOutput::default() }
     }
 }
-
-/// Channels composited to make a sample: those of the warp, ξ, which splats are edited, how much of
-/// them frame 1 shows, and by how much the colours that it shows differ from those of now.
-const CHANNELS: usize = WARP_CHANNELS + 6;
-const XI: usize = WARP_CHANNELS;
-const EDITED: usize = WARP_CHANNELS + 1;
-const KNOWN_SHARE: usize = WARP_CHANNELS + 2;
-const COLOR_CHANGE: usize = WARP_CHANNELS + 3;
 
 impl<P> Builder<P> {
     fn render<R: Rasterizer<Prepared = P>>(
@@ -289,42 +273,6 @@ impl<P> Builder<P> {
             },
         );
         Ok((rgb, pixel_sources))
-    }
-}
-
-impl<R> Source<'_, R> {
-    /// `[N,CHANNELS]` at the time of `splats`; `weights` are those of the splats in frame 1, or
-    /// empty.
-    fn features(&self, splats: &Splats, camera: &Camera, weights: &[f32]) -> Vec<f32> {
-        let eye = eye(camera);
-        let enough = self.options.warp_params.min_visible_share;
-        let known = first_frame_visibility::visibility(splats, weights, camera, enough);
-        let mut features = vec![0.0_f32; splats.len() * CHANNELS];
-        features.par_chunks_mut(CHANNELS).with_min_len(1024).enumerate().for_each(|(i, out)| {
-            if let Some(back) = affine_motion(camera, splats, self.first, i) {
-                out[..2].copy_from_slice(&back.shift);
-                out[2..6].copy_from_slice(&back.linear);
-                out[6..9].copy_from_slice(&back.place);
-                out[9] = back.place.iter().map(|x| x * x).sum();
-            }
-            if let (Some(now), Some(then)) = (shown(splats, i, eye), shown(self.first, i, eye)) {
-                out[XI] = change(now, then);
-                if !self.edited[i] {
-                    // not to be refined: what it shows now is what it is to show
-                    out[KNOWN_SHARE] = 1.0;
-                } else if let Some(&known) = known.get(i) {
-                    out[KNOWN_SHARE] = known;
-                    for channel in 0..3 {
-                        out[COLOR_CHANGE + channel] = known * (then[channel] - now[channel]);
-                    }
-                }
-            }
-            out[EDITED] = f32::from(u8::from(self.edited[i]));
-            if !out.iter().all(|value| value.is_finite()) {
-                out.fill(0.0);
-            }
-        });
-        features
     }
 }
 

@@ -1,7 +1,6 @@
-//! [`State`] of a run, for checkpoints, and [`Observer`], which follows it.
+//! [`State`] of a run, for checkpoints.
 
-use crate::{CuarError, ViewTime};
-use gs_core::Image;
+use crate::CuarError;
 
 /// State from which a run can be resumed, as plain arrays.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -42,88 +41,3 @@ fn find<'a, T>(
         None => Err(CuarError::State { what: format!("`{name}` is missing") }),
     }
 }
-
-/// Progress of a run.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Progress {
-    /// `"images"` (making the supervision), `"refine"`, or `"report"`.
-    pub stage: &'static str,
-    /// Steps of the stage done.
-    pub done: usize,
-    /// Steps of the stage in all.
-    pub total: usize,
-    /// Eq. 20, mean over the images visited last (in this pass, by the regression solver); `None`
-    /// before the first.
-    pub loss: Option<f64>,
-    /// Since the stage began.
-    pub elapsed_secs: f64,
-    /// To the end of the stage, at the pace so far.
-    pub eta_secs: Option<f64>,
-}
-
-/// One image as it stands, cropped to what edited splats reach.
-#[derive(Debug, Clone, Default, PartialEq)]
-pub struct Preview {
-    /// Index of the camera.
-    pub view: usize,
-    /// Scene time.
-    pub time: f32,
-    /// Column and row of the crop's first pixel.
-    pub origin: [usize; 2],
-    /// Render before refinement, `[h,w,3]`.
-    pub before: Image,
-    /// Render now, `[h,w,3]`.
-    pub now: Image,
-    /// Supervision, `[h,w,3]`; black where there is none.
-    pub target: Image,
-    /// Where `target` supervises, `[h,w,1]`.
-    pub mask: Image,
-}
-
-/// Follows a run. Every method has a default that does nothing.
-pub trait Observer {
-    /// Called after every few images.
-    fn progress(&mut self, progress: &Progress) {
-        let _ = progress;
-    }
-
-    /// Called as often as the options say.
-    fn preview(&mut self, preview: &Preview) {
-        let _ = preview;
-    }
-
-    /// To be stored by the caller; called as often as the options say, and before a cancelled run
-    /// returns.
-    fn checkpoint(&mut self, state: &State) {
-        let _ = state;
-    }
-
-    /// Called before images are made, with a hash of the inputs that they depend on, the scene's
-    /// motion aside.
-    fn begin_images(&mut self, fingerprint: u64) {
-        let _ = fingerprint;
-    }
-
-    /// An image as [`Observer::keep_image`] got it in a run with the same scene, rasteriser and
-    /// hash; it is made if there is none.
-    fn kept_image(&mut self, at: ViewTime) -> Option<Vec<u8>> {
-        let _ = at;
-        None
-    }
-
-    /// An image just made, to be stored by the caller if it likes.
-    fn keep_image(&mut self, at: ViewTime, bytes: &[u8]) {
-        let _ = (at, bytes);
-    }
-
-    /// Called after every few images; `true` ends the run with [`CuarError::Cancelled`].
-    fn cancelled(&mut self) -> bool {
-        false
-    }
-}
-
-/// An observer that does nothing.
-#[derive(Debug, Clone, Copy, Default)]
-pub struct NoObserver;
-
-impl Observer for NoObserver {}

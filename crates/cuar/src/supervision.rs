@@ -1,9 +1,10 @@
 //! Making the supervised images, several at a time ([`Supervision`]).
 
 use crate::{
-    CuarError, Report, SupervisionStats, Views, kept,
+    CuarError, RefineReport, SupervisionStats, Views, kept,
     problem::Watch,
-    sample::{Builder, Made, Sample, Source},
+    sample::{Builder, Made, Sample},
+    sample_source::Source,
     view_sampler::ViewTime,
     warp::FirstFrame,
 };
@@ -59,7 +60,7 @@ impl<'a, R: Rasterizer<Prepared: Send> + Sync> Supervision<'a, R> {
         memory: usize,
         done: usize,
         watch: &mut Watch,
-        report: &mut Report,
+        report: &mut RefineReport,
     ) -> Result<Vec<Sample<R::Prepared>>, CuarError> {
         let mut plan = plan.to_vec();
         let mut samples = Vec::with_capacity(plan.len());

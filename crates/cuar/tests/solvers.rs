@@ -4,7 +4,7 @@ mod common;
 
 use common::{Case, Flaws, case, render};
 use cuar::{
-    AdamParams, CuarError, NoObserver, Observer, Preview, Progress, RefineOptions, Refined,
+    AdamParams, CuarError, NoObserver, Observer, Preview, RefineOptions, RefineProgress, Refined,
     RegressionParams, Solver, State, ViewTime, Views, WarpForm, refine,
 };
 use gs_core::{DynamicScene, TimeRange, sh};
@@ -63,11 +63,11 @@ struct Keeper {
     states: Vec<State>,
     left: Option<usize>,
     previews: usize,
-    last: Option<Progress>,
+    last: Option<RefineProgress>,
 }
 
 impl Observer for Keeper {
-    fn progress(&mut self, progress: &Progress) {
+    fn progress(&mut self, progress: &RefineProgress) {
         assert!(progress.done <= progress.total, "{progress:?}");
         if progress.stage == "refine" {
             self.left = self.left.map(|left| left.saturating_sub(1));

@@ -57,7 +57,7 @@ pub use brief::{
 };
 pub use cases::{TruthCase, TruthScene, build};
 pub use control::rigid_neighbours;
-pub use deliver::{PICTURE_WEIGHT, deliver};
+pub use deliver::{PICTURE_WEIGHT, UnseenColor, deliver};
 pub use demo::{DemoParams, demo, demo_edits};
 pub use edit::{Edit, Graft, Paint, Region, apply_edits};
 pub use error::SynthError;

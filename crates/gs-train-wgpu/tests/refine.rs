@@ -14,8 +14,8 @@ use common::{Mode, choice, cloud, noise, raster};
 use cuar::loss::LossWeights;
 use cuar::{
     AdamParams, Backend, Crop, CuarError, DescentEngine, DescentImage, DescentTask, Entry,
-    NoObserver, Observer, Preset, Preview, RefineOptions, Refined, Solver, State, Views, refine,
-    refine_with,
+    NoObserver, Observer, Preview, RefineOptions, RefinePreset, Refined, Solver, State, Views,
+    refine, refine_with,
 };
 use gs_core::{DynamicScene, Rasterizer, TimeRange};
 use gs_raster_cpu::CpuRasterizer;
@@ -34,7 +34,7 @@ fn small() -> &'static Case {
 /// The paper's preset, with fewer images and steps.
 fn paper() -> RefineOptions {
     let solver = Solver::Adam(AdamParams { steps: STEPS, ..AdamParams::default() });
-    let options = RefineOptions::preset(Preset::Paper);
+    let options = RefineOptions::preset(RefinePreset::Paper);
     RefineOptions { samples: 8, solver, checkpoint_secs: Some(0.0), ..options }
 }
 

@@ -141,7 +141,8 @@ fn delivered(synthetic: &SynthScene, seed: u64) -> Outcome<EditedFrame> {
         cuar::first_frame_shares(&CpuRasterizer::default(), splats, &pictures)
             .map_err(|error| Unmade(chain(&error)))
     };
-    gs_synth::deliver(synthetic, &gs_synth::demo_edits(), seed, shown)
+    let unseen = gs_synth::UnseenColor::Source;
+    gs_synth::deliver(synthetic, &gs_synth::demo_edits(), seed, unseen, shown)
         .map_err(|Unmade(what)| Failure::failed(what))
 }
 

@@ -1,11 +1,11 @@
 //! `c4d doctor`: whether and how fast this machine runs c4d.
 
 use crate::args::{DoctorArgs, Global};
+use crate::camera_rig::DEFAULT_SIZE;
 use crate::console::Console;
 use crate::device::{Device, GpuChoice};
 use crate::failure::{Failure, Outcome};
 use crate::renderer::Renderer;
-use crate::rig::DEFAULT_SIZE;
 use gs_raster_wgpu::{AdapterKind, AdapterSummary, GpuContext};
 use serde_json::json;
 use std::time::Instant;

@@ -3,6 +3,7 @@
 
 use super::panels::{render, shaded, view};
 use crate::args::Global;
+use crate::camera_rig::CameraRig;
 use crate::caption::{self, Rgb};
 use crate::console::Console;
 use crate::device::Device;
@@ -10,7 +11,6 @@ use crate::failure::{Failure, Outcome, chain};
 use crate::images;
 use crate::output::{existing, output_failure};
 use crate::renderer::side_by_side;
-use crate::rig::Rig;
 use crate::scene::Opened;
 use crate::settings::PropagateJob;
 use amg::{Identity, IdentityMap, IdentityParams};
@@ -101,7 +101,7 @@ pub(super) fn show(
         both.push_from(before, row as usize);
     }
     let device = Device::open(global.gpu)?;
-    let rig = Rig::of_scene(source.scene.as_ref(), source.up).map_err(Failure::input)?;
+    let rig = CameraRig::of_scene(source.scene.as_ref(), source.up).map_err(Failure::input)?;
     let camera = view(&rig, &both, |row| fates[row] != Fate::Unchanged, &device)?;
     let background = source.background;
     let panels = [

@@ -2,12 +2,12 @@
 
 use super::source_match::INVISIBLE;
 use crate::args::{FreezeArgs, Global};
+use crate::camera_rig::{CameraRig, DEFAULT_SIZE};
 use crate::console::Console;
 use crate::device::Device;
 use crate::failure::{Failure, Outcome};
 use crate::output::{check_sh_degree, existing, output_failure, refuse_overlap};
 use crate::renderer::Renderer;
-use crate::rig::{DEFAULT_SIZE, Rig};
 use crate::scene::Opened;
 use crate::{cameras, frames, images, memory, placement, scene};
 use gs_core::{Camera, Splats};
@@ -109,7 +109,7 @@ fn cameras_of(
         }
     }
     let up = args.up.map_or(opened.up, crate::args::Up::vector);
-    let rig = Rig::of_scene(opened.scene.as_ref(), up).map_err(Failure::input)?;
+    let rig = CameraRig::of_scene(opened.scene.as_ref(), up).map_err(Failure::input)?;
     placement::warn_if_coarse(&rig.extent, console);
     let origin = "placed around the scene, because its files have no cameras".to_owned();
     if let Some(count) = count {

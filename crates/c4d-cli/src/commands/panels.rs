@@ -1,10 +1,10 @@
 //! Images of one frame that show marked splats: choice of the view, and colours.
 
+use crate::camera_rig::{CameraRig, Layout};
 use crate::caption::Rgb;
 use crate::device::Device;
 use crate::failure::{Failure, Outcome};
 use crate::renderer::Renderer;
-use crate::rig::{Layout, Rig};
 use gs_core::{Camera, Image, Splats, sh};
 use gs_deform::StaticScene;
 
@@ -50,7 +50,7 @@ fn in_colors(splats: &Splats, color: impl Fn(usize) -> Rgb) -> Splats {
 /// The front view, or, if it hides the marked splats, the view
 /// around the object that shows most of them.
 pub(super) fn view(
-    rig: &Rig,
+    rig: &CameraRig,
     splats: &Splats,
     is_marked: impl Fn(usize) -> bool,
     device: &Device,

@@ -1,16 +1,16 @@
 //! `c4d refine`: repair the colours that motion reveals (CUAR), in a run that `c4d propagate`
 //! wrote.
 
-mod tell;
 mod watch;
+mod words;
 
 use crate::args::{Global, PresetArg, RefineArgs, RefineFlags, Up, WarpArg};
+use crate::camera_rig::CameraRig;
 use crate::console::Console;
 use crate::device::{self, Device};
 use crate::failure::{Failure, Outcome, chain};
 use crate::output::output_failure;
 use crate::report::{RunReport, run_report};
-use crate::rig::Rig;
 use crate::run_folder::{
     self, CONFIG, Checkpoint, MadeFrom, REFINE_IMAGES, REFINE_REPORT, REFINE_STATE, REPORT_PAGE,
     RefineConfig, RefinedRows, SCENE,
@@ -23,8 +23,8 @@ use crate::{memory, scene};
 use amg::RowKind;
 use clap::ValueEnum;
 use cuar::{
-    Backend, BeforeEdit, CuarError, FADED_LOGIT, Preset, RefineOptions, Solver, Views, WarpForm,
-    refine_edit,
+    Backend, BeforeEdit, CuarError, FADED_LOGIT, RefineOptions, RefinePreset, Solver, Views,
+    WarpForm, refine_edit,
 };
 use gs_core::Camera;
 use gs_io::FolderUpdate;
@@ -266,9 +266,9 @@ pub(crate) fn refine(run: &Path, begun: Checkpoint, global: &Global, console: &C
         .chunks(coeffs.max(1))
         .filter(|d_sh| d_sh.iter().any(|d| *d != [0.0; 3]))
         .count();
-    tell::repair(&refined.report.repair, &options, console);
+    console.note(words::summary(&refined.report, &options, changed));
     if refined.report.samples.is_empty() {
-        let lacks_views = if changed + refined.faded.len() > 0 { "" } else { tell::OTHER_VIEWS };
+        let lacks_views = if changed + refined.faded.len() > 0 { "" } else { words::OTHER_VIEWS };
         console.note(format!(
             "no edited splat changes colour with the direction on its way (views: {}, times: {}, threshold: {:.0} of 255): no images are needed{lacks_views}",
             cameras.len(),
@@ -276,7 +276,7 @@ pub(crate) fn refine(run: &Path, begun: Checkpoint, global: &Global, console: &C
             -255.0 * (1.0 - options.min_uncertainty).ln()
         ));
     } else {
-        tell::refinement(&refined.report, changed, &cameras, console);
+        words::refinement(&refined.report, &cameras, console);
     }
     if refined.report.samples.is_empty() && changed + refined.faded.len() == 0 {
         for name in [REFINE_STATE, REFINE_IMAGES] {
@@ -312,7 +312,7 @@ pub(crate) fn refine(run: &Path, begun: Checkpoint, global: &Global, console: &C
         occlusion: Some(OcclusionSettings::of(&options.warp_params)),
         evidence: Some(EvidenceSettings::of(options.evidence.as_ref())),
     });
-    let report = tell::json(&refined.report, changed, &cameras);
+    let report = words::json(&refined.report, changed, &cameras);
     let logits = &loaded.stored.edited.opacity_logits;
     let logit = |row: &u32| match refined.faded.binary_search(row) {
         Ok(_) => FADED_LOGIT,
@@ -341,7 +341,7 @@ pub(crate) fn refine(run: &Path, begun: Checkpoint, global: &Global, console: &C
 fn page(
     run: &Path,
     loaded: &Run,
-    report: &cuar::Report,
+    report: &cuar::RefineReport,
     changed: usize,
     update: &FolderUpdate,
     console: &Console,
@@ -383,8 +383,8 @@ fn chosen(
     settings: &RefineSettings,
 ) -> Outcome<RefineOptions> {
     let mut options = RefineOptions::preset(match preset {
-        PresetArg::Best => Preset::Best,
-        PresetArg::Paper => Preset::Paper,
+        PresetArg::Best => RefinePreset::Best,
+        PresetArg::Paper => RefinePreset::Paper,
     });
     settings.apply(&mut options)?;
     options.preview_secs = flags.preview_every;
@@ -447,8 +447,9 @@ fn cameras(flags: &RefineFlags, loaded: &Run, console: &Console) -> Outcome<(Vec
         let absolute = std::path::absolute(path).map_err(Failure::failed)?;
         return Ok((cameras, absolute.display().to_string()));
     }
-    let rig = Rig::of_scene(source.scene.as_ref(), flags.refine_up.map_or(source.up, Up::vector))
-        .map_err(Failure::input)?;
+    let rig =
+        CameraRig::of_scene(source.scene.as_ref(), flags.refine_up.map_or(source.up, Up::vector))
+            .map_err(Failure::input)?;
     let size = flags.refine_size.unwrap_or(RIG_SIZE);
     let (cameras, what) = rig.refining(size);
     console.note(format!("no cameras given: using {} views {what}", cameras.len()));

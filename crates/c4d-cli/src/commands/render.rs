@@ -6,7 +6,8 @@ pub(crate) use views::Views;
 
 use super::export::say;
 use crate::animated_image::{AnimatedImage, GIF_MAX_FPS, GifWriter, WebpWriter};
-use crate::args::{Format, Global, Pass, RenderArgs};
+use crate::args::{Format, Global, LeftHalf, Pass, RenderArgs};
+use crate::camera_rig::CameraRig;
 use crate::console::Console;
 use crate::device::Device;
 use crate::failure::{Failure, Outcome};
@@ -14,10 +15,10 @@ use crate::frames::{self, Timing};
 use crate::output::{existing, output_failure, refuse_overlap};
 use crate::passes::{self, PassImage};
 use crate::renderer::{self, Renderer};
-use crate::rig::Rig;
-use crate::scene::Opened;
+use crate::scene::{self, Opened};
 use crate::video::VideoWriter;
 use crate::{images, memory, rates, still};
+use amg::EditedScene;
 use cuar::BeforeEdit;
 use gs_core::{Camera, DynamicScene, Image, RenderOutput, Splats};
 use gs_io::{AtomicDir, AtomicFile, Existing, Losses};
@@ -45,7 +46,7 @@ pub(crate) fn run(args: &RenderArgs, global: &Global, console: &Console) -> Outc
     timing.check()?;
     let mut times = timing.times(opened.scene.as_ref())?;
     refuse_overlap(&args.output, &opened.roots)?;
-    if args.side_by_side && opened.original.is_none() {
+    if args.side_by_side.is_some() && opened.original.is_none() {
         return Err(Failure::usage(
             "--side-by-side compares a run with its source; this scene is not a run",
         )
@@ -66,7 +67,7 @@ pub(crate) fn run(args: &RenderArgs, global: &Global, console: &Console) -> Outc
     for camera in views.cameras() {
         camera.check().map_err(Failure::input)?;
     }
-    if args.side_by_side && args.passes.iter().any(|pass| pass.is_relative()) {
+    if args.side_by_side.is_some() && args.passes.iter().any(|pass| pass.is_relative()) {
         return Err(Failure::usage("--side-by-side shows rgb, alpha or depth"));
     }
     let device = Device::open(global.gpu)?;
@@ -75,12 +76,20 @@ pub(crate) fn run(args: &RenderArgs, global: &Global, console: &Console) -> Outc
     } else {
         Vec::new()
     };
+    let unrefined = match args.side_by_side {
+        Some(LeftHalf::Unrefined) => Some(unrefined(&args.scene, global, console)?),
+        _ => None,
+    };
     let shot = Shot {
         scene: opened.scene.as_ref(),
         edit_time: opened.edit_time,
         mask: opened.mask,
         evidence: &evidence,
-        original: opened.original.as_deref().filter(|_| args.side_by_side),
+        original: match args.side_by_side {
+            Some(LeftHalf::Original) => opened.original.as_deref(),
+            Some(LeftHalf::Unrefined) => unrefined.as_ref().map(|scene| scene as &dyn DynamicScene),
+            None => None,
+        },
         times: &times,
         views: &views,
         background: args.background.unwrap_or(opened.background),
@@ -98,6 +107,19 @@ pub(crate) fn run(args: &RenderArgs, global: &Global, console: &Console) -> Outc
     }
 }
 
+/// The run without its refinement.
+fn unrefined(path: &Path, global: &Global, console: &Console) -> Outcome<EditedScene> {
+    let run = scene::open_run(path, global, console)?;
+    if run.stored.refined.is_none() {
+        return Err(Failure::usage(format!(
+            "--side-by-side=unrefined: {} is not refined",
+            path.display()
+        ))
+        .next(format!("Refine it first: c4d refine {}", path.display())));
+    }
+    run.scene(path, false)
+}
+
 /// ξ′ of a run's splats in the edited frame, from the views of a
 /// refinement without cameras; empty for other scenes.
 fn evidence(opened: &Opened, device: &Device) -> Outcome<Vec<f32>> {
@@ -106,7 +128,7 @@ fn evidence(opened: &Opened, device: &Device) -> Outcome<Vec<f32>> {
     else {
         return Ok(Vec::new());
     };
-    let rig = Rig::of_scene(original.as_ref(), opened.up).map_err(Failure::bad_input)?;
+    let rig = CameraRig::of_scene(original.as_ref(), opened.up).map_err(Failure::bad_input)?;
     let (cameras, _) = rig.refining(super::refine::RIG_SIZE);
     let before = BeforeEdit { scene: original.as_ref(), source_rows };
     let scene = opened.scene.as_ref();

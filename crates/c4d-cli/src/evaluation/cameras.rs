@@ -1,9 +1,9 @@
 //! From where a scene is measured.
 
 use crate::args::{SplitArg, Up};
+use crate::camera_rig::CameraRig;
 use crate::console::Console;
 use crate::failure::{Failure, Outcome};
-use crate::rig::Rig;
 use crate::scene::Opened;
 use crate::{cameras, frames, placement};
 use gs_core::Camera;
@@ -59,7 +59,7 @@ pub(crate) fn viewpoints(
             .next("Add --cameras PATH."));
         }
         let before = opened.original.as_ref().unwrap_or(&opened.scene);
-        let rig = Rig::of_scene(before.as_ref(), flags.up.map_or(opened.up, Up::vector))
+        let rig = CameraRig::of_scene(before.as_ref(), flags.up.map_or(opened.up, Up::vector))
             .map_err(Failure::input)?;
         placement::warn_if_coarse(&rig.extent, console);
         return Ok(Viewpoints {

@@ -2,11 +2,11 @@
 
 use super::page::{Page, escape};
 use super::picture::{Triple, wipe};
+use crate::camera_rig::CameraRig;
 use crate::device::Device;
 use crate::evaluation::number;
 use crate::failure::{Failure, Outcome};
 use crate::renderer::Renderer;
-use crate::rig::Rig;
 use gs_core::{DynamicScene, Image};
 use std::fmt::Write as _;
 
@@ -32,7 +32,7 @@ pub(crate) struct RunReport<'a> {
 /// page's text.
 pub(crate) fn run_report(report: &RunReport<'_>) -> Outcome<String> {
     let device = &Device::Cpu;
-    let rig = Rig::of_scene(report.source, report.up).map_err(Failure::input)?;
+    let rig = CameraRig::of_scene(report.source, report.up).map_err(Failure::input)?;
     let camera = rig.front(SIZE);
     let times = report.scene.time_range().frames(TIMES);
     let (mut before, mut after) =

@@ -1,62 +1,79 @@
 //! [`expected_changes`]: the change of colour that supervised splats of the same surface have.
 
-use super::{
-    params::EvidenceParams,
-    surface::{Nodes, Surface, scaled_tone},
-};
+use super::{edited_frame::EditedFrame, params::EvidenceParams, surface::scaled_tone};
 use anchors::KdTree;
-use gs_core::{Splats, sh};
+use gs_core::sh;
 use rayon::prelude::*;
 
-/// Supervised splats asked per splat.
-const TEACHERS: usize = 24;
+/// Supervised splats compared per splat.
+const REFERENCES: usize = 24;
 /// What the prior weighs that a brighter splat stays brighter by the same factor, relative to the
-/// teachers' spread of log-brightness.
+/// references' spread of log-brightness.
 const PRIOR: f32 = 0.02;
 /// Added to colours under a logarithm.
 const DARK: f32 = 0.03;
 
-/// Per row of `missed`, the change of SH `[K,3]` that the nearest `teachers` of its surface have;
-/// `None` without any.
+/// Supervised splats that the edit changed, by place and hue before it.
+pub(super) struct References {
+    pub(super) rows: Vec<usize>,
+    /// Of every splat of frame 1.
+    features: Vec<[f64; 6]>,
+    tree: Option<KdTree<6>>,
+}
+
+impl References {
+    pub(super) fn of(
+        frame: &EditedFrame<'_>,
+        changed: &[bool],
+        supervision: &[f32],
+        params: &EvidenceParams,
+    ) -> Self {
+        let EditedFrame { nodes, surface, .. } = *frame;
+        let spacing = surface.rigid.typical_spacing(&surface.points);
+        let spacing = if spacing > 0.0 { spacing } else { 1e-6 };
+        let feature = |i: usize| {
+            let [x, y, z] = nodes.means[i].map(|x| x / (3.0 * spacing));
+            let [r, g, b] = scaled_tone(nodes.colors[i], params).map(f64::from);
+            [x, y, z, r, g, b]
+        };
+        let features: Vec<[f64; 6]> = (0..changed.len()).map(feature).collect();
+        let rows: Vec<usize> = (0..changed.len())
+            .filter(|&i| nodes.has_source[i] && changed[i] && supervision[i] > 0.5)
+            .collect();
+        let points: Vec<[f64; 6]> = rows.iter().map(|&i| features[i]).collect();
+        let tree = (!points.is_empty()).then(|| KdTree::<6>::new(&points));
+        Self { rows, features, tree }
+    }
+}
+
+/// Per row of `rows`, the change of SH `[K,3]` that the nearest references of its surface have,
+/// itself left out; `None` without any.
 ///
-/// Teachers are near, face alike, move with the splat and had its hue. New base colours are a local
+/// References are near, face alike, move with the splat and had its hue. New base colours are a local
 /// power law of the old brightness `b`, per channel `log new = log new̅ + β (log b − log b̅)`:
 /// light and shadow are factors of both (β = 1, which is the prior), and paint that covers a
-/// texture of light and dark has β = 0. Higher bands take the teachers' mean change.
+/// texture of light and dark has β = 0. Higher bands take the references' mean change.
 pub(super) fn expected_changes(
-    nodes: &Nodes,
-    surface: &Surface,
-    first: &Splats,
-    old: &[[f32; 3]],
-    missed: &[usize],
-    teachers: &[usize],
-    params: &EvidenceParams,
+    frame: &EditedFrame<'_>,
+    rows: &[usize],
+    references: &References,
 ) -> Vec<Option<Vec<[f32; 3]>>> {
+    let EditedFrame { nodes, surface, first, old, .. } = *frame;
     let coeffs = first.sh_coeffs();
-    let spacing = surface.rigid.typical_spacing(&surface.points);
-    let spacing = if spacing > 0.0 { spacing } else { 1e-6 };
-    let feature = |i: usize| {
-        let [x, y, z] = nodes.means[i].map(|x| x / (3.0 * spacing));
-        let [r, g, b] = scaled_tone(nodes.colors[i], params).map(f64::from);
-        [x, y, z, r, g, b]
-    };
-    let points: Vec<[f64; 6]> = teachers.iter().map(|&i| feature(i)).collect();
-    if points.is_empty() {
-        return vec![None; missed.len()];
-    }
-    let tree = KdTree::<6>::new(&points);
+    let Some(tree) = &references.tree else { return vec![None; rows.len()] };
     let rgb = |sh: [f32; 3]| sh.map(|x| 0.5 + sh::C0 * x);
-    missed
-        .par_iter()
+    rows.par_iter()
         .with_min_len(64)
         .map(|&i| {
             let mut found = Vec::new();
-            tree.nearest(&feature(i), TEACHERS, &mut found);
+            tree.nearest(&references.features[i], REFERENCES + 1, &mut found);
+            found.retain(|neighbor| references.rows[neighbor.id as usize] != i);
+            found.truncate(REFERENCES);
             let nearest = found.first()?.distance_squared;
             let mut total = 0.0_f32;
             let mut weighted = Vec::with_capacity(found.len());
             for neighbor in &found {
-                let j = teachers[neighbor.id as usize];
+                let j = references.rows[neighbor.id as usize];
                 let together = surface.rigid.between(&surface.points, i, j);
                 let near = (-0.5 * (neighbor.distance_squared - nearest)).exp();
                 #[expect(clippy::cast_possible_truncation, reason = "weights are single precision")]

@@ -17,12 +17,20 @@
 //! that graph with the supervised splats as boundary. Together with view dependence, ξ̂ = 1 − (1 −
 //! ξ)(1 − ξ′).
 //!
-//! An edit that reaches hidden splats (a selection in 3D, not pictures) has changed those that it
-//! was to change: where more than half of the hidden splats with `a > ½` differ from the source, ξ′
-//! is 0.
+//! What an edit left on hidden splats is one of three things: the old colour, one that the edit
+//! meant (a selection in 3D changes hidden splats, too), or a meaningless one. Colours are
+//! meaningless if ‖Δ̂ − Δ‖₁ of changed hidden splats is, in the median, more than twice that of
+//! supervised splats. Such splats are repaired as well if their geometry is a source splat's; those on a surface that the edit did not
+//! change get their old colour back (`Δ̂ = 0`, and `a` is the share of the surface that it left
+//! alone). Where the edit changed more than half of the hidden splats with `a > ½`, and meant it,
+//! the others are as they should be, and ξ′ is 0.
 
 mod before;
 mod change;
+mod edited_frame;
+mod hidden;
+mod hidden_color;
+mod lacking;
 mod params;
 mod source;
 mod surface;
@@ -32,8 +40,11 @@ use crate::{CuarError, first_frame_visibility::survey};
 pub use before::BeforeEdit;
 pub use params::EvidenceParams;
 
-use change::expected_changes;
+use edited_frame::EditedFrame;
 use gs_core::{Camera, DynamicScene, Rasterizer, Splats, sh};
+use hidden::Hidden;
+use hidden_color::HiddenColor;
+use lacking::{Lacking, lacking_changes};
 use source::row_id;
 use surface::{Nodes, Surface};
 
@@ -49,15 +60,18 @@ pub struct Evidence {
     pub deleted: Vec<f32>,
     /// Whether the edit changed its colour.
     pub changed: Vec<bool>,
-    /// ξ′, 0 to 1 ; 1 for what only exists because a deletion missed it.
+    /// ξ′, 0 to 1; 1 for what only exists because a deletion missed it.
     pub xi: Vec<f32>,
-    /// Δ̂ of the rows with ξ′ > 0 that the edit would have changed: row, and change of SH `[K,3]`.
-    pub expected: Vec<(u32, Vec<[f32; 3]>)>,
+    /// Rows with ξ′ > 0 that do not fade, ascending, with the change of SH that they lack, Δ̂ − Δ,
+    /// `[K,3]`.
+    pub lacking: Vec<(u32, Vec<[f32; 3]>)>,
     /// Rows that only exist because a deletion missed them.
     pub ghosts: Vec<u32>,
     /// Whether the edit changed hidden splats by itself, so that those it left are meant to be as
     /// they are.
     pub reaches_hidden: bool,
+    /// Rows that frame 1 hides and whose colour the edit left meaningless, ascending.
+    pub meaningless: Vec<u32>,
     /// Hidden rows near a change, of which nothing tells what they should be.
     pub num_undecided: usize,
 }
@@ -127,8 +141,15 @@ impl Evidence {
         }
         let nodes = Nodes::of(&first, &old, &parents, &source, &gone);
         let surface = Surface::of(&nodes, &moments, params);
-        evidence.vote(&nodes, &surface, params);
-        evidence.judge(&nodes, &surface, (&first, &old), num_buried, params);
+        let frame = EditedFrame {
+            nodes: &nodes,
+            surface: &surface,
+            first: &first,
+            old: &old,
+            source_rows: before.source_rows,
+        };
+        let hidden = Hidden::of(&frame, &evidence.changed, &evidence.supervision, params);
+        evidence.judge(&frame, &hidden, num_buried, params);
         Ok(evidence)
     }
 
@@ -143,100 +164,64 @@ impl Evidence {
         params.min_change.max((24.0 * share(10)).min(0.5 * share(2)))
     }
 
-    /// Shares of the surface around each hidden splat, and whether the edit reaches hidden splats.
-    fn vote(&mut self, nodes: &Nodes, surface: &Surface, params: &EvidenceParams) {
-        let count = self.changed.len();
-        let label = |i: usize| match self.changed.get(i) {
-            Some(&changed) => [f32::from(u8::from(changed)), 0.0],
-            None => [0.0, 1.0],
-        };
-        // what is gone was taken by the edit, seen or not; what has no source tells nothing of a
-        // change
-        let seen = |i: usize| match self.supervision.get(i) {
-            Some(&supervision) if nodes.has_source[i] => supervision,
-            Some(_) => 0.0,
-            None => 1.0,
-        };
-        let first = vote::harmonic(surface, &label, &seen);
-        let (mut reached, mut hidden) = (0.0_f64, 0.0_f64);
-        for i in (0..count).filter(|&i| nodes.has_source[i] && first[i][0] > 0.5) {
-            let weight = f64::from(1.0 - self.supervision[i]);
-            hidden += weight;
-            reached += if self.changed[i] { weight } else { 0.0 };
-        }
-        self.reaches_hidden = hidden > 0.0 && reached > 0.5 * hidden;
-        // a hidden splat that changed is no accident
-        let known = |i: usize| match self.changed.get(i) {
-            Some(true) if nodes.has_source[i] => 1.0,
-            _ => seen(i),
-        };
-        let shares = vote::harmonic(surface, &label, &known);
-        for (i, share) in shares[..count].iter().enumerate() {
-            (self.agreement[i], self.deleted[i]) = (share[0], share[1]);
-            let near = share[0] + share[1];
-            let decided = share[0].max(share[1]) > params.min_agreement;
-            if self.supervision[i] < 1.0 && !self.changed[i] && near > 0.2 && !decided {
-                self.num_undecided += 1;
-            }
-        }
-    }
-
     /// ξ′, what is to be changed, and what is to fade.
     fn judge(
         &mut self,
-        nodes: &Nodes,
-        surface: &Surface,
-        (first, old): (&Splats, &[[f32; 3]]),
+        frame: &EditedFrame<'_>,
+        hidden: &Hidden,
         num_buried: usize,
         params: &EvidenceParams,
     ) {
-        let open =
-            |i: &usize| nodes.has_source[*i] && !self.changed[*i] && self.supervision[*i] < 1.0;
-        let rows: Vec<usize> = (0..first.len()).filter(open).collect();
-        let missed: Vec<usize> = rows
-            .iter()
-            .copied()
-            .filter(|&i| !self.reaches_hidden && self.agreement[i] > params.min_agreement)
-            .collect();
-        let teachers: Vec<usize> = (0..first.len())
-            .filter(|&i| nodes.has_source[i] && self.changed[i] && self.supervision[i] > 0.5)
-            .collect();
-        let changes = expected_changes(nodes, surface, first, old, &missed, &teachers, params);
-        for (i, change) in missed.into_iter().zip(changes) {
-            let Some(change) = change else {
-                self.num_undecided += 1;
-                continue;
-            };
-            let size: f32 = change[0].iter().map(|x| (x * sh::C0).abs()).sum();
-            self.xi[i] = 1.0 - (-(1.0 - self.supervision[i]) * self.agreement[i] * size).exp();
-            self.expected.push((row_id(i), change));
+        for (i, shares) in hidden.shares.iter().enumerate() {
+            (self.agreement[i], self.deleted[i]) = shares.unwrap_or_default().into();
         }
+        self.reaches_hidden = hidden.is_reached;
+        self.num_undecided = hidden.num_undecided(params);
+        self.meaningless = hidden.with_color(HiddenColor::Meaningless).map(row_id).collect();
         let is_ghost =
             |i: &usize| self.deleted[*i] > params.min_agreement && self.supervision[*i] <= 0.0;
-        let ghosts: Vec<usize> = rows.into_iter().filter(is_ghost).collect();
+        let ghosts: Vec<u32> = hidden.open().filter(is_ghost).map(row_id).collect();
         // A deletion that took splats from under what remains knew of them; and it took most of
         // what it meant to.
-        let num_gone = nodes.len() - self.changed.len();
+        let num_gone = frame.nodes.len() - self.changed.len();
         if ghosts.len() > num_buried && ghosts.len() <= num_gone {
-            for i in ghosts {
-                self.xi[i] = 1.0;
-                self.ghosts.push(row_id(i));
+            self.ghosts = ghosts;
+        }
+        let (found, num_without) = lacking_changes(frame, hidden, params);
+        self.num_undecided += num_without;
+        for Lacking { row, share, change } in found {
+            let size: f32 = change[0].iter().map(|x| (x * sh::C0).abs()).sum();
+            self.xi[row] = 1.0 - (-(1.0 - self.supervision[row]) * share * size).exp();
+            if self.ghosts.binary_search(&row_id(row)).is_err() {
+                self.lacking.push((row_id(row), change));
             }
         }
+        self.ghosts.iter().for_each(|row| self.xi[*row as usize] = 1.0);
     }
 }
 
 /// Shares between which supervision grows from 0 to 1: those of the parameters, or less where
-/// splats overlap so much that those which the edit changed show less of themselves (a quarter, and
-/// three quarters, of their median share).
+/// splats overlap so much that they show less of themselves (a quarter, and three quarters, of the
+/// typical share of those that the edit changed, or of half of everybody's: hidden splats may have
+/// any colour).
 fn thresholds(shares: &[f32], sizes: &[f32], params: &EvidenceParams) -> [f32; 2] {
     let changed = shares.iter().zip(sizes).filter(|(_, size)| **size > params.min_change);
-    let mut changed: Vec<f32> =
-        changed.map(|(share, _)| *share).filter(|share| *share > 0.0).collect();
-    if changed.is_empty() {
+    let Some(changed) = typical(changed.map(|(share, _)| *share).collect()) else {
         return [params.hidden, params.supervised];
-    }
-    let middle = changed.len() / 2;
-    let typical = *changed.select_nth_unstable_by(middle, f32::total_cmp).1;
+    };
+    let all = typical(shares.to_vec()).unwrap_or(0.0);
+    let typical = changed.max(0.5 * all);
     [params.hidden.min(0.25 * typical), params.supervised.min(0.75 * typical)]
+}
+
+/// Median of the positive shares, weighted by themselves.
+fn typical(mut shares: Vec<f32>) -> Option<f32> {
+    shares.retain(|share| *share > 0.0);
+    shares.sort_by(f32::total_cmp);
+    let half = 0.5 * shares.iter().sum::<f32>();
+    let mut sum = 0.0;
+    shares.into_iter().find(|share| {
+        sum += share;
+        sum >= half
+    })
 }

@@ -13,12 +13,12 @@ const FAINT: f32 = 0.02;
 
 /// For every node of `surface`, two shares in 0 to 1: its own `label` as far as it is `known` (0 to
 /// 1), else the weighted mean of its neighbours' (the harmonic function with the known nodes as
-/// boundary). Nodes that no known one reaches have zeros.
+/// boundary); `None` for nodes that no known one reaches.
 pub(super) fn harmonic(
     surface: &Surface,
     label: &(impl Fn(usize) -> [f32; 2] + Sync),
     known: &(impl Fn(usize) -> f32 + Sync),
-) -> Vec<[f32; 2]> {
+) -> Vec<Option<[f32; 2]>> {
     // shares, and whether any label has arrived
     let mut now: Vec<([f32; 2], f32)> = (0..surface.len())
         .map(|i| if known(i) > 0.0 { (label(i), 1.0) } else { ([0.0; 2], 0.0) })
@@ -41,11 +41,11 @@ pub(super) fn harmonic(
                 if total + own <= 0.0 {
                     return now[i];
                 }
-                let held = label(i);
-                ([0, 1].map(|k| (sums[k] + own * held[k]) / (total + own)), 1.0)
+                let known_label = label(i);
+                ([0, 1].map(|k| (sums[k] + own * known_label[k]) / (total + own)), 1.0)
             })
             .collect();
         open.iter().zip(next).for_each(|(&i, next)| now[i] = next);
     }
-    now.into_iter().map(|(shares, _)| shares).collect()
+    now.into_iter().map(|(shares, arrived)| (arrived > 0.0).then_some(shares)).collect()
 }

@@ -2,17 +2,21 @@
 //! comparison at held-out views.
 
 use super::{Painted, render};
-use cuar::{BeforeEdit, CuarError, first_frame_shares};
-use gs_core::{Camera, DynamicScene, Image, Rasterizer, RenderParams, Splats};
+use cuar::{
+    Backend, BeforeEdit, CuarError, NoObserver, Observer, RefineOptions, Refined, State, Views,
+    first_frame_shares, refine_edit,
+};
+use gs_core::{Camera, DynamicScene, Image, Rasterizer, RenderParams, Splats, TimeRange};
 use gs_raster_cpu::CpuRasterizer;
 use gs_synth::{
-    DemoParams, Edit, EditedFrame, Paint, Part, Region, SynthError, SynthScene, apply_edits,
-    deliver, demo,
+    DemoParams, Edit, EditedFrame, Paint, Part, Region, SynthError, SynthScene, UnseenColor,
+    apply_edits, deliver, demo,
 };
 
 /// An edit that misses what its pictures do not show.
 pub struct Delivered {
     pub name: &'static str,
+    pub edits: Vec<Edit>,
     pub source: SynthScene,
     /// The edit as it should be.
     pub truth: EditedFrame,
@@ -50,6 +54,12 @@ pub fn cases() -> Vec<(&'static str, Vec<Edit>)> {
         (
             "deleted",
             vec![Edit::Remove { region: Region::parts(&[Part::UpperArmL, Part::ForearmL]) }],
+        ),
+        (
+            "deleted ball",
+            vec![Edit::Remove {
+                region: Region::parts(&[Part::Ball]).within([0.80, 0.15, 0.50], 0.3),
+            }],
         ),
         (
             "deleted legs",
@@ -92,14 +102,24 @@ pub fn delivered(
     let params = DemoParams { num_splats, sh_degree, ..DemoParams::default() };
     let source = demo(&params).unwrap();
     let (pictures, held_out) = cameras(&source);
-    let raster = CpuRasterizer::default();
     let truth = apply_edits(&source, edits, 0).unwrap();
-    let given = deliver(&source, edits, 0, |splats: &Splats| {
-        first_frame_shares(&raster, splats, &pictures).map_err(Failed::Cuar)
-    })
-    .unwrap();
+    let given = given(&source, edits, UnseenColor::Source, &pictures);
     let source_rows = source_rows(&source, &given);
-    Delivered { name, source, truth, given, pictures, held_out, source_rows }
+    let edits = edits.to_vec();
+    Delivered { name, edits, source, truth, given, pictures, held_out, source_rows }
+}
+
+/// What an editor of `pictures` delivers.
+fn given(
+    source: &SynthScene,
+    edits: &[Edit],
+    unseen: UnseenColor,
+    pictures: &[Camera],
+) -> EditedFrame {
+    let raster = CpuRasterizer::default();
+    let shown =
+        |splats: &Splats| first_frame_shares(&raster, splats, pictures).map_err(Failed::Cuar);
+    deliver(source, edits, 0, unseen, shown).unwrap()
 }
 
 /// Source rows of splats with the geometry of a source splat.
@@ -117,15 +137,61 @@ fn source_rows(source: &SynthScene, edited: &EditedFrame) -> Vec<Option<u32>> {
 impl Delivered {
     /// The same with the edit as it should be.
     pub fn perfect(&self) -> Self {
+        self.with(self.truth.clone())
+    }
+
+    /// The same with another colour on splats that the editor's pictures do not show.
+    pub fn with_unseen(&self, unseen: UnseenColor) -> Self {
+        self.with(given(&self.source, &self.edits, unseen, &self.pictures))
+    }
+
+    fn with(&self, given: EditedFrame) -> Self {
         Self {
             name: self.name,
+            edits: self.edits.clone(),
             source: self.source.clone(),
             truth: self.truth.clone(),
-            given: self.truth.clone(),
+            source_rows: source_rows(&self.source, &given),
+            given,
             pictures: self.pictures.clone(),
             held_out: self.held_out.clone(),
-            source_rows: source_rows(&self.source, &self.truth),
         }
+    }
+
+    /// Rows that the edit changed.
+    pub fn edited(&self) -> Vec<bool> {
+        let (splats, source) = (&self.given.splats, self.source.frame1());
+        let is_edited = |i: usize| {
+            self.source_rows[i].is_none_or(|id| source.sh_of(id as usize) != splats.sh_of(i))
+        };
+        (0..splats.len()).map(is_edited).collect()
+    }
+
+    /// `scene` (the delivered one, or with other colours) refined from the pictures' cameras at
+    /// `frames` times.
+    pub fn refined(
+        &self,
+        scene: &dyn DynamicScene,
+        frames: usize,
+        options: &RefineOptions,
+    ) -> Refined {
+        let times = TimeRange::UNIT.frames(frames);
+        let views = Views { cameras: &self.pictures, times: &times, held_out: &[] };
+        self.refined_from(scene, &views, options, None, &mut NoObserver).unwrap()
+    }
+
+    pub fn refined_from(
+        &self,
+        scene: &dyn DynamicScene,
+        views: &Views<'_>,
+        options: &RefineOptions,
+        resume: Option<&State>,
+        observer: &mut dyn Observer,
+    ) -> Result<Refined, CuarError> {
+        let raster = CpuRasterizer::default();
+        let backend = Backend { raster: &raster, descent: None };
+        let (before, edited) = (self.before(), self.edited());
+        refine_edit(backend, scene, &before, &edited, views, options, resume, observer)
     }
 
     pub fn before(&self) -> BeforeEdit<'_> {
@@ -224,8 +290,26 @@ impl Judge {
     }
 
     pub fn score(&self, scene: &dyn DynamicScene) -> Score {
-        let mut score = Score::default();
+        let mut sum = Score::default();
+        for score in self.scores(scene) {
+            let parts = [
+                (&mut sum.revealed, score.revealed),
+                (&mut sum.elsewhere, score.elsewhere),
+                (&mut sum.inside, score.inside),
+                (&mut sum.outside, score.outside),
+            ];
+            for (sum, part) in parts {
+                *sum = (sum.0 + part.0, sum.1 + part.1);
+            }
+        }
+        sum
+    }
+
+    /// Of every image.
+    pub fn scores(&self, scene: &dyn DynamicScene) -> Vec<Score> {
+        let mut scores = Vec::new();
         for Reference { t, camera, truth, revealed, mask } in &self.0 {
+            let mut score = Score::default();
             let ours = render(scene, *t, camera);
             for (p, &revealed) in revealed.iter().enumerate() {
                 let error: f64 = (p * 3..p * 3 + 3)
@@ -240,8 +324,9 @@ impl Judge {
                     *count += 3.0;
                 }
             }
+            scores.push(score);
         }
-        score
+        scores
     }
 }
 

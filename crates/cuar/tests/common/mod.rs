@@ -8,6 +8,7 @@
     reason = "pixels inside the image, single-precision places"
 )]
 
+pub mod bars;
 pub mod delivered;
 pub mod slide;
 

@@ -1,12 +1,12 @@
 //! The picture of an edit: before, what was selected, after.
 
+use crate::camera_rig::CameraRig;
 use crate::caption::{self, Rgb};
 use crate::commands::panels::{render, shaded, view};
 use crate::device::Device;
 use crate::failure::{Failure, Outcome};
 use crate::images;
 use crate::renderer::side_by_side;
-use crate::rig::Rig;
 use crate::scene::Opened;
 use gs_core::{Image, Splats};
 use gs_io::AtomicFile;
@@ -44,7 +44,7 @@ pub(super) fn draw(
     (marks, selections): (&[Option<usize>], &[Shown]),
     device: &Device,
 ) -> Outcome<Image> {
-    let rig = Rig::of_scene(opened.scene.as_ref(), up).map_err(Failure::input)?;
+    let rig = CameraRig::of_scene(opened.scene.as_ref(), up).map_err(Failure::input)?;
     let camera = view(&rig, before, |row| marks[row].is_some(), device)?;
     let color = |mark: usize| COLORS[mark % COLORS.len()];
     let panels = [

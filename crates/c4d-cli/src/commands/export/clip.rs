@@ -3,10 +3,10 @@
 use super::written::say_written;
 use crate::args::ExportFormat;
 use crate::args::{ExportArgs, Global};
+use crate::camera_rig::{CameraRig, DEFAULT_SIZE};
 use crate::console::Console;
 use crate::failure::{Failure, Outcome};
 use crate::output::{check_sh_degree, existing, output_failure, refuse_overlap};
-use crate::rig::{DEFAULT_SIZE, Rig};
 use crate::scene::Opened;
 use gs_io::{Clip, IoError, Losses, splat4d, splatv, usda};
 use std::time::Instant;
@@ -101,7 +101,7 @@ fn write_splatv(
     console: &Console,
 ) -> Outcome<Written> {
     let scene = opened.original.as_ref().unwrap_or(&opened.scene);
-    let rig = Rig::of_scene(scene.as_ref(), opened.up).map_err(Failure::input)?;
+    let rig = CameraRig::of_scene(scene.as_ref(), opened.up).map_err(Failure::input)?;
     let options = splatv::Options {
         tolerance: args.tolerance.unwrap_or(splatv::DEFAULT_TOLERANCE),
         force: args.force,

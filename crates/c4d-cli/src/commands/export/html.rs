@@ -3,12 +3,12 @@
 
 use super::written::say_written;
 use crate::args::{ExportArgs, Global};
+use crate::camera_rig::{CameraRig, DEFAULT_SIZE};
 use crate::console::Console;
 use crate::device::Device;
 use crate::failure::{Failure, Outcome, chain};
 use crate::output::{check_sh_degree, existing, output_failure, refuse_overlap};
 use crate::renderer::Renderer;
-use crate::rig::{DEFAULT_SIZE, Rig};
 use crate::scene::Opened;
 use gs_core::{Camera, DynamicScene, Image};
 use gs_io::{AtomicFile, Losses};
@@ -49,7 +49,7 @@ pub(super) fn write(
     .map_err(|error| failure(&error))?;
     let elapsed = progress.finish();
     // Framed as in `c4d render`, by the scene before the edit.
-    let rig = Rig::of_scene(first, opened.up).map_err(Failure::input)?;
+    let rig = CameraRig::of_scene(first, opened.up).map_err(Failure::input)?;
     let camera = rig.front(DEFAULT_SIZE);
     let poster = poster(opened, first, times[0], &camera, global)?;
     let title = args.title.clone().unwrap_or_else(|| title(&args.output));

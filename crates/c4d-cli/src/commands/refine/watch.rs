@@ -44,7 +44,7 @@ impl Watch<'_> {
 }
 
 impl Observer for Watch<'_> {
-    fn progress(&mut self, now: &cuar::Progress) {
+    fn progress(&mut self, now: &cuar::RefineProgress) {
         if self.progress.as_ref().is_none_or(|(stage, _)| *stage != now.stage)
             && let Some((_, finished)) = self
                 .progress

@@ -1,9 +1,9 @@
 //! Views of a render.
 
-use crate::args::{RenderArgs, SplitArg};
+use crate::args::{Crop, RenderArgs, SplitArg};
+use crate::camera_rig::{CameraRig, DEFAULT_SIZE};
 use crate::console::Console;
 use crate::failure::{Failure, Outcome};
-use crate::rig::{DEFAULT_SIZE, Rig};
 use crate::scene::Opened;
 use crate::{cameras, frames, placement};
 use gs_core::Camera;
@@ -42,11 +42,11 @@ pub(super) fn views(
     console: &Console,
 ) -> Outcome<Views> {
     let size = args.size.unwrap_or(DEFAULT_SIZE);
-    let rig = || -> Outcome<Rig> {
+    let rig = || -> Outcome<CameraRig> {
         // The rig frames the scene before the edit, so that a run
         // and its source have the same views.
         let scene = opened.original.as_ref().unwrap_or(&opened.scene);
-        Rig::of_scene(scene.as_ref(), args.up.map_or(opened.up, crate::args::Up::vector))
+        CameraRig::of_scene(scene.as_ref(), args.up.map_or(opened.up, crate::args::Up::vector))
             .map_err(Failure::input)
             .inspect(|rig| placement::warn_if_coarse(&rig.extent, console))
     };
@@ -64,12 +64,39 @@ pub(super) fn views(
         )
         .next("Omit it."));
     }
-    match args.cameras.as_str() {
-        "front" => Ok(Views::Fixed(vec![rig()?.front(size)])),
-        "orbit" => Ok(Views::Path(rig()?.orbit(times.len(), size))),
-        "spiral" => Ok(Views::Path(rig()?.spiral(times.len(), size))),
-        named => of_files(args, opened, named, times, console),
+    let views = match args.cameras.as_str() {
+        "front" => Views::Fixed(vec![rig()?.front(size)]),
+        "orbit" => Views::Path(rig()?.orbit(times.len(), size)),
+        "spiral" => Views::Path(rig()?.spiral(times.len(), size)),
+        named => of_files(args, opened, named, times, console)?,
+    };
+    match args.crop {
+        Some(crop) => cropped(views, crop),
+        None => Ok(views),
     }
+}
+
+/// The part of each view that `crop` names.
+fn cropped(views: Views, Crop { size: (width, height), origin: [x, y] }: Crop) -> Outcome<Views> {
+    let lies_within = |camera: &Camera| x + width <= camera.width && y + height <= camera.height;
+    if let Some(camera) = views.cameras().iter().find(|camera| !lies_within(camera)) {
+        return Err(Failure::usage(format!(
+            "--crop {width}x{height}+{x}+{y} reaches beyond the image, {}x{} pixels",
+            camera.width, camera.height
+        )));
+    }
+    let crop = |mut cameras: Vec<Camera>| {
+        for camera in &mut cameras {
+            camera.intrinsics.cx -= f64::from(x);
+            camera.intrinsics.cy -= f64::from(y);
+            (camera.width, camera.height) = (width, height);
+        }
+        cameras
+    };
+    Ok(match views {
+        Views::Fixed(cameras) => Views::Fixed(crop(cameras)),
+        Views::Path(cameras) => Views::Path(crop(cameras)),
+    })
 }
 
 /// Cameras of a file or data set: each at its own time, or each at all

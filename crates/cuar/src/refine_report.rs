@@ -1,11 +1,11 @@
-//! [`Report`]: what a refinement did.
+//! [`RefineReport`]: what a refinement did.
 
 use crate::{RepairCounts, SupervisionStats, problem::TracePoint, view_sampler::ViewTime};
 
 /// Counts, losses and timings of a refinement. Losses are Eq. 20, means over images; only pixels
 /// that an edited splat reaches contribute.
 #[derive(Debug, Clone, Default, PartialEq)]
-pub struct Report {
+pub struct RefineReport {
     /// Edited splats.
     pub num_edited: usize,
     /// Edited splats that some image shows.

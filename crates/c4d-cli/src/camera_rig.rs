@@ -23,7 +23,7 @@ pub(crate) enum Layout {
 
 /// A camera rig. World units.
 #[derive(Debug, Clone)]
-pub(crate) struct Rig {
+pub(crate) struct CameraRig {
     /// Which of the two layouts.
     pub(crate) layout: Layout,
     centre: [f64; 3],
@@ -67,7 +67,7 @@ const OBJECT_FOV_RAD: f64 = 0.698_132;
 /// Number of views of a refinement without cameras.
 const REFINING: usize = 10;
 
-impl Rig {
+impl CameraRig {
     /// Rig for a scene. Frames the moving part of a scene that surrounds its origin
     /// (backdrops and sky domes would push the cameras outside), or all of a
     /// forward capture. `up` is the world's upward direction.
@@ -365,7 +365,7 @@ mod tests {
 
     #[test]
     fn an_object_is_orbited_and_always_in_view() {
-        let rig = Rig::around(&cloud([0.0; 3]), [0.0, 1.0, 0.0]);
+        let rig = CameraRig::around(&cloud([0.0; 3]), [0.0, 1.0, 0.0]);
         assert_eq!(rig.layout, Layout::Object, "the origin is inside");
         for camera in rig.orbit(7, (64, 48)) {
             let centre = camera.project([0.0; 3]).unwrap();
@@ -397,9 +397,9 @@ mod tests {
     #[test]
     fn an_object_away_from_the_origin_is_orbited() {
         let up = [0.0, 1.0, 0.0];
-        let here = Rig::around(&cloud([0.0; 3]), up);
+        let here = CameraRig::around(&cloud([0.0; 3]), up);
         for shift in [[0.0, 0.0, 8.0], [-12.0, 3.0, 0.0], [2000.0, 0.0, -900.0]] {
-            let rig = Rig::around(&cloud(shift), up);
+            let rig = CameraRig::around(&cloud(shift), up);
             assert_eq!(rig.layout, Layout::Object, "{shift:?}");
             let pairs = here.orbit(5, (64, 48)).into_iter().zip(rig.orbit(5, (64, 48)));
             for (a, b) in pairs {
@@ -414,9 +414,9 @@ mod tests {
     fn rigs_and_their_near_planes_follow_the_scale() {
         let up = [0.0, -1.0, 0.0];
         for splats in [cloud([0.0; 3]), cloud([0.15, 0.1, 3.0])] {
-            let here = Rig::around(&splats, up);
+            let here = CameraRig::around(&splats, up);
             for scale in [1e-3_f32, 1e-2, 1e2, 1e3] {
-                let rig = Rig::around(&placed(&splats, scale, [0.0; 3]), up);
+                let rig = CameraRig::around(&placed(&splats, scale, [0.0; 3]), up);
                 assert_eq!(rig.layout, here.layout, "{scale}");
                 for (a, b) in here.spiral(4, (64, 48)).iter().zip(rig.spiral(4, (64, 48))) {
                     let unscaled = b.position().map(|x| x / f64::from(scale));
@@ -433,7 +433,7 @@ mod tests {
     fn a_figure_under_a_sky_dome_is_seen_from_inside() {
         let params = gs_synth::DemoParams { num_splats: 3000, ..gs_synth::DemoParams::default() };
         let scene = gs_synth::demo(&params).unwrap();
-        let rig = Rig::of_scene(&scene, [0.0, 1.0, 0.0]).unwrap();
+        let rig = CameraRig::of_scene(&scene, [0.0, 1.0, 0.0]).unwrap();
         let reach = |p: [f64; 3]| norm([p[0], 0.0, p[2]]);
         let dome = scene.frame1().means.iter().map(|m| reach(m.map(f64::from))).fold(0.0, f64::max);
         let size = f64::from(scene.figure_size());
@@ -451,7 +451,7 @@ mod tests {
         let params = gs_synth::DemoParams { num_splats: 8000, ..gs_synth::DemoParams::default() };
         let scene = gs_synth::demo(&params).unwrap();
         let still = gs_deform::StaticScene::new(scene.frame1().clone()).unwrap();
-        let rig = Rig::of_scene(&still, [0.0, 1.0, 0.0]).unwrap();
+        let rig = CameraRig::of_scene(&still, [0.0, 1.0, 0.0]).unwrap();
         let size = f64::from(scene.figure_size());
         for camera in std::iter::once(rig.front((64, 48))).chain(rig.orbit(8, (64, 48))) {
             let head = camera.project([0.0, size, 0.0]).unwrap();
@@ -463,7 +463,7 @@ mod tests {
 
     #[test]
     fn a_forward_capture_is_seen_from_its_origin() {
-        let rig = Rig::around(&cloud([0.15, 0.1, 3.0]), [0.0, -1.0, 0.0]);
+        let rig = CameraRig::around(&cloud([0.15, 0.1, 3.0]), [0.0, -1.0, 0.0]);
         assert_eq!(rig.layout, Layout::Forward, "fills the view from the origin");
         let camera = rig.front((64, 48));
         assert!(camera.position().iter().all(|v| v.abs() < 1e-9), "stands at the origin");

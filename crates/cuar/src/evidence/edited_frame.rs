@@ -1,0 +1,16 @@
+//! [`EditedFrame`]: frame 1 and its surfaces.
+
+use super::surface::{Nodes, Surface};
+use gs_core::Splats;
+
+/// Frame 1 with its surfaces, and what it was before the edit.
+#[derive(Clone, Copy)]
+pub(super) struct EditedFrame<'a> {
+    pub(super) nodes: &'a Nodes,
+    pub(super) surface: &'a Surface,
+    pub(super) first: &'a Splats,
+    /// SH before the edit, `[M,K,3]`.
+    pub(super) old: &'a [[f32; 3]],
+    /// Source splats whose geometry they have: what these were before the edit is no guess.
+    pub(super) source_rows: &'a [Option<u32>],
+}

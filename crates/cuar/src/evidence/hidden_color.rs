@@ -1,0 +1,86 @@
+//! [`HiddenColor`]: what an edit left on splats that frame 1 hides.
+
+use super::{
+    change::{References, expected_changes},
+    edited_frame::EditedFrame,
+};
+use gs_core::sh;
+
+/// Colour that an edit left on a splat.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum HiddenColor {
+    /// That from before the edit.
+    Old,
+    /// One that the edit meant.
+    Meant,
+    /// Neither.
+    Meaningless,
+}
+
+/// Supervised splats whose own change is compared with that of their surface.
+const COMPARED: usize = 2000;
+/// How much larger than theirs the error of hidden splats is, in the median, if their colours are
+/// meaningless.
+const FACTOR: f32 = 2.0;
+/// Least such error, summed over the channels: errors of an edit in one colour are zero.
+const MIN_ERROR: f32 = 0.1;
+
+/// Median error of supervised splats: how far their change is from what their surface lets expect.
+pub(super) fn supervised_error(frame: &EditedFrame<'_>, references: &References) -> f32 {
+    let step = references.rows.len().div_ceil(COMPARED).max(1);
+    let compared: Vec<usize> = references.rows.iter().copied().step_by(step).collect();
+    let errors = errors(frame, &compared, references);
+    let known = errors.into_iter().filter(|error| error.is_finite());
+    weighted_median(known.map(|error| (error, 1.0)).collect())
+}
+
+/// Whether hidden splats with these errors and weights have meaningless colours in the main, where
+/// those of supervised splats are `supervised` in the median.
+pub(super) fn are_meaningless(hidden: Vec<(f32, f32)>, supervised: f32) -> bool {
+    weighted_median(hidden) > (FACTOR * supervised).max(MIN_ERROR)
+}
+
+/// Where [`are_meaningless`]: whether this error is.
+pub(super) fn is_meaningless(error: f32, supervised: f32) -> bool {
+    error > supervised.max(MIN_ERROR)
+}
+
+/// Median of pairs of value and weight; 0 without any.
+fn weighted_median(mut pairs: Vec<(f32, f32)>) -> f32 {
+    pairs.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let half = 0.5 * pairs.iter().map(|(_, weight)| weight).sum::<f32>();
+    let mut sum = 0.0;
+    let median = pairs.into_iter().find(|(_, weight)| {
+        sum += weight;
+        sum >= half
+    });
+    median.map_or(0.0, |(value, _)| value)
+}
+
+/// How far the change of base colour of each row is from what its surface lets expect, summed over
+/// the channels; infinite without references.
+pub(super) fn errors(frame: &EditedFrame<'_>, rows: &[usize], references: &References) -> Vec<f32> {
+    let EditedFrame { first, old, .. } = *frame;
+    let coeffs = first.sh_coeffs();
+    let error = |(&i, change): (&usize, Option<Vec<[f32; 3]>>)| {
+        let Some(change) = change else { return f32::INFINITY };
+        let (expected, now, then) = (change[0], first.sh_of(i)[0], old[i * coeffs]);
+        (0..3).map(|c| ((expected[c] - (now[c] - then[c])) * sh::C0).abs()).sum()
+    };
+    rows.iter().zip(expected_changes(frame, rows, references)).map(error).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn medians_follow_the_weights() {
+        assert_eq!(weighted_median(vec![(3.0, 1.0), (1.0, 1.0), (2.0, 1.0)]), 2.0);
+        assert_eq!(weighted_median(vec![(3.0, 5.0), (1.0, 1.0), (2.0, 1.0)]), 3.0);
+        assert_eq!(weighted_median(Vec::new()), 0.0);
+        assert!(are_meaningless(vec![(0.5, 1.0)], 0.2), "larger");
+        assert!(!are_meaningless(vec![(0.5, 1.0)], 0.3), "of the same size");
+        assert!(!are_meaningless(Vec::new(), 0.0), "none");
+    }
+}

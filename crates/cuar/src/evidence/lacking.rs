@@ -1,0 +1,54 @@
+//! [`lacking_changes`]: the change of colour that hidden splats lack.
+
+use super::{
+    change::expected_changes, edited_frame::EditedFrame, hidden::Hidden, hidden_color::HiddenColor,
+    params::EvidenceParams,
+};
+
+/// What one splat lacks.
+pub(super) struct Lacking {
+    pub(super) row: usize,
+    /// Share of the surface around it that has the expected change.
+    pub(super) share: f32,
+    /// Expected change of SH less its own, `[K,3]`.
+    pub(super) change: Vec<[f32; 3]>,
+}
+
+/// What the open rows of `hidden` lack, ascending by row; and the number of those on a surface that
+/// the edit changed, but without supervised splats to compare them with.
+///
+/// On a surface that the edit changed that is the rest of its change, on one that it left alone
+/// what brings a meaningless colour back to the old one.
+pub(super) fn lacking_changes(
+    frame: &EditedFrame<'_>,
+    hidden: &Hidden,
+    params: &EvidenceParams,
+) -> (Vec<Lacking>, usize) {
+    let EditedFrame { first, old, .. } = *frame;
+    let coeffs = first.sh_coeffs();
+    let share = |row: usize| hidden.shares[row].unwrap_or_default();
+    let on_changed = |row: &usize| !hidden.is_reached && share(*row)[0] > params.min_agreement;
+    let missed: Vec<usize> = hidden.open().filter(on_changed).collect();
+    let expected = expected_changes(frame, &missed, &hidden.references);
+    let num_without = expected.iter().filter(|change| change.is_none()).count();
+    let mut found: Vec<Lacking> = missed
+        .iter()
+        .zip(expected)
+        .filter_map(|(&row, change)| Some(Lacking { row, share: share(row)[0], change: change? }))
+        .collect();
+    for row in hidden.with_color(HiddenColor::Meaningless) {
+        let Some([changed, deleted]) = hidden.shares[row] else { continue };
+        let share = 1.0 - changed - deleted;
+        if share > params.min_agreement {
+            found.push(Lacking { row, share, change: vec![[0.0; 3]; coeffs] });
+        }
+    }
+    found.sort_by_key(|lacking| lacking.row);
+    for Lacking { row, change, .. } in &mut found {
+        let (now, then) = (first.sh_of(*row), &old[*row * coeffs..]);
+        for (k, change) in change.iter_mut().enumerate() {
+            (0..3).for_each(|c| change[c] -= now[k][c] - then[k][c]);
+        }
+    }
+    (found, num_without)
+}

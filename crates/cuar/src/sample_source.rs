@@ -1,0 +1,64 @@
+//! [`Source`]: what supervised images are made from, per splat.
+
+use crate::{
+    RefineOptions, first_frame_visibility,
+    flow::affine_motion,
+    uncertainty::{change, eye, shown},
+    warp::WARP_CHANNELS,
+};
+use gs_core::{Camera, Splats};
+use rayon::prelude::*;
+
+/// What samples are made from.
+pub(crate) struct Source<'a, R> {
+    pub raster: &'a R,
+    pub options: &'a RefineOptions,
+    pub edited: &'a [bool],
+    /// Row among the edited splats, or `u32::MAX`.
+    pub row_of: &'a [u32],
+    pub first: &'a Splats,
+}
+
+/// Channels composited to make a sample: those of the warp, ξ, which splats are edited, how much of
+/// them frame 1 shows, and by how much the colours that it shows differ from those of now.
+pub(crate) const CHANNELS: usize = WARP_CHANNELS + 6;
+pub(crate) const XI: usize = WARP_CHANNELS;
+pub(crate) const EDITED: usize = WARP_CHANNELS + 1;
+pub(crate) const KNOWN_SHARE: usize = WARP_CHANNELS + 2;
+pub(crate) const COLOR_CHANGE: usize = WARP_CHANNELS + 3;
+
+impl<R> Source<'_, R> {
+    /// `[N,CHANNELS]` at the time of `splats`; `weights` are those of the splats in frame 1, or
+    /// empty.
+    pub(crate) fn features(&self, splats: &Splats, camera: &Camera, weights: &[f32]) -> Vec<f32> {
+        let eye = eye(camera);
+        let enough = self.options.warp_params.min_visible_share;
+        let known = first_frame_visibility::visibility(splats, weights, camera, enough);
+        let mut features = vec![0.0_f32; splats.len() * CHANNELS];
+        features.par_chunks_mut(CHANNELS).with_min_len(1024).enumerate().for_each(|(i, out)| {
+            if let Some(back) = affine_motion(camera, splats, self.first, i) {
+                out[..2].copy_from_slice(&back.shift);
+                out[2..6].copy_from_slice(&back.linear);
+                out[6..9].copy_from_slice(&back.place);
+                out[9] = back.place.iter().map(|x| x * x).sum();
+            }
+            if let (Some(now), Some(then)) = (shown(splats, i, eye), shown(self.first, i, eye)) {
+                out[XI] = change(now, then);
+                if !self.edited[i] {
+                    // not to be refined: what it shows now is what it is to show
+                    out[KNOWN_SHARE] = 1.0;
+                } else if let Some(&known) = known.get(i) {
+                    out[KNOWN_SHARE] = known;
+                    for channel in 0..3 {
+                        out[COLOR_CHANGE + channel] = known * (then[channel] - now[channel]);
+                    }
+                }
+            }
+            out[EDITED] = f32::from(u8::from(self.edited[i]));
+            if !out.iter().all(|value| value.is_finite()) {
+                out.fill(0.0);
+            }
+        });
+        features
+    }
+}

@@ -61,7 +61,7 @@ pub(crate) fn companions(
         }
         let undone = identity.similarities[group as usize].inverse().apply(place(row));
         source_tree.nearest(&undone, 1, &mut near);
-        let source = crate::binding::index(usable[near[0].id as usize]);
+        let source = crate::row_index::index(usable[near[0].id as usize]);
         found.push(Companion { row, source, neighbor });
     }
     found

@@ -1,10 +1,10 @@
 //! What moves as one of what the edit moved, and which source splats show how.
 
-use crate::binding::index;
 use crate::identity::{Identity, IdentityMap};
 use crate::keyframes::{FADED, KeyFrames};
 use crate::moved_group::MovedGroup;
 use crate::rigid::{RigidFit, norm, sub};
+use crate::row_index::index;
 use anchors::KdTree;
 use gs_core::Real;
 

@@ -9,9 +9,9 @@ mod tolerance;
 pub use row::Identity;
 
 use crate::AmgError;
-use crate::binding::index;
 use crate::bit_map::BitMap;
 use crate::options::IdentityParams;
+use crate::row_index::index;
 use crate::similarity::Similarity;
 use foldhash::fast::RandomState;
 use gs_core::Splats;

@@ -1,7 +1,7 @@
 //! Baseline "KNN-Guide": the nearest source splats, whatever they belong to.
 
-use crate::binding::index;
 use crate::options::KnnParams;
+use crate::row_index::index;
 use anchors::KdTree;
 use gs_core::{Real, Splats};
 

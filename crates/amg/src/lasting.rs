@@ -14,9 +14,9 @@
 //! the edit frame shows it.
 
 use crate::AmgError;
-use crate::binding::index;
 use crate::generations::{Generations, Visibility};
 use crate::rigid::{RigidFit, dot, norm};
+use crate::row_index::index;
 use crate::similarity::Similarity;
 use anchors::KdTree;
 use gs_core::{DynamicScene, Real, SceneError, Splats, TimeRange, quat};

@@ -56,6 +56,8 @@ mod regions;
 mod report;
 mod rigid;
 mod rigid_parts;
+mod row_index;
+mod row_kind;
 mod scene;
 mod simd;
 mod similarity;
@@ -63,7 +65,7 @@ mod similarity_words;
 mod work;
 
 pub use anchors::{AnchorParams, Grouping, Radius};
-pub use binding::{Binding, RowKind, Surface};
+pub use binding::{Binding, Surface};
 pub use colour_change::ColourChange;
 pub use dynamics::DynamicSplit;
 pub use error::AmgError;
@@ -80,6 +82,7 @@ pub use options::{
 pub use propagate::{Propagation, propagate};
 pub use report::{MotionReport, TransportReport};
 pub use rigid_parts::RigidParts;
+pub use row_kind::RowKind;
 pub use scene::EditedScene;
 pub use similarity::Similarity;
 pub use work::Progress;

@@ -2,9 +2,9 @@
 //! Mahalanobis weights.
 
 use crate::AmgError;
-use crate::binding::index;
 use crate::options::{AnchorSampling, PaperParams};
 use crate::report::{MotionReport, TransportReport};
+use crate::row_index::index;
 use crate::work::Progress;
 use anchors::AnchorSet;
 use gs_core::{Real, Splats, quat};

@@ -1,7 +1,7 @@
 //! The whole stage: from a source scene and edited splats to a scene that moves.
 
 use crate::beside_copies::companions;
-use crate::binding::{Binding, RowKind, Surface};
+use crate::binding::{Binding, Surface};
 use crate::carriers;
 use crate::dynamics::DynamicSplit;
 use crate::generations::Generations;
@@ -11,6 +11,7 @@ use crate::keyframes::KeyFrames;
 use crate::lasting::LastingScene;
 use crate::options::{Follow, MotionGuide, MotionOptions};
 use crate::report::MotionReport;
+use crate::row_kind::RowKind;
 use crate::scene::EditedScene;
 use crate::work::{Progress, Row, Work};
 use crate::{AmgError, knn};

@@ -2,13 +2,14 @@
 
 use crate::AmgError;
 use crate::aggregate::{SourceAt, SourceMotion, blend_change, blend_geometry, weights_seen};
-use crate::binding::{Binding, RowKind};
+use crate::binding::Binding;
 use crate::field::FieldAt;
 use crate::inheritance::changed_dc;
 use crate::keyframes::check_rows;
 use crate::lasting::Motion;
 use crate::moved_group::{self, GroupPose};
 use crate::options::Aggregation;
+use crate::row_kind::RowKind;
 use gs_core::{DynamicScene, SceneError, Splats, TimeRange};
 use rayon::prelude::*;
 use std::sync::{Arc, Mutex, PoisonError};

@@ -1,10 +1,10 @@
 //! [`Work`]: what every guide works on.
 
-use crate::binding::RowKind;
 use crate::dynamics::DynamicSplit;
 use crate::identity::IdentityMap;
 use crate::keyframes::KeyFrames;
 use crate::options::MotionOptions;
+use crate::row_kind::RowKind;
 use gs_core::Splats;
 
 /// Receives the name of the stage under way and how much of that stage is done, 0 to 1.

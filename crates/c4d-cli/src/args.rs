@@ -7,7 +7,9 @@ mod eval;
 mod export;
 mod export_format;
 mod freeze;
+mod inspect;
 mod shared;
+mod shell;
 mod views;
 
 pub(crate) use bench::{BenchCommand, BenchMotionArgs};
@@ -17,7 +19,9 @@ pub(crate) use eval::{EvalArgs, JudgeArg, MeasureFlags};
 pub(crate) use export::ExportArgs;
 pub(crate) use export_format::ExportFormat;
 pub(crate) use freeze::FreezeArgs;
+pub(crate) use inspect::{DoctorArgs, InfoArgs};
 pub(crate) use shared::{Bars, Common, Global, ModelFlags, Overwriting, Rendering};
+pub(crate) use shell::{CompletionsArgs, ManArgs};
 pub(crate) use views::{AxesArg, CamerasAs, SplitArg, Up};
 
 use crate::failure::{Failure, Outcome};
@@ -127,50 +131,6 @@ pub(crate) enum Command {
     Completions(CompletionsArgs),
     /// Write manual pages, one per command
     Man(ManArgs),
-}
-
-#[derive(Debug, Args)]
-#[command(
-    after_help = "bash: c4d completions bash > ~/.local/share/bash-completion/completions/c4d
-zsh: c4d completions zsh > a folder of $fpath, as _c4d
-fish: c4d completions fish > ~/.config/fish/completions/c4d.fish
-PowerShell: c4d completions powershell | Out-String | Invoke-Expression, in $PROFILE"
-)]
-pub(crate) struct CompletionsArgs {
-    /// Whose completions
-    pub(crate) shell: clap_complete::Shell,
-}
-
-#[derive(Debug, Args)]
-pub(crate) struct ManArgs {
-    /// Folder to write, with `man1/c4d.1` and one page per command
-    #[arg(short, long)]
-    pub(crate) output: PathBuf,
-    #[command(flatten)]
-    pub(crate) writes: Overwriting,
-}
-
-#[derive(Debug, Args)]
-pub(crate) struct InfoArgs {
-    /// A scene folder, a run, or a splat file
-    pub(crate) path: PathBuf,
-    /// Print JSON
-    #[arg(long)]
-    pub(crate) json: bool,
-    /// Axes of an SPZ or glTF frame [default: those stated in the file, else those of its format]
-    #[arg(long, visible_alias = "spz-axes", value_enum)]
-    pub(crate) axes: Option<AxesArg>,
-    #[command(flatten)]
-    pub(crate) model: ModelFlags,
-}
-
-#[derive(Debug, Args)]
-pub(crate) struct DoctorArgs {
-    /// Print JSON
-    #[arg(long)]
-    pub(crate) json: bool,
-    #[command(flatten)]
-    pub(crate) rendering: Rendering,
 }
 
 #[derive(Debug, Args)]

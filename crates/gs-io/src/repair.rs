@@ -275,7 +275,10 @@ mod tests {
             assert_eq!(out.splats.log_scales[2], [0.0, -20.0, 0.0], "{damage:?}: only that axis");
         }
         let said = sanitize(splats, Damage::Drop).unwrap().report.infinities.note().unwrap();
-        assert!(said.contains("1 opacities of exactly 1") && said.contains("no extent"), "{said}");
+        assert!(
+            said.contains("1 opacities of exactly 1") && said.contains("without extent"),
+            "{said}"
+        );
         assert_eq!(sanitize(three(), Damage::Drop).unwrap().report.infinities.note(), None, "none");
     }
 

@@ -353,7 +353,7 @@ fn spz_version_2_and_large_scenes() {
     floating.means[1] = [-1e9, 0.0, 0.0];
     let losses = spz::write(&floating, &spz::WriteOptions::default(), &mut Vec::new()).unwrap();
     assert!(
-        losses.to_string().contains("have 0 bits"),
+        losses.to_string().contains("have 0 fractional bits"),
         "two are too many for the exception: \
         {losses}"
     );

@@ -356,7 +356,11 @@ fn models_without_dynamic_splats_cause_a_warning() {
     let folder = Folder::new();
     folder.cfg(&CFG.replace("dynamic_thro=7.0", "dynamic_thro=70"));
     let model = folder.open();
-    assert!(model.report.warnings[0].contains("nothing moves"), "{:?}", model.report.warnings);
+    assert!(
+        model.report.warnings[0].contains("this model is static"),
+        "{:?}",
+        model.report.warnings
+    );
     assert_eq!(&model.scene.at(0.5).unwrap(), model.scene.canonical(), "and nothing moves");
 }
 

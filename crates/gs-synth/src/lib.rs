@@ -27,6 +27,7 @@
 mod assemble;
 mod body;
 mod brief;
+mod brief_cases;
 mod cameras;
 mod cases;
 mod cloth;
@@ -39,6 +40,7 @@ mod edit;
 mod error;
 mod figure;
 mod fit;
+mod label_transport;
 mod math;
 mod metric;
 mod oracle;
@@ -52,9 +54,8 @@ mod shape;
 mod stage;
 mod truth;
 
-pub use brief::{
-    BriefCase, BriefParams, BriefScene, BriefTruth, BriefTruthScene, build_brief, label_transport,
-};
+pub use brief::{BriefParams, BriefScene};
+pub use brief_cases::{BriefCase, BriefTruth, BriefTruthScene, build_brief};
 pub use cases::{TruthCase, TruthScene, build};
 pub use control::rigid_neighbours;
 pub use deliver::{PICTURE_WEIGHT, UnseenColor, deliver};
@@ -62,6 +63,7 @@ pub use demo::{DemoParams, demo, demo_edits};
 pub use edit::{Edit, Graft, Paint, Region, apply_edits};
 pub use error::SynthError;
 pub use fit::{FitParams, FitResidual, FittedField, fit_hexplane};
+pub use label_transport::label_transport;
 pub use metric::{MotionError, motion_error, motion_error_of};
 pub use oracle::{PartBy, part_neighbours};
 pub use part::{Bone, Kind, Part, Tag};

@@ -115,7 +115,7 @@ fn descent(
             let total: f64 = found.of.iter().map(|entry| entry.1).sum();
             let kept = found.of.iter().filter(|entry| entry.1 > 1e-3 * total);
             let of = kept.map(|&(at, share)| {
-                (crate::binding::index(shown[at as usize]), gs_core::Real::as_f32(share / total))
+                (crate::row_index::index(shown[at as usize]), gs_core::Real::as_f32(share / total))
             });
             let confidence = gs_core::Real::as_f32(matched * rest.confidence);
             Descent { of: of.collect(), confidence }

@@ -19,7 +19,7 @@ use super::row::Identity;
 use super::signature::{By, candidates};
 use super::stored;
 use super::tolerance::match_by_tolerance;
-use crate::binding::index;
+use crate::row_index::index;
 use crate::similarity::Similarity;
 use anchors::KdTree;
 use gs_core::{Precision, Splats, quat};

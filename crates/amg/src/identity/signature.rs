@@ -1,7 +1,7 @@
 //! What a similarity leaves alone of a splat, and which source splats share it.
 
-use crate::binding::index;
 use crate::bit_map::BitMap;
+use crate::row_index::index;
 use foldhash::fast::RandomState;
 use gs_core::{Precision, Splats};
 use rayon::prelude::*;

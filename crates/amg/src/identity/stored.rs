@@ -1,7 +1,7 @@
 //! Rows that a coarse file format changed, and nobody else.
 
 use super::row::Identity;
-use crate::binding::index;
+use crate::row_index::index;
 use anchors::{KdTree, Neighbor};
 use gs_core::{Precision, RowPrecision, Splats, quat};
 use rayon::prelude::*;

@@ -1,7 +1,7 @@
 //! Edited splats that are source splats within rounding, whatever rounded them.
 
 use super::row::Identity;
-use crate::binding::index;
+use crate::row_index::index;
 use anchors::KdTree;
 use gs_core::{Real, Splats, covariance, quat};
 use rayon::prelude::*;

@@ -36,12 +36,12 @@ mod region_motion;
 mod source;
 mod support;
 
-use crate::binding::RowKind;
 use crate::keyframes::KeyFrames;
 use crate::motion_params::MotionParams;
 use crate::pose::Pose;
 use crate::report::MotionReport;
 use crate::rigid::{dot, sub};
+use crate::row_kind::RowKind;
 use crate::work::{Progress, Row, Work};
 use anchors::{KdTree, RigidNeighbors};
 use candidates::Candidates;

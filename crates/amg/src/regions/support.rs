@@ -5,8 +5,8 @@ use super::cubes::Cube;
 use super::numeric::TINY;
 use super::region_motion::{Path, RegionMotion};
 use super::source::Regions;
-use crate::binding::index;
 use crate::rigid::{dot, norm, sub};
+use crate::row_index::index;
 use anchors::{KdTree, Neighbor};
 use gs_core::Real;
 

@@ -98,7 +98,13 @@ fn within(path: &Path) -> Option<String> {
     };
     let folder = path.ancestors().skip(1).take(DEPTH).filter(known).last()?;
     let kind = gs_io::detect(folder).ok()?;
-    Some(format!("It is part of a {kind}: c4d info {}.", folder.display()))
+    Some(match kind {
+        SceneKind::Cameras(_) => format!(
+            "Beside it are cameras ({kind}): c4d info {} shows the folder.",
+            folder.display()
+        ),
+        _ => format!("It is part of a {kind}: c4d info {}.", folder.display()),
+    })
 }
 
 /// Whether a report may have several entries with this name.

@@ -13,6 +13,7 @@
 
 mod checkpoint;
 mod config;
+mod entry;
 mod files;
 mod fingerprint;
 mod kept_images;

@@ -2,6 +2,7 @@
 //! safetensors.
 
 use super::SCENE;
+use super::entry::{Entry, le_bytes};
 use super::surface_entries;
 use crate::failure::{Failure, Outcome};
 use amg::{AmgError, Binding, MovedGroup, RowKind, Similarity};
@@ -181,9 +182,6 @@ fn serialize(stored: &Stored) -> Outcome<Vec<u8>> {
     safetensors::serialize(views, Some(metadata)).map_err(failed)
 }
 
-/// Name, type, shape and bytes of a tensor.
-pub(super) type Entry = (&'static str, Dtype, Vec<usize>, Vec<u8>);
-
 /// Values of a stored similarity: scale, rotation `wxyz`, 1 or 0 for mirrored, translation.
 const SIMILARITY: usize = 9;
 
@@ -249,13 +247,6 @@ impl StoredGroups {
         };
         Ok(similarities.iter().zip(self.offsets.windows(2)).map(group).collect())
     }
-}
-
-pub(super) fn le_bytes<T: Copy, const N: usize>(
-    values: &[T],
-    to_bytes: impl Fn(T) -> [u8; N],
-) -> Vec<u8> {
-    values.iter().flat_map(|&value| to_bytes(value)).collect()
 }
 
 fn deserialize(bytes: &[u8]) -> Result<Stored, String> {

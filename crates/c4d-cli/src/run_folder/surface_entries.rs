@@ -1,7 +1,7 @@
 //! Arrays of `scene.c4d` for edits that belong to surfaces: lasting splats with their carriers, and
 //! what rows inherit.
 
-use super::scene_file::{Entry, le_bytes};
+use super::entry::{Entry, le_bytes};
 use amg::{Carrier, ColourChange, Inherited, Lasting, Surface};
 use safetensors::{Dtype, SafeTensors};
 

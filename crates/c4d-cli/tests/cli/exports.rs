@@ -126,7 +126,7 @@ fn info_names_formats_that_are_only_written() {
     assert!(out.contains("2 files, each an OpenEXR image"), "{out}");
     let field = fixture("swift4d/model/point_cloud/iteration_13000/FDHash.pth");
     let (out, _) = success(&mut c4d(["info", field.to_str().unwrap()]));
-    assert!(out.contains("PyTorch") && out.contains("lies in a Swift4D model folder"), "{out}");
+    assert!(out.contains("PyTorch") && out.contains("part of a Swift4D model folder"), "{out}");
 }
 
 #[test]

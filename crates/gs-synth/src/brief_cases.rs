@@ -1,6 +1,6 @@
 //! [`BriefCase`]: edits of what frame 1 shows, and what they should be at every time.
 
-use super::{BriefParams, BriefScene, bone_motion};
+use crate::brief::{BriefParams, BriefScene, bone_motion};
 use crate::{
     Edit, EditedFrame, Graft, Paint, Region, SynthError, SynthScene, apply_edits,
     math::{narrow, wide, wxyz},

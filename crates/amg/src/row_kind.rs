@@ -1,0 +1,53 @@
+//! [`RowKind`]: how one edited splat moves.
+
+/// How one edited splat moves.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[repr(u8)]
+pub enum RowKind {
+    /// It stays where the edit put it.
+    Static = 0,
+    /// It is a source splat, untouched: geometry, opacity and colour of that splat at every time,
+    /// bit for bit.
+    Unchanged = 1,
+    /// It is a source splat with other colours or opacity: that splat's geometry bit for bit, the
+    /// edit's appearance plus the source's change of appearance.
+    Recoloured = 2,
+    /// Its motion is a weighted blend of the motion of its sources.
+    Blended = 3,
+    /// The deformation field is asked at its own position (baseline "w/o AMG").
+    Field = 4,
+    /// It is a source splat that the edit moved with others, see [`MovedGroup`](crate::MovedGroup): that splat's
+    /// geometry under the group's similarity, the edit's appearance plus the source's change of
+    /// appearance.
+    Moved = 5,
+    /// It is a source splat that the edit frame does not show, untouched there; it inherits what
+    /// the edit did to the surface that it stands for at other times, see [`Inherited`](crate::Inherited).
+    Descendant = 6,
+}
+
+impl RowKind {
+    /// The kind stored as `code`, if there is one.
+    pub fn from_code(code: u8) -> Option<Self> {
+        [
+            Self::Static,
+            Self::Unchanged,
+            Self::Recoloured,
+            Self::Blended,
+            Self::Field,
+            Self::Moved,
+            Self::Descendant,
+        ]
+        .into_iter()
+        .find(|kind| *kind as u8 == code)
+    }
+
+    /// The number under which files store it.
+    pub fn code(self) -> u8 {
+        self as u8
+    }
+
+    /// Whether geometry is copied from one source splat.
+    pub fn is_exact(self) -> bool {
+        matches!(self, Self::Unchanged | Self::Recoloured)
+    }
+}

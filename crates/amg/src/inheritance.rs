@@ -1,6 +1,7 @@
-//! What an edit of a surface does to splats that stand for it at other times: see [`Inherited`].
+//! The effect of an edit on splats that represent the edited surface at other times: see
+//! [`Inherited`].
 
-use crate::colour_change::{ColourChange, ColourPairs};
+use crate::color_change::{ColorChange, ColorPairs};
 use crate::generations::{Descent, Generations};
 use crate::identity::{Identity, IdentityMap};
 use crate::row_index::index;
@@ -9,41 +10,41 @@ use crate::work::Row;
 use anchors::KdTree;
 use gs_core::{Real, Splats, activation, sh};
 
-/// Recoloured splats around an ancestor from which a change of colour is learnt.
+/// Number of recoloured splats around an ancestor from which the change of colour is estimated.
 const NEIGHBORS: usize = 24;
-/// Shares of ancestors that were recoloured between which a descendant takes a share of the change:
-/// what stands for both sides of a border is drawn on both.
+/// Between these shares of recoloured ancestors a descendant takes a part of the change, as it
+/// covers both sides of the border of the edit.
 const SOFT: [f32; 2] = [0.3, 0.7];
-/// Splats around a deleted one, itself included, of which half are deleted with its surface: a
-/// tenth deleted at random leaves one surface in a few thousand mistaken.
-const AROUND: usize = 16;
-/// Opacities of ancestors that differ by less were not edited.
+/// Nearest splats of a deleted one, itself included. If a third of them are deleted, so is the
+/// surface. Where an editor deletes a tenth of all splats at random, 0.6 in 1000 of those are
+/// mistaken.
+const HOLE_NEIGHBORS: usize = 32;
+/// Changes of opacity below this are rounding of the editor.
 const SAME_OPACITY: f32 = 2e-3;
 
-/// Opacities that logits hold with some precision left.
+/// Opacities outside this range lose precision as logits.
 const MOST_OPACITY: f32 = 0.9999;
 const LEAST_OPACITY: f32 = 1e-8;
-/// Logit of what is not there: an opacity of 2e-9.
+/// Logit of an invisible splat: an opacity of 2e-9.
 const FADED_LOGIT: f32 = -20.0;
 
-/// What a source splat inherits of the edit from the splats of the edit frame that it descends
-/// from.
+/// The part of the edit that a source splat inherits from its ancestors in the edit frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Inherited {
     /// Edited row, of kind [`RowKind::Descendant`].
     pub row: u32,
-    /// How sure the descent is, 0 to 1.
+    /// Confidence of the descent, 0 to 1.
     pub confidence: f32,
     /// Factor on the opacity; 0 where the surface was deleted.
     pub opacity: f32,
-    /// Change of colour.
-    pub colour: ColourChange,
-    /// Group with which the surface was moved.
+    /// Change of color.
+    pub color: ColorChange,
+    /// Moved group that the surface belongs to.
     pub group: Option<u32>,
 }
 
 impl Inherited {
-    /// The logit of a source's opacity times the factor; the same bits if that is 1.
+    /// The logit of the source's opacity times the factor; unchanged if the factor is 1.
     pub(crate) fn logit(&self, logit: f32) -> f32 {
         if self.opacity == 1.0 {
             return logit;
@@ -56,11 +57,11 @@ impl Inherited {
         let numbers = self.opacity.is_finite() && self.confidence.is_finite();
         let in_range =
             (self.row as usize) < rows && self.group.is_none_or(|group| (group as usize) < groups);
-        !(numbers && self.opacity >= 0.0 && self.colour.is_finite() && in_range)
+        !(numbers && self.opacity >= 0.0 && self.color.is_finite() && in_range)
     }
 }
 
-/// What the edit did to a splat that its frame shows.
+/// The effect of the edit on a splat that is visible in the edit frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Fate {
     Gone,
@@ -69,7 +70,7 @@ enum Fate {
     Moved(u32),
 }
 
-/// Marks rows that inherit something as [`RowKind::Descendant`]s and says what.
+/// Finds what each row inherits, and marks the rows that do as [`RowKind::Descendant`].
 pub(crate) fn inherit(
     generations: &Generations,
     (at_edit, edited): (&Splats, &Splats),
@@ -87,8 +88,8 @@ pub(crate) fn inherit(
         if descent.of.is_empty() {
             continue;
         }
-        let colour = at_rest_colour(at_edit, id as usize);
-        if let Some(found) = palette.inherited(row, descent, colour, &fates) {
+        let color = dc_color(at_edit, id as usize);
+        if let Some(found) = palette.inherited(row, descent, color, &fates) {
             rows[row].0 = RowKind::Descendant;
             inherited.push(found);
         }
@@ -96,14 +97,14 @@ pub(crate) fn inherit(
     inherited
 }
 
-/// What became of each source splat; those that the frame does not show are not asked.
+/// The fate of each source splat; of no meaning for splats that are invisible in the edit frame.
 fn fates(identity: &IdentityMap, group_of: &[u32], num_sources: usize) -> Vec<Fate> {
     let mut fates = vec![Fate::Gone; num_sources];
     for (row, kind) in identity.rows.iter().enumerate() {
         match *kind {
             Identity::Unchanged(id) => fates[id as usize] = Fate::Kept,
             Identity::Recoloured(id) => fates[id as usize] = Fate::Recoloured(row),
-            // What is also still in its place was copied.
+            // A splat that is also still in its place was copied.
             Identity::Moved { source, .. } if fates[source as usize] == Fate::Gone => {
                 fates[source as usize] = Fate::Moved(group_of.get(row).copied().unwrap_or(0));
             }
@@ -113,16 +114,16 @@ fn fates(identity: &IdentityMap, group_of: &[u32], num_sources: usize) -> Vec<Fa
     fates
 }
 
-/// A surface is deleted where most of the splats around a deleted one are. Where they are still
-/// there, an editor has thinned them out, and what descends from the missing ones stays.
+/// A surface is deleted where many of the splats around a deleted one are deleted, too. Elsewhere
+/// the editor only thinned the splats out, and descendants of the deleted ones stay.
 fn keep_pruned(fates: &mut [Fate], generations: &Generations, at_edit: &Splats) {
     let shown: Vec<usize> = (0..fates.len()).filter(|&id| generations.is_shown(id)).collect();
     let is_gone: Vec<bool> = shown.iter().map(|&id| fates[id] == Fate::Gone).collect();
     let places: Vec<[f64; 3]> = shown.iter().map(|&id| at_edit.means[id].map(f64::from)).collect();
     let tree = KdTree::<3>::new(&places);
-    let is_hole = tree.map(&places, AROUND, |_, near| {
+    let is_hole = tree.map(&places, HOLE_NEIGHBORS, |_, near| {
         let gone = near.iter().filter(|n| is_gone[n.id as usize]).count();
-        2 * gone >= near.len()
+        3 * gone >= near.len()
     });
     for ((&id, gone), hole) in shown.iter().zip(is_gone).zip(is_hole) {
         if gone && !hole {
@@ -131,16 +132,16 @@ fn keep_pruned(fates: &mut [Fate], generations: &Generations, at_edit: &Splats) 
     }
 }
 
-fn at_rest_colour(splats: &Splats, i: usize) -> [f32; 3] {
+fn dc_color(splats: &Splats, i: usize) -> [f32; 3] {
     splats.sh_of(i)[0].map(|c| 0.5 + sh::C0 * c)
 }
 
-/// The changes of colour of an edit, by place.
+/// The edit's local changes of colour.
 struct Palette {
-    /// Source ids of recoloured splats that the frame shows.
+    /// Source ids of the recoloured splats that are visible in the edit frame.
     ids: Vec<usize>,
-    /// What was done around each.
-    changes: Vec<ColourChange>,
+    /// Change of colour around each.
+    changes: Vec<ColorChange>,
     /// Factor on the opacity of each.
     opacities: Vec<f32>,
 }
@@ -158,22 +159,22 @@ impl Palette {
             .collect();
         let places: Vec<[f64; 3]> =
             recoloured.iter().map(|&(id, _)| at_edit.means[id].map(f64::from)).collect();
-        let pair = |pairs: &mut ColourPairs, weight: f64, at: usize| {
+        let pair = |pairs: &mut ColorPairs, weight: f64, at: usize| {
             let (id, row) = recoloured[at];
             let weight = weight * f64::from(at_edit.opacity(id));
-            let wide = |colour: [f32; 3]| colour.map(f64::from);
-            let (from, to) = (at_rest_colour(at_edit, id), at_rest_colour(edited, row));
+            let wide = |color: [f32; 3]| color.map(f64::from);
+            let (from, to) = (dc_color(at_edit, id), dc_color(edited, row));
             pairs.add(weight, wide(from), wide(to));
             let (from, to) = (&at_edit.sh_of(id)[1..], &edited.sh_of(row)[1..]);
             pairs.add_harmonics(weight, from, to);
         };
-        let mut all = ColourPairs::default();
+        let mut all = ColorPairs::default();
         (0..recoloured.len()).for_each(|at| pair(&mut all, 1.0, at));
-        let whole = all.change(&ColourChange::NONE);
+        let whole = all.change(&ColorChange::NONE);
         let tree = KdTree::<3>::new(&places);
         let changes = tree.map(&places, NEIGHBORS, |_, near| {
             let width = near[near.len() / 3].distance_squared.max(f64::MIN_POSITIVE);
-            let mut pairs = ColourPairs::default();
+            let mut pairs = ColorPairs::default();
             for n in near {
                 let weight = (-0.5 * n.distance_squared / width).exp();
                 pair(&mut pairs, weight, n.id as usize);
@@ -190,18 +191,18 @@ impl Palette {
         Self { ids: recoloured.into_iter().map(|(id, _)| id).collect(), changes, opacities }
     }
 
-    /// What a row inherits; nothing if its ancestors are as they were.
+    /// What a row inherits; `None` if its ancestors are unchanged.
     fn inherited(
         &self,
         row: usize,
         descent: &Descent,
-        colour: [f32; 3],
+        color: [f32; 3],
         fates: &[Fate],
     ) -> Option<Inherited> {
         // Shares are cut off where they are small, so they sum to a little less than 1.
         let (mut gone, mut left, mut recoloured, mut factor) = (0.0, 0.0, 0.0, 0.0);
         let mut moved: Vec<(u32, f32)> = Vec::new();
-        let mut sum = ColourSum::default();
+        let mut sum = ColorSum::default();
         for &(id, share) in &descent.of {
             if fates[id as usize] != Fate::Gone {
                 left += share;
@@ -235,18 +236,18 @@ impl Palette {
             x * x * (3.0 - 2.0 * x)
         };
         let change =
-            if softened > 0.0 { sum.mean(colour).share(softened) } else { ColourChange::NONE };
+            if softened > 0.0 { sum.mean(color).share(softened) } else { ColorChange::NONE };
         let group = moved
             .into_iter()
             .max_by(|a, b| a.1.total_cmp(&b.1).then(b.0.cmp(&a.0)))
             .filter(|entry| entry.1 > 0.5)
             .map(|entry| entry.0);
-        let nothing = opacity == 1.0 && change == ColourChange::NONE && group.is_none();
+        let nothing = opacity == 1.0 && change == ColorChange::NONE && group.is_none();
         (!nothing).then_some(Inherited {
             row: index(row),
             confidence: descent.confidence,
             opacity,
-            colour: change,
+            color: change,
             group,
         })
     }
@@ -254,15 +255,15 @@ impl Palette {
 
 /// A weighted mean of changes.
 #[derive(Default)]
-struct ColourSum {
+struct ColorSum {
     weight: f32,
     matrix: [[f32; 3]; 3],
     offset: [f32; 3],
     harmonics: f32,
 }
 
-impl ColourSum {
-    fn add(&mut self, weight: f32, change: &ColourChange) {
+impl ColorSum {
+    fn add(&mut self, weight: f32, change: &ColorChange) {
         self.weight += weight;
         for i in 0..3 {
             self.offset[i] += weight * change.offset[i];
@@ -273,17 +274,17 @@ impl ColourSum {
         self.harmonics += weight * change.harmonics;
     }
 
-    /// The mean; colours that it would take out of what can be shown go to its bounds.
-    fn mean(&self, colour: [f32; 3]) -> ColourChange {
+    /// The mean, with the offset limited so that displayable colours stay displayable.
+    fn mean(&self, color: [f32; 3]) -> ColorChange {
         let over = 1.0 / self.weight;
-        let mut mean = ColourChange {
+        let mut mean = ColorChange {
             matrix: self.matrix.map(|row| row.map(|v| v * over)),
             offset: self.offset.map(|v| v * over),
             harmonics: self.harmonics * over,
         };
-        let shown = mean.apply(colour);
+        let shown = mean.apply(color);
         for i in 0..3 {
-            if colour[i] >= 0.0 && colour[i] <= 1.0 {
+            if color[i] >= 0.0 && color[i] <= 1.0 {
                 mean.offset[i] += shown[i].clamp(0.0, 1.0) - shown[i];
             }
         }
@@ -291,16 +292,16 @@ impl ColourSum {
     }
 }
 
-/// What was reached by descent, in numbers.
+/// Counts of what was reached by descent.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct DescentReport {
     /// Source splats that are visible at some time.
     pub visible: usize,
-    /// Of these, shown by the edit frame.
+    /// Of these, visible in the edit frame.
     pub shown: usize,
-    /// Of the others, descended from something that it shows.
+    /// Of the others, with ancestors in the edit frame.
     pub descended: usize,
-    /// Rows that inherit another colour or opacity.
+    /// Rows that inherit a change of colour or opacity.
     pub recoloured: usize,
     /// Rows that inherit a deletion.
     pub removed: usize,
@@ -310,14 +311,14 @@ pub struct DescentReport {
     pub confidence: f64,
     /// Of these, rows whose confidence is below a half.
     pub unsure: usize,
-    /// Splats of the edit frame that edited ones follow as if they lasted.
+    /// Splats of the edit frame that edited ones follow over the whole clip.
     pub lasting: usize,
 }
 
 impl DescentReport {
     pub(crate) fn of(generations: &Generations, inherited: &[Inherited], lasting: usize) -> Self {
         let lives = &generations.lives;
-        let visible = (0..lives.len()).filter(|&i| lives.is_there(lives.prime[i], i)).count();
+        let visible = (0..lives.len()).filter(|&i| lives.is_visible(lives.prime[i], i)).count();
         let shown = (0..lives.len()).filter(|&i| generations.is_shown(i)).count();
         let count = |of: &dyn Fn(&Inherited) -> bool| inherited.iter().filter(|i| of(i)).count();
         let total: f64 = inherited.iter().map(|i| f64::from(i.confidence)).sum();
@@ -336,7 +337,7 @@ impl DescentReport {
     }
 }
 
-/// A colour as harmonics hold it.
-pub(crate) fn changed_dc(change: &ColourChange, dc: [f32; 3]) -> [f32; 3] {
+/// The DC coefficients after the change.
+pub(crate) fn changed_dc(change: &ColorChange, dc: [f32; 3]) -> [f32; 3] {
     change.apply(dc.map(|c| 0.5 + sh::C0 * c)).map(|c| ((c - 0.5) / sh::C0).as_f32())
 }

@@ -1,17 +1,17 @@
-//! [`Lasting`]: the splats of the edit frame as if they lasted, moved on by the generations that
-//! stand for the same surface after and before them.
+//! [`Lasting`]: the splats of the edit frame extended over the whole clip. Before and after their
+//! own lives they follow the splats that represent the same surface.
 //!
-//! A splat `a` of the edit frame has a few carriers `s`, each with a rest place `p_s`: where it
-//! would be at the edit time. At any time, `a` moves by the rigid motion that best takes the rest
-//! places to where the carriers are,
+//! A splat `a` of the edit frame has a few carriers `s`, each with a rest place `p_s`, its position
+//! at the edit time. At time `t`, `a` moves by the rigid motion that best maps the rest places to
+//! the positions of the carriers,
 //!
 //! ```text
 //! M_a(t) = argmin Σ_s w_as v_s(t)² |M p_s − x_s(t)|²,    x_a(t) = M_a(t) x_a
 //! ```
 //!
-//! with `v_s(t)`, how far a carrier is there, 0 to 1 and continuous: one generation hands over to
-//! the next without a jump. What `M_a` is at the edit time is undone first, so that `a` starts where
-//! the edit frame shows it.
+//! where the presence `v_s(t)` of a carrier is continuous, 0 to 1, so that the motion is continuous
+//! from one generation to the next. `M_a` is taken relative to its value at the edit time, so that
+//! `a` is exactly in place in the edit frame.
 
 use crate::AmgError;
 use crate::generations::{Generations, Visibility};
@@ -23,32 +23,33 @@ use gs_core::{DynamicScene, Real, SceneError, Splats, TimeRange, quat};
 use rayon::prelude::*;
 use std::sync::Arc;
 
-/// Carriers at any one time.
+/// Carriers chosen at each of the times.
 const CARRIERS: usize = 12;
-/// Times at which carriers are chosen, at most; lives are longer than the steps between them.
+/// Largest number of times at which carriers are chosen; the steps between them are shorter than a
+/// life.
 const CHOICES: usize = 33;
-/// Presence from which a splat is chosen: one that has hardly come says little.
+/// Presence from which a splat can be chosen as a carrier.
 const PRESENT: f64 = 0.2;
-/// Presence that all carriers keep: when none is there, those that were go on as they would.
+/// Least presence of a carrier, so that the motion is defined where none of them is visible.
 const GONE: f64 = 1e-3;
 
-/// A splat that carries others, where it would be at the edit time.
+/// A source splat that others follow, with its rest place.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Carrier {
     /// Source splat.
     pub source: u32,
     /// Rest place, world units.
     pub rest: [f32; 3],
-    /// Opacity up to which it is not there.
+    /// Opacity up to which it is invisible.
     pub floor: f32,
-    /// Opacity at which it is there entirely, above `floor`.
+    /// Opacity at which its presence is 1, above `floor`.
     pub peak: f32,
 }
 
-/// Who is near a splat at rest, at all times at which carriers are chosen.
+/// The neighbours of a splat at rest, at all times at which carriers are chosen.
 #[derive(Debug, Clone, Default)]
 struct Near {
-    /// Mean squared distance of the middle one.
+    /// Median squared distance, averaged over those times.
     width: f64,
     /// Source ids, squared distances, misalignments.
     found: Vec<(u32, f64, f64)>,
@@ -65,7 +66,7 @@ impl Carrier {
     }
 }
 
-/// Source splats of the edit frame that others are made to follow, and what carries them.
+/// Source splats of the edit frame that edited splats follow, and their carriers.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Lasting {
     /// Source ids, ascending, `[A]`.
@@ -81,7 +82,7 @@ pub struct Lasting {
 }
 
 impl Lasting {
-    /// What carries the splats `ids` (ascending).
+    /// The carriers of the splats `ids` (ascending).
     pub(crate) fn of(generations: &Generations, at_edit: &Splats, ids: &[u32]) -> Self {
         let lives = &generations.lives;
         let step = lives.times.len().div_ceil(CHOICES).max(1);
@@ -162,7 +163,7 @@ impl Lasting {
         lasting
     }
 
-    /// The same for some of the splats only, and without carriers that nothing follows.
+    /// The subset with the `wanted` splats, without unused carriers.
     pub(crate) fn only(&self, wanted: impl Fn(u32) -> bool) -> Self {
         let kept: Vec<usize> = (0..self.ids.len()).filter(|&a| wanted(self.ids[a])).collect();
         let mut used = vec![false; self.carriers.len()];
@@ -186,7 +187,7 @@ impl Lasting {
         lasting
     }
 
-    /// Whether nothing is carried.
+    /// Whether there are no such splats.
     pub fn is_empty(&self) -> bool {
         self.ids.is_empty()
     }
@@ -196,7 +197,7 @@ impl Lasting {
         (&self.carried_by[range.clone()], &self.weights[range])
     }
 
-    /// What is wrong with it, if anything.
+    /// A description of the first invalid value, if there is one.
     pub(crate) fn fault(&self, num_sources: usize) -> Option<String> {
         let entries = self.carried_by.len();
         let ascending = |ids: &[u32]| ids.windows(2).all(|pair| pair[0] < pair[1]);
@@ -227,8 +228,8 @@ impl Lasting {
         Some(format!("weight {at} of lasting splats is {}, expected above 0", self.weights[at]))
     }
 
-    /// Writes where the lasting splats are when the source is `source_t` into `out`, which is the
-    /// source at the edit time: places and rotations. `from` are the motions then.
+    /// Writes positions and rotations of the lasting splats for the source state `source_t` into
+    /// `out`, which holds the source at the edit time. `from` are the motions at the edit time.
     pub(crate) fn move_into(&self, from: &[Motion], source_t: &Splats, out: &mut Splats) {
         let motions = self.motions(source_t);
         for ((&id, from), to) in self.ids.iter().zip(from).zip(&motions) {
@@ -241,7 +242,7 @@ impl Lasting {
         }
     }
 
-    /// Motions of the lasting splats from rest to when the source is `source_t`.
+    /// Motions of the lasting splats from rest to the source state `source_t`.
     pub(crate) fn motions(&self, source_t: &Splats) -> Vec<Motion> {
         let present: Vec<f64> = self
             .carriers
@@ -276,12 +277,12 @@ impl Lasting {
     }
 }
 
-/// Motion of a lasting splat from rest; none if nothing carries it.
+/// Motion of a lasting splat from rest; `None` if it has no carriers.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Motion(Option<Similarity>);
 
-/// The source as its edit frame shows it, lasting: what the guides look at. Splats that it does not
-/// show stay where they are then.
+/// The source with the splats of the edit frame extended over the whole clip, as input to the
+/// motion guides. Splats that are invisible in the edit frame do not move.
 #[derive(Debug)]
 pub(crate) struct LastingScene {
     pub(crate) source: Arc<dyn DynamicScene>,

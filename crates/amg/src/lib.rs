@@ -35,7 +35,7 @@ mod binding;
 mod bit_map;
 mod carriers;
 mod coherence;
-mod colour_change;
+mod color_change;
 mod dynamics;
 mod eigenvector;
 mod error;
@@ -66,7 +66,7 @@ mod work;
 
 pub use anchors::{AnchorParams, Grouping, Radius};
 pub use binding::{Binding, Surface};
-pub use colour_change::ColourChange;
+pub use color_change::ColorChange;
 pub use dynamics::DynamicSplit;
 pub use error::AmgError;
 pub use field::FieldAt;

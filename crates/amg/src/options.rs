@@ -247,8 +247,8 @@ pub struct MotionOptions {
     pub identity: IdentityParams,
     /// Which source splats move.
     pub dynamics: DynamicParams,
-    /// What the edit belongs to. Default: the splats; for scenes whose splats live for a part of the
-    /// clip, the surface. For guides with identity only.
+    /// What the edit belongs to. Default: the splats; for scenes whose splats live for a part of
+    /// the clip, the surface. For guides with identity only.
     pub follow: Follow,
     /// Edited splats no nearer to a moving source than this share of the figure's size, and not
     /// joined by edited splats to any that is, stay put. Default 0.25; infinite in the paper

@@ -16,12 +16,13 @@ pub enum RowKind {
     Blended = 3,
     /// The deformation field is asked at its own position (baseline "w/o AMG").
     Field = 4,
-    /// It is a source splat that the edit moved with others, see [`MovedGroup`](crate::MovedGroup): that splat's
-    /// geometry under the group's similarity, the edit's appearance plus the source's change of
-    /// appearance.
+    /// It is a source splat that the edit moved with others, see [`MovedGroup`](crate::MovedGroup):
+    /// that splat's geometry under the group's similarity, the edit's appearance plus the source's
+    /// change of appearance.
     Moved = 5,
     /// It is a source splat that the edit frame does not show, untouched there; it inherits what
-    /// the edit did to the surface that it stands for at other times, see [`Inherited`](crate::Inherited).
+    /// the edit did to the surface that it stands for at other times, see
+    /// [`Inherited`](crate::Inherited).
     Descendant = 6,
 }
 

@@ -382,9 +382,9 @@ impl EditedScene {
         let before = self.source_1.sh_of(id);
         for (k, (rgb, now)) in sh.iter_mut().zip(source_t.sh_of(id)).enumerate() {
             let changed = if k == 0 {
-                changed_dc(&inherited.colour, *now)
+                changed_dc(&inherited.color, *now)
             } else {
-                now.map(|c| inherited.colour.harmonics * c)
+                now.map(|c| inherited.color.harmonics * c)
             };
             *rgb = [0, 1, 2].map(|i| changed[i] + refined(rgb[i], before[k][i]));
         }

@@ -20,7 +20,9 @@ pub(crate) use export::ExportArgs;
 pub(crate) use export_format::ExportFormat;
 pub(crate) use freeze::FreezeArgs;
 pub(crate) use inspect::{DoctorArgs, InfoArgs};
-pub(crate) use shared::{Bars, Common, Global, ModelFlags, Overwriting, Rendering};
+pub(crate) use shared::{
+    Bars, Common, Global, ModelFlags, OutputFlags, Overwriting, Rendering, SceneFlags,
+};
 pub(crate) use shell::{CompletionsArgs, ManArgs};
 pub(crate) use views::{AxesArg, CamerasAs, SplitArg, Up};
 
@@ -52,43 +54,15 @@ impl Cli {
         match &self.command {
             Command::Info(args) => global.model(&args.model),
             Command::Doctor(args) => global.rendering(&args.rendering),
-            Command::Freeze(args) => global
-                .writes(&args.writes)
-                .bars(&args.bars)
-                .rendering(&args.rendering)
-                .model(&args.model),
-            Command::Edit(args) => global
-                .writes(&args.writes)
-                .bars(&args.bars)
-                .rendering(&args.rendering)
-                .model(&args.model),
-            Command::Propagate(args) => global
-                .writes(&args.writes)
-                .bars(&args.bars)
-                .rendering(&args.rendering)
-                .model(&args.model),
+            Command::Freeze(args) => global.scene(&args.common),
+            Command::Edit(args) => global.scene(&args.common),
+            Command::Propagate(args) => global.scene(&args.common),
             Command::Refine(args) => global.bars(&args.bars).rendering(&args.rendering),
-            Command::Render(args) => global
-                .writes(&args.writes)
-                .bars(&args.bars)
-                .rendering(&args.rendering)
-                .model(&args.model),
-            Command::Export(args) => global
-                .writes(&args.writes)
-                .bars(&args.bars)
-                .rendering(&args.rendering)
-                .model(&args.model),
-            Command::Eval(args) => global
-                .writes(&args.writes)
-                .bars(&args.bars)
-                .rendering(&args.rendering)
-                .model(&args.model),
-            Command::Compare(args) => {
-                global.writes(&args.writes).bars(&args.bars).rendering(&args.rendering)
-            }
-            Command::Demo(args) => {
-                global.writes(&args.writes).bars(&args.bars).rendering(&args.rendering)
-            }
+            Command::Render(args) => global.scene(&args.common),
+            Command::Export(args) => global.scene(&args.common),
+            Command::Eval(args) => global.scene(&args.common),
+            Command::Compare(args) => global.output(&args.common),
+            Command::Demo(args) => global.output(&args.common),
             Command::Bench { what: BenchCommand::Motion(args) } => {
                 global.writes(&args.writes).bars(&args.bars)
             }
@@ -196,15 +170,9 @@ pub(crate) struct PropagateArgs {
     #[arg(long)]
     pub(crate) dry_run: bool,
     #[command(flatten)]
-    pub(crate) writes: Overwriting,
-    #[command(flatten)]
-    pub(crate) bars: Bars,
-    #[command(flatten)]
-    pub(crate) rendering: Rendering,
+    pub(crate) common: SceneFlags,
     #[command(flatten)]
     pub(crate) refine: RefineFlags,
-    #[command(flatten)]
-    pub(crate) model: ModelFlags,
 }
 
 /// Flags of the appearance refinement, in `c4d propagate` and `c4d refine`.
@@ -376,13 +344,7 @@ pub(crate) struct RenderArgs {
     #[arg(long, value_enum, allow_hyphen_values = true)]
     pub(crate) up: Option<Up>,
     #[command(flatten)]
-    pub(crate) writes: Overwriting,
-    #[command(flatten)]
-    pub(crate) bars: Bars,
-    #[command(flatten)]
-    pub(crate) rendering: Rendering,
-    #[command(flatten)]
-    pub(crate) model: ModelFlags,
+    pub(crate) common: SceneFlags,
 }
 
 #[derive(Debug, Args)]
@@ -400,11 +362,7 @@ pub(crate) struct DemoArgs {
     #[arg(long, default_value_t = 60)]
     pub(crate) frames: usize,
     #[command(flatten)]
-    pub(crate) writes: Overwriting,
-    #[command(flatten)]
-    pub(crate) bars: Bars,
-    #[command(flatten)]
-    pub(crate) rendering: Rendering,
+    pub(crate) common: OutputFlags,
 }
 
 /// Left half of `c4d render --side-by-side`.
@@ -481,7 +439,8 @@ pub(crate) enum Pass {
     Depth,
     /// Motion since the edited frame, pixels (Eq. 12)
     Flow,
-    /// Colour uncertainty since the edited frame (Eq. 16): of view dependence, and of what frame 1 hid
+    /// Colour uncertainty since the edited frame (Eq. 16): of view dependence, and of what frame 1
+    /// hid
     Uncertainty,
     /// The part of it that what frame 1 hid contributes
     Evidence,

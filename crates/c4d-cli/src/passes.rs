@@ -62,7 +62,8 @@ pub(crate) fn evidence(
     .map_err(|error| Failure::failed(chain(&error)))
 }
 
-/// Renders `pass` for splats `now`, which were `then` in the edited frame; `evidence` is their ξ′, or empty.
+/// Renders `pass` for splats `now`, which were `then` in the edited frame; `evidence` is their ξ′,
+/// or empty.
 pub(crate) fn render(
     pass: Pass,
     mask: Mask,

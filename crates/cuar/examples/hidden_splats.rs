@@ -39,7 +39,8 @@ fn main() -> Result<(), Box<dyn Error>> {
     }
 }
 
-/// Every case, as it should be and as delivered with old, black and random colours on hidden splats.
+/// Every case, as it should be and as delivered with old, black and random colours on hidden
+/// splats.
 fn table(num_splats: usize, size: (u32, u32)) -> Result<(), Box<dyn Error>> {
     let raster = CpuRasterizer::default();
     println!("{num_splats} splats; PSNR, dB, before → after");

@@ -76,7 +76,8 @@ pub trait Observer {
         let _ = (at, bytes);
     }
 
-    /// Called after every few images; `true` ends the run with [`Cancelled`](crate::CuarError::Cancelled).
+    /// Called after every few images; `true` ends the run with
+    /// [`Cancelled`](crate::CuarError::Cancelled).
     fn cancelled(&mut self) -> bool {
         false
     }

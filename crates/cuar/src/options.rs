@@ -94,7 +94,8 @@ pub struct RefineOptions {
     pub weights: LossWeights,
     /// Minimiser.
     pub solver: Solver,
-    /// How splats that frame 1 does not supervise are found and repaired ([`crate::refine_edit()`]). `None`: they are not, as in the paper.
+    /// How splats that frame 1 does not supervise are found and repaired
+    /// ([`crate::refine_edit()`]). `None`: they are not, as in the paper.
     pub evidence: Option<EvidenceParams>,
     /// Images (pairs of view and time) drawn. Default 240.
     pub samples: usize,

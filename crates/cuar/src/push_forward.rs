@@ -76,26 +76,9 @@ fn targets(w: usize, h: usize, p: usize, moved: &[f32]) -> impl Iterator<Item = 
 mod tests {
     use super::*;
 
-    fn ramp() -> FirstFrame {
-        let (width, height) = (12, 9);
-        let rgb = (0..width * height * 3)
-            .map(|k| {
-                let (x, y) = (k / 3 % width, k / 3 / width);
-                x as f32 * 0.05 + y as f32 * 0.01 + (k % 3) as f32 * 0.1
-            })
-            .collect();
-        FirstFrame {
-            width,
-            height,
-            rgb,
-            depth: vec![2.0; width * height],
-            splat_weights: Vec::new(),
-        }
-    }
-
     #[test]
     fn pushing_by_whole_pixels_shifts_and_the_nearest_hides_the_others() {
-        let frame = ramp();
+        let frame = FirstFrame::ramp();
         let params = WarpParams::default();
         let mut landing = [3.0, -2.0, 4.0].repeat(12 * 9);
         let coverage = vec![1.0; 12 * 9];

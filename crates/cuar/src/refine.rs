@@ -25,7 +25,8 @@ pub struct Refined {
     pub sh: Vec<[f32; 3]>,
     /// Offset of SH, the same at every time, `[rows,K,3]`.
     pub d_sh: Vec<[f32; 3]>,
-    /// Rows that fade: what only exists because a deletion missed it ([`crate::refine_edit()`]); ascending, among `rows`.
+    /// Rows that fade: what only exists because a deletion missed it ([`crate::refine_edit()`]);
+    /// ascending, among `rows`.
     pub faded: Vec<u32>,
     /// Counts, losses, timings and warnings.
     pub report: RefineReport,

@@ -190,10 +190,9 @@ fn catmull_rom(f: f32, [a, b, c, d]: [f32; 4]) -> f32 {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    fn ramp() -> FirstFrame {
+impl FirstFrame {
+    /// 12×9 pixels whose colours are linear in the pixel, at depth 2, for tests.
+    pub(crate) fn ramp() -> Self {
         let (width, height) = (12, 9);
         let rgb = (0..width * height * 3)
             .map(|k| {
@@ -201,18 +200,17 @@ mod tests {
                 x as f32 * 0.05 + y as f32 * 0.01 + (k % 3) as f32 * 0.1
             })
             .collect();
-        FirstFrame {
-            width,
-            height,
-            rgb,
-            depth: vec![2.0; width * height],
-            splat_weights: Vec::new(),
-        }
+        Self { width, height, rgb, depth: vec![2.0; width * height], splat_weights: Vec::new() }
     }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
 
     #[test]
     fn fetch_interpolates_linear_images_exactly() {
-        let frame = ramp();
+        let frame = FirstFrame::ramp();
         for at in [[5.3, 4.8], [0.6, 0.7], [11.5, 8.5]] {
             let rgb = fetch(&frame, Trace { at, depth: 2.01 }, &[9.0; 3], &WarpParams::default())
                 .unwrap();
@@ -223,7 +221,7 @@ mod tests {
 
     #[test]
     fn what_was_hidden_is_not_fetched() {
-        let frame = ramp();
+        let frame = FirstFrame::ramp();
         let params = WarpParams::default();
         let fetch = |at, depth| fetch(&frame, Trace { at, depth }, &[9.0; 3], &params);
         assert_eq!(fetch([5.0, 5.0], 2.2), Err(Rejection::Hidden), "behind what frame 1 shows");

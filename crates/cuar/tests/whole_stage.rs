@@ -11,7 +11,8 @@ use cuar::{CuarError, NoObserver, Observer, RefineOptions, RefineProgress, Refin
 use gs_core::TimeRange;
 use std::sync::OnceLock;
 
-/// A textured jacket that eight pictures from the front deliver, with SH that they do not determine.
+/// A textured jacket that eight pictures from the front deliver, with SH that they do not
+/// determine.
 fn both() -> &'static (Delivered, Painted) {
     static CASE: OnceLock<(Delivered, Painted)> = OnceLock::new();
     CASE.get_or_init(|| {

@@ -52,8 +52,16 @@ pub trait Lane: Real {
     ) -> Self::Vector<S>;
     /// `−|a|`.
     fn vnegative<S: Simd>(s: S, a: Self::Vector<S>) -> Self::Vector<S>;
-    /// Whether any lane is negative.
-    fn any_negative<S: Simd>(s: S, a: Self::Vector<S>) -> bool;
+    /// Bits of `marks` or `a ⊕ b`: collects sign flips between `a` and `b`.
+    fn mark_flips<S: Simd>(
+        s: S,
+        marks: Self::Vector<S>,
+        a: Self::Vector<S>,
+        b: Self::Vector<S>,
+    ) -> Self::Vector<S>;
+    /// Whether any lane has its sign bit set; lanes start as 1 and only collect flips of values in
+    /// (0,1].
+    fn any_flip<S: Simd>(s: S, marks: Self::Vector<S>) -> bool;
     /// Sum of the lanes, in a fixed order.
     fn vsum<S: Simd>(s: S, a: Self::Vector<S>) -> Self;
     /// Sum of the lanes of each register, in a fixed order; cheaper than four separate sums.
@@ -148,7 +156,7 @@ const ROUND_DOUBLE: f64 = 6_755_399_441_055_744.0;
 macro_rules! lane {
     (
         $float:ident, $vector:ident, $mask:ident, $splat:ident, $add:ident, $sub:ident, $mul:ident, $div:ident, $min:ident, $max:ident,
-        $fma:ident, $fnma:ident, $le:ident, $lt:ident, $and:ident, $select:ident, $or:ident, $sum:ident, $largest:ident,
+        $fma:ident, $fnma:ident, $le:ident, $lt:ident, $and:ident, $select:ident, $or:ident, $xor:ident, $sum:ident, $largest:ident,
         $smallest:ident, $vectors:ident, $vectors_mut:ident, $exp2:ident, $sqrt:ident, $neg:ident, $abs:ident, $exp:ident, $deinterleave:ident,
         $interleave:ident
     ) => {
@@ -225,8 +233,17 @@ macro_rules! lane {
                 s.$or(a, s.$splat(-0.0))
             }
             #[inline(always)]
-            fn any_negative<S: Simd>(s: S, a: S::$vector) -> bool {
-                s.$smallest(a) < 0.0
+            fn mark_flips<S: Simd>(
+                s: S,
+                marks: S::$vector,
+                a: S::$vector,
+                b: S::$vector,
+            ) -> S::$vector {
+                s.$or(marks, s.$xor(a, b))
+            }
+            #[inline(always)]
+            fn any_flip<S: Simd>(s: S, marks: S::$vector) -> bool {
+                s.$smallest(marks) < 0.0
             }
             #[inline(always)]
             fn vsum<S: Simd>(s: S, a: S::$vector) -> Self {
@@ -282,6 +299,7 @@ lane!(
     and_m32s,
     select_f32s,
     or_f32s,
+    xor_f32s,
     reduce_sum_f32s,
     reduce_max_f32s,
     reduce_min_f32s,
@@ -313,6 +331,7 @@ lane!(
     and_m64s,
     select_f64s,
     or_f64s,
+    xor_f64s,
     reduce_sum_f64s,
     reduce_max_f64s,
     reduce_min_f64s,

@@ -245,125 +245,10 @@ pub(crate) fn live_rows<F: Lane>(transmittance: &[F]) -> (usize, usize) {
     (first, end)
 }
 
-/// The entries of a batch that reach one row of pixels.
-struct RowBlend<'a, S: Simd, F: Lane, const C: usize> {
-    s: S,
-    tests: Tests<S, F>,
-    batch: &'a Batch<F, C>,
-    /// A bit per entry that can reach the row.
-    entries: u32,
-    /// Per entry, the terms of the exponent that do not depend on the column.
-    b_dy: &'a [F; BATCH],
-    rest: &'a [F; BATCH],
-}
-
-impl<S: Simd, F: Lane, const C: usize> RowBlend<'_, S, F, C> {
-    /// α of entry `e` where it is drawn, else 0.
-    #[inline(always)]
-    fn drawn(&self, e: usize, column: F::Vector<S>) -> F::Vector<S> {
-        let (s, batch) = (self.s, self.batch);
-        let dx = F::vsub(s, F::vsplat(s, batch.x[e]), column);
-        let (a, b_dy) = (F::vsplat(s, batch.a[e]), F::vsplat(s, self.b_dy[e]));
-        let log2_opacity = F::vsplat(s, batch.log2_opacity[e]);
-        let rest = F::vsplat(s, self.rest[e]);
-        let alpha = self.tests.alpha(dx, a, b_dy, rest, log2_opacity);
-        F::vselect(s, alpha.passes, alpha.capped, F::vsplat(s, F::zero()))
-    }
-
-    /// Blends all entries into `N` registers of pixels, beginning with register `at` of the tile:
-    /// transmittance and sums stay in registers. Where a pixel stops, its transmittance is left as
-    /// it was; the register's is returned, for [`RowBlend::stops`].
-    #[inline(always)]
-    fn registers<const N: usize>(
-        &self,
-        columns: [F::Vector<S>; N],
-        planes: &mut [[F; TILE_PIXELS]; C],
-        transmittance: &mut [F; TILE_PIXELS],
-        at: usize,
-    ) -> [Option<F::Vector<S>>; N] {
-        let s = self.s;
-        let (zero, one) = (F::vsplat(s, F::zero()), F::vsplat(s, F::one()));
-        let threshold = F::vsplat(s, F::of(TRANSMITTANCE_THRESHOLD));
-        let mut first = [zero; N];
-        first.copy_from_slice(&F::vectors::<S>(transmittance)[at..at + N]);
-        let mut sums = [[zero; N]; C];
-        for (sums, plane) in sums.iter_mut().zip(&*planes) {
-            sums.copy_from_slice(&F::vectors::<S>(plane)[at..at + N]);
-        }
-        // Where a pixel stops, this runs on below the threshold, so that no later splat passes the
-        // test: from one splat to the next there is a single multiply-add to wait for.
-        let mut running = first;
-        for running in &mut running {
-            *running = F::vmax(s, *running, zero);
-        }
-        let mut left = self.entries;
-        while left != 0 {
-            let e = left.trailing_zeros() as usize % BATCH;
-            left &= left - 1;
-            let mut weights = [zero; N];
-            for n in 0..N {
-                let drawn = self.drawn(e, columns[n]);
-                let after = F::vfnma(s, drawn, running[n], running[n]);
-                let goes_on = F::vle(s, threshold, after);
-                weights[n] = F::vselect(s, goes_on, F::vmul(s, drawn, running[n]), zero);
-                running[n] = after;
-            }
-            for c in 0..C {
-                let channel = F::vsplat(s, self.batch.channels[c][e]);
-                for n in 0..N {
-                    sums[c][n] = F::vfma(s, channel, weights[n], sums[c][n]);
-                }
-            }
-        }
-        for (plane, sums) in planes.iter_mut().zip(sums) {
-            F::vectors_mut::<S>(plane)[at..at + N].copy_from_slice(&sums);
-        }
-        let mut stopped = [None; N];
-        for n in 0..N {
-            let was_live = F::vlt(s, zero, first[n]);
-            let above = F::vselect(s, was_live, F::vsub(s, running[n], threshold), one);
-            if F::any_negative(s, above) {
-                stopped[n] = Some(first[n]);
-            } else {
-                F::vectors_mut::<S>(transmittance)[at + n] =
-                    F::vselect(s, was_live, running[n], first[n]);
-            }
-        }
-        stopped
-    }
-
-    /// Transmittance of a register whose pixels had `first` before the batch and of which some
-    /// stop in it: negative where they do. With the number of entries after which they do,
-    /// infinite for the others.
-    #[inline(always)]
-    fn stops(&self, column: F::Vector<S>, first: F::Vector<S>) -> (F::Vector<S>, [F; TILE]) {
-        let s = self.s;
-        let zero = F::vsplat(s, F::zero());
-        let threshold = F::vsplat(s, F::of(TRANSMITTANCE_THRESHOLD));
-        let numbers = numbers::<F>();
-        let mut running = F::vmax(s, first, zero);
-        let (mut last, mut stop) = (first, zero);
-        let mut left = self.entries;
-        while left != 0 {
-            let e = left.trailing_zeros() as usize % BATCH;
-            left &= left - 1;
-            let drawn = self.drawn(e, column);
-            running = F::vfnma(s, drawn, running, running);
-            let goes_on = F::vle(s, threshold, running);
-            last = F::vselect(s, goes_on, running, last);
-            stop = F::vselect(s, goes_on, F::vsplat(s, numbers[e]), stop);
-        }
-        let is_below = F::vlt(s, running, threshold);
-        let now = F::vand(s, F::vlt(s, zero, first), is_below);
-        let mut ends = [F::zero(); TILE];
-        F::vectors_mut::<S>(&mut ends)[0] = F::vselect(s, now, stop, F::vsplat(s, F::infinity()));
-        (F::vselect(s, is_below, F::vnegative(s, last), last), ends)
-    }
-}
-
 /// Composites one tile; returns the number of evaluated pixel–splat samples.
 ///
-/// Entries are staged in batches; the registers of a row take all entries of a batch that reach it.
+/// One register of pixels at a time takes all entries of a batch that reach its row: transmittance
+/// and sums stay in registers.
 #[inline(always)]
 pub(crate) fn composite<S: Simd, F: Lane, const C: usize>(
     s: S,
@@ -375,6 +260,10 @@ pub(crate) fn composite<S: Simd, F: Lane, const C: usize>(
 ) -> u64 {
     let tests = Tests::<S, F>::new(s);
     let columns = columns::<F>();
+    let numbers = numbers::<F>();
+    let threshold = F::vsplat(s, F::of(TRANSMITTANCE_THRESHOLD));
+    let (zero, one) = (F::vsplat(s, F::zero()), F::vsplat(s, F::one()));
+    let never = F::vsplat(s, F::infinity());
     let per_row = row_registers::<S, F>();
     let TileState { planes, transmittance, stops } = state;
     planes.as_flattened_mut().fill(F::zero());
@@ -405,30 +294,52 @@ pub(crate) fn composite<S: Simd, F: Lane, const C: usize>(
                 b_dy[e] = batch.b[e] * dy;
                 rest[e] = batch.c[e] * dy * dy + batch.log2_opacity[e];
             }
-            let row_columns = F::vectors::<S>(&columns);
-            let blend = RowBlend { s, tests, batch: &batch, entries, b_dy: &b_dy, rest: &rest };
-            let mut k = 0;
-            while k < per_row {
+            for k in 0..per_row {
                 let at = row * per_row + k;
-                // Two registers at a time: the arithmetic of one fills the latency of the other.
-                let stopped = if per_row - k >= 2 {
-                    let columns = [row_columns[k], row_columns[k + 1]];
-                    blend.registers(columns, planes, transmittance, at)
-                } else {
-                    let [stopped] = blend.registers([row_columns[k]], planes, transmittance, at);
-                    [stopped, None]
-                };
-                for (first, k) in stopped.into_iter().zip(k..) {
-                    let Some(first) = first else { continue };
-                    let (last, ends) = blend.stops(row_columns[k], first);
-                    let at = row * per_row + k;
-                    F::vectors_mut::<S>(transmittance)[at] = last;
+                let column = F::vectors::<S>(&columns)[k];
+                let mut sums = planes.each_ref().map(|plane| F::vectors::<S>(plane)[at]);
+                let first = F::vectors::<S>(transmittance)[at];
+                // Where a pixel stops, this runs on below the threshold, so that no later splat
+                // passes the test: from one splat to the next there is a single multiply-add to
+                // wait for.
+                let mut running = F::vmax(s, first, zero);
+                let (mut last, mut stop) = (first, zero);
+                let mut left = entries;
+                while left != 0 {
+                    let e = left.trailing_zeros() as usize % BATCH;
+                    left &= left - 1;
+                    let dx = F::vsub(s, F::vsplat(s, batch.x[e]), column);
+                    let (a, b_dy) = (F::vsplat(s, batch.a[e]), F::vsplat(s, b_dy[e]));
+                    let log2_opacity = F::vsplat(s, batch.log2_opacity[e]);
+                    let rest = F::vsplat(s, rest[e]);
+                    let alpha = tests.alpha(dx, a, b_dy, rest, log2_opacity);
+                    let drawn = F::vselect(s, alpha.passes, alpha.capped, zero);
+                    let after = F::vfnma(s, drawn, running, running);
+                    let goes_on = F::vle(s, threshold, after);
+                    let weight = F::vselect(s, goes_on, F::vmul(s, drawn, running), zero);
+                    for c in 0..C {
+                        let channel = F::vsplat(s, batch.channels[c][e]);
+                        sums[c] = F::vfma(s, channel, weight, sums[c]);
+                    }
+                    last = F::vselect(s, goes_on, after, last);
+                    stop = F::vselect(s, goes_on, F::vsplat(s, numbers[e]), stop);
+                    running = after;
+                }
+                let stopped = F::vlt(s, running, threshold);
+                let before = F::vselect(s, stopped, F::vnegative(s, last), last);
+                F::vectors_mut::<S>(transmittance)[at] = before;
+                for (plane, sum) in planes.iter_mut().zip(sums) {
+                    F::vectors_mut::<S>(plane)[at] = sum;
+                }
+                if F::any_flip(s, F::mark_flips(s, one, first, before)) {
+                    let mut ends = [F::zero(); TILE];
+                    let now = F::vand(s, F::vlt(s, zero, first), stopped);
+                    F::vectors_mut::<S>(&mut ends)[0] = F::vselect(s, now, stop, never);
                     let width = TILE / per_row;
                     for (stop, &end) in stops[at * width..(at + 1) * width].iter_mut().zip(&ends) {
                         *stop = (*stop).min(stop_number(start, end));
                     }
                 }
-                k += if per_row - k >= 2 { 2 } else { 1 };
             }
         }
         start += count;

@@ -1,23 +1,23 @@
-//! [`Lives`]: which source splats are there at which key times, and where.
+//! [`Lives`]: which source splats are visible at which key times, and where they are.
 
 use gs_core::{DynamicScene, SceneError, Splats};
 
-/// Opacity below which a splat is not there.
+/// Opacity below which a splat counts as invisible.
 const LEAST_OPACITY: f32 = 0.02;
-/// Share of its own largest opacity below which it is not, either.
+/// Share of its own largest opacity below which a splat counts as invisible.
 const SHARE_OF_PEAK: f32 = 0.05;
-/// Key times: three in the shortest lives that these scenes have, a twentieth of the clip.
+/// Key times: a life of a twentieth of the clip, the shortest expected, spans three.
 const KEY_TIMES: usize = 65;
-/// Splats times key times kept, at most (16 bytes each); scenes of more splats have fewer key times.
+/// Largest number of splats times key times (16 bytes each); larger scenes get fewer key times.
 const MAX_KEPT: usize = 24_000_000;
 const LEAST_KEY_TIMES: usize = 17;
 
-/// When a splat is there: its opacity then, and its largest.
+/// The range of opacities over which a splat appears.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Visibility {
-    /// Above this it is there.
+    /// The splat is visible above this opacity.
     pub(crate) floor: f32,
-    /// Largest opacity at a key time.
+    /// Largest opacity at any key time.
     pub(crate) peak: f32,
 }
 
@@ -29,7 +29,7 @@ impl Visibility {
         if peak > floor { Self { floor, peak } } else { Self::NEVER }
     }
 
-    /// How far it is there with this opacity, 0 to 1, without a jump.
+    /// Presence at this opacity: 0 at the floor, 1 at the peak, linear between them.
     pub(crate) fn presence(self, opacity: f32) -> f64 {
         let share = f64::from(opacity - self.floor) / f64::from(self.peak - self.floor);
         if share.is_nan() { 0.0 } else { share.clamp(0.0, 1.0) }
@@ -41,13 +41,13 @@ impl Visibility {
 pub(crate) struct Lives {
     /// Ascending; one of them is the edit time.
     pub(crate) times: Vec<f32>,
-    /// Which one.
+    /// Index of the edit time in `times`.
     pub(crate) edit: usize,
-    /// `[T][N]`.
+    /// Positions, world units, `[T][N]`.
     pub(crate) means: Vec<Vec<[f32; 3]>>,
-    /// `[T][N]`.
+    /// Opacities after the sigmoid, `[T][N]`.
     pub(crate) opacities: Vec<Vec<f32>>,
-    /// `[N]`.
+    /// Range of opacities of each splat, `[N]`.
     pub(crate) visibility: Vec<Visibility>,
     /// Key time of the largest opacity, `[N]`.
     pub(crate) prime: Vec<usize>,
@@ -99,23 +99,23 @@ impl Lives {
         self.visibility.len()
     }
 
-    /// Whether splat `i` is there at key time `k`.
-    pub(crate) fn is_there(&self, k: usize, i: usize) -> bool {
+    /// Whether splat `i` is visible at key time `k`.
+    pub(crate) fn is_visible(&self, k: usize, i: usize) -> bool {
         self.opacities[k][i] > self.visibility[i].floor
     }
 
-    /// How far splat `i` is there at key time `k`.
+    /// Presence of splat `i` at key time `k`, 0 to 1.
     pub(crate) fn presence(&self, k: usize, i: usize) -> f64 {
         self.visibility[i].presence(self.opacities[k][i])
     }
 
-    /// Place of splat `i` at key time `k`.
+    /// Position of splat `i` at key time `k`, world units.
     pub(crate) fn place(&self, k: usize, i: usize) -> [f64; 3] {
         self.means[k][i].map(f64::from)
     }
 }
 
-/// Ascending, the edit time and both ends among them; of a sequence, only its frames.
+/// Key times, ascending. They include the edit time and both ends; for a sequence they are frames.
 fn key_times(source: &dyn DynamicScene, edit_time: f32, count: usize) -> Vec<f32> {
     let range = source.time_range();
     let mut times = match source.num_frames() {

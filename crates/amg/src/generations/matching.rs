@@ -1,5 +1,4 @@
-//! Transport between two generations of splats: which of those that were there before a new splat
-//! stands for.
+//! Transport between two generations of splats: which earlier splats a new splat replaces.
 
 use crate::AmgError;
 use crate::rigid::{dot, norm, sub};
@@ -7,49 +6,49 @@ use anchors::KdTree;
 use rayon::prelude::*;
 use uot::{Sinkhorn, SinkhornParams, UotProblem};
 
-/// Candidates of a new splat.
+/// Number of earlier splats considered for each new splat.
 const CANDIDATES: usize = 12;
-/// A splat's spacing is the distance of this neighbour.
+/// The spacing at a splat is the distance to this nearest neighbour.
 const SPACING: usize = 3;
-/// What it costs to face at right angles, nats.
+/// Cost of two flat splats at right angles, nats.
 const FACING: f64 = 3.0;
-/// What unlike velocities, colours and sizes cost at most, nats: each alone is worth about two
-/// spacings, none decides alone.
+/// Largest cost of a difference in velocity, in colour or in size, nats. Each equals a distance of
+/// two spacings, so that none of them alone decides.
 const AT_MOST: f64 = 2.0;
-/// Difference of colours that is usual on one surface, per channel.
-const COLOUR: f64 = 0.15;
-/// The same of the logarithm of sizes.
+/// Usual difference between colours on one surface, per channel, 0 to 1.
+const COLOR: f64 = 0.15;
+/// Usual difference between the logarithms of sizes on one surface.
 const SIZE: f64 = 0.7;
-/// What it costs a new splat to stand for nothing that was there, nats: as much as four spacings.
+/// Cost of leaving a new splat unmatched, nats: that of a distance of four spacings.
 const UNMATCHED: f64 = 8.0;
-/// Weight of the entropy, nats: costs are logarithms of likelihoods.
+/// Weight of the entropy, nats: 1, as costs are negative log-likelihoods.
 const ENTROPY: f64 = 1.0;
-/// How firmly old splats are to be followed by their share of new ones, nats.
+/// Relaxation of the marginal of the earlier splats, nats.
 const OLD_SHARES: f64 = 1.0;
 
-/// A splat as transport sees it.
+/// The properties of a splat that determine its cost.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Point {
     pub(super) place: [f64; 3],
-    /// What it moves by until its neighbours have changed, world units.
+    /// Displacement over half a life at its velocity, world units.
     pub(super) drift: [f64; 3],
     /// Thin axis; its length is the flatness, 0 to 1.
     pub(super) axis: [f64; 3],
     pub(super) ln_size: f64,
-    pub(super) colour: [f64; 3],
-    /// Share of the mass before it is normalised, above 0.
+    pub(super) color: [f64; 3],
+    /// Mass before normalisation, above 0.
     pub(super) mass: f64,
 }
 
-/// Which old splats a new one stands for, with shares that sum to 1 − `unmatched`.
+/// The earlier splats that a new one replaces, with shares that sum to 1 − `unmatched`.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub(super) struct Match {
     pub(super) of: Vec<(u32, f64)>,
     pub(super) unmatched: f64,
 }
 
-/// One match per new splat: rows of the transport are old splats, whose marginal is relaxed,
-/// columns new ones, whose marginal is held or goes nowhere.
+/// One match per new splat. Rows of the transport are the earlier splats, with a relaxed marginal;
+/// columns are the new splats, whose mass is transported exactly or left unmatched.
 pub(super) fn matches(old: &[Point], new: &[Point]) -> Result<Vec<Match>, AmgError> {
     let nowhere = || Match { of: Vec::new(), unmatched: 1.0 };
     if old.is_empty() || new.is_empty() {
@@ -94,7 +93,8 @@ pub(super) fn matches(old: &[Point], new: &[Point]) -> Result<Vec<Match>, AmgErr
         let total: f64 = points.iter().map(|point| point.mass).sum();
         points.iter().map(|point| point.mass / total).collect()
     };
-    // The plan's reference spreads a column over all rows: "none" is compared with one of them.
+    // A column's reference mass is spread over all rows, so that the cost of no match needs
+    // ln(rows).
     let none = UNMATCHED + (old.len() as f64).ln();
     let problem = UotProblem::from_csr(starts, columns, values, new.len())?
         .with_marginals(share(old), share(new))?
@@ -118,20 +118,20 @@ pub(super) fn matches(old: &[Point], new: &[Point]) -> Result<Vec<Match>, AmgErr
         .collect())
 }
 
-/// What it costs `new` to stand for `old`, nats.
+/// Cost of `new` replacing `old`, nats.
 fn cost(old: &Point, new: &Point, spacing: f64) -> f64 {
     let apart = sub(new.place, old.place);
     let flat = norm(old.axis);
-    // Across a surface is farther than along it.
+    // Distances across the surface count double.
     let across = dot(old.axis, apart);
     let squared = (dot(apart, apart) + 3.0 * across * across) / (spacing * spacing);
     let facing = flat * norm(new.axis) - dot(old.axis, new.axis).abs();
     let drift = sub(new.drift, old.drift);
-    let colour = sub(new.colour, old.colour);
+    let color = sub(new.color, old.color);
     let at_most = |squared: f64| AT_MOST * (1.0 - (-0.5 * squared / AT_MOST).exp());
     0.5 * squared
         + FACING * facing.max(0.0)
         + at_most(dot(drift, drift) / (spacing * spacing))
-        + at_most(dot(colour, colour) / (COLOUR * COLOUR))
+        + at_most(dot(color, color) / (COLOR * COLOR))
         + at_most(((new.ln_size - old.ln_size) / SIZE).powi(2))
 }

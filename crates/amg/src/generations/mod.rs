@@ -1,9 +1,10 @@
-//! Splats that live briefly: which of those that the edit frame shows each splat descends from.
+//! Short-lived splats: which splats of the edit frame each later or earlier splat descends from.
 //!
-//! Scenes of Spacetime Gaussians and their kind show a surface through generations of splats. A
-//! chain of small transports ([`matching`]), from the edit time in both directions, gives each
-//! splat the place that it would have at the edit time ([`rest`]); one more transport there says
-//! from which splats of the edit frame it descends.
+//! Methods such as Spacetime Gaussians represent a surface by successive generations of splats.
+//! Splats are matched between neighbouring key times by transport ([`matching`]), from the edit
+//! time in both directions. This gives each splat a rest place, its position at the edit time
+//! ([`rest`]). A last transport between rest places gives the ancestors of each splat in the edit
+//! frame.
 
 mod lives;
 mod matching;
@@ -19,24 +20,24 @@ use matching::{Point, matches};
 use rayon::prelude::*;
 use rest::{at_rest, point_of};
 
-/// Splats that the edit frame shows from which one descends, and how sure that is.
+/// The ancestors of a splat among the splats visible in the edit frame.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub(crate) struct Descent {
-    /// Source ids and shares that sum to 1; empty if it descends from nothing that was shown.
+    /// Source ids with shares that sum to 1; empty if the splat has no visible ancestor.
     pub(crate) of: Vec<(u32, f32)>,
-    /// 0 to 1.
+    /// Confidence of the match, 0 to 1.
     pub(crate) confidence: f32,
 }
 
-/// The source's splats as generations of the surface that the edit frame shows.
+/// The source's splats, related to the splats of the edit frame.
 #[derive(Debug)]
 pub(crate) struct Generations {
     pub(crate) lives: Lives,
-    /// Rest places, `[N]`; none for what descends from nothing.
+    /// Rest places, `[N]`; `None` for splats that no chain of matches reaches.
     pub(crate) rest: Vec<Option<Rest>>,
-    /// At rest, `[N]`: facing of the splats that have a rest place.
+    /// Thin axis of each splat at its rest place, `[N]`; its length is the flatness.
     axes: Vec<[f64; 3]>,
-    /// `[N]`; empty for those that the edit frame shows.
+    /// Ancestors, `[N]`; empty for splats that are visible in the edit frame.
     pub(crate) descent: Vec<Descent>,
 }
 
@@ -57,9 +58,9 @@ impl Generations {
         Ok(Self { lives, rest, axes, descent })
     }
 
-    /// Whether the edit frame shows splat `i`.
+    /// Whether splat `i` is visible in the edit frame.
     pub(crate) fn is_shown(&self, i: usize) -> bool {
-        self.lives.is_there(self.lives.edit, i)
+        self.lives.is_visible(self.lives.edit, i)
     }
 
     /// Thin axis of splat `i` at rest; its length is the flatness.
@@ -68,7 +69,7 @@ impl Generations {
     }
 }
 
-/// Splats as they would be at the edit time, each as it is when it is matched.
+/// Splats at their rest places, with the size and colour that they have when they are matched.
 fn points_at_rest(
     source: &dyn DynamicScene,
     lives: &Lives,
@@ -94,7 +95,7 @@ fn points_at_rest(
     Ok(points)
 }
 
-/// Transport, at rest, from what the edit frame shows to all others.
+/// Transport between rest places: from the splats visible in the edit frame to all others.
 fn descent(
     lives: &Lives,
     rest: &[Option<Rest>],
@@ -103,7 +104,7 @@ fn descent(
     let pick = |ids: &[usize]| -> Vec<Point> { ids.iter().filter_map(|&i| points[i]).collect() };
     let (shown, others): (Vec<usize>, Vec<usize>) = (0..rest.len())
         .filter(|&i| points[i].is_some())
-        .partition(|&i| lives.is_there(lives.edit, i));
+        .partition(|&i| lives.is_visible(lives.edit, i));
     let found = matches(&pick(&shown), &pick(&others))?;
     let mut descent = vec![Descent::default(); rest.len()];
     let lines: Vec<Descent> = others

@@ -1,7 +1,8 @@
-//! Rest places made to agree over whole lives.
+//! Refinement of rest places over whole lives.
 //!
-//! A chain takes a splat to its rest place at one moment of its life. Its neighbours at rest say at
-//! every other moment, too, where that is; errors that add up along chains are averaged away.
+//! A match determines the rest place of a splat from a single moment of its life. Its neighbours at
+//! rest give an estimate at every other moment as well; the mean of the estimates reduces the
+//! errors that accumulate along chains.
 
 use super::lives::Lives;
 use super::rest::Rest;
@@ -9,17 +10,17 @@ use crate::rigid::RigidFit;
 use anchors::KdTree;
 use rayon::prelude::*;
 
-/// Rounds over all splats; each carries what is known one generation further.
+/// Passes over all splats; information spreads by one generation per pass.
 const ROUNDS: usize = 4;
-/// Moments of a life that are looked at.
+/// Moments of a life that are used.
 const MOMENTS: usize = 5;
-/// Neighbours at rest that are there at the moment.
+/// Nearest neighbours at rest that are visible at that moment.
 const NEIGHBORS: usize = 16;
-/// Weight of where a splat is at the edit time, moments of its life, if it is there entirely.
+/// Weight of the position at the edit time at full presence, in moments of a life.
 const SHOWN: f64 = 4.0;
 
-/// Improves rest places. Those of splats that the edit frame shows are known as far as they are
-/// there then.
+/// Refines the rest places. For splats that are visible in the edit frame, the position there
+/// counts with their presence.
 pub(super) fn polish(lives: &Lives, rest: &mut [Option<Rest>]) {
     let moments: Vec<Vec<usize>> = (0..lives.len()).map(|i| moments(lives, i)).collect();
     for _ in 0..ROUNDS {
@@ -36,7 +37,7 @@ pub(super) fn polish(lives: &Lives, rest: &mut [Option<Rest>]) {
                 continue;
             }
             let there: Vec<usize> =
-                (0..rest.len()).filter(|&i| rest[i].is_some() && lives.is_there(k, i)).collect();
+                (0..rest.len()).filter(|&i| rest[i].is_some() && lives.is_visible(k, i)).collect();
             let place = |&i: &usize| rest[i].map_or([0.0; 3], |rest| rest.place);
             let places: Vec<[f64; 3]> = there.iter().map(place).collect();
             let tree = KdTree::<3>::new(&places);
@@ -71,9 +72,9 @@ pub(super) fn polish(lives: &Lives, rest: &mut [Option<Rest>]) {
     }
 }
 
-/// Key times at which a splat is there, evenly taken.
+/// At most [`MOMENTS`] key times at which splat `i` is visible, evenly spaced.
 fn moments(lives: &Lives, i: usize) -> Vec<usize> {
-    let there: Vec<usize> = (0..lives.times.len()).filter(|&k| lives.is_there(k, i)).collect();
+    let there: Vec<usize> = (0..lives.times.len()).filter(|&k| lives.is_visible(k, i)).collect();
     let count = there.len().min(MOMENTS);
     (0..count).map(|m| there[(2 * m + 1) * there.len() / (2 * count)]).collect()
 }

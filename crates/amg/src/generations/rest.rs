@@ -1,5 +1,5 @@
-//! Rest places: where a splat would be at the edit time, had it been there, handed from generation
-//! to generation.
+//! Rest places: the position that each splat would have at the edit time, found step by step from
+//! the splats that it is matched with.
 
 use super::lives::Lives;
 use super::matching::{Match, Point, matches};
@@ -7,26 +7,29 @@ use crate::AmgError;
 use crate::rigid::{RigidFit, sub};
 use gs_core::{DynamicScene, Splats, quat, sh};
 
-/// A splat that is less than half matched waits for a better moment of its life.
+/// Matched share from which a match is accepted; otherwise the next key time is tried.
 const LEAST_MATCHED: f64 = 0.5;
-/// Presence from which a splat is matched, and from which others are matched with it: near the ends
-/// of their lives splats are where nothing shows whether the surface is.
+/// Presence from which a splat is matched (`RIPE`), and from which others are matched with it
+/// (`KNOWN`). Near the ends of its life the position of a splat is hardly constrained by pictures.
 const RIPE: f64 = 0.6;
 const KNOWN: f64 = 0.2;
+/// Half of a typical life, share of the clip.
+const HALF_LIFE: f64 = 0.06;
 
-/// Where a splat would be at the edit time.
+/// The position and rotation that a splat would have at the edit time.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Rest {
+    /// World units.
     pub(crate) place: [f64; 3],
     /// Rotation from the key time at which it was matched to the edit time.
     pub(crate) turn: [f64; 4],
-    /// That key time.
+    /// Index of that key time.
     pub(crate) joined: usize,
-    /// Share of the chain that was matched, 0 to 1.
+    /// Product of the matched shares along the chain, 0 to 1.
     pub(crate) confidence: f64,
 }
 
-/// Rest places of all splats that a chain reaches, `[N]`.
+/// Rest places of all splats, `[N]`; `None` where no chain of matches arrives.
 pub(super) fn rest_places(
     source: &dyn DynamicScene,
     lives: &Lives,
@@ -34,7 +37,7 @@ pub(super) fn rest_places(
 ) -> Result<Vec<Option<Rest>>, AmgError> {
     let mut rest: Vec<Option<Rest>> = (0..lives.len())
         .map(|i| {
-            lives.is_there(lives.edit, i).then(|| Rest {
+            lives.is_visible(lives.edit, i).then(|| Rest {
                 place: lives.place(lives.edit, i),
                 turn: quat::IDENTITY.map(f64::from),
                 joined: lives.edit,
@@ -56,7 +59,7 @@ pub(super) fn rest_places(
     Ok(rest)
 }
 
-/// Matches the splats that are there at key time `k` and have no rest place yet.
+/// Matches the splats that are visible at key time `k` and have no rest place yet.
 fn step(
     lives: &Lives,
     k: usize,
@@ -81,7 +84,7 @@ fn step(
     Ok(())
 }
 
-/// The rigid motion of those that it is matched with, from now to the edit time, takes it there.
+/// The rest place under the rigid motion of its matches from key time `k` to the edit time.
 fn rest_of(
     old: &[usize],
     points: &[Point],
@@ -105,7 +108,7 @@ fn rest_of(
     usable.then_some(Rest { place, turn, joined: k, confidence })
 }
 
-/// What a splat moves by in half its life, at the velocity that it has at key time `k`.
+/// Displacement of a splat over half a life, at its velocity at key time `k`, world units.
 fn drift(lives: &Lives, k: usize, i: usize) -> [f64; 3] {
     let (a, b) = (k.saturating_sub(1), (k + 1).min(lives.times.len() - 1));
     let step = f64::from(lives.times[b] - lives.times[a]);
@@ -115,10 +118,7 @@ fn drift(lives: &Lives, k: usize, i: usize) -> [f64; 3] {
     sub(lives.place(b, i), lives.place(a, i)).map(|v| v / step * HALF_LIFE)
 }
 
-/// Half a life of middle length, share of the clip.
-const HALF_LIFE: f64 = 0.06;
-
-/// A splat with its own axes, size and colour.
+/// The properties of splat `i` in its present state.
 pub(super) fn point_of(splats: &Splats, i: usize) -> Point {
     let scale = splats.scale(i).map(f64::from);
     let thin = (0..3).fold(0, |best, axis| if scale[axis] < scale[best] { axis } else { best });
@@ -134,12 +134,12 @@ pub(super) fn point_of(splats: &Splats, i: usize) -> Point {
         drift: [0.0; 3],
         axis: quat::rotate(rotation, axis),
         ln_size,
-        colour: dc.map(|c| (0.5 + f64::from(sh::C0) * f64::from(c)).clamp(0.0, 1.0)),
+        color: dc.map(|c| (0.5 + f64::from(sh::C0) * f64::from(c)).clamp(0.0, 1.0)),
         mass: f64::from(splats.opacity(i)).max(1e-3),
     }
 }
 
-/// The same at its rest place.
+/// The same properties at the rest place.
 pub(super) fn at_rest(point: Point, rest: &Rest) -> Point {
     Point { place: rest.place, axis: quat::rotate(rest.turn, point.axis), ..point }
 }

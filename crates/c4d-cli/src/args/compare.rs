@@ -1,6 +1,6 @@
 //! Arguments of `c4d compare`.
 
-use super::{Bars, MeasureFlags, Overwriting, Rendering};
+use super::{MeasureFlags, OutputFlags};
 use clap::Args;
 use std::path::PathBuf;
 
@@ -19,9 +19,5 @@ pub(crate) struct CompareArgs {
     #[command(flatten)]
     pub(crate) measure: MeasureFlags,
     #[command(flatten)]
-    pub(crate) writes: Overwriting,
-    #[command(flatten)]
-    pub(crate) bars: Bars,
-    #[command(flatten)]
-    pub(crate) rendering: Rendering,
+    pub(crate) common: OutputFlags,
 }

@@ -6,7 +6,7 @@ use operations::OperationFlags;
 
 use crate::failure::{Failure, Outcome};
 
-use super::{AxesArg, Bars, ModelFlags, Overwriting, Rendering, Up};
+use super::{AxesArg, SceneFlags, Up};
 use clap::Args;
 use std::path::PathBuf;
 
@@ -50,13 +50,7 @@ pub(crate) struct EditArgs {
     #[arg(long, value_enum, allow_hyphen_values = true)]
     pub(crate) up: Option<Up>,
     #[command(flatten)]
-    pub(crate) writes: Overwriting,
-    #[command(flatten)]
-    pub(crate) bars: Bars,
-    #[command(flatten)]
-    pub(crate) rendering: Rendering,
-    #[command(flatten)]
-    pub(crate) model: ModelFlags,
+    pub(crate) common: SceneFlags,
     #[command(flatten)]
     pub(crate) pictures: PictureFlags,
 }

@@ -1,6 +1,6 @@
 //! Arguments of `c4d eval`.
 
-use super::{Bars, ModelFlags, Overwriting, Rendering, SplitArg, Up};
+use super::{SceneFlags, SplitArg, Up};
 use clap::{Args, ValueEnum};
 use std::path::PathBuf;
 
@@ -95,13 +95,7 @@ pub(crate) struct EvalArgs {
     #[command(flatten)]
     pub(crate) measure: MeasureFlags,
     #[command(flatten)]
-    pub(crate) writes: Overwriting,
-    #[command(flatten)]
-    pub(crate) bars: Bars,
-    #[command(flatten)]
-    pub(crate) rendering: Rendering,
-    #[command(flatten)]
-    pub(crate) model: ModelFlags,
+    pub(crate) common: SceneFlags,
 }
 
 /// Learned judges.

@@ -1,7 +1,7 @@
 //! Arguments of `c4d export`.
 
 use super::export_format::ExportFormat;
-use super::shared::{Bars, ModelFlags, Overwriting, Rendering};
+use super::shared::SceneFlags;
 use super::views::{AxesArg, Up};
 use clap::Args;
 use std::path::PathBuf;
@@ -78,13 +78,7 @@ pub(crate) struct ExportArgs {
     #[arg(long, value_name = "N[,N]", value_parser = parse_bits, help_heading = "SPZ")]
     pub(crate) spz_sh_bits: Option<[u32; 2]>,
     #[command(flatten)]
-    pub(crate) writes: Overwriting,
-    #[command(flatten)]
-    pub(crate) bars: Bars,
-    #[command(flatten)]
-    pub(crate) rendering: Rendering,
-    #[command(flatten)]
-    pub(crate) model: ModelFlags,
+    pub(crate) common: SceneFlags,
 }
 
 fn parse_bits(text: &str) -> Result<[u32; 2], String> {

@@ -1,6 +1,6 @@
 //! Arguments of `c4d freeze`.
 
-use super::{Bars, ModelFlags, Overwriting, Rendering, Up};
+use super::{SceneFlags, Up};
 use clap::Args;
 use std::path::PathBuf;
 
@@ -34,11 +34,5 @@ pub(crate) struct FreezeArgs {
     #[arg(long, value_enum, allow_hyphen_values = true)]
     pub(crate) up: Option<Up>,
     #[command(flatten)]
-    pub(crate) writes: Overwriting,
-    #[command(flatten)]
-    pub(crate) bars: Bars,
-    #[command(flatten)]
-    pub(crate) rendering: Rendering,
-    #[command(flatten)]
-    pub(crate) model: ModelFlags,
+    pub(crate) common: SceneFlags,
 }

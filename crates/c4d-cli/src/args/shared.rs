@@ -68,6 +68,26 @@ pub(crate) struct ModelFlags {
     pub(crate) set: Vec<String>,
 }
 
+/// Flags of long-running commands that render and write.
+#[derive(Debug, Clone, Default, Args)]
+pub(crate) struct OutputFlags {
+    #[command(flatten)]
+    pub(crate) writes: Overwriting,
+    #[command(flatten)]
+    pub(crate) bars: Bars,
+    #[command(flatten)]
+    pub(crate) rendering: Rendering,
+}
+
+/// The same, of commands that read a scene.
+#[derive(Debug, Clone, Default, Args)]
+pub(crate) struct SceneFlags {
+    #[command(flatten)]
+    pub(crate) output: OutputFlags,
+    #[command(flatten)]
+    pub(crate) model: ModelFlags,
+}
+
 /// The shared flags of one call; flags that the command does not have are at their defaults.
 #[derive(Debug, Clone, Default)]
 #[expect(
@@ -107,5 +127,13 @@ impl Global {
 
     pub(super) fn model(self, flags: &ModelFlags) -> Self {
         Self { iteration: flags.iteration, set: flags.set.clone(), ..self }
+    }
+
+    pub(super) fn output(self, flags: &OutputFlags) -> Self {
+        self.writes(&flags.writes).bars(&flags.bars).rendering(&flags.rendering)
+    }
+
+    pub(super) fn scene(self, flags: &SceneFlags) -> Self {
+        self.output(&flags.output).model(&flags.model)
     }
 }

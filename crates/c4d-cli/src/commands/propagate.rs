@@ -27,10 +27,11 @@ use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex};
 use std::time::Instant;
 
-/// Most memory that the motion stage takes per splat of the source and of the edit, bytes (measured: 1.2 KiB, see the benchmarks).
+/// Most memory that the motion stage takes per splat of the source and of the edit, bytes
+/// (measured: 1.2 KiB, see the benchmarks).
 const BYTES_PER_SPLAT: u64 = 1536;
-/// The same more per splat of the source when edits belong to surfaces: 65 key times of 16 bytes, and
-/// carriers.
+/// The same more per splat of the source when edits belong to surfaces: 65 key times of 16 bytes,
+/// and carriers.
 const BYTES_PER_LIFE: u64 = 2048;
 
 /// Paths to note in the run, where they differ from those read.
@@ -280,7 +281,8 @@ fn refinement(args: &PropagateJob) -> Outcome<(PresetArg, RefineSettings)> {
     Ok((settings.preset()?.unwrap_or(args.preset), settings))
 }
 
-/// Reads the edited frame, repairs what can be repaired, and gives it the scene's SH degree; with how coarsely its format stores it.
+/// Reads the edited frame, repairs what can be repaired, and gives it the scene's SH degree; with
+/// how coarsely its format stores it.
 fn read_edited(
     args: &PropagateJob,
     source: &Splats,

@@ -2,7 +2,7 @@
 //! what rows inherit.
 
 use super::entry::{Entry, le_bytes};
-use amg::{Carrier, ColourChange, Inherited, Lasting, Surface};
+use amg::{Carrier, ColorChange, Inherited, Lasting, Surface};
 use safetensors::{Dtype, SafeTensors};
 
 /// Values of a carrier: rest place, floor, peak.
@@ -29,9 +29,9 @@ pub(super) fn write(surface: &Surface) -> Vec<Entry> {
     let mut values = Vec::with_capacity(INHERITED * inherited.len());
     for i in inherited {
         values.extend([i.confidence, i.opacity]);
-        values.extend(i.colour.matrix.as_flattened());
-        values.extend(i.colour.offset);
-        values.push(i.colour.harmonics);
+        values.extend(i.color.matrix.as_flattened());
+        values.extend(i.color.offset);
+        values.push(i.color.harmonics);
     }
     vec![
         ints("lasting.ids", &lasting.ids),
@@ -81,7 +81,7 @@ pub(super) fn read(
                 row,
                 confidence,
                 opacity,
-                colour: ColourChange {
+                color: ColorChange {
                     matrix: [[a, b, c], [d, e, f], [g, h, i]],
                     offset: [red, green, blue],
                     harmonics,

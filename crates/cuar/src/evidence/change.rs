@@ -49,9 +49,9 @@ impl References {
 /// Per row of `rows`, the change of SH `[K,3]` that the nearest references of its surface have,
 /// itself left out; `None` without any.
 ///
-/// References are near, face alike, move with the splat and had its hue. New base colours are a local
-/// power law of the old brightness `b`, per channel `log new = log new̅ + β (log b − log b̅)`:
-/// light and shadow are factors of both (β = 1, which is the prior), and paint that covers a
+/// References are near, face alike, move with the splat and had its hue. New base colours are a
+/// local power law of the old brightness `b`, per channel `log new = log new̅ + β (log b − log
+/// b̅)`: light and shadow are factors of both (β = 1, which is the prior), and paint that covers a
 /// texture of light and dark has β = 0. Higher bands take the references' mean change.
 pub(super) fn expected_changes(
     frame: &EditedFrame<'_>,

@@ -20,10 +20,10 @@
 //! What an edit left on hidden splats is one of three things: the old colour, one that the edit
 //! meant (a selection in 3D changes hidden splats, too), or a meaningless one. Colours are
 //! meaningless if ‖Δ̂ − Δ‖₁ of changed hidden splats is, in the median, more than twice that of
-//! supervised splats. Such splats are repaired as well if their geometry is a source splat's; those on a surface that the edit did not
-//! change get their old colour back (`Δ̂ = 0`, and `a` is the share of the surface that it left
-//! alone). Where the edit changed more than half of the hidden splats with `a > ½`, and meant it,
-//! the others are as they should be, and ξ′ is 0.
+//! supervised splats. Such splats are repaired as well if their geometry is a source splat's; those
+//! on a surface that the edit did not change get their old colour back (`Δ̂ = 0`, and `a` is the
+//! share of the surface that it left alone). Where the edit changed more than half of the hidden
+//! splats with `a > ½`, and meant it, the others are as they should be, and ξ′ is 0.
 
 mod before;
 mod change;

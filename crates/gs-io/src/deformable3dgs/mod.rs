@@ -26,7 +26,8 @@ pub(crate) const UP_SYNTHETIC: [f64; 3] = [0.0, 0.0, 1.0];
 /// Opens a model folder, or one of the iterations of its point cloud.
 ///
 /// # Errors
-/// If files are missing or malformed, or the network is of another kind. Every error names the file.
+/// If files are missing or malformed, or the network is of another kind. Every error names the
+/// file.
 pub fn open(dir: impl AsRef<Path>, options: &OpenOptions) -> Result<OpenedScene, IoError> {
     let mut folder = DeformFolder::read(dir.as_ref(), options, |_| Vec::new())?;
     let path = folder.network.clone();

@@ -71,8 +71,8 @@ pub(super) struct BriefScore {
     seconds: f64,
 }
 
-/// Shares and lives of each case: as most such scenes are; fewer; more, and shorter; and so long that
-/// straight lines are far from the motion.
+/// Shares and lives of each case: as most such scenes are; fewer; more, and shorter; and so long
+/// that straight lines are far from the motion.
 const LIVES: [(f32, [f32; 2]); 4] =
     [(0.8, [0.05, 0.3]), (0.5, [0.05, 0.3]), (0.95, [0.05, 0.15]), (0.8, [0.3, 0.6])];
 
@@ -200,9 +200,9 @@ fn reached(found: &amg::Propagation, num_sources: usize) -> Vec<bool> {
     for inherited in binding.surface().iter().flat_map(|surface| &surface.inherited) {
         let id = binding.row(inherited.row as usize).0[0] as usize;
         let whole = inherited.opacity <= 0.0 || inherited.group.is_some();
-        let matrix = &inherited.colour.matrix;
+        let matrix = &inherited.color.matrix;
         let change = (0..3).map(|i| (matrix[i][i] - 1.0).abs()).fold(0.0, f32::max);
-        let shift = inherited.colour.offset.iter().fold(0.0, |m: f32, o| m.max(o.abs()));
+        let shift = inherited.color.offset.iter().fold(0.0, |m: f32, o| m.max(o.abs()));
         reached[id] = whole || change > 0.02 || shift > 0.02;
     }
     reached

@@ -125,7 +125,7 @@ pub(super) fn ingest(path: &Path) -> Outcome<Vec<Value>> {
         for (name, score) in scores {
             let score = score
                 .as_f64()
-                .ok_or_else(|| refused(number, &format!("the score {name} is no number")))?;
+                .ok_or_else(|| refused(number, &format!("the score `{name}` is not a number")))?;
             values.entry(name.clone()).or_default().push(score);
         }
     }

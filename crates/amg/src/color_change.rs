@@ -1,4 +1,4 @@
-//! [`ColourChange`]: what an edit did to colours, as a change that can be made to others.
+//! [`ColorChange`]: what an edit did to colours, as a change that can be made to others.
 
 use gs_core::symmetric_eigen as eigen;
 
@@ -8,7 +8,7 @@ const RIDGE: f64 = 1e-3;
 
 /// `c ↦ A c + b` of colours (red, green, blue; 0 to 1), and a factor on the other harmonics.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct ColourChange {
+pub struct ColorChange {
     /// `A`, row-major.
     pub matrix: [[f32; 3]; 3],
     /// `b`.
@@ -17,7 +17,7 @@ pub struct ColourChange {
     pub harmonics: f32,
 }
 
-impl ColourChange {
+impl ColorChange {
     /// The one that changes nothing.
     pub const NONE: Self = Self {
         matrix: [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]],
@@ -26,10 +26,10 @@ impl ColourChange {
     };
 
     /// The colour that `colour` becomes.
-    pub fn apply(&self, colour: [f32; 3]) -> [f32; 3] {
+    pub fn apply(&self, color: [f32; 3]) -> [f32; 3] {
         [0, 1, 2].map(|i| {
             let row = &self.matrix[i];
-            self.offset[i] + (0..3).map(|j| row[j] * colour[j]).sum::<f32>()
+            self.offset[i] + (0..3).map(|j| row[j] * color[j]).sum::<f32>()
         })
     }
 
@@ -55,7 +55,7 @@ impl ColourChange {
 
 /// Weighted pairs of a colour before and after, from which a change follows.
 #[derive(Debug, Clone, Default)]
-pub(crate) struct ColourPairs {
+pub(crate) struct ColorPairs {
     weight: f64,
     from: [f64; 3],
     to: [f64; 3],
@@ -66,7 +66,7 @@ pub(crate) struct ColourPairs {
     harmonics: (f64, f64),
 }
 
-impl ColourPairs {
+impl ColorPairs {
     pub(crate) fn add(&mut self, weight: f64, from: [f64; 3], to: [f64; 3]) {
         self.weight += weight;
         for i in 0..3 {
@@ -88,7 +88,7 @@ impl ColourPairs {
 
     /// The change that maps the mean exactly and explains what it can of the rest, else as `like`
     /// does.
-    pub(crate) fn change(&self, like: &ColourChange) -> ColourChange {
+    pub(crate) fn change(&self, like: &ColorChange) -> ColorChange {
         if self.weight <= 0.0 {
             return *like;
         }
@@ -125,7 +125,7 @@ impl ColourPairs {
             f64::from(like.harmonics)
         };
         let narrow = gs_core::Real::as_f32;
-        ColourChange {
+        ColorChange {
             matrix: matrix.map(|row| row.map(narrow)),
             offset: offset.map(narrow),
             harmonics: narrow(harmonics),
@@ -150,42 +150,42 @@ mod tests {
     }
 
     /// Colours of a texture with this contrast.
-    fn pairs(contrast: f64) -> ColourPairs {
-        let mut pairs = ColourPairs::default();
+    fn pairs(contrast: f64) -> ColorPairs {
+        let mut pairs = ColorPairs::default();
         for i in 0..60 {
             let wave = |k: f64| 0.5 + contrast * (k * f64::from(i)).sin();
-            let colour = [wave(0.7), wave(1.3), wave(2.9)];
-            pairs.add(1.0, colour, turned(colour));
+            let color = [wave(0.7), wave(1.3), wave(2.9)];
+            pairs.add(1.0, color, turned(color));
         }
         pairs
     }
 
-    fn miss(change: &ColourChange, colour: [f64; 3]) -> f64 {
-        let (found, expected) = (change.apply(colour.map(gs_core::Real::as_f32)), turned(colour));
+    fn miss(change: &ColorChange, color: [f64; 3]) -> f64 {
+        let (found, expected) = (change.apply(color.map(gs_core::Real::as_f32)), turned(color));
         (0..3).map(|i| (f64::from(found[i]) - expected[i]).abs()).fold(0.0, f64::max)
     }
 
     #[test]
     fn changes_are_learnt_from_texture() {
-        let found = pairs(0.4).change(&ColourChange::NONE);
+        let found = pairs(0.4).change(&ColorChange::NONE);
         assert!(miss(&found, [0.2, 0.7, 0.4]) < 0.01, "{found:?}");
         // Without texture only the mean is known, and the rest is as told: at first as it was.
         let flat = pairs(0.001);
         let (mean, other) = ([0.5; 3], [0.2, 0.7, 0.4]);
-        let found = flat.change(&ColourChange::NONE);
+        let found = flat.change(&ColorChange::NONE);
         assert!(miss(&found, mean) < 1e-3 && miss(&found, other) > 0.1, "{found:?}");
-        let told = flat.change(&pairs(0.4).change(&ColourChange::NONE));
+        let told = flat.change(&pairs(0.4).change(&ColorChange::NONE));
         assert!(miss(&told, other) < 0.01, "{told:?}");
     }
 
     #[test]
     fn shares_lie_between() {
-        let change = pairs(0.4).change(&ColourChange::NONE);
-        assert_eq!(change.share(0.0), ColourChange::NONE, "none");
-        let colour = [0.3, 0.5, 0.6];
-        let half = change.share(0.5).apply(colour);
+        let change = pairs(0.4).change(&ColorChange::NONE);
+        assert_eq!(change.share(0.0), ColorChange::NONE, "none");
+        let color = [0.3, 0.5, 0.6];
+        let half = change.share(0.5).apply(color);
         for (i, half) in half.into_iter().enumerate() {
-            let middle = f32::midpoint(colour[i], change.apply(colour)[i]);
+            let middle = f32::midpoint(color[i], change.apply(color)[i]);
             assert!((half - middle).abs() < 1e-6, "{half} {middle}");
         }
     }

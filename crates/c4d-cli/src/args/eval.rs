@@ -36,10 +36,10 @@ pub(crate) struct MeasureFlags {
     #[arg(long)]
     pub(crate) frames: Option<usize>,
     /// Image size [default: that of the cameras, 480x360 for the rig]
-    #[arg(long, value_name = "WxH", value_parser = super::parse_size)]
+    #[arg(long, value_name = "WxH", value_parser = super::values::parse_size)]
     pub(crate) size: Option<(u32, u32)>,
     /// Background colour [default: what the model was trained with, else black]
-    #[arg(long, value_name = "R,G,B", value_parser = super::parse_background)]
+    #[arg(long, value_name = "R,G,B", value_parser = super::values::parse_background)]
     pub(crate) background: Option<[f32; 3]>,
     /// The world's upward direction, for the rig
     #[arg(long, value_enum, allow_hyphen_values = true)]
@@ -74,7 +74,7 @@ pub(crate) struct EvalArgs {
     #[arg(long, value_name = "N", requires = "ablation")]
     pub(crate) samples: Option<usize>,
     /// Their size [default: that of the cameras, 640x480 for the rig]
-    #[arg(long, value_name = "WxH", value_parser = super::parse_size, requires = "ablation")]
+    #[arg(long, value_name = "WxH", value_parser = super::values::parse_size, requires = "ablation")]
     pub(crate) refine_size: Option<(u32, u32)>,
     /// Only write what a learned judge takes: pictures before and after, and jobs.jsonl
     /// (editscore: pairs of 30 frames; vebench: clips as folders of frames)

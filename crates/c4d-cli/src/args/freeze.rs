@@ -22,12 +22,12 @@ pub(crate) struct FreezeArgs {
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1000))]
     pub(crate) views: Option<u16>,
     /// Size of the pictures [default: that of the scene's own cameras, 512x512 for the rig]
-    #[arg(long, value_name = "WxH", value_parser = super::parse_size, requires = "views")]
+    #[arg(long, value_name = "WxH", value_parser = super::values::parse_size, requires = "views")]
     pub(crate) size: Option<(u32, u32)>,
     /// Keep SH up to this degree only
     #[arg(long, value_name = "0-3")]
     pub(crate) sh_degree: Option<usize>,
-    /// Leave out splats that are invisible at that time; `c4d propagate` puts them back
+    /// Leave out splats that are invisible at that time; `c4d propagate` adds them again
     #[arg(long)]
     pub(crate) visible: bool,
     /// The world's upward direction, for the rig

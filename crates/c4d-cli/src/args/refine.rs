@@ -1,0 +1,103 @@
+//! Arguments of `c4d refine`, and its flags in `c4d propagate`.
+
+use super::values::parse_size;
+use super::{Bars, PresetArg, Rendering, Up};
+use crate::failure::{Failure, Outcome};
+use clap::{Args, ValueEnum};
+use serde::{Deserialize, Serialize};
+use std::path::PathBuf;
+
+/// Flags of the appearance refinement, in `c4d propagate` and `c4d refine`.
+#[derive(Debug, Clone, Args, Serialize, Deserialize)]
+#[command(next_help_heading = "Appearance refinement")]
+#[serde(default)]
+pub(crate) struct RefineFlags {
+    /// Cameras to refine from, as `c4d render --cameras`; each is used at every time [default: a
+    /// rig around the scene]
+    #[arg(long, visible_alias = "cameras", value_name = "PATH")]
+    pub(crate) refine_cameras: Option<PathBuf>,
+    /// Size of the images [default: that of the cameras, 640x480 for the rig]
+    #[arg(long, value_name = "WxH", value_parser = parse_size)]
+    pub(crate) refine_size: Option<(u32, u32)>,
+    /// The world's upward direction, for the rig
+    #[arg(long, value_enum, allow_hyphen_values = true)]
+    pub(crate) refine_up: Option<Up>,
+    /// Times to draw images from, evenly spaced [default: 30]
+    #[arg(long, value_name = "N")]
+    pub(crate) refine_frames: Option<usize>,
+    /// Images to draw (view and time) [default: 240]
+    #[arg(long, value_name = "N")]
+    pub(crate) samples: Option<usize>,
+    /// Coverage of the artifact mask, 0.5 (broad) to 2
+    #[arg(long, allow_negative_numbers = true)]
+    pub(crate) epsilon: Option<f32>,
+    /// How frame 1 is warped to other frames [default: backward; paper with --preset paper]
+    #[arg(long, value_enum)]
+    pub(crate) warp: Option<WarpArg>,
+    /// Memory for images, MiB, 16 or more [default: 2048, or half of what is free]
+    #[arg(long, value_name = "MIB")]
+    pub(crate) memory: Option<usize>,
+    /// Write a preview image into the run every so many seconds
+    #[arg(long, value_name = "SECONDS", allow_negative_numbers = true)]
+    pub(crate) preview_every: Option<f64>,
+    /// Save a checkpoint for --resume every so many seconds
+    #[arg(long, value_name = "SECONDS", default_value_t = 20.0, allow_negative_numbers = true)]
+    pub(crate) checkpoint_every: f64,
+}
+
+impl RefineFlags {
+    /// The same flags, for use from another working folder.
+    pub(crate) fn absolute(&self) -> Outcome<Self> {
+        let absolute = |path: &PathBuf| std::path::absolute(path).map_err(Failure::failed);
+        let refine_cameras = self.refine_cameras.as_ref().map(absolute).transpose()?;
+        Ok(Self { refine_cameras, ..self.clone() })
+    }
+}
+
+impl Default for RefineFlags {
+    fn default() -> Self {
+        Self {
+            refine_cameras: None,
+            refine_size: None,
+            refine_up: None,
+            refine_frames: None,
+            samples: None,
+            epsilon: None,
+            warp: None,
+            memory: None,
+            preview_every: None,
+            checkpoint_every: 20.0,
+        }
+    }
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct RefineArgs {
+    /// The run folder; its colours are replaced, its motion stays
+    pub(crate) run: PathBuf,
+    /// `best` has the smallest measured error, `paper` follows the paper literally [default: best]
+    #[arg(long, value_enum)]
+    pub(crate) preset: Option<PresetArg>,
+    /// Options from the section `refine` of a TOML file, such as the c4d.toml of a run; they
+    /// override the preset, and flags override them
+    #[arg(long, value_name = "FILE")]
+    pub(crate) config: Option<PathBuf>,
+    /// Continue from the checkpoint of an interrupted refinement with the same flags
+    #[arg(long)]
+    pub(crate) resume: bool,
+    #[command(flatten)]
+    pub(crate) bars: Bars,
+    #[command(flatten)]
+    pub(crate) rendering: Rendering,
+    #[command(flatten)]
+    pub(crate) flags: RefineFlags,
+}
+
+/// Forms of Eq. 13.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum, Serialize, Deserialize)]
+pub(crate) enum WarpArg {
+    /// Fetched through flow at the pixels of frame t, with occlusion test
+    Backward,
+    /// As printed
+    Paper,
+}

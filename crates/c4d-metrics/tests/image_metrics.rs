@@ -4,16 +4,7 @@
 
 use c4d_metrics::{FLIP_PIXELS_PER_DEGREE, flip, flip_map, ms_ssim, psnr};
 use gs_core::Image;
-
-/// Values in [0,1) from a linear congruential generator, as the fixture's script makes them.
-struct Lcg(u32);
-
-impl Lcg {
-    fn next(&mut self) -> f64 {
-        self.0 = self.0.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
-        f64::from(self.0 >> 8) / f64::from(1_u32 << 24)
-    }
-}
+use test_support::noise::Lcg;
 
 /// Stripes with sharp edges and noise, and the same disturbed.
 fn pair(width: usize, height: usize, seed: u32, noise: f64) -> [Image; 2] {
@@ -23,11 +14,11 @@ fn pair(width: usize, height: usize, seed: u32, noise: f64) -> [Image; 2] {
         for x in 0..width {
             for c in 0..3 {
                 let stripes = ((x * (3 + c) + y * (5 - c)) % 64) as f64 / 63.0;
-                first.push(0.6 * stripes + 0.4 * lcg.next());
+                first.push(0.6 * stripes + 0.4 * lcg.sample());
             }
         }
     }
-    let second: Vec<f64> = first.iter().map(|v| (1.0 - noise) * v + noise * lcg.next()).collect();
+    let second = lcg.disturb(&first, noise);
     #[expect(clippy::cast_possible_truncation, reason = "images are single precision")]
     let image = |values: &[f64]| {
         let data = values.iter().map(|&v| v as f32).collect();

@@ -2,28 +2,7 @@
 
 use c4d_metrics::{Ssim, SsimBorder};
 use std::fs;
-
-/// Values in [0,1) from a linear congruential generator, the same as in the fixture's script.
-struct Lcg(u32);
-
-impl Lcg {
-    fn next(&mut self) -> f64 {
-        self.0 = self.0.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
-        f64::from(self.0 >> 8) / f64::from(1_u32 << 24)
-    }
-    fn take(&mut self, len: usize) -> Vec<f64> {
-        (0..len).map(|_| self.next()).collect()
-    }
-}
-
-/// A noise image `W × H × C`, and the same image with more noise added.
-fn pair(width: usize, height: usize, channels: usize, seed: u32, noise: f64) -> [Vec<f64>; 2] {
-    let mut lcg = Lcg(seed);
-    let len = width * height * channels;
-    let x = lcg.take(len);
-    let y = x.iter().map(|value| (1.0 - noise) * value + noise * lcg.next()).collect();
-    [x, y]
-}
+use test_support::noise::noise_pair;
 
 #[test]
 fn ssim_equals_scikit_image() {
@@ -39,7 +18,7 @@ fn ssim_equals_scikit_image() {
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "small counts")]
         let size = [width, height, channels, seed].map(|value| value as u32);
         let [w, h, c] = [size[0], size[1], size[2]].map(|side| side as usize);
-        let [x, y] = pair(w, h, c, size[3], noise);
+        let [x, y] = noise_pair([w, h, c], size[3], noise);
         let ours = Ssim::new(w, h, c).value(&x, &y, SsimBorder::Valid);
         // worst seen 3e-16
         assert!((ours - expected).abs() < 1e-12, "{line}: {ours}");
@@ -56,14 +35,14 @@ fn ssim_equals_scikit_image() {
 
 #[test]
 fn ssim_of_equal_images_is_one_even_at_the_border() {
-    let [x, _] = pair(17, 9, 3, 5, 0.0);
+    let [x, _] = noise_pair([17, 9, 3], 5, 0.0);
     let mut ssim = Ssim::new(17, 9, 3);
     assert!((ssim.value(&x, &x, SsimBorder::Zero) - 1.0).abs() < 1e-12, "mean");
     let mut v_x = vec![0.0; x.len()];
     let loss = ssim.loss(&x, &x, 1.0, 1.0, &mut v_x, None);
     assert!(loss.abs() < 1e-10 && v_x.iter().all(|g| g.abs() < 1e-9), "a minimum: {loss}");
     // smaller than the window
-    let [x, y] = pair(3, 2, 1, 5, 0.5);
+    let [x, y] = noise_pair([3, 2, 1], 5, 0.5);
     assert!(Ssim::new(3, 2, 1).value(&x, &y, SsimBorder::Zero) < 1.0, "tiny images work");
     assert_eq!(Ssim::<f64>::new(3, 2, 1).value(&x, &y, SsimBorder::Valid), 0.0, "no window inside");
     assert_eq!(Ssim::<f64>::new(0, 0, 3).value(&[], &[], SsimBorder::Zero), 0.0, "no pixels");
@@ -81,7 +60,7 @@ fn difference(x: &[f64], k: usize, step: f64, f: &mut dyn FnMut(&[f64]) -> f64) 
 #[test]
 fn ssim_gradient_is_the_difference_quotient() {
     let (w, h, c) = (14, 12, 3);
-    let [x, y] = pair(w, h, c, 11, 0.4);
+    let [x, y] = noise_pair([w, h, c], 11, 0.4);
     let norm = 1.0 / (w * h * c) as f64;
     let mut ssim = Ssim::new(w, h, c);
     let mut v_x = vec![0.0; x.len()];

@@ -2,28 +2,7 @@
 
 use c4d_metrics::{Ssim, SsimBorder};
 use cuar::loss::{LossWeights, Objective, Shape, Targets, masked_l1};
-
-/// Values in [0,1) from a linear congruential generator, as the fixture's script makes them.
-struct Lcg(u32);
-
-impl Lcg {
-    fn next(&mut self) -> f64 {
-        self.0 = self.0.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
-        f64::from(self.0 >> 8) / f64::from(1_u32 << 24)
-    }
-    fn take(&mut self, len: usize) -> Vec<f64> {
-        (0..len).map(|_| self.next()).collect()
-    }
-}
-
-/// `W × H × C` of noise, and the same disturbed.
-fn pair(width: usize, height: usize, channels: usize, seed: u32, noise: f64) -> [Vec<f64>; 2] {
-    let mut lcg = Lcg(seed);
-    let len = width * height * channels;
-    let x = lcg.take(len);
-    let y = x.iter().map(|value| (1.0 - noise) * value + noise * lcg.next()).collect();
-    [x, y]
-}
+use test_support::noise::noise_pair;
 
 /// Central difference of `f` along entry `k`.
 fn difference(x: &[f64], k: usize, step: f64, f: &mut dyn FnMut(&[f64]) -> f64) -> f64 {
@@ -36,7 +15,7 @@ fn difference(x: &[f64], k: usize, step: f64, f: &mut dyn FnMut(&[f64]) -> f64) 
 
 #[test]
 fn masked_l1_gradient_is_the_difference_quotient() {
-    let [x, y] = pair(6, 5, 3, 3, 0.5);
+    let [x, y] = noise_pair([6, 5, 3], 3, 0.5);
     let mask: Vec<f64> = (0..30).map(|p| [0.0, 1.0, 0.5][p % 3]).collect();
     let mut v_x = vec![0.0; x.len()];
     masked_l1(&x, &y, &mask, 0.25, &mut v_x);
@@ -62,8 +41,8 @@ impl Case {
     /// Left half artifact (some of it unsupervised), right half background.
     fn new() -> Self {
         let (width, height) = (18, 13);
-        let [render, original] = pair(width, height, 3, 21, 0.3);
-        let [_, warp] = pair(width, height, 3, 22, 0.6);
+        let [render, original] = noise_pair([width, height, 3], 21, 0.3);
+        let [_, warp] = noise_pair([width, height, 3], 22, 0.6);
         let left = |p: usize| p % width < 9;
         let flag = |on: bool| f64::from(u8::from(on));
         let pixels = 0..width * height;
@@ -135,8 +114,8 @@ fn objective_gradient_is_the_difference_quotient() {
 #[test]
 fn crops_are_exact() {
     let (w, h, x0, y0, cw, ch) = (40, 30, 9, 6, 24, 20);
-    let [render, _] = pair(w, h, 3, 1, 0.0);
-    let [_, warp] = pair(w, h, 3, 2, 0.6);
+    let [render, _] = noise_pair([w, h, 3], 1, 0.0);
+    let [_, warp] = noise_pair([w, h, 3], 2, 0.6);
     // 5 pixels of free margin inside the crop: half a window
     let inside = |p: usize| {
         let (x, y) = (p % w, p / w);

@@ -1,11 +1,14 @@
 //! Comparators and golden-file readers for tests. Development only.
 //!
 //! Uses plain slices, so that every crate of the workspace can use it in its tests. The feature
-//! `raster` adds the golden cases of the rasterisers, with types of `gs-core`.
+//! `raster` adds golden cases and checks of the rasterisers, with types of `gs-core`.
 
 pub mod compare;
 mod fixture;
 pub mod golden;
+pub mod noise;
+#[cfg(feature = "raster")]
+pub mod placement;
 #[cfg(feature = "raster")]
 pub mod raster;
 

@@ -2,6 +2,7 @@
 
 mod crate_table;
 mod import_graph;
+mod promises;
 
 use crate::workspace::workspace;
 use anyhow::{Context, Result, bail};
@@ -32,6 +33,7 @@ fn findings(root: &Path) -> Result<Vec<String>> {
     let manifests = manifests(root)?;
     let texts = manifests.iter().map(fs::read_to_string).collect::<Result<Vec<_>, _>>()?;
     found.extend(CrateTable::parse(&architecture)?.compare(&texts)?);
+    found.extend(promises::check(root, &architecture));
     for folder in manifests.iter().filter_map(|manifest| manifest.parent()) {
         check_readme(root, folder, &mut found)?;
         check_cycles(folder, &mut found)?;

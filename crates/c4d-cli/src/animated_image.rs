@@ -70,7 +70,7 @@ impl<W: Write> GifWriter<W> {
         let side = |pixels: usize| {
             u16::try_from(pixels).map_err(|_too_large| {
                 Failure::usage(format!(
-                    "a GIF of {width}×{height} pixels: the limit is 65535 a side"
+                    "a GIF of {width}×{height} pixels: sides are limited to 65535"
                 ))
                 .next("Give another --size.")
             })
@@ -263,7 +263,7 @@ impl<W: Write> WebpWriter<W> {
         let side = |pixels: usize| match u32::try_from(pixels) {
             Ok(side) if pixels <= Self::MAX_SIDE => Ok(side),
             _ => Err(Failure::usage(format!(
-                "a WebP of {width}×{height} pixels: sides are {} at most",
+                "a WebP of {width}×{height} pixels: sides are limited to {}",
                 Self::MAX_SIDE
             ))
             .next("Give another --size.")),

@@ -251,7 +251,7 @@ impl CameraRig {
             Layout::Forward => {
                 let mut cameras = vec![self.front(size)];
                 cameras.extend(self.spiral(REFINING - 1, size));
-                (cameras, "placed as a capture of this scene would be")
+                (cameras, "placed as for a capture of this scene")
             }
         }
     }

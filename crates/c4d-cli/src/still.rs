@@ -49,7 +49,7 @@ pub(crate) fn open(
         (None, Some(reading)) => {
             if let Some(assumed) = reading.assumption() {
                 console.note(format!(
-                    "{}: {assumed}; if it appears upside down, give --axes ply",
+                    "{}: {assumed}; if it appears upside down, use --axes ply",
                     path.display()
                 ));
             }

@@ -50,13 +50,13 @@ pub(crate) fn run(args: &PropagateArgs, global: &Global, console: &Console) -> O
         return Ok(());
     }
     if !args.no_refine {
-        console.note("motion is written; refining colours (c4d refine RUN --resume goes on after an interrupt)");
+        console.note("motion is written; refining colours (after an interruption, c4d refine RUN --resume continues)");
         let (preset, settings) = refinement(args)?;
         let begun = Checkpoint::anew(preset, settings, &args.refine);
         refine::refine(&args.output, begun, global, console)?;
     }
     console.note(format!(
-        "look at it: c4d render {0} --side-by-side -o clip.mp4; take it away: c4d export {0} --to ply-seq -o frames",
+        "to view it: c4d render {0} --side-by-side -o clip.mp4; to export it: c4d export {0} --to ply-seq -o frames",
         args.output.display()
     ));
     console.result(args.output.display());
@@ -224,7 +224,7 @@ pub(crate) fn propagate(
 fn follow(args: &PropagateJob, source: &Opened, console: &Console) -> Outcome<FollowArg> {
     if args.follow == Some(FollowArg::Surface) && args.baseline == Some(BaselineArg::Deformnet) {
         return Err(Failure::usage(
-            "--follow surface: --baseline deformnet asks a network about the edited splats, and follows nothing",
+            "--follow surface does not apply to --baseline deformnet, which evaluates the network at the edited splats",
         )
         .next("Leave one of them out."));
     }
@@ -240,9 +240,9 @@ fn follow(args: &PropagateJob, source: &Opened, console: &Console) -> Outcome<Fo
     if let Some(lifetimes) = lifetimes {
         let becomes = match follow {
             FollowArg::Splats => {
-                "the edit reaches these, and fades where others take their place (--follow splats)"
+                "the edit applies to these only and disappears where other splats replace them (--follow splats)"
             }
-            FollowArg::Surface => "those that take their place inherit the edit (--follow surface)",
+            FollowArg::Surface => "splats that replace them inherit the edit (--follow surface)",
         };
         console.note(format!("{}: {becomes}", lifetimes.describe()));
     }
@@ -374,14 +374,14 @@ fn warn_if_still(args: &PropagateJob, propagation: &Propagation, console: &Conso
     let exact = propagation.identity.rows.iter().any(|row| row.source().is_some_and(moves));
     if report.num_dynamic > 0 && estimated == 0 && !exact {
         console.warn(format!(
-            "{}: none of its splats is, or lies at, a moving splat of the scene: the result stands still",
+            "{}: no splat matches a moving splat of the scene, so the result will not move",
             args.edited.display()
         ));
     }
     let kept = propagation.identity.matched();
     if args.motion == MotionArg::Amg && kept * 100 < report.num_edited_splats {
         console.warn(format!(
-            "{}: {kept} of {} splats are splats of the scene at time {}. If you did not restyle everything: is it of another time (--time) or another scene?",
+            "{}: {kept} of {} splats are splats of the scene at time {}. Unless everything was restyled, it may be of another time (--time) or another scene",
             args.edited.display(),
             report.num_edited_splats,
             args.time
@@ -406,7 +406,7 @@ fn report(report: &MotionReport, motion: MotionArg, seconds: f64, console: &Cons
         console.note(format!("{count} splats moved as one: {what}; they keep their own motion"));
     }
     if report.beside_copies > 0 {
-        console.note(format!("{} edited splats beside a copy go with it", report.beside_copies));
+        console.note(format!("{} edited splats beside a copy follow it", report.beside_copies));
     }
     console.note(format!(
         "motion of {} edited splats from {} moving source splats in {seconds:.2} s; {} stay put",
@@ -416,11 +416,11 @@ fn report(report: &MotionReport, motion: MotionArg, seconds: f64, console: &Cons
     ));
     if let Some(descent) = &report.descent {
         console.note(format!(
-            "the edit frame shows {} of {} splats that are ever visible; {} of the others descend from these",
+            "the edit frame shows {} of {} splats that are ever visible; {} of the others are matched to these",
             descent.shown, descent.visible, descent.descended
         ));
         console.note(format!(
-            "reached by descent: {} recoloured, {} removed, {} moved; confidence {:.2}, {} below 0.5",
+            "inherited: {} recoloured, {} removed, {} moved; confidence {:.2}, {} below 0.5",
             descent.recoloured, descent.removed, descent.moved, descent.confidence, descent.unsure
         ));
     }

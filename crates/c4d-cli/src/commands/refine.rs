@@ -55,7 +55,7 @@ pub(crate) fn run(args: &RefineArgs, global: &Global, console: &Console) -> Outc
     let begun = match unfinished {
         Ok(None) if args.resume => {
             console.note(format!(
-                "{} has no checkpoint: the refinement starts anew",
+                "{} has no checkpoint: the refinement starts again",
                 args.run.display()
             ));
             None
@@ -63,7 +63,7 @@ pub(crate) fn run(args: &RefineArgs, global: &Global, console: &Console) -> Outc
         Ok(Some(checkpoint)) if args.resume => Some(resumed(args, checkpoint, console)?),
         Ok(Some(_)) => {
             console.note(
-                "the checkpoint of an unfinished refinement is discarded; --resume goes on from it",
+                "the checkpoint of an unfinished refinement is discarded; --resume would continue it",
             );
             None
         }
@@ -124,7 +124,7 @@ fn resumed(args: &RefineArgs, checkpoint: Checkpoint, console: &Console) -> Outc
         .next("Leave these flags out: --resume takes them from the checkpoint. Without --resume the refinement starts again."));
     }
     let step = state.as_ref().map_or(0, |state| state.step);
-    console.note(format!("going on from step {step} with the flags of the checkpoint"));
+    console.note(format!("continuing from step {step} with the flags of the checkpoint"));
     Ok(Checkpoint { preset, settings, flags, state, is_resumed })
 }
 
@@ -158,7 +158,7 @@ pub(crate) fn check(
     }
     if flags.refine_cameras.is_some() && flags.refine_up.is_some() {
         return refuse(
-            "--refine-up is for the rig: the cameras of --refine-cameras have poses".to_owned(),
+            "--refine-up applies to the rig only; the cameras of --refine-cameras have their own poses".to_owned(),
         );
     }
     chosen(flags, preset, settings)?.check().map_err(|error| settings.refused(&error))?;
@@ -270,7 +270,7 @@ pub(crate) fn refine(run: &Path, begun: Checkpoint, global: &Global, console: &C
     if refined.report.samples.is_empty() {
         let lacks_views = if changed + refined.faded.len() > 0 { "" } else { words::OTHER_VIEWS };
         console.note(format!(
-            "no edited splat changes colour with the direction on its way (views: {}, times: {}, threshold: {:.0} of 255): no images are needed{lacks_views}",
+            "no edited splat changes colour with the viewing direction along its path (views: {}, times: {}, threshold: {:.0} of 255): no images are needed{lacks_views}",
             cameras.len(),
             times.len(),
             -255.0 * (1.0 - options.min_uncertainty).ln()
@@ -371,7 +371,7 @@ fn page(
         written.map_err(|error| output_failure(&error))
     });
     if let Err(failure) = written {
-        console.warn(format!("{REPORT_PAGE} is not written anew: {}", failure.what));
+        console.warn(format!("{REPORT_PAGE} is not updated: {}", failure.what));
     }
     Ok(())
 }

@@ -113,12 +113,12 @@ fn undo(
             params.precision = Some(Arc::new(back.place_precision(precision, edited.len())));
         }
         console.note(format!(
-            "{file} is the scene {what}: undone, so the result is in the scene's own frame"
+            "{file} is the scene {what}: this was undone, so the result is in the scene's own frame"
         ));
         return Ok(Some(back.place(edited)));
     }
     if args.allow_far {
-        console.warn(format!("{file} is the scene {what}: the result stays so"));
+        console.warn(format!("{file} is the scene {what}: the result keeps this"));
         return Ok(None);
     }
     Err(Failure::bad_input(format!(
@@ -370,7 +370,7 @@ fn complete(
     if changed + removed > 0 {
         console.note(format!(
             "the edit affects splats that are invisible at time {time}: {changed} changed, \
-            {removed} removed; it becomes visible when they appear"
+            {removed} removed; the change becomes visible when they appear"
         ));
     }
     Ok(appended(frame, edited, added, params))

@@ -71,7 +71,9 @@ pub(crate) fn viewpoints(
         });
     };
     if flags.up.is_some() {
-        return Err(Failure::usage("--up is for the rig: cameras of a file have poses"));
+        return Err(Failure::usage(
+            "--up applies to the rig only; cameras of a file have their own poses",
+        ));
     }
     if !path.exists() {
         return Err(Failure::bad_input(format!(

@@ -108,7 +108,7 @@ pub(crate) const DEFINITIONS: [Definition; 60] = [
     define("ndd_src", Motion, Neither, "the same of the nearest source splats"),
     define("ndd_excess", Motion, NearZero, "edit minus source"),
     define("scale_blowup", Motion, Lower, "share of splats with an axis 4 times its first"),
-    define("nan_count", Motion, Lower, "values that are no numbers"),
+    define("nan_count", Motion, Lower, "values that are not finite"),
     define("match_rows", Matches, Neither, "edited splats whose motion is blended"),
     define("match_coverage_edit", Matches, Neither, "share of edited splats, or anchors, matched"),
     define("match_mass", Matches, Neither, "transported mass"),

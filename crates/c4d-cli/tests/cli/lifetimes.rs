@@ -94,7 +94,7 @@ fn lifetimes_decide_and_runs_remember() {
     let desk = Desk::new(BriefCase::Recolour);
     let said = desk.propagate("run", &["--no-refine"]);
     assert!(said.contains("inherit the edit (--follow surface)"), "{said}");
-    assert!(said.contains("reached by descent: ") && said.contains("; confidence "), "{said}");
+    assert!(said.contains("inherited: ") && said.contains("; confidence "), "{said}");
     assert!(desk.toml("run").contains("follow = \"surface\""), "{}", desk.toml("run"));
     let report = std::fs::read_to_string(desk.at("run").join("run.json")).unwrap();
     let report: serde_json::Value = serde_json::from_str(&report).unwrap();

@@ -115,7 +115,7 @@ pub(super) fn run(args: &EvalArgs, global: &Global, console: &Console) -> Outcom
     let variants: &[Variant] = if has_network { &VARIANTS } else { &WITHOUT_NETWORK };
     if !has_network {
         console.note(format!(
-            "{} has no deformation network: KNN-Guide stands for the paper's DeformNet-Guide",
+            "{} has no deformation network: KNN-Guide replaces the paper's DeformNet-Guide",
             args.run.display()
         ));
     }

@@ -160,7 +160,7 @@ fn truth(path: &Path, at: &Viewpoints, global: &Global, console: &Console) -> Ou
     let shows = matches!(kind, SceneKind::Cameras(_) | SceneKind::Unknown { .. });
     if shows && evaluation::holds_images(path) {
         if at.path.is_none() {
-            return Err(Failure::usage("--truth names photographs, and their views are not known")
+            return Err(Failure::usage("--truth names photographs, but their views are not given")
                 .next("Add --cameras with the data set."));
         }
         let photos = Photos::find(path, &at.shots)?;

@@ -17,16 +17,16 @@ pub(super) fn summary(report: &RefineReport, options: &RefineOptions, changed: u
     let mut done = Vec::new();
     if recoloured > 0 {
         let before = if meaningless > 0 {
-            format!(" ({meaningless} had a meaningless one)")
+            format!(" ({meaningless} had meaningless colours)")
         } else {
             String::new()
         };
         done.push(format!(
-            "{recoloured} splats that frame 1 hides got the colour that the surface around them lets expect{before}"
+            "{recoloured} splats hidden in frame 1 were recoloured like the surface around them{before}"
         ));
     }
     if faded > 0 {
-        done.push(format!("{faded} that a deletion missed faded"));
+        done.push(format!("{faded} remnants of a deletion were faded out"));
     }
     let stats = &report.supervision;
     if changed > recoloured || stats.supervised() > 0 {
@@ -39,12 +39,12 @@ pub(super) fn summary(report: &RefineReport, options: &RefineOptions, changed: u
     let mut left = Vec::new();
     if undecided > 0 {
         left.push(format!(
-            "{undecided} hidden splats near a change, because the surface around them does not say what they should be"
+            "{undecided} hidden splats near a change, because the surface around them is ambiguous"
         ));
     }
     if reaches_hidden {
         left.push(
-            "hidden splats that the edit did not change, because it changed most of the others"
+            "hidden splats that the edit did not change, because it changed most hidden splats"
                 .to_owned(),
         );
     }
@@ -58,11 +58,11 @@ pub(super) fn summary(report: &RefineReport, options: &RefineOptions, changed: u
     }
     if options.evidence.is_some() && left.is_empty() && recoloured + faded == 0 {
         left.push(format!(
-            "the {hidden} splats that frame 1 hides, because the edit changed no surface that they belong to"
+            "the {hidden} splats hidden in frame 1, because the edit changed none of their surfaces"
         ));
     }
     let done = if done.is_empty() { "nothing was repaired".to_owned() } else { done.join(", ") };
-    if left.is_empty() { done } else { format!("{done}; left as before: {}", left.join(", ")) }
+    if left.is_empty() { done } else { format!("{done}; unchanged: {}", left.join(", ")) }
 }
 
 fn share(part: u64, whole: u64) -> f64 {
@@ -161,10 +161,7 @@ mod tests {
         let mut report = RefineReport { num_edited: 50, ..RefineReport::default() };
         report.repair.hidden = 9;
         let nothing = summary(&report, &options, 0);
-        assert!(
-            nothing.starts_with("nothing was repaired; left as before: the 9 splats"),
-            "{nothing}"
-        );
+        assert!(nothing.starts_with("nothing was repaired; unchanged: the 9 splats"), "{nothing}");
         report.repair =
             RepairCounts { recoloured: 7, meaningless: 2, faded: 3, undecided: 4, ..report.repair };
         report.supervision.masked = 10;

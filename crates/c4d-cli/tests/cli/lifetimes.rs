@@ -107,7 +107,7 @@ fn lifetimes_decide_and_runs_remember() {
 
     // Asked for splats, the old colours come back.
     let said = desk.propagate("splats", &["--no-refine", "--follow", "splats"]);
-    assert!(said.contains("fades where others take their place"), "{said}");
+    assert!(said.contains("disappears where other splats replace them"), "{said}");
     assert!(desk.toml("splats").contains("follow = \"splats\""), "{}", desk.toml("splats"));
     let share = still_old(&desk.scene, &desk.frames("splats")[3], 0.75);
     assert!(share > 0.3, "{share}");

@@ -108,13 +108,13 @@ fn a_rotated_scene_is_detected_and_align_undoes_it() {
     assert!(!desk.at("refused").exists(), "no output is written");
 
     let (_, said) = success(&mut desk.propagate(&edited, "run", &["--align"]));
-    assert!(said.contains("turned 180° about x: undone"), "{said}");
+    assert!(said.contains("turned 180° about x: this was undone"), "{said}");
     for (found, original) in desk.frames("run").iter().zip(&frames) {
         assert_eq!(found, original, "the source's own values, bit for bit");
     }
     // Without --align, the scene moves in the rotated frame.
     let (_, said) = success(&mut desk.propagate(&edited, "kept", &["--allow-far"]));
-    assert!(said.contains("stays so"), "{said}");
+    assert!(said.contains("keeps this"), "{said}");
     let last = HALF_TURN_ABOUT_X.place(frames.last().unwrap());
     let found = desk.frames("kept");
     let far = |a: &Splats, b: &Splats| {

@@ -74,7 +74,7 @@ impl Console {
     }
 }
 
-/// Whether the terminal says that it cannot move its cursor, as an editor's shell does.
+/// Whether the terminal cannot move its cursor (`TERM=dumb`), such as the shell of an editor.
 fn is_dumb() -> bool {
     std::env::var_os("TERM").is_some_and(|name| name == "dumb")
 }

@@ -1,19 +1,17 @@
-//! Which splats of a scene are visible at one time, and for how long: an edit of a frame reaches
-//! only those.
+//! Which splats of a scene are visible at one time, and for how long.
 
 use crate::failure::{Failure, Outcome};
 use gs_core::{DynamicScene, Splats};
 
-/// Scenes of more splats are not looked at: it would take longer than what it is said beside.
+/// Larger scenes are skipped: sampling them would take longer than the command itself.
 const MAX_SPLATS: usize = 500_000;
-/// Times at which opacities are looked at.
+/// Times at which opacities are sampled.
 const SAMPLES: usize = 33;
 /// Opacity in 255ths above which a splat is visible, 0.02.
 const VISIBLE: u8 = 5;
-/// Share of its own largest opacity above which it is, too: what fades in or out is still there at
-/// a twentieth.
+/// Share of its own largest opacity above which a splat is visible.
 const SHARE_OF_PEAK: f32 = 0.05;
-/// Share of visible splats below which an edit is said to reach only a part.
+/// Share of visible splats below which an edit applies to a part of the scene only.
 const MOST: f64 = 0.95;
 
 /// Share of the clip that counts as all of it: one sample less.
@@ -22,16 +20,16 @@ const WHOLE: f64 = 0.96;
 /// Visible splats of a scene that fades.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Lifetimes {
-    /// Share of the splats visible at the time asked about, of those ever visible.
+    /// Splats visible at the given time, as a share of those visible at any time.
     pub(crate) share: f64,
-    /// How long half of these are visible at most, without a break around that time, as a share of
-    /// the clip.
+    /// Median of the uninterrupted time around the given time for which these are visible, as a
+    /// share of the clip.
     pub(crate) median: f64,
     time: f32,
 }
 
 impl Lifetimes {
-    /// Looks at a scene; `None` if nothing in it fades or is visible, or it has very many splats.
+    /// Samples a scene; `None` if no splat fades or is visible, or the scene is very large.
     pub(crate) fn of(scene: &dyn DynamicScene, time: f32) -> Outcome<Option<Self>> {
         if !scene.fades() || scene.num_splats() > MAX_SPLATS {
             return Ok(None);
@@ -74,7 +72,7 @@ impl Lifetimes {
         Ok(Some(Self { share: lives.len() as f64 / ever as f64, median, time }))
     }
 
-    /// Whether an edit of that time reaches only a part of the scene.
+    /// Whether an edit of that time applies to a part of the scene only.
     pub(crate) fn is_partial(&self) -> bool {
         self.share < MOST
     }

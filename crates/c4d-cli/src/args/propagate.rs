@@ -40,8 +40,8 @@ pub(crate) struct PropagateArgs {
     /// Use a baseline instead of anchors and transport
     #[arg(long, value_enum)]
     pub(crate) baseline: Option<BaselineArg>,
-    /// `amg` keeps the exact motion of unedited splats; `amg-all` estimates the motion of all splats,
-    /// as the paper does [default: amg; amg-all with --preset paper]
+    /// `amg` keeps the exact motion of unedited splats; `amg-all` estimates the motion of all
+    /// splats, as the paper does [default: amg; amg-all with --preset paper]
     #[arg(long, value_enum)]
     pub(crate) motion: Option<MotionArg>,
     /// What the edit applies to: the splats of the edited frame only, or their surface, so that

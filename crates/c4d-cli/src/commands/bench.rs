@@ -1,4 +1,4 @@
-//! `c4d bench motion`: every motion method against known truth.
+//! `c4d bench motion`: every motion method against ground truth.
 
 mod brief;
 mod method;
@@ -86,7 +86,7 @@ pub(crate) fn motion(args: &BenchMotionArgs, global: &Global, console: &Console)
     Ok(())
 }
 
-/// What is written as JSON.
+/// The contents of `motion.json`.
 #[derive(Debug, Serialize)]
 struct MotionScores<'a> {
     scores: &'a [Score],
@@ -94,8 +94,7 @@ struct MotionScores<'a> {
     brief: &'a [brief::BriefScore],
 }
 
-/// A network trained on the source of a case: what it misses on the very splats and times it was
-/// trained on.
+/// A network trained on the source of a case: its error on its own training splats and times.
 #[derive(Debug, Serialize)]
 struct Fit {
     case: &'static str,
@@ -107,7 +106,7 @@ struct Fit {
     seconds: f64,
 }
 
-/// Networks trained so far. Many cases edit the same source.
+/// Networks trained so far; many cases edit the same source.
 #[derive(Default)]
 struct Networks {
     trained: Vec<(SynthScene, Arc<HexPlaneScene>)>,
@@ -183,7 +182,7 @@ fn score(
         |scene: &dyn DynamicScene| MotionTrack::of(scene, &times).map_err(|error| failed(&error));
     let (predicted, expected) = (track(&moved)?, track(truth)?);
     let size = f64::from(scene.figure_size);
-    // Every method but those on the network follows the scene itself.
+    // Methods without a network use the scene itself.
     let followed: &dyn DynamicScene = match network {
         Some(network) if method.on_network() => &**network,
         _ => &scene.source,

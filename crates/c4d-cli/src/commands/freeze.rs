@@ -22,7 +22,7 @@ use std::path::Path;
 const RIG_CAMERAS: usize = 12;
 /// Folder of the views.
 const VIEWS: &str = "views";
-/// Size of the views of a rig: what image models work on.
+/// Size of the views of a rig, pixels: the usual size of image models.
 const PICTURE_SIZE: (u32, u32) = (512, 512);
 /// Files this command writes.
 const OURS: [&str; 2] = ["point_cloud.ply", "cameras.json"];
@@ -98,7 +98,7 @@ fn cameras_of(
         };
         return Ok((cameras, format!("copied from {}", file.display())));
     }
-    // What a scene was captured from shows it well, and nothing that nobody saw.
+    // Cameras of the capture show the scene well, and no parts that were never observed.
     let is_model = matches!(opened.kind, SceneKind::Model4dgs | SceneKind::Swift4d);
     if let Some(count) = count.filter(|_| is_model && args.up.is_none())
         && let Ok(set) = cameras::open(&args.scene, None, opened, console)
@@ -122,7 +122,7 @@ fn cameras_of(
     Ok((cameras, origin))
 }
 
-/// At most `count` of the cameras, evenly, at the size asked for, with names that are file names.
+/// At most `count` of the cameras, evenly spaced, at the requested size, with valid file names.
 fn for_pictures(stations: Vec<Camera>, count: usize, size: Option<(u32, u32)>) -> Vec<Camera> {
     let mut cameras = cameras::thinned(stations, count);
     let mut names = HashSet::new();
@@ -141,7 +141,7 @@ fn for_pictures(stations: Vec<Camera>, count: usize, size: Option<(u32, u32)>) -
     cameras
 }
 
-/// Renders one PNG a camera.
+/// Renders one PNG per camera.
 fn write_views(
     folder: &Path,
     splats: Splats,
@@ -171,7 +171,7 @@ fn background_comment([r, g, b]: [f32; 3]) -> String {
     format!("{}{r} {g} {b}", comments::BACKGROUND)
 }
 
-/// Says how many splats cannot be seen, and leaves them out if asked.
+/// Reports the number of invisible splats, and omits them on request.
 fn visible(splats: Splats, args: &FreezeArgs, console: &Console) -> Outcome<Splats> {
     let seen: Vec<usize> = (0..splats.len()).filter(|&i| splats.opacity(i) >= INVISIBLE).collect();
     let hidden = splats.len() - seen.len();

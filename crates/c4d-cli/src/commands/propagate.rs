@@ -1,4 +1,4 @@
-//! `c4d propagate`: carry an edited frame through all of time.
+//! `c4d propagate`: propagate an edited frame to all times.
 
 use super::{dry_run, refine, source_match};
 use crate::args::{BaselineArg, FollowArg, Global, MotionArg, PresetArg, PropagateArgs};
@@ -30,7 +30,7 @@ use std::time::Instant;
 /// Most memory that the motion stage takes per splat of the source and of the edit, bytes
 /// (measured: 1.2 KiB, see the benchmarks).
 const BYTES_PER_SPLAT: u64 = 1536;
-/// The same more per splat of the source when edits belong to surfaces: 65 key times of 16 bytes,
+/// Additional memory per splat of the source for `--follow surface`: 65 key times of 16 bytes,
 /// and carriers.
 const BYTES_PER_LIFE: u64 = 2048;
 
@@ -190,7 +190,7 @@ pub(crate) fn propagate(
         std::fs::write(&path, bytes).map_err(|error| Failure::write(&path, &error))
     };
     let binding = propagation.scene.binding().as_ref().clone();
-    // What only the file format changed has its own values again.
+    // Values that only the file format changed are restored.
     let edited = propagation.scene.edited().as_ref().clone();
     let stored = Stored { edited, binding, refined: None };
     write(SCENE, &stored.serialize()?)?;
@@ -220,7 +220,7 @@ pub(crate) fn propagate(
     Ok(())
 }
 
-/// What the edit belongs to: as asked, or as the lifetimes of the scene's splats are.
+/// Whether to follow splats or surfaces: as requested, else by the lifetimes of the scene's splats.
 fn follow(args: &PropagateJob, source: &Opened, console: &Console) -> Outcome<FollowArg> {
     if args.follow == Some(FollowArg::Surface) && args.baseline == Some(BaselineArg::Deformnet) {
         return Err(Failure::usage(
@@ -229,7 +229,7 @@ fn follow(args: &PropagateJob, source: &Opened, console: &Console) -> Outcome<Fo
         .next("Leave one of them out."));
     }
     let lifetimes = Lifetimes::of(&*source.scene, args.time)?.filter(Lifetimes::is_partial);
-    // The literature's methods follow splats.
+    // Published methods follow splats.
     let usual =
         args.preset == PresetArg::Best && args.baseline.is_none() && args.motion == MotionArg::Amg;
     let follow = match (args.follow, &lifetimes) {
@@ -275,14 +275,14 @@ fn options(args: &PropagateJob, source: &Opened) -> Outcome<MotionOptions> {
     Ok(options)
 }
 
-/// How the refinement of this run is set.
+/// Settings of the refinement of this run.
 fn refinement(args: &PropagateJob) -> Outcome<(PresetArg, RefineSettings)> {
     let settings = args.settings.refine();
     Ok((settings.preset()?.unwrap_or(args.preset), settings))
 }
 
-/// Reads the edited frame, repairs what can be repaired, and gives it the scene's SH degree; with
-/// how coarsely its format stores it.
+/// Reads the edited frame, repairs it if possible, and converts it to the scene's SH degree; also
+/// returns the precision of its format.
 fn read_edited(
     args: &PropagateJob,
     source: &Splats,
@@ -366,7 +366,7 @@ fn read_edited(
     Ok((splats.with_sh_degree(sh_degree), precision))
 }
 
-/// Says so when an edit cannot move, or fits the frame it claims to be of nowhere.
+/// Warns if an edit cannot move, or does not match the frame that it should be an edit of.
 fn warn_if_still(args: &PropagateJob, propagation: &Propagation, console: &Console) {
     let report = &propagation.report;
     let estimated = report.blended + report.field_rows;
@@ -394,7 +394,7 @@ fn report(report: &MotionReport, motion: MotionArg, seconds: f64, console: &Cons
         console.warn(warning);
     }
     if motion == MotionArg::AmgAll {
-        // Nothing was compared: the counts of what the edit kept say nothing.
+        // Nothing was compared, so the counts of kept splats have no meaning.
         console.note("the motion of every edited splat is estimated anew (--motion amg-all)");
     } else {
         console.note(format!(
@@ -429,7 +429,7 @@ fn report(report: &MotionReport, motion: MotionArg, seconds: f64, console: &Cons
     }
 }
 
-/// What the run's page says was done.
+/// The text about the propagation in the run's page.
 fn facts(config: &RunConfig, report: &MotionReport, seconds: f64) -> Vec<(String, String)> {
     let method = match config.baseline.as_str() {
         "none" => format!("preset {}, motion {}", config.preset, config.motion),

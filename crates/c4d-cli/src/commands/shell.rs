@@ -1,5 +1,5 @@
-//! `c4d completions` and `c4d man`: what shells and `man` know about the program, made from its
-//! command line.
+//! `c4d completions` and `c4d man`: completions for shells and manual pages, generated from the
+//! definition of the command line.
 
 use crate::args::{Cli, CompletionsArgs, Global, ManArgs};
 use crate::console::Console;

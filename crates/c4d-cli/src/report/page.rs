@@ -1,11 +1,11 @@
-//! [`Page`]: the frame of a report.
+//! [`Page`]: the HTML around the sections of a report.
 
 use std::fmt::Write as _;
 
-/// Largest page, bytes: mail programs take it, and browsers open it at once.
+/// Largest page, bytes: small enough for mail programs, and browsers open it at once.
 pub(crate) const MAX_BYTES: usize = 10_000_000;
 
-/// A page in the making.
+/// A page being written.
 #[derive(Debug, Default)]
 pub(crate) struct Page {
     body: String,

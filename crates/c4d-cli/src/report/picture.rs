@@ -28,11 +28,11 @@ pub(crate) fn data_uri(image: &Image, quality: u8) -> Outcome<String> {
     ))
 }
 
-/// Two pictures and what differs.
+/// Two pictures and their difference.
 pub(crate) struct Triple<'a> {
     pub(crate) before: (&'a str, &'a Image),
     pub(crate) after: (&'a str, &'a Image),
-    /// What is said below.
+    /// Caption.
     pub(crate) caption: String,
 }
 

@@ -9,7 +9,7 @@ const WIDTH: f64 = 440.0;
 const HEIGHT: f64 = 200.0;
 /// Room for labels: left, top, right, bottom.
 const MARGINS: [f64; 4] = [62.0, 40.0, 10.0, 24.0];
-/// Curves, in their order; told apart without red and green too.
+/// Colours of the curves, in order; distinguishable without red and green.
 const COLORS: [&str; 6] = ["#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9"];
 
 /// One curve.

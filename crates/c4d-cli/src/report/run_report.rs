@@ -1,4 +1,4 @@
-//! The small report that every run holds.
+//! The small report in every run folder.
 
 use super::page::{Page, escape};
 use super::picture::{Triple, wipe};
@@ -16,7 +16,7 @@ const SIZE: (u32, u32) = (256, 192);
 const TIMES: usize = 4;
 const QUALITY: u8 = 82;
 
-/// What a report is about.
+/// Contents of a report.
 pub(crate) struct RunReport<'a> {
     pub(crate) name: String,
     pub(crate) scene: &'a dyn DynamicScene,
@@ -75,7 +75,7 @@ pub(crate) fn run_report(report: &RunReport<'_>) -> Outcome<String> {
     Ok(page.html(&report.name, "made by c4d propagate; opens offline"))
 }
 
-/// Sentences as a list; nothing without any.
+/// Sentences as a list; empty if there are none.
 fn list(sentences: &[String]) -> String {
     if sentences.is_empty() {
         return String::new();

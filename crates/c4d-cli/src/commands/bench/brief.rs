@@ -1,4 +1,5 @@
-//! Cases whose splats live briefly: is the edit still there when others stand for the surface?
+//! Cases with short-lived splats: how well an edit persists when other splats replace the edited
+//! ones.
 
 use crate::device::Device;
 use crate::failure::{Failure, Outcome};
@@ -17,22 +18,22 @@ const SIZE: (u32, u32) = (320, 240);
 const TIMES: [f32; 4] = [0.25, 0.5, 0.75, 1.0];
 /// A pixel lies inside the edited region where truth and unedited source differ by more, 0 to 1.
 const DIFFERS: f32 = 2.0 / 255.0;
-/// Times at which grafts are looked at.
+/// Times at which grafts are scored.
 const TRACKED: usize = 21;
 /// PSNR of equal images.
 const EQUAL: f64 = 99.0;
 
-/// How an edit is carried.
+/// How an edit is propagated.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 enum Method {
-    /// The source as it was.
+    /// The unedited source.
     Unedited,
-    /// By the splats of the edit frame.
+    /// `--follow splats`.
     Splats,
-    /// Labels handed on by a vote of neighbours; colours are the case's own.
+    /// Labels propagated by a vote of neighbours, with the case's true colours.
     Labels,
-    /// By the surface.
+    /// `--follow surface`.
     Surface,
 }
 
@@ -57,11 +58,11 @@ pub(super) struct BriefScore {
     share: f32,
     lives: [f32; 2],
     method: Method,
-    /// PSNR where the edit shows, and elsewhere, dB.
+    /// PSNR inside the edited region and outside, dB.
     inside: f64,
     outside: f64,
-    /// Splats of the edited surface that are visible at some time and were not edited, and others
-    /// that were, % of the former.
+    /// Splats of the edited surface that were not edited although visible at some time, and other
+    /// splats that were edited, % of the splats of that surface.
     missed: f64,
     wrong: f64,
     /// Of new splats: mean and largest error, % of the figure, and least share of their opacity.
@@ -71,8 +72,8 @@ pub(super) struct BriefScore {
     seconds: f64,
 }
 
-/// Shares and lives of each case: as most such scenes are; fewer; more, and shorter; and so long
-/// that straight lines are far from the motion.
+/// Shares and lives of short-lived splats in each case: typical ones; fewer; more and shorter; and
+/// lives so long that linear motion is a poor fit.
 const LIVES: [(f32, [f32; 2]); 4] =
     [(0.8, [0.05, 0.3]), (0.5, [0.05, 0.3]), (0.95, [0.05, 0.15]), (0.8, [0.3, 0.6])];
 
@@ -187,7 +188,7 @@ fn score(
     }))
 }
 
-/// Which source splats the edit reached, at the edit frame or by descent.
+/// The source splats that the edit changed, in the edit frame or by inheritance.
 fn reached(found: &amg::Propagation, num_sources: usize) -> Vec<bool> {
     let mut reached = vec![true; num_sources];
     let binding = found.scene.binding();
@@ -196,7 +197,7 @@ fn reached(found: &amg::Propagation, num_sources: usize) -> Vec<bool> {
             reached[binding.row(row).0[0] as usize] = false;
         }
     }
-    // What a soft border changes by less than a half is not counted.
+    // Splats on a soft border that are changed by less than a half do not count.
     for inherited in binding.surface().iter().flat_map(|surface| &surface.inherited) {
         let id = binding.row(inherited.row as usize).0[0] as usize;
         let whole = inherited.opacity <= 0.0 || inherited.group.is_some();
@@ -225,7 +226,7 @@ fn missed_and_wrong(scene: &BriefTruthScene, edited: &[bool]) -> Outcome<(f64, f
     Ok((100.0 * missed / all, 100.0 * wrong / all))
 }
 
-/// PSNR where the edit shows and elsewhere, over times and two views.
+/// PSNR inside the edited region and outside, over times and two views.
 fn rendered(moved: &dyn DynamicScene, scene: &BriefTruthScene) -> Outcome<(f64, f64)> {
     let mut renderers = [0, 1, 2].map(|_| Renderer::new(&Device::Cpu, [0.5; 3]));
     let mut sums = [(0.0_f64, 0_usize); 2];
@@ -255,7 +256,7 @@ fn rendered(moved: &dyn DynamicScene, scene: &BriefTruthScene) -> Outcome<(f64, 
     Ok((psnr(sums[0]), psnr(sums[1])))
 }
 
-/// Of new splats, over the clip: mean and largest error of places, and least share of opacity.
+/// Of new splats, over the clip: mean and largest error of positions, and least share of opacity.
 fn grafted(moved: &dyn DynamicScene, scene: &BriefTruthScene) -> Outcome<[f64; 3]> {
     let new: Vec<usize> = scene
         .truth
@@ -270,7 +271,7 @@ fn grafted(moved: &dyn DynamicScene, scene: &BriefTruthScene) -> Outcome<[f64; 3
     for t in TimeRange::UNIT.frames(TRACKED) {
         let ours = moved.at(t).map_err(Failure::failed)?;
         let truth = scene.truth.at(t).map_err(Failure::failed)?;
-        // Rows of both end with the new splats.
+        // In both, the new splats are the last rows.
         let (a, b) = (ours.len() - new.len(), truth.len() - new.len());
         let mut mean = 0.0;
         for k in 0..new.len() {

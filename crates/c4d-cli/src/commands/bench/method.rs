@@ -1,4 +1,4 @@
-//! What is compared.
+//! The methods compared.
 
 use crate::failure::{Failure, Outcome};
 use crate::field::NetworkField;
@@ -13,29 +13,29 @@ use gs_synth::{PartBy, TruthScene, part_neighbours, rigid_neighbours};
 use serde::Serialize;
 use std::sync::Arc;
 
-/// A method and how it is set.
+/// A method with its settings.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub(super) enum Method {
-    /// A deformation network trained on the source, asked about the edited splats (the paper's
+    /// A deformation network trained on the source and evaluated at the edited splats (the paper's
     /// "DeformNet-Guide").
     Network,
     /// Three nearest source splats, all rows (the paper's KNN-Guide).
     Knn,
-    /// The paper to the letter, all rows.
+    /// The paper, literally, for all rows.
     Paper,
     /// The paper with anchors by farthest-point sampling instead of lines.
     PaperFarthest,
-    /// Rigid motion of the part of the nearest source with a like normal; floaters and parts are
-    /// known.
+    /// Rigid motion of the part of the nearest source splat with a similar normal; floaters and
+    /// parts are given.
     Nearest,
-    /// Rigid motion around the nearest source with a like normal; nothing is known.
+    /// Rigid motion around the nearest source splat with a similar normal; nothing is given.
     Control,
     /// The default.
     Default,
-    /// The default, told of no splat that it is a source splat: all rows, as the baselines.
+    /// The default without the identity map: it estimates all rows, as the baselines do.
     DefaultAll,
-    /// The default on a source that is the trained network, not the scene it was trained on.
+    /// The default, with the trained network as the source instead of the scene.
     DefaultOnNetwork,
     /// Rigid motion of the true part.
     Floor,
@@ -75,8 +75,8 @@ impl Method {
         matches!(self, Self::Network | Self::DefaultOnNetwork)
     }
 
-    /// The edit, moving. Baselines follow the paper and estimate every row; the default keeps
-    /// splats that were not edited.
+    /// The edited scene. Baselines estimate every row, as in the paper; the default keeps the
+    /// motion of unedited splats.
     pub(super) fn apply(
         self,
         scene: &TruthScene,

@@ -76,7 +76,7 @@ pub(super) fn views(
     }
 }
 
-/// The part of each view that `crop` names.
+/// The part of each view selected by `crop`.
 fn cropped(views: Views, Crop { size: (width, height), origin: [x, y] }: Crop) -> Outcome<Views> {
     let lies_within = |camera: &Camera| x + width <= camera.width && y + height <= camera.height;
     if let Some(camera) = views.cameras().iter().find(|camera| !lies_within(camera)) {

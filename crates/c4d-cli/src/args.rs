@@ -9,6 +9,7 @@ mod export;
 mod export_format;
 mod freeze;
 mod inspect;
+mod preset;
 mod propagate;
 mod refine;
 mod render;
@@ -26,7 +27,8 @@ pub(crate) use export::ExportArgs;
 pub(crate) use export_format::ExportFormat;
 pub(crate) use freeze::FreezeArgs;
 pub(crate) use inspect::{DoctorArgs, InfoArgs};
-pub(crate) use propagate::{BaselineArg, FollowArg, MotionArg, PresetArg, PropagateArgs};
+pub(crate) use preset::PresetArg;
+pub(crate) use propagate::{BaselineArg, FollowArg, MotionArg, PropagateArgs};
 pub(crate) use refine::{RefineArgs, RefineFlags, WarpArg};
 pub(crate) use render::{Format, LeftHalf, Pass, RenderArgs};
 pub(crate) use shared::{

@@ -1,8 +1,7 @@
 //! Arguments of `c4d propagate`.
 
-use super::{AxesArg, RefineFlags, SceneFlags};
+use super::{AxesArg, PresetArg, RefineFlags, SceneFlags};
 use clap::{Args, ValueEnum};
-use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
 
 #[derive(Debug, Args)]
@@ -71,15 +70,6 @@ pub(crate) struct PropagateArgs {
     pub(crate) common: SceneFlags,
     #[command(flatten)]
     pub(crate) refine: RefineFlags,
-}
-
-/// Presets of the motion stage.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum, Serialize, Deserialize)]
-pub(crate) enum PresetArg {
-    /// The smallest measured error
-    Best,
-    /// The paper, literally
-    Paper,
 }
 
 /// Baselines of the paper.

@@ -30,6 +30,7 @@ mod report;
 mod run_folder;
 mod scene;
 mod settings;
+mod stages;
 mod still;
 mod suggestion;
 mod video;

@@ -11,8 +11,10 @@ pub mod noise;
 pub mod placement;
 #[cfg(feature = "raster")]
 pub mod raster;
+mod seeded_weights;
 
 pub use fixture::fixture;
+pub use seeded_weights::{NamedTensor, seeded_weights};
 
 #[cfg(doctest)]
 #[doc = include_str!("../README.md")]

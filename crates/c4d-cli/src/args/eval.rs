@@ -53,9 +53,9 @@ pub(crate) struct EvalArgs {
     /// JSON file for every number with its parameters; a table is printed in any case
     #[arg(short, long, value_name = "FILE")]
     pub(crate) output: Option<PathBuf>,
-    /// Metrics and groups to measure: core, truth, preservation, time, motion, matches, cost, or
-    /// single ones
-    #[arg(long, value_delimiter = ',', default_value = "core", value_name = "core|NAME,…")]
+    /// Metrics and groups to measure: core, all, truth, preservation, time, neural, motion, matches,
+    /// cost, or single ones [default: core; all with --weights]
+    #[arg(long, value_delimiter = ',', value_name = "core|all|NAME,…")]
     pub(crate) metrics: Vec<String>,
     /// Propagate an edit of the scene given in place of a run in every way of the paper's ablations
     /// and by default, measure each, and print one table; -o names the folder for the runs
@@ -86,9 +86,15 @@ pub(crate) struct EvalArgs {
         conflicts_with_all = ["ablation", "output"]
     )]
     pub(crate) emit: Vec<String>,
-    /// The instruction of the edit, for --emit
-    #[arg(long, requires = "emit")]
+    /// What the edited scene shows, for CLIP; the instruction of the edit, for --emit
+    #[arg(long, value_name = "TEXT")]
     pub(crate) prompt: Option<String>,
+    /// What the source shows, for CLIP's directional similarity
+    #[arg(long, value_name = "TEXT", conflicts_with = "emit")]
+    pub(crate) source_prompt: Option<String>,
+    /// Folder with weights of CLIP, DINO, AlexNet or VGG-16, and LPIPS heads, for neural metrics
+    #[arg(long, value_name = "DIR", conflicts_with = "emit")]
+    pub(crate) weights: Option<PathBuf>,
     /// Add the scores that a learned judge found: lines of {"id": …, "scores": {NAME: NUMBER}}
     #[arg(long, value_name = "SCORES.JSONL", conflicts_with = "ablation")]
     pub(crate) ingest: Option<PathBuf>,

@@ -5,7 +5,7 @@ mod sections;
 mod settings;
 
 use crate::args::{CompareArgs, Global};
-use crate::commands::eval;
+use crate::commands::eval::{self, Wanted};
 use crate::console::Console;
 use crate::device::Device;
 use crate::evaluation;
@@ -41,7 +41,7 @@ pub(crate) fn run(args: &CompareArgs, global: &Global, console: &Console) -> Out
     let names = names(&args.runs);
     let mut measured = Vec::new();
     if args.numbers.is_empty() {
-        let wanted = evaluation::chosen(&[])?;
+        let wanted = Wanted::core()?;
         for run in &args.runs {
             let found = eval::evaluate(run, &args.measure, &wanted, global, console)?;
             measured.push(Numbers::of(found.document, run)?);

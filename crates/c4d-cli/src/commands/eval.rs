@@ -4,7 +4,7 @@ mod ablation;
 mod judges;
 mod measure;
 
-pub(super) use measure::{Evaluated, evaluate};
+pub(super) use measure::{Evaluated, Wanted, evaluate};
 
 use crate::args::{EvalArgs, Global, JudgeArg};
 use crate::console::Console;
@@ -30,7 +30,7 @@ pub(crate) fn run(args: &EvalArgs, global: &Global, console: &Console) -> Outcom
         return emit(args, judge, Path::new(folder), global, console);
     }
     let judged = args.ingest.as_deref().map(judges::ingest).transpose()?;
-    let wanted = evaluation::chosen(&args.metrics)?;
+    let wanted = Wanted::of(args, console)?;
     let output = match &args.output {
         Some(path) => {
             refuse_overlap(path, std::slice::from_ref(&args.run))?;

@@ -9,14 +9,22 @@ pub(crate) enum Group {
     Truth,
     Preservation,
     Time,
+    Neural,
     Motion,
     Matches,
     Cost,
 }
 
 impl Group {
-    pub(crate) const ALL: [Self; 6] =
-        [Self::Truth, Self::Preservation, Self::Time, Self::Motion, Self::Matches, Self::Cost];
+    pub(crate) const ALL: [Self; 7] = [
+        Self::Truth,
+        Self::Preservation,
+        Self::Time,
+        Self::Neural,
+        Self::Motion,
+        Self::Matches,
+        Self::Cost,
+    ];
 
     /// As `--metrics` takes it.
     pub(crate) fn name(self) -> &'static str {
@@ -24,6 +32,7 @@ impl Group {
             Self::Truth => "truth",
             Self::Preservation => "preservation",
             Self::Time => "time",
+            Self::Neural => "neural",
             Self::Motion => "motion",
             Self::Matches => "matches",
             Self::Cost => "cost",
@@ -36,6 +45,7 @@ impl Group {
             Self::Truth => "against the truth",
             Self::Preservation => "what the edit keeps and changes",
             Self::Time => "over time",
+            Self::Neural => "by neural networks (--weights)",
             Self::Motion => "motion of splats",
             Self::Matches => "matches (diagnostics)",
             Self::Cost => "cost",
@@ -58,10 +68,10 @@ const fn define(id: &'static str, group: Group, better: Better, what: &'static s
 }
 
 use Better::{Higher, Lower, NearOne, NearZero, Neither};
-use Group::{Cost, Matches, Motion, Preservation, Time, Truth};
+use Group::{Cost, Matches, Motion, Neural, Preservation, Time, Truth};
 
 /// Every metric, in the order in which it is shown.
-pub(crate) const DEFINITIONS: [Definition; 60] = [
+pub(crate) const DEFINITIONS: [Definition; 71] = [
     define("psnr", Truth, Higher, "dB"),
     define("ssim", Truth, Higher, "zeros beyond the border, as 3DGS"),
     define("ssim_valid", Truth, Higher, "windows inside only, as scikit-image"),
@@ -94,6 +104,22 @@ pub(crate) const DEFINITIONS: [Definition; 60] = [
     define("static_flicker_excess", Time, NearZero, "edit minus source"),
     define("motion_fidelity", Time, Lower, "px, flow against the source's, outside the edit"),
     define("motion_fidelity_edit", Time, Lower, "px, inside the edit"),
+    define("clip_text_sim", Neural, Higher, "cosine of edited frames and --prompt"),
+    define("clip_direction_sim", Neural, Higher, "cosine of the change of frames and of texts"),
+    define("clip_frame_consistency", Neural, Neither, "cosine of successive frames"),
+    define(
+        "clip_direction_consistency",
+        Neural,
+        Higher,
+        "cosine of changes between frames, edit and source",
+    ),
+    define("vbench_subject_consistency", Neural, Neither, "DINO, to the last and the first frame"),
+    define("vbench_subject_consistency_src", Neural, Neither, "the same of the source"),
+    define("vbench_background_consistency", Neural, Neither, "CLIP, to the last and first frame"),
+    define("vbench_background_consistency_src", Neural, Neither, "the same of the source"),
+    define("vbench_consistency", Neural, Neither, "mean of subject and background"),
+    define("lpips_alex", Neural, Lower, "perceptual distance, AlexNet"),
+    define("lpips_vgg", Neural, Lower, "perceptual distance, VGG-16"),
     define("jitter", Motion, Neither, "second difference of edited splats, in scene radii"),
     define("jitter_src", Motion, Neither, "the same of the nearest source splats"),
     define("jitter_ratio", Motion, NearOne, "edit over source"),
@@ -129,25 +155,29 @@ pub(crate) const DEFINITIONS: [Definition; 60] = [
     define("bytes_run", Cost, Neither, "of scene.c4d"),
 ];
 
-/// The definitions that a list of ids and groups names; all without a list, or with `core`.
+/// The definitions that a list of ids and groups names, in the order of the table. `core` is
+/// everything but the neural metrics, and the default; `all` is everything.
 pub(crate) fn chosen(list: &[String]) -> Outcome<Vec<&'static str>> {
     let all = || DEFINITIONS.iter().map(|definition| definition.id);
-    if list.is_empty() {
-        return Ok(all().collect());
-    }
+    let default = ["core".to_owned()];
+    let list = if list.is_empty() { &default } else { list };
     let mut ids = Vec::new();
     for name in list {
         let before = ids.len();
         ids.extend(
             DEFINITIONS
                 .iter()
-                .filter(|d| name == "core" || d.id == name || d.group.name() == name)
+                .filter(|d| match name.as_str() {
+                    "all" => true,
+                    "core" => d.group != Neural,
+                    name => d.id == name || d.group.name() == name,
+                })
                 .map(|d| d.id),
         );
         if ids.len() == before {
             return Err(Failure::usage(format!("--metrics {name}: no such metric or group")).next(
                 format!(
-                    "Groups: core, {}. Metrics: {}.",
+                    "Groups: core, all, {}. Metrics: {}.",
                     Group::ALL.map(Group::name).join(", "),
                     all().collect::<Vec<_>>().join(", ")
                 ),
@@ -176,7 +206,9 @@ mod tests {
             |names: &[&str]| chosen(&names.iter().map(|&n| n.to_owned()).collect::<Vec<_>>());
         assert_eq!(list(&["drift", "psnr"]).unwrap(), ["psnr", "drift"], "in the table's order");
         assert_eq!(list(&["truth"]).unwrap().len(), 5, "a group");
-        assert_eq!(list(&["core", "psnr"]).unwrap().len(), DEFINITIONS.len(), "each once");
+        assert_eq!(list(&["all", "psnr"]).unwrap().len(), DEFINITIONS.len(), "each once");
+        assert_eq!(list(&["core"]).unwrap(), list(&[]).unwrap(), "the default");
+        assert!(!list(&["core"]).unwrap().contains(&"lpips_alex"), "core needs no weights");
         assert!(list(&["lpips"]).is_err(), "unknown");
     }
 }

@@ -22,6 +22,8 @@ pub(crate) struct Item {
     pub(crate) params: Map<String, Value>,
     /// What was found beside the value.
     pub(crate) found: Map<String, Value>,
+    /// File of the weights that it was made with.
+    pub(crate) weights: Option<String>,
     /// Why there is no value.
     pub(crate) reason: Option<String>,
 }
@@ -41,6 +43,7 @@ impl Item {
             per_frame: Vec::new(),
             params: Map::new(),
             found: Map::new(),
+            weights: None,
             reason: None,
         }
     }
@@ -92,6 +95,11 @@ impl Item {
         self
     }
 
+    /// Notes the file of the weights.
+    pub(crate) fn weights(self, file: &str) -> Self {
+        Self { weights: Some(file.to_owned()), ..self }
+    }
+
     /// Notes what was found beside the value.
     pub(crate) fn finding(mut self, name: &str, value: impl Into<Value>) -> Self {
         self.found.insert(name.to_owned(), value.into());
@@ -125,7 +133,7 @@ impl Item {
         );
         put("better", json!(better_name(better)));
         put("params", Value::Object(self.params.clone()));
-        put("weights", Value::Null);
+        put("weights", json!(self.weights));
         if !self.found.is_empty() {
             put("found", Value::Object(self.found.clone()));
         }

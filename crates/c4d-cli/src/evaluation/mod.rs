@@ -1,4 +1,4 @@
-//! Measures a scene: the core set of `c4d eval`, which needs no weights.
+//! Measures a scene: the core set of `c4d eval`, which needs no weights, and neural metrics.
 
 mod cameras;
 mod cost;
@@ -7,6 +7,8 @@ mod item;
 mod json;
 mod matches;
 mod motion;
+mod networks;
+mod neural;
 mod photos;
 mod pictures;
 mod ranking;
@@ -24,6 +26,8 @@ pub(crate) use item::Item;
 pub(crate) use json::{Header, document};
 pub(crate) use matches::matches;
 pub(crate) use motion::motion;
+pub(crate) use networks::Networks;
+pub(crate) use neural::{Prompts, neural, sampled_frames};
 pub(crate) use photos::{Photos, holds_images, is_video};
 pub(crate) use pictures::{Sight, pictures};
 pub(crate) use ranking::best;

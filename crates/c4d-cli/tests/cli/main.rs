@@ -17,6 +17,7 @@ mod lifetimes;
 mod look;
 mod main_job;
 mod moved_edits;
+mod neural;
 mod operations;
 mod placement;
 mod shell;

@@ -6,13 +6,13 @@ use thiserror::Error;
 /// Error of reading a PyTorch file.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
 pub enum PthError {
-    /// The stream format of PyTorch before 1.6.
-    #[error(
-        "PyTorch file in the legacy (non-zip) format, which is not supported; load it with torch.load and save it again with torch.save of PyTorch 1.6 or later"
-    )]
-    Legacy,
+    /// A storage of the stream format of PyTorch before 1.6 is damaged.
+    #[error("PyTorch file in the legacy format: {0}")]
+    Legacy(String),
     /// Not an archive.
-    #[error("not a PyTorch file: it starts with {found}, expected a zip archive")]
+    #[error(
+        "not a PyTorch file: it starts with {found}, expected a zip archive or the legacy stream"
+    )]
     NotPth {
         /// First bytes, in hexadecimal.
         found: String,

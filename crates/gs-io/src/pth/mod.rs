@@ -1,4 +1,4 @@
-//! PyTorch archives (`.pth`): zip containers of a pickle and raw storages.
+//! PyTorch files (`.pth`): zip containers of a pickle and raw storages, or the older stream of both.
 //!
 //! The pickle is interpreted as data by a machine with about forty opcodes and a dozen names;
 //! nothing is imported or executed. Objects of other classes are skipped, opcodes that checkpoints
@@ -7,6 +7,7 @@
 
 mod error;
 mod layers;
+mod legacy;
 mod names;
 mod pickle;
 mod root;
@@ -26,9 +27,6 @@ use crate::error::IoError;
 use crate::fs::read_bytes;
 use std::path::Path;
 
-/// First bytes of the legacy format: protocol 2, then its magic number as a ten-byte integer.
-const LEGACY: [u8; 8] = [0x80, 0x02, 0x8a, 0x0a, 0x6c, 0xfc, 0x9c, 0x46];
-
 /// Reads a PyTorch file; tensors are views of `bytes`.
 ///
 /// # Errors
@@ -39,8 +37,8 @@ pub fn read(bytes: &[u8]) -> Result<Root<'_>, PthError> {
 
 /// As [`read`], and the integers and flags of the outermost dictionary.
 pub(crate) fn read_with_integers(bytes: &[u8]) -> Result<(Root<'_>, Integers), PthError> {
-    if bytes.starts_with(&LEGACY) {
-        return Err(PthError::Legacy);
+    if legacy::is_legacy(bytes) {
+        return legacy::read(bytes);
     }
     if !bytes.starts_with(b"PK") {
         let found: Vec<String> = bytes.iter().take(8).map(|byte| format!("{byte:02x}")).collect();
@@ -58,7 +56,7 @@ pub(crate) fn read_with_integers(bytes: &[u8]) -> Result<(Root<'_>, Integers), P
     {
         return Err(PthError::Tensor("big-endian storages are not supported".to_owned()));
     }
-    pickle::load(pickle.data, &|key| {
+    pickle::load(pickle.data, &|key, _| {
         let name = format!("{top}data/{key}");
         entries.iter().find(|entry| entry.name == name).map(|entry| entry.data)
     })

@@ -57,8 +57,8 @@ enum Node<'a> {
 /// Integers and flags (0 or 1) of the outermost dictionary, by name.
 pub(crate) type Integers = BTreeMap<String, i64>;
 
-/// Looks up the bytes of a storage by its key.
-type Storages<'a, 'f> = &'f dyn Fn(&str) -> Option<&'a [u8]>;
+/// Looks up the bytes of a storage by its key and its expected number of bytes.
+type Storages<'a, 'f> = &'f dyn Fn(&str, usize) -> Option<&'a [u8]>;
 
 struct Machine<'a, 'f> {
     bytes: &'a [u8],
@@ -74,21 +74,37 @@ pub(super) fn load<'a>(
     bytes: &'a [u8],
     storages: Storages<'a, '_>,
 ) -> Result<(Root<'a>, Integers), PthError> {
-    let mut machine = Machine {
-        bytes,
-        at: 0,
-        stack: Vec::new(),
-        arena: Vec::new(),
-        memo: BTreeMap::new(),
-        storages,
-    };
+    let mut machine = Machine::new(bytes, storages);
     while !machine.step()? {}
     let root = machine.pop()?;
     let integers = machine.integers(root);
     Ok((machine.root(root)?, integers))
 }
 
-impl<'a> Machine<'a, '_> {
+/// Runs the pickle at the beginning of `bytes`; returns its length and the texts in it, in order.
+pub(super) fn survey<'a>(
+    bytes: &'a [u8],
+    storages: Storages<'a, '_>,
+) -> Result<(usize, Vec<&'a str>), PthError> {
+    let mut machine = Machine::new(bytes, storages);
+    let mut texts = Vec::new();
+    loop {
+        let before = machine.stack.len();
+        let ended = machine.step()?;
+        if let Some(Value::Text(text)) = machine.stack.get(before) {
+            texts.push(*text);
+        }
+        if ended {
+            return Ok((machine.at, texts));
+        }
+    }
+}
+
+impl<'a, 'f> Machine<'a, 'f> {
+    fn new(bytes: &'a [u8], storages: Storages<'a, 'f>) -> Self {
+        Self { bytes, at: 0, stack: Vec::new(), arena: Vec::new(), memo: BTreeMap::new(), storages }
+    }
+
     fn error(&self, what: impl Into<String>) -> PthError {
         PthError::Pickle { at: self.at, what: what.into() }
     }
@@ -365,8 +381,8 @@ impl<'a> Machine<'a, '_> {
         });
     }
 
-    /// Resolves `('storage', class, key, device, count)` to the bytes
-    /// of that storage; the device is ignored.
+    /// Resolves `('storage', class, key, device, count)` to the bytes of that storage; the device is
+    /// ignored. The legacy format adds a view, which is `None` in files that are in use.
     fn persistent(&mut self) -> Result<(), PthError> {
         let id = self.pop()?;
         // For unsupported number types the tensor is inert.
@@ -382,13 +398,17 @@ impl<'a> Machine<'a, '_> {
             Value::Text(key),
             _,
             Value::Int(count),
+            ref view @ ..,
         ] = self.tuple(id)?
         else {
             return Err(self.error("a persistent id that is not a storage"));
         };
-        let stored =
-            (self.storages)(key).ok_or_else(|| PthError::MissingEntry(format!("data/{key}")))?;
+        if !matches!(view, [] | [Value::None]) {
+            return Err(self.error("a view of a storage, which is not supported"));
+        }
         let length = usize::try_from(count).ok().and_then(|count| count.checked_mul(dtype.size()));
+        let stored = (self.storages)(key, length.unwrap_or(usize::MAX))
+            .ok_or_else(|| PthError::MissingEntry(format!("data/{key}")))?;
         let bytes = length.and_then(|length| stored.get(..length)).ok_or_else(|| {
             PthError::Tensor(format!(
                 "storage {key} should hold {count} elements of {} bytes, found {} bytes",

@@ -1,6 +1,6 @@
 //! `c4d eval --ablation`: the paper's ablations and the default, each made and measured.
 
-use super::measure::{Evaluated, evaluate};
+use super::measure::{Evaluated, Wanted, evaluate};
 use crate::args::{BaselineArg, EvalArgs, Global, MotionArg, PresetArg, RefineFlags};
 use crate::commands::propagate::{self, Recorded};
 use crate::commands::refine;
@@ -110,7 +110,7 @@ pub(super) fn run(args: &EvalArgs, global: &Global, console: &Console) -> Outcom
     let (Some(edited), Some(output)) = (&args.edited, &args.output) else {
         return Err(Failure::usage("--ablation needs --edited FILE and -o FOLDER"));
     };
-    let wanted = evaluation::chosen(&args.metrics)?;
+    let wanted = Wanted::of(args, console)?;
     let has_network = scene::open(&args.run, global, console)?.network.is_some();
     let variants: &[Variant] = if has_network { &VARIANTS } else { &WITHOUT_NETWORK };
     if !has_network {

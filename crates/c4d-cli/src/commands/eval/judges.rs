@@ -3,7 +3,7 @@
 
 use crate::args::{Global, JudgeArg};
 use crate::device::Device;
-use crate::evaluation::Viewpoints;
+use crate::evaluation::{Viewpoints, sampled_frames};
 use crate::failure::{Failure, Outcome};
 use crate::images;
 use crate::output::{existing, output_failure};
@@ -17,9 +17,6 @@ use std::fs::File;
 use std::io::BufWriter;
 use std::path::Path;
 
-/// Frames of a view that a judge of pictures sees, evenly spaced.
-const FRAMES: usize = 30;
-
 /// What is handed to a judge.
 pub(super) struct Case<'a> {
     pub(super) source: &'a dyn DynamicScene,
@@ -27,14 +24,6 @@ pub(super) struct Case<'a> {
     pub(super) at: &'a Viewpoints,
     pub(super) background: [f32; 3],
     pub(super) prompt: &'a str,
-}
-
-/// Indices of the frames that are judged: `round(k (T − 1)/29)`, all if there are fewer than 30.
-fn frames(count: usize) -> Vec<usize> {
-    if count <= FRAMES {
-        return (0..count).collect();
-    }
-    (0..FRAMES).map(|k| (k * (count - 1) + (FRAMES - 1) / 2) / (FRAMES - 1)).collect()
 }
 
 /// Writes pictures and `jobs.jsonl` into `folder`: for EditScore pairs of frames, for VE-Bench two
@@ -49,7 +38,7 @@ pub(super) fn emit(
     let out =
         AtomicDir::create(folder, existing(global)).map_err(|error| output_failure(&error))?;
     let chosen = match judge {
-        JudgeArg::Editscore => frames(case.at.times.len()),
+        JudgeArg::Editscore => sampled_frames(case.at.times.len()),
         JudgeArg::Vebench => (0..case.at.times.len()).collect(),
     };
     let names: Vec<String> = case.at.cameras.iter().map(file_name).collect();
@@ -144,14 +133,6 @@ pub(super) fn ingest(path: &Path) -> Outcome<Vec<Value>> {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn thirty_frames_are_even_and_include_the_ends() {
-        assert_eq!(frames(4), [0, 1, 2, 3], "all");
-        let chosen = frames(300);
-        assert_eq!((chosen.len(), chosen[0], chosen[29]), (30, 0, 299), "thirty");
-        assert!(chosen.is_sorted_by(|a, b| a < b), "each once");
-    }
 
     #[test]
     fn scores_are_averaged_and_damaged_files_refused() {

@@ -1,10 +1,11 @@
 //! Measuring one run.
 
-use crate::args::{Global, MeasureFlags};
+use crate::args::{EvalArgs, Global, MeasureFlags};
 use crate::console::Console;
 use crate::device::Device;
 use crate::evaluation::{
-    self, Group, Header, Item, Photos, Sight, Subject, Truth, ViewFlags, Viewpoints, document,
+    self, Group, Header, Item, Networks, Photos, Prompts, Sight, Subject, Truth, ViewFlags,
+    Viewpoints, document,
 };
 use crate::failure::{Failure, Outcome};
 use crate::run_folder::{REFINE_REPORT, REPORT, RunFiles, SCENE};
@@ -38,11 +39,44 @@ pub(crate) struct Evaluated {
     pub(crate) items: Vec<Item>,
 }
 
+/// What to measure.
+pub(crate) struct Wanted<'a> {
+    /// Ids of metrics.
+    ids: Vec<&'static str>,
+    /// For neural metrics.
+    networks: Networks,
+    prompts: Prompts<'a>,
+}
+
+impl<'a> Wanted<'a> {
+    /// The requested metrics; by default the core set, with weights all.
+    pub(super) fn of(args: &'a EvalArgs, console: &Console) -> Outcome<Self> {
+        let all = ["all".to_owned()];
+        let list = match &args.weights {
+            Some(_) if args.metrics.is_empty() => &all[..],
+            _ => &args.metrics,
+        };
+        let networks = match &args.weights {
+            Some(folder) => Networks::open(folder, console)?,
+            None => Networks::default(),
+        };
+        let prompts =
+            Prompts { edit: args.prompt.as_deref(), source: args.source_prompt.as_deref() };
+        Ok(Self { ids: evaluation::chosen(list)?, networks, prompts })
+    }
+
+    /// The core set.
+    pub(crate) fn core() -> Outcome<Self> {
+        let (networks, prompts) = (Networks::default(), Prompts::default());
+        Ok(Self { ids: evaluation::chosen(&[])?, networks, prompts })
+    }
+}
+
 /// Measures what is `wanted` of `run`.
 pub(crate) fn evaluate(
     run: &Path,
     args: &MeasureFlags,
-    wanted: &[&str],
+    wanted: &Wanted<'_>,
     global: &Global,
     console: &Console,
 ) -> Outcome<Evaluated> {
@@ -81,24 +115,27 @@ pub(crate) fn evaluate(
     let subject = Subject::new(opened.scene.as_ref(), edited, opened.edit_time)?;
     let background = args.background.unwrap_or(opened.background);
     let is_wanted = |group: Group| {
-        evaluation::DEFINITIONS.iter().any(|d| d.group == group && wanted.contains(&d.id))
+        evaluation::DEFINITIONS.iter().any(|d| d.group == group && wanted.ids.contains(&d.id))
     };
     let mut items: Vec<Item> = Vec::new();
-    if [Group::Truth, Group::Preservation, Group::Time].into_iter().any(is_wanted) {
-        let truth = truth.as_ref().map(|truth| match truth {
+    let mut sight = Sight {
+        subject: &subject,
+        cameras: &at.cameras,
+        times: &at.times,
+        background,
+        truth: truth.as_ref().map(|truth| match truth {
             Known::Scene(opened) => Truth::scene(opened.scene.as_ref(), &device, background),
             Known::Photos(photos) => Truth::Photos(photos),
-        });
-        let mut sight = Sight {
-            subject: &subject,
-            cameras: &at.cameras,
-            times: &at.times,
-            background,
-            truth,
-            retouch: None,
-            console,
-        };
+        }),
+        retouch: None,
+        console,
+    };
+    if [Group::Truth, Group::Preservation, Group::Time].into_iter().any(is_wanted) {
         items.extend(evaluation::pictures(&mut sight, &device)?);
+    }
+    if is_wanted(Group::Neural) {
+        let Wanted { networks, prompts, .. } = wanted;
+        items.extend(evaluation::neural(&mut sight, &device, networks, *prompts)?);
     }
     if is_wanted(Group::Motion) {
         items.extend(evaluation::motion(&subject, &at.times)?);
@@ -112,8 +149,8 @@ pub(crate) fn evaluate(
         let bytes = std::fs::metadata(run.join(SCENE)).ok().map(|metadata| metadata.len());
         items.extend(evaluation::cost(&subject, &record, &report(REFINE_REPORT), bytes));
     }
-    items.retain(|item| wanted.contains(&item.definition.id));
-    items.sort_by_key(|item| wanted.iter().position(|id| *id == item.definition.id));
+    items.retain(|item| wanted.ids.contains(&item.definition.id));
+    items.sort_by_key(|item| wanted.ids.iter().position(|id| *id == item.definition.id));
     let header = Header {
         scene: run.display().to_string(),
         edit: files.as_ref().map(|files| files.config.edited_sha256.clone()),

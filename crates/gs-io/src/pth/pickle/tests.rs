@@ -3,7 +3,7 @@
 use super::*;
 
 fn run(pickle: &[u8]) -> Result<Root<'_>, PthError> {
-    Ok(load(pickle, &|_| None)?.0)
+    Ok(load(pickle, &|_, _| None)?.0)
 }
 
 #[test]

@@ -1,0 +1,155 @@
+//! Neural metrics of `c4d eval`, on networks with seeded random weights.
+
+use crate::support::{c4d, failure, fixture, success};
+use gs_io::pth::{self, NamedTensor};
+use safetensors::{Dtype, tensor::TensorView};
+use serde_json::Value;
+use std::fs;
+use std::path::{Path, PathBuf};
+use test_support::seeded_weights;
+
+fn bytes(values: &[f32]) -> Vec<u8> {
+    values.iter().flat_map(|value| value.to_le_bytes()).collect()
+}
+
+fn write_safetensors(case: &str, path: &Path) {
+    let tensors: Vec<_> = seeded_weights(case)
+        .into_iter()
+        .map(|(name, shape, values)| (name, shape, bytes(&values)))
+        .collect();
+    let views = tensors.iter().map(|(name, shape, data)| {
+        (name, TensorView::new(Dtype::F32, shape.clone(), data).unwrap())
+    });
+    fs::write(path, safetensors::serialize(views, None).unwrap()).unwrap();
+}
+
+fn write_pth(case: &str, path: &Path) {
+    let tensors = seeded_weights(case);
+    let named: Vec<NamedTensor<'_>> =
+        tensors.iter().map(|(name, shape, values)| NamedTensor { name, shape, values }).collect();
+    pth::write(&named, fs::File::create(path).unwrap()).unwrap();
+}
+
+/// A folder as users have it: Hugging Face's file, checkpoints of PyTorch, the package's heads.
+fn weights(folder: &Path) -> PathBuf {
+    let weights = folder.join("weights");
+    fs::create_dir(&weights).unwrap();
+    write_safetensors("clip", &weights.join("model.safetensors"));
+    write_pth("dino", &weights.join("dino_vitbase16_pretrain.pth"));
+    write_pth("alex", &weights.join("alexnet-owt-7be5be79.pth"));
+    fs::copy(fixture("nn-vit/lpips_alex.pth"), weights.join("alex.pth")).unwrap();
+    weights
+}
+
+fn run(folder: &Path) -> PathBuf {
+    let run = folder.join("run");
+    success(
+        c4d(["propagate"])
+            .arg(fixture("synth/source"))
+            .arg("--edited")
+            .arg(fixture("synth/edited.ply"))
+            .arg("--no-refine")
+            .arg("-o")
+            .arg(&run),
+    );
+    run
+}
+
+fn items(folder: &Path, weights: &Path, more: &[&str]) -> (Vec<Value>, String) {
+    let file = folder.join("metrics.json");
+    let (said, _) = success(
+        c4d(["eval"])
+            .arg(folder.join("run"))
+            .args(["--frames", "3", "--size", "96x72", "--metrics", "neural", "-w", "--weights"])
+            .arg(weights)
+            .args(more)
+            .arg("-o")
+            .arg(&file),
+    );
+    let document: Value = serde_json::from_slice(&fs::read(file).unwrap()).unwrap();
+    (document["items"].as_array().unwrap().clone(), said)
+}
+
+fn item<'a>(items: &'a [Value], id: &str) -> &'a Value {
+    items.iter().find(|item| item["id"] == id).unwrap_or_else(|| panic!("no {id}"))
+}
+
+#[test]
+fn the_weights_of_a_folder_make_the_metrics_that_they_can() {
+    let folder = tempfile::tempdir().unwrap();
+    let weights = weights(folder.path());
+    let run = run(folder.path());
+    let (all, said) = items(folder.path(), &weights, &["--truth", run.to_str().unwrap()]);
+    assert_eq!(item(&all, "lpips_alex")["value"], 0.0, "the run is its own truth");
+    let file = item(&all, "lpips_alex")["weights"].as_str().unwrap();
+    assert!(
+        file.contains("alexnet-owt-7be5be79.pth sha256:") && file.contains("alex.pth"),
+        "{file}"
+    );
+    for id in ["vbench_subject_consistency", "vbench_background_consistency"] {
+        let value = item(&all, id)["value"].as_f64().unwrap();
+        let source = item(&all, &format!("{id}_src"))["value"].as_f64().unwrap();
+        assert!(0.0 < value && value < 1.0 && value != source, "{id}: {value}, source {source}");
+    }
+    assert_eq!(item(&all, "vbench_subject_consistency")["params"]["preprocessing"], "vbench-dino");
+    assert!(item(&all, "clip_frame_consistency")["value"].is_number(), "CLIP");
+    let reason = item(&all, "clip_text_sim")["reason"].as_str().unwrap();
+    assert!(reason.contains("merges.txt"), "{reason}");
+    let reason = item(&all, "lpips_vgg")["reason"].as_str().unwrap();
+    assert!(reason.contains("VGG-16"), "{reason}");
+    assert!(said.contains("vbench_consistency"), "{said}");
+
+    // The source against the edit: a distance.
+    let source = fixture("synth/source");
+    let (all, _) = items(folder.path(), &weights, &["--truth", source.to_str().unwrap()]);
+    assert!(item(&all, "lpips_alex")["value"].as_f64().unwrap() > 1e-3, "the edit is seen");
+}
+
+#[test]
+fn prompts_are_compared_where_there_is_a_tokenizer() {
+    let folder = tempfile::tempdir().unwrap();
+    let weights = weights(folder.path());
+    run(folder.path());
+    // Merges of single characters only, as small as the test's vocabulary of 600 allows.
+    let merges: Vec<String> = (0..48_894).map(|at| format!("unused{at} merge{at}")).collect();
+    fs::write(weights.join("merges.txt"), format!("#version\n{}", merges.join("\n"))).unwrap();
+    let told = failure(
+        c4d(["eval"])
+            .arg(folder.path().join("run"))
+            .args(["--frames", "2", "--size", "64x48", "--prompt", "red", "--weights"])
+            .arg(&weights),
+        3,
+    );
+    // The end of a text is token 49407, which the test's weights do not have.
+    assert!(told.contains("token_embedding") && told.contains("both from one place"), "{told}");
+}
+
+#[test]
+fn folders_that_cannot_be_used_are_named() {
+    let folder = tempfile::tempdir().unwrap();
+    run(folder.path());
+    let eval = |weights: &Path| {
+        failure(
+            c4d(["eval"])
+                .arg(folder.path().join("run"))
+                .args(["--frames", "2", "--size", "64x48", "--weights"])
+                .arg(weights),
+            3,
+        )
+    };
+    let told = eval(&folder.path().join("missing"));
+    assert!(told.contains("--weights") && told.contains("EVALUATION.md"), "{told}");
+    let weights = folder.path().join("weights");
+    fs::create_dir(&weights).unwrap();
+    fs::write(weights.join("ViT-B-32.pt"), b"PK not a file of tensors").unwrap();
+    let told = eval(&weights);
+    assert!(told.contains("ViT-B-32.pt") && told.contains("model.safetensors"), "{told}");
+    fs::remove_file(weights.join("ViT-B-32.pt")).unwrap();
+    write_safetensors("clip", &weights.join("model.safetensors"));
+    let whole = fs::read(weights.join("model.safetensors")).unwrap();
+    for len in [0, 7, 100, whole.len() / 2] {
+        fs::write(weights.join("model.safetensors"), &whole[..len]).unwrap();
+        let told = eval(&weights);
+        assert!(told.contains("model.safetensors"), "cut to {len}: {told}");
+    }
+}

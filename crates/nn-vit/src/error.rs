@@ -1,0 +1,61 @@
+//! Errors of this crate.
+
+/// Why a network cannot be made of the given weights, or applied.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
+pub enum NetworkError {
+    /// A tensor is missing.
+    #[error("the weights have no tensor `{name}`; expected {expected}")]
+    Missing {
+        /// Name of the tensor.
+        name: String,
+        /// The kind of weights expected.
+        expected: &'static str,
+    },
+    /// A tensor has another shape.
+    #[error("tensor `{name}` has shape {found:?}, expected {expected:?}")]
+    Shape {
+        /// Name of the tensor.
+        name: String,
+        /// Its shape.
+        found: Vec<usize>,
+        /// Expected shape; 0 stands for any size.
+        expected: Vec<usize>,
+    },
+    /// A tensor contains values that are not finite.
+    #[error("tensor `{name}` contains values that are not finite")]
+    NotFinite {
+        /// Name of the tensor.
+        name: String,
+    },
+    /// A tokenizer's list of merges is malformed.
+    #[error("line {line} of the merges is `{text}`, expected two symbols separated by a space")]
+    Merge {
+        /// Number of the line, from 1.
+        line: usize,
+        /// The line.
+        text: String,
+    },
+    /// The vocabulary is too short.
+    #[error("{found} merges, expected at least {expected}")]
+    FewMerges {
+        /// Number of merges.
+        found: usize,
+        /// Number of merges of CLIP.
+        expected: usize,
+    },
+    /// An image is too small, or its buffer has another size.
+    #[error(
+        "an image of {width}×{height} pixels and {len} bytes: expected 3 bytes per pixel and sides of {least} or more"
+    )]
+    Image {
+        /// Width, pixels.
+        width: usize,
+        /// Height, pixels.
+        height: usize,
+        /// Number of bytes.
+        len: usize,
+        /// Smallest side.
+        least: usize,
+    },
+}

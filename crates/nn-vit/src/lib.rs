@@ -1,0 +1,32 @@
+//! Features of images and texts by CLIP ([`Clip`]) and DINO ([`Dino`]), and LPIPS distances
+//! ([`Lpips`]), with weights that the user has.
+//!
+//! The towers of CLIP and DINO are one pre-norm transformer. Sizes follow from the shapes of the
+//! weights. Inputs are 8-bit images ([`Rgb8`]); [`Preprocessing`] names the ways in which published
+//! metrics prepare them. Results are the same for any number of threads.
+//!
+//! Deliberately absent: files, downloads, training, other architectures.
+
+mod clip;
+mod convolution;
+mod dino;
+mod error;
+mod lpips;
+mod patches;
+mod pil;
+mod preprocess;
+mod tokenizer;
+mod transformer;
+mod weights;
+
+pub use clip::Clip;
+pub use dino::Dino;
+pub use error::NetworkError;
+pub use lpips::{Lpips, LpipsBackbone};
+pub use preprocess::{Planes, Preprocessing, Rgb8};
+pub use tokenizer::{CONTEXT, Tokenizer};
+pub use weights::{Tensor, Weights};
+
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct ReadmeDoctests;

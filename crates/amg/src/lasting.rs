@@ -14,7 +14,7 @@
 //! `a` is exactly in place in the edit frame.
 
 use crate::AmgError;
-use crate::generations::{Generations, Visibility};
+use crate::generations::{Generations, MAX_DIFFERENCE, NEIGHBORS, PRESENT, Visibility};
 use crate::rigid::{RigidFit, dot, norm};
 use crate::row_index::index;
 use crate::similarity::Similarity;
@@ -23,13 +23,8 @@ use gs_core::{DynamicScene, Real, SceneError, Splats, TimeRange, quat};
 use rayon::prelude::*;
 use std::sync::Arc;
 
-/// Carriers chosen at each of the times.
-const CARRIERS: usize = 12;
-/// Largest number of times at which carriers are chosen; the steps between them are shorter than a
-/// life.
-const CHOICES: usize = 33;
-/// Presence from which a splat can be chosen as a carrier.
-const PRESENT: f64 = 0.2;
+/// Carriers are chosen at every second key time: steps shorter than a life.
+const CHOICE_STEP: usize = 2;
 /// Least presence of a carrier, so that the motion is defined where none of them is visible.
 const GONE: f64 = 1e-3;
 
@@ -85,8 +80,7 @@ impl Lasting {
     /// The carriers of the splats `ids` (ascending).
     pub(crate) fn of(generations: &Generations, at_edit: &Splats, ids: &[u32]) -> Self {
         let lives = &generations.lives;
-        let step = lives.times.len().div_ceil(CHOICES).max(1);
-        let mut chosen_at: Vec<usize> = (0..lives.times.len()).step_by(step).collect();
+        let mut chosen_at: Vec<usize> = (0..lives.times.len()).step_by(CHOICE_STEP).collect();
         chosen_at.push(lives.edit);
         chosen_at.push(lives.times.len() - 1);
         chosen_at.sort_unstable();
@@ -103,7 +97,7 @@ impl Lasting {
             }
             let rest = |&i: &usize| generations.rest[i].map_or([0.0; 3], |rest| rest.place);
             let tree = KdTree::<3>::new(&there.iter().map(rest).collect::<Vec<_>>());
-            let found = tree.map(&places, CARRIERS, |at, near| {
+            let found = tree.map(&places, NEIGHBORS, |at, near| {
                 let own = generations.axis(ids[at] as usize);
                 let width = near[near.len() / 2].distance_squared;
                 let entry = |n: &anchors::Neighbor| {
@@ -128,7 +122,7 @@ impl Lasting {
                 let weigh = |&(id, squared, facing): &(u32, f64, f64)| {
                     let confidence =
                         generations.rest[id as usize].map_or(0.0, |rest| rest.confidence);
-                    let weight = confidence * (-0.5 * squared / width - 3.0 * facing).exp();
+                    let weight = confidence * (-0.5 * squared / width - MAX_DIFFERENCE * facing).exp();
                     (id, weight.as_f32())
                 };
                 near.iter().map(weigh).filter(|entry| entry.1 > 1e-4).collect()

@@ -2,36 +2,33 @@
 
 use crate::AmgError;
 use crate::rigid::{dot, norm, sub};
-use anchors::KdTree;
+use anchors::{KdTree, median};
 use rayon::prelude::*;
 use uot::{Sinkhorn, SinkhornParams, UotProblem};
 
-/// Number of earlier splats considered for each new splat.
-const CANDIDATES: usize = 12;
-/// The spacing at a splat is the distance to this nearest neighbour.
-const SPACING: usize = 3;
-/// Cost of two flat splats at right angles, nats.
-const FACING: f64 = 3.0;
-/// Largest cost of a difference in velocity, in colour or in size, nats. Each equals a distance of
+/// Nearest splats that are considered as predecessors, as carriers and for refinement: about two
+/// rings of neighbours on a surface.
+pub(crate) const NEIGHBORS: usize = 12;
+/// The spacing at a splat is the distance to its third-nearest neighbour, on average that of
+/// neighbours on a surface.
+const SPACING_RANK: usize = 3;
+/// Largest cost of a difference in orientation, in colour or in size, nats: that of a distance of
 /// two spacings, so that none of them alone decides.
-const AT_MOST: f64 = 2.0;
+pub(crate) const MAX_DIFFERENCE: f64 = 2.0;
 /// Usual difference between colours on one surface, per channel, 0 to 1.
 const COLOR: f64 = 0.15;
-/// Usual difference between the logarithms of sizes on one surface.
-const SIZE: f64 = 0.7;
+/// Usual difference between the logarithms of sizes on one surface: a factor of two.
+const SIZE: f64 = std::f64::consts::LN_2;
 /// Cost of leaving a new splat unmatched, nats: that of a distance of four spacings.
-const UNMATCHED: f64 = 8.0;
-/// Weight of the entropy, nats: 1, as costs are negative log-likelihoods.
-const ENTROPY: f64 = 1.0;
-/// Relaxation of the marginal of the earlier splats, nats.
-const OLD_SHARES: f64 = 1.0;
+const UNMATCHED: f64 = 4.0 * MAX_DIFFERENCE;
+/// Weights of the entropy and of the marginal of the earlier splats: 1, as costs are negative
+/// log-likelihoods in nats.
+const WEIGHT: f64 = 1.0;
 
 /// The properties of a splat that determine its cost.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Point {
     pub(super) place: [f64; 3],
-    /// Displacement over half a life at its velocity, world units.
-    pub(super) drift: [f64; 3],
     /// Thin axis; its length is the flatness, 0 to 1.
     pub(super) axis: [f64; 3],
     pub(super) ln_size: f64,
@@ -58,21 +55,20 @@ pub(super) fn matches(old: &[Point], new: &[Point]) -> Result<Vec<Match>, AmgErr
     let tree = KdTree::<3>::new(&places);
     let queries: Vec<[f64; 3]> = new.iter().map(|point| point.place).collect();
     let candidates: Vec<Vec<u32>> =
-        tree.map(&queries, CANDIDATES, |_, near| near.iter().map(|n| n.id).collect());
+        tree.map(&queries, NEIGHBORS, |_, near| near.iter().map(|n| n.id).collect());
     let mut used: Vec<u32> = candidates.iter().flatten().copied().collect();
     used.sort_unstable();
     used.dedup();
     let asked: Vec<[f64; 3]> = used.iter().map(|&id| places[id as usize]).collect();
     let spacings = tree
-        .map(&asked, SPACING + 1, |_, near| near.last().map_or(0.0, |n| n.distance_squared.sqrt()));
+        .map(&asked, SPACING_RANK + 1, |_, near| near.last().map_or(0.0, |n| n.distance_squared.sqrt()));
     let spacing_of = |id: u32| used.binary_search(&id).map_or(0.0, |at| spacings[at]);
     let costs: Vec<Vec<f64>> = new
         .par_iter()
         .zip(&candidates)
         .map(|(point, ids)| {
             let mut around: Vec<f64> = ids.iter().map(|&id| spacing_of(id)).collect();
-            around.sort_by(f64::total_cmp);
-            let spacing = around[around.len() / 2].max(f64::MIN_POSITIVE);
+            let spacing = median(&mut around).max(f64::MIN_POSITIVE);
             ids.iter().map(|&id| cost(&old[id as usize], point, spacing)).collect()
         })
         .collect();
@@ -100,8 +96,8 @@ pub(super) fn matches(old: &[Point], new: &[Point]) -> Result<Vec<Match>, AmgErr
         .with_marginals(share(old), share(new))?
         .with_unmatched_cols(vec![none; new.len()])?;
     let params = SinkhornParams {
-        lambda_ent: ENTROPY,
-        lambda_a: OLD_SHARES,
+        lambda_ent: WEIGHT,
+        lambda_a: WEIGHT,
         lambda_b: f64::INFINITY,
         tol: 1e-6,
         max_sweeps: 1_000,
@@ -126,12 +122,11 @@ fn cost(old: &Point, new: &Point, spacing: f64) -> f64 {
     let across = dot(old.axis, apart);
     let squared = (dot(apart, apart) + 3.0 * across * across) / (spacing * spacing);
     let facing = flat * norm(new.axis) - dot(old.axis, new.axis).abs();
-    let drift = sub(new.drift, old.drift);
     let color = sub(new.color, old.color);
-    let at_most = |squared: f64| AT_MOST * (1.0 - (-0.5 * squared / AT_MOST).exp());
+    let bounded =
+        |squared: f64| MAX_DIFFERENCE * (1.0 - (-0.5 * squared / MAX_DIFFERENCE).exp());
     0.5 * squared
-        + FACING * facing.max(0.0)
-        + at_most(dot(drift, drift) / (spacing * spacing))
-        + at_most(dot(color, color) / (COLOR * COLOR))
-        + at_most(((new.ln_size - old.ln_size) / SIZE).powi(2))
+        + MAX_DIFFERENCE * facing.max(0.0)
+        + bounded(dot(color, color) / (COLOR * COLOR))
+        + bounded(((new.ln_size - old.ln_size) / SIZE).powi(2))
 }

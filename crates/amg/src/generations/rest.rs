@@ -1,20 +1,15 @@
 //! Rest places: the position that each splat would have at the edit time, found step by step from
 //! the splats that it is matched with.
 
-use super::lives::Lives;
+use super::lives::{Lives, PRESENT};
 use super::matching::{Match, Point, matches};
 use crate::AmgError;
-use crate::rigid::{RigidFit, sub};
+use crate::rigid::RigidFit;
 use gs_core::{DynamicScene, Splats, quat, sh};
 
-/// Matched share from which a match is accepted; otherwise the next key time is tried.
-const LEAST_MATCHED: f64 = 0.5;
-/// Presence from which a splat is matched (`RIPE`), and from which others are matched with it
-/// (`KNOWN`). Near the ends of its life the position of a splat is hardly constrained by pictures.
+/// Presence from which a splat is matched with earlier ones. It is matched once, so later than it
+/// could be followed ([`PRESENT`]).
 const RIPE: f64 = 0.6;
-const KNOWN: f64 = 0.2;
-/// Half of a typical life, share of the clip.
-const HALF_LIFE: f64 = 0.06;
 
 /// The position and rotation that a splat would have at the edit time.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -66,18 +61,19 @@ fn step(
     splats: &Splats,
     rest: &mut [Option<Rest>],
 ) -> Result<(), AmgError> {
-    let there = |i: &usize| lives.presence(k, *i) > if rest[*i].is_some() { KNOWN } else { RIPE };
+    let there = |i: &usize| lives.presence(k, *i) > if rest[*i].is_some() { PRESENT } else { RIPE };
     let (old, new): (Vec<usize>, Vec<usize>) =
         (0..lives.len()).filter(there).partition(|&i| rest[i].is_some());
     if new.is_empty() || old.is_empty() {
         return Ok(());
     }
-    let point = |&i: &usize| Point { drift: drift(lives, k, i), ..point_of(splats, i) };
+    let point = |&i: &usize| point_of(splats, i);
     let olds: Vec<Point> = old.iter().map(point).collect();
     let news: Vec<Point> = new.iter().map(point).collect();
     let found = matches(&olds, &news)?;
     for (&i, found) in new.iter().zip(&found) {
-        if found.unmatched < 1.0 - LEAST_MATCHED {
+        // Otherwise the next key time is tried.
+        if found.unmatched < 0.5 {
             rest[i] = rest_of(&old, &olds, found, k, lives.place(k, i), rest);
         }
     }
@@ -108,16 +104,6 @@ fn rest_of(
     usable.then_some(Rest { place, turn, joined: k, confidence })
 }
 
-/// Displacement of a splat over half a life, at its velocity at key time `k`, world units.
-fn drift(lives: &Lives, k: usize, i: usize) -> [f64; 3] {
-    let (a, b) = (k.saturating_sub(1), (k + 1).min(lives.times.len() - 1));
-    let step = f64::from(lives.times[b] - lives.times[a]);
-    if step <= 0.0 {
-        return [0.0; 3];
-    }
-    sub(lives.place(b, i), lives.place(a, i)).map(|v| v / step * HALF_LIFE)
-}
-
 /// The properties of splat `i` in its present state.
 pub(super) fn point_of(splats: &Splats, i: usize) -> Point {
     let scale = splats.scale(i).map(f64::from);
@@ -131,7 +117,6 @@ pub(super) fn point_of(splats: &Splats, i: usize) -> Point {
     let ln_size = (others[0] * others[1]).max(f64::MIN_POSITIVE).ln() / 2.0;
     Point {
         place: splats.means[i].map(f64::from),
-        drift: [0.0; 3],
         axis: quat::rotate(rotation, axis),
         ln_size,
         color: dc.map(|c| (0.5 + f64::from(sh::C0) * f64::from(c)).clamp(0.0, 1.0)),

@@ -1,5 +1,5 @@
-//! Sums spread over regions that move as one: what is learned varies slowly over a body part and
-//! not at all across its border.
+//! Smoothing over neighbouring regions that move as one: statistics vary slowly over a body part and
+//! are independent across its border.
 
 use super::region_motion::RegionMotion;
 use anchors::RigidNeighbors;
@@ -33,8 +33,8 @@ impl Diffusion {
         Self { links }
     }
 
-    /// `values` `[R]` after `steps` steps, each of which gives every region the weighted mean of
-    /// its own and its neighbours'.
+    /// `values` `[R]` after `steps` steps; each replaces the value of a region by the weighted mean
+    /// of its own and its neighbours'.
     pub(super) fn spread<const N: usize>(
         &self,
         mut values: Vec<[f64; N]>,

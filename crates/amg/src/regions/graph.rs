@@ -1,4 +1,4 @@
-//! Who is beside whom in the edit.
+//! Neighbour graph of the edited splats.
 
 use anchors::Neighbors;
 use rayon::prelude::*;
@@ -15,7 +15,7 @@ const NEIGHBORS: usize = 24;
 const NEIGHBORS_IF_MANY: usize = 12;
 const MANY: usize = 10_000;
 
-/// Links longer than this many local spacings are gaps.
+/// Longest link, in local spacings; longer ones cross a gap.
 const GAP: f64 = 4.0;
 
 /// Links of the edit, sorted, and local spacings.
@@ -37,7 +37,7 @@ pub(super) fn links(means: &[[f64; 3]]) -> (Vec<Link>, Vec<f64>) {
     (links, spacing)
 }
 
-/// For every splat, the seed that is nearest along the links; `None` where no link leads to one.
+/// For every splat, the nearest seed by path length along the links; `None` if no path leads to one.
 /// Ties go to the lower seed.
 pub(super) fn nearest_seed(
     means: &[[f64; 3]],
@@ -46,7 +46,7 @@ pub(super) fn nearest_seed(
 ) -> Vec<Option<u32>> {
     let mut owner: Vec<Option<u32>> =
         (0_u32..).take(means.len()).map(|i| is_seed(i as usize).then_some(i)).collect();
-    // Only what is no seed has to be reached; most splats are.
+    // Links between seeds are not needed; most splats are seeds.
     let mut around: HashMap<u32, Vec<u32>> = HashMap::new();
     let mut heap: BinaryHeap<Reverse<(u64, u32, u32)>> = BinaryHeap::new();
     // Lengths as bits: for finite non-negative numbers their order is that of the numbers.

@@ -1,11 +1,11 @@
-//! New geometry that stands out from the figure moves with what it is attached to.
+//! New geometry that stands out from the figure moves with the part it is attached to, its carrier.
 //!
-//! Wings that pass behind a swinging arm lie as near to it as to the back they grow from, over
-//! fewer splats. Splat by splat nothing tells the two apart; the whole piece does: it touches its
-//! carrier over the widest area. So each connected piece of new splats that reaches far from every
-//! source takes one motion, unless two parts hold it about equally well. Pieces that stay near the
-//! figure may be sticks, which are stiff, or sleeves, which bend: they take one motion only if all
-//! that they touch has it. What hovers touches nothing, and moves as one with what is nearest.
+//! Wings that pass behind a swinging arm lie as near to it as to the back they grow from. A single
+//! splat cannot be assigned to one of the two, but the whole piece can: its contact with the carrier
+//! is the widest. So a connected piece of new splats that extends far from every source gets one
+//! motion, unless two parts have contacts of similar area. Pieces that stay near the figure may be
+//! rigid (sticks) or bend (sleeves): they get one motion only if all their contacts share it. A piece
+//! that hovers has no contact and moves with the nearest part.
 
 use super::edit::Edit;
 use super::graph::Link;
@@ -58,50 +58,50 @@ const DOMINANT: f64 = 2.0;
 const CLEAR: f64 = 2.0 * DOMINANT;
 const UNANIMOUS: f64 = 2.0 * CLEAR;
 
-/// What is known when new pieces are looked for.
+/// Input of the search for new pieces.
 pub(super) struct NewPieces<'a> {
     pub(super) regions: &'a Regions,
     pub(super) motion: &'a RegionMotion,
     pub(super) edit: &'a Edit,
-    /// The region of each edited splat that some region explains.
+    /// The region of each matched splat.
     pub(super) matched: &'a [Option<u32>],
     pub(super) links: &'a [Link],
     pub(super) spacing: &'a [f64],
     /// Distance from every source at which new geometry stands out, world units.
     pub(super) stands_out: f64,
-    /// Pieces farther than this from everything stay where they are, world units.
+    /// Pieces farther than this from all matched splats stay where they are, world units.
     pub(super) reach: f64,
 }
 
 /// Connected new splats.
 struct Piece {
     splats: Vec<usize>,
-    /// How many times better than any other its carrier must hold it.
+    /// Least ratio of the contact areas of its carrier and of the next part.
     needed: f64,
 }
 
-/// A splat of a piece and what it is nearest to.
+/// A splat of a piece and its nearest matched splat outside of it.
 #[derive(Debug, Clone, Copy)]
 struct Touch {
     distance: f64,
-    /// The region that splat belongs to.
+    /// The region of that splat.
     region: u32,
     splat: usize,
 }
 
-/// A region that a piece touches.
+/// Contact of a piece with a region.
 #[derive(Debug, Clone, Copy)]
 struct Contact {
     region: u32,
-    /// Splats of the piece there, each weighted by nearness.
+    /// Splats of the piece in contact, weighted by nearness.
     area: f64,
     /// The nearest of them.
     splat: usize,
 }
 
 impl NewPieces<'_> {
-    /// For every splat of a new piece, the region that carries it; `None` for all others and for
-    /// those that the motion they have already makes part of the carrier.
+    /// For every splat of a new piece, its carrier; `None` for all others, and for splats whose own
+    /// motion is already that of the carrier.
     pub(super) fn carriers(&self) -> Vec<Option<u32>> {
         let mut carriers = vec![None; self.edit.len()];
         let unknown = |e: &usize| self.edit.exact[*e].is_none() && self.edit.parent[*e].is_none();
@@ -130,13 +130,13 @@ impl NewPieces<'_> {
         carriers
     }
 
-    /// How far the motions of two regions differ at splat `e`.
+    /// Largest distance between the paths of splat `e` with two regions, world units.
     fn differ(&self, a: u32, b: u32, e: usize) -> f64 {
         let at = self.edit.means[e].map(Real::as_f32);
         f64::from(self.motion.disagreement(a as usize, b as usize, at))
     }
 
-    /// What each splat of the piece is nearest to in the rest of the edit.
+    /// The nearest matched splat outside of the piece for each splat of it.
     fn touches(&self, piece: &[usize], holders: &[usize], tree: &KdTree<3>) -> Vec<Touch> {
         let places: Vec<[f64; 3]> = piece.iter().map(|&splat| self.edit.means[splat]).collect();
         let touches = tree.map(&places, 1, |i, near| {
@@ -147,7 +147,8 @@ impl NewPieces<'_> {
         touches.into_iter().flatten().collect()
     }
 
-    /// Per splat, its distance from the sources if it is new, and not in place of a source.
+    /// Distance of each new splat from the nearest source; `None` for splats that replace a source
+    /// splat.
     fn gaps(&self) -> Vec<Option<f64>> {
         let far = self.stands_out;
         let usable = |&p: &usize| {
@@ -231,8 +232,8 @@ impl NewPieces<'_> {
         pieces
     }
 
-    /// The region whose motion holds the piece over the widest contact; none if another motion
-    /// holds it nearly as well, or if nothing is in touch.
+    /// The region whose motion has the widest contact with the piece; `None` if another motion has
+    /// nearly as much, or if there is no contact.
     fn carrier(&self, touches: &[Touch], needed: f64) -> Option<u32> {
         let closest = touches.iter().map(|t| t.distance).reduce(f64::min)?;
         if closest > self.reach {
@@ -241,7 +242,7 @@ impl NewPieces<'_> {
         let hovers = closest > HOVERS * self.stands_out;
         let touch = CONTACT * self.stands_out;
         let width = if hovers { touch.max(HOVERING_CONTACT * closest) } else { touch };
-        // What hovers and stands out is held by nothing: the nearest will do.
+        // Pieces that hover and stand out have no contact; the nearest part is enough.
         let needed = if hovers && needed <= DOMINANT { 1.0 } else { needed };
         let mut contacts: Vec<Contact> = touches
             .iter()
@@ -265,8 +266,8 @@ impl NewPieces<'_> {
         (held >= needed * rival).then_some(carrier)
     }
 
-    /// The region with whose motion the widest contacts agree, and how wide they are; the better
-    /// they agree, the more they count, so that it is a region amidst a part, not at a joint.
+    /// The region whose motion agrees with the largest area of contact, and that area. Contacts are
+    /// weighted by agreement, so that the region lies amidst a part, not at a joint.
     fn strongest(&self, contacts: &[Contact]) -> Option<(u32, f64)> {
         let tolerance = (TOGETHER * self.stands_out).max(TINY);
         contacts

@@ -15,8 +15,8 @@ const ROUNDS: i32 = 40;
 const GUESS: f64 = 2.0;
 const BETA: [f64; 2] = [0.5, 4.0];
 
-/// Unit thin axis times flatness `1 − s₁/s₂` of the two smallest scales: 0 for a ball or needle,
-/// nearly 1 for a disc.
+/// Unit thin axis times flatness `1 − s₁/s₂` of the two smallest scales: 0 for a ball or needle, near
+/// 1 for a disc.
 pub(super) fn thin_axis(splats: &Splats, i: usize) -> [f64; 3] {
     let scale = splats.scale(i).map(f64::from);
     let mut order = [0, 1, 2];
@@ -29,9 +29,9 @@ pub(super) fn thin_axis(splats: &Splats, i: usize) -> [f64; 3] {
     if quat::dot(q, q) < 0.5 { axis } else { quat::rotate(q, axis) }
 }
 
-/// How well `nj` is the mirror image of `ni` seen along `d`, times nearness: true of both ends of a
-/// smooth arc, of two faces that look at each other across a gap, and of both faces of a plate, if
-/// all normals point outwards.
+/// Inner product of `nj` and the mirror image of `ni` along `d`, times nearness. It is positive if
+/// both normals point outwards: at both ends of a smooth arc, on two faces across a gap, and on both
+/// faces of a plate.
 fn mirror_coupling(ni: [f64; 3], nj: [f64; 3], d: [f64; 3], spacing: f64) -> f64 {
     let squared = dot(d, d);
     if squared <= 0.0 {
@@ -43,8 +43,8 @@ fn mirror_coupling(ni: [f64; 3], nj: [f64; 3], d: [f64; 3], spacing: f64) -> f64
     dot(mirrored, nj) * (-0.5 * squared / (reach * reach)).exp()
 }
 
-/// Turns `axes` outwards. Only points that move as one speak to each other, so a limb that touches
-/// another part at the edit frame does not confuse it.
+/// Flips `axes` so that they point outwards. Only points that move as one are compared, so a limb
+/// that touches another part in the edit frame has no effect on it.
 pub(super) fn orient(regions: &Trajectories, neighbors: &RigidNeighbors, axes: &mut [[f64; 3]]) {
     let wide = Neighbors::of(&regions.rest, INSIDE[1]);
     let guess: Vec<f64> = (0..regions.len())
@@ -93,8 +93,8 @@ pub(super) fn orient(regions: &Trajectories, neighbors: &RigidNeighbors, axes: &
     }
 }
 
-/// How much mass lies behind the axis: a surface's neighbours, and what it encloses, lie on its
-/// inner side.
+/// Share of the mass on the inner side of the axis, −1 to 1: the neighbours of a surface, and the
+/// splats it encloses, lie on its inner side.
 fn outwardness(
     regions: &Trajectories,
     i: usize,

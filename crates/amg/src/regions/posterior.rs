@@ -1,8 +1,7 @@
-//! Which motion each edited splat has, and how the edit displaced each region: expectation and
-//! maximisation in turns.
+//! The motion of each edited splat and the displacement of each region, by expectation maximisation.
 //!
-//! Expectation is relaxed transport of splats to regions; maximisation are weighted moments, smooth
-//! over regions that move as one. See `docs/MOTION.md`.
+//! Expectation is a relaxed transport of splats to regions. Maximisation computes weighted moments,
+//! smoothed over regions that move as one. See `docs/MOTION.md`.
 
 use super::candidates::{Candidate, Candidates};
 use super::coverage;
@@ -46,10 +45,10 @@ const KEPT: f64 = 1.0;
 /// copies get moved.
 const PARENT: f32 = 8.0;
 
-/// What is believed of one edited splat.
+/// Result for one edited splat.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Posterior {
-    /// The best region of the likeliest motion; `None` if there is no region near.
+    /// The best region of the most likely motion; `None` if there is no region near.
     pub(super) region: Option<u32>,
     /// Probability of no region at all.
     pub(super) unmatched: f32,
@@ -59,11 +58,11 @@ pub(super) struct Posterior {
 #[derive(Debug, Clone, Copy)]
 struct Best {
     candidate: Candidate,
-    /// What belonging to it costs, nats.
+    /// Cost of belonging to it, nats.
     cost: f32,
 }
 
-/// The model and what it has learned so far.
+/// The model in its present state.
 pub(super) struct Model<'a> {
     regions: &'a Regions,
     neighbors: &'a RigidNeighbors,
@@ -72,13 +71,13 @@ pub(super) struct Model<'a> {
     params: &'a MotionParams,
     diffusion: Diffusion,
     likelihoods: Vec<Likelihood>,
-    /// What belonging to each region costs because the edit kept its splats, and because of who
-    /// else belongs to it, nats.
+    /// Additional costs of each region, nats: for the share of its splats that the edit kept, and
+    /// of the marginal.
     kept: Vec<f64>,
     crowding: Vec<f64>,
 }
 
-/// What the model is made for.
+/// Input of the estimation.
 pub(super) struct Given<'a> {
     pub(super) regions: &'a Regions,
     pub(super) neighbors: &'a RigidNeighbors,
@@ -137,8 +136,8 @@ impl<'a> Model<'a> {
             .collect();
     }
 
-    /// Upper quartile of the smallest offsets: generous, since the first round must not lock onto
-    /// wrong parts.
+    /// Initial standard deviation of offsets: the upper quartile of the smallest ones, large enough
+    /// that the first round does not exclude the right part.
     fn first_sigma(&self, figure_size: f64) -> f64 {
         let smallest = |e: usize| {
             let offsets = self.candidates.of_splat(e).iter().map(|c| f64::from(c.offset.abs()));
@@ -161,7 +160,7 @@ impl<'a> Model<'a> {
         out.clear();
         let has_parent = self.edit.parent[e].is_some();
         let candidates = self.candidates.of_splat(e);
-        // Where all around was kept, that tells nothing.
+        // Only differences between candidates matter.
         let kept = candidates.iter().map(|c| self.kept[c.region as usize]);
         let spared = kept.fold(f64::INFINITY, f64::min);
         for candidate in candidates {
@@ -196,15 +195,15 @@ impl<'a> Model<'a> {
             .collect()
     }
 
-    /// Expectation and maximisation: statistics of the regions from the probabilities of the
-    /// splats' best regions, and how full the regions are. Each splat stands for `weight` of them.
+    /// Statistics and fill of the regions from the probabilities of the splats' best regions. Each
+    /// sampled splat represents `weight` splats.
     fn maximise(&mut self, best: &[Vec<Best>], (weight, believed): (f64, Statistics)) {
         let (mut sums, mut counts) = self.known();
         for best in best {
             let lowest = best.iter().map(|b| b.cost).fold(f32::INFINITY, f32::min);
             let odds = |b: &Best| (f64::from(lowest - b.cost) / self.params.entropy).exp();
             let total: f64 = best.iter().map(odds).sum();
-            // What nothing explains well says little.
+            // Splats with a poor match contribute little.
             let evidence = (-0.5 * f64::from(lowest.max(0.0))).exp();
             for b in best {
                 let region = b.candidate.region as usize;
@@ -235,8 +234,8 @@ impl<'a> Model<'a> {
         coverage::update(&self.diffusion, counts, self.params.source_marginal, &mut self.crowding);
     }
 
-    /// Sums and counts of the splats that the edit kept, per region: they are where they were.
-    /// Beside the counts, those of the source.
+    /// Per region: sums over the splats that the edit kept, their number, and the number of source
+    /// splats.
     fn known(&self) -> (Vec<[f64; 5]>, Vec<[f64; 2]>) {
         let mut sums = vec![[0.0; 5]; self.regions.len()];
         let mut counts: Vec<[f64; 2]> =
@@ -250,8 +249,7 @@ impl<'a> Model<'a> {
         (sums, counts)
     }
 
-    /// Posteriors of all edited splats, those outside the sample too: expectation with what was
-    /// learned.
+    /// Posteriors of all edited splats, including those outside the sample.
     pub(super) fn posteriors(&self) -> Vec<Posterior> {
         (0..self.edit.len())
             .into_par_iter()
@@ -277,9 +275,9 @@ impl<'a> Model<'a> {
     }
 }
 
-/// Adds what one candidate says of its region.
+/// Adds the contribution of one candidate to the sums of its region.
 fn add(sums: &mut [f64; 5], candidate: &Candidate, weight: f64) {
-    // Balls say nothing of surfaces.
+    // A ball has no normal.
     let flat = f64::from(candidate.flat);
     let offset = f64::from(candidate.offset);
     let misaligned = (f64::from(candidate.misaligned) / flat.max(1e-3)).clamp(0.0, 1.0);

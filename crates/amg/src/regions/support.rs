@@ -1,4 +1,4 @@
-//! The sources each edited splat finally moves with.
+//! Supports: the source splats whose motion each edited splat follows.
 
 use super::consensus::Consensus;
 use super::cubes::Cube;
@@ -37,7 +37,7 @@ const CHUNK: usize = 32;
 /// Weights below this are left out: rounding.
 const NEGLIGIBLE: f64 = 1e-9;
 
-/// What is kept from splat to splat, so that nothing is allocated for each.
+/// Buffers reused from splat to splat.
 #[derive(Default)]
 pub(super) struct Scratch {
     apart: Vec<f32>,
@@ -45,7 +45,7 @@ pub(super) struct Scratch {
     points: Vec<(f64, u32)>,
     first_of_region: Vec<(f64, u32)>,
     entries: Vec<(u32, f64)>,
-    /// Regions around the one that was last asked for far splats.
+    /// Neighbours of the region last used for far splats.
     around: Option<(u32, Vec<Neighbor>)>,
     ids: Vec<u32>,
 }
@@ -64,7 +64,7 @@ pub(super) struct Supports<'a> {
 }
 
 impl Supports<'_> {
-    /// Sources around a splat at `x` in `cube` that move like region `own`, and weights.
+    /// Source splats around `x` that move like region `own`, and their weights.
     pub(super) fn near(
         &self,
         x: [f64; 3],
@@ -127,7 +127,7 @@ impl Supports<'_> {
         };
         entries.clear();
         entries.extend(points.iter().map(weigh).filter(|(_, weight)| *weight > NEGLIGIBLE));
-        // Where nothing moves, nothing can disagree.
+        // Static sources agree.
         if !entries
             .iter()
             .all(|entry| self.motion.still[self.regions.cells.owners[entry.0 as usize] as usize])
@@ -138,10 +138,10 @@ impl Supports<'_> {
         entries.iter().map(|&(p, w)| (index(self.regions.ids[p as usize]), w.as_f32())).collect()
     }
 
-    /// Tilts the weights so that their centroid lies beside `x`, as in local linear regression:
-    /// what a stretching or bending part does more of with every step aside then does no harm, and
-    /// supports may be wide. Along the normal, across which supports have no spread, the rigid
-    /// motion carries the offset.
+    /// Tilts the weights so that the centroid lies at `x` within the surface, as in local linear
+    /// regression. Motion that varies linearly along a stretching or bending part then causes no
+    /// bias, so supports may be wide. Along the normal, where supports have no spread, the rigid
+    /// motion extrapolates.
     fn centre(&self, entries: &mut [(u32, f64)], x: [f64; 3]) {
         let total: f64 = entries.iter().map(|entry| entry.1).sum();
         let place = |point: u32| self.regions.means[point as usize];
@@ -164,7 +164,7 @@ impl Supports<'_> {
         if ridge.is_nan() || ridge <= 0.0 {
             return;
         }
-        // C (C + ridge)⁻² applied to where the splat lies aside.
+        // C (C + ridge)⁻² (x − centroid).
         let mut ridged = covariance;
         for (i, row) in ridged.iter_mut().enumerate() {
             row[i] += ridge;
@@ -178,13 +178,13 @@ impl Supports<'_> {
         }
     }
 
-    /// Sources for a splat far from all of them that hangs on one which moves with region `own`:
-    /// the wider the lever, the wider the support, as far as it moves as one.
+    /// Source splats for a splat far from all of them that is attached to region `own`. The radius
+    /// and the tolerance of the support grow with the distance from the region, the lever.
     pub(super) fn far(&self, x: [f64; 3], own: u32, scratch: &mut Scratch) -> Vec<(u32, f32)> {
         let Scratch { apart, path, around, ids, .. } = scratch;
         let centre = self.regions.centroids.rest[own as usize];
         let lever = norm(sub(x, centre));
-        // Splats of one piece ask for one region.
+        // Splats of one piece share the region.
         let (asked, near) = around.get_or_insert_with(|| (u32::MAX, Vec::new()));
         if *asked != own {
             self.tree.nearest(&centre, FAR_REGIONS, near);
@@ -219,7 +219,7 @@ impl Supports<'_> {
     }
 }
 
-/// Of a symmetric matrix that has one.
+/// Inverse of a regular symmetric matrix.
 fn inverse(m: [[f64; 3]; 3]) -> [[f64; 3]; 3] {
     let cofactor = |i: usize, j: usize| {
         let (a, b) = ((i + 1) % 3, (i + 2) % 3);

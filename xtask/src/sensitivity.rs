@@ -77,9 +77,9 @@ struct Row {
 pub(crate) fn run(size: usize, seeds: u64) -> Result<()> {
     let scenes = (FIRST_SEED..FIRST_SEED + seeds)
         .map(|seed| {
-            let cases = CASES.iter().map(|case| {
-                Ok(gs_synth::build(case.parse::<TruthCase>()?, seed, size)?)
-            });
+            let cases = CASES
+                .iter()
+                .map(|case| Ok(gs_synth::build(case.parse::<TruthCase>()?, seed, size)?));
             let robots = (0..ROBOTS).map(|k| Robot::new(ROBOTS * seed + k, size)).collect();
             Ok(Scenes { cases: cases.collect::<Result<_>>()?, robots })
         })

@@ -20,7 +20,9 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         "regions" => Preset::Regions,
         "knn" => Preset::Knn,
         "paper" => Preset::Paper,
-        other => return Err(format!("unknown method `{other}`; expected regions, knn or paper").into()),
+        other => {
+            return Err(format!("unknown method `{other}`; expected regions, knn or paper").into());
+        }
     };
     let scene = gs_synth::build(case, 0, size)?;
     let num_frames: usize = word(3, "3").parse()?;

@@ -122,7 +122,8 @@ impl Lasting {
                 let weigh = |&(id, squared, facing): &(u32, f64, f64)| {
                     let confidence =
                         generations.rest[id as usize].map_or(0.0, |rest| rest.confidence);
-                    let weight = confidence * (-0.5 * squared / width - MAX_DIFFERENCE * facing).exp();
+                    let weight =
+                        confidence * (-0.5 * squared / width - MAX_DIFFERENCE * facing).exp();
                     (id, weight.as_f32())
                 };
                 near.iter().map(weigh).filter(|entry| entry.1 > 1e-4).collect()

@@ -69,7 +69,7 @@ pub use neighborhoods::{Neighborhoods, normal_feature};
 pub use params::{AnchorParams, Grouping, Radius};
 pub use points::Coordinate;
 pub use sphere::BoundingSphere;
-pub use trajectories::{Neighbors, RigidNeighbors, Trajectories};
+pub use trajectories::{NEIGHBORS, NOISE_REACH, Neighbors, RigidNeighbors, Trajectories};
 
 /// Runs the example of the README.
 #[cfg(doctest)]

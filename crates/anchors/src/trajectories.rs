@@ -6,8 +6,8 @@ use crate::kdtree::{KdTree, Neighbor};
 use crate::median::median;
 use crate::points::distance_squared;
 
-/// Neighbours per point.
-const NEIGHBORS: usize = 24;
+/// Neighbours per point: about two rings on a surface.
+pub const NEIGHBORS: usize = 24;
 
 /// The spacing is the distance of the neighbour of this rank over √2: on a surface about the
 /// distance between points.
@@ -19,7 +19,7 @@ const NOISE_NEIGHBORS: usize = 8;
 
 /// Change of distance that noise explains, in units of the pooled median: about three standard
 /// deviations.
-const NOISE_REACH: f64 = 3.0;
+pub const NOISE_REACH: f64 = 3.0;
 
 /// A point is an outlier if this share, or less, of its neighbourhood's weight moves with it.
 /// Measured on scenes it was not chosen on, geometric means of the end-point error against 0.3: .97

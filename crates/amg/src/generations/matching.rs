@@ -60,8 +60,9 @@ pub(super) fn matches(old: &[Point], new: &[Point]) -> Result<Vec<Match>, AmgErr
     used.sort_unstable();
     used.dedup();
     let asked: Vec<[f64; 3]> = used.iter().map(|&id| places[id as usize]).collect();
-    let spacings = tree
-        .map(&asked, SPACING_RANK + 1, |_, near| near.last().map_or(0.0, |n| n.distance_squared.sqrt()));
+    let spacings = tree.map(&asked, SPACING_RANK + 1, |_, near| {
+        near.last().map_or(0.0, |n| n.distance_squared.sqrt())
+    });
     let spacing_of = |id: u32| used.binary_search(&id).map_or(0.0, |at| spacings[at]);
     let costs: Vec<Vec<f64>> = new
         .par_iter()
@@ -123,8 +124,7 @@ fn cost(old: &Point, new: &Point, spacing: f64) -> f64 {
     let squared = (dot(apart, apart) + 3.0 * across * across) / (spacing * spacing);
     let facing = flat * norm(new.axis) - dot(old.axis, new.axis).abs();
     let color = sub(new.color, old.color);
-    let bounded =
-        |squared: f64| MAX_DIFFERENCE * (1.0 - (-0.5 * squared / MAX_DIFFERENCE).exp());
+    let bounded = |squared: f64| MAX_DIFFERENCE * (1.0 - (-0.5 * squared / MAX_DIFFERENCE).exp());
     0.5 * squared
         + MAX_DIFFERENCE * facing.max(0.0)
         + bounded(dot(color, color) / (COLOR * COLOR))

@@ -18,21 +18,12 @@ use crate::simd::Lanes;
 use gs_core::Real;
 use rayon::prelude::*;
 
-/// Fits, each with the weights that the last one left.
-const ROUNDS: usize = 2;
-
-/// Key times looked at, as many as there are lanes.
+/// Key times compared, as many as there are lanes.
 const MAX_TIMES: usize = 4;
 
 type Times = Lanes<MAX_TIMES>;
 
-/// Root mean square misfit, in units of the noise, at which a source counts half or so.
-const MISFIT: f64 = 1.5;
-
-/// If all agree at least this well, another fit would change nothing.
-const AGREED: f64 = 0.7;
-
-/// Weight that any misfit leaves: where nothing agrees, all count alike.
+/// Least factor on a weight: if no source agrees, all keep their relative weights.
 const LEAST: f64 = 1e-6;
 
 /// Most sources a support has, see [`crate::MotionParams::sources_per_row`].
@@ -92,31 +83,19 @@ impl<'a> Consensus<'a> {
 
     /// Lowers the weights of points that do not share the rigid motion of the others.
     pub(super) fn reweigh(&self, entries: &mut [(u32, f64)]) {
-        let reach = MISFIT * self.regions.noise;
+        let noise = self.regions.noise;
         // Any three points fit some rigid motion.
-        if entries.len() < 4 || reach <= 0.0 || self.num_times == 0 {
+        if entries.len() < 4 || noise <= 0.0 || self.num_times == 0 {
             return;
         }
-        let (mut spatial, mut squares) = ([0.0; MAX_SOURCES], [0.0; MAX_SOURCES]);
-        let (spatial, squares) = (&mut spatial[..entries.len()], &mut squares[..entries.len()]);
-        for (spatial, entry) in spatial.iter_mut().zip(&*entries) {
-            *spatial = entry.1;
-        }
-        let scale = -0.5 / (reach * reach * self.num_times as f64);
-        for _ in 0..ROUNDS {
-            crate::simd::dispatch(
-                #[inline(always)]
-                || self.misfits(entries, squares),
-            );
-            let mut least = 1.0_f64;
-            for ((entry, spatial), square) in entries.iter_mut().zip(&*spatial).zip(&*squares) {
-                let agreement = (scale * square).exp().max(LEAST);
-                least = least.min(agreement);
-                entry.1 = spatial * agreement;
-            }
-            if least > AGREED {
-                break;
-            }
+        let squares = &mut [0.0; MAX_SOURCES][..entries.len()];
+        let scale = -0.5 / (noise * noise * self.num_times as f64);
+        crate::simd::dispatch(
+            #[inline(always)]
+            || self.misfits(entries, squares),
+        );
+        for (entry, square) in entries.iter_mut().zip(&*squares) {
+            entry.1 *= (scale * square).exp().max(LEAST);
         }
     }
 

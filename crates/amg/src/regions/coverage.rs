@@ -7,21 +7,17 @@
 //! fill is the number of edited splats per source splat in a patch, relative to that of the body
 //! part: single regions have too few splats.
 
-use super::diffusion::Diffusion;
+use super::diffusion::{Diffusion, PATCH};
 
-/// Steps of spreading: the patch looked at, and the body part it is compared with.
-const PATCH: usize = 3;
-const PART: usize = 40;
+/// Steps of diffusion for the body part, whose diameter is about three times that of a patch: it
+/// grows with the root of the number of steps.
+const PART: usize = 10 * PATCH;
 
-/// Splats that every region is believed to have, as a share of its own: parts of which nothing is
-/// left are not crowded.
+/// Prior count of edited splats, as a share of the expected number: keeps the logarithm finite for
+/// parts whose splats were all deleted.
 const PRIOR: f64 = 0.3;
 
-/// Fuller or emptier than this by a factor, a patch costs or gains no more: edits remove parts,
-/// too.
-const LIMIT: f64 = std::f64::consts::E;
-
-/// Share of the old cost kept from step to step.
+/// Share of the previous value that is kept: full steps oscillate.
 const DAMPING: f64 = 0.5;
 
 /// Updates `crowding` `[R]`, nats, from the numbers of edited splats and of source splats of each
@@ -38,8 +34,8 @@ pub(super) fn update(
         let expected = wide[0] / wide[1] * near[1];
         let filled = (near[0] + PRIOR * expected) / ((1.0 + PRIOR) * expected);
         // The fill is undefined for parts without edited splats.
-        let known = filled > 0.0 && filled.is_finite();
-        let new = if known { strength * filled.clamp(LIMIT.recip(), LIMIT).ln() } else { 0.0 };
+        let is_defined = filled > 0.0 && filled.is_finite();
+        let new = if is_defined { strength * filled.ln() } else { 0.0 };
         *crowding = DAMPING * *crowding + (1.0 - DAMPING) * new;
     }
 }

@@ -5,9 +5,8 @@ use super::region_motion::RegionMotion;
 use anchors::RigidNeighbors;
 use rayon::prelude::*;
 
-/// Neighbours spread to; they move as one with a region at least this much.
-const NEIGHBORS: usize = 16;
-const MIN_AGREEMENT: f64 = 0.05;
+/// Steps over which the statistics of a patch of a body part are smoothed.
+pub(super) const PATCH: usize = 4;
 
 /// Weighted links between regions.
 #[derive(Debug)]
@@ -24,8 +23,7 @@ impl Diffusion {
                 }
                 neighbors
                     .get(i)
-                    .take(NEIGHBORS)
-                    .filter(|(n, agree)| !motion.outlier[n.id as usize] && *agree > MIN_AGREEMENT)
+                    .filter(|(n, _)| !motion.outlier[n.id as usize])
                     .map(|(n, agree)| (n.id, agree))
                     .collect()
             })

@@ -8,10 +8,6 @@ use gs_core::Real;
 /// largest cost.
 const WELSCH: f64 = 12.0;
 
-/// Uncertainty of offsets that remains however well splats agree, as a share of the spacing: a
-/// surface of discs is rough.
-const ROUGHNESS: f64 = 0.1;
-
 /// Statistics of the edited splats of one region.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Statistics {
@@ -40,7 +36,7 @@ impl Likelihood {
     /// misalignment, nats.
     pub(super) fn of(statistics: &Statistics, spacing: f64, alignment: f64) -> Self {
         let Statistics { mean, sigma, misaligned, unlike } = *statistics;
-        let across = (sigma * sigma + (ROUGHNESS * spacing).powi(2)).max(TINY * TINY);
+        let across = (sigma * sigma).max(TINY * TINY);
         // Along the surface a region extends to its neighbours, farther where the edit displaced it.
         let along = spacing * spacing + across + mean * mean;
         Self {

@@ -43,7 +43,7 @@ use crate::report::MotionReport;
 use crate::rigid::{dot, sub};
 use crate::row_kind::RowKind;
 use crate::work::{Progress, Row, Work};
-use anchors::{KdTree, RigidNeighbors};
+use anchors::{KdTree, NOISE_REACH, RigidNeighbors};
 use candidates::Candidates;
 use consensus::Consensus;
 use cubes::{Cubes, Surroundings};
@@ -55,16 +55,9 @@ use region_motion::RegionMotion;
 use source::Regions;
 use std::cmp::Ordering;
 
-/// Untouched splats this near to an edited one, as a share of the figure, help to decide what it
-/// belongs to: a body part's width.
-const NEIGHBORHOOD: f64 = 0.1;
-
-/// Motions of sources that support one splat differ by less than this share of those that are two
-/// hypotheses: a hypothesis may bend, a support must not.
-const RIGID: f64 = 0.4;
-
-/// Motions are told apart no better than this many times the noise of the regions' trajectories.
-const NOISES: f64 = 4.0;
+/// Largest difference of motions within one support, in units of that within one hypothesis: a
+/// hypothesis may bend, a support must be rigid.
+const RIGID: f64 = 0.3;
 
 /// One row per entry of `work.open`, and the factor on the weight of the sources' own rotations, 0
 /// to 1.
@@ -82,7 +75,9 @@ pub(crate) fn bind(
     if ids.is_empty() || report.num_dynamic == 0 {
         return none();
     }
-    let involved = edit::involved(work.edited, &work.open, work.identity, NEIGHBORHOOD * size);
+    // Unchanged splats count as evidence as far from edited ones as clothing reaches.
+    let reach = params.new_geometry * size;
+    let involved = edit::involved(work.edited, &work.open, work.identity, reach);
     let mut clock = std::time::Instant::now();
     let mut lap = |name: &'static str, report: &mut MotionReport| {
         report.timings.push((name, clock.elapsed().as_secs_f64()));
@@ -108,7 +103,7 @@ pub(crate) fn bind(
 
     progress("candidates", 0.0);
     let edit = Edit::of(keys, &regions.ids, work.edited, &order, work.identity, pose.origin);
-    let tolerance = |share: f64| (share * size).max(NOISES * neighbors.noise).as_f32();
+    let tolerance = |share: f64| (share * size).max(NOISE_REACH * neighbors.noise).as_f32();
     let around = Surroundings {
         regions: &regions,
         motion: &motion,
@@ -127,7 +122,6 @@ pub(crate) fn bind(
         candidates: &candidates,
         edit: &edit,
         params,
-        figure_size: size,
     });
     let posteriors = model.posteriors();
     lap("posterior", report);
@@ -143,7 +137,7 @@ pub(crate) fn bind(
             posteriors[e].region.filter(|_| explained)
         })
         .collect();
-    let (links, spacing) = graph::links(&edit.means);
+    let links = graph::links(&edit.means);
     let seeds = graph::nearest_seed(&edit.means, &links, |e| matched[e].is_some());
     let pieces = new_pieces::NewPieces {
         regions: &regions,
@@ -151,7 +145,6 @@ pub(crate) fn bind(
         edit: &edit,
         matched: &matched,
         links: &links,
-        spacing: &spacing,
         stands_out: params.new_geometry * size,
         reach,
     };

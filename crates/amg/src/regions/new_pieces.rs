@@ -7,6 +7,7 @@
 //! rigid (sticks) or bend (sleeves): they get one motion only if all their contacts share it. A piece
 //! that hovers has no contact and moves with the nearest part.
 
+use super::cubes::NEARBY;
 use super::edit::Edit;
 use super::graph::Link;
 use super::numeric::TINY;
@@ -16,47 +17,28 @@ use anchors::{KdTree, NO_CELL};
 use gs_core::Real;
 use rayon::prelude::*;
 
-/// Fewer splats are strays.
+/// Fewest splats of a piece; smaller ones are strays.
 const MIN_SPLATS: usize = 8;
 
-/// Share of a piece's splats that stand out by the full length. Other new geometry may line the
-/// figure, and must then bend with it.
-const MIN_SHARE: f64 = 1.0 / 3.0;
+/// Share of a piece's splats that are this far from every source.
+const MIN_SHARE: f64 = 1.0 / 6.0;
 
-/// Pieces of which this share stands out by [`FREE`] are looked at at all.
-const MIN_FREE: f64 = 0.1;
-
-/// Lengths in units of that by which geometry stands out, see
-/// [`crate::MotionParams::new_geometry`]: how far some splats of a piece must be from every source;
-/// how far what hovers stays from the rest of the edit; the width of a contact; by how much motions
-/// that carry a piece together may differ where it touches them; and by how much those of its own
-/// surroundings may differ from the carrier's and still keep its seam closed on a soft body.
+/// Lengths in units of [`crate::MotionParams::new_geometry`]: distance from every source that some
+/// splats of any piece exceed; and the width of a contact, which is also the distance from which a
+/// piece hovers and the largest difference of motions that carry a piece together.
 const FREE: f64 = 2.0 / 3.0;
-const HOVERS: f64 = 0.5;
-const CONTACT: f64 = 1.0 / 6.0;
-const TOGETHER: f64 = 1.0 / 3.0;
-const SEAM: f64 = 1.0 / 6.0;
+const CONTACT: f64 = 1.0 / 3.0;
 
-/// Width of the contact of what hovers, as a share of its distance.
-const HOVERING_CONTACT: f64 = 0.5;
-
-/// A splat of a piece is this many times farther from its nearest source than another splat of the
-/// edit is: that one is the source's successor. At half of this, clones in swollen clothes pass for
-/// new.
+/// A splat is new if its distance from the nearest source is this many times that of the source's
+/// nearest edited splat, its successor. Smaller values classify clones in inflated clothing as new
+/// (measured: two thirds of this value).
 const SURPLUS: f64 = 3.0;
 
-/// Longest step inside a piece, in spacings.
-const STEP: f64 = 2.5;
-
-/// Regions asked whether they are the carrier.
-const CANDIDATES: usize = 256;
-
-/// How many times better than any other the carrier must hold a piece that touches the figure:
-/// twice as well for each step by which it is less plain that the piece is no clothing. It stands
-/// out; a tenth of it does; it stays near.
+/// Least ratio of the contact areas of the carrier and of any other part, for a piece that touches
+/// the figure and stands out; and for one that may be clothing, which has to be attached to a single
+/// part.
 const DOMINANT: f64 = 2.0;
-const CLEAR: f64 = 2.0 * DOMINANT;
-const UNANIMOUS: f64 = 2.0 * CLEAR;
+const UNANIMOUS: f64 = 4.0 * DOMINANT;
 
 /// Input of the search for new pieces.
 pub(super) struct NewPieces<'a> {
@@ -66,7 +48,6 @@ pub(super) struct NewPieces<'a> {
     /// The region of each matched splat.
     pub(super) matched: &'a [Option<u32>],
     pub(super) links: &'a [Link],
-    pub(super) spacing: &'a [f64],
     /// Distance from every source at which new geometry stands out, world units.
     pub(super) stands_out: f64,
     /// Pieces farther than this from all matched splats stay where they are, world units.
@@ -100,8 +81,7 @@ struct Contact {
 }
 
 impl NewPieces<'_> {
-    /// For every splat of a new piece, its carrier; `None` for all others, and for splats whose own
-    /// motion is already that of the carrier.
+    /// For every splat of a new piece, its carrier; `None` for all others.
     pub(super) fn carriers(&self) -> Vec<Option<u32>> {
         let mut carriers = vec![None; self.edit.len()];
         let unknown = |e: &usize| self.edit.exact[*e].is_none() && self.edit.parent[*e].is_none();
@@ -121,10 +101,7 @@ impl NewPieces<'_> {
             let touches = self.touches(&piece.splats, &holders, &tree);
             let Some(carrier) = self.carrier(&touches, piece.needed) else { continue };
             for e in piece.splats {
-                let part_of_it = self.matched[e].is_some_and(|region| {
-                    self.differ(region, carrier, e) <= SEAM * self.stands_out
-                });
-                carriers[e] = (!part_of_it).then_some(carrier);
+                carriers[e] = Some(carrier);
             }
         }
         carriers
@@ -188,9 +165,7 @@ impl NewPieces<'_> {
         let mut around: Vec<Vec<u32>> = vec![Vec::new(); self.edit.len()];
         for &(a, b) in self.links {
             let (i, j) = (a as usize, b as usize);
-            let d = crate::rigid::sub(self.edit.means[i], self.edit.means[j]);
-            let step = STEP * self.spacing[i].max(self.spacing[j]);
-            if is_new(i) && is_new(j) && crate::rigid::norm(d) <= step {
+            if is_new(i) && is_new(j) {
                 around[i].push(b);
                 around[j].push(a);
             }
@@ -213,19 +188,13 @@ impl NewPieces<'_> {
                 }
                 next += 1;
             }
-            let beyond = |distance: f64, share: f64| {
+            let beyond = |distance: f64| {
                 let is_beyond = |&&e: &&usize| gaps[e].is_some_and(|gap| gap > distance);
                 let count = piece.iter().filter(is_beyond).count();
-                count >= MIN_SPLATS && count as f64 >= share * piece.len() as f64
+                count >= MIN_SPLATS && count as f64 >= MIN_SHARE * piece.len() as f64
             };
-            if beyond(FREE * self.stands_out, MIN_FREE) {
-                let needed = if beyond(far, MIN_SHARE) {
-                    DOMINANT
-                } else if beyond(far, MIN_FREE) {
-                    CLEAR
-                } else {
-                    UNANIMOUS
-                };
+            if beyond(FREE * self.stands_out) {
+                let needed = if beyond(far) { DOMINANT } else { UNANIMOUS };
                 pieces.push(Piece { splats: piece, needed });
             }
         }
@@ -239,9 +208,8 @@ impl NewPieces<'_> {
         if closest > self.reach {
             return None;
         }
-        let hovers = closest > HOVERS * self.stands_out;
-        let touch = CONTACT * self.stands_out;
-        let width = if hovers { touch.max(HOVERING_CONTACT * closest) } else { touch };
+        let width = (CONTACT * self.stands_out).max(TINY);
+        let hovers = closest > width;
         // Pieces that hover and stand out have no contact; the nearest part is enough.
         let needed = if hovers && needed <= DOMINANT { 1.0 } else { needed };
         let mut contacts: Vec<Contact> = touches
@@ -261,7 +229,7 @@ impl NewPieces<'_> {
             same
         });
         let (carrier, held) = self.strongest(&contacts)?;
-        contacts.retain(|c| self.differ(c.region, carrier, c.splat) > TOGETHER * self.stands_out);
+        contacts.retain(|c| self.differ(c.region, carrier, c.splat) > width);
         let rival = self.strongest(&contacts).map_or(0.0, |(_, held)| held);
         (held >= needed * rival).then_some(carrier)
     }
@@ -269,10 +237,10 @@ impl NewPieces<'_> {
     /// The region whose motion agrees with the largest area of contact, and that area. Contacts are
     /// weighted by agreement, so that the region lies amidst a part, not at a joint.
     fn strongest(&self, contacts: &[Contact]) -> Option<(u32, f64)> {
-        let tolerance = (TOGETHER * self.stands_out).max(TINY);
+        let tolerance = (CONTACT * self.stands_out).max(TINY);
         contacts
             .par_iter()
-            .step_by(contacts.len().div_ceil(CANDIDATES).max(1))
+            .step_by(contacts.len().div_ceil(NEARBY).max(1))
             .map(|&Contact { region, .. }| {
                 let agreement = |c: &Contact| {
                     c.area * (1.0 - self.differ(c.region, region, c.splat) / tolerance).max(0.0)

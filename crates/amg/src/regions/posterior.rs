@@ -6,7 +6,7 @@
 use super::candidates::{Candidate, Candidates};
 use super::coverage;
 use super::cubes::MAX_HYPOTHESES;
-use super::diffusion::Diffusion;
+use super::diffusion::{Diffusion, PATCH};
 use super::edit::Edit;
 use super::likelihood::{Likelihood, Statistics};
 use super::numeric::TINY;
@@ -17,32 +17,30 @@ use anchors::RigidNeighbors;
 use gs_core::Real;
 use rayon::prelude::*;
 
-/// Alternations; more change nothing.
+/// Alternations; more have no effect.
 const ROUNDS: usize = 6;
 
-/// Splats that the alternation sees at most: the statistics have far fewer unknowns.
+/// Most splats used in the alternation: the statistics have far fewer unknowns.
 const SAMPLE: usize = 20_000;
 
-/// Steps over which statistics are smoothed: a patch of a body part.
-const PATCH: usize = 5;
+/// Mean misalignment and mean squared difference of flatness: prior, and the part that remains
+/// however well splats agree, because normals and flatness of fitted splats are inexact.
+const EXPECTED_DIFFERENCE: f64 = 0.1;
+const LEAST_DIFFERENCE: f64 = 0.05;
 
-/// Mean misalignment and mean squared difference of flatness believed in before anything is known;
-/// some remains believed in however well splats agree: normals and flatness of fitted splats are no
-/// better.
-const MISALIGNED: f64 = 0.2;
-const LEAST_MISALIGNED: f64 = 0.05;
-const UNLIKE: f64 = 0.1;
-const LEAST_UNLIKE: f64 = 0.06;
+/// Least initial standard deviation of offsets, in spacings of the regions: a surface of discs is
+/// rough.
+const ROUGHNESS: f64 = 0.1;
 
-/// Factor on learned standard deviations: choices made so far are biased towards small ones.
+/// Factor on estimated standard deviations, which assignments made so far bias downwards.
 const SPREAD: f64 = 1.4;
 
-/// Cost of belonging to a region all of which the edit kept, nats: what is still there needs no
-/// descendants. An inflated sleeve that comes to lie on a bare hand is told from it by this.
+/// Cost of a region whose splats were all kept by the edit, nats: kept splats need no descendants.
+/// This separates an inflated sleeve from the bare hand it comes to lie on.
 const KEPT: f64 = 1.0;
 
-/// Log-odds of a splat with known parent having that one's motion. Equal bits are no accident; but
-/// copies get moved.
+/// Log-odds of a splat having the motion of its known parent, nats. Equal values are no
+/// coincidence, but copies are moved at times.
 const PARENT: f32 = 8.0;
 
 /// Result for one edited splat.
@@ -85,8 +83,6 @@ pub(super) struct Given<'a> {
     pub(super) candidates: &'a Candidates,
     pub(super) edit: &'a Edit,
     pub(super) params: &'a MotionParams,
-    /// World units.
-    pub(super) figure_size: f64,
 }
 
 impl<'a> Model<'a> {
@@ -111,9 +107,9 @@ impl<'a> Model<'a> {
         };
         let believed = Statistics {
             mean: 0.0,
-            sigma: model.first_sigma(given.figure_size),
-            misaligned: MISALIGNED,
-            unlike: UNLIKE + LEAST_UNLIKE,
+            sigma: model.first_sigma(),
+            misaligned: EXPECTED_DIFFERENCE + LEAST_DIFFERENCE,
+            unlike: EXPECTED_DIFFERENCE + LEAST_DIFFERENCE,
         };
         model.set(&vec![believed; regions.len()]);
         let stride = (edit.len() / SAMPLE).max(1);
@@ -138,7 +134,7 @@ impl<'a> Model<'a> {
 
     /// Initial standard deviation of offsets: the upper quartile of the smallest ones, large enough
     /// that the first round does not exclude the right part.
-    fn first_sigma(&self, figure_size: f64) -> f64 {
+    fn first_sigma(&self) -> f64 {
         let smallest = |e: usize| {
             let offsets = self.candidates.of_splat(e).iter().map(|c| f64::from(c.offset.abs()));
             offsets.fold(f64::INFINITY, f64::min)
@@ -152,7 +148,7 @@ impl<'a> Model<'a> {
             let rank = offsets.len() * 3 / 4;
             *offsets.select_nth_unstable_by(rank, f64::total_cmp).1
         };
-        quartile.min(0.05 * figure_size).max(0.1 * spacing).max(TINY)
+        quartile.max(ROUGHNESS * spacing).max(TINY)
     }
 
     /// The best region of each motion of splat `e`. Replaces `out`.
@@ -222,11 +218,13 @@ impl<'a> Model<'a> {
                 let total = mass + prior;
                 let mean = offset / total;
                 let variance = (squares + prior * square) / total - mean * mean;
+                let difference =
+                    |sum: f64| (sum + prior * EXPECTED_DIFFERENCE) / total + LEAST_DIFFERENCE;
                 Statistics {
                     mean,
                     sigma: SPREAD * variance.max(0.0).sqrt(),
-                    misaligned: (misaligned + prior * MISALIGNED) / total + LEAST_MISALIGNED,
-                    unlike: (unlike + prior * UNLIKE) / total + LEAST_UNLIKE,
+                    misaligned: difference(misaligned),
+                    unlike: difference(unlike),
                 }
             })
             .collect();

@@ -355,9 +355,8 @@ fn rotation_quality(
             })
         })
         .collect();
-    let middle = |which: usize| {
-        anchors::median(&mut compared.iter().map(|c| c[which]).collect::<Vec<_>>())
-    };
+    let middle =
+        |which: usize| anchors::median(&mut compared.iter().map(|c| c[which]).collect::<Vec<_>>());
     let (apart, positions) = (middle(0), middle(1));
     // Errors below a hundredth of a degree do not matter.
     let missed = (apart - positions).max(positions / ROTATION_PRIOR).max(3e-8);

@@ -13,9 +13,6 @@ use anchors::{CellParams, Cells, RigidNeighbors, Trajectories};
 use gs_core::{Real, quat};
 use rayon::prelude::*;
 
-/// Least weight of a splat: invisible splats still give a little evidence of the motion around them.
-const LEAST_OPACITY: f64 = 1e-3;
-
 /// Power iterations for a mean axis. Normals within a region differ by less than 45°: each
 /// iteration at least halves the error.
 const ITERATIONS: usize = 8;
@@ -27,7 +24,7 @@ pub(super) struct Regions {
     pub(super) ids: Vec<usize>,
     /// Centres of all points.
     pub(super) means: Vec<[f64; 3]>,
-    /// Opacities of all points, at least [`LEAST_OPACITY`].
+    /// Opacities of all points, at least [`FADED`].
     pub(super) weights: Vec<f64>,
     /// Assignment of points to regions.
     pub(super) cells: Cells,
@@ -72,7 +69,7 @@ fn trajectories(
 /// Opacity as a weight.
 fn opacity_weight(keys: &KeyFrames, i: usize) -> f64 {
     let opacity = f64::from(keys.at_edit.opacity(i));
-    if opacity.is_finite() { opacity.max(LEAST_OPACITY) } else { LEAST_OPACITY }
+    if opacity.is_finite() { opacity.max(FADED) } else { FADED }
 }
 
 impl Regions {

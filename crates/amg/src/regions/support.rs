@@ -1,35 +1,25 @@
 //! Supports: the source splats whose motion each edited splat follows.
 
 use super::consensus::Consensus;
-use super::cubes::Cube;
+use super::cubes::{Cube, NEARBY};
 use super::numeric::TINY;
 use super::region_motion::{Path, RegionMotion};
 use super::source::Regions;
-use crate::rigid::{dot, norm, sub};
+use crate::rigid::{dot, sub};
 use crate::row_index::index;
 use anchors::{KdTree, Neighbor};
 use gs_core::Real;
 
-/// Regions whose splats are considered: enough for a choice, few enough to stay near, unless they
-/// have but a splat each.
+/// Regions from which the source splats of a support are taken: enough for a choice, few enough to
+/// stay near.
 const MIN_REGIONS: usize = 8;
-const MAX_REGIONS: usize = 24;
 
-/// Regions looked at for a splat far from all of them.
-const FAR_REGIONS: usize = 256;
-
-/// Sources of a support agree better than regions that count as one motion: share of the tolerance.
-const SAME: f32 = 0.7;
-
-/// Width of the weights, in spacings of the regions, and its growth with the squared distance of
-/// the nearest source.
+/// Width of the weights, in spacings of the regions.
 const KERNEL: f64 = 1.8;
-const KERNEL_GROWTH: f64 = 0.09;
 
-/// Spread of a support across its surface, as a share of the whole, at which it is no direction to
-/// be centred in any more; and the factors on weights that centring may ask for.
-const RIDGE: f64 = 0.15;
-const CENTRING: [f64; 2] = [0.1, 4.0];
+/// Ridge of the local linear regression, as a share of the total variance: a support has about a
+/// tenth of its variance along the normal, where it cannot be centred.
+const RIDGE: f64 = 0.1;
 
 /// Regions compared at once.
 const CHUNK: usize = 32;
@@ -77,10 +67,10 @@ impl Supports<'_> {
         points.clear();
         first_of_region.clear();
         let enough = |regions: usize, points: usize| {
-            (regions >= MAX_REGIONS && points >= self.sources_per_row)
+            regions >= self.sources_per_row.max(MIN_REGIONS)
                 || (regions >= MIN_REGIONS && points >= 4 * self.sources_per_row)
         };
-        let limit = (SAME * self.tolerance).powi(2);
+        let limit = self.tolerance.powi(2);
         let mut add = |region: u32| {
             let mut nearest = (f64::INFINITY, 0);
             for &p in self.regions.members(region as usize) {
@@ -120,8 +110,7 @@ impl Supports<'_> {
         points.extend_from_slice(first_of_region);
         let h = self.spacing[own as usize];
         let nearest = points[0].0;
-        let width = (KERNEL * h).powi(2) + KERNEL_GROWTH * nearest;
-        let width = width.max(TINY * TINY);
+        let width = (KERNEL * h).powi(2).max(TINY * TINY);
         let weigh = |&(squared, p): &(f64, u32)| {
             (p, (-0.5 * (squared - nearest) / width).exp() * self.regions.weights[p as usize])
         };
@@ -174,44 +163,35 @@ impl Supports<'_> {
         let tilt = apply(&covariance, apply(&inverse, apply(&inverse, sub(x, centroid))));
         for (point, weight) in entries {
             let factor = 1.0 + dot(tilt, sub(place(*point), centroid));
-            *weight *= factor.clamp(CENTRING[0], CENTRING[1]);
+            *weight *= factor.max(0.0);
         }
     }
 
-    /// Source splats for a splat far from all of them that is attached to region `own`. The radius
-    /// and the tolerance of the support grow with the distance from the region, the lever.
+    /// Source splats for a splat far from all of them that is attached to region `own`: one of each of
+    /// the nearest regions that move alike.
     pub(super) fn far(&self, x: [f64; 3], own: u32, scratch: &mut Scratch) -> Vec<(u32, f32)> {
         let Scratch { apart, path, around, ids, .. } = scratch;
         let centre = self.regions.centroids.rest[own as usize];
-        let lever = norm(sub(x, centre));
         // Splats of one piece share the region.
         let (asked, near) = around.get_or_insert_with(|| (u32::MAX, Vec::new()));
         if *asked != own {
-            self.tree.nearest(&centre, FAR_REGIONS, near);
+            self.tree.nearest(&centre, NEARBY, near);
             *asked = own;
         }
-        let reach = (0.5 * lever).max(2.0 * self.spacing[own as usize]);
-        let tolerance = (f64::from(self.tolerance) + 0.1 * lever).as_f32();
         self.motion.path(own as usize, x.map(Real::as_f32), path);
         ids.clear();
         ids.extend(near.iter().map(|n| index(self.kept[n.id as usize])));
         self.motion.apart(path, ids, apart);
-        let mut same = Vec::new();
-        for ((n, &region), &squared) in near.iter().zip(&*ids).zip(&*apart) {
-            if n.distance_squared.sqrt() > reach && same.len() >= self.sources_per_row {
-                break;
-            }
-            if squared <= tolerance * tolerance {
-                same.push(region);
-            }
-        }
-        if !same.contains(&own) {
-            same.insert(0, own);
-        }
-        let count = same.len().min(self.sources_per_row);
-        (0..count)
-            .map(|i| {
-                let members = self.regions.members(same[i * same.len() / count] as usize);
+        let limit = self.tolerance.powi(2);
+        let same = ids
+            .iter()
+            .zip(&*apart)
+            .filter(|(region, squared)| **region != own && **squared <= limit);
+        std::iter::once(own)
+            .chain(same.map(|(&region, _)| region))
+            .take(self.sources_per_row)
+            .map(|region| {
+                let members = self.regions.members(region as usize);
                 let point = members[members.len() / 2] as usize;
                 (index(self.regions.ids[point]), self.regions.weights[point].as_f32())
             })

@@ -14,7 +14,7 @@
 //! `a` is exactly in place in the edit frame.
 
 use crate::AmgError;
-use crate::generations::{Generations, MAX_DIFFERENCE, NEIGHBORS, PRESENT, Visibility};
+use crate::generations::{FACING, Generations, NEIGHBORS, PRESENT, Visibility};
 use crate::rigid::{RigidFit, dot, norm};
 use crate::row_index::index;
 use crate::similarity::Similarity;
@@ -23,8 +23,9 @@ use gs_core::{DynamicScene, Real, SceneError, Splats, TimeRange, quat};
 use rayon::prelude::*;
 use std::sync::Arc;
 
-/// Carriers are chosen at every second key time: steps shorter than a life.
-const CHOICE_STEP: usize = 2;
+/// Largest number of times at which carriers are chosen; the steps between them are shorter than a
+/// life.
+const CHOICES: usize = 33;
 /// Least presence of a carrier, so that the motion is defined where none of them is visible.
 const GONE: f64 = 1e-3;
 
@@ -80,7 +81,8 @@ impl Lasting {
     /// The carriers of the splats `ids` (ascending).
     pub(crate) fn of(generations: &Generations, at_edit: &Splats, ids: &[u32]) -> Self {
         let lives = &generations.lives;
-        let mut chosen_at: Vec<usize> = (0..lives.times.len()).step_by(CHOICE_STEP).collect();
+        let step = lives.times.len().div_ceil(CHOICES).max(1);
+        let mut chosen_at: Vec<usize> = (0..lives.times.len()).step_by(step).collect();
         chosen_at.push(lives.edit);
         chosen_at.push(lives.times.len() - 1);
         chosen_at.sort_unstable();
@@ -122,8 +124,7 @@ impl Lasting {
                 let weigh = |&(id, squared, facing): &(u32, f64, f64)| {
                     let confidence =
                         generations.rest[id as usize].map_or(0.0, |rest| rest.confidence);
-                    let weight =
-                        confidence * (-0.5 * squared / width - MAX_DIFFERENCE * facing).exp();
+                    let weight = confidence * (-0.5 * squared / width - FACING * facing).exp();
                     (id, weight.as_f32())
                 };
                 near.iter().map(weigh).filter(|entry| entry.1 > 1e-4).collect()

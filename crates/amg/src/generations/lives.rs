@@ -1,15 +1,15 @@
 //! [`Lives`]: which source splats are visible at which key times, and where they are.
 
-use gs_core::image_formation::ALPHA_THRESHOLD;
 use gs_core::{DynamicScene, SceneError, Splats};
 
-/// A splat is invisible below this share of its own largest opacity: the tails of its life are hardly
-/// constrained by pictures.
+/// Opacity below which a splat counts as invisible.
+const LEAST_OPACITY: f32 = 0.02;
+/// Share of its own largest opacity below which a splat counts as invisible.
 const SHARE_OF_PEAK: f32 = 0.05;
 /// Presence from which the motion of a splat is followed: nearer to the ends of its life its
 /// position is hardly constrained by pictures.
 pub(crate) const PRESENT: f64 = 0.2;
-/// Number of key times. The shortest expected life, a twentieth of the clip, spans three.
+/// Key times: a life of a twentieth of the clip, the shortest expected, spans three.
 const KEY_TIMES: usize = 65;
 /// Largest number of splats times key times, 16 bytes each (384 MB); larger scenes get fewer key
 /// times.
@@ -29,7 +29,7 @@ impl Visibility {
     const NEVER: Self = Self { floor: f32::INFINITY, peak: f32::INFINITY };
 
     fn of(peak: f32) -> Self {
-        let floor = ALPHA_THRESHOLD.max(SHARE_OF_PEAK * peak);
+        let floor = LEAST_OPACITY.max(SHARE_OF_PEAK * peak);
         if peak > floor { Self { floor, peak } } else { Self::NEVER }
     }
 

@@ -2,25 +2,26 @@
 
 use crate::AmgError;
 use crate::rigid::{dot, norm, sub};
-use anchors::{KdTree, median};
+use anchors::KdTree;
 use rayon::prelude::*;
 use uot::{Sinkhorn, SinkhornParams, UotProblem};
 
-/// Nearest splats that are considered as predecessors, as carriers and for refinement: about two
-/// rings of neighbours on a surface.
+/// Nearest splats that are considered as predecessors and as carriers: about two rings of neighbours
+/// on a surface.
 pub(crate) const NEIGHBORS: usize = 12;
-/// The spacing at a splat is the distance to its third-nearest neighbour, on average that of
-/// neighbours on a surface.
-const SPACING_RANK: usize = 3;
-/// Largest cost of a difference in orientation, in colour or in size, nats: that of a distance of
+/// The spacing at a splat is the distance to this nearest neighbour.
+const SPACING: usize = 3;
+/// Cost of two flat splats at right angles, nats.
+pub(crate) const FACING: f64 = 3.0;
+/// Largest cost of a difference in velocity, in colour or in size, nats. Each equals a distance of
 /// two spacings, so that none of them alone decides.
-pub(crate) const MAX_DIFFERENCE: f64 = 2.0;
+const AT_MOST: f64 = 2.0;
 /// Usual difference between colours on one surface, per channel, 0 to 1.
 const COLOR: f64 = 0.15;
-/// Usual difference between the logarithms of sizes on one surface: a factor of two.
-const SIZE: f64 = std::f64::consts::LN_2;
+/// Usual difference between the logarithms of sizes on one surface.
+const SIZE: f64 = 0.7;
 /// Cost of leaving a new splat unmatched, nats: that of a distance of four spacings.
-const UNMATCHED: f64 = 4.0 * MAX_DIFFERENCE;
+const UNMATCHED: f64 = 4.0 * AT_MOST;
 /// Weights of the entropy and of the marginal of the earlier splats: 1, as costs are negative
 /// log-likelihoods in nats.
 const WEIGHT: f64 = 1.0;
@@ -29,6 +30,8 @@ const WEIGHT: f64 = 1.0;
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Point {
     pub(super) place: [f64; 3],
+    /// Displacement over half a life at its velocity, world units.
+    pub(super) drift: [f64; 3],
     /// Thin axis; its length is the flatness, 0 to 1.
     pub(super) axis: [f64; 3],
     pub(super) ln_size: f64,
@@ -60,16 +63,16 @@ pub(super) fn matches(old: &[Point], new: &[Point]) -> Result<Vec<Match>, AmgErr
     used.sort_unstable();
     used.dedup();
     let asked: Vec<[f64; 3]> = used.iter().map(|&id| places[id as usize]).collect();
-    let spacings = tree.map(&asked, SPACING_RANK + 1, |_, near| {
-        near.last().map_or(0.0, |n| n.distance_squared.sqrt())
-    });
+    let spacings = tree
+        .map(&asked, SPACING + 1, |_, near| near.last().map_or(0.0, |n| n.distance_squared.sqrt()));
     let spacing_of = |id: u32| used.binary_search(&id).map_or(0.0, |at| spacings[at]);
     let costs: Vec<Vec<f64>> = new
         .par_iter()
         .zip(&candidates)
         .map(|(point, ids)| {
             let mut around: Vec<f64> = ids.iter().map(|&id| spacing_of(id)).collect();
-            let spacing = median(&mut around).max(f64::MIN_POSITIVE);
+            around.sort_by(f64::total_cmp);
+            let spacing = around[around.len() / 2].max(f64::MIN_POSITIVE);
             ids.iter().map(|&id| cost(&old[id as usize], point, spacing)).collect()
         })
         .collect();
@@ -123,10 +126,12 @@ fn cost(old: &Point, new: &Point, spacing: f64) -> f64 {
     let across = dot(old.axis, apart);
     let squared = (dot(apart, apart) + 3.0 * across * across) / (spacing * spacing);
     let facing = flat * norm(new.axis) - dot(old.axis, new.axis).abs();
+    let drift = sub(new.drift, old.drift);
     let color = sub(new.color, old.color);
-    let bounded = |squared: f64| MAX_DIFFERENCE * (1.0 - (-0.5 * squared / MAX_DIFFERENCE).exp());
+    let at_most = |squared: f64| AT_MOST * (1.0 - (-0.5 * squared / AT_MOST).exp());
     0.5 * squared
-        + MAX_DIFFERENCE * facing.max(0.0)
-        + bounded(dot(color, color) / (COLOR * COLOR))
-        + bounded(((new.ln_size - old.ln_size) / SIZE).powi(2))
+        + FACING * facing.max(0.0)
+        + at_most(dot(drift, drift) / (spacing * spacing))
+        + at_most(dot(color, color) / (COLOR * COLOR))
+        + at_most(((new.ln_size - old.ln_size) / SIZE).powi(2))
 }

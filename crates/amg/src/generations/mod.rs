@@ -12,7 +12,7 @@ mod polish;
 mod rest;
 
 pub(crate) use lives::{Lives, PRESENT, Visibility};
-pub(crate) use matching::{MAX_DIFFERENCE, NEIGHBORS};
+pub(crate) use matching::{FACING, NEIGHBORS};
 pub(crate) use rest::Rest;
 
 use crate::AmgError;

@@ -5,7 +5,6 @@
 //! errors that accumulate along chains.
 
 use super::lives::Lives;
-use super::matching::NEIGHBORS;
 use super::rest::Rest;
 use crate::rigid::RigidFit;
 use anchors::KdTree;
@@ -13,8 +12,12 @@ use rayon::prelude::*;
 
 /// Passes over all splats; information spreads by one generation per pass.
 const ROUNDS: usize = 4;
-/// Moments of a life that are used; the position at the edit time counts as much as all of them.
+/// Moments of a life that are used.
 const MOMENTS: usize = 5;
+/// Nearest neighbours at rest that are visible at that moment.
+const NEIGHBORS: usize = 16;
+/// Weight of the position at the edit time at full presence, in moments of a life.
+const SHOWN: f64 = 4.0;
 
 /// Refines the rest places. For splats that are visible in the edit frame, the position there
 /// counts with their presence.
@@ -23,7 +26,7 @@ pub(super) fn polish(lives: &Lives, rest: &mut [Option<Rest>]) {
     for _ in 0..ROUNDS {
         let mut sums: Vec<([f64; 3], f64)> = (0..rest.len())
             .map(|i| {
-                let weight = MOMENTS as f64 * lives.presence(lives.edit, i).powi(2);
+                let weight = SHOWN * lives.presence(lives.edit, i).powi(2);
                 (lives.place(lives.edit, i).map(|v| weight * v), weight)
             })
             .collect();

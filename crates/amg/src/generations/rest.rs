@@ -4,12 +4,14 @@
 use super::lives::{Lives, PRESENT};
 use super::matching::{Match, Point, matches};
 use crate::AmgError;
-use crate::rigid::RigidFit;
+use crate::rigid::{RigidFit, sub};
 use gs_core::{DynamicScene, Splats, quat, sh};
 
 /// Presence from which a splat is matched with earlier ones. It is matched once, so later than it
 /// could be followed ([`PRESENT`]).
 const RIPE: f64 = 0.6;
+/// Half of a typical life, share of the clip.
+const HALF_LIFE: f64 = 0.06;
 
 /// The position and rotation that a splat would have at the edit time.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -67,7 +69,7 @@ fn step(
     if new.is_empty() || old.is_empty() {
         return Ok(());
     }
-    let point = |&i: &usize| point_of(splats, i);
+    let point = |&i: &usize| Point { drift: drift(lives, k, i), ..point_of(splats, i) };
     let olds: Vec<Point> = old.iter().map(point).collect();
     let news: Vec<Point> = new.iter().map(point).collect();
     let found = matches(&olds, &news)?;
@@ -104,6 +106,16 @@ fn rest_of(
     usable.then_some(Rest { place, turn, joined: k, confidence })
 }
 
+/// Displacement of a splat over half a life, at its velocity at key time `k`, world units.
+fn drift(lives: &Lives, k: usize, i: usize) -> [f64; 3] {
+    let (a, b) = (k.saturating_sub(1), (k + 1).min(lives.times.len() - 1));
+    let step = f64::from(lives.times[b] - lives.times[a]);
+    if step <= 0.0 {
+        return [0.0; 3];
+    }
+    sub(lives.place(b, i), lives.place(a, i)).map(|v| v / step * HALF_LIFE)
+}
+
 /// The properties of splat `i` in its present state.
 pub(super) fn point_of(splats: &Splats, i: usize) -> Point {
     let scale = splats.scale(i).map(f64::from);
@@ -117,6 +129,7 @@ pub(super) fn point_of(splats: &Splats, i: usize) -> Point {
     let ln_size = (others[0] * others[1]).max(f64::MIN_POSITIVE).ln() / 2.0;
     Point {
         place: splats.means[i].map(f64::from),
+        drift: [0.0; 3],
         axis: quat::rotate(rotation, axis),
         ln_size,
         color: dc.map(|c| (0.5 + f64::from(sh::C0) * f64::from(c)).clamp(0.0, 1.0)),

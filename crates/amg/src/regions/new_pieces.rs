@@ -20,7 +20,9 @@ use rayon::prelude::*;
 /// Fewest splats of a piece; smaller ones are strays.
 const MIN_SPLATS: usize = 8;
 
-/// Share of a piece's splats that are this far from every source.
+/// Least share of a piece's splats beyond [`FREE`], and beyond the full length if the piece is
+/// unlikely to be clothing.
+const MIN_FREE: f64 = 0.1;
 const MIN_SHARE: f64 = 1.0 / 6.0;
 
 /// Lengths in units of [`crate::MotionParams::new_geometry`]: distance from every source that some
@@ -50,6 +52,8 @@ pub(super) struct NewPieces<'a> {
     pub(super) links: &'a [Link],
     /// Distance from every source at which new geometry stands out, world units.
     pub(super) stands_out: f64,
+    /// Largest difference of motions within one support, world units.
+    pub(super) rigid: f64,
     /// Pieces farther than this from all matched splats stay where they are, world units.
     pub(super) reach: f64,
 }
@@ -81,7 +85,8 @@ struct Contact {
 }
 
 impl NewPieces<'_> {
-    /// For every splat of a new piece, its carrier; `None` for all others.
+    /// For every splat of a new piece, its carrier; `None` for all others, and for splats whose own
+    /// motion is that of the carrier.
     pub(super) fn carriers(&self) -> Vec<Option<u32>> {
         let mut carriers = vec![None; self.edit.len()];
         let unknown = |e: &usize| self.edit.exact[*e].is_none() && self.edit.parent[*e].is_none();
@@ -101,7 +106,9 @@ impl NewPieces<'_> {
             let touches = self.touches(&piece.splats, &holders, &tree);
             let Some(carrier) = self.carrier(&touches, piece.needed) else { continue };
             for e in piece.splats {
-                carriers[e] = Some(carrier);
+                let is_alike = self.matched[e]
+                    .is_some_and(|region| self.differ(region, carrier, e) <= self.rigid);
+                carriers[e] = (!is_alike).then_some(carrier);
             }
         }
         carriers
@@ -188,13 +195,13 @@ impl NewPieces<'_> {
                 }
                 next += 1;
             }
-            let beyond = |distance: f64| {
+            let beyond = |distance: f64, share: f64| {
                 let is_beyond = |&&e: &&usize| gaps[e].is_some_and(|gap| gap > distance);
                 let count = piece.iter().filter(is_beyond).count();
-                count >= MIN_SPLATS && count as f64 >= MIN_SHARE * piece.len() as f64
+                count >= MIN_SPLATS && count as f64 >= share * piece.len() as f64
             };
-            if beyond(FREE * self.stands_out) {
-                let needed = if beyond(far) { DOMINANT } else { UNANIMOUS };
+            if beyond(FREE * self.stands_out, MIN_FREE) {
+                let needed = if beyond(far, MIN_SHARE) { DOMINANT } else { UNANIMOUS };
                 pieces.push(Piece { splats: piece, needed });
             }
         }

@@ -5,7 +5,7 @@ use super::cubes::{Cube, NEARBY};
 use super::numeric::TINY;
 use super::region_motion::{Path, RegionMotion};
 use super::source::Regions;
-use crate::rigid::{dot, sub};
+use crate::rigid::{dot, norm, sub};
 use crate::row_index::index;
 use anchors::{KdTree, Neighbor};
 use gs_core::Real;
@@ -20,6 +20,9 @@ const KERNEL: f64 = 1.8;
 /// Ridge of the local linear regression, as a share of the total variance: a support has about a
 /// tenth of its variance along the normal, where it cannot be centred.
 const RIDGE: f64 = 0.1;
+
+/// Radius of the support of a splat far from its region, as a share of the distance between them.
+const LEVER: f64 = 0.5;
 
 /// Regions compared at once.
 const CHUNK: usize = 32;
@@ -168,7 +171,7 @@ impl Supports<'_> {
     }
 
     /// Source splats for a splat far from all of them that is attached to region `own`: one of each of
-    /// the nearest regions that move alike.
+    /// the regions around it that move alike.
     pub(super) fn far(&self, x: [f64; 3], own: u32, scratch: &mut Scratch) -> Vec<(u32, f32)> {
         let Scratch { apart, path, around, ids, .. } = scratch;
         let centre = self.regions.centroids.rest[own as usize];
@@ -182,14 +185,21 @@ impl Supports<'_> {
         ids.clear();
         ids.extend(near.iter().map(|n| index(self.kept[n.id as usize])));
         self.motion.apart(path, ids, apart);
+        // A lever amplifies errors of the rotation, so the longer it is, the wider is the support.
+        let reach = LEVER * norm(sub(x, centre));
         let limit = self.tolerance.powi(2);
-        let same = ids
-            .iter()
-            .zip(&*apart)
-            .filter(|(region, squared)| **region != own && **squared <= limit);
-        std::iter::once(own)
-            .chain(same.map(|(&region, _)| region))
-            .take(self.sources_per_row)
+        let mut same = vec![own];
+        for ((n, &region), &squared) in near.iter().zip(&*ids).zip(&*apart) {
+            if n.distance_squared.sqrt() > reach && same.len() >= self.sources_per_row {
+                break;
+            }
+            if squared <= limit && region != own {
+                same.push(region);
+            }
+        }
+        let count = same.len().min(self.sources_per_row);
+        (0..count)
+            .map(|i| same[i * same.len() / count])
             .map(|region| {
                 let members = self.regions.members(region as usize);
                 let point = members[members.len() / 2] as usize;

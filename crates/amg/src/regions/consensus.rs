@@ -23,6 +23,10 @@ const MAX_TIMES: usize = 4;
 
 type Times = Lanes<MAX_TIMES>;
 
+/// Root mean square misfit, in units of the noise, at which the weight of a source falls to 0.6:
+/// smaller values average the noise over fewer sources.
+const MISFIT: f64 = 1.5;
+
 /// Least factor on a weight: if no source agrees, all keep their relative weights.
 const LEAST: f64 = 1e-6;
 
@@ -83,13 +87,13 @@ impl<'a> Consensus<'a> {
 
     /// Lowers the weights of points that do not share the rigid motion of the others.
     pub(super) fn reweigh(&self, entries: &mut [(u32, f64)]) {
-        let noise = self.regions.noise;
+        let reach = MISFIT * self.regions.noise;
         // Any three points fit some rigid motion.
-        if entries.len() < 4 || noise <= 0.0 || self.num_times == 0 {
+        if entries.len() < 4 || reach <= 0.0 || self.num_times == 0 {
             return;
         }
         let squares = &mut [0.0; MAX_SOURCES][..entries.len()];
-        let scale = -0.5 / (noise * noise * self.num_times as f64);
+        let scale = -0.5 / (reach * reach * self.num_times as f64);
         crate::simd::dispatch(
             #[inline(always)]
             || self.misfits(entries, squares),

@@ -15,11 +15,11 @@ use gs_core::Real;
 const MIN_REGIONS: usize = 8;
 
 /// Width of the weights, in spacings of the regions.
-const KERNEL: f64 = 1.8;
+const KERNEL: f64 = 2.0;
 
-/// Ridge of the local linear regression, as a share of the total variance: a support has about a
-/// tenth of its variance along the normal, where it cannot be centred.
-const RIDGE: f64 = 0.1;
+/// Ridge of the local linear regression, as a share of the total variance: a support has less than
+/// this along the normal, where it cannot be centred.
+const RIDGE: f64 = 0.15;
 
 /// Radius of the support of a splat far from its region, as a share of the distance between them.
 const LEVER: f64 = 0.5;

@@ -4,6 +4,8 @@ mod doc_commands;
 mod expected_output;
 mod fixtures;
 mod interop;
+mod robots;
+mod sensitivity;
 mod stability;
 mod test_times;
 mod tidy;
@@ -48,6 +50,15 @@ enum Task {
     },
     /// Draw how the paper's weights change its results, and print the numbers
     Stability,
+    /// Draw how the parameters of the default motion model change its error, and print a table
+    Sensitivity {
+        /// Source splats of each scene
+        #[arg(long, default_value_t = 800)]
+        size: usize,
+        /// Seeds, each with ten cases of `gs-synth` and four robots
+        #[arg(long, default_value_t = 3, value_parser = clap::value_parser!(u64).range(1..))]
+        seeds: u64,
+    },
     /// Write a scene with known motion: source, a deformation network trained on it, edit, truth
     /// with its video, cameras
     TruthScene {
@@ -75,6 +86,7 @@ fn main() -> anyhow::Result<()> {
         Task::TestTimes { log: None } => test_times::check(),
         Task::Interop { program } => interop::run(program),
         Task::Stability => stability::run(),
+        Task::Sensitivity { size, seeds } => sensitivity::run(size, seeds),
         Task::TruthScene { case, seed, size, output } => {
             truth_scenes::write(&case, seed, size, &output)
         }

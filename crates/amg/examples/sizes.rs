@@ -1,7 +1,8 @@
-//! Seconds, memory and end-point error of the whole stage (estimate, then three frames) on a scene
-//! with known motion: `cargo run --release -p amg --example sizes -- clothing 20000 best`. A
-//! further number is how many edited splats there shall be: some are left out, or follow once more
-//! a little beside; then there is no end-point error.
+//! Seconds, memory and end-point error of the motion stage on a scene with known motion:
+//! `cargo run --release -p amg --example sizes -- CASE SPLATS METHOD [FRAMES [EDITED]]`, with the
+//! number of source splats, `regions`, `knn` or `paper`, the number of frames evaluated (default 3)
+//! and the number of edited splats. With the last, edited splats are left out or repeated a little
+//! beside themselves, and there is no end-point error.
 
 use amg::{MotionOptions, Preset, propagate};
 use gs_core::{DynamicScene, Splats};
@@ -15,14 +16,17 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let word = |i: usize, default: &str| words.get(i).map_or(default, String::as_str).to_owned();
     let case: TruthCase = word(0, "clothing").parse()?;
     let size: usize = word(1, "2000").parse()?;
-    let preset = match word(2, "best").as_str() {
-        "best" => Preset::Regions,
+    let preset = match word(2, "regions").as_str() {
+        "regions" => Preset::Regions,
         "knn" => Preset::Knn,
         "paper" => Preset::Paper,
-        other => return Err(format!("no preset `{other}`; there are best, knn and paper").into()),
+        other => {
+            return Err(format!("unknown method `{other}`; expected regions, knn or paper").into());
+        }
     };
     let scene = gs_synth::build(case, 0, size)?;
-    let asked = words.get(3).map(|n| n.parse::<usize>()).transpose()?;
+    let num_frames: usize = word(3, "3").parse()?;
+    let asked = words.get(4).map(|n| n.parse::<usize>()).transpose()?;
     let splats = asked.map_or_else(|| scene.edited.splats.clone(), |n| resized(&scene, n));
     let (num_source, num_edited) = (scene.source.num_splats(), splats.len());
     let source: Arc<dyn DynamicScene> = Arc::new(scene.source);
@@ -31,9 +35,10 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
 
     let start = Instant::now();
     let found = propagate(source, edited, &MotionOptions::preset(preset), &|_, _| {})?;
+    let estimated = start.elapsed().as_secs_f64();
     let mut frame = Splats::default();
-    for t in [1.0 / 3.0, 2.0 / 3.0, 1.0] {
-        found.scene.geometry_into(t, &mut frame)?;
+    for i in 1..=num_frames {
+        found.scene.geometry_into(i as f32 / num_frames as f32, &mut frame)?;
     }
     let seconds = start.elapsed().as_secs_f64();
 
@@ -49,8 +54,10 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let mut out = std::io::stdout().lock();
     writeln!(
         out,
-        "{case:?} {preset:?}: {num_source} -> {num_edited} splats, {seconds:.2} s, peak {after} MiB ({before} of them \
-         for the scene){error}"
+        "{case:?} {preset:?}: {num_source} -> {num_edited} splats, {num_frames} frames: \
+         {estimated:.2} s and {:.2} s for the frames, peak {after} MiB ({before} of them for the \
+         scene){error}",
+        seconds - estimated
     )?;
     for (step, seconds) in &found.report.timings {
         writeln!(out, "  {step}: {seconds:.3} s")?;

@@ -14,7 +14,7 @@ const LN_FINITE_RATIO: f64 = 700.0;
 /// Geometry of one splat: mean, quaternion, log-scales.
 pub(crate) type Geometry = ([f32; 3], [f32; 4], [f32; 3]);
 
-/// What one source splat does from the edit frame to a time: computed once for all rows that follow
+/// Motion of one source splat from the edit frame to a time, computed once for all rows that follow
 /// it.
 #[derive(Debug, Clone, Copy, Default)]
 pub(crate) struct SourceMotion {
@@ -24,12 +24,12 @@ pub(crate) struct SourceMotion {
     turn: [f32; 4],
     /// Logarithm of the ratio of scales per axis; 0 if there is none.
     ln_scale: [f32; 3],
-    /// How far it is still there, 0 to 1.
+    /// Presence, 0 to 1.
     seen: f32,
 }
 
 impl SourceMotion {
-    /// With `fading`, which needs opacities, sources may be gone; else all are there.
+    /// With `fading`, which needs opacities, presence is computed; otherwise it is 1.
     pub(crate) fn between(source_1: &Splats, source_t: &Splats, id: usize, fading: bool) -> Self {
         let ln_scale = [0, 1, 2].map(|axis| {
             let ln = source_t.log_scales[id][axis] - source_1.log_scales[id][axis];
@@ -44,13 +44,13 @@ impl SourceMotion {
         }
     }
 
-    /// How far it is still there.
+    /// Presence, 0 to 1.
     pub(crate) fn seen(&self) -> f32 {
         self.seen
     }
 }
 
-/// The source at the edit frame and at a time, and what that makes of each splat that is followed.
+/// The source at the edit frame and at a time, and the motion of each splat that is followed.
 #[derive(Clone, Copy)]
 pub(crate) struct SourceAt<'a> {
     pub(crate) source_1: &'a Splats,
@@ -168,9 +168,8 @@ fn add_rotations(
     sum.map(f32::from_double)
 }
 
-/// Weights of a row's sources at a time when some have faded, normalised, in `out`. As long as
-/// anyone is still there, the row follows those; if all fade, they fade together and keep their
-/// shares.
+/// Weights of a row's sources at a time when some have faded, normalised, in `out`. A row follows
+/// the sources that are still visible; if all have faded, they keep their relative weights.
 pub(crate) fn weights_seen(
     (ids, weights): (&[u32], &[f32]),
     seen: impl Fn(usize) -> f32,
@@ -218,7 +217,7 @@ fn blend_scale(
     }
 }
 
-/// `Σ w (x_t − x_1)` of a stored appearance value; values that are no numbers change nothing.
+/// `Σ w (x_t − x_1)` of a stored appearance value; non-finite values are skipped.
 pub(crate) fn blend_change(
     (ids, weights): (&[u32], &[f32]),
     value: impl Fn(usize) -> (f32, f32),

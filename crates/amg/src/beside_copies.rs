@@ -1,9 +1,8 @@
 //! Edited splats beside a copy of something: a hat on the copy of a dancer.
 //!
-//! What they belong to is where the copy is, not where the source is. Each takes the source splat
-//! that is nearest once the copy's similarity is undone, and moves as that splat's copy would.
-//! Splats beside a selection that was moved, and not copied, are left to the motion guide: there
-//! the source shows what moves.
+//! Such splats belong to the copy, not to the source around them. Each is assigned the source splat
+//! that is nearest under the inverse of the copy's similarity, and moves as the copy of that splat.
+//! Splats beside a selection that was moved, not copied, are left to the motion guide.
 
 use crate::carriers::copies;
 use crate::identity::{Identity, IdentityMap};
@@ -11,12 +10,12 @@ use crate::keyframes::KeyFrames;
 use anchors::KdTree;
 use gs_core::Splats;
 
-/// A row that goes with a copy.
+/// A row that moves with a copy.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct Companion {
     /// Row of the edit.
     pub(crate) row: usize,
-    /// Source splat whose trajectory it takes.
+    /// Source splat whose trajectory it follows.
     pub(crate) source: u32,
     /// Moved row that it is nearest to, whose group it joins.
     pub(crate) neighbor: usize,

@@ -1,4 +1,4 @@
-//! [`Binding`]: what an edited Gaussian's motion is made of, for every time at once.
+//! [`Binding`]: the source splats whose motion each edited splat follows, for all times.
 
 use crate::AmgError;
 use crate::inheritance::Inherited;
@@ -8,7 +8,7 @@ use crate::row_index::index;
 use crate::row_kind::RowKind;
 use gs_core::Splats;
 
-/// What a binding says of surfaces whose splats change over time.
+/// Data for surfaces whose splats change over time.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Surface {
     /// Splats that others follow, as if they lasted.
@@ -34,7 +34,7 @@ pub struct Binding {
     groups: Vec<MovedGroup>,
     /// Group of each row, `[M]`, if there are groups.
     group_of: Vec<u32>,
-    /// If edits belong to surfaces, not to splats.
+    /// Present if edits belong to surfaces, not to splats.
     surface: Option<Surface>,
 }
 
@@ -125,7 +125,7 @@ impl Binding {
         if groups.is_empty() { self } else { Self { groups, group_of, ..self } }
     }
 
-    /// The same with what it says of surfaces.
+    /// The same with data for surfaces.
     ///
     /// # Errors
     /// If ids are out of range, values are no numbers, or rows that inherit are not exactly those
@@ -296,7 +296,7 @@ impl Binding {
         &self.group_of
     }
 
-    /// What it says of surfaces, if edits belong to those.
+    /// Data for surfaces, if edits belong to them.
     pub fn surface(&self) -> Option<&Surface> {
         self.surface.as_ref()
     }

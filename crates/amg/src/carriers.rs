@@ -1,11 +1,12 @@
-//! What moves as one of what the edit moved, and which source splats show how.
+//! Splits the splats that the edit moved into rigid groups and chooses the source splats that carry
+//! them.
 
 use crate::identity::{Identity, IdentityMap};
 use crate::keyframes::{FADED, KeyFrames};
 use crate::moved_group::MovedGroup;
 use crate::rigid::{RigidFit, norm, sub};
 use crate::row_index::index;
-use anchors::KdTree;
+use anchors::{KdTree, median};
 use gs_core::Real;
 
 /// Neighbours whose distances are compared over time.
@@ -14,9 +15,9 @@ const NEIGHBORS: usize = 7;
 /// themselves.
 const OF_SIZE: f64 = 0.04;
 const OF_DISTANCE: f64 = 0.75;
-/// Splats that move by themselves; fewer go with what is near them.
+/// Fewest splats of a piece; smaller ones join the nearest piece.
 const MIN_PIECE: usize = 12;
-/// Source splats that carry a group, at most: their mean motion is known well enough then.
+/// Most source splats that carry a group: more do not change the mean motion.
 const MAX_CARRIERS: usize = 192;
 /// Rounds of the robust fit.
 const ROUNDS: usize = 4;
@@ -28,7 +29,8 @@ pub(crate) struct Groups {
     pub(crate) of_row: Vec<u32>,
 }
 
-/// Splits what shares a similarity into what moves as one, and finds what carries each.
+/// Splits splats with the same similarity into pieces that move rigidly, and finds the carriers of
+/// each.
 pub(crate) fn groups(keys: &KeyFrames, dynamic: &[bool], identity: &IdentityMap) -> Groups {
     let mut found = Groups { groups: Vec::new(), of_row: vec![0; identity.rows.len()] };
     let whole = identity.whole_scene();
@@ -39,7 +41,8 @@ pub(crate) fn groups(keys: &KeyFrames, dynamic: &[bool], identity: &IdentityMap)
         ids.sort_unstable();
         ids.dedup();
         let first = found.groups.len();
-        // A copy belongs to nothing that moves: it does the same in a place of its own, as one.
+        // A copy is attached to nothing: it moves like the original, at its own position, as one
+        // piece.
         let as_one = copies[number as usize] || whole == Some(number);
         let pieces = if as_one { vec![0; ids.len()] } else { pieces(keys, &ids) };
         for piece in 0..=pieces.iter().copied().max().unwrap_or(0) {
@@ -143,7 +146,7 @@ fn keep_distance(keys: &KeyFrames, i: usize, j: usize, slack: f64) -> bool {
     keys.means.iter().enumerate().all(|(k, means)| {
         let both = keys.seen(k, i).min(keys.seen(k, j));
         let change = (apart(means[i], means[j]) - before).abs() * both;
-        // A comparison that is false for values that are no numbers.
+        // False for NaN.
         change <= limit
     })
 }
@@ -166,10 +169,8 @@ fn carriers(keys: &KeyFrames, ids: &[u32]) -> Vec<(u32, f32)> {
     let mut weights = base.clone();
     for _ in 0..ROUNDS {
         let residuals = residuals(keys, &chosen, &weights);
-        let mut sorted = residuals.clone();
-        sorted.sort_by(f64::total_cmp);
-        // Twice the median deviation, or what single precision leaves.
-        let scale = (3.0 * sorted[sorted.len() / 2]).max(f64::MIN_POSITIVE);
+        // Three times the median deviation: about two standard deviations.
+        let scale = (3.0 * median(&mut residuals.clone())).max(f64::MIN_POSITIVE);
         for ((weight, base), residual) in weights.iter_mut().zip(&base).zip(&residuals) {
             *weight = base * (-0.5 * (residual / scale).powi(2)).exp();
         }

@@ -1,8 +1,8 @@
-//! Which displacements are motion, and which only tremble.
+//! Separates motion from jitter.
 //!
-//! Trajectories fitted to images are free wherever an image does not pin them down: splats of a
-//! bare wall slide along it, each its own way, and nobody sees it. Carried over to other splats,
-//! their sliding is seen. Motion differs from it in that neighbours share it.
+//! Trajectories fitted to images are arbitrary where images do not constrain them: splats of a bare
+//! wall slide along it independently, which is invisible. Transferred to other splats, this sliding
+//! becomes visible. Unlike jitter, motion is shared by neighbours.
 
 use crate::keyframes::KeyFrames;
 use anchors::{KdTree, Neighbor};
@@ -15,9 +15,9 @@ const NEIGHBORHOODS: [usize; 2] = [8, 25];
 /// independent displacements one neighbourhood in a thousand does.
 const SIGNIFICANT: f64 = 3.3;
 
-/// Clears `moves` of splats whose neighbourhood goes nowhere at any key time: its mean
-/// displacement, weighted by how visible each splat is then, stays within what independent
-/// displacements would add up to. Scenes with fewer than 25 splats are left as they are.
+/// Clears `moves` of splats whose neighbourhood does not move at any key time: its mean
+/// displacement, weighted by visibility, is within the range expected of independent displacements.
+/// Scenes with fewer than 25 splats are left as they are.
 pub(crate) fn keep_coherent(keys: &KeyFrames, moves: &mut [bool]) {
     let ids: Vec<usize> = (0..moves.len()).filter(|&i| !keys.broken[i]).collect();
     if ids.len() < NEIGHBORHOODS[1] || !moves.contains(&true) {
@@ -35,7 +35,7 @@ pub(crate) fn keep_coherent(keys: &KeyFrames, moves: &mut [bool]) {
     };
     let goes = |near: &[Neighbor]| (0..keys.times.len()).any(|k| is_shared_at(k, near));
     let mut tremble: Vec<usize> = (0..ids.len()).filter(|&n| moves[ids[n]]).collect();
-    // The few nearest first: most of what moves is told by those.
+    // The few nearest first: they suffice for most moving splats.
     for count in NEIGHBORHOODS {
         let places: Vec<[f64; 3]> = tremble.iter().map(|&n| points[n]).collect();
         let goes = tree.map(&places, count, |_, near| goes(near));
@@ -47,7 +47,7 @@ pub(crate) fn keep_coherent(keys: &KeyFrames, moves: &mut [bool]) {
     }
 }
 
-/// Whether weighted displacements have a mean that chance does not explain.
+/// Whether the weighted mean displacement is significant.
 fn is_shared(around: impl Iterator<Item = (f64, [f64; 3])>) -> bool {
     let (mut total, mut squares, mut mean, mut second) = (0.0_f64, 0.0, [0.0_f64; 3], 0.0_f64);
     for (weight, d) in around {

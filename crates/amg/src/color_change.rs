@@ -1,9 +1,9 @@
-//! [`ColorChange`]: what an edit did to colours, as a change that can be made to others.
+//! [`ColorChange`]: a change of colours that can be applied to other splats.
 
 use gs_core::symmetric_eigen as eigen;
 
-/// Variance of colours below which a surface has too little texture to show how its colours were
-/// mixed, per channel: 0.03².
+/// Variance of colours, per channel, below which a surface has too little texture to determine the
+/// matrix: 0.03².
 const RIDGE: f64 = 1e-3;
 
 /// `c ↦ A c + b` of colours (red, green, blue; 0 to 1), and a factor on the other harmonics.
@@ -18,7 +18,7 @@ pub struct ColorChange {
 }
 
 impl ColorChange {
-    /// The one that changes nothing.
+    /// The identity.
     pub const NONE: Self = Self {
         matrix: [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]],
         offset: [0.0; 3],
@@ -53,7 +53,7 @@ impl ColorChange {
     }
 }
 
-/// Weighted pairs of a colour before and after, from which a change follows.
+/// Weighted sums over pairs of colours before and after the edit.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct ColorPairs {
     weight: f64,
@@ -86,8 +86,8 @@ impl ColorPairs {
         }
     }
 
-    /// The change that maps the mean exactly and explains what it can of the rest, else as `like`
-    /// does.
+    /// The change that maps the mean exactly; the matrix is a ridge regression towards that of
+    /// `like`.
     pub(crate) fn change(&self, like: &ColorChange) -> ColorChange {
         if self.weight <= 0.0 {
             return *like;

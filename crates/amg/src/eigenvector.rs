@@ -2,8 +2,7 @@
 //!
 //! The eigenvalue is the largest root of the characteristic polynomial, by Newton's method from
 //! above, where it is convex; the eigenvector is a column of the adjugate. Where other eigenvalues
-//! are near, both lose digits, and Jacobi rotations are taken instead. What one lane finds does not
-//! depend on the others.
+//! are near, both lose digits, and Jacobi rotations are taken instead. Lanes are independent.
 #![expect(
     clippy::inline_always,
     reason = "vectorised bodies must be compiled inside the dispatched caller"

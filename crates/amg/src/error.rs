@@ -1,10 +1,10 @@
-//! What can go wrong.
+//! Errors of this crate.
 
 use gs_core::{SceneError, SplatsError};
 use thiserror::Error;
 
-/// Why no motion could be found or evaluated. Numerical trouble is not an error: it is counted in
-/// [`crate::MotionReport`].
+/// Reason for which no motion could be found or evaluated. Numerical problems are no errors: they
+/// are counted in [`crate::MotionReport`].
 #[derive(Debug, Error)]
 pub enum AmgError {
     /// The source scene failed to evaluate.
@@ -26,7 +26,7 @@ pub enum AmgError {
         name: &'static str,
         /// Its value.
         found: String,
-        /// What it may be.
+        /// Accepted range.
         expected: &'static str,
     },
     /// A user mask, or the scene's own, does not have one entry per source splat.

@@ -1,4 +1,4 @@
-//! [`FieldAt`]: the source's deformation field, asked about splats it was not trained on.
+//! [`FieldAt`]: the source's deformation field, evaluated at splats it was not trained on.
 
 use gs_core::{SceneError, Splats};
 use std::fmt::Debug;

@@ -10,15 +10,14 @@ use crate::work::Row;
 use anchors::KdTree;
 use gs_core::{Real, Splats, activation, sh};
 
-/// Number of recoloured splats around an ancestor from which the change of colour is estimated.
-const NEIGHBORS: usize = 24;
+/// Nearest splats around one, itself included, from which a change is read: of recoloured ones the
+/// change of colour, of all whether the surface was deleted. If a third of them are deleted, so is
+/// the surface: where an editor deletes a tenth of all splats at random, 0.6 in 1000 of those are
+/// mistaken.
+const NEIGHBORS: usize = 32;
 /// Between these shares of recoloured ancestors a descendant takes a part of the change, as it
 /// covers both sides of the border of the edit.
 const SOFT: [f32; 2] = [0.3, 0.7];
-/// Nearest splats of a deleted one, itself included. If a third of them are deleted, so is the
-/// surface. Where an editor deletes a tenth of all splats at random, 0.6 in 1000 of those are
-/// mistaken.
-const HOLE_NEIGHBORS: usize = 32;
 /// Changes of opacity below this are rounding of the editor.
 const SAME_OPACITY: f32 = 2e-3;
 
@@ -121,7 +120,7 @@ fn keep_pruned(fates: &mut [Fate], generations: &Generations, at_edit: &Splats) 
     let is_gone: Vec<bool> = shown.iter().map(|&id| fates[id] == Fate::Gone).collect();
     let places: Vec<[f64; 3]> = shown.iter().map(|&id| at_edit.means[id].map(f64::from)).collect();
     let tree = KdTree::<3>::new(&places);
-    let is_hole = tree.map(&places, HOLE_NEIGHBORS, |_, near| {
+    let is_hole = tree.map(&places, NEIGHBORS, |_, near| {
         let gone = near.iter().filter(|n| is_gone[n.id as usize]).count();
         3 * gone >= near.len()
     });

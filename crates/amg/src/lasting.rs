@@ -14,7 +14,7 @@
 //! `a` is exactly in place in the edit frame.
 
 use crate::AmgError;
-use crate::generations::{Generations, Visibility};
+use crate::generations::{FACING, Generations, NEIGHBORS, PRESENT, Visibility};
 use crate::rigid::{RigidFit, dot, norm};
 use crate::row_index::index;
 use crate::similarity::Similarity;
@@ -23,13 +23,9 @@ use gs_core::{DynamicScene, Real, SceneError, Splats, TimeRange, quat};
 use rayon::prelude::*;
 use std::sync::Arc;
 
-/// Carriers chosen at each of the times.
-const CARRIERS: usize = 12;
 /// Largest number of times at which carriers are chosen; the steps between them are shorter than a
 /// life.
 const CHOICES: usize = 33;
-/// Presence from which a splat can be chosen as a carrier.
-const PRESENT: f64 = 0.2;
 /// Least presence of a carrier, so that the motion is defined where none of them is visible.
 const GONE: f64 = 1e-3;
 
@@ -103,7 +99,7 @@ impl Lasting {
             }
             let rest = |&i: &usize| generations.rest[i].map_or([0.0; 3], |rest| rest.place);
             let tree = KdTree::<3>::new(&there.iter().map(rest).collect::<Vec<_>>());
-            let found = tree.map(&places, CARRIERS, |at, near| {
+            let found = tree.map(&places, NEIGHBORS, |at, near| {
                 let own = generations.axis(ids[at] as usize);
                 let width = near[near.len() / 2].distance_squared;
                 let entry = |n: &anchors::Neighbor| {
@@ -128,7 +124,7 @@ impl Lasting {
                 let weigh = |&(id, squared, facing): &(u32, f64, f64)| {
                     let confidence =
                         generations.rest[id as usize].map_or(0.0, |rest| rest.confidence);
-                    let weight = confidence * (-0.5 * squared / width - 3.0 * facing).exp();
+                    let weight = confidence * (-0.5 * squared / width - FACING * facing).exp();
                     (id, weight.as_f32())
                 };
                 near.iter().map(weigh).filter(|entry| entry.1 > 1e-4).collect()

@@ -1,15 +1,16 @@
-//! [`MovedGroup`]: source splats that the edit moved together, and what carries the change along.
+//! [`MovedGroup`]: source splats that the edit moved together, and the splats that carry them.
 //!
-//! The edit placed the group by a similarity `T` at the edit time. The place where that was done
-//! moves: a pan that was scaled about its centre is still in a hand. With `M(t)`, the rigid motion
-//! of the group's own source splats since the edit time, a splat that was at `x(t)` is at
+//! The edit placed the group by a similarity `T` at the edit time. The centre of that similarity
+//! moves with the scene: a pan that was scaled about its centre is still in a hand. With `M(t)`,
+//! the rigid motion of the group's own source splats since the edit time, a splat that was at
+//! `x(t)` is at
 //!
 //! ```text
 //! x'(t) = S(t) x(t),   S(t) = M(t) T M(t)⁻¹
 //! ```
 //!
-//! At every time the group is a similar image of the source's, whatever it does, at the place where
-//! it is then; at the edit time `S = T`. What stands still has `S(t) = T`, as has a whole scene.
+//! At every time the group is similar to its source splats and in their place; at the edit time `S
+//! = T`. Groups that do not move, and whole scenes, have `S(t) = T`.
 
 use crate::aggregate::{relative_rotation, weights_seen};
 use crate::keyframes::still_seen;
@@ -17,8 +18,8 @@ use crate::rigid::{RigidFit, sub};
 use crate::similarity::Similarity;
 use gs_core::{Real, Splats, quat};
 
-/// Weight of the carriers' own rotations: it decides only what their places leave open, as those of
-/// fewer than three do.
+/// Weight of the carriers' own rotations: small, so that it matters only where positions do not
+/// determine the rotation, as with fewer than three carriers.
 const OPEN_CASES: f64 = 1e-3;
 
 /// Source splats that were moved by one similarity and move as one.
@@ -31,7 +32,7 @@ pub struct MovedGroup {
     pub carriers: Vec<(u32, f32)>,
 }
 
-/// Where a group is at a time.
+/// Pose of a group at a time.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct GroupPose {
     /// `T`.
@@ -89,8 +90,8 @@ impl MovedGroup {
     }
 }
 
-/// Carries a splat that stands for a group's surface, but was not placed by the edit, to where the
-/// group is.
+/// Moves a splat that represents a group's surface, but was not placed by the edit, to the group's
+/// pose.
 pub(crate) fn carry(
     pose: &GroupPose,
     mean: &mut [f32; 3],

@@ -1,4 +1,4 @@
-//! Everything a caller may choose.
+//! Options of [`crate::propagate()`].
 
 use crate::AmgError;
 use crate::field::FieldAt;
@@ -9,7 +9,7 @@ use std::sync::Arc;
 /// Named sets of options.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Preset {
-    /// Regions of the source that move as one, which is what measured best (the default).
+    /// Regions of the source that move as one (default).
     Regions,
     /// The paper to the letter.
     Paper,
@@ -27,8 +27,8 @@ pub enum MotionGuide {
     Paper(PaperParams),
     /// Average over the nearest source splats ("KNN-Guide").
     Knn(KnnParams),
-    /// The source's own deformation field, asked at the edited positions ("DeformNet-Guide", "w/o
-    /// AMG").
+    /// The source's own deformation field, evaluated at the edited positions ("DeformNet-Guide",
+    /// "w/o AMG").
     Field(Arc<dyn FieldAt>),
 }
 
@@ -69,7 +69,7 @@ pub struct PaperParams {
     pub lambdas: [f64; 3],
     /// Transport stops once no potential moves by this many λ0. Default 1e-9.
     pub tol: f64,
-    /// Sweeps after which transport is taken as it is, with a warning. Default 20 000.
+    /// Sweeps after which the transport is used unconverged, with a warning. Default 20 000.
     pub max_sweeps: usize,
     /// Distance in β from which the cost counts as 1, above 0. Default 6: potentials are within
     /// 2e-9 of the dense problem's.
@@ -106,8 +106,8 @@ pub struct Aggregation {
     /// positions; 0 where the scene does not model rotation. Default 3; [`crate::propagate()`]
     /// lowers it when the source's rotations disagree with its positions.
     pub rotation_prior: f32,
-    /// Whether a source counts less at times when it is fainter than at the edit frame: where it
-    /// would be is not seen then, and was fitted to nothing. Default on.
+    /// Whether a source counts less at times when it is fainter than at the edit frame: its
+    /// position is not constrained by images then. Default on.
     pub fading: bool,
 }
 
@@ -188,7 +188,7 @@ impl Default for IdentityParams {
     }
 }
 
-/// Where the user says the moving object is.
+/// The moving object as given by the user.
 #[derive(Debug, Clone, PartialEq)]
 pub enum DynamicOverride {
     /// One entry per source splat.
@@ -205,14 +205,13 @@ pub enum DynamicOverride {
 /// Options of the static/dynamic split.
 #[derive(Debug, Clone, PartialEq)]
 pub struct DynamicParams {
-    /// User's word, before the scene's own mask and before motion.
+    /// The user's choice; takes precedence over the scene's own mask and over motion.
     pub override_with: Option<DynamicOverride>,
     /// Displacement over the key times from which a splat counts as moving, world units. `None`
     /// (default): found from the distribution of displacements, see [`crate::DynamicSplit`].
     pub threshold: Option<f32>,
     /// Whether displacements that neighbours do not share count as none: splats of bare surfaces
-    /// slide along them, each its own way, unseen until others are made to follow. Default on; off
-    /// in the presets of the literature.
+    /// slide along them independently. Default on; off in the presets of the literature.
     pub coherent: bool,
 }
 
@@ -222,13 +221,13 @@ impl Default for DynamicParams {
     }
 }
 
-/// What an edit belongs to.
+/// Whether an edit belongs to splats or to the surface.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Follow {
     /// The splats of the edit frame: it lives as long as they do.
     #[default]
     Splats,
-    /// The surface that they show: splats that stand for it at other times inherit the edit.
+    /// The surface that they represent: splats that represent it at other times inherit the edit.
     Surface,
 }
 
@@ -241,7 +240,7 @@ pub struct MotionOptions {
     pub aggregation: Aggregation,
     /// Time of the frame that was edited. `None` (default): start of the source's time range.
     pub edit_time: Option<f32>,
-    /// Number of times at which the source's motion is looked at, 1 to 64. Default 12.
+    /// Number of times at which the source's motion is sampled, 1 to 64. Default 12.
     pub num_key_times: usize,
     /// Which edited splats are source splats.
     pub identity: IdentityParams,
@@ -283,7 +282,7 @@ impl MotionOptions {
         }
     }
 
-    /// The baseline that asks `field` at the edited positions.
+    /// The baseline that evaluates `field` at the edited positions.
     pub fn field(field: Arc<dyn FieldAt>) -> Self {
         Self { guide: MotionGuide::Field(field), ..Self::preset(Preset::Knn) }
     }

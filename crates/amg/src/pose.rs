@@ -1,7 +1,7 @@
-//! Where a cloud lies, how large it is and how it is turned, told by the cloud itself.
+//! Origin, size and axes of a cloud, from the cloud itself.
 //!
-//! Whatever needs an origin, an order, a length or axes takes them from here, so that results do
-//! not depend on where the scene lies, how it is turned and how large it is.
+//! Every origin, order, length or direction of the motion stage comes from here, so that results do
+//! not depend on the position, orientation and size of the scene.
 
 use crate::rigid::{dot, eigen, sub};
 

@@ -68,7 +68,7 @@ pub fn propagate(
     })?;
     report.num_broken_sources = keys.broken.iter().filter(|&&b| b).count();
     if let Some((generations, _)) = &followed {
-        // What the edit frame does not show is nowhere then: nothing can follow it.
+        // Splats that are invisible in the edit frame cannot be followed.
         for (i, broken) in keys.broken.iter_mut().enumerate() {
             *broken |= !generations.is_shown(i);
         }
@@ -78,7 +78,8 @@ pub fn propagate(
     let clock = Instant::now();
     progress("identity", 0.0);
     let identity = IdentityMap::of(&keys.at_edit, &edited, &options.identity)?;
-    // What only the file format changed is put right, or those splats would jump at the edit time.
+    // Values that only the file format changed are restored, or those splats would jump at the edit
+    // time.
     let edited = match &options.identity.precision {
         Some(_) => Arc::new(identity.restore(&keys.at_edit, &edited)),
         None => edited,

@@ -1,4 +1,4 @@
-//! [`MotionReport`]: what was found, in numbers.
+//! [`MotionReport`]: counts and numbers of a run.
 
 use crate::inheritance::DescentReport;
 
@@ -33,7 +33,7 @@ pub struct MotionReport {
     pub edited: usize,
     /// Edited rows beside a copy, which go with it.
     pub beside_copies: usize,
-    /// What edits reached by descent, if they belong to surfaces.
+    /// Splats that inherit the edit, if edits belong to surfaces.
     pub descent: Option<DescentReport>,
     /// Source splats that no edited splat is.
     pub vanished: usize,
@@ -55,11 +55,11 @@ pub struct MotionReport {
     pub transport: Option<TransportReport>,
     /// Cells: groups of neighbouring source splats that move as one (default guide).
     pub num_parts: usize,
-    /// Weight actually given to the source's own rotations.
+    /// Weight of the source's own rotations that was used.
     pub rotation_prior: f32,
     /// Seconds per stage, in order.
     pub timings: Vec<(&'static str, f64)>,
-    /// Sentences for the user, each naming a count and what was done about it.
+    /// Sentences for the user, each with a count and the consequence.
     pub warnings: Vec<String>,
 }
 

@@ -98,7 +98,7 @@ impl<const L: usize> RigidFits<L> {
         q.map(|c| c.select(flip, -c))
     }
 
-    /// Where the motions with rotations `r` take `x`.
+    /// Images of `x` under the motions with rotations `r`.
     #[inline(always)]
     pub(crate) fn apply(&self, r: [Lanes<L>; 4], x: [Lanes<L>; 3]) -> [Lanes<L>; 3] {
         let d = [x[0] - self.from[0], x[1] - self.from[1], x[2] - self.from[2]];
@@ -154,8 +154,8 @@ impl RigidFit {
     }
 
     /// Unit quaternion `wxyz` of the best rotation; `prior` is the weight of the added rotations
-    /// relative to the points. Whatever the points leave open (coincident or collinear ones) is
-    /// decided by the added rotations, then by turning as little as possible.
+    /// relative to the points. Where the points do not determine it (coincident or collinear ones),
+    /// the added rotations do, then the smallest angle.
     pub(crate) fn rotation(&self, prior: f64) -> [f64; 4] {
         self.0.rotation(prior).map(|value| value.0[0])
     }
@@ -189,7 +189,7 @@ impl RigidFit {
         values[1].is_nan() || values[1] <= 1e-6 * values[2]
     }
 
-    /// Where the motion with rotation `r` takes `x`.
+    /// Image of `x` under the motion with rotation `r`.
     pub(crate) fn apply(&self, r: [f64; 4], x: [f64; 3]) -> [f64; 3] {
         self.0.apply(lane(r), lane(x)).map(|value| value.0[0])
     }

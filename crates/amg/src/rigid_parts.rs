@@ -27,7 +27,7 @@ const STRAIN: f64 = 0.04;
 const MISFIT: f64 = 0.01;
 
 /// Share of the moving splats below which a group joins the neighbour that it fits best: fragments
-/// are no parts.
+/// are not parts.
 const FRAGMENT: f64 = 0.01;
 
 /// A scene in parts.

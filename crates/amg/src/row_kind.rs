@@ -14,15 +14,14 @@ pub enum RowKind {
     Recoloured = 2,
     /// Its motion is a weighted blend of the motion of its sources.
     Blended = 3,
-    /// The deformation field is asked at its own position (baseline "w/o AMG").
+    /// The deformation field is evaluated at its own position (baseline "w/o AMG").
     Field = 4,
     /// It is a source splat that the edit moved with others, see [`MovedGroup`](crate::MovedGroup):
     /// that splat's geometry under the group's similarity, the edit's appearance plus the source's
     /// change of appearance.
     Moved = 5,
-    /// It is a source splat that the edit frame does not show, untouched there; it inherits what
-    /// the edit did to the surface that it stands for at other times, see
-    /// [`Inherited`](crate::Inherited).
+    /// It is an untouched source splat that is invisible in the edit frame; it inherits the edit of
+    /// the surface that it represents at other times, see [`Inherited`](crate::Inherited).
     Descendant = 6,
 }
 

@@ -14,16 +14,17 @@ use gs_core::{DynamicScene, SceneError, Splats, TimeRange};
 use rayon::prelude::*;
 use std::sync::{Arc, Mutex, PoisonError};
 
-/// Mean and rotation, and scales, of a row under way.
+/// Mean, rotation and scales of a row at a time.
 type GeometryMut<'a> = ((&'a mut [f32; 3], &'a mut [f32; 4]), &'a mut [f32; 3]);
 
-/// Rows handed to a thread at a time.
+/// Rows per task.
 const BLOCK: usize = 1024;
 
 /// A dynamic scene whose frame `t1` is the edited splats, and which moves with its source.
 ///
 /// * At `t1` it is the edited splats bit for bit.
-/// * At any other time the source is asked once; row kinds say what each row takes from it (see
+/// * At any other time the source is evaluated once; the kind of a row determines what it takes
+///   from it (see
 ///   [`RowKind`]).
 /// * Rows are those of the edited splats; SH degree is theirs, too.
 #[derive(Debug)]
@@ -47,7 +48,7 @@ pub struct EditedScene {
 #[derive(Clone, Copy)]
 struct Moment<'a> {
     source_t: &'a Splats,
-    /// Where what is followed is: the source, or its splats as if they lasted.
+    /// The splats that are followed: the source, or its splats extended over the clip.
     followed_t: &'a Splats,
     /// Of the sources that are followed, `[N]`.
     motions: &'a [SourceMotion],
@@ -146,12 +147,12 @@ impl EditedScene {
         &self.source
     }
 
-    /// What each row moves with.
+    /// The binding.
     pub fn binding(&self) -> &Arc<Binding> {
         &self.binding
     }
 
-    /// How it is blended.
+    /// Rules of aggregation.
     pub fn aggregation(&self) -> &Aggregation {
         &self.aggregation
     }
@@ -290,7 +291,7 @@ impl EditedScene {
             .for_each_init(Vec::new, move_row);
     }
 
-    /// Where the groups of moved rows are.
+    /// Poses of the groups of moved rows.
     fn group_poses(&self, source_t: &Splats, fading: bool) -> Vec<GroupPose> {
         let mut scratch = Vec::new();
         let pose =
@@ -323,8 +324,8 @@ impl EditedScene {
                         self.inherit_appearance(row, sources.0[0] as usize, source_t, logit, sh);
                         return;
                     }
-                    // What follows a surface has the edit's own opacity and colours: those of the
-                    // splats that stand for the surface come and go.
+                    // Rows that follow a surface keep the edit's opacity and colours: the splats
+                    // that represent the surface appear and disappear.
                     RowKind::Blended if on_surface => return,
                     RowKind::Recoloured | RowKind::Blended | RowKind::Moved => {
                         if !self.aggregation.appearance {
@@ -390,8 +391,8 @@ impl EditedScene {
         }
     }
 
-    /// Baseline "w/o AMG": stored parameters move by the difference of what the field says at `t`
-    /// and at the edit frame.
+    /// Baseline "w/o AMG": stored parameters change by the difference of the field between `t` and
+    /// the edit frame.
     fn add_field(&self, t: f32, appearance: bool, out: &mut Splats) -> Result<(), SceneError> {
         let Some(base) = &self.field else { return Ok(()) };
         let mut at_t = self.borrow_scratch();

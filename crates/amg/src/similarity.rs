@@ -20,7 +20,7 @@ pub struct Similarity {
 }
 
 impl Similarity {
-    /// The one that changes nothing.
+    /// The identity.
     pub const IDENTITY: Self =
         Self { scale: 1.0, rotation: [1.0, 0.0, 0.0, 0.0], mirrored: false, translation: [0.0; 3] };
 
@@ -32,19 +32,19 @@ impl Similarity {
             && self.translation.iter().all(|t| t.is_finite())
     }
 
-    /// Where a point goes.
+    /// Image of a point.
     pub fn apply(&self, x: [f64; 3]) -> [f64; 3] {
         let turned = self.turn(x);
         [0, 1, 2].map(|k| turned[k] + self.translation[k])
     }
 
-    /// Where a difference of two points goes.
+    /// Image of a difference of two points.
     pub fn turn(&self, d: [f64; 3]) -> [f64; 3] {
         let s = if self.mirrored { -self.scale } else { self.scale };
         quat::rotate(self.rotation, d).map(|v| s * v)
     }
 
-    /// The one that undoes this one.
+    /// The inverse.
     #[must_use]
     pub fn inverse(&self) -> Self {
         let back = Self {

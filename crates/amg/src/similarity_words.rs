@@ -15,8 +15,8 @@ const ALONG: f64 = 1e-4;
 const AXES: [&str; 3] = ["x", "y", "z"];
 
 impl Similarity {
-    /// What this does to a thing of diameter `size` around `centre`, as in "scaled by 1.3, turned
-    /// 180° about x"; "by less than can be seen" if it does nothing that could be seen.
+    /// Description of the effect on an object of diameter `size` around `centre`, as in "scaled by
+    /// 1.3, turned 180° about x"; "by less than can be seen" if the effect is invisible.
     pub fn describe(&self, centre: [f64; 3], size: f64) -> String {
         let mut words = Vec::new();
         let (mirror, rotation) = self.mirror_and_rotation();
@@ -38,7 +38,7 @@ impl Similarity {
         if words.is_empty() { "by less than can be seen".to_owned() } else { words.join(", ") }
     }
 
-    /// Whether this does nothing that could be seen to a thing of diameter `size` around `centre`.
+    /// Whether the effect on an object of diameter `size` around `centre` is invisible.
     pub fn is_still(&self, centre: [f64; 3], size: f64) -> bool {
         let shift = norm(sub(self.apply(centre), centre));
         !self.mirrored

@@ -1,4 +1,4 @@
-//! [`Work`]: what every guide works on.
+//! [`Work`]: input shared by all guides.
 
 use crate::dynamics::DynamicSplit;
 use crate::identity::IdentityMap;
@@ -7,13 +7,13 @@ use crate::options::MotionOptions;
 use crate::row_kind::RowKind;
 use gs_core::Splats;
 
-/// Receives the name of the stage under way and how much of that stage is done, 0 to 1.
+/// Receives the name of the present stage and the share of it that is done, 0 to 1.
 pub type Progress<'a> = &'a (dyn Fn(&'static str, f32) + Sync);
 
-/// Sources and weights of one row, or why it stays put.
+/// Kind, sources and weights of one row.
 pub(crate) type Row = (RowKind, Vec<(u32, f32)>);
 
-/// What a guide works on.
+/// Input of a guide.
 pub(crate) struct Work<'a> {
     pub(crate) keys: &'a KeyFrames,
     pub(crate) split: &'a DynamicSplit,

@@ -1,19 +1,19 @@
-//! Cells: the other way to cut a cloud into regions, for clouds whose motion is known.
+//! Cells: regions of a cloud whose motion is known.
 //!
-//! Line-sampled anchors see one frame. Where points have trajectories, a region can be asked to
-//! move as one: then whatever is matched with it has one motion.
+//! Line-sampled anchors use one frame. Where points have trajectories, a region can be required to
+//! move rigidly, so that everything matched with it has one motion.
 
 use crate::trajectories::{RigidNeighbors, Trajectories};
 use crate::vec3::{Vec3, dot};
 
-/// Neighbours in one cell move at least this much as one, see [`RigidNeighbors::get`].
+/// Least agreement of neighbours in one cell, see [`RigidNeighbors::get`].
 const MIN_AGREEMENT: f64 = 0.5;
 
-/// Cells join points only where at least so many of their edges fit: otherwise merging would lose
-/// more than it steadies.
+/// Points are joined only if the edge of the cubes is at least this many spacings: smaller cells
+/// would hold too few points for a mean.
 const SPACINGS: f64 = 1.5;
 
-/// Directions shorter than this say nothing: almost a ball.
+/// Squared flatness below which the direction of a splat is ignored: 0.3²; it is almost a ball.
 const MIN_LENGTH_SQUARED: f64 = 0.09;
 
 /// Largest angle between directions in one cell: 45°, squared cosine.
@@ -22,7 +22,7 @@ const MIN_COS_SQUARED: f64 = 0.5;
 /// In [`Cells::owners`]: the point belongs to no cell.
 pub const NO_CELL: u32 = u32::MAX;
 
-/// How cells are cut.
+/// Settings of [`Cells::build`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CellParams {
     /// Edge of the lattice's cubes, world units.
@@ -31,7 +31,7 @@ pub struct CellParams {
     pub axes: [[f64; 3]; 3],
 }
 
-/// A partition of the points that are no outliers.
+/// A partition of the points that are not outliers.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Cells {
     /// Points of each cell, ascending, `[R]`. Cells are in the order of their first points.

@@ -1,4 +1,4 @@
-//! Which line hits which neighbourhood: the cylinder test.
+//! The cylinder test: lines that hit neighbourhoods.
 
 use rayon::prelude::*;
 
@@ -23,7 +23,7 @@ impl Hit {
     }
 }
 
-/// Tasks per thread: enough to even out, few enough to keep their result arrays small.
+/// Tasks per thread: enough to balance the load, few enough to keep their result arrays small.
 const TASKS_PER_THREAD: usize = 4;
 
 /// Grids at most; smaller radii share the finest.
@@ -94,7 +94,7 @@ impl<'a> Probe<'a> {
             .filter(|(_, balls)| !balls.is_empty())
             .map(|(level, balls)| {
                 let radius = widest / (1_u64 << level) as f64;
-                // Room for rounding: of the centroids and distances, and of the walk.
+                // Margin for rounding of the centroids, the distances and the walk.
                 Grid::new(balls, radius * (1.0 + 1e-9) + largest * 1e-12)
             })
             .collect();

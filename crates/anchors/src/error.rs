@@ -1,6 +1,6 @@
-//! What can be wrong with the input.
+//! Errors of this crate.
 
-/// Every way a call of this crate can refuse its input.
+/// Rejected input.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum AnchorError {

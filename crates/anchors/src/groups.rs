@@ -5,7 +5,8 @@
 
 use rayon::prelude::*;
 
-use crate::nearest::{all_nearest, for_each_run, median};
+use crate::median::median;
+use crate::nearest::{all_nearest, for_each_run};
 use crate::points::distance_squared;
 
 /// Rounds of proposals; clouds take a handful, only contrived ones more.
@@ -113,7 +114,8 @@ impl Proposals {
 
     /// Median over the proposals that are not a single place.
     fn median_edge(&self) -> f64 {
-        median(self.edges.iter().copied().filter(|edge| *edge > 0.0).collect())
+        let positive = self.edges.iter().copied().filter(|edge| *edge > 0.0);
+        median(&mut positive.collect::<Vec<f64>>())
     }
 
     /// (mean edge, proposer), ascending by edge, then by members.

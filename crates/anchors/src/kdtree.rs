@@ -9,7 +9,7 @@ use std::cmp::Ordering;
 
 use crate::points::distance_squared;
 
-/// One answer of a search.
+/// A neighbour found by a search.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Neighbor {
     /// Squared distance from the query.
@@ -55,16 +55,16 @@ const LEAF: usize = 8;
 /// Subtrees below this many points are built on one thread.
 const PARALLEL_BUILD: usize = 8192;
 
-/// Answers up to which they are kept in order while searching. Of more, twice as many are collected
-/// before the farther half is dropped: then an answer costs a step, not one for each of those
-/// behind it.
+/// Largest `k` for which neighbours are kept sorted while searching. For larger `k`, twice as many
+/// are collected before the farther half is dropped, which costs O(1) per neighbour instead of
+/// O(k).
 const ORDERED: usize = 40;
 
-/// Queries handed to a thread at a time.
+/// Queries per task.
 const QUERY_BLOCK: usize = 512;
 
 impl<const D: usize> KdTree<D> {
-    /// Builds the tree in O(N log N). Coordinates must be finite for the answers to be meaningful.
+    /// Builds the tree in O(N log N). Coordinates must be finite for meaningful results.
     ///
     /// # Panics
     /// If there are more points than 32-bit ids can name.
@@ -97,7 +97,7 @@ impl<const D: usize> KdTree<D> {
         self.nearest_except(query, k, u32::MAX, out);
     }
 
-    /// [`Self::nearest`] that does not see the point `except`.
+    /// [`Self::nearest`] without the point `except`.
     pub(crate) fn nearest_except(
         &self,
         query: &[f64; D],

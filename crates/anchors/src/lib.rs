@@ -29,7 +29,7 @@
 //! - Exact: the sphere is minimal, neighbours are nearest, no line that hits is missed.
 //! - Degenerate clouds have defined results: one point, coincident, collinear and coplanar points,
 //!   clouds smaller than a neighbourhood (see [`Neighborhoods::build`], [`AnchorSet::build`]).
-//! - Anything that is not finite is refused with an error; user data never panics.
+//! - Non-finite input is an error; user data never panics.
 //!
 //! # Deliberately absent
 //! Gaussians, colour, correspondence between regions, file formats, GPU.
@@ -48,6 +48,7 @@ mod grid;
 mod groups;
 mod kdtree;
 mod lines;
+mod median;
 mod nearest;
 mod neighborhoods;
 mod params;
@@ -62,12 +63,13 @@ pub use cells::{CellParams, Cells, NO_CELL};
 pub use error::AnchorError;
 pub use kdtree::{KdTree, Neighbor};
 pub use lines::{Line, Lines, expected_hits, lines_for_hits};
+pub use median::median;
 pub use nearest::median_spacing;
 pub use neighborhoods::{Neighborhoods, normal_feature};
 pub use params::{AnchorParams, Grouping, Radius};
 pub use points::Coordinate;
 pub use sphere::BoundingSphere;
-pub use trajectories::{Neighbors, RigidNeighbors, Trajectories};
+pub use trajectories::{NEIGHBORS, NOISE_REACH, Neighbors, RigidNeighbors, Trajectories};
 
 /// Runs the example of the README.
 #[cfg(doctest)]

@@ -2,13 +2,14 @@
 
 use crate::AnchorError;
 use crate::kdtree::KdTree;
+use crate::median::median;
 use crate::points::{Coordinate, distance_squared, id_from_rank, widen};
 
 /// The `k` nearest others of every point, `[N,k]`, ties to the lowest rank.
 ///
 /// `ranked` is in lexicographic order, so coincident points are neighbours in it. At most `k + 1`
-/// of a run of coincident points can be anybody's answer; only those enter the tree, which keeps
-/// clouds with huge runs from costing N².
+/// points of a run of coincident points can be among the nearest of any point; only those enter the
+/// tree, which avoids a cost of N² for clouds with long runs.
 pub(crate) fn all_nearest<const D: usize>(ranked: &[[f64; D]], k: usize) -> Vec<u32> {
     let k = k.min(ranked.len().saturating_sub(1));
     if k == 0 {
@@ -92,20 +93,6 @@ pub(crate) fn median_spacing_of_ranked(ranked: &[[f64; 3]]) -> f64 {
             .map(|other| distance_squared(&ranked[rank], &ranked[*other as usize]));
         squares.fold(0.0, f64::max)
     };
-    median((0..ranked.len()).map(|rank| farthest2(rank).sqrt()).collect())
-}
-
-/// Median; the midpoint of the two middle values for an even count; 0 for none.
-pub(crate) fn median(mut values: Vec<f64>) -> f64 {
-    if values.is_empty() {
-        return 0.0;
-    }
-    let mid = values.len() / 2;
-    let even = values.len().is_multiple_of(2);
-    let (below, upper, _) = values.select_nth_unstable_by(mid, f64::total_cmp);
-    if even {
-        0.5 * (*upper + below.iter().copied().fold(f64::NEG_INFINITY, f64::max))
-    } else {
-        *upper
-    }
+    let mut farthest: Vec<f64> = (0..ranked.len()).map(|rank| farthest2(rank).sqrt()).collect();
+    median(&mut farthest)
 }

@@ -1,4 +1,4 @@
-//! Local neighbourhoods of a cloud: which points belong together.
+//! Local neighbourhoods of a cloud.
 
 use crate::groups::{disjoint, overlapping};
 use crate::nearest::median_spacing_of_ranked;
@@ -86,7 +86,7 @@ impl Neighborhoods {
         Ok(Self { offsets, indices: members, num_points: rows.len() })
     }
 
-    /// Neighbourhoods made elsewhere, for a cloud of `num_points` points. Sharing points between
+    /// Neighbourhoods from elsewhere, for a cloud of `num_points` points. Sharing points between
     /// neighbourhoods is allowed.
     ///
     /// # Errors
@@ -155,7 +155,7 @@ impl Neighborhoods {
         &self.indices[self.range(i)]
     }
 
-    /// Where the members of neighbourhood `i` stand in [`Self::indices`].
+    /// Range of the members of neighbourhood `i` in [`Self::indices`].
     pub(crate) fn range(&self, i: usize) -> std::ops::Range<usize> {
         self.offsets[i] as usize..self.offsets[i + 1] as usize
     }

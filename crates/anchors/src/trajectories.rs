@@ -1,31 +1,32 @@
-//! Points that move, and which of their neighbours move with them.
+//! Trajectories of points, and rigidity of their neighbourhoods.
 
 use rayon::prelude::*;
 
 use crate::kdtree::{KdTree, Neighbor};
+use crate::median::median;
 use crate::points::distance_squared;
 
-/// Neighbours looked at per point.
-const NEIGHBORS: usize = 24;
+/// Neighbours per point: about two rings on a surface.
+pub const NEIGHBORS: usize = 24;
 
-/// Rank of the neighbour whose distance, over √2, is called the spacing: on a surface about the
-/// distance between splats.
+/// The spacing is the distance of the neighbour of this rank over √2: on a surface about the
+/// distance between points.
 const SPACING_RANK: usize = 6;
 
-/// Neighbours per point whose changes of distance are pooled for the noise: the closest ones move
-/// as one nearly everywhere.
+/// Nearest neighbours per point whose changes of distance are pooled for the noise: they move
+/// rigidly nearly everywhere.
 const NOISE_NEIGHBORS: usize = 8;
 
-/// Change of distance that noise alone explains, in units of the pooled median: three standard
-/// deviations and a little.
-const NOISE_REACH: f64 = 3.0;
+/// Change of distance that noise explains, in units of the pooled median: about three standard
+/// deviations.
+pub const NOISE_REACH: f64 = 3.0;
 
 /// A point is an outlier if this share, or less, of its neighbourhood's weight moves with it.
 /// Measured on scenes it was not chosen on, geometric means of the end-point error against 0.3: .97
 /// (20 cases), .91 (goldens), .81 (articulated robots); no case was worse.
 const MIN_SUPPORT: f64 = 0.15;
 
-/// Stands in for lengths that are zero; its square is a positive number, too.
+/// Lower bound of lengths that are divided by; its square is still positive.
 const TINY: f64 = 1e-100;
 
 /// Points at rest and at a few other times. World units; rows are points.
@@ -35,8 +36,8 @@ pub struct Trajectories {
     pub rest: Vec<[f64; 3]>,
     /// Places at each other time, `[N,T,3]`: those of one point lie together.
     pub moved: Vec<[f64; 3]>,
-    /// How far each point is there at each other time, 0 to 1, `[N,T]`; empty if all always are.
-    /// Where a point would be while it is absent means nothing.
+    /// Presence of each point at each other time, 0 to 1, `[N,T]`; empty if all are always present.
+    /// Positions of absent points have no meaning.
     pub presence: Vec<f64>,
     /// Positive weights, `[N]`.
     pub weights: Vec<f64>,
@@ -45,7 +46,7 @@ pub struct Trajectories {
     pub moving: Vec<bool>,
 }
 
-/// Who is near whom at rest, and how far each pair keeps its distance over time.
+/// Neighbours at rest, and how well each pair keeps its distance over time.
 #[derive(Clone, Debug)]
 pub struct RigidNeighbors {
     near: Neighbors,
@@ -113,13 +114,13 @@ impl Trajectories {
         &self.moved[i * times..(i + 1) * times]
     }
 
-    /// How far point `i` is there at time `k`.
+    /// Presence of point `i` at time `k`.
     pub fn present(&self, k: usize, i: usize) -> f64 {
         if self.presence.is_empty() { 1.0 } else { self.presence[i * self.num_times() + k] }
     }
 
-    /// Largest change over time of the distance between `a` and `b`, `rest` apart at rest, as far
-    /// as both are there.
+    /// Largest change over time of the distance between `a` and `b`, which is `rest` at rest, times
+    /// the presence of both.
     fn deviation(&self, a: usize, b: usize, rest: f64) -> f64 {
         let mut worst = 0.0_f64;
         for (k, (x, y)) in self.places(a).iter().zip(self.places(b)).enumerate() {
@@ -134,7 +135,7 @@ impl Trajectories {
 }
 
 impl RigidNeighbors {
-    /// The 24 nearest neighbours of every point, and how far they move with it; `strain` is the
+    /// The 24 nearest neighbours of every point, and how rigidly they move with it; `strain` is the
     /// change of distance, relative to the distance, that a body may show and still count as rigid.
     pub fn of(points: &Trajectories, strain: f64) -> Self {
         let near = Neighbors::of(&points.rest, NEIGHBORS);
@@ -162,15 +163,15 @@ impl RigidNeighbors {
         Self { near, agreement, spacing, noise, strain }
     }
 
-    /// Neighbours of point `i`, nearest first, and how far each moves with it: 1 if their distance
-    /// never changes, 0 if it does.
+    /// Neighbours of point `i`, nearest first, with their agreement: 1 if the distance never
+    /// changes, near 0 if it changes by more than noise and strain.
     pub fn get(&self, i: usize) -> impl ExactSizeIterator<Item = (Neighbor, f64)> + '_ {
         let first = i * self.near.per_point;
         let own = &self.agreement[first..first + self.near.per_point];
         self.near.get(i).iter().copied().zip(own.iter().copied())
     }
 
-    /// How far points `a` and `b` of `points`, the cloud this was made of, move as one.
+    /// Agreement of points `a` and `b` of `points`, the cloud this was built from.
     pub fn between(&self, points: &Trajectories, a: usize, b: usize) -> f64 {
         let rest = distance_squared(&points.rest[a], &points.rest[b]).sqrt();
         agreement(points.deviation(a, b, rest), rest, self.noise, self.strain)
@@ -189,8 +190,7 @@ impl RigidNeighbors {
         median(&mut moving.map(|(spacing, _)| *spacing).collect::<Vec<f64>>())
     }
 
-    /// Points with which less than a third or so of their neighbourhood moves, `[N]`: they belong
-    /// to nothing.
+    /// Points that move with 15 % or less of their neighbourhood, `[N]`.
     pub fn outliers(&self, points: &Trajectories) -> Vec<bool> {
         (0..points.len())
             .into_par_iter()
@@ -211,15 +211,6 @@ impl RigidNeighbors {
 fn agreement(deviation: f64, length: f64, noise: f64, strain: f64) -> f64 {
     let stiff = NOISE_REACH * noise + strain * length;
     if stiff > 0.0 { (-0.5 * (deviation / stiff).powi(2)).exp() } else { 1.0 }
-}
-
-/// The middle value, the upper one of two, 0 of none. Reorders.
-fn median(values: &mut [f64]) -> f64 {
-    if values.is_empty() {
-        return 0.0;
-    }
-    let middle = values.len() / 2;
-    *values.select_nth_unstable_by(middle, f64::total_cmp).1
 }
 
 #[cfg(test)]

@@ -1,4 +1,4 @@
-//! Reading matches off the plan, column by column.
+//! Matches from the plan, column by column.
 
 use crate::output::LogFactors;
 use crate::problem::Cost;
@@ -160,7 +160,7 @@ fn insert(top: &mut Vec<Ranked>, k: usize, new: Ranked) -> bool {
 }
 
 impl UotOutput {
-    /// Best row of every column, with what is needed to judge it.
+    /// Best row of every column, with measures of its quality.
     ///
     /// # Errors
     /// [`UotError::Mismatch`] for a problem of another size.

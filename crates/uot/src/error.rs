@@ -1,4 +1,4 @@
-//! What can be wrong with a problem, its points or its parameters.
+//! Errors of this crate.
 
 use thiserror::Error;
 

@@ -109,7 +109,7 @@ impl<'a> NearField<'a> {
 
     fn scale_and_add_extra(&self, row_leaf: usize, col_leaf: usize, out: &mut Block) {
         let Some(extra) = &self.extra else { return };
-        // pairs this far are never asked about: their weight is zero in any case
+        // not evaluated for pairs this far: their weight is zero in any case
         let reach = 2.0 * self.largest_exponent;
         for (i, row) in out.iter_mut().enumerate() {
             for (j, value) in row.iter_mut().enumerate() {

@@ -1,11 +1,11 @@
-//! What the solver returns.
+//! Result of the solver.
 
 use crate::problem::check_dense_size;
 use crate::sweeps::Scalings;
 use crate::{EntropyReference, SinkhornParams, UotError, UotProblem};
 use rayon::prelude::*;
 
-/// Potentials and masses of the plan, and how the iteration went.
+/// Potentials and masses of the plan, and convergence of the iteration.
 ///
 /// With `ρ = a bᵀ` for [`EntropyReference::Kl`], 1 for `Entropy` and 1/e for `PLogP`, the plan is
 /// `P_ij = ρ_ij exp((f_i + g_j − D_ij)/λ0)`, and at the optimum `f = −λ1 ln(P1/a)`,

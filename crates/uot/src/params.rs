@@ -18,8 +18,8 @@ pub enum Acceleration {
     Anderson,
 }
 
-/// A sequence of decreasing entropy weights before the asked one, each started from the potentials
-/// of the last.
+/// A sequence of decreasing entropy weights before the requested one, each started from the
+/// potentials of the last.
 ///
 /// A small λ0 alone needs a number of sweeps in the order of (largest cost)/λ0; with the sequence
 /// it needs some per halving. Applies to explicit costs; the structured Welsch cost is bounded and
@@ -30,9 +30,9 @@ pub enum EpsilonScaling {
     /// From a tenth of the range of the costs, by factors of four, where that range exceeds 50 λ0.
     #[default]
     Auto,
-    /// The asked weight from the start.
+    /// The requested weight from the start.
     Off,
-    /// A sequence of the caller's.
+    /// A sequence given by the caller.
     From {
         /// First weight, cost units. Nothing is done where it is not above λ0.
         init: f64,

@@ -1,4 +1,4 @@
-//! What is to be solved: a cost between rows and columns, and the marginals.
+//! The problem: a cost between rows and columns, and the marginals.
 
 use crate::median::median_of_trees;
 use crate::near::{Extra, NearField, inverse_width};
@@ -24,7 +24,7 @@ pub struct UotProblem<'a> {
     scale: Option<WelschScale>,
 }
 
-/// Cost of having no counterpart, where that is allowed: one per row, one per column.
+/// Costs of staying unmatched, where that is allowed: one per row, one per column.
 #[derive(Debug, Default)]
 pub(crate) struct Unmatched {
     pub(crate) rows: Option<Vec<f64>>,
@@ -207,8 +207,8 @@ impl<'a> UotProblem<'a> {
         Ok(self)
     }
 
-    /// Lets columns have no counterpart: mass `N_j` that comes from nowhere, at `costs[j]` per
-    /// unit. Adds `Σ_j c_j N_j + λ0 KL(N ‖ b)` to the objective and `N` to the column sums that are
+    /// Allows columns to stay unmatched: mass `N_j` without a counterpart, at `costs[j]` per unit.
+    /// Adds `Σ_j c_j N_j + λ0 KL(N ‖ b)` to the objective and `N` to the column sums that are
     /// compared with `b`. With λ2 = ∞ the column's weight is shared out between its rows and
     /// "none", the posterior of a mixture with an outlier class.
     ///
@@ -220,7 +220,7 @@ impl<'a> UotProblem<'a> {
         Ok(self)
     }
 
-    /// Lets rows have no counterpart, as [`Self::with_unmatched_cols`] does for columns.
+    /// Allows rows to stay unmatched, as [`Self::with_unmatched_cols`] does for columns.
     ///
     /// # Errors
     /// [`UotError::BadLength`], [`UotError::BadValue`] for a cost that is not finite.

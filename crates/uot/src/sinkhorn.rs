@@ -126,7 +126,7 @@ impl Sinkhorn {
         }
     }
 
-    /// Entropy weights to go through, the asked one last.
+    /// Sequence of entropy weights, the requested one last.
     fn weights(&self, least: f64, largest: f64, warm: bool) -> Result<Vec<f64>, UotError> {
         let target = self.params.lambda_ent;
         if least.abs().max(largest.abs()) / target > 1e300 {
@@ -149,7 +149,7 @@ impl Sinkhorn {
         Ok(weights)
     }
 
-    /// Goes through the entropy weights, each started from the potentials of the last.
+    /// Solves for each entropy weight in turn, starting from the previous potentials.
     fn descend<'k>(
         &self,
         problem: &UotProblem<'_>,

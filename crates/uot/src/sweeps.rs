@@ -262,7 +262,7 @@ fn log_sum_exp(weights: &[f64], values: &[f64], factor: f64) -> f64 {
     top + weights.iter().zip(values).map(|pair| (exponent(pair) - top).exp()).sum::<f64>().ln()
 }
 
-/// Notices when the best residual has not improved for a while.
+/// Detects that the best residual has not improved for a while.
 struct Watch {
     best: f64,
     since: usize,

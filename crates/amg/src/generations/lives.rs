@@ -6,9 +6,13 @@ use gs_core::{DynamicScene, SceneError, Splats};
 const LEAST_OPACITY: f32 = 0.02;
 /// Share of its own largest opacity below which a splat counts as invisible.
 const SHARE_OF_PEAK: f32 = 0.05;
+/// Presence from which the motion of a splat is followed: nearer to the ends of its life its
+/// position is hardly constrained by pictures.
+pub(crate) const PRESENT: f64 = 0.2;
 /// Key times: a life of a twentieth of the clip, the shortest expected, spans three.
 const KEY_TIMES: usize = 65;
-/// Largest number of splats times key times (16 bytes each); larger scenes get fewer key times.
+/// Largest number of splats times key times, 16 bytes each (384 MB); larger scenes get fewer key
+/// times.
 const MAX_KEPT: usize = 24_000_000;
 const LEAST_KEY_TIMES: usize = 17;
 

@@ -6,12 +6,13 @@ use anchors::KdTree;
 use rayon::prelude::*;
 use uot::{Sinkhorn, SinkhornParams, UotProblem};
 
-/// Number of earlier splats considered for each new splat.
-const CANDIDATES: usize = 12;
+/// Nearest splats that are considered as predecessors and as carriers: about two rings of neighbours
+/// on a surface.
+pub(crate) const NEIGHBORS: usize = 12;
 /// The spacing at a splat is the distance to this nearest neighbour.
 const SPACING: usize = 3;
 /// Cost of two flat splats at right angles, nats.
-const FACING: f64 = 3.0;
+pub(crate) const FACING: f64 = 3.0;
 /// Largest cost of a difference in velocity, in colour or in size, nats. Each equals a distance of
 /// two spacings, so that none of them alone decides.
 const AT_MOST: f64 = 2.0;
@@ -20,11 +21,10 @@ const COLOR: f64 = 0.15;
 /// Usual difference between the logarithms of sizes on one surface.
 const SIZE: f64 = 0.7;
 /// Cost of leaving a new splat unmatched, nats: that of a distance of four spacings.
-const UNMATCHED: f64 = 8.0;
-/// Weight of the entropy, nats: 1, as costs are negative log-likelihoods.
-const ENTROPY: f64 = 1.0;
-/// Relaxation of the marginal of the earlier splats, nats.
-const OLD_SHARES: f64 = 1.0;
+const UNMATCHED: f64 = 4.0 * AT_MOST;
+/// Weights of the entropy and of the marginal of the earlier splats: 1, as costs are negative
+/// log-likelihoods in nats.
+const WEIGHT: f64 = 1.0;
 
 /// The properties of a splat that determine its cost.
 #[derive(Debug, Clone, Copy)]
@@ -58,7 +58,7 @@ pub(super) fn matches(old: &[Point], new: &[Point]) -> Result<Vec<Match>, AmgErr
     let tree = KdTree::<3>::new(&places);
     let queries: Vec<[f64; 3]> = new.iter().map(|point| point.place).collect();
     let candidates: Vec<Vec<u32>> =
-        tree.map(&queries, CANDIDATES, |_, near| near.iter().map(|n| n.id).collect());
+        tree.map(&queries, NEIGHBORS, |_, near| near.iter().map(|n| n.id).collect());
     let mut used: Vec<u32> = candidates.iter().flatten().copied().collect();
     used.sort_unstable();
     used.dedup();
@@ -100,8 +100,8 @@ pub(super) fn matches(old: &[Point], new: &[Point]) -> Result<Vec<Match>, AmgErr
         .with_marginals(share(old), share(new))?
         .with_unmatched_cols(vec![none; new.len()])?;
     let params = SinkhornParams {
-        lambda_ent: ENTROPY,
-        lambda_a: OLD_SHARES,
+        lambda_ent: WEIGHT,
+        lambda_a: WEIGHT,
         lambda_b: f64::INFINITY,
         tol: 1e-6,
         max_sweeps: 1_000,

@@ -11,7 +11,8 @@ mod matching;
 mod polish;
 mod rest;
 
-pub(crate) use lives::{Lives, Visibility};
+pub(crate) use lives::{Lives, PRESENT, Visibility};
+pub(crate) use matching::{FACING, NEIGHBORS};
 pub(crate) use rest::Rest;
 
 use crate::AmgError;

@@ -1,18 +1,15 @@
 //! Rest places: the position that each splat would have at the edit time, found step by step from
 //! the splats that it is matched with.
 
-use super::lives::Lives;
+use super::lives::{Lives, PRESENT};
 use super::matching::{Match, Point, matches};
 use crate::AmgError;
 use crate::rigid::{RigidFit, sub};
 use gs_core::{DynamicScene, Splats, quat, sh};
 
-/// Matched share from which a match is accepted; otherwise the next key time is tried.
-const LEAST_MATCHED: f64 = 0.5;
-/// Presence from which a splat is matched (`RIPE`), and from which others are matched with it
-/// (`KNOWN`). Near the ends of its life the position of a splat is hardly constrained by pictures.
+/// Presence from which a splat is matched with earlier ones. It is matched once, so later than it
+/// could be followed ([`PRESENT`]).
 const RIPE: f64 = 0.6;
-const KNOWN: f64 = 0.2;
 /// Half of a typical life, share of the clip.
 const HALF_LIFE: f64 = 0.06;
 
@@ -66,7 +63,7 @@ fn step(
     splats: &Splats,
     rest: &mut [Option<Rest>],
 ) -> Result<(), AmgError> {
-    let there = |i: &usize| lives.presence(k, *i) > if rest[*i].is_some() { KNOWN } else { RIPE };
+    let there = |i: &usize| lives.presence(k, *i) > if rest[*i].is_some() { PRESENT } else { RIPE };
     let (old, new): (Vec<usize>, Vec<usize>) =
         (0..lives.len()).filter(there).partition(|&i| rest[i].is_some());
     if new.is_empty() || old.is_empty() {
@@ -77,7 +74,8 @@ fn step(
     let news: Vec<Point> = new.iter().map(point).collect();
     let found = matches(&olds, &news)?;
     for (&i, found) in new.iter().zip(&found) {
-        if found.unmatched < 1.0 - LEAST_MATCHED {
+        // Otherwise the next key time is tried.
+        if found.unmatched < 0.5 {
             rest[i] = rest_of(&old, &olds, found, k, lives.place(k, i), rest);
         }
     }

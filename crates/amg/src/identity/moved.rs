@@ -1,8 +1,8 @@
 //! Rows that are source splats, moved, turned or scaled as a group.
 //!
-//! What a similarity leaves alone pairs rows with source splats: proportions, opacity, base colour.
-//! Pairs of one group share one similarity. It is found from few pairs that lie together, and kept
-//! if it explains more and more of them as the fit widens:
+//! Rows are paired with source splats by properties that a similarity does not change: proportions,
+//! opacity, base colour. Pairs of one group share one similarity. It is fitted to a few
+//! neighbouring pairs and kept if it explains more of them as the fit grows:
 //!
 //! 1. *Pairs*: for each open row, the source splats nearest in that signature, within rounding.
 //! 2. *Seeds*: rows in order of position. A pair proposes the similarity that its own rotation and
@@ -27,7 +27,7 @@ use rayon::prelude::*;
 
 /// Rows a group has at least: fewer share a similarity by chance when files round coarsely.
 const MIN_GROUP: usize = 8;
-/// Rows around a seed that are asked.
+/// Neighbouring rows considered around a seed.
 const NEIGHBORS: usize = 24;
 /// Pairs, the seed's included, that agree on a similarity before it is tried.
 const MIN_AGREEING: usize = 5;
@@ -35,7 +35,7 @@ const MIN_AGREEING: usize = 5;
 const MAX_GROUPS: usize = 64;
 /// Proposals that may fail in growth before the search ends: real groups grow at once.
 const MAX_FAILED: usize = 512;
-/// Seeds looked at on all threads at once.
+/// Seeds tried in parallel.
 const SEED_BLOCK: usize = 512;
 /// Radii of the group within which pairs may join.
 const REACH: f64 = 4.0;
@@ -45,7 +45,7 @@ const ROUNDS: usize = 24;
 /// and of the splat's middle standard deviation.
 const ROUNDING: f64 = 4e-6;
 const OF_DEVIATION: f64 = 2e-3;
-/// A group is at least so many residual limits wide, or any pairs would do.
+/// Least width of a group, in residual limits: any pairs fit a narrower one.
 const WIDTH: f64 = 12.0;
 /// Residual limits within which a group's last pairs are explained: limits are those of one splat,
 /// and the fit has errors of its own.
@@ -376,7 +376,7 @@ impl<'a> Search<'a> {
         (best.0 <= limit).then_some(best.1)
     }
 
-    /// What the rotations and scales of one pair show.
+    /// The similarity given by the rotations and scales of one pair.
     fn own_similarity(&self, at: usize, id: usize) -> Similarity {
         let row = self.open[at];
         let of = |splats: &Splats, i: usize| quat::normalize(splats.quats[i].map(f64::from));
@@ -391,7 +391,7 @@ impl<'a> Search<'a> {
         Similarity { translation, ..found }
     }
 
-    /// How far that may lead astray, per unit of distance.
+    /// Error of that similarity per unit of distance.
     fn own_slack(&self, at: usize) -> f64 {
         let rounding = self.precision.map_or(0.0, |precision| {
             let row = precision.of(self.open[at]);
@@ -467,6 +467,6 @@ fn residual_limit(
         precision.of(row).means.iter().map(|&v| f64::from(v).powi(2)).sum::<f64>().sqrt()
     });
     let rounding = (ROUNDING * f64::from(largest)).max(OF_DEVIATION * f64::from(scale[1]));
-    // Below it residuals of exact values would be compared with nothing.
+    // Below it, residuals of exact values would be compared with 0.
     (stored + tolerance * rounding).max(f64::MIN_POSITIVE)
 }

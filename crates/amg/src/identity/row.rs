@@ -19,7 +19,7 @@ pub enum Identity {
 }
 
 impl Identity {
-    /// The source splat this one is.
+    /// Id of the source splat, if it is one.
     pub fn source(self) -> Option<u32> {
         match self {
             Self::Unchanged(source) | Self::Recoloured(source) | Self::Moved { source, .. } => {
@@ -29,7 +29,7 @@ impl Identity {
         }
     }
 
-    /// The source splat this one is, if it is where that one is.
+    /// Id of the source splat, if it is one in its original place.
     pub fn in_place(self) -> Option<u32> {
         match self {
             Self::Unchanged(source) | Self::Recoloured(source) => Some(source),

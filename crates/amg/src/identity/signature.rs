@@ -1,4 +1,4 @@
-//! What a similarity leaves alone of a splat, and which source splats share it.
+//! Properties of a splat that a similarity does not change, and lookup of source splats by them.
 
 use crate::bit_map::BitMap;
 use crate::row_index::index;
@@ -14,7 +14,7 @@ const SIGNATURE: usize = 6;
 /// value keep them better.
 const PROPORTIONS: f64 = 1e-4;
 
-/// What rows and source splats are paired by.
+/// Properties by which rows and source splats are paired.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum By {
     /// Proportions, opacity and base colour.
@@ -90,7 +90,7 @@ struct SignatureTable {
 
 /// Values of a signature by which cells are numbered: the proportions, red and green.
 const CELL_VALUES: [usize; 4] = [0, 1, 3, 4];
-/// Splats of a cell looked at. Signatures that more of them share tell nothing.
+/// Most splats of a cell that are compared. Signatures shared by more are not informative.
 const MAX_OF_CELL: usize = 256;
 
 impl SignatureTable {

@@ -1,4 +1,4 @@
-//! Rows that a coarse file format changed, and nobody else.
+//! Rows that differ from source splats only by the rounding of a file format.
 
 use super::row::Identity;
 use crate::row_index::index;
@@ -6,15 +6,14 @@ use anchors::{KdTree, Neighbor};
 use gs_core::{Precision, RowPrecision, Splats, quat};
 use rayon::prelude::*;
 
-/// Source splats looked at first; more only while all of them lie within the precision.
+/// Source splats compared first; more only while all of them lie within the precision.
 const CANDIDATES: usize = 8;
-/// Source splats looked at, at most: coarse positions put many splats of a small scene on one
-/// place.
+/// Most source splats compared: coarse positions put many splats of a small scene in one place.
 const MAX_CANDIDATES: usize = 512;
 /// Rounding of the arithmetic on both sides of the file, relative to the values.
 const ROUNDING: f64 = 1e-6;
 
-/// Fills the rows of `rows` that are source splats as far as the file can tell.
+/// Fills the entries of `rows` that are source splats within the precision of the file.
 pub(super) fn matches(
     source: &Splats,
     edited: &Splats,

@@ -1,4 +1,4 @@
-//! Edited splats that are source splats within rounding, whatever rounded them.
+//! Edited splats that are source splats within rounding.
 
 use super::row::Identity;
 use crate::row_index::index;
@@ -6,7 +6,7 @@ use anchors::KdTree;
 use gs_core::{Real, Splats, covariance, quat};
 use rayon::prelude::*;
 
-/// Source splats looked at per open row in the tolerance pass.
+/// Source splats compared per open row in the tolerance pass.
 const CANDIDATES: usize = 4;
 
 pub(super) fn match_by_tolerance(

@@ -1,7 +1,7 @@
-//! The sources each edited splat finally moves with.
+//! Supports: the source splats whose motion each edited splat follows.
 
 use super::consensus::Consensus;
-use super::cubes::Cube;
+use super::cubes::{Cube, NEARBY};
 use super::numeric::TINY;
 use super::region_motion::{Path, RegionMotion};
 use super::source::Regions;
@@ -10,26 +10,19 @@ use crate::row_index::index;
 use anchors::{KdTree, Neighbor};
 use gs_core::Real;
 
-/// Regions whose splats are considered: enough for a choice, few enough to stay near, unless they
-/// have but a splat each.
+/// Regions from which the source splats of a support are taken: enough for a choice, few enough to
+/// stay near.
 const MIN_REGIONS: usize = 8;
-const MAX_REGIONS: usize = 24;
 
-/// Regions looked at for a splat far from all of them.
-const FAR_REGIONS: usize = 256;
+/// Width of the weights, in spacings of the regions.
+const KERNEL: f64 = 2.0;
 
-/// Sources of a support agree better than regions that count as one motion: share of the tolerance.
-const SAME: f32 = 0.7;
-
-/// Width of the weights, in spacings of the regions, and its growth with the squared distance of
-/// the nearest source.
-const KERNEL: f64 = 1.8;
-const KERNEL_GROWTH: f64 = 0.09;
-
-/// Spread of a support across its surface, as a share of the whole, at which it is no direction to
-/// be centred in any more; and the factors on weights that centring may ask for.
+/// Ridge of the local linear regression, as a share of the total variance: a support has less than
+/// this along the normal, where it cannot be centred.
 const RIDGE: f64 = 0.15;
-const CENTRING: [f64; 2] = [0.1, 4.0];
+
+/// Radius of the support of a splat far from its region, as a share of the distance between them.
+const LEVER: f64 = 0.5;
 
 /// Regions compared at once.
 const CHUNK: usize = 32;
@@ -37,7 +30,7 @@ const CHUNK: usize = 32;
 /// Weights below this are left out: rounding.
 const NEGLIGIBLE: f64 = 1e-9;
 
-/// What is kept from splat to splat, so that nothing is allocated for each.
+/// Buffers reused from splat to splat.
 #[derive(Default)]
 pub(super) struct Scratch {
     apart: Vec<f32>,
@@ -45,7 +38,7 @@ pub(super) struct Scratch {
     points: Vec<(f64, u32)>,
     first_of_region: Vec<(f64, u32)>,
     entries: Vec<(u32, f64)>,
-    /// Regions around the one that was last asked for far splats.
+    /// Neighbours of the region last used for far splats.
     around: Option<(u32, Vec<Neighbor>)>,
     ids: Vec<u32>,
 }
@@ -64,7 +57,7 @@ pub(super) struct Supports<'a> {
 }
 
 impl Supports<'_> {
-    /// Sources around a splat at `x` in `cube` that move like region `own`, and weights.
+    /// Source splats around `x` that move like region `own`, and their weights.
     pub(super) fn near(
         &self,
         x: [f64; 3],
@@ -77,10 +70,10 @@ impl Supports<'_> {
         points.clear();
         first_of_region.clear();
         let enough = |regions: usize, points: usize| {
-            (regions >= MAX_REGIONS && points >= self.sources_per_row)
+            regions >= self.sources_per_row.max(MIN_REGIONS)
                 || (regions >= MIN_REGIONS && points >= 4 * self.sources_per_row)
         };
-        let limit = (SAME * self.tolerance).powi(2);
+        let limit = self.tolerance.powi(2);
         let mut add = |region: u32| {
             let mut nearest = (f64::INFINITY, 0);
             for &p in self.regions.members(region as usize) {
@@ -120,14 +113,13 @@ impl Supports<'_> {
         points.extend_from_slice(first_of_region);
         let h = self.spacing[own as usize];
         let nearest = points[0].0;
-        let width = (KERNEL * h).powi(2) + KERNEL_GROWTH * nearest;
-        let width = width.max(TINY * TINY);
+        let width = (KERNEL * h).powi(2).max(TINY * TINY);
         let weigh = |&(squared, p): &(f64, u32)| {
             (p, (-0.5 * (squared - nearest) / width).exp() * self.regions.weights[p as usize])
         };
         entries.clear();
         entries.extend(points.iter().map(weigh).filter(|(_, weight)| *weight > NEGLIGIBLE));
-        // Where nothing moves, nothing can disagree.
+        // Static sources agree.
         if !entries
             .iter()
             .all(|entry| self.motion.still[self.regions.cells.owners[entry.0 as usize] as usize])
@@ -138,10 +130,10 @@ impl Supports<'_> {
         entries.iter().map(|&(p, w)| (index(self.regions.ids[p as usize]), w.as_f32())).collect()
     }
 
-    /// Tilts the weights so that their centroid lies beside `x`, as in local linear regression:
-    /// what a stretching or bending part does more of with every step aside then does no harm, and
-    /// supports may be wide. Along the normal, across which supports have no spread, the rigid
-    /// motion carries the offset.
+    /// Tilts the weights so that the centroid lies at `x` within the surface, as in local linear
+    /// regression. Motion that varies linearly along a stretching or bending part then causes no
+    /// bias, so supports may be wide. Along the normal, where supports have no spread, the rigid
+    /// motion extrapolates.
     fn centre(&self, entries: &mut [(u32, f64)], x: [f64; 3]) {
         let total: f64 = entries.iter().map(|entry| entry.1).sum();
         let place = |point: u32| self.regions.means[point as usize];
@@ -164,7 +156,7 @@ impl Supports<'_> {
         if ridge.is_nan() || ridge <= 0.0 {
             return;
         }
-        // C (C + ridge)⁻² applied to where the splat lies aside.
+        // C (C + ridge)⁻² (x − centroid).
         let mut ridged = covariance;
         for (i, row) in ridged.iter_mut().enumerate() {
             row[i] += ridge;
@@ -174,44 +166,42 @@ impl Supports<'_> {
         let tilt = apply(&covariance, apply(&inverse, apply(&inverse, sub(x, centroid))));
         for (point, weight) in entries {
             let factor = 1.0 + dot(tilt, sub(place(*point), centroid));
-            *weight *= factor.clamp(CENTRING[0], CENTRING[1]);
+            *weight *= factor.max(0.0);
         }
     }
 
-    /// Sources for a splat far from all of them that hangs on one which moves with region `own`:
-    /// the wider the lever, the wider the support, as far as it moves as one.
+    /// Source splats for a splat far from all of them that is attached to region `own`: one of each of
+    /// the regions around it that move alike.
     pub(super) fn far(&self, x: [f64; 3], own: u32, scratch: &mut Scratch) -> Vec<(u32, f32)> {
         let Scratch { apart, path, around, ids, .. } = scratch;
         let centre = self.regions.centroids.rest[own as usize];
-        let lever = norm(sub(x, centre));
-        // Splats of one piece ask for one region.
+        // Splats of one piece share the region.
         let (asked, near) = around.get_or_insert_with(|| (u32::MAX, Vec::new()));
         if *asked != own {
-            self.tree.nearest(&centre, FAR_REGIONS, near);
+            self.tree.nearest(&centre, NEARBY, near);
             *asked = own;
         }
-        let reach = (0.5 * lever).max(2.0 * self.spacing[own as usize]);
-        let tolerance = (f64::from(self.tolerance) + 0.1 * lever).as_f32();
         self.motion.path(own as usize, x.map(Real::as_f32), path);
         ids.clear();
         ids.extend(near.iter().map(|n| index(self.kept[n.id as usize])));
         self.motion.apart(path, ids, apart);
-        let mut same = Vec::new();
+        // A lever amplifies errors of the rotation, so the longer it is, the wider is the support.
+        let reach = LEVER * norm(sub(x, centre));
+        let limit = self.tolerance.powi(2);
+        let mut same = vec![own];
         for ((n, &region), &squared) in near.iter().zip(&*ids).zip(&*apart) {
             if n.distance_squared.sqrt() > reach && same.len() >= self.sources_per_row {
                 break;
             }
-            if squared <= tolerance * tolerance {
+            if squared <= limit && region != own {
                 same.push(region);
             }
         }
-        if !same.contains(&own) {
-            same.insert(0, own);
-        }
         let count = same.len().min(self.sources_per_row);
         (0..count)
-            .map(|i| {
-                let members = self.regions.members(same[i * same.len() / count] as usize);
+            .map(|i| same[i * same.len() / count])
+            .map(|region| {
+                let members = self.regions.members(region as usize);
                 let point = members[members.len() / 2] as usize;
                 (index(self.regions.ids[point]), self.regions.weights[point].as_f32())
             })
@@ -219,7 +209,7 @@ impl Supports<'_> {
     }
 }
 
-/// Of a symmetric matrix that has one.
+/// Inverse of a regular symmetric matrix.
 fn inverse(m: [[f64; 3]; 3]) -> [[f64; 3]; 3] {
     let cofactor = |i: usize, j: usize| {
         let (a, b) = ((i + 1) % 3, (i + 2) % 3);

@@ -1,4 +1,4 @@
-//! [`ShRotation`]: what turning the world does to spherical harmonics.
+//! [`ShRotation`]: rotation of spherical harmonics.
 
 use gs_core::{Real, sh};
 
@@ -51,7 +51,7 @@ impl ShRotation {
         Self { matrix }
     }
 
-    /// Turns the coefficients of one splat, `[K,3]`; degree 0 keeps its bits.
+    /// Rotates the coefficients of one splat, `[K,3]`; degree 0 keeps its bits.
     pub(super) fn apply(&self, sh: &mut [[f32; 3]]) {
         let mut old = [[0.0; 3]; 16];
         for (old, rgb) in old.iter_mut().zip(sh.iter()) {

@@ -1,4 +1,4 @@
-//! What every form of the Gibbs kernel can do.
+//! Operations of every form of the Gibbs kernel.
 
 /// `ln(K e^x)` and `ln(Kᵀ e^x)`. Vectors are in the kernel's own order; entries of x may be −∞ but
 /// not all of them. A row or column without pairs gives −∞.

@@ -1,15 +1,15 @@
-//! Kernel of listed pairs, stored relative to the scalings of the time.
+//! Kernel of listed pairs, stored relative to the present scalings.
 
 use super::gibbs::Kernel;
 use crate::sparse::SparseCost;
 use rayon::prelude::*;
 
-/// Growth of a scaling (natural logarithm) over the one the stored values were made for, above
-/// which they are made anew.
+/// Growth of a scaling (natural logarithm) since the stored values were computed, above which they
+/// are recomputed.
 const MAX_GROWTH: f64 = 100.0;
 /// Sums outside `1/TRUSTED ..= TRUSTED` may have lost terms and are computed from the costs.
 const TRUSTED: f64 = 1e200;
-/// Share of lines computed from the costs above which the stored values are made anew.
+/// Share of lines computed from the costs above which the stored values are recomputed.
 const MAX_LOST: f64 = 0.1;
 /// Rows or columns per parallel task, at least.
 const MIN_TASK: usize = 256;
@@ -45,7 +45,7 @@ impl<'a> SparseKernel<'a> {
         }
     }
 
-    /// Makes the stored values for the current shifts.
+    /// Computes the stored values for the current shifts.
     fn make(&mut self) {
         let (cost, inverse) = (self.cost, self.inverse);
         let (row_shift, col_shift) = (&self.row_shift, &self.col_shift);

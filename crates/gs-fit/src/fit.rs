@@ -121,7 +121,7 @@ pub fn fit<R: Rasterizer + Sync>(
         step = crate::checkpoint::restore(state, &mut run.working, &mut run.views)?;
         run.find_rows();
     } else {
-        if options.geometry && options.densify {
+        if run.carves() {
             report.carved = run.carve_first(observer)?;
         }
         run.reach();
@@ -238,7 +238,7 @@ impl<R: Rasterizer + Sync> Run<'_, R> {
         fingerprint: u64,
         observer: &mut dyn FitObserver,
     ) -> Result<(), FitError> {
-        let FitOptions { steps, dssim, rates, geometry, densify, .. } = *self.options;
+        let FitOptions { steps, dssim, rates, .. } = *self.options;
         let params = self.params();
         let mut loss = PictureLoss::new(dssim);
         let (mut output, mut upstream) = (RenderOutput::default(), UpstreamGrads::default());
@@ -247,8 +247,7 @@ impl<R: Rasterizer + Sync> Run<'_, R> {
         for step in first..steps {
             if step > 0
                 && step.is_multiple_of(self.densify_every())
-                && densify
-                && geometry
+                && self.carves()
                 && (step as f64) < DENSIFY_UNTIL * steps as f64
             {
                 self.densify(step)?;
@@ -314,6 +313,12 @@ impl<R: Rasterizer + Sync> Run<'_, R> {
         Ok(())
     }
 
+    /// Whether splats are removed where the pictures show what lies behind them. Fewer pictures do
+    /// not determine that.
+    fn carves(&self) -> bool {
+        self.options.densify && self.edited.len() >= usize::from(report::ENOUGH_VIEWS)
+    }
+
     fn densify_every(&self) -> usize {
         (self.options.steps / DENSIFY_TIMES).clamp(1, DENSIFY_EVERY)
     }
@@ -375,14 +380,16 @@ impl<R: Rasterizer + Sync> Run<'_, R> {
         })
     }
 
-    /// Removes splats that the pictures contradict, clones and splits others, and selects splats
-    /// that became visible.
+    /// Removes splats that the pictures contradict, clones and splits others (if geometry is
+    /// fitted), and selects splats that became visible.
     fn densify(&mut self, step: usize) -> Result<(), FitError> {
         self.carve()?;
         if step as f64 >= carving::FADE_UNTIL * self.options.steps as f64 {
             self.working.fading.fill(false);
         }
-        self.working.densify(self.options.seed ^ (0x5_0000_0000 + step as u64));
+        if self.options.geometry {
+            self.working.densify(self.options.seed ^ (0x5_0000_0000 + step as u64));
+        }
         self.select_more()?;
         self.reach();
         Ok(())

@@ -34,8 +34,8 @@ pub struct FitOptions {
     /// Whether positions, rotations and scales are fitted; colour and opacity always are. Default
     /// true.
     pub geometry: bool,
-    /// Whether splats are added where gradients are large, and removed where the pictures show the
-    /// background. Default true.
+    /// Whether splats are added where gradients are large (with [`FitOptions::geometry`]), and
+    /// removed where at least three pictures show the background. Default true.
     pub densify: bool,
     /// Share of D-SSIM in the loss. Default 0.2, as 3DGS trains.
     pub dssim: f32,

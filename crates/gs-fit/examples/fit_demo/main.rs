@@ -134,7 +134,7 @@ fn main() -> Result<(), Box<dyn Error>> {
                 .iter()
                 .map(|row| row.is_none_or(|row| fitted.selected[row as usize]))
                 .collect();
-            let both = motion::end_points(&scene, &edit, &fitted.splats, &is_fitted)?;
+            let both = motion::end_points(&scene, &edit, (&fitted.splats, &is_fitted), &cameras)?;
             for (name, errors) in ["true edit", "fitted edit"].iter().zip(both) {
                 println!(
                     "{name}, propagated: end-point error {:.4} % of the figure's size (95th percentile {:.4} %), {} splats",

@@ -1,4 +1,5 @@
-//! [`fingerprint_of_inputs`], [`fingerprint()`]: hashes that identify the run of a state or an image.
+//! [`fingerprint_of_inputs`], [`fingerprint()`]: hashes that identify the run of a state or an
+//! image.
 
 use crate::{RefineOptions, sample::Sample};
 use gs_core::{Camera, Splats};

@@ -43,8 +43,8 @@ const COUNTS: usize = 18;
 /// Bytes of an entry.
 const ENTRY: usize = 2 * 4 + 6 * 4 + 2;
 
-/// Inverse of [`encode`], for the view and time `at`; `None` if the bytes are malformed. `num_rows` is
-/// the number of edited splats.
+/// Inverse of [`encode`], for the view and time `at`; `None` if the bytes are malformed. `num_rows`
+/// is the number of edited splats.
 #[expect(clippy::option_option, reason = "an image that shows nothing is known, too")]
 pub(crate) fn decode<P>(bytes: &[u8], at: ViewTime, num_rows: usize) -> Option<Option<Made<P>>> {
     if bytes.is_empty() {

@@ -31,8 +31,8 @@ pub enum Solver {
 /// large weight. There is no step size.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RegressionParams {
-    /// Maximum evaluations of every image. The solver stops earlier after a pass that lowers the loss
-    /// by less than 0.5 %. Default 8.
+    /// Maximum evaluations of every image. The solver stops earlier after a pass that lowers the
+    /// loss by less than 0.5 %. Default 8.
     pub passes: usize,
     /// Width δ of the smoothed L1, colour units. Default 0.01.
     pub delta: f64,
@@ -40,9 +40,9 @@ pub struct RegressionParams {
     pub relaxation: f64,
     /// Weight of a splat's colours in the edited frame, relative to the weight that the background
     /// loss gives the same pixels; lower for splats that are hardly visible there. These colours
-    /// are correct by definition, and pixels alone do not separate those of neighbours. Default 1000;
-    /// 0 treats the edited frame like any other image. No effect unless the edited frame is among
-    /// the images.
+    /// are correct by definition, and pixels alone do not separate those of neighbours. Default
+    /// 1000; 0 treats the edited frame like any other image. No effect unless the edited frame is
+    /// among the images.
     pub hold: f64,
     /// Smoothness over directions: ridge on the refined coefficients of degree `l`, relative to the
     /// weight of the splat's observations: `prior · l²` times the share of images in which the

@@ -76,7 +76,8 @@ impl<R: Rasterizer<Prepared: Send> + Sync> Problem<'_, R> {
         Ok(())
     }
 
-    /// Evaluates the samples `range` with the offsets `d_sh` (`[E,K,3]`), each with its own evaluator.
+    /// Evaluates the samples `range` with the offsets `d_sh` (`[E,K,3]`), each with its own
+    /// evaluator.
     pub(crate) fn evaluate(
         &mut self,
         range: Range<usize>,

@@ -50,8 +50,8 @@ pub(crate) fn push_forward(
     (rgb, weight)
 }
 
-/// Pixels of a `w × h` image that pixel `p`, displaced by `moved` pixels, is distributed to, with its
-/// share in each.
+/// Pixels of a `w × h` image that pixel `p`, displaced by `moved` pixels, is distributed to, with
+/// its share in each.
 fn targets(w: usize, h: usize, p: usize, moved: &[f32]) -> impl Iterator<Item = (usize, f32)> {
     let (tx, ty) = ((p % w) as f32 + moved[0], (p / w) as f32 + moved[1]);
     let (floor_x, floor_y) = (tx.floor(), ty.floor());

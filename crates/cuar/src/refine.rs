@@ -25,7 +25,8 @@ pub struct Refined {
     pub sh: Vec<[f32; 3]>,
     /// Offset of SH, the same at every time, `[rows,K,3]`.
     pub d_sh: Vec<[f32; 3]>,
-    /// Rows that fade: remains of deleted objects ([`crate::refine_edit()`]); ascending, among `rows`.
+    /// Rows that fade: remains of deleted objects ([`crate::refine_edit()`]); ascending, among
+    /// `rows`.
     pub faded: Vec<u32>,
     /// Counts, losses, timings and warnings.
     pub report: RefineReport,
@@ -47,9 +48,9 @@ impl Refined {
     }
 }
 
-/// Refines the colours of the `edited` rows of `scene` (Eqs. 11–20): renders of the edited frame are
-/// warped to other times and supervise uncertain pixels there. One offset of SH per row, shared by
-/// all times. All other rows, and all geometry, do not change.
+/// Refines the colours of the `edited` rows of `scene` (Eqs. 11–20): renders of the edited frame
+/// are warped to other times and supervise uncertain pixels there. One offset of SH per row, shared
+/// by all times. All other rows, and all geometry, do not change.
 ///
 /// `resume` is a state that [`Observer::checkpoint`] received in a run with the same inputs; the
 /// result is that of the uninterrupted run (bit-identical with a deterministic rasteriser).

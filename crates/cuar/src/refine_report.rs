@@ -24,7 +24,8 @@ pub struct RefineReport {
     pub held_out_before: f64,
     /// On held-out images, after.
     pub held_out_after: f64,
-    /// The part of these two due to artifacts (Eq. 18); the rest is the change of colours elsewhere.
+    /// The part of these two due to artifacts (Eq. 18); the rest is the change of colours
+    /// elsewhere.
     pub held_out_artifacts: [f64; 2],
     /// Counts of masked pixels that frame 1 supervises, and of the others by reason.
     pub supervision: SupervisionStats,

@@ -59,7 +59,8 @@ pub struct RepairCounts {
     pub meaningless: usize,
     /// Of these, remains of deleted objects; they fade.
     pub faded: usize,
-    /// Of these, splats near a change that are not repaired, because their correct colour is unknown.
+    /// Of these, splats near a change that are not repaired, because their correct colour is
+    /// unknown.
     pub undecided: usize,
     /// Whether the edit itself changed hidden splats.
     pub reaches_hidden: bool,

@@ -220,8 +220,8 @@ impl<P> Builder<P> {
         Ok(Some(Made { sample, stats, floored, uncertain }))
     }
 
-    /// Frame 1 at this frame's pixels, `[H,W,3]`, and its source, `[H,W]`; both for the pixels `asked`
-    /// only.
+    /// Frame 1 at this frame's pixels, `[H,W,3]`, and its source, `[H,W]`; both for the pixels
+    /// `asked` only.
     fn warp<R: Rasterizer<Prepared = P>>(
         &self,
         source: &Source<R>,

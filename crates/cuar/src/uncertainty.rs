@@ -69,8 +69,8 @@ pub fn render_uncertainty<R: Rasterizer>(
     composite(raster, at_t, &features, camera)
 }
 
-/// Eq. 16 of ξ̂ = 1 − (1 − ξ)(1 − ξ′), where ξ′ `[N]` is that of [`crate::Evidence`]: uncertainty from
-/// view dependence and from missing supervision, `[H,W,1]`.
+/// Eq. 16 of ξ̂ = 1 − (1 − ξ)(1 − ξ′), where ξ′ `[N]` is that of [`crate::Evidence`]: uncertainty
+/// from view dependence and from missing supervision, `[H,W,1]`.
 ///
 /// # Errors
 /// As [`render_uncertainty`], and if `evidence` has another length.

@@ -6,8 +6,8 @@ use gs_core::{Camera, TimeRange};
 /// Cameras and times that images are drawn from.
 #[derive(Debug, Clone, Copy)]
 pub struct Views<'a> {
-    /// All cameras. One with a [`Camera::time`] (a frame of a monocular video) is used at that time and
-    /// at most at the edited frame; the others at every time.
+    /// All cameras. One with a [`Camera::time`] (a frame of a monocular video) is used at that time
+    /// and at most at the edited frame; the others at every time.
     pub cameras: &'a [Camera],
     /// Candidate times of cameras without one.
     pub times: &'a [f32],
@@ -133,8 +133,8 @@ impl Views<'_> {
         }
         if let Some(time) = keep_first {
             samples.extend(free.iter().map(|&view| ViewTime { view, time }));
-            // frame 1 also supervises fixed views; of the many cameras of a video, some are enough to
-            // keep its colours
+            // frame 1 also supervises fixed views; of the many cameras of a video, some are enough
+            // to keep its colours
             let some = fixed_share.min(FIRST_FRAMES);
             samples.extend(order[..some].iter().map(|&pick| ViewTime { view: fixed[pick], time }));
         }

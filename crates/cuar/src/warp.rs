@@ -5,15 +5,15 @@ use crate::Rejection;
 /// Form of the warp of the first frame to frame `t`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum WarpForm {
-    /// Backward warp: every pixel of frame `t` reads frame 1 at the position of its surface there, from
-    /// flow composited at frame `t`, divided by coverage. It is supervised only if that surface is
-    /// visible in frame 1. No holes.
+    /// Backward warp: every pixel of frame `t` reads frame 1 at the position of its surface there,
+    /// from flow composited at frame `t`, divided by coverage. It is supervised only if that
+    /// surface is visible in frame 1. No holes.
     #[default]
     Backward,
     /// Eq. 13 as written: pixels of frame 1 pushed along the composited (not normalised) flow
     /// `F_{1→t}` of frame 1, without an occlusion test. The equation does not define
-    /// pixels where several land, or none: here the nearest hides the others, and pixels without any
-    /// are not supervised.
+    /// pixels where several land, or none: here the nearest hides the others, and pixels without
+    /// any are not supervised.
     Paper,
 }
 
@@ -28,10 +28,9 @@ pub struct WarpParams {
     /// Maximum standard deviation of the positions in frame 1 composited at one pixel, relative to
     /// their depth; beyond it, several surfaces mix. Default 0.015.
     pub spread_tolerance: f32,
-    /// Minimum determinant of the motion from frame `t` to frame 1 at a pixel: the area in frame 1 of
-    /// one pixel of frame `t`. A side turned away from the camera in frame 1
-    /// gives a negative one (on a thin limb, depth alone does not show it), a grazing view a small
-    /// one. Default 0.4.
+    /// Minimum determinant of the motion from frame `t` to frame 1 at a pixel: the area in frame 1
+    /// of one pixel of frame `t`. A side turned away from the camera in frame 1 gives a negative
+    /// one (on a thin limb, depth alone does not show it), a grazing view a small one. Default 0.4.
     pub min_facing: f32,
     /// Pixels whose colour lies within the range of the 3×3 pixels of frame 1 around their source,
     /// widened by this much, agree with frame 1 and are supervised by their current colour, because

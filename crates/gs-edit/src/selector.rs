@@ -60,8 +60,8 @@ impl Bounds {
     }
 }
 
-/// A selection of splats. Lengths are world units in the frame of the file; colours are base colours,
-/// `½ + C₀·dc` clamped to 0 to 1. `docs/EDITING.md` has the language.
+/// A selection of splats. Lengths are world units in the frame of the file; colours are base
+/// colours, `½ + C₀·dc` clamped to 0 to 1. `docs/EDITING.md` has the language.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Selector {
     /// Every splat.

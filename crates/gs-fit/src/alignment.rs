@@ -92,8 +92,8 @@ impl Alignment {
     }
 
     /// Registers the picture to `render` (`[H,W,3]`) inside `mask`, starting from the current
-    /// estimate. `radius` is half the width of the window in which local displacements are constant,
-    /// pixels; `None` for a common displacement only.
+    /// estimate. `radius` is half the width of the window in which local displacements are
+    /// constant, pixels; `None` for a common displacement only.
     pub(crate) fn estimate(
         &mut self,
         picture: Picture,

@@ -10,9 +10,9 @@ use gs_core::Rasterizer;
 
 /// Difference of a channel (0 to 1) below which a picture shows the background of the selection.
 const BEHIND: f32 = 10.0 / 255.0;
-/// This many times the noise of a picture is added to [`BEHIND`], up to [`MOST_BEHIND`]; but not more
-/// than the difference between the picture and the current render. Otherwise new colours close to
-/// that of the background would be taken for it.
+/// This many times the noise of a picture is added to [`BEHIND`], up to [`MOST_BEHIND`]; but not
+/// more than the difference between the picture and the current render. Otherwise new colours close
+/// to that of the background would be taken for it.
 const NOISES: f32 = 1.5;
 const MOST_BEHIND: f32 = 0.12;
 /// A splat belongs to the background if more than this share of it looks as it did before.
@@ -82,11 +82,7 @@ impl<R: Rasterizer + Sync> Run<'_, R> {
 
     /// Share of each splat's visible pixels that look as without the splats in `front`; 1 for
     /// splats of `front` that others of it hide.
-    fn share_behind(
-        &self,
-        current: &[Vec<f32>],
-        front: &[bool],
-    ) -> Result<Vec<f32>, FitError> {
+    fn share_behind(&self, current: &[Vec<f32>], front: &[bool]) -> Result<Vec<f32>, FitError> {
         let (raster, params) = (self.raster, self.params());
         let (seen, open) = self.agreement(current, |view| {
             let kept: Vec<usize> =

@@ -1,7 +1,7 @@
 //! [`fit()`]: fits splats to pictures.
 
-use crate::carving;
 use crate::alignment::{Aligning, Alignment, hold_common, needed};
+use crate::carving;
 use crate::loss::{PictureLoss, Rect, Target};
 use crate::report::{self, FitReport};
 use crate::state::{FitObserver, FitPreview, FitProgress, FitState};
@@ -141,8 +141,8 @@ fn vote<R: Rasterizer>(raster: &R, splats: &Splats, views: &[View]) -> Result<Vo
     Votes::of(raster, splats, edited.map(|view| (&view.camera, view.mask.as_slice())))
 }
 
-/// Sets the weights of unedited pictures: 0 where they show the selection, because the edit of other
-/// pictures applies there, too.
+/// Sets the weights of unedited pictures: 0 where they show the selection, because the edit of
+/// other pictures applies there, too.
 fn weigh_unedited<R: Rasterizer>(
     raster: &R,
     start: &Splats,
@@ -402,8 +402,8 @@ impl<R: Rasterizer + Sync> Run<'_, R> {
         Ok(())
     }
 
-    /// Finds the pixels that the selection can change in each view, and the splats that these pixels
-    /// depend on.
+    /// Finds the pixels that the selection can change in each view, and the splats that these
+    /// pixels depend on.
     pub(crate) fn reach(&mut self) {
         let (raster, working) = (self.raster, &self.working);
         let rows = working.rows();

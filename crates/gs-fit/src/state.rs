@@ -59,8 +59,8 @@ pub trait FitObserver {
         let _ = preview;
     }
 
-    /// Called every [`crate::FitOptions::checkpoint_secs`], and before a cancelled fit returns, with
-    /// a state that the caller can store.
+    /// Called every [`crate::FitOptions::checkpoint_secs`], and before a cancelled fit returns,
+    /// with a state that the caller can store.
     fn checkpoint(&mut self, state: &FitState) {
         let _ = state;
     }

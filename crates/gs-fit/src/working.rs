@@ -14,8 +14,8 @@ pub(crate) const NEW: u32 = u32::MAX;
 pub(crate) const FAINT: f32 = 0.005;
 /// Largest share of the selection that is cloned or split at a time.
 const DENSIFIED_SHARE: f64 = 0.125;
-/// Mean gradient norm of the projected centre, per half image size, above which a splat is cloned or
-/// split, as in 3DGS.
+/// Mean gradient norm of the projected centre, per half image size, above which a splat is cloned
+/// or split, as in 3DGS.
 const GRADIENT: f32 = 2e-4;
 /// Splats whose largest standard deviation exceeds this many splat sizes are split, smaller ones
 /// cloned.

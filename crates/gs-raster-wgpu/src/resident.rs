@@ -1,12 +1,12 @@
 //! Features that stay on the device, and passes appended to other commands.
 
+use crate::WgpuRasterizer;
 use crate::backward::{self, Scope};
 use crate::buffers::GrowBuffer;
 use crate::commands::Commands;
 use crate::forward;
 use crate::plan::Channels;
 use crate::prepared::{Forward, GpuPrepared};
-use crate::WgpuRasterizer;
 use gs_core::{RasterError, RenderParams};
 
 impl WgpuRasterizer {
@@ -109,4 +109,3 @@ impl WgpuRasterizer {
         Ok(forward::image_bytes(prepared, forward.channels))
     }
 }
-

@@ -97,7 +97,8 @@ fn bench(criterion: &mut Criterion, context: &GpuContext) {
     };
     if let Some(context) = context.adapter().timestamps.then(|| self::context(true)).flatten() {
         let raster = WgpuRasterizer::new(context);
-        let (mut engine, mut prepared) = (engine(&raster), raster.prepare(&splats, &camera).unwrap());
+        let (mut engine, mut prepared) =
+            (engine(&raster), raster.prepare(&splats, &camera).unwrap());
         // The first step compiles.
         engine.step(&image, &mut prepared).unwrap();
         engine.step(&image, &mut prepared).unwrap();
@@ -124,8 +125,7 @@ fn bench(criterion: &mut Criterion, context: &GpuContext) {
     let mut prepared = raster.prepare(&splats, &camera).unwrap();
     let mut tuned = splats.clone();
     let (mut out, mut grads) = (RenderOutput::default(), RenderGrads::default());
-    let mut objective =
-        Objective::<f32>::new(width as usize, height as usize, pixels, weights);
+    let mut objective = Objective::<f32>::new(width as usize, height as usize, pixels, weights);
     let mut adam = cuar::Adam::<f32>::new(3 * splats.sh.len());
     let mut upstream = UpstreamGrads::default();
     group.bench_function(BenchmarkId::new("through the host", num), |bencher| {

@@ -5,8 +5,8 @@ use crate::image_loss::{ImageLosses, Plane};
 use crate::kernels::{
     CHANGE_COLORS, CHANGE_COLORS_BWD, COMPOSE, COMPOSE_BWD, Crop, GROUP_SIZE, Offsets,
 };
-use crate::{DeviceAdam, ParameterSlice};
 use crate::weights::Weights;
+use crate::{DeviceAdam, ParameterSlice};
 use cuar::loss::LossParts;
 use cuar::{DescentEngine, DescentImage, DescentTask};
 use gs_core::{RasterError, RenderParams, sh};

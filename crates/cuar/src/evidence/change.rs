@@ -48,10 +48,11 @@ impl References {
 /// Per row of `rows`, the change of SH `[K,3]` of the nearest references on its surface,
 /// itself left out; `None` without any.
 ///
-/// References are near, have a similar normal, move with the splat and had its hue. New base colours are a
-/// local power law of the old brightness `b`, per channel `log new = log new̅ + β (log b − log
-/// b̅)`: light and shadow are factors of both (β = 1, which is the prior), and paint that covers a
-/// texture of light and dark has β = 0. Higher bands take the references' mean change.
+/// References are near, have a similar normal, move with the splat and had its hue. New base
+/// colours are a local power law of the old brightness `b`, per channel `log new = log new̅ + β
+/// (log b − log b̅)`: light and shadow are factors of both (β = 1, which is the prior), and paint
+/// that covers a texture of light and dark has β = 0. Higher bands take the references' mean
+/// change.
 pub(super) fn expected_changes(
     frame: &EditedFrame<'_>,
     rows: &[usize],

@@ -15,8 +15,8 @@ pub(super) struct Hidden {
     rows: Vec<usize>,
     /// Kind of colour of each after the edit.
     colors: Vec<HiddenColor>,
-    /// For every splat, the shares of the surface around it that the edit changed and deleted; `None`
-    /// where that surface has no supervised splats.
+    /// For every splat, the shares of the surface around it that the edit changed and deleted;
+    /// `None` where that surface has no supervised splats.
     pub(super) shares: Vec<Option<[f32; 2]>>,
     /// Whether the edit changed most hidden splats of the surfaces that it changed.
     pub(super) is_reached: bool,
@@ -102,8 +102,8 @@ impl Hidden {
         all.filter(move |(_, own)| **own == color).map(|(row, _)| *row)
     }
 
-    /// Number of open rows near a change for which the surface does not determine whether they belong to
-    /// it.
+    /// Number of open rows near a change for which the surface does not determine whether they
+    /// belong to it.
     pub(super) fn num_undecided(&self, params: &EvidenceParams) -> usize {
         let is_undecided = |row: &usize| {
             self.shares[*row].is_some_and(|[changed, deleted]| {

@@ -14,8 +14,8 @@ pub(super) struct Lacking {
     pub(super) change: Vec<[f32; 3]>,
 }
 
-/// The missing changes of the open rows of `hidden`, ascending by row; and the number of open rows on
-/// a surface that the edit changed, but without supervised splats to compare with.
+/// The missing changes of the open rows of `hidden`, ascending by row; and the number of open rows
+/// on a surface that the edit changed, but without supervised splats to compare with.
 ///
 /// On a surface that the edit changed, this is the rest of its change; elsewhere, the change that
 /// restores the old colour of a splat with a meaningless one.

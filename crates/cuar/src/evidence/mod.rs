@@ -1,5 +1,5 @@
-//! [`Evidence`]: splats that frame 1 does not supervise, and the colour change of the surface around
-//! them (ξ′ beside the paper's ξ).
+//! [`Evidence`]: splats that frame 1 does not supervise, and the colour change of the surface
+//! around them (ξ′ beside the paper's ξ).
 //!
 //! The paper's ξ (Eqs. 14–15) is zero where colours do not depend on the view. An editor that works
 //! on pictures of frame 1 does not change splats that no picture shows; motion may turn them to the
@@ -53,8 +53,8 @@ use surface::{Nodes, Surface};
 pub struct Evidence {
     /// ω, its supervision by frame 1, 0 to 1.
     pub supervision: Vec<f32>,
-    /// `a`, the share of the surface around it that the edit changed, 0 to 1; for supervised splats, 1
-    /// if the edit changed them, else 0.
+    /// `a`, the share of the surface around it that the edit changed, 0 to 1; for supervised
+    /// splats, 1 if the edit changed them, else 0.
     pub agreement: Vec<f32>,
     /// The share of the surface around it that the edit deleted, 0 to 1.
     pub deleted: Vec<f32>,
@@ -62,7 +62,8 @@ pub struct Evidence {
     pub changed: Vec<bool>,
     /// ξ′, 0 to 1; 1 for remains of deleted objects.
     pub xi: Vec<f32>,
-    /// Rows with ξ′ > 0 that do not fade, ascending, with their missing change of SH, Δ̂ − Δ, `[K,3]`.
+    /// Rows with ξ′ > 0 that do not fade, ascending, with their missing change of SH, Δ̂ − Δ,
+    /// `[K,3]`.
     pub lacking: Vec<(u32, Vec<[f32; 3]>)>,
     /// Remains of deleted objects.
     pub ghosts: Vec<u32>,
@@ -179,8 +180,8 @@ impl Evidence {
         let is_ghost =
             |i: &usize| self.deleted[*i] > params.min_agreement && self.supervision[*i] <= 0.0;
         let ghosts: Vec<u32> = hidden.open().filter(is_ghost).map(row_id).collect();
-        // A deletion that also removed hidden splats was made in 3D, and missed none. A deletion from
-        // pictures removes more than it misses.
+        // A deletion that also removed hidden splats was made in 3D, and missed none. A deletion
+        // from pictures removes more than it misses.
         let num_gone = frame.nodes.len() - self.changed.len();
         if ghosts.len() > num_buried && ghosts.len() <= num_gone {
             self.ghosts = ghosts;
@@ -198,9 +199,10 @@ impl Evidence {
     }
 }
 
-/// Shares between which supervision grows from 0 to 1: those of the parameters, or less where splats
-/// overlap so much that typical shares are small (a quarter and three quarters of the typical share
-/// of changed splats, or of half that of all splats, if larger: hidden splats may also have changed).
+/// Shares between which supervision grows from 0 to 1: those of the parameters, or less where
+/// splats overlap so much that typical shares are small (a quarter and three quarters of the
+/// typical share of changed splats, or of half that of all splats, if larger: hidden splats may
+/// also have changed).
 fn thresholds(shares: &[f32], sizes: &[f32], params: &EvidenceParams) -> [f32; 2] {
     let changed = shares.iter().zip(sizes).filter(|(_, size)| **size > params.min_change);
     let Some(changed) = typical(changed.map(|(share, _)| *share).collect()) else {

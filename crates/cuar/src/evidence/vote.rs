@@ -3,17 +3,17 @@
 use super::surface::Surface;
 use rayon::prelude::*;
 
-/// Rounds. A label spreads by one neighbour per round; hidden regions are a few tens of splats wide at
-/// most.
+/// Rounds. A label spreads by one neighbour per round; hidden regions are a few tens of splats wide
+/// at most.
 const ROUNDS: usize = 100;
 /// Weight of a node's own label, relative to that of all its neighbours.
 const HOLD: f32 = 10.0;
 /// Neighbours weaker than this belong to another surface.
 const FAINT: f32 = 0.02;
 
-/// For every node of `surface`, two shares in 0 to 1: a mean of its own `label`, weighted by `known` (0
-/// to 1), and of its neighbours' shares (the harmonic function with the known nodes as boundary);
-/// `None` for nodes that are not connected to a known one.
+/// For every node of `surface`, two shares in 0 to 1: a mean of its own `label`, weighted by
+/// `known` (0 to 1), and of its neighbours' shares (the harmonic function with the known nodes as
+/// boundary); `None` for nodes that are not connected to a known one.
 pub(super) fn harmonic(
     surface: &Surface,
     label: &(impl Fn(usize) -> [f32; 2] + Sync),

@@ -2,8 +2,8 @@
 //! that are given.
 //!
 //! `cargo run --release --workspace --example fit_demo [CASE …]`; without a case, all. With
-//! `--motion`, the fitted splats are also propagated. [docs/BENCHMARKS.md](../../../../docs/BENCHMARKS.md)
-//! has the results.
+//! `--motion`, the fitted splats are also propagated.
+//! [docs/BENCHMARKS.md](../../../../docs/BENCHMARKS.md) has the results.
 
 #![expect(clippy::print_stdout, reason = "prints its results")]
 #![expect(

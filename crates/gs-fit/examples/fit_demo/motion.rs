@@ -31,9 +31,8 @@ pub(crate) fn end_points(
     cameras: &[Camera],
 ) -> Result<[EndPoints; 2], Box<dyn Error>> {
     let tags = &edit.truth.tags;
-    let is_edited: Vec<bool> = (0..tags.len())
-        .map(|i| edit.truth.eval_mask[i] && tags[i] != Tag::Unchanged)
-        .collect();
+    let is_edited: Vec<bool> =
+        (0..tags.len()).map(|i| edit.truth.eval_mask[i] && tags[i] != Tag::Unchanged).collect();
     Ok([
         error_of(scene, &edit.truth, (&edit.splats, &is_edited), cameras)?,
         error_of(scene, &edit.truth, (fitted, is_fitted), cameras)?,
@@ -49,12 +48,7 @@ fn error_of(
     cameras: &[Camera],
 ) -> Result<EndPoints, Box<dyn Error>> {
     let source: Arc<dyn DynamicScene> = Arc::new(scene.clone());
-    let found = propagate(
-        source,
-        Arc::new(splats.clone()),
-        &MotionOptions::default(),
-        &|_, _| {},
-    )?;
+    let found = propagate(source, Arc::new(splats.clone()), &MotionOptions::default(), &|_, _| {})?;
     let first = truth.at(0.0)?;
     let candidates: Vec<usize> = (0..first.len()).filter(|&i| truth.eval_mask[i]).collect();
     let rows: Vec<usize> = (0..splats.len()).filter(|&i| scored[i]).collect();
@@ -63,8 +57,7 @@ fn error_of(
         .par_iter()
         .map(|&row| {
             let distance = |&&i: &&usize| squared(first.means[i], splats.means[row]);
-            let closest =
-                candidates.iter().min_by(|a, b| distance(a).total_cmp(&distance(b)));
+            let closest = candidates.iter().min_by(|a, b| distance(a).total_cmp(&distance(b)));
             closest.copied().unwrap_or(0)
         })
         .collect();

@@ -104,7 +104,8 @@ impl FitObserver for Watch<'_> {
     }
 
     fn carving(&mut self, done: usize, most: usize) {
-        self.progress.message(format!("looking for removed objects, round {} of at most {most}", done + 1));
+        self.progress
+            .message(format!("looking for removed objects, round {} of at most {most}", done + 1));
     }
 
     fn preview(&mut self, preview: &FitPreview) {

@@ -65,9 +65,7 @@ fn table(num_splats: usize, size: (u32, u32)) -> Result<(), Box<dyn Error>> {
             if form == "perfect" {
                 missed.extend(bars::broken_perfect(then, now));
             } else if then[0] < 100.0 {
-                if ["recolour", "local", "textured"].contains(&name) {
-                    missed.extend(bars::broken_flicker(&case, &repaired));
-                }
+                missed.extend(bars::broken_flicker(&case, &repaired));
                 gains.push(now[0] - then[0]);
             }
             let found = wrong_rows(&case).map_or_else(String::new, |wrong| {

@@ -103,7 +103,7 @@ impl Descent {
         Ok(())
     }
 
-    /// [`Descent::run`] with every step done by `engine`. Losses are read now and then; offsets and
+    /// [`Descent::run`] with every step done by `engine`. Losses are read at intervals; offsets and
     /// moments at checkpoints and at the end.
     pub(crate) fn run_on<R: Rasterizer<Prepared: Send> + Sync>(
         &mut self,
@@ -159,7 +159,7 @@ impl Descent {
     }
 }
 
-/// The image of a step: every pass over the images has another order.
+/// The image of a step. Every pass over the images has a different order.
 fn visited(seed: u64, step: usize, count: usize) -> usize {
     SplitMix(seed ^ ((step / count) as u64 + 1)).order(count)[step % count]
 }

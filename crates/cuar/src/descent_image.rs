@@ -1,4 +1,4 @@
-//! [`DescentImage`]: one supervised image, as the steps of Adam see it.
+//! [`DescentImage`]: one supervised image, the input of a step of Adam.
 
 /// Rectangle of the image, pixels.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
@@ -29,15 +29,15 @@ pub struct Entry {
     pub is_constrained: bool,
 }
 
-/// One supervised image, for a [`crate::DescentEngine`]: what its render is compared with, in the
-/// crop that edited splats reach. Its content is the same in every step with the same `index`.
+/// One supervised image for a [`crate::DescentEngine`]: the targets of its render, in the crop that
+/// edited splats reach. Its content is the same in every step with the same `index`.
 #[derive(Debug, Clone, Copy)]
 pub struct DescentImage<'a> {
     /// Number of the image.
     pub index: usize,
     /// Columns and rows of the whole image, over which losses are means.
     pub size: [usize; 2],
-    /// The part of it that follows.
+    /// The rectangle of the arrays below.
     pub crop: Crop,
     /// Render without offsets, `[h,w,3]`.
     pub original: &'a [f32],
@@ -45,7 +45,7 @@ pub struct DescentImage<'a> {
     pub warp: &'a [f32],
     /// Bits [`DescentImage::FORE`], [`DescentImage::BACK`] and [`DescentImage::LIVE`], `[h,w]`.
     pub flags: &'a [u8],
-    /// The edited splats seen, each once.
+    /// The visible edited splats, each once.
     pub entries: &'a [Entry],
 }
 
@@ -54,6 +54,6 @@ impl DescentImage<'_> {
     pub const FORE: u8 = 1;
     /// Pixel bit: `original` supervises (L1).
     pub const BACK: u8 = 2;
-    /// Pixel bit: an edited splat shows. Elsewhere the render is `original` for any offsets.
+    /// Pixel bit: an edited splat is visible. Elsewhere the render is `original` for any offsets.
     pub const LIVE: u8 = 4;
 }

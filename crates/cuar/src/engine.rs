@@ -4,7 +4,7 @@ use crate::{descent_image::DescentImage, loss::LossParts, loss::LossWeights};
 use gs_core::RasterError;
 use gs_fit::Adam;
 
-/// What is minimised, for a [`DescentEngine`].
+/// The task of a [`DescentEngine`].
 #[derive(Debug, Clone, Copy)]
 pub struct DescentTask<'a> {
     /// Degree of the offsets.
@@ -13,7 +13,7 @@ pub struct DescentTask<'a> {
     pub rates: &'a [f32],
     /// η and ζ.
     pub weights: LossWeights,
-    /// Bytes of supervised images that may be kept; others are handed over again with every step.
+    /// Bytes of supervised images that may be kept; others are uploaded again at every step.
     pub memory: usize,
 }
 
@@ -42,7 +42,7 @@ pub trait DescentEngine<P> {
     /// If the device fails.
     fn step(&mut self, image: &DescentImage, prepared: &mut P) -> Result<(), RasterError>;
 
-    /// The losses of the steps since the last call, each before its step, in order.
+    /// The losses of the steps since the last call, in order, each evaluated before its step.
     ///
     /// # Errors
     /// If the device fails.
@@ -61,11 +61,11 @@ pub trait DescentEngine<P> {
     fn read(&mut self, d_sh: &mut [[f32; 3]], adam: &mut Adam<f32>) -> Result<(), RasterError>;
 }
 
-/// What computes a refinement: a rasteriser, and perhaps an engine for [`crate::Solver::Adam`].
+/// A rasteriser, and optionally an engine for [`crate::Solver::Adam`].
 pub struct Backend<'a, R: gs_core::Rasterizer> {
-    /// Renders, and differentiates them.
+    /// Renders and differentiates.
     pub raster: &'a R,
-    /// Does whole steps of Adam. Default none: they are done on the host.
+    /// Does whole steps of Adam; `None`: the host does them.
     pub descent: Option<&'a mut dyn DescentEngine<R::Prepared>>,
 }
 

@@ -3,18 +3,18 @@
 use gs_core::{CameraError, RasterError, SceneError, SplatsError};
 use thiserror::Error;
 
-/// Why a pass or the refinement could not be done.
+/// Error of a pass or of the refinement.
 #[derive(Debug, Error)]
 #[non_exhaustive]
 pub enum CuarError {
-    /// An argument has another size than the others require.
+    /// The size of an argument does not match the others.
     #[error("refinement: `{what}` has {found} values, expected {expected}")]
     Shape {
         /// Name of the argument.
         what: &'static str,
-        /// Values given.
+        /// Number of values found.
         found: usize,
-        /// Values needed.
+        /// Number of values expected.
         expected: usize,
     },
     /// An option or input out of range.
@@ -26,10 +26,10 @@ pub enum CuarError {
     /// The scene could not be evaluated.
     #[error(transparent)]
     Scene(#[from] SceneError),
-    /// The rasteriser refused.
+    /// The rasteriser failed.
     #[error(transparent)]
     Raster(#[from] RasterError),
-    /// A camera cannot see.
+    /// A camera is malformed.
     #[error(transparent)]
     Camera(#[from] CameraError),
     /// Arrays of splats disagree.
@@ -41,7 +41,7 @@ pub enum CuarError {
         /// What does not fit.
         what: String,
     },
-    /// The observer asked to stop; its last checkpoint holds everything done.
+    /// The observer cancelled the run; its last checkpoint has all steps done.
     #[error("refinement: cancelled at step {step}")]
     Cancelled {
         /// Steps done.

@@ -1,4 +1,5 @@
-//! [`fingerprint_of_inputs`], [`fingerprint()`]: whether a state or an image belongs to a run.
+//! [`fingerprint_of_inputs`], [`fingerprint()`]: hashes that identify the run of a state or an
+//! image.
 
 use crate::{RefineOptions, sample::Sample};
 use gs_core::{Camera, Splats};
@@ -14,7 +15,7 @@ impl Fnv {
     }
 }
 
-/// Hash of what images are made from, the scene's motion aside.
+/// Hash of the inputs of the images, without the scene's motion.
 pub(crate) fn fingerprint_of_inputs(
     first: &Splats,
     rows: &[u32],
@@ -23,7 +24,7 @@ pub(crate) fn fingerprint_of_inputs(
 ) -> u64 {
     let mut hash = Fnv(0xcbf2_9ce4_8422_2325);
     let options = RefineOptions {
-        // these change how a run is watched, not what it computes
+        // these do not change the result
         preview_secs: None,
         checkpoint_secs: None,
         memory: 0,
@@ -48,7 +49,7 @@ pub(crate) fn fingerprint_of_inputs(
     hash.0
 }
 
-/// Hash of what a run depends on.
+/// Hash of all inputs of a run.
 pub(crate) fn fingerprint<P>(inputs: u64, samples: &[Sample<P>]) -> u64 {
     let mut hash = Fnv(inputs);
     for sample in samples {

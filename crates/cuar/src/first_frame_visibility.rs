@@ -1,8 +1,8 @@
 //! How visible each splat is in frame 1.
 //!
 //! Where broad splats overlap, the composited depth is not a surface, and no colour can be fetched
-//! from frame 1. But a splat that is visible in frame 1 has a known colour. A pixel that is
-//! composited from such splats has a known colour, too, without resampling.
+//! from frame 1. But a splat that is visible in frame 1 has a known colour, hence so does a pixel
+//! that is composited from such splats, without resampling.
 
 use crate::{CuarError, flow::axes};
 use gs_core::image_formation::{ALPHA_THRESHOLD, EPS2D};
@@ -57,12 +57,12 @@ fn unoccluded(splats: &Splats, i: usize, camera: &Camera) -> f64 {
     std::f64::consts::TAU * det.max(0.0).sqrt() * above
 }
 
-/// How far frame 1 supervises each splat, `[N]` in [0, 1]: the largest share of its unoccluded
-/// weight `Σ_p α` that any of `cameras` shows, `max_v Σ_p α T / Σ_p α`. `splats` are those of frame
-/// 1.
+/// Visibility of each splat of frame 1, `[N]` in [0, 1]: the largest share of its unoccluded weight
+/// `Σ_p α` that is visible from any of `cameras`, `max_v Σ_p α T / Σ_p α`. `splats` are those of
+/// frame 1.
 ///
 /// # Errors
-/// If a camera cannot see, shapes disagree, or the rasteriser fails.
+/// If a camera is malformed, shapes disagree, or the rasteriser fails.
 pub fn first_frame_shares<R: Rasterizer>(
     raster: &R,
     splats: &Splats,
@@ -104,10 +104,10 @@ pub(crate) fn survey<R: Rasterizer>(
     Ok((shares, hidden))
 }
 
-/// Coverage from which a pixel hides what lies behind it.
+/// Coverage above which a pixel hides what lies behind it.
 const COVERED: f32 = 0.9;
 
-/// Whether `place` lies in view and no surface of the render hides it, farther before it than its
+/// Whether `place` lies in view, and no surface of the render lies in front of it by more than its
 /// radius.
 fn is_in_front(output: &RenderOutput, camera: &Camera, (place, radius): ([f32; 3], f64)) -> bool {
     let place = place.map(f64::from);

@@ -4,10 +4,10 @@ use crate::CuarError;
 use gs_core::{Camera, Image, Rasterizer, RenderParams, Splats};
 use rayon::prelude::*;
 
-/// Composited displacement of the surfaces seen at each pixel.
+/// Composited displacement of the surfaces visible at each pixel.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Flow {
-    /// `Σ f α T`, pixels, x right and y down, `[H,W,2]`. As the paper writes it: **not** divided by
+    /// `Σ f α T`, pixels, x right and y down, `[H,W,2]`. As in the paper, **not** divided by
     /// coverage, so it shrinks towards 0 where splats cover a pixel in part.
     pub flow: Image,
     /// `Σ α T = 1 − T_final`, `[H,W,1]`.
@@ -50,7 +50,7 @@ pub fn displacements(
         .collect())
 }
 
-/// How one splat moves on screen.
+/// Motion of one splat on screen.
 struct Displacement {
     /// Pixels.
     by: [f32; 2],
@@ -67,7 +67,7 @@ fn displacement(camera: &Camera, from: [f32; 3], to: [f32; 3]) -> Option<Displac
     moved.by.iter().all(|value| value.is_finite()).then_some(moved)
 }
 
-/// Where a splat's part of a pixel lies at another time: `p ↦ shift + linear·p`, pixels.
+/// Position at another time of a splat's part of a pixel: `p ↦ shift + linear·p`, pixels.
 pub(crate) struct AffineMotion {
     pub shift: [f32; 2],
     pub linear: [f32; 4],

@@ -5,11 +5,11 @@ use gs_core::Image;
 
 /// Bytes `PIEH`, the float 202021.25.
 const MAGIC: [u8; 4] = *b"PIEH";
-/// Components beyond this mean "unknown" (the format's own convention).
+/// Larger components mean "unknown" in this format.
 const UNKNOWN_ABOVE: f32 = 1e9;
 /// Written for unknown components.
 const UNKNOWN: f32 = 1e10;
-/// Largest side read, pixels: keeps hostile headers from asking for terabytes.
+/// Maximum side, pixels; bounds the memory that a hostile header can demand.
 const MAX_SIDE: usize = 65_536;
 
 /// Middlebury `.flo` bytes of a flow in pixels, `[H,W,2]`: magic, `i32` width and height, then

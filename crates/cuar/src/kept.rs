@@ -1,5 +1,4 @@
-//! Supervised images as bytes, so that a run that ended while it made them need not make them
-//! again.
+//! Supervised images as bytes, so that a resumed run can reuse them.
 
 use crate::{
     SupervisionStats, ViewTime,
@@ -8,8 +7,8 @@ use crate::{
 };
 use gs_core::Splats;
 
-/// What was made for a view and time, in little-endian bytes; `None`, that no edited splat shows
-/// there, too.
+/// The image of a view and time in little-endian bytes; `None` stands for an image without edited
+/// splats.
 pub(crate) fn encode<P>(made: Option<&Made<P>>) -> Vec<u8> {
     let Some(made) = made else { return Vec::new() };
     let Sample { crop, original, warp, flags, entries, splats, .. } = &made.sample;
@@ -39,13 +38,13 @@ pub(crate) fn encode<P>(made: Option<&Made<P>>) -> Vec<u8> {
     out
 }
 
-/// Numbers of [`encode`]'s head.
+/// Numbers in the header of [`encode`].
 const COUNTS: usize = 18;
 /// Bytes of an entry.
 const ENTRY: usize = 2 * 4 + 6 * 4 + 2;
 
-/// What [`encode`] was given, for the view and time `at`; `None` if the bytes are of anything else.
-/// `num_rows` is the number of edited splats.
+/// Inverse of [`encode`], for the view and time `at`; `None` if the bytes are malformed. `num_rows`
+/// is the number of edited splats.
 #[expect(clippy::option_option, reason = "an image that shows nothing is known, too")]
 pub(crate) fn decode<P>(bytes: &[u8], at: ViewTime, num_rows: usize) -> Option<Option<Made<P>>> {
     if bytes.is_empty() {

@@ -1,8 +1,8 @@
 //! Colour-uncertainty-guided appearance refinement (CUAR) of dynamic Gaussian splats (Eqs. 11–20).
 //!
-//! Colours that are visible in the edited first frame are right. At other times, some of its splats
-//! show colours that were never supervised: interiors that motion reveals, and view-dependent
-//! colours from new directions. [`refine()`] finds such pixels by how much colour changes over time
+//! Colours that are visible in the edited first frame are correct. At other times, some splats show
+//! colours that were never supervised: interiors that motion reveals, and view-dependent colours
+//! from new directions. [`refine()`] finds such pixels by how much colour changes over time
 //! (uncertainty), fetches the colour of the same surface from the first frame (flow, warp,
 //! occlusion test), and fits the SH of the edited splats to it, one offset for all times.
 //!
@@ -10,14 +10,14 @@
 //! give the same bits on a deterministic rasteriser, for any number of threads and interruptions
 //! and any memory budget that holds the images; every loss and gradient is checked against finite
 //! differences. The passes ([`render_flow`], [`render_uncertainty`], [`artifact_mask`]), the losses
-//! ([`loss`]) and [`Adam`] are usable alone. Works with any [`gs_core::Rasterizer`]; Adam's steps
+//! ([`loss`]) and [`Adam`] can be used alone. Works with any [`gs_core::Rasterizer`]; Adam's steps
 //! can be done on a device ([`DescentEngine`]).
 //!
 //! Conventions: pixels as in [`gs_core::Camera::project`]; images row-major, channels innermost;
 //! losses are means over the whole image.
 //!
-//! Deliberately absent: files (bytes of `.flo` and a colour-wheel picture are made here, stored
-//! elsewhere), GPU code, anchors and motion.
+//! Deliberately absent: files (`.flo` bytes and colour-wheel pictures are encoded here, but not
+//! stored), GPU code, anchors and motion.
 //!
 //! ```
 //! use cuar::{NoObserver, RefineOptions, Views, refine};

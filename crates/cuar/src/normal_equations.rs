@@ -11,7 +11,7 @@ const CHUNK: usize = 512;
 /// Weight 0: nothing.
 pub(crate) type Observation = [f32; 4];
 
-/// Normal equations of every splat's fit.
+/// Normal equations of the fits of all splats.
 #[derive(Clone)]
 pub(crate) struct NormalEquations {
     coeffs: usize,
@@ -117,7 +117,7 @@ impl NormalEquations {
     }
 }
 
-/// Ridge on every change, relative to the total weight: unobserved directions stay as they are.
+/// Ridge on every change, relative to the total weight. It keeps unobserved directions unchanged.
 const CONDITIONING: f64 = 1e-6;
 
 /// Solves `(gram + diag(ridge))·X = x` for three right-hand sides `x`; `None` if the system is not

@@ -1,4 +1,4 @@
-//! [`Observer`], which follows a run.
+//! [`Observer`]: callbacks of a run.
 
 use crate::{State, ViewTime};
 use gs_core::Image;
@@ -15,13 +15,13 @@ pub struct RefineProgress {
     /// Eq. 20, mean over the images visited last (in this pass, by the regression solver); `None`
     /// before the first.
     pub loss: Option<f64>,
-    /// Since the stage began.
+    /// Seconds since the stage began.
     pub elapsed_secs: f64,
-    /// To the end of the stage, at the pace so far.
+    /// Estimated seconds to the end of the stage.
     pub eta_secs: Option<f64>,
 }
 
-/// One image as it stands, cropped to what edited splats reach.
+/// Current state of one image, cropped to what edited splats reach.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Preview {
     /// Index of the camera.
@@ -40,38 +40,37 @@ pub struct Preview {
     pub mask: Image,
 }
 
-/// Follows a run. Every method has a default that does nothing.
+/// Callbacks of a run. Every method has a default that does nothing.
 pub trait Observer {
     /// Called after every few images.
     fn progress(&mut self, progress: &RefineProgress) {
         let _ = progress;
     }
 
-    /// Called as often as the options say.
+    /// Called every [`crate::RefineOptions::preview_secs`].
     fn preview(&mut self, preview: &Preview) {
         let _ = preview;
     }
 
-    /// To be stored by the caller; called as often as the options say, and before a cancelled run
-    /// returns.
+    /// Called every [`crate::RefineOptions::checkpoint_secs`], and before a cancelled run returns,
+    /// with a state that the caller can store.
     fn checkpoint(&mut self, state: &State) {
         let _ = state;
     }
 
-    /// Called before images are made, with a hash of the inputs that they depend on, the scene's
-    /// motion aside.
+    /// Called before images are made, with a hash of their inputs, without the scene's motion.
     fn begin_images(&mut self, fingerprint: u64) {
         let _ = fingerprint;
     }
 
-    /// An image as [`Observer::keep_image`] got it in a run with the same scene, rasteriser and
-    /// hash; it is made if there is none.
+    /// An image that [`Observer::keep_image`] received in a run with the same scene, rasteriser and
+    /// hash; `None` to make it again.
     fn kept_image(&mut self, at: ViewTime) -> Option<Vec<u8>> {
         let _ = at;
         None
     }
 
-    /// An image just made, to be stored by the caller if it likes.
+    /// Called with each new image; the caller may store it.
     fn keep_image(&mut self, at: ViewTime, bytes: &[u8]) {
         let _ = (at, bytes);
     }

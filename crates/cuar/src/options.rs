@@ -12,10 +12,10 @@ pub enum RefinePreset {
     Paper,
 }
 
-/// How the objective is minimised.
+/// Minimiser of the objective.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Solver {
-    /// Per splat, weighted least squares of the colours that the images ask for (see
+    /// Weighted least squares per splat, on the colours observed in the images (see
     /// [`RegressionParams`]).
     Regression(RegressionParams),
     /// Adam, one image per step.
@@ -31,24 +31,24 @@ pub enum Solver {
 /// large weight. There is no step size.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RegressionParams {
-    /// Most evaluations of every image; it ends earlier after a pass that gains less than 0.5 %.
-    /// Default 8.
+    /// Maximum evaluations of every image. The solver stops earlier after a pass that lowers the
+    /// loss by less than 0.5 %. Default 8.
     pub passes: usize,
     /// Width δ of the smoothed L1, colour units. Default 0.01.
     pub delta: f64,
-    /// Over-relaxation of the requested colours, in (0, 2). Default 1.5.
+    /// Over-relaxation of the observed colours, in (0, 2). Default 1.5.
     pub relaxation: f64,
     /// Weight of a splat's colours in the edited frame, relative to the weight that the background
     /// loss gives the same pixels; lower for splats that are hardly visible there. These colours
-    /// are right by definition, and pixels alone do not separate those of neighbours. Default 1000;
-    /// 0 treats the edited frame like any other image. No effect unless the edited frame is among
-    /// the images.
+    /// are correct by definition, and pixels alone do not separate those of neighbours. Default
+    /// 1000; 0 treats the edited frame like any other image. No effect unless the edited frame is
+    /// among the images.
     pub hold: f64,
     /// Smoothness over directions: ridge on the refined coefficients of degree `l`, relative to the
     /// weight of the splat's observations: `prior · l²` times the share of images in which the
     /// splat's ξ exceeds the mask's threshold (and, on the change of DC, a thousandth of `prior`).
     /// In unobserved directions, colours become those of the smoothest function through the
-    /// observations, instead of what an unsupervised fit left there. Default 0.03; 0 fits the
+    /// observations, instead of those of an unsupervised fit. Default 0.03; 0 fits the
     /// images alone.
     pub prior: f64,
 }
@@ -83,7 +83,7 @@ pub struct RefineOptions {
     pub edit_time: Option<f32>,
     /// ε of Eq. 17, 0.5 to 2 in the paper (smaller: broader masks). Default 0.5.
     pub epsilon: f32,
-    /// Uncertainty below which nothing is an artifact, for any mean. Default 0.02 (a colour change
+    /// Uncertainty below which no pixel is an artifact. Default 0.02 (a colour change
     /// of 5 of 255, summed over channels); 0 in the paper.
     pub min_uncertainty: f32,
     /// Form of Eq. 13.
@@ -94,8 +94,8 @@ pub struct RefineOptions {
     pub weights: LossWeights,
     /// Minimiser.
     pub solver: Solver,
-    /// How splats that frame 1 does not supervise are found and repaired
-    /// ([`crate::refine_edit()`]). `None`: they are not, as in the paper.
+    /// Detection and repair of splats that frame 1 does not supervise ([`crate::refine_edit()`]);
+    /// `None` for neither, as in the paper.
     pub evidence: Option<EvidenceParams>,
     /// Images (pairs of view and time) drawn. Default 240.
     pub samples: usize,
@@ -104,14 +104,14 @@ pub struct RefineOptions {
     pub keep_first_frame: bool,
     /// Seed of the draw and of the order of steps. Default 0.
     pub seed: u64,
-    /// Memory for images and prepared states, bytes. What does not fit is prepared again at every
-    /// evaluation; if even the images do not fit, fewer are drawn. Default 2 GiB.
+    /// Memory for images and prepared states, bytes. States that do not fit are prepared again at
+    /// every evaluation; if the images do not fit, fewer are drawn. Default 2 GiB.
     pub memory: usize,
     /// Background of the renders. Default black.
     pub background: [f64; 3],
-    /// Least seconds between two previews. Default `None`: no previews.
+    /// Minimum seconds between two previews. Default `None`: no previews.
     pub preview_secs: Option<f64>,
-    /// Least seconds between two checkpoints. Default `None`: none but that of a cancelled run.
+    /// Minimum seconds between two checkpoints. Default `None`: only that of a cancelled run.
     pub checkpoint_secs: Option<f64>,
 }
 
@@ -157,7 +157,7 @@ impl RefineOptions {
     /// Checks every value against its range, as [`crate::refine()`] does first.
     ///
     /// # Errors
-    /// [`CuarError`] names the first value out of range.
+    /// For the first value out of range.
     pub fn check(&self) -> Result<(), CuarError> {
         let within = |name: &str, value: f64, low: f64, high: f64| {
             if value >= low && value <= high {

@@ -14,7 +14,7 @@ use rayon::prelude::*;
 use std::ops::Range;
 use std::time::Instant;
 
-/// Images, their rasteriser and the shape of what is refined.
+/// Images, their rasteriser, and the shape of the unknowns.
 pub(crate) struct Problem<'a, R: Rasterizer> {
     pub raster: &'a R,
     pub options: &'a RefineOptions,
@@ -23,7 +23,7 @@ pub(crate) struct Problem<'a, R: Rasterizer> {
     pub samples: Vec<Sample<R::Prepared>>,
     /// How many samples show the edited frame.
     pub num_first: usize,
-    /// As many samples are evaluated at once. Results do not depend on how many.
+    /// Evaluators of samples that are evaluated at once. Results do not depend on their number.
     pub lanes: Vec<Evaluator<R::Prepared>>,
     /// `E`, edited splats.
     pub num_rows: usize,
@@ -40,10 +40,10 @@ pub(crate) struct Problem<'a, R: Rasterizer> {
 
 /// Bytes of an [`Evaluator`] per pixel, roughly.
 const LANE_BYTES: usize = 120;
-/// Most samples evaluated at once: one evaluation also uses several threads.
+/// Maximum number of samples evaluated at once; one evaluation also uses several threads.
 const MAX_LANES: usize = 8;
 
-/// How many images of this many pixels are worked on at once, within a quarter of `memory`.
+/// Number of images evaluated at once, within a quarter of `memory`.
 pub(crate) fn num_lanes(cameras: &[Camera], memory: usize) -> usize {
     let pixels = |camera: &Camera| camera.width as usize * camera.height as usize;
     let each = cameras.iter().map(pixels).max().unwrap_or(0) * LANE_BYTES;
@@ -56,7 +56,7 @@ impl<R: Rasterizer<Prepared: Send> + Sync> Problem<'_, R> {
         gs_core::sh::num_coeffs(self.sh_degree)
     }
 
-    /// Prepares as many samples for good as the budget allows.
+    /// Prepares, and keeps prepared, as many samples as the budget allows.
     pub(crate) fn cache(&mut self) -> Result<(), CuarError> {
         let pixels = |camera: &Camera| camera.width as usize * camera.height as usize;
         let largest = self.cameras.iter().map(pixels).max().unwrap_or(0);
@@ -76,8 +76,8 @@ impl<R: Rasterizer<Prepared: Send> + Sync> Problem<'_, R> {
         Ok(())
     }
 
-    /// Evaluates the samples `range` with the offsets `d_sh` (`[E,K,3]`), at most as many as there
-    /// are evaluators, each with the evaluator of its place.
+    /// Evaluates the samples `range` with the offsets `d_sh` (`[E,K,3]`), each with its own
+    /// evaluator.
     pub(crate) fn evaluate(
         &mut self,
         range: Range<usize>,
@@ -94,14 +94,13 @@ impl<R: Rasterizer<Prepared: Send> + Sync> Problem<'_, R> {
 
     /// The next samples from `first` on that can be evaluated at once.
     pub(crate) fn group(&self, first: usize) -> Range<usize> {
-        // those of the edited frame apart: they need other derivatives
+        // samples of the edited frame separately: they need other derivatives
         let later = self.samples.len() - self.num_first;
         let end = if first < later { later } else { self.samples.len() };
         first..end.min(first + self.lanes.len())
     }
 
-    /// Eq. 20, mean over the samples (0 without any): as it is, as the solver smooths it, and its
-    /// foreground part alone.
+    /// Eq. 20, mean over the samples (0 without any): exact, smoothed, and its foreground part.
     pub(crate) fn loss(
         &mut self,
         d_sh: &[[f32; 3]],
@@ -224,7 +223,7 @@ impl<'a> Watch<'a> {
         Ok(())
     }
 
-    /// Stores the state if it is due; ends the run if it was cancelled.
+    /// Passes a state to the observer if it is due; ends the run if it was cancelled.
     pub(crate) fn checkpoint(
         &mut self,
         make: impl FnOnce() -> Result<State, CuarError>,

@@ -19,7 +19,7 @@ pub(crate) fn push_forward(
     for p in 0..w * h {
         let z = depth_of(p);
         for (target, share) in targets(w, h, p, &landing[p * 3..]) {
-            // a pixel lands on its neighbours' rims, too: those it does not hide
+            // a pixel also lands on the edges of its neighbours, which it does not hide
             if share >= 0.25 {
                 nearest[target] = nearest[target].min(z);
             }
@@ -40,7 +40,7 @@ pub(crate) fn push_forward(
         }
     }
     for (rgb, weight) in rgb.chunks_exact_mut(3).zip(&mut weight) {
-        // fainter than this a pixel is the rim of a hole
+        // fainter pixels are the edge of a hole
         let known = *weight >= 0.25;
         for value in rgb {
             *value = if known { *value / *weight } else { 0.0 };
@@ -50,8 +50,8 @@ pub(crate) fn push_forward(
     (rgb, weight)
 }
 
-/// Pixels of a `w × h` image among which pixel `p`, `moved` by some pixels, is divided, each with
-/// its share.
+/// Pixels of a `w × h` image that pixel `p`, displaced by `moved` pixels, is distributed to, with
+/// its share in each.
 fn targets(w: usize, h: usize, p: usize, moved: &[f32]) -> impl Iterator<Item = (usize, f32)> {
     let (tx, ty) = ((p % w) as f32 + moved[0], (p / w) as f32 + moved[1]);
     let (floor_x, floor_y) = (tx.floor(), ty.floor());

@@ -25,8 +25,8 @@ pub struct Refined {
     pub sh: Vec<[f32; 3]>,
     /// Offset of SH, the same at every time, `[rows,K,3]`.
     pub d_sh: Vec<[f32; 3]>,
-    /// Rows that fade: what only exists because a deletion missed it ([`crate::refine_edit()`]);
-    /// ascending, among `rows`.
+    /// Rows that fade: remains of deleted objects ([`crate::refine_edit()`]); ascending, among
+    /// `rows`.
     pub faded: Vec<u32>,
     /// Counts, losses, timings and warnings.
     pub report: RefineReport,
@@ -36,7 +36,7 @@ impl Refined {
     /// Writes the refined rows into the splats of the edited frame.
     ///
     /// # Panics
-    /// If these are other splats than those refined.
+    /// If the number or SH degree of the splats differs.
     pub fn apply(&self, first: &mut Splats) {
         scene::add(first, &self.rows, &self.d_sh);
         scene::fade(first, &self.faded);
@@ -48,12 +48,12 @@ impl Refined {
     }
 }
 
-/// Refines the colours of the `edited` rows of `scene` (Eqs. 11–20): the edited frame, seen from
-/// each view, is warped to other times and supervises what looks uncertain there. One offset of SH
-/// per row, shared by all times. All other rows, and all geometry, stay as they are.
+/// Refines the colours of the `edited` rows of `scene` (Eqs. 11–20): renders of the edited frame
+/// are warped to other times and supervise uncertain pixels there. One offset of SH per row, shared
+/// by all times. All other rows, and all geometry, do not change.
 ///
-/// `resume` is a state that [`Observer::checkpoint`] got from a run with the same inputs; the
-/// result is then that of the uninterrupted run (bit-identical with a deterministic rasteriser).
+/// `resume` is a state that [`Observer::checkpoint`] received in a run with the same inputs; the
+/// result is that of the uninterrupted run (bit-identical with a deterministic rasteriser).
 ///
 /// # Errors
 /// If inputs disagree or are out of range, the scene or the rasteriser fails, the state is of
@@ -208,8 +208,8 @@ pub fn refine_with<R: Rasterizer<Prepared: Send> + Sync>(
     [report.held_out_before, _, report.held_out_artifacts[0]] = loss_of(&mut problem, &zero)?;
     [report.held_out_after, _, report.held_out_artifacts[1]] = loss_of(&mut problem, &outcome)?;
     (report.loss_before, report.loss_after) = (before[0], after[0]);
-    // A warning, not a refusal; and none if colours only change outside the mask, because what was
-    // there before may be wrong.
+    // A warning, not an error. None if colours only change outside the mask: the earlier colours
+    // may be wrong.
     let [then, now] = report.held_out_artifacts;
     if now > then {
         report.warnings.push(format!(
@@ -226,7 +226,7 @@ pub fn refine_with<R: Rasterizer<Prepared: Send> + Sync>(
     Ok(refined)
 }
 
-/// Edited rows, and for each splat its place among them.
+/// Edited rows, and the position of each splat among them.
 fn number(edited: &[bool]) -> (Vec<u32>, Vec<u32>) {
     let mut rows = Vec::new();
     let mut row_of = vec![u32::MAX; edited.len()];

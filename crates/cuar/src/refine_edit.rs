@@ -6,11 +6,11 @@ use crate::{
 };
 use gs_core::{Camera, DynamicScene, Rasterizer, sh};
 
-/// [`crate::refine_with`] of an edit whose source is known: splats that frame 1 does not supervise
-/// first get what [`Evidence`] says of them ([`Repair`]), once and for all times; then
-/// view-dependent colours that only frame 1 ever saw are refined, those of the repaired splats,
-/// too. Without [`RefineOptions::evidence`] it is `refine_with` alone. The result's rows are the
-/// edited and the repaired ones; all other rows and all geometry stay as they are.
+/// [`crate::refine_with`] of an edit whose source is known. First, splats that frame 1 does not
+/// supervise are repaired ([`Evidence`], [`Repair`]), equally for all times; then view-dependent
+/// colours that are only known from frame 1 are refined, including those of repaired splats.
+/// Without [`RefineOptions::evidence`] it is `refine_with` alone. The result's rows are the edited
+/// and the repaired ones; all other rows and all geometry do not change.
 ///
 /// # Errors
 /// As [`crate::refine()`], and if `before` belongs to other splats.
@@ -67,11 +67,11 @@ pub fn refine_edit<R: Rasterizer<Prepared: Send> + Sync>(
     Ok(refined)
 }
 
-/// Most cameras from which frame 1 is surveyed.
+/// Maximum number of cameras that measure the visibility in frame 1.
 const MAX_SURVEYED: usize = 32;
 
-/// The cameras of `views` that say what frame 1 supervises: those that are not held out, some of
-/// many, evenly.
+/// The cameras of `views` that measure the visibility in frame 1: those not held out, thinned
+/// evenly.
 fn supervising(views: &Views) -> Vec<Camera> {
     let supervises = |view: &usize| !views.held_out.contains(view);
     let all: Vec<usize> = (0..views.cameras.len()).filter(supervises).collect();
@@ -79,7 +79,7 @@ fn supervising(views: &Views) -> Vec<Camera> {
     (0..count).map(|k| views.cameras[all[k * all.len() / count]].clone()).collect()
 }
 
-/// What [`refine_with`] would return where no colour is uncertain, its SH aside.
+/// The result of [`refine_with`] where no colour is uncertain, without its SH.
 fn unrefined(edited: &[bool], coeffs: usize) -> Refined {
     #[expect(clippy::cast_possible_truncation, reason = "rows are numbered in 32 bits")]
     let rows: Vec<u32> = (0..edited.len()).filter(|&i| edited[i]).map(|i| i as u32).collect();
@@ -90,11 +90,11 @@ fn unrefined(edited: &[bool], coeffs: usize) -> Refined {
 }
 
 /// Whether any edited splat's colour changes enough over time (Eq. 15) for an artifact to be
-/// possible. Costs a colour per splat instead of an image, and spares view-independent scenes the
-/// whole stage.
+/// possible. Evaluates one colour per splat instead of an image; scenes without view dependence
+/// skip the whole stage.
 ///
 /// # Errors
-/// If the scene cannot be evaluated or a camera cannot see.
+/// If the scene cannot be evaluated or a camera is malformed.
 pub fn any_uncertain(
     scene: &dyn DynamicScene,
     edited: &[bool],

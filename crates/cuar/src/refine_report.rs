@@ -1,4 +1,4 @@
-//! [`RefineReport`]: what a refinement did.
+//! [`RefineReport`]: counts, losses and timings.
 
 use crate::{RepairCounts, SupervisionStats, problem::TracePoint, view_sampler::ViewTime};
 
@@ -8,13 +8,13 @@ use crate::{RepairCounts, SupervisionStats, problem::TracePoint, view_sampler::V
 pub struct RefineReport {
     /// Edited splats.
     pub num_edited: usize,
-    /// Edited splats that some image shows.
+    /// Edited splats that are visible in an image.
     pub num_visible: usize,
-    /// What evidence repaired, and what it left ([`crate::refine_edit()`]).
+    /// Counts of the repair ([`crate::refine_edit()`]).
     pub repair: RepairCounts,
     /// Images that supervised.
     pub samples: Vec<ViewTime>,
-    /// Images that only reported.
+    /// Images that are only evaluated.
     pub held_out: Vec<ViewTime>,
     /// Before refinement.
     pub loss_before: f64,
@@ -24,10 +24,10 @@ pub struct RefineReport {
     pub held_out_before: f64,
     /// On held-out images, after.
     pub held_out_after: f64,
-    /// Of these two, what artifacts contribute (Eq. 18); the rest is how much colours change
+    /// The part of these two due to artifacts (Eq. 18); the rest is the change of colours
     /// elsewhere.
     pub held_out_artifacts: [f64; 2],
-    /// Which masked pixels are supervised by frame 1, and why the others are not.
+    /// Counts of masked pixels that frame 1 supervises, and of the others by reason.
     pub supervision: SupervisionStats,
     /// Images in which [`crate::RefineOptions::min_uncertainty`], not ε·mean(U), is the mask's
     /// threshold.

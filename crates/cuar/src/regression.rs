@@ -28,7 +28,7 @@ fn observations(
                 observation[channel] = if color + change[channel] >= 0.0 {
                     change[channel] - relaxation * slope / weight
                 } else if slope < 0.0 {
-                    // clamped to 0, and the gradient asks for a brighter colour: start at 0
+                    // clamped to 0 with a gradient towards a brighter colour: start at 0
                     -color - relaxation * slope / weight
                 } else {
                     change[channel]
@@ -50,7 +50,7 @@ pub(crate) struct Regression {
     losses: [f64; 2],
     /// Smooth loss of the pass before.
     last: f64,
-    /// Weight of each entry in the samples of the edited frame, which keeps its colour there.
+    /// Weight of each entry in the samples of the edited frame, for the term that keeps its colour.
     frame_weights: Vec<Vec<f32>>,
     /// Largest weight that an image of another time gave each splat in the first pass, `[E]`.
     peaks: Vec<f32>,
@@ -146,7 +146,7 @@ impl Regression {
         d_sh
     }
 
-    /// Runs to the last pass, or to the first that gains less than [`MIN_GAIN`].
+    /// Runs to the last pass, or to the first that lowers the loss by less than [`MIN_GAIN`].
     pub(crate) fn run<R: Rasterizer<Prepared: Send> + Sync>(
         &mut self,
         problem: &mut Problem<R>,
@@ -236,8 +236,8 @@ impl Regression {
         }
     }
 
-    /// Sets the weights that keep colours of the edited frame: low for splats that are hardly
-    /// visible there.
+    /// Sets the weights of the terms that keep colours of the edited frame; low for splats that are
+    /// hardly visible there.
     fn weigh_anchors<R: Rasterizer>(&mut self, problem: &Problem<R>, params: &RegressionParams) {
         if params.hold <= 0.0 {
             return;

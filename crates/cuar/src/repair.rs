@@ -1,13 +1,13 @@
-//! [`Repair`]: hidden splats get the change of colour that the edit made around them.
+//! [`Repair`]: applies the colour change of the surrounding surface to hidden splats.
 
 use crate::{Evidence, OffsetScene, scene};
 use gs_core::{DynamicScene, Splats};
 
-/// What [`Evidence`] asks to be changed: a change of SH of some rows, the same at every time, and
-/// rows that fade.
+/// The changes that follow from [`Evidence`]: a change of SH of some rows, the same at every time,
+/// and rows that fade.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Repair {
-    /// Rows with other colours, ascending.
+    /// Recoloured rows, ascending.
     pub rows: Vec<u32>,
     /// Their change of SH, `[rows,K,3]`.
     pub d_sh: Vec<[f32; 3]>,
@@ -28,15 +28,15 @@ impl Repair {
         repair
     }
 
-    /// Whether there is nothing to do.
+    /// Whether nothing changes.
     pub fn is_empty(&self) -> bool {
         self.rows.is_empty() && self.faded.is_empty()
     }
 
-    /// Changes the splats of one time.
+    /// Applies the changes to the splats of one time.
     ///
     /// # Panics
-    /// If these are other splats than those of the evidence.
+    /// If the number or SH degree of the splats differs from those of the evidence.
     pub fn apply(&self, splats: &mut Splats) {
         scene::add(splats, &self.rows, &self.d_sh);
         scene::fade(splats, &self.faded);
@@ -55,14 +55,14 @@ pub struct RepairCounts {
     pub hidden: usize,
     /// Of these, splats that got the change of colour of the surface around them.
     pub recoloured: usize,
-    /// Of the recoloured ones, splats whose colour the edit had left meaningless.
+    /// Of the recoloured ones, splats that had a meaningless colour after the edit.
     pub meaningless: usize,
-    /// Of these, splats that a deletion missed, and that fade.
+    /// Of these, remains of deleted objects; they fade.
     pub faded: usize,
-    /// Of these, splats near a change that stay as they are, because nothing tells what they should
-    /// be.
+    /// Of these, splats near a change that are not repaired, because their correct colour is
+    /// unknown.
     pub undecided: usize,
-    /// Whether the edit reached hidden splats by itself.
+    /// Whether the edit itself changed hidden splats.
     pub reaches_hidden: bool,
 }
 

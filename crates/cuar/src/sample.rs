@@ -16,11 +16,11 @@ use crate::{
 use gs_core::{Camera, Rasterizer, RenderOutput, RenderParams, Splats, sh};
 use rayon::prelude::*;
 
-/// Pixel bits of [`Sample::flags`]: the warp supervises here.
+/// Pixel bit of [`Sample::flags`]: the warp supervises here.
 pub(crate) const FORE: u8 = DescentImage::FORE;
-/// The render before supervises here.
+/// Pixel bit: the render before refinement supervises here.
 pub(crate) const BACK: u8 = DescentImage::BACK;
-/// An edited splat shows here.
+/// Pixel bit: an edited splat is visible here.
 pub(crate) const LIVE: u8 = DescentImage::LIVE;
 /// Beyond this margin, pixels, masked images are zero and contribute nothing to SSIM.
 const MARGIN: usize = c4d_metrics::SSIM_RADIUS;
@@ -65,7 +65,7 @@ impl<P> Sample<P> {
 pub(crate) struct Made<P> {
     pub sample: Sample<P>,
     pub stats: SupervisionStats,
-    /// Whether the floor under the mask is its threshold.
+    /// Whether the floor, not ε·mean(U), is the threshold of the mask.
     pub floored: bool,
     /// Per entry: whether its ξ exceeds the mask's threshold (Eq. 17 for one splat).
     pub uncertain: Vec<bool>,
@@ -146,7 +146,7 @@ impl<P> Builder<P> {
         })
     }
 
-    /// The sample of `camera` at the time of `splats`; `None` where no edited splat shows.
+    /// The sample of `camera` at the time of `splats`; `None` if no edited splat is visible.
     pub(crate) fn sample<R: Rasterizer<Prepared = P> + Sync>(
         &mut self,
         source: &Source<R>,
@@ -220,8 +220,8 @@ impl<P> Builder<P> {
         Ok(Some(Made { sample, stats, floored, uncertain }))
     }
 
-    /// Frame 1 at this frame's pixels, `[H,W,3]`, and where that comes from, `[H,W]`; both of the
-    /// pixels `asked` for only.
+    /// Frame 1 at this frame's pixels, `[H,W,3]`, and its source, `[H,W]`; both for the pixels
+    /// `asked` only.
     fn warp<R: Rasterizer<Prepared = P>>(
         &self,
         source: &Source<R>,

@@ -1,4 +1,4 @@
-//! [`Source`]: what supervised images are made from, per splat.
+//! [`Source`]: per-splat inputs of supervised images.
 
 use crate::{
     RefineOptions, first_frame_visibility,
@@ -9,7 +9,7 @@ use crate::{
 use gs_core::{Camera, Splats};
 use rayon::prelude::*;
 
-/// What samples are made from.
+/// Inputs of samples.
 pub(crate) struct Source<'a, R> {
     pub raster: &'a R,
     pub options: &'a RefineOptions,
@@ -19,8 +19,8 @@ pub(crate) struct Source<'a, R> {
     pub first: &'a Splats,
 }
 
-/// Channels composited to make a sample: those of the warp, ξ, which splats are edited, how much of
-/// them frame 1 shows, and by how much the colours that it shows differ from those of now.
+/// Channels composited to make a sample: those of the warp, ξ, flags of edited splats, their
+/// visibility in frame 1, and the difference between their colours there and now.
 pub(crate) const CHANNELS: usize = WARP_CHANNELS + 6;
 pub(crate) const XI: usize = WARP_CHANNELS;
 pub(crate) const EDITED: usize = WARP_CHANNELS + 1;
@@ -45,7 +45,7 @@ impl<R> Source<'_, R> {
             if let (Some(now), Some(then)) = (shown(splats, i, eye), shown(self.first, i, eye)) {
                 out[XI] = change(now, then);
                 if !self.edited[i] {
-                    // not to be refined: what it shows now is what it is to show
+                    // not to be refined: its current colour is correct
                     out[KNOWN_SHARE] = 1.0;
                 } else if let Some(&known) = known.get(i) {
                     out[KNOWN_SHARE] = known;

@@ -42,7 +42,8 @@ pub(crate) fn add(splats: &mut Splats, rows: &[u32], d_sh: &[[f32; 3]]) {
     }
 }
 
-/// Opacity logit of what fades ([`crate::Refined::faded`]): below the faintest alpha that is drawn.
+/// Opacity logit of rows that fade ([`crate::Refined::faded`]): below the faintest alpha that is
+/// drawn.
 pub const FADED_LOGIT: f32 = -12.0;
 
 /// Makes `rows` invisible.

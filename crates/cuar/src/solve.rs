@@ -1,4 +1,4 @@
-//! [`solve()`]: the solver that the options name, and [`accept`]: whether its result is taken.
+//! [`solve()`] runs the solver of the options; [`accept`] decides whether its result is used.
 
 use crate::{
     CuarError, DescentEngine, RefineOptions, RegressionParams, Solver,
@@ -14,17 +14,17 @@ use gs_core::Rasterizer;
 #[derive(Clone, Default)]
 pub(crate) struct Outcome {
     pub d_sh: Vec<[f32; 3]>,
-    /// The losses without offsets, if the solver saw them.
+    /// The losses without offsets, if the solver evaluated them.
     pub before: Option<[f64; 2]>,
-    /// The solver itself, if it can fit again.
+    /// The solver, if it can fit again with other parameters.
     pub regression: Option<Regression>,
 }
 
 /// The outcome if it lowers the loss, else the same fitted with less smoothness, else `zero`; its
 /// losses; and a warning for the user.
 ///
-/// The loss that decides is the one that the solver minimises: to exact L1 a change too small to
-/// see counts like any other.
+/// The loss that decides is the one that the solver minimises: exact L1 also counts changes that
+/// are too small to be visible.
 pub(crate) fn accept<R: Rasterizer<Prepared: Send> + Sync>(
     problem: &mut Problem<R>,
     options: &RefineOptions,
@@ -38,7 +38,7 @@ pub(crate) fn accept<R: Rasterizer<Prepared: Send> + Sync>(
     if after[1] <= before[1] {
         return Ok((outcome, after, None));
     }
-    // The images support colours that are not smooth: the prior was too strong.
+    // The prior was too strong for these images.
     if let (Some(run), Solver::Regression(params)) = (&outcome.regression, &options.solver) {
         for factor in [0.1, 0.01, 0.0] {
             let params = RegressionParams { prior: factor * params.prior, ..params.clone() };
@@ -62,7 +62,7 @@ pub(crate) fn accept<R: Rasterizer<Prepared: Send> + Sync>(
     Ok((zero, before, Some(note)))
 }
 
-/// Minimises the loss of `problem`, from `resume` on if there is such a state.
+/// Minimises the loss of `problem`, resuming from `resume` if given.
 pub(crate) fn solve<R: Rasterizer<Prepared: Send> + Sync>(
     problem: &mut Problem<R>,
     engine: Option<&mut dyn DescentEngine<R::Prepared>>,

@@ -1,9 +1,9 @@
 //! Visibility culling for images of the edited splats.
 //!
-//! Geometry is fixed and only edited splats change colour. So per image only the pixels that edited
-//! splats reach matter, and for those only splats that reach the same cell of the image in front of
-//! an edited one. All other splats are left out once and for all. The weights `αT` of the edited
-//! splats at those pixels stay the same.
+//! Geometry is fixed and only edited splats change colour. An image therefore needs only the pixels
+//! that edited splats reach, and for these only splats that reach the same cell of the image in
+//! front of an edited one. All other splats are left out. The weights `αT` of the edited splats at
+//! those pixels do not change.
 
 use gs_core::image_formation::TILE_SIZE;
 use gs_core::{Camera, Footprint, Rasterizer, Splats};

@@ -5,7 +5,7 @@ use crate::CuarError;
 /// State from which a run can be resumed, as plain arrays.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct State {
-    /// Hash of the inputs and options; a state fits only the run it came from.
+    /// Hash of the inputs and options; a state can resume only the run that it was saved from.
     pub fingerprint: u64,
     /// Steps done.
     pub step: u64,

@@ -1,4 +1,4 @@
-//! Making the supervised images, several at a time ([`Supervision`]).
+//! [`Supervision`]: makes the supervised images, several at a time.
 
 use crate::{
     CuarError, RefineReport, SupervisionStats, Views, kept,
@@ -11,7 +11,7 @@ use crate::{
 use gs_core::{DynamicScene, Rasterizer, Splats};
 use rayon::prelude::*;
 
-/// Images after which their size is taken to be known.
+/// Number of images after which the mean size of an image is used for the budget.
 const PROBE: usize = 4;
 
 /// Makes the supervised images.
@@ -21,7 +21,7 @@ pub(crate) struct Supervision<'a, R: Rasterizer> {
     source: Source<'a, R>,
     /// One per image made at once.
     builders: Vec<Builder<R::Prepared>>,
-    /// The scene at the times being looked at.
+    /// The scene at the times of the current group.
     moments: Vec<(f32, Splats)>,
     /// Frame 1 per view, while it is needed.
     frames: Vec<Option<FirstFrame>>,
@@ -132,7 +132,7 @@ impl<'a, R: Rasterizer<Prepared: Send> + Sync> Supervision<'a, R> {
         }
     }
 
-    /// The images `group`, at once; `None` where no edited splat shows.
+    /// The images `group`, in parallel; `None` if no edited splat is visible.
     fn make(&mut self, group: &[ViewTime]) -> Result<Vec<Option<Made<R::Prepared>>>, CuarError> {
         self.evaluate(group)?;
         let mut views: Vec<usize> = group.iter().map(|at| at.view).collect();

@@ -107,7 +107,7 @@ pub(crate) enum PixelSource {
     Surface,
     /// The colours of its splats, visible in frame 1.
     SplatColors,
-    /// Nothing.
+    /// None.
     Rejected(Rejection),
 }
 

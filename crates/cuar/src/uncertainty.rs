@@ -12,7 +12,7 @@ pub(crate) fn direction(eye: [f32; 3], mean: [f32; 3]) -> Option<[f32; 3]> {
     unit.iter().all(|x| x.is_finite()).then_some(unit)
 }
 
-/// Camera centre in single precision, as the rasteriser sees it.
+/// Camera centre in single precision, as in the rasteriser.
 #[expect(clippy::cast_possible_truncation, reason = "directions are single precision")]
 pub(crate) fn eye(camera: &Camera) -> [f32; 3] {
     camera.position().map(|x| x as f32)
@@ -36,12 +36,12 @@ fn xi(at_t: &Splats, at_1: &Splats, i: usize, eye: [f32; 3]) -> f32 {
     change(t, one)
 }
 
-/// Eqs. 14–15: `ξ = 1 − exp(−‖c_t − c_1‖₁)` per splat, `[N]` in [0,1): how much its displayed
-/// colour towards `camera` changes between the two times. Colours are those the rasteriser shows
-/// (clamped at 0), each with the view direction of its own time.
+/// Eqs. 14–15: `ξ = 1 − exp(−‖c_t − c_1‖₁)` per splat, `[N]` in [0,1): the change of its displayed
+/// colour towards `camera` between the two times. Colours are those of the rasteriser (clamped at
+/// 0), each with the view direction of its own time.
 ///
 /// # Errors
-/// If the arrays disagree or the camera cannot see.
+/// If the arrays disagree or the camera is malformed.
 pub fn color_uncertainty(
     at_t: &Splats,
     at_1: &Splats,
@@ -69,8 +69,8 @@ pub fn render_uncertainty<R: Rasterizer>(
     composite(raster, at_t, &features, camera)
 }
 
-/// Eq. 16 of ξ̂ = 1 − (1 − ξ)(1 − ξ′), where ξ′ `[N]` is that of [`crate::Evidence`]: view
-/// dependence and what frame 1 does not supervise, `[H,W,1]`.
+/// Eq. 16 of ξ̂ = 1 − (1 − ξ)(1 − ξ′), where ξ′ `[N]` is that of [`crate::Evidence`]: uncertainty
+/// from view dependence and from missing supervision, `[H,W,1]`.
 ///
 /// # Errors
 /// As [`render_uncertainty`], and if `evidence` has another length.
@@ -125,8 +125,8 @@ pub(crate) fn threshold(uncertainty: &[f32], epsilon: f32, floor: f32) -> f64 {
     (f64::from(epsilon) * mean).max(f64::from(floor))
 }
 
-/// Eq. 17: `U > max(ε·mean(U), floor)`, 0 or 1, `[H,W,1]`. The paper has no floor (0); a floor
-/// keeps invisible differences from being called artifacts when the whole image is certain.
+/// Eq. 17: `U > max(ε·mean(U), floor)`, 0 or 1, `[H,W,1]`. The paper has no floor (0). With a
+/// floor, invisible differences are not artifacts even if the whole image is certain.
 pub fn artifact_mask(uncertainty: &Image, epsilon: f32, floor: f32) -> Image {
     let threshold = threshold(&uncertainty.data, epsilon, floor);
     let flag = |&u: &f32| f32::from(u8::from(f64::from(u) > threshold));

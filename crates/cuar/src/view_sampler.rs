@@ -1,13 +1,13 @@
-//! [`Views`]: cameras and times, and the images drawn from them.
+//! [`Views`]: cameras and times, and the draw of images from them.
 
 use crate::CuarError;
 use gs_core::{Camera, TimeRange};
 
-/// Cameras and times to choose from.
+/// Cameras and times that images are drawn from.
 #[derive(Debug, Clone, Copy)]
 pub struct Views<'a> {
-    /// Every camera. One with a [`Camera::time`] looks at that time (a frame of a monocular video)
-    /// and at most at the edited frame besides; the others at every time.
+    /// All cameras. One with a [`Camera::time`] (a frame of a monocular video) is used at that time
+    /// and at most at the edited frame; the others at every time.
     pub cameras: &'a [Camera],
     /// Candidate times of cameras without one.
     pub times: &'a [f32],
@@ -24,7 +24,7 @@ pub struct ViewTime {
     pub time: f32,
 }
 
-/// Small counter-based generator (SplitMix64): the draw must not change when a dependency does.
+/// Counter-based generator (SplitMix64): the draw does not depend on the version of a library.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct SplitMix(pub u64);
 
@@ -58,7 +58,7 @@ pub(crate) struct DrawnViews {
 /// Times at which each held-out view is evaluated.
 const HELD_OUT_TIMES: usize = 4;
 
-/// Cameras with a time from which the edited frame is looked at, too.
+/// Cameras with a time that are also used for the edited frame.
 const FIRST_FRAMES: usize = 20;
 
 impl Views<'_> {
@@ -97,7 +97,7 @@ impl Views<'_> {
         let training: Vec<usize> = (0..self.cameras.len()).filter(|&view| !held(view)).collect();
         let (fixed, free): (Vec<usize>, Vec<usize>) =
             training.iter().partition(|&&view| self.cameras[view].time.is_some());
-        // the edited frame supervises itself at best
+        // the edited frame would only supervise itself
         let mut times: Vec<f32> =
             self.times.iter().copied().filter(|&time| time != edit_time).collect();
         times.sort_by(f32::total_cmp);
@@ -122,7 +122,7 @@ impl Views<'_> {
             let mut deck = Vec::new();
             for k in 0..count {
                 let time = times[k * times.len() / count];
-                // a deck of views per round: no view waits longer than two rounds
+                // every view once per round, so that no view waits longer than two rounds
                 if deck.is_empty() {
                     deck = rng.order(free.len());
                 }
@@ -133,8 +133,8 @@ impl Views<'_> {
         }
         if let Some(time) = keep_first {
             samples.extend(free.iter().map(|&view| ViewTime { view, time }));
-            // frame 1 supervises fixed views, too; some of a video's many are enough to say what is
-            // to stay
+            // frame 1 also supervises fixed views; of the many cameras of a video, some are enough
+            // to keep its colours
             let some = fixed_share.min(FIRST_FRAMES);
             samples.extend(order[..some].iter().map(|&pick| ViewTime { view: fixed[pick], time }));
         }

@@ -2,39 +2,39 @@
 
 use crate::Rejection;
 
-/// How the first frame is brought to frame `t`.
+/// Form of the warp of the first frame to frame `t`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum WarpForm {
-    /// Every pixel of frame `t` looks up where its surface was in frame 1, through flow defined at
-    /// frame `t`, divided by coverage; it is supervised only if that surface was really visible
-    /// there. No holes.
+    /// Backward warp: every pixel of frame `t` reads frame 1 at the position of its surface there,
+    /// from flow composited at frame `t`, divided by coverage. It is supervised only if that
+    /// surface is visible in frame 1. No holes.
     #[default]
     Backward,
     /// Eq. 13 as written: pixels of frame 1 pushed along the composited (not normalised) flow
-    /// `F_{1→t}` of frame 1, without an occlusion test. The equation does not say what happens
-    /// where several land or none: here the nearest hides the others, and nothing is supervised.
+    /// `F_{1→t}` of frame 1, without an occlusion test. The equation does not define
+    /// pixels where several land, or none: here the nearest hides the others, and pixels without
+    /// any are not supervised.
     Paper,
 }
 
 /// Tolerances of the occlusion test of [`WarpForm::Backward`].
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct WarpParams {
-    /// Pixels covered less than this, at `t` or in frame 1, have no defined surface. Default 0.5.
+    /// Minimum coverage of a pixel with a defined surface, at `t` and in frame 1. Default 0.5.
     pub min_coverage: f32,
-    /// How far the surface may lie from the depth rendered in frame 1, relative to that depth.
+    /// Maximum distance of the surface from the depth rendered in frame 1, relative to that depth.
     /// Default 0.01.
     pub depth_tolerance: f32,
-    /// Largest standard deviation of the places in frame 1 composited at one pixel, relative to
-    /// their depth: beyond it two surfaces mix. Default 0.015.
+    /// Maximum standard deviation of the positions in frame 1 composited at one pixel, relative to
+    /// their depth; beyond it, several surfaces mix. Default 0.015.
     pub spread_tolerance: f32,
-    /// Least determinant of the motion from frame `t` to frame 1 at a pixel: how many pixels of
-    /// frame 1 one pixel of frame `t` came from. A side turned away from the camera in frame 1
-    /// gives a negative one (on a thin limb, depth alone does not show it), a grazing view a small
-    /// one. Default 0.4.
+    /// Minimum determinant of the motion from frame `t` to frame 1 at a pixel: the area in frame 1
+    /// of one pixel of frame `t`. A side turned away from the camera in frame 1 gives a negative
+    /// one (on a thin limb, depth alone does not show it), a grazing view a small one. Default 0.4.
     pub min_facing: f32,
     /// Pixels whose colour lies within the range of the 3×3 pixels of frame 1 around their source,
-    /// widened by this much, agree with frame 1 and are asked to stay as they are: resampling must
-    /// not teach textures to be blurred. `None` supervises every masked pixel, as the paper does.
+    /// widened by this much, agree with frame 1 and are supervised by their current colour, because
+    /// resampling would blur textures. `None` supervises every masked pixel, as the paper does.
     /// Default 0.05.
     pub slack: Option<f32>,
     /// Where no surface can be fetched: share of a pixel's coverage that must belong to splats
@@ -112,8 +112,8 @@ pub(crate) fn trace(
     Ok(Trace { at: at.map(|value| value / alpha), depth })
 }
 
-/// Colour of frame 1 at `trace`, if the surface is what frame 1 shows there; or `shown`, the colour
-/// at frame `t`, if that agrees with it.
+/// Colour of frame 1 at `trace`, if the surface is visible there; or `shown`, the colour at frame
+/// `t`, if that agrees with it.
 pub(crate) fn fetch(
     frame: &FirstFrame,
     trace: Trace,
@@ -172,7 +172,7 @@ pub(crate) fn fetch(
     Ok([0, 1, 2].map(|channel| {
         let near = corners.map(|(x, y)| rgb(x, y, channel));
         if wide {
-            // bilinear alone would teach every texture to be blurred
+            // bilinear interpolation alone would blur every texture
             let row = |y: usize| catmull_rom(fx, [0, 1, 2, 3].map(|k| rgb(x0 + k - 1, y, channel)));
             let sharp = catmull_rom(fy, [0, 1, 2, 3].map(|k| row(y0 + k - 1)));
             let (low, high) = near.iter().fold((f32::MAX, f32::MIN), |(low, high), &value| {

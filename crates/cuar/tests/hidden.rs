@@ -136,10 +136,11 @@ fn what_is_repaired_is_what_was_missed() {
 
 #[test]
 fn nothing_flickers_more_than_the_truth() {
-    let case = named("recolour");
-    let repair = repair(case);
-    let broken = bars::broken_flicker(case, &repair.scene(case.scene()));
-    assert!(broken.is_empty(), "{broken:?}");
+    for case in small() {
+        let repair = repair(case);
+        let broken = bars::broken_flicker(case, &repair.scene(case.scene()));
+        assert!(broken.is_empty(), "{}: {broken:?}", case.name);
+    }
 }
 
 #[test]

@@ -1,4 +1,4 @@
-//! [`Action`]: what to do with a selection, and its arguments as text.
+//! [`Action`]: a change of the selected splats, and its arguments as text.
 
 use crate::error::{EditError, SyntaxError};
 use crate::lexer::{Lexer, Token};
@@ -12,7 +12,7 @@ pub enum Pivot {
     Point([f64; 3]),
 }
 
-/// Where a graft is put: scaled, then rotated, then moved, about the origin of its own file.
+/// Pose of a graft: scaled, rotated and moved, in this order, about the origin of its own file.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct GraftPose {
     /// World units.
@@ -24,11 +24,11 @@ pub struct GraftPose {
 }
 
 impl GraftPose {
-    /// As the file has it.
+    /// Unchanged.
     pub const IDENTITY: Self = Self { translation: [0.0; 3], degrees: [0.0; 3], scale: 1.0 };
 }
 
-/// What to do with the selected splats. Lengths are world units, angles degrees, colours 0 to 1.
+/// A change of the selected splats. Lengths are world units, angles degrees, colours 0 to 1.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Action {
     /// Removes them.
@@ -93,7 +93,7 @@ pub enum Action {
     Graft {
         /// The file.
         file: String,
-        /// Where.
+        /// Its pose.
         pose: GraftPose,
     },
 }
@@ -109,8 +109,8 @@ pub struct ActionOption {
     pub help: &'static str,
 }
 
-/// The options that are actions, in the order of the documents. `sliced` modifies the
-/// `match-colors` before it.
+/// The options that are actions, in the order of the documentation. `sliced` modifies the
+/// preceding `match-colors`.
 pub const ACTION_OPTIONS: [ActionOption; 16] = [
     option("delete", None, "Remove the selected splats"),
     option("keep", None, "Remove all others"),
@@ -154,7 +154,7 @@ const fn option(
     ActionOption { name, argument, help }
 }
 
-/// Largest magnitude of colour parameters: far beyond any use, and harmless in single precision.
+/// Largest magnitude of colour parameters. Larger values have no use and could overflow.
 const MAX_COLOR: f64 = 1e3;
 
 impl Action {
@@ -225,7 +225,7 @@ fn nonempty(text: &str) -> Result<String, SyntaxError> {
     Ok(text.to_owned())
 }
 
-/// `FILE` or `FILE@numbers`; an `@` that no number follows is part of the name.
+/// `FILE` or `FILE@numbers`; an `@` without a following number is part of the name.
 fn graft(text: &str) -> Result<Action, SyntaxError> {
     let pose_at = text.rfind('@').filter(|at| {
         text[at + 1..].trim_start().starts_with(|c: char| c.is_ascii_digit() || "+-.".contains(c))

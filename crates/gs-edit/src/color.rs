@@ -2,7 +2,7 @@
 
 use gs_core::{Real, Splats, sh};
 
-/// Luma weights of R, G and B (ITU-R BT.601), as editors of splats use them.
+/// Luma weights of R, G and B (ITU-R BT.601), the usual ones in splat editors.
 pub(crate) const LUMA: [f64; 3] = [0.299, 0.587, 0.114];
 
 /// Base colour of splat `row`, `½ + C₀·dc`: its mean over all directions. Not clamped.
@@ -11,9 +11,9 @@ pub fn base_color(splats: &Splats, row: usize) -> [f64; 3] {
     dc.map(|value| 0.5 + f64::from(sh::C0) * f64::from(value))
 }
 
-/// What a splat counts in statistics of colour: opacity times the product of its two largest
-/// standard deviations, square world units. That is about the area it covers, seen from its flat
-/// side. 0 if it is not finite.
+/// Weight of a splat in colour statistics: opacity times the product of its two largest standard
+/// deviations, square world units. It is proportional to the area that the splat covers, seen from
+/// its flat side. 0 if it is not finite.
 pub(crate) fn weight(splats: &Splats, row: usize) -> f64 {
     let mut scales = splats.log_scales[row].map(|value| f64::from(value).exp());
     scales.sort_by(f64::total_cmp);
@@ -72,7 +72,7 @@ impl ColorStats {
         Some(Self { mean, covariance })
     }
 
-    /// That of the base colours of `rows`; splats without area count alike if none has any.
+    /// Moments of the base colours of `rows`; if no splat has an area, all weights are equal.
     pub(crate) fn of_splats(splats: &Splats, rows: &[usize]) -> Option<Self> {
         let colors = |flat: bool| {
             rows.iter().map(move |&row| {

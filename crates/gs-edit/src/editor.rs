@@ -15,20 +15,20 @@ use gs_core::{Image, Real, Splats, activation, quat};
 /// infinite.
 pub const MAX_OPACITY: f64 = 0.9999;
 
-/// Pixels of a picture used for statistics; of larger ones every n-th.
+/// Number of pixels used for statistics; of larger pictures every n-th.
 const MAX_PIXELS: usize = 1 << 16;
 
-/// Least coverage of a pixel whose colour counts.
+/// Minimum coverage of a pixel that is used.
 const MIN_COVERAGE: f32 = 0.5;
 
-/// Splats under edit. Rows that no step selects keep their bits and their order; copies and grafts
-/// come after them.
+/// Splats, the current selection, and the steps applied so far. Rows that no step selects keep
+/// their bits and their order; copies and grafts come after them.
 #[derive(Debug, Clone)]
 pub struct Editor {
     splats: Splats,
     origins: Vec<Option<u32>>,
     selected: Vec<bool>,
-    /// Why the selection may be empty, for messages.
+    /// Explanation of an empty selection, for messages.
     selection: String,
 }
 
@@ -48,17 +48,17 @@ impl Editor {
         })
     }
 
-    /// The splats as they are now.
+    /// The current splats.
     pub fn splats(&self) -> &Splats {
         &self.splats
     }
 
-    /// The splats as they are now.
+    /// The current splats.
     pub fn into_splats(self) -> Splats {
         self.splats
     }
 
-    /// Which splats the next action acts on, `[N]`.
+    /// The splats that the next action changes, `[N]`.
     pub fn selected(&self) -> &[bool] {
         &self.selected
     }
@@ -71,7 +71,7 @@ impl Editor {
     /// Applies one step.
     ///
     /// # Errors
-    /// If the step cannot be carried out; the splats are then as they were.
+    /// If the step fails; the splats are then unchanged.
     pub fn apply(&mut self, step: &Step, resources: &Resources) -> Result<(), EditError> {
         match step {
             Step::Select(selector) => {
@@ -319,7 +319,7 @@ fn check_finite(
         let fields = [
             ("means", finite(&splats.means[i])),
             ("quats", finite(&splats.quats[i])),
-            // Infinities that mean something: no extent, opacity 0 or 1.
+            // Meaningful infinities: no extent, opacity 0 or 1.
             ("log_scales", splats.log_scales[i].iter().all(|&v| v < f32::INFINITY)),
             ("opacity_logits", !splats.opacity_logits[i].is_nan()),
             ("sh", sh),

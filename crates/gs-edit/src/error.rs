@@ -1,17 +1,17 @@
-//! What can go wrong.
+//! Errors.
 
 use gs_core::{CameraError, RasterError, SplatsError};
 use thiserror::Error;
 
-/// A text that is not in the language, with the place. Displayed as three lines: what was expected,
-/// the text, and a caret below the column.
+/// A parse error. Displayed as three lines: what was expected, the text, and a caret below the
+/// column.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
 #[error("{what} (column {column})\n    {text}\n    {:>column$}", '^')]
 pub struct SyntaxError {
     /// The whole text, control characters replaced by spaces.
     pub text: String,
-    /// Character of `text` at which it stops making sense, from 1; one after the last if the text
-    /// ends too early.
+    /// Column of the error in `text`, from 1; one after the last character if the text ends too
+    /// early.
     pub column: usize,
     /// What was expected and what was found.
     pub what: String,
@@ -25,7 +25,7 @@ impl SyntaxError {
     }
 }
 
-/// Why a step cannot be carried out.
+/// Error of a step.
 #[derive(Debug, Error)]
 #[non_exhaustive]
 pub enum EditError {
@@ -49,18 +49,18 @@ pub enum EditError {
         /// The action it belongs to.
         action: &'static str,
     },
-    /// An action has nothing to act on.
+    /// The selection of an action is empty.
     #[error("`--{action}` has nothing to act on: {why}")]
     EmptySelection {
         /// Name of the action.
         action: &'static str,
-        /// Which selection selects nothing.
+        /// The empty selection.
         why: String,
     },
     /// No splat would be left.
     #[error("`--{0}` would leave no splat")]
     NothingLeft(&'static str),
-    /// Values that single precision cannot hold.
+    /// Values overflow single precision.
     #[error("`--{action}` makes `{field}` of splat {row} too large for single precision")]
     NotFinite {
         /// Name of the action.
@@ -105,7 +105,7 @@ pub enum EditError {
     /// A camera or mask cannot be used.
     #[error(transparent)]
     Camera(#[from] CameraError),
-    /// The rasteriser refused.
+    /// The rasteriser failed.
     #[error(transparent)]
     Raster(#[from] RasterError),
 }

@@ -1,4 +1,4 @@
-//! [`Selector`]s on splats.
+//! Evaluation of a [`Selector`].
 
 use crate::color::{base_color, hsv};
 use crate::error::EditError;
@@ -7,7 +7,7 @@ use crate::resources::Resources;
 use crate::selector::{Field, Selector};
 use gs_core::Splats;
 
-/// What selectors are asked about: splats as they are at this step.
+/// Input of the evaluation: the splats at the current step.
 #[derive(Debug, Clone, Copy)]
 pub struct Frame<'a> {
     /// The splats.
@@ -15,15 +15,15 @@ pub struct Frame<'a> {
     /// Row of the input that each splat is, or is a copy of, `[N]`; `None` for splats that were
     /// grafted.
     pub origins: &'a [Option<u32>],
-    /// What the selectors name.
+    /// Files and motion that selectors refer to.
     pub resources: &'a Resources,
 }
 
 impl Selector {
-    /// Which splats are selected, `[N]`.
+    /// Flags of the selected splats, `[N]`.
     ///
     /// # Errors
-    /// If a row or part does not exist, or something that [`crate::Needs`] lists was not given.
+    /// If a row or part does not exist, or a resource in [`crate::Needs`] was not given.
     pub fn evaluate(&self, frame: Frame<'_>) -> Result<Vec<bool>, EditError> {
         let splats = frame.splats;
         let rows = 0..splats.len();
@@ -160,7 +160,7 @@ fn listed(path: &str, resources: &Resources) -> Result<Vec<bool>, EditError> {
     Ok(listed)
 }
 
-/// Which splats are at most so far from one that is `inside`.
+/// Flags of the splats at most `distance` from a splat of `inside`.
 fn within_of(splats: &Splats, inside: &[bool], distance: f64) -> Vec<bool> {
     let points: Vec<[f64; 3]> = splats.means.iter().map(|mean| mean.map(f64::from)).collect();
     let sources: Vec<[f64; 3]> =

@@ -2,14 +2,14 @@
 
 use crate::error::SyntaxError;
 
-/// Longest range that a list may name, rows: more than any file of splats has.
+/// Maximum length of a range, rows; larger than any file of splats.
 const MAX_RANGE: u64 = 1 << 32;
 
 /// Reads row numbers from 0, separated by spaces, commas, brackets or line ends; `10..20` is a
 /// range with both ends; `#` begins a comment. Duplicates are allowed. Ranges are returned as such.
 ///
 /// # Errors
-/// Names the column of the line that is no list; the text of the error is that line.
+/// If a line is malformed, with its text and the column.
 pub fn parse_ids(text: &str) -> Result<Vec<(u64, u64)>, SyntaxError> {
     let mut ranges = Vec::new();
     for line in text.lines() {

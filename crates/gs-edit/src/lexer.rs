@@ -1,8 +1,8 @@
-//! Characters to tokens, each with its column.
+//! Splits a text into tokens with their columns.
 
 use crate::error::SyntaxError;
 
-/// Longest text, characters: longer ones are not typed by anybody.
+/// Maximum length of a text, characters; a bound for hostile input.
 const MAX_LENGTH: usize = 65_536;
 
 /// One token.
@@ -16,7 +16,7 @@ pub(crate) enum Token {
     Hex([f64; 3]),
     /// Punctuation.
     Symbol(&'static str),
-    /// The text is over.
+    /// End of the text.
     End,
 }
 
@@ -37,7 +37,7 @@ impl Token {
 const SYMBOLS: [&str; 14] =
     ["<=", ">=", "..", "<", ">", "&", "|", "!", "(", ")", ",", "~", ":", "@"];
 
-/// A text with a place in it.
+/// A text and the current position in it.
 #[derive(Debug, Clone)]
 pub(crate) struct Lexer<'a> {
     text: &'a str,
@@ -46,7 +46,7 @@ pub(crate) struct Lexer<'a> {
 }
 
 impl<'a> Lexer<'a> {
-    /// Begins at the first character.
+    /// Starts at the first character.
     pub(crate) fn new(text: &'a str) -> Result<Self, SyntaxError> {
         let chars: Vec<char> = text.chars().collect();
         if chars.len() > MAX_LENGTH {
@@ -62,7 +62,7 @@ impl<'a> Lexer<'a> {
         SyntaxError::new(self.text, at, what)
     }
 
-    /// The next token and the character at which it starts; the place stays.
+    /// The next token and the character at which it starts, without consuming it.
     pub(crate) fn peek(&self) -> Result<(Token, usize), SyntaxError> {
         self.clone().next()
     }
@@ -149,7 +149,7 @@ impl<'a> Lexer<'a> {
             self.at += 1;
         }
         self.digits();
-        // `1..2` is a range, not the number `1.` and more.
+        // `1..2` is a range; it does not start with the number `1.`.
         if self.char() == Some('.') && self.chars.get(self.at + 1) != Some(&'.') {
             self.at += 1;
             self.digits();

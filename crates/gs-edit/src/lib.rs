@@ -1,7 +1,7 @@
-//! Selections of Gaussian splats in a small language, and edits of what they select.
+//! Selections of Gaussian splats in a small language, and edits of the selected splats.
 //!
-//! Promises: [`Selector`] reads expressions as `color #e33~.15 & !moving` and says the column of
-//! what it does not understand; [`Action`] reads what to do; [`Editor`] applies both in order.
+//! Promises: [`Selector`] parses expressions such as `color #e33~.15 & !moving`, with the column in
+//! its errors; [`Action`] parses changes; [`Editor`] applies both in order.
 //! Splats that are not selected keep their bits and their order. Affine maps of colour
 //! ([`ColorMap`]) are exact on all bands of the spherical harmonics, rotations rotate them. Results
 //! are the same bits for any number of threads. `docs/EDITING.md` has the language and the

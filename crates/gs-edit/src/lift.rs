@@ -1,4 +1,4 @@
-//! Masks drawn in pictures, lifted to splats.
+//! Selection of splats from masks drawn in pictures.
 
 use crate::error::EditError;
 use gs_core::{Camera, Image, RasterError, Rasterizer, RenderParams, Splats, UpstreamGrads};
@@ -6,12 +6,12 @@ use gs_core::{Camera, Image, RasterError, Rasterizer, RenderParams, Splats, Upst
 /// Share of a splat's visible weight that must lie in the masks.
 const MIN_SHARE: f32 = 0.5;
 
-/// Which splats the masks show, `[N]`: those with `Σ m α T > ½ Σ α T` over all pixels of all views,
-/// where `α T` is what the splat contributes to a pixel and `m` the mask there, 0 to 1. Splats that
+/// Flags of the splats in the masks, `[N]`: those with `Σ m α T > ½ Σ α T` over all pixels of all
+/// views, where `α T` is the splat's weight in a pixel and `m` the mask there, 0 to 1. Splats that
 /// no view shows are not selected. A mask has one channel and the size of its camera.
 ///
 /// # Errors
-/// If a mask has another size than its camera, or the rasteriser refuses.
+/// If a mask has another size than its camera, or the rasteriser fails.
 pub fn lift_masks<R: Rasterizer>(
     rasterizer: &R,
     splats: &Splats,

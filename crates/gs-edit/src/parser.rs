@@ -1,4 +1,4 @@
-//! Tokens to [`Selector`]s, by recursive descent.
+//! Parser of [`Selector`]s, by recursive descent.
 //!
 //! ```text
 //! expression = term { "|" term }
@@ -11,11 +11,10 @@ use crate::error::SyntaxError;
 use crate::lexer::{Lexer, Token};
 use crate::selector::{Bounds, Field, Selector};
 
-/// Deepest nesting of parentheses, `!` and prefixes. Nobody writes more, and the stack holds many
-/// times as much.
+/// Maximum nesting of parentheses, `!` and prefixes, far below what the stack allows.
 const MAX_DEPTH: usize = 64;
 
-/// Tolerance of `color` if none is given: shades of one cloth.
+/// Default tolerance of `color`: covers light and shadow on one material.
 const TOLERANCE: f64 = 0.15;
 
 /// The leaves and prefixes of the language, for messages.
@@ -25,7 +24,7 @@ impl Selector {
     /// Reads an expression.
     ///
     /// # Errors
-    /// Names the column at which the text is not in the language.
+    /// If the text is malformed, with the column.
     pub fn parse(text: &str) -> Result<Self, SyntaxError> {
         let mut parser = Parser { lexer: Lexer::new(text)?, depth: 0 };
         let selector = parser.expression()?;
@@ -213,7 +212,7 @@ impl Parser<'_> {
         let mut max = [0.0; 3];
         for axis in 0..3 {
             let ((low, _), (high, at)) = (found[axis], found[axis + 3]);
-            // An unbounded lower side is written `inf`, too: `-inf` would be a word and a sign.
+            // An unbounded lower side is also written `inf`.
             min[axis] = if low == f64::INFINITY { f64::NEG_INFINITY } else { low };
             max[axis] = high;
             if min[axis] > max[axis] {

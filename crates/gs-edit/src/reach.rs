@@ -4,7 +4,7 @@ use anchors::{KdTree, Neighbor, Neighbors};
 use rayon::prelude::*;
 use std::collections::{BTreeMap, BTreeSet};
 
-/// Pairs of two cells compared one by one; of more, the nearest is looked up in a tree.
+/// Up to this many pairs of two cells are compared one by one; beyond, a tree finds the nearest.
 const MAX_PAIRS: usize = 4096;
 
 /// Gaps below this share of the cloud's extent link only coincident points.
@@ -15,7 +15,8 @@ const GAPS: f64 = 3.0;
 
 type Point = [f64; 3];
 
-/// Which of `points` lie at most `reach` from one of `sources`; points that are not finite do not.
+/// Flags of the `points` at most `reach` from one of `sources`; not set for points that are not
+/// finite.
 pub(crate) fn within(points: &[Point], sources: &[Point], reach: f64) -> Vec<bool> {
     let sources: Vec<Point> = sources.iter().copied().filter(finite).collect();
     if sources.is_empty() {
@@ -48,8 +49,8 @@ pub(crate) fn default_gap(points: &[Point]) -> f64 {
     GAPS * *distances.select_nth_unstable_by(middle, f64::total_cmp).1
 }
 
-/// Which of `points` are connected with the one nearest to `seed` (the first of equally near ones)
-/// by steps of at most `gap`. None if there is no finite point.
+/// Flags of the `points` connected to the one nearest to `seed` (the first of equally near ones) by
+/// steps of at most `gap`. None is set if there is no finite point.
 pub(crate) fn connected(points: &[Point], seed: Point, gap: f64) -> Vec<bool> {
     let mut selected = vec![false; points.len()];
     let usable: Vec<usize> = (0..points.len()).filter(|&i| finite(&points[i])).collect();

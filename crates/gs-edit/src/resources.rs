@@ -1,25 +1,25 @@
-//! What steps name and the caller loads: files, masks, motion.
+//! [`Resources`] of a script that the caller loads: files, masks, motion.
 
 use gs_core::{Image, Splats};
 use std::collections::{BTreeMap, BTreeSet};
 
-/// How the input moves.
+/// Motion of the input.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Motion {
-    /// Which splats move, `[N]`.
+    /// Flags of the splats that move, `[N]`.
     pub moving: Vec<bool>,
     /// Number of the part of each splat, from 1 without gaps, `[N]`; 0 for splats of no part.
     pub parts: Vec<u32>,
 }
 
-/// What steps name. Keys are the names as written in the steps.
+/// Resources that steps refer to. Keys are the names as written in the steps.
 #[derive(Debug, Clone, Default)]
 pub struct Resources {
-    /// Splats of the input, `N`.
+    /// Number of splats of the input, `N`.
     pub num_splats: usize,
-    /// How the input moves, for `moving` and `part`.
+    /// Motion of the input, for `moving` and `part`.
     pub motion: Option<Motion>,
-    /// Splats that masks show, `[N]` each ([`crate::lift_masks`]).
+    /// Flags of the splats in masks, `[N]` each ([`crate::lift_masks`]).
     pub masks: BTreeMap<String, Vec<bool>>,
     /// Ranges of rows, ends included ([`crate::parse_ids`]).
     pub ids: BTreeMap<String, Vec<(u64, u64)>>,
@@ -29,7 +29,7 @@ pub struct Resources {
     pub splats: BTreeMap<String, Splats>,
 }
 
-/// Names of what steps use, so that a caller can load it before anything is changed.
+/// Names of the resources that steps use, so that a caller can load them before any change.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Needs {
     /// Whether [`Resources::motion`] is needed.

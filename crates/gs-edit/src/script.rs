@@ -8,7 +8,7 @@ use crate::selector::Selector;
 /// One step.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Step {
-    /// Following actions act on these splats.
+    /// Selects the splats that the following actions change.
     Select(Selector),
     /// Changes the selected splats.
     Act(Action),
@@ -53,7 +53,7 @@ impl Script {
         Ok(Self { steps })
     }
 
-    /// What the steps name.
+    /// The resources that the steps use.
     pub fn needs(&self) -> Needs {
         let mut needs = Needs::default();
         for step in &self.steps {

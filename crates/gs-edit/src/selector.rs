@@ -1,6 +1,6 @@
-//! [`Selector`]: which splats, as a tree.
+//! [`Selector`]: a selection as an expression tree.
 
-/// A property of one splat with a number.
+/// A scalar property of a splat.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Field {
     /// Opacity, 0 to 1.
@@ -41,7 +41,7 @@ impl Field {
     ];
 }
 
-/// An interval; ends that are missing are infinite.
+/// An interval; missing ends are infinite.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Bounds {
     /// Lower end, and whether it belongs to the interval.
@@ -60,8 +60,8 @@ impl Bounds {
     }
 }
 
-/// Which splats. Lengths are world units in the frame of the file; colours are base colours,
-/// `½ + C₀·dc` clamped to 0 to 1. `docs/EDITING.md` has the language.
+/// A selection of splats. Lengths are world units in the frame of the file; colours are base
+/// colours, `½ + C₀·dc` clamped to 0 to 1. `docs/EDITING.md` has the language.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Selector {
     /// Every splat.
@@ -104,31 +104,31 @@ pub enum Selector {
         /// Last hue.
         to: f64,
     },
-    /// Splats that masks drawn in pictures show ([`crate::lift_masks`]).
+    /// Splats in masks drawn in pictures ([`crate::lift_masks`]).
     Mask(String),
     /// Splats of the scene that move.
     Moving,
     /// Splats of the part with this number, from 1: parts move rigidly and are sorted by size.
     Part(u32),
-    /// What is connected to the splat nearest to a point: splats are linked whose centres are at
-    /// most `gap` apart.
+    /// Splats connected to the one nearest to a point; splats whose centres are at most `gap` apart
+    /// are linked.
     Connected {
         /// The point.
         point: [f64; 3],
-        /// Largest gap; without, three times the median distance of nearest neighbours.
+        /// Largest gap; default: three times the median distance of nearest neighbours.
         gap: Option<f64>,
-        /// Only splats of this selection are linked; without, all.
+        /// Only splats of this selection are linked; default: all.
         of: Option<Box<Self>>,
     },
-    /// Rows listed in a file, from 0, as they are in the input.
+    /// Rows of the input listed in a file, from 0.
     Ids(String),
-    /// Splats outside a selection that are at most so far from one inside it.
+    /// Splats outside a selection at most this distance from one inside it.
     Near(f64, Box<Self>),
-    /// A selection and all splats at most so far from it.
+    /// A selection and all splats at most this distance from it.
     Grow(f64, Box<Self>),
-    /// A selection without its splats that are at most so far from one outside it.
+    /// A selection without its splats at most this distance from one outside it.
     Shrink(f64, Box<Self>),
-    /// The others.
+    /// All other splats.
     Not(Box<Self>),
     /// Intersection of two or more.
     And(Vec<Self>),

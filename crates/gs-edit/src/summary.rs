@@ -1,24 +1,24 @@
-//! [`Summary`]: what a selection is, in numbers.
+//! [`Summary`]: statistics of a selection.
 
 use crate::color::{ColorStats, hsv};
 use gs_core::Splats;
 
-/// Numbers of a selection. Lengths are world units.
+/// Statistics of a selection. Lengths are world units.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Summary {
     /// Splats of the selection.
     pub selected: usize,
     /// All splats.
     pub total: usize,
-    /// Lower and upper corner of the centres; `None` of nothing.
+    /// Lower and upper corner of the centres; `None` for an empty selection.
     pub bounds: Option<([f64; 3], [f64; 3])>,
     /// Mean of the centres.
     pub center: [f64; 3],
-    /// Opacities: a tenth, half and nine tenths of the splats are at or below.
+    /// 10th, 50th and 90th percentile of the opacities.
     pub opacity: [f64; 3],
-    /// Largest standard deviations, likewise.
+    /// The same percentiles of the largest standard deviations, world units.
     pub size: [f64; 3],
-    /// Mean base colour by area, 0 to 1 where displayable.
+    /// Mean base colour, weighted by area; 0 to 1 where displayable.
     pub color: [f64; 3],
     /// Its hue, degrees; `None` for grey.
     pub hue: Option<f64>,
@@ -55,7 +55,7 @@ impl Summary {
     }
 }
 
-/// The values at a tenth, the middle and nine tenths of the order; 0 of none.
+/// 10th, 50th and 90th percentile; 0 for no values.
 fn deciles(values: impl Iterator<Item = f64>) -> [f64; 3] {
     let mut sorted: Vec<f64> = values.collect();
     sorted.sort_by(f64::total_cmp);

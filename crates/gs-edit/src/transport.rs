@@ -1,16 +1,16 @@
-//! Optimal transport of colours: the colours of a selection become those of a picture.
+//! Optimal transport of the colours of a selection to those of a picture.
 
 use crate::color::ColorStats;
 use crate::color_map::ColorMap;
 use gs_core::symmetric_eigen;
 use rand::{RngExt, SeedableRng};
 
-/// Variance added to both distributions: half a step of 8 bits, so that selections of one colour
-/// are not stretched without bound.
+/// Variance added to both distributions (half a step of 8 bits, squared). It bounds the stretch of
+/// selections with a single colour.
 const NOISE_VARIANCE: f64 = 0.25 / (255.0 * 255.0);
 
-/// Random frames of the sliced transport, three directions each. With it, a normal distribution
-/// becomes two colours to within 0.1 for 95 % of its splats (the test below).
+/// Number of random frames of the sliced transport, three directions each. With 32, a normal
+/// distribution becomes two colours to within 0.1 for 95 % of its splats (the test below).
 const FRAMES: usize = 32;
 
 /// Seed of the frames.
@@ -35,7 +35,7 @@ pub(crate) fn gaussian(source: &ColorStats, target: &ColorStats) -> ColorMap {
     ColorMap { matrix, offset: [0, 1, 2].map(|c| target.mean[c] - moved[c]) }
 }
 
-/// Moves weighted colours so that their distribution becomes that of `target` (weights above 0):
+/// Moves weighted colours to the distribution of `target` (weights above 0):
 /// one-dimensional transport along the axes of [`FRAMES`] random frames, one after the other.
 pub(crate) fn sliced(colors: &mut [[f64; 3]], weights: &[f64], target: &[([f64; 3], f64)]) {
     let mut rng = rand_pcg::Pcg64Mcg::seed_from_u64(SEED);

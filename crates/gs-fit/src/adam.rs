@@ -2,18 +2,17 @@
 
 use gs_core::Real;
 
-/// Adam (Kingma & Ba 2015) over rows of parameters, with a rate per column and rows that can be
-/// left out.
+/// Adam (Kingma & Ba 2015) over rows of parameters, with a rate per column. Rows can be skipped.
 ///
-/// Parameters are `[rows, columns]`, flat. A rate of 0 freezes a column; a skipped row keeps value
-/// and moments, bit for bit.
+/// Parameters are `[rows, columns]`, flat. A rate of 0 freezes a column; a skipped row keeps its
+/// values and moments, bit for bit.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Adam<F> {
     /// Decay of the first moment. Default 0.9.
     pub beta1: F,
     /// Decay of the second moment. Default 0.999.
     pub beta2: F,
-    /// Added to the root of the second moment. Default 1e-15, as 3DGS trains.
+    /// Added to the root of the second moment. Default 1e-15, as in 3DGS.
     pub epsilon: F,
     /// Steps done.
     pub step: u64,
@@ -36,8 +35,8 @@ impl<F: Real> Adam<F> {
         }
     }
 
-    /// One step down `grads`. `rates` holds one learning rate per column; rows for which `skip`
-    /// says true are left alone (as 3DGS's sparse Adam leaves out what a view does not see).
+    /// One step along the negative gradient. `rates` has one learning rate per column; rows for
+    /// which `skip` is true do not change.
     ///
     /// # Panics
     /// If the lengths disagree.

@@ -1,22 +1,22 @@
-//! [`Alignment`]: gain, offset and displacement that bring one picture to the splats as they are.
+//! [`Alignment`]: gain, offset and displacement that register one picture to the current render.
 //!
-//! Pictures that were edited one by one disagree: in brightness, in position by some pixels, in
-//! shape. A fit to all of them is their blur. Each picture is therefore registered to the current
-//! render now and then, and the fit goes on with the registered picture.
+//! Pictures that were edited independently differ in brightness, position and shape. A fit to all
+//! of them is blurred. Each picture is therefore registered to the current render at intervals, and
+//! the fit continues with the registered pictures.
 
 use glam::{DMat3, DVec3};
 use gs_core::Camera;
 use rayon::prelude::*;
 
-/// Reach of the search for a common displacement, pixels either way.
+/// Range of the search for a common displacement, pixels in each direction.
 const SEARCH: i32 = 6;
 /// Passes of local registration per estimate.
 const PASSES: usize = 2;
-/// Pull of gain to 1 and offset to 0, in variances of a picture with values from 0 to 1.
+/// Ridge that pulls gain to 1 and offset to 0, added to the variance of a channel (values 0 to 1).
 const RIDGE: f64 = 0.0005;
-/// Pull of local displacements to 0, as a share of the mean of the squared image gradients.
+/// Ridge that pulls local displacements to 0, as a share of the mean squared image gradient.
 const LOCAL_RIDGE: f32 = 0.1;
-/// Share of that pull that acts on displacements found before.
+/// Share of that ridge that acts on displacements of earlier estimates.
 const PULL_BACK: f32 = 0.1;
 
 /// `colour' = gain · picture(x + displacement(x)) + offset` per channel.
@@ -91,9 +91,9 @@ impl Alignment {
         picture.sample(x as f32 + self.shift[0] + lx, y as f32 + self.shift[1] + ly)
     }
 
-    /// Registers the picture to `render` (`[H,W,3]`) inside `mask`, starting from what is known.
-    /// `radius` is half the width of the window in which local displacements are constant, pixels;
-    /// `None` for a common displacement only.
+    /// Registers the picture to `render` (`[H,W,3]`) inside `mask`, starting from the current
+    /// estimate. `radius` is half the width of the window in which local displacements are
+    /// constant, pixels; `None` for a common displacement only.
     pub(crate) fn estimate(
         &mut self,
         picture: Picture,
@@ -137,8 +137,8 @@ impl Alignment {
         }
     }
 
-    /// The whole-pixel step from the present displacement with the least absolute difference,
-    /// refined by a parabola per axis.
+    /// The whole-pixel change of the displacement with the least absolute difference, refined by a
+    /// parabola per axis.
     fn common_shift(&mut self, picture: Picture, render: &[f32], mask: &[bool]) {
         let width = picture.width;
         let pixels: Vec<usize> = (0..mask.len()).filter(|&p| mask[p]).collect();
@@ -185,8 +185,7 @@ impl Alignment {
         Self { local: Vec::new(), ..*self }
     }
 
-    /// One pass of windowed least squares (Lucas–Kanade): the local displacement that explains the
-    /// differences left.
+    /// One pass of windowed least squares (Lucas–Kanade) on the remaining differences.
     fn refine_locally(&mut self, picture: Picture, render: &[f32], mask: &[bool], radius: usize) {
         let Picture { width, height, .. } = picture;
         let pixels = width * height;
@@ -223,7 +222,7 @@ impl Alignment {
             self.local = vec![[0.0; 2]; pixels];
         }
         for (local, [xx, xy, yy, xr, yr]) in self.local.iter_mut().zip(planes) {
-            // The ridge also pulls what is there already back to zero.
+            // The ridge also pulls the current estimate to zero.
             let (a, b, c) = (xx + ridge, xy, yy + ridge);
             let (u, v) = (xr - PULL_BACK * ridge * local[0], yr - PULL_BACK * ridge * local[1]);
             let det = a * c - b * b;
@@ -283,26 +282,26 @@ fn add(mut a: [f32; 5], b: [f32; 5], factor: f32) -> [f32; 5] {
     a
 }
 
-/// How pictures are aligned.
+/// Which differences between the pictures are removed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Aligning {
-    /// Not: they agree.
+    /// None: the pictures agree.
     Nothing,
-    /// Colours, and one displacement a picture.
+    /// Colours, and one displacement per picture.
     Whole,
     /// Local displacements too.
     Local,
 }
 
-/// Medians from which on pictures disagree: displacement in pixels, logarithm of the gain. Pictures
-/// that agree reach 0.13 pixels and 0.02 while the fit is under way; a gain of σ 0.15 and a shift
-/// of σ 2 pixels are found as 0.05 and 2.4.
+/// Medians above which pictures disagree: displacement in pixels, logarithm of the gain. Measured:
+/// 0.13 pixels and 0.02 for pictures that agree, in the middle of a fit; 2.4 pixels and 0.05 for
+/// gains of σ 0.15 and shifts of σ 2 pixels.
 const DISAGREE: [f32; 2] = [0.4, 0.03];
-/// Median of the local displacements, root mean square in pixels, from which on they are real;
-/// pictures without any reach 0.4, a warp of σ 2 pixels is found as 0.9.
+/// Median of the local displacements (root mean square of a picture, pixels) above which they are
+/// real. Measured: 0.4 without any, 0.9 for a warp of σ 2 pixels.
 const DISAGREE_LOCALLY: f32 = 0.6;
 
-/// What the first estimates show to be needed.
+/// Which differences to remove, from the first estimates.
 pub(crate) fn needed(alignments: &[Alignment]) -> Aligning {
     let median = |mut values: Vec<f32>| {
         values.sort_by(f32::total_cmp);
@@ -326,9 +325,10 @@ pub(crate) fn needed(alignments: &[Alignment]) -> Aligning {
     }
 }
 
-/// Takes out of the alignments what all pictures have in common: the geometric mean of the gains,
-/// the mean offset, and the displacement that a translation of the content by one vector explains;
-/// relative to view `reference` all but the translation, if there is one.
+/// Removes from the alignments what all pictures have in common: the geometric mean of the gains,
+/// the mean offset, and displacements equal to a translation of the content by one vector. With a
+/// `reference` view, its gain and offset take the place of the means, and the translation is
+/// fitted mainly to its displacement.
 pub(crate) fn hold_common(
     alignments: &mut [Alignment],
     cameras: &[&Camera],
@@ -357,7 +357,7 @@ pub(crate) fn hold_common(
     let (mut normal, mut moments) = (DMat3::ZERO, DVec3::ZERO);
     let rows: Vec<[DVec3; 2]> = cameras.iter().map(|camera| jacobian(camera, centre)).collect();
     for (view, (rows, alignment)) in rows.iter().zip(alignments.iter()).enumerate() {
-        // A reference counts as much as all others together, and more.
+        // The reference outweighs all others together.
         let weight = if reference == Some(view) { 100.0 * f64::from(n) } else { 1.0 };
         for k in 0..2 {
             let row = rows[k];

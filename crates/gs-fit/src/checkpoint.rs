@@ -1,6 +1,7 @@
-//! A running fit as [`FitState`], and back.
+//! Conversion of a running fit to [`FitState`], and back.
 
 use crate::alignment::{Aligning, Alignment};
+use crate::loss::Rect;
 use crate::state::FitState;
 use crate::view::View;
 use crate::working::Working;
@@ -51,8 +52,15 @@ pub(crate) fn save(
         ("chosen".to_owned(), working.chosen.iter().map(|&on| u32::from(on)).collect()),
         ("fading".to_owned(), working.fading.iter().map(|&on| u32::from(on)).collect()),
         ("visits".to_owned(), working.visits.clone()),
+        ("rects".to_owned(), views.iter().flat_map(rect_values).collect()),
     ];
     FitState { fingerprint, step: step as u64, arrays, counts }
+}
+
+/// The bounds of a view's rectangle. They depend on earlier positions of the splats.
+fn rect_values(view: &View) -> [u32; 4] {
+    let Rect { x0, y0, x1, y1 } = view.rect;
+    [x0, y0, x1, y1].map(|bound| u32::try_from(bound).unwrap_or(u32::MAX))
 }
 
 fn damaged(what: impl Into<String>) -> FitError {
@@ -84,7 +92,7 @@ fn splats(state: &FitState, prefix: &str, sh_degree: usize) -> Result<Splats, Fi
     Ok(splats)
 }
 
-/// Puts the state into a run that was begun with the same inputs; returns the steps done.
+/// Restores a state in a run with the same inputs; returns the number of steps done.
 pub(crate) fn restore(
     state: &FitState,
     working: &mut Working,
@@ -135,7 +143,16 @@ pub(crate) fn restore(
         [2] => Aligning::Local,
         _ => return Err(damaged("`aligning` is not 0, 1 or 2")),
     };
+    let (rects, rest) = find(&state.counts, "rects")?.as_chunks::<4>();
+    if rects.len() != views.len() || !rest.is_empty() {
+        return Err(damaged(format!("`rects` has {} rows, expected {}", rects.len(), views.len())));
+    }
     for (v, view) in views.iter_mut().enumerate() {
+        let [x0, y0, x1, y1] = rects[v].map(|bound| bound as usize);
+        if x0 > x1 || y0 > y1 || x1 > view.width || y1 > view.height {
+            return Err(damaged(format!("the rectangle of view {v} lies outside the picture")));
+        }
+        view.rect = Rect { x0, y0, x1, y1 };
         let flat = find(&state.arrays, &format!("align.{v}"))?;
         let &[g0, g1, g2, o0, o1, o2, x, y, noise] = flat else {
             return Err(damaged(format!("`align.{v}` has {} values", flat.len())));

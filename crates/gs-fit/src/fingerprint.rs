@@ -1,4 +1,4 @@
-//! Hash of what decides a fit's result, for checkpoints.
+//! Hash of the inputs of a fit, for checkpoints.
 
 use crate::{EditedPicture, FitOptions};
 use gs_core::Splats;
@@ -21,7 +21,7 @@ impl Fnv {
     }
 }
 
-/// Of the inputs and options; times between previews and checkpoints do not count.
+/// Hash of the inputs and options, without the intervals of previews and checkpoints.
 pub(crate) fn of(start: &Splats, pictures: &[EditedPicture], options: &FitOptions) -> u64 {
     let mut hash = Fnv(0xcbf2_9ce4_8422_2325);
     hash.floats(start.means.as_flattened());

@@ -1,73 +1,69 @@
-//! [`fit()`]: splats to pictures.
+//! [`fit()`]: fits splats to pictures.
 
 use crate::alignment::{Aligning, Alignment, hold_common, needed};
+use crate::carving;
 use crate::loss::{PictureLoss, Rect, Target};
 use crate::report::{self, FitReport};
 use crate::state::{FitObserver, FitPreview, FitProgress, FitState};
+use crate::subset::Subset;
 use crate::view::{self, EditedPicture, View};
-use crate::votes::{Votes, lift};
+use crate::votes::Votes;
 use crate::working::{NEW, Working};
 use crate::{FitError, FitOptions, FitRates};
+use gs_core::image_formation::ALPHA_THRESHOLD;
 use gs_core::{
     Camera, Image, Rasterizer, RenderGrads, RenderOutput, RenderParams, Splats, UpstreamGrads,
 };
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
+use rayon::prelude::*;
 use std::time::Instant;
 
-/// Densification: most steps between, how many times at least, and last share of the fit.
+/// Densification: largest number of steps between two, least number of times, and share of the fit
+/// after which it ends.
 const DENSIFY_EVERY: usize = 100;
 const DENSIFY_TIMES: usize = 8;
 const DENSIFY_UNTIL: f64 = 0.7;
-/// Registration of the pictures: first step, steps between, and last share of the fit.
+/// Registration of the pictures: first step, steps between two, and share of the fit after which it
+/// ends.
 const ALIGN_FROM: usize = 40;
 const ALIGN_EVERY: usize = 30;
 const ALIGN_UNTIL: f64 = 0.9;
-/// Estimates after which it is decided whether the pictures disagree, and how.
+/// Splats below this opacity are removed at this share of the fit, so that the last steps adapt the
+/// others. Eight-bit pictures hardly show them.
+const FAINT_AT_END: f32 = 0.02;
+const LAST_PRUNE: f64 = 0.9;
+/// Number of estimates after which the fit decides whether the pictures disagree, and how.
 const DECIDES_AFTER: usize = 2;
-/// Difference of a channel below which a picture shows what lies behind the selection.
-const BEHIND: f32 = 10.0 / 255.0;
-/// To which so many times the noise of a picture is added, up to a limit.
-const NOISES: f32 = 1.5;
-const MOST_BEHIND: f32 = 0.12;
-/// Splats of which more than this share looks as before belong to what is behind.
-const SAME_SHARE: f32 = 0.5;
-/// Rounds of removal before the first step.
-const CARVING_ROUNDS: usize = 3;
-/// Passes in which what is behind and what is in front of it are told apart.
-const CARVING_PASSES: usize = 3;
-/// Share of a splat's visible pixels at which all pictures show what lies behind it: it is removed.
-const BEHIND_SHARE: f32 = 0.85;
-/// Share from which on it fades: until [`FADE_UNTIL`] of the fit only its opacity is fitted.
-const FADING_SHARE: f32 = 0.3;
-const FADE_UNTIL: f64 = 0.5;
-/// Width of the band around the selection in which unedited pictures say nothing, as a share of the
-/// longer image side.
+/// Unedited pictures have no weight within this distance of the selection, as a share of the longer
+/// image side.
 const UNSURE_BAND: f32 = 0.03;
+/// Selected splats may move by this many pixels until their reach is found again.
+const REACH_MARGIN: usize = 8;
 
 /// The result of a fit.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Fitted {
-    /// Splats that were not selected, bit for bit, and selected ones that are left, in the order of
+    /// Splats that were not selected, bit for bit, and selected ones that remain, in the order of
     /// the start; then new ones.
     pub splats: Splats,
     /// Row of the start of each splat; `None` for new ones.
     pub source_rows: Vec<Option<u32>>,
-    /// Rows of the start that were selected, at once or when they came to light.
+    /// Rows of the start that were selected, at the start or when they became visible.
     pub selected: Vec<bool>,
-    /// What was found and done.
+    /// Counts, and regions that few pictures show.
     pub report: FitReport,
 }
 
-/// Fits the splats that the pictures show edited; see the crate's documentation. With `state`, goes
-/// on from there to the same bits.
+/// Fits splats to edited pictures; see the crate's documentation. With `state`, an interrupted fit
+/// is resumed; its result is bit-identical.
 ///
-/// Pictures that do not differ from the scene, in no view, give the start back.
+/// If no picture differs from the scene, the result is `start`.
 ///
 /// # Errors
 /// If pictures, masks, options or state do not fit the scene, nothing is selected, the rasteriser
 /// fails, or the observer stops the fit.
-pub fn fit<R: Rasterizer>(
+pub fn fit<R: Rasterizer + Sync>(
     raster: &R,
     start: &Splats,
     pictures: &[EditedPicture],
@@ -102,7 +98,7 @@ pub fn fit<R: Rasterizer>(
     weigh_unedited(raster, start, &mut views, &selected)?;
 
     let fingerprint = crate::fingerprint::of(start, pictures, options);
-    // Fewer pictures say nothing of where a surface is.
+    // Fewer pictures do not determine where a surface is.
     report.geometry_held = options.geometry && edited.len() < usize::from(report::ENOUGH_VIEWS);
     let options =
         &FitOptions { geometry: options.geometry && !report.geometry_held, ..options.clone() };
@@ -112,6 +108,7 @@ pub fn fit<R: Rasterizer>(
         working: Working::new(start, selected.clone()),
         views,
         edited,
+        subset: Subset::default(),
         prepared: None,
         losses: Vec::new(),
         previewed: 0,
@@ -122,35 +119,30 @@ pub fn fit<R: Rasterizer>(
             return Err(FitError::State { what: "other inputs or options".to_owned() });
         }
         step = crate::checkpoint::restore(state, &mut run.working, &mut run.views)?;
-    } else if options.geometry && options.densify {
-        // What was hidden by removed splats comes to light.
-        for _ in 0..CARVING_ROUNDS {
-            let removed = run.carve()?;
-            report.carved += removed;
-            if removed == 0 {
-                break;
-            }
-            run.select_more()?;
+        run.find_rows();
+    } else {
+        if run.carves() {
+            report.carved = run.carve_first(observer)?;
         }
+        run.reach();
     }
-    run.reach();
     run.descend(step, fingerprint, observer)?;
-    let gone = vec![false; run.working.selected.len()];
-    run.working.prune(&gone, true);
+    // Splats that are not drawn at any pixel.
+    run.working.prune_faint(ALPHA_THRESHOLD);
     let selected = std::mem::take(&mut run.working.chosen);
     report.finish(&run.working.source, &selected);
     let source_rows = run.working.source.iter().map(|&row| (row != NEW).then_some(row)).collect();
     Ok(Fitted { splats: run.working.splats, source_rows, selected, report })
 }
 
-/// Votes of the pictures that were edited.
+/// Votes of the edited pictures.
 fn vote<R: Rasterizer>(raster: &R, splats: &Splats, views: &[View]) -> Result<Votes, FitError> {
     let edited = views.iter().filter(|view| view.is_edited());
     Votes::of(raster, splats, edited.map(|view| (&view.camera, view.mask.as_slice())))
 }
 
-/// Unedited pictures say nothing of what was edited elsewhere: they have no weight where they show
-/// the selection.
+/// Sets the weights of unedited pictures: 0 where they show the selection, because the edit of
+/// other pictures applies there, too.
 fn weigh_unedited<R: Rasterizer>(
     raster: &R,
     start: &Splats,
@@ -176,19 +168,22 @@ fn weigh_unedited<R: Rasterizer>(
 }
 
 /// A running fit.
-struct Run<'a, R: Rasterizer> {
-    raster: &'a R,
+pub(crate) struct Run<'a, R: Rasterizer> {
+    pub raster: &'a R,
     options: &'a FitOptions,
-    working: Working,
-    views: Vec<View>,
-    edited: Vec<usize>,
+    pub working: Working,
+    pub views: Vec<View>,
+    /// Views whose pictures were edited.
+    pub edited: Vec<usize>,
+    /// The splats of the last render.
+    subset: Subset,
     prepared: Option<R::Prepared>,
     losses: Vec<f32>,
     previewed: usize,
 }
 
-impl<R: Rasterizer> Run<'_, R> {
-    fn params(&self) -> RenderParams {
+impl<R: Rasterizer + Sync> Run<'_, R> {
+    pub(crate) fn params(&self) -> RenderParams {
         RenderParams {
             background: self.options.background,
             depth: false,
@@ -196,7 +191,8 @@ impl<R: Rasterizer> Run<'_, R> {
         }
     }
 
-    /// The view of a step: edited ones and at most as many others, each once in a random order.
+    /// The view of a step. Each pass has every edited view, and at most as many others, once, in
+    /// random order.
     fn view_of(&self, step: usize) -> usize {
         let others: Vec<usize> =
             (0..self.views.len()).filter(|&v| !self.views[v].is_edited()).collect();
@@ -216,13 +212,16 @@ impl<R: Rasterizer> Run<'_, R> {
         order[step % length]
     }
 
+    /// Renders what the selection can change in a view; other pixels are incomplete.
     fn render(
         &mut self,
         view: usize,
         params: &RenderParams,
         output: &mut RenderOutput,
     ) -> Result<(), FitError> {
-        let (splats, camera) = (&self.working.splats, &self.views[view].camera);
+        let View { camera, rows, .. } = &self.views[view];
+        self.subset.gather(&self.working.splats, rows);
+        let splats = &self.subset.splats;
         match &mut self.prepared {
             Some(prepared) => self.raster.prepare_into(splats, camera, prepared)?,
             None => self.prepared = Some(self.raster.prepare(splats, camera)?),
@@ -239,7 +238,7 @@ impl<R: Rasterizer> Run<'_, R> {
         fingerprint: u64,
         observer: &mut dyn FitObserver,
     ) -> Result<(), FitError> {
-        let FitOptions { steps, dssim, rates, geometry, densify, .. } = *self.options;
+        let FitOptions { steps, dssim, rates, .. } = *self.options;
         let params = self.params();
         let mut loss = PictureLoss::new(dssim);
         let (mut output, mut upstream) = (RenderOutput::default(), UpstreamGrads::default());
@@ -248,8 +247,7 @@ impl<R: Rasterizer> Run<'_, R> {
         for step in first..steps {
             if step > 0
                 && step.is_multiple_of(self.densify_every())
-                && densify
-                && geometry
+                && self.carves()
                 && (step as f64) < DENSIFY_UNTIL * steps as f64
             {
                 self.densify(step)?;
@@ -262,6 +260,15 @@ impl<R: Rasterizer> Run<'_, R> {
                 && (step as f64) < ALIGN_UNTIL * steps as f64
             {
                 self.align(step)?;
+            }
+            #[expect(
+                clippy::cast_possible_truncation,
+                clippy::cast_sign_loss,
+                reason = "a share of a count"
+            )]
+            if step > 0 && step == (LAST_PRUNE * steps as f64) as usize {
+                self.working.prune_faint(FAINT_AT_END);
+                self.reach();
             }
             let view = self.view_of(step);
             self.render(view, &params, &mut output)?;
@@ -277,8 +284,10 @@ impl<R: Rasterizer> Run<'_, R> {
             self.losses.push(value);
             let half = [at.width as f32 / 2.0, at.height as f32 / 2.0];
             let Some(prepared) = &mut self.prepared else { return Err(FitError::NoPictures) };
-            let splats = &self.working.splats;
-            self.raster.backward_into(prepared, splats, &[], &params, &upstream, &mut grads)?;
+            let Subset { splats, grads: own } = &mut self.subset;
+            self.raster.backward_into(prepared, splats, &[], &params, &upstream, own)?;
+            let (count, coeffs) = (self.working.splats.len(), splats.sh_coeffs());
+            self.subset.scatter(&at.rows, &mut grads, count, coeffs);
             self.collect(&grads, half);
             self.update(step, &rates, &grads);
             self.report(step + 1, observer);
@@ -304,6 +313,12 @@ impl<R: Rasterizer> Run<'_, R> {
         Ok(())
     }
 
+    /// Whether splats are removed where the pictures show what lies behind them. Fewer pictures do
+    /// not determine that.
+    fn carves(&self) -> bool {
+        self.options.densify && self.edited.len() >= usize::from(report::ENOUGH_VIEWS)
+    }
+
     fn densify_every(&self) -> usize {
         (self.options.steps / DENSIFY_TIMES).clamp(1, DENSIFY_EVERY)
     }
@@ -327,6 +342,7 @@ impl<R: Rasterizer> Run<'_, R> {
         let rates = FitRates { means: rates.means * working.size * decay, ..*rates };
         let Working { splats, optimizer, selected, fading, .. } = working;
         optimizer.step(splats, grads, &rates, options.geometry, selected, fading);
+        working.limit_scales();
     }
 
     fn report(&mut self, done: usize, observer: &mut dyn FitObserver) {
@@ -345,9 +361,10 @@ impl<R: Rasterizer> Run<'_, R> {
     fn preview(&mut self) -> Result<FitPreview, FitError> {
         let view = self.edited[self.previewed % self.edited.len()];
         self.previewed += 1;
-        let mut output = RenderOutput::default();
         let params = self.params();
-        self.render(view, &params, &mut output)?;
+        let (raster, splats) = (self.raster, &self.working.splats);
+        let mut prepared = raster.prepare(splats, &self.views[view].camera)?;
+        let now = raster.forward(&mut prepared, splats, &[], &params)?.rgb_image();
         let View { camera, width, height, original, target, .. } = &self.views[view];
         let image = |data: &[f32]| Image {
             width: *width,
@@ -359,112 +376,57 @@ impl<R: Rasterizer> Run<'_, R> {
             name: camera.name.clone(),
             original: image(original),
             target: image(target),
-            now: image(&output.rgb),
+            now,
         })
     }
 
-    /// Removes what the pictures contradict, adds detail, and selects what came to light.
+    /// Removes splats that the pictures contradict, clones and splits others (if geometry is
+    /// fitted), and selects splats that became visible.
     fn densify(&mut self, step: usize) -> Result<(), FitError> {
         self.carve()?;
-        if step as f64 >= FADE_UNTIL * self.options.steps as f64 {
+        if step as f64 >= carving::FADE_UNTIL * self.options.steps as f64 {
             self.working.fading.fill(false);
         }
-        self.working.densify(self.options.seed ^ (0x5_0000_0000 + step as u64));
+        if self.options.geometry {
+            self.working.densify(self.options.seed ^ (0x5_0000_0000 + step as u64));
+        }
         self.select_more()?;
         self.reach();
         Ok(())
     }
 
-    /// Selects splats that are now mainly seen in the masks.
-    fn select_more(&mut self) -> Result<(), FitError> {
+    /// Selects splats that are now mainly visible in the masks.
+    pub(crate) fn select_more(&mut self) -> Result<(), FitError> {
         let votes = vote(self.raster, &self.working.splats, &self.views)?;
         self.working.select_more(&votes, self.options.vote);
         Ok(())
     }
 
-    /// Finds selected splats where the pictures show what lies behind them: with all pictures they
-    /// are removed, with some they fade. Returns how many were removed.
-    fn carve(&mut self) -> Result<usize, FitError> {
-        let n = self.working.splats.len();
-        // Splats whose pictures differ from the scene; those that only lie beside an edit belong to
-        // what is behind.
-        let (seen, same) = self.agreement(|view| Ok(view.original.clone()))?;
-        let mut front: Vec<bool> =
-            (0..n).map(|i| self.working.selected[i] && same[i] < SAME_SHARE * seen[i]).collect();
-        let mut gone = vec![false; n];
-        for _ in 0..CARVING_PASSES {
-            let share = self.share_behind(&front)?;
-            for i in 0..n {
-                gone[i] |= front[i] && share[i] > BEHIND_SHARE;
-                front[i] &= share[i] > FADING_SHARE || gone[i];
-            }
-        }
-        self.working.fading = front;
-        Ok(self.working.prune(&gone, false))
-    }
-
-    /// Share of each splat's visible pixels that look as without the splats in `front`; 1 for
-    /// splats of `front` that are hidden by others of it.
-    fn share_behind(&self, front: &[bool]) -> Result<Vec<f32>, FitError> {
-        let kept: Vec<usize> = (0..front.len()).filter(|&i| !front[i]).collect();
-        let behind = self.working.splats.select(&kept);
-        let (raster, params) = (self.raster, self.params());
-        let (seen, open) = self.agreement(|view| {
-            let mut prepared = raster.prepare(&behind, &view.camera)?;
-            Ok(raster.forward(&mut prepared, &behind, &[], &params)?.rgb)
-        })?;
-        let share = |i: usize| if seen[i] > 1e-3 { open[i] / seen[i] } else { 1.0 };
-        Ok((0..front.len()).map(share).collect())
-    }
-
-    /// Per splat, pixels of the edited pictures that show it, and those of them where the picture
-    /// looks like `other` (`[H,W,3]`).
-    fn agreement(
-        &self,
-        other: impl Fn(&View) -> Result<Vec<f32>, FitError>,
-    ) -> Result<(Vec<f32>, Vec<f32>), FitError> {
-        let splats = &self.working.splats;
-        let (mut seen, mut same) = (vec![0.0_f32; splats.len()], vec![0.0_f32; splats.len()]);
-        for &v in &self.edited {
-            let view = &self.views[v];
-            let other = other(view)?;
-            let limit = (BEHIND + NOISES * view.noise).min(MOST_BEHIND);
-            let planes: Vec<f32> = other
-                .chunks_exact(3)
-                .zip(view.target.chunks_exact(3))
-                .flat_map(|(a, b)| {
-                    let agrees = a.iter().zip(b).all(|(a, b)| (a - b).abs() < limit);
-                    [1.0, f32::from(u8::from(agrees))]
-                })
-                .collect();
-            let sums = lift(self.raster, splats, &view.camera, planes, 2)?;
-            for (i, sum) in sums.as_chunks::<2>().0.iter().enumerate() {
-                seen[i] += sum[0];
-                same[i] += sum[1];
-            }
-        }
-        Ok((seen, same))
-    }
-
-    /// What the selection reaches in each view: only there the loss can change.
-    fn reach(&mut self) {
-        let rows = self.working.rows();
-        for view in &mut self.views {
+    /// Finds the pixels that the selection can change in each view, and the splats that these
+    /// pixels depend on.
+    pub(crate) fn reach(&mut self) {
+        let (raster, working) = (self.raster, &self.working);
+        let rows = working.rows();
+        self.views.par_iter_mut().for_each(|view| {
             let mut rect = Rect::around(&view.mask, view.width);
             for &row in &rows {
-                if let Some(footprint) =
-                    self.raster.footprint(&self.working.splats, row, &view.camera)
-                {
+                if let Some(footprint) = raster.footprint(&working.splats, row, &view.camera) {
                     let [x0, y0, x1, y1] = footprint.pixels;
                     rect = rect.union(Rect { x0, y0, x1, y1 });
                 }
             }
-            // Splats move on the way.
-            view.rect = rect.grown(8, view.width, view.height);
-        }
+            view.rect = rect.grown(REACH_MARGIN, view.width, view.height);
+        });
+        self.find_rows();
     }
 
-    /// Registers the pictures to the splats as they are.
+    /// Finds the splats that the pixels of each view's rectangle depend on.
+    fn find_rows(&mut self) {
+        let (raster, working) = (self.raster, &self.working);
+        self.views.par_iter_mut().for_each(|view| view.find_rows(raster, working));
+    }
+
+    /// Registers the pictures to the current render.
     fn align(&mut self, step: usize) -> Result<(), FitError> {
         let params = self.params();
         let mut output = RenderOutput::default();
@@ -507,7 +469,8 @@ impl<R: Rasterizer> Run<'_, R> {
         Ok(())
     }
 
-    /// Coarse to fine: first the whole picture, then ever smaller windows.
+    /// Half the width of the windows of local registration, pixels: none at first, then smaller
+    /// and smaller ones.
     fn local_radius(&self, step: usize, view: usize) -> Option<usize> {
         let done = step as f64 / self.options.steps as f64;
         let side = self.views[view].width.max(self.views[view].height);

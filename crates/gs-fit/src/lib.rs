@@ -1,17 +1,17 @@
 //! Fits Gaussian splats to edited pictures of them.
 //!
-//! Pictures of a scene are rendered, edited with anything (an image editor, a diffusion model, a
-//! phone), and given back. [`fit()`] finds what was edited, selects the splats that are mainly seen
-//! there, and fits their parameters to the pictures: Adam on means, quaternions, scales, opacities
-//! and harmonics, with `0.8·L1 + 0.2·D-SSIM` as 3DGS trains, splats added where detail is asked for
-//! and removed where the pictures show what lies behind.
+//! Pictures of a scene are rendered and edited with any tool (an image editor, a diffusion model).
+//! [`fit()`] finds the edited pixels, selects the splats that are mainly visible there, and fits
+//! their parameters to the pictures: Adam on means, quaternions, scales, opacities and harmonics,
+//! with the loss of 3DGS, `0.8·L1 + 0.2·D-SSIM`. Splats are added where gradients are large, and
+//! removed where the pictures show the background.
 //!
-//! Promises: splats that are not selected stay as they are, bit for bit and in order; new ones come
-//! last. Pictures without a difference give the start back. The same inputs and seed give the same
-//! bits on a deterministic rasteriser, for any number of threads and interruptions. Works with any
-//! [`gs_core::Rasterizer`].
+//! Promises: splats that are not selected keep their bits and their order; new ones come last. If
+//! no picture differs from the scene, the result is the input. The same inputs and seed give the
+//! same bits on a deterministic rasteriser, for any number of threads and interruptions. Works with
+//! any [`gs_core::Rasterizer`].
 //!
-//! [`Adam`] and the parts ([`mask`], [`votes`], [`loss`]) are usable alone.
+//! [`Adam`], [`mask`], [`votes`] and [`loss`] can be used alone.
 //!
 //! Conventions: images row-major, channels innermost, values 0 to 1; pixel centres at
 //! half-integers; losses are means over the whole image.
@@ -20,6 +20,7 @@
 
 mod adam;
 mod alignment;
+mod carving;
 mod checkpoint;
 mod error;
 mod fingerprint;
@@ -30,6 +31,7 @@ mod optimizer;
 mod options;
 mod report;
 mod state;
+mod subset;
 mod view;
 pub mod votes;
 mod working;

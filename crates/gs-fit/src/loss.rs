@@ -17,7 +17,7 @@ pub struct Rect {
 }
 
 impl Rect {
-    /// The smallest rectangle that holds both; an empty one holds nothing.
+    /// The smallest rectangle that contains both; empty ones are ignored.
     #[must_use]
     pub fn union(self, other: Self) -> Self {
         if self.x1 <= self.x0 || self.y1 <= self.y0 {
@@ -48,7 +48,18 @@ impl Rect {
         }
     }
 
-    /// Of the set pixels of a mask.
+    /// Whether the pixel lies in it.
+    pub fn contains(self, x: usize, y: usize) -> bool {
+        (self.x0..self.x1).contains(&x) && (self.y0..self.y1).contains(&y)
+    }
+
+    /// Whether both have a pixel in common.
+    pub fn overlaps(self, other: Self) -> bool {
+        self.x0.max(other.x0) < self.x1.min(other.x1)
+            && self.y0.max(other.y0) < self.y1.min(other.y1)
+    }
+
+    /// The smallest rectangle that contains the set pixels of a mask.
     pub fn around(mask: &[bool], width: usize) -> Self {
         let mut rect = Self::default();
         for (y, row) in mask.chunks(width.max(1)).enumerate() {
@@ -80,8 +91,8 @@ pub struct Target<'a> {
 /// `(1 − s)·mean w|x − y| + s·mean(1 − SSIM)` and its gradient; means over the whole image. Owns
 /// its work memory.
 ///
-/// Where the weight is below 1, the picture that SSIM sees is the target blended with the render
-/// itself, so that pixels of weight 0 have no influence.
+/// Where the weight is below 1, SSIM compares with a blend of target and render, so that pixels of
+/// weight 0 have no influence.
 #[derive(Debug, Clone)]
 pub struct PictureLoss {
     /// Share of D-SSIM.

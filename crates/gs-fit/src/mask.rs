@@ -22,7 +22,7 @@ pub fn difference_mask(original: &Image, edited: &Image, threshold: f32) -> Vec<
         .collect()
 }
 
-/// Clears 4-connected groups of fewer than `smallest` pixels: specks of lossy compression.
+/// Clears 4-connected groups of fewer than `smallest` pixels, such as noise of lossy compression.
 pub fn remove_specks(mask: &mut [bool], width: usize, smallest: usize) {
     let mut seen = vec![false; mask.len()];
     let (mut group, mut open) = (Vec::new(), Vec::new());

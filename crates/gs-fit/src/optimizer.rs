@@ -1,9 +1,9 @@
-//! [`Optimizer`]: Adam over every parameter of the selected splats.
+//! [`Optimizer`]: Adam over all parameters of the selected splats.
 
 use crate::{Adam, FitRates};
 use gs_core::{RenderGrads, Splats};
 
-/// One Adam per array of [`Splats`]; rows that are not selected keep value and moments.
+/// One Adam per array of [`Splats`]; rows that are not selected keep their values and moments.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Optimizer {
     pub means: Adam<f32>,
@@ -25,7 +25,7 @@ impl Optimizer {
         }
     }
 
-    /// The five, with their names and values per splat.
+    /// All of them, with their names and numbers of values per splat.
     pub(crate) fn groups(
         &mut self,
         sh_coeffs: usize,
@@ -39,8 +39,8 @@ impl Optimizer {
         ]
     }
 
-    /// One step of the selected rows; of those that are `fading`, of their opacity only.
-    /// `rates.means` is in world units here. Without `geometry`, colour and opacity only.
+    /// One step of the selected rows; for `fading` rows, of the opacity only. `rates.means` is in
+    /// world units here. Without `geometry`, colour and opacity only.
     pub(crate) fn step(
         &mut self,
         splats: &mut Splats,
@@ -75,7 +75,7 @@ impl Optimizer {
         });
     }
 
-    /// Zero moments for `count` rows more.
+    /// Appends `count` rows with zero moments.
     pub(crate) fn append(&mut self, count: usize, sh_coeffs: usize) {
         for (_, adam, columns) in self.groups(sh_coeffs) {
             adam.m.resize(adam.m.len() + count * columns, 0.0);

@@ -2,11 +2,11 @@
 
 use crate::FitError;
 
-/// Adam's learning rates. Those of positions are in sizes of the selected splats (median of their
-/// mean standard deviation), so that they follow the scene's scale.
+/// Adam's learning rates. That of the means is in splat sizes (median of the mean standard
+/// deviations of the selected splats), so that it does not depend on the scene's scale.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct FitRates {
-    /// Of means, splat sizes; falls to a tenth over the fit.
+    /// Of means, splat sizes; decays to a tenth over the fit.
     pub means: f32,
     /// Of raw quaternions.
     pub quats: f32,
@@ -24,7 +24,7 @@ impl Default for FitRates {
     }
 }
 
-/// How to fit.
+/// Options of [`crate::fit()`].
 #[derive(Debug, Clone, PartialEq)]
 pub struct FitOptions {
     /// Steps of Adam, one picture each. Default 800.
@@ -34,13 +34,13 @@ pub struct FitOptions {
     /// Whether positions, rotations and scales are fitted; colour and opacity always are. Default
     /// true.
     pub geometry: bool,
-    /// Whether splats are added where the gradient asks for detail, and removed where the pictures
-    /// show what lies behind. Default true.
+    /// Whether splats are added where gradients are large (with [`FitOptions::geometry`]), and
+    /// removed where at least three pictures show the background. Default true.
     pub densify: bool,
     /// Share of D-SSIM in the loss. Default 0.2, as 3DGS trains.
     pub dssim: f32,
-    /// Difference of a channel (0 to 1) above which a pixel is edited. Default 8/255: more than a
-    /// lossy format adds.
+    /// Difference of a channel (0 to 1) above which a pixel is edited. Default 8/255: larger than
+    /// typical errors of lossy formats.
     pub threshold: f32,
     /// Masks are dilated by this share of the longer image side. Default 0.01.
     pub dilation: f32,
@@ -50,11 +50,11 @@ pub struct FitOptions {
     /// Background colour that the pictures are composited over, 0 to 1.
     pub background: [f64; 3],
     /// Whether differences between the pictures (gain, offset, displacement) are estimated and
-    /// taken out. Default true.
+    /// removed. Default true.
     pub align: bool,
-    /// View whose picture the others are aligned to; `None` for their mean.
+    /// View to whose picture the others are aligned; `None` for the mean of all.
     pub reference: Option<usize>,
-    /// Seed of the order of views and of the places of new splats.
+    /// Seed of the order of views and of the positions of new splats.
     pub seed: u64,
     /// Seconds between previews; `None` for none.
     pub preview_secs: Option<f64>,

@@ -1,4 +1,4 @@
-//! [`FitReport`]: what a fit found and did.
+//! [`FitReport`]: counts of a fit, and regions that few pictures show.
 
 use crate::FitError;
 use crate::view::View;
@@ -6,27 +6,27 @@ use crate::votes::Votes;
 use crate::working::NEW;
 use gs_core::{Image, Rasterizer, RenderParams, Splats};
 
-/// Views that must show an edit for its place in space to be known.
+/// Number of views that determine the position of a surface.
 pub(crate) const ENOUGH_VIEWS: u16 = 3;
 
 /// Counts of a fit.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct FitReport {
-    /// Pictures that were edited.
+    /// Edited pictures.
     pub edited_views: usize,
-    /// Pictures in all.
+    /// All pictures.
     pub views: usize,
     /// Masked pixels of all pictures.
     pub masked_pixels: usize,
     /// Splats selected at the start.
     pub selected: usize,
-    /// Of these, those removed before the first step: every picture shows what lies behind them.
+    /// Splats removed before the first step, because the pictures show what lies behind them.
     pub carved: usize,
-    /// Of these, those removed in all.
+    /// Splats of the start that were removed in all.
     pub removed: usize,
     /// New splats.
     pub added: usize,
-    /// Whether geometry was left as it is because fewer than three pictures are edited.
+    /// Whether geometry was not fitted because fewer than three pictures are edited.
     pub geometry_held: bool,
     /// Masked regions that fewer than three pictures show, if there are any.
     pub poorly_seen: Option<PoorlySeen>,
@@ -74,7 +74,7 @@ pub(crate) fn poorly_seen<R: Rasterizer>(
     let features: Vec<f32> =
         (0..start.len()).flat_map(|i| [flag(poor(i)), flag(selected[i])]).collect();
     let params = RenderParams { rgb: false, depth: false, ..RenderParams::default() };
-    // Of what a pixel shows of the selection, more than half.
+    // More than half of what the pixel shows of the selection.
     let is_poor = |poor: f32, selected: f32| selected > 0.1 && poor > 0.5 * selected;
     let mut found: Option<(usize, PoorlySeen)> = None;
     let mut total = 0;
@@ -102,7 +102,7 @@ pub(crate) fn poorly_seen<R: Rasterizer>(
             found = Some((pixels.len(), seen));
         }
     }
-    // A few pixels at outlines are always seen by few.
+    // A few pixels at outlines are always visible in few views.
     let masked: usize = views.iter().map(|view| view.mask.iter().filter(|on| **on).count()).sum();
     Ok(found.filter(|_| total * 50 > masked).map(|(_, seen)| PoorlySeen { pixels: total, ..seen }))
 }

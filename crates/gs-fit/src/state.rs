@@ -1,11 +1,11 @@
-//! [`FitState`] of a running fit, for checkpoints, and [`FitObserver`], which follows it.
+//! [`FitState`], for checkpoints, and [`FitObserver`], for progress.
 
 use gs_core::Image;
 
 /// State from which a fit can be resumed, as plain arrays.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct FitState {
-    /// Hash of the inputs and options; a state fits only the fit it came from.
+    /// Hash of the inputs and options; a state can resume only the fit that it was saved from.
     pub fingerprint: u64,
     /// Steps done.
     pub step: u64,
@@ -22,39 +22,45 @@ pub struct FitProgress {
     pub done: usize,
     /// Steps in all.
     pub total: usize,
-    /// Mean loss of the last steps; `None` before the first.
+    /// Mean loss of the last steps; `None` before the first step.
     pub loss: Option<f32>,
-    /// Splats now.
+    /// Current number of splats.
     pub splats: usize,
 }
 
-/// One view as it stands.
+/// Current state of one view.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct FitPreview {
     /// Name of the view.
     pub name: String,
     /// The scene before, `[H,W,3]`.
     pub original: Image,
-    /// What is fitted, `[H,W,3]`.
+    /// The target of the fit, `[H,W,3]`.
     pub target: Image,
-    /// The fit, `[H,W,3]`.
+    /// The current render, `[H,W,3]`.
     pub now: Image,
 }
 
-/// Follows a fit. Every method has a default that does nothing.
+/// Callbacks of a fit. Every method has a default that does nothing.
 pub trait FitObserver {
     /// Called after every few steps.
     fn progress(&mut self, progress: &FitProgress) {
         let _ = progress;
     }
 
-    /// Called as often as the options say.
+    /// Called before the first step, while removed objects are looked for: rounds done, and at most
+    /// how many there are.
+    fn carving(&mut self, done: usize, most: usize) {
+        let _ = (done, most);
+    }
+
+    /// Called every [`crate::FitOptions::preview_secs`].
     fn preview(&mut self, preview: &FitPreview) {
         let _ = preview;
     }
 
-    /// To be stored by the caller; called as often as the options say, and before a cancelled fit
-    /// returns.
+    /// Called every [`crate::FitOptions::checkpoint_secs`], and before a cancelled fit returns,
+    /// with a state that the caller can store.
     fn checkpoint(&mut self, state: &FitState) {
         let _ = state;
     }

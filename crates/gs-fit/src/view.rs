@@ -1,9 +1,11 @@
-//! Pictures as they are given, and as the fit uses them.
+//! [`EditedPicture`], the input, and [`View`], its state in the fit.
 
 use crate::alignment::Alignment;
 use crate::loss::Rect;
 use crate::mask::{difference_mask, dilated, remove_specks};
+use crate::working::Working;
 use crate::{FitError, FitOptions};
+use c4d_metrics::SSIM_RADIUS;
 use gs_core::{Camera, Image, Rasterizer, RenderParams, Splats};
 
 /// Groups of differing pixels smaller than this share of the image are noise.
@@ -12,38 +14,42 @@ const SPECK_SHARE: f64 = 3e-5;
 /// A picture of the scene, edited or not.
 #[derive(Debug, Clone, PartialEq)]
 pub struct EditedPicture {
-    /// Where it was taken; its size is that of the picture.
+    /// The camera of the picture, with the picture's size.
     pub camera: Camera,
     /// Colours, 0 to 1, `[H,W,3]`.
     pub image: Image,
-    /// Where it was edited, `[H,W]`; `None` for where it differs from the scene.
+    /// Edited pixels, `[H,W]`; `None` for those that differ from the scene.
     pub mask: Option<Vec<bool>>,
 }
 
-/// A picture in the fit.
+/// The state of a picture in the fit.
 #[derive(Debug, Clone)]
 pub(crate) struct View {
     pub camera: Camera,
     pub width: usize,
     pub height: usize,
-    /// The picture as given.
+    /// The picture, `[H,W,3]`; empty for pictures that were not edited.
     pub picture: Vec<f32>,
     /// Render of the start.
     pub original: Vec<f32>,
-    /// Where the picture was edited, `[H,W]`; empty for pictures that were not.
+    /// Edited pixels, `[H,W]`; empty for pictures that were not edited.
     pub changed: Vec<bool>,
-    /// The same, dilated, if it was found and not given: splats that are seen here are selected.
+    /// The same; dilated, unless a mask was given. Splats that are mainly visible here are
+    /// selected.
     pub mask: Vec<bool>,
-    /// How far the aligned picture is from the fit, median over what was edited, 0 to 1; 0 for
+    /// Difference between aligned picture and fit, median over edited pixels, 0 to 1; 0 for
     /// pictures that agree.
     pub noise: f32,
-    /// Aligned picture where it was edited, scene elsewhere, `[H,W,3]`. Around an edit, a displaced
-    /// picture would put background that nobody edited in the wrong place.
+    /// The aligned picture at edited pixels, the scene elsewhere, `[H,W,3]`: a displaced picture
+    /// would also displace the unedited background around the edit.
     pub target: Vec<f32>,
-    /// Weights of the loss; empty for 1.
+    /// Weights of the loss, `[H,W]`; empty for 1.
     pub weights: Vec<f32>,
-    /// Masked pixels and what selected splats reach.
+    /// Encloses the masked pixels and those that selected splats reach.
     pub rect: Rect,
+    /// Rows of the splats that pixels of `rect`, and of the loss around it, depend on; ascending.
+    /// All selected rows are among them.
+    pub rows: Vec<u32>,
     pub alignment: Alignment,
 }
 
@@ -53,7 +59,7 @@ impl View {
     }
 }
 
-/// Renders the start from every camera and finds what was edited.
+/// Renders the start from every camera and finds the edited pixels.
 pub(crate) fn open<R: Rasterizer>(
     raster: &R,
     start: &Splats,
@@ -111,6 +117,7 @@ pub(crate) fn open<R: Rasterizer>(
             target: render.rgb.clone(),
             original: render.rgb,
             rect: Rect::around(&mask, width),
+            rows: Vec::new(),
             changed,
             mask,
             noise: 0.0,
@@ -123,9 +130,9 @@ pub(crate) fn open<R: Rasterizer>(
     Ok(views)
 }
 
-/// Pixels that differ from the scene, without specks.
+/// Flags of the pixels that differ from the scene, without specks.
 fn found(scene: &Image, picture: &Image, threshold: f32) -> Vec<bool> {
-    // The picture has eight bits a channel; so must what it is compared with.
+    // The picture has eight bits per channel; the render is rounded to as many.
     let mut rounded = scene.clone();
     for value in &mut rounded.data {
         *value = (value.clamp(0.0, 1.0) * 255.0).round() / 255.0;
@@ -142,7 +149,7 @@ fn found(scene: &Image, picture: &Image, threshold: f32) -> Vec<bool> {
 }
 
 impl View {
-    /// Makes the target from the picture as aligned.
+    /// Updates the target after a change of the alignment.
     pub(crate) fn retarget(&mut self) {
         if self.is_edited() {
             let mut target = std::mem::take(&mut self.target);
@@ -151,7 +158,25 @@ impl View {
         }
     }
 
-    /// Finds how far the target is from `render` (`[H,W,3]`).
+    /// Finds the splats that the pixels of `rect` depend on.
+    pub(crate) fn find_rows<R: Rasterizer>(&mut self, raster: &R, working: &Working) {
+        let rect = self.rect.grown(SSIM_RADIUS, self.width, self.height);
+        self.rows.clear();
+        for (row, &selected) in working.selected.iter().enumerate() {
+            let reaches = || {
+                let found = raster.footprint(&working.splats, row, &self.camera);
+                found.is_some_and(|footprint| {
+                    let [x0, y0, x1, y1] = footprint.pixels;
+                    rect.overlaps(Rect { x0, y0, x1, y1 })
+                })
+            };
+            if selected || reaches() {
+                self.rows.extend(u32::try_from(row));
+            }
+        }
+    }
+
+    /// Measures the difference between target and `render` (`[H,W,3]`).
     pub(crate) fn measure_noise(&mut self, render: &[f32]) {
         let pixels = self.target.chunks_exact(3).zip(render.chunks_exact(3)).zip(&self.changed);
         let mut differences: Vec<f32> = pixels

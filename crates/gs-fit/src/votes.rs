@@ -1,4 +1,4 @@
-//! Lifting of per-pixel values to splats.
+//! Sums of per-pixel values per splat, and the votes of masks.
 
 use crate::FitError;
 use gs_core::{Camera, RasterError, Rasterizer, RenderParams, Splats, UpstreamGrads};
@@ -24,19 +24,22 @@ pub fn lift<R: Rasterizer>(
     Ok(grads.v_features)
 }
 
-/// What the masks of several views say of each splat. Rows are those of the splats.
+/// Least sum over all views of a splat that counts as visible, pixels.
+pub(crate) const LEAST_SEEN: f32 = 1e-3;
+
+/// Visibility of each splat in masks of several views; one row per splat.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Votes {
-    /// `Σ α T` over all pixels of all views: how much of the pictures the splat makes up, pixels.
+    /// `Σ α T` over all pixels of all views, pixels.
     pub seen: Vec<f32>,
     /// The same inside the masks.
     pub masked: Vec<f32>,
-    /// Views whose mask shows at least [`Votes::NOTICEABLE`] pixels of the splat.
+    /// Number of views whose mask shows at least [`Votes::NOTICEABLE`] pixels of the splat.
     pub views: Vec<u16>,
 }
 
 impl Votes {
-    /// Pixels of a splat below which a view does not count as seeing it.
+    /// Least sum of a view that counts as showing the splat, pixels.
     pub const NOTICEABLE: f32 = 0.02;
 
     /// Of the given views and masks (`[H,W]`).
@@ -62,8 +65,8 @@ impl Votes {
         Ok(votes)
     }
 
-    /// Share of what is seen of splat `i` that lies in masks; 0 if it is not seen.
+    /// Share of the visible pixels of splat `i` that lie in masks; 0 if it is not visible.
     pub fn share(&self, i: usize) -> f32 {
-        if self.seen[i] > 1e-3 { self.masked[i] / self.seen[i] } else { 0.0 }
+        if self.seen[i] > LEAST_SEEN { self.masked[i] / self.seen[i] } else { 0.0 }
     }
 }

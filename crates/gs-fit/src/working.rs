@@ -1,4 +1,4 @@
-//! [`Working`]: the splats of a running fit, with what is known of each row.
+//! [`Working`]: the splats of a running fit, and the state of each row.
 
 use crate::alignment::Aligning;
 use crate::optimizer::Optimizer;
@@ -7,44 +7,42 @@ use gs_core::{Splats, activation, quat};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 
-/// Row of the start that a new splat has.
+/// Value of [`Working::source`] for new splats.
 pub(crate) const NEW: u32 = u32::MAX;
 
-/// Splats below this opacity are removed on the way, as 3DGS does.
-const FAINT: f32 = 0.005;
-/// Splats below this opacity are removed at the end: eight-bit pictures do not show them.
-const FAINT_AT_END: f32 = 0.02;
-/// At most this share of the selection is cloned or split at a time.
+/// Splats below this opacity are removed at every densification, as in 3DGS.
+pub(crate) const FAINT: f32 = 0.005;
+/// Largest share of the selection that is cloned or split at a time.
 const DENSIFIED_SHARE: f64 = 0.125;
-/// Mean gradient of the projected centre, in half image sizes, above which a splat is cloned or
-/// split, as 3DGS does.
+/// Mean gradient norm of the projected centre, per half image size, above which a splat is cloned
+/// or split, as in 3DGS.
 const GRADIENT: f32 = 2e-4;
-/// Splats whose largest scale is beyond this many sizes of the selection are split, smaller ones
+/// Splats whose largest standard deviation exceeds this many splat sizes are split, smaller ones
 /// cloned.
 const LARGE: f32 = 2.0;
-/// A split divides the scales by this, as 3DGS does.
+/// A split divides the scales by this, as in 3DGS.
 const SPLIT: f32 = 1.6;
-/// Splats that grew beyond this many sizes of the selection are removed unless they began larger.
+/// Splats do not grow beyond this many splat sizes, unless they were larger at the start.
 const HUGE: f32 = 30.0;
 
-/// Splats and their rows' state; all arrays have one row a splat.
+/// Splats and their state; all arrays have one row per splat, unless noted.
 #[derive(Debug, Clone)]
 pub(crate) struct Working {
     pub splats: Splats,
-    /// Logarithm of the largest scale at the start, or at birth.
+    /// Logarithm of the largest scale at the start, or when the splat was made.
     pub largest: Vec<f32>,
     /// Row of the start, or [`NEW`].
     pub source: Vec<u32>,
     /// Whether the fit may change the row.
     pub selected: Vec<bool>,
-    /// Rows of the start that are or were selected.
+    /// Rows of the start that are or were selected, one per splat of the start.
     pub chosen: Vec<bool>,
-    /// Whether some pictures show what lies behind the splat: at first only its opacity is fitted,
-    /// so that it fades rather than take the colour of what is behind it.
+    /// Whether some pictures show the background of the splat. At first only its opacity is fitted,
+    /// so that it fades and does not take the colour of the background.
     pub fading: Vec<bool>,
     /// Sum of gradient norms of the projected centre since the last densification.
     pub gradient: Vec<f32>,
-    /// Steps in which the splat was seen since then.
+    /// Steps since then in which the splat was visible.
     pub visits: Vec<u32>,
     pub optimizer: Optimizer,
     /// How the pictures are aligned.
@@ -82,17 +80,32 @@ impl Working {
         (0..self.selected.len()).filter(|&i| self.selected[i]).collect()
     }
 
-    /// Removes selected rows that are flagged, faint, or not finite.
-    pub(crate) fn prune(&mut self, gone: &[bool], at_end: bool) -> usize {
-        let faint = activation::logit(if at_end { FAINT_AT_END } else { FAINT });
+    /// Bounds the scales of selected rows.
+    pub(crate) fn limit_scales(&mut self) {
         let huge = (HUGE * self.size).ln();
+        for (i, log_scales) in self.splats.log_scales.iter_mut().enumerate() {
+            if self.selected[i] {
+                let most = huge.max(self.largest[i]);
+                *log_scales = log_scales.map(|log_scale| log_scale.min(most));
+            }
+        }
+    }
+
+    /// Removes selected rows with an opacity below `faint`.
+    pub(crate) fn prune_faint(&mut self, faint: f32) {
+        self.prune(&vec![false; self.selected.len()], faint);
+    }
+
+    /// Removes selected rows that are flagged, have an opacity below `faint`, or are not finite.
+    /// Returns how many.
+    pub(crate) fn prune(&mut self, gone: &[bool], faint: f32) -> usize {
+        let faint = activation::logit(faint);
         let keep: Vec<bool> = (0..self.selected.len())
             .map(|i| {
                 !self.selected[i]
                     || (!gone[i]
                         && self.splats.opacity_logits[i] >= faint
-                        && self.splats.is_finite(i)
-                        && largest(&self.splats, i) <= huge.max(self.largest[i]))
+                        && self.splats.is_finite(i))
             })
             .collect();
         let removed = keep.iter().filter(|keep| !**keep).count();
@@ -114,8 +127,8 @@ impl Working {
         self.visits = ids.iter().map(|&i| self.visits[i]).collect();
     }
 
-    /// Clones small and splits large selected splats whose projected centres are pulled about most;
-    /// the new rows come last.
+    /// Clones small and splits large selected splats whose projected centres have the largest
+    /// gradients; the new rows come last. Returns how many.
     pub(crate) fn densify(&mut self, seed: u64) -> usize {
         let mean = |i: usize| self.gradient[i] / self.visits[i].max(1) as f32;
         let mut pulled: Vec<usize> =
@@ -166,8 +179,7 @@ impl Working {
         self.optimizer.append(1, self.splats.sh_coeffs());
     }
 
-    /// Selects rows of the start that the votes now see mainly in the masks: those that came to
-    /// light. Returns how many.
+    /// Selects rows that are now mainly visible in the masks. Returns how many.
     pub(crate) fn select_more(&mut self, votes: &Votes, share: f32) -> usize {
         let mut count = 0;
         for i in 0..self.selected.len() {

@@ -2,7 +2,7 @@
 
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
-use gs_core::{Camera, DynamicScene, Image, Rasterizer, RenderParams, Splats};
+use gs_core::{Camera, DynamicScene, Image, Rasterizer, RenderParams, Splats, sh};
 use gs_fit::{EditedPicture, FitError, FitObserver, FitOptions, FitState, Fitted, NoObserver, fit};
 use gs_raster_cpu::CpuRasterizer;
 use gs_synth::{DemoParams, Edit, Paint, Part, Region, SynthScene, apply_edits, demo};
@@ -259,6 +259,40 @@ fn the_reference_holds() {
     let mean = error(&run(start, &all, &options).splats);
     let held = error(&run(start, &all, &FitOptions { reference: Some(3), ..options }).splats);
     assert!(held < 0.5 * mean, "with it {held:.3}, without {mean:.3}");
+}
+
+/// A wall of large splats behind a cloud of tiny ones, all repainted. Large splats that grow during
+/// the fit must not be taken for degenerate ones: the wall would have holes.
+#[test]
+fn large_splats_among_small_ones_are_fitted() {
+    let mut start = Splats { sh_degree: 0, ..Splats::default() };
+    let mut add = |mean: [f32; 3], log_scale: f32, rgb: [f32; 3]| {
+        start.means.push(mean);
+        start.quats.push([1.0, 0.0, 0.0, 0.0]);
+        start.log_scales.push([log_scale, log_scale, log_scale - 2.0]);
+        start.opacity_logits.push(1.5);
+        start.sh.push(sh::dc_from_rgb(rgb));
+    };
+    let at = |k: usize, side: usize| 2.0 * (k as f32 + 0.5) / side as f32 - 1.0;
+    for k in 0..64 {
+        add([at(k % 8, 8), at(k / 8, 8), 0.0], -1.9, [0.1, 0.08, 0.06]);
+    }
+    for k in 0..400 {
+        add([at(k % 20, 20), at(k / 20, 20), -0.3], -6.0, [0.2, 0.2, 0.2]);
+    }
+    let mut truth = start.clone();
+    for (k, dc) in truth.sh.iter_mut().enumerate() {
+        let light = 0.3 + 0.3 * ((k % 8) as f32 / 8.0);
+        *dc = sh::dc_from_rgb([0.1, light, 0.9]);
+    }
+    let cameras: Vec<Camera> = [-0.6, -0.3, 0.0, 0.3, 0.6]
+        .iter()
+        .map(|&x| Camera::look_at([x, 0.2, -2.6], [0.0; 3], [0.0, 1.0, 0.0], 0.7, SIDE, SIDE))
+        .collect();
+    let pictures = pictures(&cameras, &truth);
+    let fitted = run(&start, &pictures, &FitOptions { steps: 300, ..FitOptions::default() });
+    let gain = gain_db(error(&cameras, &start, &truth), error(&cameras, &fitted.splats, &truth));
+    assert!(gain > 20.0, "{gain:.1} dB, {} splats left", fitted.splats.len());
 }
 
 /// Each restriction restricts.

@@ -63,7 +63,6 @@ pub(crate) fn upload_appearance(
     check(context, prepared, splats, features)?;
     prepared.forward = None;
     prepared.resident = None;
-    prepared.unshare_appearance();
     let channels = Channels::new(params, prepared.num_splats, features.len());
     upload(context, prepared, splats, features, channels)?;
     prepared.resident = Some(Forward { channels, sh_degree: splats.sh_degree });

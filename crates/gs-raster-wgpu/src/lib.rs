@@ -47,7 +47,6 @@ pub use context::{GpuContext, GpuOptions};
 pub use error::GpuError;
 pub use prepared::GpuPrepared;
 pub use renderer::{Stages, WgpuRasterizer};
-pub use resident::{Group, ParameterSlice};
 
 #[cfg(doctest)]
 #[doc = include_str!("../README.md")]

@@ -35,8 +35,6 @@ pub struct GpuPrepared {
     pub(crate) forward: Option<Forward>,
     /// The appearance that is on the device.
     pub(crate) resident: Option<Forward>,
-    /// Whether the parameter buffers are shared with other views.
-    pub(crate) shared: bool,
     pub(crate) timings: Vec<PassTiming>,
     pub(crate) memory: Memory,
 }
@@ -138,7 +136,6 @@ impl GpuPrepared {
             num_isects: 0,
             forward: None,
             resident: None,
-            shared: false,
             timings: Vec::new(),
             memory: Memory::default(),
         }
@@ -167,55 +164,6 @@ impl GpuPrepared {
         self.frame.img_size.map(|side| side as usize).iter().product()
     }
 
-    /// The same splats for another camera, in the same buffers: changes to one affect both.
-    pub(crate) fn share(
-        &mut self,
-        context: &GpuContext,
-        camera: &Camera,
-    ) -> Result<Self, GpuError> {
-        let (own, mut other) = (&self.memory, Self::new(context.clone()));
-        let m = &mut other.memory;
-        m.means = own.means.clone();
-        m.quats = own.quats.clone();
-        m.log_scales = own.log_scales.clone();
-        m.opacity_logits = own.opacity_logits.clone();
-        m.sh.clone_from(&own.sh);
-        m.features = own.features.clone();
-        other.num_splats = self.num_splats;
-        other.resident = self.resident;
-        other.set_camera(context, camera)?;
-        (self.shared, other.shared) = (true, true);
-        Ok(other)
-    }
-
-    /// Replaces shared appearance buffers before an upload, so that other views keep theirs.
-    pub(crate) fn unshare_appearance(&mut self) {
-        if self.shared {
-            let (m, fresh) = (&mut self.memory, Memory::default());
-            m.opacity_logits = fresh.opacity_logits;
-            m.sh = fresh.sh;
-            m.features = fresh.features;
-        }
-    }
-
-    /// Replaces a shared feature buffer before it is written, so that other views keep theirs.
-    pub(crate) fn unshare_features(&mut self) {
-        if self.shared {
-            self.memory.features = Memory::default().features;
-        }
-    }
-
-    /// Replaces shared geometry buffers before an upload, so that other views keep theirs.
-    fn unshare_geometry(&mut self) {
-        if self.shared {
-            let (m, fresh) = (&mut self.memory, Memory::default());
-            m.means = fresh.means;
-            m.quats = fresh.quats;
-            m.log_scales = fresh.log_scales;
-            m.opacity_logits = fresh.opacity_logits;
-        }
-    }
-
     /// Uploads geometry; the next submission builds the lists. After an error there are no splats.
     pub(crate) fn update(
         &mut self,
@@ -235,7 +183,6 @@ impl GpuPrepared {
         }
         let resident = self.resident.filter(|_| self.num_splats == num_splats);
         self.clear();
-        self.unshare_geometry();
         let m = &mut self.memory;
         m.means.upload(context, &splats.means)?;
         m.quats.upload(context, &splats.quats)?;

@@ -1,6 +1,7 @@
-//! A step on the device (forward, losses, backward of colours, Adam; nothing read back) against the
-//! same step with the images and gradients taken to the host and back, as `cuar` does it over any
-//! rasteriser. The adapter's name is printed first; on a software adapter the scene is small.
+//! A step of the refinement on the device (colours, forward, losses, backward, Adam; nothing read
+//! back) against the same step with images and gradients copied to the host and back, as `cuar`
+//! does it over any rasteriser. The adapter's name is printed first; on a software adapter the
+//! scene is small.
 //!
 //! `C4D_BENCH_ADAPTER=<index>` picks an adapter; the default is hardware if there is any, else
 //! software.
@@ -13,9 +14,10 @@
 
 use criterion::{BenchmarkId, Criterion};
 use cuar::loss::{LossWeights, Objective, Shape};
+use cuar::{Crop, DescentEngine, DescentImage, DescentTask, Entry};
 use gs_core::{Camera, Rasterizer, RenderGrads, RenderOutput, RenderParams, Splats, UpstreamGrads};
 use gs_raster_wgpu::{AdapterChoice, AdapterKind, GpuContext, GpuOptions, WgpuRasterizer};
-use gs_train_wgpu::{ImageLosses, Rates, Targets, TrainOptions, Trainer, Weights};
+use gs_train_wgpu::{DeviceDescent, ImageLosses};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 use std::collections::BTreeMap;
@@ -36,6 +38,19 @@ fn scene(num: usize) -> Splats {
     splats
 }
 
+/// Every splat, seen from the camera.
+fn entries(splats: &Splats, camera: &Camera) -> Vec<Entry> {
+    let eye = camera.position();
+    #[expect(clippy::cast_possible_truncation, reason = "a direction in single precision")]
+    let entry = |(row, mean): (u32, &[f32; 3])| {
+        let ray = [0, 1, 2].map(|axis| f64::from(mean[axis]) - eye[axis]);
+        let length = ray.iter().map(|x| x * x).sum::<f64>().sqrt();
+        let towards = ray.map(|x| (x / length) as f32);
+        Entry { local: row, row, towards, color: [0.5; 3], is_constrained: true }
+    };
+    (0..).zip(&splats.means).map(entry).collect()
+}
+
 fn context(timestamps: bool) -> Option<GpuContext> {
     let options = GpuOptions { timestamps, ..GpuOptions::default() };
     let make = |choice| GpuContext::with_options(choice, options);
@@ -53,27 +68,42 @@ fn bench(criterion: &mut Criterion, context: &GpuContext) {
     let raster = WgpuRasterizer::new(context.clone());
     let splats = scene(num);
     let camera = Camera::look_at([0.0, 0.0, -4.0], [0.0; 3], [0.0, 1.0, 0.0], 0.8, width, height);
-    let rates = Rates { sh_dc: 2.5e-3, sh_rest: 1.25e-4, ..Rates::default() };
-    let losses = LossWeights::default();
-    let weights = Weights::refinement(losses.eta, losses.zeta);
+    let (dc, rest) = (2.5e-3, 1.25e-4);
+    let mut rates = vec![rest; 48];
+    rates[..3].fill(dc);
+    let weights = LossWeights::default();
     let params = RenderParams { depth: false, ..RenderParams::default() };
-    let options = TrainOptions { weights, rates, params };
     let warp: Vec<f32> = (0..3 * pixels).map(|k| (k % 251) as f32 / 251.0).collect();
     let fore: Vec<f32> = (0..pixels).map(|p| f32::from(u8::from(p % 3 > 0))).collect();
     let back: Vec<f32> = fore.iter().map(|m| 1.0 - m).collect();
 
+    let flag = |m: &f32| {
+        DescentImage::LIVE | if *m > 0.0 { DescentImage::FORE } else { DescentImage::BACK }
+    };
+    let flags: Vec<u8> = fore.iter().map(flag).collect();
+    let entries = entries(&splats, &camera);
+    let (side, original) = ([width, height].map(|side| side as usize), &warp[..]);
+    let crop = Crop { x: 0, y: 0, width: side[0], height: side[1] };
+    let (flags, entries) = (&flags[..], &entries[..]);
+    let warp_rgb = original;
+    let image =
+        DescentImage { index: 0, size: side, crop, original, warp: warp_rgb, flags, entries };
+    let offsets = vec![[0.0; 3]; splats.sh.len()];
+    let task = DescentTask { sh_degree: 3, rates: &rates, weights, memory: usize::MAX };
+    let engine = |raster: &WgpuRasterizer| {
+        let mut engine = DeviceDescent::new(raster.clone()).unwrap();
+        engine.begin(&task, &offsets, &cuar::Adam::new(3 * offsets.len())).unwrap();
+        engine
+    };
     if let Some(context) = context.adapter().timestamps.then(|| self::context(true)).flatten() {
-        let raster = WgpuRasterizer::new(context.clone());
-        let mut trainer = Trainer::new(raster.clone(), 3, options, &[]).unwrap();
-        let mut prepared = raster.prepare(&splats, &camera).unwrap();
-        raster.upload_appearance(&mut prepared, &splats, &[], trainer.params()).unwrap();
-        let mut targets = Targets::default();
-        targets.upload(&context, [width, height], [&warp, &warp, &fore, &back]).unwrap();
+        let raster = WgpuRasterizer::new(context);
+        let (mut engine, mut prepared) =
+            (engine(&raster), raster.prepare(&splats, &camera).unwrap());
         // The first step compiles.
-        trainer.step(&mut prepared, &targets).unwrap();
-        trainer.step(&mut prepared, &targets).unwrap();
+        engine.step(&image, &mut prepared).unwrap();
+        engine.step(&image, &mut prepared).unwrap();
         let mut sums: BTreeMap<&str, f64> = BTreeMap::new();
-        for timing in trainer.timings().unwrap() {
+        for timing in engine.timings().unwrap() {
             *sums.entry(timing.name).or_default() += timing.nanoseconds * 1e-6;
         }
         println!("passes of a step with {num} splats, ms: {sums:.3?}");
@@ -81,29 +111,23 @@ fn bench(criterion: &mut Criterion, context: &GpuContext) {
     let mut group = criterion.benchmark_group(format!("step, {width}x{height}"));
     group.sample_size(10).measurement_time(Duration::from_secs(3));
     group.warm_up_time(Duration::from_secs(1));
-    let mut trainer = Trainer::new(raster.clone(), 3, options, &[]).unwrap();
-    let mut prepared = raster.prepare(&splats, &camera).unwrap();
-    raster.upload_appearance(&mut prepared, &splats, &[], trainer.params()).unwrap();
-    let mut targets = Targets::default();
-    targets.upload(context, [width, height], [&warp, &warp, &fore, &back]).unwrap();
+    let (mut engine, mut prepared) = (engine(&raster), raster.prepare(&splats, &camera).unwrap());
     group.bench_function(BenchmarkId::new("on the device", num), |bencher| {
         bencher.iter(|| {
             for _ in 0..4 {
-                trainer.step(&mut prepared, &targets).unwrap();
+                engine.step(&image, &mut prepared).unwrap();
             }
             // Waits for the device: work that was only recorded is not measured.
-            trainer.losses().unwrap()
+            engine.losses().unwrap()
         });
     });
 
+    let mut prepared = raster.prepare(&splats, &camera).unwrap();
     let mut tuned = splats.clone();
     let (mut out, mut grads) = (RenderOutput::default(), RenderGrads::default());
-    let mut objective =
-        Objective::<f32>::new(width as usize, height as usize, pixels, LossWeights::default());
+    let mut objective = Objective::<f32>::new(width as usize, height as usize, pixels, weights);
     let mut adam = cuar::Adam::<f32>::new(3 * splats.sh.len());
     let mut upstream = UpstreamGrads::default();
-    let mut column_rates = vec![rates.sh_rest; 48];
-    column_rates[..3].fill(rates.sh_dc);
     group.bench_function(BenchmarkId::new("through the host", num), |bencher| {
         bencher.iter(|| {
             for _ in 0..4 {
@@ -123,7 +147,7 @@ fn bench(criterion: &mut Criterion, context: &GpuContext) {
                     )
                     .unwrap();
                 let values = tuned.sh.as_flattened_mut();
-                adam.step(values, grads.v_sh.as_flattened(), &column_rates, |_| false);
+                adam.step(values, grads.v_sh.as_flattened(), &rates, |_| false);
             }
         });
     });

@@ -3,7 +3,25 @@
 use crate::kernels::{ADAM, AdamStep, GROUP_SIZE};
 use gs_core::RasterError;
 use gs_raster_wgpu::device::{Commands, GrowBuffer, download};
-use gs_raster_wgpu::{GpuContext, GpuError, ParameterSlice};
+use gs_raster_wgpu::{GpuContext, GpuError};
+
+/// Rows of parameters on the device, 32-bit floats. Parameters larger than a binding are split into
+/// several slices.
+#[derive(Debug, Clone, Copy)]
+pub struct ParameterSlice<'a> {
+    /// `[rows, columns]`, from the start of the buffer.
+    pub values: &'a wgpu::Buffer,
+    /// Their gradients.
+    pub grads: &'a wgpu::Buffer,
+    /// First value of the gradients in their buffer.
+    pub first_grad: usize,
+    /// Number of the first row.
+    pub first_row: usize,
+    /// Number of rows.
+    pub rows: usize,
+    /// Values per row.
+    pub columns: usize,
+}
 
 /// Adam over rows of parameters, with a rate per column and rows that can be left out. Its
 /// conventions are those of `cuar::Adam`.

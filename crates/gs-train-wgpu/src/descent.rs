@@ -5,14 +5,13 @@ use crate::image_loss::{ImageLosses, Plane};
 use crate::kernels::{
     CHANGE_COLORS, CHANGE_COLORS_BWD, COMPOSE, COMPOSE_BWD, Crop, GROUP_SIZE, Offsets,
 };
-use crate::{DeviceAdam, Weights};
+use crate::weights::Weights;
+use crate::{DeviceAdam, ParameterSlice};
 use cuar::loss::LossParts;
 use cuar::{DescentEngine, DescentImage, DescentTask};
 use gs_core::{RasterError, RenderParams, sh};
 use gs_raster_wgpu::device::{CommandMemory, Commands, GrowBuffer, Stamps, download, row_chunks};
-use gs_raster_wgpu::{
-    GpuContext, GpuError, GpuPrepared, ParameterSlice, PassTiming, WgpuRasterizer,
-};
+use gs_raster_wgpu::{GpuContext, GpuError, GpuPrepared, PassTiming, WgpuRasterizer};
 use std::collections::HashMap;
 
 /// Channels of the change of colour.
@@ -63,7 +62,7 @@ impl DeviceDescent {
     pub fn new(raster: WgpuRasterizer) -> Result<Self, RasterError> {
         let context = raster.context();
         Ok(Self {
-            weights: Weights { fore_l1: 0.0, fore_ssim: 0.0, back_l1: 0.0 },
+            weights: Weights::default(),
             sh_degree: 0,
             runs: Vec::new(),
             adam: DeviceAdam::new(context, &[])?,
@@ -85,8 +84,9 @@ impl DeviceDescent {
         self.images.len()
     }
 
-    /// Times of the passes of the last step; see [`crate::Trainer::timings`]. Waits for the device;
-    /// at most once per step.
+    /// Times of the passes of the last step, if the context was made with
+    /// [`timestamps`](gs_raster_wgpu::GpuOptions::timestamps) and the adapter has them; otherwise
+    /// empty. Waits for the device; at most once per step.
     ///
     /// # Errors
     /// If the device fails.
@@ -198,7 +198,7 @@ impl DescentEngine<GpuPrepared> for DeviceDescent {
         shape("rates", task.rates.len(), 3 * coeffs)?;
         let rows = d_sh.len() / coeffs;
         shape("offsets", d_sh.len(), rows * coeffs)?;
-        self.weights = Weights::refinement(task.weights.eta, task.weights.zeta);
+        self.weights = task.weights.into();
         self.sh_degree = task.sh_degree;
         self.images.clear();
         self.free = task.memory;
@@ -276,7 +276,7 @@ impl DescentEngine<GpuPrepared> for DeviceDescent {
         let buffers = [work.v_render.get(context)?, flags, v_planes];
         commands.dispatch(&COMPOSE_BWD, &uniform, &buffers, pixels as u64, GROUP_SIZE)?;
 
-        raster.encode_backward(prepared, &mut commands, &params, false)?;
+        raster.encode_backward_colors(prepared, &mut commands, &params)?;
         let v_features = raster.feature_grads(prepared)?;
         let columns = 3 * sh::num_coeffs(self.sh_degree);
         self.encode_runs(&mut commands, entries, |commands, run, uniform| {

@@ -9,9 +9,9 @@ mod common;
 use c4d_metrics::Ssim;
 use common::{Mode, noise, raster};
 use cuar::loss::masked_l1;
+use gs_raster_wgpu::GpuContext;
 use gs_raster_wgpu::device::{CommandMemory, Commands, GrowBuffer, read};
-use gs_raster_wgpu::{GpuContext, ParameterSlice};
-use gs_train_wgpu::{DeviceAdam, ImageLosses};
+use gs_train_wgpu::{DeviceAdam, ImageLosses, ParameterSlice};
 use test_support::compare::{assert_grad_close, widen};
 
 /// Around one pixel, one block, one group of pixels, and odd ones.

@@ -100,6 +100,15 @@ pub(crate) struct PictureFlags {
     /// Seed of everything random
     #[arg(long, default_value_t = 0, requires = "views")]
     pub(crate) seed: u64,
+    /// Save a checkpoint for --resume every so many seconds
+    #[arg(
+        long,
+        value_name = "SECONDS",
+        default_value_t = 20.0,
+        requires = "views",
+        allow_negative_numbers = true
+    )]
+    pub(crate) checkpoint_every: f64,
     /// Go on with an interrupted fit of the same output with the same inputs and flags
     #[arg(long, requires = "views")]
     pub(crate) resume: bool,

@@ -1,4 +1,4 @@
-//! [`BeforeEdit`]: what was edited.
+//! [`BeforeEdit`]: the scene before the edit.
 
 use gs_core::DynamicScene;
 

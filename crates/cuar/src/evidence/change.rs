@@ -1,4 +1,4 @@
-//! [`expected_changes`]: the change of colour that supervised splats of the same surface have.
+//! [`expected_changes`]: the colour change of supervised splats of the same surface.
 
 use super::{edited_frame::EditedFrame, params::EvidenceParams, surface::scaled_tone};
 use anchors::KdTree;
@@ -7,13 +7,12 @@ use rayon::prelude::*;
 
 /// Supervised splats compared per splat.
 const REFERENCES: usize = 24;
-/// What the prior weighs that a brighter splat stays brighter by the same factor, relative to the
-/// references' spread of log-brightness.
+/// Weight of the prior β = 1, relative to the references' spread of log-brightness.
 const PRIOR: f32 = 0.02;
 /// Added to colours under a logarithm.
 const DARK: f32 = 0.03;
 
-/// Supervised splats that the edit changed, by place and hue before it.
+/// Supervised splats that the edit changed, by position and hue before the edit.
 pub(super) struct References {
     pub(super) rows: Vec<usize>,
     /// Of every splat of frame 1.
@@ -46,13 +45,14 @@ impl References {
     }
 }
 
-/// Per row of `rows`, the change of SH `[K,3]` that the nearest references of its surface have,
+/// Per row of `rows`, the change of SH `[K,3]` of the nearest references on its surface,
 /// itself left out; `None` without any.
 ///
-/// References are near, face alike, move with the splat and had its hue. New base colours are a
-/// local power law of the old brightness `b`, per channel `log new = log new̅ + β (log b − log
-/// b̅)`: light and shadow are factors of both (β = 1, which is the prior), and paint that covers a
-/// texture of light and dark has β = 0. Higher bands take the references' mean change.
+/// References are near, have a similar normal, move with the splat and had its hue. New base
+/// colours are a local power law of the old brightness `b`, per channel `log new = log new̅ + β
+/// (log b − log b̅)`: light and shadow are factors of both (β = 1, which is the prior), and paint
+/// that covers a texture of light and dark has β = 0. Higher bands take the references' mean
+/// change.
 pub(super) fn expected_changes(
     frame: &EditedFrame<'_>,
     rows: &[usize],

@@ -3,7 +3,7 @@
 use super::surface::{Nodes, Surface};
 use gs_core::Splats;
 
-/// Frame 1 with its surfaces, and what it was before the edit.
+/// Frame 1 with its surfaces, and its state before the edit.
 #[derive(Clone, Copy)]
 pub(super) struct EditedFrame<'a> {
     pub(super) nodes: &'a Nodes,
@@ -11,6 +11,6 @@ pub(super) struct EditedFrame<'a> {
     pub(super) first: &'a Splats,
     /// SH before the edit, `[M,K,3]`.
     pub(super) old: &'a [[f32; 3]],
-    /// Source splats whose geometry they have: what these were before the edit is no guess.
+    /// Source splats with the same geometry; for these, the state before the edit is exact.
     pub(super) source_rows: &'a [Option<u32>],
 }

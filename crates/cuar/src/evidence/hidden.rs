@@ -1,4 +1,5 @@
-//! [`Hidden`]: splats that frame 1 hides, what the edit left on them, and the surface around them.
+//! [`Hidden`]: splats that frame 1 hides, the kind of colour they have after the edit, and the
+//! surface around them.
 
 use super::{
     change::References,
@@ -12,10 +13,10 @@ use super::{
 pub(super) struct Hidden {
     /// Ascending.
     rows: Vec<usize>,
-    /// What the edit left on each.
+    /// Kind of colour of each after the edit.
     colors: Vec<HiddenColor>,
-    /// Of every splat: shares of the surface around it that the edit changed and deleted; `None`
-    /// where that surface has no supervised splats.
+    /// For every splat, the shares of the surface around it that the edit changed and deleted;
+    /// `None` where that surface has no supervised splats.
     pub(super) shares: Vec<Option<[f32; 2]>>,
     /// Whether the edit changed most hidden splats of the surfaces that it changed.
     pub(super) is_reached: bool,
@@ -34,7 +35,7 @@ impl Hidden {
             Some(&changed) => [f32::from(u8::from(changed)), 0.0],
             None => [0.0, 1.0],
         };
-        // what is gone was taken by the edit, seen or not; what has no source says nothing of a
+        // deleted splats count as supervised, visible or not; splats without a source have no known
         // change
         let seen = |i: usize| match supervision.get(i) {
             Some(&supervision) if nodes.has_source[i] => supervision,
@@ -89,19 +90,20 @@ impl Hidden {
         Self { rows, colors, shares, is_reached, references }
     }
 
-    /// Rows whose colour the edit did not mean to be as it is.
+    /// Rows whose colour is not the one that the edit intended.
     pub(super) fn open(&self) -> impl Iterator<Item = usize> + '_ {
         let all = self.rows.iter().zip(&self.colors);
         all.filter(|(_, color)| **color != HiddenColor::Meant).map(|(row, _)| *row)
     }
 
-    /// Rows on which the edit left `color`.
+    /// Rows with this kind of colour.
     pub(super) fn with_color(&self, color: HiddenColor) -> impl Iterator<Item = usize> + '_ {
         let all = self.rows.iter().zip(&self.colors);
         all.filter(move |(_, own)| **own == color).map(|(row, _)| *row)
     }
 
-    /// Open rows near a change of which the surface does not say whether it reaches them.
+    /// Number of open rows near a change for which the surface does not determine whether they
+    /// belong to it.
     pub(super) fn num_undecided(&self, params: &EvidenceParams) -> usize {
         let is_undecided = |row: &usize| {
             self.shares[*row].is_some_and(|[changed, deleted]| {

@@ -1,4 +1,4 @@
-//! [`HiddenColor`]: what an edit left on splats that frame 1 hides.
+//! [`HiddenColor`]: kind of colour, after the edit, of splats that frame 1 hides.
 
 use super::{
     change::{References, expected_changes},
@@ -6,26 +6,26 @@ use super::{
 };
 use gs_core::sh;
 
-/// Colour that an edit left on a splat.
+/// Kind of colour after an edit.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum HiddenColor {
-    /// That from before the edit.
+    /// The colour from before the edit.
     Old,
-    /// One that the edit meant.
+    /// A colour that the edit intended.
     Meant,
     /// Neither.
     Meaningless,
 }
 
-/// Supervised splats whose own change is compared with that of their surface.
+/// Number of supervised splats whose change is compared with that of their surface.
 const COMPARED: usize = 2000;
-/// How much larger than theirs the error of hidden splats is, in the median, if their colours are
-/// meaningless.
+/// Colours of hidden splats are meaningless if their median error exceeds that of supervised splats
+/// by this factor.
 const FACTOR: f32 = 2.0;
 /// Least such error, summed over the channels: errors of an edit in one colour are zero.
 const MIN_ERROR: f32 = 0.1;
 
-/// Median error of supervised splats: how far their change is from what their surface lets expect.
+/// Median error of supervised splats: the difference between their change and the expected one.
 pub(super) fn supervised_error(frame: &EditedFrame<'_>, references: &References) -> f32 {
     let step = references.rows.len().div_ceil(COMPARED).max(1);
     let compared: Vec<usize> = references.rows.iter().copied().step_by(step).collect();
@@ -34,8 +34,8 @@ pub(super) fn supervised_error(frame: &EditedFrame<'_>, references: &References)
     weighted_median(known.map(|error| (error, 1.0)).collect())
 }
 
-/// Whether hidden splats with these errors and weights have meaningless colours in the main, where
-/// those of supervised splats are `supervised` in the median.
+/// Whether most hidden splats with these errors and weights have meaningless colours, given the
+/// median error of supervised splats.
 pub(super) fn are_meaningless(hidden: Vec<(f32, f32)>, supervised: f32) -> bool {
     weighted_median(hidden) > (FACTOR * supervised).max(MIN_ERROR)
 }
@@ -57,8 +57,8 @@ fn weighted_median(mut pairs: Vec<(f32, f32)>) -> f32 {
     median.map_or(0.0, |(value, _)| value)
 }
 
-/// How far the change of base colour of each row is from what its surface lets expect, summed over
-/// the channels; infinite without references.
+/// Difference between the change of base colour of each row and the expected one, summed over the
+/// channels; infinite without references.
 pub(super) fn errors(frame: &EditedFrame<'_>, rows: &[usize], references: &References) -> Vec<f32> {
     let EditedFrame { first, old, .. } = *frame;
     let coeffs = first.sh_coeffs();

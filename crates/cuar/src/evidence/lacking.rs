@@ -1,24 +1,24 @@
-//! [`lacking_changes`]: the change of colour that hidden splats lack.
+//! [`lacking_changes`]: the difference between expected and actual colour change of hidden splats.
 
 use super::{
     change::expected_changes, edited_frame::EditedFrame, hidden::Hidden, hidden_color::HiddenColor,
     params::EvidenceParams,
 };
 
-/// What one splat lacks.
+/// Missing change of one splat.
 pub(super) struct Lacking {
     pub(super) row: usize,
     /// Share of the surface around it that has the expected change.
     pub(super) share: f32,
-    /// Expected change of SH less its own, `[K,3]`.
+    /// Expected change of SH minus its own, `[K,3]`.
     pub(super) change: Vec<[f32; 3]>,
 }
 
-/// What the open rows of `hidden` lack, ascending by row; and the number of those on a surface that
-/// the edit changed, but without supervised splats to compare them with.
+/// The missing changes of the open rows of `hidden`, ascending by row; and the number of open rows
+/// on a surface that the edit changed, but without supervised splats to compare with.
 ///
-/// On a surface that the edit changed that is the rest of its change, on one that it left alone
-/// what brings a meaningless colour back to the old one.
+/// On a surface that the edit changed, this is the rest of its change; elsewhere, the change that
+/// restores the old colour of a splat with a meaningless one.
 pub(super) fn lacking_changes(
     frame: &EditedFrame<'_>,
     hidden: &Hidden,

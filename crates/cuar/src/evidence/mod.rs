@@ -1,29 +1,29 @@
-//! [`Evidence`]: which splats frame 1 does not supervise, and what the surface around them became
-//! (ξ′ beside the paper's ξ).
+//! [`Evidence`]: splats that frame 1 does not supervise, and the colour change of the surface
+//! around them (ξ′ beside the paper's ξ).
 //!
-//! The paper's ξ (Eqs. 14–15) is zero where colours do not depend on the view. What an editor that
-//! works on pictures of frame 1 leaves undone then stays unnoticed: a splat that no picture showed
-//! keeps its old colour, and motion turns it to the camera. For such a splat
+//! The paper's ξ (Eqs. 14–15) is zero where colours do not depend on the view. An editor that works
+//! on pictures of frame 1 does not change splats that no picture shows; motion may turn them to the
+//! camera, in their old colour. ξ does not detect this. For such a splat
 //!
 //! ```text
 //! ξ′ = 1 − exp(−(1 − ω) · a · ‖Δ̂ − Δ‖₁)
 //! ```
 //!
-//! in the form of Eq. 15, where ω is how far frame 1 supervises it ([`crate::first_frame_shares`],
+//! in the form of Eq. 15, where ω is its supervision by frame 1 ([`crate::first_frame_shares`],
 //! ramped from [`EvidenceParams::hidden`] to [`EvidenceParams::supervised`]), `a` the share of the
-//! surface around it that the edit changed, Δ its own change of colour since before the edit, and
-//! Δ̂ the change that the surface around it has. Surface: neighbours in its tangent plane that move
-//! with it, face alike and had similar colours before. The share `a` is the harmonic function on
+//! surface around it that the edit changed, Δ its own change of colour by the edit, and Δ̂ that of
+//! the surface around it. Surface: neighbours in its tangent plane that move with it, have similar
+//! normals and had similar colours before the edit. The share `a` is the harmonic function on
 //! that graph with the supervised splats as boundary. Together with view dependence, ξ̂ = 1 − (1 −
 //! ξ)(1 − ξ′).
 //!
-//! What an edit left on hidden splats is one of three things: the old colour, one that the edit
-//! meant (a selection in 3D changes hidden splats, too), or a meaningless one. Colours are
+//! After an edit, a hidden splat has one of three kinds of colour: the old one, one that the edit
+//! intended (a selection in 3D also changes hidden splats), or a meaningless one. Colours are
 //! meaningless if ‖Δ̂ − Δ‖₁ of changed hidden splats is, in the median, more than twice that of
-//! supervised splats. Such splats are repaired as well if their geometry is a source splat's; those
-//! on a surface that the edit did not change get their old colour back (`Δ̂ = 0`, and `a` is the
-//! share of the surface that it left alone). Where the edit changed more than half of the hidden
-//! splats with `a > ½`, and meant it, the others are as they should be, and ξ′ is 0.
+//! supervised splats. Such splats are also repaired if they have the geometry of a source splat;
+//! those on a surface that the edit did not change get their old colour back (`Δ̂ = 0`, and `a` is
+//! the share of the surface that did not change). Where the edit intentionally changed more than
+//! half of the hidden splats with `a > ½`, the others are correct, and ξ′ is 0.
 
 mod before;
 mod change;
@@ -48,31 +48,30 @@ use lacking::{Lacking, lacking_changes};
 use source::row_id;
 use surface::{Nodes, Surface};
 
-/// What frame 1 and the surface around tell of each edited splat; arrays are `[M]`.
+/// Supervision and surrounding surface of each edited splat; arrays are `[M]`.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Evidence {
-    /// ω, how far frame 1 supervises it, 0 to 1.
+    /// ω, its supervision by frame 1, 0 to 1.
     pub supervision: Vec<f32>,
-    /// `a`, the share of the surface around it that the edit changed, 0 to 1; of the supervised
-    /// ones, whether it changed them.
+    /// `a`, the share of the surface around it that the edit changed, 0 to 1; for supervised
+    /// splats, 1 if the edit changed them, else 0.
     pub agreement: Vec<f32>,
     /// The share of the surface around it that the edit deleted, 0 to 1.
     pub deleted: Vec<f32>,
     /// Whether the edit changed its colour.
     pub changed: Vec<bool>,
-    /// ξ′, 0 to 1; 1 for what only exists because a deletion missed it.
+    /// ξ′, 0 to 1; 1 for remains of deleted objects.
     pub xi: Vec<f32>,
-    /// Rows with ξ′ > 0 that do not fade, ascending, with the change of SH that they lack, Δ̂ − Δ,
+    /// Rows with ξ′ > 0 that do not fade, ascending, with their missing change of SH, Δ̂ − Δ,
     /// `[K,3]`.
     pub lacking: Vec<(u32, Vec<[f32; 3]>)>,
-    /// Rows that only exist because a deletion missed them.
+    /// Remains of deleted objects.
     pub ghosts: Vec<u32>,
-    /// Whether the edit changed hidden splats by itself, so that those it left are meant to be as
-    /// they are.
+    /// Whether the edit itself changed hidden splats, so that the unchanged ones are correct.
     pub reaches_hidden: bool,
-    /// Rows that frame 1 hides and whose colour the edit left meaningless, ascending.
+    /// Rows that frame 1 hides and that have a meaningless colour after the edit, ascending.
     pub meaningless: Vec<u32>,
-    /// Hidden rows near a change, of which nothing tells what they should be.
+    /// Number of hidden rows near a change whose correct colour is unknown.
     pub num_undecided: usize,
 }
 
@@ -153,8 +152,8 @@ impl Evidence {
         Ok(evidence)
     }
 
-    /// Change of base colour from which a splat counts as edited: above the noise of an edit that
-    /// moved every splat it saw a little.
+    /// Change of base colour above which a splat counts as edited; larger than the noise of an edit
+    /// that changed every visible splat a little.
     fn least_change(&self, sizes: &[f32], params: &EvidenceParams) -> f32 {
         let seen = sizes.iter().zip(&self.supervision).filter(|(_, known)| **known > 0.5);
         let mut seen: Vec<f32> = seen.map(|(size, _)| *size).collect();
@@ -164,7 +163,7 @@ impl Evidence {
         params.min_change.max((24.0 * share(10)).min(0.5 * share(2)))
     }
 
-    /// ξ′, what is to be changed, and what is to fade.
+    /// Sets ξ′, the missing changes, and the remains of deleted objects.
     fn judge(
         &mut self,
         frame: &EditedFrame<'_>,
@@ -181,8 +180,8 @@ impl Evidence {
         let is_ghost =
             |i: &usize| self.deleted[*i] > params.min_agreement && self.supervision[*i] <= 0.0;
         let ghosts: Vec<u32> = hidden.open().filter(is_ghost).map(row_id).collect();
-        // A deletion that took splats from under what remains knew of them; and it took most of
-        // what it meant to.
+        // A deletion that also removed hidden splats was made in 3D, and missed none. A deletion
+        // from pictures removes more than it misses.
         let num_gone = frame.nodes.len() - self.changed.len();
         if ghosts.len() > num_buried && ghosts.len() <= num_gone {
             self.ghosts = ghosts;
@@ -201,9 +200,9 @@ impl Evidence {
 }
 
 /// Shares between which supervision grows from 0 to 1: those of the parameters, or less where
-/// splats overlap so much that they show less of themselves (a quarter, and three quarters, of the
-/// typical share of those that the edit changed, or of half of everybody's: hidden splats may have
-/// any colour).
+/// splats overlap so much that typical shares are small (a quarter and three quarters of the
+/// typical share of changed splats, or of half that of all splats, if larger: hidden splats may
+/// also have changed).
 fn thresholds(shares: &[f32], sizes: &[f32], params: &EvidenceParams) -> [f32; 2] {
     let changed = shares.iter().zip(sizes).filter(|(_, size)| **size > params.min_change);
     let Some(changed) = typical(changed.map(|(share, _)| *share).collect()) else {

@@ -3,13 +3,13 @@
 /// Parameters of [`crate::Evidence`].
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct EvidenceParams {
-    /// Share of its weight ([`crate::first_frame_shares`]) up to which frame 1 does not supervise a
-    /// splat. Default 0.1.
+    /// Visible share of a splat's weight ([`crate::first_frame_shares`]) up to which frame 1 does
+    /// not supervise it. Default 0.1.
     pub hidden: f32,
-    /// Share from which it does. Default 0.3.
+    /// Share from which it is fully supervised. Default 0.3.
     pub supervised: f32,
-    /// Least change of base colour, summed over the channels, that is an edit. Default 0.02 (5 of
-    /// 255).
+    /// Minimum change of base colour, summed over the channels, that counts as an edit. Default
+    /// 0.02 (5 of 255).
     pub min_change: f32,
     /// Standard deviation of the shares of red and green in the base colour, between splats of one
     /// material. Default 0.04.
@@ -17,9 +17,10 @@ pub struct EvidenceParams {
     /// Standard deviation of the logarithm of brightness between them: light and shadow. Default
     /// 0.7.
     pub light_spread: f32,
-    /// Change of the distance of two splats, relative to it, that bodies show. Default 0.08.
+    /// Standard deviation of the relative change of distance of two splats on one body. Default
+    /// 0.08.
     pub strain: f64,
-    /// Share of the surface around a splat that the edit must have changed. Default 0.5.
+    /// Minimum share of the surface around a splat that the edit changed. Default 0.5.
     pub min_agreement: f32,
 }
 

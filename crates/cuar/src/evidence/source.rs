@@ -1,4 +1,4 @@
-//! What each edited splat was before the edit.
+//! State of each edited splat before the edit.
 
 use super::before::BeforeEdit;
 use anchors::KdTree;
@@ -10,8 +10,7 @@ const CANDIDATES: usize = 24;
 /// A splat farther from every source splat than this many times that one's size is new.
 const REACH: f64 = 6.0;
 
-/// The source splat that each edited splat is, or was before it was changed a little; `None` for
-/// what is new.
+/// The source splat from which each edited splat descends; `None` for new ones.
 pub(super) fn parents(
     before: &BeforeEdit<'_>,
     first: &Splats,
@@ -34,7 +33,7 @@ pub(super) fn parents(
         tree.nearest(&first.means[i].map(f64::from), CANDIDATES, &mut found);
         let unlike = |neighbor: &anchors::Neighbor| {
             let id = sound[neighbor.id as usize];
-            // equal bits are no accident: a copy that was moved, and kept its colour
+            // equal bits: a moved copy that kept its colour
             let is_copy = first.sh_of(i) == source.sh_of(id);
             let unlike = unlikeness(first, i, source, id, neighbor.distance_squared);
             if is_copy { 0.0 } else { unlike }
@@ -60,7 +59,7 @@ pub(super) fn thin_axis(splats: &Splats, i: usize) -> [f32; 3] {
     [0, 1, 2].map(|row| rotation[row][thin])
 }
 
-/// How little two splats have in common: place in sizes, scales and thin axis.
+/// Dissimilarity of two splats: distance in sizes, scales and thin axis.
 fn unlikeness(a: &Splats, i: usize, b: &Splats, id: usize, distance_squared: f64) -> f64 {
     let place = distance_squared / size(b, id).powi(2).max(1e-30);
     let scales: f32 = (0..3).map(|k| (a.log_scales[i][k] - b.log_scales[id][k]).powi(2)).sum();
@@ -69,7 +68,7 @@ fn unlikeness(a: &Splats, i: usize, b: &Splats, id: usize, distance_squared: f64
     place + f64::from(scales) + 1.0 - f64::from(cosine.powi(2))
 }
 
-/// SH before the edit, `[M,K,3]`, of the edited splats' degree; of what is new, its own.
+/// SH before the edit, `[M,K,3]`, of the edited splats' degree; for new splats, their own.
 pub(super) fn colors(parents: &[Option<u32>], first: &Splats, source: &Splats) -> Vec<[f32; 3]> {
     let coeffs = first.sh_coeffs();
     let mut old = first.sh.clone();
@@ -82,7 +81,7 @@ pub(super) fn colors(parents: &[Option<u32>], first: &Splats, source: &Splats) -
     old
 }
 
-/// Change of base colour, summed over the channels, `[M]`; 0 for what is new.
+/// Change of base colour, summed over the channels, `[M]`; 0 for new splats.
 pub(super) fn changes(parents: &[Option<u32>], first: &Splats, old: &[[f32; 3]]) -> Vec<f32> {
     let coeffs = first.sh_coeffs();
     let change = |(i, parent): (usize, &Option<u32>)| {
@@ -93,7 +92,7 @@ pub(super) fn changes(parents: &[Option<u32>], first: &Splats, old: &[[f32; 3]])
     parents.iter().enumerate().map(change).collect()
 }
 
-/// Source splats that the edit deleted: no edited splat comes from them, and nothing new is in
+/// Source splats that the edit deleted: no edited splat descends from them, and no new one is in
 /// their place.
 pub(super) fn gone(
     before: &BeforeEdit<'_>,
@@ -122,7 +121,7 @@ pub(super) fn gone(
     gone.into_iter().filter(is_empty).map(row_id).collect()
 }
 
-/// A row's number, as the rasteriser has it.
+/// A row number as stored.
 #[expect(clippy::cast_possible_truncation, reason = "the rasteriser numbers splats in 32 bits")]
 pub(super) fn row_id(i: usize) -> u32 {
     i as u32

@@ -1,4 +1,4 @@
-//! [`Surface`]: which splats are neighbours on one surface.
+//! [`Surface`]: graph of neighbours on one surface.
 
 use super::{params::EvidenceParams, source::thin_axis};
 use anchors::{RigidNeighbors, Trajectories};
@@ -61,14 +61,14 @@ impl Nodes {
         self.means.len()
     }
 
-    /// How far two splats face alike, 0 to 1.
+    /// Similarity of the normals of two splats, 0 to 1.
     pub(super) fn facing(&self, a: usize, b: usize) -> f32 {
         let cosine: f32 = (0..3).map(|k| self.normals[a][k] * self.normals[b][k]).sum();
         let flat = self.flatness[a].min(self.flatness[b]);
         1.0 - flat * (1.0 - cosine.powi(2).min(1.0))
     }
 
-    /// How similar they looked before the edit, 0 to 1.
+    /// Similarity of their colours before the edit, 0 to 1.
     pub(super) fn likeness(&self, a: usize, b: usize, params: &EvidenceParams) -> f32 {
         let [a, b] = [a, b].map(|i| scaled_tone(self.colors[i], params));
         let square: f32 = (0..3).map(|k| (a[k] - b[k]).powi(2)).sum();
@@ -76,12 +76,12 @@ impl Nodes {
     }
 }
 
-/// Added to every channel, so that the tone of black is defined and that of dark colours is no
-/// noise.
+/// Added to every channel, so that the tone of black is defined and that of dark colours is not
+/// dominated by noise.
 const DARK: f32 = 0.03;
 
 /// Logarithm of brightness, and shares of red and green, of a base colour as SH. Light and shadow
-/// change the first alone.
+/// change only the first.
 pub(super) fn tone(base: [f32; 3]) -> [f32; 3] {
     let [r, g, b] = base.map(|x| {
         let value = 0.5 + sh::C0 * x;
@@ -106,7 +106,7 @@ pub(super) struct Surface {
 }
 
 impl Surface {
-    /// The graph of `nodes` with the places `moments` at other times, `[T][nodes]`.
+    /// The graph of `nodes`, with their positions `moments` at other times, `[T][nodes]`.
     pub(super) fn of(nodes: &Nodes, moments: &[Vec<[f32; 3]>], params: &EvidenceParams) -> Self {
         let place = |i: usize, means: &[[f32; 3]]| {
             let mean = means[i].map(f64::from);
@@ -159,7 +159,7 @@ impl Surface {
     }
 }
 
-/// How far each of two splats lies in the other's tangent plane, 0 to 1; blobs have none.
+/// Whether two splats lie in each other's tangent plane, 0 to 1; no effect for balls.
 fn in_plane(nodes: &Nodes, a: usize, b: usize, spacing: f64) -> f64 {
     let step = [0, 1, 2].map(|k| nodes.means[b][k] - nodes.means[a][k]);
     let off = |i: usize| {

@@ -1,9 +1,9 @@
-//! [`harmonic`]: labels of supervised splats, continued over the surface.
+//! [`harmonic`]: extends labels of supervised splats over the surface.
 
 use super::surface::Surface;
 use rayon::prelude::*;
 
-/// Rounds: labels travel one neighbour per round, and hidden stretches are some tens of splats wide
+/// Rounds. A label spreads by one neighbour per round; hidden regions are a few tens of splats wide
 /// at most.
 const ROUNDS: usize = 100;
 /// Weight of a node's own label, relative to that of all its neighbours.
@@ -11,9 +11,9 @@ const HOLD: f32 = 10.0;
 /// Neighbours weaker than this belong to another surface.
 const FAINT: f32 = 0.02;
 
-/// For every node of `surface`, two shares in 0 to 1: its own `label` as far as it is `known` (0 to
-/// 1), else the weighted mean of its neighbours' (the harmonic function with the known nodes as
-/// boundary); `None` for nodes that no known one reaches.
+/// For every node of `surface`, two shares in 0 to 1: a mean of its own `label`, weighted by
+/// `known` (0 to 1), and of its neighbours' shares (the harmonic function with the known nodes as
+/// boundary); `None` for nodes that are not connected to a known one.
 pub(super) fn harmonic(
     surface: &Surface,
     label: &(impl Fn(usize) -> [f32; 2] + Sync),

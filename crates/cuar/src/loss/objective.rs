@@ -47,7 +47,7 @@ impl LossParts {
     }
 }
 
-/// What the render of one image is compared with. The image may be a crop; see [`Objective::new`].
+/// Targets of the render of one image. The image may be a crop; see [`Objective::new`].
 #[derive(Debug, Clone, Copy)]
 pub struct Targets<'a, F> {
     /// Render before refinement, `[H,W,3]`.
@@ -215,7 +215,7 @@ impl<F: Real> Objective<F> {
 /// Appends `image · mask`.
 fn mask_into<F: Real>(image: &[F], mask: &[F], out: &mut Vec<F>) {
     for (rgb, &m) in image.chunks_exact(3).zip(mask) {
-        // not a product: what lies outside the mask may be anything, even NaN
+        // not a product: values outside the mask may be NaN
         out.extend(rgb.iter().map(|&value| if m > F::zero() { m * value } else { F::zero() }));
     }
 }

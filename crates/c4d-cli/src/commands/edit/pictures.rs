@@ -158,6 +158,12 @@ fn pictures(
 
 fn options(args: &EditArgs, frame: &Frame, cameras: &[Camera]) -> Outcome<FitOptions> {
     let flags = &args.pictures;
+    let seconds = flags.checkpoint_every;
+    if !(seconds >= 0.0 && seconds.is_finite()) {
+        return Err(Failure::usage(format!(
+            "--checkpoint-every {seconds}: expected seconds, 0 or more"
+        )));
+    }
     let reference = flags
         .reference
         .as_ref()
@@ -184,6 +190,7 @@ fn options(args: &EditArgs, frame: &Frame, cameras: &[Camera]) -> Outcome<FitOpt
         reference,
         seed: flags.seed,
         preview_secs: Some(PREVIEW_SECS),
+        checkpoint_secs: flags.checkpoint_every,
         ..FitOptions::default()
     })
 }

@@ -103,6 +103,11 @@ impl FitObserver for Watch<'_> {
         }
     }
 
+    fn carving(&mut self, done: usize, most: usize) {
+        self.progress
+            .message(format!("looking for removed objects, round {} of at most {most}", done + 1));
+    }
+
     fn preview(&mut self, preview: &FitPreview) {
         let image = side_by_side(&side_by_side(&preview.original, &preview.target), &preview.now);
         let mut bytes = Vec::new();

@@ -1,8 +1,9 @@
 //! Quality of the fit against known truth: the demo scene's edit, judged by views between those
 //! that are given.
 //!
-//! `cargo run --release --workspace --example fit_demo [CASE …]`; without a case, all. [docs/BENCHMARKS.md](../../../docs/BENCHMARKS.md)
-//! has the results.
+//! `cargo run --release --workspace --example fit_demo [CASE …]`; without a case, all. With
+//! `--motion`, the fitted splats are also propagated.
+//! [docs/BENCHMARKS.md](../../../../docs/BENCHMARKS.md) has the results.
 
 #![expect(clippy::print_stdout, reason = "prints its results")]
 #![expect(
@@ -10,6 +11,8 @@
     clippy::cast_sign_loss,
     reason = "pixels of small pictures"
 )]
+
+mod motion;
 
 use gs_core::{Camera, Image, Rasterizer, RenderParams, Splats};
 use gs_fit::mask::{difference_mask, dilated};
@@ -98,18 +101,19 @@ fn main() -> Result<(), Box<dyn Error>> {
         let params =
             DemoParams { seed: 7, sh_degree: 0, num_splats: case.splats, ..DemoParams::default() };
         let scene = demo(&params)?;
-        let edited = apply_edits(&scene, &demo_edits(), 7)?.splats;
+        let edit = apply_edits(&scene, &demo_edits(), 7)?;
+        let edited = &edit.splats;
         let start = scene.frame1();
         let cameras = ring(&scene.orbit_cameras(1, case.side, case.side)[0], case.views, 0.0);
-        let mut pictures = pictures_of(&cameras, &edited)?;
+        let mut pictures = pictures_of(&cameras, edited)?;
         disagree(&mut pictures, start, case.disagreement)?;
         let options = FitOptions { steps: case.steps, align: case.align, ..FitOptions::default() };
         let began = Instant::now();
         let fitted = fit(&CpuRasterizer::default(), start, &pictures, &options, None, &mut Lines)?;
         let secs = began.elapsed().as_secs_f64();
         let held_out = ring(&scene.orbit_cameras(1, case.side, case.side)[0], 6, 0.3);
-        let before = judge(&held_out, start, &edited, start)?;
-        let after = judge(&held_out, &fitted.splats, &edited, start)?;
+        let before = judge(&held_out, start, edited, start)?;
+        let after = judge(&held_out, &fitted.splats, edited, start)?;
         println!(
             "| {} | {} × {}² | {} | {:.2} / {:.2} | {:.2} / {:.2} | {:.1} | {:.2} % | {} | {secs:.0} |",
             case.name,
@@ -124,6 +128,20 @@ fn main() -> Result<(), Box<dyn Error>> {
             100.0 * ball(&scene, &held_out, &fitted, start)?,
             fitted.splats.len()
         );
+        if arguments.iter().any(|a| a == "--motion") {
+            let is_fitted: Vec<bool> = fitted
+                .source_rows
+                .iter()
+                .map(|row| row.is_none_or(|row| fitted.selected[row as usize]))
+                .collect();
+            let both = motion::end_points(&scene, &edit, (&fitted.splats, &is_fitted), &cameras)?;
+            for (name, errors) in ["true edit", "fitted edit"].iter().zip(both) {
+                println!(
+                    "{name}, propagated: end-point error {:.4} % of the figure's size (95th percentile {:.4} %), {} splats",
+                    errors.mean, errors.p95, errors.count
+                );
+            }
+        }
     }
     Ok(())
 }

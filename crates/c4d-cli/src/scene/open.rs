@@ -14,7 +14,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 /// Supported scenes.
-const SCENES: &str = "SCENE is a trained scene (model folder, checkpoint or PLY of 4DGaussians, Swift4D, Deformable-3D-Gaussians, SC-GS, Grid4D, DASH, E-D3DGS, native 4D Gaussians, FreeTimeGS, Spacetime Gaussians or Dynamic 3D Gaussians), numbered frames in a folder or zip archive, a .splatv, .splat4d or .4dgs clip, or a run folder.";
+const SCENES: &str = "SCENE is a trained scene (model folder, checkpoint or PLY of 4DGaussians, Swift4D, Deformable-3D-Gaussians, SC-GS, Grid4D, DASH, E-D3DGS, native 4D Gaussians, FreeTimeGS, Spacetime Gaussians or Dynamic 3D Gaussians), numbered frames in a folder or zip archive, a .splatv, .splat4d, .4dgs or .tsog clip, or a run folder.";
 
 /// Opens a scene and reports warnings about it.
 pub(crate) fn open(path: &Path, global: &Global, console: &Console) -> Outcome<Opened> {

@@ -196,6 +196,8 @@ fn a_captured_scene_renders_alike_in_other_layouts() {
         fs::write(&file, bytes).unwrap();
         let read = read(&file, &kind);
         let (own, all) = (likeness(&lines, &*read), likeness(&truth, &*read));
-        eprintln!("{kind}: {own:.1} dB to the scene with motions along lines, {all:.1} dB to the scene");
+        eprintln!(
+            "{kind}: {own:.1} dB to the scene with motions along lines, {all:.1} dB to the scene"
+        );
     }
 }

@@ -3,8 +3,8 @@
 use crate::archive::Archive;
 use crate::cameras;
 use crate::content::{
-    Container, MANIFEST, MANIFEST_ENDING, NUMPY_ARCHIVE, UnsupportedFormat, container, marks, shown,
-    torch_archive,
+    Container, MANIFEST, MANIFEST_ENDING, NUMPY_ARCHIVE, UnsupportedFormat, container, marks,
+    shown, torch_archive,
 };
 use crate::deform_folder::{self, Method};
 use crate::error::IoError;

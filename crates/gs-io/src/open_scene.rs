@@ -79,7 +79,7 @@ pub fn open_scene_as(
         | SceneKind::Gsplat
         | SceneKind::EditorFolder
         | SceneKind::Model3dgs
-        | SceneKind::OtherPly(_) => open_frame(path, kind.clone(), options.damage),
+        | SceneKind::OtherPly(_) => open_frame(path, kind.clone(), options),
         SceneKind::RunFolder
         | SceneKind::Cameras(_)
         | SceneKind::Unsupported(_)
@@ -164,14 +164,21 @@ fn open_splat4d(path: &Path, damage: Damage) -> Result<OpenedScene, IoError> {
     })
 }
 
-fn open_frame(path: &Path, kind: SceneKind, damage: Damage) -> Result<OpenedScene, IoError> {
-    let read = frame::read_file(path)?;
-    let notes = read.notes.iter().cloned();
-    let notes = notes.chain(read.axes.and_then(|reading| reading.assumption())).collect();
+fn open_frame(path: &Path, kind: SceneKind, options: &OpenOptions) -> Result<OpenedScene, IoError> {
+    let mut read = frame::read_file(path)?;
+    if let Some(axes) = options.axes {
+        read = read.in_axes(axes);
+    }
+    let assumed = read.axes.and_then(|reading| reading.assumption());
+    let assumed = assumed.map(|what| format!("{what}; if it appears upside down, give --axes ply"));
+    let notes = read.notes.iter().cloned().chain(assumed).collect();
+    let up = read.comments.iter().find_map(|comment| comment.strip_prefix(comments::UP));
+    let up = up.and_then(comments::axis);
     let (frame, repair) = read
-        .sanitize(damage)
+        .sanitize(options.damage)
         .map_err(|source| IoError::Damaged { path: path.to_owned(), source })?;
     let scene = StaticScene::new(frame.splats)
         .map_err(|error| IoError::content(path, error.to_string()))?;
-    Ok(OpenedScene { notes, repair, ..OpenedScene::new(kind, scene, vec![path.to_owned()]) })
+    let files = vec![frame::file_of(path)];
+    Ok(OpenedScene { notes, repair, up, ..OpenedScene::new(kind, scene, files) })
 }

@@ -43,11 +43,7 @@ const STEPS: [&str; 12] = [
 ];
 
 fn options() -> OpenOptions {
-    OpenOptions {
-        time_duration: Some([0.0, 10.0]),
-        bound: Some(1.6),
-        ..OpenOptions::default()
-    }
+    OpenOptions { time_duration: Some([0.0, 10.0]), bound: Some(1.6), ..OpenOptions::default() }
 }
 
 fn copy(from: &Path, to: &Path) {
@@ -74,7 +70,8 @@ impl Copied {
     fn of(model: &str, part: &str) -> Self {
         let folder = tempfile::tempdir().unwrap();
         copy(&fixture("bases").join(model), folder.path());
-        let scene = if part.is_empty() { folder.path().to_owned() } else { folder.path().join(part) };
+        let scene =
+            if part.is_empty() { folder.path().to_owned() } else { folder.path().join(part) };
         let kind = detect(&scene).unwrap();
         assert!(kind.is_dynamic(), "{model}/{part}: {kind}");
         Self { folder, scene, kind }
@@ -113,10 +110,11 @@ fn check(copied: &Copied, what: &str) {
             }
         }
         Err(error) => {
-            let text = std::iter::successors(Some(&error as &dyn std::error::Error), |e| e.source())
-                .map(ToString::to_string)
-                .collect::<Vec<_>>()
-                .join(": ");
+            let text =
+                std::iter::successors(Some(&error as &dyn std::error::Error), |e| e.source())
+                    .map(ToString::to_string)
+                    .collect::<Vec<_>>()
+                    .join(": ");
             let folder = copied.folder.path().to_string_lossy();
             assert!(text.contains(&*folder), "{what}: names the path: {text}");
             assert!(text.len() < 2000, "{what}: {} characters", text.len());

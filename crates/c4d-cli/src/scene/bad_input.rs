@@ -36,6 +36,9 @@ pub(crate) fn bad_input(error: &IoError) -> Failure {
         IoError::Read { .. } => {
             failure.next("Check that the name is right and that the file is readable.")
         }
+        IoError::Damaged { source, .. } if source.report.damaged() == source.report.rows => {
+            failure.next("Export the splats again, or use an earlier save of the program that made them.")
+        }
         IoError::Damaged { .. } => {
             failure.next("Without --strict such rows are dropped and counted.")
         }
@@ -71,7 +74,8 @@ mod tests {
 
     #[test]
     fn next_steps_in_messages_are_shown_as_such() {
-        let (what, step) = split_step("a.pth: is cut short; copy it again, a; b").unwrap_or_default();
+        let (what, step) =
+            split_step("a.pth: is cut short; copy it again, a; b").unwrap_or_default();
         assert_eq!((what, step.as_str()), ("", ""), "the last clause is no step");
         let (what, step) = split_step("a.pth: is cut short; it is empty; copy it again").unwrap();
         assert_eq!(what, "a.pth: is cut short; it is empty", "the rest");

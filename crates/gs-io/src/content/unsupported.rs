@@ -73,14 +73,8 @@ const TORCH_ARCHIVE: UnsupportedFormat = known(0, b"", "a PyTorch archive", TORC
 
 /// A network without its splats, by a name in its file; the first one found decides.
 const NETWORKS: [(&[u8], UnsupportedFormat); 6] = [
-    (
-        b"feature_out_f",
-        known(0, b"", "the network of an E-D3DGS model", BESIDE_PLY),
-    ),
-    (
-        b"deformation_net",
-        known(0, b"", "the network of a 4DGaussians model", BESIDE_PLY),
-    ),
+    (b"feature_out_f", known(0, b"", "the network of an E-D3DGS model", BESIDE_PLY)),
+    (b"deformation_net", known(0, b"", "the network of a 4DGaussians model", BESIDE_PLY)),
     (b"xyzt_encoding", known(0, b"", "the network of a DASH model", BESIDE_FOLDER)),
     (b"xyt_encoding", known(0, b"", "the network of a Grid4D model", BESIDE_FOLDER)),
     (b"_node_radius", known(0, b"", "the control nodes of an SC-GS model", BESIDE_FOLDER)),

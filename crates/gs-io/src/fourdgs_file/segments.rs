@@ -102,9 +102,8 @@ fn fit(
     let reference = samples[visible[visible.len() / 2]];
     // Half an angle is that between quaternions.
     let least_dot = (0.5 * tolerance.rotation).cos();
-    let off = |a: [f32; 3], b: [f32; 3]| {
-        a.iter().zip(b).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max)
-    };
+    let off =
+        |a: [f32; 3], b: [f32; 3]| a.iter().zip(b).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
     let alike = visible.iter().all(|&frame| {
         let sample = &samples[frame];
         quat::dot(sample.quat, reference.quat).abs() >= least_dot
@@ -237,7 +236,10 @@ mod tests {
             })
             .collect();
         let [found] = segments(&samples)[..] else { panic!("one segment") };
-        assert!((found.centre - 20.0).abs() < 0.01 && (found.sigma - 4.0).abs() < 0.02, "{found:?}");
+        assert!(
+            (found.centre - 20.0).abs() < 0.01 && (found.sigma - 4.0).abs() < 0.02,
+            "{found:?}"
+        );
         assert!((found.sample.mean[0] - 2.0).abs() < 2e-3, "where it is then: {found:?}");
         assert!((found.velocity[2] + 0.2).abs() < 1e-4, "per frame: {found:?}");
     }

@@ -114,7 +114,10 @@ pub(crate) fn read_planes(
     let packed = packed.into_iter().collect::<Result<Vec<_>, _>>()?;
     // A plane of one colour takes only a few bytes, so the limit applies to all planes together.
     let limit = decompress::limit(packed.iter().map(Vec::len).sum());
-    let planes = packed.iter().map(|bytes| Plane::decode(bytes, limit).map_err(damaged)).collect::<Result<Vec<_>, _>>()?;
+    let planes = packed
+        .iter()
+        .map(|bytes| Plane::decode(bytes, limit).map_err(damaged))
+        .collect::<Result<Vec<_>, _>>()?;
     let [low, high, scales, quats, colors] = &planes[..] else {
         return Err(damaged("planes are missing"));
     };
@@ -252,7 +255,8 @@ impl Harmonics {
             return Err(damaged(format!("{} bands of SH, expected 1 to 3", palette.bands)));
         }
         let [centroids, labels] = &palette.files;
-        let centroids = Plane::decode(&plane(centroids).map_err(damaged)?, limit).map_err(damaged)?;
+        let centroids =
+            Plane::decode(&plane(centroids).map_err(damaged)?, limit).map_err(damaged)?;
         let labels = Plane::decode(&plane(labels).map_err(damaged)?, limit).map_err(damaged)?;
         let width = PALETTE_ROW * (num_coeffs(palette.bands) - 1);
         if centroids.width() != width || labels.len() < count {

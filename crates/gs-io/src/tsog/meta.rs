@@ -263,7 +263,9 @@ fn check_range(name: &str, mins: &[f32], maxs: &[f32]) -> Result<(), String> {
     if mins.iter().zip(maxs).all(ascending) {
         return Ok(());
     }
-    Err(format!("has the range {mins:?} to {maxs:?} of {name}, expected finite ascending numbers; export it again"))
+    Err(format!(
+        "has the range {mins:?} to {maxs:?} of {name}, expected finite ascending numbers; export it again"
+    ))
 }
 
 fn check_book(name: &str, codebook: &[f32]) -> Result<(), String> {
@@ -271,5 +273,7 @@ fn check_book(name: &str, codebook: &[f32]) -> Result<(), String> {
     if (1..=256).contains(&count) && codebook.iter().all(|value| value.is_finite()) {
         return Ok(());
     }
-    Err(format!("has a codebook of {count} values for {name}, expected 1 to 256 finite numbers; export it again"))
+    Err(format!(
+        "has a codebook of {count} values for {name}, expected 1 to 256 finite numbers; export it again"
+    ))
 }

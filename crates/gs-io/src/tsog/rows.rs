@@ -124,8 +124,7 @@ fn codes(low: [u8; 4], high: [u8; 4]) -> [u16; 3] {
 /// The rotation of a pixel, wxyz; `None` if its alpha is not an index of the omitted component.
 fn rotation([a, b, c, slot]: [u8; 4]) -> Option<[f32; 4]> {
     let slot = slot.checked_sub(FIRST_SLOT)?;
-    let part =
-        |byte: u8| (f32::from(byte) / 255.0 * 2.0 - 1.0) * std::f32::consts::FRAC_1_SQRT_2;
+    let part = |byte: u8| (f32::from(byte) / 255.0 * 2.0 - 1.0) * std::f32::consts::FRAC_1_SQRT_2;
     Some(gs_core::quat::normalize(largest_from([a, b, c].map(part), usize::from(slot))))
 }
 
@@ -199,8 +198,7 @@ impl<'a> Harmonics<'a> {
                 self.palette.count
             ));
         }
-        let start =
-            label / PALETTE_ROW * self.centroids.width() + label % PALETTE_ROW * self.count;
+        let start = label / PALETTE_ROW * self.centroids.width() + label % PALETTE_ROW * self.count;
         for at in start..start + self.count {
             let [r, g, b, _] = self.centroids.at(at);
             out.push(values("shN", &self.palette.codebook, [r, g, b])?);

@@ -125,8 +125,7 @@ pub(crate) fn gaussian4d(scene: &PolynomialScene) -> Vec<u8> {
     for (row, motion) in scene.motions().iter().enumerate() {
         // Covariance of space and time: that of space at a given time is the splat's.
         let sigma = f64::from(motion.width) * std::f64::consts::FRAC_1_SQRT_2;
-        let shape =
-            covariance(rest.rotation(row).map(f64::from), rest.scale(row).map(f64::from));
+        let shape = covariance(rest.rotation(row).map(f64::from), rest.scale(row).map(f64::from));
         let [xx, xy, xz, yy, yz, zz] = shape;
         let velocity = motion.velocity[0].map(f64::from);
         let mut joint = [[xx, xy, xz, 0.0], [xy, yy, yz, 0.0], [xz, yz, zz, 0.0], [0.0; 4]];
@@ -178,7 +177,8 @@ fn product(a: &Matrix, b: &Matrix) -> Matrix {
 
 /// Eigenvalues and eigenvectors (columns) of a symmetric matrix, by Jacobi rotations.
 fn eigen(mut a: Matrix) -> ([f64; 4], Matrix) {
-    let mut axes: Matrix = std::array::from_fn(|i| std::array::from_fn(|j| f64::from(u8::from(i == j))));
+    let mut axes: Matrix =
+        std::array::from_fn(|i| std::array::from_fn(|j| f64::from(u8::from(i == j))));
     for _ in 0..30 {
         for p in 0..4 {
             for q in p + 1..4 {
@@ -243,7 +243,6 @@ fn quaternions(rotation: &Matrix) -> ([f32; 4], [f32; 4]) {
     let best = (0..4).max_by(|&a, &b| norm(&outer[a]).total_cmp(&norm(&outer[b]))).unwrap();
     let scale = norm(&outer[best]);
     let right = outer[best].map(|value| value / scale);
-    let left: [f64; 4] =
-        std::array::from_fn(|p| (0..4).map(|q| outer[p][q] * right[q]).sum());
+    let left: [f64; 4] = std::array::from_fn(|p| (0..4).map(|q| outer[p][q] * right[q]).sum());
     (left.map(|value| value as f32), right.map(|value| value as f32))
 }

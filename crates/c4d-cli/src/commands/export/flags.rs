@@ -25,10 +25,10 @@ pub(super) fn format_of(args: &ExportArgs) -> Outcome<ExportFormat> {
 /// Refuses flags that would have no effect.
 fn check_flags(to: ExportFormat, args: &ExportArgs) -> Outcome {
     use ExportFormat::{
-        CompressedPly, CompressedSeq, Fourdgs, Glb, Gltf, Html, Ply, PlySeq, Splat, Splat4d, Splatv, Spz,
-        Usda, Zip,
+        CompressedPly, CompressedSeq, Fourdgs, Glb, Gltf, Html, Ply, PlySeq, Splat, Splat4d,
+        Splatv, Spz, Usda, Zip,
     };
-    const CLIPS: &[ExportFormat] = 
+    const CLIPS: &[ExportFormat] =
         &[PlySeq, Zip, Html, CompressedSeq, Splat4d, Fourdgs, Usda, Splatv];
     const FLAGS: [Flag; 14] = [
         ("--time", &[Ply, CompressedPly, Spz, Splat, Glb, Gltf], |args| args.time.is_some()),

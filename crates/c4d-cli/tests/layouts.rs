@@ -27,9 +27,11 @@ use std::path::Path;
 const SIZE: u32 = 240;
 const TIMES: [f32; 4] = [0.0, 0.31, 0.77, 1.0];
 
-/// A figure of splats that live for .05 to .3 of the clip, base colours only.
+/// A figure of splats that live for .1 to .3 of the clip, base colours only. (Checkpoints of
+/// FreeTimeGS have no lives below .098.)
 fn figure() -> PolynomialScene {
-    let params = BriefParams { num_splats: 3_000, share: 1.0, ..BriefParams::default() };
+    let lives = [0.1, 0.3];
+    let params = BriefParams { num_splats: 3_000, share: 1.0, lives, ..BriefParams::default() };
     let scene = BriefScene::figure(&params).unwrap().lines().unwrap();
     let rest = scene.rest();
     let base = rest.sh.iter().step_by(rest.sh_coeffs()).copied().collect();
@@ -105,7 +107,7 @@ fn read(path: &Path, kind: &SceneKind) -> std::sync::Arc<dyn DynamicScene> {
     opened.scene
 }
 
-/// Frames of the clips that are written: the shortest lives last three of them.
+/// Frames of the clips that are written: the shortest lives last twelve of them.
 const FRAMES: usize = 121;
 
 fn as_splatv(scene: &dyn DynamicScene, path: &Path) -> PolynomialScene {

@@ -170,7 +170,7 @@ fn open_frame(path: &Path, kind: SceneKind, options: &OpenOptions) -> Result<Ope
         read = read.in_axes(axes);
     }
     let assumed = read.axes.and_then(|reading| reading.assumption());
-    let assumed = assumed.map(|what| format!("{what}; if it appears upside down, give --axes ply"));
+    let assumed = assumed.map(|what| format!("{what}; if it appears upside down, use --axes ply"));
     let notes = read.notes.iter().cloned().chain(assumed).collect();
     let up = read.comments.iter().find_map(|comment| comment.strip_prefix(comments::UP));
     let up = up.and_then(comments::axis);

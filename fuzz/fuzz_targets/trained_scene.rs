@@ -1,5 +1,5 @@
-//! Single-file trained scenes (native 4D Gaussians, FreeTimeGS, Spacetime Gaussians, Dynamic 3D
-//! Gaussians), evaluated where they can be read.
+//! Single-file scenes (native 4D Gaussians, FreeTimeGS, Spacetime Gaussians, Dynamic 3D Gaussians,
+//! `.4dgs`, `.tsog`), evaluated where they can be read.
 #![no_main]
 
 use gs_io::{OpenOptions, detect, open_scene_as};
@@ -14,7 +14,7 @@ static FILE: LazyLock<PathBuf> = LazyLock::new(|| {
 libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
     fs::write(&*FILE, bytes).expect("the file is written");
     let Ok(kind) = detect(&*FILE) else { return };
-    if !kind.is_trained() {
+    if !kind.is_dynamic() {
         return;
     }
     let options = OpenOptions { time_duration: Some([0.0, 10.0]), ..OpenOptions::default() };

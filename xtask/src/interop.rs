@@ -28,6 +28,8 @@ const FADING: usize = 10;
 const INVISIBLE: f32 = -12.0;
 const TIMES: [f32; 3] = [0.0, 0.5, 1.0];
 const DOCUMENT: &str = "docs/INTEROP.md";
+/// Heading of the part of the document that is written by hand, at its end.
+const BY_HAND: &str = "\n## SuperSplat's colour edits";
 
 /// Tables of the document.
 #[derive(Default)]
@@ -64,8 +66,11 @@ pub(crate) fn run(program: Option<PathBuf>) -> Result<()> {
         }
     }
     let usd = trip.usd(&folder)?;
-    let text = document(&peers, &tables, &usd);
-    fs::write(root.join(DOCUMENT), text).context(DOCUMENT)?;
+    let fourdgs = trip.fourdgs(&folder)?;
+    let text = document(&peers, &tables, &usd, &fourdgs);
+    let before = fs::read_to_string(root.join(DOCUMENT)).context(DOCUMENT)?;
+    let by_hand = before.find(BY_HAND).map_or("", |start| &before[start..]);
+    fs::write(root.join(DOCUMENT), text + by_hand).context(DOCUMENT)?;
     eprintln!("wrote {DOCUMENT}");
     Ok(())
 }
@@ -199,6 +204,28 @@ impl Trip {
             String::from_utf8_lossy(&output.stdout).trim()
         ))
     }
+
+    /// The clip as `.4dgs`, evaluated by the format's reference reader.
+    fn fourdgs(&self, folder: &Path) -> Result<String> {
+        self.c4d(&["export", "source", "--frames", "3", "-w", "-o", "ours.4dgs"])?;
+        let script = include_str!("interop/fourdgs.py");
+        let frames = TIMES.len().to_string();
+        let output =
+            python(folder).args(["-c", script, &frames]).current_dir(&self.files).output()?;
+        if !output.status.success() {
+            bail!("fourdgs: {}", String::from_utf8_lossy(&output.stderr));
+        }
+        let mut texts = Vec::new();
+        for (index, truth) in self.frames.iter().enumerate() {
+            let read = frame::read_file(self.files.join(format!("fourdgs_{index}.ply")))?.splats;
+            texts.push(format!("{}: {}", TIMES[index], difference(truth, &read).text()));
+        }
+        Ok(format!(
+            "{SPLATS} splats in {} rows; at time {}",
+            String::from_utf8_lossy(&output.stdout).trim(),
+            texts.join("; ")
+        ))
+    }
 }
 
 /// The first line of an error, short enough for a table.
@@ -207,13 +234,13 @@ fn short(error: &anyhow::Error) -> String {
     text.chars().take(120).collect()
 }
 
-fn document(peers: &[Peer], tables: &Tables, usd: &str) -> String {
+fn document(peers: &[Peer], tables: &Tables, usd: &str, fourdgs: &str) -> String {
     let names: Vec<String> = peers.iter().map(Peer::origin).collect();
     format!(
         "\
 # Round trips with other tools
 
-Written by `cargo xtask interop`, which fetches the tools from their registries, so that ordinary CI does not run it: {}, {} (PyPI).
+Written by `cargo xtask interop`, which fetches the tools from their registries, so that ordinary CI does not run it: {}, {} (PyPI), {} (PyPI).
 
 The scene has {SPLATS} splats of SH degree {} and {} frames. One splat in {FADING} is invisible in the first frame and appears later.
 
@@ -239,13 +266,19 @@ paired by position, so a coarse format may pair a neighbour.
 ## OpenUSD
 
 The clip as `.usda`, opened and evaluated by {}: {usd}.
+
+## .4dgs
+
+The clip as `.4dgs`, opened and evaluated at its frames by {}: {fourdgs}.
 ",
         names.join(", "),
         peers::usd(),
+        peers::fourdgs(),
         3,
         TIMES.len(),
         tables.read.join("\n"),
         tables.written.join("\n"),
         peers::usd(),
+        peers::fourdgs(),
     )
 }

@@ -43,7 +43,7 @@ use clap::{Parser, Subcommand};
 const AFTER_HELP: &str = "\
 Exit codes: 0 done, 1 failed, 2 usage, 3 bad input file, 4 no such GPU, 6 finished with warnings under --strict, 130 interrupted.
 
-SCENE is a trained scene (4DGaussians, Swift4D, Deformable-3D-Gaussians, SC-GS, Grid4D, DASH, E-D3DGS, native 4D Gaussians, FreeTimeGS, Spacetime Gaussians, Dynamic 3D Gaussians), a folder or zip archive of numbered PLYs with persistent rows, a .splatv or .splat4d clip, or a RUN folder of `c4d propagate`.";
+SCENE is a trained scene (4DGaussians, Swift4D, Deformable-3D-Gaussians, SC-GS, Grid4D, DASH, E-D3DGS, native 4D Gaussians, FreeTimeGS, Spacetime Gaussians, Dynamic 3D Gaussians), a folder or zip archive of numbered PLYs with persistent rows, a .splatv, .splat4d, .4dgs or .tsog clip, or a RUN folder of `c4d propagate`.";
 
 /// Propagate an edit of one frame of a dynamic Gaussian-splat scene to all other times.
 #[derive(Debug, Parser)]

@@ -49,17 +49,35 @@ fn inside(folder: &Path, needed: Needed) -> Option<String> {
     }
 }
 
+/// Fitting entries of a folder, or of the folders in it if it has none.
 fn entries(folder: &Path, needed: Needed) -> Vec<(PathBuf, SceneKind)> {
-    let Ok(entries) = std::fs::read_dir(folder) else { return Vec::new() };
-    let mut paths: Vec<PathBuf> = entries.flatten().map(|entry| entry.path()).collect();
-    paths.sort();
-    let fitting = |path: PathBuf| {
+    let mut folders = vec![folder.to_owned()];
+    for _ in 0..DEPTH {
+        let mut paths: Vec<PathBuf> = folders
+            .iter()
+            .filter_map(|folder| std::fs::read_dir(folder).ok())
+            .flat_map(|entries| entries.flatten().map(|entry| entry.path()).take(MAX_ENTRIES))
+            .take(MAX_ENTRIES)
+            .collect();
+        paths.sort();
+        let found = fitting(&paths, needed);
+        if !found.is_empty() {
+            return found;
+        }
+        paths.retain(|path| path.is_dir() && !path.is_symlink());
+        folders = paths;
+    }
+    Vec::new()
+}
+
+fn fitting(paths: &[PathBuf], needed: Needed) -> Vec<(PathBuf, SceneKind)> {
+    let fitting = |path: &PathBuf| {
         // Only plain files and folders, because reading a pipe would block.
         let plain = path.metadata().is_ok_and(|found| found.is_file() || found.is_dir());
-        let kind = gs_io::detect(&path).ok().filter(|_| plain)?;
-        needed.fits(&kind).then_some((path, kind))
+        let kind = plain.then(|| gs_io::detect(path).ok())??;
+        needed.fits(&kind).then(|| (path.clone(), kind))
     };
-    paths.into_iter().take(MAX_ENTRIES).filter_map(fitting).collect()
+    paths.iter().filter_map(fitting).collect()
 }
 
 fn around(file: &Path, needed: Needed) -> Option<String> {
@@ -87,5 +105,11 @@ mod tests {
         fs::write(dir.path().join("wave.splat4d"), "SP4D").unwrap();
         let said = for_path(dir.path(), Needed::Scene).unwrap();
         assert!(said.contains("wave.splat4d") && said.contains("one of these paths"), "{said}");
+        let outer = tempfile::tempdir().unwrap();
+        let inner = outer.path().join("output/exp1");
+        fs::create_dir_all(&inner).unwrap();
+        fs::write(inner.join("walk.splatv"), 0x674B_u32.to_le_bytes()).unwrap();
+        let said = for_path(outer.path(), Needed::Scene).unwrap();
+        assert!(said.contains("exp1") && said.contains("walk.splatv"), "deeper: {said}");
     }
 }

@@ -25,6 +25,7 @@ mod error;
 mod evaluate;
 pub mod frames;
 mod gaussian4d;
+mod geometry_scene;
 mod hash_grid;
 mod head;
 mod hexplane;
@@ -45,6 +46,7 @@ pub use deform_mlp::{DeformMlp, DeformMlpParts, MlpOutputs, MlpScene, Warp};
 pub use embedding::{EmbeddingScene, EmbeddingStage};
 pub use error::FieldError;
 pub use gaussian4d::{Gaussian4dScene, Gaussians4d};
+pub use geometry_scene::{GeometryField, GeometryScene};
 pub use hash_grid::{
     FieldBox, GridShape, HashGrid, HashGridField, HashGridNetwork, HashGridScene, IndexRule, Level,
 };
@@ -58,7 +60,8 @@ pub use polynomial::{Polynomial, PolynomialError, PolynomialScene, Visibility};
 pub use scene::{DEFAULT_CACHE_LIMIT, HexPlaneScene};
 pub use shape::RasterizedShapes;
 pub use smooth_grid::{
-    Attention, SmoothGrid, SmoothGridField, SmoothGridNetwork, SmoothGridParts, SmoothGridScene,
+    Attention, MovingRows, SmoothGrid, SmoothGridField, SmoothGridNetwork, SmoothGridParts,
+    SmoothGridScene,
 };
 pub use static_scene::StaticScene;
 pub use trace::Trace;

@@ -3,8 +3,8 @@
 use crate::archive::Archive;
 use crate::cameras;
 use crate::content::{
-    Container, MANIFEST, MANIFEST_ENDING, NUMPY_ARCHIVE, TORCH_ARCHIVE, UnsupportedFormat,
-    container, marks, shown,
+    Container, MANIFEST, MANIFEST_ENDING, NUMPY_ARCHIVE, UnsupportedFormat, container, marks,
+    shown, torch_archive,
 };
 use crate::deform_folder::{self, Method};
 use crate::error::IoError;
@@ -14,7 +14,8 @@ use crate::model_folder;
 use crate::ply::{self, PlyError};
 use crate::ply_sequence::find_frames;
 use crate::scene_kind::SceneKind;
-use crate::{dynamic3dgs, ed3dgs, freetime, gaussian4d, gsplat, spacetime, swift4d};
+use crate::{dynamic3dgs, ed3dgs, freetime, gaussian4d, gsplat, spacetime, swift4d, tsog};
+use std::io::BufReader;
 use std::path::Path;
 
 /// Number of entries listed for a folder of unknown kind.
@@ -70,6 +71,10 @@ fn detect_folder(path: &Path) -> Result<SceneKind, IoError> {
     if let Some(found) = cameras::data_set(path)? {
         return Ok(SceneKind::Cameras(found.format));
     }
+    // The reader reports which part of the model is missing.
+    if model_folder::has_network(path) {
+        return Ok(SceneKind::Model4dgs);
+    }
     // A folder with missing numbers is still a sequence; opening it reports what is missing.
     if find_frames(&names).map_or(true, |found| found.frames.len() >= 2) {
         return Ok(SceneKind::PlySequence);
@@ -118,7 +123,7 @@ fn detect_file(path: &Path) -> Result<SceneKind, IoError> {
         Container::Spz => Ok(SceneKind::Spz),
         Container::Splat => Ok(SceneKind::Splat),
         Container::Gltf => Ok(SceneKind::Gltf),
-        Container::Zip => Ok(detect_torch(&start).unwrap_or_else(|| detect_zip(path))),
+        Container::Zip => Ok(detect_torch(&start).unwrap_or_else(|| detect_zip(path, &start))),
         Container::Unknown if path.to_string_lossy().ends_with(MANIFEST_ENDING) => {
             Ok(SceneKind::Unsupported(MANIFEST))
         }
@@ -152,23 +157,30 @@ fn detect_torch(start: &[u8]) -> Option<SceneKind> {
     })
 }
 
-/// Kind of a zip archive: SOG, a sequence, or something else.
-fn detect_zip(path: &Path) -> SceneKind {
+/// Largest size of the metadata of SOG and TSOG, bytes.
+const META_LIMIT: u64 = 4 << 20;
+
+/// Kind of a zip archive: SOG, TSOG, a sequence, or something else.
+fn detect_zip(path: &Path, start: &[u8]) -> SceneKind {
     let unknown = |what: String| SceneKind::Unknown { found: vec![what] };
-    let names = match archive_names(path) {
-        Ok(names) => names,
+    let opened = crate::fs::open_file(path).map_err(|error| error.to_string());
+    let mut archive = match opened.and_then(|file| Archive::open(BufReader::new(file))) {
+        Ok(archive) => archive,
         Err(what) => {
             return unknown(format!("a damaged zip archive ({what}): copy or export it again"));
         }
     };
-    if names.iter().any(|name| name == "meta.json" || name.ends_with("/meta.json")) {
-        return SceneKind::Sog;
+    let names = archive.names().to_vec();
+    if let Some(meta) = names.iter().find(|name| tsog::is_meta(name)) {
+        // Damaged metadata are reported by the reader of SOG.
+        let is_timed = archive.read(meta, META_LIMIT).is_ok_and(|meta| tsog::is_timed(&meta));
+        return if is_timed { SceneKind::Tsog } else { SceneKind::Sog };
     }
     if find_frames(&names).map_or(true, |found| found.frames.len() >= 2) {
         return SceneKind::PlySequence;
     }
     if names.iter().any(|name| name == "data.pkl" || name.ends_with("/data.pkl")) {
-        return SceneKind::Unsupported(TORCH_ARCHIVE);
+        return SceneKind::Unsupported(torch_archive(start));
     }
     if dynamic3dgs::is_archive(&names) {
         return SceneKind::Dynamic3dgs;
@@ -178,9 +190,4 @@ fn detect_zip(path: &Path) -> SceneKind {
     }
     let shown: Vec<&str> = names.iter().map(String::as_str).take(SHOWN).collect();
     unknown(format!("a zip archive with {}", shown.join(", ")))
-}
-
-fn archive_names(path: &Path) -> Result<Vec<String>, String> {
-    let file = crate::fs::open_file(path).map_err(|error| error.to_string())?;
-    Ok(Archive::open(std::io::BufReader::new(file))?.names().to_vec())
 }

@@ -4,7 +4,7 @@
 //! `.spz`, `.sog`, glTF), sequences of them ([`ply_sequence`]), model folders of 4DGaussians
 //! ([`checkpoint4dgs`]) and Swift4D ([`swift4d`]), trained scenes of other methods
 //! ([`open_scene()`]), reading and writing of `.splatv` ([`splatv`]) and `.splat4d` ([`splat4d`]),
-//! writing of OpenUSD ([`usda`]), cameras and times of data sets ([`cameras`], [`cameras_json`]).
+//! reading and writing of `.4dgs` ([`fourdgs_file`]), reading of `.tsog` ([`tsog`]), writing of OpenUSD ([`usda`]), cameras and times of data sets ([`cameras`], [`cameras_json`]).
 //! Writers report their losses ([`Losses`]); [`detect()`] detects the kind of a path. Readers
 //! accept arbitrary bytes: malformed input is an error with the file, what was found and the next
 //! step; memory is bounded by a small multiple of the input size; nothing in a file is executed.
@@ -32,6 +32,7 @@ mod detect;
 pub mod dynamic3dgs;
 pub mod ed3dgs;
 mod error;
+mod fade;
 pub mod fourdgs_file;
 pub mod frame;
 mod frame_cache;
@@ -46,6 +47,7 @@ pub mod model_folder;
 mod open_options;
 mod open_scene;
 mod opened_scene;
+mod plane;
 pub mod ply;
 pub mod ply_sequence;
 pub mod pth;
@@ -60,6 +62,7 @@ pub mod splat_file;
 pub mod splatv;
 pub mod spz;
 pub mod swift4d;
+pub mod tsog;
 pub mod usda;
 mod wrong_network;
 

@@ -11,7 +11,7 @@ pub struct OpenOptions {
     pub iteration: Option<u64>,
     /// What to do with damaged rows.
     pub damage: Damage,
-    /// Axes of the files of a sequence, for formats that come in several (SPZ, glTF).
+    /// Axes of a frame or of the files of a sequence, for formats that come in several (SPZ, glTF).
     pub axes: Option<Axes>,
     /// Start and end of the scene in the unit of its Gaussians' times, for native 4D Gaussians,
     /// whose files do not say it.

@@ -12,7 +12,7 @@ use crate::repair::Damage;
 use crate::scene_kind::SceneKind;
 use crate::{
     checkpoint4dgs, deformable3dgs, dynamic3dgs, ed3dgs, fourdgs_file, freetime, gaussian4d,
-    grid4d, scgs, spacetime, splat4d, splatv, swift4d,
+    grid4d, scgs, spacetime, splat4d, splatv, swift4d, tsog,
 };
 use gs_core::DynamicScene;
 use gs_deform::StaticScene;
@@ -25,7 +25,7 @@ const MAX_DRIFT: f32 = 0.3;
 /// Splats of a `.splatv` that fade more slowly than this (the clip lasts 1) are visible throughout.
 const ALWAYS_VISIBLE: f32 = 10.0;
 
-/// Opens a trained scene, a sequence of frames, a `.splatv` or `.splat4d` clip, or a single frame
+/// Opens a trained scene, a sequence of frames, a clip (`.splatv`, `.splat4d`, `.4dgs`, `.tsog`), or a single frame
 /// of any format (as a static scene).
 ///
 /// # Errors
@@ -68,6 +68,7 @@ pub fn open_scene_as(
         SceneKind::Spacetime => spacetime::open(path, options),
         SceneKind::FreeTime => freetime::open(path, options),
         SceneKind::Fourdgs => fourdgs_file::open(path, options),
+        SceneKind::Tsog => tsog::open(path, options),
         SceneKind::Gaussian4d => gaussian4d::open(path, options),
         SceneKind::Ply
         | SceneKind::CompressedPly
@@ -78,7 +79,7 @@ pub fn open_scene_as(
         | SceneKind::Gsplat
         | SceneKind::EditorFolder
         | SceneKind::Model3dgs
-        | SceneKind::OtherPly(_) => open_frame(path, kind.clone(), options.damage),
+        | SceneKind::OtherPly(_) => open_frame(path, kind.clone(), options),
         SceneKind::RunFolder
         | SceneKind::Cameras(_)
         | SceneKind::Unsupported(_)
@@ -86,7 +87,7 @@ pub fn open_scene_as(
             return Err(IoError::content(
                 path,
                 format!(
-                    "is not a scene ({kind}); expected a trained dynamic scene (a model folder or checkpoint), numbered frames in a folder or zip archive, a .splatv or .splat4d clip, or one frame (PLY, .splat, .spz, .sog, .glb)"
+                    "is not a scene ({kind}); expected a trained dynamic scene (a model folder or checkpoint), numbered frames in a folder or zip archive, a .splatv, .splat4d, .4dgs or .tsog clip, or one frame (PLY, .splat, .spz, .sog, .glb)"
                 ),
             ));
         }
@@ -163,14 +164,21 @@ fn open_splat4d(path: &Path, damage: Damage) -> Result<OpenedScene, IoError> {
     })
 }
 
-fn open_frame(path: &Path, kind: SceneKind, damage: Damage) -> Result<OpenedScene, IoError> {
-    let read = frame::read_file(path)?;
-    let notes = read.notes.iter().cloned();
-    let notes = notes.chain(read.axes.and_then(|reading| reading.assumption())).collect();
+fn open_frame(path: &Path, kind: SceneKind, options: &OpenOptions) -> Result<OpenedScene, IoError> {
+    let mut read = frame::read_file(path)?;
+    if let Some(axes) = options.axes {
+        read = read.in_axes(axes);
+    }
+    let assumed = read.axes.and_then(|reading| reading.assumption());
+    let assumed = assumed.map(|what| format!("{what}; if it appears upside down, use --axes ply"));
+    let notes = read.notes.iter().cloned().chain(assumed).collect();
+    let up = read.comments.iter().find_map(|comment| comment.strip_prefix(comments::UP));
+    let up = up.and_then(comments::axis);
     let (frame, repair) = read
-        .sanitize(damage)
+        .sanitize(options.damage)
         .map_err(|source| IoError::Damaged { path: path.to_owned(), source })?;
     let scene = StaticScene::new(frame.splats)
         .map_err(|error| IoError::content(path, error.to_string()))?;
-    Ok(OpenedScene { notes, repair, ..OpenedScene::new(kind, scene, vec![path.to_owned()]) })
+    let files = vec![frame::file_of(path)];
+    Ok(OpenedScene { notes, repair, up, ..OpenedScene::new(kind, scene, files) })
 }

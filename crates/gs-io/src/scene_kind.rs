@@ -27,8 +27,6 @@ pub enum SceneKind {
     Spacetime,
     /// A PLY or checkpoint of FreeTimeGS.
     FreeTime,
-    /// A `.4dgs` container.
-    Fourdgs,
     /// A checkpoint of native 4D Gaussians, or a model folder with one.
     Gaussian4d,
     /// A model folder of plain 3DGS, whose newest save is one frame.
@@ -57,6 +55,10 @@ pub enum SceneKind {
     Splatv,
     /// A `.splat4d` clip.
     Splat4d,
+    /// A `.4dgs` container.
+    Fourdgs,
+    /// A `.tsog` archive.
+    Tsog,
     /// The output folder of an earlier run.
     RunFolder,
     /// Cameras of a data set, without splats.
@@ -83,7 +85,6 @@ impl Display for SceneKind {
             Self::Dynamic3dgs => f.write_str("Dynamic 3D Gaussians (params.npz)"),
             Self::Spacetime => f.write_str("Spacetime Gaussians"),
             Self::FreeTime => f.write_str("FreeTimeGS scene"),
-            Self::Fourdgs => f.write_str("animated splats (.4dgs)"),
             Self::Gaussian4d => f.write_str("native 4D Gaussians checkpoint"),
             Self::Model3dgs => f.write_str("3DGS model folder (static, no deformation)"),
             Self::PlySequence => f.write_str("PLY sequence"),
@@ -98,6 +99,8 @@ impl Display for SceneKind {
             Self::OtherPly(what) => f.write_str(what),
             Self::Splatv => f.write_str("animated splats (.splatv)"),
             Self::Splat4d => f.write_str("compressed clip (.splat4d)"),
+            Self::Fourdgs => f.write_str("animated splats (.4dgs)"),
+            Self::Tsog => f.write_str("animated splats (.tsog)"),
             Self::RunFolder => f.write_str("run folder"),
             Self::Cameras(format) => write!(f, "{format}"),
             Self::Unsupported(format) => f.write_str(format.name),
@@ -111,7 +114,7 @@ impl Display for SceneKind {
 
 impl SceneKind {
     /// Whether it is one frame of Gaussians, readable by
-    /// [`frame::read_file`](crate::frame::read_file) reads.
+    /// [`frame::read_file`](crate::frame::read_file).
     pub fn is_frame(&self) -> bool {
         matches!(
             self,
@@ -129,7 +132,10 @@ impl SceneKind {
 
     /// Whether it is a dynamic scene that [`crate::open_scene()`] reads.
     pub fn is_dynamic(&self) -> bool {
-        matches!(self, Self::PlySequence | Self::Splatv | Self::Splat4d) || self.is_trained()
+        matches!(
+            self,
+            Self::PlySequence | Self::Splatv | Self::Splat4d | Self::Fourdgs | Self::Tsog
+        ) || self.is_trained()
     }
 
     /// Whether it is what training a dynamic scene leaves: these have iterations and training
@@ -147,7 +153,6 @@ impl SceneKind {
                 | Self::Dynamic3dgs
                 | Self::Spacetime
                 | Self::FreeTime
-                | Self::Fourdgs
                 | Self::Gaussian4d
         )
     }

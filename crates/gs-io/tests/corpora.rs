@@ -49,6 +49,7 @@ targets! {
     spz_plain "../../../fuzz/fuzz_targets/spz_plain.rs",
     swift4d "../../../fuzz/fuzz_targets/swift4d.rs",
     trained_scene "../../../fuzz/fuzz_targets/trained_scene.rs",
+    tsog_meta "../../../fuzz/fuzz_targets/tsog_meta.rs",
 }
 
 #[test]
@@ -76,6 +77,7 @@ fn kept_inputs_still_pass() {
     std::fs::remove_dir_all(left("gs-io-fuzz-model-")).unwrap();
     std::fs::remove_dir_all(left("gs-io-fuzz-deform-")).unwrap();
     std::fs::remove_file(left("gs-io-fuzz-trained-")).unwrap();
+    std::fs::remove_file(left("gs-io-fuzz-tsog-")).unwrap();
 }
 
 /// Seconds per target; set `C4D_FUZZ_SECONDS` for more.

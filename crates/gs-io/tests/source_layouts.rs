@@ -3,6 +3,7 @@
 
 #![allow(clippy::unwrap_used, reason = "helpers of tests may panic")]
 
+#[allow(dead_code, reason = "the rest is used by other tests")]
 #[path = "common/layouts.rs"]
 mod layouts;
 #[allow(dead_code, reason = "the rest is used by other tests")]

@@ -16,6 +16,7 @@ use crate::{
 };
 use glam::{Quat, Vec3};
 use gs_core::{DynamicScene, SceneError, Splats, TimeRange, activation, quat};
+use gs_deform::{Polynomial, PolynomialScene};
 
 /// Standard deviations in a visible life: opacity is above a twentieth of its peak for so long.
 const SIGMAS_PER_LIFE: f32 = 4.896;
@@ -140,6 +141,25 @@ impl BriefScene {
         &self.lasting
     }
 
+    /// The same scene as splats that move along lines and fade, as trainers store it; `None` if some
+    /// splats last, because those move otherwise.
+    pub fn lines(&self) -> Option<PolynomialScene> {
+        let lives = self.lives.iter().copied().collect::<Option<Vec<Life>>>()?;
+        let rest = Splats {
+            means: lives.iter().map(|life| life.mean.into()).collect(),
+            quats: lives.iter().map(|life| life.quat).collect(),
+            log_scales: lives.iter().map(|life| life.log_scales).collect(),
+            ..self.lasting.frame1.clone()
+        };
+        let motions = lives.iter().map(|life| Polynomial {
+            velocity: [life.velocity.into(), [0.0; 3], [0.0; 3]],
+            omega: [0.0; 4],
+            centre: life.centre,
+            width: std::f32::consts::SQRT_2 * life.sigma,
+        });
+        PolynomialScene::new(rest, motions.collect()).ok()
+    }
+
     /// Largest extent of the figure at frame 1, world units.
     pub fn figure_size(&self) -> f32 {
         self.lasting.figure_size()
@@ -243,6 +263,25 @@ mod tests {
             })
             .count();
         assert!(astray > 200, "{astray}");
+    }
+
+    #[test]
+    fn brief_splats_move_along_lines() {
+        let params = BriefParams { num_splats: 1_000, share: 1.0, ..BriefParams::default() };
+        let scene = BriefScene::figure(&params).unwrap();
+        let lines = scene.lines().unwrap();
+        for t in [0.0, 0.6, 1.0] {
+            let (expected, found) = (scene.at(t).unwrap(), lines.at(t).unwrap());
+            for row in 0..found.len() {
+                let off = Vec3::from(found.means[row]).distance(Vec3::from(expected.means[row]));
+                assert!(off < 1e-5, "row {row} at {t}: {off}");
+                let off = (found.opacity(row) - expected.opacity(row)).abs();
+                assert!(off < 1e-5, "opacity of row {row} at {t}: {off}");
+            }
+            assert_eq!(found.sh, expected.sh, "colours at {t}");
+        }
+        let some_last = BriefScene::figure(&BriefParams { share: 0.9, ..params }).unwrap();
+        assert!(some_last.lines().is_none(), "splats that last are not on lines");
     }
 
     #[test]

@@ -10,6 +10,7 @@ const SPLAT_TRANSFORM: [&str; 2] = ["2.7.1", "3.7.0"];
 /// Versions of the Python packages.
 const GSPLY: &str = "0.4.6";
 const USD: &str = "26.11";
+const FOURDGS: &str = "0.6.0";
 
 /// A tool that converts frames.
 pub(super) enum Peer {
@@ -28,6 +29,11 @@ pub(super) fn ending(format: &str) -> String {
 /// The OpenUSD library, with its version.
 pub(super) fn usd() -> String {
     format!("usd-core {USD}")
+}
+
+/// The reference reader of `.4dgs`, with its version.
+pub(super) fn fourdgs() -> String {
+    format!("fourdgs {FOURDGS}")
 }
 
 /// Python with these packages.
@@ -71,7 +77,8 @@ impl Peer {
         checked(
             python(folder)
                 .args(["-m", "pip", "install", "--quiet"])
-                .args([format!("gsply[sogs,spz]=={GSPLY}"), format!("usd-core=={USD}")]),
+                .args([format!("gsply[sogs,spz]=={GSPLY}"), format!("usd-core=={USD}")])
+                .arg(format!("fourdgs=={FOURDGS}")),
         )?;
         peers.push(Self::Gsply { python: environment.join("bin/python") });
         Ok(peers)

@@ -10,7 +10,7 @@ use std::path::PathBuf;
 pub(crate) struct ExportArgs {
     /// The dynamic scene or run
     pub(crate) scene: PathBuf,
-    /// Format to write [default: by the output's name: .splat4d, .splatv, .usda, .html, .zip, .spz,
+    /// Format to write [default: by the output's name: .splat4d, .4dgs, .splatv, .usda, .html, .zip, .spz,
     /// .splat, .glb, .gltf, .compressed.ply or .ply]
     #[arg(long, value_enum)]
     pub(crate) to: Option<ExportFormat>,
@@ -54,8 +54,8 @@ pub(crate) struct ExportArgs {
     /// ply, ply-seq, zip: omit the unused normals (12 bytes per splat; some readers need them)
     #[arg(long, help_heading = "Content")]
     pub(crate) no_normals: bool,
-    /// splat4d, splatv: largest position error as a share of the scene's size [default: splat4d
-    /// 0.0002; splatv 0.005, exceeded by at most one splat in a hundred]
+    /// splat4d, 4dgs, splatv: largest position error as a share of the scene's size [default:
+    /// splat4d and 4dgs 0.0002; splatv 0.005, exceeded by at most one splat in a hundred]
     #[arg(long, value_name = "SHARE", allow_negative_numbers = true, help_heading = "Content")]
     pub(crate) tolerance: Option<f64>,
     /// splatv, usda: write the file even if cubic polynomials do not

@@ -28,6 +28,9 @@ pub(crate) enum ExportFormat {
     Gltf,
     /// One .splat4d: compressed, with bounded errors, streamable
     Splat4d,
+    /// One .4dgs: rows that move along lines and fade, several per splat where needed
+    #[value(name = "4dgs")]
+    Fourdgs,
     /// One OpenUSD text layer with time samples, exact
     Usda,
     /// One .splatv: a cubic polynomial per splat, for short clips
@@ -45,7 +48,7 @@ impl ExportFormat {
 
     /// Whether the format stores the whole clip in one file, written by `export_clip`.
     pub(crate) fn is_clip(self) -> bool {
-        matches!(self, Self::Splat4d | Self::Usda | Self::Splatv)
+        matches!(self, Self::Splat4d | Self::Fourdgs | Self::Usda | Self::Splatv)
     }
 
     /// Name on the command line.
@@ -62,8 +65,9 @@ impl ExportFormat {
 }
 
 /// File extensions that identify a format.
-const ENDINGS: [(&str, ExportFormat); 12] = [
+const ENDINGS: [(&str, ExportFormat); 13] = [
     (".splat4d", ExportFormat::Splat4d),
+    (".4dgs", ExportFormat::Fourdgs),
     (".splatv", ExportFormat::Splatv),
     (".splat", ExportFormat::Splat),
     (".usda", ExportFormat::Usda),

@@ -7,6 +7,7 @@ use crate::console::Console;
 use crate::failure::{Failure, Outcome, chain};
 use crate::lifetimes::Lifetimes;
 use crate::scene::{self, Opened};
+use crate::suggestion::{self, Needed};
 use gs_core::sh::C0;
 use gs_core::{Precision, RowPrecision, Splats};
 use gs_io::SceneKind;
@@ -30,7 +31,7 @@ pub(crate) fn run(args: &InfoArgs, global: &Global, console: &Console) -> Outcom
 }
 
 /// Supported inputs.
-const READS: &str = "c4d reads 4DGS model folders (point_cloud/iteration_N with point_cloud.ply and deformation.pth), Swift4D model folders (the same with FDHash.pth), model folders of Deformable-3D-Gaussians, SC-GS, Grid4D and DASH (deform/iteration_N/deform.pth beside point_cloud) and E-D3DGS, checkpoints of native 4D Gaussians (chkpnt*.pth) and FreeTimeGS (.pt, .ftgs.ply), PLYs of Spacetime Gaussians, params.npz of Dynamic 3D Gaussians, numbered frames in a folder or zip archive, .splatv and .splat4d clips, single frames (PLY, compressed PLY, .splat, .spz, .sog, .glb, or the folder of a 3DGS model), its own runs, and cameras of data sets.";
+const READS: &str = "c4d reads 4DGS model folders (point_cloud/iteration_N with point_cloud.ply and deformation.pth), Swift4D model folders (the same with FDHash.pth), model folders of Deformable-3D-Gaussians, SC-GS, Grid4D and DASH (deform/iteration_N/deform.pth beside point_cloud) and E-D3DGS, checkpoints of native 4D Gaussians (chkpnt*.pth) and FreeTimeGS (.pt, .ftgs.ply), PLYs of Spacetime Gaussians, params.npz of Dynamic 3D Gaussians, numbered frames in a folder or zip archive, .splatv, .splat4d, .4dgs and .tsog clips, single frames (PLY, compressed PLY, .splat, .spz, .sog, .glb, or the folder of a 3DGS model), its own runs, and cameras of data sets.";
 
 /// Next step for a PLY that is not a Gaussian scene.
 const OTHER_PLY: &str = "Export a PLY of 3D Gaussians from the program that made this one, or \
@@ -70,7 +71,8 @@ fn report(args: &InfoArgs, global: &Global, console: &Console) -> Outcome {
                 return Ok(());
             }
             let failure = Failure::bad_input(format!("{}: {other}", path.display()));
-            return Err(match (within(path), other) {
+            let inside = || suggestion::for_path(path, Needed::Scene).filter(|_| path.is_dir());
+            return Err(match (within(path).or_else(inside), other) {
                 (Some(next), _) => failure.next(next),
                 (None, SceneKind::OtherPly(_)) => failure.next(OTHER_PLY),
                 (None, _) => failure,

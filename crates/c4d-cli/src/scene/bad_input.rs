@@ -8,13 +8,36 @@ use gs_io::{IoError, SceneKind};
 /// Supported formats of an edited frame.
 const FRAMES: &str = "Formats are recognised by content, not by file name. Export the splats as 3DGS PLY, compressed PLY, .splat, .spz, .sog or .glb.";
 
+/// First words of next steps in messages of readers, after a semicolon.
+const STEPS: [&str; 12] = [
+    "choose", "convert", "copy", "export", "fetch", "give", "make", "put", "save", "train", "use",
+    "write",
+];
+
+/// Splits a message into what happened and the next step, if it ends with one.
+fn split_step(message: &str) -> Option<(&str, String)> {
+    let (what, step) = message.rsplit_once("; ")?;
+    let first = step.split(' ').next()?;
+    STEPS.contains(&first).then(|| {
+        let (head, rest) = step.split_at(1);
+        (what, format!("{}{rest}.", head.to_uppercase()))
+    })
+}
+
 /// Converts a reader's error, whose message names the file and what was found.
 pub(crate) fn bad_input(error: &IoError) -> Failure {
-    let failure = Failure::bad_input(chain(error));
+    let message = chain(error);
+    let failure = match split_step(&message) {
+        Some((what, step)) => Failure::bad_input(what).next(step),
+        None => Failure::bad_input(&message),
+    };
     match error {
         _ if is_out_of_memory(error) => Failure::failed(chain(error)).next(MORE_MEMORY),
         IoError::Read { .. } => {
             failure.next("Check that the name is right and that the file is readable.")
+        }
+        IoError::Damaged { source, .. } if source.report.damaged() == source.report.rows => {
+            failure.next("Export the splats again, or use an earlier save of the program that made them.")
         }
         IoError::Damaged { .. } => {
             failure.next("Without --strict such rows are dropped and counted.")
@@ -42,5 +65,22 @@ pub(crate) fn bad_input(error: &IoError) -> Failure {
             "Export the file again, or give other cameras; c4d info PATH shows what a file or folder contains.",
         ),
         _ => failure,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn next_steps_in_messages_are_shown_as_such() {
+        let (what, step) =
+            split_step("a.pth: is cut short; copy it again, a; b").unwrap_or_default();
+        assert_eq!((what, step.as_str()), ("", ""), "the last clause is no step");
+        let (what, step) = split_step("a.pth: is cut short; it is empty; copy it again").unwrap();
+        assert_eq!(what, "a.pth: is cut short; it is empty", "the rest");
+        assert_eq!(step, "Copy it again.", "a sentence");
+        assert_eq!(split_step("expected one; found two"), None, "no step");
+        assert_eq!(split_step(""), None, "nothing");
     }
 }

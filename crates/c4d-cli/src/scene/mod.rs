@@ -5,11 +5,9 @@ mod bad_input;
 mod hostile;
 mod open;
 mod opened;
-mod repaired;
 mod run;
 
 pub(crate) use bad_input::bad_input;
-pub(crate) use open::{open, open_run, refuse_model_flags};
+pub(crate) use open::{open, open_run, open_with, refuse_model_flags};
 pub(crate) use opened::{Opened, UP_CAPTURED};
-pub(crate) use repaired::say_repair;
 pub(crate) use run::Run;

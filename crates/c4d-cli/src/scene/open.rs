@@ -9,12 +9,12 @@ use crate::passes::Mask;
 use crate::run_folder::{CONFIG, RefineConfig, RunFiles, SCENE, fingerprint};
 use crate::suggestion::{self, Needed};
 use amg::RowKind;
-use gs_io::{IoError, SceneKind};
+use gs_io::{IoError, OpenOptions, SceneKind};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 /// Supported scenes.
-const SCENES: &str = "SCENE is a trained scene (model folder, checkpoint or PLY of 4DGaussians, Swift4D, Deformable-3D-Gaussians, SC-GS, Grid4D, DASH, E-D3DGS, native 4D Gaussians, FreeTimeGS, Spacetime Gaussians or Dynamic 3D Gaussians), numbered frames in a folder or zip archive, a .splatv, .splat4d or .4dgs clip, or a run folder.";
+const SCENES: &str = "SCENE is a trained scene (model folder, checkpoint or PLY of 4DGaussians, Swift4D, Deformable-3D-Gaussians, SC-GS, Grid4D, DASH, E-D3DGS, native 4D Gaussians, FreeTimeGS, Spacetime Gaussians or Dynamic 3D Gaussians), numbered frames in a folder or zip archive, a .splatv, .splat4d, .4dgs or .tsog clip, or a run folder.";
 
 /// Opens a scene and reports warnings about it.
 pub(crate) fn open(path: &Path, global: &Global, console: &Console) -> Outcome<Opened> {
@@ -48,7 +48,9 @@ fn open_within(
         return Err(Failure::bad_input(format!("{} does not exist", path.display())).next(SCENES));
     }
     match gs_io::detect(path).map_err(|error| bad_input(&error))? {
-        kind if kind.is_dynamic() => open_dynamic(path, &kind, global, console),
+        kind if kind.is_dynamic() => {
+            open_with(path, &kind, &open_options(global, &kind)?, console)
+        }
         SceneKind::RunFolder => open_edited(path, runs, global, console),
         kind @ SceneKind::Model3dgs => Err(Failure::bad_input(format!(
             "{} is a {kind}: none of its saves has a deformation",
@@ -82,15 +84,15 @@ fn open_within(
     }
 }
 
-fn open_dynamic(
+/// Opens a dynamic scene or a frame, and reports warnings about it.
+pub(crate) fn open_with(
     path: &Path,
     kind: &SceneKind,
-    global: &Global,
+    options: &OpenOptions,
     console: &Console,
 ) -> Outcome<Opened> {
-    let options = open_options(global, kind)?;
     let has_training_flags = matches!(kind, SceneKind::Model4dgs | SceneKind::Swift4d);
-    let opened = gs_io::open_scene_as(path, kind, &options).map_err(|error| match &error {
+    let opened = gs_io::open_scene_as(path, kind, options).map_err(|error| match &error {
         // The file exists, so flags are the next step.
         IoError::Content { path, .. } if has_training_flags && path.is_file() => bad_input(&error)
             .next("Give flags as --set FLAG=VALUE, repeated for several; c4d --help lists them."),

@@ -15,6 +15,7 @@ fn every_clip_format_is_written_and_reports_losses() {
     let folder = tempfile::tempdir().unwrap();
     for (to, start, expected) in [
         ("splat4d", &b"SP4D"[..], "within"),
+        ("4dgs", b"\x894DGS", "linear in pieces"),
         ("usda", b"#usda 1.0", "sRGB"),
         ("splatv", &[0x4b, 0x67, 0, 0], "cubic"),
     ] {
@@ -70,6 +71,8 @@ fn options_without_effect_are_refused() {
         ("splat4d", &["--fps", "0"], "--fps"),
         ("usda", &["--fps", "NaN"], "--fps"),
         ("splat4d", &["--tolerance", "0"], "--tolerance"),
+        ("4dgs", &["--tolerance", "2"], "--tolerance"),
+        ("4dgs", &["--up", "z"], "--up"),
         ("splatv", &["--tolerance", "NaN"], "--tolerance"),
         ("usda", &["--tolerance", "0.1"], "--tolerance does not apply to usda"),
         ("splat4d", &["--force"], "--force"),

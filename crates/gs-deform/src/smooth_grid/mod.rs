@@ -7,4 +7,4 @@ mod scene;
 
 pub use field::{Attention, SmoothGridField, SmoothGridNetwork};
 pub use grid::{SmoothGrid, SmoothGridParts};
-pub use scene::SmoothGridScene;
+pub use scene::{MovingRows, SmoothGridScene};

@@ -2,17 +2,19 @@
 
 use super::field::SmoothGridField;
 use crate::FieldError;
+use crate::geometry_scene::{GeometryField, GeometryScene};
 use crate::shape::RasterizedShapes;
-use gs_core::{DynamicScene, SceneError, Splats, TimeRange, quat};
+use gs_core::{Splats, quat};
 
-/// Canonical splats and the field that deforms them: a model of Grid4D or DASH, at times 0 to 1.
+/// Canonical splats and the field that deforms them: a model of Grid4D or DASH.
 ///
 /// Rotation changes are added to normalised quaternions, which are not normalised again, and scale
-/// changes to activated scales. The returned splats have the covariances that the reference's
-/// rasteriser computes from these values. Opacity and colour are constant.
+/// changes to activated scales.
+pub type SmoothGridScene = GeometryScene<MovingRows>;
+
+/// A field, and the splats that it moves.
 #[derive(Debug)]
-pub struct SmoothGridScene {
-    canonical: Splats,
+pub struct MovingRows {
     field: SmoothGridField,
     dynamic: Option<Vec<bool>>,
     /// Rows that the field moves, and their centres.
@@ -43,25 +45,16 @@ impl SmoothGridScene {
         let moves = |row: &usize| dynamic.as_ref().is_none_or(|dynamic| dynamic[*row]);
         let rows: Vec<usize> = (0..n).filter(moves).collect();
         let points = rows.iter().map(|&row| canonical.means[row]).collect();
-        Ok(Self { canonical, field, dynamic, rows, points })
+        Self::of(canonical, MovingRows { field, dynamic, rows, points })
     }
+}
 
-    /// The stored splats, before any deformation.
-    pub fn canonical(&self) -> &Splats {
-        &self.canonical
-    }
-
-    /// The field.
-    pub fn field(&self) -> &SmoothGridField {
-        &self.field
-    }
-
-    /// Input of the reference's rasteriser at time `t`.
-    pub fn rasterized(&self, t: f32) -> RasterizedShapes {
+impl GeometryField for MovingRows {
+    fn rasterized(&self, canonical: &Splats, t: f32) -> RasterizedShapes {
         let mut shapes = RasterizedShapes {
-            means: self.canonical.means.clone(),
-            quats: self.canonical.quats.iter().map(|&q| quat::normalize(q)).collect(),
-            scales: self.canonical.log_scales.iter().map(|log| log.map(f32::exp)).collect(),
+            means: canonical.means.clone(),
+            quats: canonical.quats.iter().map(|&q| quat::normalize(q)).collect(),
+            scales: canonical.log_scales.iter().map(|log| log.map(f32::exp)).collect(),
         };
         let outputs = self.field.outputs(&self.points, t);
         for (index, &row) in self.rows.iter().enumerate() {
@@ -82,41 +75,6 @@ impl SmoothGridScene {
             }
         }
         shapes
-    }
-}
-
-impl DynamicScene for SmoothGridScene {
-    fn num_splats(&self) -> usize {
-        self.canonical.len()
-    }
-
-    fn sh_degree(&self) -> usize {
-        self.canonical.sh_degree
-    }
-
-    fn time_range(&self) -> TimeRange {
-        TimeRange::UNIT
-    }
-
-    fn at_into(&self, t: f32, out: &mut Splats) -> Result<(), SceneError> {
-        self.geometry_into(t, out)?;
-        out.opacity_logits.clone_from(&self.canonical.opacity_logits);
-        out.sh.clone_from(&self.canonical.sh);
-        out.sh_degree = self.canonical.sh_degree;
-        Ok(())
-    }
-
-    fn geometry_into(&self, t: f32, out: &mut Splats) -> Result<(), SceneError> {
-        let range = self.time_range();
-        if !range.contains(t) {
-            return Err(SceneError::Time { t, range });
-        }
-        self.rasterized(t).into_splats(out);
-        Ok(())
-    }
-
-    fn fades(&self) -> bool {
-        false
     }
 
     fn dynamic_mask(&self) -> Option<&[bool]> {

@@ -1,7 +1,7 @@
 //! [`FileContent`]: kinds of files, for deciding whether one may be replaced.
 
 use super::container::{Container, container};
-use super::marks::{GLB, NPY, SPLAT4D, SPLATV};
+use super::marks::{FOURDGS, GLB, NPY, SPLAT4D, SPLATV};
 use std::fmt;
 use std::fs::File;
 use std::io::{self, Read};
@@ -16,6 +16,7 @@ pub(crate) enum FileContent {
     Zip,
     Splatv,
     Splat4d,
+    Fourdgs,
     Usda,
     Html,
     Glb,
@@ -35,9 +36,10 @@ pub(crate) enum FileContent {
 }
 
 /// Magic bytes of a kind, and their offset.
-const MAGIC: [(usize, &[u8], FileContent); 11] = [
+const MAGIC: [(usize, &[u8], FileContent); 12] = [
     (0, &SPLATV, FileContent::Splatv),
     (0, &SPLAT4D, FileContent::Splat4d),
+    (0, &FOURDGS, FileContent::Fourdgs),
     (0, b"#usda", FileContent::Usda),
     (0, &GLB, FileContent::Glb),
     (0, b"\x89PNG", FileContent::Png),
@@ -96,6 +98,7 @@ impl FileContent {
             "zip" | "sog" => Self::Zip,
             "splatv" => Self::Splatv,
             "splat4d" => Self::Splat4d,
+            "4dgs" => Self::Fourdgs,
             "usda" => Self::Usda,
             "html" | "htm" => Self::Html,
             "glb" => Self::Glb,
@@ -130,6 +133,7 @@ impl fmt::Display for FileContent {
             Self::Zip => "a zip archive of frames",
             Self::Splatv => "a .splatv clip",
             Self::Splat4d => "a .splat4d clip",
+            Self::Fourdgs => "a .4dgs clip",
             Self::Usda => "an OpenUSD text",
             Self::Html => "an HTML page",
             Self::Glb => "a binary glTF",

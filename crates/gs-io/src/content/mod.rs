@@ -10,4 +10,4 @@ pub use unsupported::UnsupportedFormat;
 
 pub(crate) use container::{Container, container, is_read_whole, shown};
 pub(crate) use file_content::FileContent;
-pub(crate) use unsupported::{MANIFEST, MANIFEST_ENDING, NUMPY_ARCHIVE, TORCH_ARCHIVE};
+pub(crate) use unsupported::{MANIFEST, MANIFEST_ENDING, NUMPY_ARCHIVE, torch_archive};

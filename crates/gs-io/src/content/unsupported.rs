@@ -69,7 +69,28 @@ const fn known(
 }
 
 /// A PyTorch archive, recognised by its zip entries.
-pub(crate) const TORCH_ARCHIVE: UnsupportedFormat = known(0, b"", "a PyTorch archive", TORCH);
+const TORCH_ARCHIVE: UnsupportedFormat = known(0, b"", "a PyTorch archive", TORCH);
+
+/// A network without its splats, by a name in its file; the first one found decides.
+const NETWORKS: [(&[u8], UnsupportedFormat); 6] = [
+    (b"feature_out_f", known(0, b"", "the network of an E-D3DGS model", BESIDE_PLY)),
+    (b"deformation_net", known(0, b"", "the network of a 4DGaussians model", BESIDE_PLY)),
+    (b"xyzt_encoding", known(0, b"", "the network of a DASH model", BESIDE_FOLDER)),
+    (b"xyt_encoding", known(0, b"", "the network of a Grid4D model", BESIDE_FOLDER)),
+    (b"_node_radius", known(0, b"", "the control nodes of an SC-GS model", BESIDE_FOLDER)),
+    (
+        b"gaussian_warp",
+        known(0, b"", "the network of a Deformable-3D-Gaussians model", BESIDE_FOLDER),
+    ),
+];
+const BESIDE_PLY: &str = "It contains no splats. Put it beside point_cloud/iteration_N/point_cloud.ply of the same training as deformation.pth, and give the folder that contains point_cloud and cfg_args.";
+const BESIDE_FOLDER: &str = "It contains no splats. Put it at deform/iteration_N/deform.pth beside the folder point_cloud of the same training, and give the folder that contains both.";
+
+/// A PyTorch archive that is no scene, by its first bytes.
+pub(crate) fn torch_archive(start: &[u8]) -> UnsupportedFormat {
+    let has = |mark: &[u8]| start.windows(mark.len()).any(|window| window == mark);
+    NETWORKS.iter().find(|(mark, _)| has(mark)).map_or(TORCH_ARCHIVE, |(_, format)| *format)
+}
 
 /// Arrays of NumPy in a zip archive.
 pub(crate) const NUMPY_ARCHIVE: UnsupportedFormat = known(
@@ -248,6 +269,10 @@ mod tests {
         assert_eq!(name(&[&[0; 257][..], b"ustar"].concat()), Some("a tar archive"), "packed");
         assert_eq!(name(b"RIFF"), None, "cut before the mark");
         assert_eq!(name(b""), None, "nothing");
+        let network = |start: &[u8]| torch_archive(start).name;
+        assert!(network(b"PK gaussian_warp _node_radius").contains("SC-GS"), "more specific");
+        assert!(network(b"PK gaussian_warp").contains("Deformable"), "network");
+        assert_eq!(network(b"PK weights"), "a PyTorch archive", "any other");
     }
 
     #[test]

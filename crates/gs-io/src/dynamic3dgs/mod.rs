@@ -39,6 +39,10 @@ pub(crate) fn file_of(dir: &Path) -> Option<PathBuf> {
 /// If the file cannot be read, or arrays are missing or have inconsistent shapes.
 pub fn open(path: impl AsRef<Path>, options: &OpenOptions) -> Result<OpenedScene, IoError> {
     let path = path.as_ref();
+    if path.is_dir() && file_of(path).is_none() {
+        let what = format!("contains no {FILE}; copy it from the machine that trained the model");
+        return Err(IoError::content(path, what));
+    }
     let path = file_of(path).unwrap_or_else(|| path.to_owned());
     let wrong = |what: String| IoError::content(&path, what);
     let mut arrays = Arrays::open(read_bytes(&path)?).map_err(wrong)?;

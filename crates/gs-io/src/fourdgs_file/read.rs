@@ -18,6 +18,9 @@ const BIRTH: &str = "gaussian-birth";
 const MAX_GROWTH: u64 = 320;
 /// Smallest size of a row in memory, bytes.
 const ROW: u64 = 64;
+/// Frames per second of commands that are not given a number of frames, and their largest number.
+const FPS: f64 = 30.0;
+const MAX_FRAMES: f64 = 10_000.0;
 /// Opacities are clamped to this distance from 0 and 1, so that their logits are finite.
 const OPACITY_MARGIN: f32 = 1e-6;
 /// Levels of a byte of SH: coefficient = 8·b/255 − 4.
@@ -84,6 +87,8 @@ pub fn open(path: impl AsRef<Path>, options: &OpenOptions) -> Result<OpenedScene
     };
     #[expect(clippy::cast_possible_truncation, reason = "a threshold")]
     let cutoff = (scene.header.cutoff as f32).next_down().max(0.0);
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped")]
+    let frames = (duration * FPS).round().clamp(2.0, MAX_FRAMES) as usize;
     let facts = vec![
         ("motion", "linear".to_owned()),
         ("seconds", duration.to_string()),
@@ -93,11 +98,14 @@ pub fn open(path: impl AsRef<Path>, options: &OpenOptions) -> Result<OpenedScene
         .and_then(|scene| scene.with_windows(windows))
         .map_err(|error| wrong(error.to_string()))?
         .with_visibility(Visibility { floor: 0.0, cutoff })
-        .with_clock(0.0, duration.next_down());
+        .with_clock(0.0, duration.next_down())
+        .with_frames(frames);
     Ok(OpenedScene {
         facts,
         notes,
         repair: report,
+        // The format has no frames; at this rate the clip lasts as long as the file says.
+        fps: Some(frames as f64 / duration),
         ..OpenedScene::new(SceneKind::Fourdgs, scene, vec![path.to_owned()])
     })
 }

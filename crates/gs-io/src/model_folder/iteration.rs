@@ -53,7 +53,7 @@ pub(crate) fn find(dir: &Path, wanted: Option<u64>) -> Result<Iteration, IoError
     if !saves.is_dir() {
         return Err(IoError::content(
             &saves,
-            "is missing; expected a model folder of 4DGaussians or Swift4D with point_cloud/iteration_<n>/ inside",
+            "is missing, and with it the splats (point_cloud/iteration_N/point_cloud.ply); copy it from the machine that trained the model",
         ));
     }
     let (mut found, incomplete): (Vec<_>, Vec<_>) = list_names(&saves)?
@@ -72,7 +72,7 @@ pub(crate) fn find(dir: &Path, wanted: Option<u64>) -> Result<Iteration, IoError
             (Some(wanted), false) => {
                 format!("has no iteration {wanted}; it has {}", available.join(", "))
             }
-            _ => "contains no iteration_<n>/point_cloud.ply; save the model first".to_owned(),
+            _ => "contains no iteration_N/point_cloud.ply, so the splats are missing; copy that file from the machine that trained the model".to_owned(),
         };
         return Err(IoError::content(&saves, what));
     };
@@ -133,6 +133,11 @@ pub(crate) fn has_in_iterations(dir: &Path, file: &str) -> bool {
             .is_ok_and(|names| names.iter().any(|name| saves.join(name).join(file).is_file()))
 }
 
+/// Whether an iteration of the folder contains a deformation, perhaps without splats.
+pub(crate) fn has_network(dir: &Path) -> bool {
+    DEFORMED.iter().any(|file| has_in_iterations(dir, file))
+}
+
 /// The newest `point_cloud.ply` of a plain 3DGS model: a folder with the layout of 4DGaussians
 /// whose saves and settings contain no deformation. `None` for anything else.
 pub(crate) fn still_model(dir: &Path) -> Option<PathBuf> {
@@ -188,7 +193,7 @@ mod tests {
         assert!(error.contains("point_cloud") && error.contains("missing"), "{error}");
         fs::create_dir(dir.path().join("point_cloud")).unwrap();
         let error = find(dir.path(), None).unwrap_err().to_string();
-        assert!(error.contains("no iteration_<n>/point_cloud.ply"), "{error}");
+        assert!(error.contains("no iteration_N/point_cloud.ply"), "{error}");
         assert_eq!(stage_and_number("iteration_"), (Stage::Fine, None), "no digits");
         assert_eq!(stage_and_number("iteration_-1"), (Stage::Fine, None), "sign");
         assert_eq!(stage_and_number("coarse_iteration_9"), (Stage::Coarse, Some(9)), "coarse");

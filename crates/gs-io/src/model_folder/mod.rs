@@ -19,5 +19,7 @@ pub use report::{ModelReport, Split};
 pub use scene::{Model, ModelScene};
 
 pub(crate) use canonical::{Canonical, never_moving, read_canonical};
-pub(crate) use iteration::{Iteration, find, has_in_iterations, looks_like_model, still_model};
+pub(crate) use iteration::{
+    Iteration, find, has_in_iterations, has_network, looks_like_model, still_model,
+};
 pub(crate) use opened::opened;

@@ -5,9 +5,10 @@ use crate::archive::decompress;
 use crate::bytes8::{ends_note, largest_from, logit_of, smallest_three_rad};
 use crate::frame::{Frame, FrameError, FrameFormat};
 use crate::fs::text;
+use crate::plane::{FIRST_SLOT, PALETTE_ROW, Plane};
+use crate::tsog;
 use gs_core::sh::num_coeffs;
 use gs_core::{Precision, RowPrecision, Splats};
-use image::ImageDecoder;
 use serde::Deserialize;
 use std::io::Cursor;
 use std::sync::Arc;
@@ -16,10 +17,6 @@ const FORMAT: &str = "SOG";
 /// Largest gap between codebook values, in median gaps, that is
 /// used as a bound of the rounding error.
 const WIDEST_GAP: f32 = 8.0;
-/// Palette entries in a row of the plane of centroids.
-const PALETTE_ROW: usize = 64;
-/// Alpha of a quaternion whose largest component is w.
-const FIRST_SLOT: u8 = 252;
 
 #[derive(Debug, Deserialize)]
 struct Meta {
@@ -88,27 +85,14 @@ pub fn read(bytes: &[u8]) -> Result<Frame, FrameError> {
     read_planes(&meta, &|plane| archive.borrow_mut().read(&format!("{folder}{plane}"), limit))
 }
 
-/// A decoded plane, RGBA.
-struct Plane {
-    pixels: Vec<u8>,
-    width: usize,
-}
-
-impl Plane {
-    fn at(&self, i: usize) -> [u8; 4] {
-        self.pixels.as_chunks::<4>().0[i]
-    }
-
-    fn len(&self) -> usize {
-        self.pixels.len() / 4
-    }
-}
-
 /// Reads `meta.json`; `plane` returns the bytes of a file named there, or an error message.
 pub(crate) fn read_planes(
     meta: &[u8],
     plane: &dyn Fn(&str) -> Result<Vec<u8>, String>,
 ) -> Result<Frame, FrameError> {
+    if tsog::is_timed(meta) {
+        return Err(FrameError::Moving { what: "a .tsog clip" });
+    }
     let meta: Meta = serde_json::from_slice(&text::json(meta))
         .map_err(|error| damaged(format!("meta.json: {error}")))?;
     if meta.version != 2 {
@@ -130,7 +114,10 @@ pub(crate) fn read_planes(
     let packed = packed.into_iter().collect::<Result<Vec<_>, _>>()?;
     // A plane of one colour takes only a few bytes, so the limit applies to all planes together.
     let limit = decompress::limit(packed.iter().map(Vec::len).sum());
-    let planes = packed.iter().map(|bytes| decode(bytes, limit)).collect::<Result<Vec<_>, _>>()?;
+    let planes = packed
+        .iter()
+        .map(|bytes| Plane::decode(bytes, limit).map_err(damaged))
+        .collect::<Result<Vec<_>, _>>()?;
     let [low, high, scales, quats, colors] = &planes[..] else {
         return Err(damaged("planes are missing"));
     };
@@ -268,13 +255,14 @@ impl Harmonics {
             return Err(damaged(format!("{} bands of SH, expected 1 to 3", palette.bands)));
         }
         let [centroids, labels] = &palette.files;
-        let centroids = decode(&plane(centroids).map_err(damaged)?, limit)?;
-        let labels = decode(&plane(labels).map_err(damaged)?, limit)?;
+        let centroids =
+            Plane::decode(&plane(centroids).map_err(damaged)?, limit).map_err(damaged)?;
+        let labels = Plane::decode(&plane(labels).map_err(damaged)?, limit).map_err(damaged)?;
         let width = PALETTE_ROW * (num_coeffs(palette.bands) - 1);
-        if centroids.width != width || labels.len() < count {
+        if centroids.width() != width || labels.len() < count {
             return Err(damaged(format!(
                 "SH planes {} pixels wide and of {} pixels, expected {width} and {count}",
-                centroids.width,
+                centroids.width(),
                 labels.len()
             )));
         }
@@ -287,7 +275,7 @@ impl Harmonics {
         let [low, high, ..] = self.labels.at(i);
         let label = usize::from(u16::from_le_bytes([low, high]));
         let higher = num_coeffs(self.degree) - 1;
-        let start = (label / PALETTE_ROW) * self.centroids.width + (label % PALETTE_ROW) * higher;
+        let start = (label / PALETTE_ROW) * self.centroids.width() + (label % PALETTE_ROW) * higher;
         (start..start + higher).map(|at| {
             if at >= self.centroids.len() {
                 return [0.0; 3];
@@ -296,24 +284,4 @@ impl Harmonics {
             [r, g, b].map(|byte| self.codebook.values[usize::from(byte)])
         })
     }
-}
-
-/// A WebP image of at most `limit` bytes of pixels.
-fn decode(bytes: &[u8], limit: u64) -> Result<Plane, FrameError> {
-    let failed = |error: image::ImageError| {
-        damaged(format!(
-            "a plane is not a WebP image: \
-        {error}"
-        ))
-    };
-    let decoder = image::codecs::webp::WebPDecoder::new(Cursor::new(bytes)).map_err(failed)?;
-    let (width, height) = decoder.dimensions();
-    let pixels = u64::from(width) * u64::from(height);
-    if pixels * 4 > limit {
-        return Err(damaged(format!(
-            "a plane of {width}×{height} pixels, more than the file can contain"
-        )));
-    }
-    let pixels = image::DynamicImage::from_decoder(decoder).map_err(failed)?.into_rgba8();
-    Ok(Plane { pixels: pixels.into_raw(), width: width as usize })
 }

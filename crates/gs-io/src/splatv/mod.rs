@@ -12,7 +12,6 @@
 //! motion. Colour is not view-dependent; sizes and colours are constant over time.
 
 mod error;
-mod fade;
 mod fit;
 mod read;
 mod row;

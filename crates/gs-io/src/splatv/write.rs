@@ -1,11 +1,11 @@
 //! Writing `.splatv`: cubic polynomials fitted by least squares, with the errors of the fit.
 
-use super::fade::{ALWAYS, Sums as FadeSums};
 use super::fit::{Basis, shifted};
 use super::row::{BYTES, Row, level};
 use crate::clip::{Clip, Hemispheres, ValidRows, dropped_sentence, robust_size};
 use crate::content::marks::SPLATV;
 use crate::error::IoError;
+use crate::fade::{ALWAYS, Sums as FadeSums};
 use crate::fs::{AtomicFile, Existing};
 use crate::losses::Losses;
 use crate::repair;

@@ -1,4 +1,4 @@
-//! `c4d export` of a whole clip into one file: `.splat4d`, OpenUSD, `.splatv`.
+//! `c4d export` of a whole clip into one file: `.splat4d`, `.4dgs`, OpenUSD, `.splatv`.
 
 use super::written::say_written;
 use crate::args::ExportFormat;
@@ -8,7 +8,7 @@ use crate::console::Console;
 use crate::failure::{Failure, Outcome};
 use crate::output::{check_sh_degree, existing, output_failure, refuse_overlap};
 use crate::scene::Opened;
-use gs_io::{Clip, IoError, Losses, splat4d, splatv, usda};
+use gs_io::{Clip, IoError, Losses, fourdgs_file, splat4d, splatv, usda};
 use std::time::Instant;
 
 pub(super) fn write(
@@ -23,6 +23,7 @@ pub(super) fn write(
     let clip = Clip { scene: opened.scene.as_ref(), times, fps };
     let start = Instant::now();
     let (written, losses) = match to {
+        ExportFormat::Fourdgs => write_4dgs(args, &clip, global, console)?,
         ExportFormat::Usda => write_usda(args, opened, &clip, global, console)?,
         ExportFormat::Splatv => write_splatv(args, opened, &clip, global, console)?,
         _ => write_splat4d(args, opened, &clip, global, console)?,
@@ -65,6 +66,24 @@ fn write_splat4d(
         and frame",
         report.num_splats, report.moving, report.position_bound
     );
+    Ok((written, report.losses))
+}
+
+fn write_4dgs(
+    args: &ExportArgs,
+    clip: &Clip<'_>,
+    global: &Global,
+    console: &Console,
+) -> Outcome<Written> {
+    let mut options = fourdgs_file::Options::default();
+    options.tolerance = args.tolerance.unwrap_or(options.tolerance);
+    options.sh_degree = args.sh_degree.unwrap_or(options.sh_degree);
+    let mut progress = console.progress("export", fourdgs_file::evaluations(clip) as u64);
+    let mut step = |done: usize| progress.set(done as u64);
+    let report = fourdgs_file::write(&args.output, clip, &options, existing(global), &mut step)
+        .map_err(|error| failure(ExportFormat::Fourdgs, &error))?;
+    progress.finish();
+    let written = format!("{} splats in {} rows", report.num_splats, report.num_rows);
     Ok((written, report.losses))
 }
 

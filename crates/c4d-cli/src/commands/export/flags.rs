@@ -25,10 +25,11 @@ pub(super) fn format_of(args: &ExportArgs) -> Outcome<ExportFormat> {
 /// Refuses flags that would have no effect.
 fn check_flags(to: ExportFormat, args: &ExportArgs) -> Outcome {
     use ExportFormat::{
-        CompressedPly, CompressedSeq, Glb, Gltf, Html, Ply, PlySeq, Splat, Splat4d, Splatv, Spz,
-        Usda, Zip,
+        CompressedPly, CompressedSeq, Fourdgs, Glb, Gltf, Html, Ply, PlySeq, Splat, Splat4d,
+        Splatv, Spz, Usda, Zip,
     };
-    const CLIPS: &[ExportFormat] = &[PlySeq, Zip, Html, CompressedSeq, Splat4d, Usda, Splatv];
+    const CLIPS: &[ExportFormat] =
+        &[PlySeq, Zip, Html, CompressedSeq, Splat4d, Fourdgs, Usda, Splatv];
     const FLAGS: [Flag; 14] = [
         ("--time", &[Ply, CompressedPly, Spz, Splat, Glb, Gltf], |args| args.time.is_some()),
         ("--times", CLIPS, |args| !args.times.is_empty()),
@@ -37,11 +38,11 @@ fn check_flags(to: ExportFormat, args: &ExportArgs) -> Outcome {
         ("--duration", CLIPS, |args| args.duration.is_some()),
         (
             "--sh-degree above 0",
-            &[Ply, PlySeq, Zip, Html, CompressedPly, CompressedSeq, Spz, Glb, Gltf, Usda],
+            &[Ply, PlySeq, Zip, Html, CompressedPly, CompressedSeq, Spz, Glb, Gltf, Fourdgs, Usda],
             |args| args.sh_degree.is_some_and(|degree| degree > 0),
         ),
         ("--no-normals", &[Ply, PlySeq, Zip], |args| args.no_normals),
-        ("--tolerance", &[Splat4d, Splatv], |args| args.tolerance.is_some()),
+        ("--tolerance", &[Splat4d, Fourdgs, Splatv], |args| args.tolerance.is_some()),
         ("--force", &[Splatv, Usda], |args| args.force),
         (
             "--up",

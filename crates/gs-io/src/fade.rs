@@ -1,14 +1,14 @@
-//! Opacity over time in the format: `α·exp(−((t − centre)/width)²)`, or constant.
+//! Least-squares fit of opacity over time: `α·exp(−((t − centre)/width)²)`, or constant.
 
 /// Width of splats that do not fade: nearly the largest half-precision number.
-pub(super) const ALWAYS: f64 = 1e4;
+pub(crate) const ALWAYS: f64 = 1e4;
 
 /// Opacities at most this large are ignored in the fit.
 const LEAST: f64 = 1e-4;
 
 /// Running sums of one splat's opacities.
 #[derive(Debug, Clone, Copy, Default)]
-pub(super) struct Sums {
+pub(crate) struct Sums {
     count: f64,
     total: f64,
     /// `Σ α²·tᵏ`; the weights α² make the fit minimise errors of the opacity, not of its logarithm.
@@ -21,15 +21,15 @@ pub(super) struct Sums {
 
 /// A fitted opacity.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Fade {
-    pub(super) opacity: f64,
+pub(crate) struct Fade {
+    pub(crate) opacity: f64,
     /// In the time of the samples.
-    pub(super) centre: f64,
-    pub(super) width: f64,
+    pub(crate) centre: f64,
+    pub(crate) width: f64,
 }
 
 impl Sums {
-    pub(super) fn add(&mut self, t: f64, opacity: f64) {
+    pub(crate) fn add(&mut self, t: f64, opacity: f64) {
         self.count += 1.0;
         self.total += opacity;
         let opacity = opacity.max(LEAST);
@@ -47,7 +47,7 @@ impl Sums {
 
     /// The Gaussian in time if it fits the opacities clearly
     /// better than a constant, else their mean.
-    pub(super) fn fit(&self) -> Fade {
+    pub(crate) fn fit(&self) -> Fade {
         let constant =
             Fade { opacity: self.total / self.count.max(1.0), centre: 0.0, width: ALWAYS };
         let [m0, ..] = self.moments;

@@ -83,6 +83,7 @@ pub(crate) fn open(
         background: [0.0; 3],
         mask: Mask::default(),
         source_rows: None,
+        binding: None,
         facts: Vec::new(),
         roots: vec![path.to_owned()],
         files: vec![frame::file_of(path)],

@@ -112,16 +112,45 @@ impl Packed {
         let tiles = self.weights.chunks_exact(self.inputs).zip(&self.bias);
         for (index, ((weights, bias), out)) in tiles.zip(rows).enumerate() {
             let used = self.outputs - index * TILE;
-            // 8 × 3 accumulators need 32 registers. With 16, 4 × 2 fill 8 and leave room for the
-            // operands; 4 × 3 spill.
-            if S::REGISTER_COUNT >= 32 && used > 4 {
-                tile::<S, 8, 3>(simd, input, weights, bias, 0, out, activation);
-            } else {
-                tile::<S, 4, 2>(simd, input, weights, bias, 0, out, activation);
-                if used > 4 {
-                    tile::<S, 4, 2>(simd, input, weights, bias, 4, out, activation);
+            match Block::of(S::F32_LANES, S::REGISTER_COUNT) {
+                Block::Large if used > 4 => {
+                    tile::<S, 8, 3>(simd, input, weights, bias, 0, out, activation);
+                }
+                Block::Large => tile::<S, 4, 3>(simd, input, weights, bias, 0, out, activation),
+                Block::Small => {
+                    tile::<S, 4, 2>(simd, input, weights, bias, 0, out, activation);
+                    if used > 4 {
+                        tile::<S, 4, 2>(simd, input, weights, bias, 4, out, activation);
+                    }
                 }
             }
+        }
+    }
+}
+
+/// Accumulators of the kernel.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Block {
+    /// 8 outputs × 3 vectors; needs 32 registers.
+    Large,
+    /// 4 × 2, which leave room for the operands in 16 registers; 4 × 3 would spill.
+    Small,
+}
+
+impl Block {
+    /// The larger block that fits the registers, and whose vectors fill a panel.
+    const fn of(lanes: usize, registers: usize) -> Self {
+        if registers < 32 && PANEL.is_multiple_of(Self::Small.vectors() * lanes) {
+            Self::Small
+        } else {
+            Self::Large
+        }
+    }
+
+    const fn vectors(self) -> usize {
+        match self {
+            Self::Large => 3,
+            Self::Small => 2,
         }
     }
 }
@@ -193,6 +222,27 @@ mod tests {
         }
     }
 
+    /// The vector units of this machine, and none.
+    fn arches() -> Vec<Arch> {
+        let mut arches = vec![Arch::new(), Arch::Scalar];
+        #[cfg(target_arch = "x86_64")]
+        arches.extend(pulp::x86::V3::try_new().map(Arch::V3));
+        arches
+    }
+
+    /// For widths that this machine may not have.
+    #[test]
+    fn blocks_fill_a_panel_for_every_vector_width() {
+        for lanes in [1, 2, 4, 8, 16] {
+            for registers in [16, 32] {
+                let block = Block::of(lanes, registers);
+                assert_eq!(PANEL % (block.vectors() * lanes), 0, "{lanes} lanes, {block:?}");
+            }
+        }
+        assert_eq!(Block::of(16, 32), Block::Large, "AVX-512");
+        assert_eq!(Block::of(8, 16), Block::Small, "AVX2");
+    }
+
     #[test]
     fn agrees_with_the_definition_at_awkward_sizes() {
         let mut rng = rand_pcg::Pcg64::seed_from_u64(3);
@@ -205,7 +255,7 @@ mod tests {
                 (0..inputs * PANEL).map(|_| rng.random_range(-1.0..1.0)).collect();
             let packed = Packed::new(&layer);
             for relu in [Activation::None, Activation::Relu] {
-                for simd in [Arch::new(), Arch::Scalar] {
+                for simd in arches() {
                     let mut output = vec![f32::NAN; packed.panel_len()];
                     simd.dispatch(Apply(&packed, &input, &mut output, relu));
                     for o in 0..outputs {

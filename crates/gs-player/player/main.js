@@ -7,7 +7,7 @@
 //   overlay=parts, opacity=0.5                      free       views beyond those captured
 //   turn=30    degrees around, rise= up, zoom= factor, from the initial view
 //   help       open the help                        report     write a decoding report to #report (for tests)
-//   pick=X,Y;… write the splats at pixels to #picked (for tests)
+//   pick=X,Y;… write the splats at places, shares of the canvas, to #picked (for tests)
 //   hold       delay the page's load event until the first image is shown (for screenshots)
 
 const config = JSON.parse(byId("config").textContent);
@@ -181,9 +181,10 @@ function start() {
 
   async function answerTests() {
     if (asked.has("pick")) {
-      const places = asked.get("pick").split(";").map((place) => place.split(",").map((value) => Number(value) + 0.5));
+      const sides = [canvas.clientWidth, canvas.clientHeight];
+      const places = asked.get("pick").split(";").map((place) => place.split(",").map((share, k) => Math.floor(share * sides[k]) + 0.5));
       const answers = await pick(places);
-      note("picked", answers.map((answer) => answer && { scene: answer.scene, row: answer.row, center: answer.center, weight: answer.weight }));
+      note("picked", { sides, answers: answers.map((answer, i) => ({ place: places[i], row: answer?.row ?? null, weight: answer?.weight ?? 0 })) });
     }
     await tools?.answerTests();
   }

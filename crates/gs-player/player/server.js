@@ -82,9 +82,10 @@ class Tools {
     }
   }
 
-  /** Start options of tests: inspect=X,Y, save, box=X,Y,X,Y, brush=X,Y;…; results go to #answered. */
+  /** Start options of tests: inspect=X,Y, save, box=X,Y,X,Y, brush=X,Y;…, shares of the canvas; results go to #answered. */
   async answerTests() {
-    const numbers = (text) => text.split(",").map(Number);
+    const { clientWidth, clientHeight } = this.parts.canvas;
+    const numbers = (text) => text.split(",").map((share, k) => Math.floor(share * [clientWidth, clientHeight][k % 2]) + 0.5);
     if (asked.has("inspect")) await this.inspector.show(numbers(asked.get("inspect")));
     if (asked.has("save")) await this.saveCamera();
     if (asked.has("box")) this.parts.note("answered", await this.selection.box(numbers(asked.get("box"))));

@@ -125,6 +125,7 @@ impl Drop for Closing<'_> {
 fn refuse(mut stream: TcpStream) {
     // The other side may have gone.
     let _ = Response::refusal(503, "too many connections").write(&mut stream);
+    drop(stream);
 }
 
 /// Answers the request of a connection.
@@ -138,7 +139,9 @@ fn serve(mut stream: TcpStream, session: &Session<'_>, token: &Token) {
         Err(refusal) => refusal,
     };
     // The other side may have gone.
-    let _ = response.write(&mut stream);
+    if response.write(&mut stream).is_ok() {
+        http::close(stream);
+    }
 }
 
 /// Number of frames, those of the first scene that moves, and their rate.

@@ -1,8 +1,9 @@
 //! [`Layer`]: one overlay of a scene, as colours and as numbers.
 
+use super::confidence::confidence;
+use super::displacement::displacement;
 use super::palette::{NEUTRAL, class_color, scale_colors, scale_entry};
 use super::row_classes::Class;
-use super::{confidence, displacement};
 use crate::args::OverlayArg;
 use crate::console::Console;
 use crate::failure::{Failure, Outcome};

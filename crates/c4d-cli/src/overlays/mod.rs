@@ -2,11 +2,13 @@
 
 mod confidence;
 mod displacement;
+mod image;
 mod layer;
 mod palette;
 mod row_classes;
 
 pub(crate) use confidence::confidence;
 pub(crate) use displacement::displacement;
+pub(crate) use image::overlay_image;
 pub(crate) use layer::{Layer, LayerSource};
 pub(crate) use row_classes::Class;

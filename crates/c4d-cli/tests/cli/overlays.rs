@@ -40,9 +40,12 @@ fn passes_show_parts_motion_confidence_and_changes() {
     }
     assert!(said.contains("part 1, "), "the legend counts splats: {said}");
     assert!(said.contains("unchanged") && said.contains("units"), "and names classes: {said}");
-    let changed = colors(&out.join("changed/00000.png"));
-    assert!(changed.iter().any(|(color, _)| *color == [0, 0, 255]), "the background is as given");
-    assert!(changed.len() > 20, "and the splats are drawn over it");
+    let images = ["parts", "motion", "confidence", "changed"]
+        .map(|name| colors(&out.join(name).join("00000.png")));
+    for (i, image) in images.iter().enumerate() {
+        assert!(image.len() > 20, "colours of several classes, mixed");
+        assert!(images[..i].iter().all(|other| other != image), "each pass is another image");
+    }
 
     // Numbers in formats that hold them.
     let out = folder.path().join("numbers");

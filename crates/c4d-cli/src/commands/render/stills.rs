@@ -8,6 +8,7 @@ use crate::commands::export::say;
 use crate::failure::{Failure, Outcome};
 use crate::images;
 use crate::output::{existing, output_failure};
+use crate::overlays::overlay_image;
 use crate::passes::{self, PassImage};
 use gs_core::{Camera, Image, Splats};
 use gs_io::AtomicDir;
@@ -64,7 +65,7 @@ pub(super) fn stills(
             let layer = shot.layers.iter().find(|(of, _)| *of == pass);
             let image = if let Some((_, layer)) = layer {
                 let Exposure { splats, camera, .. } = exposure;
-                passes::overlay(shot.device, layer, splats, camera, shot.background)?
+                overlay_image(shot.device, layer, splats, camera, shot.background)?
             } else if pass.is_relative() {
                 let Exposure { splats, camera, .. } = exposure;
                 let then = (&then, shot.evidence);

@@ -1,7 +1,7 @@
 //! Requests and responses of HTTP/1.1, one per connection.
 
 use std::io::{ErrorKind, Read, Write};
-use std::net::TcpStream;
+use std::net::{Shutdown, TcpStream};
 use std::time::{Duration, Instant};
 
 /// Largest head of a request, bytes.
@@ -10,6 +10,9 @@ const MAX_HEAD: usize = 16 * 1024;
 const MAX_BODY: usize = 64 * 1024;
 /// Most headers of a request.
 const MAX_HEADERS: usize = 64;
+/// Bytes of a refused request that are dropped, and the time for it, before the connection closes.
+const MAX_DROPPED: usize = 1024 * 1024;
+const LINGER: Duration = Duration::from_millis(500);
 /// Time within which a request must be complete.
 const PATIENCE: Duration = Duration::from_secs(10);
 
@@ -77,6 +80,22 @@ impl Response {
         stream.write_all(head.as_bytes())?;
         stream.write_all(&self.body)?;
         stream.flush()
+    }
+}
+
+/// Ends a connection after its response. What the other side still sends is read and dropped for a
+/// while: a connection closed with unread bytes is reset, and the response may be lost.
+pub(super) fn close(mut stream: TcpStream) {
+    if stream.shutdown(Shutdown::Write).is_err() || stream.set_read_timeout(Some(LINGER)).is_err() {
+        return;
+    }
+    let (deadline, mut left) = (Instant::now() + LINGER, MAX_DROPPED);
+    let mut chunk = [0; 4096];
+    while left > 0 && Instant::now() < deadline {
+        match stream.read(&mut chunk) {
+            Ok(count) if count > 0 => left = left.saturating_sub(count),
+            _ => return,
+        }
     }
 }
 

@@ -9,6 +9,7 @@ mod export;
 mod export_format;
 mod freeze;
 mod inspect;
+mod overlay;
 mod preset;
 mod propagate;
 mod refine;
@@ -16,6 +17,7 @@ mod render;
 mod shared;
 mod shell;
 mod values;
+mod view;
 mod views;
 
 pub(crate) use bench::{BenchCommand, BenchMotionArgs};
@@ -27,6 +29,7 @@ pub(crate) use export::ExportArgs;
 pub(crate) use export_format::ExportFormat;
 pub(crate) use freeze::FreezeArgs;
 pub(crate) use inspect::{DoctorArgs, InfoArgs};
+pub(crate) use overlay::OverlayArg;
 pub(crate) use preset::PresetArg;
 pub(crate) use propagate::{BaselineArg, FollowArg, MotionArg, PropagateArgs};
 pub(crate) use refine::{RefineArgs, RefineFlags, WarpArg};
@@ -36,6 +39,7 @@ pub(crate) use shared::{
 };
 pub(crate) use shell::{CompletionsArgs, ManArgs};
 pub(crate) use values::Crop;
+pub(crate) use view::ViewArgs;
 pub(crate) use views::{AxesArg, CamerasAs, SplitArg, Up};
 
 use clap::{Parser, Subcommand};
@@ -71,6 +75,7 @@ impl Cli {
             Command::Export(args) => global.scene(&args.common),
             Command::Eval(args) => global.scene(&args.common),
             Command::Compare(args) => global.output(&args.common),
+            Command::View(args) => global.scene(&args.common),
             Command::Demo(args) => global.output(&args.common),
             Command::Bench { what: BenchCommand::Motion(args) } => {
                 global.writes(&args.writes).bars(&args.bars)
@@ -103,6 +108,8 @@ pub(crate) enum Command {
     Eval(EvalArgs),
     /// Compare runs in one page: pictures, curves, numbers, and where they differ most
     Compare(CompareArgs),
+    /// Show scenes and runs in the browser: compare, look into splats, select, save cameras
+    View(ViewArgs),
     /// Make a synthetic scene, edit it, propagate the edit and render both
     Demo(DemoArgs),
     /// Measure methods against ground truth

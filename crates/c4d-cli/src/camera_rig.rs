@@ -64,6 +64,10 @@ const NEAR_SHARE: f64 = 0.1;
 /// Vertical field of view around objects, radians (40°).
 const OBJECT_FOV_RAD: f64 = 0.698_132;
 
+/// Views of a forward capture lie within these angles of its front view, sideways and up or down,
+/// degrees: usual captures move little, and nothing is known of what lies beyond.
+const CAPTURED_DEG: [f64; 2] = [12.0, 6.0];
+
 /// Number of views of a refinement without cameras.
 const REFINING: usize = 10;
 
@@ -186,6 +190,15 @@ impl CameraRig {
         camera
     }
 
+    /// Largest angles between the front view and views of what was captured, around and up, degrees;
+    /// `None` for objects, which are captured from all around.
+    pub(crate) fn limits(&self) -> Option<[f64; 2]> {
+        match self.layout {
+            Layout::Object => None,
+            Layout::Forward => Some(CAPTURED_DEG),
+        }
+    }
+
     /// Target of the front view.
     pub(crate) fn target(&self) -> [f64; 3] {
         match self.layout {
@@ -200,7 +213,7 @@ impl CameraRig {
         path(frames, "orbit", |phase| match self.layout {
             Layout::Object => self.around_at(phase * std::f64::consts::TAU, 0.25, size),
             Layout::Forward => {
-                let swing = 12.0_f64.to_radians() * (phase * std::f64::consts::TAU).sin();
+                let swing = CAPTURED_DEG[0].to_radians() * (phase * std::f64::consts::TAU).sin();
                 let eye = rotated(scaled(self.centre, -1.0), self.up, swing);
                 let eye = [0, 1, 2].map(|k| self.centre[k] + eye[k]);
                 self.look_at(eye, self.centre, size)
@@ -236,8 +249,8 @@ impl CameraRig {
         const GOLDEN_ANGLE_RAD: f64 = 2.399_963;
         let turn = GOLDEN_ANGLE_RAD * (phase * 997.0).round();
         let reach = phase.sqrt();
-        let sideways = 12.0_f64.to_radians() * reach * turn.sin();
-        let upwards = 6.0_f64.to_radians() * reach * turn.cos();
+        let sideways = CAPTURED_DEG[0].to_radians() * reach * turn.sin();
+        let upwards = CAPTURED_DEG[1].to_radians() * reach * turn.cos();
         let back = rotated(scaled(self.centre, -1.0), self.up, sideways);
         let lift = norm(self.centre) * upwards;
         let eye = [0, 1, 2].map(|k| self.centre[k] + back[k] + lift * self.up[k]);

@@ -13,6 +13,7 @@ mod console;
 mod device;
 mod edited_axes;
 mod evaluation;
+mod evidence;
 mod failure;
 mod field;
 mod frames;
@@ -21,12 +22,14 @@ mod lifetimes;
 mod memory;
 mod model_flags;
 mod output;
+mod overlays;
 mod passes;
 mod placement;
 mod progress;
 mod rates;
 mod renderer;
 mod report;
+mod rigid_parts;
 mod run_folder;
 mod scene;
 mod settings;
@@ -53,6 +56,9 @@ fn main() -> ExitCode {
     // partial output.
     let _ = ctrlc::set_handler(|| {
         gs_io::remove_unfinished();
+        if commands::view::is_serving() {
+            std::process::exit(0);
+        }
         eprintln!("\ninterrupted; no partial output remains");
         std::process::exit(i32::from(Exit::Interrupted as u8));
     });
@@ -96,6 +102,7 @@ fn run(cli: &Cli, global: &Global, console: &Console) -> Outcome {
         Command::Export(args) => commands::export::run(args, global, console),
         Command::Eval(args) => commands::eval::run(args, global, console),
         Command::Compare(args) => commands::compare::run(args, global, console),
+        Command::View(args) => commands::view::run(args, global, console),
         Command::Demo(args) => commands::demo::run(args, global, console),
         Command::Bench { what: BenchCommand::Motion(args) } => {
             commands::bench::motion(args, global, console)

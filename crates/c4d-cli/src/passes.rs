@@ -41,6 +41,8 @@ pub(crate) enum PassImage {
     Flow(Flow),
     /// One channel in [0, 1].
     Grey(Image),
+    /// An overlay: its colours, and its numbers if it has any.
+    Overlay(Image, Option<Image>),
 }
 
 /// ξ′ of every splat of an edited scene, on `device`, from `cameras` that look at the edited frame.

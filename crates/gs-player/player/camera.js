@@ -14,9 +14,14 @@ const NEAR_SHARE = 0.1;
 const POLE = 0.02;
 
 class OrbitCamera {
-  /** `camera`: position, focal lengths, image size and near plane of the first view. */
-  constructor(camera, target, up) {
+  /**
+   * `camera`: position, focal lengths, image size and near plane of the first view; `limits`: largest angles to it, around and up, degrees,
+   * or null.
+   */
+  constructor(camera, target, up, limits = null) {
     this.camera = camera;
+    this.limits = limits?.map((degrees) => (degrees * Math.PI) / 180) ?? null;
+    this.limited = limits !== null;
     this.up = unit(up);
     // Two horizontal directions from which the azimuth is measured.
     const other = Math.abs(this.up[0]) < 0.9 ? [1, 0, 0] : [0, 1, 0];
@@ -36,11 +41,21 @@ class OrbitCamera {
     this.now = { ...this.home, target: [...this.home.target] };
   }
 
-  /** Orbits by angles, radians. */
+  /** Orbits by angles, radians; within the limits while they hold. */
   orbit(right, up) {
+    const within = (value, center, reach) => Math.max(center - reach, Math.min(center + reach, value));
     this.now.turn += right;
-    const limit = Math.PI / 2 - POLE;
-    this.now.rise = Math.max(-limit, Math.min(limit, this.now.rise + up));
+    this.now.rise = within(this.now.rise + up, 0, Math.PI / 2 - POLE);
+    if (!this.limited) return;
+    this.now.turn = within(this.now.turn, this.home.turn, this.limits[0]);
+    this.now.rise = within(this.now.rise, this.home.rise, this.limits[1]);
+  }
+
+  /** Lifts the limits, or makes them hold again. Returns whether they hold. */
+  toggleLimits() {
+    this.limited = this.limits !== null && !this.limited;
+    this.orbit(0, 0);
+    return this.limited;
   }
 
   /** Pans so that the image at the target moves by that many pixels. */
@@ -86,9 +101,13 @@ class OrbitCamera {
   }
 }
 
-/** Lets pointers, wheel and touch move the camera; calls `changed` after every change. */
-function attachControls(canvas, camera, changed) {
+/** Distance that a pointer may move during a click, CSS pixels. */
+const CLICK_REACH = 4;
+
+/** Lets pointers, wheel and touch move the camera; calls `changed` after every change, and `clicked` with the place of a click. */
+function attachControls(canvas, camera, changed, clicked) {
   const pointers = new Map();
+  let pressed = null;
   const size = () => [canvas.clientWidth, canvas.clientHeight];
   const middle = () => {
     const points = [...pointers.values()];
@@ -100,6 +119,7 @@ function attachControls(canvas, camera, changed) {
   canvas.addEventListener("pointerdown", (event) => {
     canvas.setPointerCapture(event.pointerId);
     canvas.classList.add("dragging");
+    pressed = event.button === 0 && pointers.size === 0 ? [event.clientX, event.clientY] : null;
     pointers.set(event.pointerId, [event.clientX, event.clientY]);
   });
   canvas.addEventListener("pointermove", (event) => {
@@ -121,6 +141,9 @@ function attachControls(canvas, camera, changed) {
   });
   for (const name of ["pointerup", "pointercancel"]) {
     canvas.addEventListener(name, (event) => {
+      const place = [event.clientX, event.clientY];
+      if (name === "pointerup" && pressed && Math.hypot(...sub(place, pressed)) < CLICK_REACH) clicked(place);
+      pressed = null;
       pointers.delete(event.pointerId);
       if (pointers.size === 0) canvas.classList.remove("dragging");
     });

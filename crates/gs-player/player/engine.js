@@ -1,5 +1,5 @@
-// Message handling of the worker: receives blocks of text, then answers requests for a time and a
-// view with texels and draw orders.
+// Message handling of the worker: receives blocks of text or bytes, then answers requests: for a
+// time and a view with texels and draw orders; for pixels with splats; for selections with marks.
 
 let stage = null, sorter = null, shownTime = NaN;
 const blocks = [];
@@ -19,8 +19,12 @@ async function open({ rawBytes }) {
   sorter = new Sorter(payload.header.groups);
   const describe = ({ texels, perLine, lines, width, data }) => ({ texels, perLine, lines, width, data: data.slice() });
   const geometry = describe(stage.geometry), look = describe(stage.look);
+  const overlays = {};
+  for (const [name, attribute] of Object.entries(stage.attributes)) {
+    if (name.startsWith("overlay:")) overlays[name.slice("overlay:".length)] = Uint8Array.from(attribute.base);
+  }
   postMessage(
-    { kind: "ready", header: payload.header, geometry, look, moving: stage.moving, decodeTime: performance.now() - begun },
+    { kind: "ready", header: payload.header, geometry, look, overlays, moving: stage.moving, decodeTime: performance.now() - begun },
     [geometry.data.buffer, look.data.buffer],
   );
 }
@@ -51,6 +55,40 @@ function frame({ id, time, view, near, returned }) {
   postMessage(answer, transfer);
 }
 
+/** Sets the scene to `time` for a request that draws nothing. */
+function lookAt(time) {
+  if (time === shownTime) return;
+  stage.seek(time);
+  // The screen still shows another time.
+  shownTime = NaN;
+}
+
+/** For each pixel the splat that contributes most: row in the file or scene that was encoded, centre, depth, share of the pixel. */
+function picked({ time, view, second, pixels }) {
+  lookAt(time);
+  const { groups } = stage.header;
+  const orders = [new Uint32Array(sorter.rows), new Uint32Array(sorter.rows)];
+  const counts = sorter.sort(stage.geometry, view.rows[2], view.near, ...orders);
+  const which = second ? 1 : 0;
+  const projected = project(stage, groups, orders[which], counts[which], second, view);
+  return pixels.map((pixel) => {
+    const found = heaviest(projected, pixel);
+    if (!found) return null;
+    const at = found.row * GEOMETRY_TEXELS * 4;
+    const center = [...stage.geometry.data.subarray(at, at + 3)];
+    const depth = view.rows[2].slice(0, 3).reduce((sum, value, k) => sum + value * (center[k] - view.eye[k]), 0);
+    const numbers = stage.attributes.row?.base;
+    const row = numbers ? numbers[2 * lookRow(groups, found.row, second) + which] : null;
+    return { row, center, depth, weight: found.weight };
+  });
+}
+
+/** Marks of the splats that a selection contains. */
+function selected({ time, second, shape }) {
+  lookAt(time);
+  return select(stage, stage.header.groups, second, shape);
+}
+
 /** Report of the decoded payload for tests: fingerprints of the integers, sums of the scene at a time. */
 function report({ time }) {
   stage.seek(time);
@@ -75,11 +113,20 @@ onmessage = async ({ data }) => {
       case "block":
         blocks.push(decodeBase91(data.text, data.bytes));
         break;
+      case "bytes":
+        blocks.push(data.bytes);
+        break;
       case "open":
         await open(data);
         break;
       case "frame":
         frame(data);
+        break;
+      case "pick":
+        postMessage({ kind: "answer", id: data.id, answer: picked(data) });
+        break;
+      case "select":
+        postMessage({ kind: "answer", id: data.id, answer: selected(data) });
         break;
       case "report":
         report(data);

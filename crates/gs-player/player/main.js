@@ -1,10 +1,13 @@
-// Connects the page, the worker and the renderer.
+// Connects the page, the workers and the renderer.
 //
 // Start options in the address, after `#`, joined by `&`:
 //   t=0.5      time, 0 first to 1 last frame        paused     do not play
-//   wipe=0.3   share that shows the original        ui=0       only the image
+//   wipe=0.3   share left of the divider            ui=0       only the image
+//   mode=grid  or blink                             show=2     one scene alone, from 1
+//   overlay=parts, opacity=0.5                      free       views beyond those captured
 //   turn=30    degrees around, rise= up, zoom= factor, from the initial view
 //   help       open the help                        report     write a decoding report to #report (for tests)
+//   pick=X,Y;… write the splats at places, shares of the canvas, to #picked (for tests)
 //   hold       delay the page's load event until the first image is shown (for screenshots)
 
 const config = JSON.parse(byId("config").textContent);
@@ -38,6 +41,15 @@ function holdLoading() {
 let release = () => {};
 if (asked.has("hold")) release = holdLoading();
 
+/** Writes a value into the page, for tests. */
+function note(id, value) {
+  const text = document.createElement("pre");
+  text.id = id;
+  text.hidden = true;
+  text.textContent = JSON.stringify(value);
+  document.body.append(text);
+}
+
 function start() {
   const canvas = byId("view");
   document.body.style.background = `rgb(${config.background.map((value) => Math.round(value * 255)).join(" ")})`;
@@ -46,103 +58,120 @@ function start() {
   const renderer = new Renderer(canvas, config.background);
   canvas.addEventListener("webglcontextlost", () => fail(new Error("The graphics device was lost; reload the page")));
 
-  // Slow work runs in the worker; this thread only draws.
-  const engine = new Worker(URL.createObjectURL(new Blob([byId("engine").textContent], { type: "text/javascript" })));
-  engine.addEventListener("error", (event) => fail(new Error(`The scene's worker stopped: ${event.message ?? "it could not start"}`)));
-  for (const block of document.querySelectorAll("script[data-bytes]")) {
-    engine.postMessage({ kind: "block", text: block.textContent, bytes: Number(block.dataset.bytes) });
-    block.remove();
-  }
-  engine.postMessage({ kind: "open", rawBytes: config.raw_bytes });
-
   let dirty = true;
   const changed = () => { dirty = true; };
   const clock = new Clock(config.frames, config.fps);
-  const camera = new OrbitCamera(config.camera, config.target, config.up);
-  const wipe = new Wipe(config.splats[1] > 0, changed);
-  const ui = new Interface(config, clock, wipe, camera, changed);
-  attachControls(canvas, camera, changed);
+  const camera = new OrbitCamera(config.camera, config.target, config.up, config.limits);
+  const layout = new Layout(config.scenes, changed);
+  const overlays = new Overlays(renderer, config.scenes, changed);
+  const ui = new Interface(config, clock, layout, overlays, camera, changed);
   clock.seek(number("t", 0) * clock.last);
-  wipe.at = Math.max(0, Math.min(1, number("wipe", 0.5)));
+  if (asked.has("free") && camera.limited) camera.toggleLimits();
   camera.orbit((number("turn", 0) * Math.PI) / 180, (number("rise", 0) * Math.PI) / 180);
   camera.zoom(1 / Math.max(0.01, number("zoom", 1)));
+  layout.at = Math.max(0, Math.min(1, number("wipe", 0.5)));
+  if (asked.has("mode")) layout.set(asked.get("mode"));
+  if (asked.has("show")) layout.show(number("show", 1) - 1);
+  if (asked.has("opacity")) overlays.opacity = number("opacity", 1);
   if (asked.has("help")) ui.help();
-  if (wipe.both) wipe.place();
 
+  const size = () => [canvas.width, canvas.height];
   const resize = () => {
     const density = Math.min(MAX_DENSITY, devicePixelRatio || 1);
     canvas.width = Math.max(1, Math.round(canvas.clientWidth * density));
     canvas.height = Math.max(1, Math.round(canvas.clientHeight * density));
+    layout.place();
     changed();
   };
   new ResizeObserver(resize).observe(canvas);
   resize();
 
-  // One request to the worker at a time; its answer is drawn with the newest view.
-  let ready = false, waiting = false, shown = false, question = "", spare = [];
-  let scale = 1, slowness = 30, lastTick = 0, lastActive = 0;
-  const currentView = () => camera.view([canvas.width, canvas.height]);
+  const sources = [], metas = [];
+  let shown = false, scale = 1, slowness = 30, lastTick = 0, lastActive = 0;
+  /** Cells with their views, as the renderer draws them. */
+  const cells = () => layout.cells(size()).map((cell) => ({ ...cell, ...config.scenes[cell.scene], view: camera.view([cell.width, cell.height]) }));
+  const draw = (at) => renderer.draw(cells(), at);
   const ask = () => {
-    const { rows, near } = currentView();
-    const next = `${clock.time} ${rows[2]} ${near}`;
-    if (!ready || waiting || next === question) return;
-    question = next;
-    waiting = true;
-    engine.postMessage({ kind: "frame", id: 0, time: clock.time, view: rows[2], near, returned: spare }, spare);
-    spare = [];
+    const { rows, near } = camera.view(size());
+    for (const source of sources) source?.ask(clock.time, rows[2], near);
   };
+  const started = config.scenes.reduce((most, { source }) => Math.max(most, source), 0) + 1;
+  const drawn = new Set(), shares = [];
 
-  engine.addEventListener("message", ({ data }) => {
-    switch (data.kind) {
-      case "progress":
-        byId("progress").value = data.share;
-        break;
-      case "ready":
+  /** Opens a payload, described by `meta`, in place of the one with this index; `open` hands over its data. */
+  function openSource(index, meta, open) {
+    const source = new Source({
+      fail,
+      progress: (share) => {
+        shares[index] = share;
+        byId("progress").value = shares.reduce((sum, share) => sum + share, 0) / started;
+      },
+      ready: () => {
+        if (asked.has("report")) source.worker.postMessage({ kind: "report", time: clock.time });
+        const { rows, near } = camera.view(size());
+        source.ask(clock.time, rows[2], near);
+      },
+      report: (report) => note("report", report),
+      frame: (answer, loaded) => {
         try {
-          renderer.load(data);
+          if (loaded) {
+            renderer.load(index, loaded);
+            if (sources[index] !== source) sources[index]?.close();
+            [sources[index], metas[index]] = [source, meta];
+            overlays.load(index, meta.overlays, loaded.overlays);
+            document.body.dataset.decodeMs = Math.round(loaded.decodeTime);
+          }
+          renderer.update(index, answer);
         } catch (error) {
           fail(error);
           return;
         }
-        ready = true;
-        document.body.dataset.decodeMs = Math.round(data.decodeTime);
-        if (asked.has("report")) engine.postMessage({ kind: "report", time: clock.time });
-        ask();
-        break;
-      case "frame":
-        waiting = false;
-        renderer.update(data);
-        for (const name of ["geometry", "look", "first", "second"]) if (data[name]) spare.push(data[name].buffer);
-        document.body.dataset.seekMs = data.times.seek.toFixed(1);
-        document.body.dataset.sortMs = data.times.sort.toFixed(1);
-        shown ||= reveal();
+        drawn.add(index);
+        document.body.dataset.seekMs = answer.times.seek.toFixed(1);
+        document.body.dataset.sortMs = answer.times.sort.toFixed(1);
+        if (loaded && drawn.size === started) {
+          ui.count(config.scenes.map((scene) => metas[scene.source].splats[scene.second]));
+          if (!shown && asked.has("overlay")) overlays.choose(asked.get("overlay"));
+          shown ||= reveal();
+        }
         changed();
-        break;
-      case "report": {
-        const text = document.createElement("pre");
-        text.id = "report";
-        text.hidden = true;
-        text.textContent = JSON.stringify(data.report);
-        document.body.append(text);
-        break;
-      }
-      case "error":
-        fail(new Error(`The scene's data is damaged: ${data.message}`));
-        break;
+      },
+    });
+    open(source);
+  }
+
+  /** The splat at a place, CSS pixels: {scene, row, center, depth, weight, view, place, cell}; null where none is. */
+  async function pick(places, at = cells()) {
+    const density = canvas.width / canvas.clientWidth;
+    const found = [];
+    for (const place of places) {
+      const point = place.map((value) => value * density);
+      const cell = at.find((cell) => point[0] >= cell.clip[0] && point[0] < cell.clip[1] && point[1] >= cell.y && point[1] < cell.y + cell.height);
+      found.push(cell ? { cell, pixel: [point[0] - cell.x, point[1] - cell.y] } : null);
     }
-  });
+    const answers = new Array(places.length).fill(null);
+    for (const cell of at) {
+      const here = found.map((one, i) => (one?.cell === cell ? i : -1)).filter((i) => i >= 0);
+      if (here.length === 0) continue;
+      const request = { time: clock.time, view: cell.view, second: cell.second, pixels: here.map((i) => found[i].pixel) };
+      const picked = await sources[cell.source].call("pick", request);
+      here.forEach((i, k) => { answers[i] = picked[k] && { ...picked[k], scene: cell.scene, cell, pixel: found[i].pixel }; });
+    }
+    return answers;
+  }
 
   /** Called with the first image: removes the poster and starts the clip. */
   function reveal() {
     document.body.classList.remove("loading");
     const calm = matchMedia("(prefers-reduced-motion: reduce)").matches;
     if (!asked.has("paused") && !calm) clock.play(true);
-    renderer.draw(currentView(), wipe.value, 1);
+    draw(1);
     const poster = byId("poster");
     if (asked.has("hold")) {
       poster?.remove();
       // After two frames the image is on the screen.
-      requestAnimationFrame(() => requestAnimationFrame(release));
+      const finish = () => requestAnimationFrame(() => requestAnimationFrame(release));
+      Promise.resolve(answerTests()).then(finish, fail);
     } else if (poster) {
       poster.classList.add("gone");
       setTimeout(() => poster.remove(), 600);
@@ -150,17 +179,30 @@ function start() {
     return true;
   }
 
+  async function answerTests() {
+    if (asked.has("pick")) {
+      const sides = [canvas.clientWidth, canvas.clientHeight];
+      const places = asked.get("pick").split(";").map((place) => place.split(",").map((share, k) => Math.floor(share * sides[k]) + 0.5));
+      const answers = await pick(places);
+      note("picked", { sides, answers: answers.map((answer, i) => ({ place: places[i], row: answer?.row ?? null, weight: answer?.weight ?? 0 })) });
+    }
+    await tools?.answerTests();
+  }
+
   function tick(now) {
     requestAnimationFrame(tick);
     const elapsed = lastTick ? now - lastTick : 16;
     lastTick = now;
-    if (shown) clock.advance(Math.min(elapsed, 250) / 1000);
+    if (shown) {
+      clock.advance(Math.min(elapsed, 250) / 1000);
+      layout.advance(Math.min(elapsed, 250) / 1000);
+    }
     if (clock.playing) changed();
     if (!dirty) {
       // At rest the image is drawn once more at full resolution.
       if (scale < 1 && now - lastActive > 200 && shown) {
         scale = 1;
-        renderer.draw(currentView(), wipe.value, 1);
+        draw(1);
       }
       return;
     }
@@ -175,8 +217,16 @@ function start() {
     }
     ask();
     ui.refresh();
-    if (shown) renderer.draw(currentView(), wipe.value, scale);
+    if (shown) draw(scale);
   }
+
+  const parts = { canvas, clock, camera, layout, overlays, ui, sources, cells, changed, pick, openSource, fail, note };
+  const tools = typeof Tools === "undefined" ? null : new Tools(parts);
+  attachControls(canvas, camera, changed, (place) => tools?.clicked(place));
+  config.sources.forEach((meta, index) => {
+    const blocks = document.querySelectorAll(`script[data-source="${index}"]`);
+    openSource(index, meta, (source) => source.openBlocks(blocks, meta.raw_bytes));
+  });
   requestAnimationFrame(tick);
 }
 

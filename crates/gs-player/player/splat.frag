@@ -3,6 +3,8 @@
 precision highp float;
 
 uniform vec2 u_size;
+// Lower left pixel of the cell.
+uniform vec2 u_origin;
 
 flat in vec2 v_center;
 flat in vec3 v_conic;
@@ -15,7 +17,8 @@ const float MAX_ALPHA = 0.99;
 const float ALPHA_THRESHOLD = 1.0 / 255.0;
 
 void main() {
-  vec2 d = v_center - vec2(gl_FragCoord.x, u_size.y - gl_FragCoord.y);
+  vec2 at = gl_FragCoord.xy - u_origin;
+  vec2 d = v_center - vec2(at.x, u_size.y - at.y);
   float power = -0.5 * (v_conic.x * d.x * d.x + v_conic.z * d.y * d.y) - v_conic.y * d.x * d.y;
   if (power > 0.0) discard;
   float alpha = min(MAX_ALPHA, v_color.a * exp(power));

@@ -8,6 +8,9 @@ precision highp sampler2D;
 
 uniform sampler2D u_geometry;
 uniform sampler2D u_look;
+// Colours over those of the looks, and their shares; as many texels per line, or 0 for none.
+uniform sampler2D u_overlay;
+uniform int u_overlay_per_line;
 uniform int u_geometry_per_line;
 uniform int u_look_per_line;
 uniform int u_look_texels;
@@ -138,6 +141,11 @@ void main() {
   v_center = center;
   v_conic = vec3(c, -b, a) / det;
   v_color = vec4(shade(look_row(row), color.rgb, normalize(mean - u_eye)), color.a);
+  if (u_overlay_per_line > 0) {
+    int at = look_row(row);
+    vec4 over = texelFetch(u_overlay, ivec2(at % u_overlay_per_line, at / u_overlay_per_line), 0);
+    v_color.rgb = mix(v_color.rgb, over.rgb, over.a);
+  }
   vec2 at = mix(low, high, vec2(gl_VertexID & 1, gl_VertexID >> 1));
   gl_Position = vec4(2.0 * at.x / u_size.x - 1.0, 1.0 - 2.0 * at.y / u_size.y, 0.0, 1.0);
 }

@@ -6,22 +6,24 @@ const QUIET_AFTER = 3;
 const byId = (id) => document.getElementById(id);
 
 class Interface {
-  constructor(config, clock, wipe, camera, changed) {
-    Object.assign(this, { config, clock, wipe, camera, changed });
+  constructor(config, clock, layout, overlays, camera, changed) {
+    Object.assign(this, { config, clock, layout, overlays, camera, changed });
     const body = document.body;
     body.classList.toggle("still", clock.frames < 2);
-    body.classList.toggle("alone", !wipe.both);
-    const count = (n) => n.toLocaleString("en");
-    const splats = wipe.both ? `${count(config.splats[0])} → ${count(config.splats[1])} splats` : `${count(config.splats[0])} splats`;
-    byId("facts").textContent = clock.frames > 1 ? `${splats} · ${clock.frames} frames · ${+config.fps.toFixed(3)} fps` : splats;
-    const [first, second] = config.names;
-    byId("name-first").textContent = first;
-    byId("name-second").textContent = second;
-    byId("compare").hidden = !wipe.both;
-    for (const button of document.querySelectorAll("#compare button")) {
-      const { show } = button.dataset;
-      if (show !== "both") button.textContent = { first, second }[show];
-      button.addEventListener("click", () => wipe.choose(show));
+    body.classList.toggle("alone", !layout.several);
+    const compare = byId("compare");
+    compare.hidden = !layout.several;
+    const button = (text, data, chosen) => {
+      const element = document.createElement("button");
+      element.type = "button";
+      element.textContent = text;
+      Object.assign(element.dataset, data);
+      element.addEventListener("click", chosen);
+      compare.append(element);
+    };
+    layout.scenes.forEach(({ name }, index) => button(name, { show: index }, () => layout.show(index)));
+    for (const mode of ["wipe", "grid", "blink"]) {
+      button(mode[0].toUpperCase() + mode.slice(1), { mode }, () => layout.choose(mode));
     }
     this.scrub = byId("scrub");
     this.scrub.max = clock.last;
@@ -45,6 +47,13 @@ class Interface {
     });
     for (const name of ["pointermove", "pointerdown", "keydown", "focusin"]) addEventListener(name, () => this.wake());
     this.wake();
+  }
+
+  /** Shows the numbers of splats of the scenes, in the order of the scenes. */
+  count(splats) {
+    const numbers = splats.map((n) => n.toLocaleString("en")).join(this.layout.several ? " → " : "");
+    const { frames, fps } = this.config;
+    byId("facts").textContent = `${numbers} splats${frames > 1 ? ` · ${frames} frames · ${+fps.toFixed(3)} fps` : ""}`;
   }
 
   say(text) {
@@ -91,6 +100,12 @@ class Interface {
     this.changed();
   }
 
+  toggleLimits() {
+    if (this.camera.limits === null) return;
+    this.say(this.camera.toggleLimits() ? "The view stays where the scene was captured" : "The view is free");
+    this.changed();
+  }
+
   help() {
     const dialog = byId("help");
     if (dialog.open) dialog.close();
@@ -107,7 +122,7 @@ class Interface {
     const { key, shiftKey, target } = event;
     if (key === "?") return this.help();
     // Form controls handle their own keys.
-    if (byId("help").open || target.closest("select")) return;
+    if (byId("help").open || target.closest("select, input:not([type=range]), textarea")) return;
     const slides = target.matches("input[type=range]") && (/^(Arrow|Page)/.test(key) || key === "Home" || key === "End");
     if (slides || (key === " " && target.closest("button"))) return;
     const turn = 0.06, reach = 30, size = [innerWidth, innerHeight];
@@ -122,6 +137,7 @@ class Interface {
     };
     const faster = (by) => this.setSpeed(SPEEDS[Math.max(0, Math.min(SPEEDS.length - 1, SPEEDS.indexOf(this.clock.speed) + by))]);
     const actions = {
+      ...this.tools,
       " ": () => this.play(!this.clock.playing),
       ",": () => this.step(-1),
       ".": () => this.step(1),
@@ -139,11 +155,19 @@ class Interface {
       "-": () => zoom(1 / 0.92),
       "−": () => zoom(1 / 0.92),
       r: () => this.home(),
-      1: () => this.wipe.choose("first"),
-      2: () => this.wipe.choose("both"),
-      3: () => this.wipe.choose("second"),
-      "<": () => this.wipe.move(this.wipe.at - 0.02),
-      ">": () => this.wipe.move(this.wipe.at + 0.02),
+      1: () => this.layout.show(0),
+      2: () => this.layout.show(1),
+      3: () => this.layout.show(2),
+      4: () => this.layout.show(3),
+      w: () => this.layout.choose("wipe"),
+      g: () => this.layout.choose("grid"),
+      b: () => this.layout.choose("blink"),
+      "<": () => this.layout.move(this.layout.at - 0.02),
+      ">": () => this.layout.move(this.layout.at + 0.02),
+      o: () => this.overlays.next(),
+      9: () => this.overlays.setOpacity(this.overlays.opacity - 0.05),
+      0: () => this.overlays.setOpacity(this.overlays.opacity + 0.05),
+      c: () => this.toggleLimits(),
       f: () => this.fullScreen(),
       h: () => document.body.classList.toggle("hushed"),
     };

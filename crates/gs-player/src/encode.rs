@@ -2,6 +2,7 @@
 
 use crate::axis_permutation::AxisPermutation;
 use crate::options::Options;
+use crate::overlay::{Annotations, Overlay};
 use crate::pack::{self, Entry, Label};
 use crate::survey::{self, Groups, Rows};
 use crate::tracks::{self, Tracks};
@@ -23,6 +24,8 @@ pub struct Encoded {
     pub payload: Vec<u8>,
     /// Contents and losses.
     pub report: EncodeReport,
+    /// Overlays of the payload.
+    pub(crate) overlays: Vec<Overlay>,
 }
 
 /// Counts, errors and sizes of an encoded payload.
@@ -62,7 +65,7 @@ struct Header<'a> {
     groups: [usize; 4],
     sh_degree: usize,
     origin: [f64; 3],
-    attributes: &'a [Entry],
+    attributes: &'a [Entry<'a>],
 }
 
 /// Encodes `first` and, if given, `second` at `times`, which become evenly spaced frames.
@@ -78,7 +81,24 @@ pub fn encode(
     options: &Options,
     progress: &mut dyn FnMut(usize, usize),
 ) -> Result<Encoded, PlayerError> {
+    encode_annotated(first, second, times, options, &Annotations::default(), progress)
+}
+
+/// As [`encode()`], with overlays and row numbers.
+///
+/// # Errors
+/// As [`encode()`], and if an overlay does not fit the scenes.
+pub fn encode_annotated(
+    first: &dyn DynamicScene,
+    second: Option<&dyn DynamicScene>,
+    times: &[f32],
+    options: &Options,
+    annotations: &Annotations<'_>,
+    progress: &mut dyn FnMut(usize, usize),
+) -> Result<Encoded, PlayerError> {
     options.check()?;
+    let rows = [first.num_splats(), second.map_or(0, DynamicScene::num_splats)];
+    annotations.check(rows)?;
     if times.is_empty() {
         return Err(PlayerError::NoFrames);
     }
@@ -126,6 +146,7 @@ pub fn encode(
     }
     let clamped = recorder.clamped;
     let [a, twins, shared, b] = groups.counts();
+    recorder.annotate(&groups, annotations);
     let (raw, moving) = recorder.finish(&groups, times.len(), degree)?;
     let mut compressed = GzEncoder::new(Vec::new(), Compression::best());
     compressed.write_all(&raw)?;
@@ -144,7 +165,7 @@ pub fn encode(
         position_error: (position_step / 2.0, position_step * options.tolerance),
         bytes: (raw.len(), payload.len()),
     };
-    Ok(Encoded { payload, report })
+    Ok(Encoded { payload, report, overlays: annotations.overlays.to_vec() })
 }
 
 /// The tracks of all attributes while frames are added.
@@ -155,6 +176,8 @@ struct Recorder {
     opacity: Tracks,
     color: Tracks,
     shading: Option<Tracks>,
+    /// Names and values of constant attributes of the looks.
+    annotations: Vec<(String, Tracks)>,
     options: Options,
     origin: [f64; 3],
     position_step: f64,
@@ -187,6 +210,7 @@ impl Recorder {
             opacity: tracks(looks, 1),
             color: tracks(looks, 3),
             shading: (rest > 0).then(|| tracks(looks, 3 * rest)),
+            annotations: Vec::new(),
             options: *options,
             origin,
             position_step,
@@ -268,6 +292,30 @@ impl Recorder {
         }
     }
 
+    /// Adds the annotations, which do not change over time.
+    fn annotate(&mut self, groups: &Groups, annotations: &Annotations<'_>) {
+        let looks = groups.looks();
+        let mut add =
+            |name: String, channels: usize, values: &dyn Fn([Option<usize>; 2]) -> [i32; 2]| {
+                let mut tracks = Tracks::new(looks.len(), channels, self.options.tolerance);
+                for (row, look) in looks.iter().enumerate() {
+                    tracks.start(row, &values(*look)[..channels]);
+                }
+                self.annotations.push((name, tracks));
+            };
+        for overlay in annotations.overlays {
+            let entry = |scene: usize, row: usize| i32::from(overlay.entries[scene][row]);
+            add(overlay.attribute(), 1, &|[first, second]| {
+                let shown = second.map(|row| entry(1, row)).or(first.map(|row| entry(0, row)));
+                [shown.unwrap_or(0), 0]
+            });
+        }
+        if annotations.row_numbers {
+            let number = |row: Option<usize>| row.and_then(|row| i32::try_from(row).ok());
+            add("row".to_owned(), 2, &|look| look.map(|row| number(row).unwrap_or(-1)));
+        }
+    }
+
     /// Sorts the rows and writes all streams. Also counts the geometry rows that move.
     fn finish(
         mut self,
@@ -287,22 +335,29 @@ impl Recorder {
             .collect();
         let (rows, looks) = order(groups, &self.position.base, &moves);
         let options = &self.options;
-        let label = |name, table, implied, step| Label { name, table, implied, step };
         let mut streams = Vec::new();
         let mut attributes = Vec::new();
         for (label, tracks) in [
-            (label("position", "geometry", 0, self.position_step), &self.position),
-            (label("rotation", "geometry", 1, options.rotation_step), &self.rotation),
-            (label("scale", "geometry", 0, options.scale_step), &self.scale),
-            (label("opacity", "look", 0, options.opacity_step), &self.opacity),
-            (label("color", "look", 0, options.color_step), &self.color),
+            (Label::of("position", "geometry", 0, self.position_step), &self.position),
+            (Label::of("rotation", "geometry", 1, options.rotation_step), &self.rotation),
+            (Label::of("scale", "geometry", 0, options.scale_step), &self.scale),
+            (Label::of("opacity", "look", 0, options.opacity_step), &self.opacity),
+            (Label::of("color", "look", 0, options.color_step), &self.color),
         ] {
             let order = if label.table == "geometry" { &rows } else { &looks };
             attributes.push(pack::write(label, tracks, order, &mut streams));
         }
         if let Some(shading) = &self.shading {
-            let label = label("shading", "look", 0, options.shading_step);
+            let label = Label::of("shading", "look", 0, options.shading_step);
             attributes.push(pack::write(label, shading, &looks, &mut streams));
+        }
+        for (name, tracks) in &self.annotations {
+            attributes.push(pack::write(
+                Label::of(name, "look", 0, 1.0),
+                tracks,
+                &looks,
+                &mut streams,
+            ));
         }
         let header = serde_json::to_vec(&Header {
             version: 1,

@@ -40,6 +40,14 @@ pub enum PlayerError {
         /// The valid values.
         expected: &'static str,
     },
+    /// An overlay does not fit the scenes or its palette.
+    #[error("player: overlay `{name}`: {what}")]
+    Overlay {
+        /// Name of the overlay.
+        name: String,
+        /// What does not fit.
+        what: String,
+    },
     /// A scene could not be evaluated at one of the times.
     #[error("player: scene at time {time}")]
     Scene {

@@ -7,6 +7,10 @@
 //! natively. [`page()`] embeds it in a page with the player (`player/`, plain JavaScript and GLSL).
 //! The crate's `README.md` documents the byte layout.
 //!
+//! # Picking
+//!
+//! With [`Annotations::row_numbers`], the page returns the splat that contributes most to a pixel.
+//!
 //! Deliberately absent: files, rendering (the caller provides the poster), and network access,
 //! which the page's policy forbids.
 //!
@@ -25,15 +29,17 @@ mod base91;
 mod encode;
 mod error;
 mod options;
+mod overlay;
 mod pack;
 mod page;
 mod survey;
 mod tracks;
 
-pub use encode::{EncodeReport, Encoded, MAGIC, encode};
+pub use encode::{EncodeReport, Encoded, MAGIC, encode, encode_annotated};
 pub use error::{MAX_FRAMES, PlayerError};
 pub use options::Options;
-pub use page::{Page, Poster, page};
+pub use overlay::{Annotations, Legend, MAX_ENTRIES, Overlay};
+pub use page::{Page, Poster, Source, page, served_page, source_file};
 
 #[cfg(doctest)]
 #[doc = include_str!("../README.md")]

@@ -6,8 +6,8 @@ use serde::Serialize;
 
 /// One attribute in the payload's header.
 #[derive(Debug, Serialize)]
-pub(crate) struct Entry {
-    pub(crate) name: &'static str,
+pub(crate) struct Entry<'a> {
+    pub(crate) name: &'a str,
     /// Table of the rows: `geometry` or `look`.
     pub(crate) table: &'static str,
     pub(crate) channels: usize,
@@ -27,12 +27,18 @@ pub(crate) struct Entry {
 
 /// Name, table and step of an attribute.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Label {
-    pub(crate) name: &'static str,
+pub(crate) struct Label<'a> {
+    pub(crate) name: &'a str,
     pub(crate) table: &'static str,
     /// Leading channels not stored for the first frame.
     pub(crate) implied: usize,
     pub(crate) step: f64,
+}
+
+impl<'a> Label<'a> {
+    pub(crate) fn of(name: &'a str, table: &'static str, implied: usize, step: f64) -> Self {
+        Self { name, table, implied, step }
+    }
 }
 
 /// Moves the sign to the lowest bit, so that small magnitudes become small numbers.
@@ -86,7 +92,12 @@ fn shorter(plain: Vec<u32>, other: Vec<u32>) -> (bool, Vec<u32>, usize) {
 }
 
 /// Appends finished tracks with the rows in the given order, and returns their header entry.
-pub(crate) fn write(label: Label, tracks: &Tracks, order: &[usize], out: &mut Vec<u8>) -> Entry {
+pub(crate) fn write<'a>(
+    label: Label<'a>,
+    tracks: &Tracks,
+    order: &[usize],
+    out: &mut Vec<u8>,
+) -> Entry<'a> {
     let channels = tracks.channels;
     let base_channels = channels - label.implied;
     let stored = |row: usize| &tracks.base[row * channels + label.implied..(row + 1) * channels];

@@ -46,6 +46,16 @@ impl Groups {
     pub(crate) fn counts(&self) -> [usize; 4] {
         [self.a.len(), self.twins.len(), self.shared.len(), self.b.len()]
     }
+
+    /// For each look in the order in which looks are stored, its row in either scene.
+    pub(crate) fn looks(&self) -> Vec<[Option<usize>; 2]> {
+        let first = self.a.iter().map(|&row| [Some(row), None]);
+        let twins = self.twins.iter().map(|&(row, _)| [Some(row), None]);
+        let shared = self.shared.iter().map(|&(first, second)| [Some(first), Some(second)]);
+        let other_twins = self.twins.iter().map(|&(_, row)| [None, Some(row)]);
+        let second = self.b.iter().map(|&row| [None, Some(row)]);
+        first.chain(twins).chain(shared).chain(other_twins).chain(second).collect()
+    }
 }
 
 /// Evaluates the scene at `time` and checks that rows persist.

@@ -1,6 +1,7 @@
 //! Arguments of `c4d export`.
 
 use super::export_format::ExportFormat;
+use super::overlay::OverlayArg;
 use super::shared::SceneFlags;
 use super::views::{AxesArg, Up};
 use clap::Args;
@@ -62,6 +63,15 @@ pub(crate) struct ExportArgs {
     /// fit the motion, or the text is very large
     #[arg(long, help_heading = "Content")]
     pub(crate) force: bool,
+    /// html: overlays to choose from in the page
+    #[arg(
+        long,
+        value_enum,
+        value_delimiter = ',',
+        value_name = "NAME,…",
+        help_heading = "Content"
+    )]
+    pub(crate) overlay: Vec<OverlayArg>,
     /// The world's upward direction to store in the file [default: that of the scene]
     #[arg(long, value_enum, allow_hyphen_values = true, help_heading = "Metadata")]
     pub(crate) up: Option<Up>,

@@ -1,7 +1,7 @@
 //! Arguments of `c4d render`.
 
 use super::values::{Crop, parse_background, parse_crop, parse_size};
-use super::{AxesArg, CamerasAs, SceneFlags, SplitArg, Up};
+use super::{AxesArg, CamerasAs, OverlayArg, SceneFlags, SplitArg, Up};
 use clap::{Args, ValueEnum};
 use std::path::PathBuf;
 
@@ -108,6 +108,14 @@ pub(crate) enum Pass {
     Evidence,
     /// Artifact mask (Eq. 17)
     Mask,
+    /// Parts that move rigidly, as `part N` of c4d edit selects them
+    Parts,
+    /// Largest distance from the place at the edited frame; exr and npy: world units
+    Motion,
+    /// Runs: how well the source determines the motion; exr and npy: 0 to 1
+    Confidence,
+    /// Runs: what the edit changed
+    Changed,
 }
 
 impl Pass {
@@ -121,6 +129,17 @@ impl Pass {
         matches!(self, Self::Uncertainty | Self::Evidence | Self::Mask)
     }
 
+    /// The overlay that it shows, if it shows one.
+    pub(crate) fn overlay(self) -> Option<OverlayArg> {
+        match self {
+            Self::Parts => Some(OverlayArg::Parts),
+            Self::Motion => Some(OverlayArg::Motion),
+            Self::Confidence => Some(OverlayArg::Confidence),
+            Self::Changed => Some(OverlayArg::Changed),
+            _ => None,
+        }
+    }
+
     /// Folder and file-name part.
     pub(crate) fn name(self) -> &'static str {
         match self {
@@ -131,6 +150,10 @@ impl Pass {
             Self::Uncertainty => "uncertainty",
             Self::Evidence => "evidence",
             Self::Mask => "mask",
+            Self::Parts => "parts",
+            Self::Motion => "motion",
+            Self::Confidence => "confidence",
+            Self::Changed => "changed",
         }
     }
 }

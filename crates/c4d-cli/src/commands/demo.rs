@@ -111,6 +111,7 @@ pub(crate) fn run(args: &DemoArgs, global: &Global, console: &Console) -> Outcom
         edit_time: opened.edit_time,
         mask: opened.mask,
         evidence: &[],
+        layers: &[],
         original: opened.original.as_deref(),
         times: &times,
         views: &Views::Fixed(front),

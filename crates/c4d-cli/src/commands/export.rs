@@ -7,7 +7,8 @@ mod manifest;
 mod snapshot;
 mod written;
 
-pub(super) use written::say;
+pub(crate) use html::failure as page_failure;
+pub(crate) use written::say;
 
 use crate::args::{ExportArgs, ExportFormat, Global, Up};
 use crate::console::Console;

@@ -16,3 +16,4 @@ pub(crate) mod refine;
 pub(crate) mod render;
 pub(crate) mod shell;
 pub(crate) mod source_match;
+pub(crate) mod view;

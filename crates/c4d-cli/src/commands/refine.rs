@@ -35,7 +35,7 @@ use std::path::Path;
 use watch::Watch;
 
 /// Size of the rig's images, pixels.
-pub(super) const RIG_SIZE: (u32, u32) = (640, 480);
+pub(crate) const RIG_SIZE: (u32, u32) = (640, 480);
 /// Times that images are drawn from.
 const FRAMES: usize = 30;
 /// Most cameras of a data set used: each is drawn at the edited time and at others.

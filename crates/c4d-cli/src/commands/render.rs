@@ -1,34 +1,35 @@
 //! `c4d render`: images and videos of a scene or run.
 
+mod losses;
+mod shot;
+mod stills;
 mod views;
 
+pub(crate) use shot::Shot;
 pub(crate) use views::Views;
 
 use super::export::say;
-use crate::animated_image::{AnimatedImage, GIF_MAX_FPS, GifWriter, WebpWriter};
+use crate::animated_image::{AnimatedImage, GifWriter, WebpWriter};
 use crate::args::{Format, Global, LeftHalf, Pass, RenderArgs};
-use crate::camera_rig::CameraRig;
 use crate::console::Console;
 use crate::device::Device;
+use crate::evidence::evidence;
 use crate::failure::{Failure, Outcome};
 use crate::frames::{self, Timing};
 use crate::output::{existing, output_failure, refuse_overlap};
-use crate::passes::{self, PassImage};
-use crate::renderer::{self, Renderer};
-use crate::scene::{self, Opened};
+use crate::overlays::LayerSource;
+use crate::renderer;
+use crate::scene;
 use crate::video::VideoWriter;
-use crate::{images, memory, rates, still};
+use crate::{images, memory, still};
 use amg::EditedScene;
-use cuar::BeforeEdit;
-use gs_core::{Camera, DynamicScene, Image, RenderOutput, Splats};
-use gs_io::{AtomicDir, AtomicFile, Existing, Losses};
-use std::fs::File;
-use std::io::BufWriter;
-use std::path::{Path, PathBuf};
+use gs_core::{Camera, DynamicScene};
+use gs_io::{AtomicFile, Existing};
+use gs_player::{Legend, Overlay};
+use losses::losses;
+use std::path::Path;
+use stills::stills;
 
-/// Memory per pixel of an image, bytes: colour, coverage, depth and state of the rasteriser, two
-/// images side by side, and a copy for the encoder.
-const BYTES_PER_PIXEL: u64 = 64;
 /// Largest number of frames on a contact sheet.
 const SHEET_FRAMES: usize = 12;
 /// Widest contact sheet, pixels.
@@ -67,7 +68,8 @@ pub(crate) fn run(args: &RenderArgs, global: &Global, console: &Console) -> Outc
     for camera in views.cameras() {
         camera.check().map_err(Failure::input)?;
     }
-    if args.side_by_side.is_some() && args.passes.iter().any(|pass| pass.is_relative()) {
+    let is_plain = |pass: &Pass| !pass.is_relative() && pass.overlay().is_none();
+    if args.side_by_side.is_some() && !args.passes.iter().all(is_plain) {
         return Err(Failure::usage("--side-by-side shows rgb, alpha or depth"));
     }
     let device = Device::open(global.gpu)?;
@@ -76,6 +78,13 @@ pub(crate) fn run(args: &RenderArgs, global: &Global, console: &Console) -> Outc
     } else {
         Vec::new()
     };
+    let mut layer_source = LayerSource::new(&opened);
+    let mut layers = Vec::new();
+    for (pass, kind) in args.passes.iter().filter_map(|pass| Some((*pass, pass.overlay()?))) {
+        let layer = layer_source.layer(kind, &[], console)?;
+        say_legend(&layer.overlay, console);
+        layers.push((pass, layer));
+    }
     let unrefined = match args.side_by_side {
         Some(LeftHalf::Unrefined) => Some(unrefined(&args.scene, global, console)?),
         _ => None,
@@ -85,6 +94,7 @@ pub(crate) fn run(args: &RenderArgs, global: &Global, console: &Console) -> Outc
         edit_time: opened.edit_time,
         mask: opened.mask,
         evidence: &evidence,
+        layers: &layers,
         original: match args.side_by_side {
             Some(LeftHalf::Original) => opened.original.as_deref(),
             Some(LeftHalf::Unrefined) => unrefined.as_ref().map(|scene| scene as &dyn DynamicScene),
@@ -107,6 +117,21 @@ pub(crate) fn run(args: &RenderArgs, global: &Global, console: &Console) -> Outc
     }
 }
 
+/// Prints the meaning of an overlay's colours.
+fn say_legend(overlay: &Overlay, console: &Console) {
+    let color = |entry: u8| {
+        let [r, g, b] = overlay.palette[usize::from(entry)];
+        format!("#{r:02x}{g:02x}{b:02x}")
+    };
+    let Legend { classes, scale } = &overlay.legend;
+    let classes = classes.iter().map(|(entry, label)| format!("{} {label}", color(*entry)));
+    let scale = scale
+        .iter()
+        .map(|(from, low, to, high)| format!("{} {low} to {} {high}", color(*from), color(*to)));
+    let lines: Vec<String> = scale.chain(classes).collect();
+    console.note(format!("{} ({}): {}", overlay.name, overlay.title, lines.join(", ")));
+}
+
 /// The run without its refinement.
 fn unrefined(path: &Path, global: &Global, console: &Console) -> Outcome<EditedScene> {
     let run = scene::open_run(path, global, console)?;
@@ -118,36 +143,6 @@ fn unrefined(path: &Path, global: &Global, console: &Console) -> Outcome<EditedS
         .next(format!("Refine it first: c4d refine {}", path.display())));
     }
     run.scene(path, false)
-}
-
-/// ξ′ of a run's splats in the edited frame, from the views of a
-/// refinement without cameras; empty for other scenes.
-fn evidence(opened: &Opened, device: &Device) -> Outcome<Vec<f32>> {
-    let (Some(original), Some(source_rows), Some(params)) =
-        (&opened.original, &opened.source_rows, &opened.mask.evidence)
-    else {
-        return Ok(Vec::new());
-    };
-    let rig = CameraRig::of_scene(original.as_ref(), opened.up).map_err(Failure::bad_input)?;
-    let (cameras, _) = rig.refining(super::refine::RIG_SIZE);
-    let before = BeforeEdit { scene: original.as_ref(), source_rows };
-    let scene = opened.scene.as_ref();
-    passes::evidence(device, scene, &before, opened.edit_time, &cameras, params)
-}
-
-/// Scene, views and times of a render.
-pub(crate) struct Shot<'a> {
-    pub(crate) scene: &'a dyn DynamicScene,
-    pub(crate) edit_time: f32,
-    pub(crate) mask: passes::Mask,
-    /// ξ′ of every splat, or empty.
-    pub(crate) evidence: &'a [f32],
-    pub(crate) original: Option<&'a dyn DynamicScene>,
-    pub(crate) times: &'a [f32],
-    pub(crate) views: &'a Views,
-    pub(crate) background: [f32; 3],
-    pub(crate) device: &'a Device,
-    pub(crate) console: &'a Console,
 }
 
 /// The format implied by the output's name: `.mp4` for a video, `.png` for a contact sheet, no
@@ -170,216 +165,6 @@ fn format_of(output: &Path) -> Outcome<Format> {
         }
         _ => Ok(Format::Png),
     }
-}
-
-impl Shot<'_> {
-    /// Calls `sink` for every image, frames in order. Warns about images
-    /// in which no splat of the scene is visible.
-    fn render(&self, mut sink: impl FnMut(&Exposure<'_>) -> Outcome) -> Outcome {
-        let pixels = |camera: &Camera| u64::from(camera.width) * u64::from(camera.height);
-        let largest = self.views.cameras().iter().map(pixels).max().unwrap_or(0);
-        memory::require(
-            &format!("an image of {largest} pixels"),
-            largest * BYTES_PER_PIXEL,
-            "Give a smaller --size.",
-        )?;
-        let (mut empty, mut count) = (0, 0);
-        self.expose(|exposure| {
-            count += 1;
-            empty += usize::from(exposure.output.alpha.iter().all(|alpha| *alpha == 0.0));
-            sink(exposure)
-        })?;
-        if empty > 0 {
-            let what = if empty == count {
-                "no image shows".to_owned()
-            } else {
-                format!("{empty} of {count} images show none")
-            };
-            self.console.warn(format!(
-                "{what} any of the scene's splats: check that the cameras belong to \
-                              it"
-            ));
-        }
-        Ok(())
-    }
-
-    fn expose(&self, mut sink: impl FnMut(&Exposure<'_>) -> Outcome) -> Outcome {
-        let mut edited = Renderer::new(self.device, self.background);
-        let mut original =
-            self.original.map(|scene| (scene, Renderer::new(self.device, self.background)));
-        let per_frame = self.views.of_frame(0).len() as u64;
-        let mut progress = self.console.progress("render", self.times.len() as u64 * per_frame);
-        for (frame, &t) in self.times.iter().enumerate() {
-            edited.seek(self.scene, t)?;
-            if let Some((scene, renderer)) = &mut original {
-                renderer.seek(*scene, t)?;
-            }
-            for camera in self.views.of_frame(frame) {
-                let original = match &mut original {
-                    Some((_, renderer)) => Some(renderer.render(camera)?),
-                    None => None,
-                };
-                let (output, splats) = edited.render_with_splats(camera)?;
-                sink(&Exposure { frame, camera, splats, output, original })?;
-                progress.step();
-            }
-        }
-        let elapsed = progress.finish();
-        self.console.detail(format!(
-            "{} frames in {:.1} s",
-            self.times.len(),
-            elapsed.as_secs_f64()
-        ));
-        Ok(())
-    }
-}
-
-/// One rendered image with its view and time.
-struct Exposure<'a> {
-    frame: usize,
-    camera: &'a Camera,
-    splats: &'a Splats,
-    output: &'a RenderOutput,
-    original: Option<&'a RenderOutput>,
-}
-
-impl Exposure<'_> {
-    /// The image of the pass, next to that of the original if there is one.
-    fn image(&self, pass: Pass) -> Image {
-        let image = pass_image(pass, self.output);
-        match self.original {
-            Some(original) => renderer::side_by_side(&pass_image(pass, original), &image),
-            None => image,
-        }
-    }
-}
-
-fn pass_image(pass: Pass, output: &RenderOutput) -> Image {
-    match pass {
-        Pass::Alpha => output.alpha_image(),
-        Pass::Depth => output.depth_image(),
-        _ => output.rgb_image(),
-    }
-}
-
-/// Folder of one view and pass; a single view has no subfolder.
-fn stills_folder(root: &Path, views: &Views, camera: &Camera, pass: Pass) -> PathBuf {
-    match views {
-        Views::Fixed(cameras) if cameras.len() > 1 => {
-            let index = cameras.iter().position(|other| std::ptr::eq(other, camera)).unwrap_or(0);
-            let safe: String = camera
-                .name
-                .chars()
-                .map(|c| if c.is_ascii_alphanumeric() || "-_.".contains(c) { c } else { '_' })
-                .collect();
-            root.join(format!("{index:03}_{safe}")).join(pass.name())
-        }
-        _ => root.join(pass.name()),
-    }
-}
-
-fn stills(args: &RenderArgs, global: &Global, shot: &Shot<'_>, format: Format) -> Outcome {
-    if format == Format::Flo && args.passes != [Pass::Flow] {
-        return Err(Failure::usage("--format flo contains flow only").next("Add --passes flow."));
-    }
-    let folder = AtomicDir::create(&args.output, existing(global))
-        .map_err(|error| output_failure(&error))?;
-    let mut depth_range = (f32::INFINITY, f32::NEG_INFINITY);
-    if format == Format::Png && args.passes.contains(&Pass::Depth) {
-        depth_range = depth_extent(shot)?;
-        shot.console.note(format!(
-            "depth is scaled: black is {}, white is {}",
-            depth_range.0, depth_range.1
-        ));
-    }
-    let then = if args.passes.iter().any(|pass| pass.is_relative()) {
-        shot.scene.at(shot.edit_time).map_err(Failure::input)?
-    } else {
-        Splats::default()
-    };
-    let mut count = 0;
-    shot.render(|exposure| {
-        for &pass in &args.passes {
-            let folder = stills_folder(folder.path(), shot.views, exposure.camera, pass);
-            std::fs::create_dir_all(&folder).map_err(|error| Failure::write(&folder, &error))?;
-            let path = |extension: &str| folder.join(format!("{:05}.{extension}", exposure.frame));
-            let image = if pass.is_relative() {
-                let Exposure { splats, camera, .. } = exposure;
-                let then = (&then, shot.evidence);
-                passes::render(pass, shot.mask, shot.device, splats, then, camera)?
-            } else {
-                PassImage::Grey(exposure.image(pass))
-            };
-            match (image, format) {
-                (PassImage::Flow(flow), Format::Exr) => {
-                    let channels = ["forward.u", "forward.v", "A"];
-                    images::write_exr(&path("exr"), &passes::flow_with_coverage(&flow), &channels)?;
-                }
-                (PassImage::Flow(flow), Format::Npy) => {
-                    images::write_npy(&path("npy"), &passes::flow_image(&flow))?;
-                }
-                (PassImage::Flow(flow), Format::Flo) => {
-                    let bytes =
-                        cuar::encode_flo(&passes::flow_image(&flow)).map_err(Failure::failed)?;
-                    let path = path("flo");
-                    std::fs::write(&path, bytes).map_err(|error| Failure::write(&path, &error))?;
-                }
-                (PassImage::Flow(flow), _) => {
-                    write_png(&path("png"), &cuar::flow_wheel(&passes::flow_image(&flow), None))?;
-                }
-                (PassImage::Grey(image), Format::Exr) => {
-                    images::write_exr(&path("exr"), &image, channels(pass))?;
-                }
-                (PassImage::Grey(image), Format::Npy) => images::write_npy(&path("npy"), &image)?,
-                (PassImage::Grey(mut image), _) => {
-                    if pass == Pass::Depth {
-                        stretch(&mut image, depth_range);
-                    }
-                    write_png(&path("png"), &image)?;
-                }
-            }
-            count += 1;
-        }
-        Ok(())
-    })?;
-    folder.commit().map_err(|error| output_failure(&error))?;
-    say(&losses(format, args, shot.times.len(), 0.0), shot.console);
-    shot.console.result(format!("{} ({count} images)", args.output.display()));
-    Ok(())
-}
-
-/// Names of the channels of an EXR.
-fn channels(pass: Pass) -> &'static [&'static str] {
-    match pass {
-        Pass::Alpha => &["A"],
-        Pass::Depth => &["Z"],
-        Pass::Uncertainty | Pass::Evidence | Pass::Mask => &["Y"],
-        Pass::Rgb | Pass::Flow => &["R", "G", "B"],
-    }
-}
-
-/// Smallest and largest depth over the clip, for the same scaling of all frames.
-fn depth_extent(shot: &Shot<'_>) -> Outcome<(f32, f32)> {
-    let mut range = (f32::INFINITY, f32::NEG_INFINITY);
-    shot.expose(|exposure| {
-        for &z in &exposure.output.depth {
-            range = (range.0.min(z), range.1.max(z));
-        }
-        Ok(())
-    })?;
-    Ok(range)
-}
-
-fn stretch(image: &mut Image, (near, far): (f32, f32)) {
-    let span = (far - near).max(f32::MIN_POSITIVE);
-    for value in &mut image.data {
-        *value = (*value - near) / span;
-    }
-}
-
-fn write_png(path: &Path, image: &Image) -> Outcome {
-    let file = File::create(path).map_err(|error| Failure::write(path, &error))?;
-    images::write_png(BufWriter::new(file), path, image)
 }
 
 fn single_view(shot: &Shot<'_>, what: &str) -> Outcome {
@@ -479,53 +264,6 @@ fn looping(
     say(&losses(format, args, shot.times.len(), fps), shot.console);
     shot.console.result(path.display());
     Ok(())
-}
-
-/// Losses of a render's format.
-fn losses(format: Format, args: &RenderArgs, frames: usize, fps: f64) -> Losses {
-    let mut losses = Losses::none();
-    match format {
-        Format::Mp4 => {
-            losses.push(
-                "8 bits per channel, colour at half the resolution, slightly lossy \
-                        (H.264, quantiser 16 to 20)",
-            );
-            losses.push("sides must be even: an odd last column or row is cut");
-        }
-        Format::Gif => {
-            losses.push("255 colours per frame, dithered; changes of at most 3/255 are not drawn");
-            if fps > GIF_MAX_FPS {
-                losses.push(format!(
-                    "{} frames per second become {GIF_MAX_FPS}, the highest rate that browsers \
-                    play",
-                    rates::rounded(fps)
-                ));
-            } else {
-                losses.push("times are rounded to hundredths of a second");
-            }
-        }
-        Format::Webp => {
-            losses.push(
-                "8 bits per channel, else exact; times are rounded to thousandths of a \
-                        second",
-            );
-        }
-        Format::Png => {
-            losses.push("8 bits per channel; values are clipped to 0–1");
-            if args.passes.contains(&Pass::Depth) {
-                losses.push("depth is scaled to its range");
-            }
-            if args.passes.contains(&Pass::Flow) {
-                losses.push("flow is encoded as colours");
-            }
-        }
-        Format::Sheet if frames > 1 => {
-            losses.push("8 bits per channel, reduced in size, at most twelve frames");
-        }
-        Format::Sheet => losses.push("8 bits per channel; values are clipped to 0–1"),
-        Format::Exr | Format::Npy | Format::Flo => {}
-    }
-    losses
 }
 
 fn sheet(args: &RenderArgs, global: &Global, shot: &Shot<'_>) -> Outcome {

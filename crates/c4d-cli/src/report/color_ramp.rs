@@ -1,4 +1,4 @@
-//! Errors as colours.
+//! Numbers as colours.
 
 use gs_core::Image;
 
@@ -14,17 +14,20 @@ const RAMP: [[f32; 3]; 5] = [
 /// One channel, 0 to 1, as colours.
 pub(crate) fn heat(map: &Image) -> Image {
     let mut out = Image::zeros(map.width, map.height, 3);
-    let last = RAMP.len() - 1;
     for (pixel, &value) in out.data.chunks_exact_mut(3).zip(&map.data) {
-        let at = value.clamp(0.0, 1.0) * last as f32;
-        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to 4")]
-        let low = (at.floor() as usize).min(last - 1);
-        let share = at - low as f32;
-        for c in 0..3 {
-            pixel[c] = RAMP[low][c] + share * (RAMP[low + 1][c] - RAMP[low][c]);
-        }
+        pixel.copy_from_slice(&ramp_color(value));
     }
     out
+}
+
+/// The colour of a value, 0 to 1.
+pub(crate) fn ramp_color(value: f32) -> [f32; 3] {
+    let last = RAMP.len() - 1;
+    let at = value.clamp(0.0, 1.0) * last as f32;
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to 4")]
+    let low = (at.floor() as usize).min(last - 1);
+    let share = at - low as f32;
+    [0, 1, 2].map(|c| RAMP[low][c] + share * (RAMP[low + 1][c] - RAMP[low][c]))
 }
 
 #[cfg(test)]

@@ -9,6 +9,7 @@ mod picture;
 mod plot;
 mod run_report;
 
+pub(crate) use color_ramp::ramp_color;
 pub(crate) use page::{MAX_BYTES, Page, escape};
 pub(crate) use picture::{Triple, wipe};
 pub(crate) use plot::{Curve, Plot};

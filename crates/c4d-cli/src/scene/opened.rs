@@ -1,6 +1,7 @@
 //! [`Opened`]: a scene with the metadata of its files.
 
 use crate::passes::Mask;
+use amg::Binding;
 use gs_core::DynamicScene;
 use gs_io::{DeformedModel, SceneKind};
 use std::path::PathBuf;
@@ -24,6 +25,8 @@ pub(crate) struct Opened {
     pub(crate) original: Option<Arc<dyn DynamicScene>>,
     /// For each splat of a run, the source splat with the same geometry, moved or not.
     pub(crate) source_rows: Option<Vec<Option<u32>>>,
+    /// What each splat of a run follows, as `c4d propagate` found it.
+    pub(crate) binding: Option<Arc<Binding>>,
     /// Time of the edited frame: a run's, else the start.
     pub(crate) edit_time: f32,
     /// The world's upward direction, according to the files.

@@ -96,6 +96,72 @@ fn pictures_of_a_data_set_are_found_by_name() {
     );
 }
 
+/// A data set in the layout of D-NeRF: four views of a turn, each at its own time.
+fn data_set(folder: &Path) -> PathBuf {
+    let set = folder.join("set");
+    std::fs::create_dir_all(set.join("test")).unwrap();
+    let frame = |i: i32| {
+        let (sin, cos) = (0.4 * f64::from(i)).sin_cos();
+        serde_json::json!({
+            "file_path": format!("./test/r_{i:03}"),
+            "time": f64::from(i) / 3.0,
+            // Camera to world, OpenGL axes: four units from the figure, at the height of its hips.
+            "transform_matrix": [
+                [cos, 0.0, sin, 4.0 * sin],
+                [0.0, 1.0, 0.0, 0.9],
+                [-sin, 0.0, cos, 4.0 * cos],
+                [0.0, 0.0, 0.0, 1.0],
+            ],
+        })
+    };
+    for split in ["train", "val", "test"] {
+        let frames: Vec<Value> = (0..4).map(frame).collect();
+        let text = serde_json::json!({ "camera_angle_x": 0.7, "frames": frames });
+        std::fs::write(set.join(format!("transforms_{split}.json")), text.to_string()).unwrap();
+    }
+    set
+}
+
+#[test]
+fn photographs_of_a_data_set_are_compared_at_their_times() {
+    let folder = tempfile::tempdir().unwrap();
+    let (source, set) = (fixture("synth/source"), data_set(folder.path()));
+    let renders = folder.path().join("renders");
+    success(
+        c4d(["render"])
+            .arg(&source)
+            .arg("--cameras")
+            .arg(&set)
+            .args(["--split", "test", "--size", "64x64", "-o"])
+            .arg(&renders),
+    );
+    let photo = |i: usize| set.join(format!("test/r_{i:03}.png"));
+    for i in 0..4 {
+        std::fs::copy(renders.join(format!("rgb/{i:05}.png")), photo(i)).unwrap();
+    }
+    let psnr = |name: &str| {
+        let file = folder.path().join(name);
+        let (said, noted) = success(
+            c4d(["eval"])
+                .arg(&source)
+                .arg("--cameras")
+                .arg(&set)
+                .args(["--split", "test", "--metrics", "truth", "--truth"])
+                .arg(&set)
+                .arg("-o")
+                .arg(&file),
+        );
+        let document: Value = serde_json::from_slice(&std::fs::read(file).unwrap()).unwrap();
+        value(&document, "psnr").as_f64().unwrap_or_else(|| panic!("{said}{noted}"))
+    };
+    assert_eq!(psnr("same.json"), 100.0, "the photographs are the renders");
+    // Two photographs exchanged.
+    std::fs::copy(renders.join("rgb/00003.png"), photo(0)).unwrap();
+    std::fs::copy(renders.join("rgb/00000.png"), photo(3)).unwrap();
+    let exchanged = psnr("exchanged.json");
+    assert!(exchanged < 70.0, "photographs of other times: {exchanged}");
+}
+
 #[test]
 fn what_cannot_be_measured_is_refused() {
     let folder = tempfile::tempdir().unwrap();

@@ -20,7 +20,7 @@ fn a_run_becomes_one_page_with_both_scenes() {
     assert!(text.contains("<title>First walk</title>"), "title from the name");
     assert!(text.contains("src=\"data:image/jpeg;base64,"), "a poster");
     assert!(
-        text.contains("\"names\":[\"Original\",\"Edited\"],\"fps\":30.0,\"frames\":3,"),
+        text.contains("\"fps\":30.0,\"frames\":3,\"scenes\":[{\"name\":\"Original\",\"source\":0,\"second\":0},{\"name\":\"Edited\",\"source\":0,\"second\":1}],"),
         "two scenes"
     );
     assert!(text.trim_end().ends_with("</html>"), "complete");
@@ -33,7 +33,7 @@ fn a_run_becomes_one_page_with_both_scenes() {
     assert!(!said.contains("before the edit"), "one scene: {said}");
     let text = std::fs::read_to_string(&still).unwrap();
     assert!(text.contains("<title>A &amp; B</title>"), "title as given");
-    assert!(text.contains(",0],\"raw_bytes\""), "no second scene");
+    assert!(text.contains(",0],\"overlays\":[]"), "no second scene");
 }
 
 #[test]

@@ -1,12 +1,15 @@
 //! The page in headless Chromium: screenshots at two times and on both sides of the
 //! divider are compared with renders of the scenes before encoding, and the values
-//! decoded by JavaScript with the decoder of these tests.
+//! decoded by JavaScript with the decoder of these tests; overlays with feature passes; picked
+//! splats with the weights of a backward pass.
 //!
 //! Without Chromium these tests fail rather than skip.
 
 use crate::decoder::decode;
-use gs_core::{Camera, DynamicScene, Image, Rasterizer, RenderParams, Splats};
-use gs_player::{Encoded, Options, Page, encode, page};
+use gs_core::{Camera, DynamicScene, Image, Rasterizer, RenderParams, Splats, UpstreamGrads};
+use gs_player::{
+    Annotations, Encoded, Legend, Options, Overlay, Page, Source, encode_annotated, page,
+};
 use gs_raster_cpu::CpuRasterizer;
 use gs_synth::{DemoParams, SynthScene, Truth, apply_edits, demo, demo_edits};
 use std::path::{Path, PathBuf};
@@ -20,6 +23,8 @@ const MIN_PSNR: f64 = 50.0;
 /// Worst seen 0.00115: half a step of the 8 bits of a screenshot is 0.001.
 const MAX_MEAN_DIFFERENCE: f64 = 0.0025;
 const CONTROL_PSNR: f64 = 30.0;
+/// Share of values that may differ by more than [`OVERLAY_LEVELS`].
+const MAX_BEYOND: f64 = 0.001;
 
 struct Fixture {
     original: SynthScene,
@@ -27,36 +32,51 @@ struct Fixture {
     times: Vec<f32>,
     camera: Camera,
     encoded: Encoded,
+    overlay: Overlay,
     folder: tempfile::TempDir,
 }
 
 impl Fixture {
     fn new() -> Self {
+        Self::with(&Options { sh_degree: 3, ..Options::default() })
+    }
+
+    fn with(options: &Options) -> Self {
         let params = DemoParams { num_splats: 6_000, ..DemoParams::default() };
         let original = demo(&params).unwrap();
         let edited = apply_edits(&original, &demo_edits(), 7).unwrap().truth;
         let times = original.time_range().frames(FRAMES);
         let camera =
             Camera::look_at([0.6, 1.5, 4.4], [0.0, 0.9, 0.0], [0.0, 1.0, 0.0], 0.7, SIZE.0, SIZE.1);
-        let options = Options { sh_degree: 3, ..Options::default() };
-        let encoded = encode(&original, Some(&edited), &times, &options, &mut |_, _| {}).unwrap();
+        let overlay = overlay([original.num_splats(), edited.num_splats()]);
+        let annotations =
+            Annotations { overlays: std::slice::from_ref(&overlay), row_numbers: true };
+        let encoded = encode_annotated(
+            &original,
+            Some(&edited),
+            &times,
+            options,
+            &annotations,
+            &mut |_, _| {},
+        )
+        .unwrap();
         let folder = tempfile::tempdir().unwrap();
         let text = page(
-            &encoded,
+            &[Source { encoded: &encoded, names: ["Original", "Edited"] }],
             &Page {
                 title: "Test",
-                names: ["Original", "Edited"],
                 fps: 30.0,
                 camera: &camera,
                 target: [0.0, 0.9, 0.0],
                 up: [0.0, 1.0, 0.0],
+                limits: None,
                 background: BACKGROUND,
                 poster: None,
             },
         )
         .unwrap();
         std::fs::write(folder.path().join("page.html"), text).unwrap();
-        Self { original, edited, times, camera, encoded, folder }
+        Self { original, edited, times, camera, encoded, overlay, folder }
     }
 
     /// Reference render of the scene before encoding.
@@ -71,7 +91,12 @@ impl Fixture {
 
     /// Opens the page and waits for its first image; returns a screenshot and the document.
     fn open(&self, hash: &str, flags: &[&str]) -> (Image, String) {
-        let picture = self.folder.path().join(format!("{}.png", hash.replace(['&', '='], "_")));
+        self.open_as(&hash.replace(['&', '='], "_"), hash, flags)
+    }
+
+    /// As [`Fixture::open`], with a name for the screenshot.
+    fn open_as(&self, name: &str, hash: &str, flags: &[&str]) -> (Image, String) {
+        let picture = self.folder.path().join(format!("{name}.png"));
         let document = chromium(&self.folder.path().join("page.html"), hash, flags, &picture);
         assert!(picture.is_file(), "no screenshot of #{hash}; the page:\n{}", problem(&document));
         let decoded = image::open(&picture).unwrap().to_rgb8();
@@ -80,6 +105,16 @@ impl Fixture {
         let (width, height) = (decoded.width() as usize, decoded.height() as usize);
         (Image { width, height, channels: 3, data }, document)
     }
+}
+
+/// An overlay of 12 strong colours in no order.
+fn overlay(rows: [usize; 2]) -> Overlay {
+    let palette: Vec<[u8; 3]> =
+        (0..12_u8).map(|i| [i.wrapping_mul(97), i.wrapping_mul(57), 255 - 20 * i]).collect();
+    let entries = rows.map(|count| (0..count).map(|row| (row * 7919 % 12) as u8).collect());
+    let legend = Legend { classes: vec![(3, "three".to_owned())], scale: None };
+    let (name, title) = ("parts".to_owned(), "Parts".to_owned());
+    Overlay { name, title, palette, legend, entries }
 }
 
 pub(crate) fn browser() -> PathBuf {
@@ -221,6 +256,120 @@ fn check_report(fixture: &Fixture, document: &str) {
         (found - expected).abs() < 1e-6 * rows as f64,
         "sum of the geometry: {found}, expected {expected}"
     );
+}
+
+/// Largest difference of a channel that is no rounding, of 255: the bar of overlays.
+const OVERLAY_LEVELS: f32 = 3.0;
+
+#[test]
+fn overlays_have_the_colours_of_a_feature_pass() {
+    // Fine steps: coarse ones change the order of splats at almost the same depth.
+    let default = Options::default();
+    let fixture = Fixture::with(&Options {
+        position_steps: 1e6,
+        rotation_step: default.rotation_step / 16.0,
+        scale_step: default.scale_step / 16.0,
+        opacity_step: default.opacity_step / 16.0,
+        ..default
+    });
+    let splats = fixture.edited.at(fixture.times[2]).unwrap();
+    let colors: Vec<f32> = fixture.overlay.entries[1]
+        .iter()
+        .flat_map(|&entry| fixture.overlay.palette[usize::from(entry)])
+        .map(|value| f32::from(value) / 255.0)
+        .collect();
+    let raster = CpuRasterizer::default();
+    let mut prepared = raster.prepare(&splats, &fixture.camera).unwrap();
+    let output = raster.forward(&mut prepared, &splats, &colors, &RenderParams::default()).unwrap();
+    let mut expected = output.features_image();
+    for (pixel, alpha) in expected.data.chunks_exact_mut(3).zip(&output.alpha) {
+        for (value, background) in pixel.iter_mut().zip(BACKGROUND) {
+            *value += (1.0 - alpha) * background;
+        }
+    }
+    let plain = fixture.render(&fixture.edited, 2);
+    let beyond = |found: &Image, expected: &Image| {
+        let differ = |(a, b): (&f32, &f32)| (a - b.clamp(0.0, 1.0)).abs() * 255.0 > OVERLAY_LEVELS;
+        let count = found.data.iter().zip(&expected.data).filter(|&pair| differ(pair)).count();
+        count as f64 / found.data.len() as f64
+    };
+    let (found, document) = fixture.open("paused&ui=0&t=0.25&wipe=0&overlay=parts&opacity=1", &[]);
+    let share = beyond(&found, &expected);
+    let worst =
+        found.data.iter().zip(&expected.data).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
+    eprintln!("overlay: {share:.5} beyond {OVERLAY_LEVELS} levels, worst {:.1}", 255.0 * worst);
+    assert_eq!(share, 0.0, "share of the values that differ by more than {OVERLAY_LEVELS}/255");
+    assert!(beyond(&found, &plain) > 0.2, "the overlay is drawn");
+    assert!(document.contains("three"), "the legend names the class");
+    // Half of the overlay's colours and half of the splats'.
+    let (found, _) = fixture.open("paused&ui=0&t=0.25&wipe=0&overlay=parts&opacity=0.498", &[]);
+    let share = 127.0 / 255.0;
+    for (value, plain) in expected.data.iter_mut().zip(&plain.data) {
+        *value = share * *value + (1.0 - share) * plain;
+    }
+    assert!(beyond(&found, &expected) < MAX_BEYOND, "mixed: {}", beyond(&found, &expected));
+}
+
+/// Pixels that are picked.
+const PICKED: usize = 200;
+
+#[test]
+fn the_splat_that_contributes_most_is_picked() {
+    let fixture = Fixture::new();
+    let splats = fixture.edited.at(fixture.times[2]).unwrap();
+    // More places than are counted, because some show nothing.
+    let mut state = 5_u32;
+    let mut share = || {
+        state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+        f64::from(state >> 8) / f64::from(1 << 24)
+    };
+    let places: Vec<String> =
+        (0..6 * PICKED).map(|_| format!("{:.4},{:.4}", share(), share())).collect();
+    let hash = format!("paused&ui=0&t=0.25&wipe=0&pick={}", places.join(";"));
+    let (_, document) = fixture.open_as("picked", &hash, &[]);
+    let picked =
+        between(&document, "<pre id=\"picked\" hidden=\"\">", "</pre>").expect("an answer");
+    let picked: serde_json::Value = serde_json::from_str(picked).unwrap();
+
+    // The browser's canvas can be less high than its screenshots.
+    let side = |k: usize| picked["sides"][k].as_u64().unwrap() as u32;
+    let (width, height) = (side(0), side(1));
+    let fit = f64::min(f64::from(width) / f64::from(SIZE.0), f64::from(height) / f64::from(SIZE.1));
+    let mut camera = Camera { width, height, ..fixture.camera.clone() };
+    camera.intrinsics.fx *= fit;
+    camera.intrinsics.fy *= fit;
+    camera.intrinsics.cx = f64::from(width) / 2.0;
+    camera.intrinsics.cy = f64::from(height) / 2.0;
+    let raster = CpuRasterizer::default();
+    let params = RenderParams::default();
+    let mut prepared = raster.prepare(&splats, &camera).unwrap();
+    let features = vec![0.0; splats.len()];
+    let output = raster.forward(&mut prepared, &splats, &features, &params).unwrap();
+    let (mut right, mut others, mut count) = (0, 0, 0);
+    let mut last = None;
+    for answer in picked["answers"].as_array().unwrap() {
+        let place = |k: usize| answer["place"][k].as_f64().unwrap() as usize;
+        let pixel = place(1) * width as usize + place(0);
+        if count == PICKED || output.alpha[pixel] < 0.5 {
+            continue;
+        }
+        count += 1;
+        let mut mask = vec![0.0; output.alpha.len()];
+        mask[pixel] = 1.0;
+        let upstream = UpstreamGrads { v_features: mask, ..UpstreamGrads::default() };
+        let weights =
+            raster.backward_colors(&mut prepared, &splats, &features, &params, &upstream).unwrap();
+        let weights = weights.v_features;
+        let heaviest = (0..weights.len()).max_by(|&a, &b| weights[a].total_cmp(&weights[b]));
+        let row = answer["row"].as_u64().map(|row| row as usize);
+        right += usize::from(row == heaviest);
+        others += usize::from(last == Some(heaviest));
+        last = Some(row);
+    }
+    eprintln!("picked {right} of {count} right; {others} for the pixel before");
+    assert_eq!(count, PICKED, "pixels that show something");
+    assert!(right * 100 >= 95 * PICKED, "{right} of {PICKED} right");
+    assert!(others * 100 < 20 * PICKED, "{others} right for another pixel");
 }
 
 #[test]

@@ -3,7 +3,10 @@
 use crate::decoder::decode;
 use crate::still::{Frames, row_of};
 use gs_core::Camera;
-use gs_player::{Encoded, Options, Page, PlayerError, encode, page};
+use gs_player::{
+    Annotations, Encoded, Legend, Options, Overlay, Page, PlayerError, Source, encode,
+    encode_annotated, page, served_page, source_file,
+};
 
 fn encoded(scene: &Frames, times: &[f32]) -> Result<Encoded, PlayerError> {
     encode(scene, None, times, &Options::default(), &mut |_, _| {})
@@ -84,20 +87,81 @@ fn titles_cannot_break_the_page() {
     let camera = Camera::look_at([0.0; 3], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0], 0.8, 64, 48);
     let mut settings = Page {
         title: "</title><script>alert(1)</script>{{payload}}",
-        names: ["</script><b>", "Edited"],
         fps: 30.0,
         camera: &camera,
         target: [0.0, 0.0, 1.0],
         up: [0.0, -1.0, 0.0],
+        limits: None,
         background: [0.0; 3],
         poster: None,
     };
-    let text = page(&encoded, &settings).unwrap();
+    let sources = [Source { encoded: &encoded, names: ["</script><b>", "Edited"] }];
+    let text = page(&sources, &settings).unwrap();
     assert!(!text.contains("<script>alert") && !text.contains("</script><b>"), "escaped");
     assert_eq!(text.matches("data-bytes=").count(), 1, "one block, none from the title");
     for word in ["http://", "https://", "fetch(", "XMLHttpRequest", "@import", "url("] {
         assert!(!text.contains(word), "no external resources: {word}");
     }
     settings.fps = f64::NAN;
-    assert!(page(&encoded, &settings).unwrap_err().to_string().contains("fps"), "no frame rate");
+    assert!(page(&sources, &settings).unwrap_err().to_string().contains("fps"), "no frame rate");
+}
+
+#[test]
+fn sources_that_do_not_fit_together_are_refused() {
+    let still = encoded(&Frames(vec![row_of(2)]), &[0.0]).unwrap();
+    let moving = encoded(&Frames(vec![row_of(2)]), &[0.0, 1.0]).unwrap();
+    let camera = Camera::look_at([0.0; 3], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0], 0.8, 64, 48);
+    let settings = Page {
+        title: "T",
+        fps: 30.0,
+        camera: &camera,
+        target: [0.0, 0.0, 1.0],
+        up: [0.0, -1.0, 0.0],
+        limits: None,
+        background: [0.0; 3],
+        poster: None,
+    };
+    let source = |encoded| Source { encoded, names: ["A", "B"] };
+    let refused = |sources: &[Source<'_>]| page(sources, &settings).unwrap_err().to_string();
+    assert!(refused(&[]).contains("expected 1 to 4"), "none");
+    assert!(refused(&[source(&still); 5]).contains("`sources` is 5"), "five");
+    assert!(refused(&[source(&still), source(&moving)]).contains("`frames` is 2"), "frames");
+    let served = served_page(&[source(&still)], &settings).unwrap();
+    assert!(!served.contains("application/vnd.c4d"), "a served page has no payload");
+    assert!(served.contains("connect-src 'self'"), "and may fetch it");
+    let file = source_file(&still).unwrap();
+    let length = u32::from_le_bytes(file[..4].try_into().unwrap()) as usize;
+    let meta: serde_json::Value = serde_json::from_slice(&file[4..4 + length]).unwrap();
+    assert_eq!(meta["splats"][0], 2, "described");
+    assert_eq!(file[4 + length..], still.payload, "complete");
+}
+
+#[test]
+fn overlays_that_do_not_fit_are_refused() {
+    let scene = Frames(vec![row_of(3)]);
+    let good = Overlay {
+        name: "parts".to_owned(),
+        title: "Parts".to_owned(),
+        palette: vec![[0; 3], [255; 3]],
+        legend: Legend { classes: vec![(1, "a".to_owned())], scale: None },
+        entries: [vec![0, 1, 0], Vec::new()],
+    };
+    let result = |overlays: &[Overlay]| {
+        let annotations = Annotations { overlays, row_numbers: false };
+        let options = Options::default();
+        encode_annotated(&scene, None, &[0.0], &options, &annotations, &mut |_, _| {})
+    };
+    assert!(result(std::slice::from_ref(&good)).is_ok(), "fits");
+    let refused = |overlay: Overlay| result(&[overlay]).unwrap_err().to_string();
+    let short = Overlay { entries: [vec![0, 1], Vec::new()], ..good.clone() };
+    assert!(refused(short).contains("entries for 2 and 0 splats"), "too few");
+    let beyond = Overlay { entries: [vec![0, 2, 0], Vec::new()], ..good.clone() };
+    assert!(refused(beyond).contains("entry 2 of a palette of 2 colours"), "no colour");
+    let named = Overlay { name: "A b".to_owned(), ..good.clone() };
+    assert!(refused(named).contains("lower-case letters"), "name");
+    let classes = Legend { classes: vec![(7, "b".to_owned())], scale: None };
+    let legend = Overlay { legend: classes, ..good.clone() };
+    assert!(refused(legend).contains("entry 7"), "legend");
+    let twice = result(&[good.clone(), good]).unwrap_err().to_string();
+    assert!(twice.contains("given twice"), "{twice}");
 }

@@ -4,9 +4,9 @@ use crate::args::Global;
 use crate::console::Console;
 use crate::device::{self, Device};
 use crate::failure::{Failure, Outcome, chain};
+use crate::rigid_parts::rigid_parts;
 use crate::scene::{self, Opened};
 use crate::{cameras, still};
-use amg::RigidParts;
 use gs_core::{Camera, Image, Splats};
 use gs_edit::{EditError, Motion, Needs, Resources, lift_masks, parse_ids};
 use gs_raster_cpu::CpuRasterizer;
@@ -120,7 +120,7 @@ fn find(name: &str, folders: &[PathBuf]) -> Outcome<PathBuf> {
 }
 
 fn motion(input: Input<'_>, console: &Console) -> Outcome<Motion> {
-    let Input { opened, time, splats } = input;
+    let Input { opened, time, .. } = input;
     if opened.kind.is_frame() {
         return Err(Failure::usage(format!(
             "`moving` and `part` need a scene that moves; {} is one frame",
@@ -128,22 +128,8 @@ fn motion(input: Input<'_>, console: &Console) -> Outcome<Motion> {
         ))
         .next("Give the dynamic scene in place of the frame; --time chooses the frame to edit."));
     }
-    let progress = RefCell::new(console.percent("motion"));
-    let share = |done: f32| progress.borrow_mut().set(whole_percent(done));
-    let found = RigidParts::of(opened.scene.as_ref(), time, &share)
-        .map_err(|error| Failure::bad_input(chain(&error)))?;
-    let moving = found.moving.iter().filter(|&&moving| moving).count();
-    console.note(format!(
-        "motion: {moving} of {} splats move, in {} parts",
-        splats.len(),
-        found.num_parts
-    ));
+    let found = rigid_parts(opened.scene.as_ref(), time, console)?;
     Ok(Motion { moving: found.moving, parts: found.parts })
-}
-
-#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to 100")]
-fn whole_percent(share: f32) -> u64 {
-    (100.0 * share.clamp(0.0, 1.0)) as u64
 }
 
 /// RGB and coverage, 0 to 1.

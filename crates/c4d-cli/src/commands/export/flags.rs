@@ -30,7 +30,7 @@ fn check_flags(to: ExportFormat, args: &ExportArgs) -> Outcome {
     };
     const CLIPS: &[ExportFormat] =
         &[PlySeq, Zip, Html, CompressedSeq, Splat4d, Fourdgs, Usda, Splatv];
-    const FLAGS: [Flag; 14] = [
+    const FLAGS: [Flag; 15] = [
         ("--time", &[Ply, CompressedPly, Spz, Splat, Glb, Gltf], |args| args.time.is_some()),
         ("--times", CLIPS, |args| !args.times.is_empty()),
         ("--frames", CLIPS, |args| args.frames.is_some()),
@@ -49,6 +49,7 @@ fn check_flags(to: ExportFormat, args: &ExportArgs) -> Outcome {
             &[Ply, PlySeq, Zip, Html, CompressedPly, CompressedSeq, Splat4d, Usda, Splatv],
             |args| args.up.is_some(),
         ),
+        ("--overlay", &[Html], |args| !args.overlay.is_empty()),
         ("--title", &[Html], |args| args.title.is_some()),
         ("--spz-version", &[Spz], |args| args.spz_version.is_some()),
         ("--spz-axes", &[Spz], |args| args.spz_axes.is_some()),

@@ -2,17 +2,19 @@
 //! original, as one page that plays in any browser.
 
 use super::written::say_written;
-use crate::args::{ExportArgs, Global};
+use crate::args::{ExportArgs, Global, OverlayArg};
 use crate::camera_rig::{CameraRig, DEFAULT_SIZE};
 use crate::console::Console;
 use crate::device::Device;
+use crate::evidence::evidence;
 use crate::failure::{Failure, Outcome, chain};
 use crate::output::{check_sh_degree, existing, output_failure, refuse_overlap};
+use crate::overlays::{Layer, LayerSource};
 use crate::renderer::Renderer;
 use crate::scene::Opened;
 use gs_core::{Camera, DynamicScene, Image};
 use gs_io::{AtomicFile, Losses};
-use gs_player::{EncodeReport, Options, Page, PlayerError, Poster};
+use gs_player::{Annotations, EncodeReport, Options, Overlay, Page, PlayerError, Poster, Source};
 use image::{ExtendedColorType, ImageEncoder, codecs::jpeg::JpegEncoder};
 use std::io::Write;
 use std::path::Path;
@@ -41,12 +43,15 @@ pub(super) fn write(
         Some(original) => (original.as_ref(), Some(opened.scene.as_ref())),
         None => (opened.scene.as_ref(), None),
     };
+    let layers = layers(&args.overlay, opened, global, console)?;
+    let overlays: Vec<Overlay> = layers.into_iter().map(|layer| layer.overlay).collect();
+    let annotations = Annotations { overlays: &overlays, row_numbers: false };
     let mut progress =
         console.progress("export", 2 * (1 + u64::from(second.is_some())) * times.len() as u64);
-    let encoded = gs_player::encode(first, second, times, &options, &mut |done, _| {
-        progress.set(done as u64);
-    })
-    .map_err(|error| failure(&error))?;
+    let mut step = |done: usize, _| progress.set(done as u64);
+    let encoded =
+        gs_player::encode_annotated(first, second, times, &options, &annotations, &mut step)
+            .map_err(|error| failure(&error))?;
     let elapsed = progress.finish();
     // Framed as in `c4d render`, by the scene before the edit.
     let rig = CameraRig::of_scene(first, opened.up).map_err(Failure::input)?;
@@ -55,15 +60,16 @@ pub(super) fn write(
     let title = args.title.clone().unwrap_or_else(|| title(&args.output));
     let page = Page {
         title: &title,
-        names: ["Original", "Edited"],
         fps,
         camera: &camera,
         target: rig.target(),
         up: opened.up,
+        limits: rig.limits(),
         background: opened.background,
         poster: Some(Poster { media_type: "image/jpeg", bytes: &poster }),
     };
-    let text = gs_player::page(&encoded, &page).map_err(|error| failure(&error))?;
+    let sources = [Source { encoded: &encoded, names: ["Original", "Edited"] }];
+    let text = gs_player::page(&sources, &page).map_err(|error| failure(&error))?;
     file.write_all(text.as_bytes()).map_err(|error| Failure::write(&args.output, &error))?;
     file.commit().map_err(|error| output_failure(&error))?;
     let report = &encoded.report;
@@ -79,7 +85,23 @@ pub(super) fn write(
     Ok(())
 }
 
-fn failure(error: &PlayerError) -> Failure {
+/// The overlays of a page.
+fn layers(
+    kinds: &[OverlayArg],
+    opened: &Opened,
+    global: &Global,
+    console: &Console,
+) -> Outcome<Vec<Layer>> {
+    let xi = if kinds.contains(&OverlayArg::Uncertainty) {
+        evidence(opened, &Device::open(global.gpu)?)?
+    } else {
+        Vec::new()
+    };
+    let mut source = LayerSource::new(opened);
+    kinds.iter().map(|&kind| source.layer(kind, &xi, console)).collect()
+}
+
+pub(crate) fn failure(error: &PlayerError) -> Failure {
     match error {
         PlayerError::Scene { .. } | PlayerError::NothingVisible { .. } => {
             Failure::bad_input(chain(error)).next("c4d info SCENE shows what it contains.")

@@ -1,0 +1,122 @@
+//! [`Shot`]: what is rendered, from where, when.
+
+use super::views::Views;
+use crate::args::Pass;
+use crate::console::Console;
+use crate::device::Device;
+use crate::failure::Outcome;
+use crate::overlays::Layer;
+use crate::renderer::{self, Renderer};
+use crate::{memory, passes};
+use gs_core::{Camera, DynamicScene, Image, RenderOutput, Splats};
+
+/// Memory per pixel of an image, bytes: colour, coverage, depth and state of the rasteriser, two
+/// images side by side, and a copy for the encoder.
+const BYTES_PER_PIXEL: u64 = 64;
+
+/// Scene, views and times of a render.
+pub(crate) struct Shot<'a> {
+    pub(crate) scene: &'a dyn DynamicScene,
+    pub(crate) edit_time: f32,
+    pub(crate) mask: passes::Mask,
+    /// ξ′ of every splat, or empty.
+    pub(crate) evidence: &'a [f32],
+    /// Overlays of the passes that show one.
+    pub(crate) layers: &'a [(Pass, Layer)],
+    pub(crate) original: Option<&'a dyn DynamicScene>,
+    pub(crate) times: &'a [f32],
+    pub(crate) views: &'a Views,
+    pub(crate) background: [f32; 3],
+    pub(crate) device: &'a Device,
+    pub(crate) console: &'a Console,
+}
+
+impl Shot<'_> {
+    /// Calls `sink` for every image, frames in order. Warns about images
+    /// in which no splat of the scene is visible.
+    pub(super) fn render(&self, mut sink: impl FnMut(&Exposure<'_>) -> Outcome) -> Outcome {
+        let pixels = |camera: &Camera| u64::from(camera.width) * u64::from(camera.height);
+        let largest = self.views.cameras().iter().map(pixels).max().unwrap_or(0);
+        memory::require(
+            &format!("an image of {largest} pixels"),
+            largest * BYTES_PER_PIXEL,
+            "Give a smaller --size.",
+        )?;
+        let (mut empty, mut count) = (0, 0);
+        self.expose(|exposure| {
+            count += 1;
+            empty += usize::from(exposure.output.alpha.iter().all(|alpha| *alpha == 0.0));
+            sink(exposure)
+        })?;
+        if empty > 0 {
+            let what = if empty == count {
+                "no image shows".to_owned()
+            } else {
+                format!("{empty} of {count} images show none")
+            };
+            self.console.warn(format!(
+                "{what} any of the scene's splats: check that the cameras belong to \
+                              it"
+            ));
+        }
+        Ok(())
+    }
+
+    pub(super) fn expose(&self, mut sink: impl FnMut(&Exposure<'_>) -> Outcome) -> Outcome {
+        let mut edited = Renderer::new(self.device, self.background);
+        let mut original =
+            self.original.map(|scene| (scene, Renderer::new(self.device, self.background)));
+        let per_frame = self.views.of_frame(0).len() as u64;
+        let mut progress = self.console.progress("render", self.times.len() as u64 * per_frame);
+        for (frame, &t) in self.times.iter().enumerate() {
+            edited.seek(self.scene, t)?;
+            if let Some((scene, renderer)) = &mut original {
+                renderer.seek(*scene, t)?;
+            }
+            for camera in self.views.of_frame(frame) {
+                let original = match &mut original {
+                    Some((_, renderer)) => Some(renderer.render(camera)?),
+                    None => None,
+                };
+                let (output, splats) = edited.render_with_splats(camera)?;
+                sink(&Exposure { frame, camera, splats, output, original })?;
+                progress.step();
+            }
+        }
+        let elapsed = progress.finish();
+        self.console.detail(format!(
+            "{} frames in {:.1} s",
+            self.times.len(),
+            elapsed.as_secs_f64()
+        ));
+        Ok(())
+    }
+}
+
+/// One rendered image with its view and time.
+pub(super) struct Exposure<'a> {
+    pub(super) frame: usize,
+    pub(super) camera: &'a Camera,
+    pub(super) splats: &'a Splats,
+    pub(super) output: &'a RenderOutput,
+    original: Option<&'a RenderOutput>,
+}
+
+impl Exposure<'_> {
+    /// The image of the pass, next to that of the original if there is one.
+    pub(super) fn image(&self, pass: Pass) -> Image {
+        let image = pass_image(pass, self.output);
+        match self.original {
+            Some(original) => renderer::side_by_side(&pass_image(pass, original), &image),
+            None => image,
+        }
+    }
+}
+
+fn pass_image(pass: Pass, output: &RenderOutput) -> Image {
+    match pass {
+        Pass::Alpha => output.alpha_image(),
+        Pass::Depth => output.depth_image(),
+        _ => output.rgb_image(),
+    }
+}

@@ -2,7 +2,7 @@
 
 mod views;
 
-pub(crate) use views::Views;
+pub(crate) use views::{Views, cropped, views};
 
 use super::export::say;
 use crate::animated_image::{AnimatedImage, GIF_MAX_FPS, GifWriter, WebpWriter};
@@ -57,7 +57,7 @@ pub(crate) fn run(args: &RenderArgs, global: &Global, console: &Console) -> Outc
     if !playing && (args.fps.is_some() || args.duration.is_some()) {
         return Err(Failure::usage("--fps and --duration are for videos: mp4, webp and gif"));
     }
-    let views = views::views(args, &opened, &mut times, console)?;
+    let views = views(args, &opened, &mut times, console)?;
     let fps = timing.fps(&opened, &times)?;
     if playing && times.len() == 1 {
         console.note(
@@ -122,7 +122,7 @@ fn unrefined(path: &Path, global: &Global, console: &Console) -> Outcome<EditedS
 
 /// ξ′ of a run's splats in the edited frame, from the views of a
 /// refinement without cameras; empty for other scenes.
-fn evidence(opened: &Opened, device: &Device) -> Outcome<Vec<f32>> {
+pub(crate) fn evidence(opened: &Opened, device: &Device) -> Outcome<Vec<f32>> {
     let (Some(original), Some(source_rows), Some(params)) =
         (&opened.original, &opened.source_rows, &opened.mask.evidence)
     else {
@@ -175,7 +175,7 @@ fn format_of(output: &Path) -> Outcome<Format> {
 impl Shot<'_> {
     /// Calls `sink` for every image, frames in order. Warns about images
     /// in which no splat of the scene is visible.
-    fn render(&self, mut sink: impl FnMut(&Exposure<'_>) -> Outcome) -> Outcome {
+    pub(crate) fn render(&self, mut sink: impl FnMut(&Exposure<'_>) -> Outcome) -> Outcome {
         let pixels = |camera: &Camera| u64::from(camera.width) * u64::from(camera.height);
         let largest = self.views.cameras().iter().map(pixels).max().unwrap_or(0);
         memory::require(
@@ -201,6 +201,28 @@ impl Shot<'_> {
             ));
         }
         Ok(())
+    }
+
+    /// The image of `pass`; `then` are the splats of the edited frame, for passes relative to it.
+    pub(crate) fn image_of(
+        &self,
+        pass: Pass,
+        exposure: &Exposure<'_>,
+        then: &Splats,
+    ) -> Outcome<PassImage> {
+        if !pass.is_relative() {
+            return Ok(PassImage::Grey(exposure.image(pass)));
+        }
+        let Exposure { splats, camera, .. } = exposure;
+        passes::render(pass, self.mask, self.device, splats, (then, self.evidence), camera)
+    }
+
+    /// The splats of the edited frame if one of the passes is relative to it, else none.
+    pub(crate) fn splats_of_edit(&self, passes: &[Pass]) -> Outcome<Splats> {
+        if passes.iter().any(|pass| pass.is_relative()) {
+            return self.scene.at(self.edit_time).map_err(Failure::input);
+        }
+        Ok(Splats::default())
     }
 
     fn expose(&self, mut sink: impl FnMut(&Exposure<'_>) -> Outcome) -> Outcome {
@@ -235,9 +257,9 @@ impl Shot<'_> {
 }
 
 /// One rendered image with its view and time.
-struct Exposure<'a> {
-    frame: usize,
-    camera: &'a Camera,
+pub(crate) struct Exposure<'a> {
+    pub(crate) frame: usize,
+    pub(crate) camera: &'a Camera,
     splats: &'a Splats,
     output: &'a RenderOutput,
     original: Option<&'a RenderOutput>,
@@ -292,25 +314,14 @@ fn stills(args: &RenderArgs, global: &Global, shot: &Shot<'_>, format: Format) -
             depth_range.0, depth_range.1
         ));
     }
-    let then = if args.passes.iter().any(|pass| pass.is_relative()) {
-        shot.scene.at(shot.edit_time).map_err(Failure::input)?
-    } else {
-        Splats::default()
-    };
+    let then = shot.splats_of_edit(&args.passes)?;
     let mut count = 0;
     shot.render(|exposure| {
         for &pass in &args.passes {
             let folder = stills_folder(folder.path(), shot.views, exposure.camera, pass);
             std::fs::create_dir_all(&folder).map_err(|error| Failure::write(&folder, &error))?;
             let path = |extension: &str| folder.join(format!("{:05}.{extension}", exposure.frame));
-            let image = if pass.is_relative() {
-                let Exposure { splats, camera, .. } = exposure;
-                let then = (&then, shot.evidence);
-                passes::render(pass, shot.mask, shot.device, splats, then, camera)?
-            } else {
-                PassImage::Grey(exposure.image(pass))
-            };
-            match (image, format) {
+            match (shot.image_of(pass, exposure, &then)?, format) {
                 (PassImage::Flow(flow), Format::Exr) => {
                     let channels = ["forward.u", "forward.v", "A"];
                     images::write_exr(&path("exr"), &passes::flow_with_coverage(&flow), &channels)?;

@@ -26,8 +26,10 @@ pub(crate) fn rows<T: Element + Copy, const D: usize>(
     name: &str,
     array: &PyReadonlyArrayDyn<'_, T>,
 ) -> PyResult<Vec<[T; D]>> {
-    let (rows, rest) =
-        array.as_slice().map_err(|error| PyValueError::new_err(error.to_string()))?.as_chunks::<D>();
+    let (rows, rest) = array
+        .as_slice()
+        .map_err(|error| PyValueError::new_err(error.to_string()))?
+        .as_chunks::<D>();
     if rest.is_empty() {
         return Ok(rows.to_vec());
     }

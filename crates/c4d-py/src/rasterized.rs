@@ -86,11 +86,8 @@ pub(crate) fn rasterize<'py>(
     features: Option<Bound<'py, PyAny>>,
     exact_gradients: bool,
 ) -> PyResult<Rasterized> {
-    let gradients = if exact_gradients {
-        GradientConvention::Exact
-    } else {
-        GradientConvention::Reference
-    };
+    let gradients =
+        if exact_gradients { GradientConvention::Exact } else { GradientConvention::Reference };
     let params = RenderParams { background, gradients, ..RenderParams::default() };
     let arrays = [means, quats, log_scales, opacity_logits, sh];
     let pass = if arrays[0].extract::<PyReadonlyArrayDyn<'_, f32>>().is_ok() {

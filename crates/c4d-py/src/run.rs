@@ -13,8 +13,7 @@ use std::path::PathBuf;
 /// binding as compressed rows: `indptr`, `indices`, `data`, `num_sources`, `kinds`.
 #[pyfunction]
 pub(crate) fn read_run(py: Python<'_>, path: PathBuf) -> PyResult<Bound<'_, PyDict>> {
-    let run =
-        py.detach(|| RunContents::read(&path)).map_err(|failure| exception(py, &failure))?;
+    let run = py.detach(|| RunContents::read(&path)).map_err(|failure| exception(py, &failure))?;
     let RunContents { edited, binding, source, edit_time, is_refined } = run;
     let dict = PyDict::new(py);
     let (offsets, ids) = (binding.offsets().to_vec(), binding.source_ids().to_vec());

@@ -65,7 +65,12 @@ impl Scene {
     fn times<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyArrayDyn<f32>>>> {
         let scene = self.handle.scene();
         let frames = scene.num_frames().map(|count| scene.time_range().frames(count));
-        frames.map(|times| { let count = times.len(); array(py, times, &[count]) }).transpose()
+        frames
+            .map(|times| {
+                let count = times.len();
+                array(py, times, &[count])
+            })
+            .transpose()
     }
 
     #[getter]

@@ -27,8 +27,13 @@ impl Transport {
     fn summary<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let UotOutput { f, g, row_mass, col_mass, residuals, .. } = self.output.as_ref();
         let dict = PyDict::new(py);
-        let vectors =
-            [("f", f), ("g", g), ("row_mass", row_mass), ("col_mass", col_mass), ("residuals", residuals)];
+        let vectors = [
+            ("f", f),
+            ("g", g),
+            ("row_mass", row_mass),
+            ("col_mass", col_mass),
+            ("residuals", residuals),
+        ];
         for (name, vector) in vectors {
             dict.set_item(name, array(py, vector.clone(), &[vector.len()])?)?;
         }
@@ -88,10 +93,7 @@ enum Clouds {
 }
 
 impl Clouds {
-    fn read(
-        x: &PyReadonlyArrayDyn<'_, f64>,
-        y: &PyReadonlyArrayDyn<'_, f64>,
-    ) -> PyResult<Self> {
+    fn read(x: &PyReadonlyArrayDyn<'_, f64>, y: &PyReadonlyArrayDyn<'_, f64>) -> PyResult<Self> {
         let (x_shape, y_shape) = (x.as_array().shape().to_vec(), y.as_array().shape().to_vec());
         match (&x_shape[..], &y_shape[..]) {
             ([_, 1], [_, 1]) => Ok(Self::D1(rows("x", x)?, rows("y", y)?)),
@@ -159,7 +161,9 @@ pub(crate) fn solve_transport<'py>(
         "plain" => Acceleration::Plain,
         "overrelaxed" => Acceleration::OverRelaxed,
         "anderson" => Acceleration::Anderson,
-        other => return Err(unknown("acceleration", other, "auto, plain, overrelaxed or anderson")),
+        other => {
+            return Err(unknown("acceleration", other, "auto, plain, overrelaxed or anderson"));
+        }
     };
     let cost = match (cost, points) {
         (Some(matrix), None) => match *matrix.as_array().shape() {
@@ -173,9 +177,8 @@ pub(crate) fn solve_transport<'py>(
         }
         _ => return Err(PyValueError::new_err("expected either cost or points")),
     };
-    let weights = |array: Option<PyReadonlyArrayDyn<'py, f64>>| {
-        array.as_ref().map(values).transpose()
-    };
+    let weights =
+        |array: Option<PyReadonlyArrayDyn<'py, f64>>| array.as_ref().map(values).transpose();
     let (a, b) = (weights(a)?, weights(b)?);
     let params = SinkhornParams {
         lambda_ent,

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from typing import TypedDict
 
 import numpy as np
+from numpy.typing import DTypeLike
 
 from . import _native
 
@@ -29,7 +30,7 @@ class Splats(TypedDict):
 RAW = ("means", "quats", "log_scales", "opacity_logits", "sh")
 
 
-def as_numpy(value: object, dtype: object = None) -> np.ndarray:
+def as_numpy(value: object, dtype: DTypeLike | None = None) -> np.ndarray:
     """A contiguous array; memory on the host is shared where its layout and type allow it.
 
     Takes NumPy arrays, whatever has ``__array__``, and DLPack exporters. Tensors are detached from
@@ -67,7 +68,7 @@ def from_gsplat(params: Mapping[str, object]) -> Splats:
     }
 
 
-def stored(splats: Mapping[str, object], dtype: object = np.float32) -> Splats:
+def stored(splats: Mapping[str, object], dtype: DTypeLike = np.float32) -> Splats:
     """Contiguous arrays of stored parameters, from stored or activated ones.
 
     ``scales`` and ``opacities`` are activated values: standard deviations, and opacities 0 to 1.
@@ -81,7 +82,8 @@ def stored(splats: Mapping[str, object], dtype: object = np.float32) -> Splats:
             "these are parameters in gsplat's names, whose scales and opacities are not activated"
             "\n  next: Convert them with catalyst4d.from_gsplat."
         )
-    result = {name: as_numpy(splats[name], dtype) for name in ("means", "quats", "sh") if name in splats}
+    unchanged = ("means", "quats", "sh")
+    result = {name: as_numpy(splats[name], dtype) for name in unchanged if name in splats}
     for raw, activated in (("log_scales", "scales"), ("opacity_logits", "opacities")):
         if (raw in splats) == (activated in splats):
             raise ValueError(f"splats: expected either {raw} or {activated}")
@@ -112,4 +114,13 @@ def write_ply(path: str | os.PathLike, splats: Mapping[str, object], *, overwrit
         splats: Stored or activated parameters, as in :class:`Splats`.
         overwrite: Whether an existing file is replaced.
     """
-    _native.write_ply(path, *stored(splats).values(), overwrite=overwrite)
+    raw = stored(splats)
+    _native.write_ply(
+        path,
+        raw["means"],
+        raw["quats"],
+        raw["log_scales"],
+        raw["opacity_logits"],
+        raw["sh"],
+        overwrite=overwrite,
+    )

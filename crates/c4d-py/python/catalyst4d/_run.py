@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import os
 import tempfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path as FilePath
 
@@ -14,7 +14,7 @@ import numpy as np
 from . import _native
 from ._arrays import Splats, write_ply
 from ._flags import flag, flags
-from ._messages import Progress, receiver, run
+from ._messages import Progress, run
 from ._scene import Path, Scene
 
 
@@ -39,7 +39,7 @@ class Binding:
 
     def to_scipy(self):
         """The matrix as a ``scipy.sparse.csr_array`` that shares the weights."""
-        from scipy.sparse import csr_array
+        from scipy.sparse import csr_array  # type: ignore[import-untyped]
 
         indices, indptr = self.indices.view(np.int32), self.indptr.view(np.int32)
         return csr_array((self.data, indices, indptr), shape=self.shape)

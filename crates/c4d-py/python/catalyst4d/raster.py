@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 import numpy as np
+from numpy.typing import DTypeLike
 
 from . import _native
 from ._arrays import as_numpy, stored
@@ -14,7 +15,7 @@ from ._native import Camera
 class Rasterized:
     """Images of splats. See :func:`rasterize`."""
 
-    def __init__(self, native: _native.Rasterized, dtype: object) -> None:
+    def __init__(self, native: _native.Rasterized, dtype: DTypeLike) -> None:
         self._native = native
         self._dtype = dtype
         images = native.images()
@@ -51,7 +52,7 @@ def rasterize(
     background: Sequence[float] = (0.0, 0.0, 0.0),
     features: object = None,
     exact_gradients: bool = False,
-    dtype: object = np.float32,
+    dtype: DTypeLike = np.float32,
 ) -> Rasterized:
     """Renders splats, and keeps what their gradients need.
 
@@ -73,7 +74,11 @@ def rasterize(
     arrays = stored(splats, dtype)
     channels = None if features is None else as_numpy(features, dtype)
     native = _native.rasterize(
-        *arrays.values(),
+        arrays["means"],
+        arrays["quats"],
+        arrays["log_scales"],
+        arrays["opacity_logits"],
+        arrays["sh"],
         camera,
         [float(value) for value in background],
         channels,

@@ -129,11 +129,11 @@ def solve(
     Raises:
         ValueError: For shapes that do not fit and values out of range.
     """
-    lambdas = (reg_m, reg_m) if isinstance(reg_m, (int, float)) else tuple(reg_m)
-    if len(lambdas) != 2:
-        raise ValueError(f"reg_m has {len(lambdas)} values, expected one or two")
+    row_weight, col_weight = (reg_m, reg_m) if isinstance(reg_m, (int, float)) else reg_m
     double = lambda value: None if value is None else as_numpy(value, np.float64)  # noqa: E731
-    clouds = None if points is None else (double(points[0]), double(points[1]))
+    clouds = None
+    if points is not None:
+        clouds = (as_numpy(points[0], np.float64), as_numpy(points[1], np.float64))
     return Transport(
         _native.solve_transport(
             double(a),
@@ -141,7 +141,8 @@ def solve(
             double(cost),
             clouds,
             float(reg),
-            *map(float, lambdas),
+            float(row_weight),
+            float(col_weight),
             reg_type,
             float(tol),
             max_sweeps,

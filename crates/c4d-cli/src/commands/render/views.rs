@@ -77,7 +77,10 @@ pub(crate) fn views(
 }
 
 /// The part of each view that `crop` names.
-pub(crate) fn cropped(views: Views, Crop { size: (width, height), origin: [x, y] }: Crop) -> Outcome<Views> {
+pub(crate) fn cropped(
+    views: Views,
+    Crop { size: (width, height), origin: [x, y] }: Crop,
+) -> Outcome<Views> {
     let lies_within = |camera: &Camera| x + width <= camera.width && y + height <= camera.height;
     if let Some(camera) = views.cameras().iter().find(|camera| !lies_within(camera)) {
         return Err(Failure::usage(format!(

@@ -53,6 +53,20 @@ pub(crate) fn open(
     Ok(set)
 }
 
+/// Reads the cameras of a data set, one of its files, or a model folder; with `trained`, as in
+/// training by 4DGaussians and Swift4D, else as stored.
+///
+/// # Errors
+/// If the path does not exist or contains no cameras.
+pub fn open_cameras(path: &Path, trained: bool) -> Outcome<CameraSet> {
+    if !path.exists() {
+        return Err(Failure::bad_input(format!("{} does not exist", path.display()))
+            .next("Give a data set, a cameras.json, or a model folder."));
+    }
+    let reading = if trained { Reading::Trained } else { Reading::Stored };
+    cameras::open(path, reading).map_err(|error| scene::bad_input(&error))
+}
+
 /// The cameras of a split; by default the held-out ones, if the data set has any.
 pub(crate) fn of_split(set: &CameraSet, asked: Option<SplitArg>) -> Outcome<Vec<Camera>> {
     let all = || set.views.iter().map(|view| view.camera.clone()).collect::<Vec<_>>();

@@ -5,7 +5,7 @@ use std::path::Path;
 
 /// Exit codes of `c4d`, the same for every command.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Exit {
+pub enum Exit {
     /// Any failure without its own code.
     Failed = 1,
     /// The command line is invalid or inconsistent.
@@ -46,17 +46,17 @@ impl Exit {
 
 /// An error as shown to the user.
 #[derive(Debug)]
-pub(crate) struct Failure {
+pub struct Failure {
     /// Code for scripts.
-    pub(crate) exit: Exit,
+    pub exit: Exit,
     /// What happened, where, what was expected and found.
-    pub(crate) what: String,
+    pub what: String,
     /// The next step; a general hint if `None`.
-    pub(crate) next: Option<String>,
+    pub next: Option<String>,
 }
 
 /// Result of a command.
-pub(crate) type Outcome<T = ()> = Result<T, Failure>;
+pub type Outcome<T = ()> = Result<T, Failure>;
 
 impl Failure {
     /// Exit code 1.
@@ -90,6 +90,17 @@ impl Failure {
         Self::failed(format!("cannot write {}: {}", path.display(), chain(error))).next(ROOM)
     }
 
+    /// Exit code 130.
+    pub(crate) fn interrupted() -> Self {
+        let what = "interrupted; no partial output remains".to_owned();
+        Self { exit: Exit::Interrupted, what, next: None }
+    }
+
+    /// The next step, or the general one of the exit code.
+    pub fn next_step(&self) -> &str {
+        self.next.as_deref().unwrap_or(self.exit.next())
+    }
+
     /// Adds the next step.
     #[must_use]
     pub(crate) fn next(mut self, step: impl fmt::Display) -> Self {
@@ -100,8 +111,7 @@ impl Failure {
 
 impl fmt::Display for Failure {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let next = self.next.as_deref().unwrap_or(self.exit.next());
-        write!(f, "{}\n  next: {next}", self.what)
+        write!(f, "{}\n  next: {}", self.what, self.next_step())
     }
 }
 

@@ -1,5 +1,6 @@
 //! Progress of a stage: a bar on a terminal, else a line every few seconds.
 
+use crate::observer::{Observer, stop_if_cancelled};
 use crate::rates::rounded;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressState, ProgressStyle};
 use std::fmt;
@@ -82,6 +83,7 @@ pub(crate) struct StageProgress {
     tally: Arc<Tally>,
     bar: Option<ProgressBar>,
     lines: Option<Lines>,
+    observer: Option<Arc<dyn Observer>>,
 }
 
 /// The thread that prints lines; it ends when the sender is dropped.
@@ -126,7 +128,21 @@ impl StageProgress {
         });
         let bar = (shown == Shown::Bar).then(|| bar(stage, total, percent));
         let lines = (shown == Shown::Lines).then(|| Lines::start(&tally, LINE_INTERVAL));
-        Self { tally, bar, lines }
+        Self { tally, bar, lines, observer: None }
+    }
+
+    /// Reports to an observer.
+    pub(crate) fn observed(mut self, observer: Option<Arc<dyn Observer>>) -> Self {
+        self.observer = observer;
+        self.report(0);
+        self
+    }
+
+    fn report(&self, done: u64) {
+        if let Some(observer) = &self.observer {
+            observer.progress(&self.tally.stage, done.min(self.tally.total), self.tally.total);
+            stop_if_cancelled(observer.as_ref());
+        }
     }
 
     /// Advances by one step.
@@ -140,6 +156,7 @@ impl StageProgress {
         if let Some(bar) = &self.bar {
             bar.set_position(done);
         }
+        self.report(done);
     }
 
     /// Text beside the bar.

@@ -5,8 +5,8 @@ mod shot;
 mod stills;
 mod views;
 
-pub(crate) use shot::Shot;
-pub(crate) use views::Views;
+pub(crate) use shot::{Shot, layers};
+pub(crate) use views::{Views, cropped, views};
 
 use super::export::say;
 use crate::animated_image::{AnimatedImage, GifWriter, WebpWriter};
@@ -17,7 +17,6 @@ use crate::evidence::evidence;
 use crate::failure::{Failure, Outcome};
 use crate::frames::{self, Timing};
 use crate::output::{existing, output_failure, refuse_overlap};
-use crate::overlays::LayerSource;
 use crate::renderer;
 use crate::scene;
 use crate::video::VideoWriter;
@@ -58,7 +57,7 @@ pub(crate) fn run(args: &RenderArgs, global: &Global, console: &Console) -> Outc
     if !playing && (args.fps.is_some() || args.duration.is_some()) {
         return Err(Failure::usage("--fps and --duration are for videos: mp4, webp and gif"));
     }
-    let views = views::views(args, &opened, &mut times, console)?;
+    let views = views(args, &opened, &mut times, console)?;
     let fps = timing.fps(&opened, &times)?;
     if playing && times.len() == 1 {
         console.note(
@@ -78,12 +77,9 @@ pub(crate) fn run(args: &RenderArgs, global: &Global, console: &Console) -> Outc
     } else {
         Vec::new()
     };
-    let mut layer_source = LayerSource::new(&opened);
-    let mut layers = Vec::new();
-    for (pass, kind) in args.passes.iter().filter_map(|pass| Some((*pass, pass.overlay()?))) {
-        let layer = layer_source.layer(kind, &[], console)?;
+    let layers = layers(&args.passes, &opened, console)?;
+    for (_, layer) in &layers {
         say_legend(&layer.overlay, console);
-        layers.push((pass, layer));
     }
     let unrefined = match args.side_by_side {
         Some(LeftHalf::Unrefined) => Some(unrefined(&args.scene, global, console)?),

@@ -4,9 +4,11 @@ use super::views::Views;
 use crate::args::Pass;
 use crate::console::Console;
 use crate::device::Device;
-use crate::failure::Outcome;
-use crate::overlays::Layer;
+use crate::failure::{Failure, Outcome};
+use crate::overlays::{Layer, LayerSource, overlay_image};
+use crate::passes::PassImage;
 use crate::renderer::{self, Renderer};
+use crate::scene::Opened;
 use crate::{memory, passes};
 use gs_core::{Camera, DynamicScene, Image, RenderOutput, Splats};
 
@@ -34,7 +36,7 @@ pub(crate) struct Shot<'a> {
 impl Shot<'_> {
     /// Calls `sink` for every image, frames in order. Warns about images
     /// in which no splat of the scene is visible.
-    pub(super) fn render(&self, mut sink: impl FnMut(&Exposure<'_>) -> Outcome) -> Outcome {
+    pub(crate) fn render(&self, mut sink: impl FnMut(&Exposure<'_>) -> Outcome) -> Outcome {
         let pixels = |camera: &Camera| u64::from(camera.width) * u64::from(camera.height);
         let largest = self.views.cameras().iter().map(pixels).max().unwrap_or(0);
         memory::require(
@@ -60,6 +62,31 @@ impl Shot<'_> {
             ));
         }
         Ok(())
+    }
+
+    /// The image of `pass`; `then` are the splats of the edited frame, for passes relative to it.
+    pub(crate) fn image_of(
+        &self,
+        pass: Pass,
+        exposure: &Exposure<'_>,
+        then: &Splats,
+    ) -> Outcome<PassImage> {
+        let Exposure { splats, camera, .. } = exposure;
+        if let Some((_, layer)) = self.layers.iter().find(|(of, _)| *of == pass) {
+            return overlay_image(self.device, layer, splats, camera, self.background);
+        }
+        if !pass.is_relative() {
+            return Ok(PassImage::Grey(exposure.image(pass)));
+        }
+        passes::render(pass, self.mask, self.device, splats, (then, self.evidence), camera)
+    }
+
+    /// The splats of the edited frame if one of the passes is relative to it, else none.
+    pub(crate) fn splats_of_edit(&self, passes: &[Pass]) -> Outcome<Splats> {
+        if passes.iter().any(|pass| pass.is_relative()) {
+            return self.scene.at(self.edit_time).map_err(Failure::input);
+        }
+        Ok(Splats::default())
     }
 
     pub(super) fn expose(&self, mut sink: impl FnMut(&Exposure<'_>) -> Outcome) -> Outcome {
@@ -93,10 +120,21 @@ impl Shot<'_> {
     }
 }
 
+/// The overlays of those passes that show one.
+pub(crate) fn layers(
+    passes: &[Pass],
+    opened: &Opened,
+    console: &Console,
+) -> Outcome<Vec<(Pass, Layer)>> {
+    let mut source = LayerSource::new(opened);
+    let overlays = passes.iter().filter_map(|pass| Some((*pass, pass.overlay()?)));
+    overlays.map(|(pass, kind)| Ok((pass, source.layer(kind, &[], console)?))).collect()
+}
+
 /// One rendered image with its view and time.
-pub(super) struct Exposure<'a> {
-    pub(super) frame: usize,
-    pub(super) camera: &'a Camera,
+pub(crate) struct Exposure<'a> {
+    pub(crate) frame: usize,
+    pub(crate) camera: &'a Camera,
     pub(super) splats: &'a Splats,
     pub(super) output: &'a RenderOutput,
     original: Option<&'a RenderOutput>,

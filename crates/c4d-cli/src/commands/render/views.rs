@@ -18,7 +18,7 @@ pub(crate) enum Views {
 }
 
 impl Views {
-    pub(super) fn cameras(&self) -> &[Camera] {
+    pub(crate) fn cameras(&self) -> &[Camera] {
         match self {
             Self::Fixed(cameras) | Self::Path(cameras) => cameras,
         }
@@ -35,7 +35,7 @@ impl Views {
 
 /// The requested cameras. `times` become those of the cameras, if
 /// they have any and no others are requested.
-pub(super) fn views(
+pub(crate) fn views(
     args: &RenderArgs,
     opened: &Opened,
     times: &mut Vec<f32>,
@@ -77,7 +77,10 @@ pub(super) fn views(
 }
 
 /// The part of each view selected by `crop`.
-fn cropped(views: Views, Crop { size: (width, height), origin: [x, y] }: Crop) -> Outcome<Views> {
+pub(crate) fn cropped(
+    views: Views,
+    Crop { size: (width, height), origin: [x, y] }: Crop,
+) -> Outcome<Views> {
     let lies_within = |camera: &Camera| x + width <= camera.width && y + height <= camera.height;
     if let Some(camera) = views.cameras().iter().find(|camera| !lies_within(camera)) {
         return Err(Failure::usage(format!(

@@ -1,0 +1,48 @@
+//! [`run_command`]: a command of `c4d` in this process.
+
+use crate::args::Cli;
+use crate::console::Console;
+use crate::dispatch;
+use crate::failure::{Failure, Outcome};
+use crate::observer::{Observer, is_cancellation};
+use clap::Parser;
+use std::ffi::OsString;
+use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
+use std::sync::Arc;
+
+/// Runs `c4d ARGUMENTS` (without the program's name) in this process; nothing is printed, the
+/// observer gets results, messages and progress.
+///
+/// # Errors
+/// Whatever the program would print as an error, with its exit code: also invalid arguments,
+/// warnings under `--strict`, and interruption by [`Observer::is_cancelled`].
+pub fn run_command(arguments: &[OsString], observer: &Arc<dyn Observer>) -> Outcome {
+    let cli = parse(arguments)?;
+    let global = &cli.global();
+    let console = Console::observed(Arc::clone(observer));
+    cancellable(|| dispatch::run(&cli, global, &console))?;
+    if global.strict && console.warnings() > 0 {
+        return Err(console.strict_failure());
+    }
+    Ok(())
+}
+
+/// Parses the arguments after the program's name.
+pub(crate) fn parse(arguments: &[OsString]) -> Outcome<Cli> {
+    let words = std::iter::once(OsString::from("c4d")).chain(arguments.iter().cloned());
+    Cli::try_parse_from(words).map_err(|error| {
+        let text = error.render().to_string();
+        let text = text.trim_end();
+        Failure::usage(text.strip_prefix("error: ").unwrap_or(text))
+    })
+}
+
+/// The outcome of `work`, or a failure if an observer cancelled it.
+pub(crate) fn cancellable<T>(work: impl FnOnce() -> Outcome<T>) -> Outcome<T> {
+    catch_unwind(AssertUnwindSafe(work)).unwrap_or_else(|payload| {
+        if is_cancellation(payload.as_ref()) {
+            return Err(Failure::interrupted());
+        }
+        resume_unwind(payload)
+    })
+}

@@ -1,0 +1,41 @@
+//! [`main`]: the program, with its messages on the terminal.
+
+use crate::args::Cli;
+use crate::commands::view;
+use crate::console::Console;
+use crate::device;
+use crate::dispatch::run;
+use crate::failure::Exit;
+use clap::Parser;
+use std::process::ExitCode;
+
+/// Runs the program `c4d` on the arguments of this process.
+///
+/// Exits by itself after `--help`, `--version` and invalid arguments, and when interrupted.
+pub fn main() -> ExitCode {
+    let cli = Cli::parse();
+    let global = &cli.global();
+    device::without_desktop(global.gpu);
+    let console = Console::new(global.quiet, global.verbose, !global.no_progress);
+    // Best effort: without a handler an interrupt still ends the process, but may leave a hidden
+    // partial output.
+    let _ = ctrlc::set_handler(|| {
+        gs_io::remove_unfinished();
+        if view::is_serving() {
+            std::process::exit(0);
+        }
+        eprintln!("\ninterrupted; no partial output remains");
+        std::process::exit(i32::from(Exit::Interrupted as u8));
+    });
+    match run(&cli, global, &console) {
+        Ok(()) if global.strict && console.warnings() > 0 => {
+            eprintln!("{}", console.strict_failure().what);
+            ExitCode::from(Exit::Warnings as u8)
+        }
+        Ok(()) => ExitCode::SUCCESS,
+        Err(failure) => {
+            eprintln!("error: {failure}");
+            ExitCode::from(failure.exit as u8)
+        }
+    }
+}

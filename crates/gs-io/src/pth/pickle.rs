@@ -235,14 +235,19 @@ impl<'a, 'f> Machine<'a, 'f> {
                 let length = usize::from(self.byte()?);
                 self.push_text(length)?;
             }
-            // Bytes, and strings of Python 2.
-            b'C' | b'U' => {
+            b'C' => {
                 let length = usize::from(self.byte()?);
                 self.take(length)?;
                 self.stack.push(Value::Plain);
             }
-            // And integers of more than 255 bytes.
-            b'B' | b'T' | 0x8b => {
+            // Strings of Python 2, which may be bytes.
+            b'U' | b'T' => {
+                let length = if opcode == b'U' { self.byte()?.into() } else { self.u32()? };
+                let text = std::str::from_utf8(self.take(length as usize)?);
+                self.stack.push(text.map_or(Value::Plain, Value::Text));
+            }
+            // Bytes, and integers of more than 255 bytes.
+            b'B' | 0x8b => {
                 let length = self.u32()? as usize;
                 self.take(length)?;
                 self.stack.push(Value::Plain);

@@ -39,7 +39,8 @@ enum Value<'a> {
 #[derive(Debug)]
 enum Node<'a> {
     Tuple(Vec<Value<'a>>),
-    List,
+    /// A list or a set.
+    List(Vec<Value<'a>>),
     Dict(Vec<(Value<'a>, Value<'a>)>),
     Storage {
         dtype: Dtype,
@@ -180,16 +181,38 @@ impl<'a, 'f> Machine<'a, 'f> {
         Err(PthError::Pickle { at, what: "expected a dictionary on the stack".to_owned() })
     }
 
-    /// Requires a list at the top of the stack; its items are not needed.
-    fn top_list(&self) -> Result<(), PthError> {
-        match self.stack.last() {
-            Some(&Value::Node(index))
-                if matches!(self.arena[index], Node::List | Node::Object { .. }) =>
-            {
-                Ok(())
+    /// Appends to the list at the top of the stack; items of other objects are not needed.
+    fn append(&mut self, values: &[Value<'a>]) -> Result<(), PthError> {
+        let at = self.at;
+        if let Some(&Value::Node(index)) = self.stack.last() {
+            match &mut self.arena[index] {
+                Node::List(items) => {
+                    items.extend_from_slice(values);
+                    return Ok(());
+                }
+                Node::Object { .. } => return Ok(()),
+                _ => {}
             }
-            _ => Err(self.error("expected a list on the stack")),
         }
+        Err(PthError::Pickle { at, what: "expected a list on the stack".to_owned() })
+    }
+
+    /// The pairs of a list of lists, from which Python 2 makes ordered dictionaries.
+    fn pairs(&self, list: Value<'a>) -> Result<Vec<(Value<'a>, Value<'a>)>, PthError> {
+        let items = |value: &Value<'a>| match value {
+            Value::Node(index) => match &self.arena[*index] {
+                Node::List(items) | Node::Tuple(items) => Some(items),
+                _ => None,
+            },
+            _ => None,
+        };
+        let pair = |value: &Value<'a>| match items(value)?[..] {
+            [key, value] => Some((key, value)),
+            _ => None,
+        };
+        items(&list)
+            .and_then(|all| all.iter().map(pair).collect())
+            .ok_or_else(|| self.error("a dictionary of something other than pairs"))
     }
 
     /// Executes one opcode; true after STOP.
@@ -281,21 +304,21 @@ impl<'a, 'f> Machine<'a, 'f> {
                 self.push_node(Node::Tuple(values));
             }
             b'}' => self.push_node(Node::Dict(Vec::new())),
-            b']' | 0x8f => self.push_node(Node::List),
+            b']' | 0x8f => self.push_node(Node::List(Vec::new())),
             0x91 => {
-                self.pop_to_mark()?;
-                self.push_node(Node::List);
+                let values = self.pop_to_mark()?;
+                self.push_node(Node::List(values));
             }
             b'0' => {
                 self.pop()?;
             }
             b'a' => {
-                self.pop()?;
-                self.top_list()?;
+                let value = self.pop()?;
+                self.append(&[value])?;
             }
             b'e' | 0x90 => {
-                self.pop_to_mark()?;
-                self.top_list()?;
+                let values = self.pop_to_mark()?;
+                self.append(&values)?;
             }
             b's' => {
                 let (value, key) = (self.pop()?, self.pop()?);
@@ -440,6 +463,11 @@ impl<'a, 'f> Machine<'a, 'f> {
                 self.push_node(Node::Dict(Vec::new()));
                 Ok(())
             }
+            (Name::OrderedDict, &[list]) => {
+                let pairs = self.pairs(list)?;
+                self.push_node(Node::Dict(pairs));
+                Ok(())
+            }
             (Name::RebuildParameter, &[tensor, ..]) => {
                 self.stack.push(tensor);
                 Ok(())
@@ -511,7 +539,7 @@ impl<'a, 'f> Machine<'a, 'f> {
             Some(Node::Tuple(values)) => {
                 format!("a tuple of {} without tensors by name", values.len())
             }
-            Some(Node::List) => "a list".to_owned(),
+            Some(Node::List(_)) => "a list".to_owned(),
             Some(Node::Storage { .. }) => "a bare storage".to_owned(),
             Some(Node::Tensor(_)) | None => "a single value".to_owned(),
         };
@@ -531,7 +559,7 @@ impl<'a, 'f> Machine<'a, 'f> {
             let mut parts = Vec::new();
             match &self.arena[index] {
                 Node::Tensor(tensor) => out.push((names::canonical(&path), tensor.clone())),
-                Node::Storage { .. } | Node::List => {}
+                Node::Storage { .. } | Node::List(_) => {}
                 _ if std::mem::replace(&mut seen[index], true) => {}
                 Node::Dict(items) => parts.extend(named(items)),
                 Node::Object { state, items, .. } => {

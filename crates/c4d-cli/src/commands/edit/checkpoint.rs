@@ -29,7 +29,7 @@ pub(super) fn encode(state: &FitState) -> Outcome<Vec<u8>> {
     safetensors::serialize(views, Some(metadata)).map_err(failed)
 }
 
-/// Reads a state that [`encode`] made.
+/// Inverse of [`encode`].
 pub(super) fn read(path: &Path) -> Outcome<FitState> {
     let bytes = gs_io::read_file(path).map_err(|error| damaged(path, &error.to_string()))?;
     decode(&bytes).map_err(|what| damaged(path, &what))

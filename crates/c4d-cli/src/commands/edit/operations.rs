@@ -17,18 +17,18 @@ use gs_io::ply::comments;
 use gs_io::ply::{self, WriteOptions};
 use std::path::{Path, PathBuf};
 
-/// Where the language is described.
+/// Advice on the language of selections.
 const LANGUAGE: &str =
     "c4d edit --help lists selections and actions; docs/EDITING.md describes them.";
-/// What may be edited.
+/// Advice on valid inputs.
 const INPUTS: &str =
     "Give a frame in any format, the folder of c4d freeze, or a scene with --time.";
 
-/// Options with replayed records in their places.
+/// Options, with replayed records inserted.
 #[derive(Debug, Default)]
 struct Plan {
     options: Vec<(String, String)>,
-    /// Where files named in the options are looked for.
+    /// Folders that are searched for files named in the options.
     folders: Vec<PathBuf>,
     /// Replayed records.
     records: Vec<PathBuf>,
@@ -47,7 +47,7 @@ pub(super) fn run(args: &EditArgs, global: &Global, console: &Console) -> Outcom
     let time = args.time.or(plan.time).unwrap_or(opened.edit_time);
     frames::check(opened.scene.time_range(), time, "--time")?;
     let before = opened.scene.at(time).map_err(Failure::input)?;
-    // Outputs that cannot be written are refused before the work, not after it.
+    // Outputs that cannot be written are rejected before the work starts.
     let needs = script.needs();
     let mut inputs = resources::paths(&needs, &plan.folders)?;
     inputs.extend(opened.roots.iter().chain(&plan.records).cloned());
@@ -84,7 +84,7 @@ fn plan(args: &EditArgs) -> Outcome<Plan> {
     Ok(plan)
 }
 
-/// Refuses command lines that would do nothing, or throw the result away.
+/// Rejects command lines that would do nothing, or discard the result.
 fn check(args: &EditArgs, script: &Script) -> Outcome {
     if args.output.is_some() && args.output == args.preview {
         return Err(Failure::usage("-o and --preview name the same file")
@@ -112,13 +112,13 @@ fn check(args: &EditArgs, script: &Script) -> Outcome {
     }
 }
 
-/// The frame in a folder of `c4d freeze`; any other path as it is.
+/// The frame in a folder of `c4d freeze`; other paths unchanged.
 fn frame_of_folder(path: &Path) -> PathBuf {
     let frame = path.join("point_cloud.ply");
     if path.join("cameras.json").is_file() && frame.is_file() { frame } else { path.to_owned() }
 }
 
-/// An error of the editor with what to do about it.
+/// An error of the editor, with advice.
 fn edit_failure(error: &EditError) -> Failure {
     let text = chain(error);
     match error {
@@ -169,7 +169,7 @@ fn apply(
         selections: Vec::new(),
         marks: vec![None; before.len()],
     };
-    // `--sliced` is an option of its own, but no step.
+    // `--sliced` is a separate option, but not a step.
     let mut steps = script.steps.iter();
     for (option, argument) in options {
         if option != "sliced"
@@ -235,7 +235,7 @@ fn report(name: &str, summary: &Summary, console: &Console) {
     console.result(format!("  color #{r:02x}{g:02x}{b:02x}, {hue}"));
 }
 
-/// Four significant digits, as the expressions take them.
+/// Four significant digits, in the syntax of the expressions.
 fn rounded(value: f64) -> String {
     let digits = if value == 0.0 { 0.0 } else { 3.0 - value.abs().log10().floor() };
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to 9")]
@@ -315,8 +315,8 @@ impl Outputs {
     }
 }
 
-/// What the result notes: of a PLY what that notes, as the time at which it was frozen; else time
-/// and upward axis.
+/// Comments of the result: those of an input PLY (such as the time of the frame), else time and
+/// upward axis.
 fn comments(opened: &Opened, time: f32) -> Vec<String> {
     let frame = opened.files.first().filter(|_| opened.kind.is_frame());
     if let Some(header) = frame.and_then(|file| ply::read_header_file(file).ok()) {

@@ -1,4 +1,4 @@
-//! The picture of an edit: before, what was selected, after.
+//! The picture of an edit: before, selection, after.
 
 use crate::camera_rig::CameraRig;
 use crate::caption::{self, Rgb};
@@ -12,9 +12,9 @@ use gs_core::{Image, Splats};
 use gs_io::AtomicFile;
 use std::path::Path;
 
-/// Splats that no selection names.
+/// Colour of splats outside all selections.
 const REST: Rgb = [0.4, 0.4, 0.4];
-/// Selections in their order; later ones begin again.
+/// Colours of the selections, in order; repeated for later ones.
 const COLORS: [Rgb; 6] = [
     [1.0, 0.65, 0.1],
     [0.3, 0.6, 1.0],
@@ -23,15 +23,15 @@ const COLORS: [Rgb; 6] = [
     [0.7, 0.45, 1.0],
     [0.95, 0.9, 0.3],
 ];
-/// Characters of an expression in the legend.
+/// Maximum length of an expression in the legend, characters.
 const SHOWN: usize = 44;
 
-/// A selection as it is shown.
+/// A selection in the legend.
 #[derive(Debug, Clone)]
 pub(super) struct Shown {
     /// The expression.
     pub(super) text: String,
-    /// How many splats it selects.
+    /// Number of selected splats.
     pub(super) count: usize,
 }
 
@@ -68,7 +68,7 @@ pub(super) fn draw(
     Ok(image)
 }
 
-/// Writes it.
+/// Writes the picture.
 pub(super) fn write(mut file: AtomicFile, path: &Path, image: &Image) -> Outcome {
     images::write_png(&mut file, path, image)?;
     file.commit().map_err(|error| crate::output::output_failure(&error))

@@ -9,11 +9,11 @@ use std::fmt::Write as _;
 use std::io::Cursor;
 use std::path::{Path, PathBuf};
 
-/// Ends of names of the formats that are read.
+/// Extensions of the supported formats.
 const ENDINGS: [&str; 3] = ["png", "jpg", "jpeg"];
-/// Names shown when some are missing or too many.
+/// Maximum number of names in a message.
 const SHOWN: usize = 5;
-/// What to do about pictures that do not fit.
+/// Advice for pictures that do not match the cameras.
 const AS_FROZEN: &str = "Save each picture under the name and in the size that `c4d freeze --views` gave it; pictures that need no edit stay as they are.";
 
 /// The pictures in `folder`, one for each camera in the cameras' order.
@@ -125,7 +125,7 @@ fn ends_in(path: &Path, ending: &str) -> bool {
     path.extension().is_some_and(|found| found.eq_ignore_ascii_case(ending))
 }
 
-/// Reads a picture after its size was found to be the camera's.
+/// Reads a picture, after its size was compared with the camera's.
 fn decode(path: &Path, camera: &Camera) -> Outcome<DynamicImage> {
     let broken = |error: &dyn std::fmt::Display| {
         Failure::bad_input(format!("{}: {error}", path.display()))
@@ -152,7 +152,7 @@ fn decode(path: &Path, camera: &Camera) -> Outcome<DynamicImage> {
 }
 
 fn is_opaque(picture: &DynamicImage) -> bool {
-    // A shade below white is what resampling leaves of full alpha.
+    // Resampling can lower full alpha by one step.
     !picture.color().has_alpha() || picture.to_luma_alpha8().pixels().all(|p| p.0[1] >= 254)
 }
 

@@ -42,7 +42,7 @@ pub(super) fn run(args: &EditArgs, folder: &Path, global: &Global, console: &Con
     let cameras = cameras(args, folder)?;
     let pictures = pictures(args, folder, &cameras, console)?;
     let options = options(args, &frame, &cameras)?;
-    // Before the work, not after it.
+    // Outputs that cannot be written are rejected before the work starts.
     let refused = |error: gs_io::IoError| output_failure(&error);
     drop(AtomicFile::create(output, existing(global)).map_err(refused)?);
     if let Some(preview) = &args.preview {
@@ -122,7 +122,7 @@ fn cameras(args: &EditArgs, folder: &Path) -> Outcome<Vec<Camera>> {
         })?;
     let (cameras, notes) =
         cameras_json::read_file(&file).map_err(|error| scene::bad_input(&error))?;
-    // Each picture needs its camera: one that cannot see is not left out here.
+    // Each picture needs its camera, so malformed cameras are errors here.
     if let Some(note) = notes.first() {
         return Err(Failure::bad_input(format!("{}: {note}", file.display())));
     }
@@ -195,7 +195,7 @@ fn options(args: &EditArgs, frame: &Frame, cameras: &[Camera]) -> Outcome<FitOpt
     })
 }
 
-/// What a comment of the frame notes under this name.
+/// The comment of the frame with this prefix.
 fn noted<'a>(frame: &'a Frame, name: &str) -> Option<&'a str> {
     frame.comments.iter().find_map(|comment| comment.strip_prefix(name)).map(str::trim)
 }

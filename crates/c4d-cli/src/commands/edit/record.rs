@@ -1,4 +1,4 @@
-//! `NAME.edit.json` beside an edited frame: the steps that made it, to be done again.
+//! `NAME.edit.json` beside an edited frame: its steps, for `--replay`.
 
 use super::resources::read_bytes;
 use crate::failure::{Failure, Outcome};
@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
-/// What kind of file it is.
+/// Kind of the file.
 const KIND: &str = "steps of c4d edit";
 
 /// Steps of an edit.
@@ -18,17 +18,17 @@ pub(super) struct Record {
     kind: String,
     /// Program and version.
     writer: String,
-    /// What was edited, absolute.
+    /// Absolute path of the input.
     pub(super) input: PathBuf,
-    /// At this time of the scene.
+    /// Time of the edited frame.
     pub(super) time: f32,
-    /// Splats of the input.
+    /// Number of splats of the input.
     pub(super) num_splats: usize,
-    /// Splats of the result.
+    /// Number of splats of the result.
     pub(super) num_edited: usize,
-    /// Folders in which files named in the steps are looked for, first to last.
+    /// Folders that are searched for files named in the steps, in order.
     pub(super) folders: Vec<PathBuf>,
-    /// In order.
+    /// The steps, in order.
     pub(super) steps: Vec<RecordedStep>,
 }
 
@@ -40,7 +40,7 @@ pub(super) struct RecordedStep {
     /// Its argument; empty for options without one.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub(super) argument: String,
-    /// Splats selected after it.
+    /// Number of splats selected after it.
     pub(super) selected: usize,
 }
 
@@ -82,7 +82,7 @@ fn path_of(output: &Path) -> PathBuf {
     output.with_file_name(name)
 }
 
-/// A record that appears when it is written.
+/// A record that is created on commit.
 #[derive(Debug)]
 pub(super) struct RecordFile {
     file: AtomicFile,
@@ -90,8 +90,8 @@ pub(super) struct RecordFile {
 }
 
 impl RecordFile {
-    /// Begins the record of `output`. One of ours is replaced with the output that it belongs to,
-    /// or if that is gone; other files never are.
+    /// Begins the record of `output`. An existing record is replaced together with its output, or
+    /// if that no longer exists; other files never are.
     pub(super) fn create(output: &Path, existing: Existing) -> Outcome<Self> {
         let path = path_of(output);
         let theirs = path.is_file() && Record::read(&path).is_err();
@@ -101,7 +101,7 @@ impl RecordFile {
             existing => existing,
         };
         let file = AtomicFile::create(&path, existing).map_err(|error| match error {
-            // Of two that exist, the one that was asked for.
+            // If both exist, the error is about the requested file.
             IoError::Exists { .. } if output.exists() && !theirs => {
                 output_failure(&IoError::Exists { path: output.to_owned() })
             }
@@ -110,7 +110,7 @@ impl RecordFile {
         Ok(Self { file, path })
     }
 
-    /// Writes it.
+    /// Writes the record.
     pub(super) fn write(mut self, record: &Record) -> Outcome {
         let text = serde_json::to_string_pretty(record).map_err(Failure::failed)?;
         writeln!(self.file, "{text}").map_err(|error| Failure::write(&self.path, &error))?;

@@ -1,4 +1,4 @@
-//! Files that selections and actions name, loaded before anything is changed.
+//! Files that selections and actions refer to, loaded before any change.
 
 use crate::args::Global;
 use crate::console::Console;
@@ -15,10 +15,10 @@ use std::cell::RefCell;
 use std::io::Cursor;
 use std::path::{Path, PathBuf};
 
-/// Endings of pictures.
+/// Extensions of pictures.
 const PICTURES: [&str; 3] = ["png", "jpg", "jpeg"];
 
-/// What is being edited.
+/// The frame to edit.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Input<'a> {
     pub(super) opened: &'a Opened,
@@ -26,13 +26,13 @@ pub(super) struct Input<'a> {
     pub(super) splats: &'a Splats,
 }
 
-/// The files and folders that `needs` names, so that no output replaces one.
+/// The files and folders in `needs`, so that no output replaces one.
 pub(super) fn paths(needs: &Needs, folders: &[PathBuf]) -> Outcome<Vec<PathBuf>> {
     let names = [&needs.masks, &needs.ids, &needs.images, &needs.splats];
     names.into_iter().flatten().map(|name| find(name, folders)).collect()
 }
 
-/// Loads what `needs` names. Relative names are looked for in `folders`, first to last.
+/// Loads the resources in `needs`. Relative names are searched for in `folders`, in order.
 pub(super) fn load(
     needs: &Needs,
     input: Input<'_>,
@@ -100,7 +100,7 @@ pub(super) fn load(
     Ok(resources)
 }
 
-/// The bytes of a file that the user names.
+/// The bytes of a file named by the user.
 pub(super) fn read_bytes(path: &Path) -> Outcome<Vec<u8>> {
     gs_io::read_file(path).map_err(|error| {
         Failure::bad_input(format!("cannot read {}: {error}", path.display()))
@@ -108,7 +108,7 @@ pub(super) fn read_bytes(path: &Path) -> Outcome<Vec<u8>> {
     })
 }
 
-/// The first of the folders that has the file.
+/// The path of the file in the first folder that has it.
 fn find(name: &str, folders: &[PathBuf]) -> Outcome<PathBuf> {
     let candidates = folders.iter().map(|folder| folder.join(name));
     candidates.clone().find(|path| path.exists()).ok_or_else(|| {

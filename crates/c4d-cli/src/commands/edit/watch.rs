@@ -1,4 +1,4 @@
-//! [`Watch`]: what a running fit shows and saves.
+//! [`Watch`]: progress, checkpoints and previews of a running fit.
 
 use super::checkpoint;
 use crate::failure::{Failure, Outcome};
@@ -24,14 +24,14 @@ pub(super) struct WorkFolder {
 }
 
 impl WorkFolder {
-    /// Where it lies.
+    /// Path of the folder.
     fn place(output: &Path) -> PathBuf {
         let mut name = output.as_os_str().to_owned();
         name.push(".fit");
         PathBuf::from(name)
     }
 
-    /// Makes the folder; with `resume`, opens the one that is there and reads its checkpoint.
+    /// Makes the folder; with `resume`, opens the existing one and reads its checkpoint.
     pub(super) fn open(
         output: &Path,
         resume: bool,
@@ -67,7 +67,7 @@ impl WorkFolder {
         Ok((Self { path, update }, None))
     }
 
-    /// Removes what is ours, and the folder if nothing else is in it.
+    /// Removes the files of the fit, and the folder if it is then empty.
     pub(super) fn remove(self) {
         let Self { path, update } = self;
         for name in [STATE, PREVIEW, RECORD] {
@@ -83,7 +83,7 @@ pub(super) struct Watch<'a> {
     pub(super) folder: &'a WorkFolder,
     pub(super) progress: StageProgress,
     pub(super) failure: Option<Failure>,
-    /// Whether the checkpoint is there already, of this fit or of the one that is resumed.
+    /// Whether there is a checkpoint, of this fit or of the resumed one.
     pub(super) has_state: bool,
 }
 

@@ -1,4 +1,4 @@
-//! [`Watch`]: what a running refinement shows and saves.
+//! [`Watch`]: progress, checkpoints and previews of a running refinement.
 
 use crate::args::{PresetArg, RefineFlags};
 use crate::console::Console;
@@ -21,14 +21,14 @@ pub(super) struct Watch<'a> {
     pub(super) flags: &'a RefineFlags,
     pub(super) console: &'a Console,
     pub(super) made_from: MadeFrom,
-    /// Images kept for another process to go on from.
+    /// Images kept for a later `--resume`.
     pub(super) images: Option<KeptImages>,
     pub(super) progress: Option<(&'static str, StageProgress)>,
     pub(super) failure: Option<Failure>,
 }
 
 impl Watch<'_> {
-    /// Ends the progress shown; the failure that ended the refinement, if one did.
+    /// Ends the progress display; returns the failure that ended the refinement, if any.
     pub(super) fn finish(self) -> Option<Failure> {
         if let Some((_, progress)) = self.progress {
             progress.finish();
@@ -89,8 +89,7 @@ impl Observer for Watch<'_> {
     }
 
     fn keep_image(&mut self, at: ViewTime, bytes: &[u8]) {
-        // The refinement needs no images on disk: without room for them it only cannot be resumed
-        // as quickly.
+        // The refinement does not need the images on disk; without them, resuming takes longer.
         if let Some(images) = &mut self.images
             && let Err(error) = images.put(at, bytes)
         {

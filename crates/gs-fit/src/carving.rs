@@ -22,12 +22,11 @@ const PASSES: usize = 3;
 /// A splat is removed if the pictures show the background in more than this share of its visible
 /// pixels.
 const BEHIND_SHARE: f32 = 0.85;
-/// A splat fades if the share is above this: until [`FADE_UNTIL`] of the fit only its opacity is
+/// A splat fades if the share is above this: for the first part of the fit only its opacity is
 /// fitted, so that it does not take the colour of the background.
 const FADING_SHARE: f32 = 0.3;
-pub(crate) const FADE_UNTIL: f64 = 0.5;
 /// Most rounds of removal before the first step. Each can bring hidden splats to light.
-pub(crate) const ROUNDS: usize = 3;
+const ROUNDS: usize = 3;
 
 impl<R: Rasterizer + Sync> Run<'_, R> {
     /// Removes selected splats where the pictures show what lies behind them, before the first

@@ -1,7 +1,6 @@
 //! [`fit()`]: fits splats to pictures.
 
 use crate::alignment::{Aligning, Alignment, hold_common, needed};
-use crate::carving;
 use crate::loss::{PictureLoss, Rect, Target};
 use crate::report::{self, FitReport};
 use crate::state::{FitObserver, FitPreview, FitProgress, FitState};
@@ -29,6 +28,8 @@ const DENSIFY_UNTIL: f64 = 0.7;
 const ALIGN_FROM: usize = 40;
 const ALIGN_EVERY: usize = 30;
 const ALIGN_UNTIL: f64 = 0.9;
+/// Share of the fit until which only the opacity of fading splats is fitted.
+const FADE_UNTIL: f64 = 0.5;
 /// Splats below this opacity are removed at this share of the fit, so that the last steps adapt the
 /// others. Eight-bit pictures hardly show them.
 const FAINT_AT_END: f32 = 0.02;
@@ -384,7 +385,7 @@ impl<R: Rasterizer + Sync> Run<'_, R> {
     /// fitted), and selects splats that became visible.
     fn densify(&mut self, step: usize) -> Result<(), FitError> {
         self.carve()?;
-        if step as f64 >= carving::FADE_UNTIL * self.options.steps as f64 {
+        if step as f64 >= FADE_UNTIL * self.options.steps as f64 {
             self.working.fading.fill(false);
         }
         if self.options.geometry {

@@ -1,6 +1,9 @@
 //! `c4d view`: the server with raw sockets, the page in headless Chromium.
 
 use crate::support::{c4d, failure, fixture, success};
+use gs_core::DynamicScene;
+use gs_io::ply::{self, WriteOptions, comments};
+use gs_io::{Existing, ply_sequence};
 use serde_json::Value;
 use std::io::{BufRead, BufReader, Read, Write};
 use std::net::TcpStream;
@@ -129,6 +132,26 @@ fn run(folder: &Path) -> PathBuf {
     run
 }
 
+/// The demo's scene, dense enough that its floor does not hide the figure, and its edit propagated.
+fn figure(folder: &Path) -> (PathBuf, PathBuf) {
+    let (source, frame, run) =
+        (folder.join("figure"), folder.join("edited.ply"), folder.join("run"));
+    let params = gs_synth::DemoParams { num_splats: 12_000, ..gs_synth::DemoParams::default() };
+    let scene = gs_synth::demo(&params).unwrap();
+    let edit = gs_synth::apply_edits(&scene, &gs_synth::demo_edits(), 7).unwrap();
+    let options = WriteOptions {
+        comments: comments::up_comments([0.0, 1.0, 0.0]),
+        ..WriteOptions::default()
+    };
+    let times = scene.time_range().frames(3);
+    let (refuse, progress) = (Existing::Refuse, &mut |_| {});
+    ply_sequence::write_folder(&source, &scene, &times, &options, refuse, progress).unwrap();
+    ply::write_file(&frame, &edit.splats, &options, Existing::Refuse).unwrap();
+    let arguments = ["--no-refine", "-o"];
+    success(c4d(["propagate"]).arg(&source).arg("--edited").arg(frame).args(arguments).arg(&run));
+    (source, run)
+}
+
 /// All numbers of an array, at any depth.
 fn numbers(value: &Value) -> Vec<f64> {
     match value {
@@ -189,7 +212,7 @@ fn only_the_page_itself_is_answered() {
 #[test]
 fn the_page_shows_what_splats_are_selects_and_saves_cameras() {
     let folder = tempfile::tempdir().unwrap();
-    let run = run(folder.path());
+    let (source, run) = figure(folder.path());
     let mut server = Server::start(&["--frames", "3"], &[&run], folder.path());
 
     // The edited scene right of the divider, at its middle.
@@ -203,7 +226,7 @@ fn the_page_shows_what_splats_are_selects_and_saves_cameras() {
     let cameras: Value = serde_json::from_slice(&std::fs::read(&saved).unwrap()).unwrap();
     // The front view, as other commands have it, and another.
     let frozen = folder.path().join("frozen");
-    success(c4d(["freeze"]).arg(fixture("synth/source")).arg("-o").arg(&frozen));
+    success(c4d(["freeze"]).arg(&source).arg("-o").arg(&frozen));
     let text = std::fs::read(frozen.join("cameras.json")).unwrap();
     let front: Value = serde_json::from_slice(&text).unwrap();
     let apart = |camera: &Value, key: &str| {

@@ -46,11 +46,11 @@ mod tests {
 
     #[test]
     fn classes_differ_and_scales_have_ends() {
-        let colors: Vec<[u8; 3]> = (0..40).map(class_color).collect();
+        let colors: Vec<[u8; 3]> = (0..30).map(class_color).collect();
         for (i, a) in colors.iter().enumerate() {
             for b in &colors[..i] {
                 let apart: i32 = (0..3).map(|k| (i32::from(a[k]) - i32::from(b[k])).abs()).sum();
-                assert!(apart > 12, "{a:?} and {b:?}");
+                assert!(apart > 40, "{a:?} and {b:?}");
             }
         }
         let scale = scale_colors(255);

@@ -247,9 +247,8 @@ fn the_page_shows_what_splats_are_selects_and_saves_cameras() {
     assert!(out.join("rgb/00000.png").is_file(), "it renders");
 
     // Selections: as many splats as c4d edit selects.
-    for (shape, kind) in
-        [("box=200,120,280,200", "plane"), ("brush=235,150;240,180;240,200", "sphere")]
-    {
+    let shapes = [("box=.42,.35,.58,.55", "plane"), ("brush=.49,.42;.5,.5;.5,.56", "sphere")];
+    for (shape, kind) in shapes {
         let (document, _) = server.browse(&format!("{start}&{shape}"), folder.path());
         let answer = text_of(&document, "id=\"answered\"").replace("&amp;", "&");
         let answer: Value = serde_json::from_str(&answer).unwrap();

@@ -125,7 +125,6 @@ impl Drop for Closing<'_> {
 fn refuse(mut stream: TcpStream) {
     // The other side may have gone.
     let _ = Response::refusal(503, "too many connections").write(&mut stream);
-    drop(stream);
 }
 
 /// Answers the request of a connection.

@@ -14,7 +14,7 @@ use std::time::{Duration, Instant};
 /// Size of the browser's window.
 const SIZE: (u32, u32) = (480, 360);
 /// Time within which a reload must be seen.
-const PATIENCE: Duration = Duration::from_secs(60);
+const PATIENCE: Duration = Duration::from_mins(1);
 
 /// A running `c4d view`, ended when it is dropped.
 struct Server {

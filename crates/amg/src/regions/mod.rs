@@ -146,7 +146,7 @@ pub(crate) fn bind(
         matched: &matched,
         links: &links,
         stands_out: params.new_geometry * size,
-        rigid: f64::from(tolerance(RIGID * params.same_motion)),
+        same_motion: params.same_motion * size,
         reach,
     };
     let carriers = pieces.carriers();

@@ -52,8 +52,8 @@ pub(super) struct NewPieces<'a> {
     pub(super) links: &'a [Link],
     /// Distance from every source at which new geometry stands out, world units.
     pub(super) stands_out: f64,
-    /// Largest difference of motions within one support, world units.
-    pub(super) rigid: f64,
+    /// Largest difference of motions that count as one, world units.
+    pub(super) same_motion: f64,
     /// Pieces farther than this from all matched splats stay where they are, world units.
     pub(super) reach: f64,
 }
@@ -107,7 +107,7 @@ impl NewPieces<'_> {
             let Some(carrier) = self.carrier(&touches, piece.needed) else { continue };
             for e in piece.splats {
                 let is_alike = self.matched[e]
-                    .is_some_and(|region| self.differ(region, carrier, e) <= self.rigid);
+                    .is_some_and(|region| self.differ(region, carrier, e) <= self.same_motion);
                 carriers[e] = (!is_alike).then_some(carrier);
             }
         }

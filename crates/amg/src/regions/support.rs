@@ -21,6 +21,10 @@ const KERNEL: f64 = 2.0;
 /// this along the normal, where it cannot be centred.
 const RIDGE: f64 = 0.15;
 
+/// Range of the factors on weights: beside its support, a splat cannot be centred without amplifying
+/// noise.
+const CENTRING: [f64; 2] = [0.1, 4.0];
+
 /// Radius of the support of a splat far from its region, as a share of the distance between them.
 const LEVER: f64 = 0.5;
 
@@ -166,7 +170,7 @@ impl Supports<'_> {
         let tilt = apply(&covariance, apply(&inverse, apply(&inverse, sub(x, centroid))));
         for (point, weight) in entries {
             let factor = 1.0 + dot(tilt, sub(place(*point), centroid));
-            *weight *= factor.max(0.0);
+            *weight *= factor.clamp(CENTRING[0], CENTRING[1]);
         }
     }
 

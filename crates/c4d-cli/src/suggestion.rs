@@ -49,8 +49,9 @@ fn inside(folder: &Path, needed: Needed) -> Option<String> {
     }
 }
 
-/// Fitting entries of a folder, or of the folders in it if it has none.
+/// Fitting entries of a folder, or of the unknown folders in it if it has none.
 fn entries(folder: &Path, needed: Needed) -> Vec<(PathBuf, SceneKind)> {
+    let unknown = |path: &PathBuf| matches!(gs_io::detect(path), Ok(SceneKind::Unknown { .. }));
     let mut folders = vec![folder.to_owned()];
     for _ in 0..DEPTH {
         let mut paths: Vec<PathBuf> = folders
@@ -61,10 +62,10 @@ fn entries(folder: &Path, needed: Needed) -> Vec<(PathBuf, SceneKind)> {
             .collect();
         paths.sort();
         let found = fitting(&paths, needed);
-        if !found.is_empty() {
+        if !found.is_empty() || !folders.iter().all(unknown) {
             return found;
         }
-        paths.retain(|path| path.is_dir() && !path.is_symlink());
+        paths.retain(|path| path.is_dir() && !path.is_symlink() && unknown(path));
         folders = paths;
     }
     Vec::new()

@@ -6,6 +6,7 @@
 //! is visible at the very end; time 1 is mapped to the instant before it. Other motion is written
 //! as several rows per splat, with consecutive windows.
 
+mod grid;
 mod read;
 mod segments;
 mod write;

@@ -1,12 +1,12 @@
 //! Writing `.4dgs` files of the temporal model `gaussian-birth`.
 
+use super::grid;
 use super::segments::{Sample, Segment, Tolerance, split};
 use crate::clip::{Clip, dropped_sentence, robust_size};
 use crate::error::IoError;
 use crate::fs::{AtomicFile, Existing};
 use crate::losses::Losses;
 use fourdgs::GaussianSet;
-use fourdgs::quantization::Profile;
 use gs_core::{Splats, quat, sh};
 use rayon::prelude::*;
 use std::io::Write;
@@ -139,18 +139,24 @@ pub fn write(
     if rows.set.is_empty() {
         return Err(IoError::content(path, "no splat is visible in any frame; nothing to write"));
     }
+    grid::snap(&mut rows.set, CUTOFF);
     let written = fourdgs::write_to_vec(
         &rows.set,
         clock.seconds,
         &fourdgs::WriteOptions {
-            profile: Profile::Fine,
+            profile: grid::PROFILE,
             cutoff: CUTOFF,
             library: "c4d".to_owned(),
             ..fourdgs::WriteOptions::default()
         },
         &fourdgs::SceneExtras::default(),
     );
-    let bytes = written.map_err(|error| IoError::content(path, error.to_string()))?;
+    let bytes = written.map_err(|error| {
+        let what = format!(
+            "cannot be written: {error}; remove splats that are far from the scene, or choose another format"
+        );
+        IoError::content(path, what)
+    })?;
     file.write_all(&bytes).map_err(IoError::write(path))?;
     file.commit()?;
     Ok(WriteReport {

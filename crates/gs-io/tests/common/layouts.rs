@@ -56,7 +56,9 @@ pub(crate) fn spacetime(scene: &PolynomialScene) -> Vec<u8> {
     let motions = scene.motions();
     let mut all = shared(scene, &rgb);
     all.push(("trbf_center".to_owned(), motions.iter().map(|m| m.centre).collect()));
-    all.push(("trbf_scale".to_owned(), motions.iter().map(|m| m.width.abs().ln()).collect()));
+    // Splats that do not fade have an infinite width; its logarithm must be finite.
+    let log_width = |motion: &gs_deform::Polynomial| motion.width.abs().ln().clamp(-80.0, 80.0);
+    all.push(("trbf_scale".to_owned(), motions.iter().map(log_width).collect()));
     let velocities = motions.iter().map(|m| -> [f32; 9] {
         let mut flat = [0.0; 9];
         flat.copy_from_slice(m.velocity.as_flattened());
@@ -70,7 +72,7 @@ pub(crate) fn spacetime(scene: &PolynomialScene) -> Vec<u8> {
 /// `ln σ` of a width at which `exp(−(dt/width)²)` is `exp(−½(dt/σ)²)`.
 fn log_durations(scene: &PolynomialScene) -> Vec<f32> {
     let half = std::f32::consts::FRAC_1_SQRT_2;
-    scene.motions().iter().map(|motion| (motion.width.abs() * half).ln()).collect()
+    scene.motions().iter().map(|motion| (motion.width.abs() * half).ln().min(80.0)).collect()
 }
 
 /// `.ftgs.ply`, equivalent to `scene` for splats that move linearly and do not rotate.

@@ -2,7 +2,7 @@
 
 use crate::arrays::{array, rows};
 use crate::failures::value_error;
-use crate::supervise::{Callbacks, Interrupted, supervise};
+use crate::supervise::compute;
 use anchors::{AnchorParams, AnchorSet, Grouping, Radius};
 use numpy::PyReadonlyArrayDyn;
 use pyo3::exceptions::PyValueError;
@@ -54,9 +54,8 @@ pub(crate) fn build_anchors<'py>(
         ..AnchorParams::default()
     };
     let points = rows::<f64, 3>("points", &points)?;
-    let work = move |_: &_| AnchorSet::of(&points, &params);
-    let set = supervise(py, &Callbacks::default(), Interrupted::IsAbandoned, work)?
-        .map_err(|error| value_error(&error))?;
+    let work = move || AnchorSet::of(&points, &params);
+    let set = compute(py, work)?.map_err(|error| value_error(&error))?;
     let dict = PyDict::new(py);
     let (count, num_points) = (set.positions.len(), set.owners.len());
     let (offsets, members) = (set.members.offsets().to_vec(), set.members.indices().to_vec());

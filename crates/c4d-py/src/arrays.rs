@@ -21,22 +21,19 @@ pub(crate) fn values<T: Element + Copy>(array: &PyReadonlyArrayDyn<'_, T>) -> Py
     array.as_slice().map(<[T]>::to_vec).map_err(|error| PyValueError::new_err(error.to_string()))
 }
 
-/// `[n]` rows of `D` values of a contiguous array, copied.
+/// Rows of `D` values of a contiguous array whose last axis has `D`, copied.
 pub(crate) fn rows<T: Element + Copy, const D: usize>(
     name: &str,
     array: &PyReadonlyArrayDyn<'_, T>,
 ) -> PyResult<Vec<[T; D]>> {
-    let (rows, rest) = array
-        .as_slice()
-        .map_err(|error| PyValueError::new_err(error.to_string()))?
-        .as_chunks::<D>();
-    if rest.is_empty() {
-        return Ok(rows.to_vec());
+    let shape = array.as_array().shape().to_vec();
+    if shape.len() < 2 || shape.last() != Some(&D) {
+        return Err(PyValueError::new_err(format!(
+            "{name} has shape {shape:?}, expected [N, {D}]"
+        )));
     }
-    Err(PyValueError::new_err(format!(
-        "{name} has {} values, expected a multiple of {D}",
-        rows.len() * D + rest.len()
-    )))
+    let flat = array.as_slice().map_err(|error| PyValueError::new_err(error.to_string()))?;
+    Ok(flat.as_chunks::<D>().0.to_vec())
 }
 
 /// `value` as a contiguous array of 64-bit floats of this shape.
@@ -48,9 +45,10 @@ pub(crate) fn matrix<const R: usize, const C: usize>(
     let array: PyReadonlyArrayDyn<'_, f64> =
         numpy.call_method1("ascontiguousarray", (value, "float64"))?.extract()?;
     let shape = array.as_array().shape().to_vec();
-    let found = rows::<f64, C>(name, &array)?;
-    match <[[f64; C]; R]>::try_from(found) {
-        Ok(matrix) if shape == [R, C] => Ok(matrix),
-        _ => Err(PyValueError::new_err(format!("{name} has shape {shape:?}, expected [{R}, {C}]"))),
+    if shape == [R, C]
+        && let Ok(matrix) = <[[f64; C]; R]>::try_from(rows::<f64, C>(name, &array)?)
+    {
+        return Ok(matrix);
     }
+    Err(PyValueError::new_err(format!("{name} has shape {shape:?}, expected [{R}, {C}]")))
 }

@@ -14,7 +14,7 @@ use std::path::PathBuf;
 ///
 /// viewmat: world to camera, [4,4]. K: intrinsics in pixels, [3,3] without skew.
 /// width, height: pixels. near: near plane, world units. time: scene time of its image, or None.
-#[pyclass(frozen, eq, module = "catalyst4d")]
+#[pyclass(frozen, eq, skip_from_py_object, module = "catalyst4d")]
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Camera {
     pub(crate) inner: gs_core::Camera,

@@ -4,7 +4,7 @@ use crate::arrays::{array, values};
 use crate::camera::Camera;
 use crate::failures::value_error;
 use crate::splat_arrays::from_arrays;
-use crate::supervise::{Callbacks, Interrupted, supervise};
+use crate::supervise::compute;
 use gs_core::{
     GradientConvention, RasterError, Rasterizer, Real, RenderGrads, RenderOutput, RenderParams,
     Splats, UpstreamGrads,
@@ -140,15 +140,13 @@ where
         )));
     }
     let camera = camera.clone();
-    let work = move |_: &_| -> Result<Pass<F>, RasterError> {
+    let work = move || -> Result<Pass<F>, RasterError> {
         let raster = CpuRasterizer::default();
         let mut prepared = raster.prepare(&splats, &camera)?;
         let output = raster.forward(&mut prepared, &splats, &features, &params)?;
         Ok(Pass { splats, features, params, output, prepared: Mutex::new(prepared) })
     };
-    supervise(py, &Callbacks::default(), Interrupted::IsAbandoned, work)?
-        .map(Arc::new)
-        .map_err(|error| value_error(&error))
+    compute(py, work)?.map(Arc::new).map_err(|error| value_error(&error))
 }
 
 fn images<'py, F: Real + Element + Copy>(
@@ -185,13 +183,12 @@ where
         v_features: plane("v_features", 3)?,
     };
     let shared = Arc::clone(pass);
-    let work = move |_: &_| -> Result<RenderGrads<F>, RasterError> {
+    let work = move || -> Result<RenderGrads<F>, RasterError> {
         let Pass { splats, features, params, prepared, .. } = shared.as_ref();
         let mut prepared = prepared.lock().unwrap_or_else(PoisonError::into_inner);
         CpuRasterizer::default().backward(&mut prepared, splats, features, params, &upstream)
     };
-    let grads = supervise(py, &Callbacks::default(), Interrupted::IsAbandoned, work)?
-        .map_err(|error| value_error(&error))?;
+    let grads = compute(py, work)?.map_err(|error| value_error(&error))?;
     let (n, coeffs) = (pass.splats.len(), pass.splats.sh_coeffs());
     let channels = pass.features.len() / n.max(1);
     let dict = PyDict::new(py);

@@ -4,7 +4,7 @@ use crate::arrays::array;
 use crate::camera::Camera;
 use crate::failures::{exception, value_error};
 use crate::splat_arrays::to_dict;
-use crate::supervise::{Callbacks, Interrupted, supervise};
+use crate::supervise::{Callbacks, Interrupted, compute, supervise};
 use c4d_cli::SceneHandle;
 use gs_core::DynamicScene;
 use numpy::PyArrayDyn;
@@ -114,9 +114,8 @@ impl Scene {
             self.handle.scene()
         };
         let scene: Arc<dyn DynamicScene> = Arc::clone(scene);
-        let work = move |_: &_| scene.at(t);
-        let splats = supervise(py, &Callbacks::default(), Interrupted::IsAbandoned, work)?
-            .map_err(|error| value_error(&error))?;
+        let work = move || scene.at(t);
+        let splats = compute(py, work)?.map_err(|error| value_error(&error))?;
         to_dict(py, splats, activated)
     }
 

@@ -1,5 +1,6 @@
 //! [`supervise`]: work on a thread of its own, while Python stays responsive.
 
+use crate::failures::exception;
 use c4d_cli::{MessageKind, Observer};
 use pyo3::prelude::*;
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
@@ -78,6 +79,18 @@ impl Observer for Relay {
     fn is_cancelled(&self) -> bool {
         self.cancelled.load(Ordering::Relaxed)
     }
+}
+
+/// The result of a computation without side effects, as [`supervise`]; starts the thread pool.
+///
+/// # Errors
+/// As [`supervise`], and if the threads cannot be started.
+pub(crate) fn compute<T: Send + 'static>(
+    py: Python<'_>,
+    work: impl FnOnce() -> T + Send + 'static,
+) -> PyResult<T> {
+    c4d_cli::start_threads(None).map_err(|failure| exception(py, &failure))?;
+    supervise(py, &Callbacks::default(), Interrupted::IsAbandoned, move |_| work())
 }
 
 /// The result of `work`, which runs on a thread of its own without the interpreter's lock.

@@ -2,7 +2,7 @@
 
 use crate::arrays::{array, rows, values};
 use crate::failures::value_error;
-use crate::supervise::{Callbacks, Interrupted, supervise};
+use crate::supervise::compute;
 use numpy::{PyArrayDyn, PyReadonlyArrayDyn};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
@@ -76,9 +76,8 @@ impl Transport {
         of: impl FnOnce(&UotOutput, &UotProblem<'static>) -> Result<T, UotError> + Send + 'static,
     ) -> PyResult<T> {
         let (output, problem) = (Arc::clone(&self.output), Arc::clone(&self.problem));
-        let work = move |_: &_| of(&output, &problem);
-        supervise(py, &Callbacks::default(), Interrupted::IsAbandoned, work)?
-            .map_err(|error| value_error(&error))
+        let work = move || of(&output, &problem);
+        compute(py, work)?.map_err(|error| value_error(&error))
     }
 }
 
@@ -190,7 +189,7 @@ pub(crate) fn solve_transport<'py>(
         acceleration,
         ..SinkhornParams::default()
     };
-    let work = move |_: &_| -> Result<Transport, UotError> {
+    let work = move || -> Result<Transport, UotError> {
         let problem = match cost {
             Cost::Matrix(cost, n, m) => UotProblem::from_cost(cost, n, m)?,
             Cost::Points(clouds, params) => clouds.problem(&params)?,
@@ -206,8 +205,7 @@ pub(crate) fn solve_transport<'py>(
         let output = Sinkhorn::new(params)?.solve(&problem)?;
         Ok(Transport { problem: Arc::new(problem), output: Arc::new(output) })
     };
-    supervise(py, &Callbacks::default(), Interrupted::IsAbandoned, work)?
-        .map_err(|error| value_error(&error))
+    compute(py, work)?.map_err(|error| value_error(&error))
 }
 
 fn unknown(name: &str, found: &str, expected: &str) -> PyErr {

@@ -52,11 +52,17 @@ def test_threads_are_set_once(scene):
 
 
 def test_import_is_fast():
-    code = "import time; b = time.perf_counter(); import catalyst4d; print(time.perf_counter() - b)"
+    code = """
+import time
+wall, own = time.perf_counter(), time.process_time()
+import catalyst4d
+print(time.perf_counter() - wall, time.process_time() - own)
+"""
     python(code)
-    seconds = min(float(python(code)) for _ in range(3))
-    print(f"\nimport: {seconds:.3f} s")
-    assert seconds < 0.3
+    wall, own = zip(*(map(float, python(code).split()) for _ in range(3)))
+    print(f"\nimport: {min(wall):.3f} s, {min(own):.3f} s of processor time")
+    # processor time, which other programs on the machine do not change
+    assert min(own) < 0.3
 
 
 def test_the_lock_is_released(scene, tmp_path):
@@ -86,7 +92,7 @@ def test_exceptions_of_callbacks_end_the_work(scene, tmp_path):
         raise Enough
 
     with pytest.raises(Enough):
-        scene.render_to(tmp_path / "clip", frames=200, gpu="cpu", progress=progress)
+        scene.render_to(tmp_path / "clip", frames=50, gpu="cpu", progress=progress)
     assert list(tmp_path.iterdir()) == [], "no partial output remains"
 
 
@@ -95,7 +101,7 @@ import sys
 import catalyst4d as c4d
 print("ready", flush=True)
 try:
-    c4d.Scene.open(sys.argv[1]).render_to(sys.argv[2], frames=100000, gpu="cpu")
+    c4d.Scene.open(sys.argv[1]).render_to(sys.argv[2], frames=90, size=(1600, 1200), gpu="cpu")
 except KeyboardInterrupt:
     print("interrupted", flush=True)
 """

@@ -67,31 +67,36 @@ def test_wrong_input_is_an_error():
 
 
 def test_speed_beside_pot(record_property):
-    """Two clouds of 5000 points. Both solvers use all cores of this process."""
+    """Two clouds of 5000 points in this process, with all cores for both, to the same accuracy."""
     random = np.random.default_rng(3)
-    n, reg, beta = 5000, 0.1, 0.1
+    n, reg = 5000, 0.1
     x = random.random((n, 3))
     y = x + 0.01 * random.standard_normal((n, 3))
+    uniform = np.full(n, 1 / n)
 
     def ours():
-        return uot.solve(points=(x, y), beta=beta, reg=reg, tol=1e-6)
+        return uot.solve(points=(x, y), reg=reg, tol=1e-6)
 
-    def theirs():
+    def theirs(beta):
         cost = 1 - np.exp(-ot.dist(x, y) / (2 * beta**2))
-        uniform = np.full(n, 1 / n)
         return ot.unbalanced.sinkhorn_unbalanced(
             uniform, uniform, cost, reg, 1.0, reg_type="kl", numItermax=1000, stopThr=1e-6
         )
 
-    begun = time.perf_counter()
-    solved = ours()
-    middle = time.perf_counter()
-    plan = theirs()
-    ended = time.perf_counter()
+    def timed(work, *arguments):
+        """The result, and the seconds: elapsed, and of all processors."""
+        wall, own = time.perf_counter(), time.process_time()
+        result = work(*arguments)
+        return result, time.perf_counter() - wall, time.process_time() - own
+
+    solved, *our_times = timed(ours)
+    plan, *their_times = timed(theirs, solved.beta)
     assert solved.converged
-    np.testing.assert_allclose(solved.col_mass, plan.sum(0), rtol=1e-3)
-    factor = (ended - middle) / (middle - begun)
-    record_property("uot_seconds", middle - begun)
-    record_property("pot_seconds", ended - middle)
-    print(f"\nuot {middle - begun:.2f} s, POT {ended - middle:.2f} s: {factor:.0f} times")
-    assert factor > 5, "20 and more on an idle machine"
+    np.testing.assert_allclose(solved.col_mass, plan.sum(0), rtol=1e-4)
+    elapsed, processor = (theirs / ours for theirs, ours in zip(their_times, our_times))
+    print(f"\nuot {our_times[0]:.3f} s, POT {their_times[0]:.2f} s: {elapsed:.0f} times faster", end="")
+    print(f", {processor:.0f} times less processor time")
+    record_property("elapsed", elapsed)
+    record_property("processor", processor)
+    # 20 and more on an idle machine; the margin is for others
+    assert elapsed > 8

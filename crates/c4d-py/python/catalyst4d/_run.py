@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
 import tempfile
+import weakref
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path as FilePath
@@ -45,18 +47,27 @@ class Binding:
         return csr_array((self.data, indices, indptr), shape=self.shape)
 
 
+class _TemporaryFolder:
+    """A folder that is deleted with the last run in it."""
+
+    def __init__(self) -> None:
+        self.path = tempfile.mkdtemp(prefix="catalyst4d-")
+        weakref.finalize(self, shutil.rmtree, self.path, ignore_errors=True)
+
+
 class Run(Scene):
     """A propagated edit: the output of :func:`propagate`, itself a scene."""
 
-    _folder: tempfile.TemporaryDirectory | None = None
+    _folder: _TemporaryFolder | None = None
     _contents: dict | None = None
 
     @classmethod
     def open(cls, path: Path, **options: object) -> Run:
         """Opens a run folder."""
-        _native.read_run(path)
+        contents = _native.read_run(path)
         opened = super().open(path, **options)
         assert isinstance(opened, Run)
+        opened._contents = contents
         return opened
 
     def _read(self) -> dict:
@@ -126,8 +137,8 @@ def propagate(
     """
     folder = None
     if output is None:
-        folder = tempfile.TemporaryDirectory(prefix="catalyst4d-")
-        output = os.path.join(folder.name, "run")
+        folder = _TemporaryFolder()
+        output = os.path.join(folder.path, "run")
     if isinstance(scene, Scene):
         options = {**scene._options, **options}
     with tempfile.TemporaryDirectory(prefix="catalyst4d-") as scratch:

@@ -1,16 +1,15 @@
 //! Images of a render, one file per view, time and pass.
 
 use super::losses::losses;
-use super::shot::{Exposure, Shot};
+use super::shot::Shot;
 use super::views::Views;
 use crate::args::{Format, Global, Pass, RenderArgs};
 use crate::commands::export::say;
 use crate::failure::{Failure, Outcome};
 use crate::images;
 use crate::output::{existing, output_failure};
-use crate::overlays::overlay_image;
 use crate::passes::{self, PassImage};
-use gs_core::{Camera, Image, Splats};
+use gs_core::{Camera, Image};
 use gs_io::AtomicDir;
 use std::fs::File;
 use std::io::BufWriter;
@@ -51,29 +50,14 @@ pub(super) fn stills(
             depth_range.0, depth_range.1
         ));
     }
-    let then = if args.passes.iter().any(|pass| pass.is_relative()) {
-        shot.scene.at(shot.edit_time).map_err(Failure::input)?
-    } else {
-        Splats::default()
-    };
+    let then = shot.splats_of_edit(&args.passes)?;
     let mut count = 0;
     shot.render(|exposure| {
         for &pass in &args.passes {
             let folder = stills_folder(folder.path(), shot.views, exposure.camera, pass);
             std::fs::create_dir_all(&folder).map_err(|error| Failure::write(&folder, &error))?;
             let path = |extension: &str| folder.join(format!("{:05}.{extension}", exposure.frame));
-            let layer = shot.layers.iter().find(|(of, _)| *of == pass);
-            let image = if let Some((_, layer)) = layer {
-                let Exposure { splats, camera, .. } = exposure;
-                overlay_image(shot.device, layer, splats, camera, shot.background)?
-            } else if pass.is_relative() {
-                let Exposure { splats, camera, .. } = exposure;
-                let then = (&then, shot.evidence);
-                passes::render(pass, shot.mask, shot.device, splats, then, camera)?
-            } else {
-                PassImage::Grey(exposure.image(pass))
-            };
-            match (image, format) {
+            match (shot.image_of(pass, exposure, &then)?, format) {
                 (PassImage::Flow(flow), Format::Exr) => {
                     let channels = ["forward.u", "forward.v", "A"];
                     images::write_exr(&path("exr"), &passes::flow_with_coverage(&flow), &channels)?;

@@ -25,7 +25,6 @@ impl Camera {
     #[new]
     #[pyo3(signature = (viewmat, K, width, height, *, near=NEAR_PLANE, time=None, name=String::new()))]
     #[expect(non_snake_case, reason = "the name of the matrix in this field")]
-    #[expect(clippy::too_many_arguments, reason = "named in Python")]
     fn new(
         viewmat: &Bound<'_, PyAny>,
         K: &Bound<'_, PyAny>,

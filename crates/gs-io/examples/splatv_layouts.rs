@@ -1,6 +1,11 @@
 //! Writes a `.splatv` as PLY of Spacetime Gaussians (exact) and of FreeTimeGS (each splat on its
 //! tangent): `cargo run --example splatv_layouts -- CLIP.splatv FOLDER`.
 
+#![allow(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "converters of tests store single precision and bytes"
+)]
 #![allow(clippy::unwrap_used, dead_code, reason = "shared with tests, which fail by panicking")]
 
 #[path = "../tests/common/layouts.rs"]

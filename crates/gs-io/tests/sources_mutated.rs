@@ -1,6 +1,11 @@
 //! Every trained scene of the fixtures with each of its files missing, mutated, or with NaN in any
 //! column: it is refused with the path and a next step, or read with the damage counted.
 
+#![allow(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "converters of tests store single precision and bytes"
+)]
 #![allow(clippy::unwrap_used, reason = "helpers of tests may panic")]
 
 #[allow(dead_code, reason = "the rest is used by other tests")]
@@ -140,7 +145,7 @@ fn a_missing_file_is_named_with_the_next_step_or_not_needed() {
             }
             let text = error.to_string();
             let has_step = |step: &&str| text.contains(&format!("; {step} "));
-            assert!(STEPS.iter().any(|step| has_step(&step)), "{what}: {text}");
+            assert!(STEPS.iter().any(|step| has_step(step)), "{what}: {text}");
         }
     }
     assert!(refused >= 20, "{refused} files matter");
@@ -269,7 +274,7 @@ fn arrays_of_other_shapes_are_refused_by_name() {
         let at = bytes.windows(7).position(|window| window == b"'shape'").unwrap();
         let open = at + bytes[at..].iter().position(|&byte| byte == b'(').unwrap();
         let mut other = bytes.clone();
-        other.splice(open + 1..open + 1, *b"1, ");
+        other.splice(open + 1..=open, *b"1, ");
         // The header's padding takes the additional characters.
         let newline = other.iter().skip(open).position(|&byte| byte == b'\n').unwrap() + open;
         other.drain(newline - 3..newline);

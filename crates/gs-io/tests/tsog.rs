@@ -1,6 +1,11 @@
 //! `.tsog` archives: decoded as version 4 defines them, on values worked out by hand, and refused
 //! where it does not.
 
+#![allow(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "converters of tests store single precision and bytes"
+)]
 #![allow(clippy::unwrap_used, reason = "helpers of tests may panic")]
 
 #[allow(dead_code, reason = "the rest is used by other tests")]
@@ -84,7 +89,6 @@ fn open((meta, planes): &(Value, Vec<Plane>)) -> Result<OpenedScene, IoError> {
     open_scene(&path, &OpenOptions::default())
 }
 
-#[expect(clippy::needless_pass_by_value, reason = "shorter calls")]
 fn assert_near<const D: usize>(found: [f32; D], expected: [f64; D], what: &str) {
     let off = found.iter().zip(expected).map(|(a, b)| (f64::from(*a) - b).abs() / (1.0 + b.abs()));
     assert!(off.fold(0.0, f64::max) < 1e-5, "{what}: {found:?}, expected {expected:?}");

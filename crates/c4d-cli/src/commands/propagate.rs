@@ -4,6 +4,8 @@ mod edited_frame;
 mod run_files;
 mod words;
 
+pub(crate) use run_files::Recorded;
+
 use super::{dry_run, refine, source_match};
 use crate::args::{BaselineArg, FollowArg, Global, MotionArg, PresetArg, PropagateArgs};
 use crate::console::Console;
@@ -20,7 +22,6 @@ use amg::{Follow, MotionGuide, MotionOptions, Preset};
 use gs_core::Extent;
 use gs_io::AtomicDir;
 use run_files::Finished;
-use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -30,12 +31,6 @@ const BYTES_PER_SPLAT: u64 = 1536;
 /// Additional memory per splat of the source for `--follow surface`: 65 key times of 16 bytes,
 /// and carriers.
 const BYTES_PER_LIFE: u64 = 2048;
-
-/// Paths to note in the run, where they differ from those read.
-pub(crate) struct Recorded {
-    pub(crate) scene: PathBuf,
-    pub(crate) edited: PathBuf,
-}
 
 pub(crate) fn run(args: &PropagateArgs, global: &Global, console: &Console) -> Outcome {
     let settings = Settings::read(args.config.as_deref())?;

@@ -171,7 +171,7 @@ fn fade(samples: &[Sample], [first, last]: [usize; 2], tolerance: f32) -> Option
         let fading = (-((time(index) - found.centre) / found.width).powi(2)).exp();
         (f64::from(opacity) * fading - f64::from(sample.opacity)).abs() <= f64::from(tolerance)
     });
-    within.then(|| Fade {
+    within.then_some(Fade {
         centre: middle + found.centre * count,
         sigma: found.width * count * std::f64::consts::FRAC_1_SQRT_2,
         opacity,

@@ -138,7 +138,9 @@ pub(crate) fn gaussian4d(scene: &PolynomialScene) -> Vec<u8> {
         }
         let (values, mut axes) = eigen(joint);
         if determinant(&axes) < 0.0 {
-            axes.iter_mut().for_each(|axis_row| axis_row[0] = -axis_row[0]);
+            for row in &mut axes {
+                row[0] = -row[0];
+            }
         }
         let logs = values.map(|value| (0.5 * value.max(1e-20).ln()) as f32);
         scales.extend(&logs[..3]);

@@ -1,6 +1,6 @@
 //! The files of a run folder, as `c4d propagate` writes them.
 
-use super::{Recorded, words};
+use super::words;
 use crate::args::{FollowArg, Global, MotionArg};
 use crate::console::Console;
 use crate::failure::{Failure, Outcome};
@@ -10,8 +10,14 @@ use crate::scene::Opened;
 use crate::settings::{AnchorSettings, KnnSettings, PropagateJob, TransportSettings};
 use amg::{MotionGuide, MotionOptions, Propagation};
 use clap::ValueEnum;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::time::Instant;
+
+/// Paths to note in the run, where they differ from those read.
+pub(crate) struct Recorded {
+    pub(crate) scene: PathBuf,
+    pub(crate) edited: PathBuf,
+}
 
 /// A finished propagation.
 pub(super) struct Finished<'a> {

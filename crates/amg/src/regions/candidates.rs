@@ -1,18 +1,18 @@
-//! Candidate regions of each edited splat, grouped by motion.
+//! Per edited splat: the regions it may belong to, grouped by the motion they would give it.
 
 use super::cubes::{Cube, Cubes, Grouping, MAX_HYPOTHESES, Surroundings};
 use crate::rigid::{dot, norm, sub};
 use anchors::NO_CELL;
 use gs_core::Real;
 
-/// Regions kept per motion: the normal of a single region is unreliable.
+/// Regions kept per motion: the plane of one may be tilted, that of all of them is not.
 const PER_HYPOTHESIS: usize = 8;
 
-/// A region that an edited splat may belong to.
+/// A region that may explain an edited splat.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Candidate {
     pub(super) region: u32,
-    /// Index of the region's motion among those of the splat.
+    /// Which of the splat's motions the region has.
     pub(super) hypothesis: u8,
     /// Signed offset of the splat from the region along its outward normal, world units.
     pub(super) offset: f32,
@@ -20,7 +20,8 @@ pub(super) struct Candidate {
     pub(super) tangent_squared: f32,
     /// Product of the two flatnesses: 0 if either is a ball.
     pub(super) flat: f32,
-    /// `flat` minus the absolute inner product of the two thin axes, whose lengths are the flatness.
+    /// `flat` less the inner product of the two normals, either sign of which is as good, both with
+    /// their flatness.
     pub(super) misaligned: f32,
     /// Squared difference of the two flatnesses.
     pub(super) unlike: f32,
@@ -29,10 +30,10 @@ pub(super) struct Candidate {
 /// Candidates of all edited splats.
 #[derive(Debug)]
 pub(super) struct Candidates {
-    /// Per splat, by hypothesis, nearest first.
+    /// Of each splat, those of one hypothesis nearest first.
     entries: Vec<Box<[Candidate]>>,
-    /// Distance of the nearest region, world units; infinite if there is none or the splat is a
-    /// source splat.
+    /// Distance of the nearest region, world units; infinite if there is none, or none was looked
+    /// for.
     pub(super) distance: Vec<f64>,
 }
 
@@ -54,7 +55,7 @@ impl Candidates {
     }
 }
 
-/// Buffers reused from splat to splat.
+/// What is kept from splat to splat, so that nothing is allocated for each.
 #[derive(Default)]
 struct Scratch {
     grouping: Grouping,
@@ -77,14 +78,15 @@ impl Find<'_> {
             (region != NO_CELL).then_some(region)
         };
         if let Some(point) = edit.exact[e] {
-            // A source splat belongs to its own region, or to none if it is an outlier.
+            // A splat that is a source splat has that one's region, or none if that one is an
+            // outlier.
             let known = region_of(point).map(|region| self.candidate(e, region, 0));
             return (known.into_iter().collect(), f64::INFINITY);
         }
         let x = edit.means[e];
         let Scratch { grouping, regions: with_parent, nearest, found } = scratch;
-        // A splat with a known parent may have been moved: its parent's motion comes first, and
-        // motions are compared at its own position.
+        // What descends from a region may have moved: its motion comes first, and is looked at in
+        // this place.
         let (candidates, hypotheses) = if let Some(parent) = edit.parent[e].and_then(region_of) {
             with_parent.clear();
             with_parent.push(parent);
@@ -128,7 +130,7 @@ impl Find<'_> {
     }
 }
 
-/// Inserts `found` into the [`PER_HYPOTHESIS`] nearest, in order.
+/// Puts `found` in its place among the nearest, of which [`PER_HYPOTHESIS`] are kept.
 fn insert(kept: &mut Vec<(f64, u32)>, found: (f64, u32)) {
     let before = |a: &(f64, u32)| a.0.total_cmp(&found.0).then(a.1.cmp(&found.1)).is_lt();
     if kept.len() == PER_HYPOTHESIS {

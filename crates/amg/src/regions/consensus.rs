@@ -1,10 +1,10 @@
-//! Weights of the sources of a support by their agreement with one rigid motion.
+//! Which sources of a support really move as one.
 //!
-//! Near joints and contacts, motions within the tolerance of a hypothesis still differ by more than
-//! noise, and their mean is the motion of no part. On a rigid part they differ by noise only, which
-//! a mean over more sources reduces. So the weight of a source decreases with its distance from the
-//! common rigid motion, in units of the noise of the trajectories: supports stay wide on rigid parts
-//! and are narrow elsewhere.
+//! Near joints and contacts, neighbours within the tolerance of "one motion" still differ by more
+//! than noise, and their mean is nobody's motion. Where a part is rigid, all that differs is noise,
+//! which more sources average away. So sources are weighed by how well one rigid motion explains
+//! them, in units of the noise of the trajectories: supports stay wide on rigid parts and shrink to
+//! what agrees elsewhere.
 #![expect(
     clippy::inline_always,
     reason = "vectorised bodies must be compiled inside the dispatched caller"
@@ -18,23 +18,28 @@ use crate::simd::Lanes;
 use gs_core::Real;
 use rayon::prelude::*;
 
-/// Key times compared, as many as there are lanes.
+/// Fits, each with the weights that the last one left.
+const ROUNDS: usize = 2;
+
+/// Key times looked at, as many as there are lanes.
 const MAX_TIMES: usize = 4;
 
 type Times = Lanes<MAX_TIMES>;
 
-/// Root mean square misfit, in units of the noise, at which the weight of a source falls to 0.6:
-/// smaller values average the noise over fewer sources.
+/// Root mean square misfit, in units of the noise, at which a source counts half or so.
 const MISFIT: f64 = 1.5;
 
-/// Least factor on a weight: if no source agrees, all keep their relative weights.
+/// If all agree at least this well, another fit would change nothing.
+const AGREED: f64 = 0.7;
+
+/// Weight that any misfit leaves: where nothing agrees, all count alike.
 const LEAST: f64 = 1e-6;
 
 /// Most sources a support has, see [`crate::MotionParams::sources_per_row`].
 pub(super) const MAX_SOURCES: usize = 64;
 
-/// State of a source at the times compared, one lane each: centre, rotation since the edit frame,
-/// presence.
+/// What a source does at the times compared, one lane each: centres, rotations since the edit
+/// frame, how far it is there.
 #[derive(Debug, Clone, Copy)]
 struct Moved {
     place: [[f32; MAX_TIMES]; 3],
@@ -42,7 +47,7 @@ struct Moved {
     seen: [f32; MAX_TIMES],
 }
 
-/// Reweights the sources of supports.
+/// Finds what agrees.
 pub(super) struct Consensus<'a> {
     regions: &'a Regions,
     /// Of each point of `regions`.
@@ -60,7 +65,7 @@ impl<'a> Consensus<'a> {
         let times: Vec<usize> =
             (1..=num_times).map(|i| i * keys.times.len() / num_times - 1).collect();
         let moved = |&id: &usize| {
-            // Lanes without a time repeat the first one with presence 0.
+            // Lanes without a time repeat the first one and see nothing.
             let at = |lane: usize| times.get(lane).map_or(times[0], |&k| k);
             let mut moved = Moved {
                 place: [[0.0; MAX_TIMES]; 3],
@@ -85,29 +90,42 @@ impl<'a> Consensus<'a> {
         Self { regions, moved, num_times, prior: ROTATION_PRIOR * rotation_quality }
     }
 
-    /// Lowers the weights of points that do not share the rigid motion of the others.
+    /// Lowers the weights of points of `regions` that do not share the motion of the others.
     pub(super) fn reweigh(&self, entries: &mut [(u32, f64)]) {
         let reach = MISFIT * self.regions.noise;
-        // Any three points fit some rigid motion.
+        // Three always fit.
         if entries.len() < 4 || reach <= 0.0 || self.num_times == 0 {
             return;
         }
-        let squares = &mut [0.0; MAX_SOURCES][..entries.len()];
+        let (mut spatial, mut squares) = ([0.0; MAX_SOURCES], [0.0; MAX_SOURCES]);
+        let (spatial, squares) = (&mut spatial[..entries.len()], &mut squares[..entries.len()]);
+        for (spatial, entry) in spatial.iter_mut().zip(&*entries) {
+            *spatial = entry.1;
+        }
         let scale = -0.5 / (reach * reach * self.num_times as f64);
-        crate::simd::dispatch(
-            #[inline(always)]
-            || self.misfits(entries, squares),
-        );
-        for (entry, square) in entries.iter_mut().zip(&*squares) {
-            entry.1 *= (scale * square).exp().max(LEAST);
+        for _ in 0..ROUNDS {
+            crate::simd::dispatch(
+                #[inline(always)]
+                || self.misfits(entries, squares),
+            );
+            let mut least = 1.0_f64;
+            for ((entry, spatial), square) in entries.iter_mut().zip(&*spatial).zip(&*squares) {
+                let agreement = (scale * square).exp().max(LEAST);
+                least = least.min(agreement);
+                entry.1 = spatial * agreement;
+            }
+            if least > AGREED {
+                break;
+            }
         }
     }
 
-    /// Squared residuals of the common rigid motion for each entry, summed over the times.
+    /// Squared distances, summed over the times, of where each entry goes from where the rigid
+    /// motion of all of them takes it.
     #[inline(always)]
     fn misfits(&self, entries: &[(u32, f64)], squares: &mut [f64]) {
-        // Rest positions are relative to the scene's origin, moved positions to that of the first
-        // entry.
+        // Motions are compared in place: rests are about the scene's origin, and what they move to
+        // is about the first.
         let origin = wide(&self.moved[entries[0].0 as usize].place);
         let rest = |point: u32| self.regions.means[point as usize].map(Times::all);
         let place = |moved: &Moved| {

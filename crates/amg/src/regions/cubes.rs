@@ -1,4 +1,4 @@
-//! Edited splats grouped in small cubes: the splats of a cube share the search for nearby regions.
+//! The edit in small cubes: splats of one cube share the search for regions around them.
 
 use super::edit::Edit;
 use super::numeric::TINY;
@@ -10,14 +10,13 @@ use anchors::{KdTree, Neighbor};
 use gs_core::Real;
 use rayon::prelude::*;
 
-/// Motions distinguished per cube. Where more parts meet, the farthest are ignored.
+/// Motions told apart per cube. Where more parts meet, the farthest are none of its.
 pub(super) const MAX_HYPOTHESES: usize = 4;
 
-/// Nearest regions considered around a place. Measured: with 96, the error on dense scenes rises by a
-/// quarter.
-pub(super) const NEARBY: usize = 160;
+/// Regions looked at per cube: all within a thick sleeve's reach.
+const LOOKED_AT: usize = 160;
 
-/// Cubes per task: neighbouring cubes share regions and so cache lines.
+/// Cubes handed to a thread at a time. Neighbours among them share regions, and so caches.
 const BLOCK: usize = 16;
 
 /// Edited splats of one cube, and the regions around them.
@@ -25,31 +24,31 @@ const BLOCK: usize = 16;
 pub(super) struct Cube {
     /// Edited splats, ascending.
     pub(super) splats: Vec<u32>,
-    /// Regions, nearest to the mean of the splats first; empty if all splats are source splats.
+    /// Regions, nearest to the middle of the splats first; none if all splats are source splats.
     pub(super) regions: Vec<u32>,
-    /// Index of each region's motion; [`MAX_HYPOTHESES`] for motions beyond that number.
+    /// Which of the motions around the cube each region has; [`MAX_HYPOTHESES`] if a farther one.
     pub(super) hypotheses: Vec<u8>,
 }
 
-/// All cubes, in the order of their positions.
+/// All of them, in the order of their places, and which splat is in which.
 #[derive(Debug)]
 pub(super) struct Cubes {
     cubes: Vec<Cube>,
     num_splats: usize,
 }
 
-/// Input of the search for candidates.
+/// What cubes are made of.
 #[derive(Clone, Copy)]
 pub(super) struct Surroundings<'a> {
     pub(super) regions: &'a Regions,
     pub(super) motion: &'a RegionMotion,
     pub(super) edit: &'a Edit,
-    /// Largest difference of two motions that count as one, world units.
+    /// Motions that differ by less than this, world units, are one.
     pub(super) tolerance: f32,
 }
 
 impl Cubes {
-    /// Groups the edited splats in cubes of edge `edge` along `axes`.
+    /// Cuts the edit in cubes of edge `edge` along `axes`.
     pub(super) fn of(around: Surroundings<'_>, axes: [[f64; 3]; 3], edge: f64) -> Self {
         let Surroundings { regions, motion, edit, .. } = around;
         let kept: Vec<usize> = (0..regions.len()).filter(|&i| !motion.outlier[i]).collect();
@@ -65,7 +64,7 @@ impl Cubes {
                     *m += x / splats.len() as f64;
                 }
             }
-            tree.nearest(&middle, NEARBY, near);
+            tree.nearest(&middle, LOOKED_AT, near);
             let regions: Vec<u32> = near.iter().map(|n| index(kept[n.id as usize])).collect();
             let hypotheses = around.hypotheses(middle, &regions, grouping).to_vec();
             Cube { splats, regions, hypotheses }
@@ -78,7 +77,7 @@ impl Cubes {
         Self { cubes, num_splats: edit.len() }
     }
 
-    /// Results of `each` for every splat and its cube, in the order of the splats.
+    /// What `each` makes of every splat, given its cube, in the order of the splats.
     pub(super) fn map_splats<S: Default, R: Send + Default>(
         &self,
         each: impl Fn(&mut S, &Cube, usize) -> R + Sync,
@@ -104,7 +103,7 @@ impl Cubes {
     }
 }
 
-/// Buffers reused from cube to cube.
+/// What is kept from cube to cube, so that nothing is allocated for each.
 #[derive(Default)]
 pub(super) struct Grouping {
     hypotheses: Vec<u8>,
@@ -114,8 +113,9 @@ pub(super) struct Grouping {
 }
 
 impl Surroundings<'_> {
-    /// Index of the motion of each of `regions` at `x`: the first region defines motion 0, the first
-    /// that does not share it defines motion 1, and so on; [`MAX_HYPOTHESES`] for all others.
+    /// Which of the motions at `x` each of `regions` has: the first region stands for its motion,
+    /// the first that does not share it for the next, and so on; [`MAX_HYPOTHESES`] for regions
+    /// that have none of these.
     pub(super) fn hypotheses<'b>(
         &self,
         x: [f64; 3],
@@ -145,7 +145,7 @@ impl Surroundings<'_> {
     }
 }
 
-/// Ids of edited splats, by cubes of edge `edge` along `axes`.
+/// Edited splats by cubes of edge `edge` along `axes`.
 fn by_place(edit: &Edit, axes: [[f64; 3]; 3], edge: f64) -> Vec<Vec<u32>> {
     let edge = edge.max(TINY);
     let cube = |x: [f64; 3]| axes.map(|axis| (dot(axis, x) / edge).round());

@@ -1,12 +1,13 @@
-//! Smoothing over neighbouring regions that move as one: statistics vary slowly over a body part and
-//! are independent across its border.
+//! Sums spread over regions that move as one: what is learned varies slowly over a body part and
+//! not at all across its border.
 
 use super::region_motion::RegionMotion;
 use anchors::RigidNeighbors;
 use rayon::prelude::*;
 
-/// Steps over which the statistics of a patch of a body part are smoothed.
-pub(super) const PATCH: usize = 4;
+/// Neighbours spread to; they move as one with a region at least this much.
+const NEIGHBORS: usize = 16;
+const MIN_AGREEMENT: f64 = 0.05;
 
 /// Weighted links between regions.
 #[derive(Debug)]
@@ -23,7 +24,8 @@ impl Diffusion {
                 }
                 neighbors
                     .get(i)
-                    .filter(|(n, _)| !motion.outlier[n.id as usize])
+                    .take(NEIGHBORS)
+                    .filter(|(n, agree)| !motion.outlier[n.id as usize] && *agree > MIN_AGREEMENT)
                     .map(|(n, agree)| (n.id, agree))
                     .collect()
             })
@@ -31,8 +33,8 @@ impl Diffusion {
         Self { links }
     }
 
-    /// `values` `[R]` after `steps` steps; each replaces the value of a region by the weighted mean
-    /// of its own and its neighbours'.
+    /// `values` `[R]` after `steps` steps, each of which gives every region the weighted mean of
+    /// its own and its neighbours'.
     pub(super) fn spread<const N: usize>(
         &self,
         mut values: Vec<[f64; N]>,

@@ -1,4 +1,4 @@
-//! The edited splats to be matched, and their known relations to source splats.
+//! The edited splats to be matched.
 
 use super::normals::thin_axis;
 use crate::bit_map::BitMap;
@@ -21,14 +21,14 @@ pub(super) struct Edit {
     pub(super) means: Vec<[f64; 3]>,
     /// Thin axes times flatness, sign arbitrary.
     pub(super) axes: Vec<[f64; 3]>,
-    /// Position in the source's `ids` of the parent: the only source splat with the same centre, or
-    /// the same quaternion and scales, bit for bit (editors that change one property keep the
-    /// others), or the one this splat was split from.
+    /// Position in the source's `ids` of the one splat that this one was: it shares the centre, or
+    /// quaternion and scales, bit for bit (editors that change one property keep the others), or
+    /// was split off.
     pub(super) parent: Vec<Option<u32>>,
-    /// Position in the source's `ids` of the source splat that is identical to this one. Such splats
-    /// are not matched, but count as evidence.
+    /// Position in the source's `ids` of the splat this one *is*; such splats are evidence, not
+    /// questions.
     pub(super) exact: Vec<Option<u32>>,
-    /// Which of the source's `ids` occur anywhere in the edit.
+    /// Which of the source's `ids` the whole edit kept, be they near to these or not.
     pub(super) kept: Vec<bool>,
 }
 
@@ -88,8 +88,8 @@ fn quat_bits(splats: &Splats, i: usize) -> [u32; 4] {
     splats.quats[i].map(|c| (c + 0.0).to_bits())
 }
 
-/// Whether `row` may result from splitting source splat `i`: it lies inside, is smaller and has the
-/// same proportions.
+/// Whether `row` may be what splitting source splat `i` left: inside it, with its proportions,
+/// which editors that move splats change.
 fn may_be_split(source: &Splats, i: usize, edited: &Splats, row: usize) -> bool {
     let d = sub(edited.means[row].map(f64::from), source.means[i].map(f64::from));
     let reach = source.scale(i).into_iter().fold(0.0_f32, f32::max);
@@ -98,7 +98,8 @@ fn may_be_split(source: &Splats, i: usize, edited: &Splats, row: usize) -> bool 
     alike && shrunk[0] > 0.0 && dot(d, d).sqrt() <= EXTENT * f64::from(reach)
 }
 
-/// Position of each key that occurs once; `None` for keys that occur more often.
+/// Position of each key that occurs once; `None` for keys that occur more often and so prove
+/// nothing.
 fn unique<K: std::hash::Hash + Eq>(keys: impl Iterator<Item = K>) -> BitMap<K, Option<u32>> {
     let mut map = BitMap::default();
     for (key, i) in keys.zip(0_u32..) {

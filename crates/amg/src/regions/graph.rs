@@ -1,6 +1,6 @@
-//! Neighbour graph of the edited splats.
+//! Who is beside whom in the edit.
 
-use anchors::{NEIGHBORS, Neighbors};
+use anchors::Neighbors;
 use rayon::prelude::*;
 use std::cmp::Reverse;
 use std::collections::{BinaryHeap, HashMap};
@@ -8,14 +8,22 @@ use std::collections::{BinaryHeap, HashMap};
 /// Two neighbouring edited splats, lower first.
 pub(super) type Link = (u32, u32);
 
-/// Longest link, in local spacings; longer ones cross a gap.
-const GAP: f64 = 3.0;
+/// Neighbours per splat.
+const NEIGHBORS: usize = 24;
 
-/// Links of the edit, sorted.
-pub(super) fn links(means: &[[f64; 3]]) -> Vec<Link> {
-    let near = Neighbors::of(means, NEIGHBORS);
+/// In large edits evidence is dense, and memory is not.
+const NEIGHBORS_IF_MANY: usize = 12;
+const MANY: usize = 10_000;
+
+/// Links longer than this many local spacings are gaps.
+const GAP: f64 = 4.0;
+
+/// Links of the edit, sorted, and local spacings.
+pub(super) fn links(means: &[[f64; 3]]) -> (Vec<Link>, Vec<f64>) {
+    let k = if means.len() > MANY { NEIGHBORS_IF_MANY } else { NEIGHBORS };
+    let near = Neighbors::of(means, k);
     let spacing = near.spacing(means.len());
-    let mut links: Vec<Link> = Vec::with_capacity(means.len() * NEIGHBORS);
+    let mut links: Vec<Link> = Vec::with_capacity(means.len() * k);
     for (i, h) in (0_u32..).zip(&spacing) {
         for n in near.get(i as usize) {
             let h = h.max(spacing[n.id as usize]);
@@ -26,10 +34,10 @@ pub(super) fn links(means: &[[f64; 3]]) -> Vec<Link> {
     }
     links.par_sort_unstable();
     links.dedup();
-    links
+    (links, spacing)
 }
 
-/// For every splat, the nearest seed by path length along the links; `None` if no path leads to one.
+/// For every splat, the seed that is nearest along the links; `None` where no link leads to one.
 /// Ties go to the lower seed.
 pub(super) fn nearest_seed(
     means: &[[f64; 3]],
@@ -38,7 +46,7 @@ pub(super) fn nearest_seed(
 ) -> Vec<Option<u32>> {
     let mut owner: Vec<Option<u32>> =
         (0_u32..).take(means.len()).map(|i| is_seed(i as usize).then_some(i)).collect();
-    // Links between seeds are not needed; most splats are seeds.
+    // Only what is no seed has to be reached; most splats are.
     let mut around: HashMap<u32, Vec<u32>> = HashMap::new();
     let mut heap: BinaryHeap<Reverse<(u64, u32, u32)>> = BinaryHeap::new();
     // Lengths as bits: for finite non-negative numbers their order is that of the numbers.

@@ -1,14 +1,18 @@
-//! Cost of an edited splat belonging to a region: a negative log-likelihood, in nats.
+//! What it costs an edited splat to belong to a region: a negative log-likelihood, in nats.
 
 use super::candidates::Candidate;
 use super::numeric::TINY;
 use gs_core::Real;
 
-/// Width of the Welsch cost (Eq. 21) of the offset along the normal, variances: half of it is the
-/// largest cost.
+/// Squared offsets, in standard deviations, beyond which more offset costs ever less: the Welsch
+/// cost of Eq. 21 with the learned spread for its scale. Half of it is the cost of leaving the
+/// surface altogether.
 const WELSCH: f64 = 12.0;
 
-/// Statistics of the edited splats of one region.
+/// Offsets are told apart no better than this share of the spacing: discs are rough.
+const ROUGHNESS: f64 = 0.1;
+
+/// What is known, or believed, of the edited splats of one region.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Statistics {
     /// Mean signed offset along the outward normal, world units.
@@ -21,7 +25,7 @@ pub(super) struct Statistics {
     pub(super) unlike: f64,
 }
 
-/// Precomputed factors of the cost of one region.
+/// The cost of belonging to one region, as factors.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Likelihood {
     mean: f32,
@@ -32,12 +36,11 @@ pub(super) struct Likelihood {
 }
 
 impl Likelihood {
-    /// `spacing` is the distance between regions, world units; `alignment` the cost of the mean
-    /// misalignment, nats.
+    /// `spacing` is that of the regions; `alignment` the cost of the typical misalignment.
     pub(super) fn of(statistics: &Statistics, spacing: f64, alignment: f64) -> Self {
         let Statistics { mean, sigma, misaligned, unlike } = *statistics;
-        let across = (sigma * sigma).max(TINY * TINY);
-        // Along the surface a region extends to its neighbours, farther where the edit displaced it.
+        let across = (sigma * sigma + (ROUGHNESS * spacing).powi(2)).max(TINY * TINY);
+        // Along the surface a region reaches as far as its neighbours, and as far as what it wears.
         let along = spacing * spacing + across + mean * mean;
         Self {
             mean: mean.as_f32(),
@@ -48,9 +51,9 @@ impl Likelihood {
         }
     }
 
-    /// Half the squared offset along the normal (for flat splats; otherwise half the squared
-    /// distance), half the squared distance in the tangent plane and half the squared difference of
-    /// flatness, each over its variance; plus the misalignment over its mean.
+    /// Half the squared distances, across (if both are flat: a ball has no side) and along the
+    /// surface, and the squared difference of flatness, in units of their variances; and the
+    /// misalignment in units of its mean.
     pub(super) fn cost(&self, of: &Candidate) -> f32 {
         let welsch = WELSCH.as_f32();
         let across = (of.offset - self.mean).powi(2) * self.per_offset;
@@ -83,19 +86,19 @@ mod tests {
     }
 
     #[test]
-    fn cost_is_lowest_at_the_learned_offset() {
+    fn splats_are_expected_where_the_edit_pushed_the_surface() {
         let likelihood = Likelihood::of(&DISPLACED, 0.01, 2.0);
-        let [displaced, on_surface, inside] =
+        let [worn, on_surface, inside] =
             [0.02, 0.0, -0.02].map(|offset| likelihood.cost(&candidate(offset, 1.0, 0.0)));
         assert!(
-            displaced < 1e-6 && displaced + 4.0 < on_surface && on_surface <= inside,
-            "{displaced} {on_surface} {inside}"
+            worn < 1e-6 && worn + 4.0 < on_surface && on_surface <= inside,
+            "{worn} {on_surface} {inside}"
         );
-        assert!(f64::from(inside) <= 0.5 * WELSCH, "the Welsch cost is bounded: {inside}");
+        assert!(inside <= 0.5 * 12.0, "leaving costs no more than the Welsch cost: {inside}");
     }
 
     #[test]
-    fn balls_have_no_side_and_mean_misalignment_costs_alignment() {
+    fn balls_have_no_side_and_normals_may_be_misaligned_as_they_are_everywhere() {
         let likelihood = Likelihood::of(&DISPLACED, 0.01, 2.0);
         let [out, inside] =
             [0.02, -0.02].map(|offset| likelihood.cost(&candidate(offset, 0.0, 0.0)));

@@ -1,24 +1,24 @@
 //! The default guide: regions of the source, relaxed transport of edited splats to regions, rigid
 //! aggregation.
 //!
-//! `docs/MOTION.md` defines the model and its estimation. In the order of the code:
+//! The model and its estimation are written down in `docs/MOTION.md`. In the order of the code:
 //!
-//! 1. Source splats that move with none of their neighbours are outliers. The others form regions
+//! 1. Source splats that move with none of their neighbours are outliers; the others form regions
 //!    that move as one ([`source`], cells of the `anchors` crate).
-//! 2. Each region gets a rigid motion to every key time ([`region_motion`]) and an outward normal
+//! 2. Regions get rigid motions at the key times ([`region_motion`]) and outward normals
 //!    ([`normals`]).
-//! 3. Edited splats are grouped in small cubes. The splats of a cube share one search for nearby
-//!    regions and one grouping of these by motion ([`cubes`]); each splat keeps a few candidate
-//!    regions per motion ([`candidates`]).
-//! 4. Expectation and maximisation alternate ([`posterior`]): costs ([`likelihood`], [`coverage`])
-//!    give the probability of each motion; these probabilities give the statistics of each region,
-//!    how the edit displaced its surface, smoothed over neighbouring regions ([`diffusion`]).
-//! 5. Splats without a likely region follow the nearest splat that has one ([`graph`]).
-//! 6. New connected pieces that stand out follow the part they are attached to ([`new_pieces`]).
-//! 7. Each splat takes source splats of its motion, weighted by how well they agree ([`support`],
-//!    [`consensus`]), and moves by their weighted rigid motion.
+//! 3. Edited splats of one small cube share the search for the regions around them and for the
+//!    motions these have ([`cubes`]); each collects some of every motion ([`candidates`]).
+//! 4. Costs ([`likelihood`], [`coverage`]) say how probable each motion is; the regions'
+//!    statistics, how the edit displaced them, follow, smoothed by [`diffusion`]; and so on in
+//!    turns ([`posterior`]).
+//! 5. Splats that no region explains follow the nearest ones that some region does ([`graph`]).
+//! 6. New connected pieces that stand out follow what they are attached to, as a whole
+//!    ([`new_pieces`]).
+//! 7. Each takes some sources of its motion, those that agree best ([`support`], [`consensus`]);
+//!    their weighted rigid motion is its own.
 //!
-//! The glossary at the head of the crate defines the terms.
+//! Words are those of the glossary at the head of the crate.
 
 mod candidates;
 mod consensus;
@@ -43,7 +43,7 @@ use crate::report::MotionReport;
 use crate::rigid::{dot, sub};
 use crate::row_kind::RowKind;
 use crate::work::{Progress, Row, Work};
-use anchors::{KdTree, NOISE_REACH, RigidNeighbors};
+use anchors::{KdTree, RigidNeighbors};
 use candidates::Candidates;
 use consensus::Consensus;
 use cubes::{Cubes, Surroundings};
@@ -55,12 +55,19 @@ use region_motion::RegionMotion;
 use source::Regions;
 use std::cmp::Ordering;
 
-/// Largest difference of motions within one support, in units of that within one hypothesis: a
-/// hypothesis may bend, a support must be rigid.
-const RIGID: f64 = 0.3;
+/// Untouched splats this near to an edited one, as a share of the figure, help to decide what it
+/// belongs to: a body part's width.
+const NEIGHBORHOOD: f64 = 0.1;
 
-/// One row per entry of `work.open`, and the factor on the weight of the sources' own rotations, 0
-/// to 1.
+/// Motions of sources that support one splat differ by less than this share of those that are two
+/// hypotheses: a hypothesis may bend, a support must not.
+const RIGID: f64 = 0.4;
+
+/// Motions are told apart no better than this many times the noise of the regions' trajectories.
+const NOISES: f64 = 4.0;
+
+/// One row per entry of `work.open`, and the factor by which the sources' own rotations may be
+/// believed.
 pub(crate) fn bind(
     work: &Work<'_>,
     params: &MotionParams,
@@ -75,9 +82,7 @@ pub(crate) fn bind(
     if ids.is_empty() || report.num_dynamic == 0 {
         return none();
     }
-    // Unchanged splats count as evidence as far from edited ones as clothing reaches.
-    let reach = params.new_geometry * size;
-    let involved = edit::involved(work.edited, &work.open, work.identity, reach);
+    let involved = edit::involved(work.edited, &work.open, work.identity, NEIGHBORHOOD * size);
     let mut clock = std::time::Instant::now();
     let mut lap = |name: &'static str, report: &mut MotionReport| {
         report.timings.push((name, clock.elapsed().as_secs_f64()));
@@ -103,7 +108,7 @@ pub(crate) fn bind(
 
     progress("candidates", 0.0);
     let edit = Edit::of(keys, &regions.ids, work.edited, &order, work.identity, pose.origin);
-    let tolerance = |share: f64| (share * size).max(NOISE_REACH * neighbors.noise).as_f32();
+    let tolerance = |share: f64| (share * size).max(NOISES * neighbors.noise).as_f32();
     let around = Surroundings {
         regions: &regions,
         motion: &motion,
@@ -122,6 +127,7 @@ pub(crate) fn bind(
         candidates: &candidates,
         edit: &edit,
         params,
+        figure_size: size,
     });
     let posteriors = model.posteriors();
     lap("posterior", report);
@@ -129,7 +135,7 @@ pub(crate) fn bind(
     progress("support", 0.0);
     let reach = f64::from(work.options.reach) * size;
     let within_reach = |e: usize| candidates.distance[e] <= reach;
-    // The most likely region, if a match is more likely than none.
+    // The likeliest region, if it is likelier than none.
     let matched: Vec<Option<u32>> = (0..edit.len())
         .map(|e| {
             let explained =
@@ -137,7 +143,7 @@ pub(crate) fn bind(
             posteriors[e].region.filter(|_| explained)
         })
         .collect();
-    let links = graph::links(&edit.means);
+    let (links, spacing) = graph::links(&edit.means);
     let seeds = graph::nearest_seed(&edit.means, &links, |e| matched[e].is_some());
     let pieces = new_pieces::NewPieces {
         regions: &regions,
@@ -145,8 +151,8 @@ pub(crate) fn bind(
         edit: &edit,
         matched: &matched,
         links: &links,
+        spacing: &spacing,
         stands_out: params.new_geometry * size,
-        same_motion: params.same_motion * size,
         reach,
     };
     let carriers = pieces.carriers();
@@ -202,7 +208,7 @@ pub(crate) fn bind(
     (rows, motion.rotation_quality)
 }
 
-/// Usable sources, nearest to the centre first, and the coordinate frame of the moving ones.
+/// Usable sources from the inside out, and the frame of those that move.
 fn sources(usable: Vec<usize>, keys: &KeyFrames, dynamic: &[bool]) -> (Vec<usize>, Pose) {
     let ids = lexicographic(usable, &keys.at_edit, &keys.means);
     let moving = ids.iter().filter(|&&i| dynamic[i]);
@@ -215,8 +221,8 @@ fn compare(a: &[f32], b: &[f32]) -> Ordering {
     unlike.unwrap_or(Ordering::Equal)
 }
 
-/// Rows sorted by the properties of their splats, positions at `later` times included, so that the
-/// order does not depend on the file.
+/// Rows in an order that depends on what the splats are, `later` too, not on how the file lists
+/// them.
 fn lexicographic(mut rows: Vec<usize>, splats: &Splats, later: &[Vec<[f32; 3]>]) -> Vec<usize> {
     rows.par_sort_by(|&a, &b| {
         compare(&splats.means[a], &splats.means[b])
@@ -231,8 +237,8 @@ fn lexicographic(mut rows: Vec<usize>, splats: &Splats, later: &[Vec<[f32; 3]>])
     rows
 }
 
-/// Rows sorted by distance from the origin. Rotating, moving or scaling the scene does not change
-/// this order.
+/// Rows by their distance from the origin: an order that a rigid motion or a scale of the scene
+/// leaves as it is.
 fn outwards(rows: Vec<usize>, splats: &Splats, pose: &Pose) -> Vec<usize> {
     let mut keyed: Vec<(f64, usize)> = rows
         .into_iter()

@@ -1,13 +1,12 @@
-//! New geometry that stands out from the figure moves with the part it is attached to, its carrier.
+//! New geometry that stands out from the figure moves with what it is attached to.
 //!
-//! Wings that pass behind a swinging arm lie as near to it as to the back they grow from. A single
-//! splat cannot be assigned to one of the two, but the whole piece can: its contact with the carrier
-//! is the widest. So a connected piece of new splats that extends far from every source gets one
-//! motion, unless two parts have contacts of similar area. Pieces that stay near the figure may be
-//! rigid (sticks) or bend (sleeves): they get one motion only if all their contacts share it. A piece
-//! that hovers has no contact and moves with the nearest part.
+//! Wings that pass behind a swinging arm lie as near to it as to the back they grow from, over
+//! fewer splats. Splat by splat nothing tells the two apart; the whole piece does: it touches its
+//! carrier over the widest area. So each connected piece of new splats that reaches far from every
+//! source takes one motion, unless two parts hold it about equally well. Pieces that stay near the
+//! figure may be sticks, which are stiff, or sleeves, which bend: they take one motion only if all
+//! that they touch has it. What hovers touches nothing, and moves as one with what is nearest.
 
-use super::cubes::NEARBY;
 use super::edit::Edit;
 use super::graph::Link;
 use super::numeric::TINY;
@@ -17,76 +16,92 @@ use anchors::{KdTree, NO_CELL};
 use gs_core::Real;
 use rayon::prelude::*;
 
-/// Fewest splats of a piece; smaller ones are strays.
+/// Fewer splats are strays.
 const MIN_SPLATS: usize = 8;
 
-/// Least share of a piece's splats beyond [`FREE`], and beyond the full length if the piece is
-/// unlikely to be clothing.
+/// Share of a piece's splats that stand out by the full length. Other new geometry may line the
+/// figure, and must then bend with it.
+const MIN_SHARE: f64 = 1.0 / 3.0;
+
+/// Pieces of which this share stands out by [`FREE`] are looked at at all.
 const MIN_FREE: f64 = 0.1;
-const MIN_SHARE: f64 = 1.0 / 6.0;
 
-/// Lengths in units of [`crate::MotionParams::new_geometry`]: distance from every source that some
-/// splats of any piece exceed; and the width of a contact, which is also the distance from which a
-/// piece hovers and the largest difference of motions that carry a piece together.
+/// Lengths in units of that by which geometry stands out, see
+/// [`crate::MotionParams::new_geometry`]: how far some splats of a piece must be from every source;
+/// how far what hovers stays from the rest of the edit; the width of a contact; by how much motions
+/// that carry a piece together may differ where it touches them; and by how much those of its own
+/// surroundings may differ from the carrier's and still keep its seam closed on a soft body.
 const FREE: f64 = 2.0 / 3.0;
-const CONTACT: f64 = 1.0 / 3.0;
+const HOVERS: f64 = 0.5;
+const CONTACT: f64 = 1.0 / 6.0;
+const TOGETHER: f64 = 1.0 / 3.0;
+const SEAM: f64 = 1.0 / 6.0;
 
-/// A splat is new if its distance from the nearest source is this many times that of the source's
-/// nearest edited splat, its successor. Smaller values classify clones in inflated clothing as new
-/// (measured: two thirds of this value).
+/// Width of the contact of what hovers, as a share of its distance.
+const HOVERING_CONTACT: f64 = 0.5;
+
+/// A splat of a piece is this many times farther from its nearest source than another splat of the
+/// edit is: that one is the source's successor. At half of this, clones in swollen clothes pass for
+/// new.
 const SURPLUS: f64 = 3.0;
 
-/// Least ratio of the contact areas of the carrier and of any other part, for a piece that touches
-/// the figure and stands out; and for one that may be clothing, which has to be attached to a single
-/// part.
-const DOMINANT: f64 = 2.0;
-const UNANIMOUS: f64 = 4.0 * DOMINANT;
+/// Longest step inside a piece, in spacings.
+const STEP: f64 = 2.5;
 
-/// Input of the search for new pieces.
+/// Regions asked whether they are the carrier.
+const CANDIDATES: usize = 256;
+
+/// How many times better than any other the carrier must hold a piece that touches the figure:
+/// twice as well for each step by which it is less plain that the piece is no clothing. It stands
+/// out; a tenth of it does; it stays near.
+const DOMINANT: f64 = 2.0;
+const CLEAR: f64 = 2.0 * DOMINANT;
+const UNANIMOUS: f64 = 2.0 * CLEAR;
+
+/// What is known when new pieces are looked for.
 pub(super) struct NewPieces<'a> {
     pub(super) regions: &'a Regions,
     pub(super) motion: &'a RegionMotion,
     pub(super) edit: &'a Edit,
-    /// The region of each matched splat.
+    /// The region of each edited splat that some region explains.
     pub(super) matched: &'a [Option<u32>],
     pub(super) links: &'a [Link],
+    pub(super) spacing: &'a [f64],
     /// Distance from every source at which new geometry stands out, world units.
     pub(super) stands_out: f64,
-    /// Largest difference of motions that count as one, world units.
-    pub(super) same_motion: f64,
-    /// Pieces farther than this from all matched splats stay where they are, world units.
+    /// Pieces farther than this from everything stay where they are, world units.
     pub(super) reach: f64,
 }
 
 /// Connected new splats.
 struct Piece {
     splats: Vec<usize>,
-    /// Least ratio of the contact areas of its carrier and of the next part.
+    /// How many times better than any other its carrier must hold it.
     needed: f64,
 }
 
-/// A splat of a piece and its nearest matched splat outside of it.
+/// A splat of a piece and what it is nearest to.
 #[derive(Debug, Clone, Copy)]
 struct Touch {
     distance: f64,
-    /// The region of that splat.
+    /// The region that splat belongs to.
     region: u32,
     splat: usize,
 }
 
-/// Contact of a piece with a region.
+/// A region that a piece touches.
 #[derive(Debug, Clone, Copy)]
 struct Contact {
     region: u32,
-    /// Splats of the piece in contact, weighted by nearness.
+    /// Splats of the piece there, each weighted by nearness.
     area: f64,
     /// The nearest of them.
     splat: usize,
 }
 
 impl NewPieces<'_> {
-    /// For every splat of a new piece, its carrier; `None` for all others, and for splats whose own
-    /// motion is that of the carrier.
+    /// For every splat of a new piece, the region that carries it; `None` for all others and for
+    /// those that the motion they have already makes part of the carrier.
     pub(super) fn carriers(&self) -> Vec<Option<u32>> {
         let mut carriers = vec![None; self.edit.len()];
         let unknown = |e: &usize| self.edit.exact[*e].is_none() && self.edit.parent[*e].is_none();
@@ -106,21 +121,22 @@ impl NewPieces<'_> {
             let touches = self.touches(&piece.splats, &holders, &tree);
             let Some(carrier) = self.carrier(&touches, piece.needed) else { continue };
             for e in piece.splats {
-                let is_alike = self.matched[e]
-                    .is_some_and(|region| self.differ(region, carrier, e) <= self.same_motion);
-                carriers[e] = (!is_alike).then_some(carrier);
+                let part_of_it = self.matched[e].is_some_and(|region| {
+                    self.differ(region, carrier, e) <= SEAM * self.stands_out
+                });
+                carriers[e] = (!part_of_it).then_some(carrier);
             }
         }
         carriers
     }
 
-    /// Largest distance between the paths of splat `e` with two regions, world units.
+    /// How far the motions of two regions differ at splat `e`.
     fn differ(&self, a: u32, b: u32, e: usize) -> f64 {
         let at = self.edit.means[e].map(Real::as_f32);
         f64::from(self.motion.disagreement(a as usize, b as usize, at))
     }
 
-    /// The nearest matched splat outside of the piece for each splat of it.
+    /// What each splat of the piece is nearest to in the rest of the edit.
     fn touches(&self, piece: &[usize], holders: &[usize], tree: &KdTree<3>) -> Vec<Touch> {
         let places: Vec<[f64; 3]> = piece.iter().map(|&splat| self.edit.means[splat]).collect();
         let touches = tree.map(&places, 1, |i, near| {
@@ -131,8 +147,7 @@ impl NewPieces<'_> {
         touches.into_iter().flatten().collect()
     }
 
-    /// Distance of each new splat from the nearest source; `None` for splats that replace a source
-    /// splat.
+    /// Per splat, its distance from the sources if it is new, and not in place of a source.
     fn gaps(&self) -> Vec<Option<f64>> {
         let far = self.stands_out;
         let usable = |&p: &usize| {
@@ -172,7 +187,9 @@ impl NewPieces<'_> {
         let mut around: Vec<Vec<u32>> = vec![Vec::new(); self.edit.len()];
         for &(a, b) in self.links {
             let (i, j) = (a as usize, b as usize);
-            if is_new(i) && is_new(j) {
+            let d = crate::rigid::sub(self.edit.means[i], self.edit.means[j]);
+            let step = STEP * self.spacing[i].max(self.spacing[j]);
+            if is_new(i) && is_new(j) && crate::rigid::norm(d) <= step {
                 around[i].push(b);
                 around[j].push(a);
             }
@@ -201,23 +218,30 @@ impl NewPieces<'_> {
                 count >= MIN_SPLATS && count as f64 >= share * piece.len() as f64
             };
             if beyond(FREE * self.stands_out, MIN_FREE) {
-                let needed = if beyond(far, MIN_SHARE) { DOMINANT } else { UNANIMOUS };
+                let needed = if beyond(far, MIN_SHARE) {
+                    DOMINANT
+                } else if beyond(far, MIN_FREE) {
+                    CLEAR
+                } else {
+                    UNANIMOUS
+                };
                 pieces.push(Piece { splats: piece, needed });
             }
         }
         pieces
     }
 
-    /// The region whose motion has the widest contact with the piece; `None` if another motion has
-    /// nearly as much, or if there is no contact.
+    /// The region whose motion holds the piece over the widest contact; none if another motion
+    /// holds it nearly as well, or if nothing is in touch.
     fn carrier(&self, touches: &[Touch], needed: f64) -> Option<u32> {
         let closest = touches.iter().map(|t| t.distance).reduce(f64::min)?;
         if closest > self.reach {
             return None;
         }
-        let width = (CONTACT * self.stands_out).max(TINY);
-        let hovers = closest > width;
-        // Pieces that hover and stand out have no contact; the nearest part is enough.
+        let hovers = closest > HOVERS * self.stands_out;
+        let touch = CONTACT * self.stands_out;
+        let width = if hovers { touch.max(HOVERING_CONTACT * closest) } else { touch };
+        // What hovers and stands out is held by nothing: the nearest will do.
         let needed = if hovers && needed <= DOMINANT { 1.0 } else { needed };
         let mut contacts: Vec<Contact> = touches
             .iter()
@@ -236,18 +260,18 @@ impl NewPieces<'_> {
             same
         });
         let (carrier, held) = self.strongest(&contacts)?;
-        contacts.retain(|c| self.differ(c.region, carrier, c.splat) > width);
+        contacts.retain(|c| self.differ(c.region, carrier, c.splat) > TOGETHER * self.stands_out);
         let rival = self.strongest(&contacts).map_or(0.0, |(_, held)| held);
         (held >= needed * rival).then_some(carrier)
     }
 
-    /// The region whose motion agrees with the largest area of contact, and that area. Contacts are
-    /// weighted by agreement, so that the region lies amidst a part, not at a joint.
+    /// The region with whose motion the widest contacts agree, and how wide they are; the better
+    /// they agree, the more they count, so that it is a region amidst a part, not at a joint.
     fn strongest(&self, contacts: &[Contact]) -> Option<(u32, f64)> {
-        let tolerance = (CONTACT * self.stands_out).max(TINY);
+        let tolerance = (TOGETHER * self.stands_out).max(TINY);
         contacts
             .par_iter()
-            .step_by(contacts.len().div_ceil(NEARBY).max(1))
+            .step_by(contacts.len().div_ceil(CANDIDATES).max(1))
             .map(|&Contact { region, .. }| {
                 let agreement = |c: &Contact| {
                     c.area * (1.0 - self.differ(c.region, region, c.splat) / tolerance).max(0.0)

@@ -2,15 +2,21 @@
 
 use super::numeric::TINY;
 use crate::rigid::{dot, sub};
-use anchors::{Neighbor, RigidNeighbors, Trajectories};
+use anchors::{Neighbor, Neighbors, RigidNeighbors, Trajectories};
 use gs_core::{Splats, quat};
 use rayon::prelude::*;
 
-/// Rounds of the mean-field iteration: information spreads by one neighbourhood per round.
-const ROUNDS: usize = 40;
+/// Neighbours whose centre of mass says where the inside is, on two scales.
+const INSIDE: [usize; 2] = [24, 96];
 
-/// Unit thin axis times flatness `1 − s₁/s₂` of the two smallest scales: 0 for a ball or needle, near
-/// 1 for a disc.
+/// Rounds of mean-field annealing; the guess from mass fades from [`GUESS`] to a tenth of it
+/// meanwhile, so that the agreement of neighbours decides in the end.
+const ROUNDS: i32 = 40;
+const GUESS: f64 = 2.0;
+const BETA: [f64; 2] = [0.5, 4.0];
+
+/// Unit thin axis times flatness `1 − s₁/s₂` of the two smallest scales: 0 for a ball or needle,
+/// nearly 1 for a disc.
 pub(super) fn thin_axis(splats: &Splats, i: usize) -> [f64; 3] {
     let scale = splats.scale(i).map(f64::from);
     let mut order = [0, 1, 2];
@@ -23,9 +29,9 @@ pub(super) fn thin_axis(splats: &Splats, i: usize) -> [f64; 3] {
     if quat::dot(q, q) < 0.5 { axis } else { quat::rotate(q, axis) }
 }
 
-/// Inner product of `nj` and the mirror image of `ni` along `d`, times nearness. It is positive if
-/// both normals point outwards: at both ends of a smooth arc, on two faces across a gap, and on both
-/// faces of a plate.
+/// How well `nj` is the mirror image of `ni` seen along `d`, times nearness: true of both ends of a
+/// smooth arc, of two faces that look at each other across a gap, and of both faces of a plate, if
+/// all normals point outwards.
 fn mirror_coupling(ni: [f64; 3], nj: [f64; 3], d: [f64; 3], spacing: f64) -> f64 {
     let squared = dot(d, d);
     if squared <= 0.0 {
@@ -37,13 +43,19 @@ fn mirror_coupling(ni: [f64; 3], nj: [f64; 3], d: [f64; 3], spacing: f64) -> f64
     dot(mirrored, nj) * (-0.5 * squared / (reach * reach)).exp()
 }
 
-/// Flips `axes` so that they point outwards. Only points that move as one are compared, so a limb
-/// that touches another part in the edit frame has no effect on it.
+/// Turns `axes` outwards. Only points that move as one speak to each other, so a limb that touches
+/// another part at the edit frame does not confuse it.
 pub(super) fn orient(regions: &Trajectories, neighbors: &RigidNeighbors, axes: &mut [[f64; 3]]) {
+    let wide = Neighbors::of(&regions.rest, INSIDE[1]);
     let guess: Vec<f64> = (0..regions.len())
         .into_par_iter()
         .with_min_len(64)
-        .map(|i| outwardness(regions, neighbors, i, axes[i]))
+        .map(|i| {
+            let near = wide.get(i);
+            let agree: Vec<f64> =
+                near.iter().map(|n| neighbors.between(regions, i, n.id as usize)).collect();
+            INSIDE.iter().map(|&count| outwardness(regions, i, axes[i], near, &agree, count)).sum()
+        })
         .collect();
     let links: Vec<Vec<(u32, f64)>> = (0..regions.len())
         .into_par_iter()
@@ -60,14 +72,17 @@ pub(super) fn orient(regions: &Trajectories, neighbors: &RigidNeighbors, axes: &
             neighbors.get(i).map(link).collect()
         })
         .collect();
-    let mut sign: Vec<f64> = guess.iter().map(|g| g.tanh()).collect();
-    for _ in 0..ROUNDS {
+    let mut sign: Vec<f64> = guess.iter().map(|g| (GUESS * g).tanh()).collect();
+    for round in 0..ROUNDS {
+        let done = f64::from(round) / f64::from(ROUNDS);
+        let beta = BETA[0] * (BETA[1] / BETA[0]).powf(done);
+        let fade = GUESS * 0.1_f64.powf(done);
         sign = (0..sign.len())
             .into_par_iter()
             .with_min_len(512)
             .map(|i| {
                 let field: f64 = links[i].iter().map(|&(j, c)| c * sign[j as usize]).sum();
-                (field + guess[i]).tanh()
+                (beta * (field + fade * guess[i])).tanh()
             })
             .collect();
     }
@@ -78,18 +93,21 @@ pub(super) fn orient(regions: &Trajectories, neighbors: &RigidNeighbors, axes: &
     }
 }
 
-/// Share of the mass on the inner side of the axis, −1 to 1: the neighbours of a surface, and the
-/// splats it encloses, lie on its inner side.
+/// How much mass lies behind the axis: a surface's neighbours, and what it encloses, lie on its
+/// inner side.
 fn outwardness(
     regions: &Trajectories,
-    neighbors: &RigidNeighbors,
     i: usize,
     axis: [f64; 3],
+    near: &[Neighbor],
+    agree: &[f64],
+    count: usize,
 ) -> f64 {
+    let near = &near[..near.len().min(count)];
+    let reach = near.last().map_or(0.0, |n| n.distance_squared.sqrt());
     // The point itself is the first of its neighbourhood.
-    let (mut pull, mut total, mut reach) = (0.0, 1.0, 0.0_f64);
-    for (n, weight) in neighbors.get(i) {
-        reach = reach.max(n.distance_squared.sqrt());
+    let (mut pull, mut total) = (0.0, 1.0);
+    for (n, weight) in near.iter().zip(agree) {
         total += weight;
         pull += weight * dot(sub(regions.rest[n.id as usize], regions.rest[i]), axis);
     }

@@ -1,12 +1,13 @@
-//! The motion of each edited splat and the displacement of each region, by expectation maximisation.
+//! Which motion each edited splat has, and how the edit displaced each region: expectation and
+//! maximisation in turns.
 //!
-//! Expectation is a relaxed transport of splats to regions. Maximisation computes weighted moments,
-//! smoothed over regions that move as one. See `docs/MOTION.md`.
+//! Expectation is relaxed transport of splats to regions; maximisation are weighted moments, smooth
+//! over regions that move as one. See `docs/MOTION.md`.
 
 use super::candidates::{Candidate, Candidates};
 use super::coverage;
 use super::cubes::MAX_HYPOTHESES;
-use super::diffusion::{Diffusion, PATCH};
+use super::diffusion::Diffusion;
 use super::edit::Edit;
 use super::likelihood::{Likelihood, Statistics};
 use super::numeric::TINY;
@@ -17,36 +18,38 @@ use anchors::RigidNeighbors;
 use gs_core::Real;
 use rayon::prelude::*;
 
-/// Alternations; more have no effect.
+/// Alternations; more change nothing.
 const ROUNDS: usize = 6;
 
-/// Most splats used in the alternation: the statistics have far fewer unknowns.
+/// Splats that the alternation sees at most: the statistics have far fewer unknowns.
 const SAMPLE: usize = 20_000;
 
-/// Mean misalignment and mean squared difference of flatness: prior, and the part that remains
-/// however well splats agree, because normals and flatness of fitted splats are inexact.
-const EXPECTED_DIFFERENCE: f64 = 0.1;
-const LEAST_DIFFERENCE: f64 = 0.05;
+/// Steps over which statistics are smoothed: a patch of a body part.
+const PATCH: usize = 5;
 
-/// Least initial standard deviation of offsets, in spacings of the regions: a surface of discs is
-/// rough.
-const ROUGHNESS: f64 = 0.1;
+/// Mean misalignment and mean squared difference of flatness believed in before anything is known;
+/// some remains believed in however well splats agree: normals and flatness of fitted splats are no
+/// better.
+const MISALIGNED: f64 = 0.2;
+const LEAST_MISALIGNED: f64 = 0.05;
+const UNLIKE: f64 = 0.1;
+const LEAST_UNLIKE: f64 = 0.06;
 
-/// Factor on estimated standard deviations, which assignments made so far bias downwards.
+/// Factor on learned standard deviations: choices made so far are biased towards small ones.
 const SPREAD: f64 = 1.4;
 
-/// Cost of a region whose splats were all kept by the edit, nats: kept splats need no descendants.
-/// This separates an inflated sleeve from the bare hand it comes to lie on.
+/// Cost of belonging to a region all of which the edit kept, nats: what is still there needs no
+/// descendants. An inflated sleeve that comes to lie on a bare hand is told from it by this.
 const KEPT: f64 = 1.0;
 
-/// Log-odds of a splat having the motion of its known parent, nats. Equal values are no
-/// coincidence, but copies are moved at times.
+/// Log-odds of a splat with known parent having that one's motion. Equal bits are no accident; but
+/// copies get moved.
 const PARENT: f32 = 8.0;
 
-/// Result for one edited splat.
+/// What is believed of one edited splat.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Posterior {
-    /// The best region of the most likely motion; `None` if there is no region near.
+    /// The best region of the likeliest motion; `None` if there is no region near.
     pub(super) region: Option<u32>,
     /// Probability of no region at all.
     pub(super) unmatched: f32,
@@ -56,11 +59,11 @@ pub(super) struct Posterior {
 #[derive(Debug, Clone, Copy)]
 struct Best {
     candidate: Candidate,
-    /// Cost of belonging to it, nats.
+    /// What belonging to it costs, nats.
     cost: f32,
 }
 
-/// The model in its present state.
+/// The model and what it has learned so far.
 pub(super) struct Model<'a> {
     regions: &'a Regions,
     neighbors: &'a RigidNeighbors,
@@ -69,13 +72,13 @@ pub(super) struct Model<'a> {
     params: &'a MotionParams,
     diffusion: Diffusion,
     likelihoods: Vec<Likelihood>,
-    /// Additional costs of each region, nats: for the share of its splats that the edit kept, and
-    /// of the marginal.
+    /// What belonging to each region costs because the edit kept its splats, and because of who
+    /// else belongs to it, nats.
     kept: Vec<f64>,
     crowding: Vec<f64>,
 }
 
-/// Input of the estimation.
+/// What the model is made for.
 pub(super) struct Given<'a> {
     pub(super) regions: &'a Regions,
     pub(super) neighbors: &'a RigidNeighbors,
@@ -83,6 +86,8 @@ pub(super) struct Given<'a> {
     pub(super) candidates: &'a Candidates,
     pub(super) edit: &'a Edit,
     pub(super) params: &'a MotionParams,
+    /// World units.
+    pub(super) figure_size: f64,
 }
 
 impl<'a> Model<'a> {
@@ -107,9 +112,9 @@ impl<'a> Model<'a> {
         };
         let believed = Statistics {
             mean: 0.0,
-            sigma: model.first_sigma(),
-            misaligned: EXPECTED_DIFFERENCE + LEAST_DIFFERENCE,
-            unlike: EXPECTED_DIFFERENCE + LEAST_DIFFERENCE,
+            sigma: model.first_sigma(given.figure_size),
+            misaligned: MISALIGNED,
+            unlike: UNLIKE + LEAST_UNLIKE,
         };
         model.set(&vec![believed; regions.len()]);
         let stride = (edit.len() / SAMPLE).max(1);
@@ -132,9 +137,9 @@ impl<'a> Model<'a> {
             .collect();
     }
 
-    /// Initial standard deviation of offsets: the upper quartile of the smallest ones, large enough
-    /// that the first round does not exclude the right part.
-    fn first_sigma(&self) -> f64 {
+    /// Upper quartile of the smallest offsets: generous, since the first round must not lock onto
+    /// wrong parts.
+    fn first_sigma(&self, figure_size: f64) -> f64 {
         let smallest = |e: usize| {
             let offsets = self.candidates.of_splat(e).iter().map(|c| f64::from(c.offset.abs()));
             offsets.fold(f64::INFINITY, f64::min)
@@ -148,7 +153,7 @@ impl<'a> Model<'a> {
             let rank = offsets.len() * 3 / 4;
             *offsets.select_nth_unstable_by(rank, f64::total_cmp).1
         };
-        quartile.max(ROUGHNESS * spacing).max(TINY)
+        quartile.min(0.05 * figure_size).max(0.1 * spacing).max(TINY)
     }
 
     /// The best region of each motion of splat `e`. Replaces `out`.
@@ -156,7 +161,7 @@ impl<'a> Model<'a> {
         out.clear();
         let has_parent = self.edit.parent[e].is_some();
         let candidates = self.candidates.of_splat(e);
-        // Only differences between candidates matter.
+        // Where all around was kept, that tells nothing.
         let kept = candidates.iter().map(|c| self.kept[c.region as usize]);
         let spared = kept.fold(f64::INFINITY, f64::min);
         for candidate in candidates {
@@ -191,15 +196,15 @@ impl<'a> Model<'a> {
             .collect()
     }
 
-    /// Statistics and fill of the regions from the probabilities of the splats' best regions. Each
-    /// sampled splat represents `weight` splats.
+    /// Expectation and maximisation: statistics of the regions from the probabilities of the
+    /// splats' best regions, and how full the regions are. Each splat stands for `weight` of them.
     fn maximise(&mut self, best: &[Vec<Best>], (weight, believed): (f64, Statistics)) {
         let (mut sums, mut counts) = self.known();
         for best in best {
             let lowest = best.iter().map(|b| b.cost).fold(f32::INFINITY, f32::min);
             let odds = |b: &Best| (f64::from(lowest - b.cost) / self.params.entropy).exp();
             let total: f64 = best.iter().map(odds).sum();
-            // Splats with a poor match contribute little.
+            // What nothing explains well says little.
             let evidence = (-0.5 * f64::from(lowest.max(0.0))).exp();
             for b in best {
                 let region = b.candidate.region as usize;
@@ -218,13 +223,11 @@ impl<'a> Model<'a> {
                 let total = mass + prior;
                 let mean = offset / total;
                 let variance = (squares + prior * square) / total - mean * mean;
-                let difference =
-                    |sum: f64| (sum + prior * EXPECTED_DIFFERENCE) / total + LEAST_DIFFERENCE;
                 Statistics {
                     mean,
                     sigma: SPREAD * variance.max(0.0).sqrt(),
-                    misaligned: difference(misaligned),
-                    unlike: difference(unlike),
+                    misaligned: (misaligned + prior * MISALIGNED) / total + LEAST_MISALIGNED,
+                    unlike: (unlike + prior * UNLIKE) / total + LEAST_UNLIKE,
                 }
             })
             .collect();
@@ -232,8 +235,8 @@ impl<'a> Model<'a> {
         coverage::update(&self.diffusion, counts, self.params.source_marginal, &mut self.crowding);
     }
 
-    /// Per region: sums over the splats that the edit kept, their number, and the number of source
-    /// splats.
+    /// Sums and counts of the splats that the edit kept, per region: they are where they were.
+    /// Beside the counts, those of the source.
     fn known(&self) -> (Vec<[f64; 5]>, Vec<[f64; 2]>) {
         let mut sums = vec![[0.0; 5]; self.regions.len()];
         let mut counts: Vec<[f64; 2]> =
@@ -247,7 +250,8 @@ impl<'a> Model<'a> {
         (sums, counts)
     }
 
-    /// Posteriors of all edited splats, including those outside the sample.
+    /// Posteriors of all edited splats, those outside the sample too: expectation with what was
+    /// learned.
     pub(super) fn posteriors(&self) -> Vec<Posterior> {
         (0..self.edit.len())
             .into_par_iter()
@@ -273,9 +277,9 @@ impl<'a> Model<'a> {
     }
 }
 
-/// Adds the contribution of one candidate to the sums of its region.
+/// Adds what one candidate says of its region.
 fn add(sums: &mut [f64; 5], candidate: &Candidate, weight: f64) {
-    // A ball has no normal.
+    // Balls say nothing of surfaces.
     let flat = f64::from(candidate.flat);
     let offset = f64::from(candidate.offset);
     let misaligned = (f64::from(candidate.misaligned) / flat.max(1e-3)).clamp(0.0, 1.0);

@@ -11,14 +11,14 @@ use anchors::{RigidNeighbors, Trajectories};
 use gs_core::{Real, quat};
 use rayon::prelude::*;
 
-/// Weight of the splats' own rotations relative to their positions, for rotations without error; see
+/// Weight of the splats' own rotations relative to their positions, if they are as good as any; see
 /// [`crate::Aggregation`].
 pub(super) const ROTATION_PRIOR: f64 = 3.0;
 
 /// Weights below this share of a neighbour's are left out of fits: rounding.
 const NEGLIGIBLE: f64 = 1e-9;
 
-/// Neighbourhoods sampled to estimate the quality of own rotations.
+/// Neighbourhoods looked at to tell how good own rotations are.
 const SAMPLE: usize = 2000;
 
 /// Key times compared at once.
@@ -29,22 +29,22 @@ type Lane = [f32; LANES];
 /// The 3×4 matrices `[R | p]` of one region at eight key times.
 type Block = [[Lane; 4]; 3];
 
-/// Rigid motions of the regions. Regions that are outliers are marked and not followed.
+/// Rigid motions of the regions. Regions that are outliers themselves are marked and not followed.
 #[derive(Debug)]
 pub(super) struct RegionMotion {
     pub(super) outlier: Vec<bool>,
-    /// Regions that are static, as are all their neighbours.
+    /// Regions that stay where they are, as do all around them.
     pub(super) still: Vec<bool>,
-    /// Factor on the weight of own rotations, 0 to 1: 0 if the scene does not model rotation.
+    /// Factor on the weight of own rotations, 0 to 1: 0 where the scene does not model rotation.
     pub(super) rotation_quality: f64,
-    /// `x ↦ R x + p`, `[R][T/8]`; the last block is padded with identities.
+    /// `x ↦ R x + p`, `[R][T/8]`; key times that fill the last block move nothing.
     motions: Vec<Block>,
-    /// Presence of the region, 0 to 1, `[R][T/8]`; empty if nothing fades.
+    /// How far the region is still there, `[R][T/8]`; empty if all always are.
     presence: Vec<Lane>,
     num_blocks: usize,
 }
 
-/// Path of a point that moves with one region, over the key times.
+/// Where a point goes with one region, over the key times.
 #[derive(Debug, Default)]
 pub(super) struct Path {
     region: usize,
@@ -109,15 +109,15 @@ impl RegionMotion {
         i * self.num_blocks..(i + 1) * self.num_blocks
     }
 
-    /// Path of point `x` if it moves with region `i`. Replaces `out`.
+    /// Where point `x` goes if it moves with region `i`.
     pub(super) fn path(&self, i: usize, x: [f32; 3], out: &mut Path) {
         out.places.clear();
         out.places.extend(self.motions[self.blocks(i)].iter().map(|block| carried(block, x)));
         (out.region, out.from) = (i, x);
     }
 
-    /// For each of `regions`, the largest squared distance over time between `path` and the path of
-    /// the same point with that region, times the presence of both. Replaces `out`.
+    /// For each of `regions`, the largest square over time of the distance between where it and
+    /// `path` take the point, as far as both regions are there. Replaces `out`.
     pub(super) fn apart(&self, path: &Path, regions: &[u32], out: &mut Vec<f32>) {
         out.clear();
         crate::simd::dispatch(
@@ -130,8 +130,8 @@ impl RegionMotion {
         );
     }
 
-    /// Largest distance over time between the paths of point `x` with regions `a` and `b`, times the
-    /// presence of both.
+    /// Largest distance over time between where regions `a` and `b` take point `x`, as far as both
+    /// are there.
     pub(super) fn disagreement(&self, a: usize, b: usize, x: [f32; 3]) -> f32 {
         if self.alike(a, b) {
             return 0.0;
@@ -160,8 +160,8 @@ impl RegionMotion {
         farthest
     }
 
-    /// Elementwise maximum of `worst` and the squared distances within one block of key times:
-    /// `places` is the path of `x` in block `p`, `q` the block of the other region.
+    /// The squares within one block of key times, where larger than `worst`: `places` is where
+    /// block `p` takes `x`, `q` is the other's.
     #[inline(always)]
     fn farther(
         &self,
@@ -191,7 +191,7 @@ impl RegionMotion {
         worst
     }
 
-    /// Whether two regions trivially have the same motion.
+    /// Whether two regions have one motion by what they are.
     #[inline(always)]
     fn alike(&self, a: usize, b: usize) -> bool {
         a == b || (self.still[a] && self.still[b])
@@ -217,7 +217,7 @@ fn carried(block: &Block, x: [f32; 3]) -> [Lane; 3] {
     out
 }
 
-/// Fits the motions of one neighbourhood at all key times.
+/// Motions of one neighbourhood at all key times.
 #[inline(always)]
 fn fit_all(
     regions: &Trajectories,
@@ -237,7 +237,7 @@ fn fit_all(
     }
 }
 
-/// Key times fitted at once.
+/// Fits made at once.
 const FITS: usize = 4;
 
 type Times = Lanes<FITS>;
@@ -303,7 +303,7 @@ impl Fits {
     }
 }
 
-/// Weight of a neighbour at each time. Where all have faded, they keep their relative weights.
+/// What a neighbour counts at each time. If all have faded, they keep their shares.
 #[inline(always)]
 fn present(regions: &Trajectories, times: &[usize; FITS], i: usize, weight: f64) -> Times {
     let mut out = Times::all(weight);
@@ -324,11 +324,11 @@ fn at_times<const N: usize>(values: &[[f64; N]], times: &[usize; FITS]) -> [Time
     out
 }
 
-/// Quality of own rotations, 0 to 1, from a sample of neighbourhoods.
+/// How good own rotations are, 0 to 1, from a sample of neighbourhoods.
 ///
-/// The mean own rotation of a neighbourhood and the rotation fitted to its positions differ by the
-/// errors of both. The error of the fit follows from its residuals; the remainder is the error of
-/// own rotations. The two are weighted by inverse variance.
+/// The mean own rotation of a neighbourhood and the one its positions show differ by the errors of
+/// both. That of the positions follows from how well they fit; the remainder is what own rotations
+/// miss, and the two are weighted by the inverse of their variances.
 fn rotation_quality(
     regions: &Trajectories,
     turns: &[[f64; 4]],
@@ -355,15 +355,17 @@ fn rotation_quality(
             })
         })
         .collect();
-    let middle =
-        |which: usize| anchors::median(&mut compared.iter().map(|c| c[which]).collect::<Vec<_>>());
+    let middle = |which: usize| {
+        super::numeric::median(&mut compared.iter().map(|c| c[which]).collect::<Vec<_>>())
+    };
     let (apart, positions) = (middle(0), middle(1));
-    // Errors below a hundredth of a degree do not matter.
+    // Below a hundredth of a degree everything agrees.
     let missed = (apart - positions).max(positions / ROTATION_PRIOR).max(3e-8);
     (positions.max(1e-7) / missed / ROTATION_PRIOR).min(1.0)
 }
 
-/// Variance of rotations fitted to the positions alone, radians².
+/// Expected square of the angle, radians², by which rotations fitted to the positions alone are
+/// wrong.
 fn rotation_variance(
     regions: &Trajectories,
     stencil: &[(f64, usize)],
@@ -385,8 +387,7 @@ fn rotation_variance(
         }
     }
     let effective: f64 = total * total / squares;
-    // Three axes, each of which sees two thirds of the spread; the fit uses six degrees of freedom,
-    // those of two points.
+    // Three turns, each across two thirds of the spread; two points' worth of freedom is used up.
     let mut variance = Times::all(1.5) * residual;
     for lane in 0..FITS {
         let value = variance.0[lane] / (spread.0[lane] * (effective - 2.0).max(1.0));

@@ -1,9 +1,9 @@
-//! Regions of the source: cells of splats that move as one, from the `anchors` crate, with their
-//! centroids, rotations and axes.
+//! Regions of the source: cells of splats that move as one, from the `anchors` crate, and what is
+//! known of each.
 //!
-//! The quantities that distinguish body parts (offsets of surfaces, contact zones) scale with the
-//! figure, not with its splats. With regions, decisions have the same scale for any number of
-//! splats. Where splats are sparse, each is its own region.
+//! What decides between body parts (offsets of surfaces, contact zones) has the size of the figure,
+//! not of its splats. Regions give those decisions one scale whatever the number of splats; where
+//! splats are sparse, each is its own region.
 
 use super::normals::thin_axis;
 use crate::keyframes::{FADED, KeyFrames};
@@ -13,6 +13,9 @@ use anchors::{CellParams, Cells, RigidNeighbors, Trajectories};
 use gs_core::{Real, quat};
 use rayon::prelude::*;
 
+/// Least weight of a splat: an invisible one still says a little about how its surroundings move.
+const LEAST_OPACITY: f64 = 1e-3;
+
 /// Power iterations for a mean axis. Normals within a region differ by less than 45°: each
 /// iteration at least halves the error.
 const ITERATIONS: usize = 8;
@@ -20,13 +23,13 @@ const ITERATIONS: usize = 8;
 /// Regions of the usable sources that are no outliers. "Point" is a position in `ids`.
 #[derive(Debug)]
 pub(super) struct Regions {
-    /// Source rows of all points, nearest to the centre first.
+    /// Source rows of all points, from the inside out.
     pub(super) ids: Vec<usize>,
     /// Centres of all points.
     pub(super) means: Vec<[f64; 3]>,
-    /// Opacities of all points, at least [`FADED`].
+    /// Opacities of all points, at least a little.
     pub(super) weights: Vec<f64>,
-    /// Assignment of points to regions.
+    /// Who belongs to which region.
     pub(super) cells: Cells,
     /// Centroids of the regions.
     pub(super) centroids: Trajectories,
@@ -35,12 +38,12 @@ pub(super) struct Regions {
     /// Mean thin axis of each region, sign arbitrary, length = flatness.
     pub(super) axes: Vec<[f64; 3]>,
     pub(super) num_outliers: usize,
-    /// Noise of the splats' trajectories, see [`RigidNeighbors::noise`].
+    /// That of the splats' trajectories, see [`RigidNeighbors::noise`].
     pub(super) noise: f64,
 }
 
-/// Trajectories of the usable sources. Static ones keep their position and presence: their changes
-/// are noise.
+/// The usable sources. Those that do not move are where they were, seen or not: what they show is
+/// noise.
 fn trajectories(
     keys: &KeyFrames,
     ids: &[usize],
@@ -69,12 +72,12 @@ fn trajectories(
 /// Opacity as a weight.
 fn opacity_weight(keys: &KeyFrames, i: usize) -> f64 {
     let opacity = f64::from(keys.at_edit.opacity(i));
-    if opacity.is_finite() { opacity.max(FADED) } else { FADED }
+    if opacity.is_finite() { opacity.max(LEAST_OPACITY) } else { LEAST_OPACITY }
 }
 
 impl Regions {
-    /// Groups the sources `ids` (nearest to the centre first) in cubes of edge `size` along the axes
-    /// of `pose`. Coordinates are relative to its origin.
+    /// Groups the sources `ids` (from the inside out) in cubes of edge `size` along the axes of
+    /// `pose`. Everything is about its origin.
     pub(super) fn of(
         keys: &KeyFrames,
         ids: Vec<usize>,
@@ -169,7 +172,7 @@ fn centroids(points: &Trajectories, members: &[Vec<u32>]) -> Trajectories {
         for &p in members {
             let p = p as usize;
             for (k, ((sum, total), place)) in sums.iter_mut().zip(points.places(p)).enumerate() {
-                // Where splats fade, the centroid follows the members that are still visible.
+                // Where splats fade, the centroid follows the members that are still there.
                 let seen = if fades { points.present(k, p) + FADED } else { 1.0 };
                 let weight = points.weights[p] * seen;
                 add(sum, weight, sub(*place, points.rest[p]));
@@ -206,7 +209,7 @@ fn add(sum: &mut [f64; 3], weight: f64, x: [f64; 3]) {
     }
 }
 
-/// Mean relative rotations of the regions, `[R,T]`; the identity for static splats.
+/// Mean relative rotations of the regions, `[R,T]`; those of splats that do not move are none.
 fn turns(
     keys: &KeyFrames,
     ids: &[usize],

@@ -1,7 +1,7 @@
-//! Supports: the source splats whose motion each edited splat follows.
+//! The sources each edited splat finally moves with.
 
 use super::consensus::Consensus;
-use super::cubes::{Cube, NEARBY};
+use super::cubes::Cube;
 use super::numeric::TINY;
 use super::region_motion::{Path, RegionMotion};
 use super::source::Regions;
@@ -10,23 +10,26 @@ use crate::row_index::index;
 use anchors::{KdTree, Neighbor};
 use gs_core::Real;
 
-/// Regions from which the source splats of a support are taken: enough for a choice, few enough to
-/// stay near.
+/// Regions whose splats are considered: enough for a choice, few enough to stay near, unless they
+/// have but a splat each.
 const MIN_REGIONS: usize = 8;
+const MAX_REGIONS: usize = 24;
 
-/// Width of the weights, in spacings of the regions.
-const KERNEL: f64 = 2.0;
+/// Regions looked at for a splat far from all of them.
+const FAR_REGIONS: usize = 256;
 
-/// Ridge of the local linear regression, as a share of the total variance: a support has less than
-/// this along the normal, where it cannot be centred.
+/// Sources of a support agree better than regions that count as one motion: share of the tolerance.
+const SAME: f32 = 0.7;
+
+/// Width of the weights, in spacings of the regions, and its growth with the squared distance of
+/// the nearest source.
+const KERNEL: f64 = 1.8;
+const KERNEL_GROWTH: f64 = 0.09;
+
+/// Spread of a support across its surface, as a share of the whole, at which it is no direction to
+/// be centred in any more; and the factors on weights that centring may ask for.
 const RIDGE: f64 = 0.15;
-
-/// Range of the factors on weights: beside its support, a splat cannot be centred without amplifying
-/// noise.
 const CENTRING: [f64; 2] = [0.1, 4.0];
-
-/// Radius of the support of a splat far from its region, as a share of the distance between them.
-const LEVER: f64 = 0.5;
 
 /// Regions compared at once.
 const CHUNK: usize = 32;
@@ -34,7 +37,7 @@ const CHUNK: usize = 32;
 /// Weights below this are left out: rounding.
 const NEGLIGIBLE: f64 = 1e-9;
 
-/// Buffers reused from splat to splat.
+/// What is kept from splat to splat, so that nothing is allocated for each.
 #[derive(Default)]
 pub(super) struct Scratch {
     apart: Vec<f32>,
@@ -42,7 +45,7 @@ pub(super) struct Scratch {
     points: Vec<(f64, u32)>,
     first_of_region: Vec<(f64, u32)>,
     entries: Vec<(u32, f64)>,
-    /// Neighbours of the region last used for far splats.
+    /// Regions around the one that was last asked for far splats.
     around: Option<(u32, Vec<Neighbor>)>,
     ids: Vec<u32>,
 }
@@ -61,7 +64,7 @@ pub(super) struct Supports<'a> {
 }
 
 impl Supports<'_> {
-    /// Source splats around `x` that move like region `own`, and their weights.
+    /// Sources around a splat at `x` in `cube` that move like region `own`, and weights.
     pub(super) fn near(
         &self,
         x: [f64; 3],
@@ -74,10 +77,10 @@ impl Supports<'_> {
         points.clear();
         first_of_region.clear();
         let enough = |regions: usize, points: usize| {
-            regions >= self.sources_per_row.max(MIN_REGIONS)
+            (regions >= MAX_REGIONS && points >= self.sources_per_row)
                 || (regions >= MIN_REGIONS && points >= 4 * self.sources_per_row)
         };
-        let limit = self.tolerance.powi(2);
+        let limit = (SAME * self.tolerance).powi(2);
         let mut add = |region: u32| {
             let mut nearest = (f64::INFINITY, 0);
             for &p in self.regions.members(region as usize) {
@@ -117,13 +120,14 @@ impl Supports<'_> {
         points.extend_from_slice(first_of_region);
         let h = self.spacing[own as usize];
         let nearest = points[0].0;
-        let width = (KERNEL * h).powi(2).max(TINY * TINY);
+        let width = (KERNEL * h).powi(2) + KERNEL_GROWTH * nearest;
+        let width = width.max(TINY * TINY);
         let weigh = |&(squared, p): &(f64, u32)| {
             (p, (-0.5 * (squared - nearest) / width).exp() * self.regions.weights[p as usize])
         };
         entries.clear();
         entries.extend(points.iter().map(weigh).filter(|(_, weight)| *weight > NEGLIGIBLE));
-        // Static sources agree.
+        // Where nothing moves, nothing can disagree.
         if !entries
             .iter()
             .all(|entry| self.motion.still[self.regions.cells.owners[entry.0 as usize] as usize])
@@ -134,10 +138,10 @@ impl Supports<'_> {
         entries.iter().map(|&(p, w)| (index(self.regions.ids[p as usize]), w.as_f32())).collect()
     }
 
-    /// Tilts the weights so that the centroid lies at `x` within the surface, as in local linear
-    /// regression. Motion that varies linearly along a stretching or bending part then causes no
-    /// bias, so supports may be wide. Along the normal, where supports have no spread, the rigid
-    /// motion extrapolates.
+    /// Tilts the weights so that their centroid lies beside `x`, as in local linear regression:
+    /// what a stretching or bending part does more of with every step aside then does no harm, and
+    /// supports may be wide. Along the normal, across which supports have no spread, the rigid
+    /// motion carries the offset.
     fn centre(&self, entries: &mut [(u32, f64)], x: [f64; 3]) {
         let total: f64 = entries.iter().map(|entry| entry.1).sum();
         let place = |point: u32| self.regions.means[point as usize];
@@ -160,7 +164,7 @@ impl Supports<'_> {
         if ridge.is_nan() || ridge <= 0.0 {
             return;
         }
-        // C (C + ridge)⁻² (x − centroid).
+        // C (C + ridge)⁻² applied to where the splat lies aside.
         let mut ridged = covariance;
         for (i, row) in ridged.iter_mut().enumerate() {
             row[i] += ridge;
@@ -174,38 +178,40 @@ impl Supports<'_> {
         }
     }
 
-    /// Source splats for a splat far from all of them that is attached to region `own`: one of each of
-    /// the regions around it that move alike.
+    /// Sources for a splat far from all of them that hangs on one which moves with region `own`:
+    /// the wider the lever, the wider the support, as far as it moves as one.
     pub(super) fn far(&self, x: [f64; 3], own: u32, scratch: &mut Scratch) -> Vec<(u32, f32)> {
         let Scratch { apart, path, around, ids, .. } = scratch;
         let centre = self.regions.centroids.rest[own as usize];
-        // Splats of one piece share the region.
+        let lever = norm(sub(x, centre));
+        // Splats of one piece ask for one region.
         let (asked, near) = around.get_or_insert_with(|| (u32::MAX, Vec::new()));
         if *asked != own {
-            self.tree.nearest(&centre, NEARBY, near);
+            self.tree.nearest(&centre, FAR_REGIONS, near);
             *asked = own;
         }
+        let reach = (0.5 * lever).max(2.0 * self.spacing[own as usize]);
+        let tolerance = (f64::from(self.tolerance) + 0.1 * lever).as_f32();
         self.motion.path(own as usize, x.map(Real::as_f32), path);
         ids.clear();
         ids.extend(near.iter().map(|n| index(self.kept[n.id as usize])));
         self.motion.apart(path, ids, apart);
-        // A lever amplifies errors of the rotation, so the longer it is, the wider is the support.
-        let reach = LEVER * norm(sub(x, centre));
-        let limit = self.tolerance.powi(2);
-        let mut same = vec![own];
+        let mut same = Vec::new();
         for ((n, &region), &squared) in near.iter().zip(&*ids).zip(&*apart) {
             if n.distance_squared.sqrt() > reach && same.len() >= self.sources_per_row {
                 break;
             }
-            if squared <= limit && region != own {
+            if squared <= tolerance * tolerance {
                 same.push(region);
             }
         }
+        if !same.contains(&own) {
+            same.insert(0, own);
+        }
         let count = same.len().min(self.sources_per_row);
         (0..count)
-            .map(|i| same[i * same.len() / count])
-            .map(|region| {
-                let members = self.regions.members(region as usize);
+            .map(|i| {
+                let members = self.regions.members(same[i * same.len() / count] as usize);
                 let point = members[members.len() / 2] as usize;
                 (index(self.regions.ids[point]), self.regions.weights[point].as_f32())
             })
@@ -213,7 +219,7 @@ impl Supports<'_> {
     }
 }
 
-/// Inverse of a regular symmetric matrix.
+/// Of a symmetric matrix that has one.
 fn inverse(m: [[f64; 3]; 3]) -> [[f64; 3]; 3] {
     let cofactor = |i: usize, j: usize| {
         let (a, b) = ((i + 1) % 3, (i + 2) % 3);

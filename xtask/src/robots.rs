@@ -4,6 +4,11 @@
 //! A robot is a tree of seven capsules that turn about random joints; one of them is folded back
 //! beside the body. Its edit resamples some links, inflates others and attaches a rod to one.
 //! Lengths are about metres: a robot is about 1.5 across.
+#![allow(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "scenes are single precision, counts are small"
+)]
 
 use anyhow::Result;
 use gs_core::{DynamicScene, SceneError, Splats, TimeRange, quat};
@@ -211,7 +216,7 @@ impl Robot {
 
 /// A body with three limbs of two links each.
 fn links(rng: &mut Pcg64) -> Vec<Link> {
-    let mut swing = |rng: &mut Pcg64, most: f64| {
+    let swing = |rng: &mut Pcg64, most: f64| {
         [rng.random_range(0.3..most), rng.random_range(0.4..1.2), rng.random_range(0.0..TAU)]
     };
     let body = Link {

@@ -145,7 +145,7 @@ fn a_missing_file_is_named_with_the_next_step_or_not_needed() {
             }
             let text = error.to_string();
             let has_step = |step: &&str| text.contains(&format!("; {step} "));
-            assert!(STEPS.iter().any(|step| has_step(step)), "{what}: {text}");
+            assert!(STEPS.iter().any(has_step), "{what}: {text}");
         }
     }
     assert!(refused >= 20, "{refused} files matter");

@@ -15,6 +15,7 @@ mod lpips;
 mod patches;
 mod pil;
 mod preprocess;
+mod rgb8;
 mod tokenizer;
 mod transformer;
 mod weights;
@@ -23,7 +24,8 @@ pub use clip::Clip;
 pub use dino::Dino;
 pub use error::NetworkError;
 pub use lpips::{Lpips, LpipsBackbone};
-pub use preprocess::{Planes, Preprocessing, Rgb8};
+pub use preprocess::{Planes, Preprocessing};
+pub use rgb8::Rgb8;
 pub use tokenizer::{CONTEXT, Tokenizer};
 pub use weights::{Tensor, Weights};
 

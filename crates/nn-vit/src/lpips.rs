@@ -2,7 +2,7 @@
 
 use crate::NetworkError;
 use crate::convolution::{Convolution, Maps, max_pool};
-use crate::preprocess::Rgb8;
+use crate::rgb8::Rgb8;
 use crate::weights::Weights;
 use ndarray::Array1;
 

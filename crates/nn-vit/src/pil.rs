@@ -1,7 +1,7 @@
 //! Pillow's bicubic filter for 8-bit images: antialiased, in fixed point, columns first, with the
 //! intermediate image rounded to 8 bits.
 
-use crate::preprocess::Rgb8;
+use crate::rgb8::Rgb8;
 
 /// Parameter of the filter.
 const A: f64 = -0.5;

@@ -3,6 +3,7 @@
 
 use crate::NetworkError;
 use crate::pil;
+use crate::rgb8::Rgb8;
 
 /// Side of the networks' input, pixels.
 pub(crate) const SIDE: usize = 224;
@@ -18,17 +19,6 @@ const BICUBIC: f64 = -0.75;
 struct Normalisation {
     mean: [f32; 3],
     std: [f32; 3],
-}
-
-/// An 8-bit image, RGB, row-major.
-#[derive(Debug, Clone, Copy)]
-pub struct Rgb8<'a> {
-    /// Width, pixels.
-    pub width: usize,
-    /// Height, pixels.
-    pub height: usize,
-    /// `[height, width, 3]`.
-    pub pixels: &'a [u8],
 }
 
 /// The input of a network, `[3, height, width]`.

@@ -63,7 +63,8 @@ pub fn check_placement<R: Rasterizer>(
 }
 
 /// The negative control of [`check_placement`]: the near plane of training, fixed in world units,
-/// culls a scene scaled to a hundredth. A near plane of 3 culls exactly the splats before it.
+/// culls a scene scaled to a hundredth. A near plane at the median depth culls exactly the splats
+/// before it.
 ///
 /// # Panics
 /// If other splats are drawn.
@@ -72,12 +73,15 @@ pub fn check_near_plane<R: Rasterizer>(raster: &R, (splats, camera): (&Splats, &
     let near = near.with_near(NEAR_PLANE);
     let background = render(raster, &Splats::default(), &near);
     assert_eq!(render(raster, &small, &near), background, "everything is before the near plane");
-    let middle = camera.clone().with_near(3.0);
-    let behind: Vec<usize> = (0..splats.len())
-        .filter(|&i| camera.to_camera(splats.means[i].map(f64::from))[2] > 3.0)
-        .collect();
-    let len = splats.len();
-    assert!(len / 8 < behind.len() && behind.len() < len * 7 / 8, "{} splats", behind.len());
+    let depths: Vec<f64> =
+        splats.means.iter().map(|mean| camera.to_camera(mean.map(f64::from))[2]).collect();
+    let mut sorted = depths.clone();
+    sorted.sort_by(f64::total_cmp);
+    // Between two splats, so that rounding does not decide.
+    let half = sorted.len() / 2;
+    let plane = f64::midpoint(sorted[half - 1], sorted[half]);
+    let middle = camera.clone().with_near(plane);
+    let behind: Vec<usize> = (0..splats.len()).filter(|&i| depths[i] > plane).collect();
     let seen = render(raster, splats, &middle);
     let kept = render(raster, &splats.select(&behind), &middle);
     let error = relative_l2(&widen(&seen), &widen(&kept));

@@ -167,7 +167,7 @@ fn missing_parts_are_reported_with_the_next_step() {
     assert!(usage.contains("Flags of Swift4D models"), "{usage}");
     fs::rename(folder.path().join("cfg_args"), model.join("cfg_args")).unwrap();
     fs::rename(save.join("FDHash.pth"), folder.path().join("FDHash.pth")).unwrap();
-    refused(&[], &["FDHash.pth", "is missing", "copy it"]);
+    refused(&[], &["FDHash.pth", "is missing", "Copy it"]);
     let late =
         failure(&mut c4d(["freeze", path(&fixture("swift4d/model")), "--time", "1", "-o", "x"]), 2);
     assert!(late.contains("0.9966"), "names the last frame: {late}");

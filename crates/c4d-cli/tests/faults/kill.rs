@@ -128,5 +128,5 @@ fn killed_refinements_resume_and_are_replaced() {
     let run = Path::new(&run);
     let said =
         success(c4d(["refine", run.to_str().unwrap(), "-g", "cpu", "--resume"]).args(flags)).1;
-    assert!(said.contains("no checkpoint") && said.contains("anew"), "{said}");
+    assert!(said.contains("no checkpoint") && said.contains("starts again"), "{said}");
 }

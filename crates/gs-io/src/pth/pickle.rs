@@ -1,26 +1,22 @@
 //! A pickle machine for checkpoints: data only.
 //!
-//! Containers are stored in an arena and values are small copies, so memory grows
-//! with the length of the pickle, sharing costs nothing, and deep nesting is
-//! harmless. Objects of other classes (NumPy scalars beside the weights, whole
-//! modules) are inert: their class is a name, their state is data.
+//! Containers are stored in an arena and values are small copies, so memory grows with the length
+//! of the pickle, sharing costs nothing, and deep nesting is harmless. Objects of other classes
+//! (NumPy scalars beside the weights, whole modules) are inert: their class is a name, their state
+//! is data.
+
+mod integers;
+mod name;
 
 use super::names;
 use super::tensor::{Dtype, Tensor};
 use super::{PthError, Root};
+pub(crate) use integers::Integers;
+
+use integers::long;
+use name::{Name, name_of};
 use std::borrow::Cow;
 use std::collections::BTreeMap;
-
-/// A class or function referenced by name.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Name<'a> {
-    OrderedDict,
-    RebuildTensor,
-    RebuildParameter,
-    Storage(Dtype),
-    /// Module and name of anything else.
-    Other(&'a str, &'a str),
-}
 
 #[derive(Debug, Clone, Copy)]
 enum Value<'a> {
@@ -54,9 +50,6 @@ enum Node<'a> {
         items: Vec<(Value<'a>, Value<'a>)>,
     },
 }
-
-/// Integers and flags (0 or 1) of the outermost dictionary, by name.
-pub(crate) type Integers = BTreeMap<String, i64>;
 
 /// Looks up the bytes of a storage by its key and its expected number of bytes.
 type Storages<'a, 'f> = &'f dyn Fn(&str, usize) -> Option<&'a [u8]>;
@@ -601,32 +594,6 @@ fn named<'a, 'v>(
         (Value::Text(name), Value::Node(_)) => Some((Some(Cow::Borrowed(name)), value)),
         _ => None,
     })
-}
-
-/// What a name refers to.
-fn name_of<'a>(module: &'a str, name: &'a str) -> Name<'a> {
-    match (module, name) {
-        ("collections", "OrderedDict") => Name::OrderedDict,
-        ("torch._utils", "_rebuild_tensor_v2") => Name::RebuildTensor,
-        ("torch._utils", "_rebuild_parameter" | "_rebuild_parameter_with_state") => {
-            Name::RebuildParameter
-        }
-        ("torch", class) => {
-            Dtype::from_storage(class).map_or(Name::Other(module, name), Name::Storage)
-        }
-        _ => Name::Other(module, name),
-    }
-}
-
-/// A little-endian two's-complement integer of up to eight bytes.
-fn long(raw: &[u8]) -> Option<i64> {
-    if raw.len() > 8 {
-        return None;
-    }
-    let negative = raw.last().is_some_and(|byte| byte & 0x80 != 0);
-    let mut bytes = [if negative { 0xff } else { 0 }; 8];
-    bytes[..raw.len()].copy_from_slice(raw);
-    Some(i64::from_le_bytes(bytes))
 }
 
 #[cfg(test)]

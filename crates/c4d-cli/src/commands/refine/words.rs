@@ -169,9 +169,9 @@ mod tests {
         report.supervision.rejections[4] = 2;
         let all = summary(&report, &options, 20);
         for part in [
-            "7 splats that frame 1 hides",
-            "2 had a meaningless one",
-            "3 that a deletion missed faded",
+            "7 splats hidden in frame 1",
+            "2 had meaningless colours",
+            "3 remnants of a deletion",
             "20 of 50 edited splats",
             "4 hidden splats near a change",
             "20.0 % of the pixels",

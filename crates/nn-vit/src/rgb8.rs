@@ -1,0 +1,12 @@
+//! [`Rgb8`]: an image as programs have it.
+
+/// An 8-bit image, RGB, row-major.
+#[derive(Debug, Clone, Copy)]
+pub struct Rgb8<'a> {
+    /// Width, pixels.
+    pub width: usize,
+    /// Height, pixels.
+    pub height: usize,
+    /// `[height, width, 3]`.
+    pub pixels: &'a [u8],
+}

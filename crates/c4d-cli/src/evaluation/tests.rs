@@ -165,14 +165,6 @@ fn degraded_pictures_are_worse_by_name_and_better_in_nothing() {
 }
 
 /// The demo's edit, against the true motion.
-#[test]
-fn degraded_pictures_of_an_edit_are_worse_by_name_and_better_in_nothing() {
-    let source = demo();
-    let edit = gs_synth::apply_edits(&source, &gs_synth::demo_edits(), 7).unwrap();
-    let propagation = propagated(&source, edit.splats.clone(), false);
-    check_degradations(&source, &propagation.scene, &edit.truth);
-}
-
 /// Noise, blur, a shift in time and a drift of colour each worsen the metrics that are named, and
 /// better none.
 fn check_degradations(source: &SynthScene, edited: &EditedScene, truth: &dyn DynamicScene) {

@@ -53,11 +53,22 @@ fn bent(scene: &PolynomialScene) -> PolynomialScene {
     PolynomialScene::new(scene.rest().clone(), motions).unwrap()
 }
 
-/// The scene moved by a hundredth of a unit, a half of one of its splats or so.
+/// The scene without the parts of motions that some methods lack.
+fn straight(scene: &PolynomialScene) -> PolynomialScene {
+    let line = |motion: &Polynomial| Polynomial {
+        velocity: [motion.velocity[0], [0.0; 3], [0.0; 3]],
+        omega: [0.0; 4],
+        ..*motion
+    };
+    let motions = scene.motions().iter().map(line).collect();
+    PolynomialScene::new(scene.rest().clone(), motions).unwrap()
+}
+
+/// The scene moved by a twentieth of a unit.
 fn displaced(scene: &PolynomialScene) -> PolynomialScene {
     let mut rest = scene.rest().clone();
     for mean in &mut rest.means {
-        mean[0] += 0.01;
+        mean[0] += 0.05;
     }
     PolynomialScene::new(rest, scene.motions().to_vec()).unwrap()
 }
@@ -163,7 +174,7 @@ fn short_lived_splats_render_alike_in_all_layouts() {
     }
     // Negative control.
     let found = likeness(&curves, &displaced(&curves));
-    assert!(found < 35.0, "{found} dB");
+    assert!(found < 30.0, "{found} dB");
 }
 
 #[test]

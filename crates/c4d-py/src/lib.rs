@@ -1,3 +1,7 @@
+#![allow(
+    rustdoc::broken_intra_doc_links,
+    reason = "doc comments are the docstrings of Python, in which [4,4] is a shape"
+)]
 #![doc = include_str!("../README.md")]
 #![expect(
     clippy::needless_pass_by_value,

@@ -11,6 +11,7 @@
 )]
 
 use anyhow::Result;
+use glam::{DQuat, DVec3, dvec3};
 use gs_core::{DynamicScene, SceneError, Splats, TimeRange, quat};
 use rand::RngExt as _;
 use rand_pcg::Pcg64;
@@ -25,26 +26,24 @@ const TILT: f64 = 0.1;
 /// Share of splats that follow no link.
 const FLOATERS: f64 = 0.01;
 
-type Vec3 = [f64; 3];
-
-/// Rotation (unit quaternion, `wxyz`) and translation: `x ↦ R x + p`.
+/// Rotation and translation: `x ↦ R x + p`.
 #[derive(Debug, Clone, Copy)]
 struct Transform {
-    rotation: [f64; 4],
-    translation: Vec3,
+    rotation: DQuat,
+    translation: DVec3,
 }
 
 impl Transform {
-    fn apply(&self, x: Vec3) -> Vec3 {
-        add(quat::rotate(self.rotation, x), self.translation)
+    const STILL: Self = Self { rotation: DQuat::IDENTITY, translation: DVec3::ZERO };
+
+    fn apply(&self, x: DVec3) -> DVec3 {
+        self.rotation * x + self.translation
     }
 
     /// This transform after a rotation by `angle` radians about the unit `axis` through `joint`.
-    fn after_turn(&self, joint: Vec3, axis: Vec3, angle: f64) -> Self {
-        let (sin, cos) = (angle / 2.0).sin_cos();
-        let turn = [cos, sin * axis[0], sin * axis[1], sin * axis[2]];
-        let fixed = sub(joint, quat::rotate(turn, joint));
-        Self { rotation: quat::mul(self.rotation, turn), translation: self.apply(fixed) }
+    fn after_turn(&self, joint: DVec3, axis: DVec3, angle: f64) -> Self {
+        let turn = DQuat::from_axis_angle(axis, angle);
+        Self { rotation: self.rotation * turn, translation: self.apply(joint - turn * joint) }
     }
 }
 
@@ -53,10 +52,10 @@ impl Transform {
 struct Link {
     parent: Option<usize>,
     /// End points of the core in frame 1; the first is the joint.
-    ends: [Vec3; 2],
+    ends: [DVec3; 2],
     radius: f64,
     /// Unit axis of the joint.
-    axis: Vec3,
+    axis: DVec3,
     /// Amplitude (radians), cycles per clip, phase (radians).
     swing: [f64; 3],
 }
@@ -69,34 +68,32 @@ impl Link {
     }
 
     /// Distance of a point from the core.
-    fn distance(&self, x: Vec3) -> f64 {
+    fn distance(&self, x: DVec3) -> f64 {
         let [a, b] = self.ends;
-        let (d, along) = (sub(x, a), sub(b, a));
-        let share = (dot(d, along) / dot(along, along)).clamp(0.0, 1.0);
-        norm(sub(d, scale(along, share)))
+        let (d, along) = (x - a, b - a);
+        let share = (d.dot(along) / along.length_squared()).clamp(0.0, 1.0);
+        (d - share * along).length()
     }
 
     /// A random point at `radius` from the core, and its normal.
-    fn sample(&self, radius: f64, rng: &mut Pcg64) -> (Vec3, Vec3) {
+    fn sample(&self, radius: f64, rng: &mut Pcg64) -> (DVec3, DVec3) {
         let [a, b] = self.ends;
-        let along = sub(b, a);
-        let length = norm(along);
-        let direction = scale(along, 1.0 / length);
+        let along = b - a;
+        let length = along.length();
+        let direction = along / length;
         let normal = unit(rng);
-        let lengthwise = dot(normal, direction);
+        let lengthwise = normal.dot(direction);
         if rng.random::<f64>() * (length + 2.0 * radius) < length {
-            let across = sub(normal, scale(direction, lengthwise));
-            let normal = scale(across, 1.0 / norm(across).max(1e-9));
-            let base = add(a, scale(along, rng.random::<f64>()));
-            return (add(base, scale(normal, radius)), normal);
+            let normal = (normal - lengthwise * direction).normalize_or_zero();
+            return (a + rng.random::<f64>() * along + radius * normal, normal);
         }
         let end = if lengthwise > 0.0 { b } else { a };
-        (add(end, scale(normal, radius)), normal)
+        (end + radius * normal, normal)
     }
 
     /// Surface area.
     fn area(&self, radius: f64) -> f64 {
-        TAU * radius * (norm(sub(self.ends[1], self.ends[0])) + 2.0 * radius)
+        TAU * radius * (self.ends[0].distance(self.ends[1]) + 2.0 * radius)
     }
 }
 
@@ -179,12 +176,12 @@ impl Robot {
         }
         let floaters = (FLOATERS * owners.len() as f64).round() as usize;
         for _ in 0..floaters {
-            let place = [0; 3].map(|_| rng.random_range(-0.7..0.7));
-            let drift = scale(unit(&mut rng), 0.3);
+            let place = DVec3::from([0; 3].map(|_| rng.random_range(-0.7..0.7)));
+            let drift = 0.3 * unit(&mut rng);
             let splat = Splat { place, normal: unit(&mut rng), spacing, opacity: 0.0 };
             let at = |frame: usize| Transform {
-                rotation: [1.0, 0.0, 0.0, 0.0],
-                translation: scale(drift, frame as f64 / (FRAMES - 1) as f64),
+                translation: frame as f64 / (FRAMES - 1) as f64 * drift,
+                ..Transform::STILL
             };
             push_moving(&mut frames, &splat, at, &mut rng);
         }
@@ -205,8 +202,8 @@ impl Robot {
             let pose = pose(&self.links, f64::from(t));
             for (row, link) in self.link_of.iter().enumerate() {
                 let Some(link) = *link else { continue };
-                let truth = pose[link].apply(self.edited.means[row].map(f64::from));
-                sum += norm(sub(at.means[row].map(f64::from), truth));
+                let truth = pose[link].apply(wide(self.edited.means[row]));
+                sum += truth.distance(wide(at.means[row]));
                 count += 1.0;
             }
         }
@@ -221,7 +218,7 @@ fn links(rng: &mut Pcg64) -> Vec<Link> {
     };
     let body = Link {
         parent: None,
-        ends: [[0.0, -0.25, 0.0], [0.0, 0.25, 0.0]],
+        ends: [dvec3(0.0, -0.25, 0.0), dvec3(0.0, 0.25, 0.0)],
         radius: rng.random_range(0.13..0.18),
         axis: unit(rng),
         swing: swing(rng, 0.6),
@@ -229,23 +226,21 @@ fn links(rng: &mut Pcg64) -> Vec<Link> {
     let mut links = vec![body];
     for limb in 0..3 {
         let azimuth = TAU * f64::from(limb) / 3.0 + rng.random_range(-0.3..0.3);
-        let height = rng.random_range(-0.25..0.25);
-        let outwards = [azimuth.cos(), 0.0, azimuth.sin()];
-        let joint = add(scale(outwards, 0.8 * links[0].radius), [0.0, height, 0.0]);
+        let outwards = dvec3(azimuth.cos(), 0.0, azimuth.sin());
+        let height = dvec3(0.0, rng.random_range(-0.25..0.25), 0.0);
+        let joint = 0.8 * links[0].radius * outwards + height;
         let length = rng.random_range(0.25..0.4);
         let radius = rng.random_range(0.05..0.08);
-        let elbow = add(joint, scale(outwards, length));
+        let elbow = joint + length * outwards;
         // The first limb is folded: its second link lies along the body, a small gap beside it.
         let (joints, ends) = if limb == 0 {
-            let beside = scale(outwards, links[0].radius + radius + rng.random_range(0.01..0.03));
-            let down = if height > 0.0 { -1.0 } else { 1.0 };
-            let elbow = add(beside, [0.0, height, 0.0]);
-            ([joint, elbow], [elbow, add(elbow, [0.0, down * length, 0.0])])
+            let apart = links[0].radius + radius + rng.random_range(0.01..0.03);
+            let elbow = apart * outwards + height;
+            let down = if height.y > 0.0 { -length } else { length };
+            ([joint, elbow], [elbow, elbow + down * DVec3::Y])
         } else {
-            let bend = scale(unit(rng), 0.6);
-            let direction = add(outwards, bend);
-            let direction = scale(direction, 1.0 / norm(direction));
-            ([joint, elbow], [elbow, add(elbow, scale(direction, length))])
+            let direction = (outwards + 0.6 * unit(rng)).normalize();
+            ([joint, elbow], [elbow, elbow + length * direction])
         };
         let upper = links.len();
         let first = swing(rng, 0.9);
@@ -259,13 +254,12 @@ fn links(rng: &mut Pcg64) -> Vec<Link> {
 
 /// Transform of every link from frame 1 to time `t`.
 fn pose(links: &[Link], t: f64) -> Vec<Transform> {
-    let still = Transform { rotation: [1.0, 0.0, 0.0, 0.0], translation: [0.0; 3] };
     let mut found: Vec<Transform> = Vec::with_capacity(links.len());
     for link in links {
-        let parent = link.parent.map_or(still, |parent| found[parent]);
+        let parent = link.parent.map_or(Transform::STILL, |parent| found[parent]);
         let mut own = parent.after_turn(link.ends[0], link.axis, link.angle(t));
         if link.parent.is_none() {
-            own.translation = add(own.translation, [0.2 * t, 0.05 * (PI * t).sin(), 0.0]);
+            own.translation += dvec3(0.2 * t, 0.05 * (PI * t).sin(), 0.0);
         }
         found.push(own);
     }
@@ -279,9 +273,9 @@ fn surface(
     radius: f64,
     spacing: f64,
     rng: &mut Pcg64,
-) -> Vec<(Vec3, Vec3)> {
+) -> Vec<(DVec3, DVec3)> {
     let count = (links[i].area(radius) / (spacing * spacing)).round() as usize;
-    let outside = |x: Vec3| {
+    let outside = |x: DVec3| {
         links.iter().enumerate().all(|(j, link)| j == i || link.distance(x) > 0.98 * link.radius)
     };
     let samples = (0..count).map(|_| links[i].sample(radius, rng));
@@ -290,21 +284,21 @@ fn surface(
 
 /// A disc on a surface.
 struct Splat {
-    place: Vec3,
-    normal: Vec3,
+    place: DVec3,
+    normal: DVec3,
     spacing: f64,
     opacity: f32,
 }
 
 /// Adds one splat, moved by `transform`, to `splats`.
 fn push(splats: &mut Splats, splat: &Splat, transform: Transform, rng: &mut Pcg64) {
-    let noise = scale(normal3(rng), NOISE);
-    let tilted = add(splat.normal, scale(normal3(rng), TILT));
-    let rotation = quat::mul(transform.rotation, facing(tilted));
-    let place = add(transform.apply(splat.place), noise);
+    let place = transform.apply(splat.place) + NOISE * normal3(rng);
+    let normal = (splat.normal + TILT * normal3(rng)).normalize_or(DVec3::Z);
+    // The z axis is the thin one.
+    let rotation = transform.rotation * DQuat::from_rotation_arc(DVec3::Z, normal);
     let extent = (0.7 * splat.spacing).ln() as f32;
-    splats.means.push(place.map(|c| c as f32));
-    splats.quats.push(rotation.map(|c| c as f32));
+    splats.means.push(place.as_vec3().to_array());
+    splats.quats.push(quat::from_glam(rotation.as_quat()));
     splats.log_scales.push([extent, extent, extent - 2.0]);
     splats.opacity_logits.push(splat.opacity);
     splats.sh.push([0.0; 3]);
@@ -323,14 +317,12 @@ fn push_moving(
     let row = first.len() - 1;
     for (frame, splats) in (1..).zip(later) {
         let transform = at(frame);
-        let noise = scale(normal3(rng), NOISE);
-        let small = scale(normal3(rng), 0.5 * TILT);
-        let turn = quat::normalize([1.0, 0.5 * small[0], 0.5 * small[1], 0.5 * small[2]]);
-        let rotation =
-            quat::mul(quat::mul(transform.rotation, turn), first.quats[row].map(f64::from));
+        let place = transform.apply(splat.place) + NOISE * normal3(rng);
+        let turn = DQuat::from_scaled_axis(0.5 * TILT * normal3(rng));
+        let rotation = transform.rotation * turn * quat::to_glam(first.quats[row]).as_dquat();
         splats.push_from(first, row);
-        splats.means[row] = add(transform.apply(splat.place), noise).map(|c| c as f32);
-        splats.quats[row] = rotation.map(|c| c as f32);
+        splats.means[row] = place.as_vec3().to_array();
+        splats.quats[row] = quat::from_glam(rotation.as_quat());
     }
 }
 
@@ -372,14 +364,12 @@ fn edit(
     // A rod on the outside of a link that is not folded.
     let carrier = [2, 3, 4, 5, 6][rng.random_range(0..5)];
     let Link { ends, radius, .. } = &links[carrier];
-    let along = sub(ends[1], ends[0]);
-    let random = unit(rng);
-    let across = sub(random, scale(along, dot(random, along) / dot(along, along)));
-    let across = scale(across, 1.0 / norm(across).max(1e-9));
-    let foot = add(add(ends[0], scale(along, 0.6)), scale(across, *radius));
+    let along = ends[1] - ends[0];
+    let across = unit(rng).reject_from(along).normalize_or(along.any_orthonormal_vector());
+    let foot = ends[0] + 0.6 * along + *radius * across;
     let rod = Link {
         parent: Some(carrier),
-        ends: [foot, add(foot, scale(across, 0.3))],
+        ends: [foot, foot + 0.3 * across],
         radius: 0.03,
         axis: across,
         swing: [0.0; 3],
@@ -393,47 +383,21 @@ fn edit(
     (splats, link_of)
 }
 
-/// A rotation that takes the z axis, the thin one, to `normal`.
-fn facing(normal: Vec3) -> [f64; 4] {
-    let n = scale(normal, 1.0 / norm(normal).max(1e-9));
-    // Halfway between z and the normal; where they are opposite, half a turn about x.
-    if n[2] < -0.999_999 {
-        return [0.0, 1.0, 0.0, 0.0];
-    }
-    quat::normalize([1.0 + n[2], -n[1], n[0], 0.0])
+fn wide(x: [f32; 3]) -> DVec3 {
+    DVec3::from(x.map(f64::from))
 }
 
-fn normal3(rng: &mut Pcg64) -> Vec3 {
+/// A standard normal vector.
+fn normal3(rng: &mut Pcg64) -> DVec3 {
     // Box and Muller.
-    [0; 3].map(|_| {
+    DVec3::from([0; 3].map(|_| {
         let (u, v): (f64, f64) = (rng.random(), rng.random());
         (-2.0 * (1.0 - u).ln()).sqrt() * (TAU * v).cos()
-    })
+    }))
 }
 
-fn unit(rng: &mut Pcg64) -> Vec3 {
-    let v = normal3(rng);
-    scale(v, 1.0 / norm(v).max(1e-9))
-}
-
-fn add(a: Vec3, b: Vec3) -> Vec3 {
-    [0, 1, 2].map(|i| a[i] + b[i])
-}
-
-fn sub(a: Vec3, b: Vec3) -> Vec3 {
-    [0, 1, 2].map(|i| a[i] - b[i])
-}
-
-fn scale(a: Vec3, by: f64) -> Vec3 {
-    a.map(|c| c * by)
-}
-
-fn dot(a: Vec3, b: Vec3) -> f64 {
-    (0..3).map(|i| a[i] * b[i]).sum()
-}
-
-fn norm(a: Vec3) -> f64 {
-    dot(a, a).sqrt()
+fn unit(rng: &mut Pcg64) -> DVec3 {
+    normal3(rng).normalize_or(DVec3::X)
 }
 
 #[cfg(test)]
@@ -447,17 +411,17 @@ mod tests {
         let (start, end) = (pose(&robot.links, 0.0), pose(&robot.links, 0.7));
         for (i, (from, to)) in start.iter().zip(&end).enumerate() {
             let [a, b] = robot.links[i].ends;
-            let before = norm(sub(from.apply(a), from.apply(b)));
-            let after = norm(sub(to.apply(a), to.apply(b)));
+            let before = from.apply(a).distance(from.apply(b));
+            let after = to.apply(a).distance(to.apply(b));
             assert!((before - after).abs() < 1e-9, "link {i}: {before} and {after}");
             let joint = robot.links[i].ends[0];
             if let Some(parent) = robot.links[i].parent {
-                let gap = norm(sub(end[parent].apply(joint), to.apply(joint)));
+                let gap = end[parent].apply(joint).distance(to.apply(joint));
                 assert!(gap < 1e-9, "the joint of link {i} opens by {gap}");
             }
         }
         let x = robot.links[2].ends[1];
-        assert!(norm(sub(end[0].apply(x), end[2].apply(x))) > 0.01, "limbs swing");
+        assert!(end[0].apply(x).distance(end[2].apply(x)) > 0.01, "limbs swing");
     }
 
     /// Negative control of the score: splats that stay where they are have a large error.

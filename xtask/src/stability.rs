@@ -57,12 +57,7 @@ fn solve(scene: &TruthScene, lambdas: [f64; 3]) -> Result<(f64, Vec<Option<u32>>
     let source: Arc<dyn DynamicScene> = Arc::new(scene.source.clone());
     let edited = Arc::new(scene.edited.splats.clone());
     let found = amg::propagate(source, edited, &options, &|_, _| {})?.scene;
-    let strongest = |row: usize| {
-        let (ids, weights) = found.binding().row(row);
-        let best = ids.iter().zip(weights).max_by(|a, b| a.1.total_cmp(b.1));
-        best.map(|(id, _)| *id)
-    };
-    let sources = (0..scene.edited.splats.len()).map(strongest).collect();
+    let sources = (0..scene.edited.splats.len()).map(|row| found.binding().heaviest(row)).collect();
     Ok((gs_synth::motion_error(&found, &scene.edited.truth, &TIMES)?.epe, sources))
 }
 

@@ -286,6 +286,18 @@ impl Binding {
         (&self.source_ids[range.clone()], &self.weights[range])
     }
 
+    /// Source id with the largest weight of a row, the smallest of equal ones; `None` for static
+    /// and field rows.
+    ///
+    /// # Panics
+    /// If the row does not exist.
+    pub fn heaviest(&self, row: usize) -> Option<u32> {
+        let (ids, weights) = self.row(row);
+        let order =
+            |a: &usize, b: &usize| weights[*a].total_cmp(&weights[*b]).then(ids[*b].cmp(&ids[*a]));
+        (0..ids.len()).max_by(order).map(|at| ids[at])
+    }
+
     /// Groups of moved rows.
     pub fn groups(&self) -> &[MovedGroup] {
         &self.groups

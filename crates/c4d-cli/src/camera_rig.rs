@@ -190,8 +190,8 @@ impl CameraRig {
         camera
     }
 
-    /// Largest angles between the front view and views of what was captured, around and up, degrees;
-    /// `None` for objects, which are captured from all around.
+    /// Largest angles between the front view and views of what was captured, around and up,
+    /// degrees; `None` for objects, which are captured from all around.
     pub(crate) fn limits(&self) -> Option<[f64; 2]> {
         match self.layout {
             Layout::Object => None,

@@ -4,10 +4,11 @@
 //! `.spz`, `.sog`, glTF), sequences of them ([`ply_sequence`]), model folders of 4DGaussians
 //! ([`checkpoint4dgs`]) and Swift4D ([`swift4d`]), trained scenes of other methods
 //! ([`open_scene()`]), reading and writing of `.splatv` ([`splatv`]) and `.splat4d` ([`splat4d`]),
-//! reading and writing of `.4dgs` ([`fourdgs_file`]), reading of `.tsog` ([`tsog`]), writing of OpenUSD ([`usda`]), cameras and times of data sets ([`cameras`], [`cameras_json`]).
-//! Writers report their losses ([`Losses`]); [`detect()`] detects the kind of a path. Readers
-//! accept arbitrary bytes: malformed input is an error with the file, what was found and the next
-//! step; memory is bounded by a small multiple of the input size; nothing in a file is executed.
+//! reading and writing of `.4dgs` ([`fourdgs_file`]), reading of `.tsog` ([`tsog`]), writing of
+//! OpenUSD ([`usda`]), cameras and times of data sets ([`cameras`], [`cameras_json`]). Writers
+//! report their losses ([`Losses`]); [`detect()`] detects the kind of a path. Readers accept
+//! arbitrary bytes: malformed input is an error with the file, what was found and the next step;
+//! memory is bounded by a small multiple of the input size; nothing in a file is executed.
 //! [`repair`] defines, for all readers, which values are damage and how infinities are interpreted.
 //! Unknown details (a field of `cfg_args`, one lens, an object beside the weights) are noted or
 //! skipped without rejecting the model. Stand-ins for files (a Git LFS pointer, a web page) are

@@ -25,8 +25,8 @@ const MAX_DRIFT: f32 = 0.3;
 /// Splats of a `.splatv` that fade more slowly than this (the clip lasts 1) are visible throughout.
 const ALWAYS_VISIBLE: f32 = 10.0;
 
-/// Opens a trained scene, a sequence of frames, a clip (`.splatv`, `.splat4d`, `.4dgs`, `.tsog`), or a single frame
-/// of any format (as a static scene).
+/// Opens a trained scene, a sequence of frames, a clip (`.splatv`, `.splat4d`, `.4dgs`, `.tsog`),
+/// or a single frame of any format (as a static scene).
 ///
 /// # Errors
 /// If the path is of another kind, or its reader fails.

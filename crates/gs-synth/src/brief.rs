@@ -141,8 +141,8 @@ impl BriefScene {
         &self.lasting
     }
 
-    /// The same scene as splats that move along lines and fade, as trainers store it; `None` if some
-    /// splats last, because those move otherwise.
+    /// The same scene as splats that move along lines and fade, as trainers store it; `None` if
+    /// some splats last, because those move otherwise.
     pub fn lines(&self) -> Option<PolynomialScene> {
         let lives = self.lives.iter().copied().collect::<Option<Vec<Life>>>()?;
         let rest = Splats {

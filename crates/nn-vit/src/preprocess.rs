@@ -1,5 +1,5 @@
-//! From 8-bit images to the input of a network, as different programs do it. Results differ by up to
-//! a few thousandths in the features, so that every number should name its mode.
+//! From 8-bit images to the input of a network, as different programs do it. Results differ by up
+//! to a few thousandths in the features, so that every number should name its mode.
 
 use crate::NetworkError;
 use crate::pil;
@@ -48,8 +48,8 @@ pub enum Preprocessing {
     /// VBench's background consistency from videos: PyTorch's bicubic interpolation of 8-bit
     /// tensors, without antialiasing, rounded to 8 bits; centre crop.
     VbenchVideo,
-    /// CLIP metrics of Instruct-NeRF2NeRF and its successors: the whole image squashed to 224×224 by
-    /// PyTorch's bicubic interpolation, neither rounded nor clamped.
+    /// CLIP metrics of Instruct-NeRF2NeRF and its successors: the whole image squashed to 224×224
+    /// by PyTorch's bicubic interpolation, neither rounded nor clamped.
     Squash,
     /// VBench's subject consistency: PyTorch's bilinear interpolation of 8-bit tensors to a short
     /// side of 224, rounded to 8 bits, not cropped; ImageNet's mean and deviation.

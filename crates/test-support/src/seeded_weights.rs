@@ -7,8 +7,8 @@ use std::fs;
 /// A tensor: name, shape, row-major values.
 pub type NamedTensor = (String, Vec<usize>, Vec<f32>);
 
-/// The tensors of a case (`clip`, `dino`, `alex`, `vgg`, or the heads of the last two), as the script
-/// beside the fixtures makes them.
+/// The tensors of a case (`clip`, `dino`, `alex`, `vgg`, or the heads of the last two), as the
+/// script beside the fixtures makes them.
 ///
 /// # Panics
 /// If the fixture is missing or malformed.

@@ -1,5 +1,5 @@
-//! The table of promises in `docs/ARCHITECTURE.md`: every promise has a test, and every test that it
-//! names exists. Files named elsewhere in that document exist, too.
+//! The table of promises in `docs/ARCHITECTURE.md`: every promise has a test, and every test that
+//! it names exists. Files named elsewhere in that document exist, too.
 
 use std::fs;
 use std::path::Path;

@@ -6,8 +6,8 @@ use anchors::KdTree;
 use rayon::prelude::*;
 use uot::{Sinkhorn, SinkhornParams, UotProblem};
 
-/// Nearest splats that are considered as predecessors and as carriers: about two rings of neighbours
-/// on a surface.
+/// Nearest splats that are considered as predecessors and as carriers: about two rings of
+/// neighbours on a surface.
 pub(crate) const NEIGHBORS: usize = 12;
 /// The spacing at a splat is the distance to this nearest neighbour.
 const SPACING: usize = 3;

@@ -53,8 +53,8 @@ pub(crate) struct EvalArgs {
     /// JSON file for every number with its parameters; a table is printed in any case
     #[arg(short, long, value_name = "FILE")]
     pub(crate) output: Option<PathBuf>,
-    /// Metrics and groups to measure: core, all, truth, preservation, time, neural, motion, matches,
-    /// cost, or single ones [default: core; all with --weights]
+    /// Metrics and groups to measure: core, all, truth, preservation, time, neural, motion,
+    /// matches, cost, or single ones [default: core; all with --weights]
     #[arg(long, value_delimiter = ',', value_name = "core|all|NAME,…")]
     pub(crate) metrics: Vec<String>,
     /// Propagate an edit of the scene given in place of a run in every way of the paper's ablations

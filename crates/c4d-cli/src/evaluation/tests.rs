@@ -4,7 +4,6 @@ use super::{Item, Sight, Subject, Truth, pictures};
 use crate::console::Console;
 use crate::device::Device;
 use amg::{Binding, EditedScene, MotionOptions, Propagation};
-use c4d_metrics::Better;
 use gs_core::{Camera, DynamicScene, Image, Splats};
 use gs_synth::{DemoParams, SynthScene, TruthCase};
 use serde_json::Value;
@@ -78,9 +77,7 @@ fn changes(before: &[Item], after: &[Item]) -> [Vec<String>; 2] {
         let (Some(x), Some(y)) = (better.badness(a_value), better.badness(b_value)) else {
             continue;
         };
-        // Of a ratio that should be 1, a hundredth of itself.
-        let scale = if better == Better::NearOne { a_value } else { x };
-        let slack = 1e-2 * scale.abs().max(1e-3);
+        let slack = 1e-2 * x.abs().max(1e-3);
         let line = format!("{} {a_value} → {b_value}", a.definition.id);
         if y < x - slack {
             lists[0].push(line);

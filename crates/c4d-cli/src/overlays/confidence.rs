@@ -31,7 +31,7 @@ pub(crate) fn confidence(
         source.geometry_into(t, &mut now).map_err(failed)?;
         worst.par_iter_mut().enumerate().with_min_len(256).for_each(|(row, worst)| {
             if binding.kinds()[row] == RowKind::Blended {
-                let change = change_of_distances(binding.row(row), &then, &now.means);
+                let change = change_of_distances(binding, row, &then, &now.means);
                 // A distance that is not finite gives no confidence.
                 *worst = if change.is_finite() { worst.max(change) } else { f64::INFINITY };
             }
@@ -49,16 +49,11 @@ pub(crate) fn confidence(
     Ok(binding.kinds().iter().enumerate().map(of_row).collect())
 }
 
-fn change_of_distances(
-    (ids, weights): (&[u32], &[f32]),
-    then: &[[f32; 3]],
-    now: &[[f32; 3]],
-) -> f64 {
-    let heaviest =
-        (0..ids.len()).max_by(|&a, &b| weights[a].total_cmp(&weights[b]).then(b.cmp(&a)));
-    let Some(heaviest) = heaviest else { return 0.0 };
+fn change_of_distances(binding: &Binding, row: usize, then: &[[f32; 3]], now: &[[f32; 3]]) -> f64 {
+    let (ids, weights) = binding.row(row);
+    let Some(heaviest) = binding.heaviest(row) else { return 0.0 };
     let distance = |means: &[[f32; 3]], i: usize| {
-        let (a, b) = (means[ids[i] as usize], means[ids[heaviest] as usize]);
+        let (a, b) = (means[ids[i] as usize], means[heaviest as usize]);
         (0..3).map(|k| (f64::from(a[k]) - f64::from(b[k])).powi(2)).sum::<f64>().sqrt()
     };
     let change = |i| f64::from(weights[i]) * (distance(now, i) - distance(then, i)).abs();

@@ -96,7 +96,8 @@ impl<'a> LayerSource<'a> {
         }
     }
 
-    /// Entries of source and edited scene from those of each; of the scene alone if it is no run.
+    /// Entries of the source and of the edited scene; the latter are empty if the scene is not a
+    /// run.
     fn entries(&self, source: Vec<u8>, edited: impl FnOnce(&Binding) -> Vec<u8>) -> [Vec<u8>; 2] {
         let edited = self.opened.binding.as_deref().map(edited);
         [source, edited.unwrap_or_default()]
@@ -132,7 +133,7 @@ impl<'a> LayerSource<'a> {
         let legend = Legend { classes: classes.collect(), scale: None };
         let entries = self.entries(source.clone(), |binding| {
             (0..binding.len())
-                .map(|row| heaviest(binding, row).map_or(0, |id| source[id]))
+                .map(|row| binding.heaviest(row).map_or(0, |id| source[id as usize]))
                 .collect()
         });
         let title = "Parts that move rigidly, as `part N` selects them";
@@ -218,13 +219,6 @@ impl<'a> LayerSource<'a> {
         let overlay = overlay(kind, title, scale(), scale_legend("0", "1"), entries);
         Layer { overlay, values: Some(values) }
     }
-}
-
-/// The source splat with the largest weight in a row.
-fn heaviest(binding: &Binding, row: usize) -> Option<usize> {
-    let (ids, weights) = binding.row(row);
-    let best = (0..ids.len()).max_by(|&a, &b| weights[a].total_cmp(&weights[b]).then(b.cmp(&a)));
-    best.map(|i| ids[i] as usize)
 }
 
 fn scale() -> Vec<[u8; 3]> {

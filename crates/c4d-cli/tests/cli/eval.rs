@@ -1,23 +1,9 @@
 //! `c4d eval`.
 
 use crate::support::{c4d, failure, fixture, success};
+use crate::synth_run::synth_run;
 use serde_json::Value;
 use std::path::{Path, PathBuf};
-
-/// The synthetic fixture's edit, propagated.
-fn run(folder: &Path) -> PathBuf {
-    let run = folder.join("run");
-    success(
-        c4d(["propagate"])
-            .arg(fixture("synth/source"))
-            .arg("--edited")
-            .arg(fixture("synth/edited.ply"))
-            .arg("--no-refine")
-            .arg("-o")
-            .arg(&run),
-    );
-    run
-}
 
 fn value(document: &Value, id: &str) -> Value {
     let items = document["items"].as_array().unwrap();
@@ -27,7 +13,7 @@ fn value(document: &Value, id: &str) -> Value {
 #[test]
 fn a_run_is_measured_alike_on_any_number_of_threads() {
     let folder = tempfile::tempdir().unwrap();
-    let run = run(folder.path());
+    let run = synth_run(folder.path());
     let mut files = Vec::new();
     for threads in ["1", "2", "7"] {
         let file = folder.path().join(format!("{threads}.json"));
@@ -57,7 +43,7 @@ fn a_run_is_measured_alike_on_any_number_of_threads() {
 #[test]
 fn a_run_is_its_own_truth() {
     let folder = tempfile::tempdir().unwrap();
-    let run = run(folder.path());
+    let run = synth_run(folder.path());
     let file = folder.path().join("metrics.json");
     let (said, _) = success(
         c4d(["eval"])
@@ -165,7 +151,7 @@ fn photographs_of_a_data_set_are_compared_at_their_times() {
 #[test]
 fn what_cannot_be_measured_is_refused() {
     let folder = tempfile::tempdir().unwrap();
-    let run = run(folder.path());
+    let run = synth_run(folder.path());
     let eval = |args: &[&str], code: i32| failure(c4d(["eval"]).arg(&run).args(args), code);
     let said = eval(&["--metrics", "lpips"], 2);
     assert!(said.contains("no such metric or group") && said.contains("Groups: core"), "{said}");
@@ -186,7 +172,7 @@ fn what_cannot_be_measured_is_refused() {
 #[test]
 fn judges_get_pairs_and_return_scores() {
     let folder = tempfile::tempdir().unwrap();
-    let run = run(folder.path());
+    let run = synth_run(folder.path());
     let at = |name: &str| folder.path().join(name);
     for (judge, jobs) in [("editscore", 6), ("vebench", 2)] {
         let out = at(judge);

@@ -25,4 +25,5 @@ mod shell;
 mod sources;
 mod support;
 mod swift4d;
+mod synth_run;
 mod view;

@@ -1,6 +1,7 @@
 //! Neural metrics of `c4d eval`, on networks with seeded random weights.
 
 use crate::support::{c4d, failure, fixture, success};
+use crate::synth_run::synth_run;
 use gs_io::pth::{self, NamedTensor};
 use safetensors::{Dtype, tensor::TensorView};
 use serde_json::Value;
@@ -41,20 +42,6 @@ fn weights(folder: &Path) -> PathBuf {
     weights
 }
 
-fn run(folder: &Path) -> PathBuf {
-    let run = folder.join("run");
-    success(
-        c4d(["propagate"])
-            .arg(fixture("synth/source"))
-            .arg("--edited")
-            .arg(fixture("synth/edited.ply"))
-            .arg("--no-refine")
-            .arg("-o")
-            .arg(&run),
-    );
-    run
-}
-
 fn items(folder: &Path, weights: &Path, more: &[&str]) -> (Vec<Value>, String) {
     let file = folder.join("metrics.json");
     let (said, _) = success(
@@ -78,7 +65,7 @@ fn item<'a>(items: &'a [Value], id: &str) -> &'a Value {
 fn the_weights_of_a_folder_make_the_metrics_that_they_can() {
     let folder = tempfile::tempdir().unwrap();
     let weights = weights(folder.path());
-    let run = run(folder.path());
+    let run = synth_run(folder.path());
     let (all, said) = items(folder.path(), &weights, &["--truth", run.to_str().unwrap()]);
     assert_eq!(item(&all, "lpips_alex")["value"], 0.0, "the run is its own truth");
     let file = item(&all, "lpips_alex")["weights"].as_str().unwrap();
@@ -110,7 +97,7 @@ fn the_weights_of_a_folder_make_the_metrics_that_they_can() {
 fn prompts_are_compared_where_there_is_a_tokenizer() {
     let folder = tempfile::tempdir().unwrap();
     let weights = weights(folder.path());
-    run(folder.path());
+    synth_run(folder.path());
     // Merges of single characters only, as small as the test's vocabulary of 600 allows.
     let merges: Vec<String> = (0..48_894).map(|at| format!("unused{at} merge{at}")).collect();
     fs::write(weights.join("merges.txt"), format!("#version\n{}", merges.join("\n"))).unwrap();
@@ -128,7 +115,7 @@ fn prompts_are_compared_where_there_is_a_tokenizer() {
 #[test]
 fn folders_that_cannot_be_used_are_named() {
     let folder = tempfile::tempdir().unwrap();
-    run(folder.path());
+    synth_run(folder.path());
     let eval = |weights: &Path| {
         failure(
             c4d(["eval"])

@@ -1,20 +1,8 @@
 //! Overlays of `c4d render --passes` and `c4d export --overlay`.
 
 use crate::support::{c4d, failure, fixture, success};
-use std::path::{Path, PathBuf};
-
-fn run(folder: &Path) -> PathBuf {
-    let run = folder.join("run");
-    success(
-        c4d(["propagate"])
-            .arg(fixture("synth/source"))
-            .arg("--edited")
-            .arg(fixture("synth/edited.ply"))
-            .args(["--no-refine", "-o"])
-            .arg(&run),
-    );
-    run
-}
+use crate::synth_run::synth_run;
+use std::path::Path;
 
 /// Colours of an image, and how many pixels have each.
 fn colors(path: &Path) -> Vec<([u8; 3], usize)> {
@@ -29,7 +17,7 @@ fn colors(path: &Path) -> Vec<([u8; 3], usize)> {
 #[test]
 fn passes_show_parts_motion_confidence_and_changes() {
     let folder = tempfile::tempdir().unwrap();
-    let run = run(folder.path());
+    let run = synth_run(folder.path());
     let out = folder.path().join("passes");
     let passes = "parts,motion,confidence,changed,uncertainty";
     let arguments =
@@ -74,7 +62,7 @@ fn overlays_of_edits_need_a_run() {
         assert!(said.contains("is not a run") && said.contains("parts or motion"), "{said}");
         assert!(!out.exists(), "nothing is left");
     }
-    let run = run(folder.path());
+    let run = synth_run(folder.path());
     let said = failure(
         c4d(["render"]).arg(&run).args(["--side-by-side", "--passes", "parts", "-o"]).arg(&out),
         2,
@@ -85,7 +73,7 @@ fn overlays_of_edits_need_a_run() {
 #[test]
 fn pages_offer_overlays() {
     let folder = tempfile::tempdir().unwrap();
-    let run = run(folder.path());
+    let run = synth_run(folder.path());
     let page = folder.path().join("page.html");
     let names = "parts,motion,uncertainty,confidence,changed";
     success(c4d(["export"]).arg(&run).args(["--frames", "2", "--overlay", names, "-o"]).arg(&page));

@@ -1,6 +1,7 @@
 //! `c4d view`: the server with raw sockets, the page in headless Chromium.
 
 use crate::support::{c4d, failure, fixture, success};
+use crate::synth_run::synth_run;
 use gs_core::DynamicScene;
 use gs_io::ply::{self, WriteOptions, comments};
 use gs_io::{Existing, ply_sequence};
@@ -70,7 +71,8 @@ impl Server {
         serde_json::from_slice(&body).unwrap()
     }
 
-    /// Opens the page in the browser with these start options; returns the document and a screenshot.
+    /// Opens the page in the browser with these start options; returns the document and a
+    /// screenshot.
     fn browse(&self, hash: &str, folder: &Path) -> (String, image::RgbImage) {
         let profile = tempfile::tempdir().unwrap();
         let picture = folder.join("screen.png");
@@ -117,19 +119,6 @@ fn browser() -> PathBuf {
         .map(PathBuf::from)
         .or(on_path)
         .expect("this test needs Chromium: apt-get install chromium, or name a browser in CHROMIUM")
-}
-
-fn run(folder: &Path) -> PathBuf {
-    let run = folder.join("run");
-    success(
-        c4d(["propagate"])
-            .arg(fixture("synth/source"))
-            .arg("--edited")
-            .arg(fixture("synth/edited.ply"))
-            .args(["--no-refine", "-o"])
-            .arg(&run),
-    );
-    run
 }
 
 /// The demo's scene, dense enough that its floor does not hide the figure, and its edit propagated.
@@ -273,7 +262,7 @@ fn the_page_shows_what_splats_are_selects_and_saves_cameras() {
 #[test]
 fn several_scenes_share_camera_and_clock_and_reload() {
     let folder = tempfile::tempdir().unwrap();
-    let (source, run) = (fixture("synth/source"), run(folder.path()));
+    let (source, run) = (fixture("synth/source"), synth_run(folder.path()));
     let frame = folder.path().join("frame.ply");
     std::fs::copy(fixture("synth/edited.ply"), &frame).unwrap();
     let server =

@@ -38,7 +38,7 @@ class Scene:
                 ``strict=True``, ``axes=``.
 
         Raises:
-            InputError: If the path is no scene or its files are damaged.
+            InputError: If the path is not a scene, or its files are damaged.
         """
         text = os.fspath(path)
         return cls(_native.Scene.open(text, flags(options), receiver()), text, options)

@@ -86,7 +86,7 @@ const NETWORKS: [(&[u8], UnsupportedFormat); 6] = [
 const BESIDE_PLY: &str = "It contains no splats. Put it beside point_cloud/iteration_N/point_cloud.ply of the same training as deformation.pth, and give the folder that contains point_cloud and cfg_args.";
 const BESIDE_FOLDER: &str = "It contains no splats. Put it at deform/iteration_N/deform.pth beside the folder point_cloud of the same training, and give the folder that contains both.";
 
-/// A PyTorch archive that is no scene, by its first bytes.
+/// A PyTorch archive that does not contain a scene, by its first bytes.
 pub(crate) fn torch_archive(start: &[u8]) -> UnsupportedFormat {
     let has = |mark: &[u8]| start.windows(mark.len()).any(|window| window == mark);
     NETWORKS.iter().find(|(mark, _)| has(mark)).map_or(TORCH_ARCHIVE, |(_, format)| *format)

@@ -66,8 +66,8 @@ fn rows_in_memory(clip: &Clip<'_>) -> usize {
 }
 
 /// Writes the clip; it lasts the number of its frames divided by their rate. Each splat becomes one
-/// row if it moves along a line and its opacity is constant or a Gaussian of time, else several with
-/// consecutive windows. Memory besides one frame: at most 512 MiB of frames, and the rows.
+/// row if it moves along a line and its opacity is constant or a Gaussian of time, else several
+/// with consecutive windows. Memory besides one frame: at most 512 MiB of frames, and the rows.
 ///
 /// # Errors
 /// If there are no frames, splats or frames per second, the tolerance is out of range, no splat is

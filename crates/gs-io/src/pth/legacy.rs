@@ -1,5 +1,6 @@
-//! The stream format of PyTorch before 1.6: pickles of a magic number, a version, the system and the
-//! object, then the keys of the storages, and the storages: a count of elements, then the elements.
+//! The stream format of PyTorch before 1.6: pickles of a magic number, a version, the system and
+//! the object, then the keys of the storages, and the storages: a count of elements, then the
+//! elements.
 
 use super::pickle::{self, Integers};
 use super::{PthError, Root};

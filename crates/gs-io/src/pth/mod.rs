@@ -1,4 +1,5 @@
-//! PyTorch files (`.pth`): zip containers of a pickle and raw storages, or the older stream of both.
+//! PyTorch files (`.pth`): zip containers of a pickle and raw storages, or the older stream of
+//! both.
 //!
 //! The pickle is interpreted as data by a machine with about forty opcodes and a dozen names;
 //! nothing is imported or executed. Objects of other classes are skipped, opcodes that checkpoints

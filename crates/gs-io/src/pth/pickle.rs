@@ -402,8 +402,8 @@ impl<'a, 'f> Machine<'a, 'f> {
         });
     }
 
-    /// Resolves `('storage', class, key, device, count)` to the bytes of that storage; the device is
-    /// ignored. The legacy format adds a view, which is `None` in files that are in use.
+    /// Resolves `('storage', class, key, device, count)` to the bytes of that storage; the device
+    /// is ignored. The legacy format adds a view, which is `None` in files that are in use.
     fn persistent(&mut self) -> Result<(), PthError> {
         let id = self.pop()?;
         // For unsupported number types the tensor is inert.

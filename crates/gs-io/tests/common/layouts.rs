@@ -118,8 +118,9 @@ pub(crate) fn freetime_checkpoint(scene: &PolynomialScene) -> Vec<u8> {
     out
 }
 
-/// A checkpoint of native 4D Gaussians with times from 0 to 1, equivalent to `scene` for splats that
-/// move linearly and do not rotate. Real ones are tuples; the reader finds the same parts by place.
+/// A checkpoint of native 4D Gaussians with times from 0 to 1, equivalent to `scene` for splats
+/// that move linearly and do not rotate. Real ones are tuples; the reader finds the same parts by
+/// place.
 pub(crate) fn gaussian4d(scene: &PolynomialScene) -> Vec<u8> {
     let (rest, n) = (scene.rest(), scene.rest().len());
     let (mut scales, mut left, mut right) = (Vec::new(), Vec::new(), Vec::new());

@@ -132,19 +132,13 @@ impl Descriptions {
         facts.push(("The edit", Class::of(kind).label().to_owned()));
         facts.push(("Motion", motion));
         facts.push(("Why", why));
-        if let Some(part) = self.heaviest(binding, row) {
-            facts.push(("Part that it follows", self.part(part)));
+        if let Some(id) = binding.heaviest(row) {
+            facts.push(("Part that it follows", self.part(id as usize)));
         }
         if let Some(confidence) = edited.confidence[row] {
             facts.push(("Confidence", format!("{confidence:.2}")));
         }
         Some(Description { title: format!("Splat {row} of the edit"), facts })
-    }
-
-    fn heaviest(&self, binding: &Binding, row: usize) -> Option<usize> {
-        let (ids, weights) = binding.row(row);
-        let best = (0..ids.len()).max_by(|&a, &b| weights[a].total_cmp(&weights[b]));
-        best.map(|i| ids[i] as usize).filter(|&id| id < self.source.splats.len())
     }
 
     /// Where the motion of an edited splat comes from, and why.

@@ -188,7 +188,7 @@ fn parse(received: &[u8]) -> Result<Option<(usize, Head)>, Response> {
         Some(text) if text.bytes().all(|byte| byte.is_ascii_digit()) && !text.is_empty() => {
             text.parse::<usize>().unwrap_or(usize::MAX)
         }
-        Some(_) => return Err(bad("the length is no number")),
+        Some(_) => return Err(bad("the length is not a number")),
         None => 0,
     };
     if length > MAX_BODY {

@@ -72,12 +72,11 @@ impl Session<'_> {
     /// The scene with this number in the page, and whether it is the one before the edit.
     fn scene(&self, number: usize) -> Option<(Arc<ShownScene>, bool)> {
         let shown = self.shown();
-        let pages = shown.scenes.iter().flat_map(|scene| {
+        let mut sides = shown.scenes.iter().flat_map(|scene| {
             let sides = if scene.has_before { &[true, false][..] } else { &[false] };
             sides.iter().map(move |&before| (scene.clone(), before))
         });
-        let mut pages = pages;
-        pages.nth(number)
+        sides.nth(number)
     }
 
     fn splat(&self, request: &Request) -> Response {

@@ -67,7 +67,7 @@ impl ShownScene {
         Ok(Self { opened, has_before, times, encoded, descriptions })
     }
 
-    /// The files and folders that it is read from.
+    /// Path of the scene, as it was given.
     pub(super) fn path(&self) -> &PathBuf {
         &self.opened.path
     }
@@ -100,7 +100,7 @@ fn of_scene_alone(mut overlay: Overlay) -> Overlay {
     overlay
 }
 
-/// Refuses a path that is no scene before the others are loaded.
+/// Refuses a missing path, before other scenes are loaded.
 pub(super) fn check_exists(path: &Path) -> Outcome {
     if path.exists() {
         return Ok(());

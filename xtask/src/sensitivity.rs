@@ -182,24 +182,23 @@ fn draw(path: &Path, rows: &[Row]) -> Result<(), Box<dyn std::error::Error>> {
             .margin(10)
             .x_label_area_size(34)
             .y_label_area_size(110)
-            .build_cartesian_2d((least..most).log_scale(), bottom..0.0)?;
+            .build_cartesian_2d((least..most).log_scale(), bottom - 0.5..-0.5)?;
         let name = |y: &f64| {
-            let row = y.floor() as usize;
+            let row = y.round() as usize;
             rows.get(row).map_or(String::new(), |row| row.name.to_owned())
         };
         chart
             .configure_mesh()
             .light_line_style(TRANSPARENT)
             .x_label_formatter(&|x| format!("{x:.2}"))
-            .y_labels(rows.len())
+            .y_labels(rows.len() + 1)
             .y_label_formatter(&name)
             .draw()?;
-        let vertical = [(1.0, 0.0), (1.0, bottom)];
+        let vertical = [(1.0, -0.5), (1.0, bottom - 0.5)];
         chart.draw_series(LineSeries::new(vertical, BLACK))?;
         for (factor, label) in ["halved", "doubled"].into_iter().enumerate() {
             let colour = Palette99::pick(factor);
-            let height = 0.35 + 0.3 * factor as f64;
-            let at = |k: usize| k as f64 + height;
+            let at = |k: usize| k as f64 - 0.15 + 0.3 * factor as f64;
             let effects: Vec<&Effect> =
                 rows.iter().map(|row| &row.effects[generator][factor]).collect();
             chart.draw_series(effects.iter().enumerate().map(|(k, effect)| {

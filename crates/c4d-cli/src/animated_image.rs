@@ -1,12 +1,19 @@
 //! Animated images that loop: GIF and lossless WebP, one frame in memory at a time.
 
+#[cfg(feature = "webp")]
+mod webp;
+#[cfg(not(feature = "webp"))]
+#[path = "animated_image/webp_absent.rs"]
+mod webp;
+
+pub(crate) use webp::WebpWriter;
+
 use crate::failure::{Failure, Outcome};
 use color_quant::NeuQuant;
 use std::borrow::Cow;
 use std::collections::BTreeSet;
 use std::io::Write;
 use std::path::{Path, PathBuf};
-use webp_animation::{ColorMode, EncoderOptions, EncodingConfig, EncodingType};
 
 /// A looping image being written.
 pub(crate) enum AnimatedImage<W: Write> {
@@ -238,73 +245,6 @@ impl Palette {
     }
 }
 
-/// A lossless animated WebP.
-pub(crate) struct WebpWriter<W: Write> {
-    encoder: webp_animation::Encoder,
-    writer: W,
-    path: PathBuf,
-    fps: f64,
-    frames: u32,
-}
-
-impl<W: Write> WebpWriter<W> {
-    /// Largest side, pixels.
-    const MAX_SIDE: usize = 16_383;
-    /// Compression effort; higher values take much longer for little gain.
-    const EFFORT: f32 = 30.0;
-
-    pub(crate) fn new(
-        writer: W,
-        path: &Path,
-        width: usize,
-        height: usize,
-        fps: f64,
-    ) -> Outcome<Self> {
-        let side = |pixels: usize| match u32::try_from(pixels) {
-            Ok(side) if pixels <= Self::MAX_SIDE => Ok(side),
-            _ => Err(Failure::usage(format!(
-                "a WebP of {width}×{height} pixels: sides are limited to {}",
-                Self::MAX_SIDE
-            ))
-            .next("Give another --size.")),
-        };
-        let options = EncoderOptions {
-            color_mode: ColorMode::Rgb,
-            encoding_config: Some(EncodingConfig {
-                encoding_type: EncodingType::Lossless,
-                quality: Self::EFFORT,
-                ..EncodingConfig::default()
-            }),
-            ..EncoderOptions::default()
-        };
-        let encoder =
-            webp_animation::Encoder::new_with_options((side(width)?, side(height)?), options)
-                .map_err(|error| Failure::write(path, &error))?;
-        Ok(Self { encoder, writer, path: path.to_owned(), fps, frames: 0 })
-    }
-
-    /// Start time of a frame, milliseconds.
-    fn start(&self, frame: u32) -> i32 {
-        #[expect(clippy::cast_possible_truncation, reason = "saturates")]
-        let start = (f64::from(frame) * 1000.0 / self.fps).round() as i32;
-        start
-    }
-
-    fn push(&mut self, rgb: &[u8]) -> Outcome {
-        let start = self.start(self.frames);
-        self.frames += 1;
-        self.encoder.add_frame(rgb, start).map_err(|error| Failure::write(&self.path, &error))
-    }
-
-    fn finish(mut self) -> Outcome<W> {
-        let end = self.start(self.frames);
-        let bytes =
-            self.encoder.finalize(end).map_err(|error| Failure::write(&self.path, &error))?;
-        self.writer.write_all(&bytes).map_err(|error| Failure::write(&self.path, &error))?;
-        Ok(self.writer)
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -354,6 +294,7 @@ mod tests {
     }
 
     #[test]
+    #[cfg(feature = "webp")]
     fn webp_reads_back_to_the_same_bytes() {
         let bytes = write(30.0, 7, false);
         let decoder = webp_animation::Decoder::new(&bytes).unwrap();

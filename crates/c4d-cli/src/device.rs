@@ -1,7 +1,12 @@
 //! Choice of the rasteriser: CPU, or GPU through wgpu.
 
-use crate::failure::{Exit, Failure, Outcome};
+#[cfg(feature = "gpu")]
+use crate::failure::Exit;
+use crate::failure::{Failure, Outcome};
+#[cfg(not(feature = "gpu"))]
+use crate::features::missing;
 use gs_core::RasterError;
+#[cfg(feature = "gpu")]
 use gs_raster_wgpu::{AdapterChoice, AdapterKind, GpuContext, WgpuRasterizer};
 use std::str::FromStr;
 
@@ -37,11 +42,13 @@ pub(crate) enum Device {
     /// The CPU rasteriser.
     Cpu,
     /// The GPU rasteriser.
+    #[cfg(feature = "gpu")]
     Gpu(WgpuRasterizer),
 }
 
 impl Device {
     /// Resolves the choice. Auto never fails: without a usable hardware adapter it is the CPU.
+    #[cfg(feature = "gpu")]
     pub(crate) fn open(choice: GpuChoice) -> Outcome<Self> {
         let adapter = match choice {
             GpuChoice::Cpu => return Ok(Self::Cpu),
@@ -59,10 +66,20 @@ impl Device {
         }
     }
 
+    /// Resolves the choice: the CPU, or an error where an adapter was asked for.
+    #[cfg(not(feature = "gpu"))]
+    pub(crate) fn open(choice: GpuChoice) -> Outcome<Self> {
+        match choice {
+            GpuChoice::Auto | GpuChoice::Cpu => Ok(Self::Cpu),
+            GpuChoice::Index(_) => missing("gpu", "Use --gpu cpu").map(|none| match none {}),
+        }
+    }
+
     /// Description for messages.
     pub(crate) fn describe(&self) -> String {
         match self {
             Self::Cpu => format!("CPU, {} threads", rayon::current_num_threads()),
+            #[cfg(feature = "gpu")]
             Self::Gpu(raster) => raster.context().adapter().to_string(),
         }
     }
@@ -103,6 +120,7 @@ pub(crate) fn without_desktop(choice: GpuChoice) {
     let _ = choice;
 }
 
+#[cfg(feature = "gpu")]
 fn has_hardware() -> bool {
     GpuContext::adapters().iter().any(|adapter| adapter.kind == AdapterKind::Hardware)
 }

@@ -1,6 +1,8 @@
 //! Image files: PNG, OpenEXR and NumPy arrays.
 
 use crate::failure::{Failure, Outcome};
+#[cfg(not(feature = "exr"))]
+use crate::features::missing;
 use gs_core::Image;
 use image::ImageEncoder;
 use npyz::WriterBuilder;
@@ -20,7 +22,14 @@ pub(crate) fn write_png(writer: impl Write, path: &Path, image: &Image) -> Outco
         .map_err(|error| Failure::write(path, &error))
 }
 
+/// Always an error: the feature `exr` is not part of this build.
+#[cfg(not(feature = "exr"))]
+pub(crate) fn write_exr(_path: &Path, _image: &Image, _channels: &[&str]) -> Outcome {
+    missing("exr", "Use --format npy").map(|none| match none {})
+}
+
 /// Writes 32-bit float channels with the given names, one per channel of the image, ZIP-compressed.
+#[cfg(feature = "exr")]
 pub(crate) fn write_exr(path: &Path, image: &Image, channels: &[&str]) -> Outcome {
     use exr::prelude::{
         AnyChannel, AnyChannels, Encoding, FlatSamples, Image as ExrImage, Layer, LayerAttributes,

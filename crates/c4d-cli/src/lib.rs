@@ -21,6 +21,7 @@ mod edited_axes;
 mod evaluation;
 mod evidence;
 mod failure;
+mod features;
 mod field;
 mod frames;
 mod images;
@@ -49,6 +50,10 @@ mod still;
 mod suggestion;
 mod terminal;
 mod threads;
+#[cfg(feature = "mp4")]
+mod video;
+#[cfg(not(feature = "mp4"))]
+#[path = "video_absent.rs"]
 mod video;
 
 pub use cameras::open_cameras;

@@ -58,6 +58,7 @@ pub(crate) fn evidence(
         Device::Cpu => {
             Evidence::of(&CpuRasterizer::default(), scene, before, edit_time, cameras, params)
         }
+        #[cfg(feature = "gpu")]
         Device::Gpu(raster) => Evidence::of(raster, scene, before, edit_time, cameras, params),
     }
     .map(|evidence| evidence.xi)
@@ -78,6 +79,7 @@ pub(crate) fn render(
         Device::Cpu => {
             render_with(pass, mask, &CpuRasterizer::default(), now, (then, evidence), camera)
         }
+        #[cfg(feature = "gpu")]
         Device::Gpu(raster) => render_with(pass, mask, raster, now, (then, evidence), camera),
     }
     .map_err(|error| Failure::failed(chain(&error)))

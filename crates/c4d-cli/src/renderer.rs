@@ -4,6 +4,7 @@ use crate::device::{self, Device};
 use crate::failure::{Failure, Outcome, chain};
 use gs_core::{Camera, DynamicScene, Image, Rasterizer, RenderOutput, RenderParams, Splats};
 use gs_raster_cpu::CpuRasterizer;
+#[cfg(feature = "gpu")]
 use gs_raster_wgpu::WgpuRasterizer;
 
 /// A rasteriser with the buffers of its last frame.
@@ -18,6 +19,7 @@ pub(crate) struct Renderer {
 #[derive(Debug)]
 enum Engine {
     Cpu(Box<Stage<CpuRasterizer>>),
+    #[cfg(feature = "gpu")]
     Gpu(Box<Stage<WgpuRasterizer>>),
 }
 
@@ -53,6 +55,7 @@ impl Renderer {
             Device::Cpu => {
                 Engine::Cpu(Box::new(Stage { raster: CpuRasterizer::default(), prepared: None }))
             }
+            #[cfg(feature = "gpu")]
             Device::Gpu(raster) => {
                 Engine::Gpu(Box::new(Stage { raster: raster.clone(), prepared: None }))
             }
@@ -72,6 +75,7 @@ impl Renderer {
         let Self { engine, splats, output, params } = self;
         match engine {
             Engine::Cpu(stage) => stage.render(splats, camera, params, output),
+            #[cfg(feature = "gpu")]
             Engine::Gpu(stage) => stage.render(splats, camera, params, output),
         }
         .map_err(|error| device::failure(&error))?;

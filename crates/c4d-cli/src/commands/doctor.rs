@@ -5,9 +5,11 @@ use crate::camera_rig::DEFAULT_SIZE;
 use crate::console::Console;
 use crate::device::{Device, GpuChoice};
 use crate::failure::{Failure, Outcome};
+use crate::features;
 use crate::renderer::Renderer;
-use gs_raster_wgpu::{AdapterKind, AdapterSummary, GpuContext};
-use serde_json::json;
+#[cfg(feature = "gpu")]
+use gs_raster_wgpu::{AdapterKind, GpuContext};
+use serde_json::{Value, json};
 use std::time::Instant;
 
 /// Splats of the test scene.
@@ -16,7 +18,7 @@ const SPLATS: usize = 20_000;
 const FRAMES: usize = 5;
 
 pub(crate) fn run(args: &DoctorArgs, global: &Global, console: &Console) -> Outcome {
-    let adapters = GpuContext::adapters();
+    let adapters = adapters();
     let device = Device::open(global.gpu)?;
     let threads = rayon::current_num_threads();
     let vector_units = vector_units();
@@ -25,6 +27,7 @@ pub(crate) fn run(args: &DoctorArgs, global: &Global, console: &Console) -> Outc
     let speed = render_speed(&device)?;
     let cpu_speed = match &device {
         Device::Cpu => None,
+        #[cfg(feature = "gpu")]
         Device::Gpu(_) => Some(render_speed(&Device::Cpu)?),
     };
     if args.json {
@@ -34,15 +37,8 @@ pub(crate) fn run(args: &DoctorArgs, global: &Global, console: &Console) -> Outc
             "threads": threads,
             "vector_units": vector_units,
             "renderer": device.describe(),
-            "adapters": adapters.iter().map(|adapter| json!({
-                "index": adapter.index,
-                "name": adapter.name,
-                "backend": adapter.backend,
-                "driver": adapter.driver,
-                "hardware": adapter.kind == AdapterKind::Hardware,
-                "max_buffer_bytes": adapter.max_buffer_bytes,
-                "max_binding_bytes": adapter.max_binding_bytes,
-            })).collect::<Vec<_>>(),
+            "built_with": features::built_with(),
+            "adapters": adapters.iter().map(|adapter| &adapter.json).collect::<Vec<_>>(),
             "frames_per_second": speed,
             "cpu_frames_per_second": cpu_speed.unwrap_or(speed),
             "temp_writable": writable.is_ok(),
@@ -53,15 +49,16 @@ pub(crate) fn run(args: &DoctorArgs, global: &Global, console: &Console) -> Outc
         if cfg!(debug_assertions) {
             console.result("build        debug: about ten times slower than --release");
         }
+        console.result(format!("built with   {}", features::built_with().join(", ")));
         console.result(format!("threads      {threads}"));
         console.result(format!("vector units {}", vector_units.join(", ")));
         for adapter in &adapters {
-            console.result(format!("adapter      {adapter}"));
+            console.result(format!("adapter      {}", adapter.text));
         }
         console.result(format!(
             "renderer     {} ({})",
             device.describe(),
-            reason(global.gpu, &device, &adapters)
+            reason(global.gpu, &device, adapters.is_empty())
         ));
         console.result(format!(
             "speed        {speed:.1} frames/s ({SPLATS} splats, {}x{})",
@@ -83,12 +80,44 @@ pub(crate) fn run(args: &DoctorArgs, global: &Global, console: &Console) -> Outc
     writable.map_err(|error| Failure::write(&temp, &error))
 }
 
+/// A graphics adapter, as a line and as JSON.
+struct Adapter {
+    text: String,
+    json: Value,
+}
+
+#[cfg(feature = "gpu")]
+fn adapters() -> Vec<Adapter> {
+    let describe = |adapter: &gs_raster_wgpu::AdapterSummary| Adapter {
+        text: adapter.to_string(),
+        json: json!({
+            "index": adapter.index,
+            "name": adapter.name,
+            "backend": adapter.backend,
+            "driver": adapter.driver,
+            "hardware": adapter.kind == AdapterKind::Hardware,
+            "max_buffer_bytes": adapter.max_buffer_bytes,
+            "max_binding_bytes": adapter.max_binding_bytes,
+        }),
+    };
+    GpuContext::adapters().iter().map(describe).collect()
+}
+
+#[cfg(not(feature = "gpu"))]
+fn adapters() -> Vec<Adapter> {
+    Vec::new()
+}
+
 /// The reason why this device is used.
-fn reason(choice: GpuChoice, device: &Device, adapters: &[AdapterSummary]) -> &'static str {
+fn reason(choice: GpuChoice, device: &Device, no_adapters: bool) -> &'static str {
     match (choice, device) {
         (GpuChoice::Cpu | GpuChoice::Index(_), _) => "as asked with --gpu",
+        #[cfg(feature = "gpu")]
         (GpuChoice::Auto, Device::Gpu(_)) => "the best hardware adapter",
-        (GpuChoice::Auto, Device::Cpu) if adapters.is_empty() => {
+        (GpuChoice::Auto, Device::Cpu) if cfg!(not(feature = "gpu")) => {
+            "this build has no GPU rasteriser"
+        }
+        (GpuChoice::Auto, Device::Cpu) if no_adapters => {
             "no graphics adapter found; none is needed"
         }
         (GpuChoice::Auto, Device::Cpu) => {

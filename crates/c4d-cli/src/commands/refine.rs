@@ -30,6 +30,7 @@ use gs_core::Camera;
 use gs_io::FolderUpdate;
 use gs_io::cameras::{Reading, Split};
 use gs_raster_cpu::CpuRasterizer;
+#[cfg(feature = "gpu")]
 use gs_train_wgpu::DeviceDescent;
 use std::path::Path;
 use watch::Watch;
@@ -236,6 +237,7 @@ pub(crate) fn refine(run: &Path, begun: Checkpoint, global: &Global, console: &C
             let backend = Backend { raster: &CpuRasterizer::default(), descent: None };
             refine_edit(backend, &scene, &before, edited, inputs.0, inputs.1, resumed, &mut watch)
         }
+        #[cfg(feature = "gpu")]
         Device::Gpu(raster) => {
             let mut engine =
                 DeviceDescent::new(raster.clone()).map_err(|error| device::failure(&error))?;

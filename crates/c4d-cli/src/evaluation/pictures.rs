@@ -49,6 +49,7 @@ pub(crate) struct Sight<'a> {
 pub(crate) fn pictures(sight: &mut Sight<'_>, device: &Device) -> Outcome<Vec<Item>> {
     match device {
         Device::Cpu => Measuring::new(&CpuRasterizer::default(), sight)?.run(sight),
+        #[cfg(feature = "gpu")]
         Device::Gpu(raster) => Measuring::new(raster, sight)?.run(sight),
     }
 }

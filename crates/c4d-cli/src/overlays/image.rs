@@ -26,6 +26,7 @@ pub(crate) fn overlay_image(
     }
     let output = match device {
         Device::Cpu => features_of(&CpuRasterizer::default(), splats, &features, camera),
+        #[cfg(feature = "gpu")]
         Device::Gpu(raster) => features_of(raster, splats, &features, camera),
     }
     .map_err(|error| device::failure(&error))?;

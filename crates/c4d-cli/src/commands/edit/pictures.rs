@@ -61,6 +61,7 @@ pub(super) fn run(args: &EditArgs, folder: &Path, global: &Global, console: &Con
         Device::Cpu => {
             fit(&CpuRasterizer::default(), start, &pictures, &options, state, &mut watch)
         }
+        #[cfg(feature = "gpu")]
         Device::Gpu(raster) => fit(raster, start, &pictures, &options, state, &mut watch),
     };
     let Watch { progress, failure, has_state, .. } = watch;

@@ -88,6 +88,7 @@ pub(super) fn load(
             let step = |done| progress.borrow_mut().set(done as u64);
             let lifted = match &device {
                 Device::Cpu => lift_masks(&CpuRasterizer::default(), input.splats, &views, &step),
+                #[cfg(feature = "gpu")]
                 Device::Gpu(raster) => lift_masks(raster, input.splats, &views, &step),
             };
             let lifted = lifted.map_err(|error| match &error {

@@ -162,6 +162,7 @@ pub(crate) fn evaluate(
         truth: args.truth.as_ref().map(|path| path.display().to_string()),
         renderer: match device {
             Device::Cpu => "cpu",
+            #[cfg(feature = "gpu")]
             Device::Gpu(_) => "gpu",
         },
     };

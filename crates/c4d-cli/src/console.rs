@@ -2,10 +2,13 @@
 //! progress, notes and warnings on standard error. Or all of it to an observer.
 
 use crate::failure::{Exit, Failure};
+use crate::json_report::JsonReport;
 use crate::observer::{MessageKind, Observer, stop_if_cancelled};
 use crate::progress::{Shown, StageProgress};
+use serde_json::Value;
 use std::fmt::Display;
 use std::io::{IsTerminal, Write};
+use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
@@ -17,6 +20,7 @@ pub(crate) struct Console {
     bars: bool,
     warnings: AtomicUsize,
     observer: Option<Arc<dyn Observer>>,
+    json: Option<JsonReport>,
 }
 
 impl Console {
@@ -24,7 +28,7 @@ impl Console {
     /// `quiet` prints only warnings and errors.
     pub(crate) fn new(quiet: bool, verbose: bool, progress: bool) -> Self {
         let warnings = AtomicUsize::new(0);
-        Self { quiet, verbose, bars: progress && !quiet, warnings, observer: None }
+        Self { quiet, verbose, bars: progress && !quiet, warnings, observer: None, json: None }
     }
 
     /// Prints nothing; the observer gets everything.
@@ -32,18 +36,58 @@ impl Console {
         Self { observer: Some(observer), ..Self::new(false, true, false) }
     }
 
-    /// A result, on standard output. A closed pipe is not an error.
-    pub(crate) fn result(&self, text: impl Display) {
+    /// With `--json`, results are one object, printed by [`Console::end`].
+    #[must_use]
+    pub(crate) fn json(mut self, json: bool) -> Self {
+        self.json = json.then(JsonReport::default);
+        self
+    }
+
+    /// Prints the object of `--json`.
+    pub(crate) fn end(&self, failure: Option<&Failure>) {
+        if let Some(json) = &self.json {
+            self.print(&serde_json::to_string_pretty(&json.document(failure)).unwrap_or_default());
+        }
+    }
+
+    /// Prints on standard output.
+    fn print(&self, text: &str) {
         match &self.observer {
-            Some(observer) => observer.message(MessageKind::Result, &text.to_string()),
+            Some(observer) => observer.message(MessageKind::Result, text),
             None => {
                 let _ = writeln!(std::io::stdout().lock(), "{text}");
             }
         }
     }
 
+    /// What the command found, for `--json`.
+    pub(crate) fn report(&self, keys: impl FnOnce() -> Value) {
+        if let Some(json) = &self.json {
+            json.report(keys());
+        }
+    }
+
+    /// A file or folder that was written, with what it contains: a result.
+    pub(crate) fn output(&self, path: &Path, counts: &[(&str, usize)]) {
+        if let Some(json) = &self.json {
+            json.output(path, counts);
+        }
+        let counts: Vec<_> = counts.iter().map(|(name, count)| format!("{count} {name}")).collect();
+        let counts =
+            if counts.is_empty() { String::new() } else { format!(" ({})", counts.join(", ")) };
+        self.result(format!("{}{counts}", path.display()));
+    }
+
+    /// A result, on standard output. A closed pipe is not an error. Not printed with `--json`.
+    pub(crate) fn result(&self, text: impl Display) {
+        if self.json.is_none() {
+            self.print(&text.to_string());
+        }
+    }
+
     /// A note on the current work, on standard error.
     pub(crate) fn note(&self, text: impl Display) {
+        self.keep("note", &text);
         match &self.observer {
             Some(observer) => {
                 stop_if_cancelled(observer.as_ref());
@@ -71,11 +115,19 @@ impl Console {
     /// A warning; counted for `--strict`.
     pub(crate) fn warn(&self, text: impl Display) {
         self.warnings.fetch_add(1, Ordering::Relaxed);
+        self.keep("warning", &text);
         match &self.observer {
             Some(observer) => observer.message(MessageKind::Warning, &text.to_string()),
             None => {
                 let _ = writeln!(std::io::stderr().lock(), "warning: {text}");
             }
+        }
+    }
+
+    /// Keeps a message for `--json`.
+    fn keep(&self, kind: &str, text: &impl Display) {
+        if let Some(json) = &self.json {
+            json.message(kind, &text.to_string());
         }
     }
 

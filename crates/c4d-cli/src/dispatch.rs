@@ -3,7 +3,7 @@
 use crate::args::{BenchCommand, Cli, Command, Global};
 use crate::commands;
 use crate::console::Console;
-use crate::failure::Outcome;
+use crate::failure::{Failure, Outcome};
 use crate::threads::start_threads;
 
 /// Starts the threads and runs the command.
@@ -13,9 +13,14 @@ pub(crate) fn run(cli: &Cli, global: &Global, console: &Console) -> Outcome {
         console
             .detail("this is a debug build: expect it to be about ten times slower than --release");
     }
+    if global.json
+        && matches!(cli.command, Command::View(_) | Command::Completions(_) | Command::Man(_))
+    {
+        return Err(Failure::usage("--json is for commands that report results"));
+    }
     match &cli.command {
         Command::Info(args) => commands::info::run(args, global, console),
-        Command::Doctor(args) => commands::doctor::run(args, global, console),
+        Command::Doctor(_) => commands::doctor::run(global, console),
         Command::Freeze(args) => commands::freeze::run(args, global, console),
         Command::Edit(args) => commands::edit::run(args, global, console),
         Command::Propagate(args) => commands::propagate::run(args, global, console),

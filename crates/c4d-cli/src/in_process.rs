@@ -19,11 +19,12 @@ use std::sync::Arc;
 pub fn run_command(arguments: &[OsString], observer: &Arc<dyn Observer>) -> Outcome {
     let cli = parse(arguments)?;
     let global = &cli.global();
-    let console = Console::observed(Arc::clone(observer));
+    let console = Console::observed(Arc::clone(observer)).json(global.json);
     cancellable(|| dispatch::run(&cli, global, &console))?;
     if global.strict && console.warnings() > 0 {
         return Err(console.strict_failure());
     }
+    console.end(None);
     Ok(())
 }
 

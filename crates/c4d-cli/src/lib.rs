@@ -26,6 +26,7 @@ mod field;
 mod frames;
 mod images;
 mod in_process;
+mod json_report;
 mod lifetimes;
 mod memory;
 mod model_flags;

@@ -16,7 +16,7 @@ pub fn main() -> ExitCode {
     let cli = Cli::parse();
     let global = &cli.global();
     device::without_desktop(global.gpu);
-    let console = Console::new(global.quiet, global.verbose, !global.no_progress);
+    let console = Console::new(global.quiet, global.verbose, !global.no_progress).json(global.json);
     // Best effort: without a handler an interrupt still ends the process, but may leave a hidden
     // partial output.
     let _ = ctrlc::set_handler(|| {
@@ -27,15 +27,18 @@ pub fn main() -> ExitCode {
         eprintln!("\ninterrupted; no partial output remains");
         std::process::exit(i32::from(Exit::Interrupted as u8));
     });
-    match run(&cli, global, &console) {
+    let failure = match run(&cli, global, &console) {
         Ok(()) if global.strict && console.warnings() > 0 => {
-            eprintln!("{}", console.strict_failure().what);
-            ExitCode::from(Exit::Warnings as u8)
+            let failure = console.strict_failure();
+            eprintln!("{}", failure.what);
+            Some(failure)
         }
-        Ok(()) => ExitCode::SUCCESS,
+        Ok(()) => None,
         Err(failure) => {
             eprintln!("error: {failure}");
-            ExitCode::from(failure.exit as u8)
+            Some(failure)
         }
-    }
+    };
+    console.end(failure.as_ref());
+    failure.map_or(ExitCode::SUCCESS, |failure| ExitCode::from(failure.exit as u8))
 }

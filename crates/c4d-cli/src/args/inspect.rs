@@ -8,9 +8,6 @@ use std::path::PathBuf;
 pub(crate) struct InfoArgs {
     /// A scene folder, a run, or a splat file
     pub(crate) path: PathBuf,
-    /// Print JSON
-    #[arg(long)]
-    pub(crate) json: bool,
     /// Axes of an SPZ or glTF frame [default: those stated in the file, else those of its format]
     #[arg(long, visible_alias = "spz-axes", value_enum)]
     pub(crate) axes: Option<AxesArg>,
@@ -20,9 +17,6 @@ pub(crate) struct InfoArgs {
 
 #[derive(Debug, Args)]
 pub(crate) struct DoctorArgs {
-    /// Print JSON
-    #[arg(long)]
-    pub(crate) json: bool,
     #[command(flatten)]
     pub(crate) rendering: Rendering,
 }

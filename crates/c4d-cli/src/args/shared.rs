@@ -19,6 +19,9 @@ pub(crate) struct Common {
     /// Fail on damaged rows, and exit with code 6 after warnings
     #[arg(long, global = true)]
     pub(crate) strict: bool,
+    /// Print the results as one JSON object
+    #[arg(long, global = true)]
+    pub(crate) json: bool,
 }
 
 /// Flags of commands that write.
@@ -102,6 +105,7 @@ pub(crate) struct Global {
     pub(crate) threads: Option<usize>,
     pub(crate) gpu: GpuChoice,
     pub(crate) strict: bool,
+    pub(crate) json: bool,
     pub(crate) iteration: Option<u64>,
     pub(crate) set: Vec<String>,
 }
@@ -109,8 +113,8 @@ pub(crate) struct Global {
 impl Global {
     /// The flags of every command.
     pub(super) fn of(common: &Common) -> Self {
-        let Common { quiet, verbose, threads, strict } = *common;
-        Self { quiet, verbose, threads, strict, ..Self::default() }
+        let Common { quiet, verbose, threads, strict, json } = *common;
+        Self { quiet, verbose, threads, strict, json, ..Self::default() }
     }
 
     pub(super) fn writes(self, flags: &Overwriting) -> Self {

@@ -19,6 +19,7 @@ use gs_synth::{BriefCase, FitParams, FitResidual, SynthScene, Tag, TruthCase, Tr
 use method::{METHODS, Method};
 use score::Score;
 use serde::Serialize;
+use serde_json::json;
 use std::str::FromStr;
 use std::sync::Arc;
 use std::time::Instant;
@@ -82,6 +83,7 @@ pub(crate) fn motion(args: &BenchMotionArgs, global: &Global, console: &Console)
     write("motion.json", &serde_json::to_string_pretty(&report).map_err(Failure::failed)?)?;
     write("motion.md", &table)?;
     folder.commit().map_err(|error| output_failure(&error))?;
+    console.report(|| json!(report));
     console.result(table);
     Ok(())
 }

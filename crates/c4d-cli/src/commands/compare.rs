@@ -95,7 +95,7 @@ pub(crate) fn run(args: &CompareArgs, global: &Global, console: &Console) -> Out
     file.write_all(html.as_bytes()).map_err(|error| Failure::write(&args.output, &error))?;
     file.commit().map_err(|error| output_failure(&error))?;
     console.note(format!("{} runs, {:.1} MB", names.len(), html.len() as f64 / 1e6));
-    console.result(args.output.display());
+    console.output(&args.output, &[]);
     Ok(())
 }
 

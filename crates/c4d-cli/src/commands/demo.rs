@@ -129,7 +129,7 @@ pub(crate) fn run(args: &DemoArgs, global: &Global, console: &Console) -> Outcom
         start.elapsed().as_secs_f64()
     ));
     for name in [VIDEO, SHEET, SOURCE, EDITED, RUN] {
-        console.result(args.output.join(name).display());
+        console.output(&args.output.join(name), &[]);
     }
     Ok(())
 }

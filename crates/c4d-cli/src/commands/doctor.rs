@@ -1,6 +1,6 @@
 //! `c4d doctor`: whether and how fast this machine runs c4d.
 
-use crate::args::{DoctorArgs, Global};
+use crate::args::Global;
 use crate::camera_rig::DEFAULT_SIZE;
 use crate::console::Console;
 use crate::device::{Device, GpuChoice};
@@ -17,7 +17,7 @@ const SPLATS: usize = 20_000;
 /// Number of timed frames.
 const FRAMES: usize = 5;
 
-pub(crate) fn run(args: &DoctorArgs, global: &Global, console: &Console) -> Outcome {
+pub(crate) fn run(global: &Global, console: &Console) -> Outcome {
     let adapters = adapters();
     let device = Device::open(global.gpu)?;
     let threads = rayon::current_num_threads();
@@ -30,8 +30,8 @@ pub(crate) fn run(args: &DoctorArgs, global: &Global, console: &Console) -> Outc
         #[cfg(feature = "gpu")]
         Device::Gpu(_) => Some(render_speed(&Device::Cpu)?),
     };
-    if args.json {
-        let report = json!({
+    console.report(|| {
+        json!({
             "version": env!("CARGO_PKG_VERSION"),
             "debug_build": cfg!(debug_assertions),
             "threads": threads,
@@ -42,41 +42,39 @@ pub(crate) fn run(args: &DoctorArgs, global: &Global, console: &Console) -> Outc
             "frames_per_second": speed,
             "cpu_frames_per_second": cpu_speed.unwrap_or(speed),
             "temp_writable": writable.is_ok(),
-        });
-        console.result(serde_json::to_string_pretty(&report).unwrap_or_default());
-    } else {
-        console.result(format!("c4d          {}", env!("CARGO_PKG_VERSION")));
-        if cfg!(debug_assertions) {
-            console.result("build        debug: about ten times slower than --release");
-        }
-        console.result(format!("built with   {}", features::built_with().join(", ")));
-        console.result(format!("threads      {threads}"));
-        console.result(format!("vector units {}", vector_units.join(", ")));
-        for adapter in &adapters {
-            console.result(format!("adapter      {}", adapter.text));
-        }
-        console.result(format!(
-            "renderer     {} ({})",
-            device.describe(),
-            reason(global.gpu, &device, adapters.is_empty())
-        ));
-        console.result(format!(
-            "speed        {speed:.1} frames/s ({SPLATS} splats, {}x{})",
-            DEFAULT_SIZE.0, DEFAULT_SIZE.1
-        ));
-        if let Some(cpu) = cpu_speed {
-            let (faster, slower) = if cpu > speed { (cpu, speed) } else { (speed, cpu) };
-            let name = if cpu > speed { "the CPU rasteriser" } else { "the adapter" };
-            console.result(format!(
-                "on the CPU   {cpu:.1} frames/s: {name} is {:.1} times as fast",
-                faster / slower
-            ));
-        }
-        console.result(match &writable {
-            Ok(()) => format!("temporary    {} is writable", temp.display()),
-            Err(error) => format!("temporary    {} is not writable: {error}", temp.display()),
-        });
+        })
+    });
+    console.result(format!("c4d          {}", env!("CARGO_PKG_VERSION")));
+    if cfg!(debug_assertions) {
+        console.result("build        debug: about ten times slower than --release");
     }
+    console.result(format!("built with   {}", features::built_with().join(", ")));
+    console.result(format!("threads      {threads}"));
+    console.result(format!("vector units {}", vector_units.join(", ")));
+    for adapter in &adapters {
+        console.result(format!("adapter      {}", adapter.text));
+    }
+    console.result(format!(
+        "renderer     {} ({})",
+        device.describe(),
+        reason(global.gpu, &device, adapters.is_empty())
+    ));
+    console.result(format!(
+        "speed        {speed:.1} frames/s ({SPLATS} splats, {}x{})",
+        DEFAULT_SIZE.0, DEFAULT_SIZE.1
+    ));
+    if let Some(cpu) = cpu_speed {
+        let (faster, slower) = if cpu > speed { (cpu, speed) } else { (speed, cpu) };
+        let name = if cpu > speed { "the CPU rasteriser" } else { "the adapter" };
+        console.result(format!(
+            "on the CPU   {cpu:.1} frames/s: {name} is {:.1} times as fast",
+            faster / slower
+        ));
+    }
+    console.result(match &writable {
+        Ok(()) => format!("temporary    {} is writable", temp.display()),
+        Err(error) => format!("temporary    {} is not writable: {error}", temp.display()),
+    });
     writable.map_err(|error| Failure::write(&temp, &error))
 }
 

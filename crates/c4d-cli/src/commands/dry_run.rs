@@ -16,6 +16,7 @@ use crate::settings::PropagateJob;
 use amg::{Identity, IdentityMap, IdentityParams};
 use gs_core::Splats;
 use gs_io::AtomicFile;
+use serde_json::json;
 use std::path::{Path, PathBuf};
 
 /// Change of a splat by the edit.
@@ -92,6 +93,8 @@ pub(super) fn show(
     let fates: Vec<Fate> =
         fates.chain(std::iter::repeat_n(Fate::Gone, map.vanished.len())).collect();
     let count = |fate| fates.iter().filter(|other| **other == fate).count();
+    let counts = Fate::ALL.map(|fate| (fate.name().to_owned(), json!(count(fate))));
+    console.report(|| json!({ "splats": serde_json::Map::from_iter(counts) }));
     for fate in Fate::ALL {
         console.result(format!("{:>10} {:>9}  {}", fate.name(), count(fate), fate.motion()));
     }
@@ -121,7 +124,7 @@ pub(super) fn show(
                          the edit at all times",
         args.time
     ));
-    console.result(path.display());
+    console.output(&path, &[]);
     Ok(())
 }
 

@@ -50,6 +50,7 @@ pub(crate) fn run(args: &EvalArgs, global: &Global, console: &Console) -> Outcom
         writeln!(file, "{text}").map_err(|error| Failure::write(path, &error))?;
         file.commit().map_err(|error| output_failure(&error))?;
     }
+    console.report(|| document);
     console.result(evaluation::table(&items));
     for score in judged.iter().flatten() {
         let text = |name: &str| evaluation::number(score[name].as_f64().unwrap_or(f64::NAN));
@@ -93,6 +94,6 @@ fn emit(
         prompt: args.prompt.as_deref().unwrap_or_default(),
     };
     let count = judges::emit(judge, folder, &case, global, &Device::open(global.gpu)?)?;
-    console.result(format!("{} ({count} jobs)", folder.display()));
+    console.output(folder, &[("jobs", count)]);
     Ok(())
 }

@@ -75,7 +75,7 @@ pub(crate) fn run(args: &FreezeArgs, global: &Global, console: &Console) -> Outc
         args.scene.display(),
         args.time
     ));
-    console.result(format!("{} ({} splats)", output.join(OURS[0]).display(), splats.len()));
+    console.output(&output.join(OURS[0]), &[("splats", splats.len())]);
     Ok(())
 }
 

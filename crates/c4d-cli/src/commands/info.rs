@@ -67,7 +67,7 @@ fn report(args: &InfoArgs, global: &Global, console: &Console) -> Outcome {
         }
         other => {
             if let Some((lines, next)) = products::of_folder(path) {
-                show(&products_of(path, &lines, next), args, console);
+                show(&products_of(path, &lines, next), console);
                 return Ok(());
             }
             let failure = Failure::bad_input(format!("{}: {other}", path.display()));
@@ -79,12 +79,13 @@ fn report(args: &InfoArgs, global: &Global, console: &Console) -> Outcome {
             });
         }
     };
-    show(&report, args, console);
+    show(&report, console);
     Ok(())
 }
 
-fn show(report: &Report, args: &InfoArgs, console: &Console) {
-    console.result(if args.json { report.json() } else { report.text() });
+fn show(report: &Report, console: &Console) {
+    console.report(|| report.json());
+    console.result(report.text());
 }
 
 /// Next step for a file that is part of a known folder.
@@ -132,7 +133,7 @@ impl Report {
         self.lines.push((name.to_owned(), value));
     }
 
-    fn json(&self) -> String {
+    fn json(&self) -> Value {
         let mut object = serde_json::Map::new();
         for (name, value) in &self.lines {
             // Entries that may occur several times become a list.
@@ -147,7 +148,7 @@ impl Report {
                 }
             }
         }
-        serde_json::to_string_pretty(&Value::Object(object)).unwrap_or_default()
+        Value::Object(object)
     }
 
     fn text(&self) -> String {

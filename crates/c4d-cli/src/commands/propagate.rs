@@ -13,7 +13,7 @@ use crate::failure::{Failure, Outcome, chain};
 use crate::field::NetworkField;
 use crate::lifetimes::Lifetimes;
 use crate::output::{existing, output_failure, refuse_overlap};
-use crate::run_folder::Checkpoint;
+use crate::run_folder::{self, Checkpoint};
 use crate::scene::{self, Opened};
 use crate::settings::{PropagateJob, RefineSettings, Settings};
 use crate::stages::Stages;
@@ -51,7 +51,8 @@ pub(crate) fn run(args: &PropagateArgs, global: &Global, console: &Console) -> O
         "to view it: c4d render {0} --side-by-side -o clip.mp4; to export it: c4d export {0} --to ply-seq -o frames",
         args.output.display()
     ));
-    console.result(args.output.display());
+    console.report(|| run_folder::reports(&args.output));
+    console.output(&args.output, &[]);
     Ok(())
 }
 

@@ -83,7 +83,8 @@ pub(crate) fn run(args: &RefineArgs, global: &Global, console: &Console) -> Outc
         Checkpoint::anew(preset, settings, &flags)
     };
     refine(&args.run, begun, global, console)?;
-    console.result(args.run.display());
+    console.report(|| crate::run_folder::reports(&args.run));
+    console.output(&args.run, &[]);
     Ok(())
 }
 

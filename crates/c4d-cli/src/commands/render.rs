@@ -201,7 +201,7 @@ fn video(args: &RenderArgs, fps: f64, global: &Global, shot: &Shot<'_>) -> Outco
     write_video(&args.output, existing(global), fps, shot)?;
     shot.console.note(frames::playing(shot.times.len(), fps));
     say(&losses(Format::Mp4, args, shot.times.len(), fps), shot.console);
-    shot.console.result(args.output.display());
+    shot.console.output(&args.output, &[]);
     Ok(())
 }
 
@@ -258,7 +258,7 @@ fn looping(
     file.commit().map_err(|error| output_failure(&error))?;
     shot.console.note(frames::playing(shot.times.len(), fps));
     say(&losses(format, args, shot.times.len(), fps), shot.console);
-    shot.console.result(path.display());
+    shot.console.output(path, &[]);
     Ok(())
 }
 
@@ -267,7 +267,7 @@ fn sheet(args: &RenderArgs, global: &Global, shot: &Shot<'_>) -> Outcome {
     rgb_only(args, "a contact sheet")?;
     write_sheet(&args.output, existing(global), shot)?;
     say(&losses(Format::Sheet, args, shot.times.len(), 0.0), shot.console);
-    shot.console.result(args.output.display());
+    shot.console.output(&args.output, &[]);
     Ok(())
 }
 

@@ -29,6 +29,6 @@ pub(crate) use files::{
 };
 pub(crate) use fingerprint::fingerprint;
 pub(crate) use kept_images::{KeptImages, MadeFrom};
-pub(crate) use read::{RunFiles, check_is_folder, damaged};
+pub(crate) use read::{RunFiles, check_is_folder, damaged, reports};
 pub(crate) use scene_file::{RefinedRows, Stored};
 pub(crate) use source_path::relative;

@@ -1,8 +1,9 @@
 //! [`RunFiles`]: the stored files of a run folder.
 
-use super::files::{CONFIG, SCENE};
+use super::files::{CONFIG, REFINE_REPORT, REPORT, SCENE};
 use super::{RunConfig, Stored, source_path};
 use crate::failure::{Failure, Outcome};
+use serde_json::Value;
 use std::path::{Path, PathBuf};
 
 /// Refuses a path that is not a folder.
@@ -12,6 +13,15 @@ pub(crate) fn check_is_folder(run: &Path) -> Outcome {
     }
     Err(Failure::bad_input(format!("{} is not a run folder", run.display()))
         .next("Give the folder that c4d propagate wrote."))
+}
+
+/// The reports of a run, for `--json`: `run` and, if it was refined, `refine`.
+pub(crate) fn reports(run: &Path) -> Value {
+    let read = |file: &str| -> Option<Value> {
+        serde_json::from_slice(&gs_io::read_file(&run.join(file)).ok()?).ok()
+    };
+    let found = [("run", read(REPORT)), ("refine", read(REFINE_REPORT))];
+    found.into_iter().filter_map(|(name, report)| Some((name.to_owned(), report?))).collect()
 }
 
 /// A run as stored.

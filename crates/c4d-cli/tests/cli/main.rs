@@ -13,6 +13,7 @@ mod formats;
 mod gpu;
 mod html;
 mod images;
+mod json;
 mod lifetimes;
 mod look;
 mod main_job;

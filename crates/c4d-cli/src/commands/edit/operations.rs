@@ -15,6 +15,7 @@ use gs_edit::{EditError, Editor, Resources, Script, Step, Summary};
 use gs_io::AtomicFile;
 use gs_io::ply::comments;
 use gs_io::ply::{self, WriteOptions};
+use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 
 /// Advice on the language of selections.
@@ -171,6 +172,7 @@ fn apply(
     };
     // `--sliced` is a separate option, but not a step.
     let mut steps = script.steps.iter();
+    let mut statistics = Vec::new();
     for (option, argument) in options {
         if option != "sliced"
             && let Some(step) = steps.next()
@@ -189,7 +191,9 @@ fn apply(
                 editor.splats().len()
             ));
             if stats {
-                report(argument, &Summary::of(editor.splats(), editor.selected()), console);
+                let summary = Summary::of(editor.splats(), editor.selected());
+                report(argument, &summary, console);
+                statistics.push(as_json(argument, &summary));
             }
             let number = edit.selections.len();
             edit.selections.push(Shown { text: argument.clone(), count: selected });
@@ -203,7 +207,10 @@ fn apply(
     }
     if stats {
         let all = vec![true; editor.splats().len()];
-        report("all, after the edit", &Summary::of(editor.splats(), &all), console);
+        let summary = Summary::of(editor.splats(), &all);
+        report("all, after the edit", &summary, console);
+        statistics.push(as_json("all", &summary));
+        console.report(|| json!({ "statistics": statistics }));
     }
     edit.splats = editor.into_splats();
     Ok(edit)
@@ -233,6 +240,20 @@ fn report(name: &str, summary: &Summary, console: &Console) {
     let [r, g, b] = summary.color.map(|c| (255.0 * c.clamp(0.0, 1.0)).round() as u8);
     let hue = summary.hue.map_or_else(|| "grey".to_owned(), |hue| format!("hue {hue:.0}"));
     console.result(format!("  color #{r:02x}{g:02x}{b:02x}, {hue}"));
+}
+
+fn as_json(selection: &str, summary: &Summary) -> Value {
+    json!({
+        "selection": selection,
+        "selected": summary.selected,
+        "total": summary.total,
+        "bounds": summary.bounds,
+        "center": summary.center,
+        "opacity": summary.opacity,
+        "size": summary.size,
+        "color": summary.color,
+        "hue": summary.hue,
+    })
 }
 
 /// Four significant digits, in the syntax of the expressions.
@@ -291,7 +312,7 @@ impl Outputs {
             let shown = (edit.marks.as_slice(), edit.selections.as_slice());
             let image = picture::draw(opened, up, (before, &edit.splats), shown, &device)?;
             picture::write(file, &path, &image)?;
-            console.result(path.display());
+            console.output(&path, &[]);
         }
         let Some((mut file, path, record_file)) = self.frame else { return Ok(()) };
         let options = WriteOptions { comments: comments(opened, time), ..WriteOptions::default() };
@@ -303,6 +324,7 @@ impl Outputs {
         record.steps.clone_from(&edit.steps);
         file.commit().map_err(|error| output_failure(&error))?;
         record_file.write(&record)?;
+        console.report(|| json!(record));
         if !opened.kind.is_frame() {
             console.note(format!(
                 "next: c4d propagate {} --edited {} --time {time} -o RUN",
@@ -310,7 +332,7 @@ impl Outputs {
                 path.display()
             ));
         }
-        console.result(format!("{} ({} splats)", path.display(), edit.splats.len()));
+        console.output(&path, &[("splats", edit.splats.len())]);
         Ok(())
     }
 }

@@ -98,7 +98,7 @@ pub(super) fn run(args: &EditArgs, folder: &Path, global: &Global, console: &Con
         "next: c4d propagate SCENE --edited {} --time {time} -o RUN",
         output.display()
     ));
-    console.result(format!("{} ({} splats)", output.display(), fitted.splats.len()));
+    console.output(output, &[("splats", fitted.splats.len())]);
     Ok(())
 }
 

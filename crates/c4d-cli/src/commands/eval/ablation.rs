@@ -150,6 +150,7 @@ pub(super) fn run(args: &EvalArgs, global: &Global, console: &Console) -> Outcom
     write("ablation.json", &serde_json::to_string_pretty(&report).map_err(Failure::failed)?)?;
     write("ablation.md", &text)?;
     folder.commit().map_err(|error| output_failure(&error))?;
+    console.report(|| report);
     console.result(text);
     Ok(())
 }

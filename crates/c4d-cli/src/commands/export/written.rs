@@ -26,7 +26,7 @@ pub(super) fn say_written(
     let megabytes = size(output) as f64 / 1e6;
     console.note(format!("{megabytes:.1} MB in {:.1} s: {what}", elapsed.as_secs_f64()));
     say(losses, console);
-    console.result(output.display());
+    console.output(output, &[]);
 }
 
 /// Prints the losses.

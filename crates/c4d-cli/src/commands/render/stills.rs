@@ -101,7 +101,7 @@ pub(super) fn stills(
     })?;
     folder.commit().map_err(|error| output_failure(&error))?;
     say(&losses(format, args, shot.times.len(), 0.0), shot.console);
-    shot.console.result(format!("{} ({count} images)", args.output.display()));
+    shot.console.output(&args.output, &[("images", count)]);
     Ok(())
 }
 

@@ -11,6 +11,7 @@ use std::process::{Command, Stdio};
 
 const DOCUMENTS: &[&str] = &[
     "README.md",
+    "docs/GETTING_STARTED.md",
     "docs/CONFIGURATION.md",
     "docs/EDITING.md",
     "docs/OUTPUTS.md",

@@ -6,6 +6,7 @@ use clap::Args;
 
 /// Flags of every command.
 #[derive(Debug, Clone, Default, Args)]
+#[expect(clippy::struct_excessive_bools, reason = "flags of a command line")]
 pub(crate) struct Common {
     /// Print only warnings and errors
     #[arg(short, long, global = true)]

@@ -193,9 +193,9 @@ impl Action {
             "translate" => argument.vector().map(Self::Translate),
             "rotate" => argument.rotation(),
             "scale" => argument.scaling(),
-            "opacity" => {
-                argument.number_in(f64::MIN_POSITIVE, 1e6, "a factor above 0").map(Self::Opacity)
-            }
+            "opacity" => argument
+                .number_in(f64::MIN_POSITIVE, 1e6, "a factor above 0, at most 1000000")
+                .map(Self::Opacity),
             "color" => argument.tone().map(|(rgb, strength)| Self::Color { rgb, strength }),
             "tint" => argument.tone().map(|(rgb, strength)| Self::Tint { rgb, strength }),
             "hue" => argument.number_in(-1e6, 1e6, "degrees").map(Self::Hue),
@@ -313,7 +313,7 @@ impl Argument<'_> {
     }
 
     fn scaling(&mut self) -> Result<Action, SyntaxError> {
-        let factor = self.number_in(1e-6, 1e6, "a factor above 0")?;
+        let factor = self.number_in(1e-6, 1e6, "a factor from 0.000001 to 1000000")?;
         Ok(Action::Scale { factor, pivot: self.pivot()? })
     }
 

@@ -33,6 +33,9 @@ const SIZE: (u32, u32) = (320, 240);
 
 pub(crate) fn motion(args: &BenchMotionArgs, global: &Global, console: &Console) -> Outcome {
     let (cases, brief_cases) = cases(&args.cases)?;
+    if !(500..=10_000_000).contains(&args.size) {
+        return Err(Failure::usage(format!("--size {}: expected 500 to 10 million", args.size)));
+    }
     let folder = AtomicDir::create(&args.output, existing(global))
         .map_err(|error| output_failure(&error))?;
     let mut scores = Vec::new();
@@ -43,8 +46,7 @@ pub(crate) fn motion(args: &BenchMotionArgs, global: &Global, console: &Console)
     let mut progress = console.progress("motion", total);
     for &case in &cases {
         for seed in 0..args.seeds {
-            let scene = gs_synth::build(case, seed, args.size)
-                .map_err(|error| Failure::usage(format!("--size {}: {error}", args.size)))?;
+            let scene = gs_synth::build(case, seed, args.size).map_err(Failure::failed)?;
             let network = if args.no_network {
                 None
             } else {

@@ -48,6 +48,10 @@ pub(crate) fn run(args: &DemoArgs, global: &Global, console: &Console) -> Outcom
     if !(2..=10_000).contains(&args.frames) {
         return Err(Failure::usage(format!("--frames {}: expected 2 to 10000", args.frames)));
     }
+    if !(1_000..=100_000_000).contains(&args.splats) {
+        let expected = "expected 1000 to 100 million";
+        return Err(Failure::usage(format!("--splats {}: {expected}", args.splats)));
+    }
     crate::memory::require(
         &format!("a scene of {} splats", args.splats),
         (args.splats as u64).saturating_mul(BYTES_PER_SPLAT),

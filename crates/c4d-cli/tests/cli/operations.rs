@@ -198,7 +198,7 @@ fn wrong_edits_are_said_and_nothing_is_written() {
         (vec!["--select", "all", "--delete"], 2, "would leave no splat"),
         (vec!["--select", "x>0", "--delete", "--hue", "9"], 2, "another `--select` goes first"),
         (vec!["--translate", "1e300,0,0"], 2, "too large for single precision"),
-        (vec!["--scale", "0"], 2, "a factor above 0"),
+        (vec!["--scale", "0"], 2, "a factor from 0.000001 to 1000000"),
         (vec!["--rotate", "0,90"], 2, "column 5"),
         (vec!["--select", "ids far.txt", "--delete"], 3, "splat 99999999 does not exist"),
         (vec!["--select", "ids words.txt", "--delete"], 3, "expected row numbers"),

@@ -7,8 +7,8 @@
 use crate::keyframes::KeyFrames;
 use anchors::{KdTree, Neighbor};
 
-/// Splats looked at, the splat itself included: enough to see that little is shared, and few enough
-/// to be of one small thing.
+/// Sizes of the neighbourhoods, the splat itself included: large enough to detect little shared
+/// motion, and small enough for a small object.
 const NEIGHBORHOODS: [usize; 2] = [8, 25];
 
 /// Standard errors by which a neighbourhood's mean displacement must differ from zero: of
@@ -72,7 +72,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn shared_motion_is_told_from_independent_displacements() {
+    fn shared_motion_differs_from_independent_displacements() {
         // A low-discrepancy scatter of directions that add up to nearly nothing.
         let scatter = |i: usize| {
             let turn = i as f64 * 2.399_963;
@@ -89,6 +89,6 @@ mod tests {
         assert!(!is_shared(around(0.0).into_iter()), "independent");
         assert!(is_shared(around(1.0).into_iter()), "as large a common part");
         assert!(is_shared([(1.0, [1e-9, 0.0, 0.0]); 25].into_iter()), "identical, however small");
-        assert!(!is_shared([(0.0, [1.0; 3]); 25].into_iter()), "nobody sees it");
+        assert!(!is_shared([(0.0, [1.0; 3]); 25].into_iter()), "invisible splats");
     }
 }

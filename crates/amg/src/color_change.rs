@@ -169,7 +169,8 @@ mod tests {
     fn changes_are_learnt_from_texture() {
         let found = pairs(0.4).change(&ColorChange::NONE);
         assert!(miss(&found, [0.2, 0.7, 0.4]) < 0.01, "{found:?}");
-        // Without texture only the mean is known, and the rest is as told: at first as it was.
+        // Without texture only the mean is determined; the rest follows the given prior, here the
+        // identity.
         let flat = pairs(0.001);
         let (mean, other) = ([0.5; 3], [0.2, 0.7, 0.4]);
         let found = flat.change(&ColorChange::NONE);

@@ -11,11 +11,11 @@ use crate::pose::{self, quantile_index};
 /// In order of authority: the user's mask or box; the scene's own mask; motion. By motion, a splat
 /// is dynamic when its largest displacement over the key times exceeds a threshold. The threshold
 /// is the valley of the distribution of log-displacements between a still and a moving population
-/// (Otsu), accepted only when both hold at least 0.1 % of the splats the typical mover moves at
-/// least 8 times as far as the typical still splat, and the valley lies below 0.5 % of the scene's
-/// size: deformation networks make still splats tremble, but less than that. Without such a valley,
-/// every splat that moves more than 0.2 % of the scene's size is dynamic. Of those, splats that
-/// tremble alone are still (see [`DynamicParams::coherent`]).
+/// (Otsu), accepted only when both hold at least 0.1 % of the splats, the typical moving splat
+/// moves at least 8 times as far as the typical still splat, and the valley lies below 0.5 % of the
+/// scene's size: deformation networks make still splats tremble, but less than that. Without such a
+/// valley, every splat that moves more than 0.2 % of the scene's size is dynamic. Of those, splats
+/// that tremble alone are still (see [`DynamicParams::coherent`]).
 #[derive(Debug, Clone, PartialEq)]
 pub struct DynamicSplit {
     /// `[N]`.

@@ -33,9 +33,9 @@ use tolerance::{appearance_within, match_by_tolerance};
 /// [`IdentityParams::tolerance`] scales all of them.
 ///
 /// With [`IdentityParams::precision`], instead of by bits: a row is the source splat that agrees
-/// with it in every stored value within what the file format can tell apart, the nearest one of
-/// several; what the format does not hold, it cannot contradict. The tolerances above are for rows
-/// that remain.
+/// with it in every stored value within the precision of the file format, the nearest one of
+/// several; values that the format does not store are not compared. The tolerances above are for
+/// rows that remain.
 ///
 /// Of the rows that still remain, groups of at least eight that share a signature (proportions,
 /// opacity, base colour) with source splats and one similarity with their places are source splats,
@@ -231,7 +231,7 @@ fn same_appearance_bits(source: &Splats, s: usize, edited: &Splats, e: usize) ->
             .all(|k| padded(source, s, k) == padded(edited, e, k))
 }
 
-/// Source splats that bits cannot tell apart, handed out in order; the last one as often as asked.
+/// Source splats with equal bits, returned in order; the last one is returned repeatedly.
 #[derive(Default)]
 struct Pool {
     ids: Vec<u32>,

@@ -3,10 +3,11 @@
 use gs_core::{DynamicScene, SceneError, Splats, SplatsError, TimeRange, quat};
 use rayon::prelude::*;
 
-/// Share that sources which have faded keep of their weight: if all have, they count as before.
+/// Share of its weight that a faded source keeps, so that sources that have all faded keep their
+/// relative weights.
 pub(crate) const FADED: f64 = 1e-4;
 
-/// What matching sees of the source; rows are source rows.
+/// The source as used for matching; rows are source rows.
 #[derive(Debug)]
 pub(crate) struct KeyFrames {
     /// All stored parameters at the edit frame.
@@ -122,7 +123,7 @@ fn key_times(range: TimeRange, frames: Option<usize>, edit_time: f32, count: usi
         if all.len() <= count {
             all
         } else {
-            // Ends included; integers, so that no frame is asked between frames.
+            // Ends included; integers, so that the scene is evaluated at its own frames.
             let step = |i: usize| i * (all.len() - 1) / count.saturating_sub(1).max(1);
             (0..count).map(|i| all[step(i)]).collect()
         }

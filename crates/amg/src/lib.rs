@@ -1,9 +1,9 @@
 //! Anchor-based motion guidance: carries an edited frame of a dynamic Gaussian scene along the
 //! scene's motion.
 //!
-//! Promises: [`propagate()`] takes a source [`gs_core::DynamicScene`] and the edited splats of one
-//! of its frames and returns an [`EditedScene`], itself a `DynamicScene`, defined at every time of
-//! the source. What it finds is a [`Binding`]: per edited splat a few source splats and weights,
+//! [`propagate()`] takes a source [`gs_core::DynamicScene`] and the edited splats of one of its
+//! frames and returns an [`EditedScene`], itself a `DynamicScene`, defined at every time of the
+//! source. Its result is a [`Binding`]: a few source splats and weights for each edited splat,
 //! independent of time. Edited splats that *are* source splats ([`IdentityMap`]) keep their motion
 //! bit for bit. Results do not depend on the order of rows or the number of threads.
 //!
@@ -13,18 +13,18 @@
 //!
 //! | word | meaning |
 //! |---|---|
-//! | region | source splats of a small cube that move as one and face alike: an anchor |
+//! | region | source splats of a cube that move together and have similar normals: an anchor |
 //! | outlier | a source splat, or region, that moves with none of its neighbours ("floater") |
 //! | offset | signed distance of an edited splat from a region along its outward normal |
 //! | flatness | 1 − s₁/s₂ of the two smallest scales: 0 for a ball, nearly 1 for a disc |
 //! | hypothesis | one motion that an edited splat may have; several regions share it |
 //! | posterior | probability of an edited splat's regions, and of none, given all others |
-//! | crowding | cost of a region that has more edited splats than its share, or fewer |
-//! | parent | the source splat an edited one once was, told by equal bits |
+//! | marginal penalty | cost of a region that has more edited splats than its share, or fewer |
+//! | parent | the source splat that an edited one once was, identified by equal bits |
 //! | new piece | connected edited splats that are in no source splat's place ("graft") |
 //! | support | the source splats whose motion an edited splat takes |
 //! | moved group | source splats that the edit moved, turned or scaled as one |
-//! | generation | source splats that stand for a surface at one time, where others have faded |
+//! | generation | source splats that represent a surface at a time when others have faded |
 //! | rest place | where a splat would be at the edit time, had it been there |
 //! | descendant | a splat that the edit frame does not show, of a surface that it does |
 //! | binding | per edited splat, the source splats it follows and their weights |

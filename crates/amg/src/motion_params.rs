@@ -11,31 +11,32 @@ use serde::{Deserialize, Serialize};
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct MotionParams {
-    /// Edge of the cubes in which splats that move as one form a region; share of the figure.
+    /// Edge of the cubes in which splats that move together form a region; share of the figure.
     /// Default 0.015.
     pub region_size: f64,
-    /// Change of distance, relative to the distance, that two splats of a soft body may show and
-    /// still move as one. Default 0.04.
+    /// Change of distance between two splats of a soft body, relative to the distance, that still
+    /// counts as moving together. Default 0.04.
     pub strain: f64,
-    /// Motions of an edited splat that never part by more than this are one; share of the figure.
-    /// Default 0.015.
+    /// Largest distance between the images of a splat under two motions that count as one; share
+    /// of the figure. At least four times the noise of the trajectories. Default 0.015.
     pub same_motion: f64,
-    /// λ₀, weight of the entropy in the transport of splats to regions, nats: 1 takes probabilities
-    /// as they are, less sharpens them. Default 0.5.
+    /// λ₀, weight of the entropy in the transport of splats to regions, nats: 1 gives the
+    /// probabilities of the likelihood, less sharpens them. Default 0.5.
     pub entropy: f64,
-    /// λ₁, weight with which patches of regions are held to their mass, nats: near 0, any number of
-    /// splats may belong to one. Default 2.
+    /// λ₁, weight of the source marginal of patches of regions, nats: near 0, any number of splats
+    /// may belong to a patch. Default 2.
     pub source_marginal: f64,
     /// Cost of belonging to no region, nats. Default 4.
     pub unmatched: f64,
-    /// Weight, in splats, of the belief that the edit displaced nothing. Default 0.03.
+    /// Weight, in splats, of the prior that the edit displaced nothing. Default 0.03.
     pub prior: f64,
     /// Cost of the typical misalignment of normals, nats. Default 2.
     pub alignment: f64,
-    /// New geometry farther than this from every source stands out from the figure, and moves as
-    /// one piece; share of the figure. Default 0.06.
+    /// Distance from every source beyond which geometry is new; share of the figure. A connected
+    /// piece of which a third is beyond it moves with the part it is attached to. Default 0.06.
     pub new_geometry: f64,
-    /// Source splats whose rigid motion an edited splat follows, 1 to 64. Default 32.
+    /// Largest number of source splats whose rigid motion an edited splat follows, 1 to 64. Default
+    /// 32.
     pub sources_per_row: usize,
 }
 

@@ -170,7 +170,7 @@ impl Default for Aggregation {
 pub struct IdentityParams {
     /// Off: every edited splat is matched by the guide. Default on.
     pub enabled: bool,
-    /// Factor on the rounding that is forgiven (see [`crate::IdentityMap`]); 0 admits equal values
+    /// Factor on the tolerances for rounding (see [`crate::IdentityMap`]); 0 admits equal values
     /// only. Default 1.
     pub tolerance: f32,
     /// How coarsely the edited splats were stored, when their file does not keep every value; see

@@ -1,12 +1,12 @@
 //! Origin, size and axes of a cloud, from the cloud itself.
 //!
-//! Every origin, order, length or direction of the motion stage comes from here, so that results do
+//! The motion stage takes every origin, order, length and direction from here, so that results do
 //! not depend on the position, orientation and size of the scene.
 
 use crate::rigid::{dot, eigen, sub};
 
-/// Share of the points within the radius that counts as the cloud's. With it, the size of most
-/// things is about the longest edge of their box, and one floater in twenty does not change it.
+/// Share of the points within the radius of the cloud. The size of most objects is then about the
+/// longest edge of their box, and one floater in twenty does not change it.
 const INSIDE: f64 = 0.92;
 
 /// A cloud's own frame.

@@ -53,15 +53,10 @@ pub fn propagate(
     let edit_time = options.edit_time.unwrap_or(source.time_range().start);
 
     let clock = Instant::now();
-    let followed = match options.follow {
-        Follow::Splats => None,
-        Follow::Surface => {
-            let found = Generations::of(&*source, edit_time, &|done| progress("lives", done))?;
-            let lasting = LastingScene::new(Arc::clone(&source), &found, edit_time)?;
-            report.timings.push(("lives", clock.elapsed().as_secs_f64()));
-            Some((found, lasting))
-        }
-    };
+    let followed = surfaces(&source, edit_time, options.follow, progress)?;
+    if followed.is_some() {
+        report.timings.push(("lives", clock.elapsed().as_secs_f64()));
+    }
     let scene = followed.as_ref().map_or(&*source, |(_, lasting)| lasting);
     let mut keys = KeyFrames::of(scene, edit_time, options.num_key_times, &|done| {
         progress("source", done);
@@ -116,19 +111,14 @@ pub fn propagate(
         }
         None => Vec::new(),
     };
-    let binding = Binding::from_rows(
-        rows.iter().map(|(kind, entries)| (*kind, &entries[..])),
-        keys.at_edit.len(),
-    );
-    let binding = binding.with_groups(groups.groups, groups.of_row);
-    let binding = match &followed {
-        Some((generations, scene)) => {
-            let lasting = scene.lasting.only(followed_ids(&binding));
-            report.descent = Some(DescentReport::of(generations, &inherited, lasting.ids.len()));
-            binding.with_surface(Surface { lasting, inherited })?
-        }
-        None => binding,
-    };
+    let kinds_and_sources = rows.iter().map(|(kind, entries)| (*kind, &entries[..]));
+    let mut binding = Binding::from_rows(kinds_and_sources, keys.at_edit.len())
+        .with_groups(groups.groups, groups.of_row);
+    if let Some((generations, scene)) = &followed {
+        let lasting = scene.lasting.only(followed_ids(&binding));
+        report.descent = Some(DescentReport::of(generations, &inherited, lasting.ids.len()));
+        binding = binding.with_surface(Surface { lasting, inherited })?;
+    }
     let binding = Arc::new(binding);
     fill_report(&mut report, &keys, &identity, &split, &binding);
     report.rotation_prior = aggregation.rotation_prior;
@@ -141,6 +131,22 @@ pub fn propagate(
         _ => EditedScene::new(source, edited, edit_time, binding, aggregation)?,
     };
     Ok(Propagation { scene, identity, split, report })
+}
+
+/// The generations of the source, and the source with splats extended over the whole clip; `None`
+/// if the edit belongs to splats.
+fn surfaces(
+    source: &Arc<dyn DynamicScene>,
+    edit_time: f32,
+    follow: Follow,
+    progress: Progress<'_>,
+) -> Result<Option<(Generations, LastingScene)>, AmgError> {
+    if follow == Follow::Splats {
+        return Ok(None);
+    }
+    let generations = Generations::of(&**source, edit_time, &|done| progress("lives", done))?;
+    let lasting = LastingScene::new(Arc::clone(source), &generations, edit_time)?;
+    Ok(Some((generations, lasting)))
 }
 
 /// Whether a source splat is followed by a blended row or carries a group.
@@ -314,7 +320,7 @@ fn fill_report(
     }
 }
 
-/// How many splats each similarity moved, and what it did, in words. Largest first.
+/// Number of splats of each similarity, and a description of it. Largest first.
 fn moved_groups(keys: &KeyFrames, identity: &IdentityMap) -> Vec<(usize, String)> {
     let described = |(number, similarity): (u32, &crate::Similarity)| {
         let points: Vec<[f64; 3]> = identity

@@ -39,7 +39,7 @@ pub struct MotionReport {
     pub vanished: usize,
     /// Rows that blend sources.
     pub blended: usize,
-    /// Edited rows that stay put, because what they belong to does.
+    /// Edited rows that stay where they are, because the part they belong to does not move.
     pub static_rows: usize,
     /// Rows of the deformation-field baseline.
     pub field_rows: usize,

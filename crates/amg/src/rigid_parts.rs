@@ -13,7 +13,7 @@ use std::collections::{BTreeSet, BinaryHeap};
 /// Edge of the cells that parts are put together from, as a share of the moving figure.
 const CELL_SIZE: f64 = 0.03;
 
-/// Cells are not smaller than so many spacings: smaller ones would be single splats, whose rotation
+/// Least edge of the cells in spacings: smaller ones would be single splats, whose rotation
 /// is unknown.
 const SPACINGS: f64 = 2.0;
 
@@ -21,8 +21,8 @@ const SPACINGS: f64 = 2.0;
 /// [`crate::MotionParams::strain`].
 const STRAIN: f64 = 0.04;
 
-/// Root mean square misfit, as a share of the moving figure, up to which two groups count as one
-/// rigid body. The figure of the demo comes apart into head, chest, hips, upper arms, forearms,
+/// Root mean square residual, as a share of the moving figure, up to which two groups count as one
+/// rigid body. The figure of the demo is divided into head, chest, hips, upper arms, forearms,
 /// thighs and shins.
 const MISFIT: f64 = 0.01;
 
@@ -49,8 +49,8 @@ impl RigidParts {
     /// adjacent groups `a` and `b` are joined, in ascending order of
     /// `√((E(a∪b) − E(a) − E(b)) / min(n_a, n_b))`, where `E` is the largest squared error over the
     /// key times of the best rigid motion of a group; up to 1 % of the moving figure's size. Groups
-    /// of less than 1 % of the moving splats join the neighbour they fit best. `progress` is told
-    /// the share done.
+    /// of less than 1 % of the moving splats join the neighbour they fit best. `progress` receives
+    /// the share done, 0 to 1.
     ///
     /// # Errors
     /// If the scene cannot be evaluated.

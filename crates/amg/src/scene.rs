@@ -24,8 +24,7 @@ const BLOCK: usize = 1024;
 ///
 /// * At `t1` it is the edited splats bit for bit.
 /// * At any other time the source is evaluated once; the kind of a row determines what it takes
-///   from it (see
-///   [`RowKind`]).
+///   from it (see [`RowKind`]).
 /// * Rows are those of the edited splats; SH degree is theirs, too.
 #[derive(Debug)]
 pub struct EditedScene {

@@ -97,8 +97,8 @@ impl Similarity {
         placed
     }
 
-    /// How coarsely `rows` rows are known, after this similarity has placed what was stored with
-    /// `precision`.
+    /// Precision of `rows` rows that were stored with `precision` and then transformed by this
+    /// similarity.
     #[must_use]
     pub fn place_precision(&self, precision: &Precision, rows: usize) -> Precision {
         let (scale, ln_scale) = (self.scale.as_f32(), self.scale.ln().as_f32());

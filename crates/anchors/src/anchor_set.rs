@@ -52,7 +52,7 @@ impl AnchorSet {
     /// A neighbourhood of one point needs no line, nor does any with δ = 0 (all members coincide,
     /// and for [`Radius::Global`] those of all others too): it becomes an anchor at that place.
     ///
-    /// No anchor at all is a valid result: an empty set with every point uncovered.
+    /// A set without anchors is a valid result: every point is then uncovered.
     ///
     /// # Errors
     /// Empty cloud, coordinates that are not finite or beyond ±1e50, parameters out of range,
@@ -118,8 +118,8 @@ impl AnchorSet {
         Self::build(points, &neighborhoods, &lines, params)
     }
 
-    /// Anchors of a source and an edited cloud, probed with the same lines through the sphere of
-    /// both (supplement, Anchor Construction).
+    /// Anchors of two clouds, such as a source and an edited copy, sampled with the same lines
+    /// through the smallest sphere around both (supplement, Anchor Construction).
     ///
     /// # Errors
     /// As [`Self::build`], for either cloud.
@@ -137,7 +137,7 @@ impl AnchorSet {
         Ok((anchors(src)?, anchors(edit)?))
     }
 
-    /// Number of anchors.
+    /// Number of anchors, n.
     pub fn len(&self) -> usize {
         self.positions.len()
     }
@@ -147,7 +147,7 @@ impl AnchorSet {
         self.positions.is_empty()
     }
 
-    /// Points that belong to no anchor.
+    /// Number of points that belong to no anchor.
     pub fn num_uncovered(&self) -> usize {
         self.num_ungrouped + self.num_unhit
     }

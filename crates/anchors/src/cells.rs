@@ -1,7 +1,7 @@
-//! Cells: regions of a cloud whose motion is known.
+//! Cells: regions of a cloud with known trajectories.
 //!
 //! Line-sampled anchors use one frame. Where points have trajectories, a region can be required to
-//! move rigidly, so that everything matched with it has one motion.
+//! move rigidly, so that it has one motion.
 
 use crate::trajectories::{RigidNeighbors, Trajectories};
 use crate::vec3::{Vec3, dot};
@@ -9,14 +9,14 @@ use crate::vec3::{Vec3, dot};
 /// Least agreement of neighbours in one cell, see [`RigidNeighbors::get`].
 const MIN_AGREEMENT: f64 = 0.5;
 
-/// Points are joined only if the edge of the cubes is at least this many spacings: smaller cells
-/// would hold too few points for a mean.
+/// Points are joined only if the edge of the cubes is more than this many spacings: smaller cells
+/// would have too few points for a mean.
 const SPACINGS: f64 = 1.5;
 
-/// Squared flatness below which the direction of a splat is ignored: 0.3²; it is almost a ball.
+/// Squared length below which a direction is ignored: 0.3²; it is too uncertain.
 const MIN_LENGTH_SQUARED: f64 = 0.09;
 
-/// Largest angle between directions in one cell: 45°, squared cosine.
+/// Squared cosine of the largest angle between the directions of neighbours in one cell, 45°.
 const MIN_COS_SQUARED: f64 = 0.5;
 
 /// In [`Cells::owners`]: the point belongs to no cell.
@@ -31,7 +31,7 @@ pub struct CellParams {
     pub axes: [[f64; 3]; 3],
 }
 
-/// A partition of the points that are not outliers.
+/// A partition of the points that are not outliers into R cells.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Cells {
     /// Points of each cell, ascending, `[R]`. Cells are in the order of their first points.
@@ -41,12 +41,16 @@ pub struct Cells {
 }
 
 impl Cells {
-    /// Joins neighbours that lie in one cube of the lattice about the origin, move as one and face
-    /// alike. `directions` `[N,3]` are normals of any sign, as long as they are sharp: 0 for a
-    /// ball, 1 for a disc.
+    /// Joins neighbours that lie in one cube of a lattice about the origin, move together
+    /// (agreement of at least ½) and have directions within 45°.
     ///
-    /// Clouds whose typical spacing is above two thirds of the edge are not joined: every point is
-    /// a cell.
+    /// `neighbors` are those of `points`; `outliers` `[N]` belong to no cell. `directions` `[N,3]`
+    /// are normals of any sign; their lengths are their confidence, 0 to 1, and below 0.3 they are
+    /// ignored. Clouds whose typical spacing is two thirds of the edge or more are not joined:
+    /// every point is a cell.
+    ///
+    /// # Panics
+    /// If `outliers` or `directions` has fewer entries than there are points.
     pub fn build(
         points: &Trajectories,
         neighbors: &RigidNeighbors,
@@ -68,7 +72,7 @@ impl Cells {
                     let joined = !outliers[j]
                         && agreement >= MIN_AGREEMENT
                         && cubes[i] == cubes[j]
-                        && face_alike(&directions[i], &directions[j]);
+                        && have_similar_directions(&directions[i], &directions[j]);
                     if joined {
                         let (a, b) = (find(&mut root, i as u32), find(&mut root, neighbor.id));
                         root[a.max(b) as usize] = a.min(b);
@@ -110,10 +114,10 @@ fn find(root: &mut [u32], mut i: u32) -> u32 {
     i
 }
 
-fn face_alike(a: &Vec3, b: &Vec3) -> bool {
+fn have_similar_directions(a: &Vec3, b: &Vec3) -> bool {
     let (aa, bb, ab) = (dot(a, a), dot(b, b), dot(a, b));
-    let vague = aa < MIN_LENGTH_SQUARED || bb < MIN_LENGTH_SQUARED;
-    vague || ab * ab >= MIN_COS_SQUARED * aa * bb
+    let uncertain = aa < MIN_LENGTH_SQUARED || bb < MIN_LENGTH_SQUARED;
+    uncertain || ab * ab >= MIN_COS_SQUARED * aa * bb
 }
 
 #[cfg(test)]

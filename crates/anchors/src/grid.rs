@@ -138,8 +138,8 @@ impl Grid {
             }
             stride *= self.dims[d];
         }
-        // A walk takes at most so many steps; the bound ends those of lines so far away that
-        // rounding has eaten their position.
+        // A walk through the grid has at most this many steps. The bound ends walks of lines so far
+        // away that rounding has destroyed their position.
         for _ in 0..self.dims.iter().sum() {
             let Some(word) = self.occupied.get(cell / 64) else { return };
             if word >> (cell % 64) & 1 == 1 {

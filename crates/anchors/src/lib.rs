@@ -1,12 +1,12 @@
 //! Regions of a point cloud: line-sampled anchors (Eqs. 5–7 of the Catalyst4D paper), and cells
-//! that move as one.
+//! of points that move together.
 //!
 //! [`AnchorSet`] needs one frame, [`Cells`] need trajectories.
 //!
-//! A cloud is cut into small neighbourhoods; random lines through its bounding sphere probe them;
-//! a neighbourhood that fits entirely into a thin cylinder around some line yields one anchor, a
-//! weighted centroid. Outliers, whose neighbourhoods are wider than the typical one, yield none.
-//! Two clouds probed with the *same* lines get anchors that can be compared.
+//! A cloud is divided into small neighbourhoods, and random lines are drawn through its bounding
+//! sphere. A neighbourhood that fits entirely into a thin cylinder around some line yields one
+//! anchor, a weighted centroid. Outliers, whose neighbourhoods are wider than the typical one,
+//! yield none. Two clouds sampled with the *same* lines have comparable anchors.
 //!
 //! ```
 //! use anchors::{AnchorParams, AnchorSet};
@@ -22,14 +22,14 @@
 //! # Ok::<(), anchors::AnchorError>(())
 //! ```
 //!
-//! # Promises
+//! # Guarantees
 //! - Input `&[[f32; 3]]` or `&[[f64; 3]]`, arithmetic in `f64`, world units throughout.
 //! - Bit-identical results for any number of threads; equal results, bits and order of the anchors
 //!   included, for any order of the input points.
 //! - Exact: the sphere is minimal, neighbours are nearest, no line that hits is missed.
 //! - Degenerate clouds have defined results: one point, coincident, collinear and coplanar points,
 //!   clouds smaller than a neighbourhood (see [`Neighborhoods::build`], [`AnchorSet::build`]).
-//! - Non-finite input is an error; user data never panics.
+//! - Non-finite input is an error; no input cloud leads to a panic.
 //!
 //! # Deliberately absent
 //! Gaussians, colour, correspondence between regions, file formats, GPU.

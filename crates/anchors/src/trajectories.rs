@@ -29,35 +29,35 @@ const MIN_SUPPORT: f64 = 0.15;
 /// Lower bound of lengths that are divided by; its square is still positive.
 const TINY: f64 = 1e-100;
 
-/// Points at rest and at a few other times. World units; rows are points.
+/// N points at rest and at T other times. World units.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Trajectories {
-    /// Places at rest, `[N,3]`.
+    /// Positions at rest, `[N,3]`.
     pub rest: Vec<[f64; 3]>,
-    /// Places at each other time, `[N,T,3]`: those of one point lie together.
+    /// Positions at each other time, `[N,T,3]`: those of one point are adjacent.
     pub moved: Vec<[f64; 3]>,
     /// Presence of each point at each other time, 0 to 1, `[N,T]`; empty if all are always present.
-    /// Positions of absent points have no meaning.
+    /// Positions of absent points are ignored.
     pub presence: Vec<f64>,
     /// Positive weights, `[N]`.
     pub weights: Vec<f64>,
-    /// Which points move at all, `[N]`. Noise and spacing are those of the moving ones: a still
-    /// background has neither their noise nor their density.
+    /// Which points move at all, `[N]`. Only these determine the noise and the typical spacing: a
+    /// still background has another noise and another density.
     pub moving: Vec<bool>,
 }
 
-/// Neighbours at rest, and how well each pair keeps its distance over time.
+/// Neighbours at rest, and the agreement of each pair: how well it keeps its distance over time.
 #[derive(Clone, Debug)]
 pub struct RigidNeighbors {
     near: Neighbors,
-    /// Like `near`.
+    /// Agreement of each pair, in the order of `near`.
     agreement: Vec<f64>,
     /// Local spacing, world units: distance of the sixth neighbour over √2, `[N]`.
     pub spacing: Vec<f64>,
     /// Median change of distance between close neighbours over time: the noise of the trajectories,
     /// world units.
     pub noise: f64,
-    /// Change of distance, relative to the distance, that counts as none.
+    /// Change of distance, relative to the distance, that still counts as rigid.
     strain: f64,
 }
 
@@ -75,13 +75,13 @@ impl Neighbors {
         Self { lists: KdTree::<3>::new(points).all_nearest(per_point), per_point }
     }
 
-    /// Those of point `i`.
+    /// Neighbours of point `i`.
     pub fn get(&self, i: usize) -> &[Neighbor] {
         &self.lists[i * self.per_point..(i + 1) * self.per_point]
     }
 
-    /// Distance of each point's sixth neighbour (the last, if there are fewer) over √2, `[N]`; 0
-    /// without neighbours.
+    /// Distance of the sixth neighbour (the last, if there are fewer) of each of the `num_points`
+    /// points over √2, `[N]`; 0 without neighbours.
     pub fn spacing(&self, num_points: usize) -> Vec<f64> {
         let rank = SPACING_RANK.min(self.per_point);
         let of = |i: usize| {
@@ -108,13 +108,13 @@ impl Trajectories {
         self.moved.len().checked_div(self.rest.len()).unwrap_or(0)
     }
 
-    /// Places of point `i` at the other times, `[T,3]`.
+    /// Positions of point `i` at the other times, `[T,3]`.
     pub fn places(&self, i: usize) -> &[[f64; 3]] {
         let times = self.num_times();
         &self.moved[i * times..(i + 1) * times]
     }
 
-    /// Presence of point `i` at time `k`.
+    /// Presence of point `i` at time `k`, 0 to 1.
     pub fn present(&self, k: usize, i: usize) -> f64 {
         if self.presence.is_empty() { 1.0 } else { self.presence[i * self.num_times() + k] }
     }
@@ -135,8 +135,13 @@ impl Trajectories {
 }
 
 impl RigidNeighbors {
-    /// The 24 nearest neighbours of every point, and how rigidly they move with it; `strain` is the
-    /// change of distance, relative to the distance, that a body may show and still count as rigid.
+    /// The 24 nearest neighbours of every point, and their agreement
+    /// `exp(−½ (Δ / (3ν + strain·d))²)`, where d is the distance at rest, Δ its largest change over
+    /// time and ν the noise. `strain` is the relative change of distance of a soft body that still
+    /// counts as rigid.
+    ///
+    /// # Panics
+    /// If `moving` or `presence` is too short for the number of points.
     pub fn of(points: &Trajectories, strain: f64) -> Self {
         let near = Neighbors::of(&points.rest, NEIGHBORS);
         let spacing = near.spacing(points.len());
@@ -164,33 +169,34 @@ impl RigidNeighbors {
     }
 
     /// Neighbours of point `i`, nearest first, with their agreement: 1 if the distance never
-    /// changes, near 0 if it changes by more than noise and strain.
+    /// changes, near 0 if it changes by much more than noise and strain.
     pub fn get(&self, i: usize) -> impl ExactSizeIterator<Item = (Neighbor, f64)> + '_ {
         let first = i * self.near.per_point;
         let own = &self.agreement[first..first + self.near.per_point];
         self.near.get(i).iter().copied().zip(own.iter().copied())
     }
 
-    /// Agreement of points `a` and `b` of `points`, the cloud this was built from.
+    /// Agreement of any two points `a` and `b` of `points`, the cloud this was built from.
     pub fn between(&self, points: &Trajectories, a: usize, b: usize) -> f64 {
         let rest = distance_squared(&points.rest[a], &points.rest[b]).sqrt();
         agreement(points.deviation(a, b, rest), rest, self.noise, self.strain)
     }
 
-    /// Weight of a neighbour of `i` by distance and its own weight.
+    /// Weight of a neighbour of point `i`: its own weight times `exp(−½ (distance / 2 spacing)²)`.
     pub fn nearness(&self, points: &Trajectories, i: usize, neighbor: Neighbor) -> f64 {
         let reach = (2.0 * self.spacing[i]).max(TINY);
         let fall = (-0.5 * neighbor.distance_squared / (reach * reach)).exp();
         points.weights[neighbor.id as usize] * fall
     }
 
-    /// Median spacing of the moving points.
+    /// Median spacing of the moving points, world units.
     pub fn typical_spacing(&self, points: &Trajectories) -> f64 {
         let moving = self.spacing.iter().zip(&points.moving).filter(|(_, moving)| **moving);
         median(&mut moving.map(|(spacing, _)| *spacing).collect::<Vec<f64>>())
     }
 
-    /// Points that move with 15 % or less of their neighbourhood, `[N]`.
+    /// Points that agree with 15 % or less of their neighbourhood, weighted by [`Self::nearness`],
+    /// `[N]`. A point without neighbours is not an outlier.
     pub fn outliers(&self, points: &Trajectories) -> Vec<bool> {
         (0..points.len())
             .into_par_iter()
@@ -264,7 +270,7 @@ mod tests {
         let mut points = plates();
         points.presence = (0..73).map(|i| if i >= 36 { 0.0 } else { 1.0 }).collect();
         let rigid = RigidNeighbors::of(&points, 0.04);
-        assert!(rigid.between(&points, 0, 36) > 0.99, "nobody saw them part");
+        assert!(rigid.between(&points, 0, 36) > 0.99, "changes while a point is absent");
     }
 
     #[test]

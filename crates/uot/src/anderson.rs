@@ -1,7 +1,7 @@
 //! Anderson mixing for a fixed-point map `x ← T(x)`.
 
-/// Differences kept; notes on depth: 8 was best or tied in every weight set tried, 4 needs up to
-/// half as many sweeps more.
+/// Differences kept. Fewer need more sweeps (4: up to half as many more); each costs two vectors of
+/// memory.
 const DEPTH: usize = 12;
 /// Longest step in any coordinate (logarithm of a scaling).
 const MAX_STEP: f64 = 3.0;

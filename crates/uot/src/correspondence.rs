@@ -7,7 +7,7 @@ use crate::{UotError, UotOutput, UotProblem};
 /// Entries of a column within this relative distance of the largest are ties.
 const TIE: f64 = 1e-9;
 
-/// Stands for a row where a column has no candidate (left).
+/// Row id of a column without (further) candidates.
 pub const NO_ROW: u32 = u32::MAX;
 
 /// The best row of every column; all arrays are `[m]`.
@@ -16,7 +16,7 @@ pub struct Correspondence {
     /// Row of the largest entry of the column; among ties the lowest row. [`NO_ROW`] for a column
     /// without candidates.
     pub rows: Vec<u32>,
-    /// Rows within 1e-9, relatively, of the largest entry.
+    /// Number of rows within a relative 1e-9 of the largest entry.
     pub tie_counts: Vec<u32>,
     /// `1 − second/first` of the column's entries; 1 when there is one row only.
     pub margins: Vec<f64>,
@@ -25,17 +25,16 @@ pub struct Correspondence {
     /// threshold it with a fixed number.
     pub near_share: Vec<f64>,
     /// `far_cost − D` of the best row: for a Welsch cost the weight w in [0, 1], negligible beyond
-    /// the cutoff. The usable test of coverage: `w_best > 0.02` means that the match is closer than
-    /// 2.8 β. Transported mass is not such a test: even an unrelated column keeps `exp(−1/(λ0+λ2))`
-    /// of its mass.
+    /// the cutoff. Use it to decide whether a column has a match: `w_best > 0.02` means that the
+    /// match is closer than 2.8 β. Transported mass does not show this: even an unrelated column
+    /// keeps `exp(−1/(λ0+λ2))` of its mass.
     pub w_best: Vec<f64>,
 }
 
 /// One of the best rows of a column.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct TopRow {
-    /// Row id; [`NO_ROW`], with share 0, where a column has fewer candidates than rows are asked
-    /// for.
+    /// Row id; [`NO_ROW`], with share 0, if the column has fewer than `k` candidates.
     pub row: u32,
     /// `P_ij / Σ_i P_ij`, in [0, 1].
     pub share: f64,

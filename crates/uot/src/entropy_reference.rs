@@ -1,4 +1,4 @@
-//! [`EntropyReference`]: against which measure a plan's entropy is taken.
+//! [`EntropyReference`]: reference measure of the entropy term.
 
 /// Reference measure of the entropy term.
 ///

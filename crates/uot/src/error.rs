@@ -69,15 +69,15 @@ pub enum UotError {
     /// The reference measure cannot be reached by a global factor because pairs with no counterpart
     /// have a fixed cost.
     #[error(
-        "entropy reference {reference:?} does not go with unmatched costs: use EntropyReference::Kl"
+        "entropy reference {reference:?} cannot be combined with unmatched costs: use EntropyReference::Kl"
     )]
     ReferenceWithUnmatched {
         /// Requested reference.
         reference: crate::EntropyReference,
     },
-    /// Both marginals are to be held, but their sums differ.
+    /// Both marginals are to be enforced, but their sums differ.
     #[error(
-        "both marginals are held, but a sums to {sum_a} and b to {sum_b}: scale one, or give a side a finite weight"
+        "both marginals are enforced (infinite lambda), but a sums to {sum_a} and b to {sum_b}: scale one, or give a side a finite lambda"
     )]
     UnequalMasses {
         /// Sum of the row weights.
@@ -85,9 +85,9 @@ pub enum UotError {
         /// Sum of the column weights.
         sum_b: f64,
     },
-    /// A marginal is to be held where no pair could carry mass.
+    /// A marginal is to be enforced where no pair can carry mass.
     #[error(
-        "{side} {index} has weight but no candidate, and its marginal is held: give it a candidate, an unmatched cost, or a finite lambda"
+        "{side} {index} has weight but no candidate, and its marginal is enforced: give it a candidate, an unmatched cost, or a finite lambda"
     )]
     Infeasible {
         /// `"row"` or `"column"`.
@@ -95,7 +95,7 @@ pub enum UotError {
         /// Its id.
         index: usize,
     },
-    /// A result that is not defined for this way of stating the cost.
+    /// A result that is not available for a structured cost.
     #[error("{what} is not available for a structured Welsch problem: use {instead}")]
     NotListed {
         /// What was asked for.

@@ -35,18 +35,19 @@
 //! # Ok::<(), uot::UotError>(())
 //! ```
 //!
-//! An infinite λ1 or λ2 holds that marginal exactly (balanced, semi-relaxed). Rows and columns may
-//! be allowed to have no counterpart at a cost of their own ([`UotProblem::with_unmatched_cols`]).
+//! An infinite λ1 or λ2 enforces that marginal exactly (balanced, semi-relaxed). Rows and columns
+//! may stay unmatched at a cost of their own ([`UotProblem::with_unmatched_cols`]).
 //! [`Sinkhorn::solve_from`] starts from the potentials of another problem.
 //!
-//! # Promises
+//! # Guarantees
 //!
 //! * Results are bit-identical for any number of threads, and the structured solver's for any order
 //!   of the points.
-//! * Not converging is data ([`UotOutput::converged`], [`UotOutput::residuals`]), never an error.
-//! * Hostile input (empty, NaN, infinite, absurd sizes) gives a [`UotError`].
+//! * Non-convergence is reported in the output ([`UotOutput::converged`], [`UotOutput::residuals`])
+//!   and is not an error.
+//! * Invalid input (empty, NaN, infinite, too large) gives a [`UotError`].
 //!
-//! Deliberately absent: images, file formats, any vector-maths type.
+//! Deliberately absent: images, file formats, types of linear-algebra crates.
 
 mod anderson;
 mod correspondence;

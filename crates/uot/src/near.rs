@@ -11,7 +11,7 @@ use crate::tree::{PointTree, box_distances};
 /// Weights of one leaf of rows against one leaf of columns, `[row lane][column lane]`.
 pub(crate) type Block = [Lane; LANES];
 
-/// `(original row, weight)` of the near rows of each column of an column leaf.
+/// `(original row, weight)` of the near rows of each column of a column leaf.
 pub(crate) type ColumnEntries = [Vec<(u32, f64)>; LANES];
 
 /// Additional exponent of a pair, by original ids.

@@ -8,10 +8,10 @@ use rayon::prelude::*;
 /// Potentials and masses of the plan, and convergence of the iteration.
 ///
 /// With `ρ = a bᵀ` for [`EntropyReference::Kl`], 1 for `Entropy` and 1/e for `PLogP`, the plan is
-/// `P_ij = ρ_ij exp((f_i + g_j − D_ij)/λ0)`, and at the optimum `f = −λ1 ln(P1/a)`,
-/// `g = −λ2 ln(Pᵀ1/b)` (mass without counterpart, `ρ exp((f − c)/λ0)`, included in the sums). Where
-/// a marginal is held (λ = ∞), `P1 = a` or `Pᵀ1 = b` instead; where both are, a constant may be
-/// moved from `f` to `g`. The plan itself is produced on demand from the problem.
+/// `P_ij = ρ_ij exp((f_i + g_j − D_ij)/λ0)`, and at the optimum `f = −λ1 ln(P1/a)`, `g = −λ2
+/// ln(Pᵀ1/b)` (mass without counterpart, `ρ exp((f − c)/λ0)`, included in the sums). If a marginal
+/// is enforced (λ = ∞), `P1 = a` or `Pᵀ1 = b` instead; if both are, `f` and `g` are defined up to a
+/// constant that may be moved between them. The plan is computed on demand from the problem.
 #[derive(Debug, Clone)]
 #[non_exhaustive]
 pub struct UotOutput {
@@ -33,13 +33,13 @@ pub struct UotOutput {
     pub objective: f64,
     /// Whether the potentials moved by less than `tol · λ0` in the last sweep.
     pub converged: bool,
-    /// Sweeps done, those at larger entropy weights included; one updates both sides.
+    /// Number of sweeps, those at larger entropy weights included; a sweep updates both sides.
     pub sweeps: usize,
-    /// Products with the kernel or its transpose, final ones included.
+    /// Number of products with the kernel or its transpose, the final ones included.
     pub matvecs: usize,
-    /// Largest change of `f/λ0` and `g/λ0` that a plain step would make, one per sweep.
+    /// Largest change of `f/λ0` and `g/λ0` that an unaccelerated step would make, one per sweep.
     pub residuals: Vec<f64>,
-    /// Entries of the kernel that were stored (zeros inside blocks included).
+    /// Number of stored entries of the kernel, zeros inside blocks included.
     pub stored_entries: usize,
     pub(crate) lambda_ent: f64,
     pub(crate) reference: EntropyReference,
@@ -78,28 +78,7 @@ impl UotOutput {
         };
         let unmatched_row_mass = unmatched(&problem.unmatched.rows, &log_a, &f);
         let unmatched_col_mass = unmatched(&problem.unmatched.cols, &log_b, &g);
-        let row_total = total(&row_mass, &unmatched_row_mass);
-        let col_total = total(&col_mass, &unmatched_col_mass);
-        let weight = |log: &[f64]| log.iter().map(|w| w.exp()).sum::<f64>();
-        let (sum_a, sum_b) = (weight(&log_a), weight(&log_b));
-        let reference_mass = if reference == EntropyReference::Kl { sum_a * sum_b } else { 0.0 };
-        // ⟨D,P⟩ cancels between the cost and the entropy, whose logarithm is (f + g − D)/λ0
-        let mut objective = product(&f, &row_total)
-            + product(&g, &col_total)
-            + lambda_ent * (reference_mass - total_mass);
-        for (mass, weight) in [(&unmatched_row_mass, sum_a), (&unmatched_col_mass, sum_b)] {
-            if !mass.is_empty() {
-                objective += lambda_ent * (weight - mass.iter().sum::<f64>());
-            }
-        }
-        // a held marginal is met: its divergence is zero
-        if lambda_a.is_finite() {
-            objective += lambda_a * divergence(&row_total, &log_a, sum_a);
-        }
-        if lambda_b.is_finite() {
-            objective += lambda_b * divergence(&col_total, &log_b, sum_b);
-        }
-        Self {
+        let mut out = Self {
             f,
             g,
             row_mass,
@@ -107,7 +86,7 @@ impl UotOutput {
             unmatched_row_mass,
             unmatched_col_mass,
             total_mass,
-            objective,
+            objective: 0.0,
             converged: scalings.converged,
             sweeps: scalings.residuals.len(),
             matvecs: scalings.matvecs,
@@ -115,7 +94,37 @@ impl UotOutput {
             stored_entries,
             lambda_ent,
             reference,
+        };
+        out.objective = out.objective(params, &log_a, &log_b);
+        out
+    }
+
+    /// Value of the objective, cost units, from the potentials and masses.
+    fn objective(&self, params: &SinkhornParams, log_a: &[f64], log_b: &[f64]) -> f64 {
+        let SinkhornParams { lambda_ent, lambda_a, lambda_b, reference, .. } = *params;
+        let row_total = total(&self.row_mass, &self.unmatched_row_mass);
+        let col_total = total(&self.col_mass, &self.unmatched_col_mass);
+        let weight = |log: &[f64]| log.iter().map(|w| w.exp()).sum::<f64>();
+        let (sum_a, sum_b) = (weight(log_a), weight(log_b));
+        let reference_mass = if reference == EntropyReference::Kl { sum_a * sum_b } else { 0.0 };
+        // ⟨D,P⟩ cancels between the cost and the entropy, whose logarithm is (f + g − D)/λ0
+        let mut objective = product(&self.f, &row_total)
+            + product(&self.g, &col_total)
+            + lambda_ent * (reference_mass - self.total_mass);
+        for (mass, weight) in [(&self.unmatched_row_mass, sum_a), (&self.unmatched_col_mass, sum_b)]
+        {
+            if !mass.is_empty() {
+                objective += lambda_ent * (weight - mass.iter().sum::<f64>());
+            }
         }
+        // an enforced marginal is met: its divergence is zero
+        if lambda_a.is_finite() {
+            objective += lambda_a * divergence(&row_total, log_a, sum_a);
+        }
+        if lambda_b.is_finite() {
+            objective += lambda_b * divergence(&col_total, log_b, sum_b);
+        }
+        objective
     }
 
     /// The whole plan, `[n, m]` row-major.

@@ -6,25 +6,25 @@ use crate::entropy_reference::EntropyReference;
 /// How the fixed-point sweeps are accelerated. Every choice converges to the same plan.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Acceleration {
-    /// Anderson; on structured costs with `lambda_ent < 0.05` over-relaxation. Changes over when
-    /// one stalls.
+    /// Anderson mixing; over-relaxation for structured costs with `lambda_ent < 0.05`. Switches to
+    /// the other if one stalls.
     #[default]
     Auto,
-    /// Alternating sweeps as they are. Slowest, monotone.
+    /// Alternating sweeps without acceleration. Slowest; the objective decreases monotonically.
     Plain,
-    /// Over-relaxation with the factor that is optimal for the contraction bound.
+    /// Over-relaxation with the optimal factor for the contraction bound.
     OverRelaxed,
-    /// Anderson mixing of depth 8 with the closed-form translation.
+    /// Anderson mixing of up to 12 differences, and the optimal translation in closed form.
     Anderson,
 }
 
-/// A sequence of decreasing entropy weights before the requested one, each started from the
-/// potentials of the last.
+/// ε-scaling: a sequence of decreasing entropy weights before the requested one, each started from
+/// the potentials of the previous one.
 ///
-/// A small λ0 alone needs a number of sweeps in the order of (largest cost)/λ0; with the sequence
-/// it needs some per halving. Applies to explicit costs; the structured Welsch cost is bounded and
-/// does not need it. With both marginals held and costs of a thousand λ0 and more the problem is
-/// nearly a linear programme, and the last digits stay slow.
+/// Without it, a small λ0 needs of the order of (largest cost)/λ0 sweeps; with it, a few per
+/// halving of the weight. Applies to explicit and sparse costs; the structured Welsch cost is
+/// bounded and does not need it. If both marginals are enforced and costs are a thousand λ0 or
+/// more, the problem is nearly a linear programme, and the last digits converge slowly.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub enum EpsilonScaling {
     /// From a tenth of the range of the costs, by factors of four, where that range exceeds 50 λ0.
@@ -34,7 +34,7 @@ pub enum EpsilonScaling {
     Off,
     /// A sequence given by the caller.
     From {
-        /// First weight, cost units. Nothing is done where it is not above λ0.
+        /// First weight, cost units. Without effect unless it is above λ0.
         init: f64,
         /// Factor from one weight to the next, above 0 and below 1.
         decay: f64,
@@ -46,10 +46,11 @@ pub enum EpsilonScaling {
 pub struct SinkhornParams {
     /// λ0, weight of the entropy term, in cost units. Default 0.1.
     pub lambda_ent: f64,
-    /// λ1, weight of the row marginal, in cost units; `f64::INFINITY` holds it exactly. Default 1.
-    pub lambda_a: f64,
-    /// λ2, weight of the column marginal, in cost units; `f64::INFINITY` holds it exactly. Default
+    /// λ1, weight of the row marginal, in cost units; `f64::INFINITY` enforces it exactly. Default
     /// 1.
+    pub lambda_a: f64,
+    /// λ2, weight of the column marginal, in cost units; `f64::INFINITY` enforces it exactly.
+    /// Default 1.
     pub lambda_b: f64,
     /// Reference measure of the entropy term. Default [`EntropyReference::Kl`].
     pub reference: EntropyReference,
@@ -60,7 +61,7 @@ pub struct SinkhornParams {
     pub max_sweeps: usize,
     /// Acceleration of the sweeps. Default [`Acceleration::Auto`].
     pub acceleration: Acceleration,
-    /// Larger entropy weights first. Default [`EpsilonScaling::Auto`].
+    /// Sequence of larger entropy weights at the start. Default [`EpsilonScaling::Auto`].
     pub epsilon_scaling: EpsilonScaling,
 }
 
@@ -98,7 +99,7 @@ impl SinkhornParams {
         positive("lambda_ent", self.lambda_ent)?;
         for (name, value) in [("lambda_a", self.lambda_a), ("lambda_b", self.lambda_b)] {
             if value.is_nan() || value <= 0.0 {
-                let expected = "a number above zero (infinity holds the marginal)";
+                let expected = "a number above zero (infinity enforces the marginal)";
                 return Err(UotError::BadParam { name, value, expected });
             }
         }
@@ -134,10 +135,10 @@ pub enum Bandwidth {
 /// How the median pair distance is found.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum MedianMode {
-    /// Exact up to [`crate::MAX_EXACT_PAIRS`] pairs, above that sampled (4 million pairs, seed 0).
+    /// Exact up to [`crate::MAX_EXACT_PAIRS`] pairs, sampled above (4 million pairs, seed 0).
     #[default]
     Auto,
-    /// Exact whatever the size; O(n+m) memory.
+    /// Exact for any size; O(n+m) memory.
     Exact,
     /// Median of `pairs` pairs drawn with replacement.
     Sampled {
@@ -151,10 +152,10 @@ pub enum MedianMode {
 /// Number format of the stored near field.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Storage {
-    /// 8 bytes an entry.
+    /// 8 bytes per entry.
     #[default]
     F64,
-    /// 4 bytes an entry; potentials good to 2e-5. Sums stay in f64.
+    /// 4 bytes per entry; potentials are accurate to 2e-5. Sums are in `f64`.
     F32,
 }
 
@@ -163,9 +164,9 @@ pub enum Storage {
 pub struct WelschParams {
     /// Width of the cost. Default `MedianTimes(0.05)`.
     pub bandwidth: Bandwidth,
-    /// Pairs farther than `cutoff · β` (or with `w < exp(−cutoff²/2)`) may be taken to cost one.
-    /// Default 6: potentials good to 2e-9. For correspondences 4 is enough; 8 equals the dense
-    /// problem.
+    /// Distance in β beyond which a pair may be given cost 1 (its weight w is below
+    /// `exp(−cutoff²/2)`). Default 6: potentials are accurate to 2e-9. For correspondences 4 is
+    /// enough; 8 equals the dense problem.
     pub cutoff: f64,
     /// How the median is found. Default [`MedianMode::Auto`].
     pub median: MedianMode,

@@ -1,14 +1,14 @@
-//! The plan read as probabilities: of the rows for each column, or of the columns for each row.
+//! The plan as probabilities: of the rows for each column, or of the columns for each row.
 
 use crate::problem::{Cost, id};
 use crate::{UotError, UotOutput, UotProblem};
 
-/// Where the weight of each line (column or row) goes, in compressed form: entries of line k are
-/// `starts[k]..starts[k + 1]`.
+/// Distribution of the weight of each line (column or row), in compressed form: entries of line k
+/// are `starts[k]..starts[k + 1]`.
 ///
-/// Shares are `P_ij / max(b_j, mass_j)` for columns, with `mass_j` what the column sends and leaves
-/// unmatched, and with `a_i` for rows: shares and `unmatched` of a line with weight sum to 1. A
-/// line without weight has shares 0 and `unmatched` 1.
+/// Shares are `P_ij / max(b_j, mass_j)` for columns, where `mass_j` includes the unmatched mass,
+/// and correspondingly with `a_i` for rows: shares and `unmatched` of a line with weight sum to 1.
+/// A line without weight has shares 0 and `unmatched` 1.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub struct Posterior {
@@ -17,10 +17,10 @@ pub struct Posterior {
     /// Row ids (of columns) or column ids (of rows), `[nnz]`. By column: ascending. By row: in the
     /// problem's order.
     pub ids: Vec<u32>,
-    /// Share of the line's weight that goes there, in [0, 1], `[nnz]`.
+    /// Share of the line's weight transported there, in [0, 1], `[nnz]`.
     pub shares: Vec<f64>,
-    /// Share that goes nowhere, in [0, 1], `[lines]`: to the unmatched option, or given up because
-    /// the marginal is not held.
+    /// Share that is not transported, in [0, 1], `[lines]`: matched to nothing, or lost because the
+    /// marginal is relaxed.
     pub unmatched: Vec<f64>,
 }
 
@@ -61,7 +61,7 @@ impl UotOutput {
         }
     }
 
-    /// For each column, the rows its weight comes from.
+    /// For each column, the distribution of its weight over the rows.
     ///
     /// # Errors
     /// [`UotError::Mismatch`] for a problem of another size, [`UotError::NotListed`] for a
@@ -80,7 +80,7 @@ impl UotOutput {
         Ok(normalised(lines, weights, &self.unmatched_col_mass))
     }
 
-    /// For each row, the columns its weight goes to.
+    /// For each row, the distribution of its weight over the columns.
     ///
     /// # Errors
     /// As [`Self::col_posterior`].

@@ -85,8 +85,8 @@ impl UotProblem<'static> {
         Ok(Self::of(cost.num_rows(), num_cols, Cost::Sparse(cost), None))
     }
 
-    /// The Welsch cost `1 − exp(−r²/(2β²))` as an explicit matrix. For small problems and as an
-    /// oracle: `cutoff` and `storage` of the parameters have no effect.
+    /// The Welsch cost `1 − exp(−r²/(2β²))` as an explicit matrix, for small problems and as a
+    /// reference for [`Self::welsch`]; `cutoff` and `storage` of the parameters have no effect.
     ///
     /// # Errors
     /// [`UotError`] for empty or non-finite clouds, bad parameters, and more than 2e8 pairs.
@@ -159,7 +159,7 @@ impl<'a> UotProblem<'a> {
     /// [`UotProblem::welsch`] with a second term in the exponent:
     /// `w_ij = exp(−r²/(2β²) − extra(i, j))`, `D_ij = 1 − w_ij`. `extra` gets original ids and may
     /// be called several times for a pair, from several threads; it must always return the same
-    /// value. Negative values count as 0, +∞ as "not related", NaN as 0.
+    /// value. Negative values and NaN count as 0; +∞ gives an unrelated pair.
     ///
     /// # Errors
     /// As [`UotProblem::welsch`].
@@ -187,7 +187,7 @@ impl<'a> UotProblem<'a> {
     }
 
     /// Replaces the uniform marginals by `a` `[n]` and `b` `[m]`: non-negative, finite, not all
-    /// zero. A zero weight gives an empty row or column.
+    /// zero. Rows and columns of zero weight carry no mass.
     ///
     /// # Errors
     /// [`UotError::BadLength`] and [`UotError::BadValue`].
@@ -209,8 +209,8 @@ impl<'a> UotProblem<'a> {
 
     /// Allows columns to stay unmatched: mass `N_j` without a counterpart, at `costs[j]` per unit.
     /// Adds `Σ_j c_j N_j + λ0 KL(N ‖ b)` to the objective and `N` to the column sums that are
-    /// compared with `b`. With λ2 = ∞ the column's weight is shared out between its rows and
-    /// "none", the posterior of a mixture with an outlier class.
+    /// compared with `b`. With λ2 = ∞ the column's weight is distributed over its rows and
+    /// "none": the posterior of a mixture with an outlier class.
     ///
     /// # Errors
     /// [`UotError::BadLength`], [`UotError::BadValue`] for a cost that is not finite.
@@ -260,12 +260,13 @@ impl<'a> UotProblem<'a> {
         self.cols
     }
 
-    /// Length scale of a Welsch problem; `None` for [`UotProblem::from_cost`].
+    /// Length scale of a Welsch problem; `None` for other costs.
     pub fn scale(&self) -> Option<WelschScale> {
         self.scale
     }
 
-    /// The cost matrix of a dense problem, `[n, m]` row-major; `None` for a structured one.
+    /// The cost matrix of a dense problem, `[n, m]` row-major; `None` for structured and sparse
+    /// costs.
     pub fn cost_matrix(&self) -> Option<&[f64]> {
         match &self.cost {
             Cost::Dense { values, .. } => Some(values),

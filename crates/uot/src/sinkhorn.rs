@@ -21,7 +21,7 @@ const SCALED_ABOVE: f64 = 50.0;
 /// Tolerance and sweeps of the weights before the last: their solutions are only starting points.
 const COARSE_TOL: f64 = 1e-2;
 const COARSE_SWEEPS: usize = 100;
-/// Relative difference of the sums of two marginals that may both be held.
+/// Largest relative difference of the sums of two marginals that are both enforced.
 const MASS_TOL: f64 = 1e-9;
 
 /// Generalised Sinkhorn iteration for the objective of the [crate documentation](crate).
@@ -53,7 +53,7 @@ impl Sinkhorn {
     /// (0.005, or 0.02 with f32 storage), [`UotError::NonUniformMarginals`] or
     /// [`UotError::ReferenceWithUnmatched`] for a reference other than `Kl` with given marginals or
     /// unmatched costs, [`UotError::UnequalMasses`] and [`UotError::Infeasible`] for marginals that
-    /// cannot be held, [`UotError::TooLarge`] when the near field would exceed 2³¹ entries.
+    /// cannot be enforced, [`UotError::TooLarge`] when the near field would exceed 2³¹ entries.
     pub fn solve(&self, problem: &UotProblem<'_>) -> Result<UotOutput, UotError> {
         self.start(problem, None)
     }
@@ -233,7 +233,8 @@ impl Sinkhorn {
         }
     }
 
-    /// Logarithms of the weights that can be moved at all, checked against the sides that are held.
+    /// Logarithms of the weights that can be transported at all, checked against the enforced
+    /// marginals.
     fn marginals(&self, problem: &UotProblem<'_>) -> Result<LogMarginals, UotError> {
         let SinkhornParams { reference, lambda_a, lambda_b, .. } = self.params;
         let unmatched = &problem.unmatched;
@@ -278,7 +279,7 @@ impl Sinkhorn {
 
 type LogMarginals = (Vec<f64>, Vec<f64>);
 
-/// Lines with weight whose candidates all have none.
+/// Ids of rows (or columns) with weight none of whose candidates has any.
 fn idle<I: Iterator<Item = (usize, f64)>>(
     own: &[f64],
     other: &[f64],

@@ -9,9 +9,9 @@
 //!    scales show, if neighbouring pairs agree, else the one that positions of its neighbours fit:
 //!    some tools leave rotations or scales of the splats as they were.
 //! 3. *Growth*: pairs within four radii of the group that the fit explains join; it is fitted anew.
-//! 4. *Border*: what a similarity moved ends where it ends. A smooth warp is nearly a similarity in
-//!    any small patch; there, pairs around the patch miss the fit by little, and ever more of them
-//!    the more misfit is forgiven. Such a patch is no group.
+//! 4. *Border*: a selection that was moved has a sharp border. A smooth warp is nearly a similarity
+//!    in any small patch, but pairs around the patch miss the fit only slightly, and the larger the
+//!    tolerance, the more of them fit. Such a patch is not a group.
 //! 5. *Rest*: open rows whose place, size and orientation the similarity explains belong, too,
 //!    whatever their colours.
 
@@ -56,8 +56,8 @@ const EXPLAINED: f64 = 2.0;
 /// Half as many as the group has is the middle.
 const NEARLY: f64 = 4.0 * EXPLAINED;
 const FRINGE: f64 = 0.5;
-/// Pairs that a patch of a smooth warp explains to within so many limits start no further search:
-/// they are the same warp.
+/// Pairs that a patch of a smooth warp explains to within this many residual limits start no
+/// further search: they belong to the same warp.
 const SAME_WARP: f64 = 32.0 * EXPLAINED;
 
 /// Marks the open rows of `rows` that belong to a group, and returns the similarity of each group.
@@ -316,7 +316,7 @@ impl<'a> Search<'a> {
         (pairs.len() >= MIN_GROUP).then_some(Group { similarity, pairs })
     }
 
-    /// Free pairs that the similarity explains to within so many residual limits.
+    /// Free pairs that the similarity explains to within `limits` residual limits.
     fn explained(&self, similarity: &Similarity, limits: f64, taken: &[bool]) -> Vec<(usize, u32)> {
         (0..self.open.len())
             .into_par_iter()

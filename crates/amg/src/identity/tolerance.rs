@@ -45,8 +45,8 @@ fn sorted(mut values: [f64; 3]) -> [f64; 3] {
     values
 }
 
-/// Whether two splats lie in one place, as far as rounding of coordinates, and of splats of that
-/// size, can tell.
+/// Whether two positions agree within the rounding of coordinates, or within a small share of the
+/// splat's size.
 fn is_in_place(x: [f64; 3], y: [f64; 3], middle_scale: f64, tolerance: f64) -> bool {
     let largest = x.iter().fold(0.0_f64, |m, c| m.max(c.abs()));
     let limit = tolerance * (2e-6 * largest).max(1e-3 * middle_scale);

@@ -1,10 +1,10 @@
-//! Which sources of a support really move as one.
+//! Robust weights of the sources of a support: iteratively reweighted rigid fits.
 //!
 //! Near joints and contacts, neighbours within the tolerance of "one motion" still differ by more
-//! than noise, and their mean is nobody's motion. Where a part is rigid, all that differs is noise,
-//! which more sources average away. So sources are weighed by how well one rigid motion explains
-//! them, in units of the noise of the trajectories: supports stay wide on rigid parts and shrink to
-//! what agrees elsewhere.
+//! than noise, and their mean is the motion of no part. On a rigid part they differ only by noise,
+//! which more sources average out. Sources are therefore weighted by how well one rigid motion
+//! explains them, in units of the noise of the trajectories: supports stay wide on rigid parts and
+//! shrink to the sources that agree elsewhere.
 #![expect(
     clippy::inline_always,
     reason = "vectorised bodies must be compiled inside the dispatched caller"
@@ -18,82 +18,83 @@ use crate::simd::Lanes;
 use gs_core::Real;
 use rayon::prelude::*;
 
-/// Fits, each with the weights that the last one left.
+/// Fits, each with the weights of the previous one.
 const ROUNDS: usize = 2;
 
-/// Key times looked at, as many as there are lanes.
+/// Key times compared, one per lane.
 const MAX_TIMES: usize = 4;
 
 type Times = Lanes<MAX_TIMES>;
 
-/// Root mean square misfit, in units of the noise, at which a source counts half or so.
+/// Scale of the weights: root mean square residual, in units of the noise, at which a source keeps
+/// `e^(−1/2)` of its weight.
 const MISFIT: f64 = 1.5;
 
-/// If all agree at least this well, another fit would change nothing.
+/// If every source keeps at least this share of its weight, another fit changes nothing.
 const AGREED: f64 = 0.7;
 
-/// Weight that any misfit leaves: where nothing agrees, all count alike.
+/// Share of the weight kept at any residual: where no sources agree, all count equally.
 const LEAST: f64 = 1e-6;
 
-/// Most sources a support has, see [`crate::MotionParams::sources_per_row`].
+/// Largest number of sources of a support, see [`crate::MotionParams::sources_per_row`].
 pub(super) const MAX_SOURCES: usize = 64;
 
-/// What a source does at the times compared, one lane each: centres, rotations since the edit
-/// frame, how far it is there.
+/// Motion of a source: centre, rotation since the edit frame (`wxyz`) and presence at the compared
+/// times, one lane each.
 #[derive(Debug, Clone, Copy)]
-struct Moved {
-    place: [[f32; MAX_TIMES]; 3],
-    turn: [[f32; MAX_TIMES]; 4],
-    seen: [f32; MAX_TIMES],
+struct SourceMotion {
+    center: [[f32; MAX_TIMES]; 3],
+    rotation: [[f32; MAX_TIMES]; 4],
+    presence: [f32; MAX_TIMES],
 }
 
-/// Finds what agrees.
+/// Reweights the sources of supports.
 pub(super) struct Consensus<'a> {
     regions: &'a Regions,
-    /// Of each point of `regions`.
-    moved: Vec<Moved>,
+    /// Motion of each point of `regions`.
+    motions: Vec<SourceMotion>,
     /// Key times compared.
     num_times: usize,
-    /// Weight of own rotations.
+    /// Weight of the sources' own rotations in the fits.
     prior: f64,
 }
 
 impl<'a> Consensus<'a> {
     pub(super) fn new(keys: &KeyFrames, regions: &'a Regions, rotation_quality: f64) -> Self {
         let num_times = keys.times.len().min(MAX_TIMES);
-        // The last one included, and none twice.
+        // Evenly spaced, distinct, the last one included.
         let times: Vec<usize> =
             (1..=num_times).map(|i| i * keys.times.len() / num_times - 1).collect();
-        let moved = |&id: &usize| {
-            // Lanes without a time repeat the first one and see nothing.
+        let motion = |&id: &usize| {
+            // Lanes without a time repeat the first one with presence 0.
             let at = |lane: usize| times.get(lane).map_or(times[0], |&k| k);
-            let mut moved = Moved {
-                place: [[0.0; MAX_TIMES]; 3],
-                turn: [[0.0; MAX_TIMES]; 4],
-                seen: [0.0; MAX_TIMES],
+            let mut motion = SourceMotion {
+                center: [[0.0; MAX_TIMES]; 3],
+                rotation: [[0.0; MAX_TIMES]; 4],
+                presence: [0.0; MAX_TIMES],
             };
             for lane in 0..MAX_TIMES {
-                for (values, value) in moved.place.iter_mut().zip(keys.means[at(lane)][id]) {
+                for (values, value) in motion.center.iter_mut().zip(keys.means[at(lane)][id]) {
                     values[lane] = value;
                 }
-                for (values, value) in moved.turn.iter_mut().zip(keys.turns[at(lane)][id]) {
+                for (values, value) in motion.rotation.iter_mut().zip(keys.turns[at(lane)][id]) {
                     values[lane] = value;
                 }
                 if lane < num_times {
-                    moved.seen[lane] = keys.seen(at(lane), id).as_f32();
+                    motion.presence[lane] = keys.seen(at(lane), id).as_f32();
                 }
             }
-            moved
+            motion
         };
         let ids = if num_times == 0 { &[][..] } else { &regions.ids };
-        let moved = ids.par_iter().with_min_len(1024).map(moved).collect();
-        Self { regions, moved, num_times, prior: ROTATION_PRIOR * rotation_quality }
+        let motions = ids.par_iter().with_min_len(1024).map(motion).collect();
+        Self { regions, motions, num_times, prior: ROTATION_PRIOR * rotation_quality }
     }
 
     /// Lowers the weights of points of `regions` that do not share the motion of the others.
-    pub(super) fn reweigh(&self, entries: &mut [(u32, f64)]) {
+    pub(super) fn reweight(&self, entries: &mut [(u32, f64)]) {
         let reach = MISFIT * self.regions.noise;
-        // Three always fit.
+        // Three points fit any rigid motion too well.
         if entries.len() < 4 || reach <= 0.0 || self.num_times == 0 {
             return;
         }
@@ -106,7 +107,7 @@ impl<'a> Consensus<'a> {
         for _ in 0..ROUNDS {
             crate::simd::dispatch(
                 #[inline(always)]
-                || self.misfits(entries, squares),
+                || self.squared_residuals(entries, squares),
             );
             let mut least = 1.0_f64;
             for ((entry, spatial), square) in entries.iter_mut().zip(&*spatial).zip(&*squares) {
@@ -120,21 +121,21 @@ impl<'a> Consensus<'a> {
         }
     }
 
-    /// Squared distances, summed over the times, of where each entry goes from where the rigid
-    /// motion of all of them takes it.
+    /// Squared residuals of the entries' positions under the common rigid motion, summed over the
+    /// times, world units².
     #[inline(always)]
-    fn misfits(&self, entries: &[(u32, f64)], squares: &mut [f64]) {
-        // Motions are compared in place: rests are about the scene's origin, and what they move to
-        // is about the first.
-        let origin = wide(&self.moved[entries[0].0 as usize].place);
+    fn squared_residuals(&self, entries: &[(u32, f64)], squares: &mut [f64]) {
+        // Positions at rest are relative to the origin of the pose, those at the key times to the
+        // first entry, so that sums stay accurate far from the world's origin.
+        let origin = widen(&self.motions[entries[0].0 as usize].center);
         let rest = |point: u32| self.regions.means[point as usize].map(Times::all);
-        let place = |moved: &Moved| {
-            let [x, y, z] = wide(&moved.place);
+        let center = |motion: &SourceMotion| {
+            let [x, y, z] = widen(&motion.center);
             [x - origin[0], y - origin[1], z - origin[2]]
         };
         let (mut from, mut to, mut total) = ([Times::ZERO; 3], [Times::ZERO; 3], 0.0);
         for &(point, weight) in entries {
-            let (x, y) = (rest(point), place(&self.moved[point as usize]));
+            let (x, y) = (rest(point), center(&self.motions[point as usize]));
             for a in 0..3 {
                 from[a] += Times::all(weight) * x[a];
                 to[a] += Times::all(weight) * y[a];
@@ -144,19 +145,20 @@ impl<'a> Consensus<'a> {
         let share = Times::all(1.0 / total);
         let mut fit = RigidFits::about(from.map(|v| v * share), to.map(|v| v * share));
         for &(point, weight) in entries {
-            let (moved, weight) = (&self.moved[point as usize], Times::all(weight.sqrt()));
-            fit.add(weight, rest(point), place(moved));
-            fit.add_rotation(weight, wide(&moved.turn));
+            let motion = &self.motions[point as usize];
+            let weight = Times::all(weight.sqrt());
+            fit.add(weight, rest(point), center(motion));
+            fit.add_rotation(weight, widen(&motion.rotation));
         }
-        let turn = fit.rotation(self.prior);
+        let rotation = fit.rotation(self.prior);
         for (square, &(point, _)) in squares.iter_mut().zip(entries) {
-            let moved = &self.moved[point as usize];
-            let (x, y) = (fit.apply(turn, rest(point)), place(moved));
-            let [seen] = wide(&[moved.seen]);
+            let motion = &self.motions[point as usize];
+            let (x, y) = (fit.apply(rotation, rest(point)), center(motion));
+            let [presence] = widen(&[motion.presence]);
             let mut sum = Times::ZERO;
             for a in 0..3 {
-                let miss = seen * (y[a] - x[a]);
-                sum += miss * miss;
+                let residual = presence * (y[a] - x[a]);
+                sum += residual * residual;
             }
             let [a, b, c, d] = sum.0;
             *square = (a + b) + (c + d);
@@ -165,7 +167,7 @@ impl<'a> Consensus<'a> {
 }
 
 #[inline(always)]
-fn wide<const N: usize>(values: &[[f32; MAX_TIMES]; N]) -> [Times; N] {
+fn widen<const N: usize>(values: &[[f32; MAX_TIMES]; N]) -> [Times; N] {
     let mut out = [Times::ZERO; N];
     for (out, values) in out.iter_mut().zip(values) {
         for lane in 0..MAX_TIMES {

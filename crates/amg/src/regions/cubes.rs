@@ -1,75 +1,78 @@
-//! The edit in small cubes: splats of one cube share the search for regions around them.
+//! Edited splats grouped in small cubes, whose splats share one search for candidate regions.
 
 use super::edit::Edit;
 use super::numeric::TINY;
 use super::region_motion::{Path, RegionMotion};
+use super::region_tree::RegionTree;
 use super::source::Regions;
 use crate::rigid::dot;
-use crate::row_index::index;
-use anchors::{KdTree, Neighbor};
+use anchors::Neighbor;
 use gs_core::Real;
 use rayon::prelude::*;
 
-/// Motions told apart per cube. Where more parts meet, the farthest are none of its.
+/// Motions distinguished per cube. Where more parts meet, the farthest are no candidates.
 pub(super) const MAX_HYPOTHESES: usize = 4;
 
-/// Regions looked at per cube: all within a thick sleeve's reach.
-const LOOKED_AT: usize = 160;
+/// Candidate regions per cube: all that a thick sleeve can be displaced from.
+const CANDIDATES: usize = 160;
 
-/// Cubes handed to a thread at a time. Neighbours among them share regions, and so caches.
+/// Cubes per task. Neighbouring cubes share regions, and thus cache lines.
 const BLOCK: usize = 16;
 
-/// Edited splats of one cube, and the regions around them.
+/// Edited splats of one cube and their candidate regions.
 #[derive(Debug, Default)]
 pub(super) struct Cube {
     /// Edited splats, ascending.
     pub(super) splats: Vec<u32>,
-    /// Regions, nearest to the middle of the splats first; none if all splats are source splats.
+    /// Candidate regions, those nearest to the mean of the splats first; empty if all splats are
+    /// source splats.
     pub(super) regions: Vec<u32>,
-    /// Which of the motions around the cube each region has; [`MAX_HYPOTHESES`] if a farther one.
+    /// Hypothesis of each candidate region; [`MAX_HYPOTHESES`] if it has none of these motions.
     pub(super) hypotheses: Vec<u8>,
 }
 
-/// All of them, in the order of their places, and which splat is in which.
+/// All cubes, in the order of their positions.
 #[derive(Debug)]
 pub(super) struct Cubes {
     cubes: Vec<Cube>,
     num_splats: usize,
 }
 
-/// What cubes are made of.
+/// Regions and edited splats between which candidates are searched.
 #[derive(Clone, Copy)]
-pub(super) struct Surroundings<'a> {
+pub(super) struct SearchSpace<'a> {
     pub(super) regions: &'a Regions,
     pub(super) motion: &'a RegionMotion,
     pub(super) edit: &'a Edit,
-    /// Motions that differ by less than this, world units, are one.
+    /// Largest distance between images of a point under two motions that count as one, world units.
     pub(super) tolerance: f32,
 }
 
 impl Cubes {
-    /// Cuts the edit in cubes of edge `edge` along `axes`.
-    pub(super) fn of(around: Surroundings<'_>, axes: [[f64; 3]; 3], edge: f64) -> Self {
-        let Surroundings { regions, motion, edit, .. } = around;
-        let kept: Vec<usize> = (0..regions.len()).filter(|&i| !motion.outlier[i]).collect();
-        let points: Vec<[f64; 3]> = kept.iter().map(|&i| regions.centroids.rest[i]).collect();
-        let tree = KdTree::<3>::new(&points);
+    /// Groups the edited splats in cubes of edge `edge` along `axes`. `tree` has the regions.
+    pub(super) fn of(
+        space: SearchSpace<'_>,
+        tree: &RegionTree,
+        axes: [[f64; 3]; 3],
+        edge: f64,
+    ) -> Self {
+        let edit = space.edit;
         let make = |(near, grouping): &mut (Vec<Neighbor>, Grouping), splats: Vec<u32>| {
             if splats.iter().all(|&e| edit.exact[e as usize].is_some()) {
                 return Cube { splats, ..Cube::default() };
             }
-            let mut middle = [0.0; 3];
+            let mut mean = [0.0; 3];
             for &e in &splats {
-                for (m, x) in middle.iter_mut().zip(edit.means[e as usize]) {
+                for (m, x) in mean.iter_mut().zip(edit.means[e as usize]) {
                     *m += x / splats.len() as f64;
                 }
             }
-            tree.nearest(&middle, LOOKED_AT, near);
-            let regions: Vec<u32> = near.iter().map(|n| index(kept[n.id as usize])).collect();
-            let hypotheses = around.hypotheses(middle, &regions, grouping).to_vec();
+            tree.nearest(&mean, CANDIDATES, near);
+            let regions: Vec<u32> = near.iter().map(|n| n.id).collect();
+            let hypotheses = space.hypotheses(mean, &regions, grouping).to_vec();
             Cube { splats, regions, hypotheses }
         };
-        let cubes = by_place(edit, axes, edge)
+        let cubes = splats_by_cube(edit, axes, edge)
             .into_par_iter()
             .with_min_len(BLOCK)
             .map_init(Default::default, make)
@@ -77,7 +80,7 @@ impl Cubes {
         Self { cubes, num_splats: edit.len() }
     }
 
-    /// What `each` makes of every splat, given its cube, in the order of the splats.
+    /// Calls `each` with every splat and its cube; returns the results in the order of the splats.
     pub(super) fn map_splats<S: Default, R: Send + Default>(
         &self,
         each: impl Fn(&mut S, &Cube, usize) -> R + Sync,
@@ -86,8 +89,8 @@ impl Cubes {
             .cubes
             .par_chunks(BLOCK)
             .map_init(S::default, |scratch, cubes| {
-                let splats = |cube: &Cube| cube.splats.len();
-                let mut found = Vec::with_capacity(cubes.iter().map(splats).sum());
+                let num_splats = cubes.iter().map(|cube| cube.splats.len()).sum();
+                let mut found = Vec::with_capacity(num_splats);
                 for cube in cubes {
                     found.extend(cube.splats.iter().map(|&e| each(scratch, cube, e as usize)));
                 }
@@ -103,39 +106,39 @@ impl Cubes {
     }
 }
 
-/// What is kept from cube to cube, so that nothing is allocated for each.
+/// Buffers reused from search to search.
 #[derive(Default)]
 pub(super) struct Grouping {
     hypotheses: Vec<u8>,
-    open: Vec<u32>,
-    apart: Vec<f32>,
+    remaining: Vec<u32>,
+    deviations: Vec<f32>,
     path: Path,
 }
 
-impl Surroundings<'_> {
-    /// Which of the motions at `x` each of `regions` has: the first region stands for its motion,
-    /// the first that does not share it for the next, and so on; [`MAX_HYPOTHESES`] for regions
-    /// that have none of these.
+impl SearchSpace<'_> {
+    /// Hypothesis of each of `regions` at `x`. The first region and all that share its motion have
+    /// hypothesis 0, the first of the others and all that share its motion 1, and so on;
+    /// [`MAX_HYPOTHESES`] for the rest.
     pub(super) fn hypotheses<'b>(
         &self,
         x: [f64; 3],
         regions: &[u32],
         scratch: &'b mut Grouping,
     ) -> &'b [u8] {
-        let Grouping { hypotheses, open, apart, path } = scratch;
+        let Grouping { hypotheses, remaining, deviations, path } = scratch;
         let none = u8::try_from(MAX_HYPOTHESES).unwrap_or(u8::MAX);
         let x = x.map(Real::as_f32);
         hypotheses.clear();
         hypotheses.resize(regions.len(), none);
         for hypothesis in 0..none {
-            open.clear();
-            let is_open = regions.iter().zip(&*hypotheses).filter(|(_, h)| **h == none);
-            open.extend(is_open.map(|(&region, _)| region));
-            let Some(&first) = open.first() else { break };
+            remaining.clear();
+            let without = regions.iter().zip(&*hypotheses).filter(|(_, h)| **h == none);
+            remaining.extend(without.map(|(&region, _)| region));
+            let Some(&first) = remaining.first() else { break };
             self.motion.path(first as usize, x, path);
-            self.motion.apart(path, open, apart);
+            self.motion.max_squared_distances(path, remaining, deviations);
             let slots = hypotheses.iter_mut().filter(|h| **h == none);
-            for (slot, &squared) in slots.zip(&*apart) {
+            for (slot, &squared) in slots.zip(&*deviations) {
                 if squared <= self.tolerance * self.tolerance {
                     *slot = hypothesis;
                 }
@@ -145,8 +148,8 @@ impl Surroundings<'_> {
     }
 }
 
-/// Edited splats by cubes of edge `edge` along `axes`.
-fn by_place(edit: &Edit, axes: [[f64; 3]; 3], edge: f64) -> Vec<Vec<u32>> {
+/// Ids of the edited splats of each cube of edge `edge` along `axes`.
+fn splats_by_cube(edit: &Edit, axes: [[f64; 3]; 3], edge: f64) -> Vec<Vec<u32>> {
     let edge = edge.max(TINY);
     let cube = |x: [f64; 3]| axes.map(|axis| (dot(axis, x) / edge).round());
     let mut keyed: Vec<([f64; 3], u32)> =

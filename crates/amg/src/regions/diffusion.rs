@@ -1,15 +1,17 @@
-//! Sums spread over regions that move as one: what is learned varies slowly over a body part and
-//! not at all across its border.
+//! Diffusion of per-region sums between neighbours that move together: statistics are smooth within
+//! a body part and independent across its border.
 
 use super::region_motion::RegionMotion;
 use anchors::RigidNeighbors;
 use rayon::prelude::*;
 
-/// Neighbours spread to; they move as one with a region at least this much.
+/// Nearest neighbours linked to a region.
 const NEIGHBORS: usize = 16;
+
+/// Least agreement of linked regions: weaker links contribute almost nothing.
 const MIN_AGREEMENT: f64 = 0.05;
 
-/// Weighted links between regions.
+/// Links between regions, weighted by agreement; outliers have none.
 #[derive(Debug)]
 pub(super) struct Diffusion {
     links: Vec<Vec<(u32, f64)>>,
@@ -33,8 +35,8 @@ impl Diffusion {
         Self { links }
     }
 
-    /// `values` `[R]` after `steps` steps, each of which gives every region the weighted mean of
-    /// its own and its neighbours'.
+    /// `values` `[R]` after `steps` steps. Each step replaces the value of every region by the
+    /// weighted mean of its own, with weight 1, and its neighbours'.
     pub(super) fn spread<const N: usize>(
         &self,
         mut values: Vec<[f64; N]>,

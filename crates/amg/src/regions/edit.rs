@@ -9,26 +9,26 @@ use anchors::KdTree;
 use gs_core::Splats;
 use rayon::prelude::*;
 
-/// Extent of a splat in standard deviations, within which those it is split into lie, and how
-/// exactly they keep its proportions.
+/// Distance from a splat's centre, in its largest standard deviation, within which the splats it
+/// was split into lie; and largest difference of their log-scale ratios between axes.
 const EXTENT: f64 = 3.0;
 const PROPORTIONS: f32 = 1e-4;
 
-/// Edited splats in canonical order.
+/// Edited splats in canonical order, `[E]`.
 #[derive(Debug)]
 pub(super) struct Edit {
-    /// Centres, about the scene's origin.
+    /// Centres about the origin of the pose, world units.
     pub(super) means: Vec<[f64; 3]>,
-    /// Thin axes times flatness, sign arbitrary.
+    /// Thin axes, length = flatness, sign arbitrary.
     pub(super) axes: Vec<[f64; 3]>,
-    /// Position in the source's `ids` of the one splat that this one was: it shares the centre, or
-    /// quaternion and scales, bit for bit (editors that change one property keep the others), or
-    /// was split off.
+    /// Parent: position in the source's `ids` of the only splat that has the same centre, or the
+    /// same quaternion and scales, bit for bit (editors that change one property keep the others),
+    /// or from which this one may have been split off.
     pub(super) parent: Vec<Option<u32>>,
-    /// Position in the source's `ids` of the splat this one *is*; such splats are evidence, not
-    /// questions.
+    /// Position in the source's `ids` of the splat that this one *is*. Such splats are not matched;
+    /// they contribute to the statistics.
     pub(super) exact: Vec<Option<u32>>,
-    /// Which of the source's `ids` the whole edit kept, be they near to these or not.
+    /// Which of the source's `ids` the whole edit kept, `[N]`, not only those near these splats.
     pub(super) kept: Vec<bool>,
 }
 
@@ -46,7 +46,7 @@ impl Edit {
         for (&id, point) in ids.iter().zip(0_u32..) {
             point_of[id] = Some(point);
         }
-        let known = |is: Identity| is.in_place().and_then(|id| point_of[id as usize]);
+        let exact = |is: Identity| is.in_place().and_then(|id| point_of[id as usize]);
         let mut kept = vec![false; ids.len()];
         let point = |is: &Identity| is.source().and_then(|id| point_of[id as usize]);
         for point in identity.rows.iter().filter_map(point) {
@@ -74,7 +74,7 @@ impl Edit {
             means: rows.iter().map(|&row| sub(edited.means[row].map(f64::from), origin)).collect(),
             axes: rows.par_iter().with_min_len(256).map(|&row| thin_axis(edited, row)).collect(),
             parent: rows.par_iter().with_min_len(256).map(parent).collect(),
-            exact: rows.iter().map(|&row| known(identity.rows[row])).collect(),
+            exact: rows.iter().map(|&row| exact(identity.rows[row])).collect(),
             kept,
         }
     }
@@ -88,8 +88,8 @@ fn quat_bits(splats: &Splats, i: usize) -> [u32; 4] {
     splats.quats[i].map(|c| (c + 0.0).to_bits())
 }
 
-/// Whether `row` may be what splitting source splat `i` left: inside it, with its proportions,
-/// which editors that move splats change.
+/// Whether `row` may be a part of source splat `i`, split by densification: smaller, inside it,
+/// with the same proportions.
 fn may_be_split(source: &Splats, i: usize, edited: &Splats, row: usize) -> bool {
     let d = sub(edited.means[row].map(f64::from), source.means[i].map(f64::from));
     let reach = source.scale(i).into_iter().fold(0.0_f32, f32::max);
@@ -98,8 +98,7 @@ fn may_be_split(source: &Splats, i: usize, edited: &Splats, row: usize) -> bool 
     alike && shrunk[0] > 0.0 && dot(d, d).sqrt() <= EXTENT * f64::from(reach)
 }
 
-/// Position of each key that occurs once; `None` for keys that occur more often and so prove
-/// nothing.
+/// Position of each key that occurs once; `None` for ambiguous keys.
 fn unique<K: std::hash::Hash + Eq>(keys: impl Iterator<Item = K>) -> BitMap<K, Option<u32>> {
     let mut map = BitMap::default();
     for (key, i) in keys.zip(0_u32..) {
@@ -117,7 +116,8 @@ fn shape_bits(splats: &Splats, i: usize) -> [u32; 7] {
     [w, x, y, z, a, b, c].map(|v| (v + 0.0).to_bits())
 }
 
-/// The open rows and those exact rows that have an open one within `reach`, none of them broken.
+/// The `open` rows and those source splats that have an open row within `reach`, world units. Rows
+/// with values that are not finite are none of these.
 pub(super) fn involved(
     edited: &Splats,
     open: &[usize],

@@ -1,4 +1,4 @@
-//! Who is beside whom in the edit.
+//! Neighbour graph of the edited splats.
 
 use anchors::Neighbors;
 use rayon::prelude::*;
@@ -11,14 +11,16 @@ pub(super) type Link = (u32, u32);
 /// Neighbours per splat.
 const NEIGHBORS: usize = 24;
 
-/// In large edits evidence is dense, and memory is not.
+/// Neighbours per splat in edits of more than [`MANY`] splats, to save memory: most splats are
+/// matched there, so that paths are short.
 const NEIGHBORS_IF_MANY: usize = 12;
 const MANY: usize = 10_000;
 
 /// Links longer than this many local spacings are gaps.
 const GAP: f64 = 4.0;
 
-/// Links of the edit, sorted, and local spacings.
+/// Sorted links between the edited splats `means` `[N,3]`, and their local spacings, world units,
+/// `[N]`.
 pub(super) fn links(means: &[[f64; 3]]) -> (Vec<Link>, Vec<f64>) {
     let k = if means.len() > MANY { NEIGHBORS_IF_MANY } else { NEIGHBORS };
     let near = Neighbors::of(means, k);
@@ -37,8 +39,8 @@ pub(super) fn links(means: &[[f64; 3]]) -> (Vec<Link>, Vec<f64>) {
     (links, spacing)
 }
 
-/// For every splat, the seed that is nearest along the links; `None` where no link leads to one.
-/// Ties go to the lower seed.
+/// For every splat, the seed that is nearest along the links (Dijkstra from all seeds at once);
+/// `None` where no path leads to one. Ties go to the lower seed.
 pub(super) fn nearest_seed(
     means: &[[f64; 3]],
     links: &[Link],
@@ -46,10 +48,10 @@ pub(super) fn nearest_seed(
 ) -> Vec<Option<u32>> {
     let mut owner: Vec<Option<u32>> =
         (0_u32..).take(means.len()).map(|i| is_seed(i as usize).then_some(i)).collect();
-    // Only what is no seed has to be reached; most splats are.
+    // Most splats are seeds: only links between other splats are stored.
     let mut around: HashMap<u32, Vec<u32>> = HashMap::new();
     let mut heap: BinaryHeap<Reverse<(u64, u32, u32)>> = BinaryHeap::new();
-    // Lengths as bits: for finite non-negative numbers their order is that of the numbers.
+    // Lengths as bits: the order of finite non-negative numbers is that of their bits.
     let reached = |length: u64, from: u32, to: u32| {
         let d = crate::rigid::sub(means[from as usize], means[to as usize]);
         (f64::from_bits(length) + crate::rigid::norm(d)).to_bits()

@@ -1,24 +1,25 @@
 //! The default guide: regions of the source, relaxed transport of edited splats to regions, rigid
 //! aggregation.
 //!
-//! The model and its estimation are written down in `docs/MOTION.md`. In the order of the code:
+//! `docs/MOTION.md` describes the model and its estimation. In the order of the code:
 //!
 //! 1. Source splats that move with none of their neighbours are outliers; the others form regions
-//!    that move as one ([`source`], cells of the `anchors` crate).
+//!    that move together ([`source`], cells of the `anchors` crate).
 //! 2. Regions get rigid motions at the key times ([`region_motion`]) and outward normals
 //!    ([`normals`]).
-//! 3. Edited splats of one small cube share the search for the regions around them and for the
-//!    motions these have ([`cubes`]); each collects some of every motion ([`candidates`]).
-//! 4. Costs ([`likelihood`], [`coverage`]) say how probable each motion is; the regions'
-//!    statistics, how the edit displaced them, follow, smoothed by [`diffusion`]; and so on in
-//!    turns ([`posterior`]).
-//! 5. Splats that no region explains follow the nearest ones that some region does ([`graph`]).
-//! 6. New connected pieces that stand out follow what they are attached to, as a whole
-//!    ([`new_pieces`]).
-//! 7. Each takes some sources of its motion, those that agree best ([`support`], [`consensus`]);
-//!    their weighted rigid motion is its own.
+//! 3. Edited splats are grouped in small cubes. The splats of a cube share a search for regions,
+//!    which are grouped by motion ([`cubes`]); each splat keeps the nearest of every motion
+//!    ([`candidates`]).
+//! 4. Expectation–maximisation ([`posterior`]): costs ([`likelihood`], [`coverage`]) give the
+//!    probability of each motion, and these give the statistics of each region: how the edit
+//!    displaced it, smoothed by [`diffusion`].
+//! 5. Unmatched splats follow the nearest matched ones along the neighbour graph ([`graph`]).
+//! 6. New connected pieces that extend from the figure move as a whole with the part they are
+//!    attached to ([`new_pieces`]). [`followed`] combines 4 to 6.
+//! 7. Each splat gets a support, some sources of its motion that agree well ([`support`],
+//!    [`consensus`]); their weighted rigid motion is its motion.
 //!
-//! Words are those of the glossary at the head of the crate.
+//! The glossary is at the head of the crate.
 
 mod candidates;
 mod consensus;
@@ -26,6 +27,7 @@ mod coverage;
 mod cubes;
 mod diffusion;
 mod edit;
+mod followed;
 mod graph;
 mod likelihood;
 mod new_pieces;
@@ -33,6 +35,7 @@ mod normals;
 mod numeric;
 mod posterior;
 mod region_motion;
+mod region_tree;
 mod source;
 mod support;
 
@@ -43,172 +46,167 @@ use crate::report::MotionReport;
 use crate::rigid::{dot, sub};
 use crate::row_kind::RowKind;
 use crate::work::{Progress, Row, Work};
-use anchors::{KdTree, RigidNeighbors};
+use anchors::RigidNeighbors;
 use candidates::Candidates;
 use consensus::Consensus;
-use cubes::{Cubes, Surroundings};
+use cubes::{Cube, Cubes, SearchSpace};
 use edit::Edit;
+use followed::{FollowInputs, Followed};
 use gs_core::{Real, Splats};
-use posterior::{Given, Model};
+use posterior::{Inputs, Model};
 use rayon::prelude::*;
 use region_motion::RegionMotion;
+use region_tree::RegionTree;
 use source::Regions;
 use std::cmp::Ordering;
+use std::time::Instant;
+use support::{Scratch, Supports};
 
-/// Untouched splats this near to an edited one, as a share of the figure, help to decide what it
-/// belongs to: a body part's width.
+/// Unchanged splats at most this far from an edited one, as a share of the figure, contribute to
+/// the statistics: the width of a body part.
 const NEIGHBORHOOD: f64 = 0.1;
 
-/// Motions of sources that support one splat differ by less than this share of those that are two
-/// hypotheses: a hypothesis may bend, a support must not.
+/// Tolerance of the motions in a support, as a share of that of a hypothesis: a hypothesis may
+/// bend, a support must not.
 const RIGID: f64 = 0.4;
 
-/// Motions are told apart no better than this many times the noise of the regions' trajectories.
+/// Least tolerance of motions, in units of the noise of the regions' trajectories.
 const NOISES: f64 = 4.0;
 
-/// One row per entry of `work.open`, and the factor by which the sources' own rotations may be
-/// believed.
+/// One row per entry of `work.open`, and the factor on the weight of the sources' own rotations, 0
+/// to 1.
 pub(crate) fn bind(
     work: &Work<'_>,
     params: &MotionParams,
     report: &mut MotionReport,
     progress: Progress<'_>,
 ) -> (Vec<Row>, f64) {
+    let all_static = (vec![static_row(); work.open.len()], 1.0);
     let keys = work.keys;
     let usable = (0..keys.at_edit.len()).filter(|&i| !keys.broken[i]).collect();
     let (ids, pose) = sources(usable, keys, &work.split.dynamic);
-    let size = work.split.figure_size;
-    let none = || (vec![(RowKind::Static, Vec::new()); work.open.len()], 1.0);
     if ids.is_empty() || report.num_dynamic == 0 {
-        return none();
+        return all_static;
     }
+    let size = work.split.figure_size;
     let involved = edit::involved(work.edited, &work.open, work.identity, NEIGHBORHOOD * size);
-    let mut clock = std::time::Instant::now();
+    let mut clock = Instant::now();
     let mut lap = |name: &'static str, report: &mut MotionReport| {
         report.timings.push((name, clock.elapsed().as_secs_f64()));
-        clock = std::time::Instant::now();
+        clock = Instant::now();
     };
     let order = outwards(lexicographic(involved, work.edited, &[]), work.edited, &pose);
+
     progress("regions", 0.0);
-    let edge = params.region_size * size;
-    let regions = Regions::of(keys, ids, &work.split.dynamic, &pose, (edge, params.strain));
-    report.num_floaters = regions.num_outliers;
-    report.num_parts = regions.len();
-    if regions.len() == 0 {
-        return none();
-    }
-    let neighbors = RigidNeighbors::of(&regions.centroids, params.strain);
-    let motion = RegionMotion::of(&regions.centroids, &regions.turns, &neighbors);
-    if motion.outlier.iter().all(|&o| o) {
-        return none();
-    }
-    let mut normals = regions.axes.clone();
-    normals::orient(&regions.centroids, &neighbors, &mut normals);
+    let Some(source) = Source::of(work, ids, &pose, params, report) else { return all_static };
+    let Source { regions, neighbors, motion, normals, tree } = &source;
     lap("regions", report);
 
     progress("candidates", 0.0);
-    let edit = Edit::of(keys, &regions.ids, work.edited, &order, work.identity, pose.origin);
+    let edit = &Edit::of(keys, &regions.ids, work.edited, &order, work.identity, pose.origin);
     let tolerance = |share: f64| (share * size).max(NOISES * neighbors.noise).as_f32();
-    let around = Surroundings {
-        regions: &regions,
-        motion: &motion,
-        edit: &edit,
-        tolerance: tolerance(params.same_motion),
-    };
-    let cubes = Cubes::of(around, pose.axes, edge);
-    let candidates = Candidates::of(around, &normals, &cubes);
+    let space = SearchSpace { regions, motion, edit, tolerance: tolerance(params.same_motion) };
+    let cubes = Cubes::of(space, tree, pose.axes, params.region_size * size);
+    let candidates = &Candidates::of(space, normals, &cubes);
     lap("candidates", report);
 
     progress("posterior", 0.0);
-    let model = Model::estimate(&Given {
-        regions: &regions,
-        neighbors: &neighbors,
-        motion: &motion,
-        candidates: &candidates,
-        edit: &edit,
-        params,
-        figure_size: size,
-    });
-    let posteriors = model.posteriors();
+    let inputs = Inputs { regions, neighbors, motion, candidates, edit, params, figure_size: size };
+    let posteriors = &Model::estimate(&inputs).posteriors();
     lap("posterior", report);
 
     progress("support", 0.0);
+    let new_geometry = params.new_geometry * size;
     let reach = f64::from(work.options.reach) * size;
-    let within_reach = |e: usize| candidates.distance[e] <= reach;
-    // The likeliest region, if it is likelier than none.
-    let matched: Vec<Option<u32>> = (0..edit.len())
-        .map(|e| {
-            let explained =
-                posteriors[e].unmatched < 0.5 && (within_reach(e) || edit.exact[e].is_some());
-            posteriors[e].region.filter(|_| explained)
-        })
-        .collect();
-    let (links, spacing) = graph::links(&edit.means);
-    let seeds = graph::nearest_seed(&edit.means, &links, |e| matched[e].is_some());
-    let pieces = new_pieces::NewPieces {
-        regions: &regions,
-        motion: &motion,
-        edit: &edit,
-        matched: &matched,
-        links: &links,
-        spacing: &spacing,
-        stands_out: params.new_geometry * size,
-        reach,
-    };
-    let carriers = pieces.carriers();
-    let kept: Vec<usize> = (0..regions.len()).filter(|&i| !motion.outlier[i]).collect();
-    let points: Vec<[f64; 3]> = kept.iter().map(|&i| regions.centroids.rest[i]).collect();
-    let supports = support::Supports {
-        regions: &regions,
-        motion: &motion,
+    let inputs =
+        FollowInputs { regions, motion, edit, candidates, posteriors, new_geometry, reach };
+    let followed = inputs.followed();
+    let is_open = |e: usize| edit.exact[e].is_none();
+    let out_of_reach = |&e: &usize| is_open(e) && matches!(followed[e], Followed::Nothing);
+    report.out_of_reach = (0..edit.len()).filter(out_of_reach).count();
+    let supports = Supports {
+        regions,
+        motion,
         spacing: &neighbors.spacing,
         tolerance: tolerance(RIGID * params.same_motion),
         sources_per_row: params.sources_per_row,
-        consensus: Consensus::new(keys, &regions, motion.rotation_quality),
-        kept: &kept,
-        tree: &KdTree::<3>::new(&points),
+        consensus: Consensus::new(keys, regions, motion.rotation_quality),
+        tree,
     };
-    let nothing = || (RowKind::Static, Vec::new());
-    let row_of = |scratch: &mut support::Scratch,
-                  cube: &cubes::Cube,
-                  e: usize|
-     -> Option<(Row, bool)> {
-        if edit.exact[e].is_some() {
-            return None;
-        }
+    let found = cubes.map_splats(|scratch: &mut Scratch, cube: &Cube, e| {
         let x = edit.means[e];
-        let seed = seeds[e].map(|seed| seed as usize);
-        let likeliest = posteriors[e].region.filter(|_| within_reach(e));
-        let sources = match (carriers[e], seed.and_then(|seed| matched[seed]), likeliest) {
-            (Some(carrier), _, _) => supports.far(x, carrier, scratch),
-            (None, Some(region), _) if seed == Some(e) => supports.near(x, cube, region, scratch),
-            (None, Some(region), _) | (None, None, Some(region)) => {
-                supports.far(x, region, scratch)
-            }
-            (None, None, None) => return Some((nothing(), true)),
+        let sources = match followed[e] {
+            _ if !is_open(e) => return None,
+            Followed::Own(region) => supports.near(x, cube, region, scratch),
+            Followed::Other(region) => supports.far(x, region, scratch),
+            Followed::Nothing => Vec::new(),
         };
-        let (mut moving, mut total) = (0.0, 0.0);
-        for &(id, w) in &sources {
-            total += w;
-            moving += if work.split.dynamic[id as usize] { w } else { 0.0 };
-        }
-        let blends = moving * 2.0 > total;
-        Some((if blends { (RowKind::Blended, sources) } else { nothing() }, false))
-    };
-    let found = cubes.map_splats(row_of);
+        Some(blended_row(sources, &work.split.dynamic))
+    });
     lap("support", report);
-    report.out_of_reach = found.iter().flatten().filter(|(_, far)| *far).count();
     // Back from canonical order to that of `open`, which is ascending.
-    let mut rows = vec![(RowKind::Static, Vec::new()); work.open.len()];
-    for (row, result) in order.iter().zip(found) {
-        if let (Some((result, _)), Ok(slot)) = (result, work.open.binary_search(row)) {
-            rows[slot] = result;
+    let mut rows = vec![static_row(); work.open.len()];
+    for (row, found) in order.iter().zip(found) {
+        if let (Some(found), Ok(slot)) = (found, work.open.binary_search(row)) {
+            rows[slot] = found;
         }
     }
     (rows, motion.rotation_quality)
 }
 
-/// Usable sources from the inside out, and the frame of those that move.
+/// Regions of the source, and their motions and normals.
+struct Source {
+    regions: Regions,
+    neighbors: RigidNeighbors,
+    motion: RegionMotion,
+    /// Outward normals, length = flatness, `[R]`.
+    normals: Vec<[f64; 3]>,
+    tree: RegionTree,
+}
+
+impl Source {
+    /// Forms the regions of the source rows `ids`; `None` if all of them are outliers.
+    fn of(
+        work: &Work<'_>,
+        ids: Vec<usize>,
+        pose: &Pose,
+        params: &MotionParams,
+        report: &mut MotionReport,
+    ) -> Option<Self> {
+        let shape = (params.region_size * work.split.figure_size, params.strain);
+        let regions = Regions::of(work.keys, ids, &work.split.dynamic, pose, shape);
+        report.num_floaters = regions.num_outliers;
+        report.num_parts = regions.len();
+        if regions.len() == 0 {
+            return None;
+        }
+        let neighbors = RigidNeighbors::of(&regions.centroids, params.strain);
+        let motion = RegionMotion::of(&regions.centroids, &regions.rotations, &neighbors);
+        if motion.outlier.iter().all(|&o| o) {
+            return None;
+        }
+        let mut normals = regions.axes.clone();
+        normals::orient(&regions.centroids, &neighbors, &mut normals);
+        let tree = RegionTree::new(&regions, &motion);
+        Some(Self { regions, neighbors, motion, normals, tree })
+    }
+}
+
+fn static_row() -> Row {
+    (RowKind::Static, Vec::new())
+}
+
+/// A row that blends `sources`, or a static one unless more than half of their weight moves.
+fn blended_row(sources: Vec<(u32, f32)>, dynamic: &[bool]) -> Row {
+    let (mut moving, mut total) = (0.0, 0.0);
+    for &(id, w) in &sources {
+        total += w;
+        moving += if dynamic[id as usize] { w } else { 0.0 };
+    }
+    if moving * 2.0 > total { (RowKind::Blended, sources) } else { static_row() }
+}
+
+/// The `usable` sources by distance from the origin of the pose, and the pose of those that move.
 fn sources(usable: Vec<usize>, keys: &KeyFrames, dynamic: &[bool]) -> (Vec<usize>, Pose) {
     let ids = lexicographic(usable, &keys.at_edit, &keys.means);
     let moving = ids.iter().filter(|&&i| dynamic[i]);
@@ -217,12 +215,12 @@ fn sources(usable: Vec<usize>, keys: &KeyFrames, dynamic: &[bool]) -> (Vec<usize
 }
 
 fn compare(a: &[f32], b: &[f32]) -> Ordering {
-    let unlike = a.iter().zip(b).map(|(x, y)| x.total_cmp(y)).find(|order| order.is_ne());
-    unlike.unwrap_or(Ordering::Equal)
+    let different = a.iter().zip(b).map(|(x, y)| x.total_cmp(y)).find(|order| order.is_ne());
+    different.unwrap_or(Ordering::Equal)
 }
 
-/// Rows in an order that depends on what the splats are, `later` too, not on how the file lists
-/// them.
+/// Rows sorted by the values of the splats, and by their positions `later`, so that the order does
+/// not depend on the file.
 fn lexicographic(mut rows: Vec<usize>, splats: &Splats, later: &[Vec<[f32; 3]>]) -> Vec<usize> {
     rows.par_sort_by(|&a, &b| {
         compare(&splats.means[a], &splats.means[b])
@@ -230,15 +228,15 @@ fn lexicographic(mut rows: Vec<usize>, splats: &Splats, later: &[Vec<[f32; 3]>])
             .then_with(|| compare(&splats.log_scales[a], &splats.log_scales[b]))
             .then_with(|| splats.opacity_logits[a].total_cmp(&splats.opacity_logits[b]))
             .then_with(|| {
-                let mut parted = later.iter().map(|means| compare(&means[a], &means[b]));
-                parted.find(|order| order.is_ne()).unwrap_or(Ordering::Equal)
+                let mut orders = later.iter().map(|means| compare(&means[a], &means[b]));
+                orders.find(|order| order.is_ne()).unwrap_or(Ordering::Equal)
             })
     });
     rows
 }
 
-/// Rows by their distance from the origin: an order that a rigid motion or a scale of the scene
-/// leaves as it is.
+/// Rows sorted by distance from the origin of the pose: an order that does not depend on the
+/// placement and scale of the scene.
 fn outwards(rows: Vec<usize>, splats: &Splats, pose: &Pose) -> Vec<usize> {
     let mut keyed: Vec<(f64, usize)> = rows
         .into_iter()

@@ -1,11 +1,11 @@
-//! New geometry that stands out from the figure moves with what it is attached to.
+//! New geometry that extends from the figure moves with the part that it is attached to.
 //!
-//! Wings that pass behind a swinging arm lie as near to it as to the back they grow from, over
-//! fewer splats. Splat by splat nothing tells the two apart; the whole piece does: it touches its
-//! carrier over the widest area. So each connected piece of new splats that reaches far from every
-//! source takes one motion, unless two parts hold it about equally well. Pieces that stay near the
-//! figure may be sticks, which are stiff, or sleeves, which bend: they take one motion only if all
-//! that they touch has it. What hovers touches nothing, and moves as one with what is nearest.
+//! Wings that pass behind a swinging arm are as near to it as to the back that they are attached
+//! to, but in fewer places. Single splats do not distinguish the two; the whole piece does: its
+//! contact with the back has the larger area. Each connected piece of new splats that extends far
+//! from every source therefore takes one motion, unless its contacts with two parts have similar
+//! areas. Pieces that stay near the figure may be rigid (a stick) or bend (a sleeve): they take one
+//! motion only if nearly all of their contact has it. A detached piece moves with the nearest part.
 
 use super::edit::Edit;
 use super::graph::Link;
@@ -16,140 +16,156 @@ use anchors::{KdTree, NO_CELL};
 use gs_core::Real;
 use rayon::prelude::*;
 
-/// Fewer splats are strays.
+/// Smaller pieces are stray splats.
 const MIN_SPLATS: usize = 8;
 
-/// Share of a piece's splats that stand out by the full length. Other new geometry may line the
-/// figure, and must then bend with it.
+/// Share of a piece's splats beyond the full distance from which it is clearly no clothing. Other
+/// new geometry may cover the figure, and must then bend with it.
 const MIN_SHARE: f64 = 1.0 / 3.0;
 
-/// Pieces of which this share stands out by [`FREE`] are looked at at all.
-const MIN_FREE: f64 = 0.1;
+/// Share of a piece's splats beyond [`CLEARANCE`] below which each splat keeps its own match.
+const MIN_CLEAR_SHARE: f64 = 0.1;
 
-/// Lengths in units of that by which geometry stands out, see
-/// [`crate::MotionParams::new_geometry`]: how far some splats of a piece must be from every source;
-/// how far what hovers stays from the rest of the edit; the width of a contact; by how much motions
-/// that carry a piece together may differ where it touches them; and by how much those of its own
-/// surroundings may differ from the carrier's and still keep its seam closed on a soft body.
-const FREE: f64 = 2.0 / 3.0;
-const HOVERS: f64 = 0.5;
+/// Lengths in units of [`crate::MotionParams::new_geometry`]. Distance from every source that some
+/// splats of a piece must have.
+const CLEARANCE: f64 = 2.0 / 3.0;
+
+/// Distance from the rest of the edit beyond which a piece is detached.
+const DETACHED: f64 = 0.5;
+
+/// Width of a contact: standard deviation of its weights over distance.
 const CONTACT: f64 = 1.0 / 6.0;
-const TOGETHER: f64 = 1.0 / 3.0;
+
+/// Largest difference at a contact between motions that count as one.
+const SAME_MOTION: f64 = 1.0 / 3.0;
+
+/// Largest difference from the motion of the attachment at which a splat keeps its own match, so
+/// that the seam of a piece stays closed on a soft body.
 const SEAM: f64 = 1.0 / 6.0;
 
-/// Width of the contact of what hovers, as a share of its distance.
-const HOVERING_CONTACT: f64 = 0.5;
+/// Width of the contact of a detached piece, as a share of its distance.
+const DETACHED_CONTACT: f64 = 0.5;
 
-/// A splat of a piece is this many times farther from its nearest source than another splat of the
-/// edit is: that one is the source's successor. At half of this, clones in swollen clothes pass for
-/// new.
-const SURPLUS: f64 = 3.0;
+/// A splat is new if it is this many times farther from its nearest source than the edited splat
+/// nearest to that source, its successor. Smaller values classify clones in inflated clothing as
+/// new (measured: half of this value).
+const SUCCESSOR_RATIO: f64 = 3.0;
 
-/// Longest step inside a piece, in spacings.
+/// Longest link inside a piece, in spacings.
 const STEP: f64 = 2.5;
 
-/// Regions asked whether they are the carrier.
-const CANDIDATES: usize = 256;
+/// Largest number of contacts tried as the attachment.
+const MAX_TRIED: usize = 256;
 
-/// How many times better than any other the carrier must hold a piece that touches the figure:
-/// twice as well for each step by which it is less plain that the piece is no clothing. It stands
-/// out; a tenth of it does; it stays near.
-const DOMINANT: f64 = 2.0;
-const CLEAR: f64 = 2.0 * DOMINANT;
-const UNANIMOUS: f64 = 2.0 * CLEAR;
+/// Least ratio of the largest contact area to the second, for a piece of which [`MIN_SHARE`]
+/// extends from the figure. Doubled if only [`MIN_CLEAR_SHARE`] does, and again if none does: the
+/// piece is then more likely to be clothing.
+const AREA_RATIO: f64 = 2.0;
 
-/// What is known when new pieces are looked for.
+/// Input of the search for new pieces.
 pub(super) struct NewPieces<'a> {
     pub(super) regions: &'a Regions,
     pub(super) motion: &'a RegionMotion,
     pub(super) edit: &'a Edit,
-    /// The region of each edited splat that some region explains.
+    /// Region of each matched edited splat, `[E]`.
     pub(super) matched: &'a [Option<u32>],
     pub(super) links: &'a [Link],
     pub(super) spacing: &'a [f64],
-    /// Distance from every source at which new geometry stands out, world units.
-    pub(super) stands_out: f64,
-    /// Pieces farther than this from everything stay where they are, world units.
+    /// Distance from every source beyond which a splat is new, world units.
+    pub(super) new_geometry: f64,
+    /// Distance from the rest of the edit beyond which a piece has no attachment, world units.
     pub(super) reach: f64,
 }
 
-/// Connected new splats.
+/// A connected component of new splats.
 struct Piece {
     splats: Vec<usize>,
-    /// How many times better than any other its carrier must hold it.
-    needed: f64,
+    /// Least ratio of the largest contact area to the second.
+    area_ratio: f64,
 }
 
-/// A splat of a piece and what it is nearest to.
+/// A splat of a piece and the matched splat outside all pieces that is nearest to it.
 #[derive(Debug, Clone, Copy)]
-struct Touch {
+struct NearestMatch {
     distance: f64,
-    /// The region that splat belongs to.
+    /// Region of the matched splat.
     region: u32,
+    /// The splat of the piece.
     splat: usize,
 }
 
-/// A region that a piece touches.
+/// Contact of a piece with a region.
 #[derive(Debug, Clone, Copy)]
 struct Contact {
     region: u32,
-    /// Splats of the piece there, each weighted by nearness.
+    /// Number of splats of the piece there, each weighted by nearness.
     area: f64,
-    /// The nearest of them.
+    /// The nearest of these splats.
     splat: usize,
 }
 
 impl NewPieces<'_> {
-    /// For every splat of a new piece, the region that carries it; `None` for all others and for
-    /// those that the motion they have already makes part of the carrier.
-    pub(super) fn carriers(&self) -> Vec<Option<u32>> {
-        let mut carriers = vec![None; self.edit.len()];
-        let unknown = |e: &usize| self.edit.exact[*e].is_none() && self.edit.parent[*e].is_none();
-        if (0..self.edit.len()).filter(unknown).count() < MIN_SPLATS {
-            return carriers;
+    /// For every splat of a new piece, the region that the piece is attached to, `[E]`; `None` for
+    /// all other splats and for those whose own match has nearly the same motion.
+    pub(super) fn attachments(&self) -> Vec<Option<u32>> {
+        let mut attachments = vec![None; self.edit.len()];
+        if (0..self.edit.len()).filter(|&e| self.is_open(e)).count() < MIN_SPLATS {
+            return attachments;
         }
         let pieces = self.pieces();
-        let mut inside = vec![false; self.edit.len()];
+        let mut in_piece = vec![false; self.edit.len()];
         for &e in pieces.iter().flat_map(|piece| &piece.splats) {
-            inside[e] = true;
+            in_piece[e] = true;
         }
-        let holders: Vec<usize> =
-            (0..self.edit.len()).filter(|&e| !inside[e] && self.matched[e].is_some()).collect();
-        let points: Vec<[f64; 3]> = holders.iter().map(|&e| self.edit.means[e]).collect();
+        let others: Vec<usize> =
+            (0..self.edit.len()).filter(|&e| !in_piece[e] && self.matched[e].is_some()).collect();
+        let points: Vec<[f64; 3]> = others.iter().map(|&e| self.edit.means[e]).collect();
         let tree = KdTree::<3>::new(&points);
         for piece in pieces {
-            let touches = self.touches(&piece.splats, &holders, &tree);
-            let Some(carrier) = self.carrier(&touches, piece.needed) else { continue };
+            let nearest = self.nearest_matches(&piece.splats, &others, &tree);
+            let Some(attachment) = self.attachment(&nearest, piece.area_ratio) else { continue };
             for e in piece.splats {
-                let part_of_it = self.matched[e].is_some_and(|region| {
-                    self.differ(region, carrier, e) <= SEAM * self.stands_out
+                let moves_with_it = self.matched[e].is_some_and(|region| {
+                    self.difference(region, attachment, e) <= SEAM * self.new_geometry
                 });
-                carriers[e] = (!part_of_it).then_some(carrier);
+                attachments[e] = (!moves_with_it).then_some(attachment);
             }
         }
-        carriers
+        attachments
     }
 
-    /// How far the motions of two regions differ at splat `e`.
-    fn differ(&self, a: u32, b: u32, e: usize) -> f64 {
+    /// Whether splat `e` neither is a source splat nor has a parent.
+    fn is_open(&self, e: usize) -> bool {
+        self.edit.exact[e].is_none() && self.edit.parent[e].is_none()
+    }
+
+    /// Largest distance over time between splat `e` moved with one region and with another, world
+    /// units.
+    fn difference(&self, a: u32, b: u32, e: usize) -> f64 {
         let at = self.edit.means[e].map(Real::as_f32);
-        f64::from(self.motion.disagreement(a as usize, b as usize, at))
+        f64::from(self.motion.max_distance(a as usize, b as usize, at))
     }
 
-    /// What each splat of the piece is nearest to in the rest of the edit.
-    fn touches(&self, piece: &[usize], holders: &[usize], tree: &KdTree<3>) -> Vec<Touch> {
+    /// For each splat of `piece`, the nearest of the matched splats `others`, the points of `tree`.
+    fn nearest_matches(
+        &self,
+        piece: &[usize],
+        others: &[usize],
+        tree: &KdTree<3>,
+    ) -> Vec<NearestMatch> {
         let places: Vec<[f64; 3]> = piece.iter().map(|&splat| self.edit.means[splat]).collect();
-        let touches = tree.map(&places, 1, |i, near| {
-            let found = near.first()?;
-            let region = self.matched[holders[found.id as usize]]?;
-            Some(Touch { distance: found.distance_squared.sqrt(), region, splat: piece[i] })
+        let found = tree.map(&places, 1, |i, near| {
+            let nearest = near.first()?;
+            let region = self.matched[others[nearest.id as usize]]?;
+            let distance = nearest.distance_squared.sqrt();
+            Some(NearestMatch { distance, region, splat: piece[i] })
         });
-        touches.into_iter().flatten().collect()
+        found.into_iter().flatten().collect()
     }
 
-    /// Per splat, its distance from the sources if it is new, and not in place of a source.
+    /// Distance of each new splat from the nearest source, world units, `[E]`; `None` for splats
+    /// that are not new.
     fn gaps(&self) -> Vec<Option<f64>> {
-        let far = self.stands_out;
         let usable = |&p: &usize| {
             let region = self.regions.cells.owners[p];
             region != NO_CELL && !self.motion.outlier[region as usize]
@@ -163,8 +179,7 @@ impl NewPieces<'_> {
                 near.first().map_or((0, f64::INFINITY), |n| (n.id, n.distance_squared.sqrt()))
             })
         };
-        let is_open = |&e: &usize| self.edit.exact[e].is_none() && self.edit.parent[e].is_none();
-        let open: Vec<usize> = (0..self.edit.len()).filter(is_open).collect();
+        let open: Vec<usize> = (0..self.edit.len()).filter(|&e| self.is_open(e)).collect();
         let mut gaps = vec![None; self.edit.len()];
         if points.is_empty() {
             return gaps;
@@ -175,14 +190,38 @@ impl NewPieces<'_> {
             gap.iter().map(|&(source, _)| points[source as usize]).collect();
         let successor = nearest(&edited, &places);
         for ((e, (_, gap)), (_, successor)) in open.into_iter().zip(gap).zip(successor) {
-            gaps[e] = (gap > far || gap > SURPLUS * successor).then_some(gap);
+            gaps[e] = (gap > self.new_geometry || gap > SUCCESSOR_RATIO * successor).then_some(gap);
         }
         gaps
     }
 
+    /// Connected components of the new splats that extend far enough from the figure.
     fn pieces(&self) -> Vec<Piece> {
         let gaps = self.gaps();
-        let far = self.stands_out;
+        let mut pieces = Vec::new();
+        for splats in self.components(&gaps) {
+            let extends = |distance: f64, share: f64| {
+                let is_beyond = |&&e: &&usize| gaps[e].is_some_and(|gap| gap > distance);
+                let count = splats.iter().filter(is_beyond).count();
+                count >= MIN_SPLATS && count as f64 >= share * splats.len() as f64
+            };
+            if !extends(CLEARANCE * self.new_geometry, MIN_CLEAR_SHARE) {
+                continue;
+            }
+            let area_ratio = if extends(self.new_geometry, MIN_SHARE) {
+                AREA_RATIO
+            } else if extends(self.new_geometry, MIN_CLEAR_SHARE) {
+                2.0 * AREA_RATIO
+            } else {
+                4.0 * AREA_RATIO
+            };
+            pieces.push(Piece { splats, area_ratio });
+        }
+        pieces
+    }
+
+    /// Connected components of the splats with a gap, by their lowest splats.
+    fn components(&self, gaps: &[Option<f64>]) -> Vec<Vec<usize>> {
         let is_new = |e: usize| gaps[e].is_some();
         let mut around: Vec<Vec<u32>> = vec![Vec::new(); self.edit.len()];
         for &(a, b) in self.links {
@@ -195,59 +234,46 @@ impl NewPieces<'_> {
             }
         }
         let mut seen = vec![false; self.edit.len()];
-        let mut pieces = Vec::new();
+        let mut components = Vec::new();
         for first in 0..self.edit.len() {
             if seen[first] || !is_new(first) {
                 continue;
             }
             seen[first] = true;
-            let mut piece = vec![first];
+            let mut component = vec![first];
             let mut next = 0;
-            while next < piece.len() {
-                for &j in &around[piece[next]] {
+            while next < component.len() {
+                for &j in &around[component[next]] {
                     if !seen[j as usize] {
                         seen[j as usize] = true;
-                        piece.push(j as usize);
+                        component.push(j as usize);
                     }
                 }
                 next += 1;
             }
-            let beyond = |distance: f64, share: f64| {
-                let is_beyond = |&&e: &&usize| gaps[e].is_some_and(|gap| gap > distance);
-                let count = piece.iter().filter(is_beyond).count();
-                count >= MIN_SPLATS && count as f64 >= share * piece.len() as f64
-            };
-            if beyond(FREE * self.stands_out, MIN_FREE) {
-                let needed = if beyond(far, MIN_SHARE) {
-                    DOMINANT
-                } else if beyond(far, MIN_FREE) {
-                    CLEAR
-                } else {
-                    UNANIMOUS
-                };
-                pieces.push(Piece { splats: piece, needed });
-            }
+            components.push(component);
         }
-        pieces
+        components
     }
 
-    /// The region whose motion holds the piece over the widest contact; none if another motion
-    /// holds it nearly as well, or if nothing is in touch.
-    fn carrier(&self, touches: &[Touch], needed: f64) -> Option<u32> {
-        let closest = touches.iter().map(|t| t.distance).reduce(f64::min)?;
+    /// The region whose motion has the largest contact area; `None` if another motion has nearly as
+    /// much, or if nothing is within reach.
+    fn attachment(&self, nearest: &[NearestMatch], area_ratio: f64) -> Option<u32> {
+        let closest = nearest.iter().map(|n| n.distance).reduce(f64::min)?;
         if closest > self.reach {
             return None;
         }
-        let hovers = closest > HOVERS * self.stands_out;
-        let touch = CONTACT * self.stands_out;
-        let width = if hovers { touch.max(HOVERING_CONTACT * closest) } else { touch };
-        // What hovers and stands out is held by nothing: the nearest will do.
-        let needed = if hovers && needed <= DOMINANT { 1.0 } else { needed };
-        let mut contacts: Vec<Contact> = touches
+        let detached = closest > DETACHED * self.new_geometry;
+        let contact = CONTACT * self.new_geometry;
+        let width = if detached { contact.max(DETACHED_CONTACT * closest) } else { contact };
+        // A detached piece that extends far has no contact to decide by: it follows the nearest
+        // part.
+        let area_ratio = if detached && area_ratio <= AREA_RATIO { 1.0 } else { area_ratio };
+        let mut contacts: Vec<Contact> = nearest
             .iter()
-            .map(|t| {
-                let gap = (t.distance.powi(2) - closest.powi(2)) / width.powi(2);
-                Contact { region: t.region, area: (-0.5 * gap).exp(), splat: t.splat }
+            .map(|n| {
+                let gap = (n.distance.powi(2) - closest.powi(2)) / width.powi(2);
+                Contact { region: n.region, area: (-0.5 * gap).exp(), splat: n.splat }
             })
             .filter(|contact| contact.area > 1e-3)
             .collect();
@@ -259,24 +285,26 @@ impl NewPieces<'_> {
             first.area += if same { next.area } else { 0.0 };
             same
         });
-        let (carrier, held) = self.strongest(&contacts)?;
-        contacts.retain(|c| self.differ(c.region, carrier, c.splat) > TOGETHER * self.stands_out);
-        let rival = self.strongest(&contacts).map_or(0.0, |(_, held)| held);
-        (held >= needed * rival).then_some(carrier)
+        let (attachment, area) = self.largest_contact(&contacts)?;
+        let limit = SAME_MOTION * self.new_geometry;
+        contacts.retain(|c| self.difference(c.region, attachment, c.splat) > limit);
+        let second = self.largest_contact(&contacts).map_or(0.0, |(_, area)| area);
+        (area >= area_ratio * second).then_some(attachment)
     }
 
-    /// The region with whose motion the widest contacts agree, and how wide they are; the better
-    /// they agree, the more they count, so that it is a region amidst a part, not at a joint.
-    fn strongest(&self, contacts: &[Contact]) -> Option<(u32, f64)> {
-        let tolerance = (TOGETHER * self.stands_out).max(TINY);
+    /// The region whose motion has the largest contact area, and that area. Contacts count the more
+    /// the better their motions agree with it, so that a region in the middle of a part is
+    /// preferred to one at a joint.
+    fn largest_contact(&self, contacts: &[Contact]) -> Option<(u32, f64)> {
+        let tolerance = (SAME_MOTION * self.new_geometry).max(TINY);
         contacts
             .par_iter()
-            .step_by(contacts.len().div_ceil(CANDIDATES).max(1))
+            .step_by(contacts.len().div_ceil(MAX_TRIED).max(1))
             .map(|&Contact { region, .. }| {
-                let agreement = |c: &Contact| {
-                    c.area * (1.0 - self.differ(c.region, region, c.splat) / tolerance).max(0.0)
+                let agreeing = |c: &Contact| {
+                    c.area * (1.0 - self.difference(c.region, region, c.splat) / tolerance).max(0.0)
                 };
-                (region, contacts.iter().map(agreement).sum::<f64>())
+                (region, contacts.iter().map(agreeing).sum::<f64>())
             })
             .collect::<Vec<_>>()
             .into_iter()

@@ -6,11 +6,12 @@ use anchors::{Neighbor, Neighbors, RigidNeighbors, Trajectories};
 use gs_core::{Splats, quat};
 use rayon::prelude::*;
 
-/// Neighbours whose centre of mass says where the inside is, on two scales.
+/// Neighbours whose centre of mass indicates the inner side, on two scales.
 const INSIDE: [usize; 2] = [24, 96];
 
-/// Rounds of mean-field annealing; the guess from mass fades from [`GUESS`] to a tenth of it
-/// meanwhile, so that the agreement of neighbours decides in the end.
+/// Rounds of mean-field annealing of the signs, with inverse temperatures from `BETA[0]` to
+/// `BETA[1]`. The weight of the guess from the centre of mass falls from [`GUESS`] to a tenth of
+/// it, so that the coupling of neighbours decides in the end.
 const ROUNDS: i32 = 40;
 const GUESS: f64 = 2.0;
 const BETA: [f64; 2] = [0.5, 4.0];
@@ -29,9 +30,9 @@ pub(super) fn thin_axis(splats: &Splats, i: usize) -> [f64; 3] {
     if quat::dot(q, q) < 0.5 { axis } else { quat::rotate(q, axis) }
 }
 
-/// How well `nj` is the mirror image of `ni` seen along `d`, times nearness: true of both ends of a
-/// smooth arc, of two faces that look at each other across a gap, and of both faces of a plate, if
-/// all normals point outwards.
+/// Inner product of `nj` and the mirror image of `ni` in the plane across `d`, times nearness. It
+/// is positive for the two ends of a smooth arc, for two faces on either side of a gap, and for
+/// both faces of a plate, if all normals point outwards.
 fn mirror_coupling(ni: [f64; 3], nj: [f64; 3], d: [f64; 3], spacing: f64) -> f64 {
     let squared = dot(d, d);
     if squared <= 0.0 {
@@ -43,8 +44,8 @@ fn mirror_coupling(ni: [f64; 3], nj: [f64; 3], d: [f64; 3], spacing: f64) -> f64
     dot(mirrored, nj) * (-0.5 * squared / (reach * reach)).exp()
 }
 
-/// Turns `axes` outwards. Only points that move as one speak to each other, so a limb that touches
-/// another part at the edit frame does not confuse it.
+/// Flips `axes` `[R]` so that they point outwards. Couplings are weighted by agreement of motion,
+/// so that a limb does not affect the part that it touches at the edit frame.
 pub(super) fn orient(regions: &Trajectories, neighbors: &RigidNeighbors, axes: &mut [[f64; 3]]) {
     let wide = Neighbors::of(&regions.rest, INSIDE[1]);
     let guess: Vec<f64> = (0..regions.len())
@@ -64,7 +65,7 @@ pub(super) fn orient(regions: &Trajectories, neighbors: &RigidNeighbors, axes: &
             let link = |(n, agree): (Neighbor, f64)| {
                 let j = n.id as usize;
                 let d = sub(regions.rest[j], regions.rest[i]);
-                // Distance to the 6th neighbour.
+                // Distance of the sixth neighbour.
                 let spacing =
                     neighbors.spacing[i].min(neighbors.spacing[j]) * std::f64::consts::SQRT_2;
                 (n.id, agree * mirror_coupling(axes[i], axes[j], d, spacing))
@@ -93,8 +94,8 @@ pub(super) fn orient(regions: &Trajectories, neighbors: &RigidNeighbors, axes: &
     }
 }
 
-/// How much mass lies behind the axis: a surface's neighbours, and what it encloses, lie on its
-/// inner side.
+/// Share of the neighbours' mass behind the axis, −1 to 1: the neighbours of a surface, and what it
+/// encloses, lie on its inner side.
 fn outwardness(
     regions: &Trajectories,
     i: usize,

@@ -1,9 +1,9 @@
-//! What several estimates share.
+//! Numerical helpers of the estimates.
 
-/// Stands in for lengths that are zero; its square is a positive number, too.
+/// Lower bound of lengths that are divided by; its square is still positive.
 pub(super) const TINY: f64 = 1e-100;
 
-/// The middle value, the upper one of two, 0 of none. Reorders.
+/// Upper median, 0 for an empty slice. Reorders `values`.
 pub(super) fn median(values: &mut [f64]) -> f64 {
     if values.is_empty() {
         return 0.0;

@@ -1,8 +1,8 @@
-//! Which motion each edited splat has, and how the edit displaced each region: expectation and
-//! maximisation in turns.
+//! Expectation–maximisation: probabilities of the motions of each edited splat, and the
+//! displacement of each region by the edit.
 //!
-//! Expectation is relaxed transport of splats to regions; maximisation are weighted moments, smooth
-//! over regions that move as one. See `docs/MOTION.md`.
+//! The expectation step is a relaxed transport of splats to regions. The maximisation step takes
+//! weighted moments, smoothed over regions that move together. See `docs/MOTION.md`.
 
 use super::candidates::{Candidate, Candidates};
 use super::coverage;
@@ -18,52 +18,52 @@ use anchors::RigidNeighbors;
 use gs_core::Real;
 use rayon::prelude::*;
 
-/// Alternations; more change nothing.
+/// Alternations of expectation and maximisation; more do not change the result measurably.
 const ROUNDS: usize = 6;
 
-/// Splats that the alternation sees at most: the statistics have far fewer unknowns.
+/// Edits of at least twice as many splats are sampled in the alternations: every n-th splat, so
+/// that at least this many remain. The statistics have far fewer unknowns.
 const SAMPLE: usize = 20_000;
 
-/// Steps over which statistics are smoothed: a patch of a body part.
+/// Diffusion steps that smooth the statistics over a patch of a body part.
 const PATCH: usize = 5;
 
-/// Mean misalignment and mean squared difference of flatness believed in before anything is known;
-/// some remains believed in however well splats agree: normals and flatness of fitted splats are no
-/// better.
-const MISALIGNED: f64 = 0.2;
-const LEAST_MISALIGNED: f64 = 0.05;
-const UNLIKE: f64 = 0.1;
-const LEAST_UNLIKE: f64 = 0.06;
+/// Prior means of the misalignment and of the squared difference of flatness, and what is added to
+/// the estimates: the inaccuracy of normals and flatness of fitted splats.
+const MISALIGNMENT: f64 = 0.2;
+const MISALIGNMENT_NOISE: f64 = 0.05;
+const FLATNESS_GAP: f64 = 0.1;
+const FLATNESS_GAP_NOISE: f64 = 0.06;
 
-/// Factor on learned standard deviations: choices made so far are biased towards small ones.
+/// Factor on estimated standard deviations: assignments made so far are biased towards small ones.
 const SPREAD: f64 = 1.4;
 
-/// Cost of belonging to a region all of which the edit kept, nats: what is still there needs no
-/// descendants. An inflated sleeve that comes to lie on a bare hand is told from it by this.
+/// Cost of belonging to a region of which the edit kept all splats, nats: they need no descendants.
+/// It separates an inflated sleeve from the bare hand that it comes to lie on.
 const KEPT: f64 = 1.0;
 
-/// Log-odds of a splat with known parent having that one's motion. Equal bits are no accident; but
-/// copies get moved.
+/// Log-odds that a splat has the motion of its parent, nats. Equal bits are no coincidence, but a
+/// copy may have been moved to another part.
 const PARENT: f32 = 8.0;
 
-/// What is believed of one edited splat.
+/// Result for one edited splat.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Posterior {
-    /// The best region of the likeliest motion; `None` if there is no region near.
+    /// The best region of the likeliest hypothesis; `None` without candidates.
     pub(super) region: Option<u32>,
-    /// Probability of no region at all.
+    /// Probability that it belongs to no region.
     pub(super) unmatched: f32,
 }
 
-/// The best region of one motion of a splat.
+/// The candidate with the lowest cost of one hypothesis of a splat.
 #[derive(Debug, Clone, Copy)]
-struct Best {
+struct BestCandidate {
     candidate: Candidate,
-    /// What belonging to it costs, nats.
+    /// Cost of belonging to it, nats.
     cost: f32,
 }
 
-/// The model and what it has learned so far.
+/// The model and its current parameters.
 pub(super) struct Model<'a> {
     regions: &'a Regions,
     neighbors: &'a RigidNeighbors,
@@ -72,29 +72,29 @@ pub(super) struct Model<'a> {
     params: &'a MotionParams,
     diffusion: Diffusion,
     likelihoods: Vec<Likelihood>,
-    /// What belonging to each region costs because the edit kept its splats, and because of who
-    /// else belongs to it, nats.
-    kept: Vec<f64>,
-    crowding: Vec<f64>,
+    /// Cost of each region because the edit kept its splats, nats, `[R]`.
+    kept_cost: Vec<f64>,
+    /// Cost of each region by its marginal, nats, `[R]`, see [`coverage`].
+    marginal_penalty: Vec<f64>,
 }
 
-/// What the model is made for.
-pub(super) struct Given<'a> {
+/// Input of the estimation.
+pub(super) struct Inputs<'a> {
     pub(super) regions: &'a Regions,
     pub(super) neighbors: &'a RigidNeighbors,
     pub(super) motion: &'a RegionMotion,
     pub(super) candidates: &'a Candidates,
     pub(super) edit: &'a Edit,
     pub(super) params: &'a MotionParams,
-    /// World units.
+    /// Size of the figure, world units.
     pub(super) figure_size: f64,
 }
 
 impl<'a> Model<'a> {
-    /// Estimates the model.
-    pub(super) fn estimate(given: &Given<'a>) -> Self {
-        let Given { regions, neighbors, motion, candidates, edit, params, .. } = *given;
-        let kept = |i: usize| {
+    /// Estimates the parameters of the model.
+    pub(super) fn estimate(inputs: &Inputs<'a>) -> Self {
+        let Inputs { regions, neighbors, motion, candidates, edit, params, .. } = *inputs;
+        let kept_cost = |i: usize| {
             let members = regions.members(i);
             let kept = members.iter().filter(|&&p| edit.kept[p as usize]).count();
             KEPT * kept as f64 / members.len() as f64
@@ -107,28 +107,32 @@ impl<'a> Model<'a> {
             params,
             diffusion: Diffusion::of(neighbors, motion),
             likelihoods: Vec::new(),
-            kept: (0..regions.len()).map(kept).collect(),
-            crowding: vec![0.0; regions.len()],
+            kept_cost: (0..regions.len()).map(kept_cost).collect(),
+            marginal_penalty: vec![0.0; regions.len()],
         };
-        let believed = Statistics {
+        let undisplaced = Statistics {
             mean: 0.0,
-            sigma: model.first_sigma(given.figure_size),
-            misaligned: MISALIGNED,
-            unlike: UNLIKE + LEAST_UNLIKE,
+            sigma: model.initial_sigma(inputs.figure_size),
+            misalignment: MISALIGNMENT,
+            flatness_gap: FLATNESS_GAP + FLATNESS_GAP_NOISE,
         };
-        model.set(&vec![believed; regions.len()]);
+        model.set_likelihoods(&vec![undisplaced; regions.len()]);
         let stride = (edit.len() / SAMPLE).max(1);
         let open = |e: &usize| edit.exact[*e].is_none();
         let sample: Vec<usize> = (0..edit.len()).step_by(stride).filter(open).collect();
         for _ in 0..ROUNDS {
             let best = model.best_of(&sample);
-            model.maximise(&best, (stride as f64, believed));
+            let (sums, counts) = model.expectation(&best, stride as f64);
+            let statistics = model.maximisation(sums, undisplaced.sigma);
+            model.set_likelihoods(&statistics);
+            let penalty = &mut model.marginal_penalty;
+            coverage::update(&model.diffusion, counts, params.source_marginal, penalty);
         }
         model
     }
 
-    /// Sets the costs of all regions.
-    fn set(&mut self, statistics: &[Statistics]) {
+    /// Sets the cost functions of all regions.
+    fn set_likelihoods(&mut self, statistics: &[Statistics]) {
         let alignment = self.params.alignment;
         self.likelihoods = statistics
             .iter()
@@ -137,9 +141,9 @@ impl<'a> Model<'a> {
             .collect();
     }
 
-    /// Upper quartile of the smallest offsets: generous, since the first round must not lock onto
-    /// wrong parts.
-    fn first_sigma(&self, figure_size: f64) -> f64 {
+    /// Initial spread of the offsets, world units: the upper quartile over the splats of the
+    /// smallest offset. Large, so that the first alternation does not commit to wrong parts.
+    fn initial_sigma(&self, figure_size: f64) -> f64 {
         let smallest = |e: usize| {
             let offsets = self.candidates.of_splat(e).iter().map(|c| f64::from(c.offset.abs()));
             offsets.fold(f64::INFINITY, f64::min)
@@ -156,35 +160,35 @@ impl<'a> Model<'a> {
         quartile.min(0.05 * figure_size).max(0.1 * spacing).max(TINY)
     }
 
-    /// The best region of each motion of splat `e`. Replaces `out`.
-    fn best(&self, e: usize, out: &mut Vec<Best>) {
+    /// The best candidate of each hypothesis of splat `e`. Replaces `out`.
+    fn best(&self, e: usize, out: &mut Vec<BestCandidate>) {
         out.clear();
         let has_parent = self.edit.parent[e].is_some();
         let candidates = self.candidates.of_splat(e);
-        // Where all around was kept, that tells nothing.
-        let kept = candidates.iter().map(|c| self.kept[c.region as usize]);
-        let spared = kept.fold(f64::INFINITY, f64::min);
+        // Relative to the least: where all candidates were kept, the cost does not discriminate.
+        let kept_costs = candidates.iter().map(|c| self.kept_cost[c.region as usize]);
+        let least = kept_costs.fold(f64::INFINITY, f64::min);
         for candidate in candidates {
             let region = candidate.region as usize;
-            let taken = self.crowding[region] + self.kept[region] - spared;
-            let mut cost = self.likelihoods[region].cost(candidate) + taken.as_f32();
+            let penalty = self.marginal_penalty[region] + self.kept_cost[region] - least;
+            let mut cost = self.likelihoods[region].cost(candidate) + penalty.as_f32();
             if has_parent && candidate.hypothesis == 0 {
                 cost -= PARENT;
             }
-            // Candidates come motion by motion.
+            // Candidates are grouped by hypothesis.
             match out.last_mut() {
                 Some(best) if best.candidate.hypothesis == candidate.hypothesis => {
                     if cost < best.cost {
-                        *best = Best { candidate: *candidate, cost };
+                        *best = BestCandidate { candidate: *candidate, cost };
                     }
                 }
-                _ => out.push(Best { candidate: *candidate, cost }),
+                _ => out.push(BestCandidate { candidate: *candidate, cost }),
             }
         }
     }
 
-    /// The best regions of each sampled splat.
-    fn best_of(&self, sample: &[usize]) -> Vec<Vec<Best>> {
+    /// The best candidates of each sampled splat.
+    fn best_of(&self, sample: &[usize]) -> Vec<Vec<BestCandidate>> {
         sample
             .par_iter()
             .with_min_len(64)
@@ -196,15 +200,20 @@ impl<'a> Model<'a> {
             .collect()
     }
 
-    /// Expectation and maximisation: statistics of the regions from the probabilities of the
-    /// splats' best regions, and how full the regions are. Each splat stands for `weight` of them.
-    fn maximise(&mut self, best: &[Vec<Best>], (weight, believed): (f64, Statistics)) {
-        let (mut sums, mut counts) = self.known();
+    /// Expectation: probabilities of the best candidates of the sampled splats, each of which
+    /// counts `weight` times. Returns their weighted sums and the counts of splats per region,
+    /// `[R]` each, those of kept splats included.
+    fn expectation(
+        &self,
+        best: &[Vec<BestCandidate>],
+        weight: f64,
+    ) -> (Vec<[f64; 5]>, Vec<[f64; 2]>) {
+        let (mut sums, mut counts) = self.sums_of_kept();
         for best in best {
             let lowest = best.iter().map(|b| b.cost).fold(f32::INFINITY, f32::min);
-            let odds = |b: &Best| (f64::from(lowest - b.cost) / self.params.entropy).exp();
+            let odds = |b: &BestCandidate| (f64::from(lowest - b.cost) / self.params.entropy).exp();
             let total: f64 = best.iter().map(odds).sum();
-            // What nothing explains well says little.
+            // Splats that no region explains well contribute little.
             let evidence = (-0.5 * f64::from(lowest.max(0.0))).exp();
             for b in best {
                 let region = b.candidate.region as usize;
@@ -213,31 +222,32 @@ impl<'a> Model<'a> {
                 counts[region][0] += share;
             }
         }
-        let prior = self.params.prior;
-        let square = believed.sigma * believed.sigma;
-        let statistics: Vec<Statistics> = self
-            .diffusion
-            .spread(sums, PATCH)
-            .into_iter()
-            .map(|[mass, offset, squares, misaligned, unlike]| {
-                let total = mass + prior;
-                let mean = offset / total;
-                let variance = (squares + prior * square) / total - mean * mean;
-                Statistics {
-                    mean,
-                    sigma: SPREAD * variance.max(0.0).sqrt(),
-                    misaligned: (misaligned + prior * MISALIGNED) / total + LEAST_MISALIGNED,
-                    unlike: (unlike + prior * UNLIKE) / total + LEAST_UNLIKE,
-                }
-            })
-            .collect();
-        self.set(&statistics);
-        coverage::update(&self.diffusion, counts, self.params.source_marginal, &mut self.crowding);
+        (sums, counts)
     }
 
-    /// Sums and counts of the splats that the edit kept, per region: they are where they were.
-    /// Beside the counts, those of the source.
-    fn known(&self) -> (Vec<[f64; 5]>, Vec<[f64; 2]>) {
+    /// Maximisation: statistics of the regions from the sums of [`Self::expectation`]. `sigma` is
+    /// the spread of the prior, world units.
+    fn maximisation(&self, sums: Vec<[f64; 5]>, sigma: f64) -> Vec<Statistics> {
+        let prior = self.params.prior;
+        let statistics = |[mass, offset, squares, misalignment, flatness_gap]: [f64; 5]| {
+            let total = mass + prior;
+            let mean = offset / total;
+            let variance = (squares + prior * (sigma * sigma)) / total - mean * mean;
+            let misalignment = (misalignment + prior * MISALIGNMENT) / total;
+            let flatness_gap = (flatness_gap + prior * FLATNESS_GAP) / total;
+            Statistics {
+                mean,
+                sigma: SPREAD * variance.max(0.0).sqrt(),
+                misalignment: misalignment + MISALIGNMENT_NOISE,
+                flatness_gap: flatness_gap + FLATNESS_GAP_NOISE,
+            }
+        };
+        self.diffusion.spread(sums, PATCH).into_iter().map(statistics).collect()
+    }
+
+    /// Sums over the splats that the edit kept, `[R]`, and counts of these and of the source
+    /// splats, `[R]`.
+    fn sums_of_kept(&self) -> (Vec<[f64; 5]>, Vec<[f64; 2]>) {
         let mut sums = vec![[0.0; 5]; self.regions.len()];
         let mut counts: Vec<[f64; 2]> =
             (0..self.regions.len()).map(|i| [0.0, self.regions.members(i).len() as f64]).collect();
@@ -250,8 +260,7 @@ impl<'a> Model<'a> {
         (sums, counts)
     }
 
-    /// Posteriors of all edited splats, those outside the sample too: expectation with what was
-    /// learned.
+    /// Posteriors of all edited splats under the estimated parameters, `[E]`.
     pub(super) fn posteriors(&self) -> Vec<Posterior> {
         (0..self.edit.len())
             .into_par_iter()
@@ -263,28 +272,32 @@ impl<'a> Model<'a> {
             .collect()
     }
 
-    fn posterior(&self, best: &[Best]) -> Posterior {
+    fn posterior(&self, best: &[BestCandidate]) -> Posterior {
         let entropy = self.params.entropy.as_f32();
-        let none = self.params.unmatched.as_f32();
-        let order = |a: &&Best, b: &&Best| {
+        let unmatched = self.params.unmatched.as_f32();
+        let order = |a: &&BestCandidate, b: &&BestCandidate| {
             a.cost.total_cmp(&b.cost).then(a.candidate.region.cmp(&b.candidate.region))
         };
         let likeliest = best.iter().min_by(order);
-        let lowest = likeliest.map_or(none, |b| b.cost.min(none));
+        let lowest = likeliest.map_or(unmatched, |b| b.cost.min(unmatched));
         let odds = |cost: f32| ((lowest - cost) / entropy).exp();
-        let total = odds(none) + best.iter().map(|b| odds(b.cost)).sum::<f32>();
-        Posterior { region: likeliest.map(|b| b.candidate.region), unmatched: odds(none) / total }
+        let total = odds(unmatched) + best.iter().map(|b| odds(b.cost)).sum::<f32>();
+        Posterior {
+            region: likeliest.map(|b| b.candidate.region),
+            unmatched: odds(unmatched) / total,
+        }
     }
 }
 
-/// Adds what one candidate says of its region.
+/// Adds the offset, its square, the misalignment and the flatness gap of one candidate to the sums
+/// of its region.
 fn add(sums: &mut [f64; 5], candidate: &Candidate, weight: f64) {
-    // Balls say nothing of surfaces.
-    let flat = f64::from(candidate.flat);
+    // Balls have no offset.
+    let flatness = f64::from(candidate.flatness);
     let offset = f64::from(candidate.offset);
-    let misaligned = (f64::from(candidate.misaligned) / flat.max(1e-3)).clamp(0.0, 1.0);
-    let values = [1.0, offset, offset * offset, misaligned, f64::from(candidate.unlike)];
+    let misalignment = (f64::from(candidate.misalignment) / flatness.max(1e-3)).clamp(0.0, 1.0);
+    let values = [1.0, offset, offset * offset, misalignment, f64::from(candidate.flatness_gap)];
     for (sum, value) in sums.iter_mut().zip(values) {
-        *sum += weight * flat * value;
+        *sum += weight * flatness * value;
     }
 }

@@ -1,4 +1,4 @@
-//! Rigid motion of each region's surroundings, at each key time.
+//! Rigid motion of each region at each key time, fitted to the region and its neighbours.
 #![expect(
     clippy::inline_always,
     reason = "vectorised bodies must be compiled inside the dispatched caller"
@@ -11,17 +11,17 @@ use anchors::{RigidNeighbors, Trajectories};
 use gs_core::{Real, quat};
 use rayon::prelude::*;
 
-/// Weight of the splats' own rotations relative to their positions, if they are as good as any; see
-/// [`crate::Aggregation`].
+/// Weight of the splats' own rotations relative to their positions if both are equally accurate;
+/// see [`crate::Aggregation`].
 pub(super) const ROTATION_PRIOR: f64 = 3.0;
 
-/// Weights below this share of a neighbour's are left out of fits: rounding.
+/// Weights below this do not change a fit beyond rounding and are left out.
 const NEGLIGIBLE: f64 = 1e-9;
 
-/// Neighbourhoods looked at to tell how good own rotations are.
+/// Neighbourhoods sampled to estimate the accuracy of the splats' own rotations.
 const SAMPLE: usize = 2000;
 
-/// Key times compared at once.
+/// Key times compared at once: one vector register of `f32`.
 const LANES: usize = 8;
 
 type Lane = [f32; LANES];
@@ -29,33 +29,33 @@ type Lane = [f32; LANES];
 /// The 3×4 matrices `[R | p]` of one region at eight key times.
 type Block = [[Lane; 4]; 3];
 
-/// Rigid motions of the regions. Regions that are outliers themselves are marked and not followed.
+/// Rigid motions of the regions. Outliers among the regions are marked; no splat follows them.
 #[derive(Debug)]
 pub(super) struct RegionMotion {
     pub(super) outlier: Vec<bool>,
-    /// Regions that stay where they are, as do all around them.
+    /// Regions that do not move and have no moving neighbour.
     pub(super) still: Vec<bool>,
-    /// Factor on the weight of own rotations, 0 to 1: 0 where the scene does not model rotation.
+    /// Factor on the weight of own rotations, 0 to 1; 0 if the scene does not model rotation.
     pub(super) rotation_quality: f64,
-    /// `x ↦ R x + p`, `[R][T/8]`; key times that fill the last block move nothing.
+    /// `x ↦ R x + p`, `[R][T/8]`; the last block is filled up with identities.
     motions: Vec<Block>,
-    /// How far the region is still there, `[R][T/8]`; empty if all always are.
+    /// Presence of the region, 0 to 1, `[R][T/8]`; empty if all are always present.
     presence: Vec<Lane>,
     num_blocks: usize,
 }
 
-/// Where a point goes with one region, over the key times.
+/// Positions of a point that moves with one region, at all key times.
 #[derive(Debug, Default)]
 pub(super) struct Path {
     region: usize,
     from: [f32; 3],
-    places: Vec<[Lane; 3]>,
+    positions: Vec<[Lane; 3]>,
 }
 
 impl RegionMotion {
     pub(super) fn of(
         regions: &Trajectories,
-        turns: &[[f64; 4]],
+        rotations: &[[f64; 4]],
         neighbors: &RigidNeighbors,
     ) -> Self {
         let outlier = neighbors.outliers(regions);
@@ -70,24 +70,25 @@ impl RegionMotion {
                 .filter(|(weight, _)| *weight > NEGLIGIBLE)
                 .collect()
         };
-        let quality = rotation_quality(regions, turns, &outlier, &stencil);
+        let quality = rotation_quality(regions, rotations, &outlier, &stencil);
         let still: Vec<bool> = (0..regions.len())
             .map(|i| {
                 let moves = |n: anchors::Neighbor| regions.moving[n.id as usize];
                 !regions.moving[i] && !neighbors.get(i).any(|(n, _)| moves(n))
             })
             .collect();
+        let prior = ROTATION_PRIOR * quality;
         let num_blocks = num_times.div_ceil(LANES);
         let motions = (0..regions.len())
             .into_par_iter()
             .with_min_len(64)
             .flat_map_iter(|i| {
-                let mut blocks = vec![STAYS; num_blocks];
+                let mut blocks = vec![IDENTITY; num_blocks];
                 let stencil = if still[i] { Vec::new() } else { stencil(i) };
                 if !stencil.is_empty() {
                     crate::simd::dispatch(
                         #[inline(always)]
-                        || fit_all(regions, turns, &stencil, ROTATION_PRIOR * quality, &mut blocks),
+                        || fit_all(regions, rotations, &stencil, prior, &mut blocks),
                     );
                 }
                 blocks
@@ -109,49 +110,50 @@ impl RegionMotion {
         i * self.num_blocks..(i + 1) * self.num_blocks
     }
 
-    /// Where point `x` goes if it moves with region `i`.
+    /// Positions of point `x` if it moves with region `i`. Replaces `out`.
     pub(super) fn path(&self, i: usize, x: [f32; 3], out: &mut Path) {
-        out.places.clear();
-        out.places.extend(self.motions[self.blocks(i)].iter().map(|block| carried(block, x)));
+        out.positions.clear();
+        out.positions.extend(self.motions[self.blocks(i)].iter().map(|block| transform(block, x)));
         (out.region, out.from) = (i, x);
     }
 
-    /// For each of `regions`, the largest square over time of the distance between where it and
-    /// `path` take the point, as far as both regions are there. Replaces `out`.
-    pub(super) fn apart(&self, path: &Path, regions: &[u32], out: &mut Vec<f32>) {
+    /// For each of `regions`, the maximum over time of the squared distance between the point of
+    /// `path` and the same point moved with that region, world units². Distances are multiplied by
+    /// the presence of both regions. Replaces `out`.
+    pub(super) fn max_squared_distances(&self, path: &Path, regions: &[u32], out: &mut Vec<f32>) {
         out.clear();
         crate::simd::dispatch(
             #[inline(always)]
             || {
                 for &region in regions {
-                    out.push(self.farthest(path, region as usize));
+                    out.push(self.max_squared_distance(path, region as usize));
                 }
             },
         );
     }
 
-    /// Largest distance over time between where regions `a` and `b` take point `x`, as far as both
-    /// are there.
-    pub(super) fn disagreement(&self, a: usize, b: usize, x: [f32; 3]) -> f32 {
-        if self.alike(a, b) {
+    /// Maximum over time of the distance between `x` moved with region `a` and with region `b`,
+    /// times the presence of both, world units.
+    pub(super) fn max_distance(&self, a: usize, b: usize, x: [f32; 3]) -> f32 {
+        if self.share_motion(a, b) {
             return 0.0;
         }
         let blocks = self.blocks(a).zip(self.blocks(b));
         let worst = blocks.fold([0.0; LANES], |worst, (p, q)| {
-            self.farther(worst, &carried(&self.motions[p], x), p, q, x)
+            self.update_maxima(worst, &transform(&self.motions[p], x), p, q, x)
         });
         worst.into_iter().fold(0.0_f32, f32::max).sqrt()
     }
 
     #[inline(always)]
-    fn farthest(&self, path: &Path, region: usize) -> f32 {
-        if self.alike(region, path.region) {
+    fn max_squared_distance(&self, path: &Path, region: usize) -> f32 {
+        if self.share_motion(region, path.region) {
             return 0.0;
         }
         let (p, q) = (path.region * self.num_blocks, region * self.num_blocks);
         let mut worst = [0.0; LANES];
-        for (block, places) in path.places.iter().enumerate() {
-            worst = self.farther(worst, places, p + block, q + block, path.from);
+        for (block, positions) in path.positions.iter().enumerate() {
+            worst = self.update_maxima(worst, positions, p + block, q + block, path.from);
         }
         let mut farthest = 0.0;
         for square in worst {
@@ -160,22 +162,22 @@ impl RegionMotion {
         farthest
     }
 
-    /// The squares within one block of key times, where larger than `worst`: `places` is where
-    /// block `p` takes `x`, `q` is the other's.
+    /// Maximum of `worst` and the squared distances within one block of key times between
+    /// `positions`, which is `x` moved by block `p`, and `x` moved by block `q`.
     #[inline(always)]
-    fn farther(
+    fn update_maxima(
         &self,
         mut worst: Lane,
-        places: &[Lane; 3],
+        positions: &[Lane; 3],
         p: usize,
         q: usize,
         x: [f32; 3],
     ) -> Lane {
-        let others = carried(&self.motions[q], x);
+        let others = transform(&self.motions[q], x);
         let mut squares = [0.0_f32; LANES];
         for axis in 0..3 {
             for lane in 0..LANES {
-                let d = places[axis][lane] - others[axis][lane];
+                let d = positions[axis][lane] - others[axis][lane];
                 squares[lane] += d * d;
             }
         }
@@ -191,21 +193,21 @@ impl RegionMotion {
         worst
     }
 
-    /// Whether two regions have one motion by what they are.
+    /// Whether two regions have equal motions, without comparing them.
     #[inline(always)]
-    fn alike(&self, a: usize, b: usize) -> bool {
+    fn share_motion(&self, a: usize, b: usize) -> bool {
         a == b || (self.still[a] && self.still[b])
     }
 }
 
-const STAYS: Block = {
+const IDENTITY: Block = {
     let mut block = [[[0.0; LANES]; 4]; 3];
     (block[0][0], block[1][1], block[2][2]) = ([1.0; LANES], [1.0; LANES], [1.0; LANES]);
     block
 };
 
 #[inline(always)]
-fn carried(block: &Block, x: [f32; 3]) -> [Lane; 3] {
+fn transform(block: &Block, x: [f32; 3]) -> [Lane; 3] {
     let mut out = [[0.0; LANES]; 3];
     for axis in 0..3 {
         let row = &block[axis];
@@ -217,18 +219,18 @@ fn carried(block: &Block, x: [f32; 3]) -> [Lane; 3] {
     out
 }
 
-/// Motions of one neighbourhood at all key times.
+/// Fits the motions of one neighbourhood at all key times.
 #[inline(always)]
 fn fit_all(
     regions: &Trajectories,
-    turns: &[[f64; 4]],
+    rotations: &[[f64; 4]],
     stencil: &[(f64, usize)],
     prior: f64,
     blocks: &mut [Block],
 ) {
     let num_times = regions.num_times();
     for first in (0..num_times).step_by(FITS) {
-        let fits = Fits::of(regions, turns, first, stencil);
+        let fits = Fits::of(regions, rotations, first, stencil);
         let turn = fits.sums.rotation(prior);
         for lane in 0..FITS.min(num_times - first) {
             let k = first + lane;
@@ -237,7 +239,7 @@ fn fit_all(
     }
 }
 
-/// Fits made at once.
+/// Key times fitted at once: one vector register of `f64`.
 const FITS: usize = 4;
 
 type Times = Lanes<FITS>;
@@ -252,11 +254,11 @@ struct Fits {
 }
 
 impl Fits {
-    /// At key times from `first` on. Beyond the last one, that one again.
+    /// Sums at the key times from `first` on; lanes beyond the last key time repeat it.
     #[inline(always)]
     fn of(
         regions: &Trajectories,
-        turns: &[[f64; 4]],
+        rotations: &[[f64; 4]],
         first: usize,
         stencil: &[(f64, usize)],
     ) -> Self {
@@ -268,7 +270,7 @@ impl Fits {
         let (mut from, mut to) = ([Times::ZERO; 3], [Times::ZERO; 3]);
         let mut total = Times::ZERO;
         for &(weight, i) in stencil {
-            let weight = present(regions, &times, i, weight);
+            let weight = weights_at(regions, &times, i, weight);
             let (x, y) = (regions.rest[i].map(Times::all), at_times(regions.places(i), &times));
             for a in 0..3 {
                 from[a] += weight * x[a];
@@ -280,9 +282,9 @@ impl Fits {
         let (from, to) = (from.map(|v| v * share), to.map(|v| v * share));
         let mut sums = RigidFits::about(from, to);
         for &(weight, i) in stencil {
-            let weight = present(regions, &times, i, weight);
+            let weight = weights_at(regions, &times, i, weight);
             sums.add(weight, regions.rest[i].map(Times::all), at_times(regions.places(i), &times));
-            sums.add_rotation(weight, at_times(&turns[i * num_times..][..num_times], &times));
+            sums.add_rotation(weight, at_times(&rotations[i * num_times..][..num_times], &times));
         }
         Self { sums, from, to, times }
     }
@@ -303,9 +305,9 @@ impl Fits {
     }
 }
 
-/// What a neighbour counts at each time. If all have faded, they keep their shares.
+/// Weight of a neighbour at each time. If all have faded, they keep their relative weights.
 #[inline(always)]
-fn present(regions: &Trajectories, times: &[usize; FITS], i: usize, weight: f64) -> Times {
+fn weights_at(regions: &Trajectories, times: &[usize; FITS], i: usize, weight: f64) -> Times {
     let mut out = Times::all(weight);
     for lane in 0..FITS {
         out.0[lane] *= regions.present(times[lane], i) + FADED;
@@ -324,14 +326,15 @@ fn at_times<const N: usize>(values: &[[f64; N]], times: &[usize; FITS]) -> [Time
     out
 }
 
-/// How good own rotations are, 0 to 1, from a sample of neighbourhoods.
+/// Accuracy of the splats' own rotations relative to their positions, 0 to 1, from a sample of
+/// neighbourhoods.
 ///
-/// The mean own rotation of a neighbourhood and the one its positions show differ by the errors of
-/// both. That of the positions follows from how well they fit; the remainder is what own rotations
-/// miss, and the two are weighted by the inverse of their variances.
+/// The mean own rotation of a neighbourhood and the rotation fitted to its positions differ by the
+/// errors of both. The error of the fit follows from its residual; the remainder is the error of
+/// the own rotations. The two are weighted by the inverse of their variances.
 fn rotation_quality(
     regions: &Trajectories,
-    turns: &[[f64; 4]],
+    rotations: &[[f64; 4]],
     outlier: &[bool],
     stencil: &(impl Fn(usize) -> Vec<(f64, usize)> + Sync),
 ) -> f64 {
@@ -344,12 +347,12 @@ fn rotation_quality(
         .flat_map_iter(|i| {
             let stencil = stencil(i);
             (0..num_times).step_by(FITS).flat_map(move |first| {
-                let fits = Fits::of(regions, turns, first, &stencil);
-                let (shown, own) = (fits.sums.rotation(0.0), fits.sums.rotation(1e6));
-                let variance = rotation_variance(regions, &stencil, &fits, shown);
+                let fits = Fits::of(regions, rotations, first, &stencil);
+                let (fitted, own) = (fits.sums.rotation(0.0), fits.sums.rotation(1e6));
+                let variance = rotation_variance(regions, &stencil, &fits, fitted);
                 (0..FITS.min(num_times - first)).map(move |lane| {
-                    let [shown, own] = [shown, own].map(|q| q.map(|value| value.0[lane]));
-                    let angle = 2.0 * quat::dot(shown, own).abs().min(1.0).acos();
+                    let [fitted, own] = [fitted, own].map(|q| q.map(|value| value.0[lane]));
+                    let angle = 2.0 * quat::dot(fitted, own).abs().min(1.0).acos();
                     [angle * angle, variance.0[lane]]
                 })
             })
@@ -358,14 +361,13 @@ fn rotation_quality(
     let middle = |which: usize| {
         super::numeric::median(&mut compared.iter().map(|c| c[which]).collect::<Vec<_>>())
     };
-    let (apart, positions) = (middle(0), middle(1));
-    // Below a hundredth of a degree everything agrees.
-    let missed = (apart - positions).max(positions / ROTATION_PRIOR).max(3e-8);
-    (positions.max(1e-7) / missed / ROTATION_PRIOR).min(1.0)
+    let (difference, positions) = (middle(0), middle(1));
+    // 3e-8 rad² is a hundredth of a degree, below which differences are rounding.
+    let own = (difference - positions).max(positions / ROTATION_PRIOR).max(3e-8);
+    (positions.max(1e-7) / own / ROTATION_PRIOR).min(1.0)
 }
 
-/// Expected square of the angle, radians², by which rotations fitted to the positions alone are
-/// wrong.
+/// Expected squared error, radians², of the rotations fitted to positions alone.
 fn rotation_variance(
     regions: &Trajectories,
     stencil: &[(f64, usize)],
@@ -387,7 +389,8 @@ fn rotation_variance(
         }
     }
     let effective: f64 = total * total / squares;
-    // Three turns, each across two thirds of the spread; two points' worth of freedom is used up.
+    // Three rotation axes, each with a lever arm of two thirds of the spread; the fit uses up the
+    // degrees of freedom of two points.
     let mut variance = Times::all(1.5) * residual;
     for lane in 0..FITS {
         let value = variance.0[lane] / (spread.0[lane] * (effective - 2.0).max(1.0));

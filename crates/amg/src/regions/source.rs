@@ -1,9 +1,9 @@
-//! Regions of the source: cells of splats that move as one, from the `anchors` crate, and what is
-//! known of each.
+//! Regions of the source: cells of splats that move together, from the `anchors` crate, with their
+//! centroids, rotations and mean normals.
 //!
-//! What decides between body parts (offsets of surfaces, contact zones) has the size of the figure,
-//! not of its splats. Regions give those decisions one scale whatever the number of splats; where
-//! splats are sparse, each is its own region.
+//! The distances that separate body parts (offsets of surfaces, contact zones) scale with the
+//! figure, not with its splats. Regions have a fixed share of the figure's size for any number of
+//! splats; where splats are sparse, each is its own region.
 
 use super::normals::thin_axis;
 use crate::keyframes::{FADED, KeyFrames};
@@ -13,37 +13,38 @@ use anchors::{CellParams, Cells, RigidNeighbors, Trajectories};
 use gs_core::{Real, quat};
 use rayon::prelude::*;
 
-/// Least weight of a splat: an invisible one still says a little about how its surroundings move.
+/// Lower bound of a splat's weight: neighbourhoods of invisible splats still have a motion.
 const LEAST_OPACITY: f64 = 1e-3;
 
-/// Power iterations for a mean axis. Normals within a region differ by less than 45°: each
+/// Power iterations for a mean axis. Normals within a region differ by less than 45°, so each
 /// iteration at least halves the error.
 const ITERATIONS: usize = 8;
 
-/// Regions of the usable sources that are no outliers. "Point" is a position in `ids`.
+/// Regions of the usable sources that are not outliers. A "point" is a position in `ids`.
 #[derive(Debug)]
 pub(super) struct Regions {
-    /// Source rows of all points, from the inside out.
+    /// Source rows of all points, by distance from the origin, `[N]`.
     pub(super) ids: Vec<usize>,
-    /// Centres of all points.
+    /// Centres of all points, about the origin of the pose, world units, `[N]`.
     pub(super) means: Vec<[f64; 3]>,
-    /// Opacities of all points, at least a little.
+    /// Opacities of all points, at least [`LEAST_OPACITY`], `[N]`.
     pub(super) weights: Vec<f64>,
-    /// Who belongs to which region.
+    /// Membership of points in regions.
     pub(super) cells: Cells,
-    /// Centroids of the regions.
+    /// Centroids of the regions, `[R]`, and their positions at the key times.
     pub(super) centroids: Trajectories,
     /// Mean rotations of the regions since the edit frame, `wxyz`, `[R,T]`.
-    pub(super) turns: Vec<[f64; 4]>,
-    /// Mean thin axis of each region, sign arbitrary, length = flatness.
+    pub(super) rotations: Vec<[f64; 4]>,
+    /// Mean thin axis of each region, sign arbitrary, length = flatness, `[R]`.
     pub(super) axes: Vec<[f64; 3]>,
+    /// Points that belong to no region.
     pub(super) num_outliers: usize,
-    /// That of the splats' trajectories, see [`RigidNeighbors::noise`].
+    /// Noise of the splats' trajectories, see [`RigidNeighbors::noise`].
     pub(super) noise: f64,
 }
 
-/// The usable sources. Those that do not move are where they were, seen or not: what they show is
-/// noise.
+/// Trajectories of the usable sources. Those that do not move keep their place and are always
+/// present: their displacements and their fading are noise.
 fn trajectories(
     keys: &KeyFrames,
     ids: &[usize],
@@ -69,15 +70,15 @@ fn trajectories(
     }
 }
 
-/// Opacity as a weight.
+/// Opacity as a weight; splats without a finite opacity count as invisible.
 fn opacity_weight(keys: &KeyFrames, i: usize) -> f64 {
     let opacity = f64::from(keys.at_edit.opacity(i));
     if opacity.is_finite() { opacity.max(LEAST_OPACITY) } else { LEAST_OPACITY }
 }
 
 impl Regions {
-    /// Groups the sources `ids` (from the inside out) in cubes of edge `size` along the axes of
-    /// `pose`. Everything is about its origin.
+    /// Groups the sources `ids`, in order of their distance from the origin of `pose`, in cubes of
+    /// edge `size` along its axes. All positions are relative to its origin.
     pub(super) fn of(
         keys: &KeyFrames,
         ids: Vec<usize>,
@@ -100,7 +101,7 @@ impl Regions {
             .collect();
         Self {
             centroids: centroids(&points, &cells.members),
-            turns: turns(keys, &ids, &points, &cells.members),
+            rotations: rotations(keys, &ids, &points, &cells.members),
             num_outliers: outliers.iter().filter(|&&o| o).count(),
             noise: neighbors.noise,
             means: points.rest,
@@ -154,7 +155,7 @@ fn mean_axis(members: &[u32], normals: &[[f64; 3]], weights: &[f64]) -> [f64; 3]
     axis.map(|c| c * sum / total)
 }
 
-/// Weighted means of the members of each region.
+/// Weighted mean of the members of each region.
 fn centroids(points: &Trajectories, members: &[Vec<u32>]) -> Trajectories {
     let num_times = points.num_times();
     let fades = !points.presence.is_empty();
@@ -209,24 +210,25 @@ fn add(sum: &mut [f64; 3], weight: f64, x: [f64; 3]) {
     }
 }
 
-/// Mean relative rotations of the regions, `[R,T]`; those of splats that do not move are none.
-fn turns(
+/// Mean rotations of the regions since the edit frame, `wxyz`, `[R,T]`; splats that do not move
+/// have the identity.
+fn rotations(
     keys: &KeyFrames,
     ids: &[usize],
     points: &Trajectories,
     members: &[Vec<u32>],
 ) -> Vec<[f64; 4]> {
     let of_region = |members: &Vec<u32>| -> Vec<[f64; 4]> {
-        let at = |turns: &Vec<[f32; 4]>| {
+        let at = |rotations: &Vec<[f32; 4]>| {
             let own = |p: u32| {
-                if points.moving[p as usize] { turns[ids[p as usize]] } else { quat::IDENTITY }
+                if points.moving[p as usize] { rotations[ids[p as usize]] } else { quat::IDENTITY }
             };
             let first = own(members[0]);
             let mut sum = [0.0; 4];
             for &p in members {
-                let turn = quat::align(own(p), first).map(Real::as_f64);
+                let rotation = quat::align(own(p), first).map(Real::as_f64);
                 for i in 0..4 {
-                    sum[i] += points.weights[p as usize] * turn[i];
+                    sum[i] += points.weights[p as usize] * rotation[i];
                 }
             }
             quat::normalize(sum)

@@ -1,70 +1,75 @@
-//! The sources each edited splat finally moves with.
+//! Support of each edited splat: the source splats whose motion it takes, and their weights.
 
 use super::consensus::Consensus;
 use super::cubes::Cube;
 use super::numeric::TINY;
 use super::region_motion::{Path, RegionMotion};
+use super::region_tree::RegionTree;
 use super::source::Regions;
 use crate::rigid::{dot, norm, sub};
 use crate::row_index::index;
-use anchors::{KdTree, Neighbor};
+use anchors::Neighbor;
 use gs_core::Real;
 
-/// Regions whose splats are considered: enough for a choice, few enough to stay near, unless they
-/// have but a splat each.
+/// Regions whose splats are candidates for a support: at least [`MIN_REGIONS`], and as far as
+/// [`MAX_REGIONS`] while these have few splats each.
 const MIN_REGIONS: usize = 8;
 const MAX_REGIONS: usize = 24;
 
-/// Regions looked at for a splat far from all of them.
+/// Candidate regions of a splat that is far from all regions.
 const FAR_REGIONS: usize = 256;
 
-/// Sources of a support agree better than regions that count as one motion: share of the tolerance.
-const SAME: f32 = 0.7;
+/// Largest difference between the motion of a splat's region and that of a region in its support,
+/// as a share of [`Supports::tolerance`]; far splats use all of it.
+const NEAR_TOLERANCE: f32 = 0.7;
 
-/// Width of the weights, in spacings of the regions, and its growth with the squared distance of
-/// the nearest source.
+/// Width of the weights over distance, in spacings of the regions, and its growth with the squared
+/// distance of the nearest source.
 const KERNEL: f64 = 1.8;
 const KERNEL_GROWTH: f64 = 0.09;
 
-/// Spread of a support across its surface, as a share of the whole, at which it is no direction to
-/// be centred in any more; and the factors on weights that centring may ask for.
+/// Ridge of the local linear regression, as a share of the trace of the covariance: directions in
+/// which a support has less spread are not centred.
 const RIDGE: f64 = 0.15;
+
+/// Bounds on the factors by which centring changes weights.
 const CENTRING: [f64; 2] = [0.1, 4.0];
 
-/// Regions compared at once.
+/// Regions compared per call of the vectorised comparison.
 const CHUNK: usize = 32;
 
-/// Weights below this are left out: rounding.
+/// Smaller weights do not change a fit beyond rounding and are left out.
 const NEGLIGIBLE: f64 = 1e-9;
 
-/// What is kept from splat to splat, so that nothing is allocated for each.
+/// Buffers reused from splat to splat.
 #[derive(Default)]
 pub(super) struct Scratch {
-    apart: Vec<f32>,
+    deviations: Vec<f32>,
     path: Path,
+    /// Squared distance and id of candidate points.
     points: Vec<(f64, u32)>,
-    first_of_region: Vec<(f64, u32)>,
+    nearest_of_region: Vec<(f64, u32)>,
     entries: Vec<(u32, f64)>,
-    /// Regions around the one that was last asked for far splats.
+    /// The last region of which far splats needed the neighbours, and these.
     around: Option<(u32, Vec<Neighbor>)>,
     ids: Vec<u32>,
 }
 
-/// Finds supports.
+/// Input of the search for supports.
 pub(super) struct Supports<'a> {
     pub(super) regions: &'a Regions,
     pub(super) motion: &'a RegionMotion,
+    /// Spacing of the regions, world units, `[R]`.
     pub(super) spacing: &'a [f64],
+    /// Largest difference between motions in a support, world units.
     pub(super) tolerance: f32,
     pub(super) sources_per_row: usize,
     pub(super) consensus: Consensus<'a>,
-    /// The regions that are no outliers, and their centroids.
-    pub(super) kept: &'a [usize],
-    pub(super) tree: &'a KdTree<3>,
+    pub(super) tree: &'a RegionTree,
 }
 
 impl Supports<'_> {
-    /// Sources around a splat at `x` in `cube` that move like region `own`, and weights.
+    /// Source rows around a splat at `x` in `cube` that move with region `own`, and their weights.
     pub(super) fn near(
         &self,
         x: [f64; 3],
@@ -72,52 +77,9 @@ impl Supports<'_> {
         own: u32,
         scratch: &mut Scratch,
     ) -> Vec<(u32, f32)> {
-        let Scratch { apart, path, points, first_of_region, entries, .. } = scratch;
-        self.motion.path(own as usize, x.map(Real::as_f32), path);
-        points.clear();
-        first_of_region.clear();
-        let enough = |regions: usize, points: usize| {
-            (regions >= MAX_REGIONS && points >= self.sources_per_row)
-                || (regions >= MIN_REGIONS && points >= 4 * self.sources_per_row)
-        };
-        let limit = (SAME * self.tolerance).powi(2);
-        let mut add = |region: u32| {
-            let mut nearest = (f64::INFINITY, 0);
-            for &p in self.regions.members(region as usize) {
-                let d = sub(self.regions.means[p as usize], x);
-                let squared = dot(d, d);
-                points.push((squared, p));
-                nearest = if squared < nearest.0 { (squared, p) } else { nearest };
-            }
-            first_of_region.push(nearest);
-            enough(first_of_region.len(), points.len())
-        };
-        let mut done = false;
-        for some in cube.regions.chunks(CHUNK) {
-            self.motion.apart(path, some, apart);
-            let mut same = some.iter().zip(&*apart).filter(|(_, squared)| **squared <= limit);
-            done = same.any(|(&region, _)| add(region));
-            if done {
-                break;
-            }
-        }
-        if !done && !cube.regions.contains(&own) {
-            add(own);
-        }
-        let order = |a: &(f64, u32), b: &(f64, u32)| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1));
-        // Half of them as near as possible, for the translation; the other half spread out, for the
-        // rotation.
-        let half = self.sources_per_row.div_ceil(2);
-        let near = half.max(self.sources_per_row.saturating_sub(first_of_region.len()));
-        if points.len() > near {
-            points.select_nth_unstable_by(near, order);
-            points.truncate(near);
-        }
-        points.sort_unstable_by(order);
-        first_of_region.retain(|p| !points.contains(p));
-        first_of_region.sort_unstable_by(order);
-        first_of_region.truncate(self.sources_per_row.saturating_sub(points.len()));
-        points.extend_from_slice(first_of_region);
+        self.collect_points(x, cube, own, scratch);
+        self.select_points(scratch);
+        let Scratch { points, entries, .. } = scratch;
         let h = self.spacing[own as usize];
         let nearest = points[0].0;
         let width = (KERNEL * h).powi(2) + KERNEL_GROWTH * nearest;
@@ -127,21 +89,74 @@ impl Supports<'_> {
         };
         entries.clear();
         entries.extend(points.iter().map(weigh).filter(|(_, weight)| *weight > NEGLIGIBLE));
-        // Where nothing moves, nothing can disagree.
-        if !entries
-            .iter()
-            .all(|entry| self.motion.still[self.regions.cells.owners[entry.0 as usize] as usize])
-        {
-            self.consensus.reweigh(entries);
+        let is_still = |&(p, _): &(u32, f64)| {
+            self.motion.still[self.regions.cells.owners[p as usize] as usize]
+        };
+        // Sources that do not move cannot disagree.
+        if !entries.iter().all(is_still) {
+            self.consensus.reweight(entries);
             self.centre(entries, x);
         }
         entries.iter().map(|&(p, w)| (index(self.regions.ids[p as usize]), w.as_f32())).collect()
     }
 
-    /// Tilts the weights so that their centroid lies beside `x`, as in local linear regression:
-    /// what a stretching or bending part does more of with every step aside then does no harm, and
-    /// supports may be wide. Along the normal, across which supports have no spread, the rigid
-    /// motion carries the offset.
+    /// Collects the points of the regions of `cube` that move with region `own`, nearest regions
+    /// first, until there are enough; and the nearest point of each of these regions.
+    fn collect_points(&self, x: [f64; 3], cube: &Cube, own: u32, scratch: &mut Scratch) {
+        let Scratch { deviations, path, points, nearest_of_region, .. } = scratch;
+        self.motion.path(own as usize, x.map(Real::as_f32), path);
+        points.clear();
+        nearest_of_region.clear();
+        let enough = |regions: usize, points: usize| {
+            (regions >= MAX_REGIONS && points >= self.sources_per_row)
+                || (regions >= MIN_REGIONS && points >= 4 * self.sources_per_row)
+        };
+        let limit = (NEAR_TOLERANCE * self.tolerance).powi(2);
+        let mut add = |region: u32| {
+            let mut nearest = (f64::INFINITY, 0);
+            for &p in self.regions.members(region as usize) {
+                let d = sub(self.regions.means[p as usize], x);
+                let squared = dot(d, d);
+                points.push((squared, p));
+                nearest = if squared < nearest.0 { (squared, p) } else { nearest };
+            }
+            nearest_of_region.push(nearest);
+            enough(nearest_of_region.len(), points.len())
+        };
+        for regions in cube.regions.chunks(CHUNK) {
+            self.motion.max_squared_distances(path, regions, deviations);
+            let mut same = regions.iter().zip(&*deviations).filter(|(_, d)| **d <= limit);
+            if same.any(|(&region, _)| add(region)) {
+                return;
+            }
+        }
+        if !cube.regions.contains(&own) {
+            add(own);
+        }
+    }
+
+    /// Reduces the collected points to a support: one half as near as possible, for the
+    /// translation; the other half one point per region, spread out, for the rotation.
+    fn select_points(&self, scratch: &mut Scratch) {
+        let Scratch { points, nearest_of_region, .. } = scratch;
+        let order = |a: &(f64, u32), b: &(f64, u32)| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1));
+        let half = self.sources_per_row.div_ceil(2);
+        let near = half.max(self.sources_per_row.saturating_sub(nearest_of_region.len()));
+        if points.len() > near {
+            points.select_nth_unstable_by(near, order);
+            points.truncate(near);
+        }
+        points.sort_unstable_by(order);
+        nearest_of_region.retain(|p| !points.contains(p));
+        nearest_of_region.sort_unstable_by(order);
+        nearest_of_region.truncate(self.sources_per_row.saturating_sub(points.len()));
+        points.extend_from_slice(nearest_of_region);
+    }
+
+    /// Tilts the weights to bring their centroid next to `x`, as local linear regression does.
+    /// Motion that varies linearly over a stretching or bending part then cancels, and supports may
+    /// be wide. Along the normal, where supports have no spread, the rigid motion accounts for the
+    /// offset.
     fn centre(&self, entries: &mut [(u32, f64)], x: [f64; 3]) {
         let total: f64 = entries.iter().map(|entry| entry.1).sum();
         let place = |point: u32| self.regions.means[point as usize];
@@ -164,7 +179,7 @@ impl Supports<'_> {
         if ridge.is_nan() || ridge <= 0.0 {
             return;
         }
-        // C (C + ridge)⁻² applied to where the splat lies aside.
+        // C (C + ridge)⁻² times the displacement of the splat from the centroid.
         let mut ridged = covariance;
         for (i, row) in ridged.iter_mut().enumerate() {
             row[i] += ridge;
@@ -178,31 +193,31 @@ impl Supports<'_> {
         }
     }
 
-    /// Sources for a splat far from all of them that hangs on one which moves with region `own`:
-    /// the wider the lever, the wider the support, as far as it moves as one.
+    /// Sources for a splat at `x` far from all regions that follows region `own`. The support grows
+    /// with the lever arm, as far as regions share the motion.
     pub(super) fn far(&self, x: [f64; 3], own: u32, scratch: &mut Scratch) -> Vec<(u32, f32)> {
-        let Scratch { apart, path, around, ids, .. } = scratch;
+        let Scratch { deviations, path, around, ids, .. } = scratch;
         let centre = self.regions.centroids.rest[own as usize];
         let lever = norm(sub(x, centre));
-        // Splats of one piece ask for one region.
-        let (asked, near) = around.get_or_insert_with(|| (u32::MAX, Vec::new()));
-        if *asked != own {
+        // The splats of one piece mostly follow one region.
+        let (region, near) = around.get_or_insert_with(|| (u32::MAX, Vec::new()));
+        if *region != own {
             self.tree.nearest(&centre, FAR_REGIONS, near);
-            *asked = own;
+            *region = own;
         }
         let reach = (0.5 * lever).max(2.0 * self.spacing[own as usize]);
         let tolerance = (f64::from(self.tolerance) + 0.1 * lever).as_f32();
         self.motion.path(own as usize, x.map(Real::as_f32), path);
         ids.clear();
-        ids.extend(near.iter().map(|n| index(self.kept[n.id as usize])));
-        self.motion.apart(path, ids, apart);
+        ids.extend(near.iter().map(|n| n.id));
+        self.motion.max_squared_distances(path, ids, deviations);
         let mut same = Vec::new();
-        for ((n, &region), &squared) in near.iter().zip(&*ids).zip(&*apart) {
+        for (n, &squared) in near.iter().zip(&*deviations) {
             if n.distance_squared.sqrt() > reach && same.len() >= self.sources_per_row {
                 break;
             }
             if squared <= tolerance * tolerance {
-                same.push(region);
+                same.push(n.id);
             }
         }
         if !same.contains(&own) {
@@ -219,7 +234,7 @@ impl Supports<'_> {
     }
 }
 
-/// Of a symmetric matrix that has one.
+/// Inverse of a regular symmetric matrix.
 fn inverse(m: [[f64; 3]; 3]) -> [[f64; 3]; 3] {
     let cofactor = |i: usize, j: usize| {
         let (a, b) = ((i + 1) % 3, (i + 2) % 3);

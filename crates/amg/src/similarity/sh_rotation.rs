@@ -15,7 +15,7 @@ const AZIMUTHS: u32 = 8;
 
 /// Rotation of SH coefficients of degree 0 to 3, one block per degree.
 ///
-/// A splat that is turned by `Q` shows in direction `d` what it showed in `Q⁻¹ d` before, so its
+/// A splat rotated by `Q` has in direction `d` the colour that it had in `Q⁻¹ d` before, so its
 /// coefficients become `c'_j = Σ_k M_jk c_k` with `M_jk = ∫ Y_j(d) Y_k(Q⁻¹ d) dd`. The integral is
 /// computed by a quadrature that is exact for these degrees, for rotations and for reflections.
 #[derive(Debug, Clone, PartialEq)]

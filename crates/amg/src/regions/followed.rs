@@ -1,0 +1,78 @@
+//! The region that each edited splat follows: its own match, or that of another splat.
+
+use super::candidates::Candidates;
+use super::edit::Edit;
+use super::graph;
+use super::new_pieces::NewPieces;
+use super::posterior::Posterior;
+use super::region_motion::RegionMotion;
+use super::source::Regions;
+
+/// The region that an edited splat follows.
+#[derive(Debug, Clone, Copy)]
+pub(super) enum Followed {
+    /// Its own match.
+    Own(u32),
+    /// The attachment of its piece, the match of the splat it is connected to, or its likeliest
+    /// region although "unmatched" is likelier.
+    Other(u32),
+    /// None: no region is within reach.
+    Nothing,
+}
+
+/// Input of the decision.
+pub(super) struct FollowInputs<'a> {
+    pub(super) regions: &'a Regions,
+    pub(super) motion: &'a RegionMotion,
+    pub(super) edit: &'a Edit,
+    pub(super) candidates: &'a Candidates,
+    /// Of each edited splat, `[E]`.
+    pub(super) posteriors: &'a [Posterior],
+    /// See [`NewPieces::new_geometry`], world units.
+    pub(super) new_geometry: f64,
+    /// Largest distance from a splat to the nearest candidate, world units.
+    pub(super) reach: f64,
+}
+
+impl FollowInputs<'_> {
+    /// The region that each edited splat follows, `[E]`.
+    pub(super) fn followed(&self) -> Vec<Followed> {
+        let Self { regions, motion, edit, .. } = *self;
+        let matched: Vec<Option<u32>> = (0..edit.len()).map(|e| self.matched(e)).collect();
+        let (links, spacing) = graph::links(&edit.means);
+        let seeds = graph::nearest_seed(&edit.means, &links, |e| matched[e].is_some());
+        let pieces = NewPieces {
+            regions,
+            motion,
+            edit,
+            matched: &matched,
+            links: &links,
+            spacing: &spacing,
+            new_geometry: self.new_geometry,
+            reach: self.reach,
+        };
+        let attachments = pieces.attachments();
+        let followed = |e: usize| {
+            let of_seed = seeds[e].and_then(|seed| matched[seed as usize]);
+            let likeliest = self.posteriors[e].region.filter(|_| self.within_reach(e));
+            match (attachments[e], matched[e], of_seed.or(likeliest)) {
+                (None, Some(region), _) => Followed::Own(region),
+                (Some(region), ..) | (None, None, Some(region)) => Followed::Other(region),
+                (None, None, None) => Followed::Nothing,
+            }
+        };
+        (0..edit.len()).map(followed).collect()
+    }
+
+    /// The likeliest region of splat `e`, if "unmatched" is less likely than all regions together
+    /// and a region is within reach.
+    fn matched(&self, e: usize) -> Option<u32> {
+        let Posterior { region, unmatched } = self.posteriors[e];
+        let is_matched = unmatched < 0.5 && (self.within_reach(e) || self.edit.exact[e].is_some());
+        region.filter(|_| is_matched)
+    }
+
+    fn within_reach(&self, e: usize) -> bool {
+        self.candidates.distance[e] <= self.reach
+    }
+}

@@ -108,7 +108,7 @@ pub(crate) enum Command {
     Eval(EvalArgs),
     /// Compare runs in one page: pictures, curves, numbers, and where they differ most
     Compare(CompareArgs),
-    /// Show scenes and runs in the browser: compare, look into splats, select, save cameras
+    /// Show scenes and runs in the browser: compare, inspect splats, select, save cameras
     View(ViewArgs),
     /// Make a synthetic scene, edit it, propagate the edit and render both
     Demo(DemoArgs),
@@ -121,6 +121,29 @@ pub(crate) enum Command {
     Completions(CompletionsArgs),
     /// Write manual pages, one per command
     Man(ManArgs),
+}
+
+impl Command {
+    /// The name on the command line.
+    pub(crate) fn name(&self) -> &'static str {
+        match self {
+            Self::Info(_) => "info",
+            Self::Doctor(_) => "doctor",
+            Self::Freeze(_) => "freeze",
+            Self::Edit(_) => "edit",
+            Self::Propagate(_) => "propagate",
+            Self::Refine(_) => "refine",
+            Self::Render(_) => "render",
+            Self::Export(_) => "export",
+            Self::Eval(_) => "eval",
+            Self::Compare(_) => "compare",
+            Self::View(_) => "view",
+            Self::Demo(_) => "demo",
+            Self::Bench { .. } => "bench motion",
+            Self::Completions(_) => "completions",
+            Self::Man(_) => "man",
+        }
+    }
 }
 
 #[cfg(test)]

@@ -3,11 +3,21 @@
 use crate::args::{BenchCommand, Cli, Command, Global};
 use crate::commands;
 use crate::console::Console;
-use crate::failure::{Failure, Outcome};
+use crate::failure::{Exit, Failure, Outcome};
 use crate::threads::start_threads;
 
-/// Starts the threads and runs the command.
+/// Starts the threads and runs the command. Usage errors without a next step refer to its help.
 pub(crate) fn run(cli: &Cli, global: &Global, console: &Console) -> Outcome {
+    run_command(cli, global, console).map_err(|failure| match (failure.exit, &failure.next) {
+        (Exit::Usage, None) => {
+            let command = cli.command.name();
+            failure.next(format!("c4d {command} --help lists the flags and their values."))
+        }
+        _ => failure,
+    })
+}
+
+fn run_command(cli: &Cli, global: &Global, console: &Console) -> Outcome {
     start_threads(global.threads)?;
     if cfg!(debug_assertions) {
         console

@@ -59,7 +59,7 @@ fn set(options: &mut OpenOptions, kind: &SceneKind, setting: &str) -> Result<(),
             }
             options.bound = Some(bound);
         }
-        _ => return Err("no such flag of this kind of scene"),
+        _ => return Err("this kind of scene has no such flag"),
     }
     Ok(())
 }

@@ -100,7 +100,7 @@ pub(crate) struct PictureFlags {
     /// Seed of everything random
     #[arg(long, default_value_t = 0, requires = "views")]
     pub(crate) seed: u64,
-    /// Save a checkpoint for --resume every so many seconds
+    /// Interval between checkpoints for --resume
     #[arg(
         long,
         value_name = "SECONDS",

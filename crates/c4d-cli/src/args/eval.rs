@@ -18,8 +18,8 @@ pub(crate) struct MeasureFlags {
     /// Which views of a data set [default: test, else all; at most 8, evenly]
     #[arg(long, value_enum)]
     pub(crate) split: Option<SplitArg>,
-    /// What it should look like: another scene or run, or the folder of a data set's photographs,
-    /// whose views --cameras names
+    /// Ground truth: another scene or run, or the folder of a data set's photographs, whose views
+    /// --cameras names
     #[arg(long, value_name = "SCENE|IMAGES")]
     pub(crate) truth: Option<PathBuf>,
     /// Times, comma-separated [default: those of the cameras, if they have several, else as
@@ -57,8 +57,9 @@ pub(crate) struct EvalArgs {
     /// matches, cost, or single ones [default: core; all with --weights]
     #[arg(long, value_delimiter = ',', value_name = "core|all|NAME,…")]
     pub(crate) metrics: Vec<String>,
-    /// Propagate an edit of the scene given in place of a run in every way of the paper's ablations
-    /// and by default, measure each, and print one table; -o names the folder for the runs
+    /// Propagate an edit of a scene, given in place of the run, with each variant of the paper's
+    /// ablations and with the defaults, measure each, and print one table; -o names the folder for
+    /// the runs
     #[arg(long, requires = "edited", requires = "output")]
     pub(crate) ablation: bool,
     /// The edited frame of --ablation
@@ -67,16 +68,16 @@ pub(crate) struct EvalArgs {
     /// Time of the edited frame of --ablation
     #[arg(long, default_value_t = 0.0, allow_negative_numbers = true, requires = "ablation")]
     pub(crate) time: f32,
-    /// Also vary the paper's weights of transport (λ0 0.05 to 0.3, λ1 and λ2 0.6 to 11)
+    /// Also vary the weights of the paper's transport (λ0 0.05 to 0.3, λ1 and λ2 0.6 to 11)
     #[arg(long, requires = "ablation")]
     pub(crate) sweep: bool,
-    /// Images of the refinements of --ablation [default: 240]
+    /// Number of images of each refinement of --ablation [default: 240]
     #[arg(long, value_name = "N", requires = "ablation")]
     pub(crate) samples: Option<usize>,
-    /// Their size [default: that of the cameras, 640x480 for the rig]
+    /// Size of these images [default: that of the cameras, 640x480 for the rig]
     #[arg(long, value_name = "WxH", value_parser = super::values::parse_size, requires = "ablation")]
     pub(crate) refine_size: Option<(u32, u32)>,
-    /// Only write what a learned judge takes: pictures before and after, and jobs.jsonl
+    /// Only write the input of a learned judge: pictures before and after, and jobs.jsonl
     /// (editscore: pairs of 30 frames; vebench: clips as folders of frames)
     #[arg(
         long,
@@ -86,16 +87,16 @@ pub(crate) struct EvalArgs {
         conflicts_with_all = ["ablation", "output"]
     )]
     pub(crate) emit: Vec<String>,
-    /// What the edited scene shows, for CLIP; the instruction of the edit, for --emit
+    /// Description of the edited scene, for CLIP; with --emit, the editing instruction
     #[arg(long, value_name = "TEXT")]
     pub(crate) prompt: Option<String>,
-    /// What the source shows, for CLIP's directional similarity
+    /// Description of the source, for CLIP's directional similarity
     #[arg(long, value_name = "TEXT", conflicts_with = "emit")]
     pub(crate) source_prompt: Option<String>,
     /// Folder with weights of CLIP, DINO, AlexNet or VGG-16, and LPIPS heads, for neural metrics
     #[arg(long, value_name = "DIR", conflicts_with = "emit")]
     pub(crate) weights: Option<PathBuf>,
-    /// Add the scores that a learned judge found: lines of {"id": …, "scores": {NAME: NUMBER}}
+    /// Add the scores of a learned judge: lines of {"id": …, "scores": {NAME: NUMBER}}
     #[arg(long, value_name = "SCORES.JSONL", conflicts_with = "ablation")]
     pub(crate) ingest: Option<PathBuf>,
     #[command(flatten)]

@@ -7,7 +7,7 @@ use clap::ValueEnum;
 pub(crate) enum OverlayArg {
     /// Parts that move rigidly, as `part N` of c4d edit selects them
     Parts,
-    /// Largest distance from the place at the edited frame
+    /// Largest distance from the position at the edited frame
     Motion,
     /// Runs: colours that the edited frame hides
     Uncertainty,

@@ -13,7 +13,7 @@ pub(crate) struct PropagateArgs {
     /// The dynamic scene
     pub(crate) scene: PathBuf,
     /// The edited frame: 3DGS PLY, compressed PLY, .splat, .spz, .sog or .glb of any editor, or the
-    /// run folder of one
+    /// output folder of an editor
     #[arg(long, value_name = "FILE")]
     pub(crate) edited: PathBuf,
     /// Run folder to write; with --dry-run, the picture beside it, or a .png
@@ -36,7 +36,7 @@ pub(crate) struct PropagateArgs {
     /// and flags override them
     #[arg(long, value_name = "FILE")]
     pub(crate) config: Option<PathBuf>,
-    /// Use a baseline instead of anchors and transport
+    /// Use a baseline instead of the motion model
     #[arg(long, value_enum)]
     pub(crate) baseline: Option<BaselineArg>,
     /// `amg` keeps the exact motion of unedited splats; `amg-all` estimates the motion of all
@@ -59,10 +59,11 @@ pub(crate) struct PropagateArgs {
     /// the scene's own frame
     #[arg(long)]
     pub(crate) align: bool,
-    /// Add the splats of the scene that the edited file lacks, as when only a selection was saved
+    /// Add the splats of the scene that the edited file lacks, for example because only a selection
+    /// was saved
     #[arg(long)]
     pub(crate) keep_rest: bool,
-    /// Compare only: count what the edit kept, changed, added and removed, and write a picture of
+    /// Only compare: count what the edit kept, changed, added and removed, and write a picture of
     /// the frame before and after
     #[arg(long)]
     pub(crate) dry_run: bool,

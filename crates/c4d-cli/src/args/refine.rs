@@ -28,7 +28,8 @@ pub(crate) struct RefineFlags {
     /// Images to draw (view and time) [default: 240]
     #[arg(long, value_name = "N")]
     pub(crate) samples: Option<usize>,
-    /// Coverage of the artifact mask, 0.5 (broad) to 2
+    /// ε of the artifact mask, 0 to 10: pixels whose uncertainty is above ε times its mean are
+    /// masked [default: 0.5; the paper uses 0.5 to 2]
     #[arg(long, allow_negative_numbers = true)]
     pub(crate) epsilon: Option<f32>,
     /// How frame 1 is warped to other frames [default: backward; paper with --preset paper]
@@ -37,10 +38,10 @@ pub(crate) struct RefineFlags {
     /// Memory for images, MiB, 16 or more [default: 2048, or half of what is free]
     #[arg(long, value_name = "MIB")]
     pub(crate) memory: Option<usize>,
-    /// Write a preview image into the run every so many seconds
+    /// Interval at which a preview image is written into the run [default: none is written]
     #[arg(long, value_name = "SECONDS", allow_negative_numbers = true)]
     pub(crate) preview_every: Option<f64>,
-    /// Save a checkpoint for --resume every so many seconds
+    /// Interval between checkpoints for --resume
     #[arg(long, value_name = "SECONDS", default_value_t = 20.0, allow_negative_numbers = true)]
     pub(crate) checkpoint_every: f64,
 }
@@ -96,8 +97,8 @@ pub(crate) struct RefineArgs {
 /// Forms of Eq. 13.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum, Serialize, Deserialize)]
 pub(crate) enum WarpArg {
-    /// Fetched through flow at the pixels of frame t, with occlusion test
+    /// Colours are fetched through the flow at the pixels of frame t, with an occlusion test
     Backward,
-    /// As printed
+    /// As printed in the paper (Eq. 13)
     Paper,
 }

@@ -110,7 +110,7 @@ pub(crate) enum Pass {
     Mask,
     /// Parts that move rigidly, as `part N` of c4d edit selects them
     Parts,
-    /// Largest distance from the place at the edited frame; exr and npy: world units
+    /// Largest distance from the position at the edited frame; exr and npy: world units
     Motion,
     /// Runs: how well the source determines the motion; exr and npy: 0 to 1
     Confidence,

@@ -6,7 +6,7 @@ use std::path::PathBuf;
 
 #[derive(Debug, Args)]
 pub(crate) struct ViewArgs {
-    /// Scenes, runs or frames, up to four; a single run is shown with what it was made from
+    /// Scenes, runs or frames, up to four; a single run is shown with its source
     #[arg(required = true, num_args = 1..=4, value_name = "SCENE")]
     pub(crate) scenes: Vec<PathBuf>,
     /// Reload a scene when its files change; wait for scenes that do not exist yet

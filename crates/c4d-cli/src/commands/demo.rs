@@ -17,11 +17,14 @@ use gs_io::ply::{self, WriteOptions};
 use gs_io::{AtomicDir, Existing, cameras_json, ply_sequence};
 use gs_raster_cpu::CpuRasterizer;
 use gs_synth::{EditedFrame, SynthError, SynthScene};
+use std::ops::RangeInclusive;
 use std::path::Path;
 use std::time::Instant;
 
 /// Number of frames of the PLY sequence used as the source scene.
 const SOURCE_FRAMES: usize = 31;
+/// Numbers of splats for which [`gs_synth::demo()`] has a scene.
+const SPLATS: RangeInclusive<usize> = 1000..=100_000_000;
 /// Memory per splat, bytes: source and edit in the motion stage, and frames of both.
 const BYTES_PER_SPLAT: u64 = 4096;
 /// Size of each half of the video, pixels.
@@ -48,9 +51,10 @@ pub(crate) fn run(args: &DemoArgs, global: &Global, console: &Console) -> Outcom
     if !(2..=10_000).contains(&args.frames) {
         return Err(Failure::usage(format!("--frames {}: expected 2 to 10000", args.frames)));
     }
-    if !(1_000..=100_000_000).contains(&args.splats) {
-        let expected = "expected 1000 to 100 million";
-        return Err(Failure::usage(format!("--splats {}: {expected}", args.splats)));
+    if !SPLATS.contains(&args.splats) {
+        let (least, most) = (SPLATS.start(), SPLATS.end());
+        let what = format!("--splats {}: expected {least} to {most}", args.splats);
+        return Err(Failure::usage(what));
     }
     crate::memory::require(
         &format!("a scene of {} splats", args.splats),

@@ -65,7 +65,7 @@ pub(crate) fn run(args: &EvalArgs, global: &Global, console: &Console) -> Outcom
     Ok(())
 }
 
-/// Writes what a learned judge takes.
+/// Writes the input of a learned judge.
 fn emit(
     args: &EvalArgs,
     judge: &str,

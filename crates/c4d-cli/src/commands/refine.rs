@@ -147,7 +147,7 @@ pub(crate) fn check(
     if let Some(epsilon) = flags.epsilon
         && !(0.0..=10.0).contains(&epsilon)
     {
-        return refuse(format!("--epsilon {epsilon}: expected 0.5 to 2, at most 10"));
+        return refuse(format!("--epsilon {epsilon}: expected 0 to 10; the paper uses 0.5 to 2"));
     }
     let intervals = [
         ("--preview-every", flags.preview_every),

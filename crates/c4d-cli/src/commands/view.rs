@@ -39,6 +39,9 @@ pub(crate) fn is_serving() -> bool {
 }
 
 pub(crate) fn run(args: &ViewArgs, global: &Global, console: &Console) -> Outcome {
+    if let Some(degree) = args.sh_degree.filter(|degree| *degree > 3) {
+        return Err(Failure::usage(format!("--sh-degree {degree}: expected 0 to 3")));
+    }
     for path in &args.scenes {
         if args.watch {
             watch::wait_for(path, console);
@@ -52,6 +55,7 @@ pub(crate) fn run(args: &ViewArgs, global: &Global, console: &Console) -> Outcom
         opened.push(still::open(path, None, global, console)?);
         stamps.push(before);
     }
+    check_overlays(args, &opened)?;
     let (frames, fps) = timing(args, &opened)?;
     let mut scenes = Vec::new();
     for (opened, stamp) in opened.into_iter().zip(&mut stamps) {
@@ -140,6 +144,19 @@ fn serve(mut stream: TcpStream, session: &Session<'_>, token: &Token) {
     // The other side may have gone.
     if response.write(&mut stream).is_ok() {
         http::close(stream);
+    }
+}
+
+/// Refuses overlays that apply to none of the scenes.
+fn check_overlays(args: &ViewArgs, scenes: &[Opened]) -> Outcome {
+    let has_run = scenes.iter().any(|opened| opened.binding.is_some());
+    match args.overlay.iter().find(|kind| kind.needs_run() && !has_run) {
+        Some(kind) => Err(Failure::usage(format!(
+            "the overlay `{}` compares a run with its source; no SCENE is a run",
+            kind.name()
+        ))
+        .next("Give a run folder that c4d propagate wrote, or choose parts or motion.")),
+        None => Ok(()),
     }
 }
 

@@ -262,7 +262,7 @@ fn items(
 
 /// No number, because weights are missing.
 fn lacking(id: &str, which: &str) -> Item {
-    Item::missing(id, &format!("--weights has no {which}"))
+    Item::missing(id, &format!("it needs --weights with {which}"))
 }
 
 const CLIP_IDS: [&str; 4] =
@@ -291,7 +291,7 @@ fn clip_items(
     };
     let no_text = |id: &str, flag: &str| {
         let reason = if networks.tokenizer.is_none() {
-            "--weights has no merges.txt or tokenizer.json".to_owned()
+            "it needs --weights with merges.txt or tokenizer.json".to_owned()
         } else {
             format!("no text to compare with: {flag}")
         };

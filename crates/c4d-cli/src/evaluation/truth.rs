@@ -1,4 +1,4 @@
-//! [`Truth`]: what a scene should look like.
+//! [`Truth`]: the ground truth of a scene's images.
 
 use super::photos::Photos;
 use crate::device::Device;

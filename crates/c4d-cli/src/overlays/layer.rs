@@ -165,7 +165,7 @@ impl<'a> LayerSource<'a> {
         };
         let entries = [entry(&source), entry(&edited)];
         let high = format!("{most:.3} units");
-        let title = "Largest distance from the place at the edited frame";
+        let title = "Largest distance from the position at the edited frame";
         let overlay =
             overlay(OverlayArg::Motion, title, scale(), scale_legend("0", &high), entries);
         let values = if self.opened.original.is_some() { edited } else { source };

@@ -6,9 +6,9 @@ use crate::failure::{Failure, Outcome};
 use serde_json::Value;
 use std::path::{Path, PathBuf};
 
-/// Refuses a path that is not a folder.
+/// Refuses a path that is not a folder with at least one of the files of a run.
 pub(crate) fn check_is_folder(run: &Path) -> Outcome {
-    if run.is_dir() {
+    if [CONFIG, SCENE].iter().any(|name| run.join(name).exists()) {
         return Ok(());
     }
     Err(Failure::bad_input(format!("{} is not a run folder", run.display()))

@@ -78,9 +78,18 @@ fn open_within(
                 (None, SceneKind::Unsupported(format)) => format.next.to_owned(),
                 (None, _) => SCENES.to_owned(),
             };
-            let what = format!("{} is not a scene ({kind})", path.display());
+            let what = format!("{} is not a scene: found {}", path.display(), found(&kind));
             Err(Failure::bad_input(what).next(next))
         }
+    }
+}
+
+/// Content of a path that is not a scene, for messages.
+fn found(kind: &SceneKind) -> String {
+    match kind {
+        SceneKind::Unknown { found } if found.is_empty() => "an empty folder".to_owned(),
+        SceneKind::Unknown { found } => found.join(", "),
+        kind => kind.to_string(),
     }
 }
 

@@ -97,8 +97,10 @@ impl Settings {
                 "Any part of the c4d.toml of a run folder is a configuration; docs/CONFIGURATION.md lists the keys.",
             )
         };
-        let bytes =
-            std::fs::read(path).map_err(|error| failure(format!("cannot read: {error}")))?;
+        let bytes = std::fs::read(path).map_err(|error| {
+            Failure::bad_input(format!("cannot read {}: {error}", path.display()))
+                .next("Check that the name is right and that the file is readable.")
+        })?;
         let text = String::from_utf8(bytes).map_err(|error| failure(error.to_string()))?;
         let settings: Self =
             toml::from_str(&text).map_err(|error| failure(error.to_string().trim().to_owned()))?;

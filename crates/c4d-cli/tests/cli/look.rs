@@ -208,7 +208,7 @@ fn flags_without_effect_are_refused() {
     refused(&["render", "--iteration", "7"], "--iteration and --set apply to model folders");
     refused(
         &["export", "--to", "ply-seq", "--set", "no_dx=true"],
-        "no such flag of this kind of scene",
+        "this kind of scene has no such flag",
     );
     refused(&["export", "--to", "ply-seq", "--set", "axes=up"], "expected ply, rub or luf");
 }
@@ -245,4 +245,38 @@ fn failure_of_usage(arguments: &[&str]) -> String {
     let output = c4d(arguments).output().unwrap();
     assert_eq!(output.status.code(), Some(2), "{arguments:?}");
     String::from_utf8_lossy(&output.stderr).into_owned()
+}
+
+#[test]
+fn errors_name_the_flag_and_a_next_step_of_the_command() {
+    let folder = tempfile::tempdir().unwrap();
+    let source = fixture("synth/source");
+    let source = path(&source);
+    let (absent, empty) = (folder.path().join("absent.toml"), folder.path().join("empty"));
+    std::fs::create_dir(&empty).unwrap();
+    let edited = fixture("synth/edited.ply");
+    for (command, exit, expected) in [
+        (&["demo", "--splats", "9"][..], 2, ["--splats 9: expected 1000", "c4d demo --help"]),
+        (&["view", source, "--sh-degree", "4"], 2, ["--sh-degree 4: expected 0 to 3", "c4d view"]),
+        (
+            &["view", source, "--no-open", "--overlay", "changed"],
+            2,
+            ["no SCENE is a run", "choose parts or motion"],
+        ),
+        (&["refine", source], 3, ["is not a run folder", "that c4d propagate wrote"]),
+        (&["freeze", path(&empty)], 3, ["not a scene: found an empty folder", "SCENE is"]),
+        (
+            &["propagate", source, "--edited", path(&edited), "--config", path(&absent)],
+            3,
+            ["cannot read", "Check that the name is right"],
+        ),
+    ] {
+        let output = folder.path().join("out");
+        let mut program = c4d(command);
+        if !matches!(command[0], "view" | "refine") {
+            program.args(["-o", path(&output)]);
+        }
+        let said = failure(&mut program, exit);
+        assert!(expected.iter().all(|text| said.contains(text)), "{command:?}: {said}");
+    }
 }

@@ -127,7 +127,10 @@ fn read_dir(folder: &Path) -> Result<Frame, IoError> {
                 frame with `c4d freeze` and edit that"
                     .to_owned()
             } else {
-                format!("is a folder without an edited frame: it has none of {}", PLACES.join(", "))
+                format!(
+                    "folder without an edited frame; expected one of {} in it",
+                    PLACES.join(", ")
+                )
             },
         ));
     };

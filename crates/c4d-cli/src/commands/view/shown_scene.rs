@@ -92,7 +92,7 @@ fn kinds(args: &ViewArgs, opened: &Opened) -> Vec<OverlayArg> {
     asked.into_iter().filter(applies).collect()
 }
 
-/// The overlay of a run that is shown without what it was made from.
+/// The overlay of a run that is shown without its source.
 fn of_scene_alone(mut overlay: Overlay) -> Overlay {
     if !overlay.entries[1].is_empty() {
         overlay.entries = [std::mem::take(&mut overlay.entries[1]), Vec::new()];

@@ -1,11 +1,11 @@
 //! Difference between a cloud and what was written, independent of row order.
 
-use gs_core::Splats;
 use gs_core::sh::C0;
+use gs_core::{Splats, quat};
 use rayon::prelude::*;
 
 /// Opacity below which a splat is not drawn.
-const VISIBLE: f32 = 1.0 / 255.0;
+pub(super) const VISIBLE: f32 = 1.0 / 255.0;
 
 /// Largest differences over all visible splats.
 #[derive(Debug, Clone, Copy, Default)]
@@ -16,6 +16,10 @@ pub(super) struct Difference {
     color: f32,
     /// Of opacities, in steps of 1/255.
     opacity: f32,
+    /// Of rotations, radians.
+    rotation: f32,
+    /// Of the logarithms of sizes.
+    log_scale: f32,
 }
 
 impl Difference {
@@ -26,6 +30,18 @@ impl Difference {
         format!(
             "positions {:.1e}, colours {:.1}, opacities {:.1}",
             self.position, self.color, self.opacity
+        )
+    }
+
+    /// Cells of a table with all of them.
+    pub(super) fn columns(self) -> String {
+        format!(
+            "{:.1e} | {:.2} | {:.2} | {:.3}° | {:.2} %",
+            self.position,
+            self.color,
+            self.opacity,
+            self.rotation.to_degrees(),
+            100.0 * self.log_scale.exp_m1()
         )
     }
 
@@ -59,6 +75,17 @@ pub(super) fn difference(truth: &Splats, read: &Splats) -> Difference {
             position: distance(&read.means[nearest], mean).sqrt() / size,
             color: (0..3).map(|k| 255.0 * (shown(a[k]) - shown(b[k])).abs()).fold(0.0, f32::max),
             opacity: 255.0 * (truth.opacity(row) - read.opacity(nearest)).abs(),
+            rotation: {
+                let turn = |splats: &Splats, row: usize| quat::normalize(splats.quats[row]);
+                let (a, b) = (turn(truth, row), turn(read, nearest));
+                // Chord of the half angle: exact where the angle is small.
+                let chord = |sign: f32| (0..4).map(|k| (a[k] - sign * b[k]).powi(2)).sum::<f32>();
+                4.0 * (0.5 * chord(1.0).min(chord(-1.0)).sqrt()).asin()
+            },
+            log_scale: {
+                let (a, b) = (truth.log_scales[row], read.log_scales[nearest]);
+                (0..3).map(|k| (a[k] - b[k]).abs()).fold(0.0, f32::max)
+            },
         }
     };
     (0..truth.len()).into_par_iter().filter(|&row| truth.opacity(row) >= VISIBLE).map(one).reduce(
@@ -67,6 +94,8 @@ pub(super) fn difference(truth: &Splats, read: &Splats) -> Difference {
             position: a.position.max(b.position),
             color: a.color.max(b.color),
             opacity: a.opacity.max(b.opacity),
+            rotation: a.rotation.max(b.rotation),
+            log_scale: a.log_scale.max(b.log_scale),
         },
     )
 }

@@ -250,13 +250,14 @@ The clip as `.usda`, opened and evaluated by {}: {usd}.
 
 ## .4dgs
 
-Clips written by one program and evaluated by the other, {}. The first clip is the scene, written with 9 frames; times are shares of the clip, and
-0.3 and 0.7 lie between frames. The others are the package's: random splats with linear motion, and the scene's frames as its own converter stores them. There the
-package's evaluation of its own file is the reference. Positions are in parts of the scene's size, colours and opacities in steps of 1/255; errors are the largest of all
-visible splats.
+Clips written by one program and evaluated by the other, {}. The first clip is the scene, written with 9 frames; times are shares of the clip. 0.3 and 0.7
+lie between frames: there a splat that turns or appears quickly has the rotation and opacity of the nearest frame. The other clips are the package's: random splats with linear
+motion, and the scene's frames as its own converter stores them, which shows nothing at both ends of the clip. Their reference is the package's evaluation of its own file. Missing
+and extra splats are visible (opacity above half a step of 255) in one of the programs only. Errors are the largest of all others: positions in parts of the scene's size, colours
+and opacities in steps of 1/255.
 
-| file | time | visible splats | positions | colours | opacities | rotations | sizes |
-|---|---|---|---|---|---|---|---|
+| file | time | splats | missing | extra | positions | colours | opacities | rotations | sizes |
+|---|---|---|---|---|---|---|---|---|---|
 {}
 ",
         names.join(", "),

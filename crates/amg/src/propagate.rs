@@ -155,10 +155,9 @@ pub fn propagate(
 /// Whether a source splat is followed by a blended or copied row or carries a group.
 fn followed_ids(binding: &Binding) -> impl Fn(u32) -> bool {
     let mut wanted = vec![false; binding.num_sources()];
-    let follows = |&row: &usize| {
-        matches!(binding.kinds()[row], RowKind::Blended | RowKind::Copied)
-    };
-    let of_rows = (0..binding.len()).filter(follows).flat_map(|row| binding.row(row).0.iter().copied());
+    let follows = |&row: &usize| matches!(binding.kinds()[row], RowKind::Blended | RowKind::Copied);
+    let of_rows =
+        (0..binding.len()).filter(follows).flat_map(|row| binding.row(row).0.iter().copied());
     let of_groups = binding.groups().iter().flat_map(|group| group.carriers.iter().map(|c| c.0));
     for id in of_rows.chain(of_groups) {
         wanted[id as usize] = true;

@@ -328,10 +328,7 @@ impl EditedScene {
                     // Rows that follow a surface keep the edit's opacity and colours: the splats
                     // that represent the surface appear and disappear.
                     RowKind::Blended | RowKind::Copied if on_surface => return,
-                    RowKind::Recoloured
-                    | RowKind::Blended
-                    | RowKind::Moved
-                    | RowKind::Copied => {
+                    RowKind::Recoloured | RowKind::Blended | RowKind::Moved | RowKind::Copied => {
                         if !self.aggregation.appearance {
                             return;
                         }
@@ -443,9 +440,7 @@ fn inherit_mask(mask: &[bool], binding: &Binding) -> Vec<bool> {
         | RowKind::Recoloured
         | RowKind::Moved
         | RowKind::Descendant
-        | RowKind::Copied => {
-            mask.get(binding.row(row).0[0] as usize).copied().unwrap_or(true)
-        }
+        | RowKind::Copied => mask.get(binding.row(row).0[0] as usize).copied().unwrap_or(true),
         RowKind::Blended | RowKind::Field => true,
     };
     (0..binding.len()).map(row).collect()

@@ -257,7 +257,7 @@ fn dancer() -> (BriefScene, Vec<usize>, [f32; 3]) {
     let params = BriefParams { num_splats: 4_000, seed: 3, ..BriefParams::default() };
     let source = BriefScene::figure(&params).unwrap();
     let first = source.at(0.0).unwrap();
-    let shown = (0..first.len()).filter(|&id| first.opacity(id) > 0.02).collect();
+    let shown = (0..first.len()).filter(|&id| first.opacity(id) > 0.1).collect();
     let shift = [1.3 * source.figure_size(), 0.0, 0.0];
     (source, shown, shift)
 }
@@ -270,7 +270,7 @@ fn copies_of_what_frame_1_shows_last() {
     let worst = |follow| {
         let found = propagated(&source, &edited, follow).scene;
         assert_eq!(found.at(0.0).unwrap(), edited, "the edited frame");
-        let (mut mean, mut opacity) = (0.0_f32, 1.0_f32);
+        let (mut means, mut opacity) = (Vec::new(), 1.0_f32);
         for t in TimeRange::UNIT.frames(21) {
             let (now, truth) = (found.at(t).unwrap(), source.lasting().at(t).unwrap());
             let off = |(i, &id): (usize, &usize)| {
@@ -278,17 +278,20 @@ fn copies_of_what_frame_1_shows_last() {
                 (0..3).map(|k| apart(k).powi(2)).sum::<f32>().sqrt() / source.figure_size()
             };
             let sum: f32 = shown.iter().enumerate().map(off).sum();
-            mean = mean.max(sum / shown.len() as f32);
+            means.push(sum / shown.len() as f32);
             let kept = (0..shown.len()).map(|i| now.opacity(first + i) / edited.opacity(first + i));
             opacity = opacity.min(kept.fold(f32::INFINITY, f32::min));
         }
-        (mean, opacity)
+        // A line is off the surface, which is no error of the copy: by how much at the edit time.
+        let worst = means.iter().copied().fold(0.0, f32::max);
+        (means[0], worst, opacity)
     };
-    let (off, opacity) = worst(Follow::Surface);
-    assert!(off < 5e-3 && opacity > 0.5, "off by {off:.5}, opacity {opacity:.3}");
+    let (at_edit, off, opacity) = worst(Follow::Surface);
+    assert!(off < at_edit + 2e-3, "off by {off:.5}, in the edit frame by {at_edit:.5}");
+    assert!(opacity > 0.5, "opacity {opacity:.3}");
     // Negative control: exact copies fade with their originals.
-    let (_, opacity) = worst(Follow::Splats);
-    assert!(opacity < 1e-3, "{opacity}");
+    let (at_edit, off, opacity) = worst(Follow::Splats);
+    assert!(off > at_edit + 0.02 && opacity < 1e-3, "{at_edit} {off} {opacity}");
 }
 
 #[test]
@@ -301,7 +304,8 @@ fn copies_of_all_generations_stay_exact() {
     for t in [0.3, 1.0] {
         let (now, truth) = (found.at(t).unwrap(), source.at(t).unwrap());
         for id in 0..all.len() {
-            assert_eq!(now.opacity_logits[all.len() + id], truth.opacity_logits[id], "{id} at {t}");
+            let off = (now.opacity(all.len() + id) - truth.opacity(id)).abs();
+            assert!(off < 1e-5, "{id} at {t}: {off}");
         }
     }
 }

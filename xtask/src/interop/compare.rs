@@ -53,20 +53,42 @@ impl Difference {
     }
 }
 
+/// Squared distance.
+fn distance(a: &[f32; 3], b: &[f32; 3]) -> f32 {
+    (0..3).map(|axis| (a[axis] - b[axis]).powi(2)).sum()
+}
+
+fn nearest(splats: &Splats, mean: &[f32; 3]) -> usize {
+    (0..splats.len())
+        .min_by(|&a, &b| {
+            distance(&splats.means[a], mean).total_cmp(&distance(&splats.means[b], mean))
+        })
+        .unwrap_or_default()
+}
+
+/// Rows of `truth` that are in `read`: of several with the same nearest splat, only the nearest.
+pub(super) fn paired(truth: &Splats, read: &Splats) -> Vec<usize> {
+    if read.is_empty() {
+        return Vec::new();
+    }
+    let found: Vec<usize> = truth.means.par_iter().map(|mean| nearest(read, mean)).collect();
+    let mut best: Vec<Option<usize>> = vec![None; read.len()];
+    for (row, &at) in found.iter().enumerate() {
+        let apart = |row: usize| distance(&truth.means[row], &read.means[at]);
+        if best[at].is_none_or(|other| apart(row) < apart(other)) {
+            best[at] = Some(row);
+        }
+    }
+    best.into_iter().flatten().collect()
+}
+
 /// Compares every visible splat of `truth` with the nearest splat of `read`.
 pub(super) fn difference(truth: &Splats, read: &Splats) -> Difference {
     let (min, max) = truth.bounds().unwrap_or_default();
     let size = (0..3).map(|axis| max[axis] - min[axis]).fold(f32::MIN_POSITIVE, f32::max);
-    let distance = |a: &[f32; 3], b: &[f32; 3]| -> f32 {
-        (0..3).map(|axis| (a[axis] - b[axis]).powi(2)).sum()
-    };
     let one = |row: usize| {
         let mean = &truth.means[row];
-        let nearest = (0..read.len())
-            .min_by(|&a, &b| {
-                distance(&read.means[a], mean).total_cmp(&distance(&read.means[b], mean))
-            })
-            .unwrap_or_default();
+        let nearest = nearest(read, mean);
         let dc = |splats: &Splats, row: usize| splats.sh_of(row)[0];
         let (a, b) = (dc(truth, row), dc(read, nearest));
         // Every format clips colours outside the displayable range.

@@ -1,6 +1,6 @@
 # Evaluates .4dgs files, or writes some. Times are shares of the clip.
 #
-# read FILE TIME…   writes the splats of FILE that are visible at each time as fourdgs_N.ply
+# read FILE TIME…   writes the splats of FILE that are visible at each time as fourdgs_N.ply, if any
 # lines FILE        writes splats that move along lines, fade in and out and have windows
 # convert FRAMES FILE   turns a folder of PLYs into a clip, as `fourdgs convert` does
 import math
@@ -22,6 +22,8 @@ def read(file, times):
         # Windows are half-open: the end is the instant before the end.
         state = scene.state_at(float(time) * math.nextafter(scene.header.duration_sec, 0))
         rows = state["indices"]
+        if len(rows) == 0:
+            continue
         with open(f"fourdgs_{number}.ply", "wb") as out:
             header = ["ply", "format binary_little_endian 1.0", f"element vertex {len(rows)}"]
             header += [f"property float {name}" for name in NAMES] + ["end_header", ""]

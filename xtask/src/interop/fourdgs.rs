@@ -1,12 +1,13 @@
 //! Clips as `.4dgs`, in both directions, with the format's reference implementation in Python.
 
 use super::Trip;
-use super::compare::{VISIBLE, difference};
+use super::compare::{VISIBLE, difference, paired};
 use super::peers::{checked, fourdgs, python};
 use anyhow::Result;
 use gs_core::Splats;
 use gs_io::frame;
-use std::path::Path;
+use std::fs;
+use std::path::{Path, PathBuf};
 
 /// Frames of the clip that `c4d` writes.
 const FRAMES: &str = "9";
@@ -49,21 +50,28 @@ impl Trip {
 
     /// The visible splats at [`TIMES`], as the package evaluates the file.
     fn evaluated_by_package(&self, folder: &Path, file: &str) -> Result<Vec<Splats>> {
+        let moment = |number: usize| self.files.join(format!("fourdgs_{number}.ply"));
+        for old in (0..TIMES.len()).map(moment).filter(|old| old.exists()) {
+            fs::remove_file(old)?;
+        }
         self.package(folder, "read", std::iter::once(file).chain(TIMES))?;
-        (0..TIMES.len()).map(|number| self.visible(&format!("fourdgs_{number}.ply"))).collect()
+        let at = |file: PathBuf| {
+            if file.exists() { Self::visible(&file) } else { Ok(Splats::default()) }
+        };
+        (0..TIMES.len()).map(|number| at(moment(number))).collect()
     }
 
     /// The visible splats at [`TIMES`], as `c4d` evaluates a scene.
     fn evaluated(&self, scene: &str) -> Result<Vec<Splats>> {
         let at = |time: &&str| {
             self.c4d(&["export", scene, "--time", time, "-w", "-o", "moment.ply"])?;
-            self.visible("moment.ply")
+            Self::visible(&self.files.join("moment.ply"))
         };
         TIMES.iter().map(at).collect()
     }
 
-    fn visible(&self, file: &str) -> Result<Splats> {
-        let splats = frame::read_file(self.files.join(file))?.splats;
+    fn visible(file: &Path) -> Result<Splats> {
+        let splats = frame::read_file(file)?.splats;
         // Rounding may move an opacity across the threshold: half of it is not missed.
         let is_visible = |&row: &usize| splats.opacity(row) >= 0.5 * VISIBLE;
         Ok(splats.select(&(0..splats.len()).filter(is_visible).collect::<Vec<_>>()))
@@ -72,12 +80,17 @@ impl Trip {
 
 fn push(table: &mut Vec<String>, what: &str, truth: &[Splats], read: &[Splats]) {
     for ((time, truth), read) in TIMES.iter().zip(truth).zip(read) {
-        let off = difference(truth, read);
+        let both = paired(truth, read);
+        let off = if both.is_empty() {
+            "– | – | – | – | –".to_owned()
+        } else {
+            difference(&truth.select(&both), read).columns()
+        };
         table.push(format!(
-            "| {what} | {time} | {} of {} | {} |",
-            read.len(),
+            "| {what} | {time} | {} | {} | {} | {off} |",
             truth.len(),
-            off.columns()
+            truth.len() - both.len(),
+            read.len() - both.len()
         ));
     }
 }

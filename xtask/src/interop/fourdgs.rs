@@ -1,8 +1,8 @@
 //! Clips as `.4dgs`, in both directions, with the format's reference implementation in Python.
 
-use super::Trip;
 use super::compare::{VISIBLE, difference, paired};
 use super::peers::{checked, fourdgs, python};
+use super::trip::Trip;
 use anyhow::Result;
 use gs_core::Splats;
 use gs_io::frame;

@@ -10,7 +10,7 @@ use gs_core::{DynamicScene, Splats, quat, sh};
 /// Presence from which a splat is matched with earlier ones. It is matched once, near the middle of
 /// its life: a long life is a straight line where the surface moves along a curve, and touches it
 /// there.
-const RIPE: f64 = 0.95;
+const RIPE: f64 = 0.8;
 /// Half of a typical life, share of the clip.
 const HALF_LIFE: f64 = 0.06;
 

@@ -23,7 +23,7 @@ pub struct Surface {
 /// Invariants, verified by [`Binding::from_parts`] and [`Binding::blending`]: rows in order and
 /// complete; ids below `num_sources`; weights finite, not negative, summing to 1 within 1e-4 per
 /// non-empty row; exact and moved rows have one entry, blended rows at least one, static and field
-/// rows none; moved rows have a group.
+/// rows none; moved and copied rows have a group.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Binding {
     offsets: Vec<u32>,
@@ -62,8 +62,8 @@ impl Binding {
         )
     }
 
-    /// As [`Binding::from_parts`], with the groups of [`RowKind::Moved`] rows: `group_of` `[M]`
-    /// holds an index into `groups` for each moved row, and anything for others.
+    /// As [`Binding::from_parts`], with the groups of [`RowKind::Moved`] and [`RowKind::Copied`]
+    /// rows: `group_of` `[M]` holds an index into `groups` for each of them, and anything for others.
     ///
     /// # Errors
     /// As [`Binding::from_parts`], and if a similarity is not valid or a carrier does not exist.
@@ -216,17 +216,20 @@ impl Binding {
         let kind = self.kinds[row];
         let entries_fit = match kind {
             RowKind::Static | RowKind::Field => ids.is_empty(),
-            RowKind::Unchanged | RowKind::Recoloured | RowKind::Moved | RowKind::Descendant => {
-                ids.len() == 1
-            }
+            RowKind::Unchanged
+            | RowKind::Recoloured
+            | RowKind::Moved
+            | RowKind::Descendant
+            | RowKind::Copied => ids.len() == 1,
             RowKind::Blended => !ids.is_empty(),
         };
         if !entries_fit {
             return Some(format!("row {row} is {kind:?} but has {} sources", ids.len()));
         }
-        if kind == RowKind::Moved && self.group_number(row).is_none_or(|g| g >= self.groups.len()) {
+        let has_group = self.group_number(row).is_some_and(|g| g < self.groups.len());
+        if matches!(kind, RowKind::Moved | RowKind::Copied) && !has_group {
             return Some(format!(
-                "row {row} is moved, but with none of {} groups",
+                "row {row} is {kind:?}, but with none of {} groups",
                 self.groups.len()
             ));
         }

@@ -77,9 +77,10 @@ pub(crate) fn inherit(
     group_of: &[u32],
     rows: &mut [Row],
 ) -> Vec<Inherited> {
-    let mut fates = fates(identity, group_of, at_edit.len());
+    let mut fates = fates(identity, edited, group_of, at_edit.len());
     keep_pruned(&mut fates, generations, at_edit);
-    let palette = Palette::of(generations, at_edit, edited, &fates);
+    let stacks = stacks(identity, edited, at_edit.len());
+    let palette = Palette::of(generations, at_edit, edited, &fates, &stacks);
     let mut inherited = Vec::new();
     for (row, kind) in identity.rows.iter().enumerate() {
         let Identity::Unchanged(id) = *kind else { continue };
@@ -96,13 +97,26 @@ pub(crate) fn inherit(
     inherited
 }
 
-/// The fate of each source splat; of no meaning for splats that are invisible in the edit frame.
-fn fates(identity: &IdentityMap, group_of: &[u32], num_sources: usize) -> Vec<Fate> {
+/// The fate of each source splat; of no meaning for splats that are invisible in the edit frame. Of
+/// several rows in the place of a splat, the most opaque recoloured one counts.
+fn fates(
+    identity: &IdentityMap,
+    edited: &Splats,
+    group_of: &[u32],
+    num_sources: usize,
+) -> Vec<Fate> {
     let mut fates = vec![Fate::Gone; num_sources];
     for (row, kind) in identity.rows.iter().enumerate() {
         match *kind {
-            Identity::Unchanged(id) => fates[id as usize] = Fate::Kept,
-            Identity::Recoloured(id) => fates[id as usize] = Fate::Recoloured(row),
+            Identity::Unchanged(id) => {
+                if !matches!(fates[id as usize], Fate::Recoloured(_)) {
+                    fates[id as usize] = Fate::Kept;
+                }
+            }
+            Identity::Recoloured(id) => match fates[id as usize] {
+                Fate::Recoloured(other) if edited.opacity(other) >= edited.opacity(row) => {}
+                _ => fates[id as usize] = Fate::Recoloured(row),
+            },
             // A splat that is also still in its place was copied.
             Identity::Moved { source, .. } if fates[source as usize] == Fate::Gone => {
                 fates[source as usize] = Fate::Moved(group_of.get(row).copied().unwrap_or(0));
@@ -111,6 +125,35 @@ fn fates(identity: &IdentityMap, group_of: &[u32], num_sources: usize) -> Vec<Fa
         }
     }
     fates
+}
+
+/// The rows in the place of a source splat.
+#[derive(Debug, Clone, Copy, Default)]
+struct Stack {
+    /// Opacity of all of them together.
+    together: f32,
+    /// Opacity of the most opaque one.
+    most: f32,
+}
+
+impl Stack {
+    /// The opacity that they leave to the surface. Clones make it no more opaque than the splat was,
+    /// or than the most opaque clone; densification lays them exactly on their originals.
+    fn of_surface(self, before: f32) -> f32 {
+        self.together.min(before.max(self.most))
+    }
+}
+
+fn stacks(identity: &IdentityMap, edited: &Splats, num_sources: usize) -> Vec<Stack> {
+    let mut stacks = vec![Stack::default(); num_sources];
+    for (row, kind) in identity.rows.iter().enumerate() {
+        if let Some(id) = kind.in_place() {
+            let (stack, opacity) = (&mut stacks[id as usize], edited.opacity(row));
+            stack.together += (1.0 - stack.together) * opacity;
+            stack.most = stack.most.max(opacity);
+        }
+    }
+    stacks
 }
 
 /// A surface is deleted where many of the splats around a deleted one are deleted, too. Elsewhere
@@ -146,7 +189,13 @@ struct Palette {
 }
 
 impl Palette {
-    fn of(generations: &Generations, at_edit: &Splats, edited: &Splats, fates: &[Fate]) -> Self {
+    fn of(
+        generations: &Generations,
+        at_edit: &Splats,
+        edited: &Splats,
+        fates: &[Fate],
+        stacks: &[Stack],
+    ) -> Self {
         let recoloured: Vec<(usize, usize)> = fates
             .iter()
             .enumerate()
@@ -182,8 +231,9 @@ impl Palette {
         });
         let opacities = recoloured
             .iter()
-            .map(|&(id, row)| {
-                let (before, after) = (at_edit.opacity(id), edited.opacity(row));
+            .map(|&(id, _)| {
+                let before = at_edit.opacity(id);
+                let after = stacks[id].of_surface(before);
                 if (before - after).abs() < SAME_OPACITY { 1.0 } else { after / before }
             })
             .collect();
@@ -306,6 +356,8 @@ pub struct DescentReport {
     pub removed: usize,
     /// Rows that inherit a move, turn or scaling.
     pub moved: usize,
+    /// Copies that last, unlike their originals.
+    pub copied: usize,
     /// Mean confidence of rows that inherit anything, 0 to 1.
     pub confidence: f64,
     /// Of these, rows whose confidence is below a half.
@@ -315,7 +367,12 @@ pub struct DescentReport {
 }
 
 impl DescentReport {
-    pub(crate) fn of(generations: &Generations, inherited: &[Inherited], lasting: usize) -> Self {
+    pub(crate) fn of(
+        generations: &Generations,
+        inherited: &[Inherited],
+        copied: usize,
+        lasting: usize,
+    ) -> Self {
         let lives = &generations.lives;
         let visible = (0..lives.len()).filter(|&i| lives.is_visible(lives.prime[i], i)).count();
         let shown = (0..lives.len()).filter(|&i| generations.is_shown(i)).count();
@@ -329,6 +386,7 @@ impl DescentReport {
             recoloured: count(&|i| !removed(i) && i.group.is_none()),
             removed: count(&removed),
             moved: count(&|i| !removed(i) && i.group.is_some()),
+            copied,
             confidence: if inherited.is_empty() { 0.0 } else { total / inherited.len() as f64 },
             unsure: count(&|i| i.confidence < 0.5),
             lasting,

@@ -46,6 +46,7 @@ mod inheritance;
 mod keyframes;
 mod knn;
 mod lasting;
+mod lasting_copies;
 mod motion_params;
 mod moved_group;
 mod options;

@@ -9,6 +9,7 @@ use crate::identity::{Identity, IdentityMap};
 use crate::inheritance::{DescentReport, inherit};
 use crate::keyframes::KeyFrames;
 use crate::lasting::LastingScene;
+use crate::lasting_copies;
 use crate::options::{Follow, MotionGuide, MotionOptions};
 use crate::report::MotionReport;
 use crate::row_kind::RowKind;
@@ -104,19 +105,26 @@ pub fn propagate(
         groups.of_row[companion.row] = groups.of_row[companion.neighbor];
     }
     report.beside_copies = beside.len();
-    let inherited = match &followed {
+    let mut inherited = match &followed {
         Some((generations, _)) => {
             let frames = (&keys.at_edit, &*edited);
             inherit(generations, frames, &identity, &groups.of_row, &mut rows)
         }
         None => Vec::new(),
     };
+    let hidden = followed.as_ref().map_or_else(Vec::new, |(generations, _)| {
+        lasting_copies::mark(generations, &identity, &groups.of_row, &beside, &mut rows)
+    });
     let kinds_and_sources = rows.iter().map(|(kind, entries)| (*kind, &entries[..]));
     let mut binding = Binding::from_rows(kinds_and_sources, keys.at_edit.len())
         .with_groups(groups.groups, groups.of_row);
     if let Some((generations, scene)) = &followed {
         let lasting = scene.lasting.only(followed_ids(&binding));
-        report.descent = Some(DescentReport::of(generations, &inherited, lasting.ids.len()));
+        let copied = binding.count(RowKind::Copied);
+        let counts = DescentReport::of(generations, &inherited, copied, lasting.ids.len());
+        report.descent = Some(counts);
+        inherited.extend(hidden);
+        inherited.sort_unstable_by_key(|inherited| inherited.row);
         binding = binding.with_surface(Surface { lasting, inherited })?;
     }
     let binding = Arc::new(binding);
@@ -149,11 +157,12 @@ fn surfaces(
     Ok(Some((generations, lasting)))
 }
 
-/// Whether a source splat is followed by a blended row or carries a group.
+/// Whether a source splat is followed by a blended or copied row or carries a group.
 fn followed_ids(binding: &Binding) -> impl Fn(u32) -> bool {
     let mut wanted = vec![false; binding.num_sources()];
-    let blended = (0..binding.len()).filter(|&row| binding.kinds()[row] == RowKind::Blended);
-    let of_rows = blended.flat_map(|row| binding.row(row).0.iter().copied());
+    let follows = |&row: &usize| matches!(binding.kinds()[row], RowKind::Blended | RowKind::Copied);
+    let of_rows =
+        (0..binding.len()).filter(follows).flat_map(|row| binding.row(row).0.iter().copied());
     let of_groups = binding.groups().iter().flat_map(|group| group.carriers.iter().map(|c| c.0));
     for id in of_rows.chain(of_groups) {
         wanted[id as usize] = true;

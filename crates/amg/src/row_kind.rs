@@ -23,6 +23,9 @@ pub enum RowKind {
     /// It is an untouched source splat that is invisible in the edit frame; it inherits the edit of
     /// the surface that it represents at other times, see [`Inherited`](crate::Inherited).
     Descendant = 6,
+    /// It is a copy of a source splat that lives briefly, or lies beside such a copy: that splat,
+    /// extended over the whole clip, under the similarity of its group, with the edit's appearance.
+    Copied = 7,
 }
 
 impl RowKind {
@@ -36,6 +39,7 @@ impl RowKind {
             Self::Field,
             Self::Moved,
             Self::Descendant,
+            Self::Copied,
         ]
         .into_iter()
         .find(|kind| *kind as u8 == code)

@@ -265,8 +265,9 @@ impl EditedScene {
                             moved_group::carry(&poses[group as usize], mean, rotation, log_scale);
                         }
                     }
-                    RowKind::Moved => {
+                    kind @ (RowKind::Moved | RowKind::Copied) => {
                         let Some(group) = self.binding.group_number(row) else { return };
+                        let source_t = if kind == RowKind::Copied { followed_t } else { source_t };
                         let (edited, id) = ((*mean, *rotation, *log_scale), sources.0[0] as usize);
                         (*mean, *rotation, *log_scale) =
                             moved_group::place(edited, id, &poses[group], &self.source_1, source_t);
@@ -325,8 +326,8 @@ impl EditedScene {
                     }
                     // Rows that follow a surface keep the edit's opacity and colours: the splats
                     // that represent the surface appear and disappear.
-                    RowKind::Blended if on_surface => return,
-                    RowKind::Recoloured | RowKind::Blended | RowKind::Moved => {
+                    RowKind::Blended | RowKind::Copied if on_surface => return,
+                    RowKind::Recoloured | RowKind::Blended | RowKind::Moved | RowKind::Copied => {
                         if !self.aggregation.appearance {
                             return;
                         }
@@ -434,9 +435,11 @@ impl EditedScene {
 fn inherit_mask(mask: &[bool], binding: &Binding) -> Vec<bool> {
     let row = |row: usize| match binding.kinds()[row] {
         RowKind::Static => false,
-        RowKind::Unchanged | RowKind::Recoloured | RowKind::Moved | RowKind::Descendant => {
-            mask.get(binding.row(row).0[0] as usize).copied().unwrap_or(true)
-        }
+        RowKind::Unchanged
+        | RowKind::Recoloured
+        | RowKind::Moved
+        | RowKind::Descendant
+        | RowKind::Copied => mask.get(binding.row(row).0[0] as usize).copied().unwrap_or(true),
         RowKind::Blended | RowKind::Field => true,
     };
     (0..binding.len()).map(row).collect()

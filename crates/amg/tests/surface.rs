@@ -7,7 +7,7 @@
 
 use amg::{EditedScene, Follow, MotionOptions, Propagation, RowKind, propagate};
 use gs_core::{DynamicScene, Splats, TimeRange};
-use gs_synth::{BriefCase, BriefParams, BriefTruthScene, DemoParams, build_brief};
+use gs_synth::{BriefCase, BriefParams, BriefScene, BriefTruthScene, DemoParams, build_brief};
 use std::sync::Arc;
 
 fn scene(case: BriefCase) -> BriefTruthScene {
@@ -233,4 +233,126 @@ fn lasting_scenes_are_as_before() {
     assert_eq!(asked.scene.binding().kinds(), plain.scene.binding().kinds(), "kinds of rows");
     let inherited = asked.scene.binding().surface().unwrap().inherited.len();
     assert_eq!(inherited, 0, "all splats are shown: nothing descends");
+}
+
+/// What an editor's copy of `ids`, shifted, adds to the edit frame; `ids` are those that it selects.
+fn with_copies(source: &BriefScene, ids: &[usize], shift: [f32; 3]) -> Splats {
+    let mut edited = source.at(0.0).unwrap();
+    let mut copies = edited.select(ids);
+    for mean in &mut copies.means {
+        *mean = [0, 1, 2].map(|k| mean[k] + shift[k]);
+    }
+    (0..ids.len()).for_each(|i| edited.push_from(&copies, i));
+    edited
+}
+
+fn propagated(source: &BriefScene, edited: &Splats, follow: Follow) -> Propagation {
+    let options = MotionOptions { follow, ..MotionOptions::default() };
+    let (source, edited) = (Arc::new(source.clone()), Arc::new(edited.clone()));
+    propagate(source, edited, &options, &|_, _| {}).unwrap()
+}
+
+/// The dancer whose splats are visible at frame 1, and a shift that puts a copy beside it.
+fn dancer() -> (BriefScene, Vec<usize>, [f32; 3]) {
+    let params = BriefParams { num_splats: 4_000, seed: 3, ..BriefParams::default() };
+    let source = BriefScene::figure(&params).unwrap();
+    let first = source.at(0.0).unwrap();
+    let shown = (0..first.len()).filter(|&id| first.opacity(id) > 0.1).collect();
+    let shift = [1.3 * source.figure_size(), 0.0, 0.0];
+    (source, shown, shift)
+}
+
+#[test]
+fn copies_of_what_frame_1_shows_last() {
+    let (source, shown, shift) = dancer();
+    let edited = with_copies(&source, &shown, shift);
+    let first = source.num_splats();
+    let worst = |follow| {
+        let found = propagated(&source, &edited, follow).scene;
+        assert_eq!(found.at(0.0).unwrap(), edited, "the edited frame");
+        let (mut means, mut opacity) = (Vec::new(), 1.0_f32);
+        for t in TimeRange::UNIT.frames(21) {
+            let (now, truth) = (found.at(t).unwrap(), source.lasting().at(t).unwrap());
+            let off = |(i, &id): (usize, &usize)| {
+                let apart = |k| now.means[first + i][k] - truth.means[id][k] - shift[k];
+                (0..3).map(|k| apart(k).powi(2)).sum::<f32>().sqrt() / source.figure_size()
+            };
+            let sum: f32 = shown.iter().enumerate().map(off).sum();
+            means.push(sum / shown.len() as f32);
+            let kept = (0..shown.len()).map(|i| now.opacity(first + i) / edited.opacity(first + i));
+            opacity = opacity.min(kept.fold(f32::INFINITY, f32::min));
+        }
+        // A line is off the surface, which is no error of the copy: by how much at the edit time.
+        let worst = means.iter().copied().fold(0.0, f32::max);
+        (means[0], worst, opacity)
+    };
+    let (at_edit, off, opacity) = worst(Follow::Surface);
+    assert!(off < at_edit + 2e-3, "off by {off:.5}, in the edit frame by {at_edit:.5}");
+    assert!(opacity > 0.5, "opacity {opacity:.3}");
+    // Negative control: exact copies fade with their originals.
+    let (at_edit, off, opacity) = worst(Follow::Splats);
+    assert!(off > at_edit + 0.02 && opacity < 1e-3, "{at_edit} {off} {opacity}");
+}
+
+#[test]
+fn copies_of_all_generations_stay_exact() {
+    let (source, _, shift) = dancer();
+    let all: Vec<usize> = (0..source.num_splats()).collect();
+    let edited = with_copies(&source, &all, shift);
+    let found = propagated(&source, &edited, Follow::Surface).scene;
+    assert_eq!(found.binding().count(RowKind::Copied), 0, "all generations are there");
+    for t in [0.3, 1.0] {
+        let (now, truth) = (found.at(t).unwrap(), source.at(t).unwrap());
+        for id in 0..all.len() {
+            let off = (now.opacity(all.len() + id) - truth.opacity(id)).abs();
+            assert!(off < 1e-5, "{id} at {t}: {off}");
+        }
+    }
+}
+
+#[test]
+fn generations_copied_with_lasting_ones_are_hidden() {
+    let (source, mut chosen, shift) = dancer();
+    let shown = chosen.len();
+    // A box around the dancer also holds a few splats of other times.
+    let hidden: Vec<usize> = (0..source.num_splats()).filter(|id| !chosen.contains(id)).collect();
+    chosen.extend(hidden.iter().step_by(5));
+    let found = propagated(&source, &with_copies(&source, &chosen, shift), Follow::Surface).scene;
+    let mut most = 0.0_f32;
+    for t in [0.25, 0.5, 0.75, 1.0] {
+        let now = found.at(t).unwrap();
+        let later = source.num_splats() + shown..now.len();
+        let visible = later.clone().filter(|&row| now.opacity(row) > 0.02).count();
+        most = most.max(visible as f32 / later.len() as f32);
+    }
+    assert!(most < 0.05, "{most:.3} of the later splats are there beside those that last");
+}
+
+#[test]
+fn clones_on_their_originals_leave_later_splats_as_opaque_as_they_were() {
+    let (source, shown, _) = dancer();
+    let clones = with_copies(&source, &shown, [0.0; 3]);
+    // Densification keeps a clone's values, or halves the opacities of both.
+    let mut halved = clones.clone();
+    let in_pairs = shown.iter().copied().chain(source.num_splats()..clones.len());
+    for row in in_pairs {
+        halved.opacity_logits[row] = gs_core::activation::logit(0.5 * clones.opacity(row));
+    }
+    for (name, edited, least) in [("as they were", clones, 0.9999), ("halved", halved, 0.7)] {
+        let swapped: Vec<usize> = (0..edited.len()).rev().collect();
+        for edited in [edited.select(&swapped), edited] {
+            let found = propagated(&source, &edited, Follow::Surface).scene;
+            assert_eq!(found.binding().count(RowKind::Copied), 0, "{name}: none lasts");
+            let (now, before) = (found.at(0.6).unwrap(), source.at(0.6).unwrap());
+            let rows = row_of(&found);
+            let later = (0..before.len()).filter(|id| !shown.contains(id));
+            let (mut ours, mut theirs) = (0.0, 0.0);
+            for id in later {
+                ours += now.opacity(rows[id].unwrap());
+                theirs += before.opacity(id);
+            }
+            let share = ours / theirs;
+            assert!((least..=1.0).contains(&share), "{name}: {share}");
+        }
+    }
 }

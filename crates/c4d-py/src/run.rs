@@ -40,5 +40,6 @@ fn name(kind: RowKind) -> &'static str {
         RowKind::Field => "field",
         RowKind::Static => "static",
         RowKind::Descendant => "descendant",
+        RowKind::Copied => "copied",
     }
 }

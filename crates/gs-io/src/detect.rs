@@ -85,11 +85,28 @@ fn detect_folder(path: &Path) -> Result<SceneKind, IoError> {
     if has("cameras.json") && !names.iter().any(|name| cameras::has_extension(name, "ply")) {
         return Ok(SceneKind::Cameras(cameras::Format::CamerasJson));
     }
-    let mut found: Vec<String> = names.iter().take(SHOWN).cloned().collect();
+    let mut found: Vec<String> = names.iter().take(SHOWN).map(|name| entry(path, name)).collect();
     if names.len() > SHOWN {
         found.push(format!("{} more", names.len() - SHOWN));
     }
     Ok(SceneKind::Unknown { found })
+}
+
+/// An entry of a folder of unknown kind, with what is missing of a model.
+fn entry(folder: &Path, name: &str) -> String {
+    let path = folder.join(name);
+    let is_empty = std::fs::metadata(&path).is_ok_and(|found| found.is_file() && found.len() == 0);
+    if is_empty {
+        format!("{name}, which is empty: copy it again")
+    } else if name == "point_cloud"
+        && path.is_dir()
+        && !model_folder::has_in_iterations(folder, "point_cloud.ply")
+    {
+        "point_cloud without iteration_N/point_cloud.ply: copy that file from the machine that trained the model"
+            .to_owned()
+    } else {
+        name.to_owned()
+    }
 }
 
 /// Number of bytes examined of a file without a PLY header.

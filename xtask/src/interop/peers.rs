@@ -41,7 +41,7 @@ pub(super) fn python(folder: &Path) -> Command {
     Command::new(folder.join("python/bin/python"))
 }
 
-fn checked(command: &mut Command) -> Result<Output> {
+pub(super) fn checked(command: &mut Command) -> Result<Output> {
     let output = command.output().with_context(|| format!("{command:?} does not start"))?;
     if output.status.success() {
         return Ok(output);

@@ -7,9 +7,10 @@ use crate::AmgError;
 use crate::rigid::{RigidFit, sub};
 use gs_core::{DynamicScene, Splats, quat, sh};
 
-/// Presence from which a splat is matched with earlier ones. It is matched once, so later than it
-/// could be followed ([`PRESENT`]).
-const RIPE: f64 = 0.6;
+/// Presence from which a splat is matched with earlier ones. It is matched once, near the middle of
+/// its life: a long life is a straight line where the surface moves along a curve, and touches it
+/// there.
+const RIPE: f64 = 0.8;
 /// Half of a typical life, share of the clip.
 const HALF_LIFE: f64 = 0.06;
 

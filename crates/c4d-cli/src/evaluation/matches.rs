@@ -29,7 +29,8 @@ pub(crate) fn matches(subject: &Subject<'_>, report: &Value) -> Outcome<Vec<Item
     let kinds = edit.binding.kinds();
     let blended: Vec<usize> =
         (0..kinds.len()).filter(|&row| kinds[row] == RowKind::Blended).collect();
-    let open = kinds.iter().filter(|kind| !kind.is_exact() && **kind != RowKind::Moved).count();
+    let placed = |kind: &RowKind| matches!(kind, RowKind::Moved | RowKind::Copied);
+    let open = kinds.iter().filter(|kind| !kind.is_exact() && !placed(kind)).count();
     let places: Vec<[f32; 3]> = blended.iter().map(|&row| edit.frame.means[row]).collect();
     let distance = |a: [f32; 3], b: [f32; 3]| {
         (0..3).map(|k| f64::from(a[k] - b[k]).powi(2)).sum::<f64>().sqrt()

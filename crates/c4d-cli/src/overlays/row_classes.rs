@@ -33,7 +33,7 @@ impl Class {
         match kind {
             RowKind::Unchanged => Self::Unchanged,
             RowKind::Recoloured => Self::Recoloured,
-            RowKind::Moved => Self::Moved,
+            RowKind::Moved | RowKind::Copied => Self::Moved,
             RowKind::Blended => Self::Follows,
             RowKind::Static => Self::Stays,
             RowKind::Field => Self::Field,

@@ -118,7 +118,8 @@ impl Stored {
     /// For each edited splat, the source splat with the same geometry, moved or not.
     pub(crate) fn source_rows(&self) -> Vec<Option<u32>> {
         let own = |(row, kind): (usize, &RowKind)| {
-            let is_source = kind.is_exact() || matches!(kind, RowKind::Moved | RowKind::Descendant);
+            let is_source = kind.is_exact()
+                || matches!(kind, RowKind::Moved | RowKind::Descendant | RowKind::Copied);
             self.binding.row(row).0.first().copied().filter(|_| is_source)
         };
         self.binding.kinds().iter().enumerate().map(own).collect()

@@ -1,6 +1,7 @@
 //! [`bad_input`]: errors of inputs with the next step.
 
 use crate::failure::{Failure, MORE_MEMORY, chain, is_out_of_memory};
+use gs_deform::FieldError;
 use gs_io::cameras::CamerasError;
 use gs_io::frame::FrameError;
 use gs_io::{IoError, SceneKind};
@@ -58,6 +59,15 @@ pub(crate) fn bad_input(error: &IoError) -> Failure {
         IoError::Ply { .. } | IoError::Frame { .. } => {
             failure.next("Copy the file again, or export the splats again as a 3DGS PLY.")
         }
+        IoError::Pth { .. } => failure.next(
+            "Copy the file again from the machine that trained the model; c4d info PATH shows what a file or folder contains.",
+        ),
+        IoError::Field { source: FieldError::NotFinite { .. }, .. } => failure.next(
+            "Use an earlier save of the model: training that diverges writes such values.",
+        ),
+        IoError::Field { source: FieldError::Shape { .. }, .. } => failure.next(
+            "Copy the model again from the machine that trained it: its files must be of the same training and the same save.",
+        ),
         IoError::Splatv { .. } | IoError::Splat4d { .. } => {
             failure.next("Copy or export the clip again, or give the scene from which it was made.")
         }

@@ -24,10 +24,12 @@ pub(crate) fn open(path: &Path, global: &Global, console: &Console) -> Outcome<O
     open_within(path, &[], global, console)
 }
 
-/// Refuses flags of model folders for other inputs, where they would have no effect.
+/// Refuses flags of model folders for other inputs, where they would have no effect. Of an unknown
+/// kind is also a model folder whose main file is missing or empty; opening it reports that.
 pub(crate) fn refuse_model_flags(path: &Path, iteration: Option<u64>) -> Outcome {
     match gs_io::detect(path) {
         Ok(SceneKind::PlySequence) if iteration.is_none() => Ok(()),
+        Ok(SceneKind::Unknown { .. }) => Ok(()),
         Ok(kind) if !kind.is_trained() => Err(Failure::usage(format!(
             "--iteration and --set apply to model folders (a sequence takes --set axes=…); {} is not one ({kind})",
             path.display()
@@ -52,14 +54,19 @@ fn open_within(
             open_with(path, &kind, &open_options(global, &kind)?, console)
         }
         SceneKind::RunFolder => open_edited(path, runs, global, console),
-        kind @ SceneKind::Model3dgs => Err(Failure::bad_input(format!(
-            "{} is a {kind}: none of its saves has a deformation",
-            path.display()
-        ))
-        .next(format!(
-            "If it is a 4DGaussians model, copy deformation.pth beside its point_cloud.ply; of Deformable-3D-Gaussians and methods like it, copy the folder deform beside point_cloud. As an edited frame: c4d propagate SCENE --edited {}. {SCENES}",
-            path.display()
-        ))),
+        kind @ SceneKind::Model3dgs => {
+            // A damaged file does not show which method wrote it.
+            gs_io::ply::read_file(gs_io::frame::file_of(path))
+                .map_err(|error| bad_input(&error))?;
+            Err(Failure::bad_input(format!(
+                "{} is a {kind}: none of its saves has a deformation",
+                path.display()
+            ))
+            .next(format!(
+                "If it is a 4DGaussians model, copy deformation.pth beside its point_cloud.ply; of Deformable-3D-Gaussians and methods like it, copy the folder deform beside point_cloud. As an edited frame: c4d propagate SCENE --edited {}. {SCENES}",
+                path.display()
+            )))
+        }
         kind if kind.is_frame() => Err(Failure::bad_input(format!(
             "{} is a single frame ({kind}), expected a dynamic scene",
             path.display()
@@ -185,7 +192,7 @@ fn open_edited(
         "{} unchanged, {} recoloured, {} moved, {} blended, {} static{}",
         count(RowKind::Unchanged),
         count(RowKind::Recoloured),
-        count(RowKind::Moved),
+        count(RowKind::Moved) + count(RowKind::Copied),
         count(RowKind::Blended),
         count(RowKind::Static),
         match count(RowKind::Descendant) {

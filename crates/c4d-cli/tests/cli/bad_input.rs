@@ -376,3 +376,38 @@ fn series_are_named() {
     assert!(said.contains("ignoring other_*.ply (1)"), "{said}");
     assert!(text.contains("series"), "{text}");
 }
+
+#[test]
+fn damaged_models_end_in_a_step_that_helps() {
+    let bench = Bench::new();
+    let weights = "deform/iteration_40000/deform.pth";
+    let lite = "point_cloud/iteration_30000/point_cloud.ply";
+    let cases: [(&str, &str, Option<usize>, &str); 6] = [
+        ("deformable3dgs/blender_6dof_w40", weights, Some(2), "Copy the file again from"),
+        ("deformable3dgs/blender_6dof_w40", weights, Some(0), "Copy the file again from"),
+        ("spacetime_lite", lite, Some(0), "next: Copy the file again"),
+        ("spacetime_lite", lite, None, "without iteration_N/point_cloud.ply: copy that file"),
+        ("fudan4dgs/shfs4d", "chkpnt30000.pth", Some(0), "chkpnt30000.pth, which is empty: copy"),
+        ("dash/n3v_w64", "deform/iteration_50000/deform.pth", None, "Copy the folder `deform`"),
+    ];
+    for (number, (name, file, share, expected)) in cases.into_iter().enumerate() {
+        let model = bench.at(&number.to_string());
+        copy_folder(&fixture("bases").join(name).join("model"), &model);
+        let file = model.join(file);
+        match share {
+            None => fs::remove_file(&file).unwrap(),
+            Some(share) => {
+                let bytes = fs::read(&file).unwrap();
+                let kept = bytes.len().checked_div(share).unwrap_or_default();
+                fs::write(&file, &bytes[..kept]).unwrap();
+            }
+        }
+        // The flag is one that intact models of one kind need; it is not to blame here.
+        let flags: &[&str] =
+            if name.starts_with("fudan") { &["--set", "time_duration=0,10"] } else { &[] };
+        let out = bench.at("out");
+        let more: Vec<&str> = flags.iter().copied().chain(["-o", out.to_str().unwrap()]).collect();
+        let said = refused("freeze", &model, &more);
+        assert!(said.contains(expected), "{name}, {share:?}: {said}");
+    }
+}

@@ -34,8 +34,8 @@ class Binding:
     data: np.ndarray
     """Weights; those of a row sum to 1. 32-bit floats."""
     kinds: tuple[str, ...]
-    """Treatment of each edited splat, [E]: unchanged, recoloured, moved, blended, field, static or
-    descendant."""
+    """Treatment of each edited splat, [E]: unchanged, recoloured, moved, blended, field, static,
+    descendant or copied."""
     shape: tuple[int, int]
     """Number of edited and of source splats."""
 

@@ -95,7 +95,7 @@ fn graph(layers: &Layers<'_>, folder: &DeformFolder) -> Result<NodeGraph, String
         Some(1) => true,
         _ => {
             return Err(format!(
-                "its nodes have {hyper} hyper coordinates, but point_cloud.ply has {} columns fea_0, fea_1, …, expected {hyper}, or {} with a motion mask; the files belong to different runs, or an editor dropped the columns",
+                "its nodes have {hyper} hyper coordinates, but point_cloud.ply has {} columns fea_0, fea_1, …, expected {hyper}, or {} with a motion mask; the files belong to different runs, or an editor dropped the columns; copy both again from the machine that trained the model",
                 columns.len(),
                 hyper + 1
             ));

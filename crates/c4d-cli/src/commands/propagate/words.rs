@@ -65,6 +65,12 @@ pub(super) fn report(report: &MotionReport, motion: MotionArg, seconds: f64, con
             "inherited: {} recoloured, {} removed, {} moved; confidence {:.2}, {} below 0.5",
             descent.recoloured, descent.removed, descent.moved, descent.confidence, descent.unsure
         ));
+        if descent.copied > 0 {
+            console.note(format!(
+                "{} copies of short-lived splats last over the whole clip",
+                descent.copied
+            ));
+        }
     }
     for (stage, secs) in &report.timings {
         console.detail(format!("  {stage}: {secs:.3} s"));
@@ -147,6 +153,7 @@ pub(super) fn json(report: &MotionReport, seconds: f64) -> Value {
             "recoloured": descent.recoloured,
             "removed": descent.removed,
             "moved": descent.moved,
+            "copied": descent.copied,
             "confidence": descent.confidence,
             "unsure": descent.unsure,
             "lasting": descent.lasting,

@@ -154,13 +154,21 @@ impl Descriptions {
                 format!("that of source splat {first}, exactly"),
                 format!("its place, rotation and size equal those of source splat {first}"),
             ),
-            RowKind::Moved => {
+            RowKind::Moved | RowKind::Copied => {
                 let group = edited.binding.group_of().get(row).map_or(0, |group| *group as usize);
                 let center = self.source.splats.means[first as usize].map(f64::from);
                 let change = edited.binding.groups().get(group);
                 let change = change.map(|group| group.similarity.describe(center, edited.size));
+                let change = change.unwrap_or_default();
+                if kind == RowKind::Copied {
+                    return (
+                        format!("that of the surface of source splat {first}, {change}"),
+                        "the edit copied it together with others, and not the splats that replace it"
+                            .to_owned(),
+                    );
+                }
                 (
-                    format!("that of source splat {first}, {}", change.unwrap_or_default()),
+                    format!("that of source splat {first}, {change}"),
                     "the edit moved it together with others".to_owned(),
                 )
             }

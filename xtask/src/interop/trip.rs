@@ -1,0 +1,27 @@
+//! [`Trip`]: the program, the scene, and the folder for files that are exchanged.
+
+use anyhow::{Result, bail};
+use gs_core::Splats;
+use std::path::PathBuf;
+use std::process::Command;
+
+/// What all round trips share.
+pub(super) struct Trip {
+    /// The program `c4d`.
+    pub(super) c4d: PathBuf,
+    /// Folder in which programs run; the scene is `source` in it.
+    pub(super) files: PathBuf,
+    /// Frames of the scene.
+    pub(super) frames: Vec<Splats>,
+}
+
+impl Trip {
+    /// Runs `c4d` in the folder.
+    pub(super) fn c4d(&self, arguments: &[&str]) -> Result<()> {
+        let output = Command::new(&self.c4d).args(arguments).current_dir(&self.files).output()?;
+        if !output.status.success() {
+            bail!("c4d {}: {}", arguments.join(" "), String::from_utf8_lossy(&output.stderr));
+        }
+        Ok(())
+    }
+}

@@ -2,7 +2,6 @@
 
 use crate::alignment::{Aligning, Alignment, hold_common, needed};
 use crate::loss::{PictureLoss, Rect, Target};
-use crate::release::{COLORS_UNTIL, color_rate};
 use crate::report::{self, FitReport};
 use crate::state::{FitObserver, FitPreview, FitProgress, FitState};
 use crate::subset::Subset;
@@ -42,6 +41,13 @@ const DECIDES_AFTER: usize = 2;
 const UNSURE_BAND: f32 = 0.03;
 /// Selected splats may move by this many pixels until their reach is found again.
 const REACH_MARGIN: usize = 8;
+
+/// Share of the fit in which only colours are fitted.
+const COLORS_UNTIL: f64 = 0.2;
+/// Meanwhile their rate falls from this many times its value to a tenth of that: there are few
+/// steps, and the noise of the last ones must be well below the tolerance of `release`.
+const FIRST_RATE: f32 = 3.0;
+const LAST_RATE: f32 = 0.3;
 
 /// The result of a fit.
 #[derive(Debug, Clone, PartialEq)]
@@ -135,6 +141,11 @@ pub fn fit<R: Rasterizer + Sync>(
     report.finish(&run.working.source, &selected);
     let source_rows = run.working.source.iter().map(|&row| (row != NEW).then_some(row)).collect();
     Ok(Fitted { splats: run.working.splats, source_rows, selected, report })
+}
+
+/// Factor on the rate of colours at a step while only they are fitted.
+fn color_rate(step: usize, steps: usize) -> f32 {
+    FIRST_RATE * (LAST_RATE / FIRST_RATE).powf(step as f32 / steps as f32)
 }
 
 /// Votes of the edited pictures.

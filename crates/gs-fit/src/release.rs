@@ -6,23 +6,12 @@ use crate::fit::Run;
 use crate::votes::{LEAST_SEEN, lift};
 use gs_core::{Rasterizer, RenderOutput};
 
-/// Share of the fit in which only colours are fitted.
-pub(crate) const COLORS_UNTIL: f64 = 0.2;
-/// Meanwhile their rate falls from this many times its value to a tenth of that: there are few
-/// steps, and the noise of the last ones must be well below [`UNEXPLAINED`].
-const FIRST_RATE: f32 = 3.0;
-const LAST_RATE: f32 = 0.3;
 /// Mean difference between render and pictures above which colours do not explain a splat's pixels,
 /// 0 to 1. Smaller ones come from neighbours that are not fitted yet.
 const UNEXPLAINED: f32 = 12.0 / 255.0;
 /// Share of a splat's visible pixels that must be edited for its geometry to be fitted. Others are
 /// selected because they lie beside an edit; they may belong to something that moves on its own.
 const EDITED_SHARE: f32 = 0.5;
-
-/// Factor on the rate of colours at a step while only they are fitted.
-pub(crate) fn color_rate(step: usize, steps: usize) -> f32 {
-    FIRST_RATE * (LAST_RATE / FIRST_RATE).powf(step as f32 / steps as f32)
-}
 
 impl<R: Rasterizer + Sync> Run<'_, R> {
     /// Releases geometry and opacity of selected splats whose pixels were edited and still differ

@@ -29,6 +29,7 @@ pub mod loss;
 pub mod mask;
 mod optimizer;
 mod options;
+mod release;
 mod report;
 mod state;
 mod subset;

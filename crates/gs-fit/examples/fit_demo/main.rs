@@ -137,8 +137,8 @@ fn main() -> Result<(), Box<dyn Error>> {
             let both = motion::end_points(&scene, &edit, (&fitted.splats, &is_fitted), &cameras)?;
             for (name, errors) in ["true edit", "fitted edit"].iter().zip(both) {
                 println!(
-                    "{name}, propagated: end-point error {:.4} % of the figure's size (95th percentile {:.4} %), {} splats",
-                    errors.mean, errors.p95, errors.count
+                    "{name}, propagated: end-point error {:.4} % of the figure's size (95th percentile {:.4} %), {} splats, {:.0} % in place",
+                    errors.mean, errors.p95, errors.count, errors.kept
                 );
             }
         }

@@ -8,6 +8,7 @@ use gs_fit::votes::Votes;
 use gs_raster_cpu::CpuRasterizer;
 use gs_synth::{EditedFrame, SynthScene, Tag, Truth};
 use rayon::prelude::*;
+use std::collections::HashSet;
 use std::error::Error;
 use std::sync::Arc;
 
@@ -20,6 +21,8 @@ pub(crate) struct EndPoints {
     pub mean: f64,
     pub p95: f64,
     pub count: usize,
+    /// Share of the weight of splats that are where a source splat is, and follow it exactly, %.
+    pub kept: f64,
 }
 
 /// Errors of the edited splats of the true frame, and of those that a fit made, when both are
@@ -65,6 +68,13 @@ fn error_of(
         cameras.iter().map(|c| vec![false; (c.width * c.height) as usize]).collect();
     let views = cameras.iter().zip(masks.iter().map(Vec::as_slice));
     let weights = Votes::of(&CpuRasterizer::default(), splats, views)?.seen;
+    let places: HashSet<[u32; 3]> =
+        scene.frame1().means.iter().map(|mean| mean.map(f32::to_bits)).collect();
+    let weight = |keep: &dyn Fn(usize) -> bool| -> f64 {
+        rows.iter().filter(|&&row| keep(row)).map(|&row| f64::from(weights[row])).sum()
+    };
+    let kept = weight(&|row| places.contains(&splats.means[row].map(f32::to_bits)));
+    let kept = 100.0 * kept / weight(&|_| true);
     let mut errors = Vec::new();
     for t in truth.time_range().frames(TIMES).into_iter().skip(1) {
         let (ours, theirs) = (found.scene.at(t)?, truth.at(t)?);
@@ -90,5 +100,5 @@ fn error_of(
         below >= 0.95 * total
     });
     let p95 = p95.map_or(0.0, |(error, _)| *error);
-    Ok(EndPoints { mean: to_percent * mean, p95: to_percent * p95, count: rows.len() })
+    Ok(EndPoints { mean: to_percent * mean, p95: to_percent * p95, count: rows.len(), kept })
 }

@@ -44,7 +44,7 @@ const REACH_MARGIN: usize = 8;
 
 /// Share of the fit in which only colours are fitted.
 const COLORS_UNTIL: f64 = 0.2;
-/// Meanwhile their rate falls from this many times its value to a tenth of that: there are few
+/// Meanwhile their rate falls from this many times its value to [`LAST_RATE`] times: there are few
 /// steps, and the noise of the last ones must be well below the tolerance of `release`.
 const FIRST_RATE: f32 = 3.0;
 const LAST_RATE: f32 = 0.3;

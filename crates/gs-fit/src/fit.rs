@@ -42,13 +42,6 @@ const UNSURE_BAND: f32 = 0.03;
 /// Selected splats may move by this many pixels until their reach is found again.
 const REACH_MARGIN: usize = 8;
 
-/// Share of the fit in which only colours are fitted.
-const COLORS_UNTIL: f64 = 0.2;
-/// Meanwhile their rate falls from this many times its value to [`LAST_RATE`] times: there are few
-/// steps, and the noise of the last ones must be well below the tolerance of `release`.
-const FIRST_RATE: f32 = 3.0;
-const LAST_RATE: f32 = 0.3;
-
 /// The result of a fit.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Fitted {
@@ -113,7 +106,7 @@ pub fn fit<R: Rasterizer + Sync>(
     let mut run = Run {
         raster,
         options,
-        working: Working::new(start, selected.clone(), options.geometry),
+        working: Working::new(start, selected.clone()),
         views,
         edited,
         subset: Subset::default(),
@@ -141,11 +134,6 @@ pub fn fit<R: Rasterizer + Sync>(
     report.finish(&run.working.source, &selected);
     let source_rows = run.working.source.iter().map(|&row| (row != NEW).then_some(row)).collect();
     Ok(Fitted { splats: run.working.splats, source_rows, selected, report })
-}
-
-/// Factor on the rate of colours at a step while only they are fitted.
-fn color_rate(step: usize, steps: usize) -> f32 {
-    FIRST_RATE * (LAST_RATE / FIRST_RATE).powf(step as f32 / steps as f32)
 }
 
 /// Votes of the edited pictures.
@@ -189,7 +177,7 @@ pub(crate) struct Run<'a, R: Rasterizer> {
     /// Views whose pictures were edited.
     pub edited: Vec<usize>,
     /// The splats of the last render.
-    pub subset: Subset,
+    subset: Subset,
     prepared: Option<R::Prepared>,
     losses: Vec<f32>,
     previewed: usize,
@@ -226,7 +214,7 @@ impl<R: Rasterizer + Sync> Run<'_, R> {
     }
 
     /// Renders what the selection can change in a view; other pixels are incomplete.
-    pub(crate) fn render(
+    fn render(
         &mut self,
         view: usize,
         params: &RenderParams,
@@ -264,9 +252,6 @@ impl<R: Rasterizer + Sync> Run<'_, R> {
                 && (step as f64) < DENSIFY_UNTIL * steps as f64
             {
                 self.densify(step)?;
-            }
-            if self.options.geometry && step == self.color_steps() {
-                self.release()?;
             }
             if self.options.align
                 && self.working.aligning != Aligning::Nothing
@@ -335,16 +320,6 @@ impl<R: Rasterizer + Sync> Run<'_, R> {
         self.options.densify && self.edited.len() >= usize::from(report::ENOUGH_VIEWS)
     }
 
-    /// Number of steps at the start in which only colours are fitted, if geometry is fitted at all.
-    #[expect(
-        clippy::cast_possible_truncation,
-        clippy::cast_sign_loss,
-        reason = "a share of a count"
-    )]
-    fn color_steps(&self) -> usize {
-        (COLORS_UNTIL * self.options.steps as f64) as usize
-    }
-
     fn densify_every(&self) -> usize {
         (self.options.steps / DENSIFY_TIMES).clamp(1, DENSIFY_EVERY)
     }
@@ -363,14 +338,11 @@ impl<R: Rasterizer + Sync> Run<'_, R> {
         let done = step as f64 / self.options.steps as f64;
         #[expect(clippy::cast_possible_truncation, reason = "a factor")]
         let decay = 0.1_f64.powf(done) as f32;
-        let colors = self.color_steps();
-        let (options, working) = (self.options, &mut self.working);
-        let geometry = options.geometry && step >= colors;
-        let first = options.geometry && step < colors;
-        let sh = if first { rates.sh * color_rate(step, colors) } else { rates.sh };
-        let rates = FitRates { means: rates.means * working.size * decay, sh, ..*rates };
-        let Working { splats, optimizer, selected, fading, held, .. } = working;
-        optimizer.step(splats, grads, &rates, geometry, selected, fading, held);
+        let options = self.options;
+        let working = &mut self.working;
+        let rates = FitRates { means: rates.means * working.size * decay, ..*rates };
+        let Working { splats, optimizer, selected, fading, .. } = working;
+        optimizer.step(splats, grads, &rates, options.geometry, selected, fading);
         working.limit_scales();
     }
 
@@ -416,10 +388,7 @@ impl<R: Rasterizer + Sync> Run<'_, R> {
         if step as f64 >= FADE_UNTIL * self.options.steps as f64 {
             self.working.fading.fill(false);
         }
-        if self.options.geometry && step > self.color_steps() {
-            // `carve` may have removed rows.
-            self.find_rows();
-            self.release()?;
+        if self.options.geometry {
             self.working.densify(self.options.seed ^ (0x5_0000_0000 + step as u64));
         }
         self.select_more()?;

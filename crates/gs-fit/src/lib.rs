@@ -29,7 +29,6 @@ pub mod loss;
 pub mod mask;
 mod optimizer;
 mod options;
-mod release;
 mod report;
 mod state;
 mod subset;

@@ -39,9 +39,8 @@ impl Optimizer {
         ]
     }
 
-    /// One step of the selected rows; for `fading` rows, of the opacity only, and for `held` rows
-    /// that do not fade, of the colours only. `rates.means` is in world units here. Without
-    /// `geometry`, colour and opacity only.
+    /// One step of the selected rows; for `fading` rows, of the opacity only. `rates.means` is in
+    /// world units here. Without `geometry`, colour and opacity only.
     pub(crate) fn step(
         &mut self,
         splats: &mut Splats,
@@ -50,7 +49,6 @@ impl Optimizer {
         geometry: bool,
         selected: &[bool],
         fading: &[bool],
-        held: &[bool],
     ) {
         let skip = |row: usize| !selected[row] || fading[row];
         let coeffs = splats.sh_coeffs();
@@ -63,8 +61,7 @@ impl Optimizer {
                 self.sh.step(sh.as_flattened_mut(), grads, &sh_rates, skip);
             });
             let rate = [rates.opacity_logits];
-            let skip_opacity = |row: usize| !selected[row] || (held[row] && !fading[row]);
-            let skip = |row: usize| skip(row) || held[row];
+            let skip_opacity = |row: usize| !selected[row];
             self.opacity_logits.step(opacity_logits, &grads.v_opacity_logits, &rate, skip_opacity);
             if geometry {
                 let (means, v_means) = (means.as_flattened_mut(), grads.v_means.as_flattened());

@@ -120,45 +120,6 @@ fn edits_are_fitted_and_the_rest_is_kept() {
     }
 }
 
-/// What new colours explain keeps its geometry and opacity, bit for bit: `amg` then recognises it,
-/// and it keeps its own motion. What they do not explain is fitted.
-#[test]
-fn recolored_splats_keep_their_geometry() {
-    let scene = scene();
-    let start = scene.frame1();
-    let cameras = scene.orbit_cameras(10, SIDE, SIDE);
-    let held_out: Vec<Camera> =
-        scene.orbit_cameras(20, SIDE, SIDE).into_iter().skip(1).step_by(4).collect();
-    let options = FitOptions { steps: 150, ..FitOptions::default() };
-    // Selected splats that remain, and how many of them are as they were apart from colours.
-    let kept = |fitted: &Fitted| {
-        let rows: Vec<(usize, usize)> = (0..fitted.splats.len())
-            .filter_map(|i| Some((i, fitted.source_rows[i]? as usize)))
-            .filter(|&(_, row)| fitted.selected[row])
-            .collect();
-        let (now, then) = (&fitted.splats, start);
-        let same = rows.iter().filter(|&&(i, row)| {
-            now.means[i] == then.means[row]
-                && now.quats[i] == then.quats[row]
-                && now.log_scales[i] == then.log_scales[row]
-                && now.opacity_logits[i] == then.opacity_logits[row]
-        });
-        (same.count() as f64 / rows.len() as f64, rows.len())
-    };
-    let truth = apply_edits(&scene, &edits()[..1], 1).unwrap().splats;
-    let fitted = run(start, &pictures(&cameras, &truth), &options);
-    assert_rest_is_kept(start, &fitted);
-    let gain = gain_db(error(&held_out, start, &truth), error(&held_out, &fitted.splats, &truth));
-    let (share, count) = kept(&fitted);
-    assert!(gain > 12.0, "recoloured: {gain:.1} dB");
-    assert!(share > 0.5 && count > 200, "{share:.3} of {count} recoloured splats keep geometry");
-
-    let truth = apply_edits(&scene, &edits()[1..], 1).unwrap().splats;
-    let fitted = run(start, &pictures(&cameras, &truth), &options);
-    let (reshaped, count) = kept(&fitted);
-    assert!(reshaped < share, "a jacket has another shape: {reshaped:.3} of {count} keep geometry");
-}
-
 /// Stops after some steps; keeps what was saved.
 struct Stops {
     after: usize,

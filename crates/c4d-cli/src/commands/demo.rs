@@ -51,16 +51,16 @@ pub(crate) fn run(args: &DemoArgs, global: &Global, console: &Console) -> Outcom
     if !(2..=10_000).contains(&args.frames) {
         return Err(Failure::usage(format!("--frames {}: expected 2 to 10000", args.frames)));
     }
-    if !SPLATS.contains(&args.splats) {
-        let (least, most) = (SPLATS.start(), SPLATS.end());
-        let what = format!("--splats {}: expected {least} to {most}", args.splats);
-        return Err(Failure::usage(what));
-    }
     crate::memory::require(
         &format!("a scene of {} splats", args.splats),
         (args.splats as u64).saturating_mul(BYTES_PER_SPLAT),
         "Give a smaller --splats.",
     )?;
+    if !SPLATS.contains(&args.splats) {
+        let (least, most) = (SPLATS.start(), SPLATS.end());
+        let what = format!("--splats {}: expected {least} to {most}", args.splats);
+        return Err(Failure::usage(what));
+    }
     let start = Instant::now();
     let folder = AtomicDir::create(&args.output, existing(global))
         .map_err(|error| output_failure(&error))?;

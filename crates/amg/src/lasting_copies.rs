@@ -22,7 +22,9 @@ use crate::row_index::index;
 use crate::row_kind::RowKind;
 use crate::work::Row;
 
-/// A splat with at least this presence at all times needs no replacement.
+/// Least presence, 0 to 1, over the clip from which a splat needs no replacement. Halved or nearly
+/// doubled it changes nothing on generator scenes with lives of 0.05 to 1.5 clips: no splat that
+/// frame 1 shows has a least presence between 0.25 and 1.
 const LASTS: f64 = 0.5;
 
 /// Marks the copies that last, and the splats that move with copies. Returns what hidden copies

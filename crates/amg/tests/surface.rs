@@ -235,7 +235,7 @@ fn lasting_scenes_are_as_before() {
     assert_eq!(inherited, 0, "all splats are shown: nothing descends");
 }
 
-/// What an editor's copy of `ids`, shifted, adds to the edit frame; `ids` are those that it selects.
+/// The edit frame with shifted copies of the splats `ids`, as an editor adds them.
 fn with_copies(source: &BriefScene, ids: &[usize], shift: [f32; 3]) -> Splats {
     let mut edited = source.at(0.0).unwrap();
     let mut copies = edited.select(ids);

@@ -2,10 +2,8 @@
 
 #[cfg(feature = "webp")]
 mod webp;
-#[cfg(not(feature = "webp"))]
-#[path = "animated_image/webp_absent.rs"]
-mod webp;
 
+#[cfg(feature = "webp")]
 pub(crate) use webp::WebpWriter;
 
 use crate::failure::{Failure, Outcome};
@@ -18,6 +16,7 @@ use std::path::{Path, PathBuf};
 /// A looping image being written.
 pub(crate) enum AnimatedImage<W: Write> {
     Gif(GifWriter<W>),
+    #[cfg(feature = "webp")]
     Webp(Box<WebpWriter<W>>),
 }
 
@@ -26,6 +25,7 @@ impl<W: Write> AnimatedImage<W> {
     pub(crate) fn push(&mut self, rgb: &[u8]) -> Outcome {
         match self {
             Self::Gif(writer) => writer.push(rgb),
+            #[cfg(feature = "webp")]
             Self::Webp(writer) => writer.push(rgb),
         }
     }
@@ -34,6 +34,7 @@ impl<W: Write> AnimatedImage<W> {
     pub(crate) fn finish(self) -> Outcome<W> {
         match self {
             Self::Gif(writer) => writer.finish(),
+            #[cfg(feature = "webp")]
             Self::Webp(writer) => writer.finish(),
         }
     }

@@ -67,6 +67,13 @@ impl Console {
         }
     }
 
+    /// A file or folder that was written beside the results; only part of `--json`.
+    pub(crate) fn wrote(&self, path: &Path) {
+        if let Some(json) = &self.json {
+            json.output(path, &[]);
+        }
+    }
+
     /// A file or folder that was written, with what it contains: a result.
     pub(crate) fn output(&self, path: &Path, counts: &[(&str, usize)]) {
         if let Some(json) = &self.json {

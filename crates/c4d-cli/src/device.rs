@@ -71,7 +71,7 @@ impl Device {
     pub(crate) fn open(choice: GpuChoice) -> Outcome<Self> {
         match choice {
             GpuChoice::Auto | GpuChoice::Cpu => Ok(Self::Cpu),
-            GpuChoice::Index(_) => missing("gpu", "Use --gpu cpu").map(|none| match none {}),
+            GpuChoice::Index(_) => Err(missing("gpu", "--gpu cpu needs none")),
         }
     }
 

@@ -1,17 +1,25 @@
 //! Parts of the program that a build may leave out.
 
-/// A Cargo feature that this build lacks.
-///
-/// # Errors
-/// Always: says which feature is missing, and how to get it.
-#[cfg(not(all(feature = "exr", feature = "gpu", feature = "mp4", feature = "webp")))]
-pub(crate) fn missing(
-    feature: &str,
-    instead: &str,
-) -> crate::failure::Outcome<std::convert::Infallible> {
-    let what = format!("this c4d was built without the feature `{feature}`");
-    let next = format!("{instead}; c4d built with `--features {feature}`, a default, has it.");
-    Err(crate::failure::Failure::usage(what).next(next))
+use crate::args::Format;
+use crate::failure::{Failure, Outcome};
+
+/// Refuses a format whose writer this build lacks.
+pub(crate) fn check_format(format: Format) -> Outcome {
+    match format {
+        Format::Mp4 if cfg!(not(feature = "mp4")) => Err(missing("mp4", "--format gif needs none")),
+        Format::Webp if cfg!(not(feature = "webp")) => {
+            Err(missing("webp", "--format gif needs none"))
+        }
+        Format::Exr if cfg!(not(feature = "exr")) => Err(missing("exr", "--format npy needs none")),
+        _ => Ok(()),
+    }
+}
+
+/// Failure for a Cargo feature that this build lacks; `instead` says what works without it.
+pub(crate) fn missing(feature: &str, instead: &str) -> Failure {
+    Failure::usage(format!("this c4d was built without the feature `{feature}`")).next(format!(
+        "{instead}; a build with `--features {feature}`, which is a default, has it."
+    ))
 }
 
 /// The features that this build has.

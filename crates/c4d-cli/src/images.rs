@@ -25,7 +25,7 @@ pub(crate) fn write_png(writer: impl Write, path: &Path, image: &Image) -> Outco
 /// Always an error: the feature `exr` is not part of this build.
 #[cfg(not(feature = "exr"))]
 pub(crate) fn write_exr(_path: &Path, _image: &Image, _channels: &[&str]) -> Outcome {
-    missing("exr", "Use --format npy").map(|none| match none {})
+    Err(missing("exr", "--format npy needs none"))
 }
 
 /// Writes 32-bit float channels with the given names, one per channel of the image, ZIP-compressed.

@@ -53,9 +53,6 @@ mod terminal;
 mod threads;
 #[cfg(feature = "mp4")]
 mod video;
-#[cfg(not(feature = "mp4"))]
-#[path = "video_absent.rs"]
-mod video;
 
 pub use cameras::open_cameras;
 pub use failure::{Exit, Failure, Outcome};

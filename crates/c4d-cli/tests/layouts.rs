@@ -53,9 +53,13 @@ fn bent(scene: &PolynomialScene) -> PolynomialScene {
     PolynomialScene::new(scene.rest().clone(), motions).unwrap()
 }
 
-/// The scene without the parts of motions that some methods lack.
+/// Longest life, clips: some methods cannot store an endless one. Over the clip it fades by 0.1 %.
+const LONGEST: f32 = 30.0;
+
+/// The scene without the parts of motions and lives that some methods lack.
 fn straight(scene: &PolynomialScene) -> PolynomialScene {
     let line = |motion: &Polynomial| Polynomial {
+        width: motion.width.min(LONGEST),
         velocity: [motion.velocity[0], [0.0; 3], [0.0; 3]],
         omega: [0.0; 4],
         ..*motion

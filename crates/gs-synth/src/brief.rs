@@ -17,6 +17,7 @@ use crate::{
 use glam::{Quat, Vec3};
 use gs_core::{DynamicScene, SceneError, Splats, TimeRange, activation, quat};
 use gs_deform::{Polynomial, PolynomialScene};
+use std::ops::RangeInclusive;
 
 /// Standard deviations in a visible life: opacity is above a twentieth of its peak for so long.
 const SIGMAS_PER_LIFE: f32 = 4.896;
@@ -49,8 +50,11 @@ impl Default for BriefParams {
 }
 
 impl BriefParams {
+    /// Values that are accepted for `num_splats`.
+    pub const NUM_SPLATS: RangeInclusive<usize> = 1_000..=10_000_000;
+
     fn check(&self) -> Result<(), SynthError> {
-        if !(1_000..=10_000_000).contains(&self.num_splats) {
+        if !Self::NUM_SPLATS.contains(&self.num_splats) {
             return Err(SynthError::param("num_splats", self.num_splats, "1000 to 10 million"));
         }
         if !(0.0..=1.0).contains(&self.share) {

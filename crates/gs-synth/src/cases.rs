@@ -14,7 +14,7 @@ use crate::{
     stage,
 };
 use gs_core::Camera;
-use std::{f64::consts::PI, fmt, str::FromStr};
+use std::{f64::consts::PI, fmt, ops::RangeInclusive, str::FromStr};
 
 /// A test scene with known motion, by what it tests.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -151,7 +151,10 @@ impl FromStr for TruthCase {
     }
 }
 
-/// Builds the case with a source of exactly `size` splats, 500 to 10 million.
+/// Sizes that [`build`] accepts, splats.
+pub const CASE_SIZES: RangeInclusive<usize> = 500..=10_000_000;
+
+/// Builds the case with a source of exactly `size` splats, one of [`CASE_SIZES`].
 ///
 /// All sources have 18 % interior splats, 2 % floaters and trajectory noise of 0.05 % of the figure
 /// size per axis, unless the case says otherwise.
@@ -159,7 +162,7 @@ impl FromStr for TruthCase {
 /// # Errors
 /// If `size` is out of range.
 pub fn build(case: TruthCase, seed: u64, size: usize) -> Result<TruthScene, SynthError> {
-    if !(500..=10_000_000).contains(&size) {
+    if !CASE_SIZES.contains(&size) {
         return Err(SynthError::param("size", size, "500 to 10 million"));
     }
     let source = source(case, seed, size);

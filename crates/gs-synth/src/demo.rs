@@ -10,6 +10,7 @@ use crate::{
     rig::Rig,
     stage,
 };
+use std::ops::RangeInclusive;
 
 /// Parameters of [`demo`].
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -28,6 +29,11 @@ pub struct DemoParams {
     /// Noise of the frame-1 positions of moving splats, figure sizes;
     /// orientations and sizes are disturbed too. Default 0.
     pub jitter: f32,
+}
+
+impl DemoParams {
+    /// Values that [`demo()`] accepts for `num_splats`.
+    pub const NUM_SPLATS: RangeInclusive<usize> = 1_000..=100_000_000;
 }
 
 impl Default for DemoParams {
@@ -75,7 +81,7 @@ pub fn demo(params: &DemoParams) -> Result<SynthScene, SynthError> {
 }
 
 fn check(params: &DemoParams) -> Result<(), SynthError> {
-    if !(1_000..=100_000_000).contains(&params.num_splats) {
+    if !DemoParams::NUM_SPLATS.contains(&params.num_splats) {
         return Err(SynthError::param("num_splats", params.num_splats, "1000 to 100 million"));
     }
     if params.sh_degree > gs_core::sh::MAX_DEGREE {

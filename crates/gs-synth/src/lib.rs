@@ -56,7 +56,7 @@ mod truth;
 
 pub use brief::{BriefParams, BriefScene};
 pub use brief_cases::{BriefCase, BriefTruth, BriefTruthScene, build_brief};
-pub use cases::{TruthCase, TruthScene, build};
+pub use cases::{CASE_SIZES, TruthCase, TruthScene, build};
 pub use control::rigid_neighbours;
 pub use deliver::{PICTURE_WEIGHT, UnseenColor, deliver};
 pub use demo::{DemoParams, demo, demo_edits};

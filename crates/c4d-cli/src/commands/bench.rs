@@ -15,7 +15,10 @@ use c4d_metrics::{MotionTrack, neighbourhood_distance_deviation, psnr};
 use gs_core::DynamicScene;
 use gs_deform::HexPlaneScene;
 use gs_io::AtomicDir;
-use gs_synth::{BriefCase, FitParams, FitResidual, SynthScene, Tag, TruthCase, TruthScene};
+use gs_synth::{
+    BriefCase, BriefParams, CASE_SIZES, FitParams, FitResidual, SynthScene, Tag, TruthCase,
+    TruthScene,
+};
 use method::{METHODS, Method};
 use score::Score;
 use serde::Serialize;
@@ -33,8 +36,11 @@ const SIZE: (u32, u32) = (320, 240);
 
 pub(crate) fn motion(args: &BenchMotionArgs, global: &Global, console: &Console) -> Outcome {
     let (cases, brief_cases) = cases(&args.cases)?;
-    if !(500..=10_000_000).contains(&args.size) {
-        return Err(Failure::usage(format!("--size {}: expected 500 to 10 million", args.size)));
+    let sizes = if brief_cases.is_empty() { CASE_SIZES } else { BriefParams::NUM_SPLATS };
+    if !sizes.contains(&args.size) {
+        let (least, most) = (sizes.start(), sizes.end());
+        let what = format!("--size {}: expected {least} to {most} for these cases", args.size);
+        return Err(Failure::usage(what));
     }
     let folder = AtomicDir::create(&args.output, existing(global))
         .map_err(|error| output_failure(&error))?;
@@ -86,6 +92,7 @@ pub(crate) fn motion(args: &BenchMotionArgs, global: &Global, console: &Console)
     write("motion.md", &table)?;
     folder.commit().map_err(|error| output_failure(&error))?;
     console.report(|| json!(report));
+    console.wrote(&args.output);
     console.result(table);
     Ok(())
 }

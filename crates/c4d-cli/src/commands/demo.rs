@@ -2,7 +2,7 @@
 
 use super::propagate::{self, Recorded};
 use super::refine;
-use super::render::{Shot, Views, write_sheet, write_video};
+use super::render::{Shot, Views, write_clip, write_sheet};
 use crate::args::{DemoArgs, Global, MotionArg, PresetArg, RefineFlags};
 use crate::console::Console;
 use crate::device::Device;
@@ -16,15 +16,12 @@ use gs_io::ply::comments;
 use gs_io::ply::{self, WriteOptions};
 use gs_io::{AtomicDir, Existing, cameras_json, ply_sequence};
 use gs_raster_cpu::CpuRasterizer;
-use gs_synth::{EditedFrame, SynthError, SynthScene};
-use std::ops::RangeInclusive;
+use gs_synth::{DemoParams, EditedFrame, SynthError, SynthScene};
 use std::path::Path;
 use std::time::Instant;
 
 /// Number of frames of the PLY sequence used as the source scene.
 const SOURCE_FRAMES: usize = 31;
-/// Numbers of splats for which [`gs_synth::demo()`] has a scene.
-const SPLATS: RangeInclusive<usize> = 1000..=100_000_000;
 /// Memory per splat, bytes: source and edit in the motion stage, and frames of both.
 const BYTES_PER_SPLAT: u64 = 4096;
 /// Size of each half of the video, pixels.
@@ -44,7 +41,10 @@ const SOURCE: &str = "source";
 const EDITED: &str = "edited.ply";
 const RUN: &str = "run";
 const CAMERAS: &str = "cameras.json";
+#[cfg(feature = "mp4")]
 const VIDEO: &str = "before_after.mp4";
+#[cfg(not(feature = "mp4"))]
+const VIDEO: &str = "before_after.gif";
 const SHEET: &str = "contact_sheet.png";
 
 pub(crate) fn run(args: &DemoArgs, global: &Global, console: &Console) -> Outcome {
@@ -56,8 +56,9 @@ pub(crate) fn run(args: &DemoArgs, global: &Global, console: &Console) -> Outcom
         (args.splats as u64).saturating_mul(BYTES_PER_SPLAT),
         "Give a smaller --splats.",
     )?;
-    if !SPLATS.contains(&args.splats) {
-        let (least, most) = (SPLATS.start(), SPLATS.end());
+    let allowed = DemoParams::NUM_SPLATS;
+    if !allowed.contains(&args.splats) {
+        let (least, most) = (allowed.start(), allowed.end());
         let what = format!("--splats {}: expected {least} to {most}", args.splats);
         return Err(Failure::usage(what));
     }
@@ -65,11 +66,7 @@ pub(crate) fn run(args: &DemoArgs, global: &Global, console: &Console) -> Outcom
     let folder = AtomicDir::create(&args.output, existing(global))
         .map_err(|error| output_failure(&error))?;
     let root = folder.path();
-    let params = gs_synth::DemoParams {
-        num_splats: args.splats,
-        seed: args.seed,
-        ..gs_synth::DemoParams::default()
-    };
+    let params = DemoParams { num_splats: args.splats, seed: args.seed, ..DemoParams::default() };
     let synthetic = gs_synth::demo(&params).map_err(Failure::usage)?;
     let edit = delivered(&synthetic, args.seed)?;
     let cameras = synthetic.suggested_cameras(SIZE.0, SIZE.1);
@@ -128,7 +125,7 @@ pub(crate) fn run(args: &DemoArgs, global: &Global, console: &Console) -> Outcom
         console,
     };
     let fps = (args.frames as f64 / SECS).min(MAX_FPS);
-    write_video(&root.join(VIDEO), Existing::Refuse, fps, &shot)?;
+    write_clip(&root.join(VIDEO), Existing::Refuse, fps, &shot)?;
     write_sheet(&root.join(SHEET), Existing::Refuse, &shot)?;
     folder.commit().map_err(|error| output_failure(&error))?;
 

@@ -49,6 +49,7 @@ pub(crate) fn run(args: &EvalArgs, global: &Global, console: &Console) -> Outcom
         let text = serde_json::to_string_pretty(&document).map_err(Failure::failed)?;
         writeln!(file, "{text}").map_err(|error| Failure::write(path, &error))?;
         file.commit().map_err(|error| output_failure(&error))?;
+        console.wrote(path);
     }
     console.report(|| document);
     console.result(evaluation::table(&items));

@@ -9,7 +9,11 @@ pub(crate) use shot::{Shot, layers};
 pub(crate) use views::{Views, cropped, views};
 
 use super::export::say;
-use crate::animated_image::{AnimatedImage, GifWriter, WebpWriter};
+#[cfg(not(feature = "mp4"))]
+use crate::animated_image::GIF_MAX_FPS;
+#[cfg(feature = "webp")]
+use crate::animated_image::WebpWriter;
+use crate::animated_image::{AnimatedImage, GifWriter};
 use crate::args::{Format, Global, LeftHalf, Pass, RenderArgs};
 use crate::console::Console;
 use crate::device::Device;
@@ -19,8 +23,9 @@ use crate::frames::{self, Timing};
 use crate::output::{existing, output_failure, refuse_overlap};
 use crate::renderer;
 use crate::scene;
+#[cfg(feature = "mp4")]
 use crate::video::VideoWriter;
-use crate::{images, memory, still};
+use crate::{features, images, memory, still};
 use amg::EditedScene;
 use gs_core::{Camera, DynamicScene};
 use gs_io::{AtomicFile, Existing};
@@ -53,6 +58,7 @@ pub(crate) fn run(args: &RenderArgs, global: &Global, console: &Console) -> Outc
         .next("Give the run folder that c4d propagate wrote."));
     }
     let format = args.format.map_or_else(|| format_of(&args.output), Ok)?;
+    features::check_format(format)?;
     let playing = matches!(format, Format::Mp4 | Format::Webp | Format::Gif);
     if !playing && (args.fps.is_some() || args.duration.is_some()) {
         return Err(Failure::usage("--fps and --duration are for videos: mp4, webp and gif"));
@@ -198,15 +204,24 @@ fn rgb_only(args: &RenderArgs, what: &str) -> Outcome {
 fn video(args: &RenderArgs, fps: f64, global: &Global, shot: &Shot<'_>) -> Outcome {
     single_view(shot, "a video")?;
     rgb_only(args, "a video")?;
-    write_video(&args.output, existing(global), fps, shot)?;
+    write_clip(&args.output, existing(global), fps, shot)?;
     shot.console.note(frames::playing(shot.times.len(), fps));
     say(&losses(Format::Mp4, args, shot.times.len(), fps), shot.console);
     shot.console.output(&args.output, &[]);
     Ok(())
 }
 
+/// Renders the shot to an MP4; to a GIF in a build without the encoder.
+pub(crate) fn write_clip(path: &Path, existing: Existing, fps: f64, shot: &Shot<'_>) -> Outcome {
+    #[cfg(feature = "mp4")]
+    return write_video(path, existing, fps, shot);
+    #[cfg(not(feature = "mp4"))]
+    write_loop(path, existing, fps.min(GIF_MAX_FPS), shot, Format::Gif)
+}
+
 /// Renders the shot to an MP4.
-pub(crate) fn write_video(path: &Path, existing: Existing, fps: f64, shot: &Shot<'_>) -> Outcome {
+#[cfg(feature = "mp4")]
+fn write_video(path: &Path, existing: Existing, fps: f64, shot: &Shot<'_>) -> Outcome {
     let mut file =
         Some(AtomicFile::create(path, existing).map_err(|error| output_failure(&error))?);
     let mut writer: Option<VideoWriter<AtomicFile>> = None;
@@ -234,19 +249,34 @@ fn looping(
 ) -> Outcome {
     single_view(shot, "a loop")?;
     rgb_only(args, "a loop")?;
-    let path = &args.output;
+    write_loop(&args.output, existing(global), fps, shot, format)?;
+    shot.console.note(frames::playing(shot.times.len(), fps));
+    say(&losses(format, args, shot.times.len(), fps), shot.console);
+    shot.console.output(&args.output, &[]);
+    Ok(())
+}
+
+/// Renders the shot to a GIF, or to a WebP.
+fn write_loop(
+    path: &Path,
+    existing: Existing,
+    fps: f64,
+    shot: &Shot<'_>,
+    format: Format,
+) -> Outcome {
     let mut file =
-        Some(AtomicFile::create(path, existing(global)).map_err(|error| output_failure(&error))?);
+        Some(AtomicFile::create(path, existing).map_err(|error| output_failure(&error))?);
     let mut writer: Option<AnimatedImage<AtomicFile>> = None;
     shot.render(|exposure| {
         let image = exposure.image(Pass::Rgb);
         let (width, height) = (image.width, image.height);
         if let Some(file) = file.take() {
             writer = Some(match format {
-                Format::Gif => AnimatedImage::Gif(GifWriter::new(file, path, width, height, fps)?),
-                _ => {
+                #[cfg(feature = "webp")]
+                Format::Webp => {
                     AnimatedImage::Webp(Box::new(WebpWriter::new(file, path, width, height, fps)?))
                 }
+                _ => AnimatedImage::Gif(GifWriter::new(file, path, width, height, fps)?),
             });
         }
         writer.as_mut().map_or(Ok(()), |writer| writer.push(&image.to_bytes()))
@@ -255,11 +285,7 @@ fn looping(
         Some(writer) => writer.finish()?,
         None => return Err(Failure::usage("an animated image needs at least one frame")),
     };
-    file.commit().map_err(|error| output_failure(&error))?;
-    shot.console.note(frames::playing(shot.times.len(), fps));
-    say(&losses(format, args, shot.times.len(), fps), shot.console);
-    shot.console.output(path, &[]);
-    Ok(())
+    file.commit().map_err(|error| output_failure(&error))
 }
 
 fn sheet(args: &RenderArgs, global: &Global, shot: &Shot<'_>) -> Outcome {

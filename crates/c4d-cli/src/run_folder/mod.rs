@@ -2,10 +2,10 @@
 //!
 //! | file | content |
 //! |---|---|
-//! | `scene.c4d` | safetensors: the edited splats of the edit frame, the sparse binding to the source, refined colours |
+//! | `scene.c4d` | safetensors: edited splats, sparse binding to the source, refined colours |
 //! | `c4d.toml` | resolved configuration: inputs with fingerprints, options, seed, version |
 //! | `run.json` | report: counts, convergence, timings, warnings |
-//! | `report.html` | pictures before and after, warnings, what was done; one page that opens offline |
+//! | `report.html` | one page that opens offline: pictures before and after, warnings, steps |
 //! | `refine.json` | report of the refinement |
 //! | `refine.state`, `refine.images` | its checkpoint and its images while it is unfinished |
 //!

@@ -45,9 +45,6 @@ pub(crate) fn archive(meta: &Value, planes: &[Plane]) -> Vec<u8> {
     zip(&entries)
 }
 
-/// Longest life that is stored: splats that never fade have none, and ranges are finite.
-const LONGEST: f32 = 100.0;
-
 /// Smallest and largest value of each column.
 fn range<const D: usize>(rows: &[[f32; D]]) -> ([f32; D], [f32; D]) {
     let (mut low, mut high) = ([f32::INFINITY; D], [f32::NEG_INFINITY; D]);
@@ -106,14 +103,14 @@ fn rotation(raw: [f32; 4]) -> [u8; 4] {
 }
 
 /// A continuous archive of a scene whose splats move along lines, within 16 or 8 bits. Splats that
-/// do not fade get the longest life.
+/// do not fade must have a finite life.
 pub(crate) fn continuous(scene: &PolynomialScene) -> Vec<u8> {
     let (rest, motions) = (scene.rest(), scene.motions());
     let logs: Vec<[f32; 3]> =
         rest.means.iter().map(|mean| mean.map(|x| x.abs().ln_1p().copysign(x))).collect();
     let times: Vec<[f32; 2]> = motions
         .iter()
-        .map(|motion| [motion.centre, motion.width.min(LONGEST) * std::f32::consts::FRAC_1_SQRT_2])
+        .map(|motion| [motion.centre, motion.width * std::f32::consts::FRAC_1_SQRT_2])
         .collect();
     let velocities: Vec<[f32; 3]> = motions.iter().map(|motion| motion.velocity[0]).collect();
     let (position, time, speed) = (range(&logs), range(&times), range(&velocities));

@@ -91,6 +91,7 @@ pub(super) fn run(args: &EditArgs, folder: &Path, global: &Global, console: &Con
     if let Some(path) = &args.preview {
         let sheet = preview(start, &fitted, &pictures, &device, &options)?;
         write_image(path, &sheet, existing(global))?;
+        console.wrote(path);
     }
     work.remove();
     let time = noted(&frame, comments::TIME).unwrap_or("0");

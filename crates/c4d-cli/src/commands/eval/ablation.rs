@@ -151,6 +151,7 @@ pub(super) fn run(args: &EvalArgs, global: &Global, console: &Console) -> Outcom
     write("ablation.md", &text)?;
     folder.commit().map_err(|error| output_failure(&error))?;
     console.report(|| report);
+    console.wrote(output);
     console.result(text);
     Ok(())
 }

@@ -2,6 +2,7 @@
 //! with `c4d` on the path. A command may use the output of earlier ones. No shell is involved, so
 //! this runs on every system: a line is a program and its arguments. The standard output of the
 //! last command of a block is compared with the `output` block that follows it, if there is one.
+//! A block with a file's name after its language, such as `toml suite.toml`, is that file.
 
 use crate::expected_output;
 use crate::workspace::workspace;
@@ -16,6 +17,7 @@ const DOCUMENTS: &[&str] = &[
     "docs/EDITING.md",
     "docs/OUTPUTS.md",
     "docs/EVALUATION.md",
+    "docs/SCALING.md",
     "docs/ARCHITECTURE.md",
     "docs/BENCHMARKS.md",
     "docs/DEVIATIONS.md",
@@ -49,6 +51,10 @@ pub(crate) fn run() -> Result<()> {
     for document in DOCUMENTS {
         let text =
             fs::read_to_string(root.join(document)).with_context(|| (*document).to_owned())?;
+        for (name, content) in files(&text) {
+            fs::write(folder.join(&name), content)
+                .with_context(|| format!("{document}: {name}"))?;
+        }
         for Documented { line, output } in commands(&text) {
             if RUN_ELSEWHERE.iter().any(|prefix| line.starts_with(prefix)) {
                 continue;
@@ -162,9 +168,40 @@ fn commands(text: &str) -> Vec<Documented> {
     found
 }
 
+/// Names and contents of the files in the document.
+fn files(text: &str) -> Vec<(String, String)> {
+    let mut found: Vec<(String, String)> = Vec::new();
+    let mut block = None;
+    for line in text.lines() {
+        match (line.strip_prefix("```"), block) {
+            (Some(fence), None) => {
+                let name = fence.split_once(' ').map(|(_, name)| name.trim().to_owned());
+                block = Some(name.is_some());
+                found.extend(name.map(|name| (name, String::new())));
+            }
+            (Some(_), Some(_)) => block = None,
+            (None, Some(true)) => {
+                if let Some((_, content)) = found.last_mut() {
+                    content.push_str(line);
+                    content.push('\n');
+                }
+            }
+            (None, _) => {}
+        }
+    }
+    found
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_block_with_a_name_is_a_file() {
+        let text = "```toml\na = 1\n```\n```toml b.toml\n[b]\nc = 2\n```\n```sh\nd\n```\n";
+        assert_eq!(files(text), [("b.toml".to_owned(), "[b]\nc = 2\n".to_owned())], "one");
+        assert_eq!(commands(text).len(), 1, "and one command");
+    }
 
     #[test]
     fn only_sh_blocks_are_commands() {

@@ -8,6 +8,7 @@ mod eval;
 mod export;
 mod export_format;
 mod freeze;
+mod gather;
 mod inspect;
 mod overlay;
 mod preset;
@@ -20,7 +21,7 @@ mod values;
 mod view;
 mod views;
 
-pub(crate) use bench::{BenchCommand, BenchMotionArgs};
+pub(crate) use bench::{BenchCommand, BenchMotionArgs, BenchSuiteArgs};
 pub(crate) use compare::CompareArgs;
 pub(crate) use demo::DemoArgs;
 pub(crate) use edit::EditArgs;
@@ -28,6 +29,7 @@ pub(crate) use eval::{EvalArgs, JudgeArg, MeasureFlags};
 pub(crate) use export::ExportArgs;
 pub(crate) use export_format::ExportFormat;
 pub(crate) use freeze::FreezeArgs;
+pub(crate) use gather::GatherArgs;
 pub(crate) use inspect::{DoctorArgs, InfoArgs};
 pub(crate) use overlay::OverlayArg;
 pub(crate) use preset::PresetArg;
@@ -35,14 +37,16 @@ pub(crate) use propagate::{BaselineArg, FollowArg, MotionArg, PropagateArgs};
 pub(crate) use refine::{RefineArgs, RefineFlags, WarpArg};
 pub(crate) use render::{Format, LeftHalf, Pass, RenderArgs};
 pub(crate) use shared::{
-    Bars, Common, Global, ModelFlags, OutputFlags, Overwriting, Rendering, SceneFlags,
+    Common, Global, ModelFlags, OutputFlags, Overwriting, Rendering, SceneFlags,
 };
 pub(crate) use shell::{CompletionsArgs, ManArgs};
 pub(crate) use values::Crop;
 pub(crate) use view::ViewArgs;
 pub(crate) use views::{AxesArg, CamerasAs, SplitArg, Up};
 
+use crate::failure::{Failure, Outcome};
 use clap::{Parser, Subcommand};
+use std::ffi::OsString;
 
 const AFTER_HELP: &str = "\
 Exit codes: 0 done, 1 failed, 2 usage, 3 bad input file, 4 no such GPU, 6 finished with warnings under --strict, 130 interrupted.
@@ -61,6 +65,16 @@ pub(crate) struct Cli {
 }
 
 impl Cli {
+    /// Parses the arguments after the program's name.
+    pub(crate) fn of(arguments: &[OsString]) -> Outcome<Self> {
+        let words = std::iter::once(OsString::from("c4d")).chain(arguments.iter().cloned());
+        Self::try_parse_from(words).map_err(|error| {
+            let text = error.render().to_string();
+            let text = text.trim_end();
+            Failure::usage(text.strip_prefix("error: ").unwrap_or(text))
+        })
+    }
+
     /// The shared flags of the command.
     pub(crate) fn global(&self) -> Global {
         let global = Global::of(&self.common);
@@ -70,14 +84,18 @@ impl Cli {
             Command::Freeze(args) => global.scene(&args.common),
             Command::Edit(args) => global.scene(&args.common),
             Command::Propagate(args) => global.scene(&args.common),
-            Command::Refine(args) => global.bars(&args.bars).rendering(&args.rendering),
+            Command::Refine(args) => global.output(&args.common),
             Command::Render(args) => global.scene(&args.common),
             Command::Export(args) => global.scene(&args.common),
             Command::Eval(args) => global.scene(&args.common),
             Command::Compare(args) => global.output(&args.common),
+            Command::Gather(args) => global.output(&args.common),
             Command::View(args) => global.scene(&args.common),
             Command::Demo(args) => global.output(&args.common),
             Command::Bench { what: BenchCommand::Motion(args) } => {
+                global.writes(&args.writes).bars(&args.bars)
+            }
+            Command::Bench { what: BenchCommand::Suite(args) } => {
                 global.writes(&args.writes).bars(&args.bars)
             }
             Command::Completions(_) => global,
@@ -108,11 +126,13 @@ pub(crate) enum Command {
     Eval(EvalArgs),
     /// Compare runs in one page: pictures, curves, numbers, and where they differ most
     Compare(CompareArgs),
+    /// Join the parts that --part of render, eval or refine made
+    Gather(GatherArgs),
     /// Show scenes and runs in the browser: compare, inspect splats, select, save cameras
     View(ViewArgs),
     /// Make a synthetic scene, edit it, propagate the edit and render both
     Demo(DemoArgs),
-    /// Measure methods against ground truth
+    /// Compare methods: against ground truth, or on scenes and edits of your own
     Bench {
         #[command(subcommand)]
         what: BenchCommand,
@@ -137,9 +157,11 @@ impl Command {
             Self::Export(_) => "export",
             Self::Eval(_) => "eval",
             Self::Compare(_) => "compare",
+            Self::Gather(_) => "gather",
             Self::View(_) => "view",
             Self::Demo(_) => "demo",
-            Self::Bench { .. } => "bench motion",
+            Self::Bench { what: BenchCommand::Motion(_) } => "bench motion",
+            Self::Bench { what: BenchCommand::Suite(_) } => "bench suite",
             Self::Completions(_) => "completions",
             Self::Man(_) => "man",
         }

@@ -39,10 +39,14 @@ fn run_command(cli: &Cli, global: &Global, console: &Console) -> Outcome {
         Command::Export(args) => commands::export::run(args, global, console),
         Command::Eval(args) => commands::eval::run(args, global, console),
         Command::Compare(args) => commands::compare::run(args, global, console),
+        Command::Gather(args) => commands::gather::run(args, global, console),
         Command::View(args) => commands::view::run(args, global, console),
         Command::Demo(args) => commands::demo::run(args, global, console),
         Command::Bench { what: BenchCommand::Motion(args) } => {
             commands::bench::motion(args, global, console)
+        }
+        Command::Bench { what: BenchCommand::Suite(args) } => {
+            commands::bench::suite(args, global, console)
         }
         Command::Completions(args) => commands::shell::completions(args),
         Command::Man(args) => commands::shell::manual(args, global, console),

@@ -5,7 +5,6 @@ use crate::console::Console;
 use crate::dispatch;
 use crate::failure::{Failure, Outcome};
 use crate::observer::{Observer, is_cancellation};
-use clap::Parser;
 use std::ffi::OsString;
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 use std::sync::Arc;
@@ -17,7 +16,7 @@ use std::sync::Arc;
 /// Whatever the program would print as an error, with its exit code: also invalid arguments,
 /// warnings under `--strict`, and interruption by [`Observer::is_cancelled`].
 pub fn run_command(arguments: &[OsString], observer: &Arc<dyn Observer>) -> Outcome {
-    let cli = parse(arguments)?;
+    let cli = Cli::of(arguments)?;
     let global = &cli.global();
     let console = Console::observed(Arc::clone(observer)).json(global.json);
     cancellable(|| dispatch::run(&cli, global, &console))?;
@@ -26,16 +25,6 @@ pub fn run_command(arguments: &[OsString], observer: &Arc<dyn Observer>) -> Outc
     }
     console.end(None);
     Ok(())
-}
-
-/// Parses the arguments after the program's name.
-pub(crate) fn parse(arguments: &[OsString]) -> Outcome<Cli> {
-    let words = std::iter::once(OsString::from("c4d")).chain(arguments.iter().cloned());
-    Cli::try_parse_from(words).map_err(|error| {
-        let text = error.render().to_string();
-        let text = text.trim_end();
-        Failure::usage(text.strip_prefix("error: ").unwrap_or(text))
-    })
 }
 
 /// The outcome of `work`, or a failure if an observer cancelled it.

@@ -1,6 +1,6 @@
 //! [`SceneHandle`]: an open scene, run or frame, its cameras and its images in memory.
 
-use crate::args::{Command, Global, RenderArgs};
+use crate::args::{Cli, Command, Global, RenderArgs};
 use crate::cameras::own_times;
 use crate::commands::render::{Shot, Views, cropped, layers, views};
 use crate::console::Console;
@@ -8,7 +8,7 @@ use crate::device::{Device, GpuChoice};
 use crate::evidence::evidence;
 use crate::failure::{Failure, Outcome};
 use crate::frames::Timing;
-use crate::in_process::{cancellable, parse};
+use crate::in_process::cancellable;
 use crate::observer::Observer;
 use crate::passes::{PassImage, flow_image};
 use crate::rendered::RenderedImage;
@@ -158,6 +158,7 @@ impl SceneHandle {
             original: None,
             times: &times,
             views: &views,
+            share: args.part,
             background: args.background.unwrap_or(self.opened.background),
             device: &device,
             console,
@@ -228,7 +229,7 @@ fn render_args(path: &Path, arguments: &[OsString]) -> Outcome<(RenderArgs, Glob
     let mut words: Vec<OsString> = vec!["render".into(), path.into()];
     words.extend_from_slice(arguments);
     words.push("--output=none".into());
-    let cli = parse(&words)?;
+    let cli = Cli::of(&words)?;
     let global = cli.global();
     match cli.command {
         Command::Render(args) => Ok((args, global)),

@@ -1,12 +1,14 @@
 """Examples of the documents, and the notebook, run as they are."""
 
+import os
 import re
 import shutil
+import subprocess
 import sys
 
 import nbformat
 import pytest
-from conftest import REPOSITORY, SYNTH
+from conftest import REPOSITORY, SYNTH, program
 from nbclient import NotebookClient
 
 BLOCK = re.compile(r"^```python\n(.*?)^```$", re.MULTILINE | re.DOTALL)
@@ -33,3 +35,18 @@ def test_the_notebook_runs():
     outputs = [output for cell in notebook.cells for output in cell.get("outputs", [])]
     pictures = [output for output in outputs if "image/png" in output.get("data", {})]
     assert len(pictures) == 2, sys.executable
+
+
+def test_ray_renders_parts_on_three_workers(tmp_path):
+    pytest.importorskip("ray", reason="Ray has no wheel for this Python")
+    example = REPOSITORY / "crates" / "c4d-py" / "examples" / "render_with_ray.py"
+    flags = ["--frames", "6", "--size", "48x36"]
+    clip, whole = tmp_path / "clip.mp4", tmp_path / "whole.mp4"
+    words = [sys.executable, str(example), SYNTH / "source", clip, "--parts", "3"]
+    words += ["--workers", "3", *flags]
+    subprocess.run(list(map(str, words)), check=True, timeout=300)
+    made = program(
+        "render", SYNTH / "source", *flags, "--cameras", "orbit", "-g", "cpu", "-o", whole
+    )
+    assert made.returncode == 0, made.stderr
+    assert clip.read_bytes() == whole.read_bytes()

@@ -84,7 +84,7 @@ pub use observer::{NoObserver, Observer, Preview, RefineProgress};
 pub use options::{AdamParams, RefineOptions, RefinePreset, RegressionParams, Solver};
 pub use problem::TracePoint;
 pub use refine::{Refined, refine, refine_with};
-pub use refine_edit::{any_uncertain, refine_edit};
+pub use refine_edit::{any_uncertain, make_images, refine_edit};
 pub use refine_report::RefineReport;
 pub use repair::{Repair, RepairCounts};
 pub use scene::{FADED_LOGIT, OffsetScene};

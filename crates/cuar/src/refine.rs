@@ -14,6 +14,7 @@ use crate::{
     supervision::Supervision,
 };
 use gs_core::{DynamicScene, Rasterizer, Splats};
+use std::ops::Range;
 use std::time::Instant;
 
 /// Result of a refinement.
@@ -224,6 +225,36 @@ pub fn refine_with<R: Rasterizer<Prepared: Send> + Sync>(
         refined.sh.extend_from_slice(changed.sh_of(row as usize));
     }
     Ok(refined)
+}
+
+/// Makes the `share` of the images that [`refine_with`] supervises with, for the observer; returns
+/// the number of images of all shares.
+pub(crate) fn images_of<R: Rasterizer<Prepared: Send> + Sync>(
+    raster: &R,
+    scene: &dyn DynamicScene,
+    edited: &[bool],
+    views: &Views,
+    options: &RefineOptions,
+    share: &dyn Fn(usize) -> Range<usize>,
+    observer: &mut dyn Observer,
+) -> Result<usize, CuarError> {
+    let range = scene.time_range();
+    views.check(range)?;
+    let edit_time = options.edit_time.unwrap_or(range.start);
+    let first = scene.at(edit_time)?;
+    first.check_shapes()?;
+    CuarError::check("edited", edited.len(), first.len())?;
+    let (rows, row_of) = number(edited);
+    let keep_first = options.keep_first_frame.then_some(edit_time);
+    let mut plan = views.draw(options.samples, keep_first, edit_time, options.seed);
+    plan.samples.append(&mut plan.held_out);
+    let share = &plan.samples[share(plan.samples.len())];
+    let source = Source { raster, options, edited, row_of: &row_of, first: &first };
+    let lanes = num_lanes(views.cameras, options.memory);
+    let mut watch = Watch::new(observer, options, "images", share.len(), 0);
+    watch.begin_images(fingerprint_of_inputs(&first, &rows, options, views.cameras));
+    Supervision::new(scene, views, source, lanes).keep(share, &mut watch)?;
+    Ok(plan.samples.len())
 }
 
 /// Edited rows, and the position of each splat among them.

@@ -1,10 +1,11 @@
 //! [`refine_edit`]: repair by evidence, then the refinement of [`crate::refine()`].
 
 use crate::{
-    Backend, BeforeEdit, CuarError, Evidence, Observer, RefineOptions, Refined, Repair,
-    RepairCounts, State, Views, color_uncertainty, refine_with,
+    Backend, BeforeEdit, CuarError, Evidence, EvidenceParams, Observer, RefineOptions, Refined,
+    Repair, RepairCounts, State, Views, color_uncertainty, refine::images_of, refine_with,
 };
 use gs_core::{Camera, DynamicScene, Rasterizer, sh};
+use std::ops::Range;
 
 /// [`crate::refine_with`] of an edit whose source is known. First, splats that frame 1 does not
 /// supervise are repaired ([`Evidence`], [`Repair`]), equally for all times; then view-dependent
@@ -30,15 +31,8 @@ pub fn refine_edit<R: Rasterizer<Prepared: Send> + Sync>(
     };
     options.check()?;
     let edit_time = options.edit_time.unwrap_or(scene.time_range().start);
-    let cameras = supervising(views);
-    let evidence = Evidence::of(backend.raster, scene, before, edit_time, &cameras, params)?;
-    let repair = Repair::of(&evidence, options.min_uncertainty);
-    let counts = RepairCounts::of(&evidence, &repair);
-    let mut edited = edited.to_vec();
-    CuarError::check("edited", edited.len(), evidence.xi.len())?;
-    for &row in repair.rows.iter().chain(&repair.faded) {
-        edited[row as usize] = true;
-    }
+    let (repair, counts, edited) =
+        find_repair(backend.raster, scene, before, edited, views, options, params)?;
     let repaired = repair.scene(scene);
     let coeffs = sh::num_coeffs(scene.sh_degree());
     let mut refined = if any_uncertain(&repaired, &edited, views, options)? {
@@ -65,6 +59,58 @@ pub fn refine_edit<R: Rasterizer<Prepared: Send> + Sync>(
         refined.sh.extend_from_slice(changed.sh_of(row as usize));
     }
     Ok(refined)
+}
+
+/// Makes the `share` of the supervised images of [`refine_edit`] and passes each to
+/// [`Observer::keep_image`]; `share` receives their number and returns a range of it. A refinement
+/// whose observer returns these images from [`Observer::kept_image`] has the same result as one
+/// that makes them itself. Returns the number of images of all shares, 0 if no colour is uncertain.
+///
+/// # Errors
+/// As [`refine_edit`].
+pub fn make_images<R: Rasterizer<Prepared: Send> + Sync>(
+    raster: &R,
+    scene: &dyn DynamicScene,
+    before: &BeforeEdit<'_>,
+    edited: &[bool],
+    views: &Views,
+    options: &RefineOptions,
+    share: &dyn Fn(usize) -> Range<usize>,
+    observer: &mut dyn Observer,
+) -> Result<usize, CuarError> {
+    options.check()?;
+    let Some(params) = &options.evidence else {
+        return images_of(raster, scene, edited, views, options, share, observer);
+    };
+    let (repair, _, edited) = find_repair(raster, scene, before, edited, views, options, params)?;
+    let repaired = repair.scene(scene);
+    if !any_uncertain(&repaired, &edited, views, options)? {
+        return Ok(0);
+    }
+    images_of(raster, &repaired, &edited, views, options, share, observer)
+}
+
+/// The repair by evidence, its counts, and the edited splats with the repaired ones.
+fn find_repair<R: Rasterizer<Prepared: Send> + Sync>(
+    raster: &R,
+    scene: &dyn DynamicScene,
+    before: &BeforeEdit<'_>,
+    edited: &[bool],
+    views: &Views,
+    options: &RefineOptions,
+    params: &EvidenceParams,
+) -> Result<(Repair, RepairCounts, Vec<bool>), CuarError> {
+    let edit_time = options.edit_time.unwrap_or(scene.time_range().start);
+    let cameras = supervising(views);
+    let evidence = Evidence::of(raster, scene, before, edit_time, &cameras, params)?;
+    let repair = Repair::of(&evidence, options.min_uncertainty);
+    let counts = RepairCounts::of(&evidence, &repair);
+    let mut edited = edited.to_vec();
+    CuarError::check("edited", edited.len(), evidence.xi.len())?;
+    for &row in repair.rows.iter().chain(&repair.faded) {
+        edited[row as usize] = true;
+    }
+    Ok((repair, counts, edited))
 }
 
 /// Maximum number of cameras that measure the visibility in frame 1.

@@ -10,6 +10,7 @@ use crate::{
 };
 use gs_core::{DynamicScene, Rasterizer, Splats};
 use rayon::prelude::*;
+use std::ops::Range;
 
 /// Number of images after which the mean size of an image is used for the budget.
 const PROBE: usize = 4;
@@ -70,14 +71,9 @@ impl<'a, R: Rasterizer<Prepared: Send> + Sync> Supervision<'a, R> {
             if next < PROBE {
                 end = end.min(PROBE);
             }
-            for made in self.made(&plan[next..end], watch)?.into_iter().flatten() {
+            for made in self.group(&plan, next..end, watch)? {
                 self.count(&made);
                 samples.push(made.sample);
-            }
-            for at in &plan[next..end] {
-                if !plan[end..].iter().any(|later| later.view == at.view) {
-                    self.frames[at.view] = None;
-                }
             }
             next = end;
             if next == PROBE.min(plan.len()) {
@@ -97,6 +93,36 @@ impl<'a, R: Rasterizer<Prepared: Send> + Sync> Supervision<'a, R> {
             watch.stop_if_cancelled()?;
         }
         Ok(samples)
+    }
+
+    /// Makes the images of `plan` (sorted by time) for the observer alone.
+    pub(crate) fn keep(&mut self, plan: &[ViewTime], watch: &mut Watch) -> Result<(), CuarError> {
+        let mut next = 0;
+        while next < plan.len() {
+            let end = plan.len().min(next + self.builders.len());
+            self.group(plan, next..end, watch)?;
+            next = end;
+            watch.step(next, None);
+            watch.stop_if_cancelled()?;
+        }
+        Ok(())
+    }
+
+    /// The images `group` of `plan` that show edited splats. Renders of frame 1 stay in memory while
+    /// a later image of the plan has the same view.
+    fn group(
+        &mut self,
+        plan: &[ViewTime],
+        group: Range<usize>,
+        watch: &mut Watch,
+    ) -> Result<Vec<Made<R::Prepared>>, CuarError> {
+        let made = self.made(&plan[group.clone()], watch)?;
+        for at in &plan[group.clone()] {
+            if !plan[group.end..].iter().any(|later| later.view == at.view) {
+                self.frames[at.view] = None;
+            }
+        }
+        Ok(made.into_iter().flatten().collect())
     }
 
     /// The images `group`: those kept from an earlier run, and the others anew.

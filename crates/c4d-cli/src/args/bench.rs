@@ -1,6 +1,7 @@
 //! Arguments of `c4d bench`.
 
 use super::shared::{Bars, Overwriting};
+use crate::part::Share;
 use clap::{Args, Subcommand};
 use std::path::PathBuf;
 
@@ -9,6 +10,8 @@ pub(crate) enum BenchCommand {
     /// End-point error, rotation, jitter and rendered PSNR of every motion method on synthetic
     /// scenes
     Motion(BenchMotionArgs),
+    /// Propagate and measure every edit of every scene with every method of a TOML file
+    Suite(BenchSuiteArgs),
 }
 
 #[derive(Debug, Args)]
@@ -28,6 +31,24 @@ pub(crate) struct BenchMotionArgs {
     /// Folder for motion.json and motion.md
     #[arg(short, long)]
     pub(crate) output: PathBuf,
+    #[command(flatten)]
+    pub(crate) writes: Overwriting,
+    #[command(flatten)]
+    pub(crate) bars: Bars,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct BenchSuiteArgs {
+    /// TOML file with scenes, their edits, and methods; docs/EVALUATION.md describes it
+    pub(crate) suite: PathBuf,
+    /// Folder for the runs, table.md and table.csv; what an earlier call has completed there is
+    /// kept
+    #[arg(short, long)]
+    pub(crate) output: PathBuf,
+    /// Make only the K-th of N equal parts of the runs; a call without --part makes what is missing,
+    /// and the table
+    #[arg(long, value_name = "K/N", value_parser = Share::parse)]
+    pub(crate) part: Option<Share>,
     #[command(flatten)]
     pub(crate) writes: Overwriting,
     #[command(flatten)]

@@ -1,6 +1,7 @@
 //! Arguments of `c4d eval`.
 
 use super::{SceneFlags, SplitArg, Up};
+use crate::part::Share;
 use clap::{Args, ValueEnum};
 use std::path::PathBuf;
 
@@ -99,6 +100,15 @@ pub(crate) struct EvalArgs {
     /// Add the scores of a learned judge: lines of {"id": …, "scores": {NAME: NUMBER}}
     #[arg(long, value_name = "SCORES.JSONL", conflicts_with = "ablation")]
     pub(crate) ingest: Option<PathBuf>,
+    /// Measure only the K-th of N equal parts of the views; `c4d gather` joins the parts
+    #[arg(
+        long,
+        value_name = "K/N",
+        value_parser = Share::parse,
+        requires = "output",
+        conflicts_with_all = ["ablation", "emit", "ingest"]
+    )]
+    pub(crate) part: Option<Share>,
     #[command(flatten)]
     pub(crate) measure: MeasureFlags,
     #[command(flatten)]

@@ -1,8 +1,9 @@
 //! Arguments of `c4d refine`, and its flags in `c4d propagate`.
 
 use super::values::parse_size;
-use super::{Bars, PresetArg, Rendering, Up};
+use super::{OutputFlags, PresetArg, Up};
 use crate::failure::{Failure, Outcome};
+use crate::part::Share;
 use clap::{Args, ValueEnum};
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
@@ -86,10 +87,15 @@ pub(crate) struct RefineArgs {
     /// Continue from the checkpoint of an interrupted refinement with the same flags
     #[arg(long)]
     pub(crate) resume: bool,
+    /// Make only the K-th of N equal parts of the images, into the file -o; `c4d gather` joins the
+    /// parts and refines the run
+    #[arg(long, value_name = "K/N", value_parser = Share::parse, requires = "output", conflicts_with = "resume")]
+    pub(crate) part: Option<Share>,
+    /// File of --part
+    #[arg(short, long, value_name = "FILE", requires = "part")]
+    pub(crate) output: Option<PathBuf>,
     #[command(flatten)]
-    pub(crate) bars: Bars,
-    #[command(flatten)]
-    pub(crate) rendering: Rendering,
+    pub(crate) common: OutputFlags,
     #[command(flatten)]
     pub(crate) flags: RefineFlags,
 }

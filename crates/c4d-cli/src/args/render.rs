@@ -2,7 +2,9 @@
 
 use super::values::{Crop, parse_background, parse_crop, parse_size};
 use super::{AxesArg, CamerasAs, OverlayArg, SceneFlags, SplitArg, Up};
+use crate::part::Share;
 use clap::{Args, ValueEnum};
+use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
 
 #[derive(Debug, Args)]
@@ -77,6 +79,9 @@ pub(crate) struct RenderArgs {
     /// The world's upward direction, for front, orbit and spiral
     #[arg(long, value_enum, allow_hyphen_values = true)]
     pub(crate) up: Option<Up>,
+    /// Render only the K-th of N equal parts, into a folder; `c4d gather` joins the parts
+    #[arg(long, value_name = "K/N", value_parser = Share::parse)]
+    pub(crate) part: Option<Share>,
     #[command(flatten)]
     pub(crate) common: SceneFlags,
 }
@@ -159,7 +164,8 @@ impl Pass {
 }
 
 /// Formats of renders.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
 pub(crate) enum Format {
     /// 8 bits; depth scaled to its range
     Png,

@@ -3,7 +3,10 @@
 mod brief;
 mod method;
 mod score;
+mod suite;
 mod table;
+
+pub(crate) use suite::suite;
 
 use crate::args::{BenchMotionArgs, Global};
 use crate::console::Console;

@@ -43,7 +43,7 @@ pub(crate) fn run(args: &CompareArgs, global: &Global, console: &Console) -> Out
     if args.numbers.is_empty() {
         let wanted = Wanted::core()?;
         for run in &args.runs {
-            let found = eval::evaluate(run, &args.measure, &wanted, global, console)?;
+            let found = eval::evaluate(run, &args.measure, &wanted, None, global, console)?;
             measured.push(Numbers::of(found.document, run)?);
         }
     } else {

@@ -2,8 +2,9 @@
 
 use super::propagate::{self, Recorded};
 use super::refine;
-use super::render::{Shot, Views, write_clip, write_sheet};
-use crate::args::{DemoArgs, Global, MotionArg, PresetArg, RefineFlags};
+use super::render::{Shot, Views, write_sheet};
+use crate::args::{DemoArgs, Global, MotionArg, Pass, PresetArg, RefineFlags};
+use crate::clip_file;
 use crate::console::Console;
 use crate::device::Device;
 use crate::failure::{Failure, Outcome, chain};
@@ -120,13 +121,16 @@ pub(crate) fn run(args: &DemoArgs, global: &Global, console: &Console) -> Outcom
         original: opened.original.as_deref(),
         times: &times,
         views: &Views::Fixed(front),
+        share: None,
         background: [0.0; 3],
         device: &Device::open(global.gpu)?,
         console,
     };
     let fps = (args.frames as f64 / SECS).min(MAX_FPS);
-    write_clip(&root.join(VIDEO), Existing::Refuse, fps, &shot)?;
-    write_sheet(&root.join(SHEET), Existing::Refuse, &shot)?;
+    clip_file::write_playable((&root.join(VIDEO), Existing::Refuse), fps, |push| {
+        shot.render(|exposure| push(&exposure.image(Pass::Rgb)))
+    })?;
+    write_sheet((&root.join(SHEET), Existing::Refuse), &shot)?;
     folder.commit().map_err(|error| output_failure(&error))?;
 
     console.note(format!(

@@ -41,7 +41,7 @@ pub(crate) fn run(args: &EvalArgs, global: &Global, console: &Console) -> Outcom
         None => None,
     };
     let Evaluated { mut document, items } =
-        evaluate(&args.run, &args.measure, &wanted, global, console)?;
+        evaluate(&args.run, &args.measure, &wanted, args.part, global, console)?;
     if let Some(judged) = &judged {
         document["judged"] = Value::Array(judged.clone());
     }

@@ -9,6 +9,7 @@ pub(crate) mod edit;
 pub(crate) mod eval;
 pub(crate) mod export;
 pub(crate) mod freeze;
+pub(crate) mod gather;
 pub(crate) mod info;
 mod panels;
 pub(crate) mod propagate;

@@ -1,18 +1,21 @@
 //! `c4d refine`: repair the colours that motion reveals (CUAR), in a run that `c4d propagate`
 //! wrote.
 
+mod part;
+mod task;
 mod watch;
 mod words;
 
-use crate::args::{Global, PresetArg, RefineArgs, RefineFlags, Up, WarpArg};
-use crate::camera_rig::CameraRig;
+pub(crate) use task::RIG_SIZE;
+
+use crate::args::{Global, PresetArg, RefineArgs, RefineFlags};
 use crate::console::Console;
 use crate::device::{self, Device};
 use crate::failure::{Failure, Outcome, chain};
 use crate::output::output_failure;
 use crate::report::{RunReport, run_report};
 use crate::run_folder::{
-    self, CONFIG, Checkpoint, MadeFrom, REFINE_IMAGES, REFINE_REPORT, REFINE_STATE, REPORT_PAGE,
+    self, CONFIG, Checkpoint, REFINE_IMAGES, REFINE_REPORT, REFINE_STATE, REPORT_PAGE,
     RefineConfig, RefinedRows, SCENE,
 };
 use crate::scene::Run;
@@ -20,37 +23,24 @@ use crate::settings::{
     AdamSettings, EvidenceSettings, OcclusionSettings, RefineSettings, RegressionSettings, Settings,
 };
 use crate::{memory, scene};
-use amg::RowKind;
 use clap::ValueEnum;
-use cuar::{
-    Backend, BeforeEdit, CuarError, FADED_LOGIT, RefineOptions, RefinePreset, Solver, Views,
-    WarpForm, refine_edit,
-};
-use gs_core::Camera;
+use cuar::{Backend, CuarError, FADED_LOGIT, Solver, refine_edit};
 use gs_io::FolderUpdate;
-use gs_io::cameras::{Reading, Split};
+use gs_io::cameras::Reading;
 use gs_raster_cpu::CpuRasterizer;
 #[cfg(feature = "gpu")]
 use gs_train_wgpu::DeviceDescent;
 use std::path::Path;
+use task::{FRAMES, MIN_MEMORY, Task, USUAL_MEMORY, chosen};
 use watch::Watch;
 
-/// Size of the rig's images, pixels.
-pub(crate) const RIG_SIZE: (u32, u32) = (640, 480);
-/// Times that images are drawn from.
-const FRAMES: usize = 30;
-/// Most cameras of a data set used: each is drawn at the edited time and at others.
-const MAX_CAMERAS: usize = 64;
-/// Memory for images where none is asked for, MiB.
-const USUAL_MEMORY: usize = 2048;
-/// Least memory for images, MiB: a few small ones.
-const MIN_MEMORY: usize = 16;
 /// Most images that can be asked for.
 const MAX_SAMPLES: usize = 10_000_000;
-/// One camera in this many is held out: the refinement does not see it, the report has its error.
-const HELD_OUT_EVERY: usize = 5;
 
 pub(crate) fn run(args: &RefineArgs, global: &Global, console: &Console) -> Outcome {
+    if global.overwrite && args.part.is_none() {
+        return Err(Failure::usage("-w replaces the output of --part; a run is refined in place"));
+    }
     run_folder::check_is_folder(&args.run)?;
     let unfinished = Checkpoint::read(&args.run);
     let begun = match unfinished {
@@ -62,14 +52,14 @@ pub(crate) fn run(args: &RefineArgs, global: &Global, console: &Console) -> Outc
             None
         }
         Ok(Some(checkpoint)) if args.resume => Some(resumed(args, checkpoint, console)?),
-        Ok(Some(_)) => {
+        Ok(Some(_)) if args.part.is_none() => {
             console.note(
                 "the checkpoint of an unfinished refinement is discarded; --resume would continue it",
             );
             None
         }
         Err(failure) if args.resume => return Err(failure),
-        Ok(None) | Err(_) => None,
+        Ok(_) | Err(_) => None,
     };
     let begun = if let Some(begun) = begun {
         begun
@@ -82,6 +72,9 @@ pub(crate) fn run(args: &RefineArgs, global: &Global, console: &Console) -> Outc
         };
         Checkpoint::anew(preset, settings, &flags)
     };
+    if let (Some(share), Some(output)) = (args.part, &args.output) {
+        return part::write((&args.run, output), share, &begun, global, console);
+    }
     refine(&args.run, begun, global, console)?;
     console.report(|| crate::run_folder::reports(&args.run));
     console.output(&args.run, &[]);
@@ -189,80 +182,42 @@ pub(crate) fn refine(run: &Path, begun: Checkpoint, global: &Global, console: &C
     run_folder::check_is_folder(run)?;
     // A folder that cannot be written is found out before the work, not after it.
     let update = FolderUpdate::begin(run).map_err(|error| output_failure(&error))?;
-    let mut loaded = scene::open_run(run, global, console)?;
-    let edited: Vec<bool> =
-        loaded.stored.binding.kinds().iter().map(|kind| *kind != RowKind::Unchanged).collect();
-    let binding = &loaded.stored.binding;
-    let source_rows = loaded.stored.source_rows();
-    if !edited.contains(&true) && binding.len() >= binding.num_sources() {
-        console.note("nothing was edited: there is nothing to refine");
+    let Some(task) = Task::open(run, preset, &settings, flags, global, console)? else {
         return Ok(());
-    }
-    let scene = loaded.scene(run, false)?;
-    let (cameras, camera_source) = cameras(flags, &loaded, console)?;
-    let held_out: Vec<usize> = if cameras.len() >= HELD_OUT_EVERY {
-        (HELD_OUT_EVERY / 2..cameras.len()).step_by(HELD_OUT_EVERY).collect()
-    } else {
-        Vec::new()
     };
-    let times = crate::frames::times(&scene, &[], Some(flags.refine_frames.unwrap_or(FRAMES)))?;
-    let views = Views { cameras: &cameras, times: &times, held_out: &held_out };
-    let options = options(flags, preset, &settings, &loaded)?;
-    let device = Device::open(global.gpu)?;
-    console.detail(format!("refining on {}", device.describe()));
     if !is_resumed {
         update.remove(REFINE_IMAGES).map_err(|error| output_failure(&error))?;
         Checkpoint::write(&update, preset, &settings, flags, None)?;
     }
-    let made_from = MadeFrom {
-        fingerprint: 0,
-        source_sha256: run_folder::fingerprint(&loaded.source.files)?,
-        device: device.describe(),
-    };
     let mut watch = Watch {
         update: &update,
         preset,
         settings: &settings,
         flags,
         console,
-        made_from,
+        made_from: task.made_from()?,
         images: None,
         progress: None,
         failure: None,
     };
-    let resumed = state.as_ref();
-    let before = BeforeEdit { scene: loaded.source.scene.as_ref(), source_rows: &source_rows };
-    let (edited, inputs) = (&edited, (&views, &options));
-    let result = match &device {
+    let Task { scene, edited, options, .. } = &task;
+    let (resumed, before, views) = (state.as_ref(), task.before(), task.views());
+    let result = match &task.device {
         Device::Cpu => {
             let backend = Backend { raster: &CpuRasterizer::default(), descent: None };
-            refine_edit(backend, &scene, &before, edited, inputs.0, inputs.1, resumed, &mut watch)
+            refine_edit(backend, scene, &before, edited, &views, options, resumed, &mut watch)
         }
         #[cfg(feature = "gpu")]
         Device::Gpu(raster) => {
             let mut engine =
                 DeviceDescent::new(raster.clone()).map_err(|error| device::failure(&error))?;
             let backend = Backend { raster, descent: Some(&mut engine) };
-            refine_edit(backend, &scene, &before, edited, inputs.0, inputs.1, resumed, &mut watch)
+            refine_edit(backend, scene, &before, edited, &views, options, resumed, &mut watch)
         }
     };
     let failure = watch.finish();
-    let refined = result.map_err(|error| match (failure, error) {
-        (Some(failure), CuarError::Cancelled { .. }) => failure,
-        (_, CuarError::Raster(error)) => {
-            let failure = device::failure(&error);
-            Failure { what: format!("{}: {}", run.display(), failure.what), ..failure }
-        }
-        (_, error @ CuarError::State { .. }) => Failure::bad_input(format!(
-            "{}: {}",
-            run.join(REFINE_STATE).display(),
-            chain(&error)
-        ))
-        .next(
-            "The run or its source has changed: leave out --resume, and the refinement starts again.",
-        ),
-        (_, error) => Failure::failed(format!("{}: {}", run.display(), chain(&error))),
-    })?;
+    let refined = result.map_err(|error| failed(run, failure, error))?;
+    let Task { run: mut loaded, cameras, camera_source, times, options, device, .. } = task;
     let coeffs = refined.d_sh.len() / refined.rows.len().max(1);
     let changed = refined
         .d_sh
@@ -340,6 +295,26 @@ pub(crate) fn refine(run: &Path, begun: Checkpoint, global: &Global, console: &C
     Ok(())
 }
 
+/// An error of the refinement; `failure` is what made its observer end it, if anything did.
+fn failed(run: &Path, failure: Option<Failure>, error: CuarError) -> Failure {
+    match (failure, error) {
+        (Some(failure), CuarError::Cancelled { .. }) => failure,
+        (_, CuarError::Raster(error)) => {
+            let failure = device::failure(&error);
+            Failure { what: format!("{}: {}", run.display(), failure.what), ..failure }
+        }
+        (_, error @ CuarError::State { .. }) => Failure::bad_input(format!(
+            "{}: {}",
+            run.join(REFINE_STATE).display(),
+            chain(&error)
+        ))
+        .next(
+            "The run or its source has changed: leave out --resume, and the refinement starts again.",
+        ),
+        (_, error) => Failure::failed(format!("{}: {}", run.display(), chain(&error))),
+    }
+}
+
 /// The run's page with the refined colours. One that is not ours any more stays as it is.
 fn page(
     run: &Path,
@@ -377,86 +352,4 @@ fn page(
         console.warn(format!("{REPORT_PAGE} is not updated: {}", failure.what));
     }
     Ok(())
-}
-
-/// Preset, configuration and flags together; what depends on the run is still to be filled in.
-fn chosen(
-    flags: &RefineFlags,
-    preset: PresetArg,
-    settings: &RefineSettings,
-) -> Outcome<RefineOptions> {
-    let mut options = RefineOptions::preset(match preset {
-        PresetArg::Best => RefinePreset::Best,
-        PresetArg::Paper => RefinePreset::Paper,
-    });
-    settings.apply(&mut options)?;
-    options.preview_secs = flags.preview_every;
-    options.checkpoint_secs = Some(flags.checkpoint_every);
-    options.memory = image_memory(flags);
-    if let Some(samples) = flags.samples {
-        options.samples = samples;
-    }
-    if let Some(epsilon) = flags.epsilon {
-        options.epsilon = epsilon;
-    }
-    match flags.warp {
-        Some(WarpArg::Backward) => options.warp = WarpForm::Backward,
-        Some(WarpArg::Paper) => options.warp = WarpForm::Paper,
-        None => {}
-    }
-    Ok(options)
-}
-
-fn options(
-    flags: &RefineFlags,
-    preset: PresetArg,
-    settings: &RefineSettings,
-    loaded: &Run,
-) -> Outcome<RefineOptions> {
-    let mut options = chosen(flags, preset, settings)?;
-    options.edit_time = Some(loaded.config.edit_time);
-    options.seed = settings.seed().unwrap_or(loaded.config.seed);
-    options.background = loaded.source.background.map(f64::from);
-    Ok(options)
-}
-
-/// Memory for images, bytes: what was asked for, else [`USUAL_MEMORY`], or half of what is free if
-/// that is less.
-fn image_memory(flags: &RefineFlags) -> usize {
-    let mib = flags.memory.unwrap_or_else(|| {
-        let half = memory::free().map_or(USUAL_MEMORY as u64, |free| free / 2 / memory::MIB);
-        usize::try_from(half).unwrap_or(usize::MAX).clamp(MIN_MEMORY, USUAL_MEMORY)
-    });
-    mib.saturating_mul(1 << 20)
-}
-
-/// The cameras given, else a rig.
-fn cameras(flags: &RefineFlags, loaded: &Run, console: &Console) -> Outcome<(Vec<Camera>, String)> {
-    let source = &loaded.source;
-    if let Some(path) = &flags.refine_cameras {
-        let set = crate::cameras::open(path, None, source, console)?;
-        // Held-out views stay out, and every camera sees every time: the scene itself is the ground
-        // truth.
-        let train = gs_io::cameras::stations(set.split(Split::Train));
-        let cameras = if train.is_empty() { set.stations() } else { train };
-        let count = cameras.len();
-        let mut cameras = crate::cameras::thinned(cameras, MAX_CAMERAS);
-        if count > cameras.len() {
-            console.note(format!("{} of {count} cameras are used, evenly", cameras.len()));
-        }
-        if let Some((width, height)) = flags.refine_size {
-            cameras = cameras.iter().map(|camera| camera.resized(width, height)).collect();
-        }
-        let absolute = std::path::absolute(path).map_err(Failure::failed)?;
-        return Ok((cameras, absolute.display().to_string()));
-    }
-    let rig =
-        CameraRig::of_scene(source.scene.as_ref(), flags.refine_up.map_or(source.up, Up::vector))
-            .map_err(Failure::input)?;
-    let size = flags.refine_size.unwrap_or(RIG_SIZE);
-    let (cameras, what) = rig.refining(size);
-    console.note(format!("no cameras given: using {} views {what}", cameras.len()));
-    let name =
-        |(i, camera): (usize, Camera)| Camera { name: format!("{}_{i:02}", camera.name), ..camera };
-    Ok((cameras.into_iter().enumerate().map(name).collect(), "rig".to_owned()))
 }

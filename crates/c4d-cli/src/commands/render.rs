@@ -9,35 +9,25 @@ pub(crate) use shot::{Shot, layers};
 pub(crate) use views::{Views, cropped, views};
 
 use super::export::say;
-#[cfg(not(feature = "mp4"))]
-use crate::animated_image::GIF_MAX_FPS;
-#[cfg(feature = "webp")]
-use crate::animated_image::WebpWriter;
-use crate::animated_image::{AnimatedImage, GifWriter};
 use crate::args::{Format, Global, LeftHalf, Pass, RenderArgs};
 use crate::console::Console;
 use crate::device::Device;
 use crate::evidence::evidence;
 use crate::failure::{Failure, Outcome};
 use crate::frames::{self, Timing};
-use crate::output::{existing, output_failure, refuse_overlap};
-use crate::renderer;
-use crate::scene;
-#[cfg(feature = "mp4")]
-use crate::video::VideoWriter;
-use crate::{features, images, memory, still};
+use crate::output::{existing, refuse_overlap};
+use crate::part::PartRecord;
+use crate::run_folder::fingerprint;
+use crate::scene::{self, Opened};
+use crate::{clip_file, features, memory, still};
 use amg::EditedScene;
 use gs_core::{Camera, DynamicScene};
-use gs_io::{AtomicFile, Existing};
+use gs_io::Existing;
 use gs_player::{Legend, Overlay};
 use losses::losses;
+use serde_json::{Map, Value, json};
 use std::path::Path;
 use stills::stills;
-
-/// Largest number of frames on a contact sheet.
-const SHEET_FRAMES: usize = 12;
-/// Widest contact sheet, pixels.
-const SHEET_WIDTH: usize = 2400;
 
 pub(crate) fn run(args: &RenderArgs, global: &Global, console: &Console) -> Outcome {
     let opened = still::open(&args.scene, args.axes, global, console)?;
@@ -59,8 +49,12 @@ pub(crate) fn run(args: &RenderArgs, global: &Global, console: &Console) -> Outc
     }
     let format = args.format.map_or_else(|| format_of(&args.output), Ok)?;
     features::check_format(format)?;
-    let playing = matches!(format, Format::Mp4 | Format::Webp | Format::Gif);
-    if !playing && (args.fps.is_some() || args.duration.is_some()) {
+    let playing = clip_file::plays(format);
+    if args.part.is_some() && (playing || format == Format::Sheet) {
+        return Err(Failure::usage("--part writes a folder of images, not one file")
+            .next("Give -o FOLDER without --format; c4d gather joins the folders of all parts into a video or sheet."));
+    }
+    if !playing && args.part.is_none() && (args.fps.is_some() || args.duration.is_some()) {
         return Err(Failure::usage("--fps and --duration are for videos: mp4, webp and gif"));
     }
     let views = views(args, &opened, &mut times, console)?;
@@ -104,19 +98,58 @@ pub(crate) fn run(args: &RenderArgs, global: &Global, console: &Console) -> Outc
         },
         times: &times,
         views: &views,
+        share: args.part,
         background: args.background.unwrap_or(opened.background),
         device: &device,
         console,
     };
     console.detail(format!("rendering on {}", shot.device.describe()));
     match format {
-        Format::Mp4 => video(args, fps, global, &shot),
-        Format::Webp | Format::Gif => looping(args, fps, global, &shot, format),
+        Format::Mp4 | Format::Webp | Format::Gif => clip(args, fps, global, &shot, format),
         Format::Sheet => sheet(args, global, &shot),
         Format::Png | Format::Exr | Format::Npy | Format::Flo => {
-            stills(args, global, &shot, format)
+            let part = match args.part {
+                Some(share) => {
+                    let work = work(args, fps, format, &opened, &shot)?;
+                    Some(PartRecord::new(share, work))
+                }
+                None => None,
+            };
+            stills(args, global, &shot, format, part)
         }
     }
+}
+
+/// Everything that the images depend on; with the frame rate, for videos of them.
+fn work(
+    args: &RenderArgs,
+    fps: f64,
+    format: Format,
+    opened: &Opened,
+    shot: &Shot<'_>,
+) -> Outcome<Map<String, Value>> {
+    let camera = |camera: &Camera| {
+        let k = &camera.intrinsics;
+        json!([camera.name, camera.width, camera.height, camera.viewmat, k.fx, k.fy, k.cx, k.cy])
+    };
+    let moves = matches!(shot.views, Views::Path(_));
+    let views = shot.views.cameras();
+    let passes: Vec<&str> = args.passes.iter().map(|pass| pass.name()).collect();
+    let facts = [
+        ("command", json!("render")),
+        ("scene", json!(fingerprint(&opened.files)?)),
+        ("axes", json!(args.axes.map(|axes| format!("{axes:?}")))),
+        ("times", json!(shot.times)),
+        ("moving camera", json!(moves)),
+        ("cameras", views.iter().map(camera).collect()),
+        ("passes", json!(passes)),
+        ("format", json!(format)),
+        ("side by side", json!(args.side_by_side.map(|left| format!("{left:?}")))),
+        ("background", json!(shot.background)),
+        ("frame rate", json!(fps)),
+        ("device", json!(shot.device.describe())),
+    ];
+    Ok(facts.map(|(name, value)| (name.to_owned(), value)).into_iter().collect())
 }
 
 /// Prints the meaning of an overlay's colours.
@@ -149,7 +182,7 @@ fn unrefined(path: &Path, global: &Global, console: &Console) -> Outcome<EditedS
 
 /// The format implied by the output's name: `.mp4` for a video, `.png` for a contact sheet, no
 /// extension for a folder of PNGs.
-fn format_of(output: &Path) -> Outcome<Format> {
+pub(super) fn format_of(output: &Path) -> Outcome<Format> {
     let extension = output.extension().and_then(|extension| extension.to_str());
     match extension.map(str::to_ascii_lowercase).as_deref() {
         Some("mp4") => Ok(Format::Mp4),
@@ -201,119 +234,39 @@ fn rgb_only(args: &RenderArgs, what: &str) -> Outcome {
         .next("For other passes use --format png, exr or npy."))
 }
 
-fn video(args: &RenderArgs, fps: f64, global: &Global, shot: &Shot<'_>) -> Outcome {
+/// Renders the shot to a video or an animated image.
+fn clip(args: &RenderArgs, fps: f64, global: &Global, shot: &Shot<'_>, format: Format) -> Outcome {
     single_view(shot, "a video")?;
     rgb_only(args, "a video")?;
-    write_clip(&args.output, existing(global), fps, shot)?;
-    shot.console.note(frames::playing(shot.times.len(), fps));
-    say(&losses(Format::Mp4, args, shot.times.len(), fps), shot.console);
-    shot.console.output(&args.output, &[]);
-    Ok(())
-}
-
-/// Renders the shot to an MP4; to a GIF in a build without the encoder.
-pub(crate) fn write_clip(path: &Path, existing: Existing, fps: f64, shot: &Shot<'_>) -> Outcome {
-    #[cfg(feature = "mp4")]
-    return write_video(path, existing, fps, shot);
-    #[cfg(not(feature = "mp4"))]
-    write_loop(path, existing, fps.min(GIF_MAX_FPS), shot, Format::Gif)
-}
-
-/// Renders the shot to an MP4.
-#[cfg(feature = "mp4")]
-fn write_video(path: &Path, existing: Existing, fps: f64, shot: &Shot<'_>) -> Outcome {
-    let mut file =
-        Some(AtomicFile::create(path, existing).map_err(|error| output_failure(&error))?);
-    let mut writer: Option<VideoWriter<AtomicFile>> = None;
-    shot.render(|exposure| {
-        let image = exposure.image(Pass::Rgb);
-        if let Some(file) = file.take() {
-            writer = Some(VideoWriter::new(file, path, image.width, image.height, fps)?);
-        }
-        writer.as_mut().map_or(Ok(()), |writer| writer.push(&image.to_bytes(), image.width))
+    let to = (args.output.as_path(), existing(global));
+    clip_file::write(to, format, fps, |push| {
+        shot.render(|exposure| push(&exposure.image(Pass::Rgb)))
     })?;
-    let file = match writer {
-        Some(writer) => writer.finish()?,
-        None => return Err(Failure::usage("a video needs at least one frame")),
-    };
-    file.commit().map_err(|error| output_failure(&error))
-}
-
-/// Renders the shot to a looping image.
-fn looping(
-    args: &RenderArgs,
-    fps: f64,
-    global: &Global,
-    shot: &Shot<'_>,
-    format: Format,
-) -> Outcome {
-    single_view(shot, "a loop")?;
-    rgb_only(args, "a loop")?;
-    write_loop(&args.output, existing(global), fps, shot, format)?;
     shot.console.note(frames::playing(shot.times.len(), fps));
     say(&losses(format, args, shot.times.len(), fps), shot.console);
     shot.console.output(&args.output, &[]);
     Ok(())
 }
 
-/// Renders the shot to a GIF, or to a WebP.
-fn write_loop(
-    path: &Path,
-    existing: Existing,
-    fps: f64,
-    shot: &Shot<'_>,
-    format: Format,
-) -> Outcome {
-    let mut file =
-        Some(AtomicFile::create(path, existing).map_err(|error| output_failure(&error))?);
-    let mut writer: Option<AnimatedImage<AtomicFile>> = None;
-    shot.render(|exposure| {
-        let image = exposure.image(Pass::Rgb);
-        let (width, height) = (image.width, image.height);
-        if let Some(file) = file.take() {
-            writer = Some(match format {
-                #[cfg(feature = "webp")]
-                Format::Webp => {
-                    AnimatedImage::Webp(Box::new(WebpWriter::new(file, path, width, height, fps)?))
-                }
-                _ => AnimatedImage::Gif(GifWriter::new(file, path, width, height, fps)?),
-            });
-        }
-        writer.as_mut().map_or(Ok(()), |writer| writer.push(&image.to_bytes()))
-    })?;
-    let file = match writer {
-        Some(writer) => writer.finish()?,
-        None => return Err(Failure::usage("an animated image needs at least one frame")),
-    };
-    file.commit().map_err(|error| output_failure(&error))
-}
-
 fn sheet(args: &RenderArgs, global: &Global, shot: &Shot<'_>) -> Outcome {
     single_view(shot, "a contact sheet")?;
     rgb_only(args, "a contact sheet")?;
-    write_sheet(&args.output, existing(global), shot)?;
+    write_sheet((&args.output, existing(global)), shot)?;
     say(&losses(Format::Sheet, args, shot.times.len(), 0.0), shot.console);
     shot.console.output(&args.output, &[]);
     Ok(())
 }
 
-/// Renders up to [`SHEET_FRAMES`] evenly spaced frames of the shot onto one PNG.
-pub(crate) fn write_sheet(path: &Path, existing: Existing, shot: &Shot<'_>) -> Outcome {
-    let mut file = AtomicFile::create(path, existing).map_err(|error| output_failure(&error))?;
-    let count = shot.times.len();
-    let shown = count.min(SHEET_FRAMES);
-    let picks: Vec<usize> = (0..shown).map(|i| i * (count - 1) / (shown - 1).max(1)).collect();
+/// Renders evenly spaced frames of the shot onto one PNG.
+pub(crate) fn write_sheet(to: (&Path, Existing), shot: &Shot<'_>) -> Outcome {
+    let picks = clip_file::sheet_frames(shot.times.len());
     let times: Vec<f32> = picks.iter().map(|&i| shot.times[i]).collect();
     let views = match shot.views {
         Views::Fixed(cameras) => Views::Fixed(cameras.clone()),
         Views::Path(cameras) => Views::Path(picks.iter().map(|&i| cameras[i].clone()).collect()),
     };
-    let mut cells = Vec::with_capacity(shown);
-    Shot { times: &times, views: &views, ..*shot }.render(|exposure| {
-        cells.push(exposure.image(Pass::Rgb));
-        Ok(())
-    })?;
-    let sheet = renderer::contact_sheet(&cells, SHEET_WIDTH);
-    images::write_png(&mut file, path, &sheet)?;
-    file.commit().map_err(|error| output_failure(&error))
+    clip_file::write_sheet(to, |push| {
+        Shot { times: &times, views: &views, ..*shot }
+            .render(|exposure| push(&exposure.image(Pass::Rgb)))
+    })
 }

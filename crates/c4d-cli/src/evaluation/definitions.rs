@@ -26,6 +26,11 @@ impl Group {
         Self::Cost,
     ];
 
+    /// Whether its metrics have a value for each view.
+    pub(crate) fn is_of_views(self) -> bool {
+        matches!(self, Self::Truth | Self::Preservation | Self::Time | Self::Neural)
+    }
+
     /// As `--metrics` takes it.
     pub(crate) fn name(self) -> &'static str {
         match self {

@@ -114,6 +114,51 @@ impl Item {
         self
     }
 
+    /// The item of [`Item::json`] with `num_views` views; `None` if it is not one.
+    pub(crate) fn of_json(value: &Value, num_views: usize) -> Option<Self> {
+        let id = value["id"].as_str()?;
+        let definition = DEFINITIONS.iter().find(|definition| definition.id == id)?;
+        let number = |name: &str| value[name].as_f64();
+        let map = |name: &str| value[name].as_object().cloned().unwrap_or_default();
+        let text = |name: &str| value[name].as_str().map(str::to_owned);
+        let entries = value["per_view"].as_array().map_or(&[][..], Vec::as_slice);
+        if !entries.is_empty() && entries.len() != num_views {
+            return None;
+        }
+        let frames = |entry: &Value| -> Option<Vec<Option<f64>>> {
+            Some(entry["frames"].as_array()?.iter().map(Value::as_f64).collect())
+        };
+        Some(Self {
+            definition,
+            value: number("value"),
+            std: number("std"),
+            range: number("min").zip(number("max")).map(|(min, max)| [min, max]),
+            per_view: entries.iter().map(|entry| entry["value"].as_f64()).collect(),
+            per_frame: entries.iter().filter_map(frames).collect(),
+            params: map("params"),
+            found: map("found"),
+            weights: text("weights"),
+            reason: text("reason"),
+        })
+    }
+
+    /// This item with the views of all parts, among which it is.
+    pub(crate) fn joined(&self, parts: &[Vec<Self>]) -> Self {
+        if self.per_view.is_empty() {
+            return self.clone();
+        }
+        let id = self.definition.id;
+        let same = || parts.iter().flatten().filter(|item| item.definition.id == id);
+        let of_all = if self.per_frame.is_empty() {
+            Self::of_views(id, same().flat_map(|item| item.per_view.clone()).collect())
+        } else {
+            let frames = same().flat_map(|item| item.per_frame.clone()).collect();
+            Self::of_frames(id, &Series(frames))
+        };
+        let Self { params, found, weights, .. } = self.clone();
+        Self { params, found, weights, ..of_all }
+    }
+
     /// As `metrics.json` has it.
     pub(crate) fn json(&self, views: &[String]) -> Value {
         let Definition { id, group, better, what } = *self.definition;

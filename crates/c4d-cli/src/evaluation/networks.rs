@@ -69,6 +69,14 @@ impl File {
 }
 
 impl Networks {
+    /// The files that were read, without that of the merges.
+    pub(crate) fn files(&self) -> Vec<&str> {
+        let clip = self.clip.iter().map(|loaded| loaded.file.as_str());
+        let dino = self.dino.iter().map(|loaded| loaded.file.as_str());
+        let lpips = self.lpips.iter().flatten().map(|loaded| loaded.file.as_str());
+        clip.chain(dino).chain(lpips).collect()
+    }
+
     /// The networks of a folder; files are recognised by their tensors. Networks whose files are
     /// missing are left out.
     pub(crate) fn open(folder: &Path, console: &Console) -> Outcome<Self> {

@@ -42,6 +42,11 @@ impl KeptImages {
     pub(crate) fn open(update: &FolderUpdate, made_from: &MadeFrom) -> Outcome<Self> {
         let file =
             update.growing(REFINE_IMAGES).map_err(|error| crate::output::output_failure(&error))?;
+        Self::of_file(file, made_from)
+    }
+
+    /// As [`KeptImages::open`], of a file open for reading and writing.
+    pub(crate) fn of_file(file: File, made_from: &MadeFrom) -> Outcome<Self> {
         let failed = |error: io::Error| Failure::failed(format!("{REFINE_IMAGES}: {error}"));
         let mut kept = Self { file, places: HashMap::new(), end: 0 };
         let found = kept.read_index(made_from).map_err(failed)?;
@@ -53,6 +58,12 @@ impl KeptImages {
             kept.end = line.len() as u64 + 1;
         }
         Ok(kept)
+    }
+
+    /// The images of a file open for reading; `None` if they have other inputs.
+    pub(crate) fn read(file: File, made_from: &MadeFrom) -> io::Result<Option<Self>> {
+        let mut kept = Self { file, places: HashMap::new(), end: 0 };
+        Ok(kept.read_index(made_from)?.then_some(kept))
     }
 
     /// Number of images.
@@ -91,6 +102,14 @@ impl KeptImages {
         }
         (self.places, self.end) = (places, at);
         Ok(true)
+    }
+
+    /// The stored images, in the order of the file.
+    pub(crate) fn keys(&self) -> Vec<ViewTime> {
+        let mut places: Vec<_> = self.places.iter().collect();
+        places.sort_by_key(|(_, (place, _))| *place);
+        let key = |(&(view, time), _)| ViewTime { view, time: f32::from_bits(time) };
+        places.into_iter().map(key).collect()
     }
 
     /// The stored bytes of a view and time.

@@ -5,14 +5,13 @@ use crate::args::{BaselineArg, EvalArgs, Global, MotionArg, PresetArg, RefineFla
 use crate::commands::propagate::{self, Recorded};
 use crate::commands::refine;
 use crate::console::Console;
-use crate::evaluation::{self, Item, Subject, best, number};
+use crate::evaluation::{self, Item, Subject};
 use crate::failure::{Failure, Outcome};
 use crate::output::{existing, output_failure};
 use crate::run_folder::{Checkpoint, RunFiles};
 use crate::scene;
 use crate::settings::{PropagateJob, Settings};
 use amg::{MotionGuide, MotionOptions, PaperParams, Preset};
-use c4d_metrics::Better;
 use gs_core::DynamicScene;
 use gs_io::AtomicDir;
 use serde_json::{Value, json};
@@ -65,33 +64,6 @@ const WITHOUT_NETWORK: [Variant; 6] = [
     variant("default", "default", BEST, true),
 ];
 
-/// Rows of the table.
-const SHOWN: [&str; 23] = [
-    "psnr",
-    "ssim",
-    "flip",
-    "bg_psnr",
-    "bg_changed_frac",
-    "edit_strength",
-    "edit_fade",
-    "first_frame_psnr",
-    "warp_error_ratio",
-    "warp_error_own_ratio",
-    "warp_error_long_ratio",
-    "flicker_excess",
-    "static_flicker_excess",
-    "motion_fidelity",
-    "motion_fidelity_edit",
-    "jitter_ratio",
-    "drift",
-    "isometry_excess",
-    "ndd_edit",
-    "ndd_excess",
-    "scale_blowup",
-    "cross_region_rate",
-    "time_total",
-];
-
 /// The paper's weights, and those of its figure.
 const LAMBDAS: [[f64; 3]; 7] = [
     [0.1, 1.0, 1.0],
@@ -131,11 +103,11 @@ pub(super) fn run(args: &EvalArgs, global: &Global, console: &Console) -> Outcom
         make(variant, args, edited, &run, &within, console)?;
         let plain = Global { iteration: None, set: Vec::new(), ..within.clone() };
         let Evaluated { document, items } =
-            evaluate(&run, &args.measure, &wanted, &plain, console)?;
+            evaluate(&run, &args.measure, &wanted, None, &plain, console)?;
         documents.insert(variant.name.to_owned(), document);
         columns.push((variant.title, items));
     }
-    let mut text = markdown("metric", &columns, &SHOWN);
+    let mut text = evaluation::method_table("metric", &columns, &evaluation::SHOWN);
     let mut report = json!({ "schema": 1, "runs": documents });
     if args.sweep {
         let plain = Global { iteration: None, set: Vec::new(), ..within };
@@ -249,47 +221,9 @@ fn sweep(
         ndd.iter().fold((f64::INFINITY, 0.0_f64), |(low, high), &v| (low.min(v), high.max(v)));
     let titled: Vec<(&str, Vec<Item>)> =
         columns.iter().map(|(title, items)| (title.as_str(), items.clone())).collect();
-    let mut text = markdown("λ0, λ1, λ2", &titled, &SWEPT);
+    let mut text = evaluation::method_table("λ0, λ1, λ2", &titled, &SWEPT);
     if low > 0.0 && low.is_finite() {
         let _ = write!(text, "\n\nLargest over smallest ndd_edit: {:.3}.", high / low);
     }
     Ok((text, Value::Array(values)))
-}
-
-/// A table with a column for each method, the best of each row in bold.
-fn markdown(corner: &str, columns: &[(&str, Vec<Item>)], rows: &[&str]) -> String {
-    let titles: Vec<&str> = columns.iter().map(|(title, _)| *title).collect();
-    let mut text =
-        format!("| {corner} | {} |\n|---|{}", titles.join(" | "), "---|".repeat(titles.len()));
-    for id in rows {
-        let items: Vec<Option<&Item>> = columns
-            .iter()
-            .map(|(_, items)| items.iter().find(|item| item.definition.id == *id))
-            .collect();
-        let values: Vec<Option<f64>> =
-            items.iter().map(|item| item.and_then(|item| item.value)).collect();
-        let Some(definition) = items.iter().flatten().next().map(|item| item.definition) else {
-            continue;
-        };
-        if values.iter().all(Option::is_none) {
-            continue;
-        }
-        let bold = best(definition.better, &values);
-        let arrow = if definition.better == Better::Neither {
-            String::new()
-        } else {
-            format!(" {}", definition.better.arrow())
-        };
-        let cells: Vec<String> = values
-            .iter()
-            .enumerate()
-            .map(|(k, value)| match value {
-                Some(value) if bold.contains(&k) => format!("**{}**", number(*value)),
-                Some(value) => number(*value),
-                None => "–".to_owned(),
-            })
-            .collect();
-        let _ = write!(text, "\n| `{id}`{arrow} | {} |", cells.join(" | "));
-    }
-    text
 }

@@ -8,11 +8,12 @@ use crate::evaluation::{
     Viewpoints, document,
 };
 use crate::failure::{Failure, Outcome};
-use crate::run_folder::{REFINE_REPORT, REPORT, RunFiles, SCENE};
+use crate::part::{PartRecord, Share};
+use crate::run_folder::{REFINE_REPORT, REPORT, RunFiles, SCENE, fingerprint};
 use crate::scene::Opened;
 use crate::{frames, memory, still};
 use gs_io::SceneKind;
-use serde_json::Value;
+use serde_json::{Map, Value, json};
 use std::path::Path;
 
 /// Memory of a view from frame to frame, bytes a pixel: pictures of two scenes at two times, flows,
@@ -72,11 +73,12 @@ impl<'a> Wanted<'a> {
     }
 }
 
-/// Measures what is `wanted` of `run`.
+/// Measures what is `wanted` of `run`; of its views only the `share`.
 pub(crate) fn evaluate(
     run: &Path,
     args: &MeasureFlags,
     wanted: &Wanted<'_>,
+    share: Option<Share>,
     global: &Global,
     console: &Console,
 ) -> Outcome<Evaluated> {
@@ -97,10 +99,12 @@ pub(crate) fn evaluate(
         Some(path) => Some(truth(path, &at, global, console)?),
         None => None,
     };
+    let all = at.cameras.len();
+    let cameras = &at.cameras[share.map_or(0..all, |share| share.range(all))];
     let pixels: u64 =
-        at.cameras.iter().map(|camera| u64::from(camera.width) * u64::from(camera.height)).sum();
+        cameras.iter().map(|camera| u64::from(camera.width) * u64::from(camera.height)).sum();
     memory::require(
-        &format!("measuring {} views", at.cameras.len()),
+        &format!("measuring {} views", cameras.len()),
         pixels * BYTES_PER_PIXEL,
         "Give a smaller --size or fewer --views.",
     )?;
@@ -114,13 +118,18 @@ pub(crate) fn evaluate(
     };
     let subject = Subject::new(opened.scene.as_ref(), edited, opened.edit_time)?;
     let background = args.background.unwrap_or(opened.background);
+    // The first part measures what does not depend on the views.
+    let is_first = share.is_none_or(|share| share.part == 1);
     let is_wanted = |group: Group| {
-        evaluation::DEFINITIONS.iter().any(|d| d.group == group && wanted.ids.contains(&d.id))
+        (is_first || group.is_of_views())
+            && evaluation::DEFINITIONS
+                .iter()
+                .any(|d| d.group == group && wanted.ids.contains(&d.id))
     };
     let mut items: Vec<Item> = Vec::new();
     let mut sight = Sight {
         subject: &subject,
-        cameras: &at.cameras,
+        cameras,
         times: &at.times,
         background,
         truth: truth.as_ref().map(|truth| match truth {
@@ -154,7 +163,7 @@ pub(crate) fn evaluate(
     let header = Header {
         scene: run.display().to_string(),
         edit: files.as_ref().map(|files| files.config.edited_sha256.clone()),
-        cameras: &at.cameras,
+        cameras,
         origin: at.origin.clone(),
         times: &at.times,
         edit_time: opened.edit_time,
@@ -169,10 +178,37 @@ pub(crate) fn evaluate(
     console.note(format!(
         "{} frames, {} views ({})",
         at.times.len(),
-        at.cameras.len(),
-        at.cameras.iter().map(|camera| camera.name.as_str()).collect::<Vec<_>>().join(", ")
+        cameras.len(),
+        cameras.iter().map(|camera| camera.name.as_str()).collect::<Vec<_>>().join(", ")
     ));
-    Ok(Evaluated { document: document(&header, &items), items })
+    let mut document = document(&header, &items);
+    if let Some(share) = share {
+        let whole = Header { cameras: &at.cameras, ..header.clone() };
+        let truth = match &truth {
+            Some(Known::Scene(opened)) => Some(fingerprint(&opened.files)?),
+            _ => None,
+        };
+        let files = [("scene", json!(fingerprint(&opened.files)?)), ("truth", json!(truth))];
+        document[PartRecord::KEY] = json!(PartRecord::new(share, work(&whole, wanted, files)));
+    }
+    Ok(Evaluated { document, items })
+}
+
+/// Everything that the numbers depend on; `files` are fingerprints.
+fn work(header: &Header<'_>, wanted: &Wanted<'_>, files: [(&str, Value); 2]) -> Map<String, Value> {
+    let mut all = document(header, &[]);
+    let facts = [
+        ("command", json!("eval")),
+        ("cameras", all["views"].take()),
+        ("times", all["times"].take()),
+        ("background", json!(header.background)),
+        ("truth's path", json!(header.truth)),
+        ("metrics", json!(wanted.ids)),
+        ("weights", json!(wanted.networks.files())),
+        ("prompts", json!([wanted.prompts.edit, wanted.prompts.source])),
+        ("renderer", json!(header.renderer)),
+    ];
+    facts.into_iter().chain(files).map(|(name, value)| (name.to_owned(), value)).collect()
 }
 
 /// What to compare with.

@@ -6,11 +6,13 @@ use crate::console::Console;
 use crate::device::Device;
 use crate::failure::{Failure, Outcome};
 use crate::overlays::{Layer, LayerSource, overlay_image};
+use crate::part::Share;
 use crate::passes::PassImage;
 use crate::renderer::{self, Renderer};
 use crate::scene::Opened;
 use crate::{memory, passes};
 use gs_core::{Camera, DynamicScene, Image, RenderOutput, Splats};
+use std::ops::Range;
 
 /// Memory per pixel of an image, bytes: colour, coverage, depth and state of the rasteriser, two
 /// images side by side, and a copy for the encoder.
@@ -28,6 +30,8 @@ pub(crate) struct Shot<'a> {
     pub(crate) original: Option<&'a dyn DynamicScene>,
     pub(crate) times: &'a [f32],
     pub(crate) views: &'a Views,
+    /// The images to render; all if `None`.
+    pub(crate) share: Option<Share>,
     pub(crate) background: [f32; 3],
     pub(crate) device: &'a Device,
     pub(crate) console: &'a Console,
@@ -93,14 +97,22 @@ impl Shot<'_> {
         let mut edited = Renderer::new(self.device, self.background);
         let mut original =
             self.original.map(|scene| (scene, Renderer::new(self.device, self.background)));
-        let per_frame = self.views.of_frame(0).len() as u64;
-        let mut progress = self.console.progress("render", self.times.len() as u64 * per_frame);
+        let images = self.images();
+        let per_frame = self.views.of_frame(0).len();
+        let mut progress = self.console.progress("render", images.len() as u64);
         for (frame, &t) in self.times.iter().enumerate() {
+            let number = |view: usize| frame * per_frame + view;
+            if number(per_frame) <= images.start || number(0) >= images.end {
+                continue;
+            }
             edited.seek(self.scene, t)?;
             if let Some((scene, renderer)) = &mut original {
                 renderer.seek(*scene, t)?;
             }
-            for camera in self.views.of_frame(frame) {
+            for (view, camera) in self.views.of_frame(frame).iter().enumerate() {
+                if !images.contains(&number(view)) {
+                    continue;
+                }
                 let original = match &mut original {
                     Some((_, renderer)) => Some(renderer.render(camera)?),
                     None => None,
@@ -111,12 +123,14 @@ impl Shot<'_> {
             }
         }
         let elapsed = progress.finish();
-        self.console.detail(format!(
-            "{} frames in {:.1} s",
-            self.times.len(),
-            elapsed.as_secs_f64()
-        ));
+        self.console.detail(format!("{} images in {:.1} s", images.len(), elapsed.as_secs_f64()));
         Ok(())
+    }
+
+    /// Numbers of the images to render: those of all views of the first frame first.
+    pub(super) fn images(&self) -> Range<usize> {
+        let count = self.times.len() * self.views.of_frame(0).len();
+        self.share.map_or(0..count, |share| share.range(count))
     }
 }
 
@@ -142,7 +156,7 @@ pub(crate) struct Exposure<'a> {
 
 impl Exposure<'_> {
     /// The image of the pass, next to that of the original if there is one.
-    pub(super) fn image(&self, pass: Pass) -> Image {
+    pub(crate) fn image(&self, pass: Pass) -> Image {
         let image = pass_image(pass, self.output);
         match self.original {
             Some(original) => renderer::side_by_side(&pass_image(pass, original), &image),

@@ -8,6 +8,7 @@ use crate::commands::export::say;
 use crate::failure::{Failure, Outcome};
 use crate::images;
 use crate::output::{existing, output_failure};
+use crate::part::{PartFolder, PartRecord};
 use crate::passes::{self, PassImage};
 use gs_core::{Camera, Image};
 use gs_io::AtomicDir;
@@ -36,6 +37,7 @@ pub(super) fn stills(
     global: &Global,
     shot: &Shot<'_>,
     format: Format,
+    part: Option<PartRecord>,
 ) -> Outcome {
     if format == Format::Flo && args.passes != [Pass::Flow] {
         return Err(Failure::usage("--format flo contains flow only").next("Add --passes flow."));
@@ -99,6 +101,9 @@ pub(super) fn stills(
         }
         Ok(())
     })?;
+    if let Some(record) = part {
+        PartFolder::write(record, folder.path())?;
+    }
     folder.commit().map_err(|error| output_failure(&error))?;
     say(&losses(format, args, shot.times.len(), 0.0), shot.console);
     shot.console.output(&args.output, &[("images", count)]);
@@ -118,7 +123,7 @@ fn channels(pass: Pass) -> &'static [&'static str] {
 /// Smallest and largest depth over the clip, for the same scaling of all frames.
 fn depth_extent(shot: &Shot<'_>) -> Outcome<(f32, f32)> {
     let mut range = (f32::INFINITY, f32::NEG_INFINITY);
-    shot.expose(|exposure| {
+    Shot { share: None, ..*shot }.expose(|exposure| {
         for &z in &exposure.output.depth {
             range = (range.0.min(z), range.1.max(z));
         }

@@ -9,7 +9,7 @@ pub enum CamerasError {
     /// Not JSON, or not of the expected schema.
     #[error("not a {schema}: {source}")]
     Json {
-        /// Which schema.
+        /// Name of the schema.
         schema: &'static str,
         /// Where and why.
         source: serde_json::Error,
@@ -19,7 +19,7 @@ pub enum CamerasError {
     Camera {
         /// Position in the list.
         index: usize,
-        /// What is wrong.
+        /// Cause of the error.
         source: CameraError,
     },
     /// No cameras.
@@ -41,7 +41,7 @@ pub enum CamerasError {
     /// An invalid value.
     #[error("{at}: expected {expected}, found {found}")]
     Malformed {
-        /// Where.
+        /// Place in the file.
         at: String,
         /// What was expected.
         expected: String,
@@ -55,7 +55,7 @@ pub enum CamerasError {
         that this writes"
     )]
     Lens {
-        /// Which camera.
+        /// Name of the camera.
         camera: String,
         /// Its lens model.
         model: String,

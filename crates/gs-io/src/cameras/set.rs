@@ -72,8 +72,8 @@ impl CameraSet {
         self.views.iter().filter(move |view| view.split.includes(wanted)).map(|view| &view.camera)
     }
 
-    /// The distinct cameras: views that differ only in time become one, without
-    /// time, named by the common part of their names.
+    /// The distinct cameras: views that differ only in time are merged into one without a time,
+    /// named by the common part of their names.
     pub fn stations(&self) -> Vec<Camera> {
         stations(self.views.iter().map(|view| &view.camera))
     }

@@ -28,8 +28,8 @@ pub(crate) struct Supervision<'a, R: Rasterizer> {
     pub stats: SupervisionStats,
     /// Images in which the floor is the mask's threshold.
     pub num_floored: usize,
-    /// Per edited splat: in how many images it exceeds the mask's threshold (Eq. 17 for one splat),
-    /// and how many there are.
+    /// Per edited splat: the number of images in which it exceeds the mask's threshold (Eq. 17 for
+    /// one splat), and the number of images in which it is visible.
     pub uncertain_counts: Vec<[u32; 2]>,
 }
 
@@ -53,7 +53,7 @@ impl<'a, R: Rasterizer<Prepared: Send> + Sync> Supervision<'a, R> {
         }
     }
 
-    /// Images for `plan` (sorted by time), as many as `memory` holds.
+    /// Images for `plan` (sorted by time), as many as fit in `memory`.
     pub(crate) fn build(
         &mut self,
         plan: &[ViewTime],
@@ -99,7 +99,7 @@ impl<'a, R: Rasterizer<Prepared: Send> + Sync> Supervision<'a, R> {
         Ok(samples)
     }
 
-    /// The images `group`: those kept from an earlier run, and the others anew.
+    /// The images of `group`: stored ones from an earlier run, and new ones.
     fn made(
         &mut self,
         group: &[ViewTime],

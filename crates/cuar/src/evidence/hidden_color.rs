@@ -40,7 +40,7 @@ pub(super) fn are_meaningless(hidden: Vec<(f32, f32)>, supervised: f32) -> bool 
     weighted_median(hidden) > (FACTOR * supervised).max(MIN_ERROR)
 }
 
-/// Where [`are_meaningless`]: whether this error is.
+/// Whether a colour with this error is meaningless, if [`are_meaningless`] is true.
 pub(super) fn is_meaningless(error: f32, supervised: f32) -> bool {
     error > supervised.max(MIN_ERROR)
 }

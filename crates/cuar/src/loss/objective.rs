@@ -102,7 +102,7 @@ impl<F: Real> Objective<F> {
     }
 
     /// Losses of `render` (`[H,W,3]`). Overwrites `v_render` (`[H,W,3]`) with the derivative of
-    /// [`LossParts::total`], and `curvature` (`[H,W]`), if given, with a bound of its second
+    /// [`LossParts::shaped_total`], and `curvature` (`[H,W]`), if given, with a bound of its second
     /// derivative per pixel, mean over channels.
     ///
     /// # Panics

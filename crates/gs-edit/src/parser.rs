@@ -14,7 +14,7 @@ use crate::selector::{Bounds, Field, Selector};
 /// Maximum nesting of parentheses, `!` and prefixes, far below what the stack allows.
 const MAX_DEPTH: usize = 64;
 
-/// Maximum nesting of parentheses, `!` and prefixes, far below the limit of the stack.
+/// Default tolerance of `color`: covers the shading of one material.
 const TOLERANCE: f64 = 0.15;
 
 /// The leaves and prefixes of the language, for messages.

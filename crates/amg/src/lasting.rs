@@ -67,7 +67,7 @@ impl Carrier {
 pub struct Lasting {
     /// Source ids, ascending, `[A]`.
     pub ids: Vec<u32>,
-    /// Start of each one's carriers, and the end of the last, `[A + 1]`.
+    /// Start of the carriers of each splat in `carried_by`, and the end of the last, `[A + 1]`.
     pub offsets: Vec<u32>,
     /// Indices into `carriers`, `[nnz]`.
     pub carried_by: Vec<u32>,

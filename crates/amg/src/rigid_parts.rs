@@ -1,4 +1,4 @@
-//! [`RigidParts`]: which splats of a scene move, and which of them move together.
+//! [`RigidParts`]: the moving splats of a scene, and their rigid parts.
 
 use crate::AmgError;
 use crate::dynamics::DynamicSplit;
@@ -10,7 +10,7 @@ use gs_core::DynamicScene;
 use std::cmp::Reverse;
 use std::collections::{BTreeSet, BinaryHeap};
 
-/// Edge of the cells that parts are put together from, as a share of the moving figure.
+/// Edge of the cells from which parts are assembled, as a share of the moving figure.
 const CELL_SIZE: f64 = 0.03;
 
 /// Least edge of the cells in spacings: smaller ones would be single splats, whose rotation
@@ -30,10 +30,10 @@ const MISFIT: f64 = 0.01;
 /// are not parts.
 const FRAGMENT: f64 = 0.01;
 
-/// A scene in parts.
+/// Rigid parts of a scene.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RigidParts {
-    /// Which splats move ([`DynamicSplit`]), `[N]`.
+    /// Flags of the moving splats ([`DynamicSplit`]), `[N]`.
     pub moving: Vec<bool>,
     /// Part of each splat, from 1, the part with most splats first, `[N]`; 0 for splats that do not
     /// move, or move with no others.

@@ -19,8 +19,8 @@ use rayon::prelude::*;
 /// Smaller pieces are stray splats.
 const MIN_SPLATS: usize = 8;
 
-/// Share of a piece's splats beyond the full distance from which it is clearly no clothing. Other
-/// new geometry may cover the figure, and must then bend with it.
+/// Share of a piece's splats beyond the full distance from which it is clearly not clothing. Other
+/// new geometry may cover the figure and must then bend with it.
 const MIN_SHARE: f64 = 1.0 / 3.0;
 
 /// Share of a piece's splats beyond [`CLEARANCE`] below which each splat keeps its own match.

@@ -7,9 +7,10 @@ use crate::{AnchorError, AnchorParams, Grouping};
 
 /// Sets of point ids, stored as offsets and indices.
 ///
-/// Neighbourhood `i` holds `indices[offsets[i]..offsets[i + 1]]`. As built here, members stand in
-/// lexicographic order of their points and neighbourhoods in lexicographic order of their members,
-/// so that the result does not depend on the order of the input.
+/// Neighbourhood `i` is `indices[offsets[i]..offsets[i + 1]]`. In the result of
+/// [`Neighborhoods::build`], members are in lexicographic order of their points and neighbourhoods
+/// in lexicographic order of their members, so that the result does not depend on the order of the
+/// input.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Neighborhoods {
     offsets: Vec<u32>,
@@ -18,7 +19,7 @@ pub struct Neighborhoods {
 }
 
 impl Neighborhoods {
-    /// Gathers every point with its `params.k` nearest.
+    /// Groups every point with its `params.k` nearest.
     ///
     /// **Disjoint**: each free point proposes itself and its `k` nearest free points. Proposals are
     /// accepted in order of mean edge length, as long as all members are still free; then the
@@ -86,8 +87,7 @@ impl Neighborhoods {
         Ok(Self { offsets, indices: members, num_points: rows.len() })
     }
 
-    /// Neighbourhoods from elsewhere, for a cloud of `num_points` points. Sharing points between
-    /// neighbourhoods is allowed.
+    /// Given neighbourhoods for a cloud of `num_points` points. Neighbourhoods may share points.
     ///
     /// # Errors
     /// [`AnchorError::BadNeighborhoods`] if `offsets` does not start at 0, does not end at the

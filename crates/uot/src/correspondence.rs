@@ -146,7 +146,8 @@ struct Best {
     lowest: Ranked,
 }
 
-/// Inserts into a list of at most `k`, best first; false when it does not belong.
+/// Inserts into a list of at most `k`, best first; returns false if the entry does not belong in
+/// it.
 fn insert(top: &mut Vec<Ranked>, k: usize, new: Ranked) -> bool {
     let better = |old: &Ranked| old.log > new.log || (old.log >= new.log && old.row < new.row);
     if top.len() == k && better(&top[k - 1]) {

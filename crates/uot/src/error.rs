@@ -30,7 +30,7 @@ pub enum UotError {
         what: &'static str,
         /// Its length.
         found: usize,
-        /// The length that fits.
+        /// Expected length.
         expected: usize,
     },
     /// A parameter is outside its range.
@@ -98,7 +98,7 @@ pub enum UotError {
     /// A result that is not available for a structured cost.
     #[error("{what} is not available for a structured Welsch problem: use {instead}")]
     NotListed {
-        /// What was asked for.
+        /// Requested result.
         what: &'static str,
         /// What to use instead.
         instead: &'static str,

@@ -62,7 +62,7 @@ fn unoccluded(splats: &Splats, i: usize, camera: &Camera) -> f64 {
 /// frame 1.
 ///
 /// # Errors
-/// If a camera is malformed, shapes disagree, or the rasteriser fails.
+/// If a camera is malformed, shapes differ, or the rasteriser fails.
 pub fn first_frame_shares<R: Rasterizer>(
     raster: &R,
     splats: &Splats,

@@ -29,7 +29,8 @@ impl HexPlaneScene {
     /// A scene from its parts.
     ///
     /// # Errors
-    /// If the arrays of `canonical` disagree, or SH are deformed and their degree is not 3.
+    /// If the arrays of `canonical` have inconsistent lengths, or SH are deformed and their degree
+    /// is not 3.
     pub fn new(canonical: Splats, field: HexPlaneField) -> Result<Self, FieldError> {
         field.check_splats(&canonical)?;
         Ok(Self {

@@ -170,7 +170,7 @@ impl UotOutput {
         let ranking = Ranking::new(&logs, problem.lists_every_row());
         let k = 2.min(problem.num_rows());
         let top = logs.rows.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-        // of candidates only, none is unrelated
+        // if only candidates are listed, no row is unrelated
         let top = if matches!(problem.cost, Cost::Sparse(_)) { f64::NEG_INFINITY } else { top };
         let background = top + logs.rows.iter().map(|s| (s - top).exp()).sum::<f64>().ln();
         let columns = problem.map_columns(|j, entries| {

@@ -115,9 +115,9 @@ impl Grid {
         (((x - self.low[axis]) / self.cell) as usize).min(self.dims[axis] - 3) + 1
     }
 
-    /// Calls `each` with the entries of every occupied cell the line passes, in the order of the
-    /// line. A ball is met once for each of its cells. No ball that the line comes within `reach`
-    /// of is missed, as long as `reach` exceeds the true radius by the rounding of the walk.
+    /// Calls `each` with the entries of every occupied cell that the line passes, in the order of
+    /// the line. A ball is visited once for each of its cells. No ball within `reach` of the line
+    /// is missed, as long as `reach` exceeds the true radius by the rounding of the traversal.
     #[expect(clippy::needless_bitwise_bool, reason = "lazy operators would branch")]
     #[inline]
     pub(crate) fn walk(&self, line: &Line, mut each: impl FnMut(&[Entry])) {

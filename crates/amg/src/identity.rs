@@ -25,7 +25,7 @@ use tolerance::{appearance_within, match_by_tolerance};
 /// tolerance against the nearest source splats:
 ///
 /// * mean: 2e-6 of its largest coordinate (text PLY), or 1e-3 of the middle standard deviation;
-/// * shape: quaternions within 2e-3 rad whatever sign and norm, and scales within 1e-3; or, since
+/// * shape: quaternions within 2e-3 rad for any sign and norm, and scales within 1e-3; or, since
 ///   editors reorder axes, sorted scales within 1e-3 and covariances within 5e-3;
 /// * opacity: 2e-3 after the sigmoid (editors clamp logits); colour: 1e-3 per SH coefficient,
 ///   missing degrees being 0.
@@ -37,7 +37,7 @@ use tolerance::{appearance_within, match_by_tolerance};
 /// format, the nearest one if there are several. Values that the format does not store are not
 /// compared. The tolerances above apply to the remaining rows.
 ///
-/// Of the rows that still remain, groups of at least eight are identified as moved source splats
+/// Of the rows that remain, groups of at least eight are identified as moved source splats
 /// ([`Identity::Moved`]) if they share a signature (proportions, opacity, base colour) with source
 /// splats and one similarity maps the source positions to theirs. This covers selections that an
 /// editor moved, rotated and scaled, with or without rotating and scaling the splats themselves,

@@ -118,7 +118,7 @@ fn fates(
                 Fate::Recoloured(other) if edited.opacity(other) >= edited.opacity(row) => {}
                 _ => fates[id as usize] = Fate::Recoloured(row),
             },
-            // A splat that is also still in its place was copied.
+            // A splat that is also at its original place was copied.
             Identity::Moved { source, .. } if fates[source as usize] == Fate::Gone => {
                 fates[source as usize] = Fate::Moved(group_of.get(row).copied().unwrap_or(0));
             }

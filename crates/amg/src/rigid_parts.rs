@@ -13,7 +13,7 @@ use std::collections::{BTreeSet, BinaryHeap};
 /// Edge of the cells from which parts are assembled, as a share of the moving figure.
 const CELL_SIZE: f64 = 0.03;
 
-/// Least edge of the cells in spacings: smaller ones would be single splats, whose rotation
+/// Minimum edge of the cells in spacings: smaller ones would be single splats, whose rotation
 /// is unknown.
 const SPACINGS: f64 = 2.0;
 
@@ -316,7 +316,7 @@ mod tests {
     use super::*;
 
     /// Three bars of 20 × 4 points in a row along x: one rests, one turns about the first joint,
-    /// one goes on turning about the second.
+    /// one also rotates about the second.
     #[test]
     fn joints_part_bodies() {
         let rest: Vec<[f64; 3]> = (0..240)

@@ -6,7 +6,7 @@
 use crate::trajectories::{RigidNeighbors, Trajectories};
 use crate::vec3::{Vec3, dot};
 
-/// Least agreement of neighbours in one cell, see [`RigidNeighbors::get`].
+/// Minimum agreement of neighbours in one cell, see [`RigidNeighbors::get`].
 const MIN_AGREEMENT: f64 = 0.5;
 
 /// Points are joined only if the edge of the cubes is more than this many spacings: smaller cells

@@ -29,7 +29,7 @@ pub enum AnchorError {
         /// The entry found.
         value: f64,
     },
-    /// The features are not one per point.
+    /// The number of features differs from the number of points.
     #[error("{found} features for {expected} points: expected one feature per point")]
     FeatureCount {
         /// Number of points.

@@ -86,7 +86,7 @@ impl<const D: usize> KdTree<D> {
         self.points.len()
     }
 
-    /// Whether the tree holds no point.
+    /// Whether the tree has no points.
     pub fn is_empty(&self) -> bool {
         self.points.is_empty()
     }

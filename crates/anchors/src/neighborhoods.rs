@@ -34,7 +34,7 @@ impl Neighborhoods {
     ///
     /// `features`, one `[f64; 6]` per point, are scaled by `feature_weight` ×
     /// [`median_spacing`](crate::median_spacing) and appended to the coordinates for the search, so
-    /// that points with unlike features count as far apart (see [`normal_feature`]).
+    /// that points with different features count as far apart (see [`normal_feature`]).
     ///
     /// # Errors
     /// Empty cloud, coordinates or features that are not finite or beyond ±1e50, features not one

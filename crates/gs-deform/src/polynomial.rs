@@ -95,7 +95,7 @@ impl PolynomialScene {
     /// `[N, 2]`, in the time unit of the motions.
     ///
     /// # Errors
-    /// If there is not one window per splat.
+    /// If the number of windows differs from the number of splats.
     pub fn with_windows(self, windows: Vec<[f32; 2]>) -> Result<Self, PolynomialError> {
         if windows.len() != self.rest.len() {
             return Err(PolynomialError::Rows { found: windows.len(), expected: self.rest.len() });

@@ -60,7 +60,7 @@ impl HexPlaneScene {
     /// time. Early revisions of the reference had such a table.
     ///
     /// # Errors
-    /// If there is not one entry per Gaussian.
+    /// If the number of entries differs from the number of Gaussians.
     pub fn with_moving(self, moving: &[bool]) -> Result<Self, FieldError> {
         if moving.len() != self.canonical.len() {
             return Err(FieldError::Shape {

@@ -13,7 +13,7 @@ pub struct SyntaxError {
     /// Column of the error in `text`, from 1; one after the last character if the text ends too
     /// early.
     pub column: usize,
-    /// What was expected and what was found.
+    /// Expected and found text.
     pub what: String,
 }
 

@@ -18,7 +18,7 @@ use rand_pcg::Pcg64;
 use rayon::prelude::*;
 use std::time::Instant;
 
-/// Densification: largest number of steps between two densifications, least number of them, and
+/// Densification: largest number of steps between two densifications, minimum number of them, and
 /// share of the fit after which they end.
 const DENSIFY_EVERY: usize = 100;
 const DENSIFY_TIMES: usize = 8;

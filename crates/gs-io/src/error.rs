@@ -57,7 +57,7 @@ pub enum IoError {
         path: PathBuf,
         /// Predicate about it, to complete a sentence.
         what: String,
-        /// What to do.
+        /// Next step for the user.
         next: String,
     },
     /// Another process is writing the same output.
@@ -71,7 +71,7 @@ pub enum IoError {
     StandIn {
         /// Path of the file.
         path: PathBuf,
-        /// What was found, and the next step.
+        /// The stand-in found, with the next step.
         found: UnsupportedFormat,
     },
     /// A PLY file is malformed or not a Gaussian scene.
@@ -151,7 +151,7 @@ pub enum IoError {
     Content {
         /// Path of the folder or file.
         path: PathBuf,
-        /// What is missing or inconsistent, and the next step.
+        /// Missing or inconsistent content, and the next step.
         what: String,
     },
     /// A clip is not written because the format does not suit it; can be overridden.

@@ -16,7 +16,7 @@ use crate::{
 use gs_core::Camera;
 use std::{f64::consts::PI, fmt, ops::RangeInclusive, str::FromStr};
 
-/// A test scene with known motion, by what it tests.
+/// A test scene with known motion, named after the tested property.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum TruthCase {
     /// Only colours change.

@@ -54,7 +54,7 @@ pub enum UotError {
         minimum: f64,
         /// Kernel in words.
         kernel: &'static str,
-        /// What to use instead.
+        /// Alternative.
         instead: &'static str,
     },
     /// The reference measure cannot be reached by a global factor because the marginals are not
@@ -100,7 +100,7 @@ pub enum UotError {
     NotListed {
         /// Requested result.
         what: &'static str,
-        /// What to use instead.
+        /// Alternative.
         instead: &'static str,
     },
     /// An array would exceed the stated limit of elements.

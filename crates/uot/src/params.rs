@@ -82,7 +82,7 @@ impl Default for SinkhornParams {
 
 impl SinkhornParams {
     /// Shares of the row side, λ1/(λ0+λ1+λ2), and of the column side in the common level of the
-    /// potentials. A side with an infinite weight has all of it; two such sides have half each.
+    /// potentials. A side with an infinite weight has share 1; two such sides have ½ each.
     pub(crate) fn level_shares(&self) -> (f64, f64) {
         match (self.lambda_a.is_infinite(), self.lambda_b.is_infinite()) {
             (true, true) => (0.5, 0.5),

@@ -115,7 +115,7 @@ impl SignatureTable {
         table
     }
 
-    /// Cell of a value, and the neighbour that also holds values within a limit of it.
+    /// Cell of a value, and the neighbour that also contains values within a limit of it.
     #[expect(clippy::cast_possible_truncation, reason = "saturates for values beyond any file's")]
     fn place(&self, k: usize, value: f64) -> (i64, i64) {
         let at = value / self.width[k];

@@ -57,7 +57,7 @@ const STEP: f64 = 2.5;
 /// Largest number of contacts tried as the attachment.
 const MAX_TRIED: usize = 256;
 
-/// Least ratio of the largest contact area to the second, for a piece of which [`MIN_SHARE`]
+/// Minimum ratio of the largest contact area to the second, for a piece of which [`MIN_SHARE`]
 /// extends from the figure. Doubled if only [`MIN_CLEAR_SHARE`] does, and again if none does: the
 /// piece is then more likely to be clothing.
 const AREA_RATIO: f64 = 2.0;
@@ -80,7 +80,7 @@ pub(super) struct NewPieces<'a> {
 /// A connected component of new splats.
 struct Piece {
     splats: Vec<usize>,
-    /// Least ratio of the largest contact area to the second.
+    /// Minimum ratio of the largest contact area to the second.
     area_ratio: f64,
 }
 

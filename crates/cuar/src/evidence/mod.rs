@@ -1,5 +1,5 @@
 //! [`Evidence`]: splats that frame 1 does not supervise, and the colour change of the surface
-//! around them (ξ′ beside the paper's ξ).
+//! around them (ξ′ in addition to the paper's ξ).
 //!
 //! The paper's ξ (Eqs. 14–15) is zero where colours do not depend on the view. An editor that works
 //! on pictures of frame 1 does not change splats that no picture shows; motion may turn them to the

@@ -31,7 +31,7 @@ pub enum CamerasError {
             kind"
     )]
     Truncated {
-        /// What was being read.
+        /// Item being read.
         at: String,
         /// Bytes it needs at least.
         needed: u64,
@@ -43,9 +43,9 @@ pub enum CamerasError {
     Malformed {
         /// Place in the file.
         at: String,
-        /// What was expected.
+        /// Expected value.
         expected: String,
-        /// What was found.
+        /// Value found.
         found: String,
     },
     /// A lens model that a pinhole camera does not approximate.

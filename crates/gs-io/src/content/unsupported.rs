@@ -101,7 +101,7 @@ pub(crate) const NUMPY_ARCHIVE: UnsupportedFormat = known(
     export the splats as PLY from the program that made them.",
 );
 
-/// The manifest that `c4d export` writes beside a sequence; a text file, recognised by its name.
+/// The manifest that `c4d export` writes next to a sequence; a text file, recognised by its name.
 pub(crate) const MANIFEST: UnsupportedFormat = known(
     0,
     b"",

@@ -14,7 +14,7 @@ pub enum FrameError {
         "not a splat file but {found}; expected a 3DGS PLY, a compressed PLY, .splat, .spz, .sog or .glb"
     )]
     Unknown {
-        /// What was found instead.
+        /// Format or content found instead.
         found: String,
     },
     /// An unsupported version.
@@ -48,7 +48,7 @@ pub enum FrameError {
     Damaged {
         /// Name of the format.
         format: &'static str,
-        /// What was found, and what was expected.
+        /// Found and expected value.
         what: String,
     },
     /// A dynamic scene instead of a frame.

@@ -86,8 +86,8 @@ pub fn read_file(path: impl AsRef<Path>) -> Result<Frame, IoError> {
     read(&bytes).map_err(IoError::frame(path))
 }
 
-/// What the header of a frame declares. `start` is the first part of the file, at least its header
-/// (or all of it), `total` the size of the file, bytes.
+/// Shape declared in the header of a frame. `start` is the first part of the file, at least its
+/// header (or the whole file), `total` the size of the file, bytes.
 ///
 /// # Errors
 /// If it is not a frame, or its header is malformed. SOG and glTF frames are not examined.

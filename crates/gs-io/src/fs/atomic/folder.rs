@@ -32,7 +32,7 @@ impl AtomicDir {
         Self::with_record(path, existing, Place::Inside)
     }
 
-    /// As [`AtomicDir::create`], with the record beside the folder, for formats whose readers
+    /// As [`AtomicDir::create`], with the record next to the folder, for formats whose readers
     /// interpret every file of a folder.
     ///
     /// # Errors

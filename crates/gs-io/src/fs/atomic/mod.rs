@@ -1,6 +1,6 @@
 //! Outputs that are complete or absent, and never replace files that this program did not write.
 //!
-//! An output is written under a hidden name beside its own and renamed when it is complete. For
+//! An output is written under a hidden name in the same folder and renamed when it is complete. For
 //! `out/clip.mp4` these names are
 //!
 //! | name | content |

@@ -24,7 +24,7 @@ impl Neighborhoods {
     /// **Disjoint**: each free point proposes itself and its `k` nearest free points. Proposals are
     /// accepted in order of mean edge length, as long as all members are still free; then the
     /// points left over propose again, until nothing is accepted (at most 64 rounds). Proposals
-    /// with a mean edge above `max_edge_ratio` × the median of the first round are refused. Points
+    /// with a mean edge above `max_edge_ratio` × the median of the first round are rejected. Points
     /// left over at the end are in no neighbourhood. Ties, here and among neighbours, are broken by
     /// lexicographic rank. Runs of coincident points are grouped among themselves first.
     ///

@@ -137,7 +137,7 @@ impl Unusable {
     }
 }
 
-/// Refuses an invalid camera or time.
+/// Rejects an invalid camera or time.
 fn check(index: usize, camera: &Camera) -> Result<(), CamerasError> {
     camera.check().map_err(|source| CamerasError::Camera { index, source })?;
     if let Some(time) = camera.time.filter(|time| !time.is_finite()) {
@@ -147,7 +147,7 @@ fn check(index: usize, camera: &Camera) -> Result<(), CamerasError> {
     Ok(())
 }
 
-/// Refuses invalid cameras and times.
+/// Rejects invalid cameras and times.
 pub(super) fn check_all<'a>(cameras: impl Iterator<Item = &'a Camera>) -> Result<(), CamerasError> {
     cameras.enumerate().try_for_each(|(index, camera)| check(index, camera))
 }

@@ -16,7 +16,7 @@ use std::path::Path;
 ///
 /// # Errors
 /// Describes the error, or the kind of the bytes if they are not a frame. Memory is bounded by a
-/// multiple of their number; compressed data that would grow far beyond it are refused.
+/// multiple of their number; compressed data that would grow far beyond it are rejected.
 pub fn read(bytes: &[u8]) -> Result<Frame, FrameError> {
     match container(bytes) {
         Container::Ply => {

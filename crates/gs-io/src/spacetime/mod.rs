@@ -7,7 +7,7 @@
 //! start)/duration, so that the last frame of n is at (n−1)/n.
 //!
 //! The full model has nine colour features and a decoder that depends on the ray of a pixel; it
-//! cannot be represented as splats and is refused.
+//! cannot be represented as splats and is rejected.
 
 use crate::error::IoError;
 use crate::fs::read_bytes;

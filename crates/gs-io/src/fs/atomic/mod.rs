@@ -11,7 +11,7 @@
 //!
 //! The operating system releases the lock when its process ends, so a process
 //! that acquires it can remove the other two as leftovers of a killed process.
-//! A second process on the same output is refused.
+//! A second process on the same output is rejected.
 //!
 //! For the rules of replacement see [`AtomicDir`] and [`AtomicFile`]. Links,
 //! devices, FIFOs and sockets are never replaced.

@@ -58,8 +58,8 @@ pub(crate) struct SourceAt<'a> {
     pub(crate) motions: &'a [SourceMotion],
 }
 
-/// Geometry at a time of the edited splat `edited` (geometry at the edit frame), which moves with
-/// `ids`.
+/// Geometry, at the time of the source state, of the edited splat `edited` (its geometry at the
+/// edit frame), which follows the source splats `ids`.
 pub(crate) fn blend_geometry(
     edited: Geometry,
     (ids, weights): (&[u32], &[f32]),
@@ -85,7 +85,7 @@ pub(crate) fn blend_geometry(
 }
 
 /// Rigid motion of a row's sources. Under [`PositionRule::Average`] the rotation is the mean of the
-/// sources' own.
+/// sources' relative rotations.
 fn rigid_motion(
     (ids, weights): (&[u32], &[f32]),
     motions: &[SourceMotion],
@@ -163,7 +163,8 @@ fn add_rotations(
         }
     }
     let length = quat::dot(sum, sum).sqrt();
-    // Differences that cancel the quaternion leave no direction: keep the edit's.
+    // If the differences cancel the quaternion, the sum has no direction, and the edit's rotation
+    // is kept.
     let sum = if length > 1e-9 { sum.map(|c| c / length) } else { unit };
     sum.map(f32::from_double)
 }

@@ -1,4 +1,4 @@
-//! Edited splats beside a copy of something: a hat on the copy of a dancer.
+//! Edited splats beside a copy, for example a hat on the copy of a dancer.
 //!
 //! Such splats belong to the copy, not to the source around them. Each is assigned the source splat
 //! that is nearest under the inverse of the copy's similarity, and moves as the copy of that splat.
@@ -17,7 +17,7 @@ pub(crate) struct Companion {
     pub(crate) row: usize,
     /// Source splat whose trajectory it follows.
     pub(crate) source: u32,
-    /// Moved row that it is nearest to, whose group it joins.
+    /// The nearest moved row, whose group it joins.
     pub(crate) neighbor: usize,
 }
 

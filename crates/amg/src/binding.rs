@@ -11,9 +11,9 @@ use gs_core::Splats;
 /// Data for surfaces whose splats change over time.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Surface {
-    /// Splats that others follow, as if they lasted.
+    /// Splats that edited splats follow, extended over the whole clip.
     pub lasting: Lasting,
-    /// What rows of kind [`RowKind::Descendant`] inherit, by row.
+    /// Inherited edits of the rows of kind [`RowKind::Descendant`], by row.
     pub inherited: Vec<Inherited>,
 }
 
@@ -63,7 +63,8 @@ impl Binding {
     }
 
     /// As [`Binding::from_parts`], with the groups of [`RowKind::Moved`] and [`RowKind::Copied`]
-    /// rows: `group_of` `[M]` holds an index into `groups` for each of them, and anything for others.
+    /// rows: `group_of` `[M]` contains an index into `groups` for each of them; other entries are
+    /// ignored.
     ///
     /// # Errors
     /// As [`Binding::from_parts`], and if a similarity is not valid or a carrier does not exist.
@@ -81,11 +82,11 @@ impl Binding {
             .verified()
     }
 
-    /// A binding of rows `[M]` of `(source id, weight)`: rows without sources stay where the edit
-    /// put them, the others blend the motion of theirs. Weights need not sum to 1.
+    /// A binding of rows `[M]` of `(source id, weight)`: rows without sources are static, the
+    /// others blend the motion of their sources. Weights need not sum to 1.
     ///
     /// # Errors
-    /// If an id is not below `num_sources`, or weights are negative, no numbers or all zero; the
+    /// If an id is not below `num_sources`, or weights are negative, not finite or all zero; the
     /// message names the row.
     pub fn blending(rows: &[Vec<(u32, f32)>], num_sources: usize) -> Result<Self, AmgError> {
         let kind = |row: &[_]| if row.is_empty() { RowKind::Static } else { RowKind::Blended };
@@ -128,8 +129,8 @@ impl Binding {
     /// The same with data for surfaces.
     ///
     /// # Errors
-    /// If ids are out of range, values are no numbers, or rows that inherit are not exactly those
-    /// of kind [`RowKind::Descendant`], in order.
+    /// If ids are out of range, values are not finite, or the rows that inherit are not exactly
+    /// those of kind [`RowKind::Descendant`], in order.
     pub fn with_surface(self, surface: Surface) -> Result<Self, AmgError> {
         let binding = Self { surface: Some(surface), ..self };
         match binding.surface_fault() {
@@ -316,7 +317,7 @@ impl Binding {
         self.surface.as_ref()
     }
 
-    /// What row `row` inherits.
+    /// Inherited edit of row `row`, if any.
     pub(crate) fn inherited(&self, row: usize) -> Option<&Inherited> {
         let inherited = &self.surface.as_ref()?.inherited;
         let at = inherited.binary_search_by_key(&row, |inherited| inherited.row as usize).ok()?;
@@ -333,7 +334,7 @@ impl Binding {
         self.kinds.iter().filter(|&&k| k == kind).count()
     }
 
-    /// Verifies that this binding joins a source of `num_sources` splats to `edited`.
+    /// Verifies that this binding fits a source of `num_sources` splats and `edited`.
     pub(crate) fn check(&self, num_sources: usize, edited: &Splats) -> Result<(), AmgError> {
         let (rows, splats) = (self.len(), edited.len());
         if self.num_sources != num_sources || rows != splats {

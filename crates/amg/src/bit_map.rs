@@ -1,5 +1,5 @@
-//! Maps by the bits of splats.
+//! Maps keyed by the bits of splats.
 
-/// A map whose keys are long: its hash takes eight bytes at a time. Seeded anew in each process, so
-/// that no file can be made to collide; nothing may depend on the order of its entries.
+/// A map for long keys, hashed eight bytes at a time. Seeded randomly in each process, so that no
+/// file can be crafted to cause collisions; results must not depend on the order of its entries.
 pub(crate) type BitMap<K, V> = std::collections::HashMap<K, V, foldhash::fast::RandomState>;

@@ -1,5 +1,5 @@
-//! Splits the splats that the edit moved into rigid groups and chooses the source splats that carry
-//! them.
+//! Splits the splats that the edit moved into rigid groups, and chooses the source splats whose
+//! motion each group follows (its carriers).
 
 use crate::identity::{Identity, IdentityMap};
 use crate::keyframes::{FADED, KeyFrames};
@@ -11,13 +11,13 @@ use gs_core::Real;
 
 /// Neighbours whose distances are compared over time.
 const NEIGHBORS: usize = 7;
-/// Distances between parts of one thing change by less than this share of the group's size, or of
-/// themselves.
+/// Distances within a rigid piece change by less than this share of the group's size, or of the
+/// distance itself.
 const OF_SIZE: f64 = 0.04;
 const OF_DISTANCE: f64 = 0.75;
-/// Fewest splats of a piece; smaller ones join the nearest piece.
+/// Minimum number of splats of a piece; smaller ones join the nearest piece.
 const MIN_PIECE: usize = 12;
-/// Most source splats that carry a group: more do not change the mean motion.
+/// Maximum number of carriers of a group; more do not change the mean motion.
 const MAX_CARRIERS: usize = 192;
 /// Rounds of the robust fit.
 const ROUNDS: usize = 4;
@@ -65,7 +65,8 @@ pub(crate) fn groups(keys: &KeyFrames, dynamic: &[bool], identity: &IdentityMap)
     found
 }
 
-/// Which groups are copies: most of their source splats are in the edit where they were, too.
+/// Flags of the groups that are copies: most of their source splats are also in the edit at their
+/// original place.
 pub(crate) fn copies(identity: &IdentityMap, num_sources: usize) -> Vec<bool> {
     let mut in_place = vec![false; num_sources];
     for row in &identity.rows {
@@ -84,8 +85,8 @@ pub(crate) fn copies(identity: &IdentityMap, num_sources: usize) -> Vec<bool> {
     counts.into_iter().map(|(members, still_there)| 2 * still_there > members).collect()
 }
 
-/// Piece of each of `ids`: neighbours that keep their distance, at all times when both are seen,
-/// are of one piece.
+/// Piece of each of `ids`: neighbours belong to one piece if their distance is constant over the
+/// times when both are visible.
 fn pieces(keys: &KeyFrames, ids: &[u32]) -> Vec<usize> {
     let place = |id: u32| keys.at_edit.means[id as usize].map(f64::from);
     let points: Vec<[f64; 3]> = ids.iter().map(|&id| place(id)).collect();
@@ -151,8 +152,8 @@ fn keep_distance(keys: &KeyFrames, i: usize, j: usize, slack: f64) -> bool {
     })
 }
 
-/// Source splats whose common motion is that of the piece: those that deviate from it count less,
-/// or not at all.
+/// Carriers of a piece, with weights: source splats that deviate from the common motion have a
+/// lower weight or none.
 fn carriers(keys: &KeyFrames, ids: &[u32]) -> Vec<(u32, f32)> {
     let step = ids.len().div_ceil(MAX_CARRIERS).max(1);
     let mut order: Vec<u32> = ids.to_vec();
@@ -180,7 +181,8 @@ fn carriers(keys: &KeyFrames, ids: &[u32]) -> Vec<(u32, f32)> {
     kept.map(|(&id, &weight)| (id, (weight / largest).as_f32())).collect()
 }
 
-/// Largest deviation of each from the common rigid motion at a key time, as far as it is seen then.
+/// Largest deviation of each splat from the common rigid motion over the key times, multiplied by
+/// its visibility.
 fn residuals(keys: &KeyFrames, ids: &[u32], weights: &[f64]) -> Vec<f64> {
     let mut worst = vec![0.0_f64; ids.len()];
     for (k, means) in keys.means.iter().enumerate() {

@@ -1,8 +1,8 @@
 //! Separates motion from jitter.
 //!
-//! Trajectories fitted to images are arbitrary where images do not constrain them: splats of a bare
-//! wall slide along it independently, which is invisible. Transferred to other splats, this sliding
-//! becomes visible. Unlike jitter, motion is shared by neighbours.
+//! Trajectories fitted to images are arbitrary where images do not constrain them: splats on a
+//! textureless wall slide along it independently, which is invisible until other splats follow
+//! them. Unlike jitter, motion is shared by neighbours.
 
 use crate::keyframes::KeyFrames;
 use anchors::{KdTree, Neighbor};
@@ -11,8 +11,8 @@ use anchors::{KdTree, Neighbor};
 /// motion, and small enough for a small object.
 const NEIGHBORHOODS: [usize; 2] = [8, 25];
 
-/// Standard errors by which a neighbourhood's mean displacement must differ from zero: of
-/// independent displacements one neighbourhood in a thousand does.
+/// Number of standard errors by which the mean displacement of a neighbourhood must differ from
+/// zero; with independent displacements, one neighbourhood in a thousand exceeds it.
 const SIGNIFICANT: f64 = 3.3;
 
 /// Clears `moves` of splats whose neighbourhood does not move at any key time: its mean
@@ -73,7 +73,7 @@ mod tests {
 
     #[test]
     fn shared_motion_differs_from_independent_displacements() {
-        // A low-discrepancy scatter of directions that add up to nearly nothing.
+        // A low-discrepancy scatter of directions whose sum is almost zero.
         let scatter = |i: usize| {
             let turn = i as f64 * 2.399_963;
             let z = 1.0 - (2.0 * i as f64 + 1.0) / 25.0;

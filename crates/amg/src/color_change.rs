@@ -25,7 +25,7 @@ impl ColorChange {
         harmonics: 1.0,
     };
 
-    /// The colour that `colour` becomes.
+    /// `A c + b` for a colour `c`.
     pub fn apply(&self, color: [f32; 3]) -> [f32; 3] {
         [0, 1, 2].map(|i| {
             let row = &self.matrix[i];
@@ -62,7 +62,7 @@ pub(crate) struct ColorPairs {
     squares: [[f64; 3]; 3],
     /// Σ w to_i from_j.
     products: [[f64; 3]; 3],
-    /// Of the harmonics: Σ w old·new, Σ w old².
+    /// Sums over the harmonics: Σ w old·new, Σ w old².
     harmonics: (f64, f64),
 }
 

@@ -1,4 +1,4 @@
-//! Which source splats move, and how large the thing that moves is.
+//! Split of the source into moving and static splats, and size of the moving object.
 
 use crate::AmgError;
 use crate::coherence::keep_coherent;
@@ -6,24 +6,25 @@ use crate::keyframes::KeyFrames;
 use crate::options::{DynamicOverride, DynamicParams};
 use crate::pose::{self, quantile_index};
 
-/// The source, split into what moves and what does not.
+/// Split of the source into moving and static splats.
 ///
-/// In order of authority: the user's mask or box; the scene's own mask; motion. By motion, a splat
-/// is dynamic when its largest displacement over the key times exceeds a threshold. The threshold
-/// is the valley of the distribution of log-displacements between a still and a moving population
-/// (Otsu), accepted only when both hold at least 0.1 % of the splats, the typical moving splat
-/// moves at least 8 times as far as the typical still splat, and the valley lies below 0.5 % of the
-/// scene's size: deformation networks make still splats tremble, but less than that. Without such a
-/// valley, every splat that moves more than 0.2 % of the scene's size is dynamic. Of those, splats
-/// that tremble alone are still (see [`DynamicParams::coherent`]).
+/// In order of precedence: the user's mask or box; the scene's own mask; motion. By motion, a splat
+/// is dynamic if its largest displacement over the key times exceeds a threshold. The threshold is
+/// the valley of the distribution of log-displacements between a static and a moving population
+/// (Otsu). It is accepted only if both populations contain at least 0.1 % of the splats, the
+/// typical moving splat moves at least 8 times as far as the typical static splat, and the valley
+/// is below 0.5 % of the scene's size: deformation networks also displace static splats, but by
+/// less than that. Without such a valley, every splat that moves by more than 0.2 % of the scene's
+/// size is dynamic. Splats whose motion their neighbours do not share are then made static (see
+/// [`DynamicParams::coherent`]).
 #[derive(Debug, Clone, PartialEq)]
 pub struct DynamicSplit {
     /// `[N]`.
     pub dynamic: Vec<bool>,
-    /// Displacement from which a splat counted as moving, world units; 0 when a mask decided.
+    /// Displacement above which a splat counts as moving, world units; 0 if a mask was used.
     pub threshold: f64,
-    /// Diameter of the ball about the mean of the dynamic splats that holds 92 % of them, at the
-    /// edit frame, world units.
+    /// Diameter of the ball around the mean of the dynamic splats that contains 92 % of them, at
+    /// the edit frame, world units.
     pub figure_size: f64,
 }
 
@@ -84,7 +85,7 @@ fn amplitudes(keys: &KeyFrames) -> Vec<f64> {
         .collect()
 }
 
-/// Size of what `of` picks, see [`pose::size`].
+/// Size of the splats selected by `of`, see [`pose::size`].
 fn extent(keys: &KeyFrames, of: impl Fn(usize) -> bool) -> f64 {
     let rows = (0..keys.at_edit.len()).filter(|&i| !keys.broken[i] && of(i));
     pose::size(&rows.map(|i| keys.at_edit.means[i].map(f64::from)).collect::<Vec<_>>())
@@ -97,7 +98,7 @@ fn automatic_threshold(amplitudes: &[f64], broken: &[bool], size: f64) -> f64 {
     if size <= 0.0 {
         return 0.0;
     }
-    // Bins over log10(amplitude / size) in [−6, 0]; whatever is below counts as exactly still.
+    // Bins over log10(amplitude / size) in [−6, 0]; smaller amplitudes count as static.
     let bin_of = |a: f64| {
         let decade = (a / size).max(1e-12).log10().clamp(-DECADES_BELOW, -1e-9);
         quantile_index(BINS, (decade + DECADES_BELOW) / DECADES_BELOW)
@@ -125,6 +126,6 @@ fn automatic_threshold(amplitudes: &[f64], broken: &[bool], size: f64) -> f64 {
     let ratio = 10.0_f64.powf(best.2 * DECADES_BELOW / (BINS - 1) as f64);
     let valley = (best.1 as f64 + 0.5) / (BINS - 1) as f64;
     let share = 10.0_f64.powf(DECADES_BELOW * (valley - 1.0));
-    // A valley further up separates slow movers from fast ones.
+    // A higher valley separates slow from fast motion.
     if best.0 == 0.0 || ratio < 8.0 || share > 5e-3 { fallback } else { share * size }
 }

@@ -1,8 +1,9 @@
 //! Eigenvectors of symmetric 4×4 matrices for their largest eigenvalues, several matrices at once.
 //!
-//! The eigenvalue is the largest root of the characteristic polynomial, by Newton's method from
-//! above, where it is convex; the eigenvector is a column of the adjugate. Where other eigenvalues
-//! are near, both lose digits, and Jacobi rotations are taken instead. Lanes are independent.
+//! The eigenvalue is the largest root of the characteristic polynomial, found by Newton's method
+//! from above, where the polynomial is convex; the eigenvector is a column of the adjugate. Where
+//! other eigenvalues are near, both lose digits, and Jacobi rotations are used instead. Lanes are
+//! independent.
 #![expect(
     clippy::inline_always,
     reason = "vectorised bodies must be compiled inside the dispatched caller"
@@ -11,11 +12,11 @@
 use crate::simd::Lanes;
 use gs_core::{quat, symmetric_eigen};
 
-/// Newton steps; of the matrices met, nearly all need six or fewer.
+/// Maximum number of Newton steps; in practice nearly all matrices need at most six.
 const STEPS: usize = 16;
 
-/// Product of the gaps to the other eigenvalues, in units of the matrix's size, below which too
-/// many digits are lost: about ten are left there.
+/// Minimum product of the gaps to the other eigenvalues, in units of the matrix's size. About ten
+/// digits remain at this limit; below it, Jacobi rotations are used.
 const GAPS: f64 = 1e-6;
 
 /// Matrices `[4][4]`, lane by lane.

@@ -3,19 +3,19 @@
 use gs_core::{SceneError, SplatsError};
 use thiserror::Error;
 
-/// Reason for which no motion could be found or evaluated. Numerical problems are no errors: they
-/// are counted in [`crate::MotionReport`].
+/// Error of finding or evaluating a motion. Numerical problems are not errors; they are counted in
+/// [`crate::MotionReport`].
 #[derive(Debug, Error)]
 pub enum AmgError {
     /// The source scene failed to evaluate.
     #[error("amg: the source scene could not be evaluated")]
     Source(#[from] SceneError),
-    /// Arrays of the edited splats, or of the source's splats, do not belong together.
+    /// Arrays of the edited splats, or of the source's splats, have inconsistent lengths.
     #[error("amg: {which} splats are malformed")]
     Shape {
         /// "edited" or "source".
         which: &'static str,
-        /// The array at fault.
+        /// Error of the array.
         #[source]
         source: SplatsError,
     },
@@ -37,16 +37,17 @@ pub enum AmgError {
         /// Number of source splats.
         expected: usize,
     },
-    /// A binding's arrays contradict each other, the source scene or the edited splats.
+    /// The arrays of a binding are inconsistent with each other, the source scene or the edited
+    /// splats.
     #[error("amg: binding: {what}")]
     Binding {
-        /// What, where, expected and found.
+        /// Description, with the place, the expected and the found value.
         what: String,
     },
     /// Anchors could not be built.
     #[error("amg: anchors could not be built")]
     Anchors(#[from] anchors::AnchorError),
-    /// The transport problem was refused.
+    /// The transport problem is invalid.
     #[error("amg: transport could not be solved")]
     Transport(#[from] uot::UotError),
 }

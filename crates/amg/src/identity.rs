@@ -1,4 +1,4 @@
-//! Which edited splats *are* source splats.
+//! Identification of edited splats with source splats.
 
 mod moved;
 mod row;
@@ -18,36 +18,37 @@ use gs_core::Splats;
 use rayon::prelude::*;
 use tolerance::{appearance_within, match_by_tolerance};
 
-/// Which edited splats are source splats, by value and never by row.
+/// Relation of every edited splat to the source splats, by value and never by row.
 ///
 /// First by bits (`−0` equals `0`), in the order: all fields, geometry. Rows with equal bits are
-/// paired in order, each source once as long as there are enough. Then, for rows still open, by
+/// paired in order, each source once as long as there are enough. Then, for the remaining rows, by
 /// tolerance against the nearest source splats:
 ///
 /// * mean: 2e-6 of its largest coordinate (text PLY), or 1e-3 of the middle standard deviation;
-/// * shape: quaternions within 2e-3 rad whatever sign and norm, and scales within 1e-3; or, since
+/// * shape: quaternions within 2e-3 rad for any sign and norm, and scales within 1e-3; or, since
 ///   editors reorder axes, sorted scales within 1e-3 and covariances within 5e-3;
 /// * opacity: 2e-3 after the sigmoid (editors clamp logits); colour: 1e-3 per SH coefficient,
 ///   missing degrees being 0.
 ///
 /// [`IdentityParams::tolerance`] scales all of them.
 ///
-/// With [`IdentityParams::precision`], instead of by bits: a row is the source splat that agrees
-/// with it in every stored value within the precision of the file format, the nearest one of
-/// several; values that the format does not store are not compared. The tolerances above are for
-/// rows that remain.
+/// With [`IdentityParams::precision`], the comparison by bits is replaced: a row is identified with
+/// the source splat that agrees with it in every stored value within the precision of the file
+/// format, the nearest one if there are several. Values that the format does not store are not
+/// compared. The tolerances above apply to the remaining rows.
 ///
-/// Of the rows that still remain, groups of at least eight that share a signature (proportions,
-/// opacity, base colour) with source splats and one similarity with their places are source splats,
-/// moved ([`Identity::Moved`]): what an editor's move, turn and scale tools make of a selection,
-/// whether or not they turn and scale the splats themselves, or of the whole scene when it is saved
-/// with other axes. Residuals of that similarity are below 4e-6 of the largest coordinate or 2e-3
-/// of the middle standard deviation, plus what the file format rounds.
+/// Of the rows that remain, groups of at least eight are identified as moved source splats
+/// ([`Identity::Moved`]) if they share a signature (proportions, opacity, base colour) with source
+/// splats and one similarity maps the source positions to theirs. This covers selections that an
+/// editor moved, rotated and scaled, with or without rotating and scaling the splats themselves,
+/// and whole scenes saved with other axes. Residuals of the similarity are below 4e-6 of the
+/// largest coordinate or 2e-3 of the middle standard deviation, plus the rounding of the file
+/// format.
 #[derive(Debug, Clone, PartialEq)]
 pub struct IdentityMap {
     /// One entry per edited splat, `[M]`.
     pub rows: Vec<Identity>,
-    /// Source splats that no edited splat is, ascending.
+    /// Source splats without an identical edited splat, ascending.
     pub vanished: Vec<u32>,
     /// Number of [`Identity::Unchanged`] rows.
     pub unchanged: usize,
@@ -66,7 +67,7 @@ impl IdentityMap {
     /// row is [`Identity::Edited`].
     ///
     /// # Errors
-    /// If the arrays of either cloud do not belong together.
+    /// If the arrays of either cloud have inconsistent lengths.
     pub fn of(source: &Splats, edited: &Splats, params: &IdentityParams) -> Result<Self, AmgError> {
         source.check_shapes().map_err(|source| AmgError::Shape { which: "source", source })?;
         edited.check_shapes().map_err(|source| AmgError::Shape { which: "edited", source })?;
@@ -90,9 +91,9 @@ impl IdentityMap {
         Ok(Self::count(rows, similarities, source.len()))
     }
 
-    /// `edited` with the source's own values wherever it is a source splat in its place: all of
-    /// them in unchanged rows, geometry in recoloured ones. Harmonics that the edited splats have
-    /// no room for are left out.
+    /// `edited` with the exact values of the source in the rows that are source splats at their
+    /// original place: all values in unchanged rows, geometry in recoloured ones. SH above the
+    /// degree of the edited splats are dropped.
     #[must_use]
     pub fn restore_in_place(&self, source: &Splats, edited: &Splats) -> Splats {
         let mut restored = edited.clone();
@@ -112,8 +113,9 @@ impl IdentityMap {
         restored
     }
 
-    /// As [`IdentityMap::restore_in_place`], and moved rows with the values that their similarity
-    /// makes of the source's, as far as the edited ones agree: for files that round.
+    /// As [`IdentityMap::restore_in_place`]; moved rows also get the values of the source
+    /// transformed by their similarity, where the edited values agree with them. For formats that
+    /// round.
     #[must_use]
     pub fn restore(&self, source: &Splats, edited: &Splats) -> Splats {
         let mut restored = self.restore_in_place(source, edited);
@@ -141,9 +143,9 @@ impl IdentityMap {
         self.unchanged + self.recoloured + self.moved
     }
 
-    /// The group that is the whole scene, saved with other axes, scale or origin: the file's only
-    /// one, see [`IdentityMap::whole_file`], and a quarter of the scene or more. Less is a
-    /// selection.
+    /// The group that is the whole scene, saved with other axes, scale or origin: that of
+    /// [`IdentityMap::whole_file`], if it contains at least a quarter of the scene. A smaller group
+    /// is a selection.
     pub fn whole_scene(&self) -> Option<u32> {
         let group = self.whole_file()?;
         let mut sources: Vec<u32> = self.members(group).map(|(_, source)| source).collect();
@@ -152,8 +154,8 @@ impl IdentityMap {
         (4 * sources.len() >= sources.len() + self.vanished.len()).then_some(group)
     }
 
-    /// The group that holds more than half of the rows, if next to none are where the source has
-    /// them.
+    /// The group that contains more than half of the rows, if almost no row is at its place in the
+    /// source.
     pub fn whole_file(&self) -> Option<u32> {
         let mut sizes = vec![0_usize; self.similarities.len()];
         for row in &self.rows {
@@ -196,7 +198,7 @@ impl IdentityMap {
 
 type GeometryKey = [u32; 10];
 
-/// Bits with one zero. NaN payloads are left alone: equal bits are equal values to a file.
+/// Bits with one zero. NaN payloads are kept: equal bits are equal values in a file.
 fn bits(value: f32) -> u32 {
     if value == 0.0 { 0 } else { value.to_bits() }
 }
@@ -258,7 +260,8 @@ fn match_by_bits(source: &Splats, edited: &Splats, tolerance: f64, rows: &mut [I
             .collect()
     };
     let (source_keys, edited_keys) = (keys_of(source), keys_of(edited));
-    // Whole splats first, so that of two coincident splats each edited row finds its own.
+    // Whole splats first, so that each edited row is matched correctly if two source splats
+    // coincide.
     let mut used = vec![false; source.len()];
     let mut whole: BitMap<(GeometryKey, u64), Pool> =
         BitMap::with_capacity_and_hasher(source.len(), RandomState::default());

@@ -10,12 +10,12 @@ use crate::work::Row;
 use anchors::KdTree;
 use gs_core::{Real, Splats, activation, sh};
 
-/// Nearest splats around one, itself included, from which a change is read: of recoloured ones the
-/// change of colour, of all whether the surface was deleted. If a third of them are deleted, so is
-/// the surface: where an editor deletes a tenth of all splats at random, 0.6 in 1000 of those are
-/// mistaken.
+/// Number of nearest splats, including the splat itself, from which a change is estimated: the
+/// change of colour from the recoloured ones, a deletion of the surface from all. The surface
+/// counts as deleted if a third of them are deleted. If an editor deletes a tenth of all splats at
+/// random, this is wrong for 0.6 in 1000 of the deleted ones.
 const NEIGHBORS: usize = 32;
-/// Between these shares of recoloured ancestors a descendant takes a part of the change, as it
+/// Between these shares of recoloured ancestors, a descendant gets a part of the change, because it
 /// covers both sides of the border of the edit.
 const SOFT: [f32; 2] = [0.3, 0.7];
 /// Changes of opacity below this are rounding of the editor.
@@ -36,9 +36,9 @@ pub struct Inherited {
     pub confidence: f32,
     /// Factor on the opacity; 0 where the surface was deleted.
     pub opacity: f32,
-    /// Change of color.
+    /// Change of colour.
     pub color: ColorChange,
-    /// Moved group that the surface belongs to.
+    /// Moved group to which the surface belongs.
     pub group: Option<u32>,
 }
 
@@ -69,7 +69,8 @@ enum Fate {
     Moved(u32),
 }
 
-/// Finds what each row inherits, and marks the rows that do as [`RowKind::Descendant`].
+/// Finds the edit that each row inherits, and marks the rows that inherit one as
+/// [`RowKind::Descendant`].
 pub(crate) fn inherit(
     generations: &Generations,
     (at_edit, edited): (&Splats, &Splats),
@@ -97,8 +98,8 @@ pub(crate) fn inherit(
     inherited
 }
 
-/// The fate of each source splat; of no meaning for splats that are invisible in the edit frame. Of
-/// several rows in the place of a splat, the most opaque recoloured one counts.
+/// The fate of each source splat; undefined for splats that are invisible in the edit frame. If
+/// several rows are at the place of a splat, the most opaque recoloured one counts.
 fn fates(
     identity: &IdentityMap,
     edited: &Splats,
@@ -117,7 +118,7 @@ fn fates(
                 Fate::Recoloured(other) if edited.opacity(other) >= edited.opacity(row) => {}
                 _ => fates[id as usize] = Fate::Recoloured(row),
             },
-            // A splat that is also still in its place was copied.
+            // A splat that is also at its original place was copied.
             Identity::Moved { source, .. } if fates[source as usize] == Fate::Gone => {
                 fates[source as usize] = Fate::Moved(group_of.get(row).copied().unwrap_or(0));
             }
@@ -127,18 +128,18 @@ fn fates(
     fates
 }
 
-/// The rows in the place of a source splat.
+/// The rows at the place of a source splat.
 #[derive(Debug, Clone, Copy, Default)]
 struct Stack {
-    /// Opacity of all of them together.
+    /// Combined opacity of all rows.
     together: f32,
-    /// Opacity of the most opaque one.
+    /// Opacity of the most opaque row.
     most: f32,
 }
 
 impl Stack {
-    /// The opacity that they leave to the surface. Clones make it no more opaque than the splat was,
-    /// or than the most opaque clone; densification lays them exactly on their originals.
+    /// The opacity of the surface. Clones do not make it more opaque than the splat was, or than
+    /// the most opaque clone; densification places them exactly on their originals.
     fn of_surface(self, before: f32) -> f32 {
         self.together.min(before.max(self.most))
     }
@@ -240,7 +241,7 @@ impl Palette {
         Self { ids: recoloured.into_iter().map(|(id, _)| id).collect(), changes, opacities }
     }
 
-    /// What a row inherits; `None` if its ancestors are unchanged.
+    /// The edit that a row inherits; `None` if its ancestors are unchanged.
     fn inherited(
         &self,
         row: usize,
@@ -341,7 +342,7 @@ impl ColorSum {
     }
 }
 
-/// Counts of what was reached by descent.
+/// Counts of splats that inherit an edit by descent.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct DescentReport {
     /// Source splats that are visible at some time.
@@ -360,7 +361,7 @@ pub struct DescentReport {
     pub copied: usize,
     /// Mean confidence of rows that inherit anything, 0 to 1.
     pub confidence: f64,
-    /// Of these, rows whose confidence is below a half.
+    /// Rows that inherit with a confidence below one half.
     pub unsure: usize,
     /// Splats of the edit frame that edited ones follow over the whole clip.
     pub lasting: usize,

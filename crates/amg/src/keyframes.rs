@@ -19,8 +19,8 @@ pub(crate) struct KeyFrames {
     /// Unit relative rotations since the edit frame, at each key time, `[T][N]`; identity for zero
     /// quaternions.
     pub(crate) turns: Vec<Vec<[f32; 4]>>,
-    /// Opacity at each key time over that at the edit frame, at most 1, `[T][N]`; empty if the
-    /// scene's never change.
+    /// Opacity at each key time divided by that at the edit frame, at most 1, `[T][N]`; empty if
+    /// the opacities of the scene are constant.
     seen: Vec<Vec<f32>>,
     /// Rows with a value that is not finite at some time.
     pub(crate) broken: Vec<bool>,
@@ -71,7 +71,7 @@ impl KeyFrames {
         !self.seen.is_empty()
     }
 
-    /// How far source `i` is still there at key time `k`, 0 to 1.
+    /// Presence of source `i` at key time `k`, 0 to 1.
     pub(crate) fn seen(&self, k: usize, i: usize) -> f64 {
         self.seen.get(k).map_or(1.0, |seen| f64::from(seen[i]))
     }
@@ -83,7 +83,7 @@ impl KeyFrames {
     }
 }
 
-/// Rows persist; a scene that breaks this promise is refused before ids run out of range.
+/// Verifies that rows persist; a scene that violates this is rejected before ids are out of range.
 pub(crate) fn check_rows(at_t: &Splats, num_splats: usize) -> Result<(), SceneError> {
     let lengths = [
         ("means", at_t.means.len()),
@@ -100,7 +100,7 @@ pub(crate) fn check_rows(at_t: &Splats, num_splats: usize) -> Result<(), SceneEr
     Ok(())
 }
 
-/// Opacity of splat `i` now over that at the edit frame, at most 1; 0 if either is no number.
+/// Opacity of splat `i` now divided by that at the edit frame, at most 1; 0 if either is NaN.
 pub(crate) fn still_seen(at_edit: &Splats, at_t: &Splats, i: usize) -> f32 {
     let ratio = at_t.opacity(i) / at_edit.opacity(i);
     if ratio.is_nan() { 0.0 } else { ratio.min(1.0) }

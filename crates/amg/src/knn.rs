@@ -1,4 +1,4 @@
-//! Baseline "KNN-Guide": the nearest source splats, whatever they belong to.
+//! Baseline "KNN-Guide": the nearest source splats, regardless of their part.
 
 use crate::options::KnnParams;
 use crate::row_index::index;

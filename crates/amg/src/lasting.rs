@@ -26,7 +26,7 @@ use std::sync::Arc;
 /// Largest number of times at which carriers are chosen; the steps between them are shorter than a
 /// life.
 const CHOICES: usize = 33;
-/// Least presence of a carrier, so that the motion is defined where none of them is visible.
+/// Minimum presence of a carrier, so that the motion is defined where none of them is visible.
 const GONE: f64 = 1e-3;
 
 /// A source splat that others follow, with its rest place.
@@ -67,7 +67,7 @@ impl Carrier {
 pub struct Lasting {
     /// Source ids, ascending, `[A]`.
     pub ids: Vec<u32>,
-    /// Start of each one's carriers, and the end of the last, `[A + 1]`.
+    /// Start of the carriers of each splat in `carried_by`, and the end of the last, `[A + 1]`.
     pub offsets: Vec<u32>,
     /// Indices into `carriers`, `[nnz]`.
     pub carried_by: Vec<u32>,
@@ -225,7 +225,7 @@ impl Lasting {
     }
 
     /// Writes positions and rotations of the lasting splats for the source state `source_t` into
-    /// `out`, which holds the source at the edit time. `from` are the motions at the edit time.
+    /// `out`, which contains the source at the edit time. `from` are the motions at the edit time.
     pub(crate) fn move_into(&self, from: &[Motion], source_t: &Splats, out: &mut Splats) {
         let motions = self.motions(source_t);
         for ((&id, from), to) in self.ids.iter().zip(from).zip(&motions) {

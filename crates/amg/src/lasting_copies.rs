@@ -1,4 +1,4 @@
-//! Copies of splats that live briefly: a dancer beside the dancer.
+//! Copies of short-lived splats, for example of a whole dancer.
 //!
 //! A copy moves like its original, at its own place. If the original is one generation of a
 //! surface, the copy would fade with it, and no later generation is there to replace it. Such
@@ -22,9 +22,9 @@ use crate::row_index::index;
 use crate::row_kind::RowKind;
 use crate::work::Row;
 
-/// Least presence, 0 to 1, over the clip from which a splat needs no replacement. Halved or nearly
-/// doubled it changes nothing on generator scenes with lives of 0.05 to 1.5 clips: no splat that
-/// frame 1 shows has a least presence between 0.25 and 1.
+/// Minimum presence over the clip, 0 to 1, from which a splat needs no replacement. Halving or
+/// nearly doubling it changes nothing on generated scenes with lives of 0.05 to 1.5 clips: no splat
+/// visible in frame 1 has a minimum presence between 0.25 and 1.
 const LASTS: f64 = 0.5;
 
 /// Marks the copies that last, and the splats that move with copies. Returns what hidden copies
@@ -75,7 +75,7 @@ pub(crate) fn mark(
     hidden
 }
 
-/// Splats that the edit frame does not show and that descend mainly from copied ones.
+/// Splats that are invisible in the edit frame and descend mainly from copied ones.
 fn later_generations(generations: &Generations, copied: &[bool]) -> Vec<bool> {
     let descends = |descent: &crate::generations::Descent| {
         let from_copied = descent.of.iter().filter(|(id, _)| copied[*id as usize]);

@@ -1,5 +1,5 @@
-//! Anchor-based motion guidance: carries an edited frame of a dynamic Gaussian scene along the
-//! scene's motion.
+//! Anchor-based motion guidance: propagates an edited frame of a dynamic Gaussian scene along the
+//! motion of the scene.
 //!
 //! [`propagate()`] takes a source [`gs_core::DynamicScene`] and the edited splats of one of its
 //! frames and returns an [`EditedScene`], itself a `DynamicScene`, defined at every time of the
@@ -20,13 +20,13 @@
 //! | hypothesis | one motion that an edited splat may have; several regions share it |
 //! | posterior | probability of an edited splat's regions, and of none, given all others |
 //! | marginal penalty | cost of a region that has more edited splats than its share, or fewer |
-//! | parent | the source splat that an edited one once was, identified by equal bits |
-//! | new piece | connected edited splats that are in no source splat's place ("graft") |
-//! | support | the source splats whose motion an edited splat takes |
+//! | parent | the source splat from which an edited splat was made, identified by equal bits |
+//! | new piece | connected edited splats that are not at the place of a source splat ("graft") |
+//! | support | the source splats whose motion an edited splat follows |
 //! | moved group | source splats that the edit moved, turned or scaled as one |
 //! | generation | source splats that represent a surface at a time when others have faded |
-//! | rest place | where a splat would be at the edit time, had it been there |
-//! | descendant | a splat that the edit frame does not show, of a surface that it does |
+//! | rest place | the position that a splat would have at the edit time |
+//! | descendant | a splat that is invisible in the edit frame, of a surface visible in it |
 //! | binding | per edited splat, the source splats it follows and their weights |
 
 mod aggregate;

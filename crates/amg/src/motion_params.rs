@@ -3,8 +3,8 @@
 use crate::AmgError;
 use serde::{Deserialize, Serialize};
 
-/// Parameters of [`crate::MotionGuide::Regions`]; their symbols are those of `docs/MOTION.md`,
-/// where their sensitivity is measured, too.
+/// Parameters of [`crate::MotionGuide::Regions`], with the symbols of `docs/MOTION.md`.
+/// `docs/BENCHMARKS.md` has their measured sensitivity.
 ///
 /// Lengths are shares of the figure's size, costs are nats (natural logarithms of probabilities).
 /// In a configuration file these are the keys of one table; absent keys keep their defaults.
@@ -21,14 +21,14 @@ pub struct MotionParams {
     /// of the figure. At least four times the noise of the trajectories. Default 0.015.
     pub same_motion: f64,
     /// λ₀, weight of the entropy in the transport of splats to regions, nats: 1 gives the
-    /// probabilities of the likelihood, less sharpens them. Default 0.5.
+    /// probabilities of the likelihood, smaller values sharpen them. Default 0.5.
     pub entropy: f64,
     /// λ₁, weight of the source marginal of patches of regions, nats: near 0, any number of splats
     /// may belong to a patch. Default 2.
     pub source_marginal: f64,
     /// Cost of belonging to no region, nats. Default 4.
     pub unmatched: f64,
-    /// Weight, in splats, of the prior that the edit displaced nothing. Default 0.03.
+    /// Weight, in splats, of the prior that the edit displaced no surface. Default 0.03.
     pub prior: f64,
     /// Cost of the typical misalignment of normals, nats. Default 2.
     pub alignment: f64,

@@ -1,4 +1,5 @@
-//! [`MovedGroup`]: source splats that the edit moved together, and the splats that carry them.
+//! [`MovedGroup`]: source splats that the edit moved together, and the splats whose motion they
+//! follow.
 //!
 //! The edit placed the group by a similarity `T` at the edit time. The centre of that similarity
 //! moves with the scene: a pan that was scaled about its centre is still in a hand. With `M(t)`,
@@ -25,10 +26,10 @@ const OPEN_CASES: f64 = 1e-3;
 /// Source splats that were moved by one similarity and move as one.
 #[derive(Debug, Clone, PartialEq)]
 pub struct MovedGroup {
-    /// What the edit did, at the edit time, from the source's frame to the edit's.
+    /// Similarity of the edit at the edit time, from the source's frame to the edit's.
     pub similarity: Similarity,
-    /// Source splats whose rigid motion carries it, with weights above 0; none for a group that
-    /// stays where it was put.
+    /// Source splats whose rigid motion the group follows, with weights above 0; empty for a static
+    /// group.
     pub carriers: Vec<(u32, f32)>,
 }
 
@@ -44,8 +45,8 @@ pub(crate) struct GroupPose {
 }
 
 impl MovedGroup {
-    /// Its pose when the source is `source_t`. With `fading`, which needs opacities, carriers that
-    /// have faded count less.
+    /// Pose of the group at the source state `source_t`. With `fading`, which needs opacities,
+    /// faded carriers have less weight.
     pub(crate) fn pose(
         &self,
         source_1: &Splats,
@@ -103,9 +104,9 @@ pub(crate) fn carry(
     *log_scale = log_scale.map(|value| value + pose.now.scale.ln().as_f32());
 }
 
-/// Geometry of a moved row at a time: see the head of this file. `edited`, the row at the edit
-/// time, keeps what the similarity does not explain: residuals of its place, and rotations and
-/// scales that the tool did not change as it changed the places.
+/// Geometry of a moved row at a time; see the documentation of this module. `edited` is the row at
+/// the edit time. Its differences from the similarity are kept: residuals of its centre, and
+/// rotations and scales that the tool did not transform.
 pub(crate) fn place(
     edited: ([f32; 3], [f32; 4], [f32; 3]),
     id: usize,
@@ -121,7 +122,7 @@ pub(crate) fn place(
 
     let unit = |q: [f32; 4]| quat::normalize(q.map(f64::from));
     let (q_1, q_t, q_e) = (unit(source_1.quats[id]), unit(source_t.quats[id]), unit(rotation));
-    // What turns the source splat, placed, into the edited one, in its own axes.
+    // Rotation from the placed source splat to the edited one, in the axes of the splat.
     let placed = quat::mul(pose.at_edit.rotation, q_1);
     let own = quat::mul(quat::conjugate(placed), q_e);
     if quat::dot(own, own) < 0.5 || quat::dot(q_t, q_t) < 0.5 {

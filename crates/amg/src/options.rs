@@ -11,13 +11,13 @@ use std::sync::Arc;
 pub enum Preset {
     /// Regions of the source that move as one (default).
     Regions,
-    /// The paper to the letter.
+    /// The paper as printed.
     Paper,
     /// The paper's baseline "KNN-Guide", k = 3.
     Knn,
 }
 
-/// How correspondences between edited and source splats are found.
+/// Method that finds correspondences between edited and source splats.
 #[derive(Debug, Clone)]
 pub enum MotionGuide {
     /// Regions that move as one, transport of edited splats to regions with learned offsets, rigid
@@ -51,8 +51,8 @@ pub enum AnchorSampling {
     /// Neighbourhoods that lines through the scene's sphere hit (Eqs. 5–7).
     #[default]
     Lines,
-    /// Farthest-point sampling, the paper's "naive sampling": one anchor for `k + 1` splats, as
-    /// many as there are neighbourhoods, each standing for the splats nearest to it.
+    /// Farthest-point sampling, the paper's "naive sampling": one anchor per `k + 1` splats, as
+    /// many as there are neighbourhoods. Each represents the splats nearest to it.
     FarthestPoints,
 }
 
@@ -63,16 +63,16 @@ pub struct PaperParams {
     pub sampling: AnchorSampling,
     /// Neighbourhoods, cylinder and lines. Default: disjoint triples, global δ, 300 000 lines.
     pub anchors: anchors::AnchorParams,
-    /// Welsch scale over the median anchor distance, β = γ·d_med (Eq. 21). Default 0.05.
+    /// Welsch scale relative to the median anchor distance, β = γ·d_med (Eq. 21). Default 0.05.
     pub gamma: f64,
     /// λ0, λ1, λ2 of Eq. 22, cost units; λ1 and λ2 may be infinite. Default 0.1, 1, 1.
     pub lambdas: [f64; 3],
-    /// Transport stops once no potential moves by this many λ0. Default 1e-9.
+    /// Transport stops when no potential changes by more than this, in units of λ0. Default 1e-9.
     pub tol: f64,
     /// Sweeps after which the transport is used unconverged, with a warning. Default 20 000.
     pub max_sweeps: usize,
-    /// Distance in β from which the cost counts as 1, above 0. Default 6: potentials are within
-    /// 2e-9 of the dense problem's.
+    /// Distance, in units of β, from which the cost counts as 1; above 0. Default 6: potentials are
+    /// within 2e-9 of those of the dense problem.
     pub cutoff: f64,
 }
 
@@ -90,24 +90,24 @@ impl Default for PaperParams {
     }
 }
 
-/// How the sources' motion becomes that of a blended row.
+/// Rules that combine the motion of the sources of a blended row.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Aggregation {
-    /// Positions.
+    /// Rule for positions.
     pub position: PositionRule,
-    /// Rotations.
+    /// Rule for rotations.
     pub rotation: RotationRule,
-    /// Scales.
+    /// Rule for scales.
     pub scale: ScaleRule,
-    /// Whether blended and recoloured rows follow their sources' change of opacity logit and SH
-    /// since the edit frame, too; else they keep the edit's at all times.
+    /// Whether blended and recoloured rows also follow the change of opacity logit and SH of their
+    /// sources since the edit frame; otherwise they keep the edit's values at all times.
     pub appearance: bool,
     /// Weight of the sources' own relative rotations in a local rigid motion, relative to their
     /// positions; 0 where the scene does not model rotation. Default 3; [`crate::propagate()`]
     /// lowers it when the source's rotations disagree with its positions.
     pub rotation_prior: f32,
-    /// Whether a source counts less at times when it is fainter than at the edit frame: its
-    /// position is not constrained by images then. Default on.
+    /// Whether a source has less weight at times when it is fainter than at the edit frame, because
+    /// images do not constrain its position then. Default on.
     pub fading: bool,
 }
 
@@ -116,8 +116,8 @@ pub struct Aggregation {
 pub enum PositionRule {
     /// Weighted mean of the displacements (Eq. 9).
     Average,
-    /// The rigid motion that best explains how the row's sources move (weighted Kabsch), applied to
-    /// the splat: a splat 3 % off a limb that turns 80° needs the lever arm.
+    /// The rigid motion that best fits the motion of the row's sources (weighted Kabsch), applied
+    /// to the splat: a splat 3 % off a limb that turns by 80° needs the lever arm.
     Rigid,
 }
 
@@ -168,14 +168,14 @@ impl Default for Aggregation {
 /// Options of the identity map.
 #[derive(Debug, Clone, PartialEq)]
 pub struct IdentityParams {
-    /// Off: every edited splat is matched by the guide. Default on.
+    /// If off, every edited splat is matched by the guide. Default on.
     pub enabled: bool,
     /// Factor on the tolerances for rounding (see [`crate::IdentityMap`]); 0 admits equal values
     /// only. Default 1.
     pub tolerance: f32,
-    /// How coarsely the edited splats were stored, when their file does not keep every value; see
-    /// [`crate::IdentityMap`]. Rows that agree within it are source splats, whose own values
-    /// [`crate::propagate()`] puts back. Default none.
+    /// Precision with which the edited splats were stored, if their file format is lossy; see
+    /// [`crate::IdentityMap`]. Rows that agree within it are source splats, whose exact values
+    /// [`crate::propagate()`] restores. Default none.
     pub precision: Option<Arc<Precision>>,
     /// Whether groups of source splats that were moved, turned or scaled together are recognised.
     /// Default on; off in the presets of the literature.
@@ -208,10 +208,10 @@ pub struct DynamicParams {
     /// The user's choice; takes precedence over the scene's own mask and over motion.
     pub override_with: Option<DynamicOverride>,
     /// Displacement over the key times from which a splat counts as moving, world units. `None`
-    /// (default): found from the distribution of displacements, see [`crate::DynamicSplit`].
+    /// (default): estimated from the distribution of displacements, see [`crate::DynamicSplit`].
     pub threshold: Option<f32>,
-    /// Whether displacements that neighbours do not share count as none: splats of bare surfaces
-    /// slide along them independently. Default on; off in the presets of the literature.
+    /// Whether displacements that neighbours do not share are ignored: splats on textureless
+    /// surfaces slide along them independently. Default on; off in the presets of the literature.
     pub coherent: bool,
 }
 
@@ -224,19 +224,19 @@ impl Default for DynamicParams {
 /// Whether an edit belongs to splats or to the surface.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Follow {
-    /// The splats of the edit frame: it lives as long as they do.
+    /// The edit belongs to the splats of the edit frame and is visible as long as they are.
     #[default]
     Splats,
-    /// The surface that they represent: splats that represent it at other times inherit the edit.
+    /// The edit belongs to the surface: splats that represent it at other times inherit the edit.
     Surface,
 }
 
 /// All options of [`crate::propagate()`].
 #[derive(Debug, Clone)]
 pub struct MotionOptions {
-    /// How correspondences are found.
+    /// Method that finds correspondences.
     pub guide: MotionGuide,
-    /// How they become motion.
+    /// Rules that turn correspondences into motion.
     pub aggregation: Aggregation,
     /// Time of the frame that was edited. `None` (default): start of the source's time range.
     pub edit_time: Option<f32>,
@@ -246,11 +246,11 @@ pub struct MotionOptions {
     pub identity: IdentityParams,
     /// Which source splats move.
     pub dynamics: DynamicParams,
-    /// What the edit belongs to. Default: the splats; for scenes whose splats live for a part of
-    /// the clip, the surface. For guides with identity only.
+    /// Whether the edit belongs to splats or to the surface. Default: the splats; for scenes whose
+    /// splats live for a part of the clip, the surface. For guides with identity only.
     pub follow: Follow,
-    /// Edited splats no nearer to a moving source than this share of the figure's size, and not
-    /// joined by edited splats to any that is, stay put. Default 0.25; infinite in the paper
+    /// Edited splats farther from every moving source splat than this share of the figure's size,
+    /// and not connected to nearer edited splats, are static. Default 0.25; infinite in the paper
     /// preset.
     pub reach: f32,
 }

@@ -1,4 +1,4 @@
-//! The paper to the letter: anchors on both clouds, unbalanced transport, nearest matched anchor,
+//! The paper as printed: anchors on both clouds, unbalanced transport, nearest matched anchor,
 //! Mahalanobis weights.
 
 use crate::AmgError;
@@ -118,8 +118,9 @@ fn correspond(
     Ok(found.rows)
 }
 
-/// Eq. 10 in the log domain, relative to the best source: an edited splat a few standard deviations
-/// off underflows otherwise. Standard deviations below a millionth of the offset count as that.
+/// Eq. 10 in the log domain, relative to the best source; otherwise the weights of an edited splat
+/// a few standard deviations off underflow. Standard deviations are at least a millionth of the
+/// offset.
 fn mahalanobis_weights(source: &Splats, ids: &[u32], x: [f32; 3]) -> Vec<(u32, f32)> {
     let logs: Vec<f64> = ids
         .iter()

@@ -36,8 +36,8 @@ impl Pose {
     }
 }
 
-/// Diameter of the ball about the cloud's mean that holds 92 % of the points; 0 of none. About the
-/// height of a standing figure.
+/// Diameter of the ball around the cloud's mean that contains 92 % of the points; 0 without points.
+/// About the height of a standing figure.
 pub(crate) fn size(points: &[[f64; 3]]) -> f64 {
     if points.is_empty() {
         return 0.0;
@@ -54,7 +54,7 @@ pub(crate) fn size(points: &[[f64; 3]]) -> f64 {
     2.0 * squares.select_nth_unstable_by(rank, f64::total_cmp).1.sqrt()
 }
 
-/// Position, in a sorted list of `len` values, of the one below which lies this share of them.
+/// Index, in a sorted list of `len` values, of the quantile at this share.
 #[expect(
     clippy::cast_possible_truncation,
     clippy::cast_sign_loss,

@@ -1,4 +1,4 @@
-//! The whole stage: from a source scene and edited splats to a scene that moves.
+//! The whole motion stage: from a source scene and edited splats to an edited dynamic scene.
 
 use crate::beside_copies::companions;
 use crate::binding::{Binding, Surface};
@@ -21,10 +21,10 @@ use gs_core::{DynamicScene, Real, Splats};
 use std::sync::Arc;
 use std::time::Instant;
 
-/// What [`propagate`] returns.
+/// Result of [`propagate`].
 #[derive(Debug)]
 pub struct Propagation {
-    /// The edit, moving. Its [`EditedScene::binding`] is all that needs to be stored.
+    /// The edited dynamic scene. Its [`EditedScene::binding`] is all that needs to be stored.
     pub scene: EditedScene,
     /// Which edited splats are source splats.
     pub identity: IdentityMap,
@@ -36,12 +36,12 @@ pub struct Propagation {
 
 /// Finds the motion of `edited`, an edit of `source` at the edit time. With
 /// [`crate::IdentityParams::precision`], the scene's [`EditedScene::edited`] differs from `edited`:
-/// splats of the source have their own values again.
+/// unchanged splats have the exact values of the source again.
 ///
 /// # Errors
-/// If the source cannot be evaluated, arrays do not belong together, or an option is out of range.
-/// Data that is merely odd (splats without numbers, nothing that moves, no overlap) is counted in
-/// the report and stays put.
+/// If the source cannot be evaluated, arrays have inconsistent lengths, or an option is out of
+/// range. Unusual data (splats with NaN values, no motion, no overlap) are counted in the report,
+/// and the splats concerned are static.
 pub fn propagate(
     source: Arc<dyn DynamicScene>,
     edited: Arc<Splats>,
@@ -93,7 +93,7 @@ pub fn propagate(
         _ => Vec::new(),
     };
     let mut work = Work::of(&keys, &split, &edited, &identity, options, &mut report);
-    // Both in order of rows.
+    // Both are sorted by row.
     work.open.retain(|row| beside.binary_search_by_key(row, |companion| companion.row).is_err());
     let mut aggregation = options.aggregation;
     for (&row, found) in work.open.iter().zip(work.bind(&mut aggregation, &mut report, progress)?) {
@@ -157,7 +157,7 @@ fn surfaces(
     Ok(Some((generations, lasting)))
 }
 
-/// Whether a source splat is followed by a blended or copied row or carries a group.
+/// Whether a source splat is followed by a blended or copied row, or is a carrier of a group.
 fn followed_ids(binding: &Binding) -> impl Fn(u32) -> bool {
     let mut wanted = vec![false; binding.num_sources()];
     let follows = |&row: &usize| matches!(binding.kinds()[row], RowKind::Blended | RowKind::Copied);
@@ -273,7 +273,7 @@ impl<'a> Work<'a> {
         (movers, rows)
     }
 
-    /// Rows found for a subset of `open`, the others static.
+    /// Rows of `open`: those found for a subset; all others are static.
     pub(crate) fn place(&self, rows: &[usize], found: Vec<Vec<(u32, f32)>>) -> Vec<Row> {
         let mut by_row = rows.iter().zip(found).peekable();
         self.open
@@ -322,7 +322,7 @@ fn fill_report(
     if report.num_dynamic == 0 {
         report.warnings.push("nothing in the source moves: all edited splats stay put".to_owned());
     }
-    // Rows that are source splats lie on the source, however far a few new ones stray.
+    // Rows that are source splats lie on the source, even if a few new rows are far away.
     let shared = identity.matched();
     if report.edited > 0 && report.out_of_reach == report.edited && shared == 0 {
         report.warnings.push("the edit and the source do not overlap".to_owned());

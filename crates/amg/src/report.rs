@@ -2,7 +2,7 @@
 
 use crate::inheritance::DescentReport;
 
-/// What [`crate::propagate()`] found. Plain values, for reports and run folders.
+/// Result of [`crate::propagate()`] as plain values, for reports and run folders.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct MotionReport {
     /// Source splats.
@@ -11,43 +11,42 @@ pub struct MotionReport {
     pub num_dynamic: usize,
     /// Source splats that move with none of their neighbours; no edited splat follows them.
     pub num_floaters: usize,
-    /// Source splats with a value that is not a number at the edit frame or a key time; never used.
+    /// Source splats with a non-finite value at the edit frame or a key time; never used.
     pub num_broken_sources: usize,
-    /// Displacement from which a splat counted as moving, world units.
+    /// Displacement from which a splat counts as moving, world units.
     pub dynamic_threshold: f64,
-    /// Length unit of all shares: largest edge of the moving object's robust box at the edit frame,
-    /// world units.
+    /// Length unit of all shares, world units; see [`crate::DynamicSplit::figure_size`].
     pub figure_size: f64,
     /// Edited splats.
     pub num_edited_splats: usize,
-    /// ... that are source splats, untouched.
+    /// Edited splats that are unchanged source splats.
     pub unchanged: usize,
-    /// ... that are source splats with another appearance.
+    /// Edited splats that are source splats with another appearance.
     pub recoloured: usize,
-    /// ... that are source splats, moved, turned or scaled as groups.
+    /// Edited splats that are source splats, moved, rotated or scaled as groups.
     pub moved: usize,
-    /// Splats of each such group, and what the edit did to it, in words.
+    /// Number of splats of each such group, and a description of its similarity.
     pub moved_groups: Vec<(usize, String)>,
-    /// ... that are none of these, matched by the guide (`blended + static_rows + field_rows +
-    /// beside_copies`).
+    /// Edited splats that are none of these, matched by the guide
+    /// (`blended + static_rows + field_rows + beside_copies`).
     pub edited: usize,
-    /// Edited rows beside a copy, which go with it.
+    /// Edited rows beside a copy, which move with it.
     pub beside_copies: usize,
     /// Splats that inherit the edit, if edits belong to surfaces.
     pub descent: Option<DescentReport>,
-    /// Source splats that no edited splat is.
+    /// Source splats without an identical edited splat.
     pub vanished: usize,
     /// Rows that blend sources.
     pub blended: usize,
-    /// Edited rows that stay where they are, because the part they belong to does not move.
+    /// Edited rows that are static, because the part to which they belong does not move.
     pub static_rows: usize,
     /// Rows of the deformation-field baseline.
     pub field_rows: usize,
-    /// Rows beyond reach of the source: they stay put.
+    /// Rows beyond the reach of the source, which are static.
     pub out_of_reach: usize,
-    /// Edited splats with a value that is not a number: they stay as they are.
+    /// Edited splats with a non-finite value, which are left unchanged.
     pub broken_rows: usize,
-    /// Anchors of the source and of the edit; zeros for guides without.
+    /// Anchors of the source and of the edit; zeros for guides without anchors.
     pub anchors: [usize; 2],
     /// Anchors of the edit without a partner within the Welsch kernel's reach.
     pub unmatched_anchors: usize,

@@ -1,4 +1,4 @@
-//! [`RigidParts`]: which splats of a scene move, and which of them move together.
+//! [`RigidParts`]: the moving splats of a scene, and their rigid parts.
 
 use crate::AmgError;
 use crate::dynamics::DynamicSplit;
@@ -10,10 +10,10 @@ use gs_core::DynamicScene;
 use std::cmp::Reverse;
 use std::collections::{BTreeSet, BinaryHeap};
 
-/// Edge of the cells that parts are put together from, as a share of the moving figure.
+/// Edge of the cells from which parts are assembled, as a share of the moving figure.
 const CELL_SIZE: f64 = 0.03;
 
-/// Least edge of the cells in spacings: smaller ones would be single splats, whose rotation
+/// Minimum edge of the cells in spacings: smaller ones would be single splats, whose rotation
 /// is unknown.
 const SPACINGS: f64 = 2.0;
 
@@ -30,10 +30,10 @@ const MISFIT: f64 = 0.01;
 /// are not parts.
 const FRAGMENT: f64 = 0.01;
 
-/// A scene in parts.
+/// Rigid parts of a scene.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RigidParts {
-    /// Which splats move ([`DynamicSplit`]), `[N]`.
+    /// Flags of the moving splats ([`DynamicSplit`]), `[N]`.
     pub moving: Vec<bool>,
     /// Part of each splat, from 1, the part with most splats first, `[N]`; 0 for splats that do not
     /// move, or move with no others.
@@ -316,7 +316,7 @@ mod tests {
     use super::*;
 
     /// Three bars of 20 × 4 points in a row along x: one rests, one turns about the first joint,
-    /// one goes on turning about the second.
+    /// one also rotates about the second.
     #[test]
     fn joints_part_bodies() {
         let rest: Vec<[f64; 3]> = (0..240)

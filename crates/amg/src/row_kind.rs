@@ -4,9 +4,9 @@
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[repr(u8)]
 pub enum RowKind {
-    /// It stays where the edit put it.
+    /// It is static, at the place where the edit put it.
     Static = 0,
-    /// It is a source splat, untouched: geometry, opacity and colour of that splat at every time,
+    /// It is an unchanged source splat: geometry, opacity and colour of that splat at every time,
     /// bit for bit.
     Unchanged = 1,
     /// It is a source splat with other colours or opacity: that splat's geometry bit for bit, the

@@ -1,4 +1,4 @@
-//! [`EditedScene`]: the edit, moving.
+//! [`EditedScene`]: the edited dynamic scene.
 
 use crate::AmgError;
 use crate::aggregate::{SourceAt, SourceMotion, blend_change, blend_geometry, weights_seen};
@@ -49,9 +49,9 @@ struct Moment<'a> {
     source_t: &'a Splats,
     /// The splats that are followed: the source, or its splats extended over the clip.
     followed_t: &'a Splats,
-    /// Of the sources that are followed, `[N]`.
+    /// Motions of the followed sources, `[N]`.
     motions: &'a [SourceMotion],
-    /// Whether sources that have faded count less.
+    /// Whether faded sources have less weight.
     fading: bool,
 }
 
@@ -84,7 +84,7 @@ impl EditedScene {
         Ok(scene)
     }
 
-    /// As [`EditedScene::new`], with the field that [`RowKind::Field`] rows ask.
+    /// As [`EditedScene::new`], with the field for [`RowKind::Field`] rows.
     ///
     /// # Errors
     /// As [`EditedScene::new`], and if the field cannot be evaluated at `edit_time`.
@@ -305,7 +305,7 @@ impl EditedScene {
         let source_coeffs = source_t.sh_coeffs();
         let shared = coeffs.min(source_coeffs);
         let source_1 = &self.source_1;
-        // Most formats give colours once for all times; then nothing below would change a bit.
+        // Most formats have constant colours; then the code below changes nothing.
         let sh_moves = source_t.sh != source_1.sh;
         let kinds = self.binding.kinds();
         let on_surface = self.binding.surface().is_some();
@@ -363,8 +363,8 @@ impl EditedScene {
             .for_each_init(Vec::new, move_row);
     }
 
-    /// The source's appearance with the change that the row inherits. What a refinement changed in
-    /// the edited frame is added.
+    /// The source's appearance with the change that the row inherits, plus the change that a
+    /// refinement made in the edited frame.
     fn inherit_appearance(
         &self,
         row: usize,

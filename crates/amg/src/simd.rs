@@ -45,7 +45,7 @@ impl<const L: usize> Lanes<L> {
         self
     }
 
-    /// Where `choose` holds, `other`.
+    /// `other` in the lanes set in `choose`, `self` elsewhere.
     #[inline(always)]
     pub(crate) fn select(mut self, choose: [bool; L], other: Self) -> Self {
         for lane in 0..L {

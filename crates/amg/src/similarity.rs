@@ -56,7 +56,7 @@ impl Similarity {
         Self { translation: back.turn(self.translation).map(|v| -v), ..back }
     }
 
-    /// First `first`, then this one.
+    /// The composition: `first`, then this similarity.
     #[must_use]
     pub fn after(&self, first: &Self) -> Self {
         Self {

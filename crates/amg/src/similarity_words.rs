@@ -4,13 +4,13 @@ use crate::rigid::{norm, sub};
 use crate::similarity::Similarity;
 use gs_core::quat;
 
-/// Angles below this, radians, are none: a twentieth of a degree.
+/// Smaller angles, radians, are not mentioned: a twentieth of a degree.
 const NO_TURN: f64 = 9e-4;
-/// Relative changes of size below this are none.
+/// Smaller relative changes of size are not mentioned.
 const NO_SCALE: f64 = 2e-4;
-/// Movements below this share of the size are none.
+/// Smaller movements, as a share of the size, are not mentioned.
 const NO_SHIFT: f64 = 1e-3;
-/// An axis this near to a coordinate axis has its name.
+/// An axis within this distance of a coordinate axis is named after it.
 const ALONG: f64 = 1e-4;
 const AXES: [&str; 3] = ["x", "y", "z"];
 

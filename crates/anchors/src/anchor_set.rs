@@ -21,7 +21,7 @@ pub const NO_LINE: u32 = u32::MAX;
 pub struct AnchorSet {
     /// Anchor positions, world units, `[n,3]` (Eq. 6).
     pub positions: Vec<[f64; 3]>,
-    /// Point ids each anchor stands for, `[n]`.
+    /// Point ids of each anchor's neighbourhood, `[n]`.
     pub members: Neighborhoods,
     /// Id of the retained line, `[n]`; [`NO_LINE`] for anchors that needed none.
     pub lines: Vec<u32>,
@@ -152,8 +152,9 @@ impl AnchorSet {
         self.num_ungrouped + self.num_unhit
     }
 
-    /// [`Self::owners`] with every uncovered point given to the nearest anchor, ties to the lowest
-    /// (supplement, Anchor Construction). `points` is the cloud the set was built from.
+    /// [`Self::owners`] with every uncovered point assigned to the nearest anchor, ties to the
+    /// lowest (supplement, Anchor Construction). `points` is the cloud from which the set was
+    /// built.
     ///
     /// With an empty set every entry is [`NO_ANCHOR`].
     ///

@@ -6,7 +6,7 @@
 use crate::trajectories::{RigidNeighbors, Trajectories};
 use crate::vec3::{Vec3, dot};
 
-/// Least agreement of neighbours in one cell, see [`RigidNeighbors::get`].
+/// Minimum agreement of neighbours in one cell, see [`RigidNeighbors::get`].
 const MIN_AGREEMENT: f64 = 0.5;
 
 /// Points are joined only if the edge of the cubes is more than this many spacings: smaller cells
@@ -62,8 +62,8 @@ impl Cells {
         let joins = SPACINGS * neighbors.typical_spacing(points) < params.edge;
         let mut root: Vec<u32> = (0..num as u32).collect();
         if joins {
-            // Rounded, the lattice is its own mirror image: signs and order of the axes do not
-            // matter.
+            // With rounding, the lattice is symmetric under reflection: signs and order of the axes
+            // do not matter.
             let cube = |x: &Vec3| params.axes.map(|axis| (dot(&axis, x) / params.edge).round());
             let cubes: Vec<Vec3> = points.rest.iter().map(cube).collect();
             for i in (0..num).filter(|&i| !outliers[i]) {

@@ -26,7 +26,7 @@ impl Hit {
 /// Tasks per thread: enough to balance the load, few enough to keep their result arrays small.
 const TASKS_PER_THREAD: usize = 4;
 
-/// Grids at most; smaller radii share the finest.
+/// Maximum number of grids; smaller radii share the finest.
 const MAX_LEVELS: usize = 12;
 
 /// For every neighbourhood the line with the smallest maximum distance to its members among those
@@ -41,7 +41,7 @@ pub(crate) fn best_lines(
     let probe = Probe::new(points, neighborhoods, deltas);
     let tasks = rayon::current_num_threads() * TASKS_PER_THREAD;
     let chunk = lines.len().div_ceil(tasks).max(1);
-    // The minimum of a total order: how the lines are cut into chunks cannot change it.
+    // The minimum of a total order does not depend on the division of the lines into chunks.
     let best = lines
         .as_slice()
         .par_chunks(chunk)
@@ -70,7 +70,7 @@ struct Probe<'a> {
     /// Coordinates of all members, in the order of the indices.
     corners: Vec<Vec3>,
     grids: Vec<Grid>,
-    /// For every neighbourhood what a hit has to improve on: δ², with an id above all lines.
+    /// Initial hit of every neighbourhood: δ², with an id above all lines.
     misses: Vec<Hit>,
 }
 
@@ -110,7 +110,8 @@ impl<'a> Probe<'a> {
             for (line, id) in lines.iter().zip(first_id..) {
                 grid.walk(line, |entries| {
                     for entry in entries {
-                        // The cylinder is convex: if it holds all members it holds their centroid.
+                        // The cylinder is convex: if it contains all members, it contains their
+                        // centroid.
                         if line.distance_squared(&entry.center) <= reach2 {
                             self.test(line, id, entry.id, &mut best[entry.id as usize]);
                         }

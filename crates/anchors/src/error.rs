@@ -29,7 +29,7 @@ pub enum AnchorError {
         /// The entry found.
         value: f64,
     },
-    /// The features are not one per point.
+    /// The number of features differs from the number of points.
     #[error("{found} features for {expected} points: expected one feature per point")]
     FeatureCount {
         /// Number of points.
@@ -50,7 +50,7 @@ pub enum AnchorError {
     /// Neighbourhoods do not fit the cloud or are not well formed.
     #[error("neighbourhoods are malformed: {reason}")]
     BadNeighborhoods {
-        /// What is wrong, with the numbers.
+        /// Description, with the numbers found.
         reason: String,
     },
     /// A line has a coordinate that is not finite or a direction that is not of unit length.
@@ -59,14 +59,14 @@ pub enum AnchorError {
         /// Index of the line.
         line: usize,
     },
-    /// More elements than 32-bit ids can name.
+    /// More elements than 32-bit ids can represent.
     #[error("{found} {what}: at most {limit} are supported")]
     TooMany {
-        /// What there is too much of.
+        /// Name of the elements.
         what: &'static str,
-        /// How many were given.
+        /// Number given.
         found: usize,
-        /// How many are supported.
+        /// Number supported.
         limit: usize,
     },
 }

@@ -12,7 +12,7 @@ const BUCKET: usize = 32;
 
 /// Neighbouring points, and the one among them that is farthest from all anchors so far.
 struct Bucket {
-    /// Where its points stand in [`Sampling::order`].
+    /// Range of its points in [`Sampling::order`].
     points: Range<usize>,
     low: Vec3,
     high: Vec3,
@@ -50,7 +50,8 @@ impl AnchorSet {
     /// distinct points. [`AnchorSet::delta`] is the covering radius: the largest distance of a
     /// point from its anchor.
     ///
-    /// Outliers, being far from everything, become anchors first: what lines and cylinders avoid.
+    /// Outliers are far from all other points and therefore become anchors first, unlike with lines
+    /// and cylinders.
     ///
     /// # Errors
     /// Empty cloud, coordinates that are not finite or beyond ±1e50, `count` of zero.

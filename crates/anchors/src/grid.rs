@@ -1,4 +1,4 @@
-//! A uniform grid over small balls, walked by lines.
+//! A uniform grid over small balls, traversed by lines.
 
 #![expect(
     clippy::cast_sign_loss,
@@ -23,7 +23,7 @@ pub(crate) struct Grid {
     high: Vec3,
     cell: f64,
     dims: [usize; 3],
-    /// One bit per cell: the walk mostly meets empty cells, and the bits fit into a cache.
+    /// One bit per cell: a traversal mostly visits empty cells, and the bits fit into a cache.
     occupied: Vec<u64>,
     starts: Vec<u32>,
     entries: Vec<Entry>,
@@ -34,8 +34,9 @@ pub(crate) struct Grid {
 const CELL_PER_RADIUS: f64 = 4.0;
 
 /// Smallest cell edge in units of the box's diagonal over the cube root of the number of balls.
-/// Balances steps, which are more in narrow cells, with tests, which are more in wide ones
-/// (measured; flat around the optimum), and keeps the number of cells in proportion to the balls.
+/// Balances the number of steps, which is larger in narrow cells, with that of tests, which is
+/// larger in wide ones (measured; flat around the optimum), and keeps the number of cells
+/// proportional to that of the balls.
 const CELL_PER_SPACING: f64 = 0.4;
 
 impl Grid {
@@ -114,9 +115,9 @@ impl Grid {
         (((x - self.low[axis]) / self.cell) as usize).min(self.dims[axis] - 3) + 1
     }
 
-    /// Calls `each` with the entries of every occupied cell the line passes, in the order of the
-    /// line. A ball is met once for each of its cells. No ball that the line comes within `reach`
-    /// of is missed, as long as `reach` exceeds the true radius by the rounding of the walk.
+    /// Calls `each` with the entries of every occupied cell that the line passes, in the order of
+    /// the line. A ball is visited once for each of its cells. No ball within `reach` of the line
+    /// is missed, as long as `reach` exceeds the true radius by the rounding of the traversal.
     #[expect(clippy::needless_bitwise_bool, reason = "lazy operators would branch")]
     #[inline]
     pub(crate) fn walk(&self, line: &Line, mut each: impl FnMut(&[Entry])) {
@@ -145,7 +146,7 @@ impl Grid {
             if word >> (cell % 64) & 1 == 1 {
                 each(&self.entries[self.starts[cell] as usize..self.starts[cell + 1] as usize]);
             }
-            // Selections instead of branches: which face comes next cannot be predicted.
+            // Selections instead of branches: the next face cannot be predicted.
             let x = (next[0] <= next[1]) & (next[0] <= next[2]);
             let y = !x & (next[1] <= next[2]);
             let nearest = if x {

@@ -1,7 +1,7 @@
 //! Gathering ranked points into sets of equal size.
 //!
-//! Rows are in lexicographic order and named by rank, so that nothing here depends on the order of
-//! the input. Sets come out flat, `size` ascending ranks each, in lexicographic order.
+//! Rows are in lexicographic order and identified by rank, so that no result depends on the order
+//! of the input. Sets are flat, `size` ascending ranks each, in lexicographic order.
 
 use rayon::prelude::*;
 
@@ -9,10 +9,11 @@ use crate::median::median;
 use crate::nearest::{all_nearest, for_each_run};
 use crate::points::distance_squared;
 
-/// Rounds of proposals; clouds take a handful, only contrived ones more.
+/// Maximum number of rounds of proposals; only contrived clouds need more than a few.
 const MAX_ROUNDS: usize = 64;
 
-/// Partition by order-free greedy; see [`Neighborhoods::build`](crate::Neighborhoods::build).
+/// Partition by a greedy algorithm that does not depend on the order of the input; see
+/// [`Neighborhoods::build`](crate::Neighborhoods::build).
 pub(crate) fn disjoint<const D: usize>(
     ranked: &[[f64; D]],
     size: usize,
@@ -69,8 +70,9 @@ pub(crate) fn overlapping<const D: usize>(ranked: &[[f64; D]], size: usize) -> V
     sets
 }
 
-/// Sets of coincident points, and the ranks that remain. They have edge 0, so the greedy would
-/// accept them first; but all points of a run would propose the same set, one a round.
+/// Sets of coincident points, and the ranks that remain. They have edge 0, so the greedy algorithm
+/// would accept them first, but only one set of a run per round, because all its points propose the
+/// same set.
 fn coincident<const D: usize>(ranked: &[[f64; D]], size: usize) -> (Vec<u32>, Vec<u32>) {
     let (mut accepted, mut free) = (Vec::new(), Vec::new());
     for_each_run(ranked, |from, to| {
@@ -93,7 +95,7 @@ fn with_nearest<const D: usize>(rows: &[[f64; D]], size: usize) -> Vec<u32> {
     sets
 }
 
-/// What the free points propose in one round. Members are positions in the list of free points.
+/// Proposals of the free points in one round. Members are positions in the list of free points.
 struct Proposals {
     sets: Vec<u32>,
     edges: Vec<f64>,
@@ -112,7 +114,7 @@ impl Proposals {
         &self.sets[proposer as usize * self.size..][..self.size]
     }
 
-    /// Median over the proposals that are not a single place.
+    /// Median mean edge of the proposals with positive extent.
     fn median_edge(&self) -> f64 {
         let positive = self.edges.iter().copied().filter(|edge| *edge > 0.0);
         median(&mut positive.collect::<Vec<f64>>())

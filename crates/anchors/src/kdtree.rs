@@ -49,7 +49,7 @@ struct Split {
     axis: u32,
 }
 
-/// Points a leaf holds at most.
+/// Maximum number of points of a leaf.
 const LEAF: usize = 8;
 
 /// Subtrees below this many points are built on one thread.
@@ -67,7 +67,7 @@ impl<const D: usize> KdTree<D> {
     /// Builds the tree in O(N log N). Coordinates must be finite for meaningful results.
     ///
     /// # Panics
-    /// If there are more points than 32-bit ids can name.
+    /// If there are more points than 32-bit ids can represent.
     pub fn new(points: &[[f64; D]]) -> Self {
         assert!(u32::try_from(points.len()).is_ok(), "{} points: ids are 32 bits", points.len());
         let mut depth = 0;
@@ -86,7 +86,7 @@ impl<const D: usize> KdTree<D> {
         self.points.len()
     }
 
-    /// Whether the tree holds no point.
+    /// Whether the tree has no points.
     pub fn is_empty(&self) -> bool {
         self.points.is_empty()
     }
@@ -238,7 +238,8 @@ struct Search<'a, const D: usize> {
     query: &'a [f64; D],
     k: usize,
     except: u32,
-    /// Best so far: ascending, or up to twice as many as asked for in any order.
+    /// Best neighbours so far: in ascending order, or up to twice the requested number in any
+    /// order.
     best: &'a mut Vec<Neighbor>,
     /// Squared distance beyond which nothing is among the `k` nearest.
     limit: f64,
@@ -256,7 +257,7 @@ impl<const D: usize> Search<'_, D> {
         offset: [f64; D],
         bound: f64,
     ) {
-        // A bound equal to the worst distance may still hide a lower id.
+        // At a bound equal to the worst distance, there may still be a point with a lower id.
         if bound > self.limit {
             return;
         }
@@ -271,8 +272,8 @@ impl<const D: usize> Search<'_, D> {
         let gap = self.query[axis] - value;
         let mut far_offset = offset;
         far_offset[axis] = gap;
-        // Summed afresh and in the order of `distance_squared`, so that rounding can never push
-        // the bound of a region above the distance of a point in it.
+        // Recomputed in the order of `distance_squared`, so that rounding never pushes the bound of
+        // a region above the distance of a point in it.
         let far_bound = far_offset.iter().fold(0.0, |sum, x| sum + x * x);
         if gap < 0.0 {
             self.visit(left, depth - 1, from, mid, offset, bound);
@@ -314,7 +315,7 @@ impl<const D: usize> Search<'_, D> {
         }
     }
 
-    /// Leaves the `k` nearest of those collected.
+    /// Keeps the `k` nearest of the collected neighbours.
     fn drop_farther(&mut self) {
         if self.best.len() >= self.k {
             let (_, last, _) = self.best.select_nth_unstable_by(self.k - 1, Neighbor::order);

@@ -41,7 +41,7 @@ const MIN_CHORD: f64 = 1e-9;
 impl Lines {
     /// `num_lines` lines, each through two independent points uniform on the sphere (Eq. 5, with
     /// the centre added): isotropic uniform lines, so that a convex body is hit with probability
-    /// proportional to its surface area whatever its orientation.
+    /// proportional to its surface area for any orientation.
     ///
     /// Line `i` depends on `(seed, i)` and the sphere only: requesting more lines keeps the earlier
     /// ones. A sphere of radius 0 gives lines through its centre.
@@ -58,7 +58,7 @@ impl Lines {
         Self { lines: (0..num_lines).into_par_iter().with_min_len(4096).map(line).collect() }
     }
 
-    /// Lines from elsewhere (transformed samples, camera rays).
+    /// Given lines (transformed samples, camera rays).
     ///
     /// # Errors
     /// A point that is not finite or beyond ±1e50, a direction whose length is off 1 by more than

@@ -7,9 +7,10 @@ use crate::{AnchorError, AnchorParams, Grouping};
 
 /// Sets of point ids, stored as offsets and indices.
 ///
-/// Neighbourhood `i` holds `indices[offsets[i]..offsets[i + 1]]`. As built here, members stand in
-/// lexicographic order of their points and neighbourhoods in lexicographic order of their members,
-/// so that the result does not depend on the order of the input.
+/// Neighbourhood `i` is `indices[offsets[i]..offsets[i + 1]]`. In the result of
+/// [`Neighborhoods::build`], members are in lexicographic order of their points and neighbourhoods
+/// in lexicographic order of their members, so that the result does not depend on the order of the
+/// input.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Neighborhoods {
     offsets: Vec<u32>,
@@ -18,12 +19,12 @@ pub struct Neighborhoods {
 }
 
 impl Neighborhoods {
-    /// Gathers every point with its `params.k` nearest.
+    /// Groups every point with its `params.k` nearest.
     ///
     /// **Disjoint**: each free point proposes itself and its `k` nearest free points. Proposals are
     /// accepted in order of mean edge length, as long as all members are still free; then the
     /// points left over propose again, until nothing is accepted (at most 64 rounds). Proposals
-    /// with a mean edge above `max_edge_ratio` × the median of the first round are refused. Points
+    /// with a mean edge above `max_edge_ratio` × the median of the first round are rejected. Points
     /// left over at the end are in no neighbourhood. Ties, here and among neighbours, are broken by
     /// lexicographic rank. Runs of coincident points are grouped among themselves first.
     ///
@@ -33,7 +34,7 @@ impl Neighborhoods {
     ///
     /// `features`, one `[f64; 6]` per point, are scaled by `feature_weight` ×
     /// [`median_spacing`](crate::median_spacing) and appended to the coordinates for the search, so
-    /// that points with unlike features count as far apart (see [`normal_feature`]).
+    /// that points with different features count as far apart (see [`normal_feature`]).
     ///
     /// # Errors
     /// Empty cloud, coordinates or features that are not finite or beyond ±1e50, features not one
@@ -86,8 +87,7 @@ impl Neighborhoods {
         Ok(Self { offsets, indices: members, num_points: rows.len() })
     }
 
-    /// Neighbourhoods from elsewhere, for a cloud of `num_points` points. Sharing points between
-    /// neighbourhoods is allowed.
+    /// Given neighbourhoods for a cloud of `num_points` points. Neighbourhoods may share points.
     ///
     /// # Errors
     /// [`AnchorError::BadNeighborhoods`] if `offsets` does not start at 0, does not end at the

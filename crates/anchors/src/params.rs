@@ -33,8 +33,8 @@ pub struct AnchorParams {
     pub k: usize,
     /// Partition or overlapping neighbourhoods. Default [`Grouping::Disjoint`].
     pub grouping: Grouping,
-    /// A disjoint neighbourhood is refused when its mean edge exceeds this many times the median
-    /// over the first round's candidates. At least 1; `f64::INFINITY` refuses nothing. Default 4.
+    /// A disjoint neighbourhood is rejected when its mean edge exceeds this many times the median
+    /// over the first round's candidates. At least 1; `f64::INFINITY` rejects nothing. Default 4.
     pub max_edge_ratio: f64,
     /// Weight α of the optional per-point features: they are scaled by α·h, h being
     /// [`median_spacing`](crate::median_spacing). At least 0. Default 3.

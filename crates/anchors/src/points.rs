@@ -1,4 +1,4 @@
-//! Input points: what is accepted, and the order that makes results independent of input order.
+//! Input points: validation, and the order that makes results independent of input order.
 
 use rayon::prelude::*;
 

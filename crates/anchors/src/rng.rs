@@ -1,4 +1,4 @@
-//! Counter-based uniforms: the value depends on a position, not on how many were drawn before.
+//! Counter-based uniforms: a value depends on its index, not on the number of earlier draws.
 
 /// Increment of the `SplitMix64` sequence (the golden ratio in 64 bits).
 const GOLDEN: u64 = 0x9e37_79b9_7f4a_7c15;
@@ -10,7 +10,7 @@ fn mix(mut z: u64) -> u64 {
     z ^ (z >> 31)
 }
 
-/// Four uniforms in [0,1) for item `index`; `attempt` gives fresh ones when a draw is rejected.
+/// Four uniforms in [0,1) for item `index`; another `attempt` gives new ones if a draw is rejected.
 pub(crate) fn uniforms(seed: u64, index: u64, attempt: u64) -> [f64; 4] {
     // Seeds are mixed first so that neighbouring seeds do not give shifted copies of one sequence.
     let stream = mix(mix(seed.wrapping_add(GOLDEN)).wrapping_add(attempt.wrapping_mul(GOLDEN)));

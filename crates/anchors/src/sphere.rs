@@ -20,7 +20,7 @@ pub struct BoundingSphere {
     pub radius: f64,
 }
 
-/// Pivots after which the loop is ended: only rounding could bring it there.
+/// Maximum number of pivots; only rounding could reach it.
 const MAX_PIVOTS: usize = 1000;
 
 /// Points per parallel task of a farthest-point scan.
@@ -80,7 +80,7 @@ fn lexicographic_min(a: &[f64; 3], b: &[f64; 3]) -> [f64; 3] {
 }
 
 /// Squared distance and position of the point farthest from `center`; ties go to the
-/// lexicographically smallest, whatever the order of the points.
+/// lexicographically smallest, for any order of the points.
 fn farthest(points: &[[f64; 3]], center: &[f64; 3]) -> (f64, [f64; 3]) {
     let scan = |chunk: &[[f64; 3]]| {
         let mut best2 = -1.0;
@@ -105,10 +105,11 @@ fn farthest(points: &[[f64; 3]], center: &[f64; 3]) -> (f64, [f64; 3]) {
     )
 }
 
-/// Smallest ball around at most five points: centre, squared radius, and the points it rests on.
+/// Smallest ball around at most five points: centre, squared radius, and its support.
 ///
 /// Every subset of two to four points proposes its circumcentre; the one whose farthest point is
-/// nearest wins. Comparing farthest distances, rather than testing containment, needs no tolerance.
+/// nearest is chosen. Comparing farthest distances, rather than testing containment, needs no
+/// tolerance.
 fn ball_of_few(points: &[[f64; 3]]) -> ([f64; 3], f64, Vec<[f64; 3]>) {
     let mut best = (points[0], f64::INFINITY, vec![points[0]]);
     for mask in 1_u32..1 << points.len() {

@@ -22,8 +22,8 @@ const NOISE_NEIGHBORS: usize = 8;
 pub const NOISE_REACH: f64 = 3.0;
 
 /// A point is an outlier if this share, or less, of its neighbourhood's weight moves with it.
-/// Measured on scenes it was not chosen on, geometric means of the end-point error against 0.3: .97
-/// (20 cases), .91 (goldens), .81 (articulated robots); no case was worse.
+/// Measured on scenes not used to choose it, geometric means of the end-point error against 0.3:
+/// .97 (20 cases), .91 (goldens), .81 (articulated robots); no case was worse.
 const MIN_SUPPORT: f64 = 0.15;
 
 /// Lower bound of lengths that are divided by; its square is still positive.
@@ -41,8 +41,8 @@ pub struct Trajectories {
     pub presence: Vec<f64>,
     /// Positive weights, `[N]`.
     pub weights: Vec<f64>,
-    /// Which points move at all, `[N]`. Only these determine the noise and the typical spacing: a
-    /// still background has another noise and another density.
+    /// Flags of the moving points, `[N]`. Only these determine the noise and the typical spacing: a
+    /// static background has other noise and another density.
     pub moving: Vec<bool>,
 }
 
@@ -224,7 +224,8 @@ mod tests {
     use super::*;
     use crate::vec3::Vec3;
 
-    /// Two plates of 6 × 6 points, one of which rises; a point between them that goes its own way.
+    /// Two plates of 6 × 6 points, one of which rises; a point between them that moves
+    /// independently.
     fn plates() -> Trajectories {
         let mut rest: Vec<Vec3> = (0..72)
             .map(|i| {

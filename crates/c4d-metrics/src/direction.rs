@@ -1,36 +1,36 @@
-//! [`Better`]: which way a metric is better.
+//! [`Better`]: which values of a metric are better.
 
 /// Which values of a metric are better. Metrics whose level depends on the content alone (motion,
-/// texture) rank nothing by themselves: their ratio to the source does.
+/// texture) do not rank results; their ratio to the source does.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Better {
-    /// More.
+    /// Higher values.
     Higher,
-    /// Less.
+    /// Lower values.
     Lower,
-    /// As near to 1 as can be, above or below by the same factor.
+    /// Values near 1; deviations above and below count by the same factor.
     NearOne,
-    /// As near to 0 as can be.
+    /// Values near 0.
     NearZero,
-    /// None: it describes.
+    /// Neither: the metric is descriptive.
     Neither,
 }
 
 impl Better {
-    /// How bad `value` is: of two values, the one with the smaller badness is better. `None` where
-    /// nothing is better.
+    /// Badness of `value`: of two values, the one with the smaller badness is better. `None` for
+    /// descriptive metrics.
     pub fn badness(self, value: f64) -> Option<f64> {
         match self {
             Self::Higher => Some(-value),
             Self::Lower => Some(value),
-            // a ratio that is not positive is as far from 1 as any
+            // a ratio that is not positive is infinitely bad
             Self::NearOne => Some(if value > 0.0 { value.ln().abs() } else { f64::INFINITY }),
             Self::NearZero => Some(value.abs()),
             Self::Neither => None,
         }
     }
 
-    /// In a table: `↑`, `↓`, `→1`, `→0`, or nothing.
+    /// Symbol for tables: `↑`, `↓`, `→1`, `→0`, or nothing.
     pub fn arrow(self) -> &'static str {
         match self {
             Self::Higher => "↑",

@@ -1,23 +1,23 @@
-//! How far splats that were not edited leave the motion of the splats they are.
+//! Deviation of unedited splats from the motion of the source splats with which they are identical.
 
 use crate::MotionTrack;
 use crate::track::distance;
 
-/// Distances to a true motion, over splats and later times.
+/// Distances to the true motion, over splats and later times, relative to a given size.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Drift {
-    /// Mean.
+    /// Mean over splats and times.
     pub mean: f64,
-    /// Median over splats of their mean.
+    /// Median over splats of each splat's mean over time.
     pub median: f64,
-    /// 95th percentile over splats of their mean.
+    /// 95th percentile over splats of each splat's mean over time.
     pub p95: f64,
     /// Largest distance.
     pub max: f64,
 }
 
-/// `‖Δ_g^t − Δ_s^t‖ / size` of row `g` of `moved` against the same row of `truth`, where `Δ` is the
-/// displacement since the first time; less is better. `None` without rows or with fewer than two
+/// `‖Δ_g^t − Δ_s^t‖ / size` of row `g` of `moved` and the same row of `truth`, where `Δ` is the
+/// displacement since the first time; lower is better. `None` without rows or with fewer than two
 /// times.
 pub fn drift(moved: &MotionTrack, truth: &MotionTrack, size: f64) -> Option<Drift> {
     let (a1, b1) = (moved.first(), truth.first());

@@ -17,26 +17,25 @@ pub fn mean_absolute_difference(a: &Image, b: &Image) -> Option<f64> {
 }
 
 /// `(255 − d) / 255`, where `d` is the mean over pairs of successive frames of
-/// [`mean_absolute_difference`]: 1 for a video that does not change. Motion lowers it too, so
-/// compare it with the same of the scene before the edit.
+/// [`mean_absolute_difference`]: 1 for a constant video. Motion lowers it too, so compare it with
+/// the value of the scene before the edit.
 pub fn temporal_flickering(mean_difference: f64) -> f64 {
     (255.0 - mean_difference) / 255.0
 }
 
-/// Flicker where nothing moves: standard deviation over time of pixels that show the same, still
-/// point of the scene at all times. Sums are of integers, so they are exact, for up to 66 000
-/// frames.
+/// Flicker where nothing moves: standard deviation over time of pixels that show the same static
+/// point of the scene at all times. Sums are integers, hence exact, for up to 66 000 frames.
 #[derive(Debug, Clone, Default)]
 pub struct StaticFlicker {
     frames: u64,
     /// Sums of values and of their squares, `[H,W,C]`.
     sums: Vec<[u32; 2]>,
-    /// Pixels that were still so far, `[H,W]`.
+    /// Pixels that were static so far, `[H,W]`.
     still: Vec<bool>,
 }
 
 impl StaticFlicker {
-    /// Motion from which a pixel counts as moving, pixels a frame.
+    /// Motion from which a pixel counts as moving, pixels per frame.
     pub const STILL: f32 = 0.25;
 
     /// Adds a frame.
@@ -51,7 +50,7 @@ impl StaticFlicker {
         self.frames += 1;
     }
 
-    /// Leaves out pixels that move by [`StaticFlicker::STILL`] or more, or whose motion is unknown.
+    /// Excludes pixels that move by [`StaticFlicker::STILL`] or more, or whose motion is unknown.
     pub fn leave_out_moving(&mut self, flow: &FlowField) {
         self.still.resize(flow.vectors().len(), true);
         for (still, v) in self.still.iter_mut().zip(flow.vectors()) {
@@ -59,8 +58,8 @@ impl StaticFlicker {
         }
     }
 
-    /// Mean over still pixels and channels of the standard deviation over time, 8-bit levels; less
-    /// is better. `None` without such pixels, or with fewer than two frames.
+    /// Mean over static pixels and channels of the standard deviation over time, 8-bit levels;
+    /// lower is better. `None` without such pixels, or with fewer than two frames.
     pub fn value(&self) -> Option<f64> {
         let channels = self.sums.len() / self.still.len().max(1);
         if self.frames < 2 || channels == 0 {

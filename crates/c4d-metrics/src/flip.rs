@@ -1,11 +1,11 @@
-//! ꟻLIP: the difference that a viewer sees when two images alternate on a screen.
+//! ꟻLIP: the perceived difference between two images that alternate on a screen.
 
 use gs_core::Image;
 use rayon::prelude::*;
 use std::f64::consts::PI;
 
-/// Pixels a degree of a 0.7 m wide screen of 3840 pixels, seen from 0.7 m: the metric's own
-/// default.
+/// Pixels per degree of a 0.7 m wide screen of 3840 pixels at a distance of 0.7 m: the default of
+/// ꟻLIP.
 pub const FLIP_PIXELS_PER_DEGREE: f64 = 0.7 * 3840.0 / 0.7 * PI / 180.0;
 
 /// Contrast sensitivity of the achromatic, red–green and blue–yellow channels, as sums of Gaussians
@@ -14,7 +14,7 @@ const SENSITIVITY: [[[f64; 2]; 2]; 3] =
     [[[1.0, 0.0047], [0.0, 1e-5]], [[1.0, 0.0053], [0.0, 1e-5]], [[34.1, 0.04], [13.5, 0.025]]];
 /// Exponent of the colour difference.
 const COLOR_EXPONENT: f32 = 0.7;
-/// Colour differences below this share of the largest take up [`COLOR_KNEE`] of the range.
+/// Colour differences below this share of the largest are mapped to [`COLOR_KNEE`] of the range.
 const COLOR_SHARE: f32 = 0.4;
 const COLOR_KNEE: f32 = 0.95;
 /// Width of edges and points, degrees.
@@ -31,15 +31,15 @@ const FROM_XYZ: [[f32; 3]; 3] = [
     [-0.969_224_3, 1.875_930_1, 0.041_554_224],
     [0.055_639_423, -0.204_011_2, 1.057_148_9],
 ];
-/// The white of `TO_XYZ`.
+/// Reference white of `TO_XYZ`.
 const WHITE: [f32; 3] = [0.950_428_55, 1.0, 1.088_900_4];
 
 /// Error of `image` against `reference` per pixel, `[H,W,1]`, 0 to 1, by LDR-ꟻLIP (Andersson et al.
-/// 2020): both as sRGB in [0, 1], blurred by the eye's contrast sensitivity at `pixels_per_degree`;
-/// `ΔE_c`, the HyAB distance of the Hunt-adjusted L*a*b* colours to the power 0.7, rescaled so that
-/// 0.4 of the largest maps to 0.95; `ΔE_f`, the root of the larger difference of edges or points of
-/// the luminance; together `ΔE_c^(1 − ΔE_f)`. Less is better. `None` for images that are not of one
-/// shape with three channels, or empty.
+/// 2020). Both are sRGB in [0, 1] and are blurred by the eye's contrast sensitivity at
+/// `pixels_per_degree`. `ΔE_c` is the HyAB distance of the Hunt-adjusted L*a*b* colours to the
+/// power 0.7, rescaled so that 0.4 of the largest maps to 0.95; `ΔE_f` is the root of the larger
+/// difference of edges or points of the luminance; the result is `ΔE_c^(1 − ΔE_f)`. Lower is
+/// better. `None` if the images are empty, differ in shape or do not have three channels.
 pub fn flip_map(image: &Image, reference: &Image, pixels_per_degree: f64) -> Option<Image> {
     let shape = |image: &Image| (image.width, image.height, image.channels);
     if shape(image) != shape(reference) || image.channels != 3 || image.data.is_empty() {
@@ -73,9 +73,9 @@ pub fn flip(image: &Image, reference: &Image) -> Option<f64> {
     Some(map.data.iter().map(|&error| f64::from(error)).sum::<f64>() / map.data.len() as f64)
 }
 
-/// Taps of the filters, symmetric or antisymmetric about their middle.
+/// Filter taps, symmetric or antisymmetric about their centre.
 struct Filters {
-    /// Per channel two Gaussians of the sensitivity: the weight of each, and its taps.
+    /// Two Gaussians of the sensitivity per channel: weight and taps of each.
     sensitivity: [[(f32, Vec<f32>); 2]; 3],
     /// Gaussian, edge and point detector.
     features: [Vec<f32>; 3],
@@ -90,7 +90,7 @@ impl Filters {
                 let taps: Vec<f64> = span(radius)
                     .map(|x| (-(PI * x / pixels_per_degree).powi(2) / b).exp())
                     .collect();
-                // of a separable Gaussian the sum over the square is the square of the sum
+                // for a separable Gaussian, the sum over the square is the square of the sum
                 let sum: f64 = taps.iter().sum();
                 (
                     a * (PI / b).sqrt() * sum * sum,
@@ -130,7 +130,7 @@ fn radius(pixels: f64) -> usize {
     pixels.ceil().max(0.0) as usize
 }
 
-/// −radius to radius.
+/// Integers from −radius to radius.
 fn span(radius: usize) -> impl Iterator<Item = f64> {
     (0..=2 * radius).map(move |k| k as f64 - radius as f64)
 }
@@ -144,7 +144,7 @@ fn balanced(taps: Vec<f64>) -> Vec<f32> {
         .collect()
 }
 
-/// An image as it is compared.
+/// An image prepared for comparison.
 struct Seen {
     /// Hunt-adjusted L*a*b* of the blurred image.
     colors: Vec<[f32; 3]>,
@@ -188,8 +188,8 @@ impl Seen {
     }
 }
 
-/// `plane` under `across` along rows and `down` along columns; pixels beyond the border are those
-/// at it.
+/// `plane` filtered with `across` along rows and `down` along columns; pixels beyond the border
+/// have the value of the nearest border pixel.
 fn filtered(
     plane: &[f32],
     (width, height): (usize, usize),
@@ -243,7 +243,7 @@ fn from_opponent([y, cx, cz]: [f32; 3]) -> [f32; 3] {
     times(&FROM_XYZ, [0, 1, 2].map(|c| xyz[c] * WHITE[c]))
 }
 
-/// Linear RGB to L*a*b* with Hunt's effect: dim colours look less saturated.
+/// Linear RGB to L*a*b* with Hunt's effect: dark colours look less saturated.
 fn hunted(rgb: [f32; 3]) -> [f32; 3] {
     const DELTA: f32 = 6.0 / 29.0;
     let xyz = times(&TO_XYZ, rgb);
@@ -255,7 +255,7 @@ fn hunted(rgb: [f32; 3]) -> [f32; 3] {
     [l, 0.01 * l * 500.0 * (x - y), 0.01 * l * 200.0 * (y - z)]
 }
 
-/// City-block in lightness, Euclidean in chroma.
+/// HyAB distance: city-block in lightness, Euclidean in chroma.
 fn hyab(a: [f32; 3], b: [f32; 3]) -> f32 {
     (a[0] - b[0]).abs() + (a[1] - b[1]).hypot(a[2] - b[2])
 }

@@ -1,9 +1,9 @@
-//! [`FlowField`]: where pixels go, where that is known, and where it is to be trusted.
+//! [`FlowField`]: displacements of pixels, with masks of where they are known and reliable.
 
 use gs_core::Image;
 
-/// Occlusion: squared disagreement of the two flows above this share of their squared lengths,
-/// plus [`OCCLUDED_BY`] pixels² (Ruder et al. 2016).
+/// Occlusion: squared difference of forward and backward flow above this share of their squared
+/// lengths, plus [`OCCLUDED_BY`] pixels² (Ruder et al. 2016).
 const OCCLUDED_SHARE: f32 = 0.01;
 const OCCLUDED_BY: f32 = 0.5;
 /// Motion boundary: squared gradient above this share of the squared length, plus [`BOUNDARY_BY`].
@@ -20,7 +20,7 @@ pub struct FlowField {
 }
 
 impl FlowField {
-    /// A flow `[H,W,2]`, NaN where unknown; empty for another number of channels.
+    /// From a flow `[H,W,2]`, pixels, NaN where unknown; empty for another number of channels.
     pub fn of(flow: &Image) -> Self {
         if flow.channels != 2 {
             return Self::default();
@@ -29,8 +29,8 @@ impl FlowField {
         Self { width: flow.width, height: flow.height, vectors }
     }
 
-    /// Composited displacements `Σ f α T`, channels `first` and `first + 1` of `channels`, over the
-    /// coverage `Σ α T`; unknown where that is at most one half.
+    /// Composited displacements `Σ f α T`, channels `first` and `first + 1` of `channels`, divided
+    /// by the coverage `Σ α T`; unknown where the coverage is at most one half.
     pub fn normalized(
         (width, height): (usize, usize),
         features: &[f32],
@@ -48,12 +48,12 @@ impl FlowField {
         Self { width, height, vectors: vectors.collect() }
     }
 
-    /// `[W, H]`.
+    /// Size `[W, H]`, pixels.
     pub fn size(&self) -> [usize; 2] {
         [self.width, self.height]
     }
 
-    /// Displacements, `[H,W]`; NaN where unknown.
+    /// Displacements, pixels, `[H,W]`; NaN where unknown.
     pub fn vectors(&self) -> &[[f32; 2]] {
         &self.vectors
     }
@@ -63,8 +63,8 @@ impl FlowField {
         (v[0].is_finite() && v[1].is_finite()).then_some(v)
     }
 
-    /// Displacement between pixel centres, by bilinear interpolation; `None` outside the image or
-    /// beside an unknown pixel.
+    /// Displacement at a position between pixel centres, by bilinear interpolation; `None` outside
+    /// the image or next to an unknown pixel.
     fn between(&self, x: f32, y: f32) -> Option<[f32; 2]> {
         let corners = Corners::of(x, y, self.width, self.height)?;
         let mut sum = [0.0; 2];
@@ -81,10 +81,10 @@ impl FlowField {
         Some(sum)
     }
 
-    /// Pixels of this frame that the other frame shows too, `[H,W]`: known here and there, inside
-    /// the image there, not occluded (`|w + ŵ|² ≤ 0.01 (|w|² + |ŵ|²) + 0.5`, where `ŵ` is `back`'s
-    /// displacement at the target) and not on a motion boundary (`|∇u|² + |∇v|² ≤ 0.01 |w|² +
-    /// 0.002`).
+    /// Pixels of this frame that are also visible in the other frame, `[H,W]`: the flow is known at
+    /// both ends, the target is inside the image, not occluded
+    /// (`|w + ŵ|² ≤ 0.01 (|w|² + |ŵ|²) + 0.5`, where `ŵ` is the displacement of `back` at the
+    /// target) and not at a motion boundary (`|∇u|² + |∇v|² ≤ 0.01 |w|² + 0.002`).
     pub fn visible(&self, back: &Self) -> Vec<bool> {
         let mut visible = vec![false; self.vectors.len()];
         if back.size() != self.size() {
@@ -105,7 +105,7 @@ impl FlowField {
         visible
     }
 
-    /// `|∇u|² + |∇v|²` by differences of known neighbours.
+    /// `|∇u|² + |∇v|²` from differences of known neighbours.
     fn squared_gradient(&self, x: usize, y: usize) -> f32 {
         let pair = |a: Option<[f32; 2]>, b: Option<[f32; 2]>, here: Option<[f32; 2]>| {
             let (a, b, steps) = match (a, b) {
@@ -129,7 +129,7 @@ impl FlowField {
 pub(crate) struct Corners(pub [(usize, f32); 4]);
 
 impl Corners {
-    /// `None` where the point lies beyond the outermost pixel centres.
+    /// `None` if the point is beyond the outermost pixel centres.
     #[expect(
         clippy::cast_possible_truncation,
         clippy::cast_sign_loss,

@@ -1,11 +1,11 @@
-//! Whether neighbours keep their distances.
+//! Change of the distances between neighbours.
 
 use crate::track::distance;
 use crate::{MotionTrack, Neighbours};
 
 /// Mean over later times and edges `(g, h)` to `neighbours` of
-/// `|‖x_g^t − x_h^t‖ / ‖x_g^1 − x_h^1‖ − 1|`; edges of no length at the first time do not count.
-/// 0 for rigid motion. `None` without edges or with fewer than two times.
+/// `|‖x_g^t − x_h^t‖ / ‖x_g^1 − x_h^1‖ − 1|`, excluding edges of zero length at the first time. 0
+/// for rigid motion; lower is better. `None` without edges or with fewer than two times.
 pub fn isometry(track: &MotionTrack, neighbours: &Neighbours) -> Option<f64> {
     let first = track.first();
     let (mut sum, mut count) = (0.0, 0_usize);

@@ -3,8 +3,8 @@
 use crate::MotionTrack;
 
 impl MotionTrack {
-    /// Mean over splats and times of `‖x_{t+1} − 2x_t + x_{t−1}‖ / size`. Less is smoother; a scene
-    /// that accelerates has some of its own, so compare with the truth's or the source's. 0 for
+    /// Mean over splats and times of `‖x_{t+1} − 2x_t + x_{t−1}‖ / size`. Lower is smoother.
+    /// Accelerated motion also has jitter, so compare with that of the truth or the source. 0 for
     /// fewer than three times.
     pub fn jitter(&self, size: f64) -> f64 {
         let mut total = 0.0;

@@ -1,33 +1,33 @@
-//! How decided and how near the matches of an edit are.
+//! Statistics of the matches of an edit: their certainty and their distances.
 
-/// Weighted matches of edited splats to source splats: what each row follows, and how far away.
+/// A weighted match of an edited splat to a source splat.
 #[derive(Debug, Clone, Copy)]
 pub struct Match {
-    /// Weight, positive; those of a row sum to 1.
+    /// Weight, positive; the weights of a row sum to 1.
     pub weight: f64,
-    /// Distance in the frame of the edit, world units.
+    /// Distance at the time of the edit, world units.
     pub distance: f64,
 }
 
-/// Diagnostics of matches; no scores of quality.
+/// Diagnostics of matches, not quality scores.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct MatchStatistics {
     /// Mean over rows of `Σ w·d`, world units.
     pub mean_distance: f64,
-    /// `exp` of the mean entropy of the rows' weights: how many source splats a row follows.
+    /// `exp` of the mean entropy of the rows' weights: effective number of source splats per row.
     pub perplexity: f64,
-    /// Mean over rows of `(w₁ − w₂) / w₁`, the two largest weights: 1 where one is followed alone.
+    /// Mean over rows of `(w₁ − w₂) / w₁`, the two largest weights: 1 if every row has one match.
     pub argmax_margin: f64,
-    /// Share of the weight that goes farther than 3 times the median distance to the nearest source
-    /// splat; `None` where most rows lie exactly where a source splat is.
+    /// Share of the weight on matches farther than 3 times the median distance to the nearest
+    /// source splat; `None` if most rows coincide with a source splat.
     pub cross_region_rate: Option<f64>,
 }
 
-/// Far, in median distances to the nearest source splat.
+/// Distance beyond which a match is far, in median distances to the nearest source splat.
 const FAR: f64 = 3.0;
 
-/// Statistics of `rows`; `nearest` is each row's distance to the nearest source splat, `[N]`.
-/// `None` without rows.
+/// Statistics of the matches in `rows`; `nearest` is the distance of each row to the nearest source
+/// splat, world units, `[N]`. `None` without rows.
 pub fn match_statistics(rows: &[Vec<Match>], nearest: &[f64]) -> Option<MatchStatistics> {
     if rows.is_empty() || nearest.is_empty() {
         return None;
@@ -64,7 +64,7 @@ pub fn match_statistics(rows: &[Vec<Match>], nearest: &[f64]) -> Option<MatchSta
 mod tests {
     use super::*;
 
-    /// Rows on a line that follow the splat below them, and one in twenty that follows another's.
+    /// Rows on a line that match the splat below them; one in twenty matches another row's splat.
     #[test]
     fn swapped_matches_cross_regions() {
         let rate = |swap: bool| {

@@ -1,9 +1,9 @@
-//! Whether an edit moves as its source does.
+//! Difference between the motion of an edit and that of its source.
 
 use crate::FlowField;
 
-/// Mean distance of two rendered flows, pixels, over pixels where both are known and `mask` is
-/// `inside`; less is better. `None` without such pixels.
+/// Mean distance of two rendered flows, pixels, over the pixels where both are known and `mask`
+/// equals `inside`; lower is better. `None` without such pixels.
 pub fn motion_fidelity(
     edited: &FlowField,
     source: &FlowField,

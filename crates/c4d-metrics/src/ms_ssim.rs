@@ -1,18 +1,18 @@
-//! Structural similarity over scales.
+//! Structural similarity at multiple scales.
 
 use crate::{Ssim, SsimBorder};
 use gs_core::Image;
 
 /// Exponents of the five scales, finest first (Wang, Simoncelli and Bovik 2003).
 pub const MS_SSIM_WEIGHTS: [f64; 5] = [0.0448, 0.2856, 0.3001, 0.2363, 0.1333];
-/// Smallest side of an image, pixels: the coarsest scale still holds one window.
+/// Smallest side of an image, pixels, for which a window fits at the coarsest scale.
 pub const MS_SSIM_MIN_SIDE: usize = 176;
 
-/// `Π_j cs_j^{w_j}` over five scales, per channel, then the mean over channels: `cs_j` is the mean
-/// of SSIM's contrast–structure term at scale j (at the coarsest, of the whole SSIM), negative
-/// means counted as 0, windows inside the image only; scales differ by 2×2 means (an odd last row
-/// or column is left out). Data range 1, at most 1; more is better. `None` for images of different
-/// shape or with a side below [`MS_SSIM_MIN_SIDE`].
+/// `Π_j cs_j^{w_j}` over five scales, per channel, then the mean over channels. `cs_j` is the mean
+/// of SSIM's contrast–structure term at scale j (at the coarsest scale, of the whole SSIM),
+/// negative means counted as 0, over windows inside the image. Scales differ by 2×2 means (an odd
+/// last row or column is dropped). Data range 1, at most 1; higher is better. `None` if the images
+/// differ in shape or have a side below [`MS_SSIM_MIN_SIDE`].
 pub fn ms_ssim(image: &Image, reference: &Image) -> Option<f64> {
     let shape = |image: &Image| (image.width, image.height, image.channels);
     let (width, height, channels) = shape(image);

@@ -1,23 +1,23 @@
-//! Persistence of neighbourhoods.
+//! Neighbourhood distance deviation (NDD).
 
 use crate::track::distance;
 use crate::{MotionTrack, Neighbours};
 use rayon::prelude::*;
 
-/// Neighbours of each point.
+/// Number of neighbours of each point.
 pub const NDD_NEIGHBOURS: usize = 8;
 
-/// Neighbourhood distance deviation among the 8 nearest neighbours of the first frame, see
+/// Neighbourhood distance deviation over the 8 nearest neighbours in the first frame, see
 /// [`deviation_among`]. 0 for fewer than two times or nine splats.
 pub fn neighbourhood_distance_deviation(track: &MotionTrack) -> f64 {
     deviation_among(track, &Neighbours::of(track.first(), NDD_NEIGHBOURS))
 }
 
-/// How much the distances to `neighbours` change since the first frame, relative to them:
+/// Relative change of the distances to `neighbours` since the first frame:
 /// `1/(T−1) Σ_{t≥2} 1/N Σ_i Σ_k |‖x_i^t − x_k^t‖ − ‖x_i^1 − x_k^1‖| / Σ_k ‖x_i^1 − x_k^1‖`.
-/// Dimensionless; a point in one place with all its neighbours counts as 0. Real deformation raises
-/// it and averaged, entangled motion *lowers* it, so it measures stability across settings, not
-/// accuracy: compare it with the source's.
+/// Dimensionless; a point that coincides with all its neighbours counts as 0. True deformation
+/// raises it, and averaging the motions of different parts *lowers* it, so it measures stability,
+/// not accuracy: compare it with the value of the source.
 pub fn deviation_among(track: &MotionTrack, neighbours: &Neighbours) -> f64 {
     let (first, rows) = (track.first(), neighbours.rows());
     if first.is_empty() || rows.len() != first.len() {
@@ -49,7 +49,7 @@ pub fn deviation_among(track: &MotionTrack, neighbours: &Neighbours) -> f64 {
 mod tests {
     use super::*;
 
-    /// A grid, moved by `at`.
+    /// A grid whose points are moved by `at`.
     fn track(at: impl Fn(usize, [f32; 3]) -> [f32; 3]) -> MotionTrack {
         let point = |i: usize| [(i % 4) as f32, (i / 4 % 4) as f32, (i / 16) as f32];
         let frame = |t: usize| (0..64).map(|i| at(t, point(i))).collect();

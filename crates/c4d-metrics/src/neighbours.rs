@@ -1,4 +1,4 @@
-//! [`Neighbours`]: which points of a cloud lie next to each other.
+//! [`Neighbours`]: nearest neighbours within a point cloud.
 
 use kiddo::{ImmutableKdTree, SquaredEuclidean};
 use rayon::prelude::*;
@@ -7,13 +7,13 @@ use std::num::NonZero;
 /// Nearest neighbours of each point.
 #[derive(Debug, Clone, Default)]
 pub struct Neighbours {
-    /// `[N]`, each with at most as many as were wanted, nearest first, itself left out.
+    /// `[N]`, each with at most the requested number, nearest first, without the point itself.
     of: Vec<Vec<u32>>,
 }
 
 impl Neighbours {
-    /// The `count` nearest of each of `points`; none where there are no more points than that, or
-    /// they cannot be sorted into a tree.
+    /// The `count` nearest neighbours of each of `points`; none if there are at most `count`
+    /// points, or if no tree can be built.
     pub fn of(points: &[[f32; 3]], count: usize) -> Self {
         let Some(query) = NonZero::new(count + 1).filter(|_| points.len() > count) else {
             return Self::default();
@@ -33,14 +33,14 @@ impl Neighbours {
         Self { of }
     }
 
-    /// Neighbours of each point, `[N]`, or nothing.
+    /// Neighbours of each point, `[N]`; empty if there are none.
     pub fn rows(&self) -> &[Vec<u32>] {
         &self.of
     }
 }
 
-/// The nearest of `among` for each of `points`, `[N]`; `None` without any, or if they cannot be
-/// sorted into a tree.
+/// Index of the nearest of `among` for each of `points`, `[N]`; `None` if `among` is empty or no
+/// tree can be built.
 pub fn nearest(points: &[[f32; 3]], among: &[[f32; 3]]) -> Option<Vec<u32>> {
     let tree = ImmutableKdTree::<f32, 3>::new_from_slice(among).ok()?;
     let one = NonZero::new(1).filter(|_| !among.is_empty())?;

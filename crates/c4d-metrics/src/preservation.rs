@@ -1,25 +1,26 @@
-//! What an edit leaves as it was, and how much it changes.
+//! Preservation of the background, and strength of an edit.
 
 use gs_core::Image;
 
-/// Background pixels below this share of an image are too few to measure.
+/// Background pixels are not measured below this share of the image.
 const MIN_BACKGROUND: f64 = 0.01;
 /// Mean squared errors below this are reported as 100 dB.
 const FLOOR: f64 = 1e-10;
 
-/// An image before and after an edit, and which of its pixels the edit touches.
+/// An image before and after an edit, and the mask of edited pixels.
 #[derive(Debug, Clone, Copy)]
 pub struct EditedImage<'a> {
-    /// Before, `[H,W,C]`.
+    /// Image before the edit, `[H,W,C]`.
     pub before: &'a Image,
-    /// After, `[H,W,C]`.
+    /// Image after the edit, `[H,W,C]`.
     pub after: &'a Image,
-    /// Touched pixels, `[H,W]`.
+    /// Edited pixels, `[H,W]`.
     pub mask: &'a [bool],
 }
 
 impl EditedImage<'_> {
-    /// Calls `sink` with the two pixels, for those with this value of the mask; returns how many.
+    /// Calls `sink` with the two values of every pixel whose mask equals `inside`; returns their
+    /// number.
     fn each(&self, inside: bool, mut sink: impl FnMut(&[f32], &[f32])) -> usize {
         let channels = self.before.channels.max(1);
         let pixels = self.before.data.chunks_exact(channels);
@@ -39,8 +40,8 @@ impl EditedImage<'_> {
         background as f64 >= MIN_BACKGROUND * self.mask.len() as f64 && background > 0
     }
 
-    /// PSNR on untouched pixels, dB, data range 1, at most 100; more is better. `None` where they
-    /// are less than 1 % of the image.
+    /// PSNR of unedited pixels, dB, data range 1, at most 100; higher is better. `None` if they are
+    /// less than 1 % of the image.
     pub fn background_psnr(&self) -> Option<f64> {
         let mut sum = 0.0;
         let count = self.each(false, |a, b| {
@@ -50,8 +51,8 @@ impl EditedImage<'_> {
         self.is_enough(count).then(|| -10.0 * (sum / values).max(FLOOR).log10())
     }
 
-    /// Mean of `map`, the SSIM of each pixel's window (`[H,W,C]`), over untouched pixels; more is
-    /// better. `None` where they are less than 1 % of the image.
+    /// Mean of `map`, the SSIM of the window around each pixel (`[H,W,C]`), over unedited pixels;
+    /// higher is better. `None` if they are less than 1 % of the image.
     pub fn background_ssim(&self, map: &[f32]) -> Option<f64> {
         let channels = self.before.channels.max(1);
         let (mut sum, mut count) = (0.0, 0);
@@ -63,8 +64,8 @@ impl EditedImage<'_> {
         self.is_enough(count).then(|| sum / (count * channels) as f64)
     }
 
-    /// Share of untouched pixels whose most different channel differs by more than `threshold`;
-    /// less is better. `None` where they are less than 1 % of the image.
+    /// Share of unedited pixels in which a channel differs by more than `threshold` (0 to 1); lower
+    /// is better. `None` if they are less than 1 % of the image.
     pub fn background_changed(&self, threshold: f32) -> Option<f64> {
         let mut changed = 0_usize;
         let count = self.each(false, |a, b| {
@@ -73,8 +74,8 @@ impl EditedImage<'_> {
         self.is_enough(count).then(|| changed as f64 / count as f64)
     }
 
-    /// Mean `|after − before|` over touched pixels and channels, 0 to 1: how strong the edit is.
-    /// `None` without touched pixels.
+    /// Mean `|after − before|` over edited pixels and channels, 0 to 1: the strength of the edit.
+    /// `None` without edited pixels.
     pub fn strength(&self) -> Option<f64> {
         let mut sum = 0.0;
         let count = self.each(true, |a, b| {

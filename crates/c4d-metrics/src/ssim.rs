@@ -11,7 +11,7 @@ const SIGMA: f64 = 1.5;
 const C1: f64 = 0.01 * 0.01;
 const C2: f64 = 0.03 * 0.03;
 
-/// Windows that are averaged.
+/// Windows over which SSIM is averaged.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum SsimBorder {
     /// The window of every pixel, zero-padded beyond the image, as in 3DGS training.
@@ -22,7 +22,7 @@ pub enum SsimBorder {
     Valid,
 }
 
-/// What of SSIM the map holds.
+/// Content of the SSIM map.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Term {
     Whole,
@@ -46,7 +46,7 @@ pub struct Ssim<F> {
 }
 
 impl<F: Real> Ssim<F> {
-    /// For images of this size.
+    /// Memory for images of this size.
     pub fn new(width: usize, height: usize, channels: usize) -> Self {
         let raw: [f64; TAPS] = std::array::from_fn(|k| {
             let d = k as f64 - RADIUS as f64;
@@ -63,17 +63,17 @@ impl<F: Real> Ssim<F> {
         }
     }
 
-    /// Changes the image size; keeps the memory.
+    /// Changes the image size and reuses the memory.
     pub fn resize(&mut self, width: usize, height: usize) {
         (self.width, self.height) = (width, height);
     }
 
-    /// `[W, H, C]`.
+    /// Size `[W, H, C]`.
     pub fn size(&self) -> [usize; 3] {
         [self.width, self.height, self.channels]
     }
 
-    /// SSIM per window of the last call, `[H,W,C]`; zeros beyond the borders.
+    /// SSIM per window of the last call, `[H,W,C]`; images are zero beyond their borders.
     pub fn map(&self) -> &[F] {
         &self.map
     }
@@ -96,7 +96,7 @@ impl<F: Real> Ssim<F> {
         self.mean(border)
     }
 
-    /// Mean of the last call's [`Ssim::map`] over the windows that count.
+    /// Mean of the last call's [`Ssim::map`] over the windows of `border`.
     pub fn mean(&self, border: SsimBorder) -> F {
         match border {
             SsimBorder::Zero => self.sum() / F::from_double(self.map.len().max(1) as f64),
@@ -241,7 +241,7 @@ impl<F: Real> Ssim<F> {
     }
 }
 
-/// Rows of the image under the window of `row`, with their taps.
+/// Rows of the image in the window around `row`, with their taps.
 fn rows_under<F: Real>(
     taps: &[F; TAPS],
     row: usize,

@@ -1,4 +1,4 @@
-//! [`MotionTrack`]: where splats are over time.
+//! [`MotionTrack`]: centres of splats over time.
 
 use gs_core::{DynamicScene, SceneError};
 
@@ -10,13 +10,13 @@ pub struct MotionTrack {
 }
 
 impl MotionTrack {
-    /// Takes centres, `[T][N]`. Frames that are shorter than the first leave the rows beyond
-    /// unmeasured.
+    /// From centres, `[T][N]`, world units. In a frame shorter than the first, the missing rows are
+    /// not measured.
     pub fn from_frames(frames: Vec<Vec<[f32; 3]>>) -> Self {
         Self { frames }
     }
 
-    /// Asks `scene` for its centres at `times`.
+    /// Centres of `scene` at `times`.
     ///
     /// # Errors
     /// If the scene cannot be evaluated.
@@ -42,7 +42,7 @@ impl MotionTrack {
         self.frames.first().map_or(&[], Vec::as_slice)
     }
 
-    /// Some of the splats, in this order, repeated as often as they are named.
+    /// The given splats, in this order; rows may be repeated.
     ///
     /// # Panics
     /// If a row is out of range.

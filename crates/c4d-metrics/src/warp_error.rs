@@ -1,13 +1,13 @@
-//! How much the colour of a surface changes while it moves.
+//! Change of the colour of a surface while it moves.
 
 use crate::FlowField;
 use crate::flow_field::Corners;
 use gs_core::Image;
 
 /// `Σ_{p∈V} ‖a(p) − b(p + F(p))‖² / (C·|V|)` of images `[H,W,C]`, `b` sampled bilinearly: data
-/// range 1, usually shown ×10³. Its level depends on texture and flow; compare it with the same of
-/// the scene before the edit. `V` is `visible` ([`FlowField::visible`]); `None` if it is empty or
-/// shapes differ.
+/// range 1, usually stated ×10³. Its level depends on texture and flow; compare it with the value
+/// of the scene before the edit. `V` is `visible` ([`FlowField::visible`]); `None` if it is empty
+/// or shapes differ.
 pub fn warp_error(a: &Image, b: &Image, flow: &FlowField, visible: &[bool]) -> Option<f64> {
     let [width, height] = flow.size();
     let shape = (width, height, a.channels);

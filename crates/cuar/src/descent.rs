@@ -11,8 +11,8 @@ use gs_core::{Rasterizer, sh};
 use gs_fit::Adam;
 use std::time::{Duration, Instant};
 
-/// Time between reads of the engine's losses within a pass over the images: a read waits for the
-/// device.
+/// Minimum time between reads of the engine's losses within a pass over the images; reading waits
+/// for the device.
 const READ_INTERVAL: Duration = Duration::from_millis(250);
 
 /// Current state of a run.
@@ -103,8 +103,8 @@ impl Descent {
         Ok(())
     }
 
-    /// [`Descent::run`] with every step done by `engine`. Losses are read at intervals; offsets and
-    /// moments at checkpoints and at the end.
+    /// As [`Descent::run`], with every step executed by `engine`. Losses are read at intervals;
+    /// offsets and moments at checkpoints and at the end.
     pub(crate) fn run_on<R: Rasterizer<Prepared: Send> + Sync>(
         &mut self,
         engine: &mut dyn DescentEngine<R::Prepared>,

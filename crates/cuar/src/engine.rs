@@ -1,4 +1,5 @@
-//! [`DescentEngine`]: whole steps of Adam on the device that holds images, gradients and moments.
+//! [`DescentEngine`]: steps of Adam executed on the device that stores images, gradients and
+//! moments.
 
 use crate::{descent_image::DescentImage, loss::LossParts, loss::LossWeights};
 use gs_core::RasterError;
@@ -17,13 +18,13 @@ pub struct DescentTask<'a> {
     pub memory: usize,
 }
 
-/// Does the steps of [`crate::Solver::Adam`] for a [`crate::Backend`], on prepared states `P` of
-/// its rasteriser.
+/// Executes the steps of [`crate::Solver::Adam`] for a [`crate::Backend`], on prepared states `P`
+/// of its rasteriser.
 ///
 /// With offsets `Δ` (`[E,K,3]`) the render of an image is
-/// `original + Σ (max(c + Y(d)·Δ, 0) − max(c, 0))·αT` over its entries, where it is live; the
-/// objective Eq. 20, exact L1, means over the whole image. A step is one of [`Adam`] with all rows,
-/// those without gradient, too.
+/// `original + Σ (max(c + Y(d)·Δ, 0) − max(c, 0))·αT` over its entries, at live pixels. The
+/// objective is Eq. 20 with exact L1, as means over the whole image. Each step is one of [`Adam`]
+/// over all rows, including those without a gradient.
 pub trait DescentEngine<P> {
     /// Starts from these offsets, and the moments and steps of `adam`.
     ///
@@ -36,7 +37,7 @@ pub trait DescentEngine<P> {
         adam: &Adam<f32>,
     ) -> Result<(), RasterError>;
 
-    /// One step down the gradient of one image; `prepared` holds its splats, seen by its camera.
+    /// One step for one image; `prepared` contains its splats as seen from its camera.
     ///
     /// # Errors
     /// If the device fails.
@@ -54,7 +55,7 @@ pub trait DescentEngine<P> {
     /// If the device fails.
     fn render(&mut self) -> Result<Vec<f32>, RasterError>;
 
-    /// Copies offsets, moments and steps out.
+    /// Copies the offsets, the moments and the number of steps to the host.
     ///
     /// # Errors
     /// If the device fails.
@@ -65,7 +66,7 @@ pub trait DescentEngine<P> {
 pub struct Backend<'a, R: gs_core::Rasterizer> {
     /// Renders and differentiates.
     pub raster: &'a R,
-    /// Does whole steps of Adam; `None`: the host does them.
+    /// Executes whole steps of Adam; if `None`, they run on the host.
     pub descent: Option<&'a mut dyn DescentEngine<R::Prepared>>,
 }
 

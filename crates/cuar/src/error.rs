@@ -20,7 +20,7 @@ pub enum CuarError {
     /// An option or input out of range.
     #[error("refinement: {what}")]
     Input {
-        /// What is wrong, with the value found and the values expected.
+        /// Description, with the value found and the values expected.
         what: String,
     },
     /// The scene could not be evaluated.
@@ -32,19 +32,19 @@ pub enum CuarError {
     /// A camera is malformed.
     #[error(transparent)]
     Camera(#[from] CameraError),
-    /// Arrays of splats disagree.
+    /// Arrays of splats have inconsistent lengths.
     #[error(transparent)]
     Splats(#[from] SplatsError),
     /// A checkpoint belongs to other inputs or is damaged.
     #[error("refinement checkpoint: {what}")]
     State {
-        /// What does not fit.
+        /// Description of the mismatch.
         what: String,
     },
-    /// The observer cancelled the run; its last checkpoint has all steps done.
+    /// The observer cancelled the run; its last checkpoint contains all completed steps.
     #[error("refinement: cancelled at step {step}")]
     Cancelled {
-        /// Steps done.
+        /// Completed steps.
         step: u64,
     },
 }

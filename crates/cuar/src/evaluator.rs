@@ -13,7 +13,7 @@ use rayon::prelude::*;
 /// Which derivatives of the objective are computed.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) enum Derivatives {
-    /// None: only its values, exact and with L1 smoothed by δ.
+    /// No derivatives: only the values, exact and with the L1 smoothed with width δ.
     Loss(f64),
     /// The gradient with respect to splat colours.
     Gradient,
@@ -211,7 +211,7 @@ impl<P> Evaluator<P> {
     }
 }
 
-/// The prepared state that a sample keeps, else the spare one, prepared anew.
+/// The prepared state stored with a sample, else the spare state, prepared for the sample.
 fn prepared_or<'a, R: Rasterizer>(
     kept: &'a mut Option<R::Prepared>,
     spare: &'a mut Option<R::Prepared>,

@@ -1,8 +1,8 @@
 //! How visible each splat is in frame 1.
 //!
-//! Where broad splats overlap, the composited depth is not a surface, and no colour can be fetched
-//! from frame 1. But a splat that is visible in frame 1 has a known colour, hence so does a pixel
-//! that is composited from such splats, without resampling.
+//! Where broad splats overlap, the composited depth is not a surface, so no colour can be sampled
+//! from frame 1. But the colour of a splat that is visible in frame 1 is known, and so is the
+//! colour of a pixel composited from such splats, without resampling.
 
 use crate::{CuarError, flow::axes};
 use gs_core::image_formation::{ALPHA_THRESHOLD, EPS2D};
@@ -62,7 +62,7 @@ fn unoccluded(splats: &Splats, i: usize, camera: &Camera) -> f64 {
 /// frame 1.
 ///
 /// # Errors
-/// If a camera is malformed, shapes disagree, or the rasteriser fails.
+/// If a camera is malformed, shapes differ, or the rasteriser fails.
 pub fn first_frame_shares<R: Rasterizer>(
     raster: &R,
     splats: &Splats,
@@ -71,8 +71,8 @@ pub fn first_frame_shares<R: Rasterizer>(
     survey(raster, splats, cameras, &[]).map(|(shares, _)| shares)
 }
 
-/// [`first_frame_shares`], and which of `places` (position and radius, world units) `splats` hide
-/// from every camera.
+/// As [`first_frame_shares`]; also returns which of `places` (position and radius, world units) are
+/// hidden by `splats` from every camera.
 pub(crate) fn survey<R: Rasterizer>(
     raster: &R,
     splats: &Splats,
@@ -132,7 +132,7 @@ mod tests {
     use gs_core::sh;
     use gs_raster_cpu::CpuRasterizer;
 
-    /// A red splat, a green one a little behind it, and one far aside.
+    /// A red splat, a green one a little behind it, and one far to the side.
     fn three() -> Splats {
         let mut splats = Splats::with_capacity(3, 0);
         for (x, z) in [(0.0, 3.0), (0.0, 3.5), (0.8, 3.2)] {
@@ -155,7 +155,7 @@ mod tests {
         raster.forward(&mut prepared, &splats, &[0.0; 3], &params).unwrap();
         let weights = splat_weights(&raster, &mut prepared, &splats, &params, 160 * 120).unwrap();
         let shown = visibility(&splats, &weights, &camera, 1.0);
-        // the tails beyond 3σ and whole pixels: 2 %
+        // 2 % for the tails beyond 3σ and the rounding to whole pixels
         assert!((shown[0] - 1.0).abs() < 0.02 && (shown[2] - 1.0).abs() < 0.02, "{shown:?}");
         assert!((0.2..0.8).contains(&shown[1]), "behind the first: {shown:?}");
     }
@@ -165,7 +165,7 @@ mod tests {
         let mut splats = three();
         let camera = Camera::look_at([0.0; 3], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0], 0.9, 160, 120);
         splats.opacity_logits[2] = 5.0;
-        // frame 1 had it at a hundredth of its weight
+        // in frame 1 it had a hundredth of its weight
         let share = 0.01 * unoccluded(&splats, 2, &camera);
         #[expect(clippy::cast_possible_truncation, reason = "a test's number")]
         let shown = visibility(&splats, &[0.0, 0.0, share as f32], &camera, 0.1);

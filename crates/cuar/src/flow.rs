@@ -33,7 +33,7 @@ impl Flow {
 /// in front of the camera (at or before its near plane, or not finite) in both.
 ///
 /// # Errors
-/// If the camera cannot see or the two differ in number.
+/// If the camera is invalid, or the numbers of splats differ.
 pub fn displacements(
     from: &Splats,
     to: &Splats,
@@ -67,21 +67,23 @@ fn displacement(camera: &Camera, from: [f32; 3], to: [f32; 3]) -> Option<Displac
     moved.by.iter().all(|value| value.is_finite()).then_some(moved)
 }
 
-/// Position at another time of a splat's part of a pixel: `p ↦ shift + linear·p`, pixels.
+/// Position at another time of the point of a splat that is visible at pixel `p`:
+/// `p ↦ shift + linear·p`, pixels.
 pub(crate) struct AffineMotion {
     pub shift: [f32; 2],
     pub linear: [f32; 4],
-    /// The splat's centre there, camera frame, world units.
+    /// The splat's centre at that time, camera frame, world units.
     pub place: [f32; 3],
 }
 
-/// Pulls [`AffineMotion::linear`] of splats thinner than this towards the identity, pixels².
+/// Regularises [`AffineMotion::linear`] towards the identity for splats thinner than this, pixels².
 const AFFINE_EPS: f64 = 0.1;
 
-/// Motion of row `i` of `from` to `to`, first order in the distance from its centre: the splat's
-/// own axes turn and stretch. A pixel's point on the splat is the one expected under the Gaussian,
-/// so with `K = J·R·S` (2×3, axes in pixels) the linear part is `K_to K_fromᵀ (K_from K_fromᵀ)⁻¹`.
-/// Displacements of centres alone (Eq. 11) are wrong by the rotation times the splat's size.
+/// Motion of row `i` from `from` to `to`, to first order in the distance from its centre: the axes
+/// of the splat rotate and stretch. The point of the splat at a pixel is the expected one under the
+/// Gaussian, so with `K = J·R·S` (2×3, axes in pixels) the linear part is
+/// `K_to K_fromᵀ (K_from K_fromᵀ)⁻¹`. Displacements of centres alone (Eq. 11) have an error of the
+/// rotation times the splat's size.
 pub(crate) fn affine_motion(
     camera: &Camera,
     from: &Splats,
@@ -151,14 +153,14 @@ fn project(camera: &Camera, mean: [f32; 3]) -> Option<([f64; 2], f64)> {
     (z > 0.0).then(|| ([k.fx * x / z + k.cx, k.fy * y / z + k.cy], z))
 }
 
-/// Eq. 12: the displacement `from → to`, composited with the geometry of `on`, the frame whose
-/// pixels carry the flow.
+/// Eq. 12: the displacement `from → to`, composited with the geometry of `on`, the frame at whose
+/// pixels the flow is defined.
 ///
-/// The paper's `F_{1→t}` on frame 1 is `render_flow(r, s1, s1, st, camera)`; the flow that fetches
-/// frame 1 into frame `t` without holes is `render_flow(r, st, st, s1, camera)`.
+/// The paper's `F_{1→t}` on frame 1 is `render_flow(r, s1, s1, st, camera)`; the flow that samples
+/// frame 1 at the pixels of frame `t`, without holes, is `render_flow(r, st, st, s1, camera)`.
 ///
 /// # Errors
-/// If shapes disagree, the camera cannot see, or the rasteriser fails.
+/// If shapes differ, the camera is invalid, or the rasteriser fails.
 pub fn render_flow<R: Rasterizer>(
     raster: &R,
     on: &Splats,
@@ -174,8 +176,8 @@ pub fn render_flow<R: Rasterizer>(
     Ok(Flow { flow: output.features_image(), coverage: output.alpha_image() })
 }
 
-/// Eq. 12 on frame 1 towards `to`, and the camera depth there: `Σ (f, z) α T`, `[H,W,3]`, and
-/// coverage, `[H,W]`.
+/// Eq. 12 at the pixels of frame 1 towards `to`, and the camera depth at `to`: `Σ (f, z) α T`,
+/// `[H,W,3]`, and coverage, `[H,W]`.
 pub(crate) fn render_landing<R: Rasterizer>(
     raster: &R,
     first: &Splats,

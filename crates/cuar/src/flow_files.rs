@@ -16,7 +16,7 @@ const MAX_SIDE: usize = 65_536;
 /// `f32 u, v` row by row, little-endian. NaN is written as the format's "unknown".
 ///
 /// # Errors
-/// If the image has not two channels or a side does not fit the header.
+/// If the image does not have two channels, or a side does not fit the header.
 pub fn encode_flo(flow: &Image) -> Result<Vec<u8>, CuarError> {
     CuarError::check("flow channels", flow.channels, 2)?;
     CuarError::check("flow", flow.data.len(), flow.width * flow.height * 2)?;

@@ -2,16 +2,16 @@
 //!
 //! Colours that are visible in the edited first frame are correct. At other times, some splats show
 //! colours that were never supervised: interiors that motion reveals, and view-dependent colours
-//! from new directions. [`refine()`] finds such pixels by how much colour changes over time
-//! (uncertainty), fetches the colour of the same surface from the first frame (flow, warp,
-//! occlusion test), and fits the SH of the edited splats to it, one offset for all times.
+//! from new directions. [`refine()`] finds such pixels by the change of colour over time
+//! (uncertainty), looks up the colour of the same surface in the first frame (flow, warp, occlusion
+//! test), and fits the SH of the edited splats to it, with one offset for all times.
 //!
-//! Promises: unedited splats and all geometry are untouched, bit for bit; the same inputs and seed
+//! Promises: unedited splats and all geometry are unchanged, bit for bit. The same inputs and seed
 //! give the same bits on a deterministic rasteriser, for any number of threads and interruptions
-//! and any memory budget that holds the images; every loss and gradient is checked against finite
+//! and any memory budget in which the images fit. Every loss and gradient is checked against finite
 //! differences. The passes ([`render_flow`], [`render_uncertainty`], [`artifact_mask`]), the losses
-//! ([`loss`]) and [`Adam`] can be used alone. Works with any [`gs_core::Rasterizer`]; Adam's steps
-//! can be done on a device ([`DescentEngine`]).
+//! ([`loss`]) and [`Adam`] can be used alone. Works with any [`gs_core::Rasterizer`]; the steps of
+//! Adam can run on a device ([`DescentEngine`]).
 //!
 //! Conventions: pixels as in [`gs_core::Camera::project`]; images row-major, channels innermost;
 //! losses are means over the whole image.

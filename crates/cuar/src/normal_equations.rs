@@ -7,8 +7,8 @@ use rayon::prelude::*;
 /// Rows per task.
 const CHUNK: usize = 512;
 
-/// What one image observes of one splat: change of colour (RGB, before the clamp at 0) and weight.
-/// Weight 0: nothing.
+/// Observation of one splat in one image: change of colour (RGB, before the clamp at 0) and weight;
+/// weight 0 means none.
 pub(crate) type Observation = [f32; 4];
 
 /// Normal equations of the fits of all splats.
@@ -81,7 +81,7 @@ impl NormalEquations {
         let triangle = coeffs * (coeffs + 1) / 2;
         d_sh.par_chunks_mut(coeffs).with_min_len(CHUNK).enumerate().for_each(|(row, out)| {
             let gram = &self.gram[row * triangle..(row + 1) * triangle];
-            // Y₀ is constant: its square times the total weight stands here
+            // Y₀ is constant, so this entry is its square times the total weight
             let total = gram[0] / f64::from(sh::C0 * sh::C0);
             if total.is_nan() || total <= 0.0 {
                 return;
@@ -98,7 +98,7 @@ impl NormalEquations {
                     * degree
                     * f64::from(uncertain_shares[row]);
                 ridge[k] = smooth + total * CONDITIONING;
-                // it is the coefficients that are to be small, not their change
+                // the ridge applies to the coefficients, not to their change
                 for channel in 0..3 {
                     let stored = f64::from(base[row * coeffs + k][channel]);
                     right[k * 3 + channel] -= smooth * stored;

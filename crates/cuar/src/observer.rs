@@ -6,14 +6,14 @@ use gs_core::Image;
 /// Progress of a run.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct RefineProgress {
-    /// `"images"` (making the supervision), `"refine"`, or `"report"`.
+    /// `"images"` (rendering the supervision), `"refine"`, or `"report"`.
     pub stage: &'static str,
-    /// Steps of the stage done.
+    /// Completed steps of the stage.
     pub done: usize,
-    /// Steps of the stage in all.
+    /// Total number of steps of the stage.
     pub total: usize,
-    /// Eq. 20, mean over the images visited last (in this pass, by the regression solver); `None`
-    /// before the first.
+    /// Eq. 20, mean over the images visited last (in the current pass, for the regression solver);
+    /// `None` before the first.
     pub loss: Option<f64>,
     /// Seconds since the stage began.
     pub elapsed_secs: f64,

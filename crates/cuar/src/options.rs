@@ -24,11 +24,11 @@ pub enum Solver {
 
 /// The regression solver: majorise–minimise.
 ///
-/// With geometry and opacity fixed a pixel is a sub-convex combination of splat colours, so the
-/// (reweighted) quadratic model of the objective separates over splats: every image observes one
-/// colour of every visible splat, with a weight. A splat's SH is the weighted least-squares fit of
-/// all observations and of its colours in the edited frame, seen from every view, which have a
-/// large weight. There is no step size.
+/// With geometry and opacity fixed, a pixel is a sub-convex combination of splat colours, so the
+/// (reweighted) quadratic model of the objective separates over splats: every image gives one
+/// weighted observation of the colour of every visible splat. A splat's SH is the weighted
+/// least-squares fit to all observations and, with a large weight, to its colours in the edited
+/// frame from every view. There is no step size.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RegressionParams {
     /// Maximum evaluations of every image. The solver stops earlier after a pass that lowers the
@@ -79,7 +79,7 @@ impl Default for AdamParams {
 /// Options of a refinement.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RefineOptions {
-    /// Time of the edited frame. Default `None`: the start of the scene.
+    /// Scene time of the edited frame. Default `None`: the start of the scene.
     pub edit_time: Option<f32>,
     /// ε of Eq. 17, 0.5 to 2 in the paper (smaller: broader masks). Default 0.5.
     pub epsilon: f32,
@@ -99,8 +99,8 @@ pub struct RefineOptions {
     pub evidence: Option<EvidenceParams>,
     /// Images (pairs of view and time) drawn. Default 240.
     pub samples: usize,
-    /// Whether the edited frame, from every view (20 of those that have a time of their own), is
-    /// among the images, so that it keeps its colours. Default true; false in the paper.
+    /// Whether the edited frame, from every view (at most 20 of the cameras with a time), is among
+    /// the images, so that it keeps its colours. Default true; false in the paper.
     pub keep_first_frame: bool,
     /// Seed of the draw and of the order of steps. Default 0.
     pub seed: u64,

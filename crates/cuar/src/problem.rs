@@ -19,11 +19,12 @@ pub(crate) struct Problem<'a, R: Rasterizer> {
     pub raster: &'a R,
     pub options: &'a RefineOptions,
     pub cameras: &'a [Camera],
-    /// Those of the edited frame come last.
+    /// All samples; those of the edited frame come last.
     pub samples: Vec<Sample<R::Prepared>>,
-    /// How many samples show the edited frame.
+    /// Number of samples of the edited frame.
     pub num_first: usize,
-    /// Evaluators of samples that are evaluated at once. Results do not depend on their number.
+    /// One evaluator per sample that is evaluated concurrently. Results do not depend on their
+    /// number.
     pub lanes: Vec<Evaluator<R::Prepared>>,
     /// `E`, edited splats.
     pub num_rows: usize,
@@ -56,7 +57,7 @@ impl<R: Rasterizer<Prepared: Send> + Sync> Problem<'_, R> {
         gs_core::sh::num_coeffs(self.sh_degree)
     }
 
-    /// Prepares, and keeps prepared, as many samples as the budget allows.
+    /// Prepares as many samples as the budget allows, and stores their prepared states.
     pub(crate) fn cache(&mut self) -> Result<(), CuarError> {
         let pixels = |camera: &Camera| camera.width as usize * camera.height as usize;
         let largest = self.cameras.iter().map(pixels).max().unwrap_or(0);
@@ -125,7 +126,7 @@ impl<R: Rasterizer<Prepared: Send> + Sync> Problem<'_, R> {
         Ok(sums.map(|sum| sum / self.samples.len().max(1) as f64))
     }
 
-    /// Sample `s` as `lane` last rendered it.
+    /// Sample `s` as last rendered by `lane`.
     pub(crate) fn preview(&self, s: usize, lane: usize) -> Preview {
         let sample = &self.samples[s];
         let Crop { x, y, width, height } = sample.crop;
@@ -145,9 +146,9 @@ impl<R: Rasterizer<Prepared: Send> + Sync> Problem<'_, R> {
 /// One point of the loss curve.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct TracePoint {
-    /// Since the solver began.
+    /// Seconds since the solver started.
     pub secs: f64,
-    /// Steps done.
+    /// Completed steps.
     pub step: u64,
     /// Eq. 20, mean over the last evaluation of every image; of the regression solver, before the
     /// fit that ends the pass.
@@ -253,7 +254,7 @@ impl<'a> Watch<'a> {
         self.observer.keep_image(at, bytes);
     }
 
-    /// For stages that keep no state.
+    /// Ends the run if it was cancelled, for stages without a state.
     pub(crate) fn stop_if_cancelled(&mut self) -> Result<(), CuarError> {
         if self.observer.cancelled() { Err(CuarError::Cancelled { step: 0 }) } else { Ok(()) }
     }

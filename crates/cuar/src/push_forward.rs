@@ -1,9 +1,9 @@
-//! [`push_forward()`]: frame 1 pushed along its flow ([`crate::WarpForm::Paper`]).
+//! [`push_forward()`]: frame 1 warped forward along its flow ([`crate::WarpForm::Paper`]).
 
 use crate::{WarpParams, warp::FirstFrame};
 
-/// Eq. 13 as written: colours `[H,W,3]` and validity `[H,W]` (0 or 1) at frame `t`, from what
-/// `flow::render_landing` composited on frame 1.
+/// Eq. 13 as written: colours `[H,W,3]` and validity `[H,W]` (0 or 1) at frame `t`, from the output
+/// of `flow::render_landing` on frame 1.
 pub(crate) fn push_forward(
     frame: &FirstFrame,
     (landing, coverage): (&[f32], &[f32]),
@@ -19,7 +19,7 @@ pub(crate) fn push_forward(
     for p in 0..w * h {
         let z = depth_of(p);
         for (target, share) in targets(w, h, p, &landing[p * 3..]) {
-            // a pixel also lands on the edges of its neighbours, which it does not hide
+            // a pixel is also distributed to its neighbours, which it does not hide
             if share >= 0.25 {
                 nearest[target] = nearest[target].min(z);
             }
@@ -40,7 +40,7 @@ pub(crate) fn push_forward(
         }
     }
     for (rgb, weight) in rgb.chunks_exact_mut(3).zip(&mut weight) {
-        // fainter pixels are the edge of a hole
+        // pixels with less weight are at the edge of a hole
         let known = *weight >= 0.25;
         for value in rgb {
             *value = if known { *value / *weight } else { 0.0 };

@@ -57,7 +57,7 @@ impl Refined {
 /// result is that of the uninterrupted run (bit-identical with a deterministic rasteriser).
 ///
 /// # Errors
-/// If inputs disagree or are out of range, the scene or the rasteriser fails, the state is of
+/// If inputs are inconsistent or out of range, the scene or the rasteriser fails, the state is from
 /// another run, or the observer cancels.
 pub fn refine<R: Rasterizer<Prepared: Send> + Sync>(
     raster: &R,
@@ -72,8 +72,8 @@ pub fn refine<R: Rasterizer<Prepared: Send> + Sync>(
     refine_with(backend, scene, edited, views, options, resume, observer)
 }
 
-/// [`refine`], with Adam's steps done by the engine of `backend` if it has one: the same result
-/// within the engine's precision.
+/// [`refine`], with the steps of Adam executed by the engine of `backend` if it has one: the same
+/// result within the engine's precision.
 ///
 /// # Errors
 /// As [`refine`].

@@ -7,14 +7,14 @@ use crate::{
 use gs_core::{Camera, DynamicScene, Rasterizer, sh};
 use std::ops::Range;
 
-/// [`crate::refine_with`] of an edit whose source is known. First, splats that frame 1 does not
+/// [`crate::refine_with`] for an edit with a known source. First, splats that frame 1 does not
 /// supervise are repaired ([`Evidence`], [`Repair`]), equally for all times; then view-dependent
 /// colours that are only known from frame 1 are refined, including those of repaired splats.
-/// Without [`RefineOptions::evidence`] it is `refine_with` alone. The result's rows are the edited
-/// and the repaired ones; all other rows and all geometry do not change.
+/// Without [`RefineOptions::evidence`] this is `refine_with` alone. The result's rows are the
+/// edited and the repaired ones; all other rows and all geometry do not change.
 ///
 /// # Errors
-/// As [`crate::refine()`], and if `before` belongs to other splats.
+/// As [`crate::refine()`], and if `before` does not match the splats of the scene.
 #[expect(clippy::too_many_arguments, reason = "those of `refine_with`, and what was before")]
 pub fn refine_edit<R: Rasterizer<Prepared: Send> + Sync>(
     backend: Backend<'_, R>,

@@ -12,20 +12,20 @@ pub struct RefineReport {
     pub num_visible: usize,
     /// Counts of the repair ([`crate::refine_edit()`]).
     pub repair: RepairCounts,
-    /// Images that supervised.
+    /// Images used as supervision.
     pub samples: Vec<ViewTime>,
     /// Images that are only evaluated.
     pub held_out: Vec<ViewTime>,
-    /// Before refinement.
+    /// Loss before refinement.
     pub loss_before: f64,
-    /// After it.
+    /// Loss after refinement.
     pub loss_after: f64,
-    /// On held-out images, before; 0 if there are none.
+    /// Loss on held-out images before refinement; 0 without such images.
     pub held_out_before: f64,
-    /// On held-out images, after.
+    /// Loss on held-out images after refinement.
     pub held_out_after: f64,
-    /// The part of these two due to artifacts (Eq. 18); the rest is the change of colours
-    /// elsewhere.
+    /// The parts of `held_out_before` and `held_out_after` due to artifacts (Eq. 18); the rest is
+    /// due to changes of colour elsewhere.
     pub held_out_artifacts: [f64; 2],
     /// Counts of masked pixels that frame 1 supervises, and of the others by reason.
     pub supervision: SupervisionStats,

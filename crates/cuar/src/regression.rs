@@ -48,7 +48,7 @@ pub(crate) struct Regression {
     /// Sums over the pass so far.
     normals: NormalEquations,
     losses: [f64; 2],
-    /// Smooth loss of the pass before.
+    /// Smoothed loss of the previous pass.
     last: f64,
     /// Weight of each entry in the samples of the edited frame, for the term that keeps its colour.
     frame_weights: Vec<Vec<f32>>,
@@ -57,7 +57,7 @@ pub(crate) struct Regression {
     /// The part of each row's weight from the edited frame that exceeds that of an ordinary
     /// observation, `[E]`.
     anchor_weights: Vec<f64>,
-    /// Evaluations done.
+    /// Number of evaluations so far.
     step: usize,
 }
 

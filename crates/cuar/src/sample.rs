@@ -34,7 +34,7 @@ pub(crate) struct Sample<P> {
     /// Warped frame 1, `[h,w,3]` of the crop; 0 where unknown.
     pub warp: Vec<f32>,
     pub flags: Vec<u8>,
-    /// Ascending by row.
+    /// Visible edited splats, ascending by row.
     pub entries: Vec<Entry>,
     /// The splats needed, without colours.
     pub splats: Splats,
@@ -42,7 +42,7 @@ pub(crate) struct Sample<P> {
 }
 
 impl<P> Sample<P> {
-    /// Bytes held, without the prepared state.
+    /// Size in memory without the prepared state, bytes.
     pub(crate) fn bytes(&self) -> usize {
         self.crop.width * self.crop.height * (6 * 4 + 1)
             + self.entries.len() * size_of::<Entry>()
@@ -197,7 +197,7 @@ impl<P> Builder<P> {
             }
         }
         let rows = needed_rows(source.raster, splats, source.edited, camera, &live);
-        // a splat whose colour is broken draws nothing in the full scene either
+        // a splat with a non-finite colour is not drawn in the full scene either
         let drawn = |&row: &u32| splats.is_finite(row as usize);
         let rows: Vec<u32> = rows.into_iter().filter(drawn).collect();
         sample.splats = gather(splats, &rows);
@@ -220,8 +220,8 @@ impl<P> Builder<P> {
         Ok(Some(Made { sample, stats, floored, uncertain }))
     }
 
-    /// Frame 1 at this frame's pixels, `[H,W,3]`, and its source, `[H,W]`; both for the pixels
-    /// `asked` only.
+    /// Frame 1 warped to this frame, `[H,W,3]`, and the source of each pixel, `[H,W]`; only for the
+    /// pixels in `asked`.
     fn warp<R: Rasterizer<Prepared = P>>(
         &self,
         source: &Source<R>,

@@ -20,7 +20,7 @@ pub(crate) struct Source<'a, R> {
 }
 
 /// Channels composited to make a sample: those of the warp, ξ, flags of edited splats, their
-/// visibility in frame 1, and the difference between their colours there and now.
+/// visibility in frame 1, and the difference between their colours in frame 1 and now.
 pub(crate) const CHANNELS: usize = WARP_CHANNELS + 6;
 pub(crate) const XI: usize = WARP_CHANNELS;
 pub(crate) const EDITED: usize = WARP_CHANNELS + 1;

@@ -2,8 +2,7 @@
 
 use gs_core::{DynamicScene, SceneError, Splats, TimeRange};
 
-/// A dynamic scene some of whose rows carry a constant offset of SH, and some of whose rows are not
-/// drawn.
+/// A dynamic scene in which some rows have a constant offset of SH and some rows are invisible.
 #[derive(Debug, Clone)]
 pub struct OffsetScene<'a> {
     scene: &'a dyn DynamicScene,

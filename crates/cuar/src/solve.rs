@@ -20,11 +20,11 @@ pub(crate) struct Outcome {
     pub regression: Option<Regression>,
 }
 
-/// The outcome if it lowers the loss, else the same fitted with less smoothness, else `zero`; its
-/// losses; and a warning for the user.
+/// The outcome if it lowers the loss, else a refit with less smoothness, else `zero`; also its
+/// losses, and a warning for the user.
 ///
-/// The loss that decides is the one that the solver minimises: exact L1 also counts changes that
-/// are too small to be visible.
+/// The comparison uses the loss that the solver minimises: exact L1 also counts changes that are
+/// too small to be visible.
 pub(crate) fn accept<R: Rasterizer<Prepared: Send> + Sync>(
     problem: &mut Problem<R>,
     options: &RefineOptions,

@@ -7,7 +7,7 @@ use crate::CuarError;
 pub struct State {
     /// Hash of the inputs and options; a state can resume only the run that it was saved from.
     pub fingerprint: u64,
-    /// Steps done.
+    /// Completed steps.
     pub step: u64,
     /// Named arrays.
     pub arrays: Vec<(String, Vec<f32>)>,

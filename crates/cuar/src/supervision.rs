@@ -29,8 +29,8 @@ pub(crate) struct Supervision<'a, R: Rasterizer> {
     pub stats: SupervisionStats,
     /// Images in which the floor is the mask's threshold.
     pub num_floored: usize,
-    /// Per edited splat: in how many images it exceeds the mask's threshold (Eq. 17 for one splat),
-    /// and how many there are.
+    /// Per edited splat: the number of images in which it exceeds the mask's threshold (Eq. 17 for
+    /// one splat), and the number of images in which it is visible.
     pub uncertain_counts: Vec<[u32; 2]>,
 }
 
@@ -54,7 +54,7 @@ impl<'a, R: Rasterizer<Prepared: Send> + Sync> Supervision<'a, R> {
         }
     }
 
-    /// Images for `plan` (sorted by time), as many as `memory` holds.
+    /// Images for `plan` (sorted by time), as many as fit in `memory`.
     pub(crate) fn build(
         &mut self,
         plan: &[ViewTime],
@@ -108,8 +108,8 @@ impl<'a, R: Rasterizer<Prepared: Send> + Sync> Supervision<'a, R> {
         Ok(())
     }
 
-    /// The images `group` of `plan` that show edited splats. Renders of frame 1 stay in memory while
-    /// a later image of the plan has the same view.
+    /// The images `plan[group]` that show edited splats. A render of frame 1 stays in memory while a
+    /// later image of the plan has its view.
     fn group(
         &mut self,
         plan: &[ViewTime],
@@ -125,7 +125,7 @@ impl<'a, R: Rasterizer<Prepared: Send> + Sync> Supervision<'a, R> {
         Ok(made.into_iter().flatten().collect())
     }
 
-    /// The images `group`: those kept from an earlier run, and the others anew.
+    /// The images of `group`: stored ones from an earlier run, and new ones.
     fn made(
         &mut self,
         group: &[ViewTime],

@@ -41,7 +41,7 @@ fn xi(at_t: &Splats, at_1: &Splats, i: usize, eye: [f32; 3]) -> f32 {
 /// 0), each with the view direction of its own time.
 ///
 /// # Errors
-/// If the arrays disagree or the camera is malformed.
+/// If the arrays have inconsistent lengths or the camera is malformed.
 pub fn color_uncertainty(
     at_t: &Splats,
     at_1: &Splats,

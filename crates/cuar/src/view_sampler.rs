@@ -6,12 +6,13 @@ use gs_core::{Camera, TimeRange};
 /// Cameras and times that images are drawn from.
 #[derive(Debug, Clone, Copy)]
 pub struct Views<'a> {
-    /// All cameras. One with a [`Camera::time`] (a frame of a monocular video) is used at that time
-    /// and at most at the edited frame; the others at every time.
+    /// All cameras. A camera with a [`Camera::time`] (a frame of a monocular video) is used only at
+    /// that time and possibly at the edited frame; the others at every time.
     pub cameras: &'a [Camera],
     /// Candidate times of cameras without one.
     pub times: &'a [f32],
-    /// Indices of cameras that never supervise; the report gives their loss before and after.
+    /// Indices of held-out cameras, which never supervise; the report states their loss before and
+    /// after.
     pub held_out: &'a [usize],
 }
 

@@ -1,19 +1,19 @@
-//! Fetching the first frame into frame `t` (Eq. 13).
+//! Warping the first frame to frame `t` (Eq. 13).
 
 use crate::Rejection;
 
 /// Form of the warp of the first frame to frame `t`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum WarpForm {
-    /// Backward warp: every pixel of frame `t` reads frame 1 at the position of its surface there,
-    /// from flow composited at frame `t`, divided by coverage. It is supervised only if that
-    /// surface is visible in frame 1. No holes.
+    /// Backward warp: every pixel of frame `t` samples frame 1 at the position of its surface
+    /// there, given by the flow composited at frame `t` and divided by coverage. The pixel is
+    /// supervised only if that surface is visible in frame 1. There are no holes.
     #[default]
     Backward,
-    /// Eq. 13 as written: pixels of frame 1 pushed along the composited (not normalised) flow
-    /// `F_{1→t}` of frame 1, without an occlusion test. The equation does not define
-    /// pixels where several land, or none: here the nearest hides the others, and pixels without
-    /// any are not supervised.
+    /// Eq. 13 as written: pixels of frame 1 are moved along the composited (not normalised) flow
+    /// `F_{1→t}` of frame 1, without an occlusion test. The equation does not define the result
+    /// where several pixels arrive, or none: here the nearest hides the others, and pixels where
+    /// none arrives are not supervised.
     Paper,
 }
 
@@ -29,20 +29,21 @@ pub struct WarpParams {
     /// their depth; beyond it, several surfaces mix. Default 0.015.
     pub spread_tolerance: f32,
     /// Minimum determinant of the motion from frame `t` to frame 1 at a pixel: the area in frame 1
-    /// of one pixel of frame `t`. A side turned away from the camera in frame 1 gives a negative
-    /// one (on a thin limb, depth alone does not show it), a grazing view a small one. Default 0.4.
+    /// of one pixel of frame `t`. It is negative if the surface faces away from the camera in frame
+    /// 1 (which depth alone does not detect on a thin limb), and small at grazing angles. Default
+    /// 0.4.
     pub min_facing: f32,
     /// Pixels whose colour lies within the range of the 3×3 pixels of frame 1 around their source,
     /// widened by this much, agree with frame 1 and are supervised by their current colour, because
     /// resampling would blur textures. `None` supervises every masked pixel, as the paper does.
     /// Default 0.05.
     pub slack: Option<f32>,
-    /// Where no surface can be fetched: share of a pixel's coverage that must belong to splats
-    /// visible in frame 1. The pixel is then supervised by their colours in frame 1. Above 1:
-    /// never. Default 0.9.
+    /// Where no surface can be sampled: share of a pixel's coverage that must belong to splats
+    /// visible in frame 1. The pixel is then supervised by their colours in frame 1. Values above 1
+    /// disable this. Default 0.9.
     pub min_known_color: f32,
-    /// Share of its unoccluded weight from which a splat counts as fully visible in frame 1; below,
-    /// in proportion. Default 0.1.
+    /// Share of its unoccluded weight from which a splat counts as fully visible in frame 1; below
+    /// it, visibility is proportional to the share. Default 0.1.
     pub min_visible_share: f32,
 }
 
@@ -80,14 +81,14 @@ pub(crate) const WARP_CHANNELS: usize = 10;
 /// Surface composited at one pixel of frame `t`, divided by coverage.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Trace {
-    /// Where it was in frame 1, pixels (centres at half-integers).
+    /// Position of the surface in frame 1, pixels (centres at half-integers).
     pub at: [f32; 2],
-    /// Its camera depth there.
+    /// Camera depth of the surface in frame 1, world units.
     pub depth: f32,
 }
 
-/// Undoes compositing: `sums` are the [`WARP_CHANNELS`] of one pixel, `alpha` its coverage,
-/// `(x, y)` its column and row.
+/// Divides out the compositing: `sums` are the [`WARP_CHANNELS`] of one pixel, `alpha` its
+/// coverage, `(x, y)` its column and row.
 pub(crate) fn trace(
     sums: &[f32],
     alpha: f32,

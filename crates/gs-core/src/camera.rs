@@ -51,7 +51,7 @@ pub enum CameraError {
     Invalid {
         /// Name of the view.
         name: String,
-        /// What is wrong.
+        /// Description of the invalid value.
         what: String,
     },
 }
@@ -154,7 +154,7 @@ impl Camera {
     /// Verifies size, focal lengths, near plane and pose.
     ///
     /// # Errors
-    /// Says what is out of range.
+    /// If a value is out of range; the message names it.
     pub fn check(&self) -> Result<(), CameraError> {
         let invalid = |what: String| Err(CameraError::Invalid { name: self.name.clone(), what });
         if self.width == 0 || self.height == 0 || self.width.max(self.height) > MAX_SIDE {

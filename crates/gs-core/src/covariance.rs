@@ -4,8 +4,8 @@
 
 use crate::{Real, Ring};
 
-/// Rotation matrix, row-major, of quaternion `wxyz` **as given** (`rasteriser.md` step 3 does not
-/// normalise; a zero quaternion gives the identity).
+/// Rotation matrix, row-major, of quaternion `wxyz` **as given**: as in the reference kernels, the
+/// quaternion is not normalised. A zero quaternion gives the identity.
 #[inline(always)]
 pub fn rotation_matrix<V: Ring>([w, x, y, z]: [V; 4]) -> [[V; 3]; 3] {
     let (one, two) = (w.like(1.0), w.like(2.0));

@@ -41,7 +41,7 @@ impl Extent {
         let sizes = points.iter().map(|p| (p.size, 1.0)).collect();
         let splat_size = positive(weighted_quantile(sizes, 0.5), 1.0);
         let radius = positive(weighted_quantile(distances, RADIUS_SHARE), splat_size);
-        // Splats that all lie at one point have no spread; their own size stands in.
+        // Splats that all lie at one point have no spread; their own size is used instead.
         let core = positive(core_radius(&points), splat_size);
         Self { centre, radius, core, splat_size }
     }

@@ -8,9 +8,8 @@
 /// Side of a square tile, pixels. The image depends on it, because splats are clipped to whole
 /// tiles.
 pub const TILE_SIZE: u32 = 16;
-/// Near plane of training cameras, world units; default of [`crate::Camera::near`], which holds the
-/// value of each view. Other cameras use one derived from the scene's size
-/// ([`crate::Extent::near_plane`]).
+/// Near plane of training cameras, world units; default of [`crate::Camera::near`], the value of
+/// each view. Other cameras use one derived from the scene's size ([`crate::Extent::near_plane`]).
 pub const NEAR_PLANE: f64 = 0.2;
 /// Low-pass filter: added to the diagonal of the projected covariance, pixels².
 pub const EPS2D: f32 = 0.3;

@@ -207,7 +207,7 @@ pub trait Rasterizer<F: Real = f32> {
     /// `features` (`[N,F]`, flat; empty for none).
     ///
     /// # Errors
-    /// If shapes disagree with the prepared state, or the device fails.
+    /// If shapes differ from those of the prepared state, or the device fails.
     fn forward_into(
         &self,
         prepared: &mut Self::Prepared,
@@ -221,7 +221,7 @@ pub trait Rasterizer<F: Real = f32> {
     /// `splats`, `features` and `params`.
     ///
     /// # Errors
-    /// If there was no forward pass, shapes disagree with it, or the device fails.
+    /// If there was no forward pass, shapes differ from it, or the device fails.
     fn backward_into(
         &self,
         prepared: &mut Self::Prepared,

@@ -5,7 +5,7 @@ use std::fmt::Debug;
 use thiserror::Error;
 
 /// Closed interval of scene times (network time, dimensionless; 0 to 1, or to the last trained
-/// frame where a format says so).
+/// frame if a format states it).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct TimeRange {
     /// First time.

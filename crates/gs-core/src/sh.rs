@@ -100,8 +100,8 @@ pub fn basis_gradient<V: Ring>(degree: usize, [x, y, z]: [V; 3]) -> [[V; 3]; 16]
     out
 }
 
-/// `0.5 + Σ_k Y_k(d)·sh_k` **before** the clamp at 0 (`rasteriser.md` step 10), for `sh` of at
-/// least `num_coeffs(degree)` rows.
+/// `0.5 + Σ_k Y_k(d)·sh_k` per channel, **before** the clamp at 0, for `sh` of at least
+/// `num_coeffs(degree)` rows.
 #[inline(always)]
 pub fn color<F: Real>(degree: usize, sh: &[[F; 3]], direction: [F; 3]) -> [F; 3] {
     let y = basis(degree, direction);

@@ -3,8 +3,7 @@
 use crate::{Real, activation, quat, sh};
 use thiserror::Error;
 
-/// `N` Gaussians, stored (pre-activation) parameters as 3DGS files hold them,
-/// `K = (sh_degree + 1)²`.
+/// `N` Gaussians: stored (pre-activation) parameters as in 3DGS files, `K = (sh_degree + 1)²`.
 ///
 /// Fields are public because every combination of equally long arrays is meaningful;
 /// [`Splats::check_shapes`] verifies the lengths where other crates take splats in.
@@ -110,7 +109,7 @@ impl<F: Real> Splats<F> {
     /// Verifies that all arrays have the same number of rows.
     ///
     /// # Errors
-    /// Names the first array of a different length.
+    /// If lengths differ; names the first such array.
     pub fn check_shapes(&self) -> Result<(), SplatsError> {
         if self.sh_degree > sh::MAX_DEGREE {
             return Err(SplatsError::ShDegree(self.sh_degree));

@@ -10,7 +10,7 @@ pub enum FieldError {
     /// A tensor's shape does not match the others.
     #[error("deformation field: `{tensor}` has shape {found:?}, expected {expected}")]
     Shape {
-        /// Which tensor.
+        /// Name of the tensor.
         tensor: String,
         /// Its shape.
         found: Vec<usize>,
@@ -20,7 +20,7 @@ pub enum FieldError {
     /// A tensor used in the evaluation contains NaN or infinity.
     #[error("deformation field: `{tensor}` holds NaN or infinite values, expected finite weights")]
     NotFinite {
-        /// Which tensor.
+        /// Name of the tensor.
         tensor: String,
     },
     /// The box that normalises the coordinates is empty along an axis.

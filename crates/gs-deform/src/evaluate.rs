@@ -215,7 +215,7 @@ pub(crate) fn mask<S: Simd>(
     }
 }
 
-/// Stored parameter times mask plus head output (quaternions are never masked), spec §6.4.
+/// Stored parameter times mask plus head output; quaternions are never masked.
 #[inline(always)]
 fn apply(field: &HexPlaneField, component: Component, panel: &mut Panel<'_>, scratch: &Scratch) {
     let out = &scratch.out;

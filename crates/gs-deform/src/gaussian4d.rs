@@ -97,7 +97,7 @@ impl Gaussian4dScene {
     /// A scene whose times 0 to 1 are `start` to `end` in the unit of the Gaussians' times.
     ///
     /// # Errors
-    /// If the arrays disagree.
+    /// If the arrays have inconsistent lengths.
     pub fn new(gaussians: Gaussians4d, start: f64, end: f64) -> Result<Self, PolynomialError> {
         let Gaussians4d { mut splats, times, log_scales_t, right_quats, waves, prefilter_var } =
             gaussians;

@@ -45,7 +45,7 @@ impl Plane {
     }
 }
 
-/// Feature planes and the box that maps the world onto them (spec: `4dgs-checkpoint.md` §6.1–6.2).
+/// Feature planes and the box that maps the world onto them.
 #[derive(Debug, Clone, PartialEq)]
 pub struct HexPlane {
     /// Row 0 the **maximum** corner, row 1 the minimum: the axes are mirrored. World units.
@@ -157,8 +157,8 @@ impl Tap {
         )]
         let low = position as usize;
         let w_high = position - low as f32;
-        // The neighbour beyond the last sample has weight 0; the last sample
-        // stands in for it to keep reads in bounds.
+        // The neighbour beyond the last sample has weight 0; the last sample is read instead, to
+        // stay in bounds.
         Self { low, high: (low + 1).min(last), w_low: 1.0 - w_high, w_high }
     }
 }

@@ -2,7 +2,7 @@
 
 use crate::{FieldError, Head};
 
-/// Factor of the stored parameters before a head's output is added (spec §6.4).
+/// Factor of the stored parameters before a head's output is added.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Mask {
     /// No mask: the factor is 1.
@@ -13,7 +13,7 @@ pub enum Mask {
     EmptyVoxel(EmptyVoxel),
 }
 
-/// A grid of mask values with its own box, fading to 0 outside (spec §6.5).
+/// A grid of mask values with its own box, fading to 0 outside.
 #[derive(Debug, Clone, PartialEq)]
 pub struct EmptyVoxel {
     /// Values `[R, R, R]`: x slowest, z fastest.

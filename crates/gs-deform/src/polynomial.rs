@@ -25,7 +25,7 @@ pub struct Polynomial {
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
 #[non_exhaustive]
 pub enum PolynomialError {
-    /// The arrays of the splats disagree.
+    /// The arrays of the splats have inconsistent lengths.
     #[error(transparent)]
     Splats(#[from] SplatsError),
     /// The number of motions or windows differs from the number of splats.
@@ -69,7 +69,7 @@ impl PolynomialScene {
     /// A scene from the splats at their own centre times, and their motions, `[N]`.
     ///
     /// # Errors
-    /// If the arrays disagree.
+    /// If the arrays have inconsistent lengths.
     pub fn new(rest: Splats, motions: Vec<Polynomial>) -> Result<Self, PolynomialError> {
         rest.check_shapes()?;
         if motions.len() != rest.len() {
@@ -95,7 +95,7 @@ impl PolynomialScene {
     /// `[N, 2]`, in the time unit of the motions.
     ///
     /// # Errors
-    /// If there is not one window per splat.
+    /// If the number of windows differs from the number of splats.
     pub fn with_windows(self, windows: Vec<[f32; 2]>) -> Result<Self, PolynomialError> {
         if windows.len() != self.rest.len() {
             return Err(PolynomialError::Rows { found: windows.len(), expected: self.rest.len() });

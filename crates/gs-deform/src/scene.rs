@@ -29,7 +29,8 @@ impl HexPlaneScene {
     /// A scene from its parts.
     ///
     /// # Errors
-    /// If the arrays of `canonical` disagree, or SH are deformed and their degree is not 3.
+    /// If the arrays of `canonical` have inconsistent lengths, or SH are deformed and their degree
+    /// is not 3.
     pub fn new(canonical: Splats, field: HexPlaneField) -> Result<Self, FieldError> {
         field.check_splats(&canonical)?;
         Ok(Self {
@@ -59,7 +60,7 @@ impl HexPlaneScene {
     /// time. Early revisions of the reference had such a table.
     ///
     /// # Errors
-    /// If there is not one entry per Gaussian.
+    /// If the number of entries differs from the number of Gaussians.
     pub fn with_moving(self, moving: &[bool]) -> Result<Self, FieldError> {
         if moving.len() != self.canonical.len() {
             return Err(FieldError::Shape {

@@ -16,7 +16,7 @@ pub enum TrajectoryError {
         "trajectories: frame {frame} has {found} splats of SH degree {found_degree}, expected {expected} of degree {expected_degree} as in frame 0"
     )]
     Rows {
-        /// Which frame.
+        /// Index of the frame.
         frame: usize,
         /// Number of splats in that frame.
         found: usize,
@@ -30,9 +30,9 @@ pub enum TrajectoryError {
     /// The arrays of a frame have inconsistent lengths.
     #[error("trajectories: frame {frame}: {source}")]
     Splats {
-        /// Which frame.
+        /// Index of the frame.
         frame: usize,
-        /// What is wrong.
+        /// Cause of the error.
         source: SplatsError,
     },
 }

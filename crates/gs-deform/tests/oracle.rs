@@ -122,7 +122,7 @@ fn tap(u: f64, resolution: usize) -> (usize, usize, f64) {
     (low, (low + 1).min(last), position - low as f64)
 }
 
-/// One Gaussian by the definition of the field (`4dgs-checkpoint.md` §6), in double precision.
+/// One Gaussian by the definition of the field, in double precision.
 fn by_definition(network: &HexPlaneNetwork, splats: &Splats<f64>, i: usize, t: f64) -> Splats<f64> {
     let planes = &network.planes;
     let mut u = [t; 4];

@@ -15,51 +15,51 @@ pub enum Pivot {
 /// Pose of a graft: scaled, rotated and moved, in this order, about the origin of its own file.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct GraftPose {
-    /// World units.
+    /// Translation, world units.
     pub translation: [f64; 3],
-    /// As in [`Action::Rotate`].
+    /// Angles in degrees, as in [`Action::Rotate`].
     pub degrees: [f64; 3],
-    /// Above 0.
+    /// Scale factor, above 0.
     pub scale: f64,
 }
 
 impl GraftPose {
-    /// Unchanged.
+    /// No change.
     pub const IDENTITY: Self = Self { translation: [0.0; 3], degrees: [0.0; 3], scale: 1.0 };
 }
 
 /// A change of the selected splats. Lengths are world units, angles degrees, colours 0 to 1.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Action {
-    /// Removes them.
+    /// Removes the selected splats.
     Delete,
-    /// Removes all others.
+    /// Removes all other splats.
     Keep,
-    /// Appends copies of them, which become the selection.
+    /// Appends copies of the selected splats, which become the selection.
     Duplicate,
-    /// Moves them.
+    /// Moves by a vector, world units.
     Translate([f64; 3]),
-    /// Rotates them about x, then y, then z, fixed world axes, right-handed; harmonics too.
+    /// Rotates about x, then y, then z, fixed world axes, right-handed; SH are rotated as well.
     Rotate {
-        /// Angles.
+        /// Angles, degrees.
         degrees: [f64; 3],
         /// Fixed point.
         pivot: Pivot,
     },
-    /// Scales them.
+    /// Scales uniformly: centres about the pivot, and standard deviations.
     Scale {
-        /// Above 0.
+        /// Factor, above 0.
         factor: f64,
         /// Fixed point.
         pivot: Pivot,
     },
-    /// Multiplies their opacities, up to [`crate::MAX_OPACITY`].
+    /// Multiplies opacities, up to [`crate::MAX_OPACITY`].
     Opacity(f64),
-    /// [`crate::ColorMap::color`] with the selection's mean luma.
+    /// [`crate::ColorMap::color`] with the mean luma of the selection.
     Color {
-        /// Their new colour.
+        /// New colour.
         rgb: [f64; 3],
-        /// 0 to 1.
+        /// Share of the map, 0 to 1.
         strength: f64,
     },
     /// [`crate::ColorMap::hue`].
@@ -70,30 +70,30 @@ pub enum Action {
     Brightness(f64),
     /// [`crate::ColorMap::levels`].
     Levels {
-        /// Becomes 0.
+        /// Level that becomes 0.
         black: f64,
-        /// Becomes 1.
+        /// Level that becomes 1.
         white: f64,
     },
     /// [`crate::ColorMap::tint`].
     Tint {
         /// Colour of the light.
         rgb: [f64; 3],
-        /// 0 to 1.
+        /// Share of the map, 0 to 1.
         strength: f64,
     },
-    /// Optimal transport of their colours to those of a picture.
+    /// Optimal transport of the base colours to those of a picture.
     MatchColors {
-        /// The picture.
+        /// Name of the picture.
         image: String,
         /// Whether the whole distribution is matched, not only its mean and covariance.
         sliced: bool,
     },
     /// Appends the splats of a file, which become the selection.
     Graft {
-        /// The file.
+        /// Name of the file.
         file: String,
-        /// Its pose.
+        /// Pose of its splats in the world of the input.
         pose: GraftPose,
     },
 }
@@ -109,8 +109,8 @@ pub struct ActionOption {
     pub help: &'static str,
 }
 
-/// The options that are actions, in the order of the documentation. `sliced` modifies the
-/// preceding `match-colors`.
+/// The options of the command line that are actions, in the order of the documentation. `sliced`
+/// modifies the preceding `match-colors`.
 pub const ACTION_OPTIONS: [ActionOption; 16] = [
     option("delete", None, "Remove the selected splats"),
     option("keep", None, "Remove all others"),

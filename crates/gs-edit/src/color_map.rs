@@ -6,10 +6,10 @@ use gs_core::{Real, sh};
 /// `c ↦ M·c + o` on RGB.
 ///
 /// A splat's colour in direction `d` is `c(d) = ½ + Σ_k Y_k(d)·s_k`. With `s_k' = M·s_k` for
-/// `k ≥ 1` and `s_0' = M·s_0 + (M·½ + o − ½)/C₀` it is `M·c(d) + o` in every direction, and so is
-/// every composited pixel: `Σ w_i (M·c_i + o) = M·Σ w_i c_i + o·Σ w_i`, the recoloured render, over
-/// black. Rasterisers clamp a splat's colour at 0 before they composite; where a colour is below 0
-/// before or after, the two differ.
+/// `k ≥ 1` and `s_0' = M·s_0 + (M·½ + o − ½)/C₀` it becomes `M·c(d) + o` in every direction. The
+/// same holds for every pixel composited over black: `Σ w_i (M·c_i + o) = M·Σ w_i c_i + o·Σ w_i`.
+/// Rasterisers clamp a splat's colour at 0 before they composite it; where a colour is below 0
+/// before or after the map, the two differ.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ColorMap {
     /// `M`, rows.
@@ -25,7 +25,7 @@ impl ColorMap {
 
     /// Rotation by `degrees` about the grey axis `(1,1,1)/√3`:
     /// `cos θ·I + (1−cos θ)/3·J + sin θ/√3·K`, `J` all ones, `K·c = (1,1,1) × c`. Greys and the
-    /// mean of the channels stay; 120° takes red to green, as a hue shift in HSV does.
+    /// mean of the channels do not change; 120° maps red to green, like a hue shift in HSV.
     pub fn hue(degrees: f64) -> Self {
         let (sin, cos) = degrees.rem_euclid(360.0).to_radians().sin_cos();
         let (even, odd) = ((1.0 - cos) / 3.0, sin / 3.0_f64.sqrt());
@@ -60,9 +60,9 @@ impl ColorMap {
         Self::diagonal(rgb.map(|c| 1.0 - strength + strength * c))
     }
 
-    /// `c ↦ rgb·luma(c)/mean_luma`, mixed with the identity: what has the mean luma gets the
-    /// colour, shading stays. Where the mean is below half a step of 8 bits there is no shading,
-    /// and all get the colour itself.
+    /// `c ↦ rgb·luma(c)/mean_luma`, mixed with the identity: `rgb` at the mean luma, with the same
+    /// shading. If the mean is below half a step of 8 bits, there is no shading, and all splats get
+    /// the colour itself.
     pub fn color(rgb: [f64; 3], strength: f64, mean_luma: f64) -> Self {
         let shaded = mean_luma > 0.5 / 255.0;
         let full = if shaded {

@@ -11,11 +11,11 @@ use crate::transport;
 use amg::Similarity;
 use gs_core::{Image, Real, Splats, activation, quat};
 
-/// Opacities are not raised above this: rasterisers composite at most 0.99, and logits of 1 are
-/// infinite.
+/// Opacities are not raised above this value: rasterisers composite at most 0.99, and the logit of
+/// 1 is infinite.
 pub const MAX_OPACITY: f64 = 0.9999;
 
-/// Number of pixels used for statistics; of larger pictures every n-th.
+/// Maximum number of pixels used for statistics; larger pictures are subsampled.
 const MAX_PIXELS: usize = 1 << 16;
 
 /// Minimum coverage of a pixel that is used.
@@ -33,10 +33,10 @@ pub struct Editor {
 }
 
 impl Editor {
-    /// All splats are selected.
+    /// An editor in which all splats are selected.
     ///
     /// # Errors
-    /// If the arrays disagree.
+    /// If the arrays have inconsistent lengths.
     pub fn new(splats: Splats) -> Result<Self, EditError> {
         splats.check_shapes()?;
         let rows = 0..splats.len();
@@ -63,7 +63,7 @@ impl Editor {
         &self.selected
     }
 
-    /// Row of the input that each splat is, or is a copy of, `[N]`; `None` for grafts.
+    /// Input row of each splat, or of the splat it was copied from, `[N]`; `None` for grafts.
     pub fn origins(&self) -> &[Option<u32>] {
         &self.origins
     }
@@ -190,7 +190,7 @@ impl Editor {
 }
 
 impl GraftPose {
-    /// The map of the file's world to that of the input.
+    /// The similarity from the world frame of the file to that of the input.
     pub fn similarity(&self) -> Similarity {
         Similarity {
             scale: self.scale,
@@ -306,7 +306,7 @@ fn match_colors(part: &mut Splats, picture: &Image, sliced: bool) -> Option<()> 
     Some(())
 }
 
-/// Refuses values that overflowed. `rows` are those for messages, one for each splat.
+/// Rejects values that overflowed. `rows` are the row numbers for messages, one per splat.
 fn check_finite(
     action: &'static str,
     splats: &Splats,

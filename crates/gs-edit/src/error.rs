@@ -13,7 +13,7 @@ pub struct SyntaxError {
     /// Column of the error in `text`, from 1; one after the last character if the text ends too
     /// early.
     pub column: usize,
-    /// What was expected and what was found.
+    /// Expected and found text.
     pub what: String,
 }
 
@@ -46,7 +46,7 @@ pub enum EditError {
     Modifier {
         /// The modifier.
         modifier: &'static str,
-        /// The action it belongs to.
+        /// The action that it modifies.
         action: &'static str,
     },
     /// The selection of an action is empty.
@@ -67,25 +67,25 @@ pub enum EditError {
         action: &'static str,
         /// Array of [`gs_core::Splats`].
         field: &'static str,
-        /// Row, as they are at this step.
+        /// Row at this step.
         row: usize,
     },
-    /// A splat named in a list is not there.
+    /// A list contains a row that does not exist.
     #[error("`ids {file}`: splat {id} does not exist, the frame has {num_splats} (0 to {last})", last = num_splats.saturating_sub(1))]
     Id {
-        /// The list.
+        /// Name of the list.
         file: String,
-        /// The entry.
+        /// The row in the list.
         id: u64,
-        /// Splats of the input.
+        /// Number of splats of the input.
         num_splats: usize,
     },
     /// A part that does not exist.
     #[error("`part {part}`: {}", found(*num_parts))]
     Part {
-        /// The number asked for.
+        /// Requested number.
         part: u32,
-        /// How many there are.
+        /// Number of parts.
         num_parts: u32,
     },
     /// A file named in a step was not loaded ([`crate::Needs`] lists them).
@@ -93,13 +93,13 @@ pub enum EditError {
     Missing {
         /// "mask", "ids", "image", "splats" or "motion".
         kind: &'static str,
-        /// As written in the step.
+        /// Name as written in the step.
         name: String,
     },
     /// A picture has no pixel with colour.
     #[error("`{0}` has no visible pixel to take colours from")]
     EmptyImage(String),
-    /// Arrays of the splats disagree.
+    /// Arrays of the splats have inconsistent lengths.
     #[error(transparent)]
     Splats(#[from] SplatsError),
     /// A camera or mask cannot be used.

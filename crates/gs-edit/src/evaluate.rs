@@ -12,8 +12,7 @@ use gs_core::Splats;
 pub struct Frame<'a> {
     /// The splats.
     pub splats: &'a Splats,
-    /// Row of the input that each splat is, or is a copy of, `[N]`; `None` for splats that were
-    /// grafted.
+    /// Input row of each splat, or of the splat it was copied from, `[N]`; `None` for grafts.
     pub origins: &'a [Option<u32>],
     /// Files and motion that selectors refer to.
     pub resources: &'a Resources,
@@ -145,7 +144,7 @@ fn by_origin(frame: Frame<'_>, selects: impl Fn(usize) -> bool) -> Vec<bool> {
     frame.origins.iter().map(|origin| origin.is_some_and(|row| selects(row as usize))).collect()
 }
 
-/// Rows of the input that a list names.
+/// Flags of the input rows in a list, `[N]`.
 fn listed(path: &str, resources: &Resources) -> Result<Vec<bool>, EditError> {
     let ranges = resources.ids.get(path).ok_or_else(|| missing("ids", path))?;
     let num_splats = resources.num_splats;

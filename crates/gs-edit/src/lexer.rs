@@ -21,7 +21,7 @@ pub(crate) enum Token {
 }
 
 impl Token {
-    /// For messages.
+    /// Name for messages.
     pub(crate) fn name(&self) -> String {
         match self {
             Self::Number(value) => format!("`{value}`"),

@@ -14,7 +14,7 @@ use crate::selector::{Bounds, Field, Selector};
 /// Maximum nesting of parentheses, `!` and prefixes, far below what the stack allows.
 const MAX_DEPTH: usize = 64;
 
-/// Default tolerance of `color`: covers light and shadow on one material.
+/// Default tolerance of `color`: covers the shading of one material.
 const TOLERANCE: f64 = 0.15;
 
 /// The leaves and prefixes of the language, for messages.
@@ -297,7 +297,7 @@ fn joined(mut terms: Vec<Selector>, join: impl Fn(Vec<Selector>) -> Selector) ->
     if terms.len() == 1 { terms.remove(0) } else { join(terms) }
 }
 
-/// An example of what follows a word.
+/// An example of the arguments of a word.
 fn usage(word: &str) -> &'static str {
     match word {
         "box" => "`box x,y,z,X,Y,Z`, the lower and the upper corner; `inf` for no bound",

@@ -4,7 +4,7 @@ use anchors::{KdTree, Neighbor, Neighbors};
 use rayon::prelude::*;
 use std::collections::{BTreeMap, BTreeSet};
 
-/// Up to this many pairs of two cells are compared one by one; beyond, a tree finds the nearest.
+/// Up to this many pairs of two cells are compared directly; for more, a tree finds the nearest.
 const MAX_PAIRS: usize = 4096;
 
 /// Gaps below this share of the cloud's extent link only coincident points.
@@ -99,7 +99,7 @@ pub(crate) fn connected(points: &[Point], seed: Point, gap: f64) -> Vec<bool> {
     selected
 }
 
-/// The cells that points at most one gap away can lie in.
+/// The cells of points at most one gap away.
 fn around([x, y, z]: [i64; 3]) -> impl Iterator<Item = [i64; 3]> {
     (-2..=2)
         .flat_map(move |i| (-2..=2).flat_map(move |j| (-2..=2).map(move |k| [x + i, y + j, z + k])))

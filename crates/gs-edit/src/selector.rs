@@ -26,7 +26,7 @@ pub enum Field {
 }
 
 impl Field {
-    /// All of them with their names in the language.
+    /// All fields with their names in the language.
     pub const ALL: [(&'static str, Self); 10] = [
         ("opacity", Self::Opacity),
         ("size", Self::Size),
@@ -91,9 +91,9 @@ pub enum Selector {
     Range(Field, Bounds),
     /// Base colours within a Euclidean distance in RGB.
     Color {
-        /// 0 to 1.
+        /// Colour, RGB, 0 to 1.
         rgb: [f64; 3],
-        /// At most `√3`.
+        /// Largest distance, at most `√3`.
         tolerance: f64,
     },
     /// Hues from `from` to `to` in increasing direction, degrees 0 to 360, across 360 if

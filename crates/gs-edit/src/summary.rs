@@ -25,7 +25,7 @@ pub struct Summary {
 }
 
 impl Summary {
-    /// Of the splats that are `selected`, `[N]`.
+    /// Statistics of the splats that are `selected`, `[N]`.
     pub fn of(splats: &Splats, selected: &[bool]) -> Self {
         let rows: Vec<usize> = (0..splats.len()).filter(|&row| selected[row]).collect();
         let part = splats.select(&rows);

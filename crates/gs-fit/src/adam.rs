@@ -14,7 +14,7 @@ pub struct Adam<F> {
     pub beta2: F,
     /// Added to the root of the second moment. Default 1e-15, as in 3DGS.
     pub epsilon: F,
-    /// Steps done.
+    /// Number of steps so far.
     pub step: u64,
     /// First moments, `[rows, columns]`.
     pub m: Vec<F>,
@@ -39,7 +39,7 @@ impl<F: Real> Adam<F> {
     /// which `skip` is true do not change.
     ///
     /// # Panics
-    /// If the lengths disagree.
+    /// If the lengths differ.
     pub fn step(
         &mut self,
         params: &mut [F],
@@ -79,8 +79,8 @@ impl<F: Real> Adam<F> {
 mod tests {
     use super::*;
 
-    /// The first step is `rate · sign(g)` for any scale; later ones follow the recurrence, here
-    /// written out by hand.
+    /// The first step is `rate · sign(g)` for any scale; later ones follow the recurrence, written
+    /// out here.
     #[test]
     fn follows_the_recurrence() {
         let mut adam = Adam::<f64>::new(1);

@@ -16,7 +16,7 @@ const PASSES: usize = 2;
 const RIDGE: f64 = 0.0005;
 /// Ridge that pulls local displacements to 0, as a share of the mean squared image gradient.
 const LOCAL_RIDGE: f32 = 0.1;
-/// Share of that ridge that acts on displacements of earlier estimates.
+/// Factor of [`LOCAL_RIDGE`] for displacements of earlier estimates.
 const PULL_BACK: f32 = 0.1;
 
 /// `colour' = gain · picture(x + displacement(x)) + offset` per channel.
@@ -24,9 +24,9 @@ const PULL_BACK: f32 = 0.1;
 pub(crate) struct Alignment {
     pub gain: [f32; 3],
     pub offset: [f32; 3],
-    /// Pixels, of the whole picture.
+    /// Common displacement of the whole picture, pixels.
     pub shift: [f32; 2],
-    /// Beyond `shift`, pixels, `[H,W]`; empty for zero.
+    /// Additional local displacement, pixels, `[H,W]`; empty for zero.
     pub local: Vec<[f32; 2]>,
 }
 
@@ -110,7 +110,7 @@ impl Alignment {
         self.match_colors(picture, render, mask);
     }
 
-    /// Least squares per channel, pulled to the identity.
+    /// Least squares per channel, with a ridge towards the identity.
     fn match_colors(&mut self, picture: Picture, render: &[f32], mask: &[bool]) {
         let mut sums = [[0.0_f64; 5]; 3];
         for (p, _) in mask.iter().enumerate().filter(|(_, on)| **on) {
@@ -282,26 +282,26 @@ fn add(mut a: [f32; 5], b: [f32; 5], factor: f32) -> [f32; 5] {
     a
 }
 
-/// Which differences between the pictures are removed.
+/// Differences between the pictures that are removed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Aligning {
-    /// None: the pictures agree.
+    /// No differences: the pictures agree.
     Nothing,
     /// Colours, and one displacement per picture.
     Whole,
-    /// Local displacements too.
+    /// Colours, and local displacements.
     Local,
 }
 
-/// Medians above which pictures disagree: displacement in pixels, logarithm of the gain. Measured:
-/// 0.13 pixels and 0.02 for pictures that agree, in the middle of a fit; 2.4 pixels and 0.05 for
-/// gains of σ 0.15 and shifts of σ 2 pixels.
+/// Medians above which pictures disagree: displacement in pixels, and absolute logarithm of the
+/// gain. Measured in the middle of a fit: 0.13 pixels and 0.02 for pictures that agree; 2.4 pixels
+/// and 0.05 for gains of σ 0.15 and shifts of σ 2 pixels.
 const DISAGREE: [f32; 2] = [0.4, 0.03];
-/// Median of the local displacements (root mean square of a picture, pixels) above which they are
-/// real. Measured: 0.4 without any, 0.9 for a warp of σ 2 pixels.
+/// Median over pictures of the root mean square local displacement, pixels, above which local
+/// displacements are used. Measured: 0.4 without any, 0.9 for a warp of σ 2 pixels.
 const DISAGREE_LOCALLY: f32 = 0.6;
 
-/// Which differences to remove, from the first estimates.
+/// Differences to remove, decided from the first estimates.
 pub(crate) fn needed(alignments: &[Alignment]) -> Aligning {
     let median = |mut values: Vec<f32>| {
         values.sort_by(f32::total_cmp);
@@ -325,9 +325,9 @@ pub(crate) fn needed(alignments: &[Alignment]) -> Aligning {
     }
 }
 
-/// Removes from the alignments what all pictures have in common: the geometric mean of the gains,
-/// the mean offset, and displacements equal to a translation of the content by one vector. With a
-/// `reference` view, its gain and offset take the place of the means, and the translation is
+/// Removes the component common to all alignments: the geometric mean of the gains, the mean
+/// offset, and displacements equal to a translation of the content by one vector. If there is a
+/// `reference` view, its gain and offset are used instead of the means, and the translation is
 /// fitted mainly to its displacement.
 pub(crate) fn hold_common(
     alignments: &mut [Alignment],
@@ -365,7 +365,7 @@ pub(crate) fn hold_common(
             moments += row * (weight * f64::from(alignment.shift[k]));
         }
     }
-    // Directions that no picture shows stay where they are.
+    // Directions that no picture constrains are not translated.
     let ridge = 1e-3 * (normal.x_axis.x + normal.y_axis.y + normal.z_axis.z);
     normal += DMat3::IDENTITY * ridge;
     if normal.determinant() <= 0.0 {

@@ -1,4 +1,4 @@
-//! Removal of splats where the pictures show what lies behind them.
+//! Removal of splats where the pictures show the background behind them.
 
 use crate::fit::Run;
 use crate::state::FitObserver;
@@ -10,9 +10,9 @@ use gs_core::Rasterizer;
 
 /// Difference of a channel (0 to 1) below which a picture shows the background of the selection.
 const BEHIND: f32 = 10.0 / 255.0;
-/// This many times the noise of a picture is added to [`BEHIND`], up to [`MOST_BEHIND`]; but not
+/// This many times the noise of a picture is added to [`BEHIND`], up to [`MOST_BEHIND`], but not
 /// more than the difference between the picture and the current render. Otherwise new colours close
-/// to that of the background would be taken for it.
+/// to that of the background would count as background.
 const NOISES: f32 = 1.5;
 const MOST_BEHIND: f32 = 0.12;
 /// A splat belongs to the background if more than this share of it looks as it did before.
@@ -25,12 +25,12 @@ const BEHIND_SHARE: f32 = 0.85;
 /// A splat fades if the share is above this: for the first part of the fit only its opacity is
 /// fitted, so that it does not take the colour of the background.
 const FADING_SHARE: f32 = 0.3;
-/// Most rounds of removal before the first step. Each can bring hidden splats to light.
+/// Maximum number of rounds of removal before the first step. Each can uncover hidden splats.
 const ROUNDS: usize = 3;
 
 impl<R: Rasterizer + Sync> Run<'_, R> {
-    /// Removes selected splats where the pictures show what lies behind them, before the first
-    /// step. Returns how many were removed.
+    /// Removes selected splats where the pictures show the background behind them, before the first
+    /// step. Returns the number of removed splats.
     pub(crate) fn carve_first(
         &mut self,
         observer: &mut dyn FitObserver,
@@ -44,18 +44,18 @@ impl<R: Rasterizer + Sync> Run<'_, R> {
             if now == 0 {
                 break;
             }
-            // Splats that the removed ones hid are visible now.
+            // Splats hidden by the removed ones are visible now.
             self.select_more()?;
         }
         Ok(removed)
     }
 
-    /// Finds selected splats where the pictures show what lies behind them. Where all pictures do,
-    /// they are removed; where some do, they fade. Returns how many were removed.
+    /// Finds selected splats where the pictures show the background behind them. They are removed
+    /// if all pictures show it, and fade if some do. Returns the number of removed splats.
     pub(crate) fn carve(&mut self) -> Result<usize, FitError> {
         let n = self.working.splats.len();
-        // Only splats that look different from before can be foreground. Others that lie beside an
-        // edit are background.
+        // Only splats whose look has changed can be foreground. Unchanged splats beside an edit are
+        // background.
         let current = self.current()?;
         let (seen, same) = self.agreement(&current, |view| Ok(view.original.clone()))?;
         let mut front: Vec<bool> =
@@ -79,8 +79,8 @@ impl<R: Rasterizer + Sync> Run<'_, R> {
         Ok(self.working.prune(&gone, FAINT))
     }
 
-    /// Share of each splat's visible pixels that look as without the splats in `front`; 1 for
-    /// splats of `front` that others of it hide.
+    /// Share of each splat's visible pixels that look the same as without the splats in `front`; 1
+    /// for splats of `front` that are hidden by others of `front`.
     fn share_behind(&self, current: &[Vec<f32>], front: &[bool]) -> Result<Vec<f32>, FitError> {
         let (raster, params) = (self.raster, self.params());
         let (seen, open) = self.agreement(current, |view| {
@@ -96,8 +96,8 @@ impl<R: Rasterizer + Sync> Run<'_, R> {
         Ok((0..front.len()).map(share).collect())
     }
 
-    /// Current renders of the edited views, `[H,W,3]` each; empty for pictures without noise, which
-    /// do not need them.
+    /// Current renders of the edited views, `[H,W,3]` each; empty for pictures without noise, for
+    /// which they are not needed.
     fn current(&self) -> Result<Vec<Vec<f32>>, FitError> {
         let (raster, params) = (self.raster, self.params());
         let render = |&v: &usize| {
@@ -113,9 +113,9 @@ impl<R: Rasterizer + Sync> Run<'_, R> {
         self.edited.iter().map(render).collect()
     }
 
-    /// Per splat, pixels of the edited pictures that show it, and those of them where the picture
-    /// looks like `other` (`[H,W,3]`). Counts pixels that the selection can change, and splats that
-    /// these depend on.
+    /// Per splat, the number of pixels of the edited pictures that show it, and the number of these
+    /// where the picture looks like `other` (`[H,W,3]`). Counts pixels that the selection can
+    /// change, and splats on which these depend.
     fn agreement(
         &self,
         current: &[Vec<f32>],

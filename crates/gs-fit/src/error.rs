@@ -3,14 +3,14 @@
 use gs_core::{CameraError, RasterError, SplatsError};
 use thiserror::Error;
 
-/// Why a fit did not happen.
+/// Error of a fit.
 #[derive(Debug, Error)]
 #[non_exhaustive]
 pub enum FitError {
-    /// A camera cannot see.
+    /// A camera is invalid.
     #[error(transparent)]
     Camera(#[from] CameraError),
-    /// The splats' arrays disagree.
+    /// The splats' arrays have inconsistent lengths.
     #[error(transparent)]
     Splats(#[from] SplatsError),
     /// The rasteriser failed.
@@ -31,7 +31,7 @@ pub enum FitError {
         /// Size of the camera.
         expected: String,
     },
-    /// Pictures differ from their originals, but no splat is mainly seen there.
+    /// Pictures differ from their originals, but no splat is mainly visible there.
     #[error(
         "the pictures differ from the scene in {pixels} pixels of {views} views, but no splat is mainly seen there"
     )]
@@ -44,20 +44,20 @@ pub enum FitError {
     /// An option is out of range.
     #[error("{name} is {found}, expected {expected}")]
     Option {
-        /// Its name.
+        /// Name of the option.
         name: &'static str,
         /// Its value.
         found: String,
-        /// What it may be.
+        /// Allowed values.
         expected: &'static str,
     },
-    /// A state to resume from belongs to another fit, or is damaged.
+    /// A state to resume from is from another fit, or is damaged.
     #[error("the state to resume from does not fit: {what}")]
     State {
-        /// What is wrong.
+        /// Description of the mismatch.
         what: String,
     },
-    /// The observer asked to stop.
+    /// The observer cancelled the fit.
     #[error("stopped")]
     Cancelled,
 }

@@ -18,20 +18,20 @@ use rand_pcg::Pcg64;
 use rayon::prelude::*;
 use std::time::Instant;
 
-/// Densification: largest number of steps between two, least number of times, and share of the fit
-/// after which it ends.
+/// Densification: largest number of steps between two densifications, minimum number of them, and
+/// share of the fit after which they end.
 const DENSIFY_EVERY: usize = 100;
 const DENSIFY_TIMES: usize = 8;
 const DENSIFY_UNTIL: f64 = 0.7;
-/// Registration of the pictures: first step, steps between two, and share of the fit after which it
-/// ends.
+/// Registration of the pictures: first step, steps between two registrations, and share of the fit
+/// after which they end.
 const ALIGN_FROM: usize = 40;
 const ALIGN_EVERY: usize = 30;
 const ALIGN_UNTIL: f64 = 0.9;
 /// Share of the fit until which only the opacity of fading splats is fitted.
 const FADE_UNTIL: f64 = 0.5;
-/// Splats below this opacity are removed at this share of the fit, so that the last steps adapt the
-/// others. Eight-bit pictures hardly show them.
+/// Splats below this opacity are removed at a given share of the fit, so that the last steps adapt
+/// the others. Eight-bit pictures hardly show them.
 const FAINT_AT_END: f32 = 0.02;
 const LAST_PRUNE: f64 = 0.9;
 /// Number of estimates after which the fit decides whether the pictures disagree, and how.
@@ -39,18 +39,18 @@ const DECIDES_AFTER: usize = 2;
 /// Unedited pictures have no weight within this distance of the selection, as a share of the longer
 /// image side.
 const UNSURE_BAND: f32 = 0.03;
-/// Selected splats may move by this many pixels until their reach is found again.
+/// Selected splats may move by this many pixels before the pixels that they reach are found again.
 const REACH_MARGIN: usize = 8;
 
-/// The result of a fit.
+/// Result of a fit.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Fitted {
-    /// Splats that were not selected, bit for bit, and selected ones that remain, in the order of
-    /// the start; then new ones.
+    /// Unselected splats, bit for bit, and the remaining selected ones, in the order of the start;
+    /// then new ones.
     pub splats: Splats,
-    /// Row of the start of each splat; `None` for new ones.
+    /// Row of each splat at the start; `None` for new ones.
     pub source_rows: Vec<Option<u32>>,
-    /// Rows of the start that were selected, at the start or when they became visible.
+    /// Rows of the start that were selected initially or when they became visible.
     pub selected: Vec<bool>,
     /// Counts, and regions that few pictures show.
     pub report: FitReport,
@@ -99,7 +99,7 @@ pub fn fit<R: Rasterizer + Sync>(
     weigh_unedited(raster, start, &mut views, &selected)?;
 
     let fingerprint = crate::fingerprint::of(start, pictures, options);
-    // Fewer pictures do not determine where a surface is.
+    // Fewer pictures do not determine the position of a surface.
     report.geometry_held = options.geometry && edited.len() < usize::from(report::ENOUGH_VIEWS);
     let options =
         &FitOptions { geometry: options.geometry && !report.geometry_held, ..options.clone() };
@@ -128,7 +128,7 @@ pub fn fit<R: Rasterizer + Sync>(
         run.reach();
     }
     run.descend(step, fingerprint, observer)?;
-    // Splats that are not drawn at any pixel.
+    // Removes splats that are too faint to be drawn at any pixel.
     run.working.prune_faint(ALPHA_THRESHOLD);
     let selected = std::mem::take(&mut run.working.chosen);
     report.finish(&run.working.source, &selected);
@@ -213,7 +213,7 @@ impl<R: Rasterizer + Sync> Run<'_, R> {
         order[step % length]
     }
 
-    /// Renders what the selection can change in a view; other pixels are incomplete.
+    /// Renders the pixels of a view that the selection can change; other pixels are incomplete.
     fn render(
         &mut self,
         view: usize,
@@ -314,8 +314,8 @@ impl<R: Rasterizer + Sync> Run<'_, R> {
         Ok(())
     }
 
-    /// Whether splats are removed where the pictures show what lies behind them. Fewer pictures do
-    /// not determine that.
+    /// Whether splats are removed where the pictures show the background behind them, which needs
+    /// enough pictures.
     fn carves(&self) -> bool {
         self.options.densify && self.edited.len() >= usize::from(report::ENOUGH_VIEWS)
     }
@@ -381,7 +381,7 @@ impl<R: Rasterizer + Sync> Run<'_, R> {
         })
     }
 
-    /// Removes splats that the pictures contradict, clones and splits others (if geometry is
+    /// Removes splats that contradict the pictures, clones and splits others (if geometry is
     /// fitted), and selects splats that became visible.
     fn densify(&mut self, step: usize) -> Result<(), FitError> {
         self.carve()?;
@@ -403,8 +403,8 @@ impl<R: Rasterizer + Sync> Run<'_, R> {
         Ok(())
     }
 
-    /// Finds the pixels that the selection can change in each view, and the splats that these
-    /// pixels depend on.
+    /// Finds the pixels that the selection can change in each view, and the splats on which these
+    /// pixels depend.
     pub(crate) fn reach(&mut self) {
         let (raster, working) = (self.raster, &self.working);
         let rows = working.rows();
@@ -421,7 +421,7 @@ impl<R: Rasterizer + Sync> Run<'_, R> {
         self.find_rows();
     }
 
-    /// Finds the splats that the pixels of each view's rectangle depend on.
+    /// Finds the splats on which the pixels of each view's rectangle depend.
     fn find_rows(&mut self) {
         let (raster, working) = (self.raster, &self.working);
         self.views.par_iter_mut().for_each(|view| view.find_rows(raster, working));
@@ -470,8 +470,8 @@ impl<R: Rasterizer + Sync> Run<'_, R> {
         Ok(())
     }
 
-    /// Half the width of the windows of local registration, pixels: none at first, then smaller
-    /// and smaller ones.
+    /// Half the width of the windows of local registration, pixels: `None` at first, then
+    /// decreasing.
     fn local_radius(&self, step: usize, view: usize) -> Option<usize> {
         let done = step as f64 / self.options.steps as f64;
         let side = self.views[view].width.max(self.views[view].height);

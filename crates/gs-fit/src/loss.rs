@@ -48,12 +48,12 @@ impl Rect {
         }
     }
 
-    /// Whether the pixel lies in it.
+    /// Whether the pixel is inside the rectangle.
     pub fn contains(self, x: usize, y: usize) -> bool {
         (self.x0..self.x1).contains(&x) && (self.y0..self.y1).contains(&y)
     }
 
-    /// Whether both have a pixel in common.
+    /// Whether the rectangles have a pixel in common.
     pub fn overlaps(self, other: Self) -> bool {
         self.x0.max(other.x0) < self.x1.min(other.x1)
             && self.y0.max(other.y0) < self.y1.min(other.y1)
@@ -73,7 +73,7 @@ impl Rect {
     }
 }
 
-/// What a render is compared with, `[H,W,3]` of the whole image.
+/// Target of a render, `[H,W,3]` of the whole image.
 #[derive(Debug, Clone, Copy)]
 pub struct Target<'a> {
     /// Image columns.
@@ -82,9 +82,10 @@ pub struct Target<'a> {
     pub height: usize,
     /// Colours, `[H,W,3]`.
     pub rgb: &'a [f32],
-    /// Weight of each pixel, 0 or more, `[H,W]`; empty for 1 everywhere. D-SSIM has at most 1.
+    /// Weight of each pixel, 0 or more, `[H,W]`; empty for 1 everywhere. For D-SSIM, weights are
+    /// clamped to 1.
     pub weights: &'a [f32],
-    /// The part of the image that is compared; the rest is taken to agree.
+    /// The part of the image that is compared; all other pixels count as equal.
     pub rect: Rect,
 }
 
@@ -104,7 +105,7 @@ pub struct PictureLoss {
 }
 
 impl PictureLoss {
-    /// With this share of D-SSIM, 0 to 1.
+    /// A loss with this share of D-SSIM, 0 to 1.
     pub fn new(share: f32) -> Self {
         Self { share, ssim: Ssim::new(0, 0, 3), x: Vec::new(), y: Vec::new(), v: Vec::new() }
     }
@@ -207,7 +208,7 @@ mod tests {
             loss.evaluate(&x, &target, &mut v);
             let mut unused = Vec::new();
             for k in (0..x.len()).step_by(37) {
-                // the blended target follows the render and counts as constant
+                // the blended target changes with the render, but counts as constant
                 if !weights.is_empty() && k / 3 % 20 < 14 {
                     continue;
                 }

@@ -25,7 +25,7 @@ impl Optimizer {
         }
     }
 
-    /// All of them, with their names and numbers of values per splat.
+    /// All arrays, with their names and numbers of values per splat.
     pub(crate) fn groups(
         &mut self,
         sh_coeffs: usize,
@@ -40,7 +40,7 @@ impl Optimizer {
     }
 
     /// One step of the selected rows; for `fading` rows, of the opacity only. `rates.means` is in
-    /// world units here. Without `geometry`, colour and opacity only.
+    /// world units here. Without `geometry`, only colour and opacity change.
     pub(crate) fn step(
         &mut self,
         splats: &mut Splats,
@@ -83,7 +83,7 @@ impl Optimizer {
         }
     }
 
-    /// Keeps the rows whose flag is set.
+    /// Keeps only the rows whose flag is set.
     pub(crate) fn retain(&mut self, keep: &[bool], sh_coeffs: usize) {
         for (_, adam, columns) in self.groups(sh_coeffs) {
             for moments in [&mut adam.m, &mut adam.v] {

@@ -6,15 +6,15 @@ use crate::FitError;
 /// deviations of the selected splats), so that it does not depend on the scene's scale.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct FitRates {
-    /// Of means, splat sizes; decays to a tenth over the fit.
+    /// Rate of the means, splat sizes; decays to a tenth over the fit.
     pub means: f32,
-    /// Of raw quaternions.
+    /// Rate of the raw quaternions (wxyz).
     pub quats: f32,
-    /// Of log-scales.
+    /// Rate of the log-scales.
     pub log_scales: f32,
-    /// Of opacity logits.
+    /// Rate of the opacity logits.
     pub opacity_logits: f32,
-    /// Of the harmonics' first coefficient; the others get a twentieth.
+    /// Rate of the DC coefficients of SH; the others get a twentieth.
     pub sh: f32,
 }
 
@@ -37,7 +37,7 @@ pub struct FitOptions {
     /// Whether splats are added where gradients are large (with [`FitOptions::geometry`]), and
     /// removed where at least three pictures show the background. Default true.
     pub densify: bool,
-    /// Share of D-SSIM in the loss. Default 0.2, as 3DGS trains.
+    /// Share of D-SSIM in the loss. Default 0.2, as in 3DGS training.
     pub dssim: f32,
     /// Difference of a channel (0 to 1) above which a pixel is edited. Default 8/255: larger than
     /// typical errors of lossy formats.
@@ -47,12 +47,12 @@ pub struct FitOptions {
     /// Share of a splat's visible pixels that must lie in the masks for it to be selected. Default
     /// 0.5.
     pub vote: f32,
-    /// Background colour that the pictures are composited over, 0 to 1.
+    /// Background over which the pictures are composited, RGB, 0 to 1.
     pub background: [f64; 3],
     /// Whether differences between the pictures (gain, offset, displacement) are estimated and
     /// removed. Default true.
     pub align: bool,
-    /// View to whose picture the others are aligned; `None` for the mean of all.
+    /// Index of the view to whose picture the others are aligned; `None` for the mean of all.
     pub reference: Option<usize>,
     /// Seed of the order of views and of the positions of new splats.
     pub seed: u64,

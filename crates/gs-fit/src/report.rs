@@ -20,22 +20,22 @@ pub struct FitReport {
     pub masked_pixels: usize,
     /// Splats selected at the start.
     pub selected: usize,
-    /// Splats removed before the first step, because the pictures show what lies behind them.
+    /// Splats removed before the first step, because the pictures show the background behind them.
     pub carved: usize,
-    /// Splats of the start that were removed in all.
+    /// Total number of splats of the start that were removed.
     pub removed: usize,
     /// New splats.
     pub added: usize,
     /// Whether geometry was not fitted because fewer than three pictures are edited.
     pub geometry_held: bool,
-    /// Masked regions that fewer than three pictures show, if there are any.
+    /// Masked regions that fewer than three pictures show; `None` if there are none.
     pub poorly_seen: Option<PoorlySeen>,
 }
 
 /// Masked regions that fewer than three pictures show.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct PoorlySeen {
-    /// Pixels of all pictures.
+    /// Number of such pixels in all pictures.
     pub pixels: usize,
     /// The view that shows most of them.
     pub view: String,
@@ -74,7 +74,7 @@ pub(crate) fn poorly_seen<R: Rasterizer>(
     let features: Vec<f32> =
         (0..start.len()).flat_map(|i| [flag(poor(i)), flag(selected[i])]).collect();
     let params = RenderParams { rgb: false, depth: false, ..RenderParams::default() };
-    // More than half of what the pixel shows of the selection.
+    // More than half of the pixel's selected part.
     let is_poor = |poor: f32, selected: f32| selected > 0.1 && poor > 0.5 * selected;
     let mut found: Option<(usize, PoorlySeen)> = None;
     let mut total = 0;

@@ -7,7 +7,7 @@ use gs_core::Image;
 pub struct FitState {
     /// Hash of the inputs and options; a state can resume only the fit that it was saved from.
     pub fingerprint: u64,
-    /// Steps done.
+    /// Completed steps.
     pub step: u64,
     /// Named arrays.
     pub arrays: Vec<(String, Vec<f32>)>,
@@ -18,9 +18,9 @@ pub struct FitState {
 /// Progress of a fit.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct FitProgress {
-    /// Steps done.
+    /// Completed steps.
     pub done: usize,
-    /// Steps in all.
+    /// Total number of steps.
     pub total: usize,
     /// Mean loss of the last steps; `None` before the first step.
     pub loss: Option<f32>,
@@ -33,7 +33,7 @@ pub struct FitProgress {
 pub struct FitPreview {
     /// Name of the view.
     pub name: String,
-    /// The scene before, `[H,W,3]`.
+    /// The scene before the fit, `[H,W,3]`.
     pub original: Image,
     /// The target of the fit, `[H,W,3]`.
     pub target: Image,
@@ -48,8 +48,8 @@ pub trait FitObserver {
         let _ = progress;
     }
 
-    /// Called before the first step, while removed objects are looked for: rounds done, and at most
-    /// how many there are.
+    /// Called before the first step, while splats of removed objects are searched for: number of
+    /// completed rounds, and their maximum number.
     fn carving(&mut self, done: usize, most: usize) {
         let _ = (done, most);
     }

@@ -2,8 +2,8 @@
 
 use gs_core::{RenderGrads, Splats};
 
-/// Copies of some rows. A fit changes only part of a picture; splats that do not reach that part
-/// need not be rendered. Memory is reused.
+/// Copies of some rows. A fit changes only a part of a picture; splats that do not reach that part
+/// are not rendered. Memory is reused.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Subset {
     /// The copies, in the order of the rows.
@@ -27,8 +27,8 @@ impl Subset {
         }
     }
 
-    /// Writes the gradients of the copies of `rows` to those rows of `all`, which gets `count` rows
-    /// of `coeffs` harmonics. Other rows have no defined value.
+    /// Writes the gradients of the copies of `rows` to those rows of `all`, which is resized to
+    /// `count` rows with `coeffs` SH coefficients. Other rows have undefined values.
     pub(crate) fn scatter(&self, rows: &[u32], all: &mut RenderGrads, count: usize, coeffs: usize) {
         all.v_means.resize(count, [0.0; 3]);
         all.v_quats.resize(count, [0.0; 4]);

@@ -1,4 +1,4 @@
-//! [`EditedPicture`], the input, and [`View`], its state in the fit.
+//! [`EditedPicture`], the input, and [`View`], the state of a picture during the fit.
 
 use crate::alignment::Alignment;
 use crate::loss::Rect;
@@ -18,7 +18,7 @@ pub struct EditedPicture {
     pub camera: Camera,
     /// Colours, 0 to 1, `[H,W,3]`.
     pub image: Image,
-    /// Edited pixels, `[H,W]`; `None` for those that differ from the scene.
+    /// Edited pixels, `[H,W]`; if `None`, those that differ from the scene.
     pub mask: Option<Vec<bool>>,
 }
 
@@ -30,12 +30,12 @@ pub(crate) struct View {
     pub height: usize,
     /// The picture, `[H,W,3]`; empty for pictures that were not edited.
     pub picture: Vec<f32>,
-    /// Render of the start.
+    /// Render of the splats at the start, `[H,W,3]`.
     pub original: Vec<f32>,
     /// Edited pixels, `[H,W]`; empty for pictures that were not edited.
     pub changed: Vec<bool>,
-    /// The same; dilated, unless a mask was given. Splats that are mainly visible here are
-    /// selected.
+    /// Edited pixels, dilated unless a mask was given, `[H,W]`; empty for pictures that were not
+    /// edited. Splats that are mainly visible in them are selected.
     pub mask: Vec<bool>,
     /// Difference between aligned picture and fit, median over edited pixels, 0 to 1; 0 for
     /// pictures that agree.
@@ -45,10 +45,10 @@ pub(crate) struct View {
     pub target: Vec<f32>,
     /// Weights of the loss, `[H,W]`; empty for 1.
     pub weights: Vec<f32>,
-    /// Encloses the masked pixels and those that selected splats reach.
+    /// Rectangle around the masked pixels and those that selected splats reach.
     pub rect: Rect,
-    /// Rows of the splats that pixels of `rect`, and of the loss around it, depend on; ascending.
-    /// All selected rows are among them.
+    /// Rows of the splats on which pixels of `rect`, and of the loss around it, depend; ascending.
+    /// Includes all selected rows.
     pub rows: Vec<u32>,
     pub alignment: Alignment,
 }
@@ -132,7 +132,7 @@ pub(crate) fn open<R: Rasterizer>(
 
 /// Flags of the pixels that differ from the scene, without specks.
 fn found(scene: &Image, picture: &Image, threshold: f32) -> Vec<bool> {
-    // The picture has eight bits per channel; the render is rounded to as many.
+    // The picture has eight bits per channel; the render is rounded to the same precision.
     let mut rounded = scene.clone();
     for value in &mut rounded.data {
         *value = (value.clamp(0.0, 1.0) * 255.0).round() / 255.0;
@@ -158,7 +158,7 @@ impl View {
         }
     }
 
-    /// Finds the splats that the pixels of `rect` depend on.
+    /// Finds the splats on which the pixels of `rect` depend.
     pub(crate) fn find_rows<R: Rasterizer>(&mut self, raster: &R, working: &Working) {
         let rect = self.rect.grown(SSIM_RADIUS, self.width, self.height);
         self.rows.clear();

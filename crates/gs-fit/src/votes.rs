@@ -24,7 +24,7 @@ pub fn lift<R: Rasterizer>(
     Ok(grads.v_features)
 }
 
-/// Least sum over all views of a splat that counts as visible, pixels.
+/// Minimum sum over all views, pixels, of a splat that counts as visible.
 pub(crate) const LEAST_SEEN: f32 = 1e-3;
 
 /// Visibility of each splat in masks of several views; one row per splat.
@@ -32,17 +32,17 @@ pub(crate) const LEAST_SEEN: f32 = 1e-3;
 pub struct Votes {
     /// `Σ α T` over all pixels of all views, pixels.
     pub seen: Vec<f32>,
-    /// The same inside the masks.
+    /// `Σ α T` over the pixels of the masks, pixels.
     pub masked: Vec<f32>,
     /// Number of views whose mask shows at least [`Votes::NOTICEABLE`] pixels of the splat.
     pub views: Vec<u16>,
 }
 
 impl Votes {
-    /// Least sum of a view that counts as showing the splat, pixels.
+    /// Minimum sum in a view that counts as showing the splat, pixels.
     pub const NOTICEABLE: f32 = 0.02;
 
-    /// Of the given views and masks (`[H,W]`).
+    /// Votes of the given views and masks (`[H,W]`).
     ///
     /// # Errors
     /// If the rasteriser fails.

@@ -12,7 +12,7 @@ pub(crate) const NEW: u32 = u32::MAX;
 
 /// Splats below this opacity are removed at every densification, as in 3DGS.
 pub(crate) const FAINT: f32 = 0.005;
-/// Largest share of the selection that is cloned or split at a time.
+/// Largest share of the selection that is cloned or split at once.
 const DENSIFIED_SHARE: f64 = 0.125;
 /// Mean gradient norm of the projected centre, per half image size, above which a splat is cloned
 /// or split, as in 3DGS.
@@ -20,7 +20,7 @@ const GRADIENT: f32 = 2e-4;
 /// Splats whose largest standard deviation exceeds this many splat sizes are split, smaller ones
 /// cloned.
 const LARGE: f32 = 2.0;
-/// A split divides the scales by this, as in 3DGS.
+/// Factor by which a split divides the scales, as in 3DGS.
 const SPLIT: f32 = 1.6;
 /// Splats do not grow beyond this many splat sizes, unless they were larger at the start.
 const HUGE: f32 = 30.0;
@@ -29,20 +29,20 @@ const HUGE: f32 = 30.0;
 #[derive(Debug, Clone)]
 pub(crate) struct Working {
     pub splats: Splats,
-    /// Logarithm of the largest scale at the start, or when the splat was made.
+    /// Logarithm of the largest scale at the start, or when the splat was added.
     pub largest: Vec<f32>,
     /// Row of the start, or [`NEW`].
     pub source: Vec<u32>,
     /// Whether the fit may change the row.
     pub selected: Vec<bool>,
-    /// Rows of the start that are or were selected, one per splat of the start.
+    /// Rows of the start that are or were selected, one flag per splat of the start.
     pub chosen: Vec<bool>,
     /// Whether some pictures show the background of the splat. At first only its opacity is fitted,
-    /// so that it fades and does not take the colour of the background.
+    /// so that it fades instead of taking the colour of the background.
     pub fading: Vec<bool>,
     /// Sum of gradient norms of the projected centre since the last densification.
     pub gradient: Vec<f32>,
-    /// Steps since then in which the splat was visible.
+    /// Number of steps since then in which the splat was visible.
     pub visits: Vec<u32>,
     pub optimizer: Optimizer,
     /// How the pictures are aligned.
@@ -75,7 +75,7 @@ impl Working {
         }
     }
 
-    /// Numbers of the selected rows.
+    /// Indices of the selected rows.
     pub(crate) fn rows(&self) -> Vec<usize> {
         (0..self.selected.len()).filter(|&i| self.selected[i]).collect()
     }
@@ -97,7 +97,7 @@ impl Working {
     }
 
     /// Removes selected rows that are flagged, have an opacity below `faint`, or are not finite.
-    /// Returns how many.
+    /// Returns the number of removed rows.
     pub(crate) fn prune(&mut self, gone: &[bool], faint: f32) -> usize {
         let faint = activation::logit(faint);
         let keep: Vec<bool> = (0..self.selected.len())
@@ -128,7 +128,7 @@ impl Working {
     }
 
     /// Clones small and splits large selected splats whose projected centres have the largest
-    /// gradients; the new rows come last. Returns how many.
+    /// gradients; the new rows come last. Returns the number of new rows.
     pub(crate) fn densify(&mut self, seed: u64) -> usize {
         let mean = |i: usize| self.gradient[i] / self.visits[i].max(1) as f32;
         let mut pulled: Vec<usize> =
@@ -179,7 +179,8 @@ impl Working {
         self.optimizer.append(1, self.splats.sh_coeffs());
     }
 
-    /// Selects rows that are now mainly visible in the masks. Returns how many.
+    /// Selects rows that are now mainly visible in the masks. Returns the number of new selected
+    /// rows.
     pub(crate) fn select_more(&mut self, votes: &Votes, share: f32) -> usize {
         let mut count = 0;
         for i in 0..self.selected.len() {

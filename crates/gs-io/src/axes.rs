@@ -1,8 +1,8 @@
 //! [`Axes`]: directions of a file's x, y and z axes, and the conversion to the axes of 3DGS PLYs.
 //!
-//! Even formats that define their axes are written with others: SPZ specifies x right, y up, z
-//! back, but many tools write it with the axes of their input PLY. [`AxesReading`] therefore
-//! stores, with a frame, the axes in which it was read and the alternatives.
+//! Files often use other axes than their format specifies: SPZ specifies x right, y up, z back, but
+//! many tools write it with the axes of their input PLY. [`AxesReading`] therefore stores, with a
+//! frame, the axes in which it was read and the alternatives.
 
 use gs_core::{ShRotation, Splats, quat};
 use rayon::prelude::*;
@@ -12,7 +12,7 @@ use rayon::prelude::*;
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub struct Axes(u8);
 
-/// By code, from 1.
+/// Names by code, starting at code 1.
 const NAMES: [&str; 16] = [
     "LDB", "RDB", "LUB", "RUB", "LDF", "RDF", "LUF", "RUF", "LFD", "RFD", "LFU", "RFU", "LBD",
     "RBD", "LBU", "RBU",
@@ -23,7 +23,7 @@ impl Axes {
     pub const RUB: Self = Self(4);
     /// Right, down, front: COLMAP and 3DGS PLYs, and all splats in memory.
     pub const PLY: Self = Self(6);
-    /// Left, up, front: glTF, in the specification's terms for the sides of an asset.
+    /// Left, up, front: glTF, whose specification names the sides of an asset.
     pub const LUF: Self = Self(7);
 
     /// The axes with this code, 1 to 16.
@@ -198,7 +198,7 @@ mod tests {
         }
     }
 
-    /// A vector of `from` in `to`, by the letters.
+    /// A vector with coordinates in axes `from`, converted to axes `to` by their letters.
     fn turned(v: [f32; 3], from: Axes, to: Axes) -> [f32; 3] {
         let (from, to) = (from.columns(), to.columns());
         let world: [f32; 3] =
@@ -218,7 +218,7 @@ mod tests {
             let near = |a: f32, b: f32| (a - b).abs() < 1e-5;
             let mean = turned(before.means[0], from, Axes::PLY);
             assert!((0..3).all(|k| near(mean[k], after.means[0][k])), "{name}: centre");
-            // Covariance along turned directions.
+            // Covariance along converted directions.
             let sigma = |splats: &Splats| covariance(splats.rotation(0), splats.scale(0));
             let along = |s: [f32; 6], [x, y, z]: [f32; 3]| {
                 s[0] * x * x

@@ -16,7 +16,7 @@ const MAX_DEPTH: usize = 32;
 pub struct CfgError {
     /// Position, bytes.
     pub at: usize,
-    /// What was expected.
+    /// Description of the expected text.
     pub what: String,
 }
 

@@ -16,7 +16,7 @@ pub struct Clip<'a> {
 }
 
 impl Clip<'_> {
-    /// Verifies what all formats require.
+    /// Verifies the requirements of all formats.
     ///
     /// # Errors
     /// If there are no frames or no splats, or the frame rate is not a positive number.

@@ -1,4 +1,4 @@
-//! Model folders with `deform/iteration_N/deform.pth` beside
+//! Model folders with `deform/iteration_N/deform.pth` next to
 //! `point_cloud/iteration_N/point_cloud.ply`: the layout of Deformable-3D-Gaussians, SC-GS, Grid4D
 //! and DASH.
 

@@ -92,7 +92,7 @@ fn detect_folder(path: &Path) -> Result<SceneKind, IoError> {
     Ok(SceneKind::Unknown { found })
 }
 
-/// An entry of a folder of unknown kind, with what is missing of a model.
+/// An entry of a folder of unknown kind, with the missing parts of a model.
 fn entry(folder: &Path, name: &str) -> String {
     let path = folder.join(name);
     let is_empty = std::fs::metadata(&path).is_ok_and(|found| found.is_file() && found.len() == 0);

@@ -20,30 +20,30 @@ pub enum IoError {
     /// The operating system refused to read.
     #[error("cannot read {}: {source}", path.display())]
     Read {
-        /// Which file.
+        /// Path of the file.
         path: PathBuf,
-        /// Why.
+        /// Cause of the error.
         source: std::io::Error,
     },
     /// The operating system refused to write.
     #[error("cannot write {}: {source}", path.display())]
     Write {
-        /// Which file.
+        /// Path of the file.
         path: PathBuf,
-        /// Why.
+        /// Cause of the error.
         source: std::io::Error,
     },
     /// The output exists and may not be replaced.
     #[error("{} already exists; choose another name or ask to overwrite it", path.display())]
     Exists {
-        /// Which file or folder.
+        /// Path of the file or folder.
         path: PathBuf,
     },
     /// The folder to replace contains something that this program
     /// did not write, or that was changed since.
     #[error("{} is not replaced: this program wrote it, but `{entry}` in it {what}", path.display())]
     NotOurs {
-        /// Which folder.
+        /// Path of the folder.
         path: PathBuf,
         /// First such entry, relative to it.
         entry: String,
@@ -57,91 +57,91 @@ pub enum IoError {
         path: PathBuf,
         /// Predicate about it, to complete a sentence.
         what: String,
-        /// What to do.
+        /// Next step for the user.
         next: String,
     },
     /// Another process is writing the same output.
     #[error("{} is being written by another process", path.display())]
     Busy {
-        /// Which output.
+        /// Path of the output.
         path: PathBuf,
     },
     /// The file is a stand-in: a pointer to the actual file, or a web page.
     #[error("{}: is {}, not the file itself", path.display(), found.name)]
     StandIn {
-        /// Which file.
+        /// Path of the file.
         path: PathBuf,
-        /// What was found, and the next step.
+        /// The stand-in found, with the next step.
         found: UnsupportedFormat,
     },
     /// A PLY file is malformed or not a Gaussian scene.
     #[error("{}: {source}", path.display())]
     Ply {
-        /// Which file.
+        /// Path of the file.
         path: PathBuf,
-        /// What is wrong.
+        /// Cause of the error.
         source: PlyError,
     },
     /// A still frame is malformed or of another kind.
     #[error("{}: {source}", path.display())]
     Frame {
-        /// Which file.
+        /// Path of the file.
         path: PathBuf,
-        /// What is wrong.
+        /// Cause of the error.
         source: FrameError,
     },
     /// A PyTorch archive is malformed.
     #[error("{}: {source}", path.display())]
     Pth {
-        /// Which file.
+        /// Path of the file.
         path: PathBuf,
-        /// What is wrong.
+        /// Cause of the error.
         source: PthError,
     },
     /// A `cfg_args` file is malformed.
     #[error("{}: {source}", path.display())]
     Cfg {
-        /// Which file.
+        /// Path of the file.
         path: PathBuf,
-        /// What is wrong.
+        /// Cause of the error.
         source: CfgError,
     },
     /// A camera file is malformed.
     #[error("{}: {source}", path.display())]
     Cameras {
-        /// Which file.
+        /// Path of the file.
         path: PathBuf,
-        /// What is wrong.
+        /// Cause of the error.
         source: CamerasError,
     },
     /// A `.splatv` file is malformed.
     #[error("{}: {source}", path.display())]
     Splatv {
-        /// Which file.
+        /// Path of the file.
         path: PathBuf,
-        /// What is wrong.
+        /// Cause of the error.
         source: SplatvError,
     },
     /// A `.splat4d` file is malformed.
     #[error("{}: {source}", path.display())]
     Splat4d {
-        /// Which file.
+        /// Path of the file.
         path: PathBuf,
-        /// What is wrong.
+        /// Cause of the error.
         source: Splat4dError,
     },
     /// The tensors of a file do not form a deformation field.
     #[error("{}: {source}", path.display())]
     Field {
-        /// Which file.
+        /// Path of the file.
         path: PathBuf,
-        /// What is wrong.
+        /// Cause of the error.
         source: FieldError,
     },
     /// Damaged rows where none are allowed.
     #[error("{}: {source}", path.display())]
     Damaged {
-        /// Which file.
+        /// Path of the file.
         path: PathBuf,
         /// Number and kind of damaged rows.
         source: DamagedRows,
@@ -149,9 +149,9 @@ pub enum IoError {
     /// A folder or archive lacks required content.
     #[error("{}: {what}", path.display())]
     Content {
-        /// Which folder or file.
+        /// Path of the folder or file.
         path: PathBuf,
-        /// What is missing or inconsistent, and the next step.
+        /// Missing or inconsistent content, and the next step.
         what: String,
     },
     /// A clip is not written because the format does not suit it; can be overridden.
@@ -159,7 +159,7 @@ pub enum IoError {
     Unfit {
         /// Path of the output.
         path: PathBuf,
-        /// Why.
+        /// Cause of the error.
         what: String,
     },
     /// The scene that was being written could not be evaluated.

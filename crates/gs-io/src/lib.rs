@@ -10,7 +10,7 @@
 //! arbitrary bytes: malformed input is an error with the file, what was found and the next step;
 //! memory is bounded by a small multiple of the input size; nothing in a file is executed.
 //! [`repair`] defines, for all readers, which values are damage and how infinities are interpreted.
-//! Unknown details (a field of `cfg_args`, one lens, an object beside the weights) are noted or
+//! Unknown details (a field of `cfg_args`, one lens, an object next to the weights) are noted or
 //! skipped without rejecting the model. Stand-ins for files (a Git LFS pointer, a web page) are
 //! reported as such. Outputs are complete or absent ([`AtomicFile`], [`AtomicDir`]).
 //!

@@ -20,9 +20,11 @@ use std::path::Path;
 
 /// Largest number of folder entries listed in a warning.
 const MAX_SHOWN: usize = 8;
-/// Share of the distance between unrelated rows above which the rows of a sequence do not persist.
+/// Share of the distance between unrelated rows above which the rows of a sequence count as not
+/// persistent.
 const MAX_DRIFT: f32 = 0.3;
-/// Splats of a `.splatv` that fade more slowly than this (the clip lasts 1) are visible throughout.
+/// Width in time above which splats of a `.splatv` count as visible throughout; the clip has
+/// duration 1.
 const ALWAYS_VISIBLE: f32 = 10.0;
 
 /// Opens a trained scene, a sequence of frames, a clip (`.splatv`, `.splat4d`, `.4dgs`, `.tsog`),
@@ -38,7 +40,7 @@ pub fn open_scene(path: impl AsRef<Path>, options: &OpenOptions) -> Result<Opene
 /// As [`open_scene()`], for a path whose kind is known.
 ///
 /// # Errors
-/// If the kind is no scene, or as its reader.
+/// If the kind is not a scene, or its reader fails.
 pub fn open_scene_as(
     path: impl AsRef<Path>,
     kind: &SceneKind,

@@ -1,4 +1,4 @@
-//! [`OpenedScene`]: a scene with what its files say about it.
+//! [`OpenedScene`]: a scene with the information in its files.
 
 use crate::deformed_model::DeformedModel;
 use crate::model_folder::ModelReport;
@@ -8,41 +8,43 @@ use gs_core::DynamicScene;
 use std::path::PathBuf;
 use std::sync::Arc;
 
-/// A scene of any kind, read.
+/// An opened scene of any kind.
 #[derive(Debug)]
 #[non_exhaustive]
 pub struct OpenedScene {
     /// The scene.
     pub scene: Arc<dyn DynamicScene>,
-    /// What it was read from.
+    /// Kind of the path from which it was read.
     pub kind: SceneKind,
-    /// The scene again, if it has a deformation network that can be evaluated at other positions.
+    /// The scene as a deformed model, if its deformation network can be evaluated at other
+    /// positions.
     pub deformed: Option<DeformedModel>,
-    /// What was found and decided, for model folders of 4DGaussians and Swift4D.
+    /// Contents and resolved settings of model folders of 4DGaussians and Swift4D.
     pub report: Option<ModelReport>,
-    /// What was found, name and value, to be shown.
+    /// Properties to display, as names and values.
     pub facts: Vec<(&'static str, String)>,
-    /// What the user should know.
+    /// Warnings for the user.
     pub warnings: Vec<String>,
-    /// What was read otherwise than stored, or not understood and not needed.
+    /// Values that were read differently from how they are stored, or that are unknown and not
+    /// needed.
     pub notes: Vec<String>,
-    /// What only a user looking for it needs: entries of a folder that were ignored, hints.
+    /// Details that few users need: ignored entries of a folder, hints.
     pub details: Vec<String>,
-    /// Damaged rows, counted; `warnings` and `notes` say it in words.
+    /// Counts of damaged rows; `warnings` and `notes` describe them.
     pub repair: RepairReport,
-    /// The files read, whose content decides what the scene is.
+    /// The files read, whose content determines the scene.
     pub files: Vec<PathBuf>,
-    /// Background that the model was trained with, linear RGB, if its files say so.
+    /// Background used in training, linear RGB, if the files state it.
     pub background: Option<[f32; 3]>,
-    /// The world's upward direction, if the files say so or the method's data sets have one of
-    /// their own.
+    /// The world's upward direction, if the files state it or all data sets of the method share
+    /// one.
     pub up: Option<[f64; 3]>,
-    /// Frames per second of the clip, if the files say so.
+    /// Frames per second of the clip, if the files state it.
     pub fps: Option<f64>,
 }
 
 impl OpenedScene {
-    /// A scene from these files of which nothing else is known.
+    /// A scene from these files, without further information.
     pub(crate) fn new(
         kind: SceneKind,
         scene: impl DynamicScene + 'static,
@@ -51,7 +53,7 @@ impl OpenedScene {
         Self::shared(kind, Arc::new(scene), files)
     }
 
-    /// As [`OpenedScene::new`], for a scene that is shared already.
+    /// As [`OpenedScene::new`], for a scene that is already shared.
     pub(crate) fn shared(
         kind: SceneKind,
         scene: Arc<dyn DynamicScene>,

@@ -186,7 +186,7 @@ pub(crate) fn only_rotation_missing(splats: &Splats, row: usize) -> bool {
 }
 
 /// Replaces meaningful infinities of `splats` (arrays of equal length) by finite values, counts
-/// damaged rows, and drops, keeps or refuses them.
+/// damaged rows, and drops, keeps or rejects them.
 ///
 /// # Errors
 /// With [`Damage::Fail`], if there are any; with [`Damage::Drop`], if no row would be left.

@@ -138,7 +138,7 @@ impl SceneKind {
         ) || self.is_trained()
     }
 
-    /// Whether it is what training a dynamic scene leaves: these have iterations and training
+    /// Whether it is the output of training a dynamic scene, which has iterations and training
     /// flags.
     pub fn is_trained(&self) -> bool {
         matches!(

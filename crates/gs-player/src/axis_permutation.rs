@@ -45,8 +45,8 @@ impl AxisPermutation {
         Self { rotation, axes }
     }
 
-    /// Index in `permutations` of the one that brings `q` closest
-    /// to the identity; the first of equals.
+    /// Index in `permutations` of the one that brings `q` closest to the identity; ties go to the
+    /// first.
     pub(crate) fn best(permutations: &[Self], q: [f64; 4]) -> u8 {
         let mut best = (0, -1.0);
         for (index, axis_permutation) in (0_u8..).zip(permutations) {

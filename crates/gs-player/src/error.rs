@@ -45,7 +45,7 @@ pub enum PlayerError {
     Overlay {
         /// Name of the overlay.
         name: String,
-        /// What does not fit.
+        /// Description of the mismatch.
         what: String,
     },
     /// A scene could not be evaluated at one of the times.

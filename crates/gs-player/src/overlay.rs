@@ -1,9 +1,9 @@
-//! [`Overlay`]: colours of splats by a property, shown over their own.
+//! [`Overlay`]: colours of splats by a property, shown over their original colours.
 
 use crate::PlayerError;
 use serde::Serialize;
 
-/// Most entries of a palette; entries are stored as bytes.
+/// Maximum number of entries of a palette; entries are stored as bytes.
 pub const MAX_ENTRIES: usize = 256;
 
 /// Colours of splats by a property, constant over time.
@@ -11,7 +11,7 @@ pub const MAX_ENTRIES: usize = 256;
 pub struct Overlay {
     /// Short name: lower-case letters.
     pub name: String,
-    /// One line: what the colours stand for.
+    /// Description of the colours, one line.
     pub title: String,
     /// sRGB colours, at most [`MAX_ENTRIES`].
     pub palette: Vec<[u8; 3]>,
@@ -31,7 +31,7 @@ pub struct Legend {
     pub scale: Option<(u8, String, u8, String)>,
 }
 
-/// What is stored besides the scenes themselves.
+/// Data stored besides the scenes.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Annotations<'a> {
     /// Overlays to choose from.

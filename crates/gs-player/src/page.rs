@@ -12,7 +12,7 @@ const VERTEX: &str = include_str!("../player/splat.vert");
 const FRAGMENT: &str = include_str!("../player/splat.frag");
 const COVER: &str = include_str!("../player/cover.vert");
 const PRESENT: &str = include_str!("../player/present.frag");
-/// Runs in a worker.
+/// Scripts that run in a worker.
 const ENGINE: [&str; 6] = [
     include_str!("../player/decode.js"),
     include_str!("../player/tracks.js"),
@@ -21,7 +21,7 @@ const ENGINE: [&str; 6] = [
     include_str!("../player/select.js"),
     include_str!("../player/engine.js"),
 ];
-/// Runs in the page.
+/// Scripts that run in the page.
 const MAIN: [&str; 8] = [
     include_str!("../player/source.js"),
     include_str!("../player/renderer.js"),
@@ -32,7 +32,7 @@ const MAIN: [&str; 8] = [
     include_str!("../player/ui.js"),
     include_str!("../player/main.js"),
 ];
-/// Runs in served pages only, before the last script of [`MAIN`].
+/// Scripts of served pages only, before the last script of [`MAIN`].
 const SERVED: [&str; 3] = [
     include_str!("../player/inspector.js"),
     include_str!("../player/selection.js"),
@@ -57,7 +57,7 @@ pub struct Poster<'a> {
 pub struct Source<'a> {
     /// One or two scenes.
     pub encoded: &'a Encoded,
-    /// Their names.
+    /// Names of the scenes.
     pub names: [&'a str; 2],
 }
 
@@ -74,8 +74,8 @@ pub struct Page<'a> {
     pub target: [f64; 3],
     /// The world's upward direction.
     pub up: [f64; 3],
-    /// Largest angles to the initial view, around and up, degrees: where the scene was captured.
-    /// The viewer can lift the limits.
+    /// Largest angles from the initial view, around and up, degrees: the captured range. The user
+    /// can remove the limits.
     pub limits: Option<[f64; 2]>,
     /// Colour behind the splats, 0 to 1.
     pub background: [f32; 3],
@@ -89,7 +89,7 @@ struct Config<'a> {
     fps: f64,
     frames: usize,
     scenes: Vec<SceneEntry<'a>>,
-    /// Of embedded payloads; served ones are fetched.
+    /// Descriptions of embedded payloads; served payloads are fetched.
     sources: Vec<Meta<'a>>,
     camera: View,
     target: [f64; 3],
@@ -147,8 +147,8 @@ impl<'a> Meta<'a> {
     }
 }
 
-/// A page that contains its payloads, as UTF-8 text (ASCII except for title and names). One camera
-/// and one clock serve all scenes.
+/// A page that contains its payloads, as UTF-8 text (ASCII except for title and names). All scenes
+/// share one camera and one time.
 ///
 /// # Errors
 /// If the camera is invalid, the frame rate is not positive, there are no sources or more than 4,
@@ -159,9 +159,9 @@ pub fn page(sources: &[Source<'_>], page: &Page<'_>) -> Result<String, PlayerErr
     build(sources, page, Some(payloads))
 }
 
-/// A page that fetches its payloads from the server that it comes from: `source/I` relative to its
-/// own address, see [`source_file`]. It also shows what a splat is, selects, and saves cameras, for
-/// which the server has to answer requests; the crate's `README.md` lists them.
+/// A page that fetches its payloads from its server: `source/I` relative to the address of the
+/// page, see [`source_file`]. It also identifies and selects splats, and saves cameras; the crate's
+/// `README.md` lists the requests that the server has to answer for this.
 ///
 /// # Errors
 /// As [`page()`].

@@ -26,7 +26,7 @@ pub(crate) struct Rows {
     pub(crate) invisible: usize,
 }
 
-/// Rows of the two scenes by what they share. Geometry rows are stored in the order `a`, `twins`,
+/// Rows of the two scenes by shared content. Geometry rows are stored in the order `a`, `twins`,
 /// `shared`, `b`; looks (opacity and colour) in the order `a`, `twins` of the first scene,
 /// `shared`, `twins` of the second, `b`.
 #[derive(Debug, Default, Clone, PartialEq, Eq)]

@@ -82,7 +82,7 @@ impl Tracks {
         self.base[row * self.channels..][..self.channels].copy_from_slice(values);
     }
 
-    /// Adds frame `frame` of a row; frames come in order, from 1.
+    /// Adds frame `frame` of a row; frames must be added in order, from 1.
     pub(crate) fn push(&mut self, row: u32, frame: u32, values: &[f64]) {
         let slot = match self.slots[row as usize] {
             RESTING => {

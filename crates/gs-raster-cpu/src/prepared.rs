@@ -223,8 +223,8 @@ impl<F: Real> Prepared<F> {
         self.drawn(id).map_or(0, |p| p.radius)
     }
 
-    /// Rectangle of 16-pixel tiles `x0, y0, x1, y1` (upper bounds exclusive) that a splat is
-    /// clipped to; `None` where [`Prepared::radius`] is 0.
+    /// Rectangle of 16-pixel tiles `x0, y0, x1, y1` (upper bounds exclusive) to which a splat is
+    /// clipped; `None` where [`Prepared::radius`] is 0.
     ///
     /// # Panics
     /// If `id` is out of range.

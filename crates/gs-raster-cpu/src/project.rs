@@ -88,7 +88,7 @@ pub(crate) struct Frame<S: Simd, F: Lane> {
 }
 
 impl<S: Simd, F: Lane> Frame<S, F> {
-    /// Steps 1 and 3 to 6 for registers `k` of a group.
+    /// Camera-frame mean, covariances and opacity for registers `k` of a group.
     #[inline(always)]
     pub(crate) fn new(s: S, view: &View<Vector<S, F>>, geometry: &Geometry<F>, k: usize) -> Self {
         let [mx, my, mz, logit] = geometry.means.load(s, k);

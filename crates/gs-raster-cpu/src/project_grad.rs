@@ -22,7 +22,8 @@ pub(crate) struct GeometryGrads<S: Simd, F: Lane> {
     pub mean2d: [Vector<S, F>; 2],
 }
 
-/// Chain rule of steps 1 to 9; colour and depth are added by the caller.
+/// Chain rule of the projection, from the moments on the image plane to geometry and opacity; the
+/// caller adds colour and depth.
 #[inline(always)]
 pub(crate) fn project_gradient<S: Simd, F: Lane>(
     view: &View<Vector<S, F>>,

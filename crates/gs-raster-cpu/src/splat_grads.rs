@@ -95,7 +95,7 @@ struct Targets<'a, F> {
     means2d: &'a mut [[F; 2]],
 }
 
-/// Consecutive splats from `first`, as many as `sh` holds.
+/// Consecutive splats from `first`, as many as `sh` has rows for.
 struct Chunk<'a, F> {
     prepared: &'a Prepared<F>,
     splats: &'a Splats<F>,

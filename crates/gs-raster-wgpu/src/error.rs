@@ -12,7 +12,7 @@ pub enum GpuError {
         "no {wanted} graphics adapter found; adapters present: {present}. Install a Vulkan, Metal or Direct3D 12 driver, or use the CPU rasteriser"
     )]
     NoAdapter {
-        /// What was requested.
+        /// Requested kind of adapter.
         wanted: &'static str,
         /// Adapters present.
         present: String,

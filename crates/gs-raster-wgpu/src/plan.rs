@@ -54,7 +54,7 @@ impl Channels {
     }
 }
 
-/// Saturating conversion: sizes that do not fit are refused when their memory is allocated.
+/// Saturating conversion: sizes that do not fit are rejected when their memory is allocated.
 pub(crate) fn to_u32(value: usize) -> u32 {
     u32::try_from(value).unwrap_or(u32::MAX)
 }

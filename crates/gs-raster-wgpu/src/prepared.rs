@@ -258,7 +258,7 @@ impl GpuPrepared {
     ) -> Result<(), GpuError> {
         let allowed = max_isects(context);
         if needed > allowed {
-            // The count is no prediction for the next frame.
+            // This count does not predict that of the next frame.
             self.num_isects = 0;
             let many = if needed == u32::MAX { "at least " } else { "" };
             let limit =

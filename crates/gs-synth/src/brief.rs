@@ -1,10 +1,10 @@
-//! [`BriefScene`]: a figure made of splats that live for a part of the clip, as Spacetime Gaussians
-//! and native 4D Gaussians are; edits of its first frame, and their truth.
+//! [`BriefScene`]: a figure whose splats live for a part of the clip, as in Spacetime Gaussians and
+//! native 4D Gaussians; edits of its first frame, and their ground truth.
 //!
-//! Every splat has a place of its own on the true surface. One that lives briefly is there at its
-//! centre time `c`, moves with the surface's velocity at `c` in a straight line, and its opacity is
-//! multiplied by `exp(−½((t − c)/σ)²)`. So where one generation has faded, others stand for the
-//! same surface.
+//! Every splat has its own position on the true surface. A short-lived splat is there at its centre
+//! time `c`, moves in a straight line with the surface's velocity at `c`, and its opacity is
+//! multiplied by `exp(−½((t − c)/σ)²)`. Where one generation has faded, others represent the same
+//! surface.
 
 use crate::{
     SynthError, SynthScene,
@@ -19,19 +19,20 @@ use gs_core::{DynamicScene, SceneError, Splats, TimeRange, activation, quat};
 use gs_deform::{Polynomial, PolynomialScene};
 use std::ops::RangeInclusive;
 
-/// Standard deviations in a visible life: opacity is above a twentieth of its peak for so long.
+/// Standard deviations in a visible life, the time during which opacity is above a twentieth of its
+/// peak.
 const SIGMAS_PER_LIFE: f32 = 4.896;
 /// Half the time over which velocities are taken, shares of the clip.
 const VELOCITY_STEP: f64 = 1e-3;
 /// Centre times lie this far beyond both ends of the clip, so that both ends are covered, too.
 const BEYOND: f32 = 0.1;
-/// Logit of what has faded entirely: an opacity of 1e-6.
+/// Logit of a completely faded splat: an opacity of 1e-6.
 const FADED_LOGIT: f32 = -13.8;
 
-/// What [`BriefScene`]s are made of.
+/// Parameters of a [`BriefScene`].
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct BriefParams {
-    /// Splats, at least 1 000.
+    /// Number of splats, at least 1 000.
     pub num_splats: usize,
     /// Seed of every random choice.
     pub seed: u64,
@@ -39,7 +40,7 @@ pub struct BriefParams {
     pub share: f32,
     /// Shortest and longest visible life, shares of the clip.
     pub lives: [f32; 2],
-    /// How far generations are from the true surface, root mean square per axis, figure sizes.
+    /// Distance of the generations from the true surface, root mean square per axis, figure sizes.
     pub jitter: f32,
 }
 
@@ -71,12 +72,12 @@ impl BriefParams {
     }
 }
 
-/// One brief life.
+/// Life of a short-lived splat.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Life {
     centre: f32,
     sigma: f32,
-    /// At the centre time.
+    /// Centre at the centre time.
     mean: Vec3,
     velocity: Vec3,
     quat: [f32; 4],
@@ -86,7 +87,7 @@ struct Life {
 /// A figure of which most splats live briefly.
 #[derive(Debug, Clone, PartialEq)]
 pub struct BriefScene {
-    /// The same splats as if they lasted.
+    /// The same splats, lasting for the whole clip.
     pub(crate) lasting: SynthScene,
     lives: Vec<Option<Life>>,
 }
@@ -114,7 +115,7 @@ impl BriefScene {
                 is_brief.then_some((centre, life / SIGMAS_PER_LIFE))
             })
             .collect();
-        // As many splats are seen at a time as cover the surface: fewer ones are larger.
+        // The splats visible at a time cover the surface: fewer splats are larger.
         let presence = |life: &Option<(f32, f32)>| {
             life.map_or(1.0, |(_, sigma)| sigma * 2.507 / (1.0 + 2.0 * BEYOND))
         };
@@ -140,13 +141,13 @@ impl BriefScene {
         Ok(Self { lasting, lives })
     }
 
-    /// The same splats as if they lasted, exactly where the surface is.
+    /// The same splats, lasting for the whole clip, exactly on the surface.
     pub fn lasting(&self) -> &SynthScene {
         &self.lasting
     }
 
     /// The same scene as splats that move along lines and fade, as trainers store it; `None` if
-    /// some splats last, because those move otherwise.
+    /// some splats last, because those do not move along lines.
     pub fn lines(&self) -> Option<PolynomialScene> {
         let lives = self.lives.iter().copied().collect::<Option<Vec<Life>>>()?;
         let rest = Splats {
@@ -169,7 +170,7 @@ impl BriefScene {
         self.lasting.figure_size()
     }
 
-    /// Opacity at `t` over its own largest.
+    /// Opacity at `t` divided by its peak.
     fn presence(&self, row: usize, t: f32) -> f32 {
         self.lives[row].map_or(1.0, |life| (-0.5 * ((t - life.centre) / life.sigma).powi(2)).exp())
     }
@@ -254,12 +255,12 @@ mod tests {
                 }
                 visible += 1;
                 let miss = Vec3::from(now.means[row]).distance(Vec3::from(truth.means[row]));
-                // A life is a straight line, the motion is not: up to 3 % apart.
+                // A splat moves in a straight line, the surface does not: up to 3 % difference.
                 assert!(miss < 0.04 * size, "row {row} at {t}: {miss}");
             }
             assert!(visible > 400 && visible < 1_400, "{visible} of 2000 at {t}");
         }
-        // Negative control: what has faded is elsewhere.
+        // Negative control: faded splats are elsewhere.
         let (first, last) = (scene.at(0.0).unwrap(), scene.lasting().at(0.0).unwrap());
         let astray = (0..first.len())
             .filter(|&row| {

@@ -1,4 +1,4 @@
-//! [`BriefCase`]: edits of what frame 1 shows, and what they should be at every time.
+//! [`BriefCase`]: edits of the splats visible in frame 1, and the correct result at every time.
 
 use crate::brief::{BriefParams, BriefScene, bone_motion};
 use crate::{
@@ -14,16 +14,16 @@ use std::{fmt, str::FromStr};
 /// Opacity above which an editor shows a splat, so that an edit reaches it.
 const VISIBLE: f32 = 0.02;
 
-/// An edit of a scene whose splats live briefly.
+/// An edit of a scene with short-lived splats.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum BriefCase {
-    /// A jacket of another colour: chest and upper arms.
+    /// Chest and upper arms get a jacket of another colour.
     Recolour,
-    /// A forearm goes away.
+    /// A forearm is deleted.
     Delete,
-    /// A hat of new splats.
+    /// A hat of new splats is added.
     Hat,
-    /// The lantern in a hand half as large again.
+    /// The lantern in a hand is enlarged by half.
     Scale,
 }
 
@@ -75,44 +75,44 @@ impl FromStr for BriefCase {
     }
 }
 
-/// A source, the edit of what its first frame shows, and what that should be at every time.
+/// A source, an edit of its first frame, and the correct result at every time.
 #[derive(Debug, Clone)]
 pub struct BriefTruthScene {
     /// The dynamic source.
     pub source: BriefScene,
-    /// What the editor saved. Splats that frame 1 does not show are as they were.
+    /// Output of the editor. Splats that are invisible in frame 1 are unchanged.
     pub edited: Splats,
     /// The edit of the whole surface.
     pub truth: BriefTruth,
-    /// Which source splats lie on the edited surface, `[N]`.
+    /// Flags of the source splats on the edited surface, `[N]`.
     pub touched: Vec<bool>,
-    /// Colours of all source splats under the case's paint, for controls that know it; as they
-    /// were, if the case has none. `[N,K,3]`.
+    /// SH of all source splats with the new colours of the case, for controls that are given them;
+    /// unchanged if the case has none. `[N,K,3]`.
     pub painted: Vec<[f32; 3]>,
-    /// Views of it, 400 × 400 pixels.
+    /// Views of the scene, 400 × 400 pixels.
     pub cameras: Vec<Camera>,
 }
 
-/// What a splat of the truth is.
+/// Origin of a splat of the truth.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Is {
-    /// A source splat, perhaps with other colours.
+    /// A source splat, possibly with other colours.
     Source(usize),
-    /// The same, placed with its part.
+    /// A source splat, placed with its part.
     Placed(usize),
-    /// New.
+    /// New geometry.
     New,
 }
 
-/// An edit of the whole surface: a source splat at any time is edited as frame 1 would have been,
-/// had it been there. Rows are those of the edited frame without those that it should lack.
+/// An edit of the whole surface: every source splat is edited as if it were visible in frame 1.
+/// Rows are those of the edited frame without those that the edit should have removed.
 #[derive(Debug, Clone)]
 pub struct BriefTruth {
     source: BriefScene,
     /// The same edit of the lasting splats.
     lasting: SynthScene,
     rows: Vec<Is>,
-    /// What placed splats were placed by at frame 1.
+    /// Similarity of the placed splats at frame 1.
     placed: Option<Pose>,
 }
 
@@ -122,7 +122,7 @@ impl BriefTruth {
         self.rows.iter().map(|row| *row == Is::New).collect()
     }
 
-    /// Where a row is at `t` and how it is turned and sized, if it is placed.
+    /// Writes centre, rotation and scales of row `i` at `t`, if it is placed.
     fn place(&self, i: usize, source: usize, t: f32, now: &Splats, out: &mut Splats) {
         let Some(placed) = self.placed else { return };
         let attach = self.source.lasting.rows[source].attach;
@@ -194,7 +194,7 @@ pub fn build_brief(case: BriefCase, params: &BriefParams) -> Result<BriefTruthSc
         .collect();
     let placed = placed_by(&edit, &rows, &source.lasting.frame1, &all);
     let truth = BriefTruth { lasting: truth.scene().clone(), rows, placed, source: source.clone() };
-    // The edited frame: what is seen is edited, what is not is as it was.
+    // The edited frame: visible splats are edited, all others are unchanged.
     let visible = |row: usize| at_edit.opacity(row) > VISIBLE;
     let whole = truth.at(0.0)?;
     let mut place_of = vec![None; at_edit.len()];
@@ -233,7 +233,7 @@ pub fn build_brief(case: BriefCase, params: &BriefParams) -> Result<BriefTruthSc
     Ok(BriefTruthScene { source, edited, truth, touched, painted, cameras })
 }
 
-/// The similarity of an [`Edit::Place`]: its middle follows from any splat that it placed.
+/// The similarity of an [`Edit::Place`]: its centre follows from any placed splat.
 fn placed_by(edit: &Edit, rows: &[Is], before: &Splats, after: &Splats) -> Option<Pose> {
     let Edit::Place { scale, turn_rad, .. } = edit else { return None };
     let (i, source) = rows.iter().enumerate().find_map(|(i, row)| match row {

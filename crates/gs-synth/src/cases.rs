@@ -16,7 +16,7 @@ use crate::{
 use gs_core::Camera;
 use std::{f64::consts::PI, fmt, ops::RangeInclusive, str::FromStr};
 
-/// A test scene with known motion, by what it tests.
+/// A test scene with known motion, named after the tested property.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum TruthCase {
     /// Only colours change.
@@ -43,7 +43,7 @@ pub enum TruthCase {
     Blocky,
     /// An arm swings along the body within two splat spacings; everything jittered.
     GrazingLimb,
-    /// Two bodies that touch at frame 1 part; jittered and split.
+    /// Two bodies that touch at frame 1 move apart; jittered and split.
     TouchAndPart,
     /// The figure turns by 180° over the clip; a jacket and a hat.
     FastRotation,
@@ -76,7 +76,7 @@ pub struct TruthScene {
     pub edited: EditedFrame,
     /// Length unit of the metric, world units.
     pub figure_size: f32,
-    /// Views of it, 400 × 400 pixels.
+    /// Views of the scene, 400 × 400 pixels.
     pub cameras: Vec<Camera>,
 }
 

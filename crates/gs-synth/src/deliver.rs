@@ -19,21 +19,21 @@ const ROUNDS: usize = 12;
 /// Colour that an editor leaves on splats that its pictures do not show.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum UnseenColor {
-    /// The source's.
+    /// The colour of the source.
     #[default]
     Source,
-    /// Black, on what the edit changes or removes: a new colour starts there, and no picture moves
-    /// it.
+    /// Black, for splats that the edit changes or removes: their new colours start at black, and no
+    /// picture changes them.
     Black,
-    /// Random ones there.
+    /// Random colours for these splats.
     Random,
 }
 
 /// As [`crate::apply_edits`], but splats that are hidden in the editor's images of frame 1 are not
-/// changed: they keep the colour of the source splat from which they descend (or have another, see
-/// `unseen`), and are not removed.
-/// `shown` returns the largest share of each splat's unoccluded weight that is visible in any
-/// image, `[N]` in 0 to 1; it is called again after every round of removal.
+/// changed: they keep the colour of the source splat from which they descend (or get another, see
+/// `unseen`), and are not removed. `shown` returns the largest share of each splat's unoccluded
+/// weight that is visible in any image, `[N]` in 0 to 1; it is called again after every round of
+/// removal.
 ///
 /// If an edit removes splats, rows differ from those of `apply_edits`. The truth has the true
 /// motion of the returned splats, with their colours.

@@ -1,18 +1,19 @@
-//! A control: labels handed from splat to splat by a vote of the nearest.
+//! A control: labels propagated from splat to splat by a vote of the nearest neighbours.
 
 use crate::oracle::{Tree, thin_axis};
 use glam::Vec3;
 use gs_core::{DynamicScene, SceneError, Splats};
 
-/// Steps over the clip.
+/// Number of steps over the clip.
 const STEPS: usize = 20;
-/// Voters.
+/// Number of voters.
 const NEIGHBORS: usize = 8;
 
-/// Which splats get a label that those of `labelled` `[N]` have that are visible at the first time.
+/// Propagates labels over time, starting from `labelled` `[N]` for the splats that are visible at
+/// the first time. Returns the label of each splat, `[N]`.
 ///
-/// A splat that becomes visible takes the vote of its 8 nearest visible neighbours that were judged
-/// before, weighted by opacity, `exp(−½(d/d₃)²)` and `exp(3(|n·n'| − 1))`; half decides.
+/// A splat that becomes visible gets the label of the majority of its 8 nearest visible neighbours
+/// with known labels, weighted by opacity, `exp(−½(d/d₃)²)` and `exp(3(|n·n'| − 1))`.
 ///
 /// # Errors
 /// If the scene cannot be evaluated.

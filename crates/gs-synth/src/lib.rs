@@ -8,7 +8,7 @@
 //!
 //! Conventions: world units are approximately metres, y is up, a figure stands on y = 0 at the
 //! origin and faces +z (its left is +x); times run over `[0,1]` and frame 1 is `t = 0`; quaternions
-//! are `wxyz`; colours are sRGB values taken as they are.
+//! are `wxyz`; colours are sRGB values without conversion.
 //!
 //! Deliberately absent: files, and the methods under test. Included are two baselines
 //! ([`part_neighbours`] uses the truth, [`rigid_neighbours`] only distances and normals) and the

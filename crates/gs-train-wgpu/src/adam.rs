@@ -11,7 +11,7 @@ use gs_raster_wgpu::{GpuContext, GpuError};
 pub struct ParameterSlice<'a> {
     /// `[rows, columns]`, from the start of the buffer.
     pub values: &'a wgpu::Buffer,
-    /// Their gradients.
+    /// Gradients of the parameters.
     pub grads: &'a wgpu::Buffer,
     /// First value of the gradients in their buffer.
     pub first_grad: usize,
@@ -23,17 +23,17 @@ pub struct ParameterSlice<'a> {
     pub columns: usize,
 }
 
-/// Adam over rows of parameters, with a rate per column and rows that can be left out. Its
-/// conventions are those of `cuar::Adam`.
+/// Adam over rows of parameters, with a rate per column; rows can be skipped. Conventions as in
+/// `cuar::Adam`.
 #[derive(Debug)]
 pub struct DeviceAdam {
     /// Decay of the first moment. Default 0.9.
     pub beta1: f32,
     /// Decay of the second moment. Default 0.999.
     pub beta2: f32,
-    /// Added to the root of the second moment. Default 1e-15, as 3DGS trains.
+    /// Added to the root of the second moment. Default 1e-15, as in 3DGS.
     pub epsilon: f32,
-    /// Steps done.
+    /// Number of steps so far.
     pub step: u32,
     context: GpuContext,
     rates: GrowBuffer,
@@ -43,7 +43,7 @@ pub struct DeviceAdam {
 }
 
 impl DeviceAdam {
-    /// Zero moments; `rates` holds one learning rate per column.
+    /// Zero moments; `rates` has one learning rate per column.
     ///
     /// # Errors
     /// If the device has too little memory.
@@ -62,8 +62,8 @@ impl DeviceAdam {
         Ok(own)
     }
 
-    /// Appends one step down the gradients of `slices`, the same at every call. `skip` holds a flag
-    /// per splat: rows with one that is not 0 are left alone, bit for bit.
+    /// Appends one step along the negative gradients of `slices`, which must be the same at every
+    /// call. `skip` has a flag per splat; rows whose flag is not 0 are unchanged, bit for bit.
     ///
     /// # Errors
     /// If a slice has another shape than in the step before, or the device has too little memory.
@@ -118,11 +118,11 @@ impl DeviceAdam {
         Ok(())
     }
 
-    /// Goes on after `step` steps that left these first and second moments, slices of `lengths`
-    /// values one after the other.
+    /// Restores the state after `step` steps with these first and second moments: slices of
+    /// `lengths` values, concatenated.
     ///
     /// # Errors
-    /// If the lengths disagree, or the device has too little memory.
+    /// If the lengths are inconsistent, or the device has too little memory.
     pub fn restore(
         &mut self,
         step: u32,
@@ -149,8 +149,8 @@ impl DeviceAdam {
         Ok(())
     }
 
-    /// First and second moments, slices one after the other; empty before the first step. Waits for
-    /// the device.
+    /// First and second moments, slices concatenated; empty before the first step. Waits for the
+    /// device.
     ///
     /// # Errors
     /// If the device fails.

@@ -18,12 +18,12 @@ use std::collections::HashMap;
 const CHANNELS: usize = 3;
 /// Terms of the loss.
 const TERMS: usize = 3;
-/// Most steps whose losses stay on the device.
+/// Maximum number of steps whose losses stay on the device.
 const MAX_PENDING: usize = 256;
 
-/// Steps of [`cuar::refine_with`] on the device. A step is one submission; what crosses to the host
-/// are the losses when they are asked for, and offsets and moments at a checkpoint. Images are
-/// uploaded once as long as they fit the memory of the task.
+/// Steps of [`cuar::refine_with`] on the device. A step is one submission. Only the losses, on
+/// request, and offsets and moments, at checkpoints, are copied to the host. Images are uploaded
+/// once as long as they fit the memory of the task.
 #[derive(Debug)]
 pub struct DeviceDescent {
     raster: WgpuRasterizer,
@@ -33,9 +33,9 @@ pub struct DeviceDescent {
     runs: Vec<Run>,
     adam: DeviceAdam,
     images: HashMap<usize, Image>,
-    /// For the image of a step that is not kept.
+    /// Memory for an image that is not kept.
     spare: Image,
-    /// Bytes for images that are still free.
+    /// Free bytes for images.
     free: usize,
     work: StepBuffers,
     losses: ImageLosses,
@@ -95,7 +95,7 @@ impl DeviceDescent {
         Ok(stamps.transpose()?.unwrap_or_default())
     }
 
-    /// Puts the image on the device, if it is not there, to stay if there is room.
+    /// Uploads the image if it is not on the device, and keeps it there if there is room.
     fn provide(&mut self, image: &DescentImage) -> Result<(), RasterError> {
         let pixels = image.crop.width * image.crop.height;
         for (what, found, expected) in [
@@ -110,7 +110,7 @@ impl DeviceDescent {
         }
         let bytes = Image::bytes(image);
         if bytes > self.free {
-            // Waits, or uploads pile up.
+            // Waits, because otherwise uploads accumulate.
             self.collect()?;
             return Ok(self.spare.upload(self.raster.context(), image)?);
         }

@@ -14,7 +14,7 @@ pub(crate) struct Run {
     pub v_sh: GrowBuffer,
 }
 
-/// What a render is compared with.
+/// Targets of a render.
 #[derive(Debug)]
 pub(crate) struct Image {
     pub original: GrowBuffer,
@@ -73,7 +73,7 @@ pub(crate) struct StepBuffers {
     pub v_render: GrowBuffer,
     pub fore: GrowBuffer,
     pub back: GrowBuffer,
-    /// Of the last step.
+    /// Number of pixels of the last step.
     pub pixels: usize,
 }
 

@@ -12,7 +12,7 @@ use gs_raster_wgpu::{GpuContext, GpuError};
 pub struct Plane<'a> {
     /// 32-bit floats.
     pub buffer: &'a wgpu::Buffer,
-    /// Where the image begins, values.
+    /// Index of the first value of the image.
     pub first: usize,
 }
 
@@ -54,7 +54,7 @@ impl ImageLosses {
         Ok(own)
     }
 
-    /// Goes over to images of another size; running sums stay.
+    /// Changes the image size; running sums are kept.
     ///
     /// # Errors
     /// If the device has too little memory.
@@ -99,7 +99,7 @@ impl ImageLosses {
     }
 
     /// Appends `norm · Σ m·|x − y|` (added to running sum `slot`) and `share` times its derivative
-    /// (added to `v_x`, 0 at x = y). Pixels whose weight is not above 0 are not looked at.
+    /// (added to `v_x`, 0 at x = y). Pixels with a weight of at most 0 are ignored.
     ///
     /// # Errors
     /// If sizes exceed 32 bits.
@@ -121,8 +121,8 @@ impl ImageLosses {
     }
 
     /// Appends `norm · Σ (1 − SSIM(m·x, m·y))` over windows and channels (added to running sum
-    /// `slot`) and `share` times its derivative (added to `v_x`). Windows are filled up with zeros
-    /// beyond the image.
+    /// `slot`) and `share` times its derivative (added to `v_x`). Windows are zero-padded beyond
+    /// the image.
     ///
     /// # Errors
     /// If sizes exceed 32 bits.

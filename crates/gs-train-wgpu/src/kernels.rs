@@ -1,4 +1,4 @@
-//! The kernels and the structs that cross to them; a test compares both with the shaders.
+//! The kernels and the structs passed to them; a test compares both with the shaders.
 
 use cuar::DescentImage;
 use gs_raster_wgpu::gpu_struct;
@@ -19,7 +19,7 @@ gpu_struct! {
         x_base: u32,
         /// First value of its gradient.
         v_base: u32,
-        /// First sum that this dispatch leaves.
+        /// Index of the first partial sum of this dispatch.
         first_partial: u32,
         /// Weight of the gradient.
         factor: f32,
@@ -31,7 +31,7 @@ gpu_struct! {
     SumPartials {
         /// Sums to add.
         num_partials: u32,
-        /// Where to.
+        /// Index of the running sum.
         slot: u32,
         /// Factor.
         scale: f32,
@@ -51,7 +51,7 @@ gpu_struct! {
         first_grad: u32,
         /// Flag of the first row.
         first_row: u32,
-        /// 1 if rows are left out.
+        /// 1 if rows can be skipped.
         skips: u32,
         /// Decay of the first moment.
         beta1: f32,

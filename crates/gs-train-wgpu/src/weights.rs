@@ -5,11 +5,11 @@ use cuar::loss::LossWeights;
 /// Weights of the terms of the loss, each a mean over all pixels and channels of the image.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub(crate) struct Weights {
-    /// Of `mean fore·|render − warp|`.
+    /// Weight of `mean fore·|render − warp|`.
     pub fore_l1: f32,
-    /// Of `1 − mean SSIM(fore·render, fore·warp)`.
+    /// Weight of `1 − mean SSIM(fore·render, fore·warp)`.
     pub fore_ssim: f32,
-    /// Of `mean back·|render − original|`.
+    /// Weight of `mean back·|render − original|`.
     pub back_l1: f32,
 }
 

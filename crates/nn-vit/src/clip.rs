@@ -9,7 +9,7 @@ use crate::weights::Weights;
 use ndarray::{Array1, Array2, Axis, concatenate};
 
 const KIND: &str = "those of Hugging Face's openai/clip-vit-base-patch32 or its like";
-/// Of OpenAI's networks.
+/// Epsilon of layer normalisation in OpenAI's networks.
 const EPSILON: f32 = 1e-5;
 
 /// Image and text features in one space.
@@ -73,7 +73,7 @@ impl Clip {
         Ok(Self {
             patches: Patches::open(weights, &patch, None, width, KIND)?,
             positions,
-            // The name is misspelt in the files, too.
+            // The name is misspelt in the files.
             before: norm(vision("pre_layrnorm"), width)?,
             vision: Transformer::open(
                 weights,

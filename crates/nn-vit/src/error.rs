@@ -1,6 +1,6 @@
 //! Errors of this crate.
 
-/// Why a network cannot be made of the given weights, or applied.
+/// Error of building or applying a network.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum NetworkError {

@@ -1,9 +1,9 @@
 //! Features of images and texts by CLIP ([`Clip`]) and DINO ([`Dino`]), and LPIPS distances
-//! ([`Lpips`]), with weights that the user has.
+//! ([`Lpips`]), with weights provided by the user.
 //!
 //! The towers of CLIP and DINO are one pre-norm transformer. Sizes follow from the shapes of the
-//! weights. Inputs are 8-bit images ([`Rgb8`]); [`Preprocessing`] names the ways in which published
-//! metrics prepare them. Results are the same for any number of threads.
+//! weights. Inputs are 8-bit images ([`Rgb8`]); [`Preprocessing`] has the conversions of published
+//! metrics. Results are the same for any number of threads.
 //!
 //! Deliberately absent: files, downloads, training, other architectures.
 

@@ -16,7 +16,7 @@ const EPSILON: f32 = 1e-10;
 /// Networks of LPIPS.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum LpipsBackbone {
-    /// torchvision's `alexnet`; what papers report unless they say otherwise.
+    /// torchvision's `alexnet`; the default in papers.
     Alex,
     /// torchvision's `vgg16`.
     Vgg,

@@ -1,5 +1,5 @@
-//! From 8-bit images to the input of a network, as different programs do it. Results differ by up
-//! to a few thousandths in the features, so that every number should name its mode.
+//! Conversion of 8-bit images to network inputs, as in different programs. Features differ by up to
+//! a few thousandths, so every reported number should state its mode.
 
 use crate::NetworkError;
 use crate::pil;
@@ -38,7 +38,7 @@ impl Planes {
     }
 }
 
-/// How an image becomes the input of a network.
+/// Conversion of an image to the input of a network.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Preprocessing {
@@ -156,8 +156,8 @@ fn normalised(mut planes: Planes, Normalisation { mean, std }: &Normalisation) -
     planes
 }
 
-/// PyTorch's bicubic interpolation without antialiasing. `scale` is the distance of two new samples
-/// in old ones.
+/// PyTorch's bicubic interpolation without antialiasing. `scale` is the distance of two new
+/// samples, in units of old ones.
 pub(crate) fn bicubic(
     values: &[f32],
     from: [usize; 2],

@@ -1,4 +1,4 @@
-//! [`Rgb8`]: an image as programs have it.
+//! [`Rgb8`]: an 8-bit image.
 
 /// An 8-bit image, RGB, row-major.
 #[derive(Debug, Clone, Copy)]

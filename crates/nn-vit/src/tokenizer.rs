@@ -56,8 +56,8 @@ impl Tokenizer {
         self.ids.get(symbol).copied().unwrap_or_default()
     }
 
-    /// Start, text, end, and zeros; a text that is too long is cut. HTML entities and broken
-    /// Unicode are not repaired, as they are in the original code.
+    /// Start, text, end, and zeros; a text that is too long is truncated. Unlike in the original
+    /// code, HTML entities and broken Unicode are not repaired.
     pub fn encode(&self, text: &str) -> [u32; CONTEXT] {
         let mut tokens = [0; CONTEXT];
         tokens[0] = self.id(START_OF_TEXT);
@@ -105,7 +105,7 @@ impl Tokenizer {
     }
 }
 
-/// Bytes that stand for themselves among the symbols.
+/// Whether a byte is represented by its own character.
 fn is_printable(byte: u8) -> bool {
     matches!(byte, b'!'..=b'~' | 0xa1..=0xac | 0xae..=0xff)
 }

@@ -1,4 +1,4 @@
-//! [`Weights`]: named tensors, from wherever they were read.
+//! [`Weights`]: named tensors from any source.
 
 use crate::NetworkError;
 use ndarray::{Array1, Array2};
@@ -82,7 +82,7 @@ impl Weights {
     }
 }
 
-/// A matrix of values that are known to fit.
+/// A matrix from values of the right number.
 pub(crate) fn matrix(rows: usize, columns: usize, values: Vec<f32>) -> Array2<f32> {
     Array2::from_shape_vec((rows, columns), values).unwrap_or_else(|_| Array2::zeros((0, 0)))
 }

@@ -1,11 +1,11 @@
 //! Anderson mixing for a fixed-point map `x ← T(x)`.
 
-/// Differences kept. Fewer need more sweeps (4: up to half as many more); each costs two vectors of
-/// memory.
+/// Number of stored differences. Fewer need more sweeps (4: up to half as many more); each costs
+/// two vectors of memory.
 const DEPTH: usize = 12;
 /// Longest step in any coordinate (logarithm of a scaling).
 const MAX_STEP: f64 = 3.0;
-/// Growth of the residual over the best one at which the history is forgotten.
+/// Growth of the residual over the best one at which the history is discarded.
 const RESTART_GROWTH: f64 = 5.0;
 
 /// History of iterates and residuals.

@@ -146,7 +146,8 @@ struct Best {
     lowest: Ranked,
 }
 
-/// Inserts into a list of at most `k`, best first; false when it does not belong.
+/// Inserts into a list of at most `k`, best first; returns false if the entry does not belong in
+/// it.
 fn insert(top: &mut Vec<Ranked>, k: usize, new: Ranked) -> bool {
     let better = |old: &Ranked| old.log > new.log || (old.log >= new.log && old.row < new.row);
     if top.len() == k && better(&top[k - 1]) {
@@ -169,7 +170,7 @@ impl UotOutput {
         let ranking = Ranking::new(&logs, problem.lists_every_row());
         let k = 2.min(problem.num_rows());
         let top = logs.rows.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-        // of candidates only, none is unrelated
+        // if only candidates are listed, no row is unrelated
         let top = if matches!(problem.cost, Cost::Sparse(_)) { f64::NEG_INFINITY } else { top };
         let background = top + logs.rows.iter().map(|s| (s - top).exp()).sum::<f64>().ln();
         let columns = problem.map_columns(|j, entries| {

@@ -30,7 +30,7 @@ pub enum UotError {
         what: &'static str,
         /// Its length.
         found: usize,
-        /// The length that fits.
+        /// Expected length.
         expected: usize,
     },
     /// A parameter is outside its range.
@@ -54,7 +54,7 @@ pub enum UotError {
         minimum: f64,
         /// Kernel in words.
         kernel: &'static str,
-        /// What to use instead.
+        /// Alternative.
         instead: &'static str,
     },
     /// The reference measure cannot be reached by a global factor because the marginals are not
@@ -98,9 +98,9 @@ pub enum UotError {
     /// A result that is not available for a structured cost.
     #[error("{what} is not available for a structured Welsch problem: use {instead}")]
     NotListed {
-        /// What was asked for.
+        /// Requested result.
         what: &'static str,
-        /// What to use instead.
+        /// Alternative.
         instead: &'static str,
     },
     /// An array would exceed the stated limit of elements.

@@ -17,11 +17,11 @@
 //!
 //! * [`UotProblem::from_cost`]: any finite matrix. Runs in the log domain where exponentials would
 //!   underflow.
-//! * [`UotProblem::from_csr`]: costs of candidate pairs; all others are excluded. Read with
-//!   [`UotOutput::col_posterior`].
+//! * [`UotProblem::from_csr`]: costs of candidate pairs; all other pairs are excluded. The result
+//!   is read with [`UotOutput::col_posterior`].
 //! * [`UotProblem::welsch`]: the bounded cost `1 − exp(−r²/(2β²))` of two point clouds in any
 //!   dimension. All far pairs cost the same, so the kernel is a constant plus a sparse near field;
-//!   nothing of size `n·m` is built.
+//!   no array of size `n·m` is built.
 //!
 //! ```
 //! use uot::{Sinkhorn, SinkhornParams, UotProblem, WelschParams};

@@ -1,9 +1,9 @@
 //! Median of all pair distances between two clouds, exact without storing them.
 //!
 //! A random sample brackets the median; one pass over the tree then counts the pairs below the
-//! bracket and collects those inside. Boxes that lie wholly on one side are counted without looking
-//! at their points. If the bracket turns out too wide it is narrowed by interpolating the counts,
-//! so the result is exact whatever the sample was.
+//! bracket and collects those inside. Boxes entirely on one side are counted without visiting their
+//! points. If the bracket is too wide, it is narrowed by interpolating the counts, so the result is
+//! exact for any sample.
 #![expect(
     clippy::inline_always,
     reason = "vectorised bodies must be compiled inside the dispatched caller"
@@ -24,7 +24,7 @@ pub const MAX_EXACT_PAIRS: usize = 20_000_000_000;
 const AUTO_SAMPLES: usize = 4_000_000;
 /// Probability that the true rank error exceeds the stated one.
 const FAILURE: f64 = 1e-6;
-/// Most squared distances held at once (16 MiB).
+/// Maximum number of squared distances stored at once (16 MiB).
 const MAX_COLLECTED: usize = 1 << 21;
 /// Leaves of a box that is searched point by point.
 const GROUP_LEAVES: u32 = 8;
@@ -166,15 +166,15 @@ fn select(rows: &PointTree, cols: &PointTree, low: usize, high: usize) -> (f64, 
             ceiling = (to, end);
         }
         if floor.0.to_bits() >= ceiling.0.to_bits() {
-            // every pair inside has this very distance
+            // every pair inside has exactly this distance
             let upper =
                 if high < ceiling.1 { floor.0 } else { smallest_above(rows, cols, floor.0) };
             return (floor.0, upper);
         }
         let between = ceiling.1 - floor.1;
         let width = MAX_COLLECTED / 3;
-        // interpolation wins by a large factor on smooth data, bisection of the bit pattern always
-        // ends
+        // interpolation is much faster on smooth data; bisection of the bit pattern always
+        // terminates
         (bracket, expected) = if between <= MAX_COLLECTED {
             ((floor.0, ceiling.0), between)
         } else if bisect || ceiling.0 >= f64::MAX {
@@ -330,7 +330,7 @@ fn point_distances(point: &[f64], bounds: &[[f64; 2]]) -> (f64, f64) {
 /// Largest number of points in a group.
 const GROUP_POINTS: usize = GROUP_LEAVES as usize * LANES;
 
-/// Squared distances of a node's points from one point, and how many are below and inside the
+/// Squared distances of a node's points from one point, and their numbers below and inside the
 /// bracket.
 #[inline(always)]
 fn count(

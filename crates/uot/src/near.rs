@@ -52,12 +52,12 @@ impl<'a> NearField<'a> {
         Self { rows, cols, inverse: inverse_width(beta), largest_exponent, extra }
     }
 
-    /// Column leaves that hold a point near one of this row leaf, ascending.
+    /// Column leaves with a point near one of this row leaf, ascending.
     pub(crate) fn col_leaves_near(&self, leaf_box: &[[f64; 2]], out: &mut Vec<u32>) {
         self.leaves_near(&self.cols, leaf_box, out);
     }
 
-    /// Row leaves that hold a point near one of this column leaf, ascending.
+    /// Row leaves with a point near one of this column leaf, ascending.
     pub(crate) fn row_leaves_near(&self, leaf_box: &[[f64; 2]], out: &mut Vec<u32>) {
         self.leaves_near(&self.rows, leaf_box, out);
     }

@@ -54,7 +54,7 @@ impl UotOutput {
     ) -> Self {
         let SinkhornParams { lambda_ent, lambda_a, lambda_b, reference, .. } = *params;
         let (log_a, log_b) = problem.log_marginals();
-        // a constant taken off the cost multiplies the plan: see EntropyReference
+        // subtracting a constant from the cost scales the plan: see EntropyReference
         let shift = reference_shift(problem, params);
         let (share_a, share_b) = params.level_shares();
         let log_factor = shift / (lambda_ent + lambda_a + lambda_b);
@@ -227,7 +227,7 @@ pub(crate) struct LogFactors {
     pub(crate) rows: Vec<f64>,
     pub(crate) cols: Vec<f64>,
     pub(crate) inverse: f64,
-    /// Whether pairs that are not listed carry nothing.
+    /// Whether pairs that are not listed have zero mass.
     pub(crate) complete: bool,
 }
 
@@ -253,8 +253,8 @@ fn divergence(x: &[f64], log_y: &[f64], sum_y: f64) -> f64 {
     terms.map(|(x, log_y)| x * (x.ln() - log_y) - x).sum::<f64>() + sum_y
 }
 
-/// Constant that the cost loses when the reference of the entropy changes from `a bᵀ` to the chosen
-/// one, cost units: potentials of the chosen one are lower by it, in the parts of
+/// Constant by which the cost decreases when the reference of the entropy changes from `a bᵀ` to
+/// the chosen one, cost units: the potentials of the chosen one are lower by it, in the shares of
 /// [`SinkhornParams::level_shares`].
 pub(crate) fn reference_shift(problem: &UotProblem<'_>, params: &SinkhornParams) -> f64 {
     let log_pairs = (problem.num_rows() as f64).ln() + (problem.num_cols() as f64).ln();

@@ -3,7 +3,7 @@
 use crate::UotError;
 use crate::entropy_reference::EntropyReference;
 
-/// How the fixed-point sweeps are accelerated. Every choice converges to the same plan.
+/// Acceleration of the fixed-point sweeps. Every choice converges to the same plan.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Acceleration {
     /// Anderson mixing; over-relaxation for structured costs with `lambda_ent < 0.05`. Switches to
@@ -57,7 +57,7 @@ pub struct SinkhornParams {
     /// Sweeps stop once no potential moves by `tol · lambda_ent` or more. Default 1e-9; 1e-5 is
     /// enough for correspondences.
     pub tol: f64,
-    /// Sweeps after which the solver gives up and reports `converged = false`. Default 20 000.
+    /// Sweeps after which the solver stops and reports `converged = false`. Default 20 000.
     pub max_sweeps: usize,
     /// Acceleration of the sweeps. Default [`Acceleration::Auto`].
     pub acceleration: Acceleration,
@@ -81,8 +81,8 @@ impl Default for SinkhornParams {
 }
 
 impl SinkhornParams {
-    /// Share of the potentials' common level that the row side takes, λ1/(λ0+λ1+λ2), and the column
-    /// side's. An infinite side takes all, two take half each.
+    /// Shares of the row side, λ1/(λ0+λ1+λ2), and of the column side in the common level of the
+    /// potentials. A side with an infinite weight has share 1; two such sides have ½ each.
     pub(crate) fn level_shares(&self) -> (f64, f64) {
         match (self.lambda_a.is_infinite(), self.lambda_b.is_infinite()) {
             (true, true) => (0.5, 0.5),
@@ -132,7 +132,7 @@ pub enum Bandwidth {
     Fixed(f64),
 }
 
-/// How the median pair distance is found.
+/// Method for the median pair distance.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum MedianMode {
     /// Exact up to [`crate::MAX_EXACT_PAIRS`] pairs, sampled above (4 million pairs, seed 0).
@@ -168,7 +168,7 @@ pub struct WelschParams {
     /// `exp(−cutoff²/2)`). Default 6: potentials are accurate to 2e-9. For correspondences 4 is
     /// enough; 8 equals the dense problem.
     pub cutoff: f64,
-    /// How the median is found. Default [`MedianMode::Auto`].
+    /// Method for the median. Default [`MedianMode::Auto`].
     pub median: MedianMode,
     /// Number format of the near field. Default [`Storage::F64`].
     pub storage: Storage,

@@ -2,7 +2,7 @@
 
 use crate::UotError;
 
-/// Most points on a side: ids are stored as `u32`.
+/// Maximum number of points on a side: ids are stored as `u32`.
 const MAX_POINTS: usize = 1 << 31;
 /// Largest coordinate whose squared differences stay finite.
 const MAX_COORDINATE: f64 = 1e150;

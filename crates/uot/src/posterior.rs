@@ -19,8 +19,8 @@ pub struct Posterior {
     pub ids: Vec<u32>,
     /// Share of the line's weight transported there, in [0, 1], `[nnz]`.
     pub shares: Vec<f64>,
-    /// Share that is not transported, in [0, 1], `[lines]`: matched to nothing, or lost because the
-    /// marginal is relaxed.
+    /// Share that is not transported, in [0, 1], `[lines]`: unmatched, or lost because the marginal
+    /// is relaxed.
     pub unmatched: Vec<f64>,
 }
 

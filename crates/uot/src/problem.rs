@@ -8,7 +8,7 @@ use crate::tree::PointTree;
 use crate::{Bandwidth, Storage, UotError, WelschParams, points};
 use rayon::prelude::*;
 
-/// Most entries of a matrix that this crate builds itself (1.6 GB).
+/// Maximum number of entries of a matrix that this crate builds (1.6 GB).
 pub(crate) const MAX_DENSE_ENTRIES: usize = 200_000_000;
 
 /// Cost and marginals of an unbalanced transport problem, `[n, m]`.
@@ -112,11 +112,11 @@ impl UotProblem<'static> {
     }
 
     /// The Welsch cost between two clouds, never stored: pairs beyond `cutoff · β` cost exactly 1,
-    /// the others are kept sparse. Memory is proportional to the number of near pairs.
+    /// the others are stored sparsely. Memory is proportional to the number of near pairs.
     ///
-    /// Degenerate clouds are defined: one point on a side, coincident and duplicate points, and
+    /// Degenerate clouds are valid: one point on a side, coincident and duplicate points, and
     /// clouds that do not overlap all give a problem whose plan is the exact one for the cost above
-    /// (with β = 0 read as the limit).
+    /// (with β = 0 taken as the limit).
     ///
     /// # Errors
     /// [`UotError`] for empty or non-finite clouds and bad parameters.

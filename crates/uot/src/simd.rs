@@ -32,7 +32,7 @@ pub(crate) fn dispatch<R>(body: impl FnMut() -> R) -> R {
 /// `e^x` with a relative error below 3e-16; exactly 0 below −708, saturated above 709.
 #[inline(always)]
 pub(crate) fn exp(x: f64) -> f64 {
-    // 1.5·2^52: adding it rounds to an integer that then sits in the low bits
+    // 1.5·2^52: adding it rounds to an integer, which is then in the low bits
     const MAGIC: f64 = 6_755_399_441_055_744.0;
     const LN2_HI: f64 = 6.931_471_803_691_238e-1;
     const LN2_LO: f64 = 1.908_214_929_270_587_7e-10;

@@ -223,8 +223,8 @@ impl Sinkhorn {
         UotOutput::new(problem, &self.params, found, entries)
     }
 
-    /// Column potentials for [`EntropyReference::Kl`] that belong to those of the chosen reference;
-    /// 0 without any.
+    /// Column potentials for [`EntropyReference::Kl`] that correspond to those of the chosen
+    /// reference; 0 if none are given.
     fn plain_potentials(&self, problem: &UotProblem<'_>, g: Option<&[f64]>) -> Vec<f64> {
         let shift = reference_shift(problem, &self.params) * self.params.level_shares().1;
         match g {
@@ -323,7 +323,7 @@ impl Spent {
 /// Checks the parameters and solves: [`Sinkhorn::new`] and [`Sinkhorn::solve`] in one call.
 ///
 /// # Errors
-/// As those two.
+/// As [`Sinkhorn::new`] and [`Sinkhorn::solve`].
 pub fn solve(problem: &UotProblem<'_>, params: &SinkhornParams) -> Result<UotOutput, UotError> {
     Sinkhorn::new(*params)?.solve(problem)
 }

@@ -2,7 +2,7 @@
 
 use crate::UotError;
 
-/// Most listed pairs: positions are stored as `u32`.
+/// Maximum number of listed pairs: positions are stored as `u32`.
 const MAX_ENTRIES: usize = u32::MAX as usize;
 
 /// A cost for every listed pair; all other pairs are excluded.

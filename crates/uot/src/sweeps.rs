@@ -13,7 +13,7 @@ const PATIENCE: usize = 30;
 /// Smallest λ0 for which [`Acceleration::Auto`] begins with Anderson mixing on a structured cost,
 /// whose range is 1.
 const ANDERSON_LAMBDA: f64 = 0.05;
-/// Largest over-relaxation. Held marginals have no contraction bound to derive it from.
+/// Largest over-relaxation. Enforced marginals have no contraction bound from which to derive it.
 const MAX_OMEGA: f64 = 1.95;
 
 /// Logarithms of the marginals, and of `e^(−c/λ0)` for sides that may have no counterpart; in the
@@ -198,9 +198,9 @@ impl<'k> Sweeps<'k> {
     }
 
     /// Constant by which `f/λ0` should grow and `g/λ0` shrink: the exact maximiser of the dual
-    /// along that direction, `t/λ0 = λ1λ2/(λ0(λ1+λ2)) · ln(Σ a e^{−f/λ1} / Σ b e^{−g/λ2})`. None
-    /// where the dual does not change along it (both marginals held), or changes in another way
-    /// (unmatched costs).
+    /// along that direction, `t/λ0 = λ1λ2/(λ0(λ1+λ2)) · ln(Σ a e^{−f/λ1} / Σ b e^{−g/λ2})`. 0 if
+    /// the dual is constant along it (both marginals enforced) or changes differently (unmatched
+    /// costs).
     fn translation(&self) -> f64 {
         let SinkhornParams { lambda_ent, lambda_a, lambda_b, .. } = self.params;
         let Sides { log_a, log_b, unmatched_a, unmatched_b } = &self.sides;

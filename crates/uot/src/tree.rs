@@ -1,6 +1,6 @@
 //! Points in an order where neighbours in memory are neighbours in space.
 //!
-//! A balanced k-d tree whose leaves hold exactly [`LANES`] points (the last one may hold fewer),
+//! A balanced k-d tree whose leaves have exactly [`LANES`] points (the last one may have fewer),
 //! stored as one array per axis. Splits compare coordinates only, so the order does not depend on
 //! the order of the input; points with identical coordinates are interchangeable.
 

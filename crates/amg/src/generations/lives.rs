@@ -9,7 +9,7 @@ const SHARE_OF_PEAK: f32 = 0.05;
 /// Presence from which the motion of a splat is followed: nearer to the ends of its life its
 /// position is hardly constrained by pictures.
 pub(crate) const PRESENT: f64 = 0.2;
-/// Key times: a life of a twentieth of the clip, the shortest expected, spans three.
+/// Number of key times: the shortest life expected, a twentieth of the clip, spans three.
 const KEY_TIMES: usize = 65;
 /// Largest number of splats times key times, 16 bytes each (384 MB); larger scenes get fewer key
 /// times.

@@ -14,7 +14,7 @@ use rayon::prelude::*;
 const ROUNDS: usize = 4;
 /// Moments of a life that are used.
 const MOMENTS: usize = 5;
-/// Nearest neighbours at rest that are visible at that moment.
+/// Number of nearest neighbours at rest that are used, among those visible at that moment.
 const NEIGHBORS: usize = 16;
 /// Weight of the position at the edit time at full presence, in moments of a life.
 const SHOWN: f64 = 4.0;

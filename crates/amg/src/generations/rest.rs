@@ -8,8 +8,8 @@ use crate::rigid::{RigidFit, sub};
 use gs_core::{DynamicScene, Splats, quat, sh};
 
 /// Presence from which a splat is matched with earlier ones. It is matched once, near the middle of
-/// its life: a long life is a straight line where the surface moves along a curve, and touches it
-/// there.
+/// its life: if the surface moves along a curve, the straight path of a long-lived splat is close
+/// to the surface only there.
 const RIPE: f64 = 0.8;
 /// Half of a typical life, share of the clip.
 const HALF_LIFE: f64 = 0.06;

@@ -8,12 +8,13 @@
 //! 2. *Seeds*: rows in order of position. A pair proposes the similarity that its own rotation and
 //!    scales show, if neighbouring pairs agree, else the one that positions of its neighbours fit:
 //!    some tools leave rotations or scales of the splats as they were.
-//! 3. *Growth*: pairs within four radii of the group that the fit explains join; it is fitted anew.
+//! 3. *Growth*: pairs within four radii of the group that fit join it, and the similarity is fitted
+//!    again.
 //! 4. *Border*: a selection that was moved has a sharp border. A smooth warp is nearly a similarity
 //!    in any small patch, but pairs around the patch miss the fit only slightly, and the larger the
 //!    tolerance, the more of them fit. Such a patch is not a group.
-//! 5. *Rest*: open rows whose place, size and orientation the similarity explains belong, too,
-//!    whatever their colours.
+//! 5. *Rest*: open rows whose place, size and orientation fit the similarity also belong to the
+//!    group, for any colours.
 
 use super::row::Identity;
 use super::signature::{By, candidates};
@@ -25,17 +26,18 @@ use anchors::KdTree;
 use gs_core::{Precision, Splats, quat};
 use rayon::prelude::*;
 
-/// Rows a group has at least: fewer share a similarity by chance when files round coarsely.
+/// Minimum number of rows of a group: fewer fit a similarity by chance if files round coarsely.
 const MIN_GROUP: usize = 8;
-/// Neighbouring rows considered around a seed.
+/// Number of neighbouring rows considered around a seed.
 const NEIGHBORS: usize = 24;
-/// Pairs, the seed's included, that agree on a similarity before it is tried.
+/// Minimum number of pairs, including the seed, that must agree on a similarity before it is tried.
 const MIN_AGREEING: usize = 5;
-/// Groups at most. Each costs a pass over the open rows.
+/// Maximum number of groups. Each costs a pass over the open rows.
 const MAX_GROUPS: usize = 64;
-/// Proposals that may fail in growth before the search ends: real groups grow at once.
+/// Maximum number of proposals that fail to grow before the search ends; real groups grow
+/// immediately.
 const MAX_FAILED: usize = 512;
-/// Seeds tried in parallel.
+/// Number of seeds tried in parallel.
 const SEED_BLOCK: usize = 512;
 /// Radii of the group within which pairs may join.
 const REACH: f64 = 4.0;
@@ -45,19 +47,19 @@ const ROUNDS: usize = 24;
 /// and of the splat's middle standard deviation.
 const ROUNDING: f64 = 4e-6;
 const OF_DEVIATION: f64 = 2e-3;
-/// Least width of a group, in residual limits: any pairs fit a narrower one.
+/// Minimum width of a group, in residual limits: within a narrower one, any pairs fit.
 const WIDTH: f64 = 12.0;
-/// Residual limits within which a group's last pairs are explained: limits are those of one splat,
-/// and the fit has errors of its own.
+/// Residual, in limits, up to which pairs are added to a group at the end: the limits are those of
+/// one splat, and the fit also has errors.
 const EXPLAINED: f64 = 2.0;
-/// Four times that is nearly explained. The misfit of a smooth warp grows with the square of the
-/// distance, so that at least as many pairs as are explained nearly are (on a limb, three times
-/// as many on a surface); of a selection that was moved, none are but at a joint with another.
-/// Half as many as the group has is the middle.
+/// Residual, in limits, up to which pairs fit nearly. The misfit of a smooth warp grows with the
+/// square of the distance, so at least as many pairs fit nearly as fit (on a limb; three times as
+/// many on a surface). A selection that was moved has none, except at a joint with another. The
+/// threshold is half the number of pairs in the group.
 const NEARLY: f64 = 4.0 * EXPLAINED;
 const FRINGE: f64 = 0.5;
-/// Pairs that a patch of a smooth warp explains to within this many residual limits start no
-/// further search: they belong to the same warp.
+/// Pairs within this many residual limits of a patch of a smooth warp are not used as seeds: they
+/// belong to the same warp.
 const SAME_WARP: f64 = 32.0 * EXPLAINED;
 
 /// Marks the open rows of `rows` that belong to a group, and returns the similarity of each group.
@@ -73,7 +75,7 @@ pub(super) fn find(
         let open: Vec<usize> = (0..edited.len())
             .filter(|&row| rows[row] == Identity::Edited && edited.is_finite(row))
             .collect();
-        // Where files round, proportions alone pair anything with anything.
+        // If files round, proportions alone do not distinguish splats.
         let vague = by == By::Proportions && precision.is_some();
         if open.len() < MIN_GROUP || source.len() < MIN_GROUP || vague {
             break;
@@ -111,7 +113,7 @@ struct Search<'a> {
     open: Vec<usize>,
     /// Centres of the open rows.
     places: Vec<[f64; 3]>,
-    /// Largest residual of each, world units of the edit.
+    /// Residual limit of each open row, world units of the edit.
     limits: Vec<f64>,
     /// Source splats with the signature of each, nearest first.
     candidates: Vec<Vec<u32>>,
@@ -174,7 +176,7 @@ impl<'a> Search<'a> {
                     continue;
                 }
                 let grown = proposals.iter().filter_map(|start| self.grow(at, start, &taken));
-                // The first of equals: proper similarities are proposed before mirrored ones.
+                // Ties go to the first: proper similarities are proposed before mirrored ones.
                 let best = grown.reduce(|a, b| if b.pairs.len() > a.pairs.len() { b } else { a });
                 let Some(group) = best.filter(|group| {
                     let ends = self.ends(group, &taken);
@@ -224,8 +226,8 @@ impl<'a> Search<'a> {
         self.propose_by_position(seed, around)
     }
 
-    /// As tools that leave the splats' rotations or scales alone, or mirror, require: positions
-    /// only.
+    /// As `propose`, from positions only: for tools that mirror, or do not change the splats'
+    /// rotations or scales.
     fn propose_by_position(&self, seed: usize, around: &[usize]) -> Vec<Similarity> {
         let alike = self.equally_scaled(seed, around);
         let trimmed = |mirrored: bool| {
@@ -245,8 +247,8 @@ impl<'a> Search<'a> {
         [false, true].into_iter().filter_map(trimmed).collect()
     }
 
-    /// The pairs around the seed, and itself, whose distances from it have grown by one factor: the
-    /// most that agree.
+    /// The seed and the largest set of pairs around it whose distances from it have changed by the
+    /// same factor.
     fn equally_scaled(&self, seed: usize, around: &[usize]) -> Vec<(usize, u32)> {
         let first = self.candidates[seed][0];
         let from = |id: u32| self.source.means[id as usize].map(f64::from);
@@ -275,13 +277,13 @@ impl<'a> Search<'a> {
         std::iter::once(seed).chain(alike).map(|at| (at, self.candidates[at][0])).collect()
     }
 
-    /// Lets pairs join while the fit explains them.
+    /// Adds pairs as long as they fit the similarity.
     fn grow(&self, seed: usize, start: &Similarity, taken: &[bool]) -> Option<Group> {
         let mut similarity = *start;
         let (mut centre, mut radius) = (self.places[seed], 0.0);
         let mut pairs: Vec<(usize, u32)> = Vec::new();
         for round in 0..ROUNDS {
-            // The seed's neighbours first; then whatever lies within reach of what has joined.
+            // First the neighbours of the seed, then all pairs within reach of the group.
             let reach = if round == 0 { f64::INFINITY } else { REACH * radius };
             let explained: Vec<(usize, u32)> = (0..self.open.len())
                 .into_par_iter()
@@ -292,7 +294,7 @@ impl<'a> Search<'a> {
                     if aside > reach {
                         return None;
                     }
-                    // A fit is as good as its points are exact, over their spread.
+                    // The error of a fit is that of its points, relative to their spread.
                     let lever = if radius > 0.0 { aside / radius } else { 1.0 };
                     let limit =
                         self.limits[at] * (1.0 + lever / (pairs.len().max(4) as f64).sqrt());
@@ -310,13 +312,13 @@ impl<'a> Search<'a> {
             similarity = Similarity::fit(&self.points(&pairs), start.mirrored)?;
             (centre, radius) = self.spread(&pairs);
         }
-        // All pairs at once, however far from the others.
+        // All pairs at once, at any distance from the group.
         let pairs = self.explained(&similarity, EXPLAINED, taken);
         let similarity = self.fitted(&pairs, start.mirrored)?;
         (pairs.len() >= MIN_GROUP).then_some(Group { similarity, pairs })
     }
 
-    /// Free pairs that the similarity explains to within `limits` residual limits.
+    /// Free pairs that fit the similarity within `limits` residual limits.
     fn explained(&self, similarity: &Similarity, limits: f64, taken: &[bool]) -> Vec<(usize, u32)> {
         (0..self.open.len())
             .into_par_iter()
@@ -329,13 +331,13 @@ impl<'a> Search<'a> {
             .collect()
     }
 
-    /// Whether hardly any pairs are nearly explained: see [`NEARLY`].
+    /// Whether hardly any pairs fit nearly: see [`NEARLY`].
     fn ends(&self, group: &Group, taken: &[bool]) -> bool {
         let nearly = self.explained(&group.similarity, NEARLY, taken).len();
         nearly as f64 <= (1.0 + FRINGE) * group.pairs.len() as f64
     }
 
-    /// The fit of pairs that lie far enough apart to show one.
+    /// The similarity of pairs, if they are far enough apart to determine it.
     fn fitted(&self, pairs: &[(usize, u32)], mirrored: bool) -> Option<Similarity> {
         let (_, radius) = self.spread(pairs);
         let limit = pairs.iter().map(|&(at, _)| self.limits[at]).fold(0.0, f64::max);
@@ -401,7 +403,7 @@ impl<'a> Search<'a> {
         1e-4 + rounding
     }
 
-    /// Open rows that coincide with a source splat once the similarity is undone.
+    /// Adds the open rows that coincide with a source splat after the similarity is inverted.
     fn add_rest(&self, similarity: &Similarity, group: u32, rows: &mut [Identity]) {
         let still_open: Vec<usize> =
             self.open.iter().copied().filter(|&row| rows[row] == Identity::Edited).collect();
@@ -425,10 +427,10 @@ impl<'a> Search<'a> {
     }
 }
 
-/// Puts the values of row `i` of `placed`, a source splat under its group's similarity, into `row`
-/// of `edited`, as far as the edit has them: its place, which is known to agree; shape and colours
-/// each if they do. Files round rotations by less than 2°, sizes by 4 %, colours by two steps of
-/// 255.
+/// Writes the values of row `i` of `placed`, a source splat transformed by its group's similarity,
+/// to `row` of `edited`, where the edited values agree: the centre, which is known to agree, and
+/// shape and colours, each if they do. Files round rotations by less than 2°, sizes by 4 %, colours
+/// by two steps of 255.
 pub(super) fn restore_row(placed: &Splats, i: usize, edited: &mut Splats, row: usize) {
     const COS_HALF_TURN: f32 = 0.999_85;
     const SIZE: f32 = 0.04;

@@ -1,6 +1,6 @@
-//! [`Identity`]: what one edited splat is.
+//! [`Identity`]: relation of an edited splat to the source.
 
-/// What one edited splat is.
+/// Relation of an edited splat to the source splats.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Identity {
     /// Source splat with this id: all stored fields agree.
@@ -9,12 +9,12 @@ pub enum Identity {
     Recoloured(u32),
     /// Source splat, moved, turned or scaled together with others.
     Moved {
-        /// Its id.
+        /// Id of the source splat.
         source: u32,
-        /// Which of [`crate::IdentityMap::similarities`].
+        /// Index into [`crate::IdentityMap::similarities`].
         group: u32,
     },
-    /// No source splat.
+    /// Not a source splat.
     Edited,
 }
 

@@ -6,12 +6,12 @@ use foldhash::fast::RandomState;
 use gs_core::{Precision, Splats};
 use rayon::prelude::*;
 
-/// Source splats paired with a row.
+/// Number of source splats paired with a row.
 const CANDIDATES: usize = 6;
 /// Values of a signature: two proportions, opacity, base colour.
 const SIGNATURE: usize = 6;
-/// Largest difference of proportions where they are all there is to compare: files that keep every
-/// value keep them better.
+/// Largest difference of proportions if only these are compared: lossless files preserve them
+/// better than this.
 const PROPORTIONS: f64 = 1e-4;
 
 /// Properties by which rows and source splats are paired.
@@ -42,7 +42,7 @@ fn signature_limits(
         let size = tolerance * PROPORTIONS;
         return [size, size, ANY, ANY, ANY, ANY];
     }
-    // As the identity map has them: sizes 1e-3, opacity 2e-3, colour 1e-3.
+    // As in the identity map: sizes 1e-3, opacity 2e-3, colour 1e-3.
     let base = [2e-3, 2e-3, 2e-3, 1e-3, 1e-3, 1e-3].map(|v| tolerance * v);
     let Some(precision) = precision else { return base };
     let row = precision.of(row);
@@ -62,7 +62,8 @@ pub(super) fn candidates(
     by: By,
 ) -> Vec<Vec<u32>> {
     let ids: Vec<u32> = (0..source.len()).filter(|&i| source.is_finite(i)).map(index).collect();
-    // One grid for all rows: the coarsest rounding of any. What is not stored does not count.
+    // One grid for all rows, with the coarsest rounding of any row. Values that are not stored are
+    // ignored.
     let mut coarsest = [f64::MIN_POSITIVE; SIGNATURE];
     for &row in open {
         let limits = signature_limits(precision, tolerance, row, by);
@@ -90,7 +91,8 @@ struct SignatureTable {
 
 /// Values of a signature by which cells are numbered: the proportions, red and green.
 const CELL_VALUES: [usize; 4] = [0, 1, 3, 4];
-/// Most splats of a cell that are compared. Signatures shared by more are not informative.
+/// Maximum number of splats of a cell that are compared. Signatures shared by more are not
+/// informative.
 const MAX_OF_CELL: usize = 256;
 
 impl SignatureTable {
@@ -113,7 +115,7 @@ impl SignatureTable {
         table
     }
 
-    /// Cell of a value, and the neighbour that also holds values within a limit of it.
+    /// Cell of a value, and the neighbour that also contains values within a limit of it.
     #[expect(clippy::cast_possible_truncation, reason = "saturates for values beyond any file's")]
     fn place(&self, k: usize, value: f64) -> (i64, i64) {
         let at = value / self.width[k];
@@ -134,7 +136,7 @@ impl SignatureTable {
         let places = CELL_VALUES.map(|k| self.place(k, wanted[k]));
         let split = CELL_VALUES.map(|k| self.width[k].is_finite());
         for corner in 0..1_usize << CELL_VALUES.len() {
-            // Values that do not count have one cell.
+            // Ignored values have one cell.
             if (0..CELL_VALUES.len()).any(|k| (corner >> k) & 1 == 1 && !split[k]) {
                 continue;
             }

@@ -8,7 +8,8 @@ use rayon::prelude::*;
 
 /// Source splats compared first; more only while all of them lie within the precision.
 const CANDIDATES: usize = 8;
-/// Most source splats compared: coarse positions put many splats of a small scene in one place.
+/// Maximum number of source splats compared: with coarse positions, many splats of a small scene
+/// coincide.
 const MAX_CANDIDATES: usize = 512;
 /// Rounding of the arithmetic on both sides of the file, relative to the values.
 const ROUNDING: f64 = 1e-6;
@@ -61,8 +62,8 @@ impl Pair<'_> {
         }
     }
 
-    /// The candidate with the smallest disagreement: in everything if there is one, else in
-    /// geometry alone.
+    /// The candidate with the smallest deviation: among those that agree in all values, else among
+    /// those that agree in geometry.
     fn best(&self, near: &[Neighbor], ids: &[u32]) -> Identity {
         let (mut whole, mut shape) = (None::<(f64, u32)>, None::<(f64, u32)>);
         let keep = |best: &mut Option<(f64, u32)>, found: f64, id: u32| {
@@ -90,7 +91,7 @@ impl Pair<'_> {
         f64::from(self.precision.means[axis]) + ROUNDING * magnitude
     }
 
-    /// Sum of squared disagreements in units of what is allowed; `None` if one exceeds it.
+    /// Sum of squared deviations, in units of the allowed ones; `None` if one exceeds its limit.
     fn geometry(&self, id: usize) -> Option<f64> {
         let (source, edited, row, precision) = (self.source, self.edited, self.row, self.precision);
         let mut sum = 0.0;
@@ -140,12 +141,12 @@ impl Pair<'_> {
     }
 }
 
-/// Distance of `stored` from what storing `value` can give.
+/// Distance of `stored` from the values that storing `value` can give.
 fn apart(value: f32, stored: f32, [min, max]: [f32; 2]) -> f64 {
     (f64::from(value.max(min).min(max)) - f64::from(stored)).abs()
 }
 
-/// The square of `distance` in units of `limit`, if not beyond it.
+/// The square of `distance` in units of `limit`; `None` beyond the limit.
 fn within(distance: f64, limit: f64) -> Option<f64> {
     if limit.is_infinite() {
         return Some(0.0);

@@ -21,7 +21,7 @@ pub(super) fn match_by_tolerance(
     }
     let points: Vec<[f64; 3]> =
         ids.iter().map(|&id| source.means[id as usize].map(f64::from)).collect();
-    // The middle one of the scales, on which the limit of the distance depends.
+    // The middle scale, on which the limit of the distance depends.
     let middle = |id: &u32| sorted(source.scale(*id as usize).map(f64::from))[1];
     let middles: Vec<f64> = ids.par_iter().with_min_len(1024).map(middle).collect();
     let open: Vec<usize> = (0..rows.len())

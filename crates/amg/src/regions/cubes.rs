@@ -10,7 +10,8 @@ use anchors::Neighbor;
 use gs_core::Real;
 use rayon::prelude::*;
 
-/// Motions distinguished per cube. Where more parts meet, the farthest are no candidates.
+/// Number of motions distinguished per cube. Where more parts meet, the farthest are not
+/// candidates.
 pub(super) const MAX_HYPOTHESES: usize = 4;
 
 /// Candidate regions per cube: all that a thick sleeve can be displaced from.

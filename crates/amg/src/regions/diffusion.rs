@@ -8,7 +8,7 @@ use rayon::prelude::*;
 /// Nearest neighbours linked to a region.
 const NEIGHBORS: usize = 16;
 
-/// Least agreement of linked regions: weaker links contribute almost nothing.
+/// Minimum agreement of linked regions: weaker links contribute almost nothing.
 const MIN_AGREEMENT: f64 = 0.05;
 
 /// Links between regions, weighted by agreement; outliers have none.

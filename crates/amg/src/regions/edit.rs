@@ -117,7 +117,7 @@ fn shape_bits(splats: &Splats, i: usize) -> [u32; 7] {
 }
 
 /// The `open` rows and those source splats that have an open row within `reach`, world units. Rows
-/// with values that are not finite are none of these.
+/// with non-finite values are excluded.
 pub(super) fn involved(
     edited: &Splats,
     open: &[usize],

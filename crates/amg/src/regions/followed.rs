@@ -26,7 +26,7 @@ pub(super) struct FollowInputs<'a> {
     pub(super) motion: &'a RegionMotion,
     pub(super) edit: &'a Edit,
     pub(super) candidates: &'a Candidates,
-    /// Of each edited splat, `[E]`.
+    /// Posterior of each edited splat, `[E]`.
     pub(super) posteriors: &'a [Posterior],
     /// See [`NewPieces::new_geometry`], world units.
     pub(super) new_geometry: f64,

@@ -70,7 +70,7 @@ const NEIGHBORHOOD: f64 = 0.1;
 /// bend, a support must not.
 const RIGID: f64 = 0.4;
 
-/// Least tolerance of motions, in units of the noise of the regions' trajectories.
+/// Minimum tolerance of motions, in units of the noise of the regions' trajectories.
 const NOISES: f64 = 4.0;
 
 /// One row per entry of `work.open`, and the factor on the weight of the sources' own rotations, 0

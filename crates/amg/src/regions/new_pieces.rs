@@ -19,8 +19,8 @@ use rayon::prelude::*;
 /// Smaller pieces are stray splats.
 const MIN_SPLATS: usize = 8;
 
-/// Share of a piece's splats beyond the full distance from which it is clearly no clothing. Other
-/// new geometry may cover the figure, and must then bend with it.
+/// Share of a piece's splats beyond the full distance from which it is clearly not clothing. Other
+/// new geometry may cover the figure and must then bend with it.
 const MIN_SHARE: f64 = 1.0 / 3.0;
 
 /// Share of a piece's splats beyond [`CLEARANCE`] below which each splat keeps its own match.
@@ -57,7 +57,7 @@ const STEP: f64 = 2.5;
 /// Largest number of contacts tried as the attachment.
 const MAX_TRIED: usize = 256;
 
-/// Least ratio of the largest contact area to the second, for a piece of which [`MIN_SHARE`]
+/// Minimum ratio of the largest contact area to the second, for a piece of which [`MIN_SHARE`]
 /// extends from the figure. Doubled if only [`MIN_CLEAR_SHARE`] does, and again if none does: the
 /// piece is then more likely to be clothing.
 const AREA_RATIO: f64 = 2.0;
@@ -80,7 +80,7 @@ pub(super) struct NewPieces<'a> {
 /// A connected component of new splats.
 struct Piece {
     splats: Vec<usize>,
-    /// Least ratio of the largest contact area to the second.
+    /// Minimum ratio of the largest contact area to the second.
     area_ratio: f64,
 }
 

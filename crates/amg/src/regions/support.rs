@@ -20,7 +20,7 @@ const MAX_REGIONS: usize = 24;
 const FAR_REGIONS: usize = 256;
 
 /// Largest difference between the motion of a splat's region and that of a region in its support,
-/// as a share of [`Supports::tolerance`]; far splats use all of it.
+/// as a share of [`Supports::tolerance`]; far splats use the full tolerance.
 const NEAR_TOLERANCE: f32 = 0.7;
 
 /// Width of the weights over distance, in spacings of the regions, and its growth with the squared

@@ -7,7 +7,7 @@ use gs_core::DynamicScene;
 pub struct BeforeEdit<'a> {
     /// The scene that was edited, with `N` splats.
     pub scene: &'a dyn DynamicScene,
-    /// For each edited splat, the source splat whose geometry it has, moved or not; `None` for
-    /// other geometry. `[M]`, below `N`.
+    /// For each edited splat, the source splat with the same geometry, possibly moved; `None` for
+    /// new geometry. `[M]`, values below `N`.
     pub source_rows: &'a [Option<u32>],
 }

@@ -15,7 +15,7 @@ const DARK: f32 = 0.03;
 /// Supervised splats that the edit changed, by position and hue before the edit.
 pub(super) struct References {
     pub(super) rows: Vec<usize>,
-    /// Of every splat of frame 1.
+    /// Features of every splat of frame 1.
     features: Vec<[f64; 6]>,
     tree: Option<KdTree<6>>,
 }
@@ -45,14 +45,14 @@ impl References {
     }
 }
 
-/// Per row of `rows`, the change of SH `[K,3]` of the nearest references on its surface,
-/// itself left out; `None` without any.
+/// Expected change of SH of each row in `rows`, `[K,3]`: that of the nearest references on its
+/// surface, excluding the row itself; `None` if there are none.
 ///
-/// References are near, have a similar normal, move with the splat and had its hue. New base
-/// colours are a local power law of the old brightness `b`, per channel `log new = log new̅ + β
-/// (log b − log b̅)`: light and shadow are factors of both (β = 1, which is the prior), and paint
-/// that covers a texture of light and dark has β = 0. Higher bands take the references' mean
-/// change.
+/// References are near the splat, have a similar normal, move with it and had the same hue before
+/// the edit. New base colours are a local power law of the old brightness `b`, per channel
+/// `log new = log new̅ + β (log b − log b̅)`. Shading multiplies old and new brightness alike (β =
+/// 1, the prior); paint that covers a texture has β = 0. Higher bands get the mean change of the
+/// references.
 pub(super) fn expected_changes(
     frame: &EditedFrame<'_>,
     rows: &[usize],

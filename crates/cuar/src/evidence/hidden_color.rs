@@ -22,7 +22,7 @@ const COMPARED: usize = 2000;
 /// Colours of hidden splats are meaningless if their median error exceeds that of supervised splats
 /// by this factor.
 const FACTOR: f32 = 2.0;
-/// Least such error, summed over the channels: errors of an edit in one colour are zero.
+/// Minimum of this error, summed over the channels: errors of an edit in one colour are zero.
 const MIN_ERROR: f32 = 0.1;
 
 /// Median error of supervised splats: the difference between their change and the expected one.
@@ -40,7 +40,7 @@ pub(super) fn are_meaningless(hidden: Vec<(f32, f32)>, supervised: f32) -> bool 
     weighted_median(hidden) > (FACTOR * supervised).max(MIN_ERROR)
 }
 
-/// Where [`are_meaningless`]: whether this error is.
+/// Whether a colour with this error is meaningless, if [`are_meaningless`] is true.
 pub(super) fn is_meaningless(error: f32, supervised: f32) -> bool {
     error > supervised.max(MIN_ERROR)
 }

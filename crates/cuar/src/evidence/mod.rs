@@ -1,5 +1,5 @@
 //! [`Evidence`]: splats that frame 1 does not supervise, and the colour change of the surface
-//! around them (ξ′ beside the paper's ξ).
+//! around them (ξ′ in addition to the paper's ξ).
 //!
 //! The paper's ξ (Eqs. 14–15) is zero where colours do not depend on the view. An editor that works
 //! on pictures of frame 1 does not change splats that no picture shows; motion may turn them to the
@@ -79,11 +79,11 @@ pub struct Evidence {
 const KEY_TIMES: usize = 8;
 
 impl Evidence {
-    /// Evidence of the edit of `before` that `scene` carries, from `cameras` that look at frame 1
-    /// at `edit_time`.
+    /// Evidence about the edit that turned `before` into `scene`. `cameras` view frame 1, at
+    /// `edit_time`.
     ///
     /// # Errors
-    /// If a scene cannot be evaluated, arrays disagree, or the rasteriser fails.
+    /// If a scene cannot be evaluated, array lengths are inconsistent, or the rasteriser fails.
     pub fn of<R: Rasterizer>(
         raster: &R,
         scene: &dyn DynamicScene,

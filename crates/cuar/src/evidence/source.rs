@@ -7,7 +7,8 @@ use rayon::prelude::*;
 
 /// Source splats compared with an edited one of other geometry.
 const CANDIDATES: usize = 24;
-/// A splat farther from every source splat than this many times that one's size is new.
+/// A splat is new if its distance from every source splat exceeds this many times the size of that
+/// source splat.
 const REACH: f64 = 6.0;
 
 /// The source splat from which each edited splat descends; `None` for new ones.

@@ -7,7 +7,7 @@ use rayon::prelude::*;
 
 /// Edited splats, followed by deleted source splats.
 pub(super) struct Nodes {
-    /// World units, at frame 1.
+    /// Centres at frame 1, world units.
     pub means: Vec<[f64; 3]>,
     /// Thin axis, unit, of either sign.
     pub normals: Vec<[f32; 3]>,

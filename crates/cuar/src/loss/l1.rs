@@ -7,7 +7,7 @@ use gs_core::Real;
 /// The derivative at `x = y` is 0.
 ///
 /// # Panics
-/// If the lengths disagree.
+/// If the lengths differ.
 pub fn masked_l1<F: Real>(x: &[F], y: &[F], mask: &[F], norm: F, v_x: &mut [F]) -> F {
     assert!(
         x.len() == y.len() && x.len() == v_x.len() && x.len().is_multiple_of(mask.len().max(1)),

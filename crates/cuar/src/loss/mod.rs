@@ -1,9 +1,9 @@
 //! Losses of the refinement (Eqs. 18–20) and their parts, generic over the float type; reusable
 //! without the rest of the crate.
 //!
-//! Everywhere: images are interleaved `[H,W,C]`, row-major; a gradient has the shape of what it is
-//! the gradient of; values are **means** over all pixels and channels of the whole image, as 3DGS's
-//! losses are (the paper writes norms).
+//! Images are interleaved `[H,W,C]`, row-major; a gradient has the shape of its argument; values
+//! are **means** over all pixels and channels of the whole image, like the losses of 3DGS (the
+//! paper writes norms).
 
 mod l1;
 mod objective;

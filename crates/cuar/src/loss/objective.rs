@@ -40,7 +40,7 @@ impl LossParts {
         (1.0 - weights.zeta) * fore + weights.zeta * self.back_l1
     }
 
-    /// Eq. 20 with the L1 of the given shape: the value that the gradient belongs to.
+    /// Eq. 20 with the L1 of the given shape: the function that the gradient differentiates.
     pub fn shaped_total(&self, weights: LossWeights) -> f64 {
         let [fore_l1, back_l1] = self.shaped_l1;
         Self { fore_l1, back_l1, ..*self }.total(weights)
@@ -56,11 +56,12 @@ pub struct Targets<'a, F> {
     pub warp: &'a [F],
     /// M: 1 where `warp` supervises, else 0, `[H,W]`.
     pub fore: &'a [F],
-    /// 1 − M: 1 where `original` supervises, else 0, `[H,W]`. Pixels with neither are free.
+    /// 1 − M: 1 where `original` supervises, else 0, `[H,W]`. Pixels with neither are
+    /// unconstrained.
     pub back: &'a [F],
 }
 
-/// How L1 is treated.
+/// Form of the L1 loss.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Shape {
     /// `|r|`, derivative `sign r`.
@@ -84,9 +85,8 @@ pub struct Objective<F> {
 }
 
 impl<F: Real> Objective<F> {
-    /// For crops of `width × height` out of an image of `full_pixels` pixels (the crop itself, if
-    /// it is none): values are means over the full image, whose rest is taken to contribute
-    /// nothing.
+    /// For crops of `width × height` of an image of `full_pixels` pixels (those of the crop if the
+    /// image is not cropped): values are means over the full image, whose other pixels contribute 0.
     pub fn new(width: usize, height: usize, full_pixels: usize, weights: LossWeights) -> Self {
         Self {
             width,
@@ -102,7 +102,7 @@ impl<F: Real> Objective<F> {
     }
 
     /// Losses of `render` (`[H,W,3]`). Overwrites `v_render` (`[H,W,3]`) with the derivative of
-    /// [`LossParts::total`], and with `curvature` that (`[H,W]`) with a bound of its second
+    /// [`LossParts::shaped_total`], and `curvature` (`[H,W]`), if given, with a bound of its second
     /// derivative per pixel, mean over channels.
     ///
     /// # Panics

@@ -19,7 +19,7 @@ impl MlpScene {
     /// A scene from its parts.
     ///
     /// # Errors
-    /// If the arrays of `canonical` disagree.
+    /// If the arrays of `canonical` have inconsistent lengths.
     pub fn new(canonical: Splats, mlp: DeformMlp) -> Result<Self, FieldError> {
         Self::of(canonical, mlp)
     }

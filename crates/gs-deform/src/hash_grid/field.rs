@@ -10,7 +10,7 @@ use crate::network::Component;
 pub struct FieldBox {
     /// Corner with the smallest coordinates.
     pub min: [f32; 3],
-    /// Corner with the largest.
+    /// Corner with the largest coordinates.
     pub max: [f32; 3],
 }
 
@@ -50,7 +50,7 @@ pub struct HashGridNetwork {
     pub grid: HashGrid,
     /// `[N, L·F]` with a ReLU after it, then `[N, N]`.
     pub trunk: [Linear; 2],
-    /// Whether a ReLU follows the trunk too.
+    /// Whether a ReLU also follows the trunk.
     pub trunk_relu: bool,
     /// In the order of [`Component::ALL`]: `[N, N]`, ReLU, `[N, N]`, ReLU, `[outputs, N]`.
     pub heads: [[Linear; 3]; 5],

@@ -28,7 +28,8 @@ impl HashGridScene {
     /// A scene from its parts, at times 0 to 1. `dynamic` is `[N]`.
     ///
     /// # Errors
-    /// If arrays disagree, the SH degree is not 3, or there are 2³² Gaussians or more.
+    /// If arrays have inconsistent lengths, the SH degree is not 3, or there are 2³² Gaussians or
+    /// more.
     pub fn new(
         canonical: Splats,
         dynamic: Vec<bool>,

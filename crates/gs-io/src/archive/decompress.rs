@@ -2,7 +2,8 @@
 
 use std::io::Read;
 
-/// Size, bytes, to which any stream may grow; the compression ratio of small files is unbounded.
+/// Size up to which any stream may decompress, bytes; the compression ratio of small files is
+/// unbounded.
 pub(crate) const FREE: u64 = 16 << 20;
 /// Largest compression ratio beyond that size. Splat data compress to a twentieth at best, even if
 /// all splats have the same colour and size.
@@ -18,7 +19,7 @@ pub(crate) fn gunzip(bytes: &[u8]) -> Result<Vec<u8>, String> {
     read_within(flate2::read::GzDecoder::new(bytes), limit(bytes.len()))
 }
 
-/// The first `count` bytes of a gzip stream, fewer if it ends early or breaks.
+/// The first `count` bytes of a gzip stream; fewer if it ends early or is damaged.
 pub(crate) fn gunzip_start(bytes: &[u8], count: u64) -> Vec<u8> {
     let mut start = Vec::new();
     // Bytes decompressed before an error are kept.

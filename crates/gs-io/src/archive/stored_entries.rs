@@ -8,7 +8,7 @@ use zip::{CompressionMethod, ZipArchive};
 /// A zip archive that cannot be read.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
 pub enum ZipError {
-    /// No usable directory at its end.
+    /// The archive has no usable directory at its end.
     #[error("not a complete zip archive ({0}): the file is truncated or not a zip archive")]
     NoDirectory(String),
     /// An entry of the directory is inconsistent with the file.

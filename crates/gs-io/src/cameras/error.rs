@@ -9,7 +9,7 @@ pub enum CamerasError {
     /// Not JSON, or not of the expected schema.
     #[error("not a {schema}: {source}")]
     Json {
-        /// Which schema.
+        /// Name of the schema.
         schema: &'static str,
         /// Where and why.
         source: serde_json::Error,
@@ -19,7 +19,7 @@ pub enum CamerasError {
     Camera {
         /// Position in the list.
         index: usize,
-        /// What is wrong.
+        /// Cause of the error.
         source: CameraError,
     },
     /// No cameras.
@@ -31,7 +31,7 @@ pub enum CamerasError {
             kind"
     )]
     Truncated {
-        /// What was being read.
+        /// Item being read.
         at: String,
         /// Bytes it needs at least.
         needed: u64,
@@ -41,11 +41,11 @@ pub enum CamerasError {
     /// An invalid value.
     #[error("{at}: expected {expected}, found {found}")]
     Malformed {
-        /// Where.
+        /// Place in the file.
         at: String,
-        /// What was expected.
+        /// Expected value.
         expected: String,
-        /// What was found.
+        /// Value found.
         found: String,
     },
     /// A lens model that a pinhole camera does not approximate.
@@ -55,7 +55,7 @@ pub enum CamerasError {
         that this writes"
     )]
     Lens {
-        /// Which camera.
+        /// Name of the camera.
         camera: String,
         /// Its lens model.
         model: String,

@@ -39,7 +39,8 @@ impl Sizes {
     }
 }
 
-/// A size from a file as a pixel count; 0, which is invalid for cameras, if it is not one.
+/// A size read from a file as a pixel count; 0, which is invalid for cameras, if it is out of
+/// range.
 pub(crate) fn pixels(size: f64) -> u32 {
     let whole = size.round();
     #[expect(

@@ -1,8 +1,8 @@
-//! A number in a camera file, tolerant of other values.
+//! A number in a camera file; any other value is read as NaN.
 
 use serde::{Deserialize, Serialize};
 
-/// A number; NaN if the file has something else, so that only the camera that needs it is rejected.
+/// A number; NaN if the file contains another value, so that only the camera with it is rejected.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(from = "Option<f64>")]
 pub(crate) struct Number(pub(crate) f64);

@@ -16,7 +16,7 @@ pub(crate) fn viewmat(rotation: DMat3, translation: DVec3) -> Viewmat {
     [row(0), row(1), row(2), [0.0, 0.0, 0.0, 1.0]]
 }
 
-/// From a camera's centre and its axes in the world, OpenCV's.
+/// From a camera's centre and its axes (OpenCV), both in the world frame.
 pub(crate) fn from_axes(right: DVec3, down: DVec3, forward: DVec3, centre: DVec3) -> Viewmat {
     let rotation = DMat3::from_cols(right, down, forward).transpose();
     viewmat(rotation, -(rotation * centre))
@@ -71,7 +71,8 @@ mod tests {
 
     #[test]
     fn opengl_cameras_look_along_minus_z_with_y_up() {
-        // At (1, 2, 3), axes as the world's: sees towards -z; what is higher is nearer to row 0.
+        // Centre (1, 2, 3), axes parallel to those of the world: the camera looks along -z, and
+        // higher points are nearer to row 0.
         let c2w = [[1.0, 0.0, 0.0, 1.0], [0.0, 1.0, 0.0, 2.0], [0.0, 0.0, 1.0, 3.0]];
         let v = from_opengl(&c2w);
         assert!(close(at(&v, [1.0, 2.0, 3.0]), [0.0; 3]), "the centre is the origin");
@@ -81,7 +82,7 @@ mod tests {
     #[test]
     fn quaternions_are_wxyz_and_world_to_camera() {
         let half = 0.5_f64.sqrt();
-        // A quarter turn about z takes the world's x to the camera's y.
+        // A quarter turn about z maps the world's x to the camera's y.
         let v = from_quaternion([half, 0.0, 0.0, half], [0.0, 0.0, 5.0]).unwrap();
         assert!(close(at(&v, [1.0, 0.0, 0.0]), [0.0, 1.0, 5.0]), "{v:?}");
         let long = from_quaternion([3.0 * half, 0.0, 0.0, 3.0 * half], [0.0, 0.0, 5.0]).unwrap();

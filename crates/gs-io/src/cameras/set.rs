@@ -72,8 +72,8 @@ impl CameraSet {
         self.views.iter().filter(move |view| view.split.includes(wanted)).map(|view| &view.camera)
     }
 
-    /// The distinct cameras: views that differ only in time become one, without
-    /// time, named by the common part of their names.
+    /// The distinct cameras: views that differ only in time are merged into one without a time,
+    /// named by the common part of their names.
     pub fn stations(&self) -> Vec<Camera> {
         stations(self.views.iter().map(|view| &view.camera))
     }
@@ -137,7 +137,7 @@ impl Unusable {
     }
 }
 
-/// Refuses an invalid camera or time.
+/// Rejects an invalid camera or time.
 fn check(index: usize, camera: &Camera) -> Result<(), CamerasError> {
     camera.check().map_err(|source| CamerasError::Camera { index, source })?;
     if let Some(time) = camera.time.filter(|time| !time.is_finite()) {
@@ -147,7 +147,7 @@ fn check(index: usize, camera: &Camera) -> Result<(), CamerasError> {
     Ok(())
 }
 
-/// Refuses invalid cameras and times.
+/// Rejects invalid cameras and times.
 pub(super) fn check_all<'a>(cameras: impl Iterator<Item = &'a Camera>) -> Result<(), CamerasError> {
     cameras.enumerate().try_for_each(|(index, camera)| check(index, camera))
 }

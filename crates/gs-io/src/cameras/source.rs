@@ -13,7 +13,7 @@ use std::path::{Path, PathBuf};
 /// The camera files found for a path.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Source {
-    /// Their layout.
+    /// Layout of the files.
     pub format: Format,
     /// The folder of the data set; for `cameras.json` the file.
     pub root: PathBuf,
@@ -163,7 +163,8 @@ fn in_file(path: &Path) -> Result<Option<Source>, IoError> {
     }
 }
 
-/// The data set that a model folder's `cfg_args` names, as given, beside the model, or above it.
+/// The data set named in the `cfg_args` of a model folder: at the path as given, next to the model,
+/// or in a parent folder.
 fn of_model(model: &Path) -> Result<Option<Source>, IoError> {
     let path = model.join("cfg_args");
     if !path.is_file() {

@@ -1,10 +1,10 @@
 //! `transforms_*.json` of D-NeRF and Blender, and `transforms.json` of nerfstudio: camera-to-world
 //! matrices with OpenGL's axes.
 //!
-//! Trained reading: 800×800 images, one field of view per file, times divided by the
-//! largest of train and test, and a translation whose x has the wrong sign (without
-//! effect for cameras that look at the origin, as all of D-NeRF's do). Stored reading:
-//! individual intrinsics and sizes, times divided by the same.
+//! Trained reading: 800×800 images, one field of view per file, times divided by the largest of
+//! train and test, and a translation whose x has the wrong sign (without effect for cameras that
+//! look at the origin, as all D-NeRF cameras do). Stored reading: individual intrinsics and sizes,
+//! times divided by the same maximum.
 
 use super::colmap::share;
 use super::images::{Sizes, is_image, pixels};

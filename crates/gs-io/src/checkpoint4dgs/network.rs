@@ -79,7 +79,7 @@ impl<'a> Tensors<'a> {
             channels,
             levels,
             depth,
-            // Any other width is refused, with the tensor's name, when the network is built.
+            // Any other width is rejected, with the tensor's name, when the network is built.
             encoded: inputs == 3 * features,
             has_sh_head: self.has("shs_deform.1.weight"),
             has_static_mlp: self.has("static_mlp.1.weight"),

@@ -76,7 +76,7 @@ pub(crate) fn shown(bytes: &[u8]) -> String {
     }
 }
 
-/// Whether the size of a frame is known only after reading all of it, as
+/// Whether the size of a frame is known only after reading the whole file, as
 /// for SOG and glTF, whose headers do not state it.
 pub(crate) fn is_read_whole(start: &[u8]) -> bool {
     matches!(container(start), Container::Zip | Container::Gltf)

@@ -71,7 +71,7 @@ const fn known(
 /// A PyTorch archive, recognised by its zip entries.
 const TORCH_ARCHIVE: UnsupportedFormat = known(0, b"", "a PyTorch archive", TORCH);
 
-/// A network without its splats, by a name in its file; the first one found decides.
+/// Networks without splats, recognised by a name in the file; the first match decides.
 const NETWORKS: [(&[u8], UnsupportedFormat); 6] = [
     (b"feature_out_f", known(0, b"", "the network of an E-D3DGS model", BESIDE_PLY)),
     (b"deformation_net", known(0, b"", "the network of a 4DGaussians model", BESIDE_PLY)),
@@ -101,7 +101,7 @@ pub(crate) const NUMPY_ARCHIVE: UnsupportedFormat = known(
     export the splats as PLY from the program that made them.",
 );
 
-/// The manifest that `c4d export` writes beside a sequence; a text file, recognised by its name.
+/// The manifest that `c4d export` writes next to a sequence; a text file, recognised by its name.
 pub(crate) const MANIFEST: UnsupportedFormat = known(
     0,
     b"",

@@ -86,7 +86,7 @@ fn frames(arrays: &mut Arrays) -> Result<Vec<Splats>, String> {
     Ok(frames.collect())
 }
 
-/// Drops, keeps or refuses rows that are damaged in any frame.
+/// Drops, keeps or rejects rows that are damaged in any frame.
 fn without_damage(
     mut frames: Vec<Splats>,
     options: &OpenOptions,

@@ -1,15 +1,16 @@
 //! Rounds rows to the grids of a `.4dgs` file.
 //!
-//! The encoder rounds each value by itself, and refuses a file if single precision adds to the
-//! error. Here a row's time is rounded first and its position follows its motion, so that fast rows
-//! of short clips stay in place; then the encoder finds values that are on its grids.
+//! The encoder rounds each value independently, and rejects a file if single precision increases
+//! the error. Here the time of a row is rounded first and its position is moved along its motion
+//! accordingly, so that fast rows of short clips stay in place. All values are then on the grids of
+//! the encoder.
 
 use fourdgs::GaussianSet;
 use fourdgs::quantization::{
     Bounds, Profile, Steps, life_class, motion_step, mu_step, rint, support_k,
 };
 
-/// Error bounds of the file, those that `losses` of the writer state.
+/// Error bounds of the file, as stated in the writer's losses.
 pub(super) const PROFILE: Profile = Profile::Fine;
 
 /// Rounds all values but rotations to the grids that the encoder derives from the rows.
@@ -59,7 +60,7 @@ pub(super) fn snap(set: &mut GaussianSet, cutoff: f64) {
     }
 }
 
-/// The median as the encoder takes it: the mean of the two in the middle.
+/// The median as computed by the encoder: the mean of the two middle values for even lengths.
 fn median(values: &[f32]) -> f64 {
     let mut sorted = values.to_vec();
     sorted.sort_unstable_by(f32::total_cmp);

@@ -18,7 +18,8 @@ const BIRTH: &str = "gaussian-birth";
 const MAX_GROWTH: u64 = 320;
 /// Smallest size of a row in memory, bytes.
 const ROW: u64 = 64;
-/// Frames per second of commands that are not given a number of frames, and their largest number.
+/// Frames per second for commands without a given number of frames, and the largest number of
+/// frames.
 const FPS: f64 = 30.0;
 const MAX_FRAMES: f64 = 10_000.0;
 /// Opacities are clamped to this distance from 0 and 1, so that their logits are finite.
@@ -104,7 +105,7 @@ pub fn open(path: impl AsRef<Path>, options: &OpenOptions) -> Result<OpenedScene
         facts,
         notes,
         repair: report,
-        // The format has no frames; at this rate the clip lasts as long as the file says.
+        // The format has no frames; with this rate the clip has the duration stated in the file.
         fps: Some(frames as f64 / duration),
         ..OpenedScene::new(SceneKind::Fourdgs, scene, vec![path.to_owned()])
     })

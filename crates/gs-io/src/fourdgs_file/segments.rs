@@ -100,7 +100,7 @@ fn fit(
     tolerance: &Tolerance,
 ) -> Option<Segment> {
     let reference = samples[visible[visible.len() / 2]];
-    // Half an angle is that between quaternions.
+    // The angle between quaternions is half the rotation angle.
     let least_dot = (0.5 * tolerance.rotation).cos();
     let off =
         |a: [f32; 3], b: [f32; 3]| a.iter().zip(b).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);

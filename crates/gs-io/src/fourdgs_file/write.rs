@@ -204,7 +204,7 @@ impl Clock {
 /// Bytes of the SH above degree 0 in one frame.
 struct Harmonics {
     degree: usize,
-    /// Coefficients of a splat in the scene, and of those the ones that are kept, per channel.
+    /// Coefficients per channel and splat in the scene, and the number of them that are kept.
     stored: usize,
     kept: usize,
     frame: Vec<[f32; 3]>,
@@ -261,7 +261,7 @@ impl Harmonics {
     }
 }
 
-/// Rows of the file, and what was lost in making them.
+/// Rows of the file, and the losses of the conversion.
 struct Rows {
     set: GaussianSet,
     harmonics: Harmonics,

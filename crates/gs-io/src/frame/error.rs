@@ -6,7 +6,7 @@ use thiserror::Error;
 /// Error of reading a still frame.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
 pub enum FrameError {
-    /// A PLY file that is malformed or not of Gaussians.
+    /// A PLY file that is malformed or does not contain Gaussians.
     #[error(transparent)]
     Ply(#[from] PlyError),
     /// Not a supported format.
@@ -14,13 +14,13 @@ pub enum FrameError {
         "not a splat file but {found}; expected a 3DGS PLY, a compressed PLY, .splat, .spz, .sog or .glb"
     )]
     Unknown {
-        /// What was found instead.
+        /// Format or content found instead.
         found: String,
     },
     /// An unsupported version.
     #[error("{format} version {found}, expected {expected}; {next}")]
     Version {
-        /// Which format.
+        /// Name of the format.
         format: &'static str,
         /// Version found.
         found: u32,
@@ -34,9 +34,9 @@ pub enum FrameError {
         "truncated {format}: {part} needs {expected} bytes, found {found}; the file is incomplete, copy or export it again"
     )]
     Truncated {
-        /// Which format.
+        /// Name of the format.
         format: &'static str,
-        /// Which part.
+        /// Name of the part.
         part: &'static str,
         /// Bytes needed.
         expected: u128,
@@ -46,9 +46,9 @@ pub enum FrameError {
     /// The data are inconsistent with the format.
     #[error("damaged {format}: {what}")]
     Damaged {
-        /// Which format.
+        /// Name of the format.
         format: &'static str,
-        /// What was found, and what was expected.
+        /// Found and expected value.
         what: String,
     },
     /// A dynamic scene instead of a frame.
@@ -63,7 +63,7 @@ pub enum FrameError {
     /// No rows.
     #[error("the {format} contains no Gaussians; export it again without removing everything")]
     Empty {
-        /// Which format.
+        /// Name of the format.
         format: &'static str,
     },
 }

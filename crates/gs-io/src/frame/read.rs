@@ -16,7 +16,7 @@ use std::path::Path;
 ///
 /// # Errors
 /// Describes the error, or the kind of the bytes if they are not a frame. Memory is bounded by a
-/// multiple of their number; compressed data that would grow far beyond it are refused.
+/// multiple of their number; compressed data that would grow far beyond it are rejected.
 pub fn read(bytes: &[u8]) -> Result<Frame, FrameError> {
     match container(bytes) {
         Container::Ply => {
@@ -86,8 +86,8 @@ pub fn read_file(path: impl AsRef<Path>) -> Result<Frame, IoError> {
     read(&bytes).map_err(IoError::frame(path))
 }
 
-/// What the header of a frame declares. `start` is the first part of the file, at least its header
-/// (or all of it), `total` the size of the file, bytes.
+/// Shape declared in the header of a frame. `start` is the first part of the file, at least its
+/// header (or the whole file), `total` the size of the file, bytes.
 ///
 /// # Errors
 /// If it is not a frame, or its header is malformed. SOG and glTF frames are not examined.

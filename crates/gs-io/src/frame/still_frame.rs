@@ -38,7 +38,7 @@ impl Frame {
         self
     }
 
-    /// Drops, keeps or refuses damaged rows; see [`repair::sanitize`].
+    /// Drops, keeps or rejects damaged rows; see [`repair::sanitize`].
     ///
     /// # Errors
     /// As [`repair::sanitize`].

@@ -8,7 +8,7 @@ use std::io::{self, Read};
 use std::path::Path;
 
 /// Opens a file, following links. FIFOs, which would block, and devices, which may never end, are
-/// refused, as are sockets and folders.
+/// rejected, as are sockets and folders.
 ///
 /// # Errors
 /// If the path is not a regular file, or the file cannot be opened.
@@ -55,7 +55,7 @@ pub(crate) fn read_bytes(path: &Path) -> Result<Vec<u8>, IoError> {
     Ok(bytes)
 }
 
-/// Refuses a stand-in for a file, given at least its first bytes.
+/// Rejects a stand-in for a file, given at least its first bytes.
 pub(crate) fn refuse_stand_in(path: &Path, start: &[u8]) -> Result<(), IoError> {
     match UnsupportedFormat::stand_in(start) {
         Some(found) => Err(IoError::StandIn { path: path.to_owned(), found }),

@@ -159,7 +159,7 @@ fn read_cfg(checkpoint: &Path) -> Result<(CfgArgs, Option<PathBuf>), IoError> {
     }
 }
 
-/// Drops, keeps or refuses damaged rows.
+/// Drops, keeps or rejects damaged rows.
 fn without_damage(
     path: &Path,
     gaussians: Gaussians4d,

@@ -1,4 +1,4 @@
-//! The JSON of a glTF file, limited to what splats need.
+//! The JSON of a glTF file, limited to the parts that splats need.
 
 use serde::Deserialize;
 use serde_json::Value;

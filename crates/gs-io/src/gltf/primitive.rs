@@ -40,7 +40,7 @@ pub(super) fn is_splats(primitive: &Primitive) -> bool {
 /// View with SPZ data, if the primitive has it.
 fn spz_view(primitive: &Primitive) -> Option<u64> {
     let inner = &extension(primitive)?["extensions"];
-    // Some writers put it beside the base extension.
+    // Some writers put it next to the base extension.
     SPZ_EXTENSIONS.iter().find_map(|name| {
         let found = inner.get(name).or_else(|| primitive.extensions.get(*name))?;
         found["bufferView"].as_u64()

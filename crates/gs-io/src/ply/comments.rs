@@ -1,4 +1,4 @@
-//! Comments of PLY files in which `c4d` notes the time, the upward axis, the frame rate and the
+//! Comments of PLY files in which `c4d` stores the time, the upward axis, the frame rate and the
 //! background of rendered views.
 
 use crate::fs::open_file;
@@ -24,7 +24,7 @@ const AXES: [(&str, [f64; 3]); 6] = [
     ("-z", [0.0, 0.0, -1.0]),
 ];
 
-/// Upward direction that a PLY notes, unit vector in the world frame.
+/// Upward direction stated in a PLY, unit vector in the world frame.
 pub fn up_of(ply: &Path) -> Option<[f64; 3]> {
     axis(&noted(ply, UP)?)
 }
@@ -35,13 +35,12 @@ pub fn axis(name: &str) -> Option<[f64; 3]> {
     AXES.into_iter().find(|(known, _)| *known == name).map(|(_, axis)| axis)
 }
 
-/// Frames per second that a PLY notes.
+/// Frames per second stated in a PLY.
 pub fn fps_of(ply: &Path) -> Option<f64> {
     noted(ply, FPS)?.parse().ok().filter(|&fps: &f64| fps > 0.0 && fps.is_finite())
 }
 
-/// What follows `prefix` in a comment of a PLY, or of the first one of an archive that does not
-/// compress.
+/// Text after `prefix` in a comment of a PLY, or of the first PLY in an uncompressed archive.
 fn noted(ply: &Path, prefix: &str) -> Option<String> {
     let mut head = vec![0; 16 * 1024];
     let read = open_file(ply).ok()?.read(&mut head).ok()?;
@@ -53,8 +52,9 @@ fn noted(ply: &Path, prefix: &str) -> Option<String> {
     Some(value.trim().to_owned())
 }
 
-/// Comments for a frame whose world's upward direction `up` is an axis: ours, and the one that
-/// Brush reads where it has a word for it (there `y` means that −y is up).
+/// Comments for a frame whose upward direction `up` is an axis of the world: the one that `c4d`
+/// reads, and the one that Brush reads, if it has a name for the axis (there `y` means that −y is
+/// up).
 pub fn up_comments(up: [f64; 3]) -> Vec<String> {
     let brush = match up {
         [1.0, 0.0, 0.0] => Some("x"),

@@ -19,7 +19,7 @@ pub enum PlyError {
         "truncated PLY: element `{element}` needs {expected} {unit} after the header, found {found}; the file is incomplete, copy or export it again"
     )]
     Truncated {
-        /// Which element.
+        /// Name of the element.
         element: String,
         /// Amount needed.
         expected: u128,
@@ -31,9 +31,9 @@ pub enum PlyError {
     /// A value of an ascii file is not a number.
     #[error("malformed PLY: row {row} of element `{element}` holds `{token}`, expected a number")]
     Value {
-        /// Which element.
+        /// Name of the element.
         element: String,
-        /// Which row.
+        /// Row, from 0.
         row: usize,
         /// The text found.
         token: String,

@@ -15,7 +15,7 @@ use std::sync::{Mutex, PoisonError};
 /// Numbers of bytes that contain the header of nearly every frame, and of every frame.
 const STARTS: [u64; 2] = [16 << 10, 1 << 20];
 
-/// Other entries beside the frames.
+/// Entries other than the frames.
 #[derive(Debug, Default)]
 pub(super) struct Beside {
     /// Names of the other entries.

@@ -28,7 +28,7 @@ pub enum PthError {
     Pickle {
         /// Position.
         at: usize,
-        /// What was found there.
+        /// Opcode or value found there.
         what: String,
     },
     /// A tensor does not fit its storage.
@@ -37,9 +37,9 @@ pub enum PthError {
     /// The root is neither a dictionary of tensors nor a tensor.
     #[error("PyTorch file: it contains {found}, expected {expected}")]
     Root {
-        /// What was found.
+        /// Kind of the root found.
         found: String,
-        /// What was expected.
+        /// Kind of the root expected.
         expected: &'static str,
     },
 }

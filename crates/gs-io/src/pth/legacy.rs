@@ -24,8 +24,8 @@ pub(super) fn read(bytes: &[u8]) -> Result<(Root<'_>, Integers), PthError> {
         rest = &rest[pickle::survey(rest, &|_, _| None)?.0..];
     }
     let object = rest;
-    // The sizes of the storages are in the object, which comes first. While they are collected, any
-    // bytes of the right number take the place of a storage.
+    // The sizes of the storages are in the object, which comes first. While they are collected,
+    // arbitrary bytes of the right length replace the storages.
     let sizes = RefCell::new(BTreeMap::new());
     let (len, _) = pickle::survey(object, &|key, size| {
         sizes.borrow_mut().insert(key.to_owned(), size);
@@ -73,7 +73,7 @@ mod tests {
         let names: Vec<&str> = tensors.iter().map(|(name, _)| name.as_str()).collect();
         let expected: Vec<String> = (0..5).map(|n| format!("lin{n}.model.1.weight")).collect();
         assert_eq!(names, expected, "in order");
-        // Means and largest values as PyTorch has them.
+        // Means and largest values as computed by PyTorch.
         let known = [(0.03671, 0.49214), (0.08408, 1.04716), (0.10226, 1.32357)];
         for ((name, tensor), (mean, most)) in tensors.iter().zip(known) {
             let values = tensor.to_f32s();

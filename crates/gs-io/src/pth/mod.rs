@@ -3,7 +3,7 @@
 //!
 //! The pickle is interpreted as data by a machine with about forty opcodes and a dozen names;
 //! nothing is imported or executed. Objects of other classes are skipped, opcodes that checkpoints
-//! do not use are refused. Tensors are views of the file until they are converted. Memory is
+//! do not use are rejected. Tensors are views of the file until they are converted. Memory is
 //! bounded by a small multiple of the file.
 
 mod error;

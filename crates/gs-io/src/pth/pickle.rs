@@ -2,8 +2,8 @@
 //!
 //! Containers are stored in an arena and values are small copies, so memory grows with the length
 //! of the pickle, sharing costs nothing, and deep nesting is harmless. Objects of other classes
-//! (NumPy scalars beside the weights, whole modules) are inert: their class is a name, their state
-//! is data.
+//! (NumPy scalars stored with the weights, whole modules) are inert: only the name of their class
+//! and their state are kept, as data.
 
 mod integers;
 mod name;
@@ -63,7 +63,7 @@ struct Machine<'a, 'f> {
     storages: Storages<'a, 'f>,
 }
 
-/// Runs the pickle and returns the tensors of its result, and the integers beside them.
+/// Runs the pickle and returns the tensors of its result, and the integers stored with them.
 pub(super) fn load<'a>(
     bytes: &'a [u8],
     storages: Storages<'a, '_>,

@@ -1,13 +1,13 @@
 //! PLY files of Spacetime Gaussians (Li et al. 2024), lite model: splats that move along cubic
 //! polynomials of time and fade in and out.
 //!
-//! Columns beside those of 3DGS: `trbf_center`, `trbf_scale` (logarithm of the time after which
-//! opacity has fallen to 1/e), `motion_0 … motion_8` (velocities to the first, second and third
-//! power of time), `omega_0 … omega_3`. `f_dc_0 … f_dc_2` are plain RGB. Times are (frame −
+//! Columns in addition to those of 3DGS: `trbf_center`, `trbf_scale` (logarithm of the time after
+//! which opacity has fallen to 1/e), `motion_0 … motion_8` (coefficients of the first, second and
+//! third power of time), `omega_0 … omega_3`. `f_dc_0 … f_dc_2` are plain RGB. Times are (frame −
 //! start)/duration, so that the last frame of n is at (n−1)/n.
 //!
 //! The full model has nine colour features and a decoder that depends on the ray of a pixel; it
-//! cannot be represented as splats and is refused.
+//! cannot be represented as splats and is rejected.
 
 use crate::error::IoError;
 use crate::fs::read_bytes;
@@ -21,7 +21,7 @@ use gs_core::sh;
 use gs_deform::{Polynomial, PolynomialScene};
 use std::path::{Path, PathBuf};
 
-/// Columns beside those of 3DGS.
+/// Columns in addition to those of 3DGS.
 const COLUMNS: [&str; 15] = [
     "trbf_center",
     "trbf_scale",

@@ -24,7 +24,7 @@ pub enum Splat4dError {
         again"
     )]
     Truncated {
-        /// Which part.
+        /// Name of the part.
         part: String,
         /// Expected end, bytes.
         end: u64,

@@ -78,7 +78,7 @@ impl Survey {
         f64::from(rows.iter().map(largest).fold(0.0, f32::max))
     }
 
-    /// Refuses values whose grid indices, or differences of them, exceed 32 bits.
+    /// Rejects values whose grid indices, or differences of them, exceed 32 bits.
     pub(super) fn check_range(
         &self,
         path: &Path,

@@ -31,7 +31,7 @@ const SPLATS_PER_ROW: usize = 1024;
 pub struct Options {
     /// Largest position error exceeded by at most one splat in a hundred, as a share of the scene's
     /// size (diagonal of the box of the middle 98 % of the first and last frames); the clip is
-    /// refused above it. Default [`DEFAULT_TOLERANCE`].
+    /// rejected above it. Default [`DEFAULT_TOLERANCE`].
     pub tolerance: f64,
     /// Write the file regardless of the errors of the fit. Default false.
     pub force: bool,

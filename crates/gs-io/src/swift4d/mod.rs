@@ -25,7 +25,7 @@ use network::Params;
 use settings::Settings;
 use std::path::Path;
 
-/// File of the field, beside the PLY.
+/// File of the field, next to the PLY.
 const FIELD: &str = "FDHash.pth";
 /// Column of the PLY with the dynamic score.
 const SCORE: &str = "dynamic";

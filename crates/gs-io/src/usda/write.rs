@@ -23,7 +23,7 @@ pub struct Options {
     pub up: [f64; 3],
     /// SH degree of the file; that of the scene if `None`. Default `None`.
     pub sh_degree: Option<usize>,
-    /// Largest estimated size of the text, bytes; larger ones are refused. Default [`SIZE_LIMIT`].
+    /// Largest estimated size of the text, bytes; larger ones are rejected. Default [`SIZE_LIMIT`].
     pub size_limit: u64,
 }
 

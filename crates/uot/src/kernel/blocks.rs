@@ -15,7 +15,7 @@ use crate::near::{Block, NearField};
 use crate::simd::{LANES, Lane, dispatch, exp, exp_shifted, fold, sum};
 use rayon::prelude::*;
 
-/// Most entries of S that a problem may hold.
+/// Maximum number of entries of S.
 pub(crate) const MAX_NEAR_ENTRIES: usize = 1 << 31;
 
 /// Stored number format; arithmetic is always f64.

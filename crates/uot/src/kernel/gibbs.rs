@@ -9,8 +9,8 @@ pub(crate) trait Kernel: Send {
     fn cols(&mut self, x: &[f64], out: &mut [f64]);
 }
 
-/// Rows or leaves per parallel task: at most 128 tasks, whatever the machine, so that sums keep
-/// their order.
+/// Rows or leaves per parallel task: at most 128 tasks, on any machine, so that sums keep their
+/// order.
 pub(super) fn chunk_len(count: usize, least: usize) -> usize {
     count.div_ceil(128).max(least)
 }

@@ -1,4 +1,4 @@
-//! Kernel of listed pairs, stored relative to the present scalings.
+//! Kernel of listed pairs, stored relative to the current scalings.
 
 use super::gibbs::Kernel;
 use crate::sparse::SparseCost;
@@ -11,7 +11,7 @@ const MAX_GROWTH: f64 = 100.0;
 const TRUSTED: f64 = 1e200;
 /// Share of lines computed from the costs above which the stored values are recomputed.
 const MAX_LOST: f64 = 0.1;
-/// Rows or columns per parallel task, at least.
+/// Minimum number of rows or columns per parallel task.
 const MIN_TASK: usize = 256;
 
 /// `exp(−D_ij/λ0 + row_shift_i + col_shift_j)` of the listed pairs, by row and by column.

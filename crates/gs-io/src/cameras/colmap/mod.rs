@@ -32,14 +32,14 @@ const HOLD: usize = 8;
 pub(super) struct Model {
     pub(super) lenses: BTreeMap<u32, Lens>,
     pub(super) images: Vec<ColmapImage>,
-    /// Position of each image in the file, and how many the file has.
+    /// Position of each image in the file, and the number of images in the file.
     positions: Vec<usize>,
     total: usize,
     pub(super) notes: Vec<String>,
 }
 
 impl Model {
-    /// Reads the model in this folder, binary if there is one.
+    /// Reads the model of a folder, from the binary files if they exist.
     pub(super) fn read(folder: &Path) -> Result<Self, IoError> {
         let binary = ["cameras.bin", "images.bin"].map(|name| folder.join(name));
         let text = ["cameras.txt", "images.txt"].map(|name| folder.join(name));

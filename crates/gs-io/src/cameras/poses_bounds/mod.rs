@@ -26,10 +26,10 @@ const TRAINED_FRAMES: usize = 300;
 /// Every n-th photograph is held out.
 const HOLD: usize = 8;
 
-/// A camera a row, named by number, without time.
+/// One camera per row, named by its number, without a time.
 ///
 /// # Errors
-/// If a camera cannot see.
+/// If a camera is invalid.
 pub fn cameras(rows: &[Row], reading: Reading) -> Result<Vec<Camera>, CamerasError> {
     let camera = |(index, row): (usize, &Row)| {
         let lens = row.lens_of(&rows[0], reading);

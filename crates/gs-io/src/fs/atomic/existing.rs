@@ -15,7 +15,7 @@ pub enum Existing {
     Replace,
 }
 
-/// Refuses a link, device, FIFO or socket at the path of an output.
+/// Fails for a link, device, FIFO or socket at the path of an output.
 pub(super) fn refuse_special(path: &Path, kind: FileType) -> Result<(), IoError> {
     if kind.is_file() || kind.is_dir() {
         return Ok(());

@@ -69,7 +69,8 @@ impl Write for AtomicFile {
     }
 }
 
-/// Refuses content that must not be replaced at all, or, once it is complete, by the file `by`.
+/// Fails if the content of `path` must not be replaced at all or, if given, by the complete file
+/// `by`.
 fn refuse(path: &Path, existing: Existing, by: Option<&Path>) -> Result<(), IoError> {
     let Ok(found) = fs::symlink_metadata(path) else { return Ok(()) };
     refuse_special(path, found.file_type())?;

@@ -32,7 +32,7 @@ impl AtomicDir {
         Self::with_record(path, existing, Place::Inside)
     }
 
-    /// As [`AtomicDir::create`], with the record beside the folder, for formats whose readers
+    /// As [`AtomicDir::create`], with the record next to the folder, for formats whose readers
     /// interpret every file of a folder.
     ///
     /// # Errors
@@ -88,7 +88,7 @@ impl AtomicDir {
     }
 }
 
-/// Refuses content that must not be replaced.
+/// Fails if the content of `path` must not be replaced.
 fn refuse(path: &Path, existing: Existing) -> Result<(), IoError> {
     let Ok(found) = fs::symlink_metadata(path) else { return Ok(()) };
     refuse_special(path, found.file_type())?;
@@ -125,8 +125,8 @@ fn is_mount_point(_path: &Path, _found: &fs::Metadata) -> bool {
     false
 }
 
-/// Refuses to remove `folder`, the current or previous content of
-/// `output`, if this program did not write all of it.
+/// Fails if `folder`, the current or previous content of `output`, has entries that this program
+/// did not write, so that it must not be removed.
 fn may_go(folder: &Path, output: &Path, compare: Compare) -> Result<(), IoError> {
     let failed = |source| IoError::Read { path: output.to_owned(), source };
     match unrecorded_entry(folder, output, compare).map_err(failed)? {

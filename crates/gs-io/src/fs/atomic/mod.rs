@@ -1,6 +1,6 @@
 //! Outputs that are complete or absent, and never replace files that this program did not write.
 //!
-//! An output is written under a hidden name beside its own and renamed when it is complete. For
+//! An output is written under a hidden name in the same folder and renamed when it is complete. For
 //! `out/clip.mp4` these names are
 //!
 //! | name | content |
@@ -11,7 +11,7 @@
 //!
 //! The operating system releases the lock when its process ends, so a process
 //! that acquires it can remove the other two as leftovers of a killed process.
-//! A second process on the same output is refused.
+//! A second process on the same output is rejected.
 //!
 //! For the rules of replacement see [`AtomicDir`] and [`AtomicFile`]. Links,
 //! devices, FIFOs and sockets are never replaced.

@@ -205,7 +205,7 @@ pub(super) enum Compare {
 }
 
 /// The first entry of `folder` that differs from what this program wrote, if any. `recorded_as` is
-/// the folder's path for a record beside it.
+/// the folder's path for a record next to it.
 pub(super) fn unrecorded_entry(
     folder: &Path,
     recorded_as: &Path,

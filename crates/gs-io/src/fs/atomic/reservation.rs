@@ -1,4 +1,4 @@
-//! [`Reservation`]: the right to write one output, held by one process at a time.
+//! [`Reservation`]: the right to write one output, exclusive to one process at a time.
 
 use super::unfinished::{UNFINISHED, Unfinished, final_path, remove};
 use crate::error::IoError;

@@ -1,4 +1,4 @@
-//! Integers beside the tensors.
+//! Integers stored with the tensors.
 
 use std::collections::BTreeMap;
 

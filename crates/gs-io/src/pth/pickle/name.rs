@@ -13,7 +13,7 @@ pub(super) enum Name<'a> {
     Other(&'a str, &'a str),
 }
 
-/// What a name refers to.
+/// Meaning of a name.
 pub(super) fn name_of<'a>(module: &'a str, name: &'a str) -> Name<'a> {
     match (module, name) {
         ("collections", "OrderedDict") => Name::OrderedDict,

@@ -36,6 +36,11 @@ impl Console {
         Self { observer: Some(observer), ..Self::new(false, true, false) }
     }
 
+    /// For a command that is one step of this one: only its warnings appear.
+    pub(crate) fn of_step(&self) -> Self {
+        Self::observed(Arc::new(Step(self.observer.clone())))
+    }
+
     /// With `--json`, results are one object, printed by [`Console::end`].
     #[must_use]
     pub(crate) fn json(mut self, json: bool) -> Self {
@@ -167,6 +172,28 @@ impl Console {
         } else {
             Shown::Lines
         }
+    }
+}
+
+/// Receives the messages of a step; the observer is that of the whole command.
+#[derive(Debug)]
+struct Step(Option<Arc<dyn Observer>>);
+
+impl Observer for Step {
+    fn message(&self, kind: MessageKind, text: &str) {
+        match &self.0 {
+            _ if kind != MessageKind::Warning => {}
+            Some(observer) => observer.message(kind, text),
+            None => {
+                let _ = writeln!(std::io::stderr().lock(), "warning: {text}");
+            }
+        }
+    }
+
+    fn progress(&self, _stage: &str, _done: u64, _total: u64) {}
+
+    fn is_cancelled(&self) -> bool {
+        self.0.as_ref().is_some_and(|observer| observer.is_cancelled())
     }
 }
 

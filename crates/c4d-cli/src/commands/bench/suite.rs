@@ -28,12 +28,12 @@ pub(crate) fn suite(args: &BenchSuiteArgs, global: &Global, console: &Console) -
     let found: Vec<Option<Measured>> =
         own.iter().map(|job| job.completed(global)).collect::<Outcome<_>>()?;
     let kept = found.iter().flatten().count();
-    let inner = Console::new(true, false, false);
+    let step = console.of_step();
     let mut progress = console.progress("suite", own.len() as u64);
     let (mut measured, mut failed) = (Vec::new(), Vec::new());
     for (job, found) in own.iter().zip(found) {
         progress.message(job.name());
-        match found.map_or_else(|| job.run(global, &inner), Ok) {
+        match found.map_or_else(|| job.run(global, &step), Ok) {
             Ok(found) => measured.push(found),
             Err(failure) if failure.exit == Exit::Interrupted => return Err(failure),
             Err(failure) => {

@@ -64,11 +64,11 @@ const NEAR_SHARE: f64 = 0.1;
 /// Vertical field of view around objects, radians (40°).
 const OBJECT_FOV_RAD: f64 = 0.698_132;
 
-/// Views of a forward capture lie within these angles of its front view, sideways and up or down,
-/// degrees: usual captures move little, and nothing is known of what lies beyond.
+/// Largest angles between the front view and other views of a forward capture, sideways and up or
+/// down, degrees. Cameras of such captures move little, and what lies beyond was not observed.
 const CAPTURED_DEG: [f64; 2] = [12.0, 6.0];
 
-/// Number of views of a refinement without cameras.
+/// Number of views in a refinement without cameras.
 const REFINING: usize = 10;
 
 impl CameraRig {
@@ -190,7 +190,7 @@ impl CameraRig {
         camera
     }
 
-    /// Largest angles between the front view and views of what was captured, around and up,
+    /// Largest horizontal and vertical angles between the front view and views of the captured side,
     /// degrees; `None` for objects, which are captured from all around.
     pub(crate) fn limits(&self) -> Option<[f64; 2]> {
         match self.layout {

@@ -25,7 +25,7 @@ pub(crate) enum Shown {
     Lines,
 }
 
-/// How much of a stage is done.
+/// Number of finished steps of a stage.
 #[derive(Debug)]
 struct Tally {
     stage: String,

@@ -99,7 +99,7 @@ pub(crate) fn run(args: &CompareArgs, global: &Global, console: &Console) -> Out
     Ok(())
 }
 
-/// Names of runs: as short as tells them apart.
+/// The shortest distinct names of the runs.
 fn names(runs: &[std::path::PathBuf]) -> Vec<String> {
     let parts = |run: &Path, count: usize| -> String {
         let all: Vec<String> =

@@ -1,4 +1,4 @@
-//! `c4d eval`: measure a run, or compare a scene with the truth.
+//! `c4d eval`: measures a run, or compares a scene with ground truth.
 
 mod ablation;
 mod judges;

@@ -1,10 +1,11 @@
-//! What a run took, as recorded when it was made: measuring again would depend on the machine.
+//! Times and sizes of a run. Times are those recorded when the run was made, because new
+//! measurements would depend on the machine.
 
 use super::item::Item;
 use super::subject::Subject;
 use serde_json::Value;
 
-/// Parts of a refinement that follow one another; others run beside them.
+/// Consecutive stages of a refinement; the other recorded times overlap with these.
 const REFINING: [&str; 3] = ["images", "cache", "solve"];
 
 /// Times of `run` (`run.json`) and `refine` (`refine.json`), and sizes.

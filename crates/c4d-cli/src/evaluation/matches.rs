@@ -1,4 +1,4 @@
-//! How the edit's splats were matched with the source's.
+//! Diagnostics of the matches between edited and source splats.
 
 use super::item::Item;
 use super::subject::Subject;
@@ -7,7 +7,7 @@ use amg::RowKind;
 use c4d_metrics::{Match, match_statistics, nearest};
 use serde_json::Value;
 
-/// Diagnostics of the binding, and of the transport solve as `report` (`run.json`) has it.
+/// Diagnostics of the binding, and of the transport solver from `report` (`run.json`).
 pub(crate) fn matches(subject: &Subject<'_>, report: &Value) -> Outcome<Vec<Item>> {
     let Some(edit) = &subject.edit else {
         let reason = "the scene is not a run: nothing was matched";

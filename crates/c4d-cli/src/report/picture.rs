@@ -57,7 +57,7 @@ impl Triple<'_> {
     }
 }
 
-/// A picture over another one; the page's divider uncovers the lower one from the left.
+/// Two pictures with a divider; `before` is shown on its left.
 pub(crate) fn wipe(before: &Image, after: &Image, label: &str, quality: u8) -> Outcome<String> {
     Ok(format!(
         "<div class=\"wipe\"><img alt=\"before\" src=\"{}\"><img class=\"over\" alt=\"after\" src=\"{}\"><span>{}</span></div>",

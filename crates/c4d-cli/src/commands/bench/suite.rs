@@ -1,4 +1,4 @@
-//! `c4d bench suite`: every edit of every scene with every method, and one table.
+//! `c4d bench suite`: propagates every edit of every scene with every method, and writes tables.
 
 mod file;
 mod job;
@@ -24,7 +24,7 @@ pub(crate) fn suite(args: &BenchSuiteArgs, global: &Global, console: &Console) -
         Some(share) => &jobs[share.range(jobs.len())],
         None => &jobs[..],
     };
-    // A folder of other work is found out before the first run, not after it.
+    // Detect a folder of other work before the first run, not after it.
     let found: Vec<Option<Measured>> =
         own.iter().map(|job| job.completed(global)).collect::<Outcome<_>>()?;
     let kept = found.iter().flatten().count();

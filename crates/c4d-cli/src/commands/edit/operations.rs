@@ -151,7 +151,7 @@ struct Edit {
     splats: Splats,
     steps: Vec<RecordedStep>,
     selections: Vec<Shown>,
-    /// Number of the last selection that each splat of the input was in.
+    /// Index of the last selection that contained each splat of the input.
     marks: Vec<Option<usize>>,
 }
 
@@ -269,7 +269,7 @@ fn rounded(value: f64) -> String {
     }
 }
 
-/// Files that appear when they are written.
+/// Output files, created on commit.
 #[derive(Debug)]
 struct Outputs {
     frame: Option<(AtomicFile, PathBuf, RecordFile)>,

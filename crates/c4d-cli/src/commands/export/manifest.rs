@@ -23,7 +23,7 @@ pub(super) struct Content<'a> {
     pub(super) up: [f64; 3],
 }
 
-/// A manifest that appears only when it is written.
+/// A manifest, created on commit.
 #[derive(Debug)]
 pub(super) struct Manifest {
     file: AtomicFile,
@@ -72,7 +72,7 @@ pub(super) fn create(output: &Path, existing: Existing) -> Outcome<Manifest> {
 }
 
 impl Manifest {
-    /// Writes it.
+    /// Writes the manifest.
     pub(super) fn write(mut self, content: &Content<'_>) -> Outcome {
         let text = json!({
             "kind": KIND,

@@ -1,4 +1,4 @@
-//! Joins the numbers of `c4d eval --part`.
+//! Joins the metrics of `c4d eval --part`.
 
 use super::Part;
 use crate::args::Global;

@@ -1,4 +1,4 @@
-//! What a propagation did, in words and as JSON.
+//! Report of a propagation, as text and as JSON.
 
 use crate::args::MotionArg;
 use crate::console::Console;
@@ -7,7 +7,7 @@ use crate::settings::PropagateJob;
 use amg::{MotionReport, Propagation};
 use serde_json::{Value, json};
 
-/// Warns if an edit cannot move, or does not match the frame that it should be an edit of.
+/// Warns if an edit cannot move, or does not match the frame of which it should be an edit.
 pub(super) fn warn_if_still(args: &PropagateJob, propagation: &Propagation, console: &Console) {
     let report = &propagation.report;
     let estimated = report.blended + report.field_rows;
@@ -30,13 +30,13 @@ pub(super) fn warn_if_still(args: &PropagateJob, propagation: &Propagation, cons
     }
 }
 
-/// Prints what the motion stage did.
+/// Prints a summary of the motion stage.
 pub(super) fn report(report: &MotionReport, motion: MotionArg, seconds: f64, console: &Console) {
     for warning in &report.warnings {
         console.warn(warning);
     }
     if motion == MotionArg::AmgAll {
-        // Nothing was compared, so the counts of kept splats have no meaning.
+        // Nothing was compared, so the counts of kept splats are meaningless.
         console.note("the motion of every edited splat is estimated anew (--motion amg-all)");
     } else {
         console.note(format!(

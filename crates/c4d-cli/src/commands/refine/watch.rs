@@ -21,7 +21,7 @@ pub(super) struct Watch<'a> {
     pub(super) flags: &'a RefineFlags,
     pub(super) console: &'a Console,
     pub(super) made_from: MadeFrom,
-    /// Images kept for a later `--resume`.
+    /// Images stored for a later `--resume`.
     pub(super) images: Option<KeptImages>,
     pub(super) progress: Option<(&'static str, StageProgress)>,
     pub(super) failure: Option<Failure>,

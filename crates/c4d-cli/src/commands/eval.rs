@@ -24,7 +24,7 @@ pub(crate) fn run(args: &EvalArgs, global: &Global, console: &Console) -> Outcom
         return ablation::run(args, global, console);
     }
     if args.edited.is_some() {
-        return Err(Failure::usage("--edited is the edit of an ablation").next("Add --ablation."));
+        return Err(Failure::usage("--edited applies to --ablation only").next("Add --ablation."));
     }
     if let [judge, folder] = &args.emit[..] {
         return emit(args, judge, Path::new(folder), global, console);

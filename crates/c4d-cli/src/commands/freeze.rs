@@ -89,7 +89,7 @@ fn cameras_of(
     if let Some(file) = &args.cameras {
         if args.up.is_some() {
             return Err(Failure::usage("--up applies to the built-in cameras only; the cameras of --cameras have their own poses")
-                .next("Leave one of the two out."));
+                .next("Omit one of them."));
         }
         let stations = cameras::open(file, None, opened, console)?.stations();
         let cameras = match count {

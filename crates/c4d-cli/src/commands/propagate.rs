@@ -124,7 +124,7 @@ fn follow(args: &PropagateJob, source: &Opened, console: &Console) -> Outcome<Fo
         return Err(Failure::usage(
             "--follow surface does not apply to --baseline deformnet, which evaluates the network at the edited splats",
         )
-        .next("Leave one of them out."));
+        .next("Omit one of them."));
     }
     let lifetimes = Lifetimes::of(&*source.scene, args.time)?.filter(Lifetimes::is_partial);
     // Published methods follow splats.

@@ -350,7 +350,7 @@ fn page(
         written.map_err(|error| output_failure(&error))
     });
     if let Err(failure) = written {
-        console.warn(format!("{REPORT_PAGE} is not updated: {}", failure.what));
+        console.warn(format!("{REPORT_PAGE} was not updated: {}", failure.what));
     }
     Ok(())
 }

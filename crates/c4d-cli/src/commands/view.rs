@@ -84,7 +84,7 @@ pub(crate) fn run(args: &ViewArgs, global: &Global, console: &Console) -> Outcom
     console.note("Ctrl-C ends it");
     if browser::is_remote() {
         console.note(format!(
-            "from the machine where you sit: ssh -L {port}:127.0.0.1:{port} HOST, then the same address"
+            "from your machine: ssh -L {port}:127.0.0.1:{port} HOST, then open the same address"
         ));
     }
     if !args.no_open {

@@ -54,10 +54,8 @@ pub(crate) fn viewpoints(
     let told = !flags.times.is_empty() || flags.frames.is_some();
     let Some(path) = flags.cameras else {
         if !flags.views.is_empty() || flags.split.is_some() {
-            return Err(Failure::usage(
-                "--views and --split choose among the cameras of a file or data set",
-            )
-            .next("Add --cameras PATH."));
+            return Err(Failure::usage("--views and --split select cameras of a file or data set")
+                .next("Add --cameras PATH."));
         }
         let before = opened.original.as_ref().unwrap_or(&opened.scene);
         let rig = CameraRig::of_scene(before.as_ref(), flags.up.map_or(opened.up, Up::vector))
@@ -99,7 +97,9 @@ pub(crate) fn viewpoints(
     let count = views.len();
     if flags.views.is_empty() && flags.split.is_none() && count > MAX_VIEWS {
         views = cameras::thinned(views, MAX_VIEWS);
-        console.note(format!("{MAX_VIEWS} of {count} views, evenly (others: --views, --split)"));
+        console.note(format!(
+            "{MAX_VIEWS} of {count} views, evenly spaced (others: --views, --split)"
+        ));
     }
     for camera in &views {
         camera.check().map_err(Failure::input)?;

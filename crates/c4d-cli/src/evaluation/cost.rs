@@ -20,8 +20,8 @@ pub(crate) fn cost(
     let stage = |report: &Value, name: &str| number(report.get("timings")?, name);
     let parts: Vec<f64> = REFINING.iter().filter_map(|name| stage(refine, name)).collect();
     let refined = (!parts.is_empty()).then(|| parts.iter().sum::<f64>());
-    let unrecorded = "the run does not record it";
-    let unrefined = "the run is not refined, or its refinement took no images";
+    let unrecorded = "not recorded by the run";
+    let unrefined = "the run is not refined, or its refinement used no images";
     let total = motion.map(|motion| motion + refined.unwrap_or(0.0));
     vec![
         Item::optional("time_total", total, unrecorded),

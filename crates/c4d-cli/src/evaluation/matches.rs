@@ -63,7 +63,7 @@ pub(crate) fn matches(subject: &Subject<'_>, report: &Value) -> Outcome<Vec<Item
         _ if open > 0 => Some(blended.len() as f64 / open as f64),
         _ => None,
     };
-    let unmatched = "the motion of no splat is blended";
+    let unmatched = "no splat has blended motion";
     let untransported = "the method has no transport";
     let of = |id: &str, value: Option<f64>| Item::optional(id, value, unmatched);
     Ok(vec![
@@ -79,7 +79,7 @@ pub(crate) fn matches(subject: &Subject<'_>, report: &Value) -> Outcome<Vec<Item
         Item::optional(
             "cross_region_rate",
             found.and_then(|found| found.cross_region_rate),
-            "most splats whose motion is blended lie exactly on a source splat, or there are none",
+            "most splats with blended motion coincide with a source splat, or there are none",
         ),
         Item::optional("sinkhorn_iters", number("/transport/sweeps"), untransported),
         Item::optional("marginal_residual", number("/transport/residual"), untransported),

@@ -49,7 +49,7 @@ pub(crate) fn motion(subject: &Subject<'_>, times: &[f32]) -> Outcome<Vec<Item>>
         let around = Neighbours::of(track.first(), NDD_NEIGHBOURS);
         let with_neighbours = |item: Item| counted(item).with("neighbours", NDD_NEIGHBOURS);
         let (a, b) = (isometry(&track, &around), isometry(&of_source, &around));
-        let few = "fewer than nine splats were edited, or there is one frame";
+        let few = "fewer than nine splats were edited, or there is only one frame";
         items.push(with_neighbours(Item::optional("isometry", a, few)));
         items.push(with_neighbours(Item::optional("isometry_src", b, few)));
         let excess = a.zip(b).map(|(a, b)| a - b);
@@ -90,7 +90,7 @@ pub(crate) fn motion(subject: &Subject<'_>, times: &[f32]) -> Outcome<Vec<Item>>
         }
     } else {
         let reason = if edit.is_some() {
-            "no splat of the edit is one of the source's, or there is one frame"
+            "no edited splat is a source splat, or there is only one frame"
         } else {
             "the scene is not a run: nothing was edited"
         };

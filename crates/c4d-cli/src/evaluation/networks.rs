@@ -189,7 +189,7 @@ fn tokenizer(folder: &Path) -> Outcome<Option<Tokenizer>> {
     };
     let refused = |what: String| {
         Failure::bad_input(format!("{}: {what}", path.display()))
-            .next("Copy the file again from the place where the weights are from.")
+            .next("Copy the file again from the source of the weights.")
     };
     let file = std::fs::File::open(&path).map_err(|error| refused(error.to_string()))?;
     let mut text = String::new();

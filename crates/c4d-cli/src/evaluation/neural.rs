@@ -248,7 +248,7 @@ fn items(
         items.push(match (network, &sight.truth) {
             (None, _) if id == "lpips_alex" => lacking(id, "AlexNet, and LPIPS heads for it"),
             (None, _) => lacking(id, "VGG-16, and LPIPS heads for it"),
-            (_, None) => Item::missing(id, "there is nothing to compare with: --truth"),
+            (_, None) => Item::missing(id, "no ground truth given (--truth)"),
             (Some(loaded), Some(truth)) => {
                 let truth = match truth {
                     Truth::Scene { .. } => "scene",
@@ -263,7 +263,7 @@ fn items(
 
 /// An item without a value because weights are missing.
 fn lacking(id: &str, which: &str) -> Item {
-    Item::missing(id, &format!("it needs --weights with {which}"))
+    Item::missing(id, &format!("needs --weights with {which}"))
 }
 
 const CLIP_IDS: [&str; 4] =
@@ -292,7 +292,7 @@ fn clip_items(
     };
     let no_text = |id: &str, flag: &str| {
         let reason = if networks.tokenizer.is_none() {
-            "it needs --weights with merges.txt or tokenizer.json".to_owned()
+            "needs --weights with merges.txt or tokenizer.json".to_owned()
         } else {
             format!("no text to compare with: {flag}")
         };
@@ -341,7 +341,7 @@ fn clip_items(
 fn features_of(clip: &Clip, tokens: &[u32; nn_vit::CONTEXT]) -> Outcome<Vec<f32>> {
     clip.text_features(tokens).map_err(|error| {
         Failure::bad_input(error.to_string())
-            .next("The merges and the weights are of different networks; take both from one place.")
+            .next("The merges and the weights belong to different networks; take both from the same source.")
     })
 }
 

@@ -51,7 +51,7 @@ impl Photos {
                 files.len(),
                 names.join(", ")
             ))
-            .next("Give the folder of the data set whose cameras --cameras names."));
+            .next("Give the folder of the data set given with --cameras."));
         }
         Ok(Self { shots })
     }

@@ -408,7 +408,7 @@ impl<'r, R: Rasterizer> Measuring<'r, R> {
         };
         for id in ["psnr", "ssim", "ssim_valid", "ms_ssim", "flip"] {
             items.push(match (truth, id) {
-                ("none", _) => Item::missing(id, "there is nothing to compare with: --truth"),
+                ("none", _) => Item::missing(id, "no ground truth given (--truth)"),
                 (_, "flip") => {
                     let degree = c4d_metrics::FLIP_PIXELS_PER_DEGREE;
                     frames(id).with("truth", truth).with("pixels_per_degree", degree)

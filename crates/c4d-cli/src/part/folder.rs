@@ -49,7 +49,7 @@ impl PartFolder {
             let what = match (part.files.contains_key(name), found.contains_key(name)) {
                 (true, false) => "is missing",
                 (false, _) => "is not one of the part's files",
-                _ => "is not as it was written",
+                _ => "was changed after it was written",
             };
             return Err(broken(folder, &format!("{name} {what}")));
         }

@@ -62,7 +62,7 @@ pub(super) fn read(
     let sources = ints("carriers.sources")?;
     let values = floats("carriers.values")?;
     if values.len() != CARRIER * sources.len() {
-        return Err("the arrays of carriers do not belong together".to_owned());
+        return Err("the arrays of carriers are inconsistent".to_owned());
     }
     let carrier = |(&source, values): (&u32, &[f32; CARRIER])| {
         let [x, y, z, floor, peak] = *values;
@@ -72,7 +72,7 @@ pub(super) fn read(
     let (rows, groups) = (ints("inherited.rows")?, ints("inherited.groups")?);
     let values = floats("inherited.values")?;
     if groups.len() != rows.len() || values.len() != INHERITED * rows.len() {
-        return Err("the arrays of inheritance do not belong together".to_owned());
+        return Err("the arrays of inherited edits are inconsistent".to_owned());
     }
     let inherited = rows
         .iter()

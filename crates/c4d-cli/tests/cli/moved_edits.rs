@@ -178,7 +178,7 @@ fn a_scaled_selection_is_counted_and_stored() {
         Similarity { scale: 1.3, translation: centre.map(|c| -0.3 * c), ..Similarity::IDENTITY };
     let edited = desk.save("scaled.ply", &with_placed(&frames[0], &rows, &similarity));
     let (_, said) = success(&mut desk.propagate(&edited, "run", &[]));
-    let expected = format!("{} splats moved as one: scaled by 1.3", rows.len());
+    let expected = format!("{} splats moved as a group: scaled by 1.3", rows.len());
     assert!(said.contains(&expected), "expected `{expected}`: {said}");
     let json = std::fs::read_to_string(desk.at("run/run.json")).unwrap();
     let json: serde_json::Value = serde_json::from_str(&json).unwrap();
@@ -198,7 +198,7 @@ fn a_scaled_selection_is_counted_and_stored() {
     }
     // The paper's baseline ignores it.
     let (_, said) = success(&mut desk.propagate(&edited, "knn", &["--baseline", "knn"]));
-    assert!(!said.contains("moved as one"), "{said}");
+    assert!(!said.contains("moved as a group"), "{said}");
 }
 
 #[test]
@@ -231,7 +231,10 @@ fn a_saved_selection_causes_a_warning_and_the_rest_is_kept_on_request() {
     let larger = Similarity { scale: 1.5, ..Similarity::IDENTITY };
     let edited = desk.save("larger.ply", &larger.place(&frames[0].select(&rows)));
     let (_, said) = success(&mut desk.propagate(&edited, "larger", &[]));
-    assert!(said.contains(&format!("{} splats moved as one: scaled by 1.5", rows.len())), "{said}");
+    assert!(
+        said.contains(&format!("{} splats moved as a group: scaled by 1.5", rows.len())),
+        "{said}"
+    );
     let (_, said) = success(&mut desk.propagate(&edited, "aligned", &["--align", "--keep-rest"]));
     assert!(said.contains("scaled by 1.5"), "{said}");
     let (found, order) = (&desk.frames("aligned")[1], [&rows[..], &others[..]].concat());

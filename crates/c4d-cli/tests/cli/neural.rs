@@ -109,7 +109,10 @@ fn prompts_are_compared_where_there_is_a_tokenizer() {
         3,
     );
     // The end of a text is token 49407, which the test's weights do not have.
-    assert!(told.contains("token_embedding") && told.contains("both from one place"), "{told}");
+    assert!(
+        told.contains("token_embedding") && told.contains("both from the same source"),
+        "{told}"
+    );
 }
 
 #[test]

@@ -173,7 +173,7 @@ fn a_frozen_frame_is_edited_through_masks() {
     let said = failure(&mut run(&["--select", "mask none", "--delete", "-o", "a.ply"]), 3);
     assert!(said.contains("none does not exist"), "{said}");
     let said = failure(&mut run(&["--select", "moving", "--delete", "-o", "a.ply"]), 2);
-    assert!(said.contains("need a scene that moves"), "{said}");
+    assert!(said.contains("need a dynamic scene"), "{said}");
     image::GrayImage::new(64, 64).save(masks.join("orbit_00.png")).unwrap();
     let said = failure(&mut run(&["--select", "mask frozen/masks", "--delete", "-o", "a.ply"]), 3);
     assert!(said.contains("expected the proportions of its camera"), "{said}");

@@ -168,7 +168,7 @@ fn a_gathered_refinement_is_that_of_one_run() {
     assert_eq!(std::fs::read(run.join("scene.c4d")).unwrap(), before, "parts leave the run alone");
     success(c4d(["refine"]).arg(&whole).args(flags));
     let (_, said) = success(c4d(["gather", "-g", "cpu"]).args(&made).arg("-o").arg(&run));
-    assert!(said.contains("images are there already"), "the images of the parts: {said}");
+    assert!(said.contains("images already exist"), "the images of the parts: {said}");
     same_file(&whole.join("scene.c4d"), &run.join("scene.c4d"));
     assert!(before != std::fs::read(run.join("scene.c4d")).unwrap(), "the run is refined");
     assert!(!run.join("refine.images").exists(), "and nothing is left over");
@@ -204,7 +204,7 @@ fn parts_that_do_not_fit_are_refused() {
     let bytes = std::fs::read(second.join(&image)).unwrap();
     std::fs::write(second.join(&image), &bytes[1..]).unwrap();
     let said = refusal(&[first, second, third], 3);
-    assert!(said.contains(&image) && said.contains("is not as it was written"), "{said}");
+    assert!(said.contains(&image) && said.contains("was changed after it was written"), "{said}");
     std::fs::remove_file(second.join(&image)).unwrap();
     let said = refusal(&[first, second, third], 3);
     assert!(said.contains("is missing"), "{said}");

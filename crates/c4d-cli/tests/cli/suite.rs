@@ -44,7 +44,7 @@ fn every_edit_is_measured_with_every_method_and_completed_runs_are_kept() {
     assert!(!out.join("table.md").exists(), "a part makes no table");
     success(command().args(["--part", "2/2"]));
     let (table, said) = success(&mut command());
-    assert!(said.contains("0 runs made, 2 there already, 0 failed"), "{said}");
+    assert!(said.contains("0 runs made, 2 kept, 0 failed"), "{said}");
     for part in ["## figure: all", "| metric | default | knn |", "| `bg_psnr` ↑ |", "`drift`"] {
         assert!(table.contains(part), "{part} in {table}");
     }
@@ -55,7 +55,7 @@ fn every_edit_is_measured_with_every_method_and_completed_runs_are_kept() {
     std::fs::remove_dir_all(out.join("figure/all/knn")).unwrap();
     let before = std::fs::read(out.join("figure/all/default/run/scene.c4d")).unwrap();
     let (again, said) = success(&mut command());
-    assert!(said.contains("1 runs made, 1 there already"), "{said}");
+    assert!(said.contains("1 runs made, 1 kept"), "{said}");
     assert_eq!(again, table, "the same table");
     let after = std::fs::read(out.join("figure/all/default/run/scene.c4d")).unwrap();
     assert!(before == after, "the completed run is not touched");

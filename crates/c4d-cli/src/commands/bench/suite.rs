@@ -45,7 +45,7 @@ pub(crate) fn suite(args: &BenchSuiteArgs, global: &Global, console: &Console) -
     }
     let made = measured.len() - kept;
     progress.finish();
-    console.note(format!("{made} runs made, {kept} there already, {} failed", failed.len()));
+    console.note(format!("{made} runs made, {kept} kept, {} failed", failed.len()));
     if args.part.is_none() {
         let markdown = tables::markdown(&suite, &measured);
         write_tables(&args.output, [&markdown, &tables::csv(&suite, &measured)])?;
@@ -65,7 +65,7 @@ pub(crate) fn suite(args: &BenchSuiteArgs, global: &Global, console: &Console) -
         return Ok(());
     }
     Err(Failure::failed(format!("{} of {} runs failed: {}", failed.len(), own.len(), failed.join(", ")))
-        .next("The warnings above say why. Mend the file or the scene and repeat the command: completed runs are kept."))
+        .next("The warnings above give the reasons. Correct the file or the scene and repeat the command: completed runs are kept."))
 }
 
 /// Writes the tables; those of an earlier call are replaced.

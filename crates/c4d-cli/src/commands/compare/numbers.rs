@@ -152,7 +152,7 @@ pub(super) fn refuse_other_parameters(all: &[Numbers], names: &[String]) -> Outc
     let Some(first) = all.first() else { return Ok(()) };
     let refused = |what: &str, k: usize| {
         Err(Failure::usage(format!(
-            "the numbers of {} and {} have different {what}: they do not belong in one table",
+            "the numbers of {} and {} have different {what} and cannot be compared",
             names[0], names[k]
         ))
         .next("Measure all runs with the same --cameras, --views, --frames, --size and --truth."))

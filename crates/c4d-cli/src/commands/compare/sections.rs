@@ -236,15 +236,12 @@ fn worst(numbers: &Numbers) -> Worst {
         frames
     };
     let candidates = [
-        (
-            numbers.frames("flip"),
-            "The difference to the truth that a viewer sees is largest here: ꟻLIP",
-        ),
+        (numbers.frames("flip"), "Largest perceived difference from the ground truth: ꟻLIP"),
         (
             excess(),
-            "Colours change along the motion since the edited frame by more than the source's, most here: excess of warp_error_long",
+            "Largest change of colours along the motion, compared with the source: excess of warp_error_long",
         ),
-        (numbers.frames("bg_changed_frac"), "The background changes most here: share"),
+        (numbers.frames("bg_changed_frac"), "Largest change of the background: share"),
     ];
     for (frames, why) in candidates {
         let mut found: Option<(f64, usize, usize)> = None;

@@ -54,11 +54,11 @@ impl WorkFolder {
         }
         if state.is_file() && !overwrite {
             return Err(Failure::usage(format!(
-                "{} holds an unfinished fit of {}",
+                "{} contains an unfinished fit of {}",
                 path.display(),
                 output.display()
             ))
-            .next("--resume goes on with it; -w begins anew."));
+            .next("--resume continues it; -w starts again."));
         }
         let existing = if overwrite { Existing::Replace } else { Existing::Refuse };
         let folder = AtomicDir::create(&path, existing).map_err(failed)?;

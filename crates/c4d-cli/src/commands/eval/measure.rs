@@ -90,7 +90,7 @@ pub(crate) fn evaluate(
     };
     if files.is_none() && args.truth.is_none() {
         console.note(format!(
-            "{} is not a run: there is no edit to measure, and without --truth nothing to compare with",
+            "{} is not a run: it has no edit to measure, and no --truth is given",
             run.display()
         ));
     }

@@ -37,7 +37,7 @@ pub(super) fn report(report: &MotionReport, motion: MotionArg, seconds: f64, con
     }
     if motion == MotionArg::AmgAll {
         // Nothing was compared, so the counts of kept splats are meaningless.
-        console.note("the motion of every edited splat is estimated anew (--motion amg-all)");
+        console.note("the motion of every edited splat is estimated (--motion amg-all)");
     } else {
         console.note(format!(
             "{} unchanged (exact), {} recoloured (exact motion), {} edited or new; {} source splats removed",
@@ -45,20 +45,21 @@ pub(super) fn report(report: &MotionReport, motion: MotionArg, seconds: f64, con
         ));
     }
     for (count, what) in &report.moved_groups {
-        console.note(format!("{count} splats moved as one: {what}; they keep their own motion"));
+        console
+            .note(format!("{count} splats moved as a group: {what}; they keep their own motion"));
     }
     if report.beside_copies > 0 {
-        console.note(format!("{} edited splats beside a copy follow it", report.beside_copies));
+        console.note(format!("{} edited splats next to a copy follow it", report.beside_copies));
     }
     console.note(format!(
-        "motion of {} edited splats from {} moving source splats in {seconds:.2} s; {} stay put",
+        "motion of {} edited splats from {} moving source splats in {seconds:.2} s; {} stay in place",
         report.blended + report.field_rows,
         report.num_dynamic,
         report.static_rows
     ));
     if let Some(descent) = &report.descent {
         console.note(format!(
-            "the edit frame shows {} of {} splats that are ever visible; {} of the others are matched to these",
+            "the edited frame shows {} of {} splats that are ever visible; {} of the others are matched to these",
             descent.shown, descent.visible, descent.descended
         ));
         console.note(format!(

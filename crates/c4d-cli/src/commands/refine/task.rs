@@ -171,7 +171,7 @@ fn cameras(flags: &RefineFlags, loaded: &Run, console: &Console) -> Outcome<(Vec
         let count = cameras.len();
         let mut cameras = crate::cameras::thinned(cameras, MAX_CAMERAS);
         if count > cameras.len() {
-            console.note(format!("{} of {count} cameras are used, evenly", cameras.len()));
+            console.note(format!("{} of {count} cameras are used, evenly spaced", cameras.len()));
         }
         if let Some((width, height)) = flags.refine_size {
             cameras = cameras.iter().map(|camera| camera.resized(width, height)).collect();

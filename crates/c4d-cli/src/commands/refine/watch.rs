@@ -76,7 +76,7 @@ impl Observer for Watch<'_> {
         match KeptImages::open(self.update, &self.made_from) {
             Ok(images) => {
                 if images.len() > 0 {
-                    self.console.note(format!("{} images are there already", images.len()));
+                    self.console.note(format!("{} images already exist", images.len()));
                 }
                 self.images = Some(images);
             }
@@ -95,7 +95,7 @@ impl Observer for Watch<'_> {
         {
             images.clear();
             self.images = None;
-            self.console.note(format!("images are not kept for --resume: {error}"));
+            self.console.note(format!("images are not stored for --resume: {error}"));
         }
     }
 

@@ -59,7 +59,7 @@ impl Side {
             .map(|dc| (255.0 * (0.5 + sh::C0 * dc).clamp(0.0, 1.0)).round() as u8);
         let [x, y, z] = splats.means[row];
         vec![
-            ("Place at the edited frame", format!("{x:.3}, {y:.3}, {z:.3}")),
+            ("Position at the edited frame", format!("{x:.3}, {y:.3}, {z:.3}")),
             ("Size", format!("{size:.4} units")),
             ("Opacity", format!("{:.2}", splats.opacity(row))),
             ("Base colour", format!("#{r:02x}{g:02x}{b:02x}")),
@@ -152,7 +152,7 @@ impl Descriptions {
             ),
             RowKind::Recoloured => (
                 format!("that of source splat {first}, exactly"),
-                format!("its place, rotation and size equal those of source splat {first}"),
+                format!("its position, rotation and size equal those of source splat {first}"),
             ),
             RowKind::Moved | RowKind::Copied => {
                 let group = edited.binding.group_of().get(row).map_or(0, |group| *group as usize);
@@ -195,11 +195,11 @@ impl Descriptions {
                 )
             }
             RowKind::Static => (
-                "none: it stays where the edit put it".to_owned(),
-                "what surrounds it stands still, or no source splat is within reach".to_owned(),
+                "none: it stays where the edit placed it".to_owned(),
+                "its surroundings are static, or no source splat is within reach".to_owned(),
             ),
             RowKind::Field => (
-                "the scene's deformation network at its place".to_owned(),
+                "the scene's deformation network at its position".to_owned(),
                 "the baseline `deformnet` was chosen".to_owned(),
             ),
             RowKind::Descendant => (

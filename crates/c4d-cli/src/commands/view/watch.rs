@@ -76,7 +76,7 @@ pub(super) fn follow(
                 }
                 Ok(_) => {
                     let what = format!(
-                        "{} is another kind of scene now: start c4d view again",
+                        "{} is now a different kind of scene: restart c4d view",
                         scene.path().display()
                     );
                     console.warn(&what);

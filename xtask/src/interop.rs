@@ -1,5 +1,5 @@
-//! Round trips of every still format with the tools that people use, from their registries, both
-//! ways; and the document about them.
+//! Round trips of every still format with common tools, installed from their registries, in both
+//! directions; and the document about the results.
 //!
 //! Needs node, npm and python 3 with venv, and their registries. Everything else goes into
 //! `target/interop`.
@@ -22,8 +22,8 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 use trip::Trip;
 
-/// Splats of the scene: enough to fill palettes and blocks of every format,
-/// few enough for the whole run to take minutes.
+/// Number of splats of the scene: enough to fill palettes and blocks of every format, few enough
+/// that the whole run takes minutes.
 const SPLATS: usize = 5000;
 /// One splat in this many is invisible in the first frame and appears later.
 const FADING: usize = 10;
@@ -31,7 +31,7 @@ const FADING: usize = 10;
 const INVISIBLE: f32 = -12.0;
 const TIMES: [f32; 3] = [0.0, 0.5, 1.0];
 const DOCUMENT: &str = "docs/INTEROP.md";
-/// Heading of the part of the document that is written by hand, at its end.
+/// First heading of the hand-written part at the end of the document.
 const BY_HAND: &str = "\n## SuperSplat's colour edits";
 
 /// Tables of the document.
@@ -123,7 +123,7 @@ fn source(files: &Path) -> Result<Vec<Splats>> {
 }
 
 impl Trip {
-    /// The first frame, written by a peer and used as an edit that changes nothing.
+    /// The first frame, written by a peer and used as an edit without changes.
     fn read(&self, peer: &Peer, format: &str) -> Result<String> {
         self.c4d(&["export", "source", "--time", "0", "-w", "-o", "frame.ply"])?;
         let file = format!("theirs{}", peers::ending(format));
@@ -151,7 +151,7 @@ impl Trip {
         )))
     }
 
-    /// The first frame, written by `c4d` and turned into a PLY by a peer.
+    /// The first frame, written by `c4d` and converted to a PLY by a peer.
     fn written(&self, peer: &Peer, format: &str, flags: &[&str]) -> Result<String> {
         let file = format!("ours{}", peers::ending(format));
         let mut arguments = vec!["export", "source", "--time", "0", "-w", "-o", &file];

@@ -190,8 +190,8 @@ impl CameraRig {
         camera
     }
 
-    /// Largest horizontal and vertical angles between the front view and views of the captured side,
-    /// degrees; `None` for objects, which are captured from all around.
+    /// Largest horizontal and vertical angles between the front view and views of the captured
+    /// side, degrees; `None` for objects, which are captured from all around.
     pub(crate) fn limits(&self) -> Option<[f64; 2]> {
         match self.layout {
             Layout::Object => None,

@@ -79,7 +79,7 @@ fn pictures_of_a_data_set_are_found_by_name() {
     );
 }
 
-/// A data set in the layout of D-NeRF: four views of a turn, each at its own time.
+/// A data set in the layout of D-NeRF: four views on a circle, each at its own time.
 fn data_set(folder: &Path) -> PathBuf {
     let set = folder.join("set");
     std::fs::create_dir_all(set.join("test")).unwrap();
@@ -138,7 +138,7 @@ fn photographs_of_a_data_set_are_compared_at_their_times() {
         value(&document, "psnr").as_f64().unwrap_or_else(|| panic!("{said}{noted}"))
     };
     assert_eq!(psnr("same.json"), 100.0, "the photographs are the renders");
-    // Two photographs exchanged.
+    // Two photographs are swapped.
     std::fs::copy(renders.join("rgb/00003.png"), photo(0)).unwrap();
     std::fs::copy(renders.join("rgb/00000.png"), photo(3)).unwrap();
     let exchanged = psnr("exchanged.json");

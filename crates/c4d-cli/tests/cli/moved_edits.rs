@@ -1,4 +1,4 @@
-//! Edits that were moved, are of another time, or are only a part:
+//! Edits that were moved, belong to another time, or are incomplete:
 //! messages, refusals, and the effect of the flags.
 
 use crate::support::{c4d, failure, fixture, success};
@@ -160,7 +160,7 @@ fn axes_scale_and_handedness_of_other_tools() {
         success(&mut desk.propagate(&edited, name, &["--align"]));
         assert_eq!(desk.frames(name)[1], frames[1], "{name}: bit for bit");
     }
-    // An unchanged edit has nothing to undo.
+    // For an unchanged edit there is nothing to undo.
     let same = desk.save("same.ply", &frames[0]);
     let (_, said) = success(&mut desk.propagate(&same, "same", &["--align"]));
     assert!(said.contains("nothing to undo"), "{said}");
@@ -196,7 +196,7 @@ fn a_scaled_selection_is_counted_and_stored() {
         let ratio = width(found) / width(original);
         assert!((ratio - 1.3).abs() < 1e-3, "{ratio} times as wide");
     }
-    // The paper's baseline ignores it.
+    // The paper's baseline ignores moved groups.
     let (_, said) = success(&mut desk.propagate(&edited, "knn", &["--baseline", "knn"]));
     assert!(!said.contains("moved as a group"), "{said}");
 }
@@ -274,7 +274,7 @@ fn matched_splats_decide_before_bounds_and_none_is_a_refusal() {
     let (_, said) = success(&mut desk.propagate(&edited, "dome", &[]));
     assert!(said.contains(&format!("{} unchanged", frames[0].len())), "{said}");
 
-    // Other splats beside the scene: near enough for the
+    // Other splats next to the scene: within the
     // bounds, but none of them matches the scene.
     let mut beside = frames[0].clone();
     let (min, max) = frames[0].bounds().unwrap();

@@ -31,7 +31,7 @@ fn write_pth(case: &str, path: &Path) {
     pth::write(&named, fs::File::create(path).unwrap()).unwrap();
 }
 
-/// A folder as users have it: Hugging Face's file, checkpoints of PyTorch, the package's heads.
+/// A typical folder of weights: Hugging Face's file, checkpoints of PyTorch, heads of `lpips`.
 fn weights(folder: &Path) -> PathBuf {
     let weights = folder.join("weights");
     fs::create_dir(&weights).unwrap();
@@ -98,7 +98,7 @@ fn prompts_are_compared_where_there_is_a_tokenizer() {
     let folder = tempfile::tempdir().unwrap();
     let weights = weights(folder.path());
     synth_run(folder.path());
-    // Merges of single characters only, as small as the test's vocabulary of 600 allows.
+    // Merges of single characters only, because the test's vocabulary has only 600 entries.
     let merges: Vec<String> = (0..48_894).map(|at| format!("unused{at} merge{at}")).collect();
     fs::write(weights.join("merges.txt"), format!("#version\n{}", merges.join("\n"))).unwrap();
     let told = failure(
@@ -108,7 +108,7 @@ fn prompts_are_compared_where_there_is_a_tokenizer() {
             .arg(&weights),
         3,
     );
-    // The end of a text is token 49407, which the test's weights do not have.
+    // The end of a text is token 49407, which is not in the test's weights.
     assert!(
         told.contains("token_embedding") && told.contains("both from the same source"),
         "{told}"

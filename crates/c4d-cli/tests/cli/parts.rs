@@ -1,11 +1,11 @@
-//! `--part` of `c4d render`, `eval` and `refine`, and `c4d gather`: the bytes of one run.
+//! `--part` of `c4d render`, `eval` and `refine`, and `c4d gather`: the same bytes as one call.
 
 use crate::support::{c4d, failure, fixture, listing, success};
 use crate::synth_run::synth_run;
 use gs_io::{Existing, ply};
 use std::path::{Path, PathBuf};
 
-/// Makes all parts of `command`, which lacks `-o`, and returns them, the last first.
+/// Makes all parts of `command` (without `-o`), and returns them in reverse order.
 fn parts(folder: &Path, of: usize, command: &[&str]) -> Vec<PathBuf> {
     let make = |part: usize| {
         let output = folder.join(format!("part{part}"));
@@ -39,7 +39,7 @@ fn gathered_images_are_those_of_one_run() {
     let at = |name: &str| folder.path().join(name);
     let (source, cameras) = (fixture("synth/source"), fixture("cameras/dynerf"));
     let (source, cameras) = (source.to_str().unwrap(), cameras.to_str().unwrap());
-    // Three views at three times: the parts of nine images begin within a time.
+    // Three views at three times: parts of the nine images begin in the middle of a time.
     let command = [
         "render",
         source,
@@ -140,7 +140,7 @@ fn gathered_numbers_are_those_of_one_run() {
 fn a_gathered_refinement_is_that_of_one_run() {
     let folder = tempfile::tempdir().unwrap();
     let at = |name: &str| folder.path().join(name);
-    // Colours that depend on the direction, so that images are needed.
+    // View-dependent colours, so that images are needed.
     let model = fixture("deform4dgs/dynerf_like/model");
     success(c4d(["freeze"]).arg(&model).arg("-o").arg(at("frozen")));
     let mut splats = ply::read_file(at("frozen/point_cloud.ply")).unwrap().splats;
@@ -172,7 +172,7 @@ fn a_gathered_refinement_is_that_of_one_run() {
     same_file(&whole.join("scene.c4d"), &run.join("scene.c4d"));
     assert!(before != std::fs::read(run.join("scene.c4d")).unwrap(), "the run is refined");
     assert!(!run.join("refine.images").exists(), "and nothing is left over");
-    // The run has changed since.
+    // The run has changed after the parts were made.
     let said = failure(c4d(["gather", "-g", "cpu"]).args(&made).arg("-o").arg(&run), 2);
     assert!(said.contains("is not the run of which"), "{said}");
 }

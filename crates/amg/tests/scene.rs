@@ -1,4 +1,5 @@
-//! `EditedScene`: what rows take from their sources, and that it is the edit at the edit frame.
+//! `EditedScene`: values that rows take from their sources, and equality with the edit at the edit
+//! frame.
 #![allow(
     clippy::unwrap_used,
     clippy::cast_possible_truncation,
@@ -17,7 +18,7 @@ use common::{Table, golden_edit, golden_source};
 use gs_core::{DynamicScene, SceneError, Splats};
 use std::sync::Arc;
 
-/// The golden figure whose opacities and colours change over time.
+/// The golden figure, with opacities and colours that change over time.
 fn blinking() -> Table {
     let mut table = golden_source().0;
     for (t, frame) in (0_u8..).zip(&mut table.frames) {
@@ -200,7 +201,7 @@ fn a_source_that_loses_rows_is_refused() {
     assert!(error.contains("`means` has 1499 rows, expected 1500"), "{error}");
 }
 
-/// Everything moves up by `t`, and canonical splats lie 5 lower than they are seen.
+/// All splats move up by `t`; canonical splats lie 5 units below their rendered positions.
 #[derive(Debug)]
 struct Rising;
 

@@ -11,7 +11,7 @@ fn params(k: usize) -> AnchorParams {
     AnchorParams { k, ..AnchorParams::default() }
 }
 
-/// The stated rule, without structures. Works on ranks, returns coordinates.
+/// The documented rule without search structures. Works on ranks, returns coordinates.
 fn naive_disjoint(points: &[Vec3], k: usize, max_ratio: f64) -> Vec<Vec<Vec3>> {
     let size = (k + 1).min(points.len());
     let mut ranked = points.to_vec();

@@ -128,7 +128,7 @@ impl CameraRig {
             (dot(p.mean, forward) / norm(p.mean).max(f64::MIN_POSITIVE)).clamp(-1.0, 1.0).acos()
         };
         // Three quarters of the scene fit into the image's height; most
-        // cameras of a capture do not see its borders.
+        // cameras of a capture do not show its borders.
         let angles = points.iter().map(|p| (angle(p), p.weight)).collect();
         let fov_y_rad = 2.0 * weighted_quantile(angles, 0.75);
         let [narrowest, widest] = FORWARD_FOV_RAD;

@@ -17,8 +17,9 @@ pub(crate) fn check_format(format: Format) -> Outcome {
 
 /// Failure for a Cargo feature that this build lacks; `instead` says what works without it.
 pub(crate) fn missing(feature: &str, instead: &str) -> Failure {
-    Failure::usage(format!("this c4d was built without the feature `{feature}`"))
-        .next(format!("{instead}; builds with `--features {feature}`, a default feature, have it."))
+    Failure::usage(format!("this c4d was built without the feature `{feature}`")).next(format!(
+        "{instead}; builds with `--features {feature}`, a default feature, include it."
+    ))
 }
 
 /// The features that this build has.

@@ -78,7 +78,7 @@ fn displaced(scene: &PolynomialScene) -> PolynomialScene {
     PolynomialScene::new(rest, scene.motions().to_vec()).unwrap()
 }
 
-/// A camera that sees the splats at half time.
+/// A camera with the splats in view at half time.
 fn camera(scene: &dyn DynamicScene) -> Camera {
     let splats = scene.at(0.5).unwrap();
     let middle = |axis: usize, share: f64| {

@@ -16,7 +16,7 @@ const PREVIEW: &str = "preview.png";
 /// The record of files that `gs_io` keeps in folders it writes.
 const RECORD: &str = ".c4d-files";
 
-/// The folder `OUTPUT.fit`, which holds checkpoint and preview until the fit is done.
+/// The folder `OUTPUT.fit`, which contains the checkpoint and the preview until the fit ends.
 #[derive(Debug)]
 pub(super) struct WorkFolder {
     path: PathBuf,

@@ -163,7 +163,7 @@ impl Descriptions {
                 if kind == RowKind::Copied {
                     return (
                         format!("that of the surface of source splat {first}, {change}"),
-                        "the edit copied it together with others, and not the splats that replace it"
+                        "the edit copied it together with others, but not the splats that replace it"
                             .to_owned(),
                     );
                 }

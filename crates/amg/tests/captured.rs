@@ -81,9 +81,9 @@ fn a_wall_that_slides_unseen_stays_put_in_the_edit() {
     };
     let (wall, block) = moved(true);
     assert!(wall < 0.004, "the wall's splats slide by up to 0.07, the edit's by {wall}");
-    assert!(block < 0.004, "the block goes along, missing by {block}");
+    assert!(block < 0.004, "the block follows with an error of {block}");
     let (wall, _) = moved(false);
-    assert!(wall > 0.01, "control: otherwise the wall creeps, {wall}");
+    assert!(wall > 0.01, "control: otherwise the wall drifts by {wall}");
 }
 
 #[test]
@@ -112,10 +112,10 @@ fn where_faded_splats_would_be_says_nothing() {
         (farthest(&edited.means, &at.means, [1.0, 0.0, 0.0]), faintest)
     };
     let (miss, faintest) = missed(true);
-    assert!(miss < 0.05, "the edit follows those that stay, missing by {miss}");
-    assert!(faintest > 1.0, "and stays as visible as they do, {faintest}");
+    assert!(miss < 0.05, "the edit follows the remaining splats with an error of {miss}");
+    assert!(faintest > 1.0, "and has the same visibility, {faintest}");
     let (miss, _) = missed(false);
-    assert!(miss > 0.5, "control: blended alike, they tear it apart, {miss}");
+    assert!(miss > 0.5, "control: with equal weights, they tear it apart, {miss}");
 }
 
 #[test]

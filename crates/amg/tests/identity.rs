@@ -96,7 +96,7 @@ fn real_edits_are_not_taken_for_rounding() {
     assert_eq!(found.rows[..2], [Identity::Recoloured(0), Identity::Recoloured(1)], "appearance");
     assert!(found.rows[2..5].iter().all(|r| *r == Identity::Edited), "{:?}", &found.rows[..5]);
     assert_eq!((found.unchanged, found.recoloured, found.edited), (195, 2, 3), "counts");
-    assert_eq!(found.vanished, [2, 3, 4], "their sources vanished");
+    assert_eq!(found.vanished, [2, 3, 4], "their sources are not found");
 }
 
 #[test]
@@ -108,7 +108,7 @@ fn coincident_splats_are_paired_one_to_one_by_colour_first() {
     let edited = source.select(&[2, 0, 1, 3]);
     let found = map(&source, &edited);
     let expected = [2, 0, 1, 3].map(Identity::Unchanged);
-    assert_eq!(found.rows, expected, "each finds its own");
+    assert_eq!(found.rows, expected, "each matches its own source");
 
     let twins = source.select(&[0, 0, 0]);
     let found = map(&twins, &twins);

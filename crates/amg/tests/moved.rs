@@ -198,7 +198,7 @@ fn several_groups_and_both_copies_of_a_clone() {
             );
         }
     }
-    assert!(found.vanished.is_empty(), "nothing is gone: {}", found.vanished.len());
+    assert!(found.vanished.is_empty(), "nothing is removed: {}", found.vanished.len());
 }
 
 #[test]
@@ -272,7 +272,7 @@ fn formats_that_round_are_recognised_and_their_rounding_undone() {
     let size = f64::from(scene.figure_size());
     for &row in rows.iter().filter(right) {
         let miss = distance(restored.means[row], exact.means[row].map(f64::from));
-        assert!(miss < 2e-5 * size, "row {row} is {miss} off");
+        assert!(miss < 2e-5 * size, "row {row} has an error of {miss}");
     }
     let before: f64 =
         rows.iter().map(|&r| distance(edited.means[r], exact.means[r].map(f64::from))).sum();
@@ -308,9 +308,9 @@ fn whole_scenes_keep_their_trajectories_under_the_similarity() {
         for (row, identity) in found.rows.iter().enumerate() {
             if matches!(identity, Identity::Moved { .. }) {
                 let miss = distance(now.means[row], then.means[row].map(f64::from));
-                assert!(miss < 1e-4 * size, "row {row} is {miss} off");
+                assert!(miss < 1e-4 * size, "row {row} has an error of {miss}");
                 let turn = quat::dot(now.rotation(row), then.rotation(row)).abs();
-                assert!(turn > 0.9999, "row {row} is turned otherwise: {turn}");
+                assert!(turn > 0.9999, "row {row} has another rotation: {turn}");
             }
         }
     }
@@ -381,7 +381,7 @@ fn moved_rows_fade_as_their_sources_do_and_neither_order_nor_threads_matter() {
     let (a, b) = (one.at(0.6).unwrap(), shuffled.at(0.6).unwrap());
     for (i, &row) in order.iter().enumerate() {
         let miss = distance(b.means[i], a.means[row].map(f64::from));
-        assert!(miss < 1e-5, "row {row} moves otherwise by {miss} when shuffled");
+        assert!(miss < 1e-5, "row {row} moves differently by {miss} when shuffled");
     }
     assert_eq!(one.at(0.0).unwrap(), edited, "the edit time is the edit");
 }
@@ -411,8 +411,8 @@ fn a_copy_does_the_same_in_a_place_of_its_own_with_what_was_added_to_it() {
     let found = propagate(source_scene, Arc::new(edited), &options, &|_, _| {}).unwrap();
     assert_eq!(found.report.moved_groups.len(), 1, "one copy: {:?}", found.report.moved_groups);
     let binding = found.scene.binding();
-    assert_eq!(binding.groups().len(), 1, "its parts do not part");
-    assert_eq!(found.report.beside_copies, count.div_ceil(9), "what was added goes along");
+    assert_eq!(binding.groups().len(), 1, "its parts stay together");
+    assert_eq!(found.report.beside_copies, count.div_ceil(9), "added splats move with it");
     for t in TIMES {
         let (now, moved) = (scene.at(t).unwrap(), found.scene.at(t).unwrap());
         assert_eq!(moved.means[..count], now.means[..], "the original is untouched at {t}");
@@ -428,7 +428,7 @@ fn a_copy_does_the_same_in_a_place_of_its_own_with_what_was_added_to_it() {
         }
         // The copy was placed next to the original, and keeps that distance.
         let mean = added.iter().sum::<f64>() / added.len() as f64;
-        assert!(mean < 1.2 * f64::from(NUDGE), "mean error of what was added at {t}: {mean}");
+        assert!(mean < 1.2 * f64::from(NUDGE), "mean error of added splats at {t}: {mean}");
     }
 }
 

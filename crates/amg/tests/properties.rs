@@ -141,7 +141,7 @@ fn few_sources_and_duplicates_have_a_result() {
     assert!(found.scene.at(1.0).unwrap().means.iter().flatten().all(|v| v.is_finite()), "numbers");
     let twice: Vec<usize> = (0..300).flat_map(|i| [i, i]).collect();
     let at = run(&source, &edit.select(&twice), &MotionOptions::default()).scene.at(1.0).unwrap();
-    assert!(at.means.iter().flatten().all(|v| v.is_finite()), "duplicates have numbers, too");
+    assert!(at.means.iter().flatten().all(|v| v.is_finite()), "results of duplicates are finite");
 }
 
 #[test]

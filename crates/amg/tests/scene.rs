@@ -222,7 +222,7 @@ fn the_field_baseline_moves_by_differences() {
     let options = MotionOptions::field(Arc::new(Rising));
     let found =
         propagate(Arc::new(source), Arc::new(edited.clone()), &options, &|_, _| {}).unwrap();
-    assert_eq!(found.report.field_rows, edited.len(), "all rows ask the field");
+    assert_eq!(found.report.field_rows, edited.len(), "all rows use the field");
     assert_eq!(found.scene.at(0.0).unwrap(), edited, "the edit frame stays");
     let moved = found.scene.at(0.4).unwrap().means[9][1] - edited.means[9][1];
     assert!((moved - 0.4).abs() < 1e-5, "rose by {moved}");

@@ -226,7 +226,7 @@ fn lasting_scenes_are_as_before() {
         propagate(source, edited, &options, &|_, _| {}).unwrap()
     };
     let plain = run(Follow::default());
-    assert_eq!(plain.scene.binding().surface(), None, "the default says nothing of surfaces");
+    assert_eq!(plain.scene.binding().surface(), None, "the default has no surface");
     assert_eq!(plain.report.descent, None, "nor does the report");
     // If requested, it changes nothing that the edit frame shows.
     let asked = run(Follow::Surface);
@@ -301,7 +301,7 @@ fn copies_of_all_generations_stay_exact() {
     let all: Vec<usize> = (0..source.num_splats()).collect();
     let edited = with_copies(&source, &all, shift);
     let found = propagated(&source, &edited, Follow::Surface).scene;
-    assert_eq!(found.binding().count(RowKind::Copied), 0, "all generations are there");
+    assert_eq!(found.binding().count(RowKind::Copied), 0, "all generations are present");
     for t in [0.3, 1.0] {
         let (now, truth) = (found.at(t).unwrap(), source.at(t).unwrap());
         for id in 0..all.len() {
@@ -326,7 +326,10 @@ fn generations_copied_with_lasting_ones_are_hidden() {
         let visible = later.clone().filter(|&row| now.opacity(row) > 0.02).count();
         most = most.max(visible as f32 / later.len() as f32);
     }
-    assert!(most < 0.05, "{most:.3} of the later splats are there beside those that last");
+    assert!(
+        most < 0.05,
+        "{most:.3} of the later splats are visible in addition to those that last"
+    );
 }
 
 #[test]

@@ -136,7 +136,7 @@ fn numbers_that_are_none_behave_as_on_the_cpu() {
     let (value, v_x) = losses.evaluate(true, &x, &y, &mask, 1e-3).unwrap();
     assert!(value.is_nan() && v_x[0].is_nan(), "inside, SSIM: {value} {}", v_x[0]);
     let far = 3 * (12 * 19 + 18);
-    assert!(v_x[far].is_finite(), "windows that do not see it keep their gradient");
+    assert!(v_x[far].is_finite(), "windows without it keep their gradient");
 }
 
 #[test]
@@ -224,13 +224,13 @@ fn adam_is_that_of_the_cpu() {
     for k in 0..len {
         let (row, column) = (k / 3, k % 3);
         if skip[row] != 0 || column == 1 {
-            assert_eq!(found[k].to_bits(), start[k].to_bits(), "value {k} was to stay");
+            assert_eq!(found[k].to_bits(), start[k].to_bits(), "value {k} must not change");
         }
         let close = (f64::from(found[k]) - truth[k]).abs() < 2e-6;
         // A denormal gradient may count as zero.
         assert!(close || k == 6, "value {k}: {} {}", found[k], truth[k]);
         if skip[row] != 0 {
-            assert_eq!((m[k], v[k]), (0.0, 0.0), "moments {k} were to stay");
+            assert_eq!((m[k], v[k]), (0.0, 0.0), "moments {k} must not change");
         }
     }
     assert_grad_close("first moments", &widen(&m), &cpu.m, 1e-5);

@@ -242,7 +242,7 @@ fn a_small_memory_changes_nothing() {
     let (got, kept) = on_device(&whole, &tight, None, &mut NoObserver).unwrap();
     assert!(kept < 8 && got.report.num_cached < 8, "{kept} images kept");
     assert_eq!(got.report.samples, expected.report.samples, "the images fit the host");
-    assert_eq!(got.d_sh, expected.d_sh, "images handed over again");
+    assert_eq!(got.d_sh, expected.d_sh, "images uploaded again");
 }
 
 /// Three steps from zero: offsets of `rows` rows of degree 3; the image shows every third row.

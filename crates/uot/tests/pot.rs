@@ -74,7 +74,7 @@ fn plans_agree() {
     // negative control
     let out = solve(&problem(&golden, false, 1.0), &weights(1.5, 0.71)).unwrap();
     let plan = out.plan(&problem(&golden, false, 1.0)).unwrap();
-    assert!(max_abs_diff(&plan, &golden.f64s("unbalanced")) > 1e-6, "another weight is noticed");
+    assert!(max_abs_diff(&plan, &golden.f64s("unbalanced")) > 1e-6, "another weight is detected");
 }
 
 #[test]

@@ -246,7 +246,7 @@ fn duplicates_share_rows_equally() {
         assert!(row != 40 && row != 41, "lowest of tied rows, column {j}");
         assert_eq!(matches.tie_counts[j], if row == 3 { 3 } else { 1 }, "column {j}");
     }
-    assert!(matches.rows.contains(&3), "the repeated point is somebody's best");
+    assert!(matches.rows.contains(&3), "the repeated point is the best of a column");
 }
 
 #[test]
@@ -264,7 +264,7 @@ fn order_of_the_points_does_not_matter() {
     assert_same_bits("g", &out.g, &back(&out2.g));
     let rows: Vec<u32> =
         out2.correspondence(&problem2).unwrap().rows.iter().rev().map(|row| 299 - row).collect();
-    assert_eq!(out.correspondence(&problem).unwrap().rows, rows, "matches move along");
+    assert_eq!(out.correspondence(&problem).unwrap().rows, rows, "matches follow the points");
 }
 
 #[test]
@@ -423,7 +423,7 @@ fn running_out_of_sweeps_is_data() {
         let out = solve(&problem, &SinkhornParams { max_sweeps, ..weights(0.05, 11.0, 11.0) });
         let out = out.unwrap();
         assert!(!out.converged && out.sweeps == max_sweeps, "{max_sweeps} sweeps are too few");
-        assert_eq!(out.residuals.len(), max_sweeps, "one residual a sweep");
+        assert_eq!(out.residuals.len(), max_sweeps, "one residual per sweep");
         assert!(out.f.iter().chain(&out.g).all(|x| x.is_finite()), "usable potentials");
     }
 }

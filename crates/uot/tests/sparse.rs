@@ -209,7 +209,7 @@ proptest! {
             prop_assert!(ids.windows(2).all(|pair| pair[0] < pair[1]), "ascending rows");
             if options & 6 == 6 {
                 let none = out.unmatched_col_mass[j] / b[j];
-                prop_assert!((by_col.unmatched[j] - none).abs() < 1e-9, "all that is not matched is none");
+                prop_assert!((by_col.unmatched[j] - none).abs() < 1e-9, "unmatched mass belongs to none");
             }
         }
         let by_row = out.row_posterior(&problem).unwrap();
@@ -316,7 +316,7 @@ fn lines_without_candidates_carry_nothing() {
     // a point of weight 0 receives no mass, and a candidate of weight 0 gives none
     let (a, b) = (vec![0.5, 0.0, 0.5], vec![0.5, 0.5, 0.0]);
     let held = problem().with_marginals(a, b).unwrap();
-    assert!(solve(&held, &weights(0.1, HELD, HELD)).unwrap().converged, "row 1 asks for nothing");
+    assert!(solve(&held, &weights(0.1, HELD, HELD)).unwrap().converged, "row 1 has no mass");
     let starved = problem().with_marginals(vec![1.0; 3], vec![1.0, 0.0, 1.0]).unwrap();
     let out = solve(&starved, &weights(0.1, 1.0, 1.0)).unwrap();
     assert!(out.converged && out.row_mass[2] == 0.0, "row 2 can send to column 1 only");

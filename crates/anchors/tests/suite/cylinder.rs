@@ -220,7 +220,10 @@ fn retained_triples_lie_in_their_cylinder() {
         let p = &set.positions[anchor];
         let spread = |id: &u32| distance2(p, &points[*id as usize]).sqrt();
         let widest = members.iter().map(spread).fold(0.0, f64::max);
-        assert!(widest <= 3.0 * mean_edge(&points, members), "anchor {anchor} left its triple");
+        assert!(
+            widest <= 3.0 * mean_edge(&points, members),
+            "anchor {anchor} lies outside its triple"
+        );
     }
 }
 

@@ -97,7 +97,7 @@ fn disjoint_equals_the_naive_greedy() {
 fn the_naive_greedy_tells_rules_apart() {
     let points = cube(300, 1);
     let (two, three) = (naive_disjoint(&points, 2, 4.0), naive_disjoint(&points, 2, 1.0));
-    assert_ne!(two, three, "the refusal changes nothing: the comparison above proves nothing");
+    assert_ne!(two, three, "the rejection has no effect, so the comparison above is meaningless");
 }
 
 #[test]

@@ -91,7 +91,7 @@ fn changes(before: &[Item], after: &[Item]) -> [Vec<String>; 2] {
 /// Asserts that a degradation worsens the metrics in `named` and improves none.
 fn assert_worse(before: &[Item], after: &[Item], named: &[&str], what: &str) {
     let [better, worse] = changes(before, after);
-    assert!(better.is_empty(), "{what} betters {better:?}");
+    assert!(better.is_empty(), "{what} improves {better:?}");
     for id in named {
         let is = |line: &String| line.split(' ').next() == Some(id);
         assert!(worse.iter().any(is), "{what} does not worsen {id}, only {worse:?}");

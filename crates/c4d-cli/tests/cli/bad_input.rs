@@ -135,7 +135,7 @@ fn scene_problems() {
         assert!(!out.exists(), "no output; said: {said}");
         said
     };
-    assert!(freeze(&bench.at("nowhere"), 3).contains("nowhere"), "names what is missing");
+    assert!(freeze(&bench.at("nowhere"), 3).contains("nowhere"), "names the missing part");
     let said = freeze(&fixture("synth/edited.ply"), 3);
     assert!(said.contains("is a single frame"), "{said}");
     let empty = bench.at("empty");
@@ -342,7 +342,7 @@ fn next_steps_name_suitable_paths() {
     let mut propagate = c4d(["propagate", "--no-refine", source.to_str().unwrap()]);
     propagate.args(["--edited", model.to_str().unwrap()]).args(output);
     let (_, said) = success(&mut propagate);
-    assert!(said.contains("iteration_30000"), "says which frame: {said}");
+    assert!(said.contains("iteration_30000"), "states the frame: {said}");
     fs::remove_dir_all(&out).unwrap();
     // A folder of an edited frame under another name, and one of a dynamic model.
     let edits = bench.at("edits");

@@ -106,7 +106,7 @@ fn runs_are_compared_in_one_page_that_opens_offline() {
     };
     let (all_after, all_before) = (shot(0), shot(100));
     let differing = all_after.pixels().zip(all_before.pixels()).filter(|(a, b)| a != b).count();
-    assert!(differing > 500, "the divider uncovers the other pictures: {differing} pixels");
+    assert!(differing > 500, "the divider reveals the other pictures: {differing} pixels");
     let again = shot(0);
     assert_eq!(again, all_after, "and nothing else changes");
     assert_eq!(requests.load(Ordering::SeqCst), 0, "no request");

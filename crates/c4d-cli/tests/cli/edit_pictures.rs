@@ -76,7 +76,11 @@ fn pictures_are_written_edited_and_fitted() {
     let kept = before.means.iter().zip(&before.quats).zip(&before.sh).take(before.len());
     let now: Vec<_> = after.means.iter().zip(&after.quats).zip(&after.sh).collect();
     let unchanged = kept.filter(|row| now.contains(row)).count();
-    assert!(2 * unchanged > before.len(), "most is as it was: {unchanged} of {}", before.len());
+    assert!(
+        2 * unchanged > before.len(),
+        "most splats are unchanged: {unchanged} of {}",
+        before.len()
+    );
     let left = listing(dir.path());
     assert!(!left.iter().any(|name| name.contains(".fit")), "no work folder is left: {left:?}");
     failure(&mut edit(&frame, &views, &edited), 2);

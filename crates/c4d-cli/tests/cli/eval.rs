@@ -50,7 +50,7 @@ fn a_run_is_its_own_truth() {
             .arg("-o")
             .arg(&file),
     );
-    assert!(!said.contains("warp_error"), "only what was asked for: {said}");
+    assert!(!said.contains("warp_error"), "only the requested metrics: {said}");
     let document: Value = serde_json::from_slice(&std::fs::read(file).unwrap()).unwrap();
     assert_eq!(value(&document, "psnr"), 100.0, "equal");
     assert_eq!(value(&document, "flip"), 0.0, "equal");

@@ -219,7 +219,7 @@ fn videos_decode_to_the_images() {
     let bytes = fs::read(at("clip.mp4")).unwrap();
     let media = mp4_box(&bytes, &["moov", "trak", "mdia", "mdhd"]);
     let word = |at: usize| f64::from(u32::from_be_bytes(media[at..at + 4].try_into().unwrap()));
-    assert!((word(16) / word(12) - 2.0 / 12.5).abs() < 1e-3, "two frames at 12.5 a second");
+    assert!((word(16) / word(12) - 2.0 / 12.5).abs() < 1e-3, "two frames at 12.5 per second");
     let samples = mp4_samples(&bytes);
     assert_eq!(samples.len(), 2, "frames");
     let mut decoder = openh264::decoder::Decoder::new().unwrap();

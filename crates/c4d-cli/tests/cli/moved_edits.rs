@@ -125,7 +125,7 @@ fn a_rotated_scene_is_detected_and_align_undoes_it() {
     };
     assert!(
         far(&found[2], &last) < 1e-4,
-        "trajectories are turned, too: {}",
+        "trajectories are also rotated: {}",
         far(&found[2], &last)
     );
     let path = far(&found[0], &found[1]).max(far(&found[0], &found[2]));
@@ -238,7 +238,7 @@ fn a_saved_selection_causes_a_warning_and_the_rest_is_kept_on_request() {
     let (_, said) = success(&mut desk.propagate(&edited, "aligned", &["--align", "--keep-rest"]));
     assert!(said.contains("scaled by 1.5"), "{said}");
     let (found, order) = (&desk.frames("aligned")[1], [&rows[..], &others[..]].concat());
-    assert_eq!(*found, frames[1].select(&order), "the scene as it was, bit for bit");
+    assert_eq!(*found, frames[1].select(&order), "the original scene, bit for bit");
 
     // For an edit of another scene there is nothing to add.
     let mut other = frames[0].clone();

@@ -90,7 +90,7 @@ fn the_weights_of_a_folder_make_the_metrics_that_they_can() {
     let source = fixture("synth/source");
     let (all, _) = items(folder.path(), &weights, &["--truth", source.to_str().unwrap()]);
     let distance = item(&all, "lpips_alex")["value"].as_f64().unwrap();
-    assert!(distance > 1e-6, "the edit is seen: {distance:e}");
+    assert!(distance > 1e-6, "the edit is detected: {distance:e}");
 }
 
 #[test]

@@ -161,7 +161,7 @@ fn a_frozen_frame_is_edited_through_masks() {
     let all = splats(&frozen.join("point_cloud.ply")).len();
     assert!(
         count > all / 20 && count < all * 3 / 4,
-        "about half of what is seen: {count} of {all}"
+        "about half of the visible splats: {count} of {all}"
     );
     let header = ply::read_header_file(folder.path().join("red.ply")).unwrap();
     assert!(

@@ -6,7 +6,7 @@ use gs_core::DynamicScene;
 
 /// Largest loss of PSNR anywhere, dB.
 const LOSS: f64 = 0.02;
-/// PSNR in other pixels above which a loss is accepted, dB.
+/// Required PSNR in other pixels after a repair, unless it was lower before, dB.
 const ELSEWHERE: f64 = 50.0;
 /// Largest change of PSNR of a perfect edit, dB.
 const PERFECT: f64 = 0.05;

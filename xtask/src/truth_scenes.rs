@@ -13,6 +13,7 @@ const FRAMES: usize = 25;
 
 /// Number of cameras with a video, evenly spaced among all.
 const VIEWS: usize = 4;
+/// Size of the images of a video, pixels.
 const IMAGE: (u32, u32) = (400, 300);
 
 /// Writes one case into the new folder `output`: the source as a PLY sequence (`source`) and as a

@@ -6,6 +6,7 @@ use std::fmt::Write as _;
 
 /// Width of a plot, SVG user units.
 const WIDTH: f64 = 440.0;
+/// Height of a plot, SVG user units.
 const HEIGHT: f64 = 200.0;
 /// Margins for labels: left, top, right, bottom.
 const MARGINS: [f64; 4] = [62.0, 40.0, 10.0, 24.0];

@@ -13,6 +13,7 @@ use std::fmt::Write as _;
 
 /// Maximum width of a picture in a triple, pixels.
 const TRIPLE_WIDTH: f64 = 480.0;
+/// Maximum width of a picture on the contact sheet, pixels.
 const SHEET_WIDTH: f64 = 300.0;
 /// Number of times on the contact sheet.
 const SHEET_TIMES: usize = 6;

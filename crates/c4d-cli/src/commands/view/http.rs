@@ -13,6 +13,7 @@ const MAX_HEADERS: usize = 64;
 /// Maximum number of bytes of a refused request that are read and dropped before the connection
 /// closes.
 const MAX_DROPPED: usize = 1024 * 1024;
+/// Time limit for reading and dropping them.
 const LINGER: Duration = Duration::from_millis(500);
 /// Timeout for a complete request.
 const PATIENCE: Duration = Duration::from_secs(10);

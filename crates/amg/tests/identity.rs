@@ -1,4 +1,4 @@
-//! Edited splats that are source splats are found by value, whatever the order, signs and rounding.
+//! Edited splats that are source splats are found by value, for any order, signs and rounding.
 #![allow(
     clippy::unwrap_used,
     clippy::cast_possible_truncation,

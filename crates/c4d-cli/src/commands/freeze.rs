@@ -18,7 +18,7 @@ use gs_io::{AtomicDir, Existing, SceneKind, cameras_json};
 use std::collections::HashSet;
 use std::path::Path;
 
-/// Cameras of the rig written beside the PLY.
+/// Cameras of the rig written next to the PLY.
 const RIG_CAMERAS: usize = 12;
 /// Folder of the views.
 const VIEWS: &str = "views";

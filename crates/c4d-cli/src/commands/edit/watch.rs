@@ -10,7 +10,7 @@ use gs_fit::{FitObserver, FitPreview, FitProgress, FitState};
 use gs_io::{AtomicDir, Existing, FolderUpdate};
 use std::path::{Path, PathBuf};
 
-/// Files of the folder beside the output while the fit runs.
+/// Files of the folder next to the output while the fit runs.
 const STATE: &str = "fit.state";
 const PREVIEW: &str = "preview.png";
 /// The record of files that `gs_io` keeps in folders it writes.

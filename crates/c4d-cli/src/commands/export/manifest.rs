@@ -1,6 +1,6 @@
-//! `NAME.manifest.json` beside an exported sequence: metadata that the format cannot store.
+//! `NAME.manifest.json` next to an exported sequence: metadata that the format cannot store.
 //!
-//! It is beside the sequence and not in it, because players recognise a folder or archive as a
+//! It is next to the sequence, not in it, because players recognise a folder or archive as a
 //! sequence only if it contains no other files.
 
 use crate::failure::{Failure, Outcome};

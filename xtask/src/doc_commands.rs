@@ -59,7 +59,7 @@ pub(crate) fn run() -> Result<()> {
             if RUN_ELSEWHERE.iter().any(|prefix| line.starts_with(prefix)) {
                 continue;
             }
-            // A full benchmark takes minutes; here it is enough that it runs.
+            // A full benchmark takes minutes; this only checks that it runs.
             let line = if line.starts_with("cargo bench") { line + " -- --test" } else { line };
             eprintln!("{document}: {line}");
             refuse_package_flag(&line).with_context(|| (*document).to_owned())?;
@@ -121,7 +121,7 @@ fn words(line: &str) -> Result<Vec<String>> {
 #[derive(Debug, PartialEq, Eq)]
 struct Documented {
     line: String,
-    /// What the document says that it prints.
+    /// The output shown in the document.
     output: Option<String>,
 }
 
@@ -131,7 +131,7 @@ fn commands(text: &str) -> Vec<Documented> {
     let mut block = None;
     let mut found: Vec<Documented> = Vec::new();
     let mut joined = String::new();
-    // Whether nothing but empty lines has followed the last `sh` block.
+    // Whether only empty lines have followed the last `sh` block.
     let mut follows = false;
     for line in text.lines() {
         if let Some(fence) = line.trim_start().strip_prefix("```") {

@@ -3,8 +3,8 @@
 
 use anyhow::{Result, bail};
 
-/// Largest relative difference of two numbers that count as the same: they are rounded, and the
-/// last digits of sums differ between vector units.
+/// Largest relative difference of two numbers that count as equal: printed numbers are rounded, and
+/// the last digits of sums differ between vector units.
 const TOLERANCE: f64 = 0.02;
 /// Matches any one word: a time, a path.
 const ANY: &str = "…";
@@ -13,7 +13,7 @@ const ANY: &str = "…";
 /// The lines of the block must occur in this order; the command may print other lines in between.
 ///
 /// # Errors
-/// Names the first line of the block that was not printed.
+/// States the first line of the block that was not printed.
 pub(crate) fn compare(expected: &str, printed: &str) -> Result<()> {
     let mut rest = printed.lines();
     for line in expected.lines().filter(|line| !line.trim().is_empty()) {

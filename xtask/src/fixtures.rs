@@ -1,5 +1,4 @@
-//! Fixtures that the project generates itself: a small synthetic scene, an edit of its first frame,
-//! and the truth.
+//! Generated fixtures: a small synthetic scene, an edit of its first frame, and the ground truth.
 //!
 //! Goldens from reference implementations are not generated here; `fixtures/*/README.md` states
 //! their origin.
@@ -11,9 +10,9 @@ use gs_io::ply::{self, WriteOptions};
 use std::fs;
 use std::path::Path;
 
-/// Splats of the fixture scene: few enough for the repository, enough to form a figure.
+/// Number of splats of the fixture scene: few enough for the repository, enough to form a figure.
 const SPLATS: usize = 1500;
-/// Frames of the source sequence and of the truth.
+/// Frames of the source sequence and of the ground truth.
 const FRAMES: usize = 3;
 /// Seed of scene and edit.
 const SEED: u64 = 11;

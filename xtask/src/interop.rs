@@ -1,5 +1,5 @@
-//! Round trips of every still format with the tools that people use, from their registries, both
-//! ways; and the document about them.
+//! Round trips of every still format with common tools, installed from their registries, in both
+//! directions; and the document about the results.
 //!
 //! Needs node, npm and python 3 with venv, and their registries. Everything else goes into
 //! `target/interop`.
@@ -22,8 +22,8 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 use trip::Trip;
 
-/// Splats of the scene: enough to fill palettes and blocks of every format,
-/// few enough for the whole run to take minutes.
+/// Number of splats of the scene: enough to fill palettes and blocks of every format, few enough
+/// that the whole run takes minutes.
 const SPLATS: usize = 5000;
 /// One splat in this many is invisible in the first frame and appears later.
 const FADING: usize = 10;
@@ -31,7 +31,7 @@ const FADING: usize = 10;
 const INVISIBLE: f32 = -12.0;
 const TIMES: [f32; 3] = [0.0, 0.5, 1.0];
 const DOCUMENT: &str = "docs/INTEROP.md";
-/// Heading of the part of the document that is written by hand, at its end.
+/// First heading of the hand-written part at the end of the document.
 const BY_HAND: &str = "\n## SuperSplat's colour edits";
 
 /// Tables of the document.
@@ -123,7 +123,7 @@ fn source(files: &Path) -> Result<Vec<Splats>> {
 }
 
 impl Trip {
-    /// The first frame, written by a peer and used as an edit that changes nothing.
+    /// The first frame, written by a peer and used as an edit without changes.
     fn read(&self, peer: &Peer, format: &str) -> Result<String> {
         self.c4d(&["export", "source", "--time", "0", "-w", "-o", "frame.ply"])?;
         let file = format!("theirs{}", peers::ending(format));
@@ -151,7 +151,7 @@ impl Trip {
         )))
     }
 
-    /// The first frame, written by `c4d` and turned into a PLY by a peer.
+    /// The first frame, written by `c4d` and converted to a PLY by a peer.
     fn written(&self, peer: &Peer, format: &str, flags: &[&str]) -> Result<String> {
         let file = format!("ours{}", peers::ending(format));
         let mut arguments = vec!["export", "source", "--time", "0", "-w", "-o", &file];
@@ -209,14 +209,14 @@ fn document(peers: &[Peer], tables: &Tables, usd: &str) -> String {
         "\
 # Round trips with other tools
 
-Written by `cargo xtask interop`, which fetches the tools from their registries, so that ordinary CI does not run it: {}, {} (PyPI), {} (PyPI).
+Written by `cargo xtask interop`. It installs the tools from their registries and therefore does not run in ordinary CI: {}, {} (PyPI), {} (PyPI).
 
 The scene has {SPLATS} splats of SH degree {} and {} frames. One splat in {FADING} is invisible in the first frame and appears later.
 
 ## Frames that other tools write
 
 The first frame, converted by the tool without an edit and given to `c4d propagate SCENE --edited FILE`. Unchanged splats move exactly and get
-their own values back. Errors are those of the last frame of the result, the largest of all splats: positions in parts of the scene's
+their original values back. Errors are the largest over all splats in the last frame of the result: positions as a share of the scene's
 size, base colours in steps of 1/255.
 
 | tool | format | unchanged | recoloured | edited | error of the last frame |
@@ -225,8 +225,8 @@ size, base colours in steps of 1/255.
 
 ## Frames that c4d writes
 
-The first frame, exported by `c4d export` and converted to a PLY by the tool. Errors are the largest of all visible splats. Splats are
-paired by position, so a coarse format may pair a neighbour.
+The first frame, exported by `c4d export` and converted to a PLY by the tool. Errors are the largest over all visible splats. Splats are
+paired by position, so with a coarse format a splat may be paired with a neighbour.
 
 | tool | format | splats | error |
 |---|---|---|---|
@@ -239,10 +239,10 @@ The clip as `.usda`, opened and evaluated by {}: {usd}.
 ## .4dgs
 
 Clips written by one program and evaluated by the other, {}. The first clip is the scene, written with 9 frames; times are shares of the clip. 0.3 and 0.7
-lie between frames: there a splat that turns or appears quickly has the rotation and opacity of the nearest frame. The other clips are the package's: random splats with linear
-motion, and the scene's frames as its own converter stores them, which shows nothing at both ends of the clip. Their reference is the package's evaluation of its own file. Missing
-and extra splats are visible (opacity above half a step of 255) in one of the programs only; at 0.3 some missing splats are paired
-with extra neighbours, hence the large errors. Errors are the largest of all others: positions in parts of the scene's size, colours and opacities in steps of 1/255.
+lie between frames: at these times, a splat that rotates or appears quickly has the rotation and opacity of the nearest frame. The other clips are written by the package: random splats with linear
+motion, and the scene's frames as stored by its converter, which are invisible at both ends of the clip. Their reference is the package's evaluation of its own file. Missing
+and extra splats are visible (opacity above half a step of 255) in only one of the programs; at 0.3, some missing splats are paired
+with extra neighbours, which causes the large errors. Errors are the largest over all other splats: positions as a share of the scene's size, colours and opacities in steps of 1/255.
 
 | file | time | splats | missing | extra | positions | colours | opacities | rotations | sizes |
 |---|---|---|---|---|---|---|---|---|---|

@@ -1,9 +1,9 @@
-//! Articulated robots: scenes with known motion that share nothing with `gs-synth` and that no
-//! parameter was tuned on.
+//! Articulated robots: scenes with known motion that are independent of `gs-synth` and were not
+//! used to tune any parameter.
 //!
-//! A robot is a tree of seven capsules that turn about random joints; one of them is folded back
-//! beside the body. Its edit resamples some links, inflates others and attaches a rod to one.
-//! Lengths are about metres: a robot is about 1.5 across.
+//! A robot is a tree of seven capsules that rotate about random joints; one of them is folded back
+//! next to the body. Its edit resamples some links, inflates others and attaches a rod to one.
+//! Lengths are approximately metres: a robot has a size of about 1.5.
 #![allow(
     clippy::cast_possible_truncation,
     clippy::cast_sign_loss,
@@ -47,7 +47,7 @@ impl Transform {
     }
 }
 
-/// A capsule that turns about a joint of its parent.
+/// A capsule that rotates about a joint of its parent.
 #[derive(Debug, Clone)]
 struct Link {
     parent: Option<usize>,
@@ -143,11 +143,11 @@ pub(crate) struct Robot {
     pub(crate) source: std::sync::Arc<RobotScene>,
     pub(crate) edited: std::sync::Arc<Splats>,
     links: Vec<Link>,
-    /// Link of every edited splat; `None` for splats that the edit kept.
+    /// Link of every edited splat; `None` for unchanged splats.
     link_of: Vec<Option<usize>>,
 }
 
-/// What the edit does with a link.
+/// Effect of the edit on a link.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Change {
     Keep,
@@ -194,7 +194,7 @@ impl Robot {
         }
     }
 
-    /// Mean end-point error of the splats that the edit made, scene units, at every second frame.
+    /// Mean end-point error of new and changed splats at every second frame, scene units.
     pub(crate) fn error(&self, found: &dyn DynamicScene) -> Result<f64> {
         let (mut sum, mut count) = (0.0, 0.0);
         for t in [0.25_f32, 0.5, 0.75, 1.0] {
@@ -232,7 +232,7 @@ fn links(rng: &mut Pcg64) -> Vec<Link> {
         let length = rng.random_range(0.25..0.4);
         let radius = rng.random_range(0.05..0.08);
         let elbow = joint + length * outwards;
-        // The first limb is folded: its second link lies along the body, a small gap beside it.
+        // The first limb is folded: its second link lies along the body, separated by a small gap.
         let (joints, ends) = if limb == 0 {
             let apart = links[0].radius + radius + rng.random_range(0.01..0.03);
             let elbow = apart * outwards + height;
@@ -294,7 +294,7 @@ struct Splat {
 fn push(splats: &mut Splats, splat: &Splat, transform: Transform, rng: &mut Pcg64) {
     let place = transform.apply(splat.place) + NOISE * normal3(rng);
     let normal = (splat.normal + TILT * normal3(rng)).normalize_or(DVec3::Z);
-    // The z axis is the thin one.
+    // The z axis is the shortest.
     let rotation = transform.rotation * DQuat::from_rotation_arc(DVec3::Z, normal);
     let extent = (0.7 * splat.spacing).ln() as f32;
     splats.means.push(place.as_vec3().to_array());
@@ -304,7 +304,7 @@ fn push(splats: &mut Splats, splat: &Splat, transform: Transform, rng: &mut Pcg6
     splats.sh.push([0.0; 3]);
 }
 
-/// Adds one splat to all frames; its shape is that of the first.
+/// Adds one splat to all frames; its shape is that in the first.
 fn push_moving(
     frames: &mut [Splats],
     splat: &Splat,
@@ -326,7 +326,7 @@ fn push_moving(
     }
 }
 
-/// The edited frame, and the link of every splat that the edit made.
+/// The edited frame, and the link of every new or changed splat.
 fn edit(
     links: &[Link],
     frame: &Splats,
@@ -389,7 +389,7 @@ fn wide(x: [f32; 3]) -> DVec3 {
 
 /// A standard normal vector.
 fn normal3(rng: &mut Pcg64) -> DVec3 {
-    // Box and Muller.
+    // Box–Muller.
     DVec3::from([0; 3].map(|_| {
         let (u, v): (f64, f64) = (rng.random(), rng.random());
         (-2.0 * (1.0 - u).ln()).sqrt() * (TAU * v).cos()
@@ -404,7 +404,7 @@ fn unit(rng: &mut Pcg64) -> DVec3 {
 mod tests {
     use super::*;
 
-    /// Links are rigid, so the truth keeps distances within a link and not between links.
+    /// Links are rigid, so the true motion preserves distances within a link but not between links.
     #[test]
     fn links_move_rigidly_and_apart_from_each_other() {
         let robot = Robot::new(1, 600);
@@ -424,7 +424,7 @@ mod tests {
         assert!(end[0].apply(x).distance(end[2].apply(x)) > 0.01, "limbs swing");
     }
 
-    /// Negative control of the score: splats that stay where they are have a large error.
+    /// Negative control of the score: splats that do not move have a large error.
     #[test]
     fn edits_are_made_of_kept_and_new_splats_and_standing_still_is_wrong() -> Result<()> {
         let robot = Robot::new(2, 600);

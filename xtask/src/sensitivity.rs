@@ -1,8 +1,8 @@
 //! Sensitivity to the parameters of the default motion model: the factor on the end-point error
 //! when one of them is halved or doubled. Draws `docs/images/sensitivity.svg` and prints a table.
 //!
-//! Scenes are those of `gs-synth` with seeds that no other measurement uses, and robots of a
-//! generator that nothing was tuned on ([`crate::robots`]). Errors are those of edited splats.
+//! Scenes are those of `gs-synth` with seeds that no other measurement uses, and robots, which were
+//! not used for tuning ([`crate::robots`]). Errors are those of edited splats.
 #![allow(
     clippy::cast_possible_truncation,
     clippy::cast_sign_loss,
@@ -19,7 +19,7 @@ use plotters::prelude::*;
 use std::path::Path;
 use std::sync::Arc;
 
-/// Cases in which something has to be decided.
+/// Cases in which the motion is ambiguous.
 const CASES: [&str; 10] = [
     "clothing",
     "graft-wings",
@@ -33,9 +33,9 @@ const CASES: [&str; 10] = [
     "everything",
 ];
 const TIMES: [f32; 4] = [0.25, 0.5, 0.75, 1.0];
-/// Seeds of the benchmark start at 0; these are others.
+/// First seed; the benchmark uses seeds from 0.
 const FIRST_SEED: u64 = 20;
-/// Robots per seed, so that their mean is about as steady as that of the ten cases.
+/// Robots per seed, so that their mean varies about as much as that of the ten cases.
 const ROBOTS: u64 = 4;
 
 type Change = (&'static str, fn(&mut MotionParams, f64));
@@ -63,12 +63,12 @@ struct Scenes {
     robots: Vec<Robot>,
 }
 
-/// Factors on the error of one generator's scenes.
+/// Error factors for the scenes of one generator.
 #[derive(Debug, Clone, PartialEq)]
 struct Effect {
     /// Geometric mean over scenes and seeds.
     mean: f64,
-    /// Smallest and largest geometric mean of a seed's scenes.
+    /// Smallest and largest geometric mean over the scenes of a seed.
     range: [f64; 2],
 }
 
@@ -138,7 +138,7 @@ fn errors(scenes: &[Scenes], params: &MotionParams) -> Result<[Vec<Vec<f64>>; 2]
     Ok(found)
 }
 
-/// Factor from `reference` to `changed`, logarithms `[seed][scene]`.
+/// Ratio of `changed` to `reference`, both logarithms `[seed][scene]`.
 fn effect(changed: &[Vec<f64>], reference: &[Vec<f64>]) -> Effect {
     let of_seed: Vec<f64> = changed
         .iter()
@@ -235,8 +235,8 @@ mod tests {
         assert!((found.range[1] - 2.0).abs() < 1e-12, "{found:?}");
     }
 
-    /// The measurement has to see a parameter that matters: a region model with a useless
-    /// tolerance is worse.
+    /// The measurement must detect an important parameter: a region model with a useless
+    /// tolerance has a larger error.
     #[test]
     fn a_useless_tolerance_raises_the_error() -> Result<()> {
         let robots = vec![Robot::new(5, 500)];

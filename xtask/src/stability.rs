@@ -16,7 +16,7 @@ const CASES: [TruthCase; 2] = [TruthCase::Clothing, TruthCase::GraftWings];
 const SPLATS: usize = 5000;
 const TIMES: [f32; 4] = [0.25, 0.5, 0.75, 1.0];
 
-/// One setting.
+/// Result of one setting.
 struct Point {
     lambda0: f64,
     lambda12: f64,

@@ -1,4 +1,4 @@
-//! Scenes with known motion as files: for other tools and for inspection.
+//! Writes scenes with known motion to files, for other tools and for inspection.
 
 use anyhow::{Context, Result};
 use gs_core::{Camera, DynamicScene, Image, Rasterizer, RenderOutput, RenderParams};
@@ -8,17 +8,18 @@ use gs_raster_cpu::CpuRasterizer;
 use gs_synth::{FitParams, TruthCase};
 use std::path::Path;
 
-/// Frames of the source and of the truth.
+/// Frames of the source and of the ground truth.
 const FRAMES: usize = 25;
 
-/// Cameras with a video, evenly spaced among all, and the size of its images in pixels.
+/// Number of cameras with a video, evenly spaced among all.
 const VIEWS: usize = 4;
+/// Size of the images of a video, pixels.
 const IMAGE: (u32, u32) = (400, 300);
 
 /// Writes one case into the new folder `output`: the source as a PLY sequence (`source`) and as a
 /// deformation network trained on it (`source_4dgs`), the edited first frame (`edited.ply`), its
 /// true motion as a PLY sequence (`truth`) and as PNG frames (`video/<camera>`), and cameras. On
-/// failure nothing is left behind.
+/// failure, the folder is removed.
 pub(crate) fn write(case: &str, seed: u64, size: usize, output: &Path) -> Result<()> {
     let case: TruthCase = case.parse().with_context(|| {
         let known: Vec<&str> = TruthCase::ALL.iter().map(|case| case.name()).collect();

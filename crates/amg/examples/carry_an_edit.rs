@@ -1,4 +1,4 @@
-//! Carries a small edit along a scene that swings by a quarter turn:
+//! Propagates a small edit along a scene that rotates by a quarter turn:
 //! `cargo run --release -p amg --example carry_an_edit`.
 
 use amg::{MotionOptions, propagate};
@@ -6,7 +6,7 @@ use gs_core::{DynamicScene, SceneError, Splats, TimeRange, quat};
 use std::io::Write;
 use std::sync::Arc;
 
-/// A rod of splats along x that turns about the y axis.
+/// A rod of splats along x that rotates about the y axis.
 #[derive(Debug)]
 struct Rod(Splats);
 

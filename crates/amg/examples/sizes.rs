@@ -1,8 +1,8 @@
 //! Seconds, memory and end-point error of the motion stage on a scene with known motion:
 //! `cargo run --release -p amg --example sizes -- CASE SPLATS METHOD [FRAMES [EDITED]]`, with the
 //! number of source splats, `regions`, `knn` or `paper`, the number of frames evaluated (default 3)
-//! and the number of edited splats. With the last, edited splats are left out or repeated a little
-//! beside themselves, and there is no end-point error.
+//! and the number of edited splats. If EDITED is given, edited splats are omitted, or repeated with
+//! a small offset, and there is no end-point error.
 
 use amg::{MotionOptions, Preset, propagate};
 use gs_core::{DynamicScene, Splats};
@@ -65,7 +65,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     Ok(())
 }
 
-/// `count` edited splats: the first of them, then copies a thousandth of the figure beside.
+/// `count` edited splats: the original ones, then copies displaced by a thousandth of the figure.
 fn resized(scene: &TruthScene, count: usize) -> Splats {
     let edited = &scene.edited.splats;
     let rows: Vec<usize> = (0..count).map(|i| i % edited.len()).collect();
@@ -76,7 +76,7 @@ fn resized(scene: &TruthScene, count: usize) -> Splats {
     splats
 }
 
-/// Largest resident memory so far, where the system tells.
+/// Peak resident memory, if the system reports it.
 fn peak_mib() -> Option<u64> {
     let status = std::fs::read_to_string("/proc/self/status").ok()?;
     let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"))?;

@@ -1,5 +1,5 @@
-//! What scenes trained on footage have and drawn ones do not: splats of bare surfaces that slide,
-//! each its own way, and splats that are replaced by others.
+//! Effects of scenes trained on captured footage that synthetic scenes lack: independently sliding
+//! splats on textureless surfaces, and splats that are replaced by others.
 #![allow(
     clippy::unwrap_used,
     clippy::cast_possible_truncation,
@@ -14,7 +14,7 @@ use common::Table;
 use gs_core::{DynamicScene, Splats};
 use std::sync::Arc;
 
-/// A number in [−1, 1] that looks random.
+/// A pseudo-random number in [−1, 1].
 fn scatter(i: usize, stream: u32) -> f32 {
     let x = (i as f32 * 12.989_8 + stream as f32 * 78.233).sin() * 43_758.547;
     2.0 * (x - x.floor()) - 1.0
@@ -28,7 +28,7 @@ fn push(splats: &mut Splats, mean: [f32; 3], logit: f32) {
     splats.sh.push([0.0; 3]);
 }
 
-/// A wall of `n × n` splats, spacing 0.1, whose centres lie off their grid points by `off`.
+/// A wall of `n × n` splats, spacing 0.1, whose centres are displaced from the grid by `off`.
 fn wall(n: usize, off: impl Fn(usize) -> [f32; 2]) -> Splats {
     let mut splats = Splats::default();
     for i in 0..n * n {
@@ -66,7 +66,7 @@ fn a_wall_that_slides_unseen_stays_put_in_the_edit() {
         })
         .to_vec();
     let source = Arc::new(Table::new(frames));
-    // Reconstructed anew: no splat is where one was.
+    // As after a new reconstruction: no splat is at the position of an old one.
     let mut edited = wall(SIDE, |_| [0.033, 0.041]);
     let walls = edited.len();
     block(&mut edited, [1.02, 1.03, 1.01], |_| 2.0);
@@ -81,14 +81,15 @@ fn a_wall_that_slides_unseen_stays_put_in_the_edit() {
     };
     let (wall, block) = moved(true);
     assert!(wall < 0.004, "the wall's splats slide by up to 0.07, the edit's by {wall}");
-    assert!(block < 0.004, "the block goes along, missing by {block}");
+    assert!(block < 0.004, "the block follows with an error of {block}");
     let (wall, _) = moved(false);
-    assert!(wall > 0.01, "control: otherwise the wall creeps, {wall}");
+    assert!(wall > 0.01, "control: otherwise the wall drifts by {wall}");
 }
 
 #[test]
 fn where_faded_splats_would_be_says_nothing() {
-    // Every other splat fades and, unseen, flies off; at half time it is still with the others.
+    // Every other splat fades and then moves away while invisible; at half time it is still with
+    // the others.
     let at = |t: f32| {
         let mut frame = Splats::default();
         block(&mut frame, [t, 0.0, 0.0], |i| if i % 2 == 0 { 2.0 - 20.0 * t } else { 2.0 });
@@ -111,10 +112,10 @@ fn where_faded_splats_would_be_says_nothing() {
         (farthest(&edited.means, &at.means, [1.0, 0.0, 0.0]), faintest)
     };
     let (miss, faintest) = missed(true);
-    assert!(miss < 0.05, "the edit follows those that stay, missing by {miss}");
-    assert!(faintest > 1.0, "and stays as visible as they do, {faintest}");
+    assert!(miss < 0.05, "the edit follows the remaining splats with an error of {miss}");
+    assert!(faintest > 1.0, "and has the same visibility, {faintest}");
     let (miss, _) = missed(false);
-    assert!(miss > 0.5, "control: blended alike, they tear it apart, {miss}");
+    assert!(miss > 0.5, "control: with equal weights, they tear it apart, {miss}");
 }
 
 #[test]

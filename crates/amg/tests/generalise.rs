@@ -1,4 +1,4 @@
-//! Other scenes than the goldens: another figure, other motions, other seeds, truth known.
+//! Scenes other than the goldens: another figure, other motions, other seeds, known true motion.
 #![allow(
     clippy::unwrap_used,
     clippy::cast_possible_truncation,
@@ -15,7 +15,7 @@ use std::sync::Arc;
 
 const TIMES: [f32; 4] = [0.25, 0.5, 0.75, 1.0];
 
-/// Scores of every scored splat, and of those of them that are no source splats.
+/// Scores of all scored splats, and of those that are not source splats.
 struct Scores {
     all: MotionError,
     edited: MotionError,
@@ -52,8 +52,8 @@ fn errors(case: &str, seed: u64, size: usize) -> [Scores; 3] {
     [knn, control, best].map(|found| scored(&found, &scene.edited.truth, &is_edited))
 }
 
-/// Shares of KNN-Guide's error, a quarter or so above what was measured; and on splats that were
-/// edited, the control is not ahead.
+/// Limits as shares of KNN-Guide's error, about a quarter above the measured values; on edited
+/// splats, the control is not better.
 #[test]
 fn the_default_is_far_ahead_of_the_nearest_neighbours() {
     for (case, share) in [
@@ -82,8 +82,8 @@ fn the_default_is_far_ahead_of_the_nearest_neighbours() {
             best.all.epe,
             knn.all.epe
         );
-        // Where two objects touch, which one a splat between them is on is a toss-up, and one splat
-        // is a fifth of the error.
+        // Where two objects touch, it is ambiguous to which one a splat between them belongs, and a
+        // single splat accounts for a fifth of the error.
         let slack = if case == "touch-and-part" { 1.5 } else { 1.02 };
         assert!(
             best.edited.epe <= slack * control.edited.epe,

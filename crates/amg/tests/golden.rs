@@ -1,4 +1,4 @@
-//! The goldens of `fixtures/amg`: motion of edited splats against the truth, for every guide.
+//! The goldens of `fixtures/amg`: error of the motion of edited splats, for every guide.
 #![allow(
     clippy::unwrap_used,
     clippy::cast_possible_truncation,
@@ -53,9 +53,9 @@ fn relative_rotations_reproduce_the_table() {
     }
 }
 
-/// The table of the goldens (lines of its own, so within 15 %), and what a second independent
-/// implementation of the paper found on two of the edits with the lines of seed 0: the same to the
-/// digits it gives.
+/// Agrees with the table of the goldens within 15 % (their lines differ), and with a second
+/// independent implementation of the paper on two of the edits with the lines of seed 0, to the
+/// printed digits.
 #[test]
 fn the_paper_to_the_letter_agrees_with_independent_implementations() {
     let found = EDITS.map(|name| run(&MotionOptions::preset(Preset::Paper), &golden_edit(name)));
@@ -67,8 +67,8 @@ fn the_paper_to_the_letter_agrees_with_independent_implementations() {
     assert!((all.epe - 2.50).abs() <= 0.005, "all: {all}, expected EPE 2.50");
 }
 
-/// The paper estimates every splat, keeps the edit's opacity and colours, and neither limits nor
-/// refuses anything.
+/// The paper estimates every splat, keeps the edit's opacity and colours, and neither limits scales
+/// nor rejects matches.
 #[test]
 fn the_paper_to_the_letter_copies_nothing() {
     let (mut source, _) = golden_source();
@@ -77,7 +77,7 @@ fn the_paper_to_the_letter_copies_nothing() {
         for logit in &mut frame.opacity_logits {
             *logit += 0.1 * k as f32;
         }
-        // To ten times the size, far beyond what the default lets splats grow.
+        // Ten times the size, far above the limit of the default.
         for scale in frame.log_scales.iter_mut().flatten() {
             *scale += if k == 0 { 0.0 } else { 10.0_f32.ln() };
         }
@@ -95,7 +95,7 @@ fn the_paper_to_the_letter_copies_nothing() {
     assert_eq!(last.sh, edited.sh, "shared over all frames");
     let mut grown = last.log_scales.iter().zip(&edited.log_scales).map(|(a, b)| a[0] - b[0]);
     assert!(grown.all(|ln| ln > 8.0_f32.ln()), "changes of scale are not limited");
-    // known copies, as with --motion amg, share them as well
+    // known copies, as with --motion amg, also share them
     let mut known = MotionOptions::preset(Preset::Paper);
     known.identity.enabled = true;
     let mut recoloured = edited.clone();
@@ -110,8 +110,8 @@ fn the_paper_to_the_letter_copies_nothing() {
     assert_eq!(last.opacity_logits, recoloured.opacity_logits, "shared over all frames");
 }
 
-/// A further baseline. Measured .439, 1.286, 1.497, 2.381 (lines: .555, 1.380, 1.600, 2.503): on
-/// these scenes the literal method gains nothing from lines.
+/// An additional baseline. Measured 0.439, 1.286, 1.497, 2.381 (lines: 0.555, 1.380, 1.600, 2.503):
+/// on these scenes, lines do not improve the paper's method.
 #[test]
 fn farthest_point_anchors_are_a_baseline() {
     let mut options = MotionOptions::preset(Preset::Paper);
@@ -134,8 +134,8 @@ fn the_default_beats_its_bars() {
     }
 }
 
-/// Nine tenths of a real capture are a still background without noise; it must not change how the
-/// figure is read.
+/// Nine tenths of a real capture are static background without noise; it must not change the motion
+/// of the figure.
 #[test]
 fn a_large_still_background_changes_little() {
     let (mut source, size) = golden_source();
@@ -157,8 +157,8 @@ fn a_large_still_background_changes_little() {
     assert!(error.epe < 0.35, "{error}");
 }
 
-/// Splats that move with nothing around them have no motion to offer to others, be they as many as
-/// one in twenty, amidst the figure and kept by the edit.
+/// Splats that move unlike their neighbours must not determine the motion of others, even if one
+/// splat in twenty is such a splat, lies inside the figure and was kept by the edit.
 #[test]
 fn floaters_that_the_edit_keeps_decide_nothing() {
     let (mut source, size) = golden_source();
@@ -185,8 +185,8 @@ fn floaters_that_the_edit_keeps_decide_nothing() {
     assert!(error.epe < 1.04 * alone.epe, "{error}, without: {alone}");
 }
 
-/// Negative control of the metric and of the rules: the default's matches with the paper's averages
-/// are far worse.
+/// Negative control of the metric and of the aggregation: the default's matches with the paper's
+/// averages have a far larger error.
 #[test]
 fn averaging_translations_costs_accuracy() {
     let options = MotionOptions { aggregation: Aggregation::PAPER, ..MotionOptions::default() };

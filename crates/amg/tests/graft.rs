@@ -1,4 +1,4 @@
-//! New geometry joined to a figure: it stays whole, and it moves with what holds it.
+//! New geometry attached to a figure stays rigid and moves with the part to which it is attached.
 #![allow(
     clippy::unwrap_used,
     clippy::cast_possible_truncation,
@@ -16,13 +16,13 @@ use std::sync::Arc;
 
 const FRAMES: usize = 9;
 
-/// Distance of neighbouring splats.
+/// Distance between neighbouring splats.
 const SPACING: f32 = 0.03;
 
 /// Height of the figure.
 const HEIGHT: f32 = 1.4;
 
-/// Discs on the six faces of the box from `low` to `high`, on a grid that is a little irregular.
+/// Discs on the six faces of the box from `low` to `high`, on a slightly irregular grid.
 fn cuboid(out: &mut Splats, low: [f32; 3], high: [f32; 3]) {
     let half = std::f32::consts::FRAC_1_SQRT_2;
     for axis in 0..3 {
@@ -38,7 +38,7 @@ fn cuboid(out: &mut Splats, low: [f32; 3], high: [f32; 3]) {
             let mut mean = [0.0; 3];
             (mean[axis], mean[u], mean[v]) = (side[axis], at(u, i), at(v, j));
             out.means.push(mean);
-            // The disc's thin axis is its third one.
+            // The third axis of the disc is the thin one.
             out.quats
                 .push([[half, 0.0, half, 0.0], [half, half, 0.0, 0.0], [1.0, 0.0, 0.0, 0.0]][axis]);
             out.log_scales.push([0.012_f32.ln(), 0.012_f32.ln(), 0.002_f32.ln()]);
@@ -59,7 +59,7 @@ fn nothing() -> Splats {
     }
 }
 
-/// Turns everything about an axis through `pivot`.
+/// Rotates all splats about an axis through `pivot`.
 fn turn(splats: &mut Splats, axis: [f32; 3], angle: f32, pivot: [f32; 3]) {
     let (sin, cos) = (0.5 * angle).sin_cos();
     let q = [cos, sin * axis[0], sin * axis[1], sin * axis[2]];
@@ -82,13 +82,13 @@ fn sway(splats: &mut Splats, k: usize) {
     turn(splats, [0.0, 1.0, 0.0], 0.5 * beat(k), [0.0; 3]);
 }
 
-/// Motion of the arm: about its shoulder, then that of the trunk.
+/// Motion of the arm: rotation about its shoulder, then the motion of the trunk.
 fn swing(splats: &mut Splats, k: usize) {
     turn(splats, [1.0, 0.0, 0.0], 0.9 * beat(k), [0.33, 1.35, 0.06]);
     sway(splats, k);
 }
 
-/// A trunk that sways, and an arm beside it that swings about its shoulder, too.
+/// A trunk that sways, and an arm next to it that also swings about its shoulder.
 fn figure() -> Table {
     let frame = |k: usize| {
         let mut splats = nothing();
@@ -126,8 +126,8 @@ fn carried(
     })
 }
 
-/// Share of the figure's height by which splats of `graft` miss the motion that `truth` gives them,
-/// at worst over splats and times.
+/// Largest error of splats of `graft` against the motion `truth`, over splats and times, as a share
+/// of the figure's height.
 fn worst(
     carried: impl Iterator<Item = Vec<[f32; 3]>>,
     graft: &Splats,
@@ -146,7 +146,7 @@ fn worst(
     worst
 }
 
-/// `splats`, each moved by up to `size` in some direction.
+/// `splats`, each moved by up to `size` in a pseudo-random direction.
 fn shaken(splats: &Splats, size: f32) -> Splats {
     let mut out = splats.clone();
     for (i, mean) in out.means.iter_mut().enumerate() {
@@ -157,8 +157,8 @@ fn shaken(splats: &Splats, size: f32) -> Splats {
     out
 }
 
-/// A block on the trunk's front, one edge of which lies on the arm. Nearest neighbours tear it: the
-/// negative control.
+/// A block on the front of the trunk; one of its edges touches the arm. Nearest neighbours tear it
+/// apart, which is the negative control.
 #[test]
 fn a_block_on_the_trunk_is_not_torn_by_an_arm_it_touches() {
     let source = figure();
@@ -175,8 +175,8 @@ fn a_block_on_the_trunk_is_not_torn_by_an_arm_it_touches() {
     }
 }
 
-/// A block held by trunk and arm about equally is no graft of either: each end moves with what it
-/// lies on.
+/// A block with similar contact to trunk and arm is a graft of neither: each end moves with the
+/// part that it touches.
 #[test]
 fn a_block_that_two_parts_hold_equally_bends() {
     let source = figure();
@@ -194,7 +194,7 @@ fn a_block_that_two_parts_hold_equally_bends() {
     assert!(ends[0] < 0.01 && ends[1] < 0.01, "{ends:?}");
 }
 
-/// The arm of [`figure`] swings beside a trunk that stands still.
+/// The arm of [`figure`] swings next to a static trunk.
 fn swing_alone(splats: &mut Splats, k: usize) {
     turn(splats, [1.0, 0.0, 0.0], 0.9 * beat(k), [0.33, 1.35, 0.06]);
 }
@@ -216,7 +216,7 @@ fn standing() -> Table {
     Table::new((0..FRAMES).map(frame).collect())
 }
 
-/// Parts that do not move carry what rests on them, too.
+/// Grafts on static parts stay static.
 #[test]
 fn a_block_on_a_still_trunk_is_not_torn_by_an_arm_it_touches() {
     let source = standing();
@@ -233,7 +233,7 @@ fn a_block_on_a_still_trunk_is_not_torn_by_an_arm_it_touches() {
     }
 }
 
-/// A stick thinner than any limb, held at the end of the arm, its other half beside the trunk.
+/// A stick thinner than any limb, held at the end of the arm; its other half is next to the trunk.
 #[test]
 fn a_thin_stick_moves_with_the_hand_that_holds_it() {
     for (name, source, truth) in [
@@ -256,7 +256,7 @@ fn a_thin_stick_moves_with_the_hand_that_holds_it() {
     }
 }
 
-/// A ring that hovers over the trunk, joined to nothing.
+/// A ring that hovers over the trunk without contact.
 #[test]
 fn a_hovering_ring_moves_as_one_with_what_is_nearest() {
     let source = figure();
@@ -282,7 +282,7 @@ fn a_hovering_ring_moves_as_one_with_what_is_nearest() {
     }
 }
 
-/// A sleeve over both halves of an arm that bends at the elbow is as thin as a stick, and no stick.
+/// A sleeve over both halves of an arm that bends at the elbow is thin like a stick, but must bend.
 #[test]
 fn a_sleeve_bends() {
     let bend = |splats: &mut Splats, k: usize| {

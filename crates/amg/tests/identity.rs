@@ -1,5 +1,4 @@
-//! Which edited splats are source splats: by value, whatever editors do to order, signs and
-//! rounding.
+//! Edited splats that are source splats are found by value, for any order, signs and rounding.
 #![allow(
     clippy::unwrap_used,
     clippy::cast_possible_truncation,
@@ -97,7 +96,7 @@ fn real_edits_are_not_taken_for_rounding() {
     assert_eq!(found.rows[..2], [Identity::Recoloured(0), Identity::Recoloured(1)], "appearance");
     assert!(found.rows[2..5].iter().all(|r| *r == Identity::Edited), "{:?}", &found.rows[..5]);
     assert_eq!((found.unchanged, found.recoloured, found.edited), (195, 2, 3), "counts");
-    assert_eq!(found.vanished, [2, 3, 4], "their sources vanished");
+    assert_eq!(found.vanished, [2, 3, 4], "their sources are not found");
 }
 
 #[test]
@@ -109,7 +108,7 @@ fn coincident_splats_are_paired_one_to_one_by_colour_first() {
     let edited = source.select(&[2, 0, 1, 3]);
     let found = map(&source, &edited);
     let expected = [2, 0, 1, 3].map(Identity::Unchanged);
-    assert_eq!(found.rows, expected, "each finds its own");
+    assert_eq!(found.rows, expected, "each matches its own source");
 
     let twins = source.select(&[0, 0, 0]);
     let found = map(&twins, &twins);
@@ -142,7 +141,7 @@ fn switched_off_and_hostile_input() {
     assert!(error.contains("edited splats are malformed"), "{error}");
 }
 
-/// What a format with 8-bit colours and positions on a grid does.
+/// Rounding of a format with 8-bit colours and positions on a grid.
 fn coarse(source: &Splats) -> (Splats, RowPrecision) {
     let grid = |v: f32, step: f32| (v / step).round() * step;
     let mut stored = source.with_sh_degree(0);
@@ -182,11 +181,11 @@ fn what_only_the_format_changed_is_unchanged() {
     for (row, &id) in order.iter().enumerate() {
         assert_eq!(found.rows[row], Identity::Unchanged(id as u32), "row {row}");
     }
-    // Negative control: without the precision none of it is recognised whole.
+    // Negative control: without the precision, no splat is recognised as unchanged.
     let strict = IdentityMap::of(&source, &edited, &IdentityParams::default()).unwrap();
     assert!(strict.unchanged < 20, "{} are unchanged by value", strict.unchanged);
 
-    // Real edits are seen: a colour, a shift by more than the grid, a turn.
+    // Real edits are detected: a colour, a shift larger than the grid, a rotation.
     edited.sh[0][0] = source.sh_of(order[0])[0][0].clamp(-1.0, 0.9) + 0.05;
     edited.means[1][2] += 5e-3;
     edited.quats[2] = quat::mul(edited.quats[2], [0.995, 0.0998, 0.0, 0.0]);

@@ -1,5 +1,5 @@
-//! The default does not depend on where the scene lies, how it is turned, how large it is and in
-//! which order files list splats.
+//! The default does not depend on the position, orientation and size of the scene, or on the order
+//! of splats in files.
 #![allow(
     clippy::unwrap_used,
     clippy::cast_possible_truncation,
@@ -23,7 +23,7 @@ use std::sync::Arc;
 struct Placement {
     turn: [f32; 4],
     scale: f32,
-    /// In sizes of the scaled figure.
+    /// In multiples of the scaled figure's size.
     shift: [f32; 3],
 }
 
@@ -46,7 +46,7 @@ impl Placement {
     }
 }
 
-/// A scene, an edit of its first frame, and the size of what moves.
+/// A scene, an edit of its first frame, and the size of the moving splats.
 struct Case {
     name: String,
     source: Table,
@@ -83,7 +83,7 @@ fn carried_by(preset: Preset, source: &Table, edited: &Splats) -> Vec<Splats> {
     times.iter().map(|&t| found.scene.at(t).unwrap()).collect()
 }
 
-/// Splats that are anywhere more than `limit` apart.
+/// Number of splats that differ by more than `limit` at any time.
 fn strays(a: &[Splats], b: &[Splats], limit: f64) -> usize {
     let apart = |a: [f32; 3], b: [f32; 3]| {
         let d = [0, 1, 2].map(|k| f64::from(a[k]) - f64::from(b[k]));
@@ -92,8 +92,8 @@ fn strays(a: &[Splats], b: &[Splats], limit: f64) -> usize {
     (0..a[0].len()).filter(|&i| a.iter().zip(b).any(|(a, b)| apart(a.means[i], b.means[i]))).count()
 }
 
-/// How many splats end more than 1e-4 of the figure from where `placed` takes the result of the
-/// scene as it is, if source and edit are placed so before.
+/// Number of splats that differ by more than 1e-4 of the figure between the result for a placed
+/// source and edit, and the placed result for the original scene.
 fn misplaced(case: &Case, here: &[Splats], placed: Placement, edit: Placement) -> usize {
     misplaced_by(Preset::Regions, case, here, placed, edit)
 }
@@ -111,8 +111,8 @@ fn misplaced_by(
     strays(&there, &all(here), 1e-4 * size * f64::from(placed.scale))
 }
 
-/// Scales from a thousandth to a thousand, any rotation, up to ten figures off the origin. Rounding
-/// moves a splat in a thousand across the line between two decisions: none, one or two here.
+/// Scales from a thousandth to a thousand, any rotation, up to ten figure sizes from the origin.
+/// Rounding changes the decision for about one splat in a thousand: none, one or two here.
 #[test]
 fn placing_the_scene_places_the_result() {
     let cases = [
@@ -145,7 +145,7 @@ fn placing_the_scene_places_the_result() {
     }
 }
 
-/// The baseline of three nearest neighbours has no axes either.
+/// The baseline of three nearest neighbours is also independent of the axes.
 #[test]
 fn placing_the_scene_places_what_nearest_neighbours_say() {
     let case = golden("drift");
@@ -155,7 +155,7 @@ fn placing_the_scene_places_what_nearest_neighbours_say() {
     assert!(strays <= case.edited.len() / 1000, "{strays} of {}", case.edited.len());
 }
 
-/// Negative control: an edit that is 0.5 % larger than the scene it belongs to is another edit.
+/// Negative control: an edit that is 0.5 % larger than its scene is a different edit.
 #[test]
 fn placing_the_edit_otherwise_is_noticed() {
     let case = golden("all");
@@ -166,7 +166,8 @@ fn placing_the_edit_otherwise_is_noticed() {
     assert!(strays > case.edited.len() / 2, "{strays} of {}", case.edited.len());
 }
 
-/// A thousand figures off the origin, coordinates themselves are rounded to 1e-4 of the figure.
+/// At a distance of a thousand figures from the origin, coordinates are rounded to 1e-4 of the
+/// figure.
 #[test]
 fn far_from_the_origin_only_coordinates_lose_digits() {
     let case = golden("all");
@@ -179,11 +180,11 @@ fn far_from_the_origin_only_coordinates_lose_digits() {
     assert!(found <= case.edited.len() / 500, "{found} of {}", case.edited.len());
 }
 
-/// Rows of both files in any order, coincident splats among them.
+/// Rows of both files in any order, including coincident splats.
 #[test]
 fn shuffling_rows_shuffles_the_result() {
     for mut case in [golden("inflate"), golden("graft"), synthetic(TruthCase::Everything, 2500)] {
-        // Twice the same place: once with another opacity, once with another motion.
+        // Two pairs of coincident splats: one with another opacity, one with another motion.
         for (t, frame) in case.source.frames.iter_mut().enumerate() {
             for i in 0..50 {
                 frame.push_from(&frame.clone(), 20 * i);

@@ -1,5 +1,5 @@
-//! Selections that an editor moved, turned or scaled: recognised, and carried along with what they
-//! belong to.
+//! Selections that an editor moved, rotated or scaled are recognised and move with the object to
+//! which they belong.
 #![allow(
     clippy::unwrap_used,
     clippy::cast_possible_truncation,
@@ -38,7 +38,7 @@ fn about(about: [f64; 3], scale: f64, rotation: [f64; 4], shift: [f64; 3]) -> Si
     Similarity { translation: [0, 1, 2].map(|k| about[k] - turned[k] + shift[k]), ..plain }
 }
 
-/// The splats with `rows` placed.
+/// The splats with `rows` transformed.
 fn placed(splats: &Splats, rows: &[usize], similarity: &Similarity) -> Splats {
     let moved = similarity.place(&splats.select(rows));
     let (mut edited, coeffs) = (splats.clone(), splats.sh_coeffs());
@@ -59,8 +59,8 @@ fn distance(a: [f32; 3], b: [f64; 3]) -> f64 {
     (0..3).map(|k| (f64::from(a[k]) - b[k]).powi(2)).sum::<f64>().sqrt()
 }
 
-/// Where each of `rows`, placed by `to` at the edit time, truly is at `t`: the rigid motion of its
-/// part, noise left out, as the affine map of four splats of the part.
+/// True positions at `t` of `rows`, transformed by `to` at the edit time: the rigid motion of their
+/// part without noise, as the affine map of four splats of the part.
 fn truth(
     clean: &SynthScene,
     rows: &[usize],
@@ -74,7 +74,7 @@ fn truth(
         [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
     };
     let dot = |a: [f64; 3], b: [f64; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
-    // The four span a body of large volume.
+    // The four splats span a large volume.
     let base = rows[0];
     let mut best = (0.0, [0; 3]);
     for i in rows.iter().step_by(rows.len().div_ceil(12)) {
@@ -102,7 +102,7 @@ fn truth(
         .collect()
 }
 
-/// Mean error of `rows` over the times, world units: of the default, and of KNN-Guide.
+/// Mean error of `rows` over the times, world units, for the default and for KNN-Guide.
 fn errors(
     scene: &SynthScene,
     rows: &[usize],
@@ -125,7 +125,7 @@ fn errors(
     })
 }
 
-/// Mean distance of the source's own splats from where they truly are.
+/// Mean distance of the source's own splats from their true positions.
 fn noise(scene: &SynthScene, rows: &[usize]) -> f64 {
     let clean = scene.noise_free();
     let sum: f64 = TIMES
@@ -159,7 +159,7 @@ fn moved_parts_follow_what_they_belong_to() {
         assert_eq!(found.moved, rows.len(), "{name}: and no others");
         assert_eq!(found.similarities.len(), 1, "{name}: {:?}", found.similarities);
         let [ours, knn] = errors(&scene, &rows, &|_, x| similarity.apply(x), edited);
-        // No better than the source itself, whose splats are off by its noise.
+        // The result cannot be better than the source, whose splats have noise.
         let floor = scale.max(1.0) * noise(&scene, &rows);
         assert!(
             ours <= (0.10 * knn).max(1.1 * floor),
@@ -176,7 +176,7 @@ fn several_groups_and_both_copies_of_a_clone() {
     let larger = about(centre(&first, &head), 1.2, [1.0, 0.0, 0.0, 0.0], [0.0; 3]);
     let aside = about(centre(&first, &arm), 1.0, [0.9, 0.0, 0.0, 0.3], [0.4, 0.0, 0.0]);
     let mut edited = placed(&placed(&first, &head, &larger), &arm, &aside);
-    // Two copies of the head beside it, one over the other.
+    // Two copies of the head next to it, one above the other.
     let copies = [
         about(centre(&first, &head), 0.9, [0.8, 0.0, 0.4, 0.0], [0.0, 0.4, 0.0]),
         about(centre(&first, &head), 1.1, [0.8, 0.3, 0.0, 0.0], [0.0, 0.4, 0.0]),
@@ -198,7 +198,7 @@ fn several_groups_and_both_copies_of_a_clone() {
             );
         }
     }
-    assert!(found.vanished.is_empty(), "nothing is gone: {}", found.vanished.len());
+    assert!(found.vanished.is_empty(), "nothing is removed: {}", found.vanished.len());
 }
 
 #[test]
@@ -272,7 +272,7 @@ fn formats_that_round_are_recognised_and_their_rounding_undone() {
     let size = f64::from(scene.figure_size());
     for &row in rows.iter().filter(right) {
         let miss = distance(restored.means[row], exact.means[row].map(f64::from));
-        assert!(miss < 2e-5 * size, "row {row} is {miss} off");
+        assert!(miss < 2e-5 * size, "row {row} has an error of {miss}");
     }
     let before: f64 =
         rows.iter().map(|&r| distance(edited.means[r], exact.means[r].map(f64::from))).sum();
@@ -308,9 +308,9 @@ fn whole_scenes_keep_their_trajectories_under_the_similarity() {
         for (row, identity) in found.rows.iter().enumerate() {
             if matches!(identity, Identity::Moved { .. }) {
                 let miss = distance(now.means[row], then.means[row].map(f64::from));
-                assert!(miss < 1e-4 * size, "row {row} is {miss} off");
+                assert!(miss < 1e-4 * size, "row {row} has an error of {miss}");
                 let turn = quat::dot(now.rotation(row), then.rotation(row)).abs();
-                assert!(turn > 0.9999, "row {row} is turned otherwise: {turn}");
+                assert!(turn > 0.9999, "row {row} has another rotation: {turn}");
             }
         }
     }
@@ -334,7 +334,7 @@ fn what_was_not_moved_is_not_taken_for_it() {
         let found = far(case);
         assert!(found.moved * 200 <= found.rows.len(), "{case}: {} moved", found.moved);
     }
-    // Another scene altogether, with precision that admits much.
+    // A different scene, with a very coarse precision.
     let other = build(TruthCase::Recolour, 77, 6000).unwrap().source.frame1().clone();
     let coarse = RowPrecision {
         means: [1e-3; 3],
@@ -381,7 +381,7 @@ fn moved_rows_fade_as_their_sources_do_and_neither_order_nor_threads_matter() {
     let (a, b) = (one.at(0.6).unwrap(), shuffled.at(0.6).unwrap());
     for (i, &row) in order.iter().enumerate() {
         let miss = distance(b.means[i], a.means[row].map(f64::from));
-        assert!(miss < 1e-5, "row {row} moves otherwise by {miss} when shuffled");
+        assert!(miss < 1e-5, "row {row} moves differently by {miss} when shuffled");
     }
     assert_eq!(one.at(0.0).unwrap(), edited, "the edit time is the edit");
 }
@@ -399,7 +399,7 @@ fn a_copy_does_the_same_in_a_place_of_its_own_with_what_was_added_to_it() {
     for row in 0..count {
         edited.push_from(&copy, row);
     }
-    // Some of the copy was edited further: these are no splats of the source any more.
+    // A part of the copy was edited further, so these splats are not source splats any more.
     let (changed, coeffs) = (|row: usize| row.is_multiple_of(9), edited.sh_coeffs());
     for row in all.iter().copied().filter(|&row| changed(row)) {
         edited.means[count + row][1] += NUDGE;
@@ -411,8 +411,8 @@ fn a_copy_does_the_same_in_a_place_of_its_own_with_what_was_added_to_it() {
     let found = propagate(source_scene, Arc::new(edited), &options, &|_, _| {}).unwrap();
     assert_eq!(found.report.moved_groups.len(), 1, "one copy: {:?}", found.report.moved_groups);
     let binding = found.scene.binding();
-    assert_eq!(binding.groups().len(), 1, "its parts do not part");
-    assert_eq!(found.report.beside_copies, count.div_ceil(9), "what was added goes along");
+    assert_eq!(binding.groups().len(), 1, "its parts stay together");
+    assert_eq!(found.report.beside_copies, count.div_ceil(9), "added splats move with it");
     for t in TIMES {
         let (now, moved) = (scene.at(t).unwrap(), found.scene.at(t).unwrap());
         assert_eq!(moved.means[..count], now.means[..], "the original is untouched at {t}");
@@ -426,13 +426,13 @@ fn a_copy_does_the_same_in_a_place_of_its_own_with_what_was_added_to_it() {
                 assert!(off < 1e-4, "row {row} at {t}: {off}");
             }
         }
-        // It was put beside its old place, and keeps that distance.
+        // The copy was placed next to the original, and keeps that distance.
         let mean = added.iter().sum::<f64>() / added.len() as f64;
-        assert!(mean < 1.2 * f64::from(NUDGE), "mean error of what was added at {t}: {mean}");
+        assert!(mean < 1.2 * f64::from(NUDGE), "mean error of added splats at {t}: {mean}");
     }
 }
 
-/// A head that swells smoothly, by `share` where most, splats with it.
+/// A head that swells smoothly, by at most `share`, together with its splats.
 fn warped_head(scene: &SynthScene, share: f64) -> (Vec<usize>, Splats) {
     let first = scene.frame1();
     let rows: Vec<usize> = of_parts(scene, &[Part::Head])
@@ -451,7 +451,7 @@ fn warped_head(scene: &SynthScene, share: f64) -> (Vec<usize>, Splats) {
     (rows, edited)
 }
 
-/// In small patches a smooth warp is nearly a similarity, but nothing was moved by one.
+/// In small patches, a smooth warp is nearly a similarity, but it is not one.
 #[test]
 fn a_smooth_warp_is_no_set_of_moved_groups() {
     for size in [6000, 24_000] {
@@ -474,7 +474,7 @@ fn a_smooth_warp_is_no_set_of_moved_groups() {
             }
         }
     }
-    // What was moved beside it still is.
+    // A group moved next to it is still recognised.
     let scene = scene();
     let (_, mut edited) = warped_head(&scene, 0.02);
     let rows = of_parts(&scene, &[Part::FootL]);

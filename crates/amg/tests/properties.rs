@@ -1,4 +1,4 @@
-//! What holds for any scene and any edit.
+//! Properties of any scene and any edit.
 #![allow(
     clippy::unwrap_used,
     clippy::cast_possible_truncation,
@@ -41,8 +41,7 @@ proptest! {
         ..ProptestConfig::default()
     })]
 
-    /// Whatever is matched with whatever: if all sources share one rigid motion, so does every
-    /// edited splat.
+    /// If all sources share one rigid motion, so does every edited splat, for any matches.
     #[test]
     fn one_rigid_motion_for_all_is_exact(
         axis in prop::array::uniform3(-1.0_f32..1.0),
@@ -96,8 +95,8 @@ fn translation_only_moves_everything_alike_under_every_preset() {
     }
 }
 
-/// A checkpoint that does not model rotation: its quaternions never change, and must not hold the
-/// motion back.
+/// A checkpoint that does not model rotation: its constant quaternions must not reduce the
+/// estimated rotation.
 #[test]
 fn rotations_that_are_not_modelled_are_not_believed() {
     let (mut source, size) = golden_source();
@@ -123,8 +122,7 @@ fn edits_without_overlap_stay_put_and_are_counted() {
         let said = found.report.warnings.iter().any(|w| w.contains("do not overlap"));
         assert!(said, "{preset:?}: {:?}", found.report.warnings);
     }
-    // The paper's own method has no reach, so there nothing is too far: all follow what transport
-    // gives them.
+    // The paper's method has no distance limit, so all splats follow their transport matches.
     let found = run(&source, &far, &MotionOptions::preset(Preset::Paper));
     assert_eq!((found.report.out_of_reach, found.report.blended), (0, far.len()), "all follow");
     let moved = found.scene.at(1.0).unwrap();
@@ -132,7 +130,7 @@ fn edits_without_overlap_stay_put_and_are_counted() {
     assert_ne!(moved.means, far.means, "they move");
 }
 
-/// Five source splats, 1500 edited ones; and every edited splat twice.
+/// Five source splats and 1500 edited ones; also with every edited splat twice.
 #[test]
 fn few_sources_and_duplicates_have_a_result() {
     let (source, _) = golden_source();
@@ -143,7 +141,7 @@ fn few_sources_and_duplicates_have_a_result() {
     assert!(found.scene.at(1.0).unwrap().means.iter().flatten().all(|v| v.is_finite()), "numbers");
     let twice: Vec<usize> = (0..300).flat_map(|i| [i, i]).collect();
     let at = run(&source, &edit.select(&twice), &MotionOptions::default()).scene.at(1.0).unwrap();
-    assert!(at.means.iter().flatten().all(|v| v.is_finite()), "duplicates have numbers, too");
+    assert!(at.means.iter().flatten().all(|v| v.is_finite()), "results of duplicates are finite");
 }
 
 #[test]
@@ -166,7 +164,7 @@ fn the_number_of_threads_does_not_matter() {
     }
 }
 
-/// A halo above the head, joined to nothing, follows the head; far away it stays.
+/// An unconnected halo above the head follows the head; far away it stays in place.
 #[test]
 fn new_objects_follow_what_they_are_near() {
     let (source, size) = golden_source();
@@ -209,13 +207,14 @@ fn a_still_background_stays_still() {
             frame.push_from(&wall, i);
             let mean = frame.means.last_mut().unwrap();
             mean[1] += 1.5;
-            // Deformation networks make still splats tremble.
+            // Deformation networks make static splats tremble.
             let tremble = 1e-3 * size * ((i * 13 + t * 7) as f64).sin() * t.min(1) as f64;
             mean[0] += tremble as f32;
         }
     }
     let mut edited = source.frames[0].clone();
-    // Sizes that change too: what was only moved keeps the source's own motion, tremble included.
+    // Sizes change as well: splats that were only moved keep the source's own motion, including the
+    // tremble.
     for (i, (mean, log_scale)) in edited.means.iter_mut().zip(&mut edited.log_scales).enumerate() {
         mean[2] += 0.001;
         log_scale[i % 3] += 0.3 + 0.2 * (i as f32 * 0.7).sin();

@@ -1,4 +1,5 @@
-//! `EditedScene`: what rows take from their sources, and that it is the edit at the edit frame.
+//! `EditedScene`: values that rows take from their sources, and equality with the edit at the edit
+//! frame.
 #![allow(
     clippy::unwrap_used,
     clippy::cast_possible_truncation,
@@ -17,7 +18,7 @@ use common::{Table, golden_edit, golden_source};
 use gs_core::{DynamicScene, SceneError, Splats};
 use std::sync::Arc;
 
-/// The golden figure whose opacities and colours change over time.
+/// The golden figure, with opacities and colours that change over time.
 fn blinking() -> Table {
     let mut table = golden_source().0;
     for (t, frame) in (0_u8..).zip(&mut table.frames) {
@@ -200,7 +201,7 @@ fn a_source_that_loses_rows_is_refused() {
     assert!(error.contains("`means` has 1499 rows, expected 1500"), "{error}");
 }
 
-/// Everything moves up by `t`, and canonical splats lie 5 lower than they are seen.
+/// All splats move up by `t`; canonical splats lie 5 units below their rendered positions.
 #[derive(Debug)]
 struct Rising;
 
@@ -221,7 +222,7 @@ fn the_field_baseline_moves_by_differences() {
     let options = MotionOptions::field(Arc::new(Rising));
     let found =
         propagate(Arc::new(source), Arc::new(edited.clone()), &options, &|_, _| {}).unwrap();
-    assert_eq!(found.report.field_rows, edited.len(), "all rows ask the field");
+    assert_eq!(found.report.field_rows, edited.len(), "all rows use the field");
     assert_eq!(found.scene.at(0.0).unwrap(), edited, "the edit frame stays");
     let moved = found.scene.at(0.4).unwrap().means[9][1] - edited.means[9][1];
     assert!((moved - 0.4).abs() < 1e-5, "rose by {moved}");

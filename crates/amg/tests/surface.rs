@@ -1,4 +1,4 @@
-//! Edits that belong to surfaces: what splats that the edit frame does not show inherit.
+//! Edits that apply to surfaces: inheritance by splats that the edit frame does not show.
 #![allow(
     clippy::unwrap_used,
     clippy::cast_precision_loss,
@@ -21,7 +21,7 @@ fn carried(scene: &BriefTruthScene, follow: Follow) -> Propagation {
     propagate(source, edited, &options, &|_, _| {}).unwrap()
 }
 
-/// Source splats that are well visible at some time.
+/// Source splats that are clearly visible at some time.
 fn ever_visible(scene: &BriefTruthScene) -> Vec<bool> {
     let mut visible = vec![false; scene.source.num_splats()];
     for t in TimeRange::UNIT.frames(31) {
@@ -31,7 +31,7 @@ fn ever_visible(scene: &BriefTruthScene) -> Vec<bool> {
     visible
 }
 
-/// Rows by the source splat they are.
+/// For each source splat, the edited row that equals it.
 fn row_of(scene: &EditedScene) -> Vec<Option<usize>> {
     let mut rows = vec![None; scene.binding().num_sources()];
     for row in 0..scene.binding().len() {
@@ -42,7 +42,7 @@ fn row_of(scene: &EditedScene) -> Vec<Option<usize>> {
     rows
 }
 
-/// Shares of the edited surface that `is_edited` misses, and of wrongly edited ones.
+/// Share of the edited surface that `is_edited` misses, and share of wrongly edited splats.
 fn missed_and_wrong(scene: &BriefTruthScene, is_edited: impl Fn(usize) -> bool) -> (f64, f64) {
     let visible = ever_visible(scene);
     let count = |of: &dyn Fn(usize) -> bool| {
@@ -68,7 +68,7 @@ fn deletions_reach_descendants_and_nobody_else() {
     };
     let (missed, wrong) = gone(Follow::Surface);
     assert!(missed < 0.03 && wrong < 0.06, "missed {missed:.3}, wrong {wrong:.3}");
-    // Negative control: carried by splats, the forearm grows back.
+    // Negative control: with `Follow::Splats`, the forearm reappears.
     let (missed, _) = gone(Follow::Splats);
     assert!(missed > 0.4, "missed {missed:.3}");
 }
@@ -99,7 +99,7 @@ fn recolouring_is_a_change_not_a_coat() {
     }
     let [off, unedited, flat] = [off, unedited, flat].map(|sum: f32| sum / count);
     assert!(off < 0.02, "off by {off:.4}");
-    // Negative controls: the old colours, and one coat of paint.
+    // Negative controls: the old colours, and a uniform colour.
     assert!(unedited > 0.2 && flat > 2.0 * off, "unedited {unedited:.4}, flat {flat:.4}");
 }
 
@@ -226,9 +226,9 @@ fn lasting_scenes_are_as_before() {
         propagate(source, edited, &options, &|_, _| {}).unwrap()
     };
     let plain = run(Follow::default());
-    assert_eq!(plain.scene.binding().surface(), None, "the default says nothing of surfaces");
+    assert_eq!(plain.scene.binding().surface(), None, "the default has no surface");
     assert_eq!(plain.report.descent, None, "nor does the report");
-    // Asked for, it changes nothing that the edit frame shows.
+    // If requested, it changes nothing that the edit frame shows.
     let asked = run(Follow::Surface);
     assert_eq!(asked.scene.binding().kinds(), plain.scene.binding().kinds(), "kinds of rows");
     let inherited = asked.scene.binding().surface().unwrap().inherited.len();
@@ -252,7 +252,7 @@ fn propagated(source: &BriefScene, edited: &Splats, follow: Follow) -> Propagati
     propagate(source, edited, &options, &|_, _| {}).unwrap()
 }
 
-/// The dancer whose splats are visible at frame 1, and a shift that puts a copy beside it.
+/// The dancer's splats that are visible at frame 1, and a shift that places a copy next to it.
 fn dancer() -> (BriefScene, Vec<usize>, [f32; 3]) {
     let params = BriefParams { num_splats: 4_000, seed: 3, ..BriefParams::default() };
     let source = BriefScene::figure(&params).unwrap();
@@ -282,7 +282,8 @@ fn copies_of_what_frame_1_shows_last() {
             let kept = (0..shown.len()).map(|i| now.opacity(first + i) / edited.opacity(first + i));
             opacity = opacity.min(kept.fold(f32::INFINITY, f32::min));
         }
-        // A line is off the surface, which is no error of the copy: by how much at the edit time.
+        // Linear motion deviates from the surface, which is not an error of the copy; this is the
+        // deviation at the edit time.
         let worst = means.iter().copied().fold(0.0, f32::max);
         (means[0], worst, opacity)
     };
@@ -300,7 +301,7 @@ fn copies_of_all_generations_stay_exact() {
     let all: Vec<usize> = (0..source.num_splats()).collect();
     let edited = with_copies(&source, &all, shift);
     let found = propagated(&source, &edited, Follow::Surface).scene;
-    assert_eq!(found.binding().count(RowKind::Copied), 0, "all generations are there");
+    assert_eq!(found.binding().count(RowKind::Copied), 0, "all generations are present");
     for t in [0.3, 1.0] {
         let (now, truth) = (found.at(t).unwrap(), source.at(t).unwrap());
         for id in 0..all.len() {
@@ -314,7 +315,7 @@ fn copies_of_all_generations_stay_exact() {
 fn generations_copied_with_lasting_ones_are_hidden() {
     let (source, mut chosen, shift) = dancer();
     let shown = chosen.len();
-    // A box around the dancer also holds a few splats of other times.
+    // A box around the dancer also contains a few splats of other times.
     let hidden: Vec<usize> = (0..source.num_splats()).filter(|id| !chosen.contains(id)).collect();
     chosen.extend(hidden.iter().step_by(5));
     let found = propagated(&source, &with_copies(&source, &chosen, shift), Follow::Surface).scene;
@@ -325,7 +326,10 @@ fn generations_copied_with_lasting_ones_are_hidden() {
         let visible = later.clone().filter(|&row| now.opacity(row) > 0.02).count();
         most = most.max(visible as f32 / later.len() as f32);
     }
-    assert!(most < 0.05, "{most:.3} of the later splats are there beside those that last");
+    assert!(
+        most < 0.05,
+        "{most:.3} of the later splats are visible in addition to those that last"
+    );
 }
 
 #[test]

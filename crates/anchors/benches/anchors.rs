@@ -1,4 +1,4 @@
-//! The stages and the whole, for a figure-like cloud and the paper's 300 000 lines.
+//! The stages and the total, for a figure-like cloud and the paper's 300 000 lines.
 
 use std::hint::black_box;
 use std::time::Duration;

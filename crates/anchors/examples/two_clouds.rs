@@ -27,7 +27,7 @@ fn main() -> Result<(), AnchorError> {
     let covered = strays.iter().filter(|owner| **owner != anchors::NO_ANCHOR).count();
     println!("{covered} of {} stray points got an anchor", strays.len());
 
-    // How far is each edited anchor from the nearest one of the source?
+    // Distance of each edited anchor from the nearest source anchor.
     let tree = KdTree::new(&anchors_src.positions);
     let mut found = Vec::new();
     let mut moved = 0;

@@ -1,5 +1,5 @@
-//! Writes a dancer whose splats live for a part of the clip, as frames, and an edit of the splats
-//! that its first frame shows: another jacket, a hat, or a forearm less.
+//! Writes, as frames, a dancer whose splats are visible for a part of the clip, and an edit of the
+//! splats that its first frame shows: another jacket, a hat, or a removed forearm.
 //!
 //! ```text
 //! cargo run --release --example brief_figure -- brief 6000
@@ -13,7 +13,7 @@ use gs_synth::{BriefCase, BriefParams, build_brief};
 use std::error::Error;
 use std::path::PathBuf;
 
-/// Frames of the clip: several in every life.
+/// Frames of the clip: several within the lifetime of every splat.
 const FRAMES: usize = 41;
 
 fn main() -> Result<(), Box<dyn Error>> {

@@ -1,8 +1,8 @@
-//! Refinement of captured material against a known answer: the colours of a box of a real scene are
-//! spoiled where its first frame cannot tell, and the scene as it was is the truth.
+//! Refinement of a captured scene with known ground truth: colours in a box of the scene are
+//! corrupted where its first frame does not constrain them; the original scene is the ground truth.
 //!
-//! Spoiled are the SH of every splat in the box, by a component that no training view sees in frame
-//! 1, and the base colours of splats that no training view shows in frame 1.
+//! The SH of every splat in the box are corrupted by a component that no training view observes in
+//! frame 1, and so are the base colours of splats that no training view shows in frame 1.
 //!
 //! ```text
 //! cargo run --release -p c4d-cli --example captured_refine -- MODEL --region=-2,1,12,2,6,16 -o pictures
@@ -34,7 +34,7 @@ type Outcome<T> = Result<T, Box<dyn Error>>;
 struct Args {
     /// Model folder of 4DGaussians or Swift4D, or a .splatv
     scene: PathBuf,
-    /// Box whose splats are taken for edited: x0,y0,z0,x1,y1,z1 in world units
+    /// Box whose splats are treated as edited: x0,y0,z0,x1,y1,z1 in world units
     #[arg(long, value_delimiter = ',', required = true)]
     region: Vec<f32>,
     /// Size of the SH component that frame 1 does not show
@@ -43,7 +43,7 @@ struct Args {
     /// Folder for pictures: before, after, truth
     #[arg(short)]
     output: Option<PathBuf>,
-    /// Views that the edited frame was made from, and that supervise; two more are held out
+    /// Number of views of the edited frame, which also supervise; two more are held out
     #[arg(long, default_value_t = 3)]
     views: usize,
     /// [`WarpParams::min_known_color`]
@@ -52,10 +52,10 @@ struct Args {
     /// [`WarpParams::min_visible_share`]
     #[arg(long, default_value_t = WarpParams::default().min_visible_share)]
     min_visible_share: f32,
-    /// Images that supervise
+    /// Number of supervising images
     #[arg(long, default_value_t = 80)]
     samples: usize,
-    /// Times
+    /// Number of times
     #[arg(long, default_value_t = 31)]
     frames: usize,
     /// Width and height of the images
@@ -63,7 +63,7 @@ struct Args {
     size: Vec<u32>,
 }
 
-/// A scene in other colours.
+/// A scene with other colours.
 #[derive(Debug)]
 struct Painted<'a> {
     scene: &'a dyn DynamicScene,
@@ -226,8 +226,8 @@ fn open(path: &Path) -> Outcome<Box<dyn DynamicScene>> {
     })
 }
 
-/// Splats whose weight in every view of frame 1 is below a hundredth of the largest that some view
-/// gives them later.
+/// Splats whose weight in every view of frame 1 is below a hundredth of their largest weight in any
+/// view at later times.
 fn hidden(scene: &dyn DynamicScene, cameras: &[Camera], times: &[f32]) -> Outcome<Vec<bool>> {
     let raster = CpuRasterizer::default();
     let mut then = vec![0.0_f32; scene.num_splats()];
@@ -252,7 +252,7 @@ fn hidden(scene: &dyn DynamicScene, cameras: &[Camera], times: &[f32]) -> Outcom
     Ok(then.iter().zip(&later).map(|(then, later)| *later > 2.0 && *then < 0.01 * later).collect())
 }
 
-/// Adds a random component orthogonal to what `cameras` see of a splat at `mean`.
+/// Adds a random component orthogonal to the colours that `cameras` observe of a splat at `mean`.
 fn spoil(sh: &mut [[f32; 3]], mean: [f32; 3], cameras: &[Camera], size: f32, random: &mut u64) {
     let remove = |v: &mut [f32], other: &[f32]| {
         let along: f32 = v.iter().zip(other).map(|(a, b)| a * b).sum();
@@ -303,7 +303,7 @@ fn render(scene: &dyn DynamicScene, t: f32, camera: &Camera) -> Outcome<Image> {
     Ok(raster.forward(&mut prepared, &splats, &[], &RenderParams::default())?.rgb_image())
 }
 
-/// True images of held-out views, and where the unrefined scene is uncertain.
+/// True images of held-out views, and masks where the unrefined scene is uncertain.
 struct Exam<'a> {
     cameras: &'a [Camera],
     /// View, time, truth, mask.
@@ -341,7 +341,7 @@ impl<'a> Exam<'a> {
         each.sum::<f32>() / self.shots.len() as f32
     }
 
-    /// Inside and outside the mask, over all values of all images.
+    /// PSNR inside and outside the mask, over all values of all images.
     fn psnr(&self, scene: &dyn DynamicScene) -> Outcome<[f64; 2]> {
         let mut sums = [[0.0_f64; 2]; 2];
         for (view, t, truth, mask) in &self.shots {

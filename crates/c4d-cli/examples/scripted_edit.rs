@@ -138,7 +138,7 @@ fn graft(splats: &mut Splats, block: &[f32]) -> usize {
     count
 }
 
-/// SplitMix64: enough for jitter and a shuffle.
+/// SplitMix64: sufficient for jitter and a shuffle.
 struct Random(u64);
 
 impl Random {

@@ -106,13 +106,13 @@ impl Cli {
 
 #[derive(Debug, Subcommand)]
 pub(crate) enum Command {
-    /// Show what a file or folder is, what is missing, and what to do with it
+    /// Show the kind of a file or folder, what is missing, and the next step
     Info(InfoArgs),
     /// Check whether this machine can run c4d, and how fast
     Doctor(DoctorArgs),
     /// Write the splats of one time as a PLY for any 3D editor, with cameras
     Freeze(FreezeArgs),
-    /// Edit a frame: by selections and actions, or fit it to edited pictures of it
+    /// Edit a frame by selections and actions, or fit it to edited pictures
     Edit(EditArgs),
     /// Propagate an edited frame to all times
     Propagate(PropagateArgs),
@@ -126,18 +126,18 @@ pub(crate) enum Command {
     Eval(EvalArgs),
     /// Compare runs in one page: pictures, curves, numbers, and where they differ most
     Compare(CompareArgs),
-    /// Join the parts that --part of render, eval or refine made
+    /// Join parts that render, eval or refine wrote with --part
     Gather(GatherArgs),
     /// Show scenes and runs in the browser: compare, inspect splats, select, save cameras
     View(ViewArgs),
     /// Make a synthetic scene, edit it, propagate the edit and render both
     Demo(DemoArgs),
-    /// Compare methods: against ground truth, or on scenes and edits of your own
+    /// Compare methods against ground truth, or on your own scenes and edits
     Bench {
         #[command(subcommand)]
         what: BenchCommand,
     },
-    /// Print the completions of a shell
+    /// Print completions for a shell
     Completions(CompletionsArgs),
     /// Write manual pages, one per command
     Man(ManArgs),

@@ -64,11 +64,11 @@ const NEAR_SHARE: f64 = 0.1;
 /// Vertical field of view around objects, radians (40°).
 const OBJECT_FOV_RAD: f64 = 0.698_132;
 
-/// Views of a forward capture lie within these angles of its front view, sideways and up or down,
-/// degrees: usual captures move little, and nothing is known of what lies beyond.
+/// Largest angles between the front view and other views of a forward capture, sideways and up or
+/// down, degrees. Cameras of such captures move little, and what lies beyond was not observed.
 const CAPTURED_DEG: [f64; 2] = [12.0, 6.0];
 
-/// Number of views of a refinement without cameras.
+/// Number of views in a refinement without cameras.
 const REFINING: usize = 10;
 
 impl CameraRig {
@@ -128,7 +128,7 @@ impl CameraRig {
             (dot(p.mean, forward) / norm(p.mean).max(f64::MIN_POSITIVE)).clamp(-1.0, 1.0).acos()
         };
         // Three quarters of the scene fit into the image's height; most
-        // cameras of a capture do not see its borders.
+        // cameras of a capture do not show its borders.
         let angles = points.iter().map(|p| (angle(p), p.weight)).collect();
         let fov_y_rad = 2.0 * weighted_quantile(angles, 0.75);
         let [narrowest, widest] = FORWARD_FOV_RAD;
@@ -190,8 +190,8 @@ impl CameraRig {
         camera
     }
 
-    /// Largest angles between the front view and views of what was captured, around and up,
-    /// degrees; `None` for objects, which are captured from all around.
+    /// Largest horizontal and vertical angles between the front view and views of the captured
+    /// side, degrees; `None` for objects, which are captured from all around.
     pub(crate) fn limits(&self) -> Option<[f64; 2]> {
         match self.layout {
             Layout::Object => None,

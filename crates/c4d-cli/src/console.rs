@@ -1,5 +1,5 @@
-//! Output to the terminal: results on standard output;
-//! progress, notes and warnings on standard error. Or all of it to an observer.
+//! Output to the terminal (results on standard output; progress, notes and warnings on standard
+//! error) or to an observer.
 
 use crate::failure::{Exit, Failure};
 use crate::json_report::JsonReport;
@@ -12,7 +12,7 @@ use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-/// The user's terminal, or the observer in its place.
+/// The user's terminal, or an observer instead.
 #[derive(Debug)]
 pub(crate) struct Console {
     quiet: bool,
@@ -31,7 +31,7 @@ impl Console {
         Self { quiet, verbose, bars: progress && !quiet, warnings, observer: None, json: None }
     }
 
-    /// Prints nothing; the observer gets everything.
+    /// Prints nothing; all output goes to the observer.
     pub(crate) fn observed(observer: Arc<dyn Observer>) -> Self {
         Self { observer: Some(observer), ..Self::new(false, true, false) }
     }
@@ -65,21 +65,21 @@ impl Console {
         }
     }
 
-    /// What the command found, for `--json`.
+    /// Results of the command, for `--json`.
     pub(crate) fn report(&self, keys: impl FnOnce() -> Value) {
         if let Some(json) = &self.json {
             json.report(keys());
         }
     }
 
-    /// A file or folder that was written beside the results; only part of `--json`.
+    /// A file or folder that was written in addition to the results; only listed by `--json`.
     pub(crate) fn wrote(&self, path: &Path) {
         if let Some(json) = &self.json {
             json.output(path, &[]);
         }
     }
 
-    /// A file or folder that was written, with what it contains: a result.
+    /// A result: a file or folder that was written, with counts of its contents.
     pub(crate) fn output(&self, path: &Path, counts: &[(&str, usize)]) {
         if let Some(json) = &self.json {
             json.output(path, counts);
@@ -136,7 +136,7 @@ impl Console {
         }
     }
 
-    /// Keeps a message for `--json`.
+    /// Stores a message for `--json`.
     fn keep(&self, kind: &str, text: &impl Display) {
         if let Some(json) = &self.json {
             json.message(kind, &text.to_string());

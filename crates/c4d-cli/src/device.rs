@@ -66,7 +66,7 @@ impl Device {
         }
     }
 
-    /// Resolves the choice: the CPU, or an error where an adapter was asked for.
+    /// Resolves the choice: the CPU, or an error if an adapter was requested.
     #[cfg(not(feature = "gpu"))]
     pub(crate) fn open(choice: GpuChoice) -> Outcome<Self> {
         match choice {

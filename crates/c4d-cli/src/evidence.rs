@@ -1,4 +1,4 @@
-//! [`evidence`]: what the edited frame does not show of a run's colours.
+//! [`evidence`]: colour uncertainty of splats that the edited frame does not show.
 
 use crate::camera_rig::CameraRig;
 use crate::commands::refine::RIG_SIZE;

@@ -18,7 +18,7 @@ pub(crate) fn check_format(format: Format) -> Outcome {
 /// Failure for a Cargo feature that this build lacks; `instead` says what works without it.
 pub(crate) fn missing(feature: &str, instead: &str) -> Failure {
     Failure::usage(format!("this c4d was built without the feature `{feature}`")).next(format!(
-        "{instead}; a build with `--features {feature}`, which is a default, has it."
+        "{instead}; builds with `--features {feature}`, a default feature, include it."
     ))
 }
 

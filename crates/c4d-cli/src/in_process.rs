@@ -9,12 +9,12 @@ use std::ffi::OsString;
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 use std::sync::Arc;
 
-/// Runs `c4d ARGUMENTS` (without the program's name) in this process; nothing is printed, the
-/// observer gets results, messages and progress.
+/// Runs `c4d ARGUMENTS` (without the program's name) in this process. Nothing is printed; results,
+/// messages and progress go to the observer.
 ///
 /// # Errors
-/// Whatever the program would print as an error, with its exit code: also invalid arguments,
-/// warnings under `--strict`, and interruption by [`Observer::is_cancelled`].
+/// Every error that the program would print, with its exit code. This includes invalid arguments,
+/// warnings under `--strict`, and cancellation by [`Observer::is_cancelled`].
 pub fn run_command(arguments: &[OsString], observer: &Arc<dyn Observer>) -> Outcome {
     let cli = Cli::of(arguments)?;
     let global = &cli.global();

@@ -1,4 +1,4 @@
-//! `--json`: what a command did, as one object on standard output.
+//! `--json`: the report of a command, as one object on standard output.
 
 use crate::failure::Failure;
 use serde_json::{Map, Value, json};
@@ -17,8 +17,8 @@ struct Parts {
 }
 
 impl JsonReport {
-    /// Keys of the object that are the command's own. Those of an earlier call are kept, unless
-    /// this one has them, too.
+    /// Adds the command's own keys to the object; keys of earlier calls are overwritten only if
+    /// they are the same.
     pub(crate) fn report(&self, keys: Value) {
         if let Value::Object(keys) = keys {
             self.parts().report.extend(keys);

@@ -1,4 +1,4 @@
-//! Which splats of a scene are visible at one time, and for how long.
+//! Share of a scene's splats that are visible at one time, and for how long.
 
 use crate::failure::{Failure, Outcome};
 use gs_core::{DynamicScene, Splats};
@@ -11,13 +11,13 @@ const SAMPLES: usize = 33;
 const VISIBLE: u8 = 5;
 /// Share of its own largest opacity above which a splat is visible.
 const SHARE_OF_PEAK: f32 = 0.05;
-/// Share of visible splats below which an edit applies to a part of the scene only.
+/// Share of visible splats below which an edit applies only to a part of the scene.
 const MOST: f64 = 0.95;
 
-/// Share of the clip that counts as all of it: one sample less.
+/// Share of the clip that counts as the whole clip: one sample less.
 const WHOLE: f64 = 0.96;
 
-/// Visible splats of a scene that fades.
+/// Visible splats of a scene whose opacities change.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Lifetimes {
     /// Splats visible at the given time, as a share of those visible at any time.
@@ -72,12 +72,12 @@ impl Lifetimes {
         Ok(Some(Self { share: lives.len() as f64 / ever as f64, median, time }))
     }
 
-    /// Whether an edit of that time applies to a part of the scene only.
+    /// Whether an edit at that time applies only to a part of the scene.
     pub(crate) fn is_partial(&self) -> bool {
         self.share < MOST
     }
 
-    /// For a report.
+    /// Text for a report.
     pub(crate) fn describe(&self) -> String {
         let lives = if self.median < WHOLE {
             format!("half of these for at most {:.0} % of the clip", 100.0 * self.median)

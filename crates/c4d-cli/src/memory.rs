@@ -37,7 +37,7 @@ pub(crate) fn require(what: &str, bytes: u64, next: &str) -> Outcome {
 /// Number of frames of a scene in memory, besides those read on opening: the neighbours of a time,
 /// the file being read, and the result. Measured: 580 MB in total for frames of 94 MB.
 pub(crate) const FRAMES_SEEN: u64 = 5;
-/// The same for exports, which also hold the compressed data. Measured: 640 MB in total.
+/// [`FRAMES_SEEN`] for exports, which also keep the compressed data. Measured: 640 MB in total.
 pub(crate) const FRAMES_PACKED: u64 = 8;
 
 /// Refuses a scene if `frames` of its frames do not fit into memory.

@@ -39,7 +39,7 @@ pub(crate) fn stop_if_cancelled(observer: &dyn Observer) {
     }
 }
 
-/// Whether a caught unwinding is that of a cancelled command.
+/// Whether the payload of a caught unwinding is that of a cancelled command.
 pub(crate) fn is_cancellation(payload: &(dyn Any + Send)) -> bool {
     payload.is::<Cancelled>()
 }

@@ -41,7 +41,7 @@ pub(crate) enum PassImage {
     Flow(Flow),
     /// One channel in [0, 1].
     Grey(Image),
-    /// An overlay: its colours, and its numbers if it has any.
+    /// An overlay: its colours, and its values if it has any.
     Overlay(Image, Option<Image>),
 }
 

@@ -25,7 +25,7 @@ pub(crate) enum Shown {
     Lines,
 }
 
-/// How much of a stage is done.
+/// Number of finished steps of a stage.
 #[derive(Debug)]
 struct Tally {
     stage: String,
@@ -159,7 +159,7 @@ impl StageProgress {
         self.report(done);
     }
 
-    /// Text beside the bar.
+    /// Text next to the bar.
     pub(crate) fn message(&self, text: impl fmt::Display) {
         let text = text.to_string();
         if let Some(bar) = &self.bar {

@@ -1,4 +1,4 @@
-//! [`rigid_parts`]: the parts of a scene, with progress, as selections and overlays use them.
+//! [`rigid_parts`]: the rigid parts of a scene, for selections and overlays, with progress.
 
 use crate::console::Console;
 use crate::failure::{Failure, Outcome, chain};

@@ -1,4 +1,4 @@
-//! [`SceneHandle`]: an open scene, run or frame, its cameras and its images in memory.
+//! [`SceneHandle`]: an open scene, run or frame; its cameras, and its images in memory.
 
 use crate::args::{Cli, Command, Global, RenderArgs};
 use crate::cameras::own_times;
@@ -24,7 +24,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 #[derive(Debug)]
 pub struct SceneHandle {
     opened: Opened,
-    /// The device of the last render: opening an adapter takes longer than an image.
+    /// The device of the last render, because opening an adapter takes longer than rendering.
     device: Mutex<Option<(GpuChoice, Device)>>,
 }
 

@@ -1,7 +1,7 @@
-//! A scene of short-lived splats renders alike in the layouts of several methods.
+//! A scene of short-lived splats renders identically in the layouts of several methods.
 //!
 //! `C4D_CAPTURED=FILE.splatv cargo test --release --workspace --test layouts -- --ignored
-//! --nocapture` does the same with a captured scene and prints the figures.
+//! --nocapture` does the same with a captured scene and prints the values.
 
 #![allow(clippy::unwrap_used, reason = "helpers of tests may panic")]
 #![allow(
@@ -27,8 +27,8 @@ use std::path::Path;
 const SIZE: u32 = 240;
 const TIMES: [f32; 4] = [0.0, 0.31, 0.77, 1.0];
 
-/// A figure of splats that live for .1 to .3 of the clip, base colours only. (Checkpoints of
-/// FreeTimeGS have no lives below .098.)
+/// A figure of splats that are visible for 0.1 to 0.3 of the clip, base colours only. (Checkpoints
+/// of FreeTimeGS have no lifetimes below 0.098.)
 fn figure() -> PolynomialScene {
     let lives = [0.1, 0.3];
     let params = BriefParams { num_splats: 3_000, share: 1.0, lives, ..BriefParams::default() };
@@ -39,7 +39,7 @@ fn figure() -> PolynomialScene {
     PolynomialScene::new(rest, scene.motions().to_vec()).unwrap()
 }
 
-/// The scene with motions along curves, and rotations.
+/// The scene with curved motions and rotations.
 fn bent(scene: &PolynomialScene) -> PolynomialScene {
     let bend = |(row, motion): (usize, &Polynomial)| {
         let x = (row as f32).sin();
@@ -53,10 +53,11 @@ fn bent(scene: &PolynomialScene) -> PolynomialScene {
     PolynomialScene::new(scene.rest().clone(), motions).unwrap()
 }
 
-/// Longest life, clips: some methods cannot store an endless one. Over the clip it fades by 0.1 %.
+/// Longest lifetime, clips, because some methods cannot store an infinite one. Such a splat fades
+/// by 0.1 % over the clip.
 const LONGEST: f32 = 30.0;
 
-/// The scene without the parts of motions and lives that some methods lack.
+/// The scene without the kinds of motion and lifetime that some methods do not support.
 fn straight(scene: &PolynomialScene) -> PolynomialScene {
     let line = |motion: &Polynomial| Polynomial {
         width: motion.width.min(LONGEST),
@@ -77,7 +78,7 @@ fn displaced(scene: &PolynomialScene) -> PolynomialScene {
     PolynomialScene::new(rest, scene.motions().to_vec()).unwrap()
 }
 
-/// A camera that sees the splats at half time.
+/// A camera with the splats in view at half time.
 fn camera(scene: &dyn DynamicScene) -> Camera {
     let splats = scene.at(0.5).unwrap();
     let middle = |axis: usize, share: f64| {
@@ -100,7 +101,7 @@ fn render(scene: &dyn DynamicScene, camera: &Camera, t: f32) -> Vec<f32> {
     output.rgb
 }
 
-/// Least PSNR of frames of two scenes, dB, at most 120.
+/// Smallest PSNR between frames of two scenes, dB, at most 120.
 fn likeness(a: &dyn DynamicScene, b: &dyn DynamicScene) -> f64 {
     let camera = camera(a);
     let psnr = |&t: &f32| {
@@ -120,7 +121,7 @@ fn read(path: &Path, kind: &SceneKind) -> std::sync::Arc<dyn DynamicScene> {
     opened.scene
 }
 
-/// Frames of the clips that are written: the shortest lives last twelve of them.
+/// Frames of the written clips; the shortest lifetimes are twelve frames long.
 const FRAMES: usize = 121;
 
 fn as_splatv(scene: &dyn DynamicScene, path: &Path) -> PolynomialScene {
@@ -154,7 +155,7 @@ fn short_lived_splats_render_alike_in_all_layouts() {
         (&lines, layouts::freetime_ply(&lines), SceneKind::FreeTime, 100.0),
         // Opacities are at least 10⁻⁴, which is never drawn.
         (&lines, layouts::freetime_checkpoint(&lines), SceneKind::FreeTime, 100.0),
-        // Splats are not drawn where they have faded to 0.05 of their opacity.
+        // Splats are not drawn when they have faded to 0.05 of their opacity.
         (&lines, layouts::gaussian4d(&lines), SceneKind::Gaussian4d, 50.0),
         // 8 bits of colour, opacity, size and rotation.
         (&lines, tsog::continuous(&lines), SceneKind::Tsog, 40.0),
@@ -166,7 +167,7 @@ fn short_lived_splats_render_alike_in_all_layouts() {
         eprintln!("{kind}: {found:.1} dB");
         assert!(found > bar, "{kind}: {found} dB");
     }
-    // Rows of this format move in straight lines: curves are cut into many (measured: 27.2).
+    // Rows of this format move in straight lines, so curves are split into many (measured: 27.2).
     for (name, scene, rows_per_splat) in [("lines", &lines, 1.3), ("curves", &curves, 30.0)] {
         let path = at(&format!("{name}.4dgs"));
         let report = as_4dgs(scene, FRAMES, &path);

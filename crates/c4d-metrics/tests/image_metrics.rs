@@ -6,7 +6,7 @@ use c4d_metrics::{FLIP_PIXELS_PER_DEGREE, flip, flip_map, ms_ssim, psnr};
 use gs_core::Image;
 use test_support::noise::Lcg;
 
-/// Stripes with sharp edges and noise, and the same disturbed.
+/// Stripes with sharp edges and noise, and a perturbed copy.
 fn pair(width: usize, height: usize, seed: u32, noise: f64) -> [Image; 2] {
     let mut lcg = Lcg(seed);
     let mut first = Vec::new();
@@ -27,7 +27,7 @@ fn pair(width: usize, height: usize, seed: u32, noise: f64) -> [Image; 2] {
     [image(&first), image(&second)]
 }
 
-/// Numbers of a fixture's lines.
+/// Numbers in the lines of a fixture.
 fn lines(name: &str) -> Vec<Vec<f64>> {
     let path = format!("{}/../../fixtures/metrics/{name}", env!("CARGO_MANIFEST_DIR"));
     let text = std::fs::read_to_string(path).unwrap();

@@ -1,4 +1,4 @@
-//! Metrics of change over time, on videos whose motion is known.
+//! Temporal metrics on videos with known motion.
 
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
@@ -33,7 +33,7 @@ fn flat(value: f32) -> Image {
     Image::from_data(SIZE.0, SIZE.1, 3, vec![value; SIZE.0 * SIZE.1 * 3]).unwrap()
 }
 
-/// Up to `levels` of 255 up or down, another at each pixel and frame.
+/// Adds noise of up to ±`levels` of 255, different for each pixel and frame.
 fn noisy(image: &Image, levels: f32, frame: usize) -> Image {
     let mut state = u32::try_from(frame).unwrap() + 1;
     let data = image.data.iter().map(|value| {
@@ -44,8 +44,8 @@ fn noisy(image: &Image, levels: f32, frame: usize) -> Image {
     Image { data: data.collect(), ..*image }
 }
 
-/// Mean flickering, static flicker and warp error of a video whose surface moves by `step` pixels a
-/// frame.
+/// Mean flickering, static flicker and warp error of a video whose surface moves by `step` pixels
+/// per frame.
 fn measured(video: &[Image], step: (f32, f32)) -> [f64; 3] {
     let mut still = StaticFlicker::default();
     let (flow, back) = (uniform(step.0, step.1), uniform(-step.0, -step.1));
@@ -92,7 +92,7 @@ fn an_exact_flow_explains_a_shift() {
 
 #[test]
 fn occluded_and_boundary_pixels_are_left_out() {
-    // The left half moves by 4, the right half stands: what it runs into is hidden.
+    // The left half moves by 4 pixels and occludes a part of the static right half.
     let mut forth = Image::zeros(SIZE.0, SIZE.1, 2);
     let mut back = forth.clone();
     for y in 0..SIZE.1 {

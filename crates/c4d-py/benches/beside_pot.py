@@ -1,6 +1,6 @@
-"""Unbalanced transport beside POT: one process, all cores for both, the same accuracy.
+"""Unbalanced transport compared with POT: one process, all cores for both, equal accuracy.
 
-.ci/python makes the environment: target/python/new/bin/python crates/c4d-py/benches/beside_pot.py
+.ci/python creates the environment: target/python/new/bin/python crates/c4d-py/benches/beside_pot.py
 """
 
 import time
@@ -14,7 +14,7 @@ REPEATS = 3
 
 
 def timed(work):
-    """The result, and the seconds: elapsed, and of all processors."""
+    """The result, the elapsed time and the CPU time, seconds."""
     wall, own = time.perf_counter(), time.process_time()
     result = work()
     return result, time.perf_counter() - wall, time.process_time() - own

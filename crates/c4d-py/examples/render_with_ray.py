@@ -1,8 +1,8 @@
-"""Renders a run on all machines of a Ray cluster, and joins the parts to one video.
+"""Renders a run on all machines of a Ray cluster, and joins the parts into one video.
 
     python render_with_ray.py RUN CLIP.mp4 --parts 20
 
-The run and the folder of the video must be on a file system that all machines share.
+The run and the folder of the video must be on a shared file system.
 """
 
 import argparse
@@ -28,9 +28,9 @@ def main() -> None:
     parser.add_argument("--parts", type=int, default=20)
     parser.add_argument("--frames", type=int, default=60)
     parser.add_argument("--size", default="960x720")
-    parser.add_argument("--workers", type=int, help="use this machine alone, with so many workers")
+    parser.add_argument("--workers", type=int, help="run only on this machine, with this many workers")
     arguments = parser.parse_args()
-    # Otherwise Ray connects to the cluster of RAY_ADDRESS at the first task.
+    # Without this, Ray connects to the cluster in RAY_ADDRESS at the first task.
     if arguments.workers:
         ray.init(num_cpus=arguments.workers, include_dashboard=False)
     options = {"frames": arguments.frames, "size": arguments.size, "cameras": "orbit", "gpu": "cpu"}

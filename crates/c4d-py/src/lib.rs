@@ -42,7 +42,7 @@ mod native {
     #[pymodule_export]
     use crate::transport::{Transport, solve_transport};
 
-    /// Version of the package, that of `c4d`.
+    /// Version of the package and of `c4d`.
     #[pymodule_export]
     #[expect(non_upper_case_globals, reason = "the usual name in Python")]
     const __version__: &str = env!("CARGO_PKG_VERSION");

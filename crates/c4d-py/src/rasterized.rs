@@ -16,7 +16,7 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use std::sync::{Arc, Mutex, PoisonError};
 
-/// Images of splats, and what their gradients need.
+/// Images of splats, and the data for their gradients.
 #[pyclass(frozen, module = "catalyst4d._native")]
 #[derive(Debug)]
 pub(crate) struct Rasterized {
@@ -49,7 +49,7 @@ impl Rasterized {
         }
     }
 
-    /// Gradients of every parameter for those of the images; absent images count as zero.
+    /// Gradients of all parameters from those of the images; missing image gradients count as zero.
     #[pyo3(signature = (v_rgb=None, v_alpha=None, v_depth=None, v_features=None))]
     fn backward<'py>(
         &self,

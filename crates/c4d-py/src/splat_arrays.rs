@@ -11,7 +11,7 @@ use pyo3::types::PyDict;
 use std::path::PathBuf;
 
 /// `means` `[N,3]`, `quats` `[N,4]`, `log_scales` `[N,3]`, `opacity_logits` `[N]`, `sh` `[N,K,3]`.
-/// With `activated`, `scales` and `opacities` in place of the raw values, and unit quaternions.
+/// With `activated`, `scales` and `opacities` instead of the raw values, and unit quaternions.
 pub(crate) fn to_dict(
     py: Python<'_>,
     splats: Splats,
@@ -37,7 +37,7 @@ pub(crate) fn to_dict(
     Ok(dict)
 }
 
-/// Splats of contiguous arrays, shapes as in [`to_dict`].
+/// Splats from contiguous arrays, shapes as in [`to_dict`].
 pub(crate) fn from_arrays<F: Real + Element + Copy>(
     means: &PyReadonlyArrayDyn<'_, F>,
     quats: &PyReadonlyArrayDyn<'_, F>,

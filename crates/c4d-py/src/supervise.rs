@@ -1,4 +1,4 @@
-//! [`supervise`]: work on a thread of its own, while Python stays responsive.
+//! [`supervise`]: runs work on a separate thread, so that Python stays responsive.
 
 use crate::failures::exception;
 use c4d_cli::{MessageKind, Observer};
@@ -10,9 +10,9 @@ use std::sync::mpsc::{self, RecvTimeoutError, Sender};
 use std::thread;
 use std::time::Duration;
 
-/// Time between two checks for signals while the work reports nothing.
+/// Interval between checks for signals while no messages arrive.
 const POLL_INTERVAL: Duration = Duration::from_millis(50);
-/// Stack of the working thread, bytes: that of a program's main thread on Linux.
+/// Stack size of the worker thread, bytes; equals that of the main thread on Linux.
 const STACK_BYTES: usize = 8 << 20;
 
 /// Python callables for messages, `(kind, text)`, and progress, `(stage, done, total)`.
@@ -45,12 +45,12 @@ fn name(kind: MessageKind) -> &'static str {
     }
 }
 
-/// What happens to the work if the caller is interrupted.
+/// Treatment of the work if the caller is interrupted.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Interrupted {
-    /// It is asked to stop, and waited for: it writes files.
+    /// The work is cancelled and joined, because it writes files.
     Stops,
-    /// It runs to its end in the background, and its result is dropped: it has no effect.
+    /// The work continues in the background and its result is dropped; it has no side effects.
     IsAbandoned,
 }
 
@@ -60,7 +60,7 @@ enum Event {
     Ended,
 }
 
-/// Sends everything to the calling thread.
+/// Sends messages and progress to the calling thread.
 #[derive(Debug)]
 struct Relay {
     events: Sender<Event>,
@@ -81,7 +81,7 @@ impl Observer for Relay {
     }
 }
 
-/// The result of a computation without side effects, as [`supervise`]; starts the thread pool.
+/// As [`supervise`], for a computation without side effects; starts the thread pool.
 ///
 /// # Errors
 /// As [`supervise`], and if the threads cannot be started.
@@ -93,8 +93,8 @@ pub(crate) fn compute<T: Send + 'static>(
     supervise(py, &Callbacks::default(), Interrupted::IsAbandoned, move |_| work())
 }
 
-/// The result of `work`, which runs on a thread of its own without the interpreter's lock.
-/// Meanwhile signals are handled and callbacks called on this thread.
+/// Runs `work` on a separate thread without the interpreter's lock and returns its result.
+/// Meanwhile, this thread handles signals and calls the callbacks.
 ///
 /// # Errors
 /// `KeyboardInterrupt`, or the exception of a callback.

@@ -23,7 +23,7 @@ pub(crate) struct Transport {
 
 #[pymethods]
 impl Transport {
-    /// Potentials, masses and the course of the iteration.
+    /// Potentials, masses and the history of the iteration.
     fn summary<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let UotOutput { f, g, row_mass, col_mass, residuals, .. } = self.output.as_ref();
         let dict = PyDict::new(py);

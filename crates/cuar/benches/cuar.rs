@@ -1,4 +1,4 @@
-//! Costs of the loss, of making one supervised image, and of one visit.
+//! Cost of the loss, of making one supervised image, and of one evaluation of an image.
 
 use criterion::{Criterion, criterion_group, criterion_main};
 use cuar::loss::{LossWeights, Objective, Shape, Targets};

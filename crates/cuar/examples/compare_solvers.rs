@@ -1,8 +1,8 @@
-//! Loss against wall time, and what it is worth against the truth, of both solvers and both warps.
+//! Loss over wall time, and error against ground truth, for both solvers and both warps.
 //!
-//! `cargo run --release -p cuar --example compare_solvers [brief | paper | warps]`; `brief` leaves
-//! out all but the defaults, a run without prior, and Adam; `paper` takes the paper's preset apart;
-//! `warps` only compares what the warps ask for with the truth.
+//! `cargo run --release -p cuar --example compare_solvers [brief | paper | warps]`; `brief` runs
+//! only the defaults, a run without prior, and Adam; `paper` varies the parts of the paper's
+//! preset; `warps` only compares the targets of the warps with ground truth.
 #![expect(clippy::print_stdout, reason = "prints its results")]
 
 #[path = "../tests/common/mod.rs"]
@@ -18,8 +18,8 @@ use gs_core::{Image, TimeRange};
 use gs_raster_cpu::CpuRasterizer;
 use std::error::Error;
 
-/// Compares what images are asked to show, and what they showed, with the truth: squared errors and
-/// their number.
+/// Compares the targets and the renders of images with ground truth: squared errors and their
+/// number.
 struct Judge<'a> {
     case: &'a common::Case,
     sums: [f64; 3],

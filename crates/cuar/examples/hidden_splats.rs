@@ -1,6 +1,6 @@
-//! What evidence is worth where an editor of pictures missed splats that frame 1 hides: PSNR
-//! against the true edit at held-out views, in the pixels that motion reveals and elsewhere, in the
-//! paper's mask and outside it; and whether the bars of `tests/common/bars.rs` hold.
+//! Effect of the evidence if an image editor missed splats that frame 1 hides: PSNR against the
+//! true edit at held-out views, in pixels that motion reveals and elsewhere, inside the paper's
+//! mask and outside it; also checks the limits of `tests/common/bars.rs`.
 //!
 //! `cargo run --release --example hidden_splats [brief | cases | large | ablation | picture FILE]`;
 //! `brief` has fewer splats, `picture` draws a crop before and after.
@@ -39,7 +39,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     }
 }
 
-/// Every case, as it should be and as delivered with old, black and random colours on hidden
+/// Every case: the true edit, and edits delivered with old, black and random colours on hidden
 /// splats.
 fn table(num_splats: usize, size: (u32, u32)) -> Result<(), Box<dyn Error>> {
     let raster = CpuRasterizer::default();
@@ -96,7 +96,7 @@ fn table(num_splats: usize, size: (u32, u32)) -> Result<(), Box<dyn Error>> {
     if broken.is_empty() { Ok(()) } else { Err("not every bar holds".into()) }
 }
 
-/// Hidden splats and view dependence at once: ξ, evidence, both; solvers; the paper's warp.
+/// Hidden splats and view dependence together: ξ, evidence, both; solvers; the paper's warp.
 fn ablation() -> Result<(), Box<dyn Error>> {
     let (name, edits) =
         cases().into_iter().find(|(name, _)| *name == "textured").ok_or("a case")?;
@@ -150,7 +150,7 @@ fn ablation() -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
-/// The crop of the right sleeve: as delivered, repaired, and the truth.
+/// The crop of the right sleeve: as delivered, repaired, and ground truth.
 fn picture(path: &str) -> Result<(), Box<dyn Error>> {
     let (name, edits) = cases().pop().ok_or("a case")?;
     let case = delivered(name, &edits, 30_000, 1, |scene| rings(scene, (320, 320)));

@@ -1,8 +1,8 @@
-//! Times the whole stage on a scene of the paper's size: 150 000 Gaussians, some 26 000 of them
+//! Times the whole stage on a scene of the paper's size: 150 000 Gaussians, about 26 000 of them
 //! edited, 20 views, 60 times, 676×507.
 //!
 //! `cargo run --release --example paper_scale [samples] [memory in MiB] [flaws|flawless] [both|view]`;
-//! `view` leaves out the evidence: view dependence alone, as in the paper.
+//! `view` omits the evidence: only view dependence, as in the paper.
 #![expect(clippy::print_stdout, reason = "prints its results")]
 
 #[path = "../tests/common/mod.rs"]
@@ -22,7 +22,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let (samples, memory) = (number(240)?, number(2048)? << 20);
 
     let flaws = match std::env::args().nth(3).as_deref() {
-        // what frame 1 shows is right by definition: noise there is not to be touched
+        // colours that frame 1 shows are correct by definition: their noise must not change
         Some("flawless") => Flaws { interior: false, unseen_sh: 0.0, noise: 0.1 },
         _ => Flaws { interior: true, unseen_sh: 1.5, noise: 0.0 },
     };
@@ -75,10 +75,10 @@ fn main() -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
-/// Seconds of processor time of this process so far; 0 where the system does not say.
+/// Processor time of this process so far, seconds; 0 if the system does not report it.
 fn processor_secs() -> f64 {
     let stat = std::fs::read_to_string("/proc/self/stat").unwrap_or_default();
-    // fields 14 and 15, in hundredths; the second holds a name with any characters
+    // fields 14 and 15, in hundredths; the second field is a name with any characters
     let fields = stat.rsplit(')').next().unwrap_or_default().split_whitespace();
     fields.skip(11).take(2).filter_map(|ticks| ticks.parse::<f64>().ok()).sum::<f64>() / 100.0
 }

@@ -1,9 +1,9 @@
-//! A picture of what motion uncovers: a red board has slid away from a green wall that it hid in
+//! A picture of uncovered background: a red board has moved away from a green wall that it hid in
 //! the edited frame.
 //!
-//! From left to right: the edited frame; the later frame before refinement, which is its truth;
-//! after refinement; after refinement without the occlusion test, which paints the wall with the
-//! board.
+//! From left to right: the edited frame; the later frame before refinement, which is the ground
+//! truth; after refinement; after refinement without the occlusion test, which gives the wall the
+//! colour of the board.
 //!
 //! `cargo run --release -p cuar --example uncovered [uncovered.png]`
 #![expect(clippy::print_stdout, reason = "prints its results")]

@@ -1,5 +1,5 @@
-//! Broad splats that overlap in depth, as captures have them: no surface to fetch, but splats that
-//! frame 1 shows.
+//! Broad splats that overlap in depth, as in captured scenes: there is no surface from which to
+//! fetch colours, but frame 1 shows the splats.
 
 #![allow(clippy::unwrap_used, reason = "helpers of tests may")]
 
@@ -47,7 +47,8 @@ fn cameras() -> Vec<Camera> {
         .to_vec()
 }
 
-/// The truth, and the same with colours that frame 1's two training views do not show.
+/// The ground truth, and a copy with errors in colours that the two training views of frame 1 do
+/// not show.
 fn clouds() -> [Cloud; 2] {
     let mut random = 3_u64;
     let mut splats = Splats::with_capacity(0, DEGREE);
@@ -120,7 +121,7 @@ fn splats_that_frame_1_shows_tell_where_no_surface_does() {
     assert!(after[0] > before[0] + 3.0, "inside the mask: {before:?} → {after:?} dB");
     assert!(after[1] > before[1] - 0.05, "outside the mask: {before:?} → {after:?} dB");
 
-    // negative control: by surfaces alone next to nothing is known, and little is mended
+    // negative control: with surfaces alone, few pixels are supervised, and little is repaired
     let control = run(&spoiled, WarpParams { min_known_color: 2.0, ..WarpParams::default() });
     let alone = psnr(&control.scene(&spoiled));
     assert!(control.report.supervision.splat_colors == 0, "{:?}", control.report.supervision);

@@ -1,4 +1,5 @@
-//! Splats that no picture of frame 1 showed: what evidence must mend, and what it must leave alone.
+//! Splats that no picture of frame 1 shows: which ones evidence must repair, and which ones it must
+//! keep.
 
 #![allow(clippy::unwrap_used, reason = "helpers of tests may")]
 
@@ -42,7 +43,7 @@ fn repair(case: &Delivered) -> Repair {
     Repair::of(&evidence(case), RefineOptions::default().min_uncertainty)
 }
 
-/// Times at which repairs are compared with the truth.
+/// Times at which repairs are compared with ground truth.
 const JUDGED: [f32; 2] = [0.3, 0.6];
 
 #[test]
@@ -58,7 +59,7 @@ fn what_motion_reveals_comes_nearer_the_truth_and_nothing_else_suffers() {
     assert!(mean > bars::MEAN_GAIN, "gains {gains:?}, {mean} dB in the mean");
 }
 
-/// The bars see what a repair that leaks does: every hidden splat gets the mean change of the
+/// The limits detect a leaking repair, in which every hidden splat gets the mean change of the
 /// edited ones.
 #[test]
 fn a_repair_that_leaks_breaks_the_bars() {

@@ -110,7 +110,7 @@ fn objective_gradient_is_the_difference_quotient() {
     assert!(free > 0 && free < case.render.len() / 4, "unsupervised pixels are free: {free}");
 }
 
-/// A crop that contains everything supervised gives what the full image gives.
+/// A crop that contains all supervised pixels gives the result of the full image.
 #[test]
 fn crops_are_exact() {
     let (w, h, x0, y0, cw, ch) = (40, 30, 9, 6, 24, 20);
@@ -154,9 +154,9 @@ fn crops_are_exact() {
     }
 }
 
-/// One step of size 1/curvature along any direction must not raise the smoothed objective: what the
-/// regression solver relies on. The bound freezes the windows' variances, so it is tested where the
-/// images are similar, with a small allowance.
+/// One step of size 1/curvature along any direction must not increase the smoothed objective, which
+/// the regression solver assumes. The bound freezes the variances of the windows, so it is tested
+/// on similar images, with a small tolerance.
 #[test]
 fn curvature_bounds_the_objective() {
     let case = Case::new();

@@ -1,4 +1,4 @@
-//! A video of one moving camera: few views a time must not make anything worse.
+//! A video of one moving camera: a single view per time must not increase any error.
 
 #![allow(clippy::unwrap_used, reason = "helpers of tests may")]
 
@@ -8,7 +8,7 @@ use common::delivered::{Delivered, Judge, cases, delivered, rings};
 use cuar::{NoObserver, RefineOptions, Views};
 use gs_core::{Camera, DynamicScene, TimeRange};
 
-/// A camera that walks a third of a circle around the figure, one view a time.
+/// A camera that moves along a third of a circle around the figure, one view per time.
 fn walk(count: usize, width: u32, height: u32) -> Vec<Camera> {
     let at = |k: usize| {
         let share = k as f64 / (count - 1) as f64;
@@ -39,7 +39,7 @@ fn worse(judge: &Judge, then: &dyn DynamicScene, now: &dyn DynamicScene, loss: f
         .collect()
 }
 
-/// Refined from `cameras`, nothing may be worse at views around the figure.
+/// Asserts that refinement from `cameras` worsens no view around the figure.
 fn assert_not_worse(case: &Delivered, scene: &dyn DynamicScene, cameras: &[Camera], what: &str) {
     let times = TimeRange::UNIT.frames(12);
     let held_out: Vec<usize> = (2..cameras.len()).step_by(5).collect();
@@ -60,7 +60,7 @@ fn assert_not_worse(case: &Delivered, scene: &dyn DynamicScene, cameras: &[Camer
 #[test]
 fn a_moving_camera_makes_nothing_worse() {
     let walk = walk(24, 128, 128);
-    // the cameras of a data set look at every time, since the scene itself is what they see
+    // the cameras of a data set are used at every time, because images are renders of the scene
     let standing: Vec<Camera> =
         walk.iter().step_by(2).map(|camera| Camera { time: None, ..camera.clone() }).collect();
     let (name, edits) = cases().swap_remove(0);

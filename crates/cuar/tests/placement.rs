@@ -1,4 +1,4 @@
-//! Refinement does the same wherever the scene lies and however large it is.
+//! Refinement does not depend on the position and size of the scene.
 
 #![allow(clippy::unwrap_used, reason = "helpers of tests may")]
 #![allow(clippy::cast_possible_truncation, reason = "single precision is what is tested")]
@@ -51,7 +51,7 @@ impl DynamicScene for Placed<'_> {
     }
 }
 
-/// Refines the case, placed so: the edited colours.
+/// Refines the case after this placement; returns the edited colours.
 fn refined(case: &Case, scale: f64, shift: [f64; 3]) -> Vec<[f32; 3]> {
     let placed = Placed { scene: &case.scene, scale, shift };
     let cameras: Vec<Camera> = case.cameras.iter().map(|camera| placed.camera(camera)).collect();
@@ -66,7 +66,7 @@ fn refined(case: &Case, scale: f64, shift: [f64; 3]) -> Vec<[f32; 3]> {
     first.sh
 }
 
-/// PSNR between the pictures of the case in two sets of colours, dB.
+/// PSNR between the pictures of the case with two sets of colours, dB.
 fn agreement(case: &Case, a: &[[f32; 3]], b: &[[f32; 3]]) -> f64 {
     let picture = |sh: &[[f32; 3]]| {
         let scene = common::Painted { truth: case.truth.clone(), sh: sh.to_vec() };

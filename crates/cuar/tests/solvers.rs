@@ -1,4 +1,4 @@
-//! The two solvers on one problem: descent, restart, threads, memory; and what the options refuse.
+//! Both solvers on one problem: descent, restart, threads, memory; and rejected options.
 
 mod common;
 
@@ -29,7 +29,7 @@ fn run(
     refine(&CpuRasterizer::default(), &case.scene, &case.edited, &views, options, resume, observer)
 }
 
-/// The bare solver: nothing but the objective.
+/// The solver with the objective only.
 fn unaided(passes: usize) -> RefineOptions {
     let usual = RegressionParams::default();
     let solver = Solver::Regression(RegressionParams { passes, hold: 0.0, prior: 0.0, ..usual });
@@ -57,7 +57,7 @@ fn regression_needs_fewer_visits_than_adam() {
     assert!(gain(fast.loss_after) > 2.0 * gain(slow.loss_after), "{fast:?} {slow:?}");
 }
 
-/// Keeps every checkpoint; cancels after a number of progress reports.
+/// Stores every checkpoint; cancels after a number of progress reports.
 #[derive(Default)]
 struct Keeper {
     states: Vec<State>,
@@ -86,7 +86,7 @@ impl Observer for Keeper {
     }
 }
 
-/// Keeps images, and counts those that are made.
+/// Stores images, and counts those that are made.
 #[derive(Default)]
 struct Shelf {
     images: BTreeMap<(usize, u32), Vec<u8>>,
@@ -114,7 +114,7 @@ fn kept_images_are_not_made_again() {
     let whole = run(&options, None, &mut shelf).unwrap();
     let (made, fingerprint) = (shelf.made, shelf.fingerprint);
     assert!(made > 10, "{made} images");
-    // As if killed in the midst of making them; and one was damaged since.
+    // As if killed while making images; one of them was damaged afterwards.
     while shelf.images.len() > made / 2 {
         shelf.images.pop_last();
     }
@@ -139,7 +139,7 @@ fn interrupted_runs_end_bit_identical() {
         let whole = run(&often, None, &mut keeper).unwrap();
         let count = keeper.states.len();
         assert!(count > 6, "{count} checkpoints: within passes, too");
-        // as if killed right after each of these, anywhere in a pass
+        // as if killed directly after each of these, anywhere in a pass
         for state in keeper.states.iter().step_by(1 + count / 7).chain(keeper.states.last()) {
             let rest = run(&options, Some(state), &mut NoObserver).unwrap();
             assert_eq!(rest.d_sh, whole.d_sh, "resumed at step {}", state.step);
@@ -195,7 +195,7 @@ fn observers_are_kept_informed() {
     assert_eq!((last.stage, last.done), ("report", last.total), "{last:?}");
 }
 
-/// Compares every preview with a render of the whole scene under the colours of the step before.
+/// Compares every preview with a render of the whole scene with the colours of the previous step.
 struct Oracle {
     d_sh: Vec<f32>,
     compared: usize,
@@ -228,7 +228,7 @@ impl Observer for Oracle {
     }
 }
 
-/// The image of the few splats that are kept is the image of the scene.
+/// The image of the splats that are kept equals the image of the scene.
 #[test]
 fn leaving_out_what_does_not_matter_changes_no_image() {
     let options = RefineOptions { preview_secs: Some(0.0), checkpoint_secs: Some(0.0), ..adam(60) };

@@ -1,4 +1,4 @@
-//! Refinement against the true edited video: what it must mend, and what it must leave alone.
+//! Refinement compared with the true edited video: what it must repair, and what it must keep.
 
 #![allow(clippy::unwrap_used, reason = "helpers of tests may")]
 
@@ -63,7 +63,7 @@ fn wrong_colours_are_mended_at_held_out_views_and_times() {
 
 #[test]
 fn a_scene_without_flaws_comes_back_unchanged() {
-    // what frame 1 shows is right by definition: noise there is not to be touched
+    // colours that frame 1 shows are correct by definition: their noise must not change
     let flaws = Flaws { interior: false, unseen_sh: 0.0, noise: 0.1 };
     let case = case(9_000, 1, 8, (240, 180), flaws);
     let refined = run(&case, &options());
@@ -82,8 +82,8 @@ fn uncovered_background_is_not_painted_with_the_foreground() {
     let camera = &Slide::cameras(128, 96)[1];
     let (before, now) = (render(&scene, 1.0, camera), render(&refined.scene(&scene), 1.0, camera));
     let control = render(&untested.scene(&scene), 1.0, camera);
-    // the board covered these pixels in frame 1 and has left them; before is the truth: the wall
-    // has no flaw
+    // the board covered these pixels in frame 1 and has left them; the scene before refinement is
+    // the ground truth, because the wall has no errors
     let (mut sum, mut painted) = (0.0_f32, 0.0_f32);
     for y in 28..68 {
         for x in 46..74 {
@@ -103,6 +103,6 @@ fn uncovered_background_is_not_painted_with_the_foreground() {
     let [mean, painted] = [sum, painted].map(|sum| sum / (40.0 * 28.0));
     // seen 0.0018
     assert!(mean < 0.01, "the uncovered wall changed by {mean}");
-    // negative control: without the occlusion test it is painted; seen 0.70
+    // negative control: without the occlusion test, the wall gets the board's colour; seen 0.70
     assert!(painted > 0.3, "without occlusion test {painted}, with it {mean}");
 }

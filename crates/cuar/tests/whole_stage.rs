@@ -1,5 +1,5 @@
-//! Hidden splats and view dependence that frame 1 does not determine, mended in one run; and runs
-//! that are interrupted.
+//! Hidden splats, and view dependence that frame 1 does not determine, repaired in one run; and
+//! interrupted runs.
 
 #![allow(clippy::unwrap_used, reason = "helpers of tests may")]
 
@@ -11,8 +11,7 @@ use cuar::{CuarError, NoObserver, Observer, RefineOptions, RefineProgress, Refin
 use gs_core::TimeRange;
 use std::sync::OnceLock;
 
-/// A textured jacket that eight pictures from the front deliver, with SH that they do not
-/// determine.
+/// A textured jacket delivered from eight frontal pictures, with SH that these do not determine.
 fn both() -> &'static (Delivered, Painted) {
     static CASE: OnceLock<(Delivered, Painted)> = OnceLock::new();
     CASE.get_or_init(|| {
@@ -49,7 +48,7 @@ fn both_kinds_of_flaws_are_mended_in_one_run() {
     assert!(now[1] > then[1] - 0.02 && now[3] > then[3] - 0.02, "elsewhere, outside {shown}");
 }
 
-/// Keeps every checkpoint, and stops after some steps.
+/// Stores every checkpoint, and stops after some steps.
 #[derive(Default)]
 struct Interrupter {
     states: Vec<State>,

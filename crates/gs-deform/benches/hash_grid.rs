@@ -1,7 +1,7 @@
 //! Swift4D networks with the two published table sizes and random weights, at one time: 100 000
 //! dynamic Gaussians, alone and among 300 000 static ones.
 //!
-//! `all` deforms everything, `geometry` skips colour and opacity,
+//! `all` evaluates all parameters, `geometry` skips colour and opacity,
 //! `with_static` measures the cost of static Gaussians.
 
 use criterion::{BenchmarkId, Criterion, criterion_group, criterion_main};

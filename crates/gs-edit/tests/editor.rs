@@ -48,7 +48,7 @@ fn edited_with(
     Ok(editor.into_splats())
 }
 
-/// Everything that selections name: two parts, a mask, a list.
+/// The resources used by the selections: two parts, a mask, a list.
 fn resources(splats: &Splats) -> Resources {
     let num = splats.len();
     let moving: Vec<bool> = splats.means.iter().map(|mean| mean[0] > -0.3).collect();
@@ -120,7 +120,7 @@ fn a_selection_and_its_inverse_partition_the_splats() {
             count > 0 && (count < 800 || text == "all" || text.starts_with("connected .4")),
             "{text}: {count}"
         );
-        // Deleting one and keeping the other is the same, and together they are everything.
+        // Deleting one equals keeping the other, and together they are all splats.
         if count < 800 {
             let deleted = edited(&splats, &[("select", text), ("delete", "")]).unwrap();
             let kept = edited(&splats, &[("select", &format!("!({text})")), ("keep", "")]).unwrap();
@@ -402,7 +402,7 @@ fn hostile_splats_are_edited_without_a_panic() {
             ("hue", "20"),
             ("duplicate", ""),
         ] {
-            // Values that are not finite are refused or kept, never spread to others.
+            // Non-finite values are refused or kept, and never spread to other splats.
             if let Ok(found) =
                 edited_with(&splats, &[("select", expression), (option, argument)], &resources)
             {

@@ -1,11 +1,12 @@
-//! The fuzzer's own function on what users type, and on changes of it: nothing panics, every column
-//! lies in the text.
+//! The fuzzer's function on typical user input and on mutations of it: no panics, and every column
+//! lies within the text.
 
 use rand::{RngExt, SeedableRng};
 
 extern crate self as libfuzzer_sys;
 
-/// In place of the fuzzer's own macro, which makes a program of its argument: a function.
+/// Replaces the fuzzer's macro, which turns its argument into a program, by one that makes a
+/// function.
 #[macro_export]
 macro_rules! fuzz_target {
     (|$bytes:ident: &[u8]| $body:block) => {
@@ -38,7 +39,7 @@ const SEEDS: [&str; 18] = [
     "é\u{0}\u{7f}~",
 ];
 
-/// Changed inputs a seed.
+/// Mutated inputs per seed.
 const CHANGES: usize = 2000;
 
 #[test]

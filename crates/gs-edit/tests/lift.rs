@@ -1,4 +1,4 @@
-//! Masks of pictures, lifted to splats.
+//! Image masks lifted to splats.
 
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 

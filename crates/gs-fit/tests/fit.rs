@@ -1,4 +1,4 @@
-//! The fit on a small scene whose edit is known.
+//! The fit on a small scene with a known edit.
 
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
@@ -13,7 +13,7 @@ fn scene() -> SynthScene {
     demo(&DemoParams { num_splats: 3_000, seed: 3, sh_degree: 1, ..DemoParams::default() }).unwrap()
 }
 
-/// Red trousers, a graft of size, and one prop gone.
+/// Red trousers, a large graft, and one removed prop.
 fn edits() -> Vec<Edit> {
     vec![
         Edit::Recolour {
@@ -56,7 +56,7 @@ fn run(start: &Splats, pictures: &[EditedPicture], options: &FitOptions) -> Fitt
     fit(&CpuRasterizer::default(), start, pictures, options, None, &mut NoObserver).unwrap()
 }
 
-/// Mean squared error of held-out views, in all of the picture.
+/// Mean squared error of held-out views over the whole picture.
 fn error(cameras: &[Camera], splats: &Splats, truth: &Splats) -> f64 {
     let sum: f64 = cameras
         .iter()
@@ -73,7 +73,7 @@ fn gain_db(before: f64, after: f64) -> f64 {
     10.0 * (before / after).log10()
 }
 
-/// Rows that were not selected are where they were, bit for bit; new ones come last.
+/// Asserts that rows outside the selection are bit-identical, and that new rows come last.
 fn assert_rest_is_kept(start: &Splats, fitted: &Fitted) {
     let old: Vec<u32> = fitted.source_rows.iter().map_while(|row| *row).collect();
     assert!(old.is_sorted_by(|a, b| a < b), "in the order of the start");
@@ -120,7 +120,7 @@ fn edits_are_fitted_and_the_rest_is_kept() {
     }
 }
 
-/// Stops after some steps; keeps what was saved.
+/// Stops after some steps; stores checkpoints.
 struct Stops {
     after: usize,
     steps: usize,
@@ -172,7 +172,7 @@ fn threads_and_interruptions_do_not_change_a_bit() {
     }
 }
 
-/// With fewer splats, those of the floor are so large that they cover much of the balls.
+/// With fewer splats, those of the floor would be so large that they cover much of the balls.
 #[test]
 fn deleted_objects_are_gone() {
     let params = DemoParams { num_splats: 15_000, seed: 3, sh_degree: 0, ..DemoParams::default() };
@@ -210,7 +210,8 @@ fn deleted_objects_are_gone() {
     assert!(after < 0.01 * before, "{:.2} % of it are left", 100.0 * after / before);
 }
 
-/// One edited picture of several: the others show the scene as it was, and must not undo the edit.
+/// Only one of several pictures is edited: the others show the original scene, and must not undo
+/// the edit.
 #[test]
 fn one_edited_picture_is_enough() {
     let scene = scene();
@@ -233,7 +234,7 @@ fn one_edited_picture_is_enough() {
     assert!(report.poorly_seen.is_some(), "said: {counts:?}");
 }
 
-/// Pictures of different brightness: the reference's is the one that comes out.
+/// Pictures of different brightness: the result has the brightness of the reference.
 #[test]
 fn the_reference_holds() {
     let scene = scene();
@@ -261,8 +262,8 @@ fn the_reference_holds() {
     assert!(held < 0.5 * mean, "with it {held:.3}, without {mean:.3}");
 }
 
-/// A wall of large splats behind a cloud of tiny ones, all repainted. Large splats that grow during
-/// the fit must not be taken for degenerate ones: the wall would have holes.
+/// A wall of large splats behind a cloud of tiny ones, all recoloured. Large splats that grow
+/// during the fit must not be treated as degenerate; otherwise the wall would have holes.
 #[test]
 fn large_splats_among_small_ones_are_fitted() {
     let mut start = Splats { sh_degree: 0, ..Splats::default() };
@@ -295,7 +296,7 @@ fn large_splats_among_small_ones_are_fitted() {
     assert!(gain > 20.0, "{gain:.1} dB, {} splats left", fitted.splats.len());
 }
 
-/// Each restriction restricts.
+/// Masks and restrictions take effect.
 #[test]
 fn masks_and_restrictions_hold() {
     let scene = scene();
@@ -310,7 +311,7 @@ fn masks_and_restrictions_hold() {
     assert_eq!((same.report.added, same.report.carved), (0, 0), "it does not");
     assert!(same.splats != *start, "and is a fit");
 
-    // Only the upper half of the pictures counts.
+    // Only the upper half of the pictures is in the mask.
     let mut upper = all;
     let side = SIDE as usize;
     for picture in &mut upper {
@@ -346,7 +347,7 @@ fn what_does_not_fit_is_refused() {
     let mut mask = good.clone();
     mask[0].mask = Some(vec![true; 5]);
     assert!(refused(&mask, &options).contains("the mask is 5 pixels"), "another mask");
-    // Only the sky, which no splat is mainly seen in.
+    // Only the sky, in which no splat is mainly visible.
     let mut sky = good.clone();
     let mut corner = vec![false; 64 * 48];
     corner[..3].fill(true);

@@ -1,4 +1,4 @@
-//! Camera readers accept arbitrary bytes: malformed files are errors with a
+//! Camera readers handle arbitrary bytes: malformed files are errors with a
 //! location, without panics or large allocations.
 
 #![allow(clippy::unwrap_used, reason = "helpers of tests may panic")]

@@ -1,4 +1,4 @@
-//! Runs the kept inputs of the fuzzers through the same
+//! Runs the stored inputs of the fuzzers through the same
 //! functions: no panics, and all properties hold.
 
 #![allow(clippy::unwrap_used, reason = "helpers of tests may panic")]

@@ -1,5 +1,5 @@
-//! Readers accept arbitrary bytes: real files truncated and overwritten at random, and random
-//! bytes, give a value or an error, never a panic.
+//! Readers handle arbitrary bytes: randomly truncated and overwritten files, and random bytes, give
+//! a value or an error, never a panic.
 
 #![allow(clippy::unwrap_used, reason = "helpers of tests may panic")]
 

@@ -332,7 +332,7 @@ fn fourdgs_container() {
     let duration: f64 = 4.0;
     for (index, time) in times.into_iter().enumerate() {
         if time >= duration {
-            continue; // Windows are half-open: at the very end nothing is visible, and our last time is the instant before.
+            continue; // Windows are half-open: at the end nothing is visible; our last time lies just before.
         }
         #[expect(clippy::cast_possible_truncation, reason = "scene times are single precision")]
         let t = (time / duration.next_down()) as f32;

@@ -103,7 +103,7 @@ impl Copied {
     }
 }
 
-/// Opens what is left of a scene: consistent splats, or an error with its place and a next step.
+/// Opens a damaged scene: consistent splats, or an error with its location and a next step.
 fn check(copied: &Copied, what: &str) {
     let _ = detect(&copied.scene);
     match copied.open() {

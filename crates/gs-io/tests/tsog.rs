@@ -1,5 +1,5 @@
-//! `.tsog` archives: decoded as version 4 defines them, on values worked out by hand, and refused
-//! where it does not.
+//! `.tsog` archives: decoded as defined by version 4, on hand-computed values, and refused if they
+//! do not conform.
 
 #![allow(
     clippy::cast_possible_truncation,
@@ -20,7 +20,7 @@ use tempfile::TempDir;
 use tsog::{Plane, archive};
 
 /// Two splats: positions (−1, 0, 0) and (1, 0, e − 1), scales (1, 1, e) and (1, 1, 1), rotations
-/// nearly the identity and half a turn about z, opacities 128/255 and 1.
+/// close to the identity and to a half turn about z, opacities 128/255 and 1.
 fn base() -> (Value, Vec<Plane>) {
     let log2 = std::f64::consts::LN_2;
     let meta = json!({

@@ -1,5 +1,5 @@
 //! Files from users: columns of other trainers, meaningful infinities, folders with several series,
-//! plain 3DGS models, and stand-ins for files. The cases are those of public bug reports; the
+//! plain 3DGS models, and placeholders of files. The cases are from public bug reports; the
 //! expected values are computed here from their definitions.
 
 #![allow(clippy::unwrap_used, reason = "helpers of tests may panic")]
@@ -365,7 +365,7 @@ fn unsupported_formats_are_named() {
     assert!(error.contains("SOG version 1") && error.contains("expected 2"), "{error}");
 }
 
-/// Stand-ins for files.
+/// Placeholders of files.
 const STAND_INS: [(&str, &[u8]); 5] = [
     (
         "Git LFS pointer",

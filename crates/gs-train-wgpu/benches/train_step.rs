@@ -3,7 +3,7 @@
 //! does it over any rasteriser. The adapter's name is printed first; on a software adapter the
 //! scene is small.
 //!
-//! `C4D_BENCH_ADAPTER=<index>` picks an adapter; the default is hardware if there is any, else
+//! `C4D_BENCH_ADAPTER=<index>` selects an adapter; the default is hardware if available, else
 //! software.
 
 #![allow(

@@ -1,5 +1,4 @@
-//! Proves, without a device, that the training shaders and Rust agree and stay within default
-//! limits.
+//! Training shaders and Rust agree and stay within the default limits. Needs no device.
 
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
 

@@ -1,4 +1,4 @@
-//! Proves masked L1, SSIM and Adam on the device against the CPU ones in double precision, at sizes
+//! Masked L1, SSIM and Adam on the device equal those on the CPU in double precision, at sizes
 //! around the blocks of the shaders.
 
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
@@ -14,7 +14,7 @@ use gs_raster_wgpu::device::{CommandMemory, Commands, GrowBuffer, read};
 use gs_train_wgpu::{DeviceAdam, ImageLosses, ParameterSlice};
 use test_support::compare::{assert_grad_close, widen};
 
-/// Around one pixel, one block, one group of pixels, and odd ones.
+/// Sizes around one pixel, one block and one group of pixels, and odd sizes.
 const SIZES: [[u32; 2]; 8] =
     [[1, 1], [2, 3], [11, 1], [15, 17], [16, 16], [33, 16], [67, 45], [130, 21]];
 
@@ -22,7 +22,7 @@ fn context() -> GpuContext {
     raster(Mode::Portable).context().clone()
 }
 
-/// An image in [0,1), and one like it.
+/// An image in [0,1), and a similar one.
 fn images(values: usize) -> [Vec<f32>; 2] {
     let x: Vec<f32> = noise(1, values).iter().map(|v| 0.5 + 0.5 * v).collect();
     let y = x.iter().zip(noise(2, values)).map(|(x, n)| (x + 0.3 * n).clamp(0.0, 1.0)).collect();
@@ -35,7 +35,7 @@ fn masks(pixels: usize) -> [Vec<f32>; 4] {
     [vec![1.0; pixels], vec![0.0; pixels], half, noise(3, pixels)]
 }
 
-/// What `cuar` computes: value and gradient.
+/// Value and gradient computed by `cuar`.
 fn expected(
     ssim: bool,
     size: [u32; 2],
@@ -95,7 +95,7 @@ fn losses_and_gradients_are_those_of_the_cpu() {
     }
 }
 
-/// The comparison above can fail: another mask is another loss.
+/// Negative control: another mask gives another loss.
 #[test]
 #[should_panic(expected = "another mask")]
 fn another_mask_is_noticed() {
@@ -136,7 +136,7 @@ fn numbers_that_are_none_behave_as_on_the_cpu() {
     let (value, v_x) = losses.evaluate(true, &x, &y, &mask, 1e-3).unwrap();
     assert!(value.is_nan() && v_x[0].is_nan(), "inside, SSIM: {value} {}", v_x[0]);
     let far = 3 * (12 * 19 + 18);
-    assert!(v_x[far].is_finite(), "windows that do not see it keep their gradient");
+    assert!(v_x[far].is_finite(), "windows without it keep their gradient");
 }
 
 #[test]
@@ -179,7 +179,7 @@ fn adam_is_that_of_the_cpu() {
     let len = rows * rates.len();
     let start = noise(4, len);
     let skip: Vec<u32> = (0..rows).map(|row| u32::from(row % 5 == 2)).collect();
-    // Two slices, the gradients of the second somewhere in a longer buffer.
+    // Two slices; the gradients of the second lie inside a longer buffer.
     let cut = 300;
     let first_grad = [0, 17];
     let mut params = [(); 2].map(|()| GrowBuffer::storage("parameters"));
@@ -224,13 +224,13 @@ fn adam_is_that_of_the_cpu() {
     for k in 0..len {
         let (row, column) = (k / 3, k % 3);
         if skip[row] != 0 || column == 1 {
-            assert_eq!(found[k].to_bits(), start[k].to_bits(), "value {k} was to stay");
+            assert_eq!(found[k].to_bits(), start[k].to_bits(), "value {k} must not change");
         }
         let close = (f64::from(found[k]) - truth[k]).abs() < 2e-6;
         // A denormal gradient may count as zero.
         assert!(close || k == 6, "value {k}: {} {}", found[k], truth[k]);
         if skip[row] != 0 {
-            assert_eq!((m[k], v[k]), (0.0, 0.0), "moments {k} were to stay");
+            assert_eq!((m[k], v[k]), (0.0, 0.0), "moments {k} must not change");
         }
     }
     assert_grad_close("first moments", &widen(&m), &cpu.m, 1e-5);

@@ -1,6 +1,6 @@
-//! Proves that a refinement whose steps are done on the device is the one done on the host: step by
-//! step, resumed, with images that do not fit and offsets larger than a binding; and that the
-//! default solver gives the same over either rasteriser.
+//! A refinement on the device equals the one on the host: step by step, resumed, with images that
+//! do not fit and offsets larger than a binding; and the default solver gives the same result with
+//! both rasterisers.
 
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
 
@@ -38,7 +38,7 @@ fn paper() -> RefineOptions {
     RefineOptions { samples: 8, solver, checkpoint_secs: Some(0.0), ..options }
 }
 
-/// Keeps every checkpoint and preview.
+/// Stores every checkpoint and preview.
 #[derive(Default)]
 struct Keeper {
     states: Vec<State>,
@@ -62,7 +62,7 @@ fn views<'a>(case: &'a Case, times: &'a [f32]) -> Views<'a> {
     Views { cameras: &case.cameras, times, held_out: &case.held_out }
 }
 
-/// Steps on the host, over this rasteriser.
+/// Refinement with steps on the host, with this rasteriser.
 fn on_host<R: Rasterizer<Prepared: Send> + Sync>(
     raster: &R,
     options: &RefineOptions,
@@ -74,7 +74,7 @@ fn on_host<R: Rasterizer<Prepared: Send> + Sync>(
     refine(raster, &case.scene, &case.edited, &views, options, resume, observer).unwrap()
 }
 
-/// Steps on the device; also how many images it kept.
+/// Refinement with steps on the device; also returns the number of images kept there.
 fn on_device(
     raster: &WgpuRasterizer,
     options: &RefineOptions,
@@ -94,7 +94,7 @@ fn array<'a>(state: &'a State, name: &str) -> &'a [f32] {
     &state.arrays.iter().find(|(key, _)| key == name).unwrap().1
 }
 
-/// Mean absolute difference over the mean absolute value.
+/// Mean absolute difference, relative to the mean absolute value.
 fn deviation(a: &[f32], b: &[f32]) -> f64 {
     assert_eq!(a.len(), b.len(), "as many values");
     let sum = |values: &mut dyn Iterator<Item = f32>| values.map(f64::from).sum::<f64>();
@@ -106,8 +106,7 @@ fn assert_same_run(what: &str, got: &Keeper, expected: &Keeper) {
     assert_eq!(got.states.len(), STEPS, "{what}: a checkpoint per step");
     for (a, b) in got.states.iter().zip(&expected.states) {
         assert_eq!((a.step, a.fingerprint), (b.step, b.fingerprint), "{what}: the same run");
-        // Adam takes the sign of gradients that are almost zero: single values may differ, not
-        // many.
+        // Adam depends on the sign of gradients that are almost zero, so a few values may differ.
         for (name, most) in [("d_sh", 5e-3), ("sh_m", 5e-3), ("sh_v", 5e-3)] {
             let apart = deviation(array(a, name), array(b, name));
             assert!(apart < most, "{what}, step {}: {name} differs by {apart}", a.step);
@@ -141,7 +140,7 @@ fn steps_on_the_device_are_those_of_the_host() {
     }
 }
 
-/// The comparison above can fail: another rate is another run.
+/// Negative control: another rate gives another result.
 #[test]
 #[should_panic(expected = "d_sh differs")]
 fn another_rate_is_noticed() {
@@ -157,7 +156,7 @@ fn another_rate_is_noticed() {
     assert_same_run("control", &there, &here);
 }
 
-/// The whole stage, images and masks included, against the one on the host.
+/// The whole stage, including images and masks, compared with the one on the host.
 #[test]
 fn the_paper_preset_is_that_of_the_cpu() {
     let raster = raster(Mode::Native);
@@ -199,7 +198,7 @@ fn assert_same_result(got: &Refined, expected: &Refined) {
     assert!(apart < 0.03, "offsets differ by {apart}");
 }
 
-/// The least-squares solver goes through the trait: forward and colour-only backward on the device,
+/// The least-squares solver uses the trait: forward and colour-only backward passes on the device,
 /// the rest on the host.
 #[test]
 fn the_default_solver_is_that_of_the_cpu() {
@@ -221,7 +220,7 @@ fn resumed_runs_end_bit_identical() {
         assert_eq!(rest.d_sh, whole.d_sh, "resumed at step {step}");
         assert_eq!(rest.report.loss_after, whole.report.loss_after, "the same loss");
     }
-    // What one began, the other ends.
+    // Each resumes from a checkpoint of the other.
     let state = &keeper.states[11];
     let rest = on_host(&raster, &paper(), Some(state), &mut NoObserver);
     let apart = deviation(rest.d_sh.as_flattened(), whole.d_sh.as_flattened());
@@ -231,7 +230,7 @@ fn resumed_runs_end_bit_identical() {
     assert!(on_device(&raster, &paper(), Some(&damaged), &mut NoObserver).is_err(), "damaged");
 }
 
-/// Images that do not fit the memory are handed over again, and change no bit.
+/// Images that do not fit into memory are uploaded again; the result is bit-identical.
 #[test]
 fn a_small_memory_changes_nothing() {
     let options = RefineOptions { checkpoint_secs: None, ..paper() };
@@ -243,10 +242,10 @@ fn a_small_memory_changes_nothing() {
     let (got, kept) = on_device(&whole, &tight, None, &mut NoObserver).unwrap();
     assert!(kept < 8 && got.report.num_cached < 8, "{kept} images kept");
     assert_eq!(got.report.samples, expected.report.samples, "the images fit the host");
-    assert_eq!(got.d_sh, expected.d_sh, "images handed over again");
+    assert_eq!(got.d_sh, expected.d_sh, "images uploaded again");
 }
 
-/// Three steps from zero: offsets of `rows` rows of degree 3, of which the image shows every third.
+/// Three steps from zero: offsets of `rows` rows of degree 3; the image shows every third row.
 fn three_steps(raster: &WgpuRasterizer, rows: usize) -> (Vec<[f32; 3]>, cuar::Adam<f32>) {
     let camera = common::camera(48, 40);
     let splats = cloud(6, rows / 3, 0, -3.0);
@@ -283,8 +282,8 @@ fn three_steps(raster: &WgpuRasterizer, rows: usize) -> (Vec<[f32; 3]>, cuar::Ad
     (d_sh, adam)
 }
 
-/// Offsets, gradients and moments larger than a binding are split, and change no bit. Rows that are
-/// not shown stay zero.
+/// Offsets, gradients and moments larger than a binding are split; the result is bit-identical.
+/// Rows that are not shown stay zero.
 #[test]
 fn splitting_changes_nothing() {
     let rows = 3_000;
@@ -303,7 +302,7 @@ fn splitting_changes_nothing() {
     assert!(last > 20, "{last} of the last 100 rows shown moved");
 }
 
-/// Not enough for what cannot be split: an error that says so, no result.
+/// Too little memory for data that cannot be split is an error.
 #[test]
 fn too_little_memory_is_an_error() {
     let gpu =

@@ -211,7 +211,7 @@ fn lpips_equals_double_precision() {
     }
 }
 
-/// CLIP's list of merges, in which those that the test's texts cannot use are replaced.
+/// CLIP's list of merges, with placeholders for the merges that the test's texts do not use.
 fn merges() -> String {
     let known: BTreeMap<usize, String> = text("merges.txt")
         .lines()
@@ -249,7 +249,7 @@ fn malformed_inputs_are_errors() {
     let mut nan = weights("dino");
     nan.0.get_mut("norm.weight").unwrap().values[0] = f32::NAN;
     assert!(matches!(Dino::open(&nan), Err(NetworkError::NotFinite { .. })), "NaN");
-    // Every tensor cut to nothing, or grown by a row.
+    // Every tensor made empty, or extended by a row.
     for case in ["clip", "dino"] {
         let whole = weights(case);
         for name in whole.0.keys() {

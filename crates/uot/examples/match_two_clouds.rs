@@ -1,5 +1,5 @@
-//! Matches the points of two rings, the second larger, turned a little, and with three points that
-//! the first does not have.
+//! Matches the points of two rings. The second is larger, slightly rotated, and has three
+//! additional points.
 #![expect(clippy::print_stdout, reason = "an example that prints its result")]
 
 use uot::{Bandwidth, Sinkhorn, SinkhornParams, UotError, UotProblem, WelschParams};
@@ -27,7 +27,7 @@ fn main() -> Result<(), UotError> {
         out.transport_cost(&problem)?
     );
     for (j, (&row, &weight)) in matches.rows.iter().zip(&matches.w_best).enumerate() {
-        // transported mass says little about an outlier, closeness of its best partner does
+        // transported mass does not identify an outlier; the closeness of its best partner does
         if weight > 0.02 {
             println!("column {j:2} <- row {row:2}  (w = {weight:.3})");
         } else {

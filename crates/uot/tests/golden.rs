@@ -287,7 +287,7 @@ fn first_order_conditions_of_the_dense_plan() {
         let plan = solve(&problem, &solver).unwrap().plan(&problem).unwrap();
         let worst = first_order(&problem, &plan, &solver);
         assert!(worst < 1e-11, "{}: residual {worst:e}", case.label());
-        // negative control: a plan that is off by 1e-8 is noticed
+        // negative control: a plan with an error of 1e-8 is detected
         let spoiled: Vec<f64> = plan.iter().map(|p| p * (1.0 + 1e-8)).collect();
         let worst = first_order(&problem, &spoiled, &solver);
         assert!(worst > 1e-9, "{}: a wrong plan has residual {worst:e}", case.label());

@@ -1,4 +1,4 @@
-//! The exact median equals sorting all distances, whatever the size, the ties and the dimension.
+//! The exact median equals that of all sorted distances, for any size, ties and dimension.
 #![expect(clippy::unwrap_used, reason = "tests may unwrap, helpers included")]
 
 use rand::{RngExt, SeedableRng};
@@ -50,7 +50,7 @@ fn ties_by_the_hundred_thousand() {
         .map(|k| [f64::from(k % 13), f64::from(k / 13 % 13), f64::from(k / 169)])
         .collect();
     check("lattice", &lattice, &lattice[..1800]);
-    // one value for more pairs than are ever collected
+    // one value for more pairs than are collected at most
     let (left, right) = (vec![[0.0, 0.0]; 2000], vec![[3.0, 4.0]; 1501]);
     check("two clumps", &left, &right);
     let mut three = vec![[0.0, 0.0]; 1000];

@@ -74,7 +74,7 @@ fn plans_agree() {
     // negative control
     let out = solve(&problem(&golden, false, 1.0), &weights(1.5, 0.71)).unwrap();
     let plan = out.plan(&problem(&golden, false, 1.0)).unwrap();
-    assert!(max_abs_diff(&plan, &golden.f64s("unbalanced")) > 1e-6, "another weight is noticed");
+    assert!(max_abs_diff(&plan, &golden.f64s("unbalanced")) > 1e-6, "another weight is detected");
 }
 
 #[test]
@@ -109,7 +109,7 @@ fn two_by_two(off_diagonal: f64, params: &SinkhornParams) -> (UotProblem<'static
     (problem, out)
 }
 
-/// POT issue 711: small λ0 beside large marginal weights; plain sweeps need tens of thousands.
+/// POT issue 711: small λ0 with large marginal weights; needs tens of thousands of plain sweeps.
 #[test]
 fn nearly_balanced_with_small_entropy_weight() {
     for epsilon_scaling in [EpsilonScaling::Auto, EpsilonScaling::Off] {

@@ -1,4 +1,4 @@
-//! What must hold for any problem: symmetry, scaling laws, bounds, order and thread independence,
+//! Properties of any problem: symmetry, scaling laws, bounds, order and thread independence,
 //! degenerate clouds.
 
 use proptest::prelude::*;
@@ -77,7 +77,7 @@ proptest! {
             let bound = (-1.0 / (lambda_ent + lambda_b)).exp();
             prop_assert!(cols[j] >= bound * inlier * (1.0 - 1e-9), "outlier bound, column {j}");
         }
-        // the same plan from the dense solver, and objective no better anywhere near
+        // the dense solver gives the same plan, and no nearby plan has a lower objective
         let reference = solve(&dense, &params).unwrap();
         assert_close("sparse f", &out.f, &reference.f, 1e-10, 0.0);
         assert_close("sparse g", &out.g, &reference.g, 1e-10, 0.0);
@@ -164,7 +164,7 @@ fn tiny_lambda_stays_finite_and_dual_feasible() {
     let out = solve(&problem, &weights(1e-4, 0.3, 0.5)).unwrap();
     assert!(out.f.iter().chain(&out.g).all(|x| x.is_finite()), "finite at λ0 = 1e-4");
     let cost = problem.cost_matrix().unwrap();
-    // without the entropy the dual asks for f + g ≤ D
+    // without the entropy, the dual requires f + g ≤ D
     for (k, d) in cost.iter().enumerate() {
         assert!(out.f[k / 30] + out.g[k % 30] <= d + 2e-3, "entry {k}");
     }
@@ -184,7 +184,7 @@ fn low_regularisation_finds_the_best_assignment() {
     }
 }
 
-/// Row of each column in the cheapest one-to-one assignment, by trying all.
+/// Row of each column in the cheapest one-to-one assignment, by exhaustive search.
 fn best_assignment(cost: &[f64], n: usize) -> Vec<usize> {
     fn extend(
         cost: &[f64],
@@ -246,7 +246,7 @@ fn duplicates_share_rows_equally() {
         assert!(row != 40 && row != 41, "lowest of tied rows, column {j}");
         assert_eq!(matches.tie_counts[j], if row == 3 { 3 } else { 1 }, "column {j}");
     }
-    assert!(matches.rows.contains(&3), "the repeated point is somebody's best");
+    assert!(matches.rows.contains(&3), "the repeated point is the best of a column");
 }
 
 #[test]
@@ -264,7 +264,7 @@ fn order_of_the_points_does_not_matter() {
     assert_same_bits("g", &out.g, &back(&out2.g));
     let rows: Vec<u32> =
         out2.correspondence(&problem2).unwrap().rows.iter().rev().map(|row| 299 - row).collect();
-    assert_eq!(out.correspondence(&problem).unwrap().rows, rows, "matches move along");
+    assert_eq!(out.correspondence(&problem).unwrap().rows, rows, "matches follow the points");
 }
 
 #[test]
@@ -342,7 +342,7 @@ fn feature_term_equals_the_explicit_cost() {
         0.0,
         1e-9,
     );
-    // an infinite term cuts the pair off
+    // an infinite term excludes the pair
     let cut = UotProblem::welsch_with(&src, &edit, &params, |_, _| f64::INFINITY).unwrap();
     let none = solve(&cut, &solver).unwrap().correspondence(&cut).unwrap();
     assert!(none.w_best.iter().all(|&w| w <= 0.0), "nothing is near");
@@ -387,7 +387,7 @@ fn degenerate_clouds_have_defined_results() {
 
 #[test]
 fn given_marginals_scale_as_repeated_points() {
-    // weight 2 on a point is the same as having it twice
+    // weight 2 on a point equals two copies of the point
     let (src, edit) = (sheet(12, 60), sheet(9, 61));
     let mut doubled = src.clone();
     doubled.push(src[4]);
@@ -423,7 +423,7 @@ fn running_out_of_sweeps_is_data() {
         let out = solve(&problem, &SinkhornParams { max_sweeps, ..weights(0.05, 11.0, 11.0) });
         let out = out.unwrap();
         assert!(!out.converged && out.sweeps == max_sweeps, "{max_sweeps} sweeps are too few");
-        assert_eq!(out.residuals.len(), max_sweeps, "one residual a sweep");
+        assert_eq!(out.residuals.len(), max_sweeps, "one residual per sweep");
         assert!(out.f.iter().chain(&out.g).all(|x| x.is_finite()), "usable potentials");
     }
 }

@@ -1,4 +1,4 @@
-//! Problems of listed pairs, unmatched options, held marginals, warm starts and posteriors.
+//! Problems with listed pairs, unmatched options, exact marginals, warm starts and posteriors.
 #![expect(clippy::unwrap_used, reason = "tests may unwrap, helpers included")]
 
 use proptest::prelude::*;
@@ -160,7 +160,7 @@ proptest! {
             let expected = a[i] * b[j] * ((out.f[i] + out.g[j] - pairs.costs[k]) / lambda_ent).exp();
             prop_assert!((p - expected).abs() <= 1e-10 * expected, "entry {k}");
         }
-        // stationarity, mass without counterpart included
+        // stationarity, including mass without counterpart
         let free = |k: usize, potential: f64, weight: f64, cost: &[f64], mass: &[f64]| {
             let expected = if mass.is_empty() { 0.0 } else {
                 weight * ((potential - cost[k]) / lambda_ent).exp()
@@ -209,7 +209,7 @@ proptest! {
             prop_assert!(ids.windows(2).all(|pair| pair[0] < pair[1]), "ascending rows");
             if options & 6 == 6 {
                 let none = out.unmatched_col_mass[j] / b[j];
-                prop_assert!((by_col.unmatched[j] - none).abs() < 1e-9, "all that is not matched is none");
+                prop_assert!((by_col.unmatched[j] - none).abs() < 1e-9, "unmatched mass belongs to none");
             }
         }
         let by_row = out.row_posterior(&problem).unwrap();
@@ -234,8 +234,8 @@ proptest! {
                 prop_assert!((p - q).abs() <= 1e-7 * p, "entry {i},{j}: {p:e} {q:e}");
             }
         }
-        // warm from its own potentials: the same plan, at once; from those of another weight: the
-        // same plan
+        // a warm start from its own potentials gives the same plan immediately; from those of
+        // another weight, also the same plan
         let solver = Sinkhorn::new(params).unwrap();
         let warm = solver.solve_from(&problem, &out.g).unwrap();
         prop_assert!(warm.converged && warm.sweeps <= 3, "{} sweeps", warm.sweeps);
@@ -248,7 +248,7 @@ proptest! {
 
 #[test]
 fn mixture_with_an_outlier_class() {
-    // rows free, columns held: every column is the softmax of its likelihoods, "none" among them
+    // rows free, columns exact: every column is the softmax of its likelihoods, including "none"
     let pairs = Pairs::random(6, 40, 0.4, 3.0, 4);
     let problem = pairs.problem().with_unmatched_cols(vec![1.2; 40]).unwrap();
     let out = solve(&problem, &weights(0.5, 1e-9, HELD)).unwrap();
@@ -296,7 +296,7 @@ fn thread_counts_change_nothing() {
 
 #[test]
 fn lines_without_candidates_carry_nothing() {
-    // row 1 and column 2 have none
+    // row 1 and column 2 have no pairs
     let problem =
         || UotProblem::from_csr(vec![0, 2, 2, 3], vec![0, 1, 1], vec![0.1, 0.4, 0.0], 3).unwrap();
     let out = solve(&problem(), &weights(0.1, 1.0, 1.0)).unwrap();
@@ -313,10 +313,10 @@ fn lines_without_candidates_carry_nothing() {
         let error = solve(&problem(), &weights(0.1, a, b)).unwrap_err();
         assert!(error.to_string().contains(text), "{error}");
     }
-    // weight 0 asks for nothing, and a candidate of weight 0 gives nothing
+    // a point of weight 0 receives no mass, and a candidate of weight 0 gives none
     let (a, b) = (vec![0.5, 0.0, 0.5], vec![0.5, 0.5, 0.0]);
     let held = problem().with_marginals(a, b).unwrap();
-    assert!(solve(&held, &weights(0.1, HELD, HELD)).unwrap().converged, "row 1 asks for nothing");
+    assert!(solve(&held, &weights(0.1, HELD, HELD)).unwrap().converged, "row 1 has no mass");
     let starved = problem().with_marginals(vec![1.0; 3], vec![1.0, 0.0, 1.0]).unwrap();
     let out = solve(&starved, &weights(0.1, 1.0, 1.0)).unwrap();
     assert!(out.converged && out.row_mass[2] == 0.0, "row 2 can send to column 1 only");

@@ -1,4 +1,4 @@
-//! Difference between a cloud and what was written, independent of row order.
+//! Difference between a written cloud and the one read back, independent of row order.
 
 use gs_core::sh::C0;
 use gs_core::{Splats, quat};
@@ -10,15 +10,15 @@ pub(super) const VISIBLE: f32 = 1.0 / 255.0;
 /// Largest differences over all visible splats.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Difference {
-    /// Of centres, as a fraction of the scene's size.
+    /// Difference of centres, as a share of the scene's size.
     pub(super) position: f32,
-    /// Of base colours, in steps of 1/255.
+    /// Difference of base colours, in steps of 1/255.
     color: f32,
-    /// Of opacities, in steps of 1/255.
+    /// Difference of opacities, in steps of 1/255.
     opacity: f32,
-    /// Of rotations, radians.
+    /// Difference of rotations, radians.
     rotation: f32,
-    /// Of the logarithms of sizes.
+    /// Difference of the logarithms of sizes.
     log_scale: f32,
 }
 
@@ -33,7 +33,7 @@ impl Difference {
         )
     }
 
-    /// Cells of a table with all of them.
+    /// Table cells with all differences.
     pub(super) fn columns(self) -> String {
         format!(
             "{:.1e} | {:.2} | {:.2} | {:.3}° | {:.2} %",
@@ -66,7 +66,8 @@ fn nearest(splats: &Splats, mean: &[f32; 3]) -> usize {
         .unwrap_or_default()
 }
 
-/// Rows of `truth` that are in `read`: of several with the same nearest splat, only the nearest.
+/// Rows of `truth` with a counterpart in `read`; of several rows with the same nearest splat, only
+/// the nearest.
 pub(super) fn paired(truth: &Splats, read: &Splats) -> Vec<usize> {
     if read.is_empty() {
         return Vec::new();

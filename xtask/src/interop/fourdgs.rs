@@ -11,11 +11,11 @@ use std::path::{Path, PathBuf};
 
 /// Frames of the clip that `c4d` writes.
 const FRAMES: &str = "9";
-/// Times that are compared, as shares of the clip. The second and the fourth lie between frames.
+/// Compared times, as shares of the clip. The second and the fourth lie between frames.
 const TIMES: [&str; 5] = ["0", "0.3", "0.5", "0.7", "1"];
 
 impl Trip {
-    /// Rows of the table: how each side evaluates the other's files.
+    /// Rows of the table: how each program evaluates the other's files.
     pub(super) fn fourdgs(&self, folder: &Path) -> Result<Vec<String>> {
         let package = fourdgs();
         let mut table = Vec::new();
@@ -72,7 +72,7 @@ impl Trip {
 
     fn visible(file: &Path) -> Result<Splats> {
         let splats = frame::read_file(file)?.splats;
-        // Rounding may move an opacity across the threshold: half of it is not missed.
+        // Rounding may move an opacity across the threshold, so half of it is accepted.
         let is_visible = |&row: &usize| splats.opacity(row) >= 0.5 * VISIBLE;
         Ok(splats.select(&(0..splats.len()).filter(is_visible).collect::<Vec<_>>()))
     }

@@ -52,7 +52,7 @@ pub(super) fn checked(command: &mut Command) -> Result<Output> {
 }
 
 impl Peer {
-    /// Installs all of them below `folder`, unless they are there.
+    /// Installs all tools in `folder`, unless they are already installed.
     pub(super) fn install_all(folder: &Path) -> Result<Vec<Self>> {
         let mut peers = Vec::new();
         for version in SPLAT_TRANSFORM {
@@ -100,7 +100,7 @@ impl Peer {
         format!("{} ({registry})", self.name())
     }
 
-    /// Formats that it writes and `c4d` reads.
+    /// Formats that the tool writes and `c4d` reads.
     pub(super) fn writes(&self) -> &'static [&'static str] {
         match self {
             Self::SplatTransform { .. } => {
@@ -110,7 +110,7 @@ impl Peer {
         }
     }
 
-    /// Formats that it reads and `c4d` writes.
+    /// Formats that the tool reads and `c4d` writes.
     pub(super) fn reads(&self) -> &'static [Written] {
         match self {
             Self::SplatTransform { .. } => &[

@@ -1,11 +1,11 @@
-//! [`Trip`]: the program, the scene, and the folder for files that are exchanged.
+//! [`Trip`]: the program, the scene, and the folder for exchanged files.
 
 use anyhow::{Result, bail};
 use gs_core::Splats;
 use std::path::PathBuf;
 use std::process::Command;
 
-/// What all round trips share.
+/// Data shared by all round trips.
 pub(super) struct Trip {
     /// The program `c4d`.
     pub(super) c4d: PathBuf,

@@ -127,7 +127,7 @@ fn read_module(
     Ok(())
 }
 
-/// The file that defines what `path` names.
+/// The file that defines the item at `path`.
 fn definer<'a>(
     modules: &'a BTreeMap<Module, FileFacts>,
     path: &[String],

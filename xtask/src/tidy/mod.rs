@@ -1,4 +1,4 @@
-//! Rules that the compiler does not check. Each has a test that shows it can fail.
+//! Rules that the compiler does not check. Each has a test in which it fails.
 
 mod crate_table;
 mod import_graph;
@@ -11,7 +11,7 @@ use import_graph::ImportGraph;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-/// Most lines in a source file; longer files cover more than one concept.
+/// Maximum number of lines of a source file; longer files cover more than one concept.
 const MAX_LINES: usize = 600;
 /// Highest equation number of the paper with its supplement.
 const LAST_EQUATION: u32 = 24;

@@ -1,5 +1,5 @@
-//! The table of promises in `docs/ARCHITECTURE.md`: every promise has a test, and every test that
-//! it names exists. Files named elsewhere in that document exist, too.
+//! Checks the table of promises in `docs/ARCHITECTURE.md`: every promise has a test, and every
+//! named test exists. Files named elsewhere in that document must also exist.
 
 use std::fs;
 use std::path::Path;
@@ -7,7 +7,7 @@ use std::path::Path;
 /// Heading of the table.
 const HEADING: &str = "## Promises";
 
-/// What is wrong with the promises in `text`.
+/// Problems with the promises in `text`.
 pub(super) fn check(root: &Path, text: &str) -> Vec<String> {
     let mut found = Vec::new();
     let rows = rows(text);

@@ -5,7 +5,7 @@ use gs_core::{DynamicScene, SceneError, Splats, TimeRange};
 use test_support::fixture;
 use test_support::golden::Golden;
 
-/// A scene that is a table of frames, evenly spaced over [0, 1].
+/// A scene given by a table of frames, evenly spaced over [0, 1].
 #[derive(Debug, Clone)]
 pub(crate) struct Table {
     pub(crate) frames: Vec<Splats>,
@@ -93,7 +93,7 @@ pub(crate) struct Edit {
     pub(crate) ratios_t: Vec<Vec<f32>>,
     pub(crate) scored: Vec<bool>,
     pub(crate) contact: Vec<bool>,
-    /// Diagnostics of failures only.
+    /// Used only to describe failures.
     pub(crate) tag: Vec<u8>,
     pub(crate) part: Vec<u8>,
 }

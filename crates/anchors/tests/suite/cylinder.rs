@@ -82,7 +82,7 @@ fn differs(
                 set.lines[anchor]
             ));
         }
-        // The oracle sums the coordinates themselves and so loses digits far from the origin.
+        // The oracle sums raw coordinates and therefore loses digits far from the origin.
         let rounding = 1e-14 * position.iter().fold(0.0_f64, |most, x| most.max(x.abs()));
         if distance2(&set.positions[anchor], position).sqrt() > 1e-12 * set.delta + rounding {
             return Some(format!(
@@ -216,11 +216,14 @@ fn retained_triples_lie_in_their_cylinder() {
         let far =
             members.iter().map(|id| line_distance(line, &points[*id as usize])).fold(0.0, f64::max);
         assert!(far <= set.delta * (1.0 + 1e-12), "anchor {anchor}: {far} beyond {}", set.delta);
-        // In the hull of the triple, so within the largest edge of every member.
+        // The anchor lies in the hull of the triple, so within the largest edge of every member.
         let p = &set.positions[anchor];
         let spread = |id: &u32| distance2(p, &points[*id as usize]).sqrt();
         let widest = members.iter().map(spread).fold(0.0, f64::max);
-        assert!(widest <= 3.0 * mean_edge(&points, members), "anchor {anchor} left its triple");
+        assert!(
+            widest <= 3.0 * mean_edge(&points, members),
+            "anchor {anchor} lies outside its triple"
+        );
     }
 }
 

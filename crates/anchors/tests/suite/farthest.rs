@@ -12,7 +12,7 @@ fn distance2(a: &[f64; 3], b: &[f64; 3]) -> f64 {
 fn every_anchor_is_the_farthest_point() {
     let points = figure(1500, 3);
     let set = AnchorSet::farthest(&points, 200).unwrap();
-    assert_eq!(set.len(), 200, "as many as asked for");
+    assert_eq!(set.len(), 200, "the requested number");
     let to_set = |point: &[f64; 3], anchors: &[[f64; 3]]| {
         anchors.iter().map(|anchor| distance2(anchor, point)).fold(f64::INFINITY, f64::min)
     };

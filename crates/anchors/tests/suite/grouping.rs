@@ -11,7 +11,7 @@ fn params(k: usize) -> AnchorParams {
     AnchorParams { k, ..AnchorParams::default() }
 }
 
-/// The stated rule, without structures. Works on ranks, returns coordinates.
+/// The documented rule without search structures. Works on ranks, returns coordinates.
 fn naive_disjoint(points: &[Vec3], k: usize, max_ratio: f64) -> Vec<Vec<Vec3>> {
     let size = (k + 1).min(points.len());
     let mut ranked = points.to_vec();
@@ -97,7 +97,7 @@ fn disjoint_equals_the_naive_greedy() {
 fn the_naive_greedy_tells_rules_apart() {
     let points = cube(300, 1);
     let (two, three) = (naive_disjoint(&points, 2, 4.0), naive_disjoint(&points, 2, 1.0));
-    assert_ne!(two, three, "the refusal changes nothing: the comparison above proves nothing");
+    assert_ne!(two, three, "the rejection has no effect, so the comparison above is meaningless");
 }
 
 #[test]

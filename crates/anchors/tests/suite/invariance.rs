@@ -1,4 +1,4 @@
-//! What must not matter: point order, thread count; and what must follow: rigid motion and scale.
+//! Invariance to point order and thread count; equivariance to rigid motion and scale.
 
 use std::collections::BTreeMap;
 

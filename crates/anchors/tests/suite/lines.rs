@@ -1,4 +1,4 @@
-//! Lines: law, counter-based growth, the hit-count law.
+//! Lines: their distribution, counter-based growth, the expected number of hits.
 
 use anchors::{AnchorError, AnchorParams, BoundingSphere, Line, Lines, Neighborhoods};
 use anchors::{expected_hits, lines_for_hits};
@@ -62,7 +62,7 @@ fn hit_counts_follow_the_law() {
         let sphere = BoundingSphere::of(&points).unwrap();
         let lines = Lines::sample(&sphere, num_lines, 3);
         let groups = Neighborhoods::build(&points, None, &params).unwrap();
-        // Counted by definition; a cloud of centroids keeps the product small enough.
+        // Counted by definition; a cloud of centroids keeps the product small.
         let edges: f64 = groups
             .iter()
             .map(|g| {

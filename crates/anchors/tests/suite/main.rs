@@ -1,4 +1,4 @@
-//! Everything the crate promises, against brute force, closed forms and invariances.
+//! Tests of the crate's guarantees against brute force, closed forms and invariances.
 
 #![expect(clippy::unwrap_used, reason = "a failed call fails the test; helpers count as tests")]
 

@@ -4,7 +4,7 @@ use std::f64::consts::TAU;
 
 pub(crate) type Vec3 = [f64; 3];
 
-/// A small generator of its own, so that the tests do not lean on the one under test (PCG-XSH-RR).
+/// A separate small generator (PCG-XSH-RR), so that the tests do not depend on the one under test.
 pub(crate) struct Rng(u64);
 
 impl Rng {
@@ -73,7 +73,7 @@ pub(crate) fn figure(n: usize, seed: u64) -> Vec<Vec3> {
     (0..n).map(point).collect()
 }
 
-/// Integer lattice points drawn with replacement: full of ties and coincident points.
+/// Integer lattice points drawn with replacement, with many ties and coincident points.
 pub(crate) fn lattice(n: usize, side: usize, seed: u64) -> Vec<Vec3> {
     let mut rng = Rng::new(seed);
     (0..n).map(|_| [0, 1, 2].map(|_| rng.below(side) as f64)).collect()

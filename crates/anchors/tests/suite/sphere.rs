@@ -4,8 +4,8 @@ use anchors::BoundingSphere;
 
 use crate::scenes::{Rng, Vec3, cube, distance2, figure, lattice, permutation};
 
-/// Radius of the smallest ball by definition: of all spheres through two to four of the points,
-/// the smallest that holds every point.
+/// Radius of the smallest ball by definition: the smallest of all spheres through two to four
+/// points that contains every point.
 fn brute_radius(points: &[Vec3]) -> f64 {
     let n = points.len();
     let mut best = f64::INFINITY;
@@ -142,7 +142,7 @@ fn known_balls() {
     let corners: Vec<Vec3> = (0..8).map(|i| [0, 1, 2].map(|d| f64::from(i >> d & 1))).collect();
     let sphere = BoundingSphere::of(&corners).unwrap();
     assert!((sphere.radius - 0.75_f64.sqrt()).abs() < 1e-15, "cube: {sphere:?}");
-    // An obtuse triangle rests on its longest side.
+    // The smallest sphere of an obtuse triangle is that of its longest side.
     let sphere = BoundingSphere::of(&[[0.0, 0.0, 0.0], [4.0, 0.0, 0.0], [2.0, 0.5, 0.0]]).unwrap();
     assert_eq!(sphere, BoundingSphere { center: [2.0, 0.0, 0.0], radius: 2.0 }, "obtuse triangle");
     // Regular tetrahedron of edge √8.

@@ -25,7 +25,7 @@ pub(crate) struct BenchMotionArgs {
     /// Splats of each source scene
     #[arg(long, default_value_t = 5000)]
     pub(crate) size: usize,
-    /// Leaves out what needs a deformation network trained on every scene (seconds each)
+    /// Omit the methods that need a deformation network trained on each scene (seconds each)
     #[arg(long)]
     pub(crate) no_network: bool,
     /// Folder for motion.json and motion.md
@@ -41,12 +41,11 @@ pub(crate) struct BenchMotionArgs {
 pub(crate) struct BenchSuiteArgs {
     /// TOML file with scenes, their edits, and methods; docs/EVALUATION.md describes it
     pub(crate) suite: PathBuf,
-    /// Folder for the runs, table.md and table.csv; what an earlier call has completed there is
-    /// kept
+    /// Folder for the runs, table.md and table.csv; runs that an earlier call completed are kept
     #[arg(short, long)]
     pub(crate) output: PathBuf,
-    /// Make only the K-th of N equal parts of the runs; a call without --part makes what is missing,
-    /// and the table
+    /// Make only the K-th of N equal parts of the runs; a call without --part makes the missing runs
+    /// and the tables
     #[arg(long, value_name = "K/N", value_parser = Share::parse)]
     pub(crate) part: Option<Share>,
     #[command(flatten)]

@@ -12,8 +12,8 @@ pub(crate) struct CompareArgs {
     /// HTML file to write
     #[arg(short, long, value_name = "FILE")]
     pub(crate) output: PathBuf,
-    /// Take the numbers from these files of `c4d eval -o`, one for each run in their order, instead
-    /// of measuring
+    /// Read the numbers from these files of `c4d eval -o`, one per run in the same order, instead of
+    /// measuring
     #[arg(long, value_delimiter = ',', value_name = "METRICS.JSON,…")]
     pub(crate) numbers: Vec<PathBuf>,
     #[command(flatten)]

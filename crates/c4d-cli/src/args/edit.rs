@@ -19,7 +19,7 @@ EXPR, with `&`, `|`, `!`, `( )`; lengths are world units:
   mask DIR                   ids FILE               connected x,y,z [gap D] [of EXPR]
   near D EXPR                grow D EXPR            shrink D EXPR
 
-Options of selection and actions work in the order in which they stand. Example:
+Selections and actions are applied in the given order. Example:
   c4d edit SCENE --select 'hue 200..260 & moving' --hue 120 --select 'part 2' --scale 1.2 -o edited.ply --preview look.png";
 
 #[derive(Debug, Args)]
@@ -29,7 +29,7 @@ pub(crate) struct EditArgs {
     /// `c4d freeze`, or a scene, at --time
     #[arg(value_name = "SCENE|FRAME")]
     pub(crate) input: PathBuf,
-    /// The edited frame, a 3DGS PLY; NAME.edit.json beside it notes the steps
+    /// The edited frame, a 3DGS PLY; NAME.edit.json next to it records the steps
     #[arg(short, long, value_name = "EDITED.ply")]
     pub(crate) output: Option<PathBuf>,
     /// Time of the scene to edit [default: that of a replayed edit, else the first]
@@ -37,13 +37,13 @@ pub(crate) struct EditArgs {
     pub(crate) time: Option<f32>,
     #[command(flatten)]
     pub(crate) operations: OperationFlags,
-    /// Write a picture: before, what was selected, after
+    /// Write a picture: before, selection, after
     #[arg(long, value_name = "PNG")]
     pub(crate) preview: Option<PathBuf>,
-    /// Say how many splats each selection has, where they are, how large and of what colour
+    /// Print the number, position, size and colour of the splats in each selection
     #[arg(long)]
     pub(crate) stats: bool,
-    /// Axes of an SPZ or glTF frame [default: those it names, else those of its format]
+    /// Axes of an SPZ or glTF frame [default: those stated in the file, else those of its format]
     #[arg(long, visible_alias = "spz-axes", value_enum)]
     pub(crate) axes: Option<AxesArg>,
     /// The world's upward direction, for the picture
@@ -68,16 +68,16 @@ impl EditArgs {
 #[command(next_help_heading = "Edited pictures")]
 #[expect(clippy::struct_excessive_bools, reason = "flags of a command line")]
 pub(crate) struct PictureFlags {
-    /// Folder with the edited pictures of `c4d freeze --views`: PNG or JPEG, names and sizes as
-    /// they were
+    /// Folder with the edited pictures of `c4d freeze --views`: PNG or JPEG, names and sizes
+    /// unchanged
     #[arg(long, value_name = "DIR")]
     pub(crate) views: Option<PathBuf>,
     /// Cameras of the pictures [default: `cameras.json` in the folder of the pictures, else in that
     /// of the frame]
     #[arg(long, value_name = "FILE", requires = "views")]
     pub(crate) cameras: Option<PathBuf>,
-    /// Where the pictures count: `auto`, where they differ from the scene, or a folder with a mask
-    /// for each picture (white: edited)
+    /// Edited pixels: `auto` (those that differ from the scene), or a folder with a mask for each
+    /// picture (white: edited)
     #[arg(long, value_name = "DIR|auto", default_value = "auto", requires = "views")]
     pub(crate) mask: PathBuf,
     /// Steps of the fit, one picture each
@@ -87,14 +87,14 @@ pub(crate) struct PictureFlags {
     /// Change colours and opacities only
     #[arg(long, requires = "views")]
     pub(crate) keep_geometry: bool,
-    /// Add and remove no splats, except faint ones
+    /// Do not add or remove splats, except for removing faint ones
     #[arg(long, requires = "views")]
     pub(crate) no_densify: bool,
-    /// The picture whose colours and position hold where the pictures disagree [default: their
+    /// Picture whose colours and positions are used where the pictures disagree [default: their
     /// mean]
     #[arg(long, value_name = "VIEW", requires = "views")]
     pub(crate) reference: Option<String>,
-    /// Take the pictures as they are: do not align them with each other
+    /// Do not align the pictures with each other
     #[arg(long, requires = "views")]
     pub(crate) no_align: bool,
     /// Seed of everything random
@@ -109,7 +109,7 @@ pub(crate) struct PictureFlags {
         allow_negative_numbers = true
     )]
     pub(crate) checkpoint_every: f64,
-    /// Go on with an interrupted fit of the same output with the same inputs and flags
+    /// Continue an interrupted fit of the same output; inputs and flags must be the same
     #[arg(long, requires = "views")]
     pub(crate) resume: bool,
 }

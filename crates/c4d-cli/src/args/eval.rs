@@ -5,22 +5,22 @@ use crate::part::Share;
 use clap::{Args, ValueEnum};
 use std::path::PathBuf;
 
-/// From where, when and against what is measured, in `c4d eval` and `c4d compare`.
+/// Views, frames and ground truth of a measurement, in `c4d eval` and `c4d compare`.
 #[derive(Debug, Clone, Default, Args)]
 #[command(next_help_heading = "Views and frames")]
 pub(crate) struct MeasureFlags {
-    /// Cameras, as `c4d render --cameras`; each sees every frame [default: two views of a rig
+    /// Cameras, as `c4d render --cameras`; each is used at every frame [default: two views of a rig
     /// around the scene]
     #[arg(long, value_name = "PATH")]
     pub(crate) cameras: Option<PathBuf>,
     /// Only these views of the cameras: names, cameras (cam00), or indices
     #[arg(long, value_delimiter = ',', value_name = "NAME,…")]
     pub(crate) views: Vec<String>,
-    /// Which views of a data set [default: test, else all; at most 8, evenly]
+    /// Views of a data set [default: test, else all; at most 8, evenly spaced]
     #[arg(long, value_enum)]
     pub(crate) split: Option<SplitArg>,
-    /// Ground truth: another scene or run, or the folder of a data set's photographs, whose views
-    /// --cameras names
+    /// Ground truth: another scene or run, or the folder with the photographs of the data set in
+    /// --cameras
     #[arg(long, value_name = "SCENE|IMAGES")]
     pub(crate) truth: Option<PathBuf>,
     /// Times, comma-separated [default: those of the cameras, if they have several, else as
@@ -39,7 +39,7 @@ pub(crate) struct MeasureFlags {
     /// Image size [default: that of the cameras, 480x360 for the rig]
     #[arg(long, value_name = "WxH", value_parser = super::values::parse_size)]
     pub(crate) size: Option<(u32, u32)>,
-    /// Background colour [default: what the model was trained with, else black]
+    /// Background colour [default: that of the model's training, else black]
     #[arg(long, value_name = "R,G,B", value_parser = super::values::parse_background)]
     pub(crate) background: Option<[f32; 3]>,
     /// The world's upward direction, for the rig
@@ -51,16 +51,16 @@ pub(crate) struct MeasureFlags {
 pub(crate) struct EvalArgs {
     /// The run to measure; or a scene, to compare with --truth
     pub(crate) run: PathBuf,
-    /// JSON file for every number with its parameters; a table is printed in any case
+    /// JSON file for all values with their parameters; a table is always printed
     #[arg(short, long, value_name = "FILE")]
     pub(crate) output: Option<PathBuf>,
     /// Metrics and groups to measure: core, all, truth, preservation, time, neural, motion,
-    /// matches, cost, or single ones [default: core; all with --weights]
+    /// matches, cost, or single metrics [default: core; all with --weights]
     #[arg(long, value_delimiter = ',', value_name = "core|all|NAME,…")]
     pub(crate) metrics: Vec<String>,
-    /// Propagate an edit of a scene, given in place of the run, with each variant of the paper's
-    /// ablations and with the defaults, measure each, and print one table; -o names the folder for
-    /// the runs
+    /// Propagate an edit with each variant of the paper's ablations and with the defaults, measure
+    /// each run, and print one table; give a scene instead of the run, and the folder for the runs
+    /// with -o
     #[arg(long, requires = "edited", requires = "output")]
     pub(crate) ablation: bool,
     /// The edited frame of --ablation

@@ -12,8 +12,7 @@ pub(crate) struct ExportArgs {
     /// The dynamic scene or run
     pub(crate) scene: PathBuf,
     /// Format to write [default: by the output's name: .splat4d, .4dgs, .splatv, .usda, .html,
-    /// .zip, .spz,
-    /// .splat, .glb, .gltf, .compressed.ply or .ply]
+    /// .zip, .spz, .splat, .glb, .gltf, .compressed.ply or .ply]
     #[arg(long, value_enum)]
     pub(crate) to: Option<ExportFormat>,
     /// Folder (ply-seq, compressed-seq) or file

@@ -24,7 +24,7 @@ pub(crate) enum ExportFormat {
     Splat,
     /// One frame as binary glTF with KHR_gaussian_splatting
     Glb,
-    /// The same as text, with embedded data
+    /// One frame as glTF text with KHR_gaussian_splatting and embedded data
     Gltf,
     /// One .splat4d: compressed, with bounded errors, streamable
     Splat4d,

@@ -14,7 +14,7 @@ pub(crate) struct FreezeArgs {
     /// Folder to write `point_cloud.ply`, `cameras.json` and `views/` into
     #[arg(short, long)]
     pub(crate) output: PathBuf,
-    /// Cameras to put beside the PLY, as `c4d render --cameras` [default: a rig around the scene]
+    /// Cameras to write next to the PLY, as `c4d render --cameras` [default: a rig around the scene]
     #[arg(long, value_name = "PATH")]
     pub(crate) cameras: Option<PathBuf>,
     /// Render this many views into `views/`, to be edited as pictures for `c4d edit --views`;
@@ -27,7 +27,7 @@ pub(crate) struct FreezeArgs {
     /// Keep SH up to this degree only
     #[arg(long, value_name = "0-3")]
     pub(crate) sh_degree: Option<usize>,
-    /// Leave out splats that are invisible at that time; `c4d propagate` adds them again
+    /// Omit splats that are invisible at that time; `c4d propagate` adds them again
     #[arg(long)]
     pub(crate) visible: bool,
     /// The world's upward direction, for the rig

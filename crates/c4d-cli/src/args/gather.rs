@@ -10,8 +10,8 @@ pub(crate) struct GatherArgs {
     /// --part`, or files of `c4d eval --part`
     #[arg(required = true, value_name = "PART")]
     pub(crate) parts: Vec<PathBuf>,
-    /// What the whole command would have written: of render a folder, or a video (.mp4, .webp,
-    /// .gif) or sheet (.png); of eval a JSON file; of refine the run, which is refined
+    /// Output of the whole command: for render a folder, a video (.mp4, .webp, .gif) or a sheet
+    /// (.png); for eval a JSON file; for refine the run, which is then refined
     #[arg(short, long)]
     pub(crate) output: PathBuf,
     #[command(flatten)]

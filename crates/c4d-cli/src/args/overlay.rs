@@ -9,7 +9,7 @@ pub(crate) enum OverlayArg {
     Parts,
     /// Largest distance from the position at the edited frame
     Motion,
-    /// Runs: colours that the edited frame hides
+    /// Runs: uncertainty of colours that the edited frame hides
     Uncertainty,
     /// Runs: how well the source determines the motion
     Confidence,
@@ -18,11 +18,11 @@ pub(crate) enum OverlayArg {
 }
 
 impl OverlayArg {
-    /// All, in the order in which they are offered.
+    /// All overlays, in display order.
     pub(crate) const ALL: [Self; 5] =
         [Self::Parts, Self::Motion, Self::Changed, Self::Confidence, Self::Uncertainty];
 
-    /// As on the command line.
+    /// Name on the command line.
     pub(crate) fn name(self) -> &'static str {
         match self {
             Self::Parts => "parts",
@@ -33,7 +33,7 @@ impl OverlayArg {
         }
     }
 
-    /// Whether it compares a run with its source.
+    /// Whether the overlay compares a run with its source.
     pub(crate) fn needs_run(self) -> bool {
         matches!(self, Self::Uncertainty | Self::Confidence | Self::Changed)
     }

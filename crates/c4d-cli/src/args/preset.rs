@@ -8,6 +8,6 @@ use serde::{Deserialize, Serialize};
 pub(crate) enum PresetArg {
     /// The smallest measured error
     Best,
-    /// The paper, literally
+    /// The paper's method, taken literally
     Paper,
 }

@@ -16,7 +16,8 @@ pub(crate) struct PropagateArgs {
     /// output folder of an editor
     #[arg(long, value_name = "FILE")]
     pub(crate) edited: PathBuf,
-    /// Run folder to write; with --dry-run, the picture beside it, or a .png
+    /// Run folder to write; with --dry-run, the picture is written to this .png, or next to this
+    /// folder
     #[arg(short, long)]
     pub(crate) output: PathBuf,
     /// Time of the edited frame [default: 0]
@@ -26,7 +27,7 @@ pub(crate) struct PropagateArgs {
     /// it matches the scene]
     #[arg(long, visible_alias = "spz-axes", value_enum)]
     pub(crate) axes: Option<AxesArg>,
-    /// Motion only: leave out the appearance refinement
+    /// Propagate motion only, without the appearance refinement
     #[arg(long)]
     pub(crate) no_refine: bool,
     /// `best` has the smallest measured error, `paper` follows the paper literally [default: best]
@@ -44,26 +45,26 @@ pub(crate) struct PropagateArgs {
     #[arg(long, value_enum)]
     pub(crate) motion: Option<MotionArg>,
     /// What the edit applies to: the splats of the edited frame only, or their surface, so that
-    /// splats of the same surface at other times inherit the edit [default: surface for scenes of
-    /// short-lived splats, with --preset best; else splats]
+    /// splats of the same surface at other times inherit the edit [default: surface for scenes with
+    /// short-lived splats and --preset best; else splats]
     #[arg(long, value_enum)]
     pub(crate) follow: Option<FollowArg>,
     /// Seed of everything random [default: 0]
     #[arg(long)]
     pub(crate) seed: Option<u64>,
     /// Continue even if the edited file seems to belong to another scene, or is the whole scene
-    /// turned, scaled or moved
+    /// rotated, scaled or translated
     #[arg(long)]
     pub(crate) allow_far: bool,
-    /// If the edited file is the whole scene turned, scaled or moved, undo that; the result is in
-    /// the scene's own frame
+    /// If the edited file is the whole scene rotated, scaled or translated, undo the
+    /// transformation; the result is in the scene's own frame
     #[arg(long)]
     pub(crate) align: bool,
     /// Add the splats of the scene that the edited file lacks, for example because only a selection
     /// was saved
     #[arg(long)]
     pub(crate) keep_rest: bool,
-    /// Only compare: count what the edit kept, changed, added and removed, and write a picture of
+    /// Only count the splats that the edit kept, changed, added and removed, and write a picture of
     /// the frame before and after
     #[arg(long)]
     pub(crate) dry_run: bool,

@@ -36,7 +36,7 @@ pub(crate) struct RefineFlags {
     /// How frame 1 is warped to other frames [default: backward; paper with --preset paper]
     #[arg(long, value_enum)]
     pub(crate) warp: Option<WarpArg>,
-    /// Memory for images, MiB, 16 or more [default: 2048, or half of what is free]
+    /// Memory for images, MiB, 16 or more [default: 2048, or half of the free memory if less]
     #[arg(long, value_name = "MIB")]
     pub(crate) memory: Option<usize>,
     /// Interval at which a preview image is written into the run [default: none is written]
@@ -75,7 +75,7 @@ impl Default for RefineFlags {
 
 #[derive(Debug, Args)]
 pub(crate) struct RefineArgs {
-    /// The run folder; its colours are replaced, its motion stays
+    /// The run folder; its colours are replaced, its motion is kept
     pub(crate) run: PathBuf,
     /// `best` has the smallest measured error, `paper` follows the paper literally [default: best]
     #[arg(long, value_enum)]
@@ -87,11 +87,11 @@ pub(crate) struct RefineArgs {
     /// Continue from the checkpoint of an interrupted refinement with the same flags
     #[arg(long)]
     pub(crate) resume: bool,
-    /// Make only the K-th of N equal parts of the images, into the file -o; `c4d gather` joins the
+    /// Make only the K-th of N equal parts of the images, in the folder -o; `c4d gather` joins the
     /// parts and refines the run
     #[arg(long, value_name = "K/N", value_parser = Share::parse, requires = "output", conflicts_with = "resume")]
     pub(crate) part: Option<Share>,
-    /// File of --part
+    /// Folder of --part
     #[arg(short, long, value_name = "FILE", requires = "part")]
     pub(crate) output: Option<PathBuf>,
     #[command(flatten)]

@@ -83,7 +83,7 @@ pub(crate) struct OutputFlags {
     pub(crate) rendering: Rendering,
 }
 
-/// The same, of commands that read a scene.
+/// Flags of long-running commands that read a scene, render and write.
 #[derive(Debug, Clone, Default, Args)]
 pub(crate) struct SceneFlags {
     #[command(flatten)]

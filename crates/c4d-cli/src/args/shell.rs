@@ -12,7 +12,7 @@ fish: c4d completions fish > ~/.config/fish/completions/c4d.fish
 PowerShell: c4d completions powershell | Out-String | Invoke-Expression, in $PROFILE"
 )]
 pub(crate) struct CompletionsArgs {
-    /// Whose completions
+    /// Shell to print completions for
     pub(crate) shell: clap_complete::Shell,
 }
 

@@ -30,9 +30,9 @@ use std::str::FromStr;
 use std::sync::Arc;
 use std::time::Instant;
 
-/// Times scored, besides frame 1.
+/// Number of scored times, besides frame 1.
 const TIMES: usize = 8;
-/// Times rendered.
+/// Number of rendered times.
 const RENDERED: usize = 3;
 /// Size of the renders compared, pixels.
 const SIZE: (u32, u32) = (320, 240);
@@ -113,7 +113,7 @@ struct MotionScores<'a> {
 struct Fit {
     case: &'static str,
     seed: u64,
-    /// % of the figure's size.
+    /// Mean error, % of the figure's size.
     mean: f64,
     p95: f64,
     rot_deg: f64,

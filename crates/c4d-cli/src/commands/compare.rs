@@ -30,11 +30,11 @@ pub(crate) fn run(args: &CompareArgs, global: &Global, console: &Console) -> Out
     refuse_overlap(&args.output, &args.runs)?;
     if !args.numbers.is_empty() && args.numbers.len() != args.runs.len() {
         return Err(Failure::usage(format!(
-            "--numbers names {} files for {} runs",
+            "--numbers has {} files for {} runs",
             args.numbers.len(),
             args.runs.len()
         ))
-        .next("Give one metrics.json for each run, in their order."));
+        .next("Give one metrics.json per run, in the same order."));
     }
     let mut file = AtomicFile::create(&args.output, existing(global))
         .map_err(|error| output_failure(&error))?;
@@ -99,7 +99,7 @@ pub(crate) fn run(args: &CompareArgs, global: &Global, console: &Console) -> Out
     Ok(())
 }
 
-/// Names of runs: as short as tells them apart.
+/// The shortest distinct names of the runs.
 fn names(runs: &[std::path::PathBuf]) -> Vec<String> {
     let parts = |run: &Path, count: usize| -> String {
         let all: Vec<String> =

@@ -143,8 +143,8 @@ pub(crate) fn run(args: &DemoArgs, global: &Global, console: &Console) -> Outcom
     Ok(())
 }
 
-/// The demo's edit as made by an editor that works on images of frame 1: splats hidden in all of
-/// them keep the scene's colour.
+/// The demo's edit as an editor would make it from images of frame 1: splats hidden in all images
+/// keep the scene's colour.
 fn delivered(synthetic: &SynthScene, seed: u64) -> Outcome<EditedFrame> {
     let pictures = synthetic.orbit_cameras(PICTURES, PICTURE_SIZE, PICTURE_SIZE);
     let shown = |splats: &Splats| {

@@ -128,7 +128,7 @@ pub(super) fn show(
     Ok(())
 }
 
-/// The output itself if it is a PNG, else an image beside it.
+/// The output itself if it is a PNG, else an image next to it.
 fn picture_path(output: &Path) -> PathBuf {
     if output.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("png")) {
         return output.to_owned();

@@ -1,4 +1,4 @@
-//! `c4d eval`: measure a run, or compare a scene with the truth.
+//! `c4d eval`: measures a run, or compares a scene with ground truth.
 
 mod ablation;
 mod judges;
@@ -24,7 +24,7 @@ pub(crate) fn run(args: &EvalArgs, global: &Global, console: &Console) -> Outcom
         return ablation::run(args, global, console);
     }
     if args.edited.is_some() {
-        return Err(Failure::usage("--edited is the edit of an ablation").next("Add --ablation."));
+        return Err(Failure::usage("--edited applies to --ablation only").next("Add --ablation."));
     }
     if let [judge, folder] = &args.emit[..] {
         return emit(args, judge, Path::new(folder), global, console);

@@ -18,7 +18,7 @@ use gs_io::{AtomicDir, Existing, SceneKind, cameras_json};
 use std::collections::HashSet;
 use std::path::Path;
 
-/// Cameras of the rig written beside the PLY.
+/// Cameras of the rig written next to the PLY.
 const RIG_CAMERAS: usize = 12;
 /// Folder of the views.
 const VIEWS: &str = "views";
@@ -89,7 +89,7 @@ fn cameras_of(
     if let Some(file) = &args.cameras {
         if args.up.is_some() {
             return Err(Failure::usage("--up applies to the built-in cameras only; the cameras of --cameras have their own poses")
-                .next("Leave one of the two out."));
+                .next("Omit one of them."));
         }
         let stations = cameras::open(file, None, opened, console)?.stations();
         let cameras = match count {

@@ -1,4 +1,4 @@
-//! `c4d gather`: joins the parts that `--part` made, with the result of one run of the command.
+//! `c4d gather`: joins parts written with `--part`. The result equals that of the whole command.
 
 mod images;
 mod metrics;

@@ -257,7 +257,7 @@ fn camera_set(path: &Path) -> Outcome<Report> {
     }
     report.add(
         "next",
-        json!("c4d render SCENE --cameras this -o images, with the model trained on it; c4d refine RUN --refine-cameras this."),
+        json!("c4d render SCENE --cameras PATH -o images, with this path and the model trained on it; c4d refine RUN --refine-cameras PATH."),
     );
     Ok(report)
 }
@@ -353,7 +353,7 @@ fn dynamic(opened: &Opened) -> Outcome<Report> {
 fn cameras_of_model(path: &Path) -> String {
     match cameras::find(path) {
         Ok(Some(source)) => {
-            format!("{} in {} (--cameras this)", source.format, source.root.display())
+            format!("{} in {} (for --cameras)", source.format, source.root.display())
         }
         Ok(None) => "none: cameras around the scene are used instead".to_owned(),
         Err(error) => format!("none, a rig is used instead: {}", chain(&error)),

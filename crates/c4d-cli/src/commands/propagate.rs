@@ -25,7 +25,7 @@ use run_files::Finished;
 use std::sync::Arc;
 use std::time::Instant;
 
-/// Most memory that the motion stage takes per splat of the source and of the edit, bytes
+/// Upper bound on the memory of the motion stage per splat of the source and of the edit, bytes
 /// (measured: 1.2 KiB, see the benchmarks).
 const BYTES_PER_SPLAT: u64 = 1536;
 /// Additional memory per splat of the source for `--follow surface`: 65 key times of 16 bytes,
@@ -118,13 +118,13 @@ pub(crate) fn propagate(
     Ok(())
 }
 
-/// Whether to follow splats or surfaces: as requested, else by the lifetimes of the scene's splats.
+/// Whether to follow splats or surfaces: as requested, else chosen by the lifetimes of the splats.
 fn follow(args: &PropagateJob, source: &Opened, console: &Console) -> Outcome<FollowArg> {
     if args.follow == Some(FollowArg::Surface) && args.baseline == Some(BaselineArg::Deformnet) {
         return Err(Failure::usage(
             "--follow surface does not apply to --baseline deformnet, which evaluates the network at the edited splats",
         )
-        .next("Leave one of them out."));
+        .next("Omit one of them."));
     }
     let lifetimes = Lifetimes::of(&*source.scene, args.time)?.filter(Lifetimes::is_partial);
     // Published methods follow splats.

@@ -34,7 +34,7 @@ use std::path::Path;
 use task::{FRAMES, MIN_MEMORY, Task, USUAL_MEMORY, chosen};
 use watch::Watch;
 
-/// Most images that can be asked for.
+/// Largest accepted number of images.
 const MAX_SAMPLES: usize = 10_000_000;
 
 pub(crate) fn run(args: &RefineArgs, global: &Global, console: &Console) -> Outcome {
@@ -81,8 +81,8 @@ pub(crate) fn run(args: &RefineArgs, global: &Global, console: &Console) -> Outc
     Ok(())
 }
 
-/// The checkpoint to go on from, with those flags of `args` that only change how a refinement is
-/// watched. A flag that would change its result is refused.
+/// The checkpoint to resume, with the flags of `args` that affect only previews and checkpoints.
+/// Flags that would change the result are refused.
 fn resumed(args: &RefineArgs, checkpoint: Checkpoint, console: &Console) -> Outcome<Checkpoint> {
     let Checkpoint { preset, settings, mut flags, state, is_resumed } = checkpoint;
     let (given, usual) = (args.flags.absolute()?, RefineFlags::default());
@@ -173,14 +173,14 @@ pub(crate) fn check(
     Device::open(global.gpu).map(|_| ())
 }
 
-/// Refines the run in place, from where `begun` stands. Its motion, and the edited frame as it was
-/// given, stay.
+/// Refines the run in place, starting from `begun`. Its motion and its original edited frame are
+/// kept.
 pub(crate) fn refine(run: &Path, begun: Checkpoint, global: &Global, console: &Console) -> Outcome {
     let Checkpoint { preset, settings, flags, state, is_resumed } = begun;
     let flags = &flags.absolute()?;
     check(flags, preset, &settings, global)?;
     run_folder::check_is_folder(run)?;
-    // A folder that cannot be written is found out before the work, not after it.
+    // Detect an unwritable folder before the work, not after it.
     let update = FolderUpdate::begin(run).map_err(|error| output_failure(&error))?;
     let Some(task) = Task::open(run, preset, &settings, flags, global, console)? else {
         return Ok(());
@@ -283,19 +283,20 @@ pub(crate) fn refine(run: &Path, begun: Checkpoint, global: &Global, console: &C
         update.write(name, bytes, has_read).map_err(|error| output_failure(&error))
     };
     let report = serde_json::to_string_pretty(&report).map_err(Failure::failed)?;
-    // The report first: should the user have put a file there, nothing is changed.
+    // The report is written first: if a user's file is in its place, nothing has been changed.
     write(REFINE_REPORT, report.as_bytes(), false)?;
     write(SCENE, &loaded.stored.serialize()?, true)?;
     write(CONFIG, toml::to_string(&loaded.config).map_err(Failure::failed)?.as_bytes(), true)?;
     page(run, &loaded, &refined.report, changed, &update, console)?;
-    // The refinement is complete: its checkpoint is of no more use.
+    // The refinement is complete, so its checkpoint is not needed any more.
     for name in [REFINE_STATE, REFINE_IMAGES] {
         update.remove(name).map_err(|error| output_failure(&error))?;
     }
     Ok(())
 }
 
-/// An error of the refinement; `failure` is what made its observer end it, if anything did.
+/// An error of the refinement; `failure` is the error because of which its observer stopped it, if
+/// any.
 fn failed(run: &Path, failure: Option<Failure>, error: CuarError) -> Failure {
     match (failure, error) {
         (Some(failure), CuarError::Cancelled { .. }) => failure,
@@ -315,7 +316,7 @@ fn failed(run: &Path, failure: Option<Failure>, error: CuarError) -> Failure {
     }
 }
 
-/// The run's page with the refined colours. One that is not ours any more stays as it is.
+/// Updates the run's page with the refined colours. A page that the user changed is kept.
 fn page(
     run: &Path,
     loaded: &Run,
@@ -349,7 +350,7 @@ fn page(
         written.map_err(|error| output_failure(&error))
     });
     if let Err(failure) = written {
-        console.warn(format!("{REPORT_PAGE} is not updated: {}", failure.what));
+        console.warn(format!("{REPORT_PAGE} was not updated: {}", failure.what));
     }
     Ok(())
 }

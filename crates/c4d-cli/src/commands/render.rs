@@ -120,7 +120,7 @@ pub(crate) fn run(args: &RenderArgs, global: &Global, console: &Console) -> Outc
     }
 }
 
-/// Everything that the images depend on; with the frame rate, for videos of them.
+/// Everything on which the images depend, and the frame rate of videos.
 fn work(
     args: &RenderArgs,
     fps: f64,

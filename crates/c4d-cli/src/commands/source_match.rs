@@ -289,7 +289,7 @@ fn refuse_canonical(
 ) -> Outcome {
     let Some(network) = &source.network else { return Ok(()) };
     let canonical = network.canonical();
-    // Splats that the network does not move are the same in both and carry no information.
+    // Splats that the network does not move are equal in both, so they are excluded.
     let (still, moved): (Vec<usize>, Vec<usize>) =
         (0..frame.len()).partition(|&row| canonical.means[row] == frame.means[row]);
     let params = IdentityParams { enabled: true, moved: false, ..identity.clone() };

@@ -28,12 +28,12 @@ use std::net::{Ipv4Addr, TcpListener, TcpStream};
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex};
 
-/// Most connections that are answered at a time; a page opens up to six.
+/// Maximum number of simultaneous connections; a page opens up to six.
 const MAX_CONNECTIONS: usize = 32;
 
 static SERVING: AtomicBool = AtomicBool::new(false);
 
-/// Whether a page is served: an interrupt is then the usual end.
+/// Whether a page is being served, in which case an interrupt is the normal way to exit.
 pub(crate) fn is_serving() -> bool {
     SERVING.load(Ordering::Relaxed)
 }
@@ -59,7 +59,7 @@ pub(crate) fn run(args: &ViewArgs, global: &Global, console: &Console) -> Outcom
     let (frames, fps) = timing(args, &opened)?;
     let mut scenes = Vec::new();
     for (opened, stamp) in opened.into_iter().zip(&mut stamps) {
-        // Changes while the scene is read count as changes.
+        // Taken before reading, so that changes during reading are detected.
         let now = watch::stamp(&opened.path, &opened.files);
         let old = |entry: &watch::Entry| stamp.iter().find(|old| old.0 == entry.0).cloned();
         *stamp = now.into_iter().map(|entry| old(&entry).unwrap_or(entry)).collect();
@@ -84,7 +84,7 @@ pub(crate) fn run(args: &ViewArgs, global: &Global, console: &Console) -> Outcom
     console.note("Ctrl-C ends it");
     if browser::is_remote() {
         console.note(format!(
-            "from the machine where you sit: ssh -L {port}:127.0.0.1:{port} HOST, then the same address"
+            "from your machine: ssh -L {port}:127.0.0.1:{port} HOST, then open the same address"
         ));
     }
     if !args.no_open {
@@ -96,7 +96,7 @@ pub(crate) fn run(args: &ViewArgs, global: &Global, console: &Console) -> Outcom
             scope.spawn(|| watch::follow(&session, stamps, args, global));
         }
         for stream in listener.incoming() {
-            // Connections that end at once are no reason to end.
+            // A failed connection does not stop the server.
             let Ok(stream) = stream else { continue };
             let (open, session, token) = (&open, &session, &token);
             if open.fetch_add(1, Ordering::Relaxed) >= MAX_CONNECTIONS {
@@ -117,7 +117,7 @@ pub(crate) fn run(args: &ViewArgs, global: &Global, console: &Console) -> Outcom
     Ok(())
 }
 
-/// Counts a connection as closed, also after a panic.
+/// Counts a connection as closed when dropped, also after a panic.
 struct Closing<'a>(&'a AtomicUsize);
 
 impl Drop for Closing<'_> {
@@ -127,7 +127,7 @@ impl Drop for Closing<'_> {
 }
 
 fn refuse(mut stream: TcpStream) {
-    // The other side may have gone.
+    // The client may have disconnected.
     let _ = Response::refusal(503, "too many connections").write(&mut stream);
 }
 
@@ -141,7 +141,7 @@ fn serve(mut stream: TcpStream, session: &Session<'_>, token: &Token) {
         },
         Err(refusal) => refusal,
     };
-    // The other side may have gone.
+    // The client may have disconnected.
     if response.write(&mut stream).is_ok() {
         http::close(stream);
     }
@@ -160,7 +160,7 @@ fn check_overlays(args: &ViewArgs, scenes: &[Opened]) -> Outcome {
     }
 }
 
-/// Number of frames, those of the first scene that moves, and their rate.
+/// Number of frames, by default that of the first dynamic scene, and their rate.
 fn timing(args: &ViewArgs, scenes: &[Opened]) -> Outcome<(usize, f64)> {
     let timing = Timing { frames: args.frames, fps: args.fps, ..Timing::default() };
     timing.check()?;
@@ -170,7 +170,7 @@ fn timing(args: &ViewArgs, scenes: &[Opened]) -> Outcome<(usize, f64)> {
     Ok((times.len(), timing.fps(moving, &times)?))
 }
 
-/// The page, framed by the first scene before its edit.
+/// The page; the initial view frames the first scene before its edit.
 fn page(scenes: &[Arc<ShownScene>], fps: f64, args: &ViewArgs) -> Outcome<String> {
     let first = &scenes[0].opened;
     let framed = first.original.as_ref().unwrap_or(&first.scene);
@@ -196,7 +196,7 @@ fn page(scenes: &[Arc<ShownScene>], fps: f64, args: &ViewArgs) -> Outcome<String
     gs_player::served_page(&pairs.collect::<Vec<_>>(), &page).map_err(|error| page_failure(&error))
 }
 
-/// Last parts of the paths, or whole paths where those are the same.
+/// Last components of the paths, or whole paths if these are not distinct.
 fn names(scenes: &[Arc<ShownScene>]) -> Vec<String> {
     let last = |scene: &Arc<ShownScene>| {
         let path = scene.path();

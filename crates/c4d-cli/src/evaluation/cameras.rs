@@ -1,4 +1,4 @@
-//! From where a scene is measured.
+//! Views and times at which a scene is measured.
 
 use crate::args::{SplitArg, Up};
 use crate::camera_rig::CameraRig;
@@ -10,11 +10,11 @@ use gs_core::Camera;
 use gs_io::cameras::stations;
 use std::path::{Path, PathBuf};
 
-/// Views of the rig.
+/// Number of views of the rig.
 const RIG_VIEWS: usize = 2;
 /// Size of the rig's images, pixels.
 const RIG_SIZE: (u32, u32) = (480, 360);
-/// Most views of a data set when nobody chooses: every one of them sees every frame.
+/// Default maximum number of views of a data set, because each is rendered at every frame.
 const MAX_VIEWS: usize = 8;
 
 /// Flags about views and times, as given.
@@ -29,21 +29,22 @@ pub(crate) struct ViewFlags<'a> {
     pub(crate) times: &'a [f32],
 }
 
-/// Views, each of which sees every time, and the times.
+/// Views and times; every view is rendered at every time.
 #[derive(Debug)]
 pub(crate) struct Viewpoints {
     pub(crate) cameras: Vec<Camera>,
     pub(crate) times: Vec<f32>,
-    /// Where they come from, for the record.
+    /// Origin of the views, for the record: `rig` or `cameras`.
     pub(crate) origin: String,
-    /// Views of the data set with their own times, among which photographs are looked for.
+    /// Views of the data set with their own times, used to find photographs.
     pub(crate) shots: Vec<Camera>,
     /// The file or folder, absolute.
     pub(crate) path: Option<PathBuf>,
 }
 
-/// The views and times asked for: those of a file or data set (held out, where it has such), else
-/// two of a rig around the scene; and the times of the data set, if nobody asks for others.
+/// The requested views and times. Views: those of a file or data set (the held-out ones, if there
+/// are any), else two of a rig around the scene. Times: the requested ones, else those of the data
+/// set, else those of the scene.
 pub(crate) fn viewpoints(
     flags: &ViewFlags<'_>,
     opened: &Opened,
@@ -53,10 +54,8 @@ pub(crate) fn viewpoints(
     let told = !flags.times.is_empty() || flags.frames.is_some();
     let Some(path) = flags.cameras else {
         if !flags.views.is_empty() || flags.split.is_some() {
-            return Err(Failure::usage(
-                "--views and --split choose among the cameras of a file or data set",
-            )
-            .next("Add --cameras PATH."));
+            return Err(Failure::usage("--views and --split select cameras of a file or data set")
+                .next("Add --cameras PATH."));
         }
         let before = opened.original.as_ref().unwrap_or(&opened.scene);
         let rig = CameraRig::of_scene(before.as_ref(), flags.up.map_or(opened.up, Up::vector))
@@ -98,7 +97,9 @@ pub(crate) fn viewpoints(
     let count = views.len();
     if flags.views.is_empty() && flags.split.is_none() && count > MAX_VIEWS {
         views = cameras::thinned(views, MAX_VIEWS);
-        console.note(format!("{MAX_VIEWS} of {count} views, evenly (others: --views, --split)"));
+        console.note(format!(
+            "{MAX_VIEWS} of {count} views, evenly spaced (others: --views, --split)"
+        ));
     }
     for camera in &views {
         camera.check().map_err(Failure::input)?;

@@ -1,10 +1,11 @@
-//! What a run took, as recorded when it was made: measuring again would depend on the machine.
+//! Times and sizes of a run. Times are those recorded when the run was made, because new
+//! measurements would depend on the machine.
 
 use super::item::Item;
 use super::subject::Subject;
 use serde_json::Value;
 
-/// Parts of a refinement that follow one another; others run beside them.
+/// Consecutive stages of a refinement; the other recorded times overlap with these.
 const REFINING: [&str; 3] = ["images", "cache", "solve"];
 
 /// Times of `run` (`run.json`) and `refine` (`refine.json`), and sizes.
@@ -19,8 +20,8 @@ pub(crate) fn cost(
     let stage = |report: &Value, name: &str| number(report.get("timings")?, name);
     let parts: Vec<f64> = REFINING.iter().filter_map(|name| stage(refine, name)).collect();
     let refined = (!parts.is_empty()).then(|| parts.iter().sum::<f64>());
-    let unrecorded = "the run does not record it";
-    let unrefined = "the run is not refined, or its refinement took no images";
+    let unrecorded = "not recorded by the run";
+    let unrefined = "the run is not refined, or its refinement used no images";
     let total = motion.map(|motion| motion + refined.unwrap_or(0.0));
     vec![
         Item::optional("time_total", total, unrecorded),

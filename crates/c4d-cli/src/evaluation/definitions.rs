@@ -1,9 +1,9 @@
-//! What is measured: names, groups, and which way is better.
+//! Definitions of the metrics: name, group, and preferred direction.
 
 use crate::failure::{Failure, Outcome};
 use c4d_metrics::Better;
 
-/// What metrics are about, in the order in which they are shown.
+/// Groups of metrics, in display order.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub(crate) enum Group {
     Truth,
@@ -31,7 +31,7 @@ impl Group {
         matches!(self, Self::Truth | Self::Preservation | Self::Time | Self::Neural)
     }
 
-    /// As `--metrics` takes it.
+    /// Name in `--metrics`.
     pub(crate) fn name(self) -> &'static str {
         match self {
             Self::Truth => "truth",
@@ -44,13 +44,13 @@ impl Group {
         }
     }
 
-    /// Above its part of a table.
+    /// Heading in a table.
     pub(crate) fn title(self) -> &'static str {
         match self {
-            Self::Truth => "against the truth",
-            Self::Preservation => "what the edit keeps and changes",
-            Self::Time => "over time",
-            Self::Neural => "by neural networks (--weights)",
+            Self::Truth => "against ground truth",
+            Self::Preservation => "preservation and strength of the edit",
+            Self::Time => "temporal consistency",
+            Self::Neural => "neural networks (--weights)",
             Self::Motion => "motion of splats",
             Self::Matches => "matches (diagnostics)",
             Self::Cost => "cost",
@@ -64,7 +64,7 @@ pub(crate) struct Definition {
     pub(crate) id: &'static str,
     pub(crate) group: Group,
     pub(crate) better: Better,
-    /// Unit and meaning, in a few words.
+    /// Unit and short description, at most 60 characters.
     pub(crate) what: &'static str,
 }
 
@@ -75,93 +75,178 @@ const fn define(id: &'static str, group: Group, better: Better, what: &'static s
 use Better::{Higher, Lower, NearOne, NearZero, Neither};
 use Group::{Cost, Matches, Motion, Neural, Preservation, Time, Truth};
 
-/// Every metric, in the order in which it is shown.
+/// All metrics, in display order.
 pub(crate) const DEFINITIONS: [Definition; 71] = [
-    define("psnr", Truth, Higher, "dB"),
-    define("ssim", Truth, Higher, "zeros beyond the border, as 3DGS"),
-    define("ssim_valid", Truth, Higher, "windows inside only, as scikit-image"),
-    define("ms_ssim", Truth, Higher, "five scales"),
-    define("flip", Truth, Lower, "what a viewer sees, 0 to 1"),
-    define("bg_psnr", Preservation, Higher, "dB, outside the edit, against the source"),
-    define("bg_ssim", Preservation, Higher, "outside the edit, against the source"),
+    define("psnr", Truth, Higher, "dB, against the ground truth"),
+    define("ssim", Truth, Higher, "against the ground truth, zero padding, as in 3DGS"),
+    define("ssim_valid", Truth, Higher, "against the ground truth, windows inside the image"),
+    define("ms_ssim", Truth, Higher, "against the ground truth, five scales"),
+    define("flip", Truth, Lower, "perceived difference from the ground truth, 0 to 1"),
+    define("bg_psnr", Preservation, Higher, "dB, against the source, outside the edit"),
+    define("bg_ssim", Preservation, Higher, "against the source, outside the edit"),
     define(
         "bg_changed_frac",
         Preservation,
         Lower,
-        "share of the background off by more than 2/255",
+        "share of background pixels that differ by more than 2/255",
     ),
-    define("edit_strength", Preservation, Neither, "mean change inside the edit, 0 to 1"),
-    define("edit_fade", Preservation, NearOne, "strength late over that of the edited frame"),
-    define("first_frame_psnr", Preservation, Higher, "dB, edited frame against the edit as given"),
-    define("warp_error", Time, Neither, "to the next frame along the source's motion, ×10³"),
-    define("warp_error_src", Time, Neither, "the same of the source"),
-    define("warp_error_ratio", Time, NearOne, "edit over source; below 1 can be blur"),
-    define("warp_error_own", Time, Neither, "to the next frame along the edit's own motion, ×10³"),
-    define("warp_error_own_ratio", Time, NearOne, "over the source's along its own"),
-    define("warp_error_long", Time, Neither, "to the edited frame along the source's motion, ×10³"),
-    define("warp_error_long_src", Time, Neither, "the same of the source"),
-    define("warp_error_long_ratio", Time, NearOne, "edit over source"),
-    define("temporal_flickering", Time, Neither, "VBench's, 1 for a still video"),
-    define("temporal_flickering_src", Time, Neither, "the same of the source"),
-    define("flicker_excess", Time, NearZero, "levels of 255 a frame more than the source"),
-    define("static_flicker", Time, Neither, "levels of 255, where nothing moves"),
-    define("static_flicker_src", Time, Neither, "the same of the source"),
-    define("static_flicker_excess", Time, NearZero, "edit minus source"),
-    define("motion_fidelity", Time, Lower, "px, flow against the source's, outside the edit"),
-    define("motion_fidelity_edit", Time, Lower, "px, inside the edit"),
-    define("clip_text_sim", Neural, Higher, "cosine of edited frames and --prompt"),
-    define("clip_direction_sim", Neural, Higher, "cosine of the change of frames and of texts"),
-    define("clip_frame_consistency", Neural, Neither, "cosine of successive frames"),
+    define("edit_strength", Preservation, Neither, "mean absolute change inside the edit, 0 to 1"),
+    define(
+        "edit_fade",
+        Preservation,
+        NearOne,
+        "ratio of edit_strength: last quarter to edited frame",
+    ),
+    define(
+        "first_frame_psnr",
+        Preservation,
+        Higher,
+        "dB, edited frame of the run against the given edit",
+    ),
+    define("warp_error", Time, Neither, "×10³, successive frames along the source's flow"),
+    define("warp_error_src", Time, Neither, "×10³, warp_error of the source"),
+    define(
+        "warp_error_ratio",
+        Time,
+        NearOne,
+        "warp_error over the source's; below 1 can mean blur",
+    ),
+    define("warp_error_own", Time, Neither, "×10³, successive frames along the edit's own flow"),
+    define("warp_error_own_ratio", Time, NearOne, "warp_error_own over warp_error_src"),
+    define(
+        "warp_error_long",
+        Time,
+        Neither,
+        "×10³, edited frame to each frame along the source's flow",
+    ),
+    define("warp_error_long_src", Time, Neither, "×10³, warp_error_long of the source"),
+    define("warp_error_long_ratio", Time, NearOne, "warp_error_long over the source's"),
+    define("temporal_flickering", Time, Neither, "VBench score, 0 to 1; 1 for a still video"),
+    define("temporal_flickering_src", Time, Neither, "temporal_flickering of the source, 0 to 1"),
+    define("flicker_excess", Time, NearZero, "change per frame minus the source's, levels of 255"),
+    define("static_flicker", Time, Neither, "standard deviation of static pixels, levels of 255"),
+    define("static_flicker_src", Time, Neither, "static_flicker of the source, levels of 255"),
+    define(
+        "static_flicker_excess",
+        Time,
+        NearZero,
+        "static_flicker minus the source's, levels of 255",
+    ),
+    define(
+        "motion_fidelity",
+        Time,
+        Lower,
+        "px, rendered flow against the source's, outside the edit",
+    ),
+    define(
+        "motion_fidelity_edit",
+        Time,
+        Lower,
+        "px, rendered flow against the source's, inside the edit",
+    ),
+    define("clip_text_sim", Neural, Higher, "cosine between edited frames and --prompt"),
+    define(
+        "clip_direction_sim",
+        Neural,
+        Higher,
+        "cosine between change of frames and change of texts",
+    ),
+    define("clip_frame_consistency", Neural, Neither, "cosine between successive frames"),
     define(
         "clip_direction_consistency",
         Neural,
         Higher,
-        "cosine of changes between frames, edit and source",
+        "cosine between frame-to-frame changes of edit and source",
     ),
-    define("vbench_subject_consistency", Neural, Neither, "DINO, to the last and the first frame"),
-    define("vbench_subject_consistency_src", Neural, Neither, "the same of the source"),
-    define("vbench_background_consistency", Neural, Neither, "CLIP, to the last and first frame"),
-    define("vbench_background_consistency_src", Neural, Neither, "the same of the source"),
-    define("vbench_consistency", Neural, Neither, "mean of subject and background"),
-    define("lpips_alex", Neural, Lower, "perceptual distance, AlexNet"),
-    define("lpips_vgg", Neural, Lower, "perceptual distance, VGG-16"),
-    define("jitter", Motion, Neither, "second difference of edited splats, in scene radii"),
-    define("jitter_src", Motion, Neither, "the same of the nearest source splats"),
-    define("jitter_ratio", Motion, NearOne, "edit over source"),
-    define("drift", Motion, Lower, "unedited splats against their own motion, in scene radii"),
-    define("drift_median", Motion, Lower, "median"),
-    define("drift_p95", Motion, Lower, "95th percentile"),
-    define("drift_max", Motion, Lower, "largest"),
-    define("isometry", Motion, Neither, "change of lengths between edited neighbours"),
-    define("isometry_src", Motion, Neither, "the same of the nearest source splats"),
-    define("isometry_excess", Motion, NearZero, "edit minus source"),
+    define(
+        "vbench_subject_consistency",
+        Neural,
+        Neither,
+        "DINO similarity to previous and first frame, 0 to 1",
+    ),
+    define(
+        "vbench_subject_consistency_src",
+        Neural,
+        Neither,
+        "subject consistency of the source, 0 to 1",
+    ),
+    define(
+        "vbench_background_consistency",
+        Neural,
+        Neither,
+        "CLIP similarity to previous and first frame, 0 to 1",
+    ),
+    define(
+        "vbench_background_consistency_src",
+        Neural,
+        Neither,
+        "background consistency of the source, 0 to 1",
+    ),
+    define(
+        "vbench_consistency",
+        Neural,
+        Neither,
+        "mean of subject and background consistency, 0 to 1",
+    ),
+    define("lpips_alex", Neural, Lower, "perceptual distance to the ground truth, AlexNet"),
+    define("lpips_vgg", Neural, Lower, "perceptual distance to the ground truth, VGG-16"),
+    define("jitter", Motion, Neither, "mean second difference of edited splats, scene radii"),
+    define("jitter_src", Motion, Neither, "jitter of the nearest source splats, scene radii"),
+    define("jitter_ratio", Motion, NearOne, "jitter over the source's"),
+    define("drift", Motion, Lower, "mean motion error of unedited splats, scene radii"),
+    define("drift_median", Motion, Lower, "median motion error of unedited splats, scene radii"),
+    define("drift_p95", Motion, Lower, "95th percentile of drift over splats, scene radii"),
+    define("drift_max", Motion, Lower, "largest motion error of unedited splats, scene radii"),
+    define("isometry", Motion, Neither, "relative change of distances between edited neighbours"),
+    define("isometry_src", Motion, Neither, "isometry of the nearest source splats"),
+    define("isometry_excess", Motion, NearZero, "isometry minus the source's"),
     define("ndd_edit", Motion, Neither, "neighbourhood distance deviation of edited splats"),
-    define("ndd_src", Motion, Neither, "the same of the nearest source splats"),
-    define("ndd_excess", Motion, NearZero, "edit minus source"),
-    define("scale_blowup", Motion, Lower, "share of splats with an axis 4 times its first"),
-    define("nan_count", Motion, Lower, "values that are not finite"),
-    define("match_rows", Matches, Neither, "edited splats whose motion is blended"),
-    define("match_coverage_edit", Matches, Neither, "share of edited splats, or anchors, matched"),
-    define("match_mass", Matches, Neither, "transported mass"),
-    define("mean_cost", Matches, Neither, "mean distance of matches, in scene radii"),
-    define("entropy_perplexity", Matches, Neither, "source splats that a splat follows"),
-    define("argmax_margin", Matches, Neither, "1 where one is followed alone"),
-    define("cross_region_rate", Matches, Lower, "share beyond 3 median nearest distances"),
-    define("sinkhorn_iters", Matches, Neither, "sweeps of the transport solve"),
-    define("marginal_residual", Matches, Neither, "its last residual"),
-    define("time_total", Cost, Lower, "s, as recorded when the run was made"),
-    define("time_motion", Cost, Lower, "s, the motion stage"),
-    define("time_identity", Cost, Lower, "s of it, which splats are the source's"),
-    define("time_match", Cost, Lower, "s of it, anchors or regions and their matches"),
-    define("time_cuar", Cost, Lower, "s, the refinement"),
-    define("time_cuar_images", Cost, Lower, "s of it, its images"),
-    define("splats", Cost, Neither, "of the edit"),
-    define("splats_src", Cost, Neither, "of the source"),
-    define("bytes_run", Cost, Neither, "of scene.c4d"),
+    define("ndd_src", Motion, Neither, "neighbourhood distance deviation, nearest source splats"),
+    define("ndd_excess", Motion, NearZero, "ndd_edit minus ndd_src"),
+    define(
+        "scale_blowup",
+        Motion,
+        Lower,
+        "share of splats with an axis over 4 times its first length",
+    ),
+    define("nan_count", Motion, Lower, "number of non-finite values"),
+    define("match_rows", Matches, Neither, "number of edited splats with blended motion"),
+    define(
+        "match_coverage_edit",
+        Matches,
+        Neither,
+        "share of edited splats or anchors with a match",
+    ),
+    define("match_mass", Matches, Neither, "total transported mass"),
+    define("mean_cost", Matches, Neither, "mean distance between matches, scene radii"),
+    define(
+        "entropy_perplexity",
+        Matches,
+        Neither,
+        "effective number of source splats per edited splat",
+    ),
+    define("argmax_margin", Matches, Neither, "margin of the best match; 1 if it is the only one"),
+    define(
+        "cross_region_rate",
+        Matches,
+        Lower,
+        "share of matches beyond 3 median nearest distances",
+    ),
+    define("sinkhorn_iters", Matches, Neither, "number of sweeps of the transport solver"),
+    define("marginal_residual", Matches, Neither, "last residual of the transport solver"),
+    define("time_total", Cost, Lower, "s, total, as recorded when the run was made"),
+    define("time_motion", Cost, Lower, "s, motion stage"),
+    define("time_identity", Cost, Lower, "s, finding unedited splats (part of time_motion)"),
+    define("time_match", Cost, Lower, "s, anchors or regions and matching (part of time_motion)"),
+    define("time_cuar", Cost, Lower, "s, refinement"),
+    define("time_cuar_images", Cost, Lower, "s, images of the refinement (part of time_cuar)"),
+    define("splats", Cost, Neither, "number of splats of the edited scene"),
+    define("splats_src", Cost, Neither, "number of splats of the source"),
+    define("bytes_run", Cost, Neither, "bytes, size of scene.c4d"),
 ];
 
-/// The definitions that a list of ids and groups names, in the order of the table. `core` is
-/// everything but the neural metrics, and the default; `all` is everything.
+/// Ids of the metrics in a list of ids and groups, in the order of the table. `core`, the default,
+/// is every metric except the neural ones; `all` is every metric.
 pub(crate) fn chosen(list: &[String]) -> Outcome<Vec<&'static str>> {
     let all = || DEFINITIONS.iter().map(|definition| definition.id);
     let default = ["core".to_owned()];

@@ -1,4 +1,4 @@
-//! [`Item`]: one number and what it is made of.
+//! [`Item`]: the value of a metric, with its parameters.
 
 use super::definitions::{DEFINITIONS, Definition};
 use super::series::{Series, mean};
@@ -8,23 +8,23 @@ use serde_json::{Map, Value, json};
 #[derive(Debug, Clone)]
 pub(crate) struct Item {
     pub(crate) definition: &'static Definition,
-    /// `None` with a reason.
+    /// `None` if not measured; `reason` states why.
     pub(crate) value: Option<f64>,
     /// Standard deviation over views, if there are several.
     pub(crate) std: Option<f64>,
-    /// Lowest and highest value of a view and frame.
+    /// Lowest and highest value over views and frames.
     pub(crate) range: Option<[f64; 2]>,
     /// Value of each view.
     pub(crate) per_view: Vec<Option<f64>>,
     /// Value of each view and frame, `[V][T]`; `None` where a frame has none.
     pub(crate) per_frame: Vec<Vec<Option<f64>>>,
-    /// Everything that the value depends on beside the scenes, views and frames.
+    /// Parameters of the metric besides scenes, views and frames.
     pub(crate) params: Map<String, Value>,
-    /// What was found beside the value.
+    /// Additional results.
     pub(crate) found: Map<String, Value>,
-    /// File of the weights that it was made with.
+    /// File of the network's weights.
     pub(crate) weights: Option<String>,
-    /// Why there is no value.
+    /// Reason for a missing value.
     pub(crate) reason: Option<String>,
 }
 
@@ -48,13 +48,13 @@ impl Item {
         }
     }
 
-    /// A number of the scene.
+    /// A value of the whole scene.
     pub(crate) fn scalar(id: &str, value: f64) -> Self {
         Self { value: value.is_finite().then_some(value), ..Self::new(id) }
             .because("the value is not finite")
     }
 
-    /// A number that may be missing.
+    /// A value of the whole scene that may be missing.
     pub(crate) fn optional(id: &str, value: Option<f64>, reason: &str) -> Self {
         match value {
             Some(value) => Self::scalar(id, value),
@@ -62,7 +62,7 @@ impl Item {
         }
     }
 
-    /// No number.
+    /// A missing value.
     pub(crate) fn missing(id: &str, reason: &str) -> Self {
         Self { reason: Some(reason.to_owned()), ..Self::new(id) }
     }
@@ -89,24 +89,24 @@ impl Item {
         Self { value, std, per_view, ..Self::new(id) }.because("no frame has pixels to measure")
     }
 
-    /// Notes what the value depends on.
+    /// Adds a parameter.
     pub(crate) fn with(mut self, name: &str, value: impl Into<Value>) -> Self {
         self.params.insert(name.to_owned(), value.into());
         self
     }
 
-    /// Notes the file of the weights.
+    /// Sets the file of the weights.
     pub(crate) fn weights(self, file: &str) -> Self {
         Self { weights: Some(file.to_owned()), ..self }
     }
 
-    /// Notes what was found beside the value.
+    /// Adds an additional result.
     pub(crate) fn finding(mut self, name: &str, value: impl Into<Value>) -> Self {
         self.found.insert(name.to_owned(), value.into());
         self
     }
 
-    /// The reason, if there is no value and no reason yet.
+    /// Sets the reason if there is no value and no reason yet.
     fn because(mut self, reason: &str) -> Self {
         if self.value.is_none() && self.reason.is_none() {
             self.reason = Some(reason.to_owned());
@@ -114,7 +114,7 @@ impl Item {
         self
     }
 
-    /// The item of [`Item::json`] with `num_views` views; `None` if it is not one.
+    /// Inverse of [`Item::json`] for `num_views` views; `None` if `value` is not an item.
     pub(crate) fn of_json(value: &Value, num_views: usize) -> Option<Self> {
         let id = value["id"].as_str()?;
         let definition = DEFINITIONS.iter().find(|definition| definition.id == id)?;
@@ -142,7 +142,7 @@ impl Item {
         })
     }
 
-    /// This item with the views of all parts, among which it is.
+    /// This item with the views of all `parts`, which include its own.
     pub(crate) fn joined(&self, parts: &[Vec<Self>]) -> Self {
         if self.per_view.is_empty() {
             return self.clone();
@@ -159,7 +159,7 @@ impl Item {
         Self { params, found, weights, ..of_all }
     }
 
-    /// As `metrics.json` has it.
+    /// The item in the format of `metrics.json`.
     pub(crate) fn json(&self, views: &[String]) -> Value {
         let Definition { id, group, better, what } = *self.definition;
         let mut object = Map::new();

@@ -7,14 +7,14 @@ use serde_json::{Value, json};
 /// Version of the layout of `metrics.json`.
 const SCHEMA: u32 = 1;
 
-/// What all numbers of a file share.
+/// Metadata of all values in a file.
 #[derive(Debug, Clone)]
 pub(crate) struct Header<'a> {
     pub(crate) scene: String,
     /// Fingerprint of the edit, for runs.
     pub(crate) edit: Option<String>,
     pub(crate) cameras: &'a [Camera],
-    /// Where the views come from.
+    /// Origin of the views.
     pub(crate) origin: String,
     pub(crate) times: &'a [f32],
     pub(crate) edit_time: f32,
@@ -23,8 +23,8 @@ pub(crate) struct Header<'a> {
     pub(crate) renderer: &'static str,
 }
 
-/// The whole file. The same for any number of threads: it holds no time but those that the run
-/// recorded.
+/// The whole file. Identical for any number of threads: its only times are those recorded by the
+/// run.
 pub(crate) fn document(header: &Header<'_>, items: &[Item]) -> Value {
     let names: Vec<String> = header.cameras.iter().map(|camera| camera.name.clone()).collect();
     let view = |camera: &Camera| {

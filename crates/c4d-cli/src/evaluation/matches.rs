@@ -1,4 +1,4 @@
-//! How the edit's splats were matched with the source's.
+//! Diagnostics of the matches between edited and source splats.
 
 use super::item::Item;
 use super::subject::Subject;
@@ -7,7 +7,7 @@ use amg::RowKind;
 use c4d_metrics::{Match, match_statistics, nearest};
 use serde_json::Value;
 
-/// Diagnostics of the binding, and of the transport solve as `report` (`run.json`) has it.
+/// Diagnostics of the binding, and of the transport solver from `report` (`run.json`).
 pub(crate) fn matches(subject: &Subject<'_>, report: &Value) -> Outcome<Vec<Item>> {
     let Some(edit) = &subject.edit else {
         let reason = "the scene is not a run: nothing was matched";
@@ -63,7 +63,7 @@ pub(crate) fn matches(subject: &Subject<'_>, report: &Value) -> Outcome<Vec<Item
         _ if open > 0 => Some(blended.len() as f64 / open as f64),
         _ => None,
     };
-    let unmatched = "the motion of no splat is blended";
+    let unmatched = "no splat has blended motion";
     let untransported = "the method has no transport";
     let of = |id: &str, value: Option<f64>| Item::optional(id, value, unmatched);
     Ok(vec![
@@ -79,7 +79,7 @@ pub(crate) fn matches(subject: &Subject<'_>, report: &Value) -> Outcome<Vec<Item
         Item::optional(
             "cross_region_rate",
             found.and_then(|found| found.cross_region_rate),
-            "most splats whose motion is blended lie exactly on a source splat, or there are none",
+            "most splats with blended motion coincide with a source splat, or there are none",
         ),
         Item::optional("sinkhorn_iters", number("/transport/sweeps"), untransported),
         Item::optional("marginal_residual", number("/transport/residual"), untransported),

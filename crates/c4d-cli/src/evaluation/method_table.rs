@@ -33,8 +33,8 @@ pub(crate) const SHOWN: [&str; 23] = [
     "time_total",
 ];
 
-/// A Markdown table with a column for each method, the best of each row in bold; rows without values
-/// are left out.
+/// A Markdown table with a column per method and the best value of each row in bold; rows without
+/// values are omitted.
 pub(crate) fn method_table(corner: &str, columns: &[(&str, Vec<Item>)], rows: &[&str]) -> String {
     let titles: Vec<&str> = columns.iter().map(|(title, _)| *title).collect();
     let mut text =

@@ -1,4 +1,4 @@
-//! Measures a scene: the core set of `c4d eval`, which needs no weights, and neural metrics.
+//! Measures a scene: the core metrics of `c4d eval`, which need no weights, and neural metrics.
 
 mod cameras;
 mod cost;

@@ -1,4 +1,4 @@
-//! How splats move: smoothness, lengths, and splats that were not edited.
+//! Metrics of splat motion: smoothness, rigidity, and drift of unedited splats.
 
 use super::item::Item;
 use super::subject::Subject;
@@ -8,12 +8,12 @@ use c4d_metrics::{
 };
 use gs_core::{DynamicScene, Splats};
 
-/// Splats that are followed; more are thinned evenly.
+/// Maximum number of measured splats; larger sets are sampled evenly.
 const MAX_ROWS: usize = 20_000;
-/// An axis of more than this many times its first length has blown up.
+/// Growth of an axis, relative to its first length, above which it counts as blown up.
 const BLOWN_UP: f32 = 4.0;
 
-/// Measures the motion of the edit's splats at `times`, the first of which is taken as the start.
+/// Measures the motion of splats from the edited frame to `times`.
 pub(crate) fn motion(subject: &Subject<'_>, times: &[f32]) -> Outcome<Vec<Item>> {
     let refused = |error: &gs_core::SceneError| Failure::bad_input(chain(error));
     let mut frames = vec![subject.edit_time];
@@ -28,7 +28,7 @@ pub(crate) fn motion(subject: &Subject<'_>, times: &[f32]) -> Outcome<Vec<Item>>
     };
     let edit = subject.edit.as_ref();
     let touched = edit.filter(|edit| edit.touched.contains(&true));
-    // Of a scene in which nothing was edited, every splat.
+    // All splats if nothing was edited.
     let edited = rows(&|row| touched.is_none_or(|edit| edit.touched[row]));
     let track = whole.track.select(&edited);
     let near = nearest(track.first(), source.first());
@@ -49,7 +49,7 @@ pub(crate) fn motion(subject: &Subject<'_>, times: &[f32]) -> Outcome<Vec<Item>>
         let around = Neighbours::of(track.first(), NDD_NEIGHBOURS);
         let with_neighbours = |item: Item| counted(item).with("neighbours", NDD_NEIGHBOURS);
         let (a, b) = (isometry(&track, &around), isometry(&of_source, &around));
-        let few = "fewer than nine splats were edited, or there is one frame";
+        let few = "fewer than nine splats were edited, or there is only one frame";
         items.push(with_neighbours(Item::optional("isometry", a, few)));
         items.push(with_neighbours(Item::optional("isometry_src", b, few)));
         let excess = a.zip(b).map(|(a, b)| a - b);
@@ -90,7 +90,7 @@ pub(crate) fn motion(subject: &Subject<'_>, times: &[f32]) -> Outcome<Vec<Item>>
         }
     } else {
         let reason = if edit.is_some() {
-            "no splat of the edit is one of the source's, or there is one frame"
+            "no edited splat is a source splat, or there is only one frame"
         } else {
             "the scene is not a run: nothing was edited"
         };
@@ -101,10 +101,10 @@ pub(crate) fn motion(subject: &Subject<'_>, times: &[f32]) -> Outcome<Vec<Item>>
     Ok(items)
 }
 
-/// A scene at all times.
+/// The splats of a scene at all times.
 struct Whole {
     track: MotionTrack,
-    /// Share of the splats.
+    /// Share of splats with a blown-up axis.
     blown_up: f64,
     not_finite: usize,
 }

@@ -1,4 +1,4 @@
-//! Networks of the neural metrics, from a folder of weights that the user has.
+//! Networks of the neural metrics, loaded from the user's folder of weights.
 
 use crate::console::Console;
 use crate::failure::{Failure, Outcome, chain};
@@ -10,22 +10,22 @@ use std::collections::BTreeMap;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
-/// Extensions of weights.
+/// File extensions of weights.
 const EXTENSIONS: [&str; 4] = ["safetensors", "pth", "pt", "bin"];
-/// Files of merges, in the order in which they are preferred.
+/// Files with the merges of the tokenizer, in order of preference.
 const MERGES: [&str; 4] =
     ["merges.txt", "bpe_simple_vocab_16e6.txt.gz", "bpe_simple_vocab_16e6.txt", "tokenizer.json"];
-/// Largest file of merges, bytes; CLIP's have 1 to 4 MB.
+/// Largest accepted file of merges, bytes; CLIP's have 1 to 4 MB.
 const MAX_MERGES: u64 = 64 << 20;
 
-/// A network and the file that it is from.
+/// A network and its file.
 pub(crate) struct Loaded<T> {
     pub(crate) network: T,
     /// Name of the file and the start of its SHA-256.
     pub(crate) file: String,
 }
 
-/// What the folder holds.
+/// Contents of the folder.
 #[derive(Default)]
 pub(crate) struct Networks {
     pub(crate) clip: Option<Loaded<Clip>>,
@@ -69,7 +69,7 @@ impl File {
 }
 
 impl Networks {
-    /// The files that were read, without that of the merges.
+    /// The files that were read, except the merges.
     pub(crate) fn files(&self) -> Vec<&str> {
         let clip = self.clip.iter().map(|loaded| loaded.file.as_str());
         let dino = self.dino.iter().map(|loaded| loaded.file.as_str());
@@ -77,8 +77,8 @@ impl Networks {
         clip.chain(dino).chain(lpips).collect()
     }
 
-    /// The networks of a folder; files are recognised by their tensors. Networks whose files are
-    /// missing are left out.
+    /// The networks of a folder; files are recognised by their tensors. Networks without files are
+    /// `None`.
     pub(crate) fn open(folder: &Path, console: &Console) -> Outcome<Self> {
         let entries = std::fs::read_dir(folder).map_err(|error| {
             Failure::bad_input(format!("--weights {}: {error}", folder.display()))
@@ -174,7 +174,7 @@ fn read(path: &Path, extension: &str) -> Outcome<Weights> {
                 .iter()
                 .map(|b| half::bf16::from_le_bytes(*b).to_f32())
                 .collect(),
-            // Indices of positions.
+            // Position indices.
             _ => continue,
         };
         tensors.insert(name, Tensor { shape: view.shape().to_vec(), values });
@@ -182,14 +182,14 @@ fn read(path: &Path, extension: &str) -> Outcome<Weights> {
     Ok(Weights(tensors))
 }
 
-/// The first list of merges in the folder.
+/// The tokenizer of the first file of [`MERGES`] in the folder.
 fn tokenizer(folder: &Path) -> Outcome<Option<Tokenizer>> {
     let Some(path) = MERGES.iter().map(|name| folder.join(name)).find(|path| path.exists()) else {
         return Ok(None);
     };
     let refused = |what: String| {
         Failure::bad_input(format!("{}: {what}", path.display()))
-            .next("Copy the file again from the place where the weights are from.")
+            .next("Copy the file again from the source of the weights.")
     };
     let file = std::fs::File::open(&path).map_err(|error| refused(error.to_string()))?;
     let mut text = String::new();
@@ -204,7 +204,7 @@ fn tokenizer(folder: &Path) -> Outcome<Option<Tokenizer>> {
     Tokenizer::from_merges(&text).map(Some).map_err(|error| refused(error.to_string()))
 }
 
-/// The merges of a `tokenizer.json`, one per line below a title.
+/// The merges of a `tokenizer.json`, one per line after a title line.
 fn merges_of(json: &str) -> Option<String> {
     let document: serde_json::Value = serde_json::from_str(json).ok()?;
     let mut text = String::from("merges\n");

@@ -1,4 +1,4 @@
-//! Neural metrics: CLIP, VBench's consistencies, LPIPS.
+//! Neural metrics: CLIP, consistency as in VBench, LPIPS.
 
 use super::item::Item;
 use super::networks::{Loaded, Networks};
@@ -11,22 +11,22 @@ use crate::renderer::Renderer;
 use gs_core::Image;
 use nn_vit::{Clip, NetworkError, Planes, Preprocessing, Rgb8};
 
-/// Frames of a view that are compared with a text, evenly spaced.
+/// Maximum number of frames per view that are compared with a text, evenly spaced.
 const FRAMES: usize = 30;
-/// Changes of features shorter than this have no direction.
+/// Norm of a feature change below which its direction is undefined.
 const NO_CHANGE: f32 = 1e-6;
 
-/// Texts that pictures are compared with.
+/// Texts that images are compared with.
 #[derive(Debug, Clone, Copy, Default)]
 pub(crate) struct Prompts<'a> {
-    /// What the edited scene shows.
+    /// Description of the edited scene.
     pub(crate) edit: Option<&'a str>,
-    /// What the source shows.
+    /// Description of the source.
     pub(crate) source: Option<&'a str>,
 }
 
-/// Indices of the frames that are compared with a text: `round(k (T − 1)/29)`, all if there are
-/// fewer than 30.
+/// Indices of the frames that are compared with a text: `round(k (T − 1)/29)`; all if there are at
+/// most 30.
 pub(crate) fn sampled_frames(count: usize) -> Vec<usize> {
     if count <= FRAMES {
         return (0..count).collect();
@@ -34,21 +34,21 @@ pub(crate) fn sampled_frames(count: usize) -> Vec<usize> {
     (0..FRAMES).map(|k| (k * (count - 1) + (FRAMES - 1) / 2) / (FRAMES - 1)).collect()
 }
 
-/// Features of the frames of a view, of the edit and of its source.
+/// Features of all frames of a view, for the edit and for its source.
 type Pair = [Vec<Vec<f32>>; 2];
 
-/// What is found while pictures are rendered.
+/// Features and distances of the rendered images.
 struct Features {
     /// CLIP, with CLIP's own preprocessing, `[V]`.
     clip: Vec<Pair>,
-    /// CLIP, as VBench prepares it.
+    /// CLIP, with VBench's preprocessing.
     background: Vec<Pair>,
     /// DINO.
     subject: Vec<Pair>,
     lpips: [Series; 2],
 }
 
-/// Renders and measures.
+/// Renders all views and computes the neural metrics.
 pub(crate) fn neural(
     sight: &mut Sight<'_>,
     device: &Device,
@@ -142,7 +142,7 @@ impl Features {
         Ok(())
     }
 
-    /// Pictures below the least size of a backbone have no value.
+    /// Computes LPIPS; images smaller than a backbone's minimum size have no value.
     fn compare(
         &mut self,
         networks: &Networks,
@@ -166,7 +166,8 @@ fn dot(a: &[f32], b: &[f32]) -> f64 {
     a.iter().zip(b).map(|(a, b)| f64::from(a * b)).sum()
 }
 
-/// Cosine of the angle between `a1 − a0` and `b1 − b0`; `None` if one of them is too short.
+/// Cosine of the angle between `a1 − a0` and `b1 − b0`; `None` if either is shorter than
+/// [`NO_CHANGE`].
 fn direction(a: [&[f32]; 2], b: [&[f32]; 2]) -> Option<f64> {
     let change = |[from, to]: [&[f32]; 2]| -> Vec<f32> {
         from.iter().zip(to).map(|(from, to)| to - from).collect()
@@ -177,8 +178,8 @@ fn direction(a: [&[f32]; 2], b: [&[f32]; 2]) -> Option<f64> {
     defined.then(|| dot(&a, &b) / (lengths[0] * lengths[1]))
 }
 
-/// VBench's score of a video: mean over its later frames of the similarity to the frame before and
-/// to the first, at least 0 each.
+/// VBench's consistency of a video: for each frame after the first, the average similarity to the
+/// previous and the first frame, each clamped to at least 0; then the mean over frames.
 fn consistency(frames: &[Vec<f32>]) -> Option<f64> {
     let similar = |a: &[f32], b: &[f32]| dot(a, b).max(0.0);
     mean(
@@ -247,7 +248,7 @@ fn items(
         items.push(match (network, &sight.truth) {
             (None, _) if id == "lpips_alex" => lacking(id, "AlexNet, and LPIPS heads for it"),
             (None, _) => lacking(id, "VGG-16, and LPIPS heads for it"),
-            (_, None) => Item::missing(id, "there is nothing to compare with: --truth"),
+            (_, None) => Item::missing(id, "no ground truth given (--truth)"),
             (Some(loaded), Some(truth)) => {
                 let truth = match truth {
                     Truth::Scene { .. } => "scene",
@@ -260,9 +261,9 @@ fn items(
     Ok(items)
 }
 
-/// No number, because weights are missing.
+/// An item without a value because weights are missing.
 fn lacking(id: &str, which: &str) -> Item {
-    Item::missing(id, &format!("it needs --weights with {which}"))
+    Item::missing(id, &format!("needs --weights with {which}"))
 }
 
 const CLIP_IDS: [&str; 4] =
@@ -291,7 +292,7 @@ fn clip_items(
     };
     let no_text = |id: &str, flag: &str| {
         let reason = if networks.tokenizer.is_none() {
-            "it needs --weights with merges.txt or tokenizer.json".to_owned()
+            "needs --weights with merges.txt or tokenizer.json".to_owned()
         } else {
             format!("no text to compare with: {flag}")
         };
@@ -340,7 +341,7 @@ fn clip_items(
 fn features_of(clip: &Clip, tokens: &[u32; nn_vit::CONTEXT]) -> Outcome<Vec<f32>> {
     clip.text_features(tokens).map_err(|error| {
         Failure::bad_input(error.to_string())
-            .next("The merges and the weights are of different networks; take both from one place.")
+            .next("The merges and the weights belong to different networks; take both from the same source.")
     })
 }
 

@@ -1,22 +1,23 @@
-//! [`Photos`]: the photographs of a data set, found by the names of its views.
+//! [`Photos`]: the photographs of a data set, found by view name.
 
 use crate::failure::{Failure, Outcome};
 use gs_core::{Camera, Image};
 use image::imageops::FilterType;
 use std::path::{Path, PathBuf};
 
-/// Ends of names of the formats that are read.
+/// File extensions of the supported formats.
 const ENDINGS: [&str; 3] = ["png", "jpg", "jpeg"];
-/// Ends of names of videos: compression changes what flickers, so they are no truth.
+/// File extensions of videos. Videos are rejected as ground truth because compression changes
+/// flicker.
 const VIDEOS: [&str; 4] = ["mp4", "mkv", "mov", "webm"];
-/// Folders between a camera's name and its images.
+/// Folders that may lie between a camera's folder and its images.
 const IMAGE_FOLDERS: [&str; 4] = ["images", "rgb", "1x", "2x"];
-/// Deepest folder looked into.
+/// Maximum depth of the search.
 const MAX_DEPTH: usize = 6;
-/// Times of a photograph and a frame that differ by more belong to different frames.
+/// Largest difference between the times of a photograph and its frame.
 const SAME_TIME: f32 = 1e-4;
 
-/// Where the photographs of views are.
+/// Files of the photographs of views.
 #[derive(Debug)]
 pub(crate) struct Photos {
     /// Camera (with time) of each photograph, and its file.
@@ -24,7 +25,7 @@ pub(crate) struct Photos {
 }
 
 impl Photos {
-    /// Looks for the photographs of `cameras`, which have times, below `folder`.
+    /// Finds the photographs of `cameras` in `folder`. The cameras have times.
     pub(crate) fn find(folder: &Path, cameras: &[Camera]) -> Outcome<Self> {
         let mut files = Vec::new();
         list(folder, 0, &mut files)?;
@@ -50,7 +51,7 @@ impl Photos {
                 files.len(),
                 names.join(", ")
             ))
-            .next("Give the folder of the data set whose cameras --cameras names."));
+            .next("Give the folder of the data set given with --cameras."));
         }
         Ok(Self { shots })
     }
@@ -101,7 +102,7 @@ fn list(folder: &Path, depth: usize, files: &mut Vec<PathBuf>) -> Outcome {
     Ok(())
 }
 
-/// Whether a file's name has one of these ends.
+/// Whether a path has one of these extensions, ignoring case.
 fn has_ending(path: &Path, endings: &[&str]) -> bool {
     let extension = path.extension().and_then(|extension| extension.to_str());
     extension.is_some_and(|extension| {
@@ -114,13 +115,13 @@ pub(crate) fn is_video(path: &Path) -> bool {
     has_ending(path, &VIDEOS)
 }
 
-/// Whether a path is a folder in which some file, at any depth, is an image and none is a scene's.
+/// Whether a path is a folder with at least one image at a depth of at most [`MAX_DEPTH`].
 pub(crate) fn holds_images(path: &Path) -> bool {
     let mut files = Vec::new();
     path.is_dir() && list(path, 0, &mut files).is_ok() && !files.is_empty()
 }
 
-/// Folders and stem of a name, without folders that only separate images from other files.
+/// Folders and stem of a path, without the folders in [`IMAGE_FOLDERS`].
 fn parts(path: &Path) -> Vec<String> {
     let stem = if has_ending(path, &ENDINGS) { path.with_extension("") } else { path.to_owned() };
     stem.components()

@@ -1,4 +1,4 @@
-//! What renders show: fidelity, preservation, change over time.
+//! Image metrics: error against ground truth, preservation, temporal consistency.
 
 use super::item::Item;
 use super::series::{Series, mean};
@@ -17,35 +17,36 @@ use gs_core::{
 use gs_raster_cpu::CpuRasterizer;
 use std::collections::BTreeMap;
 
-/// Share of a pixel that edited splats make up, from which it belongs to the edit.
+/// Contribution of edited splats above which a pixel belongs to the mask of the edit, 0 to 1.
 const TOUCHED: f32 = 0.01;
-/// Pixels by which the edit's mask grows: what lies beside an edited splat changes a little.
+/// Dilation of the mask, pixels, because pixels next to edited splats change slightly.
 const GROWN: usize = 3;
-/// Difference from which a pixel of the background has changed: rounding to 8 bits makes 1/255.
+/// Difference above which a background pixel counts as changed, 0 to 1. Rounding to 8 bits alone
+/// can cause 1/255.
 const CHANGED: f32 = 2.0 / 255.0;
-/// Share of the frames, from the end, that are late.
+/// Share of frames at the end of the clip used for `edit_fade`.
 const LATE: f64 = 0.25;
-/// Warp errors are shown times this.
+/// Factor of displayed warp errors.
 const PER_MILLE: f64 = 1e3;
-/// Errors of the source below this have no ratio.
+/// Warp error at or below which the source's error counts as zero, so that a ratio is undefined.
 const NO_ERROR: f64 = 1e-12;
 
-/// Changes a picture of a view and frame before it is measured.
+/// Modifies the image of a view and frame before it is measured.
 pub(crate) type Retouch<'a> = &'a dyn Fn(usize, usize, Image) -> Image;
 
-/// What is looked at, from where, when.
+/// Input of the image metrics: scene, views, times and ground truth.
 pub(crate) struct Sight<'a> {
     pub(crate) subject: &'a Subject<'a>,
     pub(crate) cameras: &'a [Camera],
     pub(crate) times: &'a [f32],
     pub(crate) background: [f32; 3],
     pub(crate) truth: Option<Truth<'a>>,
-    /// Of the edit, for tests that degrade it.
+    /// Degrades images of the edit in tests.
     pub(crate) retouch: Option<Retouch<'a>>,
     pub(crate) console: &'a Console,
 }
 
-/// Renders and measures.
+/// Renders all views and computes the image metrics.
 pub(crate) fn pictures(sight: &mut Sight<'_>, device: &Device) -> Outcome<Vec<Item>> {
     match device {
         Device::Cpu => Measuring::new(&CpuRasterizer::default(), sight)?.run(sight),
@@ -54,7 +55,7 @@ pub(crate) fn pictures(sight: &mut Sight<'_>, device: &Device) -> Outcome<Vec<It
     }
 }
 
-/// Splats of a scene around a time.
+/// Splats of a scene at a frame and its neighbours.
 #[derive(Default)]
 struct Around {
     before: Splats,
@@ -63,7 +64,7 @@ struct Around {
 }
 
 impl Around {
-    /// Moves on to frame `i`.
+    /// Advances to frame `i`.
     fn seek(&mut self, scene: &dyn DynamicScene, times: &[f32], i: usize) -> Outcome {
         let at = |i: usize, out: &mut Splats| {
             scene.at_into(times[i], out).map_err(|error| Failure::bad_input(chain(&error)))
@@ -84,20 +85,20 @@ impl Around {
     }
 }
 
-/// A picture of the edit and of its source at one time.
+/// Images of the edit and of its source at the same time.
 struct Pair {
     edit: Image,
     source: Image,
 }
 
-/// What is kept of a view from frame to frame.
+/// State of a view between frames.
 struct ViewState<P> {
-    /// The source at the edited frame.
+    /// Prepared splats of the source at the edited frame.
     first: P,
-    /// Pictures of the edited frame.
+    /// Images of the edited frame.
     at_edit: Pair,
-    /// Pictures of the frame before, and the flow from there to here: of the edit, and of the
-    /// source.
+    /// Images of the previous frame, and the flow of the edit and of the source from that frame to
+    /// this one.
     last: Option<(Pair, [FlowField; 2])>,
     edit_flicker: StaticFlicker,
     source_flicker: StaticFlicker,
@@ -115,7 +116,7 @@ struct Measuring<'r, R: Rasterizer> {
     first_frame: Vec<Option<f64>>,
 }
 
-/// 8-bit-rounded values, as a saved PNG has them.
+/// The render rounded to 8 bits, as in a saved PNG.
 fn quantised(output: &RenderOutput) -> Image {
     let image = output.rgb_image();
     let data = image.to_bytes().into_iter().map(|value| f32::from(value) / 255.0).collect();
@@ -130,7 +131,7 @@ fn failed(error: &cuar::CuarError) -> Failure {
     Failure::failed(chain(error))
 }
 
-/// Displacements of splats from one time to another, or none.
+/// Displacements of splats between two times, pixels.
 fn moved(from: &Splats, to: &Splats, camera: &Camera) -> Outcome<Vec<[f32; 2]>> {
     cuar::displacements(from, to, camera).map_err(|error| failed(&error))
 }
@@ -207,7 +208,7 @@ impl<'r, R: Rasterizer> Measuring<'r, R> {
         }
     }
 
-    /// Renders colours and `channels` features per splat.
+    /// Renders colours and the features of the splats.
     fn render(
         &mut self,
         splats: &Splats,
@@ -228,7 +229,7 @@ impl<'r, R: Rasterizer> Measuring<'r, R> {
             .map_err(|e| refused(&e))
     }
 
-    /// A flow of the last render.
+    /// A flow from the features of the last render.
     fn flow(&self, channels: usize, first: usize) -> FlowField {
         let RenderOutput { width, height, features, alpha, .. } = &self.output;
         FlowField::normalized((*width, *height), features, (channels, first), alpha)
@@ -345,7 +346,7 @@ impl<'r, R: Rasterizer> Measuring<'r, R> {
         self.set("edit_strength", at, both.strength());
     }
 
-    /// Against the edited frame, along the source's motion.
+    /// Warp errors against the edited frame, along the source's flow.
     fn long(
         &mut self,
         sight: &Sight<'_>,
@@ -378,7 +379,8 @@ impl<'r, R: Rasterizer> Measuring<'r, R> {
         Ok(())
     }
 
-    /// From the last frame to this one, along the source's motion; and along the edit's own.
+    /// Warp errors between the previous frame and this one, along the source's flow and along the
+    /// edit's own.
     fn short(&mut self, at: (usize, usize), pair: &Pair, back: [&FlowField; 2]) {
         let Some((last, [own, flow])) = self.views[at.0].last.take() else { return };
         let visible = flow.visible(back[1]);
@@ -406,7 +408,7 @@ impl<'r, R: Rasterizer> Measuring<'r, R> {
         };
         for id in ["psnr", "ssim", "ssim_valid", "ms_ssim", "flip"] {
             items.push(match (truth, id) {
-                ("none", _) => Item::missing(id, "there is nothing to compare with: --truth"),
+                ("none", _) => Item::missing(id, "no ground truth given (--truth)"),
                 (_, "flip") => {
                     let degree = c4d_metrics::FLIP_PIXELS_PER_DEGREE;
                     frames(id).with("truth", truth).with("pixels_per_degree", degree)
@@ -510,7 +512,7 @@ impl<'r, R: Rasterizer> Measuring<'r, R> {
     }
 }
 
-/// Values kept for each view and frame.
+/// Ids of the values stored per view and frame.
 const SERIES: [&str; 18] = [
     "psnr",
     "ssim",

@@ -1,13 +1,13 @@
-//! Which of several values is best.
+//! Selection of the best of several values.
 
 use c4d_metrics::Better;
 
-/// Values whose badness differs by less than this share are equally good: they look the same in
-/// four digits.
+/// Relative difference in badness below which values count as equal, because they print the same
+/// with four digits.
 const SAME: f64 = 5e-4;
 
-/// Indices of the best values, several if they are the same in four digits; none if all are, or
-/// none is better by definition.
+/// Indices of the best values; several if they are equal with four digits. Empty if all are equal
+/// or the metric has no preferred direction.
 pub(crate) fn best(better: Better, values: &[Option<f64>]) -> Vec<usize> {
     let badness: Vec<Option<f64>> =
         values.iter().map(|value| value.and_then(|value| better.badness(value))).collect();

@@ -19,7 +19,7 @@ impl Series {
     }
 }
 
-/// `None` without values.
+/// Mean of the values; `None` if there are none.
 pub(crate) fn mean(values: impl Iterator<Item = f64>) -> Option<f64> {
     let (mut sum, mut count) = (0.0, 0_usize);
     for value in values {

@@ -1,10 +1,10 @@
-//! [`Subject`]: the scene that is measured, and what it was before the edit.
+//! [`Subject`]: the measured scene and its source.
 
 use crate::failure::{Failure, Outcome, chain};
 use amg::{Binding, IdentityMap, IdentityParams};
 use gs_core::{DynamicScene, Extent, Splats};
 
-/// A scene with its past, if it has one.
+/// A scene, with its source and edit if it is a run.
 #[derive(Debug)]
 pub(crate) struct Subject<'a> {
     pub(crate) scene: &'a dyn DynamicScene,
@@ -12,29 +12,30 @@ pub(crate) struct Subject<'a> {
     pub(crate) source: &'a dyn DynamicScene,
     /// Time of the edited frame.
     pub(crate) edit_time: f32,
-    /// What the edit did, if there was one.
+    /// The edit; `None` if the scene is not a run.
     pub(crate) edit: Option<Edit<'a>>,
-    /// Of the source at [`Subject::edit_time`], world units.
+    /// Radius of the source at [`Subject::edit_time`], world units.
     pub(crate) radius: f64,
 }
 
-/// What an edit did, by value: the same for every method that propagates it.
+/// An edit, compared with the source by value, so that the result is the same for every propagation
+/// method.
 #[derive(Debug)]
 pub(crate) struct Edit<'a> {
-    /// The edit as it was given, at the edited frame.
+    /// The edited frame as given.
     pub(crate) frame: &'a Splats,
-    /// What each of its splats follows.
+    /// Binding of its splats to the source.
     pub(crate) binding: &'a Binding,
-    /// Whether each splat of the edit was touched.
+    /// Whether the edit changed or added each splat, `[N]`.
     pub(crate) touched: Vec<bool>,
-    /// Source splat that each splat of the edit is, where that one is.
+    /// For each edited splat, the source splat with the same geometry at the same place, if any.
     pub(crate) source_row: Vec<Option<u32>>,
-    /// Whether each splat of the source was touched or removed.
+    /// Whether the edit changed or removed each source splat.
     pub(crate) touched_source: Vec<bool>,
 }
 
 impl<'a> Subject<'a> {
-    /// A scene, or an edited one with its source, the edit as given and its binding.
+    /// `edited` is the source, the edited frame as given and the binding, for a run.
     pub(crate) fn new(
         scene: &'a dyn DynamicScene,
         edited: Option<(&'a dyn DynamicScene, &'a Splats, &'a Binding)>,

@@ -1,10 +1,11 @@
-//! Items as text.
+//! Items as a text table.
 
 use super::definitions::Group;
 use super::item::Item;
 use std::fmt::Write as _;
 
-/// A table a reader can scan: groups, arrows, values with their spread over views.
+/// A table by group, with arrows for the preferred direction, and values with their standard
+/// deviation over views.
 pub(crate) fn table(items: &[Item]) -> String {
     let mut text = String::new();
     let width = items.iter().map(|item| item.definition.id.len()).max().unwrap_or(0);
@@ -12,7 +13,7 @@ pub(crate) fn table(items: &[Item]) -> String {
     for group in Group::ALL {
         let of = || items.iter().filter(|item| item.definition.group == group);
         if of().all(|item| item.value.is_none()) {
-            // said below, once
+            // Listed once at the end.
         } else {
             let _ = writeln!(text, "{}", group.title());
         }
@@ -44,7 +45,7 @@ pub(crate) fn table(items: &[Item]) -> String {
     text
 }
 
-/// Four significant digits; whole numbers in full.
+/// A value with four significant digits; integers in full.
 pub(crate) fn number(value: f64) -> String {
     if value == 0.0 {
         return "0".to_owned();

@@ -1,4 +1,4 @@
-//! What the metrics must show: nothing where nothing was edited, and every degradation by name.
+//! Metrics of an unedited run are ideal, and each degradation worsens the expected metrics.
 
 use super::{Item, Sight, Subject, Truth, pictures};
 use crate::console::Console;
@@ -14,12 +14,12 @@ use std::sync::Arc;
 const SIZE: (u32, u32) = (128, 96);
 const FRAMES: usize = 7;
 
-/// A figure that walks before a background that stands still.
+/// A walking figure in front of a static background.
 fn demo() -> SynthScene {
     gs_synth::demo(&DemoParams { num_splats: 4000, ..DemoParams::default() }).unwrap()
 }
 
-/// The frame of an edit propagated; with `all`, the motion of every splat estimated.
+/// Propagates an edited frame; with `all`, the motion of every splat is estimated.
 fn propagated(source: &SynthScene, frame: Splats, all: bool) -> Propagation {
     let mut options = MotionOptions::default();
     options.identity.enabled = !all;
@@ -33,7 +33,7 @@ fn cameras(source: &SynthScene) -> Vec<Camera> {
 
 type Degrade<'a> = &'a dyn Fn(usize, usize, Image) -> Image;
 
-/// Everything measured of `edited`, compared with `truth`.
+/// All metrics of `edited`, with `truth` as ground truth.
 fn measured(
     source: &SynthScene,
     edited: &EditedScene,
@@ -67,7 +67,7 @@ fn value(items: &[Item], id: &str) -> f64 {
     item.value.unwrap_or_else(|| panic!("{id}: {:?}", item.reason))
 }
 
-/// Ids of metrics that got better by more than a hundredth, and of those that got worse.
+/// Ids of metrics that improved by more than 1 %, and of those that became worse.
 fn changes(before: &[Item], after: &[Item]) -> [Vec<String>; 2] {
     let mut lists = [Vec::new(), Vec::new()];
     for (a, b) in before.iter().zip(after) {
@@ -88,10 +88,10 @@ fn changes(before: &[Item], after: &[Item]) -> [Vec<String>; 2] {
     lists
 }
 
-/// Asserts that a degradation worsens `named` and betters nothing.
+/// Asserts that a degradation worsens the metrics in `named` and improves none.
 fn assert_worse(before: &[Item], after: &[Item], named: &[&str], what: &str) {
     let [better, worse] = changes(before, after);
-    assert!(better.is_empty(), "{what} betters {better:?}");
+    assert!(better.is_empty(), "{what} improves {better:?}");
     for id in named {
         let is = |line: &String| line.split(' ').next() == Some(id);
         assert!(worse.iter().any(is), "{what} does not worsen {id}, only {worse:?}");
@@ -152,8 +152,8 @@ fn the_default_keeps_what_was_not_edited() {
     assert!(value(&items, "psnr") > 40.0, "near the truth: {}", value(&items, "psnr"));
 }
 
-/// Of a run in which nothing was edited, every ratio is 1 and every excess 0: whatever is worse
-/// than that is the degradation's.
+/// Without an edit, every ratio is 1 and every excess is 0, so any difference is due to the
+/// degradation.
 #[test]
 fn degraded_pictures_are_worse_by_name_and_better_in_nothing() {
     let source = demo();
@@ -161,9 +161,8 @@ fn degraded_pictures_are_worse_by_name_and_better_in_nothing() {
     check_degradations(&source, &propagation.scene, &source);
 }
 
-/// The demo's edit, against the true motion.
-/// Noise, blur, a shift in time and a drift of colour each worsen the metrics that are named, and
-/// better none.
+/// The demo's edit against ground-truth motion.
+/// Noise, blur, a time shift and a colour drift each worsen the named metrics and improve none.
 fn check_degradations(source: &SynthScene, edited: &EditedScene, truth: &dyn DynamicScene) {
     let clean = measured(source, edited, truth, None);
 
@@ -245,7 +244,7 @@ fn swapped_matches_are_worse_by_name_and_better_in_nothing() {
             ids.iter().copied().zip(weights.iter().copied()).collect()
         })
         .collect();
-    // One moving row in twenty follows what another one far away in the list follows.
+    // One moving row in twenty gets the binding of a distant row.
     let moving: Vec<usize> = (0..rows.len()).filter(|&row| !rows[row].is_empty()).collect();
     for k in (0..moving.len()).step_by(40) {
         rows.swap(moving[k], moving[(k + moving.len() / 2) % moving.len()]);
@@ -257,8 +256,8 @@ fn swapped_matches_are_worse_by_name_and_better_in_nothing() {
         EditedScene::new(scene, frame, 0.0, Arc::new(mixed), *edited.aggregation()).unwrap();
     let clean = measured(&source, edited, &source, None);
     let swapped = measured(&source, &swapped, &source, None);
-    // The frame's splats lie on the source's, so cross_region_rate has no scale here; its own test
-    // is in c4d-metrics.
+    // The edited splats coincide with source splats, so cross_region_rate is undefined here; it is
+    // tested in c4d-metrics.
     let named = ["psnr", "motion_fidelity", "drift", "isometry_excess", "ndd_excess"];
     assert_worse(&clean, &swapped, &named, "swapped matches");
 }

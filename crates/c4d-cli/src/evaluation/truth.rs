@@ -6,13 +6,13 @@ use crate::failure::Outcome;
 use crate::renderer::Renderer;
 use gs_core::{Camera, DynamicScene, Image};
 
-/// Pictures to compare with.
+/// Ground-truth images.
 pub(crate) enum Truth<'a> {
     /// Renders of another scene.
     Scene {
         /// The scene.
         scene: &'a dyn DynamicScene,
-        /// Its renderer, at the time last asked for.
+        /// Renderer, at the time set by [`Truth::seek`].
         renderer: Box<Renderer>,
     },
     /// Photographs.
@@ -20,7 +20,7 @@ pub(crate) enum Truth<'a> {
 }
 
 impl<'a> Truth<'a> {
-    /// Renders `scene` over `background`.
+    /// Ground truth rendered from `scene` over `background`.
     pub(crate) fn scene(
         scene: &'a dyn DynamicScene,
         device: &Device,
@@ -29,7 +29,7 @@ impl<'a> Truth<'a> {
         Self::Scene { scene, renderer: Box::new(Renderer::new(device, background)) }
     }
 
-    /// Moves on to time `t`.
+    /// Sets the time.
     pub(crate) fn seek(&mut self, t: f32) -> Outcome {
         match self {
             Self::Scene { scene, renderer } => renderer.seek(*scene, t),
@@ -37,7 +37,8 @@ impl<'a> Truth<'a> {
         }
     }
 
-    /// The picture of `camera` at time `t`, to which it was moved on; `None` where there is none.
+    /// The image of `camera` at time `t`, which must be the time last set; `None` if there is no
+    /// photograph.
     pub(crate) fn picture(&mut self, camera: &Camera, t: f32) -> Outcome<Option<Image>> {
         match self {
             Self::Scene { renderer, .. } => Ok(Some(renderer.render(camera)?.rgb_image())),

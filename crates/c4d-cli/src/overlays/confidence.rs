@@ -12,10 +12,10 @@ const TIMES: usize = 8;
 const MISFIT: f64 = 0.01;
 
 /// Confidence in the motion of each row of `binding`, 0 to 1; `None` for rows that follow no source
-/// splat. 1 for rows that are source splats, for descendants that of the descent, and for blends
-/// `exp(−e / (0.01 size))` with `e = max_t Σ_i w_i | ‖x_i(t) − x_0(t)‖ − ‖x_i − x_0‖ |`: how much
-/// the distances of the sources to the heaviest of them change, from the edited frame at `time`.
-/// `size` is that of the moving figure, world units.
+/// splat. 1 for rows that are source splats; the confidence of the descent for descendants; for
+/// blends `exp(−e / (0.01 size))` with `e = max_t Σ_i w_i | ‖x_i(t) − x_0(t)‖ − ‖x_i − x_0‖ |`, the
+/// change since `time`, the time of the edited frame, of the distances between the sources `i` and
+/// the one with the largest weight, 0. `size` is the size of the moving figure, world units.
 pub(crate) fn confidence(
     source: &dyn DynamicScene,
     binding: &Binding,

@@ -1,13 +1,13 @@
-//! [`displacement`]: how far splats move over the clip.
+//! [`displacement`]: largest displacement of splats over the clip.
 
 use crate::failure::{Failure, Outcome, chain};
 use gs_core::{DynamicScene, Splats};
 
-/// Times at which places are compared, evenly spaced over the clip.
+/// Number of times at which positions are compared, evenly spaced over the clip.
 const TIMES: usize = 16;
 
-/// Largest distance of each splat from its place at `time`, over the clip, world units, `[N]`; 0
-/// for places that are not finite.
+/// Largest distance of each splat over the clip from its position at `time`, world units, `[N]`; 0
+/// for non-finite positions.
 pub(crate) fn displacement(scene: &dyn DynamicScene, time: f32) -> Outcome<Vec<f32>> {
     let failed = |error| Failure::bad_input(chain(&error));
     let mut now = Splats::default();

@@ -7,7 +7,7 @@ use crate::passes::PassImage;
 use gs_core::{Camera, Image, RasterError, Rasterizer, RenderOutput, RenderParams, Splats};
 use gs_raster_cpu::CpuRasterizer;
 
-/// An overlay: its colours over `background`, and its numbers, not divided by coverage.
+/// An overlay: its colours over `background`, and its values Σ v α T, not divided by coverage.
 pub(crate) fn overlay_image(
     device: &Device,
     layer: &Layer,

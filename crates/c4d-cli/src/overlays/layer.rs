@@ -1,4 +1,4 @@
-//! [`Layer`]: one overlay of a scene, as colours and as numbers.
+//! [`Layer`]: one overlay of a scene, as colours and as values.
 
 use super::confidence::confidence;
 use super::displacement::displacement;
@@ -16,16 +16,16 @@ use std::sync::Arc;
 
 /// Colours of a scale; the entry after them is for splats without a value.
 const SCALE: u8 = 255;
-/// Share of the moving splats within the scale of motion; the others have its last colour.
+/// Share of the moving splats within the scale of `motion`; the others have its last colour.
 const MOST: f64 = 0.99;
 
-/// An overlay, and its numbers where it has any.
+/// An overlay, and its values if it has any.
 #[derive(Debug, Clone)]
 pub(crate) struct Layer {
     /// Entries of the source and of the edited scene, for a run; else of the scene alone.
     pub(crate) overlay: Overlay,
-    /// Of the scene itself, `[N]`: world units for motion, 0 to 1 for the others; NaN without a
-    /// value.
+    /// Values of the scene itself, `[N]`: world units for motion, 0 to 1 for the others; NaN for
+    /// splats without a value.
     pub(crate) values: Option<Vec<f32>>,
 }
 
@@ -39,7 +39,7 @@ impl Layer {
     }
 }
 
-/// What the layers of a scene are made of; each is computed when it is first needed.
+/// Data for the layers of a scene, computed on first use.
 #[derive(Debug)]
 pub(crate) struct LayerSource<'a> {
     /// The scene before the edit; the scene itself if it is not a run.
@@ -68,7 +68,7 @@ impl<'a> LayerSource<'a> {
         self.parts.as_ref().ok_or_else(|| Failure::failed("the parts were not computed"))
     }
 
-    /// Diameter of what moves, of everything if nothing does, world units.
+    /// Diameter of the moving splats, or of all splats if none moves, world units.
     pub(crate) fn figure_size(&mut self, console: &Console) -> Outcome<f64> {
         let splats = self.source.at(self.opened.edit_time).map_err(Failure::input)?;
         let moving = &self.parts(console)?.moving;

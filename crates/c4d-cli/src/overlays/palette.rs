@@ -2,7 +2,7 @@
 
 use crate::report::ramp_color;
 
-/// Splats without a value.
+/// Colour of splats without a value.
 pub(super) const NEUTRAL: [u8; 3] = [96, 96, 100];
 /// Turn of the hue from one class to the next, degrees: the golden angle, so that any number of
 /// classes is spread evenly.
@@ -13,7 +13,7 @@ const FIRST_HUE: f32 = 205.0;
 const BRIGHTNESS: [f32; 2] = [0.95, 0.7];
 const SATURATION: f32 = 0.75;
 
-/// A colour for class `number`, unlike those of the classes before it.
+/// Colour of class `number`, different from those of earlier classes.
 pub(super) fn class_color(number: usize) -> [u8; 3] {
     let hue = (FIRST_HUE + HUE_STEP * number as f32).rem_euclid(360.0) / 60.0;
     let value = BRIGHTNESS[number % BRIGHTNESS.len()];
@@ -23,7 +23,7 @@ pub(super) fn class_color(number: usize) -> [u8; 3] {
     })
 }
 
-/// `count` colours from nothing to most.
+/// `count` colours from the lowest to the highest value.
 pub(super) fn scale_colors(count: usize) -> Vec<[u8; 3]> {
     let last = count.saturating_sub(1).max(1) as f32;
     (0..count).map(|i| ramp_color(i as f32 / last).map(byte)).collect()

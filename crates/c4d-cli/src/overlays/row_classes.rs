@@ -1,8 +1,8 @@
-//! [`Class`]: what the edit did to a splat.
+//! [`Class`]: effect of the edit on a splat.
 
 use amg::{Binding, RowKind};
 
-/// What the edit did to a splat of the source or of the edited scene.
+/// Effect of the edit on a splat of the source or of the edited scene.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Class {
     Unchanged,
@@ -16,7 +16,7 @@ pub(crate) enum Class {
 }
 
 impl Class {
-    /// All, in the order of the legend.
+    /// All classes, in the order of the legend.
     pub(crate) const ALL: [Self; 8] = [
         Self::Unchanged,
         Self::Recoloured,
@@ -41,7 +41,7 @@ impl Class {
         }
     }
 
-    /// The classes of the source's splats: that of the edited row that is the splat, else removed.
+    /// The classes of the source's splats: that of the edited row which is the splat, else removed.
     pub(crate) fn of_source(binding: &Binding) -> Vec<Self> {
         let mut classes = vec![Self::Removed; binding.num_sources()];
         for (row, &kind) in binding.kinds().iter().enumerate() {
@@ -53,7 +53,7 @@ impl Class {
         classes
     }
 
-    /// For legends.
+    /// Label in legends.
     pub(crate) fn label(self) -> &'static str {
         match self {
             Self::Unchanged => "unchanged",
@@ -67,7 +67,7 @@ impl Class {
         }
     }
 
-    /// Entry of the palette.
+    /// Index in the palette.
     #[expect(clippy::cast_possible_truncation, reason = "eight classes")]
     pub(super) fn entry(self) -> u8 {
         Self::ALL.iter().position(|class| *class == self).unwrap_or(0) as u8

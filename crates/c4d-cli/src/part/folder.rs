@@ -8,15 +8,15 @@ use std::path::Path;
 
 /// Name of the record in the folder.
 const PART: &str = "part.json";
-/// Deepest folder of a part: view, pass.
+/// Maximum depth of files in a part: view and pass.
 const MAX_DEPTH: usize = 3;
 
-/// The record of a folder that holds a part.
+/// The record of a folder that contains a part.
 #[derive(Debug, Serialize, Deserialize)]
 pub(crate) struct PartFolder {
     #[serde(flatten)]
     pub(crate) record: PartRecord,
-    /// Path below the folder, with `/`, and CRC-32 of each file.
+    /// CRC-32 of each file, by its path relative to the folder, with `/`.
     pub(crate) files: BTreeMap<String, u32>,
 }
 
@@ -26,7 +26,7 @@ impl PartFolder {
         path.join(PART).is_file()
     }
 
-    /// Adds the record to `folder`, whose files are complete.
+    /// Writes the record into `folder`, whose files are complete.
     pub(crate) fn write(record: PartRecord, folder: &Path) -> Outcome {
         let mut files = BTreeMap::new();
         list(folder, "", 0, &mut files)?;
@@ -36,7 +36,7 @@ impl PartFolder {
         std::fs::write(&path, text).map_err(|error| Failure::write(&path, &error))
     }
 
-    /// Reads the record of `folder` and compares the files with it.
+    /// Reads the record of `folder` and verifies its files.
     pub(crate) fn read(folder: &Path) -> Outcome<Self> {
         let path = folder.join(PART);
         let bytes = gs_io::read_file(&path).map_err(|error| broken(&path, &error.to_string()))?;
@@ -49,7 +49,7 @@ impl PartFolder {
             let what = match (part.files.contains_key(name), found.contains_key(name)) {
                 (true, false) => "is missing",
                 (false, _) => "is not one of the part's files",
-                _ => "is not as it was written",
+                _ => "was changed after it was written",
             };
             return Err(broken(folder, &format!("{name} {what}")));
         }

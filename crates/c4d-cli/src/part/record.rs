@@ -1,4 +1,4 @@
-//! [`PartRecord`]: what a part belongs to, so that only parts of the same work are joined.
+//! [`PartRecord`]: identifies the work of a part, so that only parts of the same work are joined.
 
 use super::share::Share;
 use crate::failure::{Failure, Outcome};
@@ -6,32 +6,32 @@ use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 use std::path::{Path, PathBuf};
 
-/// Number of a part, and what it is a part of.
+/// Number of a part, and the work to which it belongs.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub(crate) struct PartRecord {
     /// From 1 to `of`.
     part: usize,
     of: usize,
-    /// Everything that the result depends on, the same in all parts: name and value.
+    /// Everything on which the result depends, by name; equal in all parts.
     work: Map<String, Value>,
 }
 
 impl PartRecord {
-    /// Key of the record in a JSON document that is a part itself.
+    /// Key of the record in a part that is a JSON document.
     pub(crate) const KEY: &str = "part_of";
 
-    /// `work` names everything that the result depends on; the version of the program is added.
+    /// `work` contains everything on which the result depends; the version of the program is added.
     pub(crate) fn new(share: Share, mut work: Map<String, Value>) -> Self {
         work.insert("version".to_owned(), env!("CARGO_PKG_VERSION").into());
         Self { part: share.part, of: share.of, work }
     }
 
-    /// What the part is a part of.
+    /// A value of the work.
     pub(crate) fn work(&self, name: &str) -> &Value {
         self.work.get(name).unwrap_or(&Value::Null)
     }
 
-    /// The part's own share of `count` items.
+    /// The items of this part among `count`.
     pub(crate) fn range(&self, count: usize) -> std::ops::Range<usize> {
         Share { part: self.part, of: self.of }.range(count)
     }
@@ -41,10 +41,10 @@ impl PartRecord {
     }
 }
 
-/// Puts parts in order.
+/// Sorts parts by number.
 ///
 /// # Errors
-/// If they belong to different work, one is missing or one is given twice.
+/// If parts belong to different work, or one is missing or given twice.
 pub(crate) fn in_order<T>(
     mut parts: Vec<(PathBuf, PartRecord, T)>,
 ) -> Outcome<Vec<(PathBuf, PartRecord, T)>> {
@@ -93,7 +93,7 @@ pub(crate) fn in_order<T>(
     Ok(parts)
 }
 
-/// A part that c4d did not write, or that was changed since.
+/// Failure for a part that c4d did not write, or that was changed later.
 pub(crate) fn broken(path: &Path, what: &str) -> Failure {
     Failure::bad_input(format!("{}: {what}", path.display()))
         .next("Make this part again: the same command with -w.")

@@ -1,9 +1,9 @@
-//! [`Share`]: which part of the work a process does.
+//! [`Share`]: the part of the work that a process does.
 
 use std::fmt;
 use std::ops::Range;
 
-/// Most parts of one piece of work.
+/// Maximum number of parts.
 const MAX_PARTS: usize = 10_000;
 
 /// The K-th of N parts.

@@ -1,8 +1,8 @@
-//! Numbers as colours.
+//! Colour ramp for values.
 
 use gs_core::Image;
 
-/// Dark to bright, evenly spaced from 0 to 1 (stations of matplotlib's magma).
+/// Dark to bright, evenly spaced from 0 to 1 (samples of matplotlib's magma).
 const RAMP: [[f32; 3]; 5] = [
     [0.001, 0.000, 0.014],
     [0.317, 0.072, 0.485],

@@ -1,7 +1,7 @@
 //! Reports: one HTML file that opens offline.
 //!
-//! Pictures are JPEG inside the file, plots are SVG, and nothing is fetched: the page's own policy
-//! forbids it.
+//! Pictures are embedded as JPEG and plots as SVG. The page's content security policy forbids all
+//! other resources.
 
 mod color_ramp;
 mod page;

@@ -2,7 +2,7 @@
 
 use std::fmt::Write as _;
 
-/// Largest page, bytes: small enough for mail programs, and browsers open it at once.
+/// Largest page, bytes: small enough to send by mail and to open quickly in a browser.
 pub(crate) const MAX_BYTES: usize = 10_000_000;
 
 /// A page being written.
@@ -12,7 +12,7 @@ pub(crate) struct Page {
 }
 
 impl Page {
-    /// A section, unless its content is empty.
+    /// Adds a section, unless its content is empty.
     pub(crate) fn section(&mut self, id: &str, title: &str, content: &str) {
         if !content.is_empty() {
             let _ = writeln!(
@@ -40,7 +40,7 @@ impl Page {
     }
 }
 
-/// Text in a page.
+/// Escapes text for HTML.
 pub(crate) fn escape(text: &str) -> String {
     let mut out = String::with_capacity(text.len());
     for c in text.chars() {

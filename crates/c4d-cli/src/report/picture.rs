@@ -42,7 +42,7 @@ impl Triple<'_> {
         let map = flip_map(self.after.1, self.before.1, FLIP_PIXELS_PER_DEGREE);
         let map = heat(&map.unwrap_or_default());
         let mut cells = String::new();
-        for (title, image) in [self.before, self.after, ("difference that a viewer sees", &map)] {
+        for (title, image) in [self.before, self.after, ("perceived difference", &map)] {
             let _ = write!(
                 cells,
                 "<div><img alt=\"{0}\" src=\"{1}\"><span>{0}</span></div>",
@@ -57,7 +57,7 @@ impl Triple<'_> {
     }
 }
 
-/// A picture over another one; the page's divider uncovers the lower one from the left.
+/// Two pictures with a divider; `before` is shown on its left.
 pub(crate) fn wipe(before: &Image, after: &Image, label: &str, quality: u8) -> Outcome<String> {
     Ok(format!(
         "<div class=\"wipe\"><img alt=\"before\" src=\"{}\"><img class=\"over\" alt=\"after\" src=\"{}\"><span>{}</span></div>",

@@ -4,24 +4,25 @@ use super::page::escape;
 use crate::evaluation::number;
 use std::fmt::Write as _;
 
-/// Size of a plot, in its own units.
+/// Width of a plot, SVG user units.
 const WIDTH: f64 = 440.0;
+/// Height of a plot, SVG user units.
 const HEIGHT: f64 = 200.0;
-/// Room for labels: left, top, right, bottom.
+/// Margins for labels: left, top, right, bottom.
 const MARGINS: [f64; 4] = [62.0, 40.0, 10.0, 24.0];
-/// Colours of the curves, in order; distinguishable without red and green.
+/// Colours of the curves, in order; distinguishable with red–green colour blindness.
 const COLORS: [&str; 6] = ["#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9"];
 
 /// One curve.
 pub(crate) struct Curve {
     pub(crate) name: String,
-    /// A value for each time; gaps where there is none.
+    /// A value for each time; `None` is a gap.
     pub(crate) values: Vec<Option<f64>>,
-    /// Drawn dashed, in the colour of the curve before it.
+    /// Drawn dashed, in the colour of the previous curve.
     pub(crate) is_reference: bool,
 }
 
-/// Curves over one axis of time.
+/// Curves over a shared time axis.
 pub(crate) struct Plot<'a> {
     pub(crate) title: String,
     /// Unit and meaning.
@@ -31,7 +32,7 @@ pub(crate) struct Plot<'a> {
 }
 
 impl Plot<'_> {
-    /// Nothing if there is nothing to draw.
+    /// The plot as SVG; empty if there are no values.
     pub(crate) fn svg(&self) -> String {
         let values = || self.curves.iter().flat_map(|curve| curve.values.iter().flatten().copied());
         let (low, high) = values()
@@ -102,7 +103,7 @@ impl Plot<'_> {
         svg
     }
 
-    /// Names beside their colours, for all plots with the same curves.
+    /// A legend for all plots with the same curves.
     pub(crate) fn legend(names: &[String]) -> String {
         let entry = |(k, name): (usize, &String)| {
             format!(

@@ -28,8 +28,8 @@ pub(crate) struct RunReport<'a> {
     pub(crate) warnings: Vec<String>,
 }
 
-/// Renders a few small pictures, on the CPU so that no adapter is started for them, and makes the
-/// page's text.
+/// Renders a few small pictures and writes the HTML. Renders on the CPU, which avoids starting an
+/// adapter.
 pub(crate) fn run_report(report: &RunReport<'_>) -> Outcome<String> {
     let device = &Device::Cpu;
     let rig = CameraRig::of_scene(report.source, report.up).map_err(Failure::input)?;

@@ -110,7 +110,7 @@ impl Checkpoint {
         let (mut arrays, mut doubles) = (Vec::new(), Vec::new());
         for (name, view) in file.iter() {
             let (singles, pairs) = (view.data().as_chunks::<4>().0, view.data().as_chunks::<8>().0);
-            let broken = || format!("`{name}` holds values that are not finite");
+            let broken = || format!("`{name}` contains non-finite values");
             match view.dtype() {
                 Dtype::F32 => {
                     let values: Vec<f32> =
@@ -142,7 +142,7 @@ impl Checkpoint {
 
 fn damaged(path: &Path, what: &str) -> Failure {
     Failure::bad_input(format!("{}: {what}", path.display()))
-        .next("Leave out --resume: the refinement starts again.")
+        .next("Omit --resume to start the refinement again.")
 }
 
 #[cfg(test)]
@@ -172,7 +172,7 @@ mod tests {
             state.arrays[0].1[1] = broken;
             Checkpoint::write(&update, PresetArg::Paper, &settings, &flags, Some(&state)).unwrap();
             let failure = Checkpoint::read(dir.path()).unwrap_err().to_string();
-            assert!(failure.contains("`d_sh` holds values that are not finite"), "{failure}");
+            assert!(failure.contains("`d_sh` contains non-finite values"), "{failure}");
         }
         let bytes = gs_io::read_file(dir.path().join(REFINE_STATE)).unwrap();
         for cut in 0..bytes.len() {

@@ -138,7 +138,7 @@ pub(crate) struct RefineConfig {
     pub(crate) evidence: Option<EvidenceSettings>,
 }
 
-/// What runs recorded before edits could belong to surfaces.
+/// Value of `follow` for runs written before `--follow surface` existed.
 fn splats() -> String {
     "splats".to_owned()
 }

@@ -11,8 +11,8 @@ use safetensors::{Dtype, SafeTensors, tensor::TensorView};
 use serde::{Deserialize, Serialize};
 use std::collections::HashMap;
 
-/// Version of the layout: 3 if it contains a surface, 2 if it has groups of moved rows, which
-/// readers of earlier ones do not know, else 1.
+/// Version of the layout: 3 if it contains a surface, 2 if it has groups of moved rows, else 1.
+/// Older readers do not support versions 2 and 3.
 const FORMATS: [u32; 3] = [1, 2, 3];
 /// Key of the [`Header`] in the metadata.
 const METADATA: &str = "c4d";

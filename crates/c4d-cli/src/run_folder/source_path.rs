@@ -5,7 +5,7 @@ use super::files::CONFIG;
 use crate::failure::{Failure, Outcome};
 use std::path::{Component, Path, PathBuf};
 
-/// The source of the run in `run`: by its path relative to the run, else by its absolute path.
+/// The source of the run in `run`: the recorded path relative to the run, else the absolute path.
 pub(super) fn locate(run: &Path, config: &RunConfig) -> Outcome<PathBuf> {
     let beside = run.join(&config.source_from_run);
     if beside.exists() {

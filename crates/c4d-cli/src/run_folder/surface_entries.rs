@@ -1,15 +1,16 @@
-//! Arrays of `scene.c4d` for edits that belong to surfaces: lasting splats with their carriers, and
-//! what rows inherit.
+//! Arrays of `scene.c4d` for edits that apply to surfaces: lasting splats with their carriers, and
+//! inherited edits of rows.
 
 use super::entry::{Entry, le_bytes};
 use amg::{Carrier, ColorChange, Inherited, Lasting, Surface};
 use safetensors::{Dtype, SafeTensors};
 
-/// Values of a carrier: rest place, floor, peak.
+/// Number of values of a carrier: rest position, floor, peak.
 const CARRIER: usize = 5;
-/// Values of an inheritance: confidence, factor on the opacity, matrix, offset, harmonics.
+/// Number of values of an inherited edit: confidence, opacity factor, matrix, offset, spherical
+/// harmonics.
 const INHERITED: usize = 15;
-/// Stands for no group.
+/// Marks a row without a group.
 const NO_GROUP: u32 = u32::MAX;
 
 pub(super) fn write(surface: &Surface) -> Vec<Entry> {
@@ -46,7 +47,10 @@ pub(super) fn write(surface: &Surface) -> Vec<Entry> {
     ]
 }
 
-/// Nothing for files without; arrays that do not belong together are an error.
+/// `None` for files without these arrays.
+///
+/// # Errors
+/// If the arrays are inconsistent.
 pub(super) fn read(
     floats: &impl Fn(&str) -> Result<Vec<f32>, String>,
     ints: &impl Fn(&str) -> Result<Vec<u32>, String>,
@@ -58,7 +62,7 @@ pub(super) fn read(
     let sources = ints("carriers.sources")?;
     let values = floats("carriers.values")?;
     if values.len() != CARRIER * sources.len() {
-        return Err("the arrays of carriers do not belong together".to_owned());
+        return Err("the arrays of carriers are inconsistent".to_owned());
     }
     let carrier = |(&source, values): (&u32, &[f32; CARRIER])| {
         let [x, y, z, floor, peak] = *values;
@@ -68,7 +72,7 @@ pub(super) fn read(
     let (rows, groups) = (ints("inherited.rows")?, ints("inherited.groups")?);
     let values = floats("inherited.values")?;
     if groups.len() != rows.len() || values.len() != INHERITED * rows.len() {
-        return Err("the arrays of inheritance do not belong together".to_owned());
+        return Err("the arrays of inherited edits are inconsistent".to_owned());
     }
     let inherited = rows
         .iter()

@@ -24,8 +24,9 @@ pub(crate) fn open(path: &Path, global: &Global, console: &Console) -> Outcome<O
     open_within(path, &[], global, console)
 }
 
-/// Refuses flags of model folders for other inputs, where they would have no effect. Of an unknown
-/// kind is also a model folder whose main file is missing or empty; opening it reports that.
+/// Refuses flags of model folders for other inputs, where they would have no effect. Unknown kinds
+/// are accepted, because they include model folders whose main file is missing or empty; opening
+/// reports that.
 pub(crate) fn refuse_model_flags(path: &Path, iteration: Option<u64>) -> Outcome {
     match gs_io::detect(path) {
         Ok(SceneKind::PlySequence) if iteration.is_none() => Ok(()),

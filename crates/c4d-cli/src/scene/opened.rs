@@ -25,7 +25,7 @@ pub(crate) struct Opened {
     pub(crate) original: Option<Arc<dyn DynamicScene>>,
     /// For each splat of a run, the source splat with the same geometry, moved or not.
     pub(crate) source_rows: Option<Vec<Option<u32>>>,
-    /// What each splat of a run follows, as `c4d propagate` found it.
+    /// Binding of a run's splats to its source, as stored by `c4d propagate`.
     pub(crate) binding: Option<Arc<Binding>>,
     /// Time of the edited frame: a run's, else the start.
     pub(crate) edit_time: f32,

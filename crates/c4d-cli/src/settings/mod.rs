@@ -77,7 +77,7 @@ pub(crate) struct PropagateJob {
     pub(crate) preset: PresetArg,
     pub(crate) baseline: Option<BaselineArg>,
     pub(crate) motion: MotionArg,
-    /// None: as the lifetimes of the scene's splats are.
+    /// `None`: chosen by the lifetimes of the scene's splats.
     pub(crate) follow: Option<FollowArg>,
     pub(crate) seed: u64,
     pub(crate) allow_far: bool,

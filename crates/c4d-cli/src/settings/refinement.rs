@@ -9,7 +9,7 @@ use cuar::{
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 
-/// Options of the refinement. `device` is what a run found and changes nothing.
+/// Options of the refinement. `device` is a recorded result of a run and is ignored.
 #[derive(Debug, Clone, Default, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub(crate) struct RefineSettings {
@@ -32,12 +32,12 @@ pub(crate) struct RefineSettings {
     regression: Option<RegressionSettings>,
     occlusion: Option<OcclusionSettings>,
     evidence: Option<EvidenceSettings>,
-    /// Where it was read from, for messages.
+    /// Path of the file, for messages.
     #[serde(skip)]
     path: PathBuf,
 }
 
-/// Wherever they were read from.
+/// Equality of the options, regardless of `path`.
 impl PartialEq for RefineSettings {
     fn eq(&self, other: &Self) -> bool {
         let values = |settings: &Self| serde_json::to_value(settings).ok();
@@ -65,7 +65,7 @@ pub(crate) struct RegressionSettings {
     prior: Option<f64>,
 }
 
-/// `[refine.occlusion]`: which pixels frame 1 supervises.
+/// `[refine.occlusion]`: selection of the pixels that frame 1 supervises.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub(crate) struct OcclusionSettings {
@@ -74,17 +74,17 @@ pub(crate) struct OcclusionSettings {
     spread_tolerance: Option<f32>,
     min_facing: Option<f32>,
     slack: Option<f32>,
-    /// Every masked pixel is supervised, whatever `slack`.
+    /// Supervise every masked pixel, regardless of `slack`.
     supervise_all: Option<bool>,
     min_known_color: Option<f32>,
     min_visible_share: Option<f32>,
 }
 
-/// `[refine.evidence]`: how splats that frame 1 does not supervise are found.
+/// `[refine.evidence]`: detection of splats that frame 1 does not supervise.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub(crate) struct EvidenceSettings {
-    /// Whether they are repaired at all.
+    /// Whether to repair such splats.
     repair: Option<bool>,
     hidden: Option<f32>,
     supervised: Option<f32>,
@@ -111,7 +111,7 @@ impl RefineSettings {
         Self { path: path.to_owned(), ..self }
     }
 
-    /// What to say of a value out of range.
+    /// Failure for a value out of range.
     pub(crate) fn refused(&self, error: &CuarError) -> Failure {
         Failure::bad_input(format!("{}: [refine]: {}", self.path.display(), chain(error)))
     }
@@ -128,7 +128,7 @@ impl RefineSettings {
         self.seed
     }
 
-    /// The flags, completed by what the section says and they do not.
+    /// The flags, with missing ones filled in from the section.
     pub(crate) fn flags(&self, flags: &RefineFlags) -> Outcome<RefineFlags> {
         let mut flags = flags.clone();
         if flags.refine_cameras.is_none() {
@@ -159,7 +159,7 @@ impl RefineSettings {
         Ok(flags)
     }
 
-    /// Changes the options that no flag names.
+    /// Applies the options that have no flag.
     pub(crate) fn apply(&self, options: &mut RefineOptions) -> Outcome {
         options.min_uncertainty = self.min_uncertainty.unwrap_or(options.min_uncertainty);
         options.weights.eta = self.eta.unwrap_or(options.weights.eta);
@@ -287,7 +287,7 @@ impl EvidenceSettings {
         }
     }
 
-    /// `params` with these values; `None` if nothing is to be repaired.
+    /// `params` with these values; `None` if the repair is disabled.
     pub(crate) fn over(&self, params: Option<&EvidenceParams>) -> Option<EvidenceParams> {
         if !self.repair.unwrap_or(params.is_some()) {
             return None;

@@ -135,7 +135,7 @@ fn scene_problems() {
         assert!(!out.exists(), "no output; said: {said}");
         said
     };
-    assert!(freeze(&bench.at("nowhere"), 3).contains("nowhere"), "names what is missing");
+    assert!(freeze(&bench.at("nowhere"), 3).contains("nowhere"), "names the missing part");
     let said = freeze(&fixture("synth/edited.ply"), 3);
     assert!(said.contains("is a single frame"), "{said}");
     let empty = bench.at("empty");
@@ -250,7 +250,7 @@ fn inputs_are_never_written_to() {
         2,
     );
     assert_eq!(listing(bench.folder.path()), before, "nothing changed");
-    // A run whose configuration names itself as its source.
+    // A run whose configuration has the run itself as its source.
     let config = run.join("c4d.toml");
     let text = fs::read_to_string(&config).unwrap();
     let named = text
@@ -342,7 +342,7 @@ fn next_steps_name_suitable_paths() {
     let mut propagate = c4d(["propagate", "--no-refine", source.to_str().unwrap()]);
     propagate.args(["--edited", model.to_str().unwrap()]).args(output);
     let (_, said) = success(&mut propagate);
-    assert!(said.contains("iteration_30000"), "says which frame: {said}");
+    assert!(said.contains("iteration_30000"), "states the frame: {said}");
     fs::remove_dir_all(&out).unwrap();
     // A folder of an edited frame under another name, and one of a dynamic model.
     let edits = bench.at("edits");
@@ -350,7 +350,7 @@ fn next_steps_name_suitable_paths() {
     fs::copy(fixture("synth/edited.ply"), edits.join("hat.ply")).unwrap();
     bench.refuse(&edits, 3, &["hat.ply", "give that"]);
     bench.refuse(&fixture("deform4dgs/dnerf_like/model"), 3, &["canonical", "c4d freeze"]);
-    // Files that stand in for others, and of other formats.
+    // Placeholders of files, and files of other formats.
     let pointer = bench.at("edited.ply");
     fs::write(&pointer, "version https://git-lfs.github.com/spec/v1\noid sha256:0\nsize 9\n")
         .unwrap();
@@ -402,7 +402,7 @@ fn damaged_models_end_in_a_step_that_helps() {
                 fs::write(&file, &bytes[..kept]).unwrap();
             }
         }
-        // The flag is one that intact models of one kind need; it is not to blame here.
+        // Intact models of one kind need this flag; it is not the cause of the error here.
         let flags: &[&str] =
             if name.starts_with("fudan") { &["--set", "time_duration=0,10"] } else { &[] };
         let out = bench.at("out");

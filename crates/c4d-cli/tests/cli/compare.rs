@@ -1,5 +1,5 @@
-//! `c4d compare`, its page in headless Chromium. Without Chromium these tests fail, they do not
-//! skip.
+//! `c4d compare`, with its page in headless Chromium. Without Chromium these tests fail; they are
+//! not skipped.
 
 use crate::support::{c4d, failure, fixture, success};
 use std::io::Read;
@@ -9,7 +9,7 @@ use std::process::{Command, Stdio};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-/// The synthetic fixture's edit, propagated in two ways.
+/// Two runs of the synthetic fixture's edit with different methods.
 fn runs(folder: &Path) -> [PathBuf; 2] {
     ["best", "paper"].map(|preset| {
         let run = folder.join(preset);
@@ -35,7 +35,7 @@ fn browser() -> PathBuf {
     named.or(on_path).expect("these tests need Chromium: apt-get install chromium, or CHROMIUM")
 }
 
-/// Opens `page` with the divider at `percent`, everything but files sent to `proxy`.
+/// Opens `page` with the divider at `percent`; all requests except for files go to `proxy`.
 fn screenshot(page: &Path, percent: u32, proxy: &str, picture: &Path) -> image::RgbImage {
     let profile = tempfile::tempdir().unwrap();
     let output = Command::new(browser())
@@ -55,8 +55,7 @@ fn screenshot(page: &Path, percent: u32, proxy: &str, picture: &Path) -> image::
     image::open(picture).unwrap().to_rgb8()
 }
 
-/// A proxy that serves nothing and counts what was asked of it for another host than the browser
-/// vendor's own.
+/// A proxy that serves nothing and counts requests for hosts other than the browser vendor's.
 fn proxy() -> (String, Arc<AtomicUsize>) {
     let listener = TcpListener::bind("127.0.0.1:0").unwrap();
     let address = listener.local_addr().unwrap().to_string();
@@ -107,12 +106,12 @@ fn runs_are_compared_in_one_page_that_opens_offline() {
     };
     let (all_after, all_before) = (shot(0), shot(100));
     let differing = all_after.pixels().zip(all_before.pixels()).filter(|(a, b)| a != b).count();
-    assert!(differing > 500, "the divider uncovers the other pictures: {differing} pixels");
+    assert!(differing > 500, "the divider reveals the other pictures: {differing} pixels");
     let again = shot(0);
     assert_eq!(again, all_after, "and nothing else changes");
     assert_eq!(requests.load(Ordering::SeqCst), 0, "no request");
 
-    // The control: a page that does fetch is seen by the proxy, unless its policy forbids it.
+    // Negative control: requests of a page reach the proxy unless its policy forbids them.
     let policy = html.find("<meta http-equiv").unwrap();
     let end = policy + html[policy..].find('>').unwrap() + 1;
     let fetching = "<img src=\"http://c4d-report.invalid/x.png\">";
@@ -147,7 +146,7 @@ fn numbers_of_other_parameters_are_refused() {
         command
     };
     let said = failure(&mut compare(&c), 2);
-    assert!(said.contains("different frames") && said.contains("one table"), "{said}");
+    assert!(said.contains("different frames") && said.contains("cannot be compared"), "{said}");
     assert!(!page.exists(), "nothing is written");
     success(&mut compare(&b));
     assert!(page.exists(), "the same parameters");

@@ -1,4 +1,4 @@
-//! `--config`: every option from a file, and a run repeated from its own record.
+//! `--config`: every option from a file, and repetition of a run from its record.
 
 use crate::support::{c4d, failure, fixture, success};
 use std::path::Path;
@@ -65,7 +65,7 @@ fn a_run_is_repeated_from_its_own_record() {
     for name in ["c4d.toml", "scene.c4d"] {
         assert_eq!(bytes(&runs[0], name), bytes(&runs[1], name), "{name} of the repeated run");
     }
-    // negative control: the preset alone is another run
+    // negative control: the preset alone gives a different run
     success(&mut propagate(&runs[2], &["--no-refine", "--preset", "paper", "--seed", "5"]));
     assert_ne!(bytes(&runs[0], "scene.c4d"), bytes(&runs[2], "scene.c4d"), "options matter");
 }

@@ -1,4 +1,4 @@
-//! `c4d freeze --views` and `c4d edit --views`: pictures out, edited pictures in.
+//! `c4d freeze --views` and `c4d edit --views`: writes pictures and reads edited pictures.
 
 use crate::support::{c4d, failure, fixture, listing, success};
 use image::{DynamicImage, GrayImage, ImageBuffer, Rgb, RgbImage, RgbaImage};
@@ -23,7 +23,7 @@ fn edit(frame: &Path, views: &Path, output: &Path) -> assert_cmd::Command {
     command
 }
 
-/// The middle of the picture turns red.
+/// Colours the middle of the picture red.
 fn redden(path: &Path) {
     let mut picture = image::open(path).unwrap().to_rgb8();
     for y in 16..34 {
@@ -76,13 +76,17 @@ fn pictures_are_written_edited_and_fitted() {
     let kept = before.means.iter().zip(&before.quats).zip(&before.sh).take(before.len());
     let now: Vec<_> = after.means.iter().zip(&after.quats).zip(&after.sh).collect();
     let unchanged = kept.filter(|row| now.contains(row)).count();
-    assert!(2 * unchanged > before.len(), "most is as it was: {unchanged} of {}", before.len());
+    assert!(
+        2 * unchanged > before.len(),
+        "most splats are unchanged: {unchanged} of {}",
+        before.len()
+    );
     let left = listing(dir.path());
     assert!(!left.iter().any(|name| name.contains(".fit")), "no work folder is left: {left:?}");
     failure(&mut edit(&frame, &views, &edited), 2);
 }
 
-/// Nothing is written for any of these.
+/// No output is written in any of these cases.
 #[test]
 fn pictures_that_do_not_fit_are_refused() {
     let dir = tempfile::tempdir().unwrap();
@@ -123,7 +127,7 @@ fn pictures_that_do_not_fit_are_refused() {
     let mut command = edit(&frame, &views, &output);
     let said = failure(command.arg("--mask").arg(&masks), 3);
     assert!(said.contains("64×20 pixels, expected 64×48"), "{said}");
-    // A grey picture is a picture without colours.
+    // A greyscale picture is accepted.
     let grey = image::open(&picture).unwrap().to_luma8();
     let grey: ImageBuffer<_, _> = grey;
     DynamicImage::ImageLuma8(grey).save(&picture).unwrap();

@@ -24,10 +24,7 @@ fn a_run_is_measured_alike_on_any_number_of_threads() {
                 .arg(&file),
         );
         assert!(said.contains("warp_error_ratio") && said.contains("→1"), "a table: {said}");
-        assert!(
-            said.contains("not measured (there is nothing to compare with: --truth)"),
-            "{said}"
-        );
+        assert!(said.contains("not measured (no ground truth given (--truth))"), "{said}");
         files.push(std::fs::read_to_string(file).unwrap());
     }
     assert!(files[0] == files[1] && files[1] == files[2], "the same file");
@@ -53,7 +50,7 @@ fn a_run_is_its_own_truth() {
             .arg("-o")
             .arg(&file),
     );
-    assert!(!said.contains("warp_error"), "only what was asked for: {said}");
+    assert!(!said.contains("warp_error"), "only the requested metrics: {said}");
     let document: Value = serde_json::from_slice(&std::fs::read(file).unwrap()).unwrap();
     assert_eq!(value(&document, "psnr"), 100.0, "equal");
     assert_eq!(value(&document, "flip"), 0.0, "equal");
@@ -82,7 +79,7 @@ fn pictures_of_a_data_set_are_found_by_name() {
     );
 }
 
-/// A data set in the layout of D-NeRF: four views of a turn, each at its own time.
+/// A data set in the layout of D-NeRF: four views on a circle, each at its own time.
 fn data_set(folder: &Path) -> PathBuf {
     let set = folder.join("set");
     std::fs::create_dir_all(set.join("test")).unwrap();
@@ -141,7 +138,7 @@ fn photographs_of_a_data_set_are_compared_at_their_times() {
         value(&document, "psnr").as_f64().unwrap_or_else(|| panic!("{said}{noted}"))
     };
     assert_eq!(psnr("same.json"), 100.0, "the photographs are the renders");
-    // Two photographs exchanged.
+    // Two photographs are swapped.
     std::fs::copy(renders.join("rgb/00003.png"), photo(0)).unwrap();
     std::fs::copy(renders.join("rgb/00000.png"), photo(3)).unwrap();
     let exchanged = psnr("exchanged.json");

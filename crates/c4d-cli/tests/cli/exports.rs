@@ -1,4 +1,5 @@
-//! Animated exports and loops; a `.splatv` is a scene again; options without effect are refused.
+//! Animated exports and loops; a `.splatv` can be opened as a scene; options without effect are
+//! refused.
 
 use crate::support::{c4d, failure, fixture, success};
 use std::fs;

@@ -102,7 +102,7 @@ fn edits_in_lossy_formats_are_detected() {
     let expected =
         format!("{} unchanged (exact), 10 recoloured (exact motion), 0 edited or new", rows - 30);
     assert!(said.contains(&expected), "{said}");
-    assert!(said.contains("20 splats moved as one: moved by (0, 0.05, 0)"), "{said}");
+    assert!(said.contains("20 splats moved as a group: moved by (0, 0.05, 0)"), "{said}");
 }
 
 #[test]

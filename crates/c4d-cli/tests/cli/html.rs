@@ -25,7 +25,7 @@ fn a_run_becomes_one_page_with_both_scenes() {
     );
     assert!(text.trim_end().ends_with("</html>"), "complete");
 
-    // A scene that is not a run has no comparison; one frame is a still image.
+    // A scene that is not a run has no comparison; a single frame is a still image.
     let still = path("still.html");
     let arguments =
         ["export", source, "--to", "html", "--frames", "1", "--title", "A & B", "-o", &still];

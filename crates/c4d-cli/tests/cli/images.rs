@@ -23,7 +23,7 @@ fn floats(bytes: &[u8]) -> Vec<f32> {
     bytes.as_chunks::<4>().0.iter().map(|four| f32::from_le_bytes(*four)).collect()
 }
 
-/// The text before the next zero, and what comes after it.
+/// The text before the next zero byte, and the bytes after it.
 fn text(bytes: &[u8]) -> (&str, &[u8]) {
     let end = bytes.iter().position(|&byte| byte == 0).unwrap();
     (std::str::from_utf8(&bytes[..end]).unwrap(), &bytes[end + 1..])
@@ -90,7 +90,7 @@ fn exr(path: &Path) -> Vec<(String, Vec<f32>)> {
     channels
 }
 
-/// A `[height, width, channels]` array of version 1.0: how many channels, and the values.
+/// A `[height, width, channels]` array of version 1.0: number of channels, and values.
 fn npy(path: &Path) -> (usize, Vec<f32>) {
     let bytes = fs::read(path).unwrap();
     assert_eq!(bytes[..8], *b"\x93NUMPY\x01\0", "magic and version");
@@ -167,7 +167,7 @@ fn mp4_box<'a>(bytes: &'a [u8], path: &[&str]) -> &'a [u8] {
     }
 }
 
-/// Samples of the only track: parameter sets and NAL units as a byte stream each.
+/// Samples of the only track, each with its parameter sets and NAL units as a byte stream.
 fn mp4_samples(bytes: &[u8]) -> Vec<Vec<u8>> {
     let table = mp4_box(bytes, &["moov", "trak", "mdia", "minf", "stbl"]);
     let word = |bytes: &[u8], at: usize| u32::from_be_bytes(bytes[at..at + 4].try_into().unwrap());
@@ -219,7 +219,7 @@ fn videos_decode_to_the_images() {
     let bytes = fs::read(at("clip.mp4")).unwrap();
     let media = mp4_box(&bytes, &["moov", "trak", "mdia", "mdhd"]);
     let word = |at: usize| f64::from(u32::from_be_bytes(media[at..at + 4].try_into().unwrap()));
-    assert!((word(16) / word(12) - 2.0 / 12.5).abs() < 1e-3, "two frames at 12.5 a second");
+    assert!((word(16) / word(12) - 2.0 / 12.5).abs() < 1e-3, "two frames at 12.5 per second");
     let samples = mp4_samples(&bytes);
     assert_eq!(samples.len(), 2, "frames");
     let mut decoder = openh264::decoder::Decoder::new().unwrap();

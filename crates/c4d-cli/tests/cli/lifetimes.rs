@@ -1,4 +1,4 @@
-//! Scenes whose splats live for a part of the clip: what `--follow` does, says and records.
+//! Scenes with short-lived splats: effect, messages and record of `--follow`.
 
 use crate::support::{c4d, failure, fixture, success};
 use gs_core::{Splats, TimeRange};
@@ -14,7 +14,7 @@ struct Desk {
 }
 
 impl Desk {
-    /// A scene as frames, and an edit of what the first one shows.
+    /// A scene as frames, and an edit of the splats that the first frame shows.
     fn new(case: BriefCase) -> Self {
         let folder = tempfile::tempdir().unwrap();
         let params = BriefParams { num_splats: 2_000, lives: [0.2, 0.4], ..BriefParams::default() };
@@ -75,7 +75,7 @@ fn text(path: &Path) -> &str {
     path.to_str().unwrap()
 }
 
-/// Share of the well visible splats of the edited surface that have their old colours.
+/// Share of the clearly visible splats of the edited surface that have their old colours.
 fn still_old(scene: &BriefTruthScene, frame: &Splats, t: f32) -> f64 {
     use gs_core::DynamicScene;
     let before = scene.source.at(t).unwrap();
@@ -105,14 +105,14 @@ fn lifetimes_decide_and_runs_remember() {
     let share = still_old(&desk.scene, late, 0.75);
     assert!(share < 0.1, "{share}");
 
-    // Asked for splats, the old colours come back.
+    // With `--follow splats`, the old colours return.
     let said = desk.propagate("splats", &["--no-refine", "--follow", "splats"]);
     assert!(said.contains("disappears where other splats replace them"), "{said}");
     assert!(desk.toml("splats").contains("follow = \"splats\""), "{}", desk.toml("splats"));
     let share = still_old(&desk.scene, &desk.frames("splats")[3], 0.75);
     assert!(share > 0.3, "{share}");
 
-    // A record is a configuration: the same bytes again.
+    // A record is a configuration and gives the same bytes.
     let config = desk.at("run").join("c4d.toml");
     desk.propagate("again", &["--config", text(&config)]);
     let bytes = |run: &str| std::fs::read(desk.at(run).join("scene.c4d")).unwrap();
@@ -152,7 +152,7 @@ fn runs_on_surfaces_are_refined_and_shown_as_others() {
             assert!(frame.opacity(row) > 0.85, "row {row}: {}", frame.opacity(row));
         }
     }
-    // Edited again: a run is a source.
+    // A second edit: a run can be a source.
     let again = desk.at("again");
     let edited = desk.at("second.ply");
     ply::write_file(&edited, &frames[0], &ply::WriteOptions::default(), Existing::Refuse).unwrap();
@@ -174,7 +174,7 @@ fn damaged_records_of_surfaces_are_refused() {
     let file = desk.at("run").join("scene.c4d");
     let bytes = std::fs::read(&file).unwrap();
     let config = desk.toml("run");
-    // A row beyond the frame: the last of the inherited rows is the first value behind its name.
+    // A row beyond the frame: the last of the inherited rows is the first value after its name.
     let header = u64::from_le_bytes(bytes[..8].try_into().unwrap());
     let names: serde_json::Value =
         serde_json::from_slice(&bytes[8..8 + usize::try_from(header).unwrap()]).unwrap();

@@ -28,7 +28,7 @@ fn a_frame_of_any_format_is_rendered_as_a_still() {
     success(c4d(["render", path(&edited), "-o", path(&at("stills"))]).args(small));
     assert_eq!(listing(&at("stills")), ["rgb/00000.png"], "one frame in a folder");
 
-    // The same through other formats, and from the frame of a run.
+    // The same in other formats, and from a frame of a run.
     let run = at("run");
     let source = fixture("synth/source");
     let propagate = ["propagate", "--no-refine", path(&source), "--edited"];
@@ -143,7 +143,7 @@ fn fewer_frames_do_not_mean_faster_action() {
             success(c4d(["render", path(&source), "-o", path(&mp4)]).args(small).args(more)).1;
         (duration(&mp4), said)
     };
-    // Three frames, as stored, at 30 a second; any other number lasts as long.
+    // Three stored frames at 30 per second; any other number of frames has the same duration.
     let near = |found: f64, expected: f64| (found / expected - 1.0).abs() < 0.02;
     for frames in ["3", "6", "12"] {
         let (secs, _) = render(&format!("{frames}.mp4"), &["--frames", frames]);
@@ -240,7 +240,7 @@ fn the_help_lists_exactly_the_flags_of_a_command() {
     assert!(said.contains("unexpected argument"), "{said}");
 }
 
-/// Refusals of the parser of the command line.
+/// Usage errors of the command-line parser.
 fn failure_of_usage(arguments: &[&str]) -> String {
     let output = c4d(arguments).output().unwrap();
     assert_eq!(output.status.code(), Some(2), "{arguments:?}");

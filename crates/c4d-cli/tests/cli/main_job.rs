@@ -16,7 +16,7 @@ fn frames(folder: &Path) -> Vec<Splats> {
     names.iter().map(|name| ply::read_file(folder.join(name)).unwrap().splats).collect()
 }
 
-/// Mean distance of the centres over the clouds' size.
+/// Mean distance of the centres, relative to the size of the cloud.
 fn mean_error(found: &Splats, expected: &Splats) -> f64 {
     let (min, max) = expected.bounds().unwrap();
     let size = (0..3).map(|k| f64::from(max[k] - min[k])).fold(0.0, f64::max);
@@ -220,7 +220,7 @@ pub(crate) fn recoloured(model: &Path, folder: &Path, edited: &Path) {
     ply::write_file(edited, &splats, &ply::WriteOptions::default(), Existing::Refuse).unwrap();
 }
 
-/// Colours of edited rows may change, nothing else; and `c4d refine` is the stage of
+/// Only colours of edited rows may change; and `c4d refine` equals the refinement stage of
 /// `c4d propagate`.
 #[test]
 fn refinement_changes_only_edited_colours() {

@@ -1,4 +1,4 @@
-//! Edits that were moved, are of another time, or are only a part:
+//! Edits that were moved, belong to another time, or are incomplete:
 //! messages, refusals, and the effect of the flags.
 
 use crate::support::{c4d, failure, fixture, success};
@@ -125,7 +125,7 @@ fn a_rotated_scene_is_detected_and_align_undoes_it() {
     };
     assert!(
         far(&found[2], &last) < 1e-4,
-        "trajectories are turned, too: {}",
+        "trajectories are also rotated: {}",
         far(&found[2], &last)
     );
     let path = far(&found[0], &found[1]).max(far(&found[0], &found[2]));
@@ -160,7 +160,7 @@ fn axes_scale_and_handedness_of_other_tools() {
         success(&mut desk.propagate(&edited, name, &["--align"]));
         assert_eq!(desk.frames(name)[1], frames[1], "{name}: bit for bit");
     }
-    // An unchanged edit has nothing to undo.
+    // For an unchanged edit there is nothing to undo.
     let same = desk.save("same.ply", &frames[0]);
     let (_, said) = success(&mut desk.propagate(&same, "same", &["--align"]));
     assert!(said.contains("nothing to undo"), "{said}");
@@ -178,7 +178,7 @@ fn a_scaled_selection_is_counted_and_stored() {
         Similarity { scale: 1.3, translation: centre.map(|c| -0.3 * c), ..Similarity::IDENTITY };
     let edited = desk.save("scaled.ply", &with_placed(&frames[0], &rows, &similarity));
     let (_, said) = success(&mut desk.propagate(&edited, "run", &[]));
-    let expected = format!("{} splats moved as one: scaled by 1.3", rows.len());
+    let expected = format!("{} splats moved as a group: scaled by 1.3", rows.len());
     assert!(said.contains(&expected), "expected `{expected}`: {said}");
     let json = std::fs::read_to_string(desk.at("run/run.json")).unwrap();
     let json: serde_json::Value = serde_json::from_str(&json).unwrap();
@@ -196,9 +196,9 @@ fn a_scaled_selection_is_counted_and_stored() {
         let ratio = width(found) / width(original);
         assert!((ratio - 1.3).abs() < 1e-3, "{ratio} times as wide");
     }
-    // The paper's baseline ignores it.
+    // The paper's baseline ignores moved groups.
     let (_, said) = success(&mut desk.propagate(&edited, "knn", &["--baseline", "knn"]));
-    assert!(!said.contains("moved as one"), "{said}");
+    assert!(!said.contains("moved as a group"), "{said}");
 }
 
 #[test]
@@ -231,11 +231,14 @@ fn a_saved_selection_causes_a_warning_and_the_rest_is_kept_on_request() {
     let larger = Similarity { scale: 1.5, ..Similarity::IDENTITY };
     let edited = desk.save("larger.ply", &larger.place(&frames[0].select(&rows)));
     let (_, said) = success(&mut desk.propagate(&edited, "larger", &[]));
-    assert!(said.contains(&format!("{} splats moved as one: scaled by 1.5", rows.len())), "{said}");
+    assert!(
+        said.contains(&format!("{} splats moved as a group: scaled by 1.5", rows.len())),
+        "{said}"
+    );
     let (_, said) = success(&mut desk.propagate(&edited, "aligned", &["--align", "--keep-rest"]));
     assert!(said.contains("scaled by 1.5"), "{said}");
     let (found, order) = (&desk.frames("aligned")[1], [&rows[..], &others[..]].concat());
-    assert_eq!(*found, frames[1].select(&order), "the scene as it was, bit for bit");
+    assert_eq!(*found, frames[1].select(&order), "the original scene, bit for bit");
 
     // For an edit of another scene there is nothing to add.
     let mut other = frames[0].clone();
@@ -271,7 +274,7 @@ fn matched_splats_decide_before_bounds_and_none_is_a_refusal() {
     let (_, said) = success(&mut desk.propagate(&edited, "dome", &[]));
     assert!(said.contains(&format!("{} unchanged", frames[0].len())), "{said}");
 
-    // Other splats beside the scene: near enough for the
+    // Other splats next to the scene: within the
     // bounds, but none of them matches the scene.
     let mut beside = frames[0].clone();
     let (min, max) = frames[0].bounds().unwrap();

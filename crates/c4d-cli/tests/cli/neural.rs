@@ -31,7 +31,7 @@ fn write_pth(case: &str, path: &Path) {
     pth::write(&named, fs::File::create(path).unwrap()).unwrap();
 }
 
-/// A folder as users have it: Hugging Face's file, checkpoints of PyTorch, the package's heads.
+/// A typical folder of weights: Hugging Face's file, checkpoints of PyTorch, heads of `lpips`.
 fn weights(folder: &Path) -> PathBuf {
     let weights = folder.join("weights");
     fs::create_dir(&weights).unwrap();
@@ -90,7 +90,7 @@ fn the_weights_of_a_folder_make_the_metrics_that_they_can() {
     let source = fixture("synth/source");
     let (all, _) = items(folder.path(), &weights, &["--truth", source.to_str().unwrap()]);
     let distance = item(&all, "lpips_alex")["value"].as_f64().unwrap();
-    assert!(distance > 1e-6, "the edit is seen: {distance:e}");
+    assert!(distance > 1e-6, "the edit is detected: {distance:e}");
 }
 
 #[test]
@@ -98,7 +98,7 @@ fn prompts_are_compared_where_there_is_a_tokenizer() {
     let folder = tempfile::tempdir().unwrap();
     let weights = weights(folder.path());
     synth_run(folder.path());
-    // Merges of single characters only, as small as the test's vocabulary of 600 allows.
+    // Merges of single characters only, because the test's vocabulary has only 600 entries.
     let merges: Vec<String> = (0..48_894).map(|at| format!("unused{at} merge{at}")).collect();
     fs::write(weights.join("merges.txt"), format!("#version\n{}", merges.join("\n"))).unwrap();
     let told = failure(
@@ -108,8 +108,11 @@ fn prompts_are_compared_where_there_is_a_tokenizer() {
             .arg(&weights),
         3,
     );
-    // The end of a text is token 49407, which the test's weights do not have.
-    assert!(told.contains("token_embedding") && told.contains("both from one place"), "{told}");
+    // The end of a text is token 49407, which is not in the test's weights.
+    assert!(
+        told.contains("token_embedding") && told.contains("both from the same source"),
+        "{told}"
+    );
 }
 
 #[test]

@@ -1,5 +1,5 @@
 //! `c4d edit --select`: selections and actions from the command line, records and their replay,
-//! wrong inputs.
+//! invalid inputs.
 
 use crate::support::{c4d, failure, fixture, listing, success};
 use gs_core::Splats;
@@ -110,7 +110,7 @@ fn a_record_repeats_the_edit_from_anywhere() {
         bytes(elsewhere.path().join("b.ply")),
         "the same bytes"
     );
-    // A record of a replay is one, too; further steps come after it.
+    // The record of a replay is also a record; further steps follow it.
     let again = elsewhere.path().join("b.edit.json");
     success(&mut edit(
         elsewhere.path(),
@@ -161,7 +161,7 @@ fn a_frozen_frame_is_edited_through_masks() {
     let all = splats(&frozen.join("point_cloud.ply")).len();
     assert!(
         count > all / 20 && count < all * 3 / 4,
-        "about half of what is seen: {count} of {all}"
+        "about half of the visible splats: {count} of {all}"
     );
     let header = ply::read_header_file(folder.path().join("red.ply")).unwrap();
     assert!(
@@ -173,7 +173,7 @@ fn a_frozen_frame_is_edited_through_masks() {
     let said = failure(&mut run(&["--select", "mask none", "--delete", "-o", "a.ply"]), 3);
     assert!(said.contains("none does not exist"), "{said}");
     let said = failure(&mut run(&["--select", "moving", "--delete", "-o", "a.ply"]), 2);
-    assert!(said.contains("need a scene that moves"), "{said}");
+    assert!(said.contains("need a dynamic scene"), "{said}");
     image::GrayImage::new(64, 64).save(masks.join("orbit_00.png")).unwrap();
     let said = failure(&mut run(&["--select", "mask frozen/masks", "--delete", "-o", "a.ply"]), 3);
     assert!(said.contains("expected the proportions of its camera"), "{said}");
@@ -228,7 +228,7 @@ fn wrong_edits_are_said_and_nothing_is_written() {
         let said = failure(&mut edit(folder.path(), &arguments), 2);
         assert!(said.contains(expected), "{arguments:?}: {said}");
     }
-    // A picture that is an input is not replaced, not even with -w.
+    // A picture that is an input is not replaced, even with -w.
     image::RgbImage::from_pixel(4, 4, image::Rgb([200, 30, 30]))
         .save(folder.path().join("in.png"))
         .unwrap();

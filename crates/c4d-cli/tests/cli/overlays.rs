@@ -4,7 +4,7 @@ use crate::support::{c4d, failure, fixture, success};
 use crate::synth_run::synth_run;
 use std::path::Path;
 
-/// Colours of an image, and how many pixels have each.
+/// Colours of an image, and the number of pixels of each.
 fn colors(path: &Path) -> Vec<([u8; 3], usize)> {
     let image = image::open(path).unwrap().to_rgb8();
     let mut counts = std::collections::BTreeMap::new();
@@ -35,7 +35,7 @@ fn passes_show_parts_motion_confidence_and_changes() {
         assert!(images[..i].iter().all(|other| other != image), "each pass is another image");
     }
 
-    // Numbers in formats that hold them.
+    // Values in formats that store them.
     let out = folder.path().join("numbers");
     let arguments = ["--times", "0.5", "--size", "96x72", "--format", "npy"];
     let render = |passes: &str| {

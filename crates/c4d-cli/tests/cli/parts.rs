@@ -1,11 +1,11 @@
-//! `--part` of `c4d render`, `eval` and `refine`, and `c4d gather`: the bytes of one run.
+//! `--part` of `c4d render`, `eval` and `refine`, and `c4d gather`: the same bytes as one call.
 
 use crate::support::{c4d, failure, fixture, listing, success};
 use crate::synth_run::synth_run;
 use gs_io::{Existing, ply};
 use std::path::{Path, PathBuf};
 
-/// Makes all parts of `command`, which lacks `-o`, and returns them, the last first.
+/// Makes all parts of `command` (without `-o`), and returns them in reverse order.
 fn parts(folder: &Path, of: usize, command: &[&str]) -> Vec<PathBuf> {
     let make = |part: usize| {
         let output = folder.join(format!("part{part}"));
@@ -39,7 +39,7 @@ fn gathered_images_are_those_of_one_run() {
     let at = |name: &str| folder.path().join(name);
     let (source, cameras) = (fixture("synth/source"), fixture("cameras/dynerf"));
     let (source, cameras) = (source.to_str().unwrap(), cameras.to_str().unwrap());
-    // Three views at three times: the parts of nine images begin within a time.
+    // Three views at three times: parts of the nine images begin in the middle of a time.
     let command = [
         "render",
         source,
@@ -140,7 +140,7 @@ fn gathered_numbers_are_those_of_one_run() {
 fn a_gathered_refinement_is_that_of_one_run() {
     let folder = tempfile::tempdir().unwrap();
     let at = |name: &str| folder.path().join(name);
-    // Colours that depend on the direction, so that images are needed.
+    // View-dependent colours, so that images are needed.
     let model = fixture("deform4dgs/dynerf_like/model");
     success(c4d(["freeze"]).arg(&model).arg("-o").arg(at("frozen")));
     let mut splats = ply::read_file(at("frozen/point_cloud.ply")).unwrap().splats;
@@ -168,11 +168,11 @@ fn a_gathered_refinement_is_that_of_one_run() {
     assert_eq!(std::fs::read(run.join("scene.c4d")).unwrap(), before, "parts leave the run alone");
     success(c4d(["refine"]).arg(&whole).args(flags));
     let (_, said) = success(c4d(["gather", "-g", "cpu"]).args(&made).arg("-o").arg(&run));
-    assert!(said.contains("images are there already"), "the images of the parts: {said}");
+    assert!(said.contains("images already exist"), "the images of the parts: {said}");
     same_file(&whole.join("scene.c4d"), &run.join("scene.c4d"));
     assert!(before != std::fs::read(run.join("scene.c4d")).unwrap(), "the run is refined");
     assert!(!run.join("refine.images").exists(), "and nothing is left over");
-    // The run has changed since.
+    // The run has changed after the parts were made.
     let said = failure(c4d(["gather", "-g", "cpu"]).args(&made).arg("-o").arg(&run), 2);
     assert!(said.contains("is not the run of which"), "{said}");
 }
@@ -204,7 +204,7 @@ fn parts_that_do_not_fit_are_refused() {
     let bytes = std::fs::read(second.join(&image)).unwrap();
     std::fs::write(second.join(&image), &bytes[1..]).unwrap();
     let said = refusal(&[first, second, third], 3);
-    assert!(said.contains(&image) && said.contains("is not as it was written"), "{said}");
+    assert!(said.contains(&image) && said.contains("was changed after it was written"), "{said}");
     std::fs::remove_file(second.join(&image)).unwrap();
     let said = refusal(&[first, second, third], 3);
     assert!(said.contains("is missing"), "{said}");

@@ -1,5 +1,5 @@
-//! Scenes of any size and position are rendered alike: images of scaled and moved copies with rigs,
-//! and with correspondingly transformed cameras.
+//! Rendering does not depend on size and position of a scene: images of scaled and moved copies
+//! with rigs, and with correspondingly transformed cameras.
 
 use crate::support::{c4d, failure, fixture, listing, success};
 use gs_core::image_formation::NEAR_PLANE;
@@ -97,7 +97,7 @@ fn cameras_of_a_file_render_a_small_scene_and_its_run() {
         let cameras = cameras.to_str().unwrap();
         pictures.push(picture(&scene, &["--cameras", cameras]).0);
 
-        // A propagated and refined edit of it: the near plane is that of the source.
+        // A propagated and refined edit of the scene has the near plane of the source.
         let edit = folder.path().join(format!("edit_{scale}.ply"));
         let splats = ply::read_file(fixture("synth/edited.ply")).unwrap().splats;
         let options = ply::WriteOptions::default();

@@ -8,7 +8,7 @@ fn document(name: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../../docs/scaling").join(name)
 }
 
-/// The search path with `c4d` first.
+/// The search path, with the folder of `c4d` first.
 fn path_with_c4d() -> std::ffi::OsString {
     let program = assert_cmd::cargo::cargo_bin!("c4d");
     let inherited = std::env::var_os("PATH").unwrap_or_default();
@@ -18,7 +18,7 @@ fn path_with_c4d() -> std::ffi::OsString {
 
 const FLAGS: [&str; 8] = ["--cameras", "orbit", "--frames", "6", "--size", "48x36", "-g", "cpu"];
 
-/// Whether the parts are joined to the video of one call.
+/// Checks that the joined parts equal the video of one call.
 fn check(folder: &Path, parts: &[PathBuf]) {
     let [whole, joined] = ["whole.mp4", "joined.mp4"].map(|name| folder.join(name));
     success(c4d(["render"]).arg(fixture("synth/source")).args(FLAGS).arg("-o").arg(&whole));
@@ -32,7 +32,7 @@ fn check(folder: &Path, parts: &[PathBuf]) {
 fn a_slurm_array_makes_all_parts() {
     let folder = tempfile::tempdir().unwrap();
     let parts = folder.path().join("parts");
-    // An array need not begin at 1.
+    // An array does not have to begin at 1.
     let tasks = [4, 5, 6].map(|task| {
         Command::new("bash")
             .arg(document("slurm.sh"))
@@ -53,7 +53,8 @@ fn a_slurm_array_makes_all_parts() {
     check(folder.path(), &["1", "2", "3"].map(|part| parts.join(part)));
 }
 
-/// Runs `c4d ARGUMENTS` of a farm's job for parts 1 to 3 at once; `token` is the farm's for a frame.
+/// Runs `c4d ARGUMENTS` of a farm's job for parts 1 to 3 concurrently; `token` is the farm's
+/// placeholder for the frame.
 fn farm(arguments: &str, token: &str) {
     let folder = tempfile::tempdir().unwrap();
     let run = fixture("synth/source");

@@ -1,4 +1,4 @@
-//! Completions, manual pages, and the exit codes that the help promises.
+//! Completions, manual pages, and the exit codes listed in the help.
 
 use crate::support::{c4d, failure, fixture, listing, success};
 use std::process::Command;
@@ -19,7 +19,7 @@ fn completions_know_every_command_and_parse() {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("c4d.bash");
     std::fs::write(&file, script).unwrap();
-    // Windows has no bash of its own.
+    // Windows does not include bash.
     if let Ok(status) = Command::new("bash").arg("-n").arg(&file).status() {
         assert!(status.success(), "bash parses its completions");
     }
@@ -46,7 +46,7 @@ fn every_command_has_a_manual_page() {
     success(&mut c4d(["man", "-o", output, "-w"]));
 }
 
-/// The codes of the help that need no fault of the machine; 1 and 130 are among the faults.
+/// The exit codes that need no machine fault; 1 and 130 are tested with the faults.
 #[test]
 fn exit_codes_are_as_documented() {
     let folder = tempfile::tempdir().unwrap();
@@ -59,7 +59,7 @@ fn exit_codes_are_as_documented() {
     failure(&mut c4d(["render", &scene, "-o", &at("b"), "-g", "99"]), 4);
 }
 
-/// Output for people has no colour codes where it goes to a file.
+/// Text output has no colour codes if it goes to a file.
 #[test]
 fn nothing_is_coloured_in_a_pipe() {
     let scene = fixture("synth/source").to_str().unwrap().to_owned();

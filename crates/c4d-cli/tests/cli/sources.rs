@@ -13,7 +13,7 @@ fn write(path: &Path, splats: &Splats) {
     ply::write_file(path, splats, &ply::WriteOptions::default(), Existing::Refuse).unwrap();
 }
 
-/// What `info` calls it, its kind, where it lies, and the flags it needs.
+/// Name in `info`, kind, path and required flags of each scene.
 fn scenes() -> Vec<(&'static str, SceneKind, PathBuf, Vec<&'static str>)> {
     let base = |name: &str| fixture("bases").join(name);
     vec![

@@ -39,23 +39,23 @@ fn every_edit_is_measured_with_every_method_and_completed_runs_are_kept() {
     let out = folder.path().join("out");
     let file = suite(folder.path(), "");
     let command = || c4d(["bench", "suite", &file, "-o", out.to_str().unwrap()]);
-    // The parts of two processes, then the table of both.
+    // The parts of two processes, then the table of both parts.
     success(command().args(["--part", "1/2"]));
     assert!(!out.join("table.md").exists(), "a part makes no table");
     success(command().args(["--part", "2/2"]));
     let (table, said) = success(&mut command());
-    assert!(said.contains("0 runs made, 2 there already, 0 failed"), "{said}");
+    assert!(said.contains("0 runs made, 2 kept, 0 failed"), "{said}");
     for part in ["## figure: all", "| metric | default | knn |", "| `bg_psnr` ↑ |", "`drift`"] {
         assert!(table.contains(part), "{part} in {table}");
     }
     let csv = std::fs::read_to_string(out.join("table.csv")).unwrap();
     assert!(csv.contains("\nfigure,all,default,bg_psnr,"), "{csv}");
     assert_eq!(csv.lines().count(), 1 + 2 * 3, "a line for each number: {csv}");
-    // A killed call: one of the runs is missing.
+    // As after a killed call: one of the runs is missing.
     std::fs::remove_dir_all(out.join("figure/all/knn")).unwrap();
     let before = std::fs::read(out.join("figure/all/default/run/scene.c4d")).unwrap();
     let (again, said) = success(&mut command());
-    assert!(said.contains("1 runs made, 1 there already"), "{said}");
+    assert!(said.contains("1 runs made, 1 kept"), "{said}");
     assert_eq!(again, table, "the same table");
     let after = std::fs::read(out.join("figure/all/default/run/scene.c4d")).unwrap();
     assert!(before == after, "the completed run is not touched");
@@ -68,7 +68,7 @@ fn other_inputs_and_failing_methods_are_named() {
     let failing = "\n[[methods]]\nname = \"network\"\nflags = [\"--baseline\", \"deformnet\"]\n";
     let file = suite(folder.path(), failing);
     let command = || c4d(["bench", "suite", &file, "-o", out.to_str().unwrap()]);
-    // The sequence has no deformation network. The other methods are measured.
+    // The sequence has no deformation network, so one method fails; the others are measured.
     let said = failure(&mut command(), 1);
     assert!(said.contains("figure/all/network") && said.contains("1 of 3 runs failed"), "{said}");
     let table = std::fs::read_to_string(out.join("table.md")).unwrap();

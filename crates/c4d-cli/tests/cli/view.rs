@@ -14,7 +14,7 @@ use std::time::{Duration, Instant};
 
 /// Size of the browser's window.
 const SIZE: (u32, u32) = (480, 360);
-/// Time within which a reload must be seen.
+/// Timeout for a reload.
 const PATIENCE: Duration = Duration::from_mins(1);
 
 /// A running `c4d view`, ended when it is dropped.
@@ -46,7 +46,7 @@ impl Server {
         Self { child, lines, port, token }
     }
 
-    /// Sends bytes; returns the status and the body of the answer.
+    /// Sends bytes; returns the status and the body of the response.
     fn raw(&self, request: &str) -> (u16, Vec<u8>) {
         let mut stream = TcpStream::connect(("127.0.0.1", self.port)).unwrap();
         stream.write_all(request.as_bytes()).unwrap();
@@ -121,7 +121,7 @@ fn browser() -> PathBuf {
         .expect("this test needs Chromium: apt-get install chromium, or name a browser in CHROMIUM")
 }
 
-/// The demo's scene, dense enough that its floor does not hide the figure, and its edit propagated.
+/// The demo's scene, dense enough that its floor does not hide the figure, and a run of its edit.
 fn figure(folder: &Path) -> (PathBuf, PathBuf) {
     let (source, frame, run) =
         (folder.join("figure"), folder.join("edited.ply"), folder.join("run"));
@@ -168,7 +168,7 @@ fn only_the_page_itself_is_answered() {
     };
     let page = format!("/{token}/");
     assert_eq!(status("GET", &page, &format!("Host: {own}\r\n")), 200, "the page");
-    // A forwarded port differs.
+    // A forwarded port may differ.
     assert_eq!(status("GET", &page, "Host: localhost:9000\r\n"), 200, "forwarded");
     for host in ["evil.example", &format!("evil.example:{port}"), "127.0.0.1.evil.example"] {
         assert_eq!(status("GET", &page, &format!("Host: {host}\r\n")), 403, "{host}");
@@ -213,7 +213,7 @@ fn the_page_shows_what_splats_are_selects_and_saves_cameras() {
     server.browse(&format!("{start}&turn=20&save"), folder.path());
     let saved = folder.path().join("view_cameras.json");
     let cameras: Value = serde_json::from_slice(&std::fs::read(&saved).unwrap()).unwrap();
-    // The front view, as other commands have it, and another.
+    // The front view of other commands, and another view.
     let frozen = folder.path().join("frozen");
     success(c4d(["freeze"]).arg(&source).arg("-o").arg(&frozen));
     let text = std::fs::read(frozen.join("cameras.json")).unwrap();
@@ -235,7 +235,7 @@ fn the_page_shows_what_splats_are_selects_and_saves_cameras() {
     success(c4d(["render"]).arg(&run).arg("--cameras").arg(saved).args(arguments).arg(&out));
     assert!(out.join("rgb/00000.png").is_file(), "it renders");
 
-    // Selections: as many splats as c4d edit selects.
+    // Selections contain as many splats as those of c4d edit.
     let shapes = [("box=.42,.35,.58,.55", "plane"), ("brush=.49,.42;.5,.5;.5,.56", "sphere")];
     for (shape, kind) in shapes {
         let (document, _) = server.browse(&format!("{start}&{shape}"), folder.path());
@@ -254,7 +254,7 @@ fn the_page_shows_what_splats_are_selects_and_saves_cameras() {
         });
         let (found, expected) = (answer["count"].as_f64().unwrap(), counted.expect("a count"));
         assert!(found > 10.0, "something is selected: {answer}");
-        // Centres in the page are rounded, and splats that are never visible are left out.
+        // Centres in the page are rounded, and splats that are never visible are omitted.
         assert!((found - expected).abs() <= 2.0 + 0.02 * expected, "{found}, edit: {expected}");
     }
 }

@@ -22,14 +22,14 @@ fn killed_after(command: &mut Command, time: Duration) -> bool {
     let mut child = command.stderr(Stdio::null()).spawn().unwrap();
     std::thread::sleep(time);
     let done = child.try_wait().unwrap().is_some_and(|status| status.success());
-    // Killing a child that has ended fails, which is fine.
+    // Killing a child that has ended fails, which is expected.
     let _ = child.kill();
     child.wait().unwrap();
     done
 }
 
-/// A killed run leaves either no output or the complete one, and
-/// its leftovers do not disturb the next run.
+/// A killed run leaves either no output or a complete one, and
+/// its remaining files do not affect the next run.
 #[test]
 fn killed_runs_are_absent_or_complete() {
     let workshop = Workshop::new();
@@ -43,7 +43,7 @@ fn killed_runs_are_absent_or_complete() {
         let complete = workshop.names();
         for kill in 0..kills() {
             // The first run has no existing output, the others replace
-            // the leftovers of the previous ones.
+            // the remaining files of the previous ones.
             if kill == 0 {
                 success(&mut assert_cmd::Command::from_std(workshop.command(&job, &["-w"])));
             }

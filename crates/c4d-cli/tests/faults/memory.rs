@@ -3,7 +3,7 @@
 use crate::support::{c4d, failure, fixture};
 use crate::workshop::Workshop;
 
-/// Requests beyond any machine's memory are refused with the size and the next step.
+/// Requests that exceed any machine's memory are refused with the size and the next step.
 #[test]
 fn sizes_beyond_any_memory_are_refused() {
     let workshop = Workshop::new();

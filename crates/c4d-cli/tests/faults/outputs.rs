@@ -57,8 +57,8 @@ fn refused(workshop: &Workshop, job: &crate::workshop::Job, expected: &str) {
     assert!(content(&workshop.at(job.output)) == before, "{}: everything is kept", job.name);
 }
 
-/// Links are neither replaced nor written through; a link to a folder is a folder to read from and
-/// to write into.
+/// Links are neither replaced nor followed for writing; but files can be read from and written
+/// into a linked folder.
 #[test]
 fn links_are_not_replaced() {
     let workshop = Workshop::new();

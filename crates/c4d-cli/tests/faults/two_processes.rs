@@ -4,7 +4,7 @@ use crate::workshop::{Workshop, content};
 use std::process::Stdio;
 
 /// Of two concurrent processes, one writes the whole output; the
-/// other also does, later, or is refused.
+/// other either writes it later or is refused.
 #[test]
 fn one_output_is_written_by_one_process() {
     let workshop = Workshop::new();

@@ -1,8 +1,8 @@
 """Edit one frame of a dynamic Gaussian-splat scene and propagate the edit to every time.
 
-Every function does what the command ``c4d`` does, with its code: keyword arguments are its flags
-(``frames=30`` is ``--frames 30``, ``no_refine=True`` is ``--no-refine``), errors are exceptions
-with its text.
+Every function runs the code of the command ``c4d``. Keyword arguments are its flags (``frames=30``
+is ``--frames 30``, ``no_refine=True`` is ``--no-refine``), and errors are exceptions with the same
+text.
 """
 
 from __future__ import annotations

@@ -31,10 +31,10 @@ RAW = ("means", "quats", "log_scales", "opacity_logits", "sh")
 
 
 def as_numpy(value: object, dtype: DTypeLike | None = None) -> np.ndarray:
-    """A contiguous array; memory on the host is shared where its layout and type allow it.
+    """A contiguous array; host memory is shared if its layout and type allow it.
 
-    Takes NumPy arrays, whatever has ``__array__``, and DLPack exporters. Tensors are detached from
-    their graph and copied from their device.
+    Accepts NumPy arrays, objects with ``__array__``, and DLPack exporters. Tensors are detached
+    from their graph and copied from their device.
     """
     for method in ("detach", "cpu"):
         if hasattr(value, method):
@@ -45,12 +45,12 @@ def as_numpy(value: object, dtype: DTypeLike | None = None) -> np.ndarray:
 
 
 def from_gsplat(params: Mapping[str, object]) -> Splats:
-    """Splats of gsplat's, nerfstudio's or DGE's parameters, all before activation.
+    """Splats from the parameters of gsplat, nerfstudio or DGE, all before activation.
 
     Args:
         params: ``means`` [N,3], ``quats`` [N,4] wxyz, ``scales`` [N,3] (logarithms), ``opacities``
             [N] (logits), ``sh0`` [N,1,3], ``shN`` [N,K-1,3]. nerfstudio's ``features_dc`` [N,3] and
-            ``features_rest`` [N,K-1,3] are accepted in place of the last two.
+            ``features_rest`` [N,K-1,3] are accepted instead of the last two.
     """
     first = "sh0" if "sh0" in params else "features_dc"
     rest = "shN" if "shN" in params else "features_rest"
@@ -69,7 +69,7 @@ def from_gsplat(params: Mapping[str, object]) -> Splats:
 
 
 def stored(splats: Mapping[str, object], dtype: DTypeLike = np.float32) -> Splats:
-    """Contiguous arrays of stored parameters, from stored or activated ones.
+    """Contiguous arrays of stored parameters, from stored or activated parameters.
 
     ``scales`` and ``opacities`` are activated values: standard deviations, and opacities 0 to 1.
     They are converted in double precision.
@@ -112,7 +112,7 @@ def write_ply(path: str | os.PathLike, splats: Mapping[str, object], *, overwrit
 
     Args:
         splats: Stored or activated parameters, as in :class:`Splats`.
-        overwrite: Whether an existing file is replaced.
+        overwrite: Whether to replace an existing file.
     """
     raw = stored(splats)
     _native.write_ply(

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 
 class Error(RuntimeError):
-    """An error of ``c4d``. Its text is that of the command line.
+    """An error of ``c4d``, with the same text as on the command line.
 
     Attributes:
         what: What happened, where, what was expected and found.
-        next_step: What to do about it.
+        next_step: How to proceed.
         exit_code: The exit code of the command line.
     """
 

@@ -9,8 +9,8 @@ from collections.abc import Mapping, Sequence
 def flags(options: Mapping[str, object]) -> list[str]:
     """``{"frames": 30, "no_refine": True}`` as ``["--frames=30", "--no-refine"]``.
 
-    ``None`` and ``False`` leave a flag out. Sequences are joined with commas, sizes of two numbers
-    with ``x``. ``set`` takes a mapping and is repeated.
+    ``None`` and ``False`` omit a flag. Sequences are joined with commas, sizes of two numbers with
+    ``x``. ``set`` takes a mapping and is repeated.
     """
     words: list[str] = []
     for name, value in options.items():
@@ -19,7 +19,7 @@ def flags(options: Mapping[str, object]) -> list[str]:
 
 
 def flag(name: str, value: object) -> list[str]:
-    """One flag."""
+    """The words of one flag."""
     word = ("-" if len(name) == 1 else "--") + name.replace("_", "-")
     if value is None or value is False:
         return []

@@ -1,4 +1,4 @@
-"""Messages of commands: warnings become Python warnings, the rest is logged."""
+"""Messages of commands: warnings become Python warnings, other messages are logged."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def run(*arguments: object, progress: Progress | None = None) -> list[str]:
         progress: Called as ``progress(stage, done, total)`` on this thread.
 
     Returns:
-        What the program prints on standard output.
+        The lines that the program prints on standard output.
 
     Raises:
         Error: With the text of the command line.

@@ -16,7 +16,7 @@ def run_command(
 def set_num_threads(threads: int | None = None) -> None:
     """Starts the thread pool of the process, with one thread per core by default.
 
-    Only before the first call that computes; later another number is a UsageError.
+    Call it before the first computation; later, a different number raises a UsageError.
     """
 
 def read_run(path: str | PathLike[str]) -> dict[str, Any]: ...

@@ -22,7 +22,7 @@ from ._scene import Path, Scene
 
 @dataclass(frozen=True)
 class Binding:
-    """Which source splats each edited splat follows: a sparse matrix [E,N] in compressed rows.
+    """Source splats that each edited splat follows: a sparse matrix [E,N] in compressed rows.
 
     ``scipy.sparse.csr_array((data, indices, indptr), shape)`` takes these arrays as they are.
     """
@@ -32,7 +32,7 @@ class Binding:
     indices: np.ndarray
     """Source splats, uint32."""
     data: np.ndarray
-    """Weights; those of a row sum to 1. 32-bit floats."""
+    """Weights, 32-bit floats; each row sums to 1."""
     kinds: tuple[str, ...]
     """Treatment of each edited splat, [E]: unchanged, recoloured, moved, blended, field, static,
     descendant or copied."""
@@ -56,7 +56,7 @@ class _TemporaryFolder:
 
 
 class Run(Scene):
-    """A propagated edit: the output of :func:`propagate`, itself a scene."""
+    """A propagated edit: the output of :func:`propagate`, which is also a scene."""
 
     _folder: _TemporaryFolder | None = None
     _contents: dict | None = None
@@ -77,7 +77,7 @@ class Run(Scene):
 
     @property
     def binding(self) -> Binding:
-        """Which source splats each edited splat follows."""
+        """Source splats that each edited splat follows."""
         found = self._read()
         return Binding(
             indptr=found["indptr"],
@@ -94,7 +94,7 @@ class Run(Scene):
 
     @property
     def is_refined(self) -> bool:
-        """Whether the colours that motion reveals are refined."""
+        """Whether the run is refined: colours that motion reveals are repaired."""
         return self._read()["is_refined"]
 
     @property

@@ -45,7 +45,7 @@ class Scene:
 
     @property
     def num_splats(self) -> int:
-        """N, the same at every time."""
+        """Number of splats N, equal at every time."""
         return self._native.num_splats
 
     @property
@@ -65,7 +65,7 @@ class Scene:
 
     @property
     def kind(self) -> str:
-        """What the path is, in words."""
+        """Kind of the path, as text."""
         return self._native.kind
 
     @property
@@ -98,11 +98,11 @@ class Scene:
         Args:
             t: Scene time, within :attr:`time_range`.
             activated: With True, ``scales`` (standard deviations, world units) and ``opacities``
-                (0 to 1) in place of ``log_scales`` and ``opacity_logits``, and unit quaternions.
+                (0 to 1) instead of ``log_scales`` and ``opacity_logits``, and unit quaternions.
 
         Returns:
-            Arrays of 32-bit floats, shapes as in :class:`Splats`: what ``c4d export --time`` writes,
-            bit for bit.
+            Arrays of 32-bit floats, shapes as in :class:`Splats`; bit-identical to the output of
+            ``c4d export --time``.
         """
         return self._native.at(t, activated=activated)
 
@@ -128,11 +128,11 @@ class Scene:
         """Renders images in memory, with the values of ``c4d render --format npy``.
 
         Args:
-            camera: One camera, several, or what :meth:`cameras` accepts.
+            camera: One camera, several, or a value that :meth:`cameras` accepts.
             t: One time, or several. By default the cameras' own times, else those of the clip.
-            passes: Of ``rgb`` [H,W,3], ``alpha`` [H,W], ``depth`` [H,W] (Σ zαT, world units),
-                ``flow`` [H,W,2] (pixels since the edited frame, NaN where nothing is),
-                ``uncertainty``, ``evidence`` and ``mask`` [H,W].
+            passes: One or more of ``rgb`` [H,W,3], ``alpha`` [H,W], ``depth`` [H,W] (Σ zαT, world
+            units), ``flow`` [H,W,2] (pixels since the edited frame, NaN where no splat is
+            visible), ``uncertainty``, ``evidence`` and ``mask`` [H,W].
             progress: Called as ``progress(stage, done, total)``.
             options: Flags of ``c4d render``: ``size=(W, H)``, ``background=``, ``gpu=``, ….
 
@@ -176,7 +176,7 @@ class Scene:
         """``c4d export``: frames and clips for other tools, or a page that plays in any browser.
 
         Args:
-            output: Folder or file; its name determines the format where that is unambiguous.
+            output: Folder or file; its name determines the format if that is unambiguous.
             options: Flags of ``c4d export``: ``to=``, ``frames=``, ``time=``, ….
         """
         words = flags({"output": output, **options, **self._options})

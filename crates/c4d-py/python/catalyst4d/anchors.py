@@ -23,19 +23,19 @@ class Anchors:
     owners: np.ndarray
     """Anchor of each point, [N]; −1 for uncovered points."""
     lines: np.ndarray
-    """Id of the retained line, [A]; −1 for anchors that needed none."""
+    """Id of the retained line, [A]; −1 for anchors that need no line."""
     delta: float
     """Radius of the cylinder, world units."""
     num_ungrouped: int
-    """Uncovered points that are in no neighbourhood."""
+    """Number of uncovered points without a neighbourhood."""
     num_unhit: int
-    """Uncovered points whose neighbourhood no line hits."""
+    """Number of uncovered points whose neighbourhood no line hits."""
 
     def __len__(self) -> int:
         return len(self.positions)
 
     def members_of(self, anchor: int) -> np.ndarray:
-        """Ids of the points that an anchor stands for."""
+        """Ids of the points that an anchor represents."""
         return self.members[self.member_offsets[anchor] : self.member_offsets[anchor + 1]]
 
 
@@ -54,17 +54,17 @@ def build(
 
     Args:
         points: [N,3], world units.
-        k: Nearest neighbours that join a point to form its neighbourhood, 0 to 64.
+        k: Number of nearest neighbours that form a neighbourhood with a point, 0 to 64.
         grouping: ``disjoint`` or ``overlapping`` neighbourhoods.
-        max_edge_ratio: A disjoint neighbourhood whose mean edge exceeds this many times the median
-            is refused.
+        max_edge_ratio: Disjoint neighbourhoods whose mean edge exceeds this multiple of the median
+        are rejected.
         radius: ``global``, ``local``, or a radius in world units.
         radius_factor: Radius as a multiple of the mean member distance.
         num_lines: Lines sampled through the bounding sphere.
         seed: Seed of the lines.
 
     Raises:
-        ValueError: For an empty cloud, coordinates that are not finite, parameters out of range.
+        ValueError: For an empty cloud, non-finite coordinates, or parameters out of range.
     """
     cloud = as_numpy(points, np.float64)
     if cloud.ndim != 2 or cloud.shape[1] != 3:

@@ -35,7 +35,7 @@ class Rasterized:
         v_depth: object = None,
         v_features: object = None,
     ) -> dict[str, np.ndarray]:
-        """Gradients of a loss, for those with respect to the images (None counts as zero).
+        """Gradients of a loss, from its gradients with respect to the images (None counts as zero).
 
         Returns:
             Gradients of the stored parameters, with their names and shapes; ``features`` [N,C];
@@ -54,19 +54,19 @@ def rasterize(
     exact_gradients: bool = False,
     dtype: DTypeLike = np.float32,
 ) -> Rasterized:
-    """Renders splats, and keeps what their gradients need.
+    """Renders splats, and stores the data for their gradients.
 
     Args:
         splats: Stored or activated parameters, as :meth:`Scene.at` returns.
         camera: The camera.
         background: Colour, 0 to 1, [3].
-        features: Any channels to composite besides colour and depth, [N,C].
-        exact_gradients: False: the gradients of the reference kernels, with which published models
-            were trained. True: the true derivative.
+        features: Additional channels to composite, [N,C].
+        exact_gradients: False: the gradients of the reference kernels that trained published
+        models. True: the exact derivative.
         dtype: ``float32``, or ``float64`` for comparisons with finite differences.
 
     Raises:
-        ValueError: For shapes that do not fit, or an invalid camera.
+        ValueError: For inconsistent shapes or an invalid camera.
     """
     dtype = np.dtype(dtype)
     if dtype not in (np.float32, np.float64):

@@ -4,7 +4,7 @@ Minimises over plans P ≥ 0, for a cost D [n,m] and marginals a [n], b [m]::
 
     <D, P> + reg KL(P | a bᵀ) + reg_a KL(P 1 | a) + reg_b KL(Pᵀ 1 | b)
 
-with KL(x | y) = Σ x ln(x/y) − x + y. An infinite ``reg_m`` holds that marginal exactly.
+with KL(x | y) = Σ x ln(x/y) − x + y. An infinite ``reg_m`` enforces that marginal exactly.
 """
 
 from __future__ import annotations
@@ -67,7 +67,7 @@ class Transport:
 
     @property
     def residuals(self) -> np.ndarray:
-        """Largest change of the potentials over ``reg`` that a plain step would make, [sweeps]."""
+        """Largest change of the potentials by a plain step, divided by ``reg``, [sweeps]."""
         return self._summary["residuals"]
 
     @property
@@ -113,21 +113,21 @@ def solve(
         a: Marginal of the rows, [n]; uniform if None.
         b: Marginal of the columns, [m]; uniform if None.
         cost: Any finite cost matrix, [n,m].
-        points: Two clouds, [n,d] and [m,d] with d from 1 to 6, in place of ``cost``: the bounded
-            Welsch cost 1 − exp(−r²/(2β²)), of which nothing of size n·m is built.
+        points: Two clouds, [n,d] and [m,d] with d from 1 to 6, instead of ``cost``: the bounded
+        Welsch cost 1 − exp(−r²/(2β²)), evaluated without an array of size n·m.
         reg: λ0, weight of the entropy, cost units.
         reg_m: λ1 and λ2, weights of the marginals, cost units, or one number for both.
-            ``math.inf`` holds a marginal exactly.
-        reg_type: ``kl``: against a bᵀ. ``entropy``: Σ P ln P − P. ``plogp``: Σ P ln P.
-        tol: Ends when no potential moves by ``tol · reg`` or more.
-        max_sweeps: Gives up after these, with ``converged`` False.
+            ``math.inf`` enforces a marginal exactly.
+        reg_type: ``kl``: KL to a bᵀ. ``entropy``: Σ P ln P − P. ``plogp``: Σ P ln P.
+        tol: Stops when all potentials change by less than ``tol · reg``.
+        max_sweeps: Maximum number of sweeps; then stops with ``converged`` False.
         acceleration: ``auto``, ``plain``, ``overrelaxed`` or ``anderson``; the plan is the same.
         gamma: β as a multiple of the median distance between the clouds.
         beta: β itself, in the unit of the points.
         cutoff: Pairs farther than ``cutoff · β`` cost exactly 1.
 
     Raises:
-        ValueError: For shapes that do not fit and values out of range.
+        ValueError: For inconsistent shapes and values out of range.
     """
     row_weight, col_weight = (reg_m, reg_m) if isinstance(reg_m, (int, float)) else reg_m
     double = lambda value: None if value is None else as_numpy(value, np.float64)  # noqa: E731
@@ -155,7 +155,7 @@ def solve(
 
 
 def from_tau(epsilon: float, tau_a: float, tau_b: float) -> dict[str, object]:
-    """OTT's parameters as those of :func:`solve`: τ = λ/(λ + ε).
+    """Converts OTT's parameters to those of :func:`solve`: τ = λ/(λ + ε).
 
     ``solve(..., **from_tau(0.1, 0.9, 1.0))``
     """

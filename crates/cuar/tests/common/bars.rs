@@ -1,22 +1,22 @@
-//! What a repair of hidden splats must reach.
+//! Limits on the quality of a repair of hidden splats.
 
 use super::delivered::{Delivered, Judge};
 use super::flicker;
 use gs_core::DynamicScene;
 
-/// PSNR that may be lost anywhere, dB.
+/// Largest loss of PSNR anywhere, dB.
 const LOSS: f64 = 0.02;
-/// PSNR elsewhere that a repair may leave where there was more, dB.
+/// Required PSNR in other pixels after a repair, unless it was lower before, dB.
 const ELSEWHERE: f64 = 50.0;
-/// PSNR by which a perfect edit may change, dB.
+/// Largest change of PSNR of a perfect edit, dB.
 const PERFECT: f64 = 0.05;
-/// Gain where motion reveals something, in the mean over cases, dB.
+/// Smallest gain in revealed pixels, mean over cases, dB.
 pub const MEAN_GAIN: f64 = 6.0;
-/// Flicker, relative to the truth's.
+/// Largest flicker, relative to the ground truth's.
 const FLICKER: f64 = 1.1;
 
-/// Bars that PSNR `before` and `after` the repair of an edit as delivered break: of pixels that
-/// motion reveals, elsewhere, of the paper's mask, outside it, dB.
+/// Violated limits, given the PSNR of a delivered edit `before` and `after` its repair: in pixels
+/// that motion reveals, elsewhere, inside the paper's mask, outside it, dB.
 pub fn broken(before: [f64; 4], after: [f64; 4]) -> Vec<String> {
     let mut broken = Vec::new();
     let parts = ["revealed", "elsewhere", "in the paper's mask", "outside it"];
@@ -31,14 +31,14 @@ pub fn broken(before: [f64; 4], after: [f64; 4]) -> Vec<String> {
     broken
 }
 
-/// Parts in which a perfect edit (`before`) does not come back.
+/// Parts of the image in which a perfect edit (`before`) is changed.
 pub fn broken_perfect(before: [f64; 4], after: [f64; 4]) -> Vec<String> {
     let mut parts = before.into_iter().zip(after);
     let is_same = parts.all(|(then, now)| (then - now).abs() <= PERFECT);
     if is_same { Vec::new() } else { vec![format!("perfect: {before:.2?} → {after:.2?} dB")] }
 }
 
-/// Flicker of `scene`, in the pixels that the paper's mask covers, if it is above the truth's.
+/// Flicker of `scene` inside the paper's mask, if it is above the ground truth's.
 pub fn broken_flicker(case: &Delivered, scene: &dyn DynamicScene) -> Vec<String> {
     let shown = case.as_case();
     let clip = [0.3, 0.4, 0.5, 0.6];
@@ -49,7 +49,7 @@ pub fn broken_flicker(case: &Delivered, scene: &dyn DynamicScene) -> Vec<String>
     if is_calm { Vec::new() } else { vec![format!("flicker {now:.2} levels, truth {ideal:.2}")] }
 }
 
-/// Scores of `case` as delivered and as repaired, and the bars that those break.
+/// Scores of `case` as delivered and as repaired, and the violated limits.
 pub fn judged(
     case: &Delivered,
     repaired: &dyn DynamicScene,

@@ -1,4 +1,4 @@
-//! Edits in two forms, the true one and the one that an editor of pictures delivers, and their
+//! Edits in two forms, the true one and the one that an image editor delivers, and their
 //! comparison at held-out views.
 
 use super::{Painted, render};
@@ -13,16 +13,16 @@ use gs_synth::{
     apply_edits, deliver, demo,
 };
 
-/// An edit that misses what its pictures do not show.
+/// An edit that misses splats that its pictures do not show.
 pub struct Delivered {
     pub name: &'static str,
     pub edits: Vec<Edit>,
     pub source: SynthScene,
-    /// The edit as it should be.
+    /// The true edit.
     pub truth: EditedFrame,
-    /// As it is.
+    /// The delivered edit.
     pub given: EditedFrame,
-    /// The editor's, then those for judging.
+    /// The cameras of the editor.
     pub pictures: Vec<Camera>,
     pub held_out: Vec<Camera>,
     pub source_rows: Vec<Option<u32>>,
@@ -109,7 +109,7 @@ pub fn delivered(
     Delivered { name, edits, source, truth, given, pictures, held_out, source_rows }
 }
 
-/// What an editor of `pictures` delivers.
+/// The edit that an editor of `pictures` delivers.
 fn given(
     source: &SynthScene,
     edits: &[Edit],
@@ -122,7 +122,7 @@ fn given(
     deliver(source, edits, 0, unseen, shown).unwrap()
 }
 
-/// Source rows of splats with the geometry of a source splat.
+/// Source row of each splat that has the geometry of a source splat.
 fn source_rows(source: &SynthScene, edited: &EditedFrame) -> Vec<Option<u32>> {
     let (first, splats) = (source.frame1(), &edited.splats);
     let same = |(i, id): (usize, &Option<u32>)| {
@@ -135,12 +135,12 @@ fn source_rows(source: &SynthScene, edited: &EditedFrame) -> Vec<Option<u32>> {
 }
 
 impl Delivered {
-    /// The same with the edit as it should be.
+    /// The same case with the true edit.
     pub fn perfect(&self) -> Self {
         self.with(self.truth.clone())
     }
 
-    /// The same with another colour on splats that the editor's pictures do not show.
+    /// The same case with another colour on splats that the editor's pictures do not show.
     pub fn with_unseen(&self, unseen: UnseenColor) -> Self {
         self.with(given(&self.source, &self.edits, unseen, &self.pictures))
     }
@@ -230,22 +230,21 @@ pub struct Score {
 }
 
 impl Score {
-    /// PSNR in that order, dB; 100 where nothing differs.
+    /// PSNR in that order, dB; 100 without differences.
     pub fn db(&self) -> [f64; 4] {
         [self.revealed, self.elsewhere, self.inside, self.outside]
             .map(|(error, count)| (-10.0 * (error / f64::max(count, 1.0)).log10()).min(100.0))
     }
 }
 
-/// Which pixels motion reveals at `t`: what is seen has less than a tenth of its weight in the
-/// pictures of frame 1.
+/// Pixels that motion reveals at `t`: their visible splats have less than a tenth of their weight
+/// in the pictures of frame 1.
 pub fn revealed(case: &Delivered, shares: &[f32], t: f32, camera: &Camera) -> Vec<bool> {
     let splats = case.given.truth.at(t).unwrap();
     let raster = CpuRasterizer::default();
     let mut prepared = raster.prepare(&splats, camera).unwrap();
     let params = RenderParams { rgb: false, depth: false, ..RenderParams::default() };
-    // what stands still is larger than the pictures in part, and motion reveals none of it to these
-    // views
+    // the static parts partly exceed the pictures, and motion reveals none of them in these views
     let moving = case.given.truth.scene().moving_mask();
     let shares: Vec<f32> = shares
         .iter()
@@ -256,8 +255,8 @@ pub fn revealed(case: &Delivered, shares: &[f32], t: f32, camera: &Camera) -> Ve
     out.features.iter().zip(&out.alpha).map(|(shown, alpha)| *shown < 0.1 * alpha).collect()
 }
 
-/// One held-out view and time: the true image, what motion reveals there, and the paper's mask of
-/// the unrefined scene.
+/// A held-out view and time: the true image, the revealed pixels, and the paper's mask of the
+/// unrefined scene.
 struct Reference {
     t: f32,
     camera: Camera,
@@ -266,11 +265,11 @@ struct Reference {
     mask: Image,
 }
 
-/// What scenes are compared with.
+/// Reference images for the comparison of scenes.
 pub struct Judge(Vec<Reference>);
 
 impl Judge {
-    /// `scene` is the delivered one.
+    /// Reference images of `case`; `scene` is the delivered one.
     pub fn of(case: &Delivered, scene: &dyn DynamicScene, times: &[f32]) -> Self {
         let raster = CpuRasterizer::default();
         let shares = first_frame_shares(&raster, &case.given.splats, &case.pictures).unwrap();
@@ -305,7 +304,7 @@ impl Judge {
         sum
     }
 
-    /// Of every image.
+    /// Scores of every image.
     pub fn scores(&self, scene: &dyn DynamicScene) -> Vec<Score> {
         let mut scores = Vec::new();
         for Reference { t, camera, truth, revealed, mask } in &self.0 {
@@ -330,8 +329,7 @@ impl Judge {
     }
 }
 
-/// Rows that should have other colours than they have, of the two forms of a recolouring (whose
-/// rows agree).
+/// Rows with wrong colours in the delivered form of a recolouring (both forms have the same rows).
 pub fn wrong_rows(case: &Delivered) -> Option<Vec<bool>> {
     let (given, truth) = (&case.given.splats, &case.truth.splats);
     (given.means == truth.means)

@@ -1,5 +1,5 @@
-//! A ground-truth case: a dancer in a new jacket whose colours are right in frame 1, and wrong
-//! where frame 1 does not show them.
+//! A case with ground truth: a dancer in a new jacket whose colours are correct in frame 1, and
+//! wrong where frame 1 does not show them.
 #![allow(dead_code, unreachable_pub, reason = "shared by tests and examples; none uses all of it")]
 #![allow(clippy::unwrap_used, reason = "tests may")]
 #![allow(
@@ -19,7 +19,7 @@ use gs_core::{
 use gs_raster_cpu::CpuRasterizer;
 use gs_synth::{DemoParams, Edit, Kind, Paint, Part, Region, Tag, Truth, apply_edits, demo};
 
-/// Motion of the truth, colours of one's own.
+/// The true motion with other colours.
 #[derive(Debug, Clone)]
 pub struct Painted {
     pub truth: Truth,
@@ -43,14 +43,15 @@ impl DynamicScene for Painted {
     }
 }
 
-/// What is wrong with the colours.
+/// Errors of the colours.
 #[derive(Debug, Clone, Copy)]
 pub struct Flaws {
-    /// Interior splats get a colour of their own.
+    /// Interior splats get a different colour.
     pub interior: bool,
-    /// Size of the SH component that no training view sees in frame 1.
+    /// Size of the SH component that no training view observes in frame 1.
     pub unseen_sh: f32,
-    /// Noise of every edited splat's base colour, which frame 1 shows: not for refinement to mend.
+    /// Noise of every edited splat's base colour, which frame 1 shows, so that refinement must keep
+    /// it.
     pub noise: f32,
 }
 
@@ -143,7 +144,7 @@ pub fn case(
     Case { scene, truth, edited, cameras, held_out }
 }
 
-/// Orthonormal basis of the SH vectors that the cameras see.
+/// Orthonormal basis of the SH vectors in the directions of the cameras.
 pub fn seen_basis(degree: usize, mean: [f32; 3], cameras: &[Camera]) -> Vec<Vec<f32>> {
     let coeffs = sh::num_coeffs(degree);
     let mut basis: Vec<Vec<f32>> = Vec::new();

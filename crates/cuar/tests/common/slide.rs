@@ -1,11 +1,11 @@
-//! What motion uncovers: a board slides away from a wall.
+//! Uncovered background: a board slides away from a wall.
 
 use cuar::loss::LossWeights;
 use cuar::{NoObserver, RefineOptions, Refined, Views, WarpParams, refine};
 use gs_core::{Camera, DynamicScene, SceneError, Splats, TimeRange, sh};
 use gs_raster_cpu::CpuRasterizer;
 
-/// A red board slides away from a green wall that it hid in frame 1; everything is edited, and
+/// A red board slides away from a green wall that it hid in frame 1; all splats are edited, and
 /// every colour depends on the view.
 #[derive(Debug, Clone)]
 pub struct Slide {
@@ -27,7 +27,7 @@ impl Slide {
             .to_vec()
     }
 
-    /// The refinement with a mask as broad as it gets, with or without the occlusion test of the
+    /// The refinement with the largest possible mask, with or without the occlusion test of the
     /// warp.
     pub fn refined(&self, tested: bool) -> Refined {
         let (cameras, times) = (Self::cameras(128, 96), TimeRange::UNIT.frames(9));
@@ -42,8 +42,8 @@ impl Slide {
             min_uncertainty: 0.0,
             epsilon: 0.0,
             warp_params,
-            // the structural part is stiff in flat colours: without it what is wrong is painted
-            // within the usual passes
+            // SSIM converges slowly in flat colours; without it, wrong colours appear within the
+            // usual number of passes
             weights: LossWeights { eta: 0.0, ..LossWeights::default() },
             ..RefineOptions::default()
         };
@@ -88,7 +88,7 @@ impl DynamicScene for Slide {
         for mean in &mut out.means[..self.board] {
             mean[0] += 0.8 * t;
         }
-        // a little, so that the wall's colour is uncertain, too, and masked
+        // a small motion, so that the wall's colour is also uncertain and masked
         for mean in &mut out.means[self.board..] {
             mean[1] += 0.05 * t;
         }

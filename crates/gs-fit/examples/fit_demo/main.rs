@@ -1,5 +1,5 @@
-//! Quality of the fit against known truth: the demo scene's edit, judged by views between those
-//! that are given.
+//! Quality of the fit with known ground truth: the demo scene's edit, evaluated at views between
+//! the given ones.
 //!
 //! `cargo run --release --workspace --example fit_demo [CASE …]`; without a case, all. With
 //! `--motion`, the fitted splats are also propagated.
@@ -24,10 +24,10 @@ use rand_pcg::Pcg64;
 use std::error::Error;
 use std::time::Instant;
 
-/// How the pictures disagree inside the edit, each in its own way.
+/// Independent differences between the pictures inside the edit.
 #[derive(Debug, Clone, Copy)]
 enum Disagreement {
-    /// Not at all.
+    /// No differences.
     None,
     /// Gain σ 0.15, offset σ 0.04 per channel, shift σ 2 pixels.
     Jitter,
@@ -44,7 +44,7 @@ struct Case {
     side: u32,
     steps: usize,
     disagreement: Disagreement,
-    /// Whether pictures are aligned.
+    /// Whether to align the pictures.
     align: bool,
 }
 
@@ -71,7 +71,7 @@ const CASES: [Case; 7] = [
     Case { name: "large", splats: 100_000, side: 512, steps: 1000, ..AGREE },
 ];
 
-/// Says now and then how far the fit is.
+/// Prints the progress at intervals.
 #[derive(Debug)]
 struct Lines;
 
@@ -197,8 +197,8 @@ fn normal(rng: &mut Pcg64) -> f32 {
     (-2.0 * (1.0 - u).ln()).sqrt() * (std::f32::consts::TAU * v).cos()
 }
 
-/// Smooth noise of unit variance: waves of random direction and phase, some `wavelength` pixels
-/// long.
+/// Smooth noise of unit variance: waves of random direction and phase with wavelengths of about
+/// `wavelength` pixels.
 fn waves(rng: &mut Pcg64, wavelength: f32) -> impl Fn(f32, f32) -> f32 + use<> {
     let list: Vec<[f32; 3]> = (0..12)
         .map(|_| {
@@ -210,7 +210,7 @@ fn waves(rng: &mut Pcg64, wavelength: f32) -> impl Fn(f32, f32) -> f32 + use<> {
     move |x, y| list.iter().map(|[a, b, c]| (a * x + b * y + c).sin()).sum::<f32>() / 6.0_f32.sqrt()
 }
 
-/// Makes every picture differ on its own inside the edit.
+/// Adds independent differences to every picture inside the edit.
 fn disagree(
     pictures: &mut [EditedPicture],
     start: &Splats,
@@ -263,7 +263,7 @@ fn disagree(
     Ok(())
 }
 
-/// PSNR against the truth: everywhere, inside the edit, and outside (there against the start).
+/// PSNR against the ground truth: everywhere, inside the edit, and outside (against the start).
 fn judge(
     cameras: &[Camera],
     splats: &Splats,
@@ -296,7 +296,7 @@ fn judge(
     Ok(sums.map(|[sum, count]| -10.0 * (sum / f64::max(count, 1.0)).log10()))
 }
 
-/// Coverage that is left where the removed ball was, as a share of the ball's own.
+/// Remaining coverage at the position of the removed ball, as a share of the ball's own.
 fn ball(
     scene: &gs_synth::SynthScene,
     cameras: &[Camera],
@@ -317,7 +317,7 @@ fn ball(
     let centre = [0, 1, 2].map(|k| means.iter().map(|m| m[k]).sum::<f32>() / means.len() as f32);
     let distance = |m: &[f32; 3]| (0..3).map(|k| (m[k] - centre[k]).powi(2)).sum::<f32>().sqrt();
     let radius = means.iter().map(distance).fold(0.0, f32::max);
-    // what is left of its splats, and new ones well inside it
+    // its remaining splats, and new ones well inside it
     let left: Vec<f32> = (0..fitted.splats.len())
         .map(|i| {
             let is_left = match fitted.source_rows[i] {

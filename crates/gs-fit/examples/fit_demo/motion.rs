@@ -1,6 +1,6 @@
-//! Motion of a fitted edit: end-point error after propagation, against that of the true edited
-//! splats. Splats are weighted by the pixels that they make up in the pictures: what is hidden in
-//! all of them cannot be fitted, and is not visible.
+//! Motion of a fitted edit: end-point error after propagation, compared with that of the true
+//! edited splats. Splats are weighted by their contribution to the pictures: splats hidden in all
+//! pictures cannot be fitted, and are not visible.
 
 use amg::{MotionOptions, propagate};
 use gs_core::{Camera, DynamicScene, Splats, quat};
@@ -21,12 +21,12 @@ pub(crate) struct EndPoints {
     pub mean: f64,
     pub p95: f64,
     pub count: usize,
-    /// Share of the weight of splats that are where a source splat is, and follow it exactly, %.
+    /// Share of the weight of splats that coincide with a source splat and follow it exactly, %.
     pub kept: f64,
 }
 
-/// Errors of the edited splats of the true frame, and of those that a fit made, when both are
-/// propagated with the defaults.
+/// Errors of the edited splats of the true frame, and of those made by a fit, both propagated with
+/// the defaults.
 pub(crate) fn end_points(
     scene: &SynthScene,
     edit: &EditedFrame,
@@ -42,8 +42,8 @@ pub(crate) fn end_points(
     ])
 }
 
-/// Error of the rows of `scored`. A splat's true motion is that of the nearest true splat of frame
-/// 1: rigid with it.
+/// Error of the rows of `scored`. The true motion of a splat is the rigid motion of the nearest
+/// true splat of frame 1.
 fn error_of(
     scene: &SynthScene,
     truth: &Truth,

@@ -92,7 +92,8 @@ pub(crate) fn freetime_ply(scene: &PolynomialScene) -> Vec<u8> {
     ply(&comments, &all)
 }
 
-/// A checkpoint of FreeTimeGS, equivalent likewise; its opacities are at least 10⁻⁴.
+/// A checkpoint of FreeTimeGS, equivalent under the same conditions; its opacities are at least
+/// 10⁻⁴.
 pub(crate) fn freetime_checkpoint(scene: &PolynomialScene) -> Vec<u8> {
     let (rest, n) = (scene.rest(), scene.rest().len());
     let times: Vec<f32> = scene.motions().iter().map(|motion| motion.centre).collect();
@@ -119,8 +120,8 @@ pub(crate) fn freetime_checkpoint(scene: &PolynomialScene) -> Vec<u8> {
 }
 
 /// A checkpoint of native 4D Gaussians with times from 0 to 1, equivalent to `scene` for splats
-/// that move linearly and do not rotate. Real ones are tuples; the reader finds the same parts by
-/// place.
+/// that move linearly and do not rotate. Real checkpoints are tuples; the reader finds the same
+/// parts by position.
 pub(crate) fn gaussian4d(scene: &PolynomialScene) -> Vec<u8> {
     let (rest, n) = (scene.rest(), scene.rest().len());
     let (mut scales, mut left, mut right) = (Vec::new(), Vec::new(), Vec::new());

@@ -103,7 +103,7 @@ fn rotation(raw: [f32; 4]) -> [u8; 4] {
 }
 
 /// A continuous archive of a scene whose splats move along lines, within 16 or 8 bits. Splats that
-/// do not fade must have a finite life.
+/// do not fade must have a finite lifetime.
 pub(crate) fn continuous(scene: &PolynomialScene) -> Vec<u8> {
     let (rest, motions) = (scene.rest(), scene.motions());
     let logs: Vec<[f32; 3]> =

@@ -3,7 +3,7 @@
 //! decoded by JavaScript with the decoder of these tests; overlays with feature passes; picked
 //! splats with the weights of a backward pass.
 //!
-//! Without Chromium these tests fail rather than skip.
+//! Without Chromium these tests fail; they are not skipped.
 
 use crate::decoder::decode;
 use gs_core::{Camera, DynamicScene, Image, Rasterizer, RenderParams, Splats, UpstreamGrads};
@@ -23,7 +23,7 @@ const MIN_PSNR: f64 = 50.0;
 /// Worst seen 0.00115: half a step of the 8 bits of a screenshot is 0.001.
 const MAX_MEAN_DIFFERENCE: f64 = 0.0025;
 const CONTROL_PSNR: f64 = 30.0;
-/// Share of values that may differ by more than [`OVERLAY_LEVELS`].
+/// Largest share of values that differ by more than [`OVERLAY_LEVELS`].
 const MAX_BEYOND: f64 = 0.001;
 
 struct Fixture {
@@ -107,7 +107,7 @@ impl Fixture {
     }
 }
 
-/// An overlay of 12 strong colours in no order.
+/// An overlay of 12 saturated colours in arbitrary order.
 fn overlay(rows: [usize; 2]) -> Overlay {
     let palette: Vec<[u8; 3]> =
         (0..12_u8).map(|i| [i.wrapping_mul(97), i.wrapping_mul(57), 255 - 20 * i]).collect();
@@ -258,7 +258,7 @@ fn check_report(fixture: &Fixture, document: &str) {
     );
 }
 
-/// Largest difference of a channel that is no rounding, of 255: the bar of overlays.
+/// Largest difference of a channel due to rounding, levels of 255; limit for overlays.
 const OVERLAY_LEVELS: f32 = 3.0;
 
 #[test]
@@ -310,14 +310,14 @@ fn overlays_have_the_colours_of_a_feature_pass() {
     assert!(beyond(&found, &expected) < MAX_BEYOND, "mixed: {}", beyond(&found, &expected));
 }
 
-/// Pixels that are picked.
+/// Number of picked pixels.
 const PICKED: usize = 200;
 
 #[test]
 fn the_splat_that_contributes_most_is_picked() {
     let fixture = Fixture::new();
     let splats = fixture.edited.at(fixture.times[2]).unwrap();
-    // More places than are counted, because some show nothing.
+    // More positions than needed, because some show no splat.
     let mut state = 5_u32;
     let mut share = || {
         state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
@@ -331,7 +331,7 @@ fn the_splat_that_contributes_most_is_picked() {
         between(&document, "<pre id=\"picked\" hidden=\"\">", "</pre>").expect("an answer");
     let picked: serde_json::Value = serde_json::from_str(picked).unwrap();
 
-    // The browser's canvas can be less high than its screenshots.
+    // The browser's canvas can have a smaller height than its screenshots.
     let side = |k: usize| picked["sides"][k].as_u64().unwrap() as u32;
     let (width, height) = (side(0), side(1));
     let fit = f64::min(f64::from(width) / f64::from(SIZE.0), f64::from(height) / f64::from(SIZE.1));

@@ -1,5 +1,5 @@
 //! The player's decoder, in headless Chromium, on randomly mutated payloads: it decodes them or
-//! rejects them with an error of its own, in bounded time.
+//! rejects them with its own error, in bounded time.
 
 use crate::browser::browser;
 use crate::still::{Frames, row_of};

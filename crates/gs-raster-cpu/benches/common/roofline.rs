@@ -7,8 +7,8 @@ use pulp::{Arch, Simd, WithSimd};
 /// Channels of the measured passes: RGB and depth.
 const CHANNELS: usize = 4;
 const PIXELS: usize = 256;
-/// Splats after which the transmittance starts again at 1: it must not become denormal, which no
-/// rasteriser's does.
+/// Number of splats after which the transmittance is reset to 1, so that it does not become
+/// denormal, as in any rasteriser.
 const RESET: usize = 64;
 
 /// Transmittance of a tile, aligned as in the rasteriser.

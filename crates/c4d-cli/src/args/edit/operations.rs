@@ -16,8 +16,8 @@ pub(crate) struct OperationFlags {
 /// Name, placeholder of the argument, help.
 fn options() -> impl Iterator<Item = (&'static str, Option<&'static str>, &'static str)> {
     let own = [
-        ("select", Some("EXPR"), "Select the splats that following actions change, see below"),
-        ("replay", Some("FILE"), "Do the steps of an earlier edit here, from its NAME.edit.json"),
+        ("select", Some("EXPR"), "Select the splats that the following actions change, see below"),
+        ("replay", Some("FILE"), "Apply the steps of an earlier edit from its NAME.edit.json"),
     ];
     let actions = ACTION_OPTIONS.iter().map(|option| (option.name, option.argument, option.help));
     own.into_iter().chain(actions)
@@ -32,7 +32,7 @@ impl Args for OperationFlags {
                 Some(placeholder) => {
                     arg.value_name(placeholder).allow_hyphen_values(true).num_args(1)
                 }
-                // A counted flag has no places; an option with an implied value has.
+                // A counted flag has no indices; an option with an implied value does.
                 None => arg.num_args(0).default_missing_value(""),
             })
         })

@@ -18,12 +18,12 @@ const SIZE: (u32, u32) = (320, 240);
 const TIMES: [f32; 4] = [0.25, 0.5, 0.75, 1.0];
 /// A pixel lies inside the edited region where truth and unedited source differ by more, 0 to 1.
 const DIFFERS: f32 = 2.0 / 255.0;
-/// Times at which grafts are scored.
+/// Number of times at which grafts are scored.
 const TRACKED: usize = 21;
-/// PSNR of equal images.
+/// PSNR of identical images, dB.
 const EQUAL: f64 = 99.0;
 
-/// How an edit is propagated.
+/// Propagation method.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 enum Method {
@@ -31,7 +31,7 @@ enum Method {
     Unedited,
     /// `--follow splats`.
     Splats,
-    /// Labels propagated by a vote of neighbours, with the case's true colours.
+    /// Labels propagated by majority vote of neighbours, with the case's true colours.
     Labels,
     /// `--follow surface`.
     Surface,
@@ -72,8 +72,8 @@ pub(super) struct BriefScore {
     seconds: f64,
 }
 
-/// Shares and lives of short-lived splats in each case: typical ones; fewer; more and shorter; and
-/// lives so long that linear motion is a poor fit.
+/// Share and lifetime range of short-lived splats in each case: typical; fewer; more and shorter;
+/// and lifetimes so long that linear motion is a poor fit.
 const LIVES: [(f32, [f32; 2]); 4] =
     [(0.8, [0.05, 0.3]), (0.5, [0.05, 0.3]), (0.95, [0.05, 0.15]), (0.8, [0.3, 0.6])];
 
@@ -188,7 +188,7 @@ fn score(
     }))
 }
 
-/// The source splats that the edit changed, in the edit frame or by inheritance.
+/// Whether the edit changed each source splat, in the edited frame or by inheritance.
 fn reached(found: &amg::Propagation, num_sources: usize) -> Vec<bool> {
     let mut reached = vec![true; num_sources];
     let binding = found.scene.binding();
@@ -197,7 +197,7 @@ fn reached(found: &amg::Propagation, num_sources: usize) -> Vec<bool> {
             reached[binding.row(row).0[0] as usize] = false;
         }
     }
-    // Splats on a soft border that are changed by less than a half do not count.
+    // Splats on a soft border that changed by less than half do not count.
     for inherited in binding.surface().iter().flat_map(|surface| &surface.inherited) {
         let id = binding.row(inherited.row as usize).0[0] as usize;
         let whole = inherited.opacity <= 0.0 || inherited.group.is_some();

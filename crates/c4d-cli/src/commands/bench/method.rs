@@ -22,14 +22,14 @@ pub(super) enum Method {
     Network,
     /// Three nearest source splats, all rows (the paper's KNN-Guide).
     Knn,
-    /// The paper, literally, for all rows.
+    /// The paper's method, taken literally, for all rows.
     Paper,
-    /// The paper with anchors by farthest-point sampling instead of lines.
+    /// The paper's method with anchors from farthest-point sampling instead of lines.
     PaperFarthest,
-    /// Rigid motion of the part of the nearest source splat with a similar normal; floaters and
-    /// parts are given.
+    /// Rigid motion of the part of the nearest source splat with a similar normal; uses the true
+    /// parts and floaters.
     Nearest,
-    /// Rigid motion around the nearest source splat with a similar normal; nothing is given.
+    /// Rigid motion around the nearest source splat with a similar normal; uses no ground truth.
     Control,
     /// The default.
     Default,
@@ -70,7 +70,7 @@ impl Method {
         }
     }
 
-    /// Whether it needs a trained network.
+    /// Whether the method needs a trained network.
     pub(super) fn on_network(self) -> bool {
         matches!(self, Self::Network | Self::DefaultOnNetwork)
     }

@@ -10,18 +10,18 @@ pub(super) struct Score {
     pub(super) seed: u64,
     pub(super) method: Method,
     pub(super) epe: f64,
-    /// Of splats whose geometry was edited.
+    /// End-point error of splats whose geometry was edited.
     pub(super) epe_edited: f64,
     pub(super) p95: f64,
     pub(super) bad5: f64,
     pub(super) contact: f64,
     pub(super) rot_deg: f64,
-    /// Where the true motion is that of one rigid bone.
+    /// Rotation error of splats whose true motion is that of one rigid bone, degrees.
     pub(super) rot_rigid_deg: f64,
     pub(super) lns: f64,
-    /// Relative to the truth's.
+    /// Jitter relative to the ground truth's.
     pub(super) jitter_ratio: f64,
-    /// The same for the source scene, relative to that without noise.
+    /// Jitter of the source scene relative to that of the scene without noise.
     pub(super) jitter_ratio_source: f64,
     pub(super) ndd: f64,
     pub(super) ndd_truth: f64,

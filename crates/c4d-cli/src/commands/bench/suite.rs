@@ -1,4 +1,4 @@
-//! `c4d bench suite`: every edit of every scene with every method, and one table.
+//! `c4d bench suite`: propagates every edit of every scene with every method, and writes tables.
 
 mod file;
 mod job;
@@ -24,7 +24,7 @@ pub(crate) fn suite(args: &BenchSuiteArgs, global: &Global, console: &Console) -
         Some(share) => &jobs[share.range(jobs.len())],
         None => &jobs[..],
     };
-    // A folder of other work is found out before the first run, not after it.
+    // Detect a folder of other work before the first run, not after it.
     let found: Vec<Option<Measured>> =
         own.iter().map(|job| job.completed(global)).collect::<Outcome<_>>()?;
     let kept = found.iter().flatten().count();
@@ -45,7 +45,7 @@ pub(crate) fn suite(args: &BenchSuiteArgs, global: &Global, console: &Console) -
     }
     let made = measured.len() - kept;
     progress.finish();
-    console.note(format!("{made} runs made, {kept} there already, {} failed", failed.len()));
+    console.note(format!("{made} runs made, {kept} kept, {} failed", failed.len()));
     if args.part.is_none() {
         let markdown = tables::markdown(&suite, &measured);
         write_tables(&args.output, [&markdown, &tables::csv(&suite, &measured)])?;
@@ -65,7 +65,7 @@ pub(crate) fn suite(args: &BenchSuiteArgs, global: &Global, console: &Console) -
         return Ok(());
     }
     Err(Failure::failed(format!("{} of {} runs failed: {}", failed.len(), own.len(), failed.join(", ")))
-        .next("The warnings above say why. Mend the file or the scene and repeat the command: completed runs are kept."))
+        .next("The warnings above give the reasons. Correct the file or the scene and repeat the command: completed runs are kept."))
 }
 
 /// Writes the tables; those of an earlier call are replaced.

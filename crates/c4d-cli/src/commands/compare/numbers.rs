@@ -1,11 +1,11 @@
-//! [`Numbers`]: what `c4d eval` found of a run, and whether numbers may stand in one table.
+//! [`Numbers`]: the metrics of a run by `c4d eval`, and a check that they are comparable.
 
 use crate::failure::{Failure, Outcome};
 use gs_core::{Camera, Intrinsics};
 use serde_json::Value;
 use std::path::Path;
 
-/// What has to be the same for numbers to be compared.
+/// Keys that must be equal for metrics to be comparable.
 const SHARED: [&str; 9] = [
     "schema",
     "source",
@@ -37,7 +37,7 @@ impl Numbers {
         Self::of(document, path)
     }
 
-    /// Takes a document; `path` is for messages.
+    /// Checks a document; `path` is for messages.
     pub(super) fn of(document: Value, path: &Path) -> Outcome<Self> {
         let malformed = || {
             Failure::bad_input(format!("{}: not a metrics.json of c4d eval", path.display()))
@@ -70,7 +70,7 @@ impl Numbers {
         self.document["items"].as_array()?.iter().find(|item| item["id"] == id)
     }
 
-    /// The number.
+    /// Value of a metric.
     pub(super) fn value(&self, id: &str) -> Option<f64> {
         self.item(id)?["value"].as_f64()
     }
@@ -107,7 +107,7 @@ impl Numbers {
         [channel(0), channel(1), channel(2)]
     }
 
-    /// What all numbers share, in words.
+    /// Description of the shared settings.
     pub(super) fn subtitle(&self) -> String {
         let truth = match self.document["truth"].as_str() {
             Some(truth) => format!(", against {truth}"),
@@ -147,12 +147,12 @@ fn camera(view: &Value) -> Option<Camera> {
     })
 }
 
-/// Refuses numbers of which some depend on other views, frames or parameters than others.
+/// Refuses metrics with different views, frames or parameters.
 pub(super) fn refuse_other_parameters(all: &[Numbers], names: &[String]) -> Outcome {
     let Some(first) = all.first() else { return Ok(()) };
     let refused = |what: &str, k: usize| {
         Err(Failure::usage(format!(
-            "the numbers of {} and {} have different {what}: they do not belong in one table",
+            "the numbers of {} and {} have different {what} and cannot be compared",
             names[0], names[k]
         ))
         .next("Measure all runs with the same --cameras, --views, --frames, --size and --truth."))

@@ -11,14 +11,15 @@ use c4d_metrics::Better;
 use gs_core::{Camera, DynamicScene, Image};
 use std::fmt::Write as _;
 
-/// Widest pictures, pixels: the triples, and those of the contact sheet.
+/// Maximum width of a picture in a triple, pixels.
 const TRIPLE_WIDTH: f64 = 480.0;
+/// Maximum width of a picture on the contact sheet, pixels.
 const SHEET_WIDTH: f64 = 300.0;
-/// Times of the contact sheet.
+/// Number of times on the contact sheet.
 const SHEET_TIMES: usize = 6;
 const QUALITY: u8 = 82;
 
-/// Metrics drawn over time, and the source's value beside them.
+/// Metrics plotted over time, each with the source's metric for reference.
 const CURVES: [(&str, Option<&str>); 10] = [
     ("psnr", None),
     ("flip", None),
@@ -38,7 +39,7 @@ pub(super) struct Picture<'a> {
     pub(super) name: &'a str,
 }
 
-/// Everything that is shown.
+/// Contents of the page.
 pub(super) struct Look<'a> {
     pub(super) runs: Vec<Picture<'a>>,
     pub(super) truth: Option<&'a Opened>,
@@ -46,7 +47,7 @@ pub(super) struct Look<'a> {
     pub(super) device: &'a Device,
 }
 
-/// Where a run is worst.
+/// View and time of a run's largest error.
 struct Worst {
     view: usize,
     frame: usize,
@@ -110,7 +111,7 @@ impl Look<'_> {
         Ok(html)
     }
 
-    /// Values over time.
+    /// Plots of values over time.
     pub(super) fn curves(&self) -> String {
         let names: Vec<String> = self.runs.iter().map(|run| run.name.to_owned()).collect();
         let Some(first) = self.numbers.first() else { return String::new() };
@@ -140,7 +141,8 @@ impl Look<'_> {
         format!("{}<div class=\"plots\">{plots}</div>", Plot::legend(&names))
     }
 
-    /// Numbers, the best of each row in bold; of the cost, or of everything else.
+    /// A table of metrics with the best value of each row in bold; of the group `cost`, or of all
+    /// others.
     pub(super) fn table(&self, cost: bool) -> String {
         let mut rows = String::new();
         for group in Group::ALL.into_iter().filter(|group| (*group == Group::Cost) == cost) {
@@ -214,7 +216,7 @@ fn source(opened: &Opened) -> &dyn DynamicScene {
     opened.original.as_ref().unwrap_or(&opened.scene).as_ref()
 }
 
-/// The camera with pictures of at most this width.
+/// The camera, reduced to at most this image width.
 fn fitted(camera: &Camera, width: f64) -> Camera {
     let factor = (width / f64::from(camera.width)).min(1.0);
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a picture's side")]
@@ -222,8 +224,8 @@ fn fitted(camera: &Camera, width: f64) -> Camera {
     camera.resized(side(camera.width), side(camera.height))
 }
 
-/// Farthest from the truth; without one, where colours change along the motion by more than the
-/// source's do, else where the background changes most.
+/// The view and time farthest from the ground truth; without one, with the largest excess of the
+/// warp error over the source's, else with the largest change of the background.
 fn worst(numbers: &Numbers) -> Worst {
     let excess = || {
         let mut frames = numbers.frames("warp_error_long");
@@ -235,15 +237,12 @@ fn worst(numbers: &Numbers) -> Worst {
         frames
     };
     let candidates = [
-        (
-            numbers.frames("flip"),
-            "The difference to the truth that a viewer sees is largest here: ꟻLIP",
-        ),
+        (numbers.frames("flip"), "Largest perceived difference from the ground truth: ꟻLIP"),
         (
             excess(),
-            "Colours change along the motion since the edited frame by more than the source's, most here: excess of warp_error_long",
+            "Largest change of colours along the motion, compared with the source: excess of warp_error_long",
         ),
-        (numbers.frames("bg_changed_frac"), "The background changes most here: share"),
+        (numbers.frames("bg_changed_frac"), "Largest change of the background: share"),
     ];
     for (frames, why) in candidates {
         let mut found: Option<(f64, usize, usize)> = None;

@@ -1,4 +1,4 @@
-//! What the runs' records say: settings that differ, and warnings.
+//! Differing settings and warnings from the records of runs.
 
 use crate::report::escape;
 use crate::run_folder::{CONFIG, REFINE_REPORT, REPORT};
@@ -7,10 +7,10 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
-/// Keys that say where things were, not how the run was set.
+/// Keys that are not settings: locations and the version.
 const PLACES: [&str; 2] = ["source_from_run", "version"];
 
-/// A table of the settings in which the runs differ; a sentence if there are none.
+/// A table of the settings that differ between the runs; a sentence if there are none.
 pub(super) fn differing(runs: &[PathBuf], names: &[String]) -> String {
     let all: Vec<BTreeMap<String, String>> = runs.iter().map(|run| flat(run)).collect();
     let keys: BTreeSet<&String> = all.iter().flat_map(BTreeMap::keys).collect();
@@ -69,7 +69,7 @@ pub(super) fn warnings(runs: &[PathBuf], names: &[String]) -> String {
     if items.is_empty() { "<p>None.</p>".to_owned() } else { format!("<ul>{items}</ul>") }
 }
 
-/// What a run's reports warn of.
+/// The warnings in a run's reports.
 fn of_run(run: &Path) -> Vec<String> {
     let of = |name: &str| -> Vec<String> {
         let bytes = gs_io::read_file(run.join(name)).ok();

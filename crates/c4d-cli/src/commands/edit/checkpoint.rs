@@ -72,7 +72,7 @@ fn decode(bytes: &[u8]) -> Result<FitState, String> {
 
 fn damaged(path: &Path, what: &str) -> Failure {
     Failure::bad_input(format!("{}: {what}", path.display()))
-        .next("Leave out --resume: the fit starts anew.")
+        .next("Omit --resume to start the fit again.")
 }
 
 #[cfg(test)]

@@ -1,4 +1,4 @@
-//! `c4d edit`: make the edit here, by selections and actions, or from edited pictures.
+//! `c4d edit`: edits a frame by selections and actions, or fits it to edited pictures.
 
 mod checkpoint;
 mod operations;

@@ -89,24 +89,24 @@ fn plan(args: &EditArgs) -> Outcome<Plan> {
 fn check(args: &EditArgs, script: &Script) -> Outcome {
     if args.output.is_some() && args.output == args.preview {
         return Err(Failure::usage("-o and --preview name the same file")
-            .next("End one in .ply, the other in .png."));
+            .next("End -o in .ply and --preview in .png."));
     }
     let acts = script.steps.iter().any(|step| matches!(step, Step::Act(_)));
     let looks = args.stats || args.preview.is_some();
     match (&args.output, acts) {
         (Some(_), false) => Err(Failure::usage("there is no action: -o would be a copy of the input")
-            .next("Add an action, as --hue 120 or --delete; or leave out -o and look with --stats or --preview LOOK.png.")),
+            .next("Add an action, such as --hue 120 or --delete; or omit -o and use --stats or --preview LOOK.png.")),
         (None, true) if !looks => {
-            Err(Failure::usage("no -o: the edit would be thrown away").next("Add -o EDITED.ply."))
+            Err(Failure::usage("no -o: the edit would be discarded").next("Add -o EDITED.ply."))
         }
         (None, false) if !looks => Err(Failure::usage("nothing to do: no selection, no action")
-            .next("For example --select 'hue 200..260' --hue 120 -o EDITED.ply; --stats and --preview LOOK.png only look.")),
+            .next("For example --select 'hue 200..260' --hue 120 -o EDITED.ply; --stats and --preview LOOK.png show a selection without editing.")),
         (Some(output), true) => match output.extension().map(|e| e.to_string_lossy().to_ascii_lowercase()) {
             Some(ending) if ending != "ply" => Err(Failure::usage(format!(
                 "-o {}: the result is a 3DGS PLY, which keeps every value",
                 output.display()
             ))
-            .next("Name it .ply; c4d propagate takes it as it is.")),
+            .next("Choose a name that ends in .ply; c4d propagate reads it directly.")),
             _ => Ok(()),
         },
         _ => Ok(()),
@@ -128,15 +128,14 @@ fn edit_failure(error: &EditError) -> Failure {
         }
         EditError::UnknownAction(_) => Failure::bad_input(text).next(LANGUAGE),
         EditError::EmptySelection { .. } => Failure::usage(text).next(
-            "--stats says what each selection has, --preview LOOK.png shows it; neither needs -o.",
+            "--stats describes each selection, --preview LOOK.png shows it; neither needs -o.",
         ),
         EditError::NothingLeft(_) => {
-            Failure::usage(text).next("Select less; --stats says what a selection has.")
+            Failure::usage(text).next("Select fewer splats; --stats describes a selection.")
         }
         EditError::NotFinite { .. } => Failure::usage(text).next("Give smaller numbers."),
-        EditError::Id { .. } => Failure::bad_input(text).next(
-            "Rows are counted from 0, in the file as it is given; c4d info says how many it has.",
-        ),
+        EditError::Id { .. } => Failure::bad_input(text)
+            .next("Rows are counted from 0 in the given file; c4d info shows their number."),
         EditError::EmptyImage(_) => {
             Failure::bad_input(text).next("Give a picture with opaque pixels.")
         }
@@ -151,7 +150,7 @@ struct Edit {
     splats: Splats,
     steps: Vec<RecordedStep>,
     selections: Vec<Shown>,
-    /// Number of the last selection that each splat of the input was in.
+    /// Index of the last selection that contained each splat of the input.
     marks: Vec<Option<usize>>,
 }
 
@@ -232,7 +231,7 @@ fn report(name: &str, summary: &Summary, console: &Console) {
         format!("{} .. {} .. {}", rounded(low), rounded(middle), rounded(high))
     };
     console.result(format!(
-        "  size {}  opacity {}  (a tenth, half, nine tenths are at or below)",
+        "  size {}  opacity {}  (10th, 50th and 90th percentile)",
         range(summary.size),
         range(summary.opacity)
     ));
@@ -269,7 +268,7 @@ fn rounded(value: f64) -> String {
     }
 }
 
-/// Files that appear when they are written.
+/// Output files, created on commit.
 #[derive(Debug)]
 struct Outputs {
     frame: Option<(AtomicFile, PathBuf, RecordFile)>,

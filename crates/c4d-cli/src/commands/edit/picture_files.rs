@@ -14,7 +14,7 @@ const ENDINGS: [&str; 3] = ["png", "jpg", "jpeg"];
 /// Maximum number of names in a message.
 const SHOWN: usize = 5;
 /// Advice for pictures that do not match the cameras.
-const AS_FROZEN: &str = "Save each picture under the name and in the size that `c4d freeze --views` gave it; pictures that need no edit stay as they are.";
+const AS_FROZEN: &str = "Save each picture under the name and in the size that `c4d freeze --views` gave it; leave pictures that need no edit unchanged.";
 
 /// The pictures in `folder`, one for each camera in the cameras' order.
 pub(super) fn read_pictures(
@@ -32,14 +32,14 @@ pub(super) fn read_pictures(
                 "{}: the picture has transparent pixels",
                 path.display()
             ))
-            .next("Flatten it: what was erased needs the colour that is to be seen there."));
+            .next("Flatten it: erased areas need the colour that should be visible there."));
         }
         lossy += usize::from(!ends_in(path, "png"));
         images.push(rgb(&picture));
     }
     if lossy > 0 {
         console.note(format!(
-            "{lossy} of {} pictures are JPEG: what compression changed by more than 8/255 counts as edited; PNG is safer",
+            "{lossy} of {} pictures are JPEG: pixels that compression changed by more than 8/255 count as edited; PNG is safer",
             files.len()
         ));
     }
@@ -81,7 +81,7 @@ fn find(folder: &Path, cameras: &[Camera], what: &str) -> Outcome<Vec<PathBuf>> 
                 other.display(),
                 path.display()
             ))
-            .next("Leave the edited one in the folder."));
+            .next("Keep only the edited one in the folder."));
         }
     }
     let missing: Vec<&str> = cameras

@@ -82,7 +82,7 @@ pub(super) fn run(args: &EditArgs, folder: &Path, global: &Global, console: &Con
         let path = output.with_extension("unseen.png");
         write_image(&path, &poor.image, gs_io::Existing::Replace)?;
         console.warn(format!(
-            "{} masked pixels show splats that fewer than three pictures show; their place in space is a guess. {} has them in red, in {}",
+            "{} masked pixels show splats that are visible in fewer than three pictures, so their positions are uncertain. {} shows them in red, in {}",
             poor.pixels,
             path.display(),
             poor.view
@@ -210,7 +210,7 @@ fn fit_failure(error: &FitError, args: &EditArgs) -> Failure {
             "Check that the pictures belong to this frame and cameras; a new object in empty space needs pictures that also change what it touches.",
         ),
         FitError::State { .. } => {
-            Failure::bad_input(text).next("Leave out --resume and give -w: the fit starts anew.")
+            Failure::bad_input(text).next("Omit --resume and add -w to start the fit again.")
         }
         FitError::Size { .. } | FitError::NoPictures | FitError::Camera(_) => {
             Failure::bad_input(text)
@@ -249,14 +249,14 @@ fn say(output: &Path, fitted: &Fitted, console: &Console, secs: f64) {
     let report = &fitted.report;
     if report.edited_views == 0 {
         console.note(format!(
-            "no picture differs from the frame: {} is the frame as it was",
+            "no picture differs from the frame: {} is an unchanged copy of it",
             output.display()
         ));
         return;
     }
     if report.geometry_held {
         console.note(
-            "fewer than three pictures are edited: colours and opacities are fitted, positions stay",
+            "fewer than three pictures are edited: colours and opacities are fitted, positions are kept",
         );
     }
     console.note(format!(

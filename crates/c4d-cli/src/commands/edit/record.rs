@@ -1,4 +1,4 @@
-//! `NAME.edit.json` beside an edited frame: its steps, for `--replay`.
+//! `NAME.edit.json` next to an edited frame: its steps, for `--replay`.
 
 use super::resources::read_bytes;
 use crate::failure::{Failure, Outcome};

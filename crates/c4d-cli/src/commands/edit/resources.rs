@@ -46,7 +46,7 @@ pub(super) fn load(
         let bytes = read_bytes(&find(name)?)?;
         let ranges = parse_ids(&String::from_utf8_lossy(&bytes)).map_err(|error| {
             Failure::bad_input(format!("{name}: {error}")).next(
-                "List row numbers from 0, one a line or separated by commas; 10..20 is a range.",
+                "List row numbers from 0, one per line or separated by commas; 10..20 is a range.",
             )
         })?;
         resources.ids.insert(name.clone(), ranges);
@@ -61,14 +61,16 @@ pub(super) fn load(
             return Err(Failure::bad_input(format!(
                 "--graft {name}: expected one frame of splats, found {kind}"
             ))
-            .next("Give a frame in any format; c4d freeze SCENE -o FRAME makes one of a scene."));
+            .next(
+                "Give a frame in any format; c4d freeze SCENE -o FRAME writes one from a scene.",
+            ));
         }
         let opened = still::open(&path, None, global, console)?;
         let splats = opened.scene.at(opened.edit_time).map_err(Failure::input)?;
         let degree = input.splats.sh_degree;
         if splats.sh_degree > degree {
             console.note(format!(
-                "{name}: SH degree {} is cut to {degree}, that of the input",
+                "{name}: SH degree {} is reduced to {degree}, that of the input",
                 splats.sh_degree
             ));
         }
@@ -124,10 +126,10 @@ fn motion(input: Input<'_>, console: &Console) -> Outcome<Motion> {
     let Input { opened, time, .. } = input;
     if opened.kind.is_frame() {
         return Err(Failure::usage(format!(
-            "`moving` and `part` need a scene that moves; {} is one frame",
+            "`moving` and `part` need a dynamic scene; {} is a single frame",
             opened.path.display()
         ))
-        .next("Give the dynamic scene in place of the frame; --time chooses the frame to edit."));
+        .next("Give the dynamic scene instead of the frame; --time selects the frame to edit."));
     }
     let found = rigid_parts(opened.scene.as_ref(), time, console)?;
     Ok(Motion { moving: found.moving, parts: found.parts })
@@ -201,7 +203,7 @@ fn read_masks(folder: &Path, opened: &Opened, console: &Console) -> Outcome<Vec<
                 path.display(),
                 file.display()
             ))
-            .next(format!("Name masks as the cameras are named: {}, …", names.join(", ")))
+            .next(format!("Give masks the names of the cameras: {}, …", names.join(", ")))
         })?;
         let mask = read_mask(path)?;
         views.push((camera_of_size(camera, &mask, path)?, mask));

@@ -10,13 +10,13 @@ use gs_fit::{FitObserver, FitPreview, FitProgress, FitState};
 use gs_io::{AtomicDir, Existing, FolderUpdate};
 use std::path::{Path, PathBuf};
 
-/// Files of the folder beside the output while the fit runs.
+/// Files of the folder next to the output while the fit runs.
 const STATE: &str = "fit.state";
 const PREVIEW: &str = "preview.png";
 /// The record of files that `gs_io` keeps in folders it writes.
 const RECORD: &str = ".c4d-files";
 
-/// The folder `OUTPUT.fit`, which holds checkpoint and preview until the fit is done.
+/// The folder `OUTPUT.fit`, which contains the checkpoint and the preview until the fit ends.
 #[derive(Debug)]
 pub(super) struct WorkFolder {
     path: PathBuf,
@@ -54,11 +54,11 @@ impl WorkFolder {
         }
         if state.is_file() && !overwrite {
             return Err(Failure::usage(format!(
-                "{} holds an unfinished fit of {}",
+                "{} contains an unfinished fit of {}",
                 path.display(),
                 output.display()
             ))
-            .next("--resume goes on with it; -w begins anew."));
+            .next("--resume continues it; -w starts again."));
         }
         let existing = if overwrite { Existing::Replace } else { Existing::Refuse };
         let folder = AtomicDir::create(&path, existing).map_err(failed)?;

@@ -1,4 +1,4 @@
-//! `c4d eval --ablation`: the paper's ablations and the default, each made and measured.
+//! `c4d eval --ablation`: runs and measures the paper's ablations and the default.
 
 use super::measure::{Evaluated, Wanted, evaluate};
 use crate::args::{BaselineArg, EvalArgs, Global, MotionArg, PresetArg, RefineFlags};
@@ -23,7 +23,7 @@ use std::sync::Arc;
 struct Variant {
     /// Folder of its run.
     name: &'static str,
-    /// Head of its column.
+    /// Heading of its column.
     title: &'static str,
     preset: PresetArg,
     baseline: Option<BaselineArg>,
@@ -44,7 +44,8 @@ const NETWORK: (PresetArg, Option<BaselineArg>) = (PresetArg::Paper, Some(Baseli
 const PAPER: (PresetArg, Option<BaselineArg>) = (PresetArg::Paper, None);
 const BEST: (PresetArg, Option<BaselineArg>) = (PresetArg::Best, None);
 
-/// In the paper's order. Its "w/o both" is DeformNet-Guide, its "w/ both" the preset `paper`.
+/// Variants in the paper's order. Its "w/o both" is DeformNet-Guide, its "w/ both" is the preset
+/// `paper`.
 const VARIANTS: [Variant; 7] = [
     variant("knn", "KNN-Guide", KNN, false),
     variant("without-both", "w/o both (DeformNet-Guide)", NETWORK, false),
@@ -54,7 +55,7 @@ const VARIANTS: [Variant; 7] = [
     variant("default-motion", "default, w/o refinement", BEST, false),
     variant("default", "default", BEST, true),
 ];
-/// Of a scene without a deformation network.
+/// Variants for scenes without a deformation network.
 const WITHOUT_NETWORK: [Variant; 6] = [
     variant("without-both", "w/o both (KNN-Guide)", KNN, false),
     variant("cuar", "CUAR (KNN-Guide)", KNN, true),
@@ -64,7 +65,7 @@ const WITHOUT_NETWORK: [Variant; 6] = [
     variant("default", "default", BEST, true),
 ];
 
-/// The paper's weights, and those of its figure.
+/// Transport weights `[λ0, λ1, λ2]`: the paper's, and those of its figure.
 const LAMBDAS: [[f64; 3]; 7] = [
     [0.1, 1.0, 1.0],
     [0.05, 1.0, 1.0],
@@ -74,7 +75,7 @@ const LAMBDAS: [[f64; 3]; 7] = [
     [0.1, 1.0, 0.6],
     [0.1, 1.0, 11.0],
 ];
-/// What the sweep shows.
+/// Metrics in the table of the sweep.
 const SWEPT: [&str; 6] =
     ["ndd_edit", "ndd_excess", "isometry_excess", "drift", "jitter_ratio", "entropy_perplexity"];
 
@@ -177,7 +178,7 @@ fn make(
     Ok(())
 }
 
-/// The motion of the paper preset with other weights of transport. `run` is one of the edit.
+/// Metrics of the preset `paper` with other transport weights. `run` is a run of the edit.
 fn sweep(
     run: &Path,
     args: &EvalArgs,

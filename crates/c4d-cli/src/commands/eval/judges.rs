@@ -1,5 +1,5 @@
-//! Learned judges, which run elsewhere: `--emit` writes what they take, `--ingest` reads what they
-//! found.
+//! Learned judges, which are separate programs: `--emit` writes their input, `--ingest` reads their
+//! scores.
 
 use crate::args::{Global, JudgeArg};
 use crate::device::Device;
@@ -17,7 +17,7 @@ use std::fs::File;
 use std::io::BufWriter;
 use std::path::Path;
 
-/// What is handed to a judge.
+/// Input of a judge.
 pub(super) struct Case<'a> {
     pub(super) source: &'a dyn DynamicScene,
     pub(super) scene: &'a dyn DynamicScene,
@@ -26,8 +26,8 @@ pub(super) struct Case<'a> {
     pub(super) prompt: &'a str,
 }
 
-/// Writes pictures and `jobs.jsonl` into `folder`: for EditScore pairs of frames, for VE-Bench two
-/// clips a view, as folders of numbered PNGs, which lose nothing.
+/// Writes pictures and `jobs.jsonl` into `folder`: pairs of frames for EditScore, two clips per
+/// view for VE-Bench, as folders of numbered, lossless PNGs.
 pub(super) fn emit(
     judge: JudgeArg,
     folder: &Path,
@@ -80,7 +80,7 @@ fn job(id: &str, file: &str, prompt: &str) -> Value {
     json!({ "id": id, "src": format!("src/{file}"), "dst": format!("dst/{file}"), "prompt": prompt })
 }
 
-/// A view's name as a folder.
+/// A view's name as a folder name.
 fn file_name(camera: &Camera) -> String {
     let safe = |c: char| if c.is_ascii_alphanumeric() || "-_.".contains(c) { c } else { '_' };
     camera.name.chars().map(safe).collect()

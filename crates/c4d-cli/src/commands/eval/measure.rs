@@ -1,4 +1,4 @@
-//! Measuring one run.
+//! Measures one run.
 
 use crate::args::{EvalArgs, Global, MeasureFlags};
 use crate::console::Console;
@@ -16,11 +16,11 @@ use gs_io::SceneKind;
 use serde_json::{Map, Value, json};
 use std::path::Path;
 
-/// Memory of a view from frame to frame, bytes a pixel: pictures of two scenes at two times, flows,
-/// and sums over time.
+/// Memory per view, bytes per pixel: pictures of two scenes at two times, flows, and sums over
+/// time.
 const BYTES_PER_PIXEL: u64 = 192;
 
-/// As the views are looked for.
+/// The flags about views and times.
 pub(super) fn view_flags(flags: &MeasureFlags) -> ViewFlags<'_> {
     ViewFlags {
         cameras: flags.cameras.as_deref(),
@@ -33,24 +33,24 @@ pub(super) fn view_flags(flags: &MeasureFlags) -> ViewFlags<'_> {
     }
 }
 
-/// What was measured.
+/// Results of a measurement.
 pub(crate) struct Evaluated {
-    /// As it is stored.
+    /// The contents of `metrics.json`.
     pub(crate) document: Value,
     pub(crate) items: Vec<Item>,
 }
 
-/// What to measure.
+/// Metrics to measure, and their inputs.
 pub(crate) struct Wanted<'a> {
     /// Ids of metrics.
     ids: Vec<&'static str>,
-    /// For neural metrics.
+    /// Networks of the neural metrics.
     networks: Networks,
     prompts: Prompts<'a>,
 }
 
 impl<'a> Wanted<'a> {
-    /// The requested metrics; by default the core set, with weights all.
+    /// The requested metrics; by default the core set, or all if weights are given.
     pub(super) fn of(args: &'a EvalArgs, console: &Console) -> Outcome<Self> {
         let all = ["all".to_owned()];
         let list = match &args.weights {
@@ -66,14 +66,14 @@ impl<'a> Wanted<'a> {
         Ok(Self { ids: evaluation::chosen(list)?, networks, prompts })
     }
 
-    /// The core set.
+    /// The core metrics.
     pub(crate) fn core() -> Outcome<Self> {
         let (networks, prompts) = (Networks::default(), Prompts::default());
         Ok(Self { ids: evaluation::chosen(&[])?, networks, prompts })
     }
 }
 
-/// Measures what is `wanted` of `run`; of its views only the `share`.
+/// Measures the `wanted` metrics of `run`, on all views or on those in `share`.
 pub(crate) fn evaluate(
     run: &Path,
     args: &MeasureFlags,
@@ -90,7 +90,7 @@ pub(crate) fn evaluate(
     };
     if files.is_none() && args.truth.is_none() {
         console.note(format!(
-            "{} is not a run: there is no edit to measure, and without --truth nothing to compare with",
+            "{} is not a run: it has no edit to measure, and no --truth is given",
             run.display()
         ));
     }
@@ -118,7 +118,7 @@ pub(crate) fn evaluate(
     };
     let subject = Subject::new(opened.scene.as_ref(), edited, opened.edit_time)?;
     let background = args.background.unwrap_or(opened.background);
-    // The first part measures what does not depend on the views.
+    // The first part measures the metrics that do not depend on views.
     let is_first = share.is_none_or(|share| share.part == 1);
     let is_wanted = |group: Group| {
         (is_first || group.is_of_views())
@@ -194,7 +194,7 @@ pub(crate) fn evaluate(
     Ok(Evaluated { document, items })
 }
 
-/// Everything that the numbers depend on; `files` are fingerprints.
+/// Everything on which the metrics depend; `files` are fingerprints.
 fn work(header: &Header<'_>, wanted: &Wanted<'_>, files: [(&str, Value); 2]) -> Map<String, Value> {
     let mut all = document(header, &[]);
     let facts = [
@@ -211,7 +211,7 @@ fn work(header: &Header<'_>, wanted: &Wanted<'_>, files: [(&str, Value); 2]) -> 
     facts.into_iter().chain(files).map(|(name, value)| (name.to_owned(), value)).collect()
 }
 
-/// What to compare with.
+/// Ground truth.
 enum Known {
     Scene(Box<Opened>),
     Photos(Photos),
@@ -243,7 +243,7 @@ fn truth(path: &Path, at: &Viewpoints, global: &Global, console: &Console) -> Ou
     }
     let source = Global { iteration: None, set: Vec::new(), ..global.clone() };
     let opened = still::open(path, None, &source, console)?;
-    // One frame is the truth of all times.
+    // A single frame is the ground truth at all times.
     if !opened.kind.is_frame() {
         for &t in &at.times {
             frames::check(opened.scene.time_range(), t, "--truth: time")?;
@@ -252,7 +252,7 @@ fn truth(path: &Path, at: &Viewpoints, global: &Global, console: &Console) -> Ou
     Ok(Known::Scene(Box::new(opened)))
 }
 
-/// A report of a run; nothing if it is not there or not JSON.
+/// A report of a run; `Null` if it is missing or not JSON.
 fn read_json(path: &Path) -> Value {
     let bytes = gs_io::read_file(path).ok();
     bytes.and_then(|bytes| serde_json::from_slice(&bytes).ok()).unwrap_or(Value::Null)

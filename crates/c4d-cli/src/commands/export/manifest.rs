@@ -1,6 +1,6 @@
-//! `NAME.manifest.json` beside an exported sequence: metadata that the format cannot store.
+//! `NAME.manifest.json` next to an exported sequence: metadata that the format cannot store.
 //!
-//! It is beside the sequence and not in it, because players recognise a folder or archive as a
+//! It is next to the sequence, not in it, because players recognise a folder or archive as a
 //! sequence only if it contains no other files.
 
 use crate::failure::{Failure, Outcome};
@@ -23,7 +23,7 @@ pub(super) struct Content<'a> {
     pub(super) up: [f64; 3],
 }
 
-/// A manifest that appears only when it is written.
+/// A manifest, created on commit.
 #[derive(Debug)]
 pub(super) struct Manifest {
     file: AtomicFile,
@@ -72,7 +72,7 @@ pub(super) fn create(output: &Path, existing: Existing) -> Outcome<Manifest> {
 }
 
 impl Manifest {
-    /// Writes it.
+    /// Writes the manifest.
     pub(super) fn write(mut self, content: &Content<'_>) -> Outcome {
         let text = json!({
             "kind": KIND,

@@ -39,7 +39,7 @@ pub(super) fn join(
     }
     files.sort_by(|a, b| a.1.cmp(b.1));
     if let Some(pair) = files.windows(2).find(|pair| pair[0].1 == pair[1].1) {
-        return Err(broken(&pair[1].0, "another part has this image, too"));
+        return Err(broken(&pair[1].0, "another part also contains this image"));
     }
     let format = format_of(output)?;
     features::check_format(format)?;
@@ -49,7 +49,7 @@ pub(super) fn join(
     let is_frame = |name: &str| name.starts_with(FRAMES) && name.ends_with(".png");
     if !files.iter().all(|(_, name)| is_frame(name)) {
         return Err(Failure::usage(format!(
-            "{}: not images of one view in colour, of which a {} is made",
+            "{}: not colour images of one view, which a {} requires",
             first.display(),
             if format == Format::Sheet { "sheet" } else { "video" }
         ))

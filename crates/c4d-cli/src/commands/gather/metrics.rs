@@ -1,4 +1,4 @@
-//! Joins the numbers of `c4d eval --part`.
+//! Joins the metrics of `c4d eval --part`.
 
 use super::Part;
 use crate::args::Global;
@@ -41,7 +41,7 @@ pub(super) fn join(
     let mut views = Vec::new();
     let mut of_parts = Vec::new();
     for (path, record, document) in parts {
-        let refused = || broken(path, "its views or items are not those of its part");
+        let refused = || broken(path, "its views or items do not match its part");
         let own = document["views"].as_array().ok_or_else(refused)?;
         if own.len() != record.range(cameras).len() {
             return Err(refused());

@@ -50,7 +50,7 @@ pub(super) fn read(
     }
     if frame.precision.is_some() {
         console.note(format!(
-            "{} ({}) rounds its values: splats that agree with the scene within that get the scene's own values back",
+            "{} ({}) stores rounded values: splats that match the scene within the rounding get the scene's exact values",
             path.display(),
             frame.format
         ));
@@ -62,7 +62,7 @@ pub(super) fn read(
             if global.strict {
                 "Without --strict such rows are dropped and counted."
             } else {
-                "Export the edited frame again; c4d info FILE says what is in it."
+                "Export the edited frame again; c4d info FILE shows its contents."
             },
         )
     })?;
@@ -82,7 +82,7 @@ pub(super) fn read(
     let (splats, precision) = (frame.splats, frame.precision);
     if splats.is_empty() {
         return Err(Failure::bad_input(format!("{}: no usable splats", path.display()))
-            .next("Export the edited frame again; c4d info FILE says what is in it."));
+            .next("Export the edited frame again; c4d info FILE shows its contents."));
     }
     if splats.sh_degree == sh_degree {
         return Ok((splats, precision));

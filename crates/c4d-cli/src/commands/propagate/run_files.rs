@@ -13,7 +13,7 @@ use clap::ValueEnum;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-/// Paths to note in the run, where they differ from those read.
+/// Paths to record in the run, if they differ from those read.
 pub(crate) struct Recorded {
     pub(crate) scene: PathBuf,
     pub(crate) edited: PathBuf,
@@ -28,7 +28,7 @@ pub(super) struct Finished<'a> {
     pub(super) options: &'a MotionOptions,
     pub(super) follow: FollowArg,
     pub(super) propagation: &'a Propagation,
-    /// Time of the motion stage.
+    /// Duration of the motion stage, seconds.
     pub(super) seconds: f64,
 }
 
@@ -42,7 +42,7 @@ impl Finished<'_> {
         let Self { propagation, seconds, .. } = *self;
         let config = self.config()?;
         let binding = propagation.scene.binding().as_ref().clone();
-        // Values that only the file format changed are restored.
+        // Restores values that were changed only by the file format.
         let edited = propagation.scene.edited().as_ref().clone();
         let stored = Stored { edited, binding, refined: None };
         write(SCENE, &stored.serialize()?)?;
@@ -52,7 +52,9 @@ impl Finished<'_> {
         let start = Instant::now();
         match run_report(&self.page(&config)) {
             Ok(html) => write(REPORT_PAGE, html.as_bytes())?,
-            Err(failure) => console.warn(format!("{REPORT_PAGE} is not written: {}", failure.what)),
+            Err(failure) => {
+                console.warn(format!("{REPORT_PAGE} was not written: {}", failure.what))
+            }
         }
         console.detail(format!("  {REPORT_PAGE}: {:.3} s", start.elapsed().as_secs_f64()));
         Ok(())

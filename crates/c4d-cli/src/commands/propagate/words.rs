@@ -1,4 +1,4 @@
-//! What a propagation did, in words and as JSON.
+//! Report of a propagation, as text and as JSON.
 
 use crate::args::MotionArg;
 use crate::console::Console;
@@ -7,7 +7,7 @@ use crate::settings::PropagateJob;
 use amg::{MotionReport, Propagation};
 use serde_json::{Value, json};
 
-/// Warns if an edit cannot move, or does not match the frame that it should be an edit of.
+/// Warns if an edit cannot move, or does not match the frame of which it should be an edit.
 pub(super) fn warn_if_still(args: &PropagateJob, propagation: &Propagation, console: &Console) {
     let report = &propagation.report;
     let estimated = report.blended + report.field_rows;
@@ -30,14 +30,14 @@ pub(super) fn warn_if_still(args: &PropagateJob, propagation: &Propagation, cons
     }
 }
 
-/// Prints what the motion stage did.
+/// Prints a summary of the motion stage.
 pub(super) fn report(report: &MotionReport, motion: MotionArg, seconds: f64, console: &Console) {
     for warning in &report.warnings {
         console.warn(warning);
     }
     if motion == MotionArg::AmgAll {
-        // Nothing was compared, so the counts of kept splats have no meaning.
-        console.note("the motion of every edited splat is estimated anew (--motion amg-all)");
+        // Nothing was compared, so the counts of kept splats are meaningless.
+        console.note("the motion of every edited splat is estimated (--motion amg-all)");
     } else {
         console.note(format!(
             "{} unchanged (exact), {} recoloured (exact motion), {} edited or new; {} source splats removed",
@@ -45,20 +45,21 @@ pub(super) fn report(report: &MotionReport, motion: MotionArg, seconds: f64, con
         ));
     }
     for (count, what) in &report.moved_groups {
-        console.note(format!("{count} splats moved as one: {what}; they keep their own motion"));
+        console
+            .note(format!("{count} splats moved as a group: {what}; they keep their own motion"));
     }
     if report.beside_copies > 0 {
-        console.note(format!("{} edited splats beside a copy follow it", report.beside_copies));
+        console.note(format!("{} edited splats next to a copy follow it", report.beside_copies));
     }
     console.note(format!(
-        "motion of {} edited splats from {} moving source splats in {seconds:.2} s; {} stay put",
+        "motion of {} edited splats from {} moving source splats in {seconds:.2} s; {} stay in place",
         report.blended + report.field_rows,
         report.num_dynamic,
         report.static_rows
     ));
     if let Some(descent) = &report.descent {
         console.note(format!(
-            "the edit frame shows {} of {} splats that are ever visible; {} of the others are matched to these",
+            "the edited frame shows {} of {} splats that are ever visible; {} of the others are matched to these",
             descent.shown, descent.visible, descent.descended
         ));
         console.note(format!(

@@ -17,8 +17,8 @@ use serde_json::json;
 use std::fs::File;
 use std::path::{Path, PathBuf};
 
-/// Writes the `share` of the images of the refinement that `begun` describes into a folder. The run
-/// is not changed.
+/// Renders the images in `share` for the refinement `begun` and writes them to a folder. The run is
+/// not changed.
 pub(super) fn write(
     (run, output): (&PathBuf, &Path),
     share: Share,
@@ -80,7 +80,7 @@ pub(super) fn write(
     Ok(())
 }
 
-/// Writes images as they are made. The first write that fails ends the work.
+/// Writes images as they are rendered. The first failed write ends the work.
 struct Keep<'a> {
     folder: &'a Path,
     made_from: MadeFrom,

@@ -1,4 +1,4 @@
-//! [`Task`]: a run with everything that its refinement depends on.
+//! [`Task`]: a run with all inputs of its refinement.
 
 use crate::args::{Global, PresetArg, RefineFlags, Up, WarpArg};
 use crate::camera_rig::CameraRig;
@@ -17,23 +17,24 @@ use std::path::Path;
 
 /// Size of the rig's images, pixels.
 pub(crate) const RIG_SIZE: (u32, u32) = (640, 480);
-/// Times that images are drawn from.
+/// Number of times from which images are drawn.
 pub(super) const FRAMES: usize = 30;
-/// Most cameras of a data set used: each is drawn at the edited time and at others.
+/// Maximum number of cameras of a data set; each is drawn at the edited time and at others.
 const MAX_CAMERAS: usize = 64;
-/// Memory for images where none is asked for, MiB.
+/// Default memory for images, MiB.
 pub(super) const USUAL_MEMORY: usize = 2048;
-/// Least memory for images, MiB: a few small ones.
+/// Minimum memory for images, MiB: enough for a few small ones.
 pub(super) const MIN_MEMORY: usize = 16;
-/// One camera in this many is held out: the refinement does not see it, the report has its error.
+/// One in this many cameras is held out: the refinement does not use it, and the report contains
+/// its error.
 const HELD_OUT_EVERY: usize = 5;
 
-/// A run with everything that its refinement depends on.
+/// A run with all inputs of its refinement.
 pub(super) struct Task {
     pub(super) run: Run,
-    /// The edited splats.
+    /// Whether each splat was edited.
     pub(super) edited: Vec<bool>,
-    /// Row of each splat in the source.
+    /// Source row of each splat, if it is a source splat.
     source_rows: Vec<Option<u32>>,
     /// The run without refined colours.
     pub(super) scene: EditedScene,
@@ -46,7 +47,7 @@ pub(super) struct Task {
 }
 
 impl Task {
-    /// `None` if nothing was edited.
+    /// Opens a run; `None` if nothing was edited.
     pub(super) fn open(
         folder: &Path,
         preset: PresetArg,
@@ -107,7 +108,7 @@ impl Task {
     }
 }
 
-/// Preset, configuration and flags together; what depends on the run is still to be filled in.
+/// Preset, configuration and flags combined. Options that depend on the run are not set yet.
 pub(super) fn chosen(
     flags: &RefineFlags,
     preset: PresetArg,
@@ -148,8 +149,8 @@ fn options(
     Ok(options)
 }
 
-/// Memory for images, bytes: what was asked for, else [`USUAL_MEMORY`], or half of what is free if
-/// that is less.
+/// Memory for images, bytes: as requested, else the smaller of [`USUAL_MEMORY`] and half of the
+/// available memory.
 fn image_memory(flags: &RefineFlags) -> usize {
     let mib = flags.memory.unwrap_or_else(|| {
         let half = memory::free().map_or(USUAL_MEMORY as u64, |free| free / 2 / memory::MIB);
@@ -158,19 +159,19 @@ fn image_memory(flags: &RefineFlags) -> usize {
     mib.saturating_mul(1 << 20)
 }
 
-/// The cameras given, else a rig.
+/// The given cameras, else a rig.
 fn cameras(flags: &RefineFlags, loaded: &Run, console: &Console) -> Outcome<(Vec<Camera>, String)> {
     let source = &loaded.source;
     if let Some(path) = &flags.refine_cameras {
         let set = crate::cameras::open(path, None, source, console)?;
-        // Held-out views stay out, and every camera sees every time: the scene itself is the ground
-        // truth.
+        // Held-out views are not used. Every camera is used at every time, because the images are
+        // renders of the scene itself.
         let train = gs_io::cameras::stations(set.split(Split::Train));
         let cameras = if train.is_empty() { set.stations() } else { train };
         let count = cameras.len();
         let mut cameras = crate::cameras::thinned(cameras, MAX_CAMERAS);
         if count > cameras.len() {
-            console.note(format!("{} of {count} cameras are used, evenly", cameras.len()));
+            console.note(format!("{} of {count} cameras are used, evenly spaced", cameras.len()));
         }
         if let Some((width, height)) = flags.refine_size {
             cameras = cameras.iter().map(|camera| camera.resized(width, height)).collect();

@@ -21,7 +21,7 @@ pub(super) struct Watch<'a> {
     pub(super) flags: &'a RefineFlags,
     pub(super) console: &'a Console,
     pub(super) made_from: MadeFrom,
-    /// Images kept for a later `--resume`.
+    /// Images stored for a later `--resume`.
     pub(super) images: Option<KeptImages>,
     pub(super) progress: Option<(&'static str, StageProgress)>,
     pub(super) failure: Option<Failure>,
@@ -76,7 +76,7 @@ impl Observer for Watch<'_> {
         match KeptImages::open(self.update, &self.made_from) {
             Ok(images) => {
                 if images.len() > 0 {
-                    self.console.note(format!("{} images are there already", images.len()));
+                    self.console.note(format!("{} images already exist", images.len()));
                 }
                 self.images = Some(images);
             }
@@ -95,7 +95,7 @@ impl Observer for Watch<'_> {
         {
             images.clear();
             self.images = None;
-            self.console.note(format!("images are not kept for --resume: {error}"));
+            self.console.note(format!("images are not stored for --resume: {error}"));
         }
     }
 

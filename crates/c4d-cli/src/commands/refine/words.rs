@@ -1,4 +1,4 @@
-//! What a refinement did, in words and as JSON.
+//! Report of a refinement, as text and as JSON.
 
 use crate::console::Console;
 use cuar::{RefineOptions, RefineReport, RepairCounts};
@@ -6,11 +6,11 @@ use gs_core::Camera;
 use serde_json::{Value, json};
 use std::collections::BTreeSet;
 
-/// What can be done where no colour changes.
+/// Advice if no colour changed.
 pub(super) const OTHER_VIEWS: &str = "; other views are given with --refine-cameras, more times with --refine-frames, and --preset paper has no \
      threshold";
 
-/// One sentence: what was repaired, what was left as it was, and why.
+/// One sentence: what was repaired, what was not, and why.
 pub(super) fn summary(report: &RefineReport, options: &RefineOptions, changed: usize) -> String {
     let RepairCounts { hidden, recoloured, meaningless, faded, undecided, reaches_hidden } =
         report.repair;
@@ -69,7 +69,7 @@ fn share(part: u64, whole: u64) -> f64 {
     100.0 * part as f64 / whole.max(1) as f64
 }
 
-/// Says how far the images determine what changed.
+/// Reports how well the images determine the changed colours.
 pub(super) fn refinement(report: &RefineReport, cameras: &[Camera], console: &Console) {
     for warning in &report.warnings {
         console.warn(warning);

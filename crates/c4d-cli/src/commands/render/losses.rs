@@ -1,4 +1,4 @@
-//! What the formats of a render lose.
+//! Losses of the formats of a render.
 
 use crate::animated_image::GIF_MAX_FPS;
 use crate::args::{Format, Pass, RenderArgs};

@@ -1,4 +1,4 @@
-//! [`Shot`]: what is rendered, from where, when.
+//! [`Shot`]: scene, views and times of a render.
 
 use super::views::Views;
 use crate::args::Pass;
@@ -127,14 +127,14 @@ impl Shot<'_> {
         Ok(())
     }
 
-    /// Numbers of the images to render: those of all views of the first frame first.
+    /// Indices of the images to render: frames in order, all views of a frame together.
     pub(super) fn images(&self) -> Range<usize> {
         let count = self.times.len() * self.views.of_frame(0).len();
         self.share.map_or(0..count, |share| share.range(count))
     }
 }
 
-/// The overlays of those passes that show one.
+/// The overlays of the passes that show one.
 pub(crate) fn layers(
     passes: &[Pass],
     opened: &Opened,

@@ -1,10 +1,10 @@
-//! Opens an address in the user's browser.
+//! Opens a URL in the user's browser.
 
 use std::io::IsTerminal;
 use std::process::{Command, Stdio};
 
-/// Opens `address`, if a user sits at this machine; a browser that does not start is no error, as
-/// the address is printed too.
+/// Opens `address`, unless the session is remote. Failure to start a browser is not an error,
+/// because the address is also printed.
 pub(super) fn open(address: &str) {
     if !std::io::stdout().is_terminal() || is_remote() {
         return;
@@ -26,7 +26,7 @@ pub(super) fn open(address: &str) {
         .spawn();
 }
 
-/// Whether the terminal belongs to another machine.
+/// Whether the terminal session is remote.
 pub(super) fn is_remote() -> bool {
     std::env::var_os("SSH_CONNECTION").is_some()
 }

@@ -1,4 +1,4 @@
-//! What a splat is, where its motion comes from and why, in words.
+//! Description of a splat: its class, the source of its motion, and the reason.
 
 use crate::console::Console;
 use crate::failure::{Failure, Outcome};
@@ -8,7 +8,7 @@ use amg::{Binding, RigidParts, RowKind};
 use gs_core::{DynamicScene, Splats, sh};
 use serde::Serialize;
 
-/// Sources of a blend that are listed.
+/// Maximum number of listed sources of a blend.
 const LISTED: usize = 4;
 
 /// Facts about one splat.
@@ -18,14 +18,14 @@ pub(super) struct Description {
     pub(super) facts: Vec<(&'static str, String)>,
 }
 
-/// What descriptions of a scene's splats are made of, at the edited frame.
+/// Data for the descriptions of a scene's splats, at the edited frame.
 #[derive(Debug)]
 pub(super) struct Descriptions {
     /// The scene before the edit; the scene itself if it is not a run.
     source: Side,
     edited: Option<Edited>,
     parts: RigidParts,
-    /// How the run's motion was found: the fact `method` of the run.
+    /// Motion method: the fact `method` of the run.
     method: Option<String>,
 }
 
@@ -50,7 +50,7 @@ impl Side {
         Ok(Self { splats, displacement: displacement(scene, time)? })
     }
 
-    /// What any splat has.
+    /// Facts that apply to every splat.
     fn facts(&self, row: usize) -> Vec<(&'static str, String)> {
         let splats = &self.splats;
         let size = splats.log_scales[row].iter().fold(f32::NEG_INFINITY, |a, &b| a.max(b)).exp();
@@ -59,7 +59,7 @@ impl Side {
             .map(|dc| (255.0 * (0.5 + sh::C0 * dc).clamp(0.0, 1.0)).round() as u8);
         let [x, y, z] = splats.means[row];
         vec![
-            ("Place at the edited frame", format!("{x:.3}, {y:.3}, {z:.3}")),
+            ("Position at the edited frame", format!("{x:.3}, {y:.3}, {z:.3}")),
             ("Size", format!("{size:.4} units")),
             ("Opacity", format!("{:.2}", splats.opacity(row))),
             ("Base colour", format!("#{r:02x}{g:02x}{b:02x}")),
@@ -94,8 +94,8 @@ impl Descriptions {
         Ok(Self { source, edited, parts, method: method.map(|fact| fact.1.clone()) })
     }
 
-    /// The description of a splat of the scene, or with `before` of the scene before the edit;
-    /// `None` if there is no such row.
+    /// Description of a splat of the scene, or of the scene before the edit if `before` is set;
+    /// `None` if the row does not exist.
     pub(super) fn describe(&self, before: bool, row: usize) -> Option<Description> {
         match &self.edited {
             Some(edited) if !before => self.of_edited(edited, row),
@@ -141,7 +141,7 @@ impl Descriptions {
         Some(Description { title: format!("Splat {row} of the edit"), facts })
     }
 
-    /// Where the motion of an edited splat comes from, and why.
+    /// Source of the motion of an edited splat, and the reason.
     fn motion(&self, edited: &Edited, row: usize, kind: RowKind) -> (String, String) {
         let (ids, weights) = edited.binding.row(row);
         let first = ids.first().copied().unwrap_or_default();
@@ -152,7 +152,7 @@ impl Descriptions {
             ),
             RowKind::Recoloured => (
                 format!("that of source splat {first}, exactly"),
-                format!("its place, rotation and size equal those of source splat {first}"),
+                format!("its position, rotation and size equal those of source splat {first}"),
             ),
             RowKind::Moved | RowKind::Copied => {
                 let group = edited.binding.group_of().get(row).map_or(0, |group| *group as usize);
@@ -163,7 +163,7 @@ impl Descriptions {
                 if kind == RowKind::Copied {
                     return (
                         format!("that of the surface of source splat {first}, {change}"),
-                        "the edit copied it together with others, and not the splats that replace it"
+                        "the edit copied it together with others, but not the splats that replace it"
                             .to_owned(),
                     );
                 }
@@ -195,11 +195,11 @@ impl Descriptions {
                 )
             }
             RowKind::Static => (
-                "none: it stays where the edit put it".to_owned(),
-                "what surrounds it stands still, or no source splat is within reach".to_owned(),
+                "none: it stays where the edit placed it".to_owned(),
+                "its surroundings are static, or no source splat is within reach".to_owned(),
             ),
             RowKind::Field => (
-                "the scene's deformation network at its place".to_owned(),
+                "the scene's deformation network at its position".to_owned(),
                 "the baseline `deformnet` was chosen".to_owned(),
             ),
             RowKind::Descendant => (

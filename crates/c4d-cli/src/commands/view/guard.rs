@@ -1,25 +1,25 @@
-//! Which requests are answered: those of the page itself.
+//! Access control: only requests of the page itself are answered.
 //!
 //! The server listens on 127.0.0.1, but any page in the browser can send requests there, and other
-//! users of the machine can connect. The address holds a secret token; the host must be this
-//! machine, so that no foreign name that resolves to 127.0.0.1 (DNS rebinding) is answered; an
-//! origin, which browsers add to requests of pages, must be the page's own.
+//! users of the machine can connect. Therefore the URL contains a secret token; the host must be
+//! this machine, which rejects foreign names that resolve to 127.0.0.1 (DNS rebinding); and the
+//! `Origin` header, if present, must be the page's own.
 
 use super::http::{Request, Response};
 use crate::failure::{Failure, Outcome};
 use std::fmt::Write as _;
 
-/// Bytes of a token.
+/// Length of a token, bytes.
 const TOKEN_BYTES: usize = 16;
-/// Names of this machine. The port is not compared: a forwarded one differs.
+/// Names of this machine. The port is not compared, because forwarding may change it.
 const HOSTS: [&str; 3] = ["127.0.0.1", "localhost", "[::1]"];
 
-/// The secret part of the page's address.
+/// The secret part of the page's URL.
 #[derive(Debug, Clone)]
 pub(super) struct Token(String);
 
 impl Token {
-    /// A new one, from the random numbers of the operating system.
+    /// A new token from the operating system's random numbers.
     pub(super) fn random() -> Outcome<Self> {
         let mut bytes = [0; TOKEN_BYTES];
         getrandom::fill(&mut bytes)
@@ -35,14 +35,14 @@ impl Token {
         &self.0
     }
 
-    /// Compares all bytes, so that the time taken does not depend on the first difference.
+    /// Compares in constant time.
     fn is(&self, given: &str) -> bool {
         let differences = self.0.bytes().zip(given.bytes()).fold(0, |sum, (a, b)| sum | (a ^ b));
         given.len() == self.0.len() && differences == 0
     }
 }
 
-/// The path of the request below the token's folder.
+/// The path of the request after the token.
 pub(super) fn admit<'a>(request: &'a Request, token: &Token) -> Result<&'a str, Response> {
     let Some(host) = &request.host else {
         return Err(Response::refusal(400, "the request names no host"));

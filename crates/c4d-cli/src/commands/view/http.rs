@@ -1,35 +1,37 @@
-//! Requests and responses of HTTP/1.1, one per connection.
+//! HTTP/1.1 requests and responses, one per connection.
 
 use std::io::{ErrorKind, Read, Write};
 use std::net::{Shutdown, TcpStream};
 use std::time::{Duration, Instant};
 
-/// Largest head of a request, bytes.
+/// Maximum size of a request head, bytes.
 const MAX_HEAD: usize = 16 * 1024;
-/// Largest body of a request, bytes: a selection of many spheres takes a few kilobytes.
+/// Maximum size of a request body, bytes; a selection of many spheres takes a few kilobytes.
 const MAX_BODY: usize = 64 * 1024;
-/// Most headers of a request.
+/// Maximum number of headers.
 const MAX_HEADERS: usize = 64;
-/// Bytes of a refused request that are dropped, and the time for it, before the connection closes.
+/// Maximum number of bytes of a refused request that are read and dropped before the connection
+/// closes.
 const MAX_DROPPED: usize = 1024 * 1024;
+/// Time limit for reading and dropping them.
 const LINGER: Duration = Duration::from_millis(500);
-/// Time within which a request must be complete.
+/// Timeout for a complete request.
 const PATIENCE: Duration = Duration::from_secs(10);
 
-/// A request, complete.
+/// A complete request.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct Request {
     pub(super) method: String,
-    /// Before `?`.
+    /// Part of the target before `?`.
     pub(super) path: String,
-    /// After `?`, or empty.
+    /// Part of the target after `?`, or empty.
     pub(super) query: String,
     pub(super) host: Option<String>,
     pub(super) origin: Option<String>,
     pub(super) body: Vec<u8>,
 }
 
-/// An answer.
+/// A response.
 #[derive(Debug)]
 pub(super) struct Response {
     pub(super) status: u16,
@@ -51,13 +53,13 @@ impl Response {
         Self { status: 200, content_type: "application/json", body }
     }
 
-    /// A refusal with its reason.
+    /// An error response with its reason.
     pub(super) fn refusal(status: u16, reason: impl std::fmt::Display) -> Self {
         let body = reason.to_string().into_bytes();
         Self { status, content_type: "text/plain; charset=utf-8", body }
     }
 
-    /// Writes the response. Nothing may be kept, framed or read by other sites.
+    /// Writes the response, with headers that forbid caching, framing and access by other sites.
     pub(super) fn write(&self, stream: &mut TcpStream) -> std::io::Result<()> {
         let reason = match self.status {
             200 => "OK",
@@ -83,8 +85,8 @@ impl Response {
     }
 }
 
-/// Ends a connection after its response. What the other side still sends is read and dropped for a
-/// while: a connection closed with unread bytes is reset, and the response may be lost.
+/// Closes a connection after its response. Remaining input is read and dropped for a limited time,
+/// because closing a connection with unread bytes resets it, and the response may be lost.
 pub(super) fn close(mut stream: TcpStream) {
     if stream.shutdown(Shutdown::Write).is_err() || stream.set_read_timeout(Some(LINGER)).is_err() {
         return;
@@ -106,8 +108,8 @@ struct Head {
     length: usize,
 }
 
-/// Reads one request; refuses those that are malformed, too large or too slow. `None` if the
-/// connection was closed before it began.
+/// Reads one request; malformed, too large and too slow ones are refused. `None` if the connection
+/// was closed before the request began.
 pub(super) fn read(stream: &mut TcpStream) -> Result<Option<Request>, Response> {
     let deadline = Instant::now() + PATIENCE;
     let mut received = Vec::new();
@@ -136,7 +138,7 @@ pub(super) fn read(stream: &mut TcpStream) -> Result<Option<Request>, Response> 
     Ok(Some(request))
 }
 
-/// Reads more bytes; returns how many.
+/// Reads more bytes; returns their number.
 fn fill(
     stream: &mut TcpStream,
     received: &mut Vec<u8>,
@@ -208,7 +210,7 @@ fn parse(received: &[u8]) -> Result<Option<(usize, Head)>, Response> {
 }
 
 impl Request {
-    /// A value of the query.
+    /// Value of a query parameter.
     pub(super) fn value(&self, name: &str) -> Option<&str> {
         self.query.split('&').find_map(|pair| pair.strip_prefix(name)?.strip_prefix('='))
     }

@@ -8,21 +8,21 @@ use serde::Deserialize;
 use std::path::PathBuf;
 use std::sync::{Mutex, PoisonError};
 
-/// A file of cameras, written anew with each camera that is added.
+/// A file of cameras, rewritten with each added camera.
 #[derive(Debug)]
 pub(super) struct SavedCameras {
     file: PathBuf,
-    /// Treatment of a file that was there before.
+    /// Treatment of a file that existed before.
     existing: Existing,
     cameras: Mutex<Vec<Camera>>,
 }
 
-/// The view of the page.
+/// The page's current view.
 #[derive(Debug, Deserialize)]
 struct View {
     /// World to camera, rows x right, y down, z forward.
     rows: [[f64; 4]; 3],
-    /// Pixels.
+    /// Focal lengths, pixels.
     focal: [f64; 2],
     size: [u32; 2],
     near: f64,
@@ -33,7 +33,7 @@ impl SavedCameras {
         Self { file, existing, cameras: Mutex::new(Vec::new()) }
     }
 
-    /// Adds a view, JSON of the page; returns its name and the file.
+    /// Adds a view, as JSON from the page; returns its name and the file.
     pub(super) fn add(&self, view: &[u8]) -> Result<(String, PathBuf), String> {
         let view: View = serde_json::from_slice(view).map_err(|error| error.to_string())?;
         let [width, height] = view.size;

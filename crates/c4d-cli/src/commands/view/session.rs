@@ -1,4 +1,4 @@
-//! [`Session`]: answers to the requests of the page.
+//! [`Session`]: responses to the requests of the page.
 
 use super::http::{Request, Response};
 use super::saved_cameras::SavedCameras;
@@ -10,7 +10,7 @@ use serde_json::json;
 use std::path::Path;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-/// What is served. Shared by the threads of all connections.
+/// Served scenes and files, shared by the threads of all connections.
 #[derive(Debug)]
 pub(super) struct Session<'a> {
     pub(super) page: String,
@@ -19,13 +19,13 @@ pub(super) struct Session<'a> {
     pub(super) console: &'a Console,
 }
 
-/// The scenes as they are now.
+/// The current scenes.
 #[derive(Debug)]
 pub(super) struct Shown {
     pub(super) scenes: Vec<Arc<ShownScene>>,
-    /// Grows with each reload.
+    /// Version of each scene; incremented by each reload.
     pub(super) versions: Vec<u64>,
-    /// Why the newest state of a scene could not be read.
+    /// Error of the last reload, if it failed.
     pub(super) problem: Option<String>,
 }
 
@@ -39,11 +39,11 @@ struct Drawn {
 impl Session<'_> {
     /// The current scenes.
     pub(super) fn shown(&self) -> MutexGuard<'_, Shown> {
-        // A panic elsewhere leaves complete scenes behind.
+        // Scenes are replaced as a whole, so they are complete even after a panic.
         self.shown.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// The answer to an admitted request; `path` is relative to the page's folder.
+    /// The response to an admitted request; `path` is relative to the page's folder.
     pub(super) fn answer(&self, request: &Request, path: &str) -> Response {
         let reads = request.method == "GET";
         match path.split_once('/').unwrap_or((path, "")) {
@@ -69,7 +69,7 @@ impl Session<'_> {
         }
     }
 
-    /// The scene with this number in the page, and whether it is the one before the edit.
+    /// The scene with this number in the page, and whether its state before the edit is meant.
     fn scene(&self, number: usize) -> Option<(Arc<ShownScene>, bool)> {
         let shown = self.shown();
         let mut sides = shown.scenes.iter().flat_map(|scene| {
@@ -113,7 +113,8 @@ impl Session<'_> {
             Ok(drawn) => drawn,
             Err(error) => return Response::refusal(400, error),
         };
-        // It is printed in the terminal: only what the language contains.
+        // The expression is printed in the terminal, so it may contain only characters of the
+        // selection language.
         let expression = drawn.expression.as_str();
         let printable = expression.bytes().all(|byte| (b' '..=b'~').contains(&byte));
         let quoteless = !expression.contains('\'');
@@ -136,7 +137,7 @@ impl Session<'_> {
     }
 }
 
-/// A path as a word of a shell's command line.
+/// A path, quoted for the shell.
 fn quoted(path: &Path) -> String {
     let text = path.display().to_string();
     let plain = |byte: u8| byte.is_ascii_alphanumeric() || b"/._-+=:,@%".contains(&byte);

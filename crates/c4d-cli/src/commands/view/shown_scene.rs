@@ -18,7 +18,7 @@ use std::path::{Path, PathBuf};
 #[derive(Debug)]
 pub(super) struct ShownScene {
     pub(super) opened: Opened,
-    /// Whether the scene before the edit is shown too.
+    /// Whether the scene before the edit is also shown.
     pub(super) has_before: bool,
     pub(super) times: Vec<f32>,
     pub(super) encoded: Encoded,
@@ -79,7 +79,7 @@ impl ShownScene {
     }
 }
 
-/// The overlays of a scene: those of the flag that apply, else all but uncertainty.
+/// The overlays of a scene: the requested ones that apply, else all except uncertainty.
 fn kinds(args: &ViewArgs, opened: &Opened) -> Vec<OverlayArg> {
     let applies = |kind: &OverlayArg| {
         if kind.needs_run() { opened.binding.is_some() } else { !opened.kind.is_frame() }

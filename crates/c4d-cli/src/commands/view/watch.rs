@@ -10,15 +10,15 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::{Duration, SystemTime};
 
-/// Time between two looks at the files.
+/// Interval between checks of the files.
 const INTERVAL: Duration = Duration::from_millis(500);
 
-/// A file, its size and time of change; `None` if it is not there.
+/// A file with its size and modification time; `None` if it does not exist.
 pub(super) type Entry = (PathBuf, Option<(u64, SystemTime)>);
-/// The files that a scene is read from.
+/// State of the files of a scene.
 type Stamp = Vec<Entry>;
 
-/// The stamp of the scene at `path`, read from `files`.
+/// Current state of the files of the scene at `path`.
 pub(super) fn stamp(path: &Path, files: &[PathBuf]) -> Stamp {
     let of_run = [SCENE, CONFIG, REFINE_REPORT].map(|name| path.join(name));
     let all = files.iter().cloned().chain(of_run).chain([path.to_owned()]);
@@ -41,8 +41,8 @@ pub(super) fn wait_for(path: &Path, console: &Console) {
     }
 }
 
-/// Reloads scenes whenever their files have changed and then rest for an interval. `seen` are the
-/// stamps at the time of loading. Does not return.
+/// Reloads scenes after their files changed and then stayed unchanged for an interval. `seen` are
+/// the stamps at the time of loading. Does not return.
 pub(super) fn follow(
     session: &Session<'_>,
     mut seen: Vec<Stamp>,
@@ -66,7 +66,7 @@ pub(super) fn follow(
             let new = still::open(scene.path(), None, global, console)
                 .and_then(|opened| ShownScene::encode(opened, frames, args, global, console));
             match new {
-                // The page has as many scenes as at its start.
+                // The number of scenes in the page is fixed.
                 Ok(new) if new.has_before == scene.has_before => {
                     console.note(format!("reloaded {}", scene.path().display()));
                     let mut shown = session.shown();
@@ -76,7 +76,7 @@ pub(super) fn follow(
                 }
                 Ok(_) => {
                     let what = format!(
-                        "{} is another kind of scene now: start c4d view again",
+                        "{} is now a different kind of scene: restart c4d view",
                         scene.path().display()
                     );
                     console.warn(&what);

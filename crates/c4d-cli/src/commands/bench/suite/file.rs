@@ -40,7 +40,7 @@ pub(super) struct SceneEntry {
 pub(super) struct EditEntry {
     pub(super) name: String,
     pub(super) edited: PathBuf,
-    /// The edited scene as it should be, or photographs.
+    /// Ground truth: the correct edited scene, or photographs.
     pub(super) truth: Option<PathBuf>,
     /// Flags of `c4d propagate` for this edit.
     #[serde(default)]
@@ -95,7 +95,7 @@ impl Suite {
     }
 }
 
-/// Names are names of folders, each once.
+/// Checks that names are unique and valid folder names.
 fn unique<'a>(names: impl Iterator<Item = &'a str>, what: &str) -> Result<(), String> {
     let mut known = BTreeSet::new();
     for name in names {

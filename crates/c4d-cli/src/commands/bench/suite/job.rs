@@ -13,7 +13,7 @@ use serde_json::{Value, json};
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 
-/// Files of a completed job: its run, its numbers, and what it was made from.
+/// Names of the run, the metrics and the record of inputs in the folder of a completed job.
 const RUN: &str = "run";
 const METRICS: &str = "metrics.json";
 const JOB: &str = "job.json";
@@ -27,7 +27,7 @@ pub(super) struct Job<'a> {
     folder: PathBuf,
 }
 
-/// A job with its numbers.
+/// A job with its metrics.
 pub(super) struct Measured {
     pub(super) scene: String,
     pub(super) edit: String,
@@ -36,7 +36,7 @@ pub(super) struct Measured {
 }
 
 impl Measured {
-    /// The values, by id.
+    /// The values, by metric id.
     pub(super) fn json(&self) -> Value {
         let values =
             self.items.iter().map(|item| (item.definition.id.to_owned(), json!(item.value)));
@@ -50,7 +50,7 @@ impl Measured {
 }
 
 impl<'a> Job<'a> {
-    /// Every job, and a check of all flags before the first starts.
+    /// All jobs; checks all flags before the first one starts.
     pub(super) fn all(suite: &'a Suite, output: &Path) -> Outcome<Vec<Self>> {
         let mut jobs = Vec::new();
         for scene in &suite.scenes {
@@ -93,7 +93,7 @@ impl<'a> Job<'a> {
         fixed.into_iter().chain(flags).chain(truth).chain(output).collect()
     }
 
-    /// Everything that the result depends on.
+    /// Everything on which the result depends.
     fn record(&self) -> Outcome<Value> {
         let words = |words: Vec<OsString>| -> Vec<String> {
             words.iter().map(|word| word.to_string_lossy().into_owned()).collect()
@@ -109,7 +109,7 @@ impl<'a> Job<'a> {
         }))
     }
 
-    /// The numbers of an earlier call; `None` if the job must run.
+    /// The metrics from an earlier call; `None` if the job must run.
     pub(super) fn completed(&self, global: &Global) -> Outcome<Option<Measured>> {
         if !self.folder.exists() {
             return Ok(None);
@@ -158,7 +158,7 @@ impl<'a> Job<'a> {
         Ok(measured)
     }
 
-    /// The numbers of a completed job.
+    /// The metrics of a completed job.
     fn measured(&self, folder: &Path) -> Option<Measured> {
         let document = read_json(&folder.join(METRICS))?;
         let views = document["views"].as_array()?.len();

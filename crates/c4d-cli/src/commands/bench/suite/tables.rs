@@ -1,4 +1,4 @@
-//! The numbers of a suite as Markdown and CSV.
+//! Results of a suite as Markdown and CSV.
 
 use super::file::Suite;
 use super::job::Measured;
@@ -14,7 +14,8 @@ pub(super) fn is_table(text: &str) -> bool {
     text.starts_with(TITLE) || text.starts_with(HEAD)
 }
 
-/// A table of methods for each edit, and one of means over all edits that every method completed.
+/// A table of methods for each edit, and a table of means over the edits that every method
+/// completed.
 pub(super) fn markdown(suite: &Suite, measured: &[Measured]) -> String {
     let shown = suite.shown();
     let of = |scene: &str, edit: &str, method: &str| {
@@ -65,7 +66,7 @@ pub(super) fn markdown(suite: &Suite, measured: &[Measured]) -> String {
     text
 }
 
-/// Mean of each metric over edits; none where an edit has no value.
+/// Mean of each metric over edits; missing if an edit has no value.
 fn means(shown: &[&str], edits: &[&Vec<Item>]) -> Vec<Item> {
     let mean = |id: &str| {
         let values = edits.iter().map(|items| {
@@ -79,7 +80,7 @@ fn means(shown: &[&str], edits: &[&Vec<Item>]) -> Vec<Item> {
     shown.iter().map(|id| mean(id)).collect()
 }
 
-/// A row for each number.
+/// CSV with one row per value.
 pub(super) fn csv(suite: &Suite, measured: &[Measured]) -> String {
     let shown = suite.shown();
     let mut text = format!("{HEAD}\n");

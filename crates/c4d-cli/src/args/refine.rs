@@ -92,7 +92,7 @@ pub(crate) struct RefineArgs {
     #[arg(long, value_name = "K/N", value_parser = Share::parse, requires = "output", conflicts_with = "resume")]
     pub(crate) part: Option<Share>,
     /// Folder of --part
-    #[arg(short, long, value_name = "FILE", requires = "part")]
+    #[arg(short, long, value_name = "FOLDER", requires = "part")]
     pub(crate) output: Option<PathBuf>,
     #[command(flatten)]
     pub(crate) common: OutputFlags,

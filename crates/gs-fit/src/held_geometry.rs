@@ -2,8 +2,8 @@
 //! pictures.
 //!
 //! A fit that moves every selected splat also moves those that only needed a new colour, and these
-//! lose the exact motion of the splat that they were. Colours have to converge before what remains
-//! can tell where geometry is wrong, so they are solved in closed form first.
+//! lose the exact motion that the source has for them. Residuals show where geometry is wrong only
+//! after colours have converged, so these are solved in closed form first.
 
 use crate::FitError;
 use crate::fit::Run;
@@ -15,8 +15,8 @@ use gs_core::{Rasterizer, Splats, sh};
 const EXPLAINED: f32 = 3.0 / 255.0;
 /// Held geometry is released where they differ by more than this later on.
 const RELEASED: f32 = 6.0 / 255.0;
-/// Geometry is also held where most of what a splat shows looks as before: it lies beside the edit,
-/// or, like an arm in front of recoloured clothes, before it.
+/// Geometry is also held where most of what a splat shows looks as before: it lies beside the edit or
+/// in front of it, for example an arm in front of recoloured clothes.
 const AS_BEFORE: f32 = 10.0 / 255.0;
 const SAME_SHARE: f32 = 0.5;
 
@@ -110,8 +110,8 @@ fn difference(a: &[f32], b: &[f32]) -> f32 {
     a.iter().zip(b).fold(0.0, |most: f32, (a, b)| most.max((a.clamp(0.0, 1.0) - b).abs()))
 }
 
-/// `splats` with changed base colours (`[N,3]`). Changed colours stay between 0 and 1, as the pictures' do, or
-/// between their old values and these bounds.
+/// `splats` with changed base colours (`[N,3]`). Changed colours stay between 0 and 1, as those of
+/// the pictures, or do not leave these bounds further than before.
 fn with_changes(splats: &Splats, changes: &[f32]) -> Splats {
     let mut changed = splats.clone();
     let coeffs = splats.sh_coeffs();

@@ -50,8 +50,8 @@ impl Optimizer {
         ]
     }
 
-    /// One step of the selected rows. `rates.means` is in
-    /// world units here. Without `geometry`, colour and opacity only.
+    /// One step of the selected rows. `rates.means` is in world units here. Without `geometry`, colour
+    /// and opacity only.
     pub(crate) fn step(
         &mut self,
         splats: &mut Splats,

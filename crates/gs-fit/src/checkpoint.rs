@@ -51,6 +51,7 @@ pub(crate) fn save(
         ("selected".to_owned(), selected),
         ("chosen".to_owned(), working.chosen.iter().map(|&on| u32::from(on)).collect()),
         ("fading".to_owned(), working.fading.iter().map(|&on| u32::from(on)).collect()),
+        ("held".to_owned(), working.held.iter().map(|&on| u32::from(on)).collect()),
         ("visits".to_owned(), working.visits.clone()),
         ("rects".to_owned(), views.iter().flat_map(rect_values).collect()),
     ];
@@ -119,6 +120,7 @@ pub(crate) fn restore(
     }
     working.chosen = chosen.iter().map(|&on| on != 0).collect();
     working.fading = counts("fading")?.iter().map(|&on| on != 0).collect();
+    working.held = counts("held")?.iter().map(|&on| on != 0).collect();
     working.gradient = find(&state.arrays, "gradient")?.to_vec();
     if working.gradient.len() != n || working.largest.len() != n {
         return Err(damaged("arrays of different lengths"));

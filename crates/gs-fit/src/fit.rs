@@ -2,6 +2,7 @@
 
 use crate::alignment::{Aligning, Alignment, hold_common, needed};
 use crate::loss::{PictureLoss, Rect, Target};
+use crate::optimizer::RowFlags;
 use crate::report::{self, FitReport};
 use crate::state::{FitObserver, FitPreview, FitProgress, FitState};
 use crate::subset::Subset;
@@ -39,6 +40,8 @@ const DECIDES_AFTER: usize = 2;
 /// Unedited pictures have no weight within this distance of the selection, as a share of the longer
 /// image side.
 const UNSURE_BAND: f32 = 0.03;
+/// Share of the rate of the harmonics that is lost over the fit, linearly.
+const SH_DECAY: f32 = 0.9;
 /// Selected splats may move by this many pixels before the pixels that they reach are found again.
 const REACH_MARGIN: usize = 8;
 
@@ -126,6 +129,7 @@ pub fn fit<R: Rasterizer + Sync>(
             report.carved = run.carve_first(observer)?;
         }
         run.reach();
+        run.hold_explained()?;
     }
     run.descend(step, fingerprint, observer)?;
     // Removes splats that are too faint to be drawn at any pixel.
@@ -171,7 +175,7 @@ fn weigh_unedited<R: Rasterizer>(
 /// A running fit.
 pub(crate) struct Run<'a, R: Rasterizer> {
     pub raster: &'a R,
-    options: &'a FitOptions,
+    pub options: &'a FitOptions,
     pub working: Working,
     pub views: Vec<View>,
     /// Views whose pictures were edited.
@@ -338,11 +342,17 @@ impl<R: Rasterizer + Sync> Run<'_, R> {
         let done = step as f64 / self.options.steps as f64;
         #[expect(clippy::cast_possible_truncation, reason = "a factor")]
         let decay = 0.1_f64.powf(done) as f32;
+        let sh_decay = 1.0 - SH_DECAY * (step as f32 / self.options.steps as f32);
         let options = self.options;
         let working = &mut self.working;
-        let rates = FitRates { means: rates.means * working.size * decay, ..*rates };
-        let Working { splats, optimizer, selected, fading, .. } = working;
-        optimizer.step(splats, grads, &rates, options.geometry, selected, fading);
+        let rates = FitRates {
+            means: rates.means * working.size * decay,
+            sh: rates.sh * sh_decay,
+            ..*rates
+        };
+        let Working { splats, optimizer, selected, fading, held, .. } = working;
+        let flags = RowFlags { selected, fading, held };
+        optimizer.step(splats, grads, &rates, options.geometry, flags);
         working.limit_scales();
     }
 
@@ -393,7 +403,7 @@ impl<R: Rasterizer + Sync> Run<'_, R> {
         }
         self.select_more()?;
         self.reach();
-        Ok(())
+        self.release()
     }
 
     /// Selects splats that are now mainly visible in the masks.

@@ -3,6 +3,17 @@
 use crate::{Adam, FitRates};
 use gs_core::{RenderGrads, Splats};
 
+/// Which parameters of each row are fitted.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct RowFlags<'a> {
+    /// Any.
+    pub selected: &'a [bool],
+    /// Of these, opacity only.
+    pub fading: &'a [bool],
+    /// Of these, colour and opacity only.
+    pub held: &'a [bool],
+}
+
 /// One Adam per array of [`Splats`]; rows that are not selected keep their values and moments.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Optimizer {
@@ -39,17 +50,17 @@ impl Optimizer {
         ]
     }
 
-    /// One step of the selected rows; for `fading` rows, of the opacity only. `rates.means` is in
-    /// world units here. Without `geometry`, only colour and opacity change.
+    /// One step of the selected rows. `rates.means` is in world units here. Without `geometry`, only
+    /// colour and opacity change.
     pub(crate) fn step(
         &mut self,
         splats: &mut Splats,
         grads: &RenderGrads,
         rates: &FitRates,
         geometry: bool,
-        selected: &[bool],
-        fading: &[bool],
+        flags: RowFlags,
     ) {
+        let RowFlags { selected, fading, held } = flags;
         let skip = |row: usize| !selected[row] || fading[row];
         let coeffs = splats.sh_coeffs();
         let mut sh_rates = vec![rates.sh / 20.0; 3 * coeffs];
@@ -64,6 +75,7 @@ impl Optimizer {
             let skip_opacity = |row: usize| !selected[row];
             self.opacity_logits.step(opacity_logits, &grads.v_opacity_logits, &rate, skip_opacity);
             if geometry {
+                let skip = |row: usize| skip(row) || held[row];
                 let (means, v_means) = (means.as_flattened_mut(), grads.v_means.as_flattened());
                 self.means.step(means, v_means, &[rates.means; 3], skip);
                 let (quats, v_quats) = (quats.as_flattened_mut(), grads.v_quats.as_flattened());

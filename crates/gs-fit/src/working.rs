@@ -40,6 +40,9 @@ pub(crate) struct Working {
     /// Whether some pictures show the background of the splat. At first only its opacity is fitted,
     /// so that it fades instead of taking the colour of the background.
     pub fading: Vec<bool>,
+    /// Whether colours alone explain the pictures of the splat: means, quaternions and scales keep
+    /// their bits.
+    pub held: Vec<bool>,
     /// Sum of gradient norms of the projected centre since the last densification.
     pub gradient: Vec<f32>,
     /// Number of steps since then in which the splat was visible.
@@ -66,6 +69,7 @@ impl Working {
             source: (0..n).map(|i| u32::try_from(i).unwrap_or(NEW)).collect(),
             chosen: selected.clone(),
             fading: vec![false; n],
+            held: vec![false; n],
             gradient: vec![0.0; n],
             visits: vec![0; n],
             optimizer: Optimizer::new(start),
@@ -84,7 +88,7 @@ impl Working {
     pub(crate) fn limit_scales(&mut self) {
         let huge = (HUGE * self.size).ln();
         for (i, log_scales) in self.splats.log_scales.iter_mut().enumerate() {
-            if self.selected[i] {
+            if self.selected[i] && !self.held[i] {
                 let most = huge.max(self.largest[i]);
                 *log_scales = log_scales.map(|log_scale| log_scale.min(most));
             }
@@ -123,6 +127,7 @@ impl Working {
         self.source = ids.iter().map(|&i| self.source[i]).collect();
         self.selected = ids.iter().map(|&i| self.selected[i]).collect();
         self.fading = ids.iter().map(|&i| self.fading[i]).collect();
+        self.held = ids.iter().map(|&i| self.held[i]).collect();
         self.gradient = ids.iter().map(|&i| self.gradient[i]).collect();
         self.visits = ids.iter().map(|&i| self.visits[i]).collect();
     }
@@ -131,8 +136,11 @@ impl Working {
     /// gradients; the new rows come last. Returns the number of new rows.
     pub(crate) fn densify(&mut self, seed: u64) -> usize {
         let mean = |i: usize| self.gradient[i] / self.visits[i].max(1) as f32;
-        let mut pulled: Vec<usize> =
-            self.rows().into_iter().filter(|&i| mean(i) > GRADIENT && !self.fading[i]).collect();
+        let mut pulled: Vec<usize> = self
+            .rows()
+            .into_iter()
+            .filter(|&i| mean(i) > GRADIENT && !self.fading[i] && !self.held[i])
+            .collect();
         pulled.sort_by(|&a, &b| mean(b).total_cmp(&mean(a)).then(a.cmp(&b)));
         #[expect(
             clippy::cast_possible_truncation,
@@ -174,6 +182,7 @@ impl Working {
         self.source.push(NEW);
         self.selected.push(true);
         self.fading.push(false);
+        self.held.push(false);
         self.gradient.push(0.0);
         self.visits.push(0);
         self.optimizer.append(1, self.splats.sh_coeffs());

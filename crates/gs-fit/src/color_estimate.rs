@@ -1,0 +1,166 @@
+//! Least-squares colours for fixed geometry.
+//!
+//! A pixel is linear in the colours of its splats: `C(p) = Σ_i w_i(p) c_i`. The changes `d` of the
+//! base colours that explain the pictures solve `(Σ_v AᵀWA + λ) d = Σ_v AᵀW r`, `A` the blending
+//! weights of a view, `W` the weights of its pixels, `r` picture minus render. Solved by conjugate
+//! gradients; a product with the matrix is one forward and one backward pass over the views.
+
+use crate::FitError;
+use crate::fit::Run;
+use crate::view::View;
+use gs_core::{RasterError, Rasterizer, RenderOutput, RenderParams, Splats, UpstreamGrads};
+
+/// Damping λ, pixels: the colour of a splat that makes up less than this of all pictures stays near
+/// its start.
+const DAMPING: f32 = 0.05;
+/// Conjugate gradients: most iterations, and the decrease of the residual at which they end.
+const ITERATIONS: usize = 20;
+const CONVERGED: f64 = 1e-3;
+
+/// One view of the system: its splats, and what the pixels depend on.
+struct Equation<'a, P> {
+    view: &'a View,
+    splats: Splats,
+    prepared: P,
+}
+
+impl<P> Equation<'_, P> {
+    /// Weight of a pixel: 0 outside the rectangle, which the selection does not change.
+    fn weight(&self, pixel: usize) -> f32 {
+        let View { width, rect, weights, .. } = self.view;
+        if !rect.contains(pixel % width, pixel / width) {
+            return 0.0;
+        }
+        weights.get(pixel).copied().unwrap_or(1.0)
+    }
+
+    /// `Aᵀ planes`, added to `sums` (`[N,3]`).
+    fn lift<R: Rasterizer<Prepared = P>>(
+        &mut self,
+        raster: &R,
+        planes: Vec<f32>,
+        sums: &mut [f32],
+    ) -> Result<(), RasterError> {
+        let params = RenderParams { rgb: false, depth: false, ..RenderParams::default() };
+        let upstream = UpstreamGrads { v_features: planes, ..UpstreamGrads::default() };
+        let features = vec![0.0; 3 * self.splats.len()];
+        let grads = raster.backward_colors(
+            &mut self.prepared,
+            &self.splats,
+            &features,
+            &params,
+            &upstream,
+        )?;
+        for (&row, sum) in self.view.rows.iter().zip(grads.v_features.as_chunks::<3>().0) {
+            for (k, sum) in sum.iter().enumerate() {
+                sums[3 * row as usize + k] += sum;
+            }
+        }
+        Ok(())
+    }
+
+    /// `A d`, `[H,W,3]`.
+    fn blend<R: Rasterizer<Prepared = P>>(
+        &mut self,
+        raster: &R,
+        colors: &[f32],
+        output: &mut RenderOutput,
+    ) -> Result<(), RasterError> {
+        let params = RenderParams { rgb: false, depth: false, ..RenderParams::default() };
+        let features: Vec<f32> = self
+            .view
+            .rows
+            .iter()
+            .flat_map(|&row| colors[3 * row as usize..3 * row as usize + 3].iter().copied())
+            .collect();
+        raster.forward_into(&mut self.prepared, &self.splats, &features, &params, output)
+    }
+}
+
+fn dot(a: &[f32], b: &[f32]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| f64::from(*a) * f64::from(*b)).sum()
+}
+
+impl<R: Rasterizer + Sync> Run<'_, R> {
+    /// Changes of the base colours of the selected splats that explain the edited pictures with the
+    /// current geometry, `[N,3]`; 0 for fading and unselected ones.
+    pub(crate) fn color_changes(&self) -> Result<Vec<f32>, FitError> {
+        let (raster, params) = (self.raster, self.params());
+        let working = &self.working;
+        let n = working.splats.len();
+        let is_free = |i: usize| working.selected[i] && !working.fading[i];
+        let mask = |values: &mut [f32]| {
+            for (k, value) in values.iter_mut().enumerate() {
+                if !is_free(k / 3) {
+                    *value = 0.0;
+                }
+            }
+        };
+        let mut equations = Vec::with_capacity(self.edited.len());
+        let (mut residual, mut scale) = (vec![0.0_f32; 3 * n], vec![0.0_f32; 3 * n]);
+        let zeros = vec![0.0_f32; 3 * n];
+        let mut output = RenderOutput::default();
+        for &v in &self.edited {
+            let view = &self.views[v];
+            let rows: Vec<usize> = view.rows.iter().map(|&row| row as usize).collect();
+            let splats = working.splats.select(&rows);
+            let mut prepared = raster.prepare(&splats, &view.camera)?;
+            raster.forward_into(&mut prepared, &splats, &[], &params, &mut output)?;
+            let rgb = std::mem::take(&mut output.rgb);
+            let mut equation = Equation { view, splats, prepared };
+            equation.blend(raster, &zeros, &mut output)?;
+            let weight = |k: usize| equation.weight(k / 3);
+            let planes = (0..rgb.len()).map(|k| weight(k) * (view.target[k] - rgb[k])).collect();
+            let ones = (0..rgb.len()).map(weight).collect();
+            equation.lift(raster, planes, &mut residual)?;
+            equation.lift(raster, ones, &mut scale)?;
+            equations.push(equation);
+        }
+        mask(&mut residual);
+        let precondition = |values: &[f32]| -> Vec<f32> {
+            values.iter().zip(&scale).map(|(value, scale)| value / (scale + DAMPING)).collect()
+        };
+        let mut found = vec![0.0_f32; 3 * n];
+        let mut step = precondition(&residual);
+        let mut size = dot(&residual, &step);
+        let enough = CONVERGED * CONVERGED * size;
+        for _ in 0..ITERATIONS {
+            if size <= enough {
+                break;
+            }
+            let mut product = vec![0.0_f32; 3 * n];
+            for equation in &mut equations {
+                equation.blend(raster, &step, &mut output)?;
+                let planes: Vec<f32> = output
+                    .features
+                    .iter()
+                    .enumerate()
+                    .map(|(k, value)| equation.weight(k / 3) * value)
+                    .collect();
+                equation.lift(raster, planes, &mut product)?;
+            }
+            for (product, step) in product.iter_mut().zip(&step) {
+                *product += DAMPING * step;
+            }
+            mask(&mut product);
+            #[expect(clippy::cast_possible_truncation, reason = "a factor of colours")]
+            let length = (size / dot(&step, &product)) as f32;
+            if !length.is_finite() {
+                break;
+            }
+            for k in 0..3 * n {
+                found[k] += length * step[k];
+                residual[k] -= length * product[k];
+            }
+            let next = precondition(&residual);
+            let new_size = dot(&residual, &next);
+            #[expect(clippy::cast_possible_truncation, reason = "a factor of colours")]
+            let ratio = (new_size / size) as f32;
+            for (step, next) in step.iter_mut().zip(next) {
+                *step = next + ratio * *step;
+            }
+            size = new_size;
+        }
+        Ok(found)
+    }
+}

@@ -1,0 +1,128 @@
+//! Decides which selected splats keep their geometry: those where colours alone explain the
+//! pictures.
+//!
+//! A fit that moves every selected splat also moves those that only needed a new colour, and these
+//! lose the exact motion that the source has for them. Residuals show where geometry is wrong only
+//! after colours have converged, so these are solved in closed form first.
+
+use crate::FitError;
+use crate::fit::Run;
+use crate::votes::{LEAST_SEEN, lift};
+use gs_core::{Rasterizer, Splats, sh};
+
+/// Geometry is held where pictures and render differ by less than this, 0 to 1: about the rounding
+/// of 8-bit pictures and what the least squares leave. Colours on wrong geometry leave more.
+const EXPLAINED: f32 = 3.0 / 255.0;
+/// Held geometry is released where they differ by more than this later on.
+const RELEASED: f32 = 6.0 / 255.0;
+/// Geometry is also held where most of what a splat shows looks as before: it lies beside the edit or
+/// in front of it, for example an arm in front of recoloured clothes.
+const AS_BEFORE: f32 = 10.0 / 255.0;
+const SAME_SHARE: f32 = 0.5;
+
+/// What the edited pictures show of a splat, means over its visible pixels.
+#[derive(Debug, Clone, Copy, Default)]
+struct Shown {
+    /// Visible pixels of all pictures.
+    pixels: f32,
+    /// Difference between pictures and render, largest channel, 0 to 1.
+    left: f32,
+    /// Share that differs from the scene before the edit by less than [`AS_BEFORE`].
+    same: f32,
+}
+
+impl Shown {
+    fn is_same(self) -> bool {
+        self.same > SAME_SHARE
+    }
+}
+
+impl<R: Rasterizer + Sync> Run<'_, R> {
+    /// Solves colours with the geometry of the start, and holds the geometry of the splats where
+    /// they explain the pictures; these get their colours. The others keep the colours of the start:
+    /// solved colours would paint deleted objects in the colour of their background.
+    pub(crate) fn hold_explained(&mut self) -> Result<(), FitError> {
+        let changes = self.color_changes()?;
+        let solved = with_changes(&self.working.splats, &changes);
+        let shown = self.shown(&solved)?;
+        let working = &mut self.working;
+        let coeffs = solved.sh_coeffs();
+        for (i, shown) in shown.into_iter().enumerate() {
+            let is_free = working.selected[i] && !working.fading[i];
+            let is_explained = !self.options.geometry || shown.left < EXPLAINED;
+            working.held[i] = is_free && (is_explained || shown.is_same());
+            if is_free && is_explained {
+                working.splats.sh[i * coeffs] = solved.sh[i * coeffs];
+            }
+        }
+        Ok(())
+    }
+
+    /// Releases held splats where pictures and render differ.
+    pub(crate) fn release(&mut self) -> Result<(), FitError> {
+        if !self.options.geometry || !self.working.held.contains(&true) {
+            return Ok(());
+        }
+        let shown = self.shown(&self.working.splats)?;
+        for (held, shown) in self.working.held.iter_mut().zip(shown) {
+            *held &= shown.left < RELEASED || shown.is_same();
+        }
+        Ok(())
+    }
+
+    /// Compares the edited pictures with a render of `splats`; one value per splat.
+    fn shown(&self, splats: &Splats) -> Result<Vec<Shown>, FitError> {
+        let (raster, params) = (self.raster, self.params());
+        let mut shown = vec![Shown::default(); splats.len()];
+        for &v in &self.edited {
+            let view = &self.views[v];
+            let rows: Vec<usize> = view.rows.iter().map(|&row| row as usize).collect();
+            let splats = splats.select(&rows);
+            let mut prepared = raster.prepare(&splats, &view.camera)?;
+            let rgb = raster.forward(&mut prepared, &splats, &[], &params)?.rgb;
+            let pixels = rgb.chunks_exact(3).zip(view.target.chunks_exact(3)).enumerate();
+            let planes = pixels.flat_map(|(p, (ours, picture))| {
+                if !view.rect.contains(p % view.width, p / view.width) {
+                    return [0.0; 3];
+                }
+                let before = &view.original[3 * p..3 * p + 3];
+                let is_same = difference(before, picture) < AS_BEFORE;
+                [1.0, difference(ours, picture), f32::from(u8::from(is_same))]
+            });
+            let lifted = lift(raster, &splats, &view.camera, planes.collect(), 3)?;
+            for (&row, sum) in rows.iter().zip(lifted.as_chunks::<3>().0) {
+                shown[row].pixels += sum[0];
+                shown[row].left += sum[1];
+                shown[row].same += sum[2];
+            }
+        }
+        for shown in &mut shown {
+            let total = shown.pixels.max(LEAST_SEEN);
+            shown.left /= total;
+            shown.same /= total;
+        }
+        Ok(shown)
+    }
+}
+
+/// Largest difference of a channel.
+fn difference(a: &[f32], b: &[f32]) -> f32 {
+    a.iter().zip(b).fold(0.0, |most: f32, (a, b)| most.max((a.clamp(0.0, 1.0) - b).abs()))
+}
+
+/// `splats` with changed base colours (`[N,3]`). Changed colours stay between 0 and 1, as those of
+/// the pictures, or do not leave these bounds further than before.
+fn with_changes(splats: &Splats, changes: &[f32]) -> Splats {
+    let mut changed = splats.clone();
+    let coeffs = splats.sh_coeffs();
+    for (i, change) in changes.as_chunks::<3>().0.iter().enumerate() {
+        for (dc, change) in changed.sh[i * coeffs].iter_mut().zip(change) {
+            if *change != 0.0 {
+                let old = 0.5 + sh::C0 * *dc;
+                let new = (old + change).clamp(old.min(0.0), old.max(1.0));
+                *dc = (new - 0.5) / sh::C0;
+            }
+        }
+    }
+    changed
+}

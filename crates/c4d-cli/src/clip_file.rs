@@ -7,6 +7,7 @@ use crate::animated_image::WebpWriter;
 use crate::animated_image::{AnimatedImage, GifWriter};
 use crate::args::Format;
 use crate::failure::{Failure, Outcome};
+use crate::features::missing;
 use crate::output::output_failure;
 #[cfg(feature = "mp4")]
 use crate::video::VideoWriter;
@@ -23,6 +24,18 @@ const SHEET_WIDTH: usize = 2400;
 /// Receives frames.
 pub(crate) type Push<'a> = &'a mut dyn FnMut(&Image) -> Outcome;
 
+/// Refuses a format whose writer this build lacks.
+pub(crate) fn check_format(format: Format) -> Outcome {
+    match format {
+        Format::Mp4 if cfg!(not(feature = "mp4")) => Err(missing("mp4", "--format gif needs none")),
+        Format::Webp if cfg!(not(feature = "webp")) => {
+            Err(missing("webp", "--format gif needs none"))
+        }
+        Format::Exr if cfg!(not(feature = "exr")) => Err(missing("exr", "--format npy needs none")),
+        _ => Ok(()),
+    }
+}
+
 /// Whether files of the format have a frame rate.
 pub(crate) fn plays(format: Format) -> bool {
     matches!(format, Format::Mp4 | Format::Webp | Format::Gif)
@@ -30,7 +43,7 @@ pub(crate) fn plays(format: Format) -> bool {
 
 /// Writes the frames that `feed` pushes, `[height, width, 3]` each, as an MP4, WebP or GIF.
 ///
-/// In a build without the video encoder an MP4 is refused ([`crate::features::check_format`]).
+/// In a build without the video encoder an MP4 is refused ([`check_format`]).
 pub(crate) fn write(
     to: (&Path, Existing),
     format: Format,

@@ -68,6 +68,7 @@ pub fn refine_edit<R: Rasterizer<Prepared: Send> + Sync>(
 ///
 /// # Errors
 /// As [`refine_edit`].
+#[expect(clippy::too_many_arguments, reason = "those of `refine_edit`, and a share")]
 pub fn make_images<R: Rasterizer<Prepared: Send> + Sync>(
     raster: &R,
     scene: &dyn DynamicScene,

@@ -177,7 +177,7 @@ const REFUSED: [Case; 22] = [
     ("no means", |meta| drop(meta.as_object_mut().unwrap().remove("means")), "means"),
     ("two numbers", |meta| meta["means"]["mins"] = json!([0, 0]), "meta.json"),
     ("reversed", |meta| meta["means"]["mins"] = json!([9, 0, 0]), "ascending"),
-    ("overflow", |meta| meta["means"]["maxs"] = json!([1e39, 0, 1]), "finite"),
+    ("overflow", |meta| meta["means"]["maxs"] = json!([1e39, 0, 1]), "out of range"),
     ("no codes", |meta| meta["sh0"]["codebook"] = json!([]), "0 values for sh0"),
     ("short codes", |meta| meta["sh0"]["codebook"] = json!([0.0]), "index 1 in the codebook"),
     ("text", |meta| meta["scales"]["codebook"] = json!(["0"]), "meta.json"),

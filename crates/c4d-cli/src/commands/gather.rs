@@ -8,12 +8,8 @@ use crate::args::{GatherArgs, Global};
 use crate::console::Console;
 use crate::failure::{Failure, Outcome};
 use crate::output::refuse_overlap;
-use crate::part::{PartFolder, PartRecord, in_order};
+use crate::part::{Part, PartFolder, in_order};
 use serde_json::Value;
-use std::path::PathBuf;
-
-/// A part with its path.
-type Part<T> = (PathBuf, PartRecord, T);
 
 pub(crate) fn run(args: &GatherArgs, global: &Global, console: &Console) -> Outcome {
     for path in &args.parts {

@@ -1,17 +1,23 @@
 //! `c4d refine`: repair the colours that motion reveals (CUAR), in a run that `c4d propagate`
 //! wrote.
 
+mod errors;
 mod part;
 mod task;
 mod watch;
 mod words;
 
+pub(crate) use errors::check;
 pub(crate) use task::RIG_SIZE;
+
+use errors::failed;
 
 use crate::args::{Global, PresetArg, RefineArgs, RefineFlags};
 use crate::console::Console;
-use crate::device::{self, Device};
-use crate::failure::{Failure, Outcome, chain};
+#[cfg(feature = "gpu")]
+use crate::device;
+use crate::device::Device;
+use crate::failure::{Failure, Outcome};
 use crate::output::output_failure;
 use crate::report::{RunReport, run_report};
 use crate::run_folder::{
@@ -20,22 +26,17 @@ use crate::run_folder::{
 };
 use crate::scene::Run;
 use crate::settings::{
-    AdamSettings, EvidenceSettings, OcclusionSettings, RefineSettings, RegressionSettings, Settings,
+    AdamSettings, EvidenceSettings, OcclusionSettings, RegressionSettings, Settings,
 };
-use crate::{memory, scene};
 use clap::ValueEnum;
-use cuar::{Backend, CuarError, FADED_LOGIT, Solver, refine_edit};
+use cuar::{Backend, FADED_LOGIT, Solver, refine_edit};
 use gs_io::FolderUpdate;
-use gs_io::cameras::Reading;
 use gs_raster_cpu::CpuRasterizer;
 #[cfg(feature = "gpu")]
 use gs_train_wgpu::DeviceDescent;
 use std::path::Path;
-use task::{FRAMES, MIN_MEMORY, Task, USUAL_MEMORY, chosen};
+use task::{FRAMES, Task, USUAL_MEMORY};
 use watch::Watch;
-
-/// Largest accepted number of images.
-const MAX_SAMPLES: usize = 10_000_000;
 
 pub(crate) fn run(args: &RefineArgs, global: &Global, console: &Console) -> Outcome {
     if global.overwrite && args.part.is_none() {
@@ -121,56 +122,6 @@ fn resumed(args: &RefineArgs, checkpoint: Checkpoint, console: &Console) -> Outc
     let step = state.as_ref().map_or(0, |state| state.step);
     console.note(format!("continuing from step {step} with the flags of the checkpoint"));
     Ok(Checkpoint { preset, settings, flags, state, is_resumed })
-}
-
-/// Checks the flags, cameras and device of a refinement before anything else is done.
-pub(crate) fn check(
-    flags: &RefineFlags,
-    preset: PresetArg,
-    settings: &RefineSettings,
-    global: &Global,
-) -> Outcome {
-    let refuse = |what: String| Err(Failure::usage(what));
-    if let Some(frames) = flags.refine_frames.filter(|frames| !(1..=10_000).contains(frames)) {
-        return refuse(format!("--refine-frames {frames}: expected 1 to 10000"));
-    }
-    if let Some(samples) = flags.samples.filter(|samples| !(1..=MAX_SAMPLES).contains(samples)) {
-        return refuse(format!("--samples {samples}: expected 1 to {MAX_SAMPLES}"));
-    }
-    if let Some(epsilon) = flags.epsilon
-        && !(0.0..=10.0).contains(&epsilon)
-    {
-        return refuse(format!("--epsilon {epsilon}: expected 0 to 10; the paper uses 0.5 to 2"));
-    }
-    let intervals = [
-        ("--preview-every", flags.preview_every),
-        ("--checkpoint-every", Some(flags.checkpoint_every)),
-    ];
-    for (name, seconds) in intervals {
-        if let Some(seconds) = seconds.filter(|secs| !(*secs >= 0.0 && secs.is_finite())) {
-            return refuse(format!("{name} {seconds}: expected seconds, 0 or more"));
-        }
-    }
-    if flags.refine_cameras.is_some() && flags.refine_up.is_some() {
-        return refuse(
-            "--refine-up applies to the rig only; the cameras of --refine-cameras have their own poses".to_owned(),
-        );
-    }
-    chosen(flags, preset, settings)?.check().map_err(|error| settings.refused(&error))?;
-    if let Some(asked) = flags.memory {
-        if asked < MIN_MEMORY {
-            return refuse(format!("--memory {asked}: expected MiB, {MIN_MEMORY} or more"));
-        }
-        memory::require(
-            &format!("--memory {asked}"),
-            (asked as u64).saturating_mul(memory::MIB),
-            "Give a smaller value: images that do not fit are rendered again, or fewer are used.",
-        )?;
-    }
-    if let Some(path) = &flags.refine_cameras {
-        gs_io::cameras::open(path, Reading::Trained).map_err(|error| scene::bad_input(&error))?;
-    }
-    Device::open(global.gpu).map(|_| ())
 }
 
 /// Refines the run in place, starting from `begun`. Its motion and its original edited frame are
@@ -293,27 +244,6 @@ pub(crate) fn refine(run: &Path, begun: Checkpoint, global: &Global, console: &C
         update.remove(name).map_err(|error| output_failure(&error))?;
     }
     Ok(())
-}
-
-/// An error of the refinement; `failure` is the error because of which its observer stopped it, if
-/// any.
-fn failed(run: &Path, failure: Option<Failure>, error: CuarError) -> Failure {
-    match (failure, error) {
-        (Some(failure), CuarError::Cancelled { .. }) => failure,
-        (_, CuarError::Raster(error)) => {
-            let failure = device::failure(&error);
-            Failure { what: format!("{}: {}", run.display(), failure.what), ..failure }
-        }
-        (_, error @ CuarError::State { .. }) => Failure::bad_input(format!(
-            "{}: {}",
-            run.join(REFINE_STATE).display(),
-            chain(&error)
-        ))
-        .next(
-            "The run or its source has changed: leave out --resume, and the refinement starts again.",
-        ),
-        (_, error) => Failure::failed(format!("{}: {}", run.display(), chain(&error))),
-    }
 }
 
 /// Updates the run's page with the refined colours. A page that the user changed is kept.

@@ -19,7 +19,7 @@ use crate::output::{existing, refuse_overlap};
 use crate::part::PartRecord;
 use crate::run_folder::fingerprint;
 use crate::scene::{self, Opened};
-use crate::{clip_file, features, memory, still};
+use crate::{clip_file, memory, still};
 use amg::EditedScene;
 use gs_core::{Camera, DynamicScene};
 use gs_io::Existing;
@@ -48,7 +48,7 @@ pub(crate) fn run(args: &RenderArgs, global: &Global, console: &Console) -> Outc
         .next("Give the run folder that c4d propagate wrote."));
     }
     let format = args.format.map_or_else(|| format_of(&args.output), Ok)?;
-    features::check_format(format)?;
+    clip_file::check_format(format)?;
     let playing = clip_file::plays(format);
     if args.part.is_some() && (playing || format == Format::Sheet) {
         return Err(Failure::usage("--part writes a folder of images, not one file")

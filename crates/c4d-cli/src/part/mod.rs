@@ -5,5 +5,5 @@ mod record;
 mod share;
 
 pub(crate) use folder::PartFolder;
-pub(crate) use record::{PartRecord, broken, in_order};
+pub(crate) use record::{Part, PartRecord, broken, in_order};
 pub(crate) use share::Share;

@@ -41,13 +41,14 @@ impl PartRecord {
     }
 }
 
+/// Path, record and content of a part.
+pub(crate) type Part<T> = (PathBuf, PartRecord, T);
+
 /// Sorts parts by number.
 ///
 /// # Errors
 /// If parts belong to different work, or one is missing or given twice.
-pub(crate) fn in_order<T>(
-    mut parts: Vec<(PathBuf, PartRecord, T)>,
-) -> Outcome<Vec<(PathBuf, PartRecord, T)>> {
+pub(crate) fn in_order<T>(mut parts: Vec<Part<T>>) -> Outcome<Vec<Part<T>>> {
     let Some((first_path, first, _)) = parts.first() else {
         return Err(Failure::usage("no parts are given"));
     };

@@ -217,16 +217,18 @@ fn flags_without_effect_are_refused() {
 fn the_help_lists_exactly_the_flags_of_a_command() {
     let help = |command: &[&str]| success(c4d(command).arg("--help")).0;
     let flags = ["--overwrite", "--gpu", "--iteration", "--set", "--no-progress", "--strict"];
-    let expected: [(&[&str], [bool; 6]); 9] = [
+    let expected: [(&[&str], [bool; 6]); 11] = [
         (&["info"], [false, false, true, true, false, true]),
         (&["doctor"], [false, true, false, false, false, true]),
         (&["freeze"], [true, true, true, true, true, true]),
         (&["propagate"], [true, true, true, true, true, true]),
-        (&["refine"], [false, true, false, false, true, true]),
+        (&["refine"], [true, true, false, false, true, true]),
         (&["render"], [true, true, true, true, true, true]),
         (&["export"], [true, true, true, true, true, true]),
         (&["demo"], [true, true, false, false, true, true]),
+        (&["gather"], [true, true, false, false, true, true]),
         (&["bench", "motion"], [true, false, false, false, true, true]),
+        (&["bench", "suite"], [true, false, false, false, true, true]),
     ];
     for (command, uses) in expected {
         let text = help(command);

@@ -1,14 +1,13 @@
 //! Joins the images of `c4d render --part`.
 
-use super::Part;
 use crate::args::{Format, Global};
 use crate::clip_file;
 use crate::commands::render::format_of;
 use crate::console::Console;
 use crate::failure::{Failure, Outcome};
+use crate::frames;
 use crate::output::{existing, output_failure};
-use crate::part::broken;
-use crate::{features, frames};
+use crate::part::{Part, broken};
 use gs_core::Image;
 use gs_io::AtomicDir;
 use serde_json::Value;
@@ -42,11 +41,12 @@ pub(super) fn join(
         return Err(broken(&pair[1].0, "another part also contains this image"));
     }
     let format = format_of(output)?;
-    features::check_format(format)?;
+    clip_file::check_format(format)?;
     if format == Format::Png {
         return copy(&files, output, global, console);
     }
-    let is_frame = |name: &str| name.starts_with(FRAMES) && name.ends_with(".png");
+    let is_png = |name: &str| Path::new(name).extension().is_some_and(|end| end == "png");
+    let is_frame = |name: &str| name.starts_with(FRAMES) && is_png(name);
     if !files.iter().all(|(_, name)| is_frame(name)) {
         return Err(Failure::usage(format!(
             "{}: not colour images of one view, which a {} requires",

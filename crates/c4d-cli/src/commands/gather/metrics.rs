@@ -1,12 +1,11 @@
 //! Joins the metrics of `c4d eval --part`.
 
-use super::Part;
 use crate::args::Global;
 use crate::console::Console;
 use crate::evaluation::{self, Item};
 use crate::failure::{Failure, Outcome};
 use crate::output::{existing, output_failure};
-use crate::part::{PartRecord, broken};
+use crate::part::{Part, PartRecord, broken};
 use gs_io::AtomicFile;
 use serde_json::Value;
 use std::io::Write;

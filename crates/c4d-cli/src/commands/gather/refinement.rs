@@ -1,13 +1,12 @@
 //! Joins the images of `c4d refine --part`, and refines the run with them.
 
-use super::Part;
 use crate::args::Global;
 use crate::commands::refine;
 use crate::console::Console;
 use crate::device::Device;
 use crate::failure::{Failure, Outcome};
 use crate::output::output_failure;
-use crate::part::{PartRecord, broken};
+use crate::part::{Part, PartRecord, broken};
 use crate::run_folder::{
     self, Checkpoint, KeptImages, MadeFrom, REFINE_IMAGES, SCENE, fingerprint,
 };

@@ -53,7 +53,7 @@ impl Finished<'_> {
         match run_report(&self.page(&config)) {
             Ok(html) => write(REPORT_PAGE, html.as_bytes())?,
             Err(failure) => {
-                console.warn(format!("{REPORT_PAGE} was not written: {}", failure.what))
+                console.warn(format!("{REPORT_PAGE} was not written: {}", failure.what));
             }
         }
         console.detail(format!("  {REPORT_PAGE}: {:.3} s", start.elapsed().as_secs_f64()));

@@ -1,6 +1,6 @@
 //! Makes a part of the images of a refinement, for `c4d gather`.
 
-use super::failed;
+use super::errors::{check, failed};
 use super::task::Task;
 use crate::args::Global;
 use crate::console::Console;
@@ -28,7 +28,7 @@ pub(super) fn write(
 ) -> Outcome {
     let Checkpoint { preset, settings, flags, .. } = begun;
     let flags = &flags.absolute()?;
-    super::check(flags, *preset, settings, global)?;
+    check(flags, *preset, settings, global)?;
     refuse_overlap(output, std::slice::from_ref(run))?;
     let folder =
         AtomicDir::create(output, existing(global)).map_err(|error| output_failure(&error))?;

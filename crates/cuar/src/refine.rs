@@ -12,6 +12,7 @@ use crate::{
     solve::{Outcome, accept, solve},
     state::State,
     supervision::Supervision,
+    view_sampler::DrawnViews,
 };
 use gs_core::{DynamicScene, Rasterizer, Splats};
 use std::ops::Range;
@@ -88,19 +89,12 @@ pub fn refine_with<R: Rasterizer<Prepared: Send> + Sync>(
 ) -> Result<Refined, CuarError> {
     options.check()?;
     let Backend { raster, descent } = backend;
-    let range = scene.time_range();
-    views.check(range)?;
-    let edit_time = options.edit_time.unwrap_or(range.start);
-    let first = scene.at(edit_time)?;
-    first.check_shapes()?;
-    CuarError::check("edited", edited.len(), first.len())?;
-    let (rows, row_of) = number(edited);
+    let Inputs { edit_time, first, rows, row_of, plan } =
+        Inputs::of(scene, edited, views, options)?;
     let mut report = RefineReport { num_edited: rows.len(), ..RefineReport::default() };
 
     let begun = Instant::now();
     let num_lanes = num_lanes(views.cameras, options.memory);
-    let keep_first = options.keep_first_frame.then_some(edit_time);
-    let plan = views.draw(options.samples, keep_first, edit_time, options.seed);
     let source = Source { raster, options, edited, row_of: &row_of, first: &first };
     let mut stage = Supervision::new(scene, views, source, num_lanes);
     let total = plan.samples.len() + plan.held_out.len();
@@ -238,15 +232,7 @@ pub(crate) fn images_of<R: Rasterizer<Prepared: Send> + Sync>(
     share: &dyn Fn(usize) -> Range<usize>,
     observer: &mut dyn Observer,
 ) -> Result<usize, CuarError> {
-    let range = scene.time_range();
-    views.check(range)?;
-    let edit_time = options.edit_time.unwrap_or(range.start);
-    let first = scene.at(edit_time)?;
-    first.check_shapes()?;
-    CuarError::check("edited", edited.len(), first.len())?;
-    let (rows, row_of) = number(edited);
-    let keep_first = options.keep_first_frame.then_some(edit_time);
-    let mut plan = views.draw(options.samples, keep_first, edit_time, options.seed);
+    let Inputs { first, rows, row_of, mut plan, .. } = Inputs::of(scene, edited, views, options)?;
     plan.samples.append(&mut plan.held_out);
     let share = &plan.samples[share(plan.samples.len())];
     let source = Source { raster, options, edited, row_of: &row_of, first: &first };
@@ -255,6 +241,39 @@ pub(crate) fn images_of<R: Rasterizer<Prepared: Send> + Sync>(
     watch.begin_images(fingerprint_of_inputs(&first, &rows, options, views.cameras));
     Supervision::new(scene, views, source, lanes).keep(share, &mut watch)?;
     Ok(plan.samples.len())
+}
+
+/// What a refinement derives from its arguments.
+struct Inputs {
+    edit_time: f32,
+    /// The edited frame.
+    first: Splats,
+    /// Edited rows, ascending.
+    rows: Vec<u32>,
+    /// Position of each splat among `rows`, or `u32::MAX`.
+    row_of: Vec<u32>,
+    /// Views and times of the images.
+    plan: DrawnViews,
+}
+
+impl Inputs {
+    fn of(
+        scene: &dyn DynamicScene,
+        edited: &[bool],
+        views: &Views,
+        options: &RefineOptions,
+    ) -> Result<Self, CuarError> {
+        let range = scene.time_range();
+        views.check(range)?;
+        let edit_time = options.edit_time.unwrap_or(range.start);
+        let first = scene.at(edit_time)?;
+        first.check_shapes()?;
+        CuarError::check("edited", edited.len(), first.len())?;
+        let (rows, row_of) = number(edited);
+        let keep_first = options.keep_first_frame.then_some(edit_time);
+        let plan = views.draw(options.samples, keep_first, edit_time, options.seed);
+        Ok(Self { edit_time, first, rows, row_of, plan })
+    }
 }
 
 /// Edited rows, and the position of each splat among them.

@@ -10,14 +10,19 @@ use crate::fit::Run;
 use crate::votes::{LEAST_SEEN, lift};
 use gs_core::{Rasterizer, Splats, sh};
 
-/// Geometry is held where pictures and render differ by less than this, 0 to 1: about the rounding
-/// of 8-bit pictures and what the least squares leave. Colours on wrong geometry leave more.
+/// Geometry is held where pictures and render differ by less than this (mean over a splat's pixels,
+/// colours 0 to 1): about the rounding of 8-bit pictures and the remainder of the least squares.
+/// Colours on wrong geometry leave more. `docs/BENCHMARKS.md` has the thresholds that were tried.
 const EXPLAINED: f32 = 3.0 / 255.0;
-/// Held geometry is released where they differ by more than this later on.
+/// Held geometry is released where they later differ by more than this; twice [`EXPLAINED`], so that
+/// noise does not release it.
 const RELEASED: f32 = 6.0 / 255.0;
-/// Geometry is also held where most of what a splat shows looks as before: it lies beside the edit or
-/// in front of it, for example an arm in front of recoloured clothes.
+/// A pixel looks as before if no channel changed by this, 0 to 1: a little more than the 8/255 from
+/// which a pixel counts as edited. Sensitivity not measured.
 const AS_BEFORE: f32 = 10.0 / 255.0;
+/// Geometry is also held where more than this share of a splat's pixels looks as before: it lies
+/// beside the edit or in front of it, for example an arm in front of recoloured clothing.
+/// Sensitivity not measured.
 const SAME_SHARE: f32 = 0.5;
 
 /// What the edited pictures show of a splat, means over its visible pixels.

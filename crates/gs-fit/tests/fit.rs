@@ -120,8 +120,8 @@ fn edits_are_fitted_and_the_rest_is_kept() {
     }
 }
 
-/// A recoloured region keeps its geometry bit for bit, so that its motion stays exact; added clothing
-/// does not.
+/// A recoloured region keeps its geometry bit for bit, so that its motion stays exact; added
+/// clothing does not.
 #[test]
 fn what_only_needs_colours_keeps_its_geometry() {
     let scene = scene();

@@ -34,8 +34,8 @@ static FOLDER: LazyLock<PathBuf> = LazyLock::new(|| {
 
 libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
     fs::write(FOLDER.join("deform/iteration_1/deform.pth"), bytes).expect("the file is written");
-    let Ok(kind) = detect(&*FOLDER) else { return };
-    let Ok(source) = open_scene_as(&*FOLDER, &kind, &OpenOptions::default()) else { return };
+    let Ok(kind) = detect(&FOLDER) else { return };
+    let Ok(source) = open_scene_as(&FOLDER, &kind, &OpenOptions::default()) else { return };
     for t in [0.0, 0.5] {
         let splats = source.scene.at(t).expect("times from 0 to 1 can be evaluated");
         assert!(splats.check_shapes().is_ok(), "evaluated splats are consistent");

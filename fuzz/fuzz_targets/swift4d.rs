@@ -28,7 +28,7 @@ static FOLDER: LazyLock<PathBuf> = LazyLock::new(|| {
 
 libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
     fs::write(FOLDER.join(ITERATION).join("FDHash.pth"), bytes).expect("the file is written");
-    let Ok(model) = swift4d::open(&*FOLDER, &Overrides::default()) else { return };
+    let Ok(model) = swift4d::open(&FOLDER, &Overrides::default()) else { return };
     if let Ok(splats) = model.scene.at(0.5) {
         assert!(splats.check_shapes().is_ok(), "evaluated splats are consistent");
     }

@@ -13,12 +13,12 @@ static FILE: LazyLock<PathBuf> = LazyLock::new(|| {
 
 libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
     fs::write(&*FILE, bytes).expect("the file is written");
-    let Ok(kind) = detect(&*FILE) else { return };
+    let Ok(kind) = detect(&FILE) else { return };
     if !kind.is_dynamic() {
         return;
     }
     let options = OpenOptions { time_duration: Some([0.0, 10.0]), ..OpenOptions::default() };
-    let Ok(source) = open_scene_as(&*FILE, &kind, &options) else { return };
+    let Ok(source) = open_scene_as(&FILE, &kind, &options) else { return };
     assert!(source.scene.num_splats() <= bytes.len(), "a splat is more than a byte");
     for t in [0.0, 0.37, 1.0] {
         let splats = source.scene.at(t).expect("times from 0 to 1 can be evaluated");

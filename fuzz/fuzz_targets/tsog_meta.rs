@@ -38,7 +38,7 @@ libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
     }
     let archive = zip.finish().expect("writing to memory succeeds").into_inner();
     std::fs::write(&*FILE, archive).expect("the file is written");
-    let Ok(opened) = open_scene(&*FILE, &OpenOptions::default()) else { return };
+    let Ok(opened) = open_scene(&FILE, &OpenOptions::default()) else { return };
     for t in [0.0, 0.37, 1.0] {
         let splats = opened.scene.at(t).expect("times from 0 to 1 can be evaluated");
         assert!(splats.check_shapes().is_ok(), "evaluated splats are consistent");

@@ -102,7 +102,7 @@ fn source(files: &Path) -> Result<Vec<Splats>> {
     };
     let scene = gs_synth::demo(&params)?;
     let mut frames = Vec::new();
-    let mut writer = FolderWriter::create(files.join("source"), Existing::Refuse)?;
+    let mut writer = FolderWriter::create(&files.join("source"), Existing::Refuse)?;
     for time in TIMES {
         let mut splats = scene.at(time)?;
         let coeffs = splats.sh_coeffs();
@@ -140,7 +140,7 @@ impl Trip {
             serde_json::from_str(&fs::read_to_string(self.files.join("run/run.json"))?)?;
         let count = |name: &str| report["edited"][name].as_u64().unwrap_or_default();
         self.c4d(&["export", "run", "--to", "ply-seq", "--frames", "3", "-w", "-o", "out"])?;
-        let last = frame::read_file(self.files.join("out/frame_00002.ply"))?.splats;
+        let last = frame::read_file(&self.files.join("out/frame_00002.ply"))?.splats;
         let off = difference(&self.frames[2], &last);
         Ok(row(format!(
             "{} | {} | {} | {}",
@@ -164,7 +164,7 @@ impl Trip {
         if let Err(error) = peer.convert(&self.files, &file, back, "ply") {
             return Ok(row(format!("cannot be read: {} | ", short(&error))));
         }
-        let read = frame::read_file(self.files.join(back))?.splats;
+        let read = frame::read_file(&self.files.join(back))?.splats;
         let truth = &self.frames[0];
         let off = difference(truth, &read);
         let turned = Difference::of_half_turn(truth, &read);
@@ -186,7 +186,7 @@ impl Trip {
         }
         let mut worst = 0.0_f32;
         for (index, truth) in self.frames.iter().enumerate() {
-            let read = frame::read_file(self.files.join(format!("usd_{index}.ply")))?.splats;
+            let read = frame::read_file(&self.files.join(format!("usd_{index}.ply")))?.splats;
             worst = worst.max(difference(truth, &read).position);
         }
         Ok(format!(

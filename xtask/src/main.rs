@@ -1,5 +1,6 @@
 //! Maintenance tasks that cargo cannot express. `cargo xtask --help` lists them.
 
+mod build_times;
 mod doc_commands;
 mod expected_output;
 mod fixtures;
@@ -40,6 +41,11 @@ enum Task {
     TestTimes {
         /// Output of `cargo test --release --workspace`, both streams
         log: Option<PathBuf>,
+    },
+    /// Print what each package costs in a clean build
+    BuildTimes {
+        /// The report of `cargo build --timings` (`target/cargo-timings/cargo-timing.html`)
+        report: PathBuf,
     },
     /// Convert frames with other tools both ways and write docs/INTEROP.md (needs node, Python and
     /// their registries)
@@ -84,6 +90,7 @@ fn main() -> anyhow::Result<()> {
         Task::DocCommands => doc_commands::run(),
         Task::TestTimes { log: Some(log) } => test_times::write(&log),
         Task::TestTimes { log: None } => test_times::check(),
+        Task::BuildTimes { report } => build_times::print(&report),
         Task::Interop { program } => interop::run(program),
         Task::Stability => stability::run(),
         Task::Sensitivity { size, seeds } => sensitivity::run(size, seeds),

@@ -32,8 +32,8 @@ pub(crate) fn write(case: &str, seed: u64, size: usize, output: &Path) -> Result
     sequence(&scene.source, &out.join("source"))?;
     sequence(&scene.edited.truth, &out.join("truth"))?;
     let edited = &scene.edited.splats;
-    ply::write_file(out.join("edited.ply"), edited, &options(), Existing::Refuse)?;
-    gs_io::cameras_json::write_file(out.join("cameras.json"), &scene.cameras, Existing::Refuse)?;
+    ply::write_file(&out.join("edited.ply"), edited, &options(), Existing::Refuse)?;
+    gs_io::cameras_json::write_file(&out.join("cameras.json"), &scene.cameras, Existing::Refuse)?;
     let step = scene.cameras.len().div_ceil(VIEWS).max(1);
     for camera in scene.cameras.iter().step_by(step) {
         video(&scene.edited.truth, camera, &out.join("video").join(&camera.name))?;
@@ -42,7 +42,7 @@ pub(crate) fn write(case: &str, seed: u64, size: usize, output: &Path) -> Result
     let fitted = gs_synth::fit_hexplane(&scene.source, scene.figure_size, &params)?;
     let steps = params.steps as u64;
     checkpoint4dgs::write(
-        out.join("source_4dgs"),
+        &out.join("source_4dgs"),
         steps,
         &fitted.canonical,
         &fitted.network,

@@ -36,7 +36,7 @@ fn main() -> Result<(), Box<dyn Error>> {
             let source = folder.join("source");
             let existing = Existing::Replace;
             ply_sequence::write_folder(
-                source,
+                &source,
                 &scene.source,
                 &times,
                 &options,
@@ -44,7 +44,7 @@ fn main() -> Result<(), Box<dyn Error>> {
                 &mut |_| {},
             )?;
         }
-        ply::write_file(folder.join(name), &scene.edited, &options, Existing::Replace)?;
+        ply::write_file(&folder.join(name), &scene.edited, &options, Existing::Replace)?;
     }
     Ok(())
 }

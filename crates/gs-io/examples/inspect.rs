@@ -1,13 +1,15 @@
 //! Prints the kind of a scene and the positions of its Gaussians over
 //! time: `cargo run --example inspect -- PATH`.
 
+use std::path::Path;
+
 use gs_core::{DynamicScene, Splats};
 use gs_io::{OpenOptions, open_scene};
 use std::io::Write;
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let path = std::env::args().nth(1).ok_or("usage: inspect <PATH>")?;
-    let opened = open_scene(&path, &OpenOptions::default())?;
+    let opened = open_scene(Path::new(&path), &OpenOptions::default())?;
     let scene: &dyn DynamicScene = &*opened.scene;
     let mut out = std::io::stdout().lock();
     writeln!(out, "{path}: {}", opened.kind)?;

@@ -46,7 +46,7 @@ pub(crate) fn method_of(dir: &Path) -> Option<Method> {
     let model = iteration.as_ref().map_or(dir, |iteration| &iteration.model);
     if let Ok((_, network)) = network_of(model, None) {
         let mut head = Vec::new();
-        let file = crate::fs::open_file(network).ok()?;
+        let file = crate::fs::open_file(&network).ok()?;
         file.take(HEAD).read_to_end(&mut head).ok()?;
         let has = |mark: &str| head.windows(mark.len()).any(|window| window == mark.as_bytes());
         let found = MARKS.iter().find(|(mark, _)| has(mark)).map(|(_, method)| *method);

@@ -25,8 +25,7 @@ const SHOWN: usize = 8;
 ///
 /// # Errors
 /// If the path does not exist or cannot be read.
-pub fn detect(path: impl AsRef<Path>) -> Result<SceneKind, IoError> {
-    let path = path.as_ref();
+pub fn detect(path: &Path) -> Result<SceneKind, IoError> {
     let metadata = std::fs::metadata(path)
         .map_err(|source| IoError::Read { path: path.to_owned(), source })?;
     if metadata.is_dir() { detect_folder(path) } else { detect_file(path) }

@@ -32,8 +32,7 @@ const ALWAYS_VISIBLE: f32 = 10.0;
 ///
 /// # Errors
 /// If the path is of another kind, or its reader fails.
-pub fn open_scene(path: impl AsRef<Path>, options: &OpenOptions) -> Result<OpenedScene, IoError> {
-    let path = path.as_ref();
+pub fn open_scene(path: &Path, options: &OpenOptions) -> Result<OpenedScene, IoError> {
     open_scene_as(path, &detect(path)?, options)
 }
 
@@ -42,11 +41,10 @@ pub fn open_scene(path: impl AsRef<Path>, options: &OpenOptions) -> Result<Opene
 /// # Errors
 /// If the kind is not a scene, or its reader fails.
 pub fn open_scene_as(
-    path: impl AsRef<Path>,
+    path: &Path,
     kind: &SceneKind,
     options: &OpenOptions,
 ) -> Result<OpenedScene, IoError> {
-    let path = path.as_ref();
     let mut opened = match kind {
         SceneKind::Model4dgs | SceneKind::Swift4d => {
             let overrides = Overrides {

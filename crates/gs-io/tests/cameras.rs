@@ -364,7 +364,7 @@ fn camera_files_saved_on_windows() {
     for bytes in [[b"\xef\xbb\xbf", text.as_bytes()].concat(), [&b"\xff\xfe"[..], &utf16].concat()]
     {
         write(&dir.path().join("cameras.json"), &bytes);
-        let set = cameras::open(dir.path().join("cameras.json"), Reading::Stored).unwrap();
+        let set = cameras::open(&dir.path().join("cameras.json"), Reading::Stored).unwrap();
         assert_eq!(set.views[0].camera.position(), [1.0, 2.0, 3.0], "read");
         assert!(cameras::from_slice(&bytes, Reading::Stored).is_ok(), "from bytes");
     }

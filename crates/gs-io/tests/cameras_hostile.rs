@@ -139,7 +139,7 @@ fn refusal(kind: &str, file: &str, change: impl Fn(String) -> String) -> String 
 
 /// The notes for a folder with single unusable views.
 fn noted(kind: &str, file: &str, change: impl Fn(String) -> String) -> String {
-    let whole = cameras::open(fixture("cameras").join(kind), Reading::Stored).unwrap();
+    let whole = cameras::open(&fixture("cameras").join(kind), Reading::Stored).unwrap();
     let left = changed(kind, file, change).unwrap();
     assert!(!left.views.is_empty() && left.views.len() < whole.views.len(), "some remain");
     left.notes.join("; ")

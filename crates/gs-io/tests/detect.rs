@@ -25,7 +25,7 @@ fn kinds_are_distinguished() {
     assert_eq!(detect(&model).unwrap(), SceneKind::Model4dgs, "model folder");
     let iteration = model.join("point_cloud/iteration_20000");
     assert_eq!(detect(&iteration).unwrap(), SceneKind::Model4dgs, "iteration folder");
-    assert_eq!(detect(iteration.join("point_cloud.ply")).unwrap(), SceneKind::Ply, "PLY");
+    assert_eq!(detect(&iteration.join("point_cloud.ply")).unwrap(), SceneKind::Ply, "PLY");
     let export = fixture("deform4dgs/variants/static_mlp_all_heads/gaussian_pertimestamp");
     assert_eq!(detect(&export).unwrap(), SceneKind::PlySequence, "sequence");
     let opened = open_scene(&export, &OpenOptions::default()).unwrap();
@@ -37,24 +37,24 @@ fn kinds_are_distinguished() {
     let path = |name: &str| dir.path().join(name);
     assert_eq!(detect(dir.path()).unwrap(), SceneKind::Unknown { found: vec![] }, "empty");
     fs::write(path("notes.txt"), b"hello").unwrap();
-    assert!(detect(path("notes.txt")).unwrap().to_string().contains("`hello`"), "text file");
+    assert!(detect(&path("notes.txt")).unwrap().to_string().contains("`hello`"), "text file");
     assert!(detect(dir.path()).unwrap().to_string().contains("notes.txt"), "lists the entries");
     let error = open_scene(dir.path(), &OpenOptions::default()).unwrap_err().to_string();
     assert!(error.contains("notes.txt") && error.contains("expected"), "{error}");
     fs::write(path("a.ply"), b"ply\nformat ascii 1.0\nelement chunk 0\nend_header\n").unwrap();
-    assert_eq!(detect(path("a.ply")).unwrap(), SceneKind::CompressedPly, "compressed");
-    let error = open_scene(path("a.ply"), &OpenOptions::default()).unwrap_err().to_string();
+    assert_eq!(detect(&path("a.ply")).unwrap(), SceneKind::CompressedPly, "compressed");
+    let error = open_scene(&path("a.ply"), &OpenOptions::default()).unwrap_err().to_string();
     assert!(error.contains("a.ply") && error.contains("it is text"), "{error}");
     fs::write(
         path("b.ply"),
         b"ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nend_header\n1\n",
     )
     .unwrap();
-    assert!(matches!(detect(path("b.ply")).unwrap(), SceneKind::OtherPly(_)), "point cloud");
+    assert!(matches!(detect(&path("b.ply")).unwrap(), SceneKind::OtherPly(_)), "point cloud");
     fs::create_dir_all(path("swift/point_cloud/iteration_13000")).unwrap();
     fs::write(path("swift/point_cloud/iteration_13000/FDHash.pth"), b"").unwrap();
-    assert_eq!(detect(path("swift")).unwrap(), SceneKind::Swift4d, "Swift4D");
-    let error = open_scene(path("swift"), &OpenOptions::default()).unwrap_err().to_string();
+    assert_eq!(detect(&path("swift")).unwrap(), SceneKind::Swift4d, "Swift4D");
+    let error = open_scene(&path("swift"), &OpenOptions::default()).unwrap_err().to_string();
     assert!(error.contains("point_cloud.ply"), "says what is missing: {error}");
     let model = fixture("swift4d/model");
     assert_eq!(detect(&model).unwrap(), SceneKind::Swift4d, "Swift4D");
@@ -63,8 +63,8 @@ fn kinds_are_distinguished() {
     assert!(opened.scene.dynamic_mask().is_some(), "with its split");
     fs::create_dir(path("run")).unwrap();
     fs::write(path("run/c4d.toml"), b"").unwrap();
-    assert_eq!(detect(path("run")).unwrap(), SceneKind::RunFolder, "run folder");
-    assert!(detect(path("missing")).unwrap_err().to_string().contains("missing"), "no such path");
+    assert_eq!(detect(&path("run")).unwrap(), SceneKind::RunFolder, "run folder");
+    assert!(detect(&path("missing")).unwrap_err().to_string().contains("missing"), "no such path");
 }
 
 #[test]

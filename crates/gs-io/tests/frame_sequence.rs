@@ -15,7 +15,7 @@ use zip::write::SimpleFileOptions;
 
 fn source() -> PlySequence {
     let folder = fixture("deform4dgs/variants/static_mlp_all_heads/gaussian_pertimestamp");
-    PlySequence::open(folder, &SequenceOptions::default()).unwrap()
+    PlySequence::open(&folder, &SequenceOptions::default()).unwrap()
 }
 
 fn zip_of(path: &Path, entries: &[(String, Vec<u8>)], method: zip::CompressionMethod) {

@@ -14,7 +14,7 @@ use std::fs;
 use test_support::fixture;
 
 fn truth() -> Splats {
-    frame::read_file(fixture("frames/frame.ply")).unwrap().splats
+    frame::read_file(&fixture("frames/frame.ply")).unwrap().splats
 }
 
 fn written(splats: &Splats, text: bool) -> Vec<u8> {

@@ -33,7 +33,7 @@ const VARIANTS: [&str; 7] = [
 
 fn open(case: &str) -> (HexPlaneScene, Golden) {
     let dir = fixture("deform4dgs").join(case);
-    let model = checkpoint4dgs::open(dir.join("model"), &Overrides::default()).unwrap();
+    let model = checkpoint4dgs::open(&dir.join("model"), &Overrides::default()).unwrap();
     assert_eq!(model.report.repair.damaged(), 0, "{case}: no damaged rows");
     let ModelScene::Deformed(scene) = model.scene else { panic!("{case}: has a network") };
     (*scene, Golden::open(dir.join("expected.safetensors")))
@@ -206,7 +206,7 @@ fn flags_matter() {
         Overrides { apply_rotation: Some(true), ..Overrides::default() },
     ];
     for overrides in wrong {
-        let model = checkpoint4dgs::open(dir.join("model"), &overrides).unwrap();
+        let model = checkpoint4dgs::open(&dir.join("model"), &overrides).unwrap();
         let splats = model.scene.at(times[1]).unwrap();
         let caught = std::panic::catch_unwind(|| {
             check_final("wrong flag", &golden, &splats, 1, &TIGHT);
@@ -222,7 +222,7 @@ fn per_frame_export_agrees() {
     let (scene, golden) = open("variants/static_mlp_all_heads");
     for (t, &time) in golden.f32s("times").iter().enumerate() {
         let path = dir.join(format!("gaussian_pertimestamp/time_{t:05}.ply"));
-        let exported = gs_io::ply::read_file(path).unwrap().splats;
+        let exported = gs_io::ply::read_file(&path).unwrap().splats;
         let mut splats = Splats::default();
         scene.field().deform_into(scene.canonical(), time, &mut splats).unwrap();
         let close = |what: &str, a: &[f32], b: &[f32]| {

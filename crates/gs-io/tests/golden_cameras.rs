@@ -17,7 +17,7 @@ fn expected(kind: &str) -> Value {
 }
 
 fn open(kind: &str) -> CameraSet {
-    cameras::open(fixture("cameras").join(kind), Reading::Trained).unwrap()
+    cameras::open(&fixture("cameras").join(kind), Reading::Trained).unwrap()
 }
 
 fn numbers(value: &Value) -> Vec<f64> {
@@ -140,7 +140,7 @@ fn the_comparison_can_fail() {
     let mut off = camera.clone();
     off.intrinsics.fx *= 1.001;
     assert!(difference(&off, listed) > TOLERANCE, "another lens");
-    let stored = cameras::open(fixture("cameras/dnerf"), Reading::Stored).unwrap();
+    let stored = cameras::open(&fixture("cameras/dnerf"), Reading::Stored).unwrap();
     let stored = stored.split(Split::Train).nth(1).unwrap().resized(800, 800);
     assert!(difference(&stored, listed) > 0.1, "the sign error is detected");
 }

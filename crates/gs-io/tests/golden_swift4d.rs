@@ -24,7 +24,7 @@ fn expected(name: &str) -> Golden {
 }
 
 fn open(overrides: &Overrides) -> HashGridScene {
-    let model = swift4d::open(fixture("swift4d/model"), overrides).unwrap();
+    let model = swift4d::open(&fixture("swift4d/model"), overrides).unwrap();
     assert!(model.report.warnings.is_empty(), "{:?}", model.report.warnings);
     let ModelScene::HashGrid(scene) = model.scene else { panic!("has a hash grid") };
     *scene
@@ -190,7 +190,7 @@ fn results_do_not_depend_on_threads() {
 #[test]
 fn an_iteration_folder_can_be_opened() {
     let path: PathBuf = fixture("swift4d/model/point_cloud/iteration_13000");
-    let model = swift4d::open(path, &Overrides::default()).unwrap();
+    let model = swift4d::open(&path, &Overrides::default()).unwrap();
     assert_eq!(model.report.iteration, 13_000, "path of the iteration's folder");
     assert_eq!(model.report.white_background, Some(true), "its cfg_args is found");
 }

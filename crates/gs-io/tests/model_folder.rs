@@ -88,7 +88,7 @@ fn newest_iteration_and_its_report() {
     assert_eq!(report.white_background, Some(true), "background");
     assert!(report.warnings.is_empty(), "{:?}", report.warnings);
     let old = Overrides { iteration: Some(7000), ..Overrides::default() };
-    let old = checkpoint4dgs::open(fixture("deform4dgs/dnerf_like/model"), &old).unwrap();
+    let old = checkpoint4dgs::open(&fixture("deform4dgs/dnerf_like/model"), &old).unwrap();
     assert_eq!(old.scene.num_splats(), 240, "asked for");
     let dynerf = open(&fixture("deform4dgs/dynerf_like/model")).unwrap();
     assert_eq!((dynerf.report.mask, dynerf.report.depth), ("static_mlp", 2), "mask");

@@ -150,8 +150,13 @@ fn errors_of_folders_name_the_file() {
     let open = || PlySequence::open(dir.path(), &SequenceOptions::default());
     assert!(open().unwrap_err().to_string().contains("at least 2"), "empty");
     let put = |name: &str, splats: &Splats| {
-        ply::write_file(dir.path().join(name), splats, &WriteOptions::default(), Existing::Replace)
-            .unwrap();
+        ply::write_file(
+            &dir.path().join(name),
+            splats,
+            &WriteOptions::default(),
+            Existing::Replace,
+        )
+        .unwrap();
     };
     put("time_00000.ply", &frame(0, 7));
     assert!(open().unwrap_err().to_string().contains("1 numbered"), "one");
@@ -182,7 +187,7 @@ fn damaged_rows_are_invisible_in_their_frame() {
     damaged.means[2][0] = f32::NAN;
     damaged.quats[4] = [0.0; 4];
     ply::write_file(
-        path.join("frame_00001.ply"),
+        &path.join("frame_00001.ply"),
         &damaged,
         &WriteOptions::default(),
         Existing::Replace,

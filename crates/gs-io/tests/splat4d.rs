@@ -201,7 +201,7 @@ fn write(
     let clip = Clip { scene, times: &times, fps: 24.0 };
     let mut steps = 0;
     let report = splat4d::write(
-        dir.path().join("clip.splat4d"),
+        &dir.path().join("clip.splat4d"),
         &clip,
         options,
         Existing::Refuse,
@@ -441,7 +441,7 @@ fn static_values_are_stored_once() {
     assert_eq!(many.moving, 0, "nothing moves");
     let (_, frames) = decode(&dir.path().join("clip.splat4d"));
     assert_eq!(frames[0], frames[89], "the same in every frame");
-    let read = splat4d::open(dir.path().join("clip.splat4d"), Damage::Fail).unwrap().scene;
+    let read = splat4d::open(&dir.path().join("clip.splat4d"), Damage::Fail).unwrap().scene;
     assert!(!read.fades(), "opacities stay");
 }
 

@@ -150,7 +150,7 @@ fn flag(model: &Model, name: &str) -> (String, Origin) {
 fn complete_folder_and_its_report() {
     let folder = Folder::new();
     assert_eq!(detect(&folder.path).unwrap(), SceneKind::Swift4d, "detected");
-    assert_eq!(detect(folder.save()).unwrap(), SceneKind::Swift4d, "its iteration, too");
+    assert_eq!(detect(&folder.save()).unwrap(), SceneKind::Swift4d, "its iteration, too");
     let model = folder.open();
     let report = &model.report;
     assert_eq!((report.iteration, report.stage), (13_000, Stage::Fine), "iteration");

@@ -100,8 +100,8 @@ impl Table {
         bytes
     }
 
-    fn write(&self, path: impl AsRef<Path>) {
-        fs::create_dir_all(path.as_ref().parent().unwrap()).unwrap();
+    fn write(&self, path: &Path) {
+        fs::create_dir_all(path.parent().unwrap()).unwrap();
         fs::write(path, self.bytes()).unwrap();
     }
 
@@ -112,13 +112,13 @@ impl Table {
         let still = frame::read(&self.bytes()).unwrap();
         let (still, _) = still.sanitize(Damage::Fail).unwrap();
         for i in 0..2 {
-            self.write(dir.path().join(format!("sequence/f{i}.ply")));
+            self.write(&dir.path().join(format!("sequence/f{i}.ply")));
         }
         let options = SequenceOptions { damage: Damage::Drop, ..SequenceOptions::default() };
-        let sequence = PlySequence::open(dir.path().join("sequence"), &options).unwrap();
+        let sequence = PlySequence::open(&dir.path().join("sequence"), &options).unwrap();
         assert_eq!(sequence.at(1.0).unwrap(), still.splats, "a frame of a sequence");
-        self.write(dir.path().join("model/point_cloud/coarse_iteration_7/point_cloud.ply"));
-        let model = checkpoint4dgs::open(dir.path().join("model"), &Overrides::default()).unwrap();
+        self.write(&dir.path().join("model/point_cloud/coarse_iteration_7/point_cloud.ply"));
+        let model = checkpoint4dgs::open(&dir.path().join("model"), &Overrides::default()).unwrap();
         assert_eq!(model.scene.canonical(), &still.splats, "the canonical cloud of a model");
         (still.splats, [still.notes, sequence.notes().unwrap(), model.report.notes])
     }
@@ -156,8 +156,8 @@ fn opaque_and_transparent_rows_are_kept() {
     }
     assert!(splats.scale(50)[1] < 1e-8 && splats.scale(50)[0] > 0.01, "flat along one axis");
     let dir = tempfile::tempdir().unwrap();
-    table.write(dir.path().join("a.ply"));
-    let opened = open_scene(dir.path().join("a.ply"), &OpenOptions::default()).unwrap();
+    table.write(&dir.path().join("a.ply"));
+    let opened = open_scene(&dir.path().join("a.ply"), &OpenOptions::default()).unwrap();
     assert_eq!(opened.scene.num_splats(), ROWS, "as a scene");
     let said = [opened.warnings, opened.notes].concat().join("; ");
     assert!(said.contains("40 opacities of exactly 1") && !said.contains("damaged"), "{said}");
@@ -181,7 +181,7 @@ fn damage_in_one_frame_affects_only_that_frame() {
         }
         // Damaged in all frames: this row is dropped.
         table.edit("f_dc_1", |dc| dc[34] = f64::NEG_INFINITY);
-        table.write(dir.path().join(format!("frame_{i}.ply")));
+        table.write(&dir.path().join(format!("frame_{i}.ply")));
     }
     let options = SequenceOptions { damage: Damage::Drop, ..SequenceOptions::default() };
     let sequence = PlySequence::open(dir.path(), &options).unwrap();
@@ -301,7 +301,7 @@ fn headers_with_any_line_ends() {
 fn several_series_in_one_folder() {
     let dir = tempfile::tempdir().unwrap();
     for (name, t) in [("a-0", 0.0), ("a-1", 1.0), ("b-0", 2.0)] {
-        Table::scene(0, t).write(dir.path().join(format!("{name}.ply")));
+        Table::scene(0, t).write(&dir.path().join(format!("{name}.ply")));
     }
     let opened = open_scene(dir.path(), &OpenOptions::default()).unwrap();
     assert_eq!(opened.scene.num_frames(), Some(2), "the longer one");
@@ -313,7 +313,8 @@ fn several_series_in_one_folder() {
 fn plain_3dgs_models_are_one_frame() {
     let dir = tempfile::tempdir().unwrap();
     let save = |name: &str, t: f64| {
-        Table::scene(3, t).write(dir.path().join("point_cloud").join(name).join("point_cloud.ply"));
+        Table::scene(3, t)
+            .write(&dir.path().join("point_cloud").join(name).join("point_cloud.ply"));
     };
     save("iteration_7000", 0.0);
     save("iteration_30000", 5.0);
@@ -350,7 +351,7 @@ fn unsupported_formats_are_named() {
     let counts = [1_u32, 1, 40, 40].iter().flat_map(|count| count.to_le_bytes());
     let ksplat: Vec<u8> = [0_u8, 1, 0, 0].into_iter().chain(counts).chain([0; 4076]).collect();
     fs::write(dir.path().join("x.ksplat"), &ksplat).unwrap();
-    assert!(detect(dir.path().join("x.ksplat")).unwrap().to_string().contains(".ksplat"), "named");
+    assert!(detect(&dir.path().join("x.ksplat")).unwrap().to_string().contains(".ksplat"), "named");
     let error = frame::read(&ksplat).unwrap_err().to_string();
     assert!(error.contains(".ksplat"), "{error}");
     // SOG of version 1: no version, no codebooks; as a folder without its planes.
@@ -360,8 +361,8 @@ fn unsupported_formats_are_named() {
         "sh0": {"shape": [40, 1, 4], "dtype": "float32", "mins": [-2, -2, -2, -2], "maxs": [2, 2, 2, 2], "files": ["sh0.webp"]}}"#;
     fs::create_dir(dir.path().join("sog1")).unwrap();
     fs::write(dir.path().join("sog1/meta.json"), meta).unwrap();
-    assert!(detect(dir.path().join("sog1")).unwrap().is_frame(), "a SOG");
-    let error = frame::read_file(dir.path().join("sog1")).unwrap_err().to_string();
+    assert!(detect(&dir.path().join("sog1")).unwrap().is_frame(), "a SOG");
+    let error = frame::read_file(&dir.path().join("sog1")).unwrap_err().to_string();
     assert!(error.contains("SOG version 1") && error.contains("expected 2"), "{error}");
 }
 
@@ -399,21 +400,21 @@ fn stand_ins_are_named_by_every_reader() {
         }
         named(
             "splatv",
-            gs_io::splatv::open(put("b.splatv"), Damage::Drop).unwrap_err().to_string(),
+            gs_io::splatv::open(&put("b.splatv"), Damage::Drop).unwrap_err().to_string(),
         );
         named(
             "splat4d",
-            gs_io::splat4d::open(put("b.splat4d"), Damage::Drop).unwrap_err().to_string(),
+            gs_io::splat4d::open(&put("b.splat4d"), Damage::Drop).unwrap_err().to_string(),
         );
-        named("ply", gs_io::ply::read_file(put("b.ply")).unwrap_err().to_string());
-        named("header", gs_io::ply::read_header_file(put("b.ply")).unwrap_err().to_string());
+        named("ply", gs_io::ply::read_file(&put("b.ply")).unwrap_err().to_string());
+        named("header", gs_io::ply::read_header_file(&put("b.ply")).unwrap_err().to_string());
         let options = SequenceOptions::default();
-        named("zip", PlySequence::open(put("b.zip"), &options).unwrap_err().to_string());
-        Table::scene(0, 0.0).write(dir.path().join("sequence/f0.ply"));
+        named("zip", PlySequence::open(&put("b.zip"), &options).unwrap_err().to_string());
+        Table::scene(0, 0.0).write(&dir.path().join("sequence/f0.ply"));
         put("sequence/f1.ply");
         named(
             "sequence",
-            PlySequence::open(dir.path().join("sequence"), &options).unwrap_err().to_string(),
+            PlySequence::open(&dir.path().join("sequence"), &options).unwrap_err().to_string(),
         );
         for file in ["cameras.json", "transforms_train.json", "poses_bounds.npy", "dataset.json"] {
             let path = put(&format!("cameras/{file}"));
@@ -422,7 +423,8 @@ fn stand_ins_are_named_by_every_reader() {
         }
         put("colmap/sparse/0/images.bin");
         put("colmap/sparse/0/cameras.bin");
-        let error = cameras::open(dir.path().join("colmap"), cameras::Reading::Stored).unwrap_err();
+        let error =
+            cameras::open(&dir.path().join("colmap"), cameras::Reading::Stored).unwrap_err();
         named("COLMAP", error.to_string());
         // Models: the cloud, the network, the settings.
         for part in ["point_cloud.ply", "deformation.pth", "cfg_args"] {
@@ -454,7 +456,7 @@ fn stand_ins_are_named_by_every_reader() {
         put("sog/l.webp");
         named(
             "a plane of a SOG",
-            frame::read_file(dir.path().join("sog")).unwrap_err().to_string(),
+            frame::read_file(&dir.path().join("sog")).unwrap_err().to_string(),
         );
     }
 }

@@ -106,6 +106,11 @@ pub trait Lane: Real {
     fn vectors_mut<S: Simd>(slice: &mut [Self]) -> &mut [Self::Vector<S>];
 }
 
+/// `f64`, the type of reference results.
+pub trait Reference: Lane {}
+
+impl Reference for f64 {}
+
 /// Runs `body` compiled for the best instruction set of this machine.
 ///
 /// Takes the closure directly, marked `#[inline(always)]`: the bound makes it an `FnOnce`, whose

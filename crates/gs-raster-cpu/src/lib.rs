@@ -54,7 +54,7 @@ pub use times::StageTimes;
 use gs_core::{
     Camera, RasterError, Rasterizer, RenderGrads, RenderOutput, RenderParams, Splats, UpstreamGrads,
 };
-use lanes::Lane;
+use lanes::Reference;
 use splat_grads::Scope;
 
 /// The CPU rasteriser; runs on the current rayon thread pool.
@@ -63,62 +63,75 @@ use splat_grads::Scope;
 #[non_exhaustive]
 pub struct CpuRasterizer {}
 
-/// For `f32` and `f64`.
-impl<F: Lane> Rasterizer<F> for CpuRasterizer {
-    type Prepared = Prepared<F>;
+/// Implements [`Rasterizer`] for one float type, or for all types of a bound.
+macro_rules! rasterizer {
+    ($float:ident $(: $bound:ident)?) => {
+        impl$(<$float: $bound>)? Rasterizer<$float> for CpuRasterizer {
+            type Prepared = Prepared<$float>;
 
-    fn prepare(&self, splats: &Splats<F>, camera: &Camera) -> Result<Prepared<F>, RasterError> {
-        let mut prepared = Prepared::default();
-        prepared.update(splats, camera)?;
-        Ok(prepared)
-    }
+            fn prepare(
+                &self,
+                splats: &Splats<$float>,
+                camera: &Camera,
+            ) -> Result<Prepared<$float>, RasterError> {
+                let mut prepared = Prepared::default();
+                prepared.update(splats, camera)?;
+                Ok(prepared)
+            }
 
-    fn prepare_into(
-        &self,
-        splats: &Splats<F>,
-        camera: &Camera,
-        prepared: &mut Prepared<F>,
-    ) -> Result<(), RasterError> {
-        prepared.update(splats, camera)
-    }
+            fn prepare_into(
+                &self,
+                splats: &Splats<$float>,
+                camera: &Camera,
+                prepared: &mut Prepared<$float>,
+            ) -> Result<(), RasterError> {
+                prepared.update(splats, camera)
+            }
 
-    fn forward_into(
-        &self,
-        prepared: &mut Prepared<F>,
-        splats: &Splats<F>,
-        features: &[F],
-        params: &RenderParams,
-        output: &mut RenderOutput<F>,
-    ) -> Result<(), RasterError> {
-        forward::forward(prepared, splats, features, params, output)
-    }
+            fn forward_into(
+                &self,
+                prepared: &mut Prepared<$float>,
+                splats: &Splats<$float>,
+                features: &[$float],
+                params: &RenderParams,
+                output: &mut RenderOutput<$float>,
+            ) -> Result<(), RasterError> {
+                forward::forward(prepared, splats, features, params, output)
+            }
 
-    fn backward_into(
-        &self,
-        prepared: &mut Prepared<F>,
-        splats: &Splats<F>,
-        features: &[F],
-        params: &RenderParams,
-        upstream: &UpstreamGrads<F>,
-        grads: &mut RenderGrads<F>,
-    ) -> Result<(), RasterError> {
-        let scope = Scope::Everything;
-        backward::backward(prepared, splats, features, params, upstream, scope, grads)
-    }
+            fn backward_into(
+                &self,
+                prepared: &mut Prepared<$float>,
+                splats: &Splats<$float>,
+                features: &[$float],
+                params: &RenderParams,
+                upstream: &UpstreamGrads<$float>,
+                grads: &mut RenderGrads<$float>,
+            ) -> Result<(), RasterError> {
+                let scope = Scope::Everything;
+                backward::backward(prepared, splats, features, params, upstream, scope, grads)
+            }
 
-    fn backward_colors_into(
-        &self,
-        prepared: &mut Prepared<F>,
-        splats: &Splats<F>,
-        features: &[F],
-        params: &RenderParams,
-        upstream: &UpstreamGrads<F>,
-        grads: &mut RenderGrads<F>,
-    ) -> Result<(), RasterError> {
-        let scope = Scope::Colors;
-        backward::backward(prepared, splats, features, params, upstream, scope, grads)
-    }
+            fn backward_colors_into(
+                &self,
+                prepared: &mut Prepared<$float>,
+                splats: &Splats<$float>,
+                features: &[$float],
+                params: &RenderParams,
+                upstream: &UpstreamGrads<$float>,
+                grads: &mut RenderGrads<$float>,
+            ) -> Result<(), RasterError> {
+                let scope = Scope::Colors;
+                backward::backward(prepared, splats, features, params, upstream, scope, grads)
+            }
+        }
+    };
 }
+
+// `f32` is not generic: its kernels are compiled here, once, and not again in every crate that renders.
+rasterizer!(f32);
+// `f64` is, because only tests use it: programs do not compile its kernels.
+rasterizer!(F: Reference);
 
 #[cfg(doctest)]
 #[doc = include_str!("../README.md")]

@@ -180,7 +180,7 @@ fn write_inputs(
     };
     let mut progress = console.progress("source", SOURCE_FRAMES as u64);
     ply_sequence::write_folder(
-        root.join(SOURCE),
+        &root.join(SOURCE),
         synthetic,
         &times,
         &options,
@@ -189,8 +189,8 @@ fn write_inputs(
     )
     .map_err(|error| output_failure(&error))?;
     progress.finish();
-    ply::write_file(root.join(EDITED), &edit.splats, &options, Existing::Refuse)
+    ply::write_file(&root.join(EDITED), &edit.splats, &options, Existing::Refuse)
         .map_err(|error| output_failure(&error))?;
-    cameras_json::write_file(root.join(CAMERAS), cameras, Existing::Refuse)
+    cameras_json::write_file(&root.join(CAMERAS), cameras, Existing::Refuse)
         .map_err(|error| output_failure(&error))
 }

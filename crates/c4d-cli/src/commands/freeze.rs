@@ -48,9 +48,9 @@ pub(crate) fn run(args: &FreezeArgs, global: &Global, console: &Console) -> Outc
         sh_degree: args.sh_degree,
         ..WriteOptions::default()
     };
-    ply::write_file(folder.path().join(OURS[0]), &splats, &options, Existing::Refuse)
+    ply::write_file(&folder.path().join(OURS[0]), &splats, &options, Existing::Refuse)
         .map_err(|error| output_failure(&error))?;
-    cameras_json::write_file(folder.path().join(OURS[1]), &cameras, Existing::Refuse)
+    cameras_json::write_file(&folder.path().join(OURS[1]), &cameras, Existing::Refuse)
         .map_err(|error| output_failure(&error))?;
     if let Some(device) = &device {
         let splats = match args.sh_degree {

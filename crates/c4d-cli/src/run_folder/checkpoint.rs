@@ -174,7 +174,7 @@ mod tests {
             let failure = Checkpoint::read(dir.path()).unwrap_err().to_string();
             assert!(failure.contains("`d_sh` contains non-finite values"), "{failure}");
         }
-        let bytes = gs_io::read_file(dir.path().join(REFINE_STATE)).unwrap();
+        let bytes = gs_io::read_file(&dir.path().join(REFINE_STATE)).unwrap();
         for cut in 0..bytes.len() {
             assert!(Checkpoint::parse(&bytes[..cut]).is_err(), "cut at {cut}");
         }

@@ -18,7 +18,7 @@ pub(crate) fn check_is_folder(run: &Path) -> Outcome {
 /// The reports of a run, for `--json`: `run` and, if it was refined, `refine`.
 pub(crate) fn reports(run: &Path) -> Value {
     let read = |file: &str| -> Option<Value> {
-        serde_json::from_slice(&gs_io::read_file(run.join(file)).ok()?).ok()
+        serde_json::from_slice(&gs_io::read_file(&run.join(file)).ok()?).ok()
     };
     let found = [("run", read(REPORT)), ("refine", read(REFINE_REPORT))];
     found.into_iter().filter_map(|(name, report)| Some((name.to_owned(), report?))).collect()

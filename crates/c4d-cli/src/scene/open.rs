@@ -57,7 +57,7 @@ fn open_within(
         SceneKind::RunFolder => open_edited(path, runs, global, console),
         kind @ SceneKind::Model3dgs => {
             // A damaged file does not show which method wrote it.
-            gs_io::ply::read_file(gs_io::frame::file_of(path))
+            gs_io::ply::read_file(&gs_io::frame::file_of(path))
                 .map_err(|error| bad_input(&error))?;
             Err(Failure::bad_input(format!(
                 "{} is a {kind}: none of its saves has a deformation",

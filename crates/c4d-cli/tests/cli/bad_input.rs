@@ -45,7 +45,7 @@ impl Bench {
     }
 
     fn edited(&self, change: impl FnOnce(&mut Splats)) -> PathBuf {
-        let mut splats = ply::read_file(fixture("synth/edited.ply")).unwrap().splats;
+        let mut splats = ply::read_file(&fixture("synth/edited.ply")).unwrap().splats;
         change(&mut splats);
         let path = self.at("edited.ply");
         ply::write_file(&path, &splats, &ply::WriteOptions::default(), Existing::Replace).unwrap();

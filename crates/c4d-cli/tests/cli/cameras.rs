@@ -75,7 +75,7 @@ fn frozen_with_the_cameras_of_a_data_set() {
     let out = folder.path().join("frozen");
     let (source, cameras) = (text(&fixture("synth/source")), text(&fixture("cameras/dynerf")));
     success(&mut c4d(["freeze", &source, "--cameras", &cameras, "-o", &text(&out)]));
-    let (written, _) = gs_io::cameras_json::read_file(out.join("cameras.json")).unwrap();
+    let (written, _) = gs_io::cameras_json::read_file(&out.join("cameras.json")).unwrap();
     let names: Vec<&str> = written.iter().map(|camera| camera.name.as_str()).collect();
     assert_eq!(names, ["cam00", "cam01", "cam02"], "each camera once");
     assert_eq!(written[0].width, 2704, "a PLY sequence has no training reading: full size");
@@ -87,7 +87,7 @@ fn refined_from_a_data_set() {
     let at = |name: &str| folder.path().join(name);
     let model = text(&fixture("deform4dgs/dynerf_like/model"));
     success(&mut c4d(["freeze", &model, "-o", &text(&at("frozen"))]));
-    let mut splats = ply::read_file(at("frozen/point_cloud.ply")).unwrap().splats;
+    let mut splats = ply::read_file(&at("frozen/point_cloud.ply")).unwrap().splats;
     for i in (0..splats.len()).filter(|i| i % 2 == 0) {
         splats.sh[i * 16] = [1.0, -0.5, 0.2];
     }

@@ -42,7 +42,7 @@ fn pictures_are_written_edited_and_fitted() {
     let views = frame.join("views");
     let pictures = ["view_00.png", "view_01.png", "view_02.png", "view_03.png"];
     assert_eq!(listing(&views), pictures, "one PNG a camera");
-    let (cameras, _) = gs_io::cameras_json::read_file(frame.join("cameras.json")).unwrap();
+    let (cameras, _) = gs_io::cameras_json::read_file(&frame.join("cameras.json")).unwrap();
     assert_eq!(cameras.len(), 4, "cameras of the pictures");
     assert_eq!((cameras[0].width, cameras[0].height), (64, 48), "their size");
 

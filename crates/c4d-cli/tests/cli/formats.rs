@@ -20,7 +20,7 @@ fn exported(scene: &Path, out: &Path) -> Vec<Splats> {
     let export = ["export", path(scene), "--to", "ply-seq", "--frames", "3", "-w", "-o", path(out)];
     success(&mut c4d(export));
     let frames = listing(out);
-    frames.iter().map(|name| ply::read_file(out.join(name)).unwrap().splats).collect()
+    frames.iter().map(|name| ply::read_file(&out.join(name)).unwrap().splats).collect()
 }
 
 fn sorted(splats: &Splats) -> Splats {
@@ -205,5 +205,5 @@ fn info_shows_frames_and_scenes_refuse_them() {
         2,
     );
     assert!(said.contains("expected 3 or 4") && !out.exists(), "{said}");
-    assert!(frame::read_file(fixture("frames/frame.ply")).is_ok(), "the fixture is a frame");
+    assert!(frame::read_file(&fixture("frames/frame.ply")).is_ok(), "the fixture is a frame");
 }

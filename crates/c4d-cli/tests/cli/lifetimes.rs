@@ -23,7 +23,7 @@ impl Desk {
         let (times, options) = (TimeRange::UNIT.frames(FRAMES), ply::WriteOptions::default());
         let source = &desk.scene.source;
         ply_sequence::write_folder(
-            desk.at("source"),
+            &desk.at("source"),
             source,
             &times,
             &options,
@@ -32,7 +32,7 @@ impl Desk {
         )
         .unwrap();
         let edited = &desk.scene.edited;
-        ply::write_file(desk.at("edited.ply"), edited, &options, Existing::Refuse).unwrap();
+        ply::write_file(&desk.at("edited.ply"), edited, &options, Existing::Refuse).unwrap();
         desk
     }
 

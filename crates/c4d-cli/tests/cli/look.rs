@@ -64,7 +64,7 @@ fn stills_of_other_files_are_refused() {
 fn dry_run(folder: &Path, more: &[&str]) -> assert_cmd::Command {
     let edit = folder.join("edit.ply");
     if !edit.exists() {
-        let mut splats = ply::read_file(fixture("synth/source/frame_00000.ply")).unwrap().splats;
+        let mut splats = ply::read_file(&fixture("synth/source/frame_00000.ply")).unwrap().splats;
         let coeffs = splats.sh_coeffs();
         for row in 0..300 {
             splats.sh[row * coeffs] = [2.0, -1.0, -1.0];
@@ -91,7 +91,7 @@ fn a_dry_run_counts_and_shows_changes_and_writes_nothing_else() {
     let folder = tempfile::tempdir().unwrap();
     let run = folder.path().join("run");
     let (said, _) = success(&mut dry_run(folder.path(), &["-o", path(&run)]));
-    let total = ply::read_file(fixture("synth/source/frame_00000.ply")).unwrap().splats.len();
+    let total = ply::read_file(&fixture("synth/source/frame_00000.ply")).unwrap().splats.len();
     let count = |name: &str| -> usize {
         let line = said.lines().find(|line| line.trim_start().starts_with(name)).unwrap();
         line.split_whitespace().nth(1).unwrap().parse().unwrap()

@@ -13,7 +13,7 @@ fn path(path: &Path) -> &str {
 fn frames(folder: &Path) -> Vec<Splats> {
     let mut names = listing(folder);
     names.retain(|name| Path::new(name).extension().is_some_and(|extension| extension == "ply"));
-    names.iter().map(|name| ply::read_file(folder.join(name)).unwrap().splats).collect()
+    names.iter().map(|name| ply::read_file(&folder.join(name)).unwrap().splats).collect()
 }
 
 /// Mean distance of the centres, relative to the size of the cloud.
@@ -60,7 +60,7 @@ fn edit_is_propagated_and_exported() {
     let frozen = folder.path().join("frozen");
     success(&mut c4d(["freeze", path(&run), "--time", "0.5", "-o", path(&frozen)]));
     assert_eq!(
-        ply::read_file(frozen.join("point_cloud.ply")).unwrap().splats,
+        ply::read_file(&frozen.join("point_cloud.ply")).unwrap().splats,
         exported[1],
         "frame at 0.5"
     );
@@ -109,7 +109,7 @@ fn model_4dgs_freezes_propagates_renders_exports() {
     for mean in edited.means.iter_mut().step_by(3) {
         mean[2] += 0.01;
     }
-    ply::write_file(at("edited.ply"), &edited, &ply::WriteOptions::default(), Existing::Refuse)
+    ply::write_file(&at("edited.ply"), &edited, &ply::WriteOptions::default(), Existing::Refuse)
         .unwrap();
     for (name, extra) in [
         ("run", vec![]),
@@ -210,7 +210,7 @@ fn is_recoloured(mean: [f32; 3]) -> bool {
 pub(crate) fn recoloured(model: &Path, folder: &Path, edited: &Path) {
     let frozen = folder.join("frozen");
     success(&mut c4d(["freeze", path(model), "-o", path(&frozen)]));
-    let frozen = ply::read_file(frozen.join("point_cloud.ply")).unwrap().splats;
+    let frozen = ply::read_file(&frozen.join("point_cloud.ply")).unwrap().splats;
     let mut splats = frozen.clone();
     for i in (0..splats.len()).filter(|&i| is_recoloured(frozen.means[i])) {
         splats.means[i][0] *= 1.02;

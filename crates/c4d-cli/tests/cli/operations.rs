@@ -163,7 +163,7 @@ fn a_frozen_frame_is_edited_through_masks() {
         count > all / 20 && count < all * 3 / 4,
         "about half of the visible splats: {count} of {all}"
     );
-    let header = ply::read_header_file(folder.path().join("red.ply")).unwrap();
+    let header = ply::read_header_file(&folder.path().join("red.ply")).unwrap();
     assert!(
         header.comments.iter().any(|c| c == "c4d_time 1"),
         "the frame's time: {:?}",

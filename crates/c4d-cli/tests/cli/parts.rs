@@ -145,7 +145,7 @@ fn a_gathered_refinement_is_that_of_one_run() {
     // View-dependent colours, so that images are needed.
     let model = fixture("deform4dgs/dynerf_like/model");
     success(c4d(["freeze"]).arg(&model).arg("-o").arg(at("frozen")));
-    let mut splats = ply::read_file(at("frozen/point_cloud.ply")).unwrap().splats;
+    let mut splats = ply::read_file(&at("frozen/point_cloud.ply")).unwrap().splats;
     for i in (0..splats.len()).step_by(2) {
         splats.sh[i * 16] = [1.0, -0.5, 0.2];
     }

@@ -20,10 +20,10 @@ fn placed(root: &Path, scale: f64, shift: [f64; 3]) -> PathBuf {
     let folder = root.join(format!("scene_{scale}_{}", shift[0]));
     std::fs::create_dir(&folder).unwrap();
     for name in listing(&fixture("synth/source")) {
-        let read = ply::read_file(fixture("synth/source").join(&name)).unwrap();
+        let read = ply::read_file(&fixture("synth/source").join(&name)).unwrap();
         let options = ply::WriteOptions { comments: read.comments, ..Default::default() };
         let splats = moved(read.splats, scale, shift);
-        ply::write_file(folder.join(name), &splats, &options, Existing::Refuse).unwrap();
+        ply::write_file(&folder.join(name), &splats, &options, Existing::Refuse).unwrap();
     }
     folder
 }
@@ -99,7 +99,7 @@ fn cameras_of_a_file_render_a_small_scene_and_its_run() {
 
         // A propagated and refined edit of the scene has the near plane of the source.
         let edit = folder.path().join(format!("edit_{scale}.ply"));
-        let splats = ply::read_file(fixture("synth/edited.ply")).unwrap().splats;
+        let splats = ply::read_file(&fixture("synth/edited.ply")).unwrap().splats;
         let options = ply::WriteOptions::default();
         ply::write_file(&edit, &moved(splats, scale, [0.0; 3]), &options, Existing::Refuse)
             .unwrap();

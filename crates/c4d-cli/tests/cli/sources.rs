@@ -63,7 +63,7 @@ fn unedited_moves_bit_for_bit_like_the_source() {
         assert!(shown.contains(name), "expected `{name}` in: {shown}");
         let (frozen, run, out) = (at("frozen"), at("run"), at("out"));
         success(&mut with_flags(&["freeze", path(&scene), "--time", "0.5", "-o", path(&frozen)]));
-        let first = ply::read_file(frozen.join("point_cloud.ply")).unwrap().splats;
+        let first = ply::read_file(&frozen.join("point_cloud.ply")).unwrap().splats;
         let order: Vec<usize> = (0..first.len()).map(|i| (i * 7919 + 13) % first.len()).collect();
         let shuffled = at("shuffled.ply");
         write(&shuffled, &first.select(&order));

@@ -48,7 +48,7 @@ fn unedited_moves_bit_for_bit_like_the_source() {
     }
     let (frozen, run, out) = (at("frozen"), at("run"), at("out"));
     success(&mut c4d(["freeze", path(&model), "-o", path(&frozen)]));
-    let first = ply::read_file(frozen.join("point_cloud.ply")).unwrap().splats;
+    let first = ply::read_file(&frozen.join("point_cloud.ply")).unwrap().splats;
     let order: Vec<usize> = (0..first.len()).map(|i| (i * 7919 + 13) % first.len()).collect();
     let shuffled = at("shuffled.ply");
     write(&shuffled, &first.select(&order));
@@ -71,7 +71,7 @@ fn unedited_moves_bit_for_bit_like_the_source() {
     names.retain(|name| Path::new(name).extension().is_some_and(|extension| extension == "ply"));
     assert_eq!(names.len(), 4, "frames");
     for (name, t) in names.iter().zip(times) {
-        let found = ply::read_file(out.join(name)).unwrap().splats;
+        let found = ply::read_file(&out.join(name)).unwrap().splats;
         assert_eq!(found, source.at(t).unwrap().select(&order), "time {t}, bit for bit");
         assert!(t == 0.0 || found.means != first.select(&order).means, "it moves");
     }
@@ -111,7 +111,7 @@ fn edits_are_propagated_rendered_and_exported() {
         success(&mut c4d(arguments));
         let frozen = at(&format!("{name}-frozen"));
         success(&mut c4d(["freeze", path(&output), "--time", "0.5", "-o", path(&frozen)]));
-        let now = ply::read_file(frozen.join("point_cloud.ply")).unwrap().splats;
+        let now = ply::read_file(&frozen.join("point_cloud.ply")).unwrap().splats;
         let source = scene.at(0.5).unwrap();
         let off = (0..now.len()).filter(|&row| dynamic[row]).map(|row| {
             (0..3)

@@ -118,7 +118,7 @@ pub(crate) fn content(path: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
 pub(crate) fn recoloured(model: &Path, folder: &Path) -> PathBuf {
     let (frozen, edited) = (folder.join("frozen-model"), folder.join("recoloured.ply"));
     success(&mut c4d([Path::new("freeze"), model, Path::new("-o"), &frozen]));
-    let mut splats = ply::read_file(frozen.join("point_cloud.ply")).unwrap().splats;
+    let mut splats = ply::read_file(&frozen.join("point_cloud.ply")).unwrap().splats;
     for i in 0..splats.len() {
         if splats.means[i][2] > 0.0 {
             splats.means[i][0] *= 1.02;

@@ -4,8 +4,8 @@ use std::path::Path;
 
 /// Width and height of an image file, pixels; `None` if the file is missing or not a PNG or JPEG.
 pub(super) fn image_size(path: &Path) -> Option<(u32, u32)> {
-    let reader = image::ImageReader::open(path).ok()?.with_guessed_format().ok()?;
-    reader.into_dimensions().ok()
+    let size = imagesize::size(path).ok()?;
+    Some((size.width.try_into().ok()?, size.height.try_into().ok()?))
 }
 
 /// Looks up image sizes and counts missing images.

@@ -47,8 +47,7 @@ use std::path::Path;
 /// # Errors
 /// If no known layout is found, a file is missing or malformed, or no camera is valid. Invalid
 /// cameras are omitted and noted.
-pub fn open(path: impl AsRef<Path>, reading: Reading) -> Result<CameraSet, IoError> {
-    let path = path.as_ref();
+pub fn open(path: &Path, reading: Reading) -> Result<CameraSet, IoError> {
     let source = find(path)?.ok_or_else(|| source::unknown(path))?;
     let mut set = match source.format {
         Format::CamerasJson => {

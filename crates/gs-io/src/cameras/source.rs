@@ -60,8 +60,7 @@ pub(super) fn unknown(path: &Path) -> IoError {
 ///
 /// # Errors
 /// If the path cannot be read, or is a model folder whose data set is missing.
-pub fn find(path: impl AsRef<Path>) -> Result<Option<Source>, IoError> {
-    let path = path.as_ref();
+pub fn find(path: &Path) -> Result<Option<Source>, IoError> {
     let metadata = std::fs::metadata(path)
         .map_err(|source| IoError::Read { path: path.to_owned(), source })?;
     if !metadata.is_dir() {

@@ -28,12 +28,7 @@ pub fn to_json(cameras: &[Camera]) -> Result<String, CamerasError> {
 ///
 /// # Errors
 /// If a camera is out of range, or the file exists and may not be replaced, or cannot be written.
-pub fn write_file(
-    path: impl AsRef<Path>,
-    cameras: &[Camera],
-    existing: Existing,
-) -> Result<(), IoError> {
-    let path = path.as_ref();
+pub fn write_file(path: &Path, cameras: &[Camera], existing: Existing) -> Result<(), IoError> {
     let text =
         to_json(cameras).map_err(|source| IoError::Cameras { path: path.to_owned(), source })?;
     let mut file = AtomicFile::create(path, existing)?;

@@ -27,8 +27,8 @@ use std::path::Path;
 /// # Errors
 /// If files are missing or malformed, or the reference implementation cannot evaluate the network
 /// either. Every error names the file.
-pub fn open(dir: impl AsRef<Path>, overrides: &Overrides) -> Result<Model, IoError> {
-    let Canonical { iteration, splats, mut report, cfg } = read_canonical(dir.as_ref(), overrides)?;
+pub fn open(dir: &Path, overrides: &Overrides) -> Result<Model, IoError> {
+    let Canonical { iteration, splats, mut report, cfg } = read_canonical(dir, overrides)?;
     let scene = match iteration.stage {
         Stage::Coarse => never_moving(&iteration, splats, &mut report)?,
         Stage::Fine => {

@@ -17,13 +17,12 @@ use std::path::Path;
 /// If the network has a mask (not supported, because such training runs are rare), or `dir` must
 /// not be replaced or cannot be written.
 pub fn write(
-    dir: impl AsRef<Path>,
+    dir: &Path,
     number: u64,
     canonical: &Splats,
     network: &HexPlaneNetwork,
     existing: Existing,
 ) -> Result<(), IoError> {
-    let dir = dir.as_ref();
     if network.mask != Mask::One {
         return Err(IoError::content(
             dir,

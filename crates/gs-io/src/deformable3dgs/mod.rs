@@ -28,8 +28,8 @@ pub(crate) const UP_SYNTHETIC: [f64; 3] = [0.0, 0.0, 1.0];
 /// # Errors
 /// If files are missing or malformed, or the network is of another kind. Every error names the
 /// file.
-pub fn open(dir: impl AsRef<Path>, options: &OpenOptions) -> Result<OpenedScene, IoError> {
-    let mut folder = DeformFolder::read(dir.as_ref(), options, |_| Vec::new())?;
+pub fn open(dir: &Path, options: &OpenOptions) -> Result<OpenedScene, IoError> {
+    let mut folder = DeformFolder::read(dir, options, |_| Vec::new())?;
     let path = folder.network.clone();
     let bytes = read_bytes(&path)?;
     let tensors = pth::read(&bytes)

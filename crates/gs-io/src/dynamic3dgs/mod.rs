@@ -37,8 +37,7 @@ pub(crate) fn file_of(dir: &Path) -> Option<PathBuf> {
 ///
 /// # Errors
 /// If the file cannot be read, or arrays are missing or have inconsistent shapes.
-pub fn open(path: impl AsRef<Path>, options: &OpenOptions) -> Result<OpenedScene, IoError> {
-    let path = path.as_ref();
+pub fn open(path: &Path, options: &OpenOptions) -> Result<OpenedScene, IoError> {
     if path.is_dir() && file_of(path).is_none() {
         let what = format!("contains no {FILE}; copy it from the machine that trained the model");
         return Err(IoError::content(path, what));

@@ -34,7 +34,7 @@ const NETWORK: &str = "deformation.pth";
 pub(crate) fn looks_like_model(dir: &Path) -> bool {
     let has_embeddings = || -> Option<bool> {
         let iteration = model_folder::find(dir, None).ok()?;
-        let header = ply::read_header_file(iteration.dir.join("point_cloud.ply")).ok()?;
+        let header = ply::read_header_file(&iteration.dir.join("point_cloud.ply")).ok()?;
         let layout = header.gaussians().ok()?;
         Some(layout.extra_columns.iter().any(|column| column == FIRST))
     };
@@ -46,8 +46,8 @@ pub(crate) fn looks_like_model(dir: &Path) -> bool {
 ///
 /// # Errors
 /// If files are missing or malformed. Every error names the file.
-pub fn open(dir: impl AsRef<Path>, options: &OpenOptions) -> Result<OpenedScene, IoError> {
-    let iteration = model_folder::find(dir.as_ref(), options.iteration)?;
+pub fn open(dir: &Path, options: &OpenOptions) -> Result<OpenedScene, IoError> {
+    let iteration = model_folder::find(dir, options.iteration)?;
     let ply_path = iteration.dir.join("point_cloud.ply");
     let bytes = read_bytes(&ply_path)?;
     let read = ply::read(&bytes).map_err(IoError::ply(&ply_path))?;

@@ -31,8 +31,7 @@ const SH_RANGE: f32 = 8.0;
 ///
 /// # Errors
 /// If the file cannot be read, is damaged, or has an unsupported temporal model.
-pub fn open(path: impl AsRef<Path>, options: &OpenOptions) -> Result<OpenedScene, IoError> {
-    let path = path.as_ref();
+pub fn open(path: &Path, options: &OpenOptions) -> Result<OpenedScene, IoError> {
     let wrong = |what: String| IoError::content(path, what);
     let bytes = read_bytes(path)?;
     let model = fourdgs::keyframe_delta_file::peek_temporal_model(&bytes)

@@ -73,13 +73,12 @@ fn rows_in_memory(clip: &Clip<'_>) -> usize {
 /// If there are no frames, splats or frames per second, the tolerance is out of range, no splat is
 /// visible, the scene cannot be evaluated, or the file cannot be written.
 pub fn write(
-    path: impl AsRef<Path>,
+    path: &Path,
     clip: &Clip<'_>,
     options: &Options,
     existing: Existing,
     progress: &mut dyn FnMut(usize),
 ) -> Result<WriteReport, IoError> {
-    let path = path.as_ref();
     clip.check(path)?;
     if !(options.tolerance > 0.0 && options.tolerance <= 1.0) {
         let what = format!("tolerance {}; expected above 0, at most 1", options.tolerance);

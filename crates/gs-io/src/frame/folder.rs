@@ -64,8 +64,7 @@ fn decoded(uri: &str) -> String {
 }
 
 /// The file that [`read_file`](super::read_file) reads: the path itself, or the one in the folder.
-pub fn file_of(path: impl AsRef<Path>) -> PathBuf {
-    let path = path.as_ref();
+pub fn file_of(path: &Path) -> PathBuf {
     let inside = if path.is_dir() { still_of(path) } else { None };
     inside.unwrap_or_else(|| path.to_owned())
 }

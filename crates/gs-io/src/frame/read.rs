@@ -73,8 +73,7 @@ fn moving(extra_columns: &[String]) -> Option<&'static str> {
 ///
 /// # Errors
 /// If nothing there can be read as a frame; the error names the file.
-pub fn read_file(path: impl AsRef<Path>) -> Result<Frame, IoError> {
-    let path = path.as_ref();
+pub fn read_file(path: &Path) -> Result<Frame, IoError> {
     if path.is_dir() {
         return read_dir(path);
     }

@@ -23,8 +23,7 @@ pub(crate) fn has_columns(extra_columns: &[String]) -> bool {
 ///
 /// # Errors
 /// If the file cannot be read, lacks parts, or was trained with an option that is not supported.
-pub fn open(path: impl AsRef<Path>, options: &OpenOptions) -> Result<OpenedScene, IoError> {
-    let path = path.as_ref();
+pub fn open(path: &Path, options: &OpenOptions) -> Result<OpenedScene, IoError> {
     let bytes = crate::fs::read_bytes(path)?;
     let model = if bytes.starts_with(b"PK") {
         checkpoint::read(&bytes, path)?

@@ -12,8 +12,7 @@ use std::path::Path;
 ///
 /// # Errors
 /// If the path is not a regular file, or the file cannot be opened.
-pub fn open_file(path: impl AsRef<Path>) -> io::Result<File> {
-    let path = path.as_ref();
+pub fn open_file(path: &Path) -> io::Result<File> {
     let found = std::fs::metadata(path)?;
     if found.is_dir() {
         return Err(io::Error::new(io::ErrorKind::IsADirectory, "is a folder, expected a file"));
@@ -32,7 +31,7 @@ const MARGIN: usize = 32 << 20;
 ///
 /// # Errors
 /// As [`open_file`]; also if it does not fit into memory.
-pub fn read_file(path: impl AsRef<Path>) -> io::Result<Vec<u8>> {
+pub fn read_file(path: &Path) -> io::Result<Vec<u8>> {
     let mut file = open_file(path)?;
     let length = file.metadata()?.len();
     let mut bytes: Vec<u8> = Vec::new();
@@ -89,7 +88,7 @@ mod tests {
     fn only_files_are_opened() {
         let dir = tempfile::tempdir().unwrap();
         std::fs::write(dir.path().join("file"), "text").unwrap();
-        assert_eq!(read_file(dir.path().join("file")).unwrap(), b"text", "a file");
+        assert_eq!(read_file(&dir.path().join("file")).unwrap(), b"text", "a file");
         let refused = |path: &Path| open_file(path).unwrap_err().to_string();
         assert!(refused(dir.path()).contains("is a folder"), "a folder");
         #[cfg(unix)]

@@ -58,7 +58,7 @@ fn checkpoint_of(dir: &Path, wanted: Option<u64>) -> Result<Option<(PathBuf, Str
 pub(crate) fn looks_like_model(dir: &Path) -> bool {
     let Ok(Some((path, _))) = checkpoint_of(dir, None) else { return false };
     let mut start = Vec::new();
-    crate::fs::open_file(path)
+    crate::fs::open_file(&path)
         .and_then(|file| file.take(HEAD).read_to_end(&mut start))
         .is_ok_and(|_| is_checkpoint(&start))
 }
@@ -67,8 +67,7 @@ pub(crate) fn looks_like_model(dir: &Path) -> bool {
 ///
 /// # Errors
 /// If the file cannot be read or is of another kind, or the time range is not given.
-pub fn open(path: impl AsRef<Path>, options: &OpenOptions) -> Result<OpenedScene, IoError> {
-    let given = path.as_ref();
+pub fn open(given: &Path, options: &OpenOptions) -> Result<OpenedScene, IoError> {
     let (path, mut facts) = if given.is_dir() {
         let (path, name) = checkpoint_of(given, options.iteration)?.ok_or_else(|| {
             let what = match options.iteration {

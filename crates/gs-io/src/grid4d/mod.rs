@@ -26,16 +26,16 @@ const DYNAMIC: &str = "dynamic";
 ///
 /// # Errors
 /// If files are missing or malformed, or required settings are missing. Every error names the file.
-pub fn open(dir: impl AsRef<Path>, options: &OpenOptions) -> Result<OpenedScene, IoError> {
-    open_either(dir.as_ref(), options, SceneKind::Grid4d, |_| Vec::new())
+pub fn open(dir: &Path, options: &OpenOptions) -> Result<OpenedScene, IoError> {
+    open_either(dir, options, SceneKind::Grid4d, |_| Vec::new())
 }
 
 /// Opens a model folder of DASH, or one of the iterations of its point cloud.
 ///
 /// # Errors
 /// As [`open`].
-pub fn open_dash(dir: impl AsRef<Path>, options: &OpenOptions) -> Result<OpenedScene, IoError> {
-    open_either(dir.as_ref(), options, SceneKind::Dash, |_| vec![DYNAMIC.to_owned()])
+pub fn open_dash(dir: &Path, options: &OpenOptions) -> Result<OpenedScene, IoError> {
+    open_either(dir, options, SceneKind::Dash, |_| vec![DYNAMIC.to_owned()])
 }
 
 fn open_either(

@@ -147,7 +147,7 @@ pub(crate) fn still_model(dir: &Path) -> Option<PathBuf> {
     });
     let path = iteration.model.join("cfg_args");
     let trained_to_move = || -> Option<bool> {
-        let cfg = cfg_args::parse(&text::decode(&crate::fs::read_file(path).ok()?)).ok()?;
+        let cfg = cfg_args::parse(&text::decode(&crate::fs::read_file(&path).ok()?)).ok()?;
         Some(DEFORMING.iter().any(|name| cfg.get(name).is_some()))
     };
     (!moves && !trained_to_move().unwrap_or(false)).then(|| iteration.dir.join("point_cloud.ply"))

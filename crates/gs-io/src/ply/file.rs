@@ -12,8 +12,7 @@ use std::path::Path;
 ///
 /// # Errors
 /// If the file cannot be read or is not a 3DGS PLY.
-pub fn read_file(path: impl AsRef<Path>) -> Result<PlySplats, IoError> {
-    let path = path.as_ref();
+pub fn read_file(path: &Path) -> Result<PlySplats, IoError> {
     read(&read_bytes(path)?).map_err(IoError::ply(path))
 }
 
@@ -21,9 +20,8 @@ pub fn read_file(path: impl AsRef<Path>) -> Result<PlySplats, IoError> {
 ///
 /// # Errors
 /// If the file cannot be read or does not start with a PLY header.
-pub fn read_header_file(path: impl AsRef<Path>) -> Result<Header, IoError> {
+pub fn read_header_file(path: &Path) -> Result<Header, IoError> {
     use std::io::Read;
-    let path = path.as_ref();
     let failed = |source| IoError::Read { path: path.to_owned(), source };
     let mut file = crate::fs::open_file(path).map_err(failed)?;
     let mut bytes = Vec::new();
@@ -45,12 +43,11 @@ pub fn read_header_file(path: impl AsRef<Path>) -> Result<Header, IoError> {
 /// # Errors
 /// If the file exists and may not be replaced, or cannot be written.
 pub fn write_file(
-    path: impl AsRef<Path>,
+    path: &Path,
     splats: &Splats,
     options: &WriteOptions,
     existing: Existing,
 ) -> Result<(), IoError> {
-    let path = path.as_ref();
     let mut file = AtomicFile::create(path, existing)?;
     write(splats, options, &mut file).map_err(IoError::write(path))?;
     file.commit()

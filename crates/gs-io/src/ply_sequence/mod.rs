@@ -68,8 +68,7 @@ impl PlySequence {
     /// # Errors
     /// If there are fewer than two frames, numbers are missing, or a file differs from the first;
     /// the file is named.
-    pub fn open(path: impl AsRef<Path>, options: &SequenceOptions) -> Result<Self, IoError> {
-        let path = path.as_ref();
+    pub fn open(path: &Path, options: &SequenceOptions) -> Result<Self, IoError> {
         let (source, beside) =
             if path.is_dir() { Source::folder(path)? } else { Source::zip(path)? };
         if source.len() < 2 {

@@ -50,8 +50,8 @@ impl FolderWriter {
     /// # Errors
     /// If `dir` has content that must not be replaced (only folders of frames are), or cannot be
     /// created.
-    pub fn create(dir: impl AsRef<Path>, existing: Existing) -> Result<Self, IoError> {
-        let path = dir.as_ref().to_owned();
+    pub fn create(dir: &Path, existing: Existing) -> Result<Self, IoError> {
+        let path = dir.to_owned();
         Ok(Self { dir: AtomicDir::create_bare(&path, existing)?, path, frames: 0 })
     }
 
@@ -114,8 +114,8 @@ impl ZipWriter {
     ///
     /// # Errors
     /// If `path` exists and may not be replaced, or cannot be made.
-    pub fn create(path: impl AsRef<Path>, existing: Existing) -> Result<Self, IoError> {
-        let path = path.as_ref().to_owned();
+    pub fn create(path: &Path, existing: Existing) -> Result<Self, IoError> {
+        let path = path.to_owned();
         let zip = StoredWriter::new(AtomicFile::create(&path, existing)?);
         Ok(Self { zip, path, frames: 0, buffer: Vec::new() })
     }
@@ -148,14 +148,13 @@ impl ZipWriter {
 /// # Errors
 /// As [`FolderWriter`]; also if the scene cannot be evaluated.
 pub fn write_folder(
-    dir: impl AsRef<Path>,
+    dir: &Path,
     scene: &dyn DynamicScene,
     times: &[f32],
     options: &WriteOptions,
     existing: Existing,
     progress: &mut dyn FnMut(usize),
 ) -> Result<(), IoError> {
-    let dir = dir.as_ref();
     too_short(dir, times.len())?;
     let mut writer = FolderWriter::create(dir, existing)?;
     each_frame(scene, times, dir, |index, splats| {
@@ -173,14 +172,13 @@ pub fn write_folder(
 /// # Errors
 /// As [`FolderWriter`]; also if the scene cannot be evaluated.
 pub fn write_compressed_folder(
-    dir: impl AsRef<Path>,
+    dir: &Path,
     scene: &dyn DynamicScene,
     times: &[f32],
     options: &compressed_ply::WriteOptions,
     existing: Existing,
     progress: &mut dyn FnMut(usize),
 ) -> Result<Losses, IoError> {
-    let dir = dir.as_ref();
     too_short(dir, times.len())?;
     let mut writer = FolderWriter::create(dir, existing)?;
     let (mut options, mut losses) = (options.clone(), Losses::none());
@@ -213,14 +211,13 @@ pub fn write_compressed_folder(
 /// # Errors
 /// As [`ZipWriter`]; also if the scene cannot be evaluated.
 pub fn write_zip(
-    path: impl AsRef<Path>,
+    path: &Path,
     scene: &dyn DynamicScene,
     times: &[f32],
     options: &WriteOptions,
     existing: Existing,
     progress: &mut dyn FnMut(usize),
 ) -> Result<(), IoError> {
-    let path = path.as_ref();
     too_short(path, times.len())?;
     let mut writer = ZipWriter::create(path, existing)?;
     each_frame(scene, times, path, |index, splats| {

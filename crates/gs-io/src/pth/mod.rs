@@ -68,10 +68,9 @@ pub(crate) fn read_with_integers(bytes: &[u8]) -> Result<(Root<'_>, Integers), P
 /// # Errors
 /// If the file cannot be read, or `with` fails.
 pub fn with_file<T>(
-    path: impl AsRef<Path>,
+    path: &Path,
     with: impl FnOnce(Root<'_>) -> Result<T, PthError>,
 ) -> Result<T, IoError> {
-    let path = path.as_ref();
     let bytes = read_bytes(path)?;
     read(&bytes).and_then(with).map_err(|source| IoError::Pth { path: path.to_owned(), source })
 }

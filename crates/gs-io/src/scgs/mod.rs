@@ -30,12 +30,12 @@ const UNSUPPORTED: [&str; 5] =
 /// # Errors
 /// If files are missing or malformed, or the model was trained with an option that is not
 /// supported. Every error names the file.
-pub fn open(dir: impl AsRef<Path>, options: &OpenOptions) -> Result<OpenedScene, IoError> {
+pub fn open(dir: &Path, options: &OpenOptions) -> Result<OpenedScene, IoError> {
     let features = |extra: &[String]| -> Vec<String> {
         let name = |index: usize| format!("fea_{index}");
         (0..extra.len()).map(name).take_while(|name| extra.contains(name)).collect()
     };
-    let mut folder = DeformFolder::read(dir.as_ref(), options, features)?;
+    let mut folder = DeformFolder::read(dir, options, features)?;
     if let Some(option) = UNSUPPORTED.iter().find(|name| folder.flag(name) == Some(true)) {
         return Err(IoError::content(
             folder.files.last().unwrap_or(&folder.network),

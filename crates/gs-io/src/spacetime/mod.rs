@@ -51,8 +51,8 @@ pub(crate) fn has_columns(extra_columns: &[String]) -> bool {
 ///
 /// # Errors
 /// If the file cannot be read, lacks columns, or is of the full model.
-pub fn open(path: impl AsRef<Path>, options: &OpenOptions) -> Result<OpenedScene, IoError> {
-    let (path, mut facts, mut notes) = locate(path.as_ref(), options)?;
+pub fn open(path: &Path, options: &OpenOptions) -> Result<OpenedScene, IoError> {
+    let (path, mut facts, mut notes) = locate(path, options)?;
     let bytes = read_bytes(&path)?;
     let read = ply::read(&bytes).map_err(IoError::ply(&path))?;
     if read.extra_columns.iter().any(|column| column == "f_t_0" || column == "f_dc_3") {

@@ -161,8 +161,7 @@ pub fn read(bytes: Vec<u8>, damage: Damage) -> Result<Read, Splat4dError> {
 ///
 /// # Errors
 /// If it cannot be read, or as [`read`].
-pub fn open(path: impl AsRef<Path>, damage: Damage) -> Result<Read, IoError> {
-    let path = path.as_ref();
+pub fn open(path: &Path, damage: Damage) -> Result<Read, IoError> {
     read(read_bytes(path)?, damage)
         .map_err(|source| IoError::Splat4d { path: path.to_owned(), source })
 }

@@ -42,13 +42,12 @@ pub struct WriteReport {
 /// If there are no frames, splats or frames per second, an option is out of range, positions exceed
 /// the range of the grid, the scene cannot be evaluated, or the file cannot be written.
 pub fn write(
-    path: impl AsRef<Path>,
+    path: &Path,
     clip: &Clip<'_>,
     options: &Options,
     existing: Existing,
     progress: &mut dyn FnMut(usize),
 ) -> Result<WriteReport, IoError> {
-    let path = path.as_ref();
     clip.check(path)?;
     options.check(path)?;
     let mut file = AtomicFile::create(path, existing)?;

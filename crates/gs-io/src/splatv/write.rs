@@ -76,13 +76,12 @@ pub struct WriteReport {
 /// error of the fit exceeds it, a splat moves too far for 16-bit numbers, the scene cannot be
 /// evaluated, or the file cannot be written.
 pub fn write(
-    path: impl AsRef<Path>,
+    path: &Path,
     clip: &Clip<'_>,
     options: &Options,
     existing: Existing,
     progress: &mut dyn FnMut(usize),
 ) -> Result<WriteReport, IoError> {
-    let path = path.as_ref();
     clip.check(path)?;
     if !(options.tolerance.is_finite() && options.tolerance > 0.0) {
         return Err(IoError::content(

@@ -57,9 +57,9 @@ fn has_score(path: &Path) -> bool {
 /// # Errors
 /// If files are missing, malformed or inconsistent, or do not determine the motion. Every error
 /// names the file, and the flag that would resolve it, if any.
-pub fn open(dir: impl AsRef<Path>, overrides: &Overrides) -> Result<Model, IoError> {
+pub fn open(dir: &Path, overrides: &Overrides) -> Result<Model, IoError> {
     let Canonical { iteration, splats, mut report, cfg } =
-        model_folder::read_canonical(dir.as_ref(), overrides)?;
+        model_folder::read_canonical(dir, overrides)?;
     if iteration.stage == Stage::Coarse {
         let scene = model_folder::never_moving(&iteration, splats, &mut report)?;
         return Ok(Model { scene, report });

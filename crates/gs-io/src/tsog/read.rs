@@ -26,8 +26,7 @@ const LOSSY_AT: usize = 12;
 ///
 /// # Errors
 /// If the file cannot be read, is damaged, or has another version, profile or timeline.
-pub fn open(path: impl AsRef<Path>, options: &OpenOptions) -> Result<OpenedScene, IoError> {
-    let path = path.as_ref();
+pub fn open(path: &Path, options: &OpenOptions) -> Result<OpenedScene, IoError> {
     let wrong = |what: String| IoError::content(path, what);
     let bytes = read_bytes(path)?;
     let damaged =

@@ -95,13 +95,12 @@ impl Attribute {
 /// If there are no frames, splats or frames per second, the up direction has no length, the text
 /// would be larger than the limit, the scene cannot be evaluated, or the file cannot be written.
 pub fn write(
-    path: impl AsRef<Path>,
+    path: &Path,
     clip: &Clip<'_>,
     options: &Options,
     existing: Existing,
     progress: &mut dyn FnMut(usize, usize),
 ) -> Result<WriteReport, IoError> {
-    let path = path.as_ref();
     clip.check(path)?;
     let turn = turn_to_y(options.up)
         .ok_or_else(|| IoError::content(path, "the upward direction has no length"))?;

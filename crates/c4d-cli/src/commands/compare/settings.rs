@@ -35,7 +35,7 @@ pub(super) fn differing(runs: &[PathBuf], names: &[String]) -> String {
 
 /// Keys and values of a run's configuration.
 fn flat(run: &Path) -> BTreeMap<String, String> {
-    let text = gs_io::read_file(run.join(CONFIG)).ok().and_then(|b| String::from_utf8(b).ok());
+    let text = gs_io::read_file(&run.join(CONFIG)).ok().and_then(|b| String::from_utf8(b).ok());
     let mut out = BTreeMap::new();
     if let Some(toml::Value::Table(table)) = text.and_then(|text| toml::from_str(&text).ok()) {
         for (key, value) in table {
@@ -72,7 +72,7 @@ pub(super) fn warnings(runs: &[PathBuf], names: &[String]) -> String {
 /// The warnings in a run's reports.
 fn of_run(run: &Path) -> Vec<String> {
     let of = |name: &str| -> Vec<String> {
-        let bytes = gs_io::read_file(run.join(name)).ok();
+        let bytes = gs_io::read_file(&run.join(name)).ok();
         let report: Option<Value> = bytes.and_then(|bytes| serde_json::from_slice(&bytes).ok());
         let warnings = report.and_then(|report| report["warnings"].as_array().cloned());
         warnings

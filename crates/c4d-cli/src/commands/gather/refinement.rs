@@ -56,7 +56,7 @@ pub(super) fn join(
         let mut found = 0;
         if files.iter().any(|name| name == REFINE_IMAGES) {
             let refused = |error: std::io::Error| broken(path, &error.to_string());
-            let file = gs_io::open_file(path.join(REFINE_IMAGES)).map_err(refused)?;
+            let file = gs_io::open_file(&path.join(REFINE_IMAGES)).map_err(refused)?;
             let part = KeptImages::read(file, &made_from).map_err(refused)?;
             let mut part = part.ok_or_else(|| broken(path, "its images belong to another run"))?;
             for at in part.keys() {

@@ -28,8 +28,8 @@ impl AtomicFile {
     /// # Errors
     /// If `path` exists and must not be replaced, another process is writing it, or the file cannot
     /// be created.
-    pub fn create(path: impl AsRef<Path>, existing: Existing) -> Result<Self, IoError> {
-        let path: PathBuf = path.as_ref().components().collect();
+    pub fn create(path: &Path, existing: Existing) -> Result<Self, IoError> {
+        let path: PathBuf = path.components().collect();
         refuse(&path, existing, None)?;
         let reservation = Reservation::take(&path)?;
         refuse(&path, existing, None)?;
@@ -136,7 +136,7 @@ mod tests {
         file.commit().unwrap();
         assert_eq!(fs::read(&path).unwrap(), b"ply new", "replaced");
         assert_eq!(names(), ["out.ply"], "no leftovers");
-        let error = AtomicFile::create(path.join("under/a.bin"), Existing::Refuse).unwrap_err();
+        let error = AtomicFile::create(&path.join("under/a.bin"), Existing::Refuse).unwrap_err();
         assert!(error.to_string().contains("out.ply: is a file, expected a folder"), "{error}");
     }
 
@@ -192,19 +192,19 @@ mod tests {
             ("socket.png", "a socket"),
         ] {
             for existing in [Existing::Refuse, Existing::Replace] {
-                let error = AtomicFile::create(dir.path().join(name), existing).unwrap_err();
+                let error = AtomicFile::create(&dir.path().join(name), existing).unwrap_err();
                 assert!(error.to_string().contains(needle), "{name}: {error}");
             }
         }
-        let error = AtomicFile::create("/dev/null", Existing::Replace).unwrap_err();
+        let error = AtomicFile::create(Path::new("/dev/null"), Existing::Replace).unwrap_err();
         assert!(error.to_string().contains("a device"), "{error}");
         assert!(fs::symlink_metadata(&link).unwrap().is_symlink(), "still a link");
-        let error = AtomicFile::create(dir.path().join("dangling.png/out.ply"), Existing::Refuse)
+        let error = AtomicFile::create(&dir.path().join("dangling.png/out.ply"), Existing::Refuse)
             .unwrap_err();
         assert!(error.to_string().contains("dangling link"), "{error}");
         symlink(dir.path(), dir.path().join("folder")).unwrap();
         let mut file =
-            AtomicFile::create(dir.path().join("folder/new.ply"), Existing::Refuse).unwrap();
+            AtomicFile::create(&dir.path().join("folder/new.ply"), Existing::Refuse).unwrap();
         file.write_all(b"ply").unwrap();
         file.commit().unwrap();
         assert!(dir.path().join("new.ply").is_file(), "a link to a folder is a folder");
@@ -218,7 +218,7 @@ mod tests {
         file.write_all(b"whole").unwrap();
         file.commit().unwrap();
         assert_eq!(fs::read(&path).unwrap(), b"whole", "written");
-        assert!(AtomicFile::create("/", Existing::Replace).is_err(), "no name");
+        assert!(AtomicFile::create(Path::new("/"), Existing::Replace).is_err(), "no name");
         assert!(AtomicFile::create(dir.path(), Existing::Replace).is_err(), "a folder");
     }
 }

@@ -28,7 +28,7 @@ impl AtomicDir {
     /// # Errors
     /// If `path` exists and must not be replaced, another process is writing it, or the folder
     /// cannot be created.
-    pub fn create(path: impl AsRef<Path>, existing: Existing) -> Result<Self, IoError> {
+    pub fn create(path: &Path, existing: Existing) -> Result<Self, IoError> {
         Self::with_record(path, existing, Place::Inside)
     }
 
@@ -37,16 +37,12 @@ impl AtomicDir {
     ///
     /// # Errors
     /// As [`AtomicDir::create`].
-    pub fn create_bare(path: impl AsRef<Path>, existing: Existing) -> Result<Self, IoError> {
+    pub fn create_bare(path: &Path, existing: Existing) -> Result<Self, IoError> {
         Self::with_record(path, existing, Place::Beside)
     }
 
-    fn with_record(
-        path: impl AsRef<Path>,
-        existing: Existing,
-        record: Place,
-    ) -> Result<Self, IoError> {
-        let path: PathBuf = path.as_ref().components().collect();
+    fn with_record(path: &Path, existing: Existing, record: Place) -> Result<Self, IoError> {
+        let path: PathBuf = path.components().collect();
         refuse(&path, existing)?;
         let reservation = Reservation::take(&path)?;
         refuse(&path, existing)?;
@@ -259,7 +255,7 @@ mod tests {
             "named by its final \
             path"
         );
-        let nested = AtomicDir::create(folder.path().join("run"), Existing::Refuse).unwrap();
+        let nested = AtomicDir::create(&folder.path().join("run"), Existing::Refuse).unwrap();
         assert_eq!(crate::final_path(&nested.path().join("a")), path.join("run/a"), "nested");
         for plain in ["a/.hidden/b.c", "/x/y.z", "rel", "../up"] {
             assert_eq!(crate::final_path(Path::new(plain)), Path::new(plain), "left alone");
@@ -270,10 +266,10 @@ mod tests {
     fn files_are_not_folders() {
         let dir = tempfile::tempdir().unwrap();
         fs::write(dir.path().join("f"), b"").unwrap();
-        assert!(AtomicDir::create(dir.path().join("f"), Existing::Replace).is_err(), "a file");
+        assert!(AtomicDir::create(&dir.path().join("f"), Existing::Replace).is_err(), "a file");
         #[cfg(target_os = "linux")]
         {
-            let error = AtomicDir::create("/proc", Existing::Replace).unwrap_err();
+            let error = AtomicDir::create(Path::new("/proc"), Existing::Replace).unwrap_err();
             assert!(error.to_string().contains("a mount point"), "{error}");
         }
         #[cfg(unix)]

@@ -17,12 +17,11 @@ pub struct FolderUpdate {
 }
 
 impl FolderUpdate {
-    /// Begins the update of `folder`, which may be a link to a folder.
+    /// Begins the update of the folder `given`, which may be a link to a folder.
     ///
     /// # Errors
     /// If it is not a folder, cannot be written to, or another process is writing it.
-    pub fn begin(folder: impl AsRef<Path>) -> Result<Self, IoError> {
-        let given = folder.as_ref();
+    pub fn begin(given: &Path) -> Result<Self, IoError> {
         let folder = given
             .canonicalize()
             .map_err(|source| IoError::Read { path: given.to_owned(), source })?;
@@ -122,8 +121,8 @@ mod tests {
     #[test]
     fn an_updated_folder_can_still_be_replaced() {
         let dir = tempfile::tempdir().unwrap();
-        let outer = AtomicDir::create(dir.path().join("outer"), Existing::Refuse).unwrap();
-        let inner = AtomicDir::create(outer.path().join("run"), Existing::Refuse).unwrap();
+        let outer = AtomicDir::create(&dir.path().join("outer"), Existing::Refuse).unwrap();
+        let inner = AtomicDir::create(&outer.path().join("run"), Existing::Refuse).unwrap();
         fs::write(inner.path().join("scene"), "one").unwrap();
         inner.commit().unwrap();
         outer.commit().unwrap();

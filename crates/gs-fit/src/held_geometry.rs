@@ -14,8 +14,8 @@ use gs_core::{Rasterizer, Splats, sh};
 /// colours 0 to 1): about the rounding of 8-bit pictures and the remainder of the least squares.
 /// Colours on wrong geometry leave more. `docs/BENCHMARKS.md` has the thresholds that were tried.
 const EXPLAINED: f32 = 3.0 / 255.0;
-/// Held geometry is released where they later differ by more than this; twice [`EXPLAINED`], so that
-/// noise does not release it.
+/// Held geometry is released where they later differ by more than this; twice [`EXPLAINED`], so
+/// that noise does not release it.
 const RELEASED: f32 = 6.0 / 255.0;
 /// A pixel looks as before if no channel changed by this, 0 to 1: a little more than the 8/255 from
 /// which a pixel counts as edited. Sensitivity not measured.
@@ -44,8 +44,8 @@ impl Shown {
 
 impl<R: Rasterizer + Sync> Run<'_, R> {
     /// Solves colours with the geometry of the start, and holds the geometry of the splats where
-    /// they explain the pictures; these get their colours. The others keep the colours of the start:
-    /// solved colours would paint deleted objects in the colour of their background.
+    /// they explain the pictures; these get their colours. The others keep the colours of the
+    /// start: solved colours would paint deleted objects in the colour of their background.
     pub(crate) fn hold_explained(&mut self) -> Result<(), FitError> {
         let changes = self.color_changes()?;
         let solved = with_changes(&self.working.splats, &changes);

@@ -106,7 +106,8 @@ pub trait Lane: Real {
     fn vectors_mut<S: Simd>(slice: &mut [Self]) -> &mut [Self::Vector<S>];
 }
 
-/// `f64`, the type of reference results.
+/// `f64`, the type of reference results. A trait of its own, so that `f32` can have an
+/// implementation of the rasteriser that is not generic.
 pub trait Reference: Lane {}
 
 impl Reference for f64 {}

@@ -63,7 +63,7 @@ use splat_grads::Scope;
 #[non_exhaustive]
 pub struct CpuRasterizer {}
 
-/// Implements [`Rasterizer`] for one float type, or for all types of a bound.
+/// Implements [`Rasterizer`] for one float type, or generically for the types of a bound.
 macro_rules! rasterizer {
     ($float:ident $(: $bound:ident)?) => {
         impl$(<$float: $bound>)? Rasterizer<$float> for CpuRasterizer {
@@ -128,9 +128,10 @@ macro_rules! rasterizer {
     };
 }
 
-// `f32` is not generic: its kernels are compiled here, once, and not again in every crate that renders.
+// `f32` is not generic: its kernels are compiled here, once, and not again in every crate that
+// renders.
 rasterizer!(f32);
-// `f64` is, because only tests use it: programs do not compile its kernels.
+// `f64` is generic: only tests use it, and programs do not compile its kernels.
 rasterizer!(F: Reference);
 
 #[cfg(doctest)]

@@ -149,24 +149,35 @@ impl<F: Real> Ssim<F> {
             .zip(bent.par_chunks_mut(row_len.max(1)))
             .enumerate()
             .for_each(|(row, (v_x, bent))| {
-                let [mean, square, cross, bend] = [0, 1, 2, 3].map(|plane| {
-                    if plane < 3 || bends {
-                        blur_row(taps, &planes[plane], row, row_len, height, c)
-                    } else {
-                        Vec::new()
-                    }
-                });
                 let (x, y) = (&x[row * row_len..][..row_len], &y[row * row_len..][..row_len]);
-                for k in 0..row_len {
-                    // the planes hold the gradient of the similarity;
-                    // the loss has the opposite sign
-                    v_x[k] -= factor * (mean[k] + two * x[k] * square[k] + y[k] * cross[k]);
-                }
-                if bends {
-                    for k in 0..row_len {
-                        bent[k] += factor * two * bend[k];
-                    }
-                }
+                let mut work = vec![F::zero(); row_len + 2 * RADIUS * c];
+                let mut blurred = vec![F::zero(); row_len];
+                wide(
+                    #[inline(always)]
+                    || {
+                        // The planes hold the gradient of the similarity; the loss has the opposite
+                        // sign.
+                        let rows = rows_under(taps, row, height);
+                        blur_row(taps, &planes[0], &rows, c, &mut work, &mut blurred);
+                        for (v, &mean) in v_x.iter_mut().zip(&blurred) {
+                            *v -= factor * mean;
+                        }
+                        blur_row(taps, &planes[1], &rows, c, &mut work, &mut blurred);
+                        for ((v, &square), &x) in v_x.iter_mut().zip(&blurred).zip(x) {
+                            *v -= factor * two * x * square;
+                        }
+                        blur_row(taps, &planes[2], &rows, c, &mut work, &mut blurred);
+                        for ((v, &cross), &y) in v_x.iter_mut().zip(&blurred).zip(y) {
+                            *v -= factor * y * cross;
+                        }
+                        if bends {
+                            blur_row(taps, &planes[3], &rows, c, &mut work, &mut blurred);
+                            for (bent, &bend) in bent.iter_mut().zip(&blurred) {
+                                *bent += factor * two * bend;
+                            }
+                        }
+                    },
+                );
             });
         norm * (F::from_double(self.map.len() as f64) - self.sum())
     }
@@ -196,30 +207,23 @@ impl<F: Real> Ssim<F> {
             return;
         }
         let taps = &self.taps;
-        let (c1, c2) = (F::from_double(C1), F::from_double(C2));
         let [mean, square, cross, bend] = &mut self.planes;
-        let two = F::of(2.0);
-        let body = |row: usize, map: &mut [F], mut out: Option<[&mut [F]; 4]>| {
-            let [mx, my, xx, yy, xy] = window_row(taps, x, y, row, row_len, height, c);
-            for k in 0..row_len {
-                let (ux, uy) = (mx[k], my[k]);
-                let a1 = two * ux * uy + c1;
-                let a2 = two * (xy[k] - ux * uy) + c2;
-                let b1 = ux * ux + uy * uy + c1;
-                let b2 = (xx[k] - ux * ux) + (yy[k] - uy * uy) + c2;
-                let both = F::one() / (b1 * b2);
-                let s = a1 * a2 * both;
-                map[k] = match term {
-                    Term::Whole => s,
-                    Term::ContrastStructure => a2 / b2,
-                };
-                if let Some([mean, square, cross, bend]) = &mut out {
-                    mean[k] = two * (uy * (a2 - a1) * both - s * ux / b1 + s * ux / b2);
-                    square[k] = -s / b2;
-                    cross[k] = two * a1 * both;
-                    bend[k] = (F::one() / b1).max(F::one() / b2);
-                }
-            }
+        let body = |row: usize, map: &mut [F], out: Option<[&mut [F]; 4]>| {
+            let mut work = [(); 5].map(|()| vec![F::zero(); row_len + 2 * RADIUS * c]);
+            let mut means = [(); 5].map(|()| vec![F::zero(); row_len]);
+            wide(
+                #[inline(always)]
+                || {
+                    let rows = rows_under(taps, row, height);
+                    window_row(taps, x, y, &rows, c, &mut work, &mut means);
+                    let means = means.each_ref().map(Vec::as_slice);
+                    match (term, out) {
+                        (Term::ContrastStructure, _) => contrast_structure(means, map),
+                        (Term::Whole, None) => similarity(means, map),
+                        (Term::Whole, Some(out)) => derive_similarity(means, map, out),
+                    }
+                },
+            );
         };
         if derive {
             self.map
@@ -246,82 +250,220 @@ fn rows_under<F: Real>(
     taps: &[F; TAPS],
     row: usize,
     height: usize,
-) -> impl Iterator<Item = (usize, F)> {
+) -> impl Iterator<Item = (usize, F)> + Clone {
     let first = row.saturating_sub(RADIUS);
     let last = (row + RADIUS).min(height - 1);
     (first..=last).map(move |other| (other, taps[other + RADIUS - row]))
 }
 
-/// `out[k] = Σ_t taps[t] · padded[k + t·c]`.
+/// Numerators and denominators of `SSIM = a1·a2 / (b1·b2)` from the window means of x, y, x², y²,
+/// xy.
 #[inline(always)]
 #[expect(clippy::inline_always, reason = "must be compiled for the dispatched vector unit")]
-fn blur_across<F: Real>(taps: &[F; TAPS], padded: &[F], c: usize, out: &mut [F]) {
-    for (t, &tap) in taps.iter().enumerate() {
-        for (out, &value) in out.iter_mut().zip(&padded[t * c..]) {
-            *out += tap * value;
-        }
+fn terms<F: Real>([ux, uy, xx, yy, xy]: [F; 5]) -> [F; 4] {
+    let (two, c1, c2) = (F::of(2.0), F::from_double(C1), F::from_double(C2));
+    let a1 = two * ux * uy + c1;
+    let a2 = two * (xy - ux * uy) + c2;
+    let b1 = ux * ux + uy * uy + c1;
+    let b2 = (xx - ux * ux) + (yy - uy * uy) + c2;
+    [a1, a2, b1, b2]
+}
+
+/// Moments of value `k` of a row.
+#[inline(always)]
+#[expect(clippy::inline_always, reason = "must be compiled for the dispatched vector unit")]
+fn terms_at<F: Real>(means: [&[F]; 5], k: usize) -> [F; 4] {
+    let [ux, uy, xx, yy, xy] = means;
+    terms([ux[k], uy[k], xx[k], yy[k], xy[k]])
+}
+
+#[inline(always)]
+#[expect(clippy::inline_always, reason = "must be compiled for the dispatched vector unit")]
+fn contrast_structure<F: Real>(means: [&[F]; 5], map: &mut [F]) {
+    let means = means.map(|plane| &plane[..map.len()]);
+    for (k, map) in map.iter_mut().enumerate() {
+        let [_, a2, _, b2] = terms_at(means, k);
+        *map = a2 / b2;
     }
 }
 
-/// One row of the blurred plane.
+#[inline(always)]
+#[expect(clippy::inline_always, reason = "must be compiled for the dispatched vector unit")]
+fn similarity<F: Real>(means: [&[F]; 5], map: &mut [F]) {
+    let means = means.map(|plane| &plane[..map.len()]);
+    for (k, map) in map.iter_mut().enumerate() {
+        let [a1, a2, b1, b2] = terms_at(means, k);
+        *map = a1 * a2 / (b1 * b2);
+    }
+}
+
+/// A row of the map, and of the planes of derivatives.
+#[inline(always)]
+#[expect(clippy::inline_always, reason = "must be compiled for the dispatched vector unit")]
+fn derive_similarity<F: Real>(means: [&[F]; 5], map: &mut [F], out: [&mut [F]; 4]) {
+    let (len, two) = (map.len(), F::of(2.0));
+    // Slices of the same length, so that the loop vectorises.
+    let means = means.map(|plane| &plane[..len]);
+    let [mean, square, cross, bend] = out.map(|plane| &mut plane[..len]);
+    let (ux, uy) = (means[0], means[1]);
+    for k in 0..len {
+        let [a1, a2, b1, b2] = terms_at(means, k);
+        let both = F::one() / (b1 * b2);
+        let (inverse1, inverse2) = (b2 * both, b1 * both);
+        let s = a1 * a2 * both;
+        map[k] = s;
+        mean[k] = two * (uy[k] * (a2 - a1) * both + s * ux[k] * (inverse2 - inverse1));
+        square[k] = -s * inverse2;
+        cross[k] = two * a1 * both;
+        bend[k] = if inverse1 > inverse2 { inverse1 } else { inverse2 };
+    }
+}
+
+/// Runs `body` compiled for the best instruction set of this machine. It must be an `FnOnce` that is
+/// inlined; inferred as `Fn`, it would be compiled for the baseline.
+#[inline(always)]
+#[expect(clippy::inline_always, reason = "must be compiled for the dispatched vector unit")]
+fn wide<R>(body: impl FnOnce() -> R) -> R {
+    pulp::Arch::new().dispatch(body)
+}
+
+/// Values that are summed at once, in registers.
+const BLOCK: usize = 16;
+
+/// `Σ_t taps[t] · padded[k + t·c]` for `N` consecutive `k`.
+#[inline(always)]
+#[expect(clippy::inline_always, reason = "must be compiled for the dispatched vector unit")]
+fn sum_across<F: Real, const N: usize>(
+    taps: &[F; TAPS],
+    padded: &[F],
+    k: usize,
+    c: usize,
+) -> [F; N] {
+    let mut sum = [F::zero(); N];
+    for (t, &tap) in taps.iter().enumerate() {
+        if let Some(values) = padded[k + t * c..].first_chunk::<N>() {
+            for i in 0..N {
+                sum[i] += tap * values[i];
+            }
+        }
+    }
+    sum
+}
+
+/// Overwrites `out` with `Σ_t taps[t] · padded[k + t·c]`.
+#[inline(always)]
+#[expect(clippy::inline_always, reason = "must be compiled for the dispatched vector unit")]
+fn blur_across<F: Real>(taps: &[F; TAPS], padded: &[F], c: usize, out: &mut [F]) {
+    let (blocks, rest) = out.as_chunks_mut::<BLOCK>();
+    let whole = blocks.len() * BLOCK;
+    for (b, out) in blocks.iter_mut().enumerate() {
+        *out = sum_across::<F, BLOCK>(taps, padded, b * BLOCK, c);
+    }
+    for (i, out) in rest.iter_mut().enumerate() {
+        [*out] = sum_across::<F, 1>(taps, padded, whole + i, c);
+    }
+}
+
+/// Overwrites `out` with one row of the blurred plane; `rows` are those in its window, `padded` is
+/// work memory with zeros around a row.
+#[inline(always)]
+#[expect(clippy::inline_always, reason = "must be compiled for the dispatched vector unit")]
 fn blur_row<F: Real>(
     taps: &[F; TAPS],
     plane: &[F],
-    row: usize,
-    row_len: usize,
-    height: usize,
+    rows: &(impl Iterator<Item = (usize, F)> + Clone),
     c: usize,
-) -> Vec<F> {
-    let mut padded = vec![F::zero(); row_len + 2 * RADIUS * c];
-    let mut out = vec![F::zero(); row_len];
-    pulp::Arch::new().dispatch(
-        #[inline(always)]
-        || {
-            let inner = &mut padded[RADIUS * c..RADIUS * c + row_len];
-            for (other, tap) in rows_under(taps, row, height) {
-                let values = &plane[other * row_len..][..row_len];
-                for (sum, &value) in inner.iter_mut().zip(values) {
-                    *sum += tap * value;
-                }
-            }
-            blur_across(taps, &padded, c, &mut out);
-        },
-    );
-    out
+    padded: &mut [F],
+    out: &mut [F],
+) {
+    let row_len = out.len();
+    let inner = &mut padded[RADIUS * c..RADIUS * c + row_len];
+    let (blocks, rest) = inner.as_chunks_mut::<BLOCK>();
+    let whole = blocks.len() * BLOCK;
+    for (b, inner) in blocks.iter_mut().enumerate() {
+        *inner = sum_down::<F, BLOCK>(plane, rows.clone(), row_len, b * BLOCK);
+    }
+    for (i, inner) in rest.iter_mut().enumerate() {
+        [*inner] = sum_down::<F, 1>(plane, rows.clone(), row_len, whole + i);
+    }
+    blur_across(taps, padded, c, out);
 }
 
-/// One row of the window means of x, y, x², y², xy.
+/// Sums over `rows` for `N` consecutive values.
+#[inline(always)]
+#[expect(clippy::inline_always, reason = "must be compiled for the dispatched vector unit")]
+fn sum_down<F: Real, const N: usize>(
+    plane: &[F],
+    rows: impl Iterator<Item = (usize, F)>,
+    row_len: usize,
+    k: usize,
+) -> [F; N] {
+    let mut sum = [F::zero(); N];
+    for (other, tap) in rows {
+        if let Some(values) = plane[other * row_len + k..].first_chunk::<N>() {
+            for i in 0..N {
+                sum[i] += tap * values[i];
+            }
+        }
+    }
+    sum
+}
+
+/// As [`sum_down`], of x, y, x², y², xy.
+#[inline(always)]
+#[expect(clippy::inline_always, reason = "must be compiled for the dispatched vector unit")]
+fn moments_down<F: Real, const N: usize>(
+    (x, y): (&[F], &[F]),
+    rows: impl Iterator<Item = (usize, F)>,
+    row_len: usize,
+    k: usize,
+) -> [[F; N]; 5] {
+    let [mut mx, mut my, mut xx, mut yy, mut xy] = [[F::zero(); N]; 5];
+    for (other, tap) in rows {
+        let at = other * row_len + k;
+        if let (Some(x), Some(y)) = (x[at..].first_chunk::<N>(), y[at..].first_chunk::<N>()) {
+            for i in 0..N {
+                let (tx, ty) = (tap * x[i], tap * y[i]);
+                mx[i] += tx;
+                my[i] += ty;
+                xx[i] += tx * x[i];
+                yy[i] += ty * y[i];
+                xy[i] += tx * y[i];
+            }
+        }
+    }
+    [mx, my, xx, yy, xy]
+}
+
+/// Overwrites `means` with one row of the window means of x, y, x², y², xy; `rows` and `padded` as
+/// in [`blur_row`].
+#[inline(always)]
+#[expect(clippy::inline_always, reason = "must be compiled for the dispatched vector unit")]
 fn window_row<F: Real>(
     taps: &[F; TAPS],
     x: &[F],
     y: &[F],
-    row: usize,
-    row_len: usize,
-    height: usize,
+    rows: &(impl Iterator<Item = (usize, F)> + Clone),
     c: usize,
-) -> [Vec<F>; 5] {
-    let mut padded = [(); 5].map(|()| vec![F::zero(); row_len + 2 * RADIUS * c]);
-    let mut out = [(); 5].map(|()| vec![F::zero(); row_len]);
-    pulp::Arch::new().dispatch(
-        #[inline(always)]
-        || {
-            let [mx, my, xx, yy, xy] =
-                padded.each_mut().map(|plane| &mut plane[RADIUS * c..RADIUS * c + row_len]);
-            for (other, tap) in rows_under(taps, row, height) {
-                let (x, y) = (&x[other * row_len..][..row_len], &y[other * row_len..][..row_len]);
-                for k in 0..row_len {
-                    let (tx, ty) = (tap * x[k], tap * y[k]);
-                    mx[k] += tx;
-                    my[k] += ty;
-                    xx[k] += tx * x[k];
-                    yy[k] += ty * y[k];
-                    xy[k] += tx * y[k];
-                }
-            }
-            for (padded, out) in padded.iter().zip(&mut out) {
-                blur_across(taps, padded, c, out);
-            }
-        },
-    );
-    out
+    padded: &mut [Vec<F>; 5],
+    means: &mut [Vec<F>; 5],
+) {
+    let row_len = means[0].len();
+    let first = RADIUS * c;
+    let whole = row_len - row_len % BLOCK;
+    for k in (0..whole).step_by(BLOCK) {
+        let moments = moments_down::<F, BLOCK>((x, y), rows.clone(), row_len, k);
+        for (padded, moment) in padded.iter_mut().zip(moments) {
+            padded[first + k..first + k + BLOCK].copy_from_slice(&moment);
+        }
+    }
+    for k in whole..row_len {
+        let moments = moments_down::<F, 1>((x, y), rows.clone(), row_len, k);
+        for (padded, [moment]) in padded.iter_mut().zip(moments) {
+            padded[first + k] = moment;
+        }
+    }
+    for (padded, mean) in padded.iter().zip(means) {
+        blur_across(taps, padded, c, mean);
+    }
 }

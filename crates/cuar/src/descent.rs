@@ -90,7 +90,8 @@ impl Descent {
                     }
                 }
             }
-            self.adam.step(self.d_sh.as_flattened_mut(), &gradient, &rates, |_| false);
+            let rows = (0..gradient.len() / rates.len()).map(|row| [row, row]);
+            self.adam.step(self.d_sh.as_flattened_mut(), &gradient, &rates, rows);
             self.losses[s] = parts.total(problem.options.weights);
             let loss = self.loss();
             if ends_pass(step, count, params.steps) {

@@ -26,6 +26,7 @@ pub mod sh;
 mod sh_rotation;
 mod splats;
 mod symmetric_eigen;
+mod tile_set;
 
 pub use camera::{Camera, CameraError, Intrinsics};
 pub use covariance::{covariance, rotation_matrix};
@@ -35,13 +36,14 @@ pub use image::{Image, ImageError};
 pub use precision::{Precision, RowPrecision};
 pub use raster::{
     GradientConvention, RasterError, Rasterizer, RenderGrads, RenderOutput, RenderParams,
-    UpstreamGrads,
+    UpstreamGrads, check_tiles,
 };
 pub use real::{Real, Ring};
 pub use scene::{DynamicScene, SceneError, TimeRange};
 pub use sh_rotation::ShRotation;
 pub use splats::{Splats, SplatsError};
 pub use symmetric_eigen::symmetric_eigen;
+pub use tile_set::TileSet;
 
 #[cfg(doctest)]
 #[doc = include_str!("../README.md")]

@@ -1,6 +1,6 @@
 //! [`Rasterizer`]: prepare once, composite whenever colours change, differentiate.
 
-use crate::{Camera, CameraError, Footprint, Image, Real, Splats, SplatsError};
+use crate::{Camera, CameraError, Footprint, Image, Real, Splats, SplatsError, TileSet};
 use thiserror::Error;
 
 /// Settings of a render besides splats and camera. None of them affects the prepared state.
@@ -156,6 +156,19 @@ pub enum RasterError {
     Device(String),
 }
 
+/// Verifies that `tiles` belongs to an image of the size of `camera`.
+///
+/// # Errors
+/// [`RasterError::Shape`] if it does not.
+pub fn check_tiles(tiles: &TileSet, camera: &Camera) -> Result<(), RasterError> {
+    let expected = TileSet::new(camera.width as usize, camera.height as usize);
+    if tiles.size() == expected.size() {
+        return Ok(());
+    }
+    let (found, expected) = (tiles.flags().len(), expected.flags().len());
+    Err(RasterError::Shape { what: "tiles", found, expected })
+}
+
 /// A differentiable splat rasteriser: prepare (geometry, camera) → forward (colours, opacities,
 /// features) → backward.
 ///
@@ -189,6 +202,24 @@ pub trait Rasterizer<F: Real = f32> {
         camera: &Camera,
         prepared: &mut Self::Prepared,
     ) -> Result<(), RasterError>;
+
+    /// As [`Rasterizer::prepare_into`], for the pixels of `tiles` only: every later pass may treat
+    /// other tiles as if no splat reached them. Their upstream gradients must be zero.
+    ///
+    /// The default prepares the whole image.
+    ///
+    /// # Errors
+    /// As [`Rasterizer::prepare`], or if `tiles` belongs to an image of another size.
+    fn prepare_tiles_into(
+        &self,
+        splats: &Splats<F>,
+        camera: &Camera,
+        tiles: &TileSet,
+        prepared: &mut Self::Prepared,
+    ) -> Result<(), RasterError> {
+        check_tiles(tiles, camera)?;
+        self.prepare_into(splats, camera, prepared)
+    }
 
     /// The part of the image that splat `row` can reach from `camera`, and its depth; `None` if it
     /// draws nothing. Never smaller than what a forward pass would draw, for any opacity. Lets
@@ -250,6 +281,26 @@ pub trait Rasterizer<F: Real = f32> {
         upstream: &UpstreamGrads<F>,
         grads: &mut RenderGrads<F>,
     ) -> Result<(), RasterError>;
+
+    /// Sums of pixel values per splat, `Σ_p plane_p α T`: `planes.v_features` has `channels` planes
+    /// (`[H,W,F]`; its other arrays are not read), and `sums.v_features` is set to `[N,F]`. Unlike
+    /// [`Rasterizer::backward_colors_into`] it needs no forward pass; it invalidates the last one.
+    ///
+    /// # Errors
+    /// As [`Rasterizer::forward_into`].
+    fn lift_into(
+        &self,
+        prepared: &mut Self::Prepared,
+        splats: &Splats<F>,
+        planes: &UpstreamGrads<F>,
+        channels: usize,
+        sums: &mut RenderGrads<F>,
+    ) -> Result<(), RasterError> {
+        let params = RenderParams { rgb: false, depth: false, ..RenderParams::default() };
+        let features = vec![F::zero(); splats.len() * channels];
+        self.forward_into(prepared, splats, &features, &params, &mut RenderOutput::default())?;
+        self.backward_colors_into(prepared, splats, &features, &params, planes, sums)
+    }
 
     /// [`Rasterizer::forward_into`], freshly allocated.
     ///

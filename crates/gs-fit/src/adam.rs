@@ -2,10 +2,10 @@
 
 use gs_core::Real;
 
-/// Adam (Kingma & Ba 2015) over rows of parameters, with a rate per column. Rows can be skipped.
+/// Adam (Kingma & Ba 2015) over some rows of parameters, with a rate per column.
 ///
-/// Parameters are `[rows, columns]`, flat. A rate of 0 freezes a column; a skipped row keeps its
-/// values and moments, bit for bit.
+/// Parameters are `[rows, columns]`, flat. A rate of 0 freezes a column; rows that a step does not
+/// name keep their values and moments, bit for bit.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Adam<F> {
     /// Decay of the first moment. Default 0.9.
@@ -35,41 +35,39 @@ impl<F: Real> Adam<F> {
         }
     }
 
-    /// One step along the negative gradient. `rates` has one learning rate per column; rows for
-    /// which `skip` is true do not change.
+    /// One step along the negative gradient. `rates` has one learning rate per column. `rows` has
+    /// the row of `params` and the row of `grads` of everything that changes.
     ///
     /// # Panics
-    /// If the lengths differ.
+    /// If a length or a row does not fit.
     pub fn step(
         &mut self,
         params: &mut [F],
         grads: &[F],
         rates: &[F],
-        skip: impl Fn(usize) -> bool,
+        rows: impl Iterator<Item = [usize; 2]>,
     ) {
         let len = self.m.len();
+        let columns = rates.len();
         assert!(
-            params.len() == len && grads.len() == len && len.is_multiple_of(rates.len().max(1)),
-            "adam: {} parameters, {} gradients, {} rates, made for {len}",
+            params.len() == len && len.is_multiple_of(columns.max(1)),
+            "adam: {} parameters, {columns} rates, made for {len}",
             params.len(),
-            grads.len(),
-            rates.len()
         );
         self.step += 1;
         let exponent = i32::try_from(self.step).unwrap_or(i32::MAX);
         let correct1 = F::one() - self.beta1.powi(exponent);
         let correct2 = F::one() - self.beta2.powi(exponent);
-        for row in 0..len / rates.len().max(1) {
-            if skip(row) {
-                continue;
-            }
-            for (column, &rate) in rates.iter().enumerate() {
-                let k = row * rates.len() + column;
-                let g = grads[k];
-                self.m[k] = self.beta1 * self.m[k] + (F::one() - self.beta1) * g;
-                self.v[k] = self.beta2 * self.v[k] + (F::one() - self.beta2) * g * g;
-                let scale = (self.v[k] / correct2).sqrt() + self.epsilon;
-                params[k] -= rate * (self.m[k] / correct1) / scale;
+        for [row, grad] in rows {
+            let own = row * columns..(row + 1) * columns;
+            let values = params[own.clone()].iter_mut().zip(rates);
+            let moments = self.m[own.clone()].iter_mut().zip(&mut self.v[own]);
+            let grads = &grads[grad * columns..(grad + 1) * columns];
+            for (((param, &rate), (m, v)), &g) in values.zip(moments).zip(grads) {
+                *m = self.beta1 * *m + (F::one() - self.beta1) * g;
+                *v = self.beta2 * *v + (F::one() - self.beta2) * g * g;
+                let scale = (*v / correct2).sqrt() + self.epsilon;
+                *param -= rate * (*m / correct1) / scale;
             }
         }
     }
@@ -88,7 +86,7 @@ mod tests {
         let (mut m, mut v) = (0.0, 0.0);
         let mut expected = 1.0_f64;
         for (i, g) in [0.5, -2.0, 0.1].into_iter().enumerate() {
-            adam.step(&mut x, &[g], &[0.1], |_| false);
+            adam.step(&mut x, &[g], &[0.1], std::iter::once([0, 0]));
             m = 0.9 * m + 0.1 * g;
             v = f64::from(0.999_f32) * v + (1.0 - f64::from(0.999_f32)) * g * g;
             let n = i32::try_from(i + 1).unwrap();
@@ -102,7 +100,7 @@ mod tests {
     fn skipped_rows_and_frozen_columns_stay() {
         let mut adam = Adam::<f32>::new(4);
         let mut x = [1.0, 2.0, 3.0, 4.0];
-        adam.step(&mut x, &[1.0; 4], &[0.1, 0.0], |row| row == 0);
+        adam.step(&mut x, &[1.0; 2], &[0.1, 0.0], std::iter::once([1, 0]));
         assert_eq!(x[..2], [1.0, 2.0], "skipped row");
         assert_eq!(x[3], 4.0, "frozen column");
         assert!(x[2] < 3.0 && adam.m[0] == 0.0, "the rest moves");

@@ -1,12 +1,11 @@
 //! Conversion of a running fit to [`FitState`], and back.
 
 use crate::alignment::{Aligning, Alignment};
-use crate::loss::Rect;
 use crate::state::FitState;
 use crate::view::View;
 use crate::working::Working;
 use crate::{Adam, FitError};
-use gs_core::{Splats, sh};
+use gs_core::{Splats, TileSet, sh};
 
 fn put(arrays: &mut Vec<(String, Vec<f32>)>, prefix: &str, splats: &Splats) {
     for (name, values) in [
@@ -44,7 +43,7 @@ pub(crate) fn save(
         arrays.push((format!("local.{v}"), local.as_flattened().to_vec()));
     }
     let selected = working.selected.iter().map(|&on| u32::from(on)).collect();
-    let counts = vec![
+    let mut counts = vec![
         ("steps".to_owned(), steps),
         ("source".to_owned(), working.source.clone()),
         ("aligning".to_owned(), vec![working.aligning as u32]),
@@ -53,15 +52,13 @@ pub(crate) fn save(
         ("fading".to_owned(), working.fading.iter().map(|&on| u32::from(on)).collect()),
         ("held".to_owned(), working.held.iter().map(|&on| u32::from(on)).collect()),
         ("visits".to_owned(), working.visits.clone()),
-        ("rects".to_owned(), views.iter().flat_map(rect_values).collect()),
     ];
+    for (v, view) in views.iter().enumerate() {
+        // They depend on earlier positions of the splats.
+        let tiles = view.tiles.flags().iter().map(|&on| u32::from(on)).collect();
+        counts.push((format!("tiles.{v}"), tiles));
+    }
     FitState { fingerprint, step: step as u64, arrays, counts }
-}
-
-/// The bounds of a view's rectangle. They depend on earlier positions of the splats.
-fn rect_values(view: &View) -> [u32; 4] {
-    let Rect { x0, y0, x1, y1 } = view.rect;
-    [x0, y0, x1, y1].map(|bound| u32::try_from(bound).unwrap_or(u32::MAX))
 }
 
 fn damaged(what: impl Into<String>) -> FitError {
@@ -145,16 +142,10 @@ pub(crate) fn restore(
         [2] => Aligning::Local,
         _ => return Err(damaged("`aligning` is not 0, 1 or 2")),
     };
-    let (rects, rest) = find(&state.counts, "rects")?.as_chunks::<4>();
-    if rects.len() != views.len() || !rest.is_empty() {
-        return Err(damaged(format!("`rects` has {} rows, expected {}", rects.len(), views.len())));
-    }
     for (v, view) in views.iter_mut().enumerate() {
-        let [x0, y0, x1, y1] = rects[v].map(|bound| bound as usize);
-        if x0 > x1 || y0 > y1 || x1 > view.width || y1 > view.height {
-            return Err(damaged(format!("the rectangle of view {v} lies outside the picture")));
-        }
-        view.rect = Rect { x0, y0, x1, y1 };
+        let tiles = find(&state.counts, &format!("tiles.{v}"))?.iter().map(|&on| on != 0).collect();
+        view.tiles = TileSet::from_flags(tiles, view.width, view.height)
+            .ok_or_else(|| damaged(format!("`tiles.{v}` does not fit the picture")))?;
         let flat = find(&state.arrays, &format!("align.{v}"))?;
         let &[g0, g1, g2, o0, o1, o2, x, y, noise] = flat else {
             return Err(damaged(format!("`align.{v}` has {} values", flat.len())));

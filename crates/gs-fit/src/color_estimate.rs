@@ -8,7 +8,9 @@
 use crate::FitError;
 use crate::fit::Run;
 use crate::view::View;
-use gs_core::{RasterError, Rasterizer, RenderOutput, RenderParams, Splats, UpstreamGrads};
+use gs_core::{
+    RasterError, Rasterizer, RenderGrads, RenderOutput, RenderParams, Splats, UpstreamGrads,
+};
 
 /// Damping λ, pixels: the colour of a splat that makes up less than this of all pictures stays near
 /// its initial value. With 2 pixels, only 5 to 10 % of the splats keep their geometry (case
@@ -26,32 +28,21 @@ struct Equation<'a, P> {
 }
 
 impl<P> Equation<'_, P> {
-    /// Weight of a pixel: 0 outside the rectangle, which the selection does not change.
-    fn weight(&self, pixel: usize) -> f32 {
-        let View { width, rect, weights, .. } = self.view;
-        if !rect.contains(pixel % width, pixel / width) {
-            return 0.0;
-        }
-        weights.get(pixel).copied().unwrap_or(1.0)
-    }
-
-    /// `Aᵀ planes`, added to `sums` (`[N,3]`).
+    /// `AᵀW values`, added to `sums` (`[N,3]`); `values` are the colours of a pixel. The selection
+    /// does not change pixels outside the view's tiles: their weight is 0.
     fn lift<R: Rasterizer<Prepared = P>>(
         &mut self,
         raster: &R,
-        planes: Vec<f32>,
+        values: impl Fn(usize) -> [f32; 3] + Sync,
         sums: &mut [f32],
     ) -> Result<(), RasterError> {
-        let params = RenderParams { rgb: false, depth: false, ..RenderParams::default() };
-        let upstream = UpstreamGrads { v_features: planes, ..UpstreamGrads::default() };
-        let features = vec![0.0; 3 * self.splats.len()];
-        let grads = raster.backward_colors(
-            &mut self.prepared,
-            &self.splats,
-            &features,
-            &params,
-            &upstream,
-        )?;
+        let View { tiles, weights, .. } = self.view;
+        let (mut planes, mut grads) = (UpstreamGrads::default(), RenderGrads::default());
+        self.view.fill_planes(tiles, &mut planes.v_features, |p| {
+            let weight = weights.get(p).copied().unwrap_or(1.0);
+            values(p).map(|value| weight * value)
+        });
+        raster.lift_into(&mut self.prepared, &self.splats, &planes, 3, &mut grads)?;
         for (&row, sum) in self.view.rows.iter().zip(grads.v_features.as_chunks::<3>().0) {
             for (k, sum) in sum.iter().enumerate() {
                 sums[3 * row as usize + k] += sum;
@@ -99,22 +90,19 @@ impl<R: Rasterizer + Sync> Run<'_, R> {
         };
         let mut equations = Vec::with_capacity(self.edited.len());
         let (mut residual, mut scale) = (vec![0.0_f32; 3 * n], vec![0.0_f32; 3 * n]);
-        let zeros = vec![0.0_f32; 3 * n];
         let mut output = RenderOutput::default();
         for &v in &self.edited {
             let view = &self.views[v];
             let rows: Vec<usize> = view.rows.iter().map(|&row| row as usize).collect();
             let splats = working.splats.select(&rows);
-            let mut prepared = raster.prepare(&splats, &view.camera)?;
+            let mut prepared = self.unprepared()?;
+            raster.prepare_tiles_into(&splats, &view.camera, &view.tiles, &mut prepared)?;
             raster.forward_into(&mut prepared, &splats, &[], &params, &mut output)?;
             let rgb = std::mem::take(&mut output.rgb);
             let mut equation = Equation { view, splats, prepared };
-            equation.blend(raster, &zeros, &mut output)?;
-            let weight = |k: usize| equation.weight(k / 3);
-            let planes = (0..rgb.len()).map(|k| weight(k) * (view.target[k] - rgb[k])).collect();
-            let ones = (0..rgb.len()).map(weight).collect();
-            equation.lift(raster, planes, &mut residual)?;
-            equation.lift(raster, ones, &mut scale)?;
+            let left = |p: usize| [0, 1, 2].map(|c| view.target[3 * p + c] - rgb[3 * p + c]);
+            equation.lift(raster, left, &mut residual)?;
+            equation.lift(raster, |_| [1.0; 3], &mut scale)?;
             equations.push(equation);
         }
         mask(&mut residual);
@@ -132,13 +120,8 @@ impl<R: Rasterizer + Sync> Run<'_, R> {
             let mut product = vec![0.0_f32; 3 * n];
             for equation in &mut equations {
                 equation.blend(raster, &step, &mut output)?;
-                let planes: Vec<f32> = output
-                    .features
-                    .iter()
-                    .enumerate()
-                    .map(|(k, value)| equation.weight(k / 3) * value)
-                    .collect();
-                equation.lift(raster, planes, &mut product)?;
+                let blended = output.features.as_chunks::<3>().0;
+                equation.lift(raster, |p| blended[p], &mut product)?;
             }
             for (product, step) in product.iter_mut().zip(&step) {
                 *product += DAMPING * step;

@@ -1,7 +1,7 @@
 //! [`fit()`]: fits splats to pictures.
 
 use crate::alignment::{Aligning, Alignment, hold_common, needed};
-use crate::loss::{PictureLoss, Rect, Target};
+use crate::loss::{PictureLoss, Target};
 use crate::optimizer::RowFlags;
 use crate::report::{self, FitReport};
 use crate::state::{FitObserver, FitPreview, FitProgress, FitState};
@@ -12,16 +12,15 @@ use crate::working::{NEW, Working};
 use crate::{FitError, FitOptions, FitRates};
 use gs_core::image_formation::ALPHA_THRESHOLD;
 use gs_core::{
-    Camera, Image, Rasterizer, RenderGrads, RenderOutput, RenderParams, Splats, UpstreamGrads,
+    Camera, Image, Rasterizer, RenderOutput, RenderParams, Splats, TileSet, UpstreamGrads,
 };
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 use rayon::prelude::*;
 use std::time::Instant;
 
-/// Densification: largest number of steps between two densifications, minimum number of them, and
-/// share of the fit after which they end.
-const DENSIFY_EVERY: usize = 100;
+/// Densification: the number of steps between two densifications is the fit's length divided by
+/// this; and the share of the fit after which they end.
 const DENSIFY_TIMES: usize = 8;
 const DENSIFY_UNTIL: f64 = 0.7;
 /// Registration of the pictures: first step, steps between two registrations, and share of the fit
@@ -42,7 +41,8 @@ const DECIDES_AFTER: usize = 2;
 const UNSURE_BAND: f32 = 0.03;
 /// Share of the rate of the harmonics that is lost over the fit, linearly.
 const SH_DECAY: f32 = 0.9;
-/// Selected splats may move by this many pixels before the pixels that they reach are found again.
+/// Selected splats may move by this many pixels before the pixels that they reach are found again;
+/// also more than the radius of an SSIM window.
 const REACH_MARGIN: usize = 8;
 
 /// Result of a fit.
@@ -106,6 +106,7 @@ pub fn fit<R: Rasterizer + Sync>(
     report.geometry_held = options.geometry && edited.len() < usize::from(report::ENOUGH_VIEWS);
     let options =
         &FitOptions { geometry: options.geometry && !report.geometry_held, ..options.clone() };
+    let prepared = raster.prepare(&Splats::default(), &pictures[0].camera)?;
     let mut run = Run {
         raster,
         options,
@@ -113,7 +114,7 @@ pub fn fit<R: Rasterizer + Sync>(
         views,
         edited,
         subset: Subset::default(),
-        prepared: None,
+        prepared,
         losses: Vec::new(),
         previewed: 0,
     };
@@ -182,7 +183,7 @@ pub(crate) struct Run<'a, R: Rasterizer> {
     pub edited: Vec<usize>,
     /// The splats of the last render.
     subset: Subset,
-    prepared: Option<R::Prepared>,
+    prepared: R::Prepared,
     losses: Vec<f32>,
     previewed: usize,
 }
@@ -224,16 +225,12 @@ impl<R: Rasterizer + Sync> Run<'_, R> {
         params: &RenderParams,
         output: &mut RenderOutput,
     ) -> Result<(), FitError> {
-        let View { camera, rows, .. } = &self.views[view];
-        self.subset.gather(&self.working.splats, rows);
+        let view = &self.views[view];
+        self.subset.gather(&self.working.splats, &view.rows);
         let splats = &self.subset.splats;
-        match &mut self.prepared {
-            Some(prepared) => self.raster.prepare_into(splats, camera, prepared)?,
-            None => self.prepared = Some(self.raster.prepare(splats, camera)?),
-        }
-        if let Some(prepared) = &mut self.prepared {
-            self.raster.forward_into(prepared, splats, &[], params, output)?;
-        }
+        let prepared = &mut self.prepared;
+        self.raster.prepare_tiles_into(splats, &view.camera, &view.tiles, prepared)?;
+        self.raster.forward_into(prepared, splats, &[], params, output)?;
         Ok(())
     }
 
@@ -247,7 +244,6 @@ impl<R: Rasterizer + Sync> Run<'_, R> {
         let params = self.params();
         let mut loss = PictureLoss::new(dssim);
         let (mut output, mut upstream) = (RenderOutput::default(), UpstreamGrads::default());
-        let mut grads = RenderGrads::default();
         let (mut saved, mut shown) = (Instant::now(), Instant::now());
         for step in first..steps {
             if step > 0
@@ -283,18 +279,13 @@ impl<R: Rasterizer + Sync> Run<'_, R> {
                 height: at.height,
                 rgb: &at.target,
                 weights: &at.weights,
-                rect: at.rect,
+                tiles: &at.tiles,
             };
             let value = loss.evaluate(&output.rgb, &target, &mut upstream.v_rgb);
             self.losses.push(value);
-            let half = [at.width as f32 / 2.0, at.height as f32 / 2.0];
-            let Some(prepared) = &mut self.prepared else { return Err(FitError::NoPictures) };
             let Subset { splats, grads: own } = &mut self.subset;
-            self.raster.backward_into(prepared, splats, &[], &params, &upstream, own)?;
-            let (count, coeffs) = (self.working.splats.len(), splats.sh_coeffs());
-            self.subset.scatter(&at.rows, &mut grads, count, coeffs);
-            self.collect(&grads, half);
-            self.update(step, &rates, &grads);
+            self.raster.backward_into(&mut self.prepared, splats, &[], &params, &upstream, own)?;
+            self.update(step, view, &rates);
             self.report(step + 1, observer);
             if self.options.preview_secs.is_some_and(|secs| shown.elapsed().as_secs_f64() >= secs) {
                 observer.preview(&self.preview()?);
@@ -325,20 +316,20 @@ impl<R: Rasterizer + Sync> Run<'_, R> {
     }
 
     fn densify_every(&self) -> usize {
-        (self.options.steps / DENSIFY_TIMES).clamp(1, DENSIFY_EVERY)
+        (self.options.steps / DENSIFY_TIMES).max(1)
     }
 
-    /// Adds to the densification statistic.
-    fn collect(&mut self, grads: &RenderGrads, half: [f32; 2]) {
-        for (i, v) in grads.v_means2d.iter().enumerate() {
-            if self.working.selected[i] && *v != [0.0; 2] {
-                self.working.gradient[i] += (v[0] * half[0]).hypot(v[1] * half[1]);
-                self.working.visits[i] += 1;
+    /// One step along the gradient of a view, and its share of the densification statistic.
+    fn update(&mut self, step: usize, view: usize, rates: &FitRates) {
+        let View { rows, width, height, .. } = &self.views[view];
+        let (half, grads) = ([*width as f32 / 2.0, *height as f32 / 2.0], &self.subset.grads);
+        for (&row, v) in rows.iter().zip(&grads.v_means2d) {
+            let row = row as usize;
+            if self.working.selected[row] && *v != [0.0; 2] {
+                self.working.gradient[row] += (v[0] * half[0]).hypot(v[1] * half[1]);
+                self.working.visits[row] += 1;
             }
         }
-    }
-
-    fn update(&mut self, step: usize, rates: &FitRates, grads: &RenderGrads) {
         let done = step as f64 / self.options.steps as f64;
         #[expect(clippy::cast_possible_truncation, reason = "a factor")]
         let decay = 0.1_f64.powf(done) as f32;
@@ -352,7 +343,7 @@ impl<R: Rasterizer + Sync> Run<'_, R> {
         };
         let Working { splats, optimizer, selected, fading, held, .. } = working;
         let flags = RowFlags { selected, fading, held };
-        optimizer.step(splats, grads, &rates, options.geometry, flags);
+        optimizer.step(splats, (rows, grads), &rates, options.geometry, flags);
         working.limit_scales();
     }
 
@@ -419,19 +410,18 @@ impl<R: Rasterizer + Sync> Run<'_, R> {
         let (raster, working) = (self.raster, &self.working);
         let rows = working.rows();
         self.views.par_iter_mut().for_each(|view| {
-            let mut rect = Rect::around(&view.mask, view.width);
+            let mut tiles = TileSet::around(&view.mask, view.width, view.height);
             for &row in &rows {
                 if let Some(footprint) = raster.footprint(&working.splats, row, &view.camera) {
-                    let [x0, y0, x1, y1] = footprint.pixels;
-                    rect = rect.union(Rect { x0, y0, x1, y1 });
+                    tiles.insert(footprint.pixels);
                 }
             }
-            view.rect = rect.grown(REACH_MARGIN, view.width, view.height);
+            view.tiles = tiles.grown(REACH_MARGIN);
         });
         self.find_rows();
     }
 
-    /// Finds the splats on which the pixels of each view's rectangle depend.
+    /// Finds the splats on which the pixels of each view's tiles depend.
     fn find_rows(&mut self) {
         let (raster, working) = (self.raster, &self.working);
         self.views.par_iter_mut().for_each(|view| view.find_rows(raster, working));
@@ -463,7 +453,10 @@ impl<R: Rasterizer + Sync> Run<'_, R> {
             .reference
             .and_then(|reference| self.edited.iter().position(|&v| v == reference));
         hold_common(&mut alignments, &cameras, centre, reference);
-        if step == ALIGN_FROM + DECIDES_AFTER * ALIGN_EVERY {
+        let decides = step == ALIGN_FROM + DECIDES_AFTER * ALIGN_EVERY;
+        // Gains also compensate colours that are not fitted yet, so that pictures that agree can
+        // seem to disagree at first.
+        if decides || self.working.aligning == Aligning::Whole {
             self.working.aligning = needed(&alignments);
             for alignment in &mut alignments {
                 match self.working.aligning {

@@ -7,8 +7,9 @@
 
 use crate::FitError;
 use crate::fit::Run;
-use crate::votes::{LEAST_SEEN, lift};
-use gs_core::{Rasterizer, Splats, sh};
+use crate::subset::Subset;
+use crate::votes::LEAST_SEEN;
+use gs_core::{Rasterizer, RenderGrads, RenderOutput, Splats, UpstreamGrads, sh};
 
 /// Geometry is held where pictures and render differ by less than this (mean over a splat's pixels,
 /// colours 0 to 1): about the rounding of 8-bit pictures and the remainder of the least squares.
@@ -77,28 +78,29 @@ impl<R: Rasterizer + Sync> Run<'_, R> {
 
     /// Compares the edited pictures with a render of `splats`; one value per splat.
     fn shown(&self, splats: &Splats) -> Result<Vec<Shown>, FitError> {
-        let (raster, params) = (self.raster, self.params());
+        let (raster, params, mut prepared) = (self.raster, self.params(), self.unprepared()?);
+        let (mut planes, mut sums) = (UpstreamGrads::default(), RenderGrads::default());
+        let (mut part, mut output) = (Subset::default(), RenderOutput::default());
         let mut shown = vec![Shown::default(); splats.len()];
         for &v in &self.edited {
             let view = &self.views[v];
-            let rows: Vec<usize> = view.rows.iter().map(|&row| row as usize).collect();
-            let splats = splats.select(&rows);
-            let mut prepared = raster.prepare(&splats, &view.camera)?;
-            let rgb = raster.forward(&mut prepared, &splats, &[], &params)?.rgb;
-            let pixels = rgb.chunks_exact(3).zip(view.target.chunks_exact(3)).enumerate();
-            let planes = pixels.flat_map(|(p, (ours, picture))| {
-                if !view.rect.contains(p % view.width, p / view.width) {
-                    return [0.0; 3];
-                }
-                let before = &view.original[3 * p..3 * p + 3];
+            part.gather(splats, &view.rows);
+            let splats = &part.splats;
+            raster.prepare_tiles_into(splats, &view.camera, &view.tiles, &mut prepared)?;
+            raster.forward_into(&mut prepared, splats, &[], &params, &mut output)?;
+            let rgb = &output.rgb;
+            view.fill_planes(&view.tiles, &mut planes.v_features, |p| {
+                let [ours, before, picture] =
+                    [rgb, &view.original, &view.target].map(|rgb| &rgb[3 * p..3 * p + 3]);
                 let is_same = difference(before, picture) < AS_BEFORE;
                 [1.0, difference(ours, picture), f32::from(u8::from(is_same))]
             });
-            let lifted = lift(raster, &splats, &view.camera, planes.collect(), 3)?;
-            for (&row, sum) in rows.iter().zip(lifted.as_chunks::<3>().0) {
-                shown[row].pixels += sum[0];
-                shown[row].left += sum[1];
-                shown[row].same += sum[2];
+            raster.lift_into(&mut prepared, splats, &planes, 3, &mut sums)?;
+            for (&row, sum) in view.rows.iter().zip(sums.v_features.as_chunks::<3>().0) {
+                let shown = &mut shown[row as usize];
+                shown.pixels += sum[0];
+                shown.left += sum[1];
+                shown.same += sum[2];
             }
         }
         for shown in &mut shown {

@@ -1,77 +1,8 @@
 //! [`PictureLoss`]: L1 and D-SSIM of a render against a picture.
 
 use c4d_metrics::{SSIM_RADIUS, Ssim};
+use gs_core::TileSet;
 use rayon::prelude::*;
-
-/// Rectangle of pixels: columns `x0..x1`, rows `y0..y1`.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-pub struct Rect {
-    /// First column.
-    pub x0: usize,
-    /// First row.
-    pub y0: usize,
-    /// Column after the last.
-    pub x1: usize,
-    /// Row after the last.
-    pub y1: usize,
-}
-
-impl Rect {
-    /// The smallest rectangle that contains both; empty ones are ignored.
-    #[must_use]
-    pub fn union(self, other: Self) -> Self {
-        if self.x1 <= self.x0 || self.y1 <= self.y0 {
-            return other;
-        }
-        if other.x1 <= other.x0 || other.y1 <= other.y0 {
-            return self;
-        }
-        Self {
-            x0: self.x0.min(other.x0),
-            y0: self.y0.min(other.y0),
-            x1: self.x1.max(other.x1),
-            y1: self.y1.max(other.y1),
-        }
-    }
-
-    /// The rectangle and `margin` pixels around it, within an image.
-    #[must_use]
-    pub fn grown(self, margin: usize, width: usize, height: usize) -> Self {
-        if self.x1 <= self.x0 || self.y1 <= self.y0 {
-            return Self::default();
-        }
-        Self {
-            x0: self.x0.saturating_sub(margin),
-            y0: self.y0.saturating_sub(margin),
-            x1: (self.x1 + margin).min(width),
-            y1: (self.y1 + margin).min(height),
-        }
-    }
-
-    /// Whether the pixel is inside the rectangle.
-    pub fn contains(self, x: usize, y: usize) -> bool {
-        (self.x0..self.x1).contains(&x) && (self.y0..self.y1).contains(&y)
-    }
-
-    /// Whether the rectangles have a pixel in common.
-    pub fn overlaps(self, other: Self) -> bool {
-        self.x0.max(other.x0) < self.x1.min(other.x1)
-            && self.y0.max(other.y0) < self.y1.min(other.y1)
-    }
-
-    /// The smallest rectangle that contains the set pixels of a mask.
-    pub fn around(mask: &[bool], width: usize) -> Self {
-        let mut rect = Self::default();
-        for (y, row) in mask.chunks(width.max(1)).enumerate() {
-            if let (Some(left), Some(right)) =
-                (row.iter().position(|&on| on), row.iter().rposition(|&on| on))
-            {
-                rect = rect.union(Self { x0: left, y0: y, x1: right + 1, y1: y + 1 });
-            }
-        }
-        rect
-    }
-}
 
 /// Target of a render, `[H,W,3]` of the whole image.
 #[derive(Debug, Clone, Copy)]
@@ -85,8 +16,8 @@ pub struct Target<'a> {
     /// Weight of each pixel, 0 or more, `[H,W]`; empty for 1 everywhere. For D-SSIM, weights are
     /// clamped to 1.
     pub weights: &'a [f32],
-    /// The part of the image that is compared; all other pixels count as equal.
-    pub rect: Rect,
+    /// The part of the image that is compared; all other pixels count as equal to the target.
+    pub tiles: &'a TileSet,
 }
 
 /// `(1 − s)·mean w|x − y| + s·mean(1 − SSIM)` and its gradient; means over the whole image. Owns
@@ -115,7 +46,7 @@ impl PictureLoss {
     /// # Panics
     /// If lengths do not fit the size.
     pub fn evaluate(&mut self, render: &[f32], target: &Target, v_render: &mut Vec<f32>) -> f32 {
-        let &Target { width, height, rgb, weights, rect } = target;
+        let &Target { width, height, rgb, weights, tiles } = target;
         let pixels = width * height;
         assert!(
             render.len() == 3 * pixels
@@ -128,11 +59,14 @@ impl PictureLoss {
         );
         v_render.clear();
         v_render.resize(3 * pixels, 0.0);
-        let rect = rect.grown(SSIM_RADIUS, width, height);
-        let (columns, rows) = (rect.x1 - rect.x0, rect.y1 - rect.y0);
-        if columns == 0 || rows == 0 {
+        if tiles.is_empty() {
             return 0.0;
         }
+        // Windows of SSIM around the compared pixels.
+        let [x0, y0, x1, y1] = tiles.bounds();
+        let (x0, y0) = (x0.saturating_sub(SSIM_RADIUS), y0.saturating_sub(SSIM_RADIUS));
+        let columns = (x1 + SSIM_RADIUS).min(width) - x0;
+        let rows = (y1 + SSIM_RADIUS).min(height) - y0;
         let len = 3 * columns * rows;
         for plane in [&mut self.x, &mut self.y, &mut self.v] {
             plane.clear();
@@ -147,11 +81,13 @@ impl PictureLoss {
             .zip(self.v.par_chunks_mut(3 * columns))
             .enumerate()
             .map(|(row, ((x, y), v))| {
-                let first = (rect.y0 + row) * width + rect.x0;
-                x.copy_from_slice(&render[3 * first..3 * (first + columns)]);
+                let first = (y0 + row) * width + x0;
+                x.copy_from_slice(&rgb[3 * first..3 * (first + columns)]);
                 y.copy_from_slice(&rgb[3 * first..3 * (first + columns)]);
                 let mut sum = 0.0;
-                for column in 0..columns {
+                for column in (0..columns).filter(|column| tiles.contains(x0 + column, y0 + row)) {
+                    let pixel = 3 * (first + column);
+                    x[3 * column..3 * column + 3].copy_from_slice(&render[pixel..pixel + 3]);
                     let weight = weights.get(first + column).copied().unwrap_or(1.0);
                     for k in 3 * column..3 * column + 3 {
                         let r = x[k] - y[k];
@@ -170,8 +106,11 @@ impl PictureLoss {
                 self.share * self.ssim.loss(&self.x, &self.y, norm, self.share, &mut self.v, None);
         }
         for (row, v) in self.v.chunks_exact(3 * columns).enumerate() {
-            let first = 3 * ((rect.y0 + row) * width + rect.x0);
-            v_render[first..first + 3 * columns].copy_from_slice(v);
+            let first = (y0 + row) * width + x0;
+            for column in (0..columns).filter(|column| tiles.contains(x0 + column, y0 + row)) {
+                let pixel = 3 * (first + column);
+                v_render[pixel..pixel + 3].copy_from_slice(&v[3 * column..3 * column + 3]);
+            }
         }
         loss
     }
@@ -194,15 +133,10 @@ mod tests {
     #[test]
     fn gradient_matches_differences() {
         let (x, y) = (image(1), image(2));
+        let tiles = TileSet::around(&[true; 320], 20, 16);
         let weights: Vec<f32> = (0..320).map(|p| if p % 20 < 8 { 0.0 } else { 1.0 }).collect();
         for weights in [&[][..], &weights[..]] {
-            let target = Target {
-                width: 20,
-                height: 16,
-                rgb: &y,
-                weights,
-                rect: Rect { x0: 0, y0: 0, x1: 20, y1: 16 },
-            };
+            let target = Target { width: 20, height: 16, rgb: &y, weights, tiles: &tiles };
             let mut loss = PictureLoss::new(0.2);
             let mut v = Vec::new();
             loss.evaluate(&x, &target, &mut v);

@@ -50,18 +50,20 @@ impl Optimizer {
         ]
     }
 
-    /// One step of the selected rows. `rates.means` is in world units here. Without `geometry`, only
-    /// colour and opacity change.
+    /// One step of the selected rows among `rows`, the rows of `grads`. `rates.means` is in world
+    /// units here. Without `geometry`, only colour and opacity change.
     pub(crate) fn step(
         &mut self,
         splats: &mut Splats,
-        grads: &RenderGrads,
+        (rows, grads): (&[u32], &RenderGrads),
         rates: &FitRates,
         geometry: bool,
         flags: RowFlags,
     ) {
         let RowFlags { selected, fading, held } = flags;
-        let skip = |row: usize| !selected[row] || fading[row];
+        let all = || rows.iter().enumerate().map(|(i, &row)| [row as usize, i]);
+        let visible = || all().filter(|&[row, _]| selected[row]);
+        let lasting = || visible().filter(|&[row, _]| !fading[row]);
         let coeffs = splats.sh_coeffs();
         let mut sh_rates = vec![rates.sh / 20.0; 3 * coeffs];
         sh_rates[..3].fill(rates.sh);
@@ -69,20 +71,19 @@ impl Optimizer {
         rayon::scope(|scope| {
             scope.spawn(|_| {
                 let grads = grads.v_sh.as_flattened();
-                self.sh.step(sh.as_flattened_mut(), grads, &sh_rates, skip);
+                self.sh.step(sh.as_flattened_mut(), grads, &sh_rates, lasting());
             });
             let rate = [rates.opacity_logits];
-            let skip_opacity = |row: usize| !selected[row];
-            self.opacity_logits.step(opacity_logits, &grads.v_opacity_logits, &rate, skip_opacity);
+            self.opacity_logits.step(opacity_logits, &grads.v_opacity_logits, &rate, visible());
             if geometry {
-                let skip = |row: usize| skip(row) || held[row];
+                let moving = || lasting().filter(|&[row, _]| !held[row]);
                 let (means, v_means) = (means.as_flattened_mut(), grads.v_means.as_flattened());
-                self.means.step(means, v_means, &[rates.means; 3], skip);
+                self.means.step(means, v_means, &[rates.means; 3], moving());
                 let (quats, v_quats) = (quats.as_flattened_mut(), grads.v_quats.as_flattened());
-                self.quats.step(quats, v_quats, &[rates.quats; 4], skip);
+                self.quats.step(quats, v_quats, &[rates.quats; 4], moving());
                 let (scales, v_scales) =
                     (log_scales.as_flattened_mut(), grads.v_log_scales.as_flattened());
-                self.log_scales.step(scales, v_scales, &[rates.log_scales; 3], skip);
+                self.log_scales.step(scales, v_scales, &[rates.log_scales; 3], moving());
             }
         });
     }

@@ -1,6 +1,10 @@
 //! [`Subset`]: the splats that part of a picture depends on, and their gradients.
 
 use gs_core::{RenderGrads, Splats};
+use rayon::prelude::*;
+
+/// Rows copied per task.
+const CHUNK: usize = 2048;
 
 /// Copies of some rows. A fit changes only a part of a picture; splats that do not reach that part
 /// are not rendered. Memory is reused.
@@ -17,35 +21,27 @@ impl Subset {
     pub(crate) fn gather(&mut self, splats: &Splats, rows: &[u32]) {
         let own = &mut self.splats;
         own.sh_degree = splats.sh_degree;
-        own.means.clear();
-        own.quats.clear();
-        own.log_scales.clear();
-        own.opacity_logits.clear();
-        own.sh.clear();
-        for &row in rows {
-            own.push_from(splats, row as usize);
-        }
+        copy(&mut own.means, &splats.means, 1, rows);
+        copy(&mut own.quats, &splats.quats, 1, rows);
+        copy(&mut own.log_scales, &splats.log_scales, 1, rows);
+        copy(&mut own.opacity_logits, &splats.opacity_logits, 1, rows);
+        copy(&mut own.sh, &splats.sh, splats.sh_coeffs(), rows);
     }
+}
 
-    /// Writes the gradients of the copies of `rows` to those rows of `all`, which is resized to
-    /// `count` rows with `coeffs` SH coefficients. Other rows have undefined values.
-    pub(crate) fn scatter(&self, rows: &[u32], all: &mut RenderGrads, count: usize, coeffs: usize) {
-        all.v_means.resize(count, [0.0; 3]);
-        all.v_quats.resize(count, [0.0; 4]);
-        all.v_log_scales.resize(count, [0.0; 3]);
-        all.v_opacity_logits.resize(count, 0.0);
-        all.v_sh.resize(count * coeffs, [0.0; 3]);
-        all.v_means2d.resize(count, [0.0; 2]);
-        let own = &self.grads;
-        for (i, &row) in rows.iter().enumerate() {
-            let row = row as usize;
-            all.v_means[row] = own.v_means[i];
-            all.v_quats[row] = own.v_quats[i];
-            all.v_log_scales[row] = own.v_log_scales[i];
-            all.v_opacity_logits[row] = own.v_opacity_logits[i];
-            all.v_means2d[row] = own.v_means2d[i];
-            all.v_sh[row * coeffs..(row + 1) * coeffs]
-                .copy_from_slice(&own.v_sh[i * coeffs..(i + 1) * coeffs]);
-        }
-    }
+/// Copies `rows` of an array with `columns` elements per row.
+fn copy<T: Copy + Default + Send + Sync>(
+    target: &mut Vec<T>,
+    source: &[T],
+    columns: usize,
+    rows: &[u32],
+) {
+    target.resize(rows.len() * columns, T::default());
+    target.par_chunks_mut(CHUNK * columns).zip(rows.par_chunks(CHUNK)).for_each(
+        |(target, rows)| {
+            for (target, &row) in target.chunks_exact_mut(columns).zip(rows) {
+                target.copy_from_slice(&source[row as usize * columns..][..columns]);
+            }
+        },
+    );
 }

@@ -1,12 +1,11 @@
 //! [`EditedPicture`], the input, and [`View`], the state of a picture during the fit.
 
 use crate::alignment::Alignment;
-use crate::loss::Rect;
 use crate::mask::{difference_mask, dilated, remove_specks};
 use crate::working::Working;
 use crate::{FitError, FitOptions};
-use c4d_metrics::SSIM_RADIUS;
-use gs_core::{Camera, Image, Rasterizer, RenderParams, Splats};
+use gs_core::{Camera, Image, Rasterizer, RenderParams, Splats, TileSet};
+use rayon::prelude::*;
 
 /// Groups of differing pixels smaller than this share of the image are noise.
 const SPECK_SHARE: f64 = 3e-5;
@@ -45,10 +44,10 @@ pub(crate) struct View {
     pub target: Vec<f32>,
     /// Weights of the loss, `[H,W]`; empty for 1.
     pub weights: Vec<f32>,
-    /// Rectangle around the masked pixels and those that selected splats reach.
-    pub rect: Rect,
-    /// Rows of the splats on which pixels of `rect`, and of the loss around it, depend; ascending.
-    /// Includes all selected rows.
+    /// Tiles with the masked pixels and those that selected splats reach.
+    pub tiles: TileSet,
+    /// Rows of the splats on which the pixels of `tiles` depend; ascending. Includes all selected
+    /// rows.
     pub rows: Vec<u32>,
     pub alignment: Alignment,
 }
@@ -116,7 +115,7 @@ pub(crate) fn open<R: Rasterizer>(
             picture: if is_edited { image.data.clone() } else { Vec::new() },
             target: render.rgb.clone(),
             original: render.rgb,
-            rect: Rect::around(&mask, width),
+            tiles: TileSet::around(&mask, width, height),
             rows: Vec::new(),
             changed,
             mask,
@@ -158,22 +157,36 @@ impl View {
         }
     }
 
-    /// Finds the splats on which the pixels of `rect` depend.
+    /// Finds the splats on which the pixels of `tiles` depend.
     pub(crate) fn find_rows<R: Rasterizer>(&mut self, raster: &R, working: &Working) {
-        let rect = self.rect.grown(SSIM_RADIUS, self.width, self.height);
         self.rows.clear();
         for (row, &selected) in working.selected.iter().enumerate() {
             let reaches = || {
                 let found = raster.footprint(&working.splats, row, &self.camera);
-                found.is_some_and(|footprint| {
-                    let [x0, y0, x1, y1] = footprint.pixels;
-                    rect.overlaps(Rect { x0, y0, x1, y1 })
-                })
+                found.is_some_and(|footprint| self.tiles.overlaps(footprint.pixels))
             };
             if selected || reaches() {
                 self.rows.extend(u32::try_from(row));
             }
         }
+    }
+
+    /// Overwrites `planes` with `K` values for each pixel of `tiles`, and 0 elsewhere, `[H,W,K]`.
+    pub(crate) fn fill_planes<const K: usize>(
+        &self,
+        tiles: &TileSet,
+        planes: &mut Vec<f32>,
+        values: impl Fn(usize) -> [f32; K] + Sync,
+    ) {
+        planes.clear();
+        planes.resize(K * self.width * self.height, 0.0);
+        planes.par_chunks_mut(K * self.width).enumerate().for_each(|(y, row)| {
+            for (x, out) in row.as_chunks_mut::<K>().0.iter_mut().enumerate() {
+                if tiles.contains(x, y) {
+                    *out = values(y * self.width + x);
+                }
+            }
+        });
     }
 
     /// Measures the difference between target and `render` (`[H,W,3]`).

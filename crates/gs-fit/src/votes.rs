@@ -1,28 +1,7 @@
-//! Sums of per-pixel values per splat, and the votes of masks.
+//! Votes of masks: how much of each splat they show.
 
 use crate::FitError;
-use gs_core::{Camera, RasterError, Rasterizer, RenderParams, Splats, UpstreamGrads};
-
-/// Sums over the pixels of one view, per splat: `Σ_p plane_p α T` for each of `planes` (`[P,F]`,
-/// channels innermost), `[N,F]`.
-///
-/// # Errors
-/// If the rasteriser fails.
-pub fn lift<R: Rasterizer>(
-    raster: &R,
-    splats: &Splats,
-    camera: &Camera,
-    planes: Vec<f32>,
-    channels: usize,
-) -> Result<Vec<f32>, RasterError> {
-    let mut prepared = raster.prepare(splats, camera)?;
-    let params = RenderParams { rgb: false, depth: false, ..RenderParams::default() };
-    let features = vec![0.0; splats.len() * channels];
-    raster.forward(&mut prepared, splats, &features, &params)?;
-    let upstream = UpstreamGrads { v_features: planes, ..UpstreamGrads::default() };
-    let grads = raster.backward_colors(&mut prepared, splats, &features, &params, &upstream)?;
-    Ok(grads.v_features)
-}
+use gs_core::{Camera, Rasterizer, RenderGrads, Splats, UpstreamGrads};
 
 /// Minimum sum over all views, pixels, of a splat that counts as visible.
 pub(crate) const LEAST_SEEN: f32 = 1e-3;
@@ -53,10 +32,19 @@ impl Votes {
     ) -> Result<Self, FitError> {
         let n = splats.len();
         let mut votes = Self { seen: vec![0.0; n], masked: vec![0.0; n], views: vec![0; n] };
+        let mut prepared: Option<R::Prepared> = None;
+        let (mut planes, mut sums) = (UpstreamGrads::default(), RenderGrads::default());
         for (camera, mask) in views {
-            let planes = mask.iter().flat_map(|&on| [1.0, f32::from(u8::from(on))]).collect();
-            let sums = lift(raster, splats, camera, planes, 2)?;
-            for (i, sum) in sums.as_chunks::<2>().0.iter().enumerate() {
+            match &mut prepared {
+                Some(prepared) => raster.prepare_into(splats, camera, prepared)?,
+                none => *none = Some(raster.prepare(splats, camera)?),
+            }
+            planes.v_features.clear();
+            planes.v_features.extend(mask.iter().flat_map(|&on| [1.0, f32::from(u8::from(on))]));
+            if let Some(prepared) = &mut prepared {
+                raster.lift_into(prepared, splats, &planes, 2, &mut sums)?;
+            }
+            for (i, sum) in sums.v_features.as_chunks::<2>().0.iter().enumerate() {
                 votes.seen[i] += sum[0];
                 votes.masked[i] += sum[1];
                 votes.views[i] += u16::from(sum[1] > Self::NOTICEABLE);

@@ -2,7 +2,7 @@
 //! then the chain rule of each splat (`splat_grads`).
 
 use crate::bins::{BLOCK, MACRO_TILES, Macro};
-use crate::forward::{check, passes, with_channels};
+use crate::forward::{check, gather, passes, shade, with_channels};
 use crate::lanes::{self, Lane};
 use crate::prepared::{Composited, Prepared};
 use crate::shade::{HEAD, Layout};
@@ -283,6 +283,29 @@ pub(crate) fn backward<F: Lane>(
     });
     prepared.times = times;
     Ok(())
+}
+
+/// Sums of the pixels of `planes` per splat, without a forward pass.
+pub(crate) fn lift<F: Lane>(
+    prepared: &mut Prepared<F>,
+    splats: &Splats<F>,
+    planes: &UpstreamGrads<F>,
+    channels: usize,
+    sums: &mut RenderGrads<F>,
+) -> Result<(), RasterError> {
+    let params = RenderParams { rgb: false, depth: false, ..RenderParams::default() };
+    let features = vec![F::zero(); splats.len() * channels];
+    shade(prepared, splats, &features, &params)?;
+    let Prepared { shade, macros, composited, .. } = &mut *prepared;
+    composited
+        .par_iter_mut()
+        .zip(&*macros)
+        .for_each(|(target, owner)| gather(shade, owner, &mut target.records));
+    prepared.has_forward = true;
+    let scope = Scope::Colors;
+    let lifted = backward(prepared, splats, &features, &params, planes, scope, sums);
+    prepared.has_forward = false;
+    lifted
 }
 
 /// Adds up the contributions of the macro tiles to every splat, macro tile by macro tile, so that

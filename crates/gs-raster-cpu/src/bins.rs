@@ -9,7 +9,7 @@ use crate::cull::Reach;
 use crate::lanes::wide;
 use crate::project::Projected;
 use crate::view::{TILE, View};
-use gs_core::Real;
+use gs_core::{Real, TileSet};
 use rayon::prelude::*;
 
 /// Tiles along a side of a macro tile.
@@ -89,7 +89,8 @@ fn macro_rect<F: Real>(p: &Projected<F>) -> Option<[usize; 4]> {
     })
 }
 
-/// Distributes depth-sorted `splats` over blocks, then over macro tiles and tiles.
+/// Distributes depth-sorted `splats` over blocks, then over macro tiles and tiles; if `tiles` is
+/// given, over these only.
 #[expect(
     clippy::cast_possible_truncation,
     reason = "ranks are below 2^32, the limit on the number of splats"
@@ -97,11 +98,18 @@ fn macro_rect<F: Real>(p: &Projected<F>) -> Option<[usize; 4]> {
 pub(crate) fn bin<F: Real>(
     splats: &[Projected<F>],
     view: &View<F>,
+    tiles: Option<&TileSet>,
     blocks: &mut Vec<Block>,
     macros: &mut Vec<Macro>,
 ) {
     let grid = macro_grid(view.tiles);
     let num_macros = grid[0] * grid[1];
+    let is_used = |[x, y]: [usize; 2]| {
+        let [x, y] = [x * MACRO * TILE, y * MACRO * TILE];
+        tiles.is_none_or(|tiles| tiles.overlaps([x, y, x + MACRO * TILE, y + MACRO * TILE]))
+    };
+    let is_used: Vec<bool> =
+        (0..num_macros).map(|id| is_used([id % grid[0], id / grid[0]])).collect();
     blocks.resize_with(splats.len().div_ceil(BLOCK), Block::default);
     blocks.par_iter_mut().zip(splats.par_chunks(BLOCK)).enumerate().for_each(
         |(number, (block, run))| {
@@ -113,7 +121,9 @@ pub(crate) fn bin<F: Real>(
                     let Some([x0, y0, x1, y1]) = macro_rect(splat) else { continue };
                     for y in y0..y1 {
                         for x in x0..x1 {
-                            action(y * grid[0] + x, (first_rank + i) as u32);
+                            if is_used[y * grid[0] + x] {
+                                action(y * grid[0] + x, (first_rank + i) as u32);
+                            }
                         }
                     }
                 }
@@ -150,7 +160,7 @@ pub(crate) fn bin<F: Real>(
         let corner = [macro_id % grid[0] * MACRO, macro_id / grid[0] * MACRO];
         wide(
             #[inline(always)]
-            || fill_lists(splats, view, corner, target),
+            || fill_lists(splats, view, tiles, corner, target),
         );
     });
 }
@@ -161,15 +171,26 @@ pub(crate) fn bin<F: Real>(
 fn fill_lists<F: Real>(
     splats: &[Projected<F>],
     view: &View<F>,
+    tiles: Option<&TileSet>,
     corner: [usize; 2],
     target: &mut Macro,
 ) {
+    let mut is_used = [true; MACRO_TILES];
+    if let Some(tiles) = tiles {
+        for (i, is_used) in is_used.iter_mut().enumerate() {
+            *is_used = tiles.has_tile(corner[0] + i % MACRO, corner[1] + i / MACRO);
+        }
+    }
     for list in &mut target.lists {
         list.items.clear();
         list.rows.clear();
     }
-    let tile = F::from_double(TILE as f64);
+    let side = F::from_double(TILE as f64);
     let last_column = F::from_double((view.width - 1) as f64);
+    let last = F::from_double((TILE - 1) as f64);
+    // First pixels of the tiles, columns and rows: conversions would take longer than the rest.
+    let firsts: [[F; MACRO]; 2] =
+        corner.map(|first| std::array::from_fn(|i| F::from_double((first + i) as f64) * side));
     let mut group = [Projected::default(); GROUP];
     for item in 0..target.items.len() {
         // Copied in groups, so that the cache misses of a group overlap.
@@ -186,16 +207,16 @@ fn fill_lists<F: Real>(
         let ((x0, x1), (y0, y1)) = (clip(rect[0], rect[2], 0), clip(rect[1], rect[3], 1));
         let Some(reach) = Reach::new(p) else { continue };
         for tx in x0..x1 {
-            let left = F::from_double(tx as f64) * tile;
-            let right = (left + tile - F::one()).min(last_column);
+            let left = firsts[0][tx - corner[0]];
+            let right = (left + side - F::one()).min(last_column);
             let Some(reached) = reach.rows(left - p.mean[0], right - p.mean[0]) else { continue };
             for ty in y0..y1 {
-                let centre = p.mean[1] - F::from_double(ty as f64) * tile;
-                let last = F::from_double((TILE - 1) as f64);
+                let centre = p.mean[1] - firsts[1][ty - corner[1]];
                 let low = (centre + reached.0).ceil().max(F::zero());
                 let high = (centre + reached.1).floor().min(last);
-                if low <= high {
-                    let list = &mut target.lists[(ty - corner[1]) * MACRO + tx - corner[0]];
+                let tile = (ty - corner[1]) * MACRO + tx - corner[0];
+                if low <= high && is_used[tile] {
+                    let list = &mut target.lists[tile];
                     list.items.push(item as u32);
                     #[expect(clippy::cast_sign_loss, reason = "0 ≤ low ≤ high ≤ 15")]
                     list.rows.push(low.as_f64() as u8 | ((high.as_f64() as u8) << 4));

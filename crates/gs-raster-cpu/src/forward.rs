@@ -106,12 +106,12 @@ pub(crate) fn check<F: Lane>(
     Ok(())
 }
 
-pub(crate) fn forward<F: Lane>(
+/// Fills the records of all splats, and the lists again if opacities have grown.
+pub(crate) fn shade<F: Lane>(
     prepared: &mut Prepared<F>,
     splats: &Splats<F>,
     features: &[F],
     params: &RenderParams,
-    output: &mut RenderOutput<F>,
 ) -> Result<(), RasterError> {
     check(prepared, splats, features)?;
     let layout = Layout::new(params, prepared.num_splats, features.len());
@@ -129,19 +129,53 @@ pub(crate) fn forward<F: Lane>(
         }
         prepared.bin();
     }
+    prepared.composited.resize_with(prepared.macros.len(), Composited::default);
+    Ok(())
+}
 
+/// Copies the records of a macro tile's items side by side.
+pub(crate) fn gather<F: Lane>(shade: &Shade<F>, owner: &Macro, records: &mut Vec<F>) {
+    // Copies of a length that is known at compile time, for the usual numbers of channels.
+    match HEAD + shade.stride {
+        7 => gather_chunks::<F, 7>(&shade.records, owner, records),
+        9 => gather_chunks::<F, 9>(&shade.records, owner, records),
+        10 => gather_chunks::<F, 10>(&shade.records, owner, records),
+        12 => gather_chunks::<F, 12>(&shade.records, owner, records),
+        14 => gather_chunks::<F, 14>(&shade.records, owner, records),
+        length => {
+            records.clear();
+            for &rank in &owner.items {
+                let start = rank as usize * length;
+                records.extend_from_slice(&shade.records[start..start + length]);
+            }
+        }
+    }
+}
+
+fn gather_chunks<F: Lane, const N: usize>(source: &[F], owner: &Macro, records: &mut Vec<F>) {
+    records.resize(owner.items.len() * N, F::zero());
+    let source = source.as_chunks::<N>().0;
+    for (target, &rank) in records.as_chunks_mut::<N>().0.iter_mut().zip(&owner.items) {
+        *target = source[rank as usize];
+    }
+}
+
+pub(crate) fn forward<F: Lane>(
+    prepared: &mut Prepared<F>,
+    splats: &Splats<F>,
+    features: &[F],
+    params: &RenderParams,
+    output: &mut RenderOutput<F>,
+) -> Result<(), RasterError> {
+    shade(prepared, splats, features, params)?;
     let Prepared { view, shade, macros, composited, times, .. } = &mut *prepared;
+    let (layout, stride) = (shade.layout, shade.stride);
     let start = Instant::now();
     let arch = lanes::arch();
-    composited.resize_with(macros.len(), Composited::default);
     composited.par_iter_mut().zip(&*macros).enumerate().for_each(|(macro_id, (target, owner))| {
         target.resize(stride);
         target.evaluated = 0;
-        target.records.clear();
-        for &rank in &owner.items {
-            let start = rank as usize * (HEAD + stride);
-            target.records.extend_from_slice(&shade.records[start..start + HEAD + stride]);
-        }
+        gather(shade, owner, &mut target.records);
         for (first_channel, channels) in passes(layout.channels()) {
             let target = &mut *target;
             arch.dispatch(CompositeMacro {

@@ -52,7 +52,8 @@ pub use prepared::Prepared;
 pub use times::StageTimes;
 
 use gs_core::{
-    Camera, RasterError, Rasterizer, RenderGrads, RenderOutput, RenderParams, Splats, UpstreamGrads,
+    Camera, RasterError, Rasterizer, RenderGrads, RenderOutput, RenderParams, Splats, TileSet,
+    UpstreamGrads,
 };
 use lanes::Reference;
 use splat_grads::Scope;
@@ -75,7 +76,7 @@ macro_rules! rasterizer {
                 camera: &Camera,
             ) -> Result<Prepared<$float>, RasterError> {
                 let mut prepared = Prepared::default();
-                prepared.update(splats, camera)?;
+                prepared.update(splats, camera, None)?;
                 Ok(prepared)
             }
 
@@ -85,7 +86,17 @@ macro_rules! rasterizer {
                 camera: &Camera,
                 prepared: &mut Prepared<$float>,
             ) -> Result<(), RasterError> {
-                prepared.update(splats, camera)
+                prepared.update(splats, camera, None)
+            }
+
+            fn prepare_tiles_into(
+                &self,
+                splats: &Splats<$float>,
+                camera: &Camera,
+                tiles: &TileSet,
+                prepared: &mut Prepared<$float>,
+            ) -> Result<(), RasterError> {
+                prepared.update(splats, camera, Some(tiles))
             }
 
             fn forward_into(
@@ -123,6 +134,17 @@ macro_rules! rasterizer {
             ) -> Result<(), RasterError> {
                 let scope = Scope::Colors;
                 backward::backward(prepared, splats, features, params, upstream, scope, grads)
+            }
+
+            fn lift_into(
+                &self,
+                prepared: &mut Prepared<$float>,
+                splats: &Splats<$float>,
+                planes: &UpstreamGrads<$float>,
+                channels: usize,
+                sums: &mut RenderGrads<$float>,
+            ) -> Result<(), RasterError> {
+                backward::lift(prepared, splats, planes, channels, sums)
             }
         }
     };

@@ -6,7 +6,7 @@ use crate::project::{CULLED, Projected, project};
 use crate::shade::{DEAD, Shade};
 use crate::times::{StageTimes, timed};
 use crate::view::{TILE, TILE_PIXELS, View};
-use gs_core::{Camera, RasterError, Real, Splats};
+use gs_core::{Camera, RasterError, Real, Splats, TileSet, check_tiles};
 use pulp::{Simd, WithSimd};
 use rayon::prelude::*;
 
@@ -23,6 +23,8 @@ const CHUNK: usize = 1024;
 #[derive(Debug, Clone, Default)]
 pub struct Prepared<F> {
     pub(crate) view: View<F>,
+    /// The tiles that have lists; `None` for all.
+    tiles: Option<TileSet>,
     pub(crate) num_splats: usize,
     pub(crate) sh_degree: usize,
     /// Indexed by splat; rows of culled splats are stale.
@@ -92,14 +94,18 @@ impl<F: Lane> WithSimd for ProjectChunk<'_, F> {
 }
 
 impl<F: Lane> Prepared<F> {
-    /// Projects, sorts and bins.
+    /// Projects, sorts and bins; with `tiles`, other tiles get empty lists.
     pub(crate) fn update(
         &mut self,
         splats: &Splats<F>,
         camera: &Camera,
+        tiles: Option<&TileSet>,
     ) -> Result<(), RasterError> {
         camera.check()?;
         splats.check_shapes()?;
+        if let Some(tiles) = tiles {
+            check_tiles(tiles, camera)?;
+        }
         let num_splats = splats.len();
         if num_splats >= CULLED as usize {
             return Err(RasterError::Device(format!(
@@ -107,6 +113,7 @@ impl<F: Lane> Prepared<F> {
             )));
         }
         self.view = View::new(camera);
+        self.tiles = tiles.cloned();
         self.num_splats = num_splats;
         self.sh_degree = splats.sh_degree;
         self.has_forward = false;
@@ -158,8 +165,8 @@ impl<F: Lane> Prepared<F> {
 
     /// Builds the lists for the opacities in `visible`.
     pub(crate) fn bin(&mut self) {
-        let Self { visible, view, blocks, macros, times, .. } = self;
-        timed(&mut times.bin, || bins::bin(visible, view, blocks, macros));
+        let Self { visible, view, tiles, blocks, macros, times, .. } = self;
+        timed(&mut times.bin, || bins::bin(visible, view, tiles.as_ref(), blocks, macros));
     }
 }
 

@@ -147,7 +147,8 @@ fn bench(criterion: &mut Criterion, context: &GpuContext) {
                     )
                     .unwrap();
                 let values = tuned.sh.as_flattened_mut();
-                adam.step(values, grads.v_sh.as_flattened(), &rates, |_| false);
+                let rows = (0..values.len() / rates.len()).map(|row| [row, row]);
+                adam.step(values, grads.v_sh.as_flattened(), &rates, rows);
             }
         });
     });

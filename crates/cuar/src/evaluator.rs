@@ -3,10 +3,10 @@
 use crate::{
     Crop, CuarError, DescentEngine, DescentImage, Entry, RefineOptions,
     loss::{LossParts, Objective, Shape, Targets},
-    sample::{BACK, FORE, LIVE, Sample},
+    sample::{BACK, FORE, LIVE, Sample, live_tiles},
 };
 use gs_core::{
-    Camera, Rasterizer, RenderGrads, RenderOutput, RenderParams, Splats, UpstreamGrads, sh,
+    Camera, Rasterizer, RenderGrads, RenderOutput, RenderParams, Splats, TileSet, UpstreamGrads, sh,
 };
 use rayon::prelude::*;
 
@@ -84,7 +84,8 @@ impl<P> Evaluator<P> {
     ) -> Result<(), CuarError> {
         let clock = std::time::Instant::now();
         let Sample { splats, prepared, original, warp, flags, entries, crop, .. } = sample;
-        let prepared = prepared_or(prepared, &mut self.prepared, raster, splats, camera)?;
+        let live = || live_tiles(*crop, flags, camera);
+        let prepared = prepared_or(prepared, &mut self.prepared, raster, (splats, camera), live)?;
         self.secs[0] += clock.elapsed().as_secs_f64();
         let size = [camera.width as usize, camera.height as usize];
         let image = DescentImage { index, size, crop: *crop, original, warp, flags, entries };
@@ -105,8 +106,9 @@ impl<P> Evaluator<P> {
         let clock = std::time::Instant::now();
         let mut laps = [0.0; 5];
         let mut lap = |index: usize| laps[index] = clock.elapsed().as_secs_f64();
-        let Sample { splats, prepared, entries, crop, .. } = sample;
-        let prepared = prepared_or(prepared, &mut self.prepared, raster, splats, camera)?;
+        let Sample { splats, prepared, entries, crop, flags, .. } = sample;
+        let live = || live_tiles(*crop, flags, camera);
+        let prepared = prepared_or(prepared, &mut self.prepared, raster, (splats, camera), live)?;
         lap(0);
 
         let full = [camera.width as usize, camera.height as usize];
@@ -211,24 +213,24 @@ impl<P> Evaluator<P> {
     }
 }
 
-/// The prepared state stored with a sample, else the spare state, prepared for the sample.
+/// The prepared state stored with a sample, else the spare state, prepared for the sample and its
+/// live tiles.
 fn prepared_or<'a, R: Rasterizer>(
     kept: &'a mut Option<R::Prepared>,
     spare: &'a mut Option<R::Prepared>,
     raster: &R,
-    splats: &Splats,
-    camera: &Camera,
+    (splats, camera): (&Splats, &Camera),
+    live: impl FnOnce() -> TileSet,
 ) -> Result<&'a mut R::Prepared, CuarError> {
     if let Some(kept) = kept {
         return Ok(kept);
     }
-    match spare {
-        Some(spare) => {
-            raster.prepare_into(splats, camera, spare)?;
-            Ok(spare)
-        }
-        none => Ok(none.insert(raster.prepare(splats, camera)?)),
-    }
+    let spare = match spare {
+        Some(spare) => spare,
+        none => none.insert(raster.prepare(&Splats::default(), camera)?),
+    };
+    raster.prepare_tiles_into(splats, camera, &live(), spare)?;
+    Ok(spare)
 }
 
 /// `Y(d)·Δ` per entry.

@@ -27,23 +27,27 @@ pub(crate) fn splat_weights<R: Rasterizer>(
 
 /// Visibility of each splat in frame 1, `[N]` in [0, 1]: its weight in frame 1 (`weights`),
 /// relative to `enough` of its unoccluded weight now.
-pub(crate) fn visibility(
-    splats: &Splats,
-    weights: &[f32],
-    camera: &Camera,
-    enough: f32,
-) -> Vec<f32> {
+fn visibility(splats: &Splats, weights: &[f32], camera: &Camera, enough: f32) -> Vec<f32> {
     weights
         .par_iter()
         .enumerate()
         .with_min_len(1024)
-        .map(|(i, &weight)| {
-            let whole = f64::from(enough) * unoccluded(splats, i, camera);
-            #[expect(clippy::cast_possible_truncation, reason = "a share of 0 to 1")]
-            let shown = (f64::from(weight) / whole).min(1.0) as f32;
-            if shown.is_finite() { shown } else { 0.0 }
-        })
+        .map(|(i, &weight)| visible_share(splats, i, weight, camera, enough))
         .collect()
+}
+
+/// [`visibility`] of splat `i`.
+pub(crate) fn visible_share(
+    splats: &Splats,
+    i: usize,
+    weight: f32,
+    camera: &Camera,
+    enough: f32,
+) -> f32 {
+    let whole = f64::from(enough) * unoccluded(splats, i, camera);
+    #[expect(clippy::cast_possible_truncation, reason = "a share of 0 to 1")]
+    let shown = (f64::from(weight) / whole).min(1.0) as f32;
+    if shown.is_finite() { shown } else { 0.0 }
 }
 
 /// `Σ_p α` of a splat that lies within the image: the volume of its Gaussian above the faintest

@@ -5,11 +5,11 @@ use crate::{
     evaluator::{Derivatives, Evaluator, Offsets},
     loss::LossParts,
     observer::{Observer, Preview, RefineProgress},
-    sample::Sample,
+    sample::{Sample, live_tiles},
     state::State,
     view_sampler::ViewTime,
 };
-use gs_core::{Camera, Image, Rasterizer};
+use gs_core::{Camera, Image, Rasterizer, Splats};
 use rayon::prelude::*;
 use std::ops::Range;
 use std::time::Instant;
@@ -70,7 +70,10 @@ impl<R: Rasterizer<Prepared: Send> + Sync> Problem<'_, R> {
             if self.bytes + more > self.options.memory {
                 break;
             }
-            sample.prepared = Some(self.raster.prepare(&sample.splats, camera)?);
+            let mut prepared = self.raster.prepare(&Splats::default(), camera)?;
+            let tiles = live_tiles(sample.crop, &sample.flags, camera);
+            self.raster.prepare_tiles_into(&sample.splats, camera, &tiles, &mut prepared)?;
+            sample.prepared = Some(prepared);
             self.bytes += more;
             self.num_cached += 1;
         }

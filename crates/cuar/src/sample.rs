@@ -6,14 +6,14 @@ use crate::{
     first_frame_visibility,
     flow::render_landing,
     push_forward::push_forward,
-    sample_source::{CHANNELS, COLOR_CHANGE, EDITED, KNOWN_SHARE, Source, XI},
-    splat_visibility::{gather, needed_rows},
+    sample_source::{CHANNELS, COLOR_CHANGE, EDITED, KNOWN_SHARE, Source},
+    splat_visibility::{edited_tiles, footprints, gather, needed_rows},
     supervision_stats::PixelSource,
-    uncertainty::{direction, eye, threshold},
+    uncertainty::{change, direction, eye, shown_colors, threshold},
     view_sampler::ViewTime,
     warp::{FirstFrame, fetch, trace},
 };
-use gs_core::{Camera, Rasterizer, RenderOutput, RenderParams, Splats, sh};
+use gs_core::{Camera, Rasterizer, RenderOutput, RenderParams, Splats, TileSet, sh};
 use rayon::prelude::*;
 
 /// Pixel bit of [`Sample::flags`]: the warp supervises here.
@@ -61,6 +61,18 @@ impl<P> Sample<P> {
     }
 }
 
+/// Tiles of the image of `camera` with a [`LIVE`] pixel; `flags` are those of `crop`.
+pub(crate) fn live_tiles(crop: Crop, flags: &[u8], camera: &Camera) -> TileSet {
+    let mut tiles = TileSet::new(camera.width as usize, camera.height as usize);
+    for (row, flags) in flags.chunks_exact(crop.width.max(1)).enumerate() {
+        for (column, _) in flags.iter().enumerate().filter(|(_, flags)| **flags & LIVE != 0) {
+            let (x, y) = (crop.x + column, crop.y + row);
+            tiles.insert([x, y, x + 1, y + 1]);
+        }
+    }
+    tiles
+}
+
 /// A sample, with its counts.
 pub(crate) struct Made<P> {
     pub sample: Sample<P>,
@@ -83,6 +95,17 @@ impl<P> Default for Builder<P> {
     }
 }
 
+/// What a render contains besides the features.
+#[derive(Debug, Clone, Copy)]
+enum Planes<'a> {
+    /// Colour and depth.
+    Surface,
+    /// Colour.
+    Color,
+    /// Nothing, and only these tiles.
+    Features(&'a TileSet),
+}
+
 impl<P> Builder<P> {
     fn render<R: Rasterizer<Prepared = P>>(
         &mut self,
@@ -90,17 +113,24 @@ impl<P> Builder<P> {
         splats: &Splats,
         camera: &Camera,
         features: &[f32],
-        depth: bool,
+        planes: Planes,
     ) -> Result<(), CuarError> {
-        let background = source.options.background;
-        let params = RenderParams { background, depth, ..RenderParams::default() };
-        let prepared = match &mut self.prepared {
-            Some(prepared) => {
-                source.raster.prepare_into(splats, camera, prepared)?;
-                prepared
-            }
-            none => none.insert(source.raster.prepare(splats, camera)?),
+        let (rgb, depth, tiles) = match planes {
+            Planes::Surface => (true, true, None),
+            Planes::Color => (true, false, None),
+            Planes::Features(tiles) => (false, false, Some(tiles)),
         };
+        let background = source.options.background;
+        let params = RenderParams { background, rgb, depth, ..RenderParams::default() };
+        let raster = source.raster;
+        let prepared = match &mut self.prepared {
+            Some(prepared) => prepared,
+            none => none.insert(raster.prepare(&Splats::default(), camera)?),
+        };
+        match tiles {
+            Some(tiles) => raster.prepare_tiles_into(splats, camera, tiles, prepared)?,
+            None => raster.prepare_into(splats, camera, prepared)?,
+        }
         source.raster.forward_into(prepared, splats, features, &params, &mut self.output)?;
         Ok(())
     }
@@ -112,7 +142,7 @@ impl<P> Builder<P> {
         camera: &Camera,
     ) -> Result<FirstFrame, CuarError> {
         let none = vec![0.0; source.first.len()];
-        self.render(source, source.first, camera, &none, true)?;
+        self.render(source, source.first, camera, &none, Planes::Surface)?;
         let params = &source.options.warp_params;
         let min = params.min_coverage;
         let carries = source.options.warp == WarpForm::Backward && params.min_known_color <= 1.0;
@@ -143,6 +173,7 @@ impl<P> Builder<P> {
                 .map(|(&z, &alpha)| if alpha >= min && alpha > 0.0 { z / alpha } else { f32::NAN })
                 .collect(),
             splat_weights: weights,
+            colors: shown_colors(source.first, camera),
         })
     }
 
@@ -156,16 +187,34 @@ impl<P> Builder<P> {
         frame: &FirstFrame,
     ) -> Result<Option<Made<P>>, CuarError> {
         let options = source.options;
-        let features = source.features(splats, camera, &frame.splat_weights);
-        self.render(source, splats, camera, &features, false)?;
+        // The threshold depends on all pixels, everything else only on those that edited splats
+        // reach.
+        let colors = shown_colors(splats, camera);
+        let xi: Vec<f32> = colors
+            .par_iter()
+            .zip(&frame.colors)
+            .with_min_len(1024)
+            .map(
+                |colors| {
+                    if let (Some(now), Some(then)) = colors { change(*now, *then) } else { 0.0 }
+                },
+            )
+            .collect();
+        self.render(source, splats, camera, &xi, Planes::Color)?;
+        let uncertainty = std::mem::take(&mut self.output.features);
+        let rgb = std::mem::take(&mut self.output.rgb);
+        let footprints = footprints(source.raster, splats, camera);
+        let tiles = edited_tiles(&footprints, source.edited, camera);
+        let features = source.features(splats, camera, frame, &colors, |i| {
+            footprints[i].is_some_and(|footprint| tiles.overlaps(footprint.pixels))
+        });
+        self.render(source, splats, camera, &features, Planes::Features(&tiles))?;
+        self.output.rgb = rgb;
         let (w, h) = (self.output.width, self.output.height);
-        let channel = |k: usize| -> Vec<f32> {
-            self.output.features.iter().skip(k).step_by(CHANNELS).copied().collect()
-        };
-        let uncertainty = channel(XI);
         let threshold = threshold(&uncertainty, options.epsilon, options.min_uncertainty);
         let mask: Vec<bool> = uncertainty.iter().map(|&u| f64::from(u) > threshold).collect();
-        let live: Vec<bool> = channel(EDITED).iter().map(|&e| e > 0.0).collect();
+        let pixels = self.output.features.chunks_exact(CHANNELS);
+        let live: Vec<bool> = pixels.map(|sums| sums[EDITED] > 0.0).collect();
         let Some(crop) = bounding(&live, w, h) else { return Ok(None) };
 
         let asked: Vec<bool> = mask.iter().zip(&live).map(|(mask, live)| *mask && *live).collect();
@@ -196,7 +245,7 @@ impl<P> Builder<P> {
                 }
             }
         }
-        let rows = needed_rows(source.raster, splats, source.edited, camera, &live);
+        let rows = needed_rows(&footprints, source.edited, &TileSet::around(&live, w, h));
         // a splat with a non-finite colour is not drawn in the full scene either
         let drawn = |&row: &u32| splats.is_finite(row as usize);
         let rows: Vec<u32> = rows.into_iter().filter(drawn).collect();
@@ -212,8 +261,7 @@ impl<P> Builder<P> {
                 let is_constrained =
                     by_surface || features[id as usize * CHANNELS + KNOWN_SHARE] >= 0.5;
                 sample.entries.push(Entry { local, row, towards, color, is_constrained });
-                let xi = features[id as usize * CHANNELS + XI];
-                uncertain.push(f64::from(xi) > threshold);
+                uncertain.push(f64::from(xi[id as usize]) > threshold);
             }
         }
         let floored = threshold <= f64::from(options.min_uncertainty);

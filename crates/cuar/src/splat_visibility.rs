@@ -6,37 +6,54 @@
 //! those pixels do not change.
 
 use gs_core::image_formation::TILE_SIZE;
-use gs_core::{Camera, Footprint, Rasterizer, Splats};
+use gs_core::{Camera, Footprint, Rasterizer, Splats, TileSet};
 use rayon::prelude::*;
 
 /// Side of a cell, pixels. Any size gives the same weights; that of a rasteriser's tile keeps the
 /// fewest rows.
 const CELL: usize = TILE_SIZE as usize;
 
-/// Rows needed to composite the edited splats at the `live` pixels (`[H,W]`), ascending.
-pub(crate) fn needed_rows<R: Rasterizer + Sync>(
+/// Footprint of every splat.
+pub(crate) fn footprints<R: Rasterizer + Sync>(
     raster: &R,
     splats: &Splats,
-    edited: &[bool],
     camera: &Camera,
-    live: &[bool],
-) -> Vec<u32> {
-    let (w, h) = (camera.width as usize, camera.height as usize);
-    let grid = [w.div_ceil(CELL), h.div_ceil(CELL)];
-    let mut live_cells = vec![false; grid[0] * grid[1]];
-    for (p, _) in live.iter().enumerate().filter(|(_, live)| **live) {
-        live_cells[p / w / CELL * grid[0] + p % w / CELL] = true;
-    }
-    let footprints: Vec<Option<Footprint>> = (0..splats.len())
+) -> Vec<Option<Footprint>> {
+    (0..splats.len())
         .into_par_iter()
         .with_min_len(1024)
         .map(|i| raster.footprint(splats, i, camera))
-        .collect();
+        .collect()
+}
+
+/// Tiles that the edited splats reach.
+pub(crate) fn edited_tiles(
+    footprints: &[Option<Footprint>],
+    edited: &[bool],
+    camera: &Camera,
+) -> TileSet {
+    let mut tiles = TileSet::new(camera.width as usize, camera.height as usize);
+    for (footprint, _) in footprints.iter().zip(edited).filter(|(_, edited)| **edited) {
+        if let Some(footprint) = footprint {
+            tiles.insert(footprint.pixels);
+        }
+    }
+    tiles
+}
+
+/// Rows needed to composite the edited splats at the pixels of `live`, ascending.
+pub(crate) fn needed_rows(
+    footprints: &[Option<Footprint>],
+    edited: &[bool],
+    live: &TileSet,
+) -> Vec<u32> {
+    let live_cells = live.flags();
+    let across = live.size()[0].div_ceil(CELL);
     let cells_of = |footprint: &Footprint| {
         let [x0, y0, x1, y1] = footprint.pixels;
         let columns = x0 / CELL..x1.div_ceil(CELL);
         (y0 / CELL..y1.div_ceil(CELL))
-            .flat_map(move |y| columns.clone().map(move |x| y * grid[0] + x))
+            .flat_map(move |y| columns.clone().map(move |x| y * across + x))
     };
     let mut last = vec![f64::NEG_INFINITY; live_cells.len()];
     for (footprint, _) in footprints.iter().zip(edited).filter(|(_, edited)| **edited) {
@@ -51,7 +68,7 @@ pub(crate) fn needed_rows<R: Rasterizer + Sync>(
         cells_of(footprint).any(|cell| live_cells[cell] && footprint.depth <= last[cell] * slack)
     };
     #[expect(clippy::cast_possible_truncation, reason = "the rasteriser numbers splats in 32 bits")]
-    (0..splats.len())
+    (0..footprints.len())
         .into_par_iter()
         .with_min_len(1024)
         .filter(|&i| needed(i))

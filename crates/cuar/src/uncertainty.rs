@@ -24,6 +24,12 @@ pub(crate) fn shown(splats: &Splats, i: usize, eye: [f32; 3]) -> Option<[f32; 3]
     Some(sh::color(splats.sh_degree, splats.sh_of(i), towards).map(|x| x.max(0.0)))
 }
 
+/// [`shown`] of every row from `camera`, `[N]`.
+pub(crate) fn shown_colors(splats: &Splats, camera: &Camera) -> Vec<Option<[f32; 3]>> {
+    let eye = eye(camera);
+    (0..splats.len()).into_par_iter().with_min_len(1024).map(|i| shown(splats, i, eye)).collect()
+}
+
 /// Eqs. 14–15 of two colours; 0 if one is not finite (the rasteriser culls such splats).
 pub(crate) fn change(now: [f32; 3], then: [f32; 3]) -> f32 {
     let difference: f32 = (0..3).map(|channel| (now[channel] - then[channel]).abs()).sum();

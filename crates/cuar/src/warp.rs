@@ -72,6 +72,8 @@ pub(crate) struct FirstFrame {
     pub depth: Vec<f32>,
     /// `Σ_p α T` per splat of the scene; empty if not requested.
     pub splat_weights: Vec<f32>,
+    /// Colour of each splat from this camera, `[N]`; `None` if it is not finite.
+    pub colors: Vec<Option<[f32; 3]>>,
 }
 
 /// Channels of what [`trace`] reads at frame `t`: affine motion to frame 1 (shift 2, linear part
@@ -201,7 +203,14 @@ impl FirstFrame {
                 x as f32 * 0.05 + y as f32 * 0.01 + (k % 3) as f32 * 0.1
             })
             .collect();
-        Self { width, height, rgb, depth: vec![2.0; width * height], splat_weights: Vec::new() }
+        Self {
+            width,
+            height,
+            rgb,
+            depth: vec![2.0; width * height],
+            splat_weights: Vec::new(),
+            colors: Vec::new(),
+        }
     }
 }
 

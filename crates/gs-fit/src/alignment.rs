@@ -10,6 +10,9 @@ use rayon::prelude::*;
 
 /// Range of the search for a common displacement, pixels in each direction.
 const SEARCH: i32 = 6;
+/// Largest common displacement, pixels in each direction. Without a bound, the estimate of a plain
+/// surface drifts: 20 pixels in a picture that was not displaced at all.
+const MOST_SHIFT: f32 = 8.0;
 /// Passes of local registration per estimate.
 const PASSES: usize = 2;
 /// Ridge that pulls gain to 1 and offset to 0, added to the variance of a channel (values 0 to 1).
@@ -177,7 +180,8 @@ impl Alignment {
             vertex(cost(x - 1.0, y), cost(x + 1.0, y)),
             vertex(cost(x, y - 1.0), cost(x, y + 1.0)),
         ];
-        self.shift = [self.shift[0] + x + sub[0], self.shift[1] + y + sub[1]];
+        let moved = [self.shift[0] + x + sub[0], self.shift[1] + y + sub[1]];
+        self.shift = moved.map(|shift| shift.clamp(-MOST_SHIFT, MOST_SHIFT));
     }
 
     /// Without the local displacements.

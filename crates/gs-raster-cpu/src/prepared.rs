@@ -126,16 +126,23 @@ impl<F: Lane> Prepared<F> {
         Ok(())
     }
 
+    #[expect(clippy::cast_possible_truncation, reason = "the number of splats was checked")]
     fn project(&mut self, splats: &Splats<F>) {
         let num_splats = self.num_splats;
-        let (view, arch) = (&self.view, lanes::arch());
+        let (view, tiles, arch) = (&self.view, self.tiles.as_ref(), lanes::arch());
         self.projected.resize(num_splats, Projected::default());
         self.chunk_keys.resize_with(num_splats.div_ceil(CHUNK), Vec::new);
         self.projected.par_chunks_mut(CHUNK).zip(&mut self.chunk_keys).enumerate().for_each(
             |(chunk, (rows, keys))| {
                 keys.clear();
                 let first = chunk * CHUNK;
-                arch.dispatch(ProjectChunk { view, splats, first, rows, keys });
+                arch.dispatch(ProjectChunk { view, splats, first, rows: &mut *rows, keys });
+                if let Some(tiles) = tiles {
+                    keys.retain(|&key| {
+                        let rect = rows[key as u32 as usize - first].rect;
+                        tiles.overlaps(rect.map(|tile| usize::from(tile) * TILE))
+                    });
+                }
             },
         );
     }

@@ -1,7 +1,9 @@
 //! Results are bit-identical for any number of threads, with reused memory and with outdated lists.
 
 use crate::scenes::{Scene, random, upstream};
-use gs_core::{RasterError, Rasterizer, RenderGrads, RenderOutput, RenderParams, UpstreamGrads};
+use gs_core::{
+    RasterError, Rasterizer, RenderGrads, RenderOutput, RenderParams, TileSet, UpstreamGrads,
+};
 use gs_raster_cpu::{CpuRasterizer, Prepared};
 
 const PARAMS: RenderParams = RenderParams {
@@ -127,6 +129,86 @@ fn mask_weights_sum_to_alpha() {
         raster.backward_colors(&mut prepared, &scene.splats, &feature, &params, &up).unwrap();
     let (weights, alpha): (f32, f32) = (weights.v_features.iter().sum(), out.alpha.iter().sum());
     assert!((weights - alpha).abs() < 1e-4 * alpha, "{weights} weights, {alpha} pixels covered");
+}
+
+/// Restricted to some tiles: the same bits at their pixels, the background elsewhere, and the same
+/// gradients for an upstream gradient inside them.
+#[test]
+fn tiles_are_rendered_as_in_the_whole_image() {
+    let (width, height) = (150, 90);
+    let scene = random::<f32>(900, 1, [150, 90], 48);
+    let Scene { splats, camera, .. } = &scene;
+    let raster = CpuRasterizer::default();
+    let mut tiles = TileSet::new(width, height);
+    tiles.insert([20, 10, 50, 40]);
+    tiles.insert([140, 80, 141, 81]);
+    let mut up = upstream(width * height, 1, 7);
+    let outside = |p: usize| !tiles.contains(p % width, p / width);
+    for p in (0..width * height).filter(|&p| outside(p)) {
+        up.v_rgb[3 * p..3 * p + 3].fill(0.0);
+        for plane in [&mut up.v_alpha, &mut up.v_depth, &mut up.v_features] {
+            plane[p] = 0.0;
+        }
+    }
+    let (whole, whole_grads, whole_colors) = fresh(raster, &scene, &up);
+    // The memory held another, larger image before.
+    let mut prepared = raster.prepare(splats, &random::<f32>(1, 0, [170, 120], 1).camera).unwrap();
+    raster.prepare_tiles_into(splats, camera, &tiles, &mut prepared).unwrap();
+    let all = raster.prepare(splats, camera).unwrap();
+    assert!(prepared.num_visible() < all.num_visible(), "fewer splats");
+    assert!(prepared.num_isects() * 4 < all.num_isects(), "fewer list entries");
+    for _ in 0..2 {
+        let (part, grads, colors) = run(raster, &mut prepared, &scene, &up);
+        for p in 0..width * height {
+            if outside(p) {
+                assert!(part.alpha[p] == 0.0 && part.features[p] == 0.0, "pixel {p}: nothing");
+                let rgb = PARAMS.background.map(|x| x as f32);
+                assert_eq!(part.rgb[3 * p..3 * p + 3], rgb, "pixel {p}: background");
+            } else {
+                assert_eq!(part.alpha[p], whole.alpha[p], "pixel {p}");
+                assert_eq!(part.depth[p], whole.depth[p], "pixel {p}");
+                assert_eq!(part.features[p], whole.features[p], "pixel {p}");
+                assert_eq!(part.rgb[3 * p..3 * p + 3], whole.rgb[3 * p..3 * p + 3], "pixel {p}");
+            }
+        }
+        assert!(grads == whole_grads && colors == whole_colors, "gradients");
+    }
+    // An ordinary preparation of the same memory has all tiles again.
+    raster.prepare_into(splats, camera, &mut prepared).unwrap();
+    assert!(run(raster, &mut prepared, &scene, &up).0 == whole, "the whole image");
+
+    let other = TileSet::new(width, height + 16);
+    let refused = raster.prepare_tiles_into(splats, camera, &other, &mut prepared);
+    assert!(matches!(refused, Err(RasterError::Shape { what: "tiles", .. })), "{refused:?}");
+}
+
+/// Sums of planes per splat equal those of a forward and a backward pass, and invalidate the last
+/// forward pass.
+#[test]
+fn sums_need_no_forward_pass() {
+    let scene = random::<f32>(500, 2, [100, 75], 49);
+    let Scene { splats, features, camera } = &scene;
+    let raster = CpuRasterizer::default();
+    let params = RenderParams { rgb: false, depth: false, ..PARAMS };
+    let up = UpstreamGrads {
+        v_features: upstream::<f32>(100 * 75, 2, 8).v_features,
+        ..UpstreamGrads::default()
+    };
+    let mut prepared = raster.prepare(splats, camera).unwrap();
+    let mut sums = RenderGrads::default();
+    raster.lift_into(&mut prepared, splats, &up, 2, &mut sums).unwrap();
+    let mut other = raster.prepare(splats, camera).unwrap();
+    raster.forward(&mut other, splats, features, &params).unwrap();
+    let grads = raster.backward_colors(&mut other, splats, features, &params, &up).unwrap();
+    assert_eq!(sums.v_features, grads.v_features);
+    assert!(sums.v_features.iter().any(|&sum| sum != 0.0), "not all zero");
+    raster.forward(&mut prepared, splats, features, &params).unwrap();
+    raster.lift_into(&mut prepared, splats, &up, 2, &mut sums).unwrap();
+    let stale = raster.backward(&mut prepared, splats, features, &params, &up);
+    assert!(matches!(stale, Err(RasterError::NoForward)), "{stale:?}");
+    let short = UpstreamGrads { v_features: vec![0.0; 7], ..UpstreamGrads::default() };
+    let refused = raster.lift_into(&mut prepared, splats, &short, 2, &mut sums);
+    assert!(matches!(refused, Err(RasterError::Shape { what: "v_features", .. })), "{refused:?}");
 }
 
 #[test]

@@ -1,4 +1,4 @@
-//! Runs the commands in the documents: every line of every `sh` block, in order, in one new folder,
+//! Runs the commands in [`DOCUMENTS`]: every line of every `sh` block, in order, in one new folder,
 //! with `c4d` on the path. A command may use the output of earlier ones. No shell is involved, so
 //! this runs on every system: a line is a program and its arguments. The standard output of the
 //! last command of a block is compared with the `output` block that follows it, if there is one.

@@ -34,7 +34,7 @@ enum Task {
     },
     /// Check crate layering, file sizes, equation numbers, paths and documentation
     Tidy,
-    /// Run every command of the `sh` blocks in README.md and docs/, in order, in a fresh folder
+    /// Run the `sh` blocks of README.md and of most documents in docs/, in order, in a new folder
     DocCommands,
     /// Write docs/TESTS.md, the test suite with its times; without a log, compare its rows with the
     /// test files

@@ -355,7 +355,7 @@ pub struct DescentReport {
     pub recoloured: usize,
     /// Rows that inherit a deletion.
     pub removed: usize,
-    /// Rows that inherit a move, turn or scaling.
+    /// Rows that inherit a translation, rotation or scaling.
     pub moved: usize,
     /// Copies that last, unlike their originals.
     pub copied: usize,

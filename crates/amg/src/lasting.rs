@@ -208,10 +208,12 @@ impl Lasting {
             || self.weights.len() != entries
             || !ascending(&self.ids)
         {
-            return Some("the arrays of lasting splats do not belong together".to_owned());
+            return Some("the arrays of lasting splats are inconsistent".to_owned());
         }
         if let Some(id) = self.ids.iter().find(|&&id| id as usize >= num_sources) {
-            return Some(format!("source {id} lasts, expected below {num_sources}"));
+            return Some(format!(
+                "lasting splat {id} does not exist; the source has {num_sources} splats"
+            ));
         }
         if let Some(at) = self.carriers.iter().position(|c| c.fault(num_sources)) {
             return Some(format!("carrier {at} is not valid: {:?}", self.carriers[at]));

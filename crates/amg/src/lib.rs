@@ -23,7 +23,7 @@
 //! | parent | the source splat from which an edited splat was made, identified by equal bits |
 //! | new piece | connected edited splats that are not at the place of a source splat ("graft") |
 //! | support | the source splats whose motion an edited splat follows |
-//! | moved group | source splats that the edit moved, turned or scaled as one |
+//! | moved group | source splats that the edit moved, rotated or scaled as one |
 //! | generation | source splats that represent a surface at a time when others have faded |
 //! | rest place | the position that a splat would have at the edit time |
 //! | descendant | a splat that is invisible in the edit frame, of a surface visible in it |

@@ -177,7 +177,7 @@ pub struct IdentityParams {
     /// [`crate::IdentityMap`]. Rows that agree within it are source splats, whose exact values
     /// [`crate::propagate()`] restores. Default none.
     pub precision: Option<Arc<Precision>>,
-    /// Whether groups of source splats that were moved, turned or scaled together are recognised.
+    /// Whether groups of source splats that were moved, rotated or scaled together are recognised.
     /// Default on; off in the presets of the literature.
     pub moved: bool,
 }

@@ -311,14 +311,8 @@ fn fill_report(
         }
     };
     warn(report.out_of_reach, "edited splats are beyond reach of the source and stay put");
-    warn(
-        report.broken_rows,
-        "edited splats hold values that are no numbers and are left as they are",
-    );
-    warn(
-        report.num_broken_sources,
-        "source splats hold values that are no numbers and are not followed",
-    );
+    warn(report.broken_rows, "edited splats contain non-finite values and are unchanged");
+    warn(report.num_broken_sources, "source splats contain non-finite values and are ignored");
     if report.num_dynamic == 0 {
         report.warnings.push("nothing in the source moves: all edited splats stay put".to_owned());
     }

@@ -78,7 +78,7 @@ impl EditedScene {
         let scene = Self::assemble(source, edited, edit_time, binding, aggregation)?;
         if scene.binding.count(RowKind::Field) > 0 {
             return Err(AmgError::Binding {
-                what: "some rows ask a deformation field, but none was given".to_owned(),
+                what: "rows of kind `Field` need a deformation field; none was given".to_owned(),
             });
         }
         Ok(scene)

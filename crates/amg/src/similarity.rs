@@ -104,7 +104,7 @@ impl Similarity {
         let (scale, ln_scale) = (self.scale.as_f32(), self.scale.ln().as_f32());
         let placed = |row: usize| {
             let old = precision.of(row);
-            // Turned boxes fit into balls; turned harmonics mix, and so do their roundings and
+            // Rotated boxes fit into balls; rotated harmonics mix, and so do their roundings and
             // ends.
             let ball = scale * old.means.iter().map(|v| v * v).sum::<f32>().sqrt();
             RowPrecision {

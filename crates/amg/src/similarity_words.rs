@@ -16,7 +16,7 @@ const AXES: [&str; 3] = ["x", "y", "z"];
 
 impl Similarity {
     /// Description of the effect on an object of diameter `size` around `centre`, as in "scaled by
-    /// 1.3, turned 180° about x"; "by less than can be seen" if the effect is invisible.
+    /// 1.3, rotated 180° about x"; "by less than can be seen" if the effect is invisible.
     pub fn describe(&self, centre: [f64; 3], size: f64) -> String {
         let mut words = Vec::new();
         let (mirror, rotation) = self.mirror_and_rotation();
@@ -79,13 +79,13 @@ fn turn(rotation: [f64; 4]) -> Option<String> {
     let named = (0..3).find(|&k| 1.0 - axis[k].abs() < ALONG);
     let Some(k) = named else {
         let [x, y, z] = axis.map(|c| rounded(c, 3));
-        return Some(format!("turned {}° about ({x}, {y}, {z})", rounded(degrees, 4)));
+        return Some(format!("rotated {}° about ({x}, {y}, {z})", rounded(degrees, 4)));
     };
     let half = (degrees - 180.0).abs() < 0.05;
     let signed = if axis[k] < 0.0 && !half { -degrees } else { degrees };
     let up = k == 0 && (degrees - 90.0).abs() < 0.05;
     let note = if up { ": y and z exchanged as the upward axis" } else { "" };
-    Some(format!("turned {}° about {}{note}", rounded(signed, 4), AXES[k]))
+    Some(format!("rotated {}° about {}{note}", rounded(signed, 4), AXES[k]))
 }
 
 /// `value` with that many significant digits and no trailing zeros.
@@ -121,21 +121,21 @@ mod tests {
         for (found, expected) in [
             (described(1.0, one, false, still), "by less than can be seen"),
             (described(1.3, one, false, still), "scaled by 1.3"),
-            (described(1.0, [0.0, 1.0, 0.0, 0.0], false, still), "turned 180° about x"),
-            (described(1.0, [0.0, 0.0, -1.0, 0.0], false, still), "turned 180° about y"),
+            (described(1.0, [0.0, 1.0, 0.0, 0.0], false, still), "rotated 180° about x"),
+            (described(1.0, [0.0, 0.0, -1.0, 0.0], false, still), "rotated 180° about y"),
             (
                 described(1.0, [half, -half, 0.0, 0.0], false, still),
-                "turned -90° about x: y and z exchanged as the upward axis",
+                "rotated -90° about x: y and z exchanged as the upward axis",
             ),
             (described(1.0, [0.0, 0.0, 0.0, 1.0], true, still), "mirrored along z"),
             (described(1.0, one, false, [0.5, 0.0, -2.0]), "moved by (0.5, 0, -2)"),
             (
                 described(0.01, [half, 0.0, half, 0.0], false, [0.0, 1.0, 0.0]),
-                "scaled by 0.01, turned 90° about y, moved by (0, 1, 0)",
+                "scaled by 0.01, rotated 90° about y, moved by (0, 1, 0)",
             ),
             (
                 described(1.0, [0.9, 0.1, 0.2, 0.3], false, still),
-                "turned 45.15° about (0.267, 0.535, 0.802)",
+                "rotated 45.15° about (0.267, 0.535, 0.802)",
             ),
         ] {
             assert_eq!(found, expected, "in words");

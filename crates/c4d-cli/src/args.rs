@@ -130,7 +130,7 @@ pub(crate) enum Command {
     Gather(GatherArgs),
     /// Show scenes and runs in the browser: compare, inspect splats, select, save cameras
     View(ViewArgs),
-    /// Make a synthetic scene, edit it, propagate the edit and render both
+    /// Generate a synthetic scene, edit it, propagate the edit and render both
     Demo(DemoArgs),
     /// Compare methods against ground truth, or on your own scenes and edits
     Bench {

@@ -1,4 +1,4 @@
-"""Examples of the documents, and the notebook, run as they are."""
+"""Runs the examples of the documents and the notebook unchanged."""
 
 import os
 import re

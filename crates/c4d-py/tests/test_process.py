@@ -61,7 +61,7 @@ print(time.perf_counter() - wall, time.process_time() - own)
     python(code)
     wall, own = zip(*(map(float, python(code).split()) for _ in range(3)))
     print(f"\nimport: {min(wall):.3f} s, {min(own):.3f} s of processor time")
-    # processor time, which other programs on the machine do not change
+    # processor time, which other programs on the machine do not affect
     assert min(own) < 0.3
 
 

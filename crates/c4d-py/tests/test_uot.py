@@ -98,5 +98,5 @@ def test_speed_beside_pot(record_property):
     print(f", {processor:.0f} times less processor time")
     record_property("elapsed", elapsed)
     record_property("processor", processor)
-    # 20 and more on an idle machine; the margin is for others
+    # 20 or more on an idle machine; the margin is for busy ones
     assert elapsed > 8

@@ -115,11 +115,11 @@ pub fn refine_with<R: Rasterizer<Prepared: Send> + Sync>(
     if samples.is_empty() && !rows.is_empty() {
         report.warnings.push("no image shows an edited splat: nothing was refined".to_owned());
     } else if stats.masked == 0 {
-        report.warnings.push("no artifact was found: colours stay as they are".to_owned());
+        report.warnings.push("no artifact was found: colours are unchanged".to_owned());
     } else if stats.supervised() == 0 {
         report.warnings.push(format!(
-            "{:.1} % of the edited pixels look like artifacts, but frame 1 tells about none of them ({}), nor shows their splats: colours \
-             stay as they are",
+            "{:.1} % of the edited pixels look like artifacts, but frame 1 supervises \
+             none of them ({}); colours are unchanged",
             100.0 * stats.masked as f64 / stats.live.max(1) as f64,
             stats.reasons()
         ));
@@ -208,7 +208,7 @@ pub fn refine_with<R: Rasterizer<Prepared: Send> + Sync>(
     let [then, now] = report.held_out_artifacts;
     if now > then {
         report.warnings.push(format!(
-            "from held-out views artifacts agree less with frame 1 than before (loss {then:.3e} to {now:.3e}): look at the result from there"
+            "in held-out views, artifacts agree less with frame 1 than before (loss {then:.3e} to {now:.3e}): check the result in these views"
         ));
     }
 

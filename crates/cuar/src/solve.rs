@@ -48,17 +48,15 @@ pub(crate) fn accept<R: Rasterizer<Prepared: Send> + Sync>(
             let after = [exact, shaped];
             if after[1] <= before[1] {
                 let note = format!(
-                    "smoothness was lowered to {}, or the loss would have risen",
+                    "smoothness was lowered to {}; otherwise the loss would have risen",
                     params.prior
                 );
                 return Ok((other, after, Some(note)));
             }
         }
     }
-    let note = format!(
-        "the loss rose from {:.3e} to {:.3e}: colours stay as they are",
-        before[1], after[1]
-    );
+    let note =
+        format!("the loss rose from {:.3e} to {:.3e}: colours are unchanged", before[1], after[1]);
     Ok((zero, before, Some(note)))
 }
 

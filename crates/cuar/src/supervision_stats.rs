@@ -7,7 +7,7 @@ pub enum Rejection {
     Uncovered,
     /// Several depths mix ([`crate::WarpParams::spread_tolerance`]).
     Mixed,
-    /// Turned away from the camera in frame 1, or seen at a grazing angle
+    /// Facing away from the camera in frame 1, or seen at a grazing angle
     /// ([`crate::WarpParams::min_facing`]).
     TurnedAway,
     /// Outside the image of frame 1.
@@ -34,7 +34,7 @@ impl Rejection {
         match self {
             Self::Uncovered => "hardly covered",
             Self::Mixed => "several depths mixed",
-            Self::TurnedAway => "turned away in frame 1",
+            Self::TurnedAway => "facing away in frame 1",
             Self::OutOfView => "out of view in frame 1",
             Self::Hidden => "hidden in frame 1",
             Self::NothingLanded => "no pixel of frame 1 lands there",

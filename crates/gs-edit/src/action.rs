@@ -123,8 +123,8 @@ pub const ACTION_OPTIONS: [ActionOption; 16] = [
     ),
     option("scale", Some("S[@PIVOT]"), "Scale by a factor"),
     option("opacity", Some("FACTOR"), "Multiply opacities"),
-    option("color", Some("#RGB[:STRENGTH]"), "Give this colour, keep the shading"),
-    option("hue", Some("DEGREES"), "Rotate hues: 120 takes red to green"),
+    option("color", Some("#RGB[:STRENGTH]"), "Recolour, keeping the shading"),
+    option("hue", Some("DEGREES"), "Rotate hues: 120 maps red to green"),
     option(
         "saturation",
         Some("FACTOR"),
@@ -132,11 +132,11 @@ pub const ACTION_OPTIONS: [ActionOption; 16] = [
     ),
     option("brightness", Some("AMOUNT"), "Add to every channel, -1 to 1"),
     option("levels", Some("BLACK,WHITE"), "Stretch BLACK to 0 and WHITE to 1"),
-    option("tint", Some("#RGB[:STRENGTH]"), "Multiply by a colour, as light of that colour does"),
+    option("tint", Some("#RGB[:STRENGTH]"), "Multiply by a colour, like coloured light"),
     option(
         "match-colors",
         Some("IMAGE"),
-        "Give the mean and covariance of a picture's colours, by optimal transport",
+        "Match the mean and covariance of a picture's colours, by optimal transport",
     ),
     option("sliced", None, "After --match-colors: match the whole distribution of colours"),
     option(
@@ -336,7 +336,7 @@ impl Argument<'_> {
         let at = self.lexer.peek()?.1;
         let white = self.number_in(-MAX_COLOR, MAX_COLOR, "a colour, white is 1")?;
         if white - black < 1e-3 {
-            return Err(self.lexer.error(at, "white must be above black by 0.001 or more"));
+            return Err(self.lexer.error(at, "white must exceed black by 0.001 or more"));
         }
         Ok(Action::Levels { black, white })
     }

@@ -173,7 +173,8 @@ impl Editor {
         self.splats = self.splats.select(&kept);
         self.origins = kept.iter().map(|&row| self.origins[row]).collect();
         self.selected = kept.iter().map(|&row| self.selected[row]).collect();
-        self.selection = "what was selected is deleted; another `--select` goes first".into();
+        self.selection =
+            "the selected splats were deleted; select others with `--select` first".into();
         Ok(())
     }
 

@@ -58,7 +58,7 @@ pub enum EditError {
         why: String,
     },
     /// No splat would be left.
-    #[error("`--{0}` would leave no splat")]
+    #[error("`--{0}` would leave no splats")]
     NothingLeft(&'static str),
     /// Values overflow single precision.
     #[error("`--{action}` makes `{field}` of splat {row} too large for single precision")]
@@ -89,7 +89,7 @@ pub enum EditError {
         num_parts: u32,
     },
     /// A file named in a step was not loaded ([`crate::Needs`] lists them).
-    #[error("{kind} `{name}` was not given to the editor")]
+    #[error("{kind} `{name}` was not loaded")]
     Missing {
         /// "mask", "ids", "image", "splats" or "motion".
         kind: &'static str,
@@ -97,7 +97,7 @@ pub enum EditError {
         name: String,
     },
     /// A picture has no pixel with colour.
-    #[error("`{0}` has no visible pixel to take colours from")]
+    #[error("`{0}` has no visible pixels to take colours from")]
     EmptyImage(String),
     /// Arrays of the splats have inconsistent lengths.
     #[error(transparent)]
@@ -112,7 +112,7 @@ pub enum EditError {
 
 fn found(num_parts: u32) -> String {
     match num_parts {
-        0 => "the scene has no part that moves".to_owned(),
+        0 => "the scene has no moving parts".to_owned(),
         1 => "the scene has one part, 1".to_owned(),
         n => format!("the scene has parts 1 to {n}"),
     }

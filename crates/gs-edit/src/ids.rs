@@ -46,7 +46,7 @@ pub fn parse_ids(text: &str) -> Result<Vec<(u64, u64)>, SyntaxError> {
                     ));
                 }
                 None => {
-                    let what = "expected row numbers from 0, or ranges as `10..20`";
+                    let what = "expected row numbers from 0, or ranges such as `10..20`";
                     return Err(SyntaxError::new(&excerpt, column, what));
                 }
             }

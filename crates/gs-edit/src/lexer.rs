@@ -112,7 +112,8 @@ impl<'a> Lexer<'a> {
             self.at += 1;
         }
         if self.at == start {
-            return Err(self.error(start, "expected a path; one with spaces stands in `\"`"));
+            let what = "expected a path; put paths with spaces in double quotes";
+            return Err(self.error(start, what));
         }
         Ok(self.chars[start..self.at].iter().collect())
     }
@@ -164,7 +165,7 @@ impl<'a> Lexer<'a> {
         let text: String = self.chars[start..self.at].iter().collect();
         match text.parse::<f64>() {
             Ok(value) if value.is_finite() => Ok(value),
-            _ => Err(self.error(start, format!("`{text}` is not a number that can be held"))),
+            _ => Err(self.error(start, format!("`{text}` is out of range"))),
         }
     }
 

@@ -64,7 +64,7 @@ impl Parser<'_> {
         self.depth += 1;
         let (token, at) = self.lexer.next()?;
         if self.depth > MAX_DEPTH {
-            return Err(self.lexer.error(at, format!("nested more than {MAX_DEPTH} deep")));
+            return Err(self.lexer.error(at, format!("nested more than {MAX_DEPTH} levels deep")));
         }
         let selector = match token {
             Token::Symbol("!") => Selector::Not(Box::new(self.operand()?)),
@@ -79,7 +79,7 @@ impl Parser<'_> {
             }
             Token::Word(word) => self.named(&word, at)?,
             Token::Hex(_) => {
-                return Err(self.lexer.error(at, "a colour is selected with `color #rrggbb~.15`"));
+                return Err(self.lexer.error(at, "select colours with `color #rrggbb~.15`"));
             }
             token => {
                 let what = format!("expected a selection, found {}: one of {WORDS}", token.name());
@@ -177,7 +177,8 @@ impl Parser<'_> {
     fn length(&mut self, word: &str) -> Result<f64, SyntaxError> {
         let (value, at) = self.number(word)?;
         if value < 0.0 {
-            return Err(self.lexer.error(at, format!("a length is 0 or more: {}", usage(word))));
+            let what = format!("a length must be 0 or more: {}", usage(word));
+            return Err(self.lexer.error(at, what));
         }
         Ok(value)
     }
@@ -185,7 +186,7 @@ impl Parser<'_> {
     fn degrees(&mut self) -> Result<f64, SyntaxError> {
         let (value, at) = self.number("hue")?;
         if !(0.0..=360.0).contains(&value) {
-            return Err(self.lexer.error(at, "a hue is 0 to 360 degrees"));
+            return Err(self.lexer.error(at, "a hue must be 0 to 360 degrees"));
         }
         Ok(value)
     }

@@ -131,7 +131,7 @@ pub(crate) fn restore(
             find(&state.arrays, &format!("v.{name}"))?,
         );
         if m.len() != n * columns || v.len() != n * columns {
-            return Err(damaged(format!("moments of `{name}` have another length")));
+            return Err(damaged(format!("moments of `{name}` have a different length")));
         }
         let step = steps.get(k).copied().ok_or_else(|| damaged("`steps` is cut"))?;
         *adam = Adam { step: u64::from(step), m: m.to_vec(), v: v.to_vec(), ..Adam::new(0) };
@@ -145,7 +145,7 @@ pub(crate) fn restore(
     for (v, view) in views.iter_mut().enumerate() {
         let tiles = find(&state.counts, &format!("tiles.{v}"))?.iter().map(|&on| on != 0).collect();
         view.tiles = TileSet::from_flags(tiles, view.width, view.height)
-            .ok_or_else(|| damaged(format!("`tiles.{v}` does not fit the picture")))?;
+            .ok_or_else(|| damaged(format!("`tiles.{v}` does not match the picture")))?;
         let flat = find(&state.arrays, &format!("align.{v}"))?;
         let &[g0, g1, g2, o0, o1, o2, x, y, noise] = flat else {
             return Err(damaged(format!("`align.{v}` has {} values", flat.len())));

@@ -19,7 +19,7 @@ pub enum FitError {
     /// There are no pictures.
     #[error("no pictures to fit")]
     NoPictures,
-    /// A picture or its mask has another size than its camera.
+    /// A picture or its mask differs in size from its camera.
     #[error("view `{name}`: the {what} is {found}, expected {expected}")]
     Size {
         /// Name of the view.
@@ -33,7 +33,7 @@ pub enum FitError {
     },
     /// Pictures differ from their originals, but no splat is mainly visible there.
     #[error(
-        "the pictures differ from the scene in {pixels} pixels of {views} views, but no splat is mainly seen there"
+        "the pictures differ from the scene in {pixels} pixels of {views} views, but no splat is mainly visible there"
     )]
     NothingSelected {
         /// Pixels of the masks.
@@ -52,7 +52,7 @@ pub enum FitError {
         expected: &'static str,
     },
     /// A state to resume from is from another fit, or is damaged.
-    #[error("the state to resume from does not fit: {what}")]
+    #[error("cannot resume: {what}")]
     State {
         /// Description of the mismatch.
         what: String,

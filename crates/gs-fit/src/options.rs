@@ -91,7 +91,7 @@ impl FitOptions {
             return refuse("steps", self.steps.to_string(), "1 to 1 000 000");
         }
         if self.reference.is_some_and(|view| view >= num_views) {
-            return refuse("reference", format!("{:?}", self.reference), "a view that is given");
+            return refuse("reference", format!("{:?}", self.reference), "the index of a view");
         }
         let unit = 0.0..=1.0;
         for (name, value) in [

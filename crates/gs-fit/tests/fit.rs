@@ -396,7 +396,7 @@ fn what_does_not_fit_is_refused() {
     let mut corner = vec![false; 64 * 48];
     corner[..3].fill(true);
     sky[0].mask = Some(corner);
-    assert!(refused(&sky, &options).contains("no splat is mainly seen there"), "nothing selected");
+    assert!(refused(&sky, &options).contains("no splat is mainly visible"), "nothing selected");
     let bad = FitOptions { steps: 0, ..FitOptions::default() };
     assert!(refused(&good, &bad).contains("steps is 0"), "no steps");
     let bad = FitOptions { reference: Some(7), ..FitOptions::default() };

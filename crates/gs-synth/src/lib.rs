@@ -10,9 +10,10 @@
 //! origin and faces +z (its left is +x); times run over `[0,1]` and frame 1 is `t = 0`; quaternions
 //! are `wxyz`; colours are sRGB values without conversion.
 //!
-//! Deliberately absent: files, and the methods under test. Included are two baselines
-//! ([`part_neighbours`] uses the truth, [`rigid_neighbours`] only distances and normals) and the
-//! training of the deformation network for comparison ([`fit_hexplane`]).
+//! Deliberately absent: files, and the methods under test. Included are three controls
+//! ([`rigid_neighbours`] uses only the source's motion, [`part_neighbours`] the true parts, and
+//! [`label_transport()`] votes of neighbours) and the training of the deformation network for
+//! comparison ([`fit_hexplane`]).
 //!
 //! ```
 //! use gs_synth::{DemoParams, apply_edits, demo, demo_edits, motion_error};

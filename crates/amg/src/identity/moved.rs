@@ -1,4 +1,4 @@
-//! Rows that are source splats, moved, turned or scaled as a group.
+//! Rows that are source splats, moved, rotated or scaled as a group.
 //!
 //! Rows are paired with source splats by properties that a similarity does not change: proportions,
 //! opacity, base colour. Pairs of one group share one similarity. It is fitted to a few

@@ -7,7 +7,7 @@ pub enum Identity {
     Unchanged(u32),
     /// Source splat with this id: geometry agrees, opacity or colour does not.
     Recoloured(u32),
-    /// Source splat, moved, turned or scaled together with others.
+    /// Source splat, moved, rotated or scaled together with others.
     Moved {
         /// Id of the source splat.
         source: u32,

@@ -39,13 +39,13 @@ pub(crate) struct BenchMotionArgs {
 
 #[derive(Debug, Args)]
 pub(crate) struct BenchSuiteArgs {
-    /// TOML file with scenes, their edits, and methods; docs/EVALUATION.md describes it
+    /// TOML file with scenes, their edits, and methods; docs/SCALING.md describes it
     pub(crate) suite: PathBuf,
     /// Folder for the runs, table.md and table.csv; runs that an earlier call completed are kept
     #[arg(short, long)]
     pub(crate) output: PathBuf,
-    /// Make only the K-th of N equal parts of the runs; a call without --part makes the missing runs
-    /// and the tables
+    /// Compute only the K-th of N equal parts of the runs; a call without --part computes the
+    /// missing runs and writes the tables
     #[arg(long, value_name = "K/N", value_parser = Share::parse)]
     pub(crate) part: Option<Share>,
     #[command(flatten)]

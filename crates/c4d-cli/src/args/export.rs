@@ -48,7 +48,7 @@ pub(crate) struct ExportArgs {
     /// frames at its own rate or at 30 per second]
     #[arg(long, value_name = "SECONDS", allow_negative_numbers = true, help_heading = "Frames")]
     pub(crate) duration: Option<f64>,
-    /// Keep SH up to this degree only [default: all; html: 1; splat,
+    /// Keep SH only up to this degree [default: all; html: 1; splat,
     /// splat4d and splatv store only degree 0]
     #[arg(long, value_name = "0-3", help_heading = "Content")]
     pub(crate) sh_degree: Option<usize>,
@@ -63,7 +63,7 @@ pub(crate) struct ExportArgs {
     /// fit the motion, or the text is very large
     #[arg(long, help_heading = "Content")]
     pub(crate) force: bool,
-    /// html: overlays to choose from in the page
+    /// html: overlays that the page offers
     #[arg(
         long,
         value_enum,

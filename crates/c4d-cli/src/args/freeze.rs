@@ -18,13 +18,13 @@ pub(crate) struct FreezeArgs {
     #[arg(long, value_name = "PATH")]
     pub(crate) cameras: Option<PathBuf>,
     /// Render this many views into `views/`, to be edited as pictures for `c4d edit --views`;
-    /// `cameras.json` then has their cameras [default: no pictures]
+    /// `cameras.json` then contains their cameras [default: no pictures]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1000))]
     pub(crate) views: Option<u16>,
     /// Size of the pictures [default: that of the scene's own cameras, 512x512 for the rig]
     #[arg(long, value_name = "WxH", value_parser = super::values::parse_size, requires = "views")]
     pub(crate) size: Option<(u32, u32)>,
-    /// Keep SH up to this degree only
+    /// Keep SH only up to this degree
     #[arg(long, value_name = "0-3")]
     pub(crate) sh_degree: Option<usize>,
     /// Omit splats that are invisible at that time; `c4d propagate` adds them again

@@ -60,8 +60,8 @@ pub(crate) struct PropagateArgs {
     /// transformation; the result is in the scene's own frame
     #[arg(long)]
     pub(crate) align: bool,
-    /// Add the splats of the scene that the edited file lacks, for example because only a selection
-    /// was saved
+    /// Add the scene's splats that are missing from the edited file, for example because only a
+    /// selection was saved
     #[arg(long)]
     pub(crate) keep_rest: bool,
     /// Only count the splats that the edit kept, changed, added and removed, and write a picture of

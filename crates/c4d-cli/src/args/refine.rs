@@ -87,8 +87,8 @@ pub(crate) struct RefineArgs {
     /// Continue from the checkpoint of an interrupted refinement with the same flags
     #[arg(long)]
     pub(crate) resume: bool,
-    /// Make only the K-th of N equal parts of the images, in the folder -o; `c4d gather` joins the
-    /// parts and refines the run
+    /// Compute only the K-th of N equal parts of the images, in the folder -o; `c4d gather` joins
+    /// the parts and refines the run
     #[arg(long, value_name = "K/N", value_parser = Share::parse, requires = "output", conflicts_with = "resume")]
     pub(crate) part: Option<Share>,
     /// Folder of --part

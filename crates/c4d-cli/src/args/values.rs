@@ -16,7 +16,7 @@ pub(super) fn parse_crop(text: &str) -> Result<Crop, String> {
         let origin = [side()?, side()?];
         parts.next().is_none().then_some(Crop { size, origin })
     };
-    parse().ok_or_else(|| "expected WxH+X+Y in pixels, as 240x240+250+180".to_owned())
+    parse().ok_or_else(|| "expected WxH+X+Y in pixels, for example 240x240+250+180".to_owned())
 }
 
 pub(super) fn parse_size(text: &str) -> Result<(u32, u32), String> {

@@ -31,7 +31,7 @@ pub(crate) struct ViewArgs {
     /// SH degree to show, at most that of the scenes [default: 1]
     #[arg(long, value_name = "0-3")]
     pub(crate) sh_degree: Option<usize>,
-    /// Overlays to choose from [default: all that apply, except uncertainty, which takes longest]
+    /// Overlays to offer [default: all that apply, except uncertainty, which takes the longest]
     #[arg(long, value_enum, value_delimiter = ',', value_name = "NAME,…")]
     pub(crate) overlay: Vec<OverlayArg>,
     /// The world's upward direction [default: that of the first scene]

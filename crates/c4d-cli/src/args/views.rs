@@ -14,7 +14,7 @@ pub(crate) enum SplitArg {
     Val,
     /// Every view
     All,
-    /// The camera path of the reference's videos: a turn or a spiral
+    /// The camera path of the reference's videos: an orbit or a spiral
     Path,
 }
 

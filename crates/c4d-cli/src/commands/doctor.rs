@@ -109,7 +109,7 @@ fn adapters() -> Vec<Adapter> {
 /// The reason why this device is used.
 fn reason(choice: GpuChoice, device: &Device, no_adapters: bool) -> &'static str {
     match (choice, device) {
-        (GpuChoice::Cpu | GpuChoice::Index(_), _) => "as asked with --gpu",
+        (GpuChoice::Cpu | GpuChoice::Index(_), _) => "selected with `--gpu`",
         #[cfg(feature = "gpu")]
         (GpuChoice::Auto, Device::Gpu(_)) => "the best hardware adapter",
         (GpuChoice::Auto, Device::Cpu) if cfg!(not(feature = "gpu")) => {

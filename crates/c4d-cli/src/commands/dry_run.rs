@@ -48,7 +48,7 @@ impl Fate {
             Self::Unchanged | Self::Recoloured => "they keep their own motion, exactly",
             Self::Moved => "they keep their own motion, transformed with their group",
             Self::New => "their motion is estimated from the splats around them",
-            Self::Gone => "splats of the scene that the edit lacks; they are removed",
+            Self::Gone => "missing from the edit; they are removed",
         }
     }
 

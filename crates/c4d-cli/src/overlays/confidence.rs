@@ -65,7 +65,7 @@ mod tests {
     use super::*;
     use gs_core::{SceneError, TimeRange};
 
-    /// Two bodies that turn about the origin by opposite angles.
+    /// Two bodies that rotate about the origin by opposite angles.
     #[derive(Debug)]
     struct Turning;
 

@@ -58,7 +58,7 @@ impl Class {
         match self {
             Self::Unchanged => "unchanged",
             Self::Recoloured => "recoloured",
-            Self::Moved => "moved, turned or scaled",
+            Self::Moved => "moved, rotated or scaled",
             Self::Follows => "edited or new, follows source splats",
             Self::Stays => "edited or new, stays in place",
             Self::Field => "moved by the deformation field",

@@ -46,7 +46,7 @@ fn without_a_desktop_no_driver_errors_are_printed() {
     let mut command = c4d(["doctor", "-g", "0"]);
     let (told, said) = success(command.env_remove("NODEVICE_SELECT").env_remove("XDG_RUNTIME_DIR"));
     assert_eq!(said, "", "standard error");
-    assert!(told.contains("as asked with --gpu") && told.contains("times as fast"), "{told}");
+    assert!(told.contains("selected with `--gpu`") && told.contains("times as fast"), "{told}");
 }
 
 #[test]

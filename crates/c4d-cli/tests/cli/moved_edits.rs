@@ -103,12 +103,12 @@ fn a_rotated_scene_is_detected_and_align_undoes_it() {
     let (desk, frames) = (Desk::new(), originals());
     let edited = desk.save("turned.ply", &HALF_TURN_ABOUT_X.place(&frames[0]));
     let said = failure(&mut desk.propagate(&edited, "refused", &[]), 3);
-    assert!(said.contains("is the scene turned 180° about x"), "{said}");
+    assert!(said.contains("is the scene rotated 180° about x"), "{said}");
     assert!(said.contains("--align"), "the next step: {said}");
     assert!(!desk.at("refused").exists(), "no output is written");
 
     let (_, said) = success(&mut desk.propagate(&edited, "run", &["--align"]));
-    assert!(said.contains("turned 180° about x: this was undone"), "{said}");
+    assert!(said.contains("rotated 180° about x: this was undone"), "{said}");
     for (found, original) in desk.frames("run").iter().zip(&frames) {
         assert_eq!(found, original, "the source's own values, bit for bit");
     }
@@ -140,7 +140,7 @@ fn axes_scale_and_handedness_of_other_tools() {
         (
             "z_up",
             Similarity { rotation: [half, half, 0.0, 0.0], ..Similarity::IDENTITY },
-            "turned 90° about x: y and z exchanged as the upward axis",
+            "rotated 90° about x: y and z exchanged as the upward axis",
         ),
         ("centimetres", Similarity { scale: 100.0, ..Similarity::IDENTITY }, "scaled by 100"),
         (

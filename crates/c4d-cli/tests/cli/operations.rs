@@ -196,7 +196,7 @@ fn wrong_edits_are_said_and_nothing_is_written() {
         (vec!["--select", "x>1e300", "--delete"], 2, "selects none of"),
         (vec!["--select", "size>nan", "--delete"], 2, "expected a number"),
         (vec!["--select", "all", "--delete"], 2, "would leave no splat"),
-        (vec!["--select", "x>0", "--delete", "--hue", "9"], 2, "another `--select` goes first"),
+        (vec!["--select", "x>0", "--delete", "--hue", "9"], 2, "others with `--select` first"),
         (vec!["--translate", "1e300,0,0"], 2, "too large for single precision"),
         (vec!["--scale", "0"], 2, "a factor from 0.000001 to 1000000"),
         (vec!["--rotate", "0,90"], 2, "column 5"),

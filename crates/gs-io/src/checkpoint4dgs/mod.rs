@@ -67,7 +67,7 @@ fn read_field(
     if !path.is_file() {
         return Err(IoError::content(
             &path,
-            "is missing, so the model cannot move; copy it from the machine that trained the model, or ask for another iteration",
+            "is missing, so the model cannot move; copy it from the machine that trained the model, or choose another iteration with `--iteration`",
         ));
     }
     let bytes = read_bytes(&path)?;

@@ -47,7 +47,7 @@ const KNOWN: [UnsupportedFormat; 22] = [
         0,
         b"\x80\x02\x8a\x0al\xfc\x9cF",
         "a PyTorch file from before version 1.6",
-        "Load it and save it again with a newer PyTorch, then give the folder of its model.",
+        "It can be read as part of a model: give the model's folder.",
     ),
     known(0, b"Namespace(", "the cfg_args of a model", TORCH),
     known(0, b"\x1f\x8b", "a gzip archive", "Unpack it (gunzip) and give what is inside."),

@@ -162,7 +162,7 @@ fn tiles_are_rendered_as_in_the_whole_image() {
         for p in 0..width * height {
             if outside(p) {
                 assert!(part.alpha[p] == 0.0 && part.features[p] == 0.0, "pixel {p}: nothing");
-                let rgb = PARAMS.background.map(|x| x as f32);
+                let rgb = [0.1, 0.2, 0.3];
                 assert_eq!(part.rgb[3 * p..3 * p + 3], rgb, "pixel {p}: background");
             } else {
                 assert_eq!(part.alpha[p], whole.alpha[p], "pixel {p}");

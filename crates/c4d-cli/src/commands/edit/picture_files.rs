@@ -146,7 +146,7 @@ fn decode(path: &Path, camera: &Camera) -> Outcome<DynamicImage> {
             camera.width,
             camera.height
         ))
-        .next("Resize it, or freeze the scene anew in the size that your editor gives: `c4d freeze --views N --size WxH`."));
+        .next("Resize it, or run `c4d freeze` again with your editor's size: `c4d freeze --views N --size WxH`."));
     }
     reader().map_err(|error| broken(&error))?.decode().map_err(|error| broken(&error))
 }

@@ -65,7 +65,7 @@ impl Suite {
         let text = String::from_utf8(bytes).map_err(|error| refused(&error))?;
         let mut suite: Self = toml::from_str(&text).map_err(|error| {
             refused(&error.to_string().trim_end()).next(
-                "docs/EVALUATION.md describes the file: [[scenes]] with [[scenes.edits]], and [[methods]].",
+                "docs/SCALING.md describes the file: [[scenes]] with [[scenes.edits]], and [[methods]].",
             )
         })?;
         evaluation::chosen(&suite.metrics)?;

@@ -1,7 +1,7 @@
 //! Selection of splats from masks drawn in pictures.
 
 use crate::error::EditError;
-use gs_core::{Camera, Image, RasterError, Rasterizer, RenderParams, Splats, UpstreamGrads};
+use gs_core::{Camera, Image, RasterError, Rasterizer, RenderGrads, Splats, UpstreamGrads};
 
 /// Share of a splat's visible weight that must lie in the masks.
 const MIN_SHARE: f32 = 0.5;
@@ -20,10 +20,8 @@ pub fn lift_masks<R: Rasterizer>(
 ) -> Result<Vec<bool>, EditError> {
     let num = splats.len();
     let (mut inside, mut all) = (vec![0.0_f32; num], vec![0.0_f32; num]);
-    let params = RenderParams { rgb: false, depth: false, ..RenderParams::default() };
-    // Two channels, so that one pass gives both sums. Their values have no influence on the sums.
-    let features = vec![0.0; 2 * num];
     let mut prepared = None;
+    let (mut planes, mut sums) = (UpstreamGrads::default(), RenderGrads::default());
     for (done, (camera, mask)) in views.iter().enumerate() {
         let pixels = camera.width as usize * camera.height as usize;
         if mask.data.len() != pixels {
@@ -37,13 +35,10 @@ pub fn lift_masks<R: Rasterizer>(
             }
             None => prepared.insert(rasterizer.prepare(splats, camera)?),
         };
-        rasterizer.forward(state, splats, &features, &params)?;
-        let upstream = UpstreamGrads {
-            v_features: mask.data.iter().flat_map(|&m| [m, 1.0]).collect(),
-            ..UpstreamGrads::default()
-        };
-        let grads = rasterizer.backward_colors(state, splats, &features, &params, &upstream)?;
-        for (row, sums) in grads.v_features.chunks_exact(2).enumerate() {
+        planes.v_features.clear();
+        planes.v_features.extend(mask.data.iter().flat_map(|&m| [m, 1.0]));
+        rasterizer.lift_into(state, splats, &planes, 2, &mut sums)?;
+        for (row, sums) in sums.v_features.chunks_exact(2).enumerate() {
             inside[row] += sums[0];
             all[row] += sums[1];
         }

@@ -187,7 +187,7 @@ fn frame(path: &Path, kind: &SceneKind, axes: Option<AxesArg>) -> Outcome<Report
     if let Some(precision) = &frame.precision {
         report.add("precision", json!(precision_of(precision, frame.splats.len())));
     }
-    describe(&mut report, &frame.splats);
+    describe(&mut report, frame.splats);
     report.add(
         "next",
         json!(format!(
@@ -334,7 +334,7 @@ fn dynamic(opened: &Opened) -> Outcome<Report> {
         report.add("frames", json!(frames));
     }
     let splats = opened.scene.at(range.start).map_err(Failure::input)?;
-    describe(&mut report, &splats);
+    describe(&mut report, splats);
     if let Some(lifetimes) = Lifetimes::of(&*opened.scene, opened.edit_time)? {
         report.add("visible", json!(lifetimes.describe()));
     }
@@ -360,13 +360,13 @@ fn cameras_of_model(path: &Path) -> String {
     }
 }
 
-fn describe(report: &mut Report, splats: &Splats) {
+fn describe(report: &mut Report, splats: Splats) {
     report.add("splats", json!(splats.len()));
     report.add("sh_degree", json!(splats.sh_degree));
     if let Some((min, max)) = splats.bounds() {
         report.add("bounds", json!([min, max]));
     }
-    let damaged = match repair::sanitize(splats.clone(), Damage::Drop) {
+    let damaged = match repair::sanitize(splats, Damage::Drop) {
         Ok(sanitized) => sanitized.report,
         Err(all) => {
             report.add("damaged", json!(all.to_string()));

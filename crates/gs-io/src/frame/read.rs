@@ -6,7 +6,7 @@ use crate::content::splat_rows::ROW;
 use crate::content::{Container, container, shown};
 use crate::error::IoError;
 use crate::fs::read_bytes;
-use crate::ply::{self, Header, PlyError};
+use crate::ply::{self, Header, PlyError, PlySplats};
 use crate::{
     compressed_ply, freetime, gltf, gsplat, model_folder, sog, spacetime, splat_file, spz,
 };
@@ -23,22 +23,7 @@ pub fn read(bytes: &[u8]) -> Result<Frame, FrameError> {
             if compressed_ply::is_compressed(bytes) {
                 return compressed_ply::read(bytes);
             }
-            let read = ply::read(bytes)?;
-            if let Some(what) = moving(&read.extra_columns) {
-                return Err(FrameError::Moving { what });
-            }
-            let mut notes = read.notes;
-            if !read.extra_columns.is_empty() {
-                notes.push(format!("columns not used: {}", read.extra_columns.join(", ")));
-            }
-            Ok(Frame {
-                splats: read.splats,
-                format: FrameFormat::Ply { encoding: read.encoding, normals: read.has_normals },
-                precision: None,
-                axes: None,
-                notes,
-                comments: read.comments,
-            })
+            of_ply(ply::read(bytes)?)
         }
         Container::Spz => spz::read(bytes),
         Container::Zip if gsplat::contents(bytes).is_some() => Ok(Frame {
@@ -56,6 +41,25 @@ pub fn read(bytes: &[u8]) -> Result<Frame, FrameError> {
         }),
         Container::Unknown => Err(FrameError::Unknown { found: shown(bytes) }),
     }
+}
+
+/// The frame of a PLY.
+fn of_ply(read: PlySplats) -> Result<Frame, FrameError> {
+    if let Some(what) = moving(&read.extra_columns) {
+        return Err(FrameError::Moving { what });
+    }
+    let mut notes = read.notes;
+    if !read.extra_columns.is_empty() {
+        notes.push(format!("columns not used: {}", read.extra_columns.join(", ")));
+    }
+    Ok(Frame {
+        splats: read.splats,
+        format: FrameFormat::Ply { encoding: read.encoding, normals: read.has_normals },
+        precision: None,
+        axes: None,
+        notes,
+        comments: read.comments,
+    })
 }
 
 /// The method of a dynamic scene with these extra PLY columns,
@@ -76,6 +80,9 @@ fn moving(extra_columns: &[String]) -> Option<&'static str> {
 pub fn read_file(path: &Path) -> Result<Frame, IoError> {
     if path.is_dir() {
         return read_dir(path);
+    }
+    if let Some(read) = ply::read_in_blocks(path)? {
+        return of_ply(read).map_err(IoError::frame(path));
     }
     let bytes = read_bytes(path)?;
     if container(&bytes) == Container::Gltf {

@@ -27,6 +27,16 @@ pub fn open_file(path: &Path) -> io::Result<File> {
 /// Memory needed besides that of a large file, bytes: stacks and small allocations of all threads.
 const MARGIN: usize = 32 << 20;
 
+/// Fails if there is no room for `needed` bytes, decoded from a file of `length` bytes, and a margin.
+///
+/// # Errors
+/// [`io::ErrorKind::OutOfMemory`] if there is not.
+pub(crate) fn check_room(needed: usize, length: u64) -> io::Result<()> {
+    let room = needed.checked_add(MARGIN);
+    let has_room = room.is_some_and(|room| Vec::<u8>::new().try_reserve_exact(room).is_ok());
+    if has_room { Ok(()) } else { Err(out_of_memory(length)) }
+}
+
 /// Reads a whole file opened by [`open_file`].
 ///
 /// # Errors

@@ -8,4 +8,4 @@ pub use atomic::{AtomicDir, AtomicFile, Existing, FolderUpdate, final_path, remo
 pub use input::{open_file, read_file};
 
 pub(crate) use atomic::is_bookkeeping;
-pub(crate) use input::{list_names, read_bytes, refuse_stand_in};
+pub(crate) use input::{check_room, list_names, read_bytes, refuse_stand_in};

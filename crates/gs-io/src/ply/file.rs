@@ -1,5 +1,6 @@
 //! PLY files by path.
 
+use super::blocks::read_in_blocks;
 use super::header::MAX_HEADER;
 use super::{Header, PlyError, PlySplats, WriteOptions, read, write};
 use crate::error::IoError;
@@ -13,7 +14,10 @@ use std::path::Path;
 /// # Errors
 /// If the file cannot be read or is not a 3DGS PLY.
 pub fn read_file(path: &Path) -> Result<PlySplats, IoError> {
-    read(&read_bytes(path)?).map_err(IoError::ply(path))
+    match read_in_blocks(path)? {
+        Some(read) => Ok(read),
+        None => read(&read_bytes(path)?).map_err(IoError::ply(path)),
+    }
 }
 
 /// Reads the header of a PLY file without its data.

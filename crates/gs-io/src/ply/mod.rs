@@ -1,6 +1,7 @@
 //! 3DGS PLY files: reads the variants of all common tools, writes the most compatible one.
 
 mod appearance;
+mod blocks;
 pub mod comments;
 mod error;
 mod file;
@@ -10,6 +11,7 @@ mod read;
 mod rows;
 mod write;
 
+pub(crate) use blocks::read_in_blocks;
 pub use error::PlyError;
 pub use file::{read_file, read_header_file, write_file};
 pub use header::{Element, Encoding, Header, Property, PropertyKind, Scalar};

@@ -47,14 +47,21 @@ pub fn read(bytes: &[u8]) -> Result<PlySplats, PlyError> {
         None => read_general(&mut cursor, element, &layout)?,
     };
     layout.appearance.apply(&mut splats, &filters);
-    Ok(PlySplats {
-        splats,
-        notes: layout.appearance.notes(&header.comments),
-        extra_columns: layout.extra_columns,
-        comments: header.comments,
-        has_normals: layout.has_normals,
-        encoding: header.encoding,
-    })
+    Ok(PlySplats::new(splats, header, layout))
+}
+
+impl PlySplats {
+    /// The result for finished `splats`.
+    pub(super) fn new(splats: Splats, header: Header, layout: Layout) -> Self {
+        Self {
+            splats,
+            notes: layout.appearance.notes(&header.comments),
+            extra_columns: layout.extra_columns,
+            comments: header.comments,
+            has_normals: layout.has_normals,
+            encoding: header.encoding,
+        }
+    }
 }
 
 /// Reads one numeric column of the vertices, for example a label that an editor added.
@@ -103,10 +110,93 @@ fn single(value: f64) -> f32 {
 }
 
 /// Position of a column in a fixed-width row.
-#[derive(Clone, Copy)]
+#[derive(Debug, Clone, Copy)]
 struct Column {
     offset: usize,
     scalar: Scalar,
+}
+
+/// How rows of fixed width become Gaussians.
+#[derive(Debug, Clone)]
+pub(super) struct FixedRows {
+    /// Bytes per row.
+    pub stride: usize,
+    /// In the order of [`Layout::columns`].
+    columns: Vec<Column>,
+    encoding: Encoding,
+    has_filter: bool,
+}
+
+impl FixedRows {
+    /// The layout of an element of fixed width in a binary file.
+    pub(super) fn new(element: &Element, layout: &Layout, encoding: Encoding) -> Self {
+        let mut stride = 0;
+        let offsets: Vec<Column> = element
+            .properties
+            .iter()
+            .filter_map(|property| match property.kind {
+                PropertyKind::Scalar(scalar) => {
+                    let column = Column { offset: stride, scalar };
+                    stride += scalar.size();
+                    Some(column)
+                }
+                PropertyKind::List { .. } => None,
+            })
+            .collect();
+        let columns = layout.columns.iter().map(|&index| offsets[index]).collect();
+        Self { stride, columns, encoding, has_filter: layout.appearance.filter }
+    }
+
+    /// Converts whole `rows` to the splats from `first` on, and appends their filters, if there are
+    /// any.
+    pub(super) fn convert(
+        &self,
+        rows: &[u8],
+        first: usize,
+        splats: &mut Splats,
+        filters: &mut Vec<f32>,
+    ) {
+        let (stride, columns) = (self.stride, self.columns.as_slice());
+        let coeffs = splats.sh_coeffs();
+        let is_plain = self.encoding == Encoding::LittleEndian
+            && columns.iter().all(|column| column.scalar == Scalar::F32);
+        splats.means[first..]
+            .par_chunks_mut(CHUNK)
+            .zip(splats.quats[first..].par_chunks_mut(CHUNK))
+            .zip(splats.log_scales[first..].par_chunks_mut(CHUNK))
+            .zip(splats.opacity_logits[first..].par_chunks_mut(CHUNK))
+            .zip(splats.sh[first * coeffs..].par_chunks_mut(CHUNK * coeffs))
+            .zip(rows.par_chunks(CHUNK * stride))
+            .for_each(|(((((means, quats), log_scales), logits), sh), rows)| {
+                for (i, row) in rows.chunks_exact(stride).enumerate() {
+                    let out = Row {
+                        mean: &mut means[i],
+                        quat: &mut quats[i],
+                        log_scale: &mut log_scales[i],
+                        opacity_logit: &mut logits[i],
+                        sh: &mut sh[i * coeffs..(i + 1) * coeffs],
+                    };
+                    if is_plain {
+                        out.fill(|column| plain(row, columns[column]));
+                    } else {
+                        out.fill(|column| self.value(row, columns[column]));
+                    }
+                }
+            });
+        if let Some(&column) = columns.last().filter(|_| self.has_filter) {
+            filters.par_extend(rows.par_chunks_exact(stride).map(|row| self.value(row, column)));
+        }
+    }
+
+    fn value(&self, row: &[u8], Column { offset, scalar }: Column) -> f32 {
+        single(scalar.read(&row[offset..], self.encoding == Encoding::BigEndian))
+    }
+}
+
+/// A little-endian `f32`.
+#[inline]
+fn plain(row: &[u8], column: Column) -> f32 {
+    row[column.offset..].first_chunk().map_or(0.0, |bytes| f32::from_le_bytes(*bytes))
 }
 
 /// The Gaussians and, if there are any, the filters.
@@ -116,56 +206,10 @@ fn read_fixed(
     layout: &Layout,
     encoding: Encoding,
 ) -> (Splats, Vec<f32>) {
-    let mut offset = 0;
-    let offsets: Vec<Column> = element
-        .properties
-        .iter()
-        .filter_map(|property| match property.kind {
-            PropertyKind::Scalar(scalar) => {
-                let column = Column { offset, scalar };
-                offset += scalar.size();
-                Some(column)
-            }
-            PropertyKind::List { .. } => None,
-        })
-        .collect();
-    let stride = offset;
-    let columns: Vec<Column> = layout.columns.iter().map(|&index| offsets[index]).collect();
-    let big_endian = encoding == Encoding::BigEndian;
-    let mut splats = zeroed(rows.len() / stride, layout.sh_degree);
-    let coeffs = splats.sh_coeffs();
-    let value = |row: &[u8], column: Column| {
-        let Column { offset, scalar } = column;
-        if scalar == Scalar::F32 && !big_endian {
-            let bytes = &row[offset..offset + 4];
-            return f32::from_le_bytes([bytes[0], bytes[1], bytes[2], bytes[3]]);
-        }
-        single(scalar.read(&row[offset..], big_endian))
-    };
-    splats
-        .means
-        .par_chunks_mut(CHUNK)
-        .zip(splats.quats.par_chunks_mut(CHUNK))
-        .zip(splats.log_scales.par_chunks_mut(CHUNK))
-        .zip(splats.opacity_logits.par_chunks_mut(CHUNK))
-        .zip(splats.sh.par_chunks_mut(CHUNK * coeffs))
-        .zip(rows.par_chunks(CHUNK * stride))
-        .for_each(|(((((means, quats), log_scales), logits), sh), rows)| {
-            for (i, row) in rows.chunks_exact(stride).enumerate() {
-                let out = Row {
-                    mean: &mut means[i],
-                    quat: &mut quats[i],
-                    log_scale: &mut log_scales[i],
-                    opacity_logit: &mut logits[i],
-                    sh: &mut sh[i * coeffs..(i + 1) * coeffs],
-                };
-                out.fill(|column| value(row, columns[column]));
-            }
-        });
-    let filter = columns.last().filter(|_| layout.appearance.filter);
-    let filters = filter.map_or(Vec::new(), |&column| {
-        rows.par_chunks_exact(stride).map(|row| value(row, column)).collect()
-    });
+    let fixed = FixedRows::new(element, layout, encoding);
+    let mut splats = zeroed(rows.len() / fixed.stride, layout.sh_degree);
+    let mut filters = Vec::new();
+    fixed.convert(rows, 0, &mut splats, &mut filters);
     (splats, filters)
 }
 
@@ -197,7 +241,7 @@ fn read_general(
     Ok((splats, filters))
 }
 
-fn zeroed(count: usize, sh_degree: usize) -> Splats {
+pub(super) fn zeroed(count: usize, sh_degree: usize) -> Splats {
     Splats {
         means: vec![[0.0; 3]; count],
         quats: vec![[0.0; 4]; count],
@@ -219,17 +263,23 @@ struct Row<'a> {
 
 impl Row<'_> {
     /// `value(c)` is column `c` of the canonical order: x y z, dc, rest, opacity, scale, rot.
+    #[inline]
     fn fill(self, value: impl Fn(usize) -> f32) {
         let higher = self.sh.len() - 1;
         let tail = 6 + 3 * higher;
-        *self.mean = std::array::from_fn(&value);
-        self.sh[0] = std::array::from_fn(|channel| value(3 + channel));
-        for k in 0..higher {
+        let copy = |out: &mut [f32], first: usize, step: usize| {
+            for (i, out) in out.iter_mut().enumerate() {
+                *out = value(first + i * step);
+            }
+        };
+        copy(self.mean, 0, 1);
+        copy(&mut self.sh[0], 3, 1);
+        for (k, sh) in self.sh[1..].iter_mut().enumerate() {
             // Channel-major in the file, coefficient-major in memory.
-            self.sh[1 + k] = std::array::from_fn(|channel| value(6 + channel * higher + k));
+            copy(sh, 6 + k, higher);
         }
         *self.opacity_logit = value(tail);
-        *self.log_scale = std::array::from_fn(|axis| value(tail + 1 + axis));
-        *self.quat = std::array::from_fn(|component| value(tail + 4 + component));
+        copy(self.log_scale, tail + 1, 1);
+        copy(self.quat, tail + 4, 1);
     }
 }

@@ -77,8 +77,8 @@ pub use lasting::{Carrier, Lasting};
 pub use motion_params::MotionParams;
 pub use moved_group::MovedGroup;
 pub use options::{
-    Aggregation, AnchorSampling, DynamicOverride, DynamicParams, Follow, IdentityParams, KnnParams,
-    MotionGuide, MotionOptions, PaperParams, PositionRule, Preset, RotationRule, ScaleRule,
+    Aggregation, AnchorSampling, DynamicParams, Follow, IdentityParams, KnnParams, MotionGuide,
+    MotionOptions, PaperParams, PositionRule, Preset, RotationRule, ScaleRule,
 };
 pub use propagate::{Propagation, propagate};
 pub use report::{MotionReport, TransportReport};

@@ -53,9 +53,9 @@ fn relative_rotations_reproduce_the_table() {
     }
 }
 
-/// Agrees with the table of the goldens (0.492, 1.317, 1.657, 2.535) within 15 %, because their lines
-/// differ, and with a second independent implementation of the paper on two of the edits with the
-/// lines of seed 0, to the printed digits.
+/// Agrees with the table of the goldens (0.492, 1.317, 1.657, 2.535) within 15 %, because their
+/// lines differ, and with a second independent implementation of the paper on two of the edits with
+/// the lines of seed 0, to the printed digits.
 #[test]
 fn the_paper_to_the_letter_agrees_with_independent_implementations() {
     let found = EDITS.map(|name| run(&MotionOptions::preset(Preset::Paper), &golden_edit(name)));

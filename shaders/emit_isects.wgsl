@@ -14,9 +14,9 @@
 @group(0) @binding(5) var<storage, read_write> isect_keys: array<u32>;
 @group(0) @binding(6) var<storage, read_write> isect_splats: array<u32>;
 
-// 2 ln 255: beyond it even an opaque splat has alpha below 1/255. Opacities may change without new
+// Beyond it even an opaque splat has alpha below the threshold. Opacities may change without new
 // lists, so the bound assumes opacity 1.
-const REACH: f32 = 11.0825305;
+const REACH: f32 = -2.0 * log(ALPHA_THRESHOLD);
 
 // A dx^2 + 2 B dx dy + C dy^2, minus a bound of the rounding error.
 fn quad_below(conic: vec3f, d: vec2f) -> f32 {
@@ -25,7 +25,7 @@ fn quad_below(conic: vec3f, d: vec2f) -> f32 {
     return squares + cross - 2e-6 * (squares + abs(cross));
 }
 
-// Whether the splat's alpha is at least 1/255 at some pixel centre of the box.
+// Whether the splat's alpha is at least ALPHA_THRESHOLD at some pixel centre of the box.
 fn reaches(mean: vec2f, conic: vec3f, low: vec2f, high: vec2f) -> bool {
     if all(mean >= low) && all(mean <= high) {
         return true;

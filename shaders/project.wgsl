@@ -42,8 +42,9 @@ fn project(@builtin(workgroup_id) workgroup: vec3u, @builtin(local_invocation_in
     // The upper bounds are one pixel tighter than the lower ones, as in
     // the reference; this is visible in the image.
     let grid = vec2f(frame.tile_bounds);
-    let low = vec2u(clamp(trunc((o.mean2d - radius) / 16.0), vec2f(0.0), grid));
-    let high = vec2u(clamp(trunc((o.mean2d + radius + 15.0) / 16.0), vec2f(0.0), grid));
+    let side = f32(TILE_SIZE);
+    let low = vec2u(clamp(trunc((o.mean2d - radius) / side), vec2f(0.0), grid));
+    let high = vec2u(clamp(trunc((o.mean2d + radius + (side - 1.0)) / side), vec2f(0.0), grid));
     if low.x >= high.x || low.y >= high.y {
         return;
     }

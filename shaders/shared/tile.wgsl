@@ -6,7 +6,7 @@ const TILE_LANES: u32 = 64u;
 
 // Mean and conic A, B.
 var<workgroup> stage_near: array<vec4f, 64>;
-// Conic C, opacity, smallest exponent at which alpha can be 1/255, unused.
+// Conic C, opacity, smallest exponent at which alpha can be ALPHA_THRESHOLD, unused.
 var<workgroup> stage_far: array<vec4f, 64>;
 // Splat and slot.
 var<workgroup> stage_ids: array<vec2u, 64>;
@@ -33,7 +33,7 @@ fn stage_entry(at: u32, entry: vec2u, g0: vec4f, g1: vec4f) {
     stage_near[at] = g0;
     // A hidden splat (opacity 0 or less) gets a threshold that no exponent reaches. The margin
     // makes this test weaker than the exact one.
-    let least = select(1.0, -log(255.0 * max(g1.y, 1e-30)) - 0.001, g1.y > 0.0);
+    let least = select(1.0, log(ALPHA_THRESHOLD / max(g1.y, 1e-30)) - 0.001, g1.y > 0.0);
     stage_far[at] = vec4f(g1.xy, least, 0.0);
     stage_ids[at] = entry;
 }

@@ -3,7 +3,7 @@
 use crate::AmgError;
 use crate::coherence::keep_coherent;
 use crate::keyframes::KeyFrames;
-use crate::options::{DynamicOverride, DynamicParams};
+use crate::options::DynamicParams;
 use crate::pose::{self, quantile_index};
 
 /// Split of the source into moving and static splats.
@@ -35,23 +35,12 @@ impl DynamicSplit {
         params: &DynamicParams,
     ) -> Result<Self, AmgError> {
         let num = keys.at_edit.len();
-        let sized = |mask: &[bool]| {
-            if mask.len() == num {
-                Ok(mask.to_vec())
-            } else {
-                Err(AmgError::Mask { found: mask.len(), expected: num })
+        let (mut dynamic, threshold) = match scene_mask {
+            Some(mask) if mask.len() != num => {
+                return Err(AmgError::Mask { found: mask.len(), expected: num });
             }
-        };
-        let (mut dynamic, threshold) = match (&params.override_with, scene_mask) {
-            (Some(DynamicOverride::Mask(mask)), _) => (sized(mask)?, 0.0),
-            (Some(DynamicOverride::Box { min, max }), _) => {
-                let inside = |mean: &[f32; 3]| {
-                    (0..3).all(|axis| (min[axis]..=max[axis]).contains(&mean[axis]))
-                };
-                (keys.at_edit.means.iter().map(inside).collect(), 0.0)
-            }
-            (None, Some(mask)) => (sized(mask)?, 0.0),
-            (None, None) => {
+            Some(mask) => (mask.to_vec(), 0.0),
+            None => {
                 let amplitudes = amplitudes(keys);
                 let threshold = params.threshold.map_or_else(
                     || automatic_threshold(&amplitudes, &keys.broken, extent(keys, |_| true)),

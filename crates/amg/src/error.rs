@@ -29,7 +29,7 @@ pub enum AmgError {
         /// Accepted range.
         expected: &'static str,
     },
-    /// A user mask, or the scene's own, does not have one entry per source splat.
+    /// The scene's mask does not have one entry per source splat.
     #[error("amg: the dynamic mask has {found} entries, expected one per source splat, {expected}")]
     Mask {
         /// Its length.

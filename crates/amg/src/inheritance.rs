@@ -2,7 +2,7 @@
 //! [`Inherited`].
 
 use crate::color_change::{ColorChange, ColorPairs};
-use crate::generations::{Descent, Generations};
+use crate::generations::{Ancestry, Generations};
 use crate::identity::{Identity, IdentityMap};
 use crate::row_index::index;
 use crate::row_kind::RowKind;
@@ -32,7 +32,7 @@ const FADED_LOGIT: f32 = -20.0;
 pub struct Inherited {
     /// Edited row, of kind [`RowKind::Descendant`].
     pub row: u32,
-    /// Confidence of the descent, 0 to 1.
+    /// Confidence of the ancestry, 0 to 1.
     pub confidence: f32,
     /// Factor on the opacity; 0 where the surface was deleted.
     pub opacity: f32,
@@ -85,12 +85,12 @@ pub(crate) fn inherit(
     let mut inherited = Vec::new();
     for (row, kind) in identity.rows.iter().enumerate() {
         let Identity::Unchanged(id) = *kind else { continue };
-        let descent = &generations.descent[id as usize];
-        if descent.of.is_empty() {
+        let ancestry = &generations.ancestries[id as usize];
+        if ancestry.of.is_empty() {
             continue;
         }
         let color = dc_color(at_edit, id as usize);
-        if let Some(found) = palette.inherited(row, descent, color, &fates) {
+        if let Some(found) = palette.inherited(row, ancestry, color, &fates) {
             rows[row].0 = RowKind::Descendant;
             inherited.push(found);
         }
@@ -245,7 +245,7 @@ impl Palette {
     fn inherited(
         &self,
         row: usize,
-        descent: &Descent,
+        ancestry: &Ancestry,
         color: [f32; 3],
         fates: &[Fate],
     ) -> Option<Inherited> {
@@ -253,7 +253,7 @@ impl Palette {
         let (mut gone, mut left, mut recoloured, mut factor) = (0.0, 0.0, 0.0, 0.0);
         let mut moved: Vec<(u32, f32)> = Vec::new();
         let mut sum = ColorSum::default();
-        for &(id, share) in &descent.of {
+        for &(id, share) in &ancestry.of {
             if fates[id as usize] != Fate::Gone {
                 left += share;
             }
@@ -295,7 +295,7 @@ impl Palette {
         let nothing = opacity == 1.0 && change == ColorChange::NONE && group.is_none();
         (!nothing).then_some(Inherited {
             row: index(row),
-            confidence: descent.confidence,
+            confidence: ancestry.confidence,
             opacity,
             color: change,
             group,
@@ -342,15 +342,15 @@ impl ColorSum {
     }
 }
 
-/// Counts of splats that inherit an edit by descent.
+/// Counts of splats that inherit an edit from their ancestors.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
-pub struct DescentReport {
+pub struct InheritanceReport {
     /// Source splats that are visible at some time.
     pub visible: usize,
     /// Of these, visible in the edit frame.
     pub shown: usize,
     /// Of the others, with ancestors in the edit frame.
-    pub descended: usize,
+    pub with_ancestors: usize,
     /// Rows that inherit a change of colour or opacity.
     pub recoloured: usize,
     /// Rows that inherit a deletion.
@@ -367,7 +367,7 @@ pub struct DescentReport {
     pub lasting: usize,
 }
 
-impl DescentReport {
+impl InheritanceReport {
     pub(crate) fn of(
         generations: &Generations,
         inherited: &[Inherited],
@@ -383,7 +383,7 @@ impl DescentReport {
         Self {
             visible,
             shown,
-            descended: generations.descent.iter().filter(|d| !d.of.is_empty()).count(),
+            with_ancestors: generations.ancestries.iter().filter(|d| !d.of.is_empty()).count(),
             recoloured: count(&|i| !removed(i) && i.group.is_none()),
             removed: count(&removed),
             moved: count(&|i| !removed(i) && i.group.is_some()),

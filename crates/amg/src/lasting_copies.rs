@@ -64,7 +64,7 @@ pub(crate) fn mark(
                 rows[row].0 = RowKind::Descendant;
                 hidden.push(Inherited {
                     row: index(row),
-                    confidence: generations.descent[id].confidence,
+                    confidence: generations.ancestries[id].confidence,
                     opacity: 0.0,
                     color: ColorChange::NONE,
                     group: Some(group_of[row]),
@@ -77,11 +77,11 @@ pub(crate) fn mark(
 
 /// Splats that are invisible in the edit frame and descend mainly from copied ones.
 fn later_generations(generations: &Generations, copied: &[bool]) -> Vec<bool> {
-    let descends = |descent: &crate::generations::Descent| {
-        let from_copied = descent.of.iter().filter(|(id, _)| copied[*id as usize]);
+    let descends = |ancestry: &crate::generations::Ancestry| {
+        let from_copied = ancestry.of.iter().filter(|(id, _)| copied[*id as usize]);
         from_copied.map(|entry| entry.1).sum::<f32>() > 0.5
     };
-    generations.descent.iter().map(descends).collect()
+    generations.ancestries.iter().map(descends).collect()
 }
 
 fn lasts(generations: &Generations, id: usize) -> bool {

@@ -62,7 +62,7 @@ mod row_kind;
 mod scene;
 mod simd;
 mod similarity;
-mod similarity_words;
+mod similarity_messages;
 mod work;
 
 pub use anchors::{AnchorParams, Grouping, Radius};
@@ -72,13 +72,13 @@ pub use dynamics::DynamicSplit;
 pub use error::AmgError;
 pub use field::FieldAt;
 pub use identity::{Identity, IdentityMap};
-pub use inheritance::{DescentReport, Inherited};
+pub use inheritance::{InheritanceReport, Inherited};
 pub use lasting::{Carrier, Lasting};
 pub use motion_params::MotionParams;
 pub use moved_group::MovedGroup;
 pub use options::{
-    Aggregation, AnchorSampling, DynamicOverride, DynamicParams, Follow, IdentityParams, KnnParams,
-    MotionGuide, MotionOptions, PaperParams, PositionRule, Preset, RotationRule, ScaleRule,
+    Aggregation, AnchorSampling, DynamicParams, Follow, IdentityParams, KnnParams, MotionGuide,
+    MotionOptions, PaperParams, PositionRule, Preset, RotationRule, ScaleRule,
 };
 pub use propagate::{Propagation, propagate};
 pub use report::{MotionReport, TransportReport};

@@ -188,25 +188,9 @@ impl Default for IdentityParams {
     }
 }
 
-/// The moving object as given by the user.
-#[derive(Debug, Clone, PartialEq)]
-pub enum DynamicOverride {
-    /// One entry per source splat.
-    Mask(Vec<bool>),
-    /// Splats inside this box, world units at the edit frame, may move; all others count as static.
-    Box {
-        /// Lower corner.
-        min: [f32; 3],
-        /// Upper corner.
-        max: [f32; 3],
-    },
-}
-
 /// Options of the static/dynamic split.
 #[derive(Debug, Clone, PartialEq)]
 pub struct DynamicParams {
-    /// The user's choice; takes precedence over the scene's own mask and over motion.
-    pub override_with: Option<DynamicOverride>,
     /// Displacement over the key times from which a splat counts as moving, world units. `None`
     /// (default): estimated from the distribution of displacements, see [`crate::DynamicSplit`].
     pub threshold: Option<f32>,
@@ -217,7 +201,7 @@ pub struct DynamicParams {
 
 impl Default for DynamicParams {
     fn default() -> Self {
-        Self { override_with: None, threshold: None, coherent: true }
+        Self { threshold: None, coherent: true }
     }
 }
 

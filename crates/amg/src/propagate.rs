@@ -6,7 +6,7 @@ use crate::carriers;
 use crate::dynamics::DynamicSplit;
 use crate::generations::Generations;
 use crate::identity::{Identity, IdentityMap};
-use crate::inheritance::{DescentReport, inherit};
+use crate::inheritance::{InheritanceReport, inherit};
 use crate::keyframes::KeyFrames;
 use crate::lasting::LastingScene;
 use crate::lasting_copies;
@@ -121,8 +121,8 @@ pub fn propagate(
     if let Some((generations, scene)) = &followed {
         let lasting = scene.lasting.only(followed_ids(&binding));
         let copied = binding.count(RowKind::Copied);
-        let counts = DescentReport::of(generations, &inherited, copied, lasting.ids.len());
-        report.descent = Some(counts);
+        let counts = InheritanceReport::of(generations, &inherited, copied, lasting.ids.len());
+        report.inheritance = Some(counts);
         inherited.extend(hidden);
         inherited.sort_unstable_by_key(|inherited| inherited.row);
         binding = binding.with_surface(Surface { lasting, inherited })?;

@@ -1,6 +1,6 @@
 //! [`MotionReport`]: counts and numbers of a run.
 
-use crate::inheritance::DescentReport;
+use crate::inheritance::InheritanceReport;
 
 /// Result of [`crate::propagate()`] as plain values, for reports and run folders.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -33,7 +33,7 @@ pub struct MotionReport {
     /// Edited rows beside a copy, which move with it.
     pub beside_copies: usize,
     /// Splats that inherit the edit, if edits belong to surfaces.
-    pub descent: Option<DescentReport>,
+    pub inheritance: Option<InheritanceReport>,
     /// Source splats without an identical edited splat.
     pub vanished: usize,
     /// Rows that blend sources.
@@ -52,8 +52,8 @@ pub struct MotionReport {
     pub unmatched_anchors: usize,
     /// The transport solve, if there was one.
     pub transport: Option<TransportReport>,
-    /// Cells: groups of neighbouring source splats that move as one (default guide).
-    pub num_parts: usize,
+    /// Regions: groups of neighbouring source splats that move as one (default guide).
+    pub num_regions: usize,
     /// Weight of the source's own rotations that was used.
     pub rotation_prior: f32,
     /// Seconds per stage, in order.

@@ -11,6 +11,8 @@ use std::ops::{Add, AddAssign, Mul, Neg, Sub};
 /// `#[inline(always)]`, and every function it calls that should be vectorised too; adaptors of
 /// iterators are not. Nothing in such bodies may depend on how sums are grouped: results are the
 /// same everywhere.
+///
+/// The twin of `dispatch` in `uot/src/simd.rs`, which is not part of that crate's interface.
 pub(crate) fn dispatch<R>(body: impl FnMut() -> R) -> R {
     struct Body<F>(F);
     impl<R, F: FnMut() -> R> pulp::WithSimd for Body<F> {

@@ -1,10 +1,7 @@
 //! [`Similarity`]: rotation, uniform scale, translation, and mirroring.
 
-mod sh_rotation;
-
 use crate::rigid::RigidFit;
-use gs_core::{Precision, Real, RowPrecision, Splats, quat, rotation_matrix};
-use sh_rotation::ShRotation;
+use gs_core::{Precision, Real, RowPrecision, ShRotation, Splats, quat, rotation_matrix};
 
 /// `x ↦ s·R·(±x) + t`. Every similarity has this form: a reflection is a rotation after `x ↦ −x`.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -91,7 +88,7 @@ impl Similarity {
             *log_scale = log_scale.map(|v| (f64::from(v) + ln_scale).as_f32());
         }
         if placed.sh_degree > 0 {
-            let (turn, coeffs) = (ShRotation::of(self.matrix()), placed.sh_coeffs());
+            let (turn, coeffs) = (ShRotation::orthogonal(self.matrix()), placed.sh_coeffs());
             placed.sh.chunks_exact_mut(coeffs).for_each(|sh| turn.apply(sh));
         }
         placed

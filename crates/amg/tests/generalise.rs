@@ -52,28 +52,28 @@ fn errors(case: &str, seed: u64, size: usize) -> [Scores; 3] {
     [knn, control, best].map(|found| scored(&found, &scene.edited.truth, &is_edited))
 }
 
-/// Limits as shares of KNN-Guide's error, about a quarter above the measured values; on edited
-/// splats, the control is not better.
+/// Limits as shares of KNN-Guide's error and, of rotations, in degrees, about a quarter above the
+/// measured values; on edited splats, the control is not better.
 #[test]
 fn the_default_is_far_ahead_of_the_nearest_neighbours() {
-    for (case, share) in [
-        ("drift", 0.3),
-        ("clothing", 0.14),
-        ("prune-split", 0.38),
-        ("graft-hat", 0.35),
-        ("graft-horns", 0.55),
-        ("graft-wings", 0.13),
-        ("graft-block", 0.42),
-        ("graft-stick", 0.23),
-        ("graft-halo", 0.44),
-        ("blocky", 0.5),
-        ("grazing-limb", 0.33),
-        ("touch-and-part", 0.2),
-        ("fast-rotation", 0.04),
-        ("stretching-cloth", 0.34),
-        ("floaters-outliers", 0.13),
-        ("noisy-reconstruction", 0.41),
-        ("everything", 0.15),
+    for (case, share, rotation) in [
+        ("drift", 0.3, 0.53),
+        ("clothing", 0.14, 0.74),
+        ("prune-split", 0.38, 0.51),
+        ("graft-hat", 0.35, 0.35),
+        ("graft-horns", 0.55, 0.41),
+        ("graft-wings", 0.13, 0.37),
+        ("graft-block", 0.42, 0.39),
+        ("graft-stick", 0.23, 0.42),
+        ("graft-halo", 0.44, 0.41),
+        ("blocky", 0.5, 2.1),
+        ("grazing-limb", 0.33, 0.46),
+        ("touch-and-part", 0.2, 0.14),
+        ("fast-rotation", 0.04, 0.46),
+        ("stretching-cloth", 0.34, 0.41),
+        ("floaters-outliers", 0.13, 0.55),
+        ("noisy-reconstruction", 0.41, 2.0),
+        ("everything", 0.15, 1.0),
     ] {
         let [knn, control, best] = errors(case, 3, 3000);
         assert!(
@@ -91,7 +91,7 @@ fn the_default_is_far_ahead_of_the_nearest_neighbours() {
             best.edited.epe,
             control.edited.epe
         );
-        assert!(best.all.rot_deg <= 2.5, "{case}: {} degrees", best.all.rot_deg);
+        assert!(best.all.rot_deg <= rotation, "{case}: {} degrees", best.all.rot_deg);
     }
 }
 

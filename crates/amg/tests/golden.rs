@@ -53,14 +53,14 @@ fn relative_rotations_reproduce_the_table() {
     }
 }
 
-/// Agrees with the table of the goldens within 15 % (their lines differ), and with a second
-/// independent implementation of the paper on two of the edits with the lines of seed 0, to the
-/// printed digits.
+/// Agrees with the table of the goldens (0.492, 1.317, 1.657, 2.535) within 15 %, because their
+/// lines differ, and with a second independent implementation of the paper on two of the edits with
+/// the lines of seed 0, to the printed digits.
 #[test]
 fn the_paper_to_the_letter_agrees_with_independent_implementations() {
     let found = EDITS.map(|name| run(&MotionOptions::preset(Preset::Paper), &golden_edit(name)));
-    for ((name, found), epe) in EDITS.iter().zip(&found).zip([0.492, 1.317, 1.657, 2.535]) {
-        assert!((found.epe / epe - 1.0).abs() <= 0.15, "{name}: {found}, expected EPE {epe}");
+    for ((name, found), epe) in EDITS.iter().zip(&found).zip([0.555, 1.380, 1.600, 2.503]) {
+        assert!((found.epe / epe - 1.0).abs() <= 0.005, "{name}: {found}, measured EPE {epe}");
     }
     let [_, inflate, _, all] = found;
     assert!((inflate.epe - 1.3801).abs() <= 0.0005, "inflate: {inflate}, expected EPE 1.3801");
@@ -124,13 +124,15 @@ fn farthest_point_anchors_are_a_baseline() {
     }
 }
 
-/// Measured 0.030, 0.071, 0.068, 0.214; KNN-Guide has 0.175, 0.905, 1.033, 1.802.
+/// Measured 0.030, 0.071, 0.068, 0.214 and rotations of 0.3, 0.3, 0.5, 0.8 degrees; KNN-Guide has
+/// 0.175, 0.905, 1.033, 1.802.
 #[test]
 fn the_default_beats_its_bars() {
-    for (name, limit) in EDITS.into_iter().zip([0.040, 0.095, 0.09, 0.24]) {
+    let limits = [(0.040, 0.5), (0.095, 0.5), (0.09, 0.75), (0.24, 1.0)];
+    for (name, (limit, rotation)) in EDITS.into_iter().zip(limits) {
         let found = run(&MotionOptions::default(), &golden_edit(name));
         assert!(found.epe <= limit, "{name}: {found}, limit {limit}");
-        assert!(found.rot <= 2.0 && found.lns <= 0.4, "{name}: {found}");
+        assert!(found.rot <= rotation && found.lns <= 0.4, "{name}: {found}");
     }
 }
 

@@ -10,10 +10,7 @@
 mod common;
 
 use RowKind::{Blended, Static, Unchanged};
-use amg::{
-    Aggregation, Binding, DynamicOverride, EditedScene, FieldAt, MotionOptions, Preset, RowKind,
-    propagate,
-};
+use amg::{Aggregation, Binding, EditedScene, FieldAt, MotionOptions, Preset, RowKind, propagate};
 use common::{Table, golden_edit, golden_source};
 use gs_core::{DynamicScene, SceneError, Splats};
 use std::sync::Arc;
@@ -229,19 +226,18 @@ fn the_field_baseline_moves_by_differences() {
 }
 
 #[test]
-fn what_the_user_calls_static_stays_put() {
+fn what_the_scene_calls_static_stays_put() {
     let (source, _) = golden_source();
     let edited = Arc::new(golden_edit("drift").splats);
     for preset in [Preset::Regions, Preset::Paper, Preset::Knn] {
-        let mut options = MotionOptions::preset(preset);
-        options.dynamics.override_with = Some(DynamicOverride::Mask(vec![false; 1500]));
-        let found =
-            propagate(Arc::new(source.clone()), Arc::clone(&edited), &options, &|_, _| {}).unwrap();
+        let options = MotionOptions::preset(preset);
+        let masked = |mask| Arc::new(Table { mask: Some(mask), ..source.clone() });
+        let still = masked(vec![false; 1500]);
+        let found = propagate(still, Arc::clone(&edited), &options, &|_, _| {}).unwrap();
         assert_eq!(found.report.static_rows, 1500, "{preset:?}");
         assert_eq!(found.scene.at(1.0).unwrap(), *edited, "{preset:?} stays");
-        options.dynamics.override_with = Some(DynamicOverride::Mask(vec![true; 7]));
-        let error = propagate(Arc::new(source.clone()), Arc::clone(&edited), &options, &|_, _| {})
-            .unwrap_err();
+        let short = masked(vec![true; 7]);
+        let error = propagate(short, Arc::clone(&edited), &options, &|_, _| {}).unwrap_err();
         assert!(error.to_string().contains("7 entries"), "{error}");
     }
 }

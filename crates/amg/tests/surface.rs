@@ -108,8 +108,8 @@ fn what_does_not_descend_stays_bit_exact() {
     for case in [BriefCase::Recolour, BriefCase::Delete, BriefCase::Scale] {
         let scene = scene(case);
         let found = carried(&scene, Follow::Surface);
-        let descent = found.report.descent.unwrap();
-        assert!(descent.shown < descent.visible && descent.descended > 0, "{descent:?}");
+        let counts = found.report.inheritance.unwrap();
+        assert!(counts.shown < counts.visible && counts.with_ancestors > 0, "{counts:?}");
         let scene_4d = &found.scene;
         let at_edit = scene_4d.at(0.0).unwrap();
         assert_eq!(at_edit, scene.edited, "{case}: the edited frame");
@@ -227,7 +227,7 @@ fn lasting_scenes_are_as_before() {
     };
     let plain = run(Follow::default());
     assert_eq!(plain.scene.binding().surface(), None, "the default has no surface");
-    assert_eq!(plain.report.descent, None, "nor does the report");
+    assert_eq!(plain.report.inheritance, None, "nor does the report");
     // If requested, it changes nothing that the edit frame shows.
     let asked = run(Follow::Surface);
     assert_eq!(asked.scene.binding().kinds(), plain.scene.binding().kinds(), "kinds of rows");

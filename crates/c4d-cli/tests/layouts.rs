@@ -126,7 +126,7 @@ const FRAMES: usize = 121;
 
 fn as_splatv(scene: &dyn DynamicScene, path: &Path) -> PolynomialScene {
     let times = scene.time_range().frames(FRAMES);
-    let options = splatv::Options {
+    let options = splatv::WriteOptions {
         tolerance: splatv::DEFAULT_TOLERANCE,
         force: true,
         camera: camera(scene),
@@ -140,7 +140,7 @@ fn as_splatv(scene: &dyn DynamicScene, path: &Path) -> PolynomialScene {
 fn as_4dgs(scene: &dyn DynamicScene, frames: usize, path: &Path) -> fourdgs_file::WriteReport {
     let times = scene.time_range().frames(frames);
     let clip = Clip { scene, times: &times, fps: 60.0 };
-    let options = fourdgs_file::Options::default();
+    let options = fourdgs_file::WriteOptions::default();
     fourdgs_file::write(path, &clip, &options, Existing::Replace, &mut |_| ()).unwrap()
 }
 

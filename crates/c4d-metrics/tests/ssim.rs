@@ -20,8 +20,8 @@ fn ssim_equals_scikit_image() {
         let [w, h, c] = [size[0], size[1], size[2]].map(|side| side as usize);
         let [x, y] = noise_pair([w, h, c], size[3], noise);
         let ours = Ssim::new(w, h, c).value(&x, &y, SsimBorder::Valid);
-        // worst seen 3e-16
-        assert!((ours - expected).abs() < 1e-12, "{line}: {ours}");
+        // worst seen 3.6e-16
+        assert!((ours - expected).abs() < 2e-15, "{line}: {ours}");
         let zero = Ssim::new(w, h, c).value(&x, &y, SsimBorder::Zero);
         assert!((zero - expected).abs() > 1e-6 || noise == 0.0, "{line}: the border matters");
         #[expect(clippy::cast_possible_truncation, reason = "the test compares single precision")]
@@ -70,7 +70,7 @@ fn ssim_gradient_is_the_difference_quotient() {
         let numeric = difference(&x, k, 1e-5, &mut |x| {
             1.0 - Ssim::new(w, h, c).value(x, &y, SsimBorder::Zero)
         });
-        // worst seen 2e-9 of the largest entry
-        assert!((v_x[k] - numeric).abs() < 1e-7 * largest, "{k}: {} {numeric}", v_x[k]);
+        // worst seen 1.4e-9 of the largest entry
+        assert!((v_x[k] - numeric).abs() < 1e-8 * largest, "{k}: {} {numeric}", v_x[k]);
     }
 }

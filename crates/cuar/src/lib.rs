@@ -78,7 +78,7 @@ pub use error::CuarError;
 pub use evidence::{BeforeEdit, Evidence, EvidenceParams};
 pub use first_frame_visibility::first_frame_shares;
 pub use flow::{Flow, displacements, render_flow};
-pub use flow_files::{decode_flo, encode_flo, flow_wheel};
+pub use flow_files::{encode_flo, flow_wheel};
 pub use gs_fit::Adam;
 pub use observer::{NoObserver, Observer, Preview, RefineProgress};
 pub use options::{AdamParams, RefineOptions, RefinePreset, RegressionParams, Solver};

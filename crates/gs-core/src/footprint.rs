@@ -1,6 +1,6 @@
 //! [`Footprint`]: the part of an image that a splat can affect, found without rendering.
 
-use crate::image_formation::{EPS2D, EXTENT_SIGMAS, GUARD_BAND, TILE_SIZE};
+use crate::image_formation::{EPS2D, EXTENT_SIGMAS, GUARD_BAND, MIN_DISCRIMINANT, TILE_SIZE};
 use crate::{Camera, Real, Splats};
 
 /// A rectangle of pixels outside which a splat draws nothing, and the splat's depth.
@@ -41,9 +41,10 @@ impl Footprint {
         let stretch = 1.0 + slope[0] * slope[0] + slope[1] * slope[1];
         let log_scale =
             splats.log_scales[row].iter().fold(f64::NEG_INFINITY, |a, b| a.max(b.as_f64()));
-        // The floor of the discriminant adds at most its square
-        // root, 0.32, to the larger eigenvalue.
-        let dilation = f64::from(EPS2D) + 0.32;
+        // The floor of the discriminant adds at most its square root to the larger eigenvalue;
+        // rounded up to 0.01 pixels².
+        let dilation =
+            f64::from(EPS2D) + (100.0 * f64::from(MIN_DISCRIMINANT).sqrt()).ceil() / 100.0;
         let variance = (2.0 * log_scale).exp() * focal * focal * stretch + dilation;
         let radius = f64::from(EXTENT_SIGMAS) * variance.sqrt() + 2.0;
         let (u, v) = (k.fx * x / z + k.cx, k.fy * y / z + k.cy);

@@ -1,4 +1,4 @@
-//! [`ShRotation`]: spherical harmonics of a rotated scene.
+//! [`ShRotation`]: spherical harmonics of a rotated or mirrored scene.
 
 use crate::sh::{MAX_DEGREE, basis, num_coeffs};
 use crate::{Real, quat};
@@ -14,12 +14,13 @@ const HEIGHTS: [(f64, f64); 4] = [
 /// Equally spaced longitudes, exact for the same products.
 const LONGITUDES: u32 = 8;
 
-/// The linear map of SH coefficients under a rotation of the world: with coefficients `c` and `c' =
-/// apply(c)`, the colour of `c'` in direction `R·d` is the colour of `c` in direction `d`.
+/// The linear map of SH coefficients under a rotation or reflection `R` of the world: with
+/// coefficients `c` and `c' = apply(c)`, the colour of `c'` in direction `R·d` is the colour of `c`
+/// in direction `d`.
 ///
 /// Degrees do not mix, so the map is one matrix per degree, `D[m][k] = ∫ Y_m(d)·Y_k(R⁻¹d) dd` over
 /// the unit sphere.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct ShRotation {
     /// `D`, zero between different degrees.
     matrix: [[f64; 16]; 16],
@@ -33,6 +34,17 @@ impl ShRotation {
             [0.0, 0.0, 0.0, 0.0] => [1.0, 0.0, 0.0, 0.0],
             unit => quat::conjugate(unit),
         };
+        Self::of_inverse(|direction| quat::rotate(inverse, direction))
+    }
+
+    /// The map of the orthogonal matrix `turn`, row-major; a determinant of −1 is a reflection.
+    pub fn orthogonal(turn: [[f64; 3]; 3]) -> Self {
+        // The inverse of an orthogonal matrix is its transpose.
+        Self::of_inverse(|d| [0, 1, 2].map(|i| (0..3).map(|j| turn[j][i] * d[j]).sum()))
+    }
+
+    /// The map whose inverse on directions is `inverse`.
+    fn of_inverse(inverse: impl Fn([f64; 3]) -> [f64; 3]) -> Self {
         let mut matrix = [[0.0; 16]; 16];
         for (height, height_weight) in HEIGHTS {
             let radius = (1.0 - height * height).sqrt();
@@ -41,7 +53,7 @@ impl ShRotation {
                 let direction = [radius * angle.cos(), radius * angle.sin(), height];
                 let weight = height_weight * std::f64::consts::TAU / f64::from(LONGITUDES);
                 let to = basis(MAX_DEGREE, direction);
-                let from = basis(MAX_DEGREE, quat::rotate(inverse, direction));
+                let from = basis(MAX_DEGREE, inverse(direction));
                 for degree in 0..=MAX_DEGREE {
                     let band = degree * degree..num_coeffs(degree);
                     for m in band.clone() {
@@ -102,5 +114,29 @@ mod tests {
             still.iter().flatten().zip(before.iter().flatten()).all(|(a, b)| (a - b).abs() < 1e-6),
             "a zero quaternion gives the identity"
         );
+    }
+
+    #[test]
+    fn orthogonal_matrices_may_mirror() {
+        let coefficients: Vec<[f32; 3]> =
+            (0..16_u8).map(|k| [0.3 - 0.05 * f32::from(k * 7 % 11), 0.0, 0.0]).collect();
+        let colour = |sh: &[[f32; 3]], d: [f64; 3]| -> f64 {
+            sh.iter().zip(basis(3, d)).map(|(rgb, y)| f64::from(rgb[0]) * y).sum()
+        };
+        let turn = crate::rotation_matrix(quat::normalize([0.3, -0.5, 0.2, 0.9_f64]));
+        let mirror = [[1.0, 0.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, 1.0]];
+        for q in [turn, mirror] {
+            let image = |d: [f64; 3]| q.map(|row| row[0] * d[0] + row[1] * d[1] + row[2] * d[2]);
+            let mut turned = coefficients.clone();
+            ShRotation::orthogonal(q).apply(&mut turned);
+            for d in [[0.6, 0.0, 0.8], [0.0, -1.0, 0.0], [0.48, 0.6, 0.64]] {
+                let (before, after) = (colour(&coefficients, d), colour(&turned, image(d)));
+                assert!((before - after).abs() < 1e-5, "{d:?}: {before} became {after}");
+            }
+            // Negative control: unturned coefficients show something else.
+            let d = [0.48, 0.6, 0.64];
+            let change = colour(&coefficients, image(d)) - colour(&coefficients, d);
+            assert!(change.abs() > 1e-2, "the test can fail: {change}");
+        }
     }
 }

@@ -50,8 +50,8 @@ pub(crate) fn save(
         ("selected".to_owned(), selected),
         ("chosen".to_owned(), working.chosen.iter().map(|&on| u32::from(on)).collect()),
         ("fading".to_owned(), working.fading.iter().map(|&on| u32::from(on)).collect()),
-        ("held".to_owned(), working.held.iter().map(|&on| u32::from(on)).collect()),
-        ("visits".to_owned(), working.visits.clone()),
+        ("frozen".to_owned(), working.frozen.iter().map(|&on| u32::from(on)).collect()),
+        ("num_visible_steps".to_owned(), working.num_visible_steps.clone()),
     ];
     for (v, view) in views.iter().enumerate() {
         // They depend on earlier positions of the splats.
@@ -109,7 +109,7 @@ pub(crate) fn restore(
         }
     };
     working.source = counts("source")?;
-    working.visits = counts("visits")?;
+    working.num_visible_steps = counts("num_visible_steps")?;
     working.selected = counts("selected")?.iter().map(|&on| on != 0).collect();
     let chosen = find(&state.counts, "chosen")?;
     if chosen.len() != working.chosen.len() {
@@ -117,7 +117,7 @@ pub(crate) fn restore(
     }
     working.chosen = chosen.iter().map(|&on| on != 0).collect();
     working.fading = counts("fading")?.iter().map(|&on| on != 0).collect();
-    working.held = counts("held")?.iter().map(|&on| on != 0).collect();
+    working.frozen = counts("frozen")?.iter().map(|&on| on != 0).collect();
     working.gradient = find(&state.arrays, "gradient")?.to_vec();
     if working.gradient.len() != n || working.largest.len() != n {
         return Err(damaged("arrays of different lengths"));

@@ -103,9 +103,9 @@ pub fn fit<R: Rasterizer + Sync>(
 
     let fingerprint = crate::fingerprint::of(start, pictures, options);
     // Fewer pictures do not determine the position of a surface.
-    report.geometry_held = options.geometry && edited.len() < usize::from(report::ENOUGH_VIEWS);
+    report.geometry_frozen = options.geometry && edited.len() < usize::from(report::ENOUGH_VIEWS);
     let options =
-        &FitOptions { geometry: options.geometry && !report.geometry_held, ..options.clone() };
+        &FitOptions { geometry: options.geometry && !report.geometry_frozen, ..options.clone() };
     let prepared = raster.prepare(&Splats::default(), &pictures[0].camera)?;
     let mut run = Run {
         raster,
@@ -130,7 +130,7 @@ pub fn fit<R: Rasterizer + Sync>(
             report.carved = run.carve_first(observer)?;
         }
         run.reach();
-        run.hold_explained()?;
+        run.freeze_explained()?;
     }
     run.descend(step, fingerprint, observer)?;
     // Removes splats that are too faint to be drawn at any pixel.
@@ -327,7 +327,7 @@ impl<R: Rasterizer + Sync> Run<'_, R> {
             let row = row as usize;
             if self.working.selected[row] && *v != [0.0; 2] {
                 self.working.gradient[row] += (v[0] * half[0]).hypot(v[1] * half[1]);
-                self.working.visits[row] += 1;
+                self.working.num_visible_steps[row] += 1;
             }
         }
         let done = step as f64 / self.options.steps as f64;
@@ -341,8 +341,8 @@ impl<R: Rasterizer + Sync> Run<'_, R> {
             sh: rates.sh * sh_decay,
             ..*rates
         };
-        let Working { splats, optimizer, selected, fading, held, .. } = working;
-        let flags = RowFlags { selected, fading, held };
+        let Working { splats, optimizer, selected, fading, frozen, .. } = working;
+        let flags = RowFlags { selected, fading, frozen };
         optimizer.step(splats, (rows, grads), &rates, options.geometry, flags);
         working.limit_scales();
     }

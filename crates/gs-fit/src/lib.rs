@@ -26,7 +26,7 @@ mod color_estimate;
 mod error;
 mod fingerprint;
 mod fit;
-mod held_geometry;
+mod frozen_geometry;
 pub mod loss;
 pub mod mask;
 mod optimizer;

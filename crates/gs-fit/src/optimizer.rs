@@ -11,7 +11,7 @@ pub(crate) struct RowFlags<'a> {
     /// Of these, opacity only.
     pub fading: &'a [bool],
     /// Of these, colour and opacity only.
-    pub held: &'a [bool],
+    pub frozen: &'a [bool],
 }
 
 /// One Adam per array of [`Splats`]; rows that are not selected keep their values and moments.
@@ -60,7 +60,7 @@ impl Optimizer {
         geometry: bool,
         flags: RowFlags,
     ) {
-        let RowFlags { selected, fading, held } = flags;
+        let RowFlags { selected, fading, frozen } = flags;
         let all = || rows.iter().enumerate().map(|(i, &row)| [row as usize, i]);
         let visible = || all().filter(|&[row, _]| selected[row]);
         let lasting = || visible().filter(|&[row, _]| !fading[row]);
@@ -76,7 +76,7 @@ impl Optimizer {
             let rate = [rates.opacity_logits];
             self.opacity_logits.step(opacity_logits, &grads.v_opacity_logits, &rate, visible());
             if geometry {
-                let moving = || lasting().filter(|&[row, _]| !held[row]);
+                let moving = || lasting().filter(|&[row, _]| !frozen[row]);
                 let (means, v_means) = (means.as_flattened_mut(), grads.v_means.as_flattened());
                 self.means.step(means, v_means, &[rates.means; 3], moving());
                 let (quats, v_quats) = (quats.as_flattened_mut(), grads.v_quats.as_flattened());

@@ -27,7 +27,7 @@ pub struct FitReport {
     /// New splats.
     pub added: usize,
     /// Whether geometry was not fitted because fewer than three pictures are edited.
-    pub geometry_held: bool,
+    pub geometry_frozen: bool,
     /// Masked regions that fewer than three pictures show; `None` if there are none.
     pub poorly_seen: Option<PoorlySeen>,
 }

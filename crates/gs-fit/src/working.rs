@@ -42,11 +42,11 @@ pub(crate) struct Working {
     pub fading: Vec<bool>,
     /// Whether colours alone explain the pictures of the splat: means, quaternions and scales keep
     /// their bits.
-    pub held: Vec<bool>,
+    pub frozen: Vec<bool>,
     /// Sum of gradient norms of the projected centre since the last densification.
     pub gradient: Vec<f32>,
     /// Number of steps since then in which the splat was visible.
-    pub visits: Vec<u32>,
+    pub num_visible_steps: Vec<u32>,
     pub optimizer: Optimizer,
     /// How the pictures are aligned.
     pub aligning: Aligning,
@@ -69,9 +69,9 @@ impl Working {
             source: (0..n).map(|i| u32::try_from(i).unwrap_or(NEW)).collect(),
             chosen: selected.clone(),
             fading: vec![false; n],
-            held: vec![false; n],
+            frozen: vec![false; n],
             gradient: vec![0.0; n],
-            visits: vec![0; n],
+            num_visible_steps: vec![0; n],
             optimizer: Optimizer::new(start),
             aligning: Aligning::Local,
             size: sizes.get(sizes.len() / 2).copied().unwrap_or(1.0),
@@ -88,7 +88,7 @@ impl Working {
     pub(crate) fn limit_scales(&mut self) {
         let huge = (HUGE * self.size).ln();
         for (i, log_scales) in self.splats.log_scales.iter_mut().enumerate() {
-            if self.selected[i] && !self.held[i] {
+            if self.selected[i] && !self.frozen[i] {
                 let most = huge.max(self.largest[i]);
                 *log_scales = log_scales.map(|log_scale| log_scale.min(most));
             }
@@ -127,19 +127,19 @@ impl Working {
         self.source = ids.iter().map(|&i| self.source[i]).collect();
         self.selected = ids.iter().map(|&i| self.selected[i]).collect();
         self.fading = ids.iter().map(|&i| self.fading[i]).collect();
-        self.held = ids.iter().map(|&i| self.held[i]).collect();
+        self.frozen = ids.iter().map(|&i| self.frozen[i]).collect();
         self.gradient = ids.iter().map(|&i| self.gradient[i]).collect();
-        self.visits = ids.iter().map(|&i| self.visits[i]).collect();
+        self.num_visible_steps = ids.iter().map(|&i| self.num_visible_steps[i]).collect();
     }
 
     /// Clones small and splits large selected splats whose projected centres have the largest
     /// gradients; the new rows come last. Returns the number of new rows.
     pub(crate) fn densify(&mut self, seed: u64) -> usize {
-        let mean = |i: usize| self.gradient[i] / self.visits[i].max(1) as f32;
+        let mean = |i: usize| self.gradient[i] / self.num_visible_steps[i].max(1) as f32;
         let mut pulled: Vec<usize> = self
             .rows()
             .into_iter()
-            .filter(|&i| mean(i) > GRADIENT && !self.fading[i] && !self.held[i])
+            .filter(|&i| mean(i) > GRADIENT && !self.fading[i] && !self.frozen[i])
             .collect();
         pulled.sort_by(|&a, &b| mean(b).total_cmp(&mean(a)).then(a.cmp(&b)));
         #[expect(
@@ -171,7 +171,7 @@ impl Working {
             }
         }
         self.gradient.fill(0.0);
-        self.visits.fill(0);
+        self.num_visible_steps.fill(0);
         pulled.len()
     }
 
@@ -182,9 +182,9 @@ impl Working {
         self.source.push(NEW);
         self.selected.push(true);
         self.fading.push(false);
-        self.held.push(false);
+        self.frozen.push(false);
         self.gradient.push(0.0);
-        self.visits.push(0);
+        self.num_visible_steps.push(0);
         self.optimizer.append(1, self.splats.sh_coeffs());
     }
 

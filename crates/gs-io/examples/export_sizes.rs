@@ -63,25 +63,28 @@ fn main() -> Done {
         Ok(())
     })?;
     row("`.splat4d`", &mut |path| {
-        let options = splat4d::Options::default();
+        let options = splat4d::WriteOptions::default();
         splat4d::write(path, &clip, &options, Existing::Refuse, &mut |_| ())?;
         Ok(())
     })?;
     row("`.usda`, SH degree 0", &mut |path| {
-        let options =
-            usda::Options { sh_degree: Some(0), size_limit: u64::MAX, ..usda::Options::default() };
+        let options = usda::WriteOptions {
+            sh_degree: Some(0),
+            size_limit: u64::MAX,
+            ..usda::WriteOptions::default()
+        };
         usda::write(path, &clip, &options, Existing::Refuse, &mut |_, _| ())?;
         Ok(())
     })?;
     row("`.usda`, SH degree 3", &mut |path| {
-        let options = usda::Options { size_limit: u64::MAX, ..usda::Options::default() };
+        let options = usda::WriteOptions { size_limit: u64::MAX, ..usda::WriteOptions::default() };
         usda::write(path, &clip, &options, Existing::Refuse, &mut |_, _| ())?;
         Ok(())
     })?;
     row("`.splatv` (forced: cubics do not fit a clip of this length)", &mut |path| {
         let camera =
             Camera::look_at([0.0, 1.0, 4.0], [0.0, 1.0, 0.0], [0.0, 1.0, 0.0], 0.7, 960, 720);
-        let options = splatv::Options {
+        let options = splatv::WriteOptions {
             tolerance: splatv::DEFAULT_TOLERANCE,
             force: true,
             camera,

@@ -139,7 +139,7 @@ static CLIP: LazyLock<Vec<u8>> = LazyLock::new(|| {
     let clip = gs_io::Clip { scene: &scene, times: &[0.0, 0.5, 1.0], fps: 30.0 };
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("clip.splat4d");
-    let options = splat4d::Options { gop: 2, ..splat4d::Options::default() };
+    let options = splat4d::WriteOptions { gop: 2, ..splat4d::WriteOptions::default() };
     splat4d::write(&path, &clip, &options, gs_io::Existing::Refuse, &mut |_| ()).unwrap();
     fs::read(path).unwrap()
 });

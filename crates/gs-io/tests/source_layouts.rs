@@ -45,7 +45,7 @@ fn as_splatv(scene: &PolynomialScene, path: &Path) -> PolynomialScene {
     let times = scene.time_range().frames(30);
     let clip = Clip { scene, times: &times, fps: 30.0 };
     let camera = Camera::look_at([0.0, 0.0, -8.0], [0.0; 3], [0.0, -1.0, 0.0], 0.9, 640, 480);
-    let options = splatv::Options {
+    let options = splatv::WriteOptions {
         tolerance: splatv::DEFAULT_TOLERANCE,
         force: true,
         camera,

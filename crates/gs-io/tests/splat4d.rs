@@ -10,7 +10,7 @@ mod lively;
 use gs_core::{DynamicScene, Splats, TimeRange, quat, sh};
 use gs_deform::{StaticScene, Trajectories};
 use gs_io::repair::Damage;
-use gs_io::splat4d::{self, Options, PASSES, Splat4dError};
+use gs_io::splat4d::{self, PASSES, Splat4dError, WriteOptions};
 use gs_io::{Clip, Existing};
 use std::fs;
 use std::path::Path;
@@ -194,7 +194,7 @@ fn errors(scene: &Trajectories, frames: &[Vec<Row>]) -> [f64; 5] {
 fn write(
     scene: &dyn DynamicScene,
     frames: usize,
-    options: &Options,
+    options: &WriteOptions,
 ) -> (tempfile::TempDir, splat4d::WriteReport) {
     let dir = tempfile::tempdir().unwrap();
     let times = TimeRange::UNIT.frames(frames);
@@ -219,9 +219,9 @@ fn write(
 fn every_value_is_within_its_bound() {
     let scene = lively::scene(333, 40, 1);
     for options in [
-        Options { gop: 15, ..Options::default() },
-        Options { tolerance: 0.02, scale: 0.1, rgb: 4, alpha: 0, rot: 2, gop: 13, up: None },
-        Options { tolerance: 1e-6, scale: 1e-4, rgb: 0, alpha: 7, rot: 0, gop: 100, up: None },
+        WriteOptions { gop: 15, ..WriteOptions::default() },
+        WriteOptions { tolerance: 0.02, scale: 0.1, rgb: 4, alpha: 0, rot: 2, gop: 13, up: None },
+        WriteOptions { tolerance: 1e-6, scale: 1e-4, rgb: 0, alpha: 7, rot: 0, gop: 100, up: None },
     ] {
         let (dir, report) = write(&scene, 40, &options);
         let (header, frames) = decode(&dir.path().join("clip.splat4d"));
@@ -279,8 +279,8 @@ fn written_clips_are_read_back() {
     let scene = lively::scene(333, 40, 1);
     let up = [0.0, -1.0, 0.0];
     for options in [
-        Options { gop: 15, up: Some(up), ..Options::default() },
-        Options { tolerance: 0.02, scale: 0.1, rgb: 4, alpha: 3, rot: 2, gop: 1, up: None },
+        WriteOptions { gop: 15, up: Some(up), ..WriteOptions::default() },
+        WriteOptions { tolerance: 0.02, scale: 0.1, rgb: 4, alpha: 3, rot: 2, gop: 1, up: None },
     ] {
         let (dir, _) = write(&scene, 40, &options);
         let path = dir.path().join("clip.splat4d");
@@ -314,7 +314,8 @@ fn written_clips_are_read_back() {
 
 #[test]
 fn rows_without_rotation_are_dropped_and_counted() {
-    let (dir, _) = write(&lively::scene(60, 9, 0), 9, &Options { gop: 4, ..Options::default() });
+    let (dir, _) =
+        write(&lively::scene(60, 9, 0), 9, &WriteOptions { gop: 4, ..WriteOptions::default() });
     let bytes = fs::read(dir.path().join("clip.splat4d")).unwrap();
     let whole = splat4d::read(bytes.clone(), Damage::Fail).unwrap().scene;
     // Zeroes the static rotations of all splats; splats that rotate have others in every frame.
@@ -364,7 +365,8 @@ fn rows_without_rotation_are_dropped_and_counted() {
 
 #[test]
 fn damaged_files_are_errors() {
-    let (dir, _) = write(&lively::scene(40, 12, 0), 12, &Options { gop: 5, ..Options::default() });
+    let (dir, _) =
+        write(&lively::scene(40, 12, 0), 12, &WriteOptions { gop: 5, ..WriteOptions::default() });
     let bytes = fs::read(dir.path().join("clip.splat4d")).unwrap();
     let fails = |bytes: &[u8], expected: &str| {
         let error = splat4d::read(bytes.to_vec(), Damage::Drop).unwrap_err().to_string();
@@ -425,7 +427,7 @@ fn small_files_do_not_decompress_to_large_scenes() {
 #[test]
 fn the_comparison_can_fail() {
     let scene = lively::scene(64, 5, 0);
-    let (dir, report) = write(&scene, 5, &Options::default());
+    let (dir, report) = write(&scene, 5, &WriteOptions::default());
     let (_, mut frames) = decode(&dir.path().join("clip.splat4d"));
     frames[3][7].pos[1] += 3.0 * report.position_bound;
     assert!(errors(&scene, &frames)[0] > report.position_bound, "a wrong value is detected");
@@ -435,8 +437,8 @@ fn the_comparison_can_fail() {
 fn static_values_are_stored_once() {
     let still = lively::scene(2000, 2, 0).at(0.0).unwrap();
     let scene = StaticScene::new(still).unwrap();
-    let (_one_dir, one) = write(&scene, 1, &Options::default());
-    let (dir, many) = write(&scene, 90, &Options::default());
+    let (_one_dir, one) = write(&scene, 1, &WriteOptions::default());
+    let (dir, many) = write(&scene, 90, &WriteOptions::default());
     assert!(many.bytes < one.bytes + 1000, "{} and {} bytes", one.bytes, many.bytes);
     assert_eq!(many.moving, 0, "nothing moves");
     let (_, frames) = decode(&dir.path().join("clip.splat4d"));
@@ -456,7 +458,8 @@ fn noise_within_the_bound_does_not_enlarge_the_file() {
         }
     }
     let scene = Trajectories::new(frames).unwrap();
-    let (_dir, report) = write(&scene, 30, &Options { tolerance: 1e-3, ..Options::default() });
+    let (_dir, report) =
+        write(&scene, 30, &WriteOptions { tolerance: 1e-3, ..WriteOptions::default() });
     assert!(report.bytes < 1000 * 30 * 2, "{} bytes", report.bytes);
 }
 
@@ -465,7 +468,7 @@ fn hostile_clips() {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("clip.splat4d");
     let scene = lively::scene(20, 3, 0);
-    let refuse = |clip: &Clip<'_>, options: &Options, expected: &str| {
+    let refuse = |clip: &Clip<'_>, options: &WriteOptions, expected: &str| {
         let error = splat4d::write(&path, clip, options, Existing::Refuse, &mut |_| ())
             .unwrap_err()
             .to_string();
@@ -473,25 +476,25 @@ fn hostile_clips() {
         assert_eq!(fs::read_dir(dir.path()).unwrap().count(), 0, "no output remains: {error}");
     };
     let clip = Clip { scene: &scene, times: &[0.0, 1.0], fps: 30.0 };
-    refuse(&Clip { times: &[], ..clip }, &Options::default(), "no frames");
+    refuse(&Clip { times: &[], ..clip }, &WriteOptions::default(), "no frames");
     for fps in [0.0, -1.0, f64::NAN, f64::INFINITY] {
-        refuse(&Clip { fps, ..clip }, &Options::default(), "frames per second");
+        refuse(&Clip { fps, ..clip }, &WriteOptions::default(), "frames per second");
     }
-    refuse(&Clip { times: &[0.0, 2.0], ..clip }, &Options::default(), "outside");
+    refuse(&Clip { times: &[0.0, 2.0], ..clip }, &WriteOptions::default(), "outside");
     for tolerance in [0.0, f64::NAN, -1.0, 2.0] {
-        refuse(&clip, &Options { tolerance, ..Options::default() }, "tolerance");
+        refuse(&clip, &WriteOptions { tolerance, ..WriteOptions::default() }, "tolerance");
     }
-    refuse(&clip, &Options { gop: 0, ..Options::default() }, "groups of 0");
+    refuse(&clip, &WriteOptions { gop: 0, ..WriteOptions::default() }, "groups of 0");
     let empty = StaticScene::new(Splats::default()).unwrap();
-    refuse(&Clip { scene: &empty, ..clip }, &Options::default(), "no splats");
+    refuse(&Clip { scene: &empty, ..clip }, &WriteOptions::default(), "no splats");
     let mut far = scene.at(0.0).unwrap();
     far.means[3][1] = 1e30;
     let far = StaticScene::new(far).unwrap();
-    refuse(&Clip { scene: &far, ..clip }, &Options::default(), "too large for a grid step");
+    refuse(&Clip { scene: &far, ..clip }, &WriteOptions::default(), "too large for a grid step");
     let mut broken = scene.at(0.0).unwrap();
     broken.means.fill([f32::NAN; 3]);
     let broken = StaticScene::new(broken).unwrap();
-    refuse(&Clip { scene: &broken, ..clip }, &Options::default(), "every splat");
+    refuse(&Clip { scene: &broken, ..clip }, &WriteOptions::default(), "every splat");
 }
 
 #[test]
@@ -500,7 +503,7 @@ fn damaged_rows_are_dropped_and_counted() {
     frames[2].means[7][0] = f32::NAN;
     frames[1].quats[9] = [0.0; 4];
     let scene = Trajectories::new(frames).unwrap();
-    let (dir, report) = write(&scene, 4, &Options::default());
+    let (dir, report) = write(&scene, 4, &WriteOptions::default());
     assert_eq!(report.num_splats, 48, "two rows less");
     assert!(report.losses.to_string().contains("2 of 50 splats are omitted"), "{}", report.losses);
     let (header, _) = decode(&dir.path().join("clip.splat4d"));
@@ -512,7 +515,7 @@ fn the_bytes_do_not_depend_on_threads() {
     let scene = lively::scene(500, 10, 0);
     let bytes = |threads: usize| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-        let (dir, _) = pool.install(|| write(&scene, 10, &Options::default()));
+        let (dir, _) = pool.install(|| write(&scene, 10, &WriteOptions::default()));
         fs::read(dir.path().join("clip.splat4d")).unwrap()
     };
     assert_eq!(bytes(1), bytes(4), "one and four threads");

@@ -10,7 +10,7 @@ mod lively;
 use gs_core::{Camera, DynamicScene, Splats, TimeRange, quat, sh};
 use gs_deform::{Polynomial, PolynomialScene, StaticScene, Trajectories};
 use gs_io::repair::Damage;
-use gs_io::splatv::{self, Options, PASSES, SplatvError};
+use gs_io::splatv::{self, PASSES, SplatvError, WriteOptions};
 use gs_io::{Clip, Existing};
 use half::f16;
 use proptest::prelude::*;
@@ -21,9 +21,9 @@ fn camera() -> Camera {
     Camera::look_at([0.0, 0.0, -8.0], [0.0; 3], [0.0, -1.0, 0.0], 0.9, 640, 480)
 }
 
-fn options() -> Options {
+fn options() -> WriteOptions {
     let up = [0.0, 1.0, 0.0];
-    Options { tolerance: splatv::DEFAULT_TOLERANCE, force: false, camera: camera(), up }
+    WriteOptions { tolerance: splatv::DEFAULT_TOLERANCE, force: false, camera: camera(), up }
 }
 
 /// A splat of the file at time `t`: centre, unit rotation, size, colour and opacity in 0 … 1.
@@ -80,7 +80,7 @@ fn write(
     path: &Path,
     scene: &dyn DynamicScene,
     frames: usize,
-    options: &Options,
+    options: &WriteOptions,
 ) -> splatv::WriteReport {
     let times = TimeRange::UNIT.frames(frames);
     let clip = Clip { scene, times: &times, fps: 30.0 };
@@ -207,7 +207,7 @@ fn motion_that_cubics_do_not_fit_is_refused() {
         .to_string();
     assert!(error.contains("pixels") && error.contains("shorter"), "{error}");
     assert_eq!(fs::read_dir(dir.path()).unwrap().count(), 0, "no output remains");
-    let forced = write(&path, &scene, 30, &Options { force: true, ..options() });
+    let forced = write(&path, &scene, 30, &WriteOptions { force: true, ..options() });
     assert!(forced.distance.max > 0.5, "said nevertheless: {:?}", forced.distance);
     let short = Clip { times: &times[..3], ..clip };
     splatv::write(&path, &short, &options(), Existing::Replace, &mut |_| ()).unwrap();
@@ -219,7 +219,7 @@ fn hostile_clips() {
     let path = dir.path().join("x.splatv");
     let scene = gentle(20, 3);
     let clip = Clip { scene: &scene, times: &[0.0, 1.0], fps: 30.0 };
-    let refuse = |clip: &Clip<'_>, options: &Options, expected: &str| {
+    let refuse = |clip: &Clip<'_>, options: &WriteOptions, expected: &str| {
         let error = splatv::write(&path, clip, options, Existing::Refuse, &mut |_| ())
             .unwrap_err()
             .to_string();
@@ -228,7 +228,7 @@ fn hostile_clips() {
     };
     refuse(&Clip { times: &[], ..clip }, &options(), "no frames");
     refuse(&Clip { fps: 0.0, ..clip }, &options(), "frames per second");
-    refuse(&clip, &Options { tolerance: f64::NAN, ..options() }, "tolerance");
+    refuse(&clip, &WriteOptions { tolerance: f64::NAN, ..options() }, "tolerance");
     let empty = StaticScene::new(Splats::default()).unwrap();
     refuse(&Clip { scene: &empty, ..clip }, &options(), "no splats");
     let mut frames = scene.frames().to_vec();

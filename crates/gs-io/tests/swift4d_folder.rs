@@ -9,7 +9,7 @@ mod common;
 use gs_core::DynamicScene;
 use gs_deform::IndexRule;
 use gs_io::model_folder::Swift4dOverrides;
-use gs_io::model_folder::{Model, Origin, Overrides, Split, Stage};
+use gs_io::model_folder::{DynamicSplitCounts, Model, Origin, Overrides, Stage};
 use gs_io::swift4d;
 use gs_io::{SceneKind, detect, pth};
 use std::fs;
@@ -155,7 +155,7 @@ fn complete_folder_and_its_report() {
     let report = &model.report;
     assert_eq!((report.iteration, report.stage), (13_000, Stage::Fine), "iteration");
     assert_eq!((report.width, report.channels, report.levels), (16, 2, 2), "shape");
-    let split = Split { num_dynamic: 2, num_moving: 1 };
+    let split = DynamicSplitCounts { num_dynamic: 2, num_moving: 1 };
     assert_eq!(report.split, Some(split), "7 is static; x = 0.5 lies outside the box");
     assert_eq!(flag(&model, "activation"), ("none".to_owned(), Origin::CfgArgs), "activation");
     assert_eq!(flag(&model, "index_rule").1, Origin::Inferred, "both agree");

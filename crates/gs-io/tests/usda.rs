@@ -8,7 +8,7 @@ mod lively;
 
 use gs_core::{DynamicScene, Splats, TimeRange, quat};
 use gs_deform::{StaticScene, Trajectories};
-use gs_io::usda::{self, Options};
+use gs_io::usda::{self, WriteOptions};
 use gs_io::{Clip, Existing};
 use std::collections::BTreeMap;
 use std::fs;
@@ -77,7 +77,7 @@ fn write(
     path: &Path,
     scene: &dyn DynamicScene,
     frames: usize,
-    options: &Options,
+    options: &WriteOptions,
 ) -> (Layer, usda::WriteReport) {
     let times = TimeRange::UNIT.frames(frames);
     let clip = Clip { scene, times: &times, fps: 25.0 };
@@ -99,7 +99,7 @@ fn flat<const C: usize>(rows: &[[f32; C]]) -> Vec<f32> {
 fn every_value_round_trips() {
     let dir = tempfile::tempdir().unwrap();
     let scene = lively::scene(40, 6, 2);
-    let options = Options { up: [0.0, -1.0, 0.0], ..Options::default() };
+    let options = WriteOptions { up: [0.0, -1.0, 0.0], ..WriteOptions::default() };
     let path = dir.path().join("scene.usda");
     let (layer, report) = write(&path, &scene, 6, &options);
     assert_eq!(report.sampled.len(), 5, "everything changes: {:?}", report.sampled);
@@ -150,7 +150,7 @@ fn only_changing_attributes_have_samples() {
     let mut frames = vec![lively::scene(30, 2, 1).at(0.0).unwrap(); 4];
     frames[3].means[5][1] += 0.5;
     let scene = Trajectories::new(frames.clone()).unwrap();
-    let options = Options { sh_degree: Some(0), ..Options::default() };
+    let options = WriteOptions { sh_degree: Some(0), ..WriteOptions::default() };
     let (layer, report) = write(&dir.path().join("one.usda"), &scene, 4, &options);
     assert_eq!(report.sampled, ["positions"], "one attribute moves");
     assert_eq!(layer["positions"].len(), 4, "four samples");
@@ -161,7 +161,8 @@ fn only_changing_attributes_have_samples() {
     assert!(report.losses.to_string().contains("SH degree 1 becomes 0"), "{}", report.losses);
 
     let still = StaticScene::new(frames.remove(0)).unwrap();
-    let (layer, report) = write(&dir.path().join("still.usda"), &still, 1, &Options::default());
+    let (layer, report) =
+        write(&dir.path().join("still.usda"), &still, 1, &WriteOptions::default());
     assert!(report.sampled.is_empty() && layer["extent"].contains_key(&None), "one frame");
 }
 
@@ -171,25 +172,25 @@ fn hostile_clips() {
     let path = dir.path().join("x.usda");
     let scene = lively::scene(20, 3, 0);
     let clip = Clip { scene: &scene, times: &[0.0, 1.0], fps: 30.0 };
-    let refuse = |clip: &Clip<'_>, options: &Options, expected: &str| {
+    let refuse = |clip: &Clip<'_>, options: &WriteOptions, expected: &str| {
         let error = usda::write(&path, clip, options, Existing::Refuse, &mut |_, _| ())
             .unwrap_err()
             .to_string();
         assert!(error.contains(expected) && error.contains("x.usda"), "{error}");
         assert_eq!(fs::read_dir(dir.path()).unwrap().count(), 0, "no output remains: {error}");
     };
-    refuse(&Clip { times: &[], ..clip }, &Options::default(), "no frames");
-    refuse(&Clip { fps: f64::NAN, ..clip }, &Options::default(), "frames per second");
-    refuse(&clip, &Options { up: [0.0; 3], ..Options::default() }, "upward");
-    refuse(&clip, &Options { size_limit: 1000, ..Options::default() }, "GB");
+    refuse(&Clip { times: &[], ..clip }, &WriteOptions::default(), "no frames");
+    refuse(&Clip { fps: f64::NAN, ..clip }, &WriteOptions::default(), "frames per second");
+    refuse(&clip, &WriteOptions { up: [0.0; 3], ..WriteOptions::default() }, "upward");
+    refuse(&clip, &WriteOptions { size_limit: 1000, ..WriteOptions::default() }, "GB");
     let empty = StaticScene::new(Splats::default()).unwrap();
-    refuse(&Clip { scene: &empty, ..clip }, &Options::default(), "no splats");
+    refuse(&Clip { scene: &empty, ..clip }, &WriteOptions::default(), "no splats");
 
     let mut damaged = scene.frames().to_vec();
     damaged[1].means[4][0] = f32::NAN;
     damaged[1].log_scales[5] = [500.0; 3];
     let damaged = Trajectories::new(damaged).unwrap();
-    let (layer, report) = write(&path, &damaged, 3, &Options::default());
+    let (layer, report) = write(&path, &damaged, 3, &WriteOptions::default());
     assert_eq!(report.num_splats, 19, "one row less");
     assert!(report.losses.to_string().contains("1 of 20"), "{}", report.losses);
     let all = layer.values().flat_map(BTreeMap::values).flatten();

@@ -1,11 +1,11 @@
 //! Backward pass: upload of upstream gradients, tiles, projection, download of gradients.
 
 use crate::buffers::{GrowBuffer, write};
+use crate::channel_passes::{Channels, render_frame, to_u32};
 use crate::commands::{Commands, read_with};
 use crate::forward::{at_least, check, sh_chunks};
 use crate::kernels::Kernel;
 use crate::layout::{Frame, GROUP_SIZE};
-use crate::plan::{Channels, render_frame, to_u32};
 use crate::prepared::{Forward, GpuPrepared};
 use crate::{GpuContext, GpuError};
 use gs_core::{RasterError, RenderGrads, RenderParams, Splats, UpstreamGrads};

@@ -1,10 +1,10 @@
 //! Forward pass: shade, composite, read back.
 
 use crate::buffers::GrowBuffer;
+use crate::channel_passes::{Channels, render_frame, row_chunks, to_u32};
 use crate::commands::{Commands, read_with};
 use crate::kernels::Kernel;
 use crate::layout::{Frame, GROUP_SIZE};
-use crate::plan::{Channels, render_frame, row_chunks, to_u32};
 use crate::prepared::{Forward, GpuPrepared};
 use crate::{GpuContext, GpuError};
 use gs_core::{RasterError, RenderOutput, RenderParams, Splats};

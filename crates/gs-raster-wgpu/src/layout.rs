@@ -1,8 +1,6 @@
 //! Structs shared with the device, declared once together with the
 //! table that a test compares with the shaders.
 
-use gs_core::image_formation;
-
 /// Name, offset and size of a field, bytes.
 pub type Field = (&'static str, usize, usize);
 
@@ -186,7 +184,8 @@ pub enum Constant {
     Float(f32),
 }
 
-/// Every constant that exists in Rust and in WGSL, under the same name.
+/// Every constant that exists in Rust and in WGSL, under the same name, besides those of the image
+/// formation ([`gs_core::image_formation::CONSTANTS`]).
 pub const CONSTANTS: &[(&str, Constant)] = &[
     ("GROUP_SIZE", Constant::Uint(GROUP_SIZE)),
     ("TILE_LANES", Constant::Uint(TILE_LANES)),
@@ -194,12 +193,4 @@ pub const CONSTANTS: &[(&str, Constant)] = &[
     ("SCAN_BLOCK", Constant::Uint(SCAN_BLOCK)),
     ("SORT_BLOCK", Constant::Uint(SORT_BLOCK)),
     ("RADIX", Constant::Uint(RADIX)),
-    ("TILE_SIZE", Constant::Uint(image_formation::TILE_SIZE)),
-    ("EPS2D", Constant::Float(image_formation::EPS2D)),
-    ("EXTENT_SIGMAS", Constant::Float(image_formation::EXTENT_SIGMAS)),
-    ("MIN_DISCRIMINANT", Constant::Float(image_formation::MIN_DISCRIMINANT)),
-    ("MAX_ALPHA", Constant::Float(image_formation::MAX_ALPHA)),
-    ("ALPHA_THRESHOLD", Constant::Float(image_formation::ALPHA_THRESHOLD)),
-    ("TRANSMITTANCE_THRESHOLD", Constant::Float(image_formation::TRANSMITTANCE_THRESHOLD)),
-    ("MIN_QUAT_NORM", Constant::Float(image_formation::MIN_QUAT_NORM)),
 ];

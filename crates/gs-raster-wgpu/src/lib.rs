@@ -18,8 +18,8 @@
 /// growing buffers, and commands submitted together.
 pub mod device {
     pub use crate::buffers::{GrowBuffer, write};
+    pub use crate::channel_passes::row_chunks;
     pub use crate::commands::{CommandMemory, Commands, Stamps, read};
-    pub use crate::plan::row_chunks;
     pub use crate::primitives::download;
 }
 pub mod kernels;
@@ -29,11 +29,11 @@ pub mod shaders;
 mod adapter;
 mod backward;
 mod buffers;
+mod channel_passes;
 mod commands;
 mod context;
 mod error;
 mod forward;
-mod plan;
 mod prepared;
 mod primitives;
 mod renderer;

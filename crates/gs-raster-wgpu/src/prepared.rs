@@ -1,10 +1,10 @@
 //! [`GpuPrepared`]: geometry projected for one camera, and the device memory of every stage.
 
 use crate::buffers::GrowBuffer;
+use crate::channel_passes::{Channels, camera_frame, to_u32};
 use crate::commands::{CommandMemory, Commands, PassTiming};
 use crate::kernels::Kernel;
 use crate::layout::{Frame, GROUP_SIZE};
-use crate::plan::{Channels, camera_frame, to_u32};
 use crate::scan::ScanMemory;
 use crate::sort::{SortJob, SortMemory};
 use crate::{GpuContext, GpuError};

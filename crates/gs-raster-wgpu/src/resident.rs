@@ -3,9 +3,9 @@
 use crate::WgpuRasterizer;
 use crate::backward::{self, Scope};
 use crate::buffers::GrowBuffer;
+use crate::channel_passes::Channels;
 use crate::commands::Commands;
 use crate::forward;
-use crate::plan::Channels;
 use crate::prepared::{Forward, GpuPrepared};
 use gs_core::{RasterError, RenderParams};
 

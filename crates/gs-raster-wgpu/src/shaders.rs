@@ -44,7 +44,7 @@ sources! {
     /// Project, cull, bound.
     PROJECT = ["shared/dispatch.wgsl", "shared/frame.wgsl", "shared/activation.wgsl", "shared/projection.wgsl", "project.wgsl"];
     /// Gather visible splats.
-    COMPACT = ["shared/dispatch.wgsl", "shared/frame.wgsl", "compact.wgsl"];
+    COMPACT = ["shared/dispatch.wgsl", "shared/frame.wgsl", "compact_visible.wgsl"];
     /// Prefix sum.
     SCAN = ["shared/dispatch.wgsl", "scan.wgsl"];
     /// Histogram of a digit.

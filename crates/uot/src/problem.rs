@@ -230,16 +230,6 @@ impl<'a> UotProblem<'a> {
         Ok(self)
     }
 
-    /// Number of candidate pairs of [`UotProblem::from_csr`], n·m for an explicit matrix; `None`
-    /// for a structured cost.
-    pub fn num_pairs(&self) -> Option<usize> {
-        match &self.cost {
-            Cost::Dense { values, .. } => Some(values.len()),
-            Cost::Sparse(cost) => Some(cost.values.len()),
-            Cost::Near { .. } => None,
-        }
-    }
-
     /// `ln a` and `ln b` in original order.
     pub(crate) fn log_marginals(&self) -> (Vec<f64>, Vec<f64>) {
         if let Some((a, b)) = &self.marginals {

@@ -17,6 +17,8 @@ pub(crate) type Lane = [f64; LANES];
 ///
 /// Takes `FnMut`: calling a closure by value goes through a shim of its own that is not inlined,
 /// which would leave the body outside the dispatched function.
+///
+/// `dispatch` in `amg/src/simd.rs` is its twin.
 pub(crate) fn dispatch<R>(body: impl FnMut() -> R) -> R {
     struct Body<F>(F);
     impl<R, F: FnMut() -> R> pulp::WithSimd for Body<F> {

@@ -3,6 +3,9 @@
 //! A balanced k-d tree whose leaves have exactly [`LANES`] points (the last one may have fewer),
 //! stored as one array per axis. Splits compare coordinates only, so the order does not depend on
 //! the order of the input; points with identical coordinates are interchangeable.
+//!
+//! It is not `anchors::KdTree`: sums over the near field need whole leaves of lanes, a box per node
+//! and nodes as ranges of leaves, and this crate depends on no other of the workspace.
 
 use crate::simd::{LANES, Lane};
 use std::cmp::Ordering;

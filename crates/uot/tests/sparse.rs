@@ -129,8 +129,8 @@ proptest! {
         assert_close("entries", &x.plan_entries(&sparse).unwrap(), &x.plan(&sparse).unwrap(), 0.0, 1e-14);
         assert_close("objective", &[x.objective], &[y.objective], 1e-9, 1e-9);
         prop_assert_eq!(&x.correspondence(&sparse).unwrap().rows, &y.correspondence(&dense).unwrap().rows);
-        let (p, q) = (x.row_posterior(&sparse).unwrap(), y.row_posterior(&dense).unwrap());
-        assert_close("row posterior", &p.shares, &q.shares, 1e-9, 0.0);
+        let (p, q) = (x.col_posterior(&sparse).unwrap(), y.col_posterior(&dense).unwrap());
+        assert_close("column posterior", &p.shares, &q.shares, 1e-9, 0.0);
     }
 
     #[test]
@@ -203,7 +203,7 @@ proptest! {
         // posteriors
         let by_col = out.col_posterior(&problem).unwrap();
         for j in 0..m {
-            let (ids, shares) = by_col.line(j);
+            let (ids, shares) = by_col.column(j);
             let sum = shares.iter().sum::<f64>() + by_col.unmatched[j];
             prop_assert!((sum - 1.0).abs() < 1e-12, "column {j} sums to {sum}");
             prop_assert!(ids.windows(2).all(|pair| pair[0] < pair[1]), "ascending rows");
@@ -211,11 +211,6 @@ proptest! {
                 let none = out.unmatched_col_mass[j] / b[j];
                 prop_assert!((by_col.unmatched[j] - none).abs() < 1e-9, "unmatched mass belongs to none");
             }
-        }
-        let by_row = out.row_posterior(&problem).unwrap();
-        for i in 0..n {
-            let sum = by_row.line(i).1.iter().sum::<f64>() + by_row.unmatched[i];
-            prop_assert!((sum - 1.0).abs() < 1e-12, "row {i} sums to {sum}");
         }
         // swapping the sides transposes the plan
         let other = pairs.transposed();
@@ -265,7 +260,7 @@ fn mixture_with_an_outlier_class() {
         let total = own.iter().sum::<f64>() + likelihood(1.2);
         assert_close(
             "shares",
-            posterior.line(j).1,
+            posterior.column(j).1,
             &own.iter().map(|x| x / total).collect::<Vec<_>>(),
             1e-8,
             0.0,
@@ -308,7 +303,7 @@ fn lines_without_candidates_carry_nothing() {
     let top = out.top_rows(&problem(), 2).unwrap();
     assert_eq!((top[1].row, top[1].share), (NO_ROW, 0.0), "column 0 has one candidate");
     let by_col = out.col_posterior(&problem()).unwrap();
-    assert!(by_col.unmatched[2] == 1.0 && by_col.line(2).0.is_empty(), "{by_col:?}");
+    assert!(by_col.unmatched[2] == 1.0 && by_col.column(2).0.is_empty(), "{by_col:?}");
     for (a, b, text) in [(HELD, 1.0, "row 1"), (1.0, HELD, "column 2")] {
         let error = solve(&problem(), &weights(0.1, a, b)).unwrap_err();
         assert!(error.to_string().contains(text), "{error}");
@@ -388,6 +383,5 @@ fn bad_input_is_an_error() {
     let near = UotProblem::welsch(&points, &points, &WelschParams::default()).unwrap();
     let out = solve(&near, &SinkhornParams::default()).unwrap();
     check(out.col_posterior(&near).unwrap_err(), "top_rows");
-    check(out.row_posterior(&near).unwrap_err(), "top_rows");
     check(out.plan_entries(&near).unwrap_err(), "plan_column");
 }

@@ -55,11 +55,17 @@ fn is_path(text: &str) -> bool {
     source && text.contains('/') && !placeholder && !text.contains("::")
 }
 
-/// Whether `crate/path/file.rs::test` names a function.
+/// Whether `crate/path/file.rs::test` names a test: a function with the attribute `#[test]`.
 fn exists(root: &Path, name: &str) -> bool {
     let Some((file, test)) = name.split_once("::") else { return false };
     let text = fs::read_to_string(root.join("crates").join(file)).unwrap_or_default();
-    text.contains(&format!("fn {test}("))
+    let lines: Vec<&str> = text.lines().map(str::trim_start).collect();
+    let declaration = format!("fn {test}(");
+    let is_test = |at: usize| {
+        let above = lines[..at].iter().rev();
+        above.take_while(|line| !["", "}"].contains(line)).any(|line| *line == "#[test]")
+    };
+    (0..lines.len()).any(|at| lines[at].starts_with(&declaration) && is_test(at))
 }
 
 #[cfg(test)]
@@ -68,15 +74,19 @@ mod tests {
     use crate::workspace::workspace;
 
     const GOOD: &str = "## Promises\n\n| promise | tests |\n|---|---|\n\
-        | noise | `test-support/src/noise.rs::noise_pair` |\n";
+        | threads | `uot/tests/properties.rs::any_number_of_threads_gives_the_same_bits` |\n";
 
     #[test]
     fn missing_tests_files_and_tables_are_found() {
         let root = workspace();
         let count = |text: &str| check(&root, text).len();
         assert_eq!(count(GOOD), 0, "a promise with its test");
-        assert_eq!(count(&GOOD.replace("noise_pair", "no_such_test")), 1, "no such test");
-        assert_eq!(count(&GOOD.replace("src/noise.rs", "src/none.rs")), 1, "no such file");
+        let renamed = GOOD.replace("any_number", "no_number");
+        assert_eq!(count(&renamed), 1, "no such test");
+        let helper = "`test-support/src/noise.rs::noise_pair`";
+        let helped = format!("{GOOD}| noise | {helper} |\n");
+        assert_eq!(count(&helped), 1, "a function that is not a test");
+        assert_eq!(count(&GOOD.replace("properties.rs", "none.rs")), 1, "no such file");
         assert_eq!(count(&format!("{GOOD}| silence | – |\n")), 1, "a promise without a test");
         assert_eq!(count("# Architecture"), 1, "no table");
         assert_eq!(count(&format!("{GOOD}\nSee `gs-core/src/nothing.rs`.")), 1, "a missing file");

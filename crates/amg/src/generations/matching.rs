@@ -111,7 +111,7 @@ pub(super) fn matches(old: &[Point], new: &[Point]) -> Result<Vec<Match>, AmgErr
     let posterior = output.col_posterior(&problem)?;
     Ok((0..new.len())
         .map(|column| {
-            let (ids, shares) = posterior.line(column);
+            let (ids, shares) = posterior.column(column);
             let of = ids.iter().copied().zip(shares.iter().copied()).collect();
             Match { of, unmatched: posterior.unmatched[column] }
         })

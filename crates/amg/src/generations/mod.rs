@@ -23,7 +23,7 @@ use rest::{at_rest, point_of};
 
 /// The ancestors of a splat among the splats visible in the edit frame.
 #[derive(Debug, Clone, Default, PartialEq)]
-pub(crate) struct Descent {
+pub(crate) struct Ancestry {
     /// Source ids with shares that sum to 1; empty if the splat has no visible ancestor.
     pub(crate) of: Vec<(u32, f32)>,
     /// Confidence of the match, 0 to 1.
@@ -39,7 +39,7 @@ pub(crate) struct Generations {
     /// Thin axis of each splat at its rest place, `[N]`; its length is the flatness.
     axes: Vec<[f64; 3]>,
     /// Ancestors, `[N]`; empty for splats that are visible in the edit frame.
-    pub(crate) descent: Vec<Descent>,
+    pub(crate) ancestries: Vec<Ancestry>,
 }
 
 impl Generations {
@@ -53,10 +53,10 @@ impl Generations {
         polish::polish(&lives, &mut rest);
         let points = points_at_rest(source, &lives, &rest)?;
         progress(0.9);
-        let descent = descent(&lives, &rest, &points)?;
+        let ancestries = ancestries(&lives, &rest, &points)?;
         let axes = points.iter().map(|point| point.map_or([0.0; 3], |point| point.axis)).collect();
         progress(1.0);
-        Ok(Self { lives, rest, axes, descent })
+        Ok(Self { lives, rest, axes, ancestries })
     }
 
     /// Whether splat `i` is visible in the edit frame.
@@ -97,34 +97,34 @@ fn points_at_rest(
 }
 
 /// Transport between rest places: from the splats visible in the edit frame to all others.
-fn descent(
+fn ancestries(
     lives: &Lives,
     rest: &[Option<Rest>],
     points: &[Option<Point>],
-) -> Result<Vec<Descent>, AmgError> {
+) -> Result<Vec<Ancestry>, AmgError> {
     let pick = |ids: &[usize]| -> Vec<Point> { ids.iter().filter_map(|&i| points[i]).collect() };
     let (shown, others): (Vec<usize>, Vec<usize>) = (0..rest.len())
         .filter(|&i| points[i].is_some())
         .partition(|&i| lives.is_visible(lives.edit, i));
     let found = matches(&pick(&shown), &pick(&others))?;
-    let mut descent = vec![Descent::default(); rest.len()];
-    let lines: Vec<Descent> = others
+    let mut ancestries = vec![Ancestry::default(); rest.len()];
+    let lines: Vec<Ancestry> = others
         .par_iter()
         .zip(&found)
         .map(|(&i, found)| {
             let matched = 1.0 - found.unmatched;
-            let Some(rest) = rest[i].filter(|_| matched > 0.5) else { return Descent::default() };
+            let Some(rest) = rest[i].filter(|_| matched > 0.5) else { return Ancestry::default() };
             let total: f64 = found.of.iter().map(|entry| entry.1).sum();
             let kept = found.of.iter().filter(|entry| entry.1 > 1e-3 * total);
             let of = kept.map(|&(at, share)| {
                 (crate::row_index::index(shown[at as usize]), gs_core::Real::as_f32(share / total))
             });
             let confidence = gs_core::Real::as_f32(matched * rest.confidence);
-            Descent { of: of.collect(), confidence }
+            Ancestry { of: of.collect(), confidence }
         })
         .collect();
     for (&i, line) in others.iter().zip(lines) {
-        descent[i] = line;
+        ancestries[i] = line;
     }
-    Ok(descent)
+    Ok(ancestries)
 }

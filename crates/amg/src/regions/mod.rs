@@ -176,7 +176,7 @@ impl Source {
         let shape = (params.region_size * work.split.figure_size, params.strain);
         let regions = Regions::of(work.keys, ids, &work.split.dynamic, pose, shape);
         report.num_floaters = regions.num_outliers;
-        report.num_parts = regions.len();
+        report.num_regions = regions.len();
         if regions.len() == 0 {
             return None;
         }

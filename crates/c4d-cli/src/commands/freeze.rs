@@ -1,6 +1,5 @@
 //! `c4d freeze`: the frame to edit, as a PLY for any 3D editor, with cameras.
 
-use super::source_match::INVISIBLE;
 use crate::args::{FreezeArgs, Global};
 use crate::camera_rig::{CameraRig, DEFAULT_SIZE};
 use crate::console::Console;
@@ -10,6 +9,7 @@ use crate::output::{check_sh_degree, existing, output_failure, refuse_overlap};
 use crate::renderer::Renderer;
 use crate::scene::Opened;
 use crate::{cameras, frames, images, memory, placement, scene};
+use gs_core::image_formation::ALPHA_THRESHOLD;
 use gs_core::{Camera, Splats};
 use gs_deform::StaticScene;
 use gs_io::ply::comments;
@@ -173,7 +173,8 @@ fn background_comment([r, g, b]: [f32; 3]) -> String {
 
 /// Reports the number of invisible splats, and omits them on request.
 fn visible(splats: Splats, args: &FreezeArgs, console: &Console) -> Outcome<Splats> {
-    let seen: Vec<usize> = (0..splats.len()).filter(|&i| splats.opacity(i) >= INVISIBLE).collect();
+    let seen: Vec<usize> =
+        (0..splats.len()).filter(|&i| splats.opacity(i) >= ALPHA_THRESHOLD).collect();
     let hidden = splats.len() - seen.len();
     if hidden == 0 {
         return Ok(splats);

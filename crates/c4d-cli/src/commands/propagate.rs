@@ -1,8 +1,8 @@
 //! `c4d propagate`: propagate an edited frame to all times.
 
 mod edited_frame;
+mod messages;
 mod run_files;
-mod words;
 
 pub(crate) use run_files::Recorded;
 
@@ -107,8 +107,8 @@ pub(crate) fn propagate(
     .map_err(|error| Failure::bad_input(format!("{}: {}", args.edited.display(), chain(&error))))?;
     drop(stages);
     let seconds = motion.elapsed().as_secs_f64();
-    words::report(&propagation.report, args.motion, seconds, console);
-    words::warn_if_still(args, &propagation, console);
+    messages::report(&propagation.report, args.motion, seconds, console);
+    messages::warn_if_still(args, &propagation, console);
     let (source, options, propagation) = (&source, &options, &propagation);
     let finished =
         Finished { args, recorded, global, source, options, follow, propagation, seconds };

@@ -2,10 +2,10 @@
 //! wrote.
 
 mod errors;
+mod messages;
 mod part;
+mod progress;
 mod task;
-mod watch;
-mod words;
 
 pub(crate) use errors::check;
 pub(crate) use task::RIG_SIZE;
@@ -34,9 +34,9 @@ use gs_io::FolderUpdate;
 use gs_raster_cpu::CpuRasterizer;
 #[cfg(feature = "gpu")]
 use gs_train_wgpu::DeviceDescent;
+use progress::ProgressObserver;
 use std::path::Path;
 use task::{FRAMES, Task, USUAL_MEMORY};
-use watch::Watch;
 
 pub(crate) fn run(args: &RefineArgs, global: &Global, console: &Console) -> Outcome {
     if global.overwrite && args.part.is_none() {
@@ -140,7 +140,7 @@ pub(crate) fn refine(run: &Path, begun: Checkpoint, global: &Global, console: &C
         update.remove(REFINE_IMAGES).map_err(|error| output_failure(&error))?;
         Checkpoint::write(&update, preset, &settings, flags, None)?;
     }
-    let mut watch = Watch {
+    let mut observer = ProgressObserver {
         update: &update,
         preset,
         settings: &settings,
@@ -156,17 +156,17 @@ pub(crate) fn refine(run: &Path, begun: Checkpoint, global: &Global, console: &C
     let result = match &task.device {
         Device::Cpu => {
             let backend = Backend { raster: &CpuRasterizer::default(), descent: None };
-            refine_edit(backend, scene, &before, edited, &views, options, resumed, &mut watch)
+            refine_edit(backend, scene, &before, edited, &views, options, resumed, &mut observer)
         }
         #[cfg(feature = "gpu")]
         Device::Gpu(raster) => {
             let mut engine =
                 DeviceDescent::new(raster.clone()).map_err(|error| device::failure(&error))?;
             let backend = Backend { raster, descent: Some(&mut engine) };
-            refine_edit(backend, scene, &before, edited, &views, options, resumed, &mut watch)
+            refine_edit(backend, scene, &before, edited, &views, options, resumed, &mut observer)
         }
     };
-    let failure = watch.finish();
+    let failure = observer.finish();
     let refined = result.map_err(|error| failed(run, failure, error))?;
     let Task { run: mut loaded, cameras, camera_source, times, options, device, .. } = task;
     let coeffs = refined.d_sh.len() / refined.rows.len().max(1);
@@ -175,9 +175,10 @@ pub(crate) fn refine(run: &Path, begun: Checkpoint, global: &Global, console: &C
         .chunks(coeffs.max(1))
         .filter(|d_sh| d_sh.iter().any(|d| *d != [0.0; 3]))
         .count();
-    console.note(words::summary(&refined.report, &options, changed));
+    console.note(messages::summary(&refined.report, &options, changed));
     if refined.report.samples.is_empty() {
-        let lacks_views = if changed + refined.faded.len() > 0 { "" } else { words::OTHER_VIEWS };
+        let lacks_views =
+            if changed + refined.faded.len() > 0 { "" } else { messages::OTHER_VIEWS };
         console.note(format!(
             "no edited splat changes colour with the viewing direction along its path (views: {}, times: {}, threshold: {:.0} of 255): no images are needed{lacks_views}",
             cameras.len(),
@@ -185,7 +186,7 @@ pub(crate) fn refine(run: &Path, begun: Checkpoint, global: &Global, console: &C
             -255.0 * (1.0 - options.min_uncertainty).ln()
         ));
     } else {
-        words::refinement(&refined.report, &cameras, console);
+        messages::refinement(&refined.report, &cameras, console);
     }
     if refined.report.samples.is_empty() && changed + refined.faded.len() == 0 {
         for name in [REFINE_STATE, REFINE_IMAGES] {
@@ -221,7 +222,7 @@ pub(crate) fn refine(run: &Path, begun: Checkpoint, global: &Global, console: &C
         occlusion: Some(OcclusionSettings::of(&options.warp_params)),
         evidence: Some(EvidenceSettings::of(options.evidence.as_ref())),
     });
-    let report = words::json(&refined.report, changed, &cameras);
+    let report = messages::json(&refined.report, changed, &cameras);
     let logits = &loaded.stored.edited.opacity_logits;
     let logit = |row: &u32| match refined.faded.binary_search(row) {
         Ok(_) => FADED_LOGIT,

@@ -8,6 +8,7 @@ use crate::frames;
 use crate::scene::Opened;
 use crate::settings::PropagateJob;
 use amg::{Identity, IdentityMap, IdentityParams};
+use gs_core::image_formation::ALPHA_THRESHOLD;
 use gs_core::{Precision, RowPrecision, Splats};
 use std::collections::HashSet;
 use std::sync::Arc;
@@ -37,8 +38,6 @@ const EXCHANGED: f64 = 0.2;
 const OTHER_TIMES: usize = 64;
 /// Side of the cells for the comparison with other times, as a share of the scene's size.
 const CELL: f64 = 0.005;
-/// Opacity below which renderers do not draw a splat: one step of 255.
-pub(crate) const INVISIBLE: f32 = 1.0 / 255.0;
 
 /// Refuses files that belong to another scene, time or frame of reference.
 /// Returns the edited splats in the scene's frame, with missing splats added if
@@ -337,8 +336,8 @@ fn complete(
         return Ok(edited);
     }
     let (hidden, shown): (Vec<u32>, Vec<u32>) =
-        map.vanished.iter().partition(|&&id| frame.opacity(id as usize) < INVISIBLE);
-    let num_hidden = (0..frame.len()).filter(|&id| frame.opacity(id) < INVISIBLE).count();
+        map.vanished.iter().partition(|&&id| frame.opacity(id as usize) < ALPHA_THRESHOLD);
+    let num_hidden = (0..frame.len()).filter(|&id| frame.opacity(id) < ALPHA_THRESHOLD).count();
     let num_shown = frame.len() - num_hidden;
     let selection_only = 2 * shown.len() > num_shown;
     let left_out = !hidden.is_empty() && hidden.len() == num_hidden && !selection_only;
@@ -364,7 +363,7 @@ fn complete(
     let removed = if added.is_empty() { hidden.len() } else { 0 };
     let unseen = |row: &&Identity| {
         let changed = matches!(row, Identity::Recoloured(_) | Identity::Moved { .. });
-        changed && row.source().is_some_and(|id| frame.opacity(id as usize) < INVISIBLE)
+        changed && row.source().is_some_and(|id| frame.opacity(id as usize) < ALPHA_THRESHOLD)
     };
     let changed = map.rows.iter().filter(unseen).count();
     if changed + removed > 0 {

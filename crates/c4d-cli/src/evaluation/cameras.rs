@@ -51,7 +51,7 @@ pub(crate) fn viewpoints(
     console: &Console,
 ) -> Outcome<Viewpoints> {
     let scene = opened.scene.as_ref();
-    let told = !flags.times.is_empty() || flags.frames.is_some();
+    let has_times = !flags.times.is_empty() || flags.frames.is_some();
     let Some(path) = flags.cameras else {
         if !flags.views.is_empty() || flags.split.is_some() {
             return Err(Failure::usage("--views and --split select cameras of a file or data set")
@@ -109,8 +109,11 @@ pub(crate) fn viewpoints(
         shots.iter().filter_map(|camera| camera.time).filter(|&t| range.contains(t)).collect();
     own.sort_unstable_by(f32::total_cmp);
     own.dedup();
-    let times =
-        if told || own.len() < 2 { frames::times(scene, flags.times, flags.frames)? } else { own };
+    let times = if has_times || own.len() < 2 {
+        frames::times(scene, flags.times, flags.frames)?
+    } else {
+        own
+    };
     let path = std::path::absolute(path).map_err(Failure::failed)?;
     Ok(Viewpoints { cameras: views, times, origin: "cameras".to_owned(), shots, path: Some(path) })
 }

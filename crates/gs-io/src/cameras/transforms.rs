@@ -195,8 +195,8 @@ impl Context {
             }
             self.sizes.of(&path).map(|(width, height)| (f64::from(width), f64::from(height)))
         };
-        let told = value(|o| o.w).zip(value(|o| o.h));
-        let (width, height) = told.or_else(image).unwrap_or_else(|| {
+        let declared = value(|o| o.w).zip(value(|o| o.h));
+        let (width, height) = declared.or_else(image).unwrap_or_else(|| {
             self.assumed_size += 1;
             (TRAINED_SIDE, TRAINED_SIDE)
         });

@@ -250,7 +250,8 @@ struct ChunkRange {
 
 impl ChunkRange {
     fn precision(&self, sh_degree: usize) -> RowPrecision {
-        let held = |degree| if degree <= sh_degree { MAX_SH / 128.0 } else { f32::INFINITY };
+        let sh_precision =
+            |degree| if degree <= sh_degree { MAX_SH / 128.0 } else { f32::INFINITY };
         let unlimited = [f32::NEG_INFINITY, f32::INFINITY];
         RowPrecision {
             means: self.mean.half_steps(BITS),
@@ -260,7 +261,7 @@ impl ChunkRange {
             opacity: SLACK * 0.5 / 255.0,
             sh_dc: self.color.half_steps([8; 3]).map(|step| step / C0),
             sh_dc_range: if self.clipped_color { [dc_of(0.0), dc_of(1.0)] } else { unlimited },
-            sh_rest: [1, 2, 3].map(held),
+            sh_rest: [1, 2, 3].map(sh_precision),
             sh_rest_range: [-MAX_SH, MAX_SH],
         }
     }

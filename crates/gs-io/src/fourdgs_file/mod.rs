@@ -12,4 +12,4 @@ mod segments;
 mod write;
 
 pub use read::open;
-pub use write::{DEFAULT_TOLERANCE, Options, WriteReport, evaluations, write};
+pub use write::{DEFAULT_TOLERANCE, WriteOptions, WriteReport, evaluations, write};

@@ -2,10 +2,9 @@
 //! opacity that is constant or a Gaussian of time: the rows of a `.4dgs` file.
 
 use crate::fade::{ALWAYS, Sums};
+use gs_core::image_formation::ALPHA_THRESHOLD;
 use gs_core::quat;
 
-/// Smallest opacity that is drawn.
-const VISIBLE: f32 = 1.0 / 255.0;
 /// A fade in fewer frames is not determined.
 const MIN_FADE_FRAMES: usize = 4;
 
@@ -61,7 +60,7 @@ fn split_range(
     out: &mut Vec<Segment>,
 ) {
     let visible: Vec<usize> =
-        (first..=last).filter(|&frame| samples[frame].opacity >= VISIBLE).collect();
+        (first..=last).filter(|&frame| samples[frame].opacity >= ALPHA_THRESHOLD).collect();
     if visible.is_empty() {
         return;
     }
@@ -78,7 +77,7 @@ fn split_range(
 
 /// A segment of one frame. It moves as between the neighbouring frames.
 fn single(samples: &[Sample], frame: usize) -> Segment {
-    let shown = |frame: &usize| samples.get(*frame).is_some_and(|s| s.opacity >= VISIBLE);
+    let shown = |frame: &usize| samples.get(*frame).is_some_and(|s| s.opacity >= ALPHA_THRESHOLD);
     let before = frame.checked_sub(1).filter(shown).unwrap_or(frame);
     let after = Some(frame + 1).filter(shown).unwrap_or(frame);
     let steps = (after - before).max(1) as f64;

@@ -12,7 +12,8 @@ use rayon::prelude::*;
 use std::io::Write;
 use std::path::Path;
 
-/// Default of [`Options::tolerance`]: a fifth of a pixel if the scene is a thousand pixels wide.
+/// Default of [`WriteOptions::tolerance`]: a fifth of a pixel if the scene is a thousand pixels
+/// wide.
 pub const DEFAULT_TOLERANCE: f64 = 2e-4;
 /// Tolerances of rotation (radians, half a degree), logarithm of size (1 %), and of opacity and
 /// colour (1.5 steps of 255): below what is visible.
@@ -28,7 +29,7 @@ const SH_MAX: f32 = 4.0;
 
 /// Options for writing.
 #[derive(Debug, Clone, Copy)]
-pub struct Options {
+pub struct WriteOptions {
     /// Largest distance between a splat and its piecewise linear motion at the clip's frames, as a
     /// share of the scene's size (diagonal of the box of the middle 98 % of the first and last
     /// frames). Default [`DEFAULT_TOLERANCE`].
@@ -37,7 +38,7 @@ pub struct Options {
     pub sh_degree: usize,
 }
 
-impl Default for Options {
+impl Default for WriteOptions {
     fn default() -> Self {
         Self { tolerance: DEFAULT_TOLERANCE, sh_degree: 3 }
     }
@@ -75,7 +76,7 @@ fn rows_in_memory(clip: &Clip<'_>) -> usize {
 pub fn write(
     path: &Path,
     clip: &Clip<'_>,
-    options: &Options,
+    options: &WriteOptions,
     existing: Existing,
     progress: &mut dyn FnMut(usize),
 ) -> Result<WriteReport, IoError> {
@@ -320,7 +321,7 @@ impl Rows {
         }
     }
 
-    fn losses(&self, clip: &Clip<'_>, options: &Options, dropped: usize) -> Losses {
+    fn losses(&self, clip: &Clip<'_>, options: &WriteOptions, dropped: usize) -> Losses {
         let mut losses = Losses::none();
         let (available, degree) = (clip.scene.sh_degree(), self.harmonics.degree);
         if degree < available {

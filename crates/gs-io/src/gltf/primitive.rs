@@ -163,7 +163,8 @@ fn attributes(
     let off = scales.half_step;
     let least = (0.5 * off).max(f32::MIN_POSITIVE);
     let nearest = (0.5 * opacities.half_step).max(MIN_OPACITY);
-    let held = |of: usize| if of <= degree { SLACK * sh_half_step[of] } else { f32::INFINITY };
+    let sh_precision =
+        |of: usize| if of <= degree { SLACK * sh_half_step[of] } else { f32::INFINITY };
     let row = |scale: &[f32; 3]| RowPrecision {
         means: [SLACK * means.half_step; 3],
         rotation_rad: SLACK * 4.0 * rotations.half_step,
@@ -174,7 +175,7 @@ fn attributes(
         log_scale_range: [least.ln(), f32::INFINITY],
         opacity: (SLACK * opacities.half_step).max(MIN_OPACITY),
         sh_dc: [SLACK * sh_half_step[0]; 3],
-        sh_rest: [1, 2, 3].map(held),
+        sh_rest: [1, 2, 3].map(sh_precision),
         ..RowPrecision::EXACT
     };
     let precision = scales.rows.iter().map(row).collect();

@@ -15,7 +15,7 @@ mod scene;
 pub use flags::{FlagReport, Origin};
 pub use iteration::Stage;
 pub use overrides::{Overrides, Swift4dOverrides};
-pub use report::{ModelReport, Split};
+pub use report::{DynamicSplitCounts, ModelReport};
 pub use scene::{Model, ModelScene};
 
 pub(crate) use canonical::{Canonical, never_moving, read_canonical};

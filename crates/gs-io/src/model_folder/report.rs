@@ -7,7 +7,7 @@ use std::path::PathBuf;
 
 /// The static and dynamic parts of a Swift4D model.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Split {
+pub struct DynamicSplitCounts {
     /// Splats declared dynamic.
     pub num_dynamic: usize,
     /// Number of these in the field's box; only they move.
@@ -44,7 +44,7 @@ pub struct ModelReport {
     /// Mask that multiplies the stored parameters.
     pub mask: &'static str,
     /// Splats that the model declares dynamic, if it does.
-    pub split: Option<Split>,
+    pub split: Option<DynamicSplitCounts>,
     /// Flags of the training run.
     pub flags: Vec<FlagReport>,
     /// Whether the background of the training images is white, if `cfg_args` states it (the

@@ -206,17 +206,17 @@ impl Cursor {
         room: &mut u64,
     ) -> Result<(), Splat4dError> {
         // The old group is freed before the new one is allocated.
-        let held = self.group.take().filter(|group| group.index == index);
-        let held = match held {
-            Some(held) => held,
+        let decoded = self.group.take().filter(|group| group.index == index);
+        let decoded = match decoded {
+            Some(decoded) => decoded,
             None => group(chunk, index, frames, changing, room)?,
         };
-        for (bins, key) in self.bins.iter_mut().zip(&held.keys) {
+        for (bins, key) in self.bins.iter_mut().zip(&decoded.keys) {
             bins.clear();
             key.each(0..key.len(), |_, symbol| bins.push(unzigzag(symbol)));
         }
         self.frame = 0;
-        self.group = Some(held);
+        self.group = Some(decoded);
         Ok(())
     }
 

@@ -1,6 +1,6 @@
 //! The JSON header, which contains the absolute offsets of all following parts.
 
-use super::Options;
+use super::WriteOptions;
 use super::survey::Order;
 use super::value::{Attribute, Steps};
 use crate::clip::Clip;
@@ -21,7 +21,7 @@ pub(super) struct Chunk {
 #[derive(Debug)]
 pub(super) struct Header<'a> {
     pub(super) clip: &'a Clip<'a>,
-    pub(super) options: &'a Options,
+    pub(super) options: &'a WriteOptions,
     pub(super) steps: &'a Steps,
     pub(super) order: &'a Order,
     /// Bounding box of the positions of all frames.

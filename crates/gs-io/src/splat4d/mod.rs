@@ -30,6 +30,6 @@ mod value;
 mod write;
 
 pub use error::Splat4dError;
-pub use options::{DEFAULT_TOLERANCE, Options};
-pub use read::{Read, Splat4dScene, open, read};
+pub use options::{DEFAULT_TOLERANCE, WriteOptions};
+pub use read::{OpenedClip, Splat4dScene, open, read};
 pub use write::{PASSES, WriteReport, write};

@@ -1,4 +1,4 @@
-//! [`Options`]: bounds of the errors of a `.splat4d` clip.
+//! [`WriteOptions`]: bounds of the errors of a `.splat4d` clip.
 
 use crate::error::IoError;
 use std::path::Path;
@@ -9,7 +9,7 @@ pub const DEFAULT_TOLERANCE: f64 = 2e-4;
 
 /// Largest errors of the decoded values, at every splat and frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Options {
+pub struct WriteOptions {
     /// Error of each coordinate, as a share of the scene's size: the diagonal
     /// of the box around the middle 98 % of the moving splats (of all splats,
     /// if none move). Default [`DEFAULT_TOLERANCE`].
@@ -29,7 +29,7 @@ pub struct Options {
     pub up: Option<[f64; 3]>,
 }
 
-impl Default for Options {
+impl Default for WriteOptions {
     fn default() -> Self {
         Self {
             tolerance: DEFAULT_TOLERANCE,
@@ -43,7 +43,7 @@ impl Default for Options {
     }
 }
 
-impl Options {
+impl WriteOptions {
     /// Verifies the ranges of the options.
     pub(super) fn check(&self, path: &Path) -> Result<(), IoError> {
         let share = |value: f64| value.is_finite() && value > 0.0 && value <= 1.0;

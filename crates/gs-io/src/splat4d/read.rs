@@ -95,7 +95,7 @@ pub struct Splat4dScene {
 
 /// A `.splat4d` scene and its properties.
 #[derive(Debug)]
-pub struct Read {
+pub struct OpenedClip {
     /// The scene, times 0 to 1.
     pub scene: Splat4dScene,
     /// Rows without rotation in some frame; if they have one in another frame,
@@ -113,7 +113,7 @@ pub struct Read {
 /// # Errors
 /// If the bytes are not a `.splat4d` of version 1, a part is missing or inconsistent with the
 /// header, or rows have no rotation and `damage` is [`Damage::Fail`].
-pub fn read(bytes: Vec<u8>, damage: Damage) -> Result<Read, Splat4dError> {
+pub fn read(bytes: Vec<u8>, damage: Damage) -> Result<OpenedClip, Splat4dError> {
     let header = header(&bytes)?;
     let n = header.n as usize;
     let grids = grids(&header.steps)?;
@@ -154,14 +154,14 @@ pub fn read(bytes: Vec<u8>, damage: Damage) -> Result<Read, Splat4dError> {
     }
     let length = |up: &[f64; 3]| up.iter().map(|c| c * c).sum::<f64>().sqrt();
     let up = header.c4d_up.filter(|up| (0.5..2.0).contains(&length(up)));
-    Ok(Read { scene, repair, fps: header.fps, up })
+    Ok(OpenedClip { scene, repair, fps: header.fps, up })
 }
 
 /// Reads a file.
 ///
 /// # Errors
 /// If it cannot be read, or as [`read`].
-pub fn open(path: &Path, damage: Damage) -> Result<Read, IoError> {
+pub fn open(path: &Path, damage: Damage) -> Result<OpenedClip, IoError> {
     read(read_bytes(path)?, damage)
         .map_err(|source| IoError::Splat4d { path: path.to_owned(), source })
 }

@@ -49,7 +49,7 @@ impl Survey {
         }
     }
 
-    /// The scene's size, world units: see [`super::Options::tolerance`].
+    /// The scene's size, world units: see [`super::WriteOptions::tolerance`].
     pub(super) fn size(&self, rows: &[usize]) -> f64 {
         /// Splats that move by less than this share of the whole scene's size count as static.
         const MOVING_SHARE: f64 = 0.002;
@@ -115,7 +115,12 @@ impl Survey {
     }
 
     /// Grid point within the bound of all values of the clip, by channel; `None` if there is none.
-    pub(super) fn held(&self, attribute: Attribute, row: usize, steps: &Steps) -> Option<[i32; 4]> {
+    pub(super) fn constant_bins(
+        &self,
+        attribute: Attribute,
+        row: usize,
+        steps: &Steps,
+    ) -> Option<[i32; 4]> {
         let range = &self.ranges[attribute as usize][row];
         let (step, bound) = (steps.fixed(attribute), steps.bound(attribute));
         let mut bins = [0; 4];
@@ -123,8 +128,8 @@ impl Survey {
             let (low, high) = (f64::from(range.min[k]), f64::from(range.max[k]));
             #[expect(clippy::cast_possible_truncation, reason = "as Steps::bin")]
             let bin = (0.5 * (low + high) / step).round() as i32;
-            let held = f64::from(bin) * step;
-            if (held - low).abs() > bound || (held - high).abs() > bound {
+            let value = f64::from(bin) * step;
+            if (value - low).abs() > bound || (value - high).abs() > bound {
                 return None;
             }
             bins[k] = bin;
@@ -142,7 +147,7 @@ impl Survey {
             .map(|&row| {
                 let changing = Attribute::ALL
                     .into_iter()
-                    .filter(|&attribute| self.held(attribute, row, steps).is_none())
+                    .filter(|&attribute| self.constant_bins(attribute, row, steps).is_none())
                     .fold(0, |mask, attribute| mask | 1 << attribute.id());
                 (changing, morton(self.first[row], bounds), row)
             })

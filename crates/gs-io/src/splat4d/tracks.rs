@@ -24,7 +24,7 @@ pub(super) fn static_section(
         let bins = |place: usize| {
             let row = order.rows[place];
             survey
-                .held(attribute, row, steps)
+                .constant_bins(attribute, row, steps)
                 .filter(|_| !order.changes(place, attribute))
                 .unwrap_or_else(|| {
                     values(attribute, first, hemispheres, row)
@@ -84,7 +84,7 @@ struct Track {
     attribute: Attribute,
     rows: Vec<usize>,
     /// Grid points as last written, by row.
-    held: Vec<[i32; 4]>,
+    last_bins: Vec<[i32; 4]>,
     key: Symbols,
     delta: Symbols,
 }
@@ -93,8 +93,8 @@ impl Tracks {
     pub(super) fn new(order: &Order, steps: Steps) -> Self {
         let track = |attribute| {
             let rows: Vec<usize> = order.dynamic_rows(attribute).collect();
-            let held = Vec::with_capacity(rows.len());
-            Track { attribute, rows, held, key: Symbols::default(), delta: Symbols::default() }
+            let last_bins = Vec::with_capacity(rows.len());
+            Track { attribute, rows, last_bins, key: Symbols::default(), delta: Symbols::default() }
         };
         let tracks =
             Attribute::ALL.into_iter().map(track).filter(|track| !track.rows.is_empty()).collect();
@@ -141,18 +141,18 @@ impl Track {
     fn push(&mut self, splats: &Splats, hemispheres: &Hemispheres, steps: &Steps, key: bool) {
         let (step, bound) = (steps.moving(self.attribute), steps.bound(self.attribute));
         let channels = self.attribute.channels();
-        let first = self.held.is_empty();
+        let first = self.last_bins.is_empty();
         for (i, &row) in self.rows.iter().enumerate() {
             let values = values(self.attribute, splats, hemispheres, row);
             let fresh = || values.map(|value| Steps::bin(value, step));
             if first {
-                self.held.push(fresh());
+                self.last_bins.push(fresh());
             }
-            let before = self.held[i];
+            let before = self.last_bins[i];
             let holds = (0..channels)
                 .all(|k| (f64::from(values[k]) - f64::from(before[k]) * step).abs() <= bound);
             let now = if holds { before } else { fresh() };
-            self.held[i] = now;
+            self.last_bins[i] = now;
             for k in 0..channels {
                 if key {
                     self.key.push(zigzag(now[k]));

@@ -1,6 +1,6 @@
 //! Attributes of a splat as numbers on grids.
 
-use super::Options;
+use super::WriteOptions;
 use crate::clip::Hemispheres;
 use gs_core::{Splats, sh};
 
@@ -67,7 +67,7 @@ pub(super) struct Steps {
 }
 
 impl Steps {
-    pub(super) fn new(options: &Options, position_bound: f64) -> Self {
+    pub(super) fn new(options: &WriteOptions, position_bound: f64) -> Self {
         let [rot, rgb, alpha] = [options.rot, options.rgb, options.alpha].map(f64::from);
         // A scene without extent has one position, so any step is valid.
         let pos = if position_bound > 0.0 { position_bound } else { f64::from(f32::MIN_POSITIVE) };
@@ -107,7 +107,7 @@ mod tests {
 
     #[test]
     fn grid_points_are_within_their_bound() {
-        let options = Options { rgb: 4, rot: 1, ..Options::default() };
+        let options = WriteOptions { rgb: 4, rot: 1, ..WriteOptions::default() };
         let steps = Steps::new(&options, 0.25);
         for attribute in Attribute::ALL {
             let (step, bound) = (steps.moving(attribute), steps.bound(attribute));

@@ -1,6 +1,6 @@
 //! Writing `.splat4d`.
 
-use super::Options;
+use super::WriteOptions;
 use super::header::{Chunk, Header};
 use super::survey::Survey;
 use super::tracks::{self, Tracks};
@@ -44,7 +44,7 @@ pub struct WriteReport {
 pub fn write(
     path: &Path,
     clip: &Clip<'_>,
-    options: &Options,
+    options: &WriteOptions,
     existing: Existing,
     progress: &mut dyn FnMut(usize),
 ) -> Result<WriteReport, IoError> {
@@ -105,7 +105,7 @@ pub fn write(
     })
 }
 
-fn losses(clip: &Clip<'_>, options: &Options, position_bound: f64, written: usize) -> Losses {
+fn losses(clip: &Clip<'_>, options: &WriteOptions, position_bound: f64, written: usize) -> Losses {
     let mut losses = Losses::none();
     let degree = clip.scene.sh_degree();
     if degree > 0 {

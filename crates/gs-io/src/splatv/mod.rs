@@ -20,5 +20,5 @@ mod row;
 mod write;
 
 pub use error::SplatvError;
-pub use read::{Read, open, read};
-pub use write::{DEFAULT_TOLERANCE, Options, PASSES, WriteReport, write};
+pub use read::{OpenedClip, open, read};
+pub use write::{DEFAULT_TOLERANCE, PASSES, WriteOptions, WriteReport, write};

@@ -23,7 +23,7 @@ struct Part {
 
 /// A `.splatv` scene and its properties.
 #[derive(Debug)]
-pub struct Read {
+pub struct OpenedClip {
     /// The scene, times 0 to 1.
     pub scene: PolynomialScene,
     /// Damaged rows.
@@ -39,7 +39,7 @@ pub struct Read {
 /// # Errors
 /// If the bytes are not a `.splatv` or contain no splats, or if rows are damaged and `damage` is
 /// [`Damage::Fail`].
-pub fn read(bytes: &[u8], damage: Damage) -> Result<Read, SplatvError> {
+pub fn read(bytes: &[u8], damage: Damage) -> Result<OpenedClip, SplatvError> {
     let rest = bytes.strip_prefix(&SPLATV).ok_or(SplatvError::Magic)?;
     let cut = || SplatvError::Header("it is truncated".to_owned());
     let (length, rest) = rest.split_first_chunk::<4>().ok_or_else(cut)?;
@@ -89,14 +89,14 @@ pub fn read(bytes: &[u8], damage: Damage) -> Result<Read, SplatvError> {
     }
     let scene = PolynomialScene::new(rest, motions)
         .map_err(|error| SplatvError::Header(error.to_string()))?;
-    Ok(Read { scene, repair, up })
+    Ok(OpenedClip { scene, repair, up })
 }
 
 /// Reads a file.
 ///
 /// # Errors
 /// If it cannot be read, or as [`read`].
-pub fn open(path: &Path, damage: Damage) -> Result<Read, IoError> {
+pub fn open(path: &Path, damage: Damage) -> Result<OpenedClip, IoError> {
     read(&read_bytes(path)?, damage)
         .map_err(|source| IoError::Splatv { path: path.to_owned(), source })
 }

@@ -20,7 +20,7 @@ use std::path::Path;
 /// counts up to this many times their number.
 pub const PASSES: usize = 2;
 
-/// Default of [`Options::tolerance`].
+/// Default of [`WriteOptions::tolerance`].
 pub const DEFAULT_TOLERANCE: f64 = 0.005;
 
 /// Splats per row of the texture.
@@ -28,7 +28,7 @@ const SPLATS_PER_ROW: usize = 1024;
 
 /// Options for writing.
 #[derive(Debug, Clone)]
-pub struct Options {
+pub struct WriteOptions {
     /// Largest position error exceeded by at most one splat in a hundred, as a share of the scene's
     /// size (diagonal of the box of the middle 98 % of the first and last frames); the clip is
     /// rejected above it. Default [`DEFAULT_TOLERANCE`].
@@ -78,7 +78,7 @@ pub struct WriteReport {
 pub fn write(
     path: &Path,
     clip: &Clip<'_>,
-    options: &Options,
+    options: &WriteOptions,
     existing: Existing,
     progress: &mut dyn FnMut(usize),
 ) -> Result<WriteReport, IoError> {
@@ -386,7 +386,7 @@ fn losses(clip: &Clip<'_>, misfit: &Measured, written: usize) -> Losses {
     losses
 }
 
-fn header(options: &Options, height: usize) -> serde_json::Value {
+fn header(options: &WriteOptions, height: usize) -> serde_json::Value {
     let camera = &options.camera;
     let v = &camera.viewmat;
     let rotation: [[f64; 3]; 3] = std::array::from_fn(|i| std::array::from_fn(|k| v[k][i]));

@@ -295,7 +295,7 @@ impl Layout {
     /// Precision of the rows with rotations `quats`.
     fn precision(&self, quats: &[[f32; 4]]) -> Precision {
         let degree = self.header.degree.min(MAX_DEGREE);
-        let held = |of: usize| {
+        let sh_precision = |of: usize| {
             let bits = self.sh_bits[usize::from(of > 1)].filter(|_| of <= degree);
             bits.map_or(f32::INFINITY, |bits| SLACK * (bucket(bits) / 2.0 + 0.5) / 128.0)
         };
@@ -308,7 +308,7 @@ impl Layout {
             opacity: SLACK * 0.5 / 255.0,
             sh_dc: [SLACK * 0.5 / 255.0 / COLOR_SCALE; 3],
             sh_dc_range: [-0.5 / COLOR_SCALE, 0.5 / COLOR_SCALE],
-            sh_rest: [1, 2, 3].map(held),
+            sh_rest: [1, 2, 3].map(sh_precision),
             // Symmetric, because a conversion of axes may change the sign.
             sh_rest_range: [-1.0, 1.0],
         };

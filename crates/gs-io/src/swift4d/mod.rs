@@ -15,8 +15,8 @@ mod settings;
 use crate::error::IoError;
 use crate::fs::read_bytes;
 use crate::model_folder::{
-    self, Canonical, FlagReport, Iteration, Model, ModelReport, ModelScene, Origin, Overrides,
-    Split, Stage,
+    self, Canonical, DynamicSplitCounts, FlagReport, Iteration, Model, ModelReport, ModelScene,
+    Origin, Overrides, Stage,
 };
 use crate::{ply, pth};
 use gs_core::Splats;
@@ -217,7 +217,7 @@ fn describe(
     report.heads = network::HEADS.to_vec();
     let num_dynamic = scene.dynamic().iter().filter(|dynamic| **dynamic).count();
     let num_moving = scene.moving_rows().len();
-    report.split = Some(Split { num_dynamic, num_moving });
+    report.split = Some(DynamicSplitCounts { num_dynamic, num_moving });
     if num_moving == 0 {
         report.warnings.push(format!(
             "this model is static: of {} Gaussians {num_dynamic} have a dynamic score above {}, \

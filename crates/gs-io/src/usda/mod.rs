@@ -6,4 +6,4 @@
 
 mod write;
 
-pub use write::{Options, SIZE_LIMIT, WriteReport, write};
+pub use write::{SIZE_LIMIT, WriteOptions, WriteReport, write};

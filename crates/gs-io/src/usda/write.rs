@@ -18,7 +18,7 @@ const BYTES_PER_NUMBER: u64 = 12;
 
 /// Options for writing.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Options {
+pub struct WriteOptions {
     /// The scene's upward direction, world frame. Default +y, which needs no transform.
     pub up: [f64; 3],
     /// SH degree of the file; that of the scene if `None`. Default `None`.
@@ -27,7 +27,7 @@ pub struct Options {
     pub size_limit: u64,
 }
 
-impl Default for Options {
+impl Default for WriteOptions {
     fn default() -> Self {
         Self { up: [0.0, 1.0, 0.0], sh_degree: None, size_limit: SIZE_LIMIT }
     }
@@ -97,7 +97,7 @@ impl Attribute {
 pub fn write(
     path: &Path,
     clip: &Clip<'_>,
-    options: &Options,
+    options: &WriteOptions,
     existing: Existing,
     progress: &mut dyn FnMut(usize, usize),
 ) -> Result<WriteReport, IoError> {

@@ -5,9 +5,9 @@ mod operations;
 mod picture;
 mod picture_files;
 mod pictures;
+mod progress;
 mod record;
 mod resources;
-mod watch;
 
 use crate::args::{EditArgs, Global};
 use crate::console::Console;

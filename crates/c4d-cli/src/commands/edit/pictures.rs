@@ -1,7 +1,7 @@
 //! `c4d edit --views`: fits the splats of a frame to edited pictures of it.
 
 use super::picture_files::{read_masks, read_pictures};
-use super::watch::{Watch, WorkFolder};
+use super::progress::{ProgressObserver, WorkFolder};
 use crate::args::{EditArgs, Global};
 use crate::console::Console;
 use crate::device::{self, Device};
@@ -50,7 +50,7 @@ pub(super) fn run(args: &EditArgs, folder: &Path, global: &Global, console: &Con
     }
     let device = Device::open(global.gpu)?;
     let (work, state) = WorkFolder::open(output, args.pictures.resume, global.overwrite)?;
-    let mut watch = Watch {
+    let mut observer = ProgressObserver {
         folder: &work,
         progress: console.progress("fit", options.steps as u64),
         failure: None,
@@ -59,12 +59,12 @@ pub(super) fn run(args: &EditArgs, folder: &Path, global: &Global, console: &Con
     let (start, state) = (&frame.splats, state.as_ref());
     let fitted = match &device {
         Device::Cpu => {
-            fit(&CpuRasterizer::default(), start, &pictures, &options, state, &mut watch)
+            fit(&CpuRasterizer::default(), start, &pictures, &options, state, &mut observer)
         }
         #[cfg(feature = "gpu")]
-        Device::Gpu(raster) => fit(raster, start, &pictures, &options, state, &mut watch),
+        Device::Gpu(raster) => fit(raster, start, &pictures, &options, state, &mut observer),
     };
-    let Watch { progress, failure, has_state, .. } = watch;
+    let ProgressObserver { progress, failure, has_state, .. } = observer;
     let took = progress.finish();
     let fitted = match (fitted, failure) {
         (_, Some(failure)) => return Err(failure),
@@ -254,7 +254,7 @@ fn say(output: &Path, fitted: &Fitted, console: &Console, secs: f64) {
         ));
         return;
     }
-    if report.geometry_held {
+    if report.geometry_frozen {
         console.note(
             "fewer than three pictures are edited: colours and opacities are fitted, positions are kept",
         );

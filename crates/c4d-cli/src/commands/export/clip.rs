@@ -54,7 +54,8 @@ fn write_splat4d(
     global: &Global,
     console: &Console,
 ) -> Outcome<Written> {
-    let mut options = splat4d::Options { up: Some(opened.up), ..splat4d::Options::default() };
+    let mut options =
+        splat4d::WriteOptions { up: Some(opened.up), ..splat4d::WriteOptions::default() };
     options.tolerance = args.tolerance.unwrap_or(options.tolerance);
     let mut progress = console.progress("export", (splat4d::PASSES * clip.times.len()) as u64);
     let mut step = |done: usize| progress.set(done as u64);
@@ -75,7 +76,7 @@ fn write_4dgs(
     global: &Global,
     console: &Console,
 ) -> Outcome<Written> {
-    let mut options = fourdgs_file::Options::default();
+    let mut options = fourdgs_file::WriteOptions::default();
     options.tolerance = args.tolerance.unwrap_or(options.tolerance);
     options.sh_degree = args.sh_degree.unwrap_or(options.sh_degree);
     let mut progress = console.progress("export", fourdgs_file::evaluations(clip) as u64);
@@ -94,7 +95,7 @@ fn write_usda(
     global: &Global,
     console: &Console,
 ) -> Outcome<Written> {
-    let options = usda::Options {
+    let options = usda::WriteOptions {
         up: opened.up,
         sh_degree: args.sh_degree,
         size_limit: if args.force { u64::MAX } else { usda::SIZE_LIMIT },
@@ -121,7 +122,7 @@ fn write_splatv(
 ) -> Outcome<Written> {
     let scene = opened.original.as_ref().unwrap_or(&opened.scene);
     let rig = CameraRig::of_scene(scene.as_ref(), opened.up).map_err(Failure::input)?;
-    let options = splatv::Options {
+    let options = splatv::WriteOptions {
         tolerance: args.tolerance.unwrap_or(splatv::DEFAULT_TOLERANCE),
         force: args.force,
         camera: rig.front(DEFAULT_SIZE),

@@ -1,6 +1,6 @@
 //! The files of a run folder, as `c4d propagate` writes them.
 
-use super::words;
+use super::messages;
 use crate::args::{FollowArg, Global, MotionArg};
 use crate::console::Console;
 use crate::failure::{Failure, Outcome};
@@ -47,7 +47,7 @@ impl Finished<'_> {
         let stored = Stored { edited, binding, refined: None };
         write(SCENE, &stored.serialize()?)?;
         write(CONFIG, toml::to_string(&config).map_err(Failure::failed)?.as_bytes())?;
-        let json = words::json(&propagation.report, seconds);
+        let json = messages::json(&propagation.report, seconds);
         write(REPORT, serde_json::to_string_pretty(&json).map_err(Failure::failed)?.as_bytes())?;
         let start = Instant::now();
         match run_report(&self.page(&config)) {
@@ -68,7 +68,7 @@ impl Finished<'_> {
             source: self.source.scene.as_ref(),
             up: self.source.up,
             background: self.source.background,
-            facts: words::facts(config, &self.propagation.report, self.seconds),
+            facts: messages::facts(config, &self.propagation.report, self.seconds),
             warnings: self.propagation.report.warnings.clone(),
         }
     }

@@ -133,8 +133,8 @@ fn of_files(
     if let Some((width, height)) = args.size {
         chosen = chosen.iter().map(|camera| camera.resized(width, height)).collect();
     }
-    let told = !args.times.is_empty() || args.frames.is_some();
-    match cameras::own_times(&chosen).filter(|_| !told) {
+    let has_times = !args.times.is_empty() || args.frames.is_some();
+    match cameras::own_times(&chosen).filter(|_| !has_times) {
         Some(own) => {
             let range = opened.scene.time_range();
             let count = own.len();

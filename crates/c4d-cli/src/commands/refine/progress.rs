@@ -1,4 +1,4 @@
-//! [`Watch`]: progress, checkpoints and previews of a running refinement.
+//! [`ProgressObserver`]: progress, checkpoints and previews of a running refinement.
 
 use crate::args::{PresetArg, RefineFlags};
 use crate::console::Console;
@@ -14,7 +14,7 @@ use gs_io::FolderUpdate;
 use std::path::Path;
 
 /// Shows progress, writes checkpoints and previews. The first write that fails ends the refinement.
-pub(super) struct Watch<'a> {
+pub(super) struct ProgressObserver<'a> {
     pub(super) update: &'a FolderUpdate,
     pub(super) preset: PresetArg,
     pub(super) settings: &'a RefineSettings,
@@ -27,7 +27,7 @@ pub(super) struct Watch<'a> {
     pub(super) failure: Option<Failure>,
 }
 
-impl Watch<'_> {
+impl ProgressObserver<'_> {
     /// Ends the progress display; returns the failure that ended the refinement, if any.
     pub(super) fn finish(self) -> Option<Failure> {
         if let Some((_, progress)) = self.progress {
@@ -43,7 +43,7 @@ impl Watch<'_> {
     }
 }
 
-impl Observer for Watch<'_> {
+impl Observer for ProgressObserver<'_> {
     fn progress(&mut self, now: &cuar::RefineProgress) {
         if self.progress.as_ref().is_none_or(|(stage, _)| *stage != now.stage)
             && let Some((_, finished)) = self

@@ -109,7 +109,7 @@ pub(super) fn json(report: &RefineReport, changed: usize, cameras: &[Camera]) ->
     let timings: serde_json::Map<String, Value> =
         report.timings.iter().map(|(part, secs)| ((*part).to_owned(), json!(secs))).collect();
     let stats = &report.supervision;
-    let doubts: serde_json::Map<String, Value> = cuar::Rejection::ALL
+    let rejection_counts: serde_json::Map<String, Value> = cuar::Rejection::ALL
         .into_iter()
         .zip(stats.rejections)
         .map(|(rejection, count)| (rejection.name().replace(' ', "_"), json!(count)))
@@ -139,7 +139,7 @@ pub(super) fn json(report: &RefineReport, changed: usize, cameras: &[Camera]) ->
             "masked": stats.masked,
             "known_by_surface": stats.surface,
             "known_by_splats": stats.splat_colors,
-            "unknown": doubts,
+            "unknown": rejection_counts,
         },
         "images_with_threshold_at_floor": report.num_floored,
         "images": at(&report.samples),

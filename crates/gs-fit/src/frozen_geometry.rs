@@ -11,18 +11,19 @@ use crate::subset::Subset;
 use crate::votes::LEAST_SEEN;
 use gs_core::{Rasterizer, RenderGrads, RenderOutput, Splats, UpstreamGrads, sh};
 
-/// Geometry is held where pictures and render differ by less than this (mean over a splat's pixels,
-/// colours 0 to 1): about the rounding of 8-bit pictures and the remainder of the least squares.
-/// Colours on wrong geometry leave more. `docs/BENCHMARKS.md` has the thresholds that were tried.
+/// Geometry is frozen where pictures and render differ by less than this (mean over a splat's
+/// pixels, colours 0 to 1): about the rounding of 8-bit pictures and the remainder of the least
+/// squares. Colours on wrong geometry leave more. `docs/BENCHMARKS.md` has the thresholds that were
+/// tried.
 const EXPLAINED: f32 = 3.0 / 255.0;
-/// Held geometry is released where they later differ by more than this; twice [`EXPLAINED`], so
+/// Frozen geometry is released where they later differ by more than this; twice [`EXPLAINED`], so
 /// that noise does not release it.
 const RELEASED: f32 = 6.0 / 255.0;
 /// A pixel looks as before if no channel changed by this, 0 to 1: a little more than the 8/255 from
 /// which a pixel counts as edited. Half the value raises the end-point error by 7 to
 /// 11 %, twice changes it by +1 and −9 %.
 const AS_BEFORE: f32 = 10.0 / 255.0;
-/// Geometry is also held where more than this share of a splat's pixels looks as before: it lies
+/// Geometry is also frozen where more than this share of a splat's pixels looks as before: it lies
 /// beside the edit or in front of it, for example an arm in front of recoloured clothing. With
 /// 0.3 and 0.7 the end-point error changes by at most 12 %.
 const SAME_SHARE: f32 = 0.5;
@@ -45,10 +46,10 @@ impl Shown {
 }
 
 impl<R: Rasterizer + Sync> Run<'_, R> {
-    /// Solves colours with the geometry of the start, and holds the geometry of the splats where
+    /// Solves colours with the geometry of the start, and freezes the geometry of the splats where
     /// they explain the pictures; these get their colours. The others keep the colours of the
     /// start: solved colours would paint deleted objects in the colour of their background.
-    pub(crate) fn hold_explained(&mut self) -> Result<(), FitError> {
+    pub(crate) fn freeze_explained(&mut self) -> Result<(), FitError> {
         let changes = self.color_changes()?;
         let solved = with_changes(&self.working.splats, &changes);
         let shown = self.shown(&solved)?;
@@ -57,7 +58,7 @@ impl<R: Rasterizer + Sync> Run<'_, R> {
         for (i, shown) in shown.into_iter().enumerate() {
             let is_free = working.selected[i] && !working.fading[i];
             let is_explained = !self.options.geometry || shown.left < EXPLAINED;
-            working.held[i] = is_free && (is_explained || shown.is_same());
+            working.frozen[i] = is_free && (is_explained || shown.is_same());
             if is_free && is_explained {
                 working.splats.sh[i * coeffs] = solved.sh[i * coeffs];
             }
@@ -65,14 +66,14 @@ impl<R: Rasterizer + Sync> Run<'_, R> {
         Ok(())
     }
 
-    /// Releases held splats where pictures and render differ.
+    /// Releases frozen splats where pictures and render differ.
     pub(crate) fn release(&mut self) -> Result<(), FitError> {
-        if !self.options.geometry || !self.working.held.contains(&true) {
+        if !self.options.geometry || !self.working.frozen.contains(&true) {
             return Ok(());
         }
         let shown = self.shown(&self.working.splats)?;
-        for (held, shown) in self.working.held.iter_mut().zip(shown) {
-            *held &= shown.left < RELEASED || shown.is_same();
+        for (frozen, shown) in self.working.frozen.iter_mut().zip(shown) {
+            *frozen &= shown.left < RELEASED || shown.is_same();
         }
         Ok(())
     }

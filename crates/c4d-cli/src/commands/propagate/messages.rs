@@ -57,19 +57,23 @@ pub(super) fn report(report: &MotionReport, motion: MotionArg, seconds: f64, con
         report.num_dynamic,
         report.static_rows
     ));
-    if let Some(descent) = &report.descent {
+    if let Some(inheritance) = &report.inheritance {
         console.note(format!(
             "the edited frame shows {} of {} splats that are ever visible; {} of the others are matched to these",
-            descent.shown, descent.visible, descent.descended
+            inheritance.shown, inheritance.visible, inheritance.with_ancestors
         ));
         console.note(format!(
             "inherited: {} recoloured, {} removed, {} moved; confidence {:.2}, {} below 0.5",
-            descent.recoloured, descent.removed, descent.moved, descent.confidence, descent.unsure
+            inheritance.recoloured,
+            inheritance.removed,
+            inheritance.moved,
+            inheritance.confidence,
+            inheritance.unsure
         ));
-        if descent.copied > 0 {
+        if inheritance.copied > 0 {
             console.note(format!(
                 "{} copies of short-lived splats last over the whole clip",
-                descent.copied
+                inheritance.copied
             ));
         }
     }
@@ -127,7 +131,7 @@ pub(super) fn json(report: &MotionReport, seconds: f64) -> Value {
             "broken": report.num_broken_sources,
             "dynamic_threshold": report.dynamic_threshold,
             "figure_size": report.figure_size,
-            "parts": report.num_parts,
+            "parts": report.num_regions,
         },
         "edited": {
             "splats": report.num_edited_splats,
@@ -147,17 +151,17 @@ pub(super) fn json(report: &MotionReport, seconds: f64) -> Value {
             "out_of_reach": report.out_of_reach,
             "broken": report.broken_rows,
         },
-        "descent": report.descent.as_ref().map(|descent| json!({
-            "visible": descent.visible,
-            "shown": descent.shown,
-            "descended": descent.descended,
-            "recoloured": descent.recoloured,
-            "removed": descent.removed,
-            "moved": descent.moved,
-            "copied": descent.copied,
-            "confidence": descent.confidence,
-            "unsure": descent.unsure,
-            "lasting": descent.lasting,
+        "descent": report.inheritance.as_ref().map(|inheritance| json!({
+            "visible": inheritance.visible,
+            "shown": inheritance.shown,
+            "descended": inheritance.with_ancestors,
+            "recoloured": inheritance.recoloured,
+            "removed": inheritance.removed,
+            "moved": inheritance.moved,
+            "copied": inheritance.copied,
+            "confidence": inheritance.confidence,
+            "unsure": inheritance.unsure,
+            "lasting": inheritance.lasting,
         })),
         "anchors": { "source": report.anchors[0], "edited": report.anchors[1], "unmatched": report.unmatched_anchors },
         "transport": report.transport.as_ref().map(|transport| json!({

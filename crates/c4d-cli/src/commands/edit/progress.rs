@@ -1,4 +1,4 @@
-//! [`Watch`]: progress, checkpoints and previews of a running fit.
+//! [`ProgressObserver`]: progress, checkpoints and previews of a running fit.
 
 use super::checkpoint;
 use crate::failure::{Failure, Outcome};
@@ -79,7 +79,7 @@ impl WorkFolder {
 }
 
 /// Shows progress, writes checkpoints and previews. The first write that fails ends the fit.
-pub(super) struct Watch<'a> {
+pub(super) struct ProgressObserver<'a> {
     pub(super) folder: &'a WorkFolder,
     pub(super) progress: StageProgress,
     pub(super) failure: Option<Failure>,
@@ -87,7 +87,7 @@ pub(super) struct Watch<'a> {
     pub(super) has_state: bool,
 }
 
-impl Watch<'_> {
+impl ProgressObserver<'_> {
     fn note_failure(&mut self, outcome: Outcome) {
         if let Err(failure) = outcome {
             self.failure.get_or_insert(failure);
@@ -95,7 +95,7 @@ impl Watch<'_> {
     }
 }
 
-impl FitObserver for Watch<'_> {
+impl FitObserver for ProgressObserver<'_> {
     fn progress(&mut self, now: &FitProgress) {
         self.progress.set(now.done as u64);
         if let Some(loss) = now.loss {

@@ -98,3 +98,25 @@ proptest! {
         }
     }
 }
+
+/// One unit in the last place of any value is noticed.
+#[test]
+fn the_comparison_of_bits_can_fail() {
+    let frame = source().frames[0].clone();
+    let changes: [fn(&mut Splats); 5] = [
+        |splats| splats.means[3][1] = splats.means[3][1].next_up(),
+        |splats| splats.log_scales[3][2] = splats.log_scales[3][2].next_down(),
+        |splats| splats.quats[3][0] = splats.quats[3][0].next_up(),
+        |splats| splats.opacity_logits[3] = splats.opacity_logits[3].next_up(),
+        |splats| splats.sh[3][0] = splats.sh[3][0].next_down(),
+    ];
+    for (i, change) in changes.into_iter().enumerate() {
+        let mut other = frame.clone();
+        change(&mut other);
+        let is_same = [
+            geometry(&other, 3) == geometry(&frame, 3),
+            appearance(&other, 3) == appearance(&frame, 3),
+        ];
+        assert_eq!(is_same, [i > 2, i < 3], "change {i}");
+    }
+}

@@ -104,12 +104,6 @@ pub(crate) fn bin<F: Real>(
 ) {
     let grid = macro_grid(view.tiles);
     let num_macros = grid[0] * grid[1];
-    let is_used = |[x, y]: [usize; 2]| {
-        let [x, y] = [x * MACRO * TILE, y * MACRO * TILE];
-        tiles.is_none_or(|tiles| tiles.overlaps([x, y, x + MACRO * TILE, y + MACRO * TILE]))
-    };
-    let is_used: Vec<bool> =
-        (0..num_macros).map(|id| is_used([id % grid[0], id / grid[0]])).collect();
     blocks.resize_with(splats.len().div_ceil(BLOCK), Block::default);
     blocks.par_iter_mut().zip(splats.par_chunks(BLOCK)).enumerate().for_each(
         |(number, (block, run))| {
@@ -121,9 +115,7 @@ pub(crate) fn bin<F: Real>(
                     let Some([x0, y0, x1, y1]) = macro_rect(splat) else { continue };
                     for y in y0..y1 {
                         for x in x0..x1 {
-                            if is_used[y * grid[0] + x] {
-                                action(y * grid[0] + x, (first_rank + i) as u32);
-                            }
+                            action(y * grid[0] + x, (first_rank + i) as u32);
                         }
                     }
                 }

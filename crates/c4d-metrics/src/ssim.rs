@@ -218,9 +218,13 @@ impl<F: Real> Ssim<F> {
                     window_row(taps, x, y, &rows, c, &mut work, &mut means);
                     let means = means.each_ref().map(Vec::as_slice);
                     match (term, out) {
-                        (Term::ContrastStructure, _) => contrast_structure(means, map),
-                        (Term::Whole, None) => similarity(means, map),
-                        (Term::Whole, Some(out)) => derive_similarity(means, map, out),
+                        (Term::ContrastStructure, _) => {
+                            fill_row(means, map, |[_, a2, _, b2]| a2 / b2);
+                        }
+                        (Term::Whole, None) => {
+                            fill_row(means, map, |[a1, a2, b1, b2]| a1 * a2 / (b1 * b2));
+                        }
+                        (Term::Whole, Some(out)) => derive_row(means, map, out),
                     }
                 },
             );
@@ -269,38 +273,28 @@ fn terms<F: Real>([ux, uy, xx, yy, xy]: [F; 5]) -> [F; 4] {
     [a1, a2, b1, b2]
 }
 
-/// Moments of value `k` of a row.
+/// [`terms`] of value `k` of a row.
 #[inline(always)]
 #[expect(clippy::inline_always, reason = "must be compiled for the dispatched vector unit")]
 fn terms_at<F: Real>(means: [&[F]; 5], k: usize) -> [F; 4] {
-    let [ux, uy, xx, yy, xy] = means;
-    terms([ux[k], uy[k], xx[k], yy[k], xy[k]])
+    terms(means.map(|plane| plane[k]))
 }
 
+/// A row of the map, each entry from its [`terms`].
 #[inline(always)]
 #[expect(clippy::inline_always, reason = "must be compiled for the dispatched vector unit")]
-fn contrast_structure<F: Real>(means: [&[F]; 5], map: &mut [F]) {
+fn fill_row<F: Real>(means: [&[F]; 5], map: &mut [F], entry: impl Fn([F; 4]) -> F) {
+    // Slices of the same length, so that the loop vectorises.
     let means = means.map(|plane| &plane[..map.len()]);
     for (k, map) in map.iter_mut().enumerate() {
-        let [_, a2, _, b2] = terms_at(means, k);
-        *map = a2 / b2;
+        *map = entry(terms_at(means, k));
     }
 }
 
+/// A row of the map, and of the planes of derivatives (in the order of [`Ssim::planes`]).
 #[inline(always)]
 #[expect(clippy::inline_always, reason = "must be compiled for the dispatched vector unit")]
-fn similarity<F: Real>(means: [&[F]; 5], map: &mut [F]) {
-    let means = means.map(|plane| &plane[..map.len()]);
-    for (k, map) in map.iter_mut().enumerate() {
-        let [a1, a2, b1, b2] = terms_at(means, k);
-        *map = a1 * a2 / (b1 * b2);
-    }
-}
-
-/// A row of the map, and of the planes of derivatives.
-#[inline(always)]
-#[expect(clippy::inline_always, reason = "must be compiled for the dispatched vector unit")]
-fn derive_similarity<F: Real>(means: [&[F]; 5], map: &mut [F], out: [&mut [F]; 4]) {
+fn derive_row<F: Real>(means: [&[F]; 5], map: &mut [F], out: [&mut [F]; 4]) {
     let (len, two) = (map.len(), F::of(2.0));
     // Slices of the same length, so that the loop vectorises.
     let means = means.map(|plane| &plane[..len]);
@@ -319,15 +313,16 @@ fn derive_similarity<F: Real>(means: [&[F]; 5], map: &mut [F], out: [&mut [F]; 4
     }
 }
 
-/// Runs `body` compiled for the best instruction set of this machine. It must be an `FnOnce` that is
-/// inlined; inferred as `Fn`, it would be compiled for the baseline.
+/// Runs `body` compiled for the best instruction set of this machine. It must be an `FnOnce` that
+/// is inlined; inferred as `Fn`, it would be compiled for the baseline.
 #[inline(always)]
 #[expect(clippy::inline_always, reason = "must be compiled for the dispatched vector unit")]
 fn wide<R>(body: impl FnOnce() -> R) -> R {
     pulp::Arch::new().dispatch(body)
 }
 
-/// Values that are summed at once, in registers.
+/// Values of a row that are summed at once: their five sums fit into the registers of AVX2 (ten of
+/// sixteen) and AVX-512 (five of 32).
 const BLOCK: usize = 16;
 
 /// `Σ_t taps[t] · padded[k + t·c]` for `N` consecutive `k`.

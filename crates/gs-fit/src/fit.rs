@@ -20,7 +20,8 @@ use rayon::prelude::*;
 use std::time::Instant;
 
 /// Densification: the number of steps between two densifications is the fit's length divided by
-/// this; and the share of the fit after which they end.
+/// this, and the share of the fit after which they end. Every 100 steps of 1000 instead of every
+/// 125: the same quality (`docs/BENCHMARKS.md`).
 const DENSIFY_TIMES: usize = 8;
 const DENSIFY_UNTIL: f64 = 0.7;
 /// Registration of the pictures: first step, steps between two registrations, and share of the fit

@@ -27,7 +27,8 @@ pub fn open_file(path: &Path) -> io::Result<File> {
 /// Memory needed besides that of a large file, bytes: stacks and small allocations of all threads.
 const MARGIN: usize = 32 << 20;
 
-/// Fails if there is no room for `needed` bytes, decoded from a file of `length` bytes, and a margin.
+/// Fails if there is no room for `needed` bytes, decoded from a file of `length` bytes, and a
+/// margin.
 ///
 /// # Errors
 /// [`io::ErrorKind::OutOfMemory`] if there is not.

@@ -9,9 +9,10 @@ use std::fs::File;
 use std::io::{self, Read, Seek, SeekFrom};
 use std::path::Path;
 
-/// Smaller files are read as a whole.
+/// Smaller files are read as a whole: they take milliseconds, and any reader can describe their
+/// errors. Bytes.
 const LEAST: u64 = 4 << 20;
-/// Bytes that contain the header of a usual file.
+/// The header must end within this many bytes; that of a usual file takes two kilobytes.
 const START: u64 = 64 << 10;
 /// Bytes read at once.
 const BLOCK: usize = 8 << 20;

@@ -2,6 +2,7 @@
 
 use crate::error::IoError;
 use gs_core::{DynamicScene, Splats, quat};
+use rayon::prelude::*;
 use std::path::Path;
 
 /// A scene and the times of its frames.
@@ -87,9 +88,9 @@ impl ValidRows {
     }
 
     pub(crate) fn see(&mut self, splats: &Splats) {
-        for (row, sound) in self.0.iter_mut().enumerate() {
+        self.0.par_iter_mut().enumerate().for_each(|(row, sound)| {
             *sound = *sound && splats.is_finite(row);
-        }
+        });
     }
 
     /// The usable rows in order.
@@ -118,9 +119,9 @@ impl Hemispheres {
     /// Advances to the next frame.
     pub(crate) fn follow(&mut self, splats: &Splats) {
         self.0.resize(splats.len(), quat::IDENTITY);
-        for (held, &raw) in self.0.iter_mut().zip(&splats.quats) {
+        self.0.par_iter_mut().zip(&splats.quats).for_each(|(held, &raw)| {
             *held = quat::align(quat::normalize(raw), *held);
-        }
+        });
     }
 
     pub(crate) fn get(&self, row: usize) -> [f32; 4] {

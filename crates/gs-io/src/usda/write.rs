@@ -7,7 +7,8 @@ use crate::losses::Losses;
 use gs_core::{Splats, sh};
 use rayon::prelude::*;
 use std::fmt::Write as _;
-use std::io::Write;
+use std::fs::File;
+use std::io::{BufReader, BufWriter, Seek as _, Write};
 use std::path::Path;
 
 /// Default limit of the text's size, bytes; few tools open larger files.
@@ -15,6 +16,9 @@ pub const SIZE_LIMIT: u64 = 1_000_000_000;
 
 /// Average number of bytes per number with punctuation.
 const BYTES_PER_NUMBER: u64 = 12;
+
+/// Buffer of temporary files, bytes.
+const BUFFER: usize = 1 << 20;
 
 /// Options for writing.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -87,9 +91,10 @@ impl Attribute {
     }
 }
 
-/// Writes the clip. The scene is evaluated once per frame, and once more per frame for each
-/// changing attribute (or once, if it is constant); `progress` is called with the number of
-/// finished evaluations and their total. Only one frame and its text are in memory.
+/// Writes the clip. The scene is evaluated twice per frame; `progress` is called with the number of
+/// finished evaluations and their total. One frame and its text are in memory. USD groups time
+/// samples by attribute: the text of each changing attribute is first written to an unnamed
+/// temporary file in the folder of `path`.
 ///
 /// # Errors
 /// If there are no frames, splats or frames per second, the up direction has no length, the text
@@ -111,7 +116,7 @@ pub fn write(
     let mut survey = Survey::new(clip.scene.num_splats());
     clip.each_frame(path, |index, splats| {
         survey.see(splats);
-        progress(index + 1, 6 * frames);
+        progress(index + 1, 2 * frames);
         Ok(())
     })?;
     let rows = survey.sound.rows(path)?;
@@ -133,38 +138,47 @@ pub fn write(
     }
 
     let failed = IoError::write;
+    let mut samples = Vec::new();
+    for attribute in Attribute::ALL.into_iter().filter(|&a| sampled(a)) {
+        samples.push((attribute, temporary_file(path).map_err(failed(path))?));
+    }
+    let mut hemispheres = Hemispheres::default();
+    if samples.is_empty() {
+        // The evaluations that are not needed count as done.
+        (frames..2 * frames).for_each(|done| progress(done + 1, 2 * frames));
+    } else {
+        clip.each_frame(path, |index, splats| {
+            hemispheres.follow(splats);
+            for (attribute, file) in &mut samples {
+                write!(file, "            {index}: ").map_err(failed(path))?;
+                write_array(file, *attribute, splats, &hemispheres, &rows, degree)
+                    .map_err(failed(path))?;
+                file.write_all(b",\n").map_err(failed(path))?;
+            }
+            progress(frames + index + 1, 2 * frames);
+            Ok(())
+        })?;
+    }
+
     file.write_all(head(clip, &turn, degree).as_bytes()).map_err(failed(path))?;
     let mut text = String::new();
     survey.write_extents(clip, &mut text);
     file.write_all(text.as_bytes()).map_err(failed(path))?;
-    let passes: usize =
-        Attribute::ALL.into_iter().map(|a| if sampled(a) { frames } else { 1 }).sum();
-    let mut done = frames;
+    let mut hemispheres = Hemispheres::default();
+    hemispheres.follow(&survey.first);
+    let mut samples = samples.into_iter();
     for attribute in Attribute::ALL {
         let (kind, name) = (attribute.kind(), attribute.name());
-        let shown = if sampled(attribute) { clip.times } else { &clip.times[..1] };
-        let open = if sampled(attribute) {
-            format!("        {kind} {name}.timeSamples = {{\n")
-        } else {
-            format!("        {kind} {name} = ")
-        };
-        file.write_all(open.as_bytes()).map_err(failed(path))?;
-        let mut hemispheres = Hemispheres::default();
-        Clip { times: shown, ..*clip }.each_frame(path, |index, splats| {
-            if sampled(attribute) {
-                write!(file, "            {index}: ").map_err(failed(path))?;
-            }
-            hemispheres.follow(splats);
-            write_array(&mut file, attribute, splats, &hemispheres, &rows, degree)
-                .map_err(failed(path))?;
-            file.write_all(if sampled(attribute) { b",\n" } else { b"\n" })
-                .map_err(failed(path))?;
-            done += 1;
-            progress(done, frames + passes);
-            Ok(())
-        })?;
         if sampled(attribute) {
+            let (_, samples) = samples.next().expect("one file per changing attribute");
+            writeln!(file, "        {kind} {name}.timeSamples = {{").map_err(failed(path))?;
+            append(&mut file, samples).map_err(failed(path))?;
             file.write_all(b"        }\n").map_err(failed(path))?;
+        } else {
+            write!(file, "        {kind} {name} = ").map_err(failed(path))?;
+            write_array(&mut file, attribute, &survey.first, &hemispheres, &rows, degree)
+                .map_err(failed(path))?;
+            file.write_all(b"\n").map_err(failed(path))?;
         }
     }
     file.write_all(b"    }\n}\n").map_err(failed(path))?;
@@ -174,6 +188,21 @@ pub fn write(
         sampled: Attribute::ALL.into_iter().filter(|&a| sampled(a)).map(Attribute::name).collect(),
         losses: losses(clip, degree, rows.len()),
     })
+}
+
+/// An unnamed file in the folder of `path`.
+fn temporary_file(path: &Path) -> std::io::Result<BufWriter<File>> {
+    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty());
+    let file = tempfile::tempfile_in(folder.unwrap_or(Path::new(".")))?;
+    Ok(BufWriter::with_capacity(BUFFER, file))
+}
+
+/// Copies all that was written to `from`.
+fn append(to: &mut impl Write, from: BufWriter<File>) -> std::io::Result<()> {
+    let mut from = from.into_inner().map_err(std::io::IntoInnerError::into_error)?;
+    from.rewind()?;
+    std::io::copy(&mut BufReader::with_capacity(BUFFER, from), to)?;
+    Ok(())
 }
 
 fn losses(clip: &Clip<'_>, degree: usize, written: usize) -> Losses {
@@ -279,25 +308,40 @@ impl Survey {
             self.first.clone_from(splats);
         } else {
             let first = &self.first;
-            let changed = [
-                first.means != splats.means,
-                first.quats != splats.quats,
-                first.log_scales != splats.log_scales,
-                first.opacity_logits != splats.opacity_logits,
-                first.sh != splats.sh,
+            let pairs = [
+                (first.means.as_flattened(), splats.means.as_flattened()),
+                (first.quats.as_flattened(), splats.quats.as_flattened()),
+                (first.log_scales.as_flattened(), splats.log_scales.as_flattened()),
+                (first.opacity_logits.as_slice(), splats.opacity_logits.as_slice()),
+                (first.sh.as_flattened(), splats.sh.as_flattened()),
             ];
-            for (changes, changed) in self.changes.iter_mut().zip(changed) {
-                *changes |= changed;
+            for (changes, (first, now)) in self.changes.iter_mut().zip(pairs) {
+                *changes = *changes || differ(first, now);
             }
         }
-        let mut extent = [[f32::INFINITY; 3], [f32::NEG_INFINITY; 3]];
-        for row in (0..splats.len()).filter(|&row| splats.is_finite(row)) {
-            let reach = 3.0 * splats.scale(row).into_iter().fold(0.0, f32::max).min(f32::MAX / 3.0);
-            for (k, centre) in splats.means[row].into_iter().enumerate() {
-                extent[0][k] = extent[0][k].min(centre - reach).max(f32::MIN);
-                extent[1][k] = extent[1][k].max(centre + reach).min(f32::MAX);
-            }
-        }
+        let empty = [[f32::INFINITY; 3], [f32::NEG_INFINITY; 3]];
+        let extent = (0..splats.len())
+            .into_par_iter()
+            .filter(|&row| splats.is_finite(row))
+            .fold(
+                || empty,
+                |mut extent, row| {
+                    let largest = splats.scale(row).into_iter().fold(0.0, f32::max);
+                    let reach = 3.0 * largest.min(f32::MAX / 3.0);
+                    for (k, centre) in splats.means[row].into_iter().enumerate() {
+                        extent[0][k] = extent[0][k].min(centre - reach).max(f32::MIN);
+                        extent[1][k] = extent[1][k].max(centre + reach).min(f32::MAX);
+                    }
+                    extent
+                },
+            )
+            .reduce(
+                || empty,
+                |a, b| {
+                    let k = [0, 1, 2];
+                    [k.map(|k| a[0][k].min(b[0][k])), k.map(|k| a[1][k].max(b[1][k]))]
+                },
+            );
         self.extents.push(extent);
     }
 
@@ -325,6 +369,12 @@ impl Survey {
     }
 }
 
+/// Whether any values differ; the lengths are equal.
+fn differ(a: &[f32], b: &[f32]) -> bool {
+    const PIECE: usize = 1 << 14;
+    a.par_chunks(PIECE).zip(b.par_chunks(PIECE)).any(|(a, b)| a != b)
+}
+
 /// Writes one attribute of all rows, `[a, b, …]`.
 fn write_array(
     file: &mut impl Write,
@@ -335,10 +385,11 @@ fn write_array(
     degree: usize,
 ) -> std::io::Result<()> {
     const ROWS_PER_PIECE: usize = 4096;
+    let bytes_per_row = (attribute.numbers(degree) * BYTES_PER_NUMBER) as usize;
     let pieces: Vec<String> = rows
         .par_chunks(ROWS_PER_PIECE)
         .map(|rows| {
-            let mut text = String::new();
+            let mut text = String::with_capacity(rows.len() * bytes_per_row);
             for &row in rows {
                 match attribute {
                     Attribute::Positions => tuple(&mut text, &splats.means[row]),
@@ -383,9 +434,13 @@ fn tuple(text: &mut String, values: &[f32]) {
 
 /// The shortest decimal that reads back to the same bits.
 fn number(text: &mut String, value: f32) {
-    let plain = value == 0.0 || (1e-4..1e9).contains(&value.abs());
-    // Writing to a string cannot fail.
-    let _ = if plain { write!(text, "{value}") } else { write!(text, "{value:e}") };
+    let mut digits = zmij::Buffer::new();
+    let digits = digits.format(value);
+    let end = match digits.as_bytes() {
+        [whole @ .., b'.', b'0'] => whole.len(),
+        all => all.len(),
+    };
+    text.push_str(&digits[..end]);
 }
 
 #[cfg(test)]

@@ -130,7 +130,7 @@ impl CameraRig {
         // Three quarters of the scene fit into the image's height; most
         // cameras of a capture do not show its borders.
         let angles = points.iter().map(|p| (angle(p), p.weight)).collect();
-        let fov_y_rad = 2.0 * weighted_quantile(angles, 0.75);
+        let fov_y_rad = 2.0 * weighted_quantile(angles, 0.75).unwrap_or(0.0);
         let [narrowest, widest] = FORWARD_FOV_RAD;
         let forward_capture =
             distance > 0.5 * radius && in_cone > FORWARD_SHARE * total && fov_y_rad >= narrowest;
@@ -154,12 +154,13 @@ impl CameraRig {
     /// Frames the most compact half of the splats if the scene is much larger: a static object in
     /// front of a backdrop or under a sky dome.
     fn before_backdrop(self, splats: &Splats) -> Self {
+        let quantile = |pairs, share| weighted_quantile(pairs, share).unwrap_or(0.0);
         let median = |among: &[[f64; 3]]| {
             let axis = |k: usize| among.iter().map(|p| (p[k], 1.0)).collect();
-            [0, 1, 2].map(|k| weighted_quantile(axis(k), 0.5))
+            [0, 1, 2].map(|k| quantile(axis(k), 0.5))
         };
         let reach = |among: &[[f64; 3]], from: [f64; 3], share: f64| {
-            weighted_quantile(among.iter().map(|p| (norm(sub(*p, from)), 1.0)).collect(), share)
+            quantile(among.iter().map(|p| (norm(sub(*p, from)), 1.0)).collect(), share)
         };
         let all: Vec<[f64; 3]> = weighted_points(splats).iter().map(|p| p.mean).collect();
         let middle = median(&all);

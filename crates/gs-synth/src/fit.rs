@@ -251,7 +251,7 @@ fn residual(
     let count = misses.len().max(1) as f64;
     Ok(FitResidual {
         mean: misses.iter().sum::<f64>() / count,
-        p95: crate::metric::percentile(&mut misses, 0.95),
+        p95: gs_core::quantile(&mut misses, 0.95).unwrap_or(0.0),
         rot_deg: angles / count,
     })
 }

@@ -21,7 +21,7 @@ const MIN_SUPPORT: f32 = 0.3;
 ///
 /// # Errors
 /// If the scene cannot be evaluated.
-pub fn rigid_neighbours(
+pub fn rigid_neighbors(
     source: &SynthScene,
     edited: &EditedFrame,
 ) -> Result<Vec<Vec<(u32, f32)>>, SynthError> {

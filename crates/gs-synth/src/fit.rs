@@ -203,7 +203,9 @@ fn train(
     }
 }
 
-/// Adam with the usual constants.
+/// Adam over all weights, with the sum of the groups' gradients; its second moment decays faster
+/// than usual, for the short training. Not `gs_fit::Adam`: this crate depends on no method that it
+/// tests.
 struct Adam {
     first: Vec<f32>,
     second: Vec<f32>,

@@ -389,10 +389,9 @@ fn wide(x: [f32; 3]) -> DVec3 {
 
 /// A standard normal vector.
 fn normal3(rng: &mut Pcg64) -> DVec3 {
-    // Box–Muller.
     DVec3::from([0; 3].map(|_| {
-        let (u, v): (f64, f64) = (rng.random(), rng.random());
-        (-2.0 * (1.0 - u).ln()).sqrt() * (TAU * v).cos()
+        let (u, v) = (rng.random(), rng.random());
+        gs_core::standard_normal(u, v)
     }))
 }
 

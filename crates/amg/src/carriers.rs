@@ -6,7 +6,7 @@ use crate::keyframes::{FADED, KeyFrames};
 use crate::moved_group::MovedGroup;
 use crate::rigid::{RigidFit, norm, sub};
 use crate::row_index::index;
-use anchors::{KdTree, median};
+use anchors::KdTree;
 use gs_core::Real;
 
 /// Neighbours whose distances are compared over time.
@@ -91,7 +91,7 @@ fn pieces(keys: &KeyFrames, ids: &[u32]) -> Vec<usize> {
     let place = |id: u32| keys.at_edit.means[id as usize].map(f64::from);
     let points: Vec<[f64; 3]> = ids.iter().map(|&id| place(id)).collect();
     let tree = KdTree::<3>::new(&points);
-    let slack = OF_SIZE * crate::pose::size(&points);
+    let slack = OF_SIZE * crate::pose::robust_diameter(&points);
     let mut parent: Vec<usize> = (0..ids.len()).collect();
     let mut near = Vec::new();
     for (i, point) in points.iter().enumerate() {
@@ -171,7 +171,8 @@ fn carriers(keys: &KeyFrames, ids: &[u32]) -> Vec<(u32, f32)> {
     for _ in 0..ROUNDS {
         let residuals = residuals(keys, &chosen, &weights);
         // Three times the median deviation: about two standard deviations.
-        let scale = (3.0 * median(&mut residuals.clone())).max(f64::MIN_POSITIVE);
+        let typical = gs_core::median(&mut residuals.clone()).unwrap_or(0.0);
+        let scale = (3.0 * typical).max(f64::MIN_POSITIVE);
         for ((weight, base), residual) in weights.iter_mut().zip(&base).zip(&residuals) {
             *weight = base * (-0.5 * (residual / scale).powi(2)).exp();
         }

@@ -4,7 +4,7 @@ use crate::AmgError;
 use crate::coherence::keep_coherent;
 use crate::keyframes::KeyFrames;
 use crate::options::DynamicParams;
-use crate::pose::{self, quantile_index};
+use crate::pose::robust_diameter;
 
 /// Split of the source into moving and static splats.
 ///
@@ -43,7 +43,7 @@ impl DynamicSplit {
             None => {
                 let amplitudes = amplitudes(keys);
                 let threshold = params.threshold.map_or_else(
-                    || automatic_threshold(&amplitudes, &keys.broken, extent(keys, |_| true)),
+                    || automatic_threshold(&amplitudes, &keys.broken, size(keys, |_| true)),
                     f64::from,
                 );
                 let mut dynamic: Vec<bool> = amplitudes.iter().map(|&a| a > threshold).collect();
@@ -56,7 +56,7 @@ impl DynamicSplit {
         for (dynamic, broken) in dynamic.iter_mut().zip(&keys.broken) {
             *dynamic &= !broken;
         }
-        let figure_size = extent(keys, |i| dynamic[i]);
+        let figure_size = size(keys, |i| dynamic[i]);
         Ok(Self { dynamic, threshold, figure_size })
     }
 }
@@ -74,10 +74,10 @@ fn amplitudes(keys: &KeyFrames) -> Vec<f64> {
         .collect()
 }
 
-/// Size of the splats selected by `of`, see [`pose::size`].
-fn extent(keys: &KeyFrames, of: impl Fn(usize) -> bool) -> f64 {
+/// Size of the splats selected by `of`, see [`robust_diameter`].
+fn size(keys: &KeyFrames, of: impl Fn(usize) -> bool) -> f64 {
     let rows = (0..keys.at_edit.len()).filter(|&i| !keys.broken[i] && of(i));
-    pose::size(&rows.map(|i| keys.at_edit.means[i].map(f64::from)).collect::<Vec<_>>())
+    robust_diameter(&rows.map(|i| keys.at_edit.means[i].map(f64::from)).collect::<Vec<_>>())
 }
 
 fn automatic_threshold(amplitudes: &[f64], broken: &[bool], size: f64) -> f64 {
@@ -90,7 +90,13 @@ fn automatic_threshold(amplitudes: &[f64], broken: &[bool], size: f64) -> f64 {
     // Bins over log10(amplitude / size) in [−6, 0]; smaller amplitudes count as static.
     let bin_of = |a: f64| {
         let decade = (a / size).max(1e-12).log10().clamp(-DECADES_BELOW, -1e-9);
-        quantile_index(BINS, (decade + DECADES_BELOW) / DECADES_BELOW)
+        #[expect(
+            clippy::cast_possible_truncation,
+            clippy::cast_sign_loss,
+            reason = "between 0 and the last bin"
+        )]
+        let bin = ((BINS - 1) as f64 * ((decade + DECADES_BELOW) / DECADES_BELOW)).round() as usize;
+        bin
     };
     let mut histogram = [0.0_f64; BINS];
     for (a, _) in amplitudes.iter().zip(broken).filter(|(_, broken)| !**broken) {

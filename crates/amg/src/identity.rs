@@ -14,7 +14,7 @@ use crate::options::IdentityParams;
 use crate::row_index::index;
 use crate::similarity::Similarity;
 use foldhash::fast::RandomState;
-use gs_core::Splats;
+use gs_core::{Fnv1a, Splats};
 use rayon::prelude::*;
 use tolerance::{appearance_within, match_by_tolerance};
 
@@ -218,10 +218,9 @@ fn appearance_hash(splats: &Splats, i: usize) -> u64 {
     let sh = splats.sh_of(i);
     let kept = sh.iter().rposition(|rgb| rgb.map(bits) != [0; 3]).map_or(0, |last| last + 1);
     let values = sh[..kept].iter().flatten().chain(std::iter::once(&splats.opacity_logits[i]));
-    // FNV-1a over words.
-    values.fold(0xcbf2_9ce4_8422_2325, |hash, &value| {
-        (hash ^ u64::from(bits(value))).wrapping_mul(0x0000_0100_0000_01b3)
-    })
+    let mut hash = Fnv1a::default();
+    values.for_each(|&value| hash.word(bits(value).into()));
+    hash.finish()
 }
 
 fn same_appearance_bits(source: &Splats, s: usize, edited: &Splats, e: usize) -> bool {

@@ -4,6 +4,7 @@
 //! not depend on the position, orientation and size of the scene.
 
 use crate::rigid::{dot, eigen, sub};
+use gs_core::nearest_rank;
 
 /// Share of the points within the radius of the cloud. The size of most objects is then about the
 /// longest edge of their box, and one floater in twenty does not change it.
@@ -38,10 +39,7 @@ impl Pose {
 
 /// Diameter of the ball around the cloud's mean that contains 92 % of the points; 0 without points.
 /// About the height of a standing figure.
-pub(crate) fn size(points: &[[f64; 3]]) -> f64 {
-    if points.is_empty() {
-        return 0.0;
-    }
+pub(crate) fn robust_diameter(points: &[[f64; 3]]) -> f64 {
     let origin = centroid(points);
     let mut squares: Vec<f64> = points
         .iter()
@@ -50,18 +48,7 @@ pub(crate) fn size(points: &[[f64; 3]]) -> f64 {
             dot(d, d)
         })
         .collect();
-    let rank = quantile_index(squares.len(), INSIDE);
-    2.0 * squares.select_nth_unstable_by(rank, f64::total_cmp).1.sqrt()
-}
-
-/// Index, in a sorted list of `len` values, of the quantile at this share.
-#[expect(
-    clippy::cast_possible_truncation,
-    clippy::cast_sign_loss,
-    reason = "a share of a length is a valid index"
-)]
-pub(crate) fn quantile_index(len: usize, share: f64) -> usize {
-    ((len - 1) as f64 * share).round() as usize
+    2.0 * nearest_rank(&mut squares, INSIDE).unwrap_or(0.0).sqrt()
 }
 
 fn centroid(points: &[[f64; 3]]) -> [f64; 3] {

@@ -331,7 +331,7 @@ fn moved_groups(keys: &KeyFrames, identity: &IdentityMap) -> Vec<(usize, String)
             .map(|(_, id)| keys.at_edit.means[id as usize].map(f64::from))
             .collect();
         let centre = crate::pose::Pose::of(&points).origin;
-        (points.len(), similarity.describe(centre, crate::pose::size(&points)))
+        (points.len(), similarity.describe(centre, crate::pose::robust_diameter(&points)))
     };
     let mut groups: Vec<(usize, String)> =
         (0..).zip(&identity.similarities).map(described).collect();

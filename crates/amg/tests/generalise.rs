@@ -9,7 +9,7 @@
 use amg::{Aggregation, Binding, EditedScene, MotionOptions, Preset, propagate};
 use gs_core::DynamicScene;
 use gs_synth::{
-    MotionError, Truth, TruthCase, build, motion_error, motion_error_of, rigid_neighbours,
+    MotionError, Truth, TruthCase, build, motion_error, motion_error_of, rigid_neighbors,
 };
 use std::sync::Arc;
 
@@ -40,7 +40,7 @@ fn errors(case: &str, seed: u64, size: usize) -> [Scores; 3] {
     });
     let kinds = best.binding().kinds();
     let is_edited: Vec<bool> = kinds.iter().map(|kind| !kind.is_exact()).collect();
-    let rows = rigid_neighbours(&scene.source, &scene.edited).unwrap();
+    let rows = rigid_neighbors(&scene.source, &scene.edited).unwrap();
     let control = EditedScene::new(
         Arc::clone(&source),
         edited,
@@ -55,7 +55,7 @@ fn errors(case: &str, seed: u64, size: usize) -> [Scores; 3] {
 /// Limits as shares of KNN-Guide's error and, of rotations, in degrees, about a quarter above the
 /// measured values; on edited splats, the control is not better.
 #[test]
-fn the_default_is_far_ahead_of_the_nearest_neighbours() {
+fn the_default_is_far_ahead_of_the_nearest_neighbors() {
     for (case, share, rotation) in [
         ("drift", 0.3, 0.53),
         ("clothing", 0.14, 0.74),

@@ -147,7 +147,7 @@ fn placing_the_scene_places_the_result() {
 
 /// The baseline of three nearest neighbours is also independent of the axes.
 #[test]
-fn placing_the_scene_places_what_nearest_neighbours_say() {
+fn placing_the_scene_places_what_nearest_neighbors_say() {
     let case = golden("drift");
     let here = carried_by(Preset::Knn, &case.source, &case.edited);
     let placed = Placement { turn: [0.8, -0.3, 0.5, 0.2], scale: 3.7, shift: [4.0, -2.0, 1.0] };

@@ -63,7 +63,6 @@ pub use cells::{CellParams, Cells, NO_CELL};
 pub use error::AnchorError;
 pub use kdtree::{KdTree, Neighbor};
 pub use lines::{Line, Lines, expected_hits, lines_for_hits};
-pub use median::median;
 pub use nearest::median_spacing;
 pub use neighborhoods::{Neighborhoods, normal_feature};
 pub use params::{AnchorParams, Grouping, Radius};

@@ -2,7 +2,7 @@
 
 /// Median; the midpoint of the two middle values for an even number, 0 for an empty slice. Reorders
 /// `values`.
-pub fn median(values: &mut [f64]) -> f64 {
+pub(crate) fn median(values: &mut [f64]) -> f64 {
     if values.is_empty() {
         return 0.0;
     }

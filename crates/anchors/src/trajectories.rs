@@ -249,7 +249,7 @@ mod tests {
     }
 
     #[test]
-    fn neighbours_agree_within_a_plate_and_not_across() {
+    fn neighbors_agree_within_a_plate_and_not_across() {
         let points = plates();
         let rigid = RigidNeighbors::of(&points, 0.04);
         assert!(rigid.noise < 1e-12, "no noise: {}", rigid.noise);

@@ -8,7 +8,7 @@
 //! ```
 
 use clap::Parser;
-use gs_core::{Splats, quat, sh};
+use gs_core::{Splats, SplitMix64, quat, sh};
 use gs_io::{Existing, ply};
 use std::error::Error;
 use std::path::PathBuf;
@@ -53,7 +53,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         }
     }
     let source = ply::read_file(&args.input)?.splats;
-    let mut random = Random(0x9E37_79B9_7F4A_7C15);
+    let mut random = SplitMix64::new(SplitMix64::GOLDEN);
     let mut edited = Splats::with_capacity(source.len(), source.sh_degree);
     let (mut recoloured, mut cloned, mut pruned) = (0, 0, 0);
     for i in 0..source.len() {
@@ -93,7 +93,7 @@ fn inside(point: [f32; 3], corners: &[f32]) -> bool {
 }
 
 /// Recolours the last splat, keeping its brightness, and moves it outwards with some jitter.
-fn paint(splats: &mut Splats, args: &Args, random: &mut Random) {
+fn paint(splats: &mut Splats, args: &Args, random: &mut SplitMix64) {
     let (last, coeffs) = (splats.len() - 1, splats.sh_coeffs());
     let dc = splats.sh[last * coeffs];
     let brightness = (0.5 + sh::C0 * (dc[0] + dc[1] + dc[2]) / 3.0).clamp(0.05, 1.0);
@@ -107,10 +107,10 @@ fn paint(splats: &mut Splats, args: &Args, random: &mut Random) {
         let mean = &mut splats.means[last];
         let (dx, dz) = (mean[0] - middle[0], mean[2] - middle[1]);
         let norm = dx.hypot(dz).max(1e-6);
-        let push = args.inflate * (0.8 + 0.4 * random.unit());
+        let push = args.inflate * (0.8 + 0.4 * unit(random));
         mean[0] += dx / norm * push;
         mean[2] += dz / norm * push;
-        mean[1] += args.inflate * 0.2 * (random.unit() - 0.5);
+        mean[1] += args.inflate * 0.2 * (unit(random) - 0.5);
     }
 }
 
@@ -138,23 +138,7 @@ fn graft(splats: &mut Splats, block: &[f32]) -> usize {
     count
 }
 
-/// SplitMix64: sufficient for jitter and a shuffle.
-struct Random(u64);
-
-impl Random {
-    fn next(&mut self) -> u64 {
-        self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
-        let mut z = self.0;
-        z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
-        z ^ (z >> 31)
-    }
-
-    fn unit(&mut self) -> f32 {
-        (self.next() >> 40) as f32 / (1_u64 << 24) as f32
-    }
-
-    fn below(&mut self, bound: usize) -> usize {
-        usize::try_from(self.next() % bound as u64).unwrap_or(0)
-    }
+/// Uniform in [0, 1).
+fn unit(random: &mut SplitMix64) -> f32 {
+    (random.next_u64() >> 40) as f32 / (1_u64 << 24) as f32
 }

@@ -4,6 +4,7 @@
 //! of the visible splats, and whether the scene fills the view of a camera at the origin (a forward
 //! capture, viewed from there) or not (an object, viewed from all around).
 
+use glam::DVec3;
 use gs_core::{
     Camera, DynamicScene, Extent, SceneError, Splats, WeightedPoint, weighted_points,
     weighted_quantile,
@@ -26,10 +27,10 @@ pub(crate) enum Layout {
 pub(crate) struct CameraRig {
     /// Which of the two layouts.
     pub(crate) layout: Layout,
-    centre: [f64; 3],
+    centre: DVec3,
     radius: f64,
-    up: [f64; 3],
-    forward: [f64; 3],
+    up: DVec3,
+    forward: DVec3,
     fov_y_rad: f64,
     near: f64,
     /// Extent of the whole first frame.
@@ -112,25 +113,29 @@ impl CameraRig {
     /// Rig for the splats of one frame.
     pub(crate) fn around(splats: &Splats, up: [f64; 3]) -> Self {
         let extent = Extent::of(splats);
-        let Extent { centre, radius, .. } = extent;
+        let (centre, radius, up) = (extent.centre.into(), extent.radius, up.into());
         let near = extent.near_plane();
         let points = weighted_points(splats);
-        let distance = norm(centre);
-        let towards = scaled(centre, 1.0 / distance.max(f64::MIN_POSITIVE));
+        let distance = DVec3::length(centre);
+        let towards = centre * (1.0 / distance.max(f64::MIN_POSITIVE));
         let total: f64 = points.iter().map(|p| p.weight).sum();
         let in_cone: f64 = points
             .iter()
-            .filter(|p| dot(p.mean, towards) > FORWARD_CONE_COS * norm(p.mean))
+            .filter(|p| {
+                let mean = DVec3::from(p.mean);
+                mean.dot(towards) > FORWARD_CONE_COS * mean.length()
+            })
             .map(|p| p.weight)
             .sum();
         let forward = snap_to_axis(towards);
         let angle = |p: &WeightedPoint| {
-            (dot(p.mean, forward) / norm(p.mean).max(f64::MIN_POSITIVE)).clamp(-1.0, 1.0).acos()
+            let mean = DVec3::from(p.mean);
+            (mean.dot(forward) / mean.length().max(f64::MIN_POSITIVE)).clamp(-1.0, 1.0).acos()
         };
         // Three quarters of the scene fit into the image's height; most
         // cameras of a capture do not show its borders.
         let angles = points.iter().map(|p| (angle(p), p.weight)).collect();
-        let fov_y_rad = 2.0 * weighted_quantile(angles, 0.75);
+        let fov_y_rad = 2.0 * weighted_quantile(angles, 0.75).unwrap_or(0.0);
         let [narrowest, widest] = FORWARD_FOV_RAD;
         let forward_capture =
             distance > 0.5 * radius && in_cone > FORWARD_SHARE * total && fov_y_rad >= narrowest;
@@ -154,37 +159,39 @@ impl CameraRig {
     /// Frames the most compact half of the splats if the scene is much larger: a static object in
     /// front of a backdrop or under a sky dome.
     fn before_backdrop(self, splats: &Splats) -> Self {
-        let median = |among: &[[f64; 3]]| {
+        let quantile = |pairs, share| weighted_quantile(pairs, share).unwrap_or(0.0);
+        let median = |among: &[DVec3]| {
             let axis = |k: usize| among.iter().map(|p| (p[k], 1.0)).collect();
-            [0, 1, 2].map(|k| weighted_quantile(axis(k), 0.5))
+            DVec3::from([0, 1, 2].map(|k| quantile(axis(k), 0.5)))
         };
-        let reach = |among: &[[f64; 3]], from: [f64; 3], share: f64| {
-            weighted_quantile(among.iter().map(|p| (norm(sub(*p, from)), 1.0)).collect(), share)
+        let reach = |among: &[DVec3], from: DVec3, share: f64| {
+            quantile(among.iter().map(|p| (p.distance(from), 1.0)).collect(), share)
         };
-        let all: Vec<[f64; 3]> = weighted_points(splats).iter().map(|p| p.mean).collect();
+        let all: Vec<DVec3> = weighted_points(splats).iter().map(|p| p.mean.into()).collect();
         let middle = median(&all);
         let half = reach(&all, middle, 0.5);
         if self.layout == Layout::Forward || half <= 0.0 || self.radius < BACKDROP * half {
             return self;
         }
-        let together: Vec<[f64; 3]> =
-            all.into_iter().filter(|p| norm(sub(*p, middle)) < 2.0 * half).collect();
+        let together: Vec<DVec3> =
+            all.into_iter().filter(|p| p.distance(middle) < 2.0 * half).collect();
         let centre = median(&together);
         let radius = reach(&together, centre, 0.95).min(self.radius);
         Self { centre, radius, ..self }
     }
 
     /// A camera of the rig.
-    fn look_at(&self, eye: [f64; 3], target: [f64; 3], (width, height): (u32, u32)) -> Camera {
-        let near = self.near.min(NEAR_SHARE * norm(sub(target, eye)));
-        Camera::look_at(eye, target, self.up, self.fov_y_rad, width, height).with_near(near)
+    fn look_at(&self, eye: DVec3, target: DVec3, (width, height): (u32, u32)) -> Camera {
+        let near = self.near.min(NEAR_SHARE * target.distance(eye));
+        let [eye, target, up] = [eye, target, self.up].map(|v| v.to_array());
+        Camera::look_at(eye, target, up, self.fov_y_rad, width, height).with_near(near)
     }
 
     /// The front view: in front of the object, or from the position of the capture's cameras.
     pub(crate) fn front(&self, size: (u32, u32)) -> Camera {
         let mut camera = match self.layout {
             Layout::Object => self.around_at(0.0, 0.2, size),
-            Layout::Forward => self.look_at([0.0; 3], self.target(), size),
+            Layout::Forward => self.look_at(DVec3::ZERO, self.target(), size),
         };
         "front".clone_into(&mut camera.name);
         camera
@@ -200,10 +207,10 @@ impl CameraRig {
     }
 
     /// Target of the front view.
-    pub(crate) fn target(&self) -> [f64; 3] {
+    pub(crate) fn target(&self) -> DVec3 {
         match self.layout {
             Layout::Object => self.centre,
-            Layout::Forward => scaled(self.forward, norm(self.centre)),
+            Layout::Forward => self.forward * self.centre.length(),
         }
     }
 
@@ -214,8 +221,7 @@ impl CameraRig {
             Layout::Object => self.around_at(phase * std::f64::consts::TAU, 0.25, size),
             Layout::Forward => {
                 let swing = CAPTURED_DEG[0].to_radians() * (phase * std::f64::consts::TAU).sin();
-                let eye = rotated(scaled(self.centre, -1.0), self.up, swing);
-                let eye = [0, 1, 2].map(|k| self.centre[k] + eye[k]);
+                let eye = self.centre + rotated(-self.centre, self.up, swing);
                 self.look_at(eye, self.centre, size)
             }
         })
@@ -251,9 +257,9 @@ impl CameraRig {
         let reach = phase.sqrt();
         let sideways = CAPTURED_DEG[0].to_radians() * reach * turn.sin();
         let upwards = CAPTURED_DEG[1].to_radians() * reach * turn.cos();
-        let back = rotated(scaled(self.centre, -1.0), self.up, sideways);
-        let lift = norm(self.centre) * upwards;
-        let eye = [0, 1, 2].map(|k| self.centre[k] + back[k] + lift * self.up[k]);
+        let back = rotated(-self.centre, self.up, sideways);
+        let lift = self.centre.length() * upwards;
+        let eye = self.centre + back + lift * self.up;
         self.look_at(eye, self.centre, size)
     }
 
@@ -272,14 +278,13 @@ impl CameraRig {
     /// One camera per frame on a small spiral in front of the scene.
     pub(crate) fn spiral(&self, frames: usize, size: (u32, u32)) -> Vec<Camera> {
         let front = self.front(size);
-        let (eye, target) = (front.position(), self.target());
-        let reach = 0.06 * norm(sub(target, eye));
-        let v = front.viewmat;
+        let (eye, target) = (DVec3::from(front.position()), self.target());
+        let reach = 0.06 * target.distance(eye);
+        let [right, down, ahead, _] = front.viewmat.map(|[x, y, z, _]| DVec3::new(x, y, z));
         path(frames, "spiral", |phase| {
             let angle = 2.0 * std::f64::consts::TAU * phase;
             let (x, y, z) = (angle.cos(), 0.6 * angle.sin(), 0.5 * (angle / 2.0).sin());
-            let moved =
-                [0, 1, 2].map(|k| eye[k] + reach * (x * v[0][k] + y * v[1][k] + z * v[2][k]));
+            let moved = eye + reach * (x * right + y * down + z * ahead);
             self.look_at(moved, target, size)
         })
     }
@@ -289,8 +294,7 @@ impl CameraRig {
         let front = perpendicular(self.up);
         let level = rotated(front, self.up, azimuth_rad);
         let (sin, cos) = elevation_rad.sin_cos();
-        let eye =
-            [0, 1, 2].map(|k| self.centre[k] + distance * (cos * level[k] + sin * self.up[k]));
+        let eye = self.centre + distance * (cos * level + sin * self.up);
         self.look_at(eye, self.centre, size)
     }
 }
@@ -305,58 +309,28 @@ fn path(frames: usize, name: &str, camera_at: impl Fn(f64) -> Camera) -> Vec<Cam
         .collect()
 }
 
-fn snap_to_axis(direction: [f64; 3]) -> [f64; 3] {
-    for k in 0..3 {
-        if direction[k].abs() > SNAP_COS {
-            let mut axis = [0.0; 3];
-            axis[k] = direction[k].signum();
-            return axis;
-        }
-    }
-    direction
+fn snap_to_axis(direction: DVec3) -> DVec3 {
+    let axes = [DVec3::X, DVec3::Y, DVec3::Z, DVec3::NEG_X, DVec3::NEG_Y, DVec3::NEG_Z];
+    axes.into_iter().find(|axis| axis.dot(direction) > SNAP_COS).unwrap_or(direction)
 }
 
 /// Direction towards the front viewer: +z in y-up worlds (figures are modelled facing it), −z in
 /// y-down worlds (the cameras of captures), −y in z-up worlds.
-fn perpendicular(up: [f64; 3]) -> [f64; 3] {
-    let candidate = if up[2].abs() > 0.9 {
-        [0.0, -1.0, 0.0]
-    } else if up[1] > 0.0 {
-        [0.0, 0.0, 1.0]
+fn perpendicular(up: DVec3) -> DVec3 {
+    let candidate = if up.z.abs() > 0.9 {
+        DVec3::NEG_Y
+    } else if up.y > 0.0 {
+        DVec3::Z
     } else {
-        [0.0, 0.0, -1.0]
+        DVec3::NEG_Z
     };
-    let along = dot(candidate, up);
-    let level = [0, 1, 2].map(|k| candidate[k] - along * up[k]);
-    scaled(level, 1.0 / norm(level))
+    candidate.reject_from_normalized(up).normalize()
 }
 
 /// `v` rotated about the unit vector `axis` (Rodrigues).
-fn rotated(v: [f64; 3], axis: [f64; 3], angle_rad: f64) -> [f64; 3] {
+fn rotated(v: DVec3, axis: DVec3, angle_rad: f64) -> DVec3 {
     let (sin, cos) = angle_rad.sin_cos();
-    let cross = [
-        axis[1] * v[2] - axis[2] * v[1],
-        axis[2] * v[0] - axis[0] * v[2],
-        axis[0] * v[1] - axis[1] * v[0],
-    ];
-    let along = dot(axis, v) * (1.0 - cos);
-    [0, 1, 2].map(|k| v[k] * cos + cross[k] * sin + axis[k] * along)
-}
-
-fn sub(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
-    [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
-}
-
-fn scaled(a: [f64; 3], factor: f64) -> [f64; 3] {
-    a.map(|value| value * factor)
-}
-
-fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-}
-
-fn norm(a: [f64; 3]) -> f64 {
-    dot(a, a).sqrt()
+    v * cos + axis.cross(v) * sin + axis * (axis.dot(v) * (1.0 - cos))
 }
 
 #[cfg(test)]
@@ -433,7 +407,7 @@ mod tests {
                 assert_eq!(rig.layout, here.layout, "{scale}");
                 for (a, b) in here.spiral(4, (64, 48)).iter().zip(rig.spiral(4, (64, 48))) {
                     let unscaled = b.position().map(|x| x / f64::from(scale));
-                    let apart = norm(sub(unscaled, a.position()));
+                    let apart = DVec3::from(unscaled).distance(a.position().into());
                     assert!(apart < 1e-4, "{scale}: {apart}");
                     let near = b.near / f64::from(scale) / a.near;
                     assert!((near - 1.0).abs() < 1e-4 && b.check().is_ok(), "{scale}: {near}");
@@ -447,7 +421,7 @@ mod tests {
         let params = gs_synth::DemoParams { num_splats: 3000, ..gs_synth::DemoParams::default() };
         let scene = gs_synth::demo(&params).unwrap();
         let rig = CameraRig::of_scene(&scene, [0.0, 1.0, 0.0]).unwrap();
-        let reach = |p: [f64; 3]| norm([p[0], 0.0, p[2]]);
+        let reach = |p: [f64; 3]| p[0].hypot(p[2]);
         let dome = scene.frame1().means.iter().map(|m| reach(m.map(f64::from))).fold(0.0, f64::max);
         let size = f64::from(scene.figure_size());
         for camera in std::iter::once(rig.front((64, 48))).chain(rig.orbit(8, (64, 48))) {

@@ -2,6 +2,7 @@
 
 use crate::MotionTrack;
 use crate::track::distance;
+use gs_core::nearest_rank;
 
 /// Distances to the true motion, over splats and later times, relative to a given size.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -37,10 +38,8 @@ pub fn drift(moved: &MotionTrack, truth: &MotionTrack, size: f64) -> Option<Drif
         }
     }
     let mean = means.iter().sum::<f64>() / rows as f64;
-    means.sort_unstable_by(f64::total_cmp);
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a rank")]
-    let rank = |share: f64| means[((rows - 1) as f64 * share).round() as usize];
-    Some(Drift { mean, median: rank(0.5), p95: rank(0.95), max })
+    let (median, p95) = (nearest_rank(&mut means, 0.5)?, nearest_rank(&mut means, 0.95)?);
+    Some(Drift { mean, median, p95, max })
 }
 
 #[cfg(test)]

@@ -1,7 +1,7 @@
 //! Metrics of edited dynamic scenes: images ([`psnr()`], [`Ssim`] with its gradient, [`ms_ssim()`],
 //! [`flip()`]), what an edit preserves ([`EditedImage`]), change over time ([`warp_error()`],
 //! [`StaticFlicker`], [`motion_fidelity()`]) and motion of splats ([`MotionTrack`], [`drift()`],
-//! [`isometry()`], [`neighbourhood_distance_deviation`], [`match_statistics()`]).
+//! [`isometry()`], [`neighborhood_distance_deviation`], [`match_statistics()`]).
 //!
 //! Each function documents its formula, its unit and whether higher is better. Deliberately absent:
 //! files, rendering, neural weights and pass/fail thresholds.
@@ -18,7 +18,7 @@ mod match_statistics;
 mod motion_fidelity;
 mod ms_ssim;
 mod ndd;
-mod neighbours;
+mod neighbors;
 mod preservation;
 mod psnr;
 mod ssim;
@@ -35,8 +35,8 @@ pub use mask::dilated;
 pub use match_statistics::{Match, MatchStatistics, match_statistics};
 pub use motion_fidelity::motion_fidelity;
 pub use ms_ssim::{MS_SSIM_MIN_SIDE, MS_SSIM_WEIGHTS, ms_ssim};
-pub use ndd::{NDD_NEIGHBOURS, deviation_among, neighbourhood_distance_deviation};
-pub use neighbours::{Neighbours, nearest};
+pub use ndd::{NDD_NEIGHBORS, deviation_among, neighborhood_distance_deviation};
+pub use neighbors::{Neighbors, nearest};
 pub use preservation::EditedImage;
 pub use psnr::psnr;
 pub use ssim::{SSIM_RADIUS, Ssim, SsimBorder};

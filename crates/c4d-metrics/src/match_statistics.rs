@@ -1,5 +1,7 @@
 //! Statistics of the matches of an edit: their certainty and their distances.
 
+use gs_core::nearest_rank;
+
 /// A weighted match of an edited splat to a source splat.
 #[derive(Debug, Clone, Copy)]
 pub struct Match {
@@ -29,12 +31,10 @@ const FAR: f64 = 3.0;
 /// Statistics of the matches in `rows`; `nearest` is the distance of each row to the nearest source
 /// splat, world units, `[N]`. `None` without rows.
 pub fn match_statistics(rows: &[Vec<Match>], nearest: &[f64]) -> Option<MatchStatistics> {
-    if rows.is_empty() || nearest.is_empty() {
+    if rows.is_empty() {
         return None;
     }
-    let mut sorted = nearest.to_vec();
-    sorted.sort_unstable_by(f64::total_cmp);
-    let far = FAR * sorted[sorted.len() / 2];
+    let far = FAR * nearest_rank(&mut nearest.to_vec(), 0.5)?;
     let (mut distance, mut entropy, mut margin, mut crossing) = (0.0, 0.0, 0.0, 0.0);
     for row in rows {
         let (mut first, mut second) = (0.0_f64, 0.0_f64);

@@ -1,16 +1,16 @@
 //! Neighbourhood distance deviation (NDD).
 
 use crate::track::distance;
-use crate::{MotionTrack, Neighbours};
+use crate::{MotionTrack, Neighbors};
 use rayon::prelude::*;
 
 /// Number of neighbours of each point.
-pub const NDD_NEIGHBOURS: usize = 8;
+pub const NDD_NEIGHBORS: usize = 8;
 
 /// Neighbourhood distance deviation over the 8 nearest neighbours in the first frame, see
 /// [`deviation_among`]. 0 for fewer than two times or nine splats.
-pub fn neighbourhood_distance_deviation(track: &MotionTrack) -> f64 {
-    deviation_among(track, &Neighbours::of(track.first(), NDD_NEIGHBOURS))
+pub fn neighborhood_distance_deviation(track: &MotionTrack) -> f64 {
+    deviation_among(track, &Neighbors::of(track.first(), NDD_NEIGHBORS))
 }
 
 /// Relative change of the distances to `neighbours` since the first frame:
@@ -18,8 +18,8 @@ pub fn neighbourhood_distance_deviation(track: &MotionTrack) -> f64 {
 /// Dimensionless; a point that coincides with all its neighbours counts as 0. True deformation
 /// raises it, and averaging the motions of different parts *lowers* it, so it measures stability,
 /// not accuracy: compare it with the value of the source.
-pub fn deviation_among(track: &MotionTrack, neighbours: &Neighbours) -> f64 {
-    let (first, rows) = (track.first(), neighbours.rows());
+pub fn deviation_among(track: &MotionTrack, neighbors: &Neighbors) -> f64 {
+    let (first, rows) = (track.first(), neighbors.rows());
     if first.is_empty() || rows.len() != first.len() {
         return 0.0;
     }
@@ -62,9 +62,9 @@ mod tests {
             let (sin, cos) = (0.4 * t as f32).sin_cos();
             [cos * x - sin * y + t as f32, sin * x + cos * y, z]
         });
-        assert!(neighbourhood_distance_deviation(&turned) < 1e-6, "rigid");
+        assert!(neighborhood_distance_deviation(&turned) < 1e-6, "rigid");
         let scaled = track(|t, p| if t == 0 { p } else { p.map(|x| 1.3 * x) });
-        let value = neighbourhood_distance_deviation(&scaled);
+        let value = neighborhood_distance_deviation(&scaled);
         assert!((value - 0.3).abs() < 1e-6, "scaled by 1.3: {value}");
     }
 
@@ -75,6 +75,6 @@ mod tests {
             let sign = if odd { -0.1 } else { 0.1 };
             [x + sign, y, z]
         });
-        assert!(neighbourhood_distance_deviation(&shaking) > 0.01, "neighbours move apart");
+        assert!(neighborhood_distance_deviation(&shaking) > 0.01, "neighbours move apart");
     }
 }

@@ -152,7 +152,7 @@ impl<F: Real> Ssim<F> {
                 let (x, y) = (&x[row * row_len..][..row_len], &y[row * row_len..][..row_len]);
                 let mut work = vec![F::zero(); row_len + 2 * RADIUS * c];
                 let mut blurred = vec![F::zero(); row_len];
-                wide(
+                dispatch(
                     #[inline(always)]
                     || {
                         // The planes hold the gradient of the similarity; the loss has the opposite
@@ -211,7 +211,7 @@ impl<F: Real> Ssim<F> {
         let body = |row: usize, map: &mut [F], out: Option<[&mut [F]; 4]>| {
             let mut work = [(); 5].map(|()| vec![F::zero(); row_len + 2 * RADIUS * c]);
             let mut means = [(); 5].map(|()| vec![F::zero(); row_len]);
-            wide(
+            dispatch(
                 #[inline(always)]
                 || {
                     let rows = rows_under(taps, row, height);
@@ -317,7 +317,7 @@ fn derive_row<F: Real>(means: [&[F]; 5], map: &mut [F], out: [&mut [F]; 4]) {
 /// is inlined; inferred as `Fn`, it would be compiled for the baseline.
 #[inline(always)]
 #[expect(clippy::inline_always, reason = "must be compiled for the dispatched vector unit")]
-fn wide<R>(body: impl FnOnce() -> R) -> R {
+fn dispatch<R>(body: impl FnOnce() -> R) -> R {
     pulp::Arch::new().dispatch(body)
 }
 

@@ -5,9 +5,8 @@ use crate::{
     evaluator::Derivatives,
     problem::{Problem, TracePoint, Watch},
     state::State,
-    view_sampler::SplitMix,
 };
-use gs_core::{Rasterizer, sh};
+use gs_core::{Rasterizer, SplitMix64, sh};
 use gs_fit::Adam;
 use std::time::{Duration, Instant};
 
@@ -162,7 +161,7 @@ impl Descent {
 
 /// The image of a step. Every pass over the images has a different order.
 fn visited(seed: u64, step: usize, count: usize) -> usize {
-    SplitMix(seed ^ ((step / count) as u64 + 1)).order(count)[step % count]
+    SplitMix64::new(seed ^ ((step / count) as u64 + 1)).order(count)[step % count]
 }
 
 /// Whether a pass over the images, or the run, ends with this step.

@@ -225,12 +225,13 @@ fn prepared_or<'a, R: Rasterizer>(
     if let Some(kept) = kept {
         return Ok(kept);
     }
-    let spare = match spare {
-        Some(spare) => spare,
-        none => none.insert(raster.prepare(&Splats::default(), camera)?),
-    };
-    raster.prepare_tiles_into(splats, camera, &live(), spare)?;
-    Ok(spare)
+    match spare {
+        Some(spare) => {
+            raster.prepare_tiles_into(splats, camera, &live(), spare)?;
+            Ok(spare)
+        }
+        none => Ok(none.insert(raster.prepare_tiles(splats, camera, &live())?)),
+    }
 }
 
 /// `Y(d)·Δ` per entry.

@@ -9,7 +9,7 @@ use crate::{
     state::State,
     view_sampler::ViewTime,
 };
-use gs_core::{Camera, Image, Rasterizer, Splats};
+use gs_core::{Camera, Image, Rasterizer};
 use rayon::prelude::*;
 use std::ops::Range;
 use std::time::Instant;
@@ -70,10 +70,8 @@ impl<R: Rasterizer<Prepared: Send> + Sync> Problem<'_, R> {
             if self.bytes + more > self.options.memory {
                 break;
             }
-            let mut prepared = self.raster.prepare(&Splats::default(), camera)?;
             let tiles = live_tiles(sample.crop, &sample.flags, camera);
-            self.raster.prepare_tiles_into(&sample.splats, camera, &tiles, &mut prepared)?;
-            sample.prepared = Some(prepared);
+            sample.prepared = Some(self.raster.prepare_tiles(&sample.splats, camera, &tiles)?);
             self.bytes += more;
             self.num_cached += 1;
         }

@@ -125,7 +125,7 @@ impl<P> Builder<P> {
         let raster = source.raster;
         let prepared = match &mut self.prepared {
             Some(prepared) => prepared,
-            none => none.insert(raster.prepare(&Splats::default(), camera)?),
+            none => none.insert(raster.unprepared(camera)?),
         };
         match tiles {
             Some(tiles) => raster.prepare_tiles_into(splats, camera, tiles, prepared)?,

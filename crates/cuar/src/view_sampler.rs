@@ -1,7 +1,7 @@
 //! [`Views`]: cameras and times, and the draw of images from them.
 
 use crate::CuarError;
-use gs_core::{Camera, TimeRange};
+use gs_core::{Camera, SplitMix64, TimeRange};
 
 /// Cameras and times that images are drawn from.
 #[derive(Debug, Clone, Copy)]
@@ -23,30 +23,6 @@ pub struct ViewTime {
     pub view: usize,
     /// Scene time.
     pub time: f32,
-}
-
-/// Counter-based generator (SplitMix64): the draw does not depend on the version of a library.
-#[derive(Debug, Clone, Copy)]
-pub(crate) struct SplitMix(pub u64);
-
-impl SplitMix {
-    pub(crate) fn next(&mut self) -> u64 {
-        self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
-        let mut z = self.0;
-        z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
-        z ^ (z >> 31)
-    }
-
-    /// A random order of `0..len`.
-    pub(crate) fn order(&mut self, len: usize) -> Vec<usize> {
-        let mut order: Vec<usize> = (0..len).collect();
-        for i in (1..len).rev() {
-            let j = usize::try_from(self.next() % (i as u64 + 1)).unwrap_or(0);
-            order.swap(i, j);
-        }
-        order
-    }
 }
 
 /// Drawn images: those that supervise and those that are only evaluated.
@@ -93,7 +69,7 @@ impl Views<'_> {
         edit_time: f32,
         seed: u64,
     ) -> DrawnViews {
-        let mut rng = SplitMix(seed);
+        let mut rng = SplitMix64::new(seed);
         let held = |view: usize| self.held_out.contains(&view);
         let training: Vec<usize> = (0..self.cameras.len()).filter(|&view| !held(view)).collect();
         let (fixed, free): (Vec<usize>, Vec<usize>) =

@@ -1,6 +1,6 @@
 //! [`Extent`]: position and size of a scene, from which cameras and length scales are derived.
 
-use crate::Splats;
+use crate::{Splats, weighted_quantile};
 
 /// Share of the splats' weight that lies within [`Extent::radius`].
 const RADIUS_SHARE: f64 = 0.9;
@@ -35,12 +35,13 @@ impl Extent {
     pub fn of(splats: &Splats) -> Self {
         let points = weighted_points(splats);
         let axis = |k: usize| points.iter().map(|p| (p.mean[k], p.weight)).collect();
-        let centre = [0, 1, 2].map(|k| weighted_quantile(axis(k), 0.5));
+        let quantile = |pairs, share| weighted_quantile(pairs, share).unwrap_or(0.0);
+        let centre = [0, 1, 2].map(|k| quantile(axis(k), 0.5));
         let distances = points.iter().map(|p| (distance(p.mean, centre), p.weight)).collect();
         let positive = |length: f64, or: f64| if length > 0.0 { length } else { or };
         let sizes = points.iter().map(|p| (p.size, 1.0)).collect();
-        let splat_size = positive(weighted_quantile(sizes, 0.5), 1.0);
-        let radius = positive(weighted_quantile(distances, RADIUS_SHARE), splat_size);
+        let splat_size = positive(quantile(sizes, 0.5), 1.0);
+        let radius = positive(quantile(distances, RADIUS_SHARE), splat_size);
         // Splats that all lie at one point have no spread; their own size is used instead.
         let core = positive(core_radius(&points), splat_size);
         Self { centre, radius, core, splat_size }
@@ -84,21 +85,6 @@ pub fn weighted_points(splats: &Splats) -> Vec<WeightedPoint> {
         })
         .filter(|point| point.weight.is_finite() && point.weight > 0.0)
         .collect()
-}
-
-/// Weighted quantile of `(value, weight)` pairs: the smallest value up to which `share` of the
-/// total weight lies; 0 for an empty list.
-pub fn weighted_quantile(mut values: Vec<(f64, f64)>, share: f64) -> f64 {
-    values.sort_by(|a, b| a.0.total_cmp(&b.0));
-    let target = share * values.iter().map(|(_, weight)| weight).sum::<f64>();
-    let mut passed = 0.0;
-    for (value, weight) in &values {
-        passed += weight;
-        if passed >= target {
-            return *value;
-        }
-    }
-    values.last().map_or(0.0, |(value, _)| *value)
 }
 
 /// Radius of the smallest ball around a point of an evenly spaced sample that contains

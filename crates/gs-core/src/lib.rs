@@ -1,8 +1,9 @@
 //! Data and maths of Gaussian splats, shared by every crate of the workspace.
 //!
 //! Contents: [`Splats`] (structure of arrays of *stored* parameters), [`Camera`], spherical
-//! harmonics, covariances, activations, float images, and the traits [`DynamicScene`] and
-//! [`Rasterizer`] that connect the other crates.
+//! harmonics, covariances, activations, float images, the traits [`DynamicScene`] and
+//! [`Rasterizer`] that connect the other crates, and the workspace's quantiles, seeded random
+//! numbers and fingerprints.
 //!
 //! Deliberately absent: files, paths, GPU, command line, training.
 //!
@@ -14,11 +15,14 @@ pub mod activation;
 mod camera;
 mod covariance;
 mod extent;
+mod fnv1a;
 mod footprint;
 mod image;
 pub mod image_formation;
 mod precision;
+mod quantile;
 pub mod quat;
+mod random;
 mod raster;
 mod real;
 mod scene;
@@ -30,10 +34,13 @@ mod tile_set;
 
 pub use camera::{Camera, CameraError, Intrinsics};
 pub use covariance::{covariance, rotation_matrix};
-pub use extent::{Extent, WeightedPoint, weighted_points, weighted_quantile};
+pub use extent::{Extent, WeightedPoint, weighted_points};
+pub use fnv1a::Fnv1a;
 pub use footprint::Footprint;
 pub use image::{Image, ImageError};
 pub use precision::{Precision, RowPrecision};
+pub use quantile::{median, nearest_rank, quantile, weighted_quantile};
+pub use random::{SplitMix64, standard_normal};
 pub use raster::{
     GradientConvention, RasterError, Rasterizer, RenderGrads, RenderOutput, RenderParams,
     UpstreamGrads, check_tiles,

@@ -221,6 +221,30 @@ pub trait Rasterizer<F: Real = f32> {
         self.prepare_into(splats, camera, prepared)
     }
 
+    /// [`Rasterizer::prepare_tiles_into`], freshly allocated.
+    ///
+    /// # Errors
+    /// As [`Rasterizer::prepare_tiles_into`].
+    fn prepare_tiles(
+        &self,
+        splats: &Splats<F>,
+        camera: &Camera,
+        tiles: &TileSet,
+    ) -> Result<Self::Prepared, RasterError> {
+        let mut prepared = self.unprepared(camera)?;
+        self.prepare_tiles_into(splats, camera, tiles, &mut prepared)?;
+        Ok(prepared)
+    }
+
+    /// A prepared state of no splats, for the memory of [`Rasterizer::prepare_into`] and
+    /// [`Rasterizer::prepare_tiles_into`].
+    ///
+    /// # Errors
+    /// If the camera is malformed, or the device fails.
+    fn unprepared(&self, camera: &Camera) -> Result<Self::Prepared, RasterError> {
+        self.prepare(&Splats::default(), camera)
+    }
+
     /// The part of the image that splat `row` can reach from `camera`, and its depth; `None` if it
     /// draws nothing. Never smaller than what a forward pass would draw, for any opacity. Lets
     /// callers skip splats that cannot affect their result.

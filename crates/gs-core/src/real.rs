@@ -3,6 +3,7 @@
 #![expect(clippy::inline_always, reason = "constants in vectorised loops of the rasterisers")]
 
 use num_traits::Float;
+use num_traits::float::TotalOrder;
 use std::fmt::Debug;
 use std::iter::Sum;
 use std::ops::{Add, AddAssign, DivAssign, Mul, MulAssign, Neg, Sub, SubAssign};
@@ -13,6 +14,7 @@ use std::ops::{Add, AddAssign, DivAssign, Mul, MulAssign, Neg, Sub, SubAssign};
 /// uses exactly the same thresholds.
 pub trait Real:
     Float
+    + TotalOrder
     + AddAssign
     + SubAssign
     + MulAssign

@@ -32,12 +32,9 @@ impl Selector {
             Self::Box { min, max } => rows
                 .map(|i| (0..3).all(|axis| (min[axis]..=max[axis]).contains(&centre(i)[axis])))
                 .collect(),
-            Self::Sphere { center, radius } => rows
-                .map(|i| {
-                    let d = sub(centre(i), *center);
-                    d[0].hypot(d[1]).hypot(d[2]) <= *radius
-                })
-                .collect(),
+            Self::Sphere { center, radius } => {
+                rows.map(|i| distance(centre(i), *center) <= *radius).collect()
+            }
             Self::Plane { normal, offset } => rows
                 .map(|i| (0..3).map(|k| normal[k] * centre(i)[k]).sum::<f64>() >= *offset)
                 .collect(),
@@ -46,8 +43,8 @@ impl Selector {
             }
             Self::Color { rgb, tolerance } => rows
                 .map(|i| {
-                    let d = sub(base_color(splats, i).map(|c| c.clamp(0.0, 1.0)), *rgb);
-                    d[0].hypot(d[1]).hypot(d[2]) <= *tolerance
+                    let color = base_color(splats, i).map(|c| c.clamp(0.0, 1.0));
+                    distance(color, *rgb) <= *tolerance
                 })
                 .collect(),
             Self::Hue { from, to } => rows
@@ -187,6 +184,7 @@ fn property(splats: &Splats, row: usize, field: Field) -> f64 {
     }
 }
 
-fn sub(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
-    [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
+fn distance(a: [f64; 3], b: [f64; 3]) -> f64 {
+    let d = [0, 1, 2].map(|k| a[k] - b[k]);
+    d[0].hypot(d[1]).hypot(d[2])
 }

@@ -1,6 +1,7 @@
 //! Selections by distance: near, grow, shrink, connected.
 
 use anchors::{KdTree, Neighbor, Neighbors};
+use gs_core::nearest_rank;
 use rayon::prelude::*;
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -45,8 +46,7 @@ pub(crate) fn default_gap(points: &[Point]) -> f64 {
     let nearest = Neighbors::of(&points, 1);
     let mut distances: Vec<f64> =
         (0..points.len()).map(|i| nearest.get(i)[0].distance_squared.sqrt()).collect();
-    let middle = distances.len() / 2;
-    GAPS * *distances.select_nth_unstable_by(middle, f64::total_cmp).1
+    GAPS * nearest_rank(&mut distances, 0.5).unwrap_or(0.0)
 }
 
 /// Flags of the `points` connected to the one nearest to `seed` (the first of equally near ones) by

@@ -1,7 +1,7 @@
 //! [`Summary`]: statistics of a selection.
 
 use crate::color::{ColorStats, hsv};
-use gs_core::Splats;
+use gs_core::{Splats, nearest_rank};
 
 /// Statistics of a selection. Lengths are world units.
 #[derive(Debug, Clone, PartialEq)]
@@ -57,8 +57,6 @@ impl Summary {
 
 /// 10th, 50th and 90th percentile; 0 for no values.
 fn deciles(values: impl Iterator<Item = f64>) -> [f64; 3] {
-    let mut sorted: Vec<f64> = values.collect();
-    sorted.sort_by(f64::total_cmp);
-    let at = |tenths: usize| sorted.get(sorted.len() * tenths / 10).copied().unwrap_or(0.0);
-    [at(1), at(5), at(9)]
+    let mut values: Vec<f64> = values.collect();
+    [0.1, 0.5, 0.9].map(|share| nearest_rank(&mut values, share).unwrap_or(0.0))
 }

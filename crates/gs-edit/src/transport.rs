@@ -52,7 +52,7 @@ pub(crate) fn sliced(colors: &mut [[f64; 3]], weights: &[f64], target: &[([f64; 
             let projected: Vec<f64> = colors.iter().map(along).collect();
             order.sort_by(|&a, &b| projected[a].total_cmp(&projected[b]).then(a.cmp(&b)));
             for (row, value) in
-                order.iter().zip(quantiles(&values, order.iter().map(|&i| weights[i])))
+                order.iter().zip(monotone_map(&values, order.iter().map(|&i| weights[i])))
             {
                 for c in 0..3 {
                     steps[*row][c] += axis[c] * (value - projected[*row]);
@@ -65,9 +65,9 @@ pub(crate) fn sliced(colors: &mut [[f64; 3]], weights: &[f64], target: &[([f64; 
     }
 }
 
-/// For each weight of an ascending sequence, the value of the sorted `target` at the same share of
-/// the total weight, taken at the middle of the weight.
-fn quantiles(target: &[(f64, f64)], weights: impl Iterator<Item = f64> + Clone) -> Vec<f64> {
+/// Optimal transport in one dimension: for each weight of an ascending sequence, the value of the
+/// sorted `target` at the same share of the total weight, linear between the middles of weights.
+fn monotone_map(target: &[(f64, f64)], weights: impl Iterator<Item = f64> + Clone) -> Vec<f64> {
     let total: f64 = weights.clone().sum();
     let target_total: f64 = target.iter().map(|(_, weight)| weight).sum();
     let middles: Vec<f64> = target

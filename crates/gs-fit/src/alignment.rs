@@ -5,7 +5,7 @@
 //! the fit continues with the registered pictures.
 
 use glam::{DMat3, DVec3};
-use gs_core::Camera;
+use gs_core::{Camera, nearest_rank};
 use rayon::prelude::*;
 
 /// Range of the search for a common displacement, pixels in each direction.
@@ -308,10 +308,7 @@ const DISAGREE_LOCALLY: f32 = 0.6;
 
 /// Differences to remove, decided from the first estimates.
 pub(crate) fn needed(alignments: &[Alignment]) -> Aligning {
-    let median = |mut values: Vec<f32>| {
-        values.sort_by(f32::total_cmp);
-        values.get(values.len() / 2).copied().unwrap_or(0.0)
-    };
+    let median = |mut values: Vec<f32>| nearest_rank(&mut values, 0.5).unwrap_or(0.0);
     let local = |a: &Alignment| {
         let moved = a.local.iter().filter(|d| **d != [0.0; 2]);
         let (sum, count) =

@@ -6,7 +6,7 @@ use crate::subset::Subset;
 use crate::view::View;
 use crate::working::FAINT;
 use crate::{FitError, votes};
-use gs_core::{Footprint, Rasterizer, RenderGrads, RenderOutput, Splats, TileSet, UpstreamGrads};
+use gs_core::{Footprint, Rasterizer, RenderGrads, RenderOutput, TileSet, UpstreamGrads};
 use rayon::prelude::*;
 
 /// Difference of a channel (0 to 1) below which a picture shows the background of the selection.
@@ -125,7 +125,7 @@ impl<R: Rasterizer + Sync> Run<'_, R> {
 
     /// Memory for renders, of no splats.
     pub(crate) fn unprepared(&self) -> Result<R::Prepared, FitError> {
-        Ok(self.raster.prepare(&Splats::default(), &self.views[0].camera)?)
+        Ok(self.raster.unprepared(&self.views[0].camera)?)
     }
 
     /// Current renders of the edited views, `[H,W,3]` each; empty for pictures without noise, for

@@ -95,8 +95,7 @@ impl<R: Rasterizer + Sync> Run<'_, R> {
             let view = &self.views[v];
             let rows: Vec<usize> = view.rows.iter().map(|&row| row as usize).collect();
             let splats = working.splats.select(&rows);
-            let mut prepared = self.unprepared()?;
-            raster.prepare_tiles_into(&splats, &view.camera, &view.tiles, &mut prepared)?;
+            let mut prepared = raster.prepare_tiles(&splats, &view.camera, &view.tiles)?;
             raster.forward_into(&mut prepared, &splats, &[], &params, &mut output)?;
             let rgb = std::mem::take(&mut output.rgb);
             let mut equation = Equation { view, splats, prepared };

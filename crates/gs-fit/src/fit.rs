@@ -107,7 +107,7 @@ pub fn fit<R: Rasterizer + Sync>(
     report.geometry_frozen = options.geometry && edited.len() < usize::from(report::ENOUGH_VIEWS);
     let options =
         &FitOptions { geometry: options.geometry && !report.geometry_frozen, ..options.clone() };
-    let prepared = raster.prepare(&Splats::default(), &pictures[0].camera)?;
+    let prepared = raster.unprepared(&pictures[0].camera)?;
     let mut run = Run {
         raster,
         options,

@@ -36,13 +36,13 @@ pub fn remove_specks(mask: &mut [bool], width: usize, smallest: usize) {
         while let Some(p) = open.pop() {
             group.push(p);
             let x = p % width;
-            let neighbours = [
+            let neighbors = [
                 (x > 0).then(|| p - 1),
                 (x + 1 < width).then_some(p + 1),
                 p.checked_sub(width),
                 (p + width < mask.len()).then_some(p + width),
             ];
-            for q in neighbours.into_iter().flatten() {
+            for q in neighbors.into_iter().flatten() {
                 if mask[q] && !seen[q] {
                     seen[q] = true;
                     open.push(q);

@@ -4,7 +4,7 @@ use crate::alignment::Alignment;
 use crate::mask::{difference_mask, dilated, remove_specks};
 use crate::working::Working;
 use crate::{FitError, FitOptions};
-use gs_core::{Camera, Image, Rasterizer, RenderParams, Splats, TileSet};
+use gs_core::{Camera, Image, Rasterizer, RenderParams, Splats, TileSet, nearest_rank};
 use rayon::prelude::*;
 
 /// Groups of differing pixels smaller than this share of the image are noise.
@@ -196,9 +196,8 @@ impl View {
             .filter(|(_, on)| **on)
             .map(|((a, b), _)| (0..3).fold(0.0, |most, c| f32::max(most, (a[c] - b[c]).abs())))
             .collect();
-        if !differences.is_empty() {
-            let middle = differences.len() / 2;
-            self.noise = *differences.select_nth_unstable_by(middle, f32::total_cmp).1;
+        if let Some(median) = nearest_rank(&mut differences, 0.5) {
+            self.noise = median;
         }
     }
 

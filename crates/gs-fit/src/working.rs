@@ -3,7 +3,7 @@
 use crate::alignment::Aligning;
 use crate::optimizer::Optimizer;
 use crate::votes::Votes;
-use gs_core::{Splats, activation, quat};
+use gs_core::{Splats, activation, nearest_rank, quat};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 
@@ -62,7 +62,6 @@ impl Working {
             .map(|i| (start.log_scales[i].iter().sum::<f32>() / 3.0).exp())
             .filter(|size| size.is_finite())
             .collect();
-        sizes.sort_by(f32::total_cmp);
         Self {
             splats: start.clone(),
             largest: (0..n).map(|i| largest(start, i)).collect(),
@@ -74,7 +73,7 @@ impl Working {
             num_visible_steps: vec![0; n],
             optimizer: Optimizer::new(start),
             aligning: Aligning::Local,
-            size: sizes.get(sizes.len() / 2).copied().unwrap_or(1.0),
+            size: nearest_rank(&mut sizes, 0.5).unwrap_or(1.0),
             selected,
         }
     }
@@ -210,8 +209,8 @@ fn largest(splats: &Splats, i: usize) -> f32 {
     splats.log_scales[i].iter().copied().fold(f32::NEG_INFINITY, f32::max)
 }
 
-/// Standard normal, Box–Muller.
+/// Standard normal.
 fn normal(rng: &mut Pcg64) -> f32 {
-    let (u, v): (f32, f32) = (rng.random(), rng.random());
-    (-2.0 * (1.0 - u).ln()).sqrt() * (std::f32::consts::TAU * v).cos()
+    let (u, v) = (rng.random(), rng.random());
+    gs_core::standard_normal(u, v)
 }

@@ -141,7 +141,7 @@ pub(crate) fn dropped_sentence(dropped: usize, of: usize) -> Option<String> {
 
 /// Size of a set of points, world units: the diagonal of the box that contains the middle 98 %
 /// along each axis, so that single floaters have no influence.
-pub(crate) fn robust_size(points: &[[f32; 3]]) -> f64 {
+pub(crate) fn trimmed_diagonal(points: &[[f32; 3]]) -> f64 {
     const TAIL: f64 = 0.01;
     let mut squared = 0.0_f64;
     for axis in 0..3 {
@@ -170,10 +170,10 @@ mod tests {
             (0..1000_u16).map(|i| [f32::from(i) / 999.0, 0.0, 0.0]).collect();
         points[500][0] = 1e9;
         points[501][1] = f32::NAN;
-        let size = robust_size(&points);
+        let size = trimmed_diagonal(&points);
         assert!((0.97..1.0).contains(&size), "{size}");
-        assert_eq!(robust_size(&[]), 0.0, "no points have size 0");
-        assert_eq!(robust_size(&[[3.0; 3]]), 0.0, "one point has size 0");
+        assert_eq!(trimmed_diagonal(&[]), 0.0, "no points have size 0");
+        assert_eq!(trimmed_diagonal(&[[3.0; 3]]), 0.0, "one point has size 0");
     }
 
     #[test]

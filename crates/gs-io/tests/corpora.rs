@@ -3,6 +3,7 @@
 
 #![allow(clippy::unwrap_used, reason = "helpers of tests may panic")]
 
+use gs_core::SplitMix64;
 use std::io::{Cursor, Read};
 use std::path::Path;
 
@@ -86,33 +87,20 @@ fn seconds() -> f64 {
     asked.unwrap_or(2.0)
 }
 
-/// A reproducible stream of numbers (SplitMix64).
-struct Numbers(u64);
-
-impl Numbers {
-    fn next(&mut self, below: usize) -> usize {
-        self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
-        let mut z = self.0;
-        z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
-        usize::try_from((z ^ (z >> 31)) % below.max(1) as u64).unwrap()
-    }
-}
-
 /// An input mutated as by libFuzzer: bytes, extreme numbers, digits, parts
 /// removed, duplicated, or taken from another input.
-fn mutated(kept: &[Vec<u8>], numbers: &mut Numbers) -> Vec<u8> {
+fn mutated(kept: &[Vec<u8>], numbers: &mut SplitMix64) -> Vec<u8> {
     const EXTREMES: [u32; 6] = [0, 1, 0x7fff_ffff, 0x8000_0000, 0xffff_ffff, 0x7fc0_0000];
-    let mut bytes = kept[numbers.next(kept.len())].clone();
-    for _ in 0..=numbers.next(4) {
-        let at = numbers.next(bytes.len() + 1);
-        let length = numbers.next(1 + (bytes.len() - at).min(64));
-        match numbers.next(7) {
-            0 if at < bytes.len() => bytes[at] ^= 1 << numbers.next(8),
-            1 if at < bytes.len() => bytes[at] = u8::try_from(numbers.next(256)).unwrap(),
-            2 if at < bytes.len() => bytes[at] = b"0123456789-.e,nN"[numbers.next(16)],
+    let mut bytes = kept[numbers.below(kept.len())].clone();
+    for _ in 0..=numbers.below(4) {
+        let at = numbers.below(bytes.len() + 1);
+        let length = numbers.below(1 + (bytes.len() - at).min(64));
+        match numbers.below(7) {
+            0 if at < bytes.len() => bytes[at] ^= 1 << numbers.below(8),
+            1 if at < bytes.len() => bytes[at] = u8::try_from(numbers.below(256)).unwrap(),
+            2 if at < bytes.len() => bytes[at] = b"0123456789-.e,nN"[numbers.below(16)],
             3 if at + 4 <= bytes.len() => {
-                let extreme = EXTREMES[numbers.next(EXTREMES.len())];
+                let extreme = EXTREMES[numbers.below(EXTREMES.len())];
                 bytes[at..at + 4].copy_from_slice(&extreme.to_le_bytes());
             }
             4 => drop(bytes.drain(at..at + length)),
@@ -121,8 +109,8 @@ fn mutated(kept: &[Vec<u8>], numbers: &mut Numbers) -> Vec<u8> {
                 bytes.splice(at..at, part);
             }
             _ => {
-                let other = &kept[numbers.next(kept.len())];
-                let from = numbers.next(other.len() + 1);
+                let other = &kept[numbers.below(kept.len())];
+                let from = numbers.below(other.len() + 1);
                 let upto = other.len().min(from + 1 + length);
                 bytes.splice(at..at, other[from.min(upto)..upto].iter().copied());
             }
@@ -155,7 +143,7 @@ fn mutated_inputs_pass() {
         {
             let (kept, begun, mut tried) = (corpus(name), Instant::now(), 0_u64);
             while begun.elapsed().as_secs_f64() < seconds() {
-                let input = mutated(&kept, &mut Numbers(tried));
+                let input = mutated(&kept, &mut SplitMix64::new(tried));
                 let asked = Instant::now();
                 if catch_unwind(AssertUnwindSafe(|| run(&input))).is_err() {
                     let file = std::env::temp_dir().join(format!("c4d-fuzz-{name}-{tried}"));

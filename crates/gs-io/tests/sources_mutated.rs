@@ -12,6 +12,7 @@
 #[path = "common/tsog.rs"]
 mod tsog;
 
+use gs_core::SplitMix64;
 use gs_io::{IoError, OpenOptions, OpenedScene, SceneKind, detect, open_scene_as, ply};
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -151,16 +152,12 @@ fn a_missing_file_is_named_with_the_next_step_or_not_needed() {
     assert!(refused >= 20, "{refused} files matter");
 }
 
-/// A reproducible stream of numbers (SplitMix64).
-struct Numbers(u64);
+/// Random mutations of files.
+struct Mutations(SplitMix64);
 
-impl Numbers {
+impl Mutations {
     fn next(&mut self, below: usize) -> usize {
-        self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
-        let mut z = self.0;
-        z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
-        usize::try_from((z ^ (z >> 31)) % below.max(1) as u64).unwrap()
+        self.0.below(below)
     }
 
     /// A place near the start or the end of a file, where its structure is, or anywhere.
@@ -201,7 +198,7 @@ fn mutated_files_are_refused_or_read() {
             let whole = fs::read(&file).unwrap();
             for seed in 0..MUTATIONS {
                 let mut bytes = whole.clone();
-                Numbers(seed + 1000 * index as u64).mutate(&mut bytes);
+                Mutations(SplitMix64::new(seed + 1000 * index as u64)).mutate(&mut bytes);
                 fs::write(&file, &bytes).unwrap();
                 check(&copied, &format!("{}, mutation {seed}", file.display()));
                 let ok = copied.open().is_ok();

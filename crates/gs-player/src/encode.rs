@@ -127,7 +127,7 @@ pub fn encode_annotated(
         let rows = scenes.iter().map(|scene| scene.num_splats()).sum();
         return Err(PlayerError::NothingVisible { rows, not_finite });
     }
-    let (origin, size) = survey::extent(&surveys.iter().collect::<Vec<_>>());
+    let (origin, size) = survey::trimmed_box(&surveys.iter().collect::<Vec<_>>());
     drop(surveys);
     let position_step = size / options.position_steps;
     let mut recorder = Recorder::new(&groups, degree, origin, position_step, options);

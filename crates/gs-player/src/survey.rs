@@ -2,7 +2,7 @@
 
 use crate::PlayerError;
 use gs_core::image_formation::ALPHA_THRESHOLD;
-use gs_core::{DynamicScene, Splats};
+use gs_core::{DynamicScene, Splats, SplitMix64};
 use std::collections::HashMap;
 
 /// Share of the rows excluded at either end when the extent is
@@ -119,12 +119,9 @@ impl Rows {
     }
 }
 
-/// One step of a fingerprint: bits of the value, mixed (the finaliser of SplitMix64).
+/// One step of a fingerprint: bits of the value, mixed.
 fn mix(state: u64, value: f32) -> u64 {
-    let mut z = state.wrapping_add(u64::from(value.to_bits())).wrapping_add(0x9E37_79B9_7F4A_7C15);
-    z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
-    z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
-    z ^ (z >> 31)
+    SplitMix64::new(state.wrapping_add(u64::from(value.to_bits()))).next_u64()
 }
 
 /// Finds shared rows by value, for any order of the rows.
@@ -177,7 +174,7 @@ fn matched<K: Eq + std::hash::Hash>(
 
 /// Centre and longest side (1 if it is zero) of the box that contains the middle 90 % of the
 /// centres along each axis, world units.
-pub(crate) fn extent(scenes: &[&Rows]) -> ([f64; 3], f64) {
+pub(crate) fn trimmed_box(scenes: &[&Rows]) -> ([f64; 3], f64) {
     let mut origin = [0.0; 3];
     let (mut robust, mut full) = (0.0_f64, 0.0_f64);
     for axis in 0..3 {

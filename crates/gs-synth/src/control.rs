@@ -3,7 +3,7 @@
 
 use crate::oracle::{Tree, nearest_similar};
 use crate::{EditedFrame, SynthError, SynthScene};
-use gs_core::{DynamicScene, Splats};
+use gs_core::{DynamicScene, Splats, nearest_rank};
 
 /// Number of neighbours that define the motion at a source splat.
 const NEIGHBORS: usize = 24;
@@ -21,7 +21,7 @@ const MIN_SUPPORT: f32 = 0.3;
 ///
 /// # Errors
 /// If the scene cannot be evaluated.
-pub fn rigid_neighbours(
+pub fn rigid_neighbors(
     source: &SynthScene,
     edited: &EditedFrame,
 ) -> Result<Vec<Vec<(u32, f32)>>, SynthError> {
@@ -45,6 +45,7 @@ pub fn rigid_neighbours(
         .flat_map(|i| near[i].iter().skip(1).map(move |n| deviation(i, n)))
         .collect();
     let mut spacings: Vec<f32> = near.iter().filter_map(|n| n.get(3)).map(|n| n.1.sqrt()).collect();
+    let median = |values: &mut [f32]| nearest_rank(values, 0.5).unwrap_or(0.0);
     let (noise, h) = (median(&mut deviations), median(&mut spacings).max(f32::MIN_POSITIVE));
     let weights = |i: usize| -> (Vec<(u32, f32)>, f32) {
         let (mut row, mut kept, mut all) = (Vec::new(), 0.0, 0.0);
@@ -74,11 +75,4 @@ pub fn rigid_neighbours(
         row
     });
     Ok(rows.collect())
-}
-
-/// Median; 0 for an empty slice.
-fn median(values: &mut [f32]) -> f32 {
-    let middle = values.len() / 2;
-    values.sort_by(f32::total_cmp);
-    values.get(middle).copied().unwrap_or(0.0)
 }

@@ -11,7 +11,7 @@
 //! are `wxyz`; colours are sRGB values without conversion.
 //!
 //! Deliberately absent: files, and the methods under test. Included are three controls
-//! ([`rigid_neighbours`] uses only the source's motion, [`part_neighbours`] the true parts, and
+//! ([`rigid_neighbors`] uses only the source's motion, [`part_neighbors`] the true parts, and
 //! [`label_transport()`] votes of neighbours) and the training of the deformation network for
 //! comparison ([`fit_hexplane`]).
 //!
@@ -58,7 +58,7 @@ mod truth;
 pub use brief::{BriefParams, BriefScene};
 pub use brief_cases::{BriefCase, BriefTruth, BriefTruthScene, build_brief};
 pub use cases::{CASE_SIZES, TruthCase, TruthScene, build};
-pub use control::rigid_neighbours;
+pub use control::rigid_neighbors;
 pub use deliver::{PICTURE_WEIGHT, UnseenColor, deliver};
 pub use demo::{DemoParams, demo, demo_edits};
 pub use edit::{Edit, Graft, Paint, Region, apply_edits};
@@ -66,7 +66,7 @@ pub use error::SynthError;
 pub use fit::{FitParams, FitResidual, FittedField, fit_hexplane};
 pub use label_transport::label_transport;
 pub use metric::{MotionError, motion_error, motion_error_of};
-pub use oracle::{PartBy, part_neighbours};
+pub use oracle::{PartBy, part_neighbors};
 pub use part::{Bone, Kind, Part, Tag};
 pub use scene::{Row, SynthScene};
 pub use truth::{EditedFrame, Truth};

@@ -2,7 +2,7 @@
 
 use crate::{SynthError, Truth};
 use glam::Vec3;
-use gs_core::{DynamicScene, Splats, quat};
+use gs_core::{DynamicScene, Splats, quantile, quat};
 
 /// Scores of a predicted motion against the truth, over all times and scored splats.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -87,7 +87,7 @@ pub fn motion_error_of(
     let num_bad = worst.iter().filter(|&&error| error > 5.0).count();
     Ok(MotionError {
         epe: mean(errors.iter().sum(), pairs),
-        p95: percentile(&mut errors, 0.95),
+        p95: quantile(&mut errors, 0.95).unwrap_or(0.0),
         bad5: 100.0 * mean(num_bad as f64, scored.len()),
         contact: mean(contact, num_contact * times.len()),
         rot_deg: mean(rotation, pairs).to_degrees(),
@@ -104,31 +104,9 @@ pub(crate) fn angle_between(a: [f32; 4], b: [f32; 4]) -> f64 {
     2.0 * (x * x + y * y + z * z).sqrt().atan2(w.abs())
 }
 
-/// Percentile, linear between the two nearest ranks; 0 for an empty slice.
-pub(crate) fn percentile(values: &mut [f64], share: f64) -> f64 {
-    values.sort_by(f64::total_cmp);
-    let Some(last) = values.len().checked_sub(1) else { return 0.0 };
-    let at = share * last as f64;
-    let below = at.floor();
-    #[expect(
-        clippy::cast_possible_truncation,
-        clippy::cast_sign_loss,
-        reason = "between 0 and the last index"
-    )]
-    let i = below as usize;
-    values[i] + (values[(i + 1).min(last)] - values[i]) * (at - below)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    pub(crate) fn percentile_interpolates() {
-        assert!((percentile(&mut [3.0, 1.0, 2.0], 0.5) - 2.0).abs() < 1e-12, "median");
-        assert!((percentile(&mut [0.0, 1.0], 0.95) - 0.95).abs() < 1e-12, "between");
-        assert!(percentile(&mut [], 0.5).abs() < 1e-12, "nothing");
-    }
 
     #[test]
     fn angles_ignore_sign_and_length() {

@@ -1,5 +1,7 @@
 //! Reference results that need known parts: the best result with rigid
 //! parts, and the result of nearest neighbours.
+//!
+//! With the k-d tree of `kiddo`: that of `anchors` is part of the methods under test.
 
 use crate::{EditedFrame, Kind, Part, SynthError, SynthScene};
 use gs_core::{Splats, quat};
@@ -29,7 +31,7 @@ pub enum PartBy {
 ///
 /// # Errors
 /// If the scene cannot be evaluated.
-pub fn part_neighbours(
+pub fn part_neighbors(
     source: &SynthScene,
     edited: &EditedFrame,
     by: PartBy,

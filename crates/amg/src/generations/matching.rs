@@ -3,6 +3,7 @@
 use crate::AmgError;
 use crate::rigid::{dot, norm, sub};
 use anchors::KdTree;
+use gs_core::nearest_rank;
 use rayon::prelude::*;
 use uot::{Sinkhorn, SinkhornParams, UotProblem};
 
@@ -71,8 +72,7 @@ pub(super) fn matches(old: &[Point], new: &[Point]) -> Result<Vec<Match>, AmgErr
         .zip(&candidates)
         .map(|(point, ids)| {
             let mut around: Vec<f64> = ids.iter().map(|&id| spacing_of(id)).collect();
-            around.sort_by(f64::total_cmp);
-            let spacing = around[around.len() / 2].max(f64::MIN_POSITIVE);
+            let spacing = nearest_rank(&mut around, 0.5).unwrap_or(0.0).max(f64::MIN_POSITIVE);
             ids.iter().map(|&id| cost(&old[id as usize], point, spacing)).collect()
         })
         .collect();

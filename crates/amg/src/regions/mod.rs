@@ -15,22 +15,22 @@
 //!    displaced it, smoothed by [`diffusion`].
 //! 5. Unmatched splats follow the nearest matched ones along the neighbour graph ([`graph`]).
 //! 6. New connected pieces that extend from the figure move as a whole with the part they are
-//!    attached to ([`new_pieces`]). [`followed`] combines 4 to 6.
+//!    attached to ([`attachment`]). [`followed_region`] combines 4 to 6.
 //! 7. Each splat gets a support, some sources of its motion that agree well ([`support`],
 //!    [`consensus`]); their weighted rigid motion is its motion.
 //!
 //! The glossary is at the head of the crate.
 
+mod attachment;
 mod candidates;
 mod consensus;
 mod coverage;
 mod cubes;
 mod diffusion;
 mod edit;
-mod followed;
+mod followed_region;
 mod graph;
 mod likelihood;
-mod new_pieces;
 mod normals;
 mod numeric;
 mod posterior;
@@ -51,7 +51,7 @@ use candidates::Candidates;
 use consensus::Consensus;
 use cubes::{Cube, Cubes, SearchSpace};
 use edit::Edit;
-use followed::{FollowInputs, Followed};
+use followed_region::{FollowInputs, Followed};
 use gs_core::{Real, Splats};
 use posterior::{Inputs, Model};
 use rayon::prelude::*;

@@ -8,7 +8,7 @@ use crate::keyframes::FADED;
 use crate::rigid::RigidFits;
 use crate::simd::Lanes;
 use anchors::{RigidNeighbors, Trajectories};
-use gs_core::{Real, quat};
+use gs_core::{Real, nearest_rank, quat};
 use rayon::prelude::*;
 
 /// Weight of the splats' own rotations relative to their positions if both are equally accurate;
@@ -359,7 +359,8 @@ fn rotation_quality(
         })
         .collect();
     let middle = |which: usize| {
-        super::numeric::median(&mut compared.iter().map(|c| c[which]).collect::<Vec<_>>())
+        let mut values: Vec<f64> = compared.iter().map(|c| c[which]).collect();
+        nearest_rank(&mut values, 0.5).unwrap_or(0.0)
     };
     let (difference, positions) = (middle(0), middle(1));
     // 3e-8 rad² is a hundredth of a degree, below which differences are rounding.

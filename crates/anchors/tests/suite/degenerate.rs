@@ -24,7 +24,7 @@ fn one_point_is_its_own_anchor() {
 }
 
 #[test]
-fn two_points_are_one_neighbourhood() {
+fn two_points_are_one_neighborhood() {
     let points = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]];
     let set = AnchorSet::of(&points, &params()).unwrap();
     assert_eq!((set.len(), set.members.get(0)), (1, &[0, 1][..]), "one pair");

@@ -14,7 +14,7 @@ use crate::device::Device;
 use crate::failure::{Failure, Outcome, chain};
 use crate::output::{existing, output_failure};
 use crate::renderer::Renderer;
-use c4d_metrics::{MotionTrack, neighbourhood_distance_deviation, psnr};
+use c4d_metrics::{MotionTrack, neighborhood_distance_deviation, psnr};
 use gs_core::DynamicScene;
 use gs_deform::HexPlaneScene;
 use gs_io::AtomicDir;
@@ -216,8 +216,8 @@ fn score(
         lns: error.lns,
         jitter_ratio: predicted.jitter(size) / expected.jitter(size).max(1e-12),
         jitter_ratio_source: track(followed)?.jitter(size) / noise_free,
-        ndd: neighbourhood_distance_deviation(&predicted),
-        ndd_truth: neighbourhood_distance_deviation(&expected),
+        ndd: neighborhood_distance_deviation(&predicted),
+        ndd_truth: neighborhood_distance_deviation(&expected),
         psnr: rendered_psnr(&moved, truth, scene)?,
         seconds,
     })

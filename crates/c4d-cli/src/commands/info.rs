@@ -9,7 +9,7 @@ use crate::lifetimes::Lifetimes;
 use crate::scene::{self, Opened};
 use crate::suggestion::{self, Needed};
 use gs_core::sh::C0;
-use gs_core::{Precision, RowPrecision, Splats};
+use gs_core::{Precision, RowPrecision, Splats, nearest_rank};
 use gs_io::SceneKind;
 use gs_io::cameras::{self, Reading, Split};
 use gs_io::frame::FrameFormat;
@@ -202,8 +202,7 @@ fn frame(path: &Path, kind: &SceneKind, axes: Option<AxesArg>) -> Outcome<Report
 fn precision_of(precision: &Precision, rows: usize) -> String {
     let median = |of: fn(&RowPrecision) -> f32| {
         let mut values: Vec<f32> = (0..rows).map(|row| of(precision.of(row))).collect();
-        values.sort_by(f32::total_cmp);
-        values.get(rows / 2).copied().unwrap_or_default()
+        nearest_rank(&mut values, 0.5).unwrap_or_default()
     };
     let mean = median(|row| row.means.into_iter().fold(0.0, f32::max));
     let size = median(|row| row.log_scales.into_iter().fold(0.0, f32::max));

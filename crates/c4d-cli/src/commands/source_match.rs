@@ -9,7 +9,7 @@ use crate::scene::Opened;
 use crate::settings::PropagateJob;
 use amg::{Identity, IdentityMap, IdentityParams};
 use gs_core::image_formation::ALPHA_THRESHOLD;
-use gs_core::{Precision, RowPrecision, Splats};
+use gs_core::{Precision, RowPrecision, Splats, nearest_rank};
 use std::collections::HashSet;
 use std::sync::Arc;
 
@@ -100,7 +100,7 @@ fn undo(
     console: &Console,
 ) -> Outcome<Option<Splats>> {
     let similarity = map.similarities[group as usize];
-    let Some((centre, size)) = robust_ball(frame) else { return Ok(None) };
+    let Some((centre, size)) = ball_of_most_splats(frame) else { return Ok(None) };
     if similarity.is_still(centre, 2.0 * size) {
         return Ok(None);
     }
@@ -197,7 +197,7 @@ struct Cells {
 
 impl Cells {
     fn around(splats: &Splats) -> Self {
-        let size = robust_ball(splats).map_or(1.0, |(_, size)| 2.0 * size);
+        let size = ball_of_most_splats(splats).map_or(1.0, |(_, size)| 2.0 * size);
         let edge = (CELL * size).max(f64::from(f32::MIN_POSITIVE));
         let mut cells = Self { edge, occupied: HashSet::new() };
         for mean in &splats.means {
@@ -251,7 +251,9 @@ fn refuse_other_scene(
     edited: &Splats,
     map: &IdentityMap,
 ) -> Outcome {
-    let (Some(source_ball), Some(edited_ball)) = (robust_ball(source), robust_ball(edited)) else {
+    let (Some(source_ball), Some(edited_ball)) =
+        (ball_of_most_splats(source), ball_of_most_splats(edited))
+    else {
         return Ok(());
     };
     let size = source_ball.1.max(f64::MIN_POSITIVE);
@@ -396,8 +398,10 @@ fn appended(
     edited
 }
 
-/// Median centre, and the radius that contains 90 % of the splats.
-fn robust_ball(splats: &Splats) -> Option<([f64; 3], f64)> {
+/// Median centre, and the radius that contains 90 % of the splats, world units. Every splat counts
+/// equally, unlike in [`gs_core::Extent`], which weighs splats by size: deleting a backdrop of few
+/// large splats must not look like another scene.
+fn ball_of_most_splats(splats: &Splats) -> Option<([f64; 3], f64)> {
     let finite: Vec<[f64; 3]> = splats
         .means
         .iter()
@@ -407,11 +411,8 @@ fn robust_ball(splats: &Splats) -> Option<([f64; 3], f64)> {
     if finite.is_empty() {
         return None;
     }
-    let rank = |mut values: Vec<f64>, share: usize| {
-        let at = (values.len() - 1) * share / 100;
-        *values.select_nth_unstable_by(at, f64::total_cmp).1
-    };
-    let centre = [0, 1, 2].map(|k| rank(finite.iter().map(|p| p[k]).collect(), 50));
+    let rank = |mut values: Vec<f64>, share| nearest_rank(&mut values, share).unwrap_or(0.0);
+    let centre = [0, 1, 2].map(|k| rank(finite.iter().map(|p| p[k]).collect(), 0.5));
     let distance = |p: &[f64; 3]| (0..3).map(|k| (p[k] - centre[k]).powi(2)).sum::<f64>().sqrt();
-    Some((centre, rank(finite.iter().map(distance).collect(), 90)))
+    Some((centre, rank(finite.iter().map(distance).collect(), 0.9)))
 }

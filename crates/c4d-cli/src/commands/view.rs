@@ -187,7 +187,7 @@ fn page(scenes: &[Arc<ShownScene>], fps: f64, args: &ViewArgs) -> Outcome<String
         title: &title,
         fps,
         camera: &camera,
-        target: rig.target(),
+        target: rig.target().to_array(),
         up,
         limits: rig.limits(),
         background: first.background,

@@ -4,7 +4,7 @@ use super::item::Item;
 use super::subject::Subject;
 use crate::failure::{Failure, Outcome, chain};
 use c4d_metrics::{
-    MotionTrack, NDD_NEIGHBOURS, Neighbours, deviation_among, drift, isometry, nearest,
+    MotionTrack, NDD_NEIGHBORS, Neighbors, deviation_among, drift, isometry, nearest,
 };
 use gs_core::{DynamicScene, Splats};
 
@@ -46,18 +46,18 @@ pub(crate) fn motion(subject: &Subject<'_>, times: &[f32]) -> Outcome<Vec<Item>>
             (b > 0.0).then(|| a / b),
             "the source's splats do not accelerate",
         )));
-        let around = Neighbours::of(track.first(), NDD_NEIGHBOURS);
-        let with_neighbours = |item: Item| counted(item).with("neighbours", NDD_NEIGHBOURS);
+        let around = Neighbors::of(track.first(), NDD_NEIGHBORS);
+        let with_neighbors = |item: Item| counted(item).with("neighbours", NDD_NEIGHBORS);
         let (a, b) = (isometry(&track, &around), isometry(&of_source, &around));
         let few = "fewer than nine splats were edited, or there is only one frame";
-        items.push(with_neighbours(Item::optional("isometry", a, few)));
-        items.push(with_neighbours(Item::optional("isometry_src", b, few)));
+        items.push(with_neighbors(Item::optional("isometry", a, few)));
+        items.push(with_neighbors(Item::optional("isometry_src", b, few)));
         let excess = a.zip(b).map(|(a, b)| a - b);
-        items.push(with_neighbours(Item::optional("isometry_excess", excess, few)));
+        items.push(with_neighbors(Item::optional("isometry_excess", excess, few)));
         let (a, b) = (deviation_among(&track, &around), deviation_among(&of_source, &around));
-        items.push(with_neighbours(Item::scalar("ndd_edit", a)));
-        items.push(with_neighbours(Item::scalar("ndd_src", b)));
-        items.push(with_neighbours(Item::scalar("ndd_excess", a - b)));
+        items.push(with_neighbors(Item::scalar("ndd_edit", a)));
+        items.push(with_neighbors(Item::scalar("ndd_src", b)));
+        items.push(with_neighbors(Item::scalar("ndd_excess", a - b)));
     } else {
         for id in [
             "jitter",

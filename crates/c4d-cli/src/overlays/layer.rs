@@ -10,7 +10,7 @@ use crate::failure::{Failure, Outcome};
 use crate::rigid_parts::rigid_parts;
 use crate::scene::Opened;
 use amg::{Binding, RigidParts};
-use gs_core::{DynamicScene, Extent};
+use gs_core::{DynamicScene, Extent, nearest_rank};
 use gs_player::{Legend, Overlay};
 use std::sync::Arc;
 
@@ -152,14 +152,7 @@ impl<'a> LayerSource<'a> {
         };
         let mut moving: Vec<f32> =
             source.iter().chain(&edited).copied().filter(|&far| far > 0.0).collect();
-        moving.sort_by(f32::total_cmp);
-        #[expect(
-            clippy::cast_possible_truncation,
-            clippy::cast_sign_loss,
-            reason = "a share of a length"
-        )]
-        let at = (MOST * moving.len() as f64) as usize;
-        let most = moving.get(at.min(moving.len().saturating_sub(1))).copied().unwrap_or(1.0);
+        let most = nearest_rank(&mut moving, MOST).unwrap_or(1.0);
         let entry = |far: &[f32]| -> Vec<u8> {
             far.iter().map(|far| scale_entry(far / most, SCALE)).collect()
         };

@@ -7,41 +7,29 @@ use crate::console::Console;
 use crate::run_folder::{CONFIG, Checkpoint, REFINE_STATE, SCENE};
 use crate::settings::RefineSettings;
 use clap::Parser;
+use gs_core::SplitMix64;
 use std::fs;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
 use std::time::Instant;
 
-/// A reproducible stream of numbers (SplitMix64).
-struct Numbers(u64);
-
-impl Numbers {
-    fn next(&mut self, below: usize) -> usize {
-        self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
-        let mut z = self.0;
-        z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
-        usize::try_from((z ^ (z >> 31)) % below.max(1) as u64).unwrap()
-    }
-}
-
 /// Damages bytes: overwritten bytes and digits, mostly near the start, where headers are; parts
 /// removed or duplicated; truncation.
-fn damaged(bytes: &[u8], numbers: &mut Numbers) -> Vec<u8> {
+fn damaged(bytes: &[u8], numbers: &mut SplitMix64) -> Vec<u8> {
     let mut bytes = bytes.to_vec();
-    for _ in 0..=numbers.next(3) {
-        let range = if numbers.next(2) == 0 { bytes.len() } else { bytes.len().min(1500) };
-        let at = numbers.next(range);
-        let length = numbers.next((bytes.len() - at).min(40));
-        match numbers.next(6) {
-            0 if at < bytes.len() => bytes[at] ^= 1 << numbers.next(8),
-            1 | 2 if at < bytes.len() => bytes[at] = b"0123456789-.\"[]nai"[numbers.next(18)],
+    for _ in 0..=numbers.below(3) {
+        let range = if numbers.below(2) == 0 { bytes.len() } else { bytes.len().min(1500) };
+        let at = numbers.below(range);
+        let length = numbers.below((bytes.len() - at).min(40));
+        match numbers.below(6) {
+            0 if at < bytes.len() => bytes[at] ^= 1 << numbers.below(8),
+            1 | 2 if at < bytes.len() => bytes[at] = b"0123456789-.\"[]nai"[numbers.below(18)],
             3 => drop(bytes.drain(at..at + length)),
             4 => {
                 let part = bytes[at..at + length].to_vec();
                 bytes.splice(at..at, part);
             }
-            _ if numbers.next(8) == 0 => bytes.truncate(at),
+            _ if numbers.below(8) == 0 => bytes.truncate(at),
             _ => {}
         }
     }
@@ -77,8 +65,8 @@ fn damaged_run_folders_are_errors() {
     let seconds = std::env::var("C4D_FUZZ_SECONDS").ok().and_then(|text| text.parse().ok());
     let (begun, mut tried, mut opened) = (Instant::now(), 0_u64, 0_u64);
     while begun.elapsed().as_secs_f64() < seconds.unwrap_or(3.0) {
-        let mut numbers = Numbers(tried);
-        let (name, sound) = &files[numbers.next(files.len())];
+        let mut numbers = SplitMix64::new(tried);
+        let (name, sound) = &files[numbers.below(files.len())];
         fs::write(run.join(name), damaged(sound, &mut numbers)).unwrap();
         let look = || {
             let _ = Checkpoint::read(&run);

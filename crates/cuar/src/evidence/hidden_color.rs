@@ -4,7 +4,7 @@ use super::{
     change::{References, expected_changes},
     edited_frame::EditedFrame,
 };
-use gs_core::sh;
+use gs_core::{sh, weighted_quantile};
 
 /// Kind of colour after an edit.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -31,30 +31,18 @@ pub(super) fn supervised_error(frame: &EditedFrame<'_>, references: &References)
     let compared: Vec<usize> = references.rows.iter().copied().step_by(step).collect();
     let errors = errors(frame, &compared, references);
     let known = errors.into_iter().filter(|error| error.is_finite());
-    weighted_median(known.map(|error| (error, 1.0)).collect())
+    weighted_quantile(known.map(|error| (error, 1.0)).collect(), 0.5).unwrap_or(0.0)
 }
 
 /// Whether most hidden splats with these errors and weights have meaningless colours, given the
 /// median error of supervised splats.
 pub(super) fn are_meaningless(hidden: Vec<(f32, f32)>, supervised: f32) -> bool {
-    weighted_median(hidden) > (FACTOR * supervised).max(MIN_ERROR)
+    weighted_quantile(hidden, 0.5).unwrap_or(0.0) > (FACTOR * supervised).max(MIN_ERROR)
 }
 
 /// Whether a colour with this error is meaningless, if [`are_meaningless`] is true.
 pub(super) fn is_meaningless(error: f32, supervised: f32) -> bool {
     error > supervised.max(MIN_ERROR)
-}
-
-/// Median of pairs of value and weight; 0 without any.
-fn weighted_median(mut pairs: Vec<(f32, f32)>) -> f32 {
-    pairs.sort_by(|a, b| a.0.total_cmp(&b.0));
-    let half = 0.5 * pairs.iter().map(|(_, weight)| weight).sum::<f32>();
-    let mut sum = 0.0;
-    let median = pairs.into_iter().find(|(_, weight)| {
-        sum += weight;
-        sum >= half
-    });
-    median.map_or(0.0, |(value, _)| value)
 }
 
 /// Difference between the change of base colour of each row and the expected one, summed over the
@@ -75,10 +63,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn medians_follow_the_weights() {
-        assert_eq!(weighted_median(vec![(3.0, 1.0), (1.0, 1.0), (2.0, 1.0)]), 2.0);
-        assert_eq!(weighted_median(vec![(3.0, 5.0), (1.0, 1.0), (2.0, 1.0)]), 3.0);
-        assert_eq!(weighted_median(Vec::new()), 0.0);
+    fn colours_with_larger_errors_are_meaningless() {
         assert!(are_meaningless(vec![(0.5, 1.0)], 0.2), "larger");
         assert!(!are_meaningless(vec![(0.5, 1.0)], 0.3), "of the same size");
         assert!(!are_meaningless(Vec::new(), 0.0), "none");

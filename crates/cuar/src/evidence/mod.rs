@@ -41,7 +41,7 @@ pub use before::BeforeEdit;
 pub use params::EvidenceParams;
 
 use edited_frame::EditedFrame;
-use gs_core::{Camera, DynamicScene, Rasterizer, Splats, sh};
+use gs_core::{Camera, DynamicScene, Rasterizer, Splats, sh, weighted_quantile};
 use hidden::Hidden;
 use hidden_color::HiddenColor;
 use lacking::{Lacking, lacking_changes};
@@ -205,22 +205,16 @@ impl Evidence {
 /// also have changed).
 fn thresholds(shares: &[f32], sizes: &[f32], params: &EvidenceParams) -> [f32; 2] {
     let changed = shares.iter().zip(sizes).filter(|(_, size)| **size > params.min_change);
-    let Some(changed) = typical(changed.map(|(share, _)| *share).collect()) else {
+    let Some(changed) = typical(changed.map(|(share, _)| *share)) else {
         return [params.hidden, params.supervised];
     };
-    let all = typical(shares.to_vec()).unwrap_or(0.0);
+    let all = typical(shares.iter().copied()).unwrap_or(0.0);
     let typical = changed.max(0.5 * all);
     [params.hidden.min(0.25 * typical), params.supervised.min(0.75 * typical)]
 }
 
 /// Median of the positive shares, weighted by themselves.
-fn typical(mut shares: Vec<f32>) -> Option<f32> {
-    shares.retain(|share| *share > 0.0);
-    shares.sort_by(f32::total_cmp);
-    let half = 0.5 * shares.iter().sum::<f32>();
-    let mut sum = 0.0;
-    shares.into_iter().find(|share| {
-        sum += share;
-        sum >= half
-    })
+fn typical(shares: impl Iterator<Item = f32>) -> Option<f32> {
+    let positive = shares.filter(|share| *share > 0.0).map(|share| (share, share));
+    weighted_quantile(positive.collect(), 0.5)
 }

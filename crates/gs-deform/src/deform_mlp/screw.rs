@@ -1,5 +1,7 @@
 //! Screw motions: the warp of networks with six degrees of freedom.
 
+use glam::{DVec3, Vec3};
+
 /// Added to axis and moment after the division by the angle, as in training.
 const OFFSET: f64 = 1e-5;
 
@@ -7,31 +9,24 @@ const OFFSET: f64 = 1e-5;
 /// `v/θ + 10⁻⁵`, the matrix exponential of the twist at angle `θ` (equations 10 and 11 of Nerfies).
 /// Without a rotation, the translation `v`.
 pub(super) fn moved(x: [f32; 3], twist: [f32; 6]) -> [f32; 3] {
-    let [wx, wy, wz, vx, vy, vz] = twist.map(f64::from);
-    let x = x.map(f64::from);
-    let angle = (wx * wx + wy * wy + wz * wz).sqrt();
-    let out = if angle == 0.0 {
-        [x[0] + vx, x[1] + vy, x[2] + vz]
+    let [w, v] = [[0, 1, 2], [3, 4, 5]].map(|range| wide(range.map(|k| twist[k])));
+    let (x, angle) = (wide(x), w.length());
+    let moved = if angle == 0.0 {
+        x + v
     } else {
-        let axis = [wx, wy, wz].map(|component| component / angle + OFFSET);
-        let moment = [vx, vy, vz].map(|component| component / angle + OFFSET);
+        let (axis, moment) = (w / angle + OFFSET, v / angle + OFFSET);
         let (sine, cosine) = angle.sin_cos();
-        let (turned, turned_twice) = (cross(axis, x), cross(axis, cross(axis, x)));
-        let (shifted, shifted_twice) = (cross(axis, moment), cross(axis, cross(axis, moment)));
-        [0, 1, 2].map(|k| {
-            let rotated = x[k] + sine * turned[k] + (1.0 - cosine) * turned_twice[k];
-            let translation =
-                angle * moment[k] + (1.0 - cosine) * shifted[k] + (angle - sine) * shifted_twice[k];
-            rotated + translation
-        })
+        let (turned, shifted) = (axis.cross(x), axis.cross(moment));
+        let rotated = x + sine * turned + (1.0 - cosine) * axis.cross(turned);
+        let translation =
+            angle * moment + (1.0 - cosine) * shifted + (angle - sine) * axis.cross(shifted);
+        rotated + translation
     };
-    #[expect(clippy::cast_possible_truncation, reason = "positions are single precision")]
-    let out = out.map(|component| component as f32);
-    out
+    moved.as_vec3().to_array()
 }
 
-fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
-    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+fn wide(v: [f32; 3]) -> DVec3 {
+    Vec3::from(v).as_dvec3()
 }
 
 #[cfg(test)]

@@ -193,8 +193,8 @@ fn pictures_of(cameras: &[Camera], splats: &Splats) -> Result<Vec<EditedPicture>
 }
 
 fn normal(rng: &mut Pcg64) -> f32 {
-    let (u, v): (f32, f32) = (rng.random(), rng.random());
-    (-2.0 * (1.0 - u).ln()).sqrt() * (std::f32::consts::TAU * v).cos()
+    let (u, v) = (rng.random(), rng.random());
+    gs_core::standard_normal(u, v)
 }
 
 /// Smooth noise of unit variance: waves of random direction and phase with wavelengths of about

@@ -6,6 +6,7 @@
 use super::pose::{self, Viewmat};
 use super::poses_bounds::Row;
 use glam::DVec3;
+use gs_core::quantile;
 
 /// Frames of a spiral.
 pub(super) const SPIRAL_FRAMES: usize = 300;
@@ -42,8 +43,10 @@ pub(super) fn spiral(rows: &[Row]) -> Vec<Viewmat> {
     let near = 0.9 * rows.iter().map(|row| row.near.min(row.far)).fold(f64::INFINITY, f64::min);
     let far = 5.0 * rows.iter().map(|row| row.near.max(row.far)).fold(f64::NEG_INFINITY, f64::max);
     let focus = 1.0 / (0.25 / near + 0.75 / far);
-    let radii =
-        [0, 1, 2].map(|k| percentile_90(rows.iter().map(|row| row.centre[k].abs()).collect()));
+    let radii = [0, 1, 2].map(|k| {
+        let mut distances: Vec<f64> = rows.iter().map(|row| row.centre[k].abs()).collect();
+        quantile(&mut distances, 0.9).unwrap_or(0.0)
+    });
     (0..SPIRAL_FRAMES)
         .map(|frame| {
             let angle = 2.0 * std::f64::consts::TAU * frame as f64 / SPIRAL_FRAMES as f64;
@@ -56,17 +59,6 @@ pub(super) fn spiral(rows: &[Row]) -> Vec<Viewmat> {
             pose::from_axes(right, -upward, -backward, eye)
         })
         .collect()
-}
-
-/// 90th percentile, linear between neighbours.
-fn percentile_90(mut values: Vec<f64>) -> f64 {
-    values.sort_by(f64::total_cmp);
-    let Some(last) = values.len().checked_sub(1) else { return 0.0 };
-    let rank = 0.9 * last as f64;
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a rank")]
-    let below = rank.floor() as usize;
-    let above = (below + 1).min(last);
-    values[below] + (values[above] - values[below]) * (rank - below as f64)
 }
 
 #[cfg(test)]
@@ -88,12 +80,5 @@ mod tests {
             assert!((origin[2] - 4.0).abs() < 1e-12, "4 ahead: {origin:?}");
             assert!(at([0.0, 0.0, 1.0])[1] < -0.5, "z is up, and up is towards row 0");
         }
-    }
-
-    #[test]
-    fn percentiles() {
-        assert_eq!(percentile_90(vec![0.0, 1.0]), 0.9, "between two");
-        assert_eq!(percentile_90(vec![7.0]), 7.0, "one");
-        assert_eq!(percentile_90(Vec::new()), 0.0, "none");
     }
 }

@@ -60,17 +60,10 @@ pub(super) fn snap(set: &mut GaussianSet, cutoff: f64) {
     }
 }
 
-/// The median as computed by the encoder: the mean of the two middle values for even lengths.
+/// The median as computed by the encoder, which has a default for no values.
 fn median(values: &[f32]) -> f64 {
-    let mut sorted = values.to_vec();
-    sorted.sort_unstable_by(f32::total_cmp);
-    let middle = |index: usize| sorted.get(index).copied().map_or(1e-3, f64::from);
-    let half = sorted.len() / 2;
-    if sorted.len() % 2 == 1 {
-        middle(half)
-    } else {
-        0.5 * (middle(half.saturating_sub(1)) + middle(half))
-    }
+    let mut values: Vec<f64> = values.iter().copied().map(f64::from).collect();
+    gs_core::median(&mut values).unwrap_or(1e-3)
 }
 
 #[cfg(test)]

@@ -2,7 +2,7 @@
 
 use super::grid;
 use super::segments::{Sample, Segment, Tolerance, split};
-use crate::clip::{Clip, dropped_sentence, robust_size};
+use crate::clip::{Clip, dropped_sentence, trimmed_diagonal};
 use crate::error::IoError;
 use crate::fs::{AtomicFile, Existing};
 use crate::losses::Losses;
@@ -96,7 +96,7 @@ pub fn write(
     let middle = Harmonics::of(&frame(count / 2)?, options.sh_degree);
     progress(3);
     let tolerance = Tolerance {
-        position: options.tolerance * robust_size(&ends),
+        position: options.tolerance * trimmed_diagonal(&ends),
         rotation: ROTATION,
         log_scale: LOG_SCALE,
         level: LEVEL,

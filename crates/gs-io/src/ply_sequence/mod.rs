@@ -16,7 +16,7 @@ use crate::frame::{self, Frame};
 use crate::frame_cache::FrameCache;
 use crate::fs::list_names;
 use crate::repair::{self, Damage, DamagedRows, Infinities, RepairReport};
-use gs_core::{DynamicScene, SceneError, Splats, TimeRange};
+use gs_core::{DynamicScene, SceneError, Splats, TimeRange, nearest_rank};
 use gs_deform::frames;
 use hidden::HiddenRows;
 use source::{Beside, Source};
@@ -138,12 +138,7 @@ impl PlySequence {
         };
         let median = |mut values: Vec<f32>| {
             values.retain(|value| value.is_finite());
-            let middle = values.len() / 2;
-            if values.is_empty() {
-                0.0
-            } else {
-                *values.select_nth_unstable_by(middle, f32::total_cmp).1
-            }
+            nearest_rank(&mut values, 0.5).unwrap_or(0.0)
         };
         let rows = self.num_splats;
         let moved = median((0..rows).map(|i| distance(first.means[i], second.means[i])).collect());

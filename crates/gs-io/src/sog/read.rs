@@ -7,6 +7,7 @@ use crate::frame::{Frame, FrameError, FrameFormat};
 use crate::fs::text;
 use crate::plane::{FIRST_SLOT, PALETTE_ROW, Plane};
 use crate::tsog;
+use gs_core::nearest_rank;
 use gs_core::sh::num_coeffs;
 use gs_core::{Precision, RowPrecision, Splats};
 use serde::Deserialize;
@@ -224,8 +225,7 @@ impl Book {
         // Unusually wide gaps are limited, because otherwise they would contain a codebook value.
         let mut gaps: Vec<f32> = sorted.windows(2).map(|pair| pair[1] - pair[0]).collect();
         gaps.retain(|gap| *gap > 0.0);
-        gaps.sort_by(f32::total_cmp);
-        let widest = gaps.get(gaps.len() / 2).map_or(0.0, |median| WIDEST_GAP * median);
+        let widest = WIDEST_GAP * nearest_rank(&mut gaps, 0.5).unwrap_or(0.0);
         let gap = |value: f32| {
             let below = sorted.iter().rev().find(|&&other| other < value);
             let above = sorted.iter().find(|&&other| other > value);

@@ -2,7 +2,7 @@
 //! moving attributes and the storage order of splats.
 
 use super::value::{Attribute, Steps, values};
-use crate::clip::{Hemispheres, robust_size};
+use crate::clip::{Hemispheres, trimmed_diagonal};
 use crate::error::IoError;
 use gs_core::Splats;
 use std::path::Path;
@@ -54,7 +54,7 @@ impl Survey {
         /// Splats that move by less than this share of the whole scene's size count as static.
         const MOVING_SHARE: f64 = 0.002;
         let first: Vec<[f32; 3]> = rows.iter().map(|&row| self.first[row]).collect();
-        let least = MOVING_SHARE * robust_size(&first);
+        let least = MOVING_SHARE * trimmed_diagonal(&first);
         let ranges = &self.ranges[Attribute::Pos as usize];
         let moved: Vec<bool> = rows
             .iter()
@@ -162,10 +162,14 @@ impl Survey {
 
 /// Size of the moving splats, or of all splats if none move.
 fn size_of(first: &[[f32; 3]], moved: &[bool]) -> f64 {
-    let whole = robust_size(first);
+    let whole = trimmed_diagonal(first);
     let moving: Vec<[f32; 3]> =
         first.iter().zip(moved).filter(|(_, moved)| **moved).map(|(mean, _)| *mean).collect();
-    if moving.len() >= MIN_MOVING.max(first.len() / 100) { robust_size(&moving) } else { whole }
+    if moving.len() >= MIN_MOVING.max(first.len() / 100) {
+        trimmed_diagonal(&moving)
+    } else {
+        whole
+    }
 }
 
 /// If fewer splats move than this, or than one in a hundred,

@@ -2,14 +2,14 @@
 
 use super::fit::{Basis, shifted};
 use super::row::{BYTES, Row, level};
-use crate::clip::{Clip, Hemispheres, ValidRows, dropped_sentence, robust_size};
+use crate::clip::{Clip, Hemispheres, ValidRows, dropped_sentence, trimmed_diagonal};
 use crate::content::marks::SPLATV;
 use crate::error::IoError;
 use crate::fade::{ALWAYS, Sums as FadeSums};
 use crate::fs::{AtomicFile, Existing};
 use crate::losses::Losses;
 use crate::repair;
-use gs_core::{Camera, DynamicScene, Splats, quat, sh};
+use gs_core::{Camera, DynamicScene, Splats, nearest_rank, quat, sh};
 use gs_deform::{Polynomial, PolynomialScene};
 use half::f16;
 use rayon::prelude::*;
@@ -130,7 +130,7 @@ pub fn write(
     }
 
     let misfit = measure(path, clip, &options.camera, &kept, &rows, progress)?;
-    let size = robust_size(&ends);
+    let size = trimmed_diagonal(&ends);
     if misfit.distance.p99 > options.tolerance * size && !options.force {
         return Err(IoError::Unfit {
             path: path.to_owned(),
@@ -310,8 +310,7 @@ fn measure(
     let samples = (rows.len() * clip.times.len()) as f64;
     let misfit = |k: usize| {
         let mut values: Vec<f32> = worst.iter().map(|worst| worst[k]).collect();
-        let place = (values.len() - 1) * 99 / 100;
-        let p99 = *values.select_nth_unstable_by(place, f32::total_cmp).1;
+        let p99 = nearest_rank(&mut values, 0.99).unwrap_or(0.0);
         Misfit { mean: totals[k] / samples, p99: p99.into(), max: largest(&worst, k) }
     };
     Ok(Measured {

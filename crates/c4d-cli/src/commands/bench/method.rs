@@ -9,7 +9,7 @@ use amg::{
 use gs_core::DynamicScene;
 use gs_deform::HexPlaneScene;
 use gs_io::DeformedModel;
-use gs_synth::{PartBy, TruthScene, part_neighbours, rigid_neighbours};
+use gs_synth::{PartBy, TruthScene, part_neighbors, rigid_neighbors};
 use serde::Serialize;
 use std::sync::Arc;
 
@@ -121,8 +121,8 @@ fn oracle(
     edited: Arc<gs_core::Splats>,
 ) -> Outcome<EditedScene> {
     let rows = match by {
-        Some(by) => part_neighbours(&scene.source, &scene.edited, by),
-        None => rigid_neighbours(&scene.source, &scene.edited),
+        Some(by) => part_neighbors(&scene.source, &scene.edited, by),
+        None => rigid_neighbors(&scene.source, &scene.edited),
     };
     let rows = rows.map_err(Failure::failed)?;
     let binding = Binding::blending(&rows, source.num_splats()).map_err(Failure::failed)?;

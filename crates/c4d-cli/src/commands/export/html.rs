@@ -62,7 +62,7 @@ pub(super) fn write(
         title: &title,
         fps,
         camera: &camera,
-        target: rig.target(),
+        target: rig.target().to_array(),
         up: opened.up,
         limits: rig.limits(),
         background: opened.background,

@@ -1,4 +1,7 @@
-//! [`Neighbours`]: nearest neighbours within a point cloud.
+//! [`Neighbors`]: nearest neighbours within a point cloud.
+//!
+//! With `kiddo`, not with `anchors`: these metrics judge methods that use the search of `anchors`,
+//! whose errors must not cancel in the comparison.
 
 use kiddo::{ImmutableKdTree, SquaredEuclidean};
 use rayon::prelude::*;
@@ -6,12 +9,12 @@ use std::num::NonZero;
 
 /// Nearest neighbours of each point.
 #[derive(Debug, Clone, Default)]
-pub struct Neighbours {
+pub struct Neighbors {
     /// `[N]`, each with at most the requested number, nearest first, without the point itself.
     of: Vec<Vec<u32>>,
 }
 
-impl Neighbours {
+impl Neighbors {
     /// The `count` nearest neighbours of each of `points`; none if there are at most `count`
     /// points, or if no tree can be built.
     pub fn of(points: &[[f32; 3]], count: usize) -> Self {

@@ -1,9 +1,9 @@
 //! The region that each edited splat follows: its own match, or that of another splat.
 
+use super::attachment::NewPieces;
 use super::candidates::Candidates;
 use super::edit::Edit;
 use super::graph;
-use super::new_pieces::NewPieces;
 use super::posterior::Posterior;
 use super::region_motion::RegionMotion;
 use super::source::Regions;

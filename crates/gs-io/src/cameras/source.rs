@@ -149,7 +149,7 @@ fn in_file(path: &Path) -> Result<Option<Source>, IoError> {
         Some(b'{') => {
             let keys: Keys = serde_json::from_slice(&text::json(&read_bytes(path)?))
                 .map_err(CamerasError::json("JSON file"))
-                .map_err(IoError::cameras(path))?;
+                .map_err(IoError::format(path))?;
             Ok(if keys.frames.is_some() {
                 Some(Source::in_file(Format::Transforms, path))
             } else if keys.ids.is_some() {
@@ -169,8 +169,8 @@ fn of_model(model: &Path) -> Result<Option<Source>, IoError> {
     if !path.is_file() {
         return Ok(None);
     }
-    let args = cfg_args::parse(&text::decode(&read_bytes(&path)?))
-        .map_err(|source| IoError::Cfg { path, source })?;
+    let args =
+        cfg_args::parse(&text::decode(&read_bytes(&path)?)).map_err(IoError::format(&path))?;
     let Some(named) = args.get("source_path").and_then(cfg_args::Value::as_str) else {
         return Ok(None);
     };

@@ -162,8 +162,7 @@ pub fn read(bytes: Vec<u8>, damage: Damage) -> Result<OpenedClip, Splat4dError> 
 /// # Errors
 /// If it cannot be read, or as [`read`].
 pub fn open(path: &Path, damage: Damage) -> Result<OpenedClip, IoError> {
-    read(read_bytes(path)?, damage)
-        .map_err(|source| IoError::Splat4d { path: path.to_owned(), source })
+    read(read_bytes(path)?, damage).map_err(IoError::format(path))
 }
 
 fn header(bytes: &[u8]) -> Result<Header, Splat4dError> {

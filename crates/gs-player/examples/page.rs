@@ -6,7 +6,7 @@
 //! ```
 
 use gs_core::{Camera, DynamicScene};
-use gs_player::{Options, Page, Source, encode, page};
+use gs_player::{Options, Page, PageScenes, encode, page};
 use gs_synth::{DemoParams, apply_edits, demo, demo_edits};
 use std::error::Error;
 use std::time::Instant;
@@ -26,7 +26,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let encoded = encode(&original, Some(&edited), &times, &options, &mut |_, _| {})?;
     let camera = Camera::look_at([0.0, 1.4, 4.2], [0.0, 0.9, 0.0], [0.0, 1.0, 0.0], 0.7, 960, 720);
     let text = page(
-        &[Source { encoded: &encoded, names: ["Original", "Edited"] }],
+        &[PageScenes { encoded: &encoded, names: ["Original", "Edited"] }],
         &Page {
             title: "Dancer",
             fps: 30.0,

@@ -30,7 +30,7 @@ pub use format::Format;
 pub(crate) use set::Unusable;
 pub use set::{CameraSet, Reading, Split, View, stations};
 pub(crate) use source::data_set;
-pub use source::{Source, find};
+pub use source::{CameraFiles, find};
 
 pub(crate) use images::{has_extension, pixels};
 pub(crate) use number::Number;

@@ -9,7 +9,7 @@ use crate::opened_scene::OpenedScene;
 use crate::repair::{self, Sanitized};
 use crate::scene_kind::SceneKind;
 use gs_core::{Splats, sh};
-use gs_deform::Trajectories;
+use gs_deform::TabulatedScene;
 use std::path::{Path, PathBuf};
 
 /// Name of the file.
@@ -41,7 +41,7 @@ pub fn open(path: &Path, options: &OpenOptions) -> Result<OpenedScene, IoError> 
     let frames = frames(&mut arrays).map_err(IoError::format(&path))?;
     let count = frames.len();
     let (frames, report) = without_damage(frames, options).map_err(IoError::damaged(&path))?;
-    let scene = Trajectories::new(frames).map_err(IoError::format(&path))?;
+    let scene = TabulatedScene::new(frames).map_err(IoError::format(&path))?;
     Ok(OpenedScene {
         facts: vec![("frames", count.to_string())],
         repair: report,

@@ -35,7 +35,7 @@ impl Default for SequenceOptions {
 }
 
 /// `n ≥ 2` frames with the same rows, frame `i` at time `i/(n−1)`; between frames as in
-/// [`gs_deform::Trajectories`]. Frames are read on demand, and the most recent ones are cached.
+/// [`gs_deform::TabulatedScene`]. Frames are read on demand, and the most recent ones are cached.
 #[derive(Debug)]
 pub struct PlySequence {
     source: Source,

@@ -4,6 +4,7 @@ use crate::{CuarError, EvidenceParams, WarpForm, WarpParams, loss::LossWeights};
 
 /// Predefined [`RefineOptions`], named as the values of `c4d refine --preset`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[non_exhaustive]
 pub enum RefinePreset {
     /// The options with the smallest measured error against known truth; those of
     /// [`RefineOptions::default`].

@@ -8,6 +8,7 @@ use std::path::{Path, PathBuf};
 
 /// Error of reading or writing a file or folder. Every variant names it.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum IoError {
     /// The operating system refused to read.
     #[error("cannot read {}: {source}", path.display())]

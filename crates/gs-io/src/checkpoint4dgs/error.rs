@@ -4,6 +4,7 @@ use thiserror::Error;
 
 /// Error of reading a model of 4DGaussians.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
+#[non_exhaustive]
 pub enum Checkpoint4dgsError {
     /// The tensors do not form its deformation network.
     #[error("{0}")]

@@ -5,6 +5,7 @@ use thiserror::Error;
 
 /// Error of reading a compressed PLY.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
+#[non_exhaustive]
 pub enum CompressedPlyError {
     /// The PLY around the data is malformed.
     #[error(transparent)]

@@ -6,6 +6,7 @@ use thiserror::Error;
 
 /// Error of reading a network of Deformable-3D-Gaussians.
 #[derive(Debug, Clone, PartialEq, Error)]
+#[non_exhaustive]
 pub enum Deformable3dgsError {
     /// Trained with a hash grid instead of its encoding.
     #[error(

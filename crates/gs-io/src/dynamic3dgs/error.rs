@@ -4,6 +4,7 @@ use thiserror::Error;
 
 /// Error of reading a `params.npz`.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
+#[non_exhaustive]
 pub enum Dynamic3dgsError {
     /// Not a NumPy archive, or damaged.
     #[error("is not a NumPy archive, or is damaged: {0}; copy the file again")]

@@ -6,6 +6,7 @@ use thiserror::Error;
 
 /// Error of reading a network of E-D3DGS.
 #[derive(Debug, Clone, PartialEq, Error)]
+#[non_exhaustive]
 pub enum Ed3dgsError {
     /// Tensors of another kind.
     #[error(

@@ -4,6 +4,7 @@ use thiserror::Error;
 
 /// Error of reading a `.4dgs` file.
 #[derive(Debug, Clone, PartialEq, Error)]
+#[non_exhaustive]
 pub enum FourdgsError {
     /// The container is damaged.
     #[error("is a damaged .4dgs: {0}; copy or export it again")]

@@ -11,6 +11,7 @@ use thiserror::Error;
 
 /// Error of reading a still frame: that of its format, or another kind of file.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
+#[non_exhaustive]
 pub enum FrameError {
     /// A PLY file that is malformed or does not contain Gaussians.
     #[error(transparent)]

@@ -6,6 +6,7 @@ use thiserror::Error;
 
 /// Error of reading a scene of FreeTimeGS.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
+#[non_exhaustive]
 pub enum FreeTimeError {
     /// A comment of the PLY has an unsupported value.
     #[error("{0}")]

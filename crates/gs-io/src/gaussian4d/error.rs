@@ -5,6 +5,7 @@ use thiserror::Error;
 
 /// Error of reading a checkpoint of native 4D Gaussians.
 #[derive(Debug, Clone, PartialEq, Error)]
+#[non_exhaustive]
 pub enum Gaussian4dError {
     /// A part is missing, has another shape, or is of another method.
     #[error("{0}")]

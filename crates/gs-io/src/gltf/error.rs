@@ -5,6 +5,7 @@ use thiserror::Error;
 
 /// Error of reading a glTF frame.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
+#[non_exhaustive]
 pub enum GltfError {
     /// An unsupported version.
     #[error("glTF version {found}, expected 2; export it again from a current tool")]

@@ -6,6 +6,7 @@ use thiserror::Error;
 
 /// Error of reading a network of Grid4D or DASH.
 #[derive(Debug, Clone, PartialEq, Error)]
+#[non_exhaustive]
 pub enum Grid4dError {
     /// The entries of a grid have another shape.
     #[error("`{name}` has shape {shape:?}, expected [entries, channels]")]

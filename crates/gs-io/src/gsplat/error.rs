@@ -5,6 +5,7 @@ use thiserror::Error;
 
 /// Error of reading a checkpoint of gsplat.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
+#[non_exhaustive]
 pub enum GsplatError {
     /// The PyTorch file is malformed.
     #[error("{0}")]

@@ -4,6 +4,7 @@ use thiserror::Error;
 
 /// Error of reading a sequence of frames, in addition to those of single frames.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
+#[non_exhaustive]
 pub enum SequenceError {
     /// Fewer than two frames.
     #[error(

@@ -5,6 +5,7 @@ use thiserror::Error;
 
 /// Error of reading a PyTorch file.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
+#[non_exhaustive]
 pub enum PthError {
     /// A storage of the stream format of PyTorch before 1.6 is damaged.
     #[error("PyTorch file in the legacy format: {0}")]
@@ -46,6 +47,7 @@ pub enum PthError {
 
 /// A tensor of a readable PyTorch file is not as a network requires.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
+#[non_exhaustive]
 pub enum LayersError {
     /// A tensor is missing.
     #[error("has no tensor `{name}`, but {found}")]

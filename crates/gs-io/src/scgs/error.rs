@@ -7,6 +7,7 @@ use thiserror::Error;
 
 /// Error of reading a model of SC-GS.
 #[derive(Debug, Clone, PartialEq, Error)]
+#[non_exhaustive]
 pub enum ScgsError {
     /// Trained with an option that is not supported.
     #[error(

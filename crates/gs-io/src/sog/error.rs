@@ -4,6 +4,7 @@ use thiserror::Error;
 
 /// Error of reading an SOG frame.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
+#[non_exhaustive]
 pub enum SogError {
     /// An unsupported version.
     #[error(

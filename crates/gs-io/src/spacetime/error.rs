@@ -4,6 +4,7 @@ use thiserror::Error;
 
 /// Error of reading a PLY of Spacetime Gaussians.
 #[derive(Debug, Clone, PartialEq, Error)]
+#[non_exhaustive]
 pub enum SpacetimeError {
     /// The full model, whose colours are not spherical harmonics.
     #[error(

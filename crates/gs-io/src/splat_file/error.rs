@@ -4,6 +4,7 @@ use thiserror::Error;
 
 /// Error of reading a `.splat` frame.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
+#[non_exhaustive]
 pub enum SplatFileError {
     /// The data end early.
     #[error(

@@ -4,6 +4,7 @@ use thiserror::Error;
 
 /// Error of reading an SPZ frame.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
+#[non_exhaustive]
 pub enum SpzError {
     /// An unsupported version.
     #[error(

@@ -5,6 +5,7 @@ use thiserror::Error;
 
 /// Error of reading a model of Swift4D.
 #[derive(Debug, Clone, PartialEq, Error)]
+#[non_exhaustive]
 pub enum Swift4dError {
     /// The tensors do not form its field.
     #[error("{0}")]

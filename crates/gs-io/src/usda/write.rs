@@ -35,6 +35,7 @@ impl Default for WriteOptions {
 
 /// Result of writing a clip.
 #[derive(Debug, Clone, PartialEq, Eq)]
+#[non_exhaustive]
 pub struct WriteReport {
     /// Splats written.
     pub num_splats: usize,

@@ -1,7 +1,8 @@
 //! Model folders of 4DGaussians: canonical PLY, deformation network, flags of the training run.
 //!
 //! Flags that cannot be inferred from the tensors are taken, in this order, from overrides,
-//! `cfg_args`, the published configurations, or defaults; [`ModelReport`] lists the origin of each.
+//! `cfg_args`, the published configurations, or defaults;
+//! [`ModelReport`](crate::model_folder::ModelReport) lists the origin of each.
 
 mod describe;
 mod error;

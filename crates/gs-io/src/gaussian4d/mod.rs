@@ -2,8 +2,9 @@
 //! `chkpnt30000.pth`): Gaussians in space and time.
 //!
 //! The file is a tuple of unnamed parameters. Neither it nor `cfg_args` states the time range of
-//! the scene, so the user must provide it ([`OpenOptions::time_duration`]), in the unit of
-//! training (0 to 10 for Neural 3D Video).
+//! the scene, so the user must provide it
+//! ([`OpenOptions::time_duration`](crate::OpenOptions::time_duration)), in the unit of training (0
+//! to 10 for Neural 3D Video).
 
 mod error;
 mod read;

@@ -17,7 +17,7 @@ libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
     if !kind.is_dynamic() {
         return;
     }
-    let options = OpenOptions { time_duration: Some([0.0, 10.0]), ..OpenOptions::default() };
+    let options = OpenOptions::default().with_time_duration(0.0, 10.0);
     let Ok(source) = open_scene_as(&FILE, &kind, &options) else { return };
     assert!(source.scene.num_splats() <= bytes.len(), "a splat is more than a byte");
     for t in [0.0, 0.37, 1.0] {

@@ -114,8 +114,7 @@ pub(crate) fn run(size: usize, seeds: u64) -> Result<()> {
 
 /// Logarithms of the end-point errors, `[generator][seed][scene]`.
 fn errors(scenes: &[Scenes], params: &MotionParams) -> Result<[Vec<Vec<f64>>; 2]> {
-    let options =
-        MotionOptions { guide: MotionGuide::Regions(params.clone()), ..MotionOptions::default() };
+    let options = MotionOptions::default().with_guide(MotionGuide::Regions(params.clone()));
     let mut found = [Vec::new(), Vec::new()];
     for Scenes { cases, robots } in scenes {
         let case = |scene: &TruthScene| -> Result<f64> {

@@ -9,9 +9,9 @@ const RIDGE: f64 = 1e-3;
 /// `c ↦ A c + b` of colours (red, green, blue; 0 to 1), and a factor on the other harmonics.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ColorChange {
-    /// `A`, row-major.
+    /// `A`, row-major, no unit.
     pub matrix: [[f32; 3]; 3],
-    /// `b`.
+    /// `b`, in the unit of colours.
     pub offset: [f32; 3],
     /// Factor on the harmonics of degree 1 and above.
     pub harmonics: f32,

@@ -6,6 +6,7 @@ use thiserror::Error;
 /// Error of finding or evaluating a motion. Numerical problems are not errors; they are counted in
 /// [`crate::MotionReport`].
 #[derive(Debug, Error)]
+#[non_exhaustive]
 pub enum AmgError {
     /// The source scene failed to evaluate.
     #[error("amg: the source scene could not be evaluated")]

@@ -344,6 +344,7 @@ impl ColorSum {
 
 /// Counts of splats that inherit an edit from their ancestors.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
+#[non_exhaustive]
 pub struct InheritanceReport {
     /// Source splats that are visible at some time.
     pub visible: usize,

@@ -36,9 +36,9 @@ pub struct Carrier {
     pub source: u32,
     /// Rest place, world units.
     pub rest: [f32; 3],
-    /// Opacity up to which it is invisible.
+    /// Opacity, 0 to 1, up to which it is invisible.
     pub floor: f32,
-    /// Opacity at which its presence is 1, above `floor`.
+    /// Opacity, 0 to 1, at which its presence is 1; above `floor`.
     pub peak: f32,
 }
 

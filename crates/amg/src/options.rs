@@ -8,6 +8,7 @@ use std::sync::Arc;
 
 /// Named sets of options.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum Preset {
     /// Regions of the source that move as one (default).
     Regions,
@@ -217,6 +218,7 @@ pub enum Follow {
 
 /// All options of [`crate::propagate()`].
 #[derive(Debug, Clone)]
+#[non_exhaustive]
 pub struct MotionOptions {
     /// Method that finds correspondences.
     pub guide: MotionGuide,
@@ -266,9 +268,30 @@ impl MotionOptions {
         }
     }
 
+    /// The same options with another guide.
+    #[must_use]
+    pub fn with_guide(mut self, guide: MotionGuide) -> Self {
+        self.guide = guide;
+        self
+    }
+
+    /// The same options with other rules that turn correspondences into motion.
+    #[must_use]
+    pub fn with_aggregation(mut self, aggregation: Aggregation) -> Self {
+        self.aggregation = aggregation;
+        self
+    }
+
+    /// The same options with another choice of what the edit belongs to.
+    #[must_use]
+    pub fn with_follow(mut self, follow: Follow) -> Self {
+        self.follow = follow;
+        self
+    }
+
     /// The baseline that evaluates `field` at the edited positions.
     pub fn field(field: Arc<dyn FieldAt>) -> Self {
-        Self { guide: MotionGuide::Field(field), ..Self::preset(Preset::Knn) }
+        Self::preset(Preset::Knn).with_guide(MotionGuide::Field(field))
     }
 
     pub(crate) fn check(&self) -> Result<(), AmgError> {

@@ -4,6 +4,7 @@ use crate::inheritance::InheritanceReport;
 
 /// Result of [`crate::propagate()`] as plain values, for reports and run folders.
 #[derive(Debug, Clone, Default, PartialEq)]
+#[non_exhaustive]
 pub struct MotionReport {
     /// Source splats.
     pub num_sources: usize,
@@ -64,6 +65,7 @@ pub struct MotionReport {
 
 /// Convergence of the transport solve.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
+#[non_exhaustive]
 pub struct TransportReport {
     /// Whether the tolerance was reached.
     pub converged: bool,

@@ -29,13 +29,13 @@ impl Similarity {
             && self.translation.iter().all(|t| t.is_finite())
     }
 
-    /// Image of a point.
+    /// Image of a point, world frame and units.
     pub fn apply(&self, x: [f64; 3]) -> [f64; 3] {
         let turned = self.turn(x);
         [0, 1, 2].map(|k| turned[k] + self.translation[k])
     }
 
-    /// Image of a difference of two points.
+    /// Image of a difference of two points, without the translation.
     pub fn turn(&self, d: [f64; 3]) -> [f64; 3] {
         let s = if self.mirrored { -self.scale } else { self.scale };
         quat::rotate(self.rotation, d).map(|v| s * v)

@@ -73,7 +73,8 @@ fn a_wall_that_slides_unseen_stays_put_in_the_edit() {
     let edited = Arc::new(edited);
     let moved = |coherent: bool| {
         let dynamics = DynamicParams { coherent, ..DynamicParams::default() };
-        let options = MotionOptions { dynamics, ..MotionOptions::default() };
+        let mut options = MotionOptions::default();
+        options.dynamics = dynamics;
         let found = propagate(source.clone(), edited.clone(), &options, &|_, _| {}).unwrap();
         let at = found.scene.at(1.0).unwrap().means;
         let wall = farthest(&edited.means[..walls], &at[..walls], [0.0; 3]);

@@ -191,7 +191,7 @@ fn floaters_that_the_edit_keeps_decide_nothing() {
 /// averages have a far larger error.
 #[test]
 fn averaging_translations_costs_accuracy() {
-    let options = MotionOptions { aggregation: Aggregation::PAPER, ..MotionOptions::default() };
+    let options = MotionOptions::default().with_aggregation(Aggregation::PAPER);
     let found = run(&options, &golden_edit("all"));
     assert!(found.epe > 0.9 && found.rot > 15.0, "{found}");
     let rigid = Aggregation {
@@ -199,7 +199,7 @@ fn averaging_translations_costs_accuracy() {
         scale: ScaleRule::Isotropic,
         ..Aggregation::PAPER
     };
-    let options = MotionOptions { aggregation: rigid, ..MotionOptions::default() };
+    let options = MotionOptions::default().with_aggregation(rigid);
     let found = run(&options, &golden_edit("all"));
     assert!(found.epe < 0.4 && found.rot > 15.0, "additive rotations alone: {found}");
 }

@@ -298,7 +298,8 @@ fn options_out_of_range_are_refused() {
     let (source, _) = golden_source();
     let edited = Arc::new(source.frames[0].clone());
     let source: Arc<dyn DynamicScene> = Arc::new(source);
-    let options = MotionOptions { num_key_times: 0, ..MotionOptions::default() };
+    let mut options = MotionOptions::default();
+    options.num_key_times = 0;
     let error = propagate(source, edited, &options, &|_, _| {}).unwrap_err().to_string();
     assert!(error.contains("num_key_times") && error.contains("1 to 64"), "{error}");
 }

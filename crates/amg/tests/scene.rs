@@ -90,7 +90,7 @@ fn blended_rows_follow_appearance_only_when_asked() {
     let edit = golden_edit("drift").splats;
     let run = |appearance: bool| {
         let aggregation = Aggregation { appearance, ..Aggregation::default() };
-        let options = MotionOptions { aggregation, ..MotionOptions::default() };
+        let options = MotionOptions::default().with_aggregation(aggregation);
         let edited = Arc::new(edit.clone());
         propagate(Arc::new(source.clone()), edited, &options, &|_, _| {}).unwrap().scene
     };

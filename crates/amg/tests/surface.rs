@@ -16,7 +16,7 @@ fn scene(case: BriefCase) -> BriefTruthScene {
 }
 
 fn carried(scene: &BriefTruthScene, follow: Follow) -> Propagation {
-    let options = MotionOptions { follow, ..MotionOptions::default() };
+    let options = MotionOptions::default().with_follow(follow);
     let (source, edited) = (Arc::new(scene.source.clone()), Arc::new(scene.edited.clone()));
     propagate(source, edited, &options, &|_, _| {}).unwrap()
 }
@@ -221,7 +221,7 @@ fn lasting_scenes_are_as_before() {
         gs_synth::demo(&DemoParams { num_splats: 2_000, ..DemoParams::default() }).unwrap();
     let edit = gs_synth::apply_edits(&source, &gs_synth::demo_edits(), 0).unwrap();
     let run = |follow| {
-        let options = MotionOptions { follow, ..MotionOptions::default() };
+        let options = MotionOptions::default().with_follow(follow);
         let (source, edited) = (Arc::new(source.clone()), Arc::new(edit.splats.clone()));
         propagate(source, edited, &options, &|_, _| {}).unwrap()
     };
@@ -247,7 +247,7 @@ fn with_copies(source: &BriefScene, ids: &[usize], shift: [f32; 3]) -> Splats {
 }
 
 fn propagated(source: &BriefScene, edited: &Splats, follow: Follow) -> Propagation {
-    let options = MotionOptions { follow, ..MotionOptions::default() };
+    let options = MotionOptions::default().with_follow(follow);
     let (source, edited) = (Arc::new(source.clone()), Arc::new(edited.clone()));
     propagate(source, edited, &options, &|_, _| {}).unwrap()
 }

@@ -12,7 +12,7 @@ use crate::points::distance_squared;
 /// A neighbour found by a search.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Neighbor {
-    /// Squared distance from the query.
+    /// Squared distance from the query, in the square of the points' unit.
     pub distance_squared: f64,
     /// Index of the point in the slice the tree was built from.
     pub id: u32,

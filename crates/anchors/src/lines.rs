@@ -12,7 +12,7 @@ use crate::{AnchorError, BoundingSphere};
 /// An infinite line, world units.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Line {
-    /// A point on the line. For sampled lines the middle of the chord, the point nearest to the
+    /// A point on the line, world units. For sampled lines the middle of the chord, the point nearest to the
     /// sphere's centre.
     pub point: [f64; 3],
     /// Unit direction.
@@ -20,7 +20,7 @@ pub struct Line {
 }
 
 impl Line {
-    /// Squared distance of `p` from the line (`d_x`² of Eq. 6).
+    /// Squared distance of `p` from the line (`d_x`² of Eq. 6), square world units.
     #[inline]
     pub fn distance_squared(&self, p: &[f64; 3]) -> f64 {
         // |v × d|² keeps its relative accuracy for points near the line; |v|² - (v·d)² does not.
@@ -122,7 +122,8 @@ fn on_unit_sphere(s: f64, t: f64) -> Vec3 {
 /// Hits of one triple in units of L·(δ/r)², measured over surface-like clouds (0.343 to 0.357).
 const HIT_CONSTANT: f64 = 0.35;
 
-/// Lines expected to hit a typical triple under a global δ: 0.35 · L · (δ/r)².
+/// Lines expected to hit a typical triple under a global δ: 0.35 · L · (δ/r)². `delta` and
+/// `sphere_radius` have the same unit.
 ///
 /// The law holds for triples of a partition of a surface-like cloud, within 10 %. Below about 3
 /// hits, which triples are hit is a random thinning.

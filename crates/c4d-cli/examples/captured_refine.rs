@@ -15,7 +15,7 @@ mod camera_rig;
 
 use camera_rig::{CameraRig, Layout};
 use clap::Parser;
-use cuar::{NoObserver, RefineOptions, Rejection, Views, WarpForm, WarpParams, refine};
+use cuar::{NoRefineObserver, RefineOptions, Rejection, Views, WarpForm, WarpParams, refine};
 use gs_core::{
     Camera, DynamicScene, Image, Rasterizer, RenderParams, SceneError, Splats, TimeRange,
     UpstreamGrads, sh,
@@ -167,7 +167,7 @@ fn main() -> Outcome<()> {
             &views,
             &options,
             None,
-            &mut NoObserver,
+            &mut NoRefineObserver,
         )?;
         let (report, stats) = (&refined.report, &refined.report.supervision);
         let after = refined.scene(&before);

@@ -20,11 +20,9 @@ pub(crate) fn damage(global: &Global) -> Damage {
 
 /// Options given by the user for a scene of this kind.
 pub(crate) fn open_options(global: &Global, kind: &SceneKind) -> Outcome<OpenOptions> {
-    let mut options = OpenOptions {
-        iteration: global.iteration,
-        damage: damage(global),
-        ..OpenOptions::default()
-    };
+    let mut options = OpenOptions::default();
+    options.iteration = global.iteration;
+    options.damage = damage(global);
     let flags = match kind {
         SceneKind::Model4dgs => FLAGS_4DGS,
         SceneKind::Swift4d => FLAGS_SWIFT4D,

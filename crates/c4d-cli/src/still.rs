@@ -37,11 +37,9 @@ pub(crate) fn open(
         ))
         .next("Omit it; --up sets the upward direction."));
     }
-    let options = OpenOptions {
-        damage: damage(global),
-        axes: axes.map(AxesArg::axes),
-        ..OpenOptions::default()
-    };
+    let mut options = OpenOptions::default();
+    options.damage = damage(global);
+    options.axes = axes.map(AxesArg::axes);
     scene::open_with(path, &kind, &options, console)
 }
 

@@ -115,7 +115,7 @@ fn likeness(a: &dyn DynamicScene, b: &dyn DynamicScene) -> f64 {
 
 /// The file read as a scene of this kind.
 fn read(path: &Path, kind: &SceneKind) -> std::sync::Arc<dyn DynamicScene> {
-    let options = OpenOptions { time_duration: Some([0.0, 1.0]), ..OpenOptions::default() };
+    let options = OpenOptions::default().with_time_duration(0.0, 1.0);
     let opened = open_scene(path, &options).unwrap();
     assert_eq!(opened.kind, *kind, "{}", path.display());
     opened.scene

@@ -1,8 +1,8 @@
 //! Cost of the loss, of making one supervised image, and of one evaluation of an image.
 
 use criterion::{Criterion, criterion_group, criterion_main};
-use cuar::loss::{LossWeights, Objective, Shape, Targets};
-use cuar::{NoObserver, RefineOptions, RegressionParams, Solver, Views, refine};
+use cuar::loss::{L1Shape, LossWeights, Objective, Targets};
+use cuar::{NoRefineObserver, RefineOptions, RegressionParams, Solver, Views, refine};
 use gs_core::TimeRange;
 use gs_raster_cpu::CpuRasterizer;
 use gs_synth::{DemoParams, demo};
@@ -28,7 +28,7 @@ fn objective(c: &mut Criterion) {
     let (mut gradient, mut curvature) = (Vec::new(), Vec::new());
     c.bench_function("loss, gradient and curvature 320x240", |b| {
         b.iter(|| {
-            let smooth = Shape::Smooth(0.01);
+            let smooth = L1Shape::Smooth(0.01);
             let bent = Some(&mut curvature);
             black_box(objective.evaluate(&render, &targets, smooth, &mut gradient, bent))
         });
@@ -55,7 +55,7 @@ fn stage(c: &mut Criterion) {
         c.bench_function(name, |b| {
             b.iter(|| {
                 let raster = CpuRasterizer::default();
-                let none = &mut NoObserver;
+                let none = &mut NoRefineObserver;
                 refine(&raster, &scene, &edited, &views, &options, None, none).expect("refines")
             });
         });

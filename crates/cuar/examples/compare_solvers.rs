@@ -11,8 +11,8 @@ mod common;
 use common::{Flaws, case, flicker, psnr};
 use cuar::loss::LossWeights;
 use cuar::{
-    AdamParams, NoObserver, Observer, Preview, RefineOptions, RefinePreset, RegressionParams,
-    Solver, Views, WarpForm, WarpParams, refine,
+    AdamParams, NoRefineObserver, Preview, RefineObserver, RefineOptions, RefinePreset,
+    RegressionParams, Solver, Views, WarpForm, WarpParams, refine,
 };
 use gs_core::{Image, TimeRange};
 use gs_raster_cpu::CpuRasterizer;
@@ -25,7 +25,7 @@ struct Judge<'a> {
     sums: [f64; 3],
 }
 
-impl Observer for Judge<'_> {
+impl RefineObserver for Judge<'_> {
     fn preview(&mut self, preview: &Preview) {
         let truth =
             common::render(&self.case.truth, preview.time, &self.case.cameras[preview.view]);
@@ -185,8 +185,15 @@ fn main() -> Result<(), Box<dyn Error>> {
     for (name, options) in runs {
         let options = RefineOptions { samples: 80, ..options };
         let raster = CpuRasterizer::default();
-        let refined =
-            refine(&raster, &case.scene, &case.edited, &views, &options, None, &mut NoObserver)?;
+        let refined = refine(
+            &raster,
+            &case.scene,
+            &case.edited,
+            &views,
+            &options,
+            None,
+            &mut NoRefineObserver,
+        )?;
         let scene = refined.scene(&case.scene);
         let after = psnr(&scene, &case, &case.held_out, &eval);
         let report = &refined.report;

@@ -9,7 +9,9 @@
 mod common;
 
 use common::{Flaws, case, flicker, psnr};
-use cuar::{Backend, BeforeEdit, NoObserver, RefineOptions, RefinePreset, Views, refine_edit};
+use cuar::{
+    Backend, BeforeEdit, NoRefineObserver, RefineOptions, RefinePreset, Views, refine_edit,
+};
 use gs_core::{DynamicScene, TimeRange};
 use gs_raster_cpu::CpuRasterizer;
 use gs_synth::{DemoParams, demo};
@@ -38,7 +40,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let before = BeforeEdit { scene: &source, source_rows: &case.truth.source_rows };
     let backend = Backend { raster: &raster, descent: None };
     let (begun, worked) = (Instant::now(), processor_secs());
-    let none = &mut NoObserver;
+    let none = &mut NoRefineObserver;
     let refined =
         refine_edit(backend, &case.scene, &before, &case.edited, &views, &options, None, none)?;
     let (secs, worked) = (begun.elapsed().as_secs_f64(), processor_secs() - worked);

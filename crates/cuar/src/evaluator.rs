@@ -2,7 +2,7 @@
 
 use crate::{
     Crop, CuarError, DescentEngine, DescentImage, Entry, RefineOptions,
-    loss::{LossParts, Objective, Shape, Targets},
+    loss::{L1Shape, LossParts, Objective, Targets},
     sample::{BACK, FORE, LIVE, Sample, live_tiles},
 };
 use gs_core::{
@@ -166,9 +166,9 @@ impl<P> Evaluator<P> {
             back: &self.masks[1],
         };
         let (shape, curvature) = match derivatives {
-            Derivatives::Curvature(delta) => (Shape::Smooth(delta), Some(&mut self.curvature)),
-            Derivatives::Loss(delta) if delta > 0.0 => (Shape::Smooth(delta), None),
-            _ => (Shape::Exact, None),
+            Derivatives::Curvature(delta) => (L1Shape::Smooth(delta), Some(&mut self.curvature)),
+            Derivatives::Loss(delta) if delta > 0.0 => (L1Shape::Smooth(delta), None),
+            _ => (L1Shape::Exact, None),
         };
         let parts =
             objective.evaluate(&self.render, &targets, shape, &mut self.v_render, curvature);

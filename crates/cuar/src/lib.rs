@@ -20,7 +20,7 @@
 //! stored), GPU code, anchors and motion.
 //!
 //! ```
-//! use cuar::{NoObserver, RefineOptions, Views, refine};
+//! use cuar::{NoRefineObserver, RefineOptions, Views, refine};
 //! use gs_core::{DynamicScene, TimeRange};
 //! use gs_raster_cpu::CpuRasterizer;
 //! use gs_synth::{DemoParams, demo};
@@ -32,7 +32,7 @@
 //! let views = Views { cameras: &cameras, times: &times, held_out: &[3] };
 //! let options = RefineOptions { samples: 8, ..RefineOptions::default() };
 //! let raster = CpuRasterizer::default();
-//! let refined = refine(&raster, &scene, &edited, &views, &options, None, &mut NoObserver)?;
+//! let refined = refine(&raster, &scene, &edited, &views, &options, None, &mut NoRefineObserver)?;
 //! let better = refined.scene(&scene); // a DynamicScene
 //! assert_eq!(better.num_splats(), scene.num_splats());
 //! # Ok::<(), Box<dyn std::error::Error>>(())
@@ -80,7 +80,7 @@ pub use first_frame_visibility::first_frame_shares;
 pub use flow::{Flow, displacements, render_flow};
 pub use flow_files::{encode_flo, flow_wheel};
 pub use gs_fit::Adam;
-pub use observer::{NoObserver, Observer, Preview, RefineProgress};
+pub use observer::{NoRefineObserver, Preview, RefineObserver, RefineProgress};
 pub use options::{AdamParams, RefineOptions, RefinePreset, RegressionParams, Solver};
 pub use problem::TracePoint;
 pub use refine::{Refined, refine, refine_with};

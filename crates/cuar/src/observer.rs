@@ -1,4 +1,4 @@
-//! [`Observer`]: callbacks of a run.
+//! [`RefineObserver`]: callbacks of a run.
 
 use crate::{State, ViewTime};
 use gs_core::Image;
@@ -41,7 +41,7 @@ pub struct Preview {
 }
 
 /// Callbacks of a run. Every method has a default that does nothing.
-pub trait Observer {
+pub trait RefineObserver {
     /// Called after every few images.
     fn progress(&mut self, progress: &RefineProgress) {
         let _ = progress;
@@ -63,7 +63,7 @@ pub trait Observer {
         let _ = fingerprint;
     }
 
-    /// An image that [`Observer::keep_image`] received in a run with the same scene, rasteriser and
+    /// An image that [`RefineObserver::keep_image`] received in a run with the same scene, rasteriser and
     /// hash; `None` to make it again.
     fn kept_image(&mut self, at: ViewTime) -> Option<Vec<u8>> {
         let _ = at;
@@ -84,6 +84,6 @@ pub trait Observer {
 
 /// An observer that does nothing.
 #[derive(Debug, Clone, Copy, Default)]
-pub struct NoObserver;
+pub struct NoRefineObserver;
 
-impl Observer for NoObserver {}
+impl RefineObserver for NoRefineObserver {}

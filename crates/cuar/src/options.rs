@@ -2,10 +2,12 @@
 
 use crate::{CuarError, EvidenceParams, WarpForm, WarpParams, loss::LossWeights};
 
-/// Predefined [`RefineOptions`].
+/// Predefined [`RefineOptions`], named as the values of `c4d refine --preset`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[non_exhaustive]
 pub enum RefinePreset {
-    /// The options with the best measured result.
+    /// The options with the smallest measured error against known truth; those of
+    /// [`RefineOptions::default`].
     #[default]
     Best,
     /// The paper's formulas and constants: Adam, Eq. 13 as written, no floor under the mask.

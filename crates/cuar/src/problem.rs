@@ -4,7 +4,7 @@ use crate::{
     Crop, CuarError, RefineOptions, Solver,
     evaluator::{Derivatives, Evaluator, Offsets},
     loss::LossParts,
-    observer::{Observer, Preview, RefineProgress},
+    observer::{Preview, RefineObserver, RefineProgress},
     sample::{Sample, live_tiles},
     state::State,
     view_sampler::ViewTime,
@@ -158,7 +158,7 @@ pub struct TracePoint {
 
 /// Progress, previews, checkpoints and cancelling of one stage.
 pub(crate) struct Watch<'a> {
-    observer: &'a mut dyn Observer,
+    observer: &'a mut dyn RefineObserver,
     stage: &'static str,
     total: usize,
     begun: Instant,
@@ -172,7 +172,7 @@ pub(crate) struct Watch<'a> {
 impl<'a> Watch<'a> {
     /// `first` of `total` steps were done by an earlier run.
     pub(crate) fn new(
-        observer: &'a mut dyn Observer,
+        observer: &'a mut dyn RefineObserver,
         options: &RefineOptions,
         stage: &'static str,
         total: usize,

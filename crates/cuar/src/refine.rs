@@ -4,7 +4,7 @@ use crate::{
     Backend, CuarError, OffsetScene, RefineOptions, RefineReport, Views,
     evaluator::Evaluator,
     fingerprint::{fingerprint, fingerprint_of_inputs},
-    observer::Observer,
+    observer::RefineObserver,
     problem::{Problem, Watch, num_lanes},
     sample::Sample,
     sample_source::Source,
@@ -54,7 +54,7 @@ impl Refined {
 /// are warped to other times and supervise uncertain pixels there. One offset of SH per row, shared
 /// by all times. All other rows, and all geometry, do not change.
 ///
-/// `resume` is a state that [`Observer::checkpoint`] received in a run with the same inputs; the
+/// `resume` is a state that [`RefineObserver::checkpoint`] received in a run with the same inputs; the
 /// result is that of the uninterrupted run (bit-identical with a deterministic rasteriser).
 ///
 /// # Errors
@@ -67,7 +67,7 @@ pub fn refine<R: Rasterizer<Prepared: Send> + Sync>(
     views: &Views,
     options: &RefineOptions,
     resume: Option<&State>,
-    observer: &mut dyn Observer,
+    observer: &mut dyn RefineObserver,
 ) -> Result<Refined, CuarError> {
     let backend = Backend { raster, descent: None };
     refine_with(backend, scene, edited, views, options, resume, observer)
@@ -85,7 +85,7 @@ pub fn refine_with<R: Rasterizer<Prepared: Send> + Sync>(
     views: &Views,
     options: &RefineOptions,
     resume: Option<&State>,
-    observer: &mut dyn Observer,
+    observer: &mut dyn RefineObserver,
 ) -> Result<Refined, CuarError> {
     options.check()?;
     let Backend { raster, descent } = backend;
@@ -230,7 +230,7 @@ pub(crate) fn images_of<R: Rasterizer<Prepared: Send> + Sync>(
     views: &Views,
     options: &RefineOptions,
     share: &dyn Fn(usize) -> Range<usize>,
-    observer: &mut dyn Observer,
+    observer: &mut dyn RefineObserver,
 ) -> Result<usize, CuarError> {
     let Inputs { first, rows, row_of, mut plan, .. } = Inputs::of(scene, edited, views, options)?;
     plan.samples.append(&mut plan.held_out);

@@ -1,8 +1,8 @@
 //! [`refine_edit`]: repair by evidence, then the refinement of [`crate::refine()`].
 
 use crate::{
-    Backend, BeforeEdit, CuarError, Evidence, EvidenceParams, Observer, RefineOptions, Refined,
-    Repair, RepairCounts, State, Views, color_uncertainty, refine::images_of, refine_with,
+    Backend, BeforeEdit, CuarError, Evidence, EvidenceParams, RefineObserver, RefineOptions,
+    Refined, Repair, RepairCounts, State, Views, color_uncertainty, refine::images_of, refine_with,
 };
 use gs_core::{Camera, DynamicScene, Rasterizer, sh};
 use std::ops::Range;
@@ -24,7 +24,7 @@ pub fn refine_edit<R: Rasterizer<Prepared: Send> + Sync>(
     views: &Views,
     options: &RefineOptions,
     resume: Option<&State>,
-    observer: &mut dyn Observer,
+    observer: &mut dyn RefineObserver,
 ) -> Result<Refined, CuarError> {
     let Some(params) = &options.evidence else {
         return refine_with(backend, scene, edited, views, options, resume, observer);
@@ -62,8 +62,8 @@ pub fn refine_edit<R: Rasterizer<Prepared: Send> + Sync>(
 }
 
 /// Makes the `share` of the supervised images of [`refine_edit`] and passes each to
-/// [`Observer::keep_image`]; `share` receives their number and returns a range of it. A refinement
-/// whose observer returns these images from [`Observer::kept_image`] has the same result as one
+/// [`RefineObserver::keep_image`]; `share` receives their number and returns a range of it. A refinement
+/// whose observer returns these images from [`RefineObserver::kept_image`] has the same result as one
 /// that makes them itself. Returns the number of images of all shares, 0 if no colour is uncertain.
 ///
 /// # Errors
@@ -77,7 +77,7 @@ pub fn make_images<R: Rasterizer<Prepared: Send> + Sync>(
     views: &Views,
     options: &RefineOptions,
     share: &dyn Fn(usize) -> Range<usize>,
-    observer: &mut dyn Observer,
+    observer: &mut dyn RefineObserver,
 ) -> Result<usize, CuarError> {
     options.check()?;
     let Some(params) = &options.evidence else {

@@ -3,7 +3,7 @@
 use crate::{
     CuarError, DescentEngine, RefineOptions, RegressionParams, Solver,
     descent::Descent,
-    observer::Observer,
+    observer::RefineObserver,
     problem::{Problem, TracePoint, Watch},
     regression::Regression,
     state::State,
@@ -66,7 +66,7 @@ pub(crate) fn solve<R: Rasterizer<Prepared: Send> + Sync>(
     engine: Option<&mut dyn DescentEngine<R::Prepared>>,
     resume: Option<&State>,
     fingerprint: u64,
-    observer: &mut dyn Observer,
+    observer: &mut dyn RefineObserver,
     trace: &mut Vec<TracePoint>,
 ) -> Result<Outcome, CuarError> {
     let options = problem.options;

@@ -6,7 +6,7 @@
 mod common;
 
 use common::{render, seen_basis, squared_error, uniform};
-use cuar::{NoObserver, RefineOptions, Refined, Views, WarpParams, artifact_mask, refine};
+use cuar::{NoRefineObserver, RefineOptions, Refined, Views, WarpParams, artifact_mask, refine};
 use gs_core::{Camera, DynamicScene, SceneError, Splats, TimeRange, sh};
 use gs_raster_cpu::CpuRasterizer;
 
@@ -84,7 +84,7 @@ fn run(scene: &Cloud, warp_params: WarpParams) -> Refined {
     let views = Views { cameras: &cameras, times: &times, held_out: &[1] };
     let options = RefineOptions { warp_params, ..RefineOptions::default() };
     let (raster, edited) = (CpuRasterizer::default(), vec![true; scene.num_splats()]);
-    refine(&raster, scene, &edited, &views, &options, None, &mut NoObserver).unwrap()
+    refine(&raster, scene, &edited, &views, &options, None, &mut NoRefineObserver).unwrap()
 }
 
 #[test]

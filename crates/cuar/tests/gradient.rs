@@ -3,7 +3,7 @@
 
 #![allow(clippy::unwrap_used, reason = "helpers of tests may")]
 
-use cuar::loss::{LossWeights, Objective, Shape, Targets};
+use cuar::loss::{L1Shape, LossWeights, Objective, Targets};
 use gs_core::{Camera, Rasterizer, RenderParams, Splats, UpstreamGrads, sh};
 use gs_raster_cpu::CpuRasterizer;
 
@@ -62,7 +62,7 @@ impl Scene {
         Self { camera, original, warp, fore, back }
     }
 
-    fn loss(&self, render: &[f64], shape: Shape, v_render: &mut Vec<f64>) -> f64 {
+    fn loss(&self, render: &[f64], shape: L1Shape, v_render: &mut Vec<f64>) -> f64 {
         let targets = Targets {
             original: &self.original,
             warp: &self.warp,
@@ -85,7 +85,7 @@ fn render(splats: &Splats<f64>, camera: &Camera) -> Vec<f64> {
 fn colours_through_the_rasteriser_to_the_loss() {
     let splats = splats(14);
     let scene = Scene::new(&splats);
-    for shape in [Shape::Exact, Shape::Smooth(0.01)] {
+    for shape in [L1Shape::Exact, L1Shape::Smooth(0.01)] {
         let raster = CpuRasterizer::default();
         let params = RenderParams::default();
         let mut prepared = raster.prepare(&splats, &scene.camera).unwrap();
@@ -111,7 +111,7 @@ fn colours_through_the_rasteriser_to_the_loss() {
         }
         assert!(worst < 1e-5 * largest, "{shape:?}: off by {:e} of the largest", worst / largest);
         // negative control: a gradient of something else is rejected
-        let other = scene.loss(&image, Shape::Smooth(0.3), &mut upstream.v_rgb);
+        let other = scene.loss(&image, L1Shape::Smooth(0.3), &mut upstream.v_rgb);
         let grads = raster.backward(&mut prepared, &splats, &[], &params, &upstream).unwrap();
         let numeric = (value(0, 0, step) - value(0, 0, -step)) / (2.0 * step);
         let apart = (grads.v_sh[0][0] - numeric).abs();

@@ -1,7 +1,7 @@
 //! Losses and their gradients: finite differences in double precision, curvature bounds.
 
 use c4d_metrics::{Ssim, SsimBorder};
-use cuar::loss::{LossWeights, Objective, Shape, Targets, masked_l1};
+use cuar::loss::{L1Shape, LossWeights, Objective, Targets, masked_l1};
 use test_support::noise::noise_pair;
 
 /// Central difference of `f` along entry `k`.
@@ -61,7 +61,7 @@ impl Case {
 
     fn total(&self, render: &[f64]) -> f64 {
         self.objective()
-            .evaluate(render, &self.targets(), Shape::Exact, &mut Vec::new(), None)
+            .evaluate(render, &self.targets(), L1Shape::Exact, &mut Vec::new(), None)
             .total(LossWeights::default())
     }
 }
@@ -72,7 +72,7 @@ fn objective_is_the_papers() {
     let parts = case.objective().evaluate(
         &case.render,
         &case.targets(),
-        Shape::Exact,
+        L1Shape::Exact,
         &mut Vec::new(),
         None,
     );
@@ -99,7 +99,7 @@ fn objective_is_the_papers() {
 fn objective_gradient_is_the_difference_quotient() {
     let case = Case::new();
     let mut gradient = Vec::new();
-    case.objective().evaluate(&case.render, &case.targets(), Shape::Exact, &mut gradient, None);
+    case.objective().evaluate(&case.render, &case.targets(), L1Shape::Exact, &mut gradient, None);
     let largest = gradient.iter().fold(0.0_f64, |a, g| a.max(g.abs()));
     let mut free = 0;
     for k in 0..case.render.len() {
@@ -132,7 +132,7 @@ fn crops_are_exact() {
     let full = Objective::new(w, h, w * h, weights).evaluate(
         &render,
         &targets,
-        Shape::Exact,
+        L1Shape::Exact,
         &mut full_gradient,
         None,
     );
@@ -144,7 +144,7 @@ fn crops_are_exact() {
     let crop = Objective::new(cw, ch, w * h, weights).evaluate(
         &crop_render,
         &targets,
-        Shape::Exact,
+        L1Shape::Exact,
         &mut gradient,
         None,
     );
@@ -166,7 +166,7 @@ fn curvature_bounds_the_objective() {
     objective.evaluate(
         &case.render,
         &case.targets(),
-        Shape::Smooth(delta),
+        L1Shape::Smooth(delta),
         &mut gradient,
         Some(&mut curvature),
     );
@@ -181,7 +181,7 @@ fn curvature_bounds_the_objective() {
         let parts = objective.evaluate(
             &render,
             &case.targets(),
-            Shape::Smooth(delta),
+            L1Shape::Smooth(delta),
             &mut gradient,
             Some(&mut curvature),
         );
@@ -195,7 +195,7 @@ fn curvature_bounds_the_objective() {
 #[test]
 fn smooth_gradient_is_the_difference_quotient_of_the_smooth_value() {
     let case = Case::new();
-    let shape = Shape::Smooth(0.05);
+    let shape = L1Shape::Smooth(0.05);
     let value = |render: &[f64]| {
         let parts =
             case.objective().evaluate(render, &case.targets(), shape, &mut Vec::new(), None);
@@ -219,9 +219,9 @@ fn smooth_gradient_tends_to_the_exact_one() {
         case.objective().evaluate(&case.render, &case.targets(), shape, &mut gradient, None);
         gradient
     };
-    let exact = gradient(Shape::Exact);
-    let close = gradient(Shape::Smooth(1e-7));
-    let far = gradient(Shape::Smooth(0.5));
+    let exact = gradient(L1Shape::Exact);
+    let close = gradient(L1Shape::Smooth(1e-7));
+    let far = gradient(L1Shape::Smooth(0.5));
     let distance = |a: &[f64]| -> f64 { a.iter().zip(&exact).map(|(a, b)| (a - b).abs()).sum() };
     assert!(distance(&close) < 1e-4 * distance(&far), "{} {}", distance(&close), distance(&far));
 }

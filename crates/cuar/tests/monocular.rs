@@ -5,7 +5,7 @@
 mod common;
 
 use common::delivered::{Delivered, Judge, cases, delivered, rings};
-use cuar::{NoObserver, RefineOptions, Views};
+use cuar::{NoRefineObserver, RefineOptions, Views};
 use gs_core::{Camera, DynamicScene, TimeRange};
 
 /// A camera that moves along a third of a circle around the figure, one view per time.
@@ -45,7 +45,7 @@ fn assert_not_worse(case: &Delivered, scene: &dyn DynamicScene, cameras: &[Camer
     let held_out: Vec<usize> = (2..cameras.len()).step_by(5).collect();
     let views = Views { cameras, times: &times, held_out: &held_out };
     let options = RefineOptions { samples: 40, ..RefineOptions::default() };
-    let refined = case.refined_from(scene, &views, &options, None, &mut NoObserver).unwrap();
+    let refined = case.refined_from(scene, &views, &options, None, &mut NoRefineObserver).unwrap();
     let judge = Judge::of(case, scene, &[0.25, 0.5, 0.75]);
     let refined_scene = refined.scene(scene);
     let [then, now] = [scene, &refined_scene].map(|scene| judge.score(scene).db());

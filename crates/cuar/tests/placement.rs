@@ -6,7 +6,7 @@
 mod common;
 
 use common::{Case, Flaws, case, render};
-use cuar::{NoObserver, RefineOptions, Views, refine};
+use cuar::{NoRefineObserver, RefineOptions, Views, refine};
 use gs_core::{Camera, DynamicScene, SceneError, Splats, TimeRange};
 use gs_raster_cpu::CpuRasterizer;
 
@@ -60,7 +60,8 @@ fn refined(case: &Case, scale: f64, shift: [f64; 3]) -> Vec<[f32; 3]> {
     let options = RefineOptions { samples: 24, ..RefineOptions::default() };
     let raster = CpuRasterizer::default();
     let refined =
-        refine(&raster, &placed, &case.edited, &views, &options, None, &mut NoObserver).unwrap();
+        refine(&raster, &placed, &case.edited, &views, &options, None, &mut NoRefineObserver)
+            .unwrap();
     let mut first = case.scene.at(0.0).unwrap();
     refined.apply(&mut first);
     first.sh

@@ -4,8 +4,8 @@ mod common;
 
 use common::{Case, Flaws, case, render};
 use cuar::{
-    AdamParams, CuarError, NoObserver, Observer, Preview, RefineOptions, RefineProgress, Refined,
-    RegressionParams, Solver, State, ViewTime, Views, WarpForm, refine,
+    AdamParams, CuarError, NoRefineObserver, Preview, RefineObserver, RefineOptions,
+    RefineProgress, Refined, RegressionParams, Solver, State, ViewTime, Views, WarpForm, refine,
 };
 use gs_core::{DynamicScene, TimeRange, sh};
 use gs_raster_cpu::CpuRasterizer;
@@ -21,7 +21,7 @@ fn small() -> &'static Case {
 fn run(
     options: &RefineOptions,
     resume: Option<&State>,
-    observer: &mut dyn Observer,
+    observer: &mut dyn RefineObserver,
 ) -> Result<Refined, CuarError> {
     let case = small();
     let times = TimeRange::UNIT.frames(16);
@@ -48,9 +48,9 @@ fn adam(steps: usize) -> RefineOptions {
 
 #[test]
 fn regression_needs_fewer_visits_than_adam() {
-    let fast = run(&unaided(6), None, &mut NoObserver).unwrap().report;
+    let fast = run(&unaided(6), None, &mut NoRefineObserver).unwrap().report;
     let visits = 6 * fast.samples.len();
-    let slow = run(&adam(visits), None, &mut NoObserver).unwrap().report;
+    let slow = run(&adam(visits), None, &mut NoRefineObserver).unwrap().report;
     assert_eq!(fast.loss_before, slow.loss_before, "the same problem");
     assert!(slow.loss_after < slow.loss_before, "Adam descends: {slow:?}");
     let gain = |loss: f64| fast.loss_before - loss;
@@ -66,7 +66,7 @@ struct Keeper {
     last: Option<RefineProgress>,
 }
 
-impl Observer for Keeper {
+impl RefineObserver for Keeper {
     fn progress(&mut self, progress: &RefineProgress) {
         assert!(progress.done <= progress.total, "{progress:?}");
         if progress.stage == "refine" {
@@ -94,7 +94,7 @@ struct Shelf {
     fingerprint: u64,
 }
 
-impl Observer for Shelf {
+impl RefineObserver for Shelf {
     fn begin_images(&mut self, fingerprint: u64) {
         self.fingerprint = fingerprint;
     }
@@ -141,7 +141,7 @@ fn interrupted_runs_end_bit_identical() {
         assert!(count > 6, "{count} checkpoints: within passes, too");
         // as if killed directly after each of these, anywhere in a pass
         for state in keeper.states.iter().step_by(1 + count / 7).chain(keeper.states.last()) {
-            let rest = run(&options, Some(state), &mut NoObserver).unwrap();
+            let rest = run(&options, Some(state), &mut NoRefineObserver).unwrap();
             assert_eq!(rest.d_sh, whole.d_sh, "resumed at step {}", state.step);
             assert_eq!(rest.report.loss_after, whole.report.loss_after, "same losses");
             assert_eq!(rest.report.loss_before, whole.report.loss_before, "same losses");
@@ -151,16 +151,16 @@ fn interrupted_runs_end_bit_identical() {
         let cut = run(&options, None, &mut keeper);
         assert!(matches!(cut, Err(CuarError::Cancelled { .. })), "cancelled");
         let state = keeper.states.last().expect("a checkpoint before cancelling");
-        let rest = run(&options, Some(state), &mut NoObserver).unwrap();
+        let rest = run(&options, Some(state), &mut NoRefineObserver).unwrap();
         assert_eq!(rest.d_sh, whole.d_sh, "resumed at step {}", state.step);
 
         let mut other = options.clone();
         other.seed = 1;
-        let refused = run(&other, Some(state), &mut NoObserver);
+        let refused = run(&other, Some(state), &mut NoRefineObserver);
         assert!(matches!(refused, Err(CuarError::State { .. })), "another run's state");
         let mut damaged = state.clone();
         damaged.arrays[0].1.pop();
-        assert!(run(&options, Some(&damaged), &mut NoObserver).is_err(), "damaged state");
+        assert!(run(&options, Some(&damaged), &mut NoRefineObserver).is_err(), "damaged state");
     }
 }
 
@@ -169,7 +169,7 @@ fn neither_threads_nor_memory_change_a_bit() {
     let options = regression(2);
     let on = |threads: usize, options: &RefineOptions| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-        pool.install(|| run(options, None, &mut NoObserver).unwrap())
+        pool.install(|| run(options, None, &mut NoRefineObserver).unwrap())
     };
     let one = on(1, &options);
     assert_eq!(one.d_sh, on(3, &options).d_sh, "threads");
@@ -202,7 +202,7 @@ struct Oracle {
     worst: f32,
 }
 
-impl Observer for Oracle {
+impl RefineObserver for Oracle {
     fn preview(&mut self, preview: &Preview) {
         let case = small();
         let mut scene = case.scene.clone();
@@ -242,7 +242,7 @@ fn leaving_out_what_does_not_matter_changes_no_image() {
 #[test]
 fn the_papers_warp_works_too() {
     let options = RefineOptions { warp: WarpForm::Paper, ..regression(2) };
-    let report = run(&options, None, &mut NoObserver).unwrap().report;
+    let report = run(&options, None, &mut NoRefineObserver).unwrap().report;
     assert!(report.loss_after < report.loss_before, "{report:?}");
 }
 
@@ -253,7 +253,7 @@ fn nothing_edited_and_bad_options() {
     let views = Views { cameras: &case.cameras, times: &times, held_out: &[] };
     let raster = CpuRasterizer::default();
     let go = |edited: &[bool], options: &RefineOptions| {
-        refine(&raster, &case.scene, edited, &views, options, None, &mut NoObserver)
+        refine(&raster, &case.scene, edited, &views, options, None, &mut NoRefineObserver)
     };
     let none = go(&vec![false; case.edited.len()], &RefineOptions::default()).unwrap();
     assert!(none.rows.is_empty() && none.sh.is_empty(), "nothing to do");

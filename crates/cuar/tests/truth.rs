@@ -5,7 +5,7 @@
 mod common;
 
 use common::{Case, Flaws, case, flicker, psnr, render, slide::Slide};
-use cuar::{NoObserver, RefineOptions, Refined, Views, refine};
+use cuar::{NoRefineObserver, RefineOptions, Refined, Views, refine};
 use gs_core::{DynamicScene, Image, TimeRange};
 use gs_raster_cpu::CpuRasterizer;
 
@@ -15,7 +15,8 @@ fn run(case: &Case, options: &RefineOptions) -> Refined {
     let times = TimeRange::UNIT.frames(31);
     let views = Views { cameras: &case.cameras, times: &times, held_out: &case.held_out };
     let raster = CpuRasterizer::default();
-    refine(&raster, &case.scene, &case.edited, &views, options, None, &mut NoObserver).unwrap()
+    refine(&raster, &case.scene, &case.edited, &views, options, None, &mut NoRefineObserver)
+        .unwrap()
 }
 
 fn options() -> RefineOptions {

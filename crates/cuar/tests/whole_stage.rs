@@ -7,7 +7,10 @@ mod common;
 
 use common::Painted;
 use common::delivered::{Delivered, Judge, cases, delivered, with_unseen_sh};
-use cuar::{CuarError, NoObserver, Observer, RefineOptions, RefineProgress, Refined, State, Views};
+use cuar::{
+    CuarError, NoRefineObserver, RefineObserver, RefineOptions, RefineProgress, Refined, State,
+    Views,
+};
 use gs_core::TimeRange;
 use std::sync::OnceLock;
 
@@ -55,7 +58,7 @@ struct Interrupter {
     left: Option<usize>,
 }
 
-impl Observer for Interrupter {
+impl RefineObserver for Interrupter {
     fn progress(&mut self, progress: &RefineProgress) {
         if progress.stage == "refine" {
             self.left = self.left.map(|left| left.saturating_sub(1));
@@ -75,12 +78,13 @@ fn a_repair_that_is_stopped_goes_on_to_the_same_bits_on_any_number_of_threads() 
     let options = RefineOptions { samples: 12, ..RefineOptions::default() };
     let times = TimeRange::UNIT.frames(6);
     let views = Views { cameras: &case.pictures, times: &times, held_out: &[3] };
-    let run = |threads: usize, resume: Option<&State>, observer: &mut (dyn Observer + Send)| {
-        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-        pool.install(|| case.refined_from(scene, &views, &options, resume, observer))
-    };
+    let run =
+        |threads: usize, resume: Option<&State>, observer: &mut (dyn RefineObserver + Send)| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            pool.install(|| case.refined_from(scene, &views, &options, resume, observer))
+        };
     let result = |refined: Refined| (refined.rows, refined.sh, refined.d_sh, refined.faded);
-    let whole = run(2, None, &mut NoObserver).unwrap();
+    let whole = run(2, None, &mut NoRefineObserver).unwrap();
     assert!(whole.report.repair.recoloured > 20, "{:?}", whole.report.repair);
     let counts = whole.report.repair;
     let whole = result(whole);
@@ -89,7 +93,7 @@ fn a_repair_that_is_stopped_goes_on_to_the_same_bits_on_any_number_of_threads() 
         let stopped = run(stopped_on, None, &mut observer);
         assert!(matches!(stopped, Err(CuarError::Cancelled { .. })), "stopped");
         let state = observer.states.last().expect("a checkpoint before the end");
-        let rest = run(threads, Some(state), &mut NoObserver).unwrap();
+        let rest = run(threads, Some(state), &mut NoRefineObserver).unwrap();
         assert_eq!(rest.report.repair, counts, "{threads} threads");
         assert_eq!(result(rest), whole, "stopped on {stopped_on} threads, went on on {threads}");
     }
@@ -97,6 +101,6 @@ fn a_repair_that_is_stopped_goes_on_to_the_same_bits_on_any_number_of_threads() 
     let mut observer = Interrupter { left: Some(3), ..Interrupter::default() };
     assert!(run(2, None, &mut observer).is_err(), "stopped");
     let state = observer.states.last().expect("a checkpoint");
-    let refused = case.refined_from(scene, &views, &other, Some(state), &mut NoObserver);
+    let refused = case.refined_from(scene, &views, &other, Some(state), &mut NoRefineObserver);
     assert!(matches!(refused, Err(CuarError::State { .. })), "the state of another run");
 }

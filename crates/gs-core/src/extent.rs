@@ -22,10 +22,10 @@ pub struct Extent {
     /// Distance from the centre within which 90 % of that weight lies; positive. Includes
     /// backdrops, because their splats are large.
     pub radius: f64,
-    /// Radius of the smallest ball around a splat that contains a tenth of all splats; positive. A
-    /// backdrop with fewer than nine tenths of the splats does not affect it.
+    /// Radius of the smallest ball around a splat that contains a tenth of all splats, world
+    /// units; positive. A backdrop with fewer than nine tenths of the splats does not affect it.
     pub core: f64,
-    /// Median of the splats' sizes: geometric mean of the two larger standard deviations.
+    /// Median of the splats' sizes, world units: geometric mean of the two larger standard deviations.
     pub splat_size: f64,
 }
 

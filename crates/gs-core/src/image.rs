@@ -12,7 +12,7 @@ pub struct Image {
     pub height: usize,
     /// Channels per pixel.
     pub channels: usize,
-    /// `height · width · channels` values.
+    /// `height · width · channels` values `[H,W,C]`, row-major from the top left.
     pub data: Vec<f32>,
 }
 

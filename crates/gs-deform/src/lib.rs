@@ -2,7 +2,7 @@
 //!
 //! [`HexPlaneScene`] matches the 4DGaussians reference implementation within single-precision
 //! rounding, for every combination of flags which that implementation can evaluate;
-//! [`HashGridScene`] evaluates Swift4D models in single precision; [`Trajectories`] interpolates
+//! [`HashGridScene`] evaluates Swift4D models in single precision; [`TabulatedScene`] interpolates
 //! tabulated frames and is exact at them; [`PolynomialScene`] moves every splat along its own
 //! cubic; [`StaticScene`] never moves. All are [`gs_core::DynamicScene`]s, run on all cores, and
 //! give bit-identical results for any number of threads (but not on every processor, because the
@@ -39,8 +39,8 @@ mod scene;
 mod shape;
 mod smooth_grid;
 mod static_scene;
+mod tabulated_scene;
 mod trace;
-mod trajectories;
 
 pub use deform_mlp::{DeformMlp, DeformMlpParts, MlpOutputs, MlpScene, Warp};
 pub use embedding::{EmbeddingScene, EmbeddingStage};
@@ -64,8 +64,8 @@ pub use smooth_grid::{
     SmoothGridScene,
 };
 pub use static_scene::StaticScene;
+pub use tabulated_scene::{TabulatedScene, TabulatedSceneError};
 pub use trace::Trace;
-pub use trajectories::{Trajectories, TrajectoryError};
 
 #[cfg(doctest)]
 #[doc = include_str!("../README.md")]

@@ -4,7 +4,7 @@ use crate::action::{Action, GraftPose, Pivot};
 use crate::color::{ColorStats, LUMA, base_color, set_base_color, weight};
 use crate::color_map::ColorMap;
 use crate::error::EditError;
-use crate::evaluate::Frame;
+use crate::evaluate::SelectorInput;
 use crate::resources::Resources;
 use crate::script::Step;
 use crate::transport;
@@ -75,7 +75,8 @@ impl Editor {
     pub fn apply(&mut self, step: &Step, resources: &Resources) -> Result<(), EditError> {
         match step {
             Step::Select(selector) => {
-                let frame = Frame { splats: &self.splats, origins: &self.origins, resources };
+                let frame =
+                    SelectorInput { splats: &self.splats, origins: &self.origins, resources };
                 self.selected = selector.evaluate(frame)?;
                 self.selection =
                     format!("the last `--select` selects none of {} splats", self.splats.len());

@@ -88,7 +88,7 @@ pub enum EditError {
         /// Number of parts.
         num_parts: u32,
     },
-    /// A file named in a step was not loaded ([`crate::Needs`] lists them).
+    /// A file named in a step was not loaded ([`crate::ResourceNames`] lists them).
     #[error("{kind} `{name}` was not loaded")]
     Missing {
         /// "mask", "ids", "image", "splats" or "motion".

@@ -4,12 +4,12 @@ use crate::color::{base_color, hsv};
 use crate::error::EditError;
 use crate::reach;
 use crate::resources::Resources;
-use crate::selector::{Field, Selector};
+use crate::selector::{Selector, SplatProperty};
 use gs_core::Splats;
 
 /// Input of the evaluation: the splats at the current step.
 #[derive(Debug, Clone, Copy)]
-pub struct Frame<'a> {
+pub struct SelectorInput<'a> {
     /// The splats.
     pub splats: &'a Splats,
     /// Input row of each splat, or of the splat it was copied from, `[N]`; `None` for grafts.
@@ -22,8 +22,8 @@ impl Selector {
     /// Flags of the selected splats, `[N]`.
     ///
     /// # Errors
-    /// If a row or part does not exist, or a resource in [`crate::Needs`] was not given.
-    pub fn evaluate(&self, frame: Frame<'_>) -> Result<Vec<bool>, EditError> {
+    /// If a row or part does not exist, or a resource in [`crate::ResourceNames`] was not given.
+    pub fn evaluate(&self, frame: SelectorInput<'_>) -> Result<Vec<bool>, EditError> {
         let splats = frame.splats;
         let rows = 0..splats.len();
         let centre = |i: usize| splats.means[i].map(f64::from);
@@ -120,7 +120,7 @@ impl Selector {
 
 fn combined(
     terms: &[Selector],
-    frame: Frame<'_>,
+    frame: SelectorInput<'_>,
     neutral: bool,
     join: impl Fn(bool, bool) -> bool,
 ) -> Result<Vec<bool>, EditError> {
@@ -137,7 +137,7 @@ fn missing(kind: &'static str, name: &str) -> EditError {
     EditError::Missing { kind, name: name.to_owned() }
 }
 
-fn by_origin(frame: Frame<'_>, selects: impl Fn(usize) -> bool) -> Vec<bool> {
+fn by_origin(frame: SelectorInput<'_>, selects: impl Fn(usize) -> bool) -> Vec<bool> {
     frame.origins.iter().map(|origin| origin.is_some_and(|row| selects(row as usize))).collect()
 }
 
@@ -164,23 +164,23 @@ fn within_of(splats: &Splats, inside: &[bool], distance: f64) -> Vec<bool> {
     reach::within(&points, &sources, distance)
 }
 
-fn property(splats: &Splats, row: usize, field: Field) -> f64 {
+fn property(splats: &Splats, row: usize, field: SplatProperty) -> f64 {
     let mean = || splats.means[row].map(f64::from);
     let rgb = || base_color(splats, row).map(|c| c.clamp(0.0, 1.0));
     match field {
-        Field::Opacity => f64::from(splats.opacity(row)),
-        Field::Size => {
+        SplatProperty::Opacity => f64::from(splats.opacity(row)),
+        SplatProperty::Size => {
             let logs = splats.log_scales[row];
             f64::from(logs[0].max(logs[1]).max(logs[2])).exp()
         }
-        Field::X => mean()[0],
-        Field::Y => mean()[1],
-        Field::Z => mean()[2],
-        Field::Red => rgb()[0],
-        Field::Green => rgb()[1],
-        Field::Blue => rgb()[2],
-        Field::Saturation => hsv(rgb()).1,
-        Field::Brightness => hsv(rgb()).2,
+        SplatProperty::X => mean()[0],
+        SplatProperty::Y => mean()[1],
+        SplatProperty::Z => mean()[2],
+        SplatProperty::Red => rgb()[0],
+        SplatProperty::Green => rgb()[1],
+        SplatProperty::Blue => rgb()[2],
+        SplatProperty::Saturation => hsv(rgb()).1,
+        SplatProperty::Brightness => hsv(rgb()).2,
     }
 }
 

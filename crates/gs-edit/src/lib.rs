@@ -46,12 +46,12 @@ pub use color::base_color;
 pub use color_map::ColorMap;
 pub use editor::{Editor, MAX_OPACITY};
 pub use error::{EditError, SyntaxError};
-pub use evaluate::Frame;
+pub use evaluate::SelectorInput;
 pub use ids::parse_ids;
 pub use lift::lift_masks;
-pub use resources::{Motion, Needs, Resources};
+pub use resources::{Motion, ResourceNames, Resources};
 pub use script::{Script, Step};
-pub use selector::{Bounds, Field, Selector};
+pub use selector::{Bounds, Selector, SplatProperty};
 pub use summary::Summary;
 
 /// Runs the example of the README.

@@ -9,7 +9,7 @@
 
 use crate::error::SyntaxError;
 use crate::lexer::{Lexer, Token};
-use crate::selector::{Bounds, Field, Selector};
+use crate::selector::{Bounds, Selector, SplatProperty};
 
 /// Maximum nesting of parentheses, `!` and prefixes, far below what the stack allows.
 const MAX_DEPTH: usize = 64;
@@ -91,7 +91,7 @@ impl Parser<'_> {
     }
 
     fn named(&mut self, word: &str, at: usize) -> Result<Selector, SyntaxError> {
-        if let Some((_, field)) = Field::ALL.iter().find(|(name, _)| *name == word) {
+        if let Some((_, field)) = SplatProperty::ALL.iter().find(|(name, _)| *name == word) {
             return Ok(Selector::Range(*field, self.bounds(word)?));
         }
         Ok(match word {

@@ -31,7 +31,7 @@ pub struct Resources {
 
 /// Names of the resources that steps use, so that a caller can load them before any change.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
-pub struct Needs {
+pub struct ResourceNames {
     /// Whether [`Resources::motion`] is needed.
     pub motion: bool,
     /// Keys of [`Resources::masks`].

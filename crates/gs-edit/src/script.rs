@@ -2,7 +2,7 @@
 
 use crate::action::Action;
 use crate::error::EditError;
-use crate::resources::Needs;
+use crate::resources::ResourceNames;
 use crate::selector::Selector;
 
 /// One step.
@@ -54,8 +54,8 @@ impl Script {
     }
 
     /// The resources that the steps use.
-    pub fn needs(&self) -> Needs {
-        let mut needs = Needs::default();
+    pub fn needs(&self) -> ResourceNames {
+        let mut needs = ResourceNames::default();
         for step in &self.steps {
             match step {
                 Step::Select(selector) => selector.visit(&mut |selector| match selector {

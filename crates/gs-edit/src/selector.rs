@@ -2,7 +2,7 @@
 
 /// A scalar property of a splat.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Field {
+pub enum SplatProperty {
     /// Opacity, 0 to 1.
     Opacity,
     /// Largest standard deviation, world units.
@@ -25,7 +25,7 @@ pub enum Field {
     Brightness,
 }
 
-impl Field {
+impl SplatProperty {
     /// All fields with their names in the language.
     pub const ALL: [(&'static str, Self); 10] = [
         ("opacity", Self::Opacity),
@@ -88,7 +88,7 @@ pub enum Selector {
         offset: f64,
     },
     /// A property inside an interval.
-    Range(Field, Bounds),
+    Range(SplatProperty, Bounds),
     /// Base colours within a Euclidean distance in RGB.
     Color {
         /// Colour, RGB, 0 to 1.

@@ -4,7 +4,7 @@
 
 use gs_core::{Camera, Rasterizer, RenderParams, Splats, quat, sh};
 use gs_edit::{
-    ColorMap, EditError, Editor, Frame, Motion, Resources, Script, Selector, base_color,
+    ColorMap, EditError, Editor, Motion, Resources, Script, Selector, SelectorInput, base_color,
 };
 use gs_raster_cpu::CpuRasterizer;
 use proptest::prelude::*;
@@ -110,7 +110,7 @@ fn a_selection_and_its_inverse_partition_the_splats() {
     let splats = ball(800, 1);
     let resources = resources(&splats);
     let origins: Vec<Option<u32>> = (0..800).map(Some).collect();
-    let frame = Frame { splats: &splats, origins: &origins, resources: &resources };
+    let frame = SelectorInput { splats: &splats, origins: &origins, resources: &resources };
     for text in EXPRESSIONS {
         let chosen = Selector::parse(text).unwrap().evaluate(frame).unwrap();
         let others = Selector::parse(&format!("!({text})")).unwrap().evaluate(frame).unwrap();
@@ -136,7 +136,7 @@ fn set_operations_are_those_of_sets() {
     let resources = resources(&splats);
     let origins: Vec<Option<u32>> = (0..500).map(Some).collect();
     let of = |text: &str| {
-        let frame = Frame { splats: &splats, origins: &origins, resources: &resources };
+        let frame = SelectorInput { splats: &splats, origins: &origins, resources: &resources };
         Selector::parse(text).unwrap().evaluate(frame).unwrap()
     };
     assert_eq!(of("!(x>0 & y>0)"), of("!x>0 | !y>0"), "De Morgan");

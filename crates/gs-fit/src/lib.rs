@@ -43,7 +43,7 @@ pub use error::FitError;
 pub use fit::{Fitted, fit};
 pub use options::{FitOptions, FitRates};
 pub use report::{FitReport, PoorlySeen};
-pub use state::{FitObserver, FitPreview, FitProgress, FitState, NoObserver};
+pub use state::{FitObserver, FitPreview, FitProgress, FitState, NoFitObserver};
 pub use view::EditedPicture;
 
 #[cfg(doctest)]

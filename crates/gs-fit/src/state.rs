@@ -73,6 +73,6 @@ pub trait FitObserver {
 
 /// An observer that does nothing.
 #[derive(Debug, Clone, Copy, Default)]
-pub struct NoObserver;
+pub struct NoFitObserver;
 
-impl FitObserver for NoObserver {}
+impl FitObserver for NoFitObserver {}

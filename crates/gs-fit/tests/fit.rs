@@ -3,7 +3,9 @@
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
 use gs_core::{Camera, DynamicScene, Image, Rasterizer, RenderParams, Splats, sh};
-use gs_fit::{EditedPicture, FitError, FitObserver, FitOptions, FitState, Fitted, NoObserver, fit};
+use gs_fit::{
+    EditedPicture, FitError, FitObserver, FitOptions, FitState, Fitted, NoFitObserver, fit,
+};
 use gs_raster_cpu::CpuRasterizer;
 use gs_synth::{DemoParams, Edit, Paint, Part, Region, SynthScene, apply_edits, demo};
 
@@ -53,7 +55,7 @@ fn pictures(cameras: &[Camera], splats: &Splats) -> Vec<EditedPicture> {
 }
 
 fn run(start: &Splats, pictures: &[EditedPicture], options: &FitOptions) -> Fitted {
-    fit(&CpuRasterizer::default(), start, pictures, options, None, &mut NoObserver).unwrap()
+    fit(&CpuRasterizer::default(), start, pictures, options, None, &mut NoFitObserver).unwrap()
 }
 
 /// Mean squared error of held-out views over the whole picture.
@@ -202,16 +204,16 @@ fn threads_and_interruptions_do_not_change_a_bit() {
         assert!(matches!(stopped, Err(FitError::Cancelled)), "stopped");
         let state = stops.saved.unwrap();
         let resumed =
-            fit(&raster, start, &pictures, &options, Some(&state), &mut NoObserver).unwrap();
+            fit(&raster, start, &pictures, &options, Some(&state), &mut NoFitObserver).unwrap();
         assert!(resumed.splats == whole.splats, "resumed after {after} steps");
         assert_eq!(resumed.source_rows, whole.source_rows, "rows after {after} steps");
 
         let other = FitOptions { seed: 1, ..options.clone() };
-        let refused = fit(&raster, start, &pictures, &other, Some(&state), &mut NoObserver);
+        let refused = fit(&raster, start, &pictures, &other, Some(&state), &mut NoFitObserver);
         assert!(matches!(refused, Err(FitError::State { .. })), "another fit's state");
         let mut cut = state;
         cut.arrays.iter_mut().for_each(|(_, values)| values.truncate(7));
-        let refused = fit(&raster, start, &pictures, &options, Some(&cut), &mut NoObserver);
+        let refused = fit(&raster, start, &pictures, &options, Some(&cut), &mut NoFitObserver);
         assert!(refused.is_err(), "a damaged state");
     }
 }
@@ -381,7 +383,7 @@ fn what_does_not_fit_is_refused() {
     let good = pictures(&cameras, start);
     let refused = |pictures: &[EditedPicture], options: &FitOptions| -> String {
         let raster = CpuRasterizer::default();
-        fit(&raster, start, pictures, options, None, &mut NoObserver).unwrap_err().to_string()
+        fit(&raster, start, pictures, options, None, &mut NoFitObserver).unwrap_err().to_string()
     };
     let options = FitOptions::default();
     assert!(refused(&[], &options).contains("no pictures"), "none");

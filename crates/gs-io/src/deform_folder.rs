@@ -105,7 +105,7 @@ fn read_cfg(model: &Path) -> Result<Option<(CfgArgs, PathBuf)>, IoError> {
     }
     match cfg_args::parse(&text::decode(&read_bytes(&path)?)) {
         Ok(cfg) => Ok(Some((cfg, path))),
-        Err(source) => Err(IoError::Cfg { path, source }),
+        Err(source) => Err(IoError::format(&path)(source)),
     }
 }
 
@@ -136,12 +136,12 @@ impl DeformFolder {
         let (number, network) = network_of(&iteration.model, options.iteration)?;
         let ply_path = iteration.dir.join("point_cloud.ply");
         let bytes = read_bytes(&ply_path)?;
-        let read = ply::read(&bytes).map_err(IoError::ply(&ply_path))?;
+        let read = ply::read(&bytes).map_err(IoError::format(&ply_path))?;
         let names = columns(&read.extra_columns);
-        let mut columns = ply::read_columns(&bytes, &names).map_err(IoError::ply(&ply_path))?;
+        let mut columns = ply::read_columns(&bytes, &names).map_err(IoError::format(&ply_path))?;
         let broken = |row: usize| columns.iter().any(|column| !column[row].is_finite());
         let sanitized = repair::sanitize_with(read.splats, options.damage, broken)
-            .map_err(|source| IoError::Damaged { path: ply_path.clone(), source })?;
+            .map_err(IoError::damaged(&ply_path))?;
         if let Some(kept) = &sanitized.kept {
             for column in &mut columns {
                 *column = kept.iter().map(|&row| column[row]).collect();

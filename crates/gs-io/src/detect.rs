@@ -152,13 +152,16 @@ fn detect_file(path: &Path) -> Result<SceneKind, IoError> {
 
 fn detect_ply(path: &Path) -> Result<SceneKind, IoError> {
     let read = ply::read_header_file(path);
-    match read.and_then(|header| header.gaussians().map_err(IoError::ply(path))) {
+    let layout = read.and_then(|header| header.gaussians().map_err(IoError::format(path)));
+    match layout {
         Ok(layout) if spacetime::has_columns(&layout.extra_columns) => Ok(SceneKind::Spacetime),
         Ok(layout) if freetime::has_columns(&layout.extra_columns) => Ok(SceneKind::FreeTime),
         Ok(_) => Ok(SceneKind::Ply),
-        Err(IoError::Ply { source: PlyError::Compressed, .. }) => Ok(SceneKind::CompressedPly),
-        Err(IoError::Ply { source, .. }) => Ok(SceneKind::OtherPly(source.to_string())),
-        Err(other) => Err(other),
+        Err(error) => match error.cause::<PlyError>() {
+            Some(PlyError::Compressed) => Ok(SceneKind::CompressedPly),
+            Some(other) => Ok(SceneKind::OtherPly(other.to_string())),
+            None => Err(error),
+        },
     }
 }
 

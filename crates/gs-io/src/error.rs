@@ -1,21 +1,14 @@
 //! [`IoError`]: errors of reading and writing, with the file concerned.
 
-use crate::cameras::CamerasError;
-use crate::cfg_args::CfgError;
 use crate::content::UnsupportedFormat;
-use crate::frame::FrameError;
 use crate::fs::final_path;
-use crate::ply::PlyError;
-use crate::pth::PthError;
 use crate::repair::DamagedRows;
-use crate::splat4d::Splat4dError;
-use crate::splatv::SplatvError;
-use gs_deform::FieldError;
+use std::error::Error;
 use std::path::{Path, PathBuf};
-use thiserror::Error;
 
 /// Error of reading or writing a file or folder. Every variant names it.
-#[derive(Debug, Error)]
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum IoError {
     /// The operating system refused to read.
     #[error("cannot read {}: {source}", path.display())]
@@ -74,69 +67,14 @@ pub enum IoError {
         /// The stand-in found, with the next step.
         found: UnsupportedFormat,
     },
-    /// A PLY file is malformed or not a Gaussian scene.
+    /// The bytes of a file are damaged or of another kind.
     #[error("{}: {source}", path.display())]
-    Ply {
+    Format {
         /// Path of the file.
         path: PathBuf,
-        /// Cause of the error.
-        source: PlyError,
-    },
-    /// A still frame is malformed or of another kind.
-    #[error("{}: {source}", path.display())]
-    Frame {
-        /// Path of the file.
-        path: PathBuf,
-        /// Cause of the error.
-        source: FrameError,
-    },
-    /// A PyTorch archive is malformed.
-    #[error("{}: {source}", path.display())]
-    Pth {
-        /// Path of the file.
-        path: PathBuf,
-        /// Cause of the error.
-        source: PthError,
-    },
-    /// A `cfg_args` file is malformed.
-    #[error("{}: {source}", path.display())]
-    Cfg {
-        /// Path of the file.
-        path: PathBuf,
-        /// Cause of the error.
-        source: CfgError,
-    },
-    /// A camera file is malformed.
-    #[error("{}: {source}", path.display())]
-    Cameras {
-        /// Path of the file.
-        path: PathBuf,
-        /// Cause of the error.
-        source: CamerasError,
-    },
-    /// A `.splatv` file is malformed.
-    #[error("{}: {source}", path.display())]
-    Splatv {
-        /// Path of the file.
-        path: PathBuf,
-        /// Cause of the error.
-        source: SplatvError,
-    },
-    /// A `.splat4d` file is malformed.
-    #[error("{}: {source}", path.display())]
-    Splat4d {
-        /// Path of the file.
-        path: PathBuf,
-        /// Cause of the error.
-        source: Splat4dError,
-    },
-    /// The tensors of a file do not form a deformation field.
-    #[error("{}: {source}", path.display())]
-    Field {
-        /// Path of the file.
-        path: PathBuf,
-        /// Cause of the error.
-        source: FieldError,
+        /// Error of the format, such as [`PlyError`](crate::ply::PlyError); [`IoError::cause`]
+        /// returns it with its type.
+        source: Box<dyn Error + Send + Sync>,
     },
     /// Damaged rows where none are allowed.
     #[error("{}: {source}", path.display())]
@@ -173,27 +111,56 @@ pub enum IoError {
 }
 
 impl IoError {
+    /// The first error of type `E` among the causes, for example
+    /// `error.cause::<PlyError>()` or `error.cause::<FieldError>()`.
+    pub fn cause<E: Error + 'static>(&self) -> Option<&E> {
+        let mut next = self.source();
+        while let Some(error) = next {
+            if let Some(found) = error.downcast_ref() {
+                return Some(found);
+            }
+            next = error.source();
+        }
+        None
+    }
+
     pub(crate) fn content(path: &Path, what: impl Into<String>) -> Self {
         Self::Content { path: path.to_owned(), what: what.into() }
     }
 
-    pub(crate) fn ply(path: &Path) -> impl FnOnce(PlyError) -> Self {
-        move |source| Self::Ply { path: path.to_owned(), source }
+    /// Adds the path of the file to the error of its format.
+    pub(crate) fn format<E>(path: &Path) -> impl FnOnce(E) -> Self
+    where
+        E: Error + Send + Sync + 'static,
+    {
+        move |source| Self::Format { path: path.to_owned(), source: Box::new(source) }
     }
 
-    /// Keeps errors of PLY files as PLY errors.
-    pub(crate) fn frame(path: &Path) -> impl FnOnce(FrameError) -> Self {
-        move |source| match source {
-            FrameError::Ply(source) => Self::Ply { path: path.to_owned(), source },
-            source => Self::Frame { path: path.to_owned(), source },
-        }
-    }
-
-    pub(crate) fn cameras(path: &Path) -> impl FnOnce(CamerasError) -> Self {
-        move |source| Self::Cameras { path: path.to_owned(), source }
+    pub(crate) fn damaged(path: &Path) -> impl FnOnce(DamagedRows) -> Self {
+        move |source| Self::Damaged { path: path.to_owned(), source }
     }
 
     pub(crate) fn write(path: &Path) -> impl FnOnce(std::io::Error) -> Self {
         move |source| Self::Write { path: final_path(path), source }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::io;
+
+    #[test]
+    fn causes_are_found_by_type_at_any_depth() {
+        #[derive(Debug, thiserror::Error)]
+        #[error("outer: {0}")]
+        struct Outer(#[source] io::Error);
+        let cause = Outer(io::Error::other("inner"));
+        let error = IoError::format(Path::new("a.ply"))(cause);
+        assert_eq!(error.to_string(), "a.ply: outer: inner", "path first");
+        assert!(error.cause::<Outer>().is_some(), "the error of the format");
+        assert!(error.cause::<io::Error>().is_some(), "its cause");
+        assert!(error.cause::<std::fmt::Error>().is_none(), "another type");
+        assert!(IoError::content(Path::new("a"), "is empty").cause::<Outer>().is_none(), "none");
     }
 }

@@ -42,7 +42,7 @@ mod fs;
 pub mod gaussian4d;
 pub mod gltf;
 pub mod grid4d;
-mod gsplat;
+pub mod gsplat;
 mod losses;
 pub mod model_folder;
 mod open_options;
@@ -65,7 +65,6 @@ pub mod spz;
 pub mod swift4d;
 pub mod tsog;
 pub mod usda;
-mod wrong_network;
 
 pub use archive::ZipError;
 pub use axes::{Axes, AxesReading};

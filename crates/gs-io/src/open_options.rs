@@ -6,6 +6,7 @@ use crate::repair::Damage;
 
 /// Options for opening a scene. Options that do not apply to its kind are ignored.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
+#[non_exhaustive]
 pub struct OpenOptions {
     /// Saved iteration of a trained scene; the newest if `None`.
     pub iteration: Option<u64>,
@@ -23,4 +24,27 @@ pub struct OpenOptions {
     /// Training flags of 4DGaussians and Swift4D models. Their `iteration` and `damage` are
     /// replaced by those above.
     pub overrides: Overrides,
+}
+
+impl OpenOptions {
+    /// The same options with another treatment of damaged rows.
+    #[must_use]
+    pub fn with_damage(mut self, damage: Damage) -> Self {
+        self.damage = damage;
+        self
+    }
+
+    /// The same options with the start and end time of native 4D Gaussians.
+    #[must_use]
+    pub fn with_time_duration(mut self, start: f64, end: f64) -> Self {
+        self.time_duration = Some([start, end]);
+        self
+    }
+
+    /// The same options with half the side of the cube covered by the grids of Grid4D and DASH.
+    #[must_use]
+    pub fn with_bound(mut self, bound: f32) -> Self {
+        self.bound = Some(bound);
+        self
+    }
 }

@@ -174,9 +174,7 @@ fn open_frame(path: &Path, kind: SceneKind, options: &OpenOptions) -> Result<Ope
     let notes = read.notes.iter().cloned().chain(assumed).collect();
     let up = read.comments.iter().find_map(|comment| comment.strip_prefix(comments::UP));
     let up = up.and_then(comments::axis);
-    let (frame, repair) = read
-        .sanitize(options.damage)
-        .map_err(|source| IoError::Damaged { path: path.to_owned(), source })?;
+    let (frame, repair) = read.sanitize(options.damage).map_err(IoError::damaged(path))?;
     let scene = StaticScene::new(frame.splats)
         .map_err(|error| IoError::content(path, error.to_string()))?;
     let files = vec![frame::file_of(path)];

@@ -34,7 +34,8 @@ pub struct OpenedScene {
     pub repair: RepairReport,
     /// The files read, whose content determines the scene.
     pub files: Vec<PathBuf>,
-    /// Background used in training, linear RGB, if the files state it.
+    /// Background used in training, RGB from 0 to 1 as in `gs_core::RenderParams`, if the files
+    /// state it.
     pub background: Option<[f32; 3]>,
     /// The world's upward direction, if the files state it or all data sets of the method share
     /// one.

@@ -36,6 +36,7 @@ pub enum Damage {
 
 /// Numbers of damaged rows and of meaningful infinities.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+#[non_exhaustive]
 pub struct RepairReport {
     /// Rows examined.
     pub rows: usize,

@@ -6,6 +6,7 @@ use std::fmt::{self, Display};
 
 /// Kind of a path's content.
 #[derive(Debug, Clone, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum SceneKind {
     /// A model folder of 4DGaussians.
     Model4dgs,

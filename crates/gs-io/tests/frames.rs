@@ -12,7 +12,8 @@
 use gs_core::{Precision, RowPrecision, Splats, quat};
 use gs_io::compressed_ply::{self, morton_order};
 use gs_io::frame::{self, Frame, FrameError, FrameFormat};
-use gs_io::{Axes, Losses, splat_file, spz};
+use gs_io::spz::{self, SpzError};
+use gs_io::{Axes, Losses, splat_file};
 use std::fs;
 use std::io::Write;
 use test_support::fixture;
@@ -556,7 +557,7 @@ fn formats_are_detected_by_content_and_damage_is_named() {
     let mut lying = bytes("frame_v4.spz");
     lying[8..12].copy_from_slice(&u32::MAX.to_le_bytes());
     let error = frame::read(&lying).unwrap_err();
-    assert!(matches!(error, FrameError::Damaged { .. }), "{error}");
+    assert!(matches!(error, FrameError::Spz(SpzError::Damaged(_))), "{error}");
     let clip = [b"Kg\0\0\x10\0\0\0".to_vec(), vec![b'x'; 100]].concat();
     assert!(frame::read(&clip).unwrap_err().to_string().contains("a .splatv clip"), "named");
     for text in ["hello", &"prose of thirty-two characters..".repeat(40)] {

@@ -135,7 +135,7 @@ static CLIP: LazyLock<Vec<u8>> = LazyLock::new(|| {
         splats.quats[2] = [1.0, by, 0.0, 0.0];
         splats
     };
-    let scene = gs_deform::Trajectories::new([0.0, 1.0, 3.0].map(moved).to_vec()).unwrap();
+    let scene = gs_deform::TabulatedScene::new([0.0, 1.0, 3.0].map(moved).to_vec()).unwrap();
     let clip = gs_io::Clip { scene: &scene, times: &[0.0, 0.5, 1.0], fps: 30.0 };
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("clip.splat4d");

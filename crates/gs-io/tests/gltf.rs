@@ -8,7 +8,8 @@ use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 use gs_core::{Splats, quat, sh};
 use gs_io::frame::{self, Frame, FrameError, FrameFormat};
-use gs_io::{Axes, gltf, spz};
+use gs_io::gltf::{self, GltfError};
+use gs_io::{Axes, spz};
 use serde_json::{Value, json};
 use std::fs;
 use test_support::fixture;
@@ -535,7 +536,7 @@ fn unsupported_files_are_named() {
     let mut old = bytes;
     old[4] = 1;
     let found = frame::read(&old).unwrap_err();
-    assert!(matches!(found, FrameError::Version { found: 1, .. }), "{found}");
+    assert!(matches!(found, FrameError::Gltf(GltfError::Version { found: 1 })), "{found}");
     let found = frame::read(b"{\"asset\": {\"version\": \"2.0\"}, \"nodes\": [[[").unwrap_err();
     assert!(found.to_string().contains("its JSON"), "{found}");
 }

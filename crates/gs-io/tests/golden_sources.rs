@@ -280,7 +280,7 @@ fn native_4d_gaussians() {
         let (model, kind) = (base(name).join("model"), SceneKind::Gaussian4d);
         let error = open_scene_as(&model, &kind, &OpenOptions::default()).unwrap_err();
         assert!(error.to_string().contains("--set time_duration=START,END"), "{error}");
-        let options = OpenOptions { time_duration: Some([0.0, 10.0]), ..OpenOptions::default() };
+        let options = OpenOptions::default().with_time_duration(0.0, 10.0);
         let source = open(&model, &kind, &options);
         let camera = golden.f32s("camera_center");
         let visible = golden.u8s("visible");

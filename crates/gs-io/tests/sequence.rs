@@ -4,7 +4,7 @@
 #![allow(clippy::unwrap_used, reason = "helpers of tests may panic")]
 
 use gs_core::{DynamicScene, SceneError, Splats, TimeRange};
-use gs_deform::Trajectories;
+use gs_deform::TabulatedScene;
 use gs_io::ply::{self, WriteOptions};
 use gs_io::ply_sequence::{FolderWriter, PlySequence, SequenceOptions, write_folder, write_zip};
 use gs_io::repair::Damage;
@@ -24,11 +24,11 @@ fn frame(i: u8, n: usize) -> Splats {
     }
 }
 
-fn trajectories(frames: u8) -> Trajectories {
-    Trajectories::new((0..frames).map(|i| frame(i, 7)).collect()).unwrap()
+fn trajectories(frames: u8) -> TabulatedScene {
+    TabulatedScene::new((0..frames).map(|i| frame(i, 7)).collect()).unwrap()
 }
 
-fn write(dir: &Path, frames: u8) -> Trajectories {
+fn write(dir: &Path, frames: u8) -> TabulatedScene {
     let scene = trajectories(frames);
     let times = TimeRange::UNIT.frames(frames.into());
     let mut seen = Vec::new();

@@ -12,7 +12,7 @@ use tempfile::TempDir;
 use test_support::fixture;
 
 fn options() -> OpenOptions {
-    OpenOptions { time_duration: Some([0.0, 10.0]), ..OpenOptions::default() }
+    OpenOptions::default().with_time_duration(0.0, 10.0)
 }
 
 fn copy(from: &Path, to: &Path) {
@@ -198,7 +198,7 @@ fn damaged_rows_are_dropped_and_counted() {
         assert_eq!(read.repair.damaged(), 1, "{tensor}: counted");
         let rows: Vec<usize> = (1..splats.len()).collect();
         assert_eq!(read.scene.at(0.4).unwrap(), splats.select(&rows), "{tensor}: the others");
-        let strict = OpenOptions { damage: Damage::Fail, ..options() };
+        let strict = options().with_damage(Damage::Fail);
         assert!(open_scene_as(scene, &kind, &strict).is_err(), "{tensor}: refused");
     }
 }
@@ -228,7 +228,7 @@ fn settings_only_in_cfg_args_are_requested_if_missing() {
         let error = open_scene_as(dir.path(), &kind, &options()).unwrap_err().to_string();
         assert!(error.contains("--set bound="), "{error}");
         let bound = if kind == SceneKind::Dash { 1.0 } else { 2.0 };
-        let given = OpenOptions { bound: Some(bound), ..options() };
+        let given = options().with_bound(bound);
         let found = open_scene_as(dir.path(), &kind, &given).unwrap().scene.at(0.4).unwrap();
         assert_eq!(found, whole, "{name}: as with cfg_args");
     }

@@ -49,7 +49,7 @@ const STEPS: [&str; 12] = [
 ];
 
 fn options() -> OpenOptions {
-    OpenOptions { time_duration: Some([0.0, 10.0]), bound: Some(1.6), ..OpenOptions::default() }
+    OpenOptions::default().with_time_duration(0.0, 10.0).with_bound(1.6)
 }
 
 fn copy(from: &Path, to: &Path) {

@@ -8,7 +8,7 @@
 mod lively;
 
 use gs_core::{DynamicScene, Splats, TimeRange, quat, sh};
-use gs_deform::{StaticScene, Trajectories};
+use gs_deform::{StaticScene, TabulatedScene};
 use gs_io::repair::Damage;
 use gs_io::splat4d::{self, PASSES, Splat4dError, WriteOptions};
 use gs_io::{Clip, Existing};
@@ -147,7 +147,7 @@ fn decode(path: &Path) -> (serde_json::Value, Vec<Vec<Row>>) {
 
 /// Largest errors: position, rotation, colour, opacity, log size. The file has its own order, so
 /// decoded splats are matched to rows by position and size in all frames.
-fn errors(scene: &Trajectories, frames: &[Vec<Row>]) -> [f64; 5] {
+fn errors(scene: &TabulatedScene, frames: &[Vec<Row>]) -> [f64; 5] {
     let first = &scene.frames()[0];
     let distance = |i: usize, place: usize| {
         let frame = |(rows, splats): (&Vec<Row>, &Splats)| {
@@ -457,7 +457,7 @@ fn noise_within_the_bound_does_not_enlarge_the_file() {
                 f as f32 * 0.01 + if (i * 7 + f * 13).is_multiple_of(2) { 1e-4 } else { -1e-4 };
         }
     }
-    let scene = Trajectories::new(frames).unwrap();
+    let scene = TabulatedScene::new(frames).unwrap();
     let (_dir, report) =
         write(&scene, 30, &WriteOptions { tolerance: 1e-3, ..WriteOptions::default() });
     assert!(report.bytes < 1000 * 30 * 2, "{} bytes", report.bytes);
@@ -502,7 +502,7 @@ fn damaged_rows_are_dropped_and_counted() {
     let mut frames = lively::scene(50, 4, 0).frames().to_vec();
     frames[2].means[7][0] = f32::NAN;
     frames[1].quats[9] = [0.0; 4];
-    let scene = Trajectories::new(frames).unwrap();
+    let scene = TabulatedScene::new(frames).unwrap();
     let (dir, report) = write(&scene, 4, &WriteOptions::default());
     assert_eq!(report.num_splats, 48, "two rows less");
     assert!(report.losses.to_string().contains("2 of 50 splats are omitted"), "{}", report.losses);

@@ -8,7 +8,7 @@
 mod lively;
 
 use gs_core::{Camera, DynamicScene, Splats, TimeRange, quat, sh};
-use gs_deform::{Polynomial, PolynomialScene, StaticScene, Trajectories};
+use gs_deform::{Polynomial, PolynomialScene, StaticScene, TabulatedScene};
 use gs_io::repair::Damage;
 use gs_io::splatv::{self, PASSES, SplatvError, WriteOptions};
 use gs_io::{Clip, Existing};
@@ -71,9 +71,9 @@ fn decode(bytes: &[u8], t: f64) -> (serde_json::Value, Vec<Decoded>) {
 }
 
 /// A scene whose rows change smoothly and slowly enough for cubic polynomials.
-fn gentle(n: usize, frames: usize) -> Trajectories {
+fn gentle(n: usize, frames: usize) -> TabulatedScene {
     let whole = lively::scene(n, 40 * frames, 1);
-    Trajectories::new(whole.frames()[..frames].to_vec()).unwrap()
+    TabulatedScene::new(whole.frames()[..frames].to_vec()).unwrap()
 }
 
 fn write(
@@ -199,7 +199,7 @@ fn motion_that_cubics_do_not_fit_is_refused() {
             frame
         })
         .collect();
-    let scene = Trajectories::new(frames).unwrap();
+    let scene = TabulatedScene::new(frames).unwrap();
     let times = TimeRange::UNIT.frames(30);
     let clip = Clip { scene: &scene, times: &times, fps: 30.0 };
     let error = splatv::write(&path, &clip, &options(), Existing::Refuse, &mut |_| ())
@@ -233,10 +233,10 @@ fn hostile_clips() {
     refuse(&Clip { scene: &empty, ..clip }, &options(), "no splats");
     let mut frames = scene.frames().to_vec();
     frames[2].means[3] = [1e8; 3];
-    let far = Trajectories::new(frames.clone()).unwrap();
+    let far = TabulatedScene::new(frames.clone()).unwrap();
     refuse(&Clip { scene: &far, ..clip }, &options(), "too far");
     frames[2].means[3] = [f32::NAN; 3];
-    let damaged = Trajectories::new(frames).unwrap();
+    let damaged = TabulatedScene::new(frames).unwrap();
     let report = write(&path, &damaged, 3, &options());
     assert_eq!(report.num_splats, 19, "one row less");
     assert!(report.losses.to_string().contains("1 of 20"), "{}", report.losses);

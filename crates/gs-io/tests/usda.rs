@@ -7,7 +7,7 @@
 mod lively;
 
 use gs_core::{DynamicScene, Splats, TimeRange, quat};
-use gs_deform::{StaticScene, Trajectories};
+use gs_deform::{StaticScene, TabulatedScene};
 use gs_io::usda::{self, WriteOptions};
 use gs_io::{Clip, Existing};
 use std::collections::BTreeMap;
@@ -149,7 +149,7 @@ fn only_changing_attributes_have_samples() {
     let dir = tempfile::tempdir().unwrap();
     let mut frames = vec![lively::scene(30, 2, 1).at(0.0).unwrap(); 4];
     frames[3].means[5][1] += 0.5;
-    let scene = Trajectories::new(frames.clone()).unwrap();
+    let scene = TabulatedScene::new(frames.clone()).unwrap();
     let options = WriteOptions { sh_degree: Some(0), ..WriteOptions::default() };
     let (layer, report) = write(&dir.path().join("one.usda"), &scene, 4, &options);
     assert_eq!(report.sampled, ["positions"], "one attribute moves");
@@ -189,7 +189,7 @@ fn hostile_clips() {
     let mut damaged = scene.frames().to_vec();
     damaged[1].means[4][0] = f32::NAN;
     damaged[1].log_scales[5] = [500.0; 3];
-    let damaged = Trajectories::new(damaged).unwrap();
+    let damaged = TabulatedScene::new(damaged).unwrap();
     let (layer, report) = write(&path, &damaged, 3, &WriteOptions::default());
     assert_eq!(report.num_splats, 19, "one row less");
     assert!(report.losses.to_string().contains("1 of 20"), "{}", report.losses);

@@ -1,12 +1,14 @@
-//! Writes a page of the synthetic dancer before and after its
-//! edit, and prints the bytes of each part.
+//! Writes a page of the synthetic dancer before and after its edit, and prints its contents and
+//! size.
 //!
 //! ```text
 //! cargo run --release --example page -- dancer.html 100000 60
 //! ```
 
+#![expect(clippy::print_stdout, reason = "an example that prints its measurements")]
+
 use gs_core::{Camera, DynamicScene};
-use gs_player::{Options, Page, Source, encode, page};
+use gs_player::{Options, Page, PageScenes, encode, page};
 use gs_synth::{DemoParams, apply_edits, demo, demo_edits};
 use std::error::Error;
 use std::time::Instant;
@@ -26,7 +28,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let encoded = encode(&original, Some(&edited), &times, &options, &mut |_, _| {})?;
     let camera = Camera::look_at([0.0, 1.4, 4.2], [0.0, 0.9, 0.0], [0.0, 1.0, 0.0], 0.7, 960, 720);
     let text = page(
-        &[Source { encoded: &encoded, names: ["Original", "Edited"] }],
+        &[PageScenes { encoded: &encoded, names: ["Original", "Edited"] }],
         &Page {
             title: "Dancer",
             fps: 30.0,
@@ -40,12 +42,19 @@ fn main() -> Result<(), Box<dyn Error>> {
     )?;
     std::fs::write(&output, &text)?;
     let report = &encoded.report;
-    eprintln!("{report:#?}");
-    eprintln!(
-        "{output}: {:.2} MB, payload {:.2} MB before text encoding; {:.2} s",
-        text.len() as f64 / 1e6,
-        report.bytes.1 as f64 / 1e6,
-        begun.elapsed().as_secs_f64()
+    println!(
+        "{} frames of {} and {} splats: {} in both scenes, {} more with the same motion, {} move",
+        report.frames, report.first, report.second, report.shared, report.twins, report.moving
     );
+    let (still, moving) = report.position_error;
+    println!("largest error of a coordinate: {still:.2e} of static splats, {moving:.2e} of moving");
+    let megabytes = |bytes: usize| bytes as f64 / 1e6;
+    println!(
+        "payload: {:.3} MB, compressed {:.3} MB; page: {:.3} MB",
+        megabytes(report.bytes.0),
+        megabytes(report.bytes.1),
+        megabytes(text.len())
+    );
+    println!("{:.2} s", begun.elapsed().as_secs_f64());
     Ok(())
 }

@@ -39,7 +39,7 @@ pub use encode::{EncodeReport, Encoded, MAGIC, encode, encode_annotated};
 pub use error::{MAX_FRAMES, PlayerError};
 pub use options::Options;
 pub use overlay::{Annotations, Legend, MAX_ENTRIES, Overlay};
-pub use page::{Page, Poster, Source, page, served_page, source_file};
+pub use page::{Page, PageScenes, Poster, page, served_page, source_file};
 
 #[cfg(doctest)]
 #[doc = include_str!("../README.md")]

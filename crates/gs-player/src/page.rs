@@ -54,7 +54,7 @@ pub struct Poster<'a> {
 
 /// A payload of a page, and the names of its scenes.
 #[derive(Debug, Clone, Copy)]
-pub struct Source<'a> {
+pub struct PageScenes<'a> {
     /// One or two scenes.
     pub encoded: &'a Encoded,
     /// Names of the scenes.
@@ -153,7 +153,7 @@ impl<'a> Meta<'a> {
 /// # Errors
 /// If the camera is invalid, the frame rate is not positive, there are no sources or more than 4,
 /// or they have different numbers of frames.
-pub fn page(sources: &[Source<'_>], page: &Page<'_>) -> Result<String, PlayerError> {
+pub fn page(sources: &[PageScenes<'_>], page: &Page<'_>) -> Result<String, PlayerError> {
     let payloads = sources.iter().enumerate();
     let payloads = payloads.map(|(i, source)| blocks(i, &source.encoded.payload)).collect();
     build(sources, page, Some(payloads))
@@ -165,7 +165,7 @@ pub fn page(sources: &[Source<'_>], page: &Page<'_>) -> Result<String, PlayerErr
 ///
 /// # Errors
 /// As [`page()`].
-pub fn served_page(sources: &[Source<'_>], page: &Page<'_>) -> Result<String, PlayerError> {
+pub fn served_page(sources: &[PageScenes<'_>], page: &Page<'_>) -> Result<String, PlayerError> {
     build(sources, page, None)
 }
 
@@ -184,7 +184,7 @@ pub fn source_file(encoded: &Encoded) -> Result<Vec<u8>, PlayerError> {
 }
 
 fn build(
-    sources: &[Source<'_>],
+    sources: &[PageScenes<'_>],
     page: &Page<'_>,
     payloads: Option<String>,
 ) -> Result<String, PlayerError> {

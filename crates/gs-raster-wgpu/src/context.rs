@@ -2,7 +2,7 @@
 
 use crate::GpuError;
 use crate::adapter::{AdapterChoice, AdapterSummary, choose};
-use crate::kernels::{Access, KernelDef, Needs};
+use crate::kernels::{Access, DeviceFeatures, KernelDef};
 use std::collections::HashMap;
 use std::fmt;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -34,7 +34,7 @@ struct Inner {
     device: wgpu::Device,
     queue: wgpu::Queue,
     adapter: AdapterSummary,
-    needs: Needs,
+    needs: DeviceFeatures,
     max_binding_bytes: u64,
     max_buffer_bytes: u64,
     timestamp_period: Option<f32>,
@@ -131,7 +131,7 @@ impl GpuContext {
         let cap = options.max_binding_bytes.unwrap_or(u64::MAX);
         Ok(Self {
             inner: Arc::new(Inner {
-                needs: Needs {
+                needs: DeviceFeatures {
                     subgroups: features.contains(wgpu::Features::SUBGROUP),
                     float_atomics: features.contains(wgpu::Features::SHADER_FLOAT32_ATOMIC),
                 },
@@ -160,7 +160,7 @@ impl GpuContext {
     }
 
     /// Optional features in use.
-    pub fn features(&self) -> Needs {
+    pub fn features(&self) -> DeviceFeatures {
         self.inner.needs
     }
 

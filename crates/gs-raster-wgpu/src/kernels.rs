@@ -1,7 +1,7 @@
 //! The kernels: source, entry point, bindings. Bind group layouts and pipelines are built from this
 //! table, and a test compares it with the shaders' declarations.
 
-use crate::shaders::{self, Source};
+use crate::shaders::{self, WgslSource};
 
 /// Kind of a binding.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -18,7 +18,7 @@ pub enum Access {
 
 /// Required device features beyond core WGSL.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub struct Needs {
+pub struct DeviceFeatures {
     /// Subgroup operations.
     pub subgroups: bool,
     /// Atomic addition of floats.
@@ -31,7 +31,7 @@ pub struct KernelDef {
     /// Name in labels, messages and timings.
     pub name: &'static str,
     /// The joined module.
-    pub source: &'static Source,
+    pub source: &'static WgslSource,
     /// Name of the entry point.
     pub entry: &'static str,
     /// Bindings of group 0, by number.
@@ -39,14 +39,14 @@ pub struct KernelDef {
     /// Invocations per group.
     pub workgroup_size: u32,
     /// Optional features.
-    pub needs: Needs,
+    pub needs: DeviceFeatures,
 }
 
 const U: Access = Access::Uniform;
 const R: Access = Access::Read;
 const W: Access = Access::Write;
 const X: Access = Access::None;
-const CORE: Needs = Needs { subgroups: false, float_atomics: false };
+const CORE: DeviceFeatures = DeviceFeatures { subgroups: false, float_atomics: false };
 
 macro_rules! kernels {
     ($($id:ident: $source:ident $entry:literal [$($access:ident)*] $size:literal $needs:expr;)+) => {
@@ -67,9 +67,9 @@ macro_rules! kernels {
     };
 }
 
-const SUBGROUP: Needs = Needs { subgroups: true, float_atomics: false };
-const ATOMIC: Needs = Needs { subgroups: false, float_atomics: true };
-const BOTH: Needs = Needs { subgroups: true, float_atomics: true };
+const SUBGROUP: DeviceFeatures = DeviceFeatures { subgroups: true, float_atomics: false };
+const ATOMIC: DeviceFeatures = DeviceFeatures { subgroups: false, float_atomics: true };
+const BOTH: DeviceFeatures = DeviceFeatures { subgroups: true, float_atomics: true };
 
 kernels! {
     Project: PROJECT "project" [U R R R R W W W] 256 CORE;
@@ -133,7 +133,7 @@ impl Kernel {
 
     /// Backward over tiles of 4 or 8 channels, with geometry or for the
     /// channels alone, using the features of the device.
-    pub(crate) fn rasterize_bwd(channels: u32, geometry: bool, needs: Needs) -> Self {
+    pub(crate) fn rasterize_bwd(channels: u32, geometry: bool, needs: DeviceFeatures) -> Self {
         match (geometry, channels == 4, needs.subgroups, needs.float_atomics) {
             (true, true, false, false) => Self::Full4SharedSlots,
             (true, true, false, true) => Self::Full4SharedAtomic,

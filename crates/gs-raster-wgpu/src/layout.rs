@@ -2,7 +2,7 @@
 //! table that a test compares with the shaders.
 
 /// Name, offset and size of a field, bytes.
-pub type Field = (&'static str, usize, usize);
+pub type StructField = (&'static str, usize, usize);
 
 /// Layout of a struct in memory.
 pub trait GpuLayout {
@@ -11,7 +11,7 @@ pub trait GpuLayout {
     /// Size, bytes.
     const SIZE: usize;
     /// Name, offset and size of every field, bytes.
-    const FIELDS: &'static [Field];
+    const FIELDS: &'static [StructField];
 }
 
 /// Declares a plain struct and its [`GpuLayout`]; needs `bytemuck` with `derive`.
@@ -26,7 +26,7 @@ macro_rules! gpu_struct {
         impl $crate::layout::GpuLayout for $name {
             const NAME: &'static str = stringify!($name);
             const SIZE: usize = size_of::<Self>();
-            const FIELDS: &'static [$crate::layout::Field] =
+            const FIELDS: &'static [$crate::layout::StructField] =
                 &[$((stringify!($field), std::mem::offset_of!($name, $field), size_of::<$kind>()),)*];
         }
     };
@@ -154,7 +154,7 @@ gpu_struct! {
 }
 
 /// Every struct that a uniform or storage binding of a shader may have: name, size, fields.
-pub const LAYOUTS: &[(&str, usize, &[Field])] = &[
+pub const LAYOUTS: &[(&str, usize, &[StructField])] = &[
     (Frame::NAME, Frame::SIZE, Frame::FIELDS),
     (Scan::NAME, Scan::SIZE, Scan::FIELDS),
     (Sort::NAME, Sort::SIZE, Sort::FIELDS),

@@ -3,14 +3,14 @@
 /// A shader module: its parts and their concatenation. WGSL allows declarations in any order, so
 /// concatenation is sufficient as an import system.
 #[derive(Debug)]
-pub struct Source {
+pub struct WgslSource {
     /// File name in `shaders/` and text of every part.
     pub parts: &'static [(&'static str, &'static str)],
     /// The concatenated parts.
     pub text: &'static str,
 }
 
-impl Source {
+impl WgslSource {
     /// File and line (from 1) of line `line` (from 1) of the joined text.
     pub fn locate(&self, line: usize) -> (&'static str, usize) {
         let mut before = 0;
@@ -33,7 +33,7 @@ macro_rules! part {
 
 macro_rules! sources {
     ($($(#[$meta:meta])* $id:ident = [$($name:literal),+ $(,)?];)+) => {
-        $($(#[$meta])* pub static $id: Source = Source {
+        $($(#[$meta])* pub static $id: WgslSource = WgslSource {
             parts: &[$(($name, part!($name))),+],
             text: concat!($(part!($name)),+),
         };)+

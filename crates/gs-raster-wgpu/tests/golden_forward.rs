@@ -14,7 +14,7 @@ fn render(mode: Mode, case: &Case<f32>) -> RenderOutput {
     raster.forward(&mut prepared, &case.splats, &case.features, &case.params).unwrap()
 }
 
-/// Worst seen on llvmpipe: rgb 3e-6, alpha 2e-6, depth and features 6e-6.
+/// Worst seen on llvmpipe: rgb 2.5e-6, alpha 2.1e-6, depth 5.9e-6, features 4.6e-6.
 #[test]
 fn images_match() {
     for mode in MODES {
@@ -97,5 +97,5 @@ fn a_changed_opacity_is_detected() {
     }
     let out = render(Mode::Portable, &case);
     let (clear, _) = image_errors(&case, "rgb", &out.rgb);
-    assert!(clear > 3e-5, "a changed scene passes: {clear:e}");
+    assert!(clear > 7e-6, "a changed scene passes: {clear:e}");
 }

@@ -6,7 +6,7 @@
 mod reflect;
 
 use gs_core::image_formation;
-use gs_raster_wgpu::kernels::{Access, KERNELS, KernelDef, Needs};
+use gs_raster_wgpu::kernels::{Access, DeviceFeatures, KERNELS, KernelDef};
 use gs_raster_wgpu::layout::{CONSTANTS, Constant, LAYOUTS};
 use naga::valid::Capabilities;
 use reflect::{Layout, capabilities, constant_findings, entry_findings, parse, struct_findings};
@@ -48,7 +48,7 @@ fn every_constant_of_the_table_is_in_a_shader() {
 
 #[test]
 fn optional_kernels_really_need_their_features() {
-    for def in KERNELS.iter().filter(|def| def.needs != Needs::default()) {
+    for def in KERNELS.iter().filter(|def| def.needs != DeviceFeatures::default()) {
         assert!(
             parse(def.source.text, Capabilities::empty()).is_err(),
             "{} is valid without optional features, so the check cannot fail",
@@ -87,8 +87,8 @@ const SIZE: u32 = 64u;
 @compute @workgroup_size(64) fn main(@builtin(local_invocation_index) i: u32) { y[i] = x[i] + s.c.x + f32(SIZE); }";
 const GOOD: Layout = ("S", 32, &[("a", 0, 12), ("b", 12, 4), ("c", 16, 8), ("d", 24, 8)]);
 
-static SAMPLE_SOURCE: gs_raster_wgpu::shaders::Source =
-    gs_raster_wgpu::shaders::Source { parts: &[], text: SAMPLE };
+static SAMPLE_SOURCE: gs_raster_wgpu::shaders::WgslSource =
+    gs_raster_wgpu::shaders::WgslSource { parts: &[], text: SAMPLE };
 
 fn sample_def(bindings: &'static [Access], workgroup_size: u32) -> KernelDef {
     KernelDef {
@@ -97,7 +97,7 @@ fn sample_def(bindings: &'static [Access], workgroup_size: u32) -> KernelDef {
         entry: "main",
         bindings,
         workgroup_size,
-        needs: Needs::default(),
+        needs: DeviceFeatures::default(),
     }
 }
 

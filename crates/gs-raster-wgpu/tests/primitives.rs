@@ -5,7 +5,7 @@
 mod common;
 
 use common::{MODES, Mode, raster};
-use gs_raster_wgpu::kernels::Needs;
+use gs_raster_wgpu::kernels::DeviceFeatures;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 
@@ -122,7 +122,7 @@ fn every_mode_has_a_device() {
             raster.context().features()
         );
         if mode == Mode::Portable {
-            assert_eq!(raster.context().features(), Needs::default(), "core WGSL only");
+            assert_eq!(raster.context().features(), DeviceFeatures::default(), "core WGSL only");
             assert!(raster.context().max_binding_bytes() <= 128 << 20, "default limits");
         }
     }

@@ -9,7 +9,7 @@ use crate::{
     part::{Kind, Part},
     rig::{Attach, Frame, Rig},
     sampler::{Point, scatter},
-    scene::{Row, Stray, View, Wobble},
+    scene::{SplatTruth, Stray, View, Wobble},
     stage,
 };
 use glam::{Quat, Vec3};
@@ -120,7 +120,7 @@ impl<'a> SplatBuilder<'a> {
     }
 
     /// Appends the splat of `point` and returns its description.
-    pub(crate) fn push(&self, point: &Point, splats: &mut Splats, rng: &mut Pcg64) -> Row {
+    pub(crate) fn push(&self, point: &Point, splats: &mut Splats, rng: &mut Pcg64) -> SplatTruth {
         let (rotation, log_scales) = disc(point, rng);
         let moved = self.frame.splat(
             point.attach,
@@ -150,7 +150,7 @@ impl<'a> SplatBuilder<'a> {
         splats.opacity_logits.push(activation::logit(opacity));
         let grain = 1.0 + uniform(rng, -0.02, 0.02);
         push_color(splats, point.material, shade * grain, normal, self.sh_degree);
-        Row {
+        SplatTruth {
             part: point.part,
             kind: point.kind,
             rest: point.rest.into(),
@@ -208,7 +208,7 @@ pub(crate) fn push_color(
 }
 
 /// Adds reconstruction noise to frame 1: positions, orientations, sizes. `amount` in world units.
-fn jitter(splats: &mut Splats, rows: &[Row], amount: f32, rng: &mut Pcg64) {
+fn jitter(splats: &mut Splats, rows: &[SplatTruth], amount: f32, rng: &mut Pcg64) {
     for (i, row) in rows.iter().enumerate() {
         if Part::SCENERY.contains(&row.part) {
             continue;
@@ -224,7 +224,7 @@ fn jitter(splats: &mut Splats, rows: &[Row], amount: f32, rng: &mut Pcg64) {
 }
 
 /// Bounding box of the moving splats.
-fn bounds(means: &[[f32; 3]], rows: &[Row]) -> (Vec3, Vec3) {
+fn bounds(means: &[[f32; 3]], rows: &[SplatTruth]) -> (Vec3, Vec3) {
     let (mut low, mut high) = (Vec3::INFINITY, Vec3::NEG_INFINITY);
     for (mean, row) in means.iter().zip(rows) {
         if !Part::SCENERY.contains(&row.part) {
@@ -236,7 +236,7 @@ fn bounds(means: &[[f32; 3]], rows: &[Row]) -> (Vec3, Vec3) {
 }
 
 /// Bounding box of the moving splats over the clip.
-fn view(rig: &Rig, splats: &Splats, rows: &[Row]) -> View {
+fn view(rig: &Rig, splats: &Splats, rows: &[SplatTruth]) -> View {
     let (mut low, mut high) = bounds(&splats.means, rows);
     for t in [0.2, 0.4, 0.5, 0.6, 0.8, 1.0] {
         let frame = rig.motion(t);
@@ -257,7 +257,7 @@ fn view(rig: &Rig, splats: &Splats, rows: &[Row]) -> View {
 
 /// Gives a share of the moving surface splats a wrong motion.
 fn mark_outliers(
-    rows: &mut [Row],
+    rows: &mut [SplatTruth],
     strays: &mut Vec<Stray>,
     share: f32,
     figure_size: f32,
@@ -279,7 +279,7 @@ fn mark_outliers(
 
 fn add_floaters(
     splats: &mut Splats,
-    rows: &mut Vec<Row>,
+    rows: &mut Vec<SplatTruth>,
     strays: &mut Vec<Stray>,
     (count, figure_size, center): (usize, f32, Vec3),
     rng: &mut Pcg64,
@@ -294,7 +294,7 @@ fn add_floaters(
             drift: normal3(rng) * (0.10 * figure_size),
             swing: normal3(rng) * (0.04 * figure_size),
         });
-        rows.push(Row {
+        rows.push(SplatTruth {
             part: Part::Floater,
             kind: Kind::Floater,
             rest: mean.into(),
@@ -313,7 +313,7 @@ fn add_floaters(
     }
 }
 
-fn wobbles(rows: &[Row], amount: f32, figure_size: f32, rng: &mut Pcg64) -> Vec<Wobble> {
+fn wobbles(rows: &[SplatTruth], amount: f32, figure_size: f32, rng: &mut Pcg64) -> Vec<Wobble> {
     let length = amount * figure_size;
     rows.iter()
         .map(|row| {

@@ -68,7 +68,7 @@ pub use label_transport::label_transport;
 pub use metric::{MotionError, motion_error, motion_error_of};
 pub use oracle::{PartBy, part_neighbors};
 pub use part::{Bone, Kind, Part, Tag};
-pub use scene::{Row, SynthScene};
+pub use scene::{SplatTruth, SynthScene};
 pub use truth::{EditedFrame, Truth};
 
 #[cfg(doctest)]

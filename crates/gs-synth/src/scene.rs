@@ -11,7 +11,7 @@ use std::f32::consts::TAU;
 /// Description of one splat of a synthetic scene. For diagnostics
 /// only; never an input of a method under test.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Row {
+pub struct SplatTruth {
     /// Object or body part.
     pub part: Part,
     /// Surface, interior, floater or outlier.
@@ -28,7 +28,7 @@ pub struct Row {
     pub(crate) attach: Attach,
 }
 
-impl Row {
+impl SplatTruth {
     /// The single bone that moves the splat; `None` between two bones and on cloth.
     pub fn rigid_bone(&self) -> Option<Bone> {
         let is_rigid = self.attach.weight >= 1.0 && self.attach.bone != Bone::Cloth;
@@ -68,7 +68,7 @@ pub(crate) struct View {
 pub struct SynthScene {
     pub(crate) rig: Rig,
     pub(crate) frame1: Splats,
-    pub(crate) rows: Vec<Row>,
+    pub(crate) rows: Vec<SplatTruth>,
     /// Empty without trajectory noise.
     pub(crate) wobbles: Vec<Wobble>,
     pub(crate) strays: Vec<Stray>,
@@ -83,7 +83,7 @@ impl SynthScene {
     }
 
     /// Descriptions of the splats, `[N]`.
-    pub fn rows(&self) -> &[Row] {
+    pub fn rows(&self) -> &[SplatTruth] {
         &self.rows
     }
 

@@ -5,7 +5,7 @@ use crate::{
     edit::Draft,
     math::row_id,
     part::{Kind, Part, Tag},
-    scene::Row,
+    scene::SplatTruth,
     scene::Stray,
 };
 use gs_core::{DynamicScene, SceneError, Splats, TimeRange};
@@ -50,7 +50,7 @@ impl Truth {
     }
 
     /// Descriptions of the splats beyond the public arrays.
-    pub fn rows(&self) -> &[Row] {
+    pub fn rows(&self) -> &[SplatTruth] {
         self.scene.rows()
     }
 
@@ -117,7 +117,7 @@ pub(crate) fn finish(source: &SynthScene, draft: Draft) -> EditedFrame {
 }
 
 /// Remaining floaters keep their motion.
-fn strays_of(source: &SynthScene, rows: &[Row], source_rows: &[Option<u32>]) -> Vec<Stray> {
+fn strays_of(source: &SynthScene, rows: &[SplatTruth], source_rows: &[Option<u32>]) -> Vec<Stray> {
     let mut strays = Vec::new();
     for (i, (row, parent)) in rows.iter().zip(source_rows).enumerate() {
         if row.kind != Kind::Floater {

@@ -116,7 +116,8 @@ fn clothing_has_the_requested_offset_and_number_of_copies() {
     );
     check_whole(&edited);
     let worn = rows_with(&edited, Tag::Clothing);
-    let is_original = |row: &gs_synth::Row| row.part == Part::ThighL && row.kind == Kind::Surface;
+    let is_original =
+        |row: &gs_synth::SplatTruth| row.part == Part::ThighL && row.kind == Kind::Surface;
     let originals = scene.rows().iter().filter(|row| is_original(row)).count();
     let ratio = worn.len() as f32 / originals as f32;
     assert!((1.3..1.7).contains(&ratio), "copies: {ratio}");

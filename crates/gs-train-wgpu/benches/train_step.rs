@@ -13,7 +13,7 @@
 )]
 
 use criterion::{BenchmarkId, Criterion};
-use cuar::loss::{LossWeights, Objective, Shape};
+use cuar::loss::{L1Shape, LossWeights, Objective};
 use cuar::{Crop, DescentEngine, DescentImage, DescentTask, Entry};
 use gs_core::{Camera, Rasterizer, RenderGrads, RenderOutput, RenderParams, Splats, UpstreamGrads};
 use gs_raster_wgpu::{AdapterChoice, AdapterKind, GpuContext, GpuOptions, WgpuRasterizer};
@@ -135,7 +135,7 @@ fn bench(criterion: &mut Criterion, context: &GpuContext) {
                 let targets =
                     cuar::loss::Targets { original: &warp, warp: &warp, fore: &fore, back: &back };
                 let v_rgb = &mut upstream.v_rgb;
-                objective.evaluate(&out.rgb, &targets, Shape::Exact, v_rgb, None);
+                objective.evaluate(&out.rgb, &targets, L1Shape::Exact, v_rgb, None);
                 raster
                     .backward_colors_into(
                         &mut prepared,

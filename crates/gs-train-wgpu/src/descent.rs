@@ -1,7 +1,7 @@
 //! [`DeviceDescent`]: `cuar`'s Adam with images, gradients and moments on the device.
 
 use crate::descent_memory::{Image, Run, StepBuffers};
-use crate::image_loss::{ImageLosses, Plane};
+use crate::image_loss::{DeviceImage, ImageLosses};
 use crate::kernels::{
     CHANGE_COLORS, CHANGE_COLORS_BWD, COMPOSE, COMPOSE_BWD, Crop, GROUP_SIZE, Offsets,
 };
@@ -147,8 +147,8 @@ impl DeviceDescent {
         let (context, work) = (self.raster.context(), &self.work);
         let v_render = work.v_render.get(context)?;
         commands.clear(v_render, (12 * work.pixels) as u64);
-        let x = Plane { buffer: work.render.get(context)?, first: 0 };
-        let v_x = Plane { buffer: v_render, first: 0 };
+        let x = DeviceImage { buffer: work.render.get(context)?, first: 0 };
+        let v_x = DeviceImage { buffer: v_render, first: 0 };
         let norm = 1.0 / (CHANNELS * full_pixels) as f32;
         let slot = index(context, TERMS * self.pending)?;
         let Weights { fore_l1, fore_ssim, back_l1 } = self.weights;

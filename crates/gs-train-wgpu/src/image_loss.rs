@@ -9,7 +9,7 @@ use gs_raster_wgpu::{GpuContext, GpuError};
 
 /// An image `[H,W,C]` on the device, or its gradient.
 #[derive(Debug, Clone, Copy)]
-pub struct Plane<'a> {
+pub struct DeviceImage<'a> {
     /// 32-bit floats.
     pub buffer: &'a wgpu::Buffer,
     /// Index of the first value of the image.
@@ -77,7 +77,12 @@ impl ImageLosses {
         self.size.map(|side| side.div_ceil(BLOCK))
     }
 
-    fn uniform(&self, x: Plane<'_>, v_x: Plane<'_>, factor: f32) -> Result<ImageLoss, GpuError> {
+    fn uniform(
+        &self,
+        x: DeviceImage<'_>,
+        v_x: DeviceImage<'_>,
+        factor: f32,
+    ) -> Result<ImageLoss, GpuError> {
         let index = |value: usize| {
             let fits = u32::try_from(value);
             fits.map_err(|error| self.context.failed("losses", format!("value {value}: {error}")))
@@ -106,9 +111,9 @@ impl ImageLosses {
     pub fn encode_masked_l1(
         &self,
         commands: &mut Commands<'_>,
-        (x, y, mask): (Plane<'_>, &wgpu::Buffer, &wgpu::Buffer),
+        (x, y, mask): (DeviceImage<'_>, &wgpu::Buffer, &wgpu::Buffer),
         (norm, share): (f32, f32),
-        v_x: Plane<'_>,
+        v_x: DeviceImage<'_>,
         slot: u32,
     ) -> Result<(), GpuError> {
         let uniform = self.uniform(x, v_x, norm * share)?;
@@ -129,9 +134,9 @@ impl ImageLosses {
     pub fn encode_ssim(
         &self,
         commands: &mut Commands<'_>,
-        (x, y, mask): (Plane<'_>, &wgpu::Buffer, &wgpu::Buffer),
+        (x, y, mask): (DeviceImage<'_>, &wgpu::Buffer, &wgpu::Buffer),
         (norm, share): (f32, f32),
-        v_x: Plane<'_>,
+        v_x: DeviceImage<'_>,
         slot: u32,
     ) -> Result<(), GpuError> {
         let context = &self.context;
@@ -199,7 +204,8 @@ impl ImageLosses {
         let mut staging = GrowBuffer::staging("gradient of a loss");
         staging.ensure(&context, 4 * values as u64)?;
         let [x, y, mask, v_x] = [0, 1, 2, 3].map(|i: usize| buffers[i].get(&context));
-        let (x, v_x) = (Plane { buffer: x?, first: 0 }, Plane { buffer: v_x?, first: 0 });
+        let (x, v_x) =
+            (DeviceImage { buffer: x?, first: 0 }, DeviceImage { buffer: v_x?, first: 0 });
         let images = (x, y?, mask?);
         let mut commands = Commands::new(&context);
         if ssim {

@@ -2,9 +2,9 @@
 
 use cuar::DescentImage;
 use gs_raster_wgpu::gpu_struct;
-use gs_raster_wgpu::kernels::{Access, KernelDef, Needs};
-use gs_raster_wgpu::layout::{Constant, Field, GpuLayout};
-use gs_raster_wgpu::shaders::Source;
+use gs_raster_wgpu::kernels::{Access, DeviceFeatures, KernelDef};
+use gs_raster_wgpu::layout::{Constant, GpuLayout, StructField};
+use gs_raster_wgpu::shaders::WgslSource;
 
 gpu_struct! {
     /// Uniforms of an image loss; see `shaders/train/image_loss.wgsl`.
@@ -115,7 +115,7 @@ gpu_struct! {
 }
 
 /// Every struct that a binding of a shader may have: name, size, fields.
-pub const LAYOUTS: &[(&str, usize, &[Field])] = &[
+pub const LAYOUTS: &[(&str, usize, &[StructField])] = &[
     (ImageLoss::NAME, ImageLoss::SIZE, ImageLoss::FIELDS),
     (SumPartials::NAME, SumPartials::SIZE, SumPartials::FIELDS),
     (AdamStep::NAME, AdamStep::SIZE, AdamStep::FIELDS),
@@ -152,14 +152,14 @@ macro_rules! kernels {
     ($($(#[$meta:meta])* $id:ident: $entry:literal [$($access:ident)*] = [$($name:literal),+];)+) => {
         $($(#[$meta])* pub static $id: KernelDef = KernelDef {
             name: $entry,
-            source: &Source {
+            source: &WgslSource {
                 parts: &[$(($name, part!($name))),+],
                 text: concat!($(part!($name)),+),
             },
             entry: $entry,
             bindings: &[$($access),*],
             workgroup_size: GROUP_SIZE,
-            needs: Needs { subgroups: false, float_atomics: false },
+            needs: DeviceFeatures { subgroups: false, float_atomics: false },
         };)+
 
         /// All kernels.

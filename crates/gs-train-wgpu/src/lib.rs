@@ -19,7 +19,7 @@ mod weights;
 
 pub use adam::{DeviceAdam, ParameterSlice};
 pub use descent::DeviceDescent;
-pub use image_loss::{ImageLosses, Plane};
+pub use image_loss::{DeviceImage, ImageLosses};
 
 #[cfg(doctest)]
 #[doc = include_str!("../README.md")]

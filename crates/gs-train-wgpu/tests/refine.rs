@@ -14,8 +14,8 @@ use common::{Mode, choice, cloud, noise, raster};
 use cuar::loss::LossWeights;
 use cuar::{
     AdamParams, Backend, Crop, CuarError, DescentEngine, DescentImage, DescentTask, Entry,
-    NoObserver, Observer, Preview, RefineOptions, RefinePreset, Refined, Solver, State, Views,
-    refine, refine_with,
+    NoRefineObserver, Preview, RefineObserver, RefineOptions, RefinePreset, Refined, Solver, State,
+    Views, refine, refine_with,
 };
 use gs_core::{DynamicScene, Rasterizer, TimeRange};
 use gs_raster_cpu::CpuRasterizer;
@@ -45,7 +45,7 @@ struct Keeper {
     previews: Vec<Preview>,
 }
 
-impl Observer for Keeper {
+impl RefineObserver for Keeper {
     fn preview(&mut self, preview: &Preview) {
         self.previews.push(preview.clone());
     }
@@ -67,7 +67,7 @@ fn on_host<R: Rasterizer<Prepared: Send> + Sync>(
     raster: &R,
     options: &RefineOptions,
     resume: Option<&State>,
-    observer: &mut dyn Observer,
+    observer: &mut dyn RefineObserver,
 ) -> Refined {
     let (case, times) = (small(), times());
     let views = views(case, &times);
@@ -79,7 +79,7 @@ fn on_device(
     raster: &WgpuRasterizer,
     options: &RefineOptions,
     resume: Option<&State>,
-    observer: &mut dyn Observer,
+    observer: &mut dyn RefineObserver,
 ) -> Result<(Refined, usize), CuarError> {
     let (case, times) = (small(), times());
     let mut engine = DeviceDescent::new(raster.clone())?;
@@ -161,8 +161,8 @@ fn another_rate_is_noticed() {
 fn the_paper_preset_is_that_of_the_cpu() {
     let raster = raster(Mode::Native);
     let options = RefineOptions { checkpoint_secs: None, ..paper() };
-    let (got, _) = on_device(&raster, &options, None, &mut NoObserver).unwrap();
-    let expected = on_host(&CpuRasterizer::default(), &options, None, &mut NoObserver);
+    let (got, _) = on_device(&raster, &options, None, &mut NoRefineObserver).unwrap();
+    let expected = on_host(&CpuRasterizer::default(), &options, None, &mut NoRefineObserver);
     assert_same_result(&got, &expected);
     let mut splats = small().scene.at(0.0).unwrap();
     let before = splats.clone();
@@ -203,8 +203,8 @@ fn assert_same_result(got: &Refined, expected: &Refined) {
 #[test]
 fn the_default_solver_is_that_of_the_cpu() {
     let options = RefineOptions { samples: 12, ..RefineOptions::default() };
-    let expected = on_host(&CpuRasterizer::default(), &options, None, &mut NoObserver);
-    let (got, _) = on_device(&raster(Mode::Native), &options, None, &mut NoObserver).unwrap();
+    let expected = on_host(&CpuRasterizer::default(), &options, None, &mut NoRefineObserver);
+    let (got, _) = on_device(&raster(Mode::Native), &options, None, &mut NoRefineObserver).unwrap();
     assert_same_result(&got, &expected);
 }
 
@@ -216,18 +216,21 @@ fn resumed_runs_end_bit_identical() {
     for step in [7, 16] {
         let state = &keeper.states[step - 1];
         assert_eq!(state.step, step as u64, "a checkpoint per step");
-        let (rest, _) = on_device(&raster, &paper(), Some(state), &mut NoObserver).unwrap();
+        let (rest, _) = on_device(&raster, &paper(), Some(state), &mut NoRefineObserver).unwrap();
         assert_eq!(rest.d_sh, whole.d_sh, "resumed at step {step}");
         assert_eq!(rest.report.loss_after, whole.report.loss_after, "the same loss");
     }
     // Each resumes from a checkpoint of the other.
     let state = &keeper.states[11];
-    let rest = on_host(&raster, &paper(), Some(state), &mut NoObserver);
+    let rest = on_host(&raster, &paper(), Some(state), &mut NoRefineObserver);
     let apart = deviation(rest.d_sh.as_flattened(), whole.d_sh.as_flattened());
     assert!(apart < 5e-3, "resumed on the host: {apart}");
     let mut damaged = state.clone();
     damaged.arrays[0].1.pop();
-    assert!(on_device(&raster, &paper(), Some(&damaged), &mut NoObserver).is_err(), "damaged");
+    assert!(
+        on_device(&raster, &paper(), Some(&damaged), &mut NoRefineObserver).is_err(),
+        "damaged"
+    );
 }
 
 /// Images that do not fit into memory are uploaded again; the result is bit-identical.
@@ -235,11 +238,11 @@ fn resumed_runs_end_bit_identical() {
 fn a_small_memory_changes_nothing() {
     let options = RefineOptions { checkpoint_secs: None, ..paper() };
     let whole = raster(Mode::Portable);
-    let (expected, _) = on_device(&whole, &options, None, &mut NoObserver).unwrap();
+    let (expected, _) = on_device(&whole, &options, None, &mut NoRefineObserver).unwrap();
 
     let bytes = expected.report.bytes;
     let tight = RefineOptions { memory: bytes / 3, ..options.clone() };
-    let (got, kept) = on_device(&whole, &tight, None, &mut NoObserver).unwrap();
+    let (got, kept) = on_device(&whole, &tight, None, &mut NoRefineObserver).unwrap();
     assert!(kept < 8 && got.report.num_cached < 8, "{kept} images kept");
     assert_eq!(got.report.samples, expected.report.samples, "the images fit the host");
     assert_eq!(got.d_sh, expected.d_sh, "images uploaded again");
@@ -308,6 +311,6 @@ fn too_little_memory_is_an_error() {
     let gpu =
         GpuOptions { portable: true, max_binding_bytes: Some(16 << 10), ..Default::default() };
     let raster = WgpuRasterizer::new(GpuContext::with_options(choice(), gpu).unwrap());
-    let error = on_device(&raster, &paper(), None, &mut NoObserver).unwrap_err().to_string();
+    let error = on_device(&raster, &paper(), None, &mut NoRefineObserver).unwrap_err().to_string();
     assert!(error.contains("bytes, more than graphics adapter"), "{error}");
 }

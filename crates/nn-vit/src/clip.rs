@@ -16,7 +16,7 @@ const EPSILON: f32 = 1e-5;
 ///
 /// Radford et al. 2021, Learning Transferable Visual Models From Natural Language Supervision.
 #[derive(Debug, Clone)]
-pub struct Clip {
+pub struct ClipNetwork {
     patches: Patches,
     class: Array1<f32>,
     /// `[1 + patches, width]`.
@@ -46,7 +46,7 @@ fn layers(weights: &Weights, tower: &str) -> Vec<LayerNames> {
         .collect()
 }
 
-impl Clip {
+impl ClipNetwork {
     /// The network of these weights; all sizes follow from their shapes.
     ///
     /// # Errors

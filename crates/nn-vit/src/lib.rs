@@ -1,4 +1,4 @@
-//! Features of images and texts by CLIP ([`Clip`]) and DINO ([`Dino`]), and LPIPS distances
+//! Features of images and texts by CLIP ([`ClipNetwork`]) and DINO ([`Dino`]), and LPIPS distances
 //! ([`Lpips`]), with weights provided by the user.
 //!
 //! The towers of CLIP and DINO are one pre-norm transformer. Sizes follow from the shapes of the
@@ -20,14 +20,14 @@ mod tokenizer;
 mod transformer;
 mod weights;
 
-pub use clip::Clip;
+pub use clip::ClipNetwork;
 pub use dino::Dino;
 pub use error::NetworkError;
 pub use lpips::{Lpips, LpipsBackbone};
 pub use preprocess::{Planes, Preprocessing};
 pub use rgb8::Rgb8;
 pub use tokenizer::{CONTEXT, Tokenizer};
-pub use weights::{Tensor, Weights};
+pub use weights::{WeightTensor, Weights};
 
 #[cfg(doctest)]
 #[doc = include_str!("../README.md")]

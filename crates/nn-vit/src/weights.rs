@@ -6,7 +6,7 @@ use std::collections::BTreeMap;
 
 /// A tensor of 32-bit floats.
 #[derive(Debug, Clone, PartialEq, Default)]
-pub struct Tensor {
+pub struct WeightTensor {
     /// Sizes, outermost first.
     pub shape: Vec<usize>,
     /// Row-major.
@@ -15,7 +15,7 @@ pub struct Tensor {
 
 /// Tensors by name, as in a state dictionary of PyTorch.
 #[derive(Debug, Clone, PartialEq, Default)]
-pub struct Weights(pub BTreeMap<String, Tensor>);
+pub struct Weights(pub BTreeMap<String, WeightTensor>);
 
 impl Weights {
     /// Whether there is a tensor of this name.

@@ -3,8 +3,8 @@
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
 
 use nn_vit::{
-    CONTEXT, Clip, Dino, Lpips, LpipsBackbone, NetworkError, Planes, Preprocessing, Rgb8, Tensor,
-    Tokenizer, Weights,
+    CONTEXT, ClipNetwork, Dino, Lpips, LpipsBackbone, NetworkError, Planes, Preprocessing, Rgb8,
+    Tokenizer, WeightTensor, Weights,
 };
 use std::collections::BTreeMap;
 use std::fs;
@@ -24,7 +24,7 @@ fn expected(name: &str) -> Vec<f64> {
 
 fn weights(case: &str) -> Weights {
     let tensors = seeded_weights(case).into_iter();
-    Weights(tensors.map(|(name, shape, values)| (name, Tensor { shape, values })).collect())
+    Weights(tensors.map(|(name, shape, values)| (name, WeightTensor { shape, values })).collect())
 }
 
 /// Stripes with noise.
@@ -105,7 +105,7 @@ fn preprocessing_equals_pillow_and_pytorch() {
 
 #[test]
 fn clip_equals_double_precision() {
-    let clip = Clip::open(&weights("clip")).unwrap();
+    let clip = ClipNetwork::open(&weights("clip")).unwrap();
     assert_eq!((clip.image_size(), clip.num_features()), (224, 32), "sizes");
     let image = Picture::new(300, 410, 1).planes(Preprocessing::Pil);
     let features = clip.image_features(&image).unwrap();
@@ -137,7 +137,7 @@ fn dino_equals_double_precision_at_any_size() {
 
 #[test]
 fn any_number_of_threads_gives_the_same_bits() {
-    let clip = Clip::open(&weights("clip")).unwrap();
+    let clip = ClipNetwork::open(&weights("clip")).unwrap();
     let lpips = Lpips::open(LpipsBackbone::Alex, &weights("alex"), &weights("alex-heads")).unwrap();
     let (a, b) = (Picture::new(300, 410, 1), Picture::new(300, 410, 2));
     let input = a.planes(Preprocessing::Pil);
@@ -184,7 +184,7 @@ fn dino_of_hugging_face_is_the_same_network() {
             let name = name.replace(".attn.qkv", &format!(".attention.attention.{third}"));
             let mut shape = tensor.shape.clone();
             shape[0] = width;
-            renamed.0.insert(name, Tensor { shape, values: values.to_vec() });
+            renamed.0.insert(name, WeightTensor { shape, values: values.to_vec() });
         }
     }
     let image = Picture::new(224, 224, 4).planes(Preprocessing::Dino);
@@ -241,7 +241,7 @@ fn tokens_equal_those_of_clip() {
 
 #[test]
 fn malformed_inputs_are_errors() {
-    let missing = Clip::open(&Weights::default()).unwrap_err();
+    let missing = ClipNetwork::open(&Weights::default()).unwrap_err();
     assert!(missing.to_string().contains("vision_model.embeddings.class_embedding"), "{missing}");
     let mut wrong = weights("dino");
     wrong.0.get_mut("norm.weight").unwrap().shape = vec![3];
@@ -259,7 +259,7 @@ fn malformed_inputs_are_errors() {
                 tensor.shape[0] = rows;
                 tensor.values.resize(tensor.shape.iter().product(), 0.0);
                 let image = Picture::new(224, 224, 1);
-                if let Ok(clip) = Clip::open(&damaged) {
+                if let Ok(clip) = ClipNetwork::open(&damaged) {
                     let _ = clip.image_features(&image.planes(Preprocessing::Pil));
                     let _ = clip.text_features(&[599; CONTEXT]);
                 }

@@ -28,6 +28,14 @@ pub fn relative_l2(actual: &[f64], expected: &[f64]) -> f64 {
     if value.is_nan() { f64::INFINITY } else { value }
 }
 
+/// Prints the errors of a check that passes, if `C4D_SHOW_ERRORS` is set: the values that the
+/// tables of tolerances state.
+pub fn show_errors(what: &str, errors: std::fmt::Arguments<'_>) {
+    if std::env::var_os("C4D_SHOW_ERRORS").is_some() {
+        eprintln!("{what}: {errors}");
+    }
+}
+
 /// Widens to `f64` for the comparators.
 pub fn widen(values: &[f32]) -> Vec<f64> {
     values.iter().map(|&value| f64::from(value)).collect()
@@ -75,6 +83,7 @@ pub fn assert_grad_close(what: &str, actual: &[f64], expected: &[f64], limit: f6
         worst <= limit * largest.max(f64::MIN_POSITIVE) || worst == 0.0,
         "{what}: largest error {worst:e} exceeds {limit:e} of the largest entry {largest:e}"
     );
+    show_errors(what, format_args!("{:.1e}", l2.max(worst / largest.max(f64::MIN_POSITIVE))));
     let all_zero = actual.iter().all(|&a| a == 0.0);
     assert!(!all_zero || largest == 0.0, "{what}: gradient is all zero");
 }

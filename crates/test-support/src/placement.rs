@@ -4,12 +4,12 @@
 #![allow(clippy::unwrap_used, reason = "a check that cannot go on has failed")]
 #![allow(clippy::cast_possible_truncation, reason = "the checks are about single precision")]
 
-use crate::compare::{relative_l2, widen};
+use crate::compare::{relative_l2, show_errors, widen};
 use gs_core::image_formation::NEAR_PLANE;
 use gs_core::{Camera, Rasterizer, RenderParams, Splats};
 
-/// Smallest PSNR against the original after scaling, dB.
-const SCALED_DB: f64 = 90.0;
+/// Smallest PSNR against the original after scaling, dB. Worst seen 100.6 dB.
+const SCALED_DB: f64 = 92.0;
 
 /// The scene and its camera, scaled about the origin and then moved by `shift`.
 pub fn placed(splats: &Splats, camera: &Camera, scale: f64, shift: [f64; 3]) -> (Splats, Camera) {
@@ -48,16 +48,19 @@ pub fn check_placement<R: Rasterizer>(
     (splats, camera): (&Splats, &Camera),
     shifted_db: f64,
 ) {
+    let what = "placement";
     let here = render(raster, splats, camera);
     assert!(here.iter().any(|value| *value > 0.5), "the scene is visible");
     for scale in [1e-6, 1e-3, 1e-2, 1e2, 1e3, 1e6] {
         let (splats, camera) = placed(splats, camera, scale, [0.0; 3]);
         let there = psnr(&render(raster, &splats, &camera), &here);
+        show_errors(what, format_args!("scaled by {scale}: {there:.1} dB"));
         assert!(there > SCALED_DB, "scaled by {scale}: {there:.1} dB");
     }
     for shift in [[2000.0, 0.0, 0.0], [-1200.0, 900.0, 1300.0]] {
         let (splats, camera) = placed(splats, camera, 1.0, shift);
         let there = psnr(&render(raster, &splats, &camera), &here);
+        show_errors(what, format_args!("moved by {shift:?}: {there:.1} dB"));
         assert!(there > shifted_db, "moved by {shift:?}: {there:.1} dB");
     }
 }

@@ -3,7 +3,7 @@
 
 #![allow(clippy::unwrap_used, reason = "a check that cannot go on has failed")]
 
-use crate::compare::{assert_grad_close, relative_l2};
+use crate::compare::{assert_grad_close, relative_l2, show_errors};
 use crate::fixture::fixture;
 use crate::golden::Golden;
 use gs_core::{
@@ -114,11 +114,6 @@ pub fn widen_rows<F: Real, const N: usize>(rows: &[[F; N]]) -> Vec<f64> {
     rows.iter().flatten().map(|value| value.as_f64()).collect()
 }
 
-/// Whether `C4D_SHOW_ERRORS` asks for the errors of passing checks.
-fn show_errors() -> bool {
-    std::env::var_os("C4D_SHOW_ERRORS").is_some()
-}
-
 /// Largest error of a plane on pixels whose decisions (1/255, early stop, order) are clear, and on
 /// the others.
 ///
@@ -139,11 +134,16 @@ pub fn image_errors<F: Real>(case: &Case<F>, plane: &str, actual: &[F]) -> (f64,
             worst.1 = worst.1.max(error);
         }
     }
+    show_errors(
+        &format!("{} {plane}", case.name),
+        format_args!("{:.1e}, borderline {:.1e}", worst.0, worst.1),
+    );
     worst
 }
 
 /// Compares every plane of an image in single precision with the case. Borderline pixels may
-/// differ by 2 % of the largest feature: there one splat more or less is blended.
+/// differ by 0.5 % of the largest feature: there one splat more or less is blended, with an alpha
+/// of 1/255. `fixtures/raster/README.md` has the worst errors seen, a third to a half of the limits.
 ///
 /// # Panics
 /// If a plane differs.
@@ -151,17 +151,14 @@ pub fn check_images<F: Real>(what: &str, case: &Case<F>, out: &RenderOutput<F>) 
     let finite = case.features.iter().map(|feature| feature.as_f64()).filter(|f| f.is_finite());
     let largest = finite.fold(1.0_f64, |largest, feature| largest.max(feature.abs()));
     for (plane, values, limit) in [
-        ("rgb", &out.rgb, 3e-5),
-        ("alpha", &out.alpha, 3e-5),
-        ("depth", &out.depth, 1e-4),
-        ("features", &out.features, 1e-4),
+        ("rgb", &out.rgb, 7e-6),
+        ("alpha", &out.alpha, 7e-6),
+        ("depth", &out.depth, 1.5e-5),
+        ("features", &out.features, 1.5e-5),
     ] {
         let (clear, borderline) = image_errors(case, plane, values);
-        if show_errors() {
-            eprintln!("{what} {} {plane}: {clear:.2e}, borderline {borderline:.2e}", case.name);
-        }
         assert!(clear <= limit, "{what} {} {plane}: {clear:e} exceeds {limit:e}", case.name);
-        let limit = 0.02 * largest;
+        let limit = 0.005 * largest;
         assert!(borderline <= limit, "{what} {} {plane}, borderline: {borderline:e}", case.name);
     }
 }
@@ -177,16 +174,17 @@ fn padded_sh<F: Real>(case: &Case<F>, grads: &RenderGrads<F>) -> Vec<f64> {
     out
 }
 
-/// Limit of single precision on both measures of [`assert_grad_close`]. The stress case has
-/// needles, whose gradients cancel.
+/// Limit of single precision on both measures of [`assert_grad_close`], two to three times the
+/// worst error seen of both rasterisers, which stands beside each. The stress case has needles,
+/// whose gradients cancel.
 pub fn single_precision_limit(case: &str, tensor: &str) -> f64 {
     match (case.as_bytes()[0], tensor) {
-        (b'c', _) => 5e-5,
-        (b'd', "sh" | "features") => 2e-5,
-        (b'd', "quats") => 2e-4,
-        (b'd', "log_scales") => 5e-3,
-        (b'd', _) => 1e-4,
-        _ => 2e-5,
+        (b'c' | b'd', "sh" | "features" | "opacity_logits") => 3e-6, // 1.2e-6
+        (b'c', _) => 2e-5,                                           // 8.6e-6, quats
+        (b'd', "quats") => 4e-5,                                     // 1.6e-5
+        (b'd', "log_scales") => 8e-4,                                // 2.9e-4
+        (b'd', _) => 1.2e-5,                                         // 4.6e-6
+        _ => 6e-6,                                                   // 2.1e-6, centres
     }
 }
 
@@ -248,9 +246,6 @@ pub fn check_gradients<F: Real, R: Rasterizer<F>>(
             }
             let expected = case.golden.f64s(&key);
             let what = format!("{what} {name} {key}");
-            if show_errors() {
-                eprintln!("{what}: {:.2e}", relative_l2(&ours, &expected));
-            }
             assert_grad_close(&what, &ours, &expected, limit(name, tensor));
         }
     }
@@ -275,9 +270,9 @@ pub fn check_color_gradients<F: Real, R: Rasterizer<F>>(what: &str, raster: &R) 
                 &case.upstream,
             )
             .unwrap();
-        let what = format!("{what} {name}");
         let limit = single_precision_limit(name, "sh");
         let expected = case.golden.f64s("grad.sh");
+        let what = format!("{what} {name} colours only");
         assert_grad_close(&what, &padded_sh(&case, &grads), &expected, limit);
         let expected = case.golden.f64s("grad.features");
         assert_grad_close(&what, &widen(&grads.v_features), &expected, limit);

@@ -4,6 +4,7 @@ use thiserror::Error;
 
 /// Rejected input. Numerical non-convergence is not an error: see [`crate::UotOutput::converged`].
 #[derive(Debug, Clone, PartialEq, Error)]
+#[non_exhaustive]
 pub enum UotError {
     /// A side of the problem has no points, rows or columns.
     #[error("the {side} side is empty: transport needs at least one row, one column and one pair")]

@@ -27,7 +27,7 @@ pub struct UotOutput {
     pub unmatched_row_mass: Vec<f64>,
     /// Mass without counterpart, `[m]`; empty without [`UotProblem::with_unmatched_cols`].
     pub unmatched_col_mass: Vec<f64>,
-    /// Sum of the plan.
+    /// Sum of the plan: transported mass, in the unit of the weights.
     pub total_mass: f64,
     /// Value of the objective for the chosen reference, cost units.
     pub objective: f64,

@@ -187,7 +187,8 @@ fn score(
         gs_synth::motion_error_of(&moved, truth, &times[1..], rows).map_err(|error| failed(&error))
     };
     let error = on(&truth.eval_mask)?;
-    let is_rigid = |(scored, row): (&bool, &gs_synth::Row)| *scored && row.rigid_bone().is_some();
+    let is_rigid =
+        |(scored, row): (&bool, &gs_synth::SplatTruth)| *scored && row.rigid_bone().is_some();
     let rigid: Vec<bool> = truth.eval_mask.iter().zip(truth.rows()).map(is_rigid).collect();
     let is_open =
         |(scored, tag): (&bool, &Tag)| *scored && !matches!(tag, Tag::Unchanged | Tag::Recoloured);

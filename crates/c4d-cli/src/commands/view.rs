@@ -18,7 +18,7 @@ use crate::frames::Timing;
 use crate::output::existing;
 use crate::scene::Opened;
 use crate::still;
-use gs_player::{Page, Source};
+use gs_player::{Page, PageScenes};
 use guard::Token;
 use http::Response;
 use saved_cameras::SavedCameras;
@@ -178,7 +178,7 @@ fn page(scenes: &[Arc<ShownScene>], fps: f64, args: &ViewArgs) -> Outcome<String
     let rig = CameraRig::of_scene(framed.as_ref(), up).map_err(Failure::input)?;
     let camera = rig.front(DEFAULT_SIZE);
     let names = names(scenes);
-    let pairs = scenes.iter().zip(&names).map(|(scene, name)| Source {
+    let pairs = scenes.iter().zip(&names).map(|(scene, name)| PageScenes {
         encoded: &scene.encoded,
         names: if scene.has_before { ["Original", "Edited"] } else { [name, ""] },
     });

@@ -3,7 +3,9 @@
 use crate::console::Console;
 use crate::failure::{Failure, Outcome, chain};
 use gs_io::pth::PthError;
-use nn_vit::{Clip, Dino, Lpips, LpipsBackbone, NetworkError, Tensor, Tokenizer, Weights};
+use nn_vit::{
+    ClipNetwork, Dino, Lpips, LpipsBackbone, NetworkError, Tokenizer, WeightTensor, Weights,
+};
 use safetensors::{Dtype, SafeTensors};
 use sha2::{Digest, Sha256};
 use std::collections::BTreeMap;
@@ -28,7 +30,7 @@ pub(crate) struct Loaded<T> {
 /// Contents of the folder.
 #[derive(Default)]
 pub(crate) struct Networks {
-    pub(crate) clip: Option<Loaded<Clip>>,
+    pub(crate) clip: Option<Loaded<ClipNetwork>>,
     pub(crate) tokenizer: Option<Tokenizer>,
     pub(crate) dino: Option<Loaded<Dino>>,
     /// AlexNet, VGG-16.
@@ -95,7 +97,7 @@ impl Networks {
             }
             let file = File { weights: read(&path, extension)?, path };
             if file.weights.has("vision_model.embeddings.class_embedding") {
-                networks.clip = file.load(Clip::open(&file.weights))?;
+                networks.clip = file.load(ClipNetwork::open(&file.weights))?;
             } else if ["blocks.0.attn.qkv.weight", "encoder.layer.0.layernorm_before.weight"]
                 .iter()
                 .any(|name| file.weights.has(name))
@@ -149,7 +151,7 @@ fn read(path: &Path, extension: &str) -> Outcome<Weights> {
         gs_io::pth::with_file(path, |root| {
             for (name, tensor) in root.into_state_dict()? {
                 let (shape, values) = (tensor.shape().to_vec(), tensor.to_f32s());
-                tensors.insert(name, Tensor { shape, values });
+                tensors.insert(name, WeightTensor { shape, values });
             }
             Ok::<_, PthError>(())
         })
@@ -177,7 +179,7 @@ fn read(path: &Path, extension: &str) -> Outcome<Weights> {
             // Position indices.
             _ => continue,
         };
-        tensors.insert(name, Tensor { shape: view.shape().to_vec(), values });
+        tensors.insert(name, WeightTensor { shape: view.shape().to_vec(), values });
     }
     Ok(Weights(tensors))
 }

@@ -9,7 +9,7 @@ use crate::device::Device;
 use crate::failure::{Failure, Outcome};
 use crate::renderer::Renderer;
 use gs_core::Image;
-use nn_vit::{Clip, NetworkError, Planes, Preprocessing, Rgb8};
+use nn_vit::{ClipNetwork, NetworkError, Planes, Preprocessing, Rgb8};
 
 /// Maximum number of frames per view that are compared with a text, evenly spaced.
 const FRAMES: usize = 30;
@@ -338,7 +338,7 @@ fn clip_items(
     Ok(items)
 }
 
-fn features_of(clip: &Clip, tokens: &[u32; nn_vit::CONTEXT]) -> Outcome<Vec<f32>> {
+fn features_of(clip: &ClipNetwork, tokens: &[u32; nn_vit::CONTEXT]) -> Outcome<Vec<f32>> {
     clip.text_features(tokens).map_err(|error| {
         Failure::bad_input(error.to_string())
             .next("The merges and the weights belong to different networks; take both from the same source.")

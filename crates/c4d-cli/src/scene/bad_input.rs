@@ -4,10 +4,17 @@ use crate::failure::{Failure, MORE_MEMORY, chain, is_out_of_memory};
 use gs_deform::FieldError;
 use gs_io::cameras::CamerasError;
 use gs_io::frame::FrameError;
+use gs_io::ply::PlyError;
+use gs_io::pth::PthError;
+use gs_io::splat4d::Splat4dError;
+use gs_io::splatv::SplatvError;
 use gs_io::{IoError, SceneKind};
+use std::path::Path;
 
 /// Supported formats of an edited frame.
 const FRAMES: &str = "Formats are recognised by content, not by file name. Export the splats as 3DGS PLY, compressed PLY, .splat, .spz, .sog or .glb.";
+
+const FRAME_AGAIN: &str = "Copy the file again, or export the splats again as a 3DGS PLY.";
 
 /// First words of next steps in messages of readers, after a semicolon.
 const STEPS: [&str; 12] = [
@@ -37,44 +44,63 @@ pub(crate) fn bad_input(error: &IoError) -> Failure {
         IoError::Read { .. } => {
             failure.next("Check that the name is right and that the file is readable.")
         }
-        IoError::Damaged { source, .. } if source.report.damaged() == source.report.rows => {
-            failure.next("Export the splats again, or use an earlier save of the program that made them.")
-        }
+        IoError::Damaged { source, .. } if source.report.damaged() == source.report.rows => failure
+            .next("Export the splats again, or use an earlier save of the program that made them."),
         IoError::Damaged { .. } => {
             failure.next("Without --strict such rows are dropped and counted.")
         }
         IoError::StandIn { found, .. } => failure.next(found.next),
-        IoError::Frame { path, source: FrameError::Unknown { .. } } => {
-            match gs_io::detect(path) {
-                Ok(SceneKind::Unsupported(format)) => failure.next(format.next),
-                _ => failure.next(FRAMES),
+        IoError::Format { path, .. } => match step_for_format(error, path) {
+            Some(step) => failure.next(step),
+            None => failure,
+        },
+        _ => failure,
+    }
+}
+
+/// The next step after an error of the format of the file `path`, unless its message ends with one.
+fn step_for_format(error: &IoError, path: &Path) -> Option<&'static str> {
+    if let Some(error) = error.cause::<FrameError>() {
+        return Some(match error {
+            FrameError::Unknown { .. } => match gs_io::detect(path) {
+                Ok(SceneKind::Unsupported(format)) => format.next,
+                _ => FRAMES,
+            },
+            error if error.is_unsupported_version() => {
+                "Convert it as above, or export the splats as a 3DGS PLY from the program that made it."
             }
-        }
-        IoError::Frame { source: FrameError::Version { .. }, .. } => failure.next(
-            "Convert it as above, or export the splats as a 3DGS PLY from the program that made it.",
-        ),
-        IoError::Cameras { source: CamerasError::Lens { .. }, .. } => failure.next(
-            "Undistort the images and give the folder with the result, or give other cameras.",
-        ),
-        IoError::Ply { .. } | IoError::Frame { .. } => {
-            failure.next("Copy the file again, or export the splats again as a 3DGS PLY.")
-        }
-        IoError::Pth { .. } => failure.next(
+            _ => FRAME_AGAIN,
+        });
+    }
+    if error.cause::<PlyError>().is_some() {
+        return Some(FRAME_AGAIN);
+    }
+    if let Some(error) = error.cause::<CamerasError>() {
+        return Some(match error {
+            CamerasError::Lens { .. } => {
+                "Undistort the images and give the folder with the result, or give other cameras."
+            }
+            _ => {
+                "Export the file again, or give other cameras; c4d info PATH shows what a file or folder contains."
+            }
+        });
+    }
+    if error.cause::<PthError>().is_some() {
+        return Some(
             "Copy the file again from the machine that trained the model; c4d info PATH shows what a file or folder contains.",
-        ),
-        IoError::Field { source: FieldError::NotFinite { .. }, .. } => failure.next(
-            "Use an earlier save of the model: training that diverges writes such values.",
-        ),
-        IoError::Field { source: FieldError::Shape { .. }, .. } => failure.next(
+        );
+    }
+    if error.cause::<SplatvError>().is_some() || error.cause::<Splat4dError>().is_some() {
+        return Some("Copy or export the clip again, or give the scene from which it was made.");
+    }
+    match error.cause::<FieldError>()? {
+        FieldError::NotFinite { .. } => {
+            Some("Use an earlier save of the model: training that diverges writes such values.")
+        }
+        FieldError::Shape { .. } => Some(
             "Copy the model again from the machine that trained it: its files must be of the same training and the same save.",
         ),
-        IoError::Splatv { .. } | IoError::Splat4d { .. } => {
-            failure.next("Copy or export the clip again, or give the scene from which it was made.")
-        }
-        IoError::Cameras { .. } => failure.next(
-            "Export the file again, or give other cameras; c4d info PATH shows what a file or folder contains.",
-        ),
-        _ => failure,
+        _ => None,
     }
 }
 

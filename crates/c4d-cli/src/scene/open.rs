@@ -9,6 +9,9 @@ use crate::passes::Mask;
 use crate::run_folder::{CONFIG, RefineConfig, RunFiles, SCENE, fingerprint};
 use crate::suggestion::{self, Needed};
 use amg::RowKind;
+use gs_deform::FieldError;
+use gs_io::checkpoint4dgs::Checkpoint4dgsError;
+use gs_io::swift4d::Swift4dError;
 use gs_io::{IoError, OpenOptions, SceneKind};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -101,6 +104,17 @@ fn found(kind: &SceneKind) -> String {
     }
 }
 
+/// Whether other flags of the training run may resolve an error of a file that exists.
+fn concerns_flags(error: &IoError) -> bool {
+    let is_of_model = || {
+        error.cause::<Checkpoint4dgsError>().is_some() || error.cause::<Swift4dError>().is_some()
+    };
+    match error {
+        IoError::Format { .. } => is_of_model() && error.cause::<FieldError>().is_none(),
+        error => matches!(error, IoError::Content { .. }),
+    }
+}
+
 /// Opens a dynamic scene or a frame, and reports warnings about it.
 pub(crate) fn open_with(
     path: &Path,
@@ -111,8 +125,13 @@ pub(crate) fn open_with(
     let has_training_flags = matches!(kind, SceneKind::Model4dgs | SceneKind::Swift4d);
     let opened = gs_io::open_scene_as(path, kind, options).map_err(|error| match &error {
         // The file exists, so flags are the next step.
-        IoError::Content { path, .. } if has_training_flags && path.is_file() => bad_input(&error)
-            .next("Give flags as --set FLAG=VALUE, repeated for several; c4d --help lists them."),
+        IoError::Content { path, .. } | IoError::Format { path, .. }
+            if has_training_flags && path.is_file() && concerns_flags(&error) =>
+        {
+            bad_input(&error).next(
+                "Give flags as --set FLAG=VALUE, repeated for several; c4d --help lists them.",
+            )
+        }
         _ => bad_input(&error),
     })?;
     for warning in &opened.warnings {

@@ -89,7 +89,7 @@ fn unedited_moves_bit_for_bit_like_the_source() {
             "-o",
             path(&out),
         ]));
-        let options = OpenOptions { time_duration: Some([0.0, 10.0]), ..OpenOptions::default() };
+        let options = OpenOptions::default().with_time_duration(0.0, 10.0);
         let source = gs_io::open_scene_as(&scene, &kind, &options).unwrap().scene;
         for (index, t) in source.time_range().frames(3).into_iter().enumerate() {
             let frames: Vec<PathBuf> = {

@@ -9,4 +9,4 @@ mod l1;
 mod objective;
 
 pub use l1::masked_l1;
-pub use objective::{LossParts, LossWeights, Objective, Shape, Targets};
+pub use objective::{L1Shape, LossParts, LossWeights, Objective, Targets};

@@ -28,7 +28,7 @@ pub struct LossParts {
     pub fore_ssim: f64,
     /// Eq. 19.
     pub back_l1: f64,
-    /// `fore_l1` and `back_l1` with the L1 of the given [`Shape`]: `√(r² + δ²) − δ` where that is
+    /// `fore_l1` and `back_l1` with the L1 of the given [`L1Shape`]: `√(r² + δ²) − δ` where that is
     /// smooth.
     pub shaped_l1: [f64; 2],
 }
@@ -63,7 +63,7 @@ pub struct Targets<'a, F> {
 
 /// Form of the L1 loss.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Shape {
+pub enum L1Shape {
     /// `|r|`, derivative `sign r`.
     Exact,
     /// Derivative `r/√(r² + δ²)`, curvature `1/√(r² + δ²)` (iteratively reweighted least squares).
@@ -111,7 +111,7 @@ impl<F: Real> Objective<F> {
         &mut self,
         render: &[F],
         targets: &Targets<F>,
-        shape: Shape,
+        shape: L1Shape,
         v_render: &mut Vec<F>,
         curvature: Option<&mut Vec<F>>,
     ) -> LossParts {
@@ -174,8 +174,8 @@ impl<F: Real> Objective<F> {
         for (sum, (weights, target, share)) in norms.iter_mut().zip(terms) {
             let factor = self.norm * share;
             let delta = match shape {
-                Shape::Exact => F::zero(),
-                Shape::Smooth(delta) => F::from_double(delta),
+                L1Shape::Exact => F::zero(),
+                L1Shape::Smooth(delta) => F::from_double(delta),
             };
             let delta2 = delta * delta;
             for p in 0..pixels {
@@ -186,7 +186,7 @@ impl<F: Real> Objective<F> {
                 for k in p * 3..p * 3 + 3 {
                     let r = render[k] - target[k];
                     sum[0] += m * r.abs();
-                    if shape == Shape::Exact {
+                    if shape == L1Shape::Exact {
                         v_render[k] += factor * m * sign(r);
                     } else {
                         let root = (r * r + delta2).sqrt();
@@ -202,7 +202,7 @@ impl<F: Real> Objective<F> {
             norms.map(|sums| sums.map(|sum| (sum * self.norm).as_f64()));
         (parts.fore_l1, parts.back_l1) = (fore, back);
         parts.shaped_l1 =
-            if shape == Shape::Exact { [fore, back] } else { [fore_shaped, back_shaped] };
+            if shape == L1Shape::Exact { [fore, back] } else { [fore_shaped, back_shaped] };
         if let Some(curvature) = curvature {
             let third = F::from_double(1.0 / 3.0);
             curvature.clear();

@@ -3,8 +3,8 @@
 
 use super::{Painted, render};
 use cuar::{
-    Backend, BeforeEdit, CuarError, NoObserver, Observer, RefineOptions, Refined, State, Views,
-    first_frame_shares, refine_edit,
+    Backend, BeforeEdit, CuarError, NoRefineObserver, RefineObserver, RefineOptions, Refined,
+    State, Views, first_frame_shares, refine_edit,
 };
 use gs_core::{Camera, DynamicScene, Image, Rasterizer, RenderParams, Splats, TimeRange};
 use gs_raster_cpu::CpuRasterizer;
@@ -177,7 +177,7 @@ impl Delivered {
     ) -> Refined {
         let times = TimeRange::UNIT.frames(frames);
         let views = Views { cameras: &self.pictures, times: &times, held_out: &[] };
-        self.refined_from(scene, &views, options, None, &mut NoObserver).unwrap()
+        self.refined_from(scene, &views, options, None, &mut NoRefineObserver).unwrap()
     }
 
     pub fn refined_from(
@@ -186,7 +186,7 @@ impl Delivered {
         views: &Views<'_>,
         options: &RefineOptions,
         resume: Option<&State>,
-        observer: &mut dyn Observer,
+        observer: &mut dyn RefineObserver,
     ) -> Result<Refined, CuarError> {
         let raster = CpuRasterizer::default();
         let backend = Backend { raster: &raster, descent: None };

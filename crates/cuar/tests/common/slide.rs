@@ -1,7 +1,7 @@
 //! Uncovered background: a board slides away from a wall.
 
 use cuar::loss::LossWeights;
-use cuar::{NoObserver, RefineOptions, Refined, Views, WarpParams, refine};
+use cuar::{NoRefineObserver, RefineOptions, Refined, Views, WarpParams, refine};
 use gs_core::{Camera, DynamicScene, SceneError, Splats, TimeRange, sh};
 use gs_raster_cpu::CpuRasterizer;
 
@@ -48,7 +48,7 @@ impl Slide {
             ..RefineOptions::default()
         };
         let (raster, edited) = (CpuRasterizer::default(), vec![true; self.num_splats()]);
-        refine(&raster, self, &edited, &views, &options, None, &mut NoObserver).unwrap()
+        refine(&raster, self, &edited, &views, &options, None, &mut NoRefineObserver).unwrap()
     }
 
     pub fn new() -> Self {

@@ -7,6 +7,7 @@ use zip::{CompressionMethod, ZipArchive};
 
 /// A zip archive that cannot be read.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
+#[non_exhaustive]
 pub enum ZipError {
     /// The archive has no usable directory at its end.
     #[error("not a complete zip archive ({0}): the file is truncated or not a zip archive")]

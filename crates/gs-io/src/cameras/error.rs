@@ -5,6 +5,7 @@ use thiserror::Error;
 
 /// Error in a camera file.
 #[derive(Debug, Error)]
+#[non_exhaustive]
 pub enum CamerasError {
     /// Not JSON, or not of the expected schema.
     #[error("not a {schema}: {source}")]

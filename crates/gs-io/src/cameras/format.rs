@@ -4,6 +4,7 @@ use std::fmt::{self, Display};
 
 /// Layouts of camera files.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum Format {
     /// `cameras.json` of 3DGS.
     CamerasJson,

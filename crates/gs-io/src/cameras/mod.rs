@@ -30,7 +30,7 @@ pub use format::Format;
 pub(crate) use set::Unusable;
 pub use set::{CameraSet, Reading, Split, View, stations};
 pub(crate) use source::data_set;
-pub use source::{Source, find};
+pub use source::{CameraFiles, find};
 
 pub(crate) use images::{has_extension, pixels};
 pub(crate) use number::Number;
@@ -67,7 +67,7 @@ pub fn open(path: &Path, reading: Reading) -> Result<CameraSet, IoError> {
         Format::FrameFolders => rigs::open_frame_folders(&source.root, reading)?,
         Format::MultiView => rigs::open_multi_view(&source.root, reading)?,
     };
-    set.leave_out_unusable().map_err(IoError::cameras(&source.root))?;
+    set.leave_out_unusable().map_err(IoError::format(&source.root))?;
     if let Some(via) = source.via {
         set.notes.insert(0, via);
     }

@@ -147,7 +147,7 @@ fn parsed<T>(
     path: &Path,
     parse: impl FnOnce(&[u8]) -> Result<T, CamerasError>,
 ) -> Result<T, IoError> {
-    parse(&read_bytes(path)?).map_err(IoError::cameras(path))
+    parse(&read_bytes(path)?).map_err(IoError::format(path))
 }
 
 /// The camera file of a view; errors in it affect only this view.
@@ -209,7 +209,7 @@ pub(super) fn open(root: &Path, reading: Reading) -> Result<CameraSet, IoError> 
         views.push(View { camera: lens.camera(camera.viewmat(), time, id.clone()), split });
     }
     let mut notes = left_out.notes();
-    notes.extend(unusable.note(views.len()).map_err(IoError::cameras(root))?);
+    notes.extend(unusable.note(views.len()).map_err(IoError::format(root))?);
     notes.extend(sizes.note("half of the size in the camera files is assumed, as in training"));
     if skewed > 0 {
         notes.push(format!("{skewed} cameras have skew, which is ignored"));

@@ -44,7 +44,7 @@ pub(super) fn open_multi_view(root: &Path, reading: Reading) -> Result<CameraSet
     let (mut views, mut notes) = (Vec::new(), model.notes.clone());
     let mut counts = Vec::new();
     for image in &model.images {
-        let (lens, viewmat) = model.view(image).map_err(IoError::cameras(&folder))?;
+        let (lens, viewmat) = model.view(image).map_err(IoError::format(&folder))?;
         left_out.distortion(&image.name, lens);
         let digits: String = stem(basename(&image.name))
             .chars()
@@ -54,7 +54,7 @@ pub(super) fn open_multi_view(root: &Path, reading: Reading) -> Result<CameraSet
         let number: u32 = digits.parse().map_err(|_no_number| {
             let at = format!("image {} (`{}`)", image.id, image.name);
             let found = "no number in its name";
-            IoError::cameras(&folder)(CamerasError::malformed(
+            IoError::format(&folder)(CamerasError::malformed(
                 at,
                 "a name such as image1.jpg",
                 found,
@@ -115,7 +115,7 @@ pub(super) fn open_multi_view(root: &Path, reading: Reading) -> Result<CameraSet
     let video = match (spiral.is_file(), shared) {
         (true, Some(shared)) => {
             let rows =
-                poses_bounds::parse(&read_bytes(&spiral)?).map_err(IoError::cameras(&spiral))?;
+                poses_bounds::parse(&read_bytes(&spiral)?).map_err(IoError::format(&spiral))?;
             let f = shared.intrinsics.fx;
             let intrinsics = Intrinsics { fy: f, ..shared.intrinsics };
             // COLMAP's field of view at the size of the frames.
@@ -156,7 +156,7 @@ pub(super) fn open_frame_folders(root: &Path, reading: Reading) -> Result<Camera
     });
     let mut views = Vec::new();
     for (position, image) in images.into_iter().enumerate() {
-        let (lens, viewmat) = model.view(image).map_err(IoError::cameras(&folder))?;
+        let (lens, viewmat) = model.view(image).map_err(IoError::format(&folder))?;
         left_out.distortion(&image.name, lens);
         let base = basename(&image.name);
         let paths = image_paths(&first.join("images"), &image.name);

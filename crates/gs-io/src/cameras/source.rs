@@ -12,7 +12,7 @@ use std::path::{Path, PathBuf};
 
 /// The camera files found for a path.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Source {
+pub struct CameraFiles {
     /// Layout of the files.
     pub format: Format,
     /// The folder of the data set; for `cameras.json` the file.
@@ -23,7 +23,7 @@ pub struct Source {
     pub via: Option<String>,
 }
 
-impl Source {
+impl CameraFiles {
     fn new(format: Format, root: &Path) -> Self {
         Self { format, root: root.to_owned(), file: None, via: None }
     }
@@ -60,7 +60,7 @@ pub(super) fn unknown(path: &Path) -> IoError {
 ///
 /// # Errors
 /// If the path cannot be read, or is a model folder whose data set is missing.
-pub fn find(path: &Path) -> Result<Option<Source>, IoError> {
+pub fn find(path: &Path) -> Result<Option<CameraFiles>, IoError> {
     let metadata = std::fs::metadata(path)
         .map_err(|source| IoError::Read { path: path.to_owned(), source })?;
     if !metadata.is_dir() {
@@ -71,13 +71,13 @@ pub fn find(path: &Path) -> Result<Option<Source>, IoError> {
     }
     let own = path.join("cameras.json");
     if own.is_file() {
-        return Ok(Some(Source::new(Format::CamerasJson, &own)));
+        return Ok(Some(CameraFiles::new(Format::CamerasJson, &own)));
     }
     of_model(path)
 }
 
 /// The data set of a folder, tested in the reference's order.
-pub(crate) fn data_set(root: &Path) -> Result<Option<Source>, IoError> {
+pub(crate) fn data_set(root: &Path) -> Result<Option<CameraFiles>, IoError> {
     let names = list_names(root)?;
     let has = |name: &str| names.iter().any(|found| found == name);
     let holds = |folder: &str| colmap::model_folder(&root.join(folder)).is_some();
@@ -94,11 +94,11 @@ pub(crate) fn data_set(root: &Path) -> Result<Option<Source>, IoError> {
     } else if has("sparse_") && holds("sparse_") {
         Format::MultiView
     } else if colmap::model_folder(root).is_some() {
-        return Ok(Some(Source::new(Format::Colmap, &above_model(root))));
+        return Ok(Some(CameraFiles::new(Format::Colmap, &above_model(root))));
     } else {
         return Ok(None);
     };
-    Ok(Some(Source::new(format, root)))
+    Ok(Some(CameraFiles::new(format, root)))
 }
 
 fn is_transforms(name: &str) -> bool {
@@ -126,7 +126,7 @@ struct Keys {
 }
 
 /// Identifies a file by its first bytes; COLMAP's files, which have no magic, by name.
-fn in_file(path: &Path) -> Result<Option<Source>, IoError> {
+fn in_file(path: &Path) -> Result<Option<CameraFiles>, IoError> {
     let failed = |source| IoError::Read { path: path.to_owned(), source };
     let mut head = Vec::new();
     crate::fs::open_file(path)
@@ -136,7 +136,7 @@ fn in_file(path: &Path) -> Result<Option<Source>, IoError> {
         .map_err(failed)?;
     let name = path.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
     if npy::is_npy(&head) {
-        return Ok(Some(Source::in_file(Format::PosesBounds, path)));
+        return Ok(Some(CameraFiles::in_file(Format::PosesBounds, path)));
     }
     if ["cameras.bin", "images.bin", "cameras.txt", "images.txt"].contains(&name.as_str()) {
         return Ok(data_set(parent(path))?.filter(|found| found.format != Format::Transforms));
@@ -145,15 +145,15 @@ fn in_file(path: &Path) -> Result<Option<Source>, IoError> {
     let head = text::utf8(&head);
     let is_text = head.iter().all(|byte| *byte >= b' ' || byte.is_ascii_whitespace());
     match head.trim_ascii_start().first().filter(|_| is_text) {
-        Some(b'[') => Ok(Some(Source::new(Format::CamerasJson, path))),
+        Some(b'[') => Ok(Some(CameraFiles::new(Format::CamerasJson, path))),
         Some(b'{') => {
             let keys: Keys = serde_json::from_slice(&text::json(&read_bytes(path)?))
                 .map_err(CamerasError::json("JSON file"))
-                .map_err(IoError::cameras(path))?;
+                .map_err(IoError::format(path))?;
             Ok(if keys.frames.is_some() {
-                Some(Source::in_file(Format::Transforms, path))
+                Some(CameraFiles::in_file(Format::Transforms, path))
             } else if keys.ids.is_some() {
-                Some(Source::new(Format::Nerfies, parent(path)))
+                Some(CameraFiles::new(Format::Nerfies, parent(path)))
             } else {
                 None
             })
@@ -164,13 +164,13 @@ fn in_file(path: &Path) -> Result<Option<Source>, IoError> {
 
 /// The data set named in the `cfg_args` of a model folder: at the path as given, next to the model,
 /// or in a parent folder.
-fn of_model(model: &Path) -> Result<Option<Source>, IoError> {
+fn of_model(model: &Path) -> Result<Option<CameraFiles>, IoError> {
     let path = model.join("cfg_args");
     if !path.is_file() {
         return Ok(None);
     }
-    let args = cfg_args::parse(&text::decode(&read_bytes(&path)?))
-        .map_err(|source| IoError::Cfg { path, source })?;
+    let args =
+        cfg_args::parse(&text::decode(&read_bytes(&path)?)).map_err(IoError::format(&path))?;
     let Some(named) = args.get("source_path").and_then(cfg_args::Value::as_str) else {
         return Ok(None);
     };
@@ -186,7 +186,7 @@ fn of_model(model: &Path) -> Result<Option<Source>, IoError> {
                 model.join("cfg_args").display(),
                 root.display()
             ));
-            return Ok(Some(Source { via, ..found }));
+            return Ok(Some(CameraFiles { via, ..found }));
         }
     }
     Err(IoError::content(

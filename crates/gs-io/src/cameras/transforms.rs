@@ -257,7 +257,7 @@ pub(super) fn open(
         if !path.is_file() {
             return Ok(None);
         }
-        parse(&read_bytes(&path)?).map(Some).map_err(IoError::cameras(&path))
+        parse(&read_bytes(&path)?).map(Some).map_err(IoError::format(&path))
     };
     let train = read(FILES[0].0)?;
     let test = read(FILES[1].0)?;
@@ -297,7 +297,7 @@ pub(super) fn open(
         }
     }
     let first_file = files.first().map_or(FILES[0].0, |(name, ..)| name.as_str());
-    notes.extend(unusable.note(views.len()).map_err(IoError::cameras(&root.join(first_file)))?);
+    notes.extend(unusable.note(views.len()).map_err(IoError::format(&root.join(first_file)))?);
     let video = match files.iter().find(|(.., split)| *split == Split::Train) {
         Some((_, file, _)) => file.fov_x_rad().map(turn).unwrap_or_default(),
         None => Vec::new(),

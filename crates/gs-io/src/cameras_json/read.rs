@@ -33,5 +33,5 @@ pub fn parse(bytes: &[u8]) -> Result<(Vec<Camera>, Vec<String>), CamerasError> {
 /// # Errors
 /// If it cannot be read or [`parse`]d.
 pub fn read_file(path: &Path) -> Result<(Vec<Camera>, Vec<String>), IoError> {
-    parse(&read_bytes(path)?).map_err(|source| IoError::Cameras { path: path.to_owned(), source })
+    parse(&read_bytes(path)?).map_err(IoError::format(path))
 }

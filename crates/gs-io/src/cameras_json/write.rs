@@ -29,8 +29,7 @@ pub fn to_json(cameras: &[Camera]) -> Result<String, CamerasError> {
 /// # Errors
 /// If a camera is out of range, or the file exists and may not be replaced, or cannot be written.
 pub fn write_file(path: &Path, cameras: &[Camera], existing: Existing) -> Result<(), IoError> {
-    let text =
-        to_json(cameras).map_err(|source| IoError::Cameras { path: path.to_owned(), source })?;
+    let text = to_json(cameras).map_err(IoError::format(path))?;
     let mut file = AtomicFile::create(path, existing)?;
     file.write_all(text.as_bytes()).map_err(IoError::write(path))?;
     file.commit()

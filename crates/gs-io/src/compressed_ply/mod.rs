@@ -5,11 +5,13 @@
 //! Within a chunk, centres and log-scales have 11, 10 and 11 bits, colours and opacities 8, the
 //! three smaller components of the quaternion 10.
 
+mod error;
 mod layout;
 mod pack;
 mod read;
 mod write;
 
+pub use error::CompressedPlyError;
 pub use read::read;
 pub(crate) use read::{is_compressed, shape};
 pub use write::{WriteOptions, kept_degree, morton_order, write};

@@ -1,16 +1,16 @@
 //! Reading compressed PLY.
 
+use super::CompressedPlyError;
 use super::layout::{BITS, CHUNK, COLUMNS, MAX_LOG_SCALE, MAX_SH, WORDS};
 use super::pack::{from_harmonic, from_rotation, from_vector, rotation_component, top};
 use crate::bytes8::{dc_of, ends_note, logit_of, smallest_three_rad};
-use crate::frame::{Frame, FrameError, FrameFormat, Shape};
+use crate::frame::{Frame, FrameFormat, Shape};
 use crate::ply::{Cursor, Element, Encoding, Header, PlyError, PropertyKind, Scalar};
 use gs_core::sh::{C0, degree_of};
 use gs_core::{Precision, RowPrecision, Splats};
 use rayon::prelude::*;
 use std::sync::Arc;
 
-const FORMAT: &str = "compressed PLY";
 /// Range width below which PlayCanvas writes every value as the minimum.
 const FLAT: f32 = 1e-5;
 /// Allowance for the rounding of other writers, in half steps.
@@ -25,20 +25,20 @@ fn element<'a>(header: &'a Header, name: &str) -> Option<(usize, &'a Element)> {
     header.elements.iter().enumerate().find(|(_, element)| element.name == name)
 }
 
-fn missing(what: &str) -> FrameError {
-    FrameError::damaged(FORMAT, format!("missing {what}"))
+fn missing(what: &str) -> CompressedPlyError {
+    CompressedPlyError::damaged(format!("missing {what}"))
 }
 
 /// Size of the frame, from its header.
-pub(crate) fn shape(header: &Header) -> Result<Shape, FrameError> {
+pub(crate) fn shape(header: &Header) -> Result<Shape, CompressedPlyError> {
     let (_, vertex) = element(header, "vertex").ok_or_else(|| missing("element `vertex`"))?;
     if vertex.count == 0 {
-        return Err(FrameError::Empty { format: FORMAT });
+        return Err(CompressedPlyError::Empty);
     }
     let rest = element(header, "sh").map_or(0, |(_, sh)| sh.properties.len());
     let sh_degree =
         rest.is_multiple_of(3).then(|| degree_of(rest / 3 + 1)).flatten().ok_or_else(|| {
-            FrameError::damaged(FORMAT, format!("{rest} columns of `sh`, expected 9, 24 or 45"))
+            CompressedPlyError::damaged(format!("{rest} columns of `sh`, expected 9, 24 or 45"))
         })?;
     Ok(Shape { format: FrameFormat::CompressedPly, num_splats: vertex.count, sh_degree })
 }
@@ -47,10 +47,10 @@ pub(crate) fn shape(header: &Header) -> Result<Shape, FrameError> {
 ///
 /// # Errors
 /// If it is another format, text, truncated, or lacks a column.
-pub fn read(bytes: &[u8]) -> Result<Frame, FrameError> {
+pub fn read(bytes: &[u8]) -> Result<Frame, CompressedPlyError> {
     let header = Header::parse(bytes)?;
     if header.encoding == Encoding::Ascii {
-        return Err(FrameError::damaged(FORMAT, "it is text, expected binary data"));
+        return Err(CompressedPlyError::damaged("it is text, expected binary data"));
     }
     let Shape { num_splats, sh_degree, .. } = shape(&header)?;
     let chunks = Table::of(&header, bytes, "chunk")?;
@@ -60,13 +60,13 @@ pub fn read(bytes: &[u8]) -> Result<Frame, FrameError> {
     let needed = rows.div_ceil(CHUNK);
     if chunks.rows() < needed {
         let what = format!("{} chunks for {num_splats} splats, expected {needed}", chunks.rows());
-        return Err(FrameError::damaged(FORMAT, what));
+        return Err(CompressedPlyError::damaged(what));
     }
     if let Some(sh) = &harmonics
         && sh.rows() < rows
     {
         let what = format!("{} rows of `sh` for {num_splats} splats", sh.rows());
-        return Err(FrameError::damaged(FORMAT, what));
+        return Err(CompressedPlyError::damaged(what));
     }
     let has_colors = chunks.column("min_r").is_some();
     let ranges = ranges(&chunks, needed, has_colors)?;
@@ -118,7 +118,7 @@ fn interleave(
     dc: &[[f32; 3]],
     table: &Table<'_>,
     degree: usize,
-) -> Result<Vec<[f32; 3]>, FrameError> {
+) -> Result<Vec<[f32; 3]>, CompressedPlyError> {
     let higher = gs_core::sh::num_coeffs(degree) - 1;
     let columns = (0..3 * higher)
         .map(|i| {
@@ -152,13 +152,13 @@ struct Column {
 }
 
 impl<'a> Table<'a> {
-    fn of(header: &'a Header, bytes: &'a [u8], name: &str) -> Result<Self, FrameError> {
+    fn of(header: &'a Header, bytes: &'a [u8], name: &str) -> Result<Self, CompressedPlyError> {
         let (index, element) =
             element(header, name).ok_or_else(|| missing(&format!("element `{name}`")))?;
         let rows = Cursor::at_element(header, bytes, index)?.fixed_rows(element)?;
         let stride = element.stride().filter(|&stride| stride > 0);
         let (Some(bytes), Some(stride)) = (rows, stride) else {
-            return Err(FrameError::damaged(FORMAT, format!("`{name}` has lists or no columns")));
+            return Err(CompressedPlyError::damaged(format!("`{name}` has lists or no columns")));
         };
         let big_endian = header.encoding == Encoding::BigEndian;
         Ok(Self { element, bytes, stride, big_endian })
@@ -204,7 +204,10 @@ impl<'a> Table<'a> {
     }
 }
 
-fn columns<const N: usize>(table: &Table<'_>, names: [&str; N]) -> Result<[Column; N], FrameError> {
+fn columns<const N: usize>(
+    table: &Table<'_>,
+    names: [&str; N],
+) -> Result<[Column; N], CompressedPlyError> {
     let mut found = [Column { offset: 0, scalar: Scalar::F32 }; N];
     for (slot, name) in found.iter_mut().zip(names) {
         *slot = table.column(name).ok_or_else(|| missing(&format!("column `{name}`")))?;
@@ -272,7 +275,7 @@ fn ranges(
     table: &Table<'_>,
     count: usize,
     has_colors: bool,
-) -> Result<Vec<ChunkRange>, FrameError> {
+) -> Result<Vec<ChunkRange>, CompressedPlyError> {
     let wanted = if has_colors { COLUMNS.len() } else { 12 };
     let columns = COLUMNS[..wanted]
         .iter()

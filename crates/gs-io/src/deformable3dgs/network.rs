@@ -1,26 +1,20 @@
 //! Builds the network from named tensors.
 
+use super::Deformable3dgsError;
 use crate::pth::Layers;
-use crate::wrong_network::WrongNetwork;
 use gs_deform::{DeformMlp, DeformMlpParts, Warp};
 
 /// The network whose names begin with `prefix`.
-pub(crate) fn network(layers: &Layers<'_>, prefix: &str) -> Result<DeformMlp, WrongNetwork> {
+pub(crate) fn network(layers: &Layers<'_>, prefix: &str) -> Result<DeformMlp, Deformable3dgsError> {
     let name = |rest: &str| format!("{prefix}{rest}");
     if let Some(grid) = layers.names().find(|name| is_grid(name)) {
-        return Err(WrongNetwork::Content(format!(
-            "holds `{grid}`: it was trained with a hash grid instead of its encoding, which is \
-            not supported; train without `use_hash`, or export the scene as a PLY sequence from \
-            its own viewer"
-        )));
+        return Err(Deformable3dgsError::HashGrid { name: grid.to_owned() });
     }
     if !layers.has(&name("linear.0.weight")) {
-        return Err(WrongNetwork::Content(format!(
-            "is not a supported deformation network: it has no `{}`, but {}; expected one of \
-            Deformable-3D-Gaussians, SC-GS, Grid4D or DASH",
-            name("linear.0.weight"),
-            layers.summary()
-        )));
+        return Err(Deformable3dgsError::OtherNetwork {
+            missing: name("linear.0.weight"),
+            found: layers.summary(),
+        });
     }
     let timenet = match layers.linear_if_there(&name("timenet.0"))? {
         Some(hidden) => Some([hidden, layers.linear(&name("timenet.2"))?]),

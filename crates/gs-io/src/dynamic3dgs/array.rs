@@ -1,5 +1,6 @@
 //! Arrays of a NumPy archive (`.npz`).
 
+use super::Dynamic3dgsError;
 use crate::archive::Archive;
 use crate::cfg_args::{self, Value};
 use std::io::Cursor;
@@ -21,36 +22,42 @@ pub(super) struct Array {
 }
 
 impl Arrays {
-    pub(super) fn open(bytes: Vec<u8>) -> Result<Self, String> {
+    pub(super) fn open(bytes: Vec<u8>) -> Result<Self, Dynamic3dgsError> {
         let size = bytes.len() as u64;
-        let archive = Archive::open(Cursor::new(bytes)).map_err(|error| {
-            format!("is not a NumPy archive, or is damaged: {error}; copy the file again")
-        })?;
+        let archive = Archive::open(Cursor::new(bytes)).map_err(Dynamic3dgsError::Archive)?;
         Ok(Self { archive, size })
     }
 
     /// An array of floating-point numbers.
-    pub(super) fn read(&mut self, name: &str) -> Result<Array, String> {
+    pub(super) fn read(&mut self, name: &str) -> Result<Array, Dynamic3dgsError> {
         let entry = format!("{name}.npy");
         if !self.archive.names().contains(&entry) {
             let names =
                 self.archive.names().iter().take(12).map(|name| name.trim_end_matches(".npy"));
-            return Err(format!(
-                "has no array `{name}`, but {}; expected the params.npz that training of Dynamic 3D Gaussians writes",
-                names.collect::<Vec<_>>().join(", ")
-            ));
+            return Err(Dynamic3dgsError::Missing {
+                name: name.to_owned(),
+                found: names.collect::<Vec<_>>().join(", "),
+            });
         }
         // Random numbers hardly compress, so a valid archive does not decompress to much more.
         let limit = self.size.saturating_mul(64).max(1 << 20);
-        let bytes = self.archive.read(&entry, limit)?;
-        parse(&bytes).map_err(|what| format!("its array `{name}` {what}"))
+        let bytes = self.archive.read(&entry, limit).map_err(Dynamic3dgsError::Entry)?;
+        parse(&bytes).map_err(|what| Dynamic3dgsError::Array { name: name.to_owned(), what })
     }
 
     /// The values of an array of this shape.
-    pub(super) fn of_shape(&mut self, name: &str, shape: &[usize]) -> Result<Vec<f32>, String> {
+    pub(super) fn of_shape(
+        &mut self,
+        name: &str,
+        shape: &[usize],
+    ) -> Result<Vec<f32>, Dynamic3dgsError> {
         let array = self.read(name)?;
         if array.shape != shape {
-            return Err(format!("`{name}` has shape {:?}, expected {shape:?}", array.shape));
+            return Err(Dynamic3dgsError::Shape {
+                name: name.to_owned(),
+                found: array.shape,
+                expected: format!("{shape:?}"),
+            });
         }
         Ok(array.values)
     }

@@ -1,7 +1,8 @@
 //! Builds the two stages from the tensors of a file.
 
+use super::Ed3dgsError;
 use super::options::Options;
-use crate::pth::Layers;
+use crate::pth::{Layers, Tensor};
 use gs_deform::{EmbeddingStage, Head};
 
 /// Names of the heads in the order of `Component::ALL`.
@@ -14,19 +15,16 @@ const MAX_ROWS: f64 = 1e6;
 pub(super) fn stages(
     layers: &Layers<'_>,
     options: &Options,
-) -> Result<Vec<EmbeddingStage>, String> {
+) -> Result<Vec<EmbeddingStage>, Ed3dgsError> {
     if !layers.has("feature_out_f.0.weight") && !layers.has("feature_out_c.0.weight") {
-        return Err(format!(
-            "is not the deformation network of E-D3DGS: it has no `feature_out_f.0.weight`, but {}; the PLY beside it has embeddings, so the files belong to different models",
-            layers.summary()
-        ));
+        return Err(Ed3dgsError::OtherNetwork { found: layers.summary() });
     }
     let weight = layers.need("weight")?;
     let &[entries, dims] = weight.shape() else {
-        return Err(format!("`weight` has shape {:?}, expected [times, numbers]", weight.shape()));
+        return Err(table_error(weight, "[times, numbers]"));
     };
     if entries == 0 || dims == 0 {
-        return Err(format!("`weight` has shape [{entries}, {dims}], expected some times"));
+        return Err(table_error(weight, "some times"));
     }
     let table = weight.to_f32s();
     let factors = options.factors();
@@ -37,9 +35,7 @@ pub(super) fn stages(
             continue;
         }
         if !(1.0..=MAX_ROWS).contains(&rows) {
-            return Err(format!(
-                "its table of times would have {rows} rows, expected 1 or more; check min_embeddings, max_embeddings and c2f_temporal_iter in cfg_args"
-            ));
+            return Err(Ed3dgsError::TableRows { rows });
         }
         let mut heads = [const { None }; 5];
         for (index, head) in HEADS.iter().enumerate() {
@@ -67,6 +63,10 @@ pub(super) fn stages(
     Ok(stages)
 }
 
+fn table_error(weight: &Tensor<'_>, expected: &'static str) -> Ed3dgsError {
+    Ed3dgsError::Table { shape: weight.shape().to_vec(), expected }
+}
+
 /// A table of `dims` columns resampled linearly to `rows` rows, with the ends aligned.
 fn resampled(table: &[f32], dims: usize, rows: usize) -> Vec<f32> {
     let last = table.len() / dims - 1;
@@ -92,7 +92,7 @@ fn resampled(table: &[f32], dims: usize, rows: usize) -> Vec<f32> {
 
 /// Mean time offset of the training cameras, which is added to the time of a new view.
 pub(super) fn mean_offset(layers: &Layers<'_>) -> f64 {
-    let offsets = layers.get("offsets").map(crate::pth::Tensor::to_f32s).unwrap_or_default();
+    let offsets = layers.get("offsets").map(Tensor::to_f32s).unwrap_or_default();
     let used: Vec<f64> =
         offsets.into_iter().filter(|&offset| offset != 0.0).map(f64::from).collect();
     if used.is_empty() { 0.0 } else { used.iter().sum::<f64>() / used.len() as f64 }

@@ -6,10 +6,12 @@
 //! is visible at the very end; time 1 is mapped to the instant before it. Other motion is written
 //! as several rows per splat, with consecutive windows.
 
+mod error;
 mod grid;
 mod read;
 mod segments;
 mod write;
 
+pub use error::FourdgsError;
 pub use read::open;
 pub use write::{DEFAULT_TOLERANCE, WriteOptions, WriteReport, evaluations, write};

@@ -1,5 +1,6 @@
 //! Reading `.4dgs` files as scenes.
 
+use super::FourdgsError;
 use crate::error::IoError;
 use crate::fs::read_bytes;
 use crate::open_options::OpenOptions;
@@ -32,31 +33,27 @@ const SH_RANGE: f32 = 8.0;
 /// # Errors
 /// If the file cannot be read, is damaged, or has an unsupported temporal model.
 pub fn open(path: &Path, options: &OpenOptions) -> Result<OpenedScene, IoError> {
-    let wrong = |what: String| IoError::content(path, what);
+    let wrong = |error: FourdgsError| IoError::format(path)(error);
+    let damaged = |error: String| wrong(FourdgsError::Damaged(error));
     let bytes = read_bytes(path)?;
     let model = fourdgs::keyframe_delta_file::peek_temporal_model(&bytes)
-        .map_err(|error| wrong(format!("is a damaged .4dgs: {error}; copy or export it again")))?;
+        .map_err(|error| damaged(error.to_string()))?;
     if model != BIRTH {
-        return Err(wrong(format!(
-            "is a .4dgs of the temporal model `{model}`, expected `{BIRTH}`; write it with that, or export the scene as a PLY sequence from the program that made it"
-        )));
+        return Err(wrong(FourdgsError::TemporalModel { found: model, expected: BIRTH }));
     }
     let read_options = fourdgs::ReadOptions { recover_truncated: false, max_sh_band: 3 };
     let scene = fourdgs::read_from(&bytes[..], &read_options)
-        .map_err(|error| wrong(format!("is a damaged .4dgs: {error}; copy or export it again")))?;
+        .map_err(|error| damaged(error.to_string()))?;
     let rows = scene.gaussians.count() as u64;
     if rows == 0 {
-        return Err(wrong("contains no splats; export it again".to_owned()));
+        return Err(wrong(FourdgsError::Empty));
     }
     if rows.saturating_mul(ROW) > (bytes.len() as u64).saturating_mul(MAX_GROWTH) {
-        return Err(wrong(format!(
-            "declares {rows} splats in {} bytes; copy it again",
-            bytes.len()
-        )));
+        return Err(wrong(FourdgsError::Rows { rows, bytes: bytes.len() }));
     }
     let duration = scene.duration_sec;
     if !(duration.is_finite() && duration > 0.0) {
-        return Err(wrong(format!("lasts {duration} seconds, expected a positive number")));
+        return Err(wrong(FourdgsError::Duration { seconds: duration }));
     }
     let mut notes = Vec::new();
     if !scene.audio_sources.is_empty() {
@@ -66,10 +63,7 @@ pub fn open(path: &Path, options: &OpenOptions) -> Result<OpenedScene, IoError> 
         notes.push("its colours are in linear light; they are shown as stored".to_owned());
     }
     if scene.gaussians.object_id.iter().flatten().any(|&id| id != 0) {
-        return Err(wrong(
-            "moves objects along tracks, which is not supported; export the scene as a PLY sequence from the program that made it"
-                .to_owned(),
-        ));
+        return Err(wrong(FourdgsError::Tracks));
     }
     let (splats, motions, windows) = rows_of(&scene.gaussians);
     let broken = |row: usize| {
@@ -79,8 +73,8 @@ pub fn open(path: &Path, options: &OpenOptions) -> Result<OpenedScene, IoError> 
             || motion.width.is_nan()
             || windows[row].iter().any(|time| time.is_nan())
     };
-    let Sanitized { splats, kept, report } = repair::sanitize_with(splats, options.damage, broken)
-        .map_err(|source| IoError::Damaged { path: path.to_owned(), source })?;
+    let Sanitized { splats, kept, report } =
+        repair::sanitize_with(splats, options.damage, broken).map_err(IoError::damaged(path))?;
     let (motions, windows) = match kept {
         None => (motions, windows),
         Some(kept) => kept.into_iter().map(|row| (motions[row], windows[row])).unzip(),
@@ -96,7 +90,7 @@ pub fn open(path: &Path, options: &OpenOptions) -> Result<OpenedScene, IoError> 
     ];
     let scene = PolynomialScene::new(splats, motions)
         .and_then(|scene| scene.with_windows(windows))
-        .map_err(|error| wrong(error.to_string()))?
+        .map_err(IoError::format(path))?
         .with_visibility(Visibility { floor: 0.0, cutoff })
         .with_clock(0.0, duration.next_down())
         .with_frames(frames);

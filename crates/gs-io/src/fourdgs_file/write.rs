@@ -46,6 +46,7 @@ impl Default for WriteOptions {
 
 /// Result of writing a clip.
 #[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
 pub struct WriteReport {
     /// Splats of the scene that are visible in some frame.
     pub num_splats: usize,

@@ -1,14 +1,39 @@
 //! [`FrameError`]: errors of reading a still frame.
 
+use crate::compressed_ply::CompressedPlyError;
+use crate::gltf::GltfError;
+use crate::gsplat::GsplatError;
 use crate::ply::PlyError;
+use crate::sog::SogError;
+use crate::splat_file::SplatFileError;
+use crate::spz::SpzError;
 use thiserror::Error;
 
-/// Error of reading a still frame.
+/// Error of reading a still frame: that of its format, or another kind of file.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
+#[non_exhaustive]
 pub enum FrameError {
     /// A PLY file that is malformed or does not contain Gaussians.
     #[error(transparent)]
     Ply(#[from] PlyError),
+    /// A malformed compressed PLY.
+    #[error(transparent)]
+    CompressedPly(#[from] CompressedPlyError),
+    /// A malformed `.splat`.
+    #[error(transparent)]
+    Splat(#[from] SplatFileError),
+    /// A malformed `.spz`.
+    #[error(transparent)]
+    Spz(#[from] SpzError),
+    /// A malformed `.sog`.
+    #[error(transparent)]
+    Sog(SogError),
+    /// A malformed glTF.
+    #[error(transparent)]
+    Gltf(GltfError),
+    /// A malformed checkpoint of gsplat.
+    #[error("damaged gsplat checkpoint: {0}")]
+    Gsplat(GsplatError),
     /// Not a supported format.
     #[error(
         "not a splat file but {found}; expected a 3DGS PLY, a compressed PLY, .splat, .spz, .sog or .glb"
@@ -16,40 +41,6 @@ pub enum FrameError {
     Unknown {
         /// Format or content found instead.
         found: String,
-    },
-    /// An unsupported version.
-    #[error("{format} version {found}, expected {expected}; {next}")]
-    Version {
-        /// Name of the format.
-        format: &'static str,
-        /// Version found.
-        found: u32,
-        /// Supported versions.
-        expected: &'static str,
-        /// Next step.
-        next: &'static str,
-    },
-    /// The data end early.
-    #[error(
-        "truncated {format}: {part} needs {expected} bytes, found {found}; the file is incomplete, copy or export it again"
-    )]
-    Truncated {
-        /// Name of the format.
-        format: &'static str,
-        /// Name of the part.
-        part: &'static str,
-        /// Bytes needed.
-        expected: u128,
-        /// Bytes found.
-        found: u128,
-    },
-    /// The data are inconsistent with the format.
-    #[error("damaged {format}: {what}")]
-    Damaged {
-        /// Name of the format.
-        format: &'static str,
-        /// Found and expected value.
-        what: String,
     },
     /// A dynamic scene instead of a frame.
     #[error(
@@ -60,16 +51,43 @@ pub enum FrameError {
         /// Method of the scene.
         what: &'static str,
     },
-    /// No rows.
-    #[error("the {format} contains no Gaussians; export it again without removing everything")]
-    Empty {
-        /// Name of the format.
-        format: &'static str,
-    },
 }
 
 impl FrameError {
-    pub(crate) fn damaged(format: &'static str, what: impl Into<String>) -> Self {
-        Self::Damaged { format, what: what.into() }
+    /// Whether the file is of a version of its format that is not supported.
+    pub fn is_unsupported_version(&self) -> bool {
+        matches!(
+            self,
+            Self::Spz(SpzError::Version { .. })
+                | Self::Sog(SogError::Version { .. })
+                | Self::Gltf(GltfError::Version { .. } | GltfError::Spz(SpzError::Version { .. }))
+        )
+    }
+}
+
+impl From<SogError> for FrameError {
+    fn from(error: SogError) -> Self {
+        match error {
+            SogError::Timed => Self::Moving { what: "a .tsog clip" },
+            error => Self::Sog(error),
+        }
+    }
+}
+
+impl From<GltfError> for FrameError {
+    fn from(error: GltfError) -> Self {
+        match error {
+            GltfError::NoSplats { found } => Self::Unknown { found: found.to_owned() },
+            error => Self::Gltf(error),
+        }
+    }
+}
+
+impl From<GsplatError> for FrameError {
+    fn from(error: GsplatError) -> Self {
+        match error {
+            GsplatError::Moving => Self::Moving { what: "FreeTimeGS" },
+            error => Self::Gsplat(error),
+        }
     }
 }

@@ -5,6 +5,7 @@ use std::fmt::{self, Display};
 
 /// Format of a still frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum FrameFormat {
     /// 3DGS PLY.
     Ply {

@@ -21,11 +21,11 @@ pub fn read(bytes: &[u8]) -> Result<Frame, FrameError> {
     match container(bytes) {
         Container::Ply => {
             if compressed_ply::is_compressed(bytes) {
-                return compressed_ply::read(bytes);
+                return Ok(compressed_ply::read(bytes)?);
             }
             of_ply(ply::read(bytes)?)
         }
-        Container::Spz => spz::read(bytes),
+        Container::Spz => Ok(spz::read(bytes)?),
         Container::Zip if gsplat::contents(bytes).is_some() => Ok(Frame {
             splats: gsplat::read(bytes)?,
             format: FrameFormat::Gsplat,
@@ -34,11 +34,11 @@ pub fn read(bytes: &[u8]) -> Result<Frame, FrameError> {
             notes: Vec::new(),
             comments: Vec::new(),
         }),
-        Container::Zip => sog::read(bytes),
-        Container::Splat => splat_file::read(bytes),
-        Container::Gltf => gltf::read(bytes, &|uri| {
+        Container::Zip => Ok(sog::read(bytes)?),
+        Container::Splat => Ok(splat_file::read(bytes)?),
+        Container::Gltf => Ok(gltf::read(bytes, &|uri| {
             Err(format!("its data are in another file, `{uri}`; give the path of the .gltf"))
-        }),
+        })?),
         Container::Unknown => Err(FrameError::Unknown { found: shown(bytes) }),
     }
 }
@@ -82,14 +82,15 @@ pub fn read_file(path: &Path) -> Result<Frame, IoError> {
         return read_dir(path);
     }
     if let Some(read) = ply::read_in_blocks(path)? {
-        return of_ply(read).map_err(IoError::frame(path));
+        return of_ply(read).map_err(IoError::format(path));
     }
     let bytes = read_bytes(path)?;
     if container(&bytes) == Container::Gltf {
         let folder = path.parent().unwrap_or(Path::new(""));
-        return gltf::read(&bytes, &|uri| beside(folder, uri)).map_err(IoError::frame(path));
+        let read = gltf::read(&bytes, &|uri| beside(folder, uri));
+        return read.map_err(FrameError::from).map_err(IoError::format(path));
     }
-    read(&bytes).map_err(IoError::frame(path))
+    read(&bytes).map_err(IoError::format(path))
 }
 
 /// Shape declared in the header of a frame. `start` is the first part of the file, at least its
@@ -111,11 +112,11 @@ pub fn shape(start: &[u8], total: u64) -> Result<Shape, FrameError> {
                     num_splats: layout.num_splats,
                     sh_degree: layout.sh_degree,
                 }),
-                Err(PlyError::Compressed) => compressed_ply::shape(&header),
+                Err(PlyError::Compressed) => Ok(compressed_ply::shape(&header)?),
                 Err(other) => Err(other.into()),
             }
         }
-        Container::Spz => spz::shape(start),
+        Container::Spz => Ok(spz::shape(start)?),
         Container::Splat => {
             Ok(Shape { format: FrameFormat::Splat, num_splats: total / ROW as u64, sh_degree: 0 })
         }
@@ -150,7 +151,8 @@ fn read_dir(folder: &Path) -> Result<Frame, IoError> {
             }
             read_bytes(&folder.join(name)).map_err(|error| format!("its plane {error}"))
         };
-        return sog::read_planes(&meta, &plane).map_err(IoError::frame(&path));
+        let read = sog::read_planes(&meta, &plane);
+        return read.map_err(FrameError::from).map_err(IoError::format(&path));
     }
-    read(&read_bytes(&path)?).map_err(IoError::frame(&path))
+    read(&read_bytes(&path)?).map_err(IoError::format(&path))
 }

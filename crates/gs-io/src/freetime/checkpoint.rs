@@ -1,30 +1,27 @@
 //! Checkpoints in gsplat's format ([`crate::gsplat`]) with `times`,
 //! `durations` (logarithms) and `velocities`.
 
+use super::FreeTimeError;
 use super::model::{MIN_DURATION, Model, OPACITY_FLOOR};
 use crate::error::IoError;
 use crate::gsplat;
 use crate::pth::{self, Integers, Layers};
 use std::path::Path;
 
-/// Tensors and integers of a file.
-fn parts<'a>(bytes: &'a [u8], path: &Path) -> Result<(Layers<'a>, Integers), IoError> {
-    let (root, integers) = pth::read_with_integers(bytes)
-        .map_err(|source| IoError::Pth { path: path.to_owned(), source })?;
-    let tensors =
-        root.into_state_dict().map_err(|source| IoError::Pth { path: path.to_owned(), source })?;
-    Ok((Layers::new(pth::beside(tensors, &["means"])), integers))
-}
-
 /// Reads a checkpoint of moving splats.
 pub(super) fn read(bytes: &[u8], path: &Path) -> Result<Model, IoError> {
-    let (layers, integers) = parts(bytes, path)?;
-    let wrong = |what: String| IoError::content(path, what);
-    let splats = gsplat::splats(&layers).map_err(wrong)?;
+    let (root, integers) = pth::read_with_integers(bytes).map_err(IoError::format(path))?;
+    let tensors = root.into_state_dict().map_err(IoError::format(path))?;
+    let layers = Layers::new(pth::beside(tensors, &["means"]));
+    model(&layers, &integers).map_err(IoError::format(path))
+}
+
+fn model(layers: &Layers<'_>, integers: &Integers) -> Result<Model, FreeTimeError> {
+    let splats = gsplat::splats(layers)?;
     let n = splats.len();
-    let column = |name: &str| gsplat::column(&layers, name, n).map_err(wrong);
+    let column = |name: &str| gsplat::column(layers, name, n);
     let (times, durations) = (column("times")?, column("durations")?);
-    let velocities = layers.values("velocities", &[n, 3]).map_err(wrong)?;
+    let velocities = layers.values("velocities", &[n, 3])?;
     let use_velocity = integers.get("use_velocity").is_none_or(|&used| used != 0);
     let frames = integers.get("n_frames").and_then(|&count| usize::try_from(count).ok());
     Ok(Model {

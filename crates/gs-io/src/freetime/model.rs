@@ -57,14 +57,14 @@ impl Model {
         };
         let Sanitized { splats, kept, report } =
             repair::sanitize_with(splats, options.damage, broken)
-                .map_err(|source| IoError::Damaged { path: path.to_owned(), source })?;
+                .map_err(IoError::damaged(path))?;
         if let Some(kept) = kept {
             motions = kept.into_iter().map(|row| motions[row]).collect();
         }
         let motion = if use_velocity { "linear" } else { "none: use_velocity is off" };
         let mut facts = vec![("motion", motion.to_owned())];
         let scene = PolynomialScene::new(splats, motions)
-            .map_err(|error| IoError::content(path, error.to_string()))?
+            .map_err(IoError::format(path))?
             .with_visibility(Visibility { floor: self.opacity_floor, cutoff: 0.0 });
         let scene = match self.num_frames {
             Some(frames) => {

@@ -1,6 +1,7 @@
 //! `.ftgs.ply`: 3DGS columns, `time`, `log_duration`, `velocity_0 … velocity_2`, and comments with
 //! the settings.
 
+use super::FreeTimeError;
 use super::model::{MIN_DURATION, Model, OPACITY_FLOOR};
 use crate::error::IoError;
 use crate::ply;
@@ -13,8 +14,8 @@ const VERSION: &str = "1";
 const MAX_FRAMES: usize = 1 << 20;
 
 pub(super) fn read(bytes: &[u8], path: &Path) -> Result<Model, IoError> {
-    let wrong = |what: String| IoError::content(path, what);
-    let read = ply::read(bytes).map_err(IoError::ply(path))?;
+    let wrong = |what: String| IoError::format(path)(FreeTimeError::Settings(what));
+    let read = ply::read(bytes).map_err(IoError::format(path))?;
     let said = |name: &str| {
         let words = |comment: &'_ String| -> Option<String> {
             let (key, value) = comment.trim().split_once(char::is_whitespace)?;
@@ -58,7 +59,7 @@ pub(super) fn read(bytes: &[u8], path: &Path) -> Result<Model, IoError> {
         let count = text.parse().ok().filter(|count| (1..=MAX_FRAMES).contains(count));
         count.ok_or_else(|| wrong(format!("has n_frames {text}, expected 1 to {MAX_FRAMES}")))
     });
-    let columns = ply::read_columns(bytes, &COLUMNS).map_err(IoError::ply(path))?;
+    let columns = ply::read_columns(bytes, &COLUMNS).map_err(IoError::format(path))?;
     let others: Vec<&str> = read
         .extra_columns
         .iter()

@@ -1,5 +1,6 @@
 //! The tuple of parameters: the meaning of each position.
 
+use super::Gaussian4dError;
 use crate::pth::{Layers, Tensor};
 use gs_core::{Splats, sh};
 use gs_deform::Gaussians4d;
@@ -27,28 +28,27 @@ const UNREAD: usize = 33;
 /// The Gaussians, and notes for the user.
 pub(super) fn gaussians(
     tensors: Vec<(String, Tensor<'_>)>,
-) -> Result<(Gaussians4d, Vec<String>), String> {
+) -> Result<(Gaussians4d, Vec<String>), Gaussian4dError> {
     let layers = Layers::new(tensors);
     let means = layers.get(place::MEANS).map(Tensor::shape);
     let Some(&[n, 3]) = means else {
-        return Err(format!(
+        return Err(Gaussian4dError::Parameters(format!(
             "is not a checkpoint of native 4D Gaussians: its second part has shape {:?}, expected [N, 3] (centres); it has {}",
             means.unwrap_or_default(),
             layers.summary()
-        ));
+        )));
     };
     if !layers.has(place::TIMES) {
-        return Err(
-            "is a checkpoint of 3D Gaussians without times, which do not move; give the point_cloud.ply of the model as a frame"
-                .to_owned(),
-        );
+        return Err(Gaussian4dError::Still);
     }
     if n == 0 {
-        return Err("holds no Gaussians".to_owned());
+        return Err(Gaussian4dError::Empty);
     }
     let named = |what: &str, place: &str, shape: &[usize]| {
         layers.values(place, shape).map_err(|error| {
-            format!("{what}: {error}; it may be of another version of 4D Gaussian Splatting")
+            Gaussian4dError::Parameters(format!(
+                "{what}: {error}; it may be of another version of 4D Gaussian Splatting"
+            ))
         })
     };
     let means = named("centres", place::MEANS, &[n, 3])?;
@@ -69,7 +69,8 @@ pub(super) fn gaussians(
     let dc = named("base colours", place::DC, &[n, 1, 3])?;
     let rest = layers.need(place::REST)?;
     let &[rows, higher, 3] = rest.shape() else {
-        return Err(format!("colours have shape {:?}, expected [{n}, K − 1, 3]", rest.shape()));
+        let what = format!("colours have shape {:?}, expected [{n}, K − 1, 3]", rest.shape());
+        return Err(Gaussian4dError::Parameters(what));
     };
     let stored = higher + 1;
     let (kept, waving) = match stored {
@@ -79,9 +80,9 @@ pub(super) fn gaussians(
         _ => (sh::degree_of(stored).map(sh::num_coeffs), false),
     };
     let kept = kept.ok_or_else(|| {
-        format!(
+        Gaussian4dError::Parameters(format!(
             "colours have shape [{rows}, {higher}, 3], expected [{n}, K − 1, 3] with K = {WAVING} (4D SH), {UNREAD}, or 1, 4, 9 or {STILL} (3D SH)"
-        )
+        ))
     })?;
     let rest = rest.to_f32s();
     let (mut coefficients, mut waves) = (Vec::with_capacity(n * kept), Vec::new());

@@ -1,8 +1,7 @@
 //! Values of accessors: any component type, interleaved, normalised, sparse.
 
+use super::GltfError;
 use super::document::{Accessor, BufferView, Document};
-use super::extension::FORMAT;
-use crate::frame::FrameError;
 use std::borrow::Cow;
 
 /// Buffers, with their views and accessors.
@@ -30,7 +29,7 @@ enum Component {
 }
 
 impl Component {
-    fn of(code: u32) -> Result<Self, FrameError> {
+    fn of(code: u32) -> Result<Self, GltfError> {
         Ok(match code {
             5120 => Self::I8,
             5121 => Self::U8,
@@ -86,8 +85,8 @@ impl Component {
     }
 }
 
-fn damaged(what: impl Into<String>) -> FrameError {
-    FrameError::damaged(FORMAT, what)
+fn damaged(what: impl Into<String>) -> GltfError {
+    GltfError::damaged(what)
 }
 
 fn size(value: u64) -> usize {
@@ -101,20 +100,19 @@ struct Rows<'a> {
 }
 
 impl<'a> Source<'a> {
-    pub(super) fn accessor(&self, index: usize) -> Result<&'a Accessor, FrameError> {
+    pub(super) fn accessor(&self, index: usize) -> Result<&'a Accessor, GltfError> {
         let missing = || damaged(format!("accessor {index} is missing"));
         self.document.accessors.get(index).ok_or_else(missing)
     }
 
-    fn view(&self, index: usize) -> Result<(&'a BufferView, &'a [u8]), FrameError> {
+    fn view(&self, index: usize) -> Result<(&'a BufferView, &'a [u8]), GltfError> {
         let view = self.document.buffer_views.get(index);
         let view = view.ok_or_else(|| damaged(format!("buffer view {index} is missing")))?;
         let buffer = self.buffers.get(view.buffer);
         let buffer = buffer.ok_or_else(|| damaged(format!("buffer {} is missing", view.buffer)))?;
         let start = size(view.byte_offset);
         let end = start.saturating_add(size(view.byte_length));
-        let bytes = buffer.get(start..end).ok_or_else(|| FrameError::Truncated {
-            format: FORMAT,
+        let bytes = buffer.get(start..end).ok_or_else(|| GltfError::Truncated {
             part: "a buffer view",
             expected: end as u128,
             found: buffer.len() as u128,
@@ -123,7 +121,7 @@ impl<'a> Source<'a> {
     }
 
     /// All bytes of a view.
-    pub(super) fn bytes(&self, view: usize) -> Result<&'a [u8], FrameError> {
+    pub(super) fn bytes(&self, view: usize) -> Result<&'a [u8], GltfError> {
         Ok(self.view(view)?.1)
     }
 
@@ -134,7 +132,7 @@ impl<'a> Source<'a> {
         offset: u64,
         count: usize,
         width: usize,
-    ) -> Result<Rows<'a>, FrameError> {
+    ) -> Result<Rows<'a>, GltfError> {
         let (view, bytes) = self.view(view)?;
         let stride = view.byte_stride.map_or(width, size);
         if stride < width {
@@ -143,8 +141,7 @@ impl<'a> Source<'a> {
         let needed = stride.saturating_mul(count.saturating_sub(1)).saturating_add(width);
         let bytes = bytes.get(size(offset)..).unwrap_or_default();
         if bytes.len() < needed {
-            return Err(FrameError::Truncated {
-                format: FORMAT,
+            return Err(GltfError::Truncated {
                 part: "an accessor",
                 expected: needed as u128,
                 found: bytes.len() as u128,
@@ -160,7 +157,7 @@ impl<'a> Source<'a> {
         index: usize,
         what: &str,
         count: usize,
-    ) -> Result<Values<N>, FrameError> {
+    ) -> Result<Values<N>, GltfError> {
         let accessor = self.accessor(index)?;
         let width = match accessor.shape.as_str() {
             "SCALAR" => 1,

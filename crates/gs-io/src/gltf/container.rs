@@ -1,9 +1,8 @@
 //! The parts of a `.glb` or `.gltf`: its JSON, and the bytes of its buffers.
 
+use super::GltfError;
 use super::document::{Buffer, Document};
-use super::extension::FORMAT;
 use crate::content::marks::GLB;
-use crate::frame::FrameError;
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 use std::borrow::Cow;
@@ -22,7 +21,7 @@ pub(super) struct Parts<'a> {
 
 impl<'a> Parts<'a> {
     /// Splits a file into its parts.
-    pub(super) fn of(bytes: &'a [u8]) -> Result<Self, FrameError> {
+    pub(super) fn of(bytes: &'a [u8]) -> Result<Self, GltfError> {
         if !bytes.starts_with(&GLB) {
             let json = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
             return Ok(Self { json, binary: None });
@@ -30,20 +29,14 @@ impl<'a> Parts<'a> {
         let word = |at: usize| {
             bytes.get(at..at + 4).and_then(|word| word.try_into().ok()).map(u32::from_le_bytes)
         };
-        let truncated = |part, expected: u128| FrameError::Truncated {
-            format: FORMAT,
+        let truncated = |part, expected: u128| GltfError::Truncated {
             part,
             expected,
             found: bytes.len() as u128,
         };
         let version = word(4).ok_or_else(|| truncated("the header", GLB_HEADER as u128))?;
         if version != 2 {
-            return Err(FrameError::Version {
-                format: FORMAT,
-                found: version,
-                expected: "2",
-                next: "export it again from a current tool",
-            });
+            return Err(GltfError::Version { found: version });
         }
         let (mut at, mut json, mut binary) = (GLB_HEADER, None, None);
         while let (Some(length), Some(kind)) = (word(at), word(at + 4)) {
@@ -57,7 +50,7 @@ impl<'a> Parts<'a> {
             }
             at = end;
         }
-        let json = json.ok_or_else(|| FrameError::damaged(FORMAT, "it has no JSON chunk"))?;
+        let json = json.ok_or_else(|| GltfError::damaged("it has no JSON chunk"))?;
         Ok(Self { json, binary })
     }
 }
@@ -67,19 +60,18 @@ pub(super) fn buffers<'a>(
     document: &Document,
     binary: Option<&'a [u8]>,
     external: &dyn Fn(&str) -> Result<Vec<u8>, String>,
-) -> Result<Vec<Cow<'a, [u8]>>, FrameError> {
+) -> Result<Vec<Cow<'a, [u8]>>, GltfError> {
     let one = |(index, buffer): (usize, &Buffer)| {
         let bytes = match &buffer.uri {
             None if index == 0 => Cow::Borrowed(binary.unwrap_or_default()),
             None => Cow::Borrowed(&[][..]),
             Some(uri) => Cow::Owned(match data_of(uri) {
                 Some(bytes) => bytes?,
-                None => external(uri).map_err(|what| FrameError::damaged(FORMAT, what))?,
+                None => external(uri).map_err(GltfError::damaged)?,
             }),
         };
         if (bytes.len() as u64) < buffer.byte_length {
-            return Err(FrameError::Truncated {
-                format: FORMAT,
+            return Err(GltfError::Truncated {
                 part: "a buffer",
                 expected: u128::from(buffer.byte_length),
                 found: bytes.len() as u128,
@@ -91,7 +83,7 @@ pub(super) fn buffers<'a>(
 }
 
 /// The bytes of a `data:` URI; `None` for other URIs.
-fn data_of(uri: &str) -> Option<Result<Vec<u8>, FrameError>> {
+fn data_of(uri: &str) -> Option<Result<Vec<u8>, GltfError>> {
     let rest = uri.strip_prefix("data:")?;
     let decoded = match rest.split_once(',') {
         Some((kind, data)) if kind.ends_with(";base64") => {
@@ -99,7 +91,7 @@ fn data_of(uri: &str) -> Option<Result<Vec<u8>, FrameError>> {
         }
         _ => Err("expected base64".to_owned()),
     };
-    Some(decoded.map_err(|what| FrameError::damaged(FORMAT, format!("a data URI: {what}"))))
+    Some(decoded.map_err(|what| GltfError::damaged(format!("a data URI: {what}"))))
 }
 
 #[cfg(test)]

@@ -2,7 +2,6 @@
 
 use crate::axes::Axes;
 
-pub(super) const FORMAT: &str = "glTF";
 pub(super) const EXTENSION: &str = "KHR_gaussian_splatting";
 pub(super) const SPZ_EXTENSIONS: [&str; 2] =
     ["KHR_gaussian_splatting_compression_spz_2", "KHR_gaussian_splatting_compression_spz"];

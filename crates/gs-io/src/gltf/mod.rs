@@ -14,11 +14,13 @@ mod accessor;
 mod container;
 mod document;
 mod ellipsoid;
+mod error;
 mod extension;
 mod node;
 mod primitive;
 mod read;
 mod write;
 
+pub use error::GltfError;
 pub use read::{External, read};
 pub use write::{WriteOptions, write};

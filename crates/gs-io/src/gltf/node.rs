@@ -1,8 +1,7 @@
 //! Nodes: placement of meshes in the scene.
 
+use super::GltfError;
 use super::document::{Document, Node};
-use super::extension::FORMAT;
-use crate::frame::FrameError;
 use glam::{DMat3, DMat4, DQuat, DVec3};
 
 /// Tolerance for the column products and the determinant of a
@@ -24,7 +23,7 @@ pub(super) struct Placement {
 pub(super) fn placements(
     document: &Document,
     wanted: &dyn Fn(usize) -> bool,
-) -> Result<Vec<Placement>, FrameError> {
+) -> Result<Vec<Placement>, GltfError> {
     let nodes = &document.nodes;
     let mut found = Vec::new();
     let mut open: Vec<(usize, DMat4)> =
@@ -55,7 +54,7 @@ pub(super) fn placements(
 }
 
 /// Roots of the default scene; without scenes, the nodes that are not children.
-fn roots(document: &Document) -> Result<Vec<usize>, FrameError> {
+fn roots(document: &Document) -> Result<Vec<usize>, GltfError> {
     if document.scenes.is_empty() {
         let mut child = vec![false; document.nodes.len()];
         for &index in document.nodes.iter().flat_map(|node| &node.children) {
@@ -70,8 +69,8 @@ fn roots(document: &Document) -> Result<Vec<usize>, FrameError> {
     Ok(scene.ok_or_else(|| damaged(format!("scene {index} is missing")))?.nodes.clone())
 }
 
-fn damaged(what: String) -> FrameError {
-    FrameError::damaged(FORMAT, what)
+fn damaged(what: String) -> GltfError {
+    GltfError::damaged(what)
 }
 
 fn local(node: &Node) -> DMat4 {
@@ -89,7 +88,7 @@ fn local(node: &Node) -> DMat4 {
 impl Placement {
     /// Decomposes a matrix into a rotation, a positive scale along each axis, and a translation.
     /// Other matrices cannot be applied to splats.
-    fn of(mesh: usize, global: &DMat4, node: &Node, index: usize) -> Result<Self, FrameError> {
+    fn of(mesh: usize, global: &DMat4, node: &Node, index: usize) -> Result<Self, GltfError> {
         let refused = |why: &str| {
             damaged(format!(
                 "node {index} `{}` {why}, which cannot be applied to Gaussians; apply its \

@@ -1,12 +1,12 @@
 //! One primitive: its splats in mesh coordinates, and their placement in the scene.
 
+use super::GltfError;
 use super::accessor::{Source, Values};
 use super::document::Primitive;
 use super::ellipsoid;
-use super::extension::{EXTENSION, FORMAT, SPZ_EXTENSIONS, harmonic_name};
+use super::extension::{EXTENSION, SPZ_EXTENSIONS, harmonic_name};
 use super::node::Placement;
 use crate::axes::{self, Axes};
-use crate::frame::FrameError;
 use crate::spz;
 use glam::{DMat3, DQuat, DVec3};
 use gs_core::activation::logit;
@@ -48,25 +48,22 @@ fn spz_view(primitive: &Primitive) -> Option<u64> {
 }
 
 /// Rows and SH degree of the attributes; embedded SPZ has its own bounds.
-pub(super) fn size(source: &Source<'_>, primitive: &Primitive) -> Result<(u64, usize), FrameError> {
+pub(super) fn size(source: &Source<'_>, primitive: &Primitive) -> Result<(u64, usize), GltfError> {
     if spz_view(primitive).is_some() {
         return Ok((0, 0));
     }
     Ok((source.accessor(attribute(primitive, "POSITION")?)?.count, degree(primitive)?))
 }
 
-fn attribute(primitive: &Primitive, name: &str) -> Result<usize, FrameError> {
+fn attribute(primitive: &Primitive, name: &str) -> Result<usize, GltfError> {
     primitive.attributes.get(name).copied().ok_or_else(|| {
         let found: Vec<&str> = primitive.attributes.keys().map(String::as_str).take(4).collect();
-        FrameError::damaged(
-            FORMAT,
-            format!("splats have no attribute `{name}`, found {}", found.join(", ")),
-        )
+        GltfError::damaged(format!("splats have no attribute `{name}`, found {}", found.join(", ")))
     })
 }
 
 /// Highest degree with a coefficient. All coefficients up to that degree are required.
-fn degree(primitive: &Primitive) -> Result<usize, FrameError> {
+fn degree(primitive: &Primitive) -> Result<usize, GltfError> {
     let has = |k: &usize| primitive.attributes.contains_key(&harmonic_name(*k));
     let highest = (0..num_coeffs(MAX_DEGREE)).rfind(has).unwrap_or_default();
     let degree = highest.isqrt();
@@ -77,7 +74,7 @@ fn degree(primitive: &Primitive) -> Result<usize, FrameError> {
 }
 
 /// Notes on non-default properties of the extension; an error if they change the meaning of splats.
-pub(super) fn notes(primitive: &Primitive) -> Result<Vec<String>, FrameError> {
+pub(super) fn notes(primitive: &Primitive) -> Result<Vec<String>, GltfError> {
     let Some(extension) = extension(primitive) else { return Ok(Vec::new()) };
     let text = |name: &str, usual: &'static str| -> String {
         extension[name].as_str().unwrap_or(usual).to_owned()
@@ -85,7 +82,7 @@ pub(super) fn notes(primitive: &Primitive) -> Result<Vec<String>, FrameError> {
     let kernel = text("kernel", "ellipse");
     if kernel != "ellipse" {
         let what = format!("splats have the kernel `{kernel}`, expected `ellipse`");
-        return Err(FrameError::damaged(FORMAT, what));
+        return Err(GltfError::damaged(what));
     }
     let mut notes = Vec::new();
     let projection = text("projection", "perspective");
@@ -110,7 +107,7 @@ pub(super) fn read(
     source: &Source<'_>,
     primitive: &Primitive,
     (count, degree): (usize, usize),
-) -> Result<Part, FrameError> {
+) -> Result<Part, GltfError> {
     let mut part = match spz_view(primitive) {
         Some(view) => {
             let view = usize::try_from(view).unwrap_or(usize::MAX);
@@ -136,8 +133,8 @@ fn attributes(
     primitive: &Primitive,
     count: usize,
     degree: usize,
-) -> Result<Part, FrameError> {
-    let named = |name: &str| -> Result<(usize, String), FrameError> {
+) -> Result<Part, GltfError> {
+    let named = |name: &str| -> Result<(usize, String), GltfError> {
         let name = format!("{EXTENSION}:{name}");
         Ok((attribute(primitive, &name)?, name))
     };

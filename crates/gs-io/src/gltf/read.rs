@@ -1,14 +1,15 @@
 //! Reading glTF.
 
+use super::GltfError;
 use super::accessor::Source;
 use super::container::{Parts, buffers};
 use super::document::Document;
-use super::extension::{EXTENSION, FORMAT, SPZ_EXTENSIONS, USUAL_AXES};
+use super::extension::{EXTENSION, SPZ_EXTENSIONS, USUAL_AXES};
 use super::node::placements;
 use super::primitive::{self, Part, is_splats};
 use crate::archive::decompress;
 use crate::axes::{self, Axes, AxesReading};
-use crate::frame::{Frame, FrameError, FrameFormat};
+use crate::frame::{Frame, FrameFormat};
 use gs_core::sh::num_coeffs;
 use gs_core::{Precision, RowPrecision, Splats};
 use std::sync::Arc;
@@ -32,18 +33,18 @@ pub type External<'a> = dyn Fn(&str) -> Result<Vec<u8>, String> + 'a;
 /// # Errors
 /// If it is damaged, has no splats, requires an unsupported extension, mirrors or shears splats, or
 /// declares more of them than its size allows.
-pub fn read(bytes: &[u8], external: &External<'_>) -> Result<Frame, FrameError> {
+pub fn read(bytes: &[u8], external: &External<'_>) -> Result<Frame, GltfError> {
     let parts = Parts::of(bytes)?;
     let document: Document = serde_json::from_slice(parts.json)
-        .map_err(|error| FrameError::damaged(FORMAT, format!("its JSON: {error}")))?;
+        .map_err(|error| GltfError::damaged(format!("its JSON: {error}")))?;
     if !document.asset.version.starts_with("2.") {
         let what = format!("version `{}`, expected 2.0", document.asset.version);
-        return Err(FrameError::damaged(FORMAT, what));
+        return Err(GltfError::damaged(what));
     }
     let unknown = |name: &&String| !KNOWN.contains(&name.as_str());
     if let Some(name) = document.extensions_required.iter().find(unknown) {
         let what = format!("it requires the unsupported extension {name}; export it without");
-        return Err(FrameError::damaged(FORMAT, what));
+        return Err(GltfError::damaged(what));
     }
     let has_splats = |mesh: usize| {
         document.meshes.get(mesh).is_some_and(|mesh| mesh.primitives.iter().any(is_splats))
@@ -55,7 +56,7 @@ pub fn read(bytes: &[u8], external: &External<'_>) -> Result<Frame, FrameError> 
         } else {
             "a glTF without Gaussian splats (KHR_gaussian_splatting)"
         };
-        return Err(FrameError::Unknown { found: found.to_owned() });
+        return Err(GltfError::NoSplats { found });
     }
     let buffers = buffers(&document, parts.binary, external)?;
     let source = Source { document: &document, buffers: &buffers };
@@ -85,7 +86,7 @@ pub fn read(bytes: &[u8], external: &External<'_>) -> Result<Frame, FrameError> 
                 "its splats need {needed} bytes, more than a file of this size can \
                         contain"
             );
-            return Err(FrameError::damaged(FORMAT, what));
+            return Err(GltfError::damaged(what));
         }
         for note in primitive::notes(found)? {
             if !notes.contains(&note) {
@@ -102,7 +103,7 @@ pub fn read(bytes: &[u8], external: &External<'_>) -> Result<Frame, FrameError> 
     }
     let (mut splats, precision) = join(read);
     if splats.is_empty() {
-        return Err(FrameError::Empty { format: FORMAT });
+        return Err(GltfError::Empty);
     }
     let axes = USUAL_AXES[0];
     axes::convert(&mut splats, axes, Axes::PLY);

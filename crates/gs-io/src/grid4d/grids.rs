@@ -1,7 +1,7 @@
 //! Builds one grid from the tensors of a file.
 
+use super::Grid4dError;
 use crate::pth::Layers;
-use crate::wrong_network::WrongNetwork;
 use gs_deform::{SmoothGrid, SmoothGridParts};
 
 /// The grid `name` over these of the coordinates x, y, z, t.
@@ -9,15 +9,14 @@ pub(super) fn grid(
     layers: &Layers<'_>,
     name: &str,
     axes: &[usize],
-) -> Result<SmoothGrid, WrongNetwork> {
+) -> Result<SmoothGrid, Grid4dError> {
     let part = |part: &str| format!("0.{name}_encoding.{part}");
     let embeddings = layers.need(&part("embeddings"))?;
     let &[_, channels] = embeddings.shape() else {
-        return Err(WrongNetwork::Content(format!(
-            "`{}` has shape {:?}, expected [entries, channels]",
-            part("embeddings"),
-            embeddings.shape()
-        )));
+        return Err(Grid4dError::Embeddings {
+            name: part("embeddings"),
+            shape: embeddings.shape().to_vec(),
+        });
     };
     let offsets = layers.need(&part("offsets"))?.to_f64s().into_iter().map(|value| {
         #[expect(

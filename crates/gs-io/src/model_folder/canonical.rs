@@ -28,8 +28,8 @@ pub(crate) fn read_canonical(dir: &Path, overrides: &Overrides) -> Result<Canoni
     let iteration = find(dir, overrides.iteration)?;
     let ply_path = iteration.dir.join("point_cloud.ply");
     let read = ply::read_file(&ply_path)?;
-    let sanitized = repair::sanitize(read.splats, overrides.damage)
-        .map_err(|source| IoError::Damaged { path: ply_path.clone(), source })?;
+    let sanitized =
+        repair::sanitize(read.splats, overrides.damage).map_err(IoError::damaged(&ply_path))?;
     let mut report = ModelReport::new(&iteration, ply_path, &sanitized);
     report.notes.extend(read.notes);
     report.warnings.extend(iteration.notes.iter().cloned());
@@ -68,7 +68,7 @@ fn read_cfg(iteration: &Iteration, report: &mut ModelReport) -> Result<Option<Cf
     }
     let cfg = match cfg_args::parse(&text::decode(&read_bytes(&path)?)) {
         Ok(cfg) => cfg,
-        Err(source) => return Err(IoError::Cfg { path, source }),
+        Err(source) => return Err(IoError::format(&path)(source)),
     };
     let (decisive, rest): (Vec<&str>, Vec<&str>) =
         cfg.unread.iter().map(String::as_str).partition(|name| DECISIVE.contains(name));

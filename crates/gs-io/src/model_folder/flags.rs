@@ -17,6 +17,7 @@ pub enum Origin {
 
 /// A flag and its origin.
 #[derive(Debug, Clone, PartialEq, Eq)]
+#[non_exhaustive]
 pub struct FlagReport {
     /// Name as in `cfg_args`.
     pub name: &'static str,

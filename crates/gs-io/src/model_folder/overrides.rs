@@ -35,7 +35,7 @@ pub struct Swift4dOverrides {
     pub index_rule: Option<IndexRule>,
     /// Whether a ReLU follows the trunk (`activation`); not visible in the tensors.
     pub trunk_relu: Option<bool>,
-    /// Score above which a Gaussian is dynamic.
+    /// Score (column `dynamic` of the PLY, no unit) above which a Gaussian is dynamic.
     pub dynamic_thro: Option<f32>,
     /// Number of levels of the grid.
     pub n_levels: Option<u32>,

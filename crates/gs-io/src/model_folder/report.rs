@@ -16,6 +16,7 @@ pub struct DynamicSplitCounts {
 
 /// Contents of a model folder, and the resolved settings with their origin.
 #[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
 pub struct ModelReport {
     /// Iteration number.
     pub iteration: u64,

@@ -4,6 +4,7 @@ use thiserror::Error;
 
 /// Error of reading a PLY file.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
+#[non_exhaustive]
 pub enum PlyError {
     /// The first line is not `ply`.
     #[error("not a PLY file: it starts with {found}, expected the line `ply`")]

@@ -16,7 +16,7 @@ use std::path::Path;
 pub fn read_file(path: &Path) -> Result<PlySplats, IoError> {
     match read_in_blocks(path)? {
         Some(read) => Ok(read),
-        None => read(&read_bytes(path)?).map_err(IoError::ply(path)),
+        None => read(&read_bytes(path)?).map_err(IoError::format(path)),
     }
 }
 
@@ -36,10 +36,10 @@ pub fn read_header_file(path: &Path) -> Result<Header, IoError> {
         refuse_stand_in(path, &bytes)?;
         match Header::parse(&bytes) {
             Err(PlyError::Header(_)) if read as u64 == missing => {}
-            result => return result.map_err(IoError::ply(path)),
+            result => return result.map_err(IoError::format(path)),
         }
     }
-    Header::parse(&bytes).map_err(IoError::ply(path))
+    Header::parse(&bytes).map_err(IoError::format(path))
 }
 
 /// Writes a 3DGS PLY file; it appears under its name only when complete.

@@ -1,5 +1,6 @@
 //! Finds the frames among file names, and their order.
 
+use super::SequenceError;
 use std::collections::BTreeMap;
 
 /// Frames of a folder in numeric order, and its other entries.
@@ -35,7 +36,7 @@ fn parse(name: &str) -> Option<(String, u64)> {
 ///
 /// # Errors
 /// If a number occurs twice or one is missing.
-pub(crate) fn find_frames(names: &[String]) -> Result<Found, String> {
+pub(crate) fn find_frames(names: &[String]) -> Result<Found, SequenceError> {
     let mut groups: BTreeMap<String, Vec<(u64, String)>> = BTreeMap::new();
     let mut ignored = Vec::new();
     for name in names {
@@ -68,18 +69,19 @@ pub(crate) fn find_frames(names: &[String]) -> Result<Found, String> {
     Ok(Found { frames: frames.into_iter().map(|(_, name)| name).collect(), ignored, series })
 }
 
-fn check_numbers(frames: &[(u64, String)]) -> Result<(), String> {
+fn check_numbers(frames: &[(u64, String)]) -> Result<(), SequenceError> {
     let steps = || frames.windows(2).map(|pair| pair[1].0 - pair[0].0);
     let Some(step) = steps().min() else { return Ok(()) };
     for pair in frames.windows(2) {
         let ((a, first), (b, second)) = (&pair[0], &pair[1]);
+        let names = || (first.clone(), second.clone());
         if a == b {
-            return Err(format!("has two files for frame {a}: {first} and {second}; keep one"));
+            let (first, second) = names();
+            return Err(SequenceError::Duplicate { number: *a, first, second });
         }
         if b - a != step {
-            return Err(format!(
-                "has no frame between {first} and {second}, although the others are {step} apart; copy the missing files or renumber"
-            ));
+            let (first, second) = names();
+            return Err(SequenceError::Missing { first, second, step });
         }
     }
     Ok(())
@@ -91,6 +93,7 @@ mod tests {
 
     fn find(names: &[&str]) -> Result<Found, String> {
         find_frames(&names.iter().map(|&name| name.to_owned()).collect::<Vec<_>>())
+            .map_err(|error| error.to_string())
     }
 
     #[test]

@@ -1,11 +1,13 @@
 //! [`Source`]: location of a sequence's frames.
 
-use super::{find_frames, list_names};
+use super::SequenceError;
+use super::find_frames;
 use crate::archive::Archive;
 use crate::archive::decompress;
 use crate::content::is_read_whole;
 use crate::error::IoError;
 use crate::frame::{self, Shape};
+use crate::fs::list_names;
 use crate::fs::{read_bytes, refuse_stand_in};
 use std::fs::File;
 use std::io::{BufReader, Read, Seek};
@@ -42,7 +44,7 @@ pub(super) enum Source {
 impl Source {
     /// The frames of a folder, and its other entries.
     pub(super) fn folder(dir: &Path) -> Result<(Self, Beside), IoError> {
-        let found = find_frames(&list_names(dir)?).map_err(|what| IoError::content(dir, what))?;
+        let found = find_frames(&list_names(dir)?).map_err(IoError::format(dir))?;
         let paths = found.frames.iter().map(|name| dir.join(name)).collect();
         Ok((Self::Folder(paths), Beside { ignored: found.ignored, series: found.series }))
     }
@@ -58,9 +60,10 @@ impl Source {
         file.rewind().map_err(failed)?;
         let limit = decompress::limit(usize::try_from(size).unwrap_or(usize::MAX));
         let archive = Archive::open(BufReader::new(file)).map_err(|what| {
-            IoError::content(path, format!("is not a readable zip archive: {what}"))
+            let what = format!("is not a readable zip archive: {what}");
+            IoError::format(path)(SequenceError::Archive(what))
         })?;
-        let found = find_frames(archive.names()).map_err(|what| IoError::content(path, what))?;
+        let found = find_frames(archive.names()).map_err(IoError::format(path))?;
         let mut ignored = found.ignored;
         ignored.retain(|name| !name.ends_with('/'));
         let archive = Mutex::new(archive);
@@ -108,7 +111,7 @@ impl Source {
             let (start, total) = self.start(index, count)?;
             refuse_stand_in(&label, &start)?;
             if is_read_whole(&start) {
-                let read = frame::read(&self.read(index)?).map_err(IoError::frame(&label))?;
+                let read = frame::read(&self.read(index)?).map_err(IoError::format(&label))?;
                 return Ok(Shape {
                     format: read.format,
                     num_splats: read.splats.len() as u64,
@@ -118,13 +121,13 @@ impl Source {
             let shape = frame::shape(&start, total);
             let whole = (start.len() as u64) < count;
             if shape.is_ok() || whole {
-                return shape.map_err(IoError::frame(&label));
+                return shape.map_err(IoError::format(&label));
             }
             result = Some(shape);
         }
         result.map_or_else(
-            || Err(IoError::content(&label, "is empty")),
-            |shape| shape.map_err(IoError::frame(&label)),
+            || Err(IoError::format(&label)(SequenceError::Empty)),
+            |shape| shape.map_err(IoError::format(&label)),
         )
     }
 
@@ -140,7 +143,10 @@ impl Source {
             }
             Self::Zip { path, names, archive, .. } => {
                 let mut archive = archive.lock().unwrap_or_else(PoisonError::into_inner);
-                archive.start(&names[index], count).map_err(|what| IoError::content(&path[0], what))
+                archive
+                    .start(&names[index], count)
+                    .map_err(SequenceError::Archive)
+                    .map_err(IoError::format(&path[0]))
             }
         }
     }
@@ -151,7 +157,10 @@ impl Source {
             Self::Folder(paths) => read_bytes(&paths[index]),
             Self::Zip { path, names, archive, limit } => {
                 let mut archive = archive.lock().unwrap_or_else(PoisonError::into_inner);
-                archive.read(&names[index], *limit).map_err(|what| IoError::content(&path[0], what))
+                archive
+                    .read(&names[index], *limit)
+                    .map_err(SequenceError::Archive)
+                    .map_err(IoError::format(&path[0]))
             }
         }
     }

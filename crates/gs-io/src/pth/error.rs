@@ -1,10 +1,11 @@
-//! [`PthError`]: errors of reading a PyTorch file.
+//! [`PthError`], [`LayersError`]: errors of reading a PyTorch file and the layers in it.
 
 use crate::archive::ZipError;
 use thiserror::Error;
 
 /// Error of reading a PyTorch file.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
+#[non_exhaustive]
 pub enum PthError {
     /// A storage of the stream format of PyTorch before 1.6 is damaged.
     #[error("PyTorch file in the legacy format: {0}")]
@@ -41,5 +42,41 @@ pub enum PthError {
         found: String,
         /// Kind of the root expected.
         expected: &'static str,
+    },
+}
+
+/// A tensor of a readable PyTorch file is not as a network requires.
+#[derive(Debug, Clone, PartialEq, Eq, Error)]
+#[non_exhaustive]
+pub enum LayersError {
+    /// A tensor is missing.
+    #[error("has no tensor `{name}`, but {found}")]
+    Missing {
+        /// Its name.
+        name: String,
+        /// Number and names of the tensors found.
+        found: String,
+    },
+    /// A tensor has another shape.
+    #[error("`{name}` has shape {found:?}, expected {expected:?}")]
+    Shape {
+        /// Its name.
+        name: String,
+        /// Its shape.
+        found: Vec<usize>,
+        /// The shape expected.
+        expected: Vec<usize>,
+    },
+    /// Weights and biases do not form a linear layer.
+    #[error(
+        "`{name}` has weights of shape {weight:?} and biases of shape {bias:?}, expected [outputs, inputs] and [outputs]"
+    )]
+    Linear {
+        /// Name of the layer.
+        name: String,
+        /// Shape of the weights.
+        weight: Vec<usize>,
+        /// Shape of the biases.
+        bias: Vec<usize>,
     },
 }

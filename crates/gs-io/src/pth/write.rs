@@ -11,7 +11,7 @@ pub struct NamedTensor<'a> {
     pub name: &'a str,
     /// Shape; its product is the number of values.
     pub shape: &'a [usize],
-    /// Values.
+    /// Values, row-major.
     pub values: &'a [f32],
 }
 

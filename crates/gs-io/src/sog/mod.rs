@@ -5,8 +5,10 @@
 //! codebooks of 256 values; quaternions store their smaller three components in bytes and the slot
 //! of the largest in alpha; SH above degree 0 are entries of a palette.
 
+mod error;
 mod read;
 
+pub use error::SogError;
 pub use read::read;
 
 pub(crate) use read::read_planes;

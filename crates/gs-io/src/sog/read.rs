@@ -1,9 +1,10 @@
 //! Reading SOG.
 
+use super::SogError;
 use crate::archive::Archive;
 use crate::archive::decompress;
 use crate::bytes8::{ends_note, largest_from, logit_of, smallest_three_rad};
-use crate::frame::{Frame, FrameError, FrameFormat};
+use crate::frame::{Frame, FrameFormat};
 use crate::fs::text;
 use crate::plane::{FIRST_SLOT, PALETTE_ROW, Plane};
 use crate::tsog;
@@ -14,7 +15,6 @@ use serde::Deserialize;
 use std::io::Cursor;
 use std::sync::Arc;
 
-const FORMAT: &str = "SOG";
 /// Largest gap between codebook values, in median gaps, that is
 /// used as a bound of the rounding error.
 const WIDEST_GAP: f32 = 8.0;
@@ -61,15 +61,15 @@ struct Palette {
     files: [String; 2],
 }
 
-fn damaged(what: impl Into<String>) -> FrameError {
-    FrameError::damaged(FORMAT, what)
+fn damaged(what: impl Into<String>) -> SogError {
+    SogError::damaged(what)
 }
 
 /// Reads a SOG archive.
 ///
 /// # Errors
 /// If it is another kind of archive, damaged, or of version 1.
-pub fn read(bytes: &[u8]) -> Result<Frame, FrameError> {
+pub fn read(bytes: &[u8]) -> Result<Frame, SogError> {
     let mut archive = Archive::open(Cursor::new(bytes)).map_err(damaged)?;
     let name = archive
         .names()
@@ -90,19 +90,14 @@ pub fn read(bytes: &[u8]) -> Result<Frame, FrameError> {
 pub(crate) fn read_planes(
     meta: &[u8],
     plane: &dyn Fn(&str) -> Result<Vec<u8>, String>,
-) -> Result<Frame, FrameError> {
+) -> Result<Frame, SogError> {
     if tsog::is_timed(meta) {
-        return Err(FrameError::Moving { what: "a .tsog clip" });
+        return Err(SogError::Timed);
     }
     let meta: Meta = serde_json::from_slice(&text::json(meta))
         .map_err(|error| damaged(format!("meta.json: {error}")))?;
     if meta.version != 2 {
-        return Err(FrameError::Version {
-            format: FORMAT,
-            found: meta.version.max(1),
-            expected: "2",
-            next: "convert it with a current splat-transform or SuperSplat",
-        });
+        return Err(SogError::Version { found: meta.version.max(1) });
     }
     let names = [
         &meta.means.files[0],
@@ -124,7 +119,7 @@ pub(crate) fn read_planes(
     };
     let count = usize::try_from(meta.count).unwrap_or(usize::MAX);
     if count == 0 {
-        return Err(FrameError::Empty { format: FORMAT });
+        return Err(SogError::Empty);
     }
     if let Some(short) = planes.iter().map(Plane::len).find(|&pixels| pixels < count) {
         return Err(damaged(format!("{count} splats in a plane of {short} pixels")));
@@ -215,7 +210,7 @@ struct Book {
 }
 
 impl Book {
-    fn of(codebook: &[f32]) -> Result<Self, FrameError> {
+    fn of(codebook: &[f32]) -> Result<Self, SogError> {
         let values: [f32; 256] = codebook.try_into().map_err(|_error| {
             damaged(format!("a codebook of {} values, expected 256", codebook.len()))
         })?;
@@ -250,7 +245,7 @@ impl Harmonics {
         count: usize,
         limit: u64,
         plane: &dyn Fn(&str) -> Result<Vec<u8>, String>,
-    ) -> Result<Self, FrameError> {
+    ) -> Result<Self, SogError> {
         if !(1..=3).contains(&palette.bands) {
             return Err(damaged(format!("{} bands of SH, expected 1 to 3", palette.bands)));
         }

@@ -5,6 +5,7 @@ use thiserror::Error;
 
 /// Error of reading a `.splat4d` file.
 #[derive(Debug, Error)]
+#[non_exhaustive]
 pub enum Splat4dError {
     /// Another kind of file.
     #[error("is not a .splat4d file: it does not begin with SP4D")]

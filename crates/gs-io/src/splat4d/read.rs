@@ -76,7 +76,7 @@ struct Span {
 }
 
 /// A `.splat4d` clip: `n` frames with persistent rows at times `i/(n−1)`, linear between them as in
-/// [`gs_deform::Trajectories`]. Keeps the compressed file, one decompressed group of frames and the
+/// [`gs_deform::TabulatedScene`]. Keeps the compressed file, one decompressed group of frames and the
 /// most recently used frames in memory.
 #[derive(Debug)]
 pub struct Splat4dScene {
@@ -162,8 +162,7 @@ pub fn read(bytes: Vec<u8>, damage: Damage) -> Result<OpenedClip, Splat4dError> 
 /// # Errors
 /// If it cannot be read, or as [`read`].
 pub fn open(path: &Path, damage: Damage) -> Result<OpenedClip, IoError> {
-    read(read_bytes(path)?, damage)
-        .map_err(|source| IoError::Splat4d { path: path.to_owned(), source })
+    read(read_bytes(path)?, damage).map_err(IoError::format(path))
 }
 
 fn header(bytes: &[u8]) -> Result<Header, Splat4dError> {

@@ -18,6 +18,7 @@ pub const PASSES: usize = 2;
 
 /// Result of writing a clip.
 #[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
 pub struct WriteReport {
     /// Bound of each coordinate, world units.
     pub position_bound: f64,

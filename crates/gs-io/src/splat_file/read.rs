@@ -1,15 +1,14 @@
 //! Reading `.splat`.
 
+use super::SplatFileError;
 use crate::bytes8::{dc_of, ends_note, logit_of};
 use crate::content::splat_rows::{ROW, float, rotation};
-use crate::frame::{Frame, FrameError, FrameFormat};
+use crate::frame::{Frame, FrameFormat};
 use crate::repair::FLAT_LOG_SCALE;
 use gs_core::sh::C0;
 use gs_core::{Precision, RowPrecision, Splats, quat};
 use rayon::prelude::*;
 use std::sync::Arc;
-
-const FORMAT: &str = ".splat";
 
 /// Rounding errors of a row: whole steps of the bytes, because
 /// some writers truncate and some round.
@@ -29,18 +28,17 @@ fn precision() -> RowPrecision {
 ///
 /// # Errors
 /// If there are no rows or the last one is truncated.
-pub fn read(bytes: &[u8]) -> Result<Frame, FrameError> {
+pub fn read(bytes: &[u8]) -> Result<Frame, SplatFileError> {
     let (rows, rest) = bytes.as_chunks::<ROW>();
     if !rest.is_empty() {
-        return Err(FrameError::Truncated {
-            format: FORMAT,
+        return Err(SplatFileError::Truncated {
             part: "the last row",
             expected: ROW as u128,
             found: rest.len() as u128,
         });
     }
     if rows.is_empty() {
-        return Err(FrameError::Empty { format: FORMAT });
+        return Err(SplatFileError::Empty);
     }
     let mut notes: Vec<String> = ends_note(rows.iter().map(|row| row[27])).into_iter().collect();
     let flat = rows.iter().filter(|row| (3..6).any(|axis| float(row, 4 * axis) == 0.0)).count();

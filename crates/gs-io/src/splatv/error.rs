@@ -6,6 +6,7 @@ use thiserror::Error;
 
 /// Error of reading a `.splatv` file.
 #[derive(Debug, Error)]
+#[non_exhaustive]
 pub enum SplatvError {
     /// Another kind of file.
     #[error("is not a .splatv file: it does not begin with 0x674B")]

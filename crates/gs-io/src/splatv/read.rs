@@ -97,6 +97,5 @@ pub fn read(bytes: &[u8], damage: Damage) -> Result<OpenedClip, SplatvError> {
 /// # Errors
 /// If it cannot be read, or as [`read`].
 pub fn open(path: &Path, damage: Damage) -> Result<OpenedClip, IoError> {
-    read(&read_bytes(path)?, damage)
-        .map_err(|source| IoError::Splatv { path: path.to_owned(), source })
+    read(&read_bytes(path)?, damage).map_err(IoError::format(path))
 }

@@ -54,6 +54,7 @@ pub struct Misfit {
 
 /// Result of writing a clip.
 #[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
 pub struct WriteReport {
     /// Splats written.
     pub num_splats: usize,

@@ -2,7 +2,6 @@
 
 use crate::axes::Axes;
 
-pub(super) const FORMAT: &str = "SPZ";
 /// Bytes of the header before version 4.
 pub(super) const HEADER: usize = 16;
 /// Bytes of the header of version 4.

@@ -9,11 +9,13 @@
 //! (splat-transform 3, gsply, Niantic's own by default) write those of the PLY instead, rotated by
 //! 180° about x, and no record. See [`AxesReading`](crate::AxesReading).
 
+mod error;
 mod layout;
 mod quantize;
 mod read;
 mod write;
 
+pub use error::SpzError;
 pub use read::read;
 pub(crate) use read::shape;
 pub use write::{WriteOptions, write};

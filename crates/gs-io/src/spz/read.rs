@@ -1,7 +1,8 @@
 //! Reading SPZ.
 
+use super::SpzError;
 use super::layout::{
-    COLOR_SCALE, EXTENSION_AXES, FLAG_ANTIALIASED, FLAG_EXTENSIONS, FORMAT, HEADER, HEADER_4,
+    COLOR_SCALE, EXTENSION_AXES, FLAG_ANTIALIASED, FLAG_EXTENSIONS, HEADER, HEADER_4,
     LOG_SCALE_MIN, LOG_SCALE_STEPS, USUAL_AXES,
 };
 use super::quantize::{
@@ -12,7 +13,7 @@ use crate::archive::decompress;
 use crate::axes::{self, Axes, AxesReading};
 use crate::bytes8::{ends_note, logit_of, smallest_three_rad};
 use crate::content::marks::SPZ;
-use crate::frame::{Frame, FrameError, FrameFormat, Shape};
+use crate::frame::{Frame, FrameFormat, Shape};
 use gs_core::sh::{MAX_DEGREE, num_coeffs};
 use gs_core::{Precision, RowPrecision, Splats};
 use rayon::prelude::*;
@@ -34,10 +35,9 @@ struct Header {
 }
 
 impl Header {
-    fn parse(bytes: &[u8]) -> Result<Self, FrameError> {
+    fn parse(bytes: &[u8]) -> Result<Self, SpzError> {
         if bytes.len() < HEADER || !bytes.starts_with(&SPZ) {
-            return Err(FrameError::Truncated {
-                format: FORMAT,
+            return Err(SpzError::Truncated {
                 part: "the header",
                 expected: HEADER as u128,
                 found: bytes.len() as u128,
@@ -46,30 +46,21 @@ impl Header {
         let word = |at: usize| u32::from_le_bytes([0, 1, 2, 3].map(|i| bytes[at + i]));
         let (version, num_splats) = (word(4), word(8));
         if !(2..=4).contains(&version) {
-            return Err(FrameError::Version {
-                format: FORMAT,
-                found: version,
-                expected: "2, 3 or 4",
-                next: "export it again from a current tool, or as a Gaussian PLY",
-            });
+            return Err(SpzError::Version { found: version });
         }
         let (degree, fractional_bits) = (usize::from(bytes[12]), bytes[13]);
         if degree > FORMAT_DEGREE {
-            return Err(FrameError::damaged(
-                FORMAT,
-                format!("SH degree {degree}, expected 0 to 4"),
-            ));
+            return Err(SpzError::damaged(format!("SH degree {degree}, expected 0 to 4")));
         }
         if fractional_bits > 23 {
             let what = format!("{fractional_bits} bits of fraction, expected at most 23");
-            return Err(FrameError::damaged(FORMAT, what));
+            return Err(SpzError::damaged(what));
         }
         if num_splats == 0 {
-            return Err(FrameError::Empty { format: FORMAT });
+            return Err(SpzError::Empty);
         }
-        let num_splats = usize::try_from(num_splats).map_err(|error| {
-            FrameError::damaged(FORMAT, format!("{num_splats} splats: {error}"))
-        })?;
+        let num_splats = usize::try_from(num_splats)
+            .map_err(|error| SpzError::damaged(format!("{num_splats} splats: {error}")))?;
         Ok(Self { version, num_splats, degree, fractional_bits, flags: bytes[14] })
     }
 
@@ -103,7 +94,7 @@ impl Header {
 }
 
 /// Size of the frame, from its first bytes.
-pub(crate) fn shape(start: &[u8]) -> Result<Shape, FrameError> {
+pub(crate) fn shape(start: &[u8]) -> Result<Shape, SpzError> {
     let header = if start.starts_with(&SPZ) {
         Header::parse(start)?
     } else {
@@ -122,7 +113,7 @@ pub(crate) fn shape(start: &[u8]) -> Result<Shape, FrameError> {
 /// # Errors
 /// If it is of another kind or version, truncated, or decompresses to more than plausible for its
 /// size.
-pub fn read(bytes: &[u8]) -> Result<Frame, FrameError> {
+pub fn read(bytes: &[u8]) -> Result<Frame, SpzError> {
     let (layout, mut frame, stated) = read_stored(bytes)?;
     let axes = stated.unwrap_or(USUAL_AXES[0]);
     frame.precision = Some(Arc::new(layout.precision(&frame.splats.quats)));
@@ -132,19 +123,19 @@ pub fn read(bytes: &[u8]) -> Result<Frame, FrameError> {
 }
 
 /// A frame in the axes of the file, and the axes stated there.
-fn read_stored(bytes: &[u8]) -> Result<(Layout, Frame, Option<Axes>), FrameError> {
+fn read_stored(bytes: &[u8]) -> Result<(Layout, Frame, Option<Axes>), SpzError> {
     if bytes.starts_with(&SPZ) {
         let header = Header::parse(bytes)?;
         if header.version < 4 {
             let what = format!("version {} without gzip, expected a gzip stream", header.version);
-            return Err(FrameError::damaged(FORMAT, what));
+            return Err(SpzError::damaged(what));
         }
         let streams = streams_4(bytes, &header)?;
         let stated = header.axes(bytes.get(HEADER_4..table_offset(bytes)).unwrap_or_default());
         let (layout, frame) = decode(&header, &streams.each_ref().map(Vec::as_slice));
         return Ok((layout, frame, stated));
     }
-    let unpacked = decompress::gunzip(bytes).map_err(|what| FrameError::damaged(FORMAT, what))?;
+    let unpacked = decompress::gunzip(bytes).map_err(SpzError::damaged)?;
     let header = Header::parse(&unpacked)?;
     let mut rest = &unpacked[HEADER..];
     let mut parts: [&[u8]; 6] = [&[]; 6];
@@ -153,8 +144,7 @@ fn read_stored(bytes: &[u8]) -> Result<(Layout, Frame, Option<Axes>), FrameError
         let Some((found, after)) =
             usize::try_from(length).ok().and_then(|length| rest.split_at_checked(length))
         else {
-            return Err(FrameError::Truncated {
-                format: FORMAT,
+            return Err(SpzError::Truncated {
                 part: "the data",
                 expected: length,
                 found: rest.len() as u128,
@@ -172,13 +162,9 @@ fn table_offset(bytes: &[u8]) -> usize {
 }
 
 /// The decompressed streams of version 4; empty for those absent from the file.
-fn streams_4(bytes: &[u8], header: &Header) -> Result<[Vec<u8>; 6], FrameError> {
-    let truncated = |part, expected: u128| FrameError::Truncated {
-        format: FORMAT,
-        part,
-        expected,
-        found: bytes.len() as u128,
-    };
+fn streams_4(bytes: &[u8], header: &Header) -> Result<[Vec<u8>; 6], SpzError> {
+    let truncated =
+        |part, expected: u128| SpzError::Truncated { part, expected, found: bytes.len() as u128 };
     if bytes.len() < HEADER_4 {
         return Err(truncated("the header", HEADER_4 as u128));
     }
@@ -192,7 +178,7 @@ fn streams_4(bytes: &[u8], header: &Header) -> Result<[Vec<u8>; 6], FrameError> 
     let present = wanted.iter().filter(|&&length| length > 0).count();
     if count < present {
         let what = format!("{count} streams, expected {present}");
-        return Err(FrameError::damaged(FORMAT, what));
+        return Err(SpzError::damaged(what));
     }
     let mut entries = entries.as_chunks::<16>().0.iter();
     for (stream, length) in streams.iter_mut().zip(wanted).filter(|(_, length)| *length > 0) {
@@ -201,19 +187,17 @@ fn streams_4(bytes: &[u8], header: &Header) -> Result<[Vec<u8>; 6], FrameError> 
         let (packed, unpacked) = (half(0), half(8));
         if unpacked != length {
             let what = format!("a stream of {unpacked} bytes, expected {length}");
-            return Err(FrameError::damaged(FORMAT, what));
+            return Err(SpzError::damaged(what));
         }
         let (source, after) = usize::try_from(packed)
             .ok()
             .and_then(|packed| rest.split_at_checked(packed))
-            .ok_or_else(|| FrameError::Truncated {
-                format: FORMAT,
+            .ok_or_else(|| SpzError::Truncated {
                 part: "a stream",
                 expected: u128::from(packed),
                 found: rest.len() as u128,
             })?;
-        *stream =
-            decompress::unzstd(source, length).map_err(|what| FrameError::damaged(FORMAT, what))?;
+        *stream = decompress::unzstd(source, length).map_err(SpzError::damaged)?;
         rest = after;
     }
     Ok(streams)

@@ -1,10 +1,9 @@
 //! Builds a hash-grid network from the flat tensors of `FDHash.pth`.
 
+use super::Swift4dError;
 use super::settings::Settings;
 use crate::pth::{self, Tensor};
-use gs_deform::{
-    Component, FieldBox, FieldError, GridShape, HashGrid, HashGridNetwork, IndexRule, Linear,
-};
+use gs_deform::{Component, FieldBox, GridShape, HashGrid, HashGridNetwork, IndexRule, Linear};
 use half::slice::HalfFloatSliceExt;
 use std::collections::BTreeMap;
 
@@ -24,18 +23,6 @@ pub(super) struct Params<'a> {
     width: usize,
 }
 
-/// Error of building a network from tensors.
-pub(super) enum Wrong {
-    Content(String),
-    Field(FieldError),
-}
-
-impl From<String> for Wrong {
-    fn from(what: String) -> Self {
-        Self::Content(what)
-    }
-}
-
 /// Number of parameters of a head: two square layers and the output layer.
 fn head_len(width: usize, component: Component) -> usize {
     2 * width * width + component.num_outputs().next_multiple_of(PADDING) * width
@@ -43,33 +30,33 @@ fn head_len(width: usize, component: Component) -> usize {
 
 impl<'a> Params<'a> {
     /// Infers the width from the heads, which must all agree.
-    pub(super) fn new(tensors: Vec<(String, Tensor<'a>)>) -> Result<Self, String> {
+    pub(super) fn new(tensors: Vec<(String, Tensor<'a>)>) -> Result<Self, Swift4dError> {
         let tensors = pth::beside(tensors, &["enc_model.params"]);
         let mut params = Self { by_name: tensors.into_iter().collect(), width: 0 };
         if !HEADS.iter().chain([&ENCODER]).any(|name| params.get(name).is_some()) {
             let names: Vec<&str> = params.by_name.keys().map(String::as_str).take(4).collect();
-            return Err(format!(
+            return Err(Swift4dError::Network(format!(
                 "is not the field of a Swift4D model: it has no `{ENCODER}.params`, but {} tensors ({})",
                 params.by_name.len(),
                 names.join(", ")
-            ));
+            )));
         }
         let first = params.need(HEADS[0])?.len();
         let fits = |width: &usize| head_len(*width, Component::Means) == first;
         params.width = WIDTHS.into_iter().find(fits).ok_or_else(|| {
-            format!(
+            Swift4dError::Network(format!(
                 "`{}.params` has {first} values, which matches no width of fused layers (16, 32, \
                 64 or 128)",
                 HEADS[0]
-            )
+            ))
         })?;
         for (name, component) in HEADS.into_iter().zip(Component::ALL) {
             let (found, expected) = (params.need(name)?.len(), head_len(params.width, component));
             if found != expected {
-                return Err(format!(
+                return Err(Swift4dError::Network(format!(
                     "`{name}.params` has {found} values, expected {expected} for width {}",
                     params.width
-                ));
+                )));
             }
         }
         params.need(ENCODER)?;
@@ -99,12 +86,13 @@ impl<'a> Params<'a> {
         self.by_name.get(&format!("{name}.params"))
     }
 
-    fn need(&self, name: &str) -> Result<&Tensor<'a>, String> {
-        self.get(name).ok_or_else(|| format!("has no tensor `{name}.params`"))
+    fn need(&self, name: &str) -> Result<&Tensor<'a>, Swift4dError> {
+        self.get(name)
+            .ok_or_else(|| Swift4dError::Network(format!("has no tensor `{name}.params`")))
     }
 
     /// Parameters as evaluated by the reference: rounded to half precision, keeping subnormals.
-    fn halves(&self, name: &str) -> Result<Vec<f32>, String> {
+    fn halves(&self, name: &str) -> Result<Vec<f32>, Swift4dError> {
         let mut values = self.need(name)?.to_f32s();
         let mut halves = [half::f16::ZERO; 1024];
         for chunk in values.chunks_mut(halves.len()) {
@@ -116,12 +104,14 @@ impl<'a> Params<'a> {
     }
 
     /// The stored box; Gaussians of the PLY may be outside.
-    pub(super) fn bounds(&self) -> Result<FieldBox, String> {
+    pub(super) fn bounds(&self) -> Result<FieldBox, Swift4dError> {
         let corner = |name: &str| {
-            let tensor = self.by_name.get(name).ok_or_else(|| format!("has no tensor `{name}`"))?;
+            let wrong = Swift4dError::Network;
+            let tensor =
+                self.by_name.get(name).ok_or_else(|| wrong(format!("has no tensor `{name}`")))?;
             match tensor.to_f32s()[..] {
                 [x, y, z] => Ok([x, y, z]),
-                ref other => Err(format!("`{name}` has {} values, expected 3", other.len())),
+                ref other => Err(wrong(format!("`{name}` has {} values, expected 3", other.len()))),
             }
         };
         Ok(FieldBox { min: corner("xyz_bound_min")?, max: corner("xyz_bound_max")? })
@@ -132,11 +122,11 @@ impl<'a> Params<'a> {
         &self,
         bounds: FieldBox,
         settings: &Settings,
-    ) -> Result<HashGridNetwork, Wrong> {
+    ) -> Result<HashGridNetwork, Swift4dError> {
         let shape = settings.shape;
         let mut encoder = self.halves(ENCODER)?;
         if encoder.len() != self.expected_len(&shape) {
-            return Err(Wrong::Content(format!(
+            return Err(Swift4dError::Network(format!(
                 "`{ENCODER}.params` has {} values, expected {}",
                 encoder.len(),
                 self.expected_len(&shape)
@@ -156,13 +146,13 @@ impl<'a> Params<'a> {
                 layer(out, width, width, component.num_outputs()),
             ])
         });
-        let heads: Vec<[Linear; 3]> = heads.collect::<Result<_, String>>()?;
+        let heads: Vec<[Linear; 3]> = heads.collect::<Result<_, Swift4dError>>()?;
         let [means, log_scales, quats, opacity, sh] = &heads[..] else {
-            return Err(Wrong::Content(format!("has {} heads, expected 5", heads.len())));
+            return Err(Swift4dError::Network(format!("has {} heads, expected 5", heads.len())));
         };
         Ok(HashGridNetwork {
             bounds,
-            grid: HashGrid::new(shape, IndexRule::Current, table).map_err(Wrong::Field)?,
+            grid: HashGrid::new(shape, IndexRule::Current, table)?,
             trunk: [layer(first, padded, inputs, width), layer(second, width, width, width)],
             trunk_relu: settings.trunk_relu,
             heads: [means, log_scales, quats, opacity, sh].map(Clone::clone),

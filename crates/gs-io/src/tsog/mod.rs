@@ -6,10 +6,12 @@
 //! discrete timeline of N frames assigns each splat to one frame. Without a timeline nothing
 //! changes. Unlike those of SOG, codebooks may have fewer than 256 values.
 
+mod error;
 mod meta;
 mod read;
 mod rows;
 
+pub use error::TsogError;
 pub use read::open;
 
 pub(crate) use meta::{is_meta, is_timed};

@@ -1,5 +1,6 @@
 //! Reading `.tsog` archives as scenes.
 
+use super::TsogError;
 use super::meta::{META, Meta, Playback, Timeline, is_meta};
 use super::rows::{self, Rows};
 use crate::archive::{Archive, decompress};
@@ -27,10 +28,9 @@ const LOSSY_AT: usize = 12;
 /// # Errors
 /// If the file cannot be read, is damaged, or has another version, profile or timeline.
 pub fn open(path: &Path, options: &OpenOptions) -> Result<OpenedScene, IoError> {
-    let wrong = |what: String| IoError::content(path, what);
+    let wrong = |what: String| IoError::format(path)(TsogError::Meta(what));
     let bytes = read_bytes(path)?;
-    let damaged =
-        |what: String| wrong(format!("is a damaged .tsog: {what}; copy or export it again"));
+    let damaged = |what: String| IoError::format(path)(TsogError::Damaged(what));
     let mut archive = Archive::open(Cursor::new(&bytes[..])).map_err(damaged)?;
     let name = archive.names().iter().find(|name| is_meta(name));
     let name = name.cloned().ok_or_else(|| damaged(format!("without {META}")))?;
@@ -58,8 +58,8 @@ pub fn open(path: &Path, options: &OpenOptions) -> Result<OpenedScene, IoError> 
         let motion = &motions[row];
         !motion.velocity[0].iter().chain([&motion.centre]).all(|value| value.is_finite())
     };
-    let Sanitized { splats, kept, report } = repair::sanitize_with(splats, options.damage, broken)
-        .map_err(|source| IoError::Damaged { path: path.to_owned(), source })?;
+    let Sanitized { splats, kept, report } =
+        repair::sanitize_with(splats, options.damage, broken).map_err(IoError::damaged(path))?;
     let kept = kept.unwrap_or_else(|| (0..motions.len()).collect());
     let mut facts = vec![(
         "timeline",
@@ -75,13 +75,12 @@ pub fn open(path: &Path, options: &OpenOptions) -> Result<OpenedScene, IoError> 
         facts.push(("frames", frames.to_string()));
         facts.push(("seconds", seconds.to_string()));
     }
-    let invalid = |error: &dyn std::fmt::Display| wrong(error.to_string());
     let scene: Arc<dyn DynamicScene> = match playback {
-        None => Arc::new(StaticScene::new(splats).map_err(|error| invalid(&error))?),
+        None => Arc::new(StaticScene::new(splats).map_err(IoError::format(path))?),
         Some(Playback { frames: count, .. }) => {
             let motions = kept.iter().map(|&row| motions[row]).collect();
             let scene = PolynomialScene::new(splats, motions)
-                .map_err(|error| invalid(&error))?
+                .map_err(IoError::format(path))?
                 .with_frames(count);
             if frames.is_empty() {
                 Arc::new(scene)
@@ -92,7 +91,7 @@ pub fn open(path: &Path, options: &OpenOptions) -> Result<OpenedScene, IoError> 
                 };
                 let windows = kept.iter().map(window).collect();
                 // Time 1 is within the last frame.
-                let scene = scene.with_windows(windows).map_err(|error| invalid(&error))?;
+                let scene = scene.with_windows(windows).map_err(IoError::format(path))?;
                 Arc::new(scene.with_clock(0.0, (count as f64).next_down()))
             }
         }

@@ -39,6 +39,7 @@ impl Default for WriteOptions {
 
 /// Result of writing a clip.
 #[derive(Debug, Clone, PartialEq, Eq)]
+#[non_exhaustive]
 pub struct WriteReport {
     /// Splats written.
     pub num_splats: usize,
@@ -166,11 +167,10 @@ pub fn write(
     file.write_all(text.as_bytes()).map_err(failed(path))?;
     let mut hemispheres = Hemispheres::default();
     hemispheres.follow(&survey.first);
-    let mut samples = samples.into_iter();
+    let mut samples = samples.into_iter().peekable();
     for attribute in Attribute::ALL {
         let (kind, name) = (attribute.kind(), attribute.name());
-        if sampled(attribute) {
-            let (_, samples) = samples.next().expect("one file per changing attribute");
+        if let Some((_, samples)) = samples.next_if(|(sampled, _)| *sampled == attribute) {
             writeln!(file, "        {kind} {name}.timeSamples = {{").map_err(failed(path))?;
             append(&mut file, samples).map_err(failed(path))?;
             file.write_all(b"        }\n").map_err(failed(path))?;
@@ -385,7 +385,7 @@ fn write_array(
     degree: usize,
 ) -> std::io::Result<()> {
     const ROWS_PER_PIECE: usize = 4096;
-    let bytes_per_row = (attribute.numbers(degree) * BYTES_PER_NUMBER) as usize;
+    let bytes_per_row = usize::try_from(attribute.numbers(degree) * BYTES_PER_NUMBER).unwrap_or(0);
     let pieces: Vec<String> = rows
         .par_chunks(ROWS_PER_PIECE)
         .map(|rows| {

@@ -2,7 +2,7 @@
 //! of writers.
 
 use gs_core::Splats;
-use gs_deform::Trajectories;
+use gs_deform::TabulatedScene;
 
 /// Pseudo-random number in [−1, 1) from a counter.
 fn noise(counter: u32) -> f32 {
@@ -15,7 +15,7 @@ fn noise(counter: u32) -> f32 {
 /// `n` splats over `frames` frames in a box of about 4 units. Row `i` moves if `i & 1`, rotates if
 /// `i & 2`, changes colour if `i & 4`, opacity if `i & 8`, size if `i & 16`, smoothly; quaternions
 /// are unnormalised and of either sign.
-pub(crate) fn scene(n: usize, frames: usize, sh_degree: usize) -> Trajectories {
+pub(crate) fn scene(n: usize, frames: usize, sh_degree: usize) -> TabulatedScene {
     let coeffs = (sh_degree + 1) * (sh_degree + 1);
     let frame = |f: usize| {
         let t = f as f32 / frames.saturating_sub(1).max(1) as f32;
@@ -40,5 +40,5 @@ pub(crate) fn scene(n: usize, frames: usize, sh_degree: usize) -> Trajectories {
         }
         splats
     };
-    Trajectories::new((0..frames).map(frame).collect()).unwrap()
+    TabulatedScene::new((0..frames).map(frame).collect()).unwrap()
 }

@@ -8,7 +8,7 @@
 use crate::decoder::decode;
 use gs_core::{Camera, DynamicScene, Image, Rasterizer, RenderParams, Splats, UpstreamGrads};
 use gs_player::{
-    Annotations, Encoded, Legend, Options, Overlay, Page, Source, encode_annotated, page,
+    Annotations, Encoded, Legend, Options, Overlay, Page, PageScenes, encode_annotated, page,
 };
 use gs_raster_cpu::CpuRasterizer;
 use gs_synth::{DemoParams, SynthScene, Truth, apply_edits, demo, demo_edits};
@@ -62,7 +62,7 @@ impl Fixture {
         .unwrap();
         let folder = tempfile::tempdir().unwrap();
         let text = page(
-            &[Source { encoded: &encoded, names: ["Original", "Edited"] }],
+            &[PageScenes { encoded: &encoded, names: ["Original", "Edited"] }],
             &Page {
                 title: "Test",
                 fps: 30.0,

@@ -4,7 +4,7 @@ use crate::decoder::decode;
 use crate::still::{Frames, row_of};
 use gs_core::Camera;
 use gs_player::{
-    Annotations, Encoded, Legend, Options, Overlay, Page, PlayerError, Source, encode,
+    Annotations, Encoded, Legend, Options, Overlay, Page, PageScenes, PlayerError, encode,
     encode_annotated, page, served_page, source_file,
 };
 
@@ -95,7 +95,7 @@ fn titles_cannot_break_the_page() {
         background: [0.0; 3],
         poster: None,
     };
-    let sources = [Source { encoded: &encoded, names: ["</script><b>", "Edited"] }];
+    let sources = [PageScenes { encoded: &encoded, names: ["</script><b>", "Edited"] }];
     let text = page(&sources, &settings).unwrap();
     assert!(!text.contains("<script>alert") && !text.contains("</script><b>"), "escaped");
     assert_eq!(text.matches("data-bytes=").count(), 1, "one block, none from the title");
@@ -121,8 +121,8 @@ fn sources_that_do_not_fit_together_are_refused() {
         background: [0.0; 3],
         poster: None,
     };
-    let source = |encoded| Source { encoded, names: ["A", "B"] };
-    let refused = |sources: &[Source<'_>]| page(sources, &settings).unwrap_err().to_string();
+    let source = |encoded| PageScenes { encoded, names: ["A", "B"] };
+    let refused = |sources: &[PageScenes<'_>]| page(sources, &settings).unwrap_err().to_string();
     assert!(refused(&[]).contains("expected 1 to 4"), "none");
     assert!(refused(&[source(&still); 5]).contains("`sources` is 5"), "five");
     assert!(refused(&[source(&still), source(&moving)]).contains("`frames` is 2"), "frames");

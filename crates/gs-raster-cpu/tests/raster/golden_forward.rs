@@ -51,7 +51,7 @@ fn check_double<F: Real>(case: &Case<F>, out: &RenderOutput<F>) {
         ("features", &out.features, 3e-7),
     ] {
         let (clear, borderline) = image_errors(case, plane, values);
-        let limit = if is_stress { stored } else { 1e-12 };
+        let limit = if is_stress { stored } else { 4e-14 };
         assert!(clear <= limit, "{} {plane}: {clear:e} exceeds {limit:e}", case.name);
         let limit = if is_stress { 3e-7 } else { limit };
         assert!(borderline <= limit, "{} {plane}, borderline: {borderline:e}", case.name);

@@ -7,9 +7,9 @@ use test_support::raster::{
     check_color_gradients, check_conventions_differ, check_gradients, single_precision_limit,
 };
 
-/// The stress case is stored in single precision.
+/// The stress case is stored in single precision. Worst seen 3.6e-8; others 1.1e-14.
 fn double_precision_limit(case: &str, _tensor: &str) -> f64 {
-    if case.starts_with('d') { 1e-7 } else { 1e-11 }
+    if case.starts_with('d') { 1e-7 } else { 3e-14 }
 }
 
 fn single(convention: GradientConvention) {

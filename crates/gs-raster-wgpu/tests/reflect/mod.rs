@@ -3,11 +3,11 @@
 #![allow(unreachable_pub, reason = "each test binary uses it as a module")]
 
 use gs_raster_wgpu::kernels::{Access, KernelDef};
-use gs_raster_wgpu::layout::{Constant, Field};
+use gs_raster_wgpu::layout::{Constant, StructField};
 use naga::valid::{Capabilities, ModuleInfo, ValidationFlags, Validator};
 use naga::{AddressSpace, Module, StorageAccess, TypeInner};
 
-pub type Layout = (&'static str, usize, &'static [Field]);
+pub type Layout = (&'static str, usize, &'static [StructField]);
 
 /// WebGPU's default limit on workgroup memory, bytes.
 const MAX_WORKGROUP_BYTES: u32 = 16_384;

@@ -6,7 +6,7 @@ use crate::{
     paint::{rgb, ripple, stripes},
     part::{Kind, Part, Tag},
     rig::Frame,
-    scene::Row,
+    scene::SplatTruth,
 };
 use glam::{Quat, Vec3};
 use gs_core::quat;
@@ -24,7 +24,7 @@ pub(super) struct Wear {
 const QUILT: f32 = 0.066;
 
 /// 0 on a seam, 1 between seams.
-fn puff(row: &Row) -> f32 {
+fn puff(row: &SplatTruth) -> f32 {
     let phase = std::f32::consts::PI * (row.rest[1] + 0.02) / QUILT;
     phase.sin().abs().sqrt()
 }
@@ -55,14 +55,14 @@ pub(super) fn dress(
 }
 
 /// Rotation from frame 1 back to the bind pose, at a row.
-fn unposed(posing: &Frame, row: &Row) -> Quat {
+fn unposed(posing: &Frame, row: &SplatTruth) -> Quat {
     let posed = posing.splat(row.attach, row.rest, quat::IDENTITY, [0.0; 3]);
     quat::to_glam(posed.quat).conjugate()
 }
 
 /// Factor of the offset near the ends of the clothing at neck and
 /// elbows, where it fits tightly for any thickness.
-fn hem(row: &Row) -> f32 {
+fn hem(row: &SplatTruth) -> f32 {
     let y = row.rest[1];
     match row.part {
         Part::Chest => 1.0 - 0.75 * smoothstep(1.43, 1.47, y),
@@ -103,7 +103,7 @@ fn offset(
 }
 
 /// A quilted jacket: panels, seams, zip, collar, cuffs, a badge.
-pub(super) fn jacket(row: &Row) -> Vec3 {
+pub(super) fn jacket(row: &SplatTruth) -> Vec3 {
     let p = Vec3::from(row.rest);
     let panel = rgb(0.90, 0.36, 0.16);
     let trim = rgb(0.17, 0.16, 0.22);
@@ -128,6 +128,6 @@ pub(super) fn jacket(row: &Row) -> Vec3 {
     c
 }
 
-fn is_surface(row: &Row) -> bool {
+fn is_surface(row: &SplatTruth) -> bool {
     matches!(row.kind, Kind::Surface | Kind::Outlier)
 }

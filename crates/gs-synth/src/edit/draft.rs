@@ -1,7 +1,7 @@
 //! [`Draft`]: edited splats and their descriptions, kept consistent.
 
 use super::Region;
-use crate::{SynthScene, math::row_id, part::Tag, scene::Row};
+use crate::{SynthScene, math::row_id, part::Tag, scene::SplatTruth};
 use gs_core::Splats;
 use rand::RngExt;
 use rand_pcg::Pcg64;
@@ -9,7 +9,7 @@ use rand_pcg::Pcg64;
 #[derive(Debug)]
 pub(crate) struct Draft {
     pub(crate) splats: Splats,
-    pub(crate) rows: Vec<Row>,
+    pub(crate) rows: Vec<SplatTruth>,
     pub(crate) tags: Vec<Tag>,
     /// Source row a splat descends from; `None` for new geometry.
     pub(crate) source_rows: Vec<Option<u32>>,

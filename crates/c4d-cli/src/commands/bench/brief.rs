@@ -133,7 +133,7 @@ fn score(
     let start = Instant::now();
     let source: Arc<dyn DynamicScene> = Arc::new(scene.source.clone());
     let follow = |follow| {
-        let options = MotionOptions { follow, ..MotionOptions::default() };
+        let options = MotionOptions::default().with_follow(follow);
         let edited = Arc::new(scene.edited.clone());
         amg::propagate(Arc::clone(&source), edited, &options, &|_, _| {}).map_err(Failure::failed)
     };

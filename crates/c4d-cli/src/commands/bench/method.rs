@@ -99,7 +99,7 @@ impl Method {
                     ..PaperParams::default()
                 };
                 let guide = MotionGuide::Paper(params);
-                (plain(), MotionOptions { guide, ..MotionOptions::preset(Preset::Paper) })
+                (plain(), MotionOptions::preset(Preset::Paper).with_guide(guide))
             }
             Self::Default | Self::DefaultAll => (plain(), MotionOptions::default()),
             Self::DefaultOnNetwork => (trained()?, MotionOptions::default()),

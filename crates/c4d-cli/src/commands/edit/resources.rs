@@ -8,7 +8,7 @@ use crate::rigid_parts::rigid_parts;
 use crate::scene::{self, Opened};
 use crate::{cameras, still};
 use gs_core::{Camera, Image, Splats};
-use gs_edit::{EditError, Motion, Needs, Resources, lift_masks, parse_ids};
+use gs_edit::{EditError, Motion, ResourceNames, Resources, lift_masks, parse_ids};
 use gs_raster_cpu::CpuRasterizer;
 use image::ImageReader;
 use std::cell::RefCell;
@@ -27,14 +27,14 @@ pub(super) struct Input<'a> {
 }
 
 /// The files and folders in `needs`, so that no output replaces one.
-pub(super) fn paths(needs: &Needs, folders: &[PathBuf]) -> Outcome<Vec<PathBuf>> {
+pub(super) fn paths(needs: &ResourceNames, folders: &[PathBuf]) -> Outcome<Vec<PathBuf>> {
     let names = [&needs.masks, &needs.ids, &needs.images, &needs.splats];
     names.into_iter().flatten().map(|name| find(name, folders)).collect()
 }
 
 /// Loads the resources in `needs`. Relative names are searched for in `folders`, in order.
 pub(super) fn load(
-    needs: &Needs,
+    needs: &ResourceNames,
     input: Input<'_>,
     folders: &[PathBuf],
     global: &Global,

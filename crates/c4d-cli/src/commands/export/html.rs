@@ -14,7 +14,9 @@ use crate::renderer::Renderer;
 use crate::scene::Opened;
 use gs_core::{Camera, DynamicScene, Image};
 use gs_io::{AtomicFile, Losses};
-use gs_player::{Annotations, EncodeReport, Options, Overlay, Page, PlayerError, Poster, Source};
+use gs_player::{
+    Annotations, EncodeReport, Options, Overlay, Page, PageScenes, PlayerError, Poster,
+};
 use image::{ExtendedColorType, ImageEncoder, codecs::jpeg::JpegEncoder};
 use std::io::Write;
 use std::path::Path;
@@ -68,7 +70,7 @@ pub(super) fn write(
         background: opened.background,
         poster: Some(Poster { media_type: "image/jpeg", bytes: &poster }),
     };
-    let sources = [Source { encoded: &encoded, names: ["Original", "Edited"] }];
+    let sources = [PageScenes { encoded: &encoded, names: ["Original", "Edited"] }];
     let text = gs_player::page(&sources, &page).map_err(|error| failure(&error))?;
     file.write_all(text.as_bytes()).map_err(|error| Failure::write(&args.output, &error))?;
     file.commit().map_err(|error| output_failure(&error))?;

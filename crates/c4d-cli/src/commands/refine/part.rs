@@ -10,7 +10,7 @@ use crate::output::{existing, output_failure, refuse_overlap};
 use crate::part::{PartFolder, PartRecord, Share};
 use crate::progress::StageProgress;
 use crate::run_folder::{Checkpoint, KeptImages, MadeFrom, REFINE_IMAGES, SCENE, fingerprint};
-use cuar::{Observer, RefineProgress, ViewTime, make_images};
+use cuar::{RefineObserver, RefineProgress, ViewTime, make_images};
 use gs_io::AtomicDir;
 use gs_raster_cpu::CpuRasterizer;
 use serde_json::json;
@@ -91,7 +91,7 @@ struct Keep<'a> {
     failure: Option<Failure>,
 }
 
-impl Observer for Keep<'_> {
+impl RefineObserver for Keep<'_> {
     fn progress(&mut self, now: &RefineProgress) {
         let begin = || self.console.progress(now.stage, now.total as u64);
         self.progress.get_or_insert_with(begin).set(now.done as u64);

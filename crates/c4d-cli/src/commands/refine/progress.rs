@@ -9,7 +9,7 @@ use crate::progress::StageProgress;
 use crate::renderer::side_by_side;
 use crate::run_folder::{Checkpoint, KeptImages, MadeFrom, PREVIEWS};
 use crate::settings::RefineSettings;
-use cuar::{Observer, Preview, State, ViewTime};
+use cuar::{Preview, RefineObserver, State, ViewTime};
 use gs_io::FolderUpdate;
 use std::path::Path;
 
@@ -43,7 +43,7 @@ impl ProgressObserver<'_> {
     }
 }
 
-impl Observer for ProgressObserver<'_> {
+impl RefineObserver for ProgressObserver<'_> {
     fn progress(&mut self, now: &cuar::RefineProgress) {
         if self.progress.as_ref().is_none_or(|(stage, _)| *stage != now.stage)
             && let Some((_, finished)) = self

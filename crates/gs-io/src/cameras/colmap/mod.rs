@@ -65,7 +65,7 @@ impl Model {
         }
         let total = images.len();
         let mut model = Self { lenses, images, positions: Vec::new(), total, notes: Vec::new() };
-        model.leave_out_unusable(unusable).map_err(IoError::cameras(folder))?;
+        model.leave_out_unusable(unusable).map_err(IoError::format(folder))?;
         Ok(model)
     }
 
@@ -117,7 +117,7 @@ impl Model {
 }
 
 fn parsed<T>(path: &Path, parse: impl Fn(&[u8]) -> Result<T, CamerasError>) -> Result<T, IoError> {
-    parse(&read_bytes(path)?).map_err(IoError::cameras(path))
+    parse(&read_bytes(path)?).map_err(IoError::format(path))
 }
 
 /// The model folder in a data set, or `root` itself if it is a model folder.
@@ -141,7 +141,7 @@ pub(super) fn open(root: &Path, reading: Reading) -> Result<CameraSet, IoError> 
     let images = images_folder(root);
     let mut views = Vec::with_capacity(count);
     for (&position, image) in model.positions.iter().zip(&model.images) {
-        let (lens, viewmat) = model.view(image).map_err(IoError::cameras(&folder))?;
+        let (lens, viewmat) = model.view(image).map_err(IoError::format(&folder))?;
         left_out.distortion(&image.name, lens);
         let (width, height) = sizes.of_first(&image_paths(&images, &image.name)).unwrap_or((0, 0));
         let mut lens = match (width, height) {

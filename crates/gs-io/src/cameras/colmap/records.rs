@@ -11,7 +11,8 @@ pub struct ColmapCamera {
     pub width: u64,
     /// Image rows, pixels.
     pub height: u64,
-    /// Parameters in the order of the lens model.
+    /// Parameters in the order of the lens model: focal lengths and principal point in pixels, then
+    /// distortion without unit.
     pub params: Vec<f64>,
 }
 

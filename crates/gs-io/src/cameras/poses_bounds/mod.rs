@@ -73,7 +73,7 @@ pub(in crate::cameras) fn open(
     reading: Reading,
 ) -> Result<CameraSet, IoError> {
     let path = root.join(file);
-    let rows = parse(&read_bytes(&path)?).map_err(IoError::cameras(&path))?;
+    let rows = parse(&read_bytes(&path)?).map_err(IoError::format(&path))?;
     let names = list_names(root)?;
     let trained = reading == Reading::Trained;
     let lens = |row: &Row| row.lens_of(&rows[0], reading);

@@ -17,17 +17,17 @@ pub struct Row {
     pub up: DVec3,
     /// Camera's backward axis, world frame.
     pub back: DVec3,
-    /// Camera centre, world frame.
+    /// Camera centre, world frame and units.
     pub centre: DVec3,
-    /// Image rows.
+    /// Image rows, pixels.
     pub height: f64,
-    /// Image columns.
+    /// Image columns, pixels.
     pub width: f64,
-    /// Focal length of both axes.
+    /// Focal length of both axes, pixels.
     pub focal: f64,
-    /// Smallest depth.
+    /// Smallest depth, world units.
     pub near: f64,
-    /// Largest depth.
+    /// Largest depth, world units.
     pub far: f64,
 }
 

@@ -1,13 +1,13 @@
-//! [`Trajectories`]: a scene tabulated frame by frame, in memory.
+//! [`TabulatedScene`]: a scene tabulated frame by frame, in memory.
 
 use crate::frames;
 use gs_core::{DynamicScene, SceneError, Splats, SplatsError, TimeRange};
 use thiserror::Error;
 
-/// Error of building [`Trajectories`].
+/// Error of building [`TabulatedScene`].
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
 #[non_exhaustive]
-pub enum TrajectoryError {
+pub enum TabulatedSceneError {
     /// No frames.
     #[error("trajectories: no frames, expected at least 1")]
     Empty,
@@ -41,21 +41,21 @@ pub enum TrajectoryError {
 /// (stored bits), linear between them (rotations by normalised linear
 /// interpolation). A single frame is valid at every time.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Trajectories {
+pub struct TabulatedScene {
     frames: Vec<Splats>,
 }
 
-impl Trajectories {
+impl TabulatedScene {
     /// # Errors
     /// If there are no frames, or they differ in rows or SH degree.
-    pub fn new(frames: Vec<Splats>) -> Result<Self, TrajectoryError> {
-        let first = frames.first().ok_or(TrajectoryError::Empty)?;
+    pub fn new(frames: Vec<Splats>) -> Result<Self, TabulatedSceneError> {
+        let first = frames.first().ok_or(TabulatedSceneError::Empty)?;
         for (index, frame) in frames.iter().enumerate() {
             frame
                 .check_shapes()
-                .map_err(|source| TrajectoryError::Splats { frame: index, source })?;
+                .map_err(|source| TabulatedSceneError::Splats { frame: index, source })?;
             if (frame.len(), frame.sh_degree) != (first.len(), first.sh_degree) {
-                return Err(TrajectoryError::Rows {
+                return Err(TabulatedSceneError::Rows {
                     frame: index,
                     found: frame.len(),
                     found_degree: frame.sh_degree,
@@ -77,7 +77,7 @@ impl Trajectories {
     }
 }
 
-impl DynamicScene for Trajectories {
+impl DynamicScene for TabulatedScene {
     fn num_splats(&self) -> usize {
         self.frames[0].len()
     }
@@ -133,7 +133,7 @@ mod tests {
             frame(1.0, [-half, 0.0, 0.0, -half]),
             frame(3.0, [-half, 0.0, 0.0, -half]),
         ];
-        let scene = Trajectories::new(frames.clone()).unwrap();
+        let scene = TabulatedScene::new(frames.clone()).unwrap();
         for (i, t) in scene.time_range().frames(3).into_iter().enumerate() {
             assert_eq!(scene.at(t).unwrap(), frames[i], "frame {i}");
         }
@@ -148,7 +148,7 @@ mod tests {
     #[test]
     fn geometry_only_agrees_and_leaves_colour_unchanged() {
         let q = [1.0, 0.0, 0.0, 0.0];
-        let scene = Trajectories::new(vec![frame(0.0, q), frame(1.0, q)]).unwrap();
+        let scene = TabulatedScene::new(vec![frame(0.0, q), frame(1.0, q)]).unwrap();
         let mut out = frame(9.0, q);
         scene.geometry_into(0.25, &mut out).unwrap();
         assert_eq!(out.means, scene.at(0.25).unwrap().means, "centres");
@@ -157,12 +157,12 @@ mod tests {
 
     #[test]
     fn bad_frames_and_times_are_refused() {
-        assert_eq!(Trajectories::new(Vec::new()), Err(TrajectoryError::Empty), "no frames");
+        assert_eq!(TabulatedScene::new(Vec::new()), Err(TabulatedSceneError::Empty), "no frames");
         let q = [1.0, 0.0, 0.0, 0.0];
         let two = frame(0.0, q).select(&[0, 0]);
-        let error = Trajectories::new(vec![frame(0.0, q), two]).unwrap_err().to_string();
+        let error = TabulatedScene::new(vec![frame(0.0, q), two]).unwrap_err().to_string();
         assert!(error.contains("frame 1 has 2 splats"), "{error}");
-        let scene = Trajectories::new(vec![frame(0.0, q)]).unwrap();
+        let scene = TabulatedScene::new(vec![frame(0.0, q)]).unwrap();
         assert!(scene.at(1.5).is_err(), "outside");
         assert!(scene.at(f32::NAN).is_err(), "NaN");
         assert!(scene.at(0.3).is_ok(), "a single frame is valid at every time");

@@ -7,9 +7,9 @@
 )]
 
 use amg::{Aggregation, Binding, EditedScene, MotionOptions, Preset, propagate};
-use gs_core::DynamicScene;
+use gs_core::{DynamicScene, SplitMix64, standard_normal};
 use gs_synth::{
-    MotionError, Truth, TruthCase, build, motion_error, motion_error_of, rigid_neighbors,
+    MotionError, Tag, Truth, TruthCase, build, motion_error, motion_error_of, rigid_neighbors,
 };
 use std::sync::Arc;
 
@@ -102,4 +102,36 @@ fn untouched_geometry_keeps_its_motion_whatever_the_guide() {
         let (knn, best) = (knn.all.epe, best.all.epe);
         assert!((best - knn).abs() < 1e-9, "{case}: {best} and {knn}");
     }
+}
+
+/// Rotations with noise of 0.2 per component of the unit quaternion, about 23°, as in an edit that
+/// was fitted to pictures, make thin axes unreliable.
+#[test]
+fn noisy_rotations_of_an_edit_change_its_motion_little() {
+    let [mut clean, mut noisy] = [0.0, 0.0];
+    for seed in 0..3 {
+        let scene = build(TruthCase::Clothing, seed, 20_000).unwrap();
+        let source: Arc<dyn DynamicScene> = Arc::new(scene.source.clone());
+        let edited = &scene.edited.splats;
+        let is_open: Vec<bool> =
+            scene.edited.truth.tags.iter().map(|t| *t == Tag::Clothing).collect();
+        let mut generator = SplitMix64::new(seed);
+        let mut uniform = || generator.next_u64() as f64 / 2.0_f64.powi(64);
+        let mut turned = edited.clone();
+        for (row, quat) in turned.quats.iter_mut().enumerate().filter(|(row, _)| is_open[*row]) {
+            *quat = gs_core::quat::normalize(*quat)
+                .map(|c| c + 0.2 * standard_normal(uniform(), uniform()) as f32);
+            // other bits, so that the shape does not identify the source splat
+            turned.log_scales[row][0] += 1e-3;
+        }
+        for (splats, sum) in [(edited.clone(), &mut clean), (turned, &mut noisy)] {
+            let options = MotionOptions::default();
+            let found =
+                propagate(Arc::clone(&source), Arc::new(splats), &options, &|_, _| {}).unwrap();
+            *sum +=
+                motion_error_of(&found.scene, &scene.edited.truth, &TIMES, &is_open).unwrap().epe;
+        }
+    }
+    // Sums over the seeds, % of the figure: clean 0.43; noisy 1.23, without the averaging 1.50.
+    assert!(noisy < 1.35 && noisy < 3.1 * clean, "{clean} {noisy}");
 }

@@ -1,11 +1,12 @@
 //! The edited splats to be matched.
 
-use super::normals::thin_axis;
+use super::normals::{RING, RingMean, thin_axis, typical_scatter};
+use super::source::{LEAST_OPACITY, Regions};
 use crate::bit_map::BitMap;
 use crate::identity::{Identity, IdentityMap};
 use crate::keyframes::KeyFrames;
 use crate::rigid::{dot, sub};
-use anchors::KdTree;
+use anchors::{KdTree, Neighbor};
 use gs_core::Splats;
 use rayon::prelude::*;
 
@@ -19,7 +20,8 @@ const PROPORTIONS: f32 = 1e-4;
 pub(super) struct Edit {
     /// Centres about the origin of the pose, world units.
     pub(super) means: Vec<[f64; 3]>,
-    /// Thin axes, length = flatness, sign arbitrary.
+    /// Thin axes, length = flatness, sign arbitrary. Averaged over neighbours if the edit's axes are
+    /// noisier than the source's, see [`averaged`].
     pub(super) axes: Vec<[f64; 3]>,
     /// Parent: position in the source's `ids` of the only splat that has the same centre, or the
     /// same quaternion and scales, bit for bit (editors that change one property keep the others),
@@ -35,13 +37,13 @@ pub(super) struct Edit {
 impl Edit {
     pub(super) fn of(
         keys: &KeyFrames,
-        ids: &[usize],
+        regions: &Regions,
         edited: &Splats,
         rows: &[usize],
         identity: &IdentityMap,
         origin: [f64; 3],
     ) -> Self {
-        let source = &keys.at_edit;
+        let (source, ids) = (&keys.at_edit, &regions.ids);
         let mut point_of = vec![None; source.len()];
         for (&id, point) in ids.iter().zip(0_u32..) {
             point_of[id] = Some(point);
@@ -70,11 +72,17 @@ impl Edit {
                 },
             )
         };
+        let means: Vec<[f64; 3]> =
+            rows.iter().map(|&row| sub(edited.means[row].map(f64::from), origin)).collect();
+        let exact: Vec<Option<u32>> = rows.iter().map(|&row| exact(identity.rows[row])).collect();
+        let axes = rows.par_iter().with_min_len(256).map(|&row| thin_axis(edited, row)).collect();
+        let opacity = |&row: &usize| f64::from(edited.opacity(row)).max(LEAST_OPACITY);
+        let weights: Vec<f64> = rows.iter().map(opacity).collect();
         Self {
-            means: rows.iter().map(|&row| sub(edited.means[row].map(f64::from), origin)).collect(),
-            axes: rows.par_iter().with_min_len(256).map(|&row| thin_axis(edited, row)).collect(),
+            axes: averaged(axes, &means, &weights, &exact, regions.scatter),
             parent: rows.par_iter().with_min_len(256).map(parent).collect(),
-            exact: rows.iter().map(|&row| exact(identity.rows[row])).collect(),
+            means,
+            exact,
             kept,
         }
     }
@@ -82,6 +90,45 @@ impl Edit {
     pub(super) fn len(&self) -> usize {
         self.means.len()
     }
+}
+
+/// Thin axes with less noise. Splats fitted to pictures are less well aligned with their surface
+/// than those of a trained scene. The scatter s of the edited splats' axes on smooth surfaces,
+/// compared with that of the source, s₀, shows how much of it is noise: the mean over the
+/// neighbours gets the share 1 − s₀/s, if that is positive. Splats of the source keep their axes.
+fn averaged(
+    mut axes: Vec<[f64; 3]>,
+    means: &[[f64; 3]],
+    weights: &[f64],
+    exact: &[Option<u32>],
+    source_scatter: Option<f64>,
+) -> Vec<[f64; 3]> {
+    let open: Vec<usize> = (0..means.len()).filter(|&e| exact[e].is_none()).collect();
+    let tree = KdTree::<3>::new(means);
+    let ring = |e: usize, near: &[Neighbor]| {
+        let members: Vec<u32> = near.iter().map(|n| n.id).collect();
+        RingMean::of(axes[e], &members, &axes, weights)
+    };
+    let scatter = typical_scatter(open.len(), |at| {
+        let mut near = Vec::new();
+        tree.nearest(&means[open[at]], RING + 1, &mut near);
+        ring(open[at], &near)
+    });
+    let (Some(source_scatter), Some(scatter)) = (source_scatter, scatter) else { return axes };
+    if scatter <= source_scatter {
+        return axes;
+    }
+    let noise = 1.0 - source_scatter / scatter;
+    let places: Vec<[f64; 3]> = open.iter().map(|&e| means[e]).collect();
+    let mixed = tree.map(&places, RING + 1, |at, near| {
+        let own = axes[open[at]];
+        let mean = ring(open[at], near).map_or(own, |ring| ring.axis);
+        [0, 1, 2].map(|a| (1.0 - noise) * own[a] + noise * mean[a])
+    });
+    for (e, axis) in open.into_iter().zip(mixed) {
+        axes[e] = axis;
+    }
+    axes
 }
 
 fn quat_bits(splats: &Splats, i: usize) -> [u32; 4] {

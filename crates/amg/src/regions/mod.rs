@@ -103,7 +103,7 @@ pub(crate) fn bind(
     lap("regions", report);
 
     progress("candidates", 0.0);
-    let edit = &Edit::of(keys, &regions.ids, work.edited, &order, work.identity, pose.origin);
+    let edit = &Edit::of(keys, regions, work.edited, &order, work.identity, pose.origin);
     let tolerance = |share: f64| (share * size).max(NOISES * neighbors.noise).as_f32();
     let space = SearchSpace { regions, motion, edit, tolerance: tolerance(params.same_motion) };
     let cubes = Cubes::of(space, tree, pose.axes, params.region_size * size);

@@ -5,16 +5,17 @@
 //! figure, not with its splats. Regions have a fixed share of the figure's size for any number of
 //! splats; where splats are sparse, each is its own region.
 
-use super::normals::thin_axis;
+use super::normals::{RING, RingMean, thin_axis, typical_scatter};
 use crate::keyframes::{FADED, KeyFrames};
 use crate::pose::Pose;
 use crate::rigid::{dot, norm, sub};
+use crate::row_index::index;
 use anchors::{CellParams, Cells, RigidNeighbors, Trajectories};
 use gs_core::{Real, quat};
 use rayon::prelude::*;
 
 /// Lower bound of a splat's weight: neighbourhoods of invisible splats still have a motion.
-const LEAST_OPACITY: f64 = 1e-3;
+pub(super) const LEAST_OPACITY: f64 = 1e-3;
 
 /// Power iterations for a mean axis. Normals within a region differ by less than 45°, so each
 /// iteration at least halves the error.
@@ -37,6 +38,8 @@ pub(super) struct Regions {
     pub(super) rotations: Vec<[f64; 4]>,
     /// Mean thin axis of each region, sign arbitrary, length = flatness, `[R]`.
     pub(super) axes: Vec<[f64; 3]>,
+    /// [`typical_scatter`] of the thin axes of the moving points; `None` if they are balls.
+    pub(super) scatter: Option<f64>,
     /// Points that belong to no region.
     pub(super) num_outliers: usize,
     /// Noise of the splats' trajectories, see [`RigidNeighbors::noise`].
@@ -99,7 +102,16 @@ impl Regions {
             .with_min_len(64)
             .map(|members| mean_axis(members, &normals, &points.weights))
             .collect();
+        let moving: Vec<usize> =
+            (0..ids.len()).filter(|&i| points.moving[i] && !outliers[i]).collect();
+        let scatter = typical_scatter(moving.len(), |at| {
+            let i = moving[at];
+            let ring = neighbors.get(i).take(RING).map(|(neighbor, _)| neighbor.id);
+            let members: Vec<u32> = std::iter::once(index(i)).chain(ring).collect();
+            RingMean::of(normals[i], &members, &normals, &points.weights)
+        });
         Self {
+            scatter,
             centroids: centroids(&points, &cells.members),
             rotations: rotations(keys, &ids, &points, &cells.members),
             num_outliers: outliers.iter().filter(|&&o| o).count(),

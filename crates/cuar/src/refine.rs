@@ -54,8 +54,8 @@ impl Refined {
 /// are warped to other times and supervise uncertain pixels there. One offset of SH per row, shared
 /// by all times. All other rows, and all geometry, do not change.
 ///
-/// `resume` is a state that [`RefineObserver::checkpoint`] received in a run with the same inputs; the
-/// result is that of the uninterrupted run (bit-identical with a deterministic rasteriser).
+/// `resume` is a state that [`RefineObserver::checkpoint`] received in a run with the same inputs;
+/// the result is that of the uninterrupted run (bit-identical with a deterministic rasteriser).
 ///
 /// # Errors
 /// If inputs are inconsistent or out of range, the scene or the rasteriser fails, the state is from

@@ -143,7 +143,8 @@ pub fn image_errors<F: Real>(case: &Case<F>, plane: &str, actual: &[F]) -> (f64,
 
 /// Compares every plane of an image in single precision with the case. Borderline pixels may
 /// differ by 0.5 % of the largest feature: there one splat more or less is blended, with an alpha
-/// of 1/255. `fixtures/raster/README.md` has the worst errors seen, a third to a half of the limits.
+/// of 1/255. `fixtures/raster/README.md` has the worst errors seen, a third to a half of the
+/// limits.
 ///
 /// # Panics
 /// If a plane differs.

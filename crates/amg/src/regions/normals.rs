@@ -12,10 +12,11 @@ const INSIDE: [usize; 2] = [24, 96];
 /// Neighbours over which thin axes are compared and averaged: the ring around a splat on a surface.
 pub(super) const RING: usize = 6;
 
-/// Iterations for the mean axis of a ring.
+/// Iterations for the mean axis of a ring; 8 change the motion of a fitted edit by 0.2 %, 2 by 2 %.
 const ITERATIONS: usize = 4;
 
-/// Share of a surface that is assumed to be smooth: at creases, axes differ without noise.
+/// Share of a surface that is assumed to be smooth: at creases, axes differ without noise. 0.1 and
+/// 0.5 change the motion of a fitted edit by at most 0.2 %.
 const SMOOTH_SHARE: f64 = 0.25;
 
 /// Splats of which a quantile is taken; its standard error is then about 1 %.

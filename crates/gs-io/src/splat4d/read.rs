@@ -76,8 +76,8 @@ struct Span {
 }
 
 /// A `.splat4d` clip: `n` frames with persistent rows at times `i/(n−1)`, linear between them as in
-/// [`gs_deform::TabulatedScene`]. Keeps the compressed file, one decompressed group of frames and the
-/// most recently used frames in memory.
+/// [`gs_deform::TabulatedScene`]. Keeps the compressed file, one decompressed group of frames and
+/// the most recently used frames in memory.
 #[derive(Debug)]
 pub struct Splat4dScene {
     bytes: Vec<u8>,
